@@ -1,0 +1,165 @@
+# Makefile -- the verbs of litpt: "make help" lists them
+#
+# Copyright (C) 2026 litpt contributors
+# Copying and distribution of this file, with or without modification, are
+# permitted in any medium without royalty provided the copyright notice and
+# this notice are preserved. This file is offered as-is, without any warranty.
+
+include config.mk
+export BUILD_DIR CARGO_TARGET_DIR
+
+# The chapters are listed in the master, and nowhere else.
+CHAPTERS := $(shell sed -n 's,^\\include{\(.*\)}.*,chapters/\1.nw,p' litpt.nw)
+WEB := litpt.nw $(CHAPTERS)
+
+PROFILE_Release = --release
+PROFILE_Debug =
+ifeq ($(filter $(BUILD_TYPE),Release Debug),)
+$(error BUILD_TYPE is "$(BUILD_TYPE)" in config.mk: it must be Release or Debug)
+endif
+COMPILED := $(CARGO_TARGET_DIR)/$(if $(PROFILE_$(BUILD_TYPE)),release,debug)
+
+NOWEB := $(CARGO_TARGET_DIR)/release/noweb
+NOWEB_SOURCES := Cargo.toml noweb/Cargo.toml $(wildcard noweb/src/*.rs)
+SOURCES := $(WEB) $(NOWEB_SOURCES) config.mk build.rs $(wildcard Cargo.lock) \
+  $(wildcard src/*.rs src/*/*.rs)
+
+# The view of the courtyard; its size and samples per pixel as a figure of the
+# book (seconds) and in the demonstration (about a minute on two cores).
+CAMERA = -p 12.2,2.4,1.3 -t -12.6,6,-1.2 -u 0,1,0 -F 70
+FIGURE = -d 480x360 -n 64
+DEMO = -d 800x600 -n 256
+
+TEX_NEEDS = memoir.cls lmodern.sty microtype.sty booktabs.sty pgfplots.sty
+TEX_INSTALL = apt-get install --no-install-recommends texlive-latex-base \
+  texlive-latex-recommended texlive-pictures lmodern latexmk
+
+.PHONY: help bin demo test pdf check boot chunk clean check-tex
+.DELETE_ON_ERROR:
+
+help:
+	@echo 'make demo    build the program, render the courtyard, say where it is'
+	@echo 'make test    run all tests (needs Rust and make only)'
+	@echo 'make pdf     make the book, $(BUILD_DIR)/litpt.pdf (needs LaTeX)'
+	@echo 'make bin     build the program, $(BUILD_DIR)/pt'
+	@echo 'make check   formatting, lints, and whether src/ is what the book says'
+	@echo 'make boot    rebuild the tool noweb from its own chapters'
+	@echo 'make chunk   list the root chunks; CHUNK="..." shows one chunk, expanded'
+	@echo 'make clean   remove what was built'
+
+# ---- the program
+
+# cargo tangles the chapters (build.rs) and compiles. It is called only when a
+# source has changed, and its programs are copied only when they differ, so
+# that nothing is rendered anew because a sentence was mended.
+PROGRAMS := $(BUILD_DIR)/$(BUILD_TYPE).stamp
+$(PROGRAMS): $(SOURCES)
+	$(CARGO) build $(PROFILE_$(BUILD_TYPE)) --bins
+	@mkdir -p $(BUILD_DIR)
+	@rm -f $(BUILD_DIR)/Release.stamp $(BUILD_DIR)/Debug.stamp
+	@for program in pt courtyard; do \
+	  cmp -s $(COMPILED)/$$program $(BUILD_DIR)/$$program || \
+	  { cp $(COMPILED)/$$program $(BUILD_DIR)/$$program.new && \
+	    mv $(BUILD_DIR)/$$program.new $(BUILD_DIR)/$$program; } || exit 1; \
+	done
+	@touch $@
+
+$(BUILD_DIR)/pt $(BUILD_DIR)/courtyard: $(PROGRAMS)
+	@test -x $@ || { rm -f $<; $(MAKE) --no-print-directory $<; }
+
+bin: $(BUILD_DIR)/pt
+
+# ---- the courtyard
+
+$(BUILD_DIR)/courtyard.obj: $(BUILD_DIR)/courtyard
+	$(BUILD_DIR)/courtyard > $@
+
+$(BUILD_DIR)/figures/courtyard.png: $(BUILD_DIR)/pt $(BUILD_DIR)/courtyard.obj
+	@mkdir -p $(@D)
+	$(BUILD_DIR)/pt $(CAMERA) $(FIGURE) -r 0.8 \
+	  -i $(BUILD_DIR)/courtyard.obj -o $@ -f
+
+demo: $(BUILD_DIR)/pt $(BUILD_DIR)/courtyard.obj
+	$(BUILD_DIR)/pt $(CAMERA) $(DEMO) -r 0.8 \
+	  -i $(BUILD_DIR)/courtyard.obj \
+	  -o $(BUILD_DIR)/courtyard.pgm -o $(BUILD_DIR)/courtyard.png -f
+	@echo 'The picture lies in $(BUILD_DIR)/courtyard.png,'
+	@echo 'and as PGM in $(BUILD_DIR)/courtyard.pgm.'
+
+# ---- the book
+
+$(NOWEB): $(NOWEB_SOURCES)
+	$(CARGO) build --release -p noweb
+	@touch $@
+
+# What the tool says about the examples in the chapter on it.
+$(BUILD_DIR)/examples.stamp: $(NOWEB) $(wildcard doc/examples/*)
+	@sh doc/examples/messages.sh $(NOWEB) $(BUILD_DIR)/examples
+	@touch $@
+
+check-tex:
+	@command -v latexmk > /dev/null && command -v pdflatex > /dev/null && \
+	  kpsewhich $(TEX_NEEDS) > /dev/null || { \
+	  echo 'error: the book needs LaTeX, and some of it is missing; install it by' >&2; \
+	  echo '$(TEX_INSTALL)' >&2; exit 1; }
+
+$(BUILD_DIR)/litpt.pdf: $(WEB) $(NOWEB) config.mk \
+  $(BUILD_DIR)/figures/courtyard.png $(BUILD_DIR)/examples.stamp \
+  $(addprefix doc/,litpt.sty litpt.bib litpt-mono.enc latexmkrc)
+	@mkdir -p $(BUILD_DIR)/tex
+	$(NOWEB) noweave $(NOWEAVE_OPTS) \
+	  -backend '$(NOWEB) split_scope -o $(BUILD_DIR)/tex' $(WEB)
+	@echo 'latexmk $(BUILD_DIR)/tex/litpt.tex'
+	@latexmk -silent -r doc/latexmkrc $(BUILD_DIR)/tex/litpt.tex \
+	  > $(BUILD_DIR)/tex/latexmk.log 2>&1 || { \
+	  grep -A 4 -E '^[^ ]+:[0-9]+: |^!' $(BUILD_DIR)/tex/litpt.log || \
+	  tail $(BUILD_DIR)/tex/latexmk.log; exit 1; }
+	@cp $(BUILD_DIR)/tex/litpt.pdf $@
+	@awk "$$LIST_WARNINGS" $(BUILD_DIR)/tex/litpt.log
+	@echo 'The book lies in $@.'
+
+# The warnings in the log of LaTeX, each with the file that was open.
+define LIST_WARNINGS
+match($$0, /\/tex\/[^ ()]+\.tex/) {
+  file = substr($$0, RSTART + 5, RLENGTH - 5)
+}
+/(LaTeX|Package|Class|pdfTeX)[^:]*[Ww]arning|^(Over|Under)full/ {
+  print file ": " $$0; count++
+}
+END { print count + 0 " warnings are left in the book" }
+endef
+export LIST_WARNINGS
+
+pdf: check-tex $(BUILD_DIR)/litpt.pdf
+
+# ---- is everything as it should be?
+
+test:
+	$(CARGO) test --workspace
+
+check: $(NOWEB)
+	$(CARGO) fmt --all --check
+	$(CARGO) clippy --workspace --all-targets -- -D warnings
+	$(NOWEB) tangle --check $(WEB)
+	git diff --exit-code -- src noweb/src doc/vim
+	@if command -v python3 > /dev/null; then \
+	  python3 doc/chunk-statistics.py $(CHAPTERS); fi
+	@if command -v vim > /dev/null; then sh doc/vim/test.sh; fi
+	@if test -e $(BUILD_DIR)/litpt.pdf && command -v pdftotext > /dev/null && \
+	  command -v python3 > /dev/null; then \
+	  python3 doc/check-pdf.py $(BUILD_DIR)/litpt.pdf $(CHAPTERS); fi
+
+# ---- the tool
+
+boot:
+	sh noweb/boot.sh $(WEB)
+
+export CHUNK
+chunk: $(NOWEB)
+	@if test -n "$$CHUNK"; \
+	then $(NOWEB) notangle $(NOTANGLE_OPTS) -R"$$CHUNK" $(WEB); \
+	else $(NOWEB) noroots $(WEB); fi
+
+clean:
+	rm -rf $(BUILD_DIR)
+	$(CARGO) clean

@@ -1,0 +1,55 @@
+// Tangles the chapters into src/ before cargo compiles it.
+//
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//
+// The chapters are those that the master litpt.nw includes. The sources of
+// the tool are left alone: `make boot` tangles them (an error in the tool's
+// chapters would otherwise leave a build that cannot repair itself).
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use noweb::project::Project;
+
+const MASTER: &str = "litpt.nw";
+
+fn main() -> ExitCode {
+    match tangle() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(message) => {
+            eprintln!("{message}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn tangle() -> Result<(), String> {
+    let master = std::fs::read_to_string(MASTER)
+        .map_err(|error| format!("{MASTER}: {error}"))?;
+    let name = |line: &str| {
+        let name = line.strip_prefix(r"\include{")?.strip_suffix('}')?;
+        Some(PathBuf::from(format!("chapters/{name}.nw")))
+    };
+    let mut chapters = vec![PathBuf::from(MASTER)];
+    chapters.extend(master.lines().filter_map(name));
+    for chapter in &chapters {
+        println!("cargo::rerun-if-changed={}", chapter.display());
+    }
+    let project = Project {
+        dir: PathBuf::from("."),
+        record: PathBuf::from("src/.tangled"),
+        chapters,
+        only: vec![],
+        except: vec!["noweb/".to_owned()],
+    };
+    let all = |diagnostics: Vec<noweb::diagnostic::Diagnostic>| {
+        let lines = diagnostics.iter().map(|d| d.to_string());
+        lines.collect::<Vec<_>>().join("\n")
+    };
+    let plan = project.tangle().map_err(all)?;
+    for output in plan.outputs {
+        println!("cargo::rerun-if-changed={}", output.path.display());
+    }
+    Ok(())
+}

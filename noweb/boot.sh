@@ -1,0 +1,89 @@
+#!/bin/sh
+# Tangle the tool with itself, and install what proves itself.
+#
+# Licensed under the GNU all-permissive notice
+# Copyright (C) 2026 litpt contributors
+#
+# Copying and distribution of this file, with or without modification, are
+# permitted in any medium without royalty provided the copyright notice and
+# this notice are preserved. This file is offered as-is, without any
+# warranty.
+# SPDX-License-Identifier: FSFAP
+#
+# usage: noweb/boot.sh CHAPTER...
+
+set -eu
+cd "$(dirname "$0")/.."
+cargo=${CARGO:-cargo}
+boot=${BUILD_DIR:-build}/boot
+export CARGO_TARGET_DIR="$PWD/$boot/target"
+
+# Stop with a reason, changing nothing
+fail() {
+  echo "boot: $1; noweb/ is as it was" >&2
+  exit 1
+}
+
+test $# -gt 0 || fail "which chapters?"
+for chapter; do
+  test -r "$chapter" || fail "cannot read $chapter"
+done
+
+# Tangle one stage of the tool
+# tangle BINARY STAGE: a crate of its own, in a workspace of its own
+tangle() {
+  stage=$boot/$2
+  rm -rf "$stage"
+  mkdir -p "$stage/noweb"
+  cp noweb/Cargo.toml "$stage/noweb/"
+  cp -r noweb/tests "$stage/noweb/"
+  for chapter in $chapters; do
+    mkdir -p "$stage/$(dirname "$chapter")"
+    cp "$chapter" "$stage/$chapter"
+  done
+  printf '[workspace]\nmembers = ["noweb"]\nresolver = "3"\n' \
+    >"$stage/Cargo.toml"
+  test ! -f Cargo.lock || cp Cargo.lock "$stage/"
+  "$1" tangle -C "$stage" --only noweb/ --record noweb/.tangled \
+    $chapters 2>"$stage/messages" ||
+    { cat "$stage/messages" >&2 && fail "$2 does not tangle"; }
+}
+
+# Build one stage of the tool
+# build STAGE: its binary is $boot/STAGE/noweb.bin
+build() {
+  (cd "$boot/$1" && $cargo build -q -p noweb) ||
+    fail "$1 does not compile"
+  cp "$CARGO_TARGET_DIR/debug/noweb" "$boot/$1/noweb.bin"
+}
+
+# agree STAGE STAGE
+agree() {
+  diff -r -q "$boot/$1/noweb/src" "$boot/$2/noweb/src" >/dev/null &&
+    cmp -s "$boot/$1/noweb/boot.sh" "$boot/$2/noweb/boot.sh"
+}
+
+# Repeat until two stages agree
+chapters=$*
+$cargo build -q --manifest-path noweb/Cargo.toml ||
+  fail "the installed tool does not compile"
+mkdir -p "$boot"
+cp "$CARGO_TARGET_DIR/debug/noweb" "$boot/stage0.bin"
+tangle "$boot/stage0.bin" stage1
+build stage1
+tangle "$boot/stage1/noweb.bin" stage2
+last=stage1
+if ! agree stage1 stage2; then
+  build stage2
+  tangle "$boot/stage2/noweb.bin" stage3
+  agree stage2 stage3 || fail "stages 2 and 3 disagree"
+  last=stage2
+fi
+
+# Test the last stage and install it
+(cd "$boot/$last" && $cargo test -q -p noweb --test golden) ||
+  fail "$last fails its tests"
+"$boot/$last/noweb.bin" tangle --only noweb/ --record noweb/.tangled \
+  $chapters 2>"$boot/messages" ||
+  { cat "$boot/messages" >&2 && fail "it cannot be installed"; }
+echo "boot: installed; the stages agree and the tests pass"

@@ -1,0 +1,146 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+//! Files that are replaced as a whole, and only if they change.
+//!
+//! A reader of the file sees the old text or the new one and nothing in
+//! between, and a full disk leaves the old one.
+
+use std::ffi::{OsStr, OsString};
+use std::fs::{self, File};
+use std::io::{self, Write};
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
+
+use crate::Streams;
+use crate::diagnostic::{Diagnostic, Level};
+
+// Replace a file as a whole
+/// What a new file is to have besides its text.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Attributes {
+    /// The modification time, if not now.
+    pub time: Option<SystemTime>,
+    /// A program that the system may start.
+    pub executable: bool,
+}
+
+/// Writes a file as a whole or not at all.
+///
+/// A device or a pipe is written to; a symbolic link is followed. An
+/// existing file keeps its permissions.
+pub fn replace(
+    path: &Path,
+    text: &[u8],
+    attributes: Attributes,
+) -> io::Result<()> {
+    let target = fs::canonicalize(path).unwrap_or(path.to_owned());
+    let old = fs::metadata(&target).ok();
+    if old.as_ref().is_some_and(|old| !old.is_file()) {
+        let mut device = File::options().write(true).open(&target)?;
+        return device.write_all(text);
+    }
+    let temporary = temporary_beside(&target);
+    let permissions = old.map(|old| old.permissions());
+    let written = fill(&temporary, text, attributes, permissions)
+        .and_then(|()| fs::rename(&temporary, &target));
+    if written.is_err() {
+        // The first error is the one to report.
+        let _ = fs::remove_file(&temporary);
+    }
+    written
+}
+
+fn temporary_beside(path: &Path) -> PathBuf {
+    let mut name = OsString::from(".");
+    name.push(path.file_name().unwrap_or(OsStr::new("noweb")));
+    name.push(format!(".{}.tmp", std::process::id()));
+    path.with_file_name(name)
+}
+
+fn fill(
+    path: &Path,
+    text: &[u8],
+    attributes: Attributes,
+    permissions: Option<fs::Permissions>,
+) -> io::Result<()> {
+    let mut file = File::create(path)?;
+    file.write_all(text)?;
+    let old = permissions.is_some();
+    let mut permissions =
+        permissions.unwrap_or(file.metadata()?.permissions());
+    if attributes.executable {
+        let mode = permissions.mode();
+        permissions.set_mode(mode | (mode & 0o444) >> 2);
+    }
+    if old || attributes.executable {
+        file.set_permissions(permissions)?;
+    }
+    attributes.time.map_or(Ok(()), |time| file.set_modified(time))
+}
+
+// Replace a file if it differs
+/// Replaces a file unless it holds this text already; tells whether.
+pub fn update(path: &Path, text: &[u8]) -> io::Result<bool> {
+    let same = fs::read(path).is_ok_and(|old| old == text);
+    if !same {
+        replace(path, text, Attributes::default())?;
+    }
+    Ok(!same)
+}
+
+// Run the command that copies if different
+/// The command `cpif [-eq | -ne] file...`: standard input to each file
+/// that does not exist, or that differs (`-eq`: is the same).
+pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
+    let (wanted, files) = match args {
+        [op, files @ ..] if op == "-eq" => (true, files),
+        [op, files @ ..] if op == "-ne" => (false, files),
+        files => (false, files),
+    };
+    let first = args.first().map_or(&b""[..], |a| a.as_encoded_bytes());
+    let unknown = args.len() == files.len() && first.starts_with(b"-");
+    if files.is_empty() || unknown {
+        // Nobody is left to tell if standard error is closed.
+        let _ = writeln!(streams.errors, "Usage: cpif [ -eq -ne ] file...");
+        return 2;
+    }
+    let mut text = Vec::new();
+    let result = streams.input.read_to_end(&mut text).map(|_| ());
+    let mut faults = report(OsStr::new("-"), "read", result);
+    if faults.is_empty() {
+        faults = files
+            .iter()
+            .flat_map(|file| copy_if(file, &text, wanted))
+            .collect();
+    }
+    streams.conclude(Ok(()), &faults).min(1)
+}
+
+fn copy_if(file: &OsStr, text: &[u8], wanted: bool) -> Vec<Diagnostic> {
+    let path = Path::new(file);
+    let same = fs::read(path).ok().map(|old| old == text);
+    if same == Some(!wanted) {
+        return Vec::new();
+    }
+    report(file, "write", replace(path, text, Attributes::default()))
+}
+
+fn report(
+    file: &OsStr,
+    action: &str,
+    result: io::Result<()>,
+) -> Vec<Diagnostic> {
+    let fault = |error| {
+        let text = format!("cannot {action} {}: {error}", file.display());
+        Diagnostic::new(Level::Error, None, text)
+    };
+    result.err().map(fault).into_iter().collect()
+}

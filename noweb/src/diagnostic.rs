@@ -1,0 +1,186 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+//! Where something stands in the sources, and what is wrong with it.
+//!
+//! Lines and columns count from 1. A [`Place`] counts columns in bytes,
+//! as the lexer does; a [`Position`] is for people and counts characters.
+
+use std::fmt;
+
+// Define a place and a source
+/// A byte of a source.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct Place {
+    /// Index into the table of sources.
+    pub file: u32,
+    /// Line, from 1.
+    pub line: u32,
+    /// Column in bytes, from 1.
+    pub column: u32,
+}
+
+/// A file that was read, or standard input (its name is then empty).
+#[derive(Clone, Debug, Default)]
+pub struct Source {
+    /// The name as it was given.
+    pub name: Vec<u8>,
+    /// The whole text.
+    pub text: Vec<u8>,
+    starts: Vec<usize>,
+}
+
+impl Source {
+    /// Keeps a text together with the offsets of its lines.
+    pub fn new(name: Vec<u8>, text: Vec<u8>) -> Self {
+        let after = |(i, b): (usize, &u8)| (*b == b'\n').then_some(i + 1);
+        let starts = text.iter().enumerate().filter_map(after);
+        let starts = std::iter::once(0).chain(starts).collect();
+        Self { name, text, starts }
+    }
+}
+
+// Find a line of the source
+impl Source {
+    /// A line without its newline, counted from 1.
+    pub fn line(&self, number: u32) -> Option<&[u8]> {
+        let index = (number as usize).checked_sub(1)?;
+        let from = *self.starts.get(index)?;
+        let rest = &self.text[from..];
+        let end = rest.iter().position(|b| *b == b'\n');
+        Some(&rest[..end.unwrap_or(rest.len())])
+    }
+}
+
+impl Source {
+    /// The position for people: characters, and the line itself.
+    pub fn position(&self, place: Place) -> Position {
+        let line = self.line(place.line).filter(|l| !l.is_empty());
+        let before = place.column.saturating_sub(1) as usize;
+        let continues = |b: &&u8| **b & 0xc0 == 0x80;
+        let inside = line.map_or(0, |l| {
+            l[..before.min(l.len())].iter().filter(continues).count()
+        });
+        Position {
+            file: String::from_utf8_lossy(&self.name).into_owned(),
+            line: place.line,
+            column: place.column - (inside as u32).min(place.column),
+            excerpt: line.map(|l| String::from_utf8_lossy(l).into()),
+        }
+    }
+}
+
+// Define a diagnostic and its levels
+/// How bad it is; as a number, the exit status that it leads to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Level {
+    /// Worth knowing; no reason to fail.
+    Note = 0,
+    /// Suspicious.
+    Warning,
+    /// Wrong.
+    Error,
+    /// Wrong, and there is no way to go on.
+    Fatal,
+    /// A filter broke the rules of the stream.
+    Impossible,
+}
+
+/// Where a diagnostic points, for a person.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Position {
+    /// Name of the file; empty for standard input.
+    pub file: String,
+    /// Line, from 1.
+    pub line: u32,
+    /// Column in characters, from 1.
+    pub column: u32,
+    /// The line itself, if it is known and not empty.
+    pub excerpt: Option<String>,
+}
+
+/// One thing to tell the author of a web.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Diagnostic {
+    /// How bad it is.
+    pub level: Level,
+    /// Where it is, if it is anywhere.
+    pub position: Option<Position>,
+    /// What it is, on one line.
+    pub text: String,
+    /// What to do, and what else to know.
+    pub help: Vec<String>,
+}
+
+impl Diagnostic {
+    /// A diagnostic without help.
+    pub fn new(
+        level: Level,
+        position: Option<Position>,
+        text: impl Into<String>,
+    ) -> Self {
+        Self { level, position, text: text.into(), help: Vec::new() }
+    }
+
+    /// The same with one more line of help.
+    pub fn with_help(mut self, help: impl Into<String>) -> Self {
+        self.help.push(help.into());
+        self
+    }
+}
+
+/// The exit status that a list of diagnostics leads to.
+pub fn status(diagnostics: &[Diagnostic]) -> u8 {
+    diagnostics.iter().map(|d| d.level as u8).max().unwrap_or(0)
+}
+
+// Print a diagnostic for a person
+impl fmt::Display for Position {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let file = if self.file.is_empty() { "-" } else { &self.file };
+        write!(f, "{file}:{}:{}", self.line, self.column)
+    }
+}
+
+impl fmt::Display for Level {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str(match self {
+            Level::Note => "note",
+            Level::Warning => "warning",
+            _ => "error",
+        })
+    }
+}
+
+impl fmt::Display for Diagnostic {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        if let Some(position) = &self.position {
+            write!(f, "{position}: ")?;
+        }
+        writeln!(f, "{}: {}", self.level, visible(&self.text))?;
+        // Show the line and point into it
+        if let Some(position) = &self.position
+            && let Some(line) = &position.excerpt
+        {
+            let blank = |c| if c == '\t' { c } else { ' ' };
+            let width = position.column.saturating_sub(1) as usize;
+            let pad: String = line.chars().take(width).map(blank).collect();
+            writeln!(f, "  {}\n  {pad}^", visible(line.trim_end()))?;
+        }
+        for help in &self.help {
+            writeln!(f, "  help: {}", visible(help))?;
+        }
+        Ok(())
+    }
+}
+
+fn visible(text: &str) -> String {
+    let seen = |c: char| if c.is_control() { '\u{fffd}' } else { c };
+    text.chars().map(|c| if c == '\t' { c } else { seen(c) }).collect()
+}

@@ -1,0 +1,89 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+//! A tool for literate programs that are written as noweb chunks.
+//!
+//! Every stage is a function over values, and also a filter over text:
+//! lines, then tokens ([`markup`]), then a web of chunks ([`web`]), then
+//! either tangled text with its position map ([`tangle`]) or an annotated
+//! stream that is woven. [`project`] writes the files of a program.
+//! Text is bytes throughout, for the prose may be in any encoding.
+
+pub mod command;
+pub mod cpif;
+pub mod diagnostic;
+pub mod filter;
+pub mod markup;
+pub mod project;
+pub mod tangle;
+pub mod web;
+
+// List the modules that weave
+pub mod finduses;
+pub mod noidx;
+pub mod noweave;
+pub mod split_scope;
+pub mod stream;
+pub mod totex;
+
+// Define the streams of a command
+use std::ffi::OsStr;
+use std::io::{self, BufRead, Write};
+
+use diagnostic::{Diagnostic, Level, Source, status};
+
+/// The three streams of a command.
+pub struct Streams<'a> {
+    /// Standard input.
+    pub input: &'a mut dyn BufRead,
+    /// Standard output.
+    pub output: &'a mut dyn Write,
+    /// Standard error, for diagnostics.
+    pub errors: &'a mut dyn Write,
+}
+
+impl Streams<'_> {
+    /// Reads a file, or standard input if it is called `-`.
+    pub fn read(&mut self, file: &OsStr) -> Result<Source, Diagnostic> {
+        let mut text = Vec::new();
+        let (name, result) = if file == "-" {
+            (&b""[..], self.input.read_to_end(&mut text).map(|_| ()))
+        } else {
+            let read = std::fs::read(file).map(|read| text = read);
+            (file.as_encoded_bytes(), read)
+        };
+        result.map_err(|error| {
+            let file = file.display();
+            let text = format!("couldn't open file {file}: {error}");
+            Diagnostic::new(Level::Error, None, text)
+        })?;
+        Ok(Source::new(name.to_vec(), text))
+    }
+}
+
+impl Streams<'_> {
+    /// Prints the diagnostics and gives the exit status.
+    pub fn conclude(
+        &mut self,
+        result: io::Result<()>,
+        faults: &[Diagnostic],
+    ) -> u8 {
+        for fault in faults {
+            // There is nobody left to tell if this fails.
+            let _ = write!(self.errors, "{fault}");
+        }
+        match result.and_then(|()| self.output.flush()) {
+            Err(e) if e.kind() != io::ErrorKind::BrokenPipe => {
+                let _ = writeln!(self.errors, "error: cannot write: {e}");
+                status(faults).max(1)
+            }
+            _ => status(faults),
+        }
+    }
+}

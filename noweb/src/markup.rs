@@ -1,0 +1,782 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+//! The lexer: from the text of a web to tokens, and to the stream.
+//!
+//! The stream is noweb's documented form: one token on a line, a keyword
+//! that begins with `@` and its value. It loses nothing that tangling or
+//! weaving needs. Tokens have places, which the stream has not.
+
+use std::ffi::OsString;
+use std::io::{self, Write};
+
+use crate::Streams;
+use crate::diagnostic::{Diagnostic, Level, Place, Source};
+
+// Define the tokens of the stream
+/// What a chunk holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Prose.
+    Docs,
+    /// Code.
+    Code,
+}
+
+/// One token of the stream.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Token {
+    /// A file begins.
+    File(Vec<u8>),
+    /// A chunk begins; chunks are numbered from 0 in their file.
+    Begin(Kind, usize),
+    /// The chunk ends.
+    End(Kind, usize),
+    /// Text without a newline.
+    Text(Vec<u8>),
+    /// More of the same text, after an escape that the lexer took out.
+    More(Vec<u8>),
+    // List the tokens without much text
+    /// The end of a line.
+    Newline,
+    /// The name that a code chunk defines.
+    Defn(Vec<u8>),
+    /// The name of a chunk that is used here.
+    Use(Vec<u8>),
+    /// Quoted code begins in prose.
+    Quote,
+    /// Quoted code ends.
+    EndQuote,
+    /// An identifier that the chunk defines.
+    Ident(Vec<u8>),
+    /// The end of a line of such identifiers.
+    EndIdents,
+}
+
+/// A token and where it begins.
+pub type Lexeme = (Token, Place);
+
+// Expand the tabs of a line
+/// A line whose tabs are expanded, and the columns it had before.
+struct Line {
+    bytes: Vec<u8>,
+    /// For every byte its column in the source; empty if unchanged.
+    columns: Vec<u32>,
+}
+
+impl Line {
+    fn column(&self, at: usize) -> u32 {
+        let moved = || self.columns.get(at).or(self.columns.last());
+        moved().copied().unwrap_or(at as u32 + 1)
+    }
+}
+
+fn expand_tabs(line: &[u8], tab: usize) -> Line {
+    if tab == 0 || !line.contains(&b'\t') {
+        return Line { bytes: line.to_vec(), columns: Vec::new() };
+    }
+    let mut bytes = Vec::new();
+    let mut columns = Vec::new();
+    for (byte, column) in line.iter().zip(1..) {
+        let tab_stop = (bytes.len() / tab + 1) * tab;
+        match byte {
+            b'\t' => bytes.resize(tab_stop, b' '),
+            _ => bytes.push(*byte),
+        }
+        columns.resize(bytes.len(), column);
+    }
+    columns.push(line.len() as u32 + 1);
+    Line { bytes, columns }
+}
+
+// Recognise the lines that begin chunks
+fn is_space(byte: &u8) -> bool {
+    byte.is_ascii_whitespace() || *byte == 0x0b
+}
+
+/// Does the line begin prose? An `@`, then white space or nothing.
+fn begins_docs(line: &[u8]) -> bool {
+    line.first() == Some(&b'@') && line.get(1).is_none_or(is_space)
+}
+
+/// The name, if the line begins a definition.
+fn defined_name(line: &[u8]) -> Option<&[u8]> {
+    let name = line.strip_prefix(b"<<")?;
+    let end = find_unescaped_close(name)?;
+    let tail = name[end + 2..].strip_prefix(b"=")?;
+    tail.iter().all(is_space).then_some(&name[..end])
+}
+
+fn find_unescaped_close(name: &[u8]) -> Option<usize> {
+    let mut at = 0;
+    while at < name.len() {
+        match &name[at..] {
+            [b'@', b'>', b'>', ..] => at += 3,
+            [b'>', b'>', ..] => return Some(at),
+            _ => at += 1,
+        }
+    }
+    None
+}
+
+/// The identifiers that a line lists as defined by the chunk before it.
+fn listed_identifiers(line: &[u8]) -> Option<Vec<&[u8]>> {
+    let list = line.strip_prefix(b"@ %def ")?;
+    Some(list.split(is_space).filter(|i| !i.is_empty()).collect())
+}
+
+// Find where a use ends
+/// What becomes of a use, judged from the text after its opening.
+enum UseEnd {
+    /// It closes after so many bytes.
+    Closed(usize),
+    /// The quoted code around it ends first, after so many bytes.
+    Quoted(usize),
+    /// Nothing closes it on the line.
+    Open,
+}
+
+fn use_end(text: &[u8], quoting: bool) -> UseEnd {
+    let mut at = 0;
+    while at < text.len() {
+        match &text[at..] {
+            [b'[', b'[', ..] => match find_pair(text, at + 2, b']') {
+                Some(close) => at = close + count(&text[close..], b']'),
+                None => return UseEnd::Open,
+            },
+            [b']', b']', ..] if quoting => return UseEnd::Quoted(at),
+            [b'>', b'>', ..] => return UseEnd::Closed(at),
+            _ => at += 1,
+        }
+    }
+    UseEnd::Open
+}
+
+fn find_pair(text: &[u8], from: usize, byte: u8) -> Option<usize> {
+    let found = text[from..].windows(2).position(|w| w == [byte; 2]);
+    found.map(|i| from + i)
+}
+
+fn count(text: &[u8], byte: u8) -> usize {
+    text.iter().take_while(|b| **b == byte).count()
+}
+
+// Mark up a source line by line
+/// The tokens of a source, and what is wrong with it.
+///
+/// `file` is the number of the source in the places of the tokens, `tab`
+/// the distance of the tab stops, or 0 to leave tabs alone.
+pub fn mark_up(
+    source: &Source,
+    file: u32,
+    tab: usize,
+) -> (Vec<Lexeme>, Vec<Diagnostic>) {
+    let mut lexer = Lexer::new(source, file, tab);
+    lexer.emit(Token::File(source.name.clone()), 0);
+    lexer.emit(Token::Begin(Kind::Docs, 0), 0);
+    let mut ended = true;
+    for line in source.text.split_inclusive(|b| *b == b'\n') {
+        let body = line.strip_suffix(b"\n").unwrap_or(line);
+        ended = body.len() < line.len();
+        lexer.mark_line(body, ended);
+    }
+    lexer.finish(ended);
+    (lexer.lexemes, lexer.faults)
+}
+
+struct Lexer<'a> {
+    source: &'a Source,
+    place: Place,
+    tab: usize,
+    kind: Kind,
+    count: usize,
+    /// Identifiers were listed: the code chunk is about to end.
+    listed: bool,
+    /// Where the quoted code began, if we are inside it.
+    quote: Option<Place>,
+    /// The line that is scanned, and how far.
+    line: Line,
+    at: usize,
+    // Keep the text that is being gathered
+    text: Vec<u8>,
+    /// Where it began on the line.
+    text_at: usize,
+    /// It continues a text that was emitted already.
+    glued: bool,
+    lexemes: Vec<Lexeme>,
+    faults: Vec<Diagnostic>,
+}
+
+impl<'a> Lexer<'a> {
+    fn new(source: &'a Source, file: u32, tab: usize) -> Self {
+        Self {
+            source,
+            place: Place { file, line: 0, column: 1 },
+            tab,
+            kind: Kind::Docs,
+            count: 0,
+            listed: false,
+            quote: None,
+            line: expand_tabs(b"", 0),
+            at: 0,
+            text: Vec::new(),
+            text_at: 0,
+            glued: false,
+            lexemes: Vec::new(),
+            faults: Vec::new(),
+        }
+    }
+
+    fn emit(&mut self, token: Token, at: usize) {
+        let column = self.line.column(at);
+        self.lexemes.push((token, Place { column, ..self.place }));
+    }
+}
+
+impl Lexer<'_> {
+    fn mark_line(&mut self, body: &[u8], ended: bool) {
+        self.place.line += 1;
+        self.line = expand_tabs(body, self.tab);
+        self.at = 0;
+        let line = std::mem::take(&mut self.line.bytes);
+        if let Some(name) = defined_name(&line) {
+            self.begin(Kind::Code);
+            self.emit(Token::Defn(name.to_vec()), 2);
+            self.emit(Token::Newline, line.len());
+        } else if let Some(names) = listed_identifiers(&line) {
+            // Emit the identifiers and end the code
+            for name in names {
+                self.emit(Token::Ident(name.to_vec()), 0);
+            }
+            self.emit(Token::EndIdents, line.len());
+            self.listed = self.kind == Kind::Code;
+        } else {
+            // Begin prose if the line says so
+            let marked = begins_docs(&line);
+            if marked || self.listed {
+                self.begin(Kind::Docs);
+            }
+            if marked {
+                self.at = line.len().min(2);
+            }
+            self.line.bytes = line;
+            self.scan(ended);
+        }
+    }
+}
+
+impl Lexer<'_> {
+    fn begin(&mut self, kind: Kind) {
+        self.close_quote();
+        self.emit(Token::End(self.kind, self.count), 0);
+        self.count += 1;
+        self.kind = kind;
+        self.listed = false;
+        self.emit(Token::Begin(kind, self.count), 0);
+    }
+
+    fn finish(&mut self, ended: bool) {
+        self.close_quote();
+        if !ended {
+            self.emit(Token::Newline, self.line.bytes.len());
+        }
+        self.emit(Token::End(self.kind, self.count), 0);
+    }
+}
+
+impl Lexer<'_> {
+    fn close_quote(&mut self) {
+        if let Some(place) = self.quote.take() {
+            let text = "open quote `[[' never closed";
+            self.complain(Level::Warning, place, text);
+        }
+    }
+
+    fn complain(&mut self, level: Level, place: Place, text: &str) {
+        let position = Some(self.source.position(place));
+        self.faults.push(Diagnostic::new(level, position, text));
+    }
+}
+
+// Scan a line of prose or code
+impl Lexer<'_> {
+    fn scan(&mut self, ended: bool) {
+        self.text_at = self.at;
+        if self.line.bytes[self.at..].starts_with(b"@@") {
+            self.escape(b"@", 2);
+        }
+        while self.at < self.line.bytes.len() {
+            if self.kind == Kind::Code || self.quote.is_some() {
+                self.scan_code();
+            } else {
+                self.scan_docs();
+            }
+        }
+        self.end_text(ended);
+        if ended {
+            self.emit(Token::Newline, self.at);
+        }
+    }
+}
+
+impl Lexer<'_> {
+    /// Adds the next bytes of the line to the text.
+    fn copy(&mut self, count: usize) {
+        let end = self.at + count;
+        self.text.extend(&self.line.bytes[self.at..end]);
+        self.at = end;
+    }
+
+    /// Adds `meant` for the next `length` bytes, which stand for it.
+    fn escape(&mut self, meant: &[u8], length: usize) {
+        self.flush();
+        self.text_at = self.at + length - meant.len();
+        self.text.extend(meant);
+        self.at += length;
+    }
+}
+
+impl Lexer<'_> {
+    fn flush(&mut self) {
+        if !self.text.is_empty() {
+            let text = std::mem::take(&mut self.text);
+            let glued = std::mem::replace(&mut self.glued, true);
+            let token = if glued { Token::More } else { Token::Text };
+            self.emit(token(text), self.text_at);
+        }
+        self.text_at = self.at;
+    }
+
+    /// Ends the text; an empty one is emitted only on demand.
+    fn end_text(&mut self, even_empty: bool) {
+        self.flush();
+        if even_empty && !self.glued {
+            self.emit(Token::Text(Vec::new()), self.at);
+        }
+        self.glued = false;
+    }
+}
+
+impl Lexer<'_> {
+    fn scan_docs(&mut self) {
+        match &self.line.bytes[self.at..] {
+            [b'@', a, b, ..] if a == b && b"[]<>".contains(a) => {
+                let pair = [*a; 2];
+                self.escape(&pair, 3);
+            }
+            [b'[', b'[', ..] => self.open_quote(),
+            [b'<', b'<', ..] => {
+                self.complain_of_brackets();
+                self.copy(2);
+            }
+            _ => self.copy(1),
+        }
+    }
+}
+
+impl Lexer<'_> {
+    fn open_quote(&mut self) {
+        self.end_text(false);
+        self.emit(Token::Quote, self.at);
+        let column = self.line.column(self.at);
+        self.quote = Some(Place { column, ..self.place });
+        self.at += 2;
+        self.text_at = self.at;
+    }
+
+    fn complain_of_brackets(&mut self) {
+        let column = self.line.column(self.at);
+        let place = Place { column, ..self.place };
+        let text = "unescaped << in documentation chunk";
+        self.complain(Level::Error, place, text);
+        // Help with the brackets in prose
+        let line = &self.line.bytes;
+        let start = line.iter().take_while(|b| is_space(b)).count();
+        let indented =
+            start == self.at && defined_name(&line[start..]).is_some();
+        let help = if indented {
+            "a definition begins in the first column"
+        } else {
+            "write @<< for the brackets themselves, or quote code in [[ ]]"
+        };
+        if let Some(fault) = self.faults.last_mut() {
+            fault.help.push(help.into());
+        }
+    }
+}
+
+impl Lexer<'_> {
+    fn scan_code(&mut self) {
+        let quoting = self.quote.is_some();
+        match &self.line.bytes[self.at..] {
+            [b'@', a, b, ..] if a == b && b"<>".contains(a) => {
+                let pair = [*a; 2];
+                self.escape(&pair, 3);
+            }
+            rest @ [b']', b']', ..] if quoting => {
+                let inside = count(rest, b']') - 2;
+                self.copy(inside);
+                // End the quoted code here
+                self.end_text(false);
+                self.emit(Token::EndQuote, self.at);
+                self.quote = None;
+                self.at += 2;
+                self.text_at = self.at;
+            }
+            [b'<', b'<', rest @ ..] => {
+                let end = use_end(rest, quoting);
+                self.scan_use(end);
+            }
+            _ => self.copy(1),
+        }
+    }
+}
+
+impl Lexer<'_> {
+    fn scan_use(&mut self, end: UseEnd) {
+        self.end_text(false);
+        match end {
+            UseEnd::Closed(length) => {
+                let from = self.at + 2;
+                let name = &self.line.bytes[from..from + length];
+                self.emit(Token::Use(name.to_vec()), self.at);
+                self.at = from + length + 2;
+                self.text_at = self.at;
+            }
+            UseEnd::Quoted(length) => self.copy(length + 2),
+            UseEnd::Open => self.copy(self.line.bytes.len() - self.at),
+        }
+    }
+}
+
+// Write the tokens as a stream
+/// Writes the tokens in the documented form of noweb.
+pub fn write_stream(
+    lexemes: &[Lexeme],
+    out: &mut dyn Write,
+) -> io::Result<()> {
+    let mut tokens = lexemes.iter().map(|(token, _)| token).peekable();
+    while let Some(token) = tokens.next() {
+        write_token(token, out)?;
+        while let Some(Token::More(text)) = tokens.peek() {
+            out.write_all(text)?;
+            tokens.next();
+        }
+        out.write_all(b"\n")?;
+    }
+    Ok(())
+}
+
+fn write_token(token: &Token, out: &mut dyn Write) -> io::Result<()> {
+    let (keyword, value): (_, &[u8]) = match token {
+        Token::Begin(kind, n) => return write!(out, "@begin {kind} {n}"),
+        Token::End(kind, n) => return write!(out, "@end {kind} {n}"),
+        Token::File(name) => ("@file ", name),
+        Token::Text(text) => ("@text ", text),
+        Token::More(text) => ("", text),
+        Token::Defn(name) => ("@defn ", name),
+        Token::Use(name) => ("@use ", name),
+        Token::Ident(name) => ("@index defn ", name),
+        Token::Newline => ("@nl", b""),
+        Token::Quote => ("@quote", b""),
+        Token::EndQuote => ("@endquote", b""),
+        Token::EndIdents => ("@index nl", b""),
+    };
+    out.write_all(keyword.as_bytes())?;
+    out.write_all(value)
+}
+
+impl std::fmt::Display for Kind {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        f.write_str(if *self == Kind::Docs { "docs" } else { "code" })
+    }
+}
+
+/// The token of a line of the stream, if its keyword is one of ours.
+pub fn parse_token(line: &[u8]) -> Option<Token> {
+    let line = line.strip_prefix(b"@")?;
+    let (keyword, value) = split_word(line);
+    Some(match keyword {
+        b"file" => Token::File(value.to_vec()),
+        b"text" => Token::Text(value.to_vec()),
+        b"defn" => Token::Defn(value.to_vec()),
+        b"use" => Token::Use(value.to_vec()),
+        b"nl" => Token::Newline,
+        b"quote" => Token::Quote,
+        b"endquote" => Token::EndQuote,
+        b"begin" => numbered(value, Token::Begin)?,
+        b"end" => numbered(value, Token::End)?,
+        b"index" => match split_word(value) {
+            (b"defn", name) => Token::Ident(name.to_vec()),
+            (b"nl", _) => Token::EndIdents,
+            _ => return None,
+        },
+        _ => return None,
+    })
+}
+
+/// The text up to the first space, and what follows that space.
+pub fn split_word(text: &[u8]) -> (&[u8], &[u8]) {
+    match text.iter().position(|b| *b == b' ') {
+        Some(space) => (&text[..space], &text[space + 1..]),
+        None => (text, b""),
+    }
+}
+
+fn numbered(
+    value: &[u8],
+    token: fn(Kind, usize) -> Token,
+) -> Option<Token> {
+    let (kind, number) = split_word(value);
+    let number = std::str::from_utf8(number).ok()?.parse().unwrap_or(0);
+    match kind {
+        b"docs" => Some(token(Kind::Docs, number)),
+        b"code" => Some(token(Kind::Code, number)),
+        _ => None,
+    }
+}
+
+// Turn a stream back into a web
+/// The text of a web from its tokens: the inverse of [`mark_up`].
+///
+/// What the stream does not tell is written in its plainest form: one
+/// space after `@`, one between identifiers, no escape without need.
+pub fn unmark(tokens: &[Token]) -> Vec<u8> {
+    let mut unmarker = Unmarker::default();
+    for (i, token) in tokens.iter().enumerate() {
+        unmarker.write(token, tokens.get(i + 1));
+        unmarker.after_quote = *token == Token::EndQuote;
+    }
+    unmarker.out
+}
+
+#[derive(Default)]
+struct Unmarker {
+    out: Vec<u8>,
+    code: bool,
+    quoting: bool,
+    after_quote: bool,
+    /// Prose began whose `@` is not written yet.
+    marker: bool,
+    identifiers: Vec<Vec<u8>>,
+    listed: bool,
+}
+
+impl Unmarker {
+    fn write(&mut self, token: &Token, next: Option<&Token>) {
+        match token {
+            Token::Begin(kind, number) => self.begin(*kind, *number),
+            Token::Text(text) | Token::More(text) => {
+                self.write_text(text, next)
+            }
+            Token::Newline => self.put(&[b"\n"]),
+            Token::Defn(name) => self.put(&[b"<<", name, b">>="]),
+            Token::Use(name) => self.put(&[b"<<", name, b">>"]),
+            Token::Ident(name) => self.identifiers.push(name.clone()),
+            Token::EndIdents => self.list_identifiers(),
+            Token::Quote | Token::EndQuote => {
+                self.quoting = *token == Token::Quote;
+                self.put(&[if self.quoting { b"[[" } else { b"]]" }]);
+            }
+            Token::File(_) | Token::End(..) => (),
+        }
+    }
+}
+
+impl Unmarker {
+    fn begin(&mut self, kind: Kind, number: usize) {
+        self.code = kind == Kind::Code;
+        self.quoting = false;
+        let first = number == 0 && self.out.is_empty();
+        self.marker = !self.code && !self.listed && !first;
+        self.listed = false;
+    }
+
+    fn put(&mut self, pieces: &[&[u8]]) {
+        let text = pieces.concat();
+        if std::mem::take(&mut self.marker) {
+            self.out.extend(match &text[..] {
+                b"\n" => &b"@"[..],
+                list if list.starts_with(b"%def ") => b"@\x0b",
+                _ => b"@ ",
+            });
+        }
+        self.out.extend(text);
+    }
+
+    fn list_identifiers(&mut self) {
+        let names = std::mem::take(&mut self.identifiers).join(&b' ');
+        self.put(&[b"@ %def ", &names, b"\n"]);
+        self.listed = self.code;
+    }
+}
+
+impl Unmarker {
+    fn write_text(&mut self, text: &[u8], next: Option<&Token>) {
+        if text.is_empty() {
+            return;
+        }
+        let fresh = self.out.last().is_none_or(|b| *b == b'\n');
+        let mut body = if self.is_raw_use(text, fresh, next) {
+            text.to_vec()
+        } else {
+            self.escape(text)
+        };
+        if (fresh || self.marker) && needs_doubling(&body, fresh) {
+            body.insert(0, b'@');
+        }
+        self.put(&[&body]);
+    }
+}
+
+/// Would the lexer take the `@` that begins the line for its own?
+fn needs_doubling(body: &[u8], fresh: bool) -> bool {
+    body.starts_with(b"@@") || body == b"@" || fresh && begins_docs(body)
+}
+
+impl Unmarker {
+    /// Brackets that opened no use, in code, and needed no escape.
+    fn is_raw_use(
+        &self,
+        text: &[u8],
+        fresh: bool,
+        next: Option<&Token>,
+    ) -> bool {
+        let Some(rest) = text.strip_prefix(b"<<") else { return false };
+        let definition = fresh && defined_name(text).is_some();
+        let mut rest = rest.to_vec();
+        match next {
+            Some(Token::EndQuote) => rest.extend(b"]]"),
+            Some(Token::Newline) | None => (),
+            Some(_) => return false,
+        }
+        let end = use_end(&rest, self.quoting);
+        let open = !matches!(end, UseEnd::Closed(_));
+        (self.code || self.quoting) && !definition && open
+    }
+}
+
+impl Unmarker {
+    fn escape(&self, text: &[u8]) -> Vec<u8> {
+        let prose = !self.code && !self.quoting;
+        let mut out = Vec::new();
+        let mut at = 0;
+        while at < text.len() {
+            let pair = text[at..].get(..2).unwrap_or(b"");
+            let after_at = out.last() == Some(&b'@');
+            let after_quote = at == 0 && self.after_quote;
+            let odd = count(&text[at..], text[at]) % 2 == 1;
+            let (escaped, length) = match pair {
+                b"<<" | b"[[" if odd => (false, 1),
+                b"<<" => (true, 2),
+                b">>" => (after_at, 2),
+                b"[[" if prose => (true, 2),
+                b"]]" if prose => (after_at || after_quote, 2),
+                _ => (false, 1),
+            };
+            out.extend(escaped.then_some(b'@'));
+            out.extend(&text[at..at + length]);
+            at += length;
+        }
+        out
+    }
+}
+
+// Run the command that marks up
+/// The command `markup [-t[N]] [file...]`.
+pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
+    let (tab, files, mut faults) = read_arguments(args);
+    let result = mark_files(&files, tab, streams, &mut faults);
+    streams.conclude(result, &faults)
+}
+
+fn mark_files(
+    files: &[OsString],
+    tab: usize,
+    streams: &mut Streams,
+    faults: &mut Vec<Diagnostic>,
+) -> io::Result<()> {
+    for file in files {
+        // Mark up a file onto the output
+        match streams.read(file) {
+            Ok(source) => {
+                let (lexemes, more) = mark_up(&source, 0, tab);
+                faults.extend(more);
+                write_stream(&lexemes, streams.output)?;
+            }
+            Err(fault) => {
+                faults.push(fault);
+                let name = file.as_encoded_bytes();
+                let line = [b"@fatal couldn't open file ", name, b"\n"];
+                streams.output.write_all(&line.concat())?;
+            }
+        }
+    }
+    if !faults.is_empty() {
+        let text = b"@fatal markup an unspecified error occurred\n";
+        streams.output.write_all(text)?;
+    }
+    Ok(())
+}
+
+/// Tab stops, files (standard input if none) and complaints.
+pub fn read_arguments(
+    args: &[OsString],
+) -> (usize, Vec<OsString>, Vec<Diagnostic>) {
+    let mut tab = 8;
+    let mut faults = Vec::new();
+    let is_option = |arg: &&OsString| {
+        arg.as_encoded_bytes().starts_with(b"-") && *arg != "-"
+    };
+    let options = args.iter().take_while(is_option).count();
+    for arg in &args[..options] {
+        match parse_tab(arg.as_encoded_bytes()) {
+            Ok(stops) => tab = stops,
+            Err(text) => {
+                faults.push(Diagnostic::new(Level::Error, None, text));
+            }
+        }
+    }
+    let files = args[options..].to_vec();
+    let files = if files.is_empty() { vec!["-".into()] } else { files };
+    (tab, files, faults)
+}
+
+/// The distance of the tab stops that `-t` or `-tN` asks for.
+pub fn parse_tab(option: &[u8]) -> Result<usize, String> {
+    let shown = String::from_utf8_lossy(option);
+    let Some(number) = option.strip_prefix(b"-t") else {
+        return Err(format!("unknown option {shown}"));
+    };
+    let digits = number.iter().take_while(|b| b.is_ascii_digit());
+    let length = digits.count();
+    if number.is_empty() {
+        return Ok(0);
+    }
+    let digits = std::str::from_utf8(&number[..length]).unwrap_or("");
+    digits.parse().map_err(|_| format!("ill-formed option {shown}"))
+}
+
+/// The command `unmarkup [file...]`: a web from its stream.
+pub fn run_unmarkup(args: &[OsString], streams: &mut Streams) -> u8 {
+    let files = if args.is_empty() { &["-".into()] } else { args };
+    let mut faults = Vec::new();
+    let mut tokens = Vec::new();
+    for file in files {
+        match streams.read(file) {
+            Ok(stream) => {
+                let lines = stream.text.split(|b| *b == b'\n');
+                tokens.extend(lines.filter_map(parse_token));
+            }
+            Err(fault) => faults.push(fault),
+        }
+    }
+    let result = streams.output.write_all(&unmark(&tokens));
+    streams.conclude(result, &faults)
+}

@@ -1,0 +1,583 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+//! The stage `noidx`: resolves the cross-references of a stream.
+//!
+//! The first pass gives labels to definitions and uses and collects them;
+//! the second writes the stream with the references resolved. Both see
+//! all the files given, so that references cross from file to file.
+
+use std::borrow::Cow;
+use std::collections::{HashMap, HashSet};
+use std::ffi::OsString;
+
+use crate::Streams;
+use crate::stream::{self, Codes, Mark, Outcome, base62};
+
+// Remember where names are mentioned
+/// All the places that mention a chunk or an identifier.
+#[derive(Default)]
+struct Item {
+    /// The label of the first definition.
+    anchor: Option<String>,
+    mentions: Vec<Mention>,
+}
+
+/// One place, by the label of its chunk.
+#[derive(Clone, PartialEq, Eq)]
+enum Mention {
+    Defined(String),
+    Used(String),
+}
+
+impl Item {
+    fn mention(&mut self, mention: Mention) {
+        if let Mention::Defined(label) = &mention {
+            self.anchor.get_or_insert_with(|| label.clone());
+        }
+        if self.mentions.last() != Some(&mention) {
+            self.mentions.push(mention);
+        }
+    }
+
+    // List definitions and uses apart
+    /// The labels of the places that define it.
+    fn definitions(&self) -> Vec<&str> {
+        self.labels(|mention| match mention {
+            Mention::Defined(label) => Some(label),
+            Mention::Used(_) => None,
+        })
+    }
+
+    /// The labels of the places that use it.
+    fn uses(&self) -> Vec<&str> {
+        self.labels(|mention| match mention {
+            Mention::Defined(_) => None,
+            Mention::Used(label) => Some(label),
+        })
+    }
+
+    fn labels<'a>(
+        &'a self,
+        pick: impl Fn(&'a Mention) -> Option<&'a String>,
+    ) -> Vec<&'a str> {
+        self.mentions.iter().filter_map(pick).map(|l| &l[..]).collect()
+    }
+
+    /// The mentions without the uses in chunks that define it.
+    fn pure_mentions(&self) -> Vec<Mention> {
+        let defined = HashSet::<_>::from_iter(self.definitions());
+        let mut pure = self.mentions.clone();
+        pure.retain(|mention| match mention {
+            Mention::Defined(_) => true,
+            Mention::Used(label) => !defined.contains(&label[..]),
+        });
+        pure.dedup();
+        pure
+    }
+}
+
+/// The names that a stream mentions.
+#[derive(Default)]
+struct Web<'a> {
+    chunks: HashMap<&'a [u8], Item>,
+    identifiers: HashMap<&'a [u8], Item>,
+    /// The number of `@begin` lines.
+    begins: usize,
+}
+
+// Collect the labels of the web
+/// The first pass: the web so far, and the lines with their labels.
+struct Collector<'a> {
+    web: Web<'a>,
+    lines: Vec<Cow<'a, [u8]>>,
+    codes: Codes,
+    /// The code of the current file.
+    file: String,
+    /// How often each file has defined each chunk.
+    defined: HashMap<String, u64>,
+    prose_labels: u64,
+    // State of the current chunk
+    /// Whether the current chunk is code.
+    code: bool,
+    /// The label of the last definition.
+    label: String,
+    /// Where references to the current chunk lead.
+    anchor: Option<String>,
+    /// The number of uses in the current definition.
+    uses: u64,
+    /// Whether the chunk has shown anything but blanks.
+    inked: bool,
+    /// How many lines before the code the anchor goes, under -docanchor.
+    distance: Option<i64>,
+}
+
+impl<'a> Collector<'a> {
+    fn read(&mut self, line: &'a [u8]) {
+        let Some(mark) = Mark::read(line) else { return };
+        if mark.keyword == b"end" {
+            self.lines.push(line.into());
+            self.end(mark.inner());
+        } else {
+            self.note(mark);
+            self.lines.push(line.into());
+        }
+    }
+
+    // Note what a mark tells
+    fn note(&mut self, mark: Mark<'a>) {
+        match mark.keyword {
+            b"file" => self.file = self.codes.of(mark.text()),
+            b"begin" => self.begin(mark.inner()),
+            b"text" => self.inked |= has_ink(mark.text()),
+            b"defn" => self.define(mark.text()),
+            b"use" if self.code => self.use_chunk(mark.text()),
+            b"use" => self.inked |= has_ink(mark.text()),
+            b"index" => self.note_identifier(mark.inner()),
+            _ => {}
+        }
+    }
+
+    fn begin(&mut self, chunk: Mark<'a>) {
+        self.web.begins += 1;
+        self.code = chunk.keyword == b"code";
+        self.inked = false;
+    }
+
+    // Label a definition or use
+    fn define(&mut self, name: &'a [u8]) {
+        let place = format!("{}-{}", self.file, self.codes.of(name));
+        let times = self.defined.entry(place.clone()).or_default();
+        *times += 1;
+        self.label = format!("NW{place}-{}", base62(*times));
+        self.uses = 0;
+        self.insert(format!("@xref label {}", self.label));
+        let anchor = self.anchor.get_or_insert_with(|| self.label.clone());
+        let mention = Mention::Defined(anchor.clone());
+        self.web.chunks.entry(name).or_default().mention(mention);
+    }
+
+    fn insert(&mut self, line: String) {
+        self.lines.push(line.into_bytes().into());
+    }
+
+    fn use_chunk(&mut self, name: &'a [u8]) {
+        let item = self.web.chunks.entry(name).or_default();
+        let Some(anchor) = &self.anchor else { return };
+        item.mention(Mention::Used(anchor.clone()));
+        self.uses += 1;
+        let label = format!("@xref label {}-u{}", self.label, self.uses);
+        self.insert(label);
+    }
+
+    // Note what happens to an identifier
+    fn note_identifier(&mut self, mark: Mark<'a>) {
+        match mark.keyword {
+            b"defn" | b"localdefn" => self.define_identifier(mark.text()),
+            b"use" => {
+                let item = self.web.identifiers.entry(mark.text());
+                let item = item.or_default();
+                if let Some(anchor) = &self.anchor {
+                    item.mention(Mention::Used(anchor.clone()));
+                }
+            }
+            _ => {}
+        }
+    }
+
+    fn define_identifier(&mut self, name: &'a [u8]) {
+        let label = match &self.anchor {
+            Some(anchor) => anchor.clone(),
+            None => {
+                let label = self.label_in_prose();
+                self.insert(format!("@xref label {label}"));
+                label
+            }
+        };
+        self.insert(format!("@xref ref {label}"));
+        let item = self.web.identifiers.entry(name).or_default();
+        item.mention(Mention::Defined(label));
+    }
+
+    // Anchor code in the prose before
+    fn end(&mut self, chunk: Mark) {
+        self.anchor = None;
+        let prose = chunk.keyword == b"docs" && chunk.argument.is_some();
+        let distance = self.distance.filter(|_| prose && self.inked);
+        if let Some(distance) = distance {
+            let label = self.label_in_prose();
+            let line = format!("@xref label {label}").into_bytes();
+            self.lines.insert(self.lines_back(distance), line.into());
+            self.anchor = Some(label);
+        }
+    }
+
+    fn label_in_prose(&mut self) -> String {
+        self.prose_labels += 1;
+        format!("NWD{}-{}", self.file, base62(self.prose_labels))
+    }
+
+    /// The index in `lines` where the last `distance` lines begin.
+    fn lines_back(&self, mut distance: i64) -> usize {
+        let mut at = self.lines.len();
+        while at > 0 && distance != 0 {
+            let line = &self.lines[at - 1][..];
+            if line.starts_with(b"@begin docs") {
+                break;
+            }
+            distance -= i64::from(line == b"@nl");
+            at -= 1;
+        }
+        at
+    }
+}
+
+fn has_ink(text: &[u8]) -> bool {
+    text.iter().any(|byte| !b" \t".contains(byte))
+}
+
+impl Collector<'_> {
+    fn new(options: &Options) -> Self {
+        Collector {
+            web: Web::default(),
+            lines: Vec::new(),
+            codes: Codes::default(),
+            file: "standard input?".to_string(),
+            defined: HashMap::new(),
+            prose_labels: 0,
+            // Begin outside of any chunk
+            code: false,
+            label: String::new(),
+            anchor: None,
+            uses: 0,
+            inked: false,
+            distance: options.distance,
+        }
+    }
+}
+
+// Write the resolved stream out
+/// The second pass: writes the lines with what the web knows of them.
+struct Resolver<'a> {
+    web: &'a Web<'a>,
+    out: Vec<u8>,
+    /// How many definitions of each chunk have been written.
+    written: HashMap<&'a [u8], usize>,
+    /// The chunk that is being defined; none in prose.
+    chunk: Option<&'a [u8]>,
+    /// The identifiers that the current chunk defines.
+    defined: HashSet<&'a [u8]>,
+    /// The identifiers that the current chunk uses.
+    used: HashSet<&'a [u8]>,
+    // State of the lists at the end
+    delay: bool,
+    /// The number of chunks begun.
+    begun: usize,
+    /// Whether the ends of the lists have been reached.
+    closed: bool,
+    chunks_listed: bool,
+    index_listed: bool,
+}
+
+impl<'a> Resolver<'a> {
+    fn resolve(&mut self, line: &'a [u8]) {
+        let Some(mark) = Mark::read(line) else { return };
+        match mark.keyword {
+            b"begin" => self.begin(line),
+            b"defn" => self.define(mark.text(), line),
+            b"end" => self.end(mark.inner(), line),
+            b"use" => self.use_chunk(mark.text(), line),
+            b"index" => self.index(mark.inner(), line),
+            b"text" if self.chunk.is_none() => self.prose(mark, line),
+            b"trailer" => {
+                self.list_all_names();
+                self.copy(line);
+            }
+            _ => self.copy(line),
+        }
+    }
+
+    fn copy(&mut self, line: &[u8]) {
+        self.put(&[line]);
+    }
+
+    fn put(&mut self, parts: &[&[u8]]) {
+        self.out.extend(parts.concat());
+        self.out.push(b'\n');
+    }
+
+    // Resolve what a chunk refers to
+    fn define(&mut self, name: &'a [u8], line: &[u8]) {
+        self.chunk = Some(name);
+        let Some(item) = self.web.chunks.get(name) else { return };
+        self.refer_to(item);
+        self.copy(line);
+        let (labels, uses) = (item.definitions(), item.uses());
+        let earlier = self.written.entry(name).or_default();
+        let here = *earlier;
+        *earlier += 1;
+        // Point to the neighbouring definitions
+        let previous = here.checked_sub(1).and_then(|n| labels.get(n));
+        if let Some(label) = previous {
+            self.put(&[b"@xref prevdef ", label.as_bytes()]);
+        }
+        if let Some(label) = labels.get(here + 1) {
+            self.put(&[b"@xref nextdef ", label.as_bytes()]);
+        }
+        if here == 0 {
+            self.list("defs", "defitem", labels.get(1..).unwrap_or(&[]));
+            self.list("uses", "useitem", &uses);
+            if uses.is_empty() {
+                self.put(&[b"@xref notused ", name]);
+            }
+        }
+    }
+
+    fn use_chunk(&mut self, name: &'a [u8], line: &[u8]) {
+        self.put(&[b"@xref ref ", anchor(self.web.chunks.get(name))]);
+        self.copy(line);
+    }
+
+    fn refer_to(&mut self, item: &Item) {
+        self.put(&[b"@xref ref ", anchor(Some(item))]);
+    }
+
+    fn list(&mut self, kind: &str, item: &str, labels: &[&str]) {
+        if labels.is_empty() {
+            return;
+        }
+        self.put(&[b"@xref begin", kind.as_bytes()]);
+        for label in labels {
+            let line = format!("@xref {item} {label}");
+            self.copy(line.as_bytes());
+        }
+        self.put(&[b"@xref end", kind.as_bytes()]);
+    }
+
+    // List the identifiers of a chunk
+    fn index(&mut self, mark: Mark<'a>, line: &[u8]) {
+        match mark.keyword {
+            b"defn" | b"localdefn" => {
+                self.defined.insert(mark.text());
+            }
+            b"use" => {
+                self.used.insert(mark.text());
+                let item = self.web.identifiers.get(mark.text());
+                let item = item.filter(|item| item.anchor.is_some());
+                item.inspect(|item| self.refer_to(item));
+            }
+            _ => {}
+        }
+        self.copy(line);
+    }
+
+    fn end(&mut self, chunk: Mark, line: &[u8]) {
+        if chunk.keyword == b"code" {
+            let defined = std::mem::take(&mut self.defined);
+            let used = std::mem::take(&mut self.used);
+            let used = &used - &defined;
+            self.list_names("def", defined, "isused", Item::uses);
+            self.list_names("use", used, "isdefined", Item::definitions);
+        }
+        self.copy(line);
+    }
+
+    fn list_names(
+        &mut self,
+        kind: &str,
+        names: HashSet<&'a [u8]>,
+        place: &str,
+        labels: fn(&Item) -> Vec<&str>,
+    ) {
+        if names.is_empty() {
+            return;
+        }
+        self.put(&[b"@index begin", kind.as_bytes(), b"s"]);
+        for name in sorted(names) {
+            let item = self.web.identifiers.get(name);
+            for label in item.map(labels).unwrap_or_default() {
+                self.copy(format!("@index {place} {label}").as_bytes());
+            }
+            self.put(&[b"@index ", kind.as_bytes(), b"item ", name]);
+        }
+        self.put(&[b"@index end", kind.as_bytes(), b"s"]);
+    }
+
+    // Put the lists where they belong
+    fn begin(&mut self, line: &[u8]) {
+        self.begun += 1;
+        if self.delay && self.begun == self.web.begins {
+            self.list_all_names();
+        }
+        self.copy(line);
+        self.chunk = None;
+        self.defined.clear();
+        self.used.clear();
+    }
+
+    fn prose(&mut self, mark: Mark, line: &[u8]) {
+        match mark.text() {
+            b"<nowebchunks>" => self.list_chunks(),
+            b"<nowebindex>" => self.list_index(),
+            _ => self.copy(line),
+        }
+    }
+
+    fn list_all_names(&mut self) {
+        if !self.closed {
+            self.closed = true;
+            self.copy(b"@nl");
+            self.copy(b"@nl");
+            self.list_chunks();
+            self.list_index();
+        }
+    }
+
+    // List all chunks and identifiers
+    fn list_chunks(&mut self) {
+        if std::mem::replace(&mut self.chunks_listed, true) {
+            return;
+        }
+        self.copy(b"@xref beginchunks");
+        for (name, item) in in_order(&self.web.chunks) {
+            let label = anchor(Some(item));
+            self.put(&[b"@xref chunkbegin ", label, b" ", name]);
+            self.list_mentions("@xref chunk", &item.mentions);
+            self.copy(b"@xref chunkend");
+        }
+        self.copy(b"@xref endchunks");
+    }
+
+    fn list_index(&mut self) {
+        if std::mem::replace(&mut self.index_listed, true) {
+            return;
+        }
+        self.copy(b"@index beginindex");
+        for (name, item) in in_order(&self.web.identifiers) {
+            let label = anchor(Some(item));
+            self.put(&[b"@index entrybegin ", label, b" ", name]);
+            self.list_mentions("@index entry", &item.pure_mentions());
+            self.copy(b"@index entryend");
+        }
+        self.copy(b"@index endindex");
+    }
+
+    fn list_mentions(&mut self, entry: &str, mentions: &[Mention]) {
+        for mention in mentions {
+            let line = match mention {
+                Mention::Defined(label) => format!("{entry}defn {label}"),
+                Mention::Used(label) => format!("{entry}use {label}"),
+            };
+            self.copy(line.as_bytes());
+        }
+    }
+}
+
+/// The place that references to an item lead to.
+fn anchor(item: Option<&Item>) -> &[u8] {
+    let label = item.and_then(|item| item.anchor.as_deref());
+    label.unwrap_or("nw@notdef").as_bytes()
+}
+
+impl<'a> Resolver<'a> {
+    fn new(web: &'a Web<'a>, options: &Options) -> Resolver<'a> {
+        Resolver {
+            web,
+            out: Vec::new(),
+            written: HashMap::new(),
+            chunk: None,
+            defined: HashSet::new(),
+            used: HashSet::new(),
+            delay: options.delay,
+            // Begin with no list written
+            begun: 0,
+            closed: false,
+            chunks_listed: false,
+            index_listed: false,
+        }
+    }
+}
+
+// Sort names as an index does
+fn sort_key(name: &[u8]) -> Vec<u8> {
+    [&name.to_ascii_lowercase(), &b"\n"[..], name].concat()
+}
+
+fn sorted(names: HashSet<&[u8]>) -> Vec<&[u8]> {
+    let mut names: Vec<_> = names.into_iter().collect();
+    names.sort_by_cached_key(|name| sort_key(name));
+    names
+}
+
+fn in_order<'a>(
+    items: &'a HashMap<&'a [u8], Item>,
+) -> Vec<(&'a [u8], &'a Item)> {
+    let mut items: Vec<_> = items.iter().map(|(n, i)| (*n, i)).collect();
+    items.sort_by_cached_key(|(name, _)| sort_key(name));
+    items
+}
+
+// Run noidx as a command
+/// What the command line of `noidx` can ask for.
+#[derive(Default)]
+pub struct Options {
+    /// Lists before the last chunk, and not at the end of the stream.
+    pub delay: bool,
+    /// Anchors in prose, so many lines before the code.
+    pub distance: Option<i64>,
+}
+
+/// Resolves the cross-references of a stream.
+pub fn cross_reference(stream: &[u8], options: &Options) -> Outcome {
+    let mut collector = Collector::new(options);
+    let lines = stream::trimmed_lines(stream);
+    lines.for_each(|line| collector.read(line));
+    let Collector { web, lines, .. } = collector;
+    let mut resolver = Resolver::new(&web, options);
+    // Write until the stream is broken
+    for line in &lines {
+        resolver.resolve(line);
+        if line.starts_with(b"@fatal") {
+            let text = resolver.out;
+            return Outcome { text, status: 1, ..Outcome::default() };
+        }
+    }
+    resolver.list_all_names();
+    Outcome::done(resolver.out)
+}
+
+/// `noidx [-delay] [-docanchor LINES]`, a filter over the stream.
+pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
+    match arguments(args) {
+        Ok(options) => stream::filter(streams, |input| {
+            cross_reference(input, &options)
+        }),
+        Err(what) => Outcome::failure("noidx", 1, &what).deliver(streams),
+    }
+}
+
+fn arguments(args: &[OsString]) -> Result<Options, String> {
+    let mut options = Options::default();
+    let mut args = args.iter();
+    while let Some(arg) = args.next() {
+        match arg.to_str() {
+            Some("-delay") => options.delay = true,
+            Some("-docanchor") => {
+                options.distance = Some(lines_of_prose(args.next())?);
+            }
+            _ => return Err(format!("unknown argument {arg:?}")),
+        }
+    }
+    Ok(options)
+}
+
+fn lines_of_prose(arg: Option<&OsString>) -> Result<i64, String> {
+    arg.and_then(|arg| arg.to_str()?.parse().ok())
+        .ok_or("-docanchor needs a number of lines".to_string())
+}

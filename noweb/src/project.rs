@@ -1,0 +1,445 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+//! All files of a program from the chapters that define them.
+//!
+//! Every chunk whose name is the path of a file is tangled to that file.
+//! A record of what was tangled tells a file that someone edited by hand
+//! from one that is merely out of date. First everything is planned, and
+//! only a plan without faults is carried out.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::ffi::{OsStr, OsString};
+use std::fs;
+use std::io;
+use std::os::unix::ffi::OsStrExt;
+use std::path::{Component, Path, PathBuf};
+use std::time::SystemTime;
+
+use crate::Streams;
+use crate::cpif::{Attributes, replace};
+use crate::diagnostic::{Diagnostic, Level, Position, Source};
+use crate::tangle::{Layout, Tangled, tangle};
+use crate::web::Web;
+
+// Say what is tangled where
+/// Some chapters and what to tangle from them.
+#[derive(Clone, Debug, Default)]
+pub struct Project {
+    /// The directory that all other paths are relative to.
+    pub dir: PathBuf,
+    /// The record of what was tangled.
+    pub record: PathBuf,
+    /// The chapters, in the order of the book.
+    pub chapters: Vec<PathBuf>,
+    /// If not empty, only files whose paths begin so.
+    pub only: Vec<String>,
+    /// No files whose paths begin so.
+    pub except: Vec<String>,
+}
+
+/// A file of the program.
+#[derive(Clone, Debug)]
+pub struct Output {
+    /// Its path, relative to the directory of the project.
+    pub path: PathBuf,
+    /// Its text and where that comes from.
+    pub tangled: Tangled,
+    /// It is missing or differs on the disk.
+    pub changed: bool,
+    /// The time of the newest chapter that it takes something from.
+    pub time: Option<SystemTime>,
+}
+
+/// What tangling a project does.
+#[derive(Clone, Debug, Default)]
+pub struct Plan {
+    /// All files of the program.
+    pub outputs: Vec<Output>,
+    /// Files that no chunk defines any more.
+    pub removed: Vec<PathBuf>,
+    /// What looks wrong in the web.
+    pub warnings: Vec<Diagnostic>,
+    record: Record,
+}
+
+// Recognise the chunks that are files
+/// Is the name of a chunk the path of a file?
+///
+/// It has a slash or a dot, no space, and leads nowhere outside.
+pub fn is_file_name(name: &[u8]) -> bool {
+    let inside = |c: Component| matches!(c, Component::Normal(_));
+    let path = Path::new(OsStr::from_bytes(name));
+    name.iter().any(|b| b"/.".contains(b))
+        && !name.iter().any(u8::is_ascii_whitespace)
+        && !name.ends_with(b"/")
+        && path.components().all(inside)
+}
+
+fn keeps_tabs(path: &Path) -> bool {
+    path.file_name().is_some_and(|name| name == "Makefile")
+        || path.extension().is_some_and(|e| e == "mk")
+}
+
+/// What begins a comment in a file of this name.
+fn comment_leader(path: &Path) -> Option<&'static str> {
+    match path.extension().and_then(OsStr::to_str) {
+        Some("rs") => Some("// "),
+        None | Some("sh" | "toml" | "mk" | "py") => Some("# "),
+        Some("vim") => Some("\" "),
+        Some(_) => None,
+    }
+}
+
+// Keep a record of what was tangled
+/// For every tangled file the hash of its text.
+type Record = BTreeMap<PathBuf, u64>;
+
+/// The 64-bit hash of Fowler, Noll and Vo, in its variant 1a.
+fn hash(text: &[u8]) -> u64 {
+    text.iter().fold(0xcbf2_9ce4_8422_2325, |hash: u64, byte| {
+        (hash ^ u64::from(*byte)).wrapping_mul(0x100_0000_01b3)
+    })
+}
+
+fn parse_record(text: &[u8]) -> Record {
+    let entry = |line: &[u8]| {
+        let (hash, path) = line.split_at_checked(16)?;
+        let hash = std::str::from_utf8(hash).ok()?;
+        let hash = u64::from_str_radix(hash, 16).ok()?;
+        let path = OsStr::from_bytes(path.strip_prefix(b" ")?);
+        Some((PathBuf::from(path), hash))
+    };
+    text.split(|b| *b == b'\n').filter_map(entry).collect()
+}
+
+fn format_record(record: &Record) -> Vec<u8> {
+    let mut text = Vec::new();
+    for (path, hash) in record {
+        text.extend(format!("{hash:016x} ").bytes());
+        text.extend(path.as_os_str().as_bytes());
+        text.push(b'\n');
+    }
+    text
+}
+
+// Plan what to write
+impl Project {
+    /// What there is to write, without writing it.
+    ///
+    /// # Errors
+    ///
+    /// Chapters that cannot be read, everything that is wrong in them,
+    /// and files that someone edited by hand.
+    pub fn plan(&self) -> Result<Plan, Vec<Diagnostic>> {
+        let (sources, times) = self.read_chapters()?;
+        let (web, mut faults) = Web::read(sources.clone(), 8);
+        let tabbed = if web.chunks.iter().any(|c| is_tabbed(&c.name)) {
+            Web::read(sources, 0).0
+        } else {
+            Web::default()
+        };
+        let record = self.read_record();
+        let mut plan = Plan { record, ..Plan::default() };
+        for chunk in &web.chunks {
+            // Plan the file of this chunk
+            let name = &chunk.name[..];
+            if web.uses.contains_key(name) || !self.covers(name) {
+                continue;
+            }
+            let path = Path::new(OsStr::from_bytes(name));
+            let (web, tab) =
+                if keeps_tabs(path) { (&tabbed, 8) } else { (&web, 0) };
+            let comment = comment_leader(path);
+            let layout = Layout { tab, comment, directive: None };
+            match tangle(web, &[name], &layout) {
+                Ok(tangled) => {
+                    let output = self.compare(path, tangled, &times);
+                    faults.extend(self.refuse(&output, web, &plan.record));
+                    plan.outputs.push(output);
+                }
+                Err(more) => faults.extend(more),
+            }
+        }
+        self.plan_removals(&mut plan, &mut faults);
+        plan.warnings = web.unused(is_file_name);
+        if faults.is_empty() { Ok(plan) } else { Err(faults) }
+    }
+}
+
+fn is_tabbed(name: &[u8]) -> bool {
+    is_file_name(name) && keeps_tabs(Path::new(OsStr::from_bytes(name)))
+}
+
+impl Project {
+    /// Is this the name of a file that we are to tangle?
+    fn covers(&self, name: &[u8]) -> bool {
+        let begins = |prefix: &String| name.starts_with(prefix.as_bytes());
+        is_file_name(name)
+            && (self.only.is_empty() || self.only.iter().any(begins))
+            && !self.except.iter().any(begins)
+    }
+
+    fn read_record(&self) -> Record {
+        let text = fs::read(self.dir.join(&self.record));
+        parse_record(&text.unwrap_or_default())
+    }
+}
+
+impl Project {
+    fn read_chapters(
+        &self,
+    ) -> Result<(Vec<Source>, Vec<SystemTime>), Vec<Diagnostic>> {
+        let mut sources = Vec::new();
+        let mut times = Vec::new();
+        let mut faults = Vec::new();
+        for chapter in &self.chapters {
+            let path = self.dir.join(chapter);
+            let time = fs::metadata(&path).and_then(|m| m.modified());
+            match fs::read(&path).and_then(|text| Ok((text, time?))) {
+                Ok((text, time)) => {
+                    let name = chapter.as_os_str().as_bytes().to_vec();
+                    sources.push(Source::new(name, text));
+                    times.push(time);
+                }
+                Err(error) => faults.push(failure("read", chapter, &error)),
+            }
+        }
+        if faults.is_empty() { Ok((sources, times)) } else { Err(faults) }
+    }
+}
+
+fn failure(action: &str, path: &Path, error: &io::Error) -> Diagnostic {
+    let text = format!("cannot {action} {}: {error}", path.display());
+    Diagnostic::new(Level::Error, None, text)
+}
+
+impl Project {
+    fn compare(
+        &self,
+        path: &Path,
+        tangled: Tangled,
+        times: &[SystemTime],
+    ) -> Output {
+        let places = tangled.map.iter().map(|segment| segment.place);
+        let files: BTreeSet<u32> = places.map(|place| place.file).collect();
+        let times = files.iter().filter_map(|f| times.get(*f as usize));
+        let time = times.max().copied();
+        let old = fs::read(self.dir.join(path)).ok();
+        let changed = old.is_none_or(|old| old != tangled.text);
+        Output { path: path.to_owned(), tangled, changed, time }
+    }
+}
+
+impl Project {
+    fn plan_removals(&self, plan: &mut Plan, faults: &mut Vec<Diagnostic>) {
+        let kept = plan.outputs.iter().map(|output| &output.path);
+        let kept: BTreeSet<&PathBuf> = kept.collect();
+        let gone = |path: &&PathBuf| {
+            !kept.contains(path) && self.covers(path.as_os_str().as_bytes())
+        };
+        for path in plan.record.keys().filter(gone) {
+            let text = fs::read(self.dir.join(path)).ok();
+            match text.map(|text| hash(&text)) {
+                Some(now) if now != plan.record[path] => {
+                    faults.push(orphan(path));
+                }
+                _ => plan.removed.push(path.clone()),
+            }
+        }
+    }
+}
+
+fn orphan(path: &Path) -> Diagnostic {
+    let shown = path.display();
+    let text = format!("no chunk defines {shown}, an edited file");
+    let help = format!("move the edit to a chapter, or delete {shown}");
+    Diagnostic::new(Level::Error, None, text).with_help(help)
+}
+
+// Refuse to lose an edit
+impl Project {
+    fn refuse(
+        &self,
+        output: &Output,
+        web: &Web,
+        record: &Record,
+    ) -> Option<Diagnostic> {
+        let disk = fs::read(self.dir.join(&output.path)).ok()?;
+        let known = record.get(&output.path) == Some(&hash(&disk));
+        if known || !output.changed {
+            return None;
+        }
+        let (line, column) = first_difference(&disk, &output.tangled.text);
+        let path = output.path.as_os_str().as_bytes();
+        let file = Source::new(path.to_vec(), disk);
+        // Say where the edited line comes from
+        let shown = output.path.display();
+        let place = file_place(line, column);
+        let text = "this file was edited by hand since it was tangled";
+        let position = Some(file.position(place));
+        let mut fault = Diagnostic::new(Level::Error, position, text);
+        let map = &output.tangled.map;
+        let origin = output.tangled.origin(line, 1);
+        let origin = origin.or(map.last().map(|segment| segment.place));
+        if let Some(at) = origin.and_then(|place| web.position(place)) {
+            let Position { file, line, .. } = at;
+            let help = format!("the line comes from {file}:{line}");
+            fault = fault.with_help(help);
+        }
+        Some(fault.with_help(format!(
+            "move the edit there, or delete {shown} to have it tangled anew"
+        )))
+    }
+}
+
+fn file_place(line: u32, column: u32) -> crate::diagnostic::Place {
+    crate::diagnostic::Place { file: 0, line, column }
+}
+
+/// The first line and column, from 1, at which two texts differ.
+fn first_difference(a: &[u8], b: &[u8]) -> (u32, u32) {
+    let pairs = a.iter().zip(b);
+    let same = pairs.take_while(|(x, y)| x == y).count();
+    let before = &a[..same];
+    let line = before.iter().filter(|b| **b == b'\n').count() + 1;
+    let column = before.iter().rev().take_while(|b| **b != b'\n').count();
+    (line as u32, column as u32 + 1)
+}
+
+// Carry out the plan
+impl Project {
+    /// Tangles what is out of date and returns what was planned.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Project::plan`], after which nothing is written, and
+    /// files that cannot be written.
+    pub fn tangle(&self) -> Result<Plan, Vec<Diagnostic>> {
+        let mut plan = self.plan()?;
+        let result = self.write(&mut plan);
+        let recorded = self.write_record(&plan.record);
+        match result.and(recorded) {
+            Ok(()) => Ok(plan),
+            Err(fault) => Err(vec![fault]),
+        }
+    }
+
+    fn write(&self, plan: &mut Plan) -> Result<(), Diagnostic> {
+        for output in &plan.outputs {
+            self.write_output(output)?;
+            let hash = hash(&output.tangled.text);
+            plan.record.insert(output.path.clone(), hash);
+        }
+        for path in &plan.removed {
+            // Remove a file that no chunk defines
+            match fs::remove_file(self.dir.join(path)) {
+                Err(e) if e.kind() != io::ErrorKind::NotFound => {
+                    return Err(failure("remove", path, &e));
+                }
+                _ => plan.record.remove(path),
+            };
+        }
+        Ok(())
+    }
+}
+
+impl Project {
+    fn write_output(&self, output: &Output) -> Result<(), Diagnostic> {
+        if !output.changed {
+            return Ok(());
+        }
+        let path = self.dir.join(&output.path);
+        let text = &output.tangled.text;
+        let executable = text.starts_with(b"#!");
+        let attributes = Attributes { time: output.time, executable };
+        let parent = path.parent().unwrap_or(&self.dir);
+        fs::create_dir_all(parent)
+            .and_then(|()| replace(&path, text, attributes))
+            .map_err(|error| failure("write", &output.path, &error))
+    }
+
+    fn write_record(&self, record: &Record) -> Result<(), Diagnostic> {
+        let path = self.dir.join(&self.record);
+        let text = format_record(record);
+        crate::cpif::update(&path, &text)
+            .map(|_| ())
+            .map_err(|error| failure("write", &self.record, &error))
+    }
+}
+
+// Run the command that tangles a project
+/// The command `noweb tangle [-C dir] [--record file] [--check]
+/// [--only prefix]... [--except prefix]... chapter...`.
+pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
+    let (project, check) = match parse_arguments(args) {
+        Ok(parsed) => parsed,
+        Err(text) => {
+            let fault = Diagnostic::new(Level::Error, None, text);
+            streams.conclude(Ok(()), &[fault]);
+            return 2;
+        }
+    };
+    let plan = if check { project.plan() } else { project.tangle() };
+    let (faults, failed) = match plan {
+        Ok(plan) if check => report_stale(plan),
+        Ok(plan) => (plan.warnings, false),
+        Err(faults) => (faults, true),
+    };
+    streams.conclude(Ok(()), &faults);
+    u8::from(failed)
+}
+
+/// The files that tangling would write or remove.
+fn report_stale(plan: Plan) -> (Vec<Diagnostic>, bool) {
+    let changed = plan.outputs.iter().filter(|output| output.changed);
+    let changed = changed.map(|output| &output.path);
+    let stale: Vec<&PathBuf> = changed.chain(&plan.removed).collect();
+    let mut faults = plan.warnings;
+    for path in &stale {
+        let text = format!("{} is out of date", path.display());
+        faults.push(Diagnostic::new(Level::Error, None, text));
+    }
+    (faults, !stale.is_empty())
+}
+
+fn parse_arguments(args: &[OsString]) -> Result<(Project, bool), String> {
+    let mut project = Project::default();
+    let mut check = false;
+    let mut args = args.iter();
+    while let Some(arg) = args.next() {
+        let mut value = || {
+            let missing = || format!("{} needs a value", arg.display());
+            args.next().ok_or_else(missing)
+        };
+        match arg.as_encoded_bytes() {
+            b"-C" => project.dir = value()?.into(),
+            b"--record" => project.record = value()?.into(),
+            b"--check" => check = true,
+            b"--only" => project.only.push(text_of(value()?)),
+            b"--except" => project.except.push(text_of(value()?)),
+            option if option.starts_with(b"-") => {
+                return Err(format!("unknown option {}", arg.display()));
+            }
+            _ => project.chapters.push(arg.into()),
+        }
+    }
+    // Complete and check the arguments
+    if project.chapters.is_empty() {
+        return Err("no chapters to tangle".into());
+    }
+    if project.record.as_os_str().is_empty() {
+        project.record = ".tangled".into();
+    }
+    Ok((project, check))
+}
+
+fn text_of(arg: &OsString) -> String {
+    arg.to_string_lossy().into_owned()
+}

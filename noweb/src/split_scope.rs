@@ -1,0 +1,216 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+//! The back end `split_scope`: one LaTeX file for each source file.
+//!
+//! The references of the whole stay in every piece. A file is written
+//! only if its text has changed, and no file is written at all unless
+//! every piece could be converted.
+
+use std::collections::HashMap;
+use std::ffi::{OsStr, OsString};
+use std::ops::Range;
+use std::os::unix::ffi::OsStrExt;
+use std::path::{Path, PathBuf};
+
+use crate::Streams;
+use crate::cpif;
+use crate::stream::{self, Outcome};
+use crate::totex::{self, Memory, Options};
+
+// Cut the stream at each file
+/// The lines of the stream that come from one source file.
+struct Piece<'a> {
+    source: &'a [u8],
+    lines: Vec<&'a [u8]>,
+}
+
+fn cut<'a>(lines: &[&'a [u8]]) -> Vec<Piece<'a>> {
+    let mut pieces: Vec<Piece> = Vec::new();
+    let mut lines_so_far = Vec::new();
+    for line in lines {
+        if let Some(source) = line.strip_prefix(b"@file ") {
+            let lines = std::mem::take(&mut lines_so_far);
+            pieces.push(Piece { source, lines });
+        }
+        match pieces.last_mut() {
+            Some(piece) => piece.lines.push(line),
+            None => lines_so_far.push(line),
+        }
+    }
+    pieces
+}
+
+/// The name of a source without its directory and its `.nw`.
+fn stem(source: &[u8]) -> &[u8] {
+    let base = source.rsplit(|&byte| byte == b'/').next();
+    let base = base.unwrap_or(source);
+    base.strip_suffix(b".nw").unwrap_or(base)
+}
+
+fn check_names(pieces: &[Piece]) -> Result<(), String> {
+    let mut sources: HashMap<&[u8], &[u8]> = HashMap::new();
+    for piece in pieces {
+        let stem = stem(piece.source);
+        if stem.is_empty() {
+            return Err("a piece has no file name to be called by".into());
+        }
+        if let Some(other) = sources.insert(stem, piece.source) {
+            // Refuse two sources with one name
+            return Err(format!(
+                "{} and {} would both be written to {}.tex",
+                String::from_utf8_lossy(other),
+                String::from_utf8_lossy(piece.source),
+                String::from_utf8_lossy(stem),
+            ));
+        }
+    }
+    Ok(())
+}
+
+// Move the lists where they are asked
+/// Whether a line of prose begins by asking for one of the lists.
+fn asks_for_lists(line: &[u8]) -> bool {
+    let Some(text) = line.strip_prefix(b"@text ") else { return false };
+    let text = text.trim_ascii_start();
+    text.starts_with(b"\\nowebchunks") || text.starts_with(b"\\nowebindex")
+}
+
+/// The index of the line before which the lists are wanted.
+fn request(lines: &[&[u8]]) -> Option<usize> {
+    let mut prose = false;
+    let mut previous: &[u8] = b"";
+    for (at, line) in lines.iter().enumerate() {
+        if line.starts_with(b"@begin ") {
+            prose = line.starts_with(b"@begin docs ");
+        }
+        let first = previous == b"@nl" || previous.starts_with(b"@begin ");
+        if prose && first && asks_for_lists(line) {
+            return Some(at);
+        }
+        previous = line;
+    }
+    None
+}
+
+/// Where the lists stand, with the ends of line that precede them.
+fn find_lists(lines: &[&[u8]]) -> Option<Range<usize>> {
+    let find = |wanted: &[u8]| lines.iter().position(|l| *l == wanted);
+    let begin = find(b"@xref beginchunks")?;
+    let end = find(b"@index endindex")? + 1;
+    let before = lines[..begin].iter().rev();
+    let ends = before.take_while(|line| **line == b"@nl").count();
+    let start = begin - ends;
+    let outside = start == 0 || lines[start - 1].starts_with(b"@end ");
+    let start = if outside { start } else { begin };
+    (start < end).then_some(start..end)
+}
+
+/// Moves the list of chunks and the index to where they are wanted.
+fn settle_lists(lines: &mut Vec<&[u8]>) {
+    let Some(lists) = find_lists(lines) else { return };
+    let Some(mut place) = request(lines) else { return };
+    if place > lists.start {
+        place -= lists.len();
+    }
+    let taken = lines.drain(lists).skip_while(|line| *line == b"@nl");
+    let taken: Vec<&[u8]> = taken.collect();
+    lines.splice(place..place, taken);
+}
+
+// Convert the pieces one after another
+/// A file to be written.
+pub struct Page {
+    /// The file's name, without directory.
+    pub name: Vec<u8>,
+    /// Its text.
+    pub tex: Vec<u8>,
+}
+
+/// Converts a stream into files, and collects the warnings.
+pub fn split(
+    stream: &[u8],
+    options: &Options,
+) -> Result<(Vec<Page>, Vec<u8>), String> {
+    let mut lines: Vec<_> = stream::trimmed_lines(stream).collect();
+    settle_lists(&mut lines);
+    let pieces = cut(&lines);
+    check_names(&pieces)?;
+    let (mut memory, mut messages) = (Memory::default(), Vec::new());
+    let pages = pieces.iter().map(|piece| {
+        // Convert one piece with its memory
+        let options = with_source(options, piece.source);
+        let lines = piece.lines.iter().copied();
+        let converted = totex::to_tex(lines, &options, &mut memory);
+        messages.extend(converted.messages);
+        let name = [stem(piece.source), b".tex"].concat();
+        Page { name, tex: converted.text }
+    });
+    Ok((pages.collect(), messages))
+}
+
+/// The options for a piece, whose comment names the source.
+fn with_source(options: &Options, source: &[u8]) -> Options {
+    let mut options = options.clone();
+    if !options.comment.is_empty() {
+        let parts: [&[u8]; 3] =
+            [b" % Made by noweave from ", source, b": edit that file."];
+        options.comment = parts.concat();
+    }
+    options
+}
+
+// Run split_scope as a command
+fn write_pages(pages: &[Page], dir: &Path) -> Result<(), String> {
+    let cannot = |path: &Path, error: std::io::Error| {
+        format!("cannot write {}: {error}", path.display())
+    };
+    if pages.is_empty() {
+        return Err("the stream names no file".into());
+    }
+    std::fs::create_dir_all(dir).map_err(|e| cannot(dir, e))?;
+    for page in pages {
+        let path = dir.join(OsStr::from_bytes(&page.name));
+        cpif::update(&path, &page.tex).map_err(|e| cannot(&path, e))?;
+    }
+    Ok(())
+}
+
+/// `split_scope [-o DIR] [OPTION OF TOTEX]...`, a last stage.
+pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
+    match directory(args) {
+        Some(dir) => stream::filter(streams, |input| {
+            split_into(&dir, input, &Options::read(args))
+        }),
+        None => {
+            let what = "-o needs a directory";
+            Outcome::complaint("split_scope", 2, what).deliver(streams)
+        }
+    }
+}
+
+fn directory(args: &[OsString]) -> Option<PathBuf> {
+    match args.iter().position(|arg| arg == "-o") {
+        Some(at) => args.get(at + 1).map(PathBuf::from),
+        None => Some(PathBuf::from(".")),
+    }
+}
+
+fn split_into(dir: &Path, stream: &[u8], options: &Options) -> Outcome {
+    if stream::fatal(stream).is_some() {
+        return Outcome { status: 1, ..Outcome::default() };
+    }
+    let written = split(stream, options).and_then(|(pages, messages)| {
+        write_pages(&pages, dir).map(|()| messages)
+    });
+    match written {
+        Ok(messages) => Outcome { messages, ..Outcome::default() },
+        Err(what) => Outcome::complaint("split_scope", 1, &what),
+    }
+}

@@ -1,0 +1,186 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+//! The annotated stream: lines of `@keyword argument` between stages.
+//!
+//! Stages are functions over the bytes of a whole stream. Text is bytes,
+//! never `str`: chapters may be in any encoding. Only labels, which we make
+//! ourselves, are strings.
+
+use std::collections::HashMap;
+use std::io;
+
+use crate::Streams;
+
+// Split a stream into its lines
+/// The lines of `stream`, without their newlines.
+pub fn lines(stream: &[u8]) -> impl Iterator<Item = &[u8]> {
+    stream
+        .split_inclusive(|&byte| byte == b'\n')
+        .map(|line| line.strip_suffix(b"\n").unwrap_or(line))
+}
+
+/// The lines of `stream`, without newlines and carriage returns.
+pub fn trimmed_lines(stream: &[u8]) -> impl Iterator<Item = &[u8]> {
+    lines(stream).map(|line| {
+        let end = line.iter().rposition(|&byte| byte != b'\r');
+        &line[..end.map_or(0, |end| end + 1)]
+    })
+}
+
+/// The line by which some stage declares the stream broken, if any.
+pub fn fatal(stream: &[u8]) -> Option<&[u8]> {
+    lines(stream).find(|line| line.starts_with(b"@fatal "))
+}
+
+// Read one mark of the stream
+/// A line of the stream that begins with `@`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Mark<'a> {
+    /// The word after the `@`.
+    pub keyword: &'a [u8],
+    /// What follows the space after the keyword; none without a space.
+    pub argument: Option<&'a [u8]>,
+}
+
+impl<'a> Mark<'a> {
+    /// Reads a line, which is no mark if it does not begin with `@`.
+    pub fn read(line: &'a [u8]) -> Option<Mark<'a>> {
+        line.strip_prefix(b"@").map(Mark::split)
+    }
+
+    // Take a mark's words apart
+    fn split(words: &'a [u8]) -> Mark<'a> {
+        match words.iter().position(|&byte| byte == b' ') {
+            Some(at) => Mark {
+                keyword: &words[..at],
+                argument: Some(&words[at + 1..]),
+            },
+            None => Mark { keyword: words, argument: None },
+        }
+    }
+
+    /// The mark that the argument of `@xref`, `@index`, `@begin`... holds.
+    pub fn inner(&self) -> Mark<'a> {
+        Mark::split(self.text())
+    }
+
+    /// The argument, empty if there is none.
+    pub fn text(&self) -> &'a [u8] {
+        self.argument.unwrap_or_default()
+    }
+}
+
+// Give names short unique codes
+/// Writes a number in base 62: the digits, then A to Z, then a to z.
+pub fn base62(number: u64) -> String {
+    const DIGITS: &[u8; 62] = b"0123456789\
+        ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz";
+    let last = char::from(DIGITS[(number % 62) as usize]);
+    match number / 62 {
+        0 => last.to_string(),
+        rest => base62(rest) + &last.to_string(),
+    }
+}
+
+/// The 32-bit cyclic redundancy code that noweb gives to a name.
+pub fn crc(name: &[u8]) -> u32 {
+    let add = |sum, byte| (sum >> 8) ^ remainder(sum as u8 ^ byte);
+    name.iter().copied().fold(0, add)
+}
+
+fn remainder(byte: u8) -> u32 {
+    (0..8)
+        .filter(|bit| byte & (1 << bit) != 0)
+        .fold(0, |sum, bit| sum ^ (0xf500_0000 >> bit))
+}
+
+/// The codes given so far: equal names have equal codes, others do not.
+#[derive(Default)]
+pub struct Codes {
+    known: HashMap<Vec<u8>, String>,
+    taken: HashMap<u32, u64>,
+}
+
+impl Codes {
+    /// The code of a name, in base 62.
+    pub fn of(&mut self, name: &[u8]) -> String {
+        if let Some(code) = self.known.get(name) {
+            return code.clone();
+        }
+        // Make a code that nobody has
+        let sum = crc(name);
+        let times = self.taken.entry(sum).or_default();
+        *times += 1;
+        let mut code = base62(sum.into());
+        if *times > 1 {
+            code = format!("{code}.{}", base62(*times));
+        }
+        self.known.insert(name.to_vec(), code.clone());
+        code
+    }
+}
+
+// Run a stage as a filter
+/// What a stage has to say when it has read its whole input.
+#[derive(Debug, Default, PartialEq, Eq)]
+pub struct Outcome {
+    /// The bytes for the standard output.
+    pub text: Vec<u8>,
+    /// The lines for the standard error stream.
+    pub messages: Vec<u8>,
+    /// The exit status: 0 done, 1 failed, 2 wrong usage.
+    pub status: u8,
+}
+
+impl Outcome {
+    /// Success, with what there is to write.
+    pub fn done(text: Vec<u8>) -> Outcome {
+        Outcome { text, ..Outcome::default() }
+    }
+
+    /// The failure of a last stage, told to the person.
+    pub fn complaint(stage: &str, status: u8, message: &str) -> Outcome {
+        let messages = format!("{stage}: {message}\n").into_bytes();
+        Outcome { text: Vec::new(), messages, status }
+    }
+
+    /// The failure of a stage, told to the person and to later stages.
+    pub fn failure(stage: &str, status: u8, message: &str) -> Outcome {
+        let text = format!("@fatal {stage} {message}\n").into_bytes();
+        Outcome { text, ..Outcome::complaint(stage, status, message) }
+    }
+
+    // Deliver what a stage has made
+    /// Writes the messages and the text; returns the exit status.
+    pub fn deliver(&self, streams: &mut Streams) -> u8 {
+        let _ = streams.errors.write_all(&self.messages);
+        let written = streams.output.write_all(&self.text);
+        match written.and_then(|()| streams.output.flush()) {
+            Err(e) if e.kind() != io::ErrorKind::BrokenPipe => {
+                let _ = writeln!(streams.errors, "cannot write: {e}");
+                1
+            }
+            _ => self.status,
+        }
+    }
+}
+
+/// Reads all the input, runs the stage on it and delivers the outcome.
+pub fn filter(
+    streams: &mut Streams,
+    stage: impl FnOnce(&[u8]) -> Outcome,
+) -> u8 {
+    let mut input = Vec::new();
+    if let Err(error) = streams.input.read_to_end(&mut input) {
+        let _ = writeln!(streams.errors, "cannot read the stream: {error}");
+        return 1;
+    }
+    stage(&input).deliver(streams)
+}

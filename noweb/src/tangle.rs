@@ -1,0 +1,616 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+//! Expansion of root chunks into program text, with its position map.
+//!
+//! A use is replaced by its chunk, every line of which is indented to the
+//! column where the use began. Columns are bytes. The map tells for every
+//! piece of the text where in the sources it stands.
+
+use std::collections::HashSet;
+use std::ffi::OsString;
+
+use crate::Streams;
+use crate::diagnostic::{Diagnostic, Level, Place, status};
+use crate::filter;
+use crate::markup::parse_tab;
+use crate::web::{Chunk, Piece, Web, quoted};
+
+// Define what a tangled text is
+/// A stretch of tangled text that comes from one place.
+///
+/// It lasts to the next segment, and never beyond the end of its line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Segment {
+    /// Line of the tangled text, from 1.
+    pub line: u32,
+    /// Column in bytes, from 1, after the indentation.
+    pub column: u32,
+    /// Where the text stands in the sources.
+    pub place: Place,
+}
+
+/// Program text and the map back to the web.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Tangled {
+    /// The text.
+    pub text: Vec<u8>,
+    /// Its segments in the order of the text; every line has one.
+    pub map: Vec<Segment>,
+}
+
+impl Tangled {
+    /// Where a line and a column (in bytes, from 1) come from.
+    ///
+    /// What stands in the indentation comes from the start of the first
+    /// segment of the line.
+    pub fn origin(&self, line: u32, column: u32) -> Option<Place> {
+        let from = self.map.partition_point(|s| s.line < line);
+        let here = self.map[from..].iter();
+        let mut here = here.take_while(|s| s.line == line);
+        let first = here.next()?;
+        let before = here.take_while(|s| s.column <= column).last();
+        let segment = before.unwrap_or(first);
+        let inside = column.saturating_sub(segment.column);
+        let column = segment.place.column + inside;
+        Some(Place { column, ..segment.place })
+    }
+}
+
+// Define how a text is laid out
+/// How tangled text is laid out.
+#[derive(Clone, Debug, Default)]
+pub struct Layout {
+    /// Distance of tab stops in the output; 0 for no tabs.
+    pub tab: usize,
+    /// The format of line directives, if there are to be any.
+    pub directive: Option<Vec<u8>>,
+    /// What begins a comment that carries the name of a chunk, if names
+    /// are to be written before the uses that stand alone on a line.
+    pub comment: Option<&'static str>,
+}
+
+// Measure a text in columns
+fn column_after(text: &[u8], column: usize, tab: usize) -> usize {
+    text.iter().fold(column, |column, byte| match byte {
+        b'\t' if tab > 0 => (column / tab + 1) * tab,
+        _ => column + 1,
+    })
+}
+
+fn indentation(width: usize, tab: usize) -> Vec<u8> {
+    let tabs = if tab > 1 { width / tab } else { 0 };
+    let mut blank = vec![b'\t'; tabs];
+    blank.resize(tabs + width - tabs * tab, b' ');
+    blank
+}
+
+// Expand the roots of a web
+/// The text of some roots, one after the other.
+///
+/// # Errors
+///
+/// Undefined chunks, cycles and roots that do not exist. There is no
+/// partial result.
+pub fn tangle(
+    web: &Web,
+    roots: &[&[u8]],
+    layout: &Layout,
+) -> Result<Tangled, Vec<Diagnostic>> {
+    let mut expander = Expander::new(web, layout);
+    for root in roots {
+        let Some(chunk) = web.find(root) else {
+            expander.report_missing_root(root);
+            break;
+        };
+        expander.expand(chunk);
+    }
+    match expander.faults.is_empty() {
+        true => Ok(expander.tangled),
+        false => Err(expander.faults),
+    }
+}
+
+/// A chunk that is being expanded.
+struct Frame {
+    chunk: usize,
+    /// The next of its pieces.
+    next: usize,
+    /// What its lines are indented by.
+    indent: usize,
+    /// The width of what is on the line already.
+    column: usize,
+    /// The use that we came by.
+    used: Option<Place>,
+}
+
+struct Expander<'a> {
+    web: &'a Web,
+    layout: &'a Layout,
+    tangled: Tangled,
+    line: u32,
+    line_start: usize,
+    stack: Vec<Frame>,
+    active: Vec<bool>,
+    // Remember what line directives said
+    /// The file and the line that the reader of the output believes in.
+    said: Option<(u32, u32)>,
+    faults: Vec<Diagnostic>,
+    reported: HashSet<Place>,
+}
+
+impl<'a> Expander<'a> {
+    fn new(web: &'a Web, layout: &'a Layout) -> Self {
+        Self {
+            web,
+            layout,
+            tangled: Tangled::default(),
+            line: 1,
+            line_start: 0,
+            stack: Vec::new(),
+            active: vec![false; web.chunks.len()],
+            said: None,
+            faults: Vec::new(),
+            reported: HashSet::new(),
+        }
+    }
+
+    fn expand(&mut self, root: usize) {
+        self.enter(root, 0, None);
+        while let Some(frame) = self.stack.last_mut() {
+            // Take the next piece of the chunk
+            let web = self.web;
+            let chunk = &web.chunks[frame.chunk];
+            let index = frame.next;
+            frame.next += 1;
+            match chunk.pieces.get(index) {
+                Some((Piece::Text(text), place)) => {
+                    self.text(text, *place, index);
+                }
+                Some((Piece::Newline, place)) => self.newline(*place),
+                Some((Piece::Use(name), place)) => {
+                    self.use_chunk(name, *place, is_alone(chunk, index));
+                }
+                None => {
+                    self.active[frame.chunk] = false;
+                    self.stack.pop();
+                }
+            }
+        }
+        self.push(b"\n");
+    }
+}
+
+impl Expander<'_> {
+    fn enter(&mut self, chunk: usize, column: usize, used: Option<Place>) {
+        self.active[chunk] = true;
+        let indent = column;
+        self.stack.push(Frame { chunk, next: 0, indent, column, used });
+    }
+
+    fn push(&mut self, text: &[u8]) {
+        self.tangled.text.extend(text);
+        let newlines = text.iter().filter(|b| **b == b'\n').count();
+        if newlines > 0 {
+            self.line += newlines as u32;
+            let last = text.iter().rev().take_while(|b| **b != b'\n');
+            self.line_start = self.tangled.text.len() - last.count();
+        }
+    }
+
+    fn mark(&mut self, place: Place) {
+        let column = self.tangled.text.len() - self.line_start + 1;
+        let segment =
+            Segment { line: self.line, column: column as u32, place };
+        self.tangled.map.push(segment);
+    }
+}
+
+impl Expander<'_> {
+    fn text(&mut self, text: &[u8], place: Place, index: usize) {
+        if text.is_empty() {
+            return;
+        }
+        if self.layout.directive.is_some() {
+            self.direct(place, index == 0);
+        } else {
+            self.indent();
+        }
+        self.mark(place);
+        self.push(text);
+        let tab = self.layout.tab;
+        if let Some(frame) = self.stack.last_mut() {
+            frame.column = column_after(text, frame.column, tab);
+        }
+    }
+
+    /// Indents, if the line is still empty.
+    fn indent(&mut self) {
+        let Some(frame) = self.stack.last_mut() else { return };
+        if frame.column == 0 {
+            frame.column = frame.indent;
+            let blank = indentation(frame.indent, self.layout.tab);
+            self.push(&blank);
+        }
+    }
+}
+
+impl Expander<'_> {
+    fn newline(&mut self, place: Place) {
+        let last = self.tangled.map.last();
+        if last.is_none_or(|s| s.line != self.line) {
+            self.mark(place);
+        }
+        self.push(b"\n");
+        if let Some((_, line)) = &mut self.said {
+            *line += 1;
+        }
+        if let Some(frame) = self.stack.last_mut() {
+            frame.column = 0;
+        }
+    }
+}
+
+impl Expander<'_> {
+    fn use_chunk(&mut self, name: &[u8], place: Place, alone: bool) {
+        if self.layout.directive.is_none() {
+            self.indent();
+        }
+        let Some(frame) = self.stack.last_mut() else { return };
+        let column = frame.column;
+        // Advance the column by the width of the use
+        let tab = self.layout.tab;
+        frame.column = column_after(name, frame.column + 2, tab) + 2;
+        match self.web.find(name) {
+            None => self.report_undefined(name, place, alone),
+            Some(chunk) if self.active[chunk] => {
+                self.report_cycle(chunk, place);
+            }
+            Some(chunk) => {
+                if alone {
+                    self.write_name(name, place);
+                }
+                self.enter(chunk, column, Some(place));
+            }
+        }
+    }
+}
+
+// Report uses that cannot be expanded
+impl Expander<'_> {
+    fn report_undefined(&mut self, name: &[u8], place: Place, alone: bool) {
+        if !self.reported.insert(place) {
+            return;
+        }
+        let text = format!("undefined chunk name: {}", quoted(name));
+        let position = self.web.position(place);
+        let mut fault = Diagnostic::new(Level::Error, position, text);
+        if let Some(near) = self.web.nearest(name) {
+            let help = format!("there is a chunk {}", quoted(near));
+            fault = fault.with_help(help);
+        } else if !alone && looks_like_code(name) {
+            let help = "for the operator itself, write @<<";
+            fault = fault.with_help(help);
+        }
+        self.faults.push(fault);
+    }
+}
+
+/// Is the name rather what stands between two operators?
+fn looks_like_code(name: &[u8]) -> bool {
+    let odd = |b: &u8| b"<>:;=&|(){},".contains(b);
+    name.trim_ascii().len() < name.len()
+        || !name.contains(&b' ')
+        || name.iter().any(odd)
+}
+
+impl Expander<'_> {
+    fn report_cycle(&mut self, chunk: usize, place: Place) {
+        if !self.reported.insert(place) {
+            return;
+        }
+        let web = self.web;
+        let from = self.stack.iter().position(|f| f.chunk == chunk);
+        let cycle = &self.stack[from.unwrap_or(0)..];
+        let name = |frame: &Frame| quoted(&web.chunks[frame.chunk].name);
+        let mut names: Vec<String> = cycle.iter().map(name).collect();
+        names.push(quoted(&web.chunks[chunk].name));
+        let text = format!("Cyclic code chunks: {}", names.join(" -> "));
+        let position = web.position(place);
+        let mut fault = Diagnostic::new(Level::Error, position, text);
+        // List the uses that make the cycle
+        let inner = cycle.iter().skip(1).map(|frame| frame.used);
+        let uses = inner.chain([Some(place)]);
+        for (pair, used) in names.windows(2).zip(uses) {
+            if let Some(position) = used.and_then(|p| web.position(p)) {
+                let [outer, inner] = pair else { continue };
+                let help = format!("{outer} uses {inner} at {position}");
+                fault = fault.with_help(help);
+            }
+        }
+        self.faults.push(fault);
+    }
+}
+
+impl Expander<'_> {
+    fn report_missing_root(&mut self, root: &[u8]) {
+        let name = quoted(root);
+        let text = format!("The root module {name} was not defined.");
+        let mut fault = Diagnostic::new(Level::Fatal, None, text);
+        if let Some(near) = self.web.nearest(root) {
+            let position = self.web.find(near).and_then(|chunk| {
+                let chunk = &self.web.chunks[chunk];
+                self.web.position(chunk.definitions[0])
+            });
+            let at = position.map_or(String::new(), |p| format!(" at {p}"));
+            let help = format!("there is a chunk {}{at}", quoted(near));
+            fault = fault.with_help(help);
+        }
+        self.faults.push(fault);
+    }
+}
+
+// Write a line directive
+impl Expander<'_> {
+    fn direct(&mut self, place: Place, heads_chunk: bool) {
+        if self.said == Some((place.file, place.line)) {
+            return;
+        }
+        self.said = Some((place.file, place.line));
+        let column = self.stack.last().map_or(0, |frame| frame.column);
+        if column > 0 {
+            self.push(b"\n");
+        }
+        let directive = self.format_directive(place);
+        self.push(&directive);
+        if !heads_chunk {
+            self.push(&indentation(column, self.layout.tab));
+        }
+    }
+}
+
+impl Expander<'_> {
+    fn format_directive(&self, place: Place) -> Vec<u8> {
+        let format = self.layout.directive.as_deref().unwrap_or(b"");
+        let source = self.web.sources.get(place.file as usize);
+        let name = source.map_or(&b""[..], |source| &source.name);
+        let line = i64::from(place.line);
+        let mut out = Vec::new();
+        let mut rest = format;
+        while let [first, after @ ..] = rest {
+            rest = after;
+            if *first != b'%' {
+                out.push(*first);
+                continue;
+            }
+            // Write one conversion of the format
+            if let [sign @ (b'+' | b'-'), digit, b'L', after @ ..] = after {
+                let shift = i64::from(digit.wrapping_sub(b'0'));
+                let shift = if *sign == b'+' { shift } else { -shift };
+                out.extend((line + shift).to_string().bytes());
+                rest = after;
+                continue;
+            }
+            match after {
+                [b'%', ..] => out.push(b'%'),
+                [b'N', ..] => out.push(b'\n'),
+                [b'F', ..] => out.extend(name),
+                [b'L', ..] => out.extend(line.to_string().bytes()),
+                _ => (),
+            }
+            rest = after.get(1..).unwrap_or(b"");
+        }
+        out
+    }
+}
+
+/// What is wrong with the format of a line directive.
+fn check_format(format: &[u8]) -> Option<Diagnostic> {
+    let mut rest = format;
+    while let Some(percent) = rest.iter().position(|b| *b == b'%') {
+        rest = match &rest[percent + 1..] {
+            [b'+' | b'-', b'0'..=b'9', b'L', after @ ..] => after,
+            [b'%' | b'N' | b'F' | b'L', after @ ..] => after,
+            wrong => {
+                let bad = wrong.first().map(|b| char::from(*b));
+                let bad = bad.map_or(String::new(), String::from);
+                let format = String::from_utf8_lossy(format);
+                let text =
+                    format!("Bad format sequence ``%{bad}'' in -L{format}");
+                return Some(Diagnostic::new(Level::Error, None, text));
+            }
+        };
+    }
+    None
+}
+
+// Write the name of a chunk
+/// Does a use have its line to itself?
+fn is_alone(chunk: &Chunk, index: usize) -> bool {
+    let blank = |(piece, _): &(Piece, Place)| match piece {
+        Piece::Text(text) => text.trim_ascii().is_empty(),
+        Piece::Newline | Piece::Use(_) => false,
+    };
+    let ends = |piece: Option<&(Piece, Place)>| {
+        piece.is_none_or(|(piece, _)| *piece == Piece::Newline)
+    };
+    let (before, after) = chunk.pieces.split_at(index);
+    ends(before.iter().rev().find(|p| !blank(p)))
+        && ends(after[1..].iter().find(|p| !blank(p)))
+}
+
+impl Expander<'_> {
+    fn write_name(&mut self, name: &[u8], place: Place) {
+        let Some(comment) = self.layout.comment else { return };
+        let blank = self.tangled.text[self.line_start..].to_vec();
+        if !blank.trim_ascii().is_empty() {
+            return;
+        }
+        self.mark(place);
+        self.push(comment.as_bytes());
+        self.push(&spoken_name(name));
+        self.push(b"\n");
+        self.push(&blank);
+    }
+}
+
+/// The name with its quoted code in backquotes.
+fn spoken_name(name: &[u8]) -> Vec<u8> {
+    let mut spoken = Vec::new();
+    let mut rest = name;
+    while let [first, after @ ..] = rest {
+        match rest {
+            [b'[', b'[', after @ ..] => {
+                spoken.push(b'`');
+                rest = after;
+            }
+            [b']', b']', after @ ..] if after.first() != Some(&b']') => {
+                spoken.push(b'`');
+                rest = after;
+            }
+            _ => {
+                spoken.push(*first);
+                rest = after;
+            }
+        }
+    }
+    spoken
+}
+
+// Run the command that tangles
+/// What the command line of `notangle` asks for.
+#[derive(Default)]
+struct Request {
+    roots: Vec<Vec<u8>>,
+    layout: Layout,
+    /// The tabs of the sources are copied, not expanded.
+    keeps_tabs: bool,
+    markup: Option<OsString>,
+    filters: Vec<OsString>,
+    files: Vec<OsString>,
+    faults: Vec<Diagnostic>,
+}
+
+impl Request {
+    fn parse(args: &[OsString]) -> Self {
+        let mut request = Self::default();
+        let mut args = args.iter();
+        while let Some(arg) = args.next() {
+            match arg.as_encoded_bytes() {
+                b"-filter" => request.filters.extend(args.next().cloned()),
+                b"-markup" => request.markup = args.next().cloned(),
+                b"-t" => (),
+                // Ignore what is meant for another tool
+                b"-ml" | b"-m3" | b"-awk" | b"-icn" | b"-icon" => (),
+                b"-pascal" | b"-c" | b"-c++" | b"-tex" | b"-f77" => (),
+                b"-f90" => (),
+                [b'-', b'w', b'0'..=b'9', b'0'..=b'9', ..] => (),
+                option if option.starts_with(b"-") && option != b"-" => {
+                    request.keeps_tabs |= b"tL".contains(&option[1]);
+                    request.option(option);
+                }
+                _ => request.files.push(arg.clone()),
+            }
+        }
+        request
+    }
+}
+
+impl Request {
+    /// An option of `nt`, the last stage of the pipeline.
+    fn option(&mut self, option: &[u8]) {
+        match option {
+            [b'-', b'R', root @ ..] => self.roots.push(root.to_vec()),
+            [b'-', b'L', format @ ..] => {
+                let usual = b"#line %L \"%F\"%N";
+                let format = if format.is_empty() { usual } else { format };
+                self.faults.extend(check_format(format));
+                self.layout.directive = Some(format.to_vec());
+                self.layout.tab = 0;
+            }
+            [b'-', b't', ..] => match parse_tab(option) {
+                Ok(tab) => self.layout.tab = tab,
+                Err(text) => self.complain(Level::Error, text),
+            },
+            _ => {
+                let option = String::from_utf8_lossy(option);
+                let text = format!("Ignoring unknown option {option}");
+                self.complain(Level::Warning, text);
+            }
+        }
+    }
+
+    fn complain(&mut self, level: Level, text: String) {
+        self.faults.push(Diagnostic::new(level, None, text));
+    }
+}
+
+/// The command `notangle [-Rroot...] [-L[format]] [-tN] [-filter command]
+/// [-markup command] [file...]`.
+pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
+    let mut request = Request::parse(args);
+    if request.files.is_empty() {
+        request.files.push("-".into());
+    }
+    let tab = if request.keeps_tabs { 0 } else { 8 };
+    let pipeline = filter::Pipeline {
+        markup: request.markup.take(),
+        filters: std::mem::take(&mut request.filters),
+    };
+    let files = std::mem::take(&mut request.files);
+    match pipeline.read_web(&files, tab, streams) {
+        Ok(web) => write_roots(&web, request, streams),
+        Err(failure) => {
+            request.faults.extend(failure.faults);
+            streams.conclude(Ok(()), &request.faults);
+            failure.status
+        }
+    }
+}
+
+fn write_roots(web: &Web, request: Request, streams: &mut Streams) -> u8 {
+    let mut roots: Vec<&[u8]> = Vec::new();
+    roots.extend(request.roots.iter().map(|root| &root[..]));
+    if roots.is_empty() {
+        roots.push(b"*");
+    }
+    let mut faults = request.faults;
+    faults.extend(web.dotted());
+    let tangled = tangle(web, &roots, &request.layout);
+    let tangled = tangled.unwrap_or_else(|more| {
+        faults.extend(more);
+        Tangled::default()
+    });
+    let failed = status(&faults) >= Level::Error as u8;
+    let text = if failed { &b""[..] } else { &tangled.text };
+    let result = streams.output.write_all(text);
+    streams.conclude(result, &faults)
+}
+
+/// The command `nt`: the last stage alone, on a stream.
+pub fn run_nt(args: &[OsString], streams: &mut Streams) -> u8 {
+    let mut request = Request::default();
+    for arg in args {
+        match arg.as_encoded_bytes() {
+            option if option.starts_with(b"-") => request.option(option),
+            _ => {
+                let arg = arg.display();
+                let text = format!("nt reads a stream, not {arg}");
+                request.complain(Level::Warning, text);
+            }
+        }
+    }
+    match filter::read_stream(streams) {
+        Ok(web) => write_roots(&web, request, streams),
+        Err(failure) => {
+            streams.conclude(Ok(()), &failure.faults);
+            failure.status
+        }
+    }
+}

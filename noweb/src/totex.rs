@@ -1,0 +1,663 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+//! The back end `totex`: writes a resolved stream as LaTeX.
+//!
+//! Invariant: a line of output ends where a line of the source ends, so
+//! that line numbers in LaTeX's messages are those of the chapter. Only
+//! the list of chunks and the index add lines.
+
+use std::collections::{HashMap, HashSet};
+use std::ffi::OsString;
+
+use crate::Streams;
+use crate::stream::{self, Mark, Outcome};
+
+// Choose how the stream is converted
+/// What the command line can ask of the converter.
+#[derive(Clone)]
+pub struct Options {
+    /// Hold macros back until the first chunk of prose has ended.
+    pub delay: bool,
+    /// Write the identifiers' cross-references.
+    pub index: bool,
+    /// What ends the first line; empty for nothing.
+    pub comment: Vec<u8>,
+    /// Leave TeX in names to TeX.
+    pub tex_names: bool,
+}
+
+impl Default for Options {
+    fn default() -> Options {
+        let comment = b"% ===> this file was generated automatically \
+            by noweave --- better not edit it";
+        Options {
+            delay: false,
+            index: true,
+            comment: comment.to_vec(),
+            tex_names: false,
+        }
+    }
+}
+
+// Convert a stream line by line
+/// The converter's state while a stream goes by.
+struct Converter<'a, 'b> {
+    options: &'b Options,
+    memory: &'b mut Memory<'a>,
+    out: Vec<u8>,
+    messages: Vec<u8>,
+    warned: HashSet<Vec<u8>>,
+    // State of the current line
+    code: bool,
+    quoting: bool,
+    /// Whether the chunk of prose has shown nothing yet.
+    blank: bool,
+    /// Whether macros are still held back, under -delay.
+    delaying: bool,
+    /// Whether the comment of the first line has yet to come.
+    uncommented: bool,
+    file: &'a [u8],
+    /// What the next mark is called, and what it refers to.
+    label: Option<&'a [u8]>,
+    reference: Option<&'a [u8]>,
+    /// Where the identifier that comes next is defined.
+    link: Option<&'a [u8]>,
+    // State of the current definition
+    chunk: &'a [u8],
+    /// The label of the definition, for index entries of its uses.
+    place: Option<&'a [u8]>,
+    /// Whether the line of the name has not ended yet.
+    naming: bool,
+    previous: Option<&'a [u8]>,
+    next: Option<&'a [u8]>,
+    continued: Vec<&'a [u8]>,
+    users: Vec<&'a [u8]>,
+    unused: Option<&'a [u8]>,
+    /// The identifiers of the list that is being written.
+    identifiers: Vec<&'a [u8]>,
+}
+
+/// What later definitions of a chunk need to know of the first.
+#[derive(Default)]
+pub struct Memory<'a> {
+    defined: HashSet<&'a [u8]>,
+    users: HashMap<&'a [u8], Vec<&'a [u8]>>,
+}
+
+impl<'a> Converter<'a, '_> {
+    fn convert(&mut self, line: &'a [u8]) {
+        let Some(mark) = Mark::read(line) else {
+            let what = b"Botched line in noweb pipeline: ";
+            return self.report(&[what, line]);
+        };
+        match (mark.keyword, mark.argument) {
+            (b"text", Some(text)) => self.text(text),
+            (b"nl", None) => self.end_line(),
+            (b"xref", Some(_)) => self.reference(mark.inner()),
+            (b"index", Some(_)) => self.index(mark.inner()),
+            // Convert bounds and names of chunks
+            (b"begin", Some(_)) => self.begin(mark.inner()),
+            (b"end", Some(_)) => self.end(mark.inner()),
+            (b"defn", Some(name)) => self.define(name),
+            (b"use", Some(name)) => self.use_chunk(name),
+            // Convert the rarer kinds of mark
+            (b"quote", None) => {
+                self.quoting = true;
+                self.put(&[b"{\\Tt{}"]);
+            }
+            (b"endquote", None) => {
+                self.quoting = false;
+                self.put(&[b"\\nwendquote}"]);
+            }
+            (b"file", Some(name)) => self.begin_file(name),
+            (b"line", Some(_)) => {}
+            (b"literal", Some(text)) => self.put(&[text]),
+            (b"header", Some(_)) => self.header(mark.inner()),
+            (b"trailer", Some(_)) => self.trailer(mark.inner()),
+            _ => self.warn(b"", mark),
+        }
+    }
+
+    // Write text and ends of lines
+    fn text(&mut self, text: &[u8]) {
+        self.blank &= text.is_empty();
+        let link = self.link.take().filter(|_| self.options.index);
+        let (kind, shown) = match (self.quoting, self.code) {
+            (true, _) => (b"q", literal(text)),
+            (false, true) => (b"c", code_text(text)),
+            (false, false) => return self.put(&[text]),
+        };
+        match link {
+            Some(label) => {
+                let open = [b"\\nwlinkedident", &kind[..], b"{"].concat();
+                self.put(&[&open, &shown, b"}{", label, b"}"]);
+            }
+            None => self.put(&[&shown]),
+        }
+    }
+
+    fn put(&mut self, parts: &[&[u8]]) {
+        parts.iter().for_each(|part| self.out.extend(*part));
+    }
+
+    fn end_line(&mut self) {
+        if !self.code && std::mem::take(&mut self.blank) {
+            self.put(&[b"\\nwdocspar"]);
+        }
+        if self.quoting {
+            self.put(&[b"\\nwnewline"]);
+        }
+        // Finish the line of the name
+        let (previous, next) = (self.previous.take(), self.next.take());
+        let naming = std::mem::take(&mut self.naming);
+        let neighbours = previous.is_some() || next.is_some();
+        if naming || neighbours {
+            self.put(&[b"\\nwstartdeflinemarkup"]);
+            // Show users and neighbours
+            if naming {
+                self.list(b"\\nwusesondefline", &self.users.clone());
+            }
+            if neighbours {
+                let left = previous.unwrap_or(b"\\relax");
+                let right = next.unwrap_or(b"\\relax");
+                self.put(&[b"\\nwprevnextdefs{", left, b"}{", right, b"}"]);
+            }
+            self.put(&[b"\\nwenddeflinemarkup"]);
+        }
+        self.break_line();
+    }
+
+    fn break_line(&mut self) {
+        if std::mem::take(&mut self.uncommented) {
+            self.put(&[&self.options.comment]);
+        }
+        self.put(&[b"\n"]);
+    }
+
+    // Begin and end a chunk
+    fn begin(&mut self, chunk: Mark<'a>) {
+        match (chunk.keyword, chunk.argument) {
+            (b"code", Some(number)) => {
+                self.code = true;
+                self.put(&[b"\\nwbegincode{", number, b"}"]);
+                self.continued.clear();
+                self.users.clear();
+                self.unused = None;
+            }
+            (b"docs", Some(number)) if self.holds_back(number) => {}
+            (b"docs", Some(number)) => {
+                self.blank = true;
+                self.put(&[b"\\nwbegindocs{", number, b"}"]);
+            }
+            _ => self.warn(b"begin ", chunk),
+        }
+    }
+
+    fn holds_back(&self, number: &[u8]) -> bool {
+        self.delaying && number.starts_with(b"0")
+    }
+
+    fn end(&mut self, chunk: Mark<'a>) {
+        match (chunk.keyword, chunk.argument) {
+            (b"code", Some(_)) => {
+                self.write_footer();
+                self.code = false;
+                self.put(&[b"\\nwendcode{}"]);
+                (self.place, self.previous, self.next) = (None, None, None);
+            }
+            (b"docs", Some(number)) if self.holds_back(number) => {
+                self.delaying = false;
+                self.write_file_name();
+            }
+            (b"docs", Some(_)) => self.put(&[b"\\nwenddocs{}"]),
+            _ => self.warn(b"end ", chunk),
+        }
+    }
+
+    fn begin_file(&mut self, name: &'a [u8]) {
+        self.file = name;
+        (self.label, self.reference) = (None, None);
+        if !self.delaying {
+            self.write_file_name();
+        }
+    }
+
+    fn write_file_name(&mut self) {
+        let name = self.shown(self.file);
+        self.put(&[b"\\nwfilename{", &name, b"}"]);
+    }
+
+    fn write_footer(&mut self) {
+        let continued = std::mem::take(&mut self.continued);
+        self.list(b"\\nwalsodefined", &continued);
+        let users = std::mem::take(&mut self.users);
+        self.list(b"\\nwused", &users);
+        if let Some(name) = self.unused.take() {
+            let name = self.shown(name);
+            self.put(&[b"\\nwnotused{", &name, b"}"]);
+        }
+    }
+
+    fn list(&mut self, macro_name: &[u8], labels: &[&[u8]]) {
+        if labels.is_empty() {
+            return;
+        }
+        self.put(&[macro_name, b"{"]);
+        for label in labels {
+            self.put(&[b"\\\\{", label, b"}"]);
+        }
+        self.put(&[b"}"]);
+    }
+
+    // Write the names of chunks
+    /// A name that noweb would show without any conversion.
+    fn shown(&self, name: &[u8]) -> Vec<u8> {
+        match self.options.tex_names {
+            true => name.to_vec(),
+            false => name_text(name, plain),
+        }
+    }
+
+    /// The name of a chunk as it is typeset.
+    fn typeset(&self, name: &[u8]) -> Vec<u8> {
+        match self.options.tex_names {
+            true => name_text(name, <[u8]>::to_vec),
+            false => name_text(name, plain),
+        }
+    }
+
+    /// The name of a chunk, and the tag of the place it refers to.
+    fn name_and_tag(&mut self, name: &[u8]) -> Vec<u8> {
+        let mut out = self.typeset(name);
+        if let Some(label) = self.reference.take() {
+            out.push(b'~');
+            out.extend(tag(label));
+        }
+        out
+    }
+
+    fn define(&mut self, name: &'a [u8]) {
+        self.place = self.label.take();
+        if let Some(label) = self.place {
+            self.put(&[b"\\sublabel{", label, b"}"]);
+            self.put(&[b"\\nwmargintag{", &tag(label), b"}"]);
+        }
+        let end: &[u8] = match self.memory.defined.insert(name) {
+            true => b"}\\endmoddef",
+            false => b"}\\plusendmoddef",
+        };
+        let shown = self.name_and_tag(name);
+        self.put(&[b"\\moddef{", &shown, end]);
+        // Prepare the footer of the definition
+        if let Some(users) = self.memory.users.get(name) {
+            self.users = users.clone();
+        }
+        self.chunk = name;
+        self.naming = true;
+    }
+
+    fn use_chunk(&mut self, name: &[u8]) {
+        self.label = None;
+        let shown = self.name_and_tag(name);
+        self.put(&[b"\\LA{}", &shown, b"\\RA{}"]);
+    }
+
+    // Take up cross-references
+    fn reference(&mut self, mark: Mark<'a>) {
+        match (mark.keyword, mark.argument) {
+            (b"label", label @ Some(_)) => self.label = label,
+            (b"ref", label @ Some(_)) => self.reference = label,
+            (b"prevdef", label @ Some(_)) => self.previous = label,
+            (b"nextdef", label @ Some(_)) => self.next = label,
+            (b"notused", name @ Some(_)) => self.unused = name,
+            (b"defitem", Some(label)) => self.continued.push(label),
+            (b"useitem", Some(label)) => self.users.push(label),
+            (b"beginuses", None) => self.users.clear(),
+            (b"enduses", None) => {
+                self.memory.users.insert(self.chunk, self.users.clone());
+            }
+            (b"begindefs" | b"enddefs", None) => {}
+            // Write an entry of the list of chunks
+            (b"chunkbegin", Some(_)) => {
+                let entry = mark.inner();
+                let name = self.typeset(entry.text());
+                self.put(&[b"\\nwixlogsorted{c}{{", &name, b"}{"]);
+                self.put(&[entry.keyword, b"}{"]);
+            }
+            (b"chunkuse", Some(at)) => self.put(&[b"\\nwixu{", at, b"}"]),
+            (b"chunkdefn", Some(at)) => self.put(&[b"\\nwixd{", at, b"}"]),
+            (b"chunkend", None) => {
+                self.put(&[b"}}%"]);
+                self.break_line();
+            }
+            (b"beginchunks" | b"endchunks", None) => {}
+            _ => self.warn(b"xref ", mark),
+        }
+    }
+
+    // Take up the index
+    fn index(&mut self, mark: Mark<'a>) {
+        match (mark.keyword, mark.argument) {
+            (b"nl", None) => {
+                self.put(&[if self.code { b"\\eatline" } else { b"%" }]);
+                self.break_line();
+            }
+            _ if !self.options.index => {}
+            (b"defn" | b"localdefn", Some(name)) => self.define_word(name),
+            (b"use", Some(name)) => self.use_word(name),
+            (b"entrybegin", Some(_)) => {
+                let name = identifier(mark.inner().text());
+                self.put(&[b"\\nwixlogsorted{i}{", &name, b"}%"]);
+                self.break_line();
+            }
+            // Write the identifiers of a chunk
+            (b"begindefs", None) => {
+                self.write_footer();
+                self.put(&[b"\\nwidentdefs{"]);
+            }
+            (b"enddefs", None) => self.put(&[b"}"]),
+            (b"defitem", Some(name)) => self.list_word(name),
+            (b"beginuses", None) => {
+                self.write_footer();
+                self.put(&[b"\\nwidentuses{"]);
+                self.identifiers.clear();
+            }
+            (b"useitem", Some(name)) => {
+                self.list_word(name);
+                self.identifiers.push(name);
+            }
+            (b"enduses", None) => self.end_words(),
+            // Skip what LaTeX finds out itself
+            (b"isused" | b"isdefined", Some(_)) => {}
+            (b"entryuse" | b"entrydefn", Some(_)) => {}
+            (b"beginindex" | b"entryend" | b"endindex", None) => {}
+            _ => self.warn(b"index ", mark),
+        }
+    }
+
+    fn define_word(&mut self, name: &[u8]) {
+        if let Some(label) = self.label.take() {
+            self.put(&[b"\\nosublabel{", label, b"}"]);
+        }
+        if let Some(place) = self.reference.take() {
+            let name = identifier(name);
+            self.put(&[b"\\nwindexdefn", &name, b"{", place, b"}"]);
+        }
+    }
+
+    fn use_word(&mut self, name: &[u8]) {
+        self.link = self.reference.take();
+        let label = self.label.take();
+        if self.code || self.quoting {
+            return;
+        }
+        if let Some(label) = label {
+            self.put(&[b"\\protect\\nosublabel{", label, b"}"]);
+        }
+        if let Some(place) = self.link {
+            let name = identifier(name);
+            self.put(&[b"\\protect\\nwindexuse", &name, b"{", place, b"}"]);
+        }
+    }
+
+    fn list_word(&mut self, name: &[u8]) {
+        self.put(&[b"\\\\{", &identifier(name), b"}"]);
+    }
+
+    fn end_words(&mut self) {
+        self.put(&[b"}"]);
+        let Some(place) = self.place else { return };
+        for name in std::mem::take(&mut self.identifiers) {
+            let name = identifier(name);
+            self.put(&[b"\\nwindexuse", &name, b"{", place, b"}"]);
+        }
+    }
+
+    // Report what nobody understands
+    /// Warns of a keyword that means nothing here, the first time.
+    fn warn(&mut self, family: &[u8], mark: Mark) {
+        let tag = [family, mark.keyword].concat();
+        if self.warned.insert(tag.clone()) {
+            let what = b"Warning: unrecognized escape @";
+            self.report(&[what, &tag, b" ", mark.text()]);
+        }
+    }
+
+    fn report(&mut self, parts: &[&[u8]]) {
+        self.messages.extend(parts.concat());
+        self.messages.push(b'\n');
+    }
+}
+
+impl Converter<'_, '_> {
+    fn header(&mut self, kind: Mark) {
+        match (kind.keyword, kind.argument) {
+            (b"latex", Some(options)) => self.put(&[
+                b"\\documentclass{article}\\usepackage{noweb}",
+                b"\\pagestyle{noweb}\\noweboptions{",
+                options,
+                b"}\\begin{document}",
+            ]),
+            (b"tex", Some(_)) => self.put(&[b"\\input nwmac "]),
+            _ => self.warn(b"header ", kind),
+        }
+    }
+
+    fn trailer(&mut self, kind: Mark) {
+        match (kind.keyword, kind.argument) {
+            (b"latex", None) => self.put(&[b"\\end{document}"]),
+            (b"tex", None) => self.put(&[b"\\bye"]),
+            _ => return self.warn(b"trailer ", kind),
+        }
+        self.break_line();
+    }
+}
+
+// Escape text for each of its places
+/// Text of a line of code, where only `{`, `}` and `\` are special.
+fn code_text(text: &[u8]) -> Vec<u8> {
+    let mut out = Vec::with_capacity(text.len());
+    for &byte in text {
+        if b"{}\\".contains(&byte) {
+            out.push(b'\\');
+        }
+        out.push(byte);
+    }
+    out
+}
+
+/// Text of quoted code or of an identifier, in typewriter type.
+fn literal(text: &[u8]) -> Vec<u8> {
+    replace(text, |byte| match byte {
+        b'\\' => Some(b"{\\nwbackslash}"),
+        b'{' => Some(b"{\\nwlbrace}"),
+        b'}' => Some(b"{\\nwrbrace}"),
+        b'^' => Some(b"{\\char94}"),
+        b'~' => Some(b"{\\char126}"),
+        b' ' => Some(b"\\ "),
+        b'$' => Some(b"{\\$}"),
+        b'&' => Some(b"{\\&}"),
+        b'#' => Some(b"{\\#}"),
+        b'_' => Some(b"{\\_}"),
+        b'%' => Some(b"{\\%}"),
+        _ => None,
+    })
+}
+
+/// Text in the name of a chunk, printed as it is written.
+fn plain(text: &[u8]) -> Vec<u8> {
+    replace(text, |byte| match byte {
+        b'_' => Some(b"\\_"),
+        b'&' => Some(b"\\&"),
+        b'#' => Some(b"\\#"),
+        b'%' => Some(b"\\%"),
+        b'$' => Some(b"\\$"),
+        b'{' => Some(b"\\textbraceleft{}"),
+        b'}' => Some(b"\\textbraceright{}"),
+        b'~' => Some(b"\\textasciitilde{}"),
+        b'^' => Some(b"\\textasciicircum{}"),
+        b'\\' => Some(b"\\textbackslash{}"),
+        _ => None,
+    })
+}
+
+fn replace(
+    text: &[u8],
+    escape: impl Fn(u8) -> Option<&'static [u8]>,
+) -> Vec<u8> {
+    let mut out = Vec::with_capacity(text.len());
+    for &byte in text {
+        match escape(byte) {
+            Some(escaped) => out.extend(escaped),
+            None => out.push(byte),
+        }
+    }
+    out
+}
+
+/// The name of a chunk, with its quoted code in typewriter type.
+fn name_text(mut name: &[u8], outside: fn(&[u8]) -> Vec<u8>) -> Vec<u8> {
+    let mut out = Vec::new();
+    while let Some((before, code, after)) = next_quote(name) {
+        out.extend(outside(before));
+        out.extend(b"\\code{}");
+        out.extend(literal(code));
+        out.extend(b"\\edoc{}");
+        name = after;
+    }
+    out.extend(outside(name));
+    out
+}
+
+/// The text before the first quoted code, that code, and the rest.
+fn next_quote(name: &[u8]) -> Option<(&[u8], &[u8], &[u8])> {
+    let open = find(name, b"[[")?;
+    let code = &name[open + 2..];
+    let mut close = find(code, b"]]")?;
+    while code.get(close + 2) == Some(&b']') {
+        close += 1;
+    }
+    Some((&name[..open], &code[..close], &code[close + 2..]))
+}
+
+fn find(text: &[u8], pair: &[u8; 2]) -> Option<usize> {
+    text.windows(2).position(|window| window == pair)
+}
+
+/// An identifier as a key for LaTeX's tables.
+fn key(identifier: &[u8]) -> Vec<u8> {
+    replace(identifier, |byte| match byte {
+        b' ' => Some(b":sp"),
+        b'#' => Some(b":has"),
+        b'$' => Some(b":do"),
+        b'%' => Some(b":pe"),
+        b'&' => Some(b":am"),
+        b',' => Some(b":com"),
+        b':' => Some(b":col"),
+        b'\\' => Some(b":bs"),
+        b'^' => Some(b":hat"),
+        b'_' => Some(b":un"),
+        b'{' => Some(b":lb"),
+        b'}' => Some(b":rb"),
+        b'~' => Some(b":ti"),
+        _ => None,
+    })
+}
+
+/// An identifier for print and its key: the arguments of index macros.
+fn identifier(name: &[u8]) -> Vec<u8> {
+    let parts: [&[u8]; 5] =
+        [b"{\\nwixident{", &literal(name), b"}}{", &key(name), b"}"];
+    parts.concat()
+}
+
+/// The macro that prints the page and letter of a label.
+fn tag(label: &[u8]) -> Vec<u8> {
+    [b"{\\nwtagstyle{}\\subpageref{", label, b"}}"].concat()
+}
+
+// Run totex as a command
+/// Converts the lines of a stream to LaTeX.
+pub fn to_tex<'a>(
+    lines: impl Iterator<Item = &'a [u8]>,
+    options: &Options,
+    memory: &mut Memory<'a>,
+) -> Outcome {
+    let mut converter = Converter::new(options, memory);
+    for line in lines {
+        if line.starts_with(b"@fatal ") {
+            let messages = converter.messages;
+            return Outcome { messages, status: 1, ..Outcome::default() };
+        }
+        converter.convert(line);
+    }
+    converter.break_line();
+    let Converter { out, messages, .. } = converter;
+    Outcome { text: out, messages, status: 0 }
+}
+
+impl<'a, 'b> Converter<'a, 'b> {
+    fn new(options: &'b Options, memory: &'b mut Memory<'a>) -> Self {
+        Converter {
+            options,
+            memory,
+            out: Vec::new(),
+            messages: Vec::new(),
+            warned: HashSet::new(),
+            // Begin in prose with nothing pending
+            code: false,
+            quoting: false,
+            blank: false,
+            delaying: options.delay,
+            uncommented: !options.comment.is_empty(),
+            file: b"",
+            label: None,
+            reference: None,
+            link: None,
+            // Begin outside of any definition
+            chunk: b"",
+            place: None,
+            naming: false,
+            previous: None,
+            next: None,
+            continued: Vec::new(),
+            users: Vec::new(),
+            unused: None,
+            identifiers: Vec::new(),
+        }
+    }
+}
+
+impl Options {
+    /// Reads what concerns the converter from a command line.
+    pub fn read(args: &[OsString]) -> Options {
+        let has = |option: &str| args.iter().any(|arg| arg == option);
+        let mut options = Options {
+            delay: has("-delay"),
+            index: !has("-noindex"),
+            tex_names: has("-texnames"),
+            ..Options::default()
+        };
+        if has("-no-gen-comment") {
+            options.comment.clear();
+        }
+        options
+    }
+}
+
+/// `totex [-delay] [-noindex] [-no-gen-comment] [-texnames]`, the last
+/// stage of the pipeline.
+pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
+    let options = Options::read(args);
+    stream::filter(streams, |input| {
+        let lines = stream::trimmed_lines(input);
+        to_tex(lines, &options, &mut Memory::default())
+    })
+}

@@ -1,0 +1,126 @@
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+//! Every stage on any bytes: for the tests that nothing panics.
+
+use noweb::Streams;
+use noweb::diagnostic::Source;
+use noweb::markup::{Token, mark_up, parse_token, unmark, write_stream};
+use noweb::tangle::{Layout, tangle};
+use noweb::web::Web;
+
+/// Feeds bytes to every stage, as a web and as a stream.
+pub fn exercise(input: &[u8]) {
+    for tab in [0, 8] {
+        let source = Source::new(b"input".to_vec(), input.to_vec());
+        let (lexemes, faults) = mark_up(&source, 0, tab);
+        let mut stream = Vec::new();
+        write_stream(&lexemes, &mut stream).expect("a vector takes it");
+        let tokens: Vec<Token> =
+            lexemes.into_iter().map(|(token, _)| token).collect();
+        unmark(&tokens);
+        faults.iter().for_each(|fault| drop(fault.to_string()));
+        expand_all(&Web::read(vec![source], tab).0);
+        expand_all(&Web::read_stream(&stream).0);
+    }
+    let lines = input.split(|b| *b == b'\n');
+    unmark(&lines.filter_map(parse_token).collect::<Vec<Token>>());
+    expand_all(&Web::read_stream(input).0);
+    run_all(input);
+}
+
+/// Expands every chunk that is not too much repeated, in every layout.
+fn expand_all(web: &Web) {
+    let directive = Some(b"#line %L \"%F\"%N".to_vec());
+    let layouts = [
+        Layout::default(),
+        Layout { tab: 8, comment: Some("// "), ..Layout::default() },
+        Layout { directive, ..Layout::default() },
+    ];
+    if web.chunks.iter().map(|chunk| chunk.pieces.len()).sum::<usize>()
+        > 4000
+    {
+        return;
+    }
+    for chunk in web.chunks.iter().take(20) {
+        for layout in &layouts {
+            match tangle(web, &[&chunk.name], layout) {
+                Ok(tangled) => drop(tangled.origin(1, 1)),
+                Err(faults) => drop(faults[0].to_string()),
+            }
+        }
+    }
+    let unused = web.unused(noweb::project::is_file_name);
+    let warnings = unused.into_iter().chain(web.undefined());
+    warnings.chain(web.forward()).for_each(|w| drop(w.to_string()));
+}
+
+/// Gives bytes as standard input to the commands that are pure filters.
+fn run_all(input: &[u8]) {
+    let filters = ["markup", "unmarkup", "nt", "notangle", "noroots"];
+    let weavers = ["finduses", "noidx", "totex"];
+    let known: Vec<&str> = noweb::command::names().collect();
+    for name in filters.iter().chain(&weavers) {
+        if !known.contains(name) {
+            continue;
+        }
+        let (mut output, mut errors) = (Vec::new(), Vec::new());
+        let mut streams = Streams {
+            input: &mut &input[..],
+            output: &mut output,
+            errors: &mut errors,
+        };
+        noweb::command::run(name.as_ref(), &[], &mut streams);
+    }
+}
+
+/// A small random number generator (xorshift), for reproducible runs.
+pub struct Random(pub u64);
+
+impl Random {
+    pub fn below(&mut self, limit: usize) -> usize {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        (self.0 % limit.max(1) as u64) as usize
+    }
+}
+
+/// A piece of some input, changed in a few places.
+pub fn mutate(seeds: &[Vec<u8>], random: &mut Random) -> Vec<u8> {
+    let tokens: [&[u8]; 16] = [
+        b"<<",
+        b">>",
+        b">>=",
+        b"[[",
+        b"]]",
+        b"@",
+        b"@ ",
+        b"@ %def x\n",
+        b"\n",
+        b"\t",
+        b"\r\n",
+        b"\xff",
+        b"\0",
+        b"@nl\n",
+        b"@use x\n",
+        b"<<x>>=\n",
+    ];
+    let seed = &seeds[random.below(seeds.len())];
+    let from = random.below(seed.len());
+    let length = random.below((seed.len() - from).min(3000) + 1);
+    let mut input = seed[from..from + length].to_vec();
+    for _ in 0..random.below(12) {
+        let at = random.below(input.len() + 1);
+        let removed = random.below(8).min(input.len() - at);
+        let added = tokens[random.below(tokens.len())];
+        let added = if random.below(4) == 0 { b"" } else { added };
+        input.splice(at..at + removed, added.iter().copied());
+    }
+    input
+}

@@ -1,0 +1,436 @@
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+//! Tangling all files of a program, and refusing to lose anyone's work.
+
+mod common;
+
+use std::fs;
+use std::os::unix::fs::PermissionsExt;
+use std::time::{Duration, SystemTime};
+
+use common::{Outcome, Scratch, noweb, run, shell};
+
+const CHAPTER: &str = "\
+Prose.
+<<src/main.rs>>=
+<<Licensed under the GPL, version 3 or later>>
+
+fn main() {
+    <<Say [[hello]] to all>>
+    let x = <<the number>>;
+}
+@
+
+<<Say [[hello]] to all>>=
+println!(\"hello\");
+<<Count>>
+@
+<<Count>>=
+count();
+<<the number>>=
+42
+<<Licensed under the GPL, version 3 or later>>=
+// Copyright (C) 2026 litpt contributors
+// Free software.
+@
+<<scripts/run>>=
+#!/bin/sh
+echo \"$0\"
+<<a.mk>>=
+all:
+\ttrue
+@
+";
+
+const MAIN: &str = "\
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+// Free software.
+
+fn main() {
+    // Say `hello` to all
+    println!(\"hello\");
+    // Count
+    count();
+    let x = 42;
+}
+";
+
+/// A project whose one chapter is an hour old.
+fn project() -> Scratch {
+    let scratch = Scratch::new();
+    scratch.write("chapters/a.nw", CHAPTER);
+    age(&scratch, "chapters/a.nw", 3600);
+    scratch
+}
+
+/// Makes a file some seconds older than now.
+fn age(scratch: &Scratch, name: &str, seconds: u64) -> SystemTime {
+    let time = SystemTime::now() - Duration::from_secs(seconds);
+    let path = scratch.path().join(name);
+    let file = fs::File::options().append(true).open(path);
+    let file = file.expect("the file");
+    file.set_modified(time).expect("a modification time");
+    time
+}
+
+fn modified(scratch: &Scratch, name: &str) -> SystemTime {
+    let path = scratch.path().join(name);
+    fs::metadata(path).expect("the file").modified().expect("a time")
+}
+
+fn tangle(scratch: &Scratch, more: &[&str]) -> Outcome {
+    let args = [&["tangle"], more, &["chapters/a.nw"]].concat();
+    run(scratch.path(), &args)
+}
+
+/// The names of all files below a directory, sorted.
+fn listing(scratch: &Scratch) -> Vec<String> {
+    let found = shell(
+        "find . -type f ! -name a.nw | LC_ALL=C sort",
+        scratch.path(),
+        scratch.path(),
+    );
+    found.stdout().lines().map(String::from).collect()
+}
+
+#[test]
+fn every_file_is_written_with_names_and_licence() {
+    let scratch = project();
+    let outcome = tangle(&scratch, &[]);
+    assert_eq!((outcome.status, outcome.stderr()), (0, String::new()));
+    assert_eq!(scratch.read("src/main.rs"), MAIN);
+    assert_eq!(scratch.read("scripts/run"), "#!/bin/sh\necho \"$0\"\n");
+    assert_eq!(scratch.read("a.mk"), "all:\n\ttrue\n");
+    let files = ["./.tangled", "./a.mk", "./scripts/run", "./src/main.rs"];
+    assert_eq!(listing(&scratch), files);
+}
+
+#[test]
+fn a_script_may_be_run_and_a_source_may_not() {
+    let scratch = project();
+    tangle(&scratch, &[]);
+    let mode = |name| {
+        let metadata = fs::metadata(scratch.path().join(name));
+        metadata.expect("the file").permissions().mode() & 0o100
+    };
+    assert_eq!(mode("scripts/run"), 0o100);
+    assert_eq!(mode("src/main.rs"), 0);
+}
+
+#[test]
+fn a_written_file_has_the_time_of_its_chapter() {
+    let scratch = project();
+    scratch.write("chapters/b.nw", "<<Count>>=\nagain();\n");
+    let newer = age(&scratch, "chapters/b.nw", 60);
+    scratch.write("chapters/c.nw", "This one contributes nothing.\n");
+    let outcome = tangle(&scratch, &["chapters/b.nw", "chapters/c.nw"]);
+    assert_eq!(outcome.status, 0, "{}", outcome.stderr());
+    assert_eq!(modified(&scratch, "src/main.rs"), newer);
+    assert_eq!(
+        modified(&scratch, "scripts/run"),
+        modified(&scratch, "chapters/a.nw")
+    );
+}
+
+#[test]
+fn a_second_run_writes_nothing() {
+    let scratch = project();
+    tangle(&scratch, &[]);
+    let files = listing(&scratch);
+    let old: Vec<_> =
+        files.iter().map(|f| age(&scratch, f, 7200)).collect();
+    assert_eq!(tangle(&scratch, &[]).status, 0);
+    let new: Vec<_> = files.iter().map(|f| modified(&scratch, f)).collect();
+    assert_eq!(old, new);
+}
+
+#[test]
+fn only_what_a_change_touches_is_written() {
+    let scratch = project();
+    tangle(&scratch, &[]);
+    let script = age(&scratch, "scripts/run", 7200);
+    let changed = CHAPTER.replace("count();", "count_all();");
+    scratch.write("chapters/a.nw", changed);
+    assert_eq!(tangle(&scratch, &[]).status, 0);
+    assert!(scratch.read("src/main.rs").contains("count_all();"));
+    assert_eq!(modified(&scratch, "scripts/run"), script);
+}
+
+#[test]
+fn an_edit_by_hand_is_refused_with_its_chapter_line() {
+    let scratch = project();
+    tangle(&scratch, &[]);
+    let edited = MAIN.replace("count();", "count_by_hand();");
+    scratch.write("src/main.rs", &edited);
+    let changed = CHAPTER.replace("echo", "printf");
+    scratch.write("chapters/a.nw", changed);
+    let outcome = tangle(&scratch, &[]);
+    assert_eq!(outcome.status, 1);
+    assert_eq!(
+        outcome.stderr(),
+        "src/main.rs:9:10: error: this file was edited by hand since it \
+         was tangled\n      count_by_hand();\n           ^\n  \
+         help: the line comes from chapters/a.nw:16\n  help: move the edit \
+         there, or delete src/main.rs to have it tangled anew\n"
+    );
+    assert_eq!(scratch.read("src/main.rs"), edited);
+    let script = scratch.read("scripts/run");
+    assert!(script.contains("echo"), "nothing at all is written");
+}
+
+#[test]
+fn an_edit_that_was_moved_to_the_chapter_is_accepted() {
+    let scratch = project();
+    tangle(&scratch, &[]);
+    scratch.write("src/main.rs", MAIN.replace("count", "tally"));
+    scratch.write("chapters/a.nw", CHAPTER.replace("count", "tally"));
+    assert_eq!(tangle(&scratch, &[]).status, 0);
+    scratch.write("chapters/a.nw", CHAPTER);
+    assert_eq!(tangle(&scratch, &[]).status, 0, "the record knows it");
+    assert_eq!(scratch.read("src/main.rs"), MAIN);
+}
+
+#[test]
+fn a_deleted_file_is_tangled_anew() {
+    let scratch = project();
+    tangle(&scratch, &[]);
+    fs::remove_file(scratch.path().join("src/main.rs")).expect("removal");
+    assert_eq!(tangle(&scratch, &[]).status, 0);
+    assert_eq!(scratch.read("src/main.rs"), MAIN);
+}
+
+#[test]
+fn a_file_that_nobody_tangled_is_not_overwritten() {
+    let scratch = project();
+    scratch.write("src/main.rs", "fn main() {}\n");
+    let outcome = tangle(&scratch, &[]);
+    assert_eq!(outcome.status, 1);
+    assert!(outcome.stderr().contains("edited by hand"));
+    assert_eq!(scratch.read("src/main.rs"), "fn main() {}\n");
+    assert_eq!(listing(&scratch), ["./src/main.rs"]);
+}
+
+#[test]
+fn a_file_without_a_chunk_is_removed_unless_it_was_edited() {
+    let scratch = project();
+    tangle(&scratch, &[]);
+    let renamed = CHAPTER.replace("scripts/run", "scripts/walk");
+    scratch.write("chapters/a.nw", &renamed);
+    scratch.write("scripts/run", "#!/bin/sh\nmine\n");
+    let outcome = tangle(&scratch, &[]);
+    assert_eq!(outcome.status, 1);
+    let said = "no chunk defines scripts/run, an edited file";
+    assert!(outcome.stderr().contains(said), "{}", outcome.stderr());
+    scratch.write("scripts/run", "#!/bin/sh\necho \"$0\"\n");
+    assert_eq!(tangle(&scratch, &[]).status, 0);
+    let files = ["./.tangled", "./a.mk", "./scripts/walk", "./src/main.rs"];
+    assert_eq!(listing(&scratch), files);
+}
+
+#[test]
+fn check_names_what_is_stale_and_writes_nothing() {
+    let scratch = project();
+    let outcome = tangle(&scratch, &["--check"]);
+    assert_eq!(outcome.status, 1);
+    assert_eq!(
+        outcome.stderr(),
+        "error: src/main.rs is out of date\nerror: scripts/run is out of \
+         date\nerror: a.mk is out of date\n"
+    );
+    assert_eq!(listing(&scratch), [""; 0]);
+    tangle(&scratch, &[]);
+    assert_eq!(tangle(&scratch, &["--check"]).status, 0);
+}
+
+#[test]
+fn prefixes_choose_files_and_leave_the_others_alone() {
+    let scratch = project();
+    let outcome = tangle(&scratch, &["--only", "src/", "--record", "r"]);
+    assert_eq!(outcome.status, 0);
+    assert_eq!(listing(&scratch), ["./r", "./src/main.rs"]);
+    let outcome = tangle(&scratch, &["--except", "src/", "--record", "r"]);
+    assert_eq!(outcome.status, 0);
+    let files = ["./a.mk", "./r", "./scripts/run", "./src/main.rs"];
+    assert_eq!(listing(&scratch), files);
+    assert_eq!(scratch.read("r").lines().count(), 3);
+}
+
+#[test]
+fn the_record_is_sorted_and_holds_hashes() {
+    let scratch = project();
+    tangle(&scratch, &[]);
+    // FNV-1a of the texts, from an implementation of its own.
+    let hash = |text: &str| {
+        let mut hash = 14_695_981_039_346_656_037_u64;
+        for byte in text.bytes() {
+            hash = (hash ^ u64::from(byte)).wrapping_mul(1_099_511_628_211);
+        }
+        format!("{hash:016x}")
+    };
+    let files = ["a.mk", "scripts/run", "src/main.rs"];
+    let lines = files.map(|f| format!("{} {f}\n", hash(&scratch.read(f))));
+    assert_eq!(scratch.read(".tangled"), lines.concat());
+}
+
+#[test]
+fn an_undefined_chunk_stops_everything() {
+    let scratch = project();
+    let broken = CHAPTER.replace("<<Count>>\n@", "<<Cuont>>\n@");
+    scratch.write("chapters/a.nw", broken);
+    let outcome = tangle(&scratch, &[]);
+    assert_eq!(outcome.status, 1);
+    let said = "chapters/a.nw:13:1: error: undefined chunk name: <<Cuont>>";
+    assert!(outcome.stderr().starts_with(said), "{}", outcome.stderr());
+    assert_eq!(listing(&scratch), [""; 0]);
+}
+
+#[test]
+fn a_chunk_that_nobody_uses_is_reported() {
+    let scratch = project();
+    scratch.write("chapters/a.nw", CHAPTER.to_owned() + "<<Idle>>=\nx\n");
+    let outcome = tangle(&scratch, &[]);
+    assert_eq!(outcome.status, 0);
+    let said =
+        "chapters/a.nw:30:3: warning: chunk <<Idle>> is never used\n";
+    assert!(outcome.stderr().starts_with(said), "{}", outcome.stderr());
+}
+
+#[test]
+fn check_reports_what_looks_wrong_in_a_web() {
+    let scratch = project();
+    scratch
+        .write("chapters/a.nw", "<<x.rs>>=\n<<a>>\n<<Idle>>=\n<<gone>>\n");
+    scratch.write("chapters/b.nw", "<<a>>=\n1\n");
+    let args = ["check", "chapters/a.nw", "chapters/b.nw"];
+    let outcome = run(scratch.path(), &args);
+    assert_eq!(outcome.status, 1);
+    let lines = outcome.stderr();
+    let lines = lines.lines().filter(|line| line.starts_with("chapters"));
+    let expected = [
+        "chapters/a.nw:4:1: error: undefined chunk name: <<gone>>",
+        "chapters/a.nw:3:3: warning: chunk <<Idle>> is never used",
+        "chapters/a.nw:2:1: note: <<a>> is defined only later, at \
+         chapters/b.nw:1:3",
+    ];
+    assert_eq!(lines.collect::<Vec<_>>(), expected);
+}
+
+#[test]
+fn a_directory_that_cannot_be_written_is_named() {
+    let scratch = project();
+    scratch.write("src", "a file where a directory should be\n");
+    let outcome = tangle(&scratch, &[]);
+    assert_eq!(outcome.status, 1);
+    let said = "error: cannot write src/main.rs: ";
+    assert!(outcome.stderr().contains(said), "{}", outcome.stderr());
+}
+
+#[test]
+fn a_chapter_that_cannot_be_read_is_named() {
+    let scratch = project();
+    let outcome = tangle(&scratch, &["chapters/none.nw"]);
+    assert_eq!(outcome.status, 1);
+    let said = "error: cannot read chapters/none.nw: ";
+    assert!(outcome.stderr().contains(said), "{}", outcome.stderr());
+    assert_eq!(listing(&scratch), [""; 0]);
+}
+
+#[test]
+fn a_full_disk_leaves_the_old_file_and_no_debris() {
+    let scratch = project();
+    tangle(&scratch, &[]);
+    let grown = CHAPTER.replace("count();", &"count();\n".repeat(4000));
+    scratch.write("chapters/a.nw", grown);
+    // A limit on the size of files is a disk that is full for one file.
+    let command = format!(
+        "ulimit -f 16; trap '' XFSZ; '{}' tangle chapters/a.nw",
+        noweb().display()
+    );
+    let before = listing(&scratch);
+    let outcome = shell(&command, scratch.path(), scratch.path());
+    assert_eq!(outcome.status, 1, "{}", outcome.stderr());
+    let said = "error: cannot write src/main.rs: File too large";
+    assert!(outcome.stderr().contains(said), "{}", outcome.stderr());
+    assert_eq!(scratch.read("src/main.rs"), MAIN);
+    assert_eq!(listing(&scratch), before);
+}
+
+#[test]
+fn wrong_usage_has_status_2() {
+    let scratch = project();
+    for args in [&["tangle"][..], &["tangle", "--nope"], &["tangle", "-C"]]
+    {
+        assert_eq!(run(scratch.path(), args).status, 2, "{args:?}");
+    }
+    for args in [&[][..], &["nonsense"]] {
+        assert_eq!(run(scratch.path(), args).status, 2, "{args:?}");
+    }
+    assert_eq!(run(scratch.path(), &["--version"]).status, 0);
+    assert_eq!(run(scratch.path(), &["--help"]).status, 0);
+}
+
+#[test]
+fn a_closed_pipe_is_not_an_error() {
+    let scratch = project();
+    let many = "<<*>>=\n".to_owned() + &"line\n".repeat(200_000);
+    scratch.write("big.nw", many);
+    let command = format!(
+        "{{ '{}' notangle big.nw; echo $? >status; }} | head -1",
+        noweb().display()
+    );
+    let outcome = shell(&command, scratch.path(), scratch.path());
+    assert_eq!(outcome.stderr(), "");
+    assert_eq!(scratch.read("status"), "0\n");
+}
+
+#[test]
+fn an_output_that_cannot_be_written_is_an_error() {
+    let scratch = project();
+    let command = format!(
+        "'{}' notangle -Rsrc/main.rs chapters/a.nw >/dev/full",
+        noweb().display()
+    );
+    let outcome = shell(&command, scratch.path(), scratch.path());
+    assert_eq!(outcome.status, 1);
+    assert!(outcome.stderr().starts_with("error: cannot write: No space"));
+}
+
+#[test]
+fn cpif_writes_through_a_link_and_to_a_device() {
+    let scratch = project();
+    scratch.write("target", "old\n");
+    let command = format!(
+        "ln -s target link; echo new | '{}' cpif link /dev/null",
+        noweb().display()
+    );
+    let outcome = shell(&command, scratch.path(), scratch.path());
+    assert_eq!((outcome.status, outcome.stderr()), (0, String::new()));
+    assert_eq!(scratch.read("target"), "new\n");
+    let link = fs::symlink_metadata(scratch.path().join("link"));
+    assert!(link.expect("the link").is_symlink());
+}
+
+#[test]
+fn a_hundred_thousand_lines_take_no_quadratic_time() {
+    let scratch = Scratch::new();
+    let mut web = String::from("<<*>>=\n");
+    for number in 0..20_000 {
+        web += &format!("  <<chunk {number}>>\n");
+    }
+    for number in 0..20_000 {
+        web += &format!("@ prose\n<<chunk {number}>>=\na << b\nc\td\n");
+    }
+    scratch.write("big.nw", web);
+    let start = std::time::Instant::now();
+    let outcome = run(scratch.path(), &["notangle", "big.nw"]);
+    assert_eq!(outcome.status, 0);
+    assert_eq!(outcome.stdout().lines().count(), 40_000);
+    assert!(start.elapsed() < Duration::from_secs(20));
+}

@@ -1,0 +1,122 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! A pinhole camera: from a point of the image to a direction.
+//!
+//! Image coordinates run over [0, 1) x [0, 1), from the top left.
+
+// Name what the camera imports
+use std::fmt;
+
+use glam::DVec3;
+
+use crate::numerics::{cross, tame};
+
+// Describe a view in the user's terms
+/// Where a camera stands and where it looks, in the file's coordinates.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct View {
+    /// Position of the pinhole.
+    pub position: DVec3,
+    /// The point in the middle of the image.
+    pub target: DVec3,
+    /// The direction that is up; not parallel to the view.
+    pub up: DVec3,
+    /// Vertical field of view in degrees, strictly between 0 and 180.
+    pub fov: f64,
+}
+
+// Turn a view into three axes
+/// The axes of a view, ready for equation (1) of the chapter.
+#[derive(Clone, Copy, Debug)]
+pub struct Camera {
+    /// Position of the pinhole in the file's coordinates.
+    pub position: DVec3,
+    right: DVec3,
+    down: DVec3,
+    ahead: DVec3,
+}
+
+impl Camera {
+    /// The camera of a view, for images of the ratio width/height.
+    ///
+    /// # Errors
+    /// A target at the position, an up axis along the view, a field of
+    /// view out of range.
+    pub fn new(view: &View, aspect: f64) -> Result<Self, ViewError> {
+        let &View { position, target, up, fov } = view;
+        if !(fov > 0. && fov < 180.) {
+            return Err(ViewError::FieldOfView(fov));
+        }
+        let ahead = tame(0.5 * target - 0.5 * position);
+        if ahead == DVec3::ZERO {
+            return Err(ViewError::Target(target));
+        }
+        let right = tame(cross(ahead, tame(up)));
+        if right == DVec3::ZERO {
+            return Err(ViewError::Up { up, ahead: target - position });
+        }
+        // Scale the axes to the image
+        let distance = 1. / libm::tan(0.5 * fov.to_radians());
+        Ok(Camera {
+            position,
+            right: right.normalize() * aspect,
+            down: tame(cross(ahead, right)).normalize(),
+            ahead: ahead.normalize() * distance,
+        })
+    }
+
+    // Give the direction of a point
+    /// The direction of the point (`x`, `y`) of the image, of length one.
+    pub fn direction(&self, x: f64, y: f64) -> DVec3 {
+        let along_row = self.right * (2. * x - 1.);
+        let along_column = self.down * (2. * y - 1.);
+        (along_row + along_column + self.ahead).normalize()
+    }
+}
+
+// Explain why a view is impossible
+/// Why a view has no camera.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ViewError {
+    /// The target, which is also the position.
+    Target(DVec3),
+    /// The up axis is zero or parallel to the direction of view.
+    Up {
+        /// The up axis.
+        up: DVec3,
+        /// The vector from the position to the target.
+        ahead: DVec3,
+    },
+    /// The field of view in degrees is out of range.
+    FieldOfView(f64),
+}
+
+impl std::error::Error for ViewError {}
+
+impl fmt::Display for ViewError {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        match *self {
+            Self::Target(at) => write!(
+                f,
+                "the camera's target is its own position {at}; move \
+                 one of them (-p, -t)"
+            ),
+            Self::Up { up, ahead } => write!(
+                f,
+                "the camera's up axis {up} is zero or parallel to the \
+                 view {ahead}; choose another one (-u)"
+            ),
+            Self::FieldOfView(fov) => write!(
+                f,
+                "the field of view {fov} is not strictly between 0 and \
+                 180 degrees (-F)"
+            ),
+        }
+    }
+}

@@ -1,0 +1,150 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! A rectangle of accumulators, cut into tiles along Hilbert's curve.
+//!
+//! Pixels are counted from the top left. Those of one tile lie
+//! together in memory, so that threads write to separate pieces.
+
+use crate::statistics::Accumulator;
+
+// Lay the tiles out in memory
+/// Width and height of a tile in pixels.
+pub const SIDE: u32 = 16;
+
+/// A rectangle of pixels that one thread renders at a time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Tile {
+    /// Column and row of its first pixel.
+    pub corner: (u32, u32),
+    /// Its width and height, at most `SIDE` each.
+    pub size: (u32, u32),
+    /// Number of pixels in the tiles before it.
+    start: usize,
+}
+
+/// An image in the making: one accumulator per pixel.
+#[derive(Clone, Debug)]
+pub struct Image {
+    width: u32,
+    height: u32,
+    tiles: Vec<Tile>,
+    /// The number of each tile along the curve, by row and column.
+    ranks: Vec<u32>,
+    pixels: Vec<Accumulator>,
+}
+
+impl Image {
+    /// An image without any weight, of at least one pixel.
+    pub fn new(width: u32, height: u32) -> Self {
+        let (columns, rows) = (width.div_ceil(SIDE), height.div_ceil(SIDE));
+        let side = columns.max(rows).next_power_of_two();
+        let cells =
+            (0..rows).flat_map(|y| (0..columns).map(move |x| (x, y)));
+        let mut cells: Vec<_> = cells.collect();
+        cells.sort_by_cached_key(|&(x, y)| distance(side, x, y));
+        let mut ranks = vec![0; cells.len()];
+        let mut tiles = Vec::with_capacity(cells.len());
+        let mut start = 0;
+        for (rank, (x, y)) in cells.into_iter().enumerate() {
+            // Append the tile of one cell
+            ranks[(y * columns + x) as usize] = rank as u32;
+            let corner = (x * SIDE, y * SIDE);
+            let size =
+                (SIDE.min(width - corner.0), SIDE.min(height - corner.1));
+            tiles.push(Tile { corner, size, start });
+            start += (size.0 * size.1) as usize;
+        }
+        let pixels = vec![Accumulator::default(); start];
+        Self { width, height, tiles, ranks, pixels }
+    }
+}
+
+// Find a pixel in its tile
+impl Image {
+    /// The tiles, each with its pixels row by row.
+    pub fn tiles(&mut self) -> Vec<(Tile, &mut [Accumulator])> {
+        let mut rest = &mut self.pixels[..];
+        let mut parts = Vec::with_capacity(self.tiles.len());
+        for &tile in &self.tiles {
+            let length = (tile.size.0 * tile.size.1) as usize;
+            let (pixels, others) = rest.split_at_mut(length);
+            parts.push((tile, pixels));
+            rest = others;
+        }
+        parts
+    }
+
+    /// The pixel of column `x` and row `y`.
+    pub fn pixel(&self, x: u32, y: u32) -> &Accumulator {
+        let columns = self.width.div_ceil(SIDE);
+        let rank = self.ranks[(y / SIDE * columns + x / SIDE) as usize];
+        let tile = &self.tiles[rank as usize];
+        let inside = y % SIDE * tile.size.0 + x % SIDE;
+        &self.pixels[tile.start + inside as usize]
+    }
+}
+
+impl Image {
+    /// Width in pixels.
+    pub fn width(&self) -> u32 {
+        self.width
+    }
+
+    /// Height in pixels.
+    pub fn height(&self) -> u32 {
+        self.height
+    }
+
+    /// Number of pixels.
+    pub fn area(&self) -> u64 {
+        self.pixels.len() as u64
+    }
+
+    /// The means of the pixels, row by row from the top left.
+    pub fn means(&self) -> impl Iterator<Item = f64> {
+        let row =
+            move |y| (0..self.width).map(move |x| self.pixel(x, y).mean());
+        (0..self.height).flat_map(row)
+    }
+}
+
+// Order the tiles along the curve
+/// The number of cells that Hilbert's curve visits before the cell
+/// (`x`, `y`) of a grid of `side` by `side`, a power of two.
+fn distance(side: u32, mut x: u32, mut y: u32) -> u64 {
+    let mut cells = 0;
+    let mut s = side / 2;
+    while s > 0 {
+        let (right, lower) = (x & s > 0, y & s > 0);
+        let before = (3 * u64::from(right)) ^ u64::from(lower);
+        cells += before * u64::from(s) * u64::from(s);
+        (x, y) = (x & (s - 1), y & (s - 1));
+        if !lower {
+            if right {
+                (x, y) = (s - 1 - x, s - 1 - y);
+            }
+            (x, y) = (y, x);
+        }
+        s /= 2;
+    }
+    cells
+}
+
+// Summarise the image in one number
+impl Image {
+    /// The mean radiance of the image and its standard error; the
+    /// latter is infinite with one realisation per pixel.
+    pub fn mean(&self) -> (f64, f64) {
+        let n = self.pixels.len() as f64;
+        let sum: f64 = self.pixels.iter().map(Accumulator::mean).sum();
+        let errors = self.pixels.iter().map(Accumulator::standard_error);
+        let squares: f64 = errors.map(|e| e * e).sum();
+        (sum / n, squares.sqrt() / n)
+    }
+}

@@ -1,0 +1,53 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! A Monte-Carlo path tracer for one diffuse material under a
+//! uniform sky.
+//!
+//! The modules are the chapters of the book, in the book's order.
+//! Lengths are in the scene's own unit; radiance is relative to the
+//! radiance of the sky, and therefore lies between 0 and 1.
+//!
+// Show the library at work
+//! ```
+//! use glam::DVec3;
+//! use litpt::{camera::*, estimator::*, hierarchy::*, image::*};
+//! use litpt::{render::*, scene::*, sky::*};
+//!
+//! let obj = "v -1e6 -1e6 0\nv 1e6 -1e6 0\nv 1e6 1e6 0\nv -1e6 1e6 0\n\
+//!            f 1 2 3 4\n";
+//! let scene = Scene::new(&read_obj(obj.as_bytes())?);
+//! let view = View { position: DVec3::new(0., 0., 2.), target: DVec3::ZERO,
+//!                   up: DVec3::Y, fov: 70. };
+//! let camera = Camera::new(&view, 1.)?;
+//! let estimator = Reference { reflectivity: 0.5, sky: Sky::new(DVec3::Z) };
+//! let kernel = Cwbvh::new(&scene);
+//!
+//! let job = Job { scene: &scene, kernel: &kernel, camera: &camera,
+//!                 estimator: &estimator, seed: 0 };
+//! let mut image = Image::new(4, 3);
+//! job.pass(&mut image, 0..2, &|_| ());
+//! assert_eq!(image.pixel(0, 0).mean(), 0.5);
+//! assert_eq!(image.pixel(0, 0).variance(), 0.);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+pub mod arguments;
+pub mod camera;
+pub mod courtyard;
+pub mod estimator;
+pub mod hierarchy;
+pub mod image;
+pub mod numerics;
+pub mod output;
+pub mod progress;
+pub mod render;
+pub mod sampling;
+pub mod scene;
+pub mod sky;
+pub mod statistics;

@@ -1,0 +1,87 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Floating-point operations that are exact, or the same everywhere.
+
+use glam::DVec3;
+
+// Scale by exact powers of two
+/// The exponent `e` of `x`, with 2^e <= |x| < 2^(e+1) when `x` is
+/// normal, and -1023 when it is zero or subnormal.
+pub fn exponent(x: f64) -> i32 {
+    let biased = (x.to_bits() >> 52) & 0x7ff;
+    biased as i32 - 1023
+}
+
+/// The number 2^`e`, with `e` clamped to the normal range [-1022, 1023].
+pub fn power_of_two(e: i32) -> f64 {
+    let biased = (e.clamp(-1022, 1023) + 1023) as u64;
+    f64::from_bits(biased << 52)
+}
+
+/// `v`, scaled exactly so that its largest component is about one.
+pub fn tame(v: DVec3) -> DVec3 {
+    v * power_of_two(-exponent(v.abs().max_element()))
+}
+
+// Multiply two vectors without cancellation
+/// `a * b - c * d` to 1.5 units in the last place (Jeannerod, Louvet
+/// and Muller 2013, theorem 5.1, after Kahan).
+fn difference_of_products(a: f64, b: f64, c: f64, d: f64) -> f64 {
+    let cd = c * d;
+    a.mul_add(b, -cd) + (-c).mul_add(d, cd)
+}
+
+/// The cross product of `u` and `v`; zero only if they are parallel.
+pub fn cross(u: DVec3, v: DVec3) -> DVec3 {
+    DVec3::new(
+        difference_of_products(u.y, v.z, u.z, v.y),
+        difference_of_products(u.z, v.x, u.x, v.z),
+        difference_of_products(u.x, v.y, u.y, v.x),
+    )
+}
+
+// Place a point on the circle
+/// The point (cos 2πu, sin 2πu), for `u` in [0, 1], with an absolute
+/// error below 4e-16.
+#[inline(always)]
+pub fn circle(u: f64) -> (f64, f64) {
+    let quarters = (4. * u + 0.5).floor();
+    let angle = (4. * u - quarters) * FRAC_PI_2;
+    let square = angle * angle;
+    let sine = angle * polynomial(&SINE, square);
+    let cosine = polynomial(&COSINE, square);
+    // Turn the point by whole quarters
+    let q = quarters as i64;
+    let (x, y) = if q & 1 == 0 { (cosine, sine) } else { (sine, cosine) };
+    let x = if (q + 1) & 2 == 0 { x } else { -x };
+    let y = if q & 2 == 0 { y } else { -y };
+    (x, y)
+}
+
+const SINE: [f64; 8] = reciprocal_factorials(1);
+const COSINE: [f64; 9] = reciprocal_factorials(0);
+
+/// The numbers (-1)^k / (2k + `offset`)!, for k from 0.
+const fn reciprocal_factorials<const N: usize>(offset: u64) -> [f64; N] {
+    let mut coefficients = [1.; N];
+    let mut k = 1;
+    while k < N {
+        let n = 2 * k as u64 + offset;
+        coefficients[k] = -coefficients[k - 1] / (n * (n - 1)) as f64;
+        k += 1;
+    }
+    coefficients
+}
+
+#[inline(always)]
+fn polynomial<const N: usize>(coefficients: &[f64; N], x: f64) -> f64 {
+    coefficients.iter().rev().fold(0., |sum, c| sum * x + c)
+}
+
+use std::f64::consts::FRAC_PI_2;

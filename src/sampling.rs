@@ -1,0 +1,56 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Random numbers, and the directions that they stand for.
+
+// Name what the sampling imports
+use glam::DVec3;
+use rand_pcg::Pcg64;
+
+use crate::numerics::circle;
+
+// Give each path its own generator
+/// The generator of realisation `n` of pixel `i`, for a seed.
+pub fn generator(seed: u64, i: u64, n: u64) -> Pcg64 {
+    let high = scatter(seed ^ scatter(i ^ scatter(n)));
+    let low = scatter(high ^ n);
+    let state = u128::from(high) << 64 | u128::from(low);
+    Pcg64::new(state, u128::from(i) << 64 | u128::from(n))
+}
+
+/// The output function of SplitMix64 (Steele, Lea and Flood 2014).
+fn scatter(x: u64) -> u64 {
+    let x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    x ^ (x >> 31)
+}
+
+// Choose a direction around a normal
+/// A direction around the unit vector `normal`, with density cos/π,
+/// from two numbers uniform over [0, 1).
+#[inline(always)]
+pub fn cosine_direction(normal: DVec3, r: f64, turn: f64) -> DVec3 {
+    let (cosine, sine) = circle(turn);
+    let (tangent, bitangent) = frame(normal);
+    let across = tangent * cosine + bitangent * sine;
+    across * r.sqrt() + normal * (1. - r).sqrt()
+}
+
+// Build a frame around a normal
+/// Two unit vectors that form an orthonormal frame with the unit
+/// vector `n` (Duff et al. 2017, listing 3).
+#[inline(always)]
+pub fn frame(n: DVec3) -> (DVec3, DVec3) {
+    let s = 1f64.copysign(n.z);
+    let a = -1. / (s + n.z);
+    let b = n.x * n.y * a;
+    let tangent = DVec3::new(1. + s * n.x * n.x * a, s * b, -s * n.x);
+    let bitangent = DVec3::new(b, s + n.y * n.y * a, -n.y);
+    (tangent, bitangent)
+}

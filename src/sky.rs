@@ -1,0 +1,38 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The only light: a half space of directions with radiance 1.
+
+use glam::DVec3;
+
+/// The sky: radiance 1 from all directions above the horizon.
+#[derive(Clone, Copy, Debug)]
+pub struct Sky {
+    /// Unit vector of the coordinate axis that points to the zenith.
+    zenith: DVec3,
+}
+
+impl Sky {
+    // Choose the axis nearest to up
+    /// The sky whose zenith is the coordinate axis nearest to `up`.
+    pub fn new(up: DVec3) -> Self {
+        let size = up.abs();
+        let axis = match size.max_element() {
+            most if size.z == most => DVec3::Z,
+            most if size.y == most => DVec3::Y,
+            _ => DVec3::X,
+        };
+        Self { zenith: axis * axis.dot(up).signum() }
+    }
+
+    // Tell the radiance of a direction
+    /// The radiance that arrives from `direction`, if nothing is in the way.
+    pub fn radiance(&self, direction: DVec3) -> f64 {
+        if self.zenith.dot(direction) > 0. { 1. } else { 0. }
+    }
+}
