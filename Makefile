@@ -6,7 +6,7 @@
 # this notice are preserved. This file is offered as-is, without any warranty.
 
 include config.mk
-export BUILD_DIR CARGO_TARGET_DIR
+export BUILD_DIR CARGO CARGO_TARGET_DIR
 
 # The chapters are listed in the master, and nowhere else.
 CHAPTERS := $(shell sed -n 's,^\\include{\(.*\)}.*,chapters/\1.nw,p' litpt.nw)
@@ -28,7 +28,7 @@ SOURCES := $(WEB) $(NOWEB_SOURCES) config.mk build.rs $(wildcard Cargo.lock) \
 # book (seconds) and in the demonstration (about a minute on two cores).
 CAMERA = -p 12.2,2.4,1.3 -t -12.6,6,-1.2 -u 0,1,0 -F 70
 FIGURE = -d 480x360 -n 64
-DEMO = -d 800x600 -n 256
+DEMO = -d 800x600 -n 64
 
 TEX_NEEDS = memoir.cls lmodern.sty microtype.sty booktabs.sty pgfplots.sty
 TEX_INSTALL = apt-get install --no-install-recommends texlive-latex-base \
@@ -57,14 +57,14 @@ $(PROGRAMS): $(SOURCES)
 	$(CARGO) build $(PROFILE_$(BUILD_TYPE)) --bins
 	@mkdir -p $(BUILD_DIR)
 	@rm -f $(BUILD_DIR)/Release.stamp $(BUILD_DIR)/Debug.stamp
-	@for program in pt courtyard; do \
+	@for program in pt courtyard closed_forms; do \
 	  cmp -s $(COMPILED)/$$program $(BUILD_DIR)/$$program || \
 	  { cp $(COMPILED)/$$program $(BUILD_DIR)/$$program.new && \
 	    mv $(BUILD_DIR)/$$program.new $(BUILD_DIR)/$$program; } || exit 1; \
 	done
 	@touch $@
 
-$(BUILD_DIR)/pt $(BUILD_DIR)/courtyard: $(PROGRAMS)
+$(addprefix $(BUILD_DIR)/,pt courtyard closed_forms): $(PROGRAMS)
 	@test -x $@ || { rm -f $<; $(MAKE) --no-print-directory $<; }
 
 bin: $(BUILD_DIR)/pt
@@ -92,6 +92,11 @@ $(NOWEB): $(NOWEB_SOURCES)
 	$(CARGO) build --release -p noweb
 	@touch $@
 
+# Known answers and those of the program, for the chapter on tests.
+$(BUILD_DIR)/tables/closed-forms.tex: $(BUILD_DIR)/closed_forms
+	@mkdir -p $(@D)
+	$(BUILD_DIR)/closed_forms > $@
+
 # What the tool says about the examples in the chapter on it.
 $(BUILD_DIR)/examples.stamp: $(NOWEB) $(wildcard doc/examples/*)
 	@sh doc/examples/messages.sh $(NOWEB) $(BUILD_DIR)/examples
@@ -105,6 +110,7 @@ check-tex:
 
 $(BUILD_DIR)/litpt.pdf: $(WEB) $(NOWEB) config.mk \
   $(BUILD_DIR)/figures/courtyard.png $(BUILD_DIR)/examples.stamp \
+  $(BUILD_DIR)/tables/closed-forms.tex \
   $(addprefix doc/,litpt.sty litpt.bib litpt-mono.enc latexmkrc)
 	@mkdir -p $(BUILD_DIR)/tex
 	$(NOWEB) noweave $(NOWEAVE_OPTS) \
@@ -120,7 +126,7 @@ $(BUILD_DIR)/litpt.pdf: $(WEB) $(NOWEB) config.mk \
 
 # The warnings in the log of LaTeX, each with the file that was open.
 define LIST_WARNINGS
-match($$0, /\/tex\/[^ ()]+\.tex/) {
+match($$0, /\/tex\/[^ ()\/]+\.tex/) {
   file = substr($$0, RSTART + 5, RLENGTH - 5)
 }
 /(LaTeX|Package|Class|pdfTeX)[^:]*[Ww]arning|^(Over|Under)full/ {
@@ -140,8 +146,9 @@ test:
 check: $(NOWEB)
 	$(CARGO) fmt --all --check
 	$(CARGO) clippy --workspace --all-targets -- -D warnings
-	$(NOWEB) tangle --check $(WEB)
-	git diff --exit-code -- src noweb/src doc/vim
+	$(NOWEB) tangle --check --except noweb/ --record src/.tangled $(WEB)
+	$(NOWEB) tangle --check --only noweb/ --record noweb/.tangled $(WEB)
+	git diff --exit-code -- src noweb doc/vim
 	@if command -v python3 > /dev/null; then \
 	  python3 doc/chunk-statistics.py $(CHAPTERS); fi
 	@if command -v vim > /dev/null; then sh doc/vim/test.sh; fi

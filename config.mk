@@ -8,8 +8,8 @@
 # Where the program, the book and the pictures go.
 BUILD_DIR = build
 
-# Release: optimised, for rendering. Debug: with all checks, for looking for
-# errors; about thirty times slower.
+# Release: optimised, for rendering. Debug: with all checks, much slower, for
+# looking for errors.
 BUILD_TYPE = Release
 
 # Options of notangle, which "make chunk" calls; for instance

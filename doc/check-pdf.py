@@ -70,11 +70,11 @@ def book_lines(pdf):
     text = subprocess.run(['pdftotext', '-layout', pdf, '-'], check=True,
                           stdout=subprocess.PIPE).stdout.decode()
     lines, starts = [], set()
-    for page in text.split('\f'):
+    for number, page in enumerate(text.split('\f'), 1):
         rows = [row for row in page.split('\n') if row.strip()]
-        if rows and re.search(r'\S\s{3,}\d+$', rows[0]):
+        if rows and re.search(rf'\S\s{{3,}}{number}$', rows[0]):
             del rows[0]
-        if rows and re.fullmatch(r'\s*\d+', rows[-1]):
+        elif rows and re.fullmatch(rf'\s*{number}', rows[-1]):
             del rows[-1]
         starts.add(len(lines))
         lines += rows

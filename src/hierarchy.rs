@@ -207,8 +207,8 @@ impl Corners {
         Self([axis(0), axis(1), axis(2)])
     }
 
-    /// The unit normal; undefined for triangles that have no area, which
-    /// no ray meets.
+    /// The unit normal, on the side where the corners run
+    /// anticlockwise.
     #[inline(always)]
     fn normal(&self) -> DVec3 {
         let [x, y, z] = &self.0;

@@ -39,6 +39,7 @@
 
 pub mod arguments;
 pub mod camera;
+pub mod closed_forms;
 pub mod courtyard;
 pub mod estimator;
 pub mod hierarchy;

@@ -49,8 +49,12 @@ fn run(arguments: &Arguments) -> Result<(), String> {
     let mut timings = Timings::start();
     let mesh = arguments.read_mesh()?;
     let scene = Scene::new(&mesh);
+    let flat = mesh.triangles.len() - scene.triangles().len();
     drop(mesh);
     timings.loaded();
+    if flat > 0 && !arguments.quiet {
+        progress::warn(&format!("left out {flat} triangles without area"));
+    }
     let kernel = Cwbvh::new(&scene);
     timings.built();
     // Render all the realisations of the image

@@ -117,8 +117,8 @@ impl<'a> Statements<'a> {
         let length = newline.map_or(rest.len(), |at| at + 1);
         self.next += length;
         self.line += 1;
-        let keep = self.continues.unwrap_or_else(|| matters(rest));
         let text = rest[..length].trim_ascii_end();
+        let keep = self.continues.unwrap_or_else(|| matters(text));
         let continues = text.last() == Some(&b'\\');
         self.continues = continues.then_some(keep);
         let length = if continues { text.len() - 1 } else { length };
@@ -129,7 +129,7 @@ impl<'a> Statements<'a> {
 /// Whether a line begins with the statement `v` or `f`.
 fn matters(line: &[u8]) -> bool {
     let line = line.trim_ascii_start();
-    matches!(line, [b'v' | b'f', b' ' | b'\t', ..])
+    matches!(line, [b'v' | b'f'] | [b'v' | b'f', b' ' | b'\t', ..])
 }
 
 impl BufRead for Statements<'_> {
@@ -302,9 +302,15 @@ pub type Triangle = [Vec3; 3];
 #[derive(Clone, Debug)]
 pub struct Scene {
     frame: Frame,
-    /// Half extents of the box around the origin that holds it all.
+    /// Half extents of a box around the origin, slightly larger than
+    /// the scene.
     half: DVec3,
     triangles: Vec<Triangle>,
+}
+
+fn has_area(triangle: &Triangle) -> bool {
+    let [a, b, c] = triangle.map(|corner| corner.as_dvec3());
+    (b - a).cross(c - a) != DVec3::ZERO
 }
 
 impl Scene {
@@ -317,12 +323,13 @@ impl Scene {
         let frame = frame(low, high);
         let corner = |&i: &u32| frame.apply(vertices[i as usize]).as_vec3();
         let place = |t: &[u32; 3]| t.each_ref().map(corner);
-        let triangles = mesh.triangles.iter().map(place).collect();
-        let half = frame.apply(high).as_vec3().as_dvec3();
+        let triangles = mesh.triangles.iter().map(place);
+        let triangles = triangles.filter(has_area).collect();
+        let half = frame.apply(high) + DVec3::ONE;
         Self { frame, half, triangles }
     }
 
-    /// The triangles in the order of the mesh.
+    /// The triangles that have an area, in the order of the mesh.
     pub fn triangles(&self) -> &[Triangle] {
         &self.triangles
     }

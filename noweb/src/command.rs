@@ -163,15 +163,22 @@ fn run_check(args: &[OsString], streams: &mut Streams) -> u8 {
         Err(status) => return status,
     };
     let layout = tangle::Layout::default();
-    let mut faults = web.undefined();
+    let mut faults = Vec::new();
     for chunk in &web.chunks {
+        // Look for failures below a root
         if web.uses.contains_key(&chunk.name) {
             continue;
         }
         let tangled = tangle::tangle(&web, &[&chunk.name], &layout);
         faults.extend(tangled.err().into_iter().flatten());
     }
-    faults.dedup();
+    faults.extend(web.undefined());
+    let mut seen = Vec::new();
+    faults.retain(|fault: &Diagnostic| {
+        let fresh = !seen.contains(&fault.position);
+        seen.push(fault.position.clone());
+        fresh
+    });
     faults.extend(web.unused(project::is_file_name));
     faults.extend(web.forward());
     streams.conclude(Ok(()), &faults).min(1)

@@ -43,6 +43,7 @@ pub fn replace(
 ) -> io::Result<()> {
     let target = fs::canonicalize(path).unwrap_or(path.to_owned());
     let old = fs::metadata(&target).ok();
+    // Write directly to a device or pipe
     if old.as_ref().is_some_and(|old| !old.is_file()) {
         let mut device = File::options().write(true).open(&target)?;
         return device.write_all(text);
@@ -107,6 +108,7 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
     };
     let first = args.first().map_or(&b""[..], |a| a.as_encoded_bytes());
     let unknown = args.len() == files.len() && first.starts_with(b"-");
+    // Explain the usage and stop
     if files.is_empty() || unknown {
         // Nobody is left to tell if standard error is closed.
         let _ = writeln!(streams.errors, "Usage: cpif [ -eq -ne ] file...");

@@ -48,6 +48,7 @@ impl Source {
 
 // Find a line of the source
 impl Source {
+    // Find lines and positions
     /// A line without its newline, counted from 1.
     pub fn line(&self, number: u32) -> Option<&[u8]> {
         let index = (number as usize).checked_sub(1)?;
@@ -56,9 +57,7 @@ impl Source {
         let end = rest.iter().position(|b| *b == b'\n');
         Some(&rest[..end.unwrap_or(rest.len())])
     }
-}
 
-impl Source {
     /// The position for people: characters, and the line itself.
     pub fn position(&self, place: Place) -> Position {
         let line = self.line(place.line).filter(|l| !l.is_empty());

@@ -56,6 +56,7 @@ impl Pipeline {
         tab: usize,
         streams: &mut Streams,
     ) -> Result<Web, Failure> {
+        // Stay inside the process if possible
         if self.markup.is_none() && self.filters.is_empty() {
             let sources = read_sources(files, streams)?;
             let (web, faults) = Web::read(sources, tab);
@@ -109,6 +110,7 @@ impl Pipeline {
     ) -> Result<Vec<u8>, Failure> {
         let path = StagePath::new().map_err(|e| cannot("prepare", &e))?;
         let mut stream = match &self.markup {
+            // Run a foreign parser on the files
             Some(markup) => {
                 let command = with_arguments(markup, files, tab);
                 let mut input = Vec::new();

@@ -172,6 +172,7 @@ pub fn mark_uses(
         } else if line.starts_with(b"@end code") || line == b"@endquote" {
             code = false;
         }
+        // Mark a text or copy the line
         match Mark::read(line) {
             Some(Mark { keyword: b"text", .. }) if code => {
                 words.mark_line(line, &mut out);

@@ -49,6 +49,7 @@ pub struct Streams<'a> {
 }
 
 impl Streams<'_> {
+    // Read the files and conclude
     /// Reads a file, or standard input if it is called `-`.
     pub fn read(&mut self, file: &OsStr) -> Result<Source, Diagnostic> {
         let mut text = Vec::new();
@@ -65,9 +66,7 @@ impl Streams<'_> {
         })?;
         Ok(Source::new(name.to_vec(), text))
     }
-}
 
-impl Streams<'_> {
     /// Prints the diagnostics and gives the exit status.
     pub fn conclude(
         &mut self,

@@ -214,6 +214,7 @@ struct Lexer<'a> {
 }
 
 impl<'a> Lexer<'a> {
+    // Mark up lines and chunks
     fn new(source: &'a Source, file: u32, tab: usize) -> Self {
         Self {
             source,
@@ -237,9 +238,7 @@ impl<'a> Lexer<'a> {
         let column = self.line.column(at);
         self.lexemes.push((token, Place { column, ..self.place }));
     }
-}
 
-impl Lexer<'_> {
     fn mark_line(&mut self, body: &[u8], ended: bool) {
         self.place.line += 1;
         self.line = expand_tabs(body, self.tab);
@@ -269,9 +268,7 @@ impl Lexer<'_> {
             self.scan(ended);
         }
     }
-}
 
-impl Lexer<'_> {
     fn begin(&mut self, kind: Kind) {
         self.close_quote();
         self.emit(Token::End(self.kind, self.count), 0);
@@ -288,9 +285,7 @@ impl Lexer<'_> {
         }
         self.emit(Token::End(self.kind, self.count), 0);
     }
-}
 
-impl Lexer<'_> {
     fn close_quote(&mut self) {
         if let Some(place) = self.quote.take() {
             let text = "open quote `[[' never closed";
@@ -306,6 +301,7 @@ impl Lexer<'_> {
 
 // Scan a line of prose or code
 impl Lexer<'_> {
+    // Take one step along a line
     fn scan(&mut self, ended: bool) {
         self.text_at = self.at;
         if self.line.bytes[self.at..].starts_with(b"@@") {
@@ -323,9 +319,7 @@ impl Lexer<'_> {
             self.emit(Token::Newline, self.at);
         }
     }
-}
 
-impl Lexer<'_> {
     /// Adds the next bytes of the line to the text.
     fn copy(&mut self, count: usize) {
         let end = self.at + count;
@@ -340,9 +334,7 @@ impl Lexer<'_> {
         self.text.extend(meant);
         self.at += length;
     }
-}
 
-impl Lexer<'_> {
     fn flush(&mut self) {
         if !self.text.is_empty() {
             let text = std::mem::take(&mut self.text);
@@ -361,9 +353,7 @@ impl Lexer<'_> {
         }
         self.glued = false;
     }
-}
 
-impl Lexer<'_> {
     fn scan_docs(&mut self) {
         match &self.line.bytes[self.at..] {
             [b'@', a, b, ..] if a == b && b"[]<>".contains(a) => {
@@ -378,9 +368,7 @@ impl Lexer<'_> {
             _ => self.copy(1),
         }
     }
-}
 
-impl Lexer<'_> {
     fn open_quote(&mut self) {
         self.end_text(false);
         self.emit(Token::Quote, self.at);
@@ -409,9 +397,7 @@ impl Lexer<'_> {
             fault.help.push(help.into());
         }
     }
-}
 
-impl Lexer<'_> {
     fn scan_code(&mut self) {
         let quoting = self.quote.is_some();
         match &self.line.bytes[self.at..] {
@@ -436,9 +422,7 @@ impl Lexer<'_> {
             _ => self.copy(1),
         }
     }
-}
 
-impl Lexer<'_> {
     fn scan_use(&mut self, end: UseEnd) {
         self.end_text(false);
         match end {
@@ -512,6 +496,7 @@ pub fn parse_token(line: &[u8]) -> Option<Token> {
         b"endquote" => Token::EndQuote,
         b"begin" => numbered(value, Token::Begin)?,
         b"end" => numbered(value, Token::End)?,
+        // Recognise a line of the index
         b"index" => match split_word(value) {
             (b"defn", name) => Token::Ident(name.to_vec()),
             (b"nl", _) => Token::EndIdents,
@@ -569,6 +554,7 @@ struct Unmarker {
 }
 
 impl Unmarker {
+    // Write what each token stands for
     fn write(&mut self, token: &Token, next: Option<&Token>) {
         match token {
             Token::Begin(kind, number) => self.begin(*kind, *number),
@@ -587,9 +573,7 @@ impl Unmarker {
             Token::File(_) | Token::End(..) => (),
         }
     }
-}
 
-impl Unmarker {
     fn begin(&mut self, kind: Kind, number: usize) {
         self.code = kind == Kind::Code;
         self.quoting = false;
@@ -615,9 +599,7 @@ impl Unmarker {
         self.put(&[b"@ %def ", &names, b"\n"]);
         self.listed = self.code;
     }
-}
 
-impl Unmarker {
     fn write_text(&mut self, text: &[u8], next: Option<&Token>) {
         if text.is_empty() {
             return;
@@ -633,14 +615,7 @@ impl Unmarker {
         }
         self.put(&[&body]);
     }
-}
 
-/// Would the lexer take the `@` that begins the line for its own?
-fn needs_doubling(body: &[u8], fresh: bool) -> bool {
-    body.starts_with(b"@@") || body == b"@" || fresh && begins_docs(body)
-}
-
-impl Unmarker {
     /// Brackets that opened no use, in code, and needed no escape.
     fn is_raw_use(
         &self,
@@ -660,9 +635,7 @@ impl Unmarker {
         let open = !matches!(end, UseEnd::Closed(_));
         (self.code || self.quoting) && !definition && open
     }
-}
 
-impl Unmarker {
     fn escape(&self, text: &[u8]) -> Vec<u8> {
         let prose = !self.code && !self.quoting;
         let mut out = Vec::new();
@@ -672,6 +645,7 @@ impl Unmarker {
             let after_at = out.last() == Some(&b'@');
             let after_quote = at == 0 && self.after_quote;
             let odd = count(&text[at..], text[at]) % 2 == 1;
+            // Decide whether a pair is escaped
             let (escaped, length) = match pair {
                 b"<<" | b"[[" if odd => (false, 1),
                 b"<<" => (true, 2),
@@ -686,6 +660,11 @@ impl Unmarker {
         }
         out
     }
+}
+
+/// Would the lexer take the `@` that begins the line for its own?
+fn needs_doubling(body: &[u8], fresh: bool) -> bool {
+    body.starts_with(b"@@") || body == b"@" || fresh && begins_docs(body)
 }
 
 // Run the command that marks up
@@ -735,6 +714,7 @@ pub fn read_arguments(
         arg.as_encoded_bytes().starts_with(b"-") && *arg != "-"
     };
     let options = args.iter().take_while(is_option).count();
+    // Read the options for tabs
     for arg in &args[..options] {
         match parse_tab(arg.as_encoded_bytes()) {
             Ok(stops) => tab = stops,

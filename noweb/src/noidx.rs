@@ -94,6 +94,7 @@ struct Web<'a> {
 
 // Collect the labels of the web
 /// The first pass: the web so far, and the lines with their labels.
+#[derive(Default)]
 struct Collector<'a> {
     web: Web<'a>,
     lines: Vec<Cow<'a, [u8]>>,
@@ -103,7 +104,7 @@ struct Collector<'a> {
     /// How often each file has defined each chunk.
     defined: HashMap<String, u64>,
     prose_labels: u64,
-    // State of the current chunk
+    // Keep the state of the chunk
     /// Whether the current chunk is code.
     code: bool,
     /// The label of the last definition.
@@ -242,26 +243,6 @@ fn has_ink(text: &[u8]) -> bool {
     text.iter().any(|byte| !b" \t".contains(byte))
 }
 
-impl Collector<'_> {
-    fn new(options: &Options) -> Self {
-        Collector {
-            web: Web::default(),
-            lines: Vec::new(),
-            codes: Codes::default(),
-            file: "standard input?".to_string(),
-            defined: HashMap::new(),
-            prose_labels: 0,
-            // Begin outside of any chunk
-            code: false,
-            label: String::new(),
-            anchor: None,
-            uses: 0,
-            inked: false,
-            distance: options.distance,
-        }
-    }
-}
-
 // Write the resolved stream out
 /// The second pass: writes the lines with what the web knows of them.
 struct Resolver<'a> {
@@ -275,7 +256,7 @@ struct Resolver<'a> {
     defined: HashSet<&'a [u8]>,
     /// The identifiers that the current chunk uses.
     used: HashSet<&'a [u8]>,
-    // State of the lists at the end
+    // Keep the state of the lists
     delay: bool,
     /// The number of chunks begun.
     begun: usize,
@@ -295,6 +276,7 @@ impl<'a> Resolver<'a> {
             b"use" => self.use_chunk(mark.text(), line),
             b"index" => self.index(mark.inner(), line),
             b"text" if self.chunk.is_none() => self.prose(mark, line),
+            // Close the document with the lists
             b"trailer" => {
                 self.list_all_names();
                 self.copy(line);
@@ -330,6 +312,7 @@ impl<'a> Resolver<'a> {
         if let Some(label) = labels.get(here + 1) {
             self.put(&[b"@xref nextdef ", label.as_bytes()]);
         }
+        // Show where the chunk is continued and used
         if here == 0 {
             self.list("defs", "defitem", labels.get(1..).unwrap_or(&[]));
             self.list("uses", "useitem", &uses);
@@ -535,7 +518,11 @@ pub struct Options {
 
 /// Resolves the cross-references of a stream.
 pub fn cross_reference(stream: &[u8], options: &Options) -> Outcome {
-    let mut collector = Collector::new(options);
+    let mut collector = Collector {
+        file: "standard input?".to_string(),
+        distance: options.distance,
+        ..Collector::default()
+    };
     let lines = stream::trimmed_lines(stream);
     lines.for_each(|line| collector.read(line));
     let Collector { web, lines, .. } = collector;
@@ -565,6 +552,7 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
 fn arguments(args: &[OsString]) -> Result<Options, String> {
     let mut options = Options::default();
     let mut args = args.iter();
+    // Take the options of noidx in turn
     while let Some(arg) = args.next() {
         match arg.to_str() {
             Some("-delay") => options.delay = true,

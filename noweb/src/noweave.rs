@@ -48,12 +48,13 @@ impl Stage {
 }
 
 /// What the command line asks for.
+#[derive(Default)]
 struct Request {
-    markup: OsString,
+    markup: Option<OsString>,
     tabs: Vec<OsString>,
     files: Vec<OsString>,
     filters: Vec<Filter>,
-    backend: OsString,
+    backend: Option<OsString>,
     wrapper: Wrapper,
     /// The options for noweb's style file.
     options: Vec<String>,
@@ -69,7 +70,9 @@ enum Filter {
     Index(Option<OsString>),
 }
 
+#[derive(Default)]
 enum Wrapper {
+    #[default]
     Unspecified,
     None,
     Latex,
@@ -91,22 +94,6 @@ fn filter_stages(filters: Vec<Filter>, noidx: &str) -> Vec<Stage> {
 }
 
 // Read the command line of noweave
-impl Default for Request {
-    fn default() -> Request {
-        Request {
-            markup: "markup".into(),
-            tabs: Vec::new(),
-            files: Vec::new(),
-            filters: Vec::new(),
-            backend: "totex".into(),
-            wrapper: Wrapper::Unspecified,
-            options: Vec::new(),
-            delay: false,
-            tex_names: false,
-            verbose: false,
-        }
-    }
-}
 
 impl Request {
     fn read(args: &[OsString]) -> Result<Request, String> {
@@ -117,6 +104,7 @@ impl Request {
                 request.files.push(arg);
                 continue;
             }
+            // Take an option and its argument
             let option = arg.to_string_lossy().into_owned();
             let mut next = || {
                 args.pop_front()
@@ -124,8 +112,8 @@ impl Request {
             };
             match &option[..] {
                 // Take an option that chooses stages
-                "-markup" => request.markup = next()?,
-                "-backend" => request.backend = next()?,
+                "-markup" => request.markup = Some(next()?),
+                "-backend" => request.backend = Some(next()?),
                 "-filter" => request.filters.push(Filter::Command(next()?)),
                 "-x" => request.filters.push(Filter::References),
                 "-index" => request.filters.push(Filter::Index(None)),
@@ -190,10 +178,12 @@ impl Request {
         let options = self.backend_options();
         let noidx = if self.delay { "noidx -delay" } else { "noidx" };
         let args = [self.tabs, self.files].concat();
+        let markup = self.markup.unwrap_or("markup".into());
+        let backend = self.backend.unwrap_or("totex".into());
         Plan {
-            markup: Stage { command: self.markup, args },
+            markup: Stage { command: markup, args },
             filters: filter_stages(self.filters, noidx),
-            backend: Stage { command: self.backend, args: options },
+            backend: Stage { command: backend, args: options },
             wrapper,
             reads_input,
             verbose: self.verbose,
@@ -248,6 +238,7 @@ fn refusal(option: &str) -> String {
 impl Plan {
     /// The document, or the status if a stage fails.
     fn document(&self, streams: &mut Streams) -> Result<Vec<u8>, u8> {
+        // Read the source from standard input
         let mut source = Vec::new();
         if self.reads_input {
             let read = streams.input.read_to_end(&mut source);
@@ -324,6 +315,7 @@ impl Shell {
         input: &[u8],
         streams: &mut Streams,
     ) -> Result<Vec<u8>, u8> {
+        // Prepare the search path once
         if self.path.is_none() {
             let path = StagePath::new();
             let path = path.map_err(|e| tell(streams, &e.to_string()))?;

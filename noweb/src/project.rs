@@ -131,6 +131,7 @@ fn format_record(record: &Record) -> Vec<u8> {
 
 // Plan what to write
 impl Project {
+    // Plan one step after the other
     /// What there is to write, without writing it.
     ///
     /// # Errors
@@ -140,6 +141,7 @@ impl Project {
     pub fn plan(&self) -> Result<Plan, Vec<Diagnostic>> {
         let (sources, times) = self.read_chapters()?;
         let (web, mut faults) = Web::read(sources.clone(), 8);
+        // Read the web with tabs if needed
         let tabbed = if web.chunks.iter().any(|c| is_tabbed(&c.name)) {
             Web::read(sources, 0).0
         } else {
@@ -171,13 +173,7 @@ impl Project {
         plan.warnings = web.unused(is_file_name);
         if faults.is_empty() { Ok(plan) } else { Err(faults) }
     }
-}
 
-fn is_tabbed(name: &[u8]) -> bool {
-    is_file_name(name) && keeps_tabs(Path::new(OsStr::from_bytes(name)))
-}
-
-impl Project {
     /// Is this the name of a file that we are to tangle?
     fn covers(&self, name: &[u8]) -> bool {
         let begins = |prefix: &String| name.starts_with(prefix.as_bytes());
@@ -190,9 +186,7 @@ impl Project {
         let text = fs::read(self.dir.join(&self.record));
         parse_record(&text.unwrap_or_default())
     }
-}
 
-impl Project {
     fn read_chapters(
         &self,
     ) -> Result<(Vec<Source>, Vec<SystemTime>), Vec<Diagnostic>> {
@@ -200,6 +194,7 @@ impl Project {
         let mut times = Vec::new();
         let mut faults = Vec::new();
         for chapter in &self.chapters {
+            // Read a chapter and its time
             let path = self.dir.join(chapter);
             let time = fs::metadata(&path).and_then(|m| m.modified());
             match fs::read(&path).and_then(|text| Ok((text, time?))) {
@@ -213,14 +208,7 @@ impl Project {
         }
         if faults.is_empty() { Ok((sources, times)) } else { Err(faults) }
     }
-}
 
-fn failure(action: &str, path: &Path, error: &io::Error) -> Diagnostic {
-    let text = format!("cannot {action} {}: {error}", path.display());
-    Diagnostic::new(Level::Error, None, text)
-}
-
-impl Project {
     fn compare(
         &self,
         path: &Path,
@@ -235,9 +223,7 @@ impl Project {
         let changed = old.is_none_or(|old| old != tangled.text);
         Output { path: path.to_owned(), tangled, changed, time }
     }
-}
 
-impl Project {
     fn plan_removals(&self, plan: &mut Plan, faults: &mut Vec<Diagnostic>) {
         let kept = plan.outputs.iter().map(|output| &output.path);
         let kept: BTreeSet<&PathBuf> = kept.collect();
@@ -254,6 +240,15 @@ impl Project {
             }
         }
     }
+}
+
+fn is_tabbed(name: &[u8]) -> bool {
+    is_file_name(name) && keeps_tabs(Path::new(OsStr::from_bytes(name)))
+}
+
+fn failure(action: &str, path: &Path, error: &io::Error) -> Diagnostic {
+    let text = format!("cannot {action} {}: {error}", path.display());
+    Diagnostic::new(Level::Error, None, text)
 }
 
 fn orphan(path: &Path) -> Diagnostic {
@@ -315,6 +310,7 @@ fn first_difference(a: &[u8], b: &[u8]) -> (u32, u32) {
 
 // Carry out the plan
 impl Project {
+    // Write files, record and all
     /// Tangles what is out of date and returns what was planned.
     ///
     /// # Errors
@@ -348,9 +344,7 @@ impl Project {
         }
         Ok(())
     }
-}
 
-impl Project {
     fn write_output(&self, output: &Output) -> Result<(), Diagnostic> {
         if !output.changed {
             return Ok(());
@@ -422,6 +416,7 @@ fn parse_arguments(args: &[OsString]) -> Result<(Project, bool), String> {
             b"-C" => project.dir = value()?.into(),
             b"--record" => project.record = value()?.into(),
             b"--check" => check = true,
+            // Take prefixes and chapters
             b"--only" => project.only.push(text_of(value()?)),
             b"--except" => project.except.push(text_of(value()?)),
             option if option.starts_with(b"-") => {

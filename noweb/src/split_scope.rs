@@ -175,6 +175,7 @@ fn write_pages(pages: &[Page], dir: &Path) -> Result<(), String> {
         return Err("the stream names no file".into());
     }
     std::fs::create_dir_all(dir).map_err(|e| cannot(dir, e))?;
+    // Write each page that has changed
     for page in pages {
         let path = dir.join(OsStr::from_bytes(&page.name));
         cpif::update(&path, &page.tex).map_err(|e| cannot(&path, e))?;

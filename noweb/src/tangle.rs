@@ -146,6 +146,7 @@ struct Expander<'a> {
 }
 
 impl<'a> Expander<'a> {
+    // Take one step of an expansion
     fn new(web: &'a Web, layout: &'a Layout) -> Self {
         Self {
             web,
@@ -185,9 +186,7 @@ impl<'a> Expander<'a> {
         }
         self.push(b"\n");
     }
-}
 
-impl Expander<'_> {
     fn enter(&mut self, chunk: usize, column: usize, used: Option<Place>) {
         self.active[chunk] = true;
         let indent = column;
@@ -210,9 +209,7 @@ impl Expander<'_> {
             Segment { line: self.line, column: column as u32, place };
         self.tangled.map.push(segment);
     }
-}
 
-impl Expander<'_> {
     fn text(&mut self, text: &[u8], place: Place, index: usize) {
         if text.is_empty() {
             return;
@@ -239,9 +236,7 @@ impl Expander<'_> {
             self.push(&blank);
         }
     }
-}
 
-impl Expander<'_> {
     fn newline(&mut self, place: Place) {
         let last = self.tangled.map.last();
         if last.is_none_or(|s| s.line != self.line) {
@@ -255,9 +250,7 @@ impl Expander<'_> {
             frame.column = 0;
         }
     }
-}
 
-impl Expander<'_> {
     fn use_chunk(&mut self, name: &[u8], place: Place, alone: bool) {
         if self.layout.directive.is_none() {
             self.indent();
@@ -284,33 +277,19 @@ impl Expander<'_> {
 
 // Report uses that cannot be expanded
 impl Expander<'_> {
+    // Report one way to fail
     fn report_undefined(&mut self, name: &[u8], place: Place, alone: bool) {
         if !self.reported.insert(place) {
             return;
         }
-        let text = format!("undefined chunk name: {}", quoted(name));
-        let position = self.web.position(place);
-        let mut fault = Diagnostic::new(Level::Error, position, text);
-        if let Some(near) = self.web.nearest(name) {
-            let help = format!("there is a chunk {}", quoted(near));
-            fault = fault.with_help(help);
-        } else if !alone && looks_like_code(name) {
+        let mut fault = self.web.undefined_use(name, place);
+        if fault.help.is_empty() && !alone && looks_like_code(name) {
             let help = "for the operator itself, write @<<";
             fault = fault.with_help(help);
         }
         self.faults.push(fault);
     }
-}
 
-/// Is the name rather what stands between two operators?
-fn looks_like_code(name: &[u8]) -> bool {
-    let odd = |b: &u8| b"<>:;=&|(){},".contains(b);
-    name.trim_ascii().len() < name.len()
-        || !name.contains(&b' ')
-        || name.iter().any(odd)
-}
-
-impl Expander<'_> {
     fn report_cycle(&mut self, chunk: usize, place: Place) {
         if !self.reported.insert(place) {
             return;
@@ -336,9 +315,7 @@ impl Expander<'_> {
         }
         self.faults.push(fault);
     }
-}
 
-impl Expander<'_> {
     fn report_missing_root(&mut self, root: &[u8]) {
         let name = quoted(root);
         let text = format!("The root module {name} was not defined.");
@@ -356,8 +333,17 @@ impl Expander<'_> {
     }
 }
 
+/// Is the name rather what stands between two operators?
+fn looks_like_code(name: &[u8]) -> bool {
+    let odd = |b: &u8| b"<>:;=&|(){},".contains(b);
+    name.trim_ascii().len() < name.len()
+        || !name.contains(&b' ')
+        || name.iter().any(odd)
+}
+
 // Write a line directive
 impl Expander<'_> {
+    // Write directives where they are needed
     fn direct(&mut self, place: Place, heads_chunk: bool) {
         if self.said == Some((place.file, place.line)) {
             return;
@@ -373,9 +359,7 @@ impl Expander<'_> {
             self.push(&indentation(column, self.layout.tab));
         }
     }
-}
 
-impl Expander<'_> {
     fn format_directive(&self, place: Place) -> Vec<u8> {
         let format = self.layout.directive.as_deref().unwrap_or(b"");
         let source = self.web.sources.get(place.file as usize);
@@ -418,6 +402,7 @@ fn check_format(format: &[u8]) -> Option<Diagnostic> {
             [b'+' | b'-', b'0'..=b'9', b'L', after @ ..] => after,
             [b'%' | b'N' | b'F' | b'L', after @ ..] => after,
             wrong => {
+                // Complain of a bad conversion
                 let bad = wrong.first().map(|b| char::from(*b));
                 let bad = bad.map_or(String::new(), String::from);
                 let format = String::from_utf8_lossy(format);
@@ -498,6 +483,7 @@ struct Request {
 }
 
 impl Request {
+    // Read the arguments of `notangle`
     fn parse(args: &[OsString]) -> Self {
         let mut request = Self::default();
         let mut args = args.iter();
@@ -520,14 +506,13 @@ impl Request {
         }
         request
     }
-}
 
-impl Request {
     /// An option of `nt`, the last stage of the pipeline.
     fn option(&mut self, option: &[u8]) {
         match option {
             [b'-', b'R', root @ ..] => self.roots.push(root.to_vec()),
             [b'-', b'L', format @ ..] => {
+                // Switch line directives on
                 let usual = b"#line %L \"%F\"%N";
                 let format = if format.is_empty() { usual } else { format };
                 self.faults.extend(check_format(format));

@@ -48,28 +48,28 @@ impl Default for Options {
 
 // Convert a stream line by line
 /// The converter's state while a stream goes by.
-struct Converter<'a, 'b> {
-    options: &'b Options,
-    memory: &'b mut Memory<'a>,
+#[derive(Default)]
+struct Converter<'a> {
+    options: Options,
+    memory: Memory<'a>,
     out: Vec<u8>,
     messages: Vec<u8>,
     warned: HashSet<Vec<u8>>,
-    // State of the current line
+    broken: bool,
+    // Keep the state of the line
     code: bool,
     quoting: bool,
     /// Whether the chunk of prose has shown nothing yet.
     blank: bool,
     /// Whether macros are still held back, under -delay.
     delaying: bool,
-    /// Whether the comment of the first line has yet to come.
-    uncommented: bool,
     file: &'a [u8],
     /// What the next mark is called, and what it refers to.
     label: Option<&'a [u8]>,
     reference: Option<&'a [u8]>,
     /// Where the identifier that comes next is defined.
     link: Option<&'a [u8]>,
-    // State of the current definition
+    // Keep the state of the definition
     chunk: &'a [u8],
     /// The label of the definition, for index entries of its uses.
     place: Option<&'a [u8]>,
@@ -91,7 +91,7 @@ pub struct Memory<'a> {
     users: HashMap<&'a [u8], Vec<&'a [u8]>>,
 }
 
-impl<'a> Converter<'a, '_> {
+impl<'a> Converter<'a> {
     fn convert(&mut self, line: &'a [u8]) {
         let Some(mark) = Mark::read(line) else {
             let what = b"Botched line in noweb pipeline: ";
@@ -119,6 +119,8 @@ impl<'a> Converter<'a, '_> {
             (b"file", Some(name)) => self.begin_file(name),
             (b"line", Some(_)) => {}
             (b"literal", Some(text)) => self.put(&[text]),
+            // Convert the ends of a document
+            (b"fatal", Some(_)) => self.broken = true,
             (b"header", Some(_)) => self.header(mark.inner()),
             (b"trailer", Some(_)) => self.trailer(mark.inner()),
             _ => self.warn(b"", mark),
@@ -134,6 +136,7 @@ impl<'a> Converter<'a, '_> {
             (false, true) => (b"c", code_text(text)),
             (false, false) => return self.put(&[text]),
         };
+        // Write the text, perhaps as a link
         match link {
             Some(label) => {
                 let open = [b"\\nwlinkedident", &kind[..], b"{"].concat();
@@ -175,15 +178,14 @@ impl<'a> Converter<'a, '_> {
     }
 
     fn break_line(&mut self) {
-        if std::mem::take(&mut self.uncommented) {
-            self.put(&[&self.options.comment]);
-        }
-        self.put(&[b"\n"]);
+        let comment = std::mem::take(&mut self.options.comment);
+        self.put(&[&comment, b"\n"]);
     }
 
     // Begin and end a chunk
     fn begin(&mut self, chunk: Mark<'a>) {
         match (chunk.keyword, chunk.argument) {
+            // Begin a chunk of code
             (b"code", Some(number)) => {
                 self.code = true;
                 self.put(&[b"\\nwbegincode{", number, b"}"]);
@@ -206,6 +208,7 @@ impl<'a> Converter<'a, '_> {
 
     fn end(&mut self, chunk: Mark<'a>) {
         match (chunk.keyword, chunk.argument) {
+            // End a chunk of code
             (b"code", Some(_)) => {
                 self.write_footer();
                 self.code = false;
@@ -312,6 +315,7 @@ impl<'a> Converter<'a, '_> {
     // Take up cross-references
     fn reference(&mut self, mark: Mark<'a>) {
         match (mark.keyword, mark.argument) {
+            // Remember a label for later
             (b"label", label @ Some(_)) => self.label = label,
             (b"ref", label @ Some(_)) => self.reference = label,
             (b"prevdef", label @ Some(_)) => self.previous = label,
@@ -352,6 +356,7 @@ impl<'a> Converter<'a, '_> {
             _ if !self.options.index => {}
             (b"defn" | b"localdefn", Some(name)) => self.define_word(name),
             (b"use", Some(name)) => self.use_word(name),
+            // Write an entry of the index
             (b"entrybegin", Some(_)) => {
                 let name = identifier(mark.inner().text());
                 self.put(&[b"\\nwixlogsorted{i}{", &name, b"}%"]);
@@ -369,6 +374,7 @@ impl<'a> Converter<'a, '_> {
                 self.put(&[b"\\nwidentuses{"]);
                 self.identifiers.clear();
             }
+            // Finish the list of uses
             (b"useitem", Some(name)) => {
                 self.list_word(name);
                 self.identifiers.push(name);
@@ -436,7 +442,7 @@ impl<'a> Converter<'a, '_> {
     }
 }
 
-impl Converter<'_, '_> {
+impl Converter<'_> {
     fn header(&mut self, kind: Mark) {
         match (kind.keyword, kind.argument) {
             (b"latex", Some(options)) => self.put(&[
@@ -482,6 +488,7 @@ fn literal(text: &[u8]) -> Vec<u8> {
         b'^' => Some(b"{\\char94}"),
         b'~' => Some(b"{\\char126}"),
         b' ' => Some(b"\\ "),
+        // Escape what every font has
         b'$' => Some(b"{\\$}"),
         b'&' => Some(b"{\\&}"),
         b'#' => Some(b"{\\#}"),
@@ -590,48 +597,20 @@ pub fn to_tex<'a>(
     options: &Options,
     memory: &mut Memory<'a>,
 ) -> Outcome {
-    let mut converter = Converter::new(options, memory);
-    for line in lines {
-        if line.starts_with(b"@fatal ") {
-            let messages = converter.messages;
-            return Outcome { messages, status: 1, ..Outcome::default() };
-        }
-        converter.convert(line);
-    }
+    let mut converter = Converter {
+        options: options.clone(),
+        memory: std::mem::take(memory),
+        delaying: options.delay,
+        ..Converter::default()
+    };
+    lines.for_each(|line| converter.convert(line));
     converter.break_line();
-    let Converter { out, messages, .. } = converter;
-    Outcome { text: out, messages, status: 0 }
-}
-
-impl<'a, 'b> Converter<'a, 'b> {
-    fn new(options: &'b Options, memory: &'b mut Memory<'a>) -> Self {
-        Converter {
-            options,
-            memory,
-            out: Vec::new(),
-            messages: Vec::new(),
-            warned: HashSet::new(),
-            // Begin in prose with nothing pending
-            code: false,
-            quoting: false,
-            blank: false,
-            delaying: options.delay,
-            uncommented: !options.comment.is_empty(),
-            file: b"",
-            label: None,
-            reference: None,
-            link: None,
-            // Begin outside of any definition
-            chunk: b"",
-            place: None,
-            naming: false,
-            previous: None,
-            next: None,
-            continued: Vec::new(),
-            users: Vec::new(),
-            unused: None,
-            identifiers: Vec::new(),
-        }
+    *memory = converter.memory;
+    // Withhold the text of a broken stream
+    let Converter { out, messages, broken, .. } = converter;
+    match broken {
+        false => Outcome { text: out, messages, status: 0 },
+        true => Outcome { text: Vec::new(), messages, status: 1 },
     }
 }
 

@@ -69,6 +69,7 @@ impl Web {
 
 // Gather the chunks from tokens
 impl Web {
+    // Turn tokens into chunks
     /// Reads sources; `tab` is the distance of tab stops, or 0.
     pub fn read(
         sources: Vec<Source>,
@@ -85,9 +86,7 @@ impl Web {
         web.sources = sources;
         (web, faults)
     }
-}
 
-impl Web {
     fn gather(&mut self, lexemes: Vec<Lexeme>) {
         let mut chunk = None;
         let mut heading = false;
@@ -104,9 +103,7 @@ impl Web {
             }
         }
     }
-}
 
-impl Web {
     fn define(&mut self, name: Vec<u8>, place: Place) -> usize {
         let fresh = self.chunks.len();
         let index = *self.by_name.entry(name.clone()).or_insert(fresh);
@@ -130,9 +127,7 @@ impl Web {
         };
         self.chunks[chunk].pieces.push((piece, place));
     }
-}
 
-impl Web {
     fn drop_final_newlines(&mut self) {
         for chunk in &mut self.chunks {
             let last = chunk.pieces.last();
@@ -183,6 +178,7 @@ enum Stage {
 }
 
 impl StreamReader {
+    // Read the lines of the stream
     fn read_line(&mut self, line: &[u8]) {
         if self.broken() {
             return;
@@ -214,9 +210,7 @@ impl StreamReader {
         let last = self.faults.last();
         last.is_some_and(|f| f.level == Level::Impossible)
     }
-}
 
-impl StreamReader {
     fn take(&mut self, token: Token) {
         let place = self.place;
         self.place.column += match &token {
@@ -225,6 +219,7 @@ impl StreamReader {
             Token::Quote | Token::EndQuote => 2,
             _ => 0,
         };
+        // Move on to the next line or file
         match &token {
             Token::Newline | Token::EndIdents => {
                 self.place.line += 1;
@@ -239,9 +234,7 @@ impl StreamReader {
         }
         self.lexemes.push((token, place));
     }
-}
 
-impl StreamReader {
     fn take_other(&mut self, line: &[u8]) {
         let (keyword, value) = split_word(line);
         if keyword == b"@line" {
@@ -258,9 +251,7 @@ impl StreamReader {
     fn give_up(&mut self, text: &str) {
         self.complain(Level::Impossible, text.into());
     }
-}
 
-impl StreamReader {
     fn complain(&mut self, level: Level, text: String) {
         let source = self.sources.get(self.place.file as usize);
         let position = source.map(|s| s.position(self.place));
@@ -312,6 +303,7 @@ fn edit_distance(a: &[u8], b: &[u8]) -> usize {
 
 // Report what looks wrong in a web
 impl Web {
+    // Look for chunks that are astray
     /// Chunks that are defined and never used, except roots.
     ///
     /// What `is_root` takes for one, and the default root, need no use.
@@ -331,14 +323,7 @@ impl Web {
         };
         chunks.map(report).collect()
     }
-}
 
-/// A name in its brackets, for a message.
-pub fn quoted(name: &[u8]) -> String {
-    format!("<<{}>>", String::from_utf8_lossy(name))
-}
-
-impl Web {
     /// Names that end in dots, which WEB would have completed.
     pub fn dotted(&self) -> Vec<Diagnostic> {
         let dotted = |c: &&Chunk| c.name.ends_with(b"...");
@@ -350,9 +335,7 @@ impl Web {
         };
         self.chunks.iter().filter(dotted).map(report).collect()
     }
-}
 
-impl Web {
     /// Chunks that a file uses although only later files define them.
     pub fn forward(&self) -> Vec<Diagnostic> {
         let report = |c: &Chunk| {
@@ -367,9 +350,7 @@ impl Web {
         };
         self.chunks.iter().filter_map(report).collect()
     }
-}
 
-impl Web {
     /// Names that some chunk uses and none defines.
     pub fn undefined(&self) -> Vec<Diagnostic> {
         let missing = |name: &&Vec<u8>| self.find(name).is_none();
@@ -377,10 +358,26 @@ impl Web {
             self.uses.iter().map(|(n, p)| (n, *p)).collect();
         uses.retain(|(name, _)| missing(name));
         uses.sort_by_key(|(_, p)| (p.file, p.line, p.column));
-        let report = |(name, place): (&Vec<u8>, Place)| {
-            let text = format!("undefined chunk name: {}", quoted(name));
-            Diagnostic::new(Level::Error, self.position(place), text)
-        };
-        uses.into_iter().map(report).collect()
+        let uses = uses.into_iter();
+        uses.map(|(name, place)| self.undefined_use(name, place)).collect()
     }
+
+    /// One use of a name that is not defined.
+    pub fn undefined_use(&self, name: &[u8], place: Place) -> Diagnostic {
+        let text = format!("undefined chunk name: {}", quoted(name));
+        let position = self.position(place);
+        let fault = Diagnostic::new(Level::Error, position, text);
+        match self.nearest(name) {
+            Some(near) => {
+                let help = format!("there is a chunk {}", quoted(near));
+                fault.with_help(help)
+            }
+            None => fault,
+        }
+    }
+}
+
+/// A name in its brackets, for a message.
+pub fn quoted(name: &[u8]) -> String {
+    format!("<<{}>>", String::from_utf8_lossy(name))
 }

@@ -305,8 +305,8 @@ fn a_chunk_that_nobody_uses_is_reported() {
 #[test]
 fn check_reports_what_looks_wrong_in_a_web() {
     let scratch = project();
-    scratch
-        .write("chapters/a.nw", "<<x.rs>>=\n<<a>>\n<<Idle>>=\n<<gone>>\n");
+    let web = "<<x.rs>>=\n<<a>>\n<<Idle>>=\n<<gone>>\n<<gone>>\n";
+    scratch.write("chapters/a.nw", web);
     scratch.write("chapters/b.nw", "<<a>>=\n1\n");
     let args = ["check", "chapters/a.nw", "chapters/b.nw"];
     let outcome = run(scratch.path(), &args);
@@ -315,6 +315,7 @@ fn check_reports_what_looks_wrong_in_a_web() {
     let lines = lines.lines().filter(|line| line.starts_with("chapters"));
     let expected = [
         "chapters/a.nw:4:1: error: undefined chunk name: <<gone>>",
+        "chapters/a.nw:5:1: error: undefined chunk name: <<gone>>",
         "chapters/a.nw:3:3: warning: chunk <<Idle>> is never used",
         "chapters/a.nw:2:1: note: <<a>> is defined only later, at \
          chapters/b.nw:1:3",

@@ -1,0 +1,335 @@
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+//! What `pt` does with an OBJ that is odd, and with one that is wrong.
+
+mod common;
+
+use std::fs;
+use std::os::unix::fs::PermissionsExt;
+
+use common::{ABOVE, Place, Run, SQUARE, pgm, skip};
+
+/// A triangle that fills a part of the image.
+const TRIANGLE: &str = "v -9 -9 0\nv 9 -8 0\nv -1 7 0\n";
+
+const SMALL: [&str; 3] = ["-d8x6", "-n3", "-r0.5"];
+
+fn render(place: &Place, arguments: &[&str]) -> Run {
+    place.run(&[&ABOVE[..], &SMALL, arguments].concat())
+}
+
+/// The OBJ `bytes` fails with these words, and touches no output.
+#[track_caller]
+fn refused(bytes: impl AsRef<[u8]>, words: &[&str]) {
+    let place = Place::new();
+    place.put("scene.obj", bytes.as_ref());
+    let input = ["-i", "scene.obj"];
+    let fresh = [&input[..], &["-o", "new.pgm"]].concat();
+    render(&place, &fresh).failed(1, &[&["scene.obj:"], words].concat());
+    place.put("old.pgm", "old");
+    let forced = [&input[..], &["-f", "-o", "old.pgm"]].concat();
+    render(&place, &forced).failed(1, words);
+    assert_eq!(place.get("old.pgm"), b"old");
+    place.holds_only(&["old.pgm", "scene.obj"]);
+}
+
+/// The OBJ `odd` gives the image that the OBJ `plain` gives.
+#[track_caller]
+fn same(odd: impl AsRef<[u8]>, plain: &str) {
+    let place = Place::new();
+    place.put("odd.obj", odd.as_ref());
+    place.put("plain.obj", plain);
+    let odd = render(&place, &["-i", "odd.obj"]);
+    let plain = render(&place, &["-i", "plain.obj"]);
+    odd.succeeded();
+    plain.succeeded();
+    assert_eq!(pgm(&odd.stdout), pgm(&plain.stdout));
+    let triangles =
+        |run: &Run| run.stderr.split(',').next().map(str::to_owned);
+    assert_eq!(triangles(&odd), triangles(&plain));
+}
+
+/// The triangle's face after some more lines.
+fn with(lines: &str) -> String {
+    format!("{TRIANGLE}{lines}f 1 2 3\n")
+}
+
+#[test]
+fn a_missing_file_is_named() {
+    let place = Place::new();
+    let run = render(&place, &["-i", "none.obj", "-o", "image.pgm"]);
+    run.failed(1, &["none.obj: cannot read"]);
+    place.holds_only(&[]);
+}
+
+#[test]
+fn a_directory_is_no_scene() {
+    let place = Place::new();
+    let run = render(&place, &["-i", "/", "-o", "image.pgm"]);
+    run.failed(1, &["/: cannot read", "directory"]);
+    place.holds_only(&[]);
+}
+
+#[test]
+fn a_file_that_may_not_be_read_is_named() {
+    let place = Place::new();
+    let closed = fs::Permissions::from_mode(0);
+    fs::set_permissions(place.path("room.obj"), closed).unwrap();
+    if fs::read(place.path("room.obj")).is_ok() {
+        return skip("this user may read everything");
+    }
+    let run = render(&place, &["-i", "room.obj", "-o", "image.pgm"]);
+    run.failed(1, &["room.obj: cannot read"]);
+    place.holds_only(&[]);
+}
+
+#[test]
+fn an_empty_file_is_no_scene() {
+    refused("", &["scene.obj: ", "empty"]);
+    let place = Place::new();
+    place.feed(b"", &[]).failed(1, &["standard input: ", "empty"]);
+}
+
+#[test]
+fn a_scene_without_faces_has_nothing_to_render() {
+    refused("# one\n# two\n", &["no face"]);
+    refused("\n\n\n", &["no face"]);
+    refused("Not an OBJ, but text.\n", &["no face"]);
+    refused(TRIANGLE, &["no face"]);
+    refused(format!("{TRIANGLE}l 1 2 3\np 1\n"), &["no face"]);
+}
+
+#[test]
+fn a_file_that_ends_within_a_number_fails_at_that_line() {
+    let end = |word| with("") + word;
+    refused(end("v 1 2 3e"), &[":5:", "3e"]);
+    refused(end("v 1 -"), &[":5:", "y = -"]);
+    refused(end("v 1 2"), &[":5:", "without z"]);
+    refused(end("v"), &[":5:", "without x"]);
+}
+
+#[test]
+fn a_file_that_ends_within_a_face_fails_at_that_line() {
+    let end = |word| with("") + word;
+    refused(end("f 1 2"), &[":5:", "2"]);
+    refused(end("f 1 2 "), &[":5:", "2"]);
+    refused(end("f 1"), &[":5:", "1"]);
+    refused(end("f 1 2 -"), &[":5:", "corner -"]);
+    refused(end("f "), &[":5:", "0"]);
+    refused(end("f"), &[":5:", "0"]);
+}
+
+#[test]
+fn a_statement_without_values_fails_wherever_it_stands() {
+    refused(with("v\n"), &[":4:", "without x"]);
+    refused(with("v\r\n"), &[":4:", "without x"]);
+    refused(with("f\n"), &[":4:", "0"]);
+    refused(with("f\r\n"), &[":4:", "0"]);
+}
+
+#[test]
+fn a_scene_cut_at_any_byte_renders_or_fails_with_one_line() {
+    let place = Place::new();
+    let scene = "# c\r\nv 0 0 0\nv 1.5e1 0 -2\nvt 0.5\nv 0 \\\n1 0\n\
+                 f 1/1/1 2//2 3\nl 1 2\nf -1 -2 -3\n";
+    for cut in 0..=scene.len() {
+        let scene = &scene.as_bytes()[..cut];
+        let run = place.feed(scene, &["-d1x1"]);
+        match run.status {
+            Some(0) => assert_eq!(pgm(&run.stdout).2.len(), 1),
+            _ => run.failed(1, &["standard input:"]),
+        }
+    }
+}
+
+#[test]
+fn a_binary_file_fails_where_its_first_zero_byte_is() {
+    let mut state = 1_u32;
+    let noise: Vec<u8> = (0..9999)
+        .map(|_| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1);
+            (state >> 24) as u8
+        })
+        .collect();
+    let zero = noise.iter().position(|&byte| byte == 0).unwrap();
+    let line = 1 + noise[..zero].iter().filter(|&&b| b == b'\n').count();
+    refused(&noise, &[&format!(":{line}:"), "binary"]);
+    refused(b"P5\n2 2\n255\n\0\x01\x02\x03", &[":4:", "binary"]);
+    let text: Vec<u8> = noise.into_iter().filter(|&b| b > 127).collect();
+    refused(text, &["no face"]);
+}
+
+#[test]
+fn latin_1_letters_in_comments_and_names_are_harmless() {
+    let lines = b"# caf\xe9\no \xe9t\xe9\ng \xff\nusemtl \x80\n";
+    let odd = [lines, with("").as_bytes()].concat();
+    same(odd, &with(""));
+}
+
+#[test]
+fn latin_1_letters_among_values_fail_at_their_line() {
+    refused(b"v 0 0 0\nv 1 0 \xe9\nf 1 2 2\n", &[":2:", "UTF-8"]);
+    let face = [with("").as_bytes(), b"f 1 2 \xe9\n"].concat();
+    refused(face, &[":5:", "UTF-8"]);
+}
+
+#[test]
+fn a_corner_beyond_the_vertices_is_shown_with_their_number() {
+    refused(format!("{TRIANGLE}f 1 2 4\n"), &[":4:", "4", "3 vertices"]);
+    refused(format!("{TRIANGLE}f 1 2 -4\n"), &[":4:", "-4", "3"]);
+    refused(format!("f -1 -2 -3\n{TRIANGLE}"), &[":1:", "-1", "0"]);
+    refused(format!("{TRIANGLE}f 1 2 0\n"), &[":4:", "0"]);
+    let modulo = "4294967297";
+    refused(format!("{TRIANGLE}f 1 2 {modulo}\n"), &[":4:", modulo]);
+}
+
+#[test]
+fn a_corner_beyond_all_integers_is_quoted() {
+    for huge in ["99999999999999999999", "-99999999999999999999"] {
+        refused(format!("{TRIANGLE}f 1 2 {huge}\n"), &[":4:", huge]);
+    }
+}
+
+#[test]
+fn a_corner_that_is_no_integer_is_quoted() {
+    for odd in ["b", "2.0", "1e0", "/1", "0x1", "--1"] {
+        refused(format!("{TRIANGLE}f 1 2 {odd}\n"), &[":4:", odd]);
+    }
+}
+
+#[test]
+fn a_reference_after_a_slash_that_is_no_integer_is_quoted() {
+    for odd in ["3/x", "3//y", "3/1.5", "3/1/1/1"] {
+        refused(format!("{TRIANGLE}f 1 2 {odd}\n"), &[":4:", odd]);
+    }
+}
+
+#[test]
+fn a_vertex_that_is_not_finite_is_quoted() {
+    for odd in ["NaN", "nan", "inf", "-inf", "infinity", "1e999"] {
+        let lines = format!("v 0 0 0\nv 1 0 {odd}\nv 0 1 0\nf 1 2 3\n");
+        refused(lines, &[":2:", &format!("z = {odd}"), "finite"]);
+        let lines = format!("v 0 0 0\nv {odd} 0 0\nv 0 1 0\nf 1 2 3\n");
+        refused(lines, &[":2:", &format!("x = {odd}"), "finite"]);
+    }
+}
+
+#[test]
+fn a_vertex_of_two_numbers_lacks_one() {
+    refused("v 0 0 0\nv 1 0\nv 0 1 0\nf 1 2 3\n", &[":2:", "without z"]);
+}
+
+#[test]
+fn a_word_in_a_vertex_is_quoted() {
+    for odd in ["zero", "0x10", "1,5", "1.0f", "1..2", "--1"] {
+        refused(with(&format!("v 1 {odd} 2\n")), &[":4:", odd]);
+    }
+}
+
+#[test]
+fn a_word_after_the_third_number_of_a_vertex_is_quoted() {
+    refused(with("v 1 2 3 word\n"), &[":4:", "word"]);
+    let lines = "v 0 0 0\nv 1 0 0 word\nv 0 1 0\nf 1 2 3 word\n";
+    refused(lines, &[":2:", "word"]);
+}
+
+#[test]
+fn a_face_of_two_corners_is_refused() {
+    refused(with("f 1 2\n"), &[":4:", "2 corners"]);
+    refused(with("f 3\n"), &[":4:", "1 corner"]);
+}
+
+#[test]
+fn the_first_line_at_fault_is_reported() {
+    refused(with("f 1 2 7\nv 1 2 x\n"), &[":4:", "7"]);
+    refused(with("v 1 2 x\nf 1 2 7\n"), &[":4:", "x"]);
+}
+
+#[test]
+fn standard_input_is_named_with_the_line_at_fault() {
+    let place = Place::new();
+    let run = place.feed(b"v 0 0 0\nf 1 1 2\n", &["-o", "image.pgm"]);
+    run.failed(1, &["standard input:2:", "2"]);
+    place.holds_only(&[]);
+}
+
+#[test]
+fn lines_may_end_as_they_do_on_windows() {
+    let plain = with("# a comment\n");
+    same(plain.replace('\n', "\r\n"), &plain);
+    same(plain.trim_end(), &plain);
+}
+
+#[test]
+fn a_mark_of_byte_order_is_no_part_of_the_first_line() {
+    same(format!("\u{feff}{}", with("")), &with(""));
+}
+
+#[test]
+fn a_backslash_continues_a_line() {
+    let odd = "v -9 \\\n-9 0\nv 9 -8 \\\n \\\n0\nv -1 7 0\nf 1 \\\n2 3\n";
+    same(odd, &with(""));
+    same(odd.replace('\n', "\r\n"), &with(""));
+    same(format!("# comment \\\nf 7 7 7\n{odd}"), &with(""));
+    let wrong = odd.replace("2 3", "2 \\\n 9");
+    refused(wrong, &["9", "3 vertices"]);
+}
+
+#[test]
+fn blanks_may_be_tabs_and_stand_before_a_statement() {
+    same("\tv -9\t-9  0\n  v 9 -8 0\t\nv -1 7 0\nf\t1 2\t3 \n", &with(""));
+}
+
+#[test]
+fn lines_points_curves_and_names_are_ignored() {
+    let odd = "l 1 2 3\np 1\ncurv 0 1 1 2\nsurf 0 1 0 1 1 2 3\nend\n\
+               o\ng\ng a b\ns off\nvp 1\nfoo bar\n# f 7 8 9\n";
+    same(with(odd), &with(""));
+}
+
+#[test]
+fn normals_and_texture_coordinates_are_ignored() {
+    same(with("vt 0.5\nvt\nvt x\nvn 0 0\nvn nan 0 0\n"), &with(""));
+    for corners in
+        ["1/9/9 2//7 3", "1/0/0 2/-9 3//-9", "1/1 2/2 3/3", "1/ 2// 3"]
+    {
+        same(format!("{TRIANGLE}f {corners}\n"), &with(""));
+    }
+}
+
+#[test]
+fn materials_are_ignored_even_if_their_files_are_missing() {
+    let odd = "mtllib none.mtl\nusemtl none\nmtllib\nusemtl\n";
+    same(format!("{odd}{}", with(odd)), &with(""));
+}
+
+#[test]
+fn colours_and_weights_of_vertices_are_ignored() {
+    same("v -9 -9 0 1\nv 9 -8 0 1\nv -1 7 0 1\nf 1 2 3\n", &with(""));
+    let odd = "v -9 -9 0 .1 .2 .3\nv 9 -8 0 1 1 1\nv -1 7 0 0 0 0\n";
+    same(format!("{odd}f 1 2 3\n"), &with(""));
+}
+
+#[test]
+fn a_negative_corner_counts_back_from_the_latest_vertex() {
+    same(format!("{TRIANGLE}f -3 -2 -1\nv 5 5 5\n"), &with(""));
+}
+
+#[test]
+fn a_face_may_come_before_its_vertices() {
+    same(format!("f 1 2 3\n{TRIANGLE}"), &with(""));
+}
+
+#[test]
+fn a_polygon_becomes_a_fan_around_its_first_corner() {
+    let vertices = "v -9 -9 0\nv 9 -8 0\nv 8 1 0\nv 3 7 0\nv -2 4 0\n";
+    let fan = format!("{vertices}f 1 2 3\nf 1 3 4\nf 1 4 5\n");
+    same(format!("{vertices}f 1 2 3 4 5\n"), &fan);
+}
+
+#[test]
+fn a_triangle_without_area_is_harmless() {
+    same(with("f 1 1 2\n"), &with("f 2 2 2\n"));
+    same(format!("{SQUARE}f 1 1 2\n"), &format!("{SQUARE}f 3 3 3\n"));
+}

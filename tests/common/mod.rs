@@ -1,0 +1,198 @@
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+//! Running `pt` in a directory of its own, and looking at what it says.
+
+// Each file of tests uses its own part of this module.
+#![allow(dead_code)]
+
+use std::ffi::OsStr;
+use std::fs;
+use std::io::{Read, Write};
+use std::path::PathBuf;
+use std::process::{Child, Command, Stdio};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use tempfile::TempDir;
+
+/// A floor, a wall and half a roof around the default camera, so that each
+/// option of the camera and of the scene changes the image.
+pub const ROOM: &str = "\
+v -5 -5 -1\nv 5 -5 -1\nv 5 5 -1\nv -5 5 -1\nf 1 2 3 4\n\
+v -2 4 -1\nv 1 4 -1\nv 1 4 1\nv -2 4 2\nf -4 -3 -2 -1\n\
+v -1 0 1\nv 3 0 1\nv 3 6 1\nv -1 6 1\nf -4 -3 -2 -1\n";
+
+/// A horizontal square, seen from above by `ABOVE`: each path meets it once
+/// and then reaches the sky, so that the radiance is the reflectivity.
+pub const SQUARE: &str = "\
+v -1e6 -1e6 0\nv 1e6 -1e6 0\nv 1e6 1e6 0\nv -1e6 1e6 0\nf 1 2 3 4\n";
+
+/// The camera that sees nothing but the `SQUARE`.
+pub const ABOVE: [&str; 4] = ["-p0,0,2", "-t0,0,0", "-u0,0.1,1", "-F40"];
+
+/// No run of these tests takes longer, unless it hangs.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+/// A directory that holds `room.obj` and `square.obj`, and nothing else.
+pub struct Place(TempDir);
+
+impl Place {
+    pub fn new() -> Self {
+        let place = Self(tempfile::tempdir().unwrap());
+        place.put("room.obj", ROOM);
+        place.put("square.obj", SQUARE);
+        place
+    }
+
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    pub fn put(&self, name: &str, bytes: impl AsRef<[u8]>) {
+        fs::write(self.path(name), bytes).unwrap();
+    }
+
+    pub fn get(&self, name: &str) -> Vec<u8> {
+        fs::read(self.path(name)).unwrap()
+    }
+
+    /// The names of what is there, in alphabetical order.
+    pub fn names(&self) -> Vec<String> {
+        let entries = fs::read_dir(self.0.path()).unwrap();
+        let name = |e: fs::DirEntry| e.file_name().into_string().unwrap();
+        let mut names: Vec<_> = entries.map(|e| name(e.unwrap())).collect();
+        names.sort();
+        names
+    }
+
+    /// What a failed run must leave: the scenes and `others` alone.
+    pub fn holds_only(&self, others: &[&str]) {
+        let mut expected = vec!["room.obj", "square.obj"];
+        expected.extend(others);
+        expected.sort();
+        assert_eq!(self.names(), expected);
+    }
+
+    /// The command `program` here, with pipes at its three ends.
+    pub fn command(&self, program: &str) -> Command {
+        let mut command = Command::new(program);
+        command.current_dir(self.0.path());
+        command.env_remove("NO_COLOR").env_remove("CLICOLOR_FORCE");
+        command.env("RUST_BACKTRACE", "0").env("TERM", "xterm");
+        command.stdin(Stdio::null());
+        command.stdout(Stdio::piped()).stderr(Stdio::piped());
+        command
+    }
+
+    pub fn pt<S: AsRef<OsStr>>(&self, arguments: &[S]) -> Command {
+        let mut command = self.command(env!("CARGO_BIN_EXE_pt"));
+        command.args(arguments);
+        command
+    }
+
+    /// Runs `pt` to its end.
+    pub fn run<S: AsRef<OsStr>>(&self, arguments: &[S]) -> Run {
+        finish(self.pt(arguments).spawn().unwrap())
+    }
+
+    /// Runs `pt` with `input` on its standard input.
+    pub fn feed(&self, input: &[u8], arguments: &[&str]) -> Run {
+        let mut command = self.pt(arguments);
+        let mut child = command.stdin(Stdio::piped()).spawn().unwrap();
+        child.stdin.take().unwrap().write_all(input).unwrap();
+        finish(child)
+    }
+
+    /// The image of the scene `room.obj` on standard output.
+    pub fn render(&self, arguments: &[&str]) -> Vec<u8> {
+        let run = self.run(&[&["-i", "room.obj"], arguments].concat());
+        run.succeeded();
+        assert!(!run.stdout.is_empty());
+        run.stdout
+    }
+}
+
+/// How a run ended.
+#[derive(Debug)]
+pub struct Run {
+    pub status: Option<i32>,
+    pub stdout: Vec<u8>,
+    pub stderr: String,
+}
+
+/// Waits for a child and collects what it wrote.
+pub fn finish(mut child: Child) -> Run {
+    drop(child.stdin.take());
+    let stdout = collect(child.stdout.take());
+    let stderr = collect(child.stderr.take());
+    let start = Instant::now();
+    let status = loop {
+        if let Some(status) = child.try_wait().unwrap() {
+            break status;
+        }
+        if start.elapsed() > PATIENCE {
+            child.kill().unwrap();
+            panic!("the program has not ended in {PATIENCE:?}");
+        }
+        thread::sleep(Duration::from_millis(1));
+    };
+    let stderr = String::from_utf8(stderr.join().unwrap()).unwrap();
+    let stdout = stdout.join().unwrap();
+    Run { status: status.code(), stdout, stderr }
+}
+
+fn collect(
+    from: Option<impl Read + Send + 'static>,
+) -> thread::JoinHandle<Vec<u8>> {
+    thread::spawn(move || {
+        let mut bytes = vec![];
+        if let Some(mut from) = from {
+            from.read_to_end(&mut bytes).unwrap();
+        }
+        bytes
+    })
+}
+
+impl Run {
+    pub fn succeeded(&self) {
+        assert_eq!(self.status, Some(0), "{}", self.stderr);
+        assert!(!self.stderr.contains("error"), "{}", self.stderr);
+    }
+
+    /// Ended with `status`, nothing on standard output, and one line on
+    /// standard error that begins `error:` and holds each of the `words`.
+    #[track_caller]
+    pub fn failed(&self, status: i32, words: &[&str]) {
+        let stderr = &self.stderr;
+        assert_eq!(self.status, Some(status), "{stderr}");
+        assert!(self.stdout.is_empty(), "{:?}", self.stdout);
+        assert!(stderr.starts_with("error: "), "{stderr}");
+        assert!(stderr.ends_with('\n'), "{stderr}");
+        assert_eq!(stderr.lines().count(), 1, "{stderr}");
+        for word in words {
+            assert!(stderr.contains(word), "no {word} in: {stderr}");
+        }
+    }
+}
+
+/// The width, the height and the levels of a plain PGM; the form is exact.
+pub fn pgm(bytes: &[u8]) -> (u32, u32, Vec<u16>) {
+    let text = std::str::from_utf8(bytes).unwrap();
+    assert!(text.ends_with('\n'));
+    let mut lines = text.lines();
+    let size = lines.next().unwrap().strip_prefix("P2 ").unwrap();
+    let (width, height) = size.split_once(' ').unwrap();
+    assert_eq!(lines.next(), Some("255"));
+    let levels = lines.map(|line| {
+        let level: u8 = line.parse().unwrap();
+        assert_eq!(line, level.to_string());
+        level.into()
+    });
+    (width.parse().unwrap(), height.parse().unwrap(), levels.collect())
+}
+
+/// Says on the test's output why a test could not be made here.
+pub fn skip(why: &str) {
+    eprintln!("note: skipped, {why}");
+}

@@ -1,0 +1,176 @@
+// The order of pixels, and passes over them (chapters "The image" and "The
+// render").
+//
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+use std::collections::HashSet;
+
+use glam::DVec3;
+use litpt::camera::{Camera, View};
+use litpt::closed_forms::cavity;
+use litpt::estimator::Reference;
+use litpt::hierarchy::{Cwbvh, Kernel};
+use litpt::image::{Image, SIDE};
+use litpt::render::Job;
+use litpt::scene::Scene;
+use litpt::sky::Sky;
+
+#[test]
+fn each_pixel_belongs_to_one_tile_and_is_found_there() {
+    for (width, height) in [(1, 1), (16, 16), (17, 1), (100, 75), (5, 200)]
+    {
+        let mut image = Image::new(width, height);
+        let mut seen = HashSet::new();
+        for (tile, pixels) in image.tiles() {
+            assert!(tile.size.0 <= SIDE && tile.size.1 <= SIDE);
+            for (i, pixel) in (0..).zip(pixels) {
+                let x = tile.corner.0 + i % tile.size.0;
+                let y = tile.corner.1 + i / tile.size.0;
+                assert!(x < width && y < height && seen.insert((x, y)));
+                pixel.add(f64::from(y * width + x));
+            }
+        }
+        assert_eq!(seen.len() as u32, width * height);
+        for y in 0..height {
+            for x in 0..width {
+                let found = image.pixel(x, y).mean();
+                assert_eq!(found, f64::from(y * width + x));
+            }
+        }
+        let rows: Vec<f64> = image.means().collect();
+        assert!(rows.iter().enumerate().all(|(i, &m)| m == i as f64));
+    }
+}
+
+#[test]
+fn the_curve_steps_to_adjacent_tiles() {
+    for tiles in [1, 2, 4, 8, 32] {
+        let mut image = Image::new(tiles * SIDE, tiles * SIDE);
+        let corners: Vec<(u32, u32)> =
+            image.tiles().iter().map(|(tile, _)| tile.corner).collect();
+        assert_eq!(corners[0], (0, 0));
+        let last = corners[corners.len() - 1];
+        assert_eq!(last, ((tiles - 1) * SIDE, 0));
+        for pair in corners.windows(2) {
+            let step = pair[0].0.abs_diff(pair[1].0)
+                + pair[0].1.abs_diff(pair[1].1);
+            assert_eq!(step, SIDE, "{pair:?}");
+        }
+    }
+}
+
+/// Renders the inside of an open sphere in the given passes.
+fn render(
+    threads: usize,
+    passes: &[u64],
+    prepare: impl Fn(Cwbvh) -> Cwbvh,
+) -> Vec<u64> {
+    let scene = Scene::new(&cavity(0.3, 24));
+    let kernel = prepare(Cwbvh::new(&scene));
+    let view = View {
+        position: DVec3::ZERO,
+        target: DVec3::new(0.5, 0.3, -1.),
+        up: DVec3::Z,
+        fov: 100.,
+    };
+    let camera = Camera::new(&view, 1.5).unwrap();
+    let estimator =
+        Reference { reflectivity: 0.8, sky: Sky::new(DVec3::Z) };
+    let job = Job {
+        scene: &scene,
+        kernel: &kernel,
+        camera: &camera,
+        estimator: &estimator,
+        seed: 9,
+    };
+    let mut image = Image::new(60, 40);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+    pool.build().unwrap().install(|| {
+        let mut done = 0;
+        for n in passes {
+            job.pass(&mut image, done..done + n, &|_| ());
+            done += n;
+        }
+    });
+    let (mean, error) = image.mean();
+    let bits = image.means().map(f64::to_bits);
+    bits.chain([mean.to_bits(), error.to_bits()]).collect()
+}
+
+#[test]
+fn the_image_does_not_depend_on_threads_or_passes() {
+    let image = render(1, &[8], |kernel| kernel);
+    assert_eq!(render(2, &[8], |kernel| kernel), image);
+    assert_eq!(render(7, &[8], |kernel| kernel), image);
+    assert_eq!(render(3, &[1, 5, 2], |kernel| kernel), image);
+    assert_ne!(render(1, &[7], |kernel| kernel), image);
+}
+
+#[test]
+fn the_image_does_not_depend_on_the_instruction_set() {
+    let image = render(2, &[8], |kernel| kernel);
+    assert_eq!(render(2, &[8], Cwbvh::portable), image);
+}
+
+#[test]
+fn progress_counts_every_path_once() {
+    let scene = Scene::new(&cavity(0.3, 24));
+    let kernel = Cwbvh::new(&scene);
+    let view = View {
+        position: DVec3::ZERO,
+        target: -DVec3::Z,
+        up: DVec3::Y,
+        fov: 60.,
+    };
+    let job = Job {
+        scene: &scene,
+        kernel: &kernel,
+        camera: &Camera::new(&view, 1.).unwrap(),
+        estimator: &Reference {
+            reflectivity: 0.5,
+            sky: Sky::new(DVec3::Z),
+        },
+        seed: 0,
+    };
+    let paths = std::sync::atomic::AtomicU64::new(0);
+    let count = |n| {
+        paths.fetch_add(n, std::sync::atomic::Ordering::Relaxed);
+    };
+    job.pass(&mut Image::new(35, 18), 0..3, &count);
+    assert_eq!(paths.into_inner(), 35 * 18 * 3);
+}
+
+#[test]
+fn a_kernel_can_be_written_by_somebody_else() {
+    struct Nothing;
+    impl Kernel for Nothing {
+        fn first_hit(
+            &self,
+            _: &litpt::scene::Ray,
+            _: Option<u32>,
+        ) -> Option<litpt::hierarchy::Hit> {
+            None
+        }
+    }
+    let scene = Scene::new(&cavity(0.3, 8));
+    let view = View {
+        position: DVec3::ZERO,
+        target: DVec3::Z,
+        up: DVec3::Y,
+        fov: 60.,
+    };
+    let job = Job {
+        scene: &scene,
+        kernel: &Nothing,
+        camera: &Camera::new(&view, 1.).unwrap(),
+        estimator: &Reference {
+            reflectivity: 0.5,
+            sky: Sky::new(DVec3::Z),
+        },
+        seed: 0,
+    };
+    let mut image = Image::new(3, 3);
+    let rays = job.pass(&mut image, 0..2, &|_| ());
+    assert_eq!((rays, image.mean()), (18, (1., 0.)));
+}

@@ -1,0 +1,359 @@
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+//! The options of `pt`: defaults, forms, wrong values, help, reproducibility.
+
+mod common;
+
+use std::io;
+use std::process::Stdio;
+use std::time::Duration;
+
+use common::{ABOVE, Place, ROOM, finish, pgm};
+
+/// Each option that has a value and a default: its short form, its long
+/// form, the default, and a value that gives another image.
+const DEFAULTS: [[&str; 4]; 8] = [
+    ["-d", "--definition", "320x240", "321x240"],
+    ["-n", "--realisations", "1", "2"],
+    ["-p", "--position", "0,0,0", "0,0.5,0"],
+    ["-t", "--target", "0,1,0", "0,1,-0.1"],
+    ["-u", "--up", "0,0,1", "0.1,0,1"],
+    ["-F", "--fov", "70", "71"],
+    ["-r", "--reflectivity", "1", "0.5"],
+    ["-s", "--seed", "0", "1"],
+];
+
+/// Wrong usage of one option: refused before anything is read or written.
+#[track_caller]
+fn refused(option: &str, long: &str, values: &[&str]) {
+    let place = Place::new();
+    for value in values {
+        let named = [long, &format!("'{value}'")];
+        let output = ["-i", "room.obj", "-o", "image.pgm"];
+        let separate = [&output[..], &[option, value]].concat();
+        place.run(&separate).failed(2, &named);
+        let joined = format!("{long}={value}");
+        let joined = [&output[..], &[joined.as_str()]].concat();
+        if !value.is_empty() {
+            place.run(&joined).failed(2, &named);
+        }
+    }
+    place.holds_only(&[]);
+}
+
+#[test]
+fn a_default_given_explicitly_changes_nothing() {
+    let place = Place::new();
+    let image = place.render(&[]);
+    assert_eq!(pgm(&image).0, 320);
+    for [short, long, default, other] in DEFAULTS {
+        let option = format!("{long}={default}");
+        assert!(place.render(&[short, default]) == image, "{short}");
+        assert!(place.render(&[long, default]) == image, "{long}");
+        assert!(place.render(&[&option]) == image, "{option}");
+        assert!(place.render(&[short, other]) != image, "{other}");
+    }
+}
+
+#[test]
+fn the_input_is_a_file_or_standard_input() {
+    let place = Place::new();
+    let image = place.render(&["-d9x7"]);
+    let fed = place.feed(ROOM.as_bytes(), &["-d9x7"]);
+    fed.succeeded();
+    assert_eq!(fed.stdout, image);
+    let long = place.run(&["--input", "room.obj", "-d9x7"]);
+    assert_eq!(long.stdout, image);
+}
+
+#[test]
+fn the_output_is_a_file_or_standard_output() {
+    let place = Place::new();
+    let image = place.render(&["-d9x7"]);
+    assert!(place.render_to(&["-o", "short.pgm"]).stdout.is_empty());
+    place.render_to(&["--output", "long.pgm"]);
+    place.render_to(&["--output", "long.pgm", "--force", "--quiet"]);
+    place.render_to(&["-o", "long.pgm", "-fq"]);
+    assert_eq!(place.get("short.pgm"), image);
+    assert_eq!(place.get("long.pgm"), image);
+}
+
+impl Place {
+    fn render_to(&self, output: &[&str]) -> common::Run {
+        let scene = ["-i", "room.obj", "-d9x7"];
+        let run = self.run(&[&scene[..], output].concat());
+        run.succeeded();
+        run
+    }
+}
+
+#[test]
+fn a_definition_is_two_integers_around_one_x() {
+    let wrong = [
+        "800x600x3",
+        "0x5",
+        "5x0",
+        "16385x1",
+        "1x16385",
+        "99999999999999999999x1",
+        "800",
+        "x",
+        "8x",
+        "x6",
+        "8X6",
+        "8x6 ",
+        " 8x6",
+        "8 x 6",
+        "8.0x6",
+        "8e2x6",
+        "0x10x4",
+        "",
+    ];
+    refused("-d", "--definition", &wrong);
+    refused("-d", "--definition", &["-1x2", "1x-2"]);
+}
+
+#[test]
+fn a_definition_may_be_as_large_as_16384_on_either_side() {
+    let place = Place::new();
+    for side in ["16384x1", "1x16384"] {
+        let (width, height, levels) = pgm(&place.render(&["-d", side]));
+        assert_eq!(format!("{width}x{height}"), side);
+        assert_eq!(levels.len(), 16384);
+    }
+}
+
+#[test]
+fn the_number_of_realisations_is_a_positive_integer() {
+    let wrong = ["0", "1.5", "1e3", "abc", "99999999999999999999", ""];
+    refused("-n", "--realisations", &wrong);
+    refused("-n", "--realisations", &["-3"]);
+}
+
+#[test]
+fn the_largest_number_of_realisations_starts_to_render() {
+    let place = Place::new();
+    let n = u64::MAX.to_string();
+    let long = ["-q", "-d4x4", "-i", "room.obj", "-n", &n];
+    let mut child = place.pt(&long).spawn().unwrap();
+    std::thread::sleep(Duration::from_millis(400));
+    let ended = child.try_wait().unwrap();
+    child.kill().unwrap();
+    let run = finish(child);
+    assert!(ended.is_none() && run.stderr.is_empty(), "{}", run.stderr);
+}
+
+#[test]
+fn a_vector_is_three_finite_reals_around_two_commas() {
+    let wrong = [
+        "1,2",
+        "1,2,3,4",
+        "1,2,",
+        "1 2 3",
+        "1, 2,3",
+        "a,b,c",
+        "nan,0,0",
+        "0,inf,0",
+        "0,0,-inf",
+        "1e999,0,0",
+        "1,,3",
+        "-",
+        "-1,-2",
+        "",
+    ];
+    refused("-p", "--position", &wrong);
+    refused("-t", "--target", &wrong);
+    refused("-u", "--up", &wrong);
+}
+
+#[test]
+fn a_vector_may_begin_with_a_minus_sign() {
+    let place = Place::new();
+    let joined =
+        ["--position=-1,-2,-.5", "--target=-2,1,-1", "--up=-1,0,9"];
+    let separate = ["-p", "-1,-2,-.5", "-t", "-2,1,-1", "-u", "-1,0,9"];
+    let size = ["-d9x7"];
+    let image = place.render(&[&size[..], &joined].concat());
+    assert_eq!(place.render(&[&size[..], &separate].concat()), image);
+    assert_ne!(place.render(&size), image);
+}
+
+#[test]
+fn a_field_of_view_lies_strictly_between_0_and_180() {
+    let wrong = ["0", "180", "-10", "1e3", "nan", "inf", "70,", "wide", ""];
+    refused("-F", "--fov", &wrong);
+    let place = Place::new();
+    place.render(&["-d2x2", "-F", "1e-9"]);
+    place.render(&["-d2x2", "-F", "179.999"]);
+}
+
+#[test]
+fn a_reflectivity_lies_between_0_and_1() {
+    let wrong = ["-0.1", "1.1", "nan", "inf", "50%", "0,5", ""];
+    refused("-r", "--reflectivity", &wrong);
+    let place = Place::new();
+    place.render(&["-d2x2", "-r", "0"]);
+    place.render(&["-d2x2", "-r", "1"]);
+}
+
+#[test]
+fn a_number_of_threads_is_a_positive_integer() {
+    refused("-j", "--threads", &["0", "1.5", "all", "4097", ""]);
+    refused("-j", "--threads", &["-1"]);
+}
+
+#[test]
+fn a_seed_is_an_integer_of_64_bits() {
+    let wrong = ["18446744073709551616", "1.5", "x", ""];
+    refused("-s", "--seed", &wrong);
+    refused("-s", "--seed", &["-1"]);
+    let place = Place::new();
+    place.render(&["-d2x2", "-s", "18446744073709551615"]);
+}
+
+#[test]
+fn an_option_that_does_not_exist_is_named() {
+    let place = Place::new();
+    for wrong in ["-z", "--nonsense", "scene.obj"] {
+        place.run(&["-i", "room.obj", wrong]).failed(2, &[wrong]);
+    }
+}
+
+#[test]
+fn a_missing_value_is_reported_with_its_option() {
+    let place = Place::new();
+    let valued = DEFAULTS.map(|[short, long, ..]| [short, long]);
+    let others =
+        [["-i", "--input"], ["-o", "--output"], ["-j", "--threads"]];
+    for [short, long] in valued.into_iter().chain(others) {
+        place.run(&["-q", short]).failed(2, &[long]);
+        place.run(&["-q", long]).failed(2, &[long]);
+    }
+}
+
+#[test]
+fn an_option_given_twice_is_named() {
+    let place = Place::new();
+    let twice = ["-i", "room.obj", "-n", "2", "-n", "3"];
+    place.run(&twice).failed(2, &["--realisations"]);
+}
+
+#[test]
+fn the_help_lists_every_option_with_its_default_and_the_licence() {
+    let place = Place::new();
+    let help = place.run(&["-h"]);
+    help.succeeded();
+    assert!(help.stderr.is_empty());
+    assert_eq!(place.run(&["--help"]).stdout, help.stdout);
+    let help = String::from_utf8(help.stdout).unwrap();
+    assert!(!help.contains('\x1b'));
+    let lists = |short: &str, long: &str, default: &str| {
+        let option = format!("{short}, {long}");
+        let found = |line: &&str| line.trim_start().starts_with(&option);
+        let line = help.lines().find(found).expect(&option);
+        assert!(line.contains(default), "{line}");
+    };
+    for [short, long, default, _] in DEFAULTS {
+        lists(short, long, &format!("[default: {default}]"));
+    }
+    lists("-i", "--input", "[default: standard input]");
+    lists("-o", "--output", "[default: standard output]");
+    lists("-j", "--threads", "[default: all cores]");
+    for [short, long] in [
+        ["-f", "--force"],
+        ["-q", "--quiet"],
+        ["-h", "--help"],
+        ["-V", "--version"],
+    ] {
+        lists(short, long, "");
+    }
+    assert!(help.contains("Usage: pt"));
+    assert!(help.contains("Copyright (C) 2026 litpt contributors"));
+    assert!(help.contains("GNU GPL version 3 or later"));
+    assert!(help.contains("NO WARRANTY"));
+}
+
+#[test]
+fn the_version_is_that_of_the_package() {
+    let place = Place::new();
+    let version = concat!("pt ", env!("CARGO_PKG_VERSION"), "\n");
+    for option in ["-V", "--version"] {
+        let run = place.run(&[option]);
+        run.succeeded();
+        assert_eq!(String::from_utf8(run.stdout).unwrap(), version);
+        assert!(run.stderr.is_empty());
+    }
+}
+
+#[test]
+fn help_that_nobody_reads_is_no_error() {
+    let place = Place::new();
+    let (reader, writer) = io::pipe().unwrap();
+    drop(reader);
+    let mut command = place.pt(&["-h"]);
+    command.stdout(Stdio::from(writer));
+    let run = finish(command.spawn().unwrap());
+    assert_eq!((run.status, run.stderr.as_str()), (Some(0), ""));
+}
+
+#[test]
+fn a_camera_at_its_own_target_is_reported_with_the_point() {
+    let place = Place::new();
+    let view = ["-p", "1,2.5,-3", "-t", "1,2.5,-3", "-o", "image.pgm"];
+    let run = place.run(&[&view[..], &["-i", "room.obj"]].concat());
+    run.failed(1, &["1, 2.5, -3", "-p", "-t"]);
+    place.holds_only(&[]);
+}
+
+#[test]
+fn an_up_axis_along_the_view_is_reported_with_both_vectors() {
+    let place = Place::new();
+    for up in ["-2,-4,6", "1,2,-3", "0,0,0"] {
+        let view = ["-p", "1,1,1", "-t", "2,3,-2", "-u", up];
+        let files = ["-i", "room.obj", "-o", "image.pgm"];
+        let run = place.run(&[&view[..], &files].concat());
+        let vector = up.replace(',', ", ");
+        run.failed(1, &[&vector, "1, 2, -3", "-u"]);
+    }
+    place.holds_only(&[]);
+}
+
+#[test]
+fn an_impossible_camera_is_reported_before_the_scene_is_read() {
+    let place = Place::new();
+    let run = place.run(&["-t", "0,0,0", "-i", "missing.obj"]);
+    run.failed(1, &["target"]);
+}
+
+#[test]
+fn the_number_of_threads_does_not_change_the_image() {
+    let place = Place::new();
+    let small = ["-d70x50", "-n5", "-r0.8"];
+    let image = place.render(&small);
+    for threads in ["-j1", "-j2", "-j7"] {
+        let again = place.render(&[&small[..], &[threads]].concat());
+        assert!(again == image, "{threads}");
+    }
+}
+
+#[test]
+fn a_seed_gives_its_own_image_and_always_the_same() {
+    let place = Place::new();
+    let seeds = ["-s0", "-s1", "-s2", "-s18446744073709551615"];
+    let images = seeds.map(|seed| place.render(&["-d32x24", seed]));
+    for (i, seed) in seeds.iter().enumerate() {
+        assert!(place.render(&["-d32x24", seed]) == images[i]);
+        assert!(images[..i].iter().all(|image| *image != images[i]));
+    }
+}
+
+#[test]
+fn the_options_of_the_model_reach_the_image() {
+    let place = Place::new();
+    let scene = [&ABOVE[..], &["-i", "square.obj", "-d2x2"]].concat();
+    for (rho, level) in [("0", 0), ("0.002", 6), ("0.5", 187)] {
+        let run = place.run(&[&scene[..], &["-r", rho]].concat());
+        assert_eq!(pgm(&run.stdout), (2, 2, vec![level; 4]), "{rho}");
+    }
+}
