@@ -19,9 +19,14 @@ use glam::{DVec3, UVec2, Vec3, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::cwbvh::CwBvh;
 use obvhs::cwbvh::builder::build_cwbvh;
+use obvhs::cwbvh::node::CwBvhNode;
+use obvhs::ray::Ray as Reach;
 use obvhs::{Boundable, BvhBuildParams, traverse};
 
 use crate::scene::{Ray, Scene, Triangle};
+
+#[cfg(target_arch = "x86_64")]
+mod avx2;
 
 // Say what a kernel answers
 /// Where a ray meets the scene first.
@@ -48,7 +53,7 @@ pub struct Cwbvh {
     nodes: CwBvh,
     /// The triangles in the order of the leaves.
     corners: Vec<Corners>,
-    /// Whether this processor has the instructions of `first_hit_avx2`.
+    /// Whether to walk with AVX2 instructions.
     avx2: bool,
 }
 
@@ -74,21 +79,28 @@ impl Cwbvh {
         let nodes = build_cwbvh(&padded, preset, &mut unused);
         let in_leaf = |&i: &u32| Corners::new(&padded[i as usize].0);
         let corners = nodes.primitive_indices.iter().map(in_leaf).collect();
-        Self { nodes, corners, avx2: has_avx2() }
+        #[cfg(target_arch = "x86_64")]
+        let avx2 = avx2::has_avx2();
+        #[cfg(not(target_arch = "x86_64"))]
+        let avx2 = false;
+        Self { nodes, corners, avx2 }
     }
 }
 
 // Walk through the hierarchy's nodes
 impl Cwbvh {
     #[inline(always)]
-    fn walk(&self, ray: &Ray, from: Option<u32>) -> Option<Hit> {
+    fn walk(
+        &self,
+        ray: &Ray,
+        from: Option<u32>,
+        children: impl Fn(&CwBvhNode, &Reach, u32) -> u32,
+        meet: impl Fn(&Shear, &Corners) -> f64,
+    ) -> Option<Hit> {
         let from = from.unwrap_or(u32::MAX);
         let shear = Shear::new(ray);
-        let (origin, direction) = (ray.origin, ray.direction);
-        let mut reach = obvhs::ray::Ray::new_inf(
-            origin.as_vec3a(),
-            direction.as_vec3a(),
-        );
+        let (o, d) = (ray.origin.as_vec3a(), ray.direction.as_vec3a());
+        let mut reach = Reach::new_inf(o, d);
         let mut nearest = (f64::INFINITY, 0);
         let mut state = self.nodes.new_traversal(reach.direction);
         let mut node;
@@ -96,13 +108,13 @@ impl Cwbvh {
             self.nodes,
             node,
             state,
-            node.intersect_ray(&reach, state.oct_inv4),
+            children(node, &reach, state.oct_inv4),
             {
                 // Shorten the ray to the triangle
                 let primitive = state.primitive_id;
                 let corners = &self.corners[primitive as usize];
                 if primitive != from {
-                    let found = (shear.distance(corners), primitive);
+                    let found = (meet(&shear, corners), primitive);
                     if found < nearest {
                         nearest = found;
                         reach.tmax = (found.0 as f32).next_up();
@@ -127,43 +139,70 @@ impl Cwbvh {
     }
 }
 
+/// The children of `node` that the ray enters, in the layout that the
+/// walk expects: inner nodes from bit 24, triangles below.
+#[inline(always)]
+fn children_met(node: &CwBvhNode, reach: &Reach, octant: u32) -> u32 {
+    let slope = node.compute_extent() * reach.inv_direction;
+    let start = (Vec3A::from(node.p) - reach.origin) * reach.inv_direction;
+    let mut span = ([0.; 8], [reach.tmax; 8]);
+    clip(&mut span, &node.child_min_x, &node.child_max_x, slope.x, start.x);
+    clip(&mut span, &node.child_min_y, &node.child_max_y, slope.y, start.y);
+    clip(&mut span, &node.child_min_z, &node.child_max_z, slope.z, start.z);
+    let met = (0..8).filter(|&i| span.0[i] <= span.1[i]);
+    list(node, octant, met.fold(0, |mask, i| mask | 1 << i))
+}
+
+/// Clips the spans of eight rays to the slabs of one axis.
+#[inline(always)]
+fn clip(
+    (near, far): &mut ([f32; 8], [f32; 8]),
+    low: &[u8; 8],
+    high: &[u8; 8],
+    slope: f32,
+    start: f32,
+) {
+    let (first, last) = if slope < 0. { (high, low) } else { (low, high) };
+    for i in 0..8 {
+        let enter = f32::from(first[i]) * slope + start;
+        let leave = f32::from(last[i]) * slope + start;
+        near[i] = if enter > near[i] { enter } else { near[i] };
+        far[i] = if leave < far[i] { leave } else { far[i] };
+    }
+}
+
+/// The work list of the children whose bits are set in `met`.
+#[inline(always)]
+fn list(node: &CwBvhNode, octant: u32, mut met: u32) -> u32 {
+    let (patterns, places) = node.get_child_and_index_bits(octant);
+    let mut list = 0;
+    while met != 0 {
+        let byte = 8 * met.trailing_zeros();
+        let place = (places >> byte) as u32 & 31;
+        list |= ((patterns >> byte) as u32 & 7) << place;
+        met &= met - 1;
+    }
+    list
+}
+
 impl Kernel for Cwbvh {
     #[inline]
     fn first_hit(&self, ray: &Ray, from: Option<u32>) -> Option<Hit> {
         #[cfg(target_arch = "x86_64")]
         if self.avx2 {
             // SAFETY: `avx2` is set only by `has_avx2`, which asked the
-            // processor for each of the instructions enabled below.
-            return unsafe { self.first_hit_avx2(ray, from) };
+            // processor for each of the instructions enabled there.
+            return unsafe { avx2::first_hit(self, ray, from) };
         }
-        self.walk(ray, from)
+        self.walk(ray, from, children_met, Shear::distance)
     }
 }
 
 impl Cwbvh {
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
-    fn first_hit_avx2(&self, ray: &Ray, from: Option<u32>) -> Option<Hit> {
-        self.walk(ray, from)
-    }
-
     /// The same hierarchy, walked without special instructions.
     pub fn portable(self) -> Self {
         Self { avx2: false, ..self }
     }
-}
-
-fn has_avx2() -> bool {
-    #[cfg(target_arch = "x86_64")]
-    {
-        is_x86_feature_detected!("avx2")
-            && is_x86_feature_detected!("bmi1")
-            && is_x86_feature_detected!("bmi2")
-            && is_x86_feature_detected!("lzcnt")
-            && is_x86_feature_detected!("popcnt")
-    }
-    #[cfg(not(target_arch = "x86_64"))]
-    false
 }
 
 // Test a triangle with shear
@@ -233,12 +272,19 @@ impl Shear {
         let u = x[2] * y[1] - y[2] * x[1];
         let v = x[0] * y[2] - y[0] * x[2];
         let w = x[1] * y[0] - y[1] * x[0];
-        // Reject what lies outside or behind
         let negative = u < 0. || v < 0. || w < 0.;
         let positive = u > 0. || v > 0. || w > 0.;
         if negative && positive {
             return f64::INFINITY;
         }
+        self.along([u, v, w], z)
+    }
+
+    // Find the distance along the ray
+    /// The distance of the point with barycentric weights `[u, v, w]`
+    /// between corners of sheared heights `z`, or infinity behind the ray.
+    #[inline(always)]
+    fn along(&self, [u, v, w]: [f64; 3], z: [f64; 3]) -> f64 {
         let height = (u * z[0] + v * z[1] + w * z[2]) / (u + v + w);
         let distance = height * self.stretch;
         if distance > 0. { distance } else { f64::INFINITY }
@@ -246,6 +292,6 @@ impl Shear {
 }
 
 #[inline(always)]
-fn each(f: impl FnMut(usize) -> f64) -> [f64; 4] {
+fn each(f: impl FnMut(usize) -> f64) -> [f64; 3] {
     std::array::from_fn(f)
 }

@@ -74,7 +74,7 @@ fn a_directory_is_no_scene() {
 #[test]
 fn a_file_that_may_not_be_read_is_named() {
     let place = Place::new();
-    let closed = fs::Permissions::from_mode(0);
+    let closed = fs::Permissions::from_mode(0o000);
     fs::set_permissions(place.path("room.obj"), closed).unwrap();
     if fs::read(place.path("room.obj")).is_ok() {
         return skip("this user may read everything");

@@ -157,7 +157,7 @@ fn collect(
 impl Run {
     pub fn succeeded(&self) {
         assert_eq!(self.status, Some(0), "{}", self.stderr);
-        assert!(!self.stderr.contains("error"), "{}", self.stderr);
+        assert!(!self.stderr.contains("error:"), "{}", self.stderr);
     }
 
     /// Ended with `status`, nothing on standard output, and one line on

@@ -1,0 +1,157 @@
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+//! What the user of `pt` reads on standard error.
+
+mod common;
+
+use std::process::Command;
+
+use common::{ABOVE, Place, Run, finish, skip};
+
+/// Runs `pt` on a terminal; its output and its messages come as one text.
+/// None where there is no program `script` to make a terminal.
+fn on_a_terminal(
+    arguments: &str,
+    prepare: impl Fn(&mut Command),
+) -> Option<String> {
+    let place = Place::new();
+    let line = format!("'{}' {arguments}", env!("CARGO_BIN_EXE_pt"));
+    let mut command = place.command("script");
+    command.args(["-qec", &line, "/dev/null"]);
+    prepare(&mut command);
+    let Ok(child) = command.spawn() else {
+        skip("there is no program script");
+        return None;
+    };
+    Some(String::from_utf8(finish(child).stdout).unwrap())
+}
+
+/// Whether the text holds a sequence that sets colours or weights.
+fn coloured(text: &str) -> bool {
+    let parts = text.split("\x1b[").skip(1);
+    let ends = |part: &str| {
+        part.trim_start_matches(|c: char| c.is_ascii_digit() || c == ';')
+            .starts_with('m')
+    };
+    parts.into_iter().any(ends)
+}
+
+fn summary(arguments: &[&str]) -> Run {
+    let scene = ["-i", "square.obj", "-d4x3"];
+    let run = Place::new().run(&[&ABOVE[..], &scene, arguments].concat());
+    run.succeeded();
+    run
+}
+
+/// The number before `unit` in a text.
+fn number_before(text: &str, unit: &str) -> f64 {
+    let end = text.find(unit).expect(unit);
+    let word = text[..end].split_whitespace().last();
+    word.unwrap_or("").parse().expect(text)
+}
+
+#[test]
+fn a_summary_tells_times_rays_and_the_mean() {
+    let run = summary(&["-n5", "-r0.5"]);
+    let lines: Vec<&str> = run.stderr.lines().collect();
+    assert_eq!(lines.len(), 2, "{}", run.stderr);
+    assert!(lines.iter().all(|line| line.starts_with("> ")));
+    assert_eq!(number_before(lines[0], " triangles"), 2.);
+    for room in ["load ", "build ", "render "] {
+        let (_, rest) = lines[0].split_once(room).expect(room);
+        let seconds = rest.split(',').next().unwrap();
+        let seconds = seconds.strip_suffix(" s").expect(room);
+        assert!(seconds.parse::<f64>().unwrap() >= 0.);
+    }
+    // Each path meets the square and then the sky: two rays.
+    assert_eq!(number_before(lines[1], " rays,"), 2. * 5. * 12.);
+    assert!(lines[1].contains("rays/s"));
+    let mean = lines[1].split_once("mean radiance ").unwrap().1;
+    assert_eq!(mean, "0.500000 ± 0.000000");
+}
+
+#[test]
+fn one_realisation_leaves_the_error_unknown() {
+    let run = summary(&["-n1", "-r0.25"]);
+    let mean = run.stderr.split_once("mean radiance ").unwrap().1;
+    assert_eq!(mean, "0.250000, error unknown (-n 1)\n");
+}
+
+#[test]
+fn the_summary_is_the_same_wherever_the_image_goes() {
+    let mean = |arguments: &[&str]| {
+        let run = summary(arguments);
+        run.stderr.rsplit("mean").next().unwrap().to_owned()
+    };
+    let file = ["-n3", "-r0.3", "-o", "image.png"];
+    assert!(summary(&file).stdout.is_empty());
+    assert_eq!(mean(&file), mean(&file[..2]));
+}
+
+#[test]
+fn a_pipe_gets_neither_colours_nor_a_bar() {
+    let run = summary(&["-n2000"]);
+    assert!(!run.stderr.contains('\x1b') && !run.stderr.contains('\r'));
+    assert!(!run.stderr.contains('%'), "{}", run.stderr);
+    let wrong = Place::new().run(&["-n0"]);
+    assert!(!wrong.stderr.contains('\x1b'));
+}
+
+#[test]
+fn a_quiet_run_says_nothing() {
+    assert_eq!(summary(&["-q"]).stderr, "");
+    assert_eq!(summary(&["--quiet", "-o", "image.png"]).stderr, "");
+}
+
+#[test]
+fn a_quiet_run_still_reports_errors() {
+    let run = Place::new().run(&["-q", "-i", "missing.obj"]);
+    run.failed(1, &["missing.obj"]);
+}
+
+/// About a second of rendering, long enough for a bar to be drawn.
+const LONG: &str = "-i room.obj -o image.pgm -d 128x96 -n 200 -j 1";
+
+#[test]
+fn a_terminal_shows_a_bar_with_a_percentage_and_then_removes_it() {
+    let Some(text) = on_a_terminal(LONG, |_| ()) else { return };
+    let words = ["% ", "passed", "to go", "paths/s", "["];
+    assert!(words.iter().all(|word| text.contains(word)), "{text:?}");
+    let last = text.rsplit("triangles").next().unwrap();
+    assert!(!last.contains('%'), "{text:?}");
+}
+
+#[test]
+fn a_terminal_shows_a_green_mark() {
+    let small = "-i room.obj -o image.pgm -d 4x3";
+    let Some(text) = on_a_terminal(small, |_| ()) else { return };
+    let mark = text.split(" 6 triangles").next().unwrap();
+    assert!(mark.contains("\x1b[32m") && mark.contains('>'), "{text:?}");
+}
+
+#[test]
+fn a_terminal_shows_a_red_error() {
+    let Some(text) = on_a_terminal("-n 0", |_| ()) else { return };
+    let mark = text.split("error:").next().unwrap();
+    assert!(mark.contains("\x1b[31m"), "{text:?}");
+}
+
+#[test]
+fn no_color_removes_colours_from_a_terminal() {
+    let plain = |command: &mut Command| {
+        command.env("NO_COLOR", "1");
+    };
+    let small = "-i room.obj -o image.pgm -d 4x3";
+    for arguments in [small, "-n 0", "-h", LONG] {
+        let Some(text) = on_a_terminal(arguments, plain) else { return };
+        assert!(!text.is_empty() && !coloured(&text), "{text:?}");
+    }
+}
+
+#[test]
+fn a_quiet_run_says_nothing_on_a_terminal() {
+    let quiet = format!("-q {LONG}");
+    let Some(text) = on_a_terminal(&quiet, |_| ()) else { return };
+    assert_eq!(text, "");
+}

@@ -1,0 +1,491 @@
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+//! Where `pt` puts the image, what its bytes are, and that no accident
+//! loses a file.
+
+mod common;
+
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, BufRead, BufReader, Cursor, Write};
+use std::os::unix::fs::{FileTypeExt, PermissionsExt, symlink};
+use std::path::Path;
+use std::process::{Child, Stdio};
+use std::thread;
+use std::time::{Duration, SystemTime};
+
+use common::{ABOVE, Place, ROOM, Run, finish, pgm, skip};
+
+const SMALL: [&str; 4] = ["-i", "room.obj", "-d9x7", "-n2"];
+
+fn write(place: &Place, output: &[&str]) -> Run {
+    place.run(&[&SMALL[..], output].concat())
+}
+
+/// Puts an old file with an old date, which no failed run may change.
+fn put_old(place: &Place, name: &str) -> SystemTime {
+    place.put(name, "old");
+    let date = SystemTime::UNIX_EPOCH + Duration::from_secs(1_000_000_000);
+    let file = OpenOptions::new().write(true).open(place.path(name));
+    file.unwrap().set_modified(date).unwrap();
+    date
+}
+
+fn modified(place: &Place, name: &str) -> SystemTime {
+    fs::metadata(place.path(name)).unwrap().modified().unwrap()
+}
+
+/// Starts `pt` and returns when it has begun to read its scene.
+fn start_reading(place: &Place, arguments: &[&str]) -> Child {
+    let arguments = [&["-d9x7"], arguments].concat();
+    let mut command = place.pt(&arguments);
+    let mut child = command.stdin(Stdio::piped()).spawn().unwrap();
+    // More than any pipe holds: the write ends when somebody reads.
+    let comment = "# nothing to see here, read on\n".repeat(1 << 16);
+    let stdin = child.stdin.as_mut().unwrap();
+    stdin.write_all(comment.as_bytes()).unwrap();
+    child
+}
+
+fn send_room(mut child: Child) -> Run {
+    let stdin = child.stdin.as_mut().unwrap();
+    stdin.write_all(ROOM.as_bytes()).unwrap();
+    finish(child)
+}
+
+#[test]
+fn an_existing_file_is_left_untouched_without_force() {
+    let place = Place::new();
+    let date = put_old(&place, "image.pgm");
+    write(&place, &["-o", "image.pgm"]).failed(1, &["image.pgm", "-f"]);
+    assert_eq!(place.get("image.pgm"), b"old");
+    assert_eq!(modified(&place, "image.pgm"), date);
+    place.holds_only(&["image.pgm"]);
+}
+
+#[test]
+fn an_existing_file_is_reported_before_the_scene_is_read() {
+    let place = Place::new();
+    put_old(&place, "image.pgm");
+    let run = place.run(&["-i", "missing.obj", "-o", "image.pgm"]);
+    run.failed(1, &["image.pgm", "-f"]);
+}
+
+#[test]
+fn an_existing_file_is_replaced_with_force() {
+    let place = Place::new();
+    put_old(&place, "image.pgm");
+    write(&place, &["-f", "-o", "image.pgm"]).succeeded();
+    assert_eq!(place.get("image.pgm"), place.render(&SMALL[2..]));
+    place.holds_only(&["image.pgm"]);
+}
+
+#[test]
+fn a_file_created_during_the_render_is_left_untouched_without_force() {
+    let place = Place::new();
+    let child = start_reading(&place, &["-o", "image.pgm"]);
+    place.holds_only(&[]);
+    let date = put_old(&place, "image.pgm");
+    send_room(child).failed(1, &["image.pgm", "-f"]);
+    assert_eq!(place.get("image.pgm"), b"old");
+    assert_eq!(modified(&place, "image.pgm"), date);
+    place.holds_only(&["image.pgm"]);
+}
+
+#[test]
+fn a_file_created_during_the_render_is_replaced_with_force() {
+    let place = Place::new();
+    let child = start_reading(&place, &["-f", "-o", "image.pgm"]);
+    put_old(&place, "image.pgm");
+    send_room(child).succeeded();
+    assert_eq!(pgm(&place.get("image.pgm")).2.len(), 63);
+    place.holds_only(&["image.pgm"]);
+}
+
+#[test]
+fn an_image_appears_only_when_it_is_whole() {
+    let place = Place::new();
+    put_old(&place, "old.pgm");
+    let output = ["-f", "-o", "old.pgm", "-o", "new.png"];
+    let mut child = start_reading(&place, &output);
+    assert_eq!(place.get("old.pgm"), b"old");
+    child.kill().unwrap();
+    finish(child);
+    assert_eq!(place.get("old.pgm"), b"old");
+    place.holds_only(&["old.pgm"]);
+}
+
+#[test]
+fn a_missing_directory_is_reported_before_the_scene_is_read() {
+    let place = Place::new();
+    let run = place.run(&["-i", "missing.obj", "-o", "none/image.pgm"]);
+    run.failed(1, &["none/image.pgm", "No such file or directory"]);
+    place.holds_only(&[]);
+}
+
+#[test]
+fn a_directory_is_no_place_for_the_bytes_of_an_image() {
+    let place = Place::new();
+    fs::create_dir(place.path("folder.pgm")).unwrap();
+    for output in ["folder.pgm", ".", "/"] {
+        write(&place, &["-o", output]).failed(1, &["directory"]);
+        write(&place, &["-f", "-o", output]).failed(1, &["directory"]);
+    }
+    place.holds_only(&["folder.pgm"]);
+}
+
+#[test]
+fn a_file_is_no_directory() {
+    let place = Place::new();
+    let run = write(&place, &["-f", "-o", "room.obj/image.pgm"]);
+    run.failed(1, &["room.obj/image.pgm", "Not a directory"]);
+}
+
+#[test]
+fn a_directory_that_is_closed_to_us_is_reported_before_the_render() {
+    let place = Place::new();
+    let closed = place.path("closed");
+    fs::create_dir(&closed).unwrap();
+    fs::set_permissions(&closed, fs::Permissions::from_mode(0o555))
+        .unwrap();
+    let mut directory = closed.as_path();
+    if File::create(closed.join("probe")).is_ok() {
+        // This user may write everywhere, except where nobody may.
+        directory = Path::new("/proc");
+        if !directory.exists() {
+            return skip("there is no directory closed to this user");
+        }
+    }
+    let image = directory.join("image.pgm").display().to_string();
+    for force in ["-q", "-f"] {
+        let arguments = ["-i", "missing.obj", force, "-o", &image];
+        place.run(&arguments).failed(1, &[&image]);
+    }
+}
+
+#[test]
+fn an_unknown_extension_is_refused_before_the_scene_is_read() {
+    let place = Place::new();
+    for name in ["image.jpg", "image.pgm.gz", "image.pgmx"] {
+        let run = place.run(&["-i", "missing.obj", "-o", name]);
+        run.failed(1, &[name, ".pgm", ".png"]);
+    }
+    place.holds_only(&[]);
+}
+
+#[test]
+fn an_extension_may_be_in_capitals() {
+    let place = Place::new();
+    write(&place, &["-o", "a.PGM", "-o", "a.Png"]).succeeded();
+    assert_eq!(pgm(&place.get("a.PGM")).0, 9);
+    assert!(place.get("a.Png").starts_with(b"\x89PNG"));
+}
+
+/// The device `null` or `full`. Where this user could lose the system's
+/// own if `pt` were to replace it, a new one of the same kind.
+fn device(place: &Place, name: &str) -> Option<String> {
+    let system = format!("/dev/{name}");
+    let probe = tempfile::tempfile_in("/dev");
+    let own = place.path(name).display().to_string();
+    let path = if probe.is_err() { system } else { own };
+    if probe.is_ok() {
+        let minor = if name == "null" { "3" } else { "7" };
+        let mut command = place.command("mknod");
+        command.args([&path, "c", "1", minor]);
+        finish(command.spawn().ok()?);
+    }
+    let there = OpenOptions::new().write(true).open(&path).is_ok();
+    if !there {
+        skip(&format!("there is no device {name}"));
+    }
+    there.then_some(path)
+}
+
+fn is_device(path: &str) -> bool {
+    fs::metadata(path).unwrap().file_type().is_char_device()
+}
+
+#[test]
+fn a_full_device_is_an_error() {
+    let place = Place::new();
+    let Some(full) = device(&place, "full") else { return };
+    let run = write(&place, &["-f", "-o", &full]);
+    run.failed(1, &["full: ", "No space left"]);
+    assert!(is_device(&full));
+}
+
+#[test]
+fn a_device_is_an_existing_file_without_force() {
+    let place = Place::new();
+    let Some(null) = device(&place, "null") else { return };
+    write(&place, &["-o", &null]).failed(1, &["null: ", "-f"]);
+    assert!(is_device(&null));
+}
+
+#[test]
+fn a_device_stays_a_device_with_force() {
+    let place = Place::new();
+    let Some(null) = device(&place, "null") else { return };
+    write(&place, &["-f", "-o", &null]).succeeded();
+    assert!(is_device(&null));
+}
+
+#[test]
+fn a_named_pipe_carries_the_image_and_stays_a_pipe() {
+    let place = Place::new();
+    let Ok(child) = place.command("mkfifo").arg("pipe.pgm").spawn() else {
+        return skip("there is no program mkfifo");
+    };
+    finish(child);
+    let pipe = place.path("pipe.pgm");
+    let path = pipe.clone();
+    let reader = thread::spawn(move || fs::read(path).unwrap());
+    write(&place, &["-f", "-o", "pipe.pgm"]).succeeded();
+    assert!(fs::metadata(&pipe).unwrap().file_type().is_fifo());
+    assert_eq!(reader.join().unwrap(), place.render(&SMALL[2..]));
+}
+
+#[test]
+fn the_name_of_standard_output_may_stand_for_a_pipe() {
+    if !Path::new("/proc/self/fd/1").exists() {
+        return skip("standard output has no name");
+    }
+    let place = Place::new();
+    // What /dev/stdout is, where a regression does no harm.
+    symlink("/proc/self/fd/1", place.path("stdout")).unwrap();
+    let run = write(&place, &["-f", "-o", "stdout"]);
+    run.succeeded();
+    assert_eq!(run.stdout, place.render(&SMALL[2..]));
+}
+
+#[test]
+fn a_full_disk_leaves_the_old_file_whole_and_nothing_else() {
+    const SCRIPT: &str = r#"
+        mount -t tmpfs -o size=64k tmpfs disk || exit 99
+        printf old > disk/old.pgm
+        "$0" -q -i room.obj -f -o disk/old.pgm 2> forced; echo $? >> forced
+        "$0" -q -i room.obj -o disk/new.pgm 2> fresh; echo $? >> fresh
+        ls -A disk > left
+        cat disk/old.pgm > after
+    "#;
+    for isolate in [["-m", "--"], ["-rm", "--"]] {
+        let place = Place::new();
+        fs::create_dir(place.path("disk")).unwrap();
+        let mut command = place.command("unshare");
+        command.args(isolate).args(["sh", "-c", SCRIPT]);
+        command.arg(env!("CARGO_BIN_EXE_pt"));
+        let Ok(child) = command.spawn() else { break };
+        if finish(child).status != Some(0) {
+            continue;
+        }
+        let text = |name| String::from_utf8(place.get(name)).unwrap();
+        for (run, name) in [("forced", "old.pgm"), ("fresh", "new.pgm")] {
+            let run = text(run);
+            assert!(run.starts_with("error: "), "{run}");
+            assert!(run.contains(name), "{run}");
+            assert!(run.contains("No space left"), "{run}");
+            assert!(run.ends_with("\n1\n"), "{run}");
+            assert_eq!(run.lines().count(), 2, "{run}");
+        }
+        assert_eq!(text("left"), "old.pgm\n");
+        assert_eq!(text("after"), "old");
+        return;
+    }
+    skip("this user may not mount a small disk");
+}
+
+/// Renders a noisy image that needs more than 64 blocks in each format,
+/// where the system allows no more.
+fn write_64_blocks(place: &Place, output: &str) -> Run {
+    let script = r#"trap '' XFSZ; ulimit -f 64; exec "$0" "$@""#;
+    let mut command = place.command("sh");
+    command.args(["-c", script, env!("CARGO_BIN_EXE_pt")]);
+    command.args(["-q", "-i", "room.obj", "-d512x384", "-n3", output]);
+    finish(command.spawn().unwrap())
+}
+
+#[test]
+fn a_write_that_stops_half_way_leaves_the_old_file_whole() {
+    let place = Place::new();
+    let date = put_old(&place, "old.pgm");
+    for output in ["-foold.pgm", "-onew.pgm", "-onew.png"] {
+        write_64_blocks(&place, output)
+            .failed(1, &["cannot write the image", "File too large"]);
+        assert_eq!(place.get("old.pgm"), b"old");
+        assert_eq!(modified(&place, "old.pgm"), date);
+        place.holds_only(&["old.pgm"]);
+    }
+}
+
+#[test]
+fn the_name_of_a_temporary_file_is_nothing_to_the_user() {
+    let place = Place::new();
+    let missing = write(&place, &["-o", "none/image.pgm"]);
+    let large = write_64_blocks(&place, "-oimage.pgm");
+    for run in [missing, large] {
+        run.failed(1, &["image.pgm"]);
+        assert!(!run.stderr.contains(".pt-"), "{}", run.stderr);
+    }
+}
+
+#[test]
+fn a_full_standard_output_is_an_error() {
+    let Ok(full) = OpenOptions::new().write(true).open("/dev/full") else {
+        return skip("there is no /dev/full");
+    };
+    let place = Place::new();
+    let mut command = place.pt(&SMALL);
+    let run = finish(command.stdout(full).spawn().unwrap());
+    run.failed(1, &["standard output", "No space left"]);
+}
+
+#[test]
+fn a_reader_who_has_seen_enough_is_no_error() {
+    let place = Place::new();
+    let mut command = place.pt(&["-q", "-i", "room.obj"]);
+    let mut child = command.spawn().unwrap();
+    let mut line = String::new();
+    let mut reader = BufReader::new(child.stdout.take().unwrap());
+    reader.read_line(&mut line).unwrap();
+    drop(reader);
+    let run = finish(child);
+    assert_eq!(line, "P2 320 240\n");
+    assert_eq!((run.status, run.stderr.as_str()), (Some(0), ""));
+}
+
+#[test]
+fn a_pipe_that_nobody_reads_is_no_error() {
+    let place = Place::new();
+    let (reader, writer) = io::pipe().unwrap();
+    drop(reader);
+    let mut command = place.pt(&[&["-q"], &SMALL[..]].concat());
+    let run = finish(command.stdout(writer).spawn().unwrap());
+    assert_eq!((run.status, run.stderr.as_str()), (Some(0), ""));
+}
+
+#[test]
+fn force_replaces_the_file_behind_a_link_and_keeps_the_link() {
+    let place = Place::new();
+    fs::create_dir(place.path("far")).unwrap();
+    put_old(&place, "far/image.pgm");
+    symlink("far/image.pgm", place.path("link.pgm")).unwrap();
+    write(&place, &["-o", "link.pgm"]).failed(1, &["image.pgm", "-f"]);
+    assert_eq!(place.get("far/image.pgm"), b"old");
+    write(&place, &["-f", "-o", "link.pgm"]).succeeded();
+    let target = fs::read_link(place.path("link.pgm")).unwrap();
+    assert_eq!(target, Path::new("far/image.pgm"));
+    assert_eq!(pgm(&place.get("far/image.pgm")).0, 9);
+    place.holds_only(&["far", "link.pgm"]);
+}
+
+#[test]
+fn a_link_to_nothing_is_reported_before_the_scene_is_read() {
+    let place = Place::new();
+    symlink("nothing.pgm", place.path("link.pgm")).unwrap();
+    for force in ["-q", "-f"] {
+        let arguments = ["-i", "missing.obj", force, "-o", "link.pgm"];
+        place.run(&arguments).failed(1, &["link.pgm"]);
+    }
+    place.holds_only(&["link.pgm"]);
+}
+
+#[test]
+fn two_outputs_hold_the_same_image_in_two_formats() {
+    let place = Place::new();
+    let output = ["-o", "a.pgm", "-o", "a.png"];
+    let scene = ["-i", "room.obj", "-d37x21", "-n9", "-r0.7"];
+    place.run(&[&scene[..], &output].concat()).succeeded();
+    let (width, height, coarse) = pgm(&place.get("a.pgm"));
+    let (size, fine) = png(&place.get("a.png"));
+    assert_eq!(size, (width, height));
+    // 65535 = 255 * 257: 257 fine levels make a coarse one.
+    let rounded: Vec<u16> = fine.iter().map(|level| level / 257).collect();
+    assert_eq!(rounded, coarse);
+    let mut different = fine;
+    different.sort();
+    different.dedup();
+    assert!(different.len() > 10);
+}
+
+/// The size and the levels of a PNG, which has one channel of 16 bits.
+fn png(bytes: &[u8]) -> ((u32, u32), Vec<u16>) {
+    let decoder = png::Decoder::new(Cursor::new(bytes));
+    let mut reader = decoder.read_info().unwrap();
+    let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+    let info = reader.next_frame(&mut bytes).unwrap();
+    assert_eq!(info.color_type, png::ColorType::Grayscale);
+    assert_eq!(info.bit_depth, png::BitDepth::Sixteen);
+    assert!(reader.info().srgb.is_some());
+    let level = |pair: &[u8]| u16::from_be_bytes([pair[0], pair[1]]);
+    let levels = bytes.chunks_exact(2).map(level).collect();
+    ((info.width, info.height), levels)
+}
+
+#[test]
+fn the_second_output_is_checked_before_the_first_is_written() {
+    let place = Place::new();
+    put_old(&place, "old.png");
+    let run = write(&place, &["-o", "new.pgm", "-o", "old.png"]);
+    run.failed(1, &["old.png", "-f"]);
+    assert_eq!(place.get("old.png"), b"old");
+    place.holds_only(&["old.png"]);
+}
+
+#[test]
+fn a_new_file_has_the_permissions_that_the_user_wants() {
+    let place = Place::new();
+    for (mask, mode) in
+        [("022", 0o644), ("027", 0o640), ("077", 0o600), ("0", 0o666)]
+    {
+        let script = format!(r#"umask {mask}; exec "$0" "$@""#);
+        let mut command = place.command("sh");
+        command.args(["-c", &script, env!("CARGO_BIN_EXE_pt")]);
+        command.args(SMALL).args(["-f", "-o", "image.pgm"]);
+        finish(command.spawn().unwrap()).succeeded();
+        let metadata = fs::metadata(place.path("image.pgm")).unwrap();
+        assert_eq!(metadata.permissions().mode() & 0o7777, mode, "{mask}");
+        fs::remove_file(place.path("image.pgm")).unwrap();
+    }
+}
+
+#[test]
+fn a_plain_pgm_has_a_header_and_one_level_per_line() {
+    let place = Place::new();
+    let bytes = place.render(&["-d5x3", "-n7"]);
+    assert!(bytes.starts_with(b"P2 5 3\n255\n"));
+    let (width, height, levels) = pgm(&bytes);
+    assert_eq!((width, height, levels.len()), (5, 3, 15));
+}
+
+#[test]
+fn the_rows_go_from_top_to_bottom_and_from_left_to_right() {
+    // A wall hides the sky on the left, the ground on the right is dark.
+    let wall = "v -9 1 -9\nv 0 1 -9\nv 0 1 9\nv -9 1 9\nf 1 2 3 4\n";
+    let place = Place::new();
+    let arguments = ["-d2x2", "-F20", "-n4", "-r0", "-t0,9,0"];
+    let run = place.feed(wall.as_bytes(), &arguments);
+    run.succeeded();
+    let [_, top_right, ..] = pgm(&run.stdout).2[..] else { panic!() };
+    let dark = pgm(&run.stdout).2.iter().filter(|l| **l == 0).count();
+    assert!(top_right >= 254 && dark == 3, "{:?}", pgm(&run.stdout));
+}
+
+#[test]
+fn a_level_is_the_floor_of_the_srgb_curve() {
+    let place = Place::new();
+    let above = [&ABOVE[..], &["-i", "square.obj", "-d1x1"]].concat();
+    for rho in [0., 0.001, 0.0031, 0.0032, 0.05, 0.1, 0.3, 0.5, 0.9] {
+        let rho_option = format!("-r{rho}");
+        let output = ["-f", "-o", "a.pgm", "-o", "a.png", &rho_option];
+        place.run(&[&above[..], &output].concat()).succeeded();
+        let curve = if rho <= 0.0031308 {
+            12.92 * rho
+        } else {
+            1.055 * f64::powf(rho, 1. / 2.4) - 0.055
+        };
+        let coarse = vec![(255. * curve).floor() as u16];
+        let fine = vec![(65535. * curve).floor() as u16];
+        assert_eq!(pgm(&place.get("a.pgm")).2, coarse, "{rho}");
+        assert_eq!(png(&place.get("a.png")).1, fine, "{rho}");
+    }
+}
