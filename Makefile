@@ -34,7 +34,7 @@ TEX_NEEDS = memoir.cls lmodern.sty microtype.sty booktabs.sty pgfplots.sty
 TEX_INSTALL = apt-get install --no-install-recommends texlive-latex-base \
   texlive-latex-recommended texlive-pictures lmodern latexmk
 
-.PHONY: help bin demo test pdf check boot chunk clean check-tex
+.PHONY: help bin demo test pdf check boot chunk measure clean check-tex
 .DELETE_ON_ERROR:
 
 help:
@@ -45,6 +45,7 @@ help:
 	@echo 'make check   formatting, lints, and whether src/ is what the book says'
 	@echo 'make boot    rebuild the tool noweb from its own chapters'
 	@echo 'make chunk   list the root chunks; CHUNK="..." shows one chunk, expanded'
+	@echo 'make measure repeat the measurements that the book prints'
 	@echo 'make clean   remove what was built'
 
 # ---- the program
@@ -97,6 +98,22 @@ $(BUILD_DIR)/tables/closed-forms.tex: $(BUILD_DIR)/closed_forms
 	@mkdir -p $(@D)
 	$(BUILD_DIR)/closed_forms > $@
 
+# Measurements are recorded, not repeated at each build: the machine must be
+# idle for them. A line of comment names the date and the machine.
+$(BUILD_DIR)/tables/%.tex: doc/measured/%.csv
+	@mkdir -p $(@D)
+	awk -F, '/^#/ { sub(/^# */, ""); print > "$(@D)/$*-machine.tex"; next } \
+	  !head++ { next } { gsub(/,/, " \\& "); print $$0 " \\\\" }' $< > $@
+
+measure: $(BUILD_DIR)/courtyard.obj
+	$(CARGO) build --release --example presets
+	@mkdir -p doc/measured
+	{ echo "# $$(sed -n 's/^model name.*: //p' /proc/cpuinfo | head -n 1), \
+	$$(nproc) cores, on $$(date +%Y-%m-%d)" | tr -d '\t' && \
+	  $(CARGO_TARGET_DIR)/release/examples/presets $<; } \
+	  > doc/measured/presets.csv.new
+	mv doc/measured/presets.csv.new doc/measured/presets.csv
+
 # What the tool says about the examples in the chapter on it.
 $(BUILD_DIR)/examples.stamp: $(NOWEB) $(wildcard doc/examples/*)
 	@sh doc/examples/messages.sh $(NOWEB) $(BUILD_DIR)/examples
@@ -110,7 +127,7 @@ check-tex:
 
 $(BUILD_DIR)/litpt.pdf: $(WEB) $(NOWEB) config.mk \
   $(BUILD_DIR)/figures/courtyard.png $(BUILD_DIR)/examples.stamp \
-  $(BUILD_DIR)/tables/closed-forms.tex \
+  $(addprefix $(BUILD_DIR)/tables/,closed-forms.tex presets.tex) \
   $(addprefix doc/,litpt.sty litpt.bib litpt-mono.enc latexmkrc)
 	@mkdir -p $(BUILD_DIR)/tex
 	$(NOWEB) noweave $(NOWEAVE_OPTS) \

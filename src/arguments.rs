@@ -37,12 +37,14 @@ pub struct Arguments {
     // Declare the options of the image
     /// Definition of the image in pixels, each at most 16384
     #[arg(short, long, value_name = "WIDTHxHEIGHT",
-          default_value = "320x240", value_parser = parse_definition)]
+          default_value = "320x240", value_parser = parse_definition,
+          allow_hyphen_values = true)]
     pub definition: (u32, u32),
 
     /// Realisations (paths) per pixel, at least 1
     #[arg(short = 'n', long, value_name = "N",
-          default_value = "1", value_parser = parse_realisations)]
+          default_value = "1", value_parser = parse_realisations,
+          allow_hyphen_values = true)]
     pub realisations: u64,
     // Declare the options of the camera
     /// Position of the camera
@@ -83,11 +85,18 @@ pub struct Arguments {
     pub force: bool,
 
     /// Seed of the random numbers
-    #[arg(short, long, value_name = "SEED", default_value = "0")]
+    #[arg(
+        short,
+        long,
+        value_name = "SEED",
+        default_value = "0",
+        allow_hyphen_values = true
+    )]
     pub seed: u64,
 
     /// Number of threads; the image does not depend on it [default: all cores]
-    #[arg(short = 'j', long, value_name = "N", value_parser = parse_threads)]
+    #[arg(short = 'j', long, value_name = "N",
+          value_parser = parse_threads, allow_hyphen_values = true)]
     pub threads: Option<usize>,
 
     /// Print nothing but errors
@@ -112,6 +121,9 @@ fn parse_definition(text: &str) -> Result<(u32, u32), String> {
     let syntax = "expected two integers around one x, as in 800x600";
     let (width, height) = text.split_once('x').ok_or(syntax)?;
     let side = |digits: &str| match digits.parse() {
+        _ if !digits.bytes().all(|b| b.is_ascii_digit()) => {
+            Err(syntax.to_owned())
+        }
         Ok(0) => Err("an image has at least one pixel".to_owned()),
         Ok(n @ 1..=MAX_SIDE) => Ok(n),
         Ok(_) => Err(format!("at most {MAX_SIDE} pixels a side")),
@@ -203,6 +215,14 @@ impl Arguments {
     pub fn destinations(&self) -> Result<Vec<Destination>, String> {
         if self.output.is_empty() {
             return Ok(vec![Destination::standard_output()]);
+        }
+        for (i, path) in self.output.iter().enumerate() {
+            if self.output[..i].contains(path) {
+                return Err(format!(
+                    "{}: given twice with -o",
+                    path.display()
+                ));
+            }
         }
         let check = |path: &PathBuf| Destination::file(path, self.force);
         self.output.iter().map(check).collect()

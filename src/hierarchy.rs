@@ -72,9 +72,13 @@ impl Boundable for Padded {
 impl Cwbvh {
     /// Builds the hierarchy of a scene, on all threads.
     pub fn new(scene: &Scene) -> Self {
+        Self::with_preset(scene, BvhBuildParams::medium_build())
+    }
+
+    /// Builds the hierarchy of a scene with parameters of obvhs.
+    pub fn with_preset(scene: &Scene, preset: BvhBuildParams) -> Self {
         let padded = scene.triangles().iter().copied().map(Padded);
         let padded: Vec<_> = padded.collect();
-        let preset = BvhBuildParams::medium_build();
         let mut unused = Duration::ZERO;
         let nodes = build_cwbvh(&padded, preset, &mut unused);
         let in_leaf = |&i: &u32| Corners::new(&padded[i as usize].0);

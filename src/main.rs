@@ -74,9 +74,8 @@ fn run(arguments: &Arguments) -> Result<(), String> {
     bar.finish();
     timings.rendered();
     // Write the image and the summary
-    for output in &outputs {
-        output.write(&image)?;
-    }
+    let written: Vec<_> = outputs.iter().map(|o| o.write(&image)).collect();
+    written.into_iter().collect::<Result<(), String>>()?;
     if !arguments.quiet {
         let triangles = scene.triangles().len();
         timings.summarise(triangles, rays, &image);

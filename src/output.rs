@@ -25,7 +25,7 @@ fn srgb(radiance: f64) -> f64 {
     let encoded = if radiance <= 0.0031308 {
         12.92 * radiance
     } else {
-        1.055 * libm::pow(radiance, 1. / 2.4) - 0.055
+        1. + 1.055 * (libm::pow(radiance, 1. / 2.4) - 1.)
     };
     encoded.clamp(0., 1.)
 }
@@ -122,7 +122,9 @@ fn temporary(path: &Path) -> Result<NamedTempFile, String> {
     builder
         .permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     builder.prefix(".pt-").tempfile_in(directory).map_err(|e| {
-        format!("{}: cannot create a file there: {e}", path.display())
+        let (name, error) = (path.display(), e.to_string());
+        let cause = error.split(" at path").next().unwrap_or_default();
+        format!("{name}: cannot create a file there: {cause}")
     })
 }
 
@@ -136,6 +138,10 @@ fn name_file(
     path: &Path,
     force: bool,
 ) -> Result<(), String> {
+    if let Ok(there) = path.metadata() {
+        // A file that is replaced keeps its mode.
+        let _ = file.as_file().set_permissions(there.permissions());
+    }
     let named = match force {
         true => file.persist(path),
         false => file.persist_noclobber(path),
@@ -168,6 +174,9 @@ impl Destination {
         let place = match path.symlink_metadata() {
             Ok(there) if there.is_dir() => {
                 return Err(format!("{name}: is a directory"));
+            }
+            Ok(there) if there.is_symlink() && !path.exists() => {
+                return Err(format!("{name}: is a link to nothing"));
             }
             Ok(_) if !force => return Err(exists(&path)),
             Ok(there) if !there.is_file() => Place::Device(path),
@@ -202,8 +211,9 @@ impl Destination {
                 done.map(drop).map_err(|e| failure(path.display(), e))
             }
             Place::File { path, force } => {
-                let file = self.encode(image, temporary(path)?);
-                let file = file.map_err(|e| failure(path.display(), e))?;
+                let file = temporary(path)?;
+                self.encode(image, file.as_file())
+                    .map_err(|e| failure(path.display(), e))?;
                 name_file(file, path, *force)
             }
         }

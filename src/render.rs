@@ -49,8 +49,8 @@ impl<K: Kernel, E: Estimator> Job<'_, K, E> {
     ) -> u64 {
         let (width, height) = (image.width(), image.height());
         let render = |(tile, pixels): (Tile, &mut [Accumulator])| {
-            let paths = pixels.len() as u64
-                * (realisations.end - realisations.start);
+            let count = realisations.end - realisations.start;
+            let paths = count.saturating_mul(pixels.len() as u64);
             let rays = self.tile(
                 tile,
                 pixels,

@@ -43,6 +43,7 @@ pub struct Mesh {
 /// corners that do not exist.
 pub fn read_obj(source: &[u8]) -> Result<Mesh, ObjError> {
     // Refuse empty and binary files
+    let source = source.strip_prefix(b"\xef\xbb\xbf").unwrap_or(source);
     if source.is_empty() {
         return Err(ObjError::whole(
             "the file is empty; an OBJ was expected",
@@ -228,7 +229,10 @@ fn judge_vertex(text: &str) -> Result<(), String> {
             Err(_) => return Err(format!("{axis} = {word} is no number")),
         }
     }
-    Ok(())
+    match words.find(|word| word.parse::<f64>().is_err()) {
+        Some(word) => Err(format!("{word} is no number")),
+        None => Ok(()),
+    }
 }
 
 fn judge_face(
@@ -251,7 +255,12 @@ fn judge_corner(
     so_far: usize,
     total: usize,
 ) -> Result<(), String> {
-    let digits = word.split('/').next().unwrap_or_default();
+    let mut numbers = word.splitn(3, '/');
+    let digits = numbers.next().unwrap_or_default();
+    let is_number = |n: &str| n.is_empty() || n.parse::<i64>().is_ok();
+    if !numbers.all(is_number) {
+        return Err(format!("corner {word} is not of the form 1/2/3"));
+    }
     match digits.parse::<i64>() {
         Err(_) => Err(format!("corner {word} is no vertex number")),
         Ok(0) => Err("vertices are counted from 1, not from 0".to_owned()),

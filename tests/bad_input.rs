@@ -244,6 +244,8 @@ fn a_face_of_two_corners_is_refused() {
 fn the_first_line_at_fault_is_reported() {
     refused(with("f 1 2 7\nv 1 2 x\n"), &[":4:", "7"]);
     refused(with("v 1 2 x\nf 1 2 7\n"), &[":4:", "x"]);
+    let later = with("f 1 2 4\n") + "v 1 2 3\nf 1 2 9\n";
+    refused(later, &[":7:", "9", "4 vertices"]);
 }
 
 #[test]

@@ -118,8 +118,10 @@ fn a_terminal_shows_a_bar_with_a_percentage_and_then_removes_it() {
     let Some(text) = on_a_terminal(LONG, |_| ()) else { return };
     let words = ["% ", "passed", "to go", "paths/s", "["];
     assert!(words.iter().all(|word| text.contains(word)), "{text:?}");
-    let last = text.rsplit("triangles").next().unwrap();
-    assert!(!last.contains('%'), "{text:?}");
+    let after = text.rsplit("paths/s").next().unwrap();
+    assert!(after.contains("triangles"), "{text:?}");
+    let erased = after.split('>').next().unwrap();
+    assert!(erased.contains("\x1b[2K"), "{text:?}");
 }
 
 #[test]
