@@ -21,8 +21,8 @@ COMPILED := $(CARGO_TARGET_DIR)/$(if $(PROFILE_$(BUILD_TYPE)),release,debug)
 
 NOWEB := $(CARGO_TARGET_DIR)/release/noweb
 NOWEB_SOURCES := Cargo.toml noweb/Cargo.toml $(wildcard noweb/src/*.rs)
-SOURCES := $(WEB) $(NOWEB_SOURCES) config.mk build.rs $(wildcard Cargo.lock) \
-  $(wildcard src/*.rs src/*/*.rs)
+SOURCES := src/.tangled $(NOWEB_SOURCES) config.mk build.rs \
+  $(wildcard Cargo.lock src/*.rs src/*/*.rs)
 
 # The view of the courtyard; its size and samples per pixel as a figure of the
 # book (seconds) and in the demonstration (about a minute on two cores).
@@ -50,9 +50,18 @@ help:
 
 # ---- the program
 
-# cargo tangles the chapters (build.rs) and compiles. It is called only when a
-# source has changed, and its programs are copied only when they differ, so
-# that nothing is rendered anew because a sentence was mended.
+# The chapters are tangled first, by the tool, which writes only files that
+# change; cargo (whose build.rs would tangle as well) is called only if one did,
+# and its programs are copied only when they differ. So a sentence that is
+# mended costs no compilation, and a comment no rendering.
+$(BUILD_DIR)/tangled.stamp: $(WEB) $(NOWEB)
+	@mkdir -p $(BUILD_DIR)
+	$(NOWEB) tangle --except noweb/ --record src/.tangled $(WEB)
+	@touch $@
+
+src/.tangled: $(BUILD_DIR)/tangled.stamp
+	@true
+
 PROGRAMS := $(BUILD_DIR)/$(BUILD_TYPE).stamp
 $(PROGRAMS): $(SOURCES)
 	$(CARGO) build $(PROFILE_$(BUILD_TYPE)) --bins
