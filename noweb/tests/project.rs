@@ -303,6 +303,31 @@ fn a_chunk_that_nobody_uses_is_reported() {
 }
 
 #[test]
+fn a_cycle_that_no_root_reaches_is_reported_once() {
+    let scratch = project();
+    let cycle = "<<Down>>=\n<<One>>\n<<One>>=\n<<Two>>\n<<Down>>\n\
+        <<Two>>=\n<<One>>\n";
+    scratch.write("chapters/a.nw", CHAPTER.to_owned() + cycle);
+    let said = "chapters/a.nw:30:3: warning: no root reaches <<Down>>, \
+        in a cycle\n  <<Down>>=\n    ^\n";
+    let outcome = tangle(&scratch, &[]);
+    assert_eq!((outcome.status, outcome.stderr()), (0, said.into()));
+    let outcome = run(scratch.path(), &["check", "chapters/a.nw"]);
+    assert_eq!((outcome.status, outcome.stderr()), (1, said.into()));
+}
+
+#[test]
+fn what_hangs_below_a_lost_cycle_is_no_cycle() {
+    let scratch = project();
+    let cycle = "<<Leaf>>=\n1\n<<Self>>=\n<<Leaf>>\n<<Self>>\n";
+    scratch.write("chapters/a.nw", CHAPTER.to_owned() + cycle);
+    let outcome = tangle(&scratch, &[]);
+    let said = "chapters/a.nw:32:3: warning: no root reaches <<Self>>";
+    assert!(outcome.stderr().starts_with(said), "{}", outcome.stderr());
+    assert!(!outcome.stderr().contains("Leaf"), "{}", outcome.stderr());
+}
+
+#[test]
 fn check_reports_what_looks_wrong_in_a_web() {
     let scratch = project();
     let web = "<<x.rs>>=\n<<a>>\n<<Idle>>=\n<<gone>>\n<<gone>>\n";
