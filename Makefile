@@ -123,9 +123,10 @@ measure: $(BUILD_DIR)/courtyard.obj
 	  > doc/measured/presets.csv.new
 	mv doc/measured/presets.csv.new doc/measured/presets.csv
 
-# What the tool says about the examples in the chapter on it.
-$(BUILD_DIR)/examples.stamp: $(NOWEB) $(wildcard doc/examples/*)
+# What the tool and the program say, for the chapters on them.
+$(BUILD_DIR)/examples.stamp: $(NOWEB) $(BUILD_DIR)/pt $(wildcard doc/examples/*)
 	@sh doc/examples/messages.sh $(NOWEB) $(BUILD_DIR)/examples
+	@sh doc/examples/pt.sh $(BUILD_DIR)/pt $(BUILD_DIR)/examples
 	@touch $@
 
 check-tex:

@@ -169,16 +169,20 @@ impl Destination {
     /// or nothing can be created in its directory.
     pub fn file(path: &Path, force: bool) -> Result<Self, String> {
         let format = Format::of(path)?;
-        let path = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+        // Refuse names that cannot be written
         let name = path.display();
-        let place = match path.symlink_metadata() {
+        match path.metadata() {
             Ok(there) if there.is_dir() => {
                 return Err(format!("{name}: is a directory"));
             }
-            Ok(there) if there.is_symlink() && !path.exists() => {
+            Ok(_) if !force => return Err(exists(path)),
+            Err(_) if path.is_symlink() => {
                 return Err(format!("{name}: is a link to nothing"));
             }
-            Ok(_) if !force => return Err(exists(&path)),
+            _ => (),
+        }
+        let path = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+        let place = match path.metadata() {
             Ok(there) if !there.is_file() => Place::Device(path),
             _ => {
                 temporary(&path)?;

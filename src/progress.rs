@@ -87,7 +87,7 @@ fn style() -> ProgressStyle {
     style.progress_chars("=> ")
 }
 
-/// A number to three digits with a metric prefix, as in `1.25 M`.
+/// A number to two decimals with a metric prefix, as in `1.25 M`.
 fn metric(x: f64) -> String {
     let scales = [(1e9, "G"), (1e6, "M"), (1e3, "k")];
     match scales.iter().find(|(scale, _)| x >= *scale) {

@@ -369,7 +369,7 @@ fn force_replaces_the_file_behind_a_link_and_keeps_the_link() {
     fs::create_dir(place.path("far")).unwrap();
     put_old(&place, "far/image.pgm");
     symlink("far/image.pgm", place.path("link.pgm")).unwrap();
-    write(&place, &["-o", "link.pgm"]).failed(1, &["image.pgm", "-f"]);
+    write(&place, &["-o", "link.pgm"]).failed(1, &["link.pgm", "-f"]);
     assert_eq!(place.get("far/image.pgm"), b"old");
     write(&place, &["-f", "-o", "link.pgm"]).succeeded();
     let target = fs::read_link(place.path("link.pgm")).unwrap();

@@ -180,6 +180,7 @@ fn run_check(args: &[OsString], streams: &mut Streams) -> u8 {
         fresh
     });
     faults.extend(web.unused(project::is_file_name));
+    faults.extend(web.adrift());
     faults.extend(web.forward());
     streams.conclude(Ok(()), &faults).min(1)
 }

@@ -85,7 +85,7 @@ impl Item {
 
 /// The names that a stream mentions.
 #[derive(Default)]
-struct Web<'a> {
+struct Findings<'a> {
     chunks: HashMap<&'a [u8], Item>,
     identifiers: HashMap<&'a [u8], Item>,
     /// The number of `@begin` lines.
@@ -96,7 +96,7 @@ struct Web<'a> {
 /// The first pass: the web so far, and the lines with their labels.
 #[derive(Default)]
 struct Collector<'a> {
-    web: Web<'a>,
+    web: Findings<'a>,
     lines: Vec<Cow<'a, [u8]>>,
     codes: Codes,
     /// The code of the current file.
@@ -246,7 +246,7 @@ fn has_ink(text: &[u8]) -> bool {
 // Write the resolved stream out
 /// The second pass: writes the lines with what the web knows of them.
 struct Resolver<'a> {
-    web: &'a Web<'a>,
+    web: &'a Findings<'a>,
     out: Vec<u8>,
     /// How many definitions of each chunk have been written.
     written: HashMap<&'a [u8], usize>,
@@ -469,7 +469,7 @@ fn anchor(item: Option<&Item>) -> &[u8] {
 }
 
 impl<'a> Resolver<'a> {
-    fn new(web: &'a Web<'a>, options: &Options) -> Resolver<'a> {
+    fn new(web: &'a Findings<'a>, options: &Settings) -> Resolver<'a> {
         Resolver {
             web,
             out: Vec::new(),
@@ -509,7 +509,7 @@ fn in_order<'a>(
 // Run noidx as a command
 /// What the command line of `noidx` can ask for.
 #[derive(Default)]
-pub struct Options {
+pub struct Settings {
     /// Lists before the last chunk, and not at the end of the stream.
     pub delay: bool,
     /// Anchors in prose, so many lines before the code.
@@ -517,7 +517,7 @@ pub struct Options {
 }
 
 /// Resolves the cross-references of a stream.
-pub fn cross_reference(stream: &[u8], options: &Options) -> Outcome {
+pub fn cross_reference(stream: &[u8], options: &Settings) -> Outcome {
     let mut collector = Collector {
         file: "standard input?".to_string(),
         distance: options.distance,
@@ -549,8 +549,8 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
     }
 }
 
-fn arguments(args: &[OsString]) -> Result<Options, String> {
-    let mut options = Options::default();
+fn arguments(args: &[OsString]) -> Result<Settings, String> {
+    let mut options = Settings::default();
     let mut args = args.iter();
     // Take the options of noidx in turn
     while let Some(arg) = args.next() {

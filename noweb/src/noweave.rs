@@ -23,7 +23,7 @@ use crate::{Streams, finduses, markup, noidx, split_scope, totex};
 
 // Describe the pipeline of a document
 /// What is to be run for a document.
-struct Plan {
+struct Weaving {
     markup: Stage,
     filters: Vec<Stage>,
     backend: Stage,
@@ -49,7 +49,7 @@ impl Stage {
 
 /// What the command line asks for.
 #[derive(Default)]
-struct Request {
+struct CommandLine {
     markup: Option<OsString>,
     tabs: Vec<OsString>,
     files: Vec<OsString>,
@@ -95,9 +95,9 @@ fn filter_stages(filters: Vec<Filter>, noidx: &str) -> Vec<Stage> {
 
 // Read the command line of noweave
 
-impl Request {
-    fn read(args: &[OsString]) -> Result<Request, String> {
-        let mut request = Request::default();
+impl CommandLine {
+    fn read(args: &[OsString]) -> Result<CommandLine, String> {
+        let mut request = CommandLine::default();
         let mut args = VecDeque::from(args.to_vec());
         while let Some(arg) = args.pop_front() {
             if arg == "-" || !arg.as_encoded_bytes().starts_with(b"-") {
@@ -171,7 +171,7 @@ impl Request {
     }
 
     // Turn what was asked into a plan
-    fn plan(self) -> Plan {
+    fn plan(self) -> Weaving {
         let reads_input =
             self.files.is_empty() || self.files.iter().any(|f| f == "-");
         let wrapper = self.wrapper();
@@ -180,7 +180,7 @@ impl Request {
         let args = [self.tabs, self.files].concat();
         let markup = self.markup.unwrap_or("markup".into());
         let backend = self.backend.unwrap_or("totex".into());
-        Plan {
+        Weaving {
             markup: Stage { command: markup, args },
             filters: filter_stages(self.filters, noidx),
             backend: Stage { command: backend, args: options },
@@ -235,7 +235,7 @@ fn refusal(option: &str) -> String {
 }
 
 // Run the stages one after another
-impl Plan {
+impl Weaving {
     /// The document, or the status if a stage fails.
     fn document(&self, streams: &mut Streams) -> Result<Vec<u8>, u8> {
         // Read the source from standard input
@@ -404,7 +404,7 @@ fn is_safe(byte: u8) -> bool {
 // Run noweave as a command
 /// `noweave [OPTION]... [FILE]...`: weaves a document.
 pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
-    match Request::read(args) {
+    match CommandLine::read(args) {
         Ok(request) => request.plan().run(streams),
         Err(what) => {
             Outcome::complaint("noweave", 1, &what).deliver(streams)
@@ -412,7 +412,7 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
     }
 }
 
-impl Plan {
+impl Weaving {
     fn run(&self, streams: &mut Streams) -> u8 {
         if self.verbose {
             let _ = streams.errors.write_all(&self.show());

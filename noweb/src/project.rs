@@ -171,6 +171,7 @@ impl Project {
         }
         self.plan_removals(&mut plan, &mut faults);
         plan.warnings = web.unused(is_file_name);
+        plan.warnings.extend(web.adrift());
         if faults.is_empty() { Ok(plan) } else { Err(faults) }
     }
 

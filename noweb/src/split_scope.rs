@@ -26,18 +26,18 @@ use crate::totex::{self, Memory, Options};
 
 // Cut the stream at each file
 /// The lines of the stream that come from one source file.
-struct Piece<'a> {
+struct Part<'a> {
     source: &'a [u8],
     lines: Vec<&'a [u8]>,
 }
 
-fn cut<'a>(lines: &[&'a [u8]]) -> Vec<Piece<'a>> {
-    let mut pieces: Vec<Piece> = Vec::new();
+fn cut<'a>(lines: &[&'a [u8]]) -> Vec<Part<'a>> {
+    let mut pieces: Vec<Part> = Vec::new();
     let mut lines_so_far = Vec::new();
     for line in lines {
         if let Some(source) = line.strip_prefix(b"@file ") {
             let lines = std::mem::take(&mut lines_so_far);
-            pieces.push(Piece { source, lines });
+            pieces.push(Part { source, lines });
         }
         match pieces.last_mut() {
             Some(piece) => piece.lines.push(line),
@@ -54,7 +54,7 @@ fn stem(source: &[u8]) -> &[u8] {
     base.strip_suffix(b".nw").unwrap_or(base)
 }
 
-fn check_names(pieces: &[Piece]) -> Result<(), String> {
+fn check_names(pieces: &[Part]) -> Result<(), String> {
     let mut sources: HashMap<&[u8], &[u8]> = HashMap::new();
     for piece in pieces {
         let stem = stem(piece.source);

@@ -118,7 +118,7 @@ pub fn tangle(
 }
 
 /// A chunk that is being expanded.
-struct Frame {
+struct StackFrame {
     chunk: usize,
     /// The next of its pieces.
     next: usize,
@@ -136,7 +136,7 @@ struct Expander<'a> {
     tangled: Tangled,
     line: u32,
     line_start: usize,
-    stack: Vec<Frame>,
+    stack: Vec<StackFrame>,
     active: Vec<bool>,
     // Remember what line directives said
     /// The file and the line that the reader of the output believes in.
@@ -190,7 +190,13 @@ impl<'a> Expander<'a> {
     fn enter(&mut self, chunk: usize, column: usize, used: Option<Place>) {
         self.active[chunk] = true;
         let indent = column;
-        self.stack.push(Frame { chunk, next: 0, indent, column, used });
+        self.stack.push(StackFrame {
+            chunk,
+            next: 0,
+            indent,
+            column,
+            used,
+        });
     }
 
     fn push(&mut self, text: &[u8]) {
@@ -297,7 +303,7 @@ impl Expander<'_> {
         let web = self.web;
         let from = self.stack.iter().position(|f| f.chunk == chunk);
         let cycle = &self.stack[from.unwrap_or(0)..];
-        let name = |frame: &Frame| quoted(&web.chunks[frame.chunk].name);
+        let name = |f: &StackFrame| quoted(&web.chunks[f.chunk].name);
         let mut names: Vec<String> = cycle.iter().map(name).collect();
         names.push(quoted(&web.chunks[chunk].name));
         let text = format!("Cyclic code chunks: {}", names.join(" -> "));

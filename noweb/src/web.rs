@@ -159,14 +159,14 @@ impl Web {
 struct StreamReader {
     sources: Vec<Source>,
     place: Place,
-    stage: Stage,
+    stage: Expected,
     lexemes: Vec<Lexeme>,
     faults: Vec<Diagnostic>,
 }
 
 /// What the rules of the stream allow next.
 #[derive(Clone, Copy, Default, PartialEq, Eq)]
-enum Stage {
+enum Expected {
     #[default]
     Outside,
     /// A code chunk began: its name must come.
@@ -183,7 +183,7 @@ impl StreamReader {
         if self.broken() {
             return;
         }
-        use Stage::{Inside, Named, Nameless, Outside};
+        use Expected::{Inside, Named, Nameless, Outside};
         let token = parse_token(line);
         self.stage = match (self.stage, &token) {
             // Follow the rules of the stream
@@ -241,7 +241,7 @@ impl StreamReader {
             let number = std::str::from_utf8(value).unwrap_or("");
             let number = number.parse().unwrap_or(1u32);
             self.place.line = number.saturating_sub(1);
-        } else if self.stage == Stage::Inside && keyword != b"@index" {
+        } else if self.stage == Expected::Inside && keyword != b"@index" {
             let line = String::from_utf8_lossy(line);
             let text = format!("botched code chunk `{line}'");
             self.complain(Level::Error, text);
@@ -259,7 +259,7 @@ impl StreamReader {
     }
 
     fn finish(&mut self) {
-        if self.stage != Stage::Outside && !self.broken() {
+        if self.stage != Expected::Outside && !self.broken() {
             self.give_up("the stream ends inside a code chunk");
         }
     }
@@ -322,6 +322,46 @@ impl Web {
             Diagnostic::new(Level::Warning, position, text)
         };
         chunks.map(report).collect()
+    }
+
+    /// Chunks in cycles that no root reaches, one for each cycle.
+    pub fn adrift(&self) -> Vec<Diagnostic> {
+        let mut marked = vec![false; self.chunks.len()];
+        let is_root = |c: &Chunk| !self.uses.contains_key(&c.name);
+        for (index, chunk) in self.chunks.iter().enumerate() {
+            if is_root(chunk) {
+                self.mark_below(index, &mut marked);
+            }
+        }
+        let mut faults = Vec::new();
+        for (index, chunk) in self.chunks.iter().enumerate() {
+            if is_root(chunk) || marked[index] {
+                continue;
+            }
+            self.mark_below(index, &mut marked);
+            // Report the chunk if it has marked itself
+            if marked[index] {
+                let name = quoted(&chunk.name);
+                let text = format!("no root reaches {name}, in a cycle");
+                let at = self.position(chunk.definitions[0]);
+                faults.push(Diagnostic::new(Level::Warning, at, text));
+            }
+        }
+        faults
+    }
+
+    /// Marks what a chunk uses, directly or through others.
+    fn mark_below(&self, chunk: usize, marked: &mut [bool]) {
+        let mut waiting = vec![chunk];
+        while let Some(chunk) = waiting.pop() {
+            for (piece, _) in &self.chunks[chunk].pieces {
+                let Piece::Use(name) = piece else { continue };
+                let Some(used) = self.find(name) else { continue };
+                if !std::mem::replace(&mut marked[used], true) {
+                    waiting.push(used);
+                }
+            }
+        }
     }
 
     /// Names that end in dots, which WEB would have completed.
