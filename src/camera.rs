@@ -32,7 +32,7 @@ pub struct View {
 }
 
 // Turn a view into three axes
-/// The axes of a view, ready for equation (1) of the chapter.
+/// The axes of a view, scaled to the image plane.
 #[derive(Clone, Copy, Debug)]
 pub struct Camera {
     /// Position of the pinhole in the file's coordinates.

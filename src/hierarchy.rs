@@ -57,7 +57,7 @@ pub struct Cwbvh {
     avx2: bool,
 }
 
-const PADDING: f32 = 1. / 256.;
+const PADDING: f32 = 1. / 128.;
 
 struct Padded(Triangle);
 

@@ -111,7 +111,7 @@ fn exists(path: &Path) -> String {
     format!("{}: the file exists; overwrite it with -f", path.display())
 }
 
-/// A file without a name yet in the directory of `path`.
+/// A temporary file in the directory of `path`.
 fn temporary(path: &Path) -> Result<NamedTempFile, String> {
     let directory = match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
@@ -217,6 +217,7 @@ impl Destination {
             Place::File { path, force } => {
                 let file = temporary(path)?;
                 self.encode(image, file.as_file())
+                    .and_then(|file| file.sync_all())
                     .map_err(|e| failure(path.display(), e))?;
                 name_file(file, path, *force)
             }

@@ -164,14 +164,12 @@ fn triangles_without_area_are_never_hit() {
         triangles: vec![[0, 1, 2], [3, 3, 3], [0, 0, 3]],
     };
     let scene = Scene::new(&mesh);
+    assert!(scene.triangles().is_empty());
     let kernel = Cwbvh::new(&scene);
     let mut random = Pcg64::seed_from_u64(2);
     for _ in 0..1000 {
         let origin = random_direction(&mut random) * 5000.;
-        for t in scene.triangles() {
-            let aim = t[0].as_dvec3() - origin;
-            let ray = Ray { origin, direction: aim.normalize() };
-            assert_eq!(kernel.first_hit(&ray, None), None);
-        }
+        let ray = Ray { origin, direction: -origin.normalize() };
+        assert_eq!(kernel.first_hit(&ray, None), None);
     }
 }

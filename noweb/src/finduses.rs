@@ -43,6 +43,7 @@ impl Recogniser {
         automaton
     }
 
+    // Add a word to the tree
     fn add(&mut self, word: &[u8]) {
         let end = word.iter().fold(0, |node, &byte| self.child(node, byte));
         if end != 0 && self.nodes[end].words.is_empty() {

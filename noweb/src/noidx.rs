@@ -285,6 +285,7 @@ impl<'a> Resolver<'a> {
         }
     }
 
+    // Write lines behind the output
     fn copy(&mut self, line: &[u8]) {
         self.put(&[line]);
     }

@@ -151,6 +151,7 @@ impl Outcome {
         Outcome { text: Vec::new(), messages, status }
     }
 
+    // Tell of a failure in the stream
     /// The failure of a stage, told to the person and to later stages.
     pub fn failure(stage: &str, status: u8, message: &str) -> Outcome {
         let text = format!("@fatal {stage} {message}\n").into_bytes();

@@ -456,6 +456,7 @@ impl Converter<'_> {
         }
     }
 
+    // Convert the end of the document
     fn trailer(&mut self, kind: Mark) {
         match (kind.keyword, kind.argument) {
             (b"latex", None) => self.put(&[b"\\end{document}"]),
