@@ -28,7 +28,7 @@ SOURCES := src/.tangled $(NOWEB_SOURCES) config.mk build.rs \
 # book (seconds) and in the demonstration (about a minute on two cores).
 CAMERA = -p 12.2,2.4,1.3 -t -12.6,6,-1.2 -u 0,1,0 -F 70
 FIGURE = -d 480x360 -n 64
-DEMO = -d 800x600 -n 64
+DEMO = -d 800x600 -n 48
 
 TEX_NEEDS = memoir.cls lmodern.sty microtype.sty booktabs.sty pgfplots.sty
 TEX_INSTALL = apt-get install --no-install-recommends texlive-latex-base \
