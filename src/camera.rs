@@ -104,13 +104,16 @@ impl fmt::Display for ViewError {
         match *self {
             Self::Target(at) => write!(
                 f,
-                "the camera's target is its own position {at}; move \
-                 one of them (-p, -t)"
+                "the camera's target is its own position {}; move \
+                 one of them (-p, -t)",
+                typed(at)
             ),
             Self::Up { up, ahead } => write!(
                 f,
-                "the camera's up axis {up} is zero or parallel to the \
-                 view {ahead}; choose another one (-u)"
+                "the camera's up axis {} is zero or parallel to the \
+                 view {}; choose another one (-u)",
+                typed(up),
+                typed(ahead)
             ),
             Self::FieldOfView(fov) => write!(
                 f,
@@ -119,4 +122,8 @@ impl fmt::Display for ViewError {
             ),
         }
     }
+}
+
+fn typed(v: DVec3) -> String {
+    format!("{},{},{}", v.x, v.y, v.z)
 }
