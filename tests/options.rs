@@ -107,6 +107,8 @@ fn a_definition_is_two_integers_around_one_x() {
         "8 x 6",
         "8.0x6",
         "8e2x6",
+        "+8x6",
+        "8x+6",
         "0x10x4",
         "",
     ];

@@ -489,3 +489,48 @@ fn a_level_is_the_floor_of_the_srgb_curve() {
         assert_eq!(png(&place.get("a.png")).1, fine, "{rho}");
     }
 }
+
+#[test]
+fn the_bare_sky_is_the_highest_level_of_both_formats() {
+    let place = Place::new();
+    let view = ["-p", "0,0,900", "-t", "0,0,901", "-u", "0,1,9"];
+    let files = ["-i", "room.obj", "-d5x4", "-n3", "-o", "a.pgm"];
+    let run = [&view[..], &files, &["-o", "a.png"]].concat();
+    place.run(&run).succeeded();
+    assert!(pgm(&place.get("a.pgm")).2.iter().all(|&l| l == 255));
+    assert!(png(&place.get("a.png")).1.iter().all(|&l| l == 65535));
+}
+
+#[test]
+fn the_same_output_twice_is_refused_before_the_scene_is_read() {
+    let place = Place::new();
+    for force in ["-q", "-f"] {
+        let output = [force, "-o", "a.pgm", "-o", "a.pgm"];
+        let run =
+            place.run(&[&["-i", "missing.obj"], &output[..]].concat());
+        run.failed(1, &["a.pgm", "twice", "-o"]);
+    }
+    place.holds_only(&[]);
+}
+
+#[test]
+fn an_output_that_fails_does_not_keep_the_others_from_being_written() {
+    let place = Place::new();
+    let output = ["-f", "-o", "/dev/full", "-o", "a.pgm"];
+    write(&place, &output).failed(1, &["/dev/full"]);
+    assert_eq!(place.get("a.pgm"), place.render(&SMALL[2..]));
+}
+
+#[test]
+fn a_file_that_is_replaced_keeps_its_mode() {
+    let place = Place::new();
+    put_old(&place, "image.pgm");
+    for mode in [0o600, 0o664] {
+        let path = place.path("image.pgm");
+        fs::set_permissions(&path, fs::Permissions::from_mode(mode))
+            .unwrap();
+        write(&place, &["-f", "-o", "image.pgm"]).succeeded();
+        let now = fs::metadata(&path).unwrap().permissions().mode();
+        assert_eq!(now & 0o7777, mode);
+    }
+}
