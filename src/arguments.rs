@@ -13,20 +13,26 @@
 //! position) is for the module that combines them to say.
 
 // Name what the arguments import
-use std::fs;
-use std::io::{self, Read};
+use std::fs::{self, File};
+use std::io::{self, BufReader, Read};
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::time::{Duration, Instant};
 
 use clap::Parser;
 use clap::builder::Styles;
 use clap::builder::styling::{AnsiColor, Effects, Style};
 use glam::DVec3;
 use rayon::ThreadPoolBuilder;
+use serde_json::json;
+use sha2::{Digest, Sha256};
 
 use crate::camera::View;
-use crate::output::Destination;
+use crate::checkpoint::Subject;
+use crate::output::{Destination, Place};
+use crate::picture::{Format, Picture};
 use crate::progress;
+use crate::report::Kind;
 use crate::scene::{Mesh, read_obj};
 
 // Declare the options with their defaults
@@ -41,11 +47,21 @@ pub struct Arguments {
           allow_hyphen_values = true)]
     pub definition: (u32, u32),
 
-    /// Realisations (paths) per pixel, at least 1
+    /// Realisations (paths) per pixel [default: 1]; an upper bound with
+    /// --time or --error
     #[arg(short = 'n', long, value_name = "N",
-          default_value = "1", value_parser = parse_realisations,
-          allow_hyphen_values = true)]
-    pub realisations: u64,
+          value_parser = parse_realisations, allow_hyphen_values = true)]
+    pub realisations: Option<u64>,
+
+    /// Stop within so many seconds from the start of the program
+    #[arg(long, value_name = "SECONDS",
+          value_parser = parse_positive, allow_hyphen_values = true)]
+    pub time: Option<f64>,
+
+    /// Stop when the root mean square error of the pixels is at most this
+    #[arg(long, value_name = "RMSE",
+          value_parser = parse_positive, allow_hyphen_values = true)]
+    pub error: Option<f64>,
     // Declare the options of the camera
     /// Position of the camera
     #[arg(short, long, value_name = "X,Y,Z", default_value = "0,0,0",
@@ -76,11 +92,21 @@ pub struct Arguments {
     #[arg(short, long, value_name = "FILE")]
     pub input: Option<PathBuf>,
     // Declare the options of the run
-    /// Image to write, .pgm or .png; may be repeated [default: standard output]
+    /// Image to write, .pgm, .png, .pfm or .exr; may be repeated [default:
+    /// standard output]
     #[arg(short, long, value_name = "FILE")]
     pub output: Vec<PathBuf>,
 
-    /// Overwrite the output files if they exist
+    /// Format of an image on standard output: pgm, png, pfm or exr
+    #[arg(
+        long,
+        value_name = "FORMAT",
+        default_value = "pgm",
+        hide_possible_values = true
+    )]
+    pub format: Format,
+
+    /// Overwrite files that exist
     #[arg(short, long)]
     pub force: bool,
 
@@ -102,6 +128,30 @@ pub struct Arguments {
     /// Print nothing but errors
     #[arg(short, long)]
     pub quiet: bool,
+    // Declare the options of the records
+    /// Report of error against time, .json, .csv, .svg or .html; may be
+    /// repeated
+    #[arg(long, value_name = "FILE")]
+    pub report: Vec<PathBuf>,
+
+    /// Image of the same view, .exr or .pfm, to compute true errors from
+    #[arg(long, value_name = "FILE")]
+    pub reference: Option<PathBuf>,
+
+    /// File to save the run to, from which it can be resumed
+    #[arg(long, value_name = "FILE")]
+    pub checkpoint: Option<PathBuf>,
+
+    /// Time between two checkpoints
+    #[arg(long, value_name = "SECONDS", default_value = "60",
+          value_parser = parse_positive, allow_hyphen_values = true,
+          requires = "checkpoint")]
+    pub every: f64,
+
+    /// Checkpoint to go on from; the options must be those of its run,
+    /// except the limits
+    #[arg(long, value_name = "FILE")]
+    pub resume: Option<PathBuf>,
 }
 
 const LICENCE: &str = "\
@@ -172,6 +222,13 @@ fn parse_realisations(text: &str) -> Result<u64, String> {
     }
 }
 
+fn parse_positive(text: &str) -> Result<f64, String> {
+    match parse_real(text)? {
+        real if real > 0. => Ok(real),
+        _ => Err("expected a number greater than zero".to_owned()),
+    }
+}
+
 fn parse_threads(text: &str) -> Result<usize, String> {
     match text.parse() {
         Ok(n @ 1..=4096) => Ok(n),
@@ -213,34 +270,146 @@ impl Arguments {
 
     /// The places that the image goes to, checked but untouched.
     pub fn destinations(&self) -> Result<Vec<Destination>, String> {
+        self.tell_files_apart()?;
         if self.output.is_empty() {
-            return Ok(vec![Destination::standard_output()]);
-        }
-        for (i, path) in self.output.iter().enumerate() {
-            if self.output[..i].contains(path) {
-                return Err(format!(
-                    "{}: given twice with -o",
-                    path.display()
-                ));
-            }
+            return Ok(vec![Destination::standard_output(self.format)]);
         }
         let check = |path: &PathBuf| Destination::file(path, self.force);
         self.output.iter().map(check).collect()
     }
 
-    /// Reads the mesh from the input file or from standard input.
-    pub fn read_mesh(&self) -> Result<Mesh, String> {
-        let (name, bytes) = match &self.input {
-            Some(path) => (path.display().to_string(), fs::read(path)),
-            None => {
-                let mut bytes = Vec::new();
-                let read = io::stdin().read_to_end(&mut bytes);
-                ("standard input".to_owned(), read.map(|_| bytes))
+    fn tell_files_apart(&self) -> Result<(), String> {
+        let written = self.output.iter().chain(&self.report);
+        let written: Vec<_> = written.chain(&self.checkpoint).collect();
+        let read: Vec<_> =
+            self.input.iter().chain(&self.reference).collect();
+        for (i, path) in written.iter().enumerate() {
+            if written[..i].contains(path) || read.contains(path) {
+                let name = path.display();
+                return Err(format!("{name}: this file is named twice"));
             }
+        }
+        Ok(())
+    }
+
+    /// The reports to write, each with its place.
+    pub fn reports(&self) -> Result<Vec<(Kind, Place)>, String> {
+        let check = |path: &PathBuf| {
+            Ok((Kind::of(path)?, Place::file(path, self.force)?))
         };
-        let bytes =
-            bytes.map_err(|e| format!("{name}: cannot read: {e}"))?;
-        read_obj(&bytes).map_err(|error| error.within(&name))
+        self.report.iter().map(check).collect()
+    }
+
+    /// The place of the checkpoint, if there shall be one.
+    pub fn checkpoint(&self) -> Result<Option<Place>, String> {
+        let force = self.force || self.checkpoint == self.resume;
+        let check = |path: &PathBuf| Place::file(path, force);
+        self.checkpoint.as_ref().map(check).transpose()
+    }
+
+    /// The number of realisations, if it is limited.
+    pub fn realisations(&self) -> Option<u64> {
+        let limited = self.time.is_some() || self.error.is_some();
+        self.realisations.or((!limited).then_some(1))
+    }
+
+    /// The time at which a program that began at `start` should end.
+    pub fn deadline(&self, start: Instant) -> Option<Instant> {
+        let time = Duration::try_from_secs_f64(self.time?).ok()?;
+        start.checked_add(time)
+    }
+
+    /// The checkpoint to resume, with its name.
+    pub fn resumed(
+        &self,
+    ) -> Result<Option<(String, BufReader<File>)>, String> {
+        let Some(path) = &self.resume else { return Ok(None) };
+        let name = path.display().to_string();
+        match File::open(path) {
+            Ok(file) => Ok(Some((name, BufReader::new(file)))),
+            Err(e) => Err(format!("{name}: cannot read: {e}")),
+        }
+    }
+
+    /// The reference, if there is one.
+    pub fn read_reference(&self) -> Result<Option<Picture>, String> {
+        let Some(path) = &self.reference else { return Ok(None) };
+        let picture = Picture::read(path)?;
+        let (width, height) = self.definition;
+        if (picture.width, picture.height) != (width, height) {
+            return Err(format!(
+                "{}: is {}x{} pixels large, and the image {width}x{height}",
+                path.display(),
+                picture.width,
+                picture.height
+            ));
+        }
+        Ok(Some(picture))
+    }
+
+    /// Whether a file will name the scene by its hash.
+    pub fn keeps_records(&self) -> bool {
+        let of = |path: &PathBuf| Format::of(path) == Ok(Format::Exr);
+        self.format == Format::Exr
+            || self.output.iter().any(of)
+            || !self.report.is_empty()
+            || self.checkpoint.is_some()
+            || self.resume.is_some()
+    }
+
+    /// All that decides the weights, for a scene with this hash.
+    pub fn subject(&self, scene_sha256: &str) -> Subject {
+        let (width, height) = self.definition;
+        let facts = json!({
+            "version": env!("CARGO_PKG_VERSION"),
+            "scene_sha256": scene_sha256,
+            "definition": [width, height],
+            "position": self.position.to_array(),
+            "target": self.target.to_array(),
+            "up": self.up.to_array(),
+            "fov": self.fov,
+            "reflectivity": self.reflectivity,
+            "seed": self.seed,
+        });
+        facts.as_object().cloned().unwrap_or_default()
+    }
+
+    /// Every setting, by its name, for the report.
+    pub fn settings(&self, subject: &Subject) -> Subject {
+        let mut settings = subject.clone();
+        let limits = json!({
+            "realisations": self.realisations(),
+            "time": self.time,
+            "error": self.error,
+            "reference": self.reference.as_ref().map(|path| path.display().to_string()),
+            "threads": rayon::current_num_threads(),
+        });
+        settings.extend(limits.as_object().cloned().unwrap_or_default());
+        settings
+    }
+
+    /// The name of the input, for people.
+    pub fn input_name(&self) -> String {
+        match &self.input {
+            Some(path) => path.display().to_string(),
+            None => "standard input".to_owned(),
+        }
+    }
+
+    /// Reads the mesh from the input file or from standard input; also
+    /// returns its SHA-256 in hexadecimal, if asked to.
+    pub fn read_mesh(&self, hash: bool) -> Result<(Mesh, String), String> {
+        let name = self.input_name();
+        let mut bytes = Vec::new();
+        let read = match &self.input {
+            Some(path) => fs::read(path).map(|content| bytes = content),
+            None => io::stdin().read_to_end(&mut bytes).map(|_| ()),
+        };
+        read.map_err(|e| format!("{name}: cannot read: {e}"))?;
+        let mesh = read_obj(&bytes).map_err(|error| error.within(&name))?;
+        let hex = |byte: u8| format!("{byte:02x}");
+        let sum = hash.then(|| Sha256::digest(&bytes).into_iter().map(hex));
+        Ok((mesh, sum.into_iter().flatten().collect()))
     }
 
     /// Starts the pool of worker threads.

@@ -11,6 +11,8 @@
 //! Pixels are counted from the top left. Those of one tile lie
 //! together in memory, so that threads write to separate pieces.
 
+use rayon::prelude::*;
+
 use crate::statistics::Accumulator;
 
 // Lay the tiles out in memory
@@ -106,11 +108,30 @@ impl Image {
         self.pixels.len() as u64
     }
 
+    /// The pixels, row by row from the top left.
+    pub fn rows(&self) -> impl Iterator<Item = &Accumulator> {
+        let row = move |y| (0..self.width).map(move |x| self.pixel(x, y));
+        (0..self.height).flat_map(row)
+    }
+
     /// The means of the pixels, row by row from the top left.
     pub fn means(&self) -> impl Iterator<Item = f64> {
-        let row =
-            move |y| (0..self.width).map(move |x| self.pixel(x, y).mean());
-        (0..self.height).flat_map(row)
+        self.rows().map(Accumulator::mean)
+    }
+
+    /// The realisations of the pixels, row by row from the top left.
+    pub fn counts(&self) -> impl Iterator<Item = u64> {
+        self.rows().map(Accumulator::count)
+    }
+
+    /// The pixels in the order in which they are stored.
+    pub fn stored(&self) -> &[Accumulator] {
+        &self.pixels
+    }
+
+    /// The same, to be changed.
+    pub fn stored_mut(&mut self) -> &mut [Accumulator] {
+        &mut self.pixels
     }
 }
 
@@ -136,15 +157,97 @@ fn distance(side: u32, mut x: u32, mut y: u32) -> u64 {
     cells
 }
 
-// Summarise the image in one number
+// Summarise the image in a few numbers
+/// What is known about an image as a whole.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Summary {
+    /// The mean radiance over the pixels.
+    pub mean: f64,
+    /// Its standard error; infinite while unknown.
+    pub mean_stderr: f64,
+    /// The root of the mean square standard error of the pixels;
+    /// infinite while unknown.
+    pub rmse: f64,
+    /// The number of pixels whose realisations are all alike.
+    pub constant: u64,
+}
+
 impl Image {
-    /// The mean radiance of the image and its standard error; the
-    /// latter is infinite with one realisation per pixel.
-    pub fn mean(&self) -> (f64, f64) {
+    /// Summarises the image.
+    pub fn summary(&self) -> Summary {
+        let tiles = self.tiles.par_iter().map(|tile| {
+            let length = (tile.size.0 * tile.size.1) as usize;
+            let pixels = &self.pixels[tile.start..tile.start + length];
+            // Sum over the pixels of a tile
+            let (mut mean, mut squares, mut constant) = (0., 0., 0);
+            for pixel in pixels {
+                let variance = pixel.variance();
+                mean += pixel.mean();
+                squares += variance / pixel.count().max(1) as f64;
+                constant += u64::from(variance == 0.);
+            }
+            (mean, squares, constant)
+        });
+        let sums: Vec<(f64, f64, u64)> = tiles.collect();
+        let mean: f64 = sums.iter().map(|sum| sum.0).sum();
+        let squares: f64 = sums.iter().map(|sum| sum.1).sum();
         let n = self.pixels.len() as f64;
-        let sum: f64 = self.pixels.iter().map(Accumulator::mean).sum();
-        let errors = self.pixels.iter().map(Accumulator::standard_error);
-        let squares: f64 = errors.map(|e| e * e).sum();
-        (sum / n, squares.sqrt() / n)
+        Summary {
+            mean: mean / n,
+            mean_stderr: squares.sqrt() / n,
+            rmse: (squares / n).sqrt(),
+            constant: sums.iter().map(|sum| sum.2).sum(),
+        }
     }
+}
+
+// Estimate the errors of all pixels
+/// How far a pixel looks for what it may have missed, in pixels.
+const REACH: u32 = 2;
+
+impl Image {
+    /// The standard errors of the pixels, row by row from the top left;
+    /// infinite where unknown. A pixel whose realisations are all alike
+    /// has the error that equation (unseen) of the book gives.
+    pub fn errors(&self) -> Vec<f64> {
+        let variances: Vec<f64> =
+            self.rows().map(Accumulator::variance).collect();
+        let places = (0..self.height)
+            .flat_map(|y| (0..self.width).map(move |x| (x, y)));
+        let error = |(&own, (x, y))| {
+            let n = self.pixel(x, y).count().max(1) as f64;
+            let variance = match own {
+                0. => unseen(self.around(&variances, x, y), n),
+                own => own,
+            };
+            (variance / n).sqrt()
+        };
+        variances.iter().zip(places).map(error).collect()
+    }
+
+    // Average the variances around a pixel
+    /// The mean of the finite variances within `REACH` of a pixel, which
+    /// itself has none.
+    fn around(&self, variances: &[f64], x: u32, y: u32) -> f64 {
+        let near = |at: u32, end: u32| {
+            at.saturating_sub(REACH)..(at + REACH + 1).min(end)
+        };
+        let (mut sum, mut count) = (0., 0.);
+        for row in near(y, self.height) {
+            for column in near(x, self.width) {
+                let index = u64::from(row) * u64::from(self.width);
+                let variance = variances[index as usize + column as usize];
+                if variance.is_finite() {
+                    (sum, count) = (sum + variance, count + 1.);
+                }
+            }
+        }
+        sum / f64::max(count - 1., 1.)
+    }
+}
+
+/// The variance to expect of `n` realisations that are all alike, when
+/// those of the neighbours vary by `around`.
+fn unseen(around: f64, n: f64) -> f64 {
+    around / (1. + n * around)
 }

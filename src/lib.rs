@@ -39,15 +39,20 @@
 
 pub mod arguments;
 pub mod camera;
+pub mod checkpoint;
 pub mod closed_forms;
+pub mod course;
 pub mod courtyard;
 pub mod estimator;
 pub mod hierarchy;
 pub mod image;
+pub mod journal;
 pub mod numerics;
 pub mod output;
+pub mod picture;
 pub mod progress;
 pub mod render;
+pub mod report;
 pub mod sampling;
 pub mod scene;
 pub mod sky;

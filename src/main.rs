@@ -10,14 +10,19 @@
 
 // Name what the program imports
 use std::process::ExitCode;
+use std::time::{Duration, Instant};
 
 use litpt::arguments::Arguments;
 use litpt::camera::Camera;
+use litpt::checkpoint;
+use litpt::course::{Course, Interrupt, Limits, Stop};
 use litpt::estimator::Reference;
 use litpt::hierarchy::Cwbvh;
 use litpt::image::Image;
-use litpt::progress::{self, Bar, Timings};
+use litpt::journal::Journal;
+use litpt::progress::{self, Bar};
 use litpt::render::Job;
+use litpt::report::{Report, SceneFacts};
 use litpt::scene::Scene;
 use litpt::sky::Sky;
 
@@ -27,7 +32,8 @@ fn main() -> ExitCode {
         Err(status) => return status,
     };
     match run(&arguments) {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(Stop::Signal(signal)) => ExitCode::from(128 + signal as u8),
+        Ok(_) => ExitCode::SUCCESS,
         Err(message) => {
             progress::error(&message);
             ExitCode::FAILURE
@@ -36,28 +42,65 @@ fn main() -> ExitCode {
 }
 
 // Run the whole program once
-fn run(arguments: &Arguments) -> Result<(), String> {
-    // Prepare the camera, the sky and the outputs
+fn run(arguments: &Arguments) -> Result<Stop, String> {
+    let start = Instant::now();
+    // Prepare the camera, the sky and the files
     let (width, height) = arguments.definition;
     let aspect = f64::from(width) / f64::from(height);
     let view = arguments.view();
     let camera = Camera::new(&view, aspect).map_err(|e| e.to_string())?;
     let sky = Sky::new(view.up);
     let outputs = arguments.destinations()?;
+    let reports = arguments.reports()?;
+    let checkpoint = arguments.checkpoint()?;
+    let resumed = arguments.resumed()?;
+    let reference = arguments.read_reference()?;
+    let seeds = reference.as_ref().and_then(|r| r.attributes.get("seed"));
+    let ours = arguments.seed.to_string();
+    if seeds.is_some_and(|seeds| seeds.split(',').any(|seed| seed == ours))
+    {
+        progress::warn(
+            "the reference has the seed of this run: its true errors are \
+             larger than they will seem (choose another seed with -s)",
+        );
+    }
     // Load the scene and build its hierarchy
     arguments.start_threads()?;
-    let mut timings = Timings::start();
-    let mesh = arguments.read_mesh()?;
+    let loading = Instant::now();
+    let (mesh, sha256) = arguments.read_mesh(arguments.keeps_records())?;
     let scene = Scene::new(&mesh);
     let flat = mesh.triangles.len() - scene.triangles().len();
     drop(mesh);
-    timings.loaded();
+    let load_seconds = loading.elapsed().as_secs_f64();
     if flat > 0 && !arguments.quiet {
         progress::warn(&format!("left out {flat} triangles without area"));
     }
+    let building = Instant::now();
     let kernel = Cwbvh::new(&scene);
-    timings.built();
-    // Render all the realisations of the image
+    let build_seconds = building.elapsed().as_secs_f64();
+    // Take up a run or begin one
+    let subject = arguments.subject(&sha256);
+    let mut image = Image::new(width, height);
+    let mut course = Course::default();
+    if let Some((name, file)) = resumed {
+        course = checkpoint::resume(&subject, &mut image, file)
+            .map_err(|fault| format!("{name}: {fault}"))?;
+    }
+    let file = arguments.input_name();
+    let triangles = scene.triangles().len() as u64;
+    let facts = Report {
+        scene: SceneFacts { file, sha256, triangles },
+        settings: arguments.settings(&subject),
+        load_seconds,
+        build_seconds,
+        program: concat!("pt ", env!("CARGO_PKG_VERSION")).to_owned(),
+        ..Report::default()
+    };
+    let every = Duration::try_from_secs_f64(arguments.every)
+        .unwrap_or(Duration::MAX);
+    let mut journal =
+        Journal::new(reports, checkpoint, every, subject, facts);
+    // Render until a limit is reached
     let reflectivity = arguments.reflectivity;
     let estimator = Reference { reflectivity, sky };
     let job = Job {
@@ -67,18 +110,41 @@ fn run(arguments: &Arguments) -> Result<(), String> {
         estimator: &estimator,
         seed: arguments.seed,
     };
-    let mut image = Image::new(width, height);
-    let realisations = arguments.realisations;
-    let bar = Bar::new(!arguments.quiet, image.area(), realisations);
-    let rays = job.pass(&mut image, 0..realisations, &|n| bar.advance(n));
+    let interrupt = Interrupt::listen()
+        .map_err(|e| format!("cannot listen for signals: {e}"))?;
+    let limits = Limits {
+        realisations: arguments.realisations(),
+        deadline: arguments.deadline(start),
+        error: arguments.error,
+        interrupt: &interrupt,
+        reference: reference.as_ref().map(|picture| &picture.means[..]),
+    };
+    // Show the bar and call the journal
+    let area = image.area();
+    let paths = |spp: u64| spp.saturating_mul(area);
+    let bar = Bar::new(!arguments.quiet, paths(course.spp));
+    bar.expect(paths(course.expected(&limits, area)), String::new());
+    let advance = |paths| bar.advance(paths);
+    let mut after = |course: &Course, image: &Image| {
+        bar.expect(
+            paths(course.expected(&limits, area)),
+            course.to_string(),
+        );
+        journal.after(course, image);
+    };
+    let stop = course.run(&job, &mut image, &limits, &advance, &mut after);
     bar.finish();
-    timings.rendered();
     // Write the image and the summary
-    let written: Vec<_> = outputs.iter().map(|o| o.write(&image)).collect();
-    written.into_iter().collect::<Result<(), String>>()?;
-    if !arguments.quiet {
-        let triangles = scene.triangles().len();
-        timings.summarise(triangles, rays, &image);
+    let picture = journal.picture(&course, &image, Some(stop));
+    let mut written: Result<(), String> = Ok(());
+    for output in &outputs {
+        written = written.and(output.write(&picture));
     }
-    Ok(())
+    written = written.and(journal.close(&course, &image, stop));
+    written?;
+    if !arguments.quiet {
+        let report = journal.report(&course, &image, Some(stop));
+        progress::summarise(&report, area);
+    }
+    Ok(stop)
 }

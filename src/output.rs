@@ -6,7 +6,8 @@
 // Software Foundation, either version 3 of the License, or (at your option)
 // any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Encoding an image and putting it in its place.
+//! Places for files: checked before the work, and filled such that
+//! nothing is lost.
 
 // Name what the output imports
 use std::fmt;
@@ -14,89 +15,17 @@ use std::fs::OpenOptions;
 use std::io::{self, BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
-use png::{BitDepth, ColorType, Encoder, SrgbRenderingIntent};
 use tempfile::NamedTempFile;
 
-use crate::image::Image;
+use crate::picture::{Format, Picture};
 
-// Encode radiance as the eye expects
-/// The sRGB encoding of a radiance, both in [0, 1] (IEC 61966-2-1).
-fn srgb(radiance: f64) -> f64 {
-    let encoded = if radiance <= 0.0031308 {
-        12.92 * radiance
-    } else {
-        1. + 1.055 * (libm::pow(radiance, 1. / 2.4) - 1.)
-    };
-    encoded.clamp(0., 1.)
-}
-
-/// The level of a radiance when `white` is the highest level.
-fn level(radiance: f64, white: u16) -> u16 {
-    (srgb(radiance) * f64::from(white)).floor() as u16
-}
-
-// Write an image in its format
-/// How an image becomes bytes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Format {
-    /// Plain portable greymap of 256 levels.
-    Pgm,
-    /// Portable network graphic of 65536 levels.
-    Png,
-}
-
-impl Format {
-    fn write(self, image: &Image, out: &mut dyn Write) -> io::Result<()> {
-        match self {
-            Format::Pgm => write_pgm(image, out),
-            Format::Png => write_png(image, out),
-        }
-    }
-}
-
-fn write_pgm(image: &Image, out: &mut dyn Write) -> io::Result<()> {
-    let (width, height) = (image.width(), image.height());
-    writeln!(out, "P2 {width} {height}\n255")?;
-    image.means().try_for_each(|mean| writeln!(out, "{}", level(mean, 255)))
-}
-
-fn write_png(image: &Image, out: &mut dyn Write) -> io::Result<()> {
-    let mut encoder = Encoder::new(out, image.width(), image.height());
-    encoder.set_color(ColorType::Grayscale);
-    encoder.set_depth(BitDepth::Sixteen);
-    encoder.set_source_srgb(SrgbRenderingIntent::RelativeColorimetric);
-    let means = image.means();
-    let bytes: Vec<u8> = means
-        .flat_map(|mean| level(mean, u16::MAX).to_be_bytes())
-        .collect();
-    let mut writer = encoder.write_header().map_err(io::Error::from)?;
-    writer.write_image_data(&bytes).map_err(io::Error::from)
-}
-
-impl Format {
-    fn of(path: &Path) -> Result<Self, String> {
-        let extension = path.extension().and_then(|e| e.to_str());
-        match extension.map(str::to_ascii_lowercase).as_deref() {
-            Some("pgm") | None => Ok(Format::Pgm),
-            Some("png") => Ok(Format::Png),
-            Some(_) => Err(format!(
-                "{}: unknown kind of image; name it .pgm or .png",
-                path.display()
-            )),
-        }
-    }
-}
-
-// Choose a place for the image
-/// Where an image goes.
+// Choose a place for a file
+/// Where a file goes: checked, and not yet touched.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Destination {
-    place: Place,
-    format: Format,
-}
+pub struct Place(Kind);
 
 #[derive(Clone, Debug, PartialEq, Eq)]
-enum Place {
+enum Kind {
     StandardOutput,
     /// A device or a pipe, written to directly.
     Device(PathBuf),
@@ -128,8 +57,17 @@ fn temporary(path: &Path) -> Result<NamedTempFile, String> {
     })
 }
 
+/// What goes to a place: a function that writes it.
+pub type Content<'a> = dyn FnMut(&mut dyn Write) -> io::Result<()> + 'a;
+
+fn fill<W: Write>(content: &mut Content, out: W) -> io::Result<W> {
+    let mut buffer = BufWriter::new(out);
+    content(&mut buffer)?;
+    buffer.into_inner().map_err(|error| error.into_error())
+}
+
 fn failure(name: impl fmt::Display, error: io::Error) -> String {
-    format!("{name}: cannot write the image: {error}")
+    format!("{name}: cannot write: {error}")
 }
 
 /// Gives a complete file its name; on failure the file is removed.
@@ -155,20 +93,19 @@ fn name_file(
     }
 }
 
-impl Destination {
+impl Place {
     // Check the place before the work
-    /// Plain PGM on the standard output.
+    /// The standard output.
     pub fn standard_output() -> Self {
-        Self { place: Place::StandardOutput, format: Format::Pgm }
+        Self(Kind::StandardOutput)
     }
 
-    /// The file `path`, in the format of its extension.
+    /// The file `path`, or the device or pipe of that name.
     ///
     /// # Errors
-    /// The extension is unknown, the file exists and `force` is not set,
-    /// or nothing can be created in its directory.
+    /// The file exists and `force` is not set, or nothing can be created in
+    /// its directory.
     pub fn file(path: &Path, force: bool) -> Result<Self, String> {
-        let format = Format::of(path)?;
         // Refuse names that cannot be written
         let name = path.display();
         match path.metadata() {
@@ -182,41 +119,39 @@ impl Destination {
             _ => (),
         }
         let path = path.canonicalize().unwrap_or_else(|_| path.to_owned());
-        let place = match path.metadata() {
-            Ok(there) if !there.is_file() => Place::Device(path),
+        match path.metadata() {
+            Ok(there) if !there.is_file() => Ok(Self(Kind::Device(path))),
             _ => {
                 temporary(&path)?;
-                Place::File { path, force }
+                Ok(Self(Kind::File { path, force }))
             }
-        };
-        Ok(Self { place, format })
+        }
     }
 
-    // Put the image in its place
-    /// Writes the image.
+    // Put the content in its place
+    /// Writes what `content` gives.
     ///
     /// # Errors
-    /// The image cannot be written whole, or the file has come to exist.
+    /// The content cannot be written whole, or the file has come to exist.
     /// A file that was there before is then as it was.
-    pub fn write(&self, image: &Image) -> Result<(), String> {
-        match &self.place {
-            Place::StandardOutput => {
-                match self.encode(image, io::stdout().lock()) {
+    pub fn write(&self, content: &mut Content) -> Result<(), String> {
+        match &self.0 {
+            Kind::StandardOutput => {
+                match fill(content, io::stdout().lock()) {
                     Err(e) if e.kind() == ErrorKind::BrokenPipe => Ok(()),
                     done => done
                         .map(drop)
                         .map_err(|e| failure("standard output", e)),
                 }
             }
-            Place::Device(path) => {
+            Kind::Device(path) => {
                 let device = OpenOptions::new().write(true).open(path);
-                let done =
-                    device.and_then(|device| self.encode(image, device));
+                let done = device.and_then(|device| fill(content, device));
                 done.map(drop).map_err(|e| failure(path.display(), e))
             }
-            Place::File { path, force } => {
+            Kind::File { path, force } => {
                 let file = temporary(path)?;
-                self.encode(image, file.as_file())
+                fill(content, file.as_file())
                     .and_then(|file| file.sync_all())
                     .map_err(|e| failure(path.display(), e))?;
                 name_file(file, path, *force)
@@ -224,9 +159,51 @@ impl Destination {
         }
     }
 
-    fn encode<W: Write>(&self, image: &Image, out: W) -> io::Result<W> {
-        let mut buffer = BufWriter::new(out);
-        self.format.write(image, &mut buffer)?;
-        buffer.into_inner().map_err(|error| error.into_error())
+    /// Writes one of several states of a file: the first respects `force`,
+    /// later ones replace it. A place that is no file is left alone, since
+    /// nothing can be replaced there; it waits for [`Place::write`].
+    ///
+    /// # Errors
+    /// Those of [`Place::write`].
+    pub fn rewrite(&mut self, content: &mut Content) -> Result<(), String> {
+        if let Kind::File { .. } = self.0 {
+            self.write(content)?;
+        }
+        if let Kind::File { force, .. } = &mut self.0 {
+            *force = true;
+        }
+        Ok(())
+    }
+}
+
+// Give an image its own place
+/// Where an image goes, and in which format.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Destination {
+    place: Place,
+    format: Format,
+}
+
+impl Destination {
+    /// The standard output.
+    pub fn standard_output(format: Format) -> Self {
+        Self { place: Place::standard_output(), format }
+    }
+
+    /// The file `path`, in the format of its extension.
+    ///
+    /// # Errors
+    /// The extension is unknown, and those of [`Place::file`].
+    pub fn file(path: &Path, force: bool) -> Result<Self, String> {
+        let format = Format::of(path)?;
+        Ok(Self { place: Place::file(path, force)?, format })
+    }
+
+    /// Writes the image.
+    ///
+    /// # Errors
+    /// Those of [`Place::write`].
+    pub fn write(&self, picture: &Picture) -> Result<(), String> {
+        self.place.write(&mut |out| self.format.write(picture, out))
     }
 }

@@ -11,12 +11,12 @@
 // Name what the progress imports
 use std::fmt;
 use std::io::Write;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use anstyle::{AnsiColor, Effects, Style};
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
 
-use crate::image::Image;
+use crate::report::Report;
 
 // Print messages with their marks
 const GREEN: Style = AnsiColor::Green.on_default().effects(Effects::BOLD);
@@ -48,14 +48,15 @@ pub fn error(message: &str) {
 pub struct Bar(ProgressBar);
 
 impl Bar {
-    /// A bar for an image of `pixels`, each of so many `realisations`.
-    pub fn new(visible: bool, pixels: u64, realisations: u64) -> Self {
-        let paths = pixels.saturating_mul(realisations);
+    /// A bar that stands at a number of paths.
+    pub fn new(visible: bool, paths: u64) -> Self {
         let bar = match visible {
             true => ProgressBar::new(paths),
             false => ProgressBar::hidden(),
         };
         bar.set_style(style());
+        bar.set_position(paths);
+        bar.reset_eta();
         bar.enable_steady_tick(Duration::from_millis(250));
         Self(bar)
     }
@@ -63,6 +64,12 @@ impl Bar {
     /// Advances by a number of paths; any thread may call it.
     pub fn advance(&self, paths: u64) {
         self.0.inc(paths);
+    }
+
+    /// Says how many paths there will be, and what is known by now.
+    pub fn expect(&self, paths: u64, known: String) {
+        self.0.set_length(paths);
+        self.0.set_message(known);
     }
 
     /// Removes the bar.
@@ -73,7 +80,7 @@ impl Bar {
 
 fn style() -> ProgressStyle {
     let template =
-        "[{bar:30}] {floor} {elapsed} passed, {eta} to go, {rate}";
+        "[{bar:20}] {floor} {msg}{elapsed} passed, {eta} to go, {rate}";
     let style = ProgressStyle::with_template(template);
     let style = style.unwrap_or_else(|_| ProgressStyle::default_bar());
     let floor = |state: &ProgressState, out: &mut dyn fmt::Write| {
@@ -96,59 +103,35 @@ fn metric(x: f64) -> String {
     }
 }
 
-// Measure the time of each room
-/// Seconds spent in each room of the program, one after the other.
-pub struct Timings {
-    last: Instant,
-    load: f64,
-    build: f64,
-    render: f64,
+// Summarise the run in a few lines
+/// Prints the summary of a run.
+pub fn summarise(report: &Report, pixels: u64) {
+    let Report { load_seconds, build_seconds, render_seconds, .. } = report;
+    inform(&format!(
+        "{} triangles, load {load_seconds:.3} s, build {build_seconds:.3} s, \
+         render {render_seconds:.3} s",
+        report.scene.triangles
+    ));
+    let rays = report.rays;
+    let speed = metric(rays as f64 / render_seconds.max(1e-9));
+    inform(&format!("{rays} rays, {speed}rays/s, {}", findings(report)));
+    let constant = report.constant_pixels;
+    if 0 < constant && constant < pixels {
+        inform(&format!(
+            "{constant} of {pixels} pixels saw weights of one value only; \
+             their errors are those expected from their neighbours"
+        ));
+    }
 }
 
-impl Timings {
-    /// Starts the clock.
-    pub fn start() -> Self {
-        Self { last: Instant::now(), load: 0., build: 0., render: 0. }
-    }
-
-    fn lap(&mut self) -> f64 {
-        let last = std::mem::replace(&mut self.last, Instant::now());
-        (self.last - last).as_secs_f64()
-    }
-
-    // Stop the clock at each door
-    /// The scene has been loaded.
-    pub fn loaded(&mut self) {
-        self.load = self.lap();
-    }
-
-    /// The hierarchy has been built.
-    pub fn built(&mut self) {
-        self.build = self.lap();
-    }
-
-    /// The image has been rendered.
-    pub fn rendered(&mut self) {
-        self.render = self.lap();
-    }
-
-    // Summarise the run in two lines
-    /// Prints the summary of a run.
-    pub fn summarise(&self, triangles: usize, rays: u64, image: &Image) {
-        let &Self { load, build, render, .. } = self;
-        inform(&format!(
-            "{triangles} triangles, load {load:.3} s, build {build:.3} s, \
-             render {render:.3} s"
-        ));
-        let speed = metric(rays as f64 / render.max(1e-9));
-        let mean = match image.mean() {
-            (mean, error) if error.is_finite() => {
-                format!("{mean:.6} ± {error:.6}")
-            }
-            (mean, _) => format!("{mean:.6}, error unknown (-n 1)"),
-        };
-        inform(&format!(
-            "{rays} rays, {speed}rays/s, mean radiance {mean}"
-        ));
+/// The mean of the image and its errors, in words.
+fn findings(report: &Report) -> String {
+    let mean = report.mean;
+    let spp = report.steps.last().map_or(0, |step| step.spp);
+    match (report.mean_stderr, report.rmse) {
+        (Some(stderr), Some(rmse)) => format!(
+            "{spp} spp, mean radiance {mean:.6} ± {stderr:.6}, rmse {rmse:.6}"
+        ),
+        _ => format!("{spp} spp, mean radiance {mean:.6}, error unknown"),
     }
 }

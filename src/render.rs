@@ -36,6 +36,9 @@ pub struct Job<'a, K, E> {
     pub seed: u64,
 }
 
+/// Pieces of work that each thread should find in an image.
+const PIECES: usize = 32;
+
 impl<K: Kernel, E: Estimator> Job<'_, K, E> {
     // Add realisations to an image
     /// Adds the `realisations` to each pixel of `image`, and returns the
@@ -47,20 +50,41 @@ impl<K: Kernel, E: Estimator> Job<'_, K, E> {
         realisations: Range<u64>,
         progress: &(impl Fn(u64) + Sync),
     ) -> u64 {
-        let (width, height) = (image.width(), image.height());
+        let definition = (image.width(), image.height());
+        let tiles = image.tiles();
+        let parts = PIECES * rayon::current_num_threads() / tiles.len();
         let render = |(tile, pixels): (Tile, &mut [Accumulator])| {
             let count = realisations.end - realisations.start;
-            let paths = count.saturating_mul(pixels.len() as u64);
-            let rays = self.tile(
-                tile,
-                pixels,
-                (width, height),
-                realisations.clone(),
-            );
-            progress(paths);
+            let rays = match (parts as u64).min(count) {
+                0 | 1 => self.tile(tile, pixels, definition, &realisations),
+                parts => {
+                    // Render the realisations in parts
+                    let cut = |k: u64| {
+                        let whole = u128::from(count) * u128::from(k);
+                        realisations.start
+                            + (whole / u128::from(parts)) as u64
+                    };
+                    let render = |k| {
+                        let mut own =
+                            vec![Accumulator::default(); pixels.len()];
+                        let range = cut(k)..cut(k + 1);
+                        let rays =
+                            self.tile(tile, &mut own, definition, &range);
+                        (own, rays)
+                    };
+                    let done: Vec<_> =
+                        (0..parts).into_par_iter().map(render).collect();
+                    for (pixel, i) in pixels.iter_mut().zip(0..) {
+                        done.iter()
+                            .for_each(|(own, _)| pixel.merge(&own[i]));
+                    }
+                    done.iter().map(|(_, rays)| rays).sum()
+                }
+            };
+            progress(count.saturating_mul(pixels.len() as u64));
             rays
         };
-        image.tiles().into_par_iter().with_max_len(1).map(render).sum()
+        tiles.into_par_iter().with_max_len(1).map(render).sum()
     }
 
     // Render the pixels of a tile
@@ -69,7 +93,7 @@ impl<K: Kernel, E: Estimator> Job<'_, K, E> {
         tile: Tile,
         pixels: &mut [Accumulator],
         definition: (u32, u32),
-        realisations: Range<u64>,
+        realisations: &Range<u64>,
     ) -> u64 {
         let mut rays = 0;
         for (i, pixel) in (0..).zip(pixels) {

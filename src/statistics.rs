@@ -8,25 +8,55 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The mean of many weights, and its error.
 
-/// Count, mean and squared deviations of the weights so far (Welford
-/// 1962).
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+/// Count, sum and sum of squares of the weights so far. Nothing is
+/// rounded: the same weights in any order, and divided in any manner
+/// among accumulators that are merged, give the same bits.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Accumulator {
     count: u64,
-    mean: f64,
-    /// The sum of squared deviations from the mean.
-    deviations: f64,
+    /// The sum of the weights in units of 2^-88, lowest digit first.
+    sum: [u64; 3],
+    /// The sum of their squares in units of 2^-176, likewise.
+    squares: [u64; 4],
 }
 
 impl Accumulator {
     // Take one more weight into account
-    /// Takes one more weight into account.
+    /// Takes one more weight into account; it lies in [0, 2^39). A weight
+    /// outside, or none, makes the error infinite.
     #[inline]
     pub fn add(&mut self, weight: f64) {
         self.count += 1;
-        let deviation = weight - self.mean;
-        self.mean += deviation / self.count as f64;
-        self.deviations += deviation * (weight - self.mean);
+        if !(0. ..LARGE).contains(&weight) {
+            self.squares = [u64::MAX; 4];
+            return;
+        }
+        let units = (weight * UNITS) as u128;
+        let (low, high) = (units as u64, (units >> 64) as u64);
+        accumulate(&mut self.sum, &[low, high, 0]);
+        // Square the number of two digits
+        let (h, l) = (u128::from(high), u128::from(low));
+        let middle = 2 * h * l + ((l * l) >> 64);
+        let upper = h * h + (middle >> 64);
+        let square = [
+            (l * l) as u64,
+            middle as u64,
+            upper as u64,
+            (upper >> 64) as u64,
+        ];
+        if accumulate(&mut self.squares, &square) {
+            self.squares = [u64::MAX; 4];
+        }
+    }
+
+    // Merge with the weights of another
+    /// Takes all the weights of another accumulator into account.
+    pub fn merge(&mut self, other: &Self) {
+        self.count += other.count;
+        accumulate(&mut self.sum, &other.sum);
+        if accumulate(&mut self.squares, &other.squares) {
+            self.squares = [u64::MAX; 4];
+        }
     }
 
     // Report the mean and its error
@@ -37,20 +67,112 @@ impl Accumulator {
 
     /// The mean of the weights; 0 if there are none.
     pub fn mean(&self) -> f64 {
-        self.mean
+        let divisor = u128::from(self.count.max(1));
+        let (mut quotient, mut rest) = (0, 0);
+        for digit in self.sum.into_iter().rev() {
+            let dividend = (rest << 64) | u128::from(digit);
+            quotient = (quotient << 64) | (dividend / divisor);
+            rest = dividend % divisor;
+        }
+        quotient as f64 / UNITS
     }
 
     /// The unbiased estimate of the variance of one weight; infinite when
     /// fewer than two weights leave it unknown.
     pub fn variance(&self) -> f64 {
-        match self.count {
-            0 | 1 => f64::INFINITY,
-            n => self.deviations / (n - 1) as f64,
+        if self.count < 2 || self.squares == [u64::MAX; 4] {
+            return f64::INFINITY;
         }
+        let mut difference = [0u64; 5];
+        difference[..4].copy_from_slice(&self.squares);
+        scale(&mut difference, self.count);
+        for (i, digit) in self.sum.into_iter().enumerate() {
+            // Subtract one digit's share of the square
+            let mut share = [0; 5];
+            share[i..i + 3].copy_from_slice(&self.sum);
+            scale(&mut share, digit);
+            subtract(&mut difference, &share);
+        }
+        let n = self.count as f64;
+        to_f64(&difference) / UNITS / UNITS / (n * (n - 1.))
     }
 
     /// The standard error of the mean.
     pub fn standard_error(&self) -> f64 {
         (self.variance() / self.count.max(1) as f64).sqrt()
     }
+
+    // Store the accumulator as bytes
+    /// The state as 64 bytes: count, sum and squares, in little endian.
+    pub fn to_bytes(&self) -> [u8; 64] {
+        let mut bytes = [0; 64];
+        let words = [self.count].into_iter().chain(self.sum);
+        let words = words.chain(self.squares);
+        for (place, word) in bytes.chunks_exact_mut(8).zip(words) {
+            place.copy_from_slice(&word.to_le_bytes());
+        }
+        bytes
+    }
+
+    /// The accumulator that [`to_bytes`](Self::to_bytes) stored.
+    pub fn from_bytes(bytes: &[u8; 64]) -> Self {
+        let word = |i: usize| {
+            let place = &bytes[8 * i..8 * i + 8];
+            place.iter().rev().fold(0, |w, &b| (w << 8) | u64::from(b))
+        };
+        Self {
+            count: word(0),
+            sum: [word(1), word(2), word(3)],
+            squares: [word(4), word(5), word(6), word(7)],
+        }
+    }
+}
+
+// Add and multiply numbers of many digits
+/// The number of units in 1, 2^88, and the bound of weights, 2^39.
+const UNITS: f64 = (1u128 << 88) as f64;
+const LARGE: f64 = (1u64 << 39) as f64;
+
+/// Adds a number to a sum; tells whether the sum overflows.
+#[inline]
+fn accumulate<const N: usize>(sum: &mut [u64; N], more: &[u64; N]) -> bool {
+    let mut carry = false;
+    for (digit, more) in sum.iter_mut().zip(more) {
+        let (partial, first) = digit.overflowing_add(*more);
+        let (total, second) = partial.overflowing_add(u64::from(carry));
+        (*digit, carry) = (total, first | second);
+    }
+    carry
+}
+
+/// Multiplies a number by a digit; what overflows is lost.
+fn scale<const N: usize>(number: &mut [u64; N], factor: u64) {
+    let mut carry = 0;
+    for digit in number {
+        let product = u128::from(*digit) * u128::from(factor) + carry;
+        *digit = product as u64;
+        carry = product >> 64;
+    }
+}
+
+/// Subtracts a number from one that is not smaller.
+fn subtract<const N: usize>(number: &mut [u64; N], less: &[u64; N]) {
+    let mut borrow = false;
+    for (digit, less) in number.iter_mut().zip(less) {
+        let (partial, first) = digit.overflowing_sub(*less);
+        let (total, second) = partial.overflowing_sub(u64::from(borrow));
+        (*digit, borrow) = (total, first | second);
+    }
+}
+
+/// The nearest double, or a neighbour of it.
+fn to_f64(number: &[u64]) -> f64 {
+    let top = number.iter().rposition(|&digit| digit > 0).unwrap_or(0);
+    let below = top.saturating_sub(1);
+    let high = u128::from(number[top]) << 64;
+    let pair = match top {
+        0 => u128::from(number[0]),
+        _ => high | u128::from(number[below]),
+    };
+    (0..below).fold(pair as f64, |x, _| x * (2. * (1u64 << 63) as f64))
 }

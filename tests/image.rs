@@ -11,7 +11,7 @@ use litpt::camera::{Camera, View};
 use litpt::closed_forms::cavity;
 use litpt::estimator::Reference;
 use litpt::hierarchy::{Cwbvh, Kernel};
-use litpt::image::{Image, SIDE};
+use litpt::image::{Image, SIDE, Summary};
 use litpt::render::Job;
 use litpt::scene::Scene;
 use litpt::sky::Sky;
@@ -93,7 +93,7 @@ fn render(
             done += n;
         }
     });
-    let (mean, error) = image.mean();
+    let Summary { mean, mean_stderr: error, .. } = image.summary();
     let bits = image.means().map(f64::to_bits);
     bits.chain([mean.to_bits(), error.to_bits()]).collect()
 }
@@ -172,5 +172,6 @@ fn a_kernel_can_be_written_by_somebody_else() {
     };
     let mut image = Image::new(3, 3);
     let rays = job.pass(&mut image, 0..2, &|_| ());
-    assert_eq!((rays, image.mean()), (18, (1., 0.)));
+    let Summary { mean, mean_stderr, .. } = image.summary();
+    assert_eq!((rays, mean, mean_stderr), (18, 1., 0.));
 }

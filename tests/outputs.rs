@@ -310,7 +310,7 @@ fn a_write_that_stops_half_way_leaves_the_old_file_whole() {
     let date = put_old(&place, "old.pgm");
     for output in ["-foold.pgm", "-onew.pgm", "-onew.png"] {
         write_64_blocks(&place, output)
-            .failed(1, &["cannot write the image", "File too large"]);
+            .failed(1, &["cannot write", "File too large"]);
         assert_eq!(place.get("old.pgm"), b"old");
         assert_eq!(modified(&place, "old.pgm"), date);
         place.holds_only(&["old.pgm"]);
@@ -508,7 +508,7 @@ fn the_same_output_twice_is_refused_before_the_scene_is_read() {
         let output = [force, "-o", "a.pgm", "-o", "a.pgm"];
         let run =
             place.run(&[&["-i", "missing.obj"], &output[..]].concat());
-        run.failed(1, &["a.pgm", "twice", "-o"]);
+        run.failed(1, &["a.pgm", "twice"]);
     }
     place.holds_only(&[]);
 }

@@ -1,0 +1,147 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The state of a run in a file, from which it can go on.
+
+// Name what the checkpoint imports
+use std::borrow::Cow;
+use std::io::{self, BufRead, Read, Seek, SeekFrom, Write};
+
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+use sha2::{Digest, Sha256};
+
+use crate::course::Course;
+use crate::image::Image;
+use crate::statistics::Accumulator;
+
+/// The first line of a checkpoint; its number changes with the layout.
+const MAGIC: &[u8] = b"litpt checkpoint 1\n";
+
+/// The second line.
+#[derive(Serialize, Deserialize)]
+struct Header<'a> {
+    /// What decides the weights.
+    subject: Cow<'a, Subject>,
+    course: Cow<'a, Course>,
+}
+
+/// Names and values of all that decides the weights of a run.
+pub type Subject = Map<String, Value>;
+
+// Write the state of a run
+/// Writes a checkpoint.
+pub fn save(
+    subject: &Subject,
+    course: &Course,
+    image: &Image,
+    out: &mut dyn Write,
+) -> io::Result<()> {
+    let mut out = Checked { out, checksum: Sha256::new() };
+    out.write_all(MAGIC)?;
+    let subject = Cow::Borrowed(subject);
+    let header = Header { subject, course: Cow::Borrowed(course) };
+    serde_json::to_writer(&mut out, &header)?;
+    out.write_all(b"\n")?;
+    for pixel in image.stored() {
+        out.write_all(&pixel.to_bytes())?;
+    }
+    let Checked { out, checksum } = out;
+    out.write_all(&checksum.finalize())
+}
+
+/// Computes the checksum of what passes.
+struct Checked<'a> {
+    out: &'a mut dyn Write,
+    checksum: Sha256,
+}
+
+impl Write for Checked<'_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = self.out.write(bytes)?;
+        self.checksum.update(&bytes[..written]);
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.out.flush()
+    }
+}
+
+// Recognise a checkpoint that is whole
+/// The size of a checksum in bytes.
+const CHECKSUM: u64 = 32;
+
+/// Reads through a checkpoint, and returns to the line of JSON.
+fn recognise(file: &mut (impl BufRead + Seek)) -> Result<(), String> {
+    let mut magic = vec![];
+    let mut start = file.by_ref().take(MAGIC.len() as u64);
+    start.read_to_end(&mut magic).map_err(unreadable)?;
+    if magic != MAGIC {
+        return Err("is not a checkpoint of this version of pt".into());
+    }
+    // Compare the checksum with the content
+    let length = file.seek(SeekFrom::End(0)).map_err(unreadable)?;
+    file.rewind().map_err(unreadable)?;
+    let mut sink =
+        Checked { out: &mut io::sink(), checksum: Sha256::new() };
+    let mut content = file.by_ref().take(length.saturating_sub(CHECKSUM));
+    io::copy(&mut content, &mut sink).map_err(unreadable)?;
+    let mut stored = vec![];
+    file.read_to_end(&mut stored).map_err(unreadable)?;
+    if stored[..] != sink.checksum.finalize()[..] {
+        return Err("is damaged: its checksum is wrong".into());
+    }
+    file.seek(SeekFrom::Start(MAGIC.len() as u64)).map_err(unreadable)?;
+    Ok(())
+}
+
+fn unreadable(error: io::Error) -> String {
+    format!("cannot read: {error}")
+}
+
+// Take the state of a run back
+/// Takes the state of a run back from the checkpoint `file`: fills the
+/// `image`, and returns the course so far.
+///
+/// # Errors
+/// The file is no checkpoint, is damaged, or belongs to another
+/// subject; the image may then be filled in part.
+pub fn resume(
+    subject: &Subject,
+    image: &mut Image,
+    mut file: impl BufRead + Seek,
+) -> Result<Course, String> {
+    recognise(&mut file)?;
+    let mut line = vec![];
+    file.read_until(b'\n', &mut line).map_err(unreadable)?;
+    let header: Header = serde_json::from_slice(&line)
+        .map_err(|e| format!("is not a checkpoint of pt: {e}"))?;
+    // Compare the subjects, one fact at a time
+    let theirs = &header.subject;
+    let names = subject.keys().chain(theirs.keys());
+    for name in names {
+        let (ours, theirs) = (subject.get(name), theirs.get(name));
+        if ours != theirs {
+            let show = |value: Option<&Value>| {
+                value.map_or("nothing".to_owned(), Value::to_string)
+            };
+            return Err(format!(
+                "belongs to another run: its {name} is {}, not {}",
+                show(theirs),
+                show(ours)
+            ));
+        }
+    }
+    for pixel in image.stored_mut() {
+        let mut bytes = [0; 64];
+        file.read_exact(&mut bytes).map_err(unreadable)?;
+        *pixel = Accumulator::from_bytes(&bytes);
+    }
+    Ok(header.course.into_owned())
+}

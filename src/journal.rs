@@ -1,0 +1,208 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Reports and checkpoints, kept up to date while a run goes on.
+
+// Name what the journal imports
+use std::io::Write;
+use std::time::{Duration, Instant};
+
+use serde_json::{Value, json};
+
+use crate::checkpoint::{self, Subject};
+use crate::course::{Course, Stop};
+use crate::image::Image;
+use crate::output::Place;
+use crate::picture::Picture;
+use crate::progress;
+use crate::report::{Kind, Report};
+
+// Hold what the files need
+/// The files that a run keeps up to date.
+pub struct Journal {
+    /// The reports and their places.
+    reports: Vec<(Kind, Place)>,
+    /// When the next report may be written.
+    next_report: Instant,
+    /// The place of the checkpoint.
+    checkpoint: Option<Place>,
+    /// Time between two checkpoints.
+    every: Duration,
+    /// When the next checkpoint is due; never, if beyond the clock.
+    next_checkpoint: Option<Instant>,
+    /// What decides the weights.
+    subject: Subject,
+    /// What a report says that does not change while the run goes on.
+    facts: Report,
+}
+
+impl Journal {
+    /// A journal with its files, of a run that is about to begin.
+    pub fn new(
+        reports: Vec<(Kind, Place)>,
+        checkpoint: Option<Place>,
+        every: Duration,
+        subject: Subject,
+        facts: Report,
+    ) -> Self {
+        let next_report = Instant::now();
+        let next_checkpoint = next_report.checked_add(every);
+        Self {
+            reports,
+            next_report,
+            checkpoint,
+            every,
+            next_checkpoint,
+            subject,
+            facts,
+        }
+    }
+}
+
+fn warn_of(written: Result<(), String>) {
+    if let Err(message) = written {
+        progress::warn(&message);
+    }
+}
+
+/// A value as text; a vector as it is typed on the command line.
+fn text(value: &Value) -> String {
+    match value {
+        Value::String(text) => text.clone(),
+        Value::Array(parts) => {
+            let parts: Vec<String> = parts.iter().map(text).collect();
+            parts.join(",")
+        }
+        other => other.to_string(),
+    }
+}
+
+impl Journal {
+    // Write what is due after a pass
+    /// Writes what is due when a pass has ended. A file that cannot be
+    /// written is worth a warning, and tried again the next time.
+    pub fn after(&mut self, course: &Course, image: &Image) {
+        let now = Instant::now();
+        let recorded =
+            course.steps.last().is_some_and(|s| s.spp == course.spp);
+        if recorded && now >= self.next_report && !self.reports.is_empty() {
+            let written = self.write_reports(course, image, None);
+            warn_of(written);
+            self.next_report = Instant::now() + 100 * now.elapsed();
+        }
+        let due = self.next_checkpoint.is_some_and(|time| now >= time);
+        if due && self.checkpoint.is_some() {
+            warn_of(self.write_checkpoint(course, image, None));
+            self.next_checkpoint = Instant::now().checked_add(self.every);
+        }
+    }
+
+    // Write all files a last time
+    /// Writes all files when the run has stopped.
+    ///
+    /// # Errors
+    /// A file cannot be written; the others are.
+    pub fn close(
+        &mut self,
+        course: &Course,
+        image: &Image,
+        stop: Stop,
+    ) -> Result<(), String> {
+        let stop = Some(stop);
+        let checkpoint = self.write_checkpoint(course, image, stop);
+        self.write_reports(course, image, stop).and(checkpoint)
+    }
+
+    fn write_checkpoint(
+        &mut self,
+        course: &Course,
+        image: &Image,
+        stop: Option<Stop>,
+    ) -> Result<(), String> {
+        let Some(place) = &mut self.checkpoint else { return Ok(()) };
+        let subject = &self.subject;
+        let content = &mut |out: &mut dyn Write| {
+            checkpoint::save(subject, course, image, out)
+        };
+        match stop {
+            Some(_) => place.write(content),
+            None => place.rewrite(content),
+        }
+    }
+
+    fn write_reports(
+        &mut self,
+        course: &Course,
+        image: &Image,
+        stop: Option<Stop>,
+    ) -> Result<(), String> {
+        if self.reports.is_empty() {
+            return Ok(());
+        }
+        let report = self.report(course, image, stop);
+        let picture = self.picture(course, image, stop);
+        let mut written = Ok(());
+        for (kind, place) in &mut self.reports {
+            let text = kind.render(&report, &picture);
+            let content =
+                &mut |out: &mut dyn Write| out.write_all(text.as_bytes());
+            let done = match stop {
+                Some(_) => place.write(content),
+                None => place.rewrite(content),
+            };
+            written = written.and(done);
+        }
+        written
+    }
+
+    // Fill in the report and the picture
+    /// The report of the run so far.
+    pub fn report(
+        &self,
+        course: &Course,
+        image: &Image,
+        stop: Option<Stop>,
+    ) -> Report {
+        let mut report = self.facts.clone();
+        report.render_seconds = course.seconds;
+        report.rays = course.rays;
+        report.stopped = stop.map(|stop| stop.name().to_owned());
+        report.constant_pixels = image.summary().constant;
+        if let Some(last) = course.steps.last() {
+            report.mean = last.mean;
+            report.mean_stderr = last.mean_stderr;
+            report.rmse = last.rmse;
+        }
+        report.steps = course.steps.clone();
+        report
+    }
+
+    /// The image as a picture, with all that is known about it.
+    pub fn picture(
+        &self,
+        course: &Course,
+        image: &Image,
+        stop: Option<Stop>,
+    ) -> Picture {
+        let facts = &self.facts;
+        let known = json!({
+            "scene": facts.scene.file,
+            "realisations": course.spp,
+            "rays": course.rays,
+            "load_seconds": facts.load_seconds,
+            "build_seconds": facts.build_seconds,
+            "render_seconds": course.seconds,
+            "stopped": stop.map_or("not yet", Stop::name),
+        });
+        let known = known.as_object().into_iter().flatten();
+        let all = self.subject.iter().chain(known);
+        let attributes =
+            all.map(|(name, value)| (name.clone(), text(value)));
+        Picture::new(image, attributes.collect())
+    }
+}

@@ -1,0 +1,167 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! A finished image in memory, and the formats of its files.
+//!
+//! Radiance is relative to that of the sky. Rows run from the top down,
+//! each from left to right, whatever the order in a file.
+
+mod exr;
+mod pfm;
+mod pgm;
+mod png;
+mod srgb;
+
+// Name what the picture imports
+use std::collections::BTreeMap;
+use std::io::{self, Write};
+use std::path::Path;
+
+use crate::image::Image;
+
+// Hold what the files can carry
+/// A finished image in memory: what its file formats can carry. Row by
+/// row from the top left.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Picture {
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// Mean radiance of each pixel.
+    pub means: Vec<f64>,
+    /// Standard error of each mean, infinite where unknown; none if the
+    /// file does not say.
+    pub errors: Option<Vec<f64>>,
+    /// Realisations spent on each pixel; none if the file does not say.
+    pub samples: Option<Vec<f64>>,
+    /// What is known about the run: names and values, such as `seed`
+    /// and `7`.
+    pub attributes: BTreeMap<String, String>,
+}
+
+// Make a picture from an image
+impl Picture {
+    /// What an image has gathered, with what is known about its run.
+    pub fn new(
+        image: &Image,
+        attributes: BTreeMap<String, String>,
+    ) -> Self {
+        let count = |n: u64| n as f64;
+        Self {
+            width: image.width(),
+            height: image.height(),
+            means: image.means().collect(),
+            errors: Some(image.errors()),
+            samples: Some(image.counts().map(count).collect()),
+            attributes,
+        }
+    }
+}
+
+// Choose among the picture formats
+/// How a picture becomes bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Format {
+    /// Plain portable greymap of 256 levels
+    Pgm,
+    /// Portable network graphic of 65536 grey levels
+    Png,
+    /// Portable float map: the mean radiance
+    Pfm,
+    /// OpenEXR: mean radiance, its standard error, and the run
+    Exr,
+}
+
+impl Format {
+    /// Writes the bytes of a picture.
+    pub fn write(
+        self,
+        picture: &Picture,
+        out: &mut dyn Write,
+    ) -> io::Result<()> {
+        match self {
+            Format::Pgm => pgm::write(picture, out),
+            Format::Png => png::write(picture, out),
+            Format::Pfm => pfm::write(picture, out),
+            Format::Exr => exr::write(picture, out),
+        }
+    }
+
+    // Tell the format from the extension
+    /// The format of a file of this name.
+    ///
+    /// # Errors
+    /// The extension belongs to no format.
+    pub fn of(path: &Path) -> Result<Self, String> {
+        let extension = path.extension().and_then(|e| e.to_str());
+        match extension.map(str::to_ascii_lowercase).as_deref() {
+            Some("pgm") | None => Ok(Format::Pgm),
+            Some("png") => Ok(Format::Png),
+            Some("pfm") => Ok(Format::Pfm),
+            Some("exr") => Ok(Format::Exr),
+            Some(_) => Err(format!(
+                "{}: unknown kind of image; name it .pgm, .png, .pfm or .exr",
+                path.display()
+            )),
+        }
+    }
+}
+
+// Read a picture back
+impl Picture {
+    /// Reads a file of numbers: EXR or PFM.
+    ///
+    /// # Errors
+    /// The file cannot be read, is damaged, or is of another kind; the
+    /// message names the file and the fault.
+    pub fn read(path: &Path) -> Result<Self, String> {
+        let name = path.display();
+        let bytes = std::fs::read(path)
+            .map_err(|error| format!("{name}: cannot read: {error}"))?;
+        let picture = match bytes.get(..2) {
+            Some([0x76, 0x2f]) => exr::read(&bytes),
+            Some(b"Pf") => pfm::read(&bytes),
+            Some(b"PF") => Err("it is a colour image; one radiance per \
+                                pixel is wanted (Pf)"
+                .to_owned()),
+            Some(b"P2" | b"P5" | b"\x89P") => Err("it holds grey levels, \
+                not radiances; use .exr or .pfm"
+                .to_owned()),
+            _ => Err("it is neither EXR nor PFM".to_owned()),
+        };
+        let picture = picture.and_then(Self::checked);
+        picture.map_err(|fault| format!("{name}: {fault}"))
+    }
+
+    // Refuse numbers that mean nothing
+    fn checked(self) -> Result<Self, String> {
+        let empty = Vec::new();
+        let errors = self.errors.as_ref().unwrap_or(&empty);
+        let samples = self.samples.as_ref().unwrap_or(&empty);
+        self.refuse("mean", &self.means, |x| x.is_finite())?;
+        self.refuse("standard error", errors, |x| x >= 0.)?;
+        self.refuse("count", samples, |x| x >= 0. && x.is_finite())?;
+        Ok(self)
+    }
+
+    /// Names the first of the values that is not as it should be.
+    fn refuse(
+        &self,
+        what: &str,
+        values: &[f64],
+        valid: impl Fn(f64) -> bool,
+    ) -> Result<(), String> {
+        let Some(i) = values.iter().position(|&x| !valid(x)) else {
+            return Ok(());
+        };
+        let (x, y) = (i % self.width as usize, i / self.width as usize);
+        let value = values[i];
+        Err(format!("the {what} of the pixel {x},{y} is {value}"))
+    }
+}

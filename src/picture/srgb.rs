@@ -1,0 +1,24 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! From radiance to the grey levels of a screen.
+
+/// The sRGB encoding of a radiance, both in [0, 1] (IEC 61966-2-1).
+fn srgb(radiance: f64) -> f64 {
+    let encoded = if radiance <= 0.0031308 {
+        12.92 * radiance
+    } else {
+        1. + 1.055 * (libm::pow(radiance, 1. / 2.4) - 1.)
+    };
+    encoded.clamp(0., 1.)
+}
+
+/// The level of a radiance when `white` is the highest level.
+pub fn level(radiance: f64, white: u16) -> u16 {
+    (srgb(radiance) * f64::from(white)).floor() as u16
+}
