@@ -41,7 +41,7 @@ help:
 	@echo 'make demo    build the program, render the courtyard, say where it is'
 	@echo 'make test    run all tests (needs Rust and make only)'
 	@echo 'make pdf     make the book, $(BUILD_DIR)/litpt.pdf (needs LaTeX)'
-	@echo 'make bin     build the program, $(BUILD_DIR)/pt'
+	@echo 'make bin     build the programs, $(BUILD_DIR)/pt and $(BUILD_DIR)/ptimg'
 	@echo 'make check   formatting, lints, and whether src/ is what the book says'
 	@echo 'make boot    rebuild the tool noweb from its own chapters'
 	@echo 'make chunk   list the root chunks; CHUNK="..." shows one chunk, expanded'
@@ -62,22 +62,23 @@ $(BUILD_DIR)/tangled.stamp: $(WEB) $(NOWEB)
 src/.tangled: $(BUILD_DIR)/tangled.stamp
 	@true
 
+NAMES = pt ptimg courtyard closed_forms calibration
 PROGRAMS := $(BUILD_DIR)/$(BUILD_TYPE).stamp
 $(PROGRAMS): $(SOURCES)
 	$(CARGO) build $(PROFILE_$(BUILD_TYPE)) --bins
 	@mkdir -p $(BUILD_DIR)
 	@rm -f $(BUILD_DIR)/Release.stamp $(BUILD_DIR)/Debug.stamp
-	@for program in pt courtyard closed_forms; do \
+	@for program in $(NAMES); do \
 	  cmp -s $(COMPILED)/$$program $(BUILD_DIR)/$$program || \
 	  { cp $(COMPILED)/$$program $(BUILD_DIR)/$$program.new && \
 	    mv $(BUILD_DIR)/$$program.new $(BUILD_DIR)/$$program; } || exit 1; \
 	done
 	@touch $@
 
-$(addprefix $(BUILD_DIR)/,pt courtyard closed_forms): $(PROGRAMS)
+$(addprefix $(BUILD_DIR)/,$(NAMES)): $(PROGRAMS)
 	@test -x $@ || { rm -f $<; $(MAKE) --no-print-directory $<; }
 
-bin: $(BUILD_DIR)/pt
+bin: $(BUILD_DIR)/pt $(BUILD_DIR)/ptimg
 
 # ---- the courtyard
 
@@ -107,6 +108,22 @@ $(BUILD_DIR)/tables/closed-forms.tex: $(BUILD_DIR)/closed_forms
 	@mkdir -p $(@D)
 	$(BUILD_DIR)/closed_forms > $@
 
+# Whether the errors are honest, and the curve of one run with its true error.
+# The first step has no error yet, and pgfplots no use for empty fields.
+$(BUILD_DIR)/tables/calibration.stamp: $(BUILD_DIR)/calibration
+	@mkdir -p $(@D)
+	$(BUILD_DIR)/calibration $(@D)
+	@touch $@
+
+$(BUILD_DIR)/tables/curve.csv: $(BUILD_DIR)/pt $(BUILD_DIR)/courtyard.obj
+	@mkdir -p $(@D) $(BUILD_DIR)/figures
+	$(BUILD_DIR)/pt $(CAMERA) -d 96x72 -n 800 -s 1 -r 0.8 -q -f \
+	  -i $(BUILD_DIR)/courtyard.obj -o $(BUILD_DIR)/figures/truth.exr
+	$(BUILD_DIR)/pt $(CAMERA) -d 96x72 -n 125 -r 0.8 -q -f \
+	  -i $(BUILD_DIR)/courtyard.obj -o $(BUILD_DIR)/figures/curve.exr \
+	  --reference $(BUILD_DIR)/figures/truth.exr --report $@.full.csv
+	grep -v ',,' $@.full.csv > $@
+
 # Measurements are recorded, not repeated at each build: the machine must be
 # idle for them. A line of comment names the date and the machine.
 $(BUILD_DIR)/tables/%.tex: doc/measured/%.csv
@@ -114,19 +131,36 @@ $(BUILD_DIR)/tables/%.tex: doc/measured/%.csv
 	awk -F, '/^#/ { sub(/^# */, ""); print > "$(@D)/$*-machine.tex"; next } \
 	  !head++ { next } { gsub(/,/, " \\& "); print $$0 " \\\\" }' $< > $@
 
+MACHINE = \# $(shell sed -n 's/^model name.*: //p' /proc/cpuinfo | head -n 1), \
+  $(shell nproc) cores, on $(shell date +%Y-%m-%d)
+
 measure: $(BUILD_DIR)/courtyard.obj
-	$(CARGO) build --release --example presets
+	$(CARGO) build --release --example presets --example accumulators \
+	  --example accounting --example alarms
 	@mkdir -p doc/measured
-	{ echo "# $$(sed -n 's/^model name.*: //p' /proc/cpuinfo | head -n 1), \
-	$$(nproc) cores, on $$(date +%Y-%m-%d)" | tr -d '\t' && \
+	{ echo "$(MACHINE)" && \
 	  $(CARGO_TARGET_DIR)/release/examples/presets $<; } \
 	  > doc/measured/presets.csv.new
 	mv doc/measured/presets.csv.new doc/measured/presets.csv
+	{ echo "$(MACHINE)" && \
+	  $(CARGO_TARGET_DIR)/release/examples/accumulators; } \
+	  > doc/measured/accumulators.csv.new
+	mv doc/measured/accumulators.csv.new doc/measured/accumulators.csv
+	{ echo "$(MACHINE)" && \
+	  $(CARGO_TARGET_DIR)/release/examples/accounting; } \
+	  > doc/measured/accounting.csv.new
+	mv doc/measured/accounting.csv.new doc/measured/accounting.csv
+	{ echo '# any machine: the numbers are those of fixed seeds' && \
+	  $(CARGO_TARGET_DIR)/release/examples/alarms; } \
+	  > doc/measured/alarms.csv.new
+	mv doc/measured/alarms.csv.new doc/measured/alarms.csv
 
 # What the tool and the program say, for the chapters on them.
-$(BUILD_DIR)/examples.stamp: $(NOWEB) $(BUILD_DIR)/pt $(wildcard doc/examples/*)
+$(BUILD_DIR)/examples.stamp: $(NOWEB) $(BUILD_DIR)/pt $(BUILD_DIR)/ptimg \
+  $(BUILD_DIR)/courtyard.obj $(wildcard doc/examples/*)
 	@sh doc/examples/messages.sh $(NOWEB) $(BUILD_DIR)/examples
 	@sh doc/examples/pt.sh $(BUILD_DIR)/pt $(BUILD_DIR)/examples
+	@sh doc/examples/ptimg.sh $(BUILD_DIR) $(BUILD_DIR)/examples
 	@touch $@
 
 check-tex:
@@ -137,7 +171,9 @@ check-tex:
 
 $(BUILD_DIR)/litpt.pdf: $(WEB) $(NOWEB) config.mk \
   $(BUILD_DIR)/figures/courtyard.png $(BUILD_DIR)/examples.stamp \
-  $(addprefix $(BUILD_DIR)/tables/,closed-forms.tex presets.tex) \
+  $(addprefix $(BUILD_DIR)/tables/,closed-forms.tex presets.tex \
+    accumulators.tex accounting.tex alarms.tex calibration.stamp \
+    curve.csv) \
   $(addprefix doc/,litpt.sty litpt.bib litpt-mono.enc latexmkrc)
 	@mkdir -p $(BUILD_DIR)/tex
 	$(NOWEB) noweave $(NOWEAVE_OPTS) \

@@ -7,8 +7,7 @@
 use std::error::Error;
 use std::time::Instant;
 
-use glam::DVec3;
-use litpt::camera::{Camera, View};
+use litpt::camera::Camera;
 use litpt::estimator::Reference;
 use litpt::hierarchy::Cwbvh;
 use litpt::image::Image;
@@ -54,12 +53,7 @@ fn rays_per_second(
     scene: &Scene,
     kernel: &Cwbvh,
 ) -> Result<f64, Box<dyn Error>> {
-    let view = View {
-        position: DVec3::new(12.2, 2.4, 1.3),
-        target: DVec3::new(-12.6, 6., -1.2),
-        up: DVec3::Y,
-        fov: 70.,
-    };
+    let view = litpt::courtyard::view();
     let camera = Camera::new(&view, 4. / 3.)?;
     let estimator = Reference { reflectivity: 0.8, sky: Sky::new(view.up) };
     let job = Job {

@@ -154,13 +154,15 @@ pub struct Arguments {
     pub resume: Option<PathBuf>,
 }
 
-const LICENCE: &str = "\
+/// What ends the help of each program.
+pub const LICENCE: &str = "\
 Copyright (C) 2026 litpt contributors.
 Licence GPLv3+: GNU GPL version 3 or later. This is free software: you are
 free to change and redistribute it. There is NO WARRANTY, to the extent
 permitted by law.";
 
-const STYLES: Styles = Styles::styled()
+/// How the help looks on a terminal.
+pub const STYLES: Styles = Styles::styled()
     .error(AnsiColor::Red.on_default().effects(Effects::BOLD))
     .header(Style::new().effects(Effects::BOLD))
     .usage(Style::new().effects(Effects::BOLD))
@@ -184,7 +186,8 @@ fn parse_definition(text: &str) -> Result<(u32, u32), String> {
 
 const MAX_SIDE: u32 = 16384;
 
-fn parse_real(text: &str) -> Result<f64, String> {
+/// Parses a finite real number.
+pub fn parse_real(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(real) if real.is_finite() => Ok(real),
         Ok(_) => Err(format!("{text} is not a finite number")),
@@ -236,12 +239,28 @@ fn parse_threads(text: &str) -> Result<usize, String> {
     }
 }
 
+/// Parses the arguments of a program; see
+/// [`Arguments::from_command_line`].
+pub fn parse_command_line<P: Parser>() -> Result<P, ExitCode> {
+    P::try_parse().map_err(|error| {
+        if error.use_stderr() {
+            let name = P::command().get_name().to_owned();
+            progress::error(&explain(&error, &name));
+            return ExitCode::from(2);
+        }
+        // A reader that closes the pipe has seen enough.
+        let _ = error.print();
+        ExitCode::SUCCESS
+    })
+}
+
 /// The one line that says what is wrong with the command line.
-fn explain(error: &clap::Error) -> String {
+fn explain(error: &clap::Error, program: &str) -> String {
     let text = error.to_string();
-    let line = text.lines().next().unwrap_or_default();
-    let line = line.strip_prefix("error: ").unwrap_or(line);
-    format!("{line} (see pt --help)")
+    let lines = text.lines().take_while(|line| !line.is_empty());
+    let line = lines.map(str::trim).collect::<Vec<_>>().join(" ");
+    let line = line.strip_prefix("error: ").unwrap_or(&line);
+    format!("{line} (see {program} --help)")
 }
 
 impl Arguments {
@@ -250,15 +269,7 @@ impl Arguments {
     /// render, because help was asked for or a value is wrong, prints what
     /// the user should know and returns the exit status.
     pub fn from_command_line() -> Result<Self, ExitCode> {
-        Self::try_parse().map_err(|error| {
-            if error.use_stderr() {
-                progress::error(&explain(&error));
-                return ExitCode::from(2);
-            }
-            // A reader that closes the pipe has seen enough.
-            let _ = error.print();
-            ExitCode::SUCCESS
-        })
+        parse_command_line()
     }
 
     // Hand the values to other rooms
@@ -377,6 +388,8 @@ impl Arguments {
     /// Every setting, by its name, for the report.
     pub fn settings(&self, subject: &Subject) -> Subject {
         let mut settings = subject.clone();
+        settings
+            .retain(|name, _| name != "scene_sha256" && name != "version");
         let limits = json!({
             "realisations": self.realisations(),
             "time": self.time,

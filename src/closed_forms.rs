@@ -65,6 +65,38 @@ pub fn cavity(f: f64, rings: u32) -> Mesh {
 use crate::numerics::circle;
 
 // Render one pixel of a scene
+/// A scene with a camera in it, ready to be rendered.
+pub struct Setting {
+    scene: Scene,
+    kernel: Cwbvh,
+    camera: Camera,
+    estimator: Reference,
+}
+
+impl Setting {
+    /// A mesh of reflectivity `rho` under the sky of `up`, seen by a
+    /// camera whose image has this `aspect`.
+    pub fn new(
+        mesh: &Mesh,
+        (rho, up): (f64, DVec3),
+        view: &View,
+        aspect: f64,
+    ) -> Result<Self, ViewError> {
+        let camera = Camera::new(view, aspect)?;
+        let scene = Scene::new(mesh);
+        let kernel = Cwbvh::new(&scene);
+        let sky = Sky::new(up);
+        let estimator = Reference { reflectivity: rho, sky };
+        Ok(Self { scene, kernel, camera, estimator })
+    }
+
+    /// The job that renders it.
+    pub fn job(&self, seed: u64) -> Job<'_, Cwbvh, Reference> {
+        let Self { scene, kernel, camera, estimator } = self;
+        Job { scene, kernel, camera, estimator, seed }
+    }
+}
+
 /// The pixel that a camera at `from`, looking at `to`, sees of a mesh
 /// under the sky of +z, after `n` realisations.
 pub fn pixel(
@@ -74,19 +106,9 @@ pub fn pixel(
     n: u64,
 ) -> Result<Accumulator, ViewError> {
     let view = View { position: from, target: to, up: DVec3::Y, fov: 20. };
-    let camera = Camera::new(&view, 1.)?;
-    let scene = Scene::new(mesh);
-    let kernel = Cwbvh::new(&scene);
-    let sky = Sky::new(DVec3::Z);
-    let job = Job {
-        scene: &scene,
-        kernel: &kernel,
-        camera: &camera,
-        estimator: &Reference { reflectivity: rho, sky },
-        seed: 2026,
-    };
+    let setting = Setting::new(mesh, (rho, DVec3::Z), &view, 1.)?;
     let mut image = Image::new(1, 1);
-    job.pass(&mut image, 0..n, &|_| ());
+    setting.job(2026).pass(&mut image, 0..n, &|_| ());
     Ok(*image.pixel(0, 0))
 }
 

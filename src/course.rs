@@ -178,9 +178,12 @@ impl Course {
         let least = (DECISIVE / area as f64).ceil().max(2.);
         let known = |step: &Step| Some((step.spp as f64, step.rmse?));
         let Some((n, rmse)) = self.steps.last().and_then(known) else {
-            return least as u64;
+            let open = self.spp < least as u64;
+            return if open { least as u64 } else { u64::MAX };
         };
-        let (v, e) = (n * rmse * rmse, error * error);
+        // A square that vanishes would make the quotient 0 / 0.
+        let e = (error * error).max(f64::MIN_POSITIVE);
+        let v = n * rmse * rmse;
         let root = (v * v + 12. * e / area as f64).sqrt();
         ((v + root) / (2. * e)).ceil().max(least) as u64
     }

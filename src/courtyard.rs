@@ -19,6 +19,10 @@
 
 use std::io::{self, Write};
 
+use glam::DVec3;
+
+use crate::camera::View;
+
 // Represent a closed solid by triangles
 /// A point or vector: x, y (up), z, in metres.
 pub type Point = [f64; 3];
@@ -551,6 +555,16 @@ pub fn solids() -> Vec<Solid> {
     court.turn = 0;
     court.fountain();
     court.solids
+}
+
+/// The view of the court in the book, with y upwards.
+pub fn view() -> View {
+    View {
+        position: DVec3::new(12.2, 2.4, 1.3),
+        target: DVec3::new(-12.6, 6., -1.2),
+        up: DVec3::Y,
+        fov: 70.,
+    }
 }
 
 // Write the solids as an OBJ

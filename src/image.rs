@@ -202,33 +202,40 @@ impl Image {
 }
 
 // Estimate the errors of all pixels
-/// How far a pixel looks for what it may have missed, in pixels.
+/// How far a pixel looks for neighbours, in pixels.
 const REACH: u32 = 2;
+
+/// How many realisations the variance of the neighbours is worth.
+pub const WORTH: f64 = 4.;
 
 impl Image {
     /// The standard errors of the pixels, row by row from the top left;
-    /// infinite where unknown. A pixel whose realisations are all alike
-    /// has the error that equation (unseen) of the book gives.
-    pub fn errors(&self) -> Vec<f64> {
+    /// infinite where unknown. The variance that a pixel has seen is
+    /// combined with that of its neighbours, which is `worth` so many
+    /// realisations ([`WORTH`]; 0 leaves the neighbours out).
+    pub fn errors(&self, worth: f64) -> Vec<f64> {
         let variances: Vec<f64> =
             self.rows().map(Accumulator::variance).collect();
         let places = (0..self.height)
             .flat_map(|y| (0..self.width).map(move |x| (x, y)));
-        let error = |(&own, (x, y))| {
-            let n = self.pixel(x, y).count().max(1) as f64;
-            let variance = match own {
-                0. => unseen(self.around(&variances, x, y), n),
-                own => own,
+        let error = |(&own, (x, y)): (&f64, (u32, u32))| {
+            let n = self.pixel(x, y).count() as f64;
+            // Combine the variance with the neighbours'
+            let variance = match self.around(&variances, x, y) {
+                Some(v) if own.is_finite() => {
+                    ((n - 1.) * own + worth * v) / (n - 1. + worth)
+                }
+                _ => own,
             };
-            (variance / n).sqrt()
+            (variance / n.max(1.)).sqrt()
         };
         variances.iter().zip(places).map(error).collect()
     }
 
     // Average the variances around a pixel
-    /// The mean of the finite variances within `REACH` of a pixel, which
-    /// itself has none.
-    fn around(&self, variances: &[f64], x: u32, y: u32) -> f64 {
+    /// The mean of the finite variances within `REACH` of a pixel, without
+    /// its own; none if there are none.
+    fn around(&self, variances: &[f64], x: u32, y: u32) -> Option<f64> {
         let near = |at: u32, end: u32| {
             at.saturating_sub(REACH)..(at + REACH + 1).min(end)
         };
@@ -237,17 +244,11 @@ impl Image {
             for column in near(x, self.width) {
                 let index = u64::from(row) * u64::from(self.width);
                 let variance = variances[index as usize + column as usize];
-                if variance.is_finite() {
+                if variance.is_finite() && (column, row) != (x, y) {
                     (sum, count) = (sum + variance, count + 1.);
                 }
             }
         }
-        sum / f64::max(count - 1., 1.)
+        (count > 0.).then_some(sum / count)
     }
-}
-
-/// The variance to expect of `n` realisations that are all alike, when
-/// those of the neighbours vary by `around`.
-fn unseen(around: f64, n: f64) -> f64 {
-    around / (1. + n * around)
 }

@@ -19,7 +19,6 @@ use crate::course::{Course, Stop};
 use crate::image::Image;
 use crate::output::Place;
 use crate::picture::Picture;
-use crate::progress;
 use crate::report::{Kind, Report};
 
 // Hold what the files need
@@ -64,12 +63,6 @@ impl Journal {
     }
 }
 
-fn warn_of(written: Result<(), String>) {
-    if let Err(message) = written {
-        progress::warn(&message);
-    }
-}
-
 /// A value as text; a vector as it is typed on the command line.
 fn text(value: &Value) -> String {
     match value {
@@ -84,22 +77,29 @@ fn text(value: &Value) -> String {
 
 impl Journal {
     // Write what is due after a pass
-    /// Writes what is due when a pass has ended. A file that cannot be
-    /// written is worth a warning, and tried again the next time.
-    pub fn after(&mut self, course: &Course, image: &Image) {
+    /// Writes what is due when a pass has ended.
+    ///
+    /// # Errors
+    /// A file cannot be written, which is worth a warning: it will be tried
+    /// again.
+    pub fn after(
+        &mut self,
+        course: &Course,
+        image: &Image,
+    ) -> Result<(), String> {
         let now = Instant::now();
+        let (mut reported, mut saved) = (Ok(()), Ok(()));
         let recorded =
             course.steps.last().is_some_and(|s| s.spp == course.spp);
-        if recorded && now >= self.next_report && !self.reports.is_empty() {
-            let written = self.write_reports(course, image, None);
-            warn_of(written);
+        if recorded && now >= self.next_report {
+            reported = self.write_reports(course, image, None);
             self.next_report = Instant::now() + 100 * now.elapsed();
         }
-        let due = self.next_checkpoint.is_some_and(|time| now >= time);
-        if due && self.checkpoint.is_some() {
-            warn_of(self.write_checkpoint(course, image, None));
+        if self.next_checkpoint.is_some_and(|time| now >= time) {
+            saved = self.write_checkpoint(course, image, None);
             self.next_checkpoint = Instant::now().checked_add(self.every);
         }
+        reported.and(saved)
     }
 
     // Write all files a last time

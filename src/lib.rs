@@ -41,6 +41,7 @@ pub mod arguments;
 pub mod camera;
 pub mod checkpoint;
 pub mod closed_forms;
+pub mod compare;
 pub mod course;
 pub mod courtyard;
 pub mod estimator;

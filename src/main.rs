@@ -57,8 +57,8 @@ fn run(arguments: &Arguments) -> Result<Stop, String> {
     let reference = arguments.read_reference()?;
     let seeds = reference.as_ref().and_then(|r| r.attributes.get("seed"));
     let ours = arguments.seed.to_string();
-    if seeds.is_some_and(|seeds| seeds.split(',').any(|seed| seed == ours))
-    {
+    let shared = |seeds: &String| seeds.split(',').any(|seed| seed == ours);
+    if !arguments.quiet && seeds.is_some_and(shared) {
         progress::warn(
             "the reference has the seed of this run: its true errors are \
              larger than they will seem (choose another seed with -s)",
@@ -130,7 +130,11 @@ fn run(arguments: &Arguments) -> Result<Stop, String> {
             paths(course.expected(&limits, area)),
             course.to_string(),
         );
-        journal.after(course, image);
+        if let Err(message) = journal.after(course, image)
+            && !arguments.quiet
+        {
+            progress::warn(&message);
+        }
     };
     let stop = course.run(&job, &mut image, &limits, &advance, &mut after);
     bar.finish();

@@ -199,6 +199,11 @@ impl Destination {
         Ok(Self { place: Place::file(path, force)?, format })
     }
 
+    /// The format of the image.
+    pub fn format(&self) -> Format {
+        self.format
+    }
+
     /// Writes the image.
     ///
     /// # Errors

@@ -15,14 +15,14 @@ mod exr;
 mod pfm;
 mod pgm;
 mod png;
-mod srgb;
+pub(crate) mod srgb;
 
 // Name what the picture imports
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::path::Path;
 
-use crate::image::Image;
+use crate::image::{Image, WORTH};
 
 // Hold what the files can carry
 /// A finished image in memory: what its file formats can carry. Row by
@@ -57,7 +57,7 @@ impl Picture {
             width: image.width(),
             height: image.height(),
             means: image.means().collect(),
-            errors: Some(image.errors()),
+            errors: Some(image.errors(WORTH)),
             samples: Some(image.counts().map(count).collect()),
             attributes,
         }
@@ -118,25 +118,31 @@ impl Picture {
     /// Reads a file of numbers: EXR or PFM.
     ///
     /// # Errors
-    /// The file cannot be read, is damaged, or is of another kind; the
+    /// The file cannot be read, and those of [`Picture::decode`]; the
     /// message names the file and the fault.
     pub fn read(path: &Path) -> Result<Self, String> {
         let name = path.display();
         let bytes = std::fs::read(path)
             .map_err(|error| format!("{name}: cannot read: {error}"))?;
+        Self::decode(&bytes).map_err(|fault| format!("{name}: {fault}"))
+    }
+
+    // Decode the bytes of any picture
+    /// Reads a picture from the bytes of its file.
+    ///
+    /// # Errors
+    /// The bytes are damaged, or of another kind of file.
+    pub fn decode(bytes: &[u8]) -> Result<Self, String> {
         let picture = match bytes.get(..2) {
-            Some([0x76, 0x2f]) => exr::read(&bytes),
-            Some(b"Pf") => pfm::read(&bytes),
-            Some(b"PF") => Err("it is a colour image; one radiance per \
-                                pixel is wanted (Pf)"
-                .to_owned()),
-            Some(b"P2" | b"P5" | b"\x89P") => Err("it holds grey levels, \
-                not radiances; use .exr or .pfm"
-                .to_owned()),
+            Some([0x76, 0x2f]) => exr::read(bytes),
+            Some(b"Pf") => pfm::read(bytes),
+            Some(b"PF") => Err("it has colours; use Pf, not PF".to_owned()),
+            Some(b"P2" | b"P5" | b"\x89P") => {
+                Err("it holds grey levels; use .exr or .pfm".to_owned())
+            }
             _ => Err("it is neither EXR nor PFM".to_owned()),
         };
-        let picture = picture.and_then(Self::checked);
-        picture.map_err(|fault| format!("{name}: {fault}"))
+        picture.and_then(Self::checked)
     }
 
     // Refuse numbers that mean nothing

@@ -6,9 +6,24 @@
 // Software Foundation, either version 3 of the License, or (at your option)
 // any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The report of a run.
+//! What a run reports: its settings, its timings, and the curve of its
+//! error against time.
+//!
+//! Errors are absolute, in units of the sky's radiance; times are
+//! seconds of wall clock. A number that is not known is none in Rust,
+//! null in JSON, an empty field in CSV, and a word for people.
+
+mod axis;
+mod csv;
+pub mod histogram;
+mod html;
+mod pixels;
+mod plot;
+mod svg;
+mod words;
 
 // Name what the report imports
+use std::fmt;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
@@ -24,7 +39,7 @@ pub struct Step {
     pub spp: u64,
     /// Seconds of rendering so far, without load and build.
     pub seconds: f64,
-    /// Rays so far.
+    /// Rays traced so far.
     pub rays: u64,
     /// Estimated root mean square error over the pixels, if known.
     pub rmse: Option<f64>,
@@ -32,19 +47,19 @@ pub struct Step {
     pub mean: f64,
     /// Its standard error, if known.
     pub mean_stderr: Option<f64>,
-    /// True root mean square error against a reference, if one is given.
+    /// Root mean square difference from the reference, if there is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rmse_reference: Option<f64>,
 }
 
-/// The scene as the report names it.
+/// The scene as a report names it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct SceneFacts {
-    /// Name of its file.
+    /// The name of its file.
     pub file: String,
-    /// Hash of the bytes of its file, in hexadecimal.
+    /// The SHA-256 hash of the file, in hexadecimal.
     pub sha256: String,
-    /// Number of triangles.
+    /// The number of its triangles.
     pub triangles: u64,
 }
 
@@ -53,10 +68,11 @@ pub struct SceneFacts {
 pub struct Report {
     /// Name and version of the program.
     pub program: String,
-    /// What is rendered.
+    /// What was rendered.
     pub scene: SceneFacts,
-    /// Every option, by its name.
+    /// Each option and its value.
     pub settings: Map<String, Value>,
+    // Hold what the run has cost
     /// Seconds to read the scene.
     pub load_seconds: f64,
     /// Seconds to build the hierarchy.
@@ -65,13 +81,14 @@ pub struct Report {
     pub render_seconds: f64,
     /// Rays traced.
     pub rays: u64,
+    // Hold how good the image is
     /// Mean radiance of the image.
     pub mean: f64,
     /// Its standard error, if known.
     pub mean_stderr: Option<f64>,
     /// Estimated root mean square error over the pixels, if known.
     pub rmse: Option<f64>,
-    /// Pixels whose weights were all alike: their error cannot be seen.
+    /// Pixels whose weights were all alike: their error is not seen.
     pub constant_pixels: u64,
     /// Why the run ended: `realisations`, `time`, `error` or `signal`;
     /// none while it goes on.
@@ -80,26 +97,121 @@ pub struct Report {
     pub steps: Vec<Step>,
 }
 
-// Choose the kind of a report
+// Fit a line to the curve
+/// A straight line through the logarithms of points.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fit {
+    /// The exponent of the power law.
+    pub slope: f64,
+    /// The standard error of the slope, from the scatter of the points.
+    pub stderr: f64,
+}
 
+impl Fit {
+    /// The least-squares fit to points (x, y), all positive; none for
+    /// fewer than three, or if they are too close to each other in x.
+    pub fn of(points: &[(f64, f64)]) -> Option<Self> {
+        let n = points.len() as f64;
+        let (x, y) = centre(points)?;
+        let deviation =
+            |p: &(f64, f64)| (libm::log(p.0) - x, libm::log(p.1) - y);
+        let sum = |term: &dyn Fn(f64, f64) -> f64| -> f64 {
+            points.iter().map(deviation).map(|(x, y)| term(x, y)).sum()
+        };
+        let spread = sum(&|x, _| x * x);
+        if points.len() < 3 || spread < 1e-9 {
+            return None;
+        }
+        // Divide by the spread of the points
+        let slope = sum(&|x, y| x * y) / spread;
+        let scatter = sum(&|x, y| (y - slope * x) * (y - slope * x));
+        let stderr = (scatter / (n - 2.) / spread).sqrt();
+        Some(Self { slope, stderr })
+    }
+}
+
+impl fmt::Display for Fit {
+    fn fmt(&self, out: &mut fmt::Formatter) -> fmt::Result {
+        let sign = if self.slope < 0. { "\u{2212}" } else { "" };
+        let error = (self.stderr * 1e3).ceil().max(1.) / 1e3;
+        write!(out, "{sign}{:.3} \u{b1} {error:.3}", self.slope.abs())
+    }
+}
+
+/// The means of the logarithms of points, if there are any.
+fn centre(points: &[(f64, f64)]) -> Option<(f64, f64)> {
+    let n = points.len() as f64;
+    let x: f64 = points.iter().map(|p| libm::log(p.0)).sum();
+    let y: f64 = points.iter().map(|p| libm::log(p.1)).sum();
+    (!points.is_empty()).then_some((x / n, y / n))
+}
+
+/// The constant g of the curve g / sqrt(x) that fits points best.
+fn guide(points: &[(f64, f64)]) -> Option<f64> {
+    centre(points).map(|(x, y)| libm::exp(y + x / 2.))
+}
+
+/// Steps of fewer realisations are left out of fits.
+const FEWEST: u64 = 8;
+
+/// Whether a number has a place on a logarithmic axis.
+fn drawable(x: f64) -> bool {
+    x > 0. && x.is_finite()
+}
+
+/// The steps that have a place on the plot of `error` against `x`: for
+/// each the two, and whether fits may rely on it.
+fn points(
+    steps: &[Step],
+    x: fn(&Step) -> f64,
+    error: fn(&Step) -> Option<f64>,
+) -> impl Iterator<Item = ((f64, f64), bool)> {
+    let point = move |step: &Step| {
+        let point = (x(step), error(step)?);
+        (drawable(point.0) && drawable(point.1))
+            .then_some((point, step.spp >= FEWEST))
+    };
+    steps.iter().filter_map(point)
+}
+
+impl Report {
+    /// The slope of the estimated error against seconds, in logarithms.
+    pub fn slope_seconds(&self) -> Option<Fit> {
+        self.slope(|step| step.seconds)
+    }
+
+    /// The slope of the estimated error against realisations.
+    pub fn slope_spp(&self) -> Option<Fit> {
+        self.slope(|step| step.spp as f64)
+    }
+
+    fn slope(&self, x: fn(&Step) -> f64) -> Option<Fit> {
+        let points = points(&self.steps, x, |step| step.rmse);
+        let reliable = points.filter(|p| p.1).map(|p| p.0);
+        Fit::of(&reliable.collect::<Vec<_>>())
+    }
+}
+
+// Choose the kind of a report
 /// How a report becomes text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// All of it, for programs.
+    /// Everything but the picture, for programs.
     Json,
-    /// The steps as a table.
+    /// The steps as a table with a header.
     Csv,
-    /// The curve as a drawing.
+    /// The error against time as a drawing.
     Svg,
-    /// A page for people.
+    /// One page with everything, for people.
     Html,
 }
 
 impl Kind {
-    /// The kind that the extension of a path names.
+    // Tell the kind from the extension
+    /// The kind of report that a file of this name holds.
     ///
     /// # Errors
-    /// The extension is missing or unknown.
+    /// The extension belongs to no kind.
     pub fn of(path: &Path) -> Result<Self, String> {
         let extension = path.extension().and_then(|e| e.to_str());
         match extension.map(str::to_ascii_lowercase).as_deref() {
@@ -108,18 +220,39 @@ impl Kind {
             Some("svg") => Ok(Kind::Svg),
             Some("html") => Ok(Kind::Html),
             _ => Err(format!(
-                "{}: unknown kind of report; name it .json, .csv, .svg or .html",
+                "{}: unknown kind of report; name it .json, .csv, .svg \
+                 or .html",
                 path.display()
             )),
         }
     }
 
-    /// The text of a report; only the page looks at the picture.
+    /// The text of a report; only the page needs the picture.
     pub fn render(self, report: &Report, picture: &Picture) -> String {
-        let _ = picture;
-        serde_json::to_string_pretty(report).unwrap_or_default()
+        match self {
+            Kind::Json => json(report),
+            Kind::Csv => csv::table(&report.steps),
+            Kind::Svg => svg::drawing(report),
+            Kind::Html => html::page(report, picture),
+        }
     }
 }
 
-// Fit the curve of the error
+/// A report and what follows from it.
+#[derive(Serialize)]
+struct Complete<'a> {
+    #[serde(flatten)]
+    report: &'a Report,
+    slope_seconds: Option<f64>,
+    slope_spp: Option<f64>,
+}
 
+fn json(report: &Report) -> String {
+    let complete = Complete {
+        report,
+        slope_seconds: report.slope_seconds().map(|fit| fit.slope),
+        slope_spp: report.slope_spp().map(|fit| fit.slope),
+    };
+    let text = serde_json::to_string_pretty(&complete);
+    text.expect("the keys of a report are strings") + "\n"
+}

@@ -4,6 +4,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 
 use litpt::statistics::Accumulator;
+use rand::{Rng, RngExt};
+use rand_pcg::Pcg64;
 
 fn accumulate(weights: impl Iterator<Item = f64>) -> Accumulator {
     let mut sum = Accumulator::default();
@@ -46,4 +48,196 @@ fn tiny_deviations_are_not_lost() {
     let weights = (0..n).map(|i| 1. + 1e-9 * f64::from(i % 2 * 2 - 1));
     let variance = accumulate(weights).variance();
     assert!((variance / 1e-18 - 1.).abs() < 0.01, "{variance}");
+}
+
+/// `n` times the same weight, by doubling: 30 merges make 10^9 of one.
+fn repeated(weight: f64, n: u64) -> Accumulator {
+    let (mut sum, mut power) =
+        (Accumulator::default(), accumulate([weight].into_iter()));
+    for bit in 0..64 - n.leading_zeros() {
+        if n >> bit & 1 == 1 {
+            sum.merge(&power);
+        }
+        let twice = power;
+        power.merge(&twice);
+    }
+    sum
+}
+
+#[test]
+fn merging_is_the_same_as_adding_to_the_last_bit() {
+    for weight in [0.1, 1. / 3., 7e8, 3e-21] {
+        let one_by_one = accumulate(std::iter::repeat_n(weight, 1_234_567));
+        assert_eq!(repeated(weight, 1_234_567), one_by_one);
+    }
+}
+
+#[test]
+fn a_thousand_million_equal_weights_have_no_variance_at_all() {
+    for weight in [0.1, 1. / 3., 0.8f64.powi(9), 1., 1e-20, 12345.6789] {
+        let sum = repeated(weight, 1_000_000_000);
+        assert_eq!((sum.count(), sum.variance()), (1_000_000_000, 0.));
+        assert!((sum.mean() / weight - 1.).abs() < 1e-6);
+    }
+    let mut sum = repeated(0.1, 1_000_000_000);
+    assert_eq!(sum.mean(), 0.1);
+    sum.add(0.1f64.next_up());
+    assert!(sum.variance() > 0., "one weight of 10^9 differs in one bit");
+}
+
+#[test]
+fn a_thousand_million_nearly_equal_weights_keep_their_variance() {
+    let mut sum = repeated(1. - 1e-9, 500_000_000);
+    sum.merge(&repeated(1. + 1e-9, 500_000_000));
+    assert!((sum.variance() / 1e-18 - 1.).abs() < 1e-6);
+    assert_eq!(sum.mean(), 1.);
+}
+
+/// Weights of all magnitudes from 1e-30 to 1e9, some of them equal.
+fn wild(n: usize, random: &mut impl Rng) -> Vec<f64> {
+    let weight = |_| match random.random_range(0..10) {
+        0 => 0.,
+        1 => 1.,
+        _ => 10f64.powf(random.random_range(-30. ..9.)),
+    };
+    (0..n).map(weight).collect()
+}
+
+#[test]
+fn merging_in_any_grouping_and_order_gives_the_same_bits() {
+    let mut random = Pcg64::new(7, 1);
+    for _ in 0..100 {
+        let mut weights = wild(500, &mut random);
+        let whole = accumulate(weights.iter().copied());
+        for i in (1..weights.len()).rev() {
+            weights.swap(i, random.random_range(0..=i));
+        }
+        let mut parts = vec![Accumulator::default(); 20];
+        for &weight in &weights {
+            let part = random.random_range(0..parts.len());
+            parts[part].add(weight);
+        }
+        while parts.len() > 1 {
+            let one = random.random_range(0..parts.len());
+            let one = parts.swap_remove(one);
+            let other = random.random_range(0..parts.len());
+            parts[other].merge(&one);
+        }
+        assert_eq!(parts[0], whole);
+        assert_eq!(
+            parts[0].variance().to_bits(),
+            whole.variance().to_bits()
+        );
+    }
+}
+
+#[test]
+fn an_accumulator_survives_as_bytes() {
+    let mut random = Pcg64::new(8, 1);
+    for n in [0, 1, 2, 300] {
+        let sum = accumulate(wild(n, &mut random).into_iter());
+        let bytes = sum.to_bytes();
+        assert_eq!(bytes[..8], (n as u64).to_le_bytes());
+        assert_eq!(Accumulator::from_bytes(&bytes), sum);
+    }
+    let counting: [u8; 64] = std::array::from_fn(|i| i as u8 + 1);
+    assert_eq!(Accumulator::from_bytes(&counting).to_bytes(), counting);
+}
+
+/// How many doubles lie between two positive ones.
+fn ulps(a: f64, b: f64) -> u64 {
+    a.to_bits().abs_diff(b.to_bits())
+}
+
+#[test]
+fn mean_and_variance_agree_with_exact_arithmetic() {
+    let mut random = Pcg64::new(9, 1);
+    // Whole multiples of 2^exponent, whose sums fit in 128 bits.
+    for exponent in [-88, -75, -60, -40, -1] {
+        for n in [2, 3, 10, 1000] {
+            let limit = 1u64 << random.random_range(2..40);
+            let whole: Vec<u64> =
+                (0..n).map(|_| random.random_range(0..limit)).collect();
+            let unit = 2f64.powi(exponent);
+            let weights = whole.iter().map(|&k| k as f64 * unit);
+            let sum = accumulate(weights);
+            let total: u128 = whole.iter().map(|&k| u128::from(k)).sum();
+            let squares: u128 =
+                whole.iter().map(|&k| u128::from(k).pow(2)).sum();
+            let (count, n) = (n as u128, n as f64);
+            let mean = total as f64 / n * unit;
+            // The mean is a whole number of 2^-88, rounded to a double.
+            let rounding = 2f64.powi(-88) + mean * f64::EPSILON;
+            assert!((sum.mean() - mean).abs() <= rounding);
+            let scatter = (count * squares - total * total) as f64;
+            let variance = scatter / (n * (n - 1.)) * unit * unit;
+            assert!(ulps(sum.variance(), variance) <= 2);
+        }
+    }
+}
+
+#[test]
+fn tiny_weights_keep_four_digits() {
+    let weights = (0..1000).map(|i| 1e-20 * (1. + f64::from(i % 7) / 10.));
+    let (mut mean, mut square) = (0., 0.);
+    weights.clone().for_each(|w| mean += w / 1000.);
+    weights.clone().for_each(|w| square += (w - mean).powi(2) / 999.);
+    let sum = accumulate(weights);
+    assert!((sum.mean() / mean - 1.).abs() < 1e-4);
+    assert!((sum.variance() / square - 1.).abs() < 1e-4);
+}
+
+#[test]
+fn a_weight_that_is_wrong_makes_the_error_infinite_for_ever() {
+    let large = (1u64 << 39) as f64;
+    for wrong in [
+        f64::NAN,
+        -f64::NAN,
+        -1.,
+        -f64::MIN_POSITIVE,
+        f64::INFINITY,
+        f64::NEG_INFINITY,
+        large,
+        f64::MAX,
+    ] {
+        let mut sum = accumulate([1., 2., wrong].into_iter());
+        assert_eq!(sum.variance(), f64::INFINITY, "{wrong}");
+        [0., 1., 3e5, wrong].into_iter().for_each(|w| sum.add(w));
+        assert_eq!(sum.standard_error(), f64::INFINITY, "{wrong}");
+        let sound = accumulate([1., 2.].into_iter());
+        for (mut one, other) in [(sum, sound), (sound, sum), (sum, sum)] {
+            one.merge(&other);
+            assert_eq!(one.variance(), f64::INFINITY, "{wrong}");
+        }
+        assert!(sum.mean().is_finite());
+        assert_eq!(Accumulator::from_bytes(&sum.to_bytes()), sum);
+    }
+    let sum = accumulate([large.next_down(); 2].into_iter());
+    assert_eq!((sum.mean(), sum.variance()), (large.next_down(), 0.));
+    assert_eq!(accumulate([-0., 0.].into_iter()).variance(), 0.);
+}
+
+#[test]
+fn sums_that_outgrow_their_digits_make_the_error_infinite() {
+    // 16 squares of 2^38 are 2^80, one more than the digits hold.
+    let large = (1u64 << 38) as f64;
+    let most = repeated(large, 15);
+    assert_eq!((most.mean(), most.variance()), (large, 0.));
+    let mut more = most;
+    more.add(large);
+    assert_eq!(more.variance(), f64::INFINITY);
+    let mut merged = repeated(large, 8);
+    merged.merge(&repeated(large, 8));
+    assert_eq!(merged.variance(), f64::INFINITY);
+    assert_eq!(repeated(large, 1_000_000).variance(), f64::INFINITY);
+}
+
+#[test]
+fn a_borrow_passes_through_digits_that_are_equal() {
+    // The count 2, the sum 2^64 + 1 and the squares 5 * 2^128 + 2^63, in
+    // units: 2 * squares - sum^2 is 9 * 2^128 less what a double drops.
+    let words = [2, 1, 1, 0, 1 << 63, 0, 5, 0].map(u64::to_le_bytes);
+    let bytes: [u8; 64] = words.concat().try_into().unwrap();
+    let variance = Accumulator::from_bytes(&bytes).variance();
+    assert_eq!(variance, 9. / 2. * 2f64.powi(128 - 176));
 }

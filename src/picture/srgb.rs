@@ -22,3 +22,11 @@ fn srgb(radiance: f64) -> f64 {
 pub fn level(radiance: f64, white: u16) -> u16 {
     (srgb(radiance) * f64::from(white)).floor() as u16
 }
+
+/// The radiance that is encoded as `encoded`, both in [0, 1].
+pub fn radiance(encoded: f64) -> f64 {
+    match encoded <= 0.04045 {
+        true => encoded / 12.92,
+        false => libm::pow((encoded + 0.055) / 1.055, 2.4),
+    }
+}

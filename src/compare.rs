@@ -1,0 +1,318 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Are two pictures estimates of the same radiances?
+//!
+//! Each pixel of a picture is a mean with its standard error. Pixels
+//! are taken to be independent of each other, and the two pictures to
+//! come from different random numbers.
+
+pub mod display;
+pub mod merge;
+
+// Name what the comparison imports
+use std::f64::consts::SQRT_2;
+
+use statrs::function::beta::beta_reg;
+
+use crate::picture::Picture;
+
+// Measure how far two estimates differ
+/// The difference of two estimates, or the sum of several.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Gap {
+    /// The sum of the differences.
+    pub difference: f64,
+    /// The variance of that sum.
+    pub variance: f64,
+    /// The squares of the variances over their degrees of freedom.
+    fourth: f64,
+    /// The number of differences in the sum.
+    pub pixels: u64,
+}
+
+impl Gap {
+    /// Adds the gap of other pixels.
+    fn add(&mut self, other: &Gap) {
+        self.difference += other.difference;
+        self.variance += other.variance;
+        self.fourth += other.fourth;
+        self.pixels += other.pixels;
+    }
+
+    // Judge a difference by its variance
+    /// The difference in standard errors; infinite if it should be zero.
+    pub fn z(&self) -> f64 {
+        match self.difference {
+            0. => 0.,
+            difference => difference / self.variance.sqrt(),
+        }
+    }
+
+    /// The degrees of freedom of [`Gap::z`] (Welch 1947, Satterthwaite
+    /// 1946); infinite if the variances are known exactly.
+    pub fn freedom(&self) -> f64 {
+        match self.fourth {
+            0. => f64::INFINITY,
+            fourth => self.variance * self.variance / fourth,
+        }
+    }
+
+    /// The difference in standard errors, if these are not less than is
+    /// usual in the block `around`; `claims` says that both pictures state
+    /// their errors, which makes a zero a claim.
+    fn z_among(&self, around: &Gap, claims: bool) -> f64 {
+        let usual = around.variance / around.pixels as f64;
+        let usual = usual * self.pixels as f64;
+        let variance = match self.variance {
+            0. if claims => 0.,
+            own => own.max(usual),
+        };
+        Gap { variance, ..*self }.z()
+    }
+}
+
+/// The probability that chance alone makes |z| at least as large, with
+/// so many degrees of freedom.
+fn tail(z: f64, freedom: f64) -> f64 {
+    if z.is_infinite() {
+        return 0.;
+    }
+    if freedom.is_finite() {
+        let x = freedom / (freedom + z * z);
+        return beta_reg(freedom / 2., 0.5, x);
+    }
+    libm::erfc(z.abs() / SQRT_2)
+}
+
+/// A mean, its squared standard error, and the degrees of freedom of
+/// the latter.
+fn estimate(picture: &Picture, i: usize) -> (f64, f64, f64) {
+    let error = picture.errors.as_ref().map_or(0., |errors| errors[i]);
+    let count = picture.samples.as_ref().map(|samples| samples[i]);
+    let freedom = count.map_or(f64::INFINITY, |count| count - 1.);
+    (picture.means[i], error * error, freedom)
+}
+
+/// How far pixel `i` of two pictures differs; none if an error is
+/// unknown.
+fn gap(a: &Picture, b: &Picture, i: usize) -> Option<Gap> {
+    let estimates = [estimate(a, i), estimate(b, i)];
+    let [(a, ..), (b, ..)] = estimates;
+    let rounding = f64::from(f32::EPSILON) * a.abs().max(b.abs());
+    let difference = if (a - b).abs() <= rounding { 0. } else { a - b };
+    let mut gap = Gap { difference, pixels: 1, ..Gap::default() };
+    for (_, variance, freedom) in estimates {
+        gap.variance += variance;
+        gap.fourth += variance * variance / freedom.max(1.);
+    }
+    gap.variance.is_finite().then_some(gap)
+}
+
+// Share the false alarms among tests
+/// Probability that two pictures of the same radiances are called
+/// inconsistent.
+pub const FALSE_ALARMS: f64 = 0.01;
+
+/// Sides of the blocks that are tested, in pixels; the last is the
+/// whole image.
+const SIDES: [u32; 3] = [1, 16, u32::MAX];
+
+/// The probability to allow each of `tests`, so that one of them
+/// fails by chance with the probability `all` (Sidak 1967).
+fn sidak(all: f64, tests: usize) -> f64 {
+    -libm::expm1(libm::log1p(-all) / tests as f64)
+}
+
+// Test the blocks of one size
+/// What the tests of blocks of one size found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scale {
+    /// Width and height of a block, unless the image ends before.
+    pub side: u32,
+    /// Number of blocks that were tested.
+    pub tested: usize,
+    /// Number of blocks whose difference is no chance.
+    pub failed: usize,
+    /// The z of largest magnitude, by an error that is not less than is
+    /// usual around, and the first pixel of its block.
+    pub largest: (f64, u32, u32),
+}
+
+/// Realisations that a pixel needs to be tested by itself. With two
+/// equally probable weights, both pictures agree within themselves but
+/// not with each other in one pixel of 2^31.
+pub const FEW: f64 = 16.;
+
+/// Whether the pixel `i` of a picture has enough realisations.
+fn enough(picture: &Picture, i: usize) -> bool {
+    picture.samples.as_ref().is_none_or(|samples| samples[i] >= FEW)
+}
+
+/// The sums of the gaps over blocks of one size, row by row.
+fn blocks(gaps: &[Option<Gap>], width: u32, side: u32) -> Vec<Gap> {
+    let columns = u64::from(width.div_ceil(side));
+    let mut blocks: Vec<Gap> = Vec::new();
+    let (width, side) = (u64::from(width), u64::from(side));
+    for (i, gap) in (0..).zip(gaps) {
+        let (x, y) = (i % width / side, i / width / side);
+        let block = (y * columns + x) as usize;
+        blocks.resize(blocks.len().max(block + 1), Gap::default());
+        if let Some(gap) = gap {
+            blocks[block].add(gap);
+        }
+    }
+    blocks
+}
+
+/// Tests the blocks of one size against those `around` them; `claims`
+/// says that both pictures state their errors.
+fn test(
+    gaps: &[Option<Gap>],
+    width: u32,
+    (side, around): (u32, u32),
+    claims: bool,
+) -> Scale {
+    let own = blocks(gaps, width, side);
+    let others = blocks(gaps, width, around);
+    let tested = own.iter().filter(|block| block.pixels > 0).count();
+    let level = sidak(sidak(FALSE_ALARMS, SIDES.len()), tested.max(1));
+    let mut scale = Scale { side, tested, failed: 0, largest: (0., 0, 0) };
+    let columns = width.div_ceil(side);
+    for (i, block) in (0..).zip(&own).filter(|(_, own)| own.pixels > 0) {
+        // Judge a block by the larger of two errors
+        let (x, y) = (i % columns * side, i / columns * side);
+        let other = y / around * width.div_ceil(around) + x / around;
+        let z = block.z_among(&others[other as usize], claims);
+        let failed = tail(z, block.freedom()) < level;
+        scale.failed += usize::from(failed);
+        if z.abs() > scale.largest.0.abs() {
+            scale.largest = (z, x, y);
+        }
+    }
+    scale
+}
+
+// State what distinguishes two pictures
+/// What distinguishes one picture from another.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Difference {
+    /// Root of the mean square difference.
+    pub rmse: f64,
+    /// Mean square relative difference (Rousselle et al. 2011).
+    pub relative_mse: f64,
+    /// The sum of the differences of all pixels with a known error.
+    pub sum: Gap,
+    /// Number of pixels whose error is unknown.
+    pub unknown: usize,
+    /// Number of pixels of known error with fewer than [`FEW`]
+    /// realisations.
+    pub few: usize,
+    /// Standard deviation of z over the pixels that are tested and not
+    /// exact, and its expectation for normal weights.
+    pub spread: (f64, f64),
+    /// The tests of pixels, of blocks, and of the image.
+    pub scales: [Scale; 3],
+    /// The z of each pixel; zero where the error is unknown.
+    pub z: Vec<f64>,
+}
+
+impl Difference {
+    /// Whether nothing but chance distinguishes the pictures.
+    pub fn consistent(&self) -> bool {
+        self.scales.iter().all(|scale| scale.failed == 0)
+    }
+}
+
+// Compare two pictures as a whole
+/// Compares two pictures of independent random numbers.
+///
+/// # Errors
+/// They differ in size, or no pixel has a known error.
+pub fn compare(a: &Picture, b: &Picture) -> Result<Difference, String> {
+    same_size(a, b)?;
+    let gaps: Vec<_> = (0..a.means.len()).map(|i| gap(a, b, i)).collect();
+    let mut sum = Gap::default();
+    gaps.iter().flatten().for_each(|gap| sum.add(gap));
+    // Insist on pixels that can be tested
+    if a.errors.is_none() && b.errors.is_none() {
+        return Err("neither picture says its errors".to_owned());
+    }
+    if sum.pixels == 0 {
+        return Err("the errors of all pixels are unknown".to_owned());
+    }
+    let enough = |i| enough(a, i) && enough(b, i);
+    let single: Vec<_> =
+        (0..gaps.len()).map(|i| gaps[i].filter(|_| enough(i))).collect();
+    // Test each scale against the next
+    let claims = a.errors.is_some() && b.errors.is_some();
+    let test = |gaps: &[_], sides| test(gaps, a.width, sides, claims);
+    let [pixel, block, image] = SIDES;
+    let scales = [
+        test(&single, (pixel, block)),
+        test(&gaps, (block, image)),
+        test(&gaps, (image, image)),
+    ];
+    let known = sum.pixels as usize;
+    let (rmse, relative_mse) = distances(a, b);
+    Ok(Difference {
+        rmse,
+        relative_mse,
+        sum,
+        unknown: gaps.len() - known,
+        few: known - scales[0].tested,
+        spread: spread(&single),
+        scales,
+        z: gaps.iter().map(|g| g.map_or(0., |g| g.z())).collect(),
+    })
+}
+
+// Measure distances of two pictures
+/// Keeps the relative error of dark pixels finite.
+const EPSILON: f64 = 1e-2;
+
+/// Root mean square difference, and mean square relative difference.
+fn distances(a: &Picture, b: &Picture) -> (f64, f64) {
+    let (mut squares, mut relative) = (0., 0.);
+    for (a, b) in a.means.iter().zip(&b.means) {
+        let square = (a - b) * (a - b);
+        squares += square;
+        relative += square / (b * b + EPSILON);
+    }
+    let n = a.means.len() as f64;
+    (f64::sqrt(squares / n), relative / n)
+}
+
+/// Standard deviation of z, and its expectation; pixels without noise,
+/// or whose distribution has no variance, are left out.
+fn spread(gaps: &[Option<Gap>]) -> (f64, f64) {
+    let (mut squares, mut expected, mut n) = (0., 0., 0.);
+    let noisy = |gap: &&Gap| gap.variance > 0. && gap.freedom() > 2.;
+    for gap in gaps.iter().flatten().filter(noisy) {
+        squares += gap.z() * gap.z();
+        let freedom = gap.freedom();
+        expected += match freedom.is_finite() {
+            true => freedom / (freedom - 2.),
+            false => 1.,
+        };
+        n += 1.;
+    }
+    (f64::sqrt(squares / n), f64::sqrt(expected / n))
+}
+
+/// # Errors
+/// The pictures differ in size.
+fn same_size(a: &Picture, b: &Picture) -> Result<(), String> {
+    match (a.width, a.height) == (b.width, b.height) {
+        true => Ok(()),
+        false => Err(format!(
+            "one has {}x{} pixels, the other {}x{}",
+            a.width, a.height, b.width, b.height
+        )),
+    }
+}

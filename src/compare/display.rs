@@ -1,0 +1,99 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Pictures that are made for looking.
+
+use std::collections::BTreeMap;
+
+use super::Difference;
+use crate::picture::Picture;
+use crate::picture::srgb::radiance;
+
+// Bend the radiances to the screen
+/// How radiances brighter than white are treated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Curve {
+    /// Cut off what is brighter than white
+    Clamp,
+    /// Bend the scale so that the brightest pixel is white (Reinhard et
+    /// al. 2002)
+    Reinhard,
+}
+
+/// A picture of these means, of the size of another, without more.
+fn plain(picture: &Picture, means: Vec<f64>) -> Picture {
+    Picture {
+        means,
+        errors: None,
+        samples: None,
+        attributes: BTreeMap::new(),
+        ..*picture
+    }
+}
+
+/// The picture, made brighter by `exposure` stops, as a screen shows it.
+pub fn tonemap(picture: &Picture, exposure: f64, curve: Curve) -> Picture {
+    let scale = libm::exp2(exposure);
+    let expose = |&mean: &f64| f64::max(mean * scale, 0.);
+    let mut means: Vec<f64> = picture.means.iter().map(expose).collect();
+    let white = means.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
+    if curve == Curve::Reinhard {
+        for mean in &mut means {
+            *mean *= (1. + *mean / white / white) / (1. + *mean);
+        }
+    }
+    plain(picture, means)
+}
+
+// Show the standard errors as grey
+/// The standard errors, or their ratio to the means, as grey levels,
+/// and the value that is shown as white.
+///
+/// # Errors
+/// The picture does not say its errors, or none is known.
+pub fn errors(
+    picture: &Picture,
+    relative: bool,
+) -> Result<(Picture, f64), String> {
+    let errors = picture.errors.as_ref();
+    let errors = errors.ok_or("it has no channel stderr.Y")?;
+    let value = |(&error, &mean): (&f64, &f64)| match (relative, error) {
+        (true, error) if error > 0. => error / mean.abs(),
+        _ => error,
+    };
+    let values = errors.iter().zip(&picture.means).map(value);
+    let values: Vec<f64> = values.collect();
+    // Find the value to show as white
+    let finite = |value: &f64| value.is_finite();
+    let mut known: Vec<f64> =
+        values.iter().copied().filter(finite).collect();
+    known.sort_by(f64::total_cmp);
+    let last = known.len().checked_sub(1).ok_or("no error is known")?;
+    let white = known[(last as f64 * 0.999).ceil() as usize];
+    let grey = |value: f64| value / white.max(f64::MIN_POSITIVE);
+    let means = values.into_iter().map(|v| grey(v).min(1.)).collect();
+    Ok((plain(picture, means), white))
+}
+
+// Show the signs of the differences
+/// The number of standard errors that are shown as white.
+pub const WHITE: f64 = 5.;
+
+/// The z of each pixel, as numbers or as grey levels.
+pub fn z_map(
+    picture: &Picture,
+    difference: &Difference,
+    grey: bool,
+) -> Picture {
+    let largest = f64::from(f32::MAX);
+    let means = difference.z.iter().map(|&z| match grey {
+        true => radiance((0.5 + z / (2. * WHITE)).clamp(0., 1.)),
+        false => z.clamp(-largest, largest),
+    });
+    plain(picture, means.collect())
+}

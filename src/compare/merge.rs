@@ -1,0 +1,162 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Joining independent runs as if they had been one.
+
+use std::collections::BTreeMap;
+
+use super::same_size;
+use crate::picture::Picture;
+
+// Join the pictures pixel by pixel
+/// Joins pictures, given with the names of their files.
+///
+/// # Errors
+/// They differ in size or in something that changes the image, they do
+/// not say their realisations, or they share random numbers.
+pub fn merge(runs: &[(String, Picture)]) -> Result<Picture, String> {
+    let Some((first_name, first)) = runs.first() else {
+        return Err("there is nothing to join".to_owned());
+    };
+    for (name, run) in runs {
+        same_size(first, run)
+            .map_err(|e| format!("{first_name} and {name}: {e}"))?;
+        if run.errors.is_none() || run.samples.is_none() {
+            return Err(format!(
+                "{name}: it lacks the channels stderr.Y and samples.Y"
+            ));
+        }
+    }
+    let attributes = attributes(runs)?;
+    let pixels = 0..first.means.len();
+    let joint: Vec<_> = pixels.map(|i| pixel(runs, i)).collect();
+    Ok(Picture {
+        width: first.width,
+        height: first.height,
+        means: joint.iter().map(|pixel| pixel.0).collect(),
+        errors: Some(joint.iter().map(|pixel| pixel.1).collect()),
+        samples: Some(joint.iter().map(|pixel| pixel.2).collect()),
+        attributes,
+    })
+}
+
+/// Mean, error and count of a pixel over all runs.
+fn pixel(runs: &[(String, Picture)], i: usize) -> (f64, f64, f64) {
+    let part = |(_, run): &(String, Picture)| {
+        let (errors, samples) = (run.errors.as_ref(), run.samples.as_ref());
+        let error = errors.map_or(f64::INFINITY, |errors| errors[i]);
+        let count = samples.map_or(0., |samples| samples[i]);
+        (run.means[i], error, count)
+    };
+    let parts = || runs.iter().map(part);
+    let count: f64 = parts().map(|(.., n)| n).sum();
+    let sum: f64 = parts().map(|(mean, _, n)| n * mean).sum();
+    let mean = sum / f64::max(count, 1.);
+    let deviations = parts().map(|(own, error, n)| {
+        let within = if n > 1. { n * (n - 1.) * error * error } else { 0. };
+        within + n * (own - mean) * (own - mean)
+    });
+    let variance = match count > 1. {
+        true => deviations.sum::<f64>() / (count * (count - 1.)),
+        false => f64::INFINITY,
+    };
+    (mean, variance.sqrt(), count)
+}
+
+// Join what is known about the runs
+/// Attributes that add up.
+const SUMS: [&str; 5] = [
+    "realisations",
+    "rays",
+    "load_seconds",
+    "build_seconds",
+    "render_seconds",
+];
+
+/// Attributes that may differ between runs of the same image.
+const FREE: [&str; 4] = ["version", "scene", "threads", "stopped"];
+
+fn attributes(
+    runs: &[(String, Picture)],
+) -> Result<BTreeMap<String, String>, String> {
+    let mut joint = BTreeMap::new();
+    joint.insert("seed".to_owned(), seeds(runs)?);
+    let names = runs.iter().flat_map(|(_, run)| run.attributes.keys());
+    for name in names.filter(|name| *name != "seed") {
+        let value = if SUMS.contains(&name.as_str()) {
+            sum(runs, name)
+        } else {
+            common(runs, name)?
+        };
+        joint.extend(value.map(|value| (name.clone(), value)));
+    }
+    Ok(joint)
+}
+
+/// The seeds of all runs, if they differ.
+fn seeds(runs: &[(String, Picture)]) -> Result<String, String> {
+    let mut seen: Vec<(&str, &str)> = Vec::new();
+    for (name, run) in runs {
+        let own = run.attributes.get("seed").ok_or_else(|| {
+            format!(
+                "{name}: its seed is unknown, so that it may share \
+                     its random numbers with another"
+            )
+        })?;
+        for seed in own.split(',') {
+            if let Some((_, other)) = seen.iter().find(|s| s.0 == seed) {
+                return Err(format!(
+                    "{name}: its seed {seed} is that of {other} too; \
+                     render one of them with another seed"
+                ));
+            }
+            seen.push((seed, name));
+        }
+    }
+    Ok(seen.iter().map(|s| s.0).collect::<Vec<_>>().join(","))
+}
+
+/// The value of an attribute, if all runs agree.
+///
+/// # Errors
+/// They do not, and the attribute is one that changes the image.
+fn common(
+    runs: &[(String, Picture)],
+    name: &str,
+) -> Result<Option<String>, String> {
+    let value = |run: &Picture| run.attributes.get(name).cloned();
+    let (first_name, first) = &runs[0];
+    let first = value(first);
+    for (other_name, other) in runs {
+        let other = value(other);
+        if other != first {
+            if FREE.contains(&name) {
+                return Ok(None);
+            }
+            let show = |v: Option<String>| v.unwrap_or("unknown".into());
+            return Err(format!(
+                "{other_name}: its {name} is {}, that of {first_name} is {}",
+                show(other),
+                show(first)
+            ));
+        }
+    }
+    Ok(first)
+}
+
+/// The sum of an attribute over all runs, if all know it.
+fn sum(runs: &[(String, Picture)], name: &str) -> Option<String> {
+    let value = |(_, run): &(String, Picture)| {
+        run.attributes.get(name)?.parse::<f64>().ok()
+    };
+    let sum: f64 = runs.iter().map(value).sum::<Option<f64>>()?;
+    Some(match sum.fract() {
+        0. => format!("{sum}"),
+        _ => format!("{sum:.3}"),
+    })
+}

@@ -1,0 +1,277 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! A page for people: one file that needs nothing else.
+
+// Name what the page imports
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+use serde_json::Value;
+
+use super::histogram::Histogram;
+use super::pixels::{Grid, MIDDLE};
+use super::words::{count, duration, figures, short, with_error};
+use super::{Report, Step, svg};
+use crate::picture::Picture;
+
+// Lay out the page
+/// The page of a run and its picture.
+pub fn page(report: &Report, picture: &Picture) -> String {
+    let scene = short(&report.scene.file, LONGEST);
+    let markup = html! {
+        (DOCTYPE)
+        html lang="en-GB" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width";
+                title { (scene) ": report of a render" }
+                style { (PreEscaped(STYLE)) }
+            }
+            body {
+                h1 { (scene) }
+                (summary(report, picture))
+                div.figures {
+                    (image(picture))
+                    (error_map(picture))
+                    figure { (svg::curve(report, false)) }
+                    (errors(picture))
+                }
+                div.figures { (timings(report)) (settings(report)) }
+                (steps(&report.steps))
+            }
+        }
+    };
+    markup.into_string() + "\n"
+}
+
+/// The longest name or value that is shown whole, in characters.
+const LONGEST: usize = 1000;
+
+const STYLE: &str = "
+:root { color-scheme: light dark; font: 16px/1.5 system-ui, sans-serif }
+body { max-width: 72rem; margin: 0 auto; padding: 1rem }
+h1, p, figcaption, .facts td { overflow-wrap: anywhere }
+h1 { font-size: 1.6rem; line-height: 1.2 }
+h2 { font-size: 1.1rem; margin: 1.5rem 0 0.5rem }
+p { max-width: 44rem }
+.figures { display: grid; gap: 1.5rem 2rem; align-items: start;
+  grid-template-columns: repeat(auto-fit, minmax(min(100%, 28rem), 1fr)) }
+figure, section { margin: 0; min-width: 0 }
+figcaption { font-size: 0.9rem }
+img { max-width: 100%; min-width: min(100%, 20rem); height: auto;
+  display: block }
+svg { width: 100%; height: auto; display: block }
+.paper { fill: Canvas }
+.scale { height: 0.8rem; border: 1px solid; margin-top: 0.5rem;
+  background: linear-gradient(to right, #000, #fff) }
+.range { display: flex; justify-content: space-between;
+  font-size: 0.9rem }
+.scroll { overflow-x: auto }
+table { border-collapse: collapse; font-variant-numeric: tabular-nums }
+th, td { padding: 0.15rem 1rem 0.15rem 0; text-align: left;
+  vertical-align: top; border-bottom: 1px solid #8886 }
+tbody th { font-weight: normal }
+.numbers th, .numbers td, .times td { text-align: right;
+  white-space: nowrap }
+";
+
+// Tell the run in words
+fn summary(report: &Report, picture: &Picture) -> Markup {
+    let spp = report.steps.last().map_or(0, |step| step.spp);
+    let triangles = count(report.scene.triangles);
+    html! {
+        p {
+            (report.program) " rendered this scene of " (triangles)
+            " triangles in " (picture.width) "\u{202f}\u{d7}\u{202f}"
+            (picture.height) " pixels, with " (count(spp))
+            " realisations in each, in " (duration(report.render_seconds))
+            ". Reading the scene had taken "
+            (duration(report.load_seconds))
+            " and building its hierarchy "
+            (duration(report.build_seconds)) "."
+        }
+        // Say how good the image is
+        p {
+            "The mean radiance of the image is "
+            b { (with_error(report.mean, report.mean_stderr)) }
+            ", where that of the sky is 1. "
+            @match report.rmse.filter(|e| e.is_finite()) {
+                Some(e) => {
+                    "Its pixels have an estimated root mean square error of "
+                    b { (figures(e)) } "."
+                }
+                None => "The error of its pixels is not known yet.",
+            }
+            @if report.constant_pixels > 0 {
+                " In " (count(report.constant_pixels)) " pixels all realisations \
+                were alike, so that they cannot see an error of their own."
+            }
+        }
+        // Say how fast the error falls
+        @if let Some(seconds) = report.slope_seconds()
+            && let Some(spp) = report.slope_spp()
+        {
+            p {
+                "On logarithmic axes the error falls with a slope of "
+                (seconds) " against seconds and of " (spp) " against \
+                realisations; independent samples give \u{2212}0.5."
+            }
+        }
+        p { (ending(report)) }
+    }
+}
+
+fn ending(report: &Report) -> String {
+    let reason = match report.stopped.as_deref() {
+        None => {
+            return "The run goes on; this is what it knew when the \
+                    page was written."
+                .to_owned();
+        }
+        Some("realisations") => "the realisations asked for were done",
+        Some("time") => "the time allowed was over",
+        Some("error") => "the error asked for was reached",
+        Some("signal") => "a signal asked it to",
+        Some(other) => other,
+    };
+    format!("The run ended because {reason}.")
+}
+
+// Show the image and its error
+fn image(picture: &Picture) -> Markup {
+    let size = (picture.width, picture.height);
+    let grid = Grid::new(size, picture.means.iter().copied());
+    let address = grid.and_then(|grid| grid.embed(1.));
+    html! {
+        @if let Some(address) = address {
+            figure {
+                img src=(address) alt="The rendered image";
+                figcaption { "The image. White is the radiance of the \
+                    sky, or more." }
+            }
+        }
+    }
+}
+
+fn error_map(picture: &Picture) -> Markup {
+    let size = (picture.width, picture.height);
+    let errors = picture.errors.iter();
+    let squares = errors.map(|errors| errors.iter().map(|e| e * e));
+    let grid = squares.map(|squares| Grid::new(size, squares)).next();
+    let shown = grid.flatten().map(Grid::root).and_then(|grid| {
+        let white = grid.white()?;
+        Some((grid.embed(white)?, white))
+    });
+    let Some((address, white)) = shown else {
+        return html! {};
+    };
+    html! {
+        figure {
+            img src=(address) alt="A map of the standard error";
+            // Draw the scale of the map
+            div.scale {}
+            div.range {
+                span { "0" }
+                span { (figures(MIDDLE * white)) }
+                span { (figures(white)) }
+            }
+            figcaption { "The standard error of each pixel. At most one \
+                pixel in a thousand lies above the scale; it is white, \
+                as is a pixel whose error is unknown." }
+        }
+    }
+}
+
+fn errors(picture: &Picture) -> Markup {
+    let none = vec![f64::INFINITY; picture.means.len()];
+    let errors = picture.errors.as_ref().unwrap_or(&none);
+    let histogram = Histogram::of(errors);
+    let known: u64 = histogram.counts.iter().sum();
+    html! {
+        figure {
+            @if let Some(drawing) = histogram.draw() { (drawing) }
+            figcaption {
+                "Of " (count(errors.len() as u64)) " pixels, "
+                (count(known)) " have a known error above 0, "
+                (count(histogram.zero)) " an error of 0, and "
+                (count(histogram.unknown)) " an unknown one."
+            }
+        }
+    }
+}
+
+// List settings, timings and steps
+fn timings(report: &Report) -> Markup {
+    let (load, build) = (report.load_seconds, report.build_seconds);
+    let rate = report.rays as f64 / report.render_seconds / 1e6;
+    let rows = [
+        ("reading the scene", duration(load)),
+        ("building the hierarchy", duration(build)),
+        ("rendering", duration(report.render_seconds)),
+        ("together", duration(load + build + report.render_seconds)),
+        ("rays", count(report.rays)),
+        ("million rays per second of rendering", figures(rate)),
+    ];
+    html! {
+        section {
+            h2 { "Timings" }
+            div.scroll { table.times { tbody {
+                @for (name, value) in rows {
+                    tr { th scope="row" { (name) } td { (value) } }
+                }
+            } } }
+        }
+    }
+}
+
+fn settings(report: &Report) -> Markup {
+    let text = |value: &Value| match value {
+        Value::String(text) => short(text, LONGEST),
+        other => short(&other.to_string(), LONGEST),
+    };
+    html! {
+        section {
+            h2 { "Scene and settings" }
+            div.scroll { table.facts { tbody {
+                tr { th scope="row" { "scene" }
+                    td { (short(&report.scene.file, LONGEST)) } }
+                tr { th scope="row" { "SHA-256" }
+                    td { (short(&report.scene.sha256, LONGEST)) } }
+                @for (name, value) in &report.settings {
+                    tr { th scope="row" { (name) } td { (text(value)) } }
+                }
+            } } }
+        }
+    }
+}
+
+fn steps(steps: &[Step]) -> Markup {
+    let reference = steps.iter().any(|s| s.rmse_reference.is_some());
+    let known = |x: Option<f64>| x.map_or("unknown".to_owned(), figures);
+    html! {
+        h2 { "Steps" }
+        div.scroll { table.numbers {
+            thead { tr {
+                th { "realisations" } th { "seconds" } th { "rays" }
+                th { "RMSE" }
+                @if reference { th { "from reference" } }
+                th { "mean radiance" }
+            } }
+            tbody { @for step in steps {
+                // Show one step in a row
+                tr {
+                    td { (count(step.spp)) }
+                    td { (figures(step.seconds)) }
+                    td { (count(step.rays)) }
+                    td { (known(step.rmse)) }
+                    @if reference { td { (known(step.rmse_reference)) } }
+                    td { (with_error(step.mean, step.mean_stderr)) }
+                }
+            } }
+        } }
+    }
+}

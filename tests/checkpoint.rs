@@ -1,0 +1,351 @@
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+//! A run that is killed goes on as if nothing had happened, and what is no
+//! checkpoint of it is refused and left alone (chapter "The checkpoint").
+
+mod common;
+
+use std::io::Cursor;
+use std::path::PathBuf;
+use std::process::Child;
+use std::thread;
+use std::time::{Duration, Instant};
+
+use common::{Place, ROOM, Run, finish};
+use litpt::checkpoint::{Subject, resume, save};
+use litpt::course::Course;
+use litpt::image::Image;
+use litpt::picture::Picture;
+use serde_json::{Value, json};
+
+// --------------------------------------------------------------- The library
+
+fn subject() -> Subject {
+    let facts =
+        json!({ "seed": 7, "fov": 0.1, "position": [0.5, -1e9, 3.] });
+    facts.as_object().unwrap().clone()
+}
+
+/// A course and an image whose numbers are all different.
+fn state() -> (Course, Image) {
+    let step = |spp: u64, rmse: Value| {
+        json!({ "spp": spp, "seconds": 0.1 + spp as f64, "rays": 1 << spp,
+                "rmse": rmse, "mean": 1. / 3., "mean_stderr": rmse })
+    };
+    let course = json!({
+        "spp": 9, "seconds": 1e-3 / 7., "rays": u64::MAX - 1,
+        "steps": [step(1, Value::Null), step(2, json!(0.1 + 0.2))],
+    });
+    let mut image = Image::new(5, 3);
+    for (pixel, i) in image.stored_mut().iter_mut().zip(0..) {
+        (0..i).for_each(|n| pixel.add(0.7f64.powi(i) + f64::from(n)));
+    }
+    (serde_json::from_value(course).unwrap(), image)
+}
+
+fn saved() -> Vec<u8> {
+    let (course, image) = state();
+    let mut bytes = vec![];
+    save(&subject(), &course, &image, &mut bytes).unwrap();
+    bytes
+}
+
+#[track_caller]
+fn refused(bytes: &[u8]) -> String {
+    let mut image = Image::new(5, 3);
+    resume(&subject(), &mut image, Cursor::new(bytes)).unwrap_err()
+}
+
+#[test]
+fn what_is_saved_comes_back_to_the_last_bit() {
+    let (course, image) = state();
+    let mut again = Image::new(5, 3);
+    let found = resume(&subject(), &mut again, Cursor::new(saved()));
+    assert_eq!(found, Ok(course));
+    assert_eq!(again.stored(), image.stored());
+}
+
+#[test]
+fn every_single_bit_that_flips_is_noticed() {
+    let whole = saved();
+    for bit in 0..8 * whole.len() {
+        let mut bytes = whole.clone();
+        bytes[bit / 8] ^= 1 << (bit % 8);
+        let fault = refused(&bytes);
+        let expected = match bit / 8 {
+            0..19 => "is not a checkpoint",
+            _ => "is damaged",
+        };
+        assert!(fault.contains(expected), "{bit}: {fault}");
+    }
+}
+
+#[test]
+fn every_length_but_the_right_one_is_refused() {
+    let whole = saved();
+    for length in 0..whole.len() {
+        let fault = refused(&whole[..length]);
+        let expected = match length {
+            0..19 => "is not a checkpoint",
+            _ => "is damaged",
+        };
+        assert!(fault.contains(expected), "{length}: {fault}");
+    }
+    assert!(refused(&[&whole[..], b"\n"].concat()).contains("is damaged"));
+}
+
+#[test]
+fn a_fact_that_differs_is_named_with_both_values() {
+    let refused_for = |name: &str, value: Value| {
+        let mut other = subject();
+        other.insert(name.to_owned(), value);
+        let mut image = Image::new(5, 3);
+        let file = Cursor::new(saved());
+        resume(&other, &mut image, file).unwrap_err()
+    };
+    for (name, value, words) in [
+        ("seed", json!(8), ["7", "8"]),
+        ("fov", json!(0.1f64.next_up()), ["0.1,", "0.10000000000000002"]),
+        ("position", json!([0.5, 1e9, 3.]), ["-1000000000.0", ",1000"]),
+        ("up", json!(1), ["nothing", "1"]),
+    ] {
+        let fault = refused_for(name, value);
+        assert!(fault.contains(&format!("its {name} is")), "{fault}");
+        assert!(words.iter().all(|w| fault.contains(w)), "{fault}");
+    }
+    let mut fewer = subject();
+    fewer.remove("seed");
+    let file = Cursor::new(saved());
+    let fault = resume(&fewer, &mut Image::new(5, 3), file).unwrap_err();
+    assert!(fault.contains("its seed is 7, not nothing"), "{fault}");
+}
+
+#[test]
+fn a_disk_that_is_full_is_an_error_and_no_panic() {
+    struct Full(usize);
+    impl std::io::Write for Full {
+        fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+            let taken = bytes.len().min(self.0);
+            self.0 -= taken;
+            Ok(taken)
+        }
+        fn flush(&mut self) -> std::io::Result<()> {
+            Ok(())
+        }
+    }
+    let (course, image) = state();
+    let size = saved().len();
+    for room in [0, 10, 25, 500, size - 33, size - 32, size - 1] {
+        let written = save(&subject(), &course, &image, &mut Full(room));
+        assert!(written.is_err(), "{room}");
+    }
+    save(&subject(), &course, &image, &mut Full(size)).unwrap();
+}
+
+// --------------------------------------------------------------- The command
+
+const SCENE: [&str; 4] = ["-q", "-iroom.obj", "-d23x17", "-r0.7"];
+const ALL: [&str; 8] =
+    ["-o", "a.pgm", "-o", "a.png", "-o", "a.pfm", "-o", "a.exr"];
+
+/// Runs `pt` with the options of `SCENE`, as far as no other of the same
+/// letter is given.
+fn pt(place: &Place, arguments: &[&str]) -> Run {
+    let replaced = |one: &str| {
+        arguments.iter().any(|argument| argument.get(..2) == one.get(..2))
+    };
+    let mut all: Vec<&str> = SCENE.into();
+    all.retain(|one| !replaced(one));
+    all.extend(arguments);
+    place.run(&all)
+}
+
+/// Waits until a file of a running program is as it should be.
+fn wait_until(child: &mut Child, what: &str, done: impl Fn() -> bool) {
+    let start = Instant::now();
+    while !done() {
+        assert!(child.try_wait().unwrap().is_none(), "ended, no {what}");
+        assert!(start.elapsed() < Duration::from_secs(60), "no {what}");
+        thread::sleep(Duration::from_millis(1));
+    }
+}
+
+/// The realisations in a checkpoint; none if there is no such file.
+fn saved_spp(path: &PathBuf) -> Option<u64> {
+    let bytes = std::fs::read(path).ok()?;
+    let line = bytes.split(|&byte| byte == b'\n').nth(1)?;
+    let header: Value = serde_json::from_slice(line).unwrap();
+    header["course"]["spp"].as_u64()
+}
+
+/// Starts a run without an end, and kills it as soon as it has saved more
+/// than `spp` realisations.
+fn killed_after(place: &Place, spp: u64, arguments: &[&str]) {
+    let endless = ["-n1000000000", "--every", "0.001", "--checkpoint", "c"];
+    let mut command = place.pt(&[&SCENE[..], &endless, arguments].concat());
+    let mut child = command.spawn().unwrap();
+    let path = place.path("c");
+    wait_until(&mut child, "checkpoint", || saved_spp(&path) > Some(spp));
+    child.kill().unwrap();
+    assert_eq!(finish(child).status, None);
+}
+
+/// Renders the four images again at one go, and compares them.
+fn same_as_uninterrupted(place: &Place, arguments: &[&str]) {
+    let names = ["a.pgm", "a.png", "a.pfm"];
+    let resumed = names.map(|name| place.get(name));
+    let numbers = Picture::read(&place.path("a.exr")).unwrap();
+    pt(place, &[&["-f"], &ALL[..], arguments].concat()).succeeded();
+    for (name, resumed) in names.iter().zip(resumed) {
+        assert!(place.get(name) == resumed, "{name}");
+    }
+    let whole = Picture::read(&place.path("a.exr")).unwrap();
+    assert_eq!(whole.means, numbers.means);
+    assert_eq!(whole.errors, numbers.errors);
+    assert_eq!(whole.samples, numbers.samples);
+    let (rays, spp) = ("rays", "realisations");
+    assert_eq!(whole.attributes[rays], numbers.attributes[rays]);
+    assert_eq!(whole.attributes[spp], numbers.attributes[spp]);
+}
+
+#[test]
+fn a_run_that_was_killed_twice_ends_with_the_bytes_of_an_uninterrupted_one()
+{
+    let place = Place::new();
+    killed_after(&place, 0, &[]);
+    let first = saved_spp(&place.path("c")).unwrap();
+    killed_after(&place, first, &["--resume", "c", "-j3"]);
+    let n = format!("-n{}", saved_spp(&place.path("c")).unwrap() + 7);
+    let report = ["--report", "r.json", "--resume", "c", "-j1"];
+    pt(&place, &[&ALL[..], &[&n], &report].concat()).succeeded();
+    let steps = |name| {
+        let report: Value =
+            serde_json::from_slice(&place.get(name)).unwrap();
+        let mut steps = report["steps"].as_array().unwrap().clone();
+        for step in &mut steps {
+            step["seconds"] = Value::Null;
+        }
+        steps
+    };
+    same_as_uninterrupted(&place, &[&n, "--report", "w.json"]);
+    assert_eq!(steps("r.json"), steps("w.json"));
+}
+
+#[test]
+fn a_run_that_has_ended_may_go_on_to_another_limit() {
+    let place = Place::new();
+    pt(&place, &["-n7", "-o", "b.pgm", "--checkpoint", "c"]).succeeded();
+    assert_eq!(saved_spp(&place.path("c")), Some(7));
+    pt(&place, &["-n30", "--resume", "c", "-o", "b.png"]).succeeded();
+    let on = ["--error", "0.05", "--resume", "c", "--checkpoint", "d"];
+    pt(&place, &[&ALL[..], &on].concat()).succeeded();
+    assert!(saved_spp(&place.path("d")) > Some(7));
+    same_as_uninterrupted(&place, &["--error", "0.05"]);
+    // There is nothing left to do, and the image is the same.
+    place.put("e", place.get("c"));
+    let again = ["-f", "-o", "b.pfm", "-n7", "--resume", "e"];
+    pt(&place, &[&again[..], &["--checkpoint", "e"]].concat()).succeeded();
+    let whole = pt(&place, &["-n7", "--format", "pfm"]).stdout;
+    assert_eq!(place.get("b.pfm"), whole);
+    assert_eq!(saved_spp(&place.path("e")), Some(7));
+}
+
+/// Resumes from `name`, which must be refused: the message names the file
+/// and holds the `words`, and nothing is changed or written.
+#[track_caller]
+fn left_alone(place: &Place, name: &str, options: &[&str], words: &[&str]) {
+    let (before, names) = (place.get(name), place.names());
+    let files = ["-f", "-n9", "-o", "a.pgm", "--report", "r.json"];
+    let checkpoint = ["--checkpoint", name, "--resume", name];
+    let run = pt(place, &[&files[..], &checkpoint, options].concat());
+    run.failed(1, &[&[name], words].concat());
+    assert_eq!(place.get(name), before);
+    assert_eq!(place.names(), names);
+}
+
+#[test]
+fn a_damaged_checkpoint_is_refused_and_left_alone() {
+    let place = Place::new();
+    pt(&place, &["-n2", "-o", "/dev/null", "-f", "--checkpoint", "c"])
+        .succeeded();
+    let whole = place.get("c");
+    let size = whole.len();
+    for length in [0, 5, 19, 20, 300, 5000, size - 32, size - 1] {
+        place.put("c", &whole[..length]);
+        let magic = length < 19;
+        let word = if magic { "is not a checkpoint" } else { "is damaged" };
+        left_alone(&place, "c", &[], &[word]);
+    }
+    for place_of_bit in [0, 18, 19, 40, 700, size / 2, size - 33, size - 1]
+    {
+        let mut bytes = whole.clone();
+        bytes[place_of_bit] ^= 4;
+        place.put("c", bytes);
+        left_alone(&place, "c", &[], &[]);
+    }
+    for other in ["", ROOM, "litpt checkpoint 2\n", "P2 1 1\n255\n0\n"] {
+        place.put("c", other);
+        left_alone(&place, "c", &[], &["is not a checkpoint"]);
+    }
+    place.put("c", whole);
+    let run = ["-o", "a.pgm", "-n3", "--checkpoint", "c", "--resume", "c"];
+    pt(&place, &run).succeeded();
+}
+
+#[test]
+fn the_checkpoint_of_another_run_is_refused_with_the_fact_that_differs() {
+    let place = Place::new();
+    pt(&place, &["-n2", "-o", "/dev/null", "-f", "--checkpoint", "c"])
+        .succeeded();
+    for (option, fact) in [
+        ("-s1", "seed is 0, not 1"),
+        ("-r0.8", "reflectivity is 0.7, not 0.8"),
+        ("-d17x23", "definition is [23,17], not [17,23]"),
+        ("-d23x18", "definition"),
+        ("-p0,0,0.1", "position"),
+        ("-t0,1,0.1", "target"),
+        ("-u0,0.1,1", "up"),
+        ("-F71", "fov"),
+        ("-isquare.obj", "scene_sha256"),
+    ] {
+        left_alone(&place, "c", &[option], &["another run", fact]);
+    }
+    place.put("other.obj", [ROOM, "# a word\n"].concat());
+    left_alone(&place, "c", &["-iother.obj"], &["scene_sha256"]);
+}
+
+#[test]
+fn a_checkpoint_that_exists_is_refused_before_the_scene_is_read() {
+    let place = Place::new();
+    place.put("c", "old");
+    let files = ["-imissing.obj", "-oa.pgm", "--checkpoint", "c"];
+    pt(&place, &files).failed(1, &["c: ", "-f"]);
+    let other = ["--resume", "room.obj"];
+    pt(&place, &[&files[..], &other].concat()).failed(1, &["c: ", "-f"]);
+    assert_eq!(place.get("c"), b"old");
+    pt(&place, &["-f", "-oa.pgm", "--checkpoint", "c"]).succeeded();
+    assert_eq!(saved_spp(&place.path("c")), Some(1));
+}
+
+#[test]
+fn a_checkpoint_that_is_missing_is_reported_before_the_scene_is_read() {
+    let place = Place::new();
+    let run = pt(&place, &["-imissing.obj", "--resume", "c"]);
+    run.failed(1, &["c: cannot read", "No such file"]);
+    place.holds_only(&[]);
+}
+
+#[test]
+fn a_checkpoint_may_not_take_the_name_of_another_file() {
+    let place = Place::new();
+    for files in [
+        ["-oc", "--checkpoint=c", "-q"],
+        ["--report=c.json", "--checkpoint=c.json", "-q"],
+        ["-f", "--checkpoint=room.obj", "-oa.pgm"],
+    ] {
+        pt(&place, &files).failed(1, &["named twice"]);
+    }
+    place.holds_only(&[]);
+    assert_eq!(place.get("room.obj"), ROOM.as_bytes());
+}

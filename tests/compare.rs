@@ -1,0 +1,401 @@
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+//! Comparing and joining pictures: what is called chance, and what is
+//! not (chapter "Comparing and joining pictures").
+
+use std::collections::BTreeMap;
+
+use litpt::compare::display::{Curve, WHITE, errors, tonemap, z_map};
+use litpt::compare::merge::merge;
+use litpt::compare::{Difference, FALSE_ALARMS, FEW, compare};
+use litpt::picture::Picture;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+
+type Random = Pcg64Mcg;
+
+/// A picture of one row whose pixels have these means and errors from
+/// `n` realisations.
+fn row(pixels: &[(f64, f64)], n: f64) -> Picture {
+    Picture {
+        width: pixels.len() as u32,
+        height: 1,
+        means: pixels.iter().map(|p| p.0).collect(),
+        errors: Some(pixels.iter().map(|p| p.1).collect()),
+        samples: Some(vec![n; pixels.len()]),
+        attributes: BTreeMap::new(),
+    }
+}
+
+/// A picture without errors.
+fn reference(means: &[f64]) -> Picture {
+    let pixels: Vec<_> = means.iter().map(|&mean| (mean, 0.)).collect();
+    Picture { errors: None, samples: None, ..row(&pixels, 1.) }
+}
+
+/// Renders a picture of the given weights.
+fn render(
+    (width, height): (u32, u32),
+    n: u32,
+    mut weight: impl FnMut(u32, u32) -> f64,
+) -> Picture {
+    let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+    let pixel = |(x, y)| {
+        let (mut mean, mut deviations) = (0., 0.);
+        for k in 1..=n {
+            let weight = weight(x, y);
+            let deviation = weight - mean;
+            mean += deviation / f64::from(k);
+            deviations += deviation * (weight - mean);
+        }
+        let n = f64::from(n);
+        (mean, f64::sqrt(deviations / n / (n - 1.)))
+    };
+    let pixels: Vec<_> = pixels.map(pixel).collect();
+    Picture { width, height, ..row(&pixels, f64::from(n)) }
+}
+
+/// The weight of a path: a power of 0.8, or nothing.
+fn path(random: &mut Random) -> f64 {
+    let mut weight = 0.8;
+    loop {
+        match random.random::<f64>() {
+            x if x < 0.2 => return weight,
+            x if x < 0.3 || weight < 0.05 => return 0.,
+            _ => weight *= 0.8,
+        }
+    }
+}
+
+/// A normal variable of variance 1 (Box and Muller 1958).
+fn normal(random: &mut Random) -> f64 {
+    let radius = f64::sqrt(-2. * (1. - random.random::<f64>()).ln());
+    radius * (std::f64::consts::TAU * random.random::<f64>()).cos()
+}
+
+fn failures(difference: &Difference) -> [usize; 3] {
+    difference.scales.map(|scale| scale.failed)
+}
+
+#[test]
+fn z_and_its_degrees_of_freedom_are_those_of_welch() {
+    let (a, b) = (row(&[(0.5, 0.03)], 10.), row(&[(0.4, 0.04)], 20.));
+    let sum = compare(&a, &b).unwrap().sum;
+    assert!((sum.z() - 2.).abs() < 1e-12);
+    let freedom =
+        0.05f64.powi(4) / (0.03f64.powi(4) / 9. + 0.04f64.powi(4) / 19.);
+    assert!((sum.freedom() - freedom).abs() < 1e-9);
+}
+
+/// The share of each scale is 1 - 0.99^(1/3); the quantiles of it are
+/// computed with 15 digits by another program.
+#[test]
+fn the_thresholds_are_those_of_student_and_of_the_normal_distribution() {
+    let error = f64::sqrt(0.5);
+    let student = |z| {
+        let (a, b) = (row(&[(z, error)], 16.), row(&[(0., error)], 16.));
+        compare(&a, &b).unwrap().consistent()
+    };
+    assert!(student(3.1875) && !student(3.1876));
+    let exact = |z| {
+        let a = row(&[(z, 1.)], 16.);
+        compare(&a, &reference(&[0.])).unwrap().consistent()
+    };
+    assert!(exact(3.4820) && !exact(3.4821));
+    let many = |z| {
+        let a = Picture { samples: None, ..row(&[(z, 1.)], 16.) };
+        compare(&a, &reference(&[0.])).unwrap().consistent()
+    };
+    assert!(many(2.9341) && !many(2.9342));
+}
+
+/// With the probability 0.01 of an alarm, 1000 pairs give more than 23
+/// alarms once in ten thousand times.
+#[track_caller]
+fn alarms_are_rare(
+    (n, m): (u32, u32),
+    mut weight: impl FnMut(&mut Random) -> f64,
+) -> usize {
+    let mut random = Random::seed_from_u64(2026);
+    let pairs = 1000;
+    let mut alarm = || {
+        let size = (24, 24);
+        let a = render(size, n, |_, _| weight(&mut random));
+        let b = render(size, m, |_, _| weight(&mut random));
+        !compare(&a, &b).unwrap().consistent()
+    };
+    let alarms = (0..pairs).filter(|_| alarm()).count();
+    assert_eq!((FALSE_ALARMS, pairs), (0.01, 1000));
+    assert!(alarms <= 23, "{alarms} false alarms of {pairs} pairs");
+    alarms
+}
+
+#[test]
+fn false_alarms_are_as_rare_as_promised_for_normal_weights() {
+    let alarms = alarms_are_rare((16, 16), normal);
+    assert!(alarms > 0, "a test that never fails tests nothing");
+}
+
+#[test]
+fn false_alarms_are_rare_for_weights_of_paths() {
+    alarms_are_rare((16, 64), path);
+}
+
+#[test]
+fn false_alarms_are_rare_for_few_realisations() {
+    alarms_are_rare((2, 2), path);
+}
+
+#[test]
+fn false_alarms_are_rare_for_weights_that_are_seldom_different() {
+    let rare = |r: &mut Random| f64::from(u8::from(r.random_bool(0.02)));
+    alarms_are_rare((16, 64), rare);
+}
+
+/// More than 10 alarms of 300 pairs are as improbable as one in three
+/// thousand.
+#[test]
+fn a_reference_without_errors_gives_few_false_alarms() {
+    let mut random = Random::seed_from_u64(4);
+    let mut alarms = 0;
+    for _ in 0..300 {
+        let half = |_, _| f64::from(u8::from(random.random_bool(0.1)));
+        let a = render((24, 24), 16, half);
+        let exact = vec![0.1; a.means.len()];
+        let b = Picture { errors: None, means: exact, ..a.clone() };
+        alarms += u32::from(!compare(&a, &b).unwrap().consistent());
+    }
+    assert!(alarms <= 10, "{alarms} false alarms of 300 pairs");
+}
+
+#[test]
+fn a_bias_of_one_percent_is_seen_by_the_mean_alone() {
+    let mut random = Random::seed_from_u64(5);
+    let mut weight = |_, _| f64::from(u8::from(random.random_bool(0.5)));
+    let a = render((128, 96), 64, &mut weight);
+    let mut b = render((128, 96), 64, &mut weight);
+    assert!(compare(&a, &b).unwrap().consistent());
+    b.means.iter_mut().for_each(|mean| *mean *= 1.01);
+    let difference = compare(&a, &b).unwrap();
+    assert_eq!(failures(&difference), [0, 0, 1]);
+    assert!(!difference.consistent());
+}
+
+#[test]
+fn opposite_faults_of_two_halves_are_seen_by_the_blocks() {
+    let mut random = Random::seed_from_u64(6);
+    let mut weight = |_, _| f64::from(u8::from(random.random_bool(0.5)));
+    let a = render((128, 96), 64, &mut weight);
+    let mut b = render((128, 96), 64, &mut weight);
+    for (i, mean) in b.means.iter_mut().enumerate() {
+        *mean += if i % 128 < 64 { 0.02 } else { -0.02 };
+    }
+    let [pixels, blocks, image] = failures(&compare(&a, &b).unwrap());
+    assert!(pixels == 0 && blocks > 5 && image == 0, "{blocks}");
+}
+
+#[test]
+fn a_single_wrong_pixel_is_found_at_its_place() {
+    let mut random = Random::seed_from_u64(7);
+    let mut weight = |_, _| normal(&mut random);
+    let a = render((50, 40), 64, &mut weight);
+    let mut b = render((50, 40), 64, &mut weight);
+    b.means[7 * 50 + 31] += 2.;
+    let difference = compare(&a, &b).unwrap();
+    assert_eq!(failures(&difference), [1, 0, 0]);
+    let (z, x, y) = difference.scales[0].largest;
+    assert!((x, y) == (31, 7) && z < -9., "{z} at {x},{y}");
+    assert!(difference.z[7 * 50 + 31] < -9.);
+}
+
+#[test]
+fn the_standard_deviation_of_z_is_as_expected() {
+    let mut random = Random::seed_from_u64(8);
+    let mut weight = |_, _| normal(&mut random);
+    let a = render((100, 100), 16, &mut weight);
+    let b = render((100, 100), 16, &mut weight);
+    let (found, expected) = compare(&a, &b).unwrap().spread;
+    assert!((expected - 1.037).abs() < 0.002, "{expected}");
+    assert!((found - expected).abs() < 0.03, "{found}");
+}
+
+#[test]
+fn exact_pixels_must_be_equal() {
+    let exact = row(&[(1., 0.), (0.5, 0.1)], 64.);
+    assert!(compare(&exact, &exact).unwrap().consistent());
+    let other = row(&[(0.9, 0.), (0.5, 0.1)], 64.);
+    assert_eq!(failures(&compare(&exact, &other).unwrap()), [1, 0, 0]);
+    let rounded = row(&[(1. + 1e-7, 0.), (0.5, 0.1)], 64.);
+    assert!(compare(&exact, &rounded).unwrap().consistent());
+}
+
+#[test]
+fn pixels_of_unknown_error_or_few_realisations_are_counted() {
+    let mut a = row(&[(0.5, f64::INFINITY), (0.5, 0.1), (0.5, 0.1)], 64.);
+    a.samples.as_mut().unwrap()[1] = FEW - 1.;
+    let mut b = row(&[(0.1, 0.1), (0.5, 0.1), (0.5, 0.1)], 64.);
+    let difference = compare(&a, &b).unwrap();
+    assert_eq!((difference.unknown, difference.few), (1, 1));
+    assert_eq!(difference.scales.map(|s| s.tested), [1, 1, 1]);
+    assert_eq!(difference.z[0], 0.);
+    assert!(difference.consistent());
+    b.errors = Some(vec![f64::INFINITY; 3]);
+    assert!(compare(&a, &b).unwrap_err().contains("unknown"));
+}
+
+#[test]
+fn pictures_that_cannot_be_compared_are_refused() {
+    let (a, b) = (row(&[(0., 1.)], 9.), row(&[(0., 1.); 2], 9.));
+    assert!(compare(&a, &b).unwrap_err().contains("1x1"));
+    let exact = reference(&[0.]);
+    assert!(compare(&exact, &exact).unwrap_err().contains("errors"));
+}
+
+#[test]
+fn the_distances_are_those_of_their_definitions() {
+    let (a, b) = (row(&[(0.3, 1.), (0., 1.)], 9.), reference(&[0.1, 0.2]));
+    let difference = compare(&a, &b).unwrap();
+    assert!((difference.rmse - 0.2).abs() < 1e-12);
+    let relative = (0.04 / 0.02 + 0.04 / 0.05) / 2.;
+    assert!((difference.relative_mse - relative).abs() < 1e-12);
+}
+
+/// A run with what is known about it.
+fn run(picture: Picture, attributes: &[(&str, &str)]) -> (String, Picture) {
+    let own = |&(name, value): &(&str, &str)| (name.into(), value.into());
+    let attributes = attributes.iter().map(own).collect();
+    let name = "run.exr".to_owned();
+    (name, Picture { attributes, ..picture })
+}
+
+#[test]
+fn joined_runs_are_what_one_run_would_have_been() {
+    let mut random = Random::seed_from_u64(9);
+    let weights: Vec<f64> = (0..100).map(|_| path(&mut random)).collect();
+    let mut all = weights.iter();
+    let mut part = |n| render((1, 1), n, |_, _| *all.next().unwrap());
+    let mut parts = [part(1), part(40), part(59)];
+    parts[0].errors = Some(vec![f64::INFINITY]);
+    let seeds = ["1", "2", "3"].map(|seed| [("seed", seed)]);
+    let runs = parts.into_iter().zip(&seeds);
+    let runs: Vec<_> = runs.map(|(part, seed)| run(part, seed)).collect();
+    let joint = merge(&runs).unwrap();
+    let mut all = weights.iter();
+    let whole = render((1, 1), 100, |_, _| *all.next().unwrap());
+    assert_eq!(joint.samples, Some(vec![100.]));
+    assert!((joint.means[0] - whole.means[0]).abs() < 1e-14);
+    let error = |picture: &Picture| picture.errors.as_ref().unwrap()[0];
+    assert!((error(&joint) / error(&whole) - 1.).abs() < 1e-13);
+    assert_eq!(joint.attributes["seed"], "1,2,3");
+}
+
+#[test]
+fn two_single_realisations_have_an_error_together() {
+    let one = |mean, seed| {
+        run(row(&[(mean, f64::INFINITY)], 1.), &[("seed", seed)])
+    };
+    let joint = merge(&[one(0., "1"), one(1., "2")]).unwrap();
+    assert_eq!((joint.means[0], joint.errors.unwrap()[0]), (0.5, 0.5));
+}
+
+#[test]
+fn runs_that_share_a_seed_are_not_joined() {
+    let of = |seed| run(row(&[(0., 1.)], 9.), &[("seed", seed)]);
+    let message = merge(&[of("3"), of("3")]).unwrap_err();
+    assert!(message.contains("seed 3"), "{message}");
+    assert!(merge(&[of("1,2"), of("3,2")]).is_err());
+    assert!(merge(&[of("1,2"), of("12")]).is_ok());
+    let unknown = run(row(&[(0., 1.)], 9.), &[]);
+    let message = merge(&[of("1"), unknown]).unwrap_err();
+    assert!(message.contains("seed is unknown"), "{message}");
+}
+
+#[test]
+fn runs_of_different_images_are_not_joined() {
+    let of = |seed, fov| {
+        run(row(&[(0., 1.)], 9.), &[("seed", seed), ("fov", fov)])
+    };
+    let message = merge(&[of("1", "70"), of("2", "60")]).unwrap_err();
+    assert!(message.contains("fov is 60") && message.contains("is 70"));
+    let silent = run(row(&[(0., 1.)], 9.), &[("seed", "2")]);
+    let message = merge(&[of("1", "70"), silent.clone()]).unwrap_err();
+    assert!(message.contains("fov is unknown"), "{message}");
+    assert!(merge(&[silent.clone(), of("1", "70")]).is_err());
+    let small = run(row(&[(0., 1.); 2], 9.), &[("seed", "1")]);
+    assert!(merge(&[small, silent.clone()]).is_err());
+    let bare = run(reference(&[0.]), &[("seed", "1")]);
+    let message = merge(&[silent, bare]).unwrap_err();
+    assert!(message.contains("lacks"), "{message}");
+}
+
+#[test]
+fn what_describes_the_run_is_added_or_left_out() {
+    let of = |seed, rays, seconds, stopped| {
+        let attributes = [
+            ("seed", seed),
+            ("rays", rays),
+            ("render_seconds", seconds),
+            ("stopped", stopped),
+            ("version", "0.1.0"),
+        ];
+        run(row(&[(0., 1.)], 9.), &attributes)
+    };
+    let runs =
+        [of("1", "100", "1.25", "end"), of("2", "23", "0.5", "time")];
+    let joint = merge(&runs).unwrap().attributes;
+    let joint: Vec<_> =
+        joint.iter().map(|(n, v)| (n.as_str(), v.as_str())).collect();
+    let expected = [
+        ("rays", "123"),
+        ("render_seconds", "1.750"),
+        ("seed", "1,2"),
+        ("version", "0.1.0"),
+    ];
+    assert_eq!(joint, expected);
+}
+
+#[test]
+fn exposure_counts_in_stops() {
+    let picture = row(&[(0.25, 1.), (-1., 1.)], 9.);
+    assert_eq!(tonemap(&picture, 1., Curve::Clamp).means, [0.5, 0.]);
+    assert_eq!(tonemap(&picture, -1., Curve::Clamp).means, [0.125, 0.]);
+}
+
+#[test]
+fn reinhard_s_curve_makes_the_brightest_pixel_white() {
+    let picture = row(&[(0.25, 1.), (1., 1.), (0., 1.)], 9.);
+    let mapped = tonemap(&picture, 2., Curve::Reinhard).means;
+    assert_eq!(mapped, [(1. + 1. / 16.) / 2., 1., 0.]);
+    let black = row(&[(0., 1.)], 9.);
+    assert_eq!(tonemap(&black, 2., Curve::Reinhard).means, [0.]);
+}
+
+#[test]
+fn errors_are_shown_against_all_but_the_largest() {
+    let mut pixels = vec![(0.5, 0.1); 2000];
+    pixels[0] = (0.5, 9.);
+    pixels[1] = (0.5, f64::INFINITY);
+    pixels[2] = (0., 0.);
+    let picture = row(&pixels, 9.);
+    let (grey, white) = errors(&picture, false).unwrap();
+    assert_eq!(white, 0.1);
+    assert_eq!(grey.means[..4], [1., 1., 0., 1.]);
+    let (_, white) = errors(&picture, true).unwrap();
+    assert_eq!(white, 0.2);
+    assert!(errors(&reference(&[0.]), false).is_err());
+    assert!(errors(&row(&[(0., f64::INFINITY)], 1.), false).is_err());
+}
+
+#[test]
+fn the_map_of_z_is_mid_grey_where_nothing_differs() {
+    let a = row(&[(0., 0.), (1., 0.1), (2., 0.)], 64.);
+    let b = row(&[(0., 0.), (1. + 0.1 * WHITE, 0.), (1., 0.)], 64.);
+    let difference = compare(&a, &b).unwrap();
+    let grey = z_map(&a, &difference, true).means;
+    assert!((grey[0] - 0.21404).abs() < 1e-5, "{}", grey[0]);
+    assert!(grey[1].abs() < 1e-9 && grey[2] == 1., "{grey:?}");
+    let numbers = z_map(&a, &difference, false).means;
+    assert!((numbers[1] + WHITE).abs() < 1e-9);
+    assert_eq!((numbers[0], numbers[2]), (0., f64::from(f32::MAX)));
+}

@@ -1,0 +1,307 @@
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+//! The formats of pictures: what is written comes back, what lies is
+//! refused, and nothing that is damaged ends the program (chapter
+//! "Pictures and their formats").
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::PathBuf;
+
+use litpt::output::{Destination, Place};
+use litpt::picture::{Format, Picture};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+use tempfile::TempDir;
+
+/// A picture of all that the formats can carry, with numbers that a
+/// 32-bit number holds.
+fn picture() -> Picture {
+    let attributes = [
+        ("seed", "7"),
+        ("scene", "Höhle.obj"),
+        ("stopped", ""),
+        ("a_name_of_more_than_thirty_one_characters", "70"),
+    ];
+    let own = |(name, value): (&str, &str)| (name.into(), value.into());
+    Picture {
+        width: 3,
+        height: 2,
+        means: vec![0., 0.25, 0.5, 0.75, 1., 1.5],
+        errors: Some(vec![0., 0.125, 0.5, f64::INFINITY, 2., 0.25]),
+        samples: Some(vec![4., 4., 16_777_216., 1., 4., 4.]),
+        attributes: attributes.into_iter().map(own).collect(),
+    }
+}
+
+fn bytes(format: Format, picture: &Picture) -> Vec<u8> {
+    let mut bytes = vec![];
+    format.write(picture, &mut bytes).unwrap();
+    bytes
+}
+
+/// A directory for the files that a test reads.
+struct Files(TempDir);
+
+impl Files {
+    fn new() -> Self {
+        Self(tempfile::tempdir().unwrap())
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn read(&self, bytes: &[u8]) -> Result<Picture, String> {
+        let path = self.path("picture");
+        fs::write(&path, bytes).unwrap();
+        Picture::read(&path)
+    }
+
+    /// Reads what must be refused, in one line that names the file.
+    fn refuse(&self, bytes: &[u8], words: &[&str]) {
+        let message = self.read(bytes).unwrap_err();
+        assert!(!message.contains('\n'), "{message}");
+        let name = self.path("picture").display().to_string();
+        assert!(message.starts_with(&name), "{message}");
+        for word in words {
+            assert!(message.contains(word), "{word:?} not in {message}");
+        }
+    }
+}
+
+/// A portable float map of the given header.
+fn pfm(header: &str, values: &[f32]) -> Vec<u8> {
+    let mut bytes = header.as_bytes().to_vec();
+    bytes.extend(values.iter().flat_map(|v| v.to_le_bytes()));
+    bytes
+}
+
+#[test]
+fn an_exr_file_brings_back_all_that_was_written() {
+    let written = bytes(Format::Exr, &picture());
+    assert_eq!(Files::new().read(&written), Ok(picture()));
+}
+
+#[test]
+fn an_exr_file_without_errors_is_read_without_errors() {
+    let bare = Picture { errors: None, samples: None, ..picture() };
+    let written = bytes(Format::Exr, &bare);
+    assert_eq!(Files::new().read(&written), Ok(bare));
+}
+
+#[test]
+fn the_same_picture_is_the_same_exr_file() {
+    let attribute = |i: u32| (format!("name{i}"), i.to_string());
+    let attributes: BTreeMap<_, _> = (0..20).map(attribute).collect();
+    let picture = Picture { attributes, ..picture() };
+    let first = bytes(Format::Exr, &picture);
+    assert!((0..5).all(|_| bytes(Format::Exr, &picture) == first));
+}
+
+#[test]
+fn exr_attributes_of_other_programs_are_left_out() {
+    let mut written = bytes(Format::Exr, &picture());
+    let at = written.windows(10).position(|w| w == b"litpt:seed").unwrap();
+    written[at..at + 5].copy_from_slice(b"other");
+    let read = Files::new().read(&written).unwrap();
+    assert_eq!(read.attributes.len(), picture().attributes.len() - 1);
+}
+
+#[test]
+fn a_float_map_holds_its_rows_from_the_bottom_up() {
+    let values = [0.75, 1., 1.5, 0., 0.25, 0.5];
+    let expected = pfm("Pf\n3 2\n-1.0\n", &values);
+    assert_eq!(bytes(Format::Pfm, &picture()), expected);
+    let read = Files::new().read(&expected).unwrap();
+    assert_eq!(read.means, picture().means);
+    assert_eq!((read.errors, read.samples), (None, None));
+}
+
+#[test]
+fn a_float_map_of_either_order_and_any_scale_is_read() {
+    let mut map = b"Pf 1 2 2.0\n".to_vec();
+    map.extend([3f32, 0.5].iter().flat_map(|v| v.to_be_bytes()));
+    let read = Files::new().read(&map).unwrap();
+    assert_eq!(read.means, [1., 6.]);
+}
+
+#[test]
+fn a_float_map_that_begins_like_white_space_is_read() {
+    let number = f32::from_le_bytes(*b"\n \n?");
+    let read = Files::new().read(&pfm("Pf\n1 1\n-1\n", &[number]));
+    assert_eq!(read.unwrap().means, [f64::from(number)]);
+}
+
+#[test]
+fn files_of_other_kinds_are_refused_with_the_reason() {
+    let files = Files::new();
+    files.refuse(b"PF\n1 1\n-1\n123456789012", &["colour"]);
+    files.refuse(&bytes(Format::Pgm, &picture()), &["grey levels", ".exr"]);
+    files.refuse(&bytes(Format::Png, &picture()), &["grey levels", ".pfm"]);
+    files.refuse(b"v 0 0 0", &["neither EXR nor PFM"]);
+    files.refuse(b"", &["neither EXR nor PFM"]);
+    let message = Picture::read(&files.path("none.exr")).unwrap_err();
+    assert!(message.contains("none.exr: cannot read"), "{message}");
+}
+
+#[test]
+fn an_exr_file_without_luminance_is_refused_with_its_channels() {
+    use exr::prelude::*;
+    let files = Files::new();
+    let path = files.path("rgb.exr");
+    write_rgb_file(&path, 2, 2, |_, _| (0f32, 0f32, 0f32)).unwrap();
+    let message = Picture::read(&path).unwrap_err();
+    assert!(message.contains("no channel Y"), "{message}");
+    assert!(message.contains("B, G, R"), "{message}");
+}
+
+#[test]
+fn half_and_whole_numbers_of_other_programs_are_read() {
+    use exr::prelude::*;
+    let files = Files::new();
+    let path = files.path("half.exr");
+    let mean = AnyChannel::new("Y", FlatSamples::F16(vec![f16::ONE; 2]));
+    let count = AnyChannel::new("samples.Y", FlatSamples::U32(vec![9; 2]));
+    let channels = AnyChannels::sort([mean, count].into_iter().collect());
+    let image = Image::from_channels((2, 1), channels);
+    image.write().to_file(&path).unwrap();
+    let read = Picture::read(&path).unwrap();
+    assert_eq!(read.means, [1., 1.]);
+    assert_eq!(read.samples, Some(vec![9., 9.]));
+}
+
+#[test]
+fn numbers_that_mean_nothing_are_refused_with_their_pixel() {
+    let files = Files::new();
+    let map = |value| pfm("Pf\n2 2\n-1\n", &[0., 0., 0., value]);
+    files.refuse(&map(f32::NAN), &["mean", "1,0", "NaN"]);
+    files.refuse(&map(f32::INFINITY), &["mean", "1,0", "inf"]);
+    let errors = Some(vec![0., 0., 0., 0., -1., 0.]);
+    let negative = Picture { errors, ..picture() };
+    let negative = bytes(Format::Exr, &negative);
+    files.refuse(&negative, &["standard error", "1,1", "-1"]);
+    let samples = Some(vec![f64::NAN; 6]);
+    let nothing = Picture { samples, ..picture() };
+    files.refuse(&bytes(Format::Exr, &nothing), &["count", "0,0", "NaN"]);
+}
+
+#[test]
+fn a_header_that_promises_more_than_the_file_holds_is_refused() {
+    let files = Files::new();
+    let huge = "Pf\n1000000000 1000000000\n-1\n";
+    files.refuse(&pfm(huge, &[1.]), &["4 bytes", "4000000000000000000"]);
+    files.refuse(&pfm("Pf\n4294967295 4294967295\n-1\n", &[]), &["bytes"]);
+    files.refuse(&pfm("Pf\n1 1\n-1\n", &[1., 2.]), &["8 bytes"]);
+    for header in ["Pf\n0 1\n-1\n", "Pf\n1 1\n0\n", "Pf\n1 1\nNaN\n", "Pf"]
+    {
+        files.refuse(&pfm(header, &[]), &[]);
+    }
+    let mut exr = bytes(Format::Exr, &picture());
+    let window = exr.windows(11).position(|w| w == b"dataWindow\0");
+    // After the name: the type, the size, and four corners.
+    let corner = window.unwrap() + 11 + "box2i\0".len() + 4 + 8;
+    exr[corner..corner + 4].copy_from_slice(&999_999_999u32.to_le_bytes());
+    files.refuse(&exr, &["1000000000 by 2"]);
+}
+
+#[test]
+fn a_file_cut_off_anywhere_is_refused() {
+    for format in [Format::Exr, Format::Pfm] {
+        let whole = bytes(format, &picture());
+        assert!(Picture::decode(&whole).is_ok());
+        for length in 0..whole.len() {
+            let message = Picture::decode(&whole[..length]).unwrap_err();
+            assert!(!message.contains('\n'), "{message}");
+        }
+    }
+}
+
+/// A damaged file may still be one that makes sense; what it must not do
+/// is to end the program.
+#[test]
+fn ten_thousand_damaged_files_never_end_the_program() {
+    let whole = bytes(Format::Exr, &picture());
+    let map = bytes(Format::Pfm, &picture());
+    let mut random = Pcg64Mcg::seed_from_u64(2026);
+    let mut refused = 0;
+    for i in 0..10_000 {
+        let mut damaged = if i % 10 == 0 { &map } else { &whole }.clone();
+        for _ in 0..random.random_range(1..4) {
+            let at = random.random_range(0..damaged.len());
+            damaged[at] = random.random();
+        }
+        refused += u32::from(Picture::decode(&damaged).is_err());
+    }
+    assert!(refused > 1000 && refused < 9999, "{refused}");
+}
+
+#[test]
+fn the_extension_tells_the_format() {
+    let of = |name: &str| Format::of(name.as_ref());
+    assert_eq!(of("a.b/c"), Ok(Format::Pgm));
+    assert_eq!(of("c.PGM"), Ok(Format::Pgm));
+    assert_eq!(of("c.png"), Ok(Format::Png));
+    assert_eq!(of("c.Pfm"), Ok(Format::Pfm));
+    assert_eq!(of("c.exr"), Ok(Format::Exr));
+    let message = of("c.jpg").unwrap_err();
+    assert!(message.contains("c.jpg") && message.contains(".exr"));
+}
+
+#[test]
+fn a_destination_writes_the_format_of_its_name() {
+    let files = Files::new();
+    let path = files.path("picture.exr");
+    let place = Destination::file(&path, false).unwrap();
+    assert!(!path.exists());
+    place.write(&picture()).unwrap();
+    assert_eq!(Picture::read(&path), Ok(picture()));
+    assert!(place.write(&picture()).unwrap_err().contains("-f"));
+}
+
+#[test]
+fn a_place_is_rewritten_only_after_it_was_ours() {
+    let files = Files::new();
+    let path = files.path("report");
+    let mut place = Place::file(&path, false).unwrap();
+    let mut other = place.clone();
+    for state in ["first state", "second"] {
+        place.rewrite(&mut |out| write!(out, "{state}")).unwrap();
+        assert_eq!(fs::read_to_string(&path).unwrap(), state);
+    }
+    let refused = other.rewrite(&mut |out| write!(out, "other"));
+    assert!(refused.unwrap_err().contains("-f"));
+    place.write(&mut |out| write!(out, "last")).unwrap();
+    assert_eq!(fs::read_to_string(&path).unwrap(), "last");
+    assert_eq!(fs::read_dir(files.0.path()).unwrap().count(), 1);
+}
+
+#[test]
+fn a_state_that_fails_leaves_the_one_before() {
+    let files = Files::new();
+    let path = files.path("report");
+    let mut place = Place::file(&path, false).unwrap();
+    place.rewrite(&mut |out| write!(out, "whole")).unwrap();
+    let failed = place.rewrite(&mut |out| {
+        write!(out, "ha")?;
+        Err(std::io::Error::other("no more"))
+    });
+    assert!(failed.unwrap_err().contains("cannot write: no more"));
+    assert_eq!(fs::read_to_string(&path).unwrap(), "whole");
+    assert_eq!(fs::read_dir(files.0.path()).unwrap().count(), 1);
+}
+
+#[cfg(unix)]
+#[test]
+fn a_device_receives_the_last_state_alone() {
+    let mut place = Place::file("/dev/null".as_ref(), true).unwrap();
+    let mut states = 0;
+    let mut count = |_: &mut dyn std::io::Write| {
+        states += 1;
+        Ok(())
+    };
+    place.rewrite(&mut count).unwrap();
+    place.write(&mut count).unwrap();
+    assert_eq!(states, 1);
+}

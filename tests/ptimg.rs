@@ -1,0 +1,290 @@
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+//! The command `ptimg`: what it answers, and how it ends (chapter "The
+//! companion ptimg").
+
+mod common;
+
+use std::collections::BTreeMap;
+use std::fs;
+
+use common::{Place, Run, finish, pgm};
+use litpt::output::Destination;
+use litpt::picture::Picture;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+
+fn run(place: &Place, arguments: &[&str]) -> Run {
+    let mut command = place.command(env!("CARGO_BIN_EXE_ptimg"));
+    finish(command.args(arguments).spawn().unwrap())
+}
+
+/// Writes a picture of 40x30 pixels whose weights are 0 or 1, white with
+/// the probability `p`.
+fn put(place: &Place, name: &str, seed: u64, p: f64) -> Picture {
+    let mut random = Pcg64Mcg::seed_from_u64(seed);
+    let n = 64.;
+    let mut mean = |_| {
+        (0..64).map(|_| f64::from(random.random_bool(p))).sum::<f64>() / n
+    };
+    let means: Vec<f64> = (0..1200).map(&mut mean).collect();
+    let error = |m: &f64| f64::sqrt(m * (1. - m) / (n - 1.));
+    let attributes = [("seed", seed.to_string()), ("fov", "70".into())];
+    let own = |(name, value): (&str, String)| (name.to_owned(), value);
+    let picture = Picture {
+        width: 40,
+        height: 30,
+        errors: Some(means.iter().map(error).collect()),
+        samples: Some(vec![n; means.len()]),
+        means,
+        attributes: attributes.into_iter().map(own).collect(),
+    };
+    write(place, name, &picture);
+    picture
+}
+
+fn write(place: &Place, name: &str, picture: &Picture) {
+    let place = Destination::file(&place.path(name), true).unwrap();
+    place.write(picture).unwrap();
+}
+
+fn text(run: &Run) -> &str {
+    std::str::from_utf8(&run.stdout).unwrap()
+}
+
+#[test]
+fn info_says_what_the_file_holds() {
+    let place = Place::new();
+    let picture = put(&place, "a.exr", 1, 0.5);
+    let run = run(&place, &["info", "a.exr"]);
+    run.succeeded();
+    let said = text(&run);
+    let n = picture.means.len() as f64;
+    let mean = picture.means.iter().sum::<f64>() / n;
+    let squares: f64 = picture.errors.unwrap().iter().map(|e| e * e).sum();
+    let (error, rmse) = (squares.sqrt() / n, (squares / n).sqrt());
+    for words in [
+        "a.exr: 40x30 pixels\n".to_owned(),
+        "stderr.Y".to_owned(),
+        format!("mean radiance: {mean:.6} ± {error:.6}\n"),
+        format!("rmse: {rmse:.6}\n"),
+        "realisations per pixel: 64\n".to_owned(),
+        "seed: 1\n".to_owned(),
+    ] {
+        assert!(said.contains(&words), "no {words} in {said}");
+    }
+}
+
+#[test]
+fn info_says_that_an_error_is_unknown() {
+    let place = Place::new();
+    let mut picture = put(&place, "a.exr", 1, 0.5);
+    picture.errors.as_mut().unwrap()[7] = f64::INFINITY;
+    write(&place, "a.exr", &picture);
+    write(&place, "a.pfm", &picture);
+    let run = run(&place, &["info", "a.exr", "a.pfm"]);
+    run.succeeded();
+    assert!(text(&run).contains("error unknown"));
+    assert!(text(&run).contains("pixels of unknown error: 1\n"));
+    assert!(text(&run).contains("a.pfm: 40x30 pixels\n"));
+}
+
+#[test]
+fn independent_runs_are_consistent_with_status_0() {
+    let place = Place::new();
+    put(&place, "a.exr", 1, 0.5);
+    put(&place, "b.exr", 2, 0.5);
+    let run = run(&place, &["diff", "a.exr", "b.exr"]);
+    run.succeeded();
+    assert!(run.stderr.is_empty(), "{}", run.stderr);
+    let said = text(&run);
+    assert!(said.contains("pixels: 1200 tested"), "{said}");
+    assert!(said.contains("blocks of 16x16: 6 tested"), "{said}");
+    assert!(said.lines().last().unwrap().starts_with("consistent"));
+}
+
+#[test]
+fn different_pictures_are_inconsistent_with_status_1() {
+    let place = Place::new();
+    put(&place, "a.exr", 1, 0.5);
+    put(&place, "b.exr", 2, 0.52);
+    let run = run(&place, &["diff", "a.exr", "b.exr"]);
+    assert_eq!(run.status, Some(1));
+    assert!(text(&run).lines().last().unwrap().starts_with("inconsistent"));
+}
+
+#[test]
+fn a_quiet_diff_says_nothing() {
+    let place = Place::new();
+    put(&place, "a.exr", 1, 0.5);
+    put(&place, "b.exr", 2, 0.6);
+    for (other, status) in [("a.exr", 0), ("b.exr", 1)] {
+        let run = run(&place, &["diff", "-q", "a.exr", other]);
+        assert_eq!(run.status, Some(status));
+        assert!(run.stdout.is_empty() && run.stderr.is_empty());
+    }
+}
+
+#[test]
+fn a_comparison_that_cannot_be_made_has_status_2() {
+    let place = Place::new();
+    let picture = put(&place, "a.exr", 1, 0.5);
+    write(&place, "a.pfm", &picture);
+    let diff = |a, b| run(&place, &["diff", a, b]);
+    diff("a.exr", "none.exr").failed(2, &["none.exr: cannot read"]);
+    diff("a.exr", "room.obj").failed(2, &["room.obj: it is neither"]);
+    diff("a.pfm", "a.pfm").failed(2, &["a.pfm", "errors"]);
+    let small = Picture { width: 30, height: 40, ..picture };
+    write(&place, "b.exr", &small);
+    diff("a.exr", "b.exr").failed(2, &["40x30", "30x40"]);
+    run(&place, &["diff", "a.exr"]).failed(2, &["<B>", "ptimg --help"]);
+    let existing = ["diff", "a.exr", "b.exr", "-o", "a.pfm"];
+    run(&place, &existing).failed(2, &["a.pfm", "-f"]);
+}
+
+#[test]
+fn a_reference_without_errors_is_taken_as_exact() {
+    let place = Place::new();
+    let picture = put(&place, "a.exr", 1, 0.5);
+    let means = vec![0.5; picture.means.len()];
+    write(&place, "b.pfm", &Picture { means, ..picture });
+    let run = run(&place, &["diff", "a.exr", "b.pfm"]);
+    run.succeeded();
+    assert!(
+        text(&run).starts_with("b.pfm: no errors; it is taken as exact")
+    );
+}
+
+#[test]
+fn pictures_of_one_seed_are_compared_with_a_warning() {
+    let place = Place::new();
+    put(&place, "a.exr", 1, 0.5);
+    let run = run(&place, &["diff", "a.exr", "a.exr"]);
+    assert_eq!(run.status, Some(0));
+    assert!(run.stderr.starts_with("warning: both have the seed 1"));
+}
+
+#[test]
+fn the_map_of_a_diff_holds_z_or_grey_levels() {
+    let place = Place::new();
+    let a = put(&place, "a.exr", 1, 0.5);
+    let b = put(&place, "b.exr", 2, 0.5);
+    for map in ["z.exr", "z.pgm"] {
+        run(&place, &["diff", "a.exr", "b.exr", "-o", map]).succeeded();
+    }
+    let z = Picture::read(&place.path("z.exr")).unwrap().means;
+    let error = |p: &Picture| p.errors.as_ref().unwrap()[0];
+    let variance = error(&a).powi(2) + error(&b).powi(2);
+    let expected = (a.means[0] - b.means[0]) / variance.sqrt();
+    assert!((z[0] - expected).abs() < 1e-5);
+    let (width, height, levels) = pgm(&place.get("z.pgm"));
+    assert_eq!((width, height), (40, 30));
+    for (&z, level) in z.iter().zip(levels) {
+        let expected = 255. * (0.5 + z / 10.).clamp(0., 1.);
+        assert!((f64::from(level) - expected).abs() < 1.01, "{z} {level}");
+    }
+}
+
+#[test]
+fn joined_runs_have_the_error_of_both() {
+    let place = Place::new();
+    put(&place, "a.exr", 1, 0.5);
+    put(&place, "b.exr", 2, 0.5);
+    let files = ["merge", "a.exr", "b.exr", "-o", "c.exr"];
+    run(&place, &files).succeeded();
+    let joint = Picture::read(&place.path("c.exr")).unwrap();
+    assert_eq!(joint.samples.unwrap()[0], 128.);
+    let error = |m: f64| f64::sqrt(m * (1. - m) / 127.);
+    let errors = joint.errors.unwrap();
+    for (mean, found) in joint.means.iter().zip(errors) {
+        assert!((error(*mean) / found - 1.).abs() < 1e-6);
+    }
+    assert_eq!(joint.attributes["seed"], "1,2");
+    run(&place, &files).failed(1, &["c.exr", "-f"]);
+    run(&place, &[&files[..], &["-f"]].concat()).succeeded();
+    let again = ["merge", "a.exr", "c.exr", "-o", "d.exr"];
+    run(&place, &again).failed(1, &["c.exr", "seed 1", "a.exr"]);
+    let grey = ["merge", "a.exr", "b.exr", "-o", "d.png"];
+    run(&place, &grey).failed(1, &["d.png", ".exr"]);
+    run(&place, &["merge", "a.exr", "-o", "d.exr"]).failed(2, &["only 1"]);
+    assert!(!place.path("d.exr").exists());
+}
+
+#[test]
+fn a_picture_for_the_screen_has_the_levels_of_pt() {
+    let place = Place::new();
+    let picture = put(&place, "a.exr", 1, 0.5);
+    write(&place, "direct.png", &picture);
+    let tonemap = |more: &[&str]| {
+        let arguments = ["tonemap", "a.exr", "-f", "-o"];
+        run(&place, &[&arguments[..], more].concat())
+    };
+    tonemap(&["t.png"]).succeeded();
+    assert_eq!(place.get("t.png"), place.get("direct.png"));
+    tonemap(&["t.pgm", "--exposure", "-100"]).succeeded();
+    let (.., levels) = pgm(&place.get("t.pgm"));
+    assert!(levels.iter().all(|&level| level == 0));
+    tonemap(&["t.pgm", "-e9", "--tonemap", "reinhard"]).succeeded();
+    let (.., levels) = pgm(&place.get("t.pgm"));
+    assert_eq!(levels.iter().max(), Some(&255));
+    assert!(levels.iter().any(|&level| level < 255));
+    tonemap(&["t.exr"]).failed(1, &["t.exr", ".png or .pgm"]);
+    tonemap(&["t.png", "-ebright"]).failed(2, &["bright", "--exposure"]);
+    tonemap(&["t.png", "-tblue"]).failed(2, &["blue", "reinhard"]);
+}
+
+#[test]
+fn the_picture_of_the_errors_says_what_white_is() {
+    let place = Place::new();
+    put(&place, "a.exr", 1, 0.5);
+    let shown = run(&place, &["stderr", "a.exr", "-o", "e.pgm"]);
+    shown.succeeded();
+    let said = text(&shown);
+    let white = said.strip_prefix("white is a standard error of ").unwrap();
+    let white: f64 = white.trim().parse().unwrap();
+    assert!((white - 0.063).abs() < 0.001, "{white}");
+    let (.., levels) = pgm(&place.get("e.pgm"));
+    assert!(levels.contains(&255));
+    let relative = ["stderr", "a.exr", "-r", "-o", "r.pgm"];
+    let shown = run(&place, &relative);
+    assert!(text(&shown).starts_with("white is a relative"), "{shown:?}");
+    let bare = Picture {
+        errors: None,
+        samples: None,
+        attributes: BTreeMap::new(),
+        ..Picture::read(&place.path("a.exr")).unwrap()
+    };
+    write(&place, "b.exr", &bare);
+    let nothing = ["stderr", "b.exr", "-o", "n.pgm"];
+    run(&place, &nothing).failed(1, &["b.exr", "stderr.Y"]);
+    assert!(!place.path("n.pgm").exists());
+}
+
+#[test]
+fn help_lists_every_verb_and_its_options() {
+    let place = Place::new();
+    let help = run(&place, &["--help"]);
+    help.succeeded();
+    for verb in ["info", "tonemap", "diff", "merge", "stderr", "GPL"] {
+        assert!(text(&help).contains(verb), "{verb}");
+    }
+    let help = run(&place, &["help", "tonemap"]);
+    for word in ["--exposure", "default: 0", "reinhard", "--force"] {
+        assert!(text(&help).contains(word), "{word}");
+    }
+    run(&place, &["paint"]).failed(2, &["paint", "ptimg --help"]);
+    assert_eq!(run(&place, &[]).status, Some(2));
+}
+
+#[test]
+fn a_reader_who_has_seen_enough_is_no_error() {
+    let place = Place::new();
+    put(&place, "a.exr", 1, 0.5);
+    let mut command = place.command(env!("CARGO_BIN_EXE_ptimg"));
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    command.args(["info", "a.exr"]).stdout(writer);
+    assert_eq!(finish(command.spawn().unwrap()).status, Some(0));
+    assert!(fs::metadata(place.path("a.exr")).is_ok());
+}

@@ -1,0 +1,590 @@
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+//! The limits of a run, its reports, its reference and its formats, and
+//! what signals and full disks do to it.
+
+mod common;
+
+use std::fs;
+use std::io::Write;
+use std::process::{Child, Stdio};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use common::{Place, ROOM, Run, finish, skip};
+use litpt::picture::Picture;
+use serde_json::Value;
+
+const SCENE: [&str; 4] = ["-q", "-iroom.obj", "-d23x17", "-r0.7"];
+
+fn pt(place: &Place, arguments: &[&str]) -> Run {
+    place.run(&[&SCENE[..], arguments].concat())
+}
+
+fn spawn(place: &Place, arguments: &[&str]) -> Child {
+    place.pt(&[&SCENE[..], arguments].concat()).spawn().unwrap()
+}
+
+fn json(place: &Place, name: &str) -> Value {
+    serde_json::from_slice(&place.get(name)).unwrap()
+}
+
+fn steps(report: &Value) -> &[Value] {
+    report["steps"].as_array().unwrap()
+}
+
+/// The realisations of the last step of a report.
+fn spp(report: &Value) -> u64 {
+    steps(report).last().unwrap()["spp"].as_u64().unwrap()
+}
+
+/// The report `r.json` of a run that has been stopped by `stop`: it is
+/// complete, and the image `a.pfm` is that of so many realisations.
+#[track_caller]
+fn complete(place: &Place, stop: &str) -> Value {
+    let report = json(place, "r.json");
+    assert_eq!(report["stopped"], stop);
+    assert_eq!(report["scene"]["file"], "room.obj");
+    assert_eq!(report["scene"]["triangles"], 6);
+    assert_eq!(
+        report["settings"]["definition"],
+        serde_json::json!([23, 17])
+    );
+    assert_eq!(report["settings"]["reflectivity"], 0.7);
+    for key in ["load_seconds", "build_seconds", "render_seconds"] {
+        assert!(report[key].as_f64() >= Some(0.), "{key}");
+    }
+    let last = &steps(&report)[steps(&report).len() - 1];
+    for key in ["rays", "mean", "mean_stderr", "rmse"] {
+        assert_eq!(report[key], last[key], "{key}");
+    }
+    let n = format!("-n{}", spp(&report));
+    let whole = pt(place, &[&n, "--format=pfm"]);
+    assert!(place.get("a.pfm") == whole.stdout, "another image");
+    let mean = report["mean"].as_f64().unwrap();
+    let picture = Picture::read(&place.path("a.pfm")).unwrap();
+    let sum: f64 = picture.means.iter().sum();
+    assert!((sum / (23. * 17.) - mean).abs() < 1e-6);
+    report
+}
+
+const FILES: [&str; 4] = ["-o", "a.pfm", "--report", "r.json"];
+
+// ---------------------------------------------------------------- The limits
+
+#[test]
+fn a_time_limit_ends_the_run_in_time_with_image_and_report() {
+    // A busy machine may well delay one run, and hardly three.
+    let mut seen = vec![];
+    for _ in 0..3 {
+        let place = Place::new();
+        let start = Instant::now();
+        pt(&place, &[&FILES[..], &["--time=1", "-j1"]].concat())
+            .succeeded();
+        let wall = start.elapsed().as_secs_f64();
+        let report = json(&place, "r.json");
+        assert_eq!(report["stopped"], "time");
+        assert!(spp(&report) > 10 && report["rmse"].as_f64() > Some(0.));
+        assert_eq!(report["settings"]["time"], 1.);
+        assert_eq!(report["settings"]["realisations"], Value::Null);
+        let own: f64 = ["load_seconds", "build_seconds", "render_seconds"]
+            .map(|part| report[part].as_f64().unwrap())
+            .iter()
+            .sum();
+        assert!(own <= wall && place.path("a.pfm").exists());
+        if (0.8..=1.2).contains(&wall) && (0.7..=1.2).contains(&own) {
+            return;
+        }
+        seen.push((wall, own));
+    }
+    panic!("not in time: {seen:?}");
+}
+
+#[test]
+fn a_short_time_leaves_a_complete_report_and_image() {
+    let place = Place::new();
+    pt(&place, &[&FILES[..], &["--time=0.1"]].concat()).succeeded();
+    let report = complete(&place, "time");
+    assert!(report["render_seconds"].as_f64() < Some(5.));
+}
+
+#[test]
+fn there_is_always_time_for_one_realisation() {
+    let place = Place::new();
+    pt(&place, &[&FILES[..], &["--time=1e-9"]].concat()).succeeded();
+    let report = complete(&place, "time");
+    assert_eq!((spp(&report), steps(&report).len()), (1, 1));
+    assert_eq!(report["rmse"], Value::Null);
+    assert_eq!(report["mean_stderr"], Value::Null);
+}
+
+#[test]
+fn the_number_of_realisations_bounds_a_run_with_other_limits() {
+    let limits = ["--time=1000", "--time=1e300", "--error=1e-9"];
+    for limit in limits {
+        let place = Place::new();
+        pt(&place, &[&FILES[..], &["-n13", limit]].concat()).succeeded();
+        let report = complete(&place, "realisations");
+        assert_eq!(spp(&report), 13, "{limit}");
+        assert_eq!(report["settings"]["realisations"], 13);
+    }
+}
+
+#[test]
+fn without_any_limit_there_is_one_realisation() {
+    let place = Place::new();
+    pt(&place, &FILES).succeeded();
+    let report = complete(&place, "realisations");
+    assert_eq!(spp(&report), 1);
+    assert_eq!(report["settings"]["realisations"], 1);
+    assert_eq!(report["settings"]["time"], Value::Null);
+    assert_eq!(report["settings"]["error"], Value::Null);
+}
+
+#[test]
+fn an_error_limit_is_kept_and_said() {
+    let place = Place::new();
+    for (limit, error) in [("--error=0.1", 0.1), ("--error=0.023", 0.023)] {
+        let others = ["-f", "-n1000000", "--time=1000", limit];
+        pt(&place, &[&FILES[..], &others].concat()).succeeded();
+        let report = complete(&place, "error");
+        let rmse = report["rmse"].as_f64().unwrap();
+        assert!(rmse <= error && rmse > 0.8 * error, "{error}: {rmse}");
+        assert_eq!(report["settings"]["error"], error);
+        let before = &steps(&report)[..steps(&report).len() - 1];
+        let before = before.iter().filter(|step| step["spp"] != 1);
+        let rmse = |step: &Value| step["rmse"].as_f64().unwrap();
+        assert!(before.map(rmse).all(|rmse| rmse > error));
+    }
+}
+
+#[test]
+fn a_report_has_at_least_four_steps_in_a_decade() {
+    let place = Place::new();
+    pt(&place, &[&FILES[..], &["-n1000"]].concat()).succeeded();
+    let report = complete(&place, "realisations");
+    for decade in [1, 10, 100] {
+        let within = |step: &&Value| {
+            let spp = step["spp"].as_u64().unwrap();
+            decade < spp && spp <= 10 * decade
+        };
+        assert!(steps(&report).iter().filter(within).count() >= 4);
+    }
+    for pair in steps(&report).windows(2) {
+        for key in ["spp", "seconds", "rays"] {
+            let number = |i: usize| pair[i][key].as_f64().unwrap();
+            assert!(number(1) >= number(0), "{key}: {pair:?}");
+        }
+    }
+    for step in &steps(&report)[1..] {
+        for key in ["rmse", "mean", "mean_stderr"] {
+            assert!(step[key].as_f64() > Some(0.), "{key}: {step}");
+        }
+    }
+}
+
+// --------------------------------------------------------------- The signals
+
+fn signal(name: &str, child: &Child) {
+    let script = format!("kill -{name} {}", child.id());
+    let mut command = std::process::Command::new("sh");
+    let status = command.args(["-c", &script]).stderr(Stdio::null());
+    // It fails if the program has ended, which the tests will see.
+    let _ = status.status().unwrap();
+}
+
+/// Waits until a running program has come as far as the test needs it.
+fn wait_until(child: &mut Child, what: &str, done: impl Fn() -> bool) {
+    let start = Instant::now();
+    while !done() {
+        assert!(child.try_wait().unwrap().is_none(), "ended, no {what}");
+        assert!(start.elapsed() < Duration::from_secs(60), "no {what}");
+        thread::sleep(Duration::from_millis(1));
+    }
+}
+
+/// Starts a run without an end, and returns when its report has a step
+/// of at least so many realisations.
+fn start(place: &Place, least: u64, arguments: &[&str]) -> Child {
+    let mut child =
+        spawn(place, &[&FILES[..], &["-n1000000000"], arguments].concat());
+    let path = place.path("r.json");
+    let spp = || {
+        let bytes = fs::read(&path).ok()?;
+        Some(spp(&serde_json::from_slice(&bytes).unwrap()))
+    };
+    wait_until(&mut child, "report", || spp() >= Some(least));
+    child
+}
+
+#[test]
+fn a_signal_ends_the_run_with_its_image_and_report() {
+    for (name, status) in [("INT", 130), ("TERM", 143)] {
+        let place = Place::new();
+        let child = start(&place, 6, &["--checkpoint=c"]);
+        signal(name, &child);
+        let run = finish(child);
+        assert_eq!(run.status, Some(status), "{}", run.stderr);
+        assert_eq!((run.stdout.len(), run.stderr.as_str()), (0, ""));
+        let report = complete(&place, "signal");
+        place.holds_only(&["a.pfm", "c", "r.json"]);
+        let n = format!("-n{}", spp(&report) + 3);
+        let on = ["--resume=c", "--format=pfm", &n];
+        let on = pt(&place, &on);
+        on.succeeded();
+        assert!(on.stdout == pt(&place, &["--format=pfm", &n]).stdout);
+    }
+}
+
+/// A closed white box, in which a path takes a thousand bounces.
+const BOX: &str = "\
+v -1 -1 -1\nv 1 -1 -1\nv 1 1 -1\nv -1 1 -1\n\
+v -1 -1 1\nv 1 -1 1\nv 1 1 1\nv -1 1 1\n\
+f 1 2 3 4\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n";
+
+/// Whether a program on Linux catches SIGINT and SIGTERM.
+fn listens(id: u32) -> bool {
+    let status = format!("/proc/{id}/status");
+    let status = fs::read_to_string(status).unwrap_or_default();
+    let caught = status.lines().find_map(|l| l.strip_prefix("SigCgt:"));
+    let caught = u64::from_str_radix(caught.unwrap_or("0").trim(), 16);
+    let both = 1 << 1 | 1 << 14;
+    caught.is_ok_and(|mask| mask & both == both)
+}
+
+#[test]
+fn a_second_signal_ends_the_program_at_once() {
+    if fs::metadata("/proc/self/status").is_err() {
+        return skip("the system does not tell which signals are caught");
+    }
+    let place = Place::new();
+    place.put("box.obj", BOX);
+    // Of two different signals that arrive together, either may be first.
+    for (first, second, ends) in [
+        ("INT", "INT", [130, 130]),
+        ("TERM", "TERM", [143, 143]),
+        ("INT", "TERM", [130, 143]),
+    ] {
+        // The first pass over the image takes many seconds.
+        let scene = ["-q", "-ibox.obj", "-d640x480", "-n2"];
+        let files = ["--checkpoint=c", "--every=0.001"];
+        let all = [&scene[..], &FILES[..], &files].concat();
+        let mut child = place.pt(&all).spawn().unwrap();
+        let id = child.id();
+        wait_until(&mut child, "handler", || listens(id));
+        signal(first, &child);
+        let start = Instant::now();
+        while child.try_wait().unwrap().is_none() {
+            signal(second, &child);
+            assert!(start.elapsed() < Duration::from_secs(30));
+        }
+        let status = finish(child).status.unwrap();
+        assert!(ends.contains(&status), "{status}");
+        place.holds_only(&["box.obj"]);
+    }
+}
+
+#[test]
+fn a_signal_while_the_scene_is_read_ends_the_program_and_leaves_nothing() {
+    let place = Place::new();
+    let files = [&FILES[..], &["--checkpoint=c"]].concat();
+    let mut command = place.pt(&files);
+    let mut child = command.stdin(Stdio::piped()).spawn().unwrap();
+    // More than any pipe holds: the write ends when somebody reads.
+    let comment = "# nothing to see here, read on\n".repeat(1 << 16);
+    let stdin = child.stdin.as_mut().unwrap();
+    stdin.write_all(comment.as_bytes()).unwrap();
+    signal("TERM", &child);
+    let start = Instant::now();
+    // The pipe stays open: nothing but the signal ends the program.
+    while child.try_wait().unwrap().is_none() {
+        assert!(start.elapsed() < Duration::from_secs(30));
+        thread::sleep(Duration::from_millis(1));
+    }
+    let run = finish(child);
+    assert_eq!((run.status, run.stderr.as_str()), (None, ""));
+    place.holds_only(&[]);
+}
+
+#[test]
+fn a_run_that_is_killed_leaves_a_readable_report_and_no_image() {
+    let place = Place::new();
+    let mut child = start(&place, 10, &[]);
+    child.kill().unwrap();
+    finish(child);
+    let report = json(&place, "r.json");
+    assert_eq!(report["stopped"], Value::Null);
+    assert!(steps(&report).len() >= 6);
+    assert!(report["rmse"].as_f64() > Some(0.));
+    assert!(report["rays"].as_u64() > Some(10 * 23 * 17));
+    assert!(!place.path("a.pfm").exists());
+}
+
+// ---------------------------------------------------------------- The places
+
+#[test]
+fn an_existing_report_is_refused_before_the_scene_is_read() {
+    let place = Place::new();
+    place.put("r.json", "old");
+    let missing = ["-q", "-imissing.obj", "-oa.pgm", "--report=r.json"];
+    place.run(&missing).failed(1, &["r.json: ", "-f"]);
+    assert_eq!(place.get("r.json"), b"old");
+    place.holds_only(&["r.json"]);
+    pt(&place, &[&FILES[..], &["-f"]].concat()).succeeded();
+    complete(&place, "realisations");
+}
+
+#[test]
+fn a_report_of_unknown_kind_is_refused_before_the_scene_is_read() {
+    let place = Place::new();
+    for name in ["r", "r.txt", "r.jso", "r.pgm", "r.json.gz"] {
+        let report = format!("--report={name}");
+        place
+            .run(&["-q", "-imissing.obj", "-oa.pgm", &report])
+            .failed(1, &[name, ".json, .csv, .svg or .html"]);
+    }
+    place.holds_only(&[]);
+}
+
+#[test]
+fn a_report_and_an_image_of_one_name_are_refused() {
+    let place = Place::new();
+    for files in [
+        ["--report=r.json", "--report=r.json", "-f"],
+        ["--checkpoint=r.json", "--report=r.json", "-f"],
+        ["--reference=r.json", "--report=r.json", "-f"],
+    ] {
+        place.run(&files).failed(1, &["r.json", "named twice"]);
+    }
+    place.holds_only(&[]);
+}
+
+#[test]
+fn each_of_several_reports_is_written() {
+    let place = Place::new();
+    let more = ["--report=s.json", "--report=t.csv", "-n5"];
+    pt(&place, &[&FILES[..], &more].concat()).succeeded();
+    complete(&place, "realisations");
+    assert_eq!(place.get("r.json"), place.get("s.json"));
+    assert!(!place.get("t.csv").is_empty());
+    place.holds_only(&["a.pfm", "r.json", "s.json", "t.csv"]);
+}
+
+/// Runs `pt` where no file may be larger than so many blocks.
+fn pt_within(place: &Place, blocks: u32, arguments: &[&str]) -> Run {
+    let script =
+        format!(r#"trap '' XFSZ; ulimit -f {blocks}; exec "$0" "$@""#);
+    let mut command = place.command("sh");
+    command.args(["-c", &script, env!("CARGO_BIN_EXE_pt")]);
+    command.args(arguments);
+    finish(command.spawn().unwrap())
+}
+
+/// Warnings before the end, one error at the end, and each of the names
+/// of the files that could not be written in a warning.
+#[track_caller]
+fn warned(run: &Run, names: &[&str]) {
+    let lines: Vec<&str> = run.stderr.lines().collect();
+    let (error, warnings) = lines.split_last().unwrap();
+    assert_eq!(run.status, Some(1), "{}", run.stderr);
+    assert!(error.starts_with("error: "), "{error}");
+    assert!(warnings.iter().all(|line| line.starts_with("warning: ")));
+    let fault = |name| format!("{name}: cannot write: File too large");
+    assert!(names.iter().any(|name| error.contains(&fault(name))));
+    for name in names {
+        let fault = fault(name);
+        assert!(warnings.iter().any(|w| w.contains(&fault)), "{fault}");
+    }
+}
+
+#[test]
+fn a_checkpoint_that_does_not_fit_costs_neither_image_nor_report() {
+    let place = Place::new();
+    let scene = ["-iroom.obj", "-d41x30"];
+    let files = ["-oa.pgm", "--report=r.json", "--checkpoint=c"];
+    let run = ["-n6", "--every=1e-9"];
+    let run = [&scene[..], &files, &run].concat();
+    warned(&pt_within(&place, 64, &run), &["c"]);
+    let report = json(&place, "r.json");
+    assert_eq!(
+        (spp(&report), report["stopped"].as_str()),
+        (6, Some("realisations"))
+    );
+    let whole = place.run(&[&scene[..], &["-n6"]].concat()).stdout;
+    assert_eq!(place.get("a.pgm"), whole);
+    place.holds_only(&["a.pgm", "r.json"]);
+    // A checkpoint that was there before stays as it is.
+    let shorter = ["-n2", "-ob.pgm", "--checkpoint=c"];
+    place.run(&[&scene[..], &shorter].concat()).succeeded();
+    let old = place.get("c");
+    let resume = [&run[..], &["-f", "--resume=c"]].concat();
+    warned(&pt_within(&place, 64, &resume), &["c"]);
+    assert_eq!(place.get("c"), old);
+    assert_eq!(place.get("a.pgm"), whole);
+    place.holds_only(&["a.pgm", "b.pgm", "c", "r.json"]);
+}
+
+#[test]
+fn a_report_that_does_not_fit_costs_neither_image_nor_run() {
+    let place = Place::new();
+    let scene = ["-iroom.obj", "-d9x7", "-n40"];
+    let files = ["-oa.pgm", "--report=r.json", "--checkpoint=c"];
+    let run = [&scene[..], &files, &["--every=1e-9"]].concat();
+    warned(&pt_within(&place, 1, &run), &["r.json", "c"]);
+    assert_eq!(place.get("a.pgm"), place.run(&scene).stdout);
+    place.holds_only(&["a.pgm"]);
+}
+
+// ------------------------------------------------------------- The reference
+
+#[test]
+fn every_step_says_its_true_error_against_the_reference() {
+    let place = Place::new();
+    let truth = ["-n300", "-s77", "-otruth.exr", "-otruth.pfm"];
+    pt(&place, &truth).succeeded();
+    for name in ["truth.exr", "truth.pfm"] {
+        let reference = format!("--reference={name}");
+        let others = ["-f", "-n50", &reference];
+        let run = pt(&place, &[&FILES[..], &others].concat());
+        run.succeeded();
+        assert_eq!(run.stderr, "");
+        let report = complete(&place, "realisations");
+        assert_eq!(report["settings"]["reference"], name);
+        let error = |step: &Value| step["rmse_reference"].as_f64().unwrap();
+        assert!(steps(&report).iter().all(|step| error(step) > 0.));
+        let [one, other] = ["a.pfm", "truth.pfm"]
+            .map(|name| Picture::read(&place.path(name)).unwrap().means);
+        let squares = one.iter().zip(&other).map(|(a, b)| (a - b).powi(2));
+        let expected = (squares.sum::<f64>() / (23. * 17.)).sqrt();
+        let last = &steps(&report)[steps(&report).len() - 1];
+        assert!((error(last) / expected - 1.).abs() < 1e-5);
+        // The estimate agrees with the truth, to some of its own error.
+        let rmse = last["rmse"].as_f64().unwrap();
+        let both = rmse * (1f64 + 50. / 300.).sqrt();
+        assert!((expected / both - 1.).abs() < 0.15, "{expected} {both}");
+    }
+    pt(&place, &[&FILES[..], &["-f", "-n3"]].concat()).succeeded();
+    let report = json(&place, "r.json");
+    assert!(steps(&report)[2].get("rmse_reference").is_none());
+}
+
+#[test]
+fn a_reference_with_the_seed_of_the_run_is_worth_a_warning() {
+    let place = Place::new();
+    pt(&place, &["-n3", "-s77", "-otruth.exr"]).succeeded();
+    let warnings = |seed| {
+        let files = ["-oa.pgm", "-f", "--reference=truth.exr"];
+        // Not quiet, as warnings are no errors.
+        let run = [&SCENE[1..], &files, &["-n3", seed]].concat();
+        let run = place.run(&run);
+        run.succeeded();
+        let lines = run.stderr.lines();
+        let of_seed = "warning: the reference has the seed";
+        lines.filter(|line| line.starts_with(of_seed)).count()
+    };
+    assert_eq!(["-s77", "-s7", "-s8"].map(warnings), [1, 0, 0]);
+}
+
+#[test]
+fn a_reference_that_cannot_be_used_is_named_before_the_scene_is_read() {
+    let place = Place::new();
+    let whole = ["-otruth.exr", "-otruth.pfm", "-olevels.pgm"];
+    pt(&place, &[&whole[..], &["-olevels.png"]].concat()).succeeded();
+    let (exr, pfm) = (place.get("truth.exr"), place.get("truth.pfm"));
+    let mut nan = pfm.clone();
+    let end = nan.len();
+    nan[end - 4..].copy_from_slice(&f32::NAN.to_le_bytes());
+    for (name, bytes) in [
+        ("short.exr", &exr[..exr.len() / 2]),
+        ("head.exr", &exr[..100]),
+        ("short.pfm", &pfm[..end - 1]),
+        ("long.pfm", &[&pfm[..], b"\n"].concat()),
+        ("nan.pfm", &nan),
+        ("colour.pfm", &[b"PF", &pfm[2..]].concat()),
+        ("empty.exr", &[]),
+        ("words.pfm", ROOM.as_bytes()),
+    ] {
+        place.put(name, bytes);
+    }
+    let names = place.names();
+    let unfit = |name: &str, size: &str, word: &str| {
+        let reference = format!("--reference={name}");
+        let size = format!("-d{size}");
+        let files = ["-q", "-imissing.obj", "-oa.pgm", &size, &reference];
+        place.run(&files).failed(1, &[name, word]);
+        assert_eq!(place.names(), names);
+    };
+    for name in ["truth.exr", "truth.pfm"] {
+        unfit(name, "17x23", "is 23x17 pixels large, and the image 17x23");
+    }
+    for name in ["short.exr", "head.exr", "empty.exr", "words.pfm"] {
+        unfit(name, "23x17", name);
+    }
+    unfit("short.pfm", "23x17", "bytes of pixels");
+    unfit("long.pfm", "23x17", "bytes of pixels");
+    unfit("nan.pfm", "23x17", "the mean of the pixel 22,0 is NaN");
+    unfit("colour.pfm", "23x17", "colour");
+    unfit("levels.pgm", "23x17", "grey levels");
+    unfit("levels.png", "23x17", "grey levels");
+    unfit("none.exr", "23x17", "cannot read");
+}
+
+// --------------------------------------------------------------- The formats
+
+#[test]
+fn standard_output_has_the_bytes_of_the_file_in_each_format() {
+    let place = Place::new();
+    for format in ["pgm", "png", "pfm"] {
+        let (option, file) =
+            (format!("--format={format}"), format!("-oa.{format}"));
+        let run = pt(&place, &["-n5", &option]);
+        run.succeeded();
+        pt(&place, &["-n5", &file]).succeeded();
+        let bytes = place.get(&format!("a.{format}"));
+        assert!(run.stdout == bytes, "{format}");
+    }
+}
+
+#[test]
+fn an_exr_is_the_same_on_standard_output_except_for_its_times() {
+    let place = Place::new();
+    pt(&place, &["-n5", "-oa.exr"]).succeeded();
+    let run = pt(&place, &["-n5", "--format=exr"]);
+    run.succeeded();
+    place.put("b.exr", run.stdout);
+    let [one, other] = ["a.exr", "b.exr"].map(|name| {
+        let mut picture = Picture::read(&place.path(name)).unwrap();
+        let timed = ["load_seconds", "build_seconds", "render_seconds"];
+        for name in timed {
+            let seconds = picture.attributes.remove(name).unwrap();
+            assert!(seconds.parse::<f64>().unwrap() >= 0.);
+        }
+        picture
+    });
+    assert_eq!(one, other);
+    assert_eq!(one.samples, Some(vec![5.; 23 * 17]));
+    for (name, value) in [
+        ("scene", "room.obj"),
+        ("definition", "23,17"),
+        ("seed", "0"),
+        ("reflectivity", "0.7"),
+        ("realisations", "5"),
+        ("stopped", "realisations"),
+    ] {
+        assert_eq!(one.attributes[name], value, "{name}");
+    }
+}
+
+#[test]
+fn a_pfm_and_an_exr_hold_the_same_means() {
+    let place = Place::new();
+    pt(&place, &["-n5", "-oa.exr", "-oa.pfm"]).succeeded();
+    let [exr, pfm] = ["a.exr", "a.pfm"]
+        .map(|name| Picture::read(&place.path(name)).unwrap());
+    assert_eq!((exr.width, exr.height), (pfm.width, pfm.height));
+    assert_eq!(exr.means, pfm.means);
+    assert!(exr.means.iter().any(|&mean| mean != exr.means[0]));
+    assert!(exr.errors.unwrap().iter().any(|&error| error > 0.));
+    assert_eq!((pfm.errors, pfm.samples), (None, None));
+}
