@@ -118,8 +118,8 @@ pub fn summarise(report: &Report, pixels: u64) {
     let constant = report.constant_pixels;
     if 0 < constant && constant < pixels {
         inform(&format!(
-            "{constant} of {pixels} pixels saw weights of one value only; \
-             their errors are those expected from their neighbours"
+            "{constant} of {pixels} pixels saw one value only; \
+             their errors come from their neighbours"
         ));
     }
 }

@@ -39,6 +39,8 @@ wrong() {
   "$pt" "$@" 2>&1 > image.pgm | fold -s -w 76 || true
 }
 
+printf 'v -9 -9 0\nv 9 -9 0\nv 9 9 0\nv -9 9 0\nf 1 2 3 4\n' > floor.obj
+printf 'v -1 -1 3\nv 1 -1 3\nv 0 1 2\nf 5 6 7\n' >> floor.obj
 {
   wrong -d 800x600x3
   wrong -n 0
@@ -49,12 +51,13 @@ wrong() {
   : > image.png
   wrong -o image.png
   wrong -o image.jpeg
+  wrong --time 0
+  wrong --report image.pdf
+  wrong -i floor.obj --resume image.png
 } > ../wrong.txt
 
-printf 'v -9 -9 0\nv 9 -9 0\nv 9 9 0\nv -9 9 0\nf 1 2 3 4\n' > floor.obj
-printf 'v -1 -1 3\nv 1 -1 3\nv 0 1 2\nf 5 6 7\n' >> floor.obj
 options='-p 0,-12,6 -t 0,0,1 -n 64 -r 0.5'
 {
   echo "\$ pt $options -i floor.obj -o floor.pgm -f"
-  "$pt" $options -i floor.obj -o floor.pgm -f 2>&1
+  "$pt" $options -i floor.obj -o floor.pgm -f 2>&1 | fold -s -w 76
 } > ../summary.txt
