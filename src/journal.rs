@@ -9,7 +9,8 @@
 //! Reports and checkpoints, kept up to date while a run goes on.
 
 // Name what the journal imports
-use std::io::Write;
+use std::hint::black_box;
+use std::io::{self, Write};
 use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
@@ -158,6 +159,21 @@ impl Journal {
             written = written.and(done);
         }
         written
+    }
+
+    /// Takes the time that [`Journal::close`] will take, and writes nothing;
+    /// returns the picture.
+    pub fn rehearse(&self, course: &Course, image: &Image) -> Picture {
+        let report = self.report(course, image, None);
+        let picture = self.picture(course, image, None);
+        for (kind, _) in &self.reports {
+            black_box(kind.render(&report, &picture));
+        }
+        if self.checkpoint.is_some() {
+            let (subject, mut out) = (&self.subject, io::sink());
+            let _ = checkpoint::save(subject, course, image, &mut out);
+        }
+        picture
     }
 
     // Fill in the report and the picture

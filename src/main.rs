@@ -112,7 +112,7 @@ fn run(arguments: &Arguments) -> Result<Stop, String> {
     };
     let interrupt = Interrupt::listen()
         .map_err(|e| format!("cannot listen for signals: {e}"))?;
-    let limits = Limits {
+    let mut limits = Limits {
         realisations: arguments.realisations(),
         deadline: arguments.deadline(start),
         error: arguments.error,
@@ -123,20 +123,44 @@ fn run(arguments: &Arguments) -> Result<Stop, String> {
     let area = image.area();
     let paths = |spp: u64| spp.saturating_mul(area);
     let bar = Bar::new(!arguments.quiet, paths(course.spp));
-    bar.expect(paths(course.expected(&limits, area)), String::new());
     let advance = |paths| bar.advance(paths);
-    let mut after = |course: &Course, image: &Image| {
+    let go_on = |course: &mut Course,
+                 image: &mut Image,
+                 limits: &Limits,
+                 journal: &mut Journal| {
         bar.expect(
-            paths(course.expected(&limits, area)),
+            paths(course.expected(limits, area)),
             course.to_string(),
         );
-        if let Err(message) = journal.after(course, image)
-            && !arguments.quiet
-        {
-            progress::warn(&message);
-        }
+        let mut after = |course: &Course, image: &Image| {
+            let expected = course.expected(limits, area);
+            bar.expect(paths(expected), course.to_string());
+            let written = journal.after(course, image);
+            if let (Err(message), false) = (written, arguments.quiet) {
+                progress::warn(&message);
+            }
+        };
+        course.run(&job, image, limits, &advance, &mut after)
     };
-    let stop = course.run(&job, &mut image, &limits, &advance, &mut after);
+    if let Some(deadline) = limits.deadline {
+        let realisations = limits.realisations;
+        let one_more = course.spp + 1;
+        limits.realisations =
+            Some(realisations.map_or(one_more, |n| n.min(one_more)));
+        go_on(&mut course, &mut image, &limits, &mut journal);
+        let began = Instant::now();
+        let picture = journal.rehearse(&course, &image);
+        outputs.iter().for_each(|output| output.rehearse(&picture));
+        limits.deadline = deadline.checked_sub(began.elapsed());
+        limits.realisations = realisations;
+        // Warn if the time is over already
+        if Instant::now() > deadline && !arguments.quiet {
+            progress::warn(
+                "one realisation of each pixel took longer than --time allows",
+            );
+        }
+    }
+    let stop = go_on(&mut course, &mut image, &limits, &mut journal);
     bar.finish();
     // Write the image and the summary
     let picture = journal.picture(&course, &image, Some(stop));

@@ -211,4 +211,9 @@ impl Destination {
     pub fn write(&self, picture: &Picture) -> Result<(), String> {
         self.place.write(&mut |out| self.format.write(picture, out))
     }
+
+    /// Takes the time of [`Destination::write`], and writes nothing.
+    pub fn rehearse(&self, picture: &Picture) {
+        let _ = self.format.write(picture, &mut io::sink());
+    }
 }
