@@ -120,6 +120,17 @@ fn there_is_always_time_for_one_realisation() {
 }
 
 #[test]
+fn a_time_that_is_too_short_is_worth_a_warning() {
+    let short = ["-i", "room.obj", "-d4x4", "--time=1e-9"];
+    let run = Place::new().run(&short);
+    run.succeeded();
+    assert!(run.stderr.contains("warning"), "{}", run.stderr);
+    assert!(run.stderr.contains("longer than --time"), "{}", run.stderr);
+    let quiet = Place::new().run(&[&short[..], &["-q"]].concat());
+    assert_eq!(quiet.stderr, "");
+}
+
+#[test]
 fn the_number_of_realisations_bounds_a_run_with_other_limits() {
     let limits = ["--time=1000", "--time=1e300", "--error=1e-9"];
     for limit in limits {
