@@ -10,7 +10,7 @@
 
 // Name what the journal imports
 use std::hint::black_box;
-use std::io::{self, Write};
+use std::io;
 use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
@@ -18,7 +18,7 @@ use serde_json::{Value, json};
 use crate::checkpoint::{self, Subject};
 use crate::course::{Course, Stop};
 use crate::image::Image;
-use crate::output::Place;
+use crate::output::{Content, Place};
 use crate::picture::Picture;
 use crate::report::{Kind, Report};
 
@@ -41,7 +41,33 @@ pub struct Journal {
     facts: Report,
 }
 
+/// Writes a file for the last time, or for the time being.
+fn put(
+    place: &mut Place,
+    stop: Option<Stop>,
+    content: &mut Content,
+) -> Result<(), String> {
+    match stop {
+        Some(_) => place.write(content),
+        None => place.rewrite(content),
+    }
+}
+
+// Show a value as text
+/// A value as text; a vector as it is typed on the command line.
+fn text(value: &Value) -> String {
+    match value {
+        Value::String(text) => text.clone(),
+        Value::Array(parts) => {
+            let parts: Vec<String> = parts.iter().map(text).collect();
+            parts.join(",")
+        }
+        other => other.to_string(),
+    }
+}
+
 impl Journal {
+    // Open a journal for a run
     /// A journal with its files, of a run that is about to begin.
     pub fn new(
         reports: Vec<(Kind, Place)>,
@@ -62,21 +88,7 @@ impl Journal {
             facts,
         }
     }
-}
 
-/// A value as text; a vector as it is typed on the command line.
-fn text(value: &Value) -> String {
-    match value {
-        Value::String(text) => text.clone(),
-        Value::Array(parts) => {
-            let parts: Vec<String> = parts.iter().map(text).collect();
-            parts.join(",")
-        }
-        other => other.to_string(),
-    }
-}
-
-impl Journal {
     // Write what is due after a pass
     /// Writes what is due when a pass has ended.
     ///
@@ -90,12 +102,14 @@ impl Journal {
     ) -> Result<(), String> {
         let now = Instant::now();
         let (mut reported, mut saved) = (Ok(()), Ok(()));
-        let recorded =
-            course.steps.last().is_some_and(|s| s.spp == course.spp);
+        // Write the reports if they are due
+        let last = course.steps.last();
+        let recorded = last.is_some_and(|step| step.spp == course.spp);
         if recorded && now >= self.next_report {
             reported = self.write_reports(course, image, None);
             self.next_report = Instant::now() + 100 * now.elapsed();
         }
+        // Write the checkpoint if it is due
         if self.next_checkpoint.is_some_and(|time| now >= time) {
             saved = self.write_checkpoint(course, image, None);
             self.next_checkpoint = Instant::now().checked_add(self.every);
@@ -115,50 +129,8 @@ impl Journal {
         stop: Stop,
     ) -> Result<(), String> {
         let stop = Some(stop);
-        let checkpoint = self.write_checkpoint(course, image, stop);
-        self.write_reports(course, image, stop).and(checkpoint)
-    }
-
-    fn write_checkpoint(
-        &mut self,
-        course: &Course,
-        image: &Image,
-        stop: Option<Stop>,
-    ) -> Result<(), String> {
-        let Some(place) = &mut self.checkpoint else { return Ok(()) };
-        let subject = &self.subject;
-        let content = &mut |out: &mut dyn Write| {
-            checkpoint::save(subject, course, image, out)
-        };
-        match stop {
-            Some(_) => place.write(content),
-            None => place.rewrite(content),
-        }
-    }
-
-    fn write_reports(
-        &mut self,
-        course: &Course,
-        image: &Image,
-        stop: Option<Stop>,
-    ) -> Result<(), String> {
-        if self.reports.is_empty() {
-            return Ok(());
-        }
-        let report = self.report(course, image, stop);
-        let picture = self.picture(course, image, stop);
-        let mut written = Ok(());
-        for (kind, place) in &mut self.reports {
-            let text = kind.render(&report, &picture);
-            let content =
-                &mut |out: &mut dyn Write| out.write_all(text.as_bytes());
-            let done = match stop {
-                Some(_) => place.write(content),
-                None => place.rewrite(content),
-            };
-            written = written.and(done);
-        }
-        written
+        let saved = self.write_checkpoint(course, image, stop);
+        self.write_reports(course, image, stop).and(saved)
     }
 
     /// Takes the time that [`Journal::close`] will take, and writes nothing;
@@ -176,7 +148,43 @@ impl Journal {
         picture
     }
 
-    // Fill in the report and the picture
+    // Write the reports
+    fn write_reports(
+        &mut self,
+        course: &Course,
+        image: &Image,
+        stop: Option<Stop>,
+    ) -> Result<(), String> {
+        if self.reports.is_empty() {
+            return Ok(());
+        }
+        let report = self.report(course, image, stop);
+        let picture = self.picture(course, image, stop);
+        let mut written = Ok(());
+        for (kind, place) in &mut self.reports {
+            let text = kind.render(&report, &picture);
+            let done =
+                put(place, stop, &mut |out| out.write_all(text.as_bytes()));
+            written = written.and(done);
+        }
+        written
+    }
+
+    // Write the checkpoint
+    fn write_checkpoint(
+        &mut self,
+        course: &Course,
+        image: &Image,
+        stop: Option<Stop>,
+    ) -> Result<(), String> {
+        let Some(place) = &mut self.checkpoint else { return Ok(()) };
+        let subject = &self.subject;
+        put(place, stop, &mut |out| {
+            checkpoint::save(subject, course, image, out)
+        })
+    }
+
+    // Fill in the report
     /// The report of the run so far.
     pub fn report(
         &self,
@@ -198,6 +206,7 @@ impl Journal {
         report
     }
 
+    // Fill in the picture
     /// The image as a picture, with all that is known about it.
     pub fn picture(
         &self,
@@ -207,6 +216,7 @@ impl Journal {
     ) -> Picture {
         let facts = &self.facts;
         let known = json!({
+            // List what is known about a run
             "scene": facts.scene.file,
             "realisations": course.spp,
             "rays": course.rays,
