@@ -41,6 +41,7 @@ pub struct Step {
     pub seconds: f64,
     /// Rays traced so far.
     pub rays: u64,
+    // Hold what a step knows of the image
     /// Estimated root mean square error over the pixels, if known.
     pub rmse: Option<f64>,
     /// Mean radiance of the image.
@@ -66,6 +67,7 @@ pub struct SceneFacts {
 /// What is known of a run, at its end or while it goes on.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Report {
+    // Hold what was rendered and how
     /// Name and version of the program.
     pub program: String,
     /// What was rendered.
@@ -111,7 +113,7 @@ impl Fit {
     /// The least-squares fit to points (x, y), all positive; none for
     /// fewer than three, or if they are too close to each other in x.
     pub fn of(points: &[(f64, f64)]) -> Option<Self> {
-        let n = points.len() as f64;
+        // Sum a term of the deviations
         let (x, y) = centre(points)?;
         let deviation =
             |p: &(f64, f64)| (libm::log(p.0) - x, libm::log(p.1) - y);
@@ -125,7 +127,8 @@ impl Fit {
         // Divide by the spread of the points
         let slope = sum(&|x, y| x * y) / spread;
         let scatter = sum(&|x, y| (y - slope * x) * (y - slope * x));
-        let stderr = (scatter / (n - 2.) / spread).sqrt();
+        let freedom = points.len() as f64 - 2.;
+        let stderr = (scatter / freedom / spread).sqrt();
         Some(Self { slope, stderr })
     }
 }
@@ -159,19 +162,26 @@ fn drawable(x: f64) -> bool {
     x > 0. && x.is_finite()
 }
 
-/// The steps that have a place on the plot of `error` against `x`: for
-/// each the two, and whether fits may rely on it.
+/// A place of a plot, and whether fits may rely on it.
+type Point = ((f64, f64), bool);
+
+/// The steps that have a place on the plot of `error` against `x`.
 fn points(
     steps: &[Step],
     x: fn(&Step) -> f64,
     error: fn(&Step) -> Option<f64>,
-) -> impl Iterator<Item = ((f64, f64), bool)> {
-    let point = move |step: &Step| {
-        let point = (x(step), error(step)?);
-        (drawable(point.0) && drawable(point.1))
-            .then_some((point, step.spp >= FEWEST))
+) -> Vec<Point> {
+    let point = |step: &Step| {
+        let (x, error) = (x(step), error(step)?);
+        (drawable(x) && drawable(error))
+            .then_some(((x, error), step.spp >= FEWEST))
     };
-    steps.iter().filter_map(point)
+    steps.iter().filter_map(point).collect()
+}
+
+/// The points that fits may rely on.
+fn reliable(points: &[Point]) -> Vec<(f64, f64)> {
+    points.iter().filter(|p| p.1).map(|p| p.0).collect()
 }
 
 impl Report {
@@ -186,9 +196,7 @@ impl Report {
     }
 
     fn slope(&self, x: fn(&Step) -> f64) -> Option<Fit> {
-        let points = points(&self.steps, x, |step| step.rmse);
-        let reliable = points.filter(|p| p.1).map(|p| p.0);
-        Fit::of(&reliable.collect::<Vec<_>>())
+        Fit::of(&reliable(&points(&self.steps, x, |step| step.rmse)))
     }
 }
 

@@ -17,18 +17,11 @@ pub struct Axis {
     high: f64,
 }
 
-/// What is written along an axis, at places from 0 to 1.
-pub struct Ruler {
-    /// Places of thin lines.
-    pub lines: Vec<f64>,
-    /// Places of thick lines, and what is written there.
-    pub ticks: Vec<(f64, String)>,
-}
-
 impl Axis {
     // Cover all values with an axis
     /// An axis of at least a decade for positive values, if there are any.
     pub fn around(values: impl Iterator<Item = f64>) -> Option<Self> {
+        // Find the smallest and the largest value
         let ends = values.fold(None, |ends, x| match ends {
             None => Some((x, x)),
             Some((low, high)) => Some((x.min(low), x.max(high))),
@@ -54,6 +47,7 @@ impl Axis {
     // Choose the labels of an axis
     /// Lines and labels.
     pub fn ruler(&self) -> Ruler {
+        // Decide how dense labels may be
         let span = self.high - self.low;
         let exponents = self.low.floor() as i32..=self.high.floor() as i32;
         let stride = (span / 8.).ceil() as i32;
@@ -61,24 +55,23 @@ impl Axis {
         let (mut lines, mut ticks) = (vec![], vec![]);
         for exponent in exponents {
             for digit in 1..10 {
-                // Mark one multiple of a power
+                // Pass over what the axis does not contain
                 let value =
                     f64::from(digit) * libm::exp10(f64::from(exponent));
                 let place = self.place(value);
                 if !(0. ..=1.).contains(&place) {
                     continue;
                 }
+                // Label the multiple or draw a line
                 let named = match digit {
                     1 => exponent.rem_euclid(stride) == 0,
                     2 | 5 => span <= 2.,
                     _ => false,
                 };
-                match named {
-                    true => {
-                        ticks.push((place, label(digit, exponent, plain)))
-                    }
-                    false if digit == 1 || span <= 6. => lines.push(place),
-                    false => (),
+                if named {
+                    ticks.push((place, label(digit, exponent, plain)));
+                } else if digit == 1 || span <= 6. {
+                    lines.push(place);
                 }
             }
         }
@@ -86,16 +79,20 @@ impl Axis {
     }
 }
 
+/// What is written along an axis, at places from 0 to 1.
+pub struct Ruler {
+    /// Places of thin lines.
+    pub lines: Vec<f64>,
+    /// Places of thick lines, and what is written there.
+    pub ticks: Vec<(f64, String)>,
+}
+
+// Write the number of a label
 fn label(digit: u32, exponent: i32, plain: bool) -> String {
+    let places = exponent.unsigned_abs() as usize;
     match (plain, digit) {
-        (true, _) if exponent < 0 => {
-            let places = exponent.unsigned_abs() as usize;
-            format!("0.{digit:0>places$}")
-        }
-        (true, _) => {
-            let zeros = exponent.unsigned_abs() as usize;
-            format!("{digit}{:0<zeros$}", "")
-        }
+        (true, _) if exponent < 0 => format!("0.{digit:0>places$}"),
+        (true, _) => format!("{digit}{:0<places$}", ""),
         (false, 1) => power(exponent),
         (false, _) => format!("{digit}\u{b7}{}", power(exponent)),
     }

@@ -15,19 +15,18 @@ const HEADER: &str =
 
 /// A header, and a row for each step; what is not known is empty.
 pub fn table(steps: &[Step]) -> String {
-    let known = |x: Option<f64>| {
-        let finite = x.filter(|x| x.is_finite());
-        finite.map_or(String::new(), |x| format!("{x:?}"))
-    };
-    let row = |step: &Step| {
-        let (seconds, mean) = (known(Some(step.seconds)), step.mean);
-        let (rmse, mean) = (known(step.rmse), known(Some(mean)));
-        let stderr = known(step.mean_stderr);
-        let reference = known(step.rmse_reference);
-        let (spp, rays) = (step.spp, step.rays);
-        format!(
-            "{spp},{seconds},{rays},{rmse},{mean},{stderr},{reference}\n"
-        )
-    };
     HEADER.to_owned() + &steps.iter().map(row).collect::<String>()
+}
+
+fn row(step: &Step) -> String {
+    let Step { spp, rays, .. } = step;
+    let seconds = cell(Some(step.seconds));
+    let mean = Some(step.mean);
+    let last = [step.rmse, mean, step.mean_stderr, step.rmse_reference];
+    format!("{spp},{seconds},{rays},{}\n", last.map(cell).join(","))
+}
+
+fn cell(x: Option<f64>) -> String {
+    let finite = x.filter(|x| x.is_finite());
+    finite.map_or(String::new(), |x| format!("{x:?}"))
 }

@@ -17,6 +17,7 @@ use super::words::{count, figures};
 /// The number of bins.
 const BINS: usize = 40;
 
+// Hold the errors in bins
 /// The standard errors of pixels, in bins of equal logarithmic width.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Histogram {
@@ -39,6 +40,7 @@ impl Histogram {
         let mut counts = vec![0; BINS];
         let (mut zero, mut unknown) = (0, 0);
         for error in errors {
+            // Count one error where it belongs
             match axis {
                 _ if *error == 0. => zero += 1,
                 Some(axis) if known(error) => {
@@ -56,15 +58,10 @@ impl Histogram {
     pub fn draw(&self) -> Option<Markup> {
         let axis = self.axis?;
         let frame = Frame { top: 30. };
+        // Measure the bars and both axes
         let most = self.counts.iter().copied().max().unwrap_or(0).max(1);
         let height = |n: u64| n as f64 / (1.05 * most as f64);
-        let x = |bin: usize| frame.x(bin as f64 / BINS as f64);
-        let ends = |bin: usize| {
-            let end = |bin| axis.value(bin as f64 / BINS as f64);
-            (figures(end(bin)), figures(end(bin + 1)))
-        };
-        // Choose bars and both rulers
-        let bars = self.counts.iter().enumerate().filter(|(_, n)| **n > 0);
+        let place = |bin: usize| bin as f64 / BINS as f64;
         let (sizes, numbers) = (axis.ruler(), round(most, height));
         let errors = "standard error / radiance of the sky";
         let content = html! {
@@ -73,15 +70,16 @@ impl Histogram {
             }
             (frame.draw((&sizes, errors), (&numbers, "pixels")))
             // Draw one bar for each bin
-            @for (bin, n) in bars {
-                @let y = frame.y(height(*n));
-                rect x=(x(bin)) y=(y) width=(x(bin + 1) - x(bin))
+            @for (bin, n) in self.counts.iter().enumerate().filter(|b| *b.1 > 0) {
+                @let (from, to) = (place(bin), place(bin + 1));
+                @let (x, y) = (frame.x(from), frame.y(height(*n)));
+                rect x=(x) y=(y) width=(frame.x(to) - x)
                     height=(frame.bottom() - y) fill-opacity="0.6"
                     stroke="currentColor" stroke-width="0.5"
                 {
                     title {
-                        (ends(bin).0) " to " (ends(bin).1) ": " (count(*n))
-                        " pixels"
+                        (figures(axis.value(from))) " to "
+                        (figures(axis.value(to))) ": " (count(*n)) " pixels"
                     }
                 }
             }

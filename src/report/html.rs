@@ -25,18 +25,19 @@ pub fn page(report: &Report, picture: &Picture) -> String {
     let markup = html! {
         (DOCTYPE)
         html lang="en-GB" {
+            // Write the head of the page
             head {
                 meta charset="utf-8";
                 meta name="viewport" content="width=device-width";
                 title { (scene) ": report of a render" }
                 style { (PreEscaped(STYLE)) }
             }
+            // Write the body of the page
             body {
                 h1 { (scene) }
                 (summary(report, picture))
                 div.figures {
-                    (image(picture))
-                    (error_map(picture))
+                    (images(picture))
                     figure { (svg::curve(report, false)) }
                     (errors(picture))
                 }
@@ -82,16 +83,15 @@ tbody th { font-weight: normal }
 // Tell the run in words
 fn summary(report: &Report, picture: &Picture) -> Markup {
     let spp = report.steps.last().map_or(0, |step| step.spp);
-    let triangles = count(report.scene.triangles);
     html! {
+        // Say what was rendered and how long
         p {
-            (report.program) " rendered this scene of " (triangles)
-            " triangles in " (picture.width) "\u{202f}\u{d7}\u{202f}"
-            (picture.height) " pixels, with " (count(spp))
-            " realisations in each, in " (duration(report.render_seconds))
-            ". Reading the scene had taken "
-            (duration(report.load_seconds))
-            " and building its hierarchy "
+            (report.program) " rendered this scene of "
+            (count(report.scene.triangles)) " triangles in "
+            (picture.width) "\u{202f}\u{d7}\u{202f}" (picture.height)
+            " pixels, with " (count(spp)) " realisations in each, in "
+            (duration(report.render_seconds)) ". Reading the scene had taken "
+            (duration(report.load_seconds)) " and building its hierarchy "
             (duration(report.build_seconds)) "."
         }
         // Say how good the image is
@@ -106,6 +106,7 @@ fn summary(report: &Report, picture: &Picture) -> Markup {
                 }
                 None => "The error of its pixels is not known yet.",
             }
+            // Admit what the pixels cannot see
             @if report.constant_pixels > 0 {
                 " In " (count(report.constant_pixels)) " pixels all realisations \
                 were alike, so that they cannot see an error of their own."
@@ -142,61 +143,56 @@ fn ending(report: &Report) -> String {
 }
 
 // Show the image and its error
-fn image(picture: &Picture) -> Markup {
+fn images(picture: &Picture) -> Markup {
     let size = (picture.width, picture.height);
-    let grid = Grid::new(size, picture.means.iter().copied());
-    let address = grid.and_then(|grid| grid.embed(1.));
+    let image = Grid::new(size, picture.means.iter().copied());
     html! {
-        @if let Some(address) = address {
+        @if let Some(address) = image.and_then(|grid| grid.embed(1.)) {
             figure {
                 img src=(address) alt="The rendered image";
                 figcaption { "The image. White is the radiance of the \
                     sky, or more." }
             }
         }
+        // Show the map and its scale
+        @if let Some((address, white)) = map(picture) {
+            figure {
+                img src=(address) alt="A map of the standard error";
+                div.scale {}
+                div.range {
+                    span { "0" }
+                    span { (figures(MIDDLE * white)) }
+                    span { (figures(white)) }
+                }
+                figcaption { "The standard error of each pixel. At most one \
+                    pixel in a thousand lies above the scale; it is white, \
+                    as is a pixel whose error is unknown." }
+            }
+        }
     }
 }
 
-fn error_map(picture: &Picture) -> Markup {
+/// The address of a map of the errors, and the error that is white.
+fn map(picture: &Picture) -> Option<(String, f64)> {
     let size = (picture.width, picture.height);
-    let errors = picture.errors.iter();
-    let squares = errors.map(|errors| errors.iter().map(|e| e * e));
-    let grid = squares.map(|squares| Grid::new(size, squares)).next();
-    let shown = grid.flatten().map(Grid::root).and_then(|grid| {
-        let white = grid.white()?;
-        Some((grid.embed(white)?, white))
-    });
-    let Some((address, white)) = shown else {
-        return html! {};
-    };
-    html! {
-        figure {
-            img src=(address) alt="A map of the standard error";
-            // Draw the scale of the map
-            div.scale {}
-            div.range {
-                span { "0" }
-                span { (figures(MIDDLE * white)) }
-                span { (figures(white)) }
-            }
-            figcaption { "The standard error of each pixel. At most one \
-                pixel in a thousand lies above the scale; it is white, \
-                as is a pixel whose error is unknown." }
-        }
-    }
+    let squares = picture.errors.as_ref()?.iter().map(|e| e * e);
+    let grid = Grid::new(size, squares)?.root();
+    let white = grid.white()?;
+    Some((grid.embed(white)?, white))
 }
 
 fn errors(picture: &Picture) -> Markup {
     let none = vec![f64::INFINITY; picture.means.len()];
     let errors = picture.errors.as_ref().unwrap_or(&none);
     let histogram = Histogram::of(errors);
-    let known: u64 = histogram.counts.iter().sum();
     html! {
         figure {
             @if let Some(drawing) = histogram.draw() { (drawing) }
+            // Count the pixels of each kind
             figcaption {
                 "Of " (count(errors.len() as u64)) " pixels, "
-                (count(known)) " have a known error above 0, "
+                (count(histogram.counts.iter().sum()))
+                " have a known error above 0, "
                 (count(histogram.zero)) " an error of 0, and "
                 (count(histogram.unknown)) " an unknown one."
             }
@@ -205,21 +201,13 @@ fn errors(picture: &Picture) -> Markup {
 }
 
 // List settings, timings and steps
-fn timings(report: &Report) -> Markup {
-    let (load, build) = (report.load_seconds, report.build_seconds);
-    let rate = report.rays as f64 / report.render_seconds / 1e6;
-    let rows = [
-        ("reading the scene", duration(load)),
-        ("building the hierarchy", duration(build)),
-        ("rendering", duration(report.render_seconds)),
-        ("together", duration(load + build + report.render_seconds)),
-        ("rays", count(report.rays)),
-        ("million rays per second of rendering", figures(rate)),
-    ];
+type Row<'a> = (&'a str, String);
+
+fn table((title, class): (&str, &str), rows: &[Row]) -> Markup {
     html! {
         section {
-            h2 { "Timings" }
-            div.scroll { table.times { tbody {
+            h2 { (title) }
+            div.scroll { table class=(class) { tbody {
                 @for (name, value) in rows {
                     tr { th scope="row" { (name) } td { (value) } }
                 }
@@ -228,30 +216,37 @@ fn timings(report: &Report) -> Markup {
     }
 }
 
+fn timings(report: &Report) -> Markup {
+    let (load, build) = (report.load_seconds, report.build_seconds);
+    let render = report.render_seconds;
+    let rate = report.rays as f64 / render / 1e6;
+    let rows = [
+        ("reading the scene", duration(load)),
+        ("building the hierarchy", duration(build)),
+        ("rendering", duration(render)),
+        ("together", duration(load + build + render)),
+        ("rays", count(report.rays)),
+        ("million rays per second of rendering", figures(rate)),
+    ];
+    table(("Timings", "times"), &rows)
+}
+
 fn settings(report: &Report) -> Markup {
     let text = |value: &Value| match value {
         Value::String(text) => short(text, LONGEST),
         other => short(&other.to_string(), LONGEST),
     };
-    html! {
-        section {
-            h2 { "Scene and settings" }
-            div.scroll { table.facts { tbody {
-                tr { th scope="row" { "scene" }
-                    td { (short(&report.scene.file, LONGEST)) } }
-                tr { th scope="row" { "SHA-256" }
-                    td { (short(&report.scene.sha256, LONGEST)) } }
-                @for (name, value) in &report.settings {
-                    tr { th scope="row" { (name) } td { (text(value)) } }
-                }
-            } } }
-        }
-    }
+    let scene = &report.scene;
+    let mut rows = vec![
+        ("scene", short(&scene.file, LONGEST)),
+        ("SHA-256", short(&scene.sha256, LONGEST)),
+    ];
+    rows.extend(report.settings.iter().map(|(k, v)| (&**k, text(v))));
+    table(("Scene and settings", "facts"), &rows)
 }
 
 fn steps(steps: &[Step]) -> Markup {
     let reference = steps.iter().any(|s| s.rmse_reference.is_some());
-    let known = |x: Option<f64>| x.map_or("unknown".to_owned(), figures);
     html! {
         h2 { "Steps" }
         div.scroll { table.numbers {
@@ -274,4 +269,8 @@ fn steps(steps: &[Step]) -> Markup {
             } }
         } }
     }
+}
+
+fn known(x: Option<f64>) -> String {
+    x.map_or("unknown".to_owned(), figures)
 }

@@ -38,12 +38,13 @@ impl Grid {
         }
         let side = width.max(height).div_ceil(LARGEST);
         let (columns, rows) = (width.div_ceil(side), height.div_ceil(side));
-        // Average the values in squares
+        // Sum the values in squares
         let mut sums = vec![0.; columns * rows];
         for (i, value) in values.enumerate() {
             let (x, y) = (i % width, i / width);
             sums[y / side * columns + x / side] += value;
         }
+        // Divide each sum by its pixels
         for (i, sum) in sums.iter_mut().enumerate() {
             let (x, y) = (i % columns * side, i / columns * side);
             let area = side.min(width - x) * side.min(height - y);
@@ -64,7 +65,9 @@ impl Grid {
         let text = BASE64_STANDARD.encode(bytes);
         Some(format!("data:image/png;base64,{text}"))
     }
+}
 
+impl Grid {
     fn encode(&self, levels: &[u8]) -> Result<Vec<u8>, EncodingError> {
         let mut bytes = vec![];
         let (width, height) = (self.width as u32, self.height as u32);
@@ -81,6 +84,14 @@ impl Grid {
 
 // Scale the map of the error
 impl Grid {
+    /// The root of each value.
+    pub fn root(mut self) -> Self {
+        self.values.iter_mut().for_each(|x| *x = x.sqrt());
+        self
+    }
+}
+
+impl Grid {
     /// The value that a thousandth of the finite positive ones exceed.
     pub fn white(&self) -> Option<f64> {
         let known = self.values.iter().copied();
@@ -90,12 +101,6 @@ impl Grid {
         let (_, white, _) =
             known.select_nth_unstable_by(rank, f64::total_cmp);
         Some(*white)
-    }
-
-    /// The root of each value.
-    pub fn root(mut self) -> Self {
-        self.values.iter_mut().for_each(|x| *x = x.sqrt());
-        self
     }
 }
 

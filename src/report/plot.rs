@@ -14,7 +14,7 @@ use maud::{Markup, html};
 use super::axis::Ruler;
 
 /// The width of a drawing.
-pub const WIDTH: f64 = 480.;
+const WIDTH: f64 = 480.;
 
 /// The left, right end of every frame, and its height.
 const LEFT: f64 = 70.;
@@ -28,14 +28,15 @@ pub fn drawing(
     alone: bool,
     content: &Markup,
 ) -> Markup {
-    let space = alone.then_some("http://www.w3.org/2000/svg");
     html! {
-        svg xmlns=[space] viewBox=(format!("0 0 {WIDTH} {height}"))
-            width=[alone.then_some(2. * WIDTH)]
-            height=[alone.then_some(2. * height)]
-            color=[alone.then_some("black")] role="img"
+        svg viewBox=(format!("0 0 {WIDTH} {height}")) role="img"
             aria-label=(name) font-size="13"
             font-family="Helvetica, Arial, sans-serif"
+            // Give a separate drawing size and ink
+            xmlns=[alone.then_some("http://www.w3.org/2000/svg")]
+            width=[alone.then_some(2. * WIDTH)]
+            height=[alone.then_some(2. * height)]
+            color=[alone.then_some("black")]
         {
             @if alone {
                 rect width=(WIDTH) height=(height) fill="white" {}
@@ -75,13 +76,6 @@ fn tenths(x: f64) -> f64 {
     (x * 10.).round() / 10.
 }
 
-impl Frame {
-    /// The middle of the frame.
-    pub fn middle(self) -> (f64, f64) {
-        (self.x(0.5), self.y(0.5))
-    }
-}
-
 // Draw the two axes of a frame
 impl Frame {
     /// The border, and the lines and labels of both axes.
@@ -91,50 +85,41 @@ impl Frame {
         (up, vertical): (&Ruler, &str),
     ) -> Markup {
         let (top, bottom) = (self.top, self.bottom());
-        let (x, y) = self.middle();
         html! {
-            // Draw the lines of the horizontal axis
-            g stroke="currentColor" {
-                @for place in &across.lines {
-                    (line((self.x(*place), top), (self.x(*place), bottom), 0.12))
-                }
-                @for (place, _) in &across.ticks {
-                    (line((self.x(*place), top), (self.x(*place), bottom), 0.4))
-                }
-            }
+            (lines(across, |at| [self.x(at), top, self.x(at), bottom]))
+            (lines(up, |at| [LEFT, self.y(at), RIGHT, self.y(at)]))
+            // Write the labels of both axes
             g font-size="12" text-anchor="middle" {
-                @for (place, label) in &across.ticks {
-                    text x=(self.x(*place)) y=(bottom + 17.) { (label) }
-                }
-            }
-            // Draw the lines of the vertical axis
-            g stroke="currentColor" {
-                @for place in &up.lines {
-                    (line((LEFT, self.y(*place)), (RIGHT, self.y(*place)), 0.12))
-                }
-                @for (place, _) in &up.ticks {
-                    (line((LEFT, self.y(*place)), (RIGHT, self.y(*place)), 0.4))
+                @for (at, label) in &across.ticks {
+                    text x=(self.x(*at)) y=(bottom + 17.) { (label) }
                 }
             }
             g font-size="12" text-anchor="end" {
-                @for (place, label) in &up.ticks {
-                    text x=(LEFT - 6.) y=(self.y(*place) + 4.) { (label) }
+                @for (at, label) in &up.ticks {
+                    text x=(LEFT - 6.) y=(self.y(*at) + 4.) { (label) }
                 }
             }
+            // Draw the border and the titles
+            @let (x, y) = (self.x(0.5), self.y(0.5));
             rect x=(LEFT) y=(top) width=(RIGHT - LEFT) height=(HEIGHT)
                 fill="none" stroke="currentColor" {}
-            text x=(x) y=(bottom + 36.) text-anchor="middle" {
-                (horizontal)
-            }
+            text x=(x) y=(bottom + 36.) text-anchor="middle" { (horizontal) }
             text x="16" y=(y) text-anchor="middle"
                 transform=(format!("rotate(-90 16 {y})")) { (vertical) }
         }
     }
 }
 
-fn line(from: (f64, f64), to: (f64, f64), opacity: f64) -> Markup {
+fn lines(ruler: &Ruler, ends: impl Fn(f64) -> [f64; 4]) -> Markup {
+    let thin = ruler.lines.iter().map(|at| (*at, 0.12));
+    let thick = ruler.ticks.iter().map(|(at, _)| (*at, 0.4));
     html! {
-        line x1=(from.0) y1=(from.1) x2=(to.0) y2=(to.1)
-            stroke-opacity=(opacity) {}
+        g stroke="currentColor" {
+            @for (at, opacity) in thin.chain(thick) {
+                @let [x1, y1, x2, y2] = ends(at);
+                line x1=(x1) y1=(y1) x2=(x2) y2=(y2)
+                    stroke-opacity=(opacity) {}
+            }
+        }
     }
 }

@@ -14,32 +14,25 @@ use maud::{Markup, html};
 use super::axis::{Axis, Ruler};
 use super::plot::{self, Frame};
 use super::words::{duration, short};
-use super::{FEWEST, Report, guide, points};
+use super::{FEWEST, Point, Report, guide, points, reliable};
 
 // Gather what the curve shows
-type Points = Vec<((f64, f64), bool)>;
-
 /// What the plot shows.
 struct Curve<'a> {
     report: &'a Report,
-    estimated: Points,
-    truth: Points,
+    estimated: Vec<Point>,
+    truth: Vec<Point>,
     guide: Option<f64>,
 }
 
 impl<'a> Curve<'a> {
     fn new(report: &'a Report) -> Self {
-        let line = |error| {
-            let points = points(&report.steps, |step| step.seconds, error);
-            points.collect::<Points>()
-        };
+        let line =
+            |error| points(&report.steps, |step| step.seconds, error);
         let estimated = line(|step| step.rmse);
         let truth = line(|step| step.rmse_reference);
-        let select = |all: bool| -> Vec<_> {
-            let chosen = estimated.iter().filter(|p| all || p.1);
-            chosen.map(|p| p.0).collect()
-        };
-        let guide = guide(&select(false)).or(guide(&select(true)));
+        let all: Vec<_> = estimated.iter().map(|p| p.0).collect();
+        let guide = guide(&reliable(&estimated)).or(guide(&all));
         Self { report, estimated, truth, guide }
     }
 }
@@ -52,7 +45,9 @@ impl Curve<'_> {
             _ => "No error is known yet.",
         }
     }
+}
 
+impl Curve<'_> {
     /// The axes of time and error, unless there is no point.
     fn axes(&self) -> Option<(Axis, Axis)> {
         let all = || self.estimated.iter().chain(&self.truth);
@@ -75,10 +70,10 @@ pub fn curve(report: &Report, alone: bool) -> Markup {
     let rows = curve.legend();
     let frame = Frame { top: 36. + 18. * rows.len() as f64 };
     let content = html! {
+        // Write the title and the legend
         text x="240" y="20" text-anchor="middle" font-weight="bold" {
             (short(&report.scene.file, 36)) ": error against time"
         }
-        // Draw the rows of the legend
         @for (i, (sample, text)) in rows.iter().enumerate() {
             g transform=(format!("translate(80 {})", 40 + 18 * i)) {
                 (sample)
@@ -108,24 +103,25 @@ pub fn curve(report: &Report, alone: bool) -> Markup {
 impl Curve<'_> {
     /// Samples of the lines that there are, with their meanings.
     fn legend(&self) -> Vec<(Markup, String)> {
-        let ends = |good| [((0., 0.), good), ((36., 0.), good)];
+        let ends = [((0., 0.), true), ((36., 0.), true)];
         let mut rows = vec![];
         // Explain a missing line
         if self.estimated.is_empty() && !self.truth.is_empty() {
             rows.push((html! {}, self.excuse().to_owned()));
         }
+        // Explain the estimated errors
         if !self.estimated.is_empty() {
-            rows.push((estimated(&ends(true)), self.meaning()));
+            rows.push((estimated(&ends), self.meaning()));
         }
-        // Explain the hollow points
         if self.estimated.iter().any(|p| !p.1) {
             let meaning =
                 format!("fewer than {FEWEST} realisations, not in the fit");
             rows.push((estimated(&[((18., 0.), false)]), meaning));
         }
+        // Explain the true errors
         if !self.truth.is_empty() {
             let meaning = "difference from the reference (RMSE)";
-            rows.push((truth(&ends(true)), meaning.to_owned()));
+            rows.push((truth(&ends), meaning.to_owned()));
         }
         if self.guide.is_some() {
             let meaning = "guide of slope \u{2212}1/2";
@@ -144,15 +140,6 @@ impl Curve<'_> {
         };
         format!("estimated error (RMSE), {slope}")
     }
-
-    fn draw_empty(&self, frame: Frame) -> Markup {
-        let none = Ruler { lines: vec![], ticks: vec![] };
-        let (x, y) = frame.middle();
-        html! {
-            (frame.draw((&none, TIME), (&none, ERROR)))
-            text x=(x) y=(y) text-anchor="middle" { (self.excuse()) }
-        }
-    }
 }
 
 const TIME: &str = "rendering time / s";
@@ -160,18 +147,19 @@ const ERROR: &str = "RMSE / radiance of the sky";
 
 impl Curve<'_> {
     fn draw(&self, frame: Frame, (times, errors): (Axis, Axis)) -> Markup {
-        let place = |t: f64, e: f64| {
+        // Turn points into places of the frame
+        let place = |(t, e): (f64, f64)| {
             (frame.x(times.place(t)), frame.y(errors.place(e)))
         };
-        let places = |points: &Points| -> Points {
-            points.iter().map(|&((t, e), ok)| (place(t, e), ok)).collect()
+        let places = |points: &[Point]| -> Vec<Point> {
+            points.iter().map(|p| (place(p.0), p.1)).collect()
         };
         // Cut the guide at the frame
         let guide = self.guide.map(|g| {
             let time = |error: f64| (g / error) * (g / error);
             let from = time(errors.value(1.)).max(times.value(0.));
             let to = time(errors.value(0.)).min(times.value(1.));
-            let end = |t: f64| place(t, g / t.sqrt());
+            let end = |t: f64| place((t, g / t.sqrt()));
             dotted(end(from), end(to))
         });
         let rulers = (times.ruler(), errors.ruler());
@@ -184,8 +172,20 @@ impl Curve<'_> {
     }
 }
 
+impl Curve<'_> {
+    fn draw_empty(&self, frame: Frame) -> Markup {
+        let none = Ruler { lines: vec![], ticks: vec![] };
+        html! {
+            (frame.draw((&none, TIME), (&none, ERROR)))
+            text x=(frame.x(0.5)) y=(frame.y(0.5)) text-anchor="middle" {
+                (self.excuse())
+            }
+        }
+    }
+}
+
 // Draw lines and their marks
-fn estimated(places: &[((f64, f64), bool)]) -> Markup {
+fn estimated(places: &[Point]) -> Markup {
     html! {
         (path(places, None))
         @for &((x, y), reliable) in places {
@@ -199,7 +199,7 @@ fn estimated(places: &[((f64, f64), bool)]) -> Markup {
     }
 }
 
-fn truth(places: &[((f64, f64), bool)]) -> Markup {
+fn truth(places: &[Point]) -> Markup {
     html! {
         (path(places, Some("7 4")))
         @for &((x, y), _) in places {
@@ -210,14 +210,13 @@ fn truth(places: &[((f64, f64), bool)]) -> Markup {
 }
 
 /// A line through places, solid or with dashes.
-fn path(places: &[((f64, f64), bool)], dashes: Option<&str>) -> Markup {
-    let pair = |&((x, y), _): &((f64, f64), bool)| format!("{x},{y}");
-    let pairs: Vec<_> = places.iter().map(pair).collect();
+fn path(places: &[Point], dashes: Option<&str>) -> Markup {
+    let pairs = places.iter().map(|((x, y), _)| format!("{x},{y}"));
+    let pairs = pairs.collect::<Vec<_>>().join(" ");
     html! {
         @if places.len() > 1 {
-            polyline points=(pairs.join(" ")) fill="none"
-                stroke="currentColor" stroke-width="1.5"
-                stroke-dasharray=[dashes] {}
+            polyline points=(pairs) fill="none" stroke="currentColor"
+                stroke-width="1.5" stroke-dasharray=[dashes] {}
         }
     }
 }

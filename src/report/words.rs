@@ -41,12 +41,15 @@ pub fn with_error(mean: f64, error: Option<f64>) -> String {
     if !mean.is_finite() {
         return "unknown".to_owned();
     }
-    let Some(error) = error.filter(|e| e.is_finite()) else {
-        return format!("{} (error unknown)", figures(mean));
-    };
-    if error == 0. {
-        return format!("{} \u{b1} 0", figures(mean));
+    let (short, known) = (figures(mean), error.filter(|e| e.is_finite()));
+    match known {
+        None => format!("{short} (error unknown)"),
+        Some(0.) => format!("{short} \u{b1} 0"),
+        Some(error) => cut(mean, error),
     }
+}
+
+fn cut(mean: f64, error: f64) -> String {
     let rounded = format!("{error:.1e}");
     let exponent = rounded.split_once('e').map(|(_, n)| n.parse::<i32>());
     let places = 1 - exponent.and_then(Result::ok).unwrap_or(0);
@@ -57,15 +60,10 @@ pub fn with_error(mean: f64, error: Option<f64>) -> String {
 // Write counts and durations
 /// A count with its digits in groups of three.
 pub fn count(n: u64) -> String {
-    let digits = n.to_string();
-    let mut grouped = String::new();
-    for (i, digit) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i).is_multiple_of(3) {
-            grouped.push('\u{202f}');
-        }
-        grouped.push(digit);
+    match n {
+        0..1000 => n.to_string(),
+        _ => format!("{}\u{202f}{:03}", count(n / 1000), n % 1000),
     }
-    grouped
 }
 
 /// Seconds as seconds, minutes or hours, whichever suits.
@@ -82,7 +80,8 @@ pub fn duration(seconds: f64) -> String {
 /// A name with control characters replaced, and cut after `most`
 /// characters.
 pub fn short(name: &str, most: usize) -> String {
-    let allowed = |c: char| !c.is_control() && c < '\u{fffe}';
+    let never = ['\u{fffe}', '\u{ffff}'];
+    let allowed = |c: char| !c.is_control() && !never.contains(&c);
     let shown = |c: char| if allowed(c) { c } else { '\u{fffd}' };
     let mut short: String = name.chars().take(most).map(shown).collect();
     if name.chars().nth(most).is_some() {
