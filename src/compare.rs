@@ -103,6 +103,7 @@ fn estimate(picture: &Picture, i: usize) -> (f64, f64, f64) {
 /// unknown.
 fn gap(a: &Picture, b: &Picture, i: usize) -> Option<Gap> {
     let estimates = [estimate(a, i), estimate(b, i)];
+    // Find the difference beyond rounding
     let [(a, ..), (b, ..)] = estimates;
     let rounding = f64::from(f32::EPSILON) * a.abs().max(b.abs());
     let difference = if (a - b).abs() <= rounding { 0. } else { a - b };
@@ -183,9 +184,9 @@ fn test(
     let tested = own.iter().filter(|block| block.pixels > 0).count();
     let level = sidak(sidak(FALSE_ALARMS, SIDES.len()), tested.max(1));
     let mut scale = Scale { side, tested, failed: 0, largest: (0., 0, 0) };
+    // Judge each block by the larger of two errors
     let columns = width.div_ceil(side);
     for (i, block) in (0..).zip(&own).filter(|(_, own)| own.pixels > 0) {
-        // Judge a block by the larger of two errors
         let (x, y) = (i % columns * side, i / columns * side);
         let other = y / around * width.div_ceil(around) + x / around;
         let z = block.z_among(&others[other as usize], claims);
@@ -208,6 +209,7 @@ pub struct Difference {
     pub relative_mse: f64,
     /// The sum of the differences of all pixels with a known error.
     pub sum: Gap,
+    // Keep what the tests have found
     /// Number of pixels whose error is unknown.
     pub unknown: usize,
     /// Number of pixels of known error with fewer than [`FEW`]
@@ -236,22 +238,22 @@ impl Difference {
 /// They differ in size, or no pixel has a known error.
 pub fn compare(a: &Picture, b: &Picture) -> Result<Difference, String> {
     same_size(a, b)?;
+    // Collect the gaps of all pixels
     let gaps: Vec<_> = (0..a.means.len()).map(|i| gap(a, b, i)).collect();
     let mut sum = Gap::default();
     gaps.iter().flatten().for_each(|gap| sum.add(gap));
-    // Insist on pixels that can be tested
     if a.errors.is_none() && b.errors.is_none() {
         return Err("neither picture says its errors".to_owned());
     }
     if sum.pixels == 0 {
         return Err("the errors of all pixels are unknown".to_owned());
     }
-    let enough = |i| enough(a, i) && enough(b, i);
-    let single: Vec<_> =
-        (0..gaps.len()).map(|i| gaps[i].filter(|_| enough(i))).collect();
     // Test each scale against the next
     let claims = a.errors.is_some() && b.errors.is_some();
     let test = |gaps: &[_], sides| test(gaps, a.width, sides, claims);
+    let enough = |i| enough(a, i) && enough(b, i);
+    let single: Vec<_> =
+        (0..gaps.len()).map(|i| gaps[i].filter(|_| enough(i))).collect();
     let [pixel, block, image] = SIDES;
     let scales = [
         test(&single, (pixel, block)),
@@ -295,11 +297,7 @@ fn spread(gaps: &[Option<Gap>]) -> (f64, f64) {
     let noisy = |gap: &&Gap| gap.variance > 0. && gap.freedom() > 2.;
     for gap in gaps.iter().flatten().filter(noisy) {
         squares += gap.z() * gap.z();
-        let freedom = gap.freedom();
-        expected += match freedom.is_finite() {
-            true => freedom / (freedom - 2.),
-            false => 1.,
-        };
+        expected += 1. / (1. - 2. / gap.freedom());
         n += 1.;
     }
     (f64::sqrt(squares / n), f64::sqrt(expected / n))

@@ -36,17 +36,15 @@ enum Kind {
     },
 }
 
-fn exists(path: &Path) -> String {
-    format!("{}: the file exists; overwrite it with -f", path.display())
-}
-
 /// A temporary file in the directory of `path`.
 fn temporary(path: &Path) -> Result<NamedTempFile, String> {
+    // Find the directory of the file
     let directory = match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
     };
     let mut builder = tempfile::Builder::new();
+    // Let the user's mask decide the mode
     #[cfg(unix)]
     builder
         .permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
@@ -66,6 +64,10 @@ fn fill<W: Write>(content: &mut Content, out: W) -> io::Result<W> {
     buffer.into_inner().map_err(|error| error.into_error())
 }
 
+fn exists(path: &Path) -> String {
+    format!("{}: the file exists; overwrite it with -f", path.display())
+}
+
 fn failure(name: impl fmt::Display, error: io::Error) -> String {
     format!("{name}: cannot write: {error}")
 }
@@ -76,21 +78,18 @@ fn name_file(
     path: &Path,
     force: bool,
 ) -> Result<(), String> {
+    // Keep the mode of a file that is replaced
     if let Ok(there) = path.metadata() {
-        // A file that is replaced keeps its mode.
         let _ = file.as_file().set_permissions(there.permissions());
     }
     let named = match force {
         true => file.persist(path),
         false => file.persist_noclobber(path),
     };
-    match named {
-        Ok(_) => Ok(()),
-        Err(e) if e.error.kind() == ErrorKind::AlreadyExists => {
-            Err(exists(path))
-        }
-        Err(e) => Err(failure(path.display(), e.error)),
-    }
+    named.map(drop).map_err(|e| match e.error.kind() {
+        ErrorKind::AlreadyExists => exists(path),
+        _ => failure(path.display(), e.error),
+    })
 }
 
 impl Place {
@@ -137,11 +136,10 @@ impl Place {
     pub fn write(&self, content: &mut Content) -> Result<(), String> {
         match &self.0 {
             Kind::StandardOutput => {
-                match fill(content, io::stdout().lock()) {
+                // Write to standard output
+                match fill(content, io::stdout().lock()).map(drop) {
                     Err(e) if e.kind() == ErrorKind::BrokenPipe => Ok(()),
-                    done => done
-                        .map(drop)
-                        .map_err(|e| failure("standard output", e)),
+                    done => done.map_err(|e| failure("standard output", e)),
                 }
             }
             Kind::Device(path) => {
@@ -150,6 +148,7 @@ impl Place {
                 done.map(drop).map_err(|e| failure(path.display(), e))
             }
             Kind::File { path, force } => {
+                // Fill a temporary file and name it
                 let file = temporary(path)?;
                 fill(content, file.as_file())
                     .and_then(|file| file.sync_all())
@@ -199,6 +198,7 @@ impl Destination {
         Ok(Self { place: Place::file(path, force)?, format })
     }
 
+    // Tell the format and write the image
     /// The format of the image.
     pub fn format(&self) -> Format {
         self.format

@@ -35,6 +35,7 @@ pub struct Picture {
     pub height: u32,
     /// Mean radiance of each pixel.
     pub means: Vec<f64>,
+    // Keep what other programs do not know
     /// Standard error of each mean, infinite where unknown; none if the
     /// file does not say.
     pub errors: Option<Vec<f64>>,

@@ -159,10 +159,36 @@ fn a_reference_without_errors_is_taken_as_exact() {
 #[test]
 fn pictures_of_one_seed_are_compared_with_a_warning() {
     let place = Place::new();
-    put(&place, "a.exr", 1, 0.5);
-    let run = run(&place, &["diff", "a.exr", "a.exr"]);
-    assert_eq!(run.status, Some(0));
-    assert!(run.stderr.starts_with("warning: both have the seed 1"));
+    let picture = put(&place, "a.exr", 0, 0.5);
+    put(&place, "b.exr", 0, 0.6);
+    for (other, status) in [("a.exr", 0), ("b.exr", 1)] {
+        let run = run(&place, &["diff", "a.exr", other]);
+        assert_eq!(run.status, Some(status));
+        let warning = "warning: both pictures come from seed 0: ";
+        assert!(run.stderr.starts_with(warning), "{}", run.stderr);
+        assert_eq!(run.stderr.lines().count(), 1, "{}", run.stderr);
+    }
+    let joined = [("seed".to_owned(), "3,0".to_owned())];
+    let joined = Picture { attributes: joined.into(), ..picture };
+    write(&place, "c.exr", &joined);
+    let run = run(&place, &["diff", "c.exr", "a.exr"]);
+    assert!(run.stderr.contains("seed 0"), "{}", run.stderr);
+}
+
+#[test]
+fn one_seed_for_two_scenes_is_compared_without_a_warning() {
+    let place = Place::new();
+    let picture = put(&place, "a.exr", 1, 0.5);
+    for (name, hash) in [("a.exr", "aa"), ("b.exr", "bb"), ("c.exr", "aa")]
+    {
+        let mut picture = picture.clone();
+        let hash = ("scene_sha256".to_owned(), hash.to_owned());
+        picture.attributes.extend([hash]);
+        write(&place, name, &picture);
+    }
+    let warns = |a, b| !run(&place, &["diff", a, b]).stderr.is_empty();
+    assert!(!warns("a.exr", "b.exr"));
+    assert!(warns("a.exr", "c.exr"));
 }
 
 #[test]

@@ -16,7 +16,7 @@ use clap::{Args, Parser, Subcommand};
 
 use litpt::arguments::{LICENCE, STYLES, parse_command_line, parse_real};
 use litpt::compare::display::{self, Curve};
-use litpt::compare::merge::merge;
+use litpt::compare::merge::{Run, merge};
 use litpt::compare::{Difference, FEW, Scale, compare};
 use litpt::output::{Destination, Place};
 use litpt::picture::{Format, Picture};
@@ -71,7 +71,7 @@ enum Verb {
         /// Picture to test against; taken as exact if it says no errors
         #[arg(value_name = "B")]
         b: PathBuf,
-
+        // Declare the options of a comparison
         /// Map of the differences in standard errors, as numbers (.exr,
         /// .pfm) or as grey levels (.png, .pgm) from -5 to 5
         #[arg(short, long, value_name = "FILE")]
@@ -133,13 +133,11 @@ impl Output {
         if formats.contains(&format) {
             return Destination::file(&self.output, self.force);
         }
+        // Name the formats that make sense
         let name = |f: &Format| format!(".{f:?}").to_ascii_lowercase();
         let names: Vec<_> = formats.iter().map(name).collect();
-        Err(format!(
-            "{}: this picture is written as {}",
-            self.output.display(),
-            names.join(" or ")
-        ))
+        let (path, names) = (self.output.display(), names.join(" or "));
+        Err(format!("{path}: this picture is written as {names}"))
     }
 }
 
@@ -164,10 +162,11 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
     match verb {
         Verb::Info { files } => inform(files)?,
         Verb::Tonemap { input, output, exposure, tonemap } => {
+            // Show the radiances on a screen
             let place = output.place(&GREY)?;
             let picture = Picture::read(input)?;
-            place
-                .write(&display::tonemap(&picture, *exposure, *tonemap))?;
+            let grey = display::tonemap(&picture, *exposure, *tonemap);
+            place.write(&grey)?;
         }
         Verb::Merge { files, output } => {
             let place = output.place(&[Format::Exr])?;
@@ -177,6 +176,7 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
             show_errors(input, output, *relative)?;
         }
         Verb::Diff { a, b, output, force, quiet } => {
+            // Check the map before the comparison
             let map = output.as_ref();
             let map = map.map(|path| Destination::file(path, *force));
             return diff(a, b, map.transpose()?, *quiet);
@@ -186,7 +186,7 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
 }
 
 /// Reads the pictures, each with the name of its file.
-fn read_all(files: &[PathBuf]) -> Result<Vec<(String, Picture)>, String> {
+fn read_all(files: &[PathBuf]) -> Result<Vec<Run>, String> {
     let read = |path: &PathBuf| {
         Ok((path.display().to_string(), Picture::read(path)?))
     };
@@ -203,6 +203,7 @@ fn show_errors(
     let (grey, white) = display::errors(&picture, relative)
         .map_err(|fault| format!("{}: {fault}", input.display()))?;
     place.write(&grey)?;
+    // Tell what white stands for
     let what = match relative {
         true => "relative standard error",
         false => "standard error",
@@ -237,6 +238,7 @@ fn describe(name: &str, picture: &Picture) -> String {
         let unknown = errors.iter().filter(|e| e.is_infinite()).count();
         (errors.iter().map(|e| e * e).sum::<f64>(), unknown)
     });
+    // Tell the mean as well as it is known
     match squares {
         Some((squares, 0)) => {
             let (error, rmse) = (squares.sqrt() / n, (squares / n).sqrt());
@@ -306,26 +308,33 @@ fn diff(
         }
         if let Some(seed) = common_seed(&first, &second) {
             progress::warn(&format!(
-                "both have the seed {seed}: if they share random numbers, they \
-                 agree better than independent pictures would"
+                "both pictures come from seed {seed}: they share random \
+                 numbers, and may agree better than independent ones would"
             ));
         }
         say(&explain(&difference))?;
     }
+    // Answer by the status
     Ok(match difference.consistent() {
         true => ExitCode::SUCCESS,
         false => ExitCode::from(1),
     })
 }
 
-/// A seed that two pictures share; joined pictures have several.
+/// A seed that two pictures of the same scene share; joined pictures
+/// have several.
 fn common_seed<'a>(a: &'a Picture, b: &Picture) -> Option<&'a str> {
-    let (a, b) = (a.attributes.get("seed")?, b.attributes.get("seed")?);
+    let of = |name| a.attributes.get(name).zip(b.attributes.get(name));
+    if of("scene_sha256").is_some_and(|(a, b)| a != b) {
+        return None;
+    }
+    let (a, b) = of("seed")?;
     a.split(',').find(|seed| b.split(',').any(|other| other == *seed))
 }
 
 /// The lines that explain a comparison.
 fn explain(difference: &Difference) -> String {
+    // Tell the distances and the mean difference
     let &Difference { rmse, relative_mse, sum, .. } = difference;
     let n = sum.pixels as f64;
     let (mean, error) = (sum.difference / n, sum.variance.sqrt() / n);
@@ -335,6 +344,7 @@ fn explain(difference: &Difference) -> String {
         format!("relative mean square difference: {relative_mse:.6}"),
         format!("mean difference: {mean:.6} ± {error:.6} (z = {z:.2})"),
     ];
+    // Tell whether the errors are plausible
     let (found, expected) = difference.spread;
     if found.is_finite() {
         lines.push(format!(

@@ -62,6 +62,7 @@ pub fn errors(
 ) -> Result<(Picture, f64), String> {
     let errors = picture.errors.as_ref();
     let errors = errors.ok_or("it has no channel stderr.Y")?;
+    // Take the errors as they are or relative
     let value = |(&error, &mean): (&f64, &f64)| match (relative, error) {
         (true, error) if error > 0. => error / mean.abs(),
         _ => error,

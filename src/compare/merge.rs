@@ -14,12 +14,17 @@ use super::same_size;
 use crate::picture::Picture;
 
 // Join the pictures pixel by pixel
-/// Joins pictures, given with the names of their files.
+/// A picture with the name of its file.
+pub type Run = (String, Picture);
+
+/// Joins pictures as if one run had made them. Errors that borrow from
+/// the neighbours, as those of `pt` do, keep what each run borrowed.
 ///
 /// # Errors
 /// They differ in size or in something that changes the image, they do
 /// not say their realisations, or they share random numbers.
-pub fn merge(runs: &[(String, Picture)]) -> Result<Picture, String> {
+pub fn merge(runs: &[Run]) -> Result<Picture, String> {
+    // Refuse what cannot be joined
     let Some((first_name, first)) = runs.first() else {
         return Err("there is nothing to join".to_owned());
     };
@@ -46,8 +51,9 @@ pub fn merge(runs: &[(String, Picture)]) -> Result<Picture, String> {
 }
 
 /// Mean, error and count of a pixel over all runs.
-fn pixel(runs: &[(String, Picture)], i: usize) -> (f64, f64, f64) {
-    let part = |(_, run): &(String, Picture)| {
+fn pixel(runs: &[Run], i: usize) -> (f64, f64, f64) {
+    // Take what one run knows of the pixel
+    let part = |(_, run): &Run| {
         let (errors, samples) = (run.errors.as_ref(), run.samples.as_ref());
         let error = errors.map_or(f64::INFINITY, |errors| errors[i]);
         let count = samples.map_or(0., |samples| samples[i]);
@@ -57,6 +63,7 @@ fn pixel(runs: &[(String, Picture)], i: usize) -> (f64, f64, f64) {
     let count: f64 = parts().map(|(.., n)| n).sum();
     let sum: f64 = parts().map(|(mean, _, n)| n * mean).sum();
     let mean = sum / f64::max(count, 1.);
+    // Find the variance of the joint mean
     let deviations = parts().map(|(own, error, n)| {
         let within = if n > 1. { n * (n - 1.) * error * error } else { 0. };
         within + n * (own - mean) * (own - mean)
@@ -81,9 +88,7 @@ const SUMS: [&str; 5] = [
 /// Attributes that may differ between runs of the same image.
 const FREE: [&str; 4] = ["version", "scene", "threads", "stopped"];
 
-fn attributes(
-    runs: &[(String, Picture)],
-) -> Result<BTreeMap<String, String>, String> {
+fn attributes(runs: &[Run]) -> Result<BTreeMap<String, String>, String> {
     let mut joint = BTreeMap::new();
     joint.insert("seed".to_owned(), seeds(runs)?);
     let names = runs.iter().flat_map(|(_, run)| run.attributes.keys());
@@ -99,7 +104,7 @@ fn attributes(
 }
 
 /// The seeds of all runs, if they differ.
-fn seeds(runs: &[(String, Picture)]) -> Result<String, String> {
+fn seeds(runs: &[Run]) -> Result<String, String> {
     let mut seen: Vec<(&str, &str)> = Vec::new();
     for (name, run) in runs {
         let own = run.attributes.get("seed").ok_or_else(|| {
@@ -108,6 +113,7 @@ fn seeds(runs: &[(String, Picture)]) -> Result<String, String> {
                      its random numbers with another"
             )
         })?;
+        // Refuse a seed that was seen before
         for seed in own.split(',') {
             if let Some((_, other)) = seen.iter().find(|s| s.0 == seed) {
                 return Err(format!(
@@ -125,35 +131,27 @@ fn seeds(runs: &[(String, Picture)]) -> Result<String, String> {
 ///
 /// # Errors
 /// They do not, and the attribute is one that changes the image.
-fn common(
-    runs: &[(String, Picture)],
-    name: &str,
-) -> Result<Option<String>, String> {
-    let value = |run: &Picture| run.attributes.get(name).cloned();
-    let (first_name, first) = &runs[0];
-    let first = value(first);
-    for (other_name, other) in runs {
-        let other = value(other);
-        if other != first {
-            if FREE.contains(&name) {
-                return Ok(None);
-            }
-            let show = |v: Option<String>| v.unwrap_or("unknown".into());
-            return Err(format!(
-                "{other_name}: its {name} is {}, that of {first_name} is {}",
-                show(other),
-                show(first)
-            ));
-        }
+fn common(runs: &[Run], name: &str) -> Result<Option<String>, String> {
+    let value = |run: &Run| run.1.attributes.get(name).cloned();
+    let (first, common) = (&runs[0], value(&runs[0]));
+    let Some(other) = runs.iter().find(|run| value(run) != common) else {
+        return Ok(common);
+    };
+    if FREE.contains(&name) {
+        return Ok(None);
     }
-    Ok(first)
+    let show = |run| value(run).unwrap_or("unknown".into());
+    let (other_value, value) = (show(other), show(first));
+    let (other, first) = (&other.0, &first.0);
+    Err(format!(
+        "{other}: its {name} is {other_value}, that of {first} is {value}"
+    ))
 }
 
 /// The sum of an attribute over all runs, if all know it.
-fn sum(runs: &[(String, Picture)], name: &str) -> Option<String> {
-    let value = |(_, run): &(String, Picture)| {
-        run.attributes.get(name)?.parse::<f64>().ok()
-    };
+fn sum(runs: &[Run], name: &str) -> Option<String> {
+    let value =
+        |(_, run): &Run| run.attributes.get(name)?.parse::<f64>().ok();
     let sum: f64 = runs.iter().map(value).sum::<Option<f64>>()?;
     Some(match sum.fract() {
         0. => format!("{sum}"),

@@ -29,6 +29,7 @@ pub fn write(picture: &Picture, out: &mut dyn Write) -> io::Result<()> {
     let size = (picture.width as usize, picture.height as usize);
     let other = picture.attributes.iter().map(attribute).collect();
     let layer = LayerAttributes { other, ..LayerAttributes::default() };
+    // Compress sixteen rows at a time
     let encoding = Encoding {
         compression: Compression::ZIP16,
         blocks: Blocks::ScanLines,
@@ -36,6 +37,7 @@ pub fn write(picture: &Picture, out: &mut dyn Write) -> io::Result<()> {
     };
     let channels = AnyChannels::sort(channels(picture));
     let layer = Layer::new(size, layer, encoding, channels);
+    // Encode the layer in memory
     let mut bytes = Vec::new();
     Image::from_layer(layer)
         .write()
@@ -106,6 +108,7 @@ fn attribute_length(header: &[u8]) -> Option<usize> {
 /// The file is damaged, or it has no channel `Y` of full size.
 pub fn read(bytes: &[u8]) -> Result<Picture, String> {
     refuse_lies(bytes)?;
+    // Decode the first layer of the file
     let image = exr::prelude::read()
         .no_deep_data()
         .largest_resolution_level()
@@ -126,11 +129,14 @@ pub fn read(bytes: &[u8]) -> Result<Picture, String> {
         (data.len() == size).then(|| values.collect::<Vec<_>>())
     };
     let means = values(MEAN).ok_or_else(|| {
+        // Say which channels there are instead
         let list = layer.channel_data.list.iter();
         let names: Vec<_> = list.map(|c| c.name.to_string()).collect();
         let names = names.join(", ");
         format!("it has no channel Y, the mean radiance, but {names}")
     })?;
+    let attributes = layer.attributes.other.iter().filter_map(ours);
+    let attributes = attributes.collect();
     let side = |n| u32::try_from(n).map_err(|_| "it is too large");
     Ok(Picture {
         width: side(layer.size.width())?,
@@ -138,12 +144,7 @@ pub fn read(bytes: &[u8]) -> Result<Picture, String> {
         means,
         errors: values(ERROR),
         samples: values(SAMPLES),
-        attributes: layer
-            .attributes
-            .other
-            .iter()
-            .filter_map(ours)
-            .collect(),
+        attributes,
     })
 }
 
@@ -153,13 +154,15 @@ fn refuse_lies(bytes: &[u8]) -> Result<(), String> {
         .map_err(|error| error.to_string())?;
     for header in &meta.headers {
         let Vec2(width, height) = header.layer_size;
+        // Ask for room of that size, and give it back
         let pixel = header.channels.bytes_per_pixel as u128;
         let size = width as u128 * height as u128 * pixel;
-        let room = usize::try_from(size)
-            .ok()
-            .filter(|_| size <= 8192 * bytes.len() as u128);
-        let room = room.map(|n| Vec::<u8>::new().try_reserve_exact(n));
-        if !matches!(room, Some(Ok(()))) {
+        let likely = size <= 8192 * bytes.len() as u128;
+        let room = likely
+            && usize::try_from(size).is_ok_and(|n| {
+                Vec::<u8>::new().try_reserve_exact(n).is_ok()
+            });
+        if !room {
             return Err(format!(
                 "its header says {width} by {height} pixels, which a \
                  file of {} bytes cannot hold",

@@ -14,6 +14,7 @@ use std::io::{self, Write};
 
 use super::Picture;
 
+// Write a portable float map
 /// Writes the means, as numbers of least significant byte first.
 pub fn write(picture: &Picture, out: &mut dyn Write) -> io::Result<()> {
     write!(out, "Pf\n{} {}\n-1.0\n", picture.width, picture.height)?;
@@ -33,6 +34,7 @@ pub fn write(picture: &Picture, out: &mut dyn Write) -> io::Result<()> {
 /// numbers than it says.
 pub fn read(bytes: &[u8]) -> Result<Picture, String> {
     let (header, data) = split(bytes).ok_or("its header is damaged")?;
+    // Take the size and the unit from the header
     let [width, height, scale] = header;
     let side = |text: &str| text.parse().ok().filter(|&n: &u32| n > 0);
     let size = side(width).zip(side(height));

@@ -18,6 +18,7 @@ use super::srgb::level;
 /// Writes the means as 65536 levels, encoded by the sRGB curve.
 pub fn write(picture: &Picture, out: &mut dyn Write) -> io::Result<()> {
     let mut encoder = Encoder::new(out, picture.width, picture.height);
+    // Declare grey levels of the sRGB curve
     encoder.set_color(ColorType::Grayscale);
     encoder.set_depth(BitDepth::Sixteen);
     encoder.set_source_srgb(SrgbRenderingIntent::RelativeColorimetric);
