@@ -102,7 +102,8 @@ pub struct Arguments {
         long,
         value_name = "FORMAT",
         default_value = "pgm",
-        hide_possible_values = true
+        hide_possible_values = true,
+        conflicts_with = "output"
     )]
     pub format: Format,
 
@@ -290,15 +291,18 @@ impl Arguments {
     }
 
     fn tell_files_apart(&self) -> Result<(), String> {
+        let place = |path: &PathBuf| {
+            path.canonicalize().unwrap_or_else(|_| path.clone())
+        };
+        let read = self.input.iter().chain(&self.reference);
+        let mut taken: Vec<_> = read.map(place).collect();
         let written = self.output.iter().chain(&self.report);
-        let written: Vec<_> = written.chain(&self.checkpoint).collect();
-        let read: Vec<_> =
-            self.input.iter().chain(&self.reference).collect();
-        for (i, path) in written.iter().enumerate() {
-            if written[..i].contains(path) || read.contains(path) {
+        for path in written.chain(&self.checkpoint) {
+            if taken.contains(&place(path)) {
                 let name = path.display();
                 return Err(format!("{name}: this file is named twice"));
             }
+            taken.push(place(path));
         }
         Ok(())
     }

@@ -17,7 +17,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
-use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::consts::{SIGINT, SIGTERM, SIGXFSZ};
 use signal_hook::flag;
 
 use crate::estimator::Estimator;
@@ -72,10 +72,12 @@ impl Stop {
 pub struct Course {
     /// Realisations of each pixel.
     pub spp: u64,
-    /// Seconds of rendering, with all that is done between the passes.
+    /// Seconds of rendering, with what is done between the passes.
     pub seconds: f64,
     /// Rays traced.
     pub rays: u64,
+    /// Pixels whose realisations were all alike, at the last step.
+    pub constant: u64,
     /// The curve of error against time.
     pub steps: Vec<Step>,
     /// Seconds for one realisation of each pixel, at the last pass.
@@ -220,12 +222,14 @@ impl Course {
     }
 
     // Record a step of the curve
-    fn record(&mut self, image: &Image, reference: Option<&[f64]>) {
+    /// Records a step, unless the last one is of as many realisations.
+    pub fn record(&mut self, image: &Image, reference: Option<&[f64]>) {
         let known = self.steps.last().is_some_and(|s| s.spp == self.spp);
         if self.spp == 0 || known {
             return;
         }
         let summary = image.summary();
+        self.constant = summary.constant;
         let finite = |x: f64| x.is_finite().then_some(x);
         self.steps.push(Step {
             spp: self.spp,
@@ -266,6 +270,8 @@ impl Interrupt {
     pub fn listen() -> io::Result<Self> {
         let interrupt = Self::default();
         let again = Arc::new(AtomicBool::new(false));
+        // A file beyond the limit of size is an error, not the end.
+        flag::register(SIGXFSZ, Arc::default())?;
         for signal in [SIGINT, SIGTERM] {
             let status = 128 + signal;
             flag::register_conditional_shutdown(
@@ -281,7 +287,7 @@ impl Interrupt {
     }
 
     /// The signal that has arrived, if any.
-    fn signal(&self) -> Option<i32> {
+    pub fn signal(&self) -> Option<i32> {
         match self.0.load(Ordering::Relaxed) {
             0 => None,
             signal => Some(signal as i32),

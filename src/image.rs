@@ -214,11 +214,14 @@ impl Image {
     /// combined with that of its neighbours, which is `worth` so many
     /// realisations ([`WORTH`]; 0 leaves the neighbours out).
     pub fn errors(&self, worth: f64) -> Vec<f64> {
-        let variances: Vec<f64> =
-            self.rows().map(Accumulator::variance).collect();
-        let places = (0..self.height)
-            .flat_map(|y| (0..self.width).map(move |x| (x, y)));
-        let error = |(&own, (x, y)): (&f64, (u32, u32))| {
+        let place = |i: usize| {
+            let width = self.width as usize;
+            ((i % width) as u32, (i / width) as u32)
+        };
+        let pixels = (0..self.pixels.len()).into_par_iter().map(place);
+        let variance = |(x, y)| self.pixel(x, y).variance();
+        let variances: Vec<f64> = pixels.clone().map(variance).collect();
+        let error = |((x, y), &own): ((u32, u32), &f64)| {
             let n = self.pixel(x, y).count() as f64;
             // Combine the variance with the neighbours'
             let variance = match self.around(&variances, x, y) {
@@ -229,7 +232,7 @@ impl Image {
             };
             (variance / n.max(1.)).sqrt()
         };
-        variances.iter().zip(places).map(error).collect()
+        pixels.zip(&variances).map(error).collect()
     }
 
     // Average the variances around a pixel

@@ -29,6 +29,8 @@ pub struct Journal {
     reports: Vec<(Kind, Place)>,
     /// When the next report may be written.
     next_report: Instant,
+    /// The seconds of the run when the last one was written.
+    reported: f64,
     /// The place of the checkpoint.
     checkpoint: Option<Place>,
     /// Time between two checkpoints.
@@ -54,13 +56,14 @@ fn put(
 }
 
 // Show a value as text
-/// A value as text; a vector as it is typed on the command line.
+/// A value as text; a vector or a size as it is typed.
 fn text(value: &Value) -> String {
     match value {
         Value::String(text) => text.clone(),
         Value::Array(parts) => {
+            let sign = if parts.len() == 2 { "x" } else { "," };
             let parts: Vec<String> = parts.iter().map(text).collect();
-            parts.join(",")
+            parts.join(sign)
         }
         other => other.to_string(),
     }
@@ -81,6 +84,7 @@ impl Journal {
         Self {
             reports,
             next_report,
+            reported: 0.,
             checkpoint,
             every,
             next_checkpoint,
@@ -105,8 +109,10 @@ impl Journal {
         // Write the reports if they are due
         let last = course.steps.last();
         let recorded = last.is_some_and(|step| step.spp == course.spp);
-        if recorded && now >= self.next_report {
+        let due = recorded || course.seconds > 1.1 * self.reported;
+        if due && now >= self.next_report && !self.reports.is_empty() {
             reported = self.write_reports(course, image, None);
+            self.reported = course.seconds;
             self.next_report = Instant::now() + 100 * now.elapsed();
         }
         // Write the checkpoint if it is due
@@ -136,16 +142,18 @@ impl Journal {
     /// Takes the time that [`Journal::close`] will take, and writes nothing;
     /// returns the picture.
     pub fn rehearse(&self, course: &Course, image: &Image) -> Picture {
-        let report = self.report(course, image, None);
-        let picture = self.picture(course, image, None);
-        for (kind, _) in &self.reports {
-            black_box(kind.render(&report, &picture));
+        if !self.reports.is_empty() {
+            let report = self.report(course, image, None);
+            let picture = self.illustration(course, image);
+            for (kind, _) in &self.reports {
+                black_box(kind.render(&report, &picture));
+            }
         }
         if self.checkpoint.is_some() {
             let (subject, mut out) = (&self.subject, io::sink());
             let _ = checkpoint::save(subject, course, image, &mut out);
         }
-        picture
+        self.picture(course, image, None)
     }
 
     // Write the reports
@@ -159,7 +167,7 @@ impl Journal {
             return Ok(());
         }
         let report = self.report(course, image, stop);
-        let picture = self.picture(course, image, stop);
+        let picture = self.illustration(course, image);
         let mut written = Ok(());
         for (kind, place) in &mut self.reports {
             let text = kind.render(&report, &picture);
@@ -168,6 +176,15 @@ impl Journal {
             written = written.and(done);
         }
         written
+    }
+
+    /// The picture that the reports need.
+    fn illustration(&self, course: &Course, image: &Image) -> Picture {
+        let page = self.reports.iter().any(|(kind, _)| *kind == Kind::Html);
+        match page {
+            true => self.picture(course, image, None),
+            false => self.picture(course, &Image::new(1, 1), None),
+        }
     }
 
     // Write the checkpoint
@@ -192,17 +209,19 @@ impl Journal {
         image: &Image,
         stop: Option<Stop>,
     ) -> Report {
+        let mut now = course.clone();
+        now.record(image, None);
         let mut report = self.facts.clone();
-        report.render_seconds = course.seconds;
-        report.rays = course.rays;
+        report.render_seconds = now.seconds;
+        report.rays = now.rays;
         report.stopped = stop.map(|stop| stop.name().to_owned());
-        report.constant_pixels = image.summary().constant;
-        if let Some(last) = course.steps.last() {
+        report.constant_pixels = now.constant;
+        if let Some(last) = now.steps.last() {
             report.mean = last.mean;
             report.mean_stderr = last.mean_stderr;
             report.rmse = last.rmse;
         }
-        report.steps = course.steps.clone();
+        report.steps = now.steps;
         report
     }
 
@@ -226,7 +245,8 @@ impl Journal {
             "stopped": stop.map_or("not yet", Stop::name),
         });
         let known = known.as_object().into_iter().flatten();
-        let all = self.subject.iter().chain(known);
+        let settings = facts.settings.iter().filter(|(_, v)| !v.is_null());
+        let all = settings.chain(&self.subject).chain(known);
         let attributes =
             all.map(|(name, value)| (name.clone(), text(value)));
         Picture::new(image, attributes.collect())

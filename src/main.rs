@@ -85,6 +85,15 @@ fn run(arguments: &Arguments) -> Result<Stop, String> {
     if let Some((name, file)) = resumed {
         course = checkpoint::resume(&subject, &mut image, file)
             .map_err(|fault| format!("{name}: {fault}"))?;
+        // Warn if there is nothing left to do
+        let enough =
+            arguments.realisations().is_some_and(|n| course.spp >= n);
+        if enough && !arguments.quiet {
+            let spp = course.spp;
+            progress::warn(&format!(
+                "{name}: holds {spp} realisations already (ask for more with -n)"
+            ));
+        }
     }
     let file = arguments.input_name();
     let triangles = scene.triangles().len() as u64;
@@ -137,7 +146,7 @@ fn run(arguments: &Arguments) -> Result<Stop, String> {
             bar.expect(paths(expected), course.to_string());
             let written = journal.after(course, image);
             if let (Err(message), false) = (written, arguments.quiet) {
-                progress::warn(&message);
+                bar.suspend(|| progress::warn(&message));
             }
         };
         course.run(&job, image, limits, &advance, &mut after)
@@ -148,11 +157,15 @@ fn run(arguments: &Arguments) -> Result<Stop, String> {
         limits.realisations =
             Some(realisations.map_or(one_more, |n| n.min(one_more)));
         go_on(&mut course, &mut image, &limits, &mut journal);
-        let began = Instant::now();
-        let picture = journal.rehearse(&course, &image);
-        outputs.iter().for_each(|output| output.rehearse(&picture));
-        limits.deadline = deadline.checked_sub(began.elapsed());
         limits.realisations = realisations;
+        if interrupt.signal().is_none() {
+            // Keep the time for writing in reserve
+            let began = Instant::now();
+            let picture = journal.rehearse(&course, &image);
+            outputs.iter().for_each(|output| output.rehearse(&picture));
+            let end = deadline.checked_sub(began.elapsed());
+            limits.deadline = end.or(limits.deadline);
+        }
         // Warn if the time is over already
         if Instant::now() > deadline && !arguments.quiet {
             progress::warn(
@@ -164,12 +177,14 @@ fn run(arguments: &Arguments) -> Result<Stop, String> {
     bar.finish();
     // Write the image and the summary
     let picture = journal.picture(&course, &image, Some(stop));
-    let mut written: Result<(), String> = Ok(());
-    for output in &outputs {
-        written = written.and(output.write(&picture));
+    let written = outputs.iter().map(|output| output.write(&picture));
+    let mut written: Vec<_> = written.collect();
+    written.push(journal.close(&course, &image, stop));
+    let failures: Vec<_> =
+        written.into_iter().filter_map(Result::err).collect();
+    if !failures.is_empty() {
+        return Err(failures.join("; "));
     }
-    written = written.and(journal.close(&course, &image, stop));
-    written?;
     if !arguments.quiet {
         let report = journal.report(&course, &image, Some(stop));
         progress::summarise(&report, area);

@@ -72,6 +72,11 @@ impl Bar {
         self.0.set_message(known);
     }
 
+    /// Takes the bar away while something else is printed.
+    pub fn suspend(&self, print: impl FnOnce()) {
+        self.0.suspend(print);
+    }
+
     /// Removes the bar.
     pub fn finish(&self) {
         self.0.finish_and_clear();

@@ -34,7 +34,7 @@ fn state() -> (Course, Image) {
                 "rmse": rmse, "mean": 1. / 3., "mean_stderr": rmse })
     };
     let course = json!({
-        "spp": 9, "seconds": 1e-3 / 7., "rays": u64::MAX - 1,
+        "spp": 9, "seconds": 1e-3 / 7., "rays": u64::MAX - 1, "constant": 4,
         "steps": [step(1, Value::Null), step(2, json!(0.1 + 0.2))],
     });
     let mut image = Image::new(5, 3);

@@ -13,7 +13,12 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use common::{Place, ROOM, Run, finish, skip};
+use litpt::checkpoint::Subject;
+use litpt::course::Course;
+use litpt::image::Image;
+use litpt::journal::Journal;
 use litpt::picture::Picture;
+use litpt::report::Report;
 use serde_json::Value;
 
 const SCENE: [&str; 4] = ["-q", "-iroom.obj", "-d23x17", "-r0.7"];
@@ -384,8 +389,7 @@ fn each_of_several_reports_is_written() {
 
 /// Runs `pt` where no file may be larger than so many blocks.
 fn pt_within(place: &Place, blocks: u32, arguments: &[&str]) -> Run {
-    let script =
-        format!(r#"trap '' XFSZ; ulimit -f {blocks}; exec "$0" "$@""#);
+    let script = format!(r#"ulimit -f {blocks}; exec "$0" "$@""#);
     let mut command = place.command("sh");
     command.args(["-c", &script, env!("CARGO_BIN_EXE_pt")]);
     command.args(arguments);
@@ -577,7 +581,8 @@ fn an_exr_is_the_same_on_standard_output_except_for_its_times() {
     assert_eq!(one.samples, Some(vec![5.; 23 * 17]));
     for (name, value) in [
         ("scene", "room.obj"),
-        ("definition", "23,17"),
+        ("definition", "23x17"),
+        ("threads", &rayon::current_num_threads().to_string()),
         ("seed", "0"),
         ("reflectivity", "0.7"),
         ("realisations", "5"),
@@ -598,4 +603,71 @@ fn a_pfm_and_an_exr_hold_the_same_means() {
     assert!(exr.means.iter().any(|&mean| mean != exr.means[0]));
     assert!(exr.errors.unwrap().iter().any(|&error| error > 0.));
     assert_eq!((pfm.errors, pfm.samples), (None, None));
+}
+
+#[test]
+fn a_format_is_for_standard_output_only() {
+    let place = Place::new();
+    let both = ["-i", "room.obj", "--format=exr", "-o", "a.pgm"];
+    place.run(&both).failed(2, &["--format", "--output"]);
+    place.holds_only(&[]);
+}
+
+#[test]
+fn a_file_of_two_names_is_one_file() {
+    let place = Place::new();
+    std::os::unix::fs::symlink("room.obj", place.path("link.pgm")).unwrap();
+    let scene = place.get("room.obj");
+    let linked = ["-f", "-o", "link.pgm"];
+    pt(&place, &linked).failed(1, &["link.pgm", "twice"]);
+    assert_eq!(place.get("room.obj"), scene);
+    place.put("r.json", "old");
+    let twice = ["-f", "--report=r.json", "--report=./r.json"];
+    pt(&place, &twice).failed(1, &["r.json", "twice"]);
+    assert_eq!(place.get("r.json"), b"old");
+}
+
+#[test]
+fn each_file_that_cannot_be_written_is_named() {
+    let place = Place::new();
+    let files = ["-iroom.obj", "-n2", "-d512x384", "-oa.pgm", "-ob.pfm"];
+    pt_within(&place, 64, &files).failed(1, &["a.pgm", "b.pfm"]);
+    place.holds_only(&[]);
+}
+
+#[test]
+fn a_checkpoint_that_holds_enough_is_worth_a_warning() {
+    let place = Place::new();
+    let run = ["-i", "room.obj", "-d9x7", "--checkpoint=c"];
+    place.run(&[&run[..], &["-n5"]].concat()).succeeded();
+    for more in [&["--resume=c"][..], &["--resume=c", "-n4"]] {
+        let again = place.run(&[&run[..], more].concat());
+        again.succeeded();
+        assert!(again.stderr.contains("c: holds 5"), "{}", again.stderr);
+    }
+    let more = ["--resume=c", "-n6"];
+    let again = place.run(&[&run[..], &more].concat());
+    assert!(!again.stderr.contains("holds"), "{}", again.stderr);
+}
+
+#[test]
+fn a_report_between_two_steps_says_where_the_run_stands() {
+    let journal = Journal::new(
+        vec![],
+        None,
+        Duration::MAX,
+        Subject::default(),
+        Report::default(),
+    );
+    let mut image = Image::new(2, 1);
+    for pixel in image.stored_mut() {
+        [0., 1., 0.5].map(|weight| pixel.add(weight));
+    }
+    let mut course = Course::default();
+    (course.spp, course.rays) = (3, 17);
+    let report = journal.report(&course, &image, None);
+    assert!(course.steps.is_empty());
+    assert_eq!((report.steps.len(), report.steps[0].spp), (1, 3));
+    assert_eq!((report.mean, report.rays), (0.5, 17));
+    assert_eq!(report.rmse, Some(f64::sqrt(0.25 / 3.)));
 }

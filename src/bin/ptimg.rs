@@ -26,6 +26,7 @@ use litpt::progress;
 /// Shows, compares and joins the pictures that pt writes (.exr, .pfm).
 #[derive(Debug, Parser)]
 #[command(name = "ptimg", version, after_help = LICENCE, styles = STYLES)]
+#[command(arg_required_else_help = false)]
 struct Arguments {
     #[command(subcommand)]
     verb: Verb,

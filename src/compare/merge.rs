@@ -86,7 +86,15 @@ const SUMS: [&str; 5] = [
 ];
 
 /// Attributes that may differ between runs of the same image.
-const FREE: [&str; 4] = ["version", "scene", "threads", "stopped"];
+const FREE: [&str; 7] = [
+    "version",
+    "scene",
+    "threads",
+    "time",
+    "error",
+    "reference",
+    "stopped",
+];
 
 fn attributes(runs: &[Run]) -> Result<BTreeMap<String, String>, String> {
     let mut joint = BTreeMap::new();
