@@ -85,7 +85,7 @@ impl Bar {
 
 fn style() -> ProgressStyle {
     let template =
-        "[{bar:20}] {floor} {msg}{elapsed} passed, {eta} to go, {rate}";
+        "[{bar:14}] {floor} {msg}{elapsed} passed, {eta} to go, {rate}";
     let style = ProgressStyle::with_template(template);
     let style = style.unwrap_or_else(|_| ProgressStyle::default_bar());
     let floor = |state: &ProgressState, out: &mut dyn fmt::Write| {

@@ -661,7 +661,7 @@ fn a_report_between_two_steps_says_where_the_run_stands() {
     );
     let mut image = Image::new(2, 1);
     for pixel in image.stored_mut() {
-        [0., 1., 0.5].map(|weight| pixel.add(weight));
+        [0., 1., 0.5].into_iter().for_each(|weight| pixel.add(weight));
     }
     let mut course = Course::default();
     (course.spp, course.rays) = (3, 17);
