@@ -13,11 +13,12 @@ set -eu
 case $1 in /*) build=$1 ;; *) build=$PWD/$1 ;; esac
 mkdir -p "$2/ptimg"
 cd "$2/ptimg"
+cp "$build/courtyard.obj" .
 
 # render NAME SEED REFLECTIVITY
 render() {
   "$build/pt" -p 12.2,2.4,1.3 -t -12.6,6,-1.2 -u 0,1,0 -d 128x96 -n 64 \
-    -i "$build/courtyard.obj" -s "$2" -r "$3" -o "$1" -f -q
+    -i courtyard.obj -s "$2" -r "$3" -o "$1" -f -q
 }
 render one.exr 1 0.8
 render two.exr 2 0.8
