@@ -394,11 +394,12 @@ impl Arguments {
         let mut settings = subject.clone();
         settings
             .retain(|name, _| name != "scene_sha256" && name != "version");
+        let reference = self.reference.as_ref();
         let limits = json!({
             "realisations": self.realisations(),
             "time": self.time,
             "error": self.error,
-            "reference": self.reference.as_ref().map(|path| path.display().to_string()),
+            "reference": reference.map(|path| path.display().to_string()),
             "threads": rayon::current_num_threads(),
         });
         settings.extend(limits.as_object().cloned().unwrap_or_default());

@@ -107,7 +107,9 @@ impl Image {
     pub fn area(&self) -> u64 {
         self.pixels.len() as u64
     }
+}
 
+impl Image {
     /// The pixels, row by row from the top left.
     pub fn rows(&self) -> impl Iterator<Item = &Accumulator> {
         let row = move |y| (0..self.width).map(move |x| self.pixel(x, y));

@@ -234,6 +234,7 @@ fn timings(report: &Report) -> Markup {
 fn settings(report: &Report) -> Markup {
     let text = |value: &Value| match value {
         Value::String(text) => short(text, LONGEST),
+        Value::Null => "none".to_owned(),
         other => short(&other.to_string(), LONGEST),
     };
     let scene = &report.scene;
