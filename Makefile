@@ -134,26 +134,16 @@ $(BUILD_DIR)/tables/%.tex: doc/measured/%.csv
 MACHINE = \# $(shell sed -n 's/^model name.*: //p' /proc/cpuinfo | head -n 1), \
   $(shell nproc) cores, on $(shell date +%Y-%m-%d)
 
+MEASURED = presets accumulators accounting alarms
 measure: $(BUILD_DIR)/courtyard.obj
-	$(CARGO) build --release --example presets --example accumulators \
-	  --example accounting --example alarms
+	$(CARGO) build --release $(addprefix --example ,$(MEASURED))
 	@mkdir -p doc/measured
-	{ echo "$(MACHINE)" && \
-	  $(CARGO_TARGET_DIR)/release/examples/presets $<; } \
-	  > doc/measured/presets.csv.new
-	mv doc/measured/presets.csv.new doc/measured/presets.csv
-	{ echo "$(MACHINE)" && \
-	  $(CARGO_TARGET_DIR)/release/examples/accumulators; } \
-	  > doc/measured/accumulators.csv.new
-	mv doc/measured/accumulators.csv.new doc/measured/accumulators.csv
-	{ echo "$(MACHINE)" && \
-	  $(CARGO_TARGET_DIR)/release/examples/accounting; } \
-	  > doc/measured/accounting.csv.new
-	mv doc/measured/accounting.csv.new doc/measured/accounting.csv
-	{ echo '# any machine: the numbers are those of fixed seeds' && \
-	  $(CARGO_TARGET_DIR)/release/examples/alarms; } \
-	  > doc/measured/alarms.csv.new
-	mv doc/measured/alarms.csv.new doc/measured/alarms.csv
+	for name in $(MEASURED); do \
+	  { echo "$(MACHINE)" && \
+	    $(CARGO_TARGET_DIR)/release/examples/$$name $<; } \
+	    > doc/measured/$$name.csv.new && \
+	  mv doc/measured/$$name.csv.new doc/measured/$$name.csv || exit 1; \
+	done
 
 # What the tool and the program say, for the chapters on them.
 $(BUILD_DIR)/examples.stamp: $(NOWEB) $(BUILD_DIR)/pt $(BUILD_DIR)/ptimg \

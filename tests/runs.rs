@@ -364,10 +364,11 @@ fn a_report_of_unknown_kind_is_refused_before_the_scene_is_read() {
 }
 
 #[test]
-fn a_report_and_an_image_of_one_name_are_refused() {
+fn no_file_may_serve_two_purposes() {
     let place = Place::new();
     for files in [
         ["--report=r.json", "--report=r.json", "-f"],
+        ["-or.json", "--checkpoint=r.json", "-q"],
         ["--checkpoint=r.json", "--report=r.json", "-f"],
         ["--reference=r.json", "--report=r.json", "-f"],
     ] {
