@@ -46,6 +46,7 @@ help:
 	@echo 'make boot    rebuild the tool noweb from its own chapters'
 	@echo 'make chunk   list the root chunks; CHUNK="..." shows one chunk, expanded'
 	@echo 'make measure repeat the measurements that the book prints'
+	@echo 'make bench   measure pt beside Embree; BENCH_SCENES="..." restricts it'
 	@echo 'make clean   remove what was built'
 
 # ---- the program
@@ -134,7 +135,7 @@ $(BUILD_DIR)/tables/%.tex: doc/measured/%.csv
 MACHINE = \# $(shell sed -n 's/^model name.*: //p' /proc/cpuinfo | head -n 1), \
   $(shell nproc) cores, on $(shell date +%Y-%m-%d)
 
-MEASURED = presets accumulators accounting alarms
+MEASURED = qualities leaks accumulators accounting alarms
 measure: $(BUILD_DIR)/courtyard.obj
 	$(CARGO) build --release $(addprefix --example ,$(MEASURED))
 	@mkdir -p doc/measured
@@ -144,6 +145,103 @@ measure: $(BUILD_DIR)/courtyard.obj
 	    > doc/measured/$$name.csv.new && \
 	  mv doc/measured/$$name.csv.new doc/measured/$$name.csv || exit 1; \
 	done
+
+# ---- pt beside Embree
+
+# What is measured: traversal alone, whole renders, and one scene in several
+# sizes. "make bench" does all three in less than ten minutes, and each has a
+# target of its own. KITCHEN=FILE adds the scene of that OBJ (or .obj.zst),
+# which is not ours to give away, BENCH_LARGE=1 ten million triangles. A run
+# that is restricted replaces the tables of a whole one.
+BENCH = $(BUILD_DIR)/bench
+BENCH_SCENES = courtyard statue field $(if $(KITCHEN),kitchen)
+BENCH_SIZES = 1000 10000 100000 1000000 $(if $(BENCH_LARGE),10000000)
+EXAMPLES = $(CARGO_TARGET_DIR)/release/examples
+
+COMPARED = $(BENCH_SCENES:%=$(BENCH)/%)
+SIZED = $(BENCH_SIZES:%=$(BENCH)/field-%)
+AND_VIEWS = $(foreach scene,$(1),$(scene).obj $(scene).view)
+
+# The peer, a path tracer on Embree, is no part of this project.
+PEER ?= ../shared/peers/embree_pt.cpp
+EMBREE = /usr/include/embree3/rtcore.h
+
+.PHONY: bench bench-traversal bench-peer bench-sizes bench-tools
+bench:
+	@for part in traversal peer sizes; do \
+	  $(MAKE) --no-print-directory bench-$$part || exit 1; done
+	@python3 bench/measure.py show \
+	  $(patsubst %,doc/measured/%.csv,traversal bench sizes)
+
+$(BENCH)/examples.stamp: $(PROGRAMS) examples/scenes.rs examples/traversal.rs
+	$(CARGO) build --release --example scenes --example traversal
+	@mkdir -p $(BENCH)
+	@touch $@
+
+# field-1000 is the field with 1000 triangles.
+$(BENCH)/%.obj $(BENCH)/%.view: examples/scenes.rs | $(BENCH)/examples.stamp
+	$(EXAMPLES)/scenes $(subst -, ,$*) > $(BENCH)/$*.obj
+	$(EXAMPLES)/scenes --view $(firstword $(subst -, ,$*)) > $(BENCH)/$*.view
+
+$(BENCH)/courtyard.obj: $(BUILD_DIR)/courtyard.obj
+	@mkdir -p $(BENCH)
+	cp $< $@
+
+$(BENCH)/courtyard.view: Makefile
+	@mkdir -p $(BENCH)
+	@echo '$(CAMERA)' > $@
+
+$(BENCH)/kitchen.obj: $(KITCHEN)
+	@mkdir -p $(BENCH)
+	case '$<' in \
+	*.zst) zstd -dqf -o $@ '$<' ;; \
+	*) cp '$<' $@ ;; esac
+
+$(BENCH)/kitchen.view: Makefile
+	@mkdir -p $(BENCH)
+	@echo '-p 3.0,1.5,1.4 -t -3.9438584,1.5,-1.7303504 -u 0,1,0 -F 70' > $@
+
+# Without the peer its columns stay empty.
+bench-tools: $(BUILD_DIR)/pt
+	@test '$(BUILD_TYPE)' = Release || \
+	  { echo 'error: only a Release is worth measuring' >&2; exit 1; }
+	@command -v python3 > /dev/null || \
+	  { echo 'error: make bench needs python3' >&2; exit 1; }
+	@mkdir -p $(BENCH) doc/measured
+	@if ! test -e '$(PEER)'; then lacks='the source $(PEER) (set PEER=)'; \
+	elif ! command -v g++ > /dev/null; then lacks='the package g++'; \
+	elif ! test -e $(EMBREE); then lacks='the package libembree-dev'; \
+	else lacks=; fi; \
+	if test "$$lacks"; then \
+	  echo "bench: the peer is left out, for lack of $$lacks" >&2; \
+	  rm -f $(BENCH)/embree_pt; \
+	elif ! test $(BENCH)/embree_pt -nt '$(PEER)'; then \
+	  g++ -O3 -march=native -fopenmp '$(PEER)' -o $(BENCH)/embree_pt \
+	    -lembree3; \
+	fi
+
+bench-traversal: bench-tools $(BENCH)/examples.stamp \
+  $(call AND_VIEWS,$(COMPARED))
+	@{ echo '$(MACHINE)' && for scene in $(COMPARED); do \
+	  echo "bench: $$scene, traversal alone" >&2 && \
+	  $(EXAMPLES)/traversal -i $$scene.obj $$(cat $$scene.view) -r 0.8 \
+	    -d 400x300 > $(BENCH)/rows && cat $(BENCH)/rows || exit 1; \
+	done; } > $(BENCH)/traversal.csv
+	@awk '!/^scene,/ || !head++' $(BENCH)/traversal.csv \
+	  > doc/measured/traversal.csv
+
+MEASURE = python3 bench/measure.py $(1) $(BUILD_DIR)/pt \
+  $$(ls $(BENCH)/embree_pt 2> /dev/null) $(2)
+
+bench-peer: bench-tools $(call AND_VIEWS,$(COMPARED))
+	@{ echo '$(MACHINE)' && $(call MEASURE,peer,$(COMPARED)); } \
+	  > $(BENCH)/bench.csv
+	@cp $(BENCH)/bench.csv doc/measured/bench.csv
+
+bench-sizes: bench-tools $(call AND_VIEWS,$(SIZED))
+	@{ echo '$(MACHINE)' && $(call MEASURE,sizes,$(SIZED)); } \
+	  > $(BENCH)/sizes.csv
+	@cp $(BENCH)/sizes.csv doc/measured/sizes.csv
 
 # What the tool and the program say, for the chapters on them.
 $(BUILD_DIR)/examples.stamp: $(NOWEB) $(BUILD_DIR)/pt $(BUILD_DIR)/ptimg \
@@ -161,8 +259,8 @@ check-tex:
 
 $(BUILD_DIR)/litpt.pdf: $(WEB) $(NOWEB) config.mk \
   $(BUILD_DIR)/figures/courtyard.png $(BUILD_DIR)/examples.stamp \
-  $(addprefix $(BUILD_DIR)/tables/,closed-forms.tex presets.tex \
-    accumulators.tex accounting.tex alarms.tex calibration.stamp \
+  $(addprefix $(BUILD_DIR)/tables/,closed-forms.tex qualities.tex \
+    leaks.tex accumulators.tex accounting.tex alarms.tex calibration.stamp \
     curve.csv) \
   $(addprefix doc/,litpt.sty litpt.bib litpt-mono.enc latexmkrc)
 	@mkdir -p $(BUILD_DIR)/tex

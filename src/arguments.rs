@@ -29,6 +29,7 @@ use sha2::{Digest, Sha256};
 
 use crate::camera::View;
 use crate::checkpoint::Subject;
+use crate::hierarchy::Isa;
 use crate::output::{Destination, Place};
 use crate::picture::{Format, Picture};
 use crate::progress;
@@ -125,6 +126,11 @@ pub struct Arguments {
     #[arg(short = 'j', long, value_name = "N",
           value_parser = parse_threads, allow_hyphen_values = true)]
     pub threads: Option<usize>,
+
+    /// Instructions to trace rays with, avx512, avx2 or portable; the image
+    /// does not depend on them [default: the fastest of this processor]
+    #[arg(long, value_name = "ISA", hide_possible_values = true)]
+    pub isa: Option<Isa>,
 
     /// Print nothing but errors
     #[arg(short, long)]
@@ -401,10 +407,34 @@ impl Arguments {
             "error": self.error,
             "reference": reference.map(|path| path.display().to_string()),
             "threads": rayon::current_num_threads(),
+            "isa": self.isa().to_string(),
         });
         settings.extend(limits.as_object().cloned().unwrap_or_default());
         settings
     }
+
+    /// The set of instructions to trace rays with.
+    pub fn isa(&self) -> Isa {
+        self.isa.unwrap_or_else(Isa::best)
+    }
+
+    /// A guess of how many rays the run will trace.
+    pub fn expected_rays(&self) -> f64 {
+        let (width, height) = self.definition;
+        let area = f64::from(width) * f64::from(height);
+        let path = (1. / (1. - self.reflectivity)).min(Self::LONG);
+        let paths = self.realisations().map(|n| n as f64 * area);
+        let timed = self.time.or(paths.is_none().then_some(60.));
+        let rate = Self::RATE * rayon::current_num_threads() as f64;
+        let timed = timed.map_or(f64::INFINITY, |time| time * rate);
+        paths.map_or(timed, |paths| timed.min(paths * path))
+    }
+
+    /// Rays that a path is guessed to have at most.
+    const LONG: f64 = 10.;
+
+    /// Rays per second that a thread is guessed to trace.
+    const RATE: f64 = 4e6;
 
     /// The name of the input, for people.
     pub fn input_name(&self) -> String {

@@ -8,6 +8,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Scenes whose radiance is known exactly, to test against.
 
+use std::error::Error;
 use std::f64::consts::PI;
 
 use glam::DVec3;
@@ -68,7 +69,7 @@ use crate::numerics::circle;
 /// A scene with a camera in it, ready to be rendered.
 pub struct Setting {
     scene: Scene,
-    kernel: Cwbvh,
+    kernel: Hierarchy,
     camera: Camera,
     estimator: Reference,
 }
@@ -81,17 +82,17 @@ impl Setting {
         (rho, up): (f64, DVec3),
         view: &View,
         aspect: f64,
-    ) -> Result<Self, ViewError> {
+    ) -> Result<Self, Box<dyn Error>> {
         let camera = Camera::new(view, aspect)?;
         let scene = Scene::new(mesh);
-        let kernel = Cwbvh::new(&scene);
+        let kernel = Hierarchy::new(&scene)?;
         let sky = Sky::new(up);
         let estimator = Reference { reflectivity: rho, sky };
         Ok(Self { scene, kernel, camera, estimator })
     }
 
     /// The job that renders it.
-    pub fn job(&self, seed: u64) -> Job<'_, Cwbvh, Reference> {
+    pub fn job(&self, seed: u64) -> Job<'_, Hierarchy, Reference> {
         let Self { scene, kernel, camera, estimator } = self;
         Job { scene, kernel, camera, estimator, seed }
     }
@@ -104,7 +105,7 @@ pub fn pixel(
     rho: f64,
     (from, to): (DVec3, DVec3),
     n: u64,
-) -> Result<Accumulator, ViewError> {
+) -> Result<Accumulator, Box<dyn Error>> {
     let view = View { position: from, target: to, up: DVec3::Y, fov: 20. };
     let setting = Setting::new(mesh, (rho, DVec3::Z), &view, 1.)?;
     let mut image = Image::new(1, 1);
@@ -112,9 +113,9 @@ pub fn pixel(
     Ok(*image.pixel(0, 0))
 }
 
-use crate::camera::{Camera, View, ViewError};
+use crate::camera::{Camera, View};
 use crate::estimator::Reference;
-use crate::hierarchy::Cwbvh;
+use crate::hierarchy::Hierarchy;
 use crate::image::Image;
 use crate::render::Job;
 use crate::scene::Scene;

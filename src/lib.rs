@@ -26,7 +26,7 @@
 //!                   up: DVec3::Y, fov: 70. };
 //! let camera = Camera::new(&view, 1.)?;
 //! let estimator = Reference { reflectivity: 0.5, sky: Sky::new(DVec3::Z) };
-//! let kernel = Cwbvh::new(&scene);
+//! let kernel = Hierarchy::new(&scene)?;
 //!
 //! let job = Job { scene: &scene, kernel: &kernel, camera: &camera,
 //!                 estimator: &estimator, seed: 0 };

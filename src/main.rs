@@ -17,7 +17,7 @@ use litpt::camera::Camera;
 use litpt::checkpoint;
 use litpt::course::{Course, Interrupt, Limits, Stop};
 use litpt::estimator::Reference;
-use litpt::hierarchy::Cwbvh;
+use litpt::hierarchy::{Hierarchy, Quality};
 use litpt::image::Image;
 use litpt::journal::Journal;
 use litpt::progress::{self, Bar};
@@ -68,7 +68,7 @@ fn run(arguments: &Arguments) -> Result<Stop, String> {
     arguments.start_threads()?;
     let loading = Instant::now();
     let (mesh, sha256) = arguments.read_mesh(arguments.keeps_records())?;
-    let scene = Scene::new(&mesh);
+    let mut scene = Scene::new(&mesh);
     let flat = mesh.triangles.len() - scene.triangles().len();
     drop(mesh);
     let load_seconds = loading.elapsed().as_secs_f64();
@@ -76,7 +76,11 @@ fn run(arguments: &Arguments) -> Result<Stop, String> {
         progress::warn(&format!("left out {flat} triangles without area"));
     }
     let building = Instant::now();
-    let kernel = Cwbvh::new(&scene);
+    let (triangles, isa) = (scene.triangles().len(), arguments.isa());
+    let quality = Quality::expecting(triangles, arguments.expected_rays());
+    let kernel =
+        Hierarchy::with(&scene, quality, isa).map_err(|e| e.to_string())?;
+    scene.forget_triangles();
     let build_seconds = building.elapsed().as_secs_f64();
     // Take up a run or begin one
     let subject = arguments.subject(&sha256);
@@ -96,10 +100,13 @@ fn run(arguments: &Arguments) -> Result<Stop, String> {
         }
     }
     let file = arguments.input_name();
-    let triangles = scene.triangles().len() as u64;
+    let scene_facts =
+        SceneFacts { file, sha256, triangles: triangles as u64 };
+    let mut settings = arguments.settings(&subject);
+    settings.insert("hierarchy".into(), quality.to_string().into());
     let facts = Report {
-        scene: SceneFacts { file, sha256, triangles },
-        settings: arguments.settings(&subject),
+        scene: scene_facts,
+        settings,
         load_seconds,
         build_seconds,
         program: concat!("pt ", env!("CARGO_PKG_VERSION")).to_owned(),

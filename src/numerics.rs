@@ -51,16 +51,16 @@ pub fn cross(u: DVec3, v: DVec3) -> DVec3 {
 /// error below 4e-16.
 #[inline(always)]
 pub fn circle(u: f64) -> (f64, f64) {
-    let quarters = (4. * u + 0.5).floor();
-    let angle = (4. * u - quarters) * FRAC_PI_2;
+    let quarters = (4. * u + 0.5) as i32;
+    let angle = (4. * u - f64::from(quarters)) * FRAC_PI_2;
     let square = angle * angle;
     let sine = angle * polynomial(&SINE, square);
     let cosine = polynomial(&COSINE, square);
     // Turn the point by whole quarters
-    let q = quarters as i64;
-    let (x, y) = if q & 1 == 0 { (cosine, sine) } else { (sine, cosine) };
-    let x = if (q + 1) & 2 == 0 { x } else { -x };
-    let y = if q & 2 == 0 { y } else { -y };
+    let (x, y) =
+        if quarters & 1 == 0 { (cosine, sine) } else { (sine, cosine) };
+    let x = if (quarters + 1) & 2 == 0 { x } else { -x };
+    let y = if quarters & 2 == 0 { y } else { -y };
     (x, y)
 }
 

@@ -15,6 +15,7 @@ use std::time::Duration;
 
 use anstyle::{AnsiColor, Effects, Style};
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
+use serde_json::Value;
 
 use crate::report::Report;
 
@@ -112,10 +113,13 @@ fn metric(x: f64) -> String {
 /// Prints the summary of a run.
 pub fn summarise(report: &Report, pixels: u64) {
     let Report { load_seconds, build_seconds, render_seconds, .. } = report;
+    let said = |name| report.settings.get(name).and_then(Value::as_str);
+    let hierarchy = ["hierarchy", "isa"].into_iter().filter_map(said);
     inform(&format!(
-        "{} triangles, load {load_seconds:.3} s, build {build_seconds:.3} s, \
-         render {render_seconds:.3} s",
-        report.scene.triangles
+        "{} triangles, load {load_seconds:.3} s, build {build_seconds:.3} s \
+         ({}), render {render_seconds:.3} s",
+        report.scene.triangles,
+        hierarchy.collect::<Vec<_>>().join(", ")
     ));
     let rays = report.rays;
     let speed = metric(rays as f64 / render_seconds.max(1e-9));

@@ -15,7 +15,7 @@ use rayon::prelude::*;
 
 use crate::camera::Camera;
 use crate::estimator::{Estimator, Realisation};
-use crate::hierarchy::Kernel;
+use crate::hierarchy::{Kernel, Work};
 use crate::image::{Image, Tile};
 use crate::sampling::generator;
 use crate::scene::Scene;
@@ -39,12 +39,42 @@ pub struct Job<'a, K, E> {
 /// Pieces of work that each thread should find in an image.
 const PIECES: usize = 32;
 
+// Let the kernel choose its walk
+/// A pass that waits for its kernel.
+struct Pass<'a, 'b, K, E, P> {
+    job: &'b Job<'a, K, E>,
+    image: &'b mut Image,
+    realisations: Range<u64>,
+    progress: &'b P,
+}
+
+impl<K, E: Estimator, P: Fn(u64) + Sync> Work for Pass<'_, '_, K, E, P> {
+    type Output = u64;
+
+    fn with<L: Kernel>(self, kernel: &L) -> u64 {
+        let &Job { scene, camera, estimator, seed, .. } = self.job;
+        let job = Job { scene, kernel, camera, estimator, seed };
+        job.sweep(self.image, self.realisations, self.progress)
+    }
+}
+
 impl<K: Kernel, E: Estimator> Job<'_, K, E> {
     // Add realisations to an image
     /// Adds the `realisations` to each pixel of `image`, and returns the
     /// number of rays traced. Calls `progress`, from any thread, with the
     /// number of paths of each tile that is finished.
     pub fn pass(
+        &self,
+        image: &mut Image,
+        realisations: Range<u64>,
+        progress: &(impl Fn(u64) + Sync),
+    ) -> u64 {
+        let pass = Pass { job: self, image, realisations, progress };
+        self.kernel.specialise(pass)
+    }
+
+    /// The same, with the kernel as it is.
+    fn sweep(
         &self,
         image: &mut Image,
         realisations: Range<u64>,

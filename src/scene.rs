@@ -13,13 +13,14 @@
 //! the origin, in single precision.
 
 // Name what the scene imports
+use std::borrow::Cow;
 use std::fmt;
-use std::io::{self, BufRead, Read};
-use std::ops::Range;
-use std::path::Path;
+use std::iter::Skip;
+use std::str::SplitWhitespace;
 
 use glam::{DVec3, Vec3};
-use tobj::{LoadOptions, Model};
+use memchr::{memchr, memchr_iter};
+use rayon::prelude::*;
 
 use crate::numerics::{exponent, power_of_two};
 
@@ -40,8 +41,15 @@ pub struct Mesh {
 /// # Errors
 /// Text that is empty, binary, malformed or without any face, vertices
 /// that are not finite, faces with fewer than three corners or with
-/// corners that do not exist.
+/// corners that do not exist, more vertices or triangles than 32 bits
+/// can count.
 pub fn read_obj(source: &[u8]) -> Result<Mesh, ObjError> {
+    read_pieces(source, 1 << 20)
+}
+
+/// The same mesh, or error, as that of `read_obj`, whatever the number
+/// of bytes `size` after which the text is cut.
+pub fn read_pieces(source: &[u8], size: usize) -> Result<Mesh, ObjError> {
     // Refuse empty and binary files
     let source = source.strip_prefix(b"\xef\xbb\xbf").unwrap_or(source);
     if source.is_empty() {
@@ -49,81 +57,136 @@ pub fn read_obj(source: &[u8]) -> Result<Mesh, ObjError> {
             "the file is empty; an OBJ was expected",
         ));
     }
-    if let Some(at) = source.iter().position(|&byte| byte == 0) {
-        let line = 1 + source[..at].iter().filter(|&&b| b == b'\n').count();
+    if let Some(at) = memchr(0, source) {
+        let line = 1 + memchr_iter(b'\n', &source[..at]).count();
         let what = "a zero byte: this is a binary file, not an OBJ";
         return Err(ObjError::new(line, what.to_owned()));
     }
-    let mut statements = Statements::new(source);
-    let options = LoadOptions { triangulate: true, ..Default::default() };
-    let no_material = |_: &Path| Ok(Default::default());
-    match tobj::load_obj_buf(&mut statements, &options, no_material) {
-        Ok((models, _)) => check(source, models),
-        Err(error) => Err(fault(source).unwrap_or_else(|| {
-            ObjError::new(statements.line, error.to_string())
-        })),
+    let pieces = cut(source, size);
+    // Count what comes before each piece
+    let counts: Vec<_> = pieces.par_iter().map(|p| count(p)).collect();
+    let (mut vertices, mut lines) = (0, 0);
+    let mut before = Vec::with_capacity(counts.len());
+    for (more_vertices, more_lines) in counts {
+        before.push((vertices, lines));
+        vertices += more_vertices;
+        lines += more_lines;
     }
-}
-
-/// The mesh of what tobj read, or the fault that tobj did not see.
-fn check(source: &[u8], models: Vec<Model>) -> Result<Mesh, ObjError> {
-    let mut mesh = Mesh::default();
-    for model in models {
-        // Append the model to the mesh
-        let first = mesh.vertices.len() as u32;
-        let Model { mesh: part, .. } = model;
-        mesh.vertices
-            .extend(part.positions.chunks_exact(3).map(DVec3::from_slice));
-        mesh.triangles.extend(
-            part.indices
-                .chunks_exact(3)
-                .map(|t| [0, 1, 2].map(|i| first + t[i])),
-        );
-    }
-    let finite = mesh.vertices.iter().all(|v| v.is_finite());
-    let repeats = |&[a, b, c]: &[u32; 3]| a == b || b == c;
-    if !finite || mesh.triangles.iter().any(repeats) {
-        fault(source).map_or(Ok(()), Err)?;
-    }
-    if mesh.triangles.is_empty() {
+    countable(vertices, "vertices")?;
+    // Read each piece into a mesh
+    let read = |(piece, &(first, line)): (&&[u8], &(usize, usize))| {
+        read_piece(piece, first, vertices)
+            .map_err(|(at, what)| ObjError::new(line + at, what))
+    };
+    let parts: Vec<_> = pieces.par_iter().zip(&before).map(read).collect();
+    let parts = parts.into_iter().collect::<Result<Vec<_>, _>>()?;
+    // Put the meshes one behind the other
+    let parts = parts.into_iter().map(|m| (m.vertices, m.triangles));
+    let (vertices, triangles): (Vec<_>, Vec<_>) = parts.unzip();
+    let (vertices, triangles) =
+        rayon::join(|| append(vertices), || append(triangles));
+    countable(triangles.len(), "triangles")?;
+    if triangles.is_empty() {
         return Err(ObjError::whole("no face, hence nothing to render"));
     }
-    Ok(mesh)
+    Ok(Mesh { vertices, triangles })
 }
 
-// Keep only vertices and faces
-/// A reader over the vertex and face statements of an OBJ.
+/// The elements of all `parts`, in order, in just enough memory.
+fn append<T>(parts: Vec<Vec<T>>) -> Vec<T> {
+    let mut whole = Vec::with_capacity(parts.iter().map(Vec::len).sum());
+    for mut part in parts {
+        whole.append(&mut part);
+    }
+    whole
+}
+
+/// Refuses more elements than an index of 32 bits can name.
+fn countable(n: usize, what: &str) -> Result<(), ObjError> {
+    match u32::try_from(n) {
+        Ok(_) => Ok(()),
+        Err(_) => Err(ObjError::whole(&format!(
+            "{n} {what}, of which only {} can be numbered",
+            u32::MAX
+        ))),
+    }
+}
+
+// Cut the text after whole statements
+/// The text in pieces, each of whole statements and, but for the last,
+/// longer than `size` bytes.
+fn cut(mut source: &[u8], size: usize) -> Vec<&[u8]> {
+    let mut pieces = Vec::new();
+    while !source.is_empty() {
+        let start = size.min(source.len());
+        let end = memchr_iter(b'\n', &source[start..])
+            .map(|newline| start + newline)
+            .find(|&newline| !continues(&source[..newline]))
+            .map_or(source.len(), |newline| newline + 1);
+        let (piece, rest) = source.split_at(end);
+        pieces.push(piece);
+        source = rest;
+    }
+    pieces
+}
+
+/// Whether the last line of `text` ends in a backslash.
+fn continues(text: &[u8]) -> bool {
+    let blank = |byte: &u8| matches!(byte, b' ' | b'\t' | b'\r' | b'\x0c');
+    text.iter().rev().find(|byte| !blank(byte)) == Some(&b'\\')
+}
+
+/// The statements that give vertices and faces, one by one.
 struct Statements<'a> {
-    source: &'a [u8],
-    /// Bytes of the current statement that are still to be read.
-    kept: Range<usize>,
-    /// Offset of the first line that was not looked at.
-    next: usize,
-    /// Number of lines looked at; that of the current statement.
+    /// What was not yet looked at.
+    rest: &'a [u8],
+    /// Number of lines looked at; that of the statement's last line.
     line: usize,
-    /// Whether the last line ended in a backslash, and was kept.
-    continues: Option<bool>,
 }
 
 impl<'a> Statements<'a> {
-    fn new(source: &'a [u8]) -> Self {
-        Self { source, kept: 0..0, next: 0, line: 0, continues: None }
+    /// The next line, without its end and the blanks before it.
+    fn line(&mut self) -> Option<&'a [u8]> {
+        if self.rest.is_empty() {
+            return None;
+        }
+        let newline = memchr(b'\n', self.rest);
+        let end = newline.map_or(self.rest.len(), |at| at + 1);
+        let (line, rest) = self.rest.split_at(end);
+        self.rest = rest;
+        self.line += 1;
+        Some(line.trim_ascii_end())
     }
 
-    /// Looks at one more line; sets `kept` if it matters.
-    fn advance(&mut self) {
-        let start = self.next;
-        let rest = &self.source[start..];
-        let newline = rest.iter().position(|&byte| byte == b'\n');
-        let length = newline.map_or(rest.len(), |at| at + 1);
-        self.next += length;
-        self.line += 1;
-        let text = rest[..length].trim_ascii_end();
-        let keep = self.continues.unwrap_or_else(|| matters(text));
-        let continues = text.last() == Some(&b'\\');
-        self.continues = continues.then_some(keep);
-        let length = if continues { text.len() - 1 } else { length };
-        self.kept = start..start + if keep { length } else { 0 };
+    // Join a line with its continuations
+    /// The line `first` and what continues it.
+    fn join(&mut self, first: &[u8]) -> Vec<u8> {
+        let mut whole = Vec::new();
+        let mut line = first;
+        while let Some(text) = line.strip_suffix(b"\\") {
+            whole.extend_from_slice(text);
+            line = self.line().unwrap_or_default();
+        }
+        whole.extend_from_slice(line);
+        whole
+    }
+}
+
+impl<'a> Iterator for Statements<'a> {
+    type Item = Cow<'a, [u8]>;
+
+    fn next(&mut self) -> Option<Cow<'a, [u8]>> {
+        loop {
+            let line = self.line()?;
+            // Make the line a whole statement
+            let whole = match line {
+                [.., b'\\'] => Cow::Owned(self.join(line)),
+                _ => Cow::Borrowed(line),
+            };
+            if matters(line) {
+                return Some(whole);
+            }
+        }
     }
 }
 
@@ -133,28 +196,123 @@ fn matters(line: &[u8]) -> bool {
     matches!(line, [b'v' | b'f'] | [b'v' | b'f', b' ' | b'\t', ..])
 }
 
-impl BufRead for Statements<'_> {
-    fn fill_buf(&mut self) -> io::Result<&[u8]> {
-        while self.kept.is_empty() && self.next < self.source.len() {
-            self.advance();
+// Read one piece of the text
+fn is_vertex(statement: &[u8]) -> bool {
+    statement.trim_ascii_start().first() == Some(&b'v')
+}
+
+/// The numbers of vertices and of lines in a piece.
+fn count(piece: &[u8]) -> (usize, usize) {
+    let mut statements = Statements { rest: piece, line: 0 };
+    let all = statements.by_ref();
+    (all.filter(|text| is_vertex(text)).count(), statements.line)
+}
+
+/// The mesh of a piece that follows `first` of `total` vertices, or
+/// the line of the piece that is at fault and what is wrong with it.
+fn read_piece(
+    piece: &[u8],
+    first: usize,
+    total: usize,
+) -> Result<Mesh, (usize, String)> {
+    let mut mesh = Mesh::default();
+    let mut statements = Statements { rest: piece, line: 0 };
+    while let Some(text) = statements.next() {
+        let vertices = [first + mesh.vertices.len(), total];
+        read_statement(&text, vertices, &mut mesh)
+            .map_err(|what| (statements.line, what))?;
+    }
+    Ok(mesh)
+}
+
+fn read_statement(
+    text: &[u8],
+    vertices: [usize; 2],
+    mesh: &mut Mesh,
+) -> Result<(), String> {
+    let is_vertex = is_vertex(text);
+    let Ok(text) = std::str::from_utf8(text) else {
+        return Err("not UTF-8 text".to_owned());
+    };
+    let words = text.split_whitespace().skip(1);
+    if is_vertex {
+        mesh.vertices.push(read_vertex(words)?);
+        return Ok(());
+    }
+    read_face(words, vertices, &mut mesh.triangles)
+}
+
+// Read the numbers of a statement
+type Words<'a> = Skip<SplitWhitespace<'a>>;
+
+fn read_vertex(mut words: Words) -> Result<DVec3, String> {
+    let mut position = [0.; 3];
+    for (axis, value) in ["x", "y", "z"].iter().zip(&mut position) {
+        // Read the coordinate along the axis
+        let Some(word) = words.next() else {
+            return Err(format!("a vertex without {axis}"));
+        };
+        *value = match word.parse::<f64>() {
+            Ok(value) if value.is_finite() => value,
+            Ok(_) => return Err(format!("{axis} = {word} is not finite")),
+            Err(_) => return Err(format!("{axis} = {word} is no number")),
+        };
+    }
+    match words.find(|word| word.parse::<f64>().is_err()) {
+        Some(word) => Err(format!("{word} is no number")),
+        None => Ok(position.into()),
+    }
+}
+
+/// Appends the fan of the face whose corners are `words`.
+fn read_face(
+    words: Words,
+    vertices: [usize; 2],
+    triangles: &mut Vec<[u32; 3]>,
+) -> Result<(), String> {
+    let (mut n, mut fan) = (0, [0; 3]);
+    for word in words {
+        // Move the fan on to the next corner
+        let corner = read_corner(word, vertices)?;
+        fan = [if n == 0 { corner } else { fan[0] }, fan[2], corner];
+        n += 1;
+        if n >= 3 {
+            triangles.push(fan);
         }
-        Ok(&self.source[self.kept.clone()])
     }
-
-    fn consume(&mut self, amount: usize) {
-        self.kept.start += amount;
-    }
-}
-
-impl Read for Statements<'_> {
-    fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
-        let length = self.fill_buf()?.read(out)?;
-        self.consume(length);
-        Ok(length)
+    match n {
+        0..3 => Err(format!("a face of {n} corners; it needs three")),
+        _ => Ok(()),
     }
 }
 
-// Find the line at fault
+/// The vertex that a corner names, counted from 0.
+fn read_corner(
+    word: &str,
+    [so_far, total]: [usize; 2],
+) -> Result<u32, String> {
+    let (digits, others) = word.split_once('/').unwrap_or((word, ""));
+    // Judge what follows the first slash
+    let is_number = |n: &str| n.is_empty() || n.parse::<i64>().is_ok();
+    if !others.is_empty() && !others.splitn(2, '/').all(is_number) {
+        return Err(format!("corner {word} is not of the form 1/2/3"));
+    }
+    match digits.parse::<i64>() {
+        Err(_) => Err(format!("corner {word} is no vertex number")),
+        Ok(0) => Err("vertices are counted from 1, not from 0".to_owned()),
+        // Refuse a corner that does not exist
+        Ok(n) if n < 0 && n.unsigned_abs() > so_far as u64 => {
+            Err(format!("corner {n}, but only {so_far} vertices so far"))
+        }
+        Ok(n) if n > total as i64 => {
+            Err(format!("corner {n}, but only {total} vertices"))
+        }
+        Ok(n) if n < 0 => Ok((so_far as i64 + n) as u32),
+        Ok(n) => Ok((n - 1) as u32),
+    }
+}
+
+// Say what is wrong, and where
 /// Why a text is not the OBJ of a mesh.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ObjError {
@@ -189,90 +347,6 @@ impl fmt::Display for ObjError {
 }
 
 impl std::error::Error for ObjError {}
-
-/// The first statement of `source` that makes no sense, if any.
-fn fault(source: &[u8]) -> Option<ObjError> {
-    let is_vertex = |text: &[u8]| text.trim_ascii_start()[0] == b'v';
-    let all = each_statement(source);
-    let total = all.iter().filter(|(_, text)| is_vertex(text)).count();
-    let mut so_far = 0;
-    all.into_iter().find_map(|(line, text)| {
-        let judged = match std::str::from_utf8(&text) {
-            Err(_) => Err("not UTF-8 text".to_owned()),
-            Ok(text) if is_vertex(text.as_bytes()) => judge_vertex(text),
-            Ok(text) => judge_face(text, so_far, total),
-        };
-        so_far += usize::from(is_vertex(&text));
-        judged.err().map(|what| ObjError::new(line, what))
-    })
-}
-
-/// The statements that matter, each with the number of its last line.
-fn each_statement(source: &[u8]) -> Vec<(usize, Vec<u8>)> {
-    let mut statements = Statements::new(source);
-    let mut all = Vec::new();
-    let mut text = Vec::new();
-    while let Ok(1..) = statements.read_until(b'\n', &mut text) {
-        all.push((statements.line, std::mem::take(&mut text)));
-    }
-    all
-}
-
-fn judge_vertex(text: &str) -> Result<(), String> {
-    let mut words = text.split_whitespace().skip(1);
-    for axis in ["x", "y", "z"] {
-        let word =
-            words.next().ok_or(format!("a vertex without {axis}"))?;
-        match word.parse::<f64>() {
-            Ok(value) if value.is_finite() => (),
-            Ok(_) => return Err(format!("{axis} = {word} is not finite")),
-            Err(_) => return Err(format!("{axis} = {word} is no number")),
-        }
-    }
-    match words.find(|word| word.parse::<f64>().is_err()) {
-        Some(word) => Err(format!("{word} is no number")),
-        None => Ok(()),
-    }
-}
-
-fn judge_face(
-    text: &str,
-    so_far: usize,
-    total: usize,
-) -> Result<(), String> {
-    let corners = text.split_whitespace().skip(1);
-    for word in corners.clone() {
-        judge_corner(word, so_far, total)?;
-    }
-    match corners.count() {
-        n @ 0..3 => Err(format!("a face of {n} corners; it needs three")),
-        _ => Ok(()),
-    }
-}
-
-fn judge_corner(
-    word: &str,
-    so_far: usize,
-    total: usize,
-) -> Result<(), String> {
-    let mut numbers = word.splitn(3, '/');
-    let digits = numbers.next().unwrap_or_default();
-    let is_number = |n: &str| n.is_empty() || n.parse::<i64>().is_ok();
-    if !numbers.all(is_number) {
-        return Err(format!("corner {word} is not of the form 1/2/3"));
-    }
-    match digits.parse::<i64>() {
-        Err(_) => Err(format!("corner {word} is no vertex number")),
-        Ok(0) => Err("vertices are counted from 1, not from 0".to_owned()),
-        Ok(n) if n < 0 && n.unsigned_abs() > so_far as u64 => {
-            Err(format!("corner {n}, but only {so_far} vertices so far"))
-        }
-        Ok(n) if n > total as i64 => {
-            Err(format!("corner {n}, but only {total} vertices"))
-        }
-        Ok(_) => Ok(()),
-    }
-}
 
 // Bring the scene to the origin
 /// The map from the coordinates of the file to those of the scene.
@@ -325,15 +399,27 @@ fn has_area(triangle: &Triangle) -> bool {
 impl Scene {
     /// The scene of a mesh; a mesh without triangles is an empty scene.
     pub fn new(mesh: &Mesh) -> Self {
-        let vertices = &mesh.vertices;
-        let first = vertices.first().copied().unwrap_or_default();
-        let low = vertices.iter().fold(first, |a, &v| a.min(v));
-        let high = vertices.iter().fold(first, |a, &v| a.max(v));
+        let corner = |&i: &u32| mesh.vertices[i as usize];
+        let corners = |t: &[u32; 3]| t.each_ref().map(corner);
+        // Find the box of the triangles
+        let bounds = mesh
+            .triangles
+            .par_iter()
+            .map(corners)
+            .map(|[a, b, c]| (a.min(b).min(c), a.max(b).max(c)));
+        let (low, high) = bounds
+            .reduce_with(|a, b| (a.0.min(b.0), a.1.max(b.1)))
+            .unwrap_or_default();
+        let (low, high) = (low + DVec3::ZERO, high + DVec3::ZERO);
         let frame = frame(low, high);
-        let corner = |&i: &u32| frame.apply(vertices[i as usize]).as_vec3();
-        let place = |t: &[u32; 3]| t.each_ref().map(corner);
-        let triangles = mesh.triangles.iter().map(place);
-        let triangles = triangles.filter(has_area).collect();
+        let place =
+            |t: [DVec3; 3]| t.map(|corner| frame.apply(corner).as_vec3());
+        // Place the triangles that have an area
+        let all = mesh.triangles.par_iter().map(corners).map(place);
+        let mut triangles: Vec<Triangle> = all.collect();
+        if !triangles.par_iter().all(has_area) {
+            triangles.retain(has_area);
+        }
         let half = frame.apply(high) + DVec3::ONE;
         Self { frame, half, triangles }
     }
@@ -341,6 +427,12 @@ impl Scene {
     /// The triangles that have an area, in the order of the mesh.
     pub fn triangles(&self) -> &[Triangle] {
         &self.triangles
+    }
+
+    /// Gives the memory of the triangles back, when a hierarchy has
+    /// copies of them.
+    pub fn forget_triangles(&mut self) {
+        self.triangles = Vec::new();
     }
 
     // Move a distant ray to the scene
@@ -370,4 +462,20 @@ pub struct Ray {
     pub origin: DVec3,
     /// Where it goes; of length one.
     pub direction: DVec3,
+}
+
+// Test what no file of sensible size can
+#[cfg(test)]
+mod tests {
+    use super::countable;
+
+    #[test]
+    fn more_than_32_bits_can_number_is_refused() {
+        let most = u32::MAX as usize;
+        assert_eq!(countable(most, "vertices"), Ok(()));
+        let error = countable(most + 1, "vertices").unwrap_err();
+        let words = "x: 4294967296 vertices, of which only 4294967295 \
+                     can be numbered";
+        assert_eq!(error.within("x"), words);
+    }
 }

@@ -216,6 +216,12 @@ fn a_vertex_that_is_not_finite_is_quoted() {
 }
 
 #[test]
+fn a_vertex_that_is_not_finite_is_quoted_even_if_no_face_uses_it() {
+    refused(with("v 1 2 nan\n"), &[":4:", "z = nan", "finite"]);
+    refused(with("") + "v -inf 2 3", &[":5:", "x = -inf", "finite"]);
+}
+
+#[test]
 fn a_vertex_of_two_numbers_lacks_one() {
     refused("v 0 0 0\nv 1 0\nv 0 1 0\nf 1 2 3\n", &[":2:", "without z"]);
 }
@@ -311,6 +317,9 @@ fn colours_and_weights_of_vertices_are_ignored() {
     same("v -9 -9 0 1\nv 9 -8 0 1\nv -1 7 0 1\nf 1 2 3\n", &with(""));
     let odd = "v -9 -9 0 .1 .2 .3\nv 9 -8 0 1 1 1\nv -1 7 0 0 0 0\n";
     same(format!("{odd}f 1 2 3\n"), &with(""));
+    let some = "v -9 -9 0\nv 9 -8 0 1 0 .5\nv -1 7 0 2\nf 1 2 3\n";
+    same(some, &with(""));
+    refused(with("v 1 2 3 .1 .2 red\n"), &[":4:", "red"]);
 }
 
 #[test]

@@ -11,7 +11,7 @@ use litpt::camera::{Camera, View};
 use litpt::closed_forms::cavity;
 use litpt::course::{Course, Interrupt, Limits, Stop};
 use litpt::estimator::{Estimator, Realisation, Reference};
-use litpt::hierarchy::{Cwbvh, Hit, Kernel};
+use litpt::hierarchy::{Hierarchy, Hit, Kernel};
 use litpt::image::{Image, WORTH};
 use litpt::render::Job;
 use litpt::scene::{Ray, Scene};
@@ -231,7 +231,7 @@ fn the_summary_averages_the_squares_of_the_standard_errors() {
 #[test]
 fn a_single_pixel_is_the_same_for_any_number_of_threads_and_passes() {
     let world = World::new();
-    let kernel = Cwbvh::new(&world.scene);
+    let kernel = Hierarchy::new(&world.scene).unwrap();
     let estimator =
         Reference { reflectivity: 0.8, sky: Sky::new(DVec3::Z) };
     let job = world.job(&kernel, &estimator, 5);

@@ -9,7 +9,7 @@ use glam::DVec3;
 use litpt::camera::{Camera, View};
 use litpt::closed_forms::{cavity, cavity_radiance, pixel, plane};
 use litpt::estimator::{Estimator, Reference};
-use litpt::hierarchy::{Cwbvh, Hit, Kernel};
+use litpt::hierarchy::{Hierarchy, Hit, Kernel};
 use litpt::image::Image;
 use litpt::render::Job;
 use litpt::sampling::generator;
@@ -123,7 +123,7 @@ fn a_black_cavity_is_black() {
 #[test]
 fn without_a_scene_the_sky_is_one_above_and_zero_below() {
     let scene = Scene::new(&Mesh::default());
-    let kernel = Cwbvh::new(&scene);
+    let kernel = Hierarchy::new(&scene).unwrap();
     for up in
         [DVec3::X, -DVec3::X, DVec3::Y, -DVec3::Y, DVec3::Z, -DVec3::Z]
     {

@@ -4,8 +4,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 
 use glam::DVec3;
-use litpt::closed_forms::cavity;
-use litpt::hierarchy::{Cwbvh, Hit, Kernel};
+use litpt::camera::View;
+use litpt::closed_forms::{Setting, cavity};
+use litpt::hierarchy::{Hierarchy, Hit, Isa, Kernel, Quality};
+use litpt::image::Image;
+use litpt::sampling::cosine_direction;
 use litpt::scene::{Mesh, Ray, Scene};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -58,7 +61,7 @@ fn soup(n: usize, size: f64) -> Mesh {
 fn the_hierarchy_finds_what_a_loop_over_all_triangles_finds() {
     for mesh in [soup(1, 5.), soup(3, 5.), soup(500, 2.), cavity(0.2, 12)] {
         let scene = Scene::new(&mesh);
-        let kernel = Cwbvh::new(&scene);
+        let kernel = Hierarchy::new(&scene).unwrap();
         let mut random = Pcg64::seed_from_u64(5);
         let mut hits = 0;
         for _ in 0..3000 {
@@ -87,7 +90,7 @@ fn the_hierarchy_finds_what_a_loop_over_all_triangles_finds() {
 #[test]
 fn a_triangle_is_never_met_twice_in_a_row() {
     let scene = Scene::new(&soup(50, 20.));
-    let kernel = Cwbvh::new(&scene);
+    let kernel = Hierarchy::new(&scene).unwrap();
     let mut random = Pcg64::seed_from_u64(6);
     for _ in 0..2000 {
         let direction = random_direction(&mut random);
@@ -101,42 +104,131 @@ fn a_triangle_is_never_met_twice_in_a_row() {
     }
 }
 
+/// The same hierarchy in all forms that this processor can walk.
+fn all_forms(scene: &Scene) -> Vec<Hierarchy> {
+    let isas = Isa::ALL.into_iter().filter(|isa| isa.is_available());
+    let qualities = [Quality::Fast, Quality::Medium, Quality::Thorough];
+    isas.flat_map(|isa| qualities.map(|quality| (quality, isa)))
+        .map(|(quality, isa)| Hierarchy::with(scene, quality, isa).unwrap())
+        .collect()
+}
+
+/// Two triangles that share an edge, and the same two again, the other
+/// way round and in the opposite order.
+fn doubled_square() -> Mesh {
+    let at = |x, y| DVec3::new(x, y, 0.);
+    Mesh {
+        vertices: vec![at(-1., -1.), at(1., -1.), at(1., 1.), at(-1., 1.)],
+        triangles: vec![[0, 1, 2], [0, 2, 3], [3, 0, 2], [2, 1, 0]],
+    }
+}
+
 #[test]
-fn both_instruction_sets_answer_with_the_same_bits() {
-    let scene = Scene::new(&cavity(0.2, 32));
-    let kernel = Cwbvh::new(&scene);
-    let portable = Cwbvh::new(&scene).portable();
-    let mut random = Pcg64::seed_from_u64(8);
-    let mut rays: Vec<Ray> = (0..100_000)
-        .map(|_| Ray {
-            origin: random_direction(&mut random)
-                * 4000.
-                * random.random::<f64>(),
-            direction: random_direction(&mut random),
-        })
-        .collect();
-    // Along the axes, with zeros of both signs, and through all vertices.
-    for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
-        for sign in [1., -1.] {
-            let direction = axis * sign;
-            rays.push(Ray { origin: DVec3::ZERO, direction });
-            rays.push(Ray { origin: -0.3 * direction, direction });
+fn of_two_triangles_at_one_distance_the_first_in_the_file_is_met() {
+    let mesh = doubled_square();
+    let mut reversed = mesh.clone();
+    reversed.triangles.reverse();
+    let normal = |mesh: &Mesh, x: f64, y: f64| {
+        let scene = Scene::new(mesh);
+        let origin = DVec3::new(x, y, 3000.);
+        let ray = Ray { origin, direction: DVec3::new(0., 0., -1.) };
+        let hits = all_forms(&scene).into_iter().map(|kernel| {
+            let first = kernel.first_hit(&ray, None).unwrap();
+            // Which triangle it was shows in the one that is excluded:
+            // behind it lies its double, which is in its plane.
+            let onward = Ray { origin: first.point, ..ray };
+            let from = Some(first.primitive);
+            assert_eq!(kernel.first_hit(&onward, from), None);
+            assert!(!kernel.is_blocked(&onward, from));
+            (first.point.to_array(), first.normal.to_array())
+        });
+        let hits: Vec<_> = hits.collect();
+        assert!(hits.iter().all(|hit| *hit == hits[0]));
+        hits[0]
+    };
+    // Also on the edge that the two share.
+    for (x, y) in [(1000., -1500.), (-1000., 1500.), (500., 500.)] {
+        assert_eq!(normal(&mesh, x, y), normal(&reversed, x, y));
+    }
+}
+
+#[test]
+fn a_path_that_leaves_a_triangle_does_not_meet_others_in_its_plane() {
+    // A closed box whose walls are pasted over with posters that lie in
+    // the plane of the wall and have other corners than it.
+    let mut mesh = Mesh::default();
+    for axis in 0..3 {
+        for side in [-1., 1.] {
+            for (size, turn) in
+                [(1., 0.), (0.5, 0.3), (0.5, 0.3), (0.7, 0.9)]
+            {
+                let first = mesh.vertices.len() as u32;
+                for k in 0..4 {
+                    let angle =
+                        (turn + k as f64) * std::f64::consts::FRAC_PI_2;
+                    let (s, c) = angle.sin_cos();
+                    let (x, y) = (size * (c - s), size * (c + s));
+                    // The walls' corners are exact; of posters nothing
+                    // matters but that they are in the plane.
+                    let whole =
+                        |v: f64| if turn == 0. { v.round() } else { v };
+                    let mut p = [0.; 3];
+                    p[axis] = side;
+                    p[(axis + 1) % 3] = whole(x);
+                    p[(axis + 2) % 3] = whole(y);
+                    mesh.vertices.push(p.into());
+                }
+                let quad = [[0, 1, 2], [0, 2, 3]];
+                mesh.triangles.extend(quad.map(|t| t.map(|i| first + i)));
+            }
         }
     }
-    for corner in scene.triangles().iter().flatten() {
-        let direction = corner.as_dvec3().normalize();
-        rays.push(Ray { origin: DVec3::ZERO, direction });
+    let scene = Scene::new(&mesh);
+    for kernel in all_forms(&scene) {
+        let mut random = Pcg64::seed_from_u64(3);
+        let mut ray = Ray { origin: DVec3::ZERO, direction: DVec3::X };
+        let mut from = None;
+        for _ in 0..30_000 {
+            let hit = kernel.first_hit(&ray, from).expect("an escape");
+            let place = hit.point.abs();
+            assert!((place.max_element() - 4096.).abs() < 1e-8, "{place}");
+            // Inwards: a path that turns round between two triangles of
+            // a wall would find itself outside.
+            assert!(hit.normal.dot(hit.point) < 0., "{hit:?}");
+            let (r, turn) = (random.random(), random.random());
+            let direction = cosine_direction(hit.normal, r, turn);
+            ray = Ray { origin: hit.point, direction };
+            from = Some(hit.primitive);
+        }
     }
-    for ray in &rays {
-        let hit = kernel.first_hit(ray, None);
-        assert_eq!(portable.first_hit(ray, None), hit, "{ray:?}");
-    }
+}
+
+#[test]
+fn a_scene_given_twice_renders_like_the_scene() {
+    let mesh = cavity(0.2, 12);
+    let mut twice = mesh.clone();
+    let again = mesh.triangles.iter().map(|&[a, b, c]| [b, c, a]);
+    twice.triangles.extend(again);
+    let view = View {
+        position: DVec3::ZERO,
+        target: DVec3::new(1., 0.2, -0.3),
+        up: DVec3::Z,
+        fov: 90.,
+    };
+    let render = |mesh: &Mesh| {
+        let setting =
+            Setting::new(mesh, (0.9, DVec3::Z), &view, 1.).unwrap();
+        let mut image = Image::new(24, 24);
+        setting.job(1).pass(&mut image, 0..16, &|_| ());
+        image.means().map(f64::to_bits).collect::<Vec<_>>()
+    };
+    assert_eq!(render(&mesh), render(&twice));
 }
 
 #[test]
 fn rays_through_edges_and_vertices_of_a_closed_mesh_are_stopped() {
     let scene = Scene::new(&cavity(0., 24));
-    let kernel = Cwbvh::new(&scene);
+    let kernel = Hierarchy::new(&scene).unwrap();
     let mut random = Pcg64::seed_from_u64(4);
     for t in scene.triangles() {
         let [a, b, _] = t.map(|corner| corner.as_dvec3());
@@ -152,7 +244,7 @@ fn rays_through_edges_and_vertices_of_a_closed_mesh_are_stopped() {
 
 #[test]
 fn an_empty_scene_has_no_hit() {
-    let kernel = Cwbvh::new(&Scene::new(&Mesh::default()));
+    let kernel = Hierarchy::new(&Scene::new(&Mesh::default())).unwrap();
     let ray = Ray { origin: DVec3::ZERO, direction: DVec3::X };
     assert_eq!(kernel.first_hit(&ray, None), None);
 }
@@ -166,7 +258,7 @@ fn triangles_without_area_are_never_hit() {
     };
     let scene = Scene::new(&mesh);
     assert!(scene.triangles().is_empty());
-    let kernel = Cwbvh::new(&scene);
+    let kernel = Hierarchy::new(&scene).unwrap();
     let mut random = Pcg64::seed_from_u64(2);
     for _ in 0..1000 {
         let origin = random_direction(&mut random) * 5000.;

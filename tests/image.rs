@@ -10,7 +10,7 @@ use glam::DVec3;
 use litpt::camera::{Camera, View};
 use litpt::closed_forms::cavity;
 use litpt::estimator::Reference;
-use litpt::hierarchy::{Cwbvh, Kernel};
+use litpt::hierarchy::{Hierarchy, Isa, Kernel, Quality};
 use litpt::image::{Image, SIDE, Summary};
 use litpt::render::Job;
 use litpt::scene::Scene;
@@ -64,10 +64,10 @@ fn the_curve_steps_to_adjacent_tiles() {
 fn render(
     threads: usize,
     passes: &[u64],
-    prepare: impl Fn(Cwbvh) -> Cwbvh,
+    (quality, isa): (Quality, Isa),
 ) -> Vec<u64> {
     let scene = Scene::new(&cavity(0.3, 24));
-    let kernel = prepare(Cwbvh::new(&scene));
+    let kernel = Hierarchy::with(&scene, quality, isa).unwrap();
     let view = View {
         position: DVec3::ZERO,
         target: DVec3::new(0.5, 0.3, -1.),
@@ -100,23 +100,28 @@ fn render(
 
 #[test]
 fn the_image_does_not_depend_on_threads_or_passes() {
-    let image = render(1, &[8], |kernel| kernel);
-    assert_eq!(render(2, &[8], |kernel| kernel), image);
-    assert_eq!(render(7, &[8], |kernel| kernel), image);
-    assert_eq!(render(3, &[1, 5, 2], |kernel| kernel), image);
-    assert_ne!(render(1, &[7], |kernel| kernel), image);
+    let usual = (Quality::Medium, Isa::best());
+    let image = render(1, &[8], usual);
+    assert_eq!(render(2, &[8], usual), image);
+    assert_eq!(render(7, &[8], usual), image);
+    assert_eq!(render(3, &[1, 5, 2], usual), image);
+    assert_ne!(render(1, &[7], usual), image);
 }
 
 #[test]
-fn the_image_does_not_depend_on_the_instruction_set() {
-    let image = render(2, &[8], |kernel| kernel);
-    assert_eq!(render(2, &[8], Cwbvh::portable), image);
+fn the_image_does_not_depend_on_the_hierarchy() {
+    let image = render(2, &[8], (Quality::Medium, Isa::Portable));
+    for isa in Isa::ALL.into_iter().filter(|isa| isa.is_available()) {
+        for quality in [Quality::Fast, Quality::Thorough] {
+            assert_eq!(render(2, &[8], (quality, isa)), image, "{isa:?}");
+        }
+    }
 }
 
 #[test]
 fn progress_counts_every_path_once() {
     let scene = Scene::new(&cavity(0.3, 24));
-    let kernel = Cwbvh::new(&scene);
+    let kernel = Hierarchy::new(&scene).unwrap();
     let view = View {
         position: DVec3::ZERO,
         target: -DVec3::Z,

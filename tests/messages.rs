@@ -7,6 +7,8 @@ mod common;
 
 use std::process::Command;
 
+use litpt::hierarchy::Isa;
+
 use common::{ABOVE, Place, Run, finish, skip};
 
 /// Runs `pt` on a terminal; its output and its messages come as one text.
@@ -60,10 +62,11 @@ fn a_summary_tells_times_rays_and_the_mean() {
     assert_eq!(number_before(lines[0], " triangles"), 2.);
     for room in ["load ", "build ", "render "] {
         let (_, rest) = lines[0].split_once(room).expect(room);
-        let seconds = rest.split(',').next().unwrap();
-        let seconds = seconds.strip_suffix(" s").expect(room);
+        let (seconds, _) = rest.split_once(" s").expect(room);
         assert!(seconds.parse::<f64>().unwrap() >= 0.);
     }
+    let built = format!(" s (fast, {}), render", Isa::best());
+    assert!(lines[0].contains(&built), "{}", lines[0]);
     // Each path meets the square and then the sky: two rays.
     assert_eq!(number_before(lines[1], " rays,"), 2. * 5. * 12.);
     assert!(lines[1].contains("rays/s"));

@@ -9,6 +9,9 @@ use std::io;
 use std::process::Stdio;
 use std::time::Duration;
 
+use clap::ValueEnum;
+use litpt::hierarchy::Isa;
+
 use common::{ABOVE, Place, ROOM, finish, pgm};
 
 /// Each option that has a value and a default: its short form, its long
@@ -54,6 +57,23 @@ fn a_default_given_explicitly_changes_nothing() {
         assert!(place.render(&[&option]) == image, "{option}");
         assert!(place.render(&[short, other]) != image, "{other}");
     }
+}
+
+#[test]
+fn the_instructions_change_nothing_but_the_summary() {
+    let place = Place::new();
+    let image = place.render(&["-n3"]);
+    for isa in Isa::ALL.map(|isa| isa.to_string()) {
+        let run = place.run(&["-i", "room.obj", "-n3", "--isa", &isa]);
+        if Isa::from_str(&isa, false).unwrap().is_available() {
+            run.succeeded();
+            assert!(run.stdout == image, "{isa}");
+            assert!(run.stderr.contains(&format!(", {isa})")), "{isa}");
+        } else {
+            run.failed(1, &[&isa, "instructions"]);
+        }
+    }
+    refused("--isa", "--isa", &["sse", "AVX2"]);
 }
 
 #[test]

@@ -5,7 +5,7 @@
 
 use glam::DVec3;
 use litpt::camera::{Camera, View, ViewError};
-use litpt::scene::{Scene, read_obj};
+use litpt::scene::{Mesh, Scene, read_obj, read_pieces};
 
 const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
 
@@ -30,6 +30,17 @@ fn a_polygon_becomes_a_fan_around_its_first_corner() {
     assert_eq!(triangles(&format!("{SQUARE}f 1 2 \\\n3 4\n")), fan);
     let windows = format!("{SQUARE}f 1 2 3 4\n").replace('\n', "\r\n");
     assert_eq!(triangles(&windows), fan);
+}
+
+#[test]
+fn the_pyramid_of_the_book_has_the_sides_that_the_book_says() {
+    let text = "v 0 0 0\nv 2 0 0\nf 1 2 -1\nv 2 2 0\nv 0 2 0\n\
+                f 2/1 3/2 \\\n  5\nv 1 1 3\nf 3 4 5\nf -2 1 -1\n";
+    let sides = [[0, 1, 1], [1, 2, 4], [2, 3, 4], [3, 0, 4]];
+    for size in [1, 15, 30, 999] {
+        let mesh = read_pieces(text.as_bytes(), size).unwrap();
+        assert_eq!(mesh.triangles, sides);
+    }
 }
 
 #[test]
@@ -92,6 +103,234 @@ fn a_fault_is_reported_with_its_line_and_its_value() {
     assert_eq!(complaint(binary), expected);
     let latin = b"v 0 0 0\nv 1 0 \xe9\nf 1 1 2\n";
     assert_eq!(complaint(latin), "x.obj:2: not UTF-8 text");
+}
+
+/// A generator of random numbers, for texts (xorshift).
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, n: usize) -> usize {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        (self.0 >> 33) as usize % n
+    }
+
+    fn one_of<T: Copy>(&mut self, choice: &[T]) -> T {
+        choice[self.below(choice.len())]
+    }
+
+    /// A number of 1 to 24 digits, often with a point or an exponent.
+    fn number(&mut self) -> String {
+        let mut word = self.one_of(&["", "", "-", "+"]).to_owned();
+        let digits = 1 + self.below(24);
+        let point = self.below(2 * digits);
+        for i in 0..digits {
+            word.push_str(if i == point { "." } else { "" });
+            word.push_str(self.one_of(&["0", "1", "3", "5", "8", "9"]));
+        }
+        word + self.one_of(&["", "", "", "e-7", "E3", "e+12", "e-300"])
+    }
+}
+
+/// A text that other readers accept as well: each face names vertices,
+/// texture coordinates and normals that came before it.
+fn random_text(random: &mut Random) -> String {
+    let mut text = String::new();
+    let mut n = [0, 0, 0];
+    let ends = ["\n", "\n", "\r\n", " \n", "\t\n"];
+    for _ in 0..3 + random.below(60) {
+        match if n[0] < 3 { 0 } else { random.below(9) } {
+            0..3 => {
+                n[0] += 1;
+                text += &format!("v {} ", random.number());
+                text += &[random.number(), random.number()].join("\t");
+                text += random.one_of(&["", "", "", " 1", " 1.0"]);
+            }
+            3 => {
+                n[1] += 1;
+                text += "vt 0.5 0.25";
+            }
+            4 => {
+                n[2] += 1;
+                text += "vn 0 0 1";
+            }
+            5 => {
+                let noise = ["g a b", "o c", "s 1", "# f 1 2", "", "foo"];
+                text += random.one_of(&noise);
+            }
+            _ => text += &random_face(random, n),
+        }
+        text += random.one_of(&ends);
+    }
+    text
+}
+
+fn random_face(random: &mut Random, n: [usize; 3]) -> String {
+    let mut index = |n: usize| {
+        let i = 1 + random.below(n);
+        let back = -((1 + n - i) as i64);
+        if random.below(2) == 0 { i as i64 } else { back }
+    };
+    let [v, t, m] = n;
+    let mut corner = || match (t, m) {
+        (0, 0) => format!(" {}", index(v)),
+        (_, 0) => format!(" {}/{}", index(v), index(t)),
+        (0, _) => format!(" {}//{}", index(v), index(m)),
+        _ => format!(" {}/{}/{}", index(v), index(t), index(m)),
+    };
+    let first = [corner(), corner(), corner()].concat();
+    let more = index(5).unsigned_abs() - 1;
+    let more: String =
+        (0..more).map(|_| index(v).to_string() + " ").collect();
+    format!("f{first} {more}")
+}
+
+/// What the crate tobj reads: the corners of all triangles, in order.
+fn by_tobj(text: &str) -> Result<Vec<[[u64; 3]; 3]>, tobj::LoadError> {
+    let options =
+        tobj::LoadOptions { triangulate: true, ..Default::default() };
+    let none = |_: &std::path::Path| Ok(Default::default());
+    let (models, _) =
+        tobj::load_obj_buf(&mut text.as_bytes(), &options, none)?;
+    let corner = |mesh: &tobj::Mesh, i: u32| {
+        [0, 1, 2].map(|k| mesh.positions[3 * i as usize + k].to_bits())
+    };
+    let of_model = |tobj::Model { mesh, .. }| {
+        let triangle = |t: &[u32]| [0, 1, 2].map(|k| corner(&mesh, t[k]));
+        mesh.indices.chunks(3).map(triangle).collect::<Vec<_>>()
+    };
+    Ok(models.into_iter().flat_map(of_model).collect())
+}
+
+#[test]
+fn random_texts_give_the_triangles_that_the_crate_tobj_reads() {
+    let mut random = Random(1);
+    let mut total = 0;
+    for _ in 0..3000 {
+        let text = random_text(&mut random);
+        let theirs = by_tobj(&text).expect(&text);
+        if theirs.is_empty() {
+            assert!(complaint(text.as_bytes()).contains("no face"));
+            continue;
+        }
+        let bits = |p: DVec3| p.to_array().map(f64::to_bits);
+        let ours: Vec<_> =
+            triangles(&text).iter().map(|t| t.map(bits)).collect();
+        assert_eq!(ours, theirs, "{text}");
+        total += ours.len();
+    }
+    assert!(total > 50_000, "{total}");
+}
+
+#[test]
+fn a_text_reads_the_same_in_pieces_of_any_size() {
+    let mut random = Random(2);
+    for round in 0..400 {
+        let mut text = random_text(&mut random);
+        // Lines continue, with blanks after the backslash or without.
+        text = text.replace("1 ", random.one_of(&["1 \\\n", "1 \\ \r\n"]));
+        if round % 4 == 0 {
+            let wrong =
+                ["v 1 x 2\n", "f 1 2\n", "v 1 nan 2\n", "f 1 2 999"];
+            let at = text.len() - random.below(text.len());
+            text.insert_str(at, random.one_of(&wrong));
+        }
+        let whole = read_pieces(text.as_bytes(), text.len());
+        assert_eq!(read_obj(text.as_bytes()), whole);
+        for size in [0, 1, 2, 3, 5, 16, 100] {
+            let cut = read_pieces(text.as_bytes(), size);
+            assert_eq!(cut, whole, "{size}: {text}");
+        }
+    }
+}
+
+#[test]
+fn a_text_reads_the_same_on_any_number_of_threads() {
+    let mut random = Random(3);
+    let text: String = (0..50).map(|_| random_text(&mut random)).collect();
+    let wrong = text.clone() + "f 1 2\nf 1\n";
+    let read = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+        let both = || {
+            let scene = |mesh| Scene::new(&mesh).triangles().to_vec();
+            let right = read_pieces(text.as_bytes(), 40).map(scene);
+            (right, read_pieces(wrong.as_bytes(), 40).unwrap_err())
+        };
+        pool.build().unwrap().install(both)
+    };
+    let lines = text.lines().count();
+    let (scene, error) = read(1);
+    assert!(scene.is_ok());
+    assert_eq!(error.line, Some(lines + 1));
+    for threads in [2, 3, 8] {
+        assert_eq!(read(threads), (scene.clone(), error.clone()));
+    }
+}
+
+#[test]
+fn a_long_run_of_blank_lines_takes_no_more_time_than_others() {
+    // Were each end of a line to look back over all lines before it,
+    // this would take minutes.
+    let blank = "\\\n".to_owned() + &"\n".repeat(2_000_000);
+    let text = format!("{SQUARE}# {blank}f 1 2 3\n");
+    let mesh = read_pieces(text.as_bytes(), 1).unwrap();
+    assert_eq!(mesh.triangles, [[0, 1, 2]]);
+}
+
+#[test]
+fn vertices_keep_their_order_and_need_no_face() {
+    let text = format!("v 9 9 9\n{SQUARE}f 5 4 3\nv 1 2 3\n");
+    let mesh = read_obj(text.as_bytes()).unwrap();
+    assert_eq!(mesh.vertices.len(), 6);
+    assert_eq!(mesh.vertices[5], DVec3::new(1., 2., 3.));
+    assert_eq!(mesh.triangles, [[4, 3, 2]]);
+}
+
+#[test]
+fn a_stray_vertex_does_not_change_the_scene() {
+    let stray = format!("{SQUARE}f 1 2 3\nv 1e9 1e300 -7\n");
+    let plain = format!("{SQUARE}f 1 2 3\n");
+    let scene =
+        |text: &str| Scene::new(&read_obj(text.as_bytes()).unwrap());
+    let (stray, plain) = (scene(&stray), scene(&plain));
+    assert_eq!(stray.triangles(), plain.triangles());
+    let ray = |scene: &Scene| scene.enter(DVec3::splat(9.), -DVec3::ONE);
+    assert_eq!(ray(&stray).unwrap().origin, ray(&plain).unwrap().origin);
+}
+
+#[test]
+fn the_triangles_with_area_keep_their_order() {
+    let mesh = Mesh {
+        vertices: vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z],
+        triangles: vec![
+            [0, 1, 2],
+            [1, 1, 2],
+            [0, 2, 3],
+            [3, 0, 3],
+            [1, 2, 3],
+        ],
+    };
+    let good: Vec<_> = [0, 2, 4].map(|i| mesh.triangles[i]).into();
+    let rest = Mesh { triangles: good, ..mesh.clone() };
+    let scene = Scene::new(&mesh);
+    assert_eq!(scene.triangles(), Scene::new(&rest).triangles());
+    assert_eq!(scene.triangles().len(), 3);
+}
+
+#[test]
+fn the_order_of_zeros_does_not_decide_the_sign_of_the_box() {
+    let corner = |faces: &str| {
+        let text = format!("v 1 0 -0\nv 0 1 0\nv 0 0 0\n{faces}");
+        let scene = Scene::new(&read_obj(text.as_bytes()).unwrap());
+        let corners = scene.triangles().as_flattened();
+        let far = corners.iter().find(|p| p.x > p.y && p.x > 0.);
+        far.unwrap().to_array().map(f32::to_bits)
+    };
+    let expected = corner("f 1 2 3\nf 3 2 1\n");
+    for faces in ["f 3 2 1\nf 1 2 3\n", "f 1 2 3\n", "f 2 3 1\n"] {
+        assert_eq!(corner(faces), expected, "{faces}");
+    }
 }
 
 #[test]

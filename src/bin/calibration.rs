@@ -14,12 +14,12 @@ use std::fmt::{self, Write};
 use std::path::Path;
 
 use glam::DVec3;
-use litpt::camera::{Camera, View, ViewError};
+use litpt::camera::{Camera, View};
 use litpt::closed_forms::{Setting, cavity, cavity_radiance};
 use litpt::course::{Course, Interrupt, Limits};
 use litpt::courtyard::{solids, write_obj};
 use litpt::estimator::{Estimator, Realisation};
-use litpt::hierarchy::{Cwbvh, Kernel};
+use litpt::hierarchy::{Hierarchy, Kernel};
 use litpt::image::{Image, WORTH};
 use litpt::render::Job;
 use litpt::report::{Fit, Step};
@@ -90,7 +90,7 @@ fn set(
     rho: f64,
     up: DVec3,
     view: &View,
-) -> Result<Setting, ViewError> {
+) -> Result<Setting, Box<dyn Error>> {
     let aspect = f64::from(WIDTH) / f64::from(HEIGHT);
     Setting::new(mesh, (rho, up), view, aspect)
 }
@@ -276,7 +276,7 @@ fn stopping() -> Result<String, fmt::Error> {
 fn stopped(seed: u64, error: f64, side: u32) -> (f64, u64) {
     let nothing = Mesh { vertices: vec![], triangles: vec![] };
     let scene = Scene::new(&nothing);
-    let kernel = Cwbvh::new(&scene);
+    let Ok(kernel) = Hierarchy::new(&scene) else { return (0., 0) };
     let view = look([0.; 3], [0., 1., 0.], DVec3::Z, 70.);
     let Ok(camera) = Camera::new(&view, 1.) else { return (0., 0) };
     let job = Job {

@@ -86,10 +86,12 @@ const SUMS: [&str; 5] = [
 ];
 
 /// Attributes that may differ between runs of the same image.
-const FREE: [&str; 7] = [
+const FREE: [&str; 9] = [
     "version",
     "scene",
     "threads",
+    "isa",
+    "hierarchy",
     "time",
     "error",
     "reference",

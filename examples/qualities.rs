@@ -1,5 +1,5 @@
-// Measures the builder's presets on a scene and prints a CSV: "make measure"
-// records it for the chapter "The hierarchy".
+// Measures the builder's qualities and the sets of instructions on a scene and
+// prints a CSV: "make measure" records it for the chapter "A wide hierarchy".
 //
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
@@ -9,41 +9,39 @@ use std::time::Instant;
 
 use litpt::camera::Camera;
 use litpt::estimator::Reference;
-use litpt::hierarchy::Cwbvh;
+use litpt::hierarchy::{Hierarchy, Isa, Quality};
 use litpt::image::Image;
 use litpt::render::Job;
 use litpt::scene::{Scene, read_obj};
 use litpt::sky::Sky;
-use obvhs::BvhBuildParams;
 
 const ROUNDS: usize = 5;
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let path = std::env::args().nth(1).ok_or("usage: presets FILE.obj")?;
+    let path =
+        std::env::args().nth(1).ok_or("usage: qualities FILE.obj")?;
     let scene = Scene::new(&read_obj(&std::fs::read(path)?)?);
-    let presets = [
-        ("fastest", BvhBuildParams::fastest_build()),
-        ("very fast", BvhBuildParams::very_fast_build()),
-        ("fast", BvhBuildParams::fast_build()),
-        ("medium", BvhBuildParams::medium_build()),
-        ("slow", BvhBuildParams::slow_build()),
-        ("very slow", BvhBuildParams::very_slow_build()),
-    ];
+    let qualities = [Quality::Fast, Quality::Medium, Quality::Thorough];
+    let mut ways: Vec<_> = qualities.map(|q| (q, Isa::best())).into();
+    let others = Isa::ALL.into_iter().filter(|isa| isa.is_available());
+    let others = others.filter(|isa| *isa != Isa::best());
+    ways.extend(others.map(|isa| (Quality::Thorough, isa)));
     // Alternately, so that a busy moment of the machine falls on all alike.
-    let mut measured = vec![(vec![], vec![]); presets.len()];
+    let mut measured = vec![(vec![], vec![]); ways.len()];
     for _ in 0..ROUNDS {
-        for ((_, preset), (build, speed)) in
-            presets.iter().zip(&mut measured)
+        for (&(quality, isa), (build, speed)) in
+            ways.iter().zip(&mut measured)
         {
             let start = Instant::now();
-            let kernel = Cwbvh::with_preset(&scene, *preset);
+            let kernel = Hierarchy::with(&scene, quality, isa)?;
             build.push(start.elapsed().as_secs_f64());
             speed.push(rays_per_second(&scene, &kernel)?);
         }
     }
-    println!("preset,build_seconds,million_rays_per_second");
-    for ((name, _), (build, speed)) in presets.iter().zip(measured) {
-        println!("{name},{:.3},{:.2}", median(build), median(speed) * 1e-6);
+    println!("quality,instructions,build_seconds,million_rays_per_second");
+    for ((quality, isa), (build, speed)) in ways.iter().zip(measured) {
+        let (build, speed) = (median(build), median(speed) * 1e-6);
+        println!("{quality},{isa},{build:.3},{speed:.2}");
     }
     Ok(())
 }
@@ -51,7 +49,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 /// The view of the courtyard that the book shows.
 fn rays_per_second(
     scene: &Scene,
-    kernel: &Cwbvh,
+    kernel: &Hierarchy,
 ) -> Result<f64, Box<dyn Error>> {
     let view = litpt::courtyard::view();
     let camera = Camera::new(&view, 4. / 3.)?;
