@@ -22,10 +22,10 @@ mod triangle;
 mod walk;
 mod wide;
 
-pub use wide::{BuildError, Quality};
+pub use wide::Quality;
 
 // Name what the hierarchy imports
-use std::fmt;
+use std::{fmt, io};
 
 use clap::ValueEnum;
 use glam::DVec3;
@@ -120,6 +120,36 @@ impl fmt::Display for Isa {
 }
 
 // Choose the walk for a processor
+/// Why there is no hierarchy.
+#[derive(Debug)]
+pub enum BuildError {
+    /// The processor lacks these instructions.
+    NoInstructions(Isa),
+    /// The system lacks the memory.
+    Memory(io::Error),
+}
+
+impl fmt::Display for BuildError {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        match self {
+            Self::NoInstructions(isa) => {
+                write!(f, "this processor lacks the instructions {isa}")
+            }
+            Self::Memory(error) => {
+                write!(f, "no memory for the hierarchy: {error}")
+            }
+        }
+    }
+}
+
+impl std::error::Error for BuildError {}
+
+impl From<io::Error> for BuildError {
+    fn from(error: io::Error) -> Self {
+        Self::Memory(error)
+    }
+}
+
 /// A hierarchy over the triangles of a scene, with a walk through it.
 pub struct Hierarchy(Form);
 

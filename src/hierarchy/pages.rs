@@ -6,51 +6,69 @@
 // Software Foundation, either version 3 of the License, or (at your option)
 // any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Large arrays in large pages.
+//! Large arrays in large pages of memory.
 
-use std::ops::Deref;
+use std::io;
+use std::marker::PhantomData;
+use std::ops::{Deref, DerefMut, Range};
 
 use bytemuck::Pod;
-use memmap2::{Advice, MmapMut, MmapOptions};
+#[cfg(target_os = "linux")]
+use memmap2::Advice;
+use memmap2::{MmapMut, MmapOptions};
 
+// Map an array of zeros
+/// An array that begins at a large page.
 pub struct Pages<T> {
-    _map: MmapMut,
-    first: *const T,
-    length: usize,
+    map: MmapMut,
+    /// Where in the map the elements are.
+    bytes: Range<usize>,
+    elements: PhantomData<[T]>,
 }
-unsafe impl<T: Sync> Sync for Pages<T> {}
-unsafe impl<T: Send> Send for Pages<T> {}
 
-const HUGE: usize = 1 << 21;
+/// The size of a large page.
+const LARGE: usize = 1 << 21;
 
 impl<T: Pod> Pages<T> {
-    /// An array of `length` zeros.
-    pub fn zeroed(length: usize) -> std::io::Result<Self> {
-        let bytes = length * size_of::<T>();
-        let map = MmapOptions::new().len(bytes + HUGE).map_anon()?;
-        let start = map.as_ptr().align_offset(HUGE);
+    /// An array of `length` elements, all of whose bits are zero.
+    ///
+    /// # Errors
+    /// The system refuses the memory.
+    pub fn zeroed(length: usize) -> io::Result<Self> {
+        // Count the bytes without overflow
+        let bytes = length
+            .checked_mul(size_of::<T>())
+            .filter(|&bytes| bytes < isize::MAX as usize - 2 * LARGE)
+            .ok_or(io::ErrorKind::OutOfMemory)?;
+        let room = bytes.next_multiple_of(LARGE) + LARGE;
+        let map = MmapOptions::new().len(room).map_anon()?;
+        let first = map.as_ptr().align_offset(LARGE);
         #[cfg(target_os = "linux")]
-        if bytes >= 4 * HUGE {
-            let _ = map.advise_range(Advice::HugePage, start, bytes);
+        if bytes >= 4 * LARGE {
+            let _ = map.advise_range(Advice::HugePage, first, room - LARGE);
         }
-        let first = map[start..].as_ptr().cast();
-        Ok(Self { _map: map, first, length })
-    }
-
-    pub fn as_mut_slice(&mut self) -> &mut [T] {
-        unsafe {
-            std::slice::from_raw_parts_mut(
-                self.first.cast_mut(),
-                self.length,
-            )
-        }
+        let bytes = first..first + bytes;
+        Ok(Self { map, bytes, elements: PhantomData })
     }
 }
 
+// See the bytes as elements
 impl<T: Pod> Deref for Pages<T> {
     type Target = [T];
+
     #[inline(always)]
     fn deref(&self) -> &[T] {
-        unsafe { std::slice::from_raw_parts(self.first, self.length) }
+        bytemuck::cast_slice(&self.map[self.bytes.clone()])
     }
 }
+
+impl<T: Pod> DerefMut for Pages<T> {
+    fn deref_mut(&mut self) -> &mut [T] {
+        bytemuck::cast_slice_mut(&mut self.map[self.bytes.clone()])
+    }
+}
+
+// Test the large pages
+#[cfg(test)]
+#[path = "../../tests/units/pages.rs"]
+mod tests;

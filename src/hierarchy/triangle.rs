@@ -120,8 +120,7 @@ impl Leaves {
 
     /// All leaves, to be filled from the front.
     pub fn room(&mut self) -> Room<'_> {
-        let corners = self.corners.as_mut_slice();
-        Room { corners, labels: self.labels.as_mut_slice() }
+        Room { corners: &mut self.corners, labels: &mut self.labels }
     }
 
     /// The memory that they take, in bytes.
@@ -131,12 +130,12 @@ impl Leaves {
 
     // Find a triangle by its slot
     /// The number of a triangle in the scene.
-    fn number(&self, slot: u32) -> u32 {
+    pub fn number(&self, slot: u32) -> u32 {
         self.labels[slot as usize] & (MOST as u32 - 1)
     }
 
     /// The corners of a triangle.
-    fn triangle(&self, slot: u32) -> [DVec3; 3] {
+    pub fn triangle(&self, slot: u32) -> [DVec3; 3] {
         let label = self.labels[slot as usize];
         let (lane, count) = (label >> 28 & 3, (label >> 30) + 1);
         self.leaf((slot - lane) as usize, count as usize).triangle(lane)

@@ -11,7 +11,7 @@
 use std::mem::MaybeUninit;
 
 use super::triangle::{LANES, Leaf, NONE, Search, Shear};
-use super::wide::{FIRST, LEAF, Node, Wide};
+use super::wide::{LEAF, Node, Wide, slots};
 use super::{Hit, Kernel};
 use crate::scene::Ray;
 
@@ -157,8 +157,7 @@ where
                 _ => push(node, slabs.shift, &entered, &mut stack),
             };
         }
-        let first = child & FIRST;
-        let count = (child >> 29 & 3) as usize + 1;
+        let (first, count) = slots(child);
         let leaf = leaves.leaf(first as usize, count);
         let (mut met, distances) = meet(leaf, &shear, search.distance);
         if met != 0 {

@@ -6,89 +6,52 @@
 // Software Foundation, either version 3 of the License, or (at your option)
 // any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! From a binary hierarchy to one with many children a node.
+//! From the triangles of a scene to a tree with many children a node.
+//!
+//! Boxes are in the coordinates of the scene, in single precision, and
+//! larger by `PADDING` than what they hold. Node 0 is the root. Every
+//! other node and every leaf is the child of exactly one node.
 
-use bytemuck::{Pod, Zeroable};
-use glam::Vec3A;
+// Name what the wide hierarchy imports
+use std::{fmt, io};
+
+use bytemuck::{Pod, TransparentWrapper, Zeroable};
+use glam::{Vec3, Vec3A};
 use obvhs::Boundable;
 use obvhs::aabb::Aabb;
-use obvhs::bvh2::Bvh2;
+use obvhs::bvh2::DEFAULT_MAX_STACK_DEPTH;
 use obvhs::bvh2::node::Bvh2Node;
 use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
 use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
 use rayon::prelude::*;
 
-use super::Isa;
 use super::pages::Pages;
-use super::triangle::{LANES, Leaves, Room};
+use super::triangle::{LANES, Leaves, MOST, Room};
+use super::walk::STACK;
 use crate::scene::{Scene, Triangle};
 
-#[repr(C, align(64))]
-#[derive(Clone, Copy, Debug)]
-pub struct Node<const N: usize> {
-    /// min x, y, z, max x, y, z
-    pub planes: [[f32; N]; 6],
-    pub children: [u32; N],
-    pub order: [u32; N],
-}
-
-unsafe impl<const N: usize> Zeroable for Node<N> {}
-unsafe impl Pod for Node<8> {}
-unsafe impl Pod for Node<16> {}
-
-#[derive(Debug)]
-pub enum BuildError {
-    NoInstructions(Isa),
-    Memory(std::io::Error),
-}
-impl std::fmt::Display for BuildError {
-    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-        match self {
-            Self::NoInstructions(isa) => {
-                write!(f, "this processor lacks the instructions {isa:?}")
-            }
-            Self::Memory(e) => {
-                write!(f, "no memory for the hierarchy: {e}")
-            }
-        }
-    }
-}
-impl std::error::Error for BuildError {}
-
-pub const LEAF: u32 = 1 << 31;
-/// Bits of the first slot of a leaf
-pub const FIRST: u32 = (1 << 29) - 1;
-
-pub struct Wide<const N: usize> {
-    pub nodes: Pages<Node<N>>,
-    pub leaves: Leaves,
-}
-
+// Choose how thoroughly to build
+/// How much work to put into a hierarchy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quality {
+    /// Six neighbours looked at, one improvement of 2 % of the nodes.
     Fast,
+    /// Fourteen neighbours, improvements of 5 % and 10 % of the nodes.
     Medium,
+    /// Fourteen neighbours, two improvements of all nodes.
     Thorough,
 }
 
-impl Quality {
-    pub fn expecting(triangles: usize, rays: f64) -> Self {
-        let seconds = |&(_, build, ray): &(Self, f64, f64)| {
-            triangles as f64 * build + rays * ray * 65e-9
-        };
-        let all = [
-            (Self::Fast, 0.6e-6, 1.12),
-            (Self::Medium, 0.9e-6, 1.07),
-            (Self::Thorough, 6e-6, 1.),
-        ];
-        all.into_iter()
-            .min_by(|a, b| seconds(a).total_cmp(&seconds(b)))
-            .map_or(Self::Medium, |q| q.0)
-    }
-}
+/// Each quality with the nanoseconds it takes to build per triangle, and
+/// then per ray.
+const PRICES: [(Quality, f64, f64); 3] = [
+    (Quality::Fast, 600., 1.10 * 125.),
+    (Quality::Medium, 900., 1.06 * 125.),
+    (Quality::Thorough, 6000., 125.),
+];
 
-impl std::fmt::Display for Quality {
-    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+impl fmt::Display for Quality {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         f.write_str(match self {
             Self::Fast => "fast",
             Self::Medium => "medium",
@@ -97,11 +60,121 @@ impl std::fmt::Display for Quality {
     }
 }
 
+impl Quality {
+    /// The quality for which building a hierarchy of `triangles`
+    /// triangles and following `rays` rays through it takes the
+    /// shortest time together.
+    pub fn expecting(triangles: usize, rays: f64) -> Self {
+        // Let the rays repay the builder
+        let [mut best, others @ ..] = PRICES;
+        for other in others {
+            let loss = triangles as f64 * (other.1 - best.1);
+            let gain = rays * (best.2 - other.2);
+            if gain > loss {
+                best = other;
+            }
+        }
+        best.0
+    }
+}
+
+// Lay out a wide node
+/// The boxes of up to `N` children, lane by lane.
+#[repr(C, align(64))]
+#[derive(Clone, Copy, Debug)]
+pub struct Node<const N: usize> {
+    /// The least x, y and z, then the greatest x, y and z.
+    pub planes: [[f32; N]; 6],
+    /// Numbers of nodes, or leaves where `LEAF` is set.
+    pub children: [u32; N],
+    /// Lanes from the farthest child to the nearest, for a ray in octant
+    /// `k` in the four bits from bit 4k.
+    pub order: [u32; N],
+}
+
+/// Marks the number of a child as that of a leaf.
+pub const LEAF: u32 = 1 << 31;
+
+/// The child that is a leaf of `count` triangles from slot `first`.
+fn leaf(first: u32, count: u32) -> u32 {
+    LEAF | (count - 1) << 29 | first
+}
+
+/// The first slot and the count of a child that is a leaf.
+#[inline(always)]
+pub fn slots(child: u32) -> (u32, usize) {
+    (child & ((1 << 29) - 1), (child >> 29 & 3) as usize + 1)
+}
+
+impl<const N: usize> Node<N> {
+    // Begin without children
+    /// No children at all.
+    const EMPTY: Self = {
+        let (above, below) = (f32::INFINITY, f32::NEG_INFINITY);
+        let (least, greatest) = ([above; N], [below; N]);
+        Self {
+            planes: [least, least, least, greatest, greatest, greatest],
+            children: [0; N],
+            order: [0; N],
+        }
+    };
+
+    // Put a child into a lane
+    fn set(&mut self, lane: usize, bounds: &Bvh2Node, child: u32) {
+        for axis in 0..3 {
+            self.planes[axis][lane] = bounds.min[axis];
+            self.planes[axis + 3][lane] = bounds.max[axis];
+        }
+        self.children[lane] = child;
+    }
+
+    // Order the children by octant
+    /// Fills `order` from the boxes.
+    fn sort(&mut self) {
+        for octant in 0..8 {
+            let far: [f32; N] =
+                std::array::from_fn(|lane| self.entry(octant, lane));
+            let mut lanes: [u32; N] =
+                std::array::from_fn(|lane| lane as u32);
+            lanes.sort_by(|&a, &b| {
+                far[b as usize].total_cmp(&far[a as usize])
+            });
+            for (order, lane) in self.order.iter_mut().zip(lanes) {
+                *order |= lane << (4 * octant);
+            }
+        }
+    }
+
+    /// How far along the diagonal of an octant its rays enter a box.
+    fn entry(&self, octant: u32, lane: usize) -> f32 {
+        let along = |axis: usize| match octant >> axis & 1 {
+            1 => self.planes[axis][lane],
+            _ => -self.planes[axis + 3][lane],
+        };
+        along(0) + along(1) + along(2)
+    }
+}
+
+// SAFETY: each is 8 N numbers of four bytes, for which all bits are
+// valid, zeros among them; 32 N bytes are a multiple of 64 for these
+// two N, so that `repr(C, align(64))` adds no padding.
+unsafe impl<const N: usize> Zeroable for Node<N> {}
+unsafe impl Pod for Node<8> {}
+unsafe impl Pod for Node<16> {}
+
+const _: () = assert!(size_of::<Node<8>>() == 256);
+const _: () = assert!(size_of::<Node<16>>() == 512);
+
+// Build the binary tree
+/// By how much a triangle's box is enlarged on all sides.
 const PADDING: f32 = 1. / 128.;
 
-struct Padded<'a>(&'a Triangle);
+/// A triangle as its enlarged box.
+#[derive(TransparentWrapper)]
+#[repr(transparent)]
+struct Padded(Triangle);
 
-impl Boundable for Padded<'_> {
+impl Boundable for Padded {
     fn aabb(&self) -> Aabb {
         let [a, b, c] = self.0.map(Vec3A::from);
         let padding = Vec3A::splat(PADDING);
@@ -109,199 +182,317 @@ impl Boundable for Padded<'_> {
     }
 }
 
-fn binary(triangles: &[Triangle], group: &[u32], quality: Quality) -> Bvh2 {
-    let padded: Vec<_> =
-        group.par_iter().map(|&i| Padded(&triangles[i as usize])).collect();
-    let (distance, threshold, ratios): (_, _, &[f32]) = match quality {
+/// A binary tree over the triangles, one in each leaf. Node 0 is the
+/// root; the second child of a node follows its first.
+fn binary(triangles: &[Triangle], quality: Quality) -> Vec<Bvh2Node> {
+    let (distance, threshold, parts): (_, _, &[f32]) = match quality {
         Quality::Fast => (PlocSearchDistance::Low, 2, &[0.02]),
         Quality::Medium => (PlocSearchDistance::Medium, 3, &[0.05, 0.1]),
         Quality::Thorough => (PlocSearchDistance::Medium, 1, &[1., 1.]),
     };
-    let numbers = (0..group.len() as u32).collect();
-    let mut tree = PlocBuilder::with_capacity(group.len()).build(
+    // Join neighbours into a binary tree
+    let mut tree = PlocBuilder::with_capacity(triangles.len()).build(
         distance,
-        &padded,
-        numbers,
+        Padded::wrap_slice(triangles),
+        (0..triangles.len() as u32).collect(),
         SortPrecision::U64,
         threshold,
     );
-    drop(padded);
-    let mut optimizer = ReinsertionOptimizer::default();
-    for &ratio in ratios {
-        optimizer.run(&mut tree, ratio, None);
-    }
-    tree
-}
-
-/// How a binary subtree is best cut.
-struct Cuts {
-    /// Nibble k-1: for k ≥ 2 how many of k go to the left, or 0 for as k-1; k=1: 1 if leaf
-    of: Vec<u64>,
-    counts: Vec<u32>,
-}
-
-type Costs = [f32; 17];
-
-impl Cuts {
-    fn get(&self, node: usize, k: usize) -> usize {
-        (self.of[node] >> (4 * (k - 1)) & 15) as usize
-    }
-}
-
-fn cut<const N: usize>(tree: &Bvh2) -> Cuts {
-    let n = tree.nodes.len();
-    let mut cuts = Cuts { of: vec![0; n], counts: vec![0; n] };
-    // post order with an explicit stack
-    let mut todo = vec![(0u32, false)];
-    let mut costs: Vec<Costs> = vec![];
-    while let Some((i, done)) = todo.pop() {
-        let node = &tree.nodes[i as usize];
-        let e = node.max - node.min;
-        let area = e.x * e.y + e.y * e.z + e.z * e.x;
-        if node.prim_count > 0 {
-            cuts.counts[i as usize] = node.prim_count;
-            cuts.of[i as usize] = 1;
-            costs.push([area; 17]);
-            continue;
+    // Improve the binary tree
+    if tree.max_depth <= DEFAULT_MAX_STACK_DEPTH {
+        let mut optimizer = ReinsertionOptimizer::default();
+        for &part in parts {
+            optimizer.run(&mut tree, part, None);
         }
-        let left = node.first_index;
-        if !done {
-            todo.push((i, true));
-            todo.push((left + 1, false));
-            todo.push((left, false));
-            continue;
-        }
-        let r = costs.pop().unwrap();
-        let l = costs.pop().unwrap();
-        let (nl, nr) =
-            (cuts.counts[left as usize], cuts.counts[left as usize + 1]);
-        let count = nl + nr;
-        cuts.counts[i as usize] = count;
-        let (nl, nr) = ((nl as usize).min(N), (nr as usize).min(N));
-        let most = (count as usize).min(N);
-        let mut c = [f32::INFINITY; 17];
-        let mut choices = 0u64;
+    }
+    tree.nodes
+}
+
+// Cut the tree at least cost
+/// The least costs of a subtree, as a wide tree or several.
+struct Forest<const N: usize> {
+    /// C(i, k) at k - 1.
+    costs: [f32; N],
+    /// How many trees it can be at most: min(n, N).
+    most: usize,
+}
+
+impl<const N: usize> Forest<N> {
+    /// That of a single triangle.
+    fn single(area: f32) -> Self {
+        Self { costs: [area; N], most: 1 }
+    }
+
+    // Join the forests of two children
+    /// The forest of a node of the given area from those of its children,
+    /// and how it is cut.
+    fn join(left: &Self, right: &Self, area: f32) -> (Self, Choices) {
+        let most = (left.most + right.most).min(N);
+        let mut costs = [f32::INFINITY; N];
+        let mut choices = Choices(0);
+        // Try forests of two trees and more
         for k in 2..=most {
-            let mut best = (f32::INFINITY, 0);
-            for a in k.saturating_sub(nr).max(1)..=(k - 1).min(nl) {
-                let cost = l[a] + r[k - a];
-                if cost < best.0 {
-                    best = (cost, a);
-                }
-            }
-            c[k] = best.0;
-            choices |= (best.1 as u64) << (4 * (k - 1));
+            let (cost, trees) = Self::split(left, right, k);
+            costs[k - 1] = cost;
+            choices.set(k, trees);
         }
-        let inner = c[most] + area;
-        // most is only the least if costs decrease in k: they do after the prefix minimum below
-        let mut k = 2;
-        let mut least = c[2];
-        while k < most {
-            k += 1;
-            if least <= c[k] {
-                c[k] = least;
-                choices &= !(15 << (4 * (k - 1)));
-            } else {
-                least = c[k];
+        costs[0] = area + costs[most - 1];
+        if most <= LANES {
+            costs[0] = area;
+            choices.set(1, 1);
+        }
+        // Let no more trees cost more
+        for k in 2..=N {
+            if costs[k - 2] <= costs[k - 1] {
+                costs[k - 1] = costs[k - 2];
+                choices.set(k, 0);
             }
         }
-        let inner = inner.min(least + area);
-        c[1] = inner;
-        if count as usize <= LANES && area <= inner {
-            c[1] = area;
-            choices |= 1;
-        }
-        for k in 2..=most {
-            if c[k - 1] <= c[k] {
-                c[k] = c[k - 1];
-                choices &= !(15 << (4 * (k - 1)));
-            }
-        }
-        for k in most + 1..=N {
-            c[k] = c[most];
-        }
-        cuts.of[i as usize] = choices;
-        costs.push(c);
+        (Self { costs, most }, choices)
     }
-    cuts
+
+    /// D(i, k), and the number of trees on the left that attains it.
+    fn split(left: &Self, right: &Self, k: usize) -> (f32, usize) {
+        let mut best = (f32::INFINITY, 1);
+        for a in k.saturating_sub(right.most).max(1)..=left.most.min(k - 1)
+        {
+            let cost = left.costs[a - 1] + right.costs[k - a - 1];
+            if cost < best.0 {
+                best = (cost, a);
+            }
+        }
+        best
+    }
 }
 
+/// The choices for one node of the binary tree, four bits for each k.
+#[derive(Clone, Copy)]
+struct Choices(u64);
+
+impl Choices {
+    const LEAF: Self = Self(1);
+
+    fn set(&mut self, k: usize, trees: usize) {
+        let shift = 4 * (k - 1);
+        self.0 = self.0 & !(15 << shift) | (trees as u64) << shift;
+    }
+
+    fn get(self, k: usize) -> usize {
+        (self.0 >> (4 * (k - 1)) & 15) as usize
+    }
+
+    fn is_leaf(self) -> bool {
+        self.get(1) == 1
+    }
+}
+
+/// How each node of a binary tree is best cut, for wide nodes of up to
+/// `N` children.
+fn cut<const N: usize>(tree: &[Bvh2Node]) -> Vec<Choices> {
+    let mut choices = vec![Choices::LEAF; tree.len()];
+    let mut forests: Vec<Forest<N>> = vec![];
+    let root = (!tree.is_empty()).then_some((0, false));
+    let mut todo = Vec::from_iter(root);
+    while let Some((i, is_second_visit)) = todo.pop() {
+        // Cut one node after its children
+        let node = &tree[i];
+        let first = node.first_index as usize;
+        if node.is_leaf() {
+            forests.push(Forest::single(area(node)));
+        } else if !is_second_visit {
+            todo.extend([(i, true), (first + 1, false), (first, false)]);
+        } else if let (Some(right), Some(left)) =
+            (forests.pop(), forests.pop())
+        {
+            let (forest, choice) = Forest::join(&left, &right, area(node));
+            forests.push(forest);
+            choices[i] = choice;
+        }
+    }
+    choices
+}
+
+/// Half the surface area of a node's box.
+fn area(node: &Bvh2Node) -> f32 {
+    let e = node.max - node.min;
+    e.x * e.y + e.y * e.z + e.z * e.x
+}
+
+// Number the nodes and leaves
+/// Which nodes of a binary tree become nodes and leaves of a wide one.
+#[derive(Default)]
 struct Plan {
-    children: Vec<u32>,
+    /// The wide nodes in the order of their numbers, and one more that
+    /// marks the end.
+    nodes: Vec<Planned>,
+    /// The binary nodes that become leaves, each with its first slot, and
+    /// one more that marks the end.
+    leaves: Vec<(u32, u32)>,
+    /// How many slots the leaves have.
+    slots: u32,
+    /// The number of nodes on the longest way from the root.
+    levels: usize,
+}
+
+/// A wide node before it has its children.
+#[derive(Clone, Copy, Default)]
+struct Planned {
+    /// The binary node that it stands for.
+    root: u32,
+    /// Numbers of the first node and the first leaf below it.
     first_node: u32,
     first_leaf: u32,
 }
 
-impl<const N: usize> Wide<N>
-where
-    Node<N>: Pod,
-{
-    pub fn new(
-        scene: &Scene,
-        quality: Quality,
-    ) -> Result<Self, BuildError> {
-        let triangles = scene.triangles();
-        let n = triangles.len();
-        let mut leaves =
-            Leaves::with_room(n).map_err(BuildError::Memory)?;
-        let mut room = leaves.room();
-        let mut top = Node::EMPTY;
-        let mut parts: Vec<Vec<Node<N>>> = vec![];
-        let (mut nodes, mut slots) = (1, 0);
-        let mut numbers: Vec<u32> = (0..n as u32).collect();
-        let groups = if n > LARGE { N } else { 1 };
-        for (slot, group) in
-            split(triangles, &mut numbers, groups).into_iter().enumerate()
-        {
-            if group.is_empty() {
-                continue;
+impl Plan {
+    fn new<const N: usize>(tree: &[Bvh2Node]) -> Self {
+        let mut plan = Self::default();
+        plan.nodes.push(Planned::default());
+        let choices = cut::<N>(tree);
+        // Go through the nodes level by level
+        let mut next = 0;
+        let mut level_end = 0;
+        while next < plan.nodes.len() {
+            if next == level_end {
+                plan.levels += 1;
+                level_end = plan.nodes.len();
             }
-            let tree = binary(triangles, group, quality);
-            let cuts = cut::<N>(&tree);
-            let root = &tree.nodes[0];
-            if groups > 1 {
-                top.set(slot, root, nodes);
-            }
-            let base = if groups > 1 { nodes } else { 0 };
-            let plans = plan::<N>(&tree, &cuts, base, slots);
-            nodes += plans.len() as u32;
-            slots += group.len() as u32;
-            let mut part = vec![Node::EMPTY; plans.len()];
-            fill(
-                &tree,
-                &cuts,
-                &plans,
-                triangles,
-                group,
-                &mut part,
-                room.take(group.len()),
-            );
-            parts.push(part);
+            let root = plan.nodes[next].root;
+            plan.nodes[next] = plan.before_children(root);
+            plan.add_children::<N>(tree, &choices, root);
+            next += 1;
         }
-        if groups > 1 || n == 0 {
-            top.sort();
-            parts.insert(0, vec![top]);
-        }
-        let total = parts.iter().map(Vec::len).sum();
-        let mut all = Pages::zeroed(total).map_err(BuildError::Memory)?;
-        let mut rest = all.as_mut_slice();
-        for part in parts {
-            let (here, after) = rest.split_at_mut(part.len());
-            here.copy_from_slice(&part);
-            rest = after;
-        }
-        Ok(Self { nodes: all, leaves })
+        plan.nodes.push(plan.before_children(0));
+        plan.leaves.push((0, plan.slots));
+        plan
     }
 
-    pub fn bytes(&self) -> usize {
-        size_of_val(&*self.nodes) + self.leaves.bytes()
+    // Add the children of a node
+    /// The node with a `root`, whose children are the next to be added.
+    fn before_children(&self, root: u32) -> Planned {
+        let first_node = self.nodes.len() as u32;
+        Planned { root, first_node, first_leaf: self.leaves.len() as u32 }
+    }
+
+    fn add_children<const N: usize>(
+        &mut self,
+        tree: &[Bvh2Node],
+        choices: &[Choices],
+        root: u32,
+    ) {
+        match choices.get(root as usize) {
+            None => (),
+            Some(choice) if choice.is_leaf() => self.add_leaf(tree, root),
+            Some(_) => self.split(tree, choices, root, N),
+        }
+    }
+
+    /// Adds the forest of at most `k` > 1 trees without the node `i`.
+    fn split(
+        &mut self,
+        tree: &[Bvh2Node],
+        choices: &[Choices],
+        i: u32,
+        mut k: usize,
+    ) {
+        let choice = choices[i as usize];
+        while k > 2 && choice.get(k) == 0 {
+            k -= 1;
+        }
+        let trees = choice.get(k).max(1);
+        let first = tree[i as usize].first_index;
+        self.add(tree, choices, first, trees);
+        self.add(tree, choices, first + 1, k - trees);
+    }
+
+    /// Adds the forest of at most `k` trees for the node `i`.
+    fn add(
+        &mut self,
+        tree: &[Bvh2Node],
+        choices: &[Choices],
+        i: u32,
+        k: usize,
+    ) {
+        let choice = choices[i as usize];
+        if (2..=k).any(|k| choice.get(k) != 0) {
+            self.split(tree, choices, i, k);
+        } else if choice.is_leaf() {
+            self.add_leaf(tree, i);
+        } else {
+            self.nodes.push(Planned { root: i, ..Planned::default() });
+        }
+    }
+
+    /// Makes the node `i` a leaf, with slots for its triangles.
+    fn add_leaf(&mut self, tree: &[Bvh2Node], i: u32) {
+        self.leaves.push((i, self.slots));
+        self.slots += gather(tree, i, &mut [0; LANES], 0) as u32;
     }
 }
 
+impl Plan {
+    /// Whether the stack of a walk is sure to suffice, with one more
+    /// level above.
+    fn fits<const N: usize>(&self) -> bool {
+        (N - 1) * (self.levels + 1) + N <= STACK
+    }
+}
+
+// Balance a tree that is too deep
+/// A tree of least depth over the same leaves in the same order.
+fn balance(tree: &[Bvh2Node]) -> Vec<Bvh2Node> {
+    let leaves = leaves(tree);
+    let mut balanced = vec![Bvh2Node::default()];
+    let mut todo = vec![(0, leaves.as_slice())];
+    while let Some((i, leaves)) = todo.pop() {
+        // Halve the leaves below one node
+        if let [leaf] = leaves {
+            balanced[i] = *leaf;
+            continue;
+        }
+        let first = balanced.len();
+        balanced[i].make_inner(first as u32);
+        balanced.extend([Bvh2Node::default(); 2]);
+        let (left, right) = leaves.split_at(leaves.len() / 2);
+        todo.extend([(first, left), (first + 1, right)]);
+    }
+    enclose(&mut balanced);
+    balanced
+}
+
+/// Computes the boxes of inner nodes, whose children come after them.
+fn enclose(tree: &mut [Bvh2Node]) {
+    for i in (0..tree.len()).rev() {
+        if !tree[i].is_leaf() {
+            let first = tree[i].first_index as usize;
+            let bounds = tree[first].aabb().union(tree[first + 1].aabb());
+            tree[i].set_aabb(bounds);
+        }
+    }
+}
+
+/// The leaves of a tree from left to right.
+fn leaves(tree: &[Bvh2Node]) -> Vec<Bvh2Node> {
+    let mut leaves = vec![];
+    let mut todo = vec![0];
+    while let Some(i) = todo.pop() {
+        let node = tree[i];
+        let first = node.first_index as usize;
+        match node.is_leaf() {
+            true => leaves.push(node),
+            false => todo.extend([first + 1, first]),
+        }
+    }
+    leaves
+}
+
+// Fill the nodes and leaves
+/// Scenes with more triangles are built in parts.
 const LARGE: usize = 1 << 17;
 
-/// Cuts the numbers in `parts` groups (a power of two) of neighbours
-fn split<'a>(
+/// Sorts the numbers of triangles into `parts` groups of neighbours, a
+/// power of two.
+fn halve<'a>(
     triangles: &[Triangle],
     numbers: &'a mut [u32],
     parts: usize,
@@ -309,195 +500,206 @@ fn split<'a>(
     if parts == 1 {
         return vec![numbers];
     }
-    let middle = |i: u32| {
-        let [a, b, c] = triangles[i as usize];
-        a.min(b).min(c) + a.max(b).max(c)
-    };
-    let none = (glam::Vec3::INFINITY, glam::Vec3::NEG_INFINITY);
-    let (low, high) = numbers.iter().fold(none, |(low, high), &i| {
-        (low.min(middle(i)), high.max(middle(i)))
-    });
-    let axis = (high - low).max_position();
+    let axis = widest(triangles, numbers);
+    let middle = |i: u32| twice_middle(&triangles[i as usize])[axis];
     let half = numbers.len() / 2;
     numbers.select_nth_unstable_by(half, |&i, &j| {
-        middle(i)[axis].total_cmp(&middle(j)[axis]).then(i.cmp(&j))
+        middle(i).total_cmp(&middle(j)).then(i.cmp(&j))
     });
     let (left, right) = numbers.split_at_mut(half);
-    let (mut left, right) = rayon::join(
-        || split(triangles, left, parts / 2),
-        || split(triangles, right, parts / 2),
-    );
-    left.extend(right);
-    left
+    let mut groups = halve(triangles, left, parts / 2);
+    groups.extend(halve(triangles, right, parts / 2));
+    groups
 }
 
-fn is_leaf(cuts: &Cuts, i: u32) -> bool {
-    cuts.get(i as usize, 1) == 1
+/// Twice the middle of a triangle's box.
+fn twice_middle([a, b, c]: &Triangle) -> Vec3 {
+    a.min(*b).min(*c) + a.max(*b).max(*c)
 }
 
-fn plan<const N: usize>(
-    tree: &Bvh2,
-    cuts: &Cuts,
-    base: u32,
-    slots: u32,
-) -> Vec<Plan> {
-    let mut plans = vec![];
-    let (mut nodes, mut leaves) = (base + 1, slots);
-    let mut todo = std::collections::VecDeque::from([0u32]);
-    // breadth first: nodes are numbered as they are planned
-    while let Some(i) = todo.pop_front() {
-        let mut children = vec![];
-        if is_leaf(cuts, i) {
-            children.push(i);
-        } else {
-            collect(tree, cuts, i, N, true, &mut children);
+/// The axis in which the middles of triangles are spread most.
+fn widest(triangles: &[Triangle], numbers: &[u32]) -> usize {
+    let middles = numbers.iter().map(|&i| triangles[i as usize]);
+    let none = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+    let (low, high) = middles.fold(none, |(low, high), triangle| {
+        let middle = twice_middle(&triangle);
+        (low.min(middle), high.max(middle))
+    });
+    (high - low).max_position()
+}
+
+/// A tree with up to `N` children a node and four triangles a leaf.
+pub struct Wide<const N: usize> {
+    /// Node 0 is the root. The numbers in `children` are valid.
+    pub nodes: Pages<Node<N>>,
+    pub leaves: Leaves,
+}
+
+impl<const N: usize> Wide<N>
+where
+    Node<N>: Pod,
+{
+    // Build the wide hierarchy
+    /// Builds the tree of a scene, on all threads.
+    ///
+    /// # Errors
+    /// The system has not enough memory, or the scene more than `MOST`
+    /// triangles.
+    pub fn new(scene: &Scene, quality: Quality) -> io::Result<Self> {
+        let triangles = scene.triangles();
+        if triangles.len() > MOST {
+            return Err(io::Error::other("too many triangles"));
         }
-        let (first_node, first_leaf) = (nodes, leaves);
-        for &c in &children {
-            if is_leaf(cuts, c) {
-                leaves += cuts.counts[c as usize];
-            } else {
-                nodes += 1;
-                todo.push_back(c);
+        let mut leaves = Leaves::with_room(triangles.len())?;
+        let mut numbers: Vec<u32> = (0..triangles.len() as u32).collect();
+        let parts = if triangles.len() > LARGE { N } else { 1 };
+        let groups = halve(triangles, &mut numbers, parts);
+        // Build the parts one after the other
+        let mut room = leaves.room();
+        let mut top = Node::EMPTY;
+        let (mut first_node, mut first_slot) = (u32::from(parts > 1), 0);
+        let mut nodes = vec![];
+        for (lane, group) in groups.iter().enumerate() {
+            let part = Part::new::<N>(triangles, group, quality);
+            if let (true, Some(root)) = (parts > 1, part.tree.first()) {
+                top.set(lane, root, first_node);
             }
+            part.fill(room.take(group.len()), triangles);
+            nodes.push(part.nodes(first_node, first_slot));
+            first_node += nodes[lane].len() as u32;
+            first_slot += group.len() as u32;
         }
-        plans.push(Plan { children, first_node, first_leaf });
-    }
-    plans
-}
-
-/// The roots of the forest of at most `k` trees that `i` is cut into
-fn collect(
-    tree: &Bvh2,
-    cuts: &Cuts,
-    i: u32,
-    k: usize,
-    root: bool,
-    out: &mut Vec<u32>,
-) {
-    let mut k = k.min(cuts.counts[i as usize] as usize);
-    while k > 1 && cuts.get(i as usize, k) == 0 {
-        k -= 1;
-    }
-    if k == 1 && !root {
-        out.push(i);
-        return;
-    }
-    if k == 1 {
-        unreachable!("root");
-    }
-    let left = cuts.get(i as usize, k);
-    let first = tree.nodes[i as usize].first_index;
-    collect(tree, cuts, first, left, false, out);
-    collect(tree, cuts, first + 1, k - left, false, out);
-}
-
-impl<const N: usize> Node<N> {
-    pub const EMPTY: Self = Self {
-        planes: [
-            [f32::INFINITY; N],
-            [f32::INFINITY; N],
-            [f32::INFINITY; N],
-            [f32::NEG_INFINITY; N],
-            [f32::NEG_INFINITY; N],
-            [f32::NEG_INFINITY; N],
-        ],
-        children: [0; N],
-        order: [0; N],
-    };
-
-    fn set(&mut self, slot: usize, b: &Bvh2Node, child: u32) {
-        for axis in 0..3 {
-            self.planes[axis][slot] = b.min[axis];
-            self.planes[axis + 3][slot] = b.max[axis];
+        if parts > 1 {
+            top.sort();
+            nodes.insert(0, vec![top]);
         }
-        self.children[slot] = child;
+        Ok(Self { nodes: joined(nodes)?, leaves })
     }
 
-    fn sort(&mut self) {
-        for octant in 0..8u32 {
-            let sign = [0, 1, 2].map(|axis| octant >> axis & 1 != 0);
-            let key = |slot: usize| -> f32 {
-                (0..3)
-                    .map(|axis| {
-                        if sign[axis] {
-                            self.planes[axis][slot]
-                        } else {
-                            -self.planes[axis + 3][slot]
-                        }
-                    })
-                    .sum()
-            };
-            let keys: [f32; N] = std::array::from_fn(key);
-            let mut slots: [u32; N] = std::array::from_fn(|i| i as u32);
-            slots.sort_by(|&a, &b| {
-                keys[b as usize].total_cmp(&keys[a as usize])
-            });
-            for (place, slot) in slots.into_iter().enumerate() {
-                self.order[place] |= slot << (4 * octant);
-            }
-        }
+    /// The size of the nodes and leaves.
+    pub fn bytes(&self) -> usize {
+        size_of_val(&*self.nodes) + self.leaves.bytes()
     }
 }
 
-fn fill<const N: usize>(
-    tree: &Bvh2,
-    cuts: &Cuts,
-    plans: &[Plan],
-    triangles: &[Triangle],
-    group: &[u32],
-    nodes: &mut [Node<N>],
-    mut room: Room,
-) {
-    let rooms: Vec<_> = plans
-        .iter()
-        .map(|plan| {
-            let leaves =
-                plan.children.iter().filter(|&&c| is_leaf(cuts, c));
-            room.take(
-                leaves.map(|&c| cuts.counts[c as usize] as usize).sum(),
-            )
-        })
-        .collect();
-    let work = nodes.par_iter_mut().zip(plans).zip(rooms);
-    work.for_each(|((node, plan), mut room)| {
-        let (mut next_node, mut next) = (plan.first_node, plan.first_leaf);
-        for (slot, &child) in plan.children.iter().enumerate() {
-            let b = &tree.nodes[child as usize];
-            if is_leaf(cuts, child) {
-                let count = cuts.counts[child as usize];
-                node.set(slot, b, LEAF | (count - 1) << 29 | next);
-                let mut ids = vec![];
-                gather(tree, child, &mut ids);
-                let mut all: Vec<_> = ids
-                    .into_iter()
-                    .map(|i| {
-                        let i = group[i as usize];
-                        (i, triangles[i as usize])
-                    })
-                    .collect();
-                all.sort_unstable_by_key(|t| t.0);
-                room.fill(&all);
-                next += count;
-            } else {
-                node.set(slot, b, next_node);
-                next_node += 1;
-            }
+/// The nodes of all parts in large pages.
+fn joined<const N: usize>(
+    parts: Vec<Vec<Node<N>>>,
+) -> io::Result<Pages<Node<N>>>
+where
+    Node<N>: Pod,
+{
+    let mut all = Pages::zeroed(parts.iter().map(Vec::len).sum())?;
+    let mut end = 0;
+    for part in parts {
+        let start = end;
+        end += part.len();
+        all[start..end].copy_from_slice(&part);
+    }
+    Ok(all)
+}
+
+/// A part of a scene, ready to become nodes and leaves.
+struct Part<'a> {
+    /// The triangles by their number in the scene.
+    group: &'a [u32],
+    tree: Vec<Bvh2Node>,
+    plan: Plan,
+}
+
+impl<'a> Part<'a> {
+    fn new<const N: usize>(
+        triangles: &[Triangle],
+        group: &'a [u32],
+        quality: Quality,
+    ) -> Self {
+        let own = || group.iter().map(|&i| triangles[i as usize]);
+        let mut tree = match group.len() == triangles.len() {
+            true => binary(triangles, quality),
+            false => binary(&own().collect::<Vec<_>>(), quality),
+        };
+        // Plan for the size of the stack
+        let mut plan = Plan::new::<N>(&tree);
+        if !plan.fits::<N>() {
+            tree = balance(&tree);
+            plan = Plan::new::<N>(&tree);
+        }
+        Self { group, tree, plan }
+    }
+
+    // Fill the nodes of a part
+    /// The nodes, of which the first has the number `node`; the leaves
+    /// begin with slot `slot`.
+    fn nodes<const N: usize>(&self, node: u32, slot: u32) -> Vec<Node<N>> {
+        let pairs = self.plan.nodes.par_windows(2);
+        let fill =
+            |pair: &[Planned]| self.node(&pair[0], &pair[1], node, slot);
+        pairs.map(fill).collect()
+    }
+
+    /// The node `this`; `next` follows it.
+    fn node<const N: usize>(
+        &self,
+        this: &Planned,
+        next: &Planned,
+        first_node: u32,
+        first_slot: u32,
+    ) -> Node<N> {
+        // Count off the children of this node
+        let Plan { nodes, leaves, .. } = &self.plan;
+        let nodes = (this.first_node..next.first_node).map(|number| {
+            (nodes[number as usize].root, first_node + number)
+        });
+        let range = this.first_leaf as usize..=next.first_leaf as usize;
+        let leaves = leaves[range].windows(2).map(|pair| {
+            let [(root, first), (_, end)] = [pair[0], pair[1]];
+            (root, leaf(first_slot + first, end - first))
+        });
+        let mut node = Node::EMPTY;
+        for (lane, (root, child)) in nodes.chain(leaves).enumerate() {
+            node.set(lane, &self.tree[root as usize], child);
         }
         node.sort();
-    });
-}
+        node
+    }
 
-fn gather(tree: &Bvh2, i: u32, ids: &mut Vec<u32>) {
-    let node = &tree.nodes[i as usize];
-    if node.prim_count > 0 {
-        for k in 0..node.prim_count {
-            ids.push(
-                tree.primitive_indices[(node.first_index + k) as usize],
-            );
-        }
-    } else {
-        gather(tree, node.first_index, ids);
-        gather(tree, node.first_index + 1, ids);
+    // Fill the leaves of a part
+    /// Puts the triangles into their slots.
+    fn fill(&self, mut room: Room, triangles: &[Triangle]) {
+        let pairs = self.plan.leaves.windows(2);
+        let rooms = pairs.map(|pair| {
+            (pair[0].0, room.take((pair[1].1 - pair[0].1) as usize))
+        });
+        let rooms: Vec<_> = rooms.collect();
+        rooms.into_par_iter().for_each(|(root, mut room)| {
+            let mut numbers = [0; LANES];
+            let count = gather(&self.tree, root, &mut numbers, 0);
+            let own = numbers.map(|i| self.group[i as usize]);
+            let mut own = own.map(|i| (i, triangles[i as usize]));
+            own[..count].sort_unstable_by_key(|&(number, _)| number);
+            room.fill(&own[..count]);
+        });
     }
 }
+
+/// Writes the triangles below node `i` from `count` on; returns where
+/// they end.
+fn gather(
+    tree: &[Bvh2Node],
+    i: u32,
+    numbers: &mut [u32; LANES],
+    count: usize,
+) -> usize {
+    let node = &tree[i as usize];
+    if node.is_leaf() {
+        numbers[count] = node.first_index;
+        return count + 1;
+    }
+    let count = gather(tree, node.first_index, numbers, count);
+    gather(tree, node.first_index + 1, numbers, count)
+}
+
+// Test the wide hierarchy's invariants
+#[cfg(test)]
+#[path = "../../tests/units/wide.rs"]
+mod tests;

@@ -1,0 +1,321 @@
+// The invariants of the wide hierarchy, which are private to its module
+// (chapter "A wide hierarchy").
+//
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+use super::*;
+use crate::scene::Mesh;
+use glam::{DVec3, Vec3};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+
+// Make scenes to test with
+fn point(random: &mut Pcg64) -> DVec3 {
+    DVec3::from_array([0; 3].map(|_| random.random::<f64>()))
+}
+
+/// `n` triangles of random sizes.
+fn soup(n: usize) -> Scene {
+    let mut random = Pcg64::seed_from_u64(n as u64);
+    let triangles = (0..n).map(|_| {
+        let (p, size) = (point(&mut random), random.random::<f64>());
+        [0; 3].map(|_| p + point(&mut random) * size.powi(8))
+    });
+    scene(triangles.collect())
+}
+
+/// Triangles around each other, each smaller by 3 %.
+fn nested(n: i32) -> Scene {
+    let corners = [DVec3::X, DVec3::Y, DVec3::NEG_ONE];
+    let scaled = |i| corners.map(|corner| corner * 0.97f64.powi(i));
+    scene((0..n).map(scaled).collect())
+}
+
+fn scene(triangles: Vec<[DVec3; 3]>) -> Scene {
+    let numbers = (0..triangles.len() as u32).map(|i| 3 * i);
+    Scene::new(&Mesh {
+        triangles: numbers.map(|i| [i, i + 1, i + 2]).collect(),
+        vertices: triangles.into_iter().flatten().collect(),
+    })
+}
+
+fn scenes() -> impl Iterator<Item = Scene> {
+    // The last is large enough to be built in parts.
+    let sizes = [0, 1, 4, 5, 16, 17, 65, 3000, LARGE + 1];
+    sizes.into_iter().map(soup).chain([nested(2000)])
+}
+
+fn wide<const N: usize>(scene: &Scene) -> Wide<N>
+where
+    Node<N>: Pod,
+{
+    Wide::new(scene, Quality::Fast).expect("memory for a test")
+}
+
+// Test that each triangle has a lane
+fn check_lanes<const N: usize>(scene: &Scene)
+where
+    Node<N>: Pod,
+{
+    let wide = wide::<N>(scene);
+    let mut seen = vec![0; scene.triangles().len()];
+    for (first, count) in leaf_children(&wide) {
+        for slot in first..first + count as u32 {
+            let number = wide.leaves.number(slot) as usize;
+            seen[number] += 1;
+            let corners = wide.leaves.triangle(slot);
+            let expected = scene.triangles()[number];
+            assert_eq!(corners, expected.map(|corner| corner.as_dvec3()));
+        }
+    }
+    assert!(seen.iter().all(|&times| times == 1));
+}
+
+/// The first slot and the count of each leaf.
+fn leaf_children<const N: usize>(wide: &Wide<N>) -> Vec<(u32, usize)>
+where
+    Node<N>: Pod,
+{
+    let children = wide.nodes.iter().flat_map(|node| node.children);
+    children.filter(|child| child & LEAF != 0).map(slots).collect()
+}
+
+#[test]
+fn each_triangle_is_in_one_lane_of_one_leaf() {
+    for scene in scenes() {
+        check_lanes::<8>(&scene);
+        check_lanes::<16>(&scene);
+    }
+}
+
+// Test that each child has a parent
+fn check_children<const N: usize>(scene: &Scene)
+where
+    Node<N>: Pod,
+{
+    let wide = wide::<N>(scene);
+    let mut nodes = vec![0; wide.nodes.len()];
+    nodes[0] = 1;
+    for node in &*wide.nodes {
+        for (lane, &child) in node.children.iter().enumerate() {
+            let occupied = node.planes[0][lane].is_finite();
+            if child & LEAF == 0 {
+                nodes[child as usize] += i32::from(occupied);
+            } else {
+                let (first, count) = slots(child);
+                assert!(occupied && count <= LANES);
+                let end = first as usize + count;
+                assert!(end <= scene.triangles().len());
+            }
+        }
+    }
+    assert!(nodes.iter().all(|&parents| parents == 1));
+}
+
+#[test]
+fn each_node_is_the_child_of_one_node_and_each_leaf_has_slots() {
+    for scene in scenes() {
+        check_children::<8>(&scene);
+        check_children::<16>(&scene);
+    }
+}
+
+// Test that boxes hold their content
+fn lane<const N: usize>(node: &Node<N>, lane: usize) -> Aabb {
+    let [a, b, c, d, e, f] = node.planes.map(|lanes| lanes[lane]);
+    Aabb::new(Vec3A::new(a, b, c), Vec3A::new(d, e, f))
+}
+
+fn holds(outer: &Aabb, inner: &Aabb) -> bool {
+    outer.min.cmple(inner.min).all() && outer.max.cmpge(inner.max).all()
+}
+
+fn check_boxes<const N: usize>(scene: &Scene)
+where
+    Node<N>: Pod,
+{
+    let wide = wide::<N>(scene);
+    for (node, i) in
+        wide.nodes.iter().flat_map(|node| (0..N).map(move |i| (node, i)))
+    {
+        let (outer, child) = (lane(node, i), node.children[i]);
+        if outer.min.x.is_infinite() {
+            assert_eq!(outer.max, Vec3A::NEG_INFINITY);
+        } else if child & LEAF == 0 {
+            let below = &wide.nodes[child as usize];
+            assert!((0..N).all(|j| holds(&outer, &lane(below, j))));
+        } else {
+            let (first, count) = slots(child);
+            for slot in first..first + count as u32 {
+                let number = wide.leaves.number(slot) as usize;
+                let triangle = Padded(scene.triangles()[number]);
+                assert!(holds(&outer, &triangle.aabb()));
+            }
+        }
+    }
+}
+
+#[test]
+fn a_box_holds_the_padded_boxes_of_all_that_is_below() {
+    for scene in scenes() {
+        check_boxes::<8>(&scene);
+        check_boxes::<16>(&scene);
+    }
+}
+
+#[test]
+fn the_padding_is_not_lost_in_rounding() {
+    let far = Vec3::splat(8193.);
+    let bounds = Padded([far, -far, far]).aabb();
+    assert_eq!(bounds.max - Vec3A::from(far), Vec3A::splat(PADDING));
+    assert_eq!(bounds.min + Vec3A::from(far), Vec3A::splat(-PADDING));
+}
+
+// Test that orders are permutations
+fn check_orders<const N: usize>(scene: &Scene)
+where
+    Node<N>: Pod,
+{
+    for node in &*wide::<N>(scene).nodes {
+        for octant in 0..8 {
+            let lanes =
+                node.order.map(|o| (o >> (4 * octant) & 15) as usize);
+            let mut sorted = lanes;
+            sorted.sort_unstable();
+            assert!(sorted.into_iter().eq(0..N));
+            let far = lanes.map(|i| {
+                let (bounds, infinity) = (lane(node, i), f32::INFINITY);
+                let corner = [0, 1, 2].map(|axis| {
+                    let up = octant >> axis & 1 == 1;
+                    if up { bounds.min[axis] } else { -bounds.max[axis] }
+                });
+                corner.iter().sum::<f32>().min(infinity)
+            });
+            assert!(far.is_sorted_by(|a, b| a >= b));
+        }
+    }
+}
+
+#[test]
+fn each_octant_orders_all_lanes_from_far_to_near() {
+    for scene in scenes() {
+        check_orders::<8>(&scene);
+        check_orders::<16>(&scene);
+    }
+}
+
+// Test the cut against all cuts
+/// A random binary tree.
+fn random_tree(leaves: usize, random: &mut Pcg64) -> Vec<Bvh2Node> {
+    let mut tree = vec![Bvh2Node::default()];
+    let mut todo = vec![(0, leaves)];
+    while let Some((i, leaves)) = todo.pop() {
+        if leaves == 1 {
+            let corner = point(random).as_vec3a();
+            let size = point(random).as_vec3a();
+            let bounds = Aabb::new(corner, corner + size * size);
+            tree[i] = Bvh2Node::new(bounds, 1, 0);
+            continue;
+        }
+        let (first, left) = (tree.len(), random.random_range(1..leaves));
+        tree[i].make_inner(first as u32);
+        tree.extend([Bvh2Node::default(); 2]);
+        todo.extend([(first, left), (first + 1, leaves - left)]);
+    }
+    enclose(&mut tree);
+    tree
+}
+
+/// The sets of nodes that represent the subtree of node `i`.
+fn representations(tree: &[Bvh2Node], i: usize) -> Vec<Vec<usize>> {
+    let mut all = vec![vec![i]];
+    if !tree[i].is_leaf() {
+        let first = tree[i].first_index as usize;
+        let right = representations(tree, first + 1);
+        for left in representations(tree, first) {
+            all.extend(
+                right.iter().map(|right| [&left[..], right].concat()),
+            );
+        }
+    }
+    all
+}
+
+/// The least cost of node `i` as one wide tree, by trying all.
+fn least<const N: usize>(tree: &[Bvh2Node]) -> f32 {
+    let mut costs = vec![0.; tree.len()];
+    for i in (0..tree.len()).rev() {
+        let all = representations(tree, i);
+        let triangles = all.iter().map(Vec::len).max().unwrap_or(0);
+        let below = all
+            .iter()
+            .filter(|roots| (2..=N).contains(&roots.len()))
+            .map(|roots| roots.iter().map(|&root| costs[root]).sum())
+            .reduce(f32::min);
+        let leaf = if triangles <= 4 { 0. } else { f32::INFINITY };
+        costs[i] = area(&tree[i]) + leaf.min(below.unwrap_or(leaf));
+    }
+    costs[0]
+}
+
+fn check_cut<const N: usize>(leaves: usize, random: &mut Pcg64) {
+    let tree = random_tree(leaves, random);
+    let plan = Plan::new::<N>(&tree);
+    let nodes = plan.nodes[..plan.nodes.len() - 1].iter().map(|n| n.root);
+    let all: Vec<u32> = nodes
+        .chain(plan.leaves[..plan.leaves.len() - 1].iter().map(|l| l.0))
+        .collect();
+    let mut cost =
+        all.iter().map(|&i| area(&tree[i as usize])).sum::<f32>();
+    if leaves <= 4 {
+        cost /= 2.; // The root has a node of its own and is a leaf, too.
+    }
+    let least = least::<N>(&tree);
+    assert!((cost - least).abs() < 1e-5 * least, "{cost} {least}");
+}
+
+#[test]
+fn no_cut_costs_less_than_ours() {
+    let mut random = Pcg64::seed_from_u64(7);
+    for leaves in (1..=20).cycle().take(400) {
+        check_cut::<8>(leaves, &mut random);
+        check_cut::<16>(leaves, &mut random);
+    }
+}
+
+// Test that deep trees are balanced
+fn levels<const N: usize>(wide: &Wide<N>) -> usize
+where
+    Node<N>: Pod,
+{
+    let mut levels = vec![1; wide.nodes.len()];
+    for (i, node) in wide.nodes.iter().enumerate() {
+        for &child in
+            node.children.iter().filter(|&&c| c & LEAF == 0 && c > 0)
+        {
+            levels[child as usize] = levels[i] + 1;
+        }
+    }
+    levels.into_iter().max().unwrap_or(0)
+}
+
+fn check_depth<const N: usize>()
+where
+    Node<N>: Pod,
+{
+    let scene = nested(2000);
+    let deep = binary(scene.triangles(), Quality::Fast);
+    let plan = Plan::new::<N>(&deep);
+    assert!(!plan.fits::<N>(), "{}", plan.levels);
+    let wide = Wide::<N>::new(&scene, Quality::Fast).expect("memory");
+    assert!((N - 1) * levels(&wide) + N <= STACK);
+    let plan = Plan::new::<N>(&balance(&deep));
+    assert_eq!(plan.levels, levels(&wide));
+}
+
+#[test]
+fn the_stack_suffices_for_nested_triangles() {
+    check_depth::<8>();
+    check_depth::<16>();
+}
