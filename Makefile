@@ -63,7 +63,7 @@ $(BUILD_DIR)/tangled.stamp: $(WEB) $(NOWEB)
 src/.tangled: $(BUILD_DIR)/tangled.stamp
 	@true
 
-NAMES = pt ptimg courtyard closed_forms calibration
+NAMES = pt ptimg courtyard closed_forms calibration anatomy
 PROGRAMS := $(BUILD_DIR)/$(BUILD_TYPE).stamp
 $(PROGRAMS): $(SOURCES)
 	$(CARGO) build $(PROFILE_$(BUILD_TYPE)) --bins
@@ -108,6 +108,12 @@ $(NOWEB): $(NOWEB_SOURCES)
 $(BUILD_DIR)/tables/closed-forms.tex: $(BUILD_DIR)/closed_forms
 	@mkdir -p $(@D)
 	$(BUILD_DIR)/closed_forms > $@
+
+# A node, a leaf and the steps of one walk, for the chapter on the walk.
+$(BUILD_DIR)/tables/anatomy.stamp: $(BUILD_DIR)/anatomy
+	@mkdir -p $(@D)
+	$(BUILD_DIR)/anatomy $(@D)
+	@touch $@
 
 # Whether the errors are honest, and the curve of one run with its true error.
 # The first step has no error yet, and pgfplots no use for empty fields.
@@ -261,7 +267,7 @@ $(BUILD_DIR)/litpt.pdf: $(WEB) $(NOWEB) config.mk \
   $(BUILD_DIR)/figures/courtyard.png $(BUILD_DIR)/examples.stamp \
   $(addprefix $(BUILD_DIR)/tables/,closed-forms.tex qualities.tex \
     leaks.tex accumulators.tex accounting.tex alarms.tex calibration.stamp \
-    curve.csv) \
+    anatomy.stamp curve.csv) \
   $(addprefix doc/,litpt.sty litpt.bib litpt-mono.enc latexmkrc)
 	@mkdir -p $(BUILD_DIR)/tex
 	$(NOWEB) noweave $(NOWEAVE_OPTS) \

@@ -13,6 +13,7 @@
 //! hits and the test of a triangle are double precision.
 
 // List the parts of a kernel
+pub mod anatomy;
 #[cfg(target_arch = "x86_64")]
 mod avx2;
 #[cfg(target_arch = "x86_64")]

@@ -6,18 +6,23 @@
 // Software Foundation, either version 3 of the License, or (at your option)
 // any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The walk in AVX2 instructions.
+//! The walk in AVX2 instructions, with eight boxes at a time.
+//!
+//! Each function does what its portable namesake does.
 
 use std::arch::x86_64::*;
 
-use super::triangle::{LANES, Leaf, NONE, Search, Shear};
+use super::triangle::{CLOSE, LANES, Leaf, NONE, Search, Shear};
 use super::walk::{Entered, Slabs, Stack, walk};
 use super::wide::{Node, Wide};
 use super::{Hit, Kernel};
 use crate::scene::Ray;
 
+/// A hierarchy on a processor that has the instructions.
 pub struct Walker(Wide<8>);
 
+// Ask the processor for AVX2
+/// Whether this processor has the instructions of this module.
 pub fn is_available() -> bool {
     is_x86_feature_detected!("avx2")
         && is_x86_feature_detected!("fma")
@@ -28,21 +33,26 @@ pub fn is_available() -> bool {
 }
 
 impl Walker {
+    /// None if the processor lacks the instructions.
     pub fn new(wide: Wide<8>) -> Option<Self> {
         is_available().then_some(Self(wide))
     }
+
+    /// The hierarchy that is walked.
     pub fn wide(&self) -> &Wide<8> {
         &self.0
     }
 }
 
+// Walk with AVX2 instructions
 impl Kernel for Walker {
     #[inline]
     fn first_hit(&self, ray: &Ray, from: Option<u32>) -> Option<Hit> {
-        // SAFETY: `Walker::new` has asked the processor.
+        // SAFETY: a walker exists only where `is_available` holds.
         unsafe { first_hit(&self.0, ray, from) }
     }
 
+    #[inline]
     fn is_blocked(&self, ray: &Ray, from: Option<u32>) -> bool {
         // SAFETY: as above.
         unsafe { is_blocked(&self.0, ray, from) }
@@ -77,37 +87,41 @@ fn search<'a, const ANY: bool>(
     )
 }
 
+// Enter eight boxes at once
 #[target_feature(enable = "avx2,fma")]
 #[inline]
-fn enter(node: &Node<8>, slabs: &Slabs, reach: f32) -> Entered<__m256> {
+pub fn enter(node: &Node<8>, slabs: &Slabs, reach: f32) -> Entered<__m256> {
+    let plane = |axis: usize, row: usize| {
+        // SAFETY: the rows of `Slabs` are below 6; a row is 8 numbers.
+        let row = unsafe { node.planes.get_unchecked(row) };
+        let planes = unsafe { _mm256_loadu_ps(row.as_ptr()) };
+        let inverse = _mm256_set1_ps(slabs.inverse[axis]);
+        let start = _mm256_set1_ps(slabs.start[axis]);
+        _mm256_fmsub_ps(planes, inverse, start)
+    };
     let mut near = _mm256_setzero_ps();
     let mut far = _mm256_set1_ps(reach);
     for axis in 0..3 {
-        let inverse = _mm256_set1_ps(slabs.inverse[axis]);
-        let start = _mm256_set1_ps(slabs.start[axis]);
-        let plane = |k: usize| {
-            // SAFETY: eight floats
-            let planes =
-                unsafe { _mm256_loadu_ps(node.planes[k].as_ptr()) };
-            _mm256_fmsub_ps(planes, inverse, start)
-        };
-        near = _mm256_max_ps(plane(slabs.enter[axis]), near);
-        far = _mm256_min_ps(plane(slabs.leave[axis]), far);
+        near = _mm256_max_ps(plane(axis, slabs.enter[axis]), near);
+        far = _mm256_min_ps(plane(axis, slabs.leave[axis]), far);
     }
     let met = _mm256_cmp_ps::<_CMP_LE_OQ>(near, far);
     Entered { mask: _mm256_movemask_ps(met) as u32, near, far }
 }
 
-#[target_feature(enable = "avx2,bmi1")]
+/// The distances of the first and the last child in `mask`.
+#[target_feature(enable = "avx2,bmi1,lzcnt")]
 #[inline]
-fn two(near: __m256, mask: u32) -> (f32, f32) {
-    let a = _mm256_set1_epi32(mask.trailing_zeros() as i32);
-    let b = _mm256_set1_epi32(31 - mask.leading_zeros() as i32);
-    let at = |i| _mm256_cvtss_f32(_mm256_permutevar8x32_ps(near, i));
-    (at(a), at(b))
+pub fn two(near: __m256, mask: u32) -> (f32, f32) {
+    let lane = |i: u32| {
+        let i = _mm256_set1_epi32(i as i32);
+        _mm256_cvtss_f32(_mm256_permutevar8x32_ps(near, i))
+    };
+    (lane(mask.trailing_zeros()), lane(31 - mask.leading_zeros()))
 }
 
-/// Permutations that move chosen lanes to the front
+// Pack eight lanes by a table
+/// For each mask, the permutation that moves its lanes to the front.
 const PACK: [[u32; 8]; 256] = {
     let mut table = [[0; 8]; 256];
     let mut mask = 0;
@@ -125,72 +139,84 @@ const PACK: [[u32; 8]; 256] = {
     table
 };
 
-#[target_feature(enable = "avx2,bmi1,lzcnt")]
+/// Pushes the children entered from far to near; returns the nearest.
+#[target_feature(enable = "avx2,bmi1,lzcnt,popcnt")]
 #[inline]
-fn push(
+pub fn push(
     node: &Node<8>,
     shift: u32,
     entered: &Entered<__m256>,
     stack: &mut Stack,
 ) -> u32 {
-    // SAFETY:
+    let order = load(&node.order);
+    let order = _mm256_srl_epi32(order, _mm_cvtsi32_si128(shift as i32));
+    let children = load(&node.children);
+    let children = _mm256_permutevar8x32_epi32(children, order);
+    let near = _mm256_permutevar8x32_ps(entered.near, order);
+    let far = _mm256_permutevar8x32_ps(entered.far, order);
+    let met = _mm256_cmp_ps::<_CMP_LE_OQ>(near, far);
+    let mask = _mm256_movemask_ps(met) as u32;
+    // Store all but the nearest child
+    let pack = load(&PACK[mask as usize & 255]);
+    let near = _mm256_permutevar8x32_ps(near, pack);
+    let packed = _mm256_permutevar8x32_epi32(children, pack);
+    let (top, distances) = stack.top::<8>();
+    // SAFETY: there is room for eight, and all but one of those in the mask
+    // are left there.
     unsafe {
-        let order = _mm256_loadu_si256(node.order.as_ptr().cast());
-        let order =
-            _mm256_srl_epi32(order, _mm_cvtsi32_si128(shift as i32));
-        let children = _mm256_loadu_si256(node.children.as_ptr().cast());
-        let near = _mm256_permutevar8x32_ps(entered.near, order);
-        let far = _mm256_permutevar8x32_ps(entered.far, order);
-        let children = _mm256_permutevar8x32_epi32(children, order);
-        let met = _mm256_cmp_ps::<_CMP_LE_OQ>(near, far);
-        let mask = _mm256_movemask_ps(met) as u32;
-        let pack = _mm256_loadu_si256(PACK[mask as usize].as_ptr().cast());
-        let near = _mm256_permutevar8x32_ps(near, pack);
-        let packed = _mm256_permutevar8x32_epi32(children, pack);
-        let n = stack.length;
-        _mm256_storeu_ps(stack.distances.as_mut_ptr().add(n).cast(), near);
-        _mm256_storeu_si256(
-            stack.children.as_mut_ptr().add(n).cast(),
-            packed,
-        );
-        stack.length = n + mask.count_ones() as usize - 1;
-        let last = _mm256_set1_epi32(31 - mask.leading_zeros() as i32);
-        let child = _mm256_permutevar8x32_epi32(children, last);
-        _mm256_cvtsi256_si32(child) as u32
+        _mm256_storeu_si256(top.cast(), packed);
+        _mm256_storeu_ps(distances, near);
+        stack.grow(mask.count_ones() as usize - 1);
     }
+    let last = _mm256_set1_epi32(31 - mask.leading_zeros() as i32);
+    let child = _mm256_permutevar8x32_epi32(children, last);
+    _mm256_cvtsi256_si32(child) as u32
 }
 
 #[target_feature(enable = "avx2")]
 #[inline]
+fn load(numbers: &[u32; 8]) -> __m256i {
+    // SAFETY: eight numbers are read, from any address.
+    unsafe { _mm256_loadu_si256(numbers.as_ptr().cast()) }
+}
+
+// Meet four triangles at once
+/// The triangles of a leaf that a ray meets up to the distance `limit`,
+/// as a mask, and their distances. Lanes that meet the ray beyond may or
+/// may not be in the mask.
+#[target_feature(enable = "avx2")]
+#[inline]
 pub fn meet(leaf: Leaf, shear: &Shear, limit: f64) -> (u32, [f64; LANES]) {
+    // Shear the corners of four triangles
     let [i, j, k] = shear.axes;
     let [ox, oy, oz] = shear.origin.map(|x| _mm256_set1_pd(x));
     let [sx, sy] = shear.slope.map(|x| _mm256_set1_pd(x));
+    let runs = leaf.corners.as_ptr();
     let at = |c: usize, axis: usize| {
-        let start = leaf.corners.as_ptr();
-        // SAFETY: axes are below 3, and four floats follow the last run
-        let lanes =
-            unsafe { _mm_loadu_ps(start.add((3 * c + axis) * leaf.count)) };
-        _mm256_cvtps_pd(lanes)
+        // SAFETY: c and the axes of a shear are below 3, so that the run is
+        // one of nine, after which there are four numbers more.
+        let run = unsafe { runs.add((3 * c + axis) * leaf.count) };
+        _mm256_cvtps_pd(unsafe { _mm_loadu_ps(run) })
     };
-    let height = |c| _mm256_sub_pd(at(c, k), oz);
     let sheared = |lanes, origin, slope, z| {
         let moved = _mm256_sub_pd(lanes, origin);
         _mm256_sub_pd(moved, _mm256_mul_pd(slope, z))
     };
-    let (az, bz, cz) = (height(0), height(1), height(2));
-    let (ax, ay) =
-        (sheared(at(0, i), ox, sx, az), sheared(at(0, j), oy, sy, az));
-    let (bx, by) =
-        (sheared(at(1, i), ox, sx, bz), sheared(at(1, j), oy, sy, bz));
-    let (cx, cy) =
-        (sheared(at(2, i), ox, sx, cz), sheared(at(2, j), oy, sy, cz));
-    let edge = |a, b, c, d| {
-        _mm256_sub_pd(_mm256_mul_pd(a, b), _mm256_mul_pd(c, d))
+    let corner = |c| {
+        let z = _mm256_sub_pd(at(c, k), oz);
+        (sheared(at(c, i), ox, sx, z), sheared(at(c, j), oy, sy, z), z)
     };
-    let u = edge(cx, by, cy, bx);
-    let v = edge(ax, cy, ay, cx);
-    let w = edge(bx, ay, by, ax);
+    let ((ax, ay, az), (bx, by, bz)) = (corner(0), corner(1));
+    let (cx, cy, cz) = corner(2);
+    // Compute the four triangles' edge functions
+    let edge = |a, b, c, d| {
+        let product = _mm256_mul_pd(a, b);
+        (_mm256_sub_pd(product, _mm256_mul_pd(c, d)), product)
+    };
+    let (u, p) = edge(cx, by, cy, bx);
+    let (v, q) = edge(ax, cy, ay, cx);
+    let (w, r) = edge(bx, ay, by, ax);
+    // Reject the triangles outside by signs
     let zero = _mm256_setzero_pd();
     let least = _mm256_min_pd(_mm256_min_pd(u, v), w);
     let most = _mm256_max_pd(_mm256_max_pd(u, v), w);
@@ -202,29 +228,35 @@ pub fn meet(leaf: Leaf, shear: &Shear, limit: f64) -> (u32, [f64; LANES]) {
     if _mm256_movemask_pd(inside) & lanes == 0 {
         return (0, [0.; LANES]);
     }
-    let touching = |e| _mm256_cmp_pd::<_CMP_EQ_OQ>(e, zero);
-    let edges =
-        _mm256_or_pd(_mm256_or_pd(touching(u), touching(v)), touching(w));
-    if _mm256_movemask_pd(_mm256_and_pd(edges, inside)) & lanes != 0 {
+    // Leave close edges to the portable function
+    let size = |e| _mm256_andnot_pd(_mm256_set1_pd(-0.), e);
+    let close = |e, product| {
+        let least = _mm256_mul_pd(_mm256_set1_pd(CLOSE), size(product));
+        _mm256_cmp_pd::<_CMP_LE_OQ>(size(e), least)
+    };
+    let touched = _mm256_or_pd(close(u, p), close(v, q));
+    let touched = _mm256_or_pd(touched, close(w, r));
+    if _mm256_movemask_pd(_mm256_and_pd(touched, inside)) & lanes != 0 {
         return carefully(leaf, shear);
     }
+    // Divide for the distances
     let sum = _mm256_add_pd(_mm256_add_pd(u, v), w);
-    let weighed = _mm256_add_pd(_mm256_mul_pd(u, az), _mm256_mul_pd(v, bz));
-    let weighed = _mm256_add_pd(weighed, _mm256_mul_pd(w, cz));
-    let height = _mm256_div_pd(weighed, sum);
+    let height = _mm256_add_pd(_mm256_mul_pd(u, az), _mm256_mul_pd(v, bz));
+    let height = _mm256_add_pd(height, _mm256_mul_pd(w, cz));
+    let height = _mm256_div_pd(height, sum);
     let distance = _mm256_mul_pd(height, _mm256_set1_pd(shear.stretch));
-    let met = _mm256_and_pd(
-        _mm256_and_pd(inside, _mm256_cmp_pd::<_CMP_GT_OQ>(distance, zero)),
-        _mm256_cmp_pd::<_CMP_LE_OQ>(distance, _mm256_set1_pd(limit)),
-    );
+    let ahead = _mm256_cmp_pd::<_CMP_GT_OQ>(distance, zero);
+    let limit = _mm256_set1_pd(limit);
+    let within = _mm256_cmp_pd::<_CMP_LE_OQ>(distance, limit);
+    let met = _mm256_and_pd(inside, _mm256_and_pd(ahead, within));
     let mut distances = [0.; LANES];
-    // SAFETY
+    // SAFETY: four numbers are written.
     unsafe { _mm256_storeu_pd(distances.as_mut_ptr(), distance) };
     ((_mm256_movemask_pd(met) & lanes) as u32, distances)
 }
 
 #[cold]
 #[inline(never)]
-pub fn carefully(leaf: Leaf, shear: &Shear) -> (u32, [f64; LANES]) {
+fn carefully(leaf: Leaf, shear: &Shear) -> (u32, [f64; LANES]) {
     leaf.meet(shear)
 }

@@ -6,7 +6,9 @@
 // Software Foundation, either version 3 of the License, or (at your option)
 // any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The walk in AVX-512 instructions.
+//! The walk in AVX-512 instructions, with sixteen boxes at a time.
+//!
+//! Each function does what its portable namesake does.
 
 use std::arch::x86_64::*;
 
@@ -17,8 +19,11 @@ use super::wide::{Node, Wide};
 use super::{Hit, Kernel};
 use crate::scene::Ray;
 
+/// A hierarchy on a processor that has the instructions.
 pub struct Walker(Wide<16>);
 
+// Ask the processor for AVX-512
+/// Whether this processor has the instructions of this module.
 pub fn is_available() -> bool {
     avx2::is_available()
         && is_x86_feature_detected!("avx512f")
@@ -27,21 +32,26 @@ pub fn is_available() -> bool {
 }
 
 impl Walker {
+    /// None if the processor lacks the instructions.
     pub fn new(wide: Wide<16>) -> Option<Self> {
         is_available().then_some(Self(wide))
     }
+
+    /// The hierarchy that is walked.
     pub fn wide(&self) -> &Wide<16> {
         &self.0
     }
 }
 
+// Walk with AVX-512 instructions
 impl Kernel for Walker {
     #[inline]
     fn first_hit(&self, ray: &Ray, from: Option<u32>) -> Option<Hit> {
-        // SAFETY: `Walker::new` has asked the processor.
+        // SAFETY: a walker exists only where `is_available` holds.
         unsafe { first_hit(&self.0, ray, from) }
     }
 
+    #[inline]
     fn is_blocked(&self, ray: &Ray, from: Option<u32>) -> bool {
         // SAFETY: as above.
         unsafe { is_blocked(&self.0, ray, from) }
@@ -82,15 +92,21 @@ fn search<'a, const ANY: bool>(
     )
 }
 
+// Enter sixteen boxes at once
 #[target_feature(enable = "avx512f")]
 #[inline]
-fn enter(node: &Node<16>, slabs: &Slabs, reach: f32) -> Entered<__m512> {
-    let plane = |axis: usize, k: usize| {
-        // SAFETY: k < 6, sixteen floats
-        let planes = unsafe { node.planes.get_unchecked(k) };
-        let planes = unsafe { _mm512_loadu_ps(planes.as_ptr()) };
+pub fn enter(
+    node: &Node<16>,
+    slabs: &Slabs,
+    reach: f32,
+) -> Entered<__m512> {
+    let plane = |axis: usize, row: usize| {
+        // SAFETY: the rows of `Slabs` are below 6; a row is 16 numbers.
+        let row = unsafe { node.planes.get_unchecked(row) };
+        let planes = unsafe { _mm512_loadu_ps(row.as_ptr()) };
         let inverse = _mm512_set1_ps(slabs.inverse[axis]);
-        _mm512_fmsub_ps(planes, inverse, _mm512_set1_ps(slabs.start[axis]))
+        let start = _mm512_set1_ps(slabs.start[axis]);
+        _mm512_fmsub_ps(planes, inverse, start)
     };
     let enter = |axis| plane(axis, slabs.enter[axis]);
     let leave = |axis| plane(axis, slabs.leave[axis]);
@@ -106,44 +122,52 @@ fn enter(node: &Node<16>, slabs: &Slabs, reach: f32) -> Entered<__m512> {
     Entered { mask: mask.into(), near, far }
 }
 
+/// The distances of the first and the last child in `mask`, which has
+/// two.
 #[target_feature(enable = "avx512f")]
 #[inline]
-fn two(near: __m512, mask: u32) -> (f32, f32) {
+pub fn two(near: __m512, mask: u32) -> (f32, f32) {
     let both = _mm512_maskz_compress_ps(mask as __mmask16, near);
-    let low = _mm512_castps512_ps128(both);
-    (_mm_cvtss_f32(low), _mm_cvtss_f32(_mm_movehdup_ps(low)))
+    let both = _mm512_castps512_ps128(both);
+    (_mm_cvtss_f32(both), _mm_cvtss_f32(_mm_movehdup_ps(both)))
 }
 
+// Compress sixteen lanes
+/// Pushes the children entered from far to near; returns the nearest.
 #[target_feature(enable = "avx512f,lzcnt,popcnt")]
 #[inline]
-fn push(
+pub fn push(
     node: &Node<16>,
     shift: u32,
     entered: &Entered<__m512>,
     stack: &mut Stack,
 ) -> u32 {
-    // SAFETY:
+    let order = load(&node.order);
+    let order = _mm512_srl_epi32(order, _mm_cvtsi32_si128(shift as i32));
+    let children = _mm512_permutexvar_epi32(order, load(&node.children));
+    let near = _mm512_permutexvar_ps(order, entered.near);
+    let far = _mm512_permutexvar_ps(order, entered.far);
+    let met = _mm512_cmp_ps_mask::<_CMP_LE_OQ>(near, far);
+    let mask = u32::from(met);
+    // Store all but the nearest of sixteen
+    let (top, distances) = stack.top::<16>();
+    // SAFETY: there is room for sixteen, and all but one of those in the mask
+    // are left there.
     unsafe {
-        let order = _mm512_loadu_si512(node.order.as_ptr().cast());
-        let order =
-            _mm512_srl_epi32(order, _mm_cvtsi32_si128(shift as i32));
-        let children = _mm512_loadu_si512(node.children.as_ptr().cast());
-        let near = _mm512_permutexvar_ps(order, entered.near);
-        let far = _mm512_permutexvar_ps(order, entered.far);
-        let children = _mm512_permutexvar_epi32(order, children);
-        let mask = _mm512_cmp_ps_mask::<_CMP_LE_OQ>(near, far);
-        let near = _mm512_maskz_compress_ps(mask, near);
-        let packed = _mm512_maskz_compress_epi32(mask, children);
-        let n = stack.length;
-        _mm512_storeu_ps(stack.distances.as_mut_ptr().add(n).cast(), near);
-        _mm512_storeu_si512(
-            stack.children.as_mut_ptr().add(n).cast(),
-            packed,
-        );
-        let mask = u32::from(mask);
-        stack.length = n + mask.count_ones() as usize - 1;
-        let last = _mm512_set1_epi32(31 - mask.leading_zeros() as i32);
-        let child = _mm512_permutexvar_epi32(last, children);
-        _mm_cvtsi128_si32(_mm512_castsi512_si128(child)) as u32
+        let packed = _mm512_maskz_compress_epi32(met, children);
+        _mm512_storeu_si512(top.cast(), packed);
+        let near = _mm512_maskz_compress_ps(met, near);
+        _mm512_storeu_ps(distances, near);
+        stack.grow(mask.count_ones() as usize - 1);
     }
+    let last = _mm512_set1_epi32(31 - mask.leading_zeros() as i32);
+    let child = _mm512_permutexvar_epi32(last, children);
+    _mm512_cvtsi512_si32(child) as u32
+}
+
+#[target_feature(enable = "avx512f")]
+#[inline]
+fn load(numbers: &[u32; 16]) -> __m512i {
+    // SAFETY: sixteen numbers are read, from any address.
+    unsafe { _mm512_loadu_si512(numbers.as_ptr().cast()) }
 }

@@ -73,17 +73,28 @@ fn flush(x: f64, least: f64) -> f64 {
 }
 
 // Evaluate an edge function with its sign
-/// `a * b - c * d`, rounded, with the sign of the exact number, as long
-/// as no product underflows.
+/// `a * b - c * d`, to a relative error of 2^-42, with the sign of the
+/// exact number, as long as no product underflows.
 #[inline(always)]
 fn edge(a: f64, b: f64, c: f64, d: f64) -> f64 {
     let (p, q) = (a * b, c * d);
-    if p != q { p - q } else { residue(a, b, c, d, p) }
+    let rough = p - q;
+    match rough.abs() > CLOSE * p.abs() {
+        true => rough,
+        false => refined(a, b, c, d, rough),
+    }
 }
 
+/// How small a difference of products may be relative to them: 2^-10.
+pub const CLOSE: f64 = 1. / 1024.;
+
 #[cold]
-fn residue(a: f64, b: f64, c: f64, d: f64, product: f64) -> f64 {
-    a.mul_add(b, -product) - c.mul_add(d, -product)
+fn refined(a: f64, b: f64, c: f64, d: f64, rough: f64) -> f64 {
+    let lost = a.mul_add(b, -(a * b)) - c.mul_add(d, -(c * d));
+    match rough + lost {
+        0. => rough,
+        sum => sum,
+    }
 }
 
 // Keep four triangles side by side
@@ -235,7 +246,7 @@ impl Leaf<'_> {
 
     /// The x, y and z of the three corners after the shear.
     #[inline(always)]
-    fn sheared(&self, lane: usize, shear: &Shear) -> [[f64; 3]; 3] {
+    pub fn sheared(&self, lane: usize, shear: &Shear) -> [[f64; 3]; 3] {
         let moved = |c: usize, i: usize| {
             self.coordinate(3 * c + shear.axes[i], lane) - shear.origin[i]
         };

@@ -109,7 +109,7 @@ pub fn slots(child: u32) -> (u32, usize) {
 impl<const N: usize> Node<N> {
     // Begin without children
     /// No children at all.
-    const EMPTY: Self = {
+    pub const EMPTY: Self = {
         let (above, below) = (f32::INFINITY, f32::NEG_INFINITY);
         let (least, greatest) = ([above; N], [below; N]);
         Self {
@@ -167,7 +167,7 @@ const _: () = assert!(size_of::<Node<16>>() == 512);
 
 // Build the binary tree
 /// By how much a triangle's box is enlarged on all sides.
-const PADDING: f32 = 1. / 128.;
+pub const PADDING: f32 = 1. / 128.;
 
 /// A triangle as its enlarged box.
 #[derive(TransparentWrapper)]
