@@ -83,7 +83,10 @@ fn search<'a, const ANY: bool>(
         |node, slabs, reach| enter(node, slabs, reach),
         |&near, mask| two(near, mask),
         |node, shift, entered, stack| push(node, shift, entered, stack),
-        |leaf, shear, limit| meet(leaf, shear, limit),
+        |leaf, shear, limit| match ANY {
+            false => meet::<0>(leaf, shear, limit),
+            true => meet::<1>(leaf, shear, limit),
+        },
     )
 }
 
@@ -183,10 +186,14 @@ fn load(numbers: &[u32; 8]) -> __m256i {
 // Meet four triangles at once
 /// The triangles of a leaf that a ray meets up to the distance `limit`,
 /// as a mask, and their distances. Lanes that meet the ray beyond may or
-/// may not be in the mask.
+/// may not be in the mask. Each `WALK` has a copy of its own.
 #[target_feature(enable = "avx2")]
 #[inline]
-pub fn meet(leaf: Leaf, shear: &Shear, limit: f64) -> (u32, [f64; LANES]) {
+pub fn meet<const WALK: u8>(
+    leaf: Leaf,
+    shear: &Shear,
+    limit: f64,
+) -> (u32, [f64; LANES]) {
     // Shear the corners of four triangles
     let [i, j, k] = shear.axes;
     let [ox, oy, oz] = shear.origin.map(|x| _mm256_set1_pd(x));

@@ -88,7 +88,10 @@ fn search<'a, const ANY: bool>(
         |node, slabs, reach| enter(node, slabs, reach),
         |&near, mask| two(near, mask),
         |node, shift, entered, stack| push(node, shift, entered, stack),
-        |leaf, shear, limit| avx2::meet(leaf, shear, limit),
+        |leaf, shear, limit| match ANY {
+            false => avx2::meet::<2>(leaf, shear, limit),
+            true => avx2::meet::<3>(leaf, shear, limit),
+        },
     )
 }
 

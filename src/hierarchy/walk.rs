@@ -690,7 +690,7 @@ mod tests {
                     .collect::<Vec<_>>()
             };
             // SAFETY: the processor has been asked.
-            let found = within(unsafe { avx2::meet(leaf, &shear, limit) });
+            let found = within(unsafe { avx2::meet::<4>(leaf, &shear, limit) });
             let expected = within(leaf.meet(&shear));
             assert_eq!(found, expected, "{:?} {ray:?}", leaf.corners);
             met += found.len();
