@@ -79,7 +79,8 @@ impl Anatomy {
         let mut met = met.filter(|s| s.mask != 0);
         met.find_map(|s| {
             let (first, count) = slots(s.child);
-            let leaf = self.wide.leaves.leaf(first as usize, count);
+            // SAFETY: children with the bit LEAF are leaves that are there.
+            let leaf = unsafe { self.wide.leaves.leaf(first, count) };
             (count == LANES).then_some(leaf)
         })
     }

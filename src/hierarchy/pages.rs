@@ -9,8 +9,9 @@
 //! Large arrays in large pages of memory.
 
 use std::io;
-use std::marker::PhantomData;
-use std::ops::{Deref, DerefMut, Range};
+use std::ops::{Deref, DerefMut};
+use std::ptr::NonNull;
+use std::slice::{from_raw_parts, from_raw_parts_mut};
 
 use bytemuck::Pod;
 #[cfg(target_os = "linux")]
@@ -20,11 +21,16 @@ use memmap2::{MmapMut, MmapOptions};
 // Map an array of zeros
 /// An array that begins at a large page.
 pub struct Pages<T> {
-    map: MmapMut,
     /// Where in the map the elements are.
-    bytes: Range<usize>,
-    elements: PhantomData<[T]>,
+    first: NonNull<T>,
+    length: usize,
+    /// Owns the memory.
+    _map: MmapMut,
 }
+
+// SAFETY: a `Pages` owns its elements, like a `Vec`.
+unsafe impl<T: Send> Send for Pages<T> {}
+unsafe impl<T: Sync> Sync for Pages<T> {}
 
 /// The size of a large page.
 const LARGE: usize = 1 << 21;
@@ -41,14 +47,14 @@ impl<T: Pod> Pages<T> {
             .filter(|&bytes| bytes < isize::MAX as usize - 2 * LARGE)
             .ok_or(io::ErrorKind::OutOfMemory)?;
         let room = bytes.next_multiple_of(LARGE) + LARGE;
-        let map = MmapOptions::new().len(room).map_anon()?;
+        let mut map = MmapOptions::new().len(room).map_anon()?;
         let first = map.as_ptr().align_offset(LARGE);
         #[cfg(target_os = "linux")]
         if bytes >= 4 * LARGE {
             let _ = map.advise_range(Advice::HugePage, first, room - LARGE);
         }
-        let bytes = first..first + bytes;
-        Ok(Self { map, bytes, elements: PhantomData })
+        let first = NonNull::from(&mut map[first..]).cast();
+        Ok(Self { first, length, _map: map })
     }
 }
 
@@ -58,13 +64,16 @@ impl<T: Pod> Deref for Pages<T> {
 
     #[inline(always)]
     fn deref(&self) -> &[T] {
-        bytemuck::cast_slice(&self.map[self.bytes.clone()])
+        // SAFETY: the map has room for `length` elements from `first`, a
+        // multiple of 2 MB, and any bytes are valid ones.
+        unsafe { from_raw_parts(self.first.as_ptr(), self.length) }
     }
 }
 
 impl<T: Pod> DerefMut for Pages<T> {
     fn deref_mut(&mut self) -> &mut [T] {
-        bytemuck::cast_slice_mut(&mut self.map[self.bytes.clone()])
+        // SAFETY: as above; and nobody else has a reference.
+        unsafe { from_raw_parts_mut(self.first.as_ptr(), self.length) }
     }
 }
 

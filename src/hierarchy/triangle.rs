@@ -124,9 +124,15 @@ impl Leaves {
     }
 
     /// The leaf of `count` triangles from slot `first`.
+    ///
+    /// # Safety
+    /// A leaf of these triangles has been put there.
     #[inline(always)]
-    pub fn leaf(&self, first: usize, count: usize) -> Leaf<'_> {
-        Leaf { corners: &self.corners[9 * first..], count }
+    pub unsafe fn leaf(&self, first: u32, count: usize) -> Leaf<'_> {
+        // SAFETY: the leaf is within the array, says the caller.
+        let corners =
+            unsafe { self.corners.get_unchecked(9 * first as usize..) };
+        Leaf { corners, count }
     }
 
     /// All leaves, to be filled from the front.
@@ -148,8 +154,9 @@ impl Leaves {
     /// The corners of a triangle.
     pub fn triangle(&self, slot: u32) -> [DVec3; 3] {
         let label = self.labels[slot as usize];
-        let (lane, count) = (label >> 28 & 3, (label >> 30) + 1);
-        self.leaf((slot - lane) as usize, count as usize).triangle(lane)
+        let (lane, count) = (label >> 28 & 3, (label >> 30) as usize + 1);
+        // SAFETY: the labels are those of leaves, each in its place.
+        unsafe { self.leaf(slot - lane, count) }.triangle(lane)
     }
 }
 
@@ -268,8 +275,6 @@ pub struct Search<'a> {
     pub distance: f64,
     /// Where it is kept, or `NONE`.
     pub slot: u32,
-    leaf: Leaf<'a>,
-    lane: u32,
 }
 
 impl<'a> Search<'a> {
@@ -277,55 +282,23 @@ impl<'a> Search<'a> {
     #[inline(always)]
     pub fn new(leaves: &'a Leaves, from: Option<u32>) -> Self {
         let (from, distance) = (from.unwrap_or(NONE), f64::INFINITY);
-        let leaf = Leaf { corners: &[], count: 0 };
-        Self { leaves, from, distance, slot: NONE, leaf, lane: 0 }
+        Self { leaves, from, distance, slot: NONE }
     }
 
     // Take a triangle that is nearer
-    /// Considers the triangle in a lane of the leaf that begins with slot
-    /// `first`, which is met at `distance`.
+    /// Considers the triangle in `slot`, which is met at `distance`.
     #[inline(always)]
-    pub fn offer(
-        &mut self,
-        leaf: Leaf<'a>,
-        first: u32,
-        lane: u32,
-        distance: f64,
-    ) {
-        let slot = first + lane;
-        if distance > self.distance || slot == self.from {
+    pub fn offer(&mut self, slot: u32, distance: f64) {
+        let Self { leaves, from, .. } = *self;
+        if distance > self.distance || slot == from {
             return;
         }
-        if distance < NEAR && self.from != NONE && self.is_coplanar(slot) {
+        if distance < NEAR && from != NONE && leaves.coplanar(from, slot) {
             return;
         }
-        if distance < self.distance || self.is_before(slot) {
+        if distance < self.distance || leaves.is_before(slot, self.slot) {
             (self.distance, self.slot) = (distance, slot);
-            (self.leaf, self.lane) = (leaf, lane);
         }
-    }
-
-    // Break a tie by number
-    /// Whether the triangle in `slot` comes before the nearest so far.
-    #[cold]
-    fn is_before(&self, slot: u32) -> bool {
-        let leaves = self.leaves;
-        self.slot == NONE || leaves.number(slot) < leaves.number(self.slot)
-    }
-
-    // Recognise triangles in one plane
-    /// Whether the triangle in `slot` lies in the plane of the one that
-    /// the ray left.
-    #[cold]
-    fn is_coplanar(&self, slot: u32) -> bool {
-        let point = |corner: DVec3| {
-            let [x, y, z] = corner.to_array();
-            Coord3D { x, y, z }
-        };
-        let [a, b, c] = self.leaves.triangle(self.from);
-        let [a, b, c] = [point(a), point(b), point(c)];
-        let above = |d| orient3d(a, b, c, point(d));
-        self.leaves.triangle(slot).into_iter().all(|d| above(d) == 0.)
     }
 
     // Make the search's result a hit
@@ -336,11 +309,34 @@ impl<'a> Search<'a> {
             return None;
         }
         let point = ray.origin + ray.direction * self.distance;
-        let [a, b, c] = self.leaf.triangle(self.lane);
+        let [a, b, c] = self.leaves.triangle(self.slot);
         let normal = (b - a).cross(c - a).normalize();
         let away = normal.dot(ray.direction) > 0.;
         let normal = if away { -normal } else { normal };
         Some(Hit { point, normal, primitive: self.slot })
+    }
+}
+
+impl Leaves {
+    // Break a tie by number
+    /// Whether the triangle in `slot` comes before that in `other`, if any.
+    #[cold]
+    fn is_before(&self, slot: u32, other: u32) -> bool {
+        other == NONE || self.number(slot) < self.number(other)
+    }
+
+    // Recognise triangles in one plane
+    /// Whether the triangle in `slot` lies in the plane of that in `from`.
+    #[cold]
+    fn coplanar(&self, from: u32, slot: u32) -> bool {
+        let point = |corner: DVec3| {
+            let [x, y, z] = corner.to_array();
+            Coord3D { x, y, z }
+        };
+        let [a, b, c] = self.triangle(from);
+        let [a, b, c] = [point(a), point(b), point(c)];
+        let above = |d| orient3d(a, b, c, point(d));
+        self.triangle(slot).into_iter().all(|d| above(d) == 0.)
     }
 }
 

@@ -244,20 +244,21 @@ pub fn nearer<const N: usize>(
 /// Offers the triangles of a leaf that the ray meets; their mask.
 #[inline(always)]
 pub fn look<'a>(
-    search: &mut Search<'a>,
+    search: &mut Search,
     leaves: &'a Leaves,
     child: u32,
     shear: &Shear,
     meet: impl Fn(Leaf<'a>, &Shear, f64) -> (u32, [f64; LANES]),
 ) -> u32 {
     let (first, count) = slots(child);
-    let leaf = leaves.leaf(first as usize, count);
+    // SAFETY: children with the bit LEAF are leaves that are there.
+    let leaf = unsafe { leaves.leaf(first, count) };
     let (met, distances) = meet(leaf, shear, search.distance);
     let mut left = met;
     while left != 0 {
         let lane = left.trailing_zeros();
         let distance = distances[lane as usize % LANES];
-        search.offer(leaf, first, lane, distance);
+        search.offer(first + lane, distance);
         left &= left - 1;
     }
     met
@@ -678,7 +679,8 @@ mod tests {
         let mut met = 0;
         for _ in 0..CASES {
             let (leaves, count) = random_leaf(&mut random);
-            let leaf = leaves.leaf(0, count);
+            // SAFETY: it has been put there.
+            let leaf = unsafe { leaves.leaf(0, count) };
             let ray = ray_at(&leaves, &mut random);
             let limit = f64::from(reach(&mut random));
             let shear = Shear::new(&ray);
