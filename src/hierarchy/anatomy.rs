@@ -12,7 +12,7 @@
 use std::{array, io};
 
 use super::triangle::{LANES, Leaf, Search, Shear};
-use super::walk::{Slabs, Stack, distance, enter, look, push};
+use super::walk::{Slabs, Stack, Waiting, distance, enter, look, push};
 use super::wide::{LEAF, Node, Quality, Wide, slots};
 use crate::scene::{Ray, Scene};
 
@@ -44,7 +44,8 @@ impl Anatomy {
         let wide = Wide::new(scene, Quality::Medium)?;
         let (slabs, shear) = (Slabs::new(&ray), Shear::new(&ray));
         let mut search = Search::new(&wide.leaves, None);
-        let (mut stack, mut steps) = (Stack::new(), vec![]);
+        let (mut waiting, mut steps) = (Waiting::new(), vec![]);
+        let mut stack = Stack::new(&mut waiting);
         let mut next = Some(0);
         while let Some(child) = next {
             // Look at one child and choose the next

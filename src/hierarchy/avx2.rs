@@ -237,13 +237,11 @@ pub fn meet<const WALK: u8>(
     }
     // Leave close edges to the portable function
     let size = |e| _mm256_andnot_pd(_mm256_set1_pd(-0.), e);
-    let close = |e, product| {
-        let least = _mm256_mul_pd(_mm256_set1_pd(CLOSE), size(product));
-        _mm256_cmp_pd::<_CMP_LE_OQ>(size(e), least)
-    };
-    let touched = _mm256_or_pd(close(u, p), close(v, q));
-    let touched = _mm256_or_pd(touched, close(w, r));
-    if _mm256_movemask_pd(_mm256_and_pd(touched, inside)) & lanes != 0 {
+    let smallest = _mm256_max_pd(least, _mm256_sub_pd(zero, most));
+    let largest = _mm256_max_pd(_mm256_max_pd(size(p), size(q)), size(r));
+    let threshold = _mm256_mul_pd(_mm256_set1_pd(CLOSE), largest);
+    let close = _mm256_cmp_pd::<_CMP_LE_OQ>(smallest, threshold);
+    if _mm256_movemask_pd(_mm256_and_pd(close, inside)) & lanes != 0 {
         return carefully(leaf, shear);
     }
     // Divide for the distances

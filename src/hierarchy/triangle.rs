@@ -43,10 +43,10 @@ impl Shear {
         let y = usize::from(size.y > size.x);
         let z = if size.z > size.x.max(size.y) { 2 } else { y };
         let axes = ROTATIONS[z];
-        let direction = padded(ray.direction);
-        let origin = padded(ray.origin);
-        let [x, y, z] = axes.map(|axis| direction[axis & 3]);
-        let origin = axes.map(|axis| flush(origin[axis & 3], SMALLEST));
+        let direction: &[f64; 3] = ray.direction.as_ref();
+        let origin: &[f64; 3] = ray.origin.as_ref();
+        let [x, y, z] = axes.map(|axis| direction[axis]);
+        let origin = axes.map(|axis| flush(origin[axis], SMALLEST));
         let stretch = 1. / z;
         let slope = [x, y].map(|d| flush(d * stretch, FLATTEST));
         Self { axes, origin, slope, stretch }
@@ -54,11 +54,6 @@ impl Shear {
 }
 
 const ROTATIONS: [[usize; 3]; 3] = [[1, 2, 0], [2, 0, 1], [0, 1, 2]];
-
-#[inline(always)]
-fn padded(v: DVec3) -> [f64; 4] {
-    [v.x, v.y, v.z, 0.]
-}
 
 /// The number 2^-100.
 const SMALLEST: f64 = f64::from_bits((1023 - 100) << 52);

@@ -70,23 +70,34 @@ fn steep(d: f32) -> f32 {
 /// Children that a stack holds.
 pub const STACK: usize = 1024;
 
-/// Children that wait, the next one last.
-pub struct Stack {
+/// Room for children that wait.
+pub struct Waiting {
     children: [MaybeUninit<u32>; STACK],
     /// Where the ray enters their boxes.
     distances: [MaybeUninit<f32>; STACK],
-    /// How many wait. The elements below have been written.
-    length: usize,
 }
 
-impl Stack {
+impl Waiting {
     #[inline(always)]
     pub fn new() -> Self {
         Self {
             children: [const { MaybeUninit::uninit() }; STACK],
             distances: [const { MaybeUninit::uninit() }; STACK],
-            length: 0,
         }
+    }
+}
+
+/// Children that wait, the next one last.
+pub struct Stack<'a> {
+    waiting: &'a mut Waiting,
+    /// How many wait. The elements below have been written.
+    length: usize,
+}
+
+impl<'a> Stack<'a> {
+    #[inline(always)]
+    pub fn new(waiting: &'a mut Waiting) -> Self {
+        Self { waiting, length: 0 }
     }
 
     /// How many children wait.
@@ -114,8 +125,8 @@ impl Stack {
         // than N elements left.
         unsafe {
             (
-                self.children.as_mut_ptr().add(self.length).cast(),
-                self.distances.as_mut_ptr().add(self.length).cast(),
+                self.waiting.children.as_mut_ptr().add(self.length).cast(),
+                self.waiting.distances.as_mut_ptr().add(self.length).cast(),
             )
         }
     }
@@ -136,12 +147,11 @@ impl Stack {
         while self.length > 0 {
             self.length -= 1;
             let i = self.length;
+            let Waiting { children, distances } = &self.waiting;
             // SAFETY: the element was below `length`, so it was written.
             unsafe {
-                if self.distances.get_unchecked(i).assume_init() <= reach {
-                    return Some(
-                        self.children.get_unchecked(i).assume_init(),
-                    );
+                if distances.get_unchecked(i).assume_init() <= reach {
+                    return Some(children.get_unchecked(i).assume_init());
                 }
             }
         }
@@ -179,7 +189,9 @@ where
     let nodes: &[Node<N>] = &wide.nodes;
     let (slabs, shear) = (Slabs::new(ray), Shear::new(ray));
     let mut search = Search::new(&wide.leaves, from);
-    let (mut stack, mut reach) = (Stack::new(), f32::INFINITY);
+    let mut waiting = Waiting::new();
+    let mut stack = Stack::new(&mut waiting);
+    let mut reach = f32::INFINITY;
     let mut child = 0;
     loop {
         while child & LEAF == 0 {
@@ -572,11 +584,14 @@ mod tests {
         }
     }
 
-    fn random_stack<const N: usize>(random: &mut Random) -> Stack {
+    fn random_stack<'a, const N: usize>(
+        waiting: &'a mut Waiting,
+        random: &mut Random,
+    ) -> Stack<'a> {
         let full = random.random_range(0..64) == 0;
         let length =
             if full { STACK - N } else { random.random_range(0..16) };
-        let mut stack = Stack::new();
+        let mut stack = Stack::new(waiting);
         for i in 0..length as u32 {
             stack.push(i, i as f32);
         }
@@ -589,7 +604,7 @@ mod tests {
         while let Some(child) = stack.pop(f32::INFINITY) {
             // SAFETY: it waited a moment ago.
             let distance =
-                unsafe { stack.distances[stack.length].assume_init() };
+                unsafe { stack.waiting.distances[stack.length].assume_init() };
             waiting.push((child, distance.to_bits()));
         }
         waiting
@@ -605,8 +620,9 @@ mod tests {
             let node = random_node::<N>(&mut random);
             let shift = 4 * random.random_range(0..8);
             let entered = random_entered(&mut random);
-            let mut stack = random_stack::<N>(&mut random.clone());
-            let mut found = random_stack::<N>(&mut random);
+            let (mut one, mut other) = (Waiting::new(), Waiting::new());
+            let mut stack = random_stack::<N>(&mut one, &mut random.clone());
+            let mut found = random_stack::<N>(&mut other, &mut random);
             let expected = push(&node, shift, &entered, &mut stack);
             let next = pushes(&node, shift, entered, &mut found);
             assert_eq!(next, expected, "{shift} {node:?}");
