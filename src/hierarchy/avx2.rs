@@ -231,7 +231,7 @@ pub fn meet<const WALK: u8>(
         _mm256_cmp_pd::<_CMP_GE_OQ>(least, zero),
         _mm256_cmp_pd::<_CMP_LE_OQ>(most, zero),
     );
-    let lanes = (1 << leaf.count) - 1;
+    let lanes = leaf.lanes as i32;
     if _mm256_movemask_pd(inside) & lanes == 0 {
         return (0, [0.; LANES]);
     }

@@ -127,7 +127,7 @@ impl Leaves {
         // SAFETY: the leaf is within the array, says the caller.
         let corners =
             unsafe { self.corners.get_unchecked(9 * first as usize..) };
-        Leaf { corners, count }
+        Leaf { corners, count, lanes: (1 << count) - 1 }
     }
 
     /// All leaves, to be filled from the front.
@@ -197,6 +197,8 @@ pub struct Leaf<'a> {
     pub corners: &'a [f32],
     /// How many triangles.
     pub count: usize,
+    /// Those to be tested; bit i stands for lane i.
+    pub lanes: u32,
 }
 
 impl Leaf<'_> {
@@ -220,11 +222,11 @@ impl Leaf<'_> {
     pub fn meet(&self, shear: &Shear) -> (u32, [f64; LANES]) {
         let mut distances = [0.; LANES];
         let mut met = 0;
-        for (lane, distance) in
-            distances[..self.count].iter_mut().enumerate()
-        {
-            *distance = self.distance(lane, shear);
-            met |= u32::from(*distance > 0.) << lane;
+        for (lane, distance) in distances.iter_mut().enumerate() {
+            if self.lanes >> lane & 1 != 0 {
+                *distance = self.distance(lane, shear);
+                met |= u32::from(*distance > 0.) << lane;
+            }
         }
         (met, distances)
     }
@@ -262,6 +264,7 @@ impl Leaf<'_> {
 
 // Keep the nearest triangle so far
 /// The nearest triangle so far.
+#[derive(Clone, Copy)]
 pub struct Search<'a> {
     leaves: &'a Leaves,
     /// The slot that the ray left, or `NONE`.
@@ -270,6 +273,8 @@ pub struct Search<'a> {
     pub distance: f64,
     /// Where it is kept, or `NONE`.
     pub slot: u32,
+    /// The slots of its leaf, the first and how many.
+    leaf: (u32, usize),
 }
 
 impl<'a> Search<'a> {
@@ -277,22 +282,43 @@ impl<'a> Search<'a> {
     #[inline(always)]
     pub fn new(leaves: &'a Leaves, from: Option<u32>) -> Self {
         let (from, distance) = (from.unwrap_or(NONE), f64::INFINITY);
-        Self { leaves, from, distance, slot: NONE }
+        Self { leaves, from, distance, slot: NONE, leaf: (0, 0) }
     }
 
     // Take a triangle that is nearer
-    /// Considers the triangle in `slot`, which is met at `distance`.
+    /// The leaf of `count` triangles from slot `first`, without the one
+    /// that the ray left.
+    ///
+    /// # Safety
+    /// A leaf of these triangles has been put there.
     #[inline(always)]
-    pub fn offer(&mut self, slot: u32, distance: f64) {
-        let Self { leaves, from, .. } = *self;
-        if distance > self.distance || slot == from {
-            return;
-        }
+    pub unsafe fn leaf(&self, first: u32, count: usize) -> Leaf<'a> {
+        // SAFETY: it is there, says the caller.
+        let mut leaf = unsafe { self.leaves.leaf(first, count) };
+        let lane = self.from.wrapping_sub(first);
+        leaf.lanes &= !(u32::from(lane < LANES as u32) << (lane & 3));
+        leaf
+    }
+
+    /// Considers the triangle in a lane of the leaf of `count` triangles
+    /// from slot `first`, which is met at `distance`.
+    #[inline(always)]
+    pub fn offer(
+        &mut self,
+        (first, count): (u32, usize),
+        lane: u32,
+        distance: f64,
+    ) {
+        let (Self { leaves, from, .. }, slot) = (*self, first + lane);
         if distance < NEAR && from != NONE && leaves.coplanar(from, slot) {
             return;
         }
-        if distance < self.distance || leaves.is_before(slot, self.slot) {
+        let equal = distance == self.distance;
+        if distance < self.distance
+            || equal && leaves.is_before(slot, self.slot)
+        {
             (self.distance, self.slot) = (distance, slot);
+            self.leaf = (first, count);
         }
     }
 
@@ -304,7 +330,10 @@ impl<'a> Search<'a> {
             return None;
         }
         let point = ray.origin + ray.direction * self.distance;
-        let [a, b, c] = self.leaves.triangle(self.slot);
+        let (first, count) = self.leaf;
+        // SAFETY: the slot is one of a leaf that was offered.
+        let leaf = unsafe { self.leaves.leaf(first, count) };
+        let [a, b, c] = leaf.triangle(self.slot - first);
         let normal = (b - a).cross(c - a).normalize();
         let away = normal.dot(ray.direction) > 0.;
         let normal = if away { -normal } else { normal };

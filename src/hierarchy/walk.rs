@@ -18,7 +18,7 @@ use std::mem::MaybeUninit;
 
 use bytemuck::Pod;
 
-use super::triangle::{LANES, Leaf, Leaves, NONE, Search, Shear};
+use super::triangle::{LANES, Leaf, NONE, Search, Shear};
 use super::wide::{LEAF, Node, Wide, slots};
 use super::{Hit, Kernel};
 use crate::scene::Ray;
@@ -213,7 +213,7 @@ where
             };
         }
         // Offer the leaf's triangles and go on
-        if look(&mut search, &wide.leaves, child, &shear, &meet) != 0 {
+        if look(&mut search, child, &shear, &meet) != 0 {
             if ANY && search.slot != NONE {
                 return search;
             }
@@ -256,21 +256,20 @@ pub fn nearer<const N: usize>(
 /// Offers the triangles of a leaf that the ray meets; their mask.
 #[inline(always)]
 pub fn look<'a>(
-    search: &mut Search,
-    leaves: &'a Leaves,
+    search: &mut Search<'a>,
     child: u32,
     shear: &Shear,
     meet: impl Fn(Leaf<'a>, &Shear, f64) -> (u32, [f64; LANES]),
 ) -> u32 {
     let (first, count) = slots(child);
     // SAFETY: children with the bit LEAF are leaves that are there.
-    let leaf = unsafe { leaves.leaf(first, count) };
+    let leaf = unsafe { search.leaf(first, count) };
     let (met, distances) = meet(leaf, shear, search.distance);
     let mut left = met;
     while left != 0 {
         let lane = left.trailing_zeros();
         let distance = distances[lane as usize % LANES];
-        search.offer(first + lane, distance);
+        search.offer((first, count), lane, distance);
         left &= left - 1;
     }
     met
@@ -372,12 +371,14 @@ impl Kernel for Walker {
 // Compare the instructions with the portable form
 #[cfg(all(test, target_arch = "x86_64"))]
 mod tests {
+    use std::arch::x86_64::{__m256, __m512};
     use std::mem::transmute;
 
     use glam::{DVec3, Vec3};
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64;
 
+    use super::super::triangle::Leaves;
     use super::super::wide::PADDING;
     use super::super::{avx2, avx512};
     use super::*;
@@ -546,7 +547,10 @@ mod tests {
             let Entered { mask, near, far } =
                 avx2::enter(node, slabs, reach);
             let pair = avx2::two(near, mask.max(1));
-            let (near, far) = (transmute(near), transmute(far));
+            let (near, far) = (
+                transmute::<_, [f32; 8]>(near),
+                transmute::<_, [f32; 8]>(far),
+            );
             (Entered { mask, near, far }, pair)
         });
     }
@@ -561,7 +565,10 @@ mod tests {
             let Entered { mask, near, far } =
                 avx512::enter(node, slabs, reach);
             let pair = avx512::two(near, mask);
-            let (near, far) = (transmute(near), transmute(far));
+            let (near, far) = (
+                transmute::<_, [f32; 16]>(near),
+                transmute::<_, [f32; 16]>(far),
+            );
             (Entered { mask, near, far }, pair)
         });
     }
@@ -603,8 +610,9 @@ mod tests {
         let mut waiting = vec![];
         while let Some(child) = stack.pop(f32::INFINITY) {
             // SAFETY: it waited a moment ago.
-            let distance =
-                unsafe { stack.waiting.distances[stack.length].assume_init() };
+            let distance = unsafe {
+                stack.waiting.distances[stack.length].assume_init()
+            };
             waiting.push((child, distance.to_bits()));
         }
         waiting
@@ -621,7 +629,8 @@ mod tests {
             let shift = 4 * random.random_range(0..8);
             let entered = random_entered(&mut random);
             let (mut one, mut other) = (Waiting::new(), Waiting::new());
-            let mut stack = random_stack::<N>(&mut one, &mut random.clone());
+            let mut stack =
+                random_stack::<N>(&mut one, &mut random.clone());
             let mut found = random_stack::<N>(&mut other, &mut random);
             let expected = push(&node, shift, &entered, &mut stack);
             let next = pushes(&node, shift, entered, &mut found);
@@ -638,7 +647,8 @@ mod tests {
         // SAFETY: the processor has been asked; a register is eight numbers.
         compare_pushes::<8>(|node, shift, entered, stack| unsafe {
             let Entered { mask, near, far } = entered;
-            let (near, far) = (transmute(near), transmute(far));
+            let (near, far) =
+                (transmute::<_, __m256>(near), transmute::<_, __m256>(far));
             let entered = Entered { mask, near, far };
             avx2::push(node, shift, &entered, stack)
         });
@@ -652,7 +662,8 @@ mod tests {
         // SAFETY: as above, with sixteen.
         compare_pushes::<16>(|node, shift, entered, stack| unsafe {
             let Entered { mask, near, far } = entered;
-            let (near, far) = (transmute(near), transmute(far));
+            let (near, far) =
+                (transmute::<_, __m512>(near), transmute::<_, __m512>(far));
             let entered = Entered { mask, near, far };
             avx512::push(node, shift, &entered, stack)
         });
@@ -708,7 +719,8 @@ mod tests {
                     .collect::<Vec<_>>()
             };
             // SAFETY: the processor has been asked.
-            let found = within(unsafe { avx2::meet::<4>(leaf, &shear, limit) });
+            let found =
+                within(unsafe { avx2::meet::<4>(leaf, &shear, limit) });
             let expected = within(leaf.meet(&shear));
             assert_eq!(found, expected, "{:?} {ray:?}", leaf.corners);
             met += found.len();
