@@ -548,8 +548,8 @@ mod tests {
                 avx2::enter(node, slabs, reach);
             let pair = avx2::two(near, mask.max(1));
             let (near, far) = (
-                transmute::<_, [f32; 8]>(near),
-                transmute::<_, [f32; 8]>(far),
+                transmute::<__m256, [f32; 8]>(near),
+                transmute::<__m256, [f32; 8]>(far),
             );
             (Entered { mask, near, far }, pair)
         });
@@ -566,8 +566,8 @@ mod tests {
                 avx512::enter(node, slabs, reach);
             let pair = avx512::two(near, mask);
             let (near, far) = (
-                transmute::<_, [f32; 16]>(near),
-                transmute::<_, [f32; 16]>(far),
+                transmute::<__m512, [f32; 16]>(near),
+                transmute::<__m512, [f32; 16]>(far),
             );
             (Entered { mask, near, far }, pair)
         });
@@ -647,8 +647,10 @@ mod tests {
         // SAFETY: the processor has been asked; a register is eight numbers.
         compare_pushes::<8>(|node, shift, entered, stack| unsafe {
             let Entered { mask, near, far } = entered;
-            let (near, far) =
-                (transmute::<_, __m256>(near), transmute::<_, __m256>(far));
+            let (near, far) = (
+                transmute::<[f32; 8], __m256>(near),
+                transmute::<[f32; 8], __m256>(far),
+            );
             let entered = Entered { mask, near, far };
             avx2::push(node, shift, &entered, stack)
         });
@@ -662,8 +664,10 @@ mod tests {
         // SAFETY: as above, with sixteen.
         compare_pushes::<16>(|node, shift, entered, stack| unsafe {
             let Entered { mask, near, far } = entered;
-            let (near, far) =
-                (transmute::<_, __m512>(near), transmute::<_, __m512>(far));
+            let (near, far) = (
+                transmute::<[f32; 16], __m512>(near),
+                transmute::<[f32; 16], __m512>(far),
+            );
             let entered = Entered { mask, near, far };
             avx512::push(node, shift, &entered, stack)
         });
