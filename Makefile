@@ -135,8 +135,18 @@ $(BUILD_DIR)/tables/curve.csv: $(BUILD_DIR)/pt $(BUILD_DIR)/courtyard.obj
 # idle for them. A line of comment names the date and the machine.
 $(BUILD_DIR)/tables/%.tex: doc/measured/%.csv
 	@mkdir -p $(@D)
-	awk -F, '/^#/ { sub(/^# */, ""); print > "$(@D)/$*-machine.tex"; next } \
-	  !head++ { next } { gsub(/,/, " \\& "); print $$0 " \\\\" }' $< > $@
+	awk -F, -v OFS=' \\& ' -v most=$(or $(COLUMNS_$*),99) ' \
+	  /^#/ { sub(/^# */, ""); print > "$(@D)/$*-machine.tex"; next } \
+	  !head++ { next } \
+	  { if (NF > most) NF = most; $$1 = $$1; print $$0 " \\\\" }' $< > $@
+
+# Tables that are wider than the page.
+COLUMNS_bench = 8
+COLUMNS_traversal = 6
+
+$(BUILD_DIR)/tables/sizes.csv: doc/measured/sizes.csv
+	@mkdir -p $(@D)
+	grep -v '^#' $< > $@
 
 MACHINE = \# $(shell sed -n 's/^model name.*: //p' /proc/cpuinfo | head -n 1), \
   $(shell nproc) cores, on $(shell date +%Y-%m-%d)
@@ -266,7 +276,8 @@ check-tex:
 $(BUILD_DIR)/litpt.pdf: $(WEB) $(NOWEB) config.mk \
   $(BUILD_DIR)/figures/courtyard.png $(BUILD_DIR)/examples.stamp \
   $(addprefix $(BUILD_DIR)/tables/,closed-forms.tex qualities.tex \
-    leaks.tex accumulators.tex accounting.tex alarms.tex calibration.stamp \
+    leaks.tex layouts.tex traversal.tex bench.tex sizes.csv \
+    accumulators.tex accounting.tex alarms.tex calibration.stamp \
     anatomy.stamp curve.csv) \
   $(addprefix doc/,litpt.sty litpt.bib litpt-mono.enc latexmkrc)
 	@mkdir -p $(BUILD_DIR)/tex

@@ -34,7 +34,7 @@ RENDERING = 1.5  # seconds that our part of a round should render
 
 PT = re.compile(
     r'(?P<triangles>\d+) triangles, load (?P<load>\S+) s, '
-    r'build (?P<build>\S+) s, render (?P<render>\S+) s\n'
+    r'build (?P<build>\S+) s \(.*\), render (?P<render>\S+) s\n'
     r'.*?(?P<rays>\d+) rays, .*mean radiance (?P<mean>\S+) '
     r'± (?P<stderr>[\d.]+)')
 PEER = re.compile(

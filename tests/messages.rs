@@ -65,7 +65,7 @@ fn a_summary_tells_times_rays_and_the_mean() {
         let (seconds, _) = rest.split_once(" s").expect(room);
         assert!(seconds.parse::<f64>().unwrap() >= 0.);
     }
-    let built = format!(" s (fast, {}), render", Isa::best());
+    let built = format!(" s (medium, {}), render", Isa::best());
     assert!(lines[0].contains(&built), "{}", lines[0]);
     // Each path meets the square and then the sky: two rays.
     assert_eq!(number_before(lines[1], " rays,"), 2. * 5. * 12.);

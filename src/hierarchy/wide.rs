@@ -45,9 +45,9 @@ pub enum Quality {
 /// Each quality with the nanoseconds it takes to build per triangle, and
 /// then per ray.
 const PRICES: [(Quality, f64, f64); 3] = [
-    (Quality::Fast, 600., 1.10 * 125.),
-    (Quality::Medium, 900., 1.06 * 125.),
-    (Quality::Thorough, 6000., 125.),
+    (Quality::Fast, 320., 1.09 * 125.),
+    (Quality::Medium, 500., 1.03 * 125.),
+    (Quality::Thorough, 3100., 125.),
 ];
 
 impl fmt::Display for Quality {
