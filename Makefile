@@ -135,7 +135,7 @@ $(BUILD_DIR)/tables/curve.csv: $(BUILD_DIR)/pt $(BUILD_DIR)/courtyard.obj
 # idle for them. A line of comment names the date and the machine.
 $(BUILD_DIR)/tables/%.tex: doc/measured/%.csv
 	@mkdir -p $(@D)
-	awk -F, -v OFS=' \\& ' -v most=$(or $(COLUMNS_$*),99) ' \
+	awk -F, -v OFS=' & ' -v most=$(or $(COLUMNS_$*),99) ' \
 	  /^#/ { sub(/^# */, ""); print > "$(@D)/$*-machine.tex"; next } \
 	  !head++ { next } \
 	  { if (NF > most) NF = most; $$1 = $$1; print $$0 " \\\\" }' $< > $@
