@@ -1,0 +1,351 @@
+// The functions of the walk in vector instructions against the portable ones,
+// and the padding of boxes (chapter "The walk").
+//
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+use std::arch::x86_64::{__m256, __m512};
+use std::mem::transmute;
+
+use glam::{DVec3, Vec3};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+
+use super::super::triangle::Leaves;
+use super::super::wide::PADDING;
+use super::super::{avx2, avx512};
+use super::*;
+
+const CASES: usize = 1_000_000;
+
+// Make rays and nodes by chance
+type Random = Pcg64;
+
+fn coordinate(random: &mut Random) -> f32 {
+    match random.random_range(0..4) {
+        0 => random.random_range(-2..3) as f32 * 4096.,
+        1 => random.random_range(-8..8) as f32 / 128.,
+        _ => 8192. * (2. * random.random::<f32>() - 1.),
+    }
+}
+
+fn component(random: &mut Random) -> f64 {
+    const SMALL: [f64; 8] =
+        [0., -0., 5e-324, -1e-40, 1e-40, -1e-19, 1e-12, -1e-5];
+    match random.random_range(0..3) {
+        0 => SMALL[random.random_range(0..SMALL.len())],
+        _ => 2. * random.random::<f64>() - 1.,
+    }
+}
+
+fn random_ray(random: &mut Random) -> Ray {
+    let origin = DVec3::from([0; 3].map(|_| coordinate(random).into()));
+    let mut direction = DVec3::from([0; 3].map(|_| component(random)));
+    direction[random.random_range(0..3)] = 1.;
+    Ray { origin, direction: direction.normalize() }
+}
+
+fn random_node<const N: usize>(random: &mut Random) -> Node<N> {
+    let mut node = Node::EMPTY;
+    for slot in 0..N {
+        node.children[slot] = random.random();
+        if random.random_range(0..4) > 0 {
+            for axis in 0..3 {
+                let (a, b) = (coordinate(random), coordinate(random));
+                let b = if random.random() { a } else { b };
+                node.planes[axis][slot] = a.min(b);
+                node.planes[axis + 3][slot] = a.max(b);
+            }
+        }
+    }
+    for octant in 0..8 {
+        let mut slots: [u32; N] = array::from_fn(|i| i as u32);
+        for i in (1..N).rev() {
+            slots.swap(i, random.random_range(0..i + 1));
+        }
+        for (order, slot) in node.order.iter_mut().zip(slots) {
+            *order |= slot << (4 * octant);
+        }
+    }
+    node
+}
+
+// Test the padding of boxes
+#[test]
+fn rounding_displaces_a_plane_by_less_than_the_bound() {
+    let mut random = Random::seed_from_u64(8);
+    let mut worst = 0f64;
+    for _ in 0..10 * CASES {
+        let Ray { origin, direction } = random_ray(&mut random);
+        let origin = origin + f64::from(random.random::<f32>());
+        let slabs = Slabs::new(&Ray { origin, direction });
+        let b = coordinate(&mut random);
+        if direction.x.abs() >= LEAST.into() {
+            let (inverse, start) = (slabs.inverse[0], slabs.start[0]);
+            for t in [distance, fused].map(|t| t(b, inverse, start)) {
+                let plane = origin.x + f64::from(t) * direction.x;
+                worst = worst.max((plane - f64::from(b)).abs());
+            }
+        }
+    }
+    eprintln!("displaced by {} / 1024", 1024. * worst);
+    assert!(worst < 5. / 1024.);
+}
+#[test]
+fn a_padded_box_around_a_point_of_the_ray_is_entered() {
+    let mut random = Random::seed_from_u64(1);
+    let mut entered = 0;
+    while entered < CASES {
+        let ray = random_ray(&mut random);
+        let distance = 16384. * random.random::<f64>();
+        let point = ray.origin + distance * ray.direction;
+        if point.abs().max_element() > 8192. {
+            continue;
+        }
+        // Enclose the point in a padded box
+        let mut node = Node::<8>::EMPTY;
+        for axis in 0..3 {
+            let moved =
+                point[axis] + [-1., 1.][random.random_range(0..2)] / 1024.;
+            let size = 8. * random.random::<f32>();
+            // Single precision numbers between which `moved` lies.
+            let (low, high) = match moved as f32 {
+                near if f64::from(near) <= moved => (near, near.next_up()),
+                near => (near.next_down(), near),
+            };
+            let [low, high] = match random.random_range(0..3) {
+                0 => [low - size, high],
+                1 => [low, high + size],
+                _ => [low, high],
+            };
+            node.planes[axis][0] = low - PADDING;
+            node.planes[axis + 3][0] = high + PADDING;
+        }
+        let reach = distance as f32;
+        let slabs = Slabs::new(&ray);
+        let twice = enter(&node, &slabs, reach, super::distance);
+        let once = enter(&node, &slabs, reach, fused);
+        assert_eq!((once.mask, twice.mask), (1, 1), "{ray:?} {distance}");
+        entered += 1;
+    }
+}
+
+fn fused(b: f32, inverse: f32, start: f32) -> f32 {
+    b.mul_add(inverse, -start)
+}
+
+// Test a look at one node
+/// Compares with the portable form what `look` finds in a node: the
+/// boxes entered, and the first and the last of two.
+fn compare_looks<const N: usize>(
+    look: impl Fn(&Node<N>, &Slabs, f32) -> (Entered<[f32; N]>, (f32, f32)),
+) {
+    let mut random = Random::seed_from_u64(2);
+    for _ in 0..CASES {
+        let node = random_node::<N>(&mut random);
+        let slabs = Slabs::new(&random_ray(&mut random));
+        let reach = reach(&mut random);
+        let expected = enter(&node, &slabs, reach, fused);
+        let (found, pair) = look(&node, &slabs, reach);
+        assert_eq!(found.mask, expected.mask, "{node:?}");
+        assert_eq!(found.near, expected.near);
+        assert_eq!(found.far, expected.far);
+        if found.mask.count_ones() == 2 {
+            assert_eq!(pair, two(&expected.near, found.mask));
+        }
+    }
+}
+
+fn reach(random: &mut Random) -> f32 {
+    match random.random_range(0..3) {
+        0 => f32::INFINITY,
+        1 => coordinate(random).abs(),
+        _ => 4096. * random.random::<f32>(),
+    }
+}
+
+#[test]
+fn eight_boxes_are_entered_as_one_by_one() {
+    if !avx2::is_available() {
+        return eprintln!("note: skipped, no AVX2");
+    }
+    // SAFETY: the processor has been asked; a register is eight numbers.
+    compare_looks::<8>(|node, slabs, reach| unsafe {
+        let Entered { mask, near, far } = avx2::enter(node, slabs, reach);
+        let pair = avx2::two(near, mask.max(1));
+        let (near, far) = (
+            transmute::<__m256, [f32; 8]>(near),
+            transmute::<__m256, [f32; 8]>(far),
+        );
+        (Entered { mask, near, far }, pair)
+    });
+}
+
+#[test]
+fn sixteen_boxes_are_entered_as_one_by_one() {
+    if !avx512::is_available() {
+        return eprintln!("note: skipped, no AVX-512");
+    }
+    // SAFETY: as above, with sixteen.
+    compare_looks::<16>(|node, slabs, reach| unsafe {
+        let Entered { mask, near, far } = avx512::enter(node, slabs, reach);
+        let pair = avx512::two(near, mask);
+        let (near, far) = (
+            transmute::<__m512, [f32; 16]>(near),
+            transmute::<__m512, [f32; 16]>(far),
+        );
+        (Entered { mask, near, far }, pair)
+    });
+}
+
+// Test the order of the children
+fn random_entered<const N: usize>(
+    random: &mut Random,
+) -> Entered<[f32; N]> {
+    loop {
+        let mut mask = 0;
+        let near: [f32; N] = array::from_fn(|_| random.random());
+        let far = array::from_fn(|i| {
+            let entered = random.random::<bool>();
+            mask |= u32::from(entered) << i;
+            if entered { near[i] } else { near[i] - 1. }
+        });
+        if mask.count_ones() > 2 {
+            return Entered { mask, near, far };
+        }
+    }
+}
+
+fn random_stack<'a, const N: usize>(
+    waiting: &'a mut Waiting,
+    random: &mut Random,
+) -> Stack<'a> {
+    let full = random.random_range(0..64) == 0;
+    let length = if full { STACK - N } else { random.random_range(0..16) };
+    let mut stack = Stack::new(waiting);
+    for i in 0..length as u32 {
+        stack.push(i, i as f32);
+    }
+    stack
+}
+
+/// The children that wait, with their distances.
+fn waiting(mut stack: Stack) -> Vec<(u32, u32)> {
+    let mut waiting = vec![];
+    while let Some(child) = stack.pop(f32::INFINITY) {
+        // SAFETY: it waited a moment ago.
+        let distance =
+            unsafe { stack.waiting.distances[stack.length].assume_init() };
+        waiting.push((child, distance.to_bits()));
+    }
+    waiting
+}
+
+/// Compares with the portable form what `pushes` leaves on the stack
+/// and returns.
+fn compare_pushes<const N: usize>(
+    pushes: impl Fn(&Node<N>, u32, Entered<[f32; N]>, &mut Stack) -> u32,
+) {
+    let mut random = Random::seed_from_u64(4);
+    for _ in 0..CASES {
+        let node = random_node::<N>(&mut random);
+        let shift = 4 * random.random_range(0..8);
+        let entered = random_entered(&mut random);
+        let (mut one, mut other) = (Waiting::new(), Waiting::new());
+        let mut stack = random_stack::<N>(&mut one, &mut random.clone());
+        let mut found = random_stack::<N>(&mut other, &mut random);
+        let expected = push(&node, shift, &entered, &mut stack);
+        let next = pushes(&node, shift, entered, &mut found);
+        assert_eq!(next, expected, "{shift} {node:?}");
+        assert_eq!(waiting(found), waiting(stack));
+    }
+}
+
+#[test]
+fn eight_children_are_pushed_as_one_by_one() {
+    if !avx2::is_available() {
+        return eprintln!("note: skipped, no AVX2");
+    }
+    // SAFETY: the processor has been asked; a register is eight numbers.
+    compare_pushes::<8>(|node, shift, entered, stack| unsafe {
+        let Entered { mask, near, far } = entered;
+        let (near, far) = (
+            transmute::<[f32; 8], __m256>(near),
+            transmute::<[f32; 8], __m256>(far),
+        );
+        let entered = Entered { mask, near, far };
+        avx2::push(node, shift, &entered, stack)
+    });
+}
+
+#[test]
+fn sixteen_children_are_pushed_as_one_by_one() {
+    if !avx512::is_available() {
+        return eprintln!("note: skipped, no AVX-512");
+    }
+    // SAFETY: as above, with sixteen.
+    compare_pushes::<16>(|node, shift, entered, stack| unsafe {
+        let Entered { mask, near, far } = entered;
+        let (near, far) = (
+            transmute::<[f32; 16], __m512>(near),
+            transmute::<[f32; 16], __m512>(far),
+        );
+        let entered = Entered { mask, near, far };
+        avx512::push(node, shift, &entered, stack)
+    });
+}
+
+// Test the four lanes of a leaf
+fn random_leaf(random: &mut Random) -> (Leaves, usize) {
+    let count = random.random_range(1..LANES + 1);
+    let mut corner = || Vec3::from([0; 3].map(|_| coordinate(random)));
+    let mut triangle = |i| (i, [corner(), corner(), corner()]);
+    let triangles: Vec<_> = (0..count as u32).map(&mut triangle).collect();
+    let mut leaves = Leaves::with_room(count).expect("memory");
+    leaves.room().fill(&triangles);
+    (leaves, count)
+}
+
+/// A ray for a leaf, often one that its first triangle's edge meets.
+fn ray_at(leaves: &Leaves, random: &mut Random) -> Ray {
+    let ray = random_ray(random);
+    let [a, b, _] = leaves.triangle(0);
+    let aim = match random.random_range(0..4) {
+        0 => a,
+        1 => (a + b) / 2.,
+        2 => a + (b - a) * random.random::<f64>(),
+        _ => return ray,
+    };
+    match (aim - ray.origin).try_normalize() {
+        Some(direction) => Ray { direction, ..ray },
+        None => ray,
+    }
+}
+
+#[test]
+fn four_triangles_are_met_as_one_by_one() {
+    if !avx2::is_available() {
+        return eprintln!("note: skipped, no AVX2");
+    }
+    let mut random = Random::seed_from_u64(6);
+    let mut met = 0;
+    for _ in 0..CASES {
+        let (leaves, count) = random_leaf(&mut random);
+        // SAFETY: it has been put there.
+        let leaf = unsafe { leaves.leaf(0, count) };
+        let ray = ray_at(&leaves, &mut random);
+        let limit = f64::from(reach(&mut random));
+        let shear = Shear::new(&ray);
+        let within = |(mask, distances): (u32, [f64; LANES])| {
+            let lanes = (0..LANES).filter(|i| mask >> i & 1 != 0);
+            let lanes = lanes.filter(|&i| distances[i] <= limit);
+            lanes.map(|i| (i, distances[i].to_bits())).collect::<Vec<_>>()
+        };
+        // SAFETY: the processor has been asked.
+        let found = within(unsafe { avx2::meet::<4>(leaf, &shear, limit) });
+        let expected = within(leaf.meet(&shear));
+        assert_eq!(found, expected, "{:?} {ray:?}", leaf.corners);
+        met += found.len();
+    }
+    assert!(met > CASES / 10, "{met}");
+}
