@@ -211,12 +211,6 @@ impl Hierarchy {
         };
         form.map(Self).ok_or(missing)
     }
-
-    // Count the bytes of the hierarchy
-    /// The memory that nodes and leaves take, in bytes.
-    pub fn bytes(&self) -> usize {
-        with_walker!(self, walker => walker.wide().bytes())
-    }
 }
 
 // Answer with the chosen walk

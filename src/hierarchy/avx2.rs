@@ -37,11 +37,6 @@ impl Walker {
     pub fn new(wide: Wide<8>) -> Option<Self> {
         is_available().then_some(Self(wide))
     }
-
-    /// The hierarchy that is walked.
-    pub fn wide(&self) -> &Wide<8> {
-        &self.0
-    }
 }
 
 // Walk with AVX2 instructions

@@ -36,11 +36,6 @@ impl Walker {
     pub fn new(wide: Wide<16>) -> Option<Self> {
         is_available().then_some(Self(wide))
     }
-
-    /// The hierarchy that is walked.
-    pub fn wide(&self) -> &Wide<16> {
-        &self.0
-    }
 }
 
 // Walk with AVX-512 instructions

@@ -135,11 +135,6 @@ impl Leaves {
         Room { corners: &mut self.corners, labels: &mut self.labels }
     }
 
-    /// The memory that they take, in bytes.
-    pub fn bytes(&self) -> usize {
-        size_of_val(&*self.corners) + size_of_val(&*self.labels)
-    }
-
     // Find a triangle by its slot
     /// The number of a triangle in the scene.
     pub fn number(&self, slot: u32) -> u32 {

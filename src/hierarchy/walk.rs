@@ -330,11 +330,6 @@ pub fn push<const N: usize>(
 pub struct Walker(pub Wide<8>);
 
 impl Walker {
-    /// The hierarchy that is walked.
-    pub fn wide(&self) -> &Wide<8> {
-        &self.0
-    }
-
     fn search<const ANY: bool>(
         &self,
         ray: &Ray,

@@ -575,11 +575,6 @@ where
         }
         Ok(Self { nodes: joined(nodes)?, leaves })
     }
-
-    /// The size of the nodes and leaves.
-    pub fn bytes(&self) -> usize {
-        size_of_val(&*self.nodes) + self.leaves.bytes()
-    }
 }
 
 /// The nodes of all parts in large pages.
