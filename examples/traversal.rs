@@ -18,7 +18,7 @@ use std::ffi::c_void;
 use std::hint::black_box;
 use std::ops::Range;
 use std::ptr::null_mut;
-use std::sync::{Arc, Barrier, Mutex};
+use std::sync::{Arc, Barrier};
 use std::time::Instant;
 
 use clap::Parser;
@@ -26,8 +26,8 @@ use glam::DVec3;
 use libloading::Library;
 use litpt::arguments::Arguments;
 use litpt::camera::Camera;
-use litpt::estimator::{Estimator, Reference};
-use litpt::hierarchy::{Hierarchy, Hit, Isa, Kernel, Quality, Work};
+use litpt::estimator::{self, Estimator, Reference};
+use litpt::hierarchy::{Hierarchy, Isa, Kernel, Quality, Work};
 use litpt::sampling::generator;
 use litpt::scene::{Ray, Scene};
 use litpt::sky::Sky;
@@ -104,21 +104,6 @@ struct Step {
     from: Option<u32>,
 }
 
-/// A kernel that remembers what it was asked.
-struct Recorder<'a, K> {
-    kernel: &'a K,
-    steps: Mutex<Vec<Step>>,
-}
-
-impl<K: Kernel> Kernel for Recorder<'_, K> {
-    fn first_hit(&self, ray: &Ray, from: Option<u32>) -> Option<Hit> {
-        let hit = self.kernel.first_hit(ray, from);
-        let mut steps = self.steps.lock().expect("one thread records");
-        steps.push(Step { ray: *ray, from });
-        hit
-    }
-}
-
 /// The rays of paths through random points of the image, path by path.
 fn record<K: Kernel>(
     scene: &Scene,
@@ -133,23 +118,29 @@ fn record<K: Kernel>(
         reflectivity: arguments.reflectivity,
         sky: Sky::new(view.up),
     };
-    let steps = Mutex::new(Vec::with_capacity(RAYS));
-    let recorder = Recorder { kernel, steps };
-    let mut rays = 0;
+    let mut steps = Vec::with_capacity(RAYS);
     for n in 0.. {
         let mut random = generator(arguments.seed, 0, n);
         let direction = camera.direction(random.random(), random.random());
-        let ray = scene.enter(camera.position, direction);
-        rays +=
-            estimator.realise(&recorder, ray, direction, &mut random).rays;
-        if rays >= RAYS as u64 {
+        let mut path = estimator.begin(direction);
+        let mut next = scene.enter(camera.position, direction);
+        let mut from = None;
+        while let Some(ray) = next {
+            steps.push(Step { ray, from });
+            let hit = kernel.first_hit(&ray, from);
+            next = match estimator.go_on(&mut path, hit, &mut random) {
+                estimator::Step::On(ray) => Some(ray),
+                estimator::Step::End(_) => None,
+            };
+            from = hit.map(|hit| hit.primitive);
+        }
+        if steps.len() >= RAYS {
             break;
         }
-        if n > 1_000_000 && rays == 0 {
+        if n > 1_000_000 && steps.is_empty() {
             return Err("no ray meets the scene".into());
         }
     }
-    let mut steps = recorder.steps.into_inner()?;
     steps.truncate(RAYS);
     Ok(steps)
 }

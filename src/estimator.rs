@@ -12,32 +12,36 @@
 use glam::DVec3;
 use rand::{Rng, RngExt};
 
-use crate::hierarchy::Kernel;
+use crate::hierarchy::Hit;
 use crate::sampling::cosine_direction;
 use crate::scene::Ray;
 use crate::sky::Sky;
 
 // Say what an estimator gives
-/// One realisation: a weight, and what it cost.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Realisation {
-    /// A realisation of the radiance.
-    pub weight: f64,
-    /// How many rays were traced for it.
-    pub rays: u64,
+/// What a path does at the end of a ray.
+#[derive(Clone, Copy, Debug)]
+pub enum Step {
+    /// It goes on along another ray.
+    On(Ray),
+    /// It ends, and this is its realisation of the radiance.
+    End(f64),
 }
 
 /// A random variable whose mean is the radiance along a ray.
 pub trait Estimator: Sync {
-    /// The realisation that `random` stands for. The ray is none when
-    /// it meets no box of the scene; `direction` is known in any case.
-    fn realise<K: Kernel>(
+    /// What a path remembers from one hit to the next.
+    type Path: Send;
+
+    /// A path whose first ray has this direction.
+    fn begin(&self, direction: DVec3) -> Self::Path;
+
+    /// Takes a path on from the end of its ray: a hit, or the sky.
+    fn go_on(
         &self,
-        kernel: &K,
-        ray: Option<Ray>,
-        direction: DVec3,
+        path: &mut Self::Path,
+        hit: Option<Hit>,
         random: &mut impl Rng,
-    ) -> Realisation;
+    ) -> Step;
 }
 
 // Hold the parameters of the reference
@@ -54,42 +58,54 @@ pub struct Reference {
 const FAINT: f64 = 0.1;
 const MANY_BOUNCES: u32 = 1000;
 
+/// A path of the reference.
+#[derive(Clone, Copy, Debug)]
+pub struct Bounces {
+    transmissivity: f64,
+    /// How many there were.
+    count: u32,
+    /// Where its ray goes.
+    direction: DVec3,
+}
+
 impl Estimator for Reference {
-    // Follow one path to its end
-    fn realise<K: Kernel>(
+    // Follow a path from hit to hit
+    type Path = Bounces;
+
+    #[inline(always)]
+    fn begin(&self, direction: DVec3) -> Bounces {
+        Bounces { transmissivity: 1., count: 0, direction }
+    }
+
+    #[inline(always)]
+    fn go_on(
         &self,
-        kernel: &K,
-        ray: Option<Ray>,
-        mut direction: DVec3,
+        path: &mut Bounces,
+        hit: Option<Hit>,
         random: &mut impl Rng,
-    ) -> Realisation {
-        let (mut transmissivity, mut bounces, mut rays) = (1., 0, 0);
-        let (mut next, mut from) = (ray, None);
-        while let Some(ray) = next {
-            rays += 1;
-            let Some(hit) = kernel.first_hit(&ray, from) else { break };
-            // Weaken or end the path
-            if transmissivity < FAINT {
-                if random.random::<f64>() >= self.reflectivity {
-                    return Realisation { weight: 0., rays };
-                }
-            } else {
-                transmissivity *= self.reflectivity;
-                if bounces > MANY_BOUNCES {
-                    if random.random::<f64>() < 0.5 {
-                        return Realisation { weight: 0., rays };
-                    }
-                    transmissivity *= 2.;
-                }
+    ) -> Step {
+        let Some(hit) = hit else {
+            let light = self.sky.radiance(path.direction);
+            return Step::End(path.transmissivity * light);
+        };
+        // Weaken or end the path
+        if path.transmissivity < FAINT {
+            if random.random::<f64>() >= self.reflectivity {
+                return Step::End(0.);
             }
-            bounces += 1;
-            // Leave the surface in a random direction
-            let (r, turn) = (random.random(), random.random());
-            direction = cosine_direction(hit.normal, r, turn);
-            next = Some(Ray { origin: hit.point, direction });
-            from = Some(hit.primitive);
+        } else {
+            path.transmissivity *= self.reflectivity;
+            if path.count > MANY_BOUNCES {
+                if random.random::<f64>() < 0.5 {
+                    return Step::End(0.);
+                }
+                path.transmissivity *= 2.;
+            }
         }
-        let weight = transmissivity * self.sky.radiance(direction);
-        Realisation { weight, rays }
+        path.count += 1;
+        // Leave the surface in a random direction
+        let (r, turn) = (random.random(), random.random());
+        path.direction = cosine_direction(hit.normal, r, turn);
+        Step::On(Ray { origin: hit.point, direction: path.direction })
     }
 }

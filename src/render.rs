@@ -8,17 +8,19 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Filling an image with realisations, on all threads.
 
+use std::iter;
 use std::ops::Range;
 
 use rand::RngExt;
+use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
 use crate::camera::Camera;
-use crate::estimator::{Estimator, Realisation};
+use crate::estimator::{Estimator, Step};
 use crate::hierarchy::{Kernel, Work};
 use crate::image::{Image, Tile};
 use crate::sampling::generator;
-use crate::scene::Scene;
+use crate::scene::{Ray, Scene};
 use crate::statistics::Accumulator;
 
 // Name what a render needs
@@ -56,6 +58,26 @@ impl<K, E: Estimator, P: Fn(u64) + Sync> Work for Pass<'_, '_, K, E, P> {
         let job = Job { scene, kernel, camera, estimator, seed };
         job.sweep(self.image, self.realisations, self.progress)
     }
+}
+
+// Keep a path that is under way
+/// Paths that a thread has under way.
+const ABREAST: usize = 4;
+
+/// Paths that are begun at a time.
+const BATCH: usize = 16;
+
+/// A path between two rays.
+struct Traveller<P> {
+    /// What its estimator remembers.
+    path: P,
+    random: Pcg64,
+    /// Where it goes next; none if it has missed the box of the scene.
+    ray: Option<Ray>,
+    /// The triangle that it leaves.
+    from: Option<u32>,
+    /// The pixel in its tile.
+    pixel: u32,
 }
 
 impl<K: Kernel, E: Estimator> Job<'_, K, E> {
@@ -125,35 +147,82 @@ impl<K: Kernel, E: Estimator> Job<'_, K, E> {
         definition: (u32, u32),
         realisations: &Range<u64>,
     ) -> u64 {
-        let mut rays = 0;
-        for (i, pixel) in (0..).zip(pixels) {
-            let x = tile.corner.0 + i % tile.size.0;
-            let y = tile.corner.1 + i / tile.size.0;
-            for n in realisations.clone() {
-                let realisation = self.realise((x, y), definition, n);
-                pixel.add(realisation.weight);
-                rays += realisation.rays;
+        let each = |pixel| realisations.clone().map(move |n| (pixel, n));
+        let mut to_begin = (0..pixels.len() as u32).flat_map(each);
+        let mut begun = Vec::with_capacity(BATCH);
+        let mut next = || {
+            if begun.is_empty() {
+                let batch = to_begin.by_ref().take(BATCH);
+                self.begin(&mut begun, batch, tile, definition);
             }
+            begun.pop()
+        };
+        let mut rays = 0;
+        let under_way = iter::from_fn(&mut next).take(ABREAST);
+        let mut under_way: Vec<_> = under_way.collect();
+        while !under_way.is_empty() {
+            // Take each path one ray further
+            under_way.retain_mut(|traveller| {
+                rays += u64::from(traveller.ray.is_some());
+                let Some(weight) = self.go_on(traveller) else {
+                    return true;
+                };
+                pixels[traveller.pixel as usize].add(weight);
+                match next() {
+                    Some(next) => *traveller = next,
+                    None => return false,
+                }
+                true
+            });
         }
         rays
     }
 
-    // Realise one path of a pixel
-    /// Realisation `n` of the radiance of one pixel.
-    fn realise(
+    // Begin a batch of paths
+    /// Begins the paths of a batch: each the number of a pixel in its tile,
+    /// and of a realisation.
+    #[inline(never)]
+    fn begin(
         &self,
-        (x, y): (u32, u32),
-        (width, height): (u32, u32),
-        n: u64,
-    ) -> Realisation {
-        let number = u64::from(y) * u64::from(width) + u64::from(x);
-        let mut random = generator(self.seed, number, n);
-        let (right, down): (f64, f64) = (random.random(), random.random());
-        let direction = self.camera.direction(
-            (f64::from(x) + right) / f64::from(width),
-            (f64::from(y) + down) / f64::from(height),
-        );
-        let ray = self.scene.enter(self.camera.position, direction);
-        self.estimator.realise(self.kernel, ray, direction, &mut random)
+        begun: &mut Vec<Traveller<E::Path>>,
+        batch: impl Iterator<Item = (u32, u64)>,
+        tile: Tile,
+        definition: (u32, u32),
+    ) {
+        let (width, height) = definition;
+        for (pixel, n) in batch {
+            let x = tile.corner.0 + pixel % tile.size.0;
+            let y = tile.corner.1 + pixel / tile.size.0;
+            // Begin realisation `n` at column `x` and row `y`
+            let number = u64::from(y) * u64::from(width) + u64::from(x);
+            let mut random = generator(self.seed, number, n);
+            let (right, down): (f64, f64) =
+                (random.random(), random.random());
+            let direction = self.camera.direction(
+                (f64::from(x) + right) / f64::from(width),
+                (f64::from(y) + down) / f64::from(height),
+            );
+            let ray = self.scene.enter(self.camera.position, direction);
+            let path = self.estimator.begin(direction);
+            begun.push(Traveller { path, random, ray, from: None, pixel });
+        }
+    }
+
+    // Trace one ray of a path
+    /// Traces the ray of a path and takes the path on from there; its weight
+    /// if it ends.
+    #[inline(always)]
+    fn go_on(&self, traveller: &mut Traveller<E::Path>) -> Option<f64> {
+        let Traveller { path, random, ray, from, .. } = traveller;
+        let trace = |ray| self.kernel.first_hit(ray, *from);
+        let hit = ray.as_ref().and_then(trace);
+        match self.estimator.go_on(path, hit, random) {
+            Step::On(next) => {
+                *ray = Some(next);
+                *from = hit.map(|hit| hit.primitive);
+                None
+            }
+            Step::End(weight) => Some(weight),
+        }
     }
 }

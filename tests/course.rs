@@ -10,7 +10,7 @@ use glam::DVec3;
 use litpt::camera::{Camera, View};
 use litpt::closed_forms::cavity;
 use litpt::course::{Course, Interrupt, Limits, Stop};
-use litpt::estimator::{Estimator, Realisation, Reference};
+use litpt::estimator::{Estimator, Reference, Step};
 use litpt::hierarchy::{Hierarchy, Hit, Kernel};
 use litpt::image::{Image, WORTH};
 use litpt::render::Job;
@@ -28,18 +28,29 @@ impl Kernel for Nothing {
     }
 }
 
-/// The weight that a function makes of a number uniform over [0, 1).
+/// The weight that a function makes of a number uniform over [0, 1), after
+/// three rays.
 struct Draw<F>(F);
 
 impl<F: Fn(f64) -> f64 + Sync> Estimator for Draw<F> {
-    fn realise<K: Kernel>(
+    /// The rays so far.
+    type Path = u32;
+
+    fn begin(&self, _: DVec3) -> u32 {
+        0
+    }
+
+    fn go_on(
         &self,
-        _: &K,
-        _: Option<Ray>,
-        _: DVec3,
+        rays: &mut u32,
+        _: Option<Hit>,
         random: &mut impl Rng,
-    ) -> Realisation {
-        Realisation { weight: self.0(random.random()), rays: 3 }
+    ) -> Step {
+        *rays += 1;
+        match *rays {
+            3 => Step::End(self.0(random.random())),
+            _ => Step::On(Ray { origin: DVec3::ZERO, direction: DVec3::X }),
+        }
     }
 }
 

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use glam::DVec3;
 use litpt::camera::{Camera, View};
 use litpt::closed_forms::{cavity, cavity_radiance, pixel, plane};
-use litpt::estimator::{Estimator, Reference};
+use litpt::estimator::{Estimator, Reference, Step};
 use litpt::hierarchy::{Hierarchy, Hit, Kernel};
 use litpt::image::Image;
 use litpt::render::Job;
@@ -85,14 +85,16 @@ fn the_rule_past_a_thousand_bounces_keeps_the_mean() {
             let kernel = Floors(AtomicU32::new(floors));
             let ray = Ray { origin: DVec3::ZERO, direction: DVec3::Z };
             let mut random = generator(1, 0, n);
-            let realisation = estimator.realise(
-                &kernel,
-                Some(ray),
-                ray.direction,
-                &mut random,
-            );
-            assert!([0., weight].contains(&realisation.weight));
-            weights.add(realisation.weight);
+            let mut path = estimator.begin(DVec3::Z);
+            let realisation = loop {
+                let hit = kernel.first_hit(&ray, None);
+                match estimator.go_on(&mut path, hit, &mut random) {
+                    Step::On(_) => (),
+                    Step::End(weight) => break weight,
+                }
+            };
+            assert!([0., weight].contains(&realisation));
+            weights.add(realisation);
         }
         match weight {
             1. => {

@@ -18,13 +18,13 @@ use litpt::camera::{Camera, View};
 use litpt::closed_forms::{Setting, cavity, cavity_radiance};
 use litpt::course::{Course, Interrupt, Limits};
 use litpt::courtyard::{solids, write_obj};
-use litpt::estimator::{Estimator, Realisation};
-use litpt::hierarchy::{Hierarchy, Kernel};
+use litpt::estimator::{self, Estimator};
+use litpt::hierarchy::{Hierarchy, Hit};
 use litpt::image::{Image, WORTH};
 use litpt::render::Job;
 use litpt::report::{Fit, Step};
 use litpt::sampling::generator;
-use litpt::scene::{Mesh, Ray, Scene, read_obj};
+use litpt::scene::{Mesh, Scene, read_obj};
 use litpt::statistics::Accumulator;
 use rand::{Rng, RngExt};
 use rayon::prelude::*;
@@ -238,15 +238,17 @@ struct Coin;
 const P: f64 = 0.05;
 
 impl Estimator for Coin {
-    fn realise<K: Kernel>(
+    type Path = ();
+
+    fn begin(&self, _: DVec3) {}
+
+    fn go_on(
         &self,
-        _: &K,
-        _: Option<Ray>,
-        _: DVec3,
+        _: &mut (),
+        _: Option<Hit>,
         random: &mut impl Rng,
-    ) -> Realisation {
-        let weight = f64::from(random.random::<f64>() < P);
-        Realisation { weight, rays: 0 }
+    ) -> estimator::Step {
+        estimator::Step::End(f64::from(random.random::<f64>() < P))
     }
 }
 

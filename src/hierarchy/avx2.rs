@@ -76,7 +76,6 @@ fn search<'a, const ANY: bool>(
         ray,
         from,
         |node, slabs, reach| enter(node, slabs, reach),
-        |&near, mask| two(near, mask),
         |node, shift, entered, stack| push(node, shift, entered, stack),
         |leaf, shear, limit| match ANY {
             false => meet::<0>(leaf, shear, limit),
@@ -105,17 +104,6 @@ pub fn enter(node: &Node<8>, slabs: &Slabs, reach: f32) -> Entered<__m256> {
     }
     let met = _mm256_cmp_ps::<_CMP_LE_OQ>(near, far);
     Entered { mask: _mm256_movemask_ps(met) as u32, near, far }
-}
-
-/// The distances of the first and the last child in `mask`.
-#[target_feature(enable = "avx2,bmi1,lzcnt")]
-#[inline]
-pub fn two(near: __m256, mask: u32) -> (f32, f32) {
-    let lane = |i: u32| {
-        let i = _mm256_set1_epi32(i as i32);
-        _mm256_cvtss_f32(_mm256_permutevar8x32_ps(near, i))
-    };
-    (lane(mask.trailing_zeros()), lane(31 - mask.leading_zeros()))
 }
 
 // Pack eight lanes by a table

@@ -81,7 +81,6 @@ fn search<'a, const ANY: bool>(
         ray,
         from,
         |node, slabs, reach| enter(node, slabs, reach),
-        |&near, mask| two(near, mask),
         |node, shift, entered, stack| push(node, shift, entered, stack),
         |leaf, shear, limit| match ANY {
             false => avx2::meet::<2>(leaf, shear, limit),
@@ -118,16 +117,6 @@ pub fn enter(
     );
     let mask = _mm512_cmp_ps_mask::<_CMP_LE_OQ>(near, far);
     Entered { mask: mask.into(), near, far }
-}
-
-/// The distances of the first and the last child in `mask`, which has
-/// two.
-#[target_feature(enable = "avx512f")]
-#[inline]
-pub fn two(near: __m512, mask: u32) -> (f32, f32) {
-    let both = _mm512_maskz_compress_ps(mask as __mmask16, near);
-    let both = _mm512_castps512_ps128(both);
-    (_mm_cvtss_f32(both), _mm_cvtss_f32(_mm_movehdup_ps(both)))
 }
 
 // Compress sixteen lanes

@@ -179,7 +179,6 @@ pub fn walk<'a, const N: usize, const ANY: bool, V>(
     ray: &Ray,
     from: Option<u32>,
     enter: impl Fn(&Node<N>, &Slabs, f32) -> Entered<V>,
-    two: impl Fn(&V, u32) -> (f32, f32),
     push: impl Fn(&Node<N>, u32, &Entered<V>, &mut Stack) -> u32,
     meet: impl Fn(Leaf<'a>, &Shear, f64) -> (u32, [f64; LANES]),
 ) -> Search<'a>
@@ -205,9 +204,8 @@ where
                     Some(waiting) => waiting,
                     None => return search,
                 },
-                1 => node.children[first(mask) & (N - 1)],
-                2 => {
-                    nearer(node, mask, two(&entered.near, mask), &mut stack)
+                1 => {
+                    node.children[mask.trailing_zeros() as usize & (N - 1)]
                 }
                 _ => push(node, slabs.shift, &entered, &mut stack),
             };
@@ -224,33 +222,6 @@ where
             None => return search,
         }
     }
-}
-
-#[inline(always)]
-fn first(mask: u32) -> usize {
-    mask.trailing_zeros() as usize
-}
-
-#[inline(always)]
-fn last(mask: u32) -> usize {
-    31 - mask.leading_zeros() as usize
-}
-
-/// The nearer of the two children in `mask`, whose distances are `a` and
-/// `b`; the other waits.
-#[inline(always)]
-pub fn nearer<const N: usize>(
-    node: &Node<N>,
-    mask: u32,
-    (a, b): (f32, f32),
-    stack: &mut Stack,
-) -> u32 {
-    let one = node.children[first(mask) & (N - 1)];
-    let other = node.children[last(mask) & (N - 1)];
-    let (near, far, wait) =
-        if a <= b { (one, other, b) } else { (other, one, a) };
-    stack.push(far, wait);
-    near
 }
 
 /// Offers the triangles of a leaf that the ray meets; their mask.
@@ -301,12 +272,6 @@ pub fn enter<const N: usize>(
     Entered { mask: (0..N).map(bit).sum(), near, far }
 }
 
-/// The distances of the first and the last child in `mask`.
-#[inline(always)]
-pub fn two<const N: usize>(near: &[f32; N], mask: u32) -> (f32, f32) {
-    (near[first(mask) & (N - 1)], near[last(mask) & (N - 1)])
-}
-
 /// Pushes the children entered from far to near; returns the nearest.
 pub fn push<const N: usize>(
     node: &Node<N>,
@@ -340,7 +305,6 @@ impl Walker {
             ray,
             from,
             |node, slabs, reach| enter(node, slabs, reach, distance),
-            two,
             push,
             |leaf, shear, _| leaf.meet(shear),
         )

@@ -1,0 +1,90 @@
+// Traces the rays of real paths several times each, one after the other, and
+// prints a CSV: the more often, the better a processor foresees the branches.
+// "make measure" records it for the chapter "The walk".
+//
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+use std::error::Error;
+use std::hint::black_box;
+use std::time::Instant;
+
+use litpt::camera::Camera;
+use litpt::estimator::{Estimator, Reference, Step};
+use litpt::hierarchy::{Hierarchy, Isa, Kernel, Quality, Work};
+use litpt::sampling::generator;
+use litpt::scene::{Ray, Scene, read_obj};
+use litpt::sky::Sky;
+use rand::RngExt;
+
+const RAYS: usize = 20_000;
+const ROUNDS: usize = 5;
+const REPEATS: [usize; 7] = [1, 2, 4, 8, 16, 32, 64];
+
+/// Rays, each with the triangle from which it starts.
+type Rays = Vec<(Ray, Option<u32>)>;
+
+/// All rays are to be traced, each some times.
+struct Repeat<'a>(&'a Rays, usize);
+
+impl Work for Repeat<'_> {
+    /// Seconds.
+    type Output = f64;
+
+    fn with<K: Kernel>(self, kernel: &K) -> f64 {
+        let start = Instant::now();
+        for (ray, from) in self.0 {
+            for _ in 0..self.1 {
+                black_box(kernel.first_hit(black_box(ray), *from));
+            }
+        }
+        start.elapsed().as_secs_f64()
+    }
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let path = std::env::args().nth(1).ok_or("usage: repeats FILE.obj")?;
+    let scene = Scene::new(&read_obj(&std::fs::read(path)?)?);
+    let kernel = Hierarchy::with(&scene, Quality::Thorough, Isa::best())?;
+    let rays = record(&scene, &kernel)?;
+    println!("repeats,nanoseconds_per_trace");
+    for repeats in REPEATS {
+        let seconds = (0..ROUNDS)
+            .map(|_| kernel.specialise(Repeat(&rays, repeats)))
+            .fold(f64::INFINITY, f64::min);
+        let nanoseconds = 1e9 * seconds / (rays.len() * repeats) as f64;
+        println!("{repeats},{nanoseconds:.1}");
+    }
+    Ok(())
+}
+
+/// The rays of paths through random points of the view of the courtyard.
+fn record(
+    scene: &Scene,
+    kernel: &Hierarchy,
+) -> Result<Rays, Box<dyn Error>> {
+    let view = litpt::courtyard::view();
+    let camera = Camera::new(&view, 4. / 3.)?;
+    let estimator = Reference { reflectivity: 0.8, sky: Sky::new(view.up) };
+    let mut rays = Rays::new();
+    for n in 0.. {
+        let mut random = generator(0, 0, n);
+        let direction = camera.direction(random.random(), random.random());
+        let mut path = estimator.begin(direction);
+        let mut next = scene.enter(camera.position, direction);
+        let mut from = None;
+        while let Some(ray) = next {
+            rays.push((ray, from));
+            let hit = kernel.first_hit(&ray, from);
+            from = hit.map(|hit| hit.primitive);
+            next = match estimator.go_on(&mut path, hit, &mut random) {
+                Step::On(ray) => Some(ray),
+                Step::End(_) => None,
+            };
+        }
+        if rays.len() >= RAYS {
+            break;
+        }
+    }
+    Ok(rays)
+}
