@@ -144,14 +144,14 @@ $(BUILD_DIR)/tables/%.tex: doc/measured/%.csv
 COLUMNS_bench = 8
 COLUMNS_traversal = 6
 
-$(BUILD_DIR)/tables/sizes.csv: doc/measured/sizes.csv
+$(BUILD_DIR)/tables/%.csv: doc/measured/%.csv
 	@mkdir -p $(@D)
 	grep -v '^#' $< > $@
 
 MACHINE = \# $(shell sed -n 's/^model name.*: //p' /proc/cpuinfo | head -n 1), \
   $(shell nproc) cores, on $(shell date +%Y-%m-%d)
 
-MEASURED = qualities leaks accumulators accounting alarms
+MEASURED = qualities repeats leaks accumulators accounting alarms
 measure: $(BUILD_DIR)/courtyard.obj
 	$(CARGO) build --release $(addprefix --example ,$(MEASURED))
 	@mkdir -p doc/measured
@@ -164,9 +164,9 @@ measure: $(BUILD_DIR)/courtyard.obj
 
 # ---- pt beside Embree
 
-# What is measured: traversal alone, whole renders, and one scene in several
-# sizes. "make bench" does all three in less than ten minutes, and each has a
-# target of its own. KITCHEN=FILE adds the scene of that OBJ (or .obj.zst),
+# What is measured: traversal alone, whole renders, one scene in several
+# sizes, and images of several sizes. "make bench" does all four in less than
+# ten minutes, and each has a target of its own. KITCHEN=FILE adds the scene of that OBJ (or .obj.zst),
 # which is not ours to give away, BENCH_LARGE=1 ten million triangles. A run
 # that is restricted replaces the tables of a whole one.
 BENCH = $(BUILD_DIR)/bench
@@ -182,12 +182,12 @@ AND_VIEWS = $(foreach scene,$(1),$(scene).obj $(scene).view)
 PEER ?= ../shared/peers/embree_pt.cpp
 EMBREE = /usr/include/embree3/rtcore.h
 
-.PHONY: bench bench-traversal bench-peer bench-sizes bench-tools
+.PHONY: bench bench-traversal bench-peer bench-sizes bench-shapes bench-tools
 bench:
-	@for part in traversal peer sizes; do \
+	@for part in traversal peer sizes shapes; do \
 	  $(MAKE) --no-print-directory bench-$$part || exit 1; done
 	@python3 bench/measure.py show \
-	  $(patsubst %,doc/measured/%.csv,traversal bench sizes)
+	  $(patsubst %,doc/measured/%.csv,traversal bench sizes shapes)
 
 $(BENCH)/examples.stamp: $(PROGRAMS) examples/scenes.rs examples/traversal.rs
 	$(CARGO) build --release --example scenes --example traversal
@@ -259,6 +259,11 @@ bench-sizes: bench-tools $(call AND_VIEWS,$(SIZED))
 	  > $(BENCH)/sizes.csv
 	@cp $(BENCH)/sizes.csv doc/measured/sizes.csv
 
+bench-shapes: bench-tools $(call AND_VIEWS,$(BENCH)/courtyard)
+	@{ echo '$(MACHINE)' && $(call MEASURE,shapes,$(BENCH)/courtyard); } \
+	  > $(BENCH)/shapes.csv
+	@cp $(BENCH)/shapes.csv doc/measured/shapes.csv
+
 # What the tool and the program say, for the chapters on them.
 $(BUILD_DIR)/examples.stamp: $(NOWEB) $(BUILD_DIR)/pt $(BUILD_DIR)/ptimg \
   $(BUILD_DIR)/courtyard.obj $(wildcard doc/examples/*)
@@ -276,7 +281,8 @@ check-tex:
 $(BUILD_DIR)/litpt.pdf: $(WEB) $(NOWEB) config.mk \
   $(BUILD_DIR)/figures/courtyard.png $(BUILD_DIR)/examples.stamp \
   $(addprefix $(BUILD_DIR)/tables/,closed-forms.tex qualities.tex \
-    leaks.tex layouts.tex traversal.tex bench.tex sizes.csv \
+    leaks.tex layouts.tex habits.tex abreast.tex traversal.tex \
+    bench.tex sizes.csv shapes.tex repeats.csv \
     accumulators.tex accounting.tex alarms.tex calibration.stamp \
     anatomy.stamp curve.csv) \
   $(addprefix doc/,litpt.sty litpt.bib litpt-mono.enc latexmkrc)

@@ -3,6 +3,7 @@
 
 usage: measure.py peer PT [PEER] SCENE...   rates, load, memory of both
        measure.py sizes PT [PEER] SCENE...  the same scene in several sizes
+       measure.py shapes PT SCENE...        several images, from few paths to many
        measure.py show FILE.csv...          a table for the eye
 
 A SCENE is a path without its ending: SCENE.obj, and SCENE.view with the
@@ -35,8 +36,8 @@ RENDERING = 1.5  # seconds that our part of a round should render
 PT = re.compile(
     r'(?P<triangles>\d+) triangles, load (?P<load>\S+) s, '
     r'build (?P<build>\S+) s \(.*\), render (?P<render>\S+) s\n'
-    r'.*?(?P<rays>\d+) rays, .*mean radiance (?P<mean>\S+) '
-    r'± (?P<stderr>[\d.]+)')
+    r'.*?(?P<rays>\d+) rays, .*mean radiance (?P<mean>[\d.]+)[ ,]'
+    r'(?:± (?P<stderr>[\d.]+))?')
 PEER = re.compile(
     r'tris (?P<triangles>\d+) parse (?P<load>\S+) build (?P<build>\S+) '
     r'render (?P<render>\S+) Mrays (?P<megarays>\S+) .*'
@@ -58,7 +59,8 @@ def run(command, processors, pattern):
     found = pattern.search(text)
     if child.returncode != 0 or not found:
         sys.exit(f'bench: {" ".join(command)} failed:\n{text}')
-    said = {name: float(value) for name, value in found.groupdict().items()}
+    said = {name: float(value or 'nan')
+            for name, value in found.groupdict().items()}
     rays = said.get('rays', said.get('megarays', 0) * 1e6)
     error = said.get('stderr', said.get('rmse', 0) / math.sqrt(WIDTH * HEIGHT))
     return {
@@ -80,12 +82,12 @@ class Programs:
     def __init__(self, pt, peer, folder):
         self.pt, self.peer, self.folder = pt, peer, folder
 
-    def ours(self, scene, processors, n, seed):
+    def ours(self, scene, processors, n, seed, definition=(WIDTH, HEIGHT)):
         view = open(scene + '.view').read().split()
         out = os.path.join(self.folder, 'image.pgm')
         return run(
             [self.pt, '-i', scene + '.obj', *view, '-r', str(REFLECTIVITY),
-             '-d', f'{WIDTH}x{HEIGHT}', '-n', str(n), '-s', str(seed),
+             '-d', '{}x{}'.format(*definition), '-n', str(n), '-s', str(seed),
              '-j', str(len(processors)), '-o', out, '-f'], processors, PT)
 
     def theirs(self, scene, processors, n, seed):
@@ -191,6 +193,26 @@ def sizes(programs, scenes):
               sep=',', flush=True)
 
 
+SHAPES = [(w, 3 * w // 4, 1_000_000 * 4 // (3 * w * w) or 1)
+          for w in (4, 20, 100, 400, 1000)] + [
+              (WIDTH, HEIGHT, n) for n in (1, 4, 64, 256)]
+
+
+def shapes(programs, scenes):
+    print('scene,width,height,realisations,million_rays_per_second')
+    processors = sorted(os.sched_getaffinity(0))[:2]
+    for scene in scenes:
+        name = os.path.basename(scene)
+        rates = {shape: [] for shape in SHAPES}
+        for seed in range(1, FEWEST + 1):
+            say(f'{name}, images of {len(SHAPES)} kinds, round {seed}')
+            for (*definition, n), rate in rates.items():
+                run = programs.ours(scene, processors, n, seed, definition)
+                rate.append(run['mrays'])
+        for shape, rate in rates.items():
+            print(name, *shape, f'{median(rate):.2f}', sep=',', flush=True)
+
+
 def show(path):
     rows = [line.rstrip('\n').split(',')
             for line in open(path) if not line.startswith('#')]
@@ -204,7 +226,8 @@ def main():
     verb, arguments = sys.argv[1:2], sys.argv[2:]
     if verb == ['show']:
         return [show(path) for path in arguments]
-    measure = {'peer': peer, 'sizes': sizes}.get(''.join(verb))
+    verbs = {'peer': peer, 'sizes': sizes, 'shapes': shapes}
+    measure = verbs.get(''.join(verb))
     if not measure or not arguments:
         sys.exit(__doc__)
     pt, *scenes = arguments
