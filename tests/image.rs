@@ -179,4 +179,12 @@ fn a_kernel_can_be_written_by_somebody_else() {
     let rays = job.pass(&mut image, 0..2, &|_| ());
     let Summary { mean, mean_stderr, .. } = image.summary();
     assert_eq!((rays, mean, mean_stderr), (18, 1., 0.));
+    // A path that never touches the scene's box asks for no ray.
+    let away =
+        View { position: 9. * DVec3::Z, target: 10. * DVec3::Z, ..view };
+    let camera = Camera::new(&away, 1.).unwrap();
+    let mut image = Image::new(3, 3);
+    let rays =
+        Job { camera: &camera, ..job }.pass(&mut image, 0..2, &|_| ());
+    assert_eq!((rays, image.summary().mean), (0, 1.));
 }
