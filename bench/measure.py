@@ -3,7 +3,7 @@
 
 usage: measure.py peer PT [PEER] SCENE...   rates, load, memory of both
        measure.py sizes PT [PEER] SCENE...  the same scene in several sizes
-       measure.py shapes PT SCENE...        several images, from few paths to many
+       measure.py shapes PT SCENE...        images of several sizes
        measure.py show FILE.csv...          a table for the eye
 
 A SCENE is a path without its ending: SCENE.obj, and SCENE.view with the

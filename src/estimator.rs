@@ -30,7 +30,7 @@ pub enum Step {
 /// A random variable whose mean is the radiance along a ray.
 pub trait Estimator: Sync {
     /// What a path remembers from one hit to the next.
-    type Path: Send;
+    type Path;
 
     /// A path whose first ray has this direction.
     fn begin(&self, direction: DVec3) -> Self::Path;
