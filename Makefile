@@ -190,7 +190,8 @@ bench:
 	@python3 bench/measure.py show \
 	  $(patsubst %,doc/measured/%.csv,traversal bench sizes shapes)
 
-$(BENCH)/examples.stamp: $(PROGRAMS) examples/scenes.rs examples/traversal.rs
+$(BENCH)/examples.stamp: $(PROGRAMS) examples/scenes.rs examples/traversal.rs \
+  examples/paths/mod.rs
 	$(CARGO) build --release --example scenes --example traversal
 	@mkdir -p $(BENCH)
 	@touch $@

@@ -6,17 +6,17 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
+mod paths;
+
 use std::error::Error;
 use std::hint::black_box;
 use std::time::Instant;
 
 use litpt::camera::Camera;
-use litpt::estimator::{Estimator, Reference, Step};
+use litpt::estimator::Reference;
 use litpt::hierarchy::{Hierarchy, Isa, Kernel, Quality, Work};
-use litpt::sampling::generator;
 use litpt::scene::{Ray, Scene, read_obj};
 use litpt::sky::Sky;
-use rand::RngExt;
 
 const RAYS: usize = 20_000;
 const ROUNDS: usize = 5;
@@ -48,7 +48,11 @@ fn main() -> Result<(), Box<dyn Error>> {
         std::env::args().nth(1).ok_or("usage: repeats COURTYARD.obj")?;
     let scene = Scene::new(&read_obj(&std::fs::read(path)?)?);
     let kernel = Hierarchy::with(&scene, Quality::Thorough, Isa::best())?;
-    let rays = record(&scene, &kernel)?;
+    let view = litpt::courtyard::view();
+    let camera = Camera::new(&view, 4. / 3.)?;
+    let estimator = Reference { reflectivity: 0.8, sky: Sky::new(view.up) };
+    let rays =
+        paths::record(&scene, &kernel, &camera, &estimator, 0, RAYS)?;
     println!("repeats,nanoseconds_per_trace");
     let mut before = (0, 0.);
     for repeats in REPEATS {
@@ -62,35 +66,4 @@ fn main() -> Result<(), Box<dyn Error>> {
         before = (repeats, seconds);
     }
     Ok(())
-}
-
-/// The rays of paths through random points of the view of the courtyard.
-fn record(
-    scene: &Scene,
-    kernel: &Hierarchy,
-) -> Result<Rays, Box<dyn Error>> {
-    let view = litpt::courtyard::view();
-    let camera = Camera::new(&view, 4. / 3.)?;
-    let estimator = Reference { reflectivity: 0.8, sky: Sky::new(view.up) };
-    let mut rays = Rays::new();
-    for n in 0.. {
-        let mut random = generator(0, 0, n);
-        let direction = camera.direction(random.random(), random.random());
-        let mut path = estimator.begin(direction);
-        let mut next = scene.enter(camera.position, direction);
-        let mut from = None;
-        while let Some(ray) = next {
-            rays.push((ray, from));
-            let hit = kernel.first_hit(&ray, from);
-            from = hit.map(|hit| hit.primitive);
-            next = match estimator.go_on(&mut path, hit, &mut random) {
-                Step::On(ray) => Some(ray),
-                Step::End(_) => None,
-            };
-        }
-        if rays.len() >= RAYS {
-            break;
-        }
-    }
-    Ok(rays)
 }

@@ -13,6 +13,8 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
+mod paths;
+
 use std::error::Error;
 use std::ffi::c_void;
 use std::hint::black_box;
@@ -26,12 +28,10 @@ use glam::DVec3;
 use libloading::Library;
 use litpt::arguments::Arguments;
 use litpt::camera::Camera;
-use litpt::estimator::{self, Estimator, Reference};
+use litpt::estimator::Reference;
 use litpt::hierarchy::{Hierarchy, Isa, Kernel, Quality, Work};
-use litpt::sampling::generator;
 use litpt::scene::{Ray, Scene};
 use litpt::sky::Sky;
-use rand::RngExt;
 
 /// The number that stands for no triangle.
 const NONE: u32 = u32::MAX;
@@ -118,31 +118,11 @@ fn record<K: Kernel>(
         reflectivity: arguments.reflectivity,
         sky: Sky::new(view.up),
     };
-    let mut steps = Vec::with_capacity(RAYS);
-    for n in 0.. {
-        let mut random = generator(arguments.seed, 0, n);
-        let direction = camera.direction(random.random(), random.random());
-        let mut path = estimator.begin(direction);
-        let mut next = scene.enter(camera.position, direction);
-        let mut from = None;
-        while let Some(ray) = next {
-            steps.push(Step { ray, from });
-            let hit = kernel.first_hit(&ray, from);
-            next = match estimator.go_on(&mut path, hit, &mut random) {
-                estimator::Step::On(ray) => Some(ray),
-                estimator::Step::End(_) => None,
-            };
-            from = hit.map(|hit| hit.primitive);
-        }
-        if steps.len() >= RAYS {
-            break;
-        }
-        if n > 1_000_000 && steps.is_empty() {
-            return Err("no ray meets the scene".into());
-        }
-    }
-    steps.truncate(RAYS);
-    Ok(steps)
+    let seed = arguments.seed;
+    let rays =
+        paths::record(scene, kernel, &camera, &estimator, seed, RAYS)?;
+    let step = |(ray, from)| Step { ray, from };
+    Ok(rays.into_iter().take(RAYS).map(step).collect())
 }
 
 // ---- timing

@@ -1,0 +1,47 @@
+// The rays of real paths, for the examples that trace them again.
+//
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+use litpt::camera::Camera;
+use litpt::estimator::{Estimator, Reference, Step};
+use litpt::hierarchy::Kernel;
+use litpt::sampling::generator;
+use litpt::scene::{Ray, Scene};
+use rand::RngExt;
+
+/// At least `count` rays of paths through random points of the image, path by
+/// path, each with the triangle from which it starts.
+pub fn record<K: Kernel>(
+    scene: &Scene,
+    kernel: &K,
+    camera: &Camera,
+    estimator: &Reference,
+    seed: u64,
+    count: usize,
+) -> Result<Vec<(Ray, Option<u32>)>, &'static str> {
+    let mut rays = Vec::with_capacity(count);
+    for n in 0.. {
+        let mut random = generator(seed, 0, n);
+        let direction = camera.direction(random.random(), random.random());
+        let mut path = estimator.begin(direction);
+        let mut next = scene.enter(camera.position, direction);
+        let mut from = None;
+        while let Some(ray) = next {
+            rays.push((ray, from));
+            let hit = kernel.first_hit(&ray, from);
+            from = hit.map(|hit| hit.primitive);
+            next = match estimator.go_on(&mut path, hit, &mut random) {
+                Step::On(ray) => Some(ray),
+                Step::End(_) => None,
+            };
+        }
+        if rays.len() >= count {
+            break;
+        }
+        if n > 1_000_000 && rays.is_empty() {
+            return Err("no ray meets the scene");
+        }
+    }
+    Ok(rays)
+}
