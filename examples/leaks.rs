@@ -4,6 +4,8 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
+mod solids;
+
 use std::collections::HashMap;
 
 use glam::{DVec3, Vec3};
@@ -13,6 +15,7 @@ use litpt::scene::{Mesh, Ray, Scene};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
+use solids::{cube, icosphere};
 
 const PIECES: u64 = 64;
 
@@ -223,76 +226,4 @@ fn masked(ray: &Ray, triangle: &[Vec3; 3]) -> Option<f64> {
     let inside = u.min(v).min(w) >= 0. || u.max(v).max(w) <= 0.;
     let t = (u * a[2] + v * b[2] + w * c[2]) / (u + v + w) / d[k];
     (inside && t > 0.).then_some(t)
-}
-
-/// A cube with `n` by `n` squares on each face, each cut in two.
-fn cube(n: u32) -> Mesh {
-    let mut mesh = Mesh::default();
-    let mut numbers = HashMap::new();
-    let mut vertex = |p: [u32; 3]| {
-        *numbers.entry(p).or_insert_with(|| {
-            let at = |x: u32| 2. * f64::from(x) / f64::from(n) - 1.;
-            mesh.vertices.push(p.map(at).into());
-            mesh.vertices.len() as u32 - 1
-        })
-    };
-    let mut triangles = Vec::new();
-    for face in 0..6usize {
-        let (axis, side) = (face % 3, face as u32 / 3 * n);
-        for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
-            let mut corner = |di, dj| {
-                let mut p = [side; 3];
-                p[(axis + 1) % 3] = i + di;
-                p[(axis + 2) % 3] = j + dj;
-                vertex(p)
-            };
-            let [a, b] = [corner(0, 0), corner(1, 0)];
-            let [c, d] = [corner(0, 1), corner(1, 1)];
-            triangles.extend([[a, b, d], [a, d, c]]);
-        }
-    }
-    mesh.triangles = triangles;
-    mesh
-}
-
-/// An icosahedron whose triangles are cut in four `level` times.
-fn icosphere(level: u32) -> Mesh {
-    let g = (1. + 5f64.sqrt()) / 2.;
-    let signs = [(-1., -1.), (-1., 1.), (1., -1.), (1., 1.)];
-    let rectangle = |axis: usize| {
-        signs.map(|(s, t)| {
-            let mut p = [0.; 3];
-            (p[axis], p[(axis + 1) % 3]) = (s, t * g);
-            DVec3::from(p).normalize()
-        })
-    };
-    let mut vertices: Vec<DVec3> = (0..3).flat_map(rectangle).collect();
-    let close = |a: usize, b: usize, v: &[DVec3]| v[a].dot(v[b]) > 0.4;
-    let mut triangles = Vec::new();
-    for a in 0..12 {
-        for b in a + 1..12 {
-            for c in b + 1..12 {
-                let v = &vertices;
-                if close(a, b, v) && close(b, c, v) && close(a, c, v) {
-                    triangles.push([a as u32, b as u32, c as u32]);
-                }
-            }
-        }
-    }
-    for _ in 0..level {
-        let mut middles = HashMap::new();
-        let mut middle = |a: u32, b: u32| {
-            *middles.entry((a.min(b), a.max(b))).or_insert_with(|| {
-                let sum = vertices[a as usize] + vertices[b as usize];
-                vertices.push(sum.normalize());
-                vertices.len() as u32 - 1
-            })
-        };
-        let cut = |&[a, b, c]: &[u32; 3]| {
-            let [p, q, r] = [middle(a, b), middle(b, c), middle(c, a)];
-            [[a, p, r], [p, b, q], [r, q, c], [p, q, r]]
-        };
-        triangles = triangles.iter().flat_map(cut).collect();
-    }
-    Mesh { vertices, triangles }
 }

@@ -17,7 +17,7 @@ use glam::DVec3;
 use litpt::closed_forms::{cavity, cavity_radiance, pixel, plane};
 use litpt::hierarchy::{Hierarchy, Kernel, Work};
 use litpt::sampling::cosine_direction;
-use litpt::scene::{Mesh, Ray, Scene};
+use litpt::scene::{Mesh, Ray};
 use litpt::statistics::Accumulator;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -64,7 +64,7 @@ fn run() -> Result<u32, Box<dyn Error>> {
         let case = format!(
             "{} ({} triangles): escapes of {:.0e} rays",
             solid.name,
-            solid.mesh.triangles.len(),
+            solid.scene.triangles().len(),
             number as f64
         );
         let theirs =
@@ -100,17 +100,15 @@ fn leaks(
     paths: u64,
     few: u64,
 ) -> Result<[u64; 2], Box<dyn Error>> {
-    let scene = Scene::new(&solid.mesh);
-    let kernel = Hierarchy::new(&scene)?;
-    let fragile = Fragile::new(&solid.mesh);
-    let ours = |i| {
-        let starts = Starts { scene: &scene, solid, seed: i, paths };
-        kernel.specialise(starts)
-    };
+    let kernel = Hierarchy::new(&solid.scene)?;
+    let fragile = Fragile::new(solid.scene.triangles());
+    let ours = |seed| kernel.specialise(Starts { solid, seed, paths });
     let theirs = |i| {
         let mut random = Pcg64Mcg::seed_from_u64(i);
         let escapes = (0..few).filter(|n| {
-            let at = (i + n) as usize % solid.cameras.len();
+            // Not those next to the surface, which single precision puts
+            // outside.
+            let at = (i + n) as usize % solid.cameras.len().min(3);
             let direction = uniform(&mut random);
             let from = solid.cameras[at];
             fragile.escapes(from, direction, BOUNCES, &mut random)
@@ -123,7 +121,6 @@ fn leaks(
 
 /// Paths from the cameras of a solid.
 struct Starts<'a> {
-    scene: &'a Scene,
     solid: &'a solids::Solid,
     seed: u64,
     paths: u64,
@@ -139,8 +136,7 @@ impl Work for Starts<'_> {
         let escapes = (0..self.paths).filter(|n| {
             let at = (self.seed + n) as usize % cameras.len();
             let direction = uniform(&mut random);
-            let ray = self.scene.enter(cameras[at], direction);
-            let mut ray = ray.expect("a camera inside");
+            let mut ray = Ray { origin: cameras[at], direction };
             let mut from = None;
             (0..BOUNCES).any(|_| {
                 let Some(hit) = kernel.first_hit(&ray, from.as_ref())
@@ -188,7 +184,7 @@ fn moved() -> Result<u32, Box<dyn Error>> {
         ("scaled by 2^-1000", 0., 2f64.powi(-1000)),
         ("scaled by 2^1000", 0., 2f64.powi(1000)),
     ];
-    let (n, up) = (20_000, DVec3::Z);
+    let n = 20_000;
     let still = pixel(&sphere, 0.9, (o, target), n)?;
     let mut failed = 0;
     for (what, shift, scale) in cases {
@@ -197,12 +193,12 @@ fn moved() -> Result<u32, Box<dyn Error>> {
         mesh.vertices.iter_mut().for_each(|v| *v = place(*v));
         let view = (place(o), place(target));
         let ours = pixel(&mesh, 0.9, view, n)?;
-        let theirs = Fragile::new(&mesh).mean(0.9, up, view, n);
+        let theirs = fragile(&mesh, 0.9, view, n);
         failed += row(
             &format!("cavity f = 0.1 rho = 0.9 {what}"),
             &format!("{:.6}", still.mean()),
             &format!("{:.6}", ours.mean()),
-            &format!("{:.6}", theirs.mean()),
+            &theirs.map_or(NONE.to_owned(), |m| format!("{:.6}", m.mean())),
             ours == still,
         );
     }
@@ -212,17 +208,37 @@ fn moved() -> Result<u32, Box<dyn Error>> {
         mesh.vertices.iter_mut().for_each(|v| *v = place(*v));
         let view = (place(o), place(p));
         let ours = pixel(&mesh, 0.9, view, n)?;
-        let theirs = Fragile::new(&mesh).mean(0.9, up, view, n);
+        let theirs = fragile(&mesh, 0.9, view, n);
         failed += row(
             &format!("closed icosphere 5 moved by {shift:e}"),
             "0",
             &ours.mean().to_string(),
-            &format!("{:.2e}", theirs.mean()),
+            &theirs
+                .map_or(NONE.to_owned(), |m| format!("{:.2e}", m.mean())),
             ours.mean() == 0. && ours.variance() == 0.,
         );
     }
     Ok(failed)
 }
+
+/// The mean of the reference's method, if it can hold the scene at all.
+fn fragile(
+    mesh: &Mesh,
+    rho: f64,
+    view: (DVec3, DVec3),
+    n: u64,
+) -> Option<Accumulator> {
+    let rounded = |i: &u32| mesh.vertices[*i as usize].as_vec3();
+    let triangles: Vec<_> =
+        mesh.triangles.iter().map(|t| t.each_ref().map(rounded)).collect();
+    let finite =
+        triangles.iter().flatten().all(|corner| corner.is_finite());
+    let mean = || Fragile::new(&triangles).mean(rho, DVec3::Z, view, n);
+    finite.then(mean)
+}
+
+/// What is printed for no answer.
+const NONE: &str = "overflow";
 
 // ---- means that are known
 
@@ -263,7 +279,7 @@ fn mean(
 ) -> Result<u32, Box<dyn Error>> {
     let ours = pixel(mesh, rho, view, REALISATIONS)?;
     let n = REALISATIONS / 10;
-    let theirs = Fragile::new(mesh).mean(rho, DVec3::Z, view, n);
+    let theirs = fragile(mesh, rho, view, n);
     let said = |pixel: &Accumulator| match pixel.standard_error() {
         0. => format!("{:.6}", pixel.mean()),
         error => {
@@ -277,7 +293,7 @@ fn mean(
         case,
         &format!("{exact:.6}"),
         &said(&ours),
-        &said(&theirs),
+        &theirs.map_or(NONE.to_owned(), |m| said(&m)),
         passed,
     ))
 }

@@ -8,7 +8,6 @@ use std::time::Duration;
 
 use glam::{DVec3, Vec3, Vec3A};
 use litpt::sampling::cosine_direction;
-use litpt::scene::Mesh;
 use litpt::statistics::Accumulator;
 use obvhs::BvhBuildParams;
 use obvhs::bvh2::Bvh2;
@@ -26,16 +25,12 @@ pub struct Fragile {
 }
 
 impl Fragile {
-    pub fn new(mesh: &Mesh) -> Self {
-        let corner =
-            |i: u32| Vec3A::from(mesh.vertices[i as usize].as_vec3());
-        let triangle = |&[a, b, c]: &[u32; 3]| Triangle {
-            v0: corner(a),
-            v1: corner(b),
-            v2: corner(c),
+    pub fn new(corners: &[[Vec3; 3]]) -> Self {
+        let triangle = |t: &[Vec3; 3]| {
+            let [v0, v1, v2] = t.map(Vec3A::from);
+            Triangle { v0, v1, v2 }
         };
-        let triangles: Vec<_> =
-            mesh.triangles.iter().map(triangle).collect();
+        let triangles: Vec<_> = corners.iter().map(triangle).collect();
         let tree = build_bvh2_from_tris(
             &triangles,
             BvhBuildParams::medium_build(),

@@ -9,14 +9,15 @@ use std::collections::HashMap;
 
 use glam::{DMat3, DVec3, EulerRot};
 use litpt::courtyard::solids;
-use litpt::scene::Mesh;
+use litpt::scene::{Mesh, Scene};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-/// A closed surface with points inside.
+/// A closed surface, rounded as scenes are, with points inside, all in the
+/// coordinates of the scene.
 pub struct Solid {
     pub name: String,
-    pub mesh: Mesh,
+    pub scene: Scene,
     /// Where a path may begin.
     pub cameras: Vec<DVec3>,
 }
@@ -50,41 +51,42 @@ pub fn all() -> Vec<Solid> {
 /// The cameras are the points `inside`, points near them in general position
 /// and on an axis, and points next to a vertex and an edge.
 fn solid(name: &str, mesh: Mesh, inside: &[DVec3]) -> Solid {
+    let scene = Scene::new(&mesh);
+    let triangles: Vec<_> = rounded(&scene);
     let mut cameras = vec![];
     for &o in inside {
-        let near = |t: &&[u32; 3]| {
-            let distance =
-                |&i: &u32| (mesh.vertices[i as usize] - o).length();
-            t.iter().map(distance).fold(0., f64::max)
+        let o = scene.enter(o, DVec3::X).expect("a point inside").origin;
+        let near = |t: &&[DVec3; 3]| {
+            t.iter().map(|p| (p - o).length()).fold(0., f64::max)
         };
-        let closest = mesh
-            .triangles
-            .iter()
-            .min_by(|s, t| near(s).total_cmp(&near(t)))
-            .expect("a solid has triangles");
-        let [a, b, _] = closest.map(|i| mesh.vertices[i as usize]);
+        let closest =
+            triangles.iter().min_by(|s, t| near(s).total_cmp(&near(t)));
+        let [a, b, _] = *closest.expect("a solid has triangles");
         let next_to = |p: DVec3| p + (o - p) * 1e-9;
-        let off = DVec3::new(0.137, 0.0719e-6, 0.0371) * 1e-3;
-        let axis = o + DVec3::Z * 1e-3;
+        let off = DVec3::new(0.137, 0.0719e-6, 0.0371);
         let edge = next_to(0.3 * a + 0.7 * b);
-        cameras.extend([o, o + off, axis, next_to(a), edge]);
+        cameras.extend([o, o + off, o + DVec3::Z, next_to(a), edge]);
     }
-    cameras.retain(|&p| winding(&mesh, p).abs() > 0.99);
-    assert!(cameras.len() >= 3, "{name}: too few points are inside");
-    Solid { name: name.to_owned(), mesh, cameras }
+    cameras.retain(|&p| winding(&triangles, p).abs() > 0.9);
+    assert!(cameras.len() >= 4, "{name}: too few points are inside");
+    Solid { name: name.to_owned(), scene, cameras }
+}
+
+fn rounded(scene: &Scene) -> Vec<[DVec3; 3]> {
+    let triangles = scene.triangles().iter();
+    triangles.map(|t| t.map(|corner| corner.as_dvec3())).collect()
 }
 
 /// How many times the surface goes around a point: the sum of the solid
 /// angles of its triangles (Van Oosterom and Strackee 1983), over 4 pi.
-fn winding(mesh: &Mesh, p: DVec3) -> f64 {
-    let angle = |t: &[u32; 3]| {
-        let [a, b, c] = t.map(|i| mesh.vertices[i as usize] - p);
+fn winding(triangles: &[[DVec3; 3]], p: DVec3) -> f64 {
+    let angle = |t: &[DVec3; 3]| {
+        let [a, b, c] = t.map(|corner| corner - p);
         let [x, y, z] = [a.length(), b.length(), c.length()];
         let below = x * y * z + a.dot(b) * z + b.dot(c) * x + c.dot(a) * y;
         2. * a.dot(b.cross(c)).atan2(below)
     };
-    mesh.triangles.iter().map(angle).sum::<f64>()
-        / (4. * std::f64::consts::PI)
+    triangles.iter().map(angle).sum::<f64>() / (4. * std::f64::consts::PI)
 }
 
 /// A cube with `n` by `n` squares on each face, each cut in two.
@@ -283,9 +285,10 @@ fn repeated() -> Mesh {
     let once = mesh.triangles.clone();
     mesh.triangles.extend(once.iter().map(|&[a, b, c]| [c, b, a]));
     for pair in once.chunks(2) {
-        let [a, b, d] = pair[0];
-        let c = pair[1][2];
-        mesh.triangles.extend([[a, b, c], [b, d, c]]);
+        let [p, q, r] = pair[0];
+        let fourth = pair[1].iter().find(|i| !pair[0].contains(i));
+        let s = *fourth.expect("two triangles of a square");
+        mesh.triangles.extend([[p, q, s], [q, r, s]]);
     }
     mesh
 }
@@ -293,19 +296,25 @@ fn repeated() -> Mesh {
 /// All solids of the courtyard, with a camera inside each that is not
 /// hollow in the middle.
 fn courtyard() -> Solid {
-    let (mut mesh, mut cameras) = (Mesh::default(), vec![]);
+    let (mut mesh, mut middles) = (Mesh::default(), vec![]);
     for part in solids() {
         let vertices: Vec<DVec3> =
             part.vertices.iter().map(|&v| v.into()).collect();
+        let corner = |i: u32| vertices[i as usize];
+        let own: Vec<_> =
+            part.triangles.iter().map(|t| t.map(corner)).collect();
         let middle = vertices.iter().sum::<DVec3>() / vertices.len() as f64;
-        let own = Mesh { vertices, triangles: part.triangles };
         if winding(&own, middle).abs() > 0.99 {
-            cameras.push(middle);
+            middles.push(middle);
         }
         let first = mesh.vertices.len() as u32;
-        let moved = own.triangles.iter().map(|t| t.map(|i| first + i));
+        let moved = part.triangles.iter().map(|t| t.map(|i| first + i));
         mesh.triangles.extend(moved);
-        mesh.vertices.extend(own.vertices);
+        mesh.vertices.extend(vertices);
     }
-    Solid { name: "solids of the courtyard".to_owned(), mesh, cameras }
+    let scene = Scene::new(&mesh);
+    let place = |p| scene.enter(p, DVec3::X).expect("a middle").origin;
+    let cameras = middles.into_iter().map(place).collect();
+    let name = "solids of the courtyard".to_owned();
+    Solid { name, scene, cameras }
 }

@@ -23,8 +23,8 @@ use crate::scene::Ray;
 
 // Say how far from a surface is safe
 /// How far off its surface a hit is put, and at least how far from other
-/// triangles, by our computation: 2^-35.
-const CLEAR: f64 = 1. / (1u64 << 35) as f64;
+/// triangles, by our computation: 2^-34.
+const CLEAR: f64 = 1. / (1u64 << 34) as f64;
 
 /// Other triangles this close to a hit make it doubtful: 2^-32.
 const CLOSE_BY: f64 = 1. / (1u64 << 32) as f64;
