@@ -167,7 +167,7 @@ impl Measured {
     fn print(&self, scene: &str, rule: &str, ours: &Self) {
         let &Self { exact, mean, error, variance, rays } = self;
         // What misses the mean has not seen its variance either.
-        let wrong = (mean - exact).abs() > 5. * error;
+        let wrong = (mean - exact).abs() > 5. * error + 1e-9;
         let variance = if wrong { f64::NAN } else { variance };
         let efficiency = ours.variance * ours.rays / (variance * rays);
         let number = |x: f64, digits| match x {
@@ -176,11 +176,16 @@ impl Measured {
             x if x.is_infinite() => r"$\infty$".to_owned(),
             x => format!("{x:.digits$}"),
         };
+        let digits = match variance {
+            x if x < 0.01 => 5,
+            x if x < 100. => 3,
+            _ => 0,
+        };
         println!(
             "{scene},{rule},{},{},{},{},{}",
             number(mean, 5),
             number(error, 5),
-            number(variance, if variance < 100. { 3 } else { 0 }),
+            number(variance, digits),
             number(rays, if rays < 100. { 2 } else { 0 }),
             number(efficiency, if efficiency < 100. { 2 } else { 0 }),
         );
