@@ -13,7 +13,7 @@ use glam::DVec3;
 use rand::{Rng, RngExt};
 
 use crate::hierarchy::Hit;
-use crate::sampling::cosine_direction;
+use crate::sampling::{cosine_direction, happens};
 use crate::scene::Ray;
 use crate::sky::Sky;
 
@@ -56,16 +56,25 @@ pub struct Reference {
 }
 
 const FAINT: f64 = 0.1;
-const MANY_BOUNCES: u32 = 1000;
+const MANY_BOUNCES: u64 = 1000;
 
 /// A path of the reference.
 #[derive(Clone, Copy, Debug)]
 pub struct Bounces {
     transmissivity: f64,
     /// How many there were.
-    count: u32,
+    count: u64,
     /// Where its ray goes.
     direction: DVec3,
+}
+
+/// The probability that a path of `n` bounces makes another one,
+/// [n/(n+1)]^(3/2): that it makes n in all is (`MANY_BOUNCES`/n)^(3/2).
+#[cold]
+#[inline(never)]
+fn onward(n: u64) -> f64 {
+    let ratio = n as f64 / (n + 1) as f64;
+    ratio * ratio.sqrt()
 }
 
 impl Estimator for Reference {
@@ -90,16 +99,18 @@ impl Estimator for Reference {
         };
         // Weaken or end the path
         if path.transmissivity < FAINT {
-            if random.random::<f64>() >= self.reflectivity {
+            if !happens(self.reflectivity, random) {
                 return Step::End(0.);
             }
         } else {
             path.transmissivity *= self.reflectivity;
-            if path.count > MANY_BOUNCES {
-                if random.random::<f64>() < 0.5 {
+            if path.count >= MANY_BOUNCES {
+                // End a long path or make it heavier
+                let probability = onward(path.count);
+                if !happens(probability, random) {
                     return Step::End(0.);
                 }
-                path.transmissivity *= 2.;
+                path.transmissivity /= probability;
             }
         }
         path.count += 1;

@@ -10,6 +10,7 @@
 
 // Name what the sampling imports
 use glam::DVec3;
+use rand::{Rng, RngExt};
 use rand_pcg::Pcg64;
 
 use crate::numerics::circle;
@@ -29,6 +30,23 @@ fn scatter(x: u64) -> u64 {
     let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     x ^ (x >> 31)
+}
+
+// Decide something by chance
+/// Whether an event of this probability happens.
+#[inline(always)]
+pub fn happens(probability: f64, random: &mut impl Rng) -> bool {
+    random.random::<f64>() < probability
+}
+
+// Choose a point of a pixel
+/// The coordinate in (i/n, (i+1)/n), strictly between the ends, that a
+/// uniform random number chooses in column or row `i` of `n` <= 65536.
+#[inline(always)]
+pub fn within(i: u32, n: u32, random: u32) -> f64 {
+    const STRIPE: f64 = 1. / (1u64 << 32) as f64;
+    let offset = (f64::from(random) + 0.5) * STRIPE;
+    (f64::from(i) + offset) / f64::from(n)
 }
 
 // Choose a direction around a normal

@@ -3,19 +3,15 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-use std::sync::atomic::{AtomicU32, Ordering};
-
 use glam::DVec3;
 use litpt::camera::{Camera, View};
 use litpt::closed_forms::{cavity, cavity_radiance, pixel, plane};
-use litpt::estimator::{Estimator, Reference, Step};
-use litpt::hierarchy::{Hierarchy, Hit, Kernel};
+use litpt::estimator::Reference;
+use litpt::hierarchy::Hierarchy;
 use litpt::image::Image;
 use litpt::render::Job;
-use litpt::sampling::generator;
-use litpt::scene::{Mesh, Ray, Scene};
+use litpt::scene::{Mesh, Scene};
 use litpt::sky::Sky;
-use litpt::statistics::Accumulator;
 
 const RHOS: [f64; 6] = [0., 0.2, 0.5, 0.9, 0.99, 1.];
 
@@ -59,53 +55,6 @@ fn a_narrow_cavity_is_not_biased_by_roulette() {
     let exact = cavity_radiance(0.9, 0.05);
     let z = (pixel.mean() - exact) / pixel.standard_error();
     assert!(z.abs() < 4., "z = {z}");
-}
-
-/// A kernel that answers so many rays with a hit on a floor, and then one
-/// with none.
-struct Floors(AtomicU32);
-
-impl Kernel for Floors {
-    fn first_hit(&self, ray: &Ray, _: Option<&Hit>) -> Option<Hit> {
-        let left = self.0.load(Ordering::Relaxed);
-        self.0.store(left.saturating_sub(1), Ordering::Relaxed);
-        let hit = Hit { point: ray.origin, normal: DVec3::Z, primitive: 0 };
-        (left > 0).then_some(hit)
-    }
-}
-
-// Past 1000 bounces, each bounce halves the paths and doubles their weight.
-#[test]
-fn the_rule_past_a_thousand_bounces_keeps_the_mean() {
-    let sky = Sky::new(DVec3::Z);
-    let estimator = Reference { reflectivity: 1., sky };
-    for (floors, weight) in [(1001, 1.), (1002, 2.), (1004, 8.)] {
-        let mut weights = Accumulator::default();
-        for n in 0..2000 {
-            let kernel = Floors(AtomicU32::new(floors));
-            let ray = Ray { origin: DVec3::ZERO, direction: DVec3::Z };
-            let mut random = generator(1, 0, n);
-            let mut path = estimator.begin(DVec3::Z);
-            let realisation = loop {
-                let hit = kernel.first_hit(&ray, None);
-                match estimator.go_on(&mut path, hit, &mut random) {
-                    Step::On(_) => (),
-                    Step::End(weight) => break weight,
-                }
-            };
-            assert!([0., weight].contains(&realisation));
-            weights.add(realisation);
-        }
-        match weight {
-            1. => {
-                assert_eq!((weights.mean(), weights.variance()), (1., 0.))
-            }
-            _ => {
-                let z = (weights.mean() - 1.) / weights.standard_error();
-                assert!(z.abs() < 4., "{floors}: z = {z}");
-            }
-        }
-    }
 }
 
 #[test]
