@@ -19,7 +19,7 @@ use crate::camera::Camera;
 use crate::estimator::{Estimator, Step};
 use crate::hierarchy::{Hit, Kernel, Work};
 use crate::image::{Image, Tile};
-use crate::sampling::generator;
+use crate::sampling::{generator, within};
 use crate::scene::{Ray, Scene};
 use crate::statistics::Accumulator;
 
@@ -196,11 +196,9 @@ impl<K: Kernel, E: Estimator> Job<'_, K, E> {
             // Begin realisation `n` at column `x` and row `y`
             let number = u64::from(y) * u64::from(width) + u64::from(x);
             let mut random = generator(self.seed, number, n);
-            let (right, down): (f64, f64) =
-                (random.random(), random.random());
             let direction = self.camera.direction(
-                (f64::from(x) + right) / f64::from(width),
-                (f64::from(y) + down) / f64::from(height),
+                within(x, width, random.random()),
+                within(y, height, random.random()),
             );
             let ray = self.scene.enter(self.camera.position, direction);
             let path = self.estimator.begin(direction);
