@@ -9,6 +9,7 @@ use std::collections::HashMap;
 
 use glam::{DMat3, DVec3, EulerRot};
 use litpt::courtyard::solids;
+use litpt::numerics::cross;
 use litpt::scene::{Mesh, Scene};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -72,19 +73,21 @@ fn solid(name: &str, mesh: Mesh, inside: &[DVec3]) -> Solid {
     Solid { name: name.to_owned(), scene, cameras }
 }
 
-fn rounded(scene: &Scene) -> Vec<[DVec3; 3]> {
+pub fn rounded(scene: &Scene) -> Vec<[DVec3; 3]> {
     let triangles = scene.triangles().iter();
     triangles.map(|t| t.map(|corner| corner.as_dvec3())).collect()
 }
 
 /// How many times the surface goes around a point: the sum of the solid
 /// angles of its triangles (Van Oosterom and Strackee 1983), over 4 pi.
-fn winding(triangles: &[[DVec3; 3]], p: DVec3) -> f64 {
+pub fn winding(triangles: &[[DVec3; 3]], p: DVec3) -> f64 {
     let angle = |t: &[DVec3; 3]| {
         let [a, b, c] = t.map(|corner| corner - p);
         let [x, y, z] = [a.length(), b.length(), c.length()];
         let below = x * y * z + a.dot(b) * z + b.dot(c) * x + c.dot(a) * y;
-        2. * a.dot(b.cross(c)).atan2(below)
+        // The volume, from differences that are exact.
+        let volume = a.dot(cross(t[1] - t[0], t[2] - t[0]));
+        2. * volume.atan2(below)
     };
     triangles.iter().map(angle).sum::<f64>() / (4. * std::f64::consts::PI)
 }

@@ -1,0 +1,170 @@
+// Paths inside closed surfaces stay there (chapter "Where the next ray
+// starts").
+//
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+#[path = "../examples/solids/mod.rs"]
+mod solids;
+
+use glam::DVec3;
+use litpt::hierarchy::{Hierarchy, Hit, Isa, Kernel, Quality};
+use litpt::sampling::cosine_direction;
+use litpt::scene::{Mesh, Ray, Scene};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+use robust::{Coord3D, orient3d};
+use solids::{Solid, rounded};
+
+/// Follows `n` paths of `bounces` bounces from the cameras, and shows each
+/// ray, what it leaves, and its hit.
+fn follow(
+    kernel: &Hierarchy,
+    cameras: &[DVec3],
+    (n, bounces): (usize, u32),
+    mut see: impl FnMut(&Ray, Option<&Hit>, &Hit),
+) {
+    let mut random = Pcg64::seed_from_u64(5);
+    for i in 0..n {
+        let origin = cameras[i % cameras.len()];
+        let any = [DVec3::X, -DVec3::X, DVec3::Z, -DVec3::Z][i / 8 % 4];
+        let mut direction =
+            cosine_direction(any, random.random(), random.random());
+        let (mut origin, mut from) = (origin, None);
+        for _ in 0..bounces {
+            let ray = Ray { origin, direction };
+            let hit = kernel.first_hit(&ray, from.as_ref());
+            let hit = hit.unwrap_or_else(|| panic!("{ray:?} escapes"));
+            see(&ray, from.as_ref(), &hit);
+            let (r, turn) = (random.random(), random.random());
+            direction = cosine_direction(hit.normal, r, turn);
+            origin = hit.point;
+            from = Some(hit);
+        }
+    }
+}
+
+#[test]
+fn no_path_leaves_a_closed_surface() {
+    for Solid { name, scene, cameras } in solids::all() {
+        let kernel = Hierarchy::new(&scene).unwrap();
+        let mut hits = 0;
+        follow(&kernel, &cameras, (5000, 20), |_, _, _| hits += 1);
+        assert_eq!(hits, 100_000, "{name}");
+    }
+}
+
+/// The distance of a point to a triangle, by the closest of its features.
+fn distance(&[a, b, c]: &[DVec3; 3], p: DVec3) -> f64 {
+    let segment = |a: DVec3, b: DVec3| {
+        let t = (p - a).dot(b - a) / (b - a).length_squared();
+        (p - a - (b - a) * t.clamp(0., 1.)).length()
+    };
+    let n = (b - a).cross(c - a);
+    let inside = [(a, b), (b, c), (c, a)]
+        .iter()
+        .all(|&(q, r)| (r - q).cross(p - q).dot(n) >= 0.);
+    match inside {
+        true => (p - a).dot(n.normalize()).abs(),
+        false => segment(a, b).min(segment(b, c)).min(segment(c, a)),
+    }
+}
+
+/// How many times the surface goes around a point: the walls that a segment
+/// to a distant point crosses outwards less those it crosses inwards, by
+/// exact predicates.
+fn times_around(triangles: &[[DVec3; 3]], p: DVec3) -> i32 {
+    let coordinates = |v: DVec3| Coord3D { x: v.x, y: v.y, z: v.z };
+    let side = |[a, b, c, d]: [DVec3; 4]| {
+        let [a, b, c, d] = [a, b, c, d].map(coordinates);
+        orient3d(a, b, c, d).signum()
+    };
+    let q = DVec3::new(31234.5, 28761.3, -33333.7);
+    let crossed = |&[a, b, c]: &[DVec3; 3]| {
+        let from = side([a, b, c, p]);
+        let [u, v, w] =
+            [[p, q, a, b], [p, q, b, c], [p, q, c, a]].map(side);
+        let crosses = from * side([a, b, c, q]) < 0. && u == v && v == w;
+        if crosses { from as i32 } else { 0 }
+    };
+    triangles.iter().map(crossed).sum()
+}
+
+// Rays of random directions hardly ever come near to a second triangle; so
+// those of this test aim there, and bounce in the corner.
+#[test]
+fn hits_are_inside_and_clear_of_all_triangles() {
+    let clear = 0.35 / 2f64.powi(34);
+    let all = solids::all().into_iter();
+    let small = |solid: &Solid| solid.scene.triangles().len() < 1500;
+    for Solid { name, scene, cameras } in all.filter(small) {
+        let kernel = Hierarchy::new(&scene).unwrap();
+        let triangles = rounded(&scene);
+        let mut random = Pcg64::seed_from_u64(9);
+        let mut settled = 0;
+        for _ in 0..2000 {
+            let chosen = random.random_range(0..triangles.len());
+            let [a, b, c] = triangles[chosen];
+            let mut near = || match random.random_range(0..3) {
+                0 => 0.,
+                1 => 1e-12 * random.random::<f64>(),
+                _ => random.random(),
+            };
+            let aim = a + (b - a) * near() + (c - a) * near() * 1e-14;
+            let origin = cameras[0];
+            let direction = (aim - origin).normalize();
+            let mut ray = Ray { origin, direction };
+            let mut from = None;
+            for _ in 0..3 {
+                let hit = kernel.first_hit(&ray, from.as_ref());
+                let hit = hit.unwrap_or_else(|| panic!("{name}: {ray:?}"));
+                let around = times_around(&triangles, hit.point);
+                assert_ne!(around, 0, "{name}: {ray:?} {hit:?}");
+                let closest = triangles.iter();
+                let closest = closest.map(|t| distance(t, hit.point));
+                let closest = closest.fold(f64::MAX, f64::min);
+                assert!(closest >= clear, "{name}: {closest:e} {ray:?}");
+                settled += u32::from(closest > 8. * clear);
+                let (r, turn) = (random.random(), random.random());
+                let direction = cosine_direction(hit.normal, r, turn);
+                // Not far, so that the corner is met again.
+                ray = Ray { origin: hit.point, direction };
+                from = Some(hit);
+            }
+        }
+        assert!(settled > 0, "{name}: no hit was in doubt");
+    }
+}
+
+// Two walls that stand on a floor, between them a ray that comes down into
+// the corner, 10^-12 from one of them, on one side or the other.
+#[test]
+fn a_ray_beside_a_wall_stays_on_its_side() {
+    let at = DVec3::new;
+    let floor = [at(-1., -1., 0.), at(1., -1., 0.), at(0., 1., 0.)];
+    // The wall goes through the floor.
+    let wall = [at(0., -0.5, -0.5), at(0., 0.5, -0.5), at(0., 0., 1.)];
+    let mesh = Mesh {
+        vertices: floor.into_iter().chain(wall).collect(),
+        triangles: vec![[0, 1, 2], [3, 4, 5]],
+    };
+    let scene = Scene::new(&mesh);
+    let wall = scene.triangles()[1][0].x;
+    for isa in Isa::ALL.into_iter().filter(|isa| isa.is_available()) {
+        let kernel = Hierarchy::with(&scene, Quality::Fast, isa).unwrap();
+        for exponent in 25..60 {
+            for side in [-1., 1.] {
+                let x = f64::from(wall) + side * 2f64.powi(-exponent);
+                let start = at(x + side * 800., 0., 1000.);
+                let floor = f64::from(scene.triangles()[0][0].z);
+                let aim = at(x, 0., floor);
+                let direction = (aim - start).normalize();
+                let ray = Ray { origin: start, direction };
+                let hit = kernel.first_hit(&ray, None).unwrap();
+                let beside = (hit.point.x - f64::from(wall)) * side;
+                assert!(beside > 2f64.powi(-35), "{exponent} {beside:e}");
+                assert!(hit.point.z > floor, "{exponent}");
+            }
+        }
+    }
+}
