@@ -43,10 +43,10 @@ pub struct ClosedForm {
 
 /// The reflectivities of the tests. The second stands for the limit of
 /// a single reflection.
-pub const RHOS: [f64; 7] = [0., FAINT, 0.2, 0.5, 0.9, 0.99, 1.];
+pub const RHOS: [f64; 7] = [0., TINY, 0.2, 0.5, 0.9, 0.99, 1.];
 
 /// So small that paths of two reflections carry nothing.
-pub const FAINT: f64 = 1. / 1048576.;
+const TINY: f64 = 1. / 1048576.;
 
 /// All views of scenes whose radiance is known.
 pub fn closed_forms() -> Vec<ClosedForm> {
@@ -196,7 +196,7 @@ fn square(&(half, z): &(f64, f64)) -> Vec<DVec3> {
 
 /// A closed convex body whose facets have normals of z components
 /// 1, 0.6, 0, -0.6 and -1.
-pub fn gem() -> Mesh {
+fn gem() -> Mesh {
     let half_and_height =
         [(0., -3.), (1.5, -3.), (3., -1.), (3., 1.), (1.5, 3.), (0., 3.)];
     sheet(&half_and_height.each_ref().map(square))

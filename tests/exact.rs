@@ -97,7 +97,7 @@ fn integral(f: impl Fn(f64) -> f64, a: f64, b: f64) -> f64 {
 }
 
 // The view factor of a rectangle from below one of its corners, which books
-// on heat transfer give (Howell, configuration B-3).
+// on heat transfer give.
 #[test]
 fn the_share_of_a_rectangle_is_that_of_the_books() {
     let (height, x, y) = (3., 2., 5.);
