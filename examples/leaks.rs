@@ -129,7 +129,8 @@ impl Solid {
         let triangles = self.scene.triangles();
         escapes(random, n, |ray, from| {
             let all = triangles.iter().zip(0..);
-            let others = all.filter(|(_, i)| Some(*i) != from);
+            let others = all
+                .filter(|(_, i)| Some(*i) != from.map(|hit| hit.primitive));
             let met = others
                 .filter_map(|(t, i)| Some((test(ray, t)?, i)))
                 .min_by(|a, b| a.0.total_cmp(&b.0));
@@ -162,7 +163,7 @@ impl Work for Exact<'_> {
 fn escapes(
     random: &mut Pcg64Mcg,
     n: u64,
-    first_hit: impl Fn(&Ray, Option<u32>) -> Option<Hit>,
+    first_hit: impl Fn(&Ray, Option<&Hit>) -> Option<Hit>,
 ) -> u64 {
     let start = |random: &mut Pcg64Mcg| {
         let mut one = || 1000. * (random.random::<f64>() - 0.5);
@@ -175,7 +176,7 @@ fn escapes(
     let (mut ray, mut from) = start(random);
     let mut escapes = 0;
     for _ in 0..n {
-        let Some(hit) = first_hit(&ray, from) else {
+        let Some(hit) = first_hit(&ray, from.as_ref()) else {
             escapes += 1;
             (ray, from) = start(random);
             continue;
@@ -183,7 +184,7 @@ fn escapes(
         let (r, turn) = (random.random(), random.random());
         let direction = cosine_direction(hit.normal, r, turn);
         ray = Ray { origin: hit.point, direction };
-        from = Some(hit.primitive);
+        from = Some(hit);
     }
     escapes
 }

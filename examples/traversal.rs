@@ -29,7 +29,7 @@ use libloading::Library;
 use litpt::arguments::Arguments;
 use litpt::camera::Camera;
 use litpt::estimator::Reference;
-use litpt::hierarchy::{Hierarchy, Isa, Kernel, Quality, Work};
+use litpt::hierarchy::{Hierarchy, Hit, Isa, Kernel, Quality, Work};
 use litpt::scene::{Ray, Scene};
 use litpt::sky::Sky;
 
@@ -49,7 +49,7 @@ impl Work for Stretch<'_> {
 
     fn with<K: Kernel>(self, kernel: &K) -> u64 {
         let number = |step: &Step| {
-            let hit = kernel.first_hit(&step.ray, step.from);
+            let hit = kernel.first_hit(&step.ray, step.from.as_ref());
             u64::from(hit.map_or(NONE, |hit| hit.primitive))
         };
         self.0.iter().map(number).sum()
@@ -64,7 +64,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let kernel = Hierarchy::with(&scene, Quality::Thorough, Isa::best())?;
     let walk = record(&scene, &kernel, &arguments)?;
     let number = |step: &Step| {
-        let hit = kernel.first_hit(&step.ray, step.from);
+        let hit = kernel.first_hit(&step.ray, step.from.as_ref());
         hit.map_or(NONE, |hit| hit.primitive)
     };
     let mut contenders = vec![Contender {
@@ -98,10 +98,10 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 // ---- the rays of paths
 
-/// A ray, and the triangle from which it starts.
+/// A ray, and the hit from which it starts.
 struct Step {
     ray: Ray,
-    from: Option<u32>,
+    from: Option<Hit>,
 }
 
 /// The rays of paths through random points of the image, path by path.
@@ -371,7 +371,7 @@ impl Embree {
     }
 }
 
-/// A ray in single precision, and the triangle from which it starts.
+/// A ray in single precision, and the hit from which it starts.
 struct Rounded {
     origin: [f32; 3],
     direction: [f32; 3],

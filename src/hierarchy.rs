@@ -18,6 +18,7 @@ pub mod anatomy;
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
+mod origin;
 mod pages;
 mod triangle;
 mod walk;
@@ -38,7 +39,8 @@ use wide::Wide;
 /// Where a ray meets the scene first.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
-    /// The point, in the coordinates of the scene.
+    /// The point, in the coordinates of the scene, from where a path
+    /// goes on: slightly off the surface, on the side of the normal.
     pub point: DVec3,
     /// The unit normal on the side from which the ray came.
     pub normal: DVec3,
@@ -48,12 +50,13 @@ pub struct Hit {
 
 /// Finds hits in one scene.
 pub trait Kernel: Sync + Sized {
-    /// The first hit of `ray` on a triangle other than `from`.
-    fn first_hit(&self, ray: &Ray, from: Option<u32>) -> Option<Hit>;
+    /// The first hit of `ray` on a triangle other than that of `from`,
+    /// the hit that it leaves, if it leaves one.
+    fn first_hit(&self, ray: &Ray, from: Option<&Hit>) -> Option<Hit>;
 
-    /// Whether `ray` meets any triangle other than `from`: the same as
-    /// `first_hit(ray, from).is_some()`, and perhaps faster.
-    fn is_blocked(&self, ray: &Ray, from: Option<u32>) -> bool {
+    /// Whether `ray` meets any triangle other than that of `from`: the
+    /// same as `first_hit(ray, from).is_some()`, and perhaps faster.
+    fn is_blocked(&self, ray: &Ray, from: Option<&Hit>) -> bool {
         self.first_hit(ray, from).is_some()
     }
 
@@ -215,11 +218,11 @@ impl Hierarchy {
 
 // Answer with the chosen walk
 impl Kernel for Hierarchy {
-    fn first_hit(&self, ray: &Ray, from: Option<u32>) -> Option<Hit> {
+    fn first_hit(&self, ray: &Ray, from: Option<&Hit>) -> Option<Hit> {
         with_walker!(self, walker => walker.first_hit(ray, from))
     }
 
-    fn is_blocked(&self, ray: &Ray, from: Option<u32>) -> bool {
+    fn is_blocked(&self, ray: &Ray, from: Option<&Hit>) -> bool {
         with_walker!(self, walker => walker.is_blocked(ray, from))
     }
 

@@ -32,12 +32,14 @@ pub fn tame(v: DVec3) -> DVec3 {
 // Multiply two vectors without cancellation
 /// `a * b - c * d` to 1.5 units in the last place (Jeannerod, Louvet
 /// and Muller 2013, theorem 5.1, after Kahan).
+#[inline(always)]
 fn difference_of_products(a: f64, b: f64, c: f64, d: f64) -> f64 {
     let cd = c * d;
     a.mul_add(b, -cd) + (-c).mul_add(d, cd)
 }
 
 /// The cross product of `u` and `v`; zero only if they are parallel.
+#[inline(always)]
 pub fn cross(u: DVec3, v: DVec3) -> DVec3 {
     DVec3::new(
         difference_of_products(u.y, v.z, u.z, v.y),

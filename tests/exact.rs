@@ -143,7 +143,7 @@ fn a_narrow_cavity_is_not_biased_by_roulette() {
 struct Floors(AtomicU32);
 
 impl Kernel for Floors {
-    fn first_hit(&self, ray: &Ray, _: Option<u32>) -> Option<Hit> {
+    fn first_hit(&self, ray: &Ray, _: Option<&Hit>) -> Option<Hit> {
         let left = self.0.load(Ordering::Relaxed);
         self.0.store(left.saturating_sub(1), Ordering::Relaxed);
         let hit = Hit { point: ray.origin, normal: DVec3::Z, primitive: 0 };

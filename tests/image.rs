@@ -10,7 +10,7 @@ use glam::DVec3;
 use litpt::camera::{Camera, View};
 use litpt::closed_forms::cavity;
 use litpt::estimator::Reference;
-use litpt::hierarchy::{Hierarchy, Isa, Kernel, Quality};
+use litpt::hierarchy::{Hierarchy, Hit, Isa, Kernel, Quality};
 use litpt::image::{Image, SIDE, Summary};
 use litpt::render::Job;
 use litpt::scene::Scene;
@@ -153,8 +153,8 @@ fn a_kernel_can_be_written_by_somebody_else() {
         fn first_hit(
             &self,
             _: &litpt::scene::Ray,
-            _: Option<u32>,
-        ) -> Option<litpt::hierarchy::Hit> {
+            _: Option<&Hit>,
+        ) -> Option<Hit> {
             None
         }
     }

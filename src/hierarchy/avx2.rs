@@ -12,7 +12,10 @@
 
 use std::arch::x86_64::*;
 
-use super::triangle::{CLOSE, LANES, Leaf, NONE, Search, Shear};
+use super::origin::hit;
+use super::triangle::{
+    CLOSE, LANES, Leaf, NARROW, NEAR, NONE, Search, Shear,
+};
 use super::walk::{Entered, Slabs, Stack, walk};
 use super::wide::{Node, Wide};
 use super::{Hit, Kernel};
@@ -42,25 +45,25 @@ impl Walker {
 // Walk with AVX2 instructions
 impl Kernel for Walker {
     #[inline]
-    fn first_hit(&self, ray: &Ray, from: Option<u32>) -> Option<Hit> {
+    fn first_hit(&self, ray: &Ray, from: Option<&Hit>) -> Option<Hit> {
         // SAFETY: a walker exists only where `is_available` holds.
         unsafe { first_hit(&self.0, ray, from) }
     }
 
     #[inline]
-    fn is_blocked(&self, ray: &Ray, from: Option<u32>) -> bool {
+    fn is_blocked(&self, ray: &Ray, from: Option<&Hit>) -> bool {
         // SAFETY: as above.
         unsafe { is_blocked(&self.0, ray, from) }
     }
 }
 
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-fn first_hit(wide: &Wide<8>, ray: &Ray, from: Option<u32>) -> Option<Hit> {
-    search::<false>(wide, ray, from).hit(ray)
+fn first_hit(wide: &Wide<8>, ray: &Ray, from: Option<&Hit>) -> Option<Hit> {
+    hit(wide, ray, from, &search::<false>(wide, ray, from))
 }
 
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-fn is_blocked(wide: &Wide<8>, ray: &Ray, from: Option<u32>) -> bool {
+fn is_blocked(wide: &Wide<8>, ray: &Ray, from: Option<&Hit>) -> bool {
     search::<true>(wide, ray, from).slot != NONE
 }
 
@@ -69,7 +72,7 @@ fn is_blocked(wide: &Wide<8>, ray: &Ray, from: Option<u32>) -> bool {
 fn search<'a, const ANY: bool>(
     wide: &'a Wide<8>,
     ray: &Ray,
-    from: Option<u32>,
+    from: Option<&Hit>,
 ) -> Search<'a> {
     walk::<8, ANY, __m256>(
         wide,
@@ -210,9 +213,10 @@ pub fn meet<const WALK: u8>(
     let zero = _mm256_setzero_pd();
     let least = _mm256_min_pd(_mm256_min_pd(u, v), w);
     let most = _mm256_max_pd(_mm256_max_pd(u, v), w);
+    let narrow = _mm256_set1_pd(NARROW);
     let inside = _mm256_or_pd(
-        _mm256_cmp_pd::<_CMP_GE_OQ>(least, zero),
-        _mm256_cmp_pd::<_CMP_LE_OQ>(most, zero),
+        _mm256_cmp_pd::<_CMP_GE_OQ>(least, _mm256_sub_pd(zero, narrow)),
+        _mm256_cmp_pd::<_CMP_LE_OQ>(most, narrow),
     );
     let lanes = leaf.lanes as i32;
     if _mm256_movemask_pd(inside) & lanes == 0 {
@@ -233,7 +237,8 @@ pub fn meet<const WALK: u8>(
     let height = _mm256_add_pd(height, _mm256_mul_pd(w, cz));
     let height = _mm256_div_pd(height, sum);
     let distance = _mm256_mul_pd(height, _mm256_set1_pd(shear.stretch));
-    let ahead = _mm256_cmp_pd::<_CMP_GT_OQ>(distance, zero);
+    let least = _mm256_set1_pd(-NEAR);
+    let ahead = _mm256_cmp_pd::<_CMP_GT_OQ>(distance, least);
     let limit = _mm256_set1_pd(limit);
     let within = _mm256_cmp_pd::<_CMP_LE_OQ>(distance, limit);
     let met = _mm256_and_pd(inside, _mm256_and_pd(ahead, within));

@@ -13,6 +13,7 @@
 use std::arch::x86_64::*;
 
 use super::avx2;
+use super::origin::hit;
 use super::triangle::{NONE, Search};
 use super::walk::{Entered, Slabs, Stack, walk};
 use super::wide::{Node, Wide};
@@ -41,13 +42,13 @@ impl Walker {
 // Walk with AVX-512 instructions
 impl Kernel for Walker {
     #[inline]
-    fn first_hit(&self, ray: &Ray, from: Option<u32>) -> Option<Hit> {
+    fn first_hit(&self, ray: &Ray, from: Option<&Hit>) -> Option<Hit> {
         // SAFETY: a walker exists only where `is_available` holds.
         unsafe { first_hit(&self.0, ray, from) }
     }
 
     #[inline]
-    fn is_blocked(&self, ray: &Ray, from: Option<u32>) -> bool {
+    fn is_blocked(&self, ray: &Ray, from: Option<&Hit>) -> bool {
         // SAFETY: as above.
         unsafe { is_blocked(&self.0, ray, from) }
     }
@@ -56,14 +57,18 @@ impl Kernel for Walker {
 #[target_feature(
     enable = "avx512f,avx512vl,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt"
 )]
-fn first_hit(wide: &Wide<16>, ray: &Ray, from: Option<u32>) -> Option<Hit> {
-    search::<false>(wide, ray, from).hit(ray)
+fn first_hit(
+    wide: &Wide<16>,
+    ray: &Ray,
+    from: Option<&Hit>,
+) -> Option<Hit> {
+    hit(wide, ray, from, &search::<false>(wide, ray, from))
 }
 
 #[target_feature(
     enable = "avx512f,avx512vl,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt"
 )]
-fn is_blocked(wide: &Wide<16>, ray: &Ray, from: Option<u32>) -> bool {
+fn is_blocked(wide: &Wide<16>, ray: &Ray, from: Option<&Hit>) -> bool {
     search::<true>(wide, ray, from).slot != NONE
 }
 
@@ -74,7 +79,7 @@ fn is_blocked(wide: &Wide<16>, ray: &Ray, from: Option<u32>) -> bool {
 fn search<'a, const ANY: bool>(
     wide: &'a Wide<16>,
     ray: &Ray,
-    from: Option<u32>,
+    from: Option<&Hit>,
 ) -> Search<'a> {
     walk::<16, ANY, __m512>(
         wide,

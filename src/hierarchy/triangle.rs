@@ -15,9 +15,7 @@
 use std::io;
 
 use glam::DVec3;
-use robust::{Coord3D, orient3d};
 
-use super::Hit;
 use super::pages::Pages;
 use crate::scene::{Ray, Triangle};
 
@@ -92,6 +90,10 @@ fn refined(a: f64, b: f64, c: f64, d: f64, rough: f64) -> f64 {
     }
 }
 
+/// An edge function of less than this, with the wrong sign, may belong
+/// to a triangle within 2^-32 of a point of the ray: 2^-15.
+pub const NARROW: f64 = 1. / 32768.;
+
 // Keep four triangles side by side
 /// Triangles in a leaf at most.
 pub const LANES: usize = 4;
@@ -99,23 +101,22 @@ pub const LANES: usize = 4;
 /// No triangle.
 pub const NONE: u32 = u32::MAX;
 
-/// Most triangles that labels and leaves can tell apart: 2^28.
-pub const MOST: usize = 1 << 28;
+/// Most triangles whose slots a leaf can name: 2^29.
+pub const MOST: usize = 1 << 29;
 
 /// All leaves of a hierarchy.
 pub struct Leaves {
     /// Nine numbers for each triangle, and `LANES` more.
     corners: Pages<f32>,
-    /// For each slot the number in the scene, from bit 28 the lane, and
-    /// from bit 30 the number of triangles in the leaf less one.
-    labels: Pages<u32>,
+    /// For each slot the number in the scene.
+    numbers: Pages<u32>,
 }
 
 impl Leaves {
     /// Room for `count` triangles.
     pub fn with_room(count: usize) -> io::Result<Self> {
         let corners = Pages::zeroed(9 * count + LANES)?;
-        Ok(Self { corners, labels: Pages::zeroed(count)? })
+        Ok(Self { corners, numbers: Pages::zeroed(count)? })
     }
 
     /// The leaf of `count` triangles from slot `first`.
@@ -132,48 +133,39 @@ impl Leaves {
 
     /// All leaves, to be filled from the front.
     pub fn room(&mut self) -> Room<'_> {
-        Room { corners: &mut self.corners, labels: &mut self.labels }
+        Room { corners: &mut self.corners, numbers: &mut self.numbers }
     }
 
-    // Find a triangle by its slot
+    // Find the number of a triangle
     /// The number of a triangle in the scene.
     pub fn number(&self, slot: u32) -> u32 {
-        self.labels[slot as usize] & (MOST as u32 - 1)
-    }
-
-    /// The corners of a triangle.
-    pub fn triangle(&self, slot: u32) -> [DVec3; 3] {
-        let label = self.labels[slot as usize];
-        let (lane, count) = (label >> 28 & 3, (label >> 30) as usize + 1);
-        // SAFETY: the labels are those of leaves, each in its place.
-        unsafe { self.leaf(slot - lane, count) }.triangle(lane)
+        self.numbers[slot as usize]
     }
 }
 
 /// Slots that are still empty.
 pub struct Room<'a> {
     corners: &'a mut [f32],
-    labels: &'a mut [u32],
+    numbers: &'a mut [u32],
 }
 
 impl<'a> Room<'a> {
     /// Cuts off the first `count` slots.
     pub fn take(&mut self, count: usize) -> Room<'a> {
         let corners = split_off(&mut self.corners, 9 * count);
-        Room { corners, labels: split_off(&mut self.labels, count) }
+        Room { corners, numbers: split_off(&mut self.numbers, count) }
     }
 
     /// Makes the first slots a leaf of these triangles, each with its
     /// number in the scene.
     pub fn fill(&mut self, triangles: &[(u32, Triangle)]) {
         let count = triangles.len();
-        let size = (count as u32 - 1) << 30;
-        let Room { corners, labels } = self.take(count);
+        let Room { corners, numbers } = self.take(count);
         for (lane, &(number, triangle)) in triangles.iter().enumerate() {
             for i in 0..9 {
                 corners[i * count + lane] = triangle[i / 3][i % 3];
             }
-            labels[lane] = number | (lane as u32) << 28 | size;
+            numbers[lane] = number;
         }
     }
 }
@@ -204,43 +196,60 @@ impl Leaf<'_> {
 
     /// The corners of the triangle in a lane.
     #[inline(always)]
-    fn triangle(&self, lane: u32) -> [DVec3; 3] {
+    pub fn triangle(&self, lane: u32) -> [DVec3; 3] {
         let at = |i: usize| self.coordinate(i, lane as usize);
         let corner = |c: usize| DVec3::new(at(c), at(c + 1), at(c + 2));
         [corner(0), corner(3), corner(6)]
     }
 
     // Test the four triangles
-    /// The lanes that a ray meets, as a mask, with the distances. What the
-    /// distance of a lane that is not met says is not specified.
+    /// The lanes that a ray meets, as a mask, with the distances; lanes that
+    /// it passes close by from bit `LANES` on, with where that begins. What
+    /// the distance of another lane says is not specified.
     #[inline(always)]
     pub fn meet(&self, shear: &Shear) -> (u32, [f64; LANES]) {
         let mut distances = [0.; LANES];
         let mut met = 0;
         for (lane, distance) in distances.iter_mut().enumerate() {
             if self.lanes >> lane & 1 != 0 {
-                *distance = self.distance(lane, shear);
-                met |= u32::from(*distance > 0.) << lane;
+                // Add what the ray does to this triangle
+                match self.passage(lane, shear) {
+                    Passage::Through(at) if at > -NEAR => {
+                        *distance = at;
+                        met |= 1 << lane;
+                    }
+                    Passage::Beside(at) => {
+                        *distance = at[0].min(at[1]).min(at[2]);
+                        met |= 1 << (lane + LANES);
+                    }
+                    _ => (),
+                }
             }
         }
         (met, distances)
     }
 
-    /// The distance to one triangle, or minus infinity.
+    /// What a ray does to the triangle in a lane.
     #[inline(always)]
-    fn distance(&self, lane: usize, shear: &Shear) -> f64 {
+    pub fn passage(&self, lane: usize, shear: &Shear) -> Passage {
         let [x, y, z] = self.sheared(lane, shear);
         let u = edge(x[2], y[1], y[2], x[1]);
         let v = edge(x[0], y[2], y[0], x[2]);
         let w = edge(x[1], y[0], y[1], x[0]);
-        let inside = (u >= 0. && v >= 0. && w >= 0.)
-            || (u <= 0. && v <= 0. && w <= 0.);
-        if !inside {
-            return f64::NEG_INFINITY;
+        let within = |margin: f64| {
+            (u >= -margin && v >= -margin && w >= -margin)
+                || (u <= margin && v <= margin && w <= margin)
+        };
+        // Tell what the ray does by the signs
+        if within(0.) {
+            // Find the distance along the ray
+            let height = (u * z[0] + v * z[1] + w * z[2]) / (u + v + w);
+            Passage::Through(height * shear.stretch)
+        } else if within(NARROW) {
+            Passage::Beside(z.map(|z| z * shear.stretch))
+        } else {
+            Passage::Apart
         }
-        // Find the distance along the ray
-        let height = (u * z[0] + v * z[1] + w * z[2]) / (u + v + w);
-        height * shear.stretch
     }
 
     /// The x, y and z of the three corners after the shear.
@@ -257,11 +266,24 @@ impl Leaf<'_> {
     }
 }
 
+/// What a ray does to a triangle.
+#[derive(Clone, Copy, Debug)]
+pub enum Passage {
+    /// Its line goes through it, at this distance, which is negative
+    /// behind the origin, and not a number if it is seen edge on.
+    Through(f64),
+    /// It passes by so closely that a small displacement could make it
+    /// go through; the distances of the corners along the ray.
+    Beside([f64; 3]),
+    /// Neither.
+    Apart,
+}
+
 // Keep the nearest triangle so far
 /// The nearest triangle so far.
 #[derive(Clone, Copy)]
 pub struct Search<'a> {
-    leaves: &'a Leaves,
+    pub leaves: &'a Leaves,
     /// The slot that the ray left, or `NONE`.
     from: u32,
     /// How far the nearest triangle is, or infinity.
@@ -270,14 +292,17 @@ pub struct Search<'a> {
     pub slot: u32,
     /// The slots of its leaf, the first and how many.
     leaf: (u32, usize),
+    /// The least distance at which something else is close to the ray.
+    pub doubt: f64,
 }
 
 impl<'a> Search<'a> {
     /// A search that has met nothing, for a ray that left slot `from`.
     #[inline(always)]
     pub fn new(leaves: &'a Leaves, from: Option<u32>) -> Self {
-        let (from, distance) = (from.unwrap_or(NONE), f64::INFINITY);
-        Self { leaves, from, distance, slot: NONE, leaf: (0, 0) }
+        let (from, doubt) = (from.unwrap_or(NONE), f64::INFINITY);
+        let (distance, slot, leaf) = (f64::INFINITY, NONE, (0, 0));
+        Self { leaves, from, distance, slot, leaf, doubt }
     }
 
     // Take a triangle that is nearer
@@ -304,10 +329,16 @@ impl<'a> Search<'a> {
         lane: u32,
         distance: f64,
     ) {
-        let (Self { leaves, from, .. }, slot) = (*self, first + lane);
-        if distance < NEAR && from != NONE && leaves.coplanar(from, slot) {
-            return;
+        // Doubt the order of triangles that are close
+        let gap = (distance - self.distance).abs();
+        let beside = lane >= LANES as u32;
+        if beside || gap <= NEAR || distance <= NEAR {
+            self.doubt = self.doubt.min(distance);
+            if beside || distance <= 0. {
+                return;
+            }
         }
+        let (Self { leaves, .. }, slot) = (*self, first + lane);
         let equal = distance == self.distance;
         if distance < self.distance
             || equal && leaves.is_before(slot, self.slot)
@@ -317,22 +348,13 @@ impl<'a> Search<'a> {
         }
     }
 
-    // Make the search's result a hit
-    /// The hit of `ray` on the nearest triangle, if there is one.
+    /// The corners of the nearest triangle, if there is one.
     #[inline(always)]
-    pub fn hit(&self, ray: &Ray) -> Option<Hit> {
-        if self.slot == NONE {
-            return None;
-        }
-        let point = ray.origin + ray.direction * self.distance;
+    pub fn triangle(&self) -> [DVec3; 3] {
         let (first, count) = self.leaf;
         // SAFETY: the slot is one of a leaf that was offered.
         let leaf = unsafe { self.leaves.leaf(first, count) };
-        let [a, b, c] = leaf.triangle(self.slot - first);
-        let normal = (b - a).cross(c - a).normalize();
-        let away = normal.dot(ray.direction) > 0.;
-        let normal = if away { -normal } else { normal };
-        Some(Hit { point, normal, primitive: self.slot })
+        leaf.triangle(self.slot - first)
     }
 }
 
@@ -343,22 +365,7 @@ impl Leaves {
     fn is_before(&self, slot: u32, other: u32) -> bool {
         other == NONE || self.number(slot) < self.number(other)
     }
-
-    // Recognise triangles in one plane
-    /// Whether the triangle in `slot` lies in the plane of that in `from`.
-    #[cold]
-    fn coplanar(&self, from: u32, slot: u32) -> bool {
-        let point = |corner: DVec3| {
-            let [x, y, z] = corner.to_array();
-            Coord3D { x, y, z }
-        };
-        let [a, b, c] = self.triangle(from);
-        let [a, b, c] = [point(a), point(b), point(c)];
-        let above = |d| orient3d(a, b, c, point(d));
-        self.triangle(slot).into_iter().all(|d| above(d) == 0.)
-    }
 }
 
-/// Beyond this distance no triangle is met in the plane that the ray
-/// left: 2^-9.
-const NEAR: f64 = 1. / 512.;
+/// Distances along a ray that are closer are not told apart: 2^-12.
+pub const NEAR: f64 = 1. / 4096.;

@@ -18,7 +18,8 @@ use std::mem::MaybeUninit;
 
 use bytemuck::Pod;
 
-use super::triangle::{LANES, Leaf, NONE, Search, Shear};
+use super::origin::hit;
+use super::triangle::{LANES, Leaf, NEAR, NONE, Search, Shear};
 use super::wide::{LEAF, Node, Wide, slots};
 use super::{Hit, Kernel};
 use crate::scene::Ray;
@@ -177,7 +178,7 @@ pub struct Entered<V> {
 pub fn walk<'a, const N: usize, const ANY: bool, V>(
     wide: &'a Wide<N>,
     ray: &Ray,
-    from: Option<u32>,
+    from: Option<&Hit>,
     enter: impl Fn(&Node<N>, &Slabs, f32) -> Entered<V>,
     push: impl Fn(&Node<N>, u32, &Entered<V>, &mut Stack) -> u32,
     meet: impl Fn(Leaf<'a>, &Shear, f64) -> (u32, [f64; LANES]),
@@ -187,6 +188,7 @@ where
 {
     let nodes: &[Node<N>] = &wide.nodes;
     let (slabs, shear) = (Slabs::new(ray), Shear::new(ray));
+    let from = from.map(|hit| hit.primitive);
     let mut search = Search::new(&wide.leaves, from);
     let mut waiting = Waiting::new();
     let mut stack = Stack::new(&mut waiting);
@@ -235,7 +237,8 @@ pub fn look<'a>(
     let (first, count) = slots(child);
     // SAFETY: children with the bit LEAF are leaves that are there.
     let leaf = unsafe { search.leaf(first, count) };
-    let (met, distances) = meet(leaf, shear, search.distance);
+    let limit = search.distance + NEAR;
+    let (met, distances) = meet(leaf, shear, limit);
     let mut left = met;
     while left != 0 {
         let lane = left.trailing_zeros();
@@ -298,7 +301,7 @@ impl Walker {
     fn search<const ANY: bool>(
         &self,
         ray: &Ray,
-        from: Option<u32>,
+        from: Option<&Hit>,
     ) -> Search<'_> {
         walk::<8, ANY, [f32; 8]>(
             &self.0,
@@ -318,11 +321,11 @@ pub fn distance(b: f32, inverse: f32, start: f32) -> f32 {
 }
 
 impl Kernel for Walker {
-    fn first_hit(&self, ray: &Ray, from: Option<u32>) -> Option<Hit> {
-        self.search::<false>(ray, from).hit(ray)
+    fn first_hit(&self, ray: &Ray, from: Option<&Hit>) -> Option<Hit> {
+        hit(&self.0, ray, from, &self.search::<false>(ray, from))
     }
 
-    fn is_blocked(&self, ray: &Ray, from: Option<u32>) -> bool {
+    fn is_blocked(&self, ray: &Ray, from: Option<&Hit>) -> bool {
         self.search::<true>(ray, from).slot != NONE
     }
 }

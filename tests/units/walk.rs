@@ -302,9 +302,9 @@ fn random_leaf(random: &mut Random) -> (Leaves, usize) {
 }
 
 /// A ray for a leaf, often one that its first triangle's edge meets.
-fn ray_at(leaves: &Leaves, random: &mut Random) -> Ray {
+fn ray_at(leaf: Leaf, random: &mut Random) -> Ray {
     let ray = random_ray(random);
-    let [a, b, _] = leaves.triangle(0);
+    let [a, b, _] = leaf.triangle(0);
     let aim = match random.random_range(0..4) {
         0 => a,
         1 => (a + b) / 2.,
@@ -328,7 +328,7 @@ fn four_triangles_are_met_as_one_by_one() {
         let (leaves, count) = random_leaf(&mut random);
         // SAFETY: it has been put there.
         let leaf = unsafe { leaves.leaf(0, count) };
-        let ray = ray_at(&leaves, &mut random);
+        let ray = ray_at(leaf, &mut random);
         let limit = f64::from(reach(&mut random));
         let shear = Shear::new(&ray);
         let within = |(mask, distances): (u32, [f64; LANES])| {

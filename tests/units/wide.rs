@@ -64,7 +64,9 @@ where
         for slot in first..first + count as u32 {
             let number = wide.leaves.number(slot) as usize;
             seen[number] += 1;
-            let corners = wide.leaves.triangle(slot);
+            // SAFETY: the child is a leaf.
+            let leaf = unsafe { wide.leaves.leaf(first, count) };
+            let corners = leaf.triangle(slot - first);
             let expected = scene.triangles()[number];
             assert_eq!(corners, expected.map(|corner| corner.as_dvec3()));
         }

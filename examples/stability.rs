@@ -1,0 +1,283 @@
+// Stability in one table: what is exact, what pt gives, and what the method
+// of the reference gives, which is single precision throughout; prints a CSV
+// for "make stability". The arguments are the number of rays in each closed
+// surface, and "leaks" for nothing but those. Fails if a case fails.
+//
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+mod fragile;
+mod solids;
+
+use std::error::Error;
+use std::process::ExitCode;
+
+use fragile::Fragile;
+use glam::DVec3;
+use litpt::closed_forms::{cavity, cavity_radiance, pixel, plane};
+use litpt::hierarchy::{Hierarchy, Kernel, Work};
+use litpt::sampling::cosine_direction;
+use litpt::scene::{Mesh, Ray, Scene};
+use litpt::statistics::Accumulator;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+use rayon::prelude::*;
+
+/// Paths are counted in pieces, whose number is that of generators.
+const PIECES: u64 = 256;
+
+/// Rays of a path inside a closed surface.
+const BOUNCES: u64 = 8;
+
+/// Realisations of each mean.
+const REALISATIONS: u64 = 100_000;
+
+/// Of 40 means, one is farther off than this with a probability of 0.001.
+const SIDAK: f64 = 4.22;
+
+fn main() -> ExitCode {
+    match run() {
+        Ok(0) => ExitCode::SUCCESS,
+        Ok(failed) => {
+            eprintln!("stability: {failed} cases fail");
+            ExitCode::FAILURE
+        }
+        Err(error) => {
+            eprintln!("stability: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run() -> Result<u32, Box<dyn Error>> {
+    let mut arguments = std::env::args().skip(1);
+    let rays: f64 = arguments.next().map_or(Ok(1e7), |s| s.parse())?;
+    let only_leaks = arguments.next().is_some();
+    let paths = (rays / (PIECES * BOUNCES) as f64).ceil() as u64;
+    let mut failed = 0;
+    println!("case,exact,pt,reference,verdict");
+    for solid in solids::all() {
+        let number = PIECES * BOUNCES * paths;
+        // The reference is to show that it leaks, not how rarely.
+        let few = paths.div_ceil(100).max(100.min(paths));
+        let [ours, theirs] = leaks(&solid, paths, few)?;
+        let case = format!(
+            "{} ({} triangles): escapes of {:.0e} rays",
+            solid.name,
+            solid.mesh.triangles.len(),
+            number as f64
+        );
+        let theirs =
+            format!("{theirs} of {:.0e}", (PIECES * BOUNCES * few) as f64);
+        failed += row(&case, "0", &ours.to_string(), &theirs, ours == 0);
+    }
+    if !only_leaks {
+        failed += moved()?;
+        failed += means()?;
+    }
+    Ok(failed)
+}
+
+/// Prints a row; 1 if it is one of a failure.
+fn row(
+    case: &str,
+    exact: &str,
+    ours: &str,
+    theirs: &str,
+    passed: bool,
+) -> u32 {
+    let verdict = if passed { "pass" } else { "fail" };
+    println!("{case},{exact},{ours},{theirs},{verdict}");
+    u32::from(!passed)
+}
+
+// ---- closed surfaces
+
+/// Escapes of so many paths from a solid: ours, and the reference's of
+/// fewer.
+fn leaks(
+    solid: &solids::Solid,
+    paths: u64,
+    few: u64,
+) -> Result<[u64; 2], Box<dyn Error>> {
+    let scene = Scene::new(&solid.mesh);
+    let kernel = Hierarchy::new(&scene)?;
+    let fragile = Fragile::new(&solid.mesh);
+    let ours = |i| {
+        let starts = Starts { scene: &scene, solid, seed: i, paths };
+        kernel.specialise(starts)
+    };
+    let theirs = |i| {
+        let mut random = Pcg64Mcg::seed_from_u64(i);
+        let escapes = (0..few).filter(|n| {
+            let at = (i + n) as usize % solid.cameras.len();
+            let direction = uniform(&mut random);
+            let from = solid.cameras[at];
+            fragile.escapes(from, direction, BOUNCES, &mut random)
+        });
+        escapes.count() as u64
+    };
+    let pieces = || (0..PIECES).into_par_iter();
+    Ok([pieces().map(ours).sum(), pieces().map(theirs).sum()])
+}
+
+/// Paths from the cameras of a solid.
+struct Starts<'a> {
+    scene: &'a Scene,
+    solid: &'a solids::Solid,
+    seed: u64,
+    paths: u64,
+}
+
+impl Work for Starts<'_> {
+    type Output = u64;
+
+    /// How many paths escape.
+    fn with<K: Kernel>(self, kernel: &K) -> u64 {
+        let mut random = Pcg64Mcg::seed_from_u64(self.seed);
+        let cameras = &self.solid.cameras;
+        let escapes = (0..self.paths).filter(|n| {
+            let at = (self.seed + n) as usize % cameras.len();
+            let direction = uniform(&mut random);
+            let ray = self.scene.enter(cameras[at], direction);
+            let mut ray = ray.expect("a camera inside");
+            let mut from = None;
+            (0..BOUNCES).any(|_| {
+                let Some(hit) = kernel.first_hit(&ray, from.as_ref())
+                else {
+                    return true;
+                };
+                let (r, turn) = (random.random(), random.random());
+                let direction = cosine_direction(hit.normal, r, turn);
+                ray = Ray { origin: hit.point, direction };
+                from = Some(hit);
+                false
+            })
+        });
+        escapes.count() as u64
+    }
+}
+
+fn uniform(random: &mut Pcg64Mcg) -> DVec3 {
+    loop {
+        let mut one = || 2. * random.random::<f64>() - 1.;
+        let d = DVec3::new(one(), one(), one());
+        if (0.01..1.).contains(&d.length_squared()) {
+            return d.normalize();
+        }
+    }
+}
+
+// ---- places and scales
+
+/// A closed sphere that is moved or scaled: it is dark, and the image of a
+/// cavity stays the same in each bit.
+fn moved() -> Result<u32, Box<dyn Error>> {
+    let (o, p) = (DVec3::ZERO, DVec3::new(0.3, 0.2, -1.));
+    let exactly = |x: f64| (x * 1024.).round() / 1024.;
+    let mut sphere = cavity(0.1, 16);
+    for v in &mut sphere.vertices {
+        *v = DVec3::new(exactly(v.x), exactly(v.y), exactly(v.z));
+    }
+    let target = p.map(exactly);
+    let cases = [
+        ("moved by 2^20", 2f64.powi(20), 1.),
+        ("moved by 2^40", 2f64.powi(40), 1.),
+        ("scaled by 2^-200", 0., 2f64.powi(-200)),
+        ("scaled by 2^200", 0., 2f64.powi(200)),
+        ("scaled by 2^-1000", 0., 2f64.powi(-1000)),
+        ("scaled by 2^1000", 0., 2f64.powi(1000)),
+    ];
+    let (n, up) = (20_000, DVec3::Z);
+    let still = pixel(&sphere, 0.9, (o, target), n)?;
+    let mut failed = 0;
+    for (what, shift, scale) in cases {
+        let place = |v: DVec3| v * scale + DVec3::splat(shift);
+        let mut mesh = sphere.clone();
+        mesh.vertices.iter_mut().for_each(|v| *v = place(*v));
+        let view = (place(o), place(target));
+        let ours = pixel(&mesh, 0.9, view, n)?;
+        let theirs = Fragile::new(&mesh).mean(0.9, up, view, n);
+        failed += row(
+            &format!("cavity f = 0.1 rho = 0.9 {what}"),
+            &format!("{:.6}", still.mean()),
+            &format!("{:.6}", ours.mean()),
+            &format!("{:.6}", theirs.mean()),
+            ours == still,
+        );
+    }
+    for shift in [0., 1e5, 1e7] {
+        let place = |v: DVec3| v + DVec3::splat(shift);
+        let mut mesh = solids::icosphere(5);
+        mesh.vertices.iter_mut().for_each(|v| *v = place(*v));
+        let view = (place(o), place(p));
+        let ours = pixel(&mesh, 0.9, view, n)?;
+        let theirs = Fragile::new(&mesh).mean(0.9, up, view, n);
+        failed += row(
+            &format!("closed icosphere 5 moved by {shift:e}"),
+            "0",
+            &ours.mean().to_string(),
+            &format!("{:.2e}", theirs.mean()),
+            ours.mean() == 0. && ours.variance() == 0.,
+        );
+    }
+    Ok(failed)
+}
+
+// ---- means that are known
+
+fn means() -> Result<u32, Box<dyn Error>> {
+    let mut failed = 0;
+    let above = (DVec3::new(0.3, 0.1, 2.), DVec3::ZERO);
+    for scale in [1e-300, 1e-30, 1., 1e30, 1e300] {
+        let mut mesh = plane();
+        mesh.vertices.iter_mut().for_each(|v| *v *= scale);
+        let view = (above.0 * scale, above.1 * scale);
+        let case = format!("plane scaled by {scale:e}");
+        failed += mean(&case, &mesh, 0.5, view, 0.5)?;
+    }
+    let inside = (DVec3::ZERO, DVec3::new(0.3, 0.2, -1.));
+    for (rho, f) in [
+        (0.5, 0.5),
+        (0.9, 0.05),
+        (0.99, 0.01),
+        (0.999, 1e-3),
+        (1. - 1e-6, 1e-3),
+        (1., 1e-3),
+    ] {
+        let mesh = cavity(f, 128);
+        let case = format!("cavity f = {f} rho = {rho}");
+        let exact = cavity_radiance(rho, f);
+        failed += mean(&case, &mesh, rho, inside, exact)?;
+    }
+    Ok(failed)
+}
+
+/// A mean that is known.
+fn mean(
+    case: &str,
+    mesh: &Mesh,
+    rho: f64,
+    view: (DVec3, DVec3),
+    exact: f64,
+) -> Result<u32, Box<dyn Error>> {
+    let ours = pixel(mesh, rho, view, REALISATIONS)?;
+    let n = REALISATIONS / 10;
+    let theirs = Fragile::new(mesh).mean(rho, DVec3::Z, view, n);
+    let said = |pixel: &Accumulator| match pixel.standard_error() {
+        0. => format!("{:.6}", pixel.mean()),
+        error => {
+            let z = (pixel.mean() - exact) / error;
+            format!("{:.6} ({z:+.1} SE)", pixel.mean())
+        }
+    };
+    let off = (ours.mean() - exact).abs();
+    let passed = off <= SIDAK * ours.standard_error();
+    Ok(row(
+        case,
+        &format!("{exact:.6}"),
+        &said(&ours),
+        &said(&theirs),
+        passed,
+    ))
+}

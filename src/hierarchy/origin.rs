@@ -1,0 +1,265 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! From the nearest triangle to a hit, from whose point a path goes on.
+//!
+//! The point is on the same side of all triangles as the ray that found
+//! it, and not nearer to any of them than the errors of the next ray.
+
+// Name what the origin imports
+use bytemuck::Pod;
+use glam::DVec3;
+
+use super::Hit;
+use super::triangle::{Leaf, NEAR, NONE, Passage, Search, Shear};
+use super::wide::{LEAF, Node, Wide, slots};
+use crate::numerics::cross;
+use crate::scene::Ray;
+
+// Say how far from a surface is safe
+/// How far off its surface a hit is put, and at least how far from other
+/// triangles, by our computation: 2^-35.
+const CLEAR: f64 = 1. / (1u64 << 35) as f64;
+
+/// Other triangles this close to a hit make it doubtful: 2^-32.
+const CLOSE_BY: f64 = 1. / (1u64 << 32) as f64;
+
+// Make the search's result a hit
+/// The hit of `ray`, which left the hit `from`, on the nearest triangle.
+#[inline(always)]
+pub fn hit<const N: usize>(
+    wide: &Wide<N>,
+    ray: &Ray,
+    from: Option<&Hit>,
+    search: &Search,
+) -> Option<Hit>
+where
+    Node<N>: Pod,
+{
+    let (distance, primitive) = (search.distance, search.slot);
+    if primitive == NONE {
+        return None;
+    }
+    // Find the point and the normal
+    let [a, b, c] = search.triangle();
+    let normal = cross(b - a, c - a).normalize();
+    let away = normal.dot(ray.direction) > 0.;
+    let normal = if away { -normal } else { normal };
+    // Put the point off the surface
+    let met = ray.origin + ray.direction * distance;
+    let height = normal.dot(met - a);
+    let mut point = met + normal * (CLEAR - height);
+    // Settle the point if it is doubtful
+    let shallow = from.is_some_and(|hit| {
+        distance * hit.normal.dot(ray.direction) <= 2. * CLOSE_BY
+    });
+    let deep = height.abs() > 0.5 * CLOSE_BY;
+    if search.doubt <= distance + NEAR || shallow || deep {
+        let left = from.map(|hit| hit.primitive);
+        let arrival = Arrival { ray, distance, primitive, left };
+        if let Some(safe) = arrival.settle(wide, met, (shallow, deep)) {
+            point = safe;
+        }
+    }
+    Some(Hit { point, normal, primitive })
+}
+
+// Settle a doubtful hit
+/// A hit that may be too close to other triangles.
+struct Arrival<'a> {
+    ray: &'a Ray,
+    distance: f64,
+    /// The slot of the triangle that is hit.
+    primitive: u32,
+    /// That of the triangle which the ray left, if it left one.
+    left: Option<u32>,
+}
+
+impl Arrival<'_> {
+    /// A safe point, if the hit at `met` is too close to others, or too
+    /// `deep`. The triangle that the ray left is ignored unless the ray
+    /// is `shallow`.
+    #[cold]
+    #[inline(never)]
+    fn settle<const N: usize>(
+        &self,
+        wide: &Wide<N>,
+        met: DVec3,
+        (shallow, deep): (bool, bool),
+    ) -> Option<DVec3>
+    where
+        Node<N>: Pod,
+    {
+        let shear = Shear::new(self.ray);
+        let close = deep || self.is_close(wide, &shear, met, shallow);
+        close.then(|| self.retreat(wide, &shear))
+    }
+
+    // Ask whether others are close to the hit
+    /// Whether a triangle other than that of the hit may be close to it.
+    fn is_close<const N: usize>(
+        &self,
+        wide: &Wide<N>,
+        shear: &Shear,
+        met: DVec3,
+        shallow: bool,
+    ) -> bool
+    where
+        Node<N>: Pod,
+    {
+        any_around(wide, met, |leaf, (lane, slot), _| {
+            let gap = |at: f64| at - self.distance;
+            let close = match leaf.passage(lane, shear) {
+                Passage::Through(at) => at > -NEAR && gap(at).abs() <= NEAR,
+                Passage::Beside(at) => {
+                    at.iter().any(|&at| gap(at) <= NEAR)
+                        && at.iter().any(|&at| gap(at) >= -NEAR)
+                }
+                Passage::Apart => false,
+            };
+            close
+                && slot != self.primitive
+                && (shallow || Some(slot) != self.left)
+        })
+    }
+
+    // Find the way back to a safe point
+    /// A safe point of the ray, not far before the hit.
+    fn retreat<const N: usize>(
+        &self,
+        wide: &Wide<N>,
+        shear: &Shear,
+    ) -> DVec3
+    where
+        Node<N>: Pod,
+    {
+        let Ray { origin, direction } = *self.ray;
+        let mut back = 2. * CLEAR;
+        while back < self.distance {
+            let point = origin + direction * (self.distance - back);
+            if self.is_safe(wide, shear, point) {
+                return point;
+            }
+            back *= 4.;
+        }
+        origin
+    }
+
+    // Ask whether a point is safe
+    /// Whether a point of the ray is before all triangles that the ray
+    /// meets, and apart from the others.
+    fn is_safe<const N: usize>(
+        &self,
+        wide: &Wide<N>,
+        shear: &Shear,
+        point: DVec3,
+    ) -> bool
+    where
+        Node<N>: Pod,
+    {
+        !any_around(wide, point, |leaf, (lane, _), triangle| {
+            match leaf.passage(lane, shear) {
+                Passage::Through(at) if at > 0. => {
+                    !is_before(triangle, self.ray.direction, point)
+                }
+                _ => !is_apart(triangle, point),
+            }
+        })
+    }
+}
+
+// Visit the triangles around a point
+/// Whether `asked` is true of a triangle whose box, grown by `AROUND`,
+/// holds the point: of a lane of a leaf, its corners, and its slot.
+fn any_around<const N: usize>(
+    wide: &Wide<N>,
+    point: DVec3,
+    asked: impl Fn(&Leaf, (usize, u32), &[DVec3; 3]) -> bool,
+) -> bool
+where
+    Node<N>: Pod,
+{
+    let mut children = vec![0];
+    while let Some(child) = children.pop() {
+        if child & LEAF == 0 {
+            let nodes: &[Node<N>] = &wide.nodes;
+            let node = &nodes[child as usize];
+            let held = (0..N).filter(|&slot| holds(node, slot, point));
+            children.extend(held.map(|slot| node.children[slot]));
+            continue;
+        }
+        // Ask about each triangle of the leaf
+        let (first, count) = slots(child);
+        // SAFETY: children with the bit LEAF are leaves that are there.
+        let leaf = unsafe { wide.leaves.leaf(first, count) };
+        let mut lanes = (0..count).zip(first..);
+        let is_so = |(lane, slot): (usize, u32)| {
+            let triangle = leaf.triangle(lane as u32);
+            is_around(&triangle, point)
+                && asked(&leaf, (lane, slot), &triangle)
+        };
+        if lanes.any(is_so) {
+            return true;
+        }
+    }
+    false
+}
+
+/// How far from a point a triangle may be to be around it: 2^-10.
+const AROUND: f64 = 1. / 1024.;
+
+fn is_around(&[a, b, c]: &[DVec3; 3], point: DVec3) -> bool {
+    let (least, greatest) = (a.min(b).min(c), a.max(b).max(c));
+    let beyond = (least - point).max(point - greatest);
+    beyond.max_element() <= AROUND
+}
+
+/// Whether the box of a child holds a point.
+fn holds<const N: usize>(
+    node: &Node<N>,
+    slot: usize,
+    point: DVec3,
+) -> bool {
+    (0..3).all(|axis| {
+        let least = f64::from(node.planes[axis][slot]);
+        let greatest = f64::from(node.planes[axis + 3][slot]);
+        (least..=greatest).contains(&point[axis])
+    })
+}
+
+// Tell a point from a triangle
+/// Whether a point is before the plane of a triangle, by `CLEAR`, for who
+/// comes along `direction`.
+fn is_before(
+    &[a, b, c]: &[DVec3; 3],
+    direction: DVec3,
+    point: DVec3,
+) -> bool {
+    let normal = cross(b - a, c - a);
+    let side = -normal.dot(direction).signum();
+    side * normal.dot(point - a) >= CLEAR * normal.length()
+}
+
+/// Whether one of a few planes is between a point and a triangle, and
+/// `CLEAR` from the point.
+fn is_apart(&[a, b, c]: &[DVec3; 3], point: DVec3) -> bool {
+    let normal = cross(b - a, c - a);
+    let before = |p: DVec3, normal: DVec3| {
+        normal.dot(point - p) >= CLEAR * normal.length()
+    };
+    let off_edge = |(p, q): (DVec3, DVec3)| before(p, cross(q - p, normal));
+    let off_corner = |(p, q, r): (DVec3, DVec3, DVec3)| {
+        let away = point - p;
+        let ahead = away.dot(q - p).max(away.dot(r - p));
+        ahead <= 0. && away.length() >= CLEAR
+    };
+    before(a, normal)
+        || before(a, -normal)
+        || [(a, b), (b, c), (c, a)].into_iter().any(off_edge)
+        || [(a, b, c), (b, c, a), (c, a, b)].into_iter().any(off_corner)
+}
