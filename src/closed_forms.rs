@@ -79,13 +79,13 @@ pub fn closed_forms() -> Vec<ClosedForm> {
         let radiance = Box::new(move |rho: f64| cavity_radiance(rho, f));
         add(name, cavity(f, 128), down, &RHOS, radiance);
     }
-    let (x, z) = (DVec3::X, DVec3::Z);
+    let (x, z) = (5. * DVec3::X, 5. * DVec3::Z);
     let v = |x, z| [DVec3::new(x, 0., z), DVec3::new(-x, 0., z)];
     let valleys = [
         ("floor by a wall", [x, z], &RHOS[..]),
         ("wall by a floor", [z, x], &RHOS[..]),
         (r"V, $\alpha=74^\circ$", v(3., 4.), &RHOS[..5]),
-        (r"V, $\alpha=90^\circ$", v(1., 1.), &RHOS[..]),
+        (r"V, $\alpha=90^\circ$", v(4., 4.), &RHOS[..]),
         (r"V, $\alpha=106^\circ$", v(4., 3.), &RHOS[..]),
     ];
     for (name, [s, t], rhos) in valleys {
@@ -237,13 +237,13 @@ pub fn cavity(f: f64, rings: u32) -> Mesh {
 
 // Make planes that cross
 /// Two planes through the y axis, one through `s` and the other through
-/// `t`, that reach 2^44 times as far.
+/// `t`, that reach 2^40 times as far.
 fn crossing(s: DVec3, t: DVec3) -> Mesh {
     let y = 8. * DVec3::Y;
     let arm = |u: DVec3| [-y, u - y, u + y, y, y, y - u, -u - y, -y];
     let round = [arm(s), arm(t)].concat();
     let row = |size| round.iter().map(|&p| p * size).collect();
-    let sizes = (0..=11).map(|k| power_of_two(4 * k));
+    let sizes = (0..=10).map(|k| power_of_two(4 * k));
     sheet(&iter::once(0.).chain(sizes).map(row).collect::<Vec<_>>())
 }
 

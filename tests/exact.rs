@@ -39,7 +39,7 @@ fn inside() -> View {
 fn every_closed_form_is_met() {
     let (mut judged, mut certain, mut wrong) = (0, 0, Vec::new());
     for (form, seed) in closed_forms().iter().zip((1000..).step_by(10)) {
-        for outcome in form.outcomes(20_000, seed).unwrap() {
+        for outcome in form.outcomes(10_000, seed).unwrap() {
             let (pixel, exact) = (&outcome.pixel, outcome.exact);
             let found = (pixel.mean(), pixel.variance());
             let right = if outcome.is_certain() {

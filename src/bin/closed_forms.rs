@@ -10,7 +10,7 @@
 
 use litpt::closed_forms::{Outcome, RHOS, closed_forms};
 
-const REALISATIONS: u64 = 50_000;
+const REALISATIONS: u64 = 20_000;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     for (form, seed) in closed_forms().iter().zip((0..).step_by(10)) {
