@@ -14,7 +14,7 @@ use std::process::ExitCode;
 
 use fragile::Fragile;
 use glam::DVec3;
-use litpt::closed_forms::{cavity, cavity_radiance, pixel, plane};
+use litpt::closed_forms::{cavity, cavity_radiance, look, pixel, plane};
 use litpt::hierarchy::{Hierarchy, Kernel, Work};
 use litpt::sampling::cosine_direction;
 use litpt::scene::{Mesh, Ray};
@@ -185,14 +185,14 @@ fn moved() -> Result<u32, Box<dyn Error>> {
         ("scaled by 2^1000", 0., 2f64.powi(1000)),
     ];
     let n = 20_000;
-    let still = pixel(&sphere, 0.9, (o, target), n)?;
+    let still = pixel(&sphere, 0.9, &look(o, target, 20.), n)?;
     let mut failed = 0;
     for (what, shift, scale) in cases {
         let place = |v: DVec3| v * scale + DVec3::splat(shift);
         let mut mesh = sphere.clone();
         mesh.vertices.iter_mut().for_each(|v| *v = place(*v));
         let view = (place(o), place(target));
-        let ours = pixel(&mesh, 0.9, view, n)?;
+        let ours = pixel(&mesh, 0.9, &look(view.0, view.1, 20.), n)?;
         let theirs = fragile(&mesh, 0.9, view, n);
         failed += row(
             &format!("cavity f = 0.1 rho = 0.9 {what}"),
@@ -207,7 +207,7 @@ fn moved() -> Result<u32, Box<dyn Error>> {
         let mut mesh = solids::icosphere(5);
         mesh.vertices.iter_mut().for_each(|v| *v = place(*v));
         let view = (place(o), place(p));
-        let ours = pixel(&mesh, 0.9, view, n)?;
+        let ours = pixel(&mesh, 0.9, &look(view.0, view.1, 20.), n)?;
         let theirs = fragile(&mesh, 0.9, view, n);
         failed += row(
             &format!("closed icosphere 5 moved by {shift:e}"),
@@ -277,7 +277,7 @@ fn mean(
     view: (DVec3, DVec3),
     exact: f64,
 ) -> Result<u32, Box<dyn Error>> {
-    let ours = pixel(mesh, rho, view, REALISATIONS)?;
+    let ours = pixel(mesh, rho, &look(view.0, view.1, 20.), REALISATIONS)?;
     let n = REALISATIONS / 10;
     let theirs = fragile(mesh, rho, view, n);
     let said = |pixel: &Accumulator| match pixel.standard_error() {

@@ -8,33 +8,39 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Prints the table of closed forms of the book, as LaTeX rows.
 
-use glam::DVec3;
-use litpt::closed_forms::{cavity, cavity_radiance, pixel, plane};
+use litpt::closed_forms::{Outcome, RHOS, closed_forms};
 
 const REALISATIONS: u64 = 20_000;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    for rho in [0., 0.2, 0.5, 0.9, 0.99, 1.] {
-        // Print the row of the plane
-        let above = (DVec3::Z, DVec3::ZERO);
-        let pixel_of_plane = pixel(&plane(), rho, above, REALISATIONS)?;
-        let (mean, error) =
-            (pixel_of_plane.mean(), pixel_of_plane.standard_error());
-        println!(r"plane & {rho} & {rho:.6} & {mean:.6} & {error:.6} & \\");
-        for f in [0.05, 0.5] {
-            // Print the row of the cavity
-            let exact = cavity_radiance(rho, f);
-            let inside = (DVec3::ZERO, DVec3::new(0.3, 0.2, -1.));
-            let wall = pixel(&cavity(f, 128), rho, inside, REALISATIONS)?;
-            let (mean, error) = (wall.mean(), wall.standard_error());
-            let z = match error {
-                0. => String::new(),
-                error => format!("${:+.2}$", (mean - exact) / error),
-            };
-            println!(
-                r"cavity, $f={f}$ & {rho} & {exact:.6} & {mean:.6} & {error:.6} & {z} \\"
-            );
+    for (form, seed) in closed_forms().iter().zip((0..).step_by(10)) {
+        let outcomes = form.outcomes(REALISATIONS, seed)?;
+        let at = |rho| outcomes.iter().find(|o| o.rho == rho);
+        // Print one row of the table
+        print!("{}", form.name);
+        match at(0.9) {
+            Some(Outcome { exact, pixel, .. }) => {
+                let (mean, error) = (pixel.mean(), pixel.standard_error());
+                print!(" & {exact:.4} & {mean:.4}({:.0})", 1e4 * error);
+            }
+            None => print!(" & & "),
         }
+        for rho in &RHOS[1..] {
+            print!(" & {}", at(*rho).map_or_else(String::new, entry));
+        }
+        println!(r" \\");
     }
     Ok(())
+}
+
+// Write one entry of the table
+/// The error in standard errors, or whether there was none.
+fn entry(outcome: &Outcome) -> String {
+    let Outcome { exact, pixel, .. } = outcome;
+    let equal = pixel.mean() == *exact && pixel.variance() == 0.;
+    match (outcome.is_certain(), equal) {
+        (true, true) => "$=$".to_owned(),
+        (true, false) => r"$\neq$".to_owned(),
+        (false, _) => format!("${:+.1}$", outcome.z()),
+    }
 }
