@@ -5,7 +5,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 
 use glam::DVec3;
-use litpt::closed_forms::{cavity, cavity_radiance, pixel};
+use litpt::closed_forms::{cavity, cavity_radiance, look, pixel};
 use litpt::estimator::{Estimator, Reference, Step};
 use litpt::hierarchy::Hit;
 use litpt::sampling::{generator, happens};
@@ -152,11 +152,11 @@ fn paths_in_a_closed_white_cavity_end_as_fast_as_derived() {
 // the standard errors. Three comparisons.
 #[test]
 fn stiff_cavities_made_of_triangles_agree_with_the_closed_form() {
-    let inside = (DVec3::ZERO, DVec3::new(0.3, 0.2, -1.));
+    let inside = look(DVec3::ZERO, DVec3::new(0.3, 0.2, -1.), 20.);
     for (rho, f, n) in
         [(0.999, 0.01, 20_000), (1. - 1e-6, 1e-3, 3000), (1., 1e-4, 2000)]
     {
-        let pixel = pixel(&cavity(f, 128), rho, inside, n).unwrap();
+        let pixel = pixel(&cavity(f, 128), rho, &inside, n).unwrap();
         let (weight, _) = moments(rho, f);
         let variance = weight[1] - weight[0] * weight[0];
         let error = (variance / n as f64).sqrt();
