@@ -132,8 +132,7 @@ impl Solid {
         let triangles = self.scene.triangles();
         escapes(random, n, |ray, from| {
             let all = triangles.iter().zip(0..);
-            let others = all
-                .filter(|(_, i)| Some(*i) != from.map(|hit| hit.primitive));
+            let others = all.filter(|(_, i)| Some(*i) != from);
             let met = others
                 .filter_map(|(t, i)| Some((test(ray, t)?, i)))
                 .min_by(|a, b| a.0.total_cmp(&b.0));
@@ -166,7 +165,7 @@ impl Work for Exact<'_> {
 fn escapes(
     random: &mut Pcg64Mcg,
     n: u64,
-    first_hit: impl Fn(&Ray, Option<&Hit>) -> Option<Hit>,
+    first_hit: impl Fn(&Ray, Option<u32>) -> Option<Hit>,
 ) -> u64 {
     let start = |random: &mut Pcg64Mcg| {
         let mut one = || 1000. * (random.random::<f64>() - 0.5);
@@ -179,7 +178,7 @@ fn escapes(
     let (mut ray, mut from) = start(random);
     let mut escapes = 0;
     for _ in 0..n {
-        let Some(hit) = first_hit(&ray, from.as_ref()) else {
+        let Some(hit) = first_hit(&ray, from) else {
             escapes += 1;
             (ray, from) = start(random);
             continue;
@@ -187,7 +186,7 @@ fn escapes(
         let (r, turn) = (random.random(), random.random());
         let direction = cosine_direction(hit.normal, r, turn);
         ray = Ray { origin: hit.point, direction };
-        from = Some(hit);
+        from = Some(hit.primitive);
     }
     escapes
 }

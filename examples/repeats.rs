@@ -14,7 +14,7 @@ use std::time::Instant;
 
 use litpt::camera::Camera;
 use litpt::estimator::Reference;
-use litpt::hierarchy::{Hierarchy, Hit, Isa, Kernel, Quality, Work};
+use litpt::hierarchy::{Hierarchy, Isa, Kernel, Quality, Work};
 use litpt::scene::{Ray, Scene, read_obj};
 use litpt::sky::Sky;
 
@@ -23,7 +23,7 @@ const ROUNDS: usize = 5;
 const REPEATS: [usize; 7] = [1, 2, 4, 8, 16, 32, 64];
 
 /// Rays, each with the triangle from which it starts.
-type Rays = Vec<(Ray, Option<Hit>)>;
+type Rays = Vec<(Ray, Option<u32>)>;
 
 /// All rays are to be traced, each some times.
 struct Repeat<'a>(&'a Rays, usize);
@@ -36,7 +36,7 @@ impl Work for Repeat<'_> {
         let start = Instant::now();
         for (ray, from) in self.0 {
             for _ in 0..self.1 {
-                black_box(kernel.first_hit(black_box(ray), from.as_ref()));
+                black_box(kernel.first_hit(black_box(ray), *from));
             }
         }
         start.elapsed().as_secs_f64()

@@ -139,14 +139,13 @@ impl Work for Starts<'_> {
             let mut ray = Ray { origin: cameras[at], direction };
             let mut from = None;
             (0..BOUNCES).any(|_| {
-                let Some(hit) = kernel.first_hit(&ray, from.as_ref())
-                else {
+                let Some(hit) = kernel.first_hit(&ray, from) else {
                     return true;
                 };
                 let (r, turn) = (random.random(), random.random());
                 let direction = cosine_direction(hit.normal, r, turn);
                 ray = Ray { origin: hit.point, direction };
-                from = Some(hit);
+                from = Some(hit.primitive);
                 false
             })
         });

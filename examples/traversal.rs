@@ -29,7 +29,7 @@ use libloading::Library;
 use litpt::arguments::Arguments;
 use litpt::camera::Camera;
 use litpt::estimator::Reference;
-use litpt::hierarchy::{Hierarchy, Hit, Isa, Kernel, Quality, Work};
+use litpt::hierarchy::{Hierarchy, Isa, Kernel, Quality, Work};
 use litpt::scene::{Ray, Scene};
 use litpt::sky::Sky;
 
@@ -49,7 +49,7 @@ impl Work for Stretch<'_> {
 
     fn with<K: Kernel>(self, kernel: &K) -> u64 {
         let number = |step: &Step| {
-            let hit = kernel.first_hit(&step.ray, step.from.as_ref());
+            let hit = kernel.first_hit(&step.ray, step.from);
             u64::from(hit.map_or(NONE, |hit| hit.primitive))
         };
         self.0.iter().map(number).sum()
@@ -64,7 +64,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let kernel = Hierarchy::with(&scene, Quality::Thorough, Isa::best())?;
     let walk = record(&scene, &kernel, &arguments)?;
     let number = |step: &Step| {
-        let hit = kernel.first_hit(&step.ray, step.from.as_ref());
+        let hit = kernel.first_hit(&step.ray, step.from);
         hit.map_or(NONE, |hit| hit.primitive)
     };
     let mut contenders = vec![Contender {
@@ -101,7 +101,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 /// A ray, and the hit from which it starts.
 struct Step {
     ray: Ray,
-    from: Option<Hit>,
+    from: Option<u32>,
 }
 
 /// The rays of paths through random points of the image, path by path.

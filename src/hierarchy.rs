@@ -50,13 +50,13 @@ pub struct Hit {
 
 /// Finds hits in one scene.
 pub trait Kernel: Sync + Sized {
-    /// The first hit of `ray` on a triangle other than that of `from`,
-    /// the hit that it leaves, if it leaves one.
-    fn first_hit(&self, ray: &Ray, from: Option<&Hit>) -> Option<Hit>;
+    /// The first hit of `ray` on a triangle other than `from`, which it
+    /// leaves.
+    fn first_hit(&self, ray: &Ray, from: Option<u32>) -> Option<Hit>;
 
-    /// Whether `ray` meets any triangle other than that of `from`: the
-    /// same as `first_hit(ray, from).is_some()`, and perhaps faster.
-    fn is_blocked(&self, ray: &Ray, from: Option<&Hit>) -> bool {
+    /// Whether `ray` meets any triangle other than `from`: the same as
+    /// `first_hit(ray, from).is_some()`, and perhaps faster.
+    fn is_blocked(&self, ray: &Ray, from: Option<u32>) -> bool {
         self.first_hit(ray, from).is_some()
     }
 
@@ -218,11 +218,11 @@ impl Hierarchy {
 
 // Answer with the chosen walk
 impl Kernel for Hierarchy {
-    fn first_hit(&self, ray: &Ray, from: Option<&Hit>) -> Option<Hit> {
+    fn first_hit(&self, ray: &Ray, from: Option<u32>) -> Option<Hit> {
         with_walker!(self, walker => walker.first_hit(ray, from))
     }
 
-    fn is_blocked(&self, ray: &Ray, from: Option<&Hit>) -> bool {
+    fn is_blocked(&self, ray: &Ray, from: Option<u32>) -> bool {
         with_walker!(self, walker => walker.is_blocked(ray, from))
     }
 

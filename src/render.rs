@@ -17,7 +17,7 @@ use rayon::prelude::*;
 
 use crate::camera::Camera;
 use crate::estimator::{Estimator, Step};
-use crate::hierarchy::{Hit, Kernel, Work};
+use crate::hierarchy::{Kernel, Work};
 use crate::image::{Image, Tile};
 use crate::sampling::{generator, within};
 use crate::scene::{Ray, Scene};
@@ -74,8 +74,8 @@ struct Traveller<P> {
     random: Pcg64,
     /// Where it goes next; none if it has missed the box of the scene.
     ray: Option<Ray>,
-    /// The hit that it leaves.
-    from: Option<Hit>,
+    /// The triangle that it leaves.
+    from: Option<u32>,
     /// The pixel in its tile.
     pixel: u32,
 }
@@ -212,12 +212,12 @@ impl<K: Kernel, E: Estimator> Job<'_, K, E> {
     #[inline(always)]
     fn go_on(&self, traveller: &mut Traveller<E::Path>) -> Option<f64> {
         let Traveller { path, random, ray, from, .. } = traveller;
-        let trace = |ray| self.kernel.first_hit(ray, from.as_ref());
+        let trace = |ray| self.kernel.first_hit(ray, *from);
         let hit = ray.as_ref().and_then(trace);
         match self.estimator.go_on(path, hit, random) {
             Step::On(next) => {
                 *ray = Some(next);
-                *from = hit;
+                *from = hit.map(|hit| hit.primitive);
                 None
             }
             Step::End(weight) => Some(weight),

@@ -23,7 +23,7 @@ use rand::{Rng, RngExt};
 struct Nothing;
 
 impl Kernel for Nothing {
-    fn first_hit(&self, _: &Ray, _: Option<&Hit>) -> Option<Hit> {
+    fn first_hit(&self, _: &Ray, _: Option<u32>) -> Option<Hit> {
         None
     }
 }

@@ -97,7 +97,7 @@ fn a_triangle_is_never_met_twice_in_a_row() {
         let ray = Ray { origin: DVec3::ZERO, direction };
         let Some(first) = kernel.first_hit(&ray, None) else { continue };
         let onward = Ray { origin: first.point, direction };
-        let from = Some(&first);
+        let from = Some(first.primitive);
         if let Some(second) = kernel.first_hit(&onward, from) {
             assert_ne!(second.primitive, first.primitive);
         }
@@ -158,7 +158,7 @@ fn of_two_triangles_in_one_place_neither_is_met_from_the_other() {
             // Back to where it came from, almost.
             let direction = DVec3::new(0.1, 0.2, 1.).normalize();
             let onward = Ray { origin: hit.point, direction };
-            let from = Some(&hit);
+            let from = Some(hit.primitive);
             assert_eq!(kernel.first_hit(&onward, from), None);
             assert!(!kernel.is_blocked(&onward, from));
         }
@@ -202,8 +202,7 @@ fn a_path_that_leaves_a_triangle_does_not_meet_others_in_its_plane() {
         let mut ray = Ray { origin: DVec3::ZERO, direction: DVec3::X };
         let mut from = None;
         for _ in 0..30_000 {
-            let hit =
-                kernel.first_hit(&ray, from.as_ref()).expect("an escape");
+            let hit = kernel.first_hit(&ray, from).expect("an escape");
             let place = hit.point.abs();
             assert!((place.max_element() - 4096.).abs() < 1e-8, "{place}");
             // Inwards: a path that turns round between two triangles of
@@ -212,7 +211,7 @@ fn a_path_that_leaves_a_triangle_does_not_meet_others_in_its_plane() {
             let (r, turn) = (random.random(), random.random());
             let direction = cosine_direction(hit.normal, r, turn);
             ray = Ray { origin: hit.point, direction };
-            from = Some(hit);
+            from = Some(hit.primitive);
         }
     }
 }

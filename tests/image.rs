@@ -153,7 +153,7 @@ fn a_kernel_can_be_written_by_somebody_else() {
         fn first_hit(
             &self,
             _: &litpt::scene::Ray,
-            _: Option<&Hit>,
+            _: Option<u32>,
         ) -> Option<Hit> {
             None
         }

@@ -22,7 +22,7 @@ fn follow(
     kernel: &Hierarchy,
     cameras: &[DVec3],
     (n, bounces): (usize, u32),
-    mut see: impl FnMut(&Ray, Option<&Hit>, &Hit),
+    mut see: impl FnMut(&Ray, Option<u32>, &Hit),
 ) {
     let mut random = Pcg64::seed_from_u64(5);
     for i in 0..n {
@@ -33,13 +33,13 @@ fn follow(
         let (mut origin, mut from) = (origin, None);
         for _ in 0..bounces {
             let ray = Ray { origin, direction };
-            let hit = kernel.first_hit(&ray, from.as_ref());
+            let hit = kernel.first_hit(&ray, from);
             let hit = hit.unwrap_or_else(|| panic!("{ray:?} escapes"));
-            see(&ray, from.as_ref(), &hit);
+            see(&ray, from, &hit);
             let (r, turn) = (random.random(), random.random());
             direction = cosine_direction(hit.normal, r, turn);
             origin = hit.point;
-            from = Some(hit);
+            from = Some(hit.primitive);
         }
     }
 }
@@ -116,7 +116,7 @@ fn hits_are_inside_and_clear_of_all_triangles() {
             let mut ray = Ray { origin, direction };
             let mut from = None;
             for _ in 0..3 {
-                let hit = kernel.first_hit(&ray, from.as_ref());
+                let hit = kernel.first_hit(&ray, from);
                 let hit = hit.unwrap_or_else(|| panic!("{name}: {ray:?}"));
                 let around = times_around(&triangles, hit.point);
                 assert_ne!(around, 0, "{name}: {ray:?} {hit:?}");
@@ -129,7 +129,7 @@ fn hits_are_inside_and_clear_of_all_triangles() {
                 let direction = cosine_direction(hit.normal, r, turn);
                 // Not far, so that the corner is met again.
                 ray = Ray { origin: hit.point, direction };
-                from = Some(hit);
+                from = Some(hit.primitive);
             }
         }
         assert!(settled > 0, "{name}: no hit was in doubt");

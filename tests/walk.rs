@@ -214,7 +214,7 @@ fn a_ray_that_leaves_a_triangle_is_answered_alike() {
             let mut answers = kernels.iter().map(|kernel| {
                 let hit = kernel.first_hit(&first, None)?;
                 let onward = Ray { origin: hit.point, direction: next };
-                let from = Some(&hit);
+                let from = Some(hit.primitive);
                 let second = kernel.first_hit(&onward, from);
                 let blocked = kernel.is_blocked(&onward, from);
                 assert_eq!(blocked, second.is_some(), "{onward:?}");

@@ -5,7 +5,7 @@
 
 use litpt::camera::Camera;
 use litpt::estimator::{Estimator, Reference, Step};
-use litpt::hierarchy::{Hit, Kernel};
+use litpt::hierarchy::Kernel;
 use litpt::sampling::generator;
 use litpt::scene::{Ray, Scene};
 use rand::RngExt;
@@ -19,7 +19,7 @@ pub fn record<K: Kernel>(
     estimator: &Reference,
     seed: u64,
     count: usize,
-) -> Result<Vec<(Ray, Option<Hit>)>, &'static str> {
+) -> Result<Vec<(Ray, Option<u32>)>, &'static str> {
     let mut rays = Vec::with_capacity(count);
     for n in 0.. {
         let mut random = generator(seed, 0, n);
@@ -29,8 +29,8 @@ pub fn record<K: Kernel>(
         let mut from = None;
         while let Some(ray) = next {
             rays.push((ray, from));
-            let hit = kernel.first_hit(&ray, from.as_ref());
-            from = hit;
+            let hit = kernel.first_hit(&ray, from);
+            from = hit.map(|hit| hit.primitive);
             next = match estimator.go_on(&mut path, hit, &mut random) {
                 Step::On(ray) => Some(ray),
                 Step::End(_) => None,

@@ -45,25 +45,25 @@ impl Walker {
 // Walk with AVX2 instructions
 impl Kernel for Walker {
     #[inline]
-    fn first_hit(&self, ray: &Ray, from: Option<&Hit>) -> Option<Hit> {
+    fn first_hit(&self, ray: &Ray, from: Option<u32>) -> Option<Hit> {
         // SAFETY: a walker exists only where `is_available` holds.
         unsafe { first_hit(&self.0, ray, from) }
     }
 
     #[inline]
-    fn is_blocked(&self, ray: &Ray, from: Option<&Hit>) -> bool {
+    fn is_blocked(&self, ray: &Ray, from: Option<u32>) -> bool {
         // SAFETY: as above.
         unsafe { is_blocked(&self.0, ray, from) }
     }
 }
 
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-fn first_hit(wide: &Wide<8>, ray: &Ray, from: Option<&Hit>) -> Option<Hit> {
+fn first_hit(wide: &Wide<8>, ray: &Ray, from: Option<u32>) -> Option<Hit> {
     hit(wide, ray, from, &search::<false>(wide, ray, from))
 }
 
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-fn is_blocked(wide: &Wide<8>, ray: &Ray, from: Option<&Hit>) -> bool {
+fn is_blocked(wide: &Wide<8>, ray: &Ray, from: Option<u32>) -> bool {
     search::<true>(wide, ray, from).slot != NONE
 }
 
@@ -72,7 +72,7 @@ fn is_blocked(wide: &Wide<8>, ray: &Ray, from: Option<&Hit>) -> bool {
 fn search<'a, const ANY: bool>(
     wide: &'a Wide<8>,
     ray: &Ray,
-    from: Option<&Hit>,
+    from: Option<u32>,
 ) -> Search<'a> {
     walk::<8, ANY, __m256>(
         wide,

@@ -42,13 +42,13 @@ impl Walker {
 // Walk with AVX-512 instructions
 impl Kernel for Walker {
     #[inline]
-    fn first_hit(&self, ray: &Ray, from: Option<&Hit>) -> Option<Hit> {
+    fn first_hit(&self, ray: &Ray, from: Option<u32>) -> Option<Hit> {
         // SAFETY: a walker exists only where `is_available` holds.
         unsafe { first_hit(&self.0, ray, from) }
     }
 
     #[inline]
-    fn is_blocked(&self, ray: &Ray, from: Option<&Hit>) -> bool {
+    fn is_blocked(&self, ray: &Ray, from: Option<u32>) -> bool {
         // SAFETY: as above.
         unsafe { is_blocked(&self.0, ray, from) }
     }
@@ -57,18 +57,14 @@ impl Kernel for Walker {
 #[target_feature(
     enable = "avx512f,avx512vl,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt"
 )]
-fn first_hit(
-    wide: &Wide<16>,
-    ray: &Ray,
-    from: Option<&Hit>,
-) -> Option<Hit> {
+fn first_hit(wide: &Wide<16>, ray: &Ray, from: Option<u32>) -> Option<Hit> {
     hit(wide, ray, from, &search::<false>(wide, ray, from))
 }
 
 #[target_feature(
     enable = "avx512f,avx512vl,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt"
 )]
-fn is_blocked(wide: &Wide<16>, ray: &Ray, from: Option<&Hit>) -> bool {
+fn is_blocked(wide: &Wide<16>, ray: &Ray, from: Option<u32>) -> bool {
     search::<true>(wide, ray, from).slot != NONE
 }
 
@@ -79,7 +75,7 @@ fn is_blocked(wide: &Wide<16>, ray: &Ray, from: Option<&Hit>) -> bool {
 fn search<'a, const ANY: bool>(
     wide: &'a Wide<16>,
     ray: &Ray,
-    from: Option<&Hit>,
+    from: Option<u32>,
 ) -> Search<'a> {
     walk::<16, ANY, __m512>(
         wide,

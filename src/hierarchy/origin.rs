@@ -29,13 +29,16 @@ const CLEAR: f64 = 1. / (1u64 << 34) as f64;
 /// Other triangles this close to a hit make it doubtful: 2^-32.
 const CLOSE_BY: f64 = 1. / (1u64 << 32) as f64;
 
+/// A ray that is longer than this has risen by more than 2^-31: 2^-4.
+const SHORT: f64 = 1. / 16.;
+
 // Make the search's result a hit
-/// The hit of `ray`, which left the hit `from`, on the nearest triangle.
+/// The hit of `ray`, which left the triangle `left`, on the nearest one.
 #[inline(always)]
 pub fn hit<const N: usize>(
     wide: &Wide<N>,
     ray: &Ray,
-    from: Option<&Hit>,
+    left: Option<u32>,
     search: &Search,
 ) -> Option<Hit>
 where
@@ -55,14 +58,11 @@ where
     let height = normal.dot(met - a);
     let mut point = met + normal * (CLEAR - height);
     // Settle the point if it is doubtful
-    let shallow = from.is_some_and(|hit| {
-        distance * hit.normal.dot(ray.direction) <= 2. * CLOSE_BY
-    });
+    let short = left.is_some() && distance <= SHORT;
     let deep = height.abs() > 0.5 * CLOSE_BY;
-    if search.doubt <= distance + NEAR || shallow || deep {
-        let left = from.map(|hit| hit.primitive);
+    if search.doubt <= distance + NEAR || short || deep {
         let arrival = Arrival { ray, distance, primitive, left };
-        if let Some(safe) = arrival.settle(wide, met, (shallow, deep)) {
+        if let Some(safe) = arrival.settle(wide, met, deep) {
             point = safe;
         }
     }
@@ -82,21 +82,20 @@ struct Arrival<'a> {
 
 impl Arrival<'_> {
     /// A safe point, if the hit at `met` is too close to others, or too
-    /// `deep`. The triangle that the ray left is ignored unless the ray
-    /// is `shallow`.
+    /// `deep`.
     #[cold]
     #[inline(never)]
     fn settle<const N: usize>(
         &self,
         wide: &Wide<N>,
         met: DVec3,
-        (shallow, deep): (bool, bool),
+        deep: bool,
     ) -> Option<DVec3>
     where
         Node<N>: Pod,
     {
         let shear = Shear::new(self.ray);
-        let close = deep || self.is_close(wide, &shear, met, shallow);
+        let close = deep || self.is_close(wide, &shear, met);
         close.then(|| self.retreat(wide, &shear))
     }
 
@@ -107,14 +106,20 @@ impl Arrival<'_> {
         wide: &Wide<N>,
         shear: &Shear,
         met: DVec3,
-        shallow: bool,
     ) -> bool
     where
         Node<N>: Pod,
     {
-        any_around(wide, met, |leaf, (lane, slot), _| {
-            let gap = |at: f64| at - self.distance;
+        let gap = |at: f64| at - self.distance;
+        any_around(wide, met, |leaf, (lane, slot), &[a, b, c]| {
+            if Some(slot) == self.left {
+                let normal = cross(b - a, c - a);
+                let height = normal.dot(met - a).abs();
+                let low = height <= 2. * CLOSE_BY * normal.length();
+                return low && self.distance <= SHORT;
+            }
             let close = match leaf.passage(lane, shear) {
+                // Compare where the ray passes the triangle
                 Passage::Through(at) => at > -NEAR && gap(at).abs() <= NEAR,
                 Passage::Beside(at) => {
                     at.iter().any(|&at| gap(at) <= NEAR)
@@ -122,9 +127,7 @@ impl Arrival<'_> {
                 }
                 Passage::Apart => false,
             };
-            close
-                && slot != self.primitive
-                && (shallow || Some(slot) != self.left)
+            close && slot != self.primitive
         })
     }
 

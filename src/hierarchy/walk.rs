@@ -178,7 +178,7 @@ pub struct Entered<V> {
 pub fn walk<'a, const N: usize, const ANY: bool, V>(
     wide: &'a Wide<N>,
     ray: &Ray,
-    from: Option<&Hit>,
+    from: Option<u32>,
     enter: impl Fn(&Node<N>, &Slabs, f32) -> Entered<V>,
     push: impl Fn(&Node<N>, u32, &Entered<V>, &mut Stack) -> u32,
     meet: impl Fn(Leaf<'a>, &Shear, f64) -> (u32, [f64; LANES]),
@@ -188,7 +188,6 @@ where
 {
     let nodes: &[Node<N>] = &wide.nodes;
     let (slabs, shear) = (Slabs::new(ray), Shear::new(ray));
-    let from = from.map(|hit| hit.primitive);
     let mut search = Search::new(&wide.leaves, from);
     let mut waiting = Waiting::new();
     let mut stack = Stack::new(&mut waiting);
@@ -301,7 +300,7 @@ impl Walker {
     fn search<const ANY: bool>(
         &self,
         ray: &Ray,
-        from: Option<&Hit>,
+        from: Option<u32>,
     ) -> Search<'_> {
         walk::<8, ANY, [f32; 8]>(
             &self.0,
@@ -321,11 +320,11 @@ pub fn distance(b: f32, inverse: f32, start: f32) -> f32 {
 }
 
 impl Kernel for Walker {
-    fn first_hit(&self, ray: &Ray, from: Option<&Hit>) -> Option<Hit> {
+    fn first_hit(&self, ray: &Ray, from: Option<u32>) -> Option<Hit> {
         hit(&self.0, ray, from, &self.search::<false>(ray, from))
     }
 
-    fn is_blocked(&self, ray: &Ray, from: Option<&Hit>) -> bool {
+    fn is_blocked(&self, ray: &Ray, from: Option<u32>) -> bool {
         self.search::<true>(ray, from).slot != NONE
     }
 }
