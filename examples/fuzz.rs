@@ -223,13 +223,19 @@ impl Case {
             2..6 => (1, 1),
             _ => (1 + random.below(24) as u32, 1 + random.below(24) as u32),
         };
+        let reflectivity = random.reflectivity();
+        // A closed cavity takes 1000 rays for each path.
+        let definition = match definition.0 * definition.1 > 1000 {
+            true if reflectivity > 0.99 => (128, 1),
+            _ => definition,
+        };
         let small = definition.0 * definition.1 < 1000 && count < 3000;
         let text = (count < 5000 && random.chance(0.25))
             .then(|| random.text(&mesh));
         Self {
             text,
             view,
-            reflectivity: random.reflectivity(),
+            reflectivity,
             definition,
             realisations: if small { 1 + random.below(4) } else { 1 },
             quality: random.choose(&QUALITIES),

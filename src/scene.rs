@@ -445,6 +445,7 @@ impl Scene {
         if !triangles.par_iter().all(has_area) {
             triangles.retain(has_area);
         }
+        forget_copies(&mut triangles);
         let half = frame.apply(high) + DVec3::ONE;
         Self { frame, half, triangles }
     }
@@ -480,6 +481,69 @@ impl Scene {
         let point = shift(origin + direction * start, k);
         Some(Ray { origin: point.clamp(-self.half, self.half), direction })
     }
+}
+
+/// Leaves out triangles that have the same corners as an earlier one.
+fn forget_copies(triangles: &mut Vec<Triangle>) {
+    if triangles.len() > NUMBERS as usize {
+        return;
+    }
+    // Find the triangles whose keys are not alone
+    let key = |(i, triangle): (usize, &Triangle)| {
+        mixed(triangle) & !(NUMBERS - 1) | i as u64
+    };
+    let keys = triangles.par_iter().enumerate().map(key);
+    let mut keys: Vec<u64> = keys.collect();
+    keys.par_sort_unstable();
+    let groups = keys.chunk_by(|a, b| a / NUMBERS == b / NUMBERS);
+    let mut copies: Vec<usize> = vec![];
+    for group in groups.filter(|group| group.len() > 1) {
+        // Find the copies in a group
+        let mut others: Vec<[[u32; 3]; 3]> = vec![];
+        for key in group {
+            let i = (key % NUMBERS) as usize;
+            let corners = sorted(&triangles[i]);
+            match others.contains(&corners) {
+                true => copies.push(i),
+                false => others.push(corners),
+            }
+        }
+    }
+    // Close the gaps of the copies
+    if copies.is_empty() {
+        return;
+    }
+    copies.sort_unstable();
+    let mut copies = copies.into_iter().peekable();
+    let mut numbers = 0..;
+    triangles.retain(|_| {
+        let i = numbers.next();
+        copies.next_if(|&copy| Some(copy) == i).is_none()
+    });
+}
+
+/// One more than the greatest number of a triangle in a key.
+const NUMBERS: u64 = 1 << 28;
+
+/// A number that depends on the corners of a triangle, in any order.
+fn mixed(triangle: &Triangle) -> u64 {
+    let mix = |corner: &Vec3| {
+        let [x, y, z] = corner.to_array().map(|x| u64::from(x.to_bits()));
+        let first = (x << 32 | y).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        let both =
+            first ^ first >> 32 ^ z.wrapping_mul(0xd1b5_4a32_d192_ed03);
+        let mixed = both.wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        mixed ^ mixed >> 31
+    };
+    let sum = triangle.iter().map(mix).fold(0, u64::wrapping_add);
+    sum.wrapping_mul(0x94d0_49bb_1331_11eb)
+}
+
+/// The corners of a triangle, as bits, in order.
+fn sorted(triangle: &Triangle) -> [[u32; 3]; 3] {
+    let mut corners = triangle.map(|p| p.to_array().map(f32::to_bits));
+    corners.sort_unstable();
+    corners
 }
 
 /// A half line, in the coordinates of the scene.
