@@ -188,10 +188,15 @@ fn binary(triangles: &[Triangle], quality: Quality) -> Vec<Bvh2Node> {
     let clusters = in_morton_order(triangles);
     let mut tree = join(clusters, reach, early);
     // Improve the binary tree
+    let share = (CROWDED / crowd(&tree.nodes)).min(1.);
     if tree.max_depth <= DEFAULT_MAX_STACK_DEPTH {
         let mut optimizer = ReinsertionOptimizer::default();
         for &part in parts {
-            optimizer.run(&mut tree, part, None);
+            optimizer.run(
+                &mut tree,
+                part * (CROWDED / crowd).min(1.),
+                None,
+            );
         }
     }
     tree.nodes
@@ -309,6 +314,16 @@ fn choose(clusters: &[Bvh2Node], reach: usize, partners: &mut [u32]) {
         }
     });
 }
+
+/// How many boxes of a tree a ray that meets the root is expected to
+/// meet: the sum of the surface area heuristic.
+fn crowd(nodes: &[Bvh2Node]) -> f32 {
+    let sum: f32 = nodes.iter().map(area).sum();
+    sum / nodes.first().map_or(1., area)
+}
+
+/// From so many boxes on that a ray meets, less of a tree is improved.
+const CROWDED: f32 = 200.;
 
 // Cut the tree at least cost
 /// The least costs of a subtree, as a wide tree or several.
