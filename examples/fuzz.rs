@@ -225,9 +225,9 @@ impl Case {
         };
         let reflectivity = random.reflectivity();
         // A closed cavity takes 1000 rays for each path.
-        let definition = match definition.0 * definition.1 > 1000 {
-            true if reflectivity > 0.99 => (128, 1),
-            _ => definition,
+        let definition = match reflectivity > 0.99 {
+            true => (definition.0.min(8), definition.1.min(8)),
+            false => definition,
         };
         let small = definition.0 * definition.1 < 1000 && count < 3000;
         let text = (count < 5000 && random.chance(0.25))
@@ -890,7 +890,7 @@ impl Random {
         };
         let map = |v: DVec3| (v * shape + offset) * size;
         for vertex in &mut mesh.vertices {
-            *vertex = map(*vertex);
+            *vertex = map(*vertex).clamp(LEAST, -LEAST);
         }
         // Far away and for small sizes, rounding has changed the shape.
         let is_exact = offset.abs().max_element() < 1e4

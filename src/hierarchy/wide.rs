@@ -192,11 +192,7 @@ fn binary(triangles: &[Triangle], quality: Quality) -> Vec<Bvh2Node> {
     if tree.max_depth <= DEFAULT_MAX_STACK_DEPTH {
         let mut optimizer = ReinsertionOptimizer::default();
         for &part in parts {
-            optimizer.run(
-                &mut tree,
-                part * (CROWDED / crowd).min(1.),
-                None,
-            );
+            optimizer.run(&mut tree, part * share, None);
         }
     }
     tree.nodes

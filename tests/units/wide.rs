@@ -149,7 +149,7 @@ where
             let (first, count) = slots(child);
             for slot in first..first + count as u32 {
                 let number = wide.leaves.number(slot) as usize;
-                let triangle = Padded(scene.triangles()[number]);
+                let triangle = single(&scene.triangles()[number], 0);
                 assert!(holds(&outer, &triangle.aabb()));
             }
         }
@@ -167,7 +167,7 @@ fn a_box_holds_the_padded_boxes_of_all_that_is_below() {
 #[test]
 fn the_padding_is_not_lost_in_rounding() {
     let far = Vec3::splat(8193.);
-    let bounds = Padded([far, -far, far]).aabb();
+    let bounds = *single(&[far, -far, far], 0).aabb();
     assert_eq!(bounds.max - Vec3A::from(far), Vec3A::splat(PADDING));
     assert_eq!(bounds.min + Vec3A::from(far), Vec3A::splat(-PADDING));
 }
