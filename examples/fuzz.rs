@@ -225,8 +225,9 @@ impl Case {
         };
         let reflectivity = random.reflectivity();
         // A closed cavity takes 1000 rays for each path.
+        let most = if count > 3000 { 2 } else { 8 };
         let definition = match reflectivity > 0.99 {
-            true => (definition.0.min(8), definition.1.min(8)),
+            true => (definition.0.min(most), definition.1.min(most)),
             false => definition,
         };
         let small = definition.0 * definition.1 < 1000 && count < 3000;

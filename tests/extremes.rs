@@ -115,6 +115,13 @@ fn minus_zero_is_zero() {
         bits.collect::<Vec<_>>()
     });
     assert_eq!(bits[0], bits[1]);
+    // In a flat scene the zeros stay zeros, and copies copies.
+    let mut flat = square(1.);
+    let below = |v: &DVec3| DVec3::new(v.x, v.y, -0.);
+    let more: Vec<_> = flat.vertices.iter().map(below).collect();
+    flat.vertices.extend(more);
+    flat.triangles.extend([[4, 5, 6], [7, 6, 4]]);
+    assert_eq!(Scene::new(&flat).triangles().len(), 2);
     let zero = DVec3::splat(-0.);
     for position in [DVec3::ZERO, zero] {
         let image = render(&other, &View { position, ..room() }, 0.5);
@@ -254,7 +261,7 @@ fn needles_across_the_scene_are_sorted_quickly() {
     let point = |k: f64| {
         DVec3::new(part(k, 0.618), part(k, 0.7549), part(k, 0.5698))
     };
-    let mesh = collect(50_000, |k| {
+    let mesh = collect(130_000, |k| {
         let [a, b] = [point(k + 0.5), point(7. * k + 0.1)];
         [a, b, a + 1e-4 * point(3. * k)]
     });
