@@ -15,7 +15,7 @@ use std::fmt;
 
 use glam::DVec3;
 
-use crate::numerics::{cross, tame};
+use crate::numerics::{cross, power_of_two, tame};
 
 // Describe a view in the user's terms
 /// Where a camera stands and where it looks, in the file's coordinates.
@@ -53,16 +53,24 @@ impl Camera {
         if !(fov > 0. && fov < 180.) {
             return Err(ViewError::FieldOfView(fov));
         }
-        let ahead = tame(0.5 * target - 0.5 * position);
-        if ahead == DVec3::ZERO {
+        // Refuse vectors that are not finite
+        if let Some(vector) =
+            [position, target, up].into_iter().find(|v| !v.is_finite())
+        {
+            return Err(ViewError::Infinite(vector));
+        }
+        let view = difference(target, position);
+        if view == DVec3::ZERO {
             return Err(ViewError::Target(target));
         }
+        let ahead = tame(view);
         let right = tame(cross(ahead, tame(up)));
         if right == DVec3::ZERO {
-            return Err(ViewError::Up { up, ahead: target - position });
+            return Err(ViewError::Up { up, ahead: view });
         }
         // Scale the axes to the image
-        let distance = 1. / libm::tan(0.5 * fov.to_radians());
+        let tangent = libm::tan(0.5 * fov.to_radians());
+        let distance = (1. / tangent).min(FARTHEST);
         Ok(Camera {
             position,
             right: right.normalize() * aspect,
@@ -80,10 +88,23 @@ impl Camera {
     }
 }
 
+/// `a - b`, or half of it where that overflows.
+fn difference(a: DVec3, b: DVec3) -> DVec3 {
+    match a - b {
+        whole if whole.is_finite() => whole,
+        _ => 0.5 * a - 0.5 * b,
+    }
+}
+
+/// The image plane is no farther than 2^200.
+const FARTHEST: f64 = power_of_two(200);
+
 // Explain why a view is impossible
 /// Why a view has no camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ViewError {
+    /// The position, target or up axis, which is not finite.
+    Infinite(DVec3),
     /// The target, which is also the position.
     Target(DVec3),
     /// The up axis is zero or parallel to the direction of view.
@@ -102,6 +123,11 @@ impl std::error::Error for ViewError {}
 impl fmt::Display for ViewError {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         match *self {
+            Self::Infinite(v) => write!(
+                f,
+                "the camera's vector {} is not finite (-p, -t, -u)",
+                typed(v)
+            ),
             Self::Target(at) => write!(
                 f,
                 "the camera's target is its own position {}; move \

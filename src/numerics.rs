@@ -11,22 +11,36 @@
 use glam::DVec3;
 
 // Scale by exact powers of two
-/// The exponent `e` of `x`, with 2^e <= |x| < 2^(e+1) when `x` is
-/// normal, and -1023 when it is zero or subnormal.
+/// The exponent `e` of `x`, with 2^e <= |x| < 2^(e+1); -1075 for zero.
 pub fn exponent(x: f64) -> i32 {
-    let biased = (x.to_bits() >> 52) & 0x7ff;
-    biased as i32 - 1023
+    let digits = x.to_bits() & ((1 << 52) - 1);
+    match (x.to_bits() >> 52) & 0x7ff {
+        0 => -1011 - digits.leading_zeros() as i32,
+        biased => biased as i32 - 1023,
+    }
 }
 
 /// The number 2^`e`, with `e` clamped to the normal range [-1022, 1023].
-pub fn power_of_two(e: i32) -> f64 {
-    let biased = (e.clamp(-1022, 1023) + 1023) as u64;
+pub const fn power_of_two(e: i32) -> f64 {
+    let e = match e {
+        ..-1022 => -1022,
+        1024.. => 1023,
+        e => e,
+    };
+    let biased = (e + 1023) as u64;
     f64::from_bits(biased << 52)
 }
 
-/// `v`, scaled exactly so that its largest component is about one.
+/// `v` times 2^`e`, exactly unless the result leaves the normal range.
+#[inline]
+pub fn shift(v: DVec3, e: i32) -> DVec3 {
+    let first = e.clamp(-1022, 1023);
+    v * power_of_two(first) * power_of_two(e - first)
+}
+
+/// `v`, scaled exactly so that its largest component is in [1, 2).
 pub fn tame(v: DVec3) -> DVec3 {
-    v * power_of_two(-exponent(v.abs().max_element()))
+    shift(v, -exponent(v.abs().max_element()))
 }
 
 // Multiply two vectors without cancellation

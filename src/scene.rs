@@ -22,7 +22,7 @@ use glam::{DVec3, Vec3};
 use memchr::{memchr, memchr_iter};
 use rayon::prelude::*;
 
-use crate::numerics::{exponent, power_of_two};
+use crate::numerics::{exponent, power_of_two, shift};
 
 // Represent a mesh as it was read
 /// An indexed triangle mesh in the coordinates of its file.
@@ -352,27 +352,57 @@ impl std::error::Error for ObjError {}
 /// The map from the coordinates of the file to those of the scene.
 #[derive(Clone, Copy, Debug)]
 pub struct Frame {
-    centre: DVec3,
-    /// A power of two.
-    scale: f64,
+    /// The least corner of the scene's box, times `part`.
+    low: DVec3,
+    /// One half, or one.
+    part: f64,
+    /// The scale is 2^`exponent` times `part`.
+    exponent: i32,
+    /// Half extents of the scene's box, in the scene.
+    half: DVec3,
 }
 
 impl Frame {
     /// Where the point `p` of the file lies in the scene.
     pub fn apply(&self, p: DVec3) -> DVec3 {
-        (p - self.centre) * self.scale
+        self.within(p, 0)
+    }
+
+    /// The same, times 2^`-k`.
+    fn within(&self, p: DVec3, k: i32) -> DVec3 {
+        let p = p * self.part;
+        let offset = p - self.low;
+        // Find what the subtraction rounded away
+        let back = offset - p;
+        let lost = (p - (offset - back)) - (self.low + back);
+        let whole = shift(offset, self.exponent - k) - shift(self.half, -k);
+        whole + shift(lost, self.exponent - k)
+    }
+
+    // Place a point however far away
+    /// Where the point `p` of the file lies in the scene, in units of
+    /// 2^`k`; and `k`, which is 0 up to a distance of 2^`FAR`.
+    fn from_afar(&self, p: DVec3) -> (DVec3, i32) {
+        let offset = p * self.part - self.low;
+        let distance = exponent(offset.abs().max_element()) + self.exponent;
+        let k = (distance - FAR).max(0);
+        (self.within(p, k), k)
     }
 }
 
 /// The frame of a box given by two opposite corners.
 fn frame(low: DVec3, high: DVec3) -> Frame {
-    let centre = 0.5 * low + 0.5 * high;
-    let half = (0.5 * high - 0.5 * low).max_element();
-    let scale = match half {
-        0. => 1.,
-        half => power_of_two(EXTENT - exponent(half)),
+    let longest = (0.5 * high - 0.5 * low).max_element();
+    let is_small = longest < power_of_two(-900) && low != high;
+    let part = if is_small { 1. } else { 0.5 };
+    let (low, high) = (low * part, high * part);
+    let size = high - low;
+    let exponent = match size.max_element() {
+        0. => 0,
+        longest => EXTENT + 1 - exponent(longest),
     };
-    Frame { centre, scale }
+    let half = 0.5 * shift(size, exponent);
+    Frame { low, part, exponent, half }
 }
 
 /// Binary exponent of the largest half extent of a scene.
@@ -413,13 +443,15 @@ impl Scene {
         let (low, high) = (low + DVec3::ZERO, high + DVec3::ZERO);
         let frame = frame(low, high);
         let place =
-            |t: [DVec3; 3]| t.map(|corner| frame.apply(corner).as_vec3());
+            |corner: DVec3| frame.apply(corner).as_vec3() + Vec3::ZERO;
+        let place = |corners: [DVec3; 3]| corners.map(place);
         // Place the triangles that have an area
         let all = mesh.triangles.par_iter().map(corners).map(place);
         let mut triangles: Vec<Triangle> = all.collect();
         if !triangles.par_iter().all(has_area) {
             triangles.retain(has_area);
         }
+        forget_copies(&mut triangles);
         let half = frame.apply(high) + DVec3::ONE;
         Self { frame, half, triangles }
     }
@@ -439,20 +471,85 @@ impl Scene {
     /// The ray that starts at the point `position` of the file, from where
     /// it enters the scene; none if it passes the scene by.
     pub fn enter(&self, position: DVec3, direction: DVec3) -> Option<Ray> {
-        let origin = self.frame.apply(position);
-        if origin.abs().cmple(self.half).all() {
+        let (origin, k) = self.frame.from_afar(position);
+        let half = shift(self.half, -k);
+        if origin.abs().cmple(half).all() {
             return Some(Ray { origin, direction });
         }
-        let near = -direction.signum() * self.half;
+        let near = -direction.signum() * half;
         let enters = ((near - origin) / direction).to_array();
         let leaves = ((-near - origin) / direction).to_array();
         let start = enters.into_iter().fold(0., f64::max);
         let end = leaves.into_iter().fold(f64::INFINITY, f64::min);
-        let margin = 1. + f64::EPSILON * 8.;
-        let point =
-            (origin + direction * start).clamp(-self.half, self.half);
-        (start <= end * margin).then_some(Ray { origin: point, direction })
+        if start > end * (1. + f64::EPSILON * 8.) {
+            return None;
+        }
+        let point = shift(origin + direction * start, k);
+        Some(Ray { origin: point.clamp(-self.half, self.half), direction })
     }
+}
+
+/// Leaves out triangles that have the same corners as an earlier one.
+fn forget_copies(triangles: &mut Vec<Triangle>) {
+    if triangles.len() > NUMBERS as usize {
+        return;
+    }
+    // Find the triangles whose keys are not alone
+    let key = |(i, triangle): (usize, &Triangle)| {
+        mixed(triangle) & !(NUMBERS - 1) | i as u64
+    };
+    let keys = triangles.par_iter().enumerate().map(key);
+    let mut keys: Vec<u64> = keys.collect();
+    keys.par_sort_unstable();
+    let groups = keys.chunk_by(|a, b| a / NUMBERS == b / NUMBERS);
+    let mut copies: Vec<usize> = vec![];
+    for group in groups.filter(|group| group.len() > 1) {
+        // Find the copies in a group
+        let mut others: Vec<[[u32; 3]; 3]> = vec![];
+        for key in group {
+            let i = (key % NUMBERS) as usize;
+            let corners = sorted(&triangles[i]);
+            match others.contains(&corners) {
+                true => copies.push(i),
+                false => others.push(corners),
+            }
+        }
+    }
+    // Close the gaps of the copies
+    if copies.is_empty() {
+        return;
+    }
+    copies.sort_unstable();
+    let mut copies = copies.into_iter().peekable();
+    let mut numbers = 0..;
+    triangles.retain(|_| {
+        let i = numbers.next();
+        copies.next_if(|&copy| Some(copy) == i).is_none()
+    });
+}
+
+/// One more than the greatest number of a triangle in a key.
+const NUMBERS: u64 = 1 << 28;
+
+/// A number that depends on the corners of a triangle, in any order.
+fn mixed(triangle: &Triangle) -> u64 {
+    let mix = |corner: &Vec3| {
+        let [x, y, z] = corner.to_array().map(|x| u64::from(x.to_bits()));
+        let first = (x << 32 | y).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        let both =
+            first ^ first >> 32 ^ z.wrapping_mul(0xd1b5_4a32_d192_ed03);
+        let mixed = both.wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        mixed ^ mixed >> 31
+    };
+    let sum = triangle.iter().map(mix).fold(0, u64::wrapping_add);
+    sum.wrapping_mul(0x94d0_49bb_1331_11eb)
+}
+
+/// The corners of a triangle, as bits, in order.
+fn sorted(triangle: &Triangle) -> [[u32; 3]; 3] {
+    let mut corners = triangle.map(|p| p.to_array().map(f32::to_bits));
+    corners.sort_unstable();
+    corners
 }
 
 /// A half line, in the coordinates of the scene.
@@ -463,6 +560,9 @@ pub struct Ray {
     /// Where it goes; of length one.
     pub direction: DVec3,
 }
+
+/// Binary exponent of the distance at which units become larger.
+const FAR: i32 = 1000;
 
 // Test what no file of sensible size can
 #[cfg(test)]

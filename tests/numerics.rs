@@ -69,7 +69,10 @@ fn powers_of_two_are_exact_over_the_normal_range() {
         }
         assert_eq!(power, 2f64.powi(e));
     }
-    assert_eq!(exponent(0.), -1023);
+    assert_eq!(exponent(0.), -1075);
+    assert_eq!(exponent(-5e-324), -1074);
+    assert_eq!(exponent(f64::MIN_POSITIVE / 2.), -1023);
+    assert_eq!(exponent(f64::MIN_POSITIVE * 0.75), -1023);
     assert_eq!(power_of_two(5000), power_of_two(1023));
 }
 

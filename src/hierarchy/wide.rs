@@ -15,14 +15,13 @@
 // Name what the wide hierarchy imports
 use std::{fmt, io};
 
-use bytemuck::{Pod, TransparentWrapper, Zeroable};
+use bytemuck::{Pod, Zeroable};
 use glam::{Vec3, Vec3A};
-use obvhs::Boundable;
 use obvhs::aabb::Aabb;
-use obvhs::bvh2::DEFAULT_MAX_STACK_DEPTH;
 use obvhs::bvh2::node::Bvh2Node;
 use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
-use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
+use obvhs::bvh2::{Bvh2, DEFAULT_MAX_STACK_DEPTH};
+use obvhs::ploc::morton::morton_encode_u64_unorm;
 use rayon::prelude::*;
 
 use super::pages::Pages;
@@ -169,44 +168,158 @@ const _: () = assert!(size_of::<Node<16>>() == 512);
 /// By how much a triangle's box is enlarged on all sides.
 pub const PADDING: f32 = 1. / 128.;
 
-/// A triangle as its enlarged box.
-#[derive(TransparentWrapper)]
-#[repr(transparent)]
-struct Padded(Triangle);
-
-impl Boundable for Padded {
-    fn aabb(&self) -> Aabb {
-        let [a, b, c] = self.0.map(Vec3A::from);
-        let padding = Vec3A::splat(PADDING);
-        Aabb::new(a.min(b).min(c) - padding, a.max(b).max(c) + padding)
-    }
+/// The leaf of a triangle, with its enlarged box.
+fn single(triangle: &Triangle, number: u32) -> Bvh2Node {
+    let [a, b, c] = triangle.map(Vec3A::from);
+    let padding = Vec3A::splat(PADDING);
+    let low = a.min(b).min(c) - padding;
+    let high = a.max(b).max(c) + padding;
+    Bvh2Node::new(Aabb::new(low, high), 1, number)
 }
 
 /// A binary tree over the triangles, one in each leaf. Node 0 is the
 /// root; the second child of a node follows its first.
 fn binary(triangles: &[Triangle], quality: Quality) -> Vec<Bvh2Node> {
-    let (distance, threshold, parts): (_, _, &[f32]) = match quality {
-        Quality::Fast => (PlocSearchDistance::Low, 2, &[0.02]),
-        Quality::Medium => (PlocSearchDistance::Medium, 3, &[0.05, 0.1]),
-        Quality::Thorough => (PlocSearchDistance::Medium, 1, &[1., 1.]),
+    let (reach, early, parts): (_, _, &[f32]) = match quality {
+        Quality::Fast => (6, 2, &[0.02]),
+        Quality::Medium => (14, 3, &[0.05, 0.1]),
+        Quality::Thorough => (14, 1, &[1., 1.]),
     };
-    // Join neighbours into a binary tree
-    let mut tree = PlocBuilder::with_capacity(triangles.len()).build(
-        distance,
-        Padded::wrap_slice(triangles),
-        (0..triangles.len() as u32).collect(),
-        SortPrecision::U64,
-        threshold,
-    );
+    let clusters = in_morton_order(triangles);
+    let mut tree = join(clusters, reach, early);
     // Improve the binary tree
+    let share = (CROWDED / crowd(&tree.nodes)).min(1.);
     if tree.max_depth <= DEFAULT_MAX_STACK_DEPTH {
         let mut optimizer = ReinsertionOptimizer::default();
         for &part in parts {
-            optimizer.run(&mut tree, part, None);
+            optimizer.run(&mut tree, part * share, None);
         }
     }
     tree.nodes
 }
+
+/// A leaf for each triangle, in the order of the middles of their boxes
+/// along Morton's curve.
+fn in_morton_order(triangles: &[Triangle]) -> Vec<Bvh2Node> {
+    let leaf = |i: u32| single(&triangles[i as usize], i);
+    let numbers = (0..triangles.len() as u32).into_par_iter();
+    let boxes = numbers.clone().map(|i| *leaf(i).aabb());
+    let all = boxes.reduce(Aabb::empty, |a, b| a.union(&b));
+    let (low, size) = (all.min.as_dvec3(), all.diagonal().as_dvec3());
+    let key = |i| {
+        let middle = leaf(i).aabb().center().as_dvec3();
+        (morton_encode_u64_unorm((middle - low) / size), i)
+    };
+    let mut keys: Vec<_> = numbers.map(key).collect();
+    keys.par_sort_unstable();
+    keys.into_par_iter().map(|(_, i)| leaf(i)).collect()
+}
+
+/// Joins clusters, given in order, into a binary tree. A cluster looks
+/// for its partner `reach` places far, but in the first `early` rounds
+/// only at its neighbours.
+fn join(mut clusters: Vec<Bvh2Node>, reach: usize, early: usize) -> Bvh2 {
+    let count = clusters.len();
+    let mut nodes = vec![Bvh2Node::default(); 2 * count - count.min(1)];
+    let mut free = nodes.len();
+    let mut partners = vec![0; count];
+    let mut depth = 1;
+    while clusters.len() > 1 {
+        // Join the clusters that choose each other
+        let before = clusters.len();
+        let reach = if depth <= early { 1 } else { reach };
+        choose(&clusters, reach, &mut partners[..before]);
+        merge(&mut clusters, &partners, &mut nodes, &mut free);
+        depth += 1;
+        // Join neighbours after a slow round
+        if (before - clusters.len()) * SLOW < before {
+            let last = clusters.len() as u32 - 1;
+            let neighbours = (0..=last).map(|i| (i ^ 1).min(last));
+            partners.splice(..=last as usize, neighbours);
+            merge(&mut clusters, &partners, &mut nodes, &mut free);
+            depth += 1;
+        }
+    }
+    if let Some(root) = clusters.first() {
+        nodes[0] = *root;
+    }
+    // Hand the binary tree over
+    Bvh2 {
+        nodes,
+        max_depth: depth.max(DEFAULT_MAX_STACK_DEPTH),
+        children_are_ordered_after_parents: true,
+        ..Bvh2::default()
+    }
+}
+
+/// A round is slow that joins fewer than one cluster in so many.
+const SLOW: usize = 16;
+
+/// Joins the clusters that are each other's partners. Their nodes go to
+/// the end of the `free` first ones of `nodes`.
+fn merge(
+    clusters: &mut Vec<Bvh2Node>,
+    partners: &[u32],
+    nodes: &mut [Bvh2Node],
+    free: &mut usize,
+) {
+    let mut kept = 0;
+    for i in 0..clusters.len() {
+        let j = partners[i] as usize;
+        let mut cluster = clusters[i];
+        if j != i && partners[j] as usize == i {
+            // Join a cluster with its partner
+            if j < i {
+                continue;
+            }
+            *free -= 2;
+            nodes[*free] = cluster;
+            nodes[*free + 1] = clusters[j];
+            let bounds = cluster.aabb().union(clusters[j].aabb());
+            cluster = Bvh2Node::new(bounds, 0, *free as u32);
+        }
+        clusters[kept] = cluster;
+        kept += 1;
+    }
+    clusters.truncate(kept);
+}
+
+/// For each cluster that one, up to `reach` places away, with which its
+/// union has the least area.
+fn choose(clusters: &[Bvh2Node], reach: usize, partners: &mut [u32]) {
+    let stretch = clusters.len().div_ceil(64).max(1024);
+    let stretches = partners.par_chunks_mut(stretch).enumerate();
+    stretches.for_each(|(k, partners)| {
+        let start = k * stretch;
+        let end = start + partners.len();
+        let mut best = vec![f32::INFINITY; partners.len()];
+        for i in start.saturating_sub(reach)..end {
+            let last = (i + reach).min(clusters.len() - 1);
+            for j in i + 1..=last {
+                // Offer two clusters to each other
+                let union = clusters[i].aabb().union(clusters[j].aabb());
+                let area = union.half_area();
+                for (own, other) in [(i, j), (j, i)] {
+                    let place = own.wrapping_sub(start);
+                    if place < best.len() && area < best[place] {
+                        best[place] = area;
+                        partners[place] = other as u32;
+                    }
+                }
+            }
+        }
+    });
+}
+
+/// How many boxes of a tree a ray that meets the root is expected to
+/// meet: the sum of the surface area heuristic.
+fn crowd(nodes: &[Bvh2Node]) -> f32 {
+    let sum: f32 = nodes.iter().map(area).sum();
+    sum / nodes.first().map_or(1., area)
+}
+
+/// From so many boxes on that a ray meets, less of a tree is improved.
+const CROWDED: f32 = 200.;
 
 // Cut the tree at least cost
 /// The least costs of a subtree, as a wide tree or several.
