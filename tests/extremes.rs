@@ -144,6 +144,29 @@ fn a_huge_ground_under_a_small_camera_reflects_its_share() {
     assert_all(&image, 0.7, "ground");
 }
 
+// The object's underside sees the ground alone, which sees the sky but for
+// the object; without the object there would be the sky.
+#[test]
+fn a_small_object_on_a_huge_ground_is_seen() {
+    let mut mesh = square(1e9);
+    let corner = DVec3::new(1., 1., 1e-3);
+    mesh.vertices.extend([
+        corner,
+        corner + DVec3::X * 1e-3,
+        corner + DVec3::Y * 1e-3,
+    ]);
+    mesh.triangles.push([4, 5, 6]);
+    let view = View {
+        position: DVec3::new(1.0003, 1., 5e-4),
+        target: DVec3::new(1.0003, 1.0003, 1e-3),
+        up: DVec3::Z,
+        fov: 5.,
+    };
+    let image = render(&mesh, &view, 0.7);
+    let bright = 0.7 * 0.7;
+    assert!(image.means().all(|mean| mean > 0. && mean <= bright));
+}
+
 #[test]
 fn triangles_without_area_change_nothing() {
     let plain = read_obj(common::ROOM.as_bytes()).unwrap();

@@ -200,6 +200,28 @@ fn all_instructions_answer_a_million_rays_with_the_same_bits() {
 }
 
 #[test]
+fn a_ray_of_nonsense_meets_nothing() {
+    let scene = Scene::new(&gridded_cube(3));
+    let odd = [f64::NAN, f64::INFINITY, -f64::INFINITY, 1e300, -3e19];
+    for isa in Isa::ALL.into_iter().filter(|isa| isa.is_available()) {
+        let kernel = Hierarchy::with(&scene, Quality::Fast, isa).unwrap();
+        for (odd, axis) in
+            odd.iter().flat_map(|o| [0, 1, 2].map(|i| (*o, i)))
+        {
+            for direction in [DVec3::X, DVec3::NAN, DVec3::ZERO] {
+                let mut origin = DVec3::ZERO;
+                origin[axis] = odd;
+                let ray = Ray { origin, direction };
+                assert_eq!(kernel.first_hit(&ray, None), None);
+                let ray = Ray { origin: DVec3::ZERO, direction };
+                let hit = kernel.first_hit(&ray, None);
+                assert_eq!(hit.is_some(), direction == DVec3::X);
+            }
+        }
+    }
+}
+
+#[test]
 fn a_ray_that_leaves_a_triangle_is_answered_alike() {
     for mesh in [gridded_cube(8), soup(), cavity(0.2, 24)] {
         let scene = Scene::new(&mesh);

@@ -17,6 +17,7 @@ use std::array;
 use std::mem::MaybeUninit;
 
 use bytemuck::Pod;
+use glam::DVec3;
 
 use super::origin::hit;
 use super::triangle::{LANES, Leaf, NEAR, NONE, Search, Shear};
@@ -66,6 +67,10 @@ fn steep(d: f32) -> f32 {
         _ => LEAST,
     }
 }
+
+/// Origins from which nothing is met: 2^64 or more from the origin of the
+/// scene. With a direction of at least `LEAST` nothing overflows.
+const OUTER: f64 = (1u128 << 64) as f64;
 
 // Keep the children to come
 /// Children that a stack holds.
@@ -187,8 +192,13 @@ where
     Node<N>: Pod,
 {
     let nodes: &[Node<N>] = &wide.nodes;
-    let (slabs, shear) = (Slabs::new(ray), Shear::new(ray));
     let mut search = Search::new(&wide.leaves, from);
+    // Let no ray start out of bounds
+    let bounds = DVec3::splat(OUTER);
+    if !ray.origin.abs().cmplt(bounds).all() {
+        return search;
+    }
+    let (slabs, shear) = (Slabs::new(ray), Shear::new(ray));
     let mut waiting = Waiting::new();
     let mut stack = Stack::new(&mut waiting);
     let mut reach = f32::INFINITY;
