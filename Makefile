@@ -34,7 +34,8 @@ TEX_NEEDS = memoir.cls lmodern.sty microtype.sty booktabs.sty pgfplots.sty
 TEX_INSTALL = apt-get install --no-install-recommends texlive-latex-base \
   texlive-latex-recommended texlive-pictures lmodern latexmk
 
-.PHONY: help bin demo test pdf check boot chunk measure clean check-tex
+.PHONY: help bin demo test pdf check boot chunk measure stability \
+  stability-full clean check-tex
 .DELETE_ON_ERROR:
 
 help:
@@ -46,6 +47,7 @@ help:
 	@echo 'make boot    rebuild the tool noweb from its own chapters'
 	@echo 'make chunk   list the root chunks; CHUNK="..." shows one chunk, expanded'
 	@echo 'make measure repeat the measurements that the book prints'
+	@echo 'make stability  stiff and extreme cases, ten minutes; stability-full: an hour'
 	@echo 'make bench   measure pt beside Embree; BENCH_SCENES="..." restricts it'
 	@echo 'make clean   remove what was built'
 
@@ -151,7 +153,8 @@ $(BUILD_DIR)/tables/%.csv: doc/measured/%.csv
 MACHINE = \# $(shell sed -n 's/^model name.*: //p' /proc/cpuinfo | head -n 1), \
   $(shell nproc) cores, on $(shell date +%Y-%m-%d)
 
-MEASURED = qualities repeats leaks accumulators accounting alarms
+MEASURED = qualities repeats leaks origins roulettes accumulators accounting \
+  alarms
 measure: $(BUILD_DIR)/courtyard.obj
 	$(CARGO) build --release $(addprefix --example ,$(MEASURED))
 	@mkdir -p doc/measured
@@ -161,6 +164,33 @@ measure: $(BUILD_DIR)/courtyard.obj
 	    > doc/measured/$$name.csv.new && \
 	  mv doc/measured/$$name.csv.new doc/measured/$$name.csv || exit 1; \
 	done
+
+# ---- stiff and extreme cases
+
+# The tests concerned, optimised, and then one table of what is exact, what pt
+# gives and what the reference's method gives. The table is written even if a
+# case fails; then the target fails. The full run counts the escapes of 10^9
+# paths of four rays from each closed surface; RAYS=1e9 takes a quarter of that.
+RAYS = 4e9
+STABLE = leaks extremes stiff sampling exact walk
+STABILITY = $(CARGO_TARGET_DIR)/release/examples/stability
+
+stability:
+	$(CARGO) test --release $(addprefix --test ,$(STABLE))
+	$(CARGO) build --release --example stability
+	@mkdir -p doc/measured
+	{ echo "$(MACHINE)" && $(STABILITY) 1e8; } \
+	  > doc/measured/stability.csv.new; status=$$?; \
+	mv doc/measured/stability.csv.new doc/measured/stability.csv; \
+	exit $$status
+
+stability-full:
+	$(CARGO) build --release --example stability
+	@mkdir -p doc/measured
+	{ echo "$(MACHINE)" && $(STABILITY) $(RAYS) leaks; } \
+	  > doc/measured/stability-full.csv.new; status=$$?; \
+	mv doc/measured/stability-full.csv.new doc/measured/stability-full.csv; \
+	exit $$status
 
 # ---- pt beside Embree
 
@@ -283,7 +313,7 @@ check-tex:
 $(BUILD_DIR)/litpt.pdf: $(WEB) $(NOWEB) config.mk \
   $(BUILD_DIR)/figures/courtyard.png $(BUILD_DIR)/examples.stamp \
   $(addprefix $(BUILD_DIR)/tables/,closed-forms.tex qualities.tex \
-    leaks.tex layouts.tex habits.tex abreast.tex traversal.tex \
+    leaks.tex origins.tex roulettes.tex stability.tex stability-full.tex layouts.tex habits.tex abreast.tex traversal.tex \
     bench.tex sizes.csv shapes.tex repeats.csv \
     accumulators.tex accounting.tex alarms.tex calibration.stamp \
     anatomy.stamp curve.csv) \
