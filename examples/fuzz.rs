@@ -11,7 +11,7 @@
 //! usage: cargo run --profile checked --example fuzz [SECONDS [SEED]]
 //!
 //! Each seed is a case. A worker, another process, tries one after the
-//! other and says when it begins; if it ends, or says nothing for 20
+//! other and says when it begins; if it ends, or says nothing for 60
 //! seconds, that is a finding, and another worker goes on with the next
 //! seed. With 0 SECONDS the one case SEED is described and tried here.
 
@@ -34,7 +34,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
 /// No case may take longer.
-const PATIENCE: Duration = Duration::from_secs(20);
+const PATIENCE: Duration = Duration::from_secs(60);
 
 fn main() -> ExitCode {
     let mut arguments = std::env::args().skip(1);

@@ -166,10 +166,11 @@ impl Arrival<'_> {
         Node<N>: Pod,
     {
         !any_around(wide, point, |leaf, (lane, _), triangle| {
+            if is_before(triangle, self.ray.direction, point) {
+                return false;
+            }
             match leaf.passage(lane, shear) {
-                Passage::Through(at) if at > 0. => {
-                    !is_before(triangle, self.ray.direction, point)
-                }
+                Passage::Through(at) if at > 0. => true,
                 _ => !is_apart(triangle, point),
             }
         })
