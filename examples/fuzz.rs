@@ -11,7 +11,7 @@
 //! usage: cargo run --profile checked --example fuzz [SECONDS [SEED]]
 //!
 //! Each seed is a case. A worker, another process, tries one after the
-//! other and says when it begins; if it ends, or says nothing for 60
+//! other and says when it begins; if it ends, or says nothing for 300
 //! seconds, that is a finding, and another worker goes on with the next
 //! seed. With 0 SECONDS the one case SEED is described and tried here.
 
@@ -34,7 +34,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
 /// No case may take longer.
-const PATIENCE: Duration = Duration::from_secs(60);
+const PATIENCE: Duration = Duration::from_secs(300);
 
 fn main() -> ExitCode {
     let mut arguments = std::env::args().skip(1);
@@ -165,7 +165,7 @@ fn supervise(time: Duration, seed: u64) -> Result<u64, Box<dyn Error>> {
                 worker = Worker::new(current)?;
             }
         }
-        if report.elapsed() > Duration::from_secs(60) {
+        if report.elapsed() > Duration::from_secs(300) {
             report = Instant::now();
             eprintln!("{} cases so far", current - seed);
         }

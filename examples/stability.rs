@@ -70,7 +70,7 @@ fn run() -> Result<u32, Box<dyn Error>> {
         let few = paths.div_ceil(100).max(100.min(paths));
         let [ours, theirs] = leaks(&solid, paths, few)?;
         let case = format!(
-            "{} ({} triangles): escapes of {:.0e} rays",
+            "{}; {} triangles; escapes of {:.0e} rays",
             solid.name,
             solid.scene.triangles().len(),
             number as f64
@@ -186,12 +186,12 @@ fn moved() -> Result<u32, Box<dyn Error>> {
     }
     let target = p.map(exactly);
     let cases = [
-        ("moved by 2^20", 2f64.powi(20), 1.),
-        ("moved by 2^40", 2f64.powi(40), 1.),
-        ("scaled by 2^-200", 0., 2f64.powi(-200)),
-        ("scaled by 2^200", 0., 2f64.powi(200)),
-        ("scaled by 2^-1000", 0., 2f64.powi(-1000)),
-        ("scaled by 2^1000", 0., 2f64.powi(1000)),
+        ("moved by $2^{20}$", 2f64.powi(20), 1.),
+        ("moved by $2^{40}$", 2f64.powi(40), 1.),
+        ("scaled by $2^{-200}$", 0., 2f64.powi(-200)),
+        ("scaled by $2^{200}$", 0., 2f64.powi(200)),
+        ("scaled by $2^{-1000}$", 0., 2f64.powi(-1000)),
+        ("scaled by $2^{1000}$", 0., 2f64.powi(1000)),
     ];
     let n = 20_000;
     let still = pixel(&sphere, 0.9, &look(o, target, 20.), n)?;
@@ -204,7 +204,7 @@ fn moved() -> Result<u32, Box<dyn Error>> {
         let ours = pixel(&mesh, 0.9, &look(view.0, view.1, 20.), n)?;
         let theirs = fragile(&mesh, 0.9, view, n);
         failed += row(
-            &format!("cavity f = 0.1 rho = 0.9 {what}"),
+            &format!(r"cavity $f=0.1$; $\rho=0.9$; {what}"),
             &format!("{:.6}", still.mean()),
             &format!("{:.6}", ours.mean()),
             &theirs.map_or(NONE.to_owned(), |m| format!("{:.6}", m.mean())),
@@ -219,7 +219,7 @@ fn moved() -> Result<u32, Box<dyn Error>> {
         let ours = pixel(&mesh, 0.9, &look(view.0, view.1, 20.), n)?;
         let theirs = fragile(&mesh, 0.9, view, n);
         failed += row(
-            &format!("closed icosphere 5 moved by {shift:e}"),
+            &format!("closed icosphere 5; moved by {shift:e}"),
             "0",
             &ours.mean().to_string(),
             &theirs
@@ -298,7 +298,7 @@ fn means() -> Result<u32, Box<dyn Error>> {
         let mut mesh = plane();
         mesh.vertices.iter_mut().for_each(|v| *v *= scale);
         let view = (above.0 * scale, above.1 * scale);
-        let case = format!("plane scaled by {scale:e}");
+        let case = format!("plane; scaled by {scale:e}");
         failed += mean(&case, &mesh, 0.5, view, 0.5)?;
     }
     let inside = (DVec3::ZERO, DVec3::new(0.3, 0.2, -1.));
@@ -311,7 +311,7 @@ fn means() -> Result<u32, Box<dyn Error>> {
         (1., 1e-3),
     ] {
         let mesh = cavity(f, 128);
-        let case = format!("cavity f = {f} rho = {rho}");
+        let case = format!(r"cavity $f={f}$; $\rho={rho}$");
         let exact = cavity_radiance(rho, f);
         failed += mean(&case, &mesh, rho, inside, exact)?;
     }
@@ -345,7 +345,7 @@ fn known() -> Result<u32, Box<dyn Error>> {
     // Of 100 values, one exceeds 4.42 with a probability of 0.001.
     Ok(certainly
         + row(
-            &format!("closed forms: largest abs z of {count}"),
+            &format!("closed forms: largest $|z|$ of {count}"),
             "",
             &format!("{worst:.2}"),
             "",

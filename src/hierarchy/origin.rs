@@ -112,13 +112,17 @@ impl Arrival<'_> {
     {
         let gap = |at: f64| at - self.distance;
         any_around(wide, met, |leaf, (lane, slot), &[a, b, c]| {
-            if Some(slot) == self.left {
-                let normal = cross(b - a, c - a);
-                let height = normal.dot(met - a).abs();
-                let low = height <= 2. * CLOSE_BY * normal.length();
-                return low && self.distance <= SHORT;
+            let normal = cross(b - a, c - a);
+            let height = normal.dot(met - a).abs();
+            if slot == self.primitive
+                || height > 2. * CLOSE_BY * normal.length()
+            {
+                return false;
             }
-            let close = match leaf.passage(lane, shear) {
+            if Some(slot) == self.left {
+                return self.distance <= SHORT;
+            }
+            match leaf.passage(lane, shear) {
                 // Compare where the ray passes the triangle
                 Passage::Through(at) => at > -NEAR && gap(at).abs() <= NEAR,
                 Passage::Beside(at) => {
@@ -126,8 +130,7 @@ impl Arrival<'_> {
                         && at.iter().any(|&at| gap(at) >= -NEAR)
                 }
                 Passage::Apart => false,
-            };
-            close && slot != self.primitive
+            }
         })
     }
 
@@ -165,13 +168,19 @@ impl Arrival<'_> {
     where
         Node<N>: Pod,
     {
-        !any_around(wide, point, |leaf, (lane, _), triangle| {
-            if is_before(triangle, self.ray.direction, point) {
+        !any_around(wide, point, |leaf, (lane, _), &[a, b, c]| {
+            let normal = cross(b - a, c - a);
+            let side = -normal.dot(self.ray.direction).signum();
+            let height = side * normal.dot(point - a);
+            let limit = CLEAR * normal.length();
+            if height >= limit {
                 return false;
             }
             match leaf.passage(lane, shear) {
                 Passage::Through(at) if at > 0. => true,
-                _ => !is_apart(triangle, point),
+                _ => {
+                    height > -limit && !is_beside([a, b, c], normal, point)
+                }
             }
         })
     }
@@ -214,8 +223,8 @@ where
     false
 }
 
-/// How far from a point a triangle may be to be around it: 2^-10.
-const AROUND: f64 = 1. / 1024.;
+/// How far from a point a triangle may be to be around it: 2^-20.
+const AROUND: f64 = 1. / (1 << 20) as f64;
 
 fn is_around(&[a, b, c]: &[DVec3; 3], point: DVec3) -> bool {
     let (least, greatest) = (a.min(b).min(c), a.max(b).max(c));
@@ -237,33 +246,19 @@ fn holds<const N: usize>(
 }
 
 // Tell a point from a triangle
-/// Whether a point is before the plane of a triangle, by `CLEAR`, for who
-/// comes along `direction`.
-fn is_before(
-    &[a, b, c]: &[DVec3; 3],
-    direction: DVec3,
-    point: DVec3,
-) -> bool {
-    let normal = cross(b - a, c - a);
-    let side = -normal.dot(direction).signum();
-    side * normal.dot(point - a) >= CLEAR * normal.length()
-}
-
-/// Whether one of a few planes is between a point and a triangle, and
-/// `CLEAR` from the point.
-fn is_apart(&[a, b, c]: &[DVec3; 3], point: DVec3) -> bool {
-    let normal = cross(b - a, c - a);
-    let before = |p: DVec3, normal: DVec3| {
-        normal.dot(point - p) >= CLEAR * normal.length()
+/// Whether a plane that is perpendicular to that of a triangle or to the
+/// way from a corner is between the triangle and a point, and `CLEAR`
+/// from the point.
+fn is_beside([a, b, c]: [DVec3; 3], normal: DVec3, point: DVec3) -> bool {
+    let off_edge = |(p, q): (DVec3, DVec3)| {
+        let outwards = cross(q - p, normal);
+        outwards.dot(point - p) >= CLEAR * outwards.length()
     };
-    let off_edge = |(p, q): (DVec3, DVec3)| before(p, cross(q - p, normal));
     let off_corner = |(p, q, r): (DVec3, DVec3, DVec3)| {
         let away = point - p;
         let ahead = away.dot(q - p).max(away.dot(r - p));
         ahead <= 0. && away.length() >= CLEAR
     };
-    before(a, normal)
-        || before(a, -normal)
-        || [(a, b), (b, c), (c, a)].into_iter().any(off_edge)
+    [(a, b), (b, c), (c, a)].into_iter().any(off_edge)
         || [(a, b, c), (b, c, a), (c, a, b)].into_iter().any(off_corner)
 }

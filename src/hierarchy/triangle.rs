@@ -367,5 +367,5 @@ impl Leaves {
     }
 }
 
-/// Distances along a ray that are closer are not told apart: 2^-12.
-pub const NEAR: f64 = 1. / 4096.;
+/// Distances along a ray that are closer are not told apart: 2^-22.
+pub const NEAR: f64 = 1. / (1 << 22) as f64;
