@@ -313,7 +313,7 @@ check-tex:
 $(BUILD_DIR)/litpt.pdf: $(WEB) $(NOWEB) config.mk \
   $(BUILD_DIR)/figures/courtyard.png $(BUILD_DIR)/examples.stamp \
   $(addprefix $(BUILD_DIR)/tables/,closed-forms.tex qualities.tex \
-    leaks.tex origins.tex roulettes.tex stability.tex stability-full.tex layouts.tex habits.tex abreast.tex traversal.tex \
+    leaks.tex origins.tex roulettes.tex stability.tex stability-full.tex robustness.tex layouts.tex habits.tex abreast.tex traversal.tex \
     bench.tex sizes.csv shapes.tex repeats.csv \
     accumulators.tex accounting.tex alarms.tex calibration.stamp \
     anatomy.stamp curve.csv) \

@@ -44,7 +44,7 @@ fn ours(hit: &Hit) -> DVec3 {
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let scale = std::env::args().nth(2).map_or(Ok(1.), |s| s.parse())?;
-    let paths = (1e8 * scale / (PIECES * BOUNCES) as f64) as u64;
+    let paths = (2e6 * scale / (PIECES * BOUNCES) as f64) as u64;
     println!("surface,triangles,single,moved,double,ours");
     for solid in solids::all() {
         let kernel = Hierarchy::new(&solid.scene)?;
