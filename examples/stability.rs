@@ -69,15 +69,12 @@ fn run() -> Result<u32, Box<dyn Error>> {
         // The reference is to show that it leaks, not how rarely.
         let few = paths.div_ceil(100).max(100.min(paths));
         let [ours, theirs] = leaks(&solid, paths, few)?;
-        let case = format!(
-            "{}; {} triangles; escapes of {:.0e} rays",
-            solid.name,
-            solid.scene.triangles().len(),
-            number as f64
-        );
+        let count = solid.scene.triangles().len();
+        let case = format!("{} ({count})", solid.name);
+        let exact = format!("0 of {:.0e}", number as f64);
         let theirs =
             format!("{theirs} of {:.0e}", (PIECES * BOUNCES * few) as f64);
-        failed += row(&case, "0", &ours.to_string(), &theirs, ours == 0);
+        failed += row(&case, &exact, &ours.to_string(), &theirs, ours == 0);
     }
     if !only_leaks {
         failed += moved()?;
@@ -262,7 +259,7 @@ fn alike() -> Result<u32, Box<dyn Error>> {
         }
     }
     Ok(row(
-        "sets of instructions and numbers of threads: equal images",
+        "instructions and threads: equal images",
         &images.to_string(),
         &equal.to_string(),
         "",

@@ -28,7 +28,7 @@ pub fn all() -> Vec<Solid> {
     let o = DVec3::ZERO;
     let mut all = vec![
         solid("cube", cube(1), &[o]),
-        solid("cube, gridded", cube(20), &[o]),
+        solid("gridded cube", cube(20), &[o]),
     ];
     for level in 0..=6 {
         all.push(solid(
