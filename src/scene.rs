@@ -22,7 +22,7 @@ use glam::{DVec3, Vec3};
 use memchr::{memchr, memchr_iter};
 use rayon::prelude::*;
 
-use crate::numerics::{exponent, power_of_two, shift};
+use crate::numerics::{cross, exponent, power_of_two, shift};
 
 // Represent a mesh as it was read
 /// An indexed triangle mesh in the coordinates of its file.
@@ -393,7 +393,9 @@ impl Frame {
 /// The frame of a box given by two opposite corners.
 fn frame(low: DVec3, high: DVec3) -> Frame {
     let longest = (0.5 * high - 0.5 * low).max_element();
-    let is_small = longest < power_of_two(-900) && low != high;
+    let farthest = low.abs().max(high.abs()).max_element();
+    let is_small =
+        longest < power_of_two(-900) && farthest < power_of_two(-800);
     let part = if is_small { 1. } else { 0.5 };
     let (low, high) = (low * part, high * part);
     let size = high - low;
@@ -423,7 +425,8 @@ pub struct Scene {
 
 fn has_area(triangle: &Triangle) -> bool {
     let [a, b, c] = triangle.map(|corner| corner.as_dvec3());
-    (b - a).cross(c - a) != DVec3::ZERO
+    let (u, v) = (b - a, c - a);
+    u.cross(v) != DVec3::ZERO || cross(u, v) != DVec3::ZERO
 }
 
 impl Scene {
@@ -529,7 +532,7 @@ fn forget_copies(triangles: &mut Vec<Triangle>) {
 }
 
 /// One more than the greatest number of a triangle in a key.
-const NUMBERS: u64 = 1 << 28;
+const NUMBERS: u64 = 1 << 29;
 
 /// A number that depends on the corners of a triangle, in any order.
 fn mixed(triangle: &Triangle) -> u64 {

@@ -43,6 +43,7 @@ pub fn all() -> Vec<Solid> {
     let [plate, fin] = [DVec3::new(0.5, -0.5, 0.5), DVec3::splat(0.5)];
     all.push(solid("thin fins", fins(), &[plate, fin + DVec3::X * 5e-6]));
     all.push(solid("needles", needles(), &[o]));
+    all.push(solid("splinters", splinters(), &[o]));
     all.push(solid("seams without vertices", junctions(), &[o]));
     all.push(solid("walls given thrice", repeated(), &[o]));
     all.push(courtyard());
@@ -254,6 +255,17 @@ fn needles() -> Mesh {
     let ends = [-1., 1.];
     let mesh = grid([&at, &ends, &ends], |_| true);
     turned(mesh, DVec3::new(0.3, 0.5, 0.7))
+}
+
+/// A cube with strips 300 to 5000 times as long as wide, turned likewise.
+fn splinters() -> Mesh {
+    let mut at = vec![-1.];
+    for aspect in [300., 1000., 5000., 1000., 300.] {
+        at.push(at[at.len() - 1] + 2. / aspect);
+    }
+    at.extend([0.9, 0.999, 1.]);
+    let mesh = grid([&at, &[-1., -0.9, 1.], &[-1., 1.]], |_| true);
+    turned(mesh, DVec3::new(0.4, -0.3, 0.9))
 }
 
 fn turned(mut mesh: Mesh, by: DVec3) -> Mesh {

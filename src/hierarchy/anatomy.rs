@@ -58,7 +58,7 @@ impl Anatomy {
                 (met.mask, any.then(push))
             } else {
                 let meet = |leaf: Leaf, shear: &_, _| leaf.meet(shear);
-                (look(&mut search, child, &shear, meet), None)
+                (look(&mut search, child, (&ray, &shear), meet), None)
             };
             next = first.or_else(|| stack.pop(search.distance as f32));
             let (waiting, reach) = (stack.length(), search.distance);

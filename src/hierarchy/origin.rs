@@ -176,8 +176,9 @@ impl Arrival<'_> {
             if height >= limit {
                 return false;
             }
+            let ahead = side * normal.dot(self.ray.origin - a) > 0.;
             match leaf.passage(lane, shear) {
-                Passage::Through(at) if at > 0. => true,
+                Passage::Through(_) if ahead => true,
                 _ => {
                     height > -limit && !is_beside([a, b, c], normal, point)
                 }

@@ -17,6 +17,7 @@ use std::io;
 use glam::DVec3;
 
 use super::pages::Pages;
+use crate::numerics::cross;
 use crate::scene::{Ray, Triangle};
 
 // Make a ray the z axis
@@ -327,16 +328,20 @@ impl<'a> Search<'a> {
         &mut self,
         (first, count): (u32, usize),
         lane: u32,
-        distance: f64,
+        mut distance: f64,
+        ray: &Ray,
     ) {
         // Doubt the order of triangles that are close
         let gap = (distance - self.distance).abs();
         let beside = lane >= LANES as u32;
         if beside || gap <= NEAR || distance <= NEAR {
             self.doubt = self.doubt.min(distance);
-            if beside || distance <= 0. {
+            let behind = distance <= NEAR
+                && self.leaves.is_behind((first, count), lane, ray);
+            if beside || behind {
                 return;
             }
+            distance = distance.max(f64::MIN_POSITIVE);
         }
         let (Self { leaves, .. }, slot) = (*self, first + lane);
         let equal = distance == self.distance;
@@ -364,6 +369,22 @@ impl Leaves {
     #[cold]
     fn is_before(&self, slot: u32, other: u32) -> bool {
         other == NONE || self.number(slot) < self.number(other)
+    }
+
+    /// Whether the ray starts beyond the plane of the triangle in a lane of
+    /// the leaf of `count` triangles from slot `first`.
+    #[cold]
+    fn is_behind(
+        &self,
+        (first, count): (u32, usize),
+        lane: u32,
+        ray: &Ray,
+    ) -> bool {
+        // SAFETY: the leaf was tested a moment ago.
+        let leaf = unsafe { self.leaf(first, count) };
+        let [a, b, c] = leaf.triangle(lane);
+        let normal = cross(b - a, c - a);
+        normal.dot(ray.direction) * normal.dot(ray.origin - a) >= 0.
     }
 }
 

@@ -222,7 +222,7 @@ where
             };
         }
         // Offer the leaf's triangles and go on
-        if look(&mut search, child, &shear, &meet) != 0 {
+        if look(&mut search, child, (ray, &shear), &meet) != 0 {
             if ANY && search.slot != NONE {
                 return search;
             }
@@ -240,7 +240,7 @@ where
 pub fn look<'a>(
     search: &mut Search<'a>,
     child: u32,
-    shear: &Shear,
+    (ray, shear): (&Ray, &Shear),
     meet: impl Fn(Leaf<'a>, &Shear, f64) -> (u32, [f64; LANES]),
 ) -> u32 {
     let (first, count) = slots(child);
@@ -252,7 +252,7 @@ pub fn look<'a>(
     while left != 0 {
         let lane = left.trailing_zeros();
         let distance = distances[lane as usize % LANES];
-        search.offer((first, count), lane, distance);
+        search.offer((first, count), lane, distance, ray);
         left &= left - 1;
     }
     met
