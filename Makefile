@@ -179,7 +179,7 @@ stability:
 	$(CARGO) test --release $(addprefix --test ,$(STABLE))
 	$(CARGO) build --release --example stability
 	@mkdir -p doc/measured
-	{ echo "$(MACHINE)" && $(STABILITY) 1e8; } \
+	{ echo "$(MACHINE)" && $(STABILITY) 3e7; } \
 	  > doc/measured/stability.csv.new; status=$$?; \
 	mv doc/measured/stability.csv.new doc/measured/stability.csv; \
 	exit $$status
