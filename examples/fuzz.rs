@@ -749,7 +749,7 @@ impl Random {
         let across = self.choose(&[DVec3::Z, DVec3::new(0., 1., -1.)]);
         let n = n.min(3000);
         collect((0..n).map(|i| {
-            let (at, next) = (i / 2 + i % 2, (i + 1) / 2);
+            let (at, next) = (i / 2 + i % 2, i.div_ceil(2));
             let [at, next] = [at, next].map(|k| axis * k as f64);
             match i % 2 {
                 0 => [at, at + axis, at + across],

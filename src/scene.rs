@@ -382,7 +382,7 @@ impl Frame {
     // Place a point however far away
     /// Where the point `p` of the file lies in the scene, in units of
     /// 2^`k`; and `k`, which is 0 up to a distance of 2^`FAR`.
-    fn from_afar(&self, p: DVec3) -> (DVec3, i32) {
+    fn place_afar(&self, p: DVec3) -> (DVec3, i32) {
         let offset = p * self.part - self.low;
         let distance = exponent(offset.abs().max_element()) + self.exponent;
         let k = (distance - FAR).max(0);
@@ -474,7 +474,7 @@ impl Scene {
     /// The ray that starts at the point `position` of the file, from where
     /// it enters the scene; none if it passes the scene by.
     pub fn enter(&self, position: DVec3, direction: DVec3) -> Option<Ray> {
-        let (origin, k) = self.frame.from_afar(position);
+        let (origin, k) = self.frame.place_afar(position);
         let half = shift(self.half, -k);
         if origin.abs().cmple(half).all() {
             return Some(Ray { origin, direction });

@@ -152,7 +152,7 @@ where
             for slot in first..first + count as u32 {
                 let number = wide.leaves.number(slot) as usize;
                 let triangle = single(&scene.triangles()[number], 0);
-                assert!(holds(&outer, &triangle.aabb()));
+                assert!(holds(&outer, triangle.aabb()));
             }
         }
     }
