@@ -25,9 +25,10 @@ use std::time::{Duration, Instant};
 use glam::DVec3;
 use litpt::camera::{Camera, View};
 use litpt::estimator::Reference;
+use litpt::facts::bare::Known;
 use litpt::hierarchy::{Hierarchy, Isa, Quality};
 use litpt::image::Image;
-use litpt::render::Job;
+use litpt::render::{Job, Renderer};
 use litpt::scene::{Mesh, Scene, read_obj};
 use litpt::sky::Sky;
 use rand::{RngExt, SeedableRng};
@@ -344,12 +345,14 @@ impl Case {
         let estimator = Reference {
             reflectivity: self.reflectivity,
             sky: Sky::new(self.view.up),
+            foresight: (),
         };
         let job = Job {
             scene,
             kernel: &kernel,
             camera,
             estimator: &estimator,
+            known: &Known::Nothing,
             seed: 0,
         };
         let mut image = Image::new(self.definition.0, self.definition.1);

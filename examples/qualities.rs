@@ -9,9 +9,10 @@ use std::time::Instant;
 
 use litpt::camera::Camera;
 use litpt::estimator::Reference;
+use litpt::facts::bare::Known;
 use litpt::hierarchy::{Hierarchy, Isa, Quality};
 use litpt::image::Image;
-use litpt::render::Job;
+use litpt::render::{Job, Renderer};
 use litpt::scene::{Scene, read_obj};
 use litpt::sky::Sky;
 
@@ -53,12 +54,17 @@ fn rays_per_second(
 ) -> Result<f64, Box<dyn Error>> {
     let view = litpt::courtyard::view();
     let camera = Camera::new(&view, 4. / 3.)?;
-    let estimator = Reference { reflectivity: 0.8, sky: Sky::new(view.up) };
+    let estimator = Reference {
+        reflectivity: 0.8,
+        sky: Sky::new(view.up),
+        foresight: (),
+    };
     let job = Job {
         scene,
         kernel,
         camera: &camera,
         estimator: &estimator,
+        known: &Known::Nothing,
         seed: 0,
     };
     let mut image = Image::new(240, 180);

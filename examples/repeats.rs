@@ -50,7 +50,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     let kernel = Hierarchy::with(&scene, Quality::Thorough, Isa::best())?;
     let view = litpt::courtyard::view();
     let camera = Camera::new(&view, 4. / 3.)?;
-    let estimator = Reference { reflectivity: 0.8, sky: Sky::new(view.up) };
+    let estimator = Reference {
+        reflectivity: 0.8,
+        sky: Sky::new(view.up),
+        foresight: (),
+    };
     let rays =
         paths::record(&scene, &kernel, &camera, &estimator, 0, RAYS)?;
     println!("repeats,nanoseconds_per_trace");

@@ -10,9 +10,10 @@ use glam::DVec3;
 use litpt::camera::Camera;
 use litpt::closed_forms::cavity_radiance;
 use litpt::estimator::{Estimator, Reference, Step};
+use litpt::facts::bare::Known;
 use litpt::hierarchy::{Hierarchy, Hit};
 use litpt::image::Image;
-use litpt::render::Job;
+use litpt::render::{Job, Renderer};
 use litpt::sampling::{cosine_direction, generator, happens};
 use litpt::scene::{Ray, Scene, read_obj};
 use litpt::sky::Sky;
@@ -46,6 +47,7 @@ struct Path {
 
 impl Estimator for Rule {
     type Path = Path;
+    type Answer = Hit;
 
     fn begin(&self, direction: DVec3) -> Path {
         Path { transmissivity: 1., count: 0, direction }
@@ -83,7 +85,8 @@ impl Estimator for Rule {
         path.count += 1;
         let (r, turn) = (random.random(), random.random());
         path.direction = cosine_direction(hit.normal, r, turn);
-        Step::On(Ray { origin: hit.point, direction: path.direction })
+        let ray = Ray { origin: hit.point, direction: path.direction };
+        Step::On(ray, hit.primitive)
     }
 }
 
@@ -109,7 +112,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let name = format!("$\\rho={rho}$; $f={f}$");
         let (rho, f) = (rho.parse::<f64>()?, f.parse::<f64>()?);
         let sky = Sky::new(DVec3::Z);
-        let ours = Reference { reflectivity: rho, sky };
+        let ours = Reference { reflectivity: rho, sky, foresight: () };
         compare(&name, model(&ours, rho, f), rules, |faint, tail| {
             let rule = Rule { faint, tail, reflectivity: rho, sky };
             model(&rule, rho, f)
@@ -118,7 +121,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     for rho in [0.8, 0.95] {
         let name = format!("courtyard; $\\rho={rho}$");
         let sky = Sky::new(litpt::courtyard::view().up);
-        let ours = Reference { reflectivity: rho, sky };
+        let ours = Reference { reflectivity: rho, sky, foresight: () };
         let ours = courtyard(&scene, &kernel, &ours)?;
         compare(&name, ours, thresholds, |faint, tail| {
             let rule = Rule { faint, tail, reflectivity: rho, sky };
@@ -194,7 +197,11 @@ impl Measured {
 
 /// A cavity that a path leaves, for the sky, with probability `f` at each
 /// ray from its wall.
-fn model(estimator: &impl Estimator, rho: f64, f: f64) -> Measured {
+fn model(
+    estimator: &impl Estimator<Answer = Hit>,
+    rho: f64,
+    f: f64,
+) -> Measured {
     let mut sums = Accumulator::default();
     let mut rays = 0;
     // As many paths as 2 * 10^8 rays make, but not more than a million.
@@ -208,11 +215,15 @@ fn model(estimator: &impl Estimator, rho: f64, f: f64) -> Measured {
             rays += 1;
             let leaves = !first && happens(f, &mut doors);
             first = false;
-            let hit =
-                Hit { point: DVec3::ZERO, normal: DVec3::Z, primitive: 0 };
+            let hit = Hit {
+                point: DVec3::ZERO,
+                normal: DVec3::Z,
+                primitive: 0,
+                is_clear: true,
+            };
             let hit = (!leaves).then_some(hit);
             match estimator.go_on(&mut path, hit, &mut random) {
-                Step::On(_) => (),
+                Step::On(..) => (),
                 Step::End(weight) => break weight,
             }
         };
@@ -239,7 +250,14 @@ fn courtyard<E: Estimator>(
     const REALISATIONS: u64 = 64;
     let view = litpt::courtyard::view();
     let camera = Camera::new(&view, 4. / 3.)?;
-    let job = Job { scene, kernel, camera: &camera, estimator, seed: 0 };
+    let job = Job {
+        scene,
+        kernel,
+        camera: &camera,
+        estimator,
+        known: &Known::Nothing,
+        seed: 0,
+    };
     let (width, height) = (160, 120);
     let mut image = Image::new(width, height);
     let rays = job.pass(&mut image, 0..REALISATIONS, &|_| ());

@@ -19,9 +19,10 @@ use litpt::closed_forms::{
     Outcome, cavity, cavity_radiance, closed_forms, look, pixel, plane,
 };
 use litpt::estimator::Reference;
+use litpt::facts::bare::Known;
 use litpt::hierarchy::{Hierarchy, Isa, Kernel, Quality, Work};
 use litpt::image::Image;
-use litpt::render::Job;
+use litpt::render::{Job, Renderer};
 use litpt::sampling::cosine_direction;
 use litpt::scene::{Mesh, Ray, Scene};
 use litpt::sky::Sky;
@@ -233,8 +234,11 @@ fn alike() -> Result<u32, Box<dyn Error>> {
     let scene = Scene::new(&cavity(0.1, 16));
     let view = look(DVec3::ZERO, DVec3::new(0.3, 0.2, -1.), 70.);
     let camera = Camera::new(&view, 1.)?;
-    let estimator =
-        Reference { reflectivity: 0.9, sky: Sky::new(DVec3::Z) };
+    let estimator = Reference {
+        reflectivity: 0.9,
+        sky: Sky::new(DVec3::Z),
+        foresight: (),
+    };
     let render = |isa, threads| -> Result<Image, Box<dyn Error>> {
         let kernel = Hierarchy::with(&scene, Quality::Medium, isa)?;
         let pool = ThreadPoolBuilder::new().num_threads(threads).build()?;
@@ -243,6 +247,7 @@ fn alike() -> Result<u32, Box<dyn Error>> {
             kernel: &kernel,
             camera: &camera,
             estimator: &estimator,
+            known: &Known::Nothing,
             seed: 1,
         };
         let mut image = Image::new(64, 48);

@@ -117,6 +117,7 @@ fn record<K: Kernel>(
     let estimator = Reference {
         reflectivity: arguments.reflectivity,
         sky: Sky::new(view.up),
+        foresight: (),
     };
     let seed = arguments.seed;
     let rays =

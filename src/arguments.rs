@@ -29,6 +29,7 @@ use sha2::{Digest, Sha256};
 
 use crate::camera::View;
 use crate::checkpoint::Subject;
+use crate::facts::Fact;
 use crate::hierarchy::Isa;
 use crate::output::{Destination, Place};
 use crate::picture::{Format, Picture};
@@ -135,6 +136,18 @@ pub struct Arguments {
     /// Print nothing but errors
     #[arg(short, long)]
     pub quiet: bool,
+    /// Leave nothing out that the scene does not need
+    #[arg(long)]
+    pub keep_all: bool,
+
+    /// Look not for this fact, and leave nothing out because of it: dark,
+    /// bare, hidden, black, open or free; may be repeated
+    #[arg(long, value_name = "FACT", hide_possible_values = true)]
+    pub keep: Vec<Fact>,
+
+    /// Say what can be left out, and why, and render nothing
+    #[arg(long)]
+    pub explain: bool,
     // Declare the options of the records
     /// Report of error against time, .json, .csv, .svg or .html; may be
     /// repeated
@@ -418,16 +431,21 @@ impl Arguments {
         self.isa.unwrap_or_else(Isa::best)
     }
 
-    /// A guess of how many rays the run will trace.
-    pub fn expected_rays(&self) -> f64 {
+    /// A guess of how many rays the run will trace with so many threads.
+    pub fn expected_rays(&self, threads: usize) -> f64 {
         let (width, height) = self.definition;
         let area = f64::from(width) * f64::from(height);
         let path = (1. / (1. - self.reflectivity)).min(Self::LONG);
         let paths = self.realisations().map(|n| n as f64 * area);
         let timed = self.time.or(paths.is_none().then_some(60.));
-        let rate = Self::RATE * rayon::current_num_threads() as f64;
+        let rate = Self::RATE * threads as f64;
         let timed = timed.map_or(f64::INFINITY, |time| time * rate);
         paths.map_or(timed, |paths| timed.min(paths * path))
+    }
+
+    /// The facts that are not to be looked for.
+    pub fn kept(&self) -> &[Fact] {
+        if self.keep_all { &Fact::ALL } else { &self.keep }
     }
 
     /// Rays that a path is guessed to have at most.

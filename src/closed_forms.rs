@@ -21,10 +21,11 @@ use glam::DVec3;
 
 use crate::camera::{Camera, View};
 use crate::estimator::Reference;
+use crate::facts::bare::Known;
 use crate::hierarchy::Hierarchy;
 use crate::image::Image;
 use crate::numerics::{circle, power_of_two};
-use crate::render::Job;
+use crate::render::{Job, Renderer};
 use crate::scene::{Mesh, Scene};
 use crate::sky::Sky;
 use crate::statistics::Accumulator;
@@ -328,14 +329,15 @@ impl Setting {
         let scene = Scene::new(mesh);
         let kernel = Hierarchy::new(&scene)?;
         let sky = Sky::new(up);
-        let estimator = Reference { reflectivity: rho, sky };
+        let estimator = Reference { reflectivity: rho, sky, foresight: () };
         Ok(Self { scene, kernel, camera, estimator })
     }
 
     /// The job that renders it.
-    pub fn job(&self, seed: u64) -> Job<'_, Hierarchy, Reference> {
+    pub fn job(&self, seed: u64) -> Job<'_, Hierarchy, &Reference> {
         let Self { scene, kernel, camera, estimator } = self;
-        Job { scene, kernel, camera, estimator, seed }
+        let known = &Known::Nothing;
+        Job { scene, kernel, camera, estimator, known, seed }
     }
 }
 

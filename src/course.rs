@@ -20,10 +20,8 @@ use serde::{Deserialize, Serialize};
 use signal_hook::consts::{SIGINT, SIGTERM, SIGXFSZ};
 use signal_hook::flag;
 
-use crate::estimator::Estimator;
-use crate::hierarchy::Kernel;
 use crate::image::Image;
-use crate::render::Job;
+use crate::render::Renderer;
 use crate::report::Step;
 
 // Say when a run stops
@@ -113,12 +111,12 @@ impl Course {
     /// Goes on with a run until a limit is reached. Calls `advance`, from
     /// any thread, with the number of paths of each tile that is finished,
     /// and `after` when a pass has ended.
-    pub fn run<K: Kernel, E: Estimator>(
+    pub fn run(
         &mut self,
-        job: &Job<K, E>,
+        renderer: &dyn Renderer,
         image: &mut Image,
         limits: &Limits,
-        advance: &(impl Fn(u64) + Sync),
+        advance: &(dyn Fn(u64) + Sync),
         after: &mut impl FnMut(&Self, &Image),
     ) -> Stop {
         let (start, before) = (Instant::now(), self.seconds);
@@ -130,7 +128,7 @@ impl Course {
             // Render one pass and look at the clock
             let (end, due) = self.next(limits, image.area());
             let began = Instant::now();
-            self.rays += job.pass(image, self.spp..end, advance);
+            self.rays += renderer.pass(image, self.spp..end, advance);
             let seconds = began.elapsed().as_secs_f64();
             self.pace = Some(seconds / (end - self.spp) as f64);
             self.spp = end;

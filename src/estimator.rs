@@ -12,7 +12,7 @@
 use glam::DVec3;
 use rand::{Rng, RngExt};
 
-use crate::hierarchy::Hit;
+use crate::hierarchy::{Hit, Kernel};
 use crate::sampling::{cosine_direction, happens};
 use crate::scene::Ray;
 use crate::sky::Sky;
@@ -21,8 +21,8 @@ use crate::sky::Sky;
 /// What a path does at the end of a ray.
 #[derive(Clone, Copy, Debug)]
 pub enum Step {
-    /// It goes on along another ray.
-    On(Ray),
+    /// It goes on along another ray, which leaves this triangle.
+    On(Ray, u32),
     /// It ends, and this is its realisation of the radiance.
     End(f64),
 }
@@ -32,6 +32,9 @@ pub trait Estimator: Sync {
     /// What a path remembers from one hit to the next.
     type Path;
 
+    /// What it needs to know of the end of a ray.
+    type Answer: Answer;
+
     /// A path whose first ray has this direction.
     fn begin(&self, direction: DVec3) -> Self::Path;
 
@@ -39,20 +42,64 @@ pub trait Estimator: Sync {
     fn go_on(
         &self,
         path: &mut Self::Path,
-        hit: Option<Hit>,
+        hit: Option<Self::Answer>,
         random: &mut impl Rng,
     ) -> Step;
+}
+
+/// A borrowed estimator is one.
+impl<E: Estimator> Estimator for &E {
+    type Path = E::Path;
+    type Answer = E::Answer;
+
+    #[inline(always)]
+    fn begin(&self, direction: DVec3) -> Self::Path {
+        (**self).begin(direction)
+    }
+
+    #[inline(always)]
+    fn go_on(
+        &self,
+        path: &mut Self::Path,
+        hit: Option<Self::Answer>,
+        random: &mut impl Rng,
+    ) -> Step {
+        (**self).go_on(path, hit, random)
+    }
+}
+
+/// What there is to know of the end of a ray that has met something.
+pub trait Answer: Sized {
+    /// Asks a kernel about a ray that leaves the triangle `from`.
+    fn ask<K: Kernel>(
+        kernel: &K,
+        ray: &Ray,
+        from: Option<u32>,
+    ) -> Option<Self>;
+}
+
+impl Answer for Hit {
+    #[inline(always)]
+    fn ask<K: Kernel>(
+        kernel: &K,
+        ray: &Ray,
+        from: Option<u32>,
+    ) -> Option<Self> {
+        kernel.first_hit(ray, from)
+    }
 }
 
 // Hold the parameters of the reference
 /// The estimator of the book's chapter, with analogue reflection below
 /// the transmissivity `FAINT`.
 #[derive(Clone, Copy, Debug)]
-pub struct Reference {
+pub struct Reference<F = ()> {
     /// Reflectivity of every surface, in [0, 1].
     pub reflectivity: f64,
     /// The only light.
     pub sky: Sky,
+    /// What is known of the rays that leave a surface.
+    pub foresight: F,
 }
 
 const FAINT: f64 = 0.1;
@@ -77,9 +124,88 @@ fn onward(n: u64) -> f64 {
     ratio * ratio.sqrt()
 }
 
-impl Estimator for Reference {
+/// What is known of the rays that leave a surface.
+pub trait Foresight: Sync {
+    /// Whether no ray meets anything that leaves where `hit` is.
+    fn is_open(&self, hit: &Hit) -> bool;
+
+    /// Whether a ray that leaves there in this direction is known to
+    /// meet nothing.
+    fn is_free(&self, hit: &Hit, direction: DVec3) -> bool;
+}
+
+impl<F: Foresight> Foresight for &F {
+    #[inline(always)]
+    fn is_open(&self, hit: &Hit) -> bool {
+        (**self).is_open(hit)
+    }
+
+    #[inline(always)]
+    fn is_free(&self, hit: &Hit, direction: DVec3) -> bool {
+        (**self).is_free(hit, direction)
+    }
+}
+
+/// Nothing is known.
+impl Foresight for () {
+    fn is_open(&self, _: &Hit) -> bool {
+        false
+    }
+
+    fn is_free(&self, _: &Hit, _: DVec3) -> bool {
+        false
+    }
+}
+
+/// The radiance of a scene that reflects nothing: that of the sky.
+#[derive(Clone, Copy, Debug)]
+pub struct Silhouette {
+    /// The only light.
+    pub sky: Sky,
+}
+
+/// A ray is blocked, it does not matter by what.
+pub struct Blocked;
+
+impl Answer for Blocked {
+    #[inline(always)]
+    fn ask<K: Kernel>(
+        kernel: &K,
+        ray: &Ray,
+        from: Option<u32>,
+    ) -> Option<Self> {
+        kernel.is_blocked(ray, from).then_some(Self)
+    }
+}
+
+impl Estimator for Silhouette {
+    // End a path at its first surface
+    type Path = DVec3;
+    type Answer = Blocked;
+
+    #[inline(always)]
+    fn begin(&self, direction: DVec3) -> DVec3 {
+        direction
+    }
+
+    #[inline(always)]
+    fn go_on(
+        &self,
+        direction: &mut DVec3,
+        blocked: Option<Blocked>,
+        _: &mut impl Rng,
+    ) -> Step {
+        Step::End(match blocked {
+            Some(Blocked) => 0.,
+            None => self.sky.radiance(*direction),
+        })
+    }
+}
+
+impl<F: Foresight> Estimator for Reference<F> {
     // Follow a path from hit to hit
     type Path = Bounces;
+    type Answer = Hit;
 
     #[inline(always)]
     fn begin(&self, direction: DVec3) -> Bounces {
@@ -97,6 +223,13 @@ impl Estimator for Reference {
             let light = self.sky.radiance(path.direction);
             return Step::End(path.transmissivity * light);
         };
+        // End at a surface that sees nothing but the sky
+        if self.foresight.is_open(&hit) {
+            let share = self.sky.share(hit.normal);
+            return Step::End(
+                path.transmissivity * self.reflectivity * share,
+            );
+        }
         // Weaken or end the path
         if path.transmissivity < FAINT {
             if !happens(self.reflectivity, random) {
@@ -117,6 +250,12 @@ impl Estimator for Reference {
         // Leave the surface in a random direction
         let (r, turn) = (random.random(), random.random());
         path.direction = cosine_direction(hit.normal, r, turn);
-        Step::On(Ray { origin: hit.point, direction: path.direction })
+        // End the path if its ray is known to be free
+        if self.foresight.is_free(&hit, path.direction) {
+            let light = self.sky.radiance(path.direction);
+            return Step::End(path.transmissivity * light);
+        }
+        let ray = Ray { origin: hit.point, direction: path.direction };
+        Step::On(ray, hit.primitive)
     }
 }

@@ -24,7 +24,7 @@ mod triangle;
 mod walk;
 mod wide;
 
-pub use wide::Quality;
+pub use wide::{Quality, in_morton_order};
 
 // Name what the hierarchy imports
 use std::{fmt, io};
@@ -46,6 +46,9 @@ pub struct Hit {
     pub normal: DVec3,
     /// The triangle, by the kernel's own number.
     pub primitive: u32,
+    /// Whether the point lies just above its triangle, and was not moved
+    /// away because others were too close.
+    pub is_clear: bool,
 }
 
 /// Finds hits in one scene.
@@ -217,6 +220,13 @@ impl Hierarchy {
 }
 
 // Answer with the chosen walk
+impl Hierarchy {
+    /// For each `Hit::primitive` the number of the triangle in the scene.
+    pub fn numbers(&self) -> Vec<u32> {
+        with_walker!(self, walker => walker.wide().leaves.numbers())
+    }
+}
+
 impl Kernel for Hierarchy {
     fn first_hit(&self, ray: &Ray, from: Option<u32>) -> Option<Hit> {
         with_walker!(self, walker => walker.first_hit(ray, from))

@@ -16,7 +16,8 @@
 // Show the library at work
 //! ```
 //! use glam::DVec3;
-//! use litpt::{camera::*, estimator::*, hierarchy::*, image::*};
+//! use litpt::{camera::*, estimator::*, facts::bare::Known, hierarchy::*};
+//! use litpt::image::*;
 //! use litpt::{render::*, scene::*, sky::*};
 //!
 //! let obj = "v -1e6 -1e6 0\nv 1e6 -1e6 0\nv 1e6 1e6 0\nv -1e6 1e6 0\n\
@@ -25,11 +26,12 @@
 //! let view = View { position: DVec3::new(0., 0., 2.), target: DVec3::ZERO,
 //!                   up: DVec3::Y, fov: 70. };
 //! let camera = Camera::new(&view, 1.)?;
-//! let estimator = Reference { reflectivity: 0.5, sky: Sky::new(DVec3::Z) };
+//! let sky = Sky::new(DVec3::Z);
+//! let estimator = Reference { reflectivity: 0.5, sky, foresight: () };
 //! let kernel = Hierarchy::new(&scene)?;
 //!
 //! let job = Job { scene: &scene, kernel: &kernel, camera: &camera,
-//!                 estimator: &estimator, seed: 0 };
+//!                 estimator: &estimator, known: &Known::Nothing, seed: 0 };
 //! let mut image = Image::new(4, 3);
 //! job.pass(&mut image, 0..2, &|_| ());
 //! assert_eq!(image.pixel(0, 0).mean(), 0.5);
@@ -45,6 +47,7 @@ pub mod compare;
 pub mod course;
 pub mod courtyard;
 pub mod estimator;
+pub mod facts;
 pub mod hierarchy;
 pub mod image;
 pub mod journal;

@@ -9,6 +9,7 @@
 //! The command `pt`: parse the arguments, render, report.
 
 // Name what the program imports
+use std::io::{self, ErrorKind, Write};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
@@ -16,12 +17,11 @@ use litpt::arguments::Arguments;
 use litpt::camera::Camera;
 use litpt::checkpoint;
 use litpt::course::{Course, Interrupt, Limits, Stop};
-use litpt::estimator::Reference;
+use litpt::facts::{Facts, Finding, Inquiry};
 use litpt::hierarchy::{Hierarchy, Quality};
 use litpt::image::Image;
 use litpt::journal::Journal;
 use litpt::progress::{self, Bar};
-use litpt::render::Job;
 use litpt::report::{Report, SceneFacts};
 use litpt::scene::Scene;
 use litpt::sky::Sky;
@@ -53,7 +53,7 @@ fn run(arguments: &Arguments) -> Result<Stop, String> {
     let outputs = arguments.destinations()?;
     let reports = arguments.reports()?;
     let checkpoint = arguments.checkpoint()?;
-    let resumed = arguments.resumed()?;
+    let mut resumed = arguments.resumed()?;
     let reference = arguments.read_reference()?;
     let seeds = reference.as_ref().and_then(|r| r.attributes.get("seed"));
     let ours = arguments.seed.to_string();
@@ -64,26 +64,49 @@ fn run(arguments: &Arguments) -> Result<Stop, String> {
              larger than they will seem (choose another seed with -s)",
         );
     }
-    // Load the scene and build its hierarchy
+    // Load the scene and leave out what it does not need
     arguments.start_threads()?;
     let loading = Instant::now();
     let (mesh, sha256) = arguments.read_mesh(arguments.keeps_records())?;
     let mut scene = Scene::new(&mesh);
-    let flat = mesh.triangles.len() - scene.triangles().len();
     drop(mesh);
     let load_seconds = loading.elapsed().as_secs_f64();
-    if flat > 0 && !arguments.quiet {
-        progress::warn(&format!("left out {flat} triangles without area"));
-    }
     let building = Instant::now();
-    let (triangles, isa) = (scene.triangles().len(), arguments.isa());
-    let quality = Quality::expecting(triangles, arguments.expected_rays());
+    let before =
+        resumed.as_mut().map(|(_, file)| checkpoint::closed_forms(file));
+    let mut inquiry = Inquiry {
+        camera: &camera,
+        place: scene.place(camera.position),
+        sky,
+        reflectivity: arguments.reflectivity,
+        definition: arguments.definition,
+        rays: arguments.expected_rays(1),
+        kept: arguments.kept().to_vec(),
+    };
+    if let Some(before) = before {
+        inquiry.follow(&before);
+    }
+    let mut facts = Facts::find(&mut scene, &inquiry);
+    // Build the hierarchy of what is left
+    let triangles = scene.triangles().len();
+    facts.simplify(&mut scene);
+    let threads = rayon::current_num_threads();
+    let (needed, isa) = (scene.triangles().len(), arguments.isa());
+    let quality =
+        Quality::expecting(needed, arguments.expected_rays(threads));
     let kernel =
         Hierarchy::with(&scene, quality, isa).map_err(|e| e.to_string())?;
+    facts.find_more(&scene, &kernel, &inquiry);
     scene.forget_triangles();
+    if arguments.explain {
+        return explain(&facts, arguments);
+    }
+    let renderer =
+        facts.renderer(&scene, &kernel, &inquiry, arguments.seed);
     let build_seconds = building.elapsed().as_secs_f64();
     // Take up a run or begin one
-    let subject = arguments.subject(&sha256);
+    let mut subject = arguments.subject(&sha256);
+    subject.insert("closed_forms".into(), facts.closed_forms().into());
     let mut image = Image::new(width, height);
     let mut course = Course::default();
     if let Some((name, file)) = resumed {
@@ -104,9 +127,10 @@ fn run(arguments: &Arguments) -> Result<Stop, String> {
         SceneFacts { file, sha256, triangles: triangles as u64 };
     let mut settings = arguments.settings(&subject);
     settings.insert("hierarchy".into(), quality.to_string().into());
-    let facts = Report {
+    let known = Report {
         scene: scene_facts,
         settings,
+        left_out: facts.left_out().cloned().collect(),
         load_seconds,
         build_seconds,
         program: concat!("pt ", env!("CARGO_PKG_VERSION")).to_owned(),
@@ -115,21 +139,12 @@ fn run(arguments: &Arguments) -> Result<Stop, String> {
     let every = Duration::try_from_secs_f64(arguments.every)
         .unwrap_or(Duration::MAX);
     let mut journal =
-        Journal::new(reports, checkpoint, every, subject, facts);
+        Journal::new(reports, checkpoint, every, subject, known);
     // Render until a limit is reached
-    let reflectivity = arguments.reflectivity;
-    let estimator = Reference { reflectivity, sky };
-    let job = Job {
-        scene: &scene,
-        kernel: &kernel,
-        camera: &camera,
-        estimator: &estimator,
-        seed: arguments.seed,
-    };
     let interrupt = Interrupt::listen()
         .map_err(|e| format!("cannot listen for signals: {e}"))?;
     let mut limits = Limits {
-        realisations: arguments.realisations(),
+        realisations: facts.realisations(arguments.realisations()),
         deadline: arguments.deadline(start),
         error: arguments.error,
         interrupt: &interrupt,
@@ -156,7 +171,7 @@ fn run(arguments: &Arguments) -> Result<Stop, String> {
                 bar.suspend(|| progress::warn(&message));
             }
         };
-        course.run(&job, image, limits, &advance, &mut after)
+        course.run(&*renderer, image, limits, &advance, &mut after)
     };
     if let Some(deadline) = limits.deadline {
         let realisations = limits.realisations;
@@ -197,4 +212,21 @@ fn run(arguments: &Arguments) -> Result<Stop, String> {
         progress::summarise(&report, area);
     }
     Ok(stop)
+}
+
+/// Tells what can be left out, and what the rest is made of.
+fn explain(facts: &Facts, arguments: &Arguments) -> Result<Stop, String> {
+    let mut words = String::new();
+    for Finding { fact, holds, why } in &facts.findings {
+        let sign = if *holds { "left out" } else { "-" };
+        words += &format!("{fact:8}{sign:10}{why}\n");
+    }
+    words += &format!("{:8}{}\n", "kernel", facts.parts(arguments.isa()));
+    let mut out = io::stdout().lock();
+    match out.write_all(words.as_bytes()) {
+        Err(e) if e.kind() != ErrorKind::BrokenPipe => {
+            Err(format!("cannot write: {e}"))
+        }
+        _ => Ok(Stop::Realisations),
+    }
 }

@@ -121,6 +121,9 @@ pub fn summarise(report: &Report, pixels: u64) {
         report.scene.triangles,
         hierarchy.collect::<Vec<_>>().join(", ")
     ));
+    for finding in &report.left_out {
+        inform(&format!("left out: {} ({})", finding.why, finding.fact));
+    }
     let rays = report.rays;
     let speed = metric(rays as f64 / render_seconds.max(1e-9));
     inform(&format!("{rays} rays, {speed}rays/s, {}", findings(report)));

@@ -16,7 +16,8 @@ use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
 use crate::camera::Camera;
-use crate::estimator::{Estimator, Step};
+use crate::estimator::{Answer, Estimator, Step};
+use crate::facts::bare::Known;
 use crate::hierarchy::{Kernel, Work};
 use crate::image::{Image, Tile};
 use crate::sampling::{generator, within};
@@ -33,7 +34,9 @@ pub struct Job<'a, K, E> {
     /// Where the rays start.
     pub camera: &'a Camera,
     /// What is averaged.
-    pub estimator: &'a E,
+    pub estimator: E,
+    /// What is known of the image beforehand.
+    pub known: &'a Known,
     /// Chooses the random numbers.
     pub seed: u64,
 }
@@ -43,20 +46,46 @@ const PIECES: usize = 32;
 
 // Let the kernel choose its walk
 /// A pass that waits for its kernel.
-struct Pass<'a, 'b, K, E, P> {
+struct Pass<'a, 'b, K, E> {
     job: &'b Job<'a, K, E>,
     image: &'b mut Image,
     realisations: Range<u64>,
-    progress: &'b P,
+    progress: &'b (dyn Fn(u64) + Sync),
 }
 
-impl<K, E: Estimator, P: Fn(u64) + Sync> Work for Pass<'_, '_, K, E, P> {
+impl<K, E: Estimator> Work for Pass<'_, '_, K, E> {
     type Output = u64;
 
     fn with<L: Kernel>(self, kernel: &L) -> u64 {
-        let &Job { scene, camera, estimator, seed, .. } = self.job;
-        let job = Job { scene, kernel, camera, estimator, seed };
+        let Job { scene, camera, estimator, known, seed, .. } = self.job;
+        let (scene, camera, known, seed) = (*scene, *camera, *known, *seed);
+        let job = Job { scene, kernel, camera, estimator, known, seed };
         job.sweep(self.image, self.realisations, self.progress)
+    }
+}
+
+/// Something that adds realisations to an image.
+pub trait Renderer: Sync {
+    /// Adds the `realisations` to each pixel of `image`, and returns the
+    /// number of rays traced. Calls `progress`, from any thread, with the
+    /// number of paths of each tile that is finished.
+    fn pass(
+        &self,
+        image: &mut Image,
+        realisations: Range<u64>,
+        progress: &(dyn Fn(u64) + Sync),
+    ) -> u64;
+}
+
+impl<K: Kernel, E: Estimator> Renderer for Job<'_, K, E> {
+    fn pass(
+        &self,
+        image: &mut Image,
+        realisations: Range<u64>,
+        progress: &(dyn Fn(u64) + Sync),
+    ) -> u64 {
+        let pass = Pass { job: self, image, realisations, progress };
+        self.kernel.specialise(pass)
     }
 }
 
@@ -82,25 +111,12 @@ struct Traveller<P> {
 
 impl<K: Kernel, E: Estimator> Job<'_, K, E> {
     // Add realisations to an image
-    /// Adds the `realisations` to each pixel of `image`, and returns the
-    /// number of rays traced. Calls `progress`, from any thread, with the
-    /// number of paths of each tile that is finished.
-    pub fn pass(
-        &self,
-        image: &mut Image,
-        realisations: Range<u64>,
-        progress: &(impl Fn(u64) + Sync),
-    ) -> u64 {
-        let pass = Pass { job: self, image, realisations, progress };
-        self.kernel.specialise(pass)
-    }
-
-    /// The same, with the kernel as it is.
+    /// All tiles, with the kernel as it is.
     fn sweep(
         &self,
         image: &mut Image,
         realisations: Range<u64>,
-        progress: &(impl Fn(u64) + Sync),
+        progress: &(dyn Fn(u64) + Sync),
     ) -> u64 {
         let definition = (image.width(), image.height());
         let tiles = image.tiles();
@@ -108,6 +124,15 @@ impl<K: Kernel, E: Estimator> Job<'_, K, E> {
         let render = |(tile, pixels): (Tile, &mut [Accumulator])| {
             let count = realisations.end - realisations.start;
             let rays = match (parts as u64).min(count) {
+                _ if self.known.holds(&tile) => {
+                    // Fill a tile that is known
+                    for (pixel, i) in pixels.iter_mut().zip(0..) {
+                        let x = tile.corner.0 + i % tile.size.0;
+                        let y = tile.corner.1 + i / tile.size.0;
+                        pixel.add_times(self.known.radiance(x, y), count);
+                    }
+                    0
+                }
                 0 | 1 => self.tile(tile, pixels, definition, &realisations),
                 parts => {
                     // Render the realisations in parts
@@ -212,12 +237,12 @@ impl<K: Kernel, E: Estimator> Job<'_, K, E> {
     #[inline(always)]
     fn go_on(&self, traveller: &mut Traveller<E::Path>) -> Option<f64> {
         let Traveller { path, random, ray, from, .. } = traveller;
-        let trace = |ray| self.kernel.first_hit(ray, *from);
-        let hit = ray.as_ref().and_then(trace);
-        match self.estimator.go_on(path, hit, random) {
-            Step::On(next) => {
+        let trace = |ray| E::Answer::ask(self.kernel, ray, *from);
+        let answer = ray.as_ref().and_then(trace);
+        match self.estimator.go_on(path, answer, random) {
+            Step::On(next, left) => {
                 *ray = Some(next);
-                *from = hit.map(|hit| hit.primitive);
+                *from = Some(left);
                 None
             }
             Step::End(weight) => Some(weight),

@@ -29,6 +29,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
+use crate::facts::Finding;
 use crate::picture::Picture;
 
 // Describe a run and its steps
@@ -74,6 +75,8 @@ pub struct Report {
     pub scene: SceneFacts,
     /// Each option and its value.
     pub settings: Map<String, Value>,
+    /// What was left out because the scene does not need it, and why.
+    pub left_out: Vec<Finding>,
     // Hold what the run has cost
     /// Seconds to read the scene.
     pub load_seconds: f64,

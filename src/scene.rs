@@ -421,6 +421,10 @@ pub struct Scene {
     /// the scene.
     half: DVec3,
     triangles: Vec<Triangle>,
+    /// Triangles of the mesh that have no area.
+    flat: usize,
+    /// Triangles of the mesh that are there already.
+    copies: usize,
 }
 
 fn has_area(triangle: &Triangle) -> bool {
@@ -454,14 +458,37 @@ impl Scene {
         if !triangles.par_iter().all(has_area) {
             triangles.retain(has_area);
         }
+        let flat = mesh.triangles.len() - triangles.len();
         forget_copies(&mut triangles);
+        let copies = mesh.triangles.len() - flat - triangles.len();
         let half = frame.apply(high) + DVec3::ONE;
-        Self { frame, half, triangles }
+        Self { frame, half, triangles, flat, copies }
     }
 
     /// The triangles that have an area, in the order of the mesh.
     pub fn triangles(&self) -> &[Triangle] {
         &self.triangles
+    }
+
+    /// How many triangles of the mesh were left out because they have no
+    /// area, and because others have the same corners.
+    pub fn left_out(&self) -> (usize, usize) {
+        (self.flat, self.copies)
+    }
+
+    /// Leaves out the triangles of which `unwanted` is true.
+    pub fn forget(&mut self, unwanted: &[bool]) {
+        let mut unwanted = unwanted.iter();
+        self.triangles.retain(|_| unwanted.next() != Some(&true));
+        self.triangles.shrink_to_fit();
+    }
+
+    /// Where a point of the file lies in the scene; none if it is more
+    /// than 2^`NEARBY` away.
+    pub fn place(&self, point: DVec3) -> Option<DVec3> {
+        let placed = self.frame.apply(point);
+        let nearby = placed.abs().max_element() <= NEARBY;
+        nearby.then_some(placed)
     }
 
     /// Gives the memory of the triangles back, when a hierarchy has
@@ -536,16 +563,17 @@ const NUMBERS: u64 = 1 << 29;
 
 /// A number that depends on the corners of a triangle, in any order.
 fn mixed(triangle: &Triangle) -> u64 {
-    let mix = |corner: &Vec3| {
-        let [x, y, z] = corner.to_array().map(|x| u64::from(x.to_bits()));
-        let first = (x << 32 | y).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-        let both =
-            first ^ first >> 32 ^ z.wrapping_mul(0xd1b5_4a32_d192_ed03);
-        let mixed = both.wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        mixed ^ mixed >> 31
-    };
-    let sum = triangle.iter().map(mix).fold(0, u64::wrapping_add);
+    let sum = triangle.iter().map(scattered).fold(0, u64::wrapping_add);
     sum.wrapping_mul(0x94d0_49bb_1331_11eb)
+}
+
+/// A number that depends on all bits of a corner.
+pub fn scattered(corner: &Vec3) -> u64 {
+    let [x, y, z] = corner.to_array().map(|x| u64::from(x.to_bits()));
+    let first = (x << 32 | y).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    let both = first ^ first >> 32 ^ z.wrapping_mul(0xd1b5_4a32_d192_ed03);
+    let mixed = both.wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    mixed ^ mixed >> 31
 }
 
 /// The corners of a triangle, as bits, in order.
@@ -563,6 +591,9 @@ pub struct Ray {
     /// Where it goes; of length one.
     pub direction: DVec3,
 }
+
+/// Up to here a point has a place among the triangles: 2^32 units.
+const NEARBY: f64 = (1u64 << 32) as f64;
 
 /// Binary exponent of the distance at which units become larger.
 const FAR: i32 = 1000;

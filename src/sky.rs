@@ -35,4 +35,16 @@ impl Sky {
     pub fn radiance(&self, direction: DVec3) -> f64 {
         if self.zenith.dot(direction) > 0. { 1. } else { 0. }
     }
+
+    // Tell how much of it a surface sees
+    /// The share of sky in the hemisphere around the unit vector `normal`,
+    /// weighted by the cosine: in [0, 1].
+    pub fn share(&self, normal: DVec3) -> f64 {
+        (0.5 + 0.5 * self.zenith.dot(normal)).clamp(0., 1.)
+    }
+
+    /// The unit vector that points to the zenith, a coordinate axis.
+    pub fn zenith(&self) -> DVec3 {
+        self.zenith
+    }
 }

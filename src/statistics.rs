@@ -50,6 +50,21 @@ impl Accumulator {
     }
 
     // Merge with the weights of another
+    /// Takes the same weight into account `count` times.
+    pub fn add_times(&mut self, weight: f64, mut count: u64) {
+        let mut power = Self::default();
+        power.add(weight);
+        while count > 0 {
+            if count % 2 == 1 {
+                self.merge(&power);
+            }
+            count /= 2;
+            if count > 0 {
+                power.merge(&{ power });
+            }
+        }
+    }
+
     /// Takes all the weights of another accumulator into account.
     pub fn merge(&mut self, other: &Self) {
         self.count += other.count;

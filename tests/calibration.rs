@@ -9,6 +9,7 @@ use litpt::camera::View;
 use litpt::closed_forms::{Setting, cavity, cavity_radiance};
 use litpt::courtyard::{solids, view, write_obj};
 use litpt::image::{Image, WORTH};
+use litpt::render::Renderer;
 use litpt::scene::read_obj;
 
 const SIZE: (u32, u32) = (32, 24);

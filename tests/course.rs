@@ -11,9 +11,10 @@ use litpt::camera::{Camera, View};
 use litpt::closed_forms::cavity;
 use litpt::course::{Course, Interrupt, Limits, Stop};
 use litpt::estimator::{Estimator, Reference, Step};
+use litpt::facts::bare::Known;
 use litpt::hierarchy::{Hierarchy, Hit, Kernel};
 use litpt::image::{Image, WORTH};
-use litpt::render::Job;
+use litpt::render::{Job, Renderer};
 use litpt::scene::{Ray, Scene};
 use litpt::sky::Sky;
 use litpt::statistics::Accumulator;
@@ -35,6 +36,7 @@ struct Draw<F>(F);
 impl<F: Fn(f64) -> f64 + Sync> Estimator for Draw<F> {
     /// The rays so far.
     type Path = u32;
+    type Answer = Hit;
 
     fn begin(&self, _: DVec3) -> u32 {
         0
@@ -49,7 +51,10 @@ impl<F: Fn(f64) -> f64 + Sync> Estimator for Draw<F> {
         *rays += 1;
         match *rays {
             3 => Step::End(self.0(random.random())),
-            _ => Step::On(Ray { origin: DVec3::ZERO, direction: DVec3::X }),
+            _ => {
+                let (origin, direction) = (DVec3::ZERO, DVec3::X);
+                Step::On(Ray { origin, direction }, 0)
+            }
         }
     }
 }
@@ -77,9 +82,16 @@ impl World {
         kernel: &'a K,
         estimator: &'a E,
         seed: u64,
-    ) -> Job<'a, K, E> {
+    ) -> Job<'a, K, &'a E> {
         let World { scene, camera } = self;
-        Job { scene, kernel, camera, estimator, seed }
+        Job {
+            scene,
+            kernel,
+            camera,
+            estimator,
+            known: &Known::Nothing,
+            seed,
+        }
     }
 }
 
@@ -243,8 +255,11 @@ fn the_summary_averages_the_squares_of_the_standard_errors() {
 fn a_single_pixel_is_the_same_for_any_number_of_threads_and_passes() {
     let world = World::new();
     let kernel = Hierarchy::new(&world.scene).unwrap();
-    let estimator =
-        Reference { reflectivity: 0.8, sky: Sky::new(DVec3::Z) };
+    let estimator = Reference {
+        reflectivity: 0.8,
+        sky: Sky::new(DVec3::Z),
+        foresight: (),
+    };
     let job = world.job(&kernel, &estimator, 5);
     for size in [(1, 1), (3, 2), (17, 1)] {
         let render = |threads, passes: &[u64]| {

@@ -10,9 +10,10 @@ use litpt::closed_forms::{
     polygon_share, trough_radiance,
 };
 use litpt::estimator::Reference;
+use litpt::facts::bare::Known;
 use litpt::hierarchy::Hierarchy;
 use litpt::image::Image;
-use litpt::render::Job;
+use litpt::render::{Job, Renderer};
 use litpt::scene::{Mesh, Scene};
 use litpt::sky::Sky;
 use statrs::distribution::{ContinuousCDF, Normal};
@@ -156,12 +157,17 @@ fn without_a_scene_the_sky_is_one_above_and_zero_below() {
         let target = if up.x == 0. { DVec3::X } else { DVec3::Y };
         let view = View { position: DVec3::ZERO, target, up, fov: 70. };
         let camera = Camera::new(&view, 4. / 3.).unwrap();
-        let estimator = Reference { reflectivity: 0.5, sky: Sky::new(up) };
+        let estimator = Reference {
+            reflectivity: 0.5,
+            sky: Sky::new(up),
+            foresight: (),
+        };
         let job = Job {
             scene: &scene,
             kernel: &kernel,
             camera: &camera,
             estimator: &estimator,
+            known: &Known::Nothing,
             seed: 0,
         };
         let mut image = Image::new(40, 30);

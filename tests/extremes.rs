@@ -12,9 +12,10 @@ use common::{ABOVE, Place, pgm};
 use glam::DVec3;
 use litpt::camera::{Camera, View, ViewError};
 use litpt::estimator::Reference;
+use litpt::facts::bare::Known;
 use litpt::hierarchy::{Hierarchy, Isa, Quality};
 use litpt::image::{Image, WORTH};
-use litpt::render::Job;
+use litpt::render::{Job, Renderer};
 use litpt::scene::{Mesh, Scene, read_obj};
 use litpt::sky::Sky;
 
@@ -61,12 +62,17 @@ fn sized(
         Hierarchy::with(&scene, Quality::Fast, Isa::best()).unwrap();
     let aspect = f64::from(width) / f64::from(height);
     let camera = Camera::new(view, aspect).unwrap();
-    let estimator = Reference { reflectivity: rho, sky: Sky::new(view.up) };
+    let estimator = Reference {
+        reflectivity: rho,
+        sky: Sky::new(view.up),
+        foresight: (),
+    };
     let job = Job {
         scene: &scene,
         kernel: &kernel,
         camera: &camera,
         estimator: &estimator,
+        known: &Known::Nothing,
         seed,
     };
     let mut image = Image::new(width, height);

@@ -8,6 +8,7 @@ use litpt::camera::View;
 use litpt::closed_forms::{Setting, cavity};
 use litpt::hierarchy::{Hierarchy, Hit, Isa, Kernel, Quality};
 use litpt::image::Image;
+use litpt::render::Renderer;
 use litpt::sampling::cosine_direction;
 use litpt::scene::{Mesh, Ray, Scene};
 use rand::{RngExt, SeedableRng};

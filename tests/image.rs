@@ -10,9 +10,10 @@ use glam::DVec3;
 use litpt::camera::{Camera, View};
 use litpt::closed_forms::cavity;
 use litpt::estimator::Reference;
+use litpt::facts::bare::Known;
 use litpt::hierarchy::{Hierarchy, Hit, Isa, Kernel, Quality};
 use litpt::image::{Image, SIDE, Summary};
-use litpt::render::Job;
+use litpt::render::{Job, Renderer};
 use litpt::scene::Scene;
 use litpt::sky::Sky;
 
@@ -75,13 +76,17 @@ fn render(
         fov: 100.,
     };
     let camera = Camera::new(&view, 1.5).unwrap();
-    let estimator =
-        Reference { reflectivity: 0.8, sky: Sky::new(DVec3::Z) };
+    let estimator = Reference {
+        reflectivity: 0.8,
+        sky: Sky::new(DVec3::Z),
+        foresight: (),
+    };
     let job = Job {
         scene: &scene,
         kernel: &kernel,
         camera: &camera,
         estimator: &estimator,
+        known: &Known::Nothing,
         seed: 9,
     };
     let mut image = Image::new(60, 40);
@@ -135,7 +140,9 @@ fn progress_counts_every_path_once() {
         estimator: &Reference {
             reflectivity: 0.5,
             sky: Sky::new(DVec3::Z),
+            foresight: (),
         },
+        known: &Known::Nothing,
         seed: 0,
     };
     let paths = std::sync::atomic::AtomicU64::new(0);
@@ -172,7 +179,9 @@ fn a_kernel_can_be_written_by_somebody_else() {
         estimator: &Reference {
             reflectivity: 0.5,
             sky: Sky::new(DVec3::Z),
+            foresight: (),
         },
+        known: &Known::Nothing,
         seed: 0,
     };
     let mut image = Image::new(3, 3);

@@ -46,6 +46,7 @@ fn report(steps: Vec<Step>) -> Report {
             triangles: 6,
         },
         settings,
+        left_out: vec![],
         load_seconds: 0.125,
         build_seconds: 0.25,
         render_seconds: last.map_or(0., |step| step.seconds),

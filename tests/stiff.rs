@@ -20,16 +20,24 @@ fn path(
     n: u64,
     mut leaves: impl FnMut(u64) -> bool,
 ) -> (f64, u64) {
-    let estimator =
-        Reference { reflectivity: rho, sky: Sky::new(DVec3::Z) };
-    let wall = Hit { point: DVec3::ZERO, normal: DVec3::Z, primitive: 0 };
+    let estimator = Reference {
+        reflectivity: rho,
+        sky: Sky::new(DVec3::Z),
+        foresight: (),
+    };
+    let wall = Hit {
+        point: DVec3::ZERO,
+        normal: DVec3::Z,
+        primitive: 0,
+        is_clear: true,
+    };
     let mut random = generator(1, 0, n);
     let mut path = estimator.begin(DVec3::Z);
     let mut rays = 1;
     loop {
         let hit = (rays == 1 || !leaves(rays - 1)).then_some(wall);
         match estimator.go_on(&mut path, hit, &mut random) {
-            Step::On(_) => rays += 1,
+            Step::On(..) => rays += 1,
             Step::End(weight) => return (weight, rays),
         }
     }

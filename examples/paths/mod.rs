@@ -32,7 +32,7 @@ pub fn record<K: Kernel>(
             let hit = kernel.first_hit(&ray, from);
             from = hit.map(|hit| hit.primitive);
             next = match estimator.go_on(&mut path, hit, &mut random) {
-                Step::On(ray) => Some(ray),
+                Step::On(ray, _) => Some(ray),
                 Step::End(_) => None,
             };
         }

@@ -19,9 +19,10 @@ use litpt::closed_forms::{Setting, cavity, cavity_radiance};
 use litpt::course::{Course, Interrupt, Limits};
 use litpt::courtyard::{solids, write_obj};
 use litpt::estimator::{self, Estimator};
+use litpt::facts::bare::Known;
 use litpt::hierarchy::{Hierarchy, Hit};
 use litpt::image::{Image, WORTH};
-use litpt::render::Job;
+use litpt::render::{Job, Renderer};
 use litpt::report::{Fit, Step};
 use litpt::sampling::generator;
 use litpt::scene::{Mesh, Scene, read_obj};
@@ -239,6 +240,7 @@ const P: f64 = 0.05;
 
 impl Estimator for Coin {
     type Path = ();
+    type Answer = Hit;
 
     fn begin(&self, _: DVec3) {}
 
@@ -286,6 +288,7 @@ fn stopped(seed: u64, error: f64, side: u32) -> (f64, u64) {
         kernel: &kernel,
         camera: &camera,
         estimator: &Coin,
+        known: &Known::Nothing,
         seed,
     };
     let limits = Limits {

@@ -40,6 +40,10 @@ impl Walker {
     pub fn new(wide: Wide<8>) -> Option<Self> {
         is_available().then_some(Self(wide))
     }
+
+    pub fn wide(&self) -> &Wide<8> {
+        &self.0
+    }
 }
 
 // Walk with AVX2 instructions

@@ -37,6 +37,10 @@ impl Walker {
     pub fn new(wide: Wide<16>) -> Option<Self> {
         is_available().then_some(Self(wide))
     }
+
+    pub fn wide(&self) -> &Wide<16> {
+        &self.0
+    }
 }
 
 // Walk with AVX-512 instructions

@@ -60,13 +60,14 @@ where
     // Settle the point if it is doubtful
     let short = left.is_some() && distance <= SHORT;
     let deep = height.abs() > 0.5 * CLOSE_BY;
+    let mut is_clear = true;
     if search.doubt <= distance + NEAR || short || deep {
         let arrival = Arrival { ray, distance, primitive, left };
         if let Some(safe) = arrival.settle(wide, met, deep) {
-            point = safe;
+            (point, is_clear) = (safe, false);
         }
     }
-    Some(Hit { point, normal, primitive })
+    Some(Hit { point, normal, primitive, is_clear })
 }
 
 // Settle a doubtful hit

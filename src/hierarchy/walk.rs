@@ -307,6 +307,10 @@ pub fn push<const N: usize>(
 pub struct Walker(pub Wide<8>);
 
 impl Walker {
+    pub fn wide(&self) -> &Wide<8> {
+        &self.0
+    }
+
     fn search<const ANY: bool>(
         &self,
         ray: &Ray,

@@ -185,7 +185,9 @@ fn binary(triangles: &[Triangle], quality: Quality) -> Vec<Bvh2Node> {
         Quality::Medium => (14, 3, &[0.05, 0.1]),
         Quality::Thorough => (14, 1, &[1., 1.]),
     };
-    let clusters = in_morton_order(triangles);
+    let order = in_morton_order(triangles).into_par_iter();
+    let leaf = |i| single(&triangles[i as usize], i);
+    let clusters = order.map(leaf).collect();
     let mut tree = join(clusters, reach, early);
     // Improve the binary tree
     let share = (CROWDED / crowd(&tree.nodes)).min(1.);
@@ -198,9 +200,9 @@ fn binary(triangles: &[Triangle], quality: Quality) -> Vec<Bvh2Node> {
     tree.nodes
 }
 
-/// A leaf for each triangle, in the order of the middles of their boxes
-/// along Morton's curve.
-fn in_morton_order(triangles: &[Triangle]) -> Vec<Bvh2Node> {
+/// The numbers of the triangles, in the order of the middles of their
+/// boxes along Morton's curve.
+pub fn in_morton_order(triangles: &[Triangle]) -> Vec<u32> {
     let leaf = |i: u32| single(&triangles[i as usize], i);
     let numbers = (0..triangles.len() as u32).into_par_iter();
     let boxes = numbers.clone().map(|i| *leaf(i).aabb());
@@ -212,7 +214,7 @@ fn in_morton_order(triangles: &[Triangle]) -> Vec<Bvh2Node> {
     };
     let mut keys: Vec<_> = numbers.map(key).collect();
     keys.par_sort_unstable();
-    keys.into_par_iter().map(|(_, i)| leaf(i)).collect()
+    keys.into_par_iter().map(|(_, i)| i).collect()
 }
 
 /// Joins clusters, given in order, into a binary tree. A cluster looks

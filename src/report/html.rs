@@ -16,6 +16,7 @@ use super::histogram::Histogram;
 use super::pixels::{Grid, MIDDLE};
 use super::words::{count, duration, figures, short, with_error};
 use super::{Report, Step, svg};
+use crate::facts::Finding;
 use crate::picture::Picture;
 
 // Lay out the page
@@ -42,6 +43,7 @@ pub fn page(report: &Report, picture: &Picture) -> String {
                     (errors(picture))
                 }
                 div.figures { (timings(report)) (settings(report)) }
+                @if !report.left_out.is_empty() { (left_out(report)) }
                 (steps(&report.steps))
             }
         }
@@ -244,6 +246,15 @@ fn settings(report: &Report) -> Markup {
     ];
     rows.extend(report.settings.iter().map(|(k, v)| (&**k, text(v))));
     table(("Scene and settings", "facts"), &rows)
+}
+
+fn left_out(report: &Report) -> Markup {
+    let row =
+        |finding: &'_ Finding| (finding.fact.clone(), finding.why.clone());
+    let rows: Vec<_> = report.left_out.iter().map(row).collect();
+    let rows: Vec<_> =
+        rows.iter().map(|(fact, why)| (&**fact, why.clone())).collect();
+    table(("Left out", "facts"), &rows)
 }
 
 fn steps(steps: &[Step]) -> Markup {

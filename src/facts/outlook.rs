@@ -1,0 +1,377 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! From which directions nothing can be seen but the sky or the void.
+//!
+//! The view from a side of a triangle is free within a cone around its
+//! normal, which is given by the cosine of its opening.
+
+// Name what the outlook imports
+use std::array;
+
+use glam::DVec3;
+use rand::RngExt;
+use rayon::prelude::*;
+use robust::{Coord3D, orient3d};
+
+use super::boxes::{Bounds, Boxes, Search};
+use crate::camera::Camera;
+use crate::estimator::Foresight;
+use crate::hierarchy::{Hit, Kernel};
+use crate::numerics::cross;
+use crate::sampling::{cosine_direction, generator};
+use crate::scene::{Ray, Scene, Triangle};
+
+// Hold the free cone of a side
+/// The opening of a cone around the normal of a side within which no ray
+/// meets anything, by its cosine in parts of `PARTS`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Cone(u8);
+
+const PARTS: f64 = 250.;
+
+impl Cone {
+    /// The whole hemisphere.
+    const OPEN: Self = Self(0);
+    /// The same, but it is not known that it is the whole.
+    const ALL: Self = Self(1);
+    /// Nothing.
+    const NONE: Self = Self(255);
+
+    /// The cone of a cosine; of none, if nothing is in front.
+    fn new(cosine: Option<f64>) -> Self {
+        let parts = cosine.map(|c| (c * PARTS).ceil() + 3.);
+        parts.map_or(Self::OPEN, |parts| Self(parts as u8))
+    }
+
+    /// Whether a ray of this cosine is within.
+    fn holds(self, cosine: f64) -> bool {
+        cosine * PARTS + 2. > f64::from(self.0)
+    }
+}
+
+// Hold the cones of a whole scene
+/// The free cones of all triangles of a scene, two for each.
+pub struct Outlook {
+    cones: Vec<[Cone; 2]>,
+}
+
+impl Outlook {
+    /// The outlook of triangles with `boxes` around them, in the order of
+    /// the kernel, which is that of the `numbers`. Of cones whose cosine
+    /// is not less than `narrow`, none is kept; with 0 only open sides.
+    pub fn new(
+        boxes: &Boxes,
+        triangles: &[Triangle],
+        numbers: &[u32],
+        narrow: f64,
+    ) -> Self {
+        let both = |&number| cones(boxes, triangles, narrow, number);
+        Self { cones: numbers.par_iter().map(both).collect() }
+    }
+
+    // Count the sides that are open
+    /// The share of triangles that have an open side.
+    pub fn open_share(&self) -> f64 {
+        let is_open = |sides: &&[Cone; 2]| sides.contains(&Cone::OPEN);
+        let open = self.cones.iter().filter(is_open).count();
+        open as f64 / self.cones.len().max(1) as f64
+    }
+
+    // Forget a part of what was found
+    /// Lets no side be open; rays from there are still free.
+    pub fn keep_open(&mut self) {
+        let sides = self.cones.iter_mut().flatten();
+        sides.filter(|side| **side == Cone::OPEN).for_each(|side| {
+            *side = Cone::ALL;
+        });
+    }
+}
+
+/// A side of a triangle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Side {
+    /// That of the cross product of its edges.
+    Front,
+    /// The other.
+    Back,
+}
+
+/// Which of the two cones belongs to the side with this normal.
+#[inline(always)]
+fn place(normal: DVec3) -> usize {
+    usize::from(normal.z.is_sign_negative())
+}
+
+/// The cones of both sides of a triangle.
+fn cones(
+    boxes: &Boxes,
+    triangles: &[Triangle],
+    narrow: f64,
+    number: u32,
+) -> [Cone; 2] {
+    let front = Facet::new(&triangles[number as usize], Side::Front);
+    let mut sides = [Side::Front, Side::Back];
+    if place(front.normal) == 1 {
+        sides.reverse();
+    }
+    sides.map(|side| cone(boxes, triangles, narrow, (number, side)))
+}
+
+// Estimate what the cones would save
+/// An estimate of the share of all rays that would not be traced, from a
+/// few paths of the image: because they leave open sides, or are free.
+pub fn shares<K: Kernel>(
+    boxes: &Boxes,
+    scene: &Scene,
+    (kernel, numbers): (&K, &[u32]),
+    camera: &Camera,
+) -> [f64; 2] {
+    let follow = |n| {
+        let mut random = generator(0, u64::MAX, n);
+        let direction = camera.direction(random.random(), random.random());
+        let mut next = scene.enter(camera.position, direction);
+        let (mut counts, mut from) = ([0; 3], None);
+        while let Some(ray) = next.take_if(|_| counts[2] < LONG) {
+            counts[2] += 1;
+            if let Some(hit) = kernel.first_hit(&ray, from) {
+                // Leave the surface, unless the way is free
+                let number = numbers[hit.primitive as usize];
+                let cones = cones(boxes, scene.triangles(), NARROW, number);
+                let cone = cones[place(hit.normal)];
+                let (r, turn) = (random.random(), random.random());
+                let direction = cosine_direction(hit.normal, r, turn);
+                if cone.holds(hit.normal.dot(direction)) {
+                    counts[usize::from(cone != Cone::OPEN)] += 1;
+                } else {
+                    next = Some(Ray { origin: hit.point, direction });
+                    from = Some(hit.primitive);
+                }
+            }
+        }
+        counts
+    };
+    let pilots = (0..PILOTS).into_par_iter().map(follow);
+    let add = |a: [u32; 3], b: [u32; 3]| array::from_fn(|i| a[i] + b[i]);
+    let [open, free, traced] = pilots.reduce(|| [0; 3], add);
+    let all = f64::from((open + free + traced).max(1));
+    [open, free].map(|saved| f64::from(saved) / all)
+}
+
+/// Paths that try the cones out.
+const PILOTS: u64 = 64;
+
+/// Rays of such a path, at most.
+const LONG: u32 = 10;
+
+/// A cone of a greater cosine would hold a tenth of the rays.
+pub const NARROW: f64 = 0.95;
+
+// Look around from a side of a triangle
+/// Looks around from one side of a triangle.
+struct Lookout<'a> {
+    triangles: &'a [Triangle],
+    own: Facet,
+    /// The number of the triangle.
+    number: u32,
+    /// The greatest cosine so far; none if nothing was in front.
+    cosine: Option<f64>,
+    /// The cosine from which on a cone is not worth having.
+    narrow: f64,
+    /// Leaves that may still be looked at.
+    patience: u32,
+}
+
+impl Search for Lookout<'_> {
+    fn promise(&self, bounds: &Bounds) -> Option<f64> {
+        let cosine = self.own.cosine_of_box(bounds)?;
+        (Some(cosine) > self.cosine).then_some(cosine)
+    }
+
+    fn look(&mut self, numbers: &[u32]) -> bool {
+        let impatience = if self.cosine.is_none() { 1 } else { HASTE };
+        self.patience = self.patience.saturating_sub(impatience);
+        for &number in numbers.iter().filter(|&&i| i != self.number) {
+            let seen = &self.triangles[number as usize];
+            let cosine = self.own.cosine_of_triangle(seen);
+            if cosine > self.cosine {
+                self.cosine = cosine;
+            }
+        }
+        self.patience > 0 && self.cosine < Some(self.narrow)
+    }
+}
+
+/// Leaves that are looked at from each side of a triangle, as long as
+/// nothing is in front.
+const PATIENCE: u32 = 256;
+
+/// How many such leaves one counts for when something is.
+const HASTE: u32 = 10;
+
+/// The cone of a side of a triangle: that of its normal, or the other.
+fn cone(
+    boxes: &Boxes,
+    triangles: &[Triangle],
+    narrow: f64,
+    (number, side): (u32, Side),
+) -> Cone {
+    let own = Facet::new(&triangles[number as usize], side);
+    let (cosine, patience) = (None, PATIENCE);
+    let mut lookout =
+        Lookout { triangles, own, number, cosine, narrow, patience };
+    let unseen = boxes.search(&mut lookout);
+    let cosine =
+        if unseen > lookout.cosine { unseen } else { lookout.cosine };
+    match cosine < Some(narrow) {
+        true => Cone::new(cosine),
+        false => Cone::NONE,
+    }
+}
+
+// Hold a triangle as a place to look from
+/// One side of a triangle, as a place to look from.
+struct Facet {
+    corners: [DVec3; 3],
+    /// Of length one.
+    normal: DVec3,
+    /// In the plane, of length one: out over the three edges, the first
+    /// of which begins at the first corner; then out at the corners.
+    outwards: [DVec3; 6],
+}
+
+impl Facet {
+    fn new(triangle: &Triangle, side: Side) -> Self {
+        let mut corners = triangle.map(|corner| corner.as_dvec3());
+        if side == Side::Back {
+            corners.swap(1, 2);
+        }
+        let [a, b, c] = corners;
+        let normal = cross(b - a, c - a).normalize();
+        // Find the ways out of the triangle
+        let out = [(a, b), (b, c), (c, a)];
+        let out = out.map(|(p, q)| (q - p).cross(normal).normalize());
+        let at_corners = [(2, 0), (0, 1), (1, 2)];
+        let at_corners = at_corners.map(|(i, j)| out[i] + out[j]);
+        let [p, q, r] = at_corners.map(|m| m.normalize_or_zero());
+        let outwards = [out[0], out[1], out[2], p, q, r];
+        Self { corners, normal, outwards }
+    }
+
+    /// The height of a point above the plane, or zero if it is in the
+    /// plane or behind, of which the sign is exact.
+    fn height(&self, point: DVec3) -> f64 {
+        let height = self.normal.dot(point - self.corners[0]);
+        if height.abs() > TINY {
+            return height.max(0.);
+        }
+        let [a, b, c] = self.corners.map(coord);
+        let below = orient3d(a, b, c, coord(point));
+        if below < 0. { height.max(f64::MIN_POSITIVE) } else { 0. }
+    }
+
+    // Bound the cosine of a box
+    /// A bound of the cosine of the points of a box; none if no point is in
+    /// front.
+    fn cosine_of_box(&self, bounds: &Bounds) -> Option<f64> {
+        let (low, high) = bounds.doubles();
+        let up = self.normal.cmpgt(DVec3::ZERO);
+        let height = self.height(DVec3::select(up, high, low));
+        if height == 0. {
+            return None;
+        }
+        let gap = |(&m, e): (&DVec3, &DVec3)| {
+            let near = DVec3::select(m.cmpgt(DVec3::ZERO), low, high);
+            m.dot(near - *e)
+        };
+        let corners = self.corners.iter().cycle();
+        let gaps = self.outwards.iter().zip(corners).map(gap);
+        let gap = gaps.fold(0., f64::max);
+        Some(height / (height * height + gap * gap).sqrt())
+    }
+
+    // Bound the cosine of a triangle
+    /// A bound of the cosine of the points of a triangle; none if no point
+    /// is in front.
+    fn cosine_of_triangle(&self, seen: &Triangle) -> Option<f64> {
+        let points = seen.map(|corner| corner.as_dvec3());
+        let heights = points.map(|point| self.height(point));
+        if heights == [0.; 3] {
+            return None;
+        }
+        let corners = self.corners.iter().cycle();
+        let ways = self.outwards.iter().zip(corners);
+        let slope = |(&m, e): (&DVec3, &DVec3)| {
+            // Bound the slope along one way
+            let across = points.map(|point| m.dot(point - *e));
+            let mut slope = 0f64;
+            for (i, j) in [(0, 1), (1, 2), (2, 0)] {
+                if heights[i] > 0. {
+                    let rise = heights[i] / across[i];
+                    slope = slope.max(if rise > 0. {
+                        rise
+                    } else {
+                        f64::INFINITY
+                    });
+                }
+                if (heights[i] > 0.) != (heights[j] > 0.) {
+                    let depth = |k: usize| {
+                        self.normal.dot(points[k] - self.corners[0])
+                    };
+                    let t =
+                        (depth(i) / (depth(i) - depth(j))).clamp(0., 1.);
+                    let crossing = across[i] + t * (across[j] - across[i]);
+                    let shared =
+                        |k: usize| self.corners.contains(&points[k]);
+                    let is_shared = shared(i) && heights[i] == 0.
+                        || shared(j) && heights[j] == 0.;
+                    let least = if is_shared { -TINY } else { TINY };
+                    if crossing < least {
+                        slope = f64::INFINITY;
+                    }
+                }
+            }
+            slope
+        };
+        let slope = ways.map(slope).fold(f64::INFINITY, f64::min);
+        Some(if slope < f64::INFINITY {
+            slope / (slope * slope + 1.).sqrt()
+        } else {
+            1.
+        })
+    }
+}
+
+/// A point, as the crate for exact predicates takes it.
+pub fn coord(DVec3 { x, y, z }: DVec3) -> Coord3D<f64> {
+    Coord3D { x, y, z }
+}
+
+/// Heights over the plane of a triangle, and where edges cross it, are
+/// known better than this: 2^-20.
+const TINY: f64 = 1. / (1 << 20) as f64;
+
+// Use the cones in the estimator
+impl Outlook {
+    #[inline(always)]
+    fn cone(&self, hit: &Hit) -> Cone {
+        self.cones[hit.primitive as usize][place(hit.normal)]
+    }
+}
+
+impl Foresight for Outlook {
+    #[inline(always)]
+    fn is_open(&self, hit: &Hit) -> bool {
+        self.cone(hit) == Cone::OPEN
+    }
+
+    #[inline(always)]
+    fn is_free(&self, hit: &Hit, direction: DVec3) -> bool {
+        self.cone(hit).holds(hit.normal.dot(direction)) && hit.is_clear
+    }
+}

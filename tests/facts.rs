@@ -1,0 +1,247 @@
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+//! What is left out changes no image, or only its variance, and that for
+//! the better; and a fact that is false is found out.
+
+#[path = "../examples/settings/mod.rs"]
+mod settings;
+
+use std::collections::BTreeMap;
+
+use glam::DVec3;
+use litpt::camera::{Camera, View};
+use litpt::compare::compare;
+use litpt::estimator::{Foresight, Reference};
+use litpt::facts::bare::Known;
+use litpt::facts::{Fact, Facts};
+use litpt::hierarchy::{Hierarchy, Hit};
+use litpt::image::Image;
+use litpt::picture::Picture;
+use litpt::render::{Job, Renderer};
+use litpt::scene::Scene;
+use litpt::sky::Sky;
+use settings::{Setting, all, named};
+
+const SMALL: (u32, u32) = (24, 18);
+
+/// The facts that leave each weight as it is.
+const EXACT: [Fact; 4] =
+    [Fact::Dark, Fact::Hidden, Fact::Black, Fact::Free];
+
+/// Those that replace weights by their mean.
+const CLOSED: [Fact; 2] = [Fact::Bare, Fact::Open];
+
+fn picture(image: &Image) -> Picture {
+    Picture::new(image, BTreeMap::new())
+}
+
+/// The sum of the variances of all pixels.
+fn variance(image: &Image) -> f64 {
+    image.stored().iter().map(|pixel| pixel.variance()).sum()
+}
+
+#[test]
+fn work_that_is_deterministic_is_left_out_without_a_trace() {
+    let mut seen: Vec<String> = vec![];
+    for setting in all() {
+        let whole = setting.render(&Fact::ALL, SMALL, 64, 1);
+        let less = setting.render(&CLOSED, SMALL, 64, 1);
+        assert!(
+            less.image.stored() == whole.image.stored(),
+            "{}: {:?}",
+            setting.name,
+            less.facts
+        );
+        assert!(less.rays <= whole.rays, "{}", setting.name);
+        seen.extend(less.facts);
+    }
+    for fact in EXACT {
+        assert!(seen.contains(&fact.name()), "{} in no scene", fact.name());
+    }
+}
+
+#[test]
+fn closed_forms_are_the_means_of_what_they_replace() {
+    let mut seen: Vec<String> = vec![];
+    for setting in all() {
+        for fact in CLOSED {
+            let others: Vec<_> =
+                Fact::ALL.into_iter().filter(|f| *f != fact).collect();
+            let few = setting.render(&others, SMALL, 1, 1);
+            if !few.facts.contains(&fact.name()) {
+                continue;
+            }
+            let (whole, less) = (truth(&setting), many(&setting, &others));
+            if let Err(difference) = agree(&whole, &less) {
+                panic!("{}, {}: {difference}", setting.name, fact.name());
+            }
+            seen.push(fact.name());
+        }
+    }
+    for fact in CLOSED {
+        assert!(seen.contains(&fact.name()), "{} in no scene", fact.name());
+    }
+}
+
+const TINY: (u32, u32) = (4, 3);
+
+const MANY: u64 = 1_000_000;
+
+/// The image with nothing left out.
+fn truth(setting: &Setting) -> Image {
+    setting.render(&Fact::ALL, TINY, MANY, 1).image
+}
+
+/// The image with all facts but those that are `kept`.
+fn many(setting: &Setting, kept: &[Fact]) -> Image {
+    setting.render(kept, TINY, MANY, 2).image
+}
+
+/// Whether nothing but chance distinguishes two images of 10^6 realisations
+/// a pixel, and the second has no more variance. Its sum over 12 pixels is
+/// known to a part in 1000 as long as weights are not rare; 2 % is far beyond
+/// that.
+fn agree(whole: &Image, less: &Image) -> Result<(), String> {
+    let difference = compare(&picture(whole), &picture(less))?;
+    if !difference.consistent() {
+        let z = difference.sum.z();
+        return Err(format!("the images differ, z = {z:.1} in all"));
+    }
+    let (before, after) = (variance(whole), variance(less));
+    if after > 1.02 * before {
+        return Err(format!("the variance rises: {before} to {after}"));
+    }
+    Ok(())
+}
+
+#[test]
+fn a_room_with_a_window_that_is_called_dark_is_found_out() {
+    let setting = named("room with a window");
+    let lie = |facts: &mut Facts| facts.known = Known::Dark;
+    let lied = setting.render_with(&[], TINY, MANY, 2, lie).image;
+    assert!(agree(&truth(&setting), &lied).is_err());
+}
+
+#[test]
+fn triangles_that_are_called_hidden_and_can_be_seen_are_found_out() {
+    let setting = named("object on a plane");
+    let mut lacks = named("object on a plane");
+    lacks.mesh.triangles.truncate(2);
+    assert!(agree(&truth(&setting), &many(&lacks, &[])).is_err());
+    let whole = setting.render(&Fact::ALL, SMALL, 64, 1);
+    let less = lacks.render(&CLOSED, SMALL, 64, 1);
+    assert!(whole.image.stored() != less.image.stored());
+}
+
+/// Believes that all surfaces are open, or that all rays are free.
+struct Liar {
+    open: bool,
+}
+
+impl Foresight for Liar {
+    fn is_open(&self, _: &Hit) -> bool {
+        self.open
+    }
+
+    fn is_free(&self, _: &Hit, direction: DVec3) -> bool {
+        !self.open && direction.z > 0.5
+    }
+}
+
+#[test]
+fn surfaces_that_are_called_open_or_their_rays_free_are_found_out() {
+    let setting = named("room with a window");
+    let truth = truth(&setting);
+    for open in [true, false] {
+        let scene = Scene::new(&setting.mesh);
+        let sky = Sky::new(DVec3::Z);
+        let foresight = Liar { open };
+        let job = Job {
+            scene: &scene,
+            kernel: &Hierarchy::new(&scene).unwrap(),
+            camera: &Camera::new(&setting.view, 4. / 3.).unwrap(),
+            estimator: Reference { reflectivity: 0.8, sky, foresight },
+            known: &Known::Nothing,
+            seed: 2,
+        };
+        let mut image = Image::new(TINY.0, TINY.1);
+        job.pass(&mut image, 0..MANY, &|_| ());
+        assert!(agree(&truth, &image).is_err());
+    }
+}
+
+/// The names of the facts that hold.
+fn found(name: &str) -> Vec<String> {
+    let mut facts = named(name).render(&[], SMALL, 1, 1).facts;
+    facts.retain(|fact| Fact::ALL.iter().any(|f| f.name() == *fact));
+    facts
+}
+
+#[test]
+fn each_scene_has_the_facts_that_it_was_made_for() {
+    assert_eq!(found("closed room"), ["dark"]);
+    assert_eq!(found("nothing in view"), ["bare"]);
+    assert!(found("black courtyard").contains(&"black".to_owned()));
+    assert!(found("chest").contains(&"hidden".to_owned()));
+    assert!(found("polytope").contains(&"open".to_owned()));
+    assert!(found("convex solid").contains(&"free".to_owned()));
+    let window = found("room with a window");
+    assert!(!window.contains(&"dark".to_owned()));
+}
+
+#[test]
+fn every_path_outside_a_polytope_ends_at_its_first_surface() {
+    let outcome = named("polytope").render(&[], SMALL, 100, 1);
+    let paths = u64::from(SMALL.0 * SMALL.1) * 100;
+    assert!(outcome.rays <= paths);
+    let whole = named("polytope").render(&Fact::ALL, SMALL, 100, 1);
+    assert!(outcome.rays < whole.rays);
+}
+
+/// A camera on each side of each wall of a room in which another stands,
+/// below and beside corners and edges too.
+#[test]
+fn only_inside_of_closed_surfaces_it_is_dark() {
+    let setting = named("closed room");
+    let points = [
+        ([0., 0., 0.], true),
+        ([1., 3., 0.], true),
+        ([2., 4., 4.999], true),
+        ([2., 2., -1.], true),
+        ([-4.999, 0., 0.], true),
+        ([1., 3., -3.5], true),
+        ([0., 0., 5.001], false),
+        ([0., 0., -5.001], false),
+        ([5., 5., -6.], false),
+        ([5., 0., -7.], false),
+        ([-6., 5., 5.], false),
+    ];
+    for (point, inside) in points {
+        let position = DVec3::from_array(point);
+        let target = position + DVec3::new(0.3, 0.5, 0.1);
+        let view = View { position, target, ..setting.view };
+        let setting = Setting { view, ..named("closed room") };
+        let facts = setting.render(&[], (2, 2), 1, 1).facts;
+        let dark = facts.contains(&"dark".to_owned());
+        assert_eq!(dark, inside, "at {position}");
+    }
+}
+
+#[test]
+fn on_a_wall_nobody_is_inside() {
+    let position = DVec3::new(5., 0.3, 0.1);
+    let target = DVec3::ZERO;
+    let view = View { position, target, ..named("closed room").view };
+    let setting = Setting { view, ..named("closed room") };
+    assert_eq!(setting.render(&[], (2, 2), 1, 1).facts, [""; 0]);
+}
+
+#[test]
+fn a_pixel_across_the_horizon_has_the_share_of_its_area() {
+    let setting = named("nothing in view");
+    let image = setting.render(&[], (1, 1), 2, 1).image;
+    let pixel = image.pixel(0, 0);
+    assert!((pixel.mean() - 0.5).abs() < 1e-12);
+    assert_eq!(pixel.variance(), 0.);
+}
