@@ -48,6 +48,7 @@ help:
 	@echo 'make chunk   list the root chunks; CHUNK="..." shows one chunk, expanded'
 	@echo 'make measure repeat the measurements that the book prints'
 	@echo 'make stability  stiff and extreme cases, ten minutes; stability-full: an hour'
+	@echo 'make ablation  what is saved by leaving out what a scene does not need'
 	@echo 'make bench   measure pt beside Embree; BENCH_SCENES="..." restricts it'
 	@echo 'make clean   remove what was built'
 
@@ -153,6 +154,7 @@ $(BUILD_DIR)/tables/%.csv: doc/measured/%.csv
 MACHINE = \# $(shell sed -n 's/^model name.*: //p' /proc/cpuinfo | head -n 1), \
   $(shell nproc) cores, on $(shell date +%Y-%m-%d)
 
+EXAMPLES = $(CARGO_TARGET_DIR)/release/examples
 MEASURED = qualities repeats leaks origins roulettes accumulators accounting \
   alarms
 measure: $(BUILD_DIR)/courtyard.obj
@@ -192,6 +194,17 @@ stability-full:
 	mv doc/measured/stability-full.csv.new doc/measured/stability-full.csv; \
 	exit $$status
 
+# ---- what a scene does not need
+
+# What each fact saves, scene by scene: five minutes on an idle machine.
+.PHONY: ablation
+ablation:
+	$(CARGO) build --release --example ablation
+	@mkdir -p doc/measured
+	{ echo "$(MACHINE)" && $(EXAMPLES)/ablation 5; } \
+	  > doc/measured/ablation.csv.new
+	mv doc/measured/ablation.csv.new doc/measured/ablation.csv
+
 # ---- pt beside Embree
 
 # What is measured: traversal alone, whole renders, one scene in several
@@ -203,7 +216,6 @@ stability-full:
 BENCH = $(BUILD_DIR)/bench
 BENCH_SCENES = courtyard statue field $(if $(KITCHEN),kitchen)
 BENCH_SIZES = 1000 10000 100000 1000000 $(if $(BENCH_LARGE),10000000)
-EXAMPLES = $(CARGO_TARGET_DIR)/release/examples
 
 COMPARED = $(BENCH_SCENES:%=$(BENCH)/%)
 SIZED = $(BENCH_SIZES:%=$(BENCH)/field-%)
@@ -313,7 +325,8 @@ check-tex:
 $(BUILD_DIR)/litpt.pdf: $(WEB) $(NOWEB) config.mk \
   $(BUILD_DIR)/figures/courtyard.png $(BUILD_DIR)/examples.stamp \
   $(addprefix $(BUILD_DIR)/tables/,closed-forms.tex qualities.tex \
-    leaks.tex origins.tex roulettes.tex stability.tex stability-full.tex robustness.tex layouts.tex habits.tex abreast.tex traversal.tex \
+    leaks.tex origins.tex roulettes.tex stability.tex stability-full.tex robustness.tex \
+    ablation.tex layouts.tex habits.tex abreast.tex traversal.tex \
     bench.tex sizes.csv shapes.tex repeats.csv \
     accumulators.tex accounting.tex alarms.tex calibration.stamp \
     anatomy.stamp curve.csv) \

@@ -108,7 +108,7 @@ mod price {
     /// To put it into a box.
     pub const BOX: f64 = 1.;
     /// To see whether one of its sides is open.
-    pub const OPEN: f64 = 60.;
+    pub const OPEN: f64 = 20.;
     /// To find the free cones of both.
     pub const FREE: f64 = 200.;
 }

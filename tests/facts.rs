@@ -119,7 +119,8 @@ fn agree(whole: &Image, less: &Image) -> Result<(), String> {
 fn a_room_with_a_window_that_is_called_dark_is_found_out() {
     let setting = named("room with a window");
     let lie = |facts: &mut Facts| facts.known = Known::Dark;
-    let lied = setting.render_with(&[], TINY, MANY, 2, lie).image;
+    let much = (MANY, f64::INFINITY);
+    let lied = setting.render_with(&[], TINY, much, 2, lie).image;
     assert!(agree(&truth(&setting), &lied).is_err());
 }
 

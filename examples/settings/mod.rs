@@ -44,15 +44,17 @@ impl Setting {
         n: u64,
         seed: u64,
     ) -> Outcome {
-        self.render_with(kept, definition, n, seed, |_| ())
+        let rays = f64::INFINITY;
+        self.render_with(kept, definition, (n, rays), seed, |_| ())
     }
 
-    /// The same, with a chance to change what was found.
+    /// The same, for a search that may cost what so many rays are worth,
+    /// and with a chance to change what was found.
     pub fn render_with(
         &self,
         kept: &[Fact],
         definition: (u32, u32),
-        n: u64,
+        (n, rays): (u64, f64),
         seed: u64,
         lie: impl Fn(&mut Facts),
     ) -> Outcome {
@@ -67,7 +69,7 @@ impl Setting {
             sky: Sky::new(self.view.up),
             reflectivity: self.rho,
             definition,
-            rays: f64::INFINITY,
+            rays,
             kept: kept.to_vec(),
         };
         let mut facts = Facts::find(&mut scene, &inquiry);

@@ -222,6 +222,11 @@ fn cone(
     (number, side): (u32, Side),
 ) -> Cone {
     let own = Facet::new(&triangles[number as usize], side);
+    if narrow == 0. {
+        let mut opening = Opening { triangles, own, is_open: true };
+        boxes.search(&mut opening);
+        return if opening.is_open { Cone::OPEN } else { Cone::NONE };
+    }
     let (cosine, patience) = (None, PATIENCE);
     let mut lookout =
         Lookout { triangles, own, number, cosine, narrow, patience };
@@ -231,6 +236,28 @@ fn cone(
     match cosine < Some(narrow) {
         true => Cone::new(cosine),
         false => Cone::NONE,
+    }
+}
+
+/// Asks whether anything is in front of a side.
+struct Opening<'a> {
+    triangles: &'a [Triangle],
+    own: Facet,
+    is_open: bool,
+}
+
+impl Search for Opening<'_> {
+    fn promise(&self, bounds: &Bounds) -> Option<f64> {
+        let height = self.own.height_of_box(bounds);
+        (height > 0.).then_some(height)
+    }
+
+    fn look(&mut self, numbers: &[u32]) -> bool {
+        let corners =
+            numbers.iter().flat_map(|&i| self.triangles[i as usize]);
+        let mut points = corners.map(|corner| corner.as_dvec3());
+        self.is_open = points.all(|point| self.own.height(point) == 0.);
+        self.is_open
     }
 }
 
@@ -276,15 +303,21 @@ impl Facet {
     }
 
     // Bound the cosine of a box
+    /// The height of the highest point of a box, or zero.
+    fn height_of_box(&self, bounds: &Bounds) -> f64 {
+        let (low, high) = bounds.doubles();
+        let up = self.normal.cmpgt(DVec3::ZERO);
+        self.height(DVec3::select(up, high, low))
+    }
+
     /// A bound of the cosine of the points of a box; none if no point is in
     /// front.
     fn cosine_of_box(&self, bounds: &Bounds) -> Option<f64> {
-        let (low, high) = bounds.doubles();
-        let up = self.normal.cmpgt(DVec3::ZERO);
-        let height = self.height(DVec3::select(up, high, low));
+        let height = self.height_of_box(bounds);
         if height == 0. {
             return None;
         }
+        let (low, high) = bounds.doubles();
         let gap = |(&m, e): (&DVec3, &DVec3)| {
             let near = DVec3::select(m.cmpgt(DVec3::ZERO), low, high);
             m.dot(near - *e)
