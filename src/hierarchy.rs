@@ -32,7 +32,7 @@ use std::{fmt, io};
 use clap::ValueEnum;
 use glam::DVec3;
 
-use crate::scene::{Ray, Scene};
+use crate::scene::{Ray, Scene, Triangle};
 use wide::Wide;
 
 // Say what a kernel answers
@@ -196,6 +196,20 @@ impl Hierarchy {
         quality: Quality,
         isa: Isa,
     ) -> Result<Self, BuildError> {
+        Self::of(scene.triangles().to_vec(), quality, isa)
+    }
+
+    // Build a hierarchy that uses its triangles up
+    /// The same of `triangles` in the coordinates of a scene. Their memory
+    /// is given back part by part.
+    ///
+    /// # Errors
+    /// As above.
+    pub fn of(
+        triangles: Vec<Triangle>,
+        quality: Quality,
+        isa: Isa,
+    ) -> Result<Self, BuildError> {
         // Build for one set of instructions
         if !isa.is_available() {
             return Err(BuildError::NoInstructions(isa));
@@ -203,14 +217,19 @@ impl Hierarchy {
         let missing = BuildError::NoInstructions(isa);
         let form = match isa {
             #[cfg(target_arch = "x86_64")]
-            Isa::Avx512 => avx512::Walker::new(Wide::new(scene, quality)?)
-                .map(Form::Avx512),
+            Isa::Avx512 => {
+                let wide = Wide::new(triangles, quality)?;
+                avx512::Walker::new(wide).map(Form::Avx512)
+            }
             #[cfg(target_arch = "x86_64")]
-            Isa::Avx2 => avx2::Walker::new(Wide::new(scene, quality)?)
-                .map(Form::Avx2),
-            _ => Some(Form::Portable(walk::Walker(Wide::new(
-                scene, quality,
-            )?))),
+            Isa::Avx2 => {
+                let wide = Wide::new(triangles, quality)?;
+                avx2::Walker::new(wide).map(Form::Avx2)
+            }
+            _ => {
+                let wide = Wide::new(triangles, quality)?;
+                Some(Form::Portable(walk::Walker(wide)))
+            }
         };
         form.map(Self).ok_or(missing)
     }

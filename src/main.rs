@@ -78,9 +78,8 @@ fn run(arguments: &Arguments) -> Result<Stop, String> {
     let building = Instant::now();
     let (triangles, isa) = (scene.triangles().len(), arguments.isa());
     let quality = Quality::expecting(triangles, arguments.expected_rays());
-    let kernel =
-        Hierarchy::with(&scene, quality, isa).map_err(|e| e.to_string())?;
-    scene.forget_triangles();
+    let kernel = Hierarchy::of(scene.take_triangles(), quality, isa)
+        .map_err(|e| e.to_string())?;
     let build_seconds = building.elapsed().as_secs_f64();
     // Take up a run or begin one
     let subject = arguments.subject(&sha256);

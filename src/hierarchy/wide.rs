@@ -27,7 +27,7 @@ use rayon::prelude::*;
 use super::pages::Pages;
 use super::triangle::{LANES, Leaves, MOST, Room};
 use super::walk::STACK;
-use crate::scene::{Scene, Triangle};
+use crate::scene::Triangle;
 
 // Choose how thoroughly to build
 /// How much work to put into a hierarchy.
@@ -653,51 +653,76 @@ where
     Node<N>: Pod,
 {
     // Build the wide hierarchy
-    /// Builds the tree of a scene, on all threads.
+    /// Builds the tree of triangles, on all threads.
     ///
     /// # Errors
-    /// The system has not enough memory, or the scene more than `MOST`
+    /// The system has not enough memory, or there are more than `MOST`
     /// triangles.
-    pub fn new(scene: &Scene, quality: Quality) -> io::Result<Self> {
-        let triangles = scene.triangles();
-        if triangles.len() > MOST {
+    pub fn new(
+        triangles: Vec<Triangle>,
+        quality: Quality,
+    ) -> io::Result<Self> {
+        let count = triangles.len();
+        if count > MOST {
             return Err(io::Error::other("too many triangles"));
         }
-        let mut leaves = Leaves::with_room(triangles.len())?;
-        let mut numbers: Vec<u32> = (0..triangles.len() as u32).collect();
-        let parts = if triangles.len() > LARGE { N } else { 1 };
-        let groups = halve(triangles, &mut numbers, parts);
+        let mut numbers: Vec<u32> = (0..count as u32).collect();
+        let parts = if count > LARGE { N } else { 1 };
+        let groups = halve(&triangles, &mut numbers, parts);
+        let gathered = gathered(&triangles, &groups)?;
+        drop(triangles);
+        let mut leaves = Leaves::with_room(count)?;
         // Build the parts one after the other
         let mut room = leaves.room();
         let mut top = Node::EMPTY;
         let (mut first_node, mut first_slot) = (u32::from(parts > 1), 0);
         let mut nodes = vec![];
-        for (lane, group) in groups.iter().enumerate() {
-            let part = Part::new::<N>(triangles, group, quality);
+        for (lane, (group, own)) in groups.iter().zip(gathered).enumerate()
+        {
+            let part = Part::new::<N>(group, &own, quality);
             if let (true, Some(root)) = (parts > 1, part.tree.first()) {
                 top.set(lane, root, first_node);
             }
-            part.fill(room.take(group.len()), triangles);
-            nodes.push(part.nodes(first_node, first_slot));
+            part.fill(room.take(group.len()));
+            nodes.push(part.nodes(first_node, first_slot)?);
             first_node += nodes[lane].len() as u32;
             first_slot += group.len() as u32;
         }
         if parts > 1 {
             top.sort();
-            nodes.insert(0, vec![top]);
+            nodes.insert(0, Pages::zeroed(1)?);
+            nodes[0][0] = top;
         }
         Ok(Self { nodes: joined(nodes)?, leaves })
     }
 }
 
-/// The nodes of all parts in large pages.
+/// The triangles of each group, in its order.
+fn gathered(
+    triangles: &[Triangle],
+    groups: &[&mut [u32]],
+) -> io::Result<Vec<Pages<Triangle>>> {
+    let gather = |group: &&mut [u32]| {
+        let mut own: Pages<Triangle> = Pages::zeroed(group.len())?;
+        let places = own.par_iter_mut().zip(group.par_iter());
+        places.for_each(|(place, &i)| *place = triangles[i as usize]);
+        Ok(own)
+    };
+    groups.iter().map(gather).collect()
+}
+
+/// The nodes of all parts in one array; a part is given back when it
+/// is copied.
 fn joined<const N: usize>(
-    parts: Vec<Vec<Node<N>>>,
+    mut parts: Vec<Pages<Node<N>>>,
 ) -> io::Result<Pages<Node<N>>>
 where
     Node<N>: Pod,
 {
-    let mut all = Pages::zeroed(parts.iter().map(Vec::len).sum())?;
+    if parts.len() == 1 {
+        return Ok(parts.remove(0));
+    }
+    let mut all = Pages::zeroed(parts.iter().map(|p| p.len()).sum())?;
     let mut end = 0;
     for part in parts {
         let start = end;
@@ -709,40 +734,46 @@ where
 
 /// A part of a scene, ready to become nodes and leaves.
 struct Part<'a> {
-    /// The triangles by their number in the scene.
+    /// The number of each triangle in the scene.
     group: &'a [u32],
+    triangles: &'a [Triangle],
     tree: Vec<Bvh2Node>,
     plan: Plan,
 }
 
 impl<'a> Part<'a> {
     fn new<const N: usize>(
-        triangles: &[Triangle],
         group: &'a [u32],
+        triangles: &'a [Triangle],
         quality: Quality,
     ) -> Self {
-        let own = || group.iter().map(|&i| triangles[i as usize]);
-        let mut tree = match group.len() == triangles.len() {
-            true => binary(triangles, quality),
-            false => binary(&own().collect::<Vec<_>>(), quality),
-        };
+        let mut tree = binary(triangles, quality);
         // Plan for the size of the stack
         let mut plan = Plan::new::<N>(&tree);
         if !plan.fits::<N>() {
             tree = balance(&tree);
             plan = Plan::new::<N>(&tree);
         }
-        Self { group, tree, plan }
+        Self { group, triangles, tree, plan }
     }
 
     // Fill the nodes of a part
     /// The nodes, of which the first has the number `node`; the leaves
     /// begin with slot `slot`.
-    fn nodes<const N: usize>(&self, node: u32, slot: u32) -> Vec<Node<N>> {
+    fn nodes<const N: usize>(
+        &self,
+        node: u32,
+        slot: u32,
+    ) -> io::Result<Pages<Node<N>>>
+    where
+        Node<N>: Pod,
+    {
         let pairs = self.plan.nodes.par_windows(2);
-        let fill =
-            |pair: &[Planned]| self.node(&pair[0], &pair[1], node, slot);
-        pairs.map(fill).collect()
+        let mut nodes: Pages<Node<N>> = Pages::zeroed(pairs.len())?;
+        nodes.par_iter_mut().zip(pairs).for_each(|(place, pair)| {
+            *place = self.node(&pair[0], &pair[1], node, slot);
+        });
+        Ok(nodes)
     }
 
     /// The node `this`; `next` follows it.
@@ -773,7 +804,7 @@ impl<'a> Part<'a> {
 
     // Fill the leaves of a part
     /// Puts the triangles into their slots.
-    fn fill(&self, mut room: Room, triangles: &[Triangle]) {
+    fn fill(&self, mut room: Room) {
         let pairs = self.plan.leaves.windows(2);
         let rooms = pairs.map(|pair| {
             (pair[0].0, room.take((pair[1].1 - pair[0].1) as usize))
@@ -782,8 +813,9 @@ impl<'a> Part<'a> {
         rooms.into_par_iter().for_each(|(root, mut room)| {
             let mut numbers = [0; LANES];
             let count = gather(&self.tree, root, &mut numbers, 0);
-            let own = numbers.map(|i| self.group[i as usize]);
-            let mut own = own.map(|i| (i, triangles[i as usize]));
+            let mut own = numbers.map(|i| {
+                (self.group[i as usize], self.triangles[i as usize])
+            });
             own[..count].sort_unstable_by_key(|&(number, _)| number);
             room.fill(&own[..count]);
         });
