@@ -185,8 +185,10 @@ fn binary(triangles: &[Triangle], quality: Quality) -> Vec<Bvh2Node> {
         Quality::Medium => (14, 3, &[0.05, 0.1]),
         Quality::Thorough => (14, 1, &[1., 1.]),
     };
-    let clusters = in_morton_order(triangles);
-    let mut tree = join(clusters, reach, early);
+    let count = triangles.len();
+    let mut nodes = vec![Bvh2Node::default(); 2 * count - count.min(1)];
+    put_in_morton_order(triangles, &mut nodes[..count]);
+    let mut tree = join(nodes, reach, early);
     // Improve the binary tree
     let share = (CROWDED / crowd(&tree.nodes)).min(1.);
     if tree.max_depth <= DEFAULT_MAX_STACK_DEPTH {
@@ -198,9 +200,9 @@ fn binary(triangles: &[Triangle], quality: Quality) -> Vec<Bvh2Node> {
     tree.nodes
 }
 
-/// A leaf for each triangle, in the order of the middles of their boxes
-/// along Morton's curve.
-fn in_morton_order(triangles: &[Triangle]) -> Vec<Bvh2Node> {
+/// Makes `leaves` those of the triangles, in the order of the middles of
+/// their boxes along Morton's curve.
+fn put_in_morton_order(triangles: &[Triangle], leaves: &mut [Bvh2Node]) {
     let leaf = |i: u32| single(&triangles[i as usize], i);
     let numbers = (0..triangles.len() as u32).into_par_iter();
     let boxes = numbers.clone().map(|i| *leaf(i).aabb());
@@ -212,36 +214,32 @@ fn in_morton_order(triangles: &[Triangle]) -> Vec<Bvh2Node> {
     };
     let mut keys: Vec<_> = numbers.map(key).collect();
     keys.par_sort_unstable();
-    keys.into_par_iter().map(|(_, i)| leaf(i)).collect()
+    let places = leaves.par_iter_mut().zip(keys);
+    places.for_each(|(place, (_, i))| *place = leaf(i));
 }
 
-/// Joins clusters, given in order, into a binary tree. A cluster looks
-/// for its partner `reach` places far, but in the first `early` rounds
-/// only at its neighbours.
-fn join(mut clusters: Vec<Bvh2Node>, reach: usize, early: usize) -> Bvh2 {
-    let count = clusters.len();
-    let mut nodes = vec![Bvh2Node::default(); 2 * count - count.min(1)];
-    let mut free = nodes.len();
+/// Joins clusters, given in order in the first half of `nodes`, into a
+/// binary tree, which fills it. A cluster looks for its partner `reach`
+/// places far, but in the first `early` rounds only at its neighbours.
+fn join(mut nodes: Vec<Bvh2Node>, reach: usize, early: usize) -> Bvh2 {
+    let mut count = nodes.len().div_ceil(2);
     let mut partners = vec![0; count];
     let mut depth = 1;
-    while clusters.len() > 1 {
+    while count > 1 {
         // Join the clusters that choose each other
-        let before = clusters.len();
+        let before = count;
         let reach = if depth <= early { 1 } else { reach };
-        choose(&clusters, reach, &mut partners[..before]);
-        merge(&mut clusters, &partners, &mut nodes, &mut free);
+        choose(&nodes[..count], reach, &mut partners[..count]);
+        count = merge(&mut nodes, count, &partners);
         depth += 1;
         // Join neighbours after a slow round
-        if (before - clusters.len()) * SLOW < before {
-            let last = clusters.len() as u32 - 1;
+        if (before - count) * SLOW < before {
+            let last = count as u32 - 1;
             let neighbours = (0..=last).map(|i| (i ^ 1).min(last));
             partners.splice(..=last as usize, neighbours);
-            merge(&mut clusters, &partners, &mut nodes, &mut free);
+            count = merge(&mut nodes, count, &partners);
             depth += 1;
         }
-    }
-    if let Some(root) = clusters.first() {
-        nodes[0] = *root;
     }
     // Hand the binary tree over
     Bvh2 {
@@ -255,33 +253,30 @@ fn join(mut clusters: Vec<Bvh2Node>, reach: usize, early: usize) -> Bvh2 {
 /// A round is slow that joins fewer than one cluster in so many.
 const SLOW: usize = 16;
 
-/// Joins the clusters that are each other's partners. Their nodes go to
-/// the end of the `free` first ones of `nodes`.
-fn merge(
-    clusters: &mut Vec<Bvh2Node>,
-    partners: &[u32],
-    nodes: &mut [Bvh2Node],
-    free: &mut usize,
-) {
+/// Joins those of the first `count` nodes, the clusters, that are each
+/// other's partners. Returns how many clusters are left.
+fn merge(nodes: &mut [Bvh2Node], count: usize, partners: &[u32]) -> usize {
+    let mut free = 2 * count - 1;
     let mut kept = 0;
-    for i in 0..clusters.len() {
+    for i in 0..count {
         let j = partners[i] as usize;
-        let mut cluster = clusters[i];
+        let mut cluster = nodes[i];
         if j != i && partners[j] as usize == i {
             // Join a cluster with its partner
             if j < i {
                 continue;
             }
-            *free -= 2;
-            nodes[*free] = cluster;
-            nodes[*free + 1] = clusters[j];
-            let bounds = cluster.aabb().union(clusters[j].aabb());
-            cluster = Bvh2Node::new(bounds, 0, *free as u32);
+            free -= 2;
+            let partner = nodes[j];
+            nodes[free] = cluster;
+            nodes[free + 1] = partner;
+            let bounds = cluster.aabb().union(partner.aabb());
+            cluster = Bvh2Node::new(bounds, 0, free as u32);
         }
-        clusters[kept] = cluster;
+        nodes[kept] = cluster;
         kept += 1;
     }
-    clusters.truncate(kept);
+    kept
 }
 
 /// For each cluster that one, up to `reach` places away, with which its
@@ -683,7 +678,8 @@ where
             if let (true, Some(root)) = (parts > 1, part.tree.first()) {
                 top.set(lane, root, first_node);
             }
-            part.fill(room.take(group.len()));
+            part.fill(room.take(group.len()), &own);
+            drop(own);
             nodes.push(part.nodes(first_node, first_slot)?);
             first_node += nodes[lane].len() as u32;
             first_slot += group.len() as u32;
@@ -736,7 +732,6 @@ where
 struct Part<'a> {
     /// The number of each triangle in the scene.
     group: &'a [u32],
-    triangles: &'a [Triangle],
     tree: Vec<Bvh2Node>,
     plan: Plan,
 }
@@ -744,7 +739,7 @@ struct Part<'a> {
 impl<'a> Part<'a> {
     fn new<const N: usize>(
         group: &'a [u32],
-        triangles: &'a [Triangle],
+        triangles: &[Triangle],
         quality: Quality,
     ) -> Self {
         let mut tree = binary(triangles, quality);
@@ -754,7 +749,7 @@ impl<'a> Part<'a> {
             tree = balance(&tree);
             plan = Plan::new::<N>(&tree);
         }
-        Self { group, triangles, tree, plan }
+        Self { group, tree, plan }
     }
 
     // Fill the nodes of a part
@@ -803,8 +798,8 @@ impl<'a> Part<'a> {
     }
 
     // Fill the leaves of a part
-    /// Puts the triangles into their slots.
-    fn fill(&self, mut room: Room) {
+    /// Puts the triangles of the group into their slots.
+    fn fill(&self, mut room: Room, triangles: &[Triangle]) {
         let pairs = self.plan.leaves.windows(2);
         let rooms = pairs.map(|pair| {
             (pair[0].0, room.take((pair[1].1 - pair[0].1) as usize))
@@ -813,9 +808,8 @@ impl<'a> Part<'a> {
         rooms.into_par_iter().for_each(|(root, mut room)| {
             let mut numbers = [0; LANES];
             let count = gather(&self.tree, root, &mut numbers, 0);
-            let mut own = numbers.map(|i| {
-                (self.group[i as usize], self.triangles[i as usize])
-            });
+            let mut own = numbers
+                .map(|i| (self.group[i as usize], triangles[i as usize]));
             own[..count].sort_unstable_by_key(|&(number, _)| number);
             room.fill(&own[..count]);
         });
