@@ -6,8 +6,8 @@ usage: start.py PT SCENES [PEER]
 PT is the program, SCENES the one that makes scenes (examples/scenes.rs), and
 PEER a program with the arguments of embree_pt. Times are medians of 101 runs,
 in turns. Instructions are counted by valgrind, and the memory of small runs by
-GNU time; without them, or without a peer, fields stay empty. The memory for a
-triangle is the slope of the peak from 10^5 to 10^6 triangles of one kind of
+GNU time; without them, or without a peer, there is a dash. The memory for a
+triangle is the slope of the peak from 2*10^5 to 10^6 triangles of one kind of
 scene, that for a pixel the slope from 10^5 to 10^6 pixels of one triangle.
 
 Copyright (C) 2026 litpt contributors
@@ -115,7 +115,7 @@ def main():
         help_ms, *pixel_ms = milliseconds([
             [pt, '-h'],
             *(p.render(triangle, ABOVE, '1x1') for p in programs)])
-        fields = {n: scene(maker, folder, n) for n in (100_000, 1_000_000)}
+        fields = {n: scene(maker, folder, n) for n in (200_000, 1_000_000)}
         rows = [
             ('size of the program [MB]', f'{os.path.getsize(small) * 1e-6:.1f}'),
             (r'\opt{-h}: instructions [M]', instructions([pt, '-h'], folder)),
@@ -137,7 +137,7 @@ def main():
         ]
     print('what,pt,peer')
     for what, *values in rows:
-        print(what, *(values + [''])[:2], sep=',')
+        print(what, *((value or '--') for value in [*values, ''][:2]), sep=',')
 
 
 if __name__ == '__main__':
