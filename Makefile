@@ -308,6 +308,15 @@ bench-shapes: bench-tools $(call AND_VIEWS,$(BENCH)/courtyard)
 	  > $(BENCH)/shapes.csv
 	@cp $(BENCH)/shapes.csv doc/measured/shapes.csv
 
+# What the program weighs before it does anything, and what a triangle and a
+# pixel add.
+.PHONY: start
+start: bench-tools $(BENCH)/examples.stamp
+	@{ echo '$(MACHINE)' && python3 bench/start.py $(BUILD_DIR)/pt \
+	  $(EXAMPLES)/scenes $$(ls $(BENCH)/embree_pt 2> /dev/null); } \
+	  > $(BENCH)/start.csv
+	@cp $(BENCH)/start.csv doc/measured/start.csv
+
 # What the tool and the program say, for the chapters on them.
 $(BUILD_DIR)/examples.stamp: $(NOWEB) $(BUILD_DIR)/pt $(BUILD_DIR)/ptimg \
   $(BUILD_DIR)/courtyard.obj $(wildcard doc/examples/*)
@@ -327,7 +336,7 @@ $(BUILD_DIR)/litpt.pdf: $(WEB) $(NOWEB) config.mk \
   $(addprefix $(BUILD_DIR)/tables/,closed-forms.tex qualities.tex \
     leaks.tex origins.tex roulettes.tex stability.tex stability-full.tex robustness.tex \
     ablation.tex layouts.tex habits.tex abreast.tex traversal.tex \
-    bench.tex sizes.csv shapes.tex repeats.csv \
+    bench.tex sizes.csv shapes.tex start.tex repeats.csv \
     accumulators.tex accounting.tex alarms.tex calibration.stamp \
     anatomy.stamp curve.csv) \
   $(addprefix doc/,litpt.sty litpt.bib litpt-mono.enc latexmkrc)

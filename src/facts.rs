@@ -323,15 +323,17 @@ impl Facts {
         inquiry: &Inquiry,
     ) {
         let Some(boxes) = self.boxes.take() else { return };
-        let (numbers, triangles) = (kernel.numbers(), scene.triangles());
+        let (numbers, triangles) = (kernel.numbers(), kernel.triangles());
         let kernel = (kernel, &numbers[..]);
-        let shares = shares(&boxes, scene, kernel, inquiry.camera);
+        let all = (&boxes, &triangles[..]);
+        let shares = shares(all, scene, kernel, inquiry.camera);
         let [open, free] = self.weigh(shares, triangles.len(), inquiry);
         if !open && !free {
             return;
         }
         let narrow = if free { NARROW } else { 0. };
-        let mut outlook = Outlook::new(&boxes, triangles, &numbers, narrow);
+        let mut outlook =
+            Outlook::new(&boxes, &triangles, &numbers, narrow);
         if !open {
             outlook.keep_open();
         }
@@ -378,7 +380,7 @@ impl Facts {
     /// Forgets the triangles for which no kernel is needed.
     pub fn simplify(&self, scene: &mut Scene) {
         if self.known.is_all() {
-            scene.forget_triangles();
+            scene.take_triangles();
         }
     }
 

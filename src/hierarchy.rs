@@ -32,7 +32,7 @@ use std::{fmt, io};
 use clap::ValueEnum;
 use glam::DVec3;
 
-use crate::scene::{Ray, Scene};
+use crate::scene::{Ray, Scene, Triangle};
 use wide::Wide;
 
 // Say what a kernel answers
@@ -199,6 +199,20 @@ impl Hierarchy {
         quality: Quality,
         isa: Isa,
     ) -> Result<Self, BuildError> {
+        Self::of(scene.triangles().to_vec(), quality, isa)
+    }
+
+    // Build a hierarchy that uses its triangles up
+    /// The same of `triangles` in the coordinates of a scene. Their memory
+    /// is given back part by part.
+    ///
+    /// # Errors
+    /// As above.
+    pub fn of(
+        triangles: Vec<Triangle>,
+        quality: Quality,
+        isa: Isa,
+    ) -> Result<Self, BuildError> {
         // Build for one set of instructions
         if !isa.is_available() {
             return Err(BuildError::NoInstructions(isa));
@@ -206,14 +220,19 @@ impl Hierarchy {
         let missing = BuildError::NoInstructions(isa);
         let form = match isa {
             #[cfg(target_arch = "x86_64")]
-            Isa::Avx512 => avx512::Walker::new(Wide::new(scene, quality)?)
-                .map(Form::Avx512),
+            Isa::Avx512 => {
+                let wide = Wide::new(triangles, quality)?;
+                avx512::Walker::new(wide).map(Form::Avx512)
+            }
             #[cfg(target_arch = "x86_64")]
-            Isa::Avx2 => avx2::Walker::new(Wide::new(scene, quality)?)
-                .map(Form::Avx2),
-            _ => Some(Form::Portable(walk::Walker(Wide::new(
-                scene, quality,
-            )?))),
+            Isa::Avx2 => {
+                let wide = Wide::new(triangles, quality)?;
+                avx2::Walker::new(wide).map(Form::Avx2)
+            }
+            _ => {
+                let wide = Wide::new(triangles, quality)?;
+                Some(Form::Portable(walk::Walker(wide)))
+            }
         };
         form.map(Self).ok_or(missing)
     }
@@ -224,6 +243,11 @@ impl Hierarchy {
     /// For each `Hit::primitive` the number of the triangle in the scene.
     pub fn numbers(&self) -> Vec<u32> {
         with_walker!(self, walker => walker.wide().leaves.numbers())
+    }
+
+    /// The triangles of the scene, by their numbers there.
+    pub fn triangles(&self) -> Vec<Triangle> {
+        with_walker!(self, walker => walker.wide().triangles())
     }
 }
 

@@ -94,10 +94,9 @@ fn run(arguments: &Arguments) -> Result<Stop, String> {
     let (needed, isa) = (scene.triangles().len(), arguments.isa());
     let quality =
         Quality::expecting(needed, arguments.expected_rays(threads));
-    let kernel =
-        Hierarchy::with(&scene, quality, isa).map_err(|e| e.to_string())?;
+    let kernel = Hierarchy::of(scene.take_triangles(), quality, isa)
+        .map_err(|e| e.to_string())?;
     facts.find_more(&scene, &kernel, &inquiry);
-    scene.forget_triangles();
     if arguments.explain {
         return explain(&facts, arguments);
     }

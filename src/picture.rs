@@ -53,13 +53,18 @@ impl Picture {
         image: &Image,
         attributes: BTreeMap<String, String>,
     ) -> Self {
-        let count = |n: u64| n as f64;
+        let list = |values: &mut dyn Iterator<Item = f64>| {
+            let mut list = Vec::with_capacity(image.area() as usize);
+            list.extend(values);
+            list
+        };
+        let mut counts = image.counts().map(|n| n as f64);
         Self {
             width: image.width(),
             height: image.height(),
-            means: image.means().collect(),
+            means: list(&mut image.means()),
             errors: Some(image.errors(WORTH)),
-            samples: Some(image.counts().map(count).collect()),
+            samples: Some(list(&mut counts)),
             attributes,
         }
     }

@@ -491,10 +491,10 @@ impl Scene {
         nearby.then_some(placed)
     }
 
-    /// Gives the memory of the triangles back, when a hierarchy has
-    /// copies of them.
-    pub fn forget_triangles(&mut self) {
-        self.triangles = Vec::new();
+    /// Hands the triangles over, for a hierarchy to use up; the scene has
+    /// none afterwards.
+    pub fn take_triangles(&mut self) -> Vec<Triangle> {
+        std::mem::take(&mut self.triangles)
     }
 
     // Move a distant ray to the scene

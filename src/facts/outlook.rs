@@ -127,7 +127,7 @@ fn cones(
 /// An estimate of the share of all rays that would not be traced, from a
 /// few paths of the image: because they leave open sides, or are free.
 pub fn shares<K: Kernel>(
-    boxes: &Boxes,
+    (boxes, triangles): (&Boxes, &[Triangle]),
     scene: &Scene,
     (kernel, numbers): (&K, &[u32]),
     camera: &Camera,
@@ -142,7 +142,7 @@ pub fn shares<K: Kernel>(
             if let Some(hit) = kernel.first_hit(&ray, from) {
                 // Leave the surface, unless the way is free
                 let number = numbers[hit.primitive as usize];
-                let cones = cones(boxes, scene.triangles(), NARROW, number);
+                let cones = cones(boxes, triangles, NARROW, number);
                 let cone = cones[place(hit.normal)];
                 let (r, turn) = (random.random(), random.random());
                 let direction = cosine_direction(hit.normal, r, turn);

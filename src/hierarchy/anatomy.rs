@@ -41,7 +41,8 @@ impl Anatomy {
     /// # Errors
     /// Too little memory.
     pub fn new(scene: &Scene, ray: Ray) -> io::Result<Self> {
-        let wide = Wide::new(scene, Quality::Medium)?;
+        let triangles = scene.triangles().to_vec();
+        let wide = Wide::new(triangles, Quality::Medium)?;
         let (slabs, shear) = (Slabs::new(&ray), Shear::new(&ray));
         let mut search = Search::new(&wide.leaves, None);
         let (mut waiting, mut steps) = (Waiting::new(), vec![]);

@@ -112,7 +112,7 @@ impl Arrival<'_> {
         Node<N>: Pod,
     {
         let gap = |at: f64| at - self.distance;
-        any_around(wide, met, |leaf, (lane, slot), &[a, b, c]| {
+        any_around(wide, 0, met, &|leaf, (lane, slot), &[a, b, c]| {
             let normal = cross(b - a, c - a);
             let height = normal.dot(met - a).abs();
             if slot == self.primitive
@@ -169,7 +169,7 @@ impl Arrival<'_> {
     where
         Node<N>: Pod,
     {
-        !any_around(wide, point, |leaf, (lane, _), &[a, b, c]| {
+        !any_around(wide, 0, point, &|leaf, (lane, _), &[a, b, c]| {
             let normal = cross(b - a, c - a);
             let side = -normal.dot(self.ray.direction).signum();
             let height = side * normal.dot(point - a);
@@ -190,39 +190,35 @@ impl Arrival<'_> {
 
 // Visit the triangles around a point
 /// Whether `asked` is true of a triangle whose box, grown by `AROUND`,
-/// holds the point: of a lane of a leaf, its corners, and its slot.
+/// holds the point: of a lane of a leaf, its corners, and its slot. The
+/// triangles are those below `child`, which is 0 for all.
 fn any_around<const N: usize>(
     wide: &Wide<N>,
+    child: u32,
     point: DVec3,
-    asked: impl Fn(&Leaf, (usize, u32), &[DVec3; 3]) -> bool,
+    asked: &impl Fn(&Leaf, (usize, u32), &[DVec3; 3]) -> bool,
 ) -> bool
 where
     Node<N>: Pod,
 {
-    let mut children = vec![0];
-    while let Some(child) = children.pop() {
-        if child & LEAF == 0 {
-            let nodes: &[Node<N>] = &wide.nodes;
-            let node = &nodes[child as usize];
-            let held = (0..N).filter(|&slot| holds(node, slot, point));
-            children.extend(held.map(|slot| node.children[slot]));
-            continue;
-        }
-        // Ask about each triangle of the leaf
-        let (first, count) = slots(child);
-        // SAFETY: children with the bit LEAF are leaves that are there.
-        let leaf = unsafe { wide.leaves.leaf(first, count) };
-        let mut lanes = (0..count).zip(first..);
-        let is_so = |(lane, slot): (usize, u32)| {
-            let triangle = leaf.triangle(lane as u32);
-            is_around(&triangle, point)
-                && asked(&leaf, (lane, slot), &triangle)
-        };
-        if lanes.any(is_so) {
-            return true;
-        }
+    if child & LEAF == 0 {
+        let nodes: &[Node<N>] = &wide.nodes;
+        let node = &nodes[child as usize];
+        let mut held = (0..N).filter(|&lane| holds(node, lane, point));
+        return held.any(|lane| {
+            any_around(wide, node.children[lane], point, asked)
+        });
     }
-    false
+    // Ask about each triangle of the leaf
+    let (first, count) = slots(child);
+    // SAFETY: children with the bit LEAF are leaves that are there.
+    let leaf = unsafe { wide.leaves.leaf(first, count) };
+    let mut lanes = (0..count).zip(first..);
+    let is_so = |(lane, slot): (usize, u32)| {
+        let triangle = leaf.triangle(lane as u32);
+        is_around(&triangle, point) && asked(&leaf, (lane, slot), &triangle)
+    };
+    lanes.any(is_so)
 }
 
 /// How far from a point a triangle may be to be around it: 2^-20.

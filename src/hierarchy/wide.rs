@@ -27,7 +27,7 @@ use rayon::prelude::*;
 use super::pages::Pages;
 use super::triangle::{LANES, Leaves, MOST, Room};
 use super::walk::STACK;
-use crate::scene::{Scene, Triangle};
+use crate::scene::Triangle;
 
 // Choose how thoroughly to build
 /// How much work to put into a hierarchy.
@@ -185,10 +185,14 @@ fn binary(triangles: &[Triangle], quality: Quality) -> Vec<Bvh2Node> {
         Quality::Medium => (14, 3, &[0.05, 0.1]),
         Quality::Thorough => (14, 1, &[1., 1.]),
     };
-    let order = in_morton_order(triangles).into_par_iter();
-    let leaf = |i| single(&triangles[i as usize], i);
-    let clusters = order.map(leaf).collect();
-    let mut tree = join(clusters, reach, early);
+    let count = triangles.len();
+    let mut nodes = vec![Bvh2Node::default(); 2 * count - count.min(1)];
+    let order = in_morton_order(triangles);
+    let places = nodes[..count].par_iter_mut().zip(order);
+    places.for_each(|(place, i)| {
+        *place = single(&triangles[i as usize], i);
+    });
+    let mut tree = join(nodes, reach, early);
     // Improve the binary tree
     let share = (CROWDED / crowd(&tree.nodes)).min(1.);
     if tree.max_depth <= DEFAULT_MAX_STACK_DEPTH {
@@ -217,33 +221,28 @@ pub fn in_morton_order(triangles: &[Triangle]) -> Vec<u32> {
     keys.into_par_iter().map(|(_, i)| i).collect()
 }
 
-/// Joins clusters, given in order, into a binary tree. A cluster looks
-/// for its partner `reach` places far, but in the first `early` rounds
-/// only at its neighbours.
-fn join(mut clusters: Vec<Bvh2Node>, reach: usize, early: usize) -> Bvh2 {
-    let count = clusters.len();
-    let mut nodes = vec![Bvh2Node::default(); 2 * count - count.min(1)];
-    let mut free = nodes.len();
+/// Joins clusters, given in order in the first half of `nodes`, into a
+/// binary tree, which fills it. A cluster looks for its partner `reach`
+/// places far, but in the first `early` rounds only at its neighbours.
+fn join(mut nodes: Vec<Bvh2Node>, reach: usize, early: usize) -> Bvh2 {
+    let mut count = nodes.len().div_ceil(2);
     let mut partners = vec![0; count];
     let mut depth = 1;
-    while clusters.len() > 1 {
+    while count > 1 {
         // Join the clusters that choose each other
-        let before = clusters.len();
+        let before = count;
         let reach = if depth <= early { 1 } else { reach };
-        choose(&clusters, reach, &mut partners[..before]);
-        merge(&mut clusters, &partners, &mut nodes, &mut free);
+        choose(&nodes[..count], reach, &mut partners[..count]);
+        count = merge(&mut nodes, count, &partners);
         depth += 1;
         // Join neighbours after a slow round
-        if (before - clusters.len()) * SLOW < before {
-            let last = clusters.len() as u32 - 1;
+        if (before - count) * SLOW < before {
+            let last = count as u32 - 1;
             let neighbours = (0..=last).map(|i| (i ^ 1).min(last));
             partners.splice(..=last as usize, neighbours);
-            merge(&mut clusters, &partners, &mut nodes, &mut free);
+            count = merge(&mut nodes, count, &partners);
             depth += 1;
         }
-    }
-    if let Some(root) = clusters.first() {
-        nodes[0] = *root;
     }
     // Hand the binary tree over
     Bvh2 {
@@ -257,33 +256,30 @@ fn join(mut clusters: Vec<Bvh2Node>, reach: usize, early: usize) -> Bvh2 {
 /// A round is slow that joins fewer than one cluster in so many.
 const SLOW: usize = 16;
 
-/// Joins the clusters that are each other's partners. Their nodes go to
-/// the end of the `free` first ones of `nodes`.
-fn merge(
-    clusters: &mut Vec<Bvh2Node>,
-    partners: &[u32],
-    nodes: &mut [Bvh2Node],
-    free: &mut usize,
-) {
+/// Joins those of the first `count` nodes, the clusters, that are each
+/// other's partners. Returns how many clusters are left.
+fn merge(nodes: &mut [Bvh2Node], count: usize, partners: &[u32]) -> usize {
+    let mut free = 2 * count - 1;
     let mut kept = 0;
-    for i in 0..clusters.len() {
+    for i in 0..count {
         let j = partners[i] as usize;
-        let mut cluster = clusters[i];
+        let mut cluster = nodes[i];
         if j != i && partners[j] as usize == i {
             // Join a cluster with its partner
             if j < i {
                 continue;
             }
-            *free -= 2;
-            nodes[*free] = cluster;
-            nodes[*free + 1] = clusters[j];
-            let bounds = cluster.aabb().union(clusters[j].aabb());
-            cluster = Bvh2Node::new(bounds, 0, *free as u32);
+            free -= 2;
+            let partner = nodes[j];
+            nodes[free] = cluster;
+            nodes[free + 1] = partner;
+            let bounds = cluster.aabb().union(partner.aabb());
+            cluster = Bvh2Node::new(bounds, 0, free as u32);
         }
-        clusters[kept] = cluster;
+        nodes[kept] = cluster;
         kept += 1;
     }
-    clusters.truncate(kept);
+    kept
 }
 
 /// For each cluster that one, up to `reach` places away, with which its
@@ -655,51 +651,95 @@ where
     Node<N>: Pod,
 {
     // Build the wide hierarchy
-    /// Builds the tree of a scene, on all threads.
+    /// Builds the tree of triangles, on all threads.
     ///
     /// # Errors
-    /// The system has not enough memory, or the scene more than `MOST`
+    /// The system has not enough memory, or there are more than `MOST`
     /// triangles.
-    pub fn new(scene: &Scene, quality: Quality) -> io::Result<Self> {
-        let triangles = scene.triangles();
-        if triangles.len() > MOST {
+    pub fn new(
+        triangles: Vec<Triangle>,
+        quality: Quality,
+    ) -> io::Result<Self> {
+        let count = triangles.len();
+        if count > MOST {
             return Err(io::Error::other("too many triangles"));
         }
-        let mut leaves = Leaves::with_room(triangles.len())?;
-        let mut numbers: Vec<u32> = (0..triangles.len() as u32).collect();
-        let parts = if triangles.len() > LARGE { N } else { 1 };
-        let groups = halve(triangles, &mut numbers, parts);
+        let mut numbers: Vec<u32> = (0..count as u32).collect();
+        let parts = if count > LARGE { N } else { 1 };
+        let groups = halve(&triangles, &mut numbers, parts);
+        let gathered = gathered(&triangles, &groups)?;
+        drop(triangles);
+        let mut leaves = Leaves::with_room(count)?;
         // Build the parts one after the other
         let mut room = leaves.room();
         let mut top = Node::EMPTY;
         let (mut first_node, mut first_slot) = (u32::from(parts > 1), 0);
         let mut nodes = vec![];
-        for (lane, group) in groups.iter().enumerate() {
-            let part = Part::new::<N>(triangles, group, quality);
+        for (lane, (group, own)) in groups.iter().zip(gathered).enumerate()
+        {
+            let part = Part::new::<N>(group, &own, quality);
             if let (true, Some(root)) = (parts > 1, part.tree.first()) {
                 top.set(lane, root, first_node);
             }
-            part.fill(room.take(group.len()), triangles);
-            nodes.push(part.nodes(first_node, first_slot));
+            part.fill(room.take(group.len()), &own);
+            drop(own);
+            nodes.push(part.nodes(first_node, first_slot)?);
             first_node += nodes[lane].len() as u32;
             first_slot += group.len() as u32;
         }
         if parts > 1 {
             top.sort();
-            nodes.insert(0, vec![top]);
+            nodes.insert(0, Pages::zeroed(1)?);
+            nodes[0][0] = top;
         }
         Ok(Self { nodes: joined(nodes)?, leaves })
     }
+
+    /// The triangles of the scene, by their numbers.
+    pub fn triangles(&self) -> Vec<Triangle> {
+        let numbers = self.leaves.numbers();
+        let mut triangles = vec![[Vec3::ZERO; 3]; numbers.len()];
+        let children = self.nodes.iter().flat_map(|node| node.children);
+        for child in children.filter(|child| child & LEAF != 0) {
+            let (first, count) = slots(child);
+            // SAFETY: children with the bit LEAF are leaves that are there.
+            let leaf = unsafe { self.leaves.leaf(first, count) };
+            for (lane, slot) in (0..count as u32).zip(first as usize..) {
+                let corners = leaf.triangle(lane);
+                triangles[numbers[slot] as usize] =
+                    corners.map(|corner| corner.as_vec3());
+            }
+        }
+        triangles
+    }
 }
 
-/// The nodes of all parts in large pages.
+/// The triangles of each group, in its order.
+fn gathered(
+    triangles: &[Triangle],
+    groups: &[&mut [u32]],
+) -> io::Result<Vec<Pages<Triangle>>> {
+    let gather = |group: &&mut [u32]| {
+        let mut own: Pages<Triangle> = Pages::zeroed(group.len())?;
+        let places = own.par_iter_mut().zip(group.par_iter());
+        places.for_each(|(place, &i)| *place = triangles[i as usize]);
+        Ok(own)
+    };
+    groups.iter().map(gather).collect()
+}
+
+/// The nodes of all parts in one array; a part is given back when it
+/// is copied.
 fn joined<const N: usize>(
-    parts: Vec<Vec<Node<N>>>,
+    mut parts: Vec<Pages<Node<N>>>,
 ) -> io::Result<Pages<Node<N>>>
 where
     Node<N>: Pod,
 {
-    let mut all = Pages::zeroed(parts.iter().map(Vec::len).sum())?;
+    if parts.len() == 1 {
+        return Ok(parts.remove(0));
+    }
+    let mut all = Pages::zeroed(parts.iter().map(|p| p.len()).sum())?;
     let mut end = 0;
     for part in parts {
         let start = end;
@@ -711,7 +751,7 @@ where
 
 /// A part of a scene, ready to become nodes and leaves.
 struct Part<'a> {
-    /// The triangles by their number in the scene.
+    /// The number of each triangle in the scene.
     group: &'a [u32],
     tree: Vec<Bvh2Node>,
     plan: Plan,
@@ -719,15 +759,11 @@ struct Part<'a> {
 
 impl<'a> Part<'a> {
     fn new<const N: usize>(
-        triangles: &[Triangle],
         group: &'a [u32],
+        triangles: &[Triangle],
         quality: Quality,
     ) -> Self {
-        let own = || group.iter().map(|&i| triangles[i as usize]);
-        let mut tree = match group.len() == triangles.len() {
-            true => binary(triangles, quality),
-            false => binary(&own().collect::<Vec<_>>(), quality),
-        };
+        let mut tree = binary(triangles, quality);
         // Plan for the size of the stack
         let mut plan = Plan::new::<N>(&tree);
         if !plan.fits::<N>() {
@@ -740,11 +776,20 @@ impl<'a> Part<'a> {
     // Fill the nodes of a part
     /// The nodes, of which the first has the number `node`; the leaves
     /// begin with slot `slot`.
-    fn nodes<const N: usize>(&self, node: u32, slot: u32) -> Vec<Node<N>> {
+    fn nodes<const N: usize>(
+        &self,
+        node: u32,
+        slot: u32,
+    ) -> io::Result<Pages<Node<N>>>
+    where
+        Node<N>: Pod,
+    {
         let pairs = self.plan.nodes.par_windows(2);
-        let fill =
-            |pair: &[Planned]| self.node(&pair[0], &pair[1], node, slot);
-        pairs.map(fill).collect()
+        let mut nodes: Pages<Node<N>> = Pages::zeroed(pairs.len())?;
+        nodes.par_iter_mut().zip(pairs).for_each(|(place, pair)| {
+            *place = self.node(&pair[0], &pair[1], node, slot);
+        });
+        Ok(nodes)
     }
 
     /// The node `this`; `next` follows it.
@@ -774,7 +819,7 @@ impl<'a> Part<'a> {
     }
 
     // Fill the leaves of a part
-    /// Puts the triangles into their slots.
+    /// Puts the triangles of the group into their slots.
     fn fill(&self, mut room: Room, triangles: &[Triangle]) {
         let pairs = self.plan.leaves.windows(2);
         let rooms = pairs.map(|pair| {
@@ -784,8 +829,8 @@ impl<'a> Part<'a> {
         rooms.into_par_iter().for_each(|(root, mut room)| {
             let mut numbers = [0; LANES];
             let count = gather(&self.tree, root, &mut numbers, 0);
-            let own = numbers.map(|i| self.group[i as usize]);
-            let mut own = own.map(|i| (i, triangles[i as usize]));
+            let mut own = numbers
+                .map(|i| (self.group[i as usize], triangles[i as usize]));
             own[..count].sort_unstable_by_key(|&(number, _)| number);
             room.fill(&own[..count]);
         });

@@ -5,7 +5,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 
 use super::*;
-use crate::scene::Mesh;
+use crate::scene::{Mesh, Scene};
 use glam::{DVec3, Vec3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -50,7 +50,8 @@ fn wide<const N: usize>(scene: &Scene) -> Wide<N>
 where
     Node<N>: Pod,
 {
-    Wide::new(scene, Quality::Fast).expect("memory for a test")
+    let triangles = scene.triangles().to_vec();
+    Wide::new(triangles, Quality::Fast).expect("memory for a test")
 }
 
 // Test that each triangle has a lane
@@ -311,7 +312,7 @@ where
     let plan = Plan::new::<N>(&deep);
     assert!(!plan.fits::<N>(), "{}", plan.levels);
     assert!(Plan::new::<N>(&balance(&deep)).fits::<N>());
-    let wide = Wide::<N>::new(&scene, Quality::Fast).expect("memory");
+    let wide = wide::<N>(&scene);
     assert!((N - 1) * levels(&wide) + N <= STACK);
 }
 

@@ -1,0 +1,103 @@
+// No path asks for memory (chapter "Where the next ray starts"). All is in
+// one test, because tests run side by side and would count each other's.
+//
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::hint::black_box;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use glam::DVec3;
+use litpt::closed_forms::{Setting, cavity, look, plane};
+use litpt::courtyard;
+use litpt::hierarchy::{Hierarchy, Isa, Quality};
+use litpt::image::Image;
+use litpt::render::Job;
+use litpt::scene::{Mesh, Scene, read_obj};
+use rayon::ThreadPoolBuilder;
+
+/// The system's allocator, and how often it was called.
+struct Counting;
+
+static CALLS: AtomicUsize = AtomicUsize::new(0);
+
+// SAFETY: all the work is done by the system's allocator.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        CALLS.fetch_add(1, Ordering::Relaxed);
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        CALLS.fetch_add(1, Ordering::Relaxed);
+        unsafe { System.alloc_zeroed(layout) }
+    }
+
+    unsafe fn realloc(
+        &self,
+        memory: *mut u8,
+        layout: Layout,
+        size: usize,
+    ) -> *mut u8 {
+        CALLS.fetch_add(1, Ordering::Relaxed);
+        unsafe { System.realloc(memory, layout, size) }
+    }
+
+    unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
+        unsafe { System.dealloc(memory, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// How often memory is asked for during a piece of work.
+fn calls(work: impl FnOnce()) -> usize {
+    let before = CALLS.load(Ordering::Relaxed);
+    work();
+    CALLS.load(Ordering::Relaxed) - before
+}
+
+/// Boxes that stand on each other and touch, where many a hit is so close
+/// to another triangle that the next origin has to be looked for.
+fn courtyard() -> Mesh {
+    let mut obj = vec![];
+    courtyard::write_obj(&courtyard::solids(), &mut obj).unwrap();
+    read_obj(&obj).unwrap()
+}
+
+#[test]
+fn the_number_of_paths_does_not_change_how_often_memory_is_asked_for() {
+    assert_eq!(calls(|| drop(black_box(Box::new(0)))), 1);
+    let bowl = look(DVec3::new(0., 0., 0.5), DVec3::ZERO, 120.);
+    let above = look(DVec3::new(0., 0., 9.), DVec3::ZERO, 60.);
+    let scenes = [
+        (plane(), above),
+        (cavity(0.3, 24), bowl),
+        (courtyard(), courtyard::view()),
+    ];
+    // One thread, so that no queue of tasks grows by chance.
+    let pool = ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    for (mesh, view) in &scenes {
+        let sky = (0.8, view.up);
+        let setting = Setting::new(mesh, sky, view, 1.).unwrap();
+        let scene = Scene::new(mesh);
+        for isa in Isa::ALL.into_iter().filter(|isa| isa.is_available()) {
+            let kernel =
+                Hierarchy::with(&scene, Quality::Fast, isa).unwrap();
+            let job = Job { kernel: &kernel, ..setting.job(1) };
+            // Tiles one by one, and a tile whose realisations are divided.
+            for (side, few, many) in [(80, 2, 20), (3, 32, 320)] {
+                let pass = |n| {
+                    let mut image = Image::new(side, side);
+                    let render = || job.pass(&mut image, 0..n, &|_| ());
+                    calls(|| assert!(pool.install(render) > 0))
+                };
+                let (few, many) = (pass(few), pass(many));
+                let triangles = mesh.triangles.len();
+                assert_eq!(few, many, "{triangles}, {isa:?}, {side}");
+            }
+        }
+    }
+}
