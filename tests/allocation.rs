@@ -13,7 +13,7 @@ use litpt::closed_forms::{Setting, cavity, look, plane};
 use litpt::courtyard;
 use litpt::hierarchy::{Hierarchy, Isa, Quality};
 use litpt::image::Image;
-use litpt::render::Job;
+use litpt::render::{Job, Renderer};
 use litpt::scene::{Mesh, Scene, read_obj};
 use rayon::ThreadPoolBuilder;
 
