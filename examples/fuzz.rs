@@ -26,6 +26,7 @@ use glam::DVec3;
 use litpt::camera::{Camera, View};
 use litpt::estimator::Reference;
 use litpt::facts::bare::Known;
+use litpt::facts::{Fact, Facts, Inquiry};
 use litpt::hierarchy::{Hierarchy, Isa, Quality};
 use litpt::image::Image;
 use litpt::render::{Job, Renderer};
@@ -34,7 +35,7 @@ use litpt::sky::Sky;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-/// No case may take longer.
+/// No case may take longer, in seconds of one processor.
 const PATIENCE: Duration = Duration::from_secs(300);
 
 fn main() -> ExitCode {
@@ -121,6 +122,16 @@ impl Worker {
         Ok(Self { child, lines })
     }
 
+    /// Seconds of processor time so far, of all threads; 0 if it is over.
+    /// Other work on the machine is not counted.
+    fn seconds(&self) -> f64 {
+        let path = format!("/proc/{}/stat", self.child.id());
+        let stat = std::fs::read_to_string(path).unwrap_or_default();
+        let fields = stat.rsplit(')').next().unwrap_or_default();
+        let ticks = fields.split_whitespace().skip(11).take(2);
+        ticks.filter_map(|n| n.parse::<f64>().ok()).sum::<f64>() / 100.
+    }
+
     fn end(&mut self) -> String {
         let _ = self.child.kill();
         match self.child.wait() {
@@ -147,16 +158,25 @@ fn supervise(time: Duration, seed: u64) -> Result<u64, Box<dyn Error>> {
         findings += 1;
     };
     let mut report = start;
+    let mut used = 0.;
     while start.elapsed() < time {
         match worker.lines.recv_timeout(PATIENCE) {
             Ok(line) => match line.strip_prefix("! ") {
                 Some(what) => find(current, what),
-                None => current = line.parse()?,
+                None => {
+                    current = line.parse()?;
+                    used = worker.seconds();
+                }
             },
             Err(error) => {
                 // A worker that has ended has closed its output.
                 std::thread::sleep(Duration::from_millis(100));
                 let status = worker.child.try_wait()?;
+                let took = worker.seconds() - used;
+                if status.is_none() && took < PATIENCE.as_secs_f64() {
+                    continue;
+                }
+                used = 0.;
                 match status {
                     Some(status) => find(current, &status.to_string()),
                     None => find(current, &format!("hangs ({error})")),
@@ -316,6 +336,7 @@ impl Case {
         let (image, rays) = first.ok_or("no way to render")?;
         self.scaled(&camera, aspect, &image)?;
         self.doubled(&camera, &image)?;
+        self.simplified(&camera, &image)?;
         let mean = image.summary().mean;
         Ok(Outcome::Rendered {
             triangles: scene.triangles().len(),
@@ -384,6 +405,44 @@ impl Case {
             }
             if self.is_dark && mean > 0. {
                 return Err(format!("a leak: {mean:e} in the dark"));
+            }
+        }
+        Ok(())
+    }
+
+    /// What the scene does not need can be left out: without closed forms
+    /// nothing changes, and with them an image is still one.
+    fn simplified(
+        &self,
+        camera: &Camera,
+        image: &Image,
+    ) -> Result<(), String> {
+        for kept in [&[Fact::Bare, Fact::Open][..], &[]] {
+            let mut scene = Scene::new(&self.mesh);
+            let inquiry = Inquiry {
+                camera,
+                place: scene.place(camera.position),
+                sky: Sky::new(self.view.up),
+                reflectivity: self.reflectivity,
+                definition: self.definition,
+                rays: f64::INFINITY,
+                kept: kept.to_vec(),
+            };
+            let mut facts = Facts::find(&mut scene, &inquiry);
+            facts.simplify(&mut scene);
+            let triangles = scene.take_triangles();
+            let kernel =
+                Hierarchy::of(triangles, self.quality, Isa::best())
+                    .map_err(|error| error.to_string())?;
+            facts.find_more(&scene, &kernel, &inquiry);
+            let renderer = facts.renderer(&scene, &kernel, &inquiry, 0);
+            let mut simple =
+                Image::new(self.definition.0, self.definition.1);
+            let rays =
+                renderer.pass(&mut simple, 0..self.realisations, &|_| ());
+            self.judge(&simple, rays.max(1001))?;
+            if !kept.is_empty() {
+                compare(&simple, image, "with facts")?;
             }
         }
         Ok(())

@@ -365,7 +365,7 @@ impl Facts {
                 let wanted = !inquiry.keeps(fact);
                 if wanted {
                     let why = format!(
-                        "some {:.0} % of the rays {why}",
+                        "some {:.0} of 100 rays {why}",
                         100. * share
                     );
                     self.tell(fact.name(), is, why);

@@ -32,6 +32,10 @@ const CLOSE_BY: f64 = 1. / (1u64 << 32) as f64;
 /// A ray that is longer than this has risen by more than 2^-31: 2^-4.
 const SHORT: f64 = 1. / 16.;
 
+/// Part of its factors by which an ordinary triple product may be wrong,
+/// at most: 2^-47.
+const SLOPPY: f64 = 1. / (1u64 << 47) as f64;
+
 // Make the search's result a hit
 /// The hit of `ray`, which left the triangle `left`, on the nearest one.
 #[inline(always)]
@@ -113,6 +117,15 @@ impl Arrival<'_> {
     {
         let gap = |at: f64| at - self.distance;
         any_around(wide, 0, met, &|leaf, (lane, slot), &[a, b, c]| {
+            // Dismiss a triangle whose plane is clearly away
+            let (u, v, w) = (b - a, c - a, met - a);
+            let across = u.cross(v);
+            let size = |v: DVec3| v.abs().max_element();
+            let error = size(u) * size(v) * size(w) * SLOPPY;
+            let limit = 2. * CLOSE_BY * across.abs().element_sum();
+            if across.dot(w).abs() > limit + error {
+                return false;
+            }
             let normal = cross(b - a, c - a);
             let height = normal.dot(met - a).abs();
             if slot == self.primitive
