@@ -4,11 +4,13 @@
 //! What is left out changes no image, or only its variance, and that for
 //! the better; and a fact that is false is found out.
 
+mod common;
 #[path = "../examples/settings/mod.rs"]
 mod settings;
 
 use std::collections::BTreeMap;
 
+use common::Place;
 use glam::DVec3;
 use litpt::camera::{Camera, View};
 use litpt::compare::compare;
@@ -245,4 +247,98 @@ fn a_pixel_across_the_horizon_has_the_share_of_its_area() {
     let pixel = image.pixel(0, 0);
     assert!((pixel.mean() - 0.5).abs() < 1e-12);
     assert_eq!(pixel.variance(), 0.);
+}
+
+// ---- the program
+
+/// A closed box around the default camera.
+const BOX: &str = "\
+v -1 -1 -1\nv 1 -1 -1\nv 1 1 -1\nv -1 1 -1\n\
+v -1 -1 1\nv 1 -1 1\nv 1 1 1\nv -1 1 1\n\
+f 1 2 3 4\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n";
+
+/// The summary and the image of a run in the box.
+fn in_the_box(arguments: &[&str]) -> (String, Vec<u8>) {
+    let place = Place::new();
+    place.put("box.obj", BOX);
+    let all = ["-ibox.obj", "-r0.9", "-d8x6", "-n4", "--format=pfm"];
+    let run = place.run(&[&all[..], arguments].concat());
+    run.succeeded();
+    (run.stderr, run.stdout)
+}
+
+#[test]
+fn a_closed_box_is_dark_without_a_ray_and_the_summary_says_why() {
+    let (said, image) = in_the_box(&[]);
+    assert!(said.contains("left out: closed around the camera"), "{said}");
+    assert!(said.contains("\n> 0 rays,"), "{said}");
+    for keep in [&["--keep-all"][..], &["--keep", "dark"]] {
+        let (said, kept) = in_the_box(keep);
+        assert!(!said.contains("(dark)"), "{said}");
+        assert!(!said.contains("\n> 0 rays,"), "{said}");
+        assert_eq!(kept, image);
+    }
+}
+
+#[test]
+fn an_explanation_renders_nothing() {
+    let place = Place::new();
+    place.put("box.obj", BOX);
+    let run = place.run(&["-ibox.obj", "--explain", "-o", "image.png"]);
+    run.succeeded();
+    let said = String::from_utf8(run.stdout).unwrap();
+    assert!(said.contains("dark"), "{said}");
+    assert!(said.contains("kernel  none: no ray"), "{said}");
+    place.holds_only(&["box.obj"]);
+}
+
+#[test]
+fn a_report_tells_what_was_left_out() {
+    let place = Place::new();
+    place.put("box.obj", BOX);
+    let files = ["--report=a.json", "--report=a.html", "-oa.pgm", "-q"];
+    place.run(&[&["-ibox.obj"], &files[..]].concat()).succeeded();
+    let json: serde_json::Value =
+        serde_json::from_slice(&place.get("a.json")).unwrap();
+    assert_eq!(json["left_out"][0]["fact"], "dark");
+    let html = String::from_utf8(place.get("a.html")).unwrap();
+    assert!(html.contains("Left out"));
+}
+
+/// A run without a bound of its realisations would otherwise go on until
+/// its time is over.
+#[test]
+fn an_image_that_is_known_takes_no_time() {
+    let (said, _) = {
+        let place = Place::new();
+        place.put("box.obj", BOX);
+        let run = place.run(&["-ibox.obj", "--time", "60", "-oa.pgm"]);
+        run.succeeded();
+        (run.stderr, ())
+    };
+    assert!(said.contains("2 spp"), "{said}");
+}
+
+/// Whether closed forms are used is decided by the limits of the first run;
+/// the second, which could afford more, goes on as the first did.
+#[test]
+fn a_run_that_is_resumed_leaves_out_what_it_left_out_before() {
+    let place = Place::new();
+    let view = ["-isquare.obj", "-p0,0,2", "-t0,0,0", "-u0,0.1,1"];
+    let all = [&view[..], &["-d4x3", "-r0.5", "-F40"]].concat();
+    let few = ["-n2", "--checkpoint=c", "-oa.pfm"];
+    let first = place.run(&[&all[..], &few].concat());
+    first.succeeded();
+    assert!(!first.stderr.contains("(open)"), "{}", first.stderr);
+    let more = ["-n5000", "--resume=c", "-ob.pfm"];
+    let second = place.run(&[&all[..], &more].concat());
+    second.succeeded();
+    assert!(!second.stderr.contains("(open)"), "{}", second.stderr);
+    let alone = place.run(&[&all[..], &["-n5000", "-oc.pfm"]].concat());
+    assert!(alone.stderr.contains("(open)"), "{}", alone.stderr);
+    let enough = ["-n4000", "--checkpoint=d", "-od.pfm"];
+    place.run(&[&all[..], &enough].concat()).succeeded();
+    let on = ["-n4002", "--resume=d", "-oe.pfm"];
+    let on = place.run(&[&all[..], &on].concat());
+    assert!(on.stderr.contains("(open)"), "{}", on.stderr);
 }

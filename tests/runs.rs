@@ -282,8 +282,9 @@ fn a_second_signal_ends_the_program_at_once() {
         ("TERM", "TERM", [143, 143]),
         ("INT", "TERM", [130, 143]),
     ] {
-        // The first pass over the image takes many seconds.
-        let scene = ["-q", "-ibox.obj", "-d640x480", "-n2"];
+        // The first pass over the image takes many seconds, if it is not
+        // left out.
+        let scene = ["-q", "-ibox.obj", "-d640x480", "-n2", "--keep-all"];
         let files = ["--checkpoint=c", "--every=0.001"];
         let all = [&scene[..], &FILES[..], &files].concat();
         let mut child = place.pt(&all).spawn().unwrap();
