@@ -249,6 +249,43 @@ fn a_pixel_across_the_horizon_has_the_share_of_its_area() {
     assert_eq!(pixel.variance(), 0.);
 }
 
+/// These views go straight down, where all is below the horizon, so that a
+/// tile that sees nothing is black; a triangle that is overlooked is not.
+#[test]
+fn tiles_see_what_is_in_view_in_extreme_fields_of_view() {
+    let fovs = [
+        5e-324,
+        1e-14,
+        3e-14,
+        1e-13,
+        1e-12,
+        1e-9,
+        1e-3,
+        1.,
+        70.,
+        170.,
+        179.9999,
+        179.9999999999,
+        179.99999999999997,
+    ];
+    let mut bare = 0;
+    for fov in fovs {
+        for definition in [(1, 1), (48, 32)] {
+            let target = DVec3::new(0.2, 0.1, 0.3);
+            let position = target + DVec3::Z * 6.;
+            let up = DVec3::new(0.3, 0., 1.);
+            let view = View { position, target, up, fov };
+            let setting = Setting { view, ..named("polytope") };
+            let kept = [Fact::Open, Fact::Free];
+            let less = setting.render(&kept, definition, 4, 1);
+            let whole = setting.render(&Fact::ALL, definition, 4, 1);
+            assert!(less.image.stored() == whole.image.stored(), "{fov}");
+            bare += usize::from(less.facts.contains(&"bare".to_owned()));
+        }
+    }
+    assert!(bare > 0);
+}
+
 // ---- the program
 
 /// A closed box around the default camera.

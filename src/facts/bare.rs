@@ -144,7 +144,12 @@ impl BareTiles {
             let inside = a + b + c + d;
             let side = |(a, b)| {
                 let normal = cross(a, b).normalize_or_zero();
-                if normal.dot(inside) < 0. { -normal } else { normal }
+                let aside = normal.dot(inside);
+                if aside.abs() < FLAT {
+                    DVec3::ZERO
+                } else {
+                    normal * aside.signum()
+                }
             };
             let [p, q, r, s] = [(a, b), (b, c), (c, d), (d, a)].map(side);
             let inwards = [p, q, r, s, middle];
@@ -182,6 +187,10 @@ impl BareTiles {
         positive_share(PIXEL.map(at))
     }
 }
+
+/// The least distance of unit vectors from a plane that tells on which
+/// side of it they are: 2^-40.
+const FLAT: f64 = 1. / (1u64 << 40) as f64;
 
 // Measure the sky in a pixel
 /// The corners of a pixel, around it.
