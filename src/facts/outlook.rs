@@ -43,6 +43,7 @@ impl Cone {
     /// Nothing.
     const NONE: Self = Self(255);
 
+    // Round a cosine up to a byte
     /// The cone of a cosine; of none, if nothing is in front.
     fn new(cosine: Option<f64>) -> Self {
         let parts = cosine.map(|c| (c * PARTS).ceil() + 3.);
@@ -132,6 +133,7 @@ pub fn shares<K: Kernel>(
     (kernel, numbers): (&K, &[u32]),
     camera: &Camera,
 ) -> [f64; 2] {
+    // Follow a path until a ray is free
     let follow = |n| {
         let mut random = generator(0, u64::MAX, n);
         let direction = camera.direction(random.random(), random.random());
@@ -193,6 +195,7 @@ impl Search for Lookout<'_> {
         (Some(cosine) > self.cosine).then_some(cosine)
     }
 
+    // Raise the cosine to that of a leaf
     fn look(&mut self, numbers: &[u32]) -> bool {
         let impatience = if self.cosine.is_none() { 1 } else { HASTE };
         self.patience = self.patience.saturating_sub(impatience);
@@ -222,6 +225,7 @@ fn cone(
     (number, side): (u32, Side),
 ) -> Cone {
     let own = Facet::new(&triangles[number as usize], side);
+    // Ask only whether the side is open
     if narrow == 0. {
         let mut opening = Opening { triangles, own, is_open: true };
         boxes.search(&mut opening);
@@ -290,6 +294,7 @@ impl Facet {
         Self { corners, normal, outwards }
     }
 
+    // Measure the height of a point
     /// The height of a point above the plane, or zero if it is in the
     /// plane or behind, of which the sign is exact.
     fn height(&self, point: DVec3) -> f64 {
@@ -344,6 +349,7 @@ impl Facet {
             let across = points.map(|point| m.dot(point - *e));
             let mut slope = 0f64;
             for (i, j) in [(0, 1), (1, 2), (2, 0)] {
+                // Rise to a corner that is in front
                 if heights[i] > 0. {
                     let rise = heights[i] / across[i];
                     slope = slope.max(if rise > 0. {
@@ -352,6 +358,7 @@ impl Facet {
                         f64::INFINITY
                     });
                 }
+                // Look where an edge crosses the plane
                 if (heights[i] > 0.) != (heights[j] > 0.) {
                     let depth = |k: usize| {
                         self.normal.dot(points[k] - self.corners[0])
@@ -371,6 +378,7 @@ impl Facet {
             }
             slope
         };
+        // Turn the least slope into a cosine
         let slope = ways.map(slope).fold(f64::INFINITY, f64::min);
         Some(if slope < f64::INFINITY {
             slope / (slope * slope + 1.).sqrt()
