@@ -51,6 +51,7 @@ impl Known {
         }
     }
 
+    // Tell whether all pixels are known
     /// Whether all pixels are known.
     pub fn is_all(&self) -> bool {
         match self {
@@ -60,6 +61,7 @@ impl Known {
         }
     }
 
+    // Give the radiance of a known pixel
     /// The radiance of a pixel of a tile that `holds`.
     pub fn radiance(&self, x: u32, y: u32) -> f64 {
         match self {
@@ -99,6 +101,7 @@ impl Search for Pyramid<'_> {
         (!self.misses(reach)).then_some(0.)
     }
 
+    // Look for a triangle inside the pyramid
     fn look(&mut self, numbers: &[u32]) -> bool {
         self.found = numbers.iter().any(|&i| {
             let corners = self.triangles[i as usize];
@@ -124,11 +127,13 @@ impl BareTiles {
     ) -> Self {
         let (columns, rows) =
             (definition.0.div_ceil(SIDE), definition.1.div_ceil(SIDE));
+        // Choose how far outside is outside
         let size = tip.abs().max_element() + 16384.;
         let margin = size / (1u64 << 46) as f64;
         let is_bare = |place: u32| {
             let (x, y) = (place % columns * SIDE, place / columns * SIDE);
             // Ask whether the tile sees a triangle
+            // Send rays through the corners of the tile
             let (width, height) = definition;
             let (right, bottom) =
                 ((x + SIDE).min(width), (y + SIDE).min(height));
@@ -142,6 +147,7 @@ impl BareTiles {
             let [a, b, c, d] = corners.map(ray);
             let middle = camera.direction(0.5, 0.5);
             let inside = a + b + c + d;
+            // Raise planes over the sides of the tile
             let side = |(a, b)| {
                 let normal = cross(a, b).normalize_or_zero();
                 let aside = normal.dot(inside);
@@ -163,6 +169,7 @@ impl BareTiles {
         Self { camera, sky, definition, bare }
     }
 
+    // Number and count the tiles
     /// The number of a tile, from its first pixel.
     fn place(&self, (x, y): (u32, u32)) -> usize {
         (y / SIDE * self.definition.0.div_ceil(SIDE) + x / SIDE) as usize
@@ -203,6 +210,7 @@ fn positive_share(values: [f64; 4]) -> f64 {
         return 1.;
     }
     let mut polygon = Vec::with_capacity(6);
+    // Walk around the pixel and its horizon
     for i in 0..4 {
         let j = (i + 1) % 4;
         let ((p, f), (q, g)) =
@@ -215,6 +223,7 @@ fn positive_share(values: [f64; 4]) -> f64 {
             polygon.push((p.0 + t * (q.0 - p.0), p.1 + t * (q.1 - p.1)));
         }
     }
+    // Sum up the area of the polygon
     let next = polygon.iter().cycle().skip(1);
     let parts =
         polygon.iter().zip(next).map(|(p, q)| p.0 * q.1 - q.0 * p.1);

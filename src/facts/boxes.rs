@@ -29,6 +29,7 @@ impl Bounds {
     pub const EMPTY: Self =
         Self { low: Vec3::INFINITY, high: Vec3::NEG_INFINITY };
 
+    // Enclose a triangle or two boxes
     /// The box of a triangle.
     pub fn of(&[a, b, c]: &Triangle) -> Self {
         Self { low: a.min(b).min(c), high: a.max(b).max(c) }
@@ -83,6 +84,7 @@ impl Boxes {
             }
             let count = end - start;
             if count > GROUP {
+                // Let both children of a node wait
                 let cut = start + middle(count);
                 let right = node + 1 + size(cut - start);
                 waiting.extend(self.wait(search, node + 1, start, cut));
@@ -122,6 +124,7 @@ fn fill(
             order.iter().map(|&i| Bounds::of(&triangles[i as usize]));
         boxes.fold(Bounds::EMPTY, Bounds::union)
     } else {
+        // Fill both children at once
         let (first, second) = order.split_at(middle(order.len()));
         let (left, right) = below.split_at_mut(size(first.len()));
         let (left, right) = rayon::join(

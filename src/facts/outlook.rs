@@ -43,6 +43,7 @@ impl Cone {
     /// Nothing.
     const NONE: Self = Self(255);
 
+    // Round a cosine up to a byte
     /// The cone of a cosine; of none, if nothing is in front.
     fn new(cosine: Option<f64>) -> Self {
         let parts = cosine.map(|c| (c * PARTS).ceil() + 3.);
@@ -132,6 +133,7 @@ pub fn shares<K: Kernel>(
     (kernel, numbers): (&K, &[u32]),
     camera: &Camera,
 ) -> [f64; 2] {
+    // Follow a path until a ray is free
     let follow = |n| {
         let mut random = generator(0, u64::MAX, n);
         let direction = camera.direction(random.random(), random.random());
@@ -193,6 +195,7 @@ impl Search for Lookout<'_> {
         (Some(cosine) > self.cosine).then_some(cosine)
     }
 
+    // Raise the cosine to that of a leaf
     fn look(&mut self, numbers: &[u32]) -> bool {
         let impatience = if self.cosine.is_none() { 1 } else { HASTE };
         self.patience = self.patience.saturating_sub(impatience);
@@ -222,10 +225,14 @@ fn cone(
     (number, side): (u32, Side),
 ) -> Cone {
     let own = Facet::new(&triangles[number as usize], side);
-    if narrow == 0. {
-        let mut opening = Opening { triangles, own, is_open: true };
-        boxes.search(&mut opening);
-        return if opening.is_open { Cone::OPEN } else { Cone::NONE };
+    // Ask first whether the side is open
+    let mut opening = Opening { triangles, own: &own, is_open: true };
+    boxes.search(&mut opening);
+    if opening.is_open {
+        return Cone::OPEN;
+    }
+    if narrow == 0. || own.is_slim() {
+        return Cone::NONE;
     }
     let (cosine, patience) = (None, PATIENCE);
     let mut lookout =
@@ -242,7 +249,7 @@ fn cone(
 /// Asks whether anything is in front of a side.
 struct Opening<'a> {
     triangles: &'a [Triangle],
-    own: Facet,
+    own: &'a Facet,
     is_open: bool,
 }
 
@@ -290,6 +297,7 @@ impl Facet {
         Self { corners, normal, outwards }
     }
 
+    // Measure the height of a point
     /// The height of a point above the plane, or zero if it is in the
     /// plane or behind, of which the sign is exact.
     fn height(&self, point: DVec3) -> f64 {
@@ -339,11 +347,12 @@ impl Facet {
         }
         let corners = self.corners.iter().cycle();
         let ways = self.outwards.iter().zip(corners);
-        let slope = |(&m, e): (&DVec3, &DVec3)| {
+        let slope = |(way, (&m, e)): (usize, (&DVec3, &DVec3))| {
             // Bound the slope along one way
             let across = points.map(|point| m.dot(point - *e));
             let mut slope = 0f64;
             for (i, j) in [(0, 1), (1, 2), (2, 0)] {
+                // Rise to a corner that is in front
                 if heights[i] > 0. {
                     let rise = heights[i] / across[i];
                     slope = slope.max(if rise > 0. {
@@ -352,31 +361,50 @@ impl Facet {
                         f64::INFINITY
                     });
                 }
+                // Look where an edge crosses the plane
                 if (heights[i] > 0.) != (heights[j] > 0.) {
-                    let depth = |k: usize| {
-                        self.normal.dot(points[k] - self.corners[0])
+                    let own = |&k: &usize| {
+                        heights[k] == 0.
+                            && self.corners.contains(&points[k])
                     };
-                    let t =
-                        (depth(i) / (depth(i) - depth(j))).clamp(0., 1.);
-                    let crossing = across[i] + t * (across[j] - across[i]);
-                    let shared =
-                        |k: usize| self.corners.contains(&points[k]);
-                    let is_shared = shared(i) && heights[i] == 0.
-                        || shared(j) && heights[j] == 0.;
-                    let least = if is_shared { -TINY } else { TINY };
-                    if crossing < least {
+                    let is_beyond = match [i, j].into_iter().find(own) {
+                        Some(corner) => {
+                            self.begins_way(way, points[corner])
+                        }
+                        None => {
+                            // Find where the edge crosses the plane
+                            let depth = |k: usize| {
+                                self.normal.dot(points[k] - self.corners[0])
+                            };
+                            let t = (depth(i) / (depth(i) - depth(j)))
+                                .clamp(0., 1.);
+                            across[i] + t * (across[j] - across[i]) >= TINY
+                        }
+                    };
+                    if !is_beyond {
                         slope = f64::INFINITY;
                     }
                 }
             }
             slope
         };
-        let slope = ways.map(slope).fold(f64::INFINITY, f64::min);
+        // Turn the least slope into a cosine
+        let slope =
+            ways.enumerate().map(slope).fold(f64::INFINITY, f64::min);
         Some(if slope < f64::INFINITY {
             slope / (slope * slope + 1.).sqrt()
         } else {
             1.
         })
+    }
+
+    /// Whether a corner is one of those where the triangle ends on a way.
+    fn begins_way(&self, way: usize, corner: DVec3) -> bool {
+        let ends = match way {
+            0..3 => [way, (way + 1) % 3],
+            _ => [way - 3; 2],
+        };
+        ends.iter().any(|&end| self.corners[end] == corner)
     }
 }
 
@@ -388,6 +416,19 @@ pub fn coord(DVec3 { x, y, z }: DVec3) -> Coord3D<f64> {
 /// Heights over the plane of a triangle, and where edges cross it, are
 /// known better than this: 2^-20.
 const TINY: f64 = 1. / (1 << 20) as f64;
+
+/// Triangles of less height over their longest side have no cone.
+const SLIM: f64 = 1. / 4096.;
+
+impl Facet {
+    /// Whether a path that met this triangle may well be beside it.
+    fn is_slim(&self) -> bool {
+        let [a, b, c] = self.corners;
+        let sides = [b - a, c - b, a - c].map(DVec3::length);
+        let longest = sides.into_iter().fold(0., f64::max);
+        cross(b - a, c - a).length() < SLIM * longest
+    }
+}
 
 // Use the cones in the estimator
 impl Outlook {
