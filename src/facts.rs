@@ -148,6 +148,7 @@ pub struct Inquiry<'a> {
 }
 
 impl Facts {
+    // Look for what needs no hierarchy
     /// Looks for all facts that need no kernel. Triangles that no path
     /// can reach are taken out of the scene.
     pub fn find(scene: &mut Scene, inquiry: &Inquiry) -> Self {
@@ -167,6 +168,7 @@ impl Facts {
         facts
     }
 
+    // Tell what has been found
     /// What was left out of the image or its work, in words.
     pub fn left_out(&self) -> impl Iterator<Item = &Finding> {
         self.findings.iter().filter(|finding| finding.holds)
@@ -198,6 +200,7 @@ impl Facts {
             return;
         }
         let Some(place) = inquiry.place else { return };
+        // Leave walls alone that cost too much
         if !inquiry.affords(count, price::PART + price::ABOVE) {
             let why = "not looked for, it would take too long";
             return self.tell(Fact::Dark.name(), false, why.to_owned());
@@ -217,6 +220,7 @@ impl Facts {
     fn look_for_dark(&mut self, parts: &Parts, above: &[u32]) -> bool {
         let around = parts.around(above).len();
         let dark = around > 0;
+        // Say whether walls are around it
         let why = match dark {
             true => {
                 "closed around the camera: no ray can reach the sky, and \
@@ -235,6 +239,7 @@ impl Facts {
     fn look_for_hidden(&mut self, scene: &mut Scene, parts: &Parts) {
         let hidden = hidden(scene.triangles(), parts);
         let count = hidden.iter().filter(|&&hidden| hidden).count();
+        // Say how many triangles are hidden
         let why = match count {
             0 => "closed surfaces hide nothing".to_owned(),
             _ => format!(
@@ -254,6 +259,7 @@ impl Facts {
             return false;
         }
         let black = inquiry.reflectivity == 0.;
+        // Say whether surfaces are black
         let why = match black {
             true => {
                 "nothing is reflected: all bounces; a ray only asks \
@@ -294,6 +300,7 @@ impl Facts {
         let all = (triangles, boxes);
         let tiles = BareTiles::new(*camera, sky, definition, place, all);
         let (count, bare) = tiles.count();
+        // Say how many tiles are bare
         let why = match bare {
             0 => {
                 "triangles may be seen in each tile of the image".to_owned()
@@ -331,6 +338,7 @@ impl Facts {
         if !open && !free {
             return;
         }
+        // Make the outlook that is wanted
         let narrow = if free { NARROW } else { 0. };
         let mut outlook =
             Outlook::new(&boxes, &triangles, &numbers, narrow);
@@ -359,6 +367,7 @@ impl Facts {
              closed form",
             "leave their surface where its view is free",
         ];
+        // Tell of both and choose
         let both = [Fact::Open, Fact::Free].into_iter().zip([open, free]);
         let wanted =
             both.zip(found).zip(why).map(|(((fact, share), is), why)| {
@@ -395,6 +404,7 @@ impl Facts {
     ) -> Box<dyn Renderer + 'a> {
         let &Inquiry { camera, sky, reflectivity, .. } = inquiry;
         let known = &self.known;
+        // Ask only whether the sky is seen
         if self.is_black {
             let estimator = Silhouette { sky };
             let job = Job { scene, kernel, camera, estimator, known, seed };
@@ -402,6 +412,7 @@ impl Facts {
         }
         match &self.outlook {
             Some(foresight) => {
+                // Look up what each triangle can see
                 let estimator = Reference { reflectivity, sky, foresight };
                 Box::new(Job {
                     scene,
@@ -413,6 +424,7 @@ impl Facts {
                 })
             }
             None => {
+                // Trace all rays of a path
                 let estimator =
                     Reference { reflectivity, sky, foresight: () };
                 Box::new(Job {

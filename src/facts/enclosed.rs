@@ -116,6 +116,7 @@ impl Parts {
         let mut open = vec![];
         for equal in edges.chunk_by(|a, b| a.0 == b.0) {
             // Unite the triangles of equal edges
+            // Find the ends of an edge
             let ends = |edge: &(u64, u32)| {
                 let [a, b, c] = triangles[edge.1 as usize / 4];
                 let (p, q) = [(a, b), (b, c), (c, a)][edge.1 as usize % 4];
@@ -192,6 +193,7 @@ fn unite(part: &mut [u32], a: u32, b: u32) {
 // Find the parts inside of others
 /// For each triangle whether it is inside of a closed part.
 pub fn hidden(triangles: &[Triangle], parts: &Parts) -> Vec<bool> {
+    // Gather the triangles of each part
     let mut order: Vec<_> = (0..triangles.len() as u32).collect();
     order.par_sort_by_key(|&i| parts.part[i as usize]);
     let same = |a: &u32, b: &u32| {
@@ -210,6 +212,7 @@ pub fn hidden(triangles: &[Triangle], parts: &Parts) -> Vec<bool> {
     shells.truncate(SHELLS);
     for shell in shells {
         // Hide the parts inside of one closed part
+        // Select the parts within its box
         let within = |&part: &usize| {
             let (inner, outer) = (bounds[part], bounds[shell]);
             outer.low.cmplt(inner.low).all()
@@ -251,6 +254,7 @@ struct Shell {
 }
 
 impl Shell {
+    // Ask whether a part is inside and apart
     /// Whether triangles that hang together are inside, and away from
     /// the walls.
     fn encloses<'a>(
@@ -266,6 +270,7 @@ impl Shell {
             && triangles.all(|triangle| self.is_clear(triangle))
     }
 
+    // Ask whether a triangle is apart from the walls
     /// Whether a triangle's box is apart from those of the walls.
     fn is_clear(&self, triangle: &Triangle) -> bool {
         let margin = Vec3::splat(MARGIN);
