@@ -146,14 +146,14 @@ pub fn resume(
     Ok(header.course.into_owned())
 }
 
-/// The closed forms of a checkpoint's subject. The file is then back at
+/// What the run of a checkpoint has left out, of what matters to weights. The file is then back at
 /// its beginning.
-pub fn closed_forms(file: &mut (impl BufRead + Seek)) -> Vec<String> {
+pub fn left_out(file: &mut (impl BufRead + Seek)) -> Vec<String> {
     let mut lines = file.by_ref().split(b'\n').skip(1);
     let line = lines.next().and_then(Result::ok).unwrap_or_default();
     let header: Option<Header> = serde_json::from_slice(&line).ok();
     let forms = header
-        .and_then(|header| header.subject.get("closed_forms").cloned())
+        .and_then(|header| header.subject.get("left_out").cloned())
         .and_then(|forms| serde_json::from_value(forms).ok());
     match file.rewind() {
         Ok(()) => forms.unwrap_or_default(),

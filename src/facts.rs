@@ -67,8 +67,9 @@ impl Fact {
     }
 }
 
-/// The facts by which weights are replaced by their means.
-const CLOSED: [Fact; 2] = [Fact::Bare, Fact::Open];
+/// The facts by which weights are replaced by their means, and the one
+/// that decides what is there to be seen.
+const WEIGHTY: [Fact; 3] = [Fact::Bare, Fact::Open, Fact::Hidden];
 
 // Hold what has been found
 /// What has been found about one fact.
@@ -96,6 +97,8 @@ pub struct Facts {
     boxes: Option<Boxes>,
     /// Whether nothing is reflected.
     is_black: bool,
+    /// What the searches have cost, in rays.
+    spent: f64,
 }
 
 // Weigh the price of a search
@@ -103,18 +106,23 @@ pub struct Facts {
 mod price {
     /// To look whether it is above the camera.
     pub const ABOVE: f64 = 0.1;
-    /// To sort its edges and find its part.
-    pub const PART: f64 = 2.;
+    /// To sort its edges, find its part, and ask what is in that.
+    pub const PART: f64 = 3.;
     /// To put it into a box.
     pub const BOX: f64 = 1.;
     /// To see whether one of its sides is open.
     pub const OPEN: f64 = 20.;
     /// To find the free cones of both.
     pub const FREE: f64 = 200.;
+    /// So many triangles have their cones found to try them out.
+    pub const TRIES: f64 = 200.;
 }
 
-/// The share of a render that a search may take.
+/// The share of a render that searches may take.
 const SHARE: f64 = 0.02;
+
+/// Why a search is not made.
+const LONG: &str = "not looked for, it would take too long";
 
 /// Rays of one second.
 const SECOND: f64 = 1e7;
@@ -154,6 +162,7 @@ impl Facts {
     pub fn find(scene: &mut Scene, inquiry: &Inquiry) -> Self {
         let mut facts = Self {
             findings: vec![],
+            spent: 0.,
             known: Known::Nothing,
             outlook: None,
             boxes: None,
@@ -172,6 +181,24 @@ impl Facts {
     /// What was left out of the image or its work, in words.
     pub fn left_out(&self) -> impl Iterator<Item = &Finding> {
         self.findings.iter().filter(|finding| finding.holds)
+    }
+
+    /// Whether a search that costs so many rays may be made; if so, they are
+    /// spent.
+    fn affords(&mut self, cost: f64, inquiry: &Inquiry) -> bool {
+        let spent = self.spent + cost;
+        let affordable = spent <= SHARE * inquiry.rays;
+        if affordable {
+            self.spent = spent;
+        }
+        affordable
+    }
+
+    /// Tells of all facts that were wanted why they were not looked for.
+    fn give_up(&mut self, facts: &[Fact], inquiry: &Inquiry, why: &str) {
+        for fact in facts.iter().filter(|fact| !inquiry.keeps(**fact)) {
+            self.tell(fact.name(), false, why.to_owned());
+        }
     }
 
     fn tell(&mut self, fact: impl Into<String>, holds: bool, why: String) {
@@ -201,13 +228,17 @@ impl Facts {
         }
         let Some(place) = inquiry.place else { return };
         // Leave walls alone that cost too much
-        if !inquiry.affords(count, price::PART + price::ABOVE) {
-            let why = "not looked for, it would take too long";
-            return self.tell(Fact::Dark.name(), false, why.to_owned());
+        let cost = count as f64 * (price::PART + price::ABOVE);
+        if !self.affords(cost, inquiry) {
+            return self.give_up(
+                &[Fact::Dark, Fact::Hidden],
+                inquiry,
+                LONG,
+            );
         }
         let Some(above) = above(scene.triangles(), place) else {
             let why = "the camera is on a surface";
-            return self.tell(Fact::Dark.name(), false, why.to_owned());
+            return self.give_up(&[Fact::Dark, Fact::Hidden], inquiry, why);
         };
         let parts = Parts::new(scene.triangles());
         let dark = wanted[0] && self.look_for_dark(&parts, &above);
@@ -274,9 +305,9 @@ impl Facts {
     // Look for pixels and surfaces that see the sky alone
     fn look_around(&mut self, scene: &Scene, inquiry: &Inquiry) {
         let triangles = scene.triangles();
-        if !inquiry.affords(triangles.len(), price::BOX) {
-            let why = "not looked for, it would take too long";
-            return self.tell(Fact::Bare.name(), false, why.to_owned());
+        let cost = triangles.len() as f64 * price::BOX;
+        if !self.affords(cost, inquiry) {
+            return self.give_up(&[Fact::Bare], inquiry, LONG);
         }
         let boxes = Boxes::new(triangles);
         if !inquiry.keeps(Fact::Bare) {
@@ -331,6 +362,10 @@ impl Facts {
     ) {
         let Some(boxes) = self.boxes.take() else { return };
         let (numbers, triangles) = (kernel.numbers(), kernel.triangles());
+        let tries = price::TRIES.min(triangles.len() as f64);
+        if !self.affords(tries * price::FREE, inquiry) {
+            return self.give_up(&[Fact::Open, Fact::Free], inquiry, LONG);
+        }
         let kernel = (kernel, &numbers[..]);
         let all = (&boxes, &triangles[..]);
         let shares = shares(all, scene, kernel, inquiry.camera);
@@ -358,7 +393,7 @@ impl Facts {
         inquiry: &Inquiry,
     ) -> [bool; 2] {
         let worth = |share: f64, price: f64| {
-            let affordable = worth(inquiry.rays, share);
+            let affordable = worth(inquiry.rays, share) - self.spent;
             share >= LITTLE && price * count as f64 <= affordable
         };
         let found = [worth(open, price::OPEN), worth(free, price::FREE)];
@@ -445,9 +480,9 @@ impl Facts {
         asked.or(self.known.is_all().then_some(2))
     }
 
-    /// The facts that hold and change the weights.
-    pub fn closed_forms(&self) -> Vec<String> {
-        let names = CLOSED.map(Fact::name);
+    /// The facts that hold and matter to the weights.
+    pub fn weighty(&self) -> Vec<String> {
+        let names = WEIGHTY.map(Fact::name);
         let closed = self.left_out().filter(|f| names.contains(&f.fact));
         closed.map(|finding| finding.fact.clone()).collect()
     }
@@ -474,19 +509,13 @@ impl Inquiry<'_> {
     }
 
     // Follow a run that is resumed
-    /// Finds of the closed forms those that were found `before`, whatever
-    /// it takes, and no others.
+    /// Finds of the facts that matter to weights those that were found
+    /// `before`, whatever it takes, and no others.
     pub fn follow(&mut self, before: &[String]) {
         let known = |fact: &Fact| before.contains(&fact.name());
-        if CLOSED.iter().any(known) {
+        if WEIGHTY.iter().any(known) {
             self.rays = f64::INFINITY;
         }
-        self.kept.extend(CLOSED.into_iter().filter(|fact| !known(fact)));
-    }
-
-    /// Whether a search of this price for each of `count` triangles may
-    /// be made.
-    fn affords(&self, count: usize, price: f64) -> bool {
-        count as f64 * price <= SHARE * self.rays
+        self.kept.extend(WEIGHTY.into_iter().filter(|fact| !known(fact)));
     }
 }

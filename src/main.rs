@@ -73,7 +73,7 @@ fn run(arguments: &Arguments) -> Result<Stop, String> {
     let load_seconds = loading.elapsed().as_secs_f64();
     let building = Instant::now();
     let before =
-        resumed.as_mut().map(|(_, file)| checkpoint::closed_forms(file));
+        resumed.as_mut().map(|(_, file)| checkpoint::left_out(file));
     let mut inquiry = Inquiry {
         camera: &camera,
         place: scene.place(camera.position),
@@ -105,7 +105,7 @@ fn run(arguments: &Arguments) -> Result<Stop, String> {
     let build_seconds = building.elapsed().as_secs_f64();
     // Take up a run or begin one
     let mut subject = arguments.subject(&sha256);
-    subject.insert("closed_forms".into(), facts.closed_forms().into());
+    subject.insert("left_out".into(), facts.weighty().into());
     let mut image = Image::new(width, height);
     let mut course = Course::default();
     if let Some((name, file)) = resumed {

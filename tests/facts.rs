@@ -21,8 +21,10 @@ use litpt::hierarchy::{Hierarchy, Hit};
 use litpt::image::Image;
 use litpt::picture::Picture;
 use litpt::render::{Job, Renderer};
-use litpt::scene::Scene;
+use litpt::scene::{Mesh, Scene};
 use litpt::sky::Sky;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
 use settings::{Setting, all, named};
 
 const SMALL: (u32, u32) = (24, 18);
@@ -284,6 +286,92 @@ fn tiles_see_what_is_in_view_in_extreme_fields_of_view() {
         }
     }
     assert!(bare > 0);
+}
+
+/// Clusters of a few triangles much smaller than the scene, which two others
+/// far away make as large as they are: slivers, tents, triangles that stand on
+/// each other. Where the free rays of one were taken for more than they are,
+/// the images had other means.
+#[test]
+fn tiny_triangles_in_a_large_scene_lose_no_light() {
+    let mut free = 0;
+    for seed in 0..300 {
+        let (mesh, view) = cluster(seed);
+        let setting = Setting { name: "cluster", mesh, view, rho: 0.9 };
+        let whole = setting.render(&Fact::ALL, (4, 3), 200, 1);
+        let less = setting.render(&CLOSED, (4, 3), 200, 1);
+        assert!(less.image.stored() == whole.image.stored(), "{seed}");
+        free += usize::from(less.facts.contains(&"free".to_owned()));
+    }
+    assert!(free > 0);
+}
+
+fn cluster(seed: u64) -> (Mesh, View) {
+    let mut random = Pcg64::seed_from_u64(seed);
+    let scale = 10f64.powf(-9. + 6. * random.random::<f64>());
+    let stretch = [1., 1., 10., 0.1, 1e3, 1e-2];
+    let mut any = |n: usize| (random.random::<f64>() * n as f64) as usize;
+    let axes = DVec3::from_array([0; 3].map(|_| stretch[any(6)]));
+    let (count, faces) = (4 + any(6), 2 + any(7));
+    let picks: Vec<_> = (0..faces)
+        .map(|_| {
+            let first = any(count);
+            let second = (first + 1 + any(count - 1)) % count;
+            let mut third = any(count);
+            while third == first || third == second {
+                third = (third + 1) % count;
+            }
+            [first, second, third].map(|i| i as u32 + 6)
+        })
+        .collect();
+    let mut coordinate = || match any(2) {
+        0 => any(1 << 20) as f64 / 524_288. - 1.,
+        _ => any(5) as f64 / 2. - 1.,
+    };
+    let mut point = || DVec3::new(coordinate(), coordinate(), coordinate());
+    let far = |s: f64, x: f64, y: f64, z: f64| {
+        s * DVec3::new(4096. - x, 4096. - y, z)
+    };
+    let mut vertices = vec![
+        far(-1., 0., 0., 2.),
+        far(-1., 0., 1., 2.),
+        far(-1., 1., 0., -2.),
+        far(1., 0., 0., -2.),
+        far(1., 0., 1., -2.),
+        far(1., 1., 0., 2.),
+    ];
+    vertices.extend((0..count).map(|_| point() * axes * scale));
+    let target = vertices[6];
+    let away = point() + DVec3::new(0.1, 0.2, 0.7);
+    let position = target + away * scale * axes.max_element().min(10.);
+    let mut triangles = vec![[0, 1, 2], [3, 4, 5]];
+    triangles.extend(picks);
+    let up = DVec3::new(0., 0.01, 1.);
+    let view = View { position, target, up, fov: 40. };
+    (Mesh { vertices, triangles }, view)
+}
+
+/// Ten chests in each other hide all but the outermost.
+#[test]
+fn chests_in_chests_are_hidden_by_the_outermost() {
+    let mut setting = named("closed room");
+    let cube = setting.mesh.vertices.split_off(8);
+    drop(cube);
+    setting.mesh.triangles.truncate(12);
+    let (vertices, triangles) =
+        (setting.mesh.vertices.clone(), setting.mesh.triangles.clone());
+    for k in 1..10 {
+        let shrink = 1. - 0.1 * f64::from(k);
+        let first = setting.mesh.vertices.len() as u32;
+        setting.mesh.vertices.extend(vertices.iter().map(|v| v * shrink));
+        let moved = triangles.iter().map(|t| t.map(|i| i + first));
+        setting.mesh.triangles.extend(moved);
+    }
+    setting.view.position = DVec3::new(3., -14., 2.);
+    let outcome = setting.render(&CLOSED, SMALL, 16, 1);
+    assert!(outcome.facts.contains(&"hidden".to_owned()));
+    let whole = setting.render(&Fact::ALL, SMALL, 16, 1);
+    assert!(outcome.image.stored() == whole.image.stored());
 }
 
 // ---- the program

@@ -210,18 +210,28 @@ pub fn hidden(triangles: &[Triangle], parts: &Parts) -> Vec<bool> {
     let mut shells: Vec<_> = (0..members.len()).filter(is_closed).collect();
     shells.sort_by_key(|&shell| Reverse(members[shell].len()));
     shells.truncate(SHELLS);
+    let mut work = 0;
     for shell in shells {
         // Hide the parts inside of one closed part
+        let is_hidden = |part: usize| hidden[members[part][0] as usize];
         // Select the parts within its box
         let within = |&part: &usize| {
             let (inner, outer) = (bounds[part], bounds[shell]);
             outer.low.cmplt(inner.low).all()
                 && inner.high.cmplt(outer.high).all()
         };
-        let mut inner = (0..members.len()).filter(within).peekable();
-        if inner.peek().is_none() {
+        let inner = (0..members.len()).filter(within);
+        let inner: Vec<_> =
+            inner.filter(|&part| !is_hidden(part)).collect();
+        if inner.is_empty() || is_hidden(shell) {
             continue;
         }
+        let asked: usize =
+            inner.iter().map(|&part| members[part].len()).sum();
+        if work + asked + members[shell].len() > triangles.len() {
+            continue;
+        }
+        work += asked + members[shell].len();
         let walls: Vec<_> =
             members[shell].iter().map(|&i| triangles[i as usize]).collect();
         let shell = Shell { boxes: Boxes::new(&walls), walls };
