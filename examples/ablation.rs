@@ -135,7 +135,7 @@ fn samples(rounds: usize) -> Result<(), Box<dyn Error>> {
     let [before, after] = seconds.map(median);
     let (gain, rays) = (before / after, rays as f64 / 1e6);
     println!(
-        "courtyard; one pixel,samples on all threads,{before:.3},\
+        "courtyard; one pixel,threads,{before:.3},\
          {after:.3},{gain:.2},{rays:.2},{rays:.2},same,{gain:.2}"
     );
     Ok(())
