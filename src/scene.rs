@@ -470,6 +470,7 @@ impl Scene {
         &self.triangles
     }
 
+    // Leave triangles out of the scene
     /// How many triangles of the mesh were left out because they have no
     /// area, and because others have the same corners.
     pub fn left_out(&self) -> (usize, usize) {
