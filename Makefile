@@ -187,13 +187,14 @@ stability:
 	exit $$status
 
 # It takes hours, and can be continued: the rows of RAYS that are there stay,
-# under the date at which they were begun.
+# under the date at which they were begun; those of another number go.
 DONE = $$(grep -c ',0 of $(RAYS),' doc/measured/stability-full.csv)
 stability-full:
 	$(CARGO) build --release --example stability
 	@mkdir -p doc/measured
 	@grep -q ',0 of $(RAYS),' doc/measured/stability-full.csv 2> /dev/null || \
 	  echo "$(MACHINE)" > doc/measured/stability-full.csv
+	@sed -i '/^#/b;/^case/b;/,0 of $(RAYS),/!d' doc/measured/stability-full.csv
 	$(STABILITY) $(RAYS) leaks $(DONE) >> doc/measured/stability-full.csv
 
 # ---- what a scene does not need
