@@ -137,7 +137,7 @@ pub fn show(
                 m.spot.path == mark.spot.path
                     && m.spot.range == mark.spot.range
             };
-            let label = child.as_label();
+            let label = view.short_proposal(child);
             match marks.iter_mut().find(same) {
                 Some(marked) if marked.label.is_none() => {
                     marked.label = Some(label);
@@ -400,12 +400,22 @@ impl View<'_> {
     }
 
     // Make patches of a proposal
+    /// A short proposal: its sentence and the new text.
+    fn short_proposal(&self, child: &Message) -> String {
+        let new = child.spans.iter().map(|span| self.replacement(span));
+        let text = &child.message;
+        match new.into_iter().find(|new| !new.is_empty()) {
+            Some(new) => format!("help: {text}: `{new}`"),
+            None => format!("help: {text}"),
+        }
+    }
+
     fn propose(
         &self,
         mut group: Group<'static>,
         child: &Message,
     ) -> Group<'static> {
-        let alternatives = child.alternatives();
+        let alternatives = alternatives(&child.spans);
         let more = alternatives.len().saturating_sub(4);
         for parts in alternatives.iter().take(4) {
             group = match self.patched(parts) {
@@ -430,7 +440,7 @@ impl View<'_> {
         for part in parts {
             let spots = <[Spot; 1]>::try_from(self.spots(part)).ok()?;
             let [Spot { path, text, range, .. }] = spots;
-            let patch = Patch::new(range, self.dedented(part));
+            let patch = Patch::new(range, self.replacement(part));
             let known = snippets.iter().position(|(p, _)| *p == path);
             let snippet = match known {
                 Some(index) => snippets.remove(index).1,
@@ -441,48 +451,44 @@ impl View<'_> {
         Some(snippets.into_iter().map(|(_, snippet)| snippet).collect())
     }
 
-    fn dedented(&self, part: &Span) -> String {
+    /// The new text as it would stand in the chapter.
+    fn replacement(&self, part: &Span) -> String {
         let new = part.suggested_replacement.as_deref().unwrap_or("");
-        let file = self.tangled(part);
+        let Some(file) = self.tangled(part) else { return new.to_owned() };
         let line = self.nearest(part).line_start;
-        let added = file.map_or(0, |file| file.added_indentation(line));
+        let added = file.added_indentation(line);
         let cut = |line: &str| {
             let blank = line.len() - line.trim_start_matches(' ').len();
             line[blank.min(added)..].to_owned()
         };
         let mut lines = new.split('\n');
         let first = lines.next().unwrap_or("").to_owned();
-        let lines: Vec<String> =
-            std::iter::once(first).chain(lines.map(cut)).collect();
+        let lines = std::iter::once(first).chain(lines.map(cut));
+        let lines: Vec<String> = lines.map(|l| escaped(&l)).collect();
         lines.join("\n")
     }
 }
 
-impl Message {
-    /// A short proposal: its sentence and the new text.
-    fn as_label(&self) -> String {
-        let new = self.spans.iter().find_map(|span| {
-            span.suggested_replacement.as_deref().filter(|n| !n.is_empty())
-        });
-        let text = &self.message;
-        match new {
-            Some(new) => format!("help: {text}: `{new}`"),
-            None => format!("help: {text}"),
+fn alternatives(spans: &[Span]) -> Vec<Vec<&Span>> {
+    let start = |s: &Span| (s.line_start, s.column_start);
+    let mut found: Vec<Vec<&Span>> = Vec::new();
+    for span in spans {
+        let same = |s: &&Span| start(s) == start(span);
+        match found.last_mut() {
+            Some(last) if !last.iter().any(same) => last.push(span),
+            _ => found.push(vec![span]),
         }
     }
+    found
+}
 
-    // Separate alternative proposals
-    fn alternatives(&self) -> Vec<Vec<&Span>> {
-        let start = |s: &Span| (s.line_start, s.column_start);
-        let mut found: Vec<Vec<&Span>> = Vec::new();
-        for span in &self.spans {
-            let same = |s: &&Span| start(s) == start(span);
-            match found.last_mut() {
-                Some(last) if !last.iter().any(same) => last.push(span),
-                _ => found.push(vec![span]),
-            }
+fn escaped(line: &str) -> String {
+    match line.rsplit_once(">>") {
+        Some((before, after)) => {
+            let before = before.replace("<<", "@<<");
+            format!("{before}>>{after}")
         }
-        found
+        None => line.to_owned(),
     }
 }
 
