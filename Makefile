@@ -176,6 +176,9 @@ measure: $(BUILD_DIR)/courtyard.obj
 	    > doc/measured/$$name.csv.new && \
 	  mv doc/measured/$$name.csv.new doc/measured/$$name.csv || exit 1; \
 	done
+	{ echo "$(MACHINE)" && $(CARGO) run --release -p noweb \
+	  --example positions litpt.nw; } > doc/measured/positions.csv.new
+	mv doc/measured/positions.csv.new doc/measured/positions.csv
 
 # ---- stiff and extreme cases
 
@@ -350,7 +353,7 @@ $(BUILD_DIR)/litpt.pdf: $(WEB) $(NOWEB) config.mk \
     leaks.tex origins.tex roulettes.tex stability.tex stability-full.tex robustness.tex \
     ablation.tex layouts.tex habits.tex abreast.tex traversal.tex \
     bench.tex sizes.csv shapes.tex start.tex repeats.csv \
-    accumulators.tex accounting.tex alarms.tex calibration.stamp \
+    accumulators.tex accounting.tex alarms.tex positions.tex calibration.stamp \
     anatomy.stamp curve.csv) \
   $(addprefix doc/,litpt.sty litpt.bib litpt-mono.enc latexmkrc)
 	@mkdir -p $(BUILD_DIR)/tex

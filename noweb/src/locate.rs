@@ -97,6 +97,11 @@ impl Atlas {
         files.map(|(path, _)| path.as_path())
     }
 
+    /// The position of a place in a chapter, for people.
+    pub fn position(&self, place: Place) -> Option<Position> {
+        self.web.position(place)
+    }
+
     /// A chapter, by the number that places carry.
     pub fn chapter(&self, file: u32) -> Option<&Source> {
         self.web.sources.get(file as usize)
@@ -160,11 +165,6 @@ impl TangledFile {
 }
 
 impl Atlas {
-    /// The position of a place in a chapter, for people.
-    pub fn position(&self, place: Place) -> Option<Position> {
-        self.web.position(place)
-    }
-
     /// The name of the chunk that a place of the program stands in.
     pub fn chunk_at(&self, place: Place) -> Option<&[u8]> {
         let above =

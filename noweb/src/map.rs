@@ -36,6 +36,8 @@ pub struct Filter {
     /// The atlas once it is read; nothing inside if it cannot be.
     atlas: Option<Option<Atlas>>,
     colour: bool,
+    /// A bar of progress stands on the line of the terminal.
+    bar: bool,
     shown: HashSet<String>,
     reported: BTreeSet<PathBuf>,
 }
@@ -52,10 +54,12 @@ pub enum Translated {
 }
 
 impl Filter {
+    // Make a filter and use it
     /// A filter for the program of a project, with colours or without.
     pub fn new(project: Project, colour: bool) -> Self {
         let (shown, reported) = (HashSet::new(), BTreeSet::new());
-        Self { project, atlas: None, colour, shown, reported }
+        let (atlas, bar) = (None, false);
+        Self { project, atlas, colour, bar, shown, reported }
     }
 
     /// Translates a line, with its newline.
@@ -297,9 +301,12 @@ fn write_line(
     match translated {
         Translated::Nothing => Ok(()),
         Translated::Diagnostic(text) => {
-            streams.errors.write_all(text.as_bytes())
+            let erase = if filter.bar { "\x1b[K" } else { "" };
+            filter.bar = false;
+            write!(streams.errors, "{erase}{text}")
         }
         Translated::Text(text) if is_error => {
+            filter.bar = text.ends_with(b"\r");
             streams.errors.write_all(&text)
         }
         Translated::Text(text) => {

@@ -158,6 +158,7 @@ pub fn show(
 }
 
 impl Message {
+    // Read more of a diagnostic
     /// The text as the compiler has it, without colours.
     pub fn rendered(&self) -> String {
         let text = self.rendered.as_deref().unwrap_or(&self.message);
