@@ -118,6 +118,7 @@ impl Filter {
         {
             let colon = next + found;
             next = colon + 1;
+            // Read the line and perhaps a column
             let Some((line, end)) = number(text, next) else { continue };
             let column = match text.get(end) {
                 Some(b':') => number(text, end + 1),
@@ -218,6 +219,7 @@ fn run_command(
     let result = forward(&mut child, filter, streams);
     let status = child.wait()?;
     result?;
+    // Make one number of the status
     let signal = status.signal().unwrap_or(0);
     let code = status.code().unwrap_or(128 + signal);
     Ok(u8::try_from(code).unwrap_or(1))
@@ -231,6 +233,7 @@ fn start(command: &[OsString], colour: bool) -> io::Result<Child> {
     if colour {
         child.env("CARGO_TERM_COLOR", "always");
     }
+    // Ask cargo for its bar of progress
     let progress =
         ["CARGO_TERM_PROGRESS_WHEN", "CARGO_TERM_PROGRESS_WIDTH"];
     let decided =
@@ -300,6 +303,7 @@ fn write_line(
     }
     match translated {
         Translated::Nothing => Ok(()),
+        // Write it to the stream where it belongs
         Translated::Diagnostic(text) => {
             let erase = if filter.bar { "\x1b[K" } else { "" };
             filter.bar = false;
@@ -329,6 +333,7 @@ fn filter_input(
         if bytes.is_empty() {
             ended.push(std::mem::take(&mut lines.rest));
         }
+        // Translate the lines that have ended
         for line in ended {
             let text = match filter.translate(&line) {
                 Translated::Text(text) => text,
@@ -352,6 +357,7 @@ fn filter_input(
 pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
     let dashes = args.iter().position(|arg| arg == "--");
     let (args, command) = args.split_at(dashes.unwrap_or(args.len()));
+    // Read the arguments before the dashes
     let parsed = parse(args).and_then(|(mut project, master)| {
         complete(&mut project, master).map(|()| project)
     });
