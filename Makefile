@@ -34,7 +34,7 @@ TEX_NEEDS = memoir.cls lmodern.sty microtype.sty booktabs.sty pgfplots.sty
 TEX_INSTALL = apt-get install --no-install-recommends texlive-latex-base \
   texlive-latex-recommended texlive-pictures lmodern latexmk
 
-.PHONY: help bin demo test pdf check boot chunk measure stability \
+.PHONY: help bin demo test pdf check prose boot chunk measure stability \
   stability-full clean check-tex
 .DELETE_ON_ERROR:
 
@@ -44,6 +44,7 @@ help:
 	@echo 'make pdf     make the book, $(BUILD_DIR)/litpt.pdf (needs LaTeX)'
 	@echo 'make bin     build the programs, $(BUILD_DIR)/pt and $(BUILD_DIR)/ptimg'
 	@echo 'make check   formatting, lints, and whether src/ is what the book says'
+	@echo 'make prose   spelling of the chapters, sizes of chunks (needs hunspell)'
 	@echo 'make boot    rebuild the tool noweb from its own chapters'
 	@echo 'make chunk   list the root chunks; CHUNK="..." shows one chunk, expanded'
 	@echo 'make measure repeat the measurements that the book prints'
@@ -381,11 +382,17 @@ check: $(NOWEB)
 	$(NOWEB) tangle --check --only noweb/ --record noweb/.tangled $(WEB)
 	git diff --exit-code -- src noweb doc/vim
 	@if command -v python3 > /dev/null; then \
-	  python3 doc/chunk-statistics.py $(CHAPTERS); fi
+	  python3 doc/prose --sizes $(CHAPTERS); fi
+	@if command -v python3 > /dev/null && command -v hunspell > /dev/null; \
+	then sh doc/prose-test.sh; fi
 	@if command -v vim > /dev/null; then sh doc/vim/test.sh; fi
 	@if test -e $(BUILD_DIR)/litpt.pdf && command -v pdftotext > /dev/null && \
 	  command -v python3 > /dev/null; then \
 	  python3 doc/check-pdf.py $(BUILD_DIR)/litpt.pdf $(CHAPTERS); fi
+
+# Spelling, slips and sizes of chunks, over all chapters.
+prose:
+	@doc/prose
 
 # ---- the tool
 
