@@ -9,38 +9,50 @@
 if exists('b:current_syntax')
   finish
 endif
-let s:code = get(g:, 'noweb_language', 'rust')
-let s:prose = get(g:, 'noweb_backend', 'tex')
-let s:fold = get(g:, 'noweb_fold_code', 0)
 
-" Load the syntax of prose and code
-execute 'runtime! syntax/' . s:prose . '.vim'
+" Load the syntax of the prose
+execute 'runtime! syntax/' . get(g:, 'noweb_backend', 'tex') . '.vim'
 unlet! b:current_syntax
-execute 'syntax include @nowebCode syntax/' . s:code . '.vim'
-unlet! b:current_syntax
-" Paint the chunks as code
-execute 'syntax region nowebChunk matchgroup=nowebDefinition'
-      \ 'start=/^<<.*>>=\s*$/'
-      \ 'end=/^@\ze\%(\s\|$\)/ end=/^\ze<<.*>>=\s*$/'
-      \ 'keepend contains=@nowebCode,nowebUse'
-      \ 'containedin=@texFoldGroup,@texMathZones'
-      \ s:fold ? 'fold' : ''
-if s:fold
-  setlocal foldmethod=syntax
-endif
+
+" Paint chunks in one language
+syntax cluster nowebAnyCode contains=nowebUse
+syntax cluster texFoldGroup add=nowebChunk,nowebQuote
+function! s:PaintChunks(language, names) abort
+  let cluster = '@nowebCode_' . a:language
+  execute 'syntax include' cluster 'syntax/' . a:language . '.vim'
+  unlet! b:current_syntax
+  execute 'syntax cluster nowebAnyCode add=' . cluster
+  execute 'syntax region nowebChunk matchgroup=nowebDefinition'
+        \ 'start=/^<<' . a:names . '>>=\s*$/'
+        \ 'end=/^@\ze\%(\s\|$\)/ end=/^\ze<<.*>>=\s*$/'
+        \ 'keepend contains=nowebUse,' . cluster
+        \ 'containedin=@texMathZones'
+endfunction
+
+" Paint each chunk in its language
+let s:language = get(g:, 'noweb_language', 'rust')
+call s:PaintChunks(s:language, '.*')
+let b:noweb_languages = noweb#Languages(s:language)
+for [s:other, s:names] in items(b:noweb_languages)
+  call s:PaintChunks(s:other, '\%(\V' . join(map(copy(s:names),
+        \ {_, name -> escape(name, '\/')}), '\|') . '\m\)')
+endfor
 syntax sync fromstart
+
 " Paint quoted code and uses
-syntax region nowebQuote matchgroup=nowebBracket
-      \ start=/@\@1<!\[\[/ end=/\]\]\]\@!/ keepend
-      \ contains=@nowebCode,nowebUse
-      \ containedin=@texFoldGroup,@texMatchGroup,@texCmdGroup
+execute 'syntax region nowebQuote matchgroup=nowebBracket'
+      \ 'start=/@\@1<!\[\[/ end=/\]\]\]\@!/ keepend'
+      \ 'contains=nowebUse,@nowebCode_' . s:language
+      \ 'containedin=@texFoldGroup,@texMatchGroup,@texCmdGroup'
 syntax match nowebUse /@\@1<!<<.\{-}>>/
-      \ contained containedin=@nowebCode
+      \ contained containedin=@nowebAnyCode
 syntax match nowebEscape /@<<\|@>>\|^@@/
-      \ contained containedin=@nowebCode
+      \ contained containedin=@nowebAnyCode
+
 " Choose colours by their meaning
 highlight default link nowebDefinition Identifier
 highlight default link nowebUse Identifier
 highlight default link nowebBracket Delimiter
 highlight default link nowebEscape SpecialChar
+
 let b:current_syntax = 'noweb'
