@@ -7,7 +7,7 @@
 " warranty.
 " SPDX-License-Identifier: FSFAP
 " Know a definition, a use and prose
-let s:head = '^<<\(.\{-}\)>>=\s*$'
+let s:head = '^<<\zs.*\ze>>=\s*$'
 let s:prose = '^@\%(\s\|$\)'
 let s:use = '@\@1<!<<\zs\%(\[\[.\{-}\]\]\|.\)\{-}\ze>>'
 
@@ -47,43 +47,59 @@ endfunction
 " Collect the places of a file
 let s:known = {}
 
-function! s:PlacesOf(path) abort
+function! s:Know(path) abort
   let stamp = s:Stamp(a:path)
-  if get(s:known, a:path, [[], []])[0] != stamp
-    let s:known[a:path] = [stamp, s:Scan(a:path, s:Lines(a:path))]
+  if get(s:known, a:path, {'stamp': []}).stamp != stamp
+    let lines = s:Lines(a:path)
+    let s:known[a:path] = extend(s:Scan(a:path, lines), {'stamp': stamp})
   endif
-  return s:known[a:path][1]
+  return s:known[a:path]
+endfunction
+
+" Find the lines that matter
+function! s:Matter(lines) abort
+  let found = []
+  for pattern in ['^@', '<<']
+    let index = match(a:lines, pattern)
+    while index >= 0
+      call add(found, index)
+      let index = match(a:lines, pattern, index + 1)
+    endwhile
+  endfor
+  return uniq(sort(found, 'n'))
 endfunction
 
 " Go through the lines that matter
 function! s:Scan(path, lines) abort
-  let [found, inside, head] = [[], '', 0]
-  for index in filter(range(len(a:lines)),
-        \ {_, index -> a:lines[index] =~# '^@\|<<'})
+  let known = {'places': [], 'users': {}}
+  let [inside, head] = ['', 0]
+  for index in s:Matter(a:lines)
     let line = a:lines[index]
-    let place = {'filename': a:path, 'lnum': index + 1, 'col': 1}
-    if line =~# s:head
-      let [inside, head] = [matchlist(line, s:head)[1], index + 1]
-      call add(found, extend(place, {'name': inside, 'role': 'definition'}))
-    elseif line =~# s:prose
+    if line[0] ==# '<' && line =~# s:head
+      let [inside, head] = [matchstr(line, s:head), index + 1]
+      call add(known.places, {'filename': a:path, 'lnum': head, 'col': 1,
+            \ 'name': inside, 'role': 'definition'})
+    elseif line[0] ==# '@' && line =~# s:prose
       for name in line =~# '^@ %def ' ? split(line)[2:] : []
-        call add(found, extend({'name': name, 'role': 'identifier',
-              \ 'lnum': head}, place, 'keep'))
+        call add(known.places, {'filename': a:path, 'lnum': head, 'col': 1,
+              \ 'name': name, 'role': 'identifier'})
       endfor
       let inside = ''
     elseif !empty(inside)
-      call s:AddUses(found, place, line, inside)
+      call s:AddUses(known, a:path, index + 1, line, inside)
     endif
   endfor
-  return found
+  return known
 endfunction
 
 " Add the uses on a line of code
-function! s:AddUses(found, place, line, inside) abort
+function! s:AddUses(known, path, number, line, inside) abort
   let [name, from, to] = matchstrpos(a:line, s:use)
   while from >= 0
-    call add(a:found, extend({'name': name, 'role': 'use',
-          \ 'inside': a:inside, 'col': from + 1}, a:place, 'keep'))
+    call add(a:known.places, {'filename': a:path, 'lnum': a:number,
+          \ 'col': from + 1, 'name': name, 'role': 'use',
+          \ 'inside': a:inside})
+    call extend(a:known.users, {name: a:inside}, 'keep')
     let [name, from, to] = matchstrpos(a:line, s:use, to + 2)
   endwhile
 endfunction
@@ -92,7 +108,7 @@ endfunction
 function! noweb#Places() abort
   let places = []
   for path in noweb#Files()
-    call extend(places, s:PlacesOf(path))
+    call extend(places, s:Know(path).places)
   endfor
   return places
 endfunction
@@ -112,32 +128,16 @@ endfunction
 
 " Tell the language of each chunk
 function! noweb#Languages(usual) abort
-  " Collect what each chunk uses
-  let [order, uses, used] = [[], {}, {}]
-  for place in noweb#Places()
-    if place.role ==# 'definition' && !has_key(uses, place.name)
-      let uses[place.name] = []
-      call add(order, place.name)
-    elseif place.role ==# 'use'
-      call add(uses[place.inside], place.name)
-      let used[place.name] = 1
-    endif
+  let [users, answer] = [{}, {}]
+  for path in noweb#Files()
+    call extend(users, s:Know(path).users, 'keep')
   endfor
-  let language = {}
-  for root in filter(copy(order), {_, name -> !has_key(used, name)})
-    let [own, rest] = [s:LanguageOf(root, a:usual), [root]]
-    while !empty(rest)
-      let name = remove(rest, -1)
-      if has_key(uses, name) && !has_key(language, name)
-        let language[name] = own
-        call extend(rest, uses[name])
-      endif
+  for place in s:Know(expand('%:p')).places
+    let [root, steps] = [place.name, 0]
+    while has_key(users, root) && steps < 100
+      let [root, steps] = [users[root], steps + 1]
     endwhile
-  endfor
-  " List the names of this file by language
-  let answer = {}
-  for place in s:PlacesOf(expand('%:p'))
-    let own = get(language, place.name, a:usual)
+    let own = s:LanguageOf(root, a:usual)
     if place.role ==# 'definition' && own !=# a:usual
       let answer[own] = uniq(sort(get(answer, own, []) + [place.name]))
     endif
@@ -152,9 +152,11 @@ let s:languages = {'rs': 'rust', 'py': 'python', 'mk': 'make',
 function! s:LanguageOf(path, usual) abort
   let extension = fnamemodify(a:path, ':e')
   let key = empty(extension) ? fnamemodify(a:path, ':t') : extension
-  let name = get(s:languages, key, extension)
-  return empty(globpath(&runtimepath, 'syntax/' . name . '.vim'))
-        \ ? a:usual : name
+  if !has_key(s:languages, key)
+    let syntax = globpath(&runtimepath, 'syntax/' . extension . '.vim')
+    let s:languages[key] = empty(syntax) ? '' : extension
+  endif
+  return empty(s:languages[key]) ? a:usual : s:languages[key]
 endfunction
 
 " Find what stands under the cursor

@@ -15,31 +15,43 @@ execute 'runtime! syntax/' . get(g:, 'noweb_backend', 'tex') . '.vim'
 unlet! b:current_syntax
 
 " Paint chunks in one language
+let s:starts = []
 syntax cluster nowebAnyCode contains=nowebUse
-syntax cluster texFoldGroup add=nowebChunk,nowebQuote
+
 function! s:PaintChunks(language, names) abort
-  let cluster = '@nowebCode_' . a:language
-  execute 'syntax include' cluster 'syntax/' . a:language . '.vim'
+  let [code, chunk] = ['nowebCode_' . a:language, 'nowebChunk_' . a:language]
+  execute 'syntax include @' . code 'syntax/' . a:language . '.vim'
   unlet! b:current_syntax
-  execute 'syntax cluster nowebAnyCode add=' . cluster
-  execute 'syntax region nowebChunk matchgroup=nowebDefinition'
-        \ 'start=/^<<' . a:names . '>>=\s*$/'
+  execute 'syntax cluster nowebAnyCode add=@' . code
+  execute 'syntax cluster texFoldGroup add=' . chunk
+  let start = '/^<<' . a:names . '>>=\s*$/'
+  call add(s:starts, chunk . ' ' . start)
+  execute 'syntax region' chunk 'matchgroup=nowebDefinition'
+        \ 'start=' . start
         \ 'end=/^@\ze\%(\s\|$\)/ end=/^\ze<<.*>>=\s*$/'
-        \ 'keepend contains=nowebUse,' . cluster
+        \ 'keepend contains=nowebUse,@' . code
         \ 'containedin=@texMathZones'
 endfunction
 
 " Paint each chunk in its language
 let s:language = get(g:, 'noweb_language', 'rust')
-call s:PaintChunks(s:language, '.*')
 let b:noweb_languages = noweb#Languages(s:language)
+call s:PaintChunks(s:language, '.*')
 for [s:other, s:names] in items(b:noweb_languages)
   call s:PaintChunks(s:other, '\%(\V' . join(map(copy(s:names),
         \ {_, name -> escape(name, '\/')}), '\|') . '\m\)')
 endfor
-syntax sync fromstart
+
+" Begin to paint at an end of a chunk
+syntax sync clear
+syntax sync match nowebSync grouphere NONE /^@\%(\s\|$\)/
+for s:start in s:starts
+  execute 'syntax sync match nowebSync grouphere' s:start
+endfor
+syntax sync maxlines=1000
 
 " Paint quoted code and uses
+syntax cluster texFoldGroup add=nowebQuote
 execute 'syntax region nowebQuote matchgroup=nowebBracket'
       \ 'start=/@\@1<!\[\[/ end=/\]\]\]\@!/ keepend'
       \ 'contains=nowebUse,@nowebCode_' . s:language
