@@ -81,11 +81,7 @@ fn picture(
 }
 
 /// The status of a comparison, and what it complains of.
-fn judge(
-    place: &common::Place,
-    a: &str,
-    b: &str,
-) -> (Option<i32>, String) {
+fn judge(place: &common::Place, a: &str, b: &str) -> (Option<i32>, String) {
     let mut command = place.command(env!("CARGO_BIN_EXE_ptimg"));
     let child = command.args(["diff", a, b]).spawn().unwrap();
     let run = common::finish(child);
@@ -120,11 +116,7 @@ fn a_path_of_half_reflectivity_brings_one_of_five_weights() {
 
 /// The weight of a path that leaves with probability `f` at each bounce,
 /// and goes on with the chance `onward` from the twentieth bounce on.
-fn stiff(
-    f: f64,
-    onward: fn(f64) -> f64,
-    random: &mut impl Rng,
-) -> f64 {
+fn stiff(f: f64, onward: fn(f64) -> f64, random: &mut impl Rng) -> f64 {
     let (mut weight, mut n) = (1., 1);
     while !happens(f, random) {
         if n >= 20 {
@@ -335,9 +327,11 @@ fn the_same_realisations_twice_claim_less_error_than_there_is() {
 // Answer the exercises on superfluous work
 /// A horizontal square of `n` by `n` pairs of triangles.
 fn grid(n: u32) -> Mesh {
-    let point = |i| DVec3::new(f64::from(i % (n + 1)), f64::from(i / (n + 1)), 0.);
+    let point =
+        |i| DVec3::new(f64::from(i % (n + 1)), f64::from(i / (n + 1)), 0.);
     let pair = |i| {
-        let (a, c) = (i / n * (n + 1) + i % n, (i / n + 1) * (n + 1) + i % n);
+        let (a, c) =
+            (i / n * (n + 1) + i % n, (i / n + 1) * (n + 1) + i % n);
         [[a, a + 1, c], [a + 1, c + 1, c]]
     };
     let vertices = (0..(n + 1) * (n + 1)).map(point).collect();
@@ -373,7 +367,10 @@ fn searches(rays: f64) -> [bool; 2] {
 #[test]
 fn six_realisations_afford_less_than_five() {
     let found = |n| searches(f64::from(n) * 614_400.);
-    assert_eq!([1, 2, 5].map(found)[..], [[false; 2], [false, true], [false, true]]);
+    assert_eq!(
+        [1, 2, 5].map(found)[..],
+        [[false; 2], [false, true], [false, true]]
+    );
     assert_eq!([6, 7].map(found), [[true, false], [true, true]]);
 }
 
@@ -393,7 +390,9 @@ fn a_fact_is_tried_by_leaving_it_out() {
     let render = |name: &str, more: &[&str]| {
         let output = format!("-o{name}");
         let all = ["-ichest.obj", "-p0,-6,2", "-t0,0,0", "-d32x24", "-n64"];
-        place.run(&[&all[..], &["-r.8", &output], more].concat()).succeeded();
+        place
+            .run(&[&all[..], &["-r.8", &output], more].concat())
+            .succeeded();
         place.get(name)
     };
     let all = render("all.pfm", &[]);
@@ -436,7 +435,8 @@ fn cube(n: u32, is_turned: bool) -> Vec<Triangle> {
             p[(axis + 2) % 3] = i % n + b;
             place(p)
         };
-        let [p, q, r, s] = [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(a, b)| corner(a, b));
+        let [p, q, r, s] =
+            [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(a, b)| corner(a, b));
         [[p, q, r], [p, r, s]]
     };
     let faces = (0..3).flat_map(|axis| [(axis, 0), (axis, n)]);
