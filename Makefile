@@ -21,6 +21,11 @@ COMPILED := $(CARGO_TARGET_DIR)/$(if $(PROFILE_$(BUILD_TYPE)),release,debug)
 
 NOWEB := $(CARGO_TARGET_DIR)/release/noweb
 NOWEB_SOURCES := Cargo.toml noweb/Cargo.toml $(wildcard noweb/src/*.rs)
+# What cargo, the compiler and the tests say is shown at the chapters. The tool
+# runs the command, translates what it says, and ends with its status.
+MAP = $(NOWEB) map --master litpt.nw --
+JSON = --message-format=json-diagnostic-rendered-ansi
+
 SOURCES := src/.tangled $(NOWEB_SOURCES) config.mk build.rs \
   $(wildcard Cargo.lock src/*.rs src/*/*.rs)
 
@@ -34,7 +39,7 @@ TEX_NEEDS = memoir.cls lmodern.sty microtype.sty booktabs.sty pgfplots.sty
 TEX_INSTALL = apt-get install --no-install-recommends texlive-latex-base \
   texlive-latex-recommended texlive-pictures lmodern latexmk
 
-.PHONY: help bin demo test pdf check prose boot chunk measure stability \
+.PHONY: help bin demo test clippy pdf check prose boot chunk measure stability \
   stability-full clean check-tex
 .DELETE_ON_ERROR:
 
@@ -43,6 +48,7 @@ help:
 	@echo 'make test    run all tests (needs Rust and make only)'
 	@echo 'make pdf     make the book, $(BUILD_DIR)/litpt.pdf (needs LaTeX)'
 	@echo 'make bin     build the programs, $(BUILD_DIR)/pt and $(BUILD_DIR)/ptimg'
+	@echo 'make clippy  lints alone'
 	@echo 'make check   formatting, lints, and whether src/ is what the book says'
 	@echo 'make prose   spelling of the chapters, sizes of chunks (needs hunspell)'
 	@echo 'make boot    rebuild the tool noweb from its own chapters'
@@ -70,7 +76,7 @@ src/.tangled: $(BUILD_DIR)/tangled.stamp
 NAMES = pt ptimg courtyard closed_forms calibration anatomy
 PROGRAMS := $(BUILD_DIR)/$(BUILD_TYPE).stamp
 $(PROGRAMS): $(SOURCES)
-	$(CARGO) build $(PROFILE_$(BUILD_TYPE)) --bins
+	$(MAP) $(CARGO) build $(PROFILE_$(BUILD_TYPE)) --bins $(JSON)
 	@mkdir -p $(BUILD_DIR)
 	@rm -f $(BUILD_DIR)/Release.stamp $(BUILD_DIR)/Debug.stamp
 	@for program in $(NAMES); do \
@@ -107,8 +113,12 @@ demo: $(BUILD_DIR)/pt $(BUILD_DIR)/courtyard.obj
 
 # ---- the book
 
+# If there is a tool that can, it shows the errors of its own next version.
 $(NOWEB): $(NOWEB_SOURCES)
-	$(CARGO) build --release -p noweb
+	@echo '$(CARGO) build --release -p noweb'
+	@if $(NOWEB) map --master litpt.nw < /dev/null > /dev/null 2>&1; \
+	then $(MAP) $(CARGO) build --release -p noweb $(JSON); \
+	else $(CARGO) build --release -p noweb; fi
 	@touch $@
 
 # Known answers and those of the program, for the chapter on tests.
@@ -455,12 +465,16 @@ pdf: check-tex $(BUILD_DIR)/litpt.pdf
 
 # ---- is everything as it should be?
 
-test:
-	$(CARGO) test --workspace
+test: $(NOWEB)
+	$(MAP) $(CARGO) test --workspace $(JSON)
+
+CLIPPY = $(CARGO) clippy --workspace --all-targets $(JSON) -- -D warnings
+clippy: $(NOWEB)
+	$(MAP) $(CLIPPY)
 
 check: $(NOWEB)
-	$(CARGO) fmt --all --check
-	$(CARGO) clippy --workspace --all-targets -- -D warnings
+	$(MAP) $(CARGO) fmt --all --check
+	$(MAP) $(CLIPPY)
 	$(NOWEB) tangle --check --except noweb/ --record src/.tangled $(WEB)
 	$(NOWEB) tangle --check --only noweb/ --record noweb/.tangled $(WEB)
 	git diff --exit-code -- src noweb doc/vim
