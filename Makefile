@@ -350,19 +350,28 @@ $(BUILD_DIR)/litpt.pdf: $(WEB) $(NOWEB) config.mk \
 	@echo 'latexmk $(BUILD_DIR)/tex/litpt.tex'
 	@latexmk -silent -r doc/latexmkrc $(BUILD_DIR)/tex/litpt.tex \
 	  > $(BUILD_DIR)/tex/latexmk.log 2>&1 || { \
-	  grep -A 4 -E '^[^ ]+:[0-9]+: |^!' $(BUILD_DIR)/tex/litpt.log || \
-	  tail $(BUILD_DIR)/tex/latexmk.log; exit 1; }
+	  grep -A 4 -E '^[^ ]+:[0-9]+: |^!' $(BUILD_DIR)/tex/litpt.log | \
+	  sed "$$PLACES" | grep . || tail $(BUILD_DIR)/tex/latexmk.log; exit 1; }
 	@cp $(BUILD_DIR)/tex/litpt.pdf $@
 	@awk "$$LIST_WARNINGS" $(BUILD_DIR)/tex/litpt.log
 	@echo 'The book lies in $@.'
 
-# The warnings in the log of LaTeX, each with the file that was open.
+# Line n of build/tex/NAME.tex is line n of chapters/NAME.nw.
+PLACES = s,^[^ :]*litpt\.tex:\([0-9]*\):,litpt.nw:\1:,; \
+  s,^\(\./\|$(BUILD_DIR)/tex/\)\([^ /:]*\)\.tex:\([0-9]*\):,chapters/\2.nw:\3:,
+export PLACES
+
+# The warnings in the log of LaTeX, each with the chapter that was open and
+# the line that the warning names, or the first.
 define LIST_WARNINGS
 match($$0, /\/tex\/[^ ()\/]+\.tex/) {
-  file = substr($$0, RSTART + 5, RLENGTH - 5)
+  name = substr($$0, RSTART + 5, RLENGTH - 9)
+  file = name == "litpt" ? "litpt.nw" : "chapters/" name ".nw"
 }
 /(LaTeX|Package|Class|pdfTeX)[^:]*[Ww]arning|^(Over|Under)full/ {
-  print file ": " $$0; count++
+  line = match($$0, /lines? [0-9]+/) ? substr($$0, RSTART, RLENGTH) : 1
+  sub(/[^0-9]*/, "", line)
+  print file ":" line ": warning: " $$0; count++
 }
 END { print count + 0 " warnings are left in the book" }
 endef
