@@ -152,6 +152,32 @@ $(BUILD_DIR)/tables/%.csv: doc/measured/%.csv
 	@mkdir -p $(@D)
 	grep -v '^#' $< > $@
 
+# What the book says of itself: how much of what is in it, and what the weaving
+# pipeline makes of it.
+STREAMS = $(addprefix $(BUILD_DIR)/,plain.stream resolved.stream)
+$(BUILD_DIR)/tables/numbers.stamp: $(WEB) $(NOWEB) src/.tangled
+	@mkdir -p $(@D)
+	@$(NOWEB) markup $(WEB) > $(BUILD_DIR)/plain.stream
+	@$(NOWEB) finduses < $(BUILD_DIR)/plain.stream | $(NOWEB) noidx -delay \
+	  > $(BUILD_DIR)/resolved.stream
+	@LC_ALL=C awk -v parts=$(@D)/parts.tex -f doc/numbers.awk $(WEB) \
+	  $(STREAMS) $(wildcard src/*.rs src/*/*.rs noweb/src/*.rs tests/*.rs \
+	    tests/*/*.rs noweb/tests/*.rs) > $(@D)/numbers.tex
+	@touch $@
+
+# What the history of the chapters says of them, and how long one waits for
+# what: recorded like the measurements above, on an idle machine.
+.PHONY: history turnaround
+history:
+	{ echo "$(MACHINE)" && python3 doc/history.py; } \
+	  > doc/measured/history.csv.new
+	mv doc/measured/history.csv.new doc/measured/history.csv
+
+turnaround: $(NOWEB) pdf
+	{ echo "$(MACHINE)" && python3 doc/turnaround.py $(NOWEB) $(WEB); } \
+	  > doc/measured/turnaround.csv.new
+	mv doc/measured/turnaround.csv.new doc/measured/turnaround.csv
+
 MACHINE = \# $(shell sed -n 's/^model name.*: //p' /proc/cpuinfo | head -n 1), \
   $(shell nproc) cores, on $(shell date +%Y-%m-%d)
 
@@ -342,6 +368,7 @@ $(BUILD_DIR)/litpt.pdf: $(WEB) $(NOWEB) config.mk \
     ablation.tex layouts.tex habits.tex abreast.tex traversal.tex \
     bench.tex sizes.csv shapes.tex start.tex repeats.csv \
     accumulators.tex accounting.tex alarms.tex calibration.stamp \
+    numbers.stamp history.tex turnaround.tex \
     anatomy.stamp curve.csv) \
   $(addprefix doc/,litpt.sty litpt.bib litpt-mono.enc latexmkrc)
 	@mkdir -p $(BUILD_DIR)/tex

@@ -91,7 +91,7 @@ fn keeps_tabs(path: &Path) -> bool {
 fn comment_leader(path: &Path) -> Option<&'static str> {
     match path.extension().and_then(OsStr::to_str) {
         Some("rs") => Some("// "),
-        None | Some("sh" | "toml" | "mk" | "py") => Some("# "),
+        None | Some("sh" | "toml" | "mk" | "py" | "awk") => Some("# "),
         Some("vim") => Some("\" "),
         Some(_) => None,
     }
