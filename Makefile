@@ -347,6 +347,15 @@ start: bench-tools $(BENCH)/examples.stamp
 	  > $(BENCH)/start.csv
 	@cp $(BENCH)/start.csv doc/measured/start.csv
 
+# What opening the largest chapter costs vim.
+.PHONY: bench-vim
+bench-vim:
+	@mkdir -p $(BENCH)
+	@{ echo '$(MACHINE)' && \
+	  python3 bench/vim.py chapters/markup.nw chapters/totex.nw; } \
+	  > $(BENCH)/vim.csv
+	@cp $(BENCH)/vim.csv doc/measured/vim.csv
+
 # What the tool and the program say, for the chapters on them.
 $(BUILD_DIR)/examples.stamp: $(NOWEB) $(BUILD_DIR)/pt $(BUILD_DIR)/ptimg \
   $(BUILD_DIR)/courtyard.obj $(wildcard doc/examples/*)
@@ -366,7 +375,7 @@ $(BUILD_DIR)/litpt.pdf: $(WEB) $(NOWEB) config.mk \
   $(addprefix $(BUILD_DIR)/tables/,closed-forms.tex qualities.tex \
     leaks.tex origins.tex roulettes.tex stability.tex stability-full.tex robustness.tex \
     ablation.tex layouts.tex habits.tex abreast.tex traversal.tex \
-    bench.tex sizes.csv shapes.tex start.tex repeats.csv \
+    bench.tex sizes.csv shapes.tex start.tex vim.tex repeats.csv \
     accumulators.tex accounting.tex alarms.tex calibration.stamp \
     numbers.stamp history.tex turnaround.tex \
     anatomy.stamp curve.csv) \
