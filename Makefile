@@ -419,8 +419,8 @@ bench-vim:
 	@mkdir -p $(BENCH)
 	@{ echo '$(MACHINE)' && \
 	  python3 bench/vim.py chapters/markup.nw chapters/totex.nw; } \
-	  > $(BENCH)/vim.csv
-	@cp $(BENCH)/vim.csv doc/measured/vim.csv
+	  > $(BENCH)/editor.csv
+	@cp $(BENCH)/editor.csv doc/measured/editor.csv
 
 # What the tool and the program say, for the chapters on them.
 $(BUILD_DIR)/examples.stamp: $(NOWEB) $(BUILD_DIR)/pt $(BUILD_DIR)/ptimg \
@@ -441,7 +441,7 @@ $(BUILD_DIR)/litpt.pdf: $(WEB) $(NOWEB) config.mk \
   $(addprefix $(BUILD_DIR)/tables/,closed-forms.tex qualities.tex \
     leaks.tex origins.tex roulettes.tex stability.tex stability-full.tex robustness.tex \
     ablation.tex layouts.tex habits.tex abreast.tex traversal.tex \
-    bench.tex sizes.csv shapes.tex start.tex vim.tex repeats.csv \
+    bench.tex sizes.csv shapes.tex start.tex editor.tex repeats.csv \
     accumulators.tex accounting.tex alarms.tex calibration.stamp \
     numbers.stamp history.tex turnaround.tex \
     anatomy.stamp curve.csv measured.tex counted.tex) \
@@ -459,8 +459,8 @@ $(BUILD_DIR)/litpt.pdf: $(WEB) $(NOWEB) config.mk \
 	@echo 'The book lies in $@.'
 
 # Line n of build/tex/NAME.tex is line n of chapters/NAME.nw.
-PLACES = s,^[^ :]*litpt\.tex:\([0-9]*\):,litpt.nw:\1:,; \
-  s,^\(\./\|$(BUILD_DIR)/tex/\)\([^ /:]*\)\.tex:\([0-9]*\):,chapters/\2.nw:\3:,
+PLACES = s,^\(\./\)*\($(BUILD_DIR)/tex/\)*\([^ /:]*\)\.tex:\([0-9]*\):,chapters/\3.nw:\4:,; \
+  s,^chapters/litpt\.nw:,litpt.nw:,
 export PLACES
 
 # The warnings in the log of LaTeX, each with the chapter that was open and
@@ -499,8 +499,10 @@ check: $(NOWEB)
 	@if command -v python3 > /dev/null; then \
 	  python3 doc/prose --sizes $(CHAPTERS); fi
 	@if command -v python3 > /dev/null && command -v hunspell > /dev/null; \
-	then sh doc/prose-test.sh; fi
-	@if command -v vim > /dev/null; then sh doc/vim/test.sh; fi
+	then sh doc/prose-test.sh; \
+	else echo 'make prose is not tested, for lack of hunspell'; fi
+	@if command -v vim > /dev/null; then sh doc/vim/test.sh; \
+	else echo 'vim is not tested, for lack of it'; fi
 	@if ! command -v python3 > /dev/null; then \
 	  echo 'the book is not checked, for lack of python3'; \
 	elif ! test -e $(BUILD_DIR)/litpt.pdf; then \
