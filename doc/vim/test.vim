@@ -257,6 +257,7 @@ function! Errors(log) abort
 endfunction
 
 function! Test_the_compiler_is_understood_from_any_directory() abort
+  edit chapters/three.nw
   edit chapters/one.nw
   cd chapters
   call assert_equal([['two.nw:3:13', 'E', 'mismatched types'],
