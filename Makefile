@@ -259,6 +259,9 @@ measure: $(BUILD_DIR)/courtyard.obj
 	    > doc/measured/$$name.csv.new && \
 	  mv doc/measured/$$name.csv.new doc/measured/$$name.csv || exit 1; \
 	done
+	{ echo "$(MACHINE)" && $(CARGO) run --release -p noweb \
+	  --example positions litpt.nw; } > doc/measured/positions.csv.new
+	mv doc/measured/positions.csv.new doc/measured/positions.csv
 
 # ---- stiff and extreme cases
 
@@ -413,6 +416,15 @@ start: bench-tools $(BENCH)/examples.stamp
 	  > $(BENCH)/start.csv
 	@cp $(BENCH)/start.csv doc/measured/start.csv
 
+# What opening the largest chapter costs vim.
+.PHONY: bench-vim
+bench-vim:
+	@mkdir -p $(BENCH)
+	@{ echo '$(MACHINE)' && \
+	  python3 bench/vim.py chapters/markup.nw chapters/totex.nw; } \
+	  > $(BENCH)/editor.csv
+	@cp $(BENCH)/editor.csv doc/measured/editor.csv
+
 # What the tool and the program say, for the chapters on them.
 $(BUILD_DIR)/examples.stamp: $(NOWEB) $(BUILD_DIR)/pt $(BUILD_DIR)/ptimg \
   $(BUILD_DIR)/courtyard.obj $(wildcard doc/examples/*)
@@ -432,9 +444,9 @@ $(BUILD_DIR)/litpt.pdf: $(WEB) $(NOWEB) config.mk \
   $(addprefix $(BUILD_DIR)/tables/,closed-forms.tex qualities.tex \
     leaks.tex origins.tex roulettes.tex stability.tex stability-full.tex robustness.tex \
     ablation.tex layouts.tex habits.tex abreast.tex traversal.tex \
-    bench.tex sizes.csv shapes.tex start.tex repeats.csv \
+    bench.tex sizes.csv shapes.tex start.tex editor.tex repeats.csv \
     accumulators.tex accounting.tex alarms.tex calibration.stamp \
-    numbers.stamp history.tex turnaround.tex \
+    numbers.stamp history.tex turnaround.tex positions.tex \
     anatomy.stamp curve.csv measured.tex counted.tex) \
   $(addprefix doc/,litpt.sty litpt.bib litpt-mono.enc latexmkrc)
 	@mkdir -p $(BUILD_DIR)/tex
@@ -443,19 +455,28 @@ $(BUILD_DIR)/litpt.pdf: $(WEB) $(NOWEB) config.mk \
 	@echo 'latexmk $(BUILD_DIR)/tex/litpt.tex'
 	@latexmk -silent -r doc/latexmkrc $(BUILD_DIR)/tex/litpt.tex \
 	  > $(BUILD_DIR)/tex/latexmk.log 2>&1 || { \
-	  grep -A 4 -E '^[^ ]+:[0-9]+: |^!' $(BUILD_DIR)/tex/litpt.log || \
-	  tail $(BUILD_DIR)/tex/latexmk.log; exit 1; }
+	  grep -A 4 -E '^[^ ]+:[0-9]+: |^!' $(BUILD_DIR)/tex/litpt.log | \
+	  sed "$$PLACES" | grep . || tail $(BUILD_DIR)/tex/latexmk.log; exit 1; }
 	@cp $(BUILD_DIR)/tex/litpt.pdf $@
 	@awk "$$LIST_WARNINGS" $(BUILD_DIR)/tex/litpt.log
 	@echo 'The book lies in $@.'
 
-# The warnings in the log of LaTeX, each with the file that was open.
+# Line n of build/tex/NAME.tex is line n of chapters/NAME.nw.
+PLACES = s,^\(\./\)*\($(BUILD_DIR)/tex/\)*\([^ /:]*\)\.tex:\([0-9]*\):,chapters/\3.nw:\4:,; \
+  s,^chapters/litpt\.nw:,litpt.nw:,
+export PLACES
+
+# The warnings in the log of LaTeX, each with the chapter that was open and
+# the line that the warning names, or the first.
 define LIST_WARNINGS
 match($$0, /\/tex\/[^ ()\/]+\.tex/) {
-  file = substr($$0, RSTART + 5, RLENGTH - 5)
+  name = substr($$0, RSTART + 5, RLENGTH - 9)
+  file = name == "litpt" ? "litpt.nw" : "chapters/" name ".nw"
 }
 /(LaTeX|Package|Class|pdfTeX)[^:]*[Ww]arning|^(Over|Under)full/ {
-  print file ": " $$0; count++
+  line = match($$0, /lines? [0-9]+/) ? substr($$0, RSTART, RLENGTH) : 1
+  sub(/[^0-9]*/, "", line)
+  print file ":" line ": warning: " $$0; count++
 }
 END { print count + 0 " warnings are left in the book" }
 endef
@@ -481,8 +502,10 @@ check: $(NOWEB)
 	@if command -v python3 > /dev/null; then \
 	  python3 doc/prose --sizes $(CHAPTERS); fi
 	@if command -v python3 > /dev/null && command -v hunspell > /dev/null; \
-	then sh doc/prose-test.sh; fi
-	@if command -v vim > /dev/null; then sh doc/vim/test.sh; fi
+	then sh doc/prose-test.sh; \
+	else echo 'make prose is not tested, for lack of hunspell'; fi
+	@if command -v vim > /dev/null; then sh doc/vim/test.sh; \
+	else echo 'vim is not tested, for lack of it'; fi
 	@if ! command -v python3 > /dev/null; then \
 	  echo 'the book is not checked, for lack of python3'; \
 	elif ! test -e $(BUILD_DIR)/litpt.pdf; then \

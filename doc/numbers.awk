@@ -15,7 +15,7 @@ FILENAME == "litpt.nw" {
     # Note which chapter is in which part
     if (match($0, /[{].*[}]/)) {
         word = substr($0, RSTART + 1, RLENGTH - 2)
-        if (/^\\part/)
+        if (/^\\part[{]/)
             order[++count] = part = word
         if (/^\\include/)
             of["chapters/" word ".nw"] = part

@@ -10,6 +10,7 @@
 # this notice are preserved. This file is offered as-is, without any warranty.
 set -eu
 vim=$(cd "$(dirname "$0")" && pwd)
+export LITPT_VIM="$vim"
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 

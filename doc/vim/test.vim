@@ -48,6 +48,14 @@ function! Test_a_chunk_has_the_language_of_its_root() abort
   call assert_match('sh', Group(9, 'sed'))
 endfunction
 
+function! Test_code_is_painted_after_a_brace_that_is_left_open() abort
+  edit chapters/three.nw
+  call append(1, ['\texttt{@[[} \emph{left open and $x', 'more'])
+  call assert_equal('rustDecNumber', Group(5, '1'))
+  call assert_equal('nowebEscape', Group(2, '@[['))
+  edit!
+endfunction
+
 function! Test_a_new_root_changes_the_language() abort
   edit chapters/three.nw
   call append('$', ['<<x.vim>>=', '<<Fill it too>>', '@',
@@ -144,6 +152,15 @@ function! Test_all_places_of_a_chunk_are_listed() abort
   edit chapters/one.nw
   call cursor(1, 1)
   call assert_match('No name', execute('Chunk'))
+endfunction
+
+function! Test_the_roots_are_listed_by_the_answer() abort
+  edit chapters/one.nw
+  source $LITPT_VIM/answers/roots.vim
+  Roots
+  call assert_equal(['src/one.rs', 'Makefile', 'run.sh'],
+        \ map(getloclist(0), 'v:val.text'))
+  lclose
 endfunction
 
 function! Test_names_are_completed() abort

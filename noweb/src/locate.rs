@@ -73,6 +73,7 @@ impl Atlas {
         let Ok(path) = path.strip_prefix(".") else {
             return self.files.get(path);
         };
+        // Look for the only file with this end
         let ending = self.files.iter().filter(|(p, _)| p.ends_with(path));
         let ending: Vec<&TangledFile> = ending.map(|(_, f)| f).collect();
         match ending[..] {
@@ -95,6 +96,11 @@ impl Atlas {
         let stale = |f: &TangledFile| f.fresh.get() == Some(&false);
         let files = self.files.iter().filter(move |(_, file)| stale(file));
         files.map(|(path, _)| path.as_path())
+    }
+
+    /// The position of a place in a chapter, for people.
+    pub fn position(&self, place: Place) -> Option<Position> {
+        self.web.position(place)
     }
 
     /// A chapter, by the number that places carry.
@@ -160,11 +166,6 @@ impl TangledFile {
 }
 
 impl Atlas {
-    /// The position of a place in a chapter, for people.
-    pub fn position(&self, place: Place) -> Option<Position> {
-        self.web.position(place)
-    }
-
     /// The name of the chunk that a place of the program stands in.
     pub fn chunk_at(&self, place: Place) -> Option<&[u8]> {
         let above =
@@ -256,6 +257,7 @@ impl Atlas {
                 }
             }
         }
+        // Keep one destination for each line
         if place.column == 0 {
             found.dedup_by(|b: &mut Position, a| {
                 (&a.file, a.line) == (&b.file, b.line)
@@ -277,6 +279,7 @@ pub fn parse(args: &[OsString]) -> Result<(Project, PathBuf), String> {
             let missing = || format!("{} needs a value", arg.display());
             args.next().ok_or_else(missing)
         };
+        // Take an option or a name
         match arg.as_encoded_bytes() {
             b"-C" => project.dir = value()?.into(),
             b"--master" => master = value()?.into(),
@@ -331,6 +334,7 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
             return 2;
         }
     };
+    // Print the answer or say why there is none
     match answer {
         Ok((lines, warnings)) => {
             let result = streams.output.write_all(lines.as_bytes());

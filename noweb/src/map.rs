@@ -36,6 +36,8 @@ pub struct Filter {
     /// The atlas once it is read; nothing inside if it cannot be.
     atlas: Option<Option<Atlas>>,
     colour: bool,
+    /// A bar of progress stands on the line of the terminal.
+    bar: bool,
     shown: HashSet<String>,
     reported: BTreeSet<PathBuf>,
 }
@@ -52,10 +54,12 @@ pub enum Translated {
 }
 
 impl Filter {
+    // Make a filter and use it
     /// A filter for the program of a project, with colours or without.
     pub fn new(project: Project, colour: bool) -> Self {
         let (shown, reported) = (HashSet::new(), BTreeSet::new());
-        Self { project, atlas: None, colour, shown, reported }
+        let (atlas, bar) = (None, false);
+        Self { project, atlas, colour, bar, shown, reported }
     }
 
     /// Translates a line, with its newline.
@@ -114,6 +118,7 @@ impl Filter {
         {
             let colon = next + found;
             next = colon + 1;
+            // Read the line and perhaps a column
             let Some((line, end)) = number(text, next) else { continue };
             let column = match text.get(end) {
                 Some(b':') => number(text, end + 1),
@@ -214,6 +219,7 @@ fn run_command(
     let result = forward(&mut child, filter, streams);
     let status = child.wait()?;
     result?;
+    // Make one number of the status
     let signal = status.signal().unwrap_or(0);
     let code = status.code().unwrap_or(128 + signal);
     Ok(u8::try_from(code).unwrap_or(1))
@@ -227,6 +233,7 @@ fn start(command: &[OsString], colour: bool) -> io::Result<Child> {
     if colour {
         child.env("CARGO_TERM_COLOR", "always");
     }
+    // Ask cargo for its bar of progress
     let progress =
         ["CARGO_TERM_PROGRESS_WHEN", "CARGO_TERM_PROGRESS_WIDTH"];
     let decided =
@@ -296,10 +303,14 @@ fn write_line(
     }
     match translated {
         Translated::Nothing => Ok(()),
+        // Write it to the stream where it belongs
         Translated::Diagnostic(text) => {
-            streams.errors.write_all(text.as_bytes())
+            let erase = if filter.bar { "\x1b[K" } else { "" };
+            filter.bar = false;
+            write!(streams.errors, "{erase}{text}")
         }
         Translated::Text(text) if is_error => {
+            filter.bar = text.ends_with(b"\r");
             streams.errors.write_all(&text)
         }
         Translated::Text(text) => {
@@ -322,6 +333,7 @@ fn filter_input(
         if bytes.is_empty() {
             ended.push(std::mem::take(&mut lines.rest));
         }
+        // Translate the lines that have ended
         for line in ended {
             let text = match filter.translate(&line) {
                 Translated::Text(text) => text,
@@ -345,6 +357,7 @@ fn filter_input(
 pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
     let dashes = args.iter().position(|arg| arg == "--");
     let (args, command) = args.split_at(dashes.unwrap_or(args.len()));
+    // Read the arguments before the dashes
     let parsed = parse(args).and_then(|(mut project, master)| {
         complete(&mut project, master).map(|()| project)
     });

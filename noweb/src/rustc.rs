@@ -121,6 +121,7 @@ pub fn show(
         return None;
     }
     let text = normalize_untrusted_str(&message.message);
+    // Make the title of a diagnostic
     let title = level(&message.level).primary_title(text);
     let title = match &message.code {
         Some(Code { code }) if is_numbered(code) => title.id(code.clone()),
@@ -138,6 +139,7 @@ pub fn show(
                     && m.spot.range == mark.spot.range
             };
             let label = view.short_proposal(child);
+            // Give the label to a mark or make one
             match marks.iter_mut().find(same) {
                 Some(marked) if marked.label.is_none() => {
                     marked.label = Some(label);
@@ -158,6 +160,7 @@ pub fn show(
 }
 
 impl Message {
+    // Read more of a diagnostic
     /// The text as the compiler has it, without colours.
     pub fn rendered(&self) -> String {
         let text = self.rendered.as_deref().unwrap_or(&self.message);
@@ -294,6 +297,7 @@ impl View<'_> {
     fn marks_of(&self, span: &Span) -> Vec<Mark> {
         let mut marks: Vec<Mark> = Vec::new();
         for spot in self.spots(span) {
+            // See whether the stretch is above the first
             let above = marks.first().is_some_and(|first| {
                 first.spot.path == spot.path
                     && first.spot.range.start > spot.range.start
@@ -363,6 +367,7 @@ impl View<'_> {
         } else if child.spans.iter().any(plain) {
             return Role::Place;
         }
+        // Look for the proposal in the rendered text
         let first = child.message.lines().next().unwrap_or("");
         let text = format!("help: {first}");
         let mut lines = self.rendered.lines();
@@ -418,6 +423,7 @@ impl View<'_> {
         let alternatives = alternatives(&child.spans);
         let more = alternatives.len().saturating_sub(4);
         for parts in alternatives.iter().take(4) {
+            // Draw one of the alternatives
             group = match self.patched(parts) {
                 Some(snippets) => group.elements(snippets),
                 None => group.elements(parts.iter().filter_map(|part| {

@@ -15,6 +15,7 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
+// Use the library of the tool
 use noweb::Streams;
 use noweb::diagnostic::Source;
 use noweb::finduses::{Recogniser, declared, mark_uses};
@@ -107,15 +108,16 @@ fn a_pair_that_is_closed_on_its_line_needs_an_escape() {
 
 #[test]
 fn only_what_changes_the_text_writes_the_file() {
-    let name = LIST.replace("List the colours", "Name the colours");
-    let (head, second) = LIST.split_at(LIST.rfind("<<List").unwrap());
-    let first = head.find("<<List the colours>>=").unwrap();
-    let (root, first) = head.split_at(first);
+    // Change the list in four ways
+    let renamed = LIST.replace("List the colours", "Name the colours");
+    let (head, green) = LIST.split_at(LIST.rfind("<<List").unwrap());
+    let red = head.find("<<List the colours>>=").unwrap();
+    let (root, red) = head.split_at(red);
     let changes = [
         (LIST.replace("later", "soon"), false),
         (format!("Three colours.\n{LIST}"), false),
-        (name, true),
-        ([root, second, first].concat(), true),
+        (renamed, true),
+        ([root, green, red].concat(), true),
     ];
     for (web, written) in changes {
         let project = project("write", LIST);
@@ -168,6 +170,7 @@ fn one_place_has_three_columns() {
     let faults = tangle(&web, &[b"*"], &layout).unwrap_err();
     assert!(faults[0].to_string().starts_with("a.nw:2:7: error"));
     assert_eq!(web.uses[&b"Q"[..]].column, 8);
+    // Indent the second line of a chunk Q
     let web = read(&format!("{use_of_q}<<Q>>=\n1\n2\n"));
     let text = tangled(&web, "*", false).text;
     let last = text.split(|b| *b == b'\n').nth(1).unwrap();
@@ -202,6 +205,7 @@ fn five_lines_are_tangled_and_traced() {
     let tangled = tangled(&web, "*", false);
     let expected = "f(1,\n\n  2, 3,\n         4,\n)\n";
     assert_eq!(String::from_utf8_lossy(&tangled.text), expected);
+    // Trace four places of the five lines
     let from = |line, column| {
         let place = tangled.origin(line, column).unwrap();
         (place.line, place.column)
@@ -218,6 +222,7 @@ fn without_a_record_what_differs_is_refused() {
     forget();
     assert!(!project.tangle().unwrap().outputs[0].changed);
     forget();
+    // Change the chapter after the record is lost
     let rose = LIST.replace("red", "rose");
     fs::write(project.dir.join("a.nw"), rose).unwrap();
     let faults = project.tangle().unwrap_err();
@@ -253,10 +258,16 @@ fn seven_uses_are_whole() {
 }
 
 #[test]
-fn codes_of_neighbouring_numbers_never_collide() {
+fn codes_are_linear() {
     let [x, y] = [&b"Step 0417"[..], b"Stop 1992"];
     let sum: Vec<u8> = x.iter().zip(y).map(|(a, b)| a ^ b).collect();
     assert_eq!(crc(x) ^ crc(y), crc(&sum));
+    let half = (2f64.powi(33) * 2f64.ln()).sqrt();
+    assert!((half - 77_000.).abs() < 500.);
+}
+
+#[test]
+fn codes_of_neighbouring_numbers_never_collide() {
     let top = |byte: u8| (crc(&[byte]) >> 24) as u8;
     let mut tops: Vec<u8> = (0..=255).map(top).collect();
     tops.sort();
@@ -266,8 +277,6 @@ fn codes_of_neighbouring_numbers_never_collide() {
     codes.sort();
     codes.dedup();
     assert_eq!(codes.len(), 10_000);
-    let half = (2f64.powi(33) * 2f64.ln()).sqrt();
-    assert!((half - 77_000.).abs() < 500.);
 }
 
 /// The stream without what `noidx` has added.
@@ -340,15 +349,16 @@ fn hide(name: &str, stream: &[u8]) -> Vec<u8> {
     out.join(&b'\n')
 }
 
+fn resolve(stream: &[u8]) -> Vec<u8> {
+    let uses = with_uses(stream);
+    cross_reference(&uses, &Settings::default()).text
+}
+
 #[test]
 fn a_chunk_is_hidden_before_references_are_resolved() {
     let web = "<<*>>=\nprint(add(1, 2));\n<<Add>>\n<<Add>>=\n\
         fn add(a, b) { a + b }\n@ %def add\n";
     let plain = stream_of(web).into_bytes();
-    let resolve = |stream: &[u8]| {
-        let uses = with_uses(stream);
-        cross_reference(&uses, &Settings::default()).text
-    };
     let before = tex_of(&resolve(&hide("Add", &plain)));
     let behind = tex_of(&hide("Add", &resolve(&plain)));
     let code = stream::base62(crc(b"Add").into());
@@ -362,6 +372,7 @@ fn a_chunk_is_hidden_before_references_are_resolved() {
 // Answer about commands and filters
 #[test]
 fn a_sound_stream_is_believed() {
+    // Tangle two lines through a filter
     let dir = project("filter", "<<*>>=\none\ntwo\n@\n").dir;
     let tangle = |filter: &str| {
         let tool = env!("CARGO_BIN_EXE_noweb");
@@ -422,10 +433,10 @@ fn the_longest_chunk_is_found() {
         output: &mut output,
         errors: &mut errors,
     };
-    let file = dir.join("a.nw").into_os_string();
-    assert_eq!(run_longest(&[file], &mut streams), 0);
-    let file = dir.join("b.nw").into_os_string();
-    assert_eq!(run_longest(&[file], &mut streams), 2);
+    for (file, status) in [("a.nw", 0), ("b.nw", 2)] {
+        let args = [dir.join(file).into_os_string()];
+        assert_eq!(run_longest(&args, &mut streams), status);
+    }
     assert_eq!(output, b"3 List the colours\n");
     assert!(String::from_utf8(errors).unwrap().contains("b.nw"));
 }
@@ -450,5 +461,6 @@ fn the_tool_is_explained_from_the_top_down() {
             down += u32::from(used.line < definitions[0].line);
         }
     }
-    assert!(10 * down >= 9 * all, "{down} of {all}");
+    assert!(all > 40);
+    assert_eq!(down, all);
 }

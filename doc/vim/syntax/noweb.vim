@@ -13,6 +13,10 @@ endif
 " Load the syntax of the prose
 execute 'runtime! syntax/' . get(g:, 'noweb_backend', 'tex') . '.vim'
 unlet! b:current_syntax
+syntax cluster nowebInProse contains=nowebQuote,nowebEscape
+for s:group in ['Fold', 'Match', 'Style', 'Bold', 'Ital', 'Cmd', 'MathZone']
+  execute 'syntax cluster tex' . s:group . 'Group add=@nowebInProse'
+endfor
 
 " Paint chunks in one language
 let s:starts = []
@@ -23,14 +27,13 @@ function! s:PaintChunks(language, names) abort
   execute 'syntax include @' . code 'syntax/' . a:language . '.vim'
   unlet! b:current_syntax
   execute 'syntax cluster nowebAnyCode add=@' . code
-  execute 'syntax cluster texFoldGroup add=' . chunk
+  execute 'syntax cluster nowebInProse add=' . chunk
   let start = '/^<<' . a:names . '>>=\s*$/'
   call add(s:starts, chunk . ' ' . start)
   execute 'syntax region' chunk 'matchgroup=nowebDefinition'
         \ 'start=' . start
         \ 'end=/^@\ze\%(\s\|$\)/ end=/^\ze<<.*>>=\s*$/'
         \ 'keepend contains=nowebUse,@' . code
-        \ 'containedin=@texMathZones'
 endfunction
 
 " Paint each chunk in its language
@@ -51,15 +54,13 @@ endfor
 syntax sync maxlines=1000
 
 " Paint quoted code and uses
-syntax cluster texFoldGroup add=nowebQuote
 execute 'syntax region nowebQuote matchgroup=nowebBracket'
       \ 'start=/@\@1<!\[\[/ end=/\]\]\]\@!/ keepend'
       \ 'contains=nowebUse,@nowebCode_' . s:language
-      \ 'containedin=@texFoldGroup,@texMatchGroup,@texCmdGroup'
 syntax match nowebUse /@\@1<!<<.\{-}>>/
       \ contained containedin=@nowebAnyCode
-syntax match nowebEscape /@<<\|@>>\|^@@/
-      \ contained containedin=@nowebAnyCode
+syntax match nowebEscape /@<<\|@>>\|@\[\[\|@\]\]\|^@@/
+      \ containedin=@nowebAnyCode
 
 " Choose colours by their meaning
 highlight default link nowebDefinition Identifier
