@@ -12,7 +12,7 @@
 mod common;
 
 // Name what the answers import
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 use std::io::Cursor;
 use std::ops::Range;
 
@@ -454,6 +454,16 @@ fn a_lid_of_finer_squares_leaves_a_cube_open() {
     mixed.extend(cube(2, false).iter().filter(|t| is_lid(t)));
     assert!(is_inside(&cube(1, false)) && is_inside(&cube(2, false)));
     assert!(!is_inside(&mixed));
+    // Count the edges of a single triangle
+    let mut single = HashSet::new();
+    for &[a, b, c] in &mixed {
+        for sum in [a + b, b + c, c + a].map(|sum| sum.as_ivec3()) {
+            if !single.remove(&sum) {
+                single.insert(sum);
+            }
+        }
+    }
+    assert_eq!(single.len(), 12);
 }
 
 #[test]
