@@ -19,6 +19,7 @@ use std::process::Command;
 use noweb::Streams;
 use noweb::diagnostic::Source;
 use noweb::finduses::{Recogniser, declared, mark_uses};
+use noweb::locate::Atlas;
 use noweb::markup::{mark_up, write_stream};
 use noweb::noidx::{Settings, cross_reference};
 use noweb::project::Project;
@@ -242,6 +243,36 @@ fn the_map_outgrows_the_text() {
         assert_eq!(tangled.map.len(), 1 << m);
     }
     assert_eq!(size_of::<Segment>(), 20);
+}
+
+// Answer about positions
+#[test]
+fn a_span_over_three_portions_has_four_stretches() {
+    let project = project("stretches", LIST);
+    project.tangle().unwrap();
+    let atlas = Atlas::read(&project).unwrap();
+    let file = atlas.find(Path::new("src/list.rs")).unwrap();
+    let spans = atlas.stretches(file, [(1, 1), (6, 3)]).into_iter();
+    let shown: Vec<&str> = spans.map(|(_, span)| &LIST[span]).collect();
+    let [root, end] = [LIST.find("<<List"), LIST.find("];")];
+    assert_eq!(shown[0], &LIST[18..root.unwrap() + 20]);
+    assert_eq!(shown[1..3], ["\"red\",", "\"green\",\n\"blue\","]);
+    assert_eq!(shown[3], &LIST[end.unwrap()..][..2]);
+    assert_eq!(file.origin(2, 5).unwrap().line, 3);
+}
+
+#[test]
+fn a_file_is_stale_if_its_text_would_be_another() {
+    let project = project("stale", LIST);
+    project.tangle().unwrap();
+    let longer = format!("Three colours.\n{LIST}");
+    for (web, fresh) in [(LIST.replace("red", "rose"), false), (longer, true)]
+    {
+        fs::write(project.dir.join("a.nw"), web).unwrap();
+        let atlas = Atlas::read(&project).unwrap();
+        let file = atlas.find(Path::new("src/list.rs")).unwrap();
+        assert_eq!(atlas.is_fresh(file), fresh);
+    }
 }
 
 // Answer about resolving references
