@@ -254,10 +254,10 @@ fn a_span_over_three_portions_has_four_stretches() {
     let file = atlas.find(Path::new("src/list.rs")).unwrap();
     let spans = atlas.stretches(file, [(1, 1), (6, 3)]).into_iter();
     let shown: Vec<&str> = spans.map(|(_, span)| &LIST[span]).collect();
-    let [root, end] = [LIST.find("<<List"), LIST.find("];")];
-    assert_eq!(shown[0], &LIST[18..root.unwrap() + 20]);
-    assert_eq!(shown[1..3], ["\"red\",", "\"green\",\n\"blue\","]);
-    assert_eq!(shown[3], &LIST[end.unwrap()..][..2]);
+    let lines: Vec<_> = shown.iter().map(|s| s.lines().count()).collect();
+    assert_eq!(lines, [2, 1, 2, 1]);
+    assert!(shown[0].starts_with("const COLOURS"));
+    assert_eq!(shown[1..], ["\"red\",", "\"green\",\n\"blue\",", "];"]);
     assert_eq!(file.origin(2, 5).unwrap().line, 3);
 }
 
@@ -266,8 +266,8 @@ fn a_file_is_stale_if_its_text_would_be_another() {
     let project = project("stale", LIST);
     project.tangle().unwrap();
     let longer = format!("Three colours.\n{LIST}");
-    for (web, fresh) in [(LIST.replace("red", "rose"), false), (longer, true)]
-    {
+    let rose = LIST.replace("red", "rose");
+    for (web, fresh) in [(rose, false), (longer, true)] {
         fs::write(project.dir.join("a.nw"), web).unwrap();
         let atlas = Atlas::read(&project).unwrap();
         let file = atlas.find(Path::new("src/list.rs")).unwrap();
