@@ -254,6 +254,7 @@ fn a_span_over_three_portions_has_four_stretches() {
     let file = atlas.find(Path::new("src/list.rs")).unwrap();
     let spans = atlas.stretches(file, [(1, 1), (6, 3)]).into_iter();
     let shown: Vec<&str> = spans.map(|(_, span)| &LIST[span]).collect();
+    // Compare the four stretches
     let lines: Vec<_> = shown.iter().map(|s| s.lines().count()).collect();
     assert_eq!(lines, [2, 1, 2, 1]);
     assert!(shown[0].starts_with("const COLOURS"));
@@ -303,6 +304,7 @@ fn codes_of_neighbouring_numbers_never_collide() {
     let mut tops: Vec<u8> = (0..=255).map(top).collect();
     tops.sort();
     assert!(tops.into_iter().eq(0..=255));
+    // Compare the codes of all steps
     let names = (0..10_000).map(|n| format!("Step {n:04}"));
     let mut codes: Vec<u32> = names.map(|n| crc(n.as_bytes())).collect();
     codes.sort();
@@ -445,6 +447,7 @@ fn run_longest(args: &[OsString], streams: &mut Streams) -> u8 {
         Err(fault) => return streams.conclude(Ok(()), &[fault]),
     };
     let (web, faults) = Web::read(sources, 8);
+    // Find and print the longest chunk
     let newline = |p: &&(Piece, _)| p.0 == Piece::Newline;
     let lines = |c: &Chunk| c.pieces.iter().filter(newline).count() + 1;
     let longest = web.chunks.iter().max_by_key(|chunk| lines(chunk));
