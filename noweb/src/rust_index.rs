@@ -555,11 +555,13 @@ fn key(names: &Names, id: Id) -> String {
 fn is_listed(names: &Names, id: Id) -> bool {
     !matches!(names.items[id].kind, Kind::Module | Kind::Variant)
 }
-/// What an item belongs to, and the last part of its name.
-fn owner<'n>(names: &'n Names, id: Id) -> (Id, &'n str) {
-    let parent = names.items[id].parent.unwrap_or(id);
-    let name = &names.items[parent].name[..];
-    (parent, name.rsplit('/').next().unwrap_or(name))
+/// The last names in the path of what an item belongs to.
+fn owner(names: &Names, id: Id, count: usize) -> String {
+    let path = key(names, names.items[id].parent.unwrap_or(id));
+    let path = path.rsplit('/').next().unwrap_or(&path);
+    let mut steps: Vec<&str> = path.rsplit("::").take(count).collect();
+    steps.reverse();
+    steps.join("::")
 }
 
 /// The marks that tell for each key what is shown: the name, and what it
@@ -569,15 +571,20 @@ fn declarations(names: &Names, quotes: &Quotes, words: &[&[u8]]) -> String {
     for (name, ids) in &quotes.items {
         let mut ids = ids.clone();
         ids.retain(|id| is_listed(names, *id));
-        let single = ids.len() == 1 && !words.contains(&name.as_bytes());
         for id in &ids {
-            let (parent, of) = owner(names, *id);
-            let same = |other: &&Id| owner(names, **other).1 == of;
-            let of = match ids.iter().filter(same).count() {
-                1 => of.to_string(),
-                _ => key(names, parent),
+            // Tell the item from others of its name
+            let mut others = ids.clone();
+            others.retain(|other| key(names, *other) != key(names, *id));
+            let apart = |count: &usize| {
+                let of = owner(names, *id, *count);
+                !others.iter().any(|other| owner(names, *other, *count) == of)
             };
-            let of = if single { "".into() } else { format!(" ({of})") };
+            let count = (1..4).find(apart).unwrap_or(4);
+            let word = words.contains(&name.as_bytes());
+            let of = match others.is_empty() && !word {
+                true => String::new(),
+                false => format!(" ({})", owner(names, *id, count)),
+            };
             let key = key(names, *id);
             lines.push(format!("@index name {key} {name}{of}\n"));
         }
