@@ -573,11 +573,11 @@ fn declarations(names: &Names, quotes: &Quotes, words: &[&[u8]]) -> String {
         ids.retain(|id| is_listed(names, *id));
         for id in &ids {
             // Tell the item from others of its name
-            let mut others = ids.clone();
-            others.retain(|other| key(names, *other) != key(names, *id));
+            let different = |o: &&Id| key(names, **o) != key(names, *id);
+            let others: Vec<&Id> = ids.iter().filter(different).collect();
             let apart = |count: &usize| {
                 let of = owner(names, *id, *count);
-                !others.iter().any(|other| owner(names, *other, *count) == of)
+                others.iter().all(|o| owner(names, **o, *count) != of)
             };
             let count = (1..4).find(apart).unwrap_or(4);
             let word = words.contains(&name.as_bytes());
