@@ -260,8 +260,8 @@ measure: $(BUILD_DIR)/courtyard.obj
 	  mv doc/measured/$$name.csv.new doc/measured/$$name.csv || exit 1; \
 	done
 	{ echo "$(MACHINE)" && $(CARGO) run --release -p noweb \
-	  --example positions litpt.nw; } > doc/measured/positions.csv.new
-	mv doc/measured/positions.csv.new doc/measured/positions.csv
+	  --example positions litpt.nw; } > doc/measured/translation.csv.new
+	mv doc/measured/translation.csv.new doc/measured/translation.csv
 
 # ---- stiff and extreme cases
 
@@ -446,7 +446,7 @@ $(BUILD_DIR)/litpt.pdf: $(WEB) $(NOWEB) config.mk \
     ablation.tex layouts.tex habits.tex abreast.tex traversal.tex \
     bench.tex sizes.csv shapes.tex start.tex editor.tex repeats.csv \
     accumulators.tex accounting.tex alarms.tex calibration.stamp \
-    numbers.stamp history.tex turnaround.tex positions.tex \
+    numbers.stamp history.tex turnaround.tex translation.tex \
     anatomy.stamp curve.csv measured.tex counted.tex) \
   $(addprefix doc/,litpt.sty litpt.bib litpt-mono.enc latexmkrc)
 	@mkdir -p $(BUILD_DIR)/tex
