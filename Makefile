@@ -35,7 +35,8 @@ CAMERA = -p 12.2,2.4,1.3 -t -12.6,6,-1.2 -u 0,1,0 -F 70
 FIGURE = -d 480x360 -n 64
 DEMO = -d 800x600 -n 48
 
-TEX_NEEDS = memoir.cls lmodern.sty microtype.sty booktabs.sty pgfplots.sty
+TEX_NEEDS = memoir.cls lmodern.sty microtype.sty booktabs.sty pgfplots.sty \
+  bookmark.sty colorprofiles.tex
 TEX_INSTALL = apt-get install --no-install-recommends texlive-latex-base \
   texlive-latex-recommended texlive-pictures lmodern latexmk
 
@@ -260,8 +261,8 @@ measure: $(BUILD_DIR)/courtyard.obj
 	  mv doc/measured/$$name.csv.new doc/measured/$$name.csv || exit 1; \
 	done
 	{ echo "$(MACHINE)" && $(CARGO) run --release -p noweb \
-	  --example positions litpt.nw; } > doc/measured/mapping.csv.new
-	mv doc/measured/mapping.csv.new doc/measured/mapping.csv
+	  --example positions litpt.nw; } > doc/measured/translation.csv.new
+	mv doc/measured/translation.csv.new doc/measured/translation.csv
 
 # ---- stiff and extreme cases
 
@@ -446,7 +447,7 @@ $(BUILD_DIR)/litpt.pdf: $(WEB) $(NOWEB) config.mk \
     ablation.tex layouts.tex habits.tex abreast.tex traversal.tex \
     bench.tex sizes.csv shapes.tex start.tex editor.tex repeats.csv \
     accumulators.tex accounting.tex alarms.tex calibration.stamp \
-    numbers.stamp history.tex turnaround.tex mapping.tex \
+    numbers.stamp history.tex turnaround.tex translation.tex \
     anatomy.stamp curve.csv measured.tex counted.tex) \
   $(addprefix doc/,litpt.sty litpt.bib litpt-mono.enc latexmkrc)
 	@mkdir -p $(BUILD_DIR)/tex
