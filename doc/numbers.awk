@@ -36,6 +36,7 @@ FILENAME ~ /\.nw$/ {
     } else if (inside) {
         size += NF > 0
     } else if (!/^%/) {
+        # Count the words of a line of prose
         gsub(/\$[^$]*\$|\\[A-Za-z]+/, " ")
         words[part] += gsub(/[A-Za-z][A-Za-z0-9_'-]+/, "")
     }
@@ -55,6 +56,7 @@ FILENAME ~ /\.stream$/ {
     }
     next
 }
+# Count the programs and write the results
 {
     # Count a line of a program
     kind = FILENAME ~ /^noweb\// ? "tool" : "program"
