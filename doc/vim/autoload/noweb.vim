@@ -250,7 +250,8 @@ endfunction
 function! noweb#KeepPlaces() abort
   let compiler = get(b:, 'current_compiler', get(g:, 'current_compiler', ''))
   let places = filter(getqflist(), {_, entry -> entry.valid
-        \ && entry.bufnr && filereadable(fnamemodify(bufname(entry.bufnr), ':p'))})
+        \ && entry.bufnr
+        \ && filereadable(fnamemodify(bufname(entry.bufnr), ':p'))})
   if compiler ==# 'litpt' && !empty(places)
     call setqflist([], 'r', {'items': places})
   endif
