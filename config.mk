@@ -19,7 +19,7 @@ NOTANGLE_OPTS =
 
 # Options of noweave: index the identifiers; begin with the author's own first
 # line instead of a preamble; print the commands of the pipeline.
-NOWEAVE_OPTS = -index -delay -v
+NOWEAVE_OPTS = -index -autodefs rust -delay -v
 
 # The Rust package manager, and where it keeps what it compiles. It fetches and
 # builds the libraries by itself: there is no path to installed libraries.

@@ -21,7 +21,7 @@ use crate::diagnostic::{Diagnostic, Level};
 use crate::web::Web;
 use crate::{Streams, cpif, locate, map, markup, project, tangle};
 // Use the modules that weave
-use crate::{finduses, noidx, noweave, split_scope, totex};
+use crate::{finduses, noidx, noweave, rust_index, split_scope, totex};
 
 // List the commands
 /// A command: its name, what runs it, and what it does.
@@ -43,6 +43,7 @@ const COMMANDS: &[Command] = &[
     // List the commands that weave
     ("noweave", noweave::run, "weave chapters into a document"),
     ("finduses", finduses::run, "mark the uses of identifiers"),
+    ("rustindex", rust_index::run, "find the items of Rust and their uses"),
     ("noidx", noidx::run, "resolve cross-references"),
     ("totex", totex::run, "turn a stream into LaTeX"),
     ("split_scope", split_scope::run, "turn a stream into LaTeX files"),

@@ -126,7 +126,8 @@ fn whole(line: &[u8], start: usize, end: usize) -> bool {
 const TEXT: &[u8] = b"@text ";
 
 impl Recogniser {
-    fn mark_line(&self, line: &[u8], out: &mut Vec<u8>) {
+    /// Writes a `@text` line, cut at the uses of the words.
+    pub fn mark_line(&self, line: &[u8], out: &mut Vec<u8>) {
         let (mut node, mut done) = (0, TEXT.len());
         for end in 1..=line.len() {
             node = self.step(node, line[end - 1]);

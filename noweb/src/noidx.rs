@@ -90,6 +90,10 @@ struct Findings<'a> {
     identifiers: HashMap<&'a [u8], Item>,
     /// The number of `@begin` lines.
     begins: usize,
+    // Remember what the index of Rust tells
+    /// What is shown of each key, and where keys without a list are defined.
+    shown: HashMap<&'a [u8], &'a [u8]>,
+    targets: HashMap<&'a [u8], String>,
 }
 
 // Collect the labels of the web
@@ -188,6 +192,17 @@ impl<'a> Collector<'a> {
                     item.mention(Mention::Used(anchor.clone()));
                 }
             }
+            // Note a mark of the index of Rust
+            b"name" => {
+                let name = mark.inner();
+                self.web.shown.insert(name.keyword, name.text());
+            }
+            b"anchor" => {
+                if let Some(anchor) = &self.anchor {
+                    let targets = &mut self.web.targets;
+                    targets.entry(mark.text()).or_insert(anchor.clone());
+                }
+            }
             _ => {}
         }
     }
@@ -264,6 +279,10 @@ struct Resolver<'a> {
     closed: bool,
     chunks_listed: bool,
     index_listed: bool,
+    // Keep the names of the chapter
+    /// The identifiers that the chapter defines and uses so far.
+    chapter_defines: HashSet<&'a [u8]>,
+    chapter_uses: HashSet<&'a [u8]>,
 }
 
 impl<'a> Resolver<'a> {
@@ -356,6 +375,13 @@ impl<'a> Resolver<'a> {
                 let item = item.filter(|item| item.anchor.is_some());
                 item.inspect(|item| self.refer_to(item));
             }
+            // Resolve a mark of the index of Rust
+            b"link" => {
+                if let Some(label) = self.web.targets.get(mark.text()) {
+                    self.put(&[b"@xref ref ", label.as_bytes()]);
+                }
+            }
+            b"mini" => return self.list_chapter(),
             _ => {}
         }
         self.copy(line);
@@ -366,6 +392,9 @@ impl<'a> Resolver<'a> {
             let defined = std::mem::take(&mut self.defined);
             let used = std::mem::take(&mut self.used);
             let used = &used - &defined;
+            // Remember the names for the end of the chapter
+            self.chapter_defines.extend(&defined);
+            self.chapter_uses.extend(&used);
             self.list_names("def", defined, "isused", Item::uses);
             self.list_names("use", used, "isdefined", Item::definitions);
         }
@@ -383,7 +412,7 @@ impl<'a> Resolver<'a> {
             return;
         }
         self.put(&[b"@index begin", kind.as_bytes(), b"s"]);
-        for name in sorted(names) {
+        for name in self.web.sorted(names) {
             let item = self.web.identifiers.get(name);
             for label in item.map(labels).unwrap_or_default() {
                 self.copy(format!("@index {place} {label}").as_bytes());
@@ -391,6 +420,26 @@ impl<'a> Resolver<'a> {
             self.put(&[b"@index ", kind.as_bytes(), b"item ", name]);
         }
         self.put(&[b"@index end", kind.as_bytes(), b"s"]);
+    }
+
+    /// Lists what the chapter uses and does not define.
+    fn list_chapter(&mut self) {
+        let defined = std::mem::take(&mut self.chapter_defines);
+        let used = std::mem::take(&mut self.chapter_uses);
+        let mut listed = Vec::new();
+        for name in self.web.sorted(&used - &defined) {
+            let item = self.web.identifiers.get(name);
+            let label = item.and_then(|item| item.anchor.as_ref());
+            listed.extend(label.map(|label| (name, label)));
+        }
+        if listed.is_empty() {
+            return;
+        }
+        self.copy(b"@index beginmini");
+        for (name, label) in listed {
+            self.put(&[b"@index miniitem ", label.as_bytes(), b" ", name]);
+        }
+        self.copy(b"@index endmini");
     }
 
     // Put the lists where they belong
@@ -429,7 +478,7 @@ impl<'a> Resolver<'a> {
             return;
         }
         self.copy(b"@xref beginchunks");
-        for (name, item) in in_order(&self.web.chunks) {
+        for (name, item) in self.web.in_order(&self.web.chunks) {
             let label = anchor(Some(item));
             self.put(&[b"@xref chunkbegin ", label, b" ", name]);
             self.list_mentions("@xref chunk", &item.mentions);
@@ -443,7 +492,7 @@ impl<'a> Resolver<'a> {
             return;
         }
         self.copy(b"@index beginindex");
-        for (name, item) in in_order(&self.web.identifiers) {
+        for (name, item) in self.web.in_order(&self.web.identifiers) {
             let label = anchor(Some(item));
             self.put(&[b"@index entrybegin ", label, b" ", name]);
             self.list_mentions("@index entry", &item.pure_mentions());
@@ -484,6 +533,9 @@ impl<'a> Resolver<'a> {
             closed: false,
             chunks_listed: false,
             index_listed: false,
+            // Begin with no names of a chapter
+            chapter_defines: HashSet::new(),
+            chapter_uses: HashSet::new(),
         }
     }
 }
@@ -493,18 +545,30 @@ fn sort_key(name: &[u8]) -> Vec<u8> {
     [&name.to_ascii_lowercase(), &b"\n"[..], name].concat()
 }
 
-fn sorted(names: HashSet<&[u8]>) -> Vec<&[u8]> {
-    let mut names: Vec<_> = names.into_iter().collect();
-    names.sort_by_cached_key(|name| sort_key(name));
-    names
-}
+impl<'a> Findings<'a> {
+    fn sorted(&self, names: HashSet<&'a [u8]>) -> Vec<&'a [u8]> {
+        let mut names: Vec<_> = names.into_iter().collect();
+        names.sort_by_cached_key(|name| self.sort_key(name));
+        names
+    }
 
-fn in_order<'a>(
-    items: &'a HashMap<&'a [u8], Item>,
-) -> Vec<(&'a [u8], &'a Item)> {
-    let mut items: Vec<_> = items.iter().map(|(n, i)| (*n, i)).collect();
-    items.sort_by_cached_key(|(name, _)| sort_key(name));
-    items
+    fn in_order<'i>(
+        &self,
+        items: &'i HashMap<&'a [u8], Item>,
+    ) -> Vec<(&'a [u8], &'i Item)> {
+        let mut items: Vec<_> =
+            items.iter().map(|(n, i)| (*n, i)).collect();
+        items.sort_by_cached_key(|(name, _)| self.sort_key(name));
+        items
+    }
+
+    // Sort a key by what is shown of it
+    fn sort_key(&self, name: &'a [u8]) -> Vec<u8> {
+        match self.shown.get(name) {
+            Some(shown) => [&sort_key(shown), name].concat(),
+            None => sort_key(name),
+        }
+    }
 }
 
 // Run noidx as a command

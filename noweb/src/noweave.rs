@@ -19,7 +19,9 @@ use std::os::unix::ffi::{OsStrExt, OsStringExt};
 
 use crate::filter::{StagePath, run_shell};
 use crate::stream::Outcome;
-use crate::{Streams, finduses, markup, noidx, split_scope, totex};
+use crate::{
+    Streams, finduses, markup, noidx, rust_index, split_scope, totex,
+};
 
 // Describe the pipeline of a document
 /// What is to be run for a document.
@@ -59,6 +61,8 @@ struct CommandLine {
     /// The options for noweb's style file.
     options: Vec<String>,
     delay: bool,
+    /// The index finds the items of a Rust program by itself.
+    autodefs: bool,
     tex_names: bool,
     verbose: bool,
 }
@@ -80,10 +84,17 @@ enum Wrapper {
 }
 
 /// The stages between markup and back end.
-fn filter_stages(filters: Vec<Filter>, noidx: &str) -> Vec<Stage> {
+fn filter_stages(
+    filters: Vec<Filter>,
+    noidx: &str,
+    autodefs: bool,
+) -> Vec<Stage> {
     let stages = filters.into_iter().map(|filter| match filter {
         Filter::Command(command) => vec![Stage::new(command)],
         Filter::References => vec![Stage::new(noidx)],
+        Filter::Index(None) if autodefs => {
+            vec![Stage::new("rustindex"), Stage::new(noidx)]
+        }
         Filter::Index(words) => {
             let args = words.into_iter().collect();
             let finduses = Stage { command: "finduses".into(), args };
@@ -120,6 +131,14 @@ impl CommandLine {
                 "-indexfrom" => {
                     request.filters.push(Filter::Index(Some(next()?)));
                 }
+                "-autodefs" => match &next()?.to_string_lossy()[..] {
+                    "rust" => request.autodefs = true,
+                    other => {
+                        return Err(format!(
+                            "-autodefs {other}: we know rust alone"
+                        ));
+                    }
+                },
                 // Take an option about the document
                 "-n" => request.wrapper = Wrapper::None,
                 "-latex" if matches!(request.wrapper, Wrapper::None) => {}
@@ -142,11 +161,8 @@ impl CommandLine {
                         later version (another back end can be run with -backend)"
                     ));
                 }
-                "-autodefs" | "-showautodefs" => {
-                    return Err(format!(
-                        "{option}: definitions are not found automatically; this is \
-                        planned for Rust (a filter that finds them goes to -filter)"
-                    ));
+                "-showautodefs" => {
+                    return Err(format!("{option}: we know rust alone"));
                 }
                 tab if tab.starts_with("-t") => request.tabs.push(arg),
                 _ => return Err(refusal(&option)),
@@ -162,6 +178,10 @@ impl CommandLine {
         if self.index() && self.filters.iter().any(is_plain) {
             let what = "you may not use -x with -index or -indexfrom";
             return Err(format!("{what} (drop the -x)"));
+        }
+        let is_index = |f: &Filter| matches!(f, Filter::Index(None));
+        if self.autodefs && !self.filters.iter().any(is_index) {
+            return Err("-autodefs serves an index (add -index)".into());
         }
         Ok(())
     }
@@ -182,7 +202,7 @@ impl CommandLine {
         let backend = self.backend.unwrap_or("totex".into());
         Weaving {
             markup: Stage { command: markup, args },
-            filters: filter_stages(self.filters, noidx),
+            filters: filter_stages(self.filters, noidx, self.autodefs),
             backend: Stage { command: backend, args: options },
             wrapper,
             reads_input,
@@ -351,9 +371,10 @@ fn run_inside(
 
 type Run = fn(&[OsString], &mut Streams) -> u8;
 
-const OWN_STAGES: [(&str, Run); 5] = [
+const OWN_STAGES: [(&str, Run); 6] = [
     ("markup", markup::run),
     ("finduses", finduses::run),
+    ("rustindex", rust_index::run),
     ("noidx", noidx::run),
     ("totex", totex::run),
     ("split_scope", split_scope::run),

@@ -115,7 +115,7 @@ fn keeps_tabs(path: &Path) -> bool {
 }
 
 /// What begins a comment in a file of this name.
-fn comment_leader(path: &Path) -> Option<&'static str> {
+pub(crate) fn comment_leader(path: &Path) -> Option<&'static str> {
     match path.extension().and_then(OsStr::to_str) {
         Some("rs") => Some("// "),
         None | Some("sh" | "toml" | "mk" | "py" | "awk") => Some("# "),

@@ -69,6 +69,9 @@ struct Converter<'a> {
     reference: Option<&'a [u8]>,
     /// Where the identifier that comes next is defined.
     link: Option<&'a [u8]>,
+    // Remember how the next text is set
+    /// Whether the next text is a keyword or a comment.
+    style: Option<&'a [u8]>,
     // Keep the state of the definition
     chunk: &'a [u8],
     /// The label of the definition, for index entries of its uses.
@@ -89,6 +92,9 @@ struct Converter<'a> {
 pub struct Memory<'a> {
     defined: HashSet<&'a [u8]>,
     users: HashMap<&'a [u8], Vec<&'a [u8]>>,
+    // Remember the names of the keys
+    /// What is shown of each key of the index.
+    shown: HashMap<&'a [u8], &'a [u8]>,
 }
 
 impl<'a> Converter<'a> {
@@ -102,6 +108,7 @@ impl<'a> Converter<'a> {
             (b"nl", None) => self.end_line(),
             (b"xref", Some(_)) => self.reference(mark.inner()),
             (b"index", Some(_)) => self.index(mark.inner()),
+            (b"style", style @ Some(_)) => self.style = style,
             // Convert bounds and names of chunks
             (b"begin", Some(_)) => self.begin(mark.inner()),
             (b"end", Some(_)) => self.end(mark.inner()),
@@ -131,6 +138,7 @@ impl<'a> Converter<'a> {
     fn text(&mut self, text: &[u8]) {
         self.blank &= text.is_empty();
         let link = self.link.take().filter(|_| self.options.index);
+        let style = self.style.take();
         let (kind, shown) = match (self.quoting, self.code) {
             (true, _) => (b"q", literal(text)),
             (false, true) => (b"c", code_text(text)),
@@ -142,7 +150,13 @@ impl<'a> Converter<'a> {
                 let open = [b"\\nwlinkedident", &kind[..], b"{"].concat();
                 self.put(&[&open, &shown, b"}{", label, b"}"]);
             }
-            None => self.put(&[&shown]),
+            None => match style {
+                // Set a keyword or a comment apart
+                Some(style @ (b"keyword" | b"comment")) => {
+                    self.put(&[b"\\nw", style, b"{", &shown, b"}"]);
+                }
+                _ => self.put(&[&shown]),
+            },
         }
     }
 
@@ -356,9 +370,23 @@ impl<'a> Converter<'a> {
             _ if !self.options.index => {}
             (b"defn" | b"localdefn", Some(name)) => self.define_word(name),
             (b"use", Some(name)) => self.use_word(name),
+            // Take up a mark of the index of Rust
+            (b"name", Some(_)) => {
+                let name = mark.inner();
+                self.memory.shown.insert(name.keyword, name.text());
+            }
+            (b"anchor", Some(_)) => {}
+            (b"link", Some(_)) => self.link = self.reference.take(),
+            (b"beginmini", None) => self.put(&[b"\\nwminiindex{"]),
+            (b"miniitem", Some(_)) => {
+                let item = mark.inner();
+                let name = printed(self.shown_of(item.text()));
+                self.put(&[b"\\nwmini{", &name, b"}{", item.keyword, b"}"]);
+            }
+            (b"endmini", None) => self.put(&[b"}"]),
             // Write an entry of the index
             (b"entrybegin", Some(_)) => {
-                let name = identifier(mark.inner().text());
+                let name = self.identifier_in_full(mark.inner().text());
                 self.put(&[b"\\nwixlogsorted{i}{", &name, b"}%"]);
                 self.break_line();
             }
@@ -393,7 +421,7 @@ impl<'a> Converter<'a> {
             self.put(&[b"\\nosublabel{", label, b"}"]);
         }
         if let Some(place) = self.reference.take() {
-            let name = identifier(name);
+            let name = self.identifier(name);
             self.put(&[b"\\nwindexdefn", &name, b"{", place, b"}"]);
         }
     }
@@ -408,22 +436,41 @@ impl<'a> Converter<'a> {
             self.put(&[b"\\protect\\nosublabel{", label, b"}"]);
         }
         if let Some(place) = self.link {
-            let name = identifier(name);
+            let name = self.identifier(name);
             self.put(&[b"\\protect\\nwindexuse", &name, b"{", place, b"}"]);
         }
     }
 
     fn list_word(&mut self, name: &[u8]) {
-        self.put(&[b"\\\\{", &identifier(name), b"}"]);
+        let name = self.identifier(name);
+        self.put(&[b"\\\\{", &name, b"}"]);
     }
 
     fn end_words(&mut self) {
         self.put(&[b"}"]);
         let Some(place) = self.place else { return };
         for name in std::mem::take(&mut self.identifiers) {
-            let name = identifier(name);
+            let name = self.identifier(name);
             self.put(&[b"\\nwindexuse", &name, b"{", place, b"}"]);
         }
+    }
+
+    /// What is shown of a key; a key that nobody declared shows itself.
+    fn shown_of(&self, key: &'a [u8]) -> &'a [u8] {
+        self.memory.shown.get(key).copied().unwrap_or(key)
+    }
+
+    /// An identifier for print and its key: the arguments of index macros.
+    fn identifier(&self, name: &'a [u8]) -> Vec<u8> {
+        let mut words = self.shown_of(name).split(|byte| *byte == b' ');
+        let shown = printed(words.next().unwrap_or_default());
+        [b"{", &shown[..], b"}{", &key(name), b"}"].concat()
+    }
+
+    /// The same with what the identifier belongs to, for the index.
+    fn identifier_in_full(&self, name: &'a [u8]) -> Vec<u8> {
+        let shown = printed(self.shown_of(name));
+        [b"{", &shown[..], b"}{", &key(name), b"}"].concat()
     }
 
     // Report what nobody understands
@@ -579,11 +626,16 @@ fn key(identifier: &[u8]) -> Vec<u8> {
     })
 }
 
-/// An identifier for print and its key: the arguments of index macros.
-fn identifier(name: &[u8]) -> Vec<u8> {
-    let parts: [&[u8]; 5] =
-        [b"{\\nwixident{", &literal(name), b"}}{", &key(name), b"}"];
-    parts.concat()
+/// An identifier for print, with what it belongs to in parentheses.
+fn printed(name: &[u8]) -> Vec<u8> {
+    let mut words = name.split(|byte| *byte == b' ');
+    let first = literal(words.next().unwrap_or_default());
+    let mut out = [b"\\nwixident{", &first[..], b"}"].concat();
+    for word in words {
+        let word = literal(word.trim_ascii());
+        out.extend([b" \\nwixident{", &word[..], b"}"].concat());
+    }
+    out
 }
 
 /// The macro that prints the page and letter of a label.

@@ -148,11 +148,17 @@ impl Web {
             reader.read_line(line);
         }
         reader.finish();
-        let mut web = Self::default();
-        web.gather(reader.lexemes);
-        web.drop_final_newlines();
+        let mut web = Self::from_lexemes(reader.lexemes);
         web.sources = reader.sources;
         (web, reader.faults)
+    }
+
+    /// Gathers tokens whose places may mean anything to the caller.
+    pub fn from_lexemes(lexemes: Vec<Lexeme>) -> Self {
+        let mut web = Self::default();
+        web.gather(lexemes);
+        web.drop_final_newlines();
+        web
     }
 }
 
@@ -242,7 +248,7 @@ impl StreamReader {
             let number = std::str::from_utf8(value).unwrap_or("");
             let number = number.parse().unwrap_or(1u32);
             self.place.line = number.saturating_sub(1);
-        } else if self.stage == Expected::Inside && keyword != b"@index" {
+        } else if self.stage == Expected::Inside && !is_extra(keyword) {
             let line = String::from_utf8_lossy(line);
             let text = format!("botched code chunk `{line}'");
             self.complain(Level::Error, text);
@@ -264,6 +270,10 @@ impl StreamReader {
             self.give_up("the stream ends inside a code chunk");
         }
     }
+}
+
+fn is_extra(keyword: &[u8]) -> bool {
+    matches!(keyword, b"@index" | b"@style")
 }
 
 /// The source that a stream names, for its diagnostics.

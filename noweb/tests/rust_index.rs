@@ -1,0 +1,543 @@
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+//! What the index of Rust links, and above all what it does not.
+
+mod common;
+
+use common::{Scratch, run};
+use noweb::diagnostic::Source;
+use noweb::markup::{mark_up, write_stream};
+use noweb::rust_index::index;
+
+/// The stream of a chapter before and after, and the warnings.
+fn indexed(chapter: &str) -> (String, String, String) {
+    let source = Source::new(b"a.nw".to_vec(), chapter.into());
+    let (lexemes, faults) = mark_up(&source, 0, 8);
+    assert_eq!(faults, []);
+    let mut stream = Vec::new();
+    write_stream(&lexemes, &mut stream).expect("a vector takes it");
+    let (out, faults) = index(&stream);
+    let warnings = faults.iter().map(ToString::to_string).collect();
+    let text = |bytes| String::from_utf8(bytes).expect("a text");
+    (text(stream), text(out), warnings)
+}
+
+/// Each use as `name -> key`, in the order of the text.
+fn links(chapter: &str) -> Vec<String> {
+    let (_, out, warnings) = indexed(chapter);
+    assert_eq!(warnings, "");
+    marked(&out, &["@index use ", "@index link "])
+}
+
+/// The texts that marks announce, each with the argument of its mark.
+fn marked(out: &str, marks: &[&str]) -> Vec<String> {
+    let lines: Vec<&str> = out.lines().collect();
+    let pairs = lines.windows(2).filter_map(|pair| {
+        let key = marks.iter().find_map(|m| pair[0].strip_prefix(m))?;
+        let text = pair[1].strip_prefix("@text ").unwrap_or("");
+        Some(format!("{text} -> {key}"))
+    });
+    pairs.collect()
+}
+
+/// The links of the root of a library called `demo`.
+fn links_in(code: &str) -> Vec<String> {
+    links(&format!("<<demo/src/lib.rs>>=\n{code}\n@\n"))
+}
+
+#[test]
+fn a_function_that_is_called_is_linked() {
+    let found = links_in("fn count() {}\nfn f() { count(); }");
+    assert_eq!(found, ["count -> demo::count"]);
+}
+
+#[test]
+fn a_name_that_a_variable_has_taken_is_not_linked() {
+    for body in [
+        "fn f() { let count = 1; g(count); }",
+        "fn f(count: u8) { g(count); }",
+        "fn f() { let _ = |count: u8| g(count); }",
+        "fn f() { for count in 0..3 { g(count); } }",
+        "fn f() { if let Some(count) = None { g(count); } }",
+        "fn f() { match 1 { count => g(count) } }",
+        "fn f() { let P { count } = p; g(count); }",
+        "fn f() { while let Some(count) = None { g(count); } }",
+        "fn f() { let Some(count) = None else { return }; g(count); }",
+        "fn f() { let (count, _) = (1, 2); g(count); }",
+        "fn f<const count: usize>() { g(count); }",
+    ] {
+        let found = links_in(&format!("fn count() {{}}\n{body}"));
+        assert_eq!(found, [""; 0], "{body}");
+    }
+}
+
+#[test]
+fn a_variable_ends_with_its_scope_and_begins_after_its_value() {
+    let found = links_in(
+        "fn count() {}\n\
+         fn f() { { let count = 1; } count(); let count = count(); }\n\
+         fn g() { if let Some(count) = None {} else { count(); } }",
+    );
+    assert_eq!(found, ["count -> demo::count"; 3]);
+}
+
+#[test]
+fn a_generic_parameter_hides_a_type() {
+    let found = links_in("struct T;\nfn f<T>(t: T) -> T { t }");
+    assert_eq!(found, [""; 0]);
+}
+
+#[test]
+fn what_a_block_declares_hides_what_its_module_does() {
+    for inner in
+        ["fn count() {}", "use std::count;", "const count: u8 = 1;"]
+    {
+        let code =
+            format!("fn count() {{}}\nfn f() {{ {inner} count(); }}");
+        assert_eq!(links_in(&code), [""; 0], "{inner}");
+    }
+}
+
+#[test]
+fn a_function_in_a_function_does_not_see_its_variables() {
+    let found =
+        links_in("fn count() {}\nfn f(count: u8) { fn g() { count(); } }");
+    assert_eq!(found, ["count -> demo::count"]);
+}
+
+const MODULES: &str = "mod one { pub fn run() {} pub struct S; }\n\
+    mod two { pub fn run() {} }\n";
+
+#[test]
+fn two_functions_of_one_name_are_two_identifiers() {
+    let code = format!("{MODULES}fn f() {{ one::run(); two::run(); }}");
+    let found = links_in(&code);
+    assert!(found.contains(&"run -> demo::one::run".into()), "{found:?}");
+    assert!(found.contains(&"run -> demo::two::run".into()), "{found:?}");
+    let (_, out, _) =
+        indexed(&format!("<<demo/src/lib.rs>>=\n{code}\n@\n"));
+    let names: Vec<&str> =
+        out.lines().filter(|l| l.starts_with("@index name")).collect();
+    assert_eq!(
+        names,
+        [
+            "@index name demo::f f",
+            "@index name demo::one::S S",
+            "@index name demo::one::run run (one)",
+            "@index name demo::two::run run (two)",
+        ]
+    );
+}
+
+#[test]
+fn an_import_is_followed_under_its_new_name() {
+    let code =
+        format!("{MODULES}use one::run as go;\nfn f() {{ go(); run(); }}");
+    let found = links_in(&code);
+    assert_eq!(
+        found,
+        [
+            "one -> demo::one",
+            "run -> demo::one::run",
+            "go -> demo::one::run"
+        ]
+    );
+}
+
+#[test]
+fn a_glob_brings_in_what_only_one_module_has() {
+    let code = format!("{MODULES}use one::*;\nfn f() {{ run(); }}");
+    assert_eq!(
+        links_in(&code),
+        ["one -> demo::one", "run -> demo::one::run"]
+    );
+    let code = format!(
+        "{MODULES}use one::*;\nuse two::*;\nfn f() {{ run(); S; }}"
+    );
+    let found = links_in(&code);
+    assert!(!found.iter().any(|l| l.starts_with("run")), "{found:?}");
+    assert!(found.contains(&"S -> demo::one::S".into()), "{found:?}");
+}
+
+#[test]
+fn paths_begin_at_the_crate_the_module_and_the_module_above() {
+    let found = links_in(
+        "fn top() {}\nmod a { fn own() {} fn f() { crate::top(); \
+         super::top(); self::own(); top(); } }",
+    );
+    assert_eq!(
+        found,
+        ["top -> demo::top", "top -> demo::top", "own -> demo::a::own"]
+    );
+}
+
+#[test]
+fn modules_are_files_and_another_crate_sees_the_library() {
+    let found = links(
+        "<<demo/src/lib.rs>>=\npub mod deep;\n@\n\
+         <<demo/src/deep.rs>>=\npub mod under;\npub fn top() {}\n@\n\
+         <<demo/src/deep/under.rs>>=\nuse super::top;\nfn f() { top(); }\n@\n\
+         <<demo/src/main.rs>>=\nuse demo::deep::top;\n\
+         fn main() { top(); std::top(); }\n@\n",
+    );
+    assert_eq!(
+        found,
+        [
+            "deep -> demo::deep",
+            "under -> demo::deep::under",
+            "top -> demo::deep::top",
+            "top -> demo::deep::top",
+            "deep -> demo::deep",
+            "top -> demo::deep::top",
+            "top -> demo::deep::top",
+        ]
+    );
+}
+
+#[test]
+fn names_of_other_crates_are_not_linked() {
+    let found = links_in(
+        "mod path { pub struct Path; }\n\
+         use std::path::Path;\nfn f(p: &Path, q: &std::path::Path) {}",
+    );
+    assert_eq!(found, [""; 0]);
+}
+
+#[test]
+fn arguments_of_macros_are_read_if_they_are_expressions() {
+    let found = links_in(
+        "fn count() {}\nfn f() {\n\
+         println!(\"{}\", count());\nassert!(count() == count(), \"{x}\");\n\
+         let v = vec![count(); 3];\nmatches!(v, x if x == count());\n\
+         format!(\"{count}\", count = 1);\nhtml! { count() }\n}",
+    );
+    assert_eq!(found, ["count -> demo::count"; 5]);
+}
+
+#[test]
+fn a_macro_of_ours_is_linked_and_its_arguments_are_not() {
+    let found = links_in(
+        "macro_rules! twice { ($e:expr) => { $e } }\n\
+         fn count() {}\nfn f() { twice!(count()); }",
+    );
+    assert_eq!(found, ["twice -> demo::twice"]);
+}
+
+const TYPE: &str = "struct S { inner: Inner, list: Vec<Inner> }\n\
+    struct Inner;\n\
+    impl Inner { fn size(&self) -> usize { 0 } }\n\
+    impl S { fn size(&self) -> usize { 0 } fn new() -> Self { todo!() } ";
+
+#[test]
+fn a_method_is_linked_if_the_type_of_its_receiver_is_known() {
+    for (body, key) in [
+        ("fn f(&self) { self.size(); }", "S"),
+        ("fn f(&self) { self.inner.size(); }", "Inner"),
+        ("fn f(&self) { for i in &self.list { i.size(); } }", "Inner"),
+        ("fn f(i: &Inner) { i.size(); }", "Inner"),
+        ("fn f() { S::new().size(); }", "S"),
+        ("fn f() { let s = Self::new(); s.size(); }", "S"),
+        ("fn f() { let i = Inner; let i = S::new(); i.size(); }", "S"),
+    ] {
+        let found = links_in(&format!("{TYPE}{body} }}"));
+        let expected = format!("size -> demo::{key}::size");
+        assert_eq!(found.last(), Some(&expected), "{body}");
+    }
+}
+
+#[test]
+fn a_method_of_a_receiver_of_unknown_type_is_not_linked() {
+    for body in [
+        "fn f(&self) { g().size(); }",
+        "fn f(x: Other) { x.size(); }",
+        "fn f(&self) { self.list.size(); }",
+        "fn f(&self) { self.list[0..1].size(); }",
+        "fn f(i: Option<Inner>) { i.size(); }",
+        "fn f() { let i = Inner; let i = g(i); i.size(); }",
+        "fn f() { let s = S::new; let _ = |s| s.size(); }",
+    ] {
+        let found = links_in(&format!("{TYPE}{body} }}"));
+        let wrong = found.iter().any(|l| l.starts_with("size"));
+        assert!(!wrong, "{body}: {found:?}");
+    }
+}
+
+#[test]
+fn a_method_that_a_trait_has_as_well_is_not_linked() {
+    let found = links_in(
+        "struct S;\nimpl S { fn next(&mut self) {} }\n\
+         impl Iterator for S { fn next(&mut self) {} }\n\
+         fn f(s: &mut S) { s.next(); }",
+    );
+    assert!(!found.iter().any(|l| l.starts_with("next")), "{found:?}");
+}
+
+#[test]
+fn a_function_that_two_impls_have_is_not_linked() {
+    let found = links_in(
+        "struct S<T>(T);\nimpl S<u8> { fn make() {} }\n\
+         impl S<u16> { fn make() {} }\nfn f() { S::<u8>::make(); }",
+    );
+    assert!(!found.iter().any(|l| l.starts_with("make")), "{found:?}");
+}
+
+#[test]
+fn what_an_impl_of_our_trait_declares_leads_to_the_trait() {
+    let found = links_in(
+        "trait Draw { fn draw(&self); }\nstruct S;\n\
+         impl Draw for S { fn draw(&self) {} }\n\
+         fn f(s: &S, d: &dyn Draw, g: impl Draw) {\n\
+         s.draw(); d.draw(); g.draw(); S::draw(s); }\n\
+         fn g<D: Draw>(d: D) { d.draw(); }",
+    );
+    let draws = found.iter().filter(|l| *l == "draw -> demo::Draw::draw");
+    assert_eq!(draws.count(), 6, "{found:?}");
+}
+
+#[test]
+fn a_pattern_uses_a_constant_or_a_variant_and_binds_the_rest() {
+    let found = links_in(
+        "enum E { A, B(u8) }\nconst LIMIT: u8 = 3;\nuse E::*;\n\
+         fn f(e: E) { match e { A => {} B(LIMIT) => {} B(x) => x } }",
+    );
+    assert_eq!(
+        found,
+        [
+            "E -> demo::E",
+            "E -> demo::E",
+            "A -> demo::E::A",
+            "B -> demo::E::B",
+            "LIMIT -> demo::LIMIT",
+            "B -> demo::E::B",
+        ]
+    );
+}
+
+#[test]
+fn an_alias_leads_on_to_the_functions_of_its_type() {
+    let found = links_in(
+        "struct S;\nimpl S { fn new() {} }\ntype A = S;\nfn f() { A::new(); }",
+    );
+    assert_eq!(found[2..], ["A -> demo::A", "new -> demo::S::new"]);
+}
+
+#[test]
+fn an_item_declared_twice_is_not_linked() {
+    let found = links_in(
+        "#[cfg(unix)] fn page() {}\n#[cfg(windows)] fn page() {}\n\
+         fn f() { page(); }",
+    );
+    assert_eq!(found, [""; 0]);
+}
+
+#[test]
+fn chunks_are_read_where_they_are_used() {
+    let found = links(
+        "<<demo/src/lib.rs>>=\nfn count() {}\nfn f(total: u8) {\n    \
+         <<Add>>\n}\n@ Prose.\n\
+         <<Add>>=\nlet sum = count() + total;\n@\n\
+         <<Add>>=\ncount(sum);\n@\n",
+    );
+    assert_eq!(found, ["count -> demo::count"; 2]);
+}
+
+#[test]
+fn a_chunk_that_means_two_things_in_two_files_is_not_linked() {
+    let chapter = |other| {
+        format!(
+            "<<demo/src/lib.rs>>=\nmod a;\nfn count() {{}}\n<<Call>>\n@\n\
+             <<demo/src/a.rs>>=\n{other}\n<<Call>>\n@\n\
+             <<Call>>=\nfn f() {{ count(); }}\n@\n"
+        )
+    };
+    let found = links(&chapter("fn count() {}"));
+    assert_eq!(found, ["a -> demo::a"]);
+    let found = links(&chapter("use super::count;"));
+    assert_eq!(found[2..], ["count -> demo::count"]);
+}
+
+#[test]
+fn words_in_strings_and_comments_are_no_uses() {
+    let found = links_in(
+        "fn count() {}\n// count\n/* count /* count */ count */\n\
+         /// count\nfn f<'count>() { \"count\"; r#\"count\"#; 'c'; }",
+    );
+    assert_eq!(found, [""; 0]);
+}
+
+#[test]
+fn comments_are_marked_across_chunks_and_keywords_in_code_only() {
+    let (_, out, _) = indexed(
+        "<<demo/src/lib.rs>>=\n/* for\n<<Go on>>\nif */ fn r#match() {}\n\
+         /// let it\nstruct S<'a>(&'a str); // \"open\n@\n\
+         <<Go on>>=\nin the comment /* while */\n@\n",
+    );
+    let comments = marked(&out, &["@style comment"]);
+    assert_eq!(
+        comments,
+        [
+            "/* for -> ",
+            "if */ -> ",
+            "/// let it -> ",
+            "// \"open -> ",
+            "in the comment /* while */ -> ",
+        ]
+    );
+    let keywords = marked(&out, &["@style keyword"]);
+    assert_eq!(keywords, ["fn -> ", "struct -> "]);
+}
+
+#[test]
+fn comments_of_scripts_are_whole_lines() {
+    let (_, out, _) = indexed(
+        "<<go.sh>>=\n#!/bin/sh\n# A comment\necho \"# none\" # none\n@\n",
+    );
+    let comments = marked(&out, &["@style comment"]);
+    assert_eq!(comments, ["#!/bin/sh -> ", "# A comment -> "]);
+}
+
+#[test]
+fn quoted_code_is_linked_if_nothing_else_has_its_name() {
+    let chapter = |prose: &str, body: &str| {
+        let chapter = format!(
+            "{prose}\n<<demo/src/lib.rs>>=\nstruct S;\n\
+             impl S {{ fn draw(&self) {{}} }}\nfn count() {{}}\n{body}\n@\n"
+        );
+        let (_, out, _) = indexed(&chapter);
+        let prose = out.split("@begin code").next().unwrap_or("");
+        marked(prose, &["@index use "])
+    };
+    let link = |prose| chapter(prose, "fn f() { count(); }");
+    assert_eq!(link("[[count]]"), ["count -> demo::count"]);
+    assert_eq!(link("[[count()]]"), ["count() -> demo::count"]);
+    assert_eq!(link("[[S::draw]]"), ["S::draw -> demo::S::draw"]);
+    assert_eq!(link("[[draw]]"), ["draw -> demo::S::draw"]);
+    assert_eq!(link("[[S]] [[other]] [[let]] [[a b]]"), ["S -> demo::S"]);
+    assert_eq!(chapter("[[count]]", "fn f(count: u8) {}"), [""; 0]);
+    assert_eq!(chapter("[[count]]", "struct C { count: u8 }"), [""; 0]);
+    assert_eq!(chapter("[[draw]]", "impl C { fn draw() {} }"), [""; 0]);
+}
+
+#[test]
+fn lists_by_hand_add_words_and_the_rest_is_found() {
+    let (_, out, _) = indexed(
+        "<<demo/src/lib.rs>>=\nfn count() {}\nstruct S { width: u8 }\n\
+         @ %def count width\n<<run.sh>>=\nwidth=3; count $width\n@ %def go\n",
+    );
+    let defined: Vec<&str> = out
+        .lines()
+        .filter_map(|line| line.strip_prefix("@index defn "))
+        .collect();
+    assert_eq!(defined, ["demo::count", "demo::S", "width", "go"]);
+    let used = marked(&out, &["@index use "]);
+    assert_eq!(used, ["width -> width"; 2], "{out}");
+}
+
+#[test]
+fn a_file_that_does_not_parse_keeps_its_lists_and_is_reported() {
+    let (_, out, warnings) = indexed(
+        "Prose.\n<<demo/src/lib.rs>>=\nfn count() {}\n<<Broken>>\n@ %def count\n\
+         <<Broken>>=\n  fn f( { count(); }\n@\n\
+         <<demo/src/main.rs>>=\nfn main() { go(); }\nfn go() {}\n@\n",
+    );
+    let place = warnings.split(" warning").next();
+    assert_eq!(place, Some("a.nw:7:7:"), "{warnings}");
+    assert!(warnings.contains("demo/src/lib.rs"), "{warnings}");
+    let used = marked(&out, &["@index use "]);
+    let word = "count -> count";
+    assert_eq!(used, [word, word, "go -> demo/src/main::go"]);
+}
+
+#[test]
+fn the_text_of_the_stream_is_not_changed() {
+    let chapters = concat!(env!("CARGO_MANIFEST_DIR"), "/../chapters");
+    for name in ["markup", "totex", "rust_index"] {
+        let text = std::fs::read_to_string(format!("{chapters}/{name}.nw"));
+        // The tool may be tested without the book.
+        let Ok(text) = text else { return };
+        let (before, after, _) = indexed(&text);
+        assert_eq!(plain(&after), plain(&before), "{name}");
+        assert!(after.lines().count() > before.lines().count());
+    }
+}
+
+/// The lines of a stream with the texts of each line joined.
+fn plain(stream: &str) -> Vec<String> {
+    let mut lines = vec![String::new()];
+    for line in stream.lines() {
+        if line.starts_with("@index") || line.starts_with("@style") {
+            continue;
+        }
+        match line.strip_prefix("@text ") {
+            Some(text) => lines.last_mut().expect("one").push_str(text),
+            None => lines.extend([line.to_string(), String::new()]),
+        }
+    }
+    lines
+}
+
+const BOOK: [(&str, &str); 3] = [
+    ("book.nw", "\\begin{document}\n\\nowebindex\n\\end{document}\n"),
+    (
+        "one.nw",
+        "See [[hello]].\n<<demo/src/lib.rs>>=\npub mod two;\n\
+         pub fn hello() {}\n@\n",
+    ),
+    (
+        "two.nw",
+        "<<demo/src/two.rs>>=\nuse crate::hello; // why\n\
+         pub fn run() { hello(); }\n@\nThe end.\n",
+    ),
+];
+
+fn woven(options: &str) -> (Scratch, common::Outcome) {
+    let book = Scratch::new();
+    for (name, text) in BOOK {
+        book.write(name, text);
+    }
+    let args = options.split(' ');
+    let files = BOOK.iter().map(|(name, _)| *name);
+    let backend = ["-backend", "noweb split_scope -o tex"];
+    let args = ["noweave"].into_iter().chain(args).chain(backend);
+    let args: Vec<&str> = args.chain(files).collect();
+    let outcome = run(book.path(), &args);
+    (book, outcome)
+}
+
+#[test]
+fn weaving_links_lists_and_sets_apart() {
+    let (book, outcome) = woven("-index -autodefs rust -delay");
+    assert_eq!((outcome.status, outcome.stderr()), (0, String::new()));
+    let two = book.read("tex/two.tex");
+    for expected in [
+        r"\nwkeyword{use} \nwkeyword{crate}::\nwlinkedidentc{hello}{NW",
+        r"\nwcomment{// why}",
+        r"\nwidentuses{\\{{\nwixident{hello}}{demo:col:colhello}}}",
+        r"\nwminiindex{\nwmini{\nwixident{hello}}{NW",
+    ] {
+        assert!(two.contains(expected), "no {expected} in\n{two}");
+    }
+    let one = book.read("tex/one.tex");
+    assert!(one.contains(r"{\Tt{}\nwlinkedidentq{hello}{NW"), "{one}");
+    assert!(!one.contains(r"\nwminiindex"), "{one}");
+    let index = book.read("tex/book.tex");
+    let entry = r"\nwixlogsorted{i}{{\nwixident{run}}{demo:col:coltwo";
+    assert!(index.contains(entry), "{index}");
+    assert_eq!(two.lines().count(), BOOK[2].1.lines().count() + 1);
+}
+
+#[test]
+fn other_languages_and_a_missing_index_are_refused() {
+    let (_, outcome) = woven("-index -autodefs c");
+    assert_eq!(outcome.status, 1);
+    assert!(outcome.stderr().contains("-autodefs c"));
+    let (_, outcome) = woven("-autodefs rust");
+    assert_eq!(outcome.status, 1);
+    assert!(outcome.stderr().contains("add -index"));
+}
