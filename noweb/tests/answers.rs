@@ -161,6 +161,7 @@ fn four_lines_become_a_stream() {
     let web = "The [[b[i]]] of @[[.\n<<Do it>>=\n\
         x @<< <<n>>\n@ %def x\nEnd.\n";
     assert_eq!(stream_of(web), STREAM);
+    assert_eq!(STREAM.lines().count(), 23);
 }
 
 #[test]
