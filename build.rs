@@ -10,7 +10,7 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use noweb::project::Project;
+use noweb::project::{Project, listed_chapters};
 
 const MASTER: &str = "litpt.nw";
 
@@ -25,14 +25,8 @@ fn main() -> ExitCode {
 }
 
 fn tangle() -> Result<(), String> {
-    let master = std::fs::read_to_string(MASTER)
+    let chapters = listed_chapters(".".as_ref(), MASTER.as_ref())
         .map_err(|error| format!("{MASTER}: {error}"))?;
-    let name = |line: &str| {
-        let name = line.strip_prefix(r"\include{")?.strip_suffix('}')?;
-        Some(PathBuf::from(format!("chapters/{name}.nw")))
-    };
-    let mut chapters = vec![PathBuf::from(MASTER)];
-    chapters.extend(master.lines().filter_map(name));
     for chapter in &chapters {
         println!("cargo::rerun-if-changed={}", chapter.display());
     }

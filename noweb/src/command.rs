@@ -19,7 +19,9 @@ use std::process::ExitCode;
 
 use crate::diagnostic::{Diagnostic, Level};
 use crate::web::Web;
-use crate::{Streams, cpif, markup, project, tangle};
+use crate::{
+    Streams, cpif, markup, project, tangle, untangle, watch,
+};
 // Use the modules that weave
 use crate::{finduses, noidx, noweave, split_scope, totex};
 
@@ -31,6 +33,8 @@ type Runner = fn(&[OsString], &mut Streams) -> u8;
 
 const COMMANDS: &[Command] = &[
     ("tangle", project::run, "write all files of a program"),
+    ("untangle", untangle::run, "carry edits back to chapters"),
+    ("watch", watch::run, "tangle and run a command on each save"),
     ("check", run_check, "report what looks wrong in a web"),
     ("notangle", tangle::run, "extract one chunk, expanded"),
     ("noroots", run_noroots, "list the chunks that none uses"),

@@ -22,6 +22,8 @@ pub mod filter;
 pub mod markup;
 pub mod project;
 pub mod tangle;
+pub mod untangle;
+pub mod watch;
 pub mod web;
 
 // List the modules that weave

@@ -66,7 +66,19 @@ pub struct Plan {
     pub removed: Vec<PathBuf>,
     /// What looks wrong in the web.
     pub warnings: Vec<Diagnostic>,
-    record: Record,
+    /// What was tangled last; after tangling, what was tangled now.
+    pub record: Record,
+}
+
+/// All files of a program, in memory.
+#[derive(Clone, Debug)]
+pub struct Expansion {
+    /// The chunks that the files are made of.
+    pub web: Web,
+    /// The path of each file, its text and its map.
+    pub files: Vec<(PathBuf, Tangled)>,
+    /// What is wrong in the chapters.
+    pub faults: Vec<Diagnostic>,
 }
 
 // Recognise the chunks that are files
@@ -82,9 +94,11 @@ pub fn is_file_name(name: &[u8]) -> bool {
         && path.components().all(inside)
 }
 
-fn keeps_tabs(path: &Path) -> bool {
-    path.file_name().is_some_and(|name| name == "Makefile")
-        || path.extension().is_some_and(|e| e == "mk")
+/// The distance of tab stops in a file of this name, or 0 for no tabs.
+pub fn tab_stops(path: &Path) -> usize {
+    let tabbed = path.file_name().is_some_and(|name| name == "Makefile")
+        || path.extension().is_some_and(|e| e == "mk");
+    if tabbed { 8 } else { 0 }
 }
 
 /// What begins a comment in a file of this name.
@@ -99,10 +113,10 @@ fn comment_leader(path: &Path) -> Option<&'static str> {
 
 // Keep a record of what was tangled
 /// For every tangled file the hash of its text.
-type Record = BTreeMap<PathBuf, u64>;
+pub type Record = BTreeMap<PathBuf, u64>;
 
 /// The 64-bit hash of Fowler, Noll and Vo, in its variant 1a.
-fn hash(text: &[u8]) -> u64 {
+pub fn hash(text: &[u8]) -> u64 {
     text.iter().fold(0xcbf2_9ce4_8422_2325, |hash: u64, byte| {
         (hash ^ u64::from(*byte)).wrapping_mul(0x100_0000_01b3)
     })
@@ -139,7 +153,37 @@ impl Project {
     /// Chapters that cannot be read, everything that is wrong in them,
     /// and files that someone edited by hand.
     pub fn plan(&self) -> Result<Plan, Vec<Diagnostic>> {
+        self.plan_files(true)
+    }
+
+    /// What there is to write; unguarded, over edits made by hand as well.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Project::plan`]; unguarded, except for edits.
+    pub fn plan_files(
+        &self,
+        guarded: bool,
+    ) -> Result<Plan, Vec<Diagnostic>> {
         let (sources, times) = self.read_chapters()?;
+        let Expansion { web, files, mut faults } = self.expand(sources);
+        let record = self.read_record();
+        let mut plan = Plan { record, ..Plan::default() };
+        for (path, tangled) in files {
+            let output = self.compare(&path, tangled, &times);
+            if guarded {
+                faults.extend(self.refuse(&output, &web, &plan.record));
+            }
+            plan.outputs.push(output);
+        }
+        self.plan_removals(&mut plan, &mut faults);
+        plan.warnings = web.unused(is_file_name);
+        plan.warnings.extend(web.adrift());
+        if faults.is_empty() { Ok(plan) } else { Err(faults) }
+    }
+
+    /// The files that some sources define, without looking at the disk.
+    pub fn expand(&self, sources: Vec<Source>) -> Expansion {
         let (web, mut faults) = Web::read(sources.clone(), 8);
         // Read the web with tabs if needed
         let tabbed = if web.chunks.iter().any(|c| is_tabbed(&c.name)) {
@@ -147,32 +191,24 @@ impl Project {
         } else {
             Web::default()
         };
-        let record = self.read_record();
-        let mut plan = Plan { record, ..Plan::default() };
+        let mut files = Vec::new();
         for chunk in &web.chunks {
-            // Plan the file of this chunk
+            // Expand the file of this chunk
             let name = &chunk.name[..];
             if web.uses.contains_key(name) || !self.covers(name) {
                 continue;
             }
             let path = Path::new(OsStr::from_bytes(name));
-            let (web, tab) =
-                if keeps_tabs(path) { (&tabbed, 8) } else { (&web, 0) };
+            let tab = tab_stops(path);
+            let web = if tab > 0 { &tabbed } else { &web };
             let comment = comment_leader(path);
             let layout = Layout { tab, comment, directive: None };
             match tangle(web, &[name], &layout) {
-                Ok(tangled) => {
-                    let output = self.compare(path, tangled, &times);
-                    faults.extend(self.refuse(&output, web, &plan.record));
-                    plan.outputs.push(output);
-                }
+                Ok(tangled) => files.push((path.to_owned(), tangled)),
                 Err(more) => faults.extend(more),
             }
         }
-        self.plan_removals(&mut plan, &mut faults);
-        plan.warnings = web.unused(is_file_name);
-        plan.warnings.extend(web.adrift());
-        if faults.is_empty() { Ok(plan) } else { Err(faults) }
+        Expansion { web, files, faults }
     }
 
     /// Is this the name of a file that we are to tangle?
@@ -183,12 +219,18 @@ impl Project {
             && !self.except.iter().any(begins)
     }
 
-    fn read_record(&self) -> Record {
+    /// What was tangled last.
+    pub fn read_record(&self) -> Record {
         let text = fs::read(self.dir.join(&self.record));
         parse_record(&text.unwrap_or_default())
     }
 
-    fn read_chapters(
+    /// The chapters and the times of their last changes.
+    ///
+    /// # Errors
+    ///
+    /// Every chapter that cannot be read.
+    pub fn read_chapters(
         &self,
     ) -> Result<(Vec<Source>, Vec<SystemTime>), Vec<Diagnostic>> {
         let mut sources = Vec::new();
@@ -244,10 +286,16 @@ impl Project {
 }
 
 fn is_tabbed(name: &[u8]) -> bool {
-    is_file_name(name) && keeps_tabs(Path::new(OsStr::from_bytes(name)))
+    let path = Path::new(OsStr::from_bytes(name));
+    is_file_name(name) && tab_stops(path) > 0
 }
 
-fn failure(action: &str, path: &Path, error: &io::Error) -> Diagnostic {
+/// What to say of a file that could not be read, written or removed.
+pub fn failure(
+    action: &str,
+    path: &Path,
+    error: &io::Error,
+) -> Diagnostic {
     let text = format!("cannot {action} {}: {error}", path.display());
     Diagnostic::new(Level::Error, None, text)
 }
@@ -290,7 +338,8 @@ impl Project {
             fault = fault.with_help(help);
         }
         Some(fault.with_help(format!(
-            "move the edit there, or delete {shown} to have it tangled anew"
+            "`noweb untangle' (here `make untangle') brings the edit there; \
+             delete {shown} to drop it"
         )))
     }
 }
@@ -319,10 +368,23 @@ impl Project {
     /// Those of [`Project::plan`], after which nothing is written, and
     /// files that cannot be written.
     pub fn tangle(&self) -> Result<Plan, Vec<Diagnostic>> {
-        let mut plan = self.plan()?;
+        self.carry_out(self.plan()?)
+    }
+
+    /// The same, over edits made by hand, which the chapters now have.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Project::tangle`], except for edits.
+    pub fn overwrite(&self) -> Result<Plan, Vec<Diagnostic>> {
+        self.carry_out(self.plan_files(false)?)
+    }
+
+    fn carry_out(&self, mut plan: Plan) -> Result<Plan, Vec<Diagnostic>> {
         let result = self.write(&mut plan);
         let recorded = self.write_record(&plan.record);
-        match result.and(recorded) {
+        let kept = result.and(recorded).and_then(|()| self.keep(&plan));
+        match kept {
             Ok(()) => Ok(plan),
             Err(fault) => Err(vec![fault]),
         }
@@ -404,8 +466,16 @@ fn report_stale(plan: Plan) -> (Vec<Diagnostic>, bool) {
     (faults, !stale.is_empty())
 }
 
-fn parse_arguments(args: &[OsString]) -> Result<(Project, bool), String> {
+/// The project that the arguments ask for, and whether only to check.
+///
+/// # Errors
+///
+/// A text that says what is wrong with the arguments.
+pub fn parse_arguments(
+    args: &[OsString],
+) -> Result<(Project, bool), String> {
     let mut project = Project::default();
+    let mut master = None;
     let mut check = false;
     let mut args = args.iter();
     while let Some(arg) = args.next() {
@@ -416,6 +486,7 @@ fn parse_arguments(args: &[OsString]) -> Result<(Project, bool), String> {
         match arg.as_encoded_bytes() {
             b"-C" => project.dir = value()?.into(),
             b"--record" => project.record = value()?.into(),
+            b"--master" => master = Some(Path::new(value()?)),
             b"--check" => check = true,
             // Take prefixes and chapters
             b"--only" => project.only.push(text_of(value()?)),
@@ -427,6 +498,11 @@ fn parse_arguments(args: &[OsString]) -> Result<(Project, bool), String> {
         }
     }
     // Complete and check the arguments
+    if let Some(master) = master {
+        let list = listed_chapters(&project.dir, master);
+        let failed = |e| failure("read", master, &e).text;
+        project.chapters.extend(list.map_err(failed)?);
+    }
     if project.chapters.is_empty() {
         return Err("no chapters to tangle".into());
     }
@@ -434,6 +510,27 @@ fn parse_arguments(args: &[OsString]) -> Result<(Project, bool), String> {
         project.record = ".tangled".into();
     }
     Ok((project, check))
+}
+
+/// The master of a book and the chapters that it includes, in order.
+///
+/// # Errors
+///
+/// The master cannot be read.
+pub fn listed_chapters(
+    dir: &Path,
+    master: &Path,
+) -> io::Result<Vec<PathBuf>> {
+    let text = fs::read(dir.join(master))?;
+    let lines = text.split(|b| *b == b'\n');
+    let included = lines.filter_map(|line| {
+        let rest = line.strip_prefix(br"\include{")?;
+        let end = rest.iter().position(|b| *b == b'}')?;
+        let mut name = rest[..end].to_vec();
+        name.extend(b".nw");
+        Some(Path::new("chapters").join(OsStr::from_bytes(&name)))
+    });
+    Ok(std::iter::once(master.to_owned()).chain(included).collect())
 }
 
 fn text_of(arg: &OsString) -> String {

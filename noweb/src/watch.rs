@@ -1,0 +1,19 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+//! Watching.
+
+use std::ffi::OsString;
+
+use crate::Streams;
+
+/// The command `noweb watch`.
+pub fn run(_args: &[OsString], _streams: &mut Streams) -> u8 {
+    2
+}
