@@ -708,7 +708,7 @@ fn make(model: &mut Model, edit: &Edit, number: usize, tabs: bool) -> bool {
         (3, Line::Text(text)) if text.contains('v') => {
             *text = text.replace('v', "vv");
         }
-        (3, Line::Text(text)) if !single => {
+        (3, Line::Text(text)) if !single && !text.is_empty() => {
             text.push_str(" << changed >>");
         }
         (_, Line::Inline(text)) => {
