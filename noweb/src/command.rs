@@ -19,9 +19,7 @@ use std::process::ExitCode;
 
 use crate::diagnostic::{Diagnostic, Level};
 use crate::web::Web;
-use crate::{
-    Streams, cpif, markup, project, tangle, untangle, watch,
-};
+use crate::{Streams, cpif, markup, project, tangle, untangle, watch};
 // Use the modules that weave
 use crate::{finduses, noidx, noweave, split_scope, totex};
 

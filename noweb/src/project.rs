@@ -291,11 +291,7 @@ fn is_tabbed(name: &[u8]) -> bool {
 }
 
 /// What to say of a file that could not be read, written or removed.
-pub fn failure(
-    action: &str,
-    path: &Path,
-    error: &io::Error,
-) -> Diagnostic {
+pub fn failure(action: &str, path: &Path, error: &io::Error) -> Diagnostic {
     let text = format!("cannot {action} {}: {error}", path.display());
     Diagnostic::new(Level::Error, None, text)
 }

@@ -78,16 +78,19 @@ impl Project {
             update(&ignore, b"*\n").map_err(failed)?;
         }
         // Add the new texts and remove the old ones
-        let wanted: BTreeSet<_> = plan.record.values().map(base_name).collect();
+        let wanted: BTreeSet<_> =
+            plan.record.values().map(base_name).collect();
         for output in &plan.outputs {
             let name = plan.record.get(&output.path).map(base_name);
-            let Some(name) = name.filter(|name| !kept.contains(name)) else {
+            let Some(name) = name.filter(|name| !kept.contains(name))
+            else {
                 continue;
             };
             let text = &output.tangled.text;
             update(&dir.join(name), text).map_err(failed)?;
         }
-        for name in kept.difference(&wanted).filter(|n| *n != ".gitignore") {
+        for name in kept.difference(&wanted).filter(|n| *n != ".gitignore")
+        {
             let _ = fs::remove_file(dir.join(name));
         }
         Ok(())
@@ -117,9 +120,8 @@ fn lines_of(text: &[u8]) -> Vec<&[u8]> {
 
 /// The words of a line: identifiers and numbers, and single other bytes.
 fn words(line: &[u8]) -> Vec<&[u8]> {
-    let letter = |b: &u8| {
-        b.is_ascii_alphanumeric() || *b == b'_' || !b.is_ascii()
-    };
+    let letter =
+        |b: &u8| b.is_ascii_alphanumeric() || *b == b'_' || !b.is_ascii();
     line.chunk_by(|a, b| letter(a) && letter(b)).collect()
 }
 
@@ -170,7 +172,9 @@ fn merge<'a>(
         let same = here..here + (old.start - done);
         merged.extend(same.clone().map(|at| (mine[at], at)));
         here = same.end;
-        merged.extend(new.clone().map(|i| (text[i], if edit { i } else { here })));
+        merged.extend(
+            new.clone().map(|i| (text[i], if edit { i } else { here })),
+        );
         here = if edit { new.end } else { here + old.len() };
         done = old.end;
         last = Some(((old, new), text, edit));
@@ -182,7 +186,10 @@ fn merge<'a>(
 
 impl Project {
     // Find the targets of all edited files
-    fn targets(&self, now: &Expansion) -> Result<Vec<Target>, Vec<Diagnostic>> {
+    fn targets(
+        &self,
+        now: &Expansion,
+    ) -> Result<Vec<Target>, Vec<Diagnostic>> {
         let record = self.read_record();
         let (mut targets, mut faults) = (Vec::new(), Vec::new());
         for (path, tangled) in &now.files {
@@ -218,7 +225,8 @@ impl Project {
         let mine = lines_of(disk);
         let merged = merge(&base, &mine, &theirs);
         let merged = merged.map_err(|at| changed_twice(path, disk, at))?;
-        let owned = merged.iter().map(|(l, at)| (l.to_vec(), *at as u32 + 1));
+        let owned =
+            merged.iter().map(|(l, at)| (l.to_vec(), *at as u32 + 1));
         let (lines, at) = owned.unzip();
         Ok(Target { path: path.to_owned(), lines, at })
     }
@@ -322,7 +330,11 @@ impl<'a> View<'a> {
     }
 
     /// A line without the indentation that tangling adds, if it has that.
-    fn outdent<'t>(&self, line: &'t [u8], indent: usize) -> Option<&'t [u8]> {
+    fn outdent<'t>(
+        &self,
+        line: &'t [u8],
+        indent: usize,
+    ) -> Option<&'t [u8]> {
         let (mut rest, mut column) = (line, 0);
         while column < indent && !line.is_empty() {
             column = match rest {
@@ -512,9 +524,8 @@ impl<'a> Carrier<'a> {
         for (old, new) in self.hunks() {
             for line in old.filter(|line| self.view.is_name(*line)) {
                 let name = self.view.lines[line].trim_ascii();
-                let same = |n: &usize| {
-                    self.target.lines[*n].trim_ascii() == name
-                };
+                let same =
+                    |n: &usize| self.target.lines[*n].trim_ascii() == name;
                 let mut found = new.clone().filter(same);
                 if let (Some(now), None) = (found.next(), found.next()) {
                     return self.move_use(line, now);
@@ -526,7 +537,8 @@ impl<'a> Carrier<'a> {
 
     fn move_use(&self, line: usize, new: usize) -> Option<Splice> {
         let spot = self.view.head(line)?;
-        let now = self.view.outdent(&self.target.lines[new], spot.indent)?;
+        let now =
+            self.view.outdent(&self.target.lines[new], spot.indent)?;
         let blank = &now[..now.len() - now.trim_ascii_start().len()];
         let source = self.source(spot).line(spot.line)?;
         let width = source.len() - source.trim_ascii_start().len();
@@ -542,7 +554,10 @@ impl<'a> Carrier<'a> {
     /// The splices of a hunk that can be carried as a whole.
     fn part(&self, (old, new): &Hunk) -> Option<Vec<Splice>> {
         if new.is_empty() {
-            return old.clone().map(|line| self.remove(line, new)).collect();
+            return old
+                .clone()
+                .map(|line| self.remove(line, new))
+                .collect();
         }
         if old.len() == 1
             && new.len() == 1
@@ -551,8 +566,10 @@ impl<'a> Carrier<'a> {
             return self.change_within(old.start, new.start);
         }
         let first = self.view.block(old.clone())?;
-        let lines: Option<Vec<_>> =
-            new.clone().map(|line| self.written(line, first.indent)).collect();
+        let lines: Option<Vec<_>> = new
+            .clone()
+            .map(|line| self.written(line, first.indent))
+            .collect();
         let source = self.source(first);
         let start = source.start(first.line)?;
         let last = first.line + old.len() as u32 - 1;
@@ -588,8 +605,10 @@ impl<'a> Carrier<'a> {
     ) -> Splice {
         let cause = (self.target.path.clone(), self.disk_line(new.start));
         let Spot { file, line, .. } = spot;
-        let from = |s: &&Segment| (s.place.file, s.place.line) == (file, line);
-        let place = self.view.segments(old).iter().find(from).map(|s| s.place);
+        let from =
+            |s: &&Segment| (s.place.file, s.place.line) == (file, line);
+        let place =
+            self.view.segments(old).iter().find(from).map(|s| s.place);
         let before = self.view.tangled.map.iter();
         let before = before.take_while(|s| s.line as usize <= old);
         let turn = before.filter(|s| Some(s.place) == place).count();
@@ -620,7 +639,8 @@ impl<'a> Carrier<'a> {
                 let a = self.view.lines[old.start + row];
                 let b = &self.target.lines[new.start + column];
                 let similar = similarity(a, b);
-                let apart = sums[row + 1][column].max(sums[row][column + 1]);
+                let apart =
+                    sums[row + 1][column].max(sums[row][column + 1]);
                 let together = similar + sums[row + 1][column + 1];
                 paired[row][column] = similar >= 0.5 && together >= apart;
                 sums[row][column] =
@@ -684,7 +704,8 @@ impl<'a> Carrier<'a> {
         }
         let (old, new) = &slides[0];
         let homes = self.homes(old.start).into_iter();
-        let mut fits = homes.filter_map(|home| self.insertion(home, old.start, new));
+        let mut fits =
+            homes.filter_map(|home| self.insertion(home, old.start, new));
         match (fits.next(), fits.next()) {
             (Some(splice), None) => self.splices.push(splice),
             _ => self.refuse(&slides[0]),
@@ -705,7 +726,8 @@ impl<'a> Carrier<'a> {
             text.push(b'\n');
         }
         let above = line.checked_sub(1).filter(|above| {
-            self.view.tail(*above) == Some(Spot { line: home.line - 1, ..home })
+            self.view.tail(*above)
+                == Some(Spot { line: home.line - 1, ..home })
         });
         let (old, home) = match above {
             Some(above) => (above, Spot { line: home.line - 1, ..home }),
@@ -715,7 +737,11 @@ impl<'a> Carrier<'a> {
     }
 
     // Carry a change within a line
-    fn change_within(&self, line: usize, new: usize) -> Option<Vec<Splice>> {
+    fn change_within(
+        &self,
+        line: usize,
+        new: usize,
+    ) -> Option<Vec<Splice>> {
         let (old, now) = (self.view.lines[line], &self.target.lines[new]);
         let added = self.view.segments(line).first()?.column as usize - 1;
         let begins = |t: &[u8]| t.len() - t.trim_ascii_start().len();
@@ -729,11 +755,13 @@ impl<'a> Carrier<'a> {
         }
         // Compare the words of two lines
         let (before, after) = (words(&old[blank..]), words(&now[lead..]));
-        let bytes = |words: &[&[u8]], start: usize, range: &Range<usize>| {
-            let length = |w: &[&[u8]]| w.iter().map(|w| w.len()).sum::<usize>();
-            let from = start + length(&words[..range.start]);
-            from..from + length(&words[range.clone()])
-        };
+        let bytes =
+            |words: &[&[u8]], start: usize, range: &Range<usize>| {
+                let length =
+                    |w: &[&[u8]]| w.iter().map(|w| w.len()).sum::<usize>();
+                let from = start + length(&words[..range.start]);
+                from..from + length(&words[range.clone()])
+            };
         for (a, b) in hunks(&before, &after) {
             let range = bytes(&before, blank, &a);
             changes.push((range, &now[bytes(&after, lead, &b)]));
@@ -755,12 +783,14 @@ impl<'a> Carrier<'a> {
         let length = self.view.lines[line].len();
         let ends = segments[1..].iter().map(|s| s.column as usize - 1);
         let ends = ends.chain([length]);
-        let mut homes = segments.iter().zip(ends).filter(|(segment, end)| {
-            let start = segment.column as usize - 1;
-            let bytes = &self.view.lines[line][start..*end];
-            let literal = self.view.source_of(segment).starts_with(bytes);
-            literal && start <= range.start && range.end <= *end
-        });
+        let mut homes =
+            segments.iter().zip(ends).filter(|(segment, end)| {
+                let start = segment.column as usize - 1;
+                let bytes = &self.view.lines[line][start..*end];
+                let literal =
+                    self.view.source_of(segment).starts_with(bytes);
+                literal && start <= range.start && range.end <= *end
+            });
         let (segment, end) = homes.next()?;
         if homes.next().is_some() {
             return None;
@@ -819,7 +849,9 @@ impl<'a> Carrier<'a> {
         let lines = if old.is_empty() { lines } else { old.clone() };
         let mut places = Vec::new();
         for line in lines {
-            let Some(last) = self.view.segments(line).last() else { continue };
+            let Some(last) = self.view.segments(line).last() else {
+                continue;
+            };
             let source = &self.view.sources[last.place.file as usize];
             let name = String::from_utf8_lossy(&source.name);
             places.push(format!("{name}:{}", last.place.line));
@@ -1027,8 +1059,10 @@ fn prove(
         if let Some(line) = wrong {
             let text = "no change of a chapter gives this edit";
             let at = target.and_then(|t| t.at.get(line).copied());
-            let fault = edit_fault(path, at.unwrap_or(line as u32 + 1), text);
-            let help = "make this edit in the chapter, too, and untangle again";
+            let fault =
+                edit_fault(path, at.unwrap_or(line as u32 + 1), text);
+            let help =
+                "make this edit in the chapter, too, and untangle again";
             faults.push(fault.with_help(help));
         }
     }
@@ -1095,10 +1129,10 @@ impl Proof<'_> {
         // Let shared chunks differ where nobody edited them
         let mut origin = vec![None; target.len()];
         let mut line = 0;
-        for (a, b) in hunks(&old, &target).into_iter().chain([(
-            old.len()..old.len(),
-            target.len()..target.len(),
-        )]) {
+        for (a, b) in hunks(&old, &target)
+            .into_iter()
+            .chain([(old.len()..old.len(), target.len()..target.len())])
+        {
             let same = line..b.start;
             let shift = a.start - same.len();
             for (at, old) in same.zip(shift..) {

@@ -100,7 +100,8 @@ impl Watch {
     ) -> Result<(), Vec<Diagnostic>> {
         let project = self.project().map_err(|fault| vec![fault])?;
         let (chapters, _) = project.read_chapters()?;
-        let texts: Vec<&[u8]> = chapters.iter().map(|c| &c.text[..]).collect();
+        let texts: Vec<&[u8]> =
+            chapters.iter().map(|c| &c.text[..]).collect();
         let now = hash(&texts.join(&0));
         if self.tangled.replace(now) == Some(now) {
             return Ok(());
@@ -121,7 +122,8 @@ impl Watch {
         }
         let (time, names) = (from.elapsed().as_millis(), names.join(", "));
         // Nobody is left to tell if standard error is closed.
-        let _ = writeln!(streams.errors, "noweb: {time} ms: tangled {names}");
+        let _ =
+            writeln!(streams.errors, "noweb: {time} ms: tangled {names}");
         self.start(streams);
         Ok(())
     }
@@ -131,10 +133,12 @@ impl Watch {
         let (project, _) = parse_arguments(&self.args).map_err(wrong)?;
         for chapter in &project.chapters {
             let path = project.dir.join(chapter);
-            let parent = path.parent().filter(|p| !p.as_os_str().is_empty());
+            let parent =
+                path.parent().filter(|p| !p.as_os_str().is_empty());
             let dir = parent.unwrap_or(Path::new("."));
             if !self.dirs.contains(dir) {
-                let watched = self.watcher.watch(dir, RecursiveMode::NonRecursive);
+                let watched =
+                    self.watcher.watch(dir, RecursiveMode::NonRecursive);
                 watched.map_err(|e| {
                     wrong(format!("cannot watch {}: {e}", dir.display()))
                 })?;

@@ -383,7 +383,8 @@ fn a_tab_that_tangling_would_expand_is_refused() {
 #[test]
 fn an_emptied_chunk_is_refused() {
     // Its use would leave a blank line.
-    let edit = (MAIN_RS, "        count();\n\n        count_again();\n", "");
+    let edit =
+        (MAIN_RS, "        count();\n\n        count_again();\n", "");
     let said = "src/main.rs:10:1: error: no change of a chapter gives this";
     is_refused(&[edit], said);
 }
