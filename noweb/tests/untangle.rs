@@ -801,7 +801,7 @@ fn round_trip(
     fs::write(&file, &wanted).expect("an edited file");
     let result = project.untangle(false);
     let left = fs::read(&file).expect("the file");
-    let [left, wanted] = [left, wanted].map(|t| String::from_utf8(t));
+    let [left, wanted] = [left, wanted].map(String::from_utf8);
     assert_eq!(left, wanted, "{before}");
     if result.is_err() {
         assert_eq!(scratch.read(".tangled"), record);
