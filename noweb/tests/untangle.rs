@@ -597,9 +597,15 @@ fn model((chunks, uses, tabs): &Seeds) -> Model {
         })
         .collect();
     // A blank line at the end of a chunk is one with what follows it.
-    for line in model.iter_mut().filter_map(|c| c.last_mut()?.last_mut()) {
-        if *line == Line::Text(String::new()) {
+    let blank = Line::Text(String::new());
+    for chunk in &mut model {
+        let last = chunk.last_mut().and_then(|lines| lines.last_mut());
+        if let Some(line) = last.filter(|line| **line == blank) {
             *line = Line::Text("end".into());
+        }
+        // And one at its beginning is indented.
+        if let Some(line) = chunk[0].first_mut().filter(|l| **l == blank) {
+            *line = Line::Text("begin".into());
         }
     }
     // The last chunk is used twice.
@@ -617,7 +623,11 @@ fn model((chunks, uses, tabs): &Seeds) -> Model {
             let used = format!("a{k} = <<{}>> + b{k};", name(chunk));
             put(&mut model[user], at, line, Line::Inline(used));
         } else {
-            let blank = ["", "  ", "    ", "        "][*how as usize / 64];
+            // In a Makefile eight spaces and a tab would be the same.
+            let blank = match tabs {
+                true => ["", "\t"][*how as usize / 128],
+                false => ["", "  ", "    ", "       "][*how as usize / 64],
+            };
             let used = format!("{blank}<<{}>>", name(chunk));
             put(&mut model[user], at, line, Line::Alone(used));
         }
@@ -700,7 +710,7 @@ fn make(model: &mut Model, edit: &Edit, number: usize, tabs: bool) -> bool {
             }
             lines.insert(line, Line::Text(fresh));
         }
-        (1, Line::Text(_)) if several => {
+        (1, Line::Text(text)) if several && !text.is_empty() => {
             lines.remove(line);
         }
         (2, Line::Text(text)) if !single && !text.is_empty() => {
