@@ -40,8 +40,8 @@ TEX_NEEDS = memoir.cls lmodern.sty microtype.sty booktabs.sty pgfplots.sty \
 TEX_INSTALL = apt-get install --no-install-recommends texlive-latex-base \
   texlive-latex-recommended texlive-pictures lmodern latexmk
 
-.PHONY: help bin demo test clippy pdf check prose boot chunk measure stability \
-  stability-full clean check-tex
+.PHONY: help bin demo test clippy pdf check prose boot chunk untangle watch \
+  measure stability stability-full clean check-tex
 .DELETE_ON_ERROR:
 
 help:
@@ -53,6 +53,8 @@ help:
 	@echo 'make check   formatting, lints, and whether src/ is what the book says'
 	@echo 'make prose   spelling of the chapters, sizes of chunks (needs hunspell)'
 	@echo 'make boot    rebuild the tool noweb from its own chapters'
+	@echo 'make untangle  carry edits made under src/ back into the chapters'
+	@echo 'make watch   tangle and compile whenever a chapter is saved'
 	@echo 'make chunk   list the root chunks; CHUNK="..." shows one chunk, expanded'
 	@echo 'make measure repeat the measurements that the book prints'
 	@echo 'make stability  stiff and extreme cases, ten minutes; stability-full: hours'
@@ -520,6 +522,18 @@ check: $(NOWEB)
 # Spelling, slips and sizes of chunks, over all chapters.
 prose:
 	@doc/prose
+
+# ---- editing
+
+# Edits of tangled files go home; make boot then builds the tool from its own.
+untangle: $(NOWEB)
+	$(NOWEB) untangle --except noweb/ --record src/.tangled $(WEB)
+	$(NOWEB) untangle --only noweb/ --record noweb/.tangled $(WEB)
+
+# The list of chapters is read from the master on each save.
+watch: $(NOWEB)
+	$(NOWEB) watch --except noweb/ --record src/.tangled \
+	  --master litpt.nw -- $(MAP) $(CARGO) check --bins $(JSON)
 
 # ---- the tool
 
