@@ -21,6 +21,11 @@ COMPILED := $(CARGO_TARGET_DIR)/$(if $(PROFILE_$(BUILD_TYPE)),release,debug)
 
 NOWEB := $(CARGO_TARGET_DIR)/release/noweb
 NOWEB_SOURCES := Cargo.toml noweb/Cargo.toml $(wildcard noweb/src/*.rs)
+# What cargo, the compiler and the tests say is shown at the chapters. The tool
+# runs the command, translates what it says, and ends with its status.
+MAP = $(NOWEB) map --master litpt.nw --
+JSON = --message-format=json-diagnostic-rendered-ansi
+
 SOURCES := src/.tangled $(NOWEB_SOURCES) config.mk build.rs \
   $(wildcard Cargo.lock src/*.rs src/*/*.rs)
 
@@ -34,7 +39,7 @@ TEX_NEEDS = memoir.cls lmodern.sty microtype.sty booktabs.sty pgfplots.sty
 TEX_INSTALL = apt-get install --no-install-recommends texlive-latex-base \
   texlive-latex-recommended texlive-pictures lmodern latexmk
 
-.PHONY: help bin demo test pdf check boot chunk measure stability \
+.PHONY: help bin demo test clippy pdf check prose boot chunk measure stability \
   stability-full clean check-tex
 .DELETE_ON_ERROR:
 
@@ -43,7 +48,9 @@ help:
 	@echo 'make test    run all tests (needs Rust and make only)'
 	@echo 'make pdf     make the book, $(BUILD_DIR)/litpt.pdf (needs LaTeX)'
 	@echo 'make bin     build the programs, $(BUILD_DIR)/pt and $(BUILD_DIR)/ptimg'
+	@echo 'make clippy  lints alone'
 	@echo 'make check   formatting, lints, and whether src/ is what the book says'
+	@echo 'make prose   spelling of the chapters, sizes of chunks (needs hunspell)'
 	@echo 'make boot    rebuild the tool noweb from its own chapters'
 	@echo 'make chunk   list the root chunks; CHUNK="..." shows one chunk, expanded'
 	@echo 'make measure repeat the measurements that the book prints'
@@ -69,7 +76,7 @@ src/.tangled: $(BUILD_DIR)/tangled.stamp
 NAMES = pt ptimg courtyard closed_forms calibration anatomy
 PROGRAMS := $(BUILD_DIR)/$(BUILD_TYPE).stamp
 $(PROGRAMS): $(SOURCES)
-	$(CARGO) build $(PROFILE_$(BUILD_TYPE)) --bins
+	$(MAP) $(CARGO) build $(PROFILE_$(BUILD_TYPE)) --bins $(JSON)
 	@mkdir -p $(BUILD_DIR)
 	@rm -f $(BUILD_DIR)/Release.stamp $(BUILD_DIR)/Debug.stamp
 	@for program in $(NAMES); do \
@@ -92,7 +99,10 @@ $(BUILD_DIR)/courtyard.obj: $(BUILD_DIR)/courtyard
 $(BUILD_DIR)/figures/courtyard.png: $(BUILD_DIR)/pt $(BUILD_DIR)/courtyard.obj
 	@mkdir -p $(@D)
 	$(BUILD_DIR)/pt $(CAMERA) $(FIGURE) -r 0.8 \
-	  -i $(BUILD_DIR)/courtyard.obj -o $@ -f
+	  -i $(BUILD_DIR)/courtyard.obj -o $@ -f --report $(@:png=json)
+
+$(BUILD_DIR)/figures/courtyard.json: $(BUILD_DIR)/figures/courtyard.png
+	@test -e $@ || { rm -f $<; $(MAKE) --no-print-directory $<; }
 
 demo: $(BUILD_DIR)/pt $(BUILD_DIR)/courtyard.obj
 	$(BUILD_DIR)/pt $(CAMERA) $(DEMO) -r 0.8 \
@@ -103,8 +113,12 @@ demo: $(BUILD_DIR)/pt $(BUILD_DIR)/courtyard.obj
 
 # ---- the book
 
+# If there is a tool that can, it shows the errors of its own next version.
 $(NOWEB): $(NOWEB_SOURCES)
-	$(CARGO) build --release -p noweb
+	@echo '$(CARGO) build --release -p noweb'
+	@if $(NOWEB) map --master litpt.nw < /dev/null > /dev/null 2>&1; \
+	then $(MAP) $(CARGO) build --release -p noweb $(JSON); \
+	else $(CARGO) build --release -p noweb; fi
 	@touch $@
 
 # Known answers and those of the program, for the chapter on tests.
@@ -139,9 +153,62 @@ $(BUILD_DIR)/tables/curve.csv: $(BUILD_DIR)/pt $(BUILD_DIR)/courtyard.obj
 $(BUILD_DIR)/tables/%.tex: doc/measured/%.csv
 	@mkdir -p $(@D)
 	awk -F, -v OFS=' & ' -v most=$(or $(COLUMNS_$*),99) ' \
-	  /^#/ { sub(/^# */, ""); print > "$(@D)/$*-machine.tex"; next } \
+	  /^#/ { sub(/^# */, ""); print $$0 "%" > "$(@D)/$*-machine.tex"; next } \
 	  !head++ { next } \
 	  { if (NF > most) NF = most; $$1 = $$1; print $$0 " \\\\" }' $< > $@
+
+# All entries of these files by name, for the numbers in the text. A row is named
+# by its first field, or by those named here, with a slash between them; an empty
+# field repeats the one above.
+ROWS_ablation = scene fact
+ROWS_bench = scene threads
+ROWS_leaks = surface rays number
+ROWS_qualities = quality instructions
+ROWS_roulettes = scene rule
+ROWS_shapes = width realisations
+ROWS_traversal = scene contender threads
+MEASURED_FILES := $(sort $(wildcard doc/measured/*.csv))
+$(BUILD_DIR)/tables/measured.tex: $(MEASURED_FILES) Makefile
+	@mkdir -p $(@D)
+	@{ $(foreach file,$(MEASURED_FILES),awk -F, \
+	  -v table=$(basename $(notdir $(file))) \
+	  -v rows='$(ROWS_$(basename $(notdir $(file))))' "$$MEASURED_VALUES" \
+	  $(file) &&) true; } > $@
+
+define MEASURED_VALUES
+/^#/ { next }
+!head++ {
+  for (i = 1; i <= NF; i++) { name[i] = $$i; column[$$i] = i }
+  parts = split(rows ? rows : $$1, part, " ")
+  if (!rows) { parts = 1; part[1] = $$1 }
+  next
+}
+{
+  key = ""
+  for (i = 1; i <= parts; i++) {
+    c = column[part[i]]
+    if ($$c == "" && i == 1) $$c = above
+    if (i == 1) above = $$c
+    key = key (i > 1 ? "/" : "") $$c
+  }
+  for (i = 1; i <= NF; i++)
+    printf "\\nwmeasured{%s}{%s}{%s}{%s}%%\n", table, key, name[i], $$i
+}
+endef
+export MEASURED_VALUES
+
+# What the text says about the courtyard and the picture of it.
+COUNT = { wc -lc | awk '{ \
+  printf "\\nwmeasured{file}{$(1)}{lines}{%d}%%\n", $$1; \
+  printf "\\nwmeasured{file}{$(1)}{megabytes}{%f}%%\n", $$2 / 1e6 }'; }
+$(BUILD_DIR)/tables/counted.tex: Makefile \
+  $(BUILD_DIR)/figures/courtyard.json
+	@mkdir -p $(@D)
+	@{ grep '^f' $(BUILD_DIR)/courtyard.obj | $(call COUNT,triangles) && \
+	  grep '^o' $(BUILD_DIR)/courtyard.obj | $(call COUNT,solids) && \
+	  cat $(BUILD_DIR)/courtyard.obj | $(call COUNT,courtyard) && \
+	  sed -n -E 's/^  "(rays|mean|mean_stderr|pixels)": (.*),/\\nwmeasured{picture}{report}{\1}{\2}%/p' \
+	    $(BUILD_DIR)/figures/courtyard.json; } > $@
 
 # Tables that are wider than the page.
 COLUMNS_bench = 8
@@ -150,6 +217,32 @@ COLUMNS_traversal = 6
 $(BUILD_DIR)/tables/%.csv: doc/measured/%.csv
 	@mkdir -p $(@D)
 	grep -v '^#' $< > $@
+
+# What the book says of itself: how much of what is in it, and what the weaving
+# pipeline makes of it.
+STREAMS = $(addprefix $(BUILD_DIR)/,plain.stream resolved.stream)
+$(BUILD_DIR)/tables/numbers.stamp: $(WEB) $(NOWEB) src/.tangled
+	@mkdir -p $(@D)
+	@$(NOWEB) markup $(WEB) > $(BUILD_DIR)/plain.stream
+	@$(NOWEB) finduses < $(BUILD_DIR)/plain.stream | $(NOWEB) noidx -delay \
+	  > $(BUILD_DIR)/resolved.stream
+	@LC_ALL=C awk -v parts=$(@D)/parts.tex -f doc/numbers.awk $(WEB) \
+	  $(STREAMS) $(wildcard src/*.rs src/*/*.rs noweb/src/*.rs tests/*.rs \
+	    tests/*/*.rs noweb/tests/*.rs) > $(@D)/numbers.tex
+	@touch $@
+
+# What the history of the chapters says of them, and how long one waits for
+# what: recorded like the measurements above, on an idle machine.
+.PHONY: history turnaround
+history:
+	{ echo "$(MACHINE)" && python3 doc/history.py; } \
+	  > doc/measured/history.csv.new
+	mv doc/measured/history.csv.new doc/measured/history.csv
+
+turnaround: $(NOWEB) pdf
+	{ echo "$(MACHINE)" && python3 doc/turnaround.py $(NOWEB) $(WEB); } \
+	  > doc/measured/turnaround.csv.new
+	mv doc/measured/turnaround.csv.new doc/measured/turnaround.csv
 
 MACHINE = \# $(shell sed -n 's/^model name.*: //p' /proc/cpuinfo | head -n 1), \
   $(shell nproc) cores, on $(shell date +%Y-%m-%d)
@@ -166,6 +259,9 @@ measure: $(BUILD_DIR)/courtyard.obj
 	    > doc/measured/$$name.csv.new && \
 	  mv doc/measured/$$name.csv.new doc/measured/$$name.csv || exit 1; \
 	done
+	{ echo "$(MACHINE)" && $(CARGO) run --release -p noweb \
+	  --example positions litpt.nw; } > doc/measured/positions.csv.new
+	mv doc/measured/positions.csv.new doc/measured/positions.csv
 
 # ---- stiff and extreme cases
 
@@ -320,6 +416,15 @@ start: bench-tools $(BENCH)/examples.stamp
 	  > $(BENCH)/start.csv
 	@cp $(BENCH)/start.csv doc/measured/start.csv
 
+# What opening the largest chapter costs vim.
+.PHONY: bench-vim
+bench-vim:
+	@mkdir -p $(BENCH)
+	@{ echo '$(MACHINE)' && \
+	  python3 bench/vim.py chapters/markup.nw chapters/totex.nw; } \
+	  > $(BENCH)/editor.csv
+	@cp $(BENCH)/editor.csv doc/measured/editor.csv
+
 # What the tool and the program say, for the chapters on them.
 $(BUILD_DIR)/examples.stamp: $(NOWEB) $(BUILD_DIR)/pt $(BUILD_DIR)/ptimg \
   $(BUILD_DIR)/courtyard.obj $(wildcard doc/examples/*)
@@ -339,9 +444,10 @@ $(BUILD_DIR)/litpt.pdf: $(WEB) $(NOWEB) config.mk \
   $(addprefix $(BUILD_DIR)/tables/,closed-forms.tex qualities.tex \
     leaks.tex origins.tex roulettes.tex stability.tex stability-full.tex robustness.tex \
     ablation.tex layouts.tex habits.tex abreast.tex traversal.tex \
-    bench.tex sizes.csv shapes.tex start.tex repeats.csv \
+    bench.tex sizes.csv shapes.tex start.tex editor.tex repeats.csv \
     accumulators.tex accounting.tex alarms.tex calibration.stamp \
-    anatomy.stamp curve.csv) \
+    numbers.stamp history.tex turnaround.tex positions.tex \
+    anatomy.stamp curve.csv measured.tex counted.tex) \
   $(addprefix doc/,litpt.sty litpt.bib litpt-mono.enc latexmkrc)
 	@mkdir -p $(BUILD_DIR)/tex
 	$(NOWEB) noweave $(NOWEAVE_OPTS) \
@@ -349,19 +455,28 @@ $(BUILD_DIR)/litpt.pdf: $(WEB) $(NOWEB) config.mk \
 	@echo 'latexmk $(BUILD_DIR)/tex/litpt.tex'
 	@latexmk -silent -r doc/latexmkrc $(BUILD_DIR)/tex/litpt.tex \
 	  > $(BUILD_DIR)/tex/latexmk.log 2>&1 || { \
-	  grep -A 4 -E '^[^ ]+:[0-9]+: |^!' $(BUILD_DIR)/tex/litpt.log || \
-	  tail $(BUILD_DIR)/tex/latexmk.log; exit 1; }
+	  grep -A 4 -E '^[^ ]+:[0-9]+: |^!' $(BUILD_DIR)/tex/litpt.log | \
+	  sed "$$PLACES" | grep . || tail $(BUILD_DIR)/tex/latexmk.log; exit 1; }
 	@cp $(BUILD_DIR)/tex/litpt.pdf $@
 	@awk "$$LIST_WARNINGS" $(BUILD_DIR)/tex/litpt.log
 	@echo 'The book lies in $@.'
 
-# The warnings in the log of LaTeX, each with the file that was open.
+# Line n of build/tex/NAME.tex is line n of chapters/NAME.nw.
+PLACES = s,^\(\./\)*\($(BUILD_DIR)/tex/\)*\([^ /:]*\)\.tex:\([0-9]*\):,chapters/\3.nw:\4:,; \
+  s,^chapters/litpt\.nw:,litpt.nw:,
+export PLACES
+
+# The warnings in the log of LaTeX, each with the chapter that was open and
+# the line that the warning names, or the first.
 define LIST_WARNINGS
 match($$0, /\/tex\/[^ ()\/]+\.tex/) {
-  file = substr($$0, RSTART + 5, RLENGTH - 5)
+  name = substr($$0, RSTART + 5, RLENGTH - 9)
+  file = name == "litpt" ? "litpt.nw" : "chapters/" name ".nw"
 }
 /(LaTeX|Package|Class|pdfTeX)[^:]*[Ww]arning|^(Over|Under)full/ {
-  print file ": " $$0; count++
+  line = match($$0, /lines? [0-9]+/) ? substr($$0, RSTART, RLENGTH) : 1
+  sub(/[^0-9]*/, "", line)
+  print file ":" line ": warning: " $$0; count++
 }
 END { print count + 0 " warnings are left in the book" }
 endef
@@ -371,21 +486,39 @@ pdf: check-tex $(BUILD_DIR)/litpt.pdf
 
 # ---- is everything as it should be?
 
-test:
-	$(CARGO) test --workspace
+test: $(NOWEB)
+	$(MAP) $(CARGO) test --workspace $(JSON)
+
+CLIPPY = $(CARGO) clippy --workspace --all-targets $(JSON) -- -D warnings
+clippy: $(NOWEB)
+	$(MAP) $(CLIPPY)
 
 check: $(NOWEB)
-	$(CARGO) fmt --all --check
-	$(CARGO) clippy --workspace --all-targets -- -D warnings
+	$(MAP) $(CARGO) fmt --all --check
+	$(MAP) $(CLIPPY)
 	$(NOWEB) tangle --check --except noweb/ --record src/.tangled $(WEB)
 	$(NOWEB) tangle --check --only noweb/ --record noweb/.tangled $(WEB)
 	git diff --exit-code -- src noweb doc/vim
 	@if command -v python3 > /dev/null; then \
-	  python3 doc/chunk-statistics.py $(CHAPTERS); fi
-	@if command -v vim > /dev/null; then sh doc/vim/test.sh; fi
-	@if test -e $(BUILD_DIR)/litpt.pdf && command -v pdftotext > /dev/null && \
-	  command -v python3 > /dev/null; then \
-	  python3 doc/check-pdf.py $(BUILD_DIR)/litpt.pdf $(CHAPTERS); fi
+	  python3 doc/prose --sizes $(CHAPTERS); fi
+	@if command -v python3 > /dev/null && command -v hunspell > /dev/null; \
+	then sh doc/prose-test.sh; \
+	else echo 'make prose is not tested, for lack of hunspell'; fi
+	@if command -v vim > /dev/null; then sh doc/vim/test.sh; \
+	else echo 'vim is not tested, for lack of it'; fi
+	@if ! command -v python3 > /dev/null; then \
+	  echo 'the book is not checked, for lack of python3'; \
+	elif ! test -e $(BUILD_DIR)/litpt.pdf; then \
+	  python3 doc/check-floats.py $(WEB); \
+	else \
+	  python3 doc/check-floats.py --build $(BUILD_DIR) $(WEB) && \
+	  python3 doc/check-archive.py $(BUILD_DIR)/litpt.pdf && \
+	  { ! command -v pdftotext > /dev/null || \
+	    python3 doc/check-pdf.py $(BUILD_DIR)/litpt.pdf $(CHAPTERS); }; fi
+
+# Spelling, slips and sizes of chunks, over all chapters.
+prose:
+	@doc/prose
 
 # ---- the tool
 

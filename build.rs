@@ -7,10 +7,10 @@
 // the tool are left alone: `make boot` tangles them (an error in the tool's
 // chapters would otherwise leave a build that cannot repair itself).
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use noweb::project::Project;
+use noweb::project::{Project, included};
 
 const MASTER: &str = "litpt.nw";
 
@@ -25,14 +25,8 @@ fn main() -> ExitCode {
 }
 
 fn tangle() -> Result<(), String> {
-    let master = std::fs::read_to_string(MASTER)
+    let chapters = included(Path::new("."), Path::new(MASTER))
         .map_err(|error| format!("{MASTER}: {error}"))?;
-    let name = |line: &str| {
-        let name = line.strip_prefix(r"\include{")?.strip_suffix('}')?;
-        Some(PathBuf::from(format!("chapters/{name}.nw")))
-    };
-    let mut chapters = vec![PathBuf::from(MASTER)];
-    chapters.extend(master.lines().filter_map(name));
     for chapter in &chapters {
         println!("cargo::rerun-if-changed={}", chapter.display());
     }

@@ -36,7 +36,7 @@ tangle() {
   rm -rf "$stage"
   mkdir -p "$stage/noweb"
   cp noweb/Cargo.toml "$stage/noweb/"
-  cp -r noweb/tests "$stage/noweb/"
+  cp -r noweb/tests noweb/.tangled "$stage/noweb/"
   for chapter in $chapters; do
     mkdir -p "$stage/$(dirname "$chapter")"
     cp "$chapter" "$stage/$chapter"
@@ -59,8 +59,7 @@ build() {
 
 # agree STAGE STAGE
 agree() {
-  diff -r -q "$boot/$1/noweb/src" "$boot/$2/noweb/src" >/dev/null &&
-    cmp -s "$boot/$1/noweb/boot.sh" "$boot/$2/noweb/boot.sh"
+  diff -r -q "$boot/$1/noweb" "$boot/$2/noweb" >/dev/null
 }
 
 # Repeat until two stages agree

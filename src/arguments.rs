@@ -140,7 +140,7 @@ pub struct Arguments {
     #[arg(long)]
     pub keep_all: bool,
 
-    /// Look not for this fact, and leave nothing out because of it: dark,
+    /// Do not look for this fact, and leave nothing out because of it: dark,
     /// bare, hidden, black, open or free; may be repeated
     #[arg(long, value_name = "FACT", hide_possible_values = true)]
     pub keep: Vec<Fact>,

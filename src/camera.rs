@@ -46,8 +46,8 @@ impl Camera {
     /// The camera of a view, for images of the ratio width/height.
     ///
     /// # Errors
-    /// A target at the position, an up axis along the view, a field of
-    /// view out of range.
+    /// A vector that is not finite, a target at the position, an up axis
+    /// along the view, a field of view out of range.
     pub fn new(view: &View, aspect: f64) -> Result<Self, ViewError> {
         let &View { position, target, up, fov } = view;
         if !(fov > 0. && fov < 180.) {

@@ -146,8 +146,8 @@ pub fn resume(
     Ok(header.course.into_owned())
 }
 
-/// What the run of a checkpoint has left out, of what matters to
-/// weights. The file is then back at its beginning.
+/// The facts that the run of a checkpoint has found, of those that matter
+/// to weights. The file is then back at its beginning.
 pub fn left_out(file: &mut (impl BufRead + Seek)) -> Vec<String> {
     let mut lines = file.by_ref().split(b'\n').skip(1);
     let line = lines.next().and_then(Result::ok).unwrap_or_default();

@@ -11,7 +11,7 @@
 //! [`solids`] builds the scene and [`write_obj`] writes it. Lengths are in
 //! metres, y points up, the paving is at y = 0 and the origin in the middle
 //! of the court, whose long sides run along x. Every solid is a closed
-//! surface with outward normals (counterclockwise triangles), and shares
+//! surface with outward normals (anticlockwise triangles), and shares
 //! neither a vertex nor a plane of contact with another: where solids meet,
 //! they interpenetrate by a centimetre or more. Only the operations that
 //! IEEE 754 rounds correctly are used (+, -, *, / and square root), so that
@@ -36,7 +36,7 @@ pub struct Solid {
     pub name: String,
     /// Vertices, all different.
     pub vertices: Vec<Point>,
-    /// Indices into `vertices`, counterclockwise seen from outside.
+    /// Indices into `vertices`, anticlockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,
 }
 

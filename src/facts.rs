@@ -21,7 +21,7 @@ use glam::DVec3;
 use serde::Serialize;
 
 use crate::camera::Camera;
-use crate::estimator::{Reference, Silhouette};
+use crate::estimator::{Estimator, Reference, Silhouette};
 use crate::hierarchy::{Hierarchy, Isa};
 use crate::render::{Job, Renderer};
 use crate::scene::{Scene, Triangle};
@@ -68,7 +68,7 @@ impl Fact {
 }
 
 /// The facts by which weights are replaced by their means, and the one
-/// that decides what is there to be seen.
+/// that decides what is there to be in the way.
 const WEIGHTY: [Fact; 3] = [Fact::Bare, Fact::Open, Fact::Hidden];
 
 // Hold what has been found
@@ -91,9 +91,9 @@ pub struct Facts {
     pub findings: Vec<Finding>,
     /// Pixels whose radiance is known.
     pub known: Known,
-    /// What can be seen from each triangle, by its number in the scene.
+    /// What can be seen from each triangle, in the kernel's order.
     outlook: Option<Outlook>,
-    /// The boxes for a outlook, if one is wanted.
+    /// The boxes for an outlook, if one is wanted.
     boxes: Option<Boxes>,
     /// Whether nothing is reflected.
     is_black: bool,
@@ -439,37 +439,20 @@ impl Facts {
     ) -> Box<dyn Renderer + 'a> {
         let &Inquiry { camera, sky, reflectivity, .. } = inquiry;
         let known = &self.known;
+        let job = Job { scene, kernel, camera, estimator: (), known, seed };
         // Ask only whether the sky is seen
         if self.is_black {
-            let estimator = Silhouette { sky };
-            let job = Job { scene, kernel, camera, estimator, known, seed };
-            return Box::new(job);
+            return estimate(job, Silhouette { sky });
         }
         match &self.outlook {
             Some(foresight) => {
                 // Look up what each triangle can see
-                let estimator = Reference { reflectivity, sky, foresight };
-                Box::new(Job {
-                    scene,
-                    kernel,
-                    camera,
-                    estimator,
-                    known,
-                    seed,
-                })
+                estimate(job, Reference { reflectivity, sky, foresight })
             }
             None => {
                 // Trace all rays of a path
-                let estimator =
-                    Reference { reflectivity, sky, foresight: () };
-                Box::new(Job {
-                    scene,
-                    kernel,
-                    camera,
-                    estimator,
-                    known,
-                    seed,
-                })
+                let foresight = ();
+                estimate(job, Reference { reflectivity, sky, foresight })
             }
         }
     }
@@ -518,4 +501,13 @@ impl Inquiry<'_> {
         }
         self.kept.extend(WEIGHTY.into_iter().filter(|fact| !known(fact)));
     }
+}
+
+/// A job with this estimator.
+fn estimate<'a, E: Estimator + 'a>(
+    job: Job<'a, Hierarchy, ()>,
+    estimator: E,
+) -> Box<dyn Renderer + 'a> {
+    let Job { scene, kernel, camera, known, seed, .. } = job;
+    Box::new(Job { scene, kernel, camera, estimator, known, seed })
 }

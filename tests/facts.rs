@@ -374,6 +374,54 @@ fn chests_in_chests_are_hidden_by_the_outermost() {
     assert!(outcome.image.stored() == whole.image.stored());
 }
 
+/// A closed square ring, which has the points with |z| < 1 of which the
+/// greater of |x| and |y| is between 3 and 5.
+fn ring() -> Mesh {
+    let around = [(1., 1.), (-1., 1.), (-1., -1.), (1., -1.)];
+    let section = [(3., -1.), (5., -1.), (5., 1.), (3., 1.)];
+    let vertices = around.iter().flat_map(|(x, y)| {
+        section.map(|(r, z)| DVec3::new(r * x, r * y, z))
+    });
+    let wall = |k: u32| {
+        let (i, j) = (k / 4, k % 4);
+        let at = |i: u32, j: u32| 4 * (i % 4) + j % 4;
+        let (a, b) = (at(i, j), at(i, j + 1));
+        let (c, d) = (at(i + 1, j), at(i + 1, j + 1));
+        [[a, b, c], [b, d, c]]
+    };
+    let triangles = (0..16).flat_map(wall).collect();
+    Mesh { vertices: vertices.collect(), triangles }
+}
+
+/// Whether an octahedron around this point is hidden by the ring. Its
+/// corners are so far from its middle; the first is that towards +x.
+fn is_hidden_by_the_ring(middle: DVec3, size: f64) -> bool {
+    let (mut mesh, part) = (ring(), named("polytope").mesh);
+    let moved = part.vertices.iter().map(|v| *v * size + middle);
+    mesh.vertices.extend(moved);
+    let added = part.triangles.iter().map(|t| t.map(|i| i + 16));
+    mesh.triangles.extend(added);
+    let setting = Setting { mesh, ..named("chest") };
+    let outcome = setting.render(&CLOSED, SMALL, 16, 1);
+    let whole = setting.render(&Fact::ALL, SMALL, 16, 1);
+    assert!(outcome.image.stored() == whole.image.stored());
+    outcome.facts.contains(&"hidden".to_owned())
+}
+
+#[test]
+fn a_part_within_a_ring_is_hidden_and_one_in_its_hole_is_not() {
+    assert!(is_hidden_by_the_ring(DVec3::new(4., 0., 0.), 0.5));
+    assert!(!is_hidden_by_the_ring(DVec3::ZERO, 0.5));
+}
+
+/// The first corner is inside, and the box of the part in that of the ring.
+#[test]
+fn a_part_that_pierces_a_closed_wall_is_not_hidden() {
+    let middle = DVec3::new(3.2, 0., 0.);
+    assert!(is_hidden_by_the_ring(middle + 0.8 * DVec3::X, 0.9));
+    assert!(!is_hidden_by_the_ring(middle, 0.9));
+}
+
 // ---- the program
 
 /// A closed box around the default camera.

@@ -73,6 +73,24 @@ fn merging_is_the_same_as_adding_to_the_last_bit() {
 }
 
 #[test]
+fn adding_a_weight_many_times_is_adding_it_one_by_one() {
+    for weight in [0., 0.1, 1. / 3., 1., 7e8, 3e-21, -1.] {
+        for n in [0, 1, 2, 3, 4, 7, 1000, 65_537] {
+            let one_by_one = accumulate(std::iter::repeat_n(weight, n));
+            let mut sum = Accumulator::default();
+            sum.add_times(weight, n as u64);
+            assert_eq!(sum.to_bytes(), one_by_one.to_bytes());
+            // The same after other weights.
+            let mut sum = accumulate([0.7, 0.2].into_iter());
+            sum.add_times(weight, n as u64);
+            let all = [0.7, 0.2].into_iter();
+            let all = all.chain(std::iter::repeat_n(weight, n));
+            assert_eq!(sum, accumulate(all));
+        }
+    }
+}
+
+#[test]
 fn a_thousand_million_equal_weights_have_no_variance_at_all() {
     for weight in [0.1, 1. / 3., 0.8f64.powi(9), 1., 1e-20, 12345.6789] {
         let sum = repeated(weight, 1_000_000_000);

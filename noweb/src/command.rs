@@ -19,7 +19,7 @@ use std::process::ExitCode;
 
 use crate::diagnostic::{Diagnostic, Level};
 use crate::web::Web;
-use crate::{Streams, cpif, markup, project, tangle};
+use crate::{Streams, cpif, locate, map, markup, project, tangle};
 // Use the modules that weave
 use crate::{finduses, noidx, noweave, rust_index, split_scope, totex};
 
@@ -32,6 +32,8 @@ type Runner = fn(&[OsString], &mut Streams) -> u8;
 const COMMANDS: &[Command] = &[
     ("tangle", project::run, "write all files of a program"),
     ("check", run_check, "report what looks wrong in a web"),
+    ("where", locate::run, "translate a position, either way"),
+    ("map", map::run, "run a command, its positions translated"),
     ("notangle", tangle::run, "extract one chunk, expanded"),
     ("noroots", run_noroots, "list the chunks that none uses"),
     ("markup", markup::run, "turn a web into a stream"),

@@ -73,6 +73,26 @@ impl Source {
             excerpt: line.map(|l| String::from_utf8_lossy(l).into()),
         }
     }
+
+    /// The column in bytes of a column in characters, both from 1.
+    pub fn byte_column(&self, line: u32, column: u32) -> u32 {
+        let line = self.line(line).unwrap_or(b"");
+        let begins = |(_, b): &(usize, &u8)| **b & 0xc0 != 0x80;
+        let starts = line.iter().enumerate().filter(begins).map(|(i, _)| i);
+        let mut starts = starts.chain([line.len()]);
+        let before = column.saturating_sub(1) as usize;
+        starts.nth(before).unwrap_or(line.len()) as u32 + 1
+    }
+
+    /// How many bytes of the whole text stand before a place.
+    pub fn offset(&self, place: Place) -> usize {
+        let index = place.line.saturating_sub(1) as usize;
+        let Some(start) = self.starts.get(index) else {
+            return self.text.len();
+        };
+        let length = self.line(place.line).map_or(0, <[u8]>::len);
+        start + length.min(place.column.saturating_sub(1) as usize)
+    }
 }
 
 // Define a diagnostic and its levels

@@ -13,14 +13,18 @@
 //! lines, then tokens ([`markup`]), then a web of chunks ([`web`]), then
 //! either tangled text with its position map ([`tangle`]) or an annotated
 //! stream that is woven. [`project`] writes the files of a program.
+//! [`locate`] and [`map`] lead from the program back to the chapters.
 //! Text is bytes throughout, for the prose may be in any encoding.
 
 pub mod command;
 pub mod cpif;
 pub mod diagnostic;
 pub mod filter;
+pub mod locate;
+pub mod map;
 pub mod markup;
 pub mod project;
+pub mod rustc;
 pub mod tangle;
 pub mod web;
 

@@ -44,6 +44,22 @@ pub struct Project {
     pub except: Vec<String>,
 }
 
+/// A master and, in their order, the chapters that it includes.
+///
+/// # Errors
+///
+/// A master that cannot be read.
+pub fn included(dir: &Path, master: &Path) -> io::Result<Vec<PathBuf>> {
+    let text = fs::read_to_string(dir.join(master))?;
+    let beside = master.with_file_name("chapters");
+    let chapter = |line: &str| {
+        let name = line.strip_prefix(r"\include{")?.split_once('}')?.0;
+        Some(beside.join(format!("{name}.nw")))
+    };
+    let chapters = text.lines().filter_map(chapter);
+    Ok(std::iter::once(master.to_owned()).chain(chapters).collect())
+}
+
 /// A file of the program.
 #[derive(Clone, Debug)]
 pub struct Output {
@@ -69,6 +85,17 @@ pub struct Plan {
     record: Record,
 }
 
+/// The files of a program in memory.
+#[derive(Clone, Debug)]
+pub struct Expansion {
+    /// The chapters, and the chunks in them.
+    pub web: Web,
+    /// The path of each file, with its text and map.
+    pub files: Vec<(PathBuf, Tangled)>,
+    /// When each chapter was modified.
+    times: Vec<SystemTime>,
+}
+
 // Recognise the chunks that are files
 /// Is the name of a chunk the path of a file?
 ///
@@ -91,7 +118,7 @@ fn keeps_tabs(path: &Path) -> bool {
 pub(crate) fn comment_leader(path: &Path) -> Option<&'static str> {
     match path.extension().and_then(OsStr::to_str) {
         Some("rs") => Some("// "),
-        None | Some("sh" | "toml" | "mk" | "py") => Some("# "),
+        None | Some("sh" | "toml" | "mk" | "py" | "awk") => Some("# "),
         Some("vim") => Some("\" "),
         Some(_) => None,
     }
@@ -132,13 +159,12 @@ fn format_record(record: &Record) -> Vec<u8> {
 // Plan what to write
 impl Project {
     // Plan one step after the other
-    /// What there is to write, without writing it.
+    /// The text of every file, without a look at the disk.
     ///
     /// # Errors
     ///
-    /// Chapters that cannot be read, everything that is wrong in them,
-    /// and files that someone edited by hand.
-    pub fn plan(&self) -> Result<Plan, Vec<Diagnostic>> {
+    /// Chapters that cannot be read, and everything that is wrong in them.
+    pub fn expand(&self) -> Result<Expansion, Vec<Diagnostic>> {
         let (sources, times) = self.read_chapters()?;
         let (web, mut faults) = Web::read(sources.clone(), 8);
         // Read the web with tabs if needed
@@ -147,10 +173,9 @@ impl Project {
         } else {
             Web::default()
         };
-        let record = self.read_record();
-        let mut plan = Plan { record, ..Plan::default() };
+        let mut files = Vec::new();
         for chunk in &web.chunks {
-            // Plan the file of this chunk
+            // Expand the file of this chunk
             let name = &chunk.name[..];
             if web.uses.contains_key(name) || !self.covers(name) {
                 continue;
@@ -161,13 +186,30 @@ impl Project {
             let comment = comment_leader(path);
             let layout = Layout { tab, comment, directive: None };
             match tangle(web, &[name], &layout) {
-                Ok(tangled) => {
-                    let output = self.compare(path, tangled, &times);
-                    faults.extend(self.refuse(&output, web, &plan.record));
-                    plan.outputs.push(output);
-                }
+                Ok(tangled) => files.push((path.to_owned(), tangled)),
                 Err(more) => faults.extend(more),
             }
+        }
+        match faults.is_empty() {
+            true => Ok(Expansion { web, files, times }),
+            false => Err(faults),
+        }
+    }
+
+    /// What there is to write, without writing it.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Project::expand`], and files that someone edited by hand.
+    pub fn plan(&self) -> Result<Plan, Vec<Diagnostic>> {
+        let Expansion { web, files, times } = self.expand()?;
+        let record = self.read_record();
+        let mut plan = Plan { record, ..Plan::default() };
+        let mut faults = Vec::new();
+        for (path, tangled) in files {
+            let output = self.compare(&path, tangled, &times);
+            faults.extend(self.refuse(&output, &web, &plan.record));
+            plan.outputs.push(output);
         }
         self.plan_removals(&mut plan, &mut faults);
         plan.warnings = web.unused(is_file_name);

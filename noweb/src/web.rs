@@ -18,6 +18,7 @@ use crate::diagnostic::{Diagnostic, Level, Place, Position, Source};
 use crate::markup::{
     Kind, Lexeme, Token, mark_up, parse_token, split_word,
 };
+use crate::stream::lines;
 
 // Define the chunks of a web
 /// One piece of a chunk.
@@ -143,7 +144,7 @@ impl Web {
     /// Reads a stream that filters may have changed.
     pub fn read_stream(stream: &[u8]) -> (Self, Vec<Diagnostic>) {
         let mut reader = StreamReader::default();
-        for line in stream.split(|b| *b == b'\n') {
+        for line in lines(stream) {
             reader.read_line(line);
         }
         reader.finish();

@@ -76,14 +76,6 @@ impl Outlook {
         Self { cones: numbers.par_iter().map(both).collect() }
     }
 
-    // Count the sides that are open
-    /// The share of triangles that have an open side.
-    pub fn open_share(&self) -> f64 {
-        let is_open = |sides: &&[Cone; 2]| sides.contains(&Cone::OPEN);
-        let open = self.cones.iter().filter(is_open).count();
-        open as f64 / self.cones.len().max(1) as f64
-    }
-
     // Forget a part of what was found
     /// Lets no side be open; rays from there are still free.
     pub fn keep_open(&mut self) {

@@ -9,38 +9,63 @@
 if exists('b:current_syntax')
   finish
 endif
-let s:code = get(g:, 'noweb_language', 'rust')
-let s:prose = get(g:, 'noweb_backend', 'tex')
-let s:fold = get(g:, 'noweb_fold_code', 0)
 
-" Load the syntax of prose and code
-execute 'runtime! syntax/' . s:prose . '.vim'
+" Load the syntax of the prose
+execute 'runtime! syntax/' . get(g:, 'noweb_backend', 'tex') . '.vim'
 unlet! b:current_syntax
-execute 'syntax include @nowebCode syntax/' . s:code . '.vim'
-unlet! b:current_syntax
-" Paint the chunks as code
-execute 'syntax region nowebChunk matchgroup=nowebDefinition'
-      \ 'start=/^<<.*>>=\s*$/'
-      \ 'end=/^@\ze\%(\s\|$\)/ end=/^\ze<<.*>>=\s*$/'
-      \ 'keepend contains=@nowebCode,nowebUse'
-      \ 'containedin=@texFoldGroup,@texMathZones'
-      \ s:fold ? 'fold' : ''
-if s:fold
-  setlocal foldmethod=syntax
-endif
-syntax sync fromstart
+syntax cluster nowebInProse contains=nowebQuote,nowebEscape
+for s:group in ['Fold', 'Match', 'Style', 'Bold', 'Ital', 'Cmd', 'MathZone']
+  execute 'syntax cluster tex' . s:group . 'Group add=@nowebInProse'
+endfor
+
+" Paint chunks in one language
+let s:starts = []
+syntax cluster nowebAnyCode contains=nowebUse
+
+function! s:PaintChunks(language, names) abort
+  let [code, chunk] = ['nowebCode_' . a:language, 'nowebChunk_' . a:language]
+  execute 'syntax include @' . code 'syntax/' . a:language . '.vim'
+  unlet! b:current_syntax
+  execute 'syntax cluster nowebAnyCode add=@' . code
+  execute 'syntax cluster nowebInProse add=' . chunk
+  let start = '/^<<' . a:names . '>>=\s*$/'
+  call add(s:starts, chunk . ' ' . start)
+  execute 'syntax region' chunk 'matchgroup=nowebDefinition'
+        \ 'start=' . start
+        \ 'end=/^@\ze\%(\s\|$\)/ end=/^\ze<<.*>>=\s*$/'
+        \ 'keepend contains=nowebUse,@' . code
+endfunction
+
+" Paint each chunk in its language
+let s:language = get(g:, 'noweb_language', 'rust')
+let b:noweb_languages = noweb#Languages(s:language)
+call s:PaintChunks(s:language, '.*')
+for [s:other, s:names] in items(b:noweb_languages)
+  call s:PaintChunks(s:other, '\%(\V' . join(map(copy(s:names),
+        \ {_, name -> escape(name, '\/')}), '\|') . '\m\)')
+endfor
+
+" Begin to paint at an end of a chunk
+syntax sync clear
+syntax sync match nowebSync grouphere NONE /^@\%(\s\|$\)/
+for s:start in s:starts
+  execute 'syntax sync match nowebSync grouphere' s:start
+endfor
+syntax sync maxlines=1000
+
 " Paint quoted code and uses
-syntax region nowebQuote matchgroup=nowebBracket
-      \ start=/@\@1<!\[\[/ end=/\]\]\]\@!/ keepend
-      \ contains=@nowebCode,nowebUse
-      \ containedin=@texFoldGroup,@texMatchGroup,@texCmdGroup
+execute 'syntax region nowebQuote matchgroup=nowebBracket'
+      \ 'start=/@\@1<!\[\[/ end=/\]\]\]\@!/ keepend'
+      \ 'contains=nowebUse,@nowebCode_' . s:language
 syntax match nowebUse /@\@1<!<<.\{-}>>/
-      \ contained containedin=@nowebCode
-syntax match nowebEscape /@<<\|@>>\|^@@/
-      \ contained containedin=@nowebCode
+      \ contained containedin=@nowebAnyCode
+syntax match nowebEscape /@<<\|@>>\|@\[\[\|@\]\]\|^@@/
+      \ containedin=@nowebAnyCode
+
 " Choose colours by their meaning
 highlight default link nowebDefinition Identifier
 highlight default link nowebUse Identifier
 highlight default link nowebBracket Delimiter
 highlight default link nowebEscape SpecialChar
+
 let b:current_syntax = 'noweb'

@@ -1,0 +1,822 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The answers to the book's exercises, from the estimator to the report,
+//! with each number that their text states.
+
+mod common;
+
+// Name what the answers import
+use std::collections::BTreeMap;
+use std::io::Cursor;
+use std::ops::Range;
+
+use glam::{DVec3, Vec3};
+use litpt::facts::bare::{BareTiles, Known};
+use litpt::facts::{Facts, Inquiry, boxes::*, enclosed::*, outlook::*};
+use litpt::output::Place;
+use litpt::report::Fit;
+use litpt::{camera::*, checkpoint::*, closed_forms::*, course::*};
+use litpt::{compare::compare, compare::merge::merge, estimator::*};
+use litpt::{hierarchy::*, image::*, picture::*, render::*};
+use litpt::{sampling::*, scene::*, sky::*, statistics::*};
+use rand::{Rng, RngExt};
+use serde_json::Value;
+
+// Share a few tools among answers
+/// A number is within some distance of what is printed.
+#[track_caller]
+fn near(value: f64, printed: f64, by: f64) {
+    assert!((value - printed).abs() <= by, "{value}, not {printed}");
+}
+
+/// A cavity of reflectivity `rho` that is open over the share `f`.
+fn sphere(f: f64, rho: f64, rings: u32) -> Setting {
+    let view = look(DVec3::ZERO, DVec3::new(0.3, 0.2, -1.), 20.);
+    Setting::new(&cavity(f, rings), (rho, DVec3::Z), &view, 1.).unwrap()
+}
+
+/// The weights of one pixel.
+fn weigh<E: Estimator>(
+    job: &Job<Hierarchy, E>,
+    realisations: Range<u64>,
+) -> Accumulator {
+    let mut image = Image::new(1, 1);
+    job.pass(&mut image, realisations, &|_| ());
+    *image.pixel(0, 0)
+}
+
+/// A picture with the same error and count, if any, in each pixel.
+fn picture(
+    width: u32,
+    means: Vec<f64>,
+    error: Option<f64>,
+    count: Option<f64>,
+) -> Picture {
+    let all = |x: f64| vec![x; means.len()];
+    let height = means.len() as u32 / width;
+    let (errors, samples) = (error.map(all), count.map(all));
+    let attributes = BTreeMap::new();
+    Picture { width, height, means, errors, samples, attributes }
+}
+
+/// The status of a comparison, and what it complains of.
+fn judge(place: &common::Place, a: &str, b: &str) -> (Option<i32>, String) {
+    let mut command = place.command(env!("CARGO_BIN_EXE_ptimg"));
+    let child = command.args(["diff", a, b]).spawn().unwrap();
+    let run = common::finish(child);
+    (run.status, run.stderr)
+}
+
+/// A run that ends when its error is small enough.
+fn until(error: f64, interrupt: &Interrupt) -> Limits<'_> {
+    Limits {
+        realisations: None,
+        deadline: None,
+        error: Some(error),
+        interrupt,
+        reference: None,
+    }
+}
+
+// Answer the exercises on the estimator
+#[test]
+fn a_path_of_half_reflectivity_brings_one_of_five_weights() {
+    let setting = sphere(0.5, 0.5, 16);
+    let one = |n| weigh(&setting.job(1), n..n + 1).mean();
+    let mut weights: Vec<f64> = (0..500).map(one).collect();
+    weights.sort_by(f64::total_cmp);
+    weights.dedup();
+    assert_eq!(weights, [0., 0.0625, 0.125, 0.25, 0.5]);
+
+    let (closed, mut image) = (sphere(0., 0.5, 16), Image::new(1, 1));
+    let rays = closed.job(1).pass(&mut image, 0..20_000, &|_| ());
+    near(rays as f64 / 20_000., 6., 0.05);
+}
+
+/// The weight of a path that leaves with probability `f` at each bounce,
+/// and goes on with the chance `onward` from the twentieth bounce on.
+fn stiff(f: f64, onward: fn(f64) -> f64, random: &mut impl Rng) -> f64 {
+    let (mut weight, mut n) = (1., 1);
+    while !happens(f, random) {
+        if n >= 20 {
+            let chance = onward(f64::from(n));
+            if !happens(chance, random) {
+                return 0.;
+            }
+            weight /= chance;
+        }
+        n += 1;
+    }
+    weight
+}
+
+#[test]
+fn a_constant_chance_loses_the_light_of_long_paths_and_says_nothing() {
+    // Average the weights of stiff paths
+    let run = |onward| {
+        let mut random = generator(2, 0, 0);
+        let mut sum = Accumulator::default();
+        (0..100_000)
+            .for_each(|_| sum.add(stiff(0.002, onward, &mut random)));
+        (sum.mean(), sum.standard_error())
+    };
+    let (halved, claim) = run(|_| 0.5);
+    near(1. - 0.998f64.powi(37), 0.07, 0.005);
+    assert!(halved < 0.2 && (1. - halved) / claim > 30., "{claim}");
+    let (mean, error) = run(|n| (n / (n + 1.)).powf(1.5));
+    near(error, 0.04, 0.01);
+    near(mean, 1., 4. * error);
+}
+
+/// Adds the sky's light at each hit, of which a share `f` is sky.
+struct Gather {
+    rho: f64,
+    f: f64,
+}
+
+impl Estimator for Gather {
+    type Path = (f64, f64);
+    type Answer = Hit;
+
+    fn begin(&self, _: DVec3) -> (f64, f64) {
+        (1., 0.)
+    }
+
+    // Gather light from hit to hit
+    fn go_on(
+        &self,
+        (weight, light): &mut (f64, f64),
+        hit: Option<Hit>,
+        random: &mut impl Rng,
+    ) -> Step {
+        let Some(hit) = hit else { return Step::End(*light) };
+        *weight *= self.rho;
+        *light += *weight * self.f;
+        let (r, turn) = (random.random(), random.random());
+        let direction = cosine_direction(hit.normal, r, turn);
+        Step::On(Ray { origin: hit.point, direction }, hit.primitive)
+    }
+}
+
+#[test]
+fn gathering_at_every_hit_pays_where_few_hits_matter() {
+    for (rho, mean, found, gathered) in
+        [(0.5, 1. / 3., 0.0317, 0.0079), (0.9, 9. / 11., 0.0113, 0.228)]
+    {
+        let setting = sphere(0.5, rho, 128);
+        // Weigh with the other estimator
+        let Job { scene, kernel, camera, known, seed, .. } = setting.job(1);
+        let estimator = Gather { rho, f: 0.5 };
+        let job = Job { scene, kernel, camera, estimator, known, seed };
+        let own = weigh(&job, 0..20_000);
+        let reference = weigh(&setting.job(1), 0..20_000);
+        near(reference.variance() / found, 1., 0.1);
+        near(own.variance() / gathered, 1., 0.1);
+        near(own.mean(), mean, 4.5 * own.standard_error());
+    }
+}
+
+// Answer the exercises on statistics
+#[test]
+fn ten_weights_know_their_mean_to_a_quarter_of_it() {
+    let mut pixel = Accumulator::default();
+    [0.8, 0.64, 0., 0.8, 0., 0.512, 0.8, 0., 0.64, 0.8]
+        .iter()
+        .for_each(|&weight| pixel.add(weight));
+    near(pixel.mean(), 0.4992, 1e-15);
+    near(pixel.variance(), 0.1277, 5e-5);
+    near(pixel.standard_error(), 0.113, 5e-4);
+    assert_eq!((pixel.variance() / 1e-4).ceil(), 1278.);
+}
+
+#[test]
+fn doubles_lose_a_variance_that_integers_keep() {
+    // Compute a variance with doubles
+    let weights = [1. - 1e-9, 1., 1. + 1e-9];
+    let sum: f64 = weights.iter().sum();
+    let squares: f64 = weights.iter().map(|w| w * w).sum();
+    assert_eq!((3. * squares - sum * sum) / 6., 0.);
+    let mut exact = Accumulator::default();
+    weights.iter().for_each(|&weight| exact.add(weight));
+    near(exact.variance() / 1e-18, 1., 1e-6);
+}
+
+#[test]
+fn weights_up_to_256_can_be_added_until_the_count_is_full() {
+    let full = |weight| {
+        let mut pixel = Accumulator::default();
+        pixel.add_times(weight, u64::MAX);
+        (pixel.mean(), pixel.variance())
+    };
+    assert_eq!(full(256.), (256., 0.));
+    assert_eq!(full(257.).1, f64::INFINITY);
+}
+
+// Answer the exercises on the image
+#[test]
+fn the_curve_jumps_where_quarters_are_missing() {
+    // List the tiles along the curve
+    let corners = |mut image: Image| {
+        let tiles = image.tiles().into_iter();
+        let corner = |(x, y)| (x / SIDE, y / SIDE);
+        tiles.map(|(tile, _)| corner(tile.corner)).collect::<Vec<_>>()
+    };
+    assert_eq!(corners(Image::new(64, 64))[13], (2, 1));
+    let small = [(0, 0), (1, 0), (1, 1), (0, 1), (2, 1), (2, 0)];
+    assert_eq!(corners(Image::new(48, 32)), small);
+}
+
+#[test]
+fn a_pixel_that_has_seen_nothing_is_believed_with_time() {
+    // State the error of a blind pixel
+    let stated = |n: u64| {
+        let mut image = Image::new(5, 5);
+        for (pixel, i) in image.stored_mut().iter_mut().zip(0..) {
+            let ones = if i < 12 { n / 4 } else { 0 };
+            pixel.add_times(1., ones);
+            pixel.add_times(0., n - ones);
+        }
+        image.errors(WORTH)[12]
+    };
+    near(stated(16), 0.0363, 5e-5);
+    near(stated(64), 0.0094, 5e-5);
+}
+
+// Answer the exercises on pictures and files
+#[test]
+fn a_map_of_two_pixels_can_be_written_by_hand() {
+    let picture = picture(1, vec![0.5, 1.], None, None);
+    let mut bytes = vec![];
+    Format::Pfm.write(&picture, &mut bytes).unwrap();
+    near(f64::from(f32::from_bits(0x803f)) * 1e41, 4.6, 0.05);
+    near(f64::from(f32::from_bits(0x3f)) * 1e44, 8.8, 0.05);
+    let numbers = b"\x00\x00\x80\x3f\x00\x00\x00\x3f";
+    assert_eq!(bytes, [&b"Pf\n1 2\n-1.0\n"[..], numbers].concat());
+}
+
+#[test]
+fn a_level_stands_for_an_interval_of_radiances() {
+    let ends = vec![
+        0.12743, 0.12745, 0.13013, 0.13014, //
+        0.57757, 0.57759, 0.58407, 0.58409,
+    ];
+    let mut bytes = vec![];
+    let picture = picture(8, ends, None, None);
+    Format::Pgm.write(&picture, &mut bytes).unwrap();
+    let (_, _, levels) = common::pgm(&bytes);
+    assert_eq!(levels, [99, 100, 100, 101, 199, 200, 200, 201]);
+}
+
+#[cfg(unix)]
+#[test]
+fn a_symbolic_link_leads_to_the_new_file_and_a_hard_link_to_the_old() {
+    let place = common::Place::new();
+    let file = place.path("monday");
+    place.put("monday", "old");
+    std::fs::hard_link(&file, place.path("copy")).unwrap();
+    let link = place.path("latest");
+    std::os::unix::fs::symlink(&file, &link).unwrap();
+    // Write to the link and read all names
+    let output = Place::file(&link, true).unwrap();
+    output.write(&mut |out| out.write_all(b"new")).unwrap();
+    assert!(link.is_symlink());
+    let [latest, monday, copy] =
+        ["latest", "monday", "copy"].map(|name| place.get(name));
+    assert_eq!([latest, monday, copy], [b"new", b"new", b"old"]);
+}
+
+// Answer the exercises on the render
+#[test]
+fn thirty_threads_divide_the_realisations_of_475_tiles() {
+    let tiles = Image::new(400, 300).tiles().len();
+    assert_eq!(tiles, 475);
+    near(8. / tiles as f64, 0.017, 5e-4);
+    assert_eq!([32 * 29 / tiles, 32 * 30 / tiles], [1, 2]);
+}
+
+#[test]
+fn the_same_realisations_twice_claim_less_error_than_there_is() {
+    let setting = sphere(0.5, 0.5, 16);
+    let render = |range| weigh(&setting.job(1), range);
+    let join = |mut a: Accumulator, b| {
+        a.merge(&b);
+        a
+    };
+    let [first, second] = [render(0..4), render(4..8)];
+    assert_eq!(join(first, second), render(0..8));
+    // Join a run with itself
+    let twice = join(first, first);
+    assert_eq!(twice.mean(), first.mean());
+    let gain = twice.standard_error() / first.standard_error();
+    near(gain, 0.65, 0.005);
+    near(gain, f64::sqrt(3. / 7.), 1e-12);
+}
+
+// Answer the exercises on superfluous work
+/// A horizontal square of `n` by `n` pairs of triangles.
+fn grid(n: u32) -> Mesh {
+    let point =
+        |i| DVec3::new(f64::from(i % (n + 1)), f64::from(i / (n + 1)), 0.);
+    let pair = |i| {
+        let (a, c) =
+            (i / n * (n + 1) + i % n, (i / n + 1) * (n + 1) + i % n);
+        [[a, a + 1, c], [a + 1, c + 1, c]]
+    };
+    let vertices = (0..(n + 1) * (n + 1)).map(point).collect();
+    Mesh { vertices, triangles: (0..n * n).flat_map(pair).collect() }
+}
+
+/// Whether walls and boxes are looked for when this many rays are
+/// expected.
+fn searches(rays: f64) -> [bool; 2] {
+    // Ask about a square seen from above
+    let mut scene = Scene::new(&grid(100));
+    let above = DVec3::new(50.5, 50.2, 90.);
+    let view = look(above, DVec3::new(50., 50., 0.), 40.);
+    let camera = &Camera::new(&view, 640. / 480.).unwrap();
+    let (place, kept) = (scene.place(above), vec![]);
+    let (sky, reflectivity) = (Sky::new(DVec3::Z), 0.5);
+    let definition = (640, 480);
+    let inquiry = Inquiry {
+        camera,
+        place,
+        sky,
+        reflectivity,
+        definition,
+        rays,
+        kept,
+    };
+    let findings = Facts::find(&mut scene, &inquiry).findings;
+    ["hidden", "bare"].map(|fact| {
+        let finding = findings.iter().find(|found| found.fact == fact);
+        !finding.unwrap().why.contains("too long")
+    })
+}
+
+#[test]
+fn six_realisations_afford_less_than_five() {
+    let found = |n| searches(f64::from(n) * 614_400.);
+    assert_eq!(
+        [1, 2, 5].map(found)[..],
+        [[false; 2], [false, true], [false, true]]
+    );
+    assert_eq!([6, 7].map(found), [[true, false], [true, true]]);
+}
+
+/// A cube and an octahedron inside.
+const CHEST: &str = "\
+v -1 -1 -1\nv 1 -1 -1\nv 1 1 -1\nv -1 1 -1\n\
+v -1 -1 1\nv 1 -1 1\nv 1 1 1\nv -1 1 1\n\
+f 1 2 3 4\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n\
+v .5 0 0\nv -.5 0 0\nv 0 .5 0\nv 0 -.5 0\nv 0 0 .5\nv 0 0 -.5\n\
+f 9 11 13\nf 11 10 13\nf 10 12 13\nf 12 9 13\n\
+f 9 11 14\nf 11 10 14\nf 10 12 14\nf 12 9 14\n";
+
+#[test]
+fn a_fact_is_tried_by_leaving_it_out() {
+    let place = common::Place::new();
+    place.put("chest.obj", CHEST);
+    let render = |name: &str, more: &[&str]| {
+        let output = format!("-o{name}");
+        let all = ["-ichest.obj", "-p0,-6,2", "-t0,0,0", "-d32x24", "-n64"];
+        place
+            .run(&[&all[..], &["-r.8", &output], more].concat())
+            .succeeded();
+        place.get(name)
+    };
+    // Compare the renders with and without facts
+    let all = render("all.pfm", &[]);
+    assert_eq!(all, render("whole.pfm", &["--keep=hidden"]));
+    assert_ne!(all, render("paths.pfm", &["--keep=open"]));
+    render("all.exr", &[]);
+    render("paths.exr", &["--keep=open", "-s2"]);
+    assert_eq!(judge(&place, "all.exr", "paths.exr").0, Some(0));
+}
+
+// Answer the exercises on closed surfaces
+#[test]
+fn below_a_common_corner_one_triangle_of_four_is_above() {
+    let [a, b, c, d] = [(-1., -1.), (1., -1.), (1., 1.), (-1., 1.)]
+        .map(|(x, y)| Vec3::new(x, y, 1.));
+    let [lower, right, upper, left] =
+        [(a, b), (b, c), (c, d), (d, a)].map(|(p, q)| [p, q, Vec3::Z]);
+    let ceiling = [lower, right, upper, left];
+    assert_eq!(above(&ceiling, DVec3::ZERO), Some(vec![3]));
+}
+
+/// A cube of n x n squares on each side, from -1 to 1, upright or turned
+/// by 45 degrees.
+fn cube(n: u32, is_turned: bool) -> Vec<Triangle> {
+    let place = |p: [u32; 3]| {
+        // Place a corner of the cube
+        let at = |i| 2. * f64::from(i) / f64::from(n) - 1.;
+        let [x, y, z] = p.map(at);
+        let half = std::f64::consts::FRAC_1_SQRT_2;
+        match is_turned {
+            true => DVec3::new((x - y) * half, (x + y) * half, z),
+            false => DVec3::new(x, y, z),
+        }
+        .as_vec3()
+    };
+    let square = |axis: usize, side: u32, i: u32| {
+        // Cut a square of a face in two
+        let corner = |a, b| {
+            let mut p = [side; 3];
+            p[(axis + 1) % 3] = i / n + a;
+            p[(axis + 2) % 3] = i % n + b;
+            place(p)
+        };
+        let [p, q, r, s] =
+            [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(a, b)| corner(a, b));
+        [[p, q, r], [p, r, s]]
+    };
+    let faces = (0..3).flat_map(|axis| [(axis, 0), (axis, n)]);
+    let squares = faces.flat_map(|f| (0..n * n).map(move |i| (f, i)));
+    squares.flat_map(|((axis, side), i)| square(axis, side, i)).collect()
+}
+
+#[test]
+fn a_lid_of_finer_squares_leaves_a_cube_open() {
+    // Ask whether a point is inside
+    let is_inside = |triangles: &[Triangle]| {
+        let above = above(triangles, DVec3::new(0.3, 0.1, 0.2)).unwrap();
+        !Parts::new(triangles).around(&above).is_empty()
+    };
+    let is_lid = |t: &Triangle| t.iter().all(|corner| corner.z == 1.);
+    let mut mixed = cube(1, false);
+    mixed.retain(|t| !is_lid(t));
+    mixed.extend(cube(2, false).iter().filter(|t| is_lid(t)));
+    assert!(is_inside(&cube(1, false)) && is_inside(&cube(2, false)));
+    assert!(!is_inside(&mixed));
+}
+
+#[test]
+fn a_turned_crate_hides_its_content_from_four_squares_on() {
+    // Make an octahedron from its six corners
+    let axes = |sign: f32| Vec3::AXES.map(|axis| 0.5 * sign * axis);
+    let [[a, b, c], [d, e, f]] = [1., -1.].map(axes);
+    let ring = [(a, b), (b, d), (d, e), (e, a)];
+    let octahedron = ring.map(|(p, q)| [[p, q, c], [p, q, f]]).concat();
+    let is_hidden = |n| {
+        let all = [cube(n, true), octahedron.clone()].concat();
+        let hidden = hidden(&all, &Parts::new(&all));
+        hidden.iter().filter(|&&hidden| hidden).count() == 8
+    };
+    let found = [1, 2, 3, 4, 5, 6, 7].map(is_hidden);
+    assert_eq!(found, [false, true, false, true, true, true, true]);
+}
+
+// Answer the exercises on bare pixels
+/// The tiles of a square image that see none of some triangles, from the
+/// origin in the direction of the y axis.
+fn bare(
+    side: u32,
+    up: DVec3,
+    fov: f64,
+    triangles: &[Triangle],
+) -> BareTiles {
+    let position = DVec3::ZERO;
+    let view = View { position, target: DVec3::Y, up, fov };
+    let camera = Camera::new(&view, 1.).unwrap();
+    let all = (triangles, &Boxes::new(triangles));
+    let definition = (side, side);
+    BareTiles::new(camera, Sky::new(up), definition, position, all)
+}
+
+#[test]
+fn a_rolled_horizon_leaves_four_shares_of_sky() {
+    let angle = 30f64.to_radians();
+    let up = DVec3::new(angle.sin(), 0., angle.cos());
+    let known = Known::Bare(bare(2, up, 60., &[]));
+    let share = |x, y| known.radiance(x, y);
+    assert_eq!([share(0, 0), share(1, 1)], [1., 0.]);
+    let cut = share(1, 0);
+    near(cut, 0.711, 5e-4);
+    near(share(0, 1), 0.289, 5e-4);
+    near(cut * (1. - cut) / 1e-6, 205_000., 500.);
+}
+
+#[test]
+fn a_triangle_in_four_parts_is_seen_by_one_tile_less() {
+    let point = |(r, u)| Vec3::new(r, 4., u);
+    let corners = [(1., 1.), (2.8, 1.), (1., 2.8)];
+    let [a, b, c] = corners.map(point);
+    let [d, e, f] = [(b + c) / 2., (a + c) / 2., (a + b) / 2.];
+    let parts = [[a, f, e], [f, b, d], [e, d, c], [d, e, f]];
+    let count = |t: &[Triangle]| bare(64, DVec3::Z, 90., t).count();
+    assert_eq!(count(&[[a, b, c]]), (16, 12));
+    assert_eq!(count(&parts), (16, 13));
+}
+
+// Answer the exercises on free cones
+/// The share of the reflected rays that are known to be free, of those
+/// that leave the first triangle upwards.
+fn free(triangles: &[Triangle], normal: DVec3) -> f64 {
+    let numbers: Vec<_> = (0..triangles.len() as u32).collect();
+    let boxes = Boxes::new(triangles);
+    let outlook = Outlook::new(&boxes, triangles, &numbers, NARROW);
+    let point = DVec3::ZERO;
+    let hit = Hit { point, normal, primitive: 0, is_clear: true };
+    let is_free = |&i: &u32| {
+        let r = (f64::from(i) + 0.5) / 1e4;
+        outlook.is_free(&hit, cosine_direction(normal, r, 0.1))
+    };
+    (0..10_000).filter(is_free).count() as f64 / 1e4
+}
+
+#[test]
+fn a_wall_at_three_heights_leaves_nine_rays_of_ten() {
+    let point = |[x, y, z]: [f32; 3]| Vec3::new(x, y, z);
+    let tile = [[-1., 0., 0.], [0., -1., 0.], [0., 1., 0.]];
+    let wall = [[3., -9., 0.], [3., 9., 0.], [3., 9., 1.], [3., -9., 1.]];
+    let [p, q, r, s] = wall.map(point);
+    let scene = [tile.map(point), [p, q, r], [p, r, s]];
+    near(free(&scene, DVec3::Z), 0.895, 1e-4);
+}
+
+#[test]
+fn a_valley_keeps_its_cones_up_to_36_degrees() {
+    // Find the share of a valley
+    let share = |degrees: f64| {
+        let (rise, run) = degrees.to_radians().sin_cos();
+        let [front, back] = [-1., 1.].map(|y| DVec3::new(0., y, 0.));
+        let [left, right] =
+            [-run, run].map(|x| DVec3::new(x, 0., rise).as_vec3());
+        let (p, q) = (front.as_vec3(), back.as_vec3());
+        let scene = [[p, right, q], [p, q, left]];
+        free(&scene, DVec3::new(-rise, 0., run))
+    };
+    near(share(30.), 0.24, 0.001);
+    near(share(35.8), 0.086, 0.001);
+    assert_eq!(share(36.), 0.);
+}
+
+// Answer the exercises on running and reporting
+#[test]
+fn an_error_a_quarter_as_large_takes_sixteen_times_as_long() {
+    let time = |(t, e): (f64, f64), goal: f64| t * (e / goal).powi(2);
+    let (first, second) = ((90., 0.02), (30., 0.03));
+    near(time(first, 0.005), 1440., 1e-9);
+    near(time(first, 0.001), 36_000., 1e-9);
+    near(0.03 / f64::sqrt(3.), 0.0173, 5e-5);
+    near(time(second, 0.005) / time(first, 0.005), 0.75, 1e-12);
+    let curve = [0.02, 0.005, 0.001].map(|e| (time(first, e), e));
+    let fit = Fit::of(&curve).unwrap();
+    near(fit.slope, -0.5, 1e-12);
+    near(fit.stderr, 0., 1e-12);
+}
+
+#[test]
+fn the_error_of_the_reference_flattens_the_curve() {
+    let error = |n: f64| (1. / n + 0.0025).sqrt();
+    near(error(400.) / 0.05, 2f64.sqrt(), 1e-12);
+    // Fit a slope to the true error
+    let slope = |steps: &[f64]| {
+        let points = steps.iter().map(|&n| (n, error(n)));
+        Fit::of(&points.collect::<Vec<_>>()).unwrap().slope
+    };
+    near(slope(&[390., 400., 410.]), -0.25, 1e-3);
+    let decade = [100., 160., 250., 400., 630.];
+    let steps = [&decade[..], &decade.map(|n| 10. * n), &[10_000.]];
+    near(slope(&steps.concat()), -0.163, 5e-4);
+}
+
+#[test]
+fn the_end_of_a_run_is_foreseen_with_what_it_may_not_have_seen() {
+    let interrupt = Interrupt::default();
+    let limits = until(0.01, &interrupt);
+    let step = r#"{"spp": 16, "seconds": 1.0, "rays": 1, "rmse": 0.04,
+        "mean": 0.5, "mean_stderr": 0.001}"#;
+    let mut course = Course::default();
+    course.spp = 16;
+    course.steps.push(serde_json::from_str(step).unwrap());
+    assert_eq!(course.expected(&limits, 76_800), 257);
+    let (v, unseen) = (0.0256f64, 12e-4f64);
+    assert_eq!(((v + (v * v + unseen).sqrt()) / 2e-4).ceil(), 344.);
+    assert_eq!(course.expected(&limits, 1), 1000);
+}
+
+#[test]
+fn a_plane_is_believed_to_have_no_noise_after_35_realisations() {
+    let above = look(DVec3::new(0.3, 0.1, 2.), DVec3::ZERO, 20.);
+    let setting = Setting::new(&plane(), (0.5, DVec3::Z), &above, 1.);
+    let (interrupt, setting) = (Interrupt::default(), setting.unwrap());
+    let limits = until(0.001, &interrupt);
+    let (mut image, mut course) = (Image::new(50, 50), Course::default());
+    let job = setting.job(1);
+    let stop =
+        course.run(&job, &mut image, &limits, &|_| (), &mut |_, _| ());
+    assert_eq!((stop, course.spp), (Stop::Error, 35));
+    assert_eq!(image.summary().rmse, 0.);
+}
+
+#[test]
+fn an_edited_checkpoint_is_damaged_and_not_of_another_run() {
+    let subject = |seed: u64| {
+        Subject::from_iter([("seed".to_owned(), Value::from(seed))])
+    };
+    let (course, mut image) = (Course::default(), Image::new(3, 2));
+    let mut file = vec![];
+    save(&subject(0), &course, &image, &mut file).unwrap();
+    let line = file[19..].iter().position(|&b| b == b'\n').unwrap() + 1;
+    assert_eq!(file.len(), 19 + line + 64 * 6 + 32);
+    let mut ask = |file: &[u8]| {
+        resume(&subject(3), &mut image, Cursor::new(file)).unwrap_err()
+    };
+    assert!(ask(&file).ends_with("its seed is 0, not 3"));
+    // Change the seed by hand and ask again
+    let digit = file.windows(7).position(|w| w == b"\"seed\":");
+    file[digit.unwrap() + 7] = b'3';
+    assert_eq!(ask(&file), "is damaged: its checksum is wrong");
+}
+
+// Answer the exercises on comparing pictures
+#[test]
+fn two_pixels_are_compared_by_hand() {
+    let a = picture(1, vec![0.62], Some(0.02), Some(16.));
+    let b = picture(1, vec![0.56], Some(0.03), Some(64.));
+    let gap = compare(&a, &b).unwrap().sum;
+    near(gap.z(), 1.66, 0.005);
+    near(gap.freedom(), 71.8, 0.05);
+}
+
+#[test]
+fn one_pixel_of_a_million_is_noticed_from_5_91_errors_on() {
+    let flat = vec![0.; 1_000_000];
+    let exact = picture(1000, flat.clone(), None, None);
+    // Test one pixel among a million
+    let is_noticed = |z| {
+        let mut means = flat.clone();
+        means[123_456] = z;
+        let noisy = picture(1000, means, Some(1.), None);
+        let scales = compare(&noisy, &exact).unwrap().scales;
+        scales.map(|scale| scale.failed)
+    };
+    let tail = |z: f64| libm::erfc(z / f64::sqrt(2.));
+    near(tail(5.5) / tail(5.91), 11., 0.5);
+    assert_eq!(is_noticed(5.91), [0, 0, 0]);
+    assert_eq!(is_noticed(5.92), [1, 0, 0]);
+}
+
+#[test]
+fn a_bias_that_is_everywhere_shows_in_the_mean_alone() {
+    let all = |x| picture(640, vec![x; 307_200], Some(0.05), None);
+    let failed = |bias| {
+        let difference = compare(&all(0.5 + bias), &all(0.5)).unwrap();
+        difference.scales.map(|scale| scale.failed)
+    };
+    assert_eq!(failed(3.73e-4), [0, 0, 0]);
+    assert_eq!(failed(3.77e-4), [0, 0, 1]);
+    assert_eq!(failed(0.39)[0], 0);
+}
+
+#[test]
+fn runs_that_differ_have_more_error_than_each_of_them_says() {
+    // Give a night its own seed
+    let night = |seed: &str, mean| {
+        let mut run = picture(1, vec![mean], Some(0.1), Some(4.));
+        run.attributes.insert("seed".to_owned(), seed.to_owned());
+        (seed.to_owned(), run)
+    };
+    let both = merge(&[night("1", 0.5), night("2", 0.3)]).unwrap();
+    near(both.means[0], 0.4, 1e-12);
+    near(both.errors.unwrap()[0], 0.0756, 5e-5);
+}
+
+#[test]
+fn a_script_lets_pass_what_has_the_status_zero_and_no_warning() {
+    let place = common::Place::new();
+    let render = |name: &str, rho: &str, seed: &str| {
+        let output = format!("-o{name}");
+        let all = ["-iroom.obj", "-d32x24", "-n64", "-q", rho, seed];
+        place.run(&[&all[..], &[&output]].concat()).succeeded();
+    };
+    render("old.exr", "-r.5", "-s1");
+    render("new.exr", "-r.5", "-s2");
+    render("wrong.exr", "-r.6", "-s3");
+    render("again.exr", "-r.5", "-s1");
+    // Judge the new pictures by the old one
+    let verdict = |file| judge(&place, "old.exr", file);
+    assert_eq!(verdict("new.exr"), (Some(0), String::new()));
+    assert_eq!(verdict("wrong.exr"), (Some(1), String::new()));
+    assert_eq!(verdict("absent.exr").0, Some(2));
+    let (status, warning) = verdict("again.exr");
+    assert_eq!(status, Some(0));
+    assert!(warning.contains("share random numbers"), "{warning}");
+}
+
+// Answer the exercises on tests and extremes
+#[test]
+fn a_ninth_of_a_sphere_lets_out_half_of_the_light() {
+    near(cavity_radiance(0.9, 1. / 9.), 0.5, 1e-15);
+    let pixel = weigh(&sphere(1. / 9., 0.9, 128).job(1), 0..20_000);
+    near(pixel.mean(), 0.5, 4.5 * pixel.standard_error());
+}
+
+#[test]
+fn a_window_of_four_square_metres_is_an_eighth_of_the_light() {
+    let corners = [(1., 1.), (-1., 1.), (-1., -1.), (1., -1.)];
+    let window = corners.map(|(x, y)| DVec3::new(x, y, 3.));
+    let share = polygon_share(DVec3::ZERO, DVec3::Z, &window);
+    near(share, 0.1233, 5e-5);
+    near(4. / (9. * std::f64::consts::PI), 0.141, 5e-4);
+    // Tell whether a direction leaves the room
+    let mut random = generator(1, 0, 0);
+    let mut leaves = |_: &u32| {
+        let (r, turn) = (random.random(), random.random());
+        let p = cosine_direction(DVec3::Z, r, turn);
+        (3. * p / p.z).truncate().abs().max_element() < 1.
+    };
+    let count = (0..100_000).filter(&mut leaves).count();
+    near(count as f64 / 1e5, share, 0.005);
+}
+
+#[test]
+fn uniform_directions_are_noticed_by_slopes_only() {
+    let sky = Sky::new(DVec3::Z);
+    let share = |cosine: f64| {
+        // Count the uniform directions that see the sky
+        let sine = (1. - cosine * cosine).sqrt();
+        let normal = DVec3::new(sine, 0., cosine);
+        let mut random = generator(1, 0, 0);
+        let mut up = |_: &u32| {
+            let (height, turn) = (random.random::<f64>(), random.random());
+            let r = 1. - height * height;
+            sky.radiance(cosine_direction(normal, r, turn)) == 1.
+        };
+        (0..100_000).filter(&mut up).count() as f64 / 1e5
+    };
+    for (cosine, uniform) in
+        [(1., 1.), (0.6, 0.705), (0., 0.5), (-0.6, 0.295), (-1., 0.)]
+    {
+        near(share(cosine), uniform, 0.008);
+        let differs = (sky.share(DVec3::Z * cosine) - uniform).abs() > 0.09;
+        assert_eq!(differs, cosine.abs() == 0.6);
+    }
+}
+
+#[test]
+fn zero_of_four_thousand_million_leaves_room_for_a_share() {
+    let unseen = |n: f64| -libm::expm1(0.05f64.ln() / n);
+    near(unseen(4e9) / 7.5e-10, 1., 0.005);
+    near(unseen(4e9) * 4e9, 2.996, 5e-4);
+    near(0.05f64.ln() / 0.998f64.ln(), 1496., 0.5);
+}
+
+#[test]
+fn far_away_single_precision_has_two_of_nine_places() {
+    let mut places: Vec<f32> =
+        (0..9).map(|i| (1e7 + f64::from(i) / 8.) as f32).collect();
+    places.dedup();
+    assert_eq!(places, [1e7, 1e7 + 1.]);
+    let mut mesh = grid(8);
+    mesh.vertices.iter_mut().for_each(|v| *v *= 0.125);
+    let here = Scene::new(&mesh);
+    mesh.vertices.iter_mut().for_each(|v| *v += 1e7);
+    assert_eq!(Scene::new(&mesh).triangles(), here.triangles());
+}
+
+// Answer the exercises on honest errors
+#[test]
+fn sixteen_rare_weights_cover_the_truth_in_five_cases_of_nine() {
+    let (mut chance, mut covered) = (0.95f64.powi(16), 0.);
+    near(chance, 0.440, 5e-4);
+    for k in 0..16 {
+        // Count the pixel if it covers the truth
+        let mut pixel = Accumulator::default();
+        pixel.add_times(1., k);
+        pixel.add_times(0., 16 - k);
+        let z = (pixel.mean() - 0.05) / pixel.standard_error();
+        if z.abs() <= 1.96 {
+            covered += chance;
+            assert!((1..=4).contains(&k));
+        }
+        chance *= (16 - k) as f64 / (k + 1) as f64 * 0.05 / 0.95;
+    }
+    near(covered, 0.559, 5e-4);
+    near(f64::sqrt(4. * 0.0475 / (16. * 19.)), 0.025, 1e-12);
+}
+
+#[test]
+fn the_natural_rule_loses_its_light_in_two_realisations() {
+    let (mut mean, mut at_once) = (Accumulator::default(), 0);
+    for seed in 0..20_000 {
+        // Toss coins until the rule is satisfied
+        let (mut pixel, mut random) =
+            (Accumulator::default(), generator(7, seed, 0));
+        while pixel.count() < 2 || pixel.standard_error() > 0.02 {
+            let weight = happens(0.05, &mut random);
+            pixel.add(f64::from(u8::from(weight)));
+        }
+        mean.add(pixel.mean());
+        at_once += u32::from(pixel.count() == 2);
+    }
+    near(f64::from(at_once) / 2e4, 0.905, 0.01);
+    near(mean.mean(), 0.0073, 0.002);
+}

@@ -1,0 +1,823 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Answers to the exercises from the introduction to the sampling, one
+//! test for each.
+
+mod common;
+
+// Name what the answers up to sampling import
+use std::collections::BTreeSet;
+use std::f64::consts::FRAC_PI_2;
+use std::fs;
+use std::ops::Range;
+
+use common::{Place, ROOM};
+use glam::{DVec3, Vec3};
+use litpt::camera::{Camera, View};
+use litpt::closed_forms::{Setting, look, pixel};
+use litpt::hierarchy::{Hierarchy, Hit, Isa, Kernel, Quality};
+use litpt::image::Image;
+use litpt::numerics::{cross, exponent, power_of_two, shift, tame};
+use litpt::render::Renderer;
+use litpt::sampling::{cosine_direction, generator, happens, within};
+use litpt::scene::{Mesh, Ray, Scene, Triangle, read_obj, scattered};
+use litpt::sky::Sky;
+use litpt::statistics::Accumulator;
+use rand::RngExt;
+use rand_pcg::Pcg64;
+use serde_json::Value;
+
+// Judge a mean by its standard error
+/// Demands that a mean of `n` realisations of this variance is near
+/// what is expected.
+#[track_caller]
+fn near(mean: f64, expected: f64, variance: f64, n: u32) {
+    let z = (mean - expected) / (variance / f64::from(n)).sqrt();
+    assert!(z.abs() < 5., "{mean}, not {expected}: z = {z}");
+}
+
+// Answer the exercises of the introduction
+/// The modules that the source of a module names.
+fn named_by(module: &str) -> BTreeSet<String> {
+    let path = format!("{}/src/{module}.rs", env!("CARGO_MANIFEST_DIR"));
+    let text = fs::read_to_string(path).unwrap();
+    let names = text.split("crate::").skip(1).map(|rest| {
+        let end = rest.find(|c: char| !c.is_alphanumeric() && c != '_');
+        rest[..end.unwrap()].to_owned()
+    });
+    names.collect()
+}
+
+#[test]
+fn no_room_reaches_back() {
+    let names = |module| Vec::from_iter(named_by(module)).join(" ");
+    assert_eq!(names("estimator"), "hierarchy sampling scene sky");
+    assert_eq!(names("hierarchy"), "scene");
+    assert_eq!(names("scene"), "numerics");
+    assert_eq!(names("image"), "statistics");
+    assert_eq!(names("sky"), "");
+}
+
+#[test]
+fn portions_of_a_chunk_follow_each_other_under_one_comment() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/src/main.rs");
+    let program = fs::read_to_string(path).unwrap();
+    let name = "// Prepare the camera, the sky and the files\n";
+    assert_eq!(program.matches(name).count(), 1);
+    // Find the seam of the two portions
+    let lines: Vec<&str> = program.lines().map(str::trim).collect();
+    let seam = lines.windows(2).filter(|pair| {
+        pair[0] == "let reference = arguments.read_reference()?;"
+            && pair[1].starts_with("let seeds = reference")
+    });
+    assert_eq!(seam.count(), 1);
+}
+
+/// What a path weighs between walls of reflectivity `rho` that see the
+/// sky with probability `s`.
+fn weight(rho: f64, s: f64, random: &mut Pcg64) -> f64 {
+    let mut weight = rho;
+    while !happens(s, random) {
+        weight *= rho;
+    }
+    weight
+}
+
+#[test]
+fn most_light_of_a_gallery_was_reflected_more_than_once() {
+    let (rho, s, n) = (0.8, 0.1, 100_000);
+    let series = |rho: f64| rho * s / (1. - rho * (1. - s));
+    let radiance = series(rho);
+    let once = rho * s / radiance;
+    assert!((radiance - 2. / 7.).abs() < 1e-15);
+    assert!((once - 0.28).abs() < 1e-15);
+    // Follow paths through the gallery
+    let variance = series(rho * rho) - radiance * radiance;
+    assert!((variance - 0.0693).abs() < 5e-5);
+    let mut random = generator(1, 0, 0);
+    let sum: f64 = (0..n).map(|_| weight(rho, s, &mut random)).sum();
+    near(sum / f64::from(n), radiance, variance, n);
+}
+
+// Answer the exercises on the program
+#[test]
+fn the_peak_of_a_run_may_be_its_picture() {
+    let (triangles, pixels) = (4_000_000, 1920 * 1080);
+    let accumulator = size_of::<Accumulator>();
+    assert_eq!((accumulator, size_of::<Triangle>()), (64, 36));
+    let rendering = 62 * triangles + accumulator * pixels;
+    let building = 76 * triangles;
+    let writing = rendering + 24 * pixels;
+    let enough = 88 * pixels / (76 - 62);
+    let quantities = [building, rendering, writing, enough];
+    let millions = quantities.map(|n| (n as f64 / 1e6).round());
+    assert_eq!(millions, [304., 381., 430., 13.]);
+}
+
+#[test]
+fn a_status_tells_a_wrong_call_from_a_failure() {
+    let place = Place::new();
+    let run = |arguments: &str| {
+        let line = format!("-d 4x3 {arguments}");
+        place.run(&line.split(' ').collect::<Vec<_>>())
+    };
+    run("-i room.obj -o a.pgm").succeeded();
+    let image = place.get("a.pgm");
+    run("-i room.obj -o a.pgm").failed(1, &["a.pgm", "-f"]);
+    run("-i room.obj -o b.pgm -n 0").failed(2, &["--realisations"]);
+    // Give the other three commands
+    let blind = "-t 0,0,0 -i nowhere.obj -o b.pgm";
+    run(blind).failed(1, &["own position 0,0,0"]);
+    run("-i nowhere.obj -o b.pgm").failed(1, &["nowhere.obj: cannot"]);
+    run("-i room.obj -o b.pgm --explain").succeeded();
+    place.holds_only(&["a.pgm"]);
+    assert_eq!(place.get("a.pgm"), image);
+}
+
+/// The default view of the program.
+const AHEAD: View = View {
+    position: DVec3::ZERO,
+    target: DVec3::Y,
+    up: DVec3::Z,
+    fov: 70.,
+};
+
+/// The pixels of the room after these passes.
+fn rendered(passes: &[Range<u64>]) -> Vec<Accumulator> {
+    let room = read_obj(ROOM.as_bytes()).unwrap();
+    let light = (0.7, DVec3::Z);
+    let setting = Setting::new(&room, light, &AHEAD, 1.).unwrap();
+    let mut image = Image::new(20, 20);
+    for pass in passes {
+        let job = setting.job(0);
+        job.pass(&mut image, pass.clone(), &|_| ());
+    }
+    image.stored().to_vec()
+}
+
+#[test]
+fn the_order_of_passes_does_not_matter() {
+    let bits = |passes: &[Range<u64>]| -> Vec<[u8; 64]> {
+        rendered(passes).iter().map(Accumulator::to_bytes).collect()
+    };
+    let at_once = bits(&[0..3]);
+    assert!(bits(&[0..1, 1..2, 2..3]) == at_once);
+    assert!(bits(&[2..3, 1..2, 0..1]) == at_once);
+    assert!(bits(&[0..1, 0..1, 2..3]) != at_once);
+}
+
+// Answer the exercises on the arguments
+/// A square wall that fills the view of the program.
+const WALL: &str = "v -1e6 5 -1e6\nv 1e6 5 -1e6\nv 1e6 5 1e6\n\
+                    v -1e6 5 1e6\nf 1 2 3 4\n";
+
+/// The error that a run reports of its image of the wall.
+fn error_of(n: u32) -> f64 {
+    let place = Place::new();
+    place.put("wall.obj", WALL);
+    let n = n.to_string();
+    let scene = ["-iwall.obj", "-r0.5", "-d64x48", "-n", &n];
+    let files = ["--keep-all", "-oa.pgm", "--report", "a.json"];
+    place.run(&[&scene[..], &files].concat()).succeeded();
+    let report: Value =
+        serde_json::from_slice(&place.get("a.json")).unwrap();
+    report["rmse"].as_f64().unwrap()
+}
+
+#[test]
+fn sixteen_times_the_realisations_quarter_the_error() {
+    for (n, expected) in [(16, 1. / 16.), (256, 1. / 64.)] {
+        let ratio = error_of(n) / expected;
+        assert!((ratio - 1.).abs() < 0.005, "{n}: {ratio}");
+    }
+}
+
+#[test]
+fn a_value_that_is_almost_right_is_refused() {
+    let place = Place::new();
+    let status = |option| {
+        let run = place.run(&["-iroom.obj", "--explain", option]);
+        run.status.unwrap()
+    };
+    // Offer values that are almost right
+    for right in ["-d16384x1", "-t-1,.5,1e1", "-F179.999"] {
+        assert_eq!(status(right), 0, "{right}");
+    }
+    for wrong in ["-d+8x6", "-d8e1x60", "-p1,2,3,", "-F180"] {
+        assert_eq!(status(wrong), 2, "{wrong}");
+    }
+    assert_eq!(status("-r1.0000000000000002"), 2);
+    assert_eq!(status("-r1.0000000000000001"), 0);
+}
+
+#[test]
+fn two_of_five_options_change_an_image() {
+    let place = Place::new();
+    place.put("wall.obj", WALL);
+    let image = |option: &str| {
+        let scene = ["-iwall.obj", "-d64x48", "-n2", "-q"];
+        let run = place.run(&[&scene[..], &[option]].concat());
+        run.succeeded();
+        run.stdout
+    };
+    // Compare images with and without an option
+    let plain = image("-F70");
+    assert!(image("-s1") == plain && image("--keep-all") != plain);
+    for option in ["-s1", "-j1", "--isa=portable", "--report=a.json"] {
+        let room = ["-d16x12", "-n2", "-r0.7"];
+        let same = place.render(&[&room[..], &[option]].concat())
+            == place.render(&room);
+        assert_eq!(same, option != "-s1", "{option}");
+    }
+}
+
+// Answer the exercises on numbers
+#[test]
+fn exponents_found_by_hand_are_those_of_the_program() {
+    let smallest = f64::from_bits(1);
+    for (x, e) in [(6.5, 2), (0.1, -4), (smallest, -1074), (0., -1075)] {
+        assert_eq!(exponent(x), e);
+    }
+    let tamed = tame(DVec3::new(3., -20., 0.));
+    assert_eq!(tamed, DVec3::new(0.1875, -1.25, 0.));
+    assert_eq!(power_of_two(-1074), f64::MIN_POSITIVE);
+    assert_eq!(shift(DVec3::X, -1074).x, smallest);
+    assert_eq!(shift(DVec3::X * smallest, 1074).x, 1.);
+}
+
+#[test]
+fn nearly_parallel_vectors_have_a_cross_product() {
+    let epsilon = power_of_two(-30);
+    let u = DVec3::new(1. + epsilon, 1., 0.);
+    let v = DVec3::new(1., 1. - epsilon, 0.);
+    assert_eq!(u.cross(v).z, 0.);
+    assert_eq!(cross(u, v).z, -power_of_two(-60));
+    let angle = cross(u, v).length() / (u.length() * v.length());
+    assert!((angle - 4e-19).abs() < 0.4e-19);
+    let view = View { position: DVec3::ZERO, target: u, up: v, fov: 9. };
+    assert!(Camera::new(&view, 1.).is_ok());
+}
+
+/// The sine of `x` from the first terms of its series.
+fn sine(terms: i32, x: f64) -> f64 {
+    let square = x * x;
+    let next = |sum: f64, k: i32| {
+        1. - sum * square / f64::from(2 * k * (2 * k + 1))
+    };
+    x * (1..terms).rev().fold(1., next)
+}
+
+/// `x` to the power `k`, over k!.
+fn left_out(k: i32, x: f64) -> f64 {
+    (1..=k).map(|j| x / f64::from(j)).product()
+}
+
+#[test]
+fn half_turns_need_eleven_terms() {
+    let enough = |power| left_out(power, FRAC_PI_2) < 1.1e-16;
+    assert_eq!((1..30).find(|n| enough(2 * n + 1)), Some(11));
+    assert_eq!((1..30).find(|n| enough(2 * n)), Some(11));
+    let error = 1. - sine(8, FRAC_PI_2);
+    assert!((error / 6.02e-12 - 1.).abs() < 0.01, "{error:e}");
+    assert!((1. - sine(11, FRAC_PI_2)).abs() < 2.3e-16);
+}
+
+// Answer the exercises on the scene
+#[test]
+fn a_hall_of_300_metres_is_scaled_by_32() {
+    let far = DVec3::new(300., 40., 12.);
+    let vertices = vec![DVec3::ZERO, far, far * DVec3::X];
+    let hall = Mesh { vertices, triangles: vec![[0, 1, 2]] };
+    let scene = Scene::new(&hall);
+    let corner = scene.triangles()[0][1];
+    assert_eq!(corner, Vec3::new(4800., 640., 192.));
+    let metres = f64::from(corner.x.next_up() - corner.x) / 32.;
+    assert_eq!(metres, power_of_two(-16));
+}
+
+/// The text of the room, each coordinate divided, and moved along x.
+fn moved(divisor: f64, by: f64) -> String {
+    let move_line = |line: &str| match line.strip_prefix("v ") {
+        None => format!("{line}\n"),
+        Some(numbers) => {
+            let mut p = numbers
+                .split(' ')
+                .map(|n| n.parse::<f64>().unwrap() / divisor);
+            let mut next = || p.next().unwrap();
+            let (x, y, z) = (next() + by, next(), next());
+            format!("v {x:.1} {y:.1} {z:.1}\n")
+        }
+    };
+    ROOM.lines().map(move_line).collect()
+}
+
+#[test]
+fn ten_million_metres_away_the_room_is_the_same() {
+    let place = Place::new();
+    place.put("far.obj", moved(1., 1e7));
+    let there = ["-ifar.obj", "-p1e7,0,0", "-t1e7,1,0", "-d32x24"];
+    let run = place.run(&there);
+    run.succeeded();
+    assert_eq!(run.stdout, place.render(&["-d32x24"]));
+}
+
+/// The coordinates of all corners in the scene.
+fn placed(text: &str) -> Vec<f32> {
+    let scene = Scene::new(&read_obj(text.as_bytes()).unwrap());
+    let corners = scene.triangles().as_flattened();
+    corners.iter().flat_map(Vec3::to_array).collect()
+}
+
+#[test]
+fn tenths_of_metres_change_at_a_billion_metres() {
+    let near = placed(&moved(10., 0.));
+    let changes = |by| {
+        let far = placed(&moved(10., by));
+        let pairs = near.iter().zip(&far);
+        let moves = pairs.map(|(a, b)| f64::from((a - b).abs()));
+        moves.filter(|&by| by > 0.).collect::<Vec<_>>()
+    };
+    assert!(changes(1e7).is_empty());
+    // Count what changes at a billion metres
+    let changes = changes(1e9);
+    assert_eq!(changes.len(), 12);
+    let most = changes.into_iter().fold(0., f64::max);
+    assert_eq!(most, power_of_two(-11));
+    let mesh = read_obj(moved(10., 1e7).as_bytes()).unwrap();
+    let single = |p: &DVec3| p.as_vec3().x == 1e7;
+    assert!(mesh.vertices.iter().all(single));
+}
+
+#[test]
+fn few_keys_are_equal_by_chance() {
+    let pairs = |n: f64, bits: i32| n * (n - 1.) / 2. * power_of_two(-bits);
+    assert_eq!(pairs(5e6, 35).round(), 364.);
+    assert_eq!((pairs(5e6, 20) / 1e6).round(), 12.);
+    assert_eq!(pairs(power_of_two(20), 35).round(), 16.);
+    // Count equal keys on a grid
+    let digit = |i: u32, k: u32| (i >> (7 * k) & 127) as f32;
+    let corner = |i| Vec3::new(digit(i, 0), digit(i, 1), digit(i, 2));
+    let key = |i| scattered(&corner(i)) >> 29;
+    let mut keys: Vec<u64> = (0..1 << 20).map(key).collect();
+    keys.sort_unstable();
+    let equal = keys.windows(2).filter(|pair| pair[0] == pair[1]);
+    assert!((2..=40).contains(&equal.count()));
+}
+
+// Answer the exercises on the camera
+/// A camera at the origin that looks along y.
+fn camera(fov: f64, aspect: f64) -> Camera {
+    Camera::new(&View { fov, ..AHEAD }, aspect).unwrap()
+}
+
+#[test]
+fn the_top_left_corner_is_to_the_left_and_up() {
+    let camera = camera(90., 4. / 3.);
+    let corner = DVec3::new(-4., 3., 3.) / 34f64.sqrt();
+    assert!(camera.direction(0., 0.).abs_diff_eq(corner, 1e-15));
+    let edge = DVec3::new(0., 1., 1.) / 2f64.sqrt();
+    assert!(camera.direction(0.5, 0.).abs_diff_eq(edge, 1e-15));
+}
+
+#[test]
+fn a_horizontal_field_of_90_degrees_is_a_vertical_one_of_59() {
+    let fov = 2. * libm::atan(9. / 16.).to_degrees();
+    assert!((fov - 58.72).abs() < 0.005);
+    let left = camera(fov, 16. / 9.).direction(0., 0.5);
+    let expected = DVec3::new(-1., 1., 0.) / 2f64.sqrt();
+    assert!(left.abs_diff_eq(expected, 1e-15));
+}
+
+/// The solid angle per area of the image around a point.
+fn density(camera: &Camera, x: f64, y: f64) -> f64 {
+    const SIDE: f64 = 1e-6;
+    let here = camera.direction(x, y);
+    let along_row = camera.direction(x + SIDE, y) - here;
+    let along_column = camera.direction(x, y + SIDE) - here;
+    along_row.cross(along_column).length() / (SIDE * SIDE)
+}
+
+#[test]
+fn a_pixel_in_the_corner_subtends_less() {
+    let ratio = |fov| {
+        let camera = camera(fov, 4. / 3.);
+        density(&camera, 0., 0.) / density(&camera, 0.5, 0.5)
+    };
+    assert!((ratio(70.) - 0.2755).abs() < 1e-4);
+    let tangent = (0.9f64.powf(-2. / 3.) - 1.).sqrt() * 0.6;
+    let most = 2. * tangent.atan().to_degrees();
+    assert!((most - 18.4).abs() < 0.05);
+    assert!((ratio(most) - 0.9).abs() < 1e-4);
+}
+
+// Answer the exercises on the sky
+#[test]
+fn the_longest_component_of_up_is_the_zenith() {
+    let zenith = |x, y, z| Sky::new(DVec3::new(x, y, z)).zenith();
+    assert_eq!(zenith(-3., 2., 1.), -DVec3::X);
+    assert_eq!(zenith(1., 1., 0.5), DVec3::Y);
+    assert_eq!(zenith(0., -1., -1.), -DVec3::Z);
+    assert_eq!(zenith(0.99, 0., 1.), DVec3::Z);
+    assert_eq!(zenith(1., 0., 0.99), DVec3::X);
+}
+
+#[test]
+fn a_steep_roof_sees_three_quarters_of_the_sky() {
+    let normal = DVec3::new(0.75f64.sqrt(), 0., 0.5);
+    assert!((Sky::new(DVec3::Z).share(normal) - 0.75).abs() < 1e-15);
+    // Build a roof of two triangles
+    let along = 1000. * DVec3::new(-0.5, 0., 0.75f64.sqrt());
+    let across = 1000. * DVec3::Y;
+    let (a, b) = (along - across, along + across);
+    let vertices = vec![a, -b, -a, b];
+    let roof = Mesh { vertices, triangles: vec![[0, 1, 2], [0, 2, 3]] };
+    let n = 100_000;
+    let view = look(normal, DVec3::ZERO, 20.);
+    let pixel = pixel(&roof, 0.8, &view, n.into()).unwrap();
+    near(pixel.mean(), 0.6, 0.12, n);
+    assert!((pixel.variance() - 0.12).abs() < 0.002);
+}
+
+#[test]
+fn an_overcast_sky_gives_seven_ninths() {
+    let n = 100_000;
+    let mut random = generator(2, 0, 0);
+    let light = |_| {
+        let (r, turn) = (random.random(), random.random());
+        let direction = cosine_direction(DVec3::Z, r, turn);
+        (1. + 2. * direction.z) / 3.
+    };
+    let sum: f64 = (0..n).map(light).sum();
+    let variance = 4. / 9. * (1. / 2. - 4. / 9.);
+    near(sum / f64::from(n), 7. / 9., variance, n);
+}
+
+// Answer the exercises on meeting triangles
+/// A kernel for triangles in the coordinates of the scene.
+fn kernel(triangles: &[Triangle]) -> Hierarchy {
+    let triangles = triangles.to_vec();
+    Hierarchy::of(triangles, Quality::Medium, Isa::Portable).unwrap()
+}
+
+#[test]
+fn a_ray_meets_a_triangle_where_the_weights_say() {
+    let corners = [[-0.5, -1., 1.], [4., -1., 2.], [3., 3., 4.]];
+    let direction = DVec3::new(1., 0., 2.).normalize();
+    let ray = Ray { origin: DVec3::X, direction };
+    let kernel = kernel(&[corners.map(Vec3::from)]);
+    let hit = kernel.first_hit(&ray, None).unwrap();
+    let point = DVec3::new(33. / 16., 0., 17. / 8.);
+    assert!(hit.point.abs_diff_eq(point, 2. * power_of_two(-34)));
+    let distance = hit.point.distance(ray.origin);
+    assert!((distance - 2.3758).abs() < 5e-5);
+}
+
+#[test]
+fn rounded_products_lose_signs_but_never_exchange_them() {
+    let mut random = generator(3, 0, 0);
+    let mut integer = || i128::from(random.random::<u64>() >> 11);
+    let mut lost = 0;
+    for _ in 0..100_000 {
+        let (a, b) = (integer(), integer());
+        let (c, d) = (a + 1, b - 1);
+        // Compare the sign with the exact one
+        let exact = (a * b - c * d).signum();
+        let rough = a as f64 * b as f64 - c as f64 * d as f64;
+        match rough {
+            0. => lost += 1,
+            _ => assert_eq!(rough.signum(), exact as f64),
+        }
+    }
+    assert!((27_900..29_300).contains(&lost), "{lost}");
+}
+
+/// Möller and Trumbore's test in single precision.
+fn is_met_in_single(ray: &Ray, [a, b, c]: &Triangle) -> bool {
+    let (origin, direction) =
+        (ray.origin.as_vec3(), ray.direction.as_vec3());
+    let (e1, e2, s) = (b - a, c - a, origin - a);
+    let p = direction.cross(e2);
+    let q = s.cross(e1);
+    let scale = 1. / e1.dot(p);
+    let (u, v) = (s.dot(p) * scale, direction.dot(q) * scale);
+    u >= 0. && v >= 0. && u + v <= 1. && e2.dot(q) * scale > 0.
+}
+
+/// The twelve triangles of a cube.
+fn cube() -> Vec<Triangle> {
+    let face = |k: usize| {
+        let corner = |x: f32, y: f32| {
+            let mut p = [x, y, [1., -1.][k / 3]];
+            p.rotate_right(k % 3);
+            3000. * Vec3::from(p)
+        };
+        let [a, b] = [corner(-1., -1.), corner(1., -1.)];
+        let [c, d] = [corner(1., 1.), corner(-1., 1.)];
+        [[a, b, c], [a, c, d]]
+    };
+    (0..6).flat_map(face).collect()
+}
+
+#[test]
+fn rays_aimed_at_edges_escape_in_single_precision_only() {
+    let cube = cube();
+    let kernel = kernel(&cube);
+    let mut random = generator(4, 0, 0);
+    let mut escapes = 0;
+    for i in 0..100_000 {
+        // Aim from inside at a point of an edge
+        let mut inside = || 5000. * random.random::<f64>() - 2500.;
+        let origin = DVec3::new(inside(), inside(), inside());
+        let corners = cube[i % 12].map(|p| p.as_dvec3());
+        let (p, q) = (corners[i / 12 % 3], corners[(i / 12 + 1) % 3]);
+        let aim = p + random.random::<f64>() * (q - p);
+        let ray = Ray { origin, direction: (aim - origin).normalize() };
+        let met = cube.iter().any(|t| is_met_in_single(&ray, t));
+        escapes += u32::from(!met);
+        assert!(kernel.is_blocked(&ray, None));
+    }
+    assert!((2900..3450).contains(&escapes), "{escapes}");
+}
+
+// Answer the exercises on the wide hierarchy
+/// Half the surface of a box of `k` cubes in a row.
+fn half_area(k: u32) -> f64 {
+    f64::from(2 * k + 1)
+}
+
+#[test]
+fn a_chain_costs_more_than_a_balanced_tree() {
+    let leaves = 8. * half_area(1);
+    let cost = |inner: &[u32]| {
+        let sum: f64 = inner.iter().map(|&k| half_area(k)).sum();
+        (leaves + sum) / half_area(8)
+    };
+    let near = |a: f64, b: f64| (a - b).abs() < 0.005;
+    assert!(near(cost(&[8, 4, 4, 2, 2, 2, 2]), 4.65));
+    assert!(near(cost(&[8, 7, 6, 5, 4, 3, 2]), 5.94));
+    assert!(near(cost(&[8]), 2.41));
+    assert_eq!(2. * half_area(4), 18.);
+}
+
+#[test]
+fn twenty_seven_realisations_repay_a_medium_hierarchy() {
+    let rays = f64::from(640 * 480 * 3);
+    let quality =
+        |n: u32| Quality::expecting(1_000_000, f64::from(n) * rays);
+    assert_eq!(quality(26), Quality::Fast);
+    assert_eq!(quality(27), Quality::Medium);
+    assert_eq!(quality(752), Quality::Medium);
+    assert_eq!(quality(753), Quality::Thorough);
+    let lost = f64::from(35 - 26) * rays * 7.5e-9;
+    assert!((lost - 0.06).abs() < 0.005);
+}
+
+/// The least inner area of a forest of at most `most` wide trees with
+/// up to four children, for a balanced tree over `k` cubes.
+fn least(k: u32, most: u32) -> f64 {
+    if k == 1 {
+        return 0.;
+    }
+    let split = |most: u32| {
+        let sides = |a| least(k / 2, a) + least(k / 2, most - a);
+        (1..most).map(sides).fold(f64::INFINITY, f64::min)
+    };
+    let alone = half_area(k) + split(4);
+    split(most).min(alone)
+}
+
+#[test]
+fn the_greedy_cut_is_not_the_best() {
+    let sum = |inner: &[u32]| -> f64 {
+        inner.iter().map(|&k| half_area(k)).sum()
+    };
+    assert_eq!(sum(&[8, 2, 2, 2, 2]), 37.);
+    assert_eq!(sum(&[8, 4, 4]), 35.);
+    assert_eq!(sum(&[8, 2, 4]), 31.);
+    assert_eq!(least(8, 1), 31.);
+}
+
+// Answer the exercises on the walk
+/// Where a ray enters and leaves a box, by the equation of a plane.
+fn slabs(o: Vec3, d: Vec3, low: Vec3, high: Vec3) -> (f32, f32) {
+    let r = 1. / d;
+    let (a, b) = (low * r - o * r, high * r - o * r);
+    (a.min(b).max_element().max(0.), a.max(b).min_element())
+}
+
+#[test]
+fn a_ray_in_the_plane_of_a_box_enters_it() {
+    let o = Vec3::new(-1., 0.5, 0.);
+    let d = Vec3::new(0.8, 0.6, power_of_two(-60) as f32);
+    let high = Vec3::new(4., 2., 1.);
+    let near = |(a, b): (f32, f32)| {
+        (a - 1.25).abs() < 1e-6 && (b - 2.5).abs() < 1e-6
+    };
+    assert!(near(slabs(o, d, Vec3::new(0., 0., -1.), high)));
+    assert!(near(slabs(o, d, Vec3::ZERO, high)));
+    let r = 1. / 0f32;
+    assert!((0. * r - 0. * r).is_nan());
+}
+
+/// The worst displacement of planes in a scene of this size, in units
+/// of the bound.
+fn displacement(size: f64) -> f64 {
+    let mut random = generator(5, 0, 0);
+    let mut worst = 0f64;
+    for _ in 0..1_000_000 {
+        let mut number = || 2. * random.random::<f64>() - 1.;
+        let (b, o, d) = (size * number(), size * number(), number());
+        let (b, r) = (b as f32, 1. / d as f32);
+        let t = b * r - o as f32 * r;
+        let plane = o + f64::from(t) * d;
+        worst = worst.max((plane - f64::from(b)).abs());
+    }
+    worst / (size * 5. * power_of_two(-23))
+}
+
+#[test]
+fn the_padding_is_a_millionth_of_any_scene() {
+    for exponent in [13, 20] {
+        let worst = displacement(power_of_two(exponent));
+        assert!(worst > 0.5 && worst < 1., "{worst}");
+    }
+}
+
+/// Six walls across the x axis, from `x` on, between two heights.
+fn walls(x: f32, low: f32, high: f32) -> impl Iterator<Item = Triangle> {
+    (0..6).map(move |i| {
+        let x = x + 0.1 * i as f32;
+        let top = Vec3::new(x, high, 0.);
+        let (left, right) = (Vec3::new(x, low, -9.), Vec3::new(x, low, 9.));
+        [left, right, top]
+    })
+}
+
+#[test]
+fn the_order_of_an_octant_may_be_wrong_and_the_hit_is_right() {
+    let sum = |x: f64, y: f64| x + y;
+    assert!(sum(0., 10.) > sum(5., 0.));
+    let walls = walls(0., 10., 11.).chain(walls(5., 0., 20.));
+    let kernel = kernel(&walls.collect::<Vec<_>>());
+    let origin = DVec3::new(-1., 10.4, 0.);
+    let direction = DVec3::new(1., 0.01, 0.).normalize();
+    let hit = kernel.first_hit(&Ray { origin, direction }, None);
+    let point = hit.unwrap().point;
+    assert!(point.abs_diff_eq(DVec3::new(0., 10.41, 0.), 1e-9));
+}
+
+// Answer the exercises on the next origin
+#[test]
+fn a_hit_is_less_than_an_atom_above_the_floor() {
+    let vertices = [[0., 0., 0.], [100., 0., 0.], [0., 60., 0.]];
+    let vertices = vertices.map(DVec3::from).to_vec();
+    let hall = Mesh { vertices, triangles: vec![[0, 1, 2]] };
+    let scene = Scene::new(&hall);
+    // Measure the height of a hit in metres
+    let above = scene.place(DVec3::new(20., 20., 30.)).unwrap();
+    let down = DVec3::new(0.1, 0.2, -1.).normalize();
+    let ray = Ray { origin: above, direction: down };
+    let hit = kernel(scene.triangles()).first_hit(&ray, None).unwrap();
+    let floor = scene.place(DVec3::ZERO).unwrap().z;
+    let metres = (hit.point.z - floor) / 128.;
+    assert!((metres - 4.5e-13).abs() < 0.1e-13, "{metres:e}");
+    let lengths = [22, 4, 11].map(|e| power_of_two(-e) / 128.);
+    assert!(lengths < [1.9e-9, 4.9e-4, 3.9e-6]);
+}
+
+/// A closed prism whose cross section is a triangle 2^12 long and 2^-8
+/// high.
+fn wedge() -> Vec<Triangle> {
+    let section = [(0., 0.), (4096., 0.), (4096., 1. / 256.)];
+    let at = |z: f32| section.map(|(x, y)| Vec3::new(x, y, z));
+    let (near, far) = (at(-4096.), at(4096.));
+    let mut sides = vec![near, far];
+    for i in 0..3 {
+        let j = (i + 1) % 3;
+        sides.push([near[i], near[j], far[i]]);
+        sides.push([near[j], far[j], far[i]]);
+    }
+    sides
+}
+
+/// How many of 500 paths leave the wedge, if rays start at `origin`.
+fn escapes(origin: impl Fn(&Hit) -> DVec3) -> usize {
+    let kernel = kernel(&wedge());
+    let mut random = generator(6, 0, 0);
+    let escapes = (0..500).filter(|_| {
+        let x = 4096. * random.random::<f64>();
+        let start = DVec3::new(x, x / 2. * power_of_two(-20), 0.);
+        let (mut at, mut normal, mut from) = (start, DVec3::X, None);
+        (0..100).any(|_| {
+            // Go on to the next wall of the wedge
+            let (r, turn) = (random.random(), random.random());
+            let direction = cosine_direction(normal, r, turn);
+            let ray = Ray { origin: at, direction };
+            let Some(hit) = kernel.first_hit(&ray, from) else {
+                return true;
+            };
+            (at, normal) = (origin(&hit), hit.normal);
+            from = Some(hit.primitive);
+            false
+        })
+    });
+    escapes.count()
+}
+
+#[test]
+fn only_a_fixed_distance_leads_out_of_a_wedge() {
+    let moved =
+        |hit: &Hit| hit.point.as_vec3().as_dvec3() + hit.normal / 512.;
+    let (fixed, ours) = (escapes(moved), escapes(|hit| hit.point));
+    assert!((195..=305).contains(&fixed), "{fixed}");
+    assert_eq!(ours, 0);
+}
+
+#[test]
+fn a_poster_on_a_wall_is_not_met_from_the_wall() {
+    let corner = |x, y| Vec3::new(x, y, 0.);
+    let shape = [corner(-1., -1.), corner(2., -1.), corner(-1., 2.)];
+    let corners = |size: f32| shape.map(|p| p * size);
+    let (wall, poster) = (corners(2000.), corners(300.));
+    let ray = Ray { origin: 500. * DVec3::Z, direction: -DVec3::Z };
+    for triangles in [[wall, poster], [poster, wall]] {
+        let kernel = kernel(&triangles);
+        let hit = kernel.first_hit(&ray, None).unwrap();
+        let number = kernel.numbers()[hit.primitive as usize];
+        assert_eq!(number, 0);
+        // Send rays from the wall to the sky
+        let mut random = generator(7, 0, 0);
+        for i in 0..10_000 {
+            let turn = random.random();
+            let r = if i % 2 == 0 {
+                random.random()
+            } else {
+                1. - 2f64.powi(-53)
+            };
+            let direction = cosine_direction(hit.normal, r, turn);
+            let ray = Ray { origin: hit.point, direction };
+            assert!(!kernel.is_blocked(&ray, Some(hit.primitive)));
+        }
+    }
+}
+
+// Answer the exercises on sampling
+#[test]
+fn one_direction_in_a_hundred_is_flatter_than_six_degrees() {
+    let n = 100_000;
+    let mut random = generator(8, 0, 0);
+    let cosine = |_| {
+        let (r, turn) = (random.random(), random.random());
+        cosine_direction(DVec3::Z, r, turn).z
+    };
+    let cosines: Vec<f64> = (0..n).map(cosine).collect();
+    // Judge the shares of flat directions
+    let share = |least: f64| {
+        let flat = cosines.iter().filter(|&&cosine| cosine < least);
+        flat.count() as f64 / f64::from(n)
+    };
+    near(share(0.5f64.sqrt()), 0.5, 0.25, n);
+    near(share(0.1), 0.01, 0.01 * 0.99, n);
+    let mean = cosines.iter().sum::<f64>() / f64::from(n);
+    near(mean, 2. / 3., 1. / 18., n);
+    assert!((libm::asin(0.1).to_degrees() - 5.74).abs() < 0.005);
+}
+
+#[test]
+fn a_sum_with_the_column_may_be_rounded_to_the_next() {
+    let step = power_of_two(-53);
+    for (x, wrong) in [(0, 0), (1, 1), (2, 2), (1000, 512), (16383, 8192)] {
+        let x = f64::from(x);
+        let rounded = (1..=20_000).filter(|&j| {
+            let u = 1. - f64::from(j) * step;
+            x + u == x + 1.
+        });
+        assert_eq!(rounded.count(), wrong);
+    }
+    // Add up the columns that go wrong
+    let row = (0..14).map(|k| 4f64.powi(k)).sum::<f64>() * step;
+    assert!((row - 9.93e-9).abs() < 0.005e-9);
+    assert!((2. * row * 16384. * 1000. - 0.33).abs() < 0.005);
+    let last = within(16383, 16384, u32::MAX);
+    assert!(last < 1. && within(5, 16384, u32::MAX) < 6. / 16384.);
+}
+
+#[test]
+fn uniform_directions_cost_a_variance_of_a_third() {
+    let (n, mut pixel) = (100_000, Accumulator::default());
+    let mut random = generator(9, 0, 0);
+    for _ in 0..n {
+        let cosine: f64 = random.random();
+        pixel.add(2. * cosine);
+    }
+    near(pixel.mean(), 1., 1. / 3., n);
+    assert!((pixel.variance() - 1. / 3.).abs() < 0.0047);
+    let ten = (4f64 / 3.).powi(10) - 1.;
+    assert!((ten - 16.8).abs() < 0.05);
+}
