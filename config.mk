@@ -17,8 +17,9 @@ BUILD_TYPE = Release
 # tangled by build.rs, with fixed options, because its text is committed.
 NOTANGLE_OPTS =
 
-# Options of noweave: index the identifiers; begin with the author's own first
-# line instead of a preamble; print the commands of the pipeline.
+# Options of noweave: index the identifiers, those of Rust by itself; begin
+# with the author's own first line instead of a preamble; print the commands of
+# the pipeline.
 NOWEAVE_OPTS = -index -autodefs rust -delay -v
 
 # The Rust package manager, and where it keeps what it compiles. It fetches and

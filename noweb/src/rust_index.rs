@@ -281,7 +281,9 @@ impl Program {
         if !text.path.ends_with(".rs") {
             return note_comment_lines(&text, notes);
         }
-        let source = String::from_utf8_lossy(&text.tangled.text);
+        // Bytes would not be counted as in the tangled text.
+        let source = String::from_utf8(text.tangled.text.clone());
+        let Ok(source) = source else { return };
         let tokens = match source.parse::<TokenStream>() {
             Ok(tokens) => tokens,
             Err(e) => {

@@ -63,7 +63,7 @@ fn expand_all(web: &Web) {
 /// Gives bytes as standard input to the commands that are pure filters.
 fn run_all(input: &[u8]) {
     let filters = ["markup", "unmarkup", "nt", "notangle", "noroots"];
-    let weavers = ["finduses", "noidx", "totex"];
+    let weavers = ["finduses", "rustindex", "noidx", "totex"];
     let known: Vec<&str> = noweb::command::names().collect();
     for name in filters.iter().chain(&weavers) {
         if !known.contains(name) {
