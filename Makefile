@@ -35,12 +35,13 @@ CAMERA = -p 12.2,2.4,1.3 -t -12.6,6,-1.2 -u 0,1,0 -F 70
 FIGURE = -d 480x360 -n 64
 DEMO = -d 800x600 -n 48
 
-TEX_NEEDS = memoir.cls lmodern.sty microtype.sty booktabs.sty pgfplots.sty
+TEX_NEEDS = memoir.cls lmodern.sty microtype.sty booktabs.sty pgfplots.sty \
+  bookmark.sty colorprofiles.tex
 TEX_INSTALL = apt-get install --no-install-recommends texlive-latex-base \
   texlive-latex-recommended texlive-pictures lmodern latexmk
 
-.PHONY: help bin demo test clippy pdf check prose boot chunk measure stability \
-  stability-full clean check-tex
+.PHONY: help bin demo test clippy pdf check prose boot chunk untangle watch \
+  measure stability stability-full clean check-tex
 .DELETE_ON_ERROR:
 
 help:
@@ -52,6 +53,8 @@ help:
 	@echo 'make check   formatting, lints, and whether src/ is what the book says'
 	@echo 'make prose   spelling of the chapters, sizes of chunks (needs hunspell)'
 	@echo 'make boot    rebuild the tool noweb from its own chapters'
+	@echo 'make untangle  carry edits made under src/ back into the chapters'
+	@echo 'make watch   tangle and compile whenever a chapter is saved'
 	@echo 'make chunk   list the root chunks; CHUNK="..." shows one chunk, expanded'
 	@echo 'make measure repeat the measurements that the book prints'
 	@echo 'make stability  stiff and extreme cases, ten minutes; stability-full: hours'
@@ -260,8 +263,8 @@ measure: $(BUILD_DIR)/courtyard.obj
 	  mv doc/measured/$$name.csv.new doc/measured/$$name.csv || exit 1; \
 	done
 	{ echo "$(MACHINE)" && $(CARGO) run --release -p noweb \
-	  --example positions litpt.nw; } > doc/measured/positions.csv.new
-	mv doc/measured/positions.csv.new doc/measured/positions.csv
+	  --example positions litpt.nw; } > doc/measured/translation.csv.new
+	mv doc/measured/translation.csv.new doc/measured/translation.csv
 
 # ---- stiff and extreme cases
 
@@ -446,7 +449,7 @@ $(BUILD_DIR)/litpt.pdf: $(WEB) $(NOWEB) config.mk \
     ablation.tex layouts.tex habits.tex abreast.tex traversal.tex \
     bench.tex sizes.csv shapes.tex start.tex editor.tex repeats.csv \
     accumulators.tex accounting.tex alarms.tex calibration.stamp \
-    numbers.stamp history.tex turnaround.tex positions.tex \
+    numbers.stamp history.tex turnaround.tex translation.tex \
     anatomy.stamp curve.csv measured.tex counted.tex) \
   $(addprefix doc/,litpt.sty litpt.bib litpt-mono.enc latexmkrc)
 	@mkdir -p $(BUILD_DIR)/tex
@@ -519,6 +522,18 @@ check: $(NOWEB)
 # Spelling, slips and sizes of chunks, over all chapters.
 prose:
 	@doc/prose
+
+# ---- editing
+
+# Edits of tangled files go home; make boot then builds the tool from its own.
+untangle: $(NOWEB)
+	$(NOWEB) untangle --except noweb/ --record src/.tangled $(WEB)
+	$(NOWEB) untangle --only noweb/ --record noweb/.tangled $(WEB)
+
+# The list of chapters is read from the master on each save.
+watch: $(NOWEB)
+	$(NOWEB) watch --except noweb/ --record src/.tangled \
+	  --master litpt.nw -- $(MAP) $(CARGO) check --bins $(JSON)
 
 # ---- the tool
 

@@ -1,3 +1,4 @@
+# Licensed under the GNU all-permissive notice
 # Copyright (C) 2026 litpt contributors
 #
 # Copying and distribution of this file, with or without modification, are
@@ -11,6 +12,7 @@
 
 FNR == 1 { finish_chunk(); start = 0 }
 FILENAME == "litpt.nw" {
+    # Note which chapter is in which part
     if (match($0, /[{].*[}]/)) {
         word = substr($0, RSTART + 1, RLENGTH - 2)
         if (/^\\part[{]/)
@@ -21,6 +23,7 @@ FILENAME == "litpt.nw" {
     next
 }
 FILENAME ~ /\.nw$/ {
+    # Count a line of a chapter
     part = of[FILENAME]
     book += length($0) + 1
     booklines++
@@ -33,12 +36,14 @@ FILENAME ~ /\.nw$/ {
     } else if (inside) {
         size += NF > 0
     } else if (!/^%/) {
+        # Count the words of a line of prose
         gsub(/\$[^$]*\$|\\[A-Za-z]+/, " ")
         words[part] += gsub(/[A-Za-z][A-Za-z0-9_'-]+/, "")
     }
     next
 }
 FILENAME ~ /\.stream$/ {
+    # Count a line of a stream
     stream = FILENAME ~ /resolved/ ? "resolved" : "plain"
     lines[stream]++
     bytes[stream] += length($0) + 1
@@ -51,7 +56,9 @@ FILENAME ~ /\.stream$/ {
     }
     next
 }
+# Count the programs and write the results
 {
+    # Count a line of a program
     kind = FILENAME ~ /^noweb\// ? "tool" : "program"
     if (FILENAME ~ /(^|\/)tests\//) {
         tests += /#\[test\]/
@@ -64,6 +71,7 @@ FILENAME ~ /\.stream$/ {
         start = 1
         size = 0
     }
+    # Follow the function to its end
     if (start) {
         size += NF > 0
         last = $0 == indent "}" || size == 1 && /}$/
@@ -74,6 +82,7 @@ FILENAME ~ /\.stream$/ {
     }
 }
 
+# Summarise sizes by their frequencies
 function add(kind, size) {
     frequency[kind, size]++
     number[kind]++
@@ -120,6 +129,7 @@ function define(name, text) {
 }
 
 END {
+    # Write what was counted
     for (i = 1; i <= count; i++) {
         row(order[i], order[i])
         all += words[order[i]]
@@ -129,6 +139,7 @@ END {
     chapters["book"] = whole
     print "\\midrule" > parts
     row("book", "the book")
+    # Write a macro for each number
     define("bookwords", grouped(all))
     define("bookcode", grouped(sum["book"]))
     define("bookchunks", grouped(number["book"]))
@@ -138,6 +149,7 @@ END {
     define("bookidentifiers", grouped(identifiers))
     define("bookpieces", grouped(pieces))
     define("booktests", grouped(tests))
+    # Write the numbers of streams and programs
     for (stream in lines) {
         define(stream "lines", grouped(lines[stream]))
         define(stream "bytes", sprintf("%.1f", bytes[stream] / 1e6))

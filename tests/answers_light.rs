@@ -12,7 +12,7 @@
 mod common;
 
 // Name what the answers import
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 use std::io::Cursor;
 use std::ops::Range;
 
@@ -100,12 +100,12 @@ fn a_path_of_half_reflectivity_brings_one_of_five_weights() {
 }
 
 /// The weight of a path that leaves with probability `f` at each bounce,
-/// and goes on with the chance `onward` from the twentieth bounce on.
-fn stiff(f: f64, onward: fn(f64) -> f64, random: &mut impl Rng) -> f64 {
+/// and goes on with the chance `survival` from the twentieth bounce on.
+fn stiff(f: f64, survival: fn(f64) -> f64, random: &mut impl Rng) -> f64 {
     let (mut weight, mut n) = (1., 1);
     while !happens(f, random) {
         if n >= 20 {
-            let chance = onward(f64::from(n));
+            let chance = survival(f64::from(n));
             if !happens(chance, random) {
                 return 0.;
             }
@@ -119,11 +119,11 @@ fn stiff(f: f64, onward: fn(f64) -> f64, random: &mut impl Rng) -> f64 {
 #[test]
 fn a_constant_chance_loses_the_light_of_long_paths_and_says_nothing() {
     // Average the weights of stiff paths
-    let run = |onward| {
+    let run = |survival| {
         let mut random = generator(2, 0, 0);
         let mut sum = Accumulator::default();
         (0..100_000)
-            .for_each(|_| sum.add(stiff(0.002, onward, &mut random)));
+            .for_each(|_| sum.add(stiff(0.002, survival, &mut random)));
         (sum.mean(), sum.standard_error())
     };
     let (halved, claim) = run(|_| 0.5);
@@ -454,6 +454,16 @@ fn a_lid_of_finer_squares_leaves_a_cube_open() {
     mixed.extend(cube(2, false).iter().filter(|t| is_lid(t)));
     assert!(is_inside(&cube(1, false)) && is_inside(&cube(2, false)));
     assert!(!is_inside(&mixed));
+    // Count the edges of a single triangle
+    let mut single = HashSet::new();
+    for &[a, b, c] in &mixed {
+        for sum in [a + b, b + c, c + a].map(|sum| sum.as_ivec3()) {
+            if !single.remove(&sum) {
+                single.insert(sum);
+            }
+        }
+    }
+    assert_eq!(single.len(), 12);
 }
 
 #[test]

@@ -157,7 +157,7 @@ cat > type.log <<'LOG'
 error[E0308]: mismatched types
  --> chapters/two.nw:3:13
   |
-3 | let mut y = one(); y += 1;
+3 | let mut y = one(); y += 1; // a:1: b
   |             ^^^^^ expected `u32`, found `u8`
   |
 note: function defined here

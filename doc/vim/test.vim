@@ -56,6 +56,13 @@ function! Test_code_is_painted_after_a_brace_that_is_left_open() abort
   edit!
 endfunction
 
+function! Test_painting_begins_at_the_last_chunk() abort
+  edit chapters/three.nw
+  call append('$', ['\begin{verbatim}', '<<Fill it>>=', 'y += 3;', '@'])
+  call assert_equal('rustDecNumber', Group(line('$') - 1, '3'))
+  edit!
+endfunction
+
 function! Test_a_new_root_changes_the_language() abort
   edit chapters/three.nw
   call append('$', ['<<x.vim>>=', '<<Fill it too>>', '@',
@@ -94,6 +101,11 @@ function! Test_a_use_leads_to_its_definition_and_back() abort
   tnext
   call assert_equal('three.nw:2:1', Here())
   call assert_equal(2, count(execute('tselect'), 'user_data'))
+  edit chapters/two.nw
+  call On(3, 'Fill')
+  execute "normal! \<C-]>"
+  pop
+  call assert_equal(2, count(execute('tselect'), 'user_data:Compute'))
   execute "normal! \<C-T>"
   call assert_equal('one.nw:6', expand('%:t') . ':' . line('.'))
 endfunction
@@ -177,10 +189,12 @@ function! Test_names_are_completed() abort
 endfunction
 
 function! Test_gf_opens_files_and_chapters() abort
-  edit chapters/one.nw
+  cd chapters
+  edit one.nw
   call On(3, 'src')
   normal! gf
   call assert_equal('one.rs', expand('%:t'))
+  cd ..
   edit litpt.nw
   call On(5, 'three')
   normal! gf
@@ -243,6 +257,7 @@ function! Errors(log) abort
 endfunction
 
 function! Test_the_compiler_is_understood_from_any_directory() abort
+  edit chapters/three.nw
   edit chapters/one.nw
   cd chapters
   call assert_equal([['two.nw:3:13', 'E', 'mismatched types'],
@@ -256,6 +271,16 @@ endfunction
 
 function! Test_an_error_without_a_place_is_kept_if_it_is_alone() abort
   call assert_match('linking', string(Errors('link.log')))
+endfunction
+
+function! Test_a_make_within_make_is_understood() abort
+  cd chapters
+  let $MAKELEVEL = 1
+  call assert_equal('two.nw:3:13', Errors('type.log')[0][0])
+  silent cfirst
+  call assert_equal('two.nw:3:13', Here())
+  unlet $MAKELEVEL
+  cd ..
 endfunction
 
 function! Test_lints_are_understood() abort

@@ -19,7 +19,9 @@ use std::process::ExitCode;
 
 use crate::diagnostic::{Diagnostic, Level};
 use crate::web::Web;
-use crate::{Streams, cpif, locate, map, markup, project, tangle};
+use crate::{
+    Streams, cpif, locate, map, markup, project, tangle, untangle, watch,
+};
 // Use the modules that weave
 use crate::{finduses, noidx, noweave, rust_index, split_scope, totex};
 
@@ -31,6 +33,8 @@ type Runner = fn(&[OsString], &mut Streams) -> u8;
 
 const COMMANDS: &[Command] = &[
     ("tangle", project::run, "write all files of a program"),
+    ("untangle", untangle::run, "carry edits back to chapters"),
+    ("watch", watch::run, "tangle and run a command on each save"),
     ("check", run_check, "report what looks wrong in a web"),
     ("where", locate::run, "translate a position, either way"),
     ("map", map::run, "run a command, its positions translated"),

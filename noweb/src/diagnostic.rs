@@ -49,11 +49,15 @@ impl Source {
 // Find a line of the source
 impl Source {
     // Find lines and positions
+    /// Where a line begins: its offset in the text. Lines count from 1.
+    pub fn start(&self, number: u32) -> Option<usize> {
+        let index = (number as usize).checked_sub(1)?;
+        self.starts.get(index).copied()
+    }
+
     /// A line without its newline, counted from 1.
     pub fn line(&self, number: u32) -> Option<&[u8]> {
-        let index = (number as usize).checked_sub(1)?;
-        let from = *self.starts.get(index)?;
-        let rest = &self.text[from..];
+        let rest = &self.text[self.start(number)?..];
         let end = rest.iter().position(|b| *b == b'\n');
         Some(&rest[..end.unwrap_or(rest.len())])
     }

@@ -26,6 +26,8 @@ pub mod markup;
 pub mod project;
 pub mod rustc;
 pub mod tangle;
+pub mod untangle;
+pub mod watch;
 pub mod web;
 
 // List the modules that weave

@@ -141,7 +141,7 @@ impl TangledFile {
     /// What a span covers: the places, and how many bytes from each.
     fn covered(&self, span: Range<(u32, u32)>) -> Vec<(Place, u32)> {
         let cut = |(segment, length): (Segment, u32)| {
-            let Segment { line, column, place } = segment;
+            let Segment { line, column, place, .. } = segment;
             let (_, from) = (line, column).max(span.start);
             let (_, to) = (line, column + length).min(span.end);
             let column = place.column + from - column;

@@ -82,18 +82,19 @@ pub struct Plan {
     pub removed: Vec<PathBuf>,
     /// What looks wrong in the web.
     pub warnings: Vec<Diagnostic>,
-    record: Record,
+    /// What was tangled last; after tangling, what was tangled now.
+    pub record: Record,
 }
 
-/// The files of a program in memory.
+/// All files of a program, in memory.
 #[derive(Clone, Debug)]
 pub struct Expansion {
-    /// The chapters, and the chunks in them.
+    /// The chunks that the files are made of.
     pub web: Web,
-    /// The path of each file, with its text and map.
+    /// The path of each file, its text and its map.
     pub files: Vec<(PathBuf, Tangled)>,
-    /// When each chapter was modified.
-    times: Vec<SystemTime>,
+    /// What is wrong in the chapters.
+    pub faults: Vec<Diagnostic>,
 }
 
 // Recognise the chunks that are files
@@ -109,9 +110,11 @@ pub fn is_file_name(name: &[u8]) -> bool {
         && path.components().all(inside)
 }
 
-fn keeps_tabs(path: &Path) -> bool {
-    path.file_name().is_some_and(|name| name == "Makefile")
-        || path.extension().is_some_and(|e| e == "mk")
+/// The distance of tab stops in a file of this name, or 0 for no tabs.
+pub fn tab_stops(path: &Path) -> usize {
+    let tabbed = path.file_name().is_some_and(|name| name == "Makefile")
+        || path.extension().is_some_and(|e| e == "mk");
+    if tabbed { 8 } else { 0 }
 }
 
 /// What begins a comment in a file of this name.
@@ -126,10 +129,10 @@ pub(crate) fn comment_leader(path: &Path) -> Option<&'static str> {
 
 // Keep a record of what was tangled
 /// For every tangled file the hash of its text.
-type Record = BTreeMap<PathBuf, u64>;
+pub type Record = BTreeMap<PathBuf, u64>;
 
 /// The 64-bit hash of Fowler, Noll and Vo, in its variant 1a.
-fn hash(text: &[u8]) -> u64 {
+pub fn hash(text: &[u8]) -> u64 {
     text.iter().fold(0xcbf2_9ce4_8422_2325, |hash: u64, byte| {
         (hash ^ u64::from(*byte)).wrapping_mul(0x100_0000_01b3)
     })
@@ -159,13 +162,45 @@ fn format_record(record: &Record) -> Vec<u8> {
 // Plan what to write
 impl Project {
     // Plan one step after the other
-    /// The text of every file, without a look at the disk.
+    /// What there is to write, without writing it.
     ///
     /// # Errors
     ///
-    /// Chapters that cannot be read, and everything that is wrong in them.
-    pub fn expand(&self) -> Result<Expansion, Vec<Diagnostic>> {
+    /// Chapters that cannot be read, everything that is wrong in them,
+    /// and files that someone edited by hand.
+    pub fn plan(&self) -> Result<Plan, Vec<Diagnostic>> {
+        self.plan_files(true)
+    }
+
+    /// What there is to write; unguarded, over edits made by hand as well.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Project::plan`]; unguarded, except for edits.
+    pub fn plan_files(
+        &self,
+        guarded: bool,
+    ) -> Result<Plan, Vec<Diagnostic>> {
         let (sources, times) = self.read_chapters()?;
+        let Expansion { web, files, mut faults } =
+            self.expand_sources(sources);
+        let record = self.read_record();
+        let mut plan = Plan { record, ..Plan::default() };
+        for (path, tangled) in files {
+            let output = self.compare(&path, tangled, &times);
+            if guarded {
+                faults.extend(self.refuse(&output, &web, &plan.record));
+            }
+            plan.outputs.push(output);
+        }
+        self.plan_removals(&mut plan, &mut faults);
+        plan.warnings = web.unused(is_file_name);
+        plan.warnings.extend(web.adrift());
+        if faults.is_empty() { Ok(plan) } else { Err(faults) }
+    }
+
+    /// The files that some sources define, without looking at the disk.
+    pub fn expand_sources(&self, sources: Vec<Source>) -> Expansion {
         let (web, mut faults) = Web::read(sources.clone(), 8);
         // Read the web with tabs if needed
         let tabbed = if web.chunks.iter().any(|c| is_tabbed(&c.name)) {
@@ -181,8 +216,8 @@ impl Project {
                 continue;
             }
             let path = Path::new(OsStr::from_bytes(name));
-            let (web, tab) =
-                if keeps_tabs(path) { (&tabbed, 8) } else { (&web, 0) };
+            let tab = tab_stops(path);
+            let web = if tab > 0 { &tabbed } else { &web };
             let comment = comment_leader(path);
             let layout = Layout { tab, comment, directive: None };
             match tangle(web, &[name], &layout) {
@@ -190,31 +225,20 @@ impl Project {
                 Err(more) => faults.extend(more),
             }
         }
-        match faults.is_empty() {
-            true => Ok(Expansion { web, files, times }),
-            false => Err(faults),
-        }
+        Expansion { web, files, faults }
     }
 
-    /// What there is to write, without writing it.
+    /// The files that the chapters define, without a look at the files.
     ///
     /// # Errors
     ///
-    /// Those of [`Project::expand`], and files that someone edited by hand.
-    pub fn plan(&self) -> Result<Plan, Vec<Diagnostic>> {
-        let Expansion { web, files, times } = self.expand()?;
-        let record = self.read_record();
-        let mut plan = Plan { record, ..Plan::default() };
-        let mut faults = Vec::new();
-        for (path, tangled) in files {
-            let output = self.compare(&path, tangled, &times);
-            faults.extend(self.refuse(&output, &web, &plan.record));
-            plan.outputs.push(output);
+    /// Chapters that cannot be read, and everything that is wrong in them.
+    pub fn expand(&self) -> Result<Expansion, Vec<Diagnostic>> {
+        let expansion = self.expand_sources(self.read_chapters()?.0);
+        match expansion.faults.is_empty() {
+            true => Ok(expansion),
+            false => Err(expansion.faults),
         }
-        self.plan_removals(&mut plan, &mut faults);
-        plan.warnings = web.unused(is_file_name);
-        plan.warnings.extend(web.adrift());
-        if faults.is_empty() { Ok(plan) } else { Err(faults) }
     }
 
     /// Is this the name of a file that we are to tangle?
@@ -225,12 +249,18 @@ impl Project {
             && !self.except.iter().any(begins)
     }
 
-    fn read_record(&self) -> Record {
+    /// What was tangled last.
+    pub fn read_record(&self) -> Record {
         let text = fs::read(self.dir.join(&self.record));
         parse_record(&text.unwrap_or_default())
     }
 
-    fn read_chapters(
+    /// The chapters and the times of their last changes.
+    ///
+    /// # Errors
+    ///
+    /// Every chapter that cannot be read.
+    pub fn read_chapters(
         &self,
     ) -> Result<(Vec<Source>, Vec<SystemTime>), Vec<Diagnostic>> {
         let mut sources = Vec::new();
@@ -286,10 +316,12 @@ impl Project {
 }
 
 fn is_tabbed(name: &[u8]) -> bool {
-    is_file_name(name) && keeps_tabs(Path::new(OsStr::from_bytes(name)))
+    let path = Path::new(OsStr::from_bytes(name));
+    is_file_name(name) && tab_stops(path) > 0
 }
 
-fn failure(action: &str, path: &Path, error: &io::Error) -> Diagnostic {
+/// What to say of a file that could not be read, written or removed.
+pub fn failure(action: &str, path: &Path, error: &io::Error) -> Diagnostic {
     let text = format!("cannot {action} {}: {error}", path.display());
     Diagnostic::new(Level::Error, None, text)
 }
@@ -332,7 +364,8 @@ impl Project {
             fault = fault.with_help(help);
         }
         Some(fault.with_help(format!(
-            "move the edit there, or delete {shown} to have it tangled anew"
+            "`noweb untangle' (here `make untangle') brings the edit there; \
+             delete {shown} to drop it"
         )))
     }
 }
@@ -361,10 +394,23 @@ impl Project {
     /// Those of [`Project::plan`], after which nothing is written, and
     /// files that cannot be written.
     pub fn tangle(&self) -> Result<Plan, Vec<Diagnostic>> {
-        let mut plan = self.plan()?;
+        self.carry_out(self.plan()?)
+    }
+
+    /// The same, over edits made by hand, which the chapters now have.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Project::tangle`], except for edits.
+    pub fn overwrite(&self) -> Result<Plan, Vec<Diagnostic>> {
+        self.carry_out(self.plan_files(false)?)
+    }
+
+    fn carry_out(&self, mut plan: Plan) -> Result<Plan, Vec<Diagnostic>> {
         let result = self.write(&mut plan);
         let recorded = self.write_record(&plan.record);
-        match result.and(recorded) {
+        let kept = result.and(recorded).and_then(|()| self.keep(&plan));
+        match kept {
             Ok(()) => Ok(plan),
             Err(fault) => Err(vec![fault]),
         }
@@ -446,8 +492,16 @@ fn report_stale(plan: Plan) -> (Vec<Diagnostic>, bool) {
     (faults, !stale.is_empty())
 }
 
-fn parse_arguments(args: &[OsString]) -> Result<(Project, bool), String> {
+/// The project that the arguments ask for, and whether only to check.
+///
+/// # Errors
+///
+/// A text that says what is wrong with the arguments.
+pub fn parse_arguments(
+    args: &[OsString],
+) -> Result<(Project, bool), String> {
     let mut project = Project::default();
+    let mut master = None;
     let mut check = false;
     let mut args = args.iter();
     while let Some(arg) = args.next() {
@@ -458,6 +512,7 @@ fn parse_arguments(args: &[OsString]) -> Result<(Project, bool), String> {
         match arg.as_encoded_bytes() {
             b"-C" => project.dir = value()?.into(),
             b"--record" => project.record = value()?.into(),
+            b"--master" => master = Some(Path::new(value()?)),
             b"--check" => check = true,
             // Take prefixes and chapters
             b"--only" => project.only.push(text_of(value()?)),
@@ -469,6 +524,11 @@ fn parse_arguments(args: &[OsString]) -> Result<(Project, bool), String> {
         }
     }
     // Complete and check the arguments
+    if let Some(master) = master {
+        let list = included(&project.dir, master);
+        let failed = |e| failure("read", master, &e).text;
+        project.chapters.extend(list.map_err(failed)?);
+    }
     if project.chapters.is_empty() {
         return Err("no chapters to tangle".into());
     }

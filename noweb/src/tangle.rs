@@ -34,6 +34,8 @@ pub struct Segment {
     pub column: u32,
     /// Where the text stands in the sources.
     pub place: Place,
+    /// What tangling indents the lines of this chunk by, here.
+    pub indent: u32,
 }
 
 /// Program text and the map back to the web.
@@ -211,8 +213,9 @@ impl<'a> Expander<'a> {
 
     fn mark(&mut self, place: Place) {
         let column = self.tangled.text.len() - self.line_start + 1;
-        let segment =
-            Segment { line: self.line, column: column as u32, place };
+        let indent = self.stack.last().map_or(0, |f| f.indent) as u32;
+        let (line, column) = (self.line, column as u32);
+        let segment = Segment { line, column, place, indent };
         self.tangled.map.push(segment);
     }
 

@@ -19,6 +19,7 @@ use std::process::Command;
 use noweb::Streams;
 use noweb::diagnostic::Source;
 use noweb::finduses::{Recogniser, declared, mark_uses};
+use noweb::locate::Atlas;
 use noweb::markup::{mark_up, write_stream};
 use noweb::noidx::{Settings, cross_reference};
 use noweb::project::Project;
@@ -160,6 +161,7 @@ fn four_lines_become_a_stream() {
     let web = "The [[b[i]]] of @[[.\n<<Do it>>=\n\
         x @<< <<n>>\n@ %def x\nEnd.\n";
     assert_eq!(stream_of(web), STREAM);
+    assert_eq!(STREAM.lines().count(), 23);
 }
 
 #[test]
@@ -244,6 +246,37 @@ fn the_map_outgrows_the_text() {
     assert_eq!(size_of::<Segment>(), 20);
 }
 
+// Answer about positions
+#[test]
+fn a_span_over_three_portions_has_four_stretches() {
+    let project = project("stretches", LIST);
+    project.tangle().unwrap();
+    let atlas = Atlas::read(&project).unwrap();
+    let file = atlas.find(Path::new("src/list.rs")).unwrap();
+    let spans = atlas.stretches(file, [(1, 1), (6, 3)]).into_iter();
+    let shown: Vec<&str> = spans.map(|(_, span)| &LIST[span]).collect();
+    // Compare the four stretches
+    let lines: Vec<_> = shown.iter().map(|s| s.lines().count()).collect();
+    assert_eq!(lines, [2, 1, 2, 1]);
+    assert!(shown[0].starts_with("const COLOURS"));
+    assert_eq!(shown[1..], ["\"red\",", "\"green\",\n\"blue\",", "];"]);
+    assert_eq!(file.origin(2, 5).unwrap().line, 3);
+}
+
+#[test]
+fn a_file_is_stale_if_its_text_would_be_another() {
+    let project = project("stale", LIST);
+    project.tangle().unwrap();
+    let longer = format!("Three colours.\n{LIST}");
+    let rose = LIST.replace("red", "rose");
+    for (web, fresh) in [(rose, false), (longer, true)] {
+        fs::write(project.dir.join("a.nw"), web).unwrap();
+        let atlas = Atlas::read(&project).unwrap();
+        let file = atlas.find(Path::new("src/list.rs")).unwrap();
+        assert_eq!(atlas.is_fresh(file), fresh);
+    }
+}
+
 // Answer about resolving references
 #[test]
 fn seven_uses_are_whole() {
@@ -272,6 +305,7 @@ fn codes_of_neighbouring_numbers_never_collide() {
     let mut tops: Vec<u8> = (0..=255).map(top).collect();
     tops.sort();
     assert!(tops.into_iter().eq(0..=255));
+    // Compare the codes of all steps
     let names = (0..10_000).map(|n| format!("Step {n:04}"));
     let mut codes: Vec<u32> = names.map(|n| crc(n.as_bytes())).collect();
     codes.sort();
@@ -414,6 +448,7 @@ fn run_longest(args: &[OsString], streams: &mut Streams) -> u8 {
         Err(fault) => return streams.conclude(Ok(()), &[fault]),
     };
     let (web, faults) = Web::read(sources, 8);
+    // Find and print the longest chunk
     let newline = |p: &&(Piece, _)| p.0 == Piece::Newline;
     let lines = |c: &Chunk| c.pieces.iter().filter(newline).count() + 1;
     let longest = web.chunks.iter().max_by_key(|chunk| lines(chunk));

@@ -93,7 +93,7 @@ fn tangle(scratch: &Scratch, more: &[&str]) -> Outcome {
 /// The names of all files below a directory, sorted.
 fn listing(scratch: &Scratch) -> Vec<String> {
     let found = shell(
-        "find . -type f ! -name a.nw | LC_ALL=C sort",
+        "find . -type f ! -name a.nw ! -path '*.base/*' | LC_ALL=C sort",
         scratch.path(),
         scratch.path(),
     );
@@ -177,8 +177,9 @@ fn an_edit_by_hand_is_refused_with_its_chapter_line() {
         outcome.stderr(),
         "src/main.rs:9:10: error: this file was edited by hand since it \
          was tangled\n      count_by_hand();\n           ^\n  \
-         help: the line comes from chapters/a.nw:16\n  help: move the edit \
-         there, or delete src/main.rs to have it tangled anew\n"
+         help: the line comes from chapters/a.nw:16\n  help: `noweb \
+         untangle' (here `make untangle') brings the edit there; delete \
+         src/main.rs to drop it\n"
     );
     assert_eq!(scratch.read("src/main.rs"), edited);
     let script = scratch.read("scripts/run");

@@ -249,7 +249,9 @@ endfunction
 " Keep the errors that have a place
 function! noweb#KeepPlaces() abort
   let compiler = get(b:, 'current_compiler', get(g:, 'current_compiler', ''))
-  let places = filter(getqflist(), 'v:val.valid && v:val.bufnr > 0')
+  let places = filter(getqflist(),
+        \ {_, entry -> entry.valid && entry.bufnr
+        \ && filereadable(fnamemodify(bufname(entry.bufnr), ':p'))})
   if compiler ==# 'litpt' && !empty(places)
     call setqflist([], 'r', {'items': places})
   endif

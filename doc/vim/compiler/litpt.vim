@@ -17,8 +17,6 @@ execute 'CompilerSet makeprg=' . escape(empty(s:root) ? 'make'
       \ : 'make -C ' . shellescape(s:root, 1), ' \|"')
 CompilerSet errorformat=%D%*\\a:\ Entering\ directory\ '%f'
 CompilerSet errorformat+=%D%*\\a[%*\\d]:\ Entering\ directory\ '%f'
-CompilerSet errorformat+=%X%*\\a:\ Leaving\ directory\ '%f'
-CompilerSet errorformat+=%X%*\\a[%*\\d]:\ Leaving\ directory\ '%f'
 
 " Understand the messages of rustc
 CompilerSet errorformat+=%Eerror[E%n]:\ %m
@@ -32,13 +30,11 @@ CompilerSet errorformat+=%Ethread\ %.%#\ panicked\ at\ %f:%l:%c:
 CompilerSet errorformat+=%*[\ ]at\ %\\%%(chapters/%\\)%\\@=%f:%l:%c
 CompilerSet errorformat+=%WDiff\ in\ %f:%l:%.%#
 CompilerSet errorformat+=%Z%m
-CompilerSet errorformat+=%-G\ %.%#
 
 " Understand messages with a place in front
 CompilerSet errorformat+=%f:%l:%c:\ %trror:\ %m
 CompilerSet errorformat+=%f:%l:%c:\ %tarning:\ %m
 CompilerSet errorformat+=%f:%l:\ %tarning:\ %m
-CompilerSet errorformat+=%-Gmake%.%#\ ***\ %.%#
 CompilerSet errorformat+=%f:%l:\ %m
 
 " Keep what has a place after each run
