@@ -20,7 +20,7 @@ fn main() -> ExitCode {
         Err(message) => {
             eprintln!("{message}");
             if message.contains("noweb untangle") {
-                eprintln!("Here, `make untangle' calls it as it should be.");
+                eprintln!("Here, `make untangle' does that.");
             }
             ExitCode::FAILURE
         }

@@ -363,7 +363,8 @@ impl Project {
             let help = format!("the line comes from {file}:{line}");
             fault = fault.with_help(help);
         }
-        let fault = fault.with_help("`noweb untangle' carries the edit there");
+        let fault =
+            fault.with_help("`noweb untangle' carries the edit there");
         Some(fault.with_help(format!("delete {shown} to drop the edit")))
     }
 }
