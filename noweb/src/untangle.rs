@@ -14,6 +14,7 @@
 //! nothing is written. Lines of lists count from 0, as indices, and lines
 //! of files from 1.
 
+// Import what carrying edits needs
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::ffi::OsString;
 use std::fs;
@@ -72,6 +73,7 @@ impl Project {
         let failed = |error| failure("write", &dir, &error);
         let entries = fs::read_dir(&dir).into_iter().flatten().flatten();
         let kept: BTreeSet<_> = entries.map(|e| e.file_name()).collect();
+        // Make the directory and hide it from git
         fs::create_dir_all(&dir).map_err(failed)?;
         if !kept.contains(&OsString::from(".gitignore")) {
             let ignore = dir.join(".gitignore");
@@ -150,6 +152,7 @@ fn merge<'a>(
     mine: &[&'a [u8]],
     theirs: &[&'a [u8]],
 ) -> Result<Vec<(&'a [u8], usize)>, usize> {
+    // Put the hunks of both in order
     let edits = hunks(base, mine).into_iter().map(|h| (h, mine, true));
     let others = hunks(base, theirs).into_iter();
     let others = others.map(|h| (h, theirs, false));
@@ -160,6 +163,7 @@ fn merge<'a>(
     let mut last: Option<(Hunk, &[&[u8]], bool)> = None;
     for ((old, new), text, edit) in all {
         // Merge one hunk into what is there
+        // Stop where two hunks contradict each other
         if let Some(((before, now), other, kind)) = &last
             && *kind != edit
             && old.start <= before.end
@@ -193,6 +197,7 @@ impl Project {
         let record = self.read_record();
         let (mut targets, mut faults) = (Vec::new(), Vec::new());
         for (path, tangled) in &now.files {
+            // Pass over what nobody has edited
             let Ok(disk) = fs::read(self.dir.join(path)) else { continue };
             let recorded = record.get(path).copied();
             if disk == tangled.text || recorded == Some(hash(&disk)) {
@@ -215,6 +220,7 @@ impl Project {
     ) -> Result<Target, Box<Diagnostic>> {
         let kept;
         let theirs = lines_of(&tangled.text);
+        // Find the text that was tangled last
         let base = if recorded == Some(hash(&tangled.text)) {
             theirs.clone()
         } else {
@@ -336,6 +342,7 @@ impl<'a> View<'a> {
         indent: usize,
     ) -> Option<&'t [u8]> {
         let (mut rest, mut column) = (line, 0);
+        // Take off blanks up to the indentation
         while column < indent && !line.is_empty() {
             column = match rest {
                 [b' ', ..] => column + 1,
@@ -500,17 +507,20 @@ impl<'a> Carrier<'a> {
             0 => lines[hunk.0.start + from_start],
             _ => &self.target.lines[hunk.1.start + from_start],
         };
+        // Turn what has moved by one line
         let moved = |r: &Range<usize>, by: isize| {
             r.start.wrapping_add_signed(by)..r.end.wrapping_add_signed(by)
         };
         let shift = |h: &Hunk, by| (moved(&h.0, by), moved(&h.1, by));
         let last = hunk.0.len().max(hunk.1.len()) - 1;
         let mut at = hunk.clone();
+        // Slide up as far as possible
         while room.start < at.0.start
             && line(&at, last) == lines[at.0.start - 1]
         {
             at = shift(&at, -1);
         }
+        // Slide down and keep each position
         let mut slides = vec![at.clone()];
         while at.0.end < room.end && line(&at, 0) == lines[at.0.end] {
             at = shift(&at, 1);
@@ -553,12 +563,14 @@ impl<'a> Carrier<'a> {
     // Carry a hunk by the kind of its lines
     /// The splices of a hunk that can be carried as a whole.
     fn part(&self, (old, new): &Hunk) -> Option<Vec<Splice>> {
+        // Remove lines one by one
         if new.is_empty() {
             return old
                 .clone()
                 .map(|line| self.remove(line, new))
                 .collect();
         }
+        // Change a line that is not whole
         if old.len() == 1
             && new.len() == 1
             && self.view.whole(old.start).is_none()
@@ -570,6 +582,7 @@ impl<'a> Carrier<'a> {
             .clone()
             .map(|line| self.written(line, first.indent))
             .collect();
+        // Find the bytes of the block
         let source = self.source(first);
         let start = source.start(first.line)?;
         let last = first.line + old.len() as u32 - 1;
@@ -605,6 +618,7 @@ impl<'a> Carrier<'a> {
     ) -> Splice {
         let cause = (self.target.path.clone(), self.disk_line(new.start));
         let Spot { file, line, .. } = spot;
+        // Count the earlier turns of the line
         let from =
             |s: &&Segment| (s.place.file, s.place.line) == (file, line);
         let place =
@@ -647,6 +661,7 @@ impl<'a> Carrier<'a> {
                     if paired[row][column] { together } else { apart };
             }
         }
+        // Read the pairs off the table
         let (mut pairs, mut row, mut column) = (Vec::new(), 0, 0);
         while row < rows && column < columns {
             if paired[row][column] {
@@ -669,6 +684,7 @@ impl<'a> Carrier<'a> {
         let (mut line, mut new) = (hunk.0.start, hunk.1.start);
         let end = (hunk.0.end, hunk.1.end);
         for (i, j) in pairs.into_iter().chain([end]) {
+            // Carry what lies before the pair
             let gap = (line..i, new..j);
             match (gap.0.is_empty(), gap.1.is_empty()) {
                 (true, true) => (),
@@ -695,6 +711,7 @@ impl<'a> Carrier<'a> {
     }
 
     fn insert(&mut self, slides: &[Hunk]) {
+        // Take a position with one home
         for (old, new) in slides {
             if let [home] = self.homes(old.start)[..]
                 && let Some(splice) = self.insertion(home, old.start, new)
@@ -720,11 +737,13 @@ impl<'a> Carrier<'a> {
         new: &Range<usize>,
     ) -> Option<Splice> {
         let start = self.source(home).start(home.line)?;
+        // Write the new lines for their chunk
         let mut text = Vec::new();
         for line in new.clone() {
             text.extend(self.written(line, home.indent)?);
             text.push(b'\n');
         }
+        // Attach them to the line above
         let above = line.checked_sub(1).filter(|above| {
             self.view.tail(*above)
                 == Some(Spot { line: home.line - 1, ..home })
@@ -743,6 +762,7 @@ impl<'a> Carrier<'a> {
         new: usize,
     ) -> Option<Vec<Splice>> {
         let (old, now) = (self.view.lines[line], &self.target.lines[new]);
+        // Look at the blanks at the beginning
         let added = self.view.segments(line).first()?.column as usize - 1;
         let begins = |t: &[u8]| t.len() - t.trim_ascii_start().len();
         let (blank, lead) = (begins(old), begins(now));
@@ -781,6 +801,7 @@ impl<'a> Carrier<'a> {
     ) -> Option<Splice> {
         let segments = self.view.segments(line);
         let length = self.view.lines[line].len();
+        // Find the segments that hold the range
         let ends = segments[1..].iter().map(|s| s.column as usize - 1);
         let ends = ends.chain([length]);
         let mut homes =
@@ -814,6 +835,7 @@ impl<'a> Carrier<'a> {
         let to = from + range.len();
         let tab = self.view.read_tab();
         let (uses, size) = shape(source, tab);
+        // Try the text with and without escape
         let wanted = (uses, size + text.len() - range.len());
         let right = |text: &Vec<u8>| {
             let line = [&source[..from], text, &source[to..]].concat();
@@ -830,6 +852,7 @@ impl<'a> Carrier<'a> {
     fn refuse(&mut self, (old, new): &Hunk) {
         let lines = old.start.saturating_sub(1)..old.end + 1;
         let named = old.clone().any(|line| self.view.is_name(line));
+        // Say why it has no place
         let one = match old.is_empty() {
             true => self.homes(old.start).len() == 1,
             false => self.view.block(old.clone()).is_some(),
@@ -848,6 +871,7 @@ impl<'a> Carrier<'a> {
         }
         let lines = if old.is_empty() { lines } else { old.clone() };
         let mut places = Vec::new();
+        // Collect the places of the lines
         for line in lines {
             let Some(last) = self.view.segments(line).last() else {
                 continue;
@@ -879,6 +903,7 @@ fn edit_fault(path: &Path, line: u32, text: &str) -> Diagnostic {
 
 /// Definitions of chunks of which two uses were edited differently.
 fn disagreements(web: &Web, splices: &[Splice]) -> Vec<Diagnostic> {
+    // Gather what each use asks for
     let places = web.chunks.iter().flat_map(|c| &c.definitions);
     let starts: BTreeSet<_> = places.map(|p| (p.file, p.line)).collect();
     let mut asked: BTreeMap<_, BTreeMap<_, Vec<&Splice>>> = BTreeMap::new();
@@ -891,6 +916,7 @@ fn disagreements(web: &Web, splices: &[Splice]) -> Vec<Diagnostic> {
     let same = |a: &[&Splice], b: &[&Splice]| {
         a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.agrees(b))
     };
+    // Compare the uses of each definition
     let mut faults = Vec::new();
     for uses in asked.values() {
         let mut uses = uses.values();
@@ -913,6 +939,7 @@ fn apply(
     let mut ordered: Vec<&Splice> = splices.iter().collect();
     ordered.sort_by_key(|s| (s.file, s.range.start, s.range.end));
     ordered.dedup_by(|b, a| a.agrees(b));
+    // Refuse splices that overlap
     let overlap = |pair: &&[&Splice]| {
         let (a, b) = (&pair[0], &pair[1]);
         a.file == b.file
@@ -924,6 +951,7 @@ fn apply(
     if !faults.is_empty() {
         return Err(faults);
     }
+    // Make the splices from the end
     let mut texts: Vec<Vec<u8>> =
         sources.iter().map(|s| s.text.clone()).collect();
     for splice in ordered.iter().rev() {
@@ -972,6 +1000,7 @@ impl Project {
         let new = self.carry_all(&old, &targets)?;
         prove(&old, &new, &targets)?;
         if !check && !targets.is_empty() {
+            // Write the chapters and tangle them
             self.write_chapters(&old, &new).map_err(|fault| vec![fault])?;
             self.overwrite()?;
         }
@@ -1004,6 +1033,7 @@ impl Project {
         old: &Expansion,
         targets: &[Target],
     ) -> Result<Expansion, Vec<Diagnostic>> {
+        // Move uses until all have their places
         let mut now = old.clone();
         loop {
             let carriers = carriers(&now, targets);
@@ -1014,6 +1044,7 @@ impl Project {
             }
             now = self.expand_sources(apply(&now.web.sources, &moved)?);
         }
+        // Carry the hunks of all files
         let (mut splices, mut faults) = (Vec::new(), Vec::new());
         for mut carrier in carriers(&now, targets) {
             carrier.carry();
@@ -1077,6 +1108,7 @@ impl Touched {
     fn new(these: &Expansion, others: &Expansion) -> Self {
         let pairs = these.web.sources.iter().zip(&others.web.sources);
         let mut touched = BTreeSet::new();
+        // Find the lines that only these have
         for ((this, other), file) in pairs.zip(0..) {
             if this.text == other.text {
                 continue;
@@ -1085,6 +1117,7 @@ impl Touched {
             let lines = hunks(&a, &b).into_iter().flat_map(|(old, _)| old);
             touched.extend(lines.map(|line| (file, line as u32 + 1)));
         }
+        // Keep those that are tangled twice
         let (mut seen, mut shared) = (HashSet::new(), BTreeSet::new());
         let maps = these.files.iter().map(|(_, tangled)| &tangled.map);
         for place in maps.flatten().map(|segment| segment.place) {

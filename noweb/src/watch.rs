@@ -13,6 +13,7 @@
 //! another one of the same name. The command is never interrupted; a save
 //! while it runs makes it run once more.
 
+// Import what the watch needs
 use std::collections::BTreeSet;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -42,10 +43,12 @@ struct Watch {
     args: Vec<OsString>,
     command: Vec<OsString>,
     watcher: RecommendedWatcher,
+    // Remember what was seen last
     /// The directories that are watched.
     dirs: BTreeSet<PathBuf>,
     /// The hash of the chapters that were tangled last without a fault.
     tangled: Option<u64>,
+    // Keep the channel and the command's state
     events: Sender<Event>,
     received: Receiver<Event>,
     running: bool,
@@ -58,12 +61,14 @@ impl Watch {
         args: &[OsString],
         command: &[OsString],
     ) -> notify::Result<Self> {
+        // Send the events of the library
         let (events, received) = channel();
         let sender = events.clone();
         let watcher = notify::recommended_watcher(move |event| {
             // The receiver lives as long as the process.
             let _ = touched(event).map(|names| sender.send(names));
         })?;
+        // Begin without any memory
         Ok(Self {
             args: args.to_vec(),
             command: command.to_vec(),
@@ -99,6 +104,7 @@ impl Watch {
         streams: &mut Streams,
     ) -> Result<(), Vec<Diagnostic>> {
         let project = self.project().map_err(|fault| vec![fault])?;
+        // Leave if no chapter has changed
         let (chapters, _) = project.read_chapters()?;
         let texts: Vec<&[u8]> =
             chapters.iter().map(|c| &c.text[..]).collect();
@@ -107,6 +113,7 @@ impl Watch {
             return Ok(());
         }
         let plan = project.tangle().inspect_err(|_| self.tangled = None)?;
+        // Name the files that were written
         let written = plan.outputs.iter().filter(|output| output.changed);
         let names = written.map(|output| output.path.display().to_string());
         let mut names: Vec<String> = names.collect();
@@ -136,6 +143,7 @@ impl Watch {
             let parent =
                 path.parent().filter(|p| !p.as_os_str().is_empty());
             let dir = parent.unwrap_or(Path::new("."));
+            // Watch the chapter's directory as well
             if !self.dirs.contains(dir) {
                 let watched =
                     self.watcher.watch(dir, RecursiveMode::NonRecursive);
@@ -154,6 +162,7 @@ impl Watch {
     /// Starts the command, or notes that it has to be run again.
     fn start(&mut self, streams: &mut Streams) {
         let [program, args @ ..] = &self.command[..] else { return };
+        // Leave a command that is running
         if std::mem::replace(&mut self.running, true) {
             self.again = true;
             return;
@@ -162,6 +171,7 @@ impl Watch {
         let mut command = Command::new(program);
         match command.args(args).stdin(Stdio::null()).spawn() {
             Ok(mut child) => {
+                // Wait for its end in a thread
                 let events = self.events.clone();
                 thread::spawn(move || {
                     // How it ended, it has said itself.
@@ -170,6 +180,7 @@ impl Watch {
                 });
             }
             Err(error) => {
+                // Report that it cannot be run
                 self.running = false;
                 let program = program.display();
                 let text = format!("cannot run {program}: {error}");
@@ -190,6 +201,7 @@ impl Watch {
     fn settle(&mut self, from: Instant) {
         loop {
             let longest = if self.complete() { LONGEST } else { MISSING };
+            // Listen for ten milliseconds
             let quiet = match self.received.recv_timeout(QUIET) {
                 Ok(Event::Ended) => {
                     self.running = false;
@@ -222,6 +234,7 @@ impl Watch {
 pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
     let end = args.iter().position(|arg| arg == "--");
     let (args, command) = args.split_at(end.unwrap_or(args.len()));
+    // Refuse arguments that make no sense
     let wrong = match parse_arguments(args) {
         Ok((_, true)) => Some("unknown option --check".into()),
         Ok(_) if command.len() == 1 => Some("no command after --".into()),
@@ -249,6 +262,7 @@ impl Watch {
         loop {
             let event = self.received.recv();
             let from = Instant::now();
+            // React to one event
             match event {
                 Ok(Event::Touched(names)) if self.concerns(&names) => {
                     self.settle(from);
