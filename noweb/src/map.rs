@@ -175,10 +175,11 @@ fn path_start(text: &[u8]) -> usize {
     };
     let path = text.iter().rev().take_while(|b| inside(b)).count();
     let start = text.len() - path;
-    let colour = text.iter().rposition(|b| *b == 0x1b);
+    let near = start.saturating_sub(24);
+    let colour = text[near..].iter().rposition(|b| *b == 0x1b);
     let after = colour.and_then(|escape| {
-        let end = text[escape..].iter().position(|b| *b == b'm')?;
-        Some(escape + end + 1)
+        let end = text[near + escape..].iter().position(|b| *b == b'm')?;
+        Some(near + escape + end + 1)
     });
     start.max(after.unwrap_or(0))
 }
