@@ -206,17 +206,16 @@ impl Lines {
 }
 
 // Run a command and filter its output
-/// Runs a command, translates what it writes, and gives its status.
+/// Translates what a command writes, and gives its status.
 ///
 /// # Errors
 ///
-/// The command cannot be run, or the output cannot be written.
-fn run_command(
-    command: &[OsString],
+/// The output cannot be written.
+fn follow(
+    mut child: Child,
     filter: &mut Filter,
     streams: &mut Streams,
 ) -> io::Result<u8> {
-    let mut child = start(command, filter.colour)?;
     let result = forward(&mut child, filter, streams);
     let status = child.wait()?;
     result?;
@@ -379,13 +378,16 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
             // Filter the output of a command
             let colour = wants_colour(io::stderr().is_terminal());
             let mut filter = Filter::new(project, colour);
-            match run_command(command, &mut filter, streams) {
-                Ok(status) => status,
-                Err(e) if e.kind() == io::ErrorKind::BrokenPipe => 0,
+            let child = match start(command, filter.colour) {
+                Ok(child) => child,
                 Err(error) => {
                     let text = format!("{}: {error}", command[0].display());
-                    refuse(&text, 127, streams)
+                    return refuse(&text, 127, streams);
                 }
+            };
+            match follow(child, &mut filter, streams) {
+                Ok(status) => status,
+                Err(error) => streams.conclude(Err(error), &[]),
             }
         }
     }

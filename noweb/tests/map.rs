@@ -347,6 +347,19 @@ fn a_path_with_a_dot_is_found_by_its_end_if_there_is_only_one() {
 }
 
 #[test]
+fn a_full_disk_is_not_the_fault_of_the_command() {
+    let scratch = project();
+    let full = std::fs::File::options().write(true).open("/dev/full");
+    let mut command =
+        command(&scratch, &["map", "chapters/a.nw", "--", "echo", "x"]);
+    command.stdout(full.expect("no /dev/full")).stderr(Stdio::piped());
+    let output = command.output().expect("noweb does not run");
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{errors}");
+    assert!(errors.starts_with("error: cannot write: "), "{errors}");
+}
+
+#[test]
 fn a_long_line_with_many_numbers_takes_no_longer_than_short_ones() {
     let scratch = project();
     let mut filter = filter(&scratch);
