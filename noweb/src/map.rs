@@ -175,10 +175,11 @@ fn path_start(text: &[u8]) -> usize {
     };
     let path = text.iter().rev().take_while(|b| inside(b)).count();
     let start = text.len() - path;
-    let colour = text.iter().rposition(|b| *b == 0x1b);
+    let near = start.saturating_sub(24);
+    let colour = text[near..].iter().rposition(|b| *b == 0x1b);
     let after = colour.and_then(|escape| {
-        let end = text[escape..].iter().position(|b| *b == b'm')?;
-        Some(escape + end + 1)
+        let end = text[near + escape..].iter().position(|b| *b == b'm')?;
+        Some(near + escape + end + 1)
     });
     start.max(after.unwrap_or(0))
 }
@@ -205,17 +206,16 @@ impl Lines {
 }
 
 // Run a command and filter its output
-/// Runs a command, translates what it writes, and gives its status.
+/// Translates what a command writes, and gives its status.
 ///
 /// # Errors
 ///
-/// The command cannot be run, or the output cannot be written.
-fn run_command(
-    command: &[OsString],
+/// The output cannot be written.
+fn follow(
+    mut child: Child,
     filter: &mut Filter,
     streams: &mut Streams,
 ) -> io::Result<u8> {
-    let mut child = start(command, filter.colour)?;
     let result = forward(&mut child, filter, streams);
     let status = child.wait()?;
     result?;
@@ -378,13 +378,16 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
             // Filter the output of a command
             let colour = wants_colour(io::stderr().is_terminal());
             let mut filter = Filter::new(project, colour);
-            match run_command(command, &mut filter, streams) {
-                Ok(status) => status,
-                Err(e) if e.kind() == io::ErrorKind::BrokenPipe => 0,
+            let child = match start(command, filter.colour) {
+                Ok(child) => child,
                 Err(error) => {
                     let text = format!("{}: {error}", command[0].display());
-                    refuse(&text, 127, streams)
+                    return refuse(&text, 127, streams);
                 }
+            };
+            match follow(child, &mut filter, streams) {
+                Ok(status) => status,
+                Err(error) => streams.conclude(Err(error), &[]),
             }
         }
     }

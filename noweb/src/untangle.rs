@@ -1035,6 +1035,7 @@ impl Project {
     ) -> Result<Expansion, Vec<Diagnostic>> {
         // Move uses until all have their places
         let mut now = old.clone();
+        let (mut seen, mut done) = (HashSet::new(), Vec::<Splice>::new());
         loop {
             let carriers = carriers(&now, targets);
             let moved: Vec<Splice> =
@@ -1042,7 +1043,14 @@ impl Project {
             if moved.is_empty() {
                 break;
             }
-            now = self.expand_sources(apply(&now.web.sources, &moved)?);
+            let sources = &now.web.sources;
+            let texts = sources.iter().map(|s| s.text.clone());
+            if !seen.insert(texts.collect::<Vec<_>>()) {
+                return Err(vec![to_and_fro(&done)]);
+            }
+            let next = apply(sources, &moved)?;
+            done.extend(moved);
+            now = self.expand_sources(next);
         }
         // Carry the hunks of all files
         let (mut splices, mut faults) = (Vec::new(), Vec::new());
@@ -1057,6 +1065,19 @@ impl Project {
         }
         Ok(self.expand_sources(apply(&now.web.sources, &splices)?))
     }
+}
+
+/// Two moves of one use that contradict each other.
+fn to_and_fro(moves: &[Splice]) -> Diagnostic {
+    let against = |a: &Splice, b: &Splice| {
+        (a.file, a.line) == (b.file, b.line) && a.text != b.text
+    };
+    let pairs = moves.iter().zip(1..).find_map(|(a, next)| {
+        let other = moves[next..].iter().find(|b| against(a, b))?;
+        Some((a, other))
+    });
+    let (a, b) = pairs.unwrap_or((&moves[0], &moves[0]));
+    contradiction(a, b)
 }
 
 fn carriers<'a>(

@@ -13,7 +13,7 @@ mod common;
 use std::io::{BufRead, BufReader, Write};
 use std::process::{Command, Stdio};
 use std::sync::mpsc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use common::{Outcome, Scratch, noweb};
 use noweb::diagnostic::Place;
@@ -344,6 +344,31 @@ fn a_path_with_a_dot_is_found_by_its_end_if_there_is_only_one() {
     let wanted =
         "at chapters/a.nw:6:1 at ./src/lib.rs:1:1 at chapters/a.nw:2:1";
     assert_eq!(translated(&scratch, text), wanted);
+}
+
+#[test]
+fn a_full_disk_is_not_the_fault_of_the_command() {
+    let scratch = project();
+    let full = std::fs::File::options().write(true).open("/dev/full");
+    let mut command =
+        command(&scratch, &["map", "chapters/a.nw", "--", "echo", "x"]);
+    command.stdout(full.expect("no /dev/full")).stderr(Stdio::piped());
+    let output = command.output().expect("noweb does not run");
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{errors}");
+    assert!(errors.starts_with("error: cannot write: "), "{errors}");
+}
+
+#[test]
+fn a_long_line_with_many_numbers_takes_no_longer_than_short_ones() {
+    let scratch = project();
+    let mut filter = filter(&scratch);
+    let line = "word:1,".repeat(300_000) + "\n";
+    let started = Instant::now();
+    let translated = filter.translate(line.as_bytes());
+    let took = started.elapsed();
+    assert_eq!(translated, Translated::Text(line.into_bytes()));
+    assert!(took < Duration::from_secs(10), "it took {took:?}");
 }
 
 #[test]

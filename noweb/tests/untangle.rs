@@ -299,6 +299,32 @@ fn a_chunk_of_two_files_is_not_changed_in_two_ways() {
     is_refused(&[one, other], "two edits of one chunk contradict");
 }
 
+/// Indents the last use of a chunk, and the chunk, by two more columns.
+fn move_last(scratch: &Scratch, file: &str) {
+    let text = scratch.read(file);
+    let at = text.rfind("// Inner\n").expect("no such use");
+    let (before, after) = text.split_at(at);
+    let moved = after.replacen("y();", "  y();", 1);
+    scratch.write(file, format!("{before}  {moved}"));
+}
+
+#[test]
+fn a_use_that_was_moved_at_one_of_two_places_is_refused() {
+    let said = "two edits of one chunk contradict each other";
+    let inner = "@\n<<Shared>>=\nif x {\n  <<Inner>>\n}\n\
+                 @\n<<Inner>>=\ny();\n";
+    let both = "{\n  <<Shared>>\n}\n{\n  <<Shared>>\n}\n";
+    let scratch = project(&format!("<<a.rs>>=\n{both}{inner}"));
+    move_last(&scratch, "a.rs");
+    refuses(&scratch, said);
+    // The other place is in another file, which has an edit of its own.
+    let one = "<<a.rs>>=\n<<Shared>>\n@\n<<b.rs>>=\none();\n<<Shared>>\n";
+    let scratch = project(&format!("{one}{inner}"));
+    move_last(&scratch, "a.rs");
+    edit(&scratch, "b.rs", "one();", "two();");
+    refuses(&scratch, said);
+}
+
 #[test]
 fn tabs_of_a_makefile_come_home() {
     let edit = ("src/Makefile", "\techo a\n", "\techo a\tc\n\techo d\n");
