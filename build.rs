@@ -19,6 +19,9 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(message) => {
             eprintln!("{message}");
+            if message.contains("noweb untangle") {
+                eprintln!("Here, `make untangle' does that.");
+            }
             ExitCode::FAILURE
         }
     }

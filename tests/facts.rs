@@ -251,6 +251,41 @@ fn a_pixel_across_the_horizon_has_the_share_of_its_area() {
     assert_eq!(pixel.variance(), 0.);
 }
 
+/// A camera of 90 degrees sees from -1 to 1 beside and above its axis. Bowed
+/// by an angle of tangent t, it has the horizon at t above the middle, and so
+/// (1 - t) / 2 of the picture above that.
+#[test]
+fn the_share_of_a_bowed_view_is_what_geometry_says() {
+    for t in [-0.75, -0.25, 0., 0.25, 0.5, 0.9] {
+        let mut setting = named("nothing in view");
+        let View { position, up, .. } = setting.view;
+        let target = position - DVec3::Y - t * up;
+        setting.view = View { position, target, up, fov: 90. };
+        let image = setting.render(&[], (1, 1), 2, 1).image;
+        let exact = 0.5 - 0.5 * t;
+        assert!((image.pixel(0, 0).mean() - exact).abs() < 1e-12, "{t}");
+    }
+}
+
+/// Five standard errors: once in two million times by chance.
+#[test]
+fn the_share_of_a_rolled_view_is_the_mean_of_its_paths() {
+    let mut setting = named("nothing in view");
+    let View { position, .. } = setting.view;
+    let target = position + DVec3::new(0.3, -1., -0.2);
+    let up = DVec3::new(0.6, 0.1, 0.8);
+    setting.view = View { position, target, up, fov: 80. };
+    let known = setting.render(&[], (3, 2), 2, 1).image;
+    let sampled = setting.render(&Fact::ALL, (3, 2), 40_000, 1).image;
+    let mut cut = 0;
+    for (share, paths) in known.stored().iter().zip(sampled.stored()) {
+        let off = (share.mean() - paths.mean()).abs();
+        assert!(off <= 5. * paths.standard_error() + 1e-12, "{off}");
+        cut += usize::from(0.05 < share.mean() && share.mean() < 0.95);
+    }
+    assert!(cut >= 3, "the horizon cuts {cut} pixels");
+}
+
 /// These views go straight down, where all is below the horizon, so that a
 /// tile that sees nothing is black; a triangle that is overlooked is not.
 #[test]

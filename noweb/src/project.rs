@@ -363,10 +363,9 @@ impl Project {
             let help = format!("the line comes from {file}:{line}");
             fault = fault.with_help(help);
         }
-        Some(fault.with_help(format!(
-            "`noweb untangle' (here `make untangle') brings the edit there; \
-             delete {shown} to drop it"
-        )))
+        let fault =
+            fault.with_help("`noweb untangle' carries the edit there");
+        Some(fault.with_help(format!("delete {shown} to drop the edit")))
     }
 }
 

@@ -246,7 +246,7 @@ fn the_map_outgrows_the_text() {
         assert_eq!(tangled.text.len(), (1 << m) + 1);
         assert_eq!(tangled.map.len(), 1 << m);
     }
-    assert_eq!(size_of::<Segment>(), 20);
+    assert_eq!(size_of::<Segment>(), 24);
 }
 
 // Answer about positions

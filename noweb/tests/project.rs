@@ -178,8 +178,8 @@ fn an_edit_by_hand_is_refused_with_its_chapter_line() {
         "src/main.rs:9:10: error: this file was edited by hand since it \
          was tangled\n      count_by_hand();\n           ^\n  \
          help: the line comes from chapters/a.nw:16\n  help: `noweb \
-         untangle' (here `make untangle') brings the edit there; delete \
-         src/main.rs to drop it\n"
+         untangle' carries the edit there\n  help: delete src/main.rs to \
+         drop the edit\n"
     );
     assert_eq!(scratch.read("src/main.rs"), edited);
     let script = scratch.read("scripts/run");

@@ -8,7 +8,7 @@
 
 //! Random input for every stage, for a number of seconds.
 //!
-//! usage: cargo run -p noweb --example fuzz [SECONDS [SEED]]
+//! usage: cargo run -p noweb --example random_bytes [SECONDS [SEED]]
 //!
 //! The seeds are the chapters, the test cases and, where they are
 //! installed, noweb's own examples. A panic ends the run; the input that
