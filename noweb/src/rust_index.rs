@@ -13,6 +13,7 @@
 //! stream, and what is found in it goes back to the lines of the stream:
 //! places in this module are the number of a line and a byte of its text.
 
+// Import what the index needs
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::ffi::OsString;
 use std::ops::Range;
@@ -126,6 +127,7 @@ impl Words {
             }
             words.comments.push(done..range.start);
             done = range.end;
+            // Sort the token by what stands there
             let rest = &text[range.start..];
             if rest.starts_with("//") || rest.starts_with("/*") {
                 words.comments.push(range);
@@ -226,6 +228,7 @@ impl<'s> Notes<'s> {
         let (chapter, number) = self.places[line];
         let before = self.lines[..line].iter().rev();
         let before = before.take_while(|l| **l != b"@nl");
+        // Count the columns of the marks before
         let column: usize = before
             .filter_map(|line| match Mark::read(line)? {
                 Mark { keyword: b"text", argument } => {
@@ -281,6 +284,7 @@ impl Program {
         if !text.path.ends_with(".rs") {
             return note_comment_lines(&text, notes);
         }
+        // Make tokens of the file's text
         // Bytes would not be counted as in the tangled text.
         let source = String::from_utf8(text.tangled.text.clone());
         let Ok(source) = source else { return };
@@ -336,6 +340,7 @@ impl Program {
         for (file, module) in self.files.iter().zip(&names.modules) {
             notes.roots.insert(file.path.clone(), *module);
         }
+        // Note where the items are declared
         for (id, item) in names.items.iter().enumerate() {
             if let Some((file, range)) = &item.site {
                 let elsewhere = names.modules.contains(&id);
@@ -345,6 +350,7 @@ impl Program {
             }
         }
         let defined: HashSet<Id> = notes.defined().collect();
+        // Note the uses of what is defined
         for (number, file) in self.files.iter().enumerate() {
             for (range, id) in uses(&mut names, number, &file.syntax) {
                 if defined.contains(&id) {
@@ -465,6 +471,7 @@ impl<'n, 'a> Quotes<'n, 'a> {
 impl Quotes<'_, '_> {
     /// The item that quoted code means in a chapter, if that is certain.
     fn resolve(&self, chapter: usize, code: &[u8]) -> Option<Id> {
+        // Split the code into names
         let code = std::str::from_utf8(code).ok()?;
         let code = code.trim_end_matches("()").trim_end_matches('!');
         let path: Vec<String> = code.split("::").map(Into::into).collect();
@@ -475,6 +482,7 @@ impl Quotes<'_, '_> {
         if found.is_empty() && path.len() == 1 {
             found = self.members(chapter, code);
         }
+        // Take the only item that it can be
         let free = |words: &HashSet<&str>| words.contains(code);
         match found[..] {
             [one] => {

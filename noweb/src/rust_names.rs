@@ -149,6 +149,7 @@ impl<'a> Names<'a> {
             for (number, file) in files.iter().enumerate() {
                 let fresh = names.modules[number] == usize::MAX;
                 if fresh && is_root(file) == roots {
+                    // Read a root and what is below it
                     let label =
                         file.path.trim_end_matches(".rs").to_string();
                     let library = library(&file.path);
@@ -461,6 +462,7 @@ impl<'a> Names<'a> {
             match &item.trait_ {
                 None => self.add_members(id, scope, item),
                 Some((_, path, _)) => {
+                    // Remember the trait and its names
                     let path = segments(path);
                     let found = self.path(scope, &path, Space::Types);
                     self.items[id].traits.push(found);
@@ -871,6 +873,7 @@ impl Names<'_> {
     pub fn method(&self, id: Id, name: &str) -> Option<Id> {
         let step = (Space::Values, name.to_string());
         let item = &self.items[id];
+        // Prefer the type's own method
         let found = match item.members.get(&step) {
             Some(_) if item.overridden.contains(name) => None,
             Some(Found::Item(id)) => Some(*id),

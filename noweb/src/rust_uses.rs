@@ -168,6 +168,7 @@ impl<'a> Walk<'_, 'a> {
 }
 impl<'a> Walk<'_, 'a> {
     fn use_tree(&mut self, mut names: Vec<String>, tree: &syn::UseTree) {
+        // Take the name at this branch of the tree
         let ident = match tree {
             syn::UseTree::Path(step) => &step.ident,
             syn::UseTree::Name(leaf) => &leaf.ident,

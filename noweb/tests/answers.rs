@@ -13,7 +13,9 @@
 use std::ffi::OsString;
 use std::fs;
 use std::path::Path;
-use std::process::Command;
+use std::process::{Child, Command, Stdio};
+use std::thread;
+use std::time::{Duration, Instant};
 
 // Use the library of the tool
 use noweb::Streams;
@@ -23,6 +25,7 @@ use noweb::locate::Atlas;
 use noweb::markup::{mark_up, write_stream};
 use noweb::noidx::{Settings, cross_reference};
 use noweb::project::Project;
+use noweb::rust_index::index;
 use noweb::stream::{self, crc};
 use noweb::tangle::{Layout, Segment, Tangled, tangle};
 use noweb::totex::{Memory, Options, to_tex};
@@ -277,6 +280,120 @@ fn a_file_is_stale_if_its_text_would_be_another() {
     }
 }
 
+// Answer about carrying edits home
+
+#[test]
+fn an_edit_meets_a_change_of_the_chapter() {
+    for (from, to, carried) in [
+        ("red", "rose", false),
+        ("green", "lime", true),
+        ("COLOURS", "PAINTS", true),
+        ("<<List the colours>>=", "Hear.\n<<List the colours>>=", true),
+    ] {
+        let project = project("merge", LIST);
+        project.tangle().unwrap();
+        let web = LIST.replacen(from, to, 1);
+        // Edit the file and the chapter
+        let file = project.dir.join("src/list.rs");
+        let text = fs::read_to_string(&file).unwrap();
+        fs::write(&file, text.replace("green", "lime")).unwrap();
+        let chapter = project.dir.join("a.nw");
+        fs::write(&chapter, &web).unwrap();
+        assert_eq!(project.untangle(false).is_ok(), carried, "{to}");
+        let text = fs::read_to_string(&chapter).unwrap();
+        let home = web.replace("green", "lime");
+        assert_eq!(text, if carried { home } else { web });
+    }
+}
+
+#[test]
+fn a_new_line_has_one_home_or_none() {
+    for (above, line, change) in [
+        (3, "    \"black\",", Some("a.nw:6: -0 +1 lines")),
+        (4, "    \"black\",", None),
+        (5, "    \"black\",", Some("a.nw:11: -0 +1 lines")),
+        (6, "    \"black\",", None),
+        (6, "// done", Some("a.nw:4: -0 +1 lines")),
+    ] {
+        let project = project("homes", LIST);
+        project.tangle().unwrap();
+        let file = project.dir.join("src/list.rs");
+        let text = fs::read_to_string(&file).unwrap();
+        let mut lines: Vec<&str> = text.lines().collect();
+        lines.insert(above - 1, line);
+        fs::write(&file, lines.join("\n") + "\n").unwrap();
+        let changes = project.untangle(true).ok();
+        let expected = change.map(|change| vec![change.to_owned()]);
+        assert_eq!(changes, expected, "above {above}");
+    }
+}
+
+// Answer about watching chapters
+
+/// A watch in an empty directory with one chapter, and the directory.
+struct Watched(Child, std::path::PathBuf);
+
+impl Watched {
+    fn new(name: &str, script: &str) -> Self {
+        let dir = project(name, LIST).dir;
+        let errors = fs::File::create(dir.join("errors")).unwrap();
+        let mut watch = Command::new(env!("CARGO_BIN_EXE_noweb"));
+        watch.args(["watch", "--record", ".tangled", "a.nw"]);
+        watch.args(["--", "sh", "-c", script]).current_dir(&dir);
+        watch.stdin(Stdio::null()).stderr(errors);
+        Self(watch.spawn().unwrap(), dir)
+    }
+
+    fn wait(&self, file: &str, wanted: impl Fn(&str) -> bool) -> String {
+        let start = Instant::now();
+        loop {
+            let text = fs::read_to_string(self.1.join(file));
+            let text = text.unwrap_or_default();
+            if wanted(&text) {
+                return text;
+            }
+            assert!(start.elapsed().as_secs() < 60, "{file}: {text}");
+            thread::sleep(Duration::from_millis(5));
+        }
+    }
+
+    fn save(&self, web: &str) {
+        fs::write(self.1.join(".new"), web).unwrap();
+        fs::rename(self.1.join(".new"), self.1.join("a.nw")).unwrap();
+    }
+}
+
+impl Drop for Watched {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+#[test]
+fn a_chapter_that_is_restored_is_checked_again() {
+    let watch = Watched::new("restored", "echo ran >>runs");
+    watch.wait("runs", |runs| runs == "ran\n");
+    watch.save(&LIST.replace("];", "<<Nothing>>\n];"));
+    watch.wait("errors", |errors| errors.contains("Nothing"));
+    watch.save(LIST);
+    watch.wait("errors", |errors| errors.contains("tangled nothing"));
+    watch.wait("runs", |runs| runs == "ran\nran\n");
+}
+
+#[test]
+fn a_command_that_writes_to_a_chapter_comes_to_rest() {
+    let script = "echo ran >>runs; \
+        test $(wc -l <runs) -ge 3 || echo @ Prose. >>a.nw";
+    let watch = Watched::new("itself", script);
+    watch.wait("runs", |runs| runs == "ran\nran\nran\n");
+    let twice = "tangled nothing";
+    let quiet = |errors: &str| errors.matches(twice).count() == 2;
+    watch.wait("errors", quiet);
+    let text = watch.wait("a.nw", |text| !text.is_empty());
+    assert_eq!(text, format!("{LIST}@ Prose.\n@ Prose.\n"));
+}
+
 // Answer about resolving references
 #[test]
 fn seven_uses_are_whole() {
@@ -401,6 +518,74 @@ fn a_chunk_is_hidden_before_references_are_resolved() {
     assert_eq!(behind.matches(&label).count(), 4);
     assert_eq!(before.matches(&label).count(), 0);
     assert!(before.contains("nw@notdef"));
+}
+
+// Answer about the index of Rust
+
+/// How often a Rust file has links to an item.
+fn links_to(item: &str, code: &str) -> usize {
+    let stream = stream_of(&format!("<<demo/src/lib.rs>>=\n{code}\n"));
+    let (out, faults) = index(stream.as_bytes());
+    assert!(faults.is_empty(), "{code}");
+    let out = String::from_utf8(out).unwrap();
+    let mark = format!("@index use demo::{item}");
+    out.lines().filter(|line| **line == mark).count()
+}
+
+#[test]
+fn a_word_is_a_link_where_no_variable_has_taken_it() {
+    for (function, links) in [
+        ("fn a(count: u8) -> u8 { count }", 0),
+        ("fn b() -> u8 { let count = count(); count }", 1),
+        (
+            "fn c(o: Option<u8>) -> u8 {
+            if let Some(count) = o { count } else { count() } }",
+            1,
+        ),
+        ("fn d() -> u8 { let f = |count: u8| count; f(1) }", 0),
+        ("fn e() -> u8 { (|| count())() }", 1),
+        ("fn f() -> u8 { fn count() -> u8 { 2 } count() }", 0),
+        (
+            "fn g(count: u8) -> u8 {
+            fn h() -> u8 { count() } h() + count }",
+            1,
+        ),
+        (
+            r#"fn i() -> String {
+            format!("{} {}", count(), "count()") }"#,
+            1,
+        ),
+    ] {
+        let code = format!("fn count() -> u8 {{ 1 }}\n{function}");
+        assert_eq!(links_to("count", &code), links, "{function}");
+    }
+}
+
+#[test]
+fn a_call_is_a_link_where_the_type_is_written() {
+    let tile = "struct Tile; impl Tile { fn area(&self) -> u8 { 1 } }";
+    for (function, links) in [
+        ("fn f(tile: &Tile) { tile.area(); }", 1),
+        (
+            "fn f(tile: Option<Tile>) {
+            if let Some(tile) = tile { tile.area(); } }",
+            1,
+        ),
+        (
+            "fn f(tiles: Vec<Tile>) {
+            for tile in tiles { tile.area(); } }",
+            1,
+        ),
+        ("fn f(tiles: Vec<Tile>) { tiles[0].area(); }", 0),
+        (
+            "fn f(tiles: Vec<Tile>) {
+            tiles.iter().for_each(|tile| { tile.area(); }) }",
+            0,
+        ),
+    ] {
+        let code = format!("{tile}\n{function}");
+        assert_eq!(links_to("Tile::area", &code), links, "{function}");
+    }
 }
 
 // Answer about commands and filters
