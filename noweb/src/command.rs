@@ -80,6 +80,7 @@ pub fn run(name: &OsStr, args: &[OsString], streams: &mut Streams) -> u8 {
         [first, ..] if first == "--help" || first == "-h" => help(streams),
         [first, ..] if first == "--version" => version(streams),
         [first, rest @ ..] => match find(first) {
+            Some(command) if rest == ["--help"] => explain(command, streams),
             Some((_, runner, _)) => runner(rest, streams),
             None => refuse(first, streams),
         },
@@ -103,6 +104,29 @@ fn help(streams: &mut Streams) -> u8 {
         text += &format!("  {name:<12} {purpose}\n");
     }
     text += "\nA symbolic link named after a command is that command.\n";
+    let result = streams.output.write_all(text.as_bytes());
+    streams.conclude(result, &[])
+}
+
+const SYNTAX: &[(&str, &str)] = &[
+    ("tangle", "[OPTION]... [--check] CHAPTER..."),
+    ("untangle", "[OPTION]... [--check] CHAPTER..."),
+    ("watch", "[OPTION]... CHAPTER... [-- COMMAND...]"),
+    ("where", "[-C DIR] [--master FILE] PATH:LINE[:COLUMN] [CHAPTER...]"),
+    ("map", "[-C DIR] [--master FILE] [CHAPTER...] [-- COMMAND...]"),
+];
+
+const OPTIONS: &str = "options: [-C DIR] [--master FILE] [--record FILE] \
+    [--only PREFIX]... [--except PREFIX]...\n";
+
+fn explain(command: &Command, streams: &mut Streams) -> u8 {
+    let (name, _, purpose) = command;
+    let known = SYNTAX.iter().find(|(known, _)| known == name);
+    let syntax = known.map_or("[ARGUMENT]...", |(_, syntax)| syntax);
+    let mut text = format!("usage: noweb {name} {syntax}\n{purpose}\n");
+    if syntax.contains("[OPTION]") {
+        text += OPTIONS;
+    }
     let result = streams.output.write_all(text.as_bytes());
     streams.conclude(result, &[])
 }

@@ -396,7 +396,9 @@ fn answer(
         return Ok((lines, stale.into_iter().collect()));
     }
     // Answer a question about a chapter
-    let named = |s: &Source| Path::new(OsStr::from_bytes(&s.name)) == path;
+    let inside = path.strip_prefix(&atlas.dir).unwrap_or(path);
+    let inside = inside.strip_prefix(".").unwrap_or(inside);
+    let named = |s: &Source| Path::new(OsStr::from_bytes(&s.name)) == inside;
     let mut chapters = atlas.web.sources.iter().zip(0..);
     let Some((chapter, file)) = chapters.find(|(s, _)| named(s)) else {
         return Err(format!("{shown} is neither tangled nor a chapter"));

@@ -174,6 +174,17 @@ fn a_chunk_in_two_files_is_found_in_both() {
 }
 
 #[test]
+fn the_whole_path_of_a_chapter_will_do() {
+    let scratch = project();
+    let dir = scratch.path().canonicalize().expect("a directory");
+    let answer = located(&scratch, &["chapters/a.nw:24", "chapters/a.nw"]);
+    for path in [dir.join("chapters/a.nw"), "./chapters/a.nw".into()] {
+        let question = format!("{}:24", path.display());
+        assert_eq!(located(&scratch, &[&question, "chapters/a.nw"]), answer);
+    }
+}
+
+#[test]
 fn prose_goes_nowhere_and_other_files_are_refused() {
     let scratch = project();
     let refused = |place: &str| {
