@@ -80,7 +80,9 @@ pub fn run(name: &OsStr, args: &[OsString], streams: &mut Streams) -> u8 {
         [first, ..] if first == "--help" || first == "-h" => help(streams),
         [first, ..] if first == "--version" => version(streams),
         [first, rest @ ..] => match find(first) {
-            Some(command) if rest == ["--help"] => explain(command, streams),
+            Some(command) if rest == ["--help"] => {
+                explain(command, streams)
+            }
             Some((_, runner, _)) => runner(rest, streams),
             None => refuse(first, streams),
         },

@@ -398,7 +398,8 @@ fn answer(
     // Answer a question about a chapter
     let inside = path.strip_prefix(&atlas.dir).unwrap_or(path);
     let inside = inside.strip_prefix(".").unwrap_or(inside);
-    let named = |s: &Source| Path::new(OsStr::from_bytes(&s.name)) == inside;
+    let named =
+        |s: &Source| Path::new(OsStr::from_bytes(&s.name)) == inside;
     let mut chapters = atlas.web.sources.iter().zip(0..);
     let Some((chapter, file)) = chapters.find(|(s, _)| named(s)) else {
         return Err(format!("{shown} is neither tangled nor a chapter"));
