@@ -180,7 +180,10 @@ fn the_whole_path_of_a_chapter_will_do() {
     let answer = located(&scratch, &["chapters/a.nw:24", "chapters/a.nw"]);
     for path in [dir.join("chapters/a.nw"), "./chapters/a.nw".into()] {
         let question = format!("{}:24", path.display());
-        assert_eq!(located(&scratch, &[&question, "chapters/a.nw"]), answer);
+        assert_eq!(
+            located(&scratch, &[&question, "chapters/a.nw"]),
+            answer
+        );
     }
 }
 
