@@ -384,7 +384,7 @@ fn a_chapter_that_is_restored_is_checked_again() {
 #[test]
 fn a_command_that_writes_to_a_chapter_comes_to_rest() {
     let script = "echo ran >>runs; \
-        test $(wc -l <runs) -ge 3 || echo @ Prose. >>a.nw";
+        test $(wc -l <runs) -ge 3 || echo @ Prose. >>a.nw; sleep 0.2";
     let watch = Watched::new("itself", script);
     watch.wait("runs", |runs| runs == "ran\nran\nran\n");
     let twice = "tangled nothing";
