@@ -200,7 +200,10 @@ impl Project {
             // Pass over what nobody has edited
             let Ok(disk) = fs::read(self.dir.join(path)) else { continue };
             let recorded = record.get(path).copied();
-            if disk == tangled.text || recorded == Some(hash(&disk)) {
+            if disk.is_empty()
+                || disk == tangled.text
+                || recorded == Some(hash(&disk))
+            {
                 continue;
             }
             match self.target(path, tangled, &disk, recorded) {

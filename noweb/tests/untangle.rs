@@ -543,6 +543,21 @@ fn a_deleted_file_is_no_edit() {
 }
 
 #[test]
+fn a_file_without_a_byte_is_no_edit_and_is_tangled_anew() {
+    let scratch = project(CHAPTER);
+    let other = scratch.read("src/other.rs");
+    scratch.write("src/other.rs", "");
+    let main =
+        scratch.read("src/main.rs").replace("hello();", "good_day();");
+    scratch.write("src/main.rs", &main);
+    let outcome = untangle(&scratch);
+    assert_eq!((outcome.stderr(), outcome.status), (String::new(), 0));
+    assert!(scratch.read("a.nw").contains("\nother();\n"));
+    assert!(scratch.read("a.nw").contains("\ngood_day();\n"));
+    assert_eq!(scratch.read("src/other.rs"), other);
+}
+
+#[test]
 fn wrong_usage_of_untangle_has_status_2() {
     let scratch = project(CHAPTER);
     for args in [&["untangle"][..], &["untangle", "--nope", "a.nw"]] {
