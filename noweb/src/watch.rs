@@ -14,8 +14,9 @@
 //! while it runs makes it run once more.
 
 // Import what the watch needs
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 use std::ffi::OsString;
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -44,8 +45,8 @@ struct Watch {
     command: Vec<OsString>,
     watcher: RecommendedWatcher,
     // Remember what was seen last
-    /// The directories that are watched.
-    dirs: BTreeSet<PathBuf>,
+    /// The directories that are watched: device and number of each.
+    dirs: BTreeMap<PathBuf, (u64, u64)>,
     /// The hash of the chapters that were tangled last without a fault.
     tangled: Option<u64>,
     // Keep the channel and the command's state
@@ -63,17 +64,13 @@ impl Watch {
     ) -> notify::Result<Self> {
         // Send the events of the library
         let (events, received) = channel();
-        let sender = events.clone();
-        let watcher = notify::recommended_watcher(move |event| {
-            // The receiver lives as long as the process.
-            let _ = touched(event).map(|names| sender.send(names));
-        })?;
+        let watcher = watcher(&events)?;
         // Begin without any memory
         Ok(Self {
             args: args.to_vec(),
             command: command.to_vec(),
             watcher,
-            dirs: BTreeSet::new(),
+            dirs: BTreeMap::new(),
             tangled: None,
             events,
             received,
@@ -81,6 +78,15 @@ impl Watch {
             again: false,
         })
     }
+}
+
+/// What sends the events of the directories that it is told to watch.
+fn watcher(events: &Sender<Event>) -> notify::Result<RecommendedWatcher> {
+    let sender = events.clone();
+    notify::recommended_watcher(move |event| {
+        // The receiver lives as long as the process.
+        let _ = touched(event).map(|names| sender.send(names));
+    })
 }
 
 /// The names of files that were written, made, renamed or removed.
@@ -144,17 +150,32 @@ impl Watch {
                 path.parent().filter(|p| !p.as_os_str().is_empty());
             let dir = parent.unwrap_or(Path::new("."));
             // Watch the chapter's directory as well
-            if !self.dirs.contains(dir) {
-                let watched =
-                    self.watcher.watch(dir, RecursiveMode::NonRecursive);
-                watched.map_err(|e| {
-                    wrong(format!("cannot watch {}: {e}", dir.display()))
-                })?;
-                self.dirs.insert(dir.to_owned());
-            }
+            self.watch(dir).map_err(|e| {
+                wrong(format!("cannot watch {}: {e}", dir.display()))
+            })?;
         }
         Ok(project)
     }
+
+    fn watch(&mut self, dir: &Path) -> notify::Result<()> {
+        let moved =
+            |(dir, number): (&PathBuf, &_)| number_of(dir) != *number;
+        if self.dirs.iter().any(moved) {
+            self.watcher = watcher(&self.events)?;
+            self.dirs.clear();
+        }
+        if !self.dirs.contains_key(dir) {
+            self.dirs.insert(dir.to_owned(), number_of(dir));
+            self.watcher.watch(dir, RecursiveMode::NonRecursive)?;
+        }
+        Ok(())
+    }
+}
+
+/// The device of a directory, and its number there; zero for none.
+fn number_of(dir: &Path) -> (u64, u64) {
+    let there = std::fs::metadata(dir).map(|m| (m.dev(), m.ino()));
+    there.unwrap_or_default()
 }
 
 // Run the command after tangling
@@ -284,13 +305,16 @@ impl Watch {
         }
     }
 
-    /// Is one of these files a chapter?
+    /// Is one of these files a chapter, or a directory with chapters?
     fn concerns(&self, names: &[OsString]) -> bool {
+        let named = |path: &PathBuf| {
+            path.file_name().is_some_and(|p| names.iter().any(|n| n == p))
+        };
         let Ok((project, _)) = parse_arguments(&self.args) else {
             return true;
         };
-        let chapters = project.chapters.iter();
-        let mut chapters = chapters.filter_map(|c| c.file_name());
-        names.is_empty() || chapters.any(|c| names.iter().any(|n| n == c))
+        names.is_empty()
+            || project.chapters.iter().any(named)
+            || self.dirs.keys().any(named)
     }
 }

@@ -123,6 +123,23 @@ fn a_save_is_tangled_and_the_command_runs() {
 }
 
 #[test]
+fn a_directory_that_was_moved_and_made_anew_is_watched() {
+    let scratch = project();
+    scratch.write("book.nw", "\\include{a}\n");
+    let watch = Watch::start(scratch.path(), &["--master", "book.nw"]);
+    holds(&scratch, "src/a.rs", "first();\n");
+    let dir = scratch.path().join("chapters");
+    fs::rename(&dir, scratch.path().join("old")).expect("a moved one");
+    watch.says("cannot watch chapters");
+    scratch.write("chapters/a.nw", CHAPTER.replace("first", "second"));
+    holds(&scratch, "src/a.rs", "second();\n");
+    for word in ["third", "fourth", "fifth"] {
+        save(&scratch, &CHAPTER.replace("first", word));
+        holds(&scratch, "src/a.rs", &format!("{word}();\n"));
+    }
+}
+
+#[test]
 fn an_editor_that_replaces_the_file_is_followed() {
     let scratch = project();
     let watch = Watch::start(scratch.path(), &["chapters/a.nw"]);
