@@ -342,7 +342,8 @@ impl Project {
         record: &Record,
     ) -> Option<Diagnostic> {
         let disk = fs::read(self.dir.join(&output.path)).ok()?;
-        let known = record.get(&output.path) == Some(&hash(&disk));
+        let recorded = record.get(&output.path) == Some(&hash(&disk));
+        let known = recorded || disk.is_empty();
         if known || !output.changed {
             return None;
         }
