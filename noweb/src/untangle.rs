@@ -120,6 +120,40 @@ fn lines_of(text: &[u8]) -> Vec<&[u8]> {
     text.split(|b| *b == b'\n').collect()
 }
 
+/// Joins hunks with those that can slide to touch them.
+fn join(all: Vec<Hunk>, old: &[&[u8]], new: &[&[u8]]) -> Vec<Hunk> {
+    let mut joined: Vec<Hunk> = Vec::new();
+    for (c, d) in all {
+        let Some((a, b)) = joined.pop() else {
+            joined.push((c, d));
+            continue;
+        };
+        let gap = c.start - a.end;
+        // See which of two hunks can slide to the other
+        let apart =
+            a.is_empty() && c.is_empty() || b.is_empty() && d.is_empty();
+        let up = |text: &[&[u8]], r: &Range<usize>| {
+            text[r.start - gap..r.start] == text[r.end - gap..r.end]
+        };
+        let down = |text: &[&[u8]], r: &Range<usize>| {
+            text[r.start..r.start + gap] == text[r.end..r.end + gap]
+        };
+        let rises = !apart
+            && (d.is_empty() && up(old, &c) || c.is_empty() && up(new, &d));
+        let sinks = !apart
+            && (b.is_empty() && down(old, &a)
+                || a.is_empty() && down(new, &b));
+        joined.extend(if rises {
+            vec![(a.start..c.end - gap, b.start..d.end - gap)]
+        } else if sinks {
+            vec![(a.start + gap..c.end, b.start + gap..d.end)]
+        } else {
+            vec![(a, b), (c, d)]
+        });
+    }
+    joined
+}
+
 /// The words of a line: identifiers and numbers, and single other bytes.
 fn words(line: &[u8]) -> Vec<&[u8]> {
     let letter =
@@ -450,6 +484,7 @@ struct Carrier<'a> {
     view: View<'a>,
     target: &'a Target,
     splices: Vec<Splice>,
+    choices: Vec<Choice>,
     faults: Vec<Diagnostic>,
 }
 
@@ -464,15 +499,16 @@ impl<'a> Carrier<'a> {
         let lines = lines_of(&tangled.text);
         let tab = tab_stops(&target.path);
         let view = View { sources, tangled, lines, tab };
-        let (splices, faults) = (Vec::new(), Vec::new());
-        Self { view, target, splices, faults }
+        let (splices, choices) = (Vec::new(), Vec::new());
+        Self { view, target, splices, choices, faults: Vec::new() }
     }
 
     /// The hunks that are to be carried.
     fn hunks(&self) -> Vec<Hunk> {
         let lines = self.target.lines.iter();
         let new: Vec<&[u8]> = lines.map(|line| &line[..]).collect();
-        hunks(&self.view.lines, &new)
+        let all = hunks(&self.view.lines, &new);
+        join(all, &self.view.lines, &new)
     }
 
     fn carry(&mut self) {
@@ -493,9 +529,7 @@ impl<'a> Carrier<'a> {
             self.insert(&slides);
         } else if new.is_empty() {
             let slides = self.slides(hunk, &room);
-            let block = |s: &&Hunk| self.view.block(s.0.clone()).is_some();
-            let best = slides.iter().find(block).unwrap_or(hunk);
-            self.carry_part(best);
+            self.cut(hunk, &slides);
         } else if let Some(splices) = self.part(hunk) {
             self.splices.extend(splices);
         } else {
@@ -758,6 +792,41 @@ impl<'a> Carrier<'a> {
         Some(self.splice(home, start..start, text, (old, new)))
     }
 
+    // Carry a removal
+    /// The ways to remove lines of which the chapters differ afterwards.
+    fn readings(&self, slides: &[Hunk]) -> Vec<Reading> {
+        let mut readings: Vec<Reading> = Vec::new();
+        for hunk in slides {
+            let Some(splices) = self.part(hunk) else { continue };
+            let applied = apply(self.view.sources, &splices);
+            let Ok(chapters) = applied else { continue };
+            let same =
+                |r: &Reading| changes(&r.chapters, &chapters).is_empty();
+            if !readings.iter().any(same) {
+                let block = self.view.block(hunk.0.clone()).is_some();
+                readings.push(Reading { splices, chapters, block });
+            }
+        }
+        readings.sort_by_key(|reading| !reading.block);
+        readings
+    }
+
+    fn cut(&mut self, hunk: &Hunk, slides: &[Hunk]) {
+        let mut readings = self.readings(slides);
+        let gone = &self.view.lines[hunk.0.clone()];
+        if gone.iter().all(|line| line.is_empty()) {
+            readings.truncate(1);
+        }
+        match readings.len() {
+            0 => self.refuse(hunk),
+            1 => self.splices.append(&mut readings[0].splices),
+            _ => {
+                let fault = self.equals(slides);
+                self.choices.push(Choice { readings, fault });
+            }
+        }
+    }
+
     // Carry a change within a line
     fn change_within(
         &self,
@@ -867,12 +936,20 @@ impl<'a> Carrier<'a> {
             _ => "an edit crosses the border of a chunk",
         };
         let mut fault = self.fault(new.start, text);
-        // Add the lines of chapters that come into question
         if one && !named {
             let help = "it is indented less than the chunk, or holds a tab";
             fault = fault.with_help(help);
         }
         let lines = if old.is_empty() { lines } else { old.clone() };
+        self.faults.push(self.concerning(fault, lines));
+    }
+
+    /// A fault with the lines of chapters that come into question.
+    fn concerning(
+        &self,
+        fault: Diagnostic,
+        lines: Range<usize>,
+    ) -> Diagnostic {
         let mut places = Vec::new();
         // Collect the places of the lines
         for line in lines {
@@ -886,14 +963,37 @@ impl<'a> Carrier<'a> {
         places.dedup();
         let few = places.len().min(4);
         let help = format!("it concerns {}", places[..few].join(", "));
-        fault = fault.with_help(help);
+        let fault = fault.with_help(help);
         let help = "make this edit in the chapter, too, and untangle again";
-        self.faults.push(fault.with_help(help));
+        fault.with_help(help)
+    }
+
+    fn equals(&self, slides: &[Hunk]) -> Diagnostic {
+        let (first, last) = (&slides[0], &slides[slides.len() - 1]);
+        let text = "which of the equal lines of two chunks was removed?";
+        let fault = self.fault(first.1.start, text);
+        self.concerning(fault, first.0.start..last.0.end)
     }
 
     fn fault(&self, line: usize, text: &str) -> Diagnostic {
         edit_fault(&self.target.path, self.disk_line(line), text)
     }
+}
+
+/// One of several ways to understand that lines are missing.
+struct Reading {
+    splices: Vec<Splice>,
+    /// The chapters without the lines.
+    chapters: Vec<Source>,
+    /// Are they neighbours in a chapter?
+    block: bool,
+}
+
+/// The ways to understand a removal, and what is said if more than one
+/// of them gives the edited files.
+struct Choice {
+    readings: Vec<Reading>,
+    fault: Diagnostic,
 }
 
 // Change the chapters in memory
@@ -1001,7 +1101,6 @@ impl Project {
         let old = self.expand_sources(self.read_chapters()?.0);
         let targets = self.targets(&old)?;
         let new = self.carry_all(&old, &targets)?;
-        prove(&old, &new, &targets)?;
         if !check && !targets.is_empty() {
             // Write the chapters and tangle them
             self.write_chapters(&old, &new).map_err(|fault| vec![fault])?;
@@ -1029,6 +1128,45 @@ impl Project {
 }
 
 // Carry the edits of all files
+
+/// How many combinations of readings are tried.
+const COMBINATIONS: usize = 64;
+
+/// The combinations of one reading of each choice.
+fn combinations(choices: &[Choice]) -> Vec<Vec<&Reading>> {
+    let mut all = vec![Vec::new()];
+    for choice in choices {
+        let longer = |way: &Vec<_>| {
+            let longer = |r| [&way[..], &[r]].concat();
+            choice.readings.iter().map(longer).collect::<Vec<_>>()
+        };
+        all = all.iter().flat_map(longer).collect();
+        if all.len() > COMBINATIONS {
+            return Vec::new();
+        }
+    }
+    all
+}
+
+impl Project {
+    /// What the chapters give with all splices made, if that is right.
+    fn attempt(
+        &self,
+        old: &Expansion,
+        now: &Expansion,
+        splices: &[Splice],
+        targets: &[Target],
+    ) -> Result<Expansion, Vec<Diagnostic>> {
+        let faults = disagreements(&now.web, splices);
+        if !faults.is_empty() {
+            return Err(faults);
+        }
+        let sources = apply(&now.web.sources, splices)?;
+        let new = self.expand_sources(sources);
+        prove(old, &new, targets)?;
+        Ok(new)
+    }
+}
 impl Project {
     /// What the chapters give when all edits are carried.
     fn carry_all(
@@ -1056,17 +1194,46 @@ impl Project {
             now = self.expand_sources(next);
         }
         // Carry the hunks of all files
-        let (mut splices, mut faults) = (Vec::new(), Vec::new());
+        let (mut splices, mut choices) = (Vec::new(), Vec::new());
+        let mut faults = Vec::new();
         for mut carrier in carriers(&now, targets) {
             carrier.carry();
             splices.extend(carrier.splices);
+            choices.extend(carrier.choices);
             faults.extend(carrier.faults);
         }
-        faults.extend(disagreements(&now.web, &splices));
+        if !faults.is_empty() {
+            faults.extend(disagreements(&now.web, &splices));
+        }
         if !faults.is_empty() {
             return Err(faults);
         }
-        Ok(self.expand_sources(apply(&now.web.sources, &splices)?))
+        // Choose the readings that give the files
+        let mut found: Vec<((bool, usize), Expansion)> = Vec::new();
+        let mut failed = None;
+        for way in combinations(&choices) {
+            let more = way.iter().flat_map(|reading| &reading.splices);
+            let all: Vec<Splice> =
+                splices.iter().chain(more).cloned().collect();
+            let blocks = way.iter().filter(|reading| reading.block).count();
+            match self.attempt(old, &now, &all, targets) {
+                Ok(new) => {
+                    let exact = is_exact(old, &new, targets);
+                    found.push(((exact, blocks), new));
+                }
+                Err(faults) => failed = failed.or(Some(faults)),
+            }
+        }
+        let best = found.iter().map(|(rank, _)| *rank).max();
+        found.retain(|(rank, _)| Some(*rank) == best);
+        found.dedup_by(|(_, b), (_, a)| {
+            changes(&a.web.sources, &b.web.sources).is_empty()
+        });
+        if let (1, Some((_, new))) = (found.len(), found.pop()) {
+            return Ok(new);
+        }
+        let open = choices.into_iter().map(|choice| choice.fault).collect();
+        Err(failed.filter(|_| best.is_none()).unwrap_or(open))
     }
 }
 
@@ -1170,14 +1337,33 @@ struct Proof<'a> {
     stale: &'a Touched,
 }
 
+/// The lines that a file should have.
+fn wanted<'a>(
+    before: &'a Tangled,
+    target: Option<&'a Target>,
+) -> Vec<&'a [u8]> {
+    match target {
+        Some(target) => target.lines.iter().map(|l| &l[..]).collect(),
+        None => lines_of(&before.text),
+    }
+}
+
+/// Is every file what it should be, to the byte?
+fn is_exact(old: &Expansion, new: &Expansion, targets: &[Target]) -> bool {
+    old.files.iter().all(|(path, before)| {
+        let target = targets.iter().find(|t| t.path == *path);
+        let after = new.files.iter().find(|(p, _)| p == path);
+        after.is_some_and(|(_, tangled)| {
+            lines_of(&tangled.text) == wanted(before, target)
+        })
+    })
+}
+
 impl Proof<'_> {
     /// The first line of the target that the new text does not give.
     fn first_wrong(&self, target: Option<&Target>) -> Option<usize> {
         let old = lines_of(&self.before.text);
-        let target: Vec<&[u8]> = match target {
-            Some(target) => target.lines.iter().map(|l| &l[..]).collect(),
-            None => old.clone(),
-        };
+        let target = wanted(self.before, target);
         let Some(after) = self.after else { return Some(0) };
         let new = lines_of(&after.text);
         if new == target {

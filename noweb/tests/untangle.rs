@@ -10,9 +10,12 @@
 
 mod common;
 
+use std::collections::BTreeSet;
 use std::fs;
+use std::path::Path;
 
 use common::{Outcome, Scratch, run, shell};
+use noweb::diagnostic::Source;
 use noweb::project::Project;
 use proptest::prelude::*;
 use proptest::sample::Index;
@@ -149,6 +152,9 @@ fn refuses(scratch: &Scratch, said: &str) {
     assert_eq!(snapshot(scratch), before, "something was written");
 }
 
+/// What is said if one of two equal lines was removed.
+const WHICH: &str = "which of the equal lines of two chunks was removed?";
+
 const MAIN_RS: &str = "src/main.rs";
 
 #[test]
@@ -219,6 +225,69 @@ fn removed_lines_of_two_chunks_are_removed_from_both() {
         "a @<< b >> c {\n    <<Count>>\n@ Prose between.\n<<Say \
          hello>>=\nmore();\nlast();\n@\n<<Count>>=\ncount();\n",
     );
+}
+
+#[test]
+fn one_of_two_equal_lines_is_removed_where_only_one_can_be() {
+    let twice = |inner: &str, uses: &str| {
+        format!(
+            "<<a.rs>>=\n{{\n{uses}}}\nend\n@ Prose.\n<<Inner>>=\n{inner}\n"
+        )
+    };
+    // Without its only line the chunk would leave a blank one.
+    let chapter = twice("}", "<<Inner>>\n");
+    let scratch = project(&chapter);
+    edit(&scratch, "a.rs", "}\n}\n", "}\n");
+    let outcome = untangle(&scratch);
+    assert_eq!(outcome.status, 0, "{}", outcome.stderr());
+    let without = chapter.replace(">>\n}\n", ">>\n");
+    assert_eq!(scratch.read("a.nw"), without);
+    // Nobody has asked for a change of the chunk's other use.
+    let chapter = twice("{\n}", "<<Inner>>\n<<Inner>>\n");
+    let scratch = project(&chapter);
+    edit(&scratch, "a.rs", "}\n}\n", "}\n");
+    assert_eq!(untangle(&scratch).status, 0);
+    let without = chapter.replace(">>\n}\nend", ">>\nend");
+    assert_eq!(scratch.read("a.nw"), without);
+    // Without its second line both uses are shorter.
+    let scratch = project(&chapter);
+    scratch.write("a.rs", "{\n// Inner\n{\n// Inner\n{\n}\nend\n");
+    assert_eq!(untangle(&scratch).status, 0);
+    let without = chapter.replace("{\n}\n", "{\n");
+    assert_eq!(scratch.read("a.nw"), without);
+}
+
+#[test]
+fn one_of_two_equal_lines_that_was_changed_is_one_change() {
+    let chapter = "<<a.rs>>=\n{\n<<Inner>>\n}\nend\n@ Prose.\n\
+                   <<Inner>>=\n{\n}\n";
+    let scratch = project(chapter);
+    edit(&scratch, "a.rs", "}\n}\n", "};\n}\n");
+    assert_eq!(untangle(&scratch).status, 0);
+    let changed = format!("{}}};\n", chapter.strip_suffix("}\n").unwrap());
+    assert_eq!(scratch.read("a.nw"), changed);
+    let scratch = project(chapter);
+    edit(&scratch, "a.rs", "}\n}\n", "}\n};\n");
+    assert_eq!(untangle(&scratch).status, 0);
+    let changed = chapter.replacen("}\nend", "};\nend", 1);
+    assert_eq!(scratch.read("a.nw"), changed);
+}
+
+#[test]
+fn one_of_two_equal_lines_of_two_chunks_is_not_removed() {
+    let chapter = "<<a.rs>>=\n{\n<<Inner>>\n}\nend\n@ Prose.\n\
+                   <<Inner>>=\n{\n}\n";
+    let scratch = project(chapter);
+    edit(&scratch, "a.rs", "}\n}\n", "}\n");
+    let places = "it concerns a.nw:9, a.nw:4";
+    refuses(
+        &scratch,
+        &format!("a.rs:4:1: error: {WHICH}\n  help: {places}"),
+    );
+    // Which of two blank lines it was is of no importance.
+    let scratch = project(&chapter.replace('}', ""));
+    edit(&scratch, "a.rs", "\n\n\n", "\n\n");
+    assert_eq!(untangle(&scratch).status, 0);
 }
 
 #[test]
@@ -804,6 +873,12 @@ proptest! {
         let (before, after) = edited(&seeds, &[edit]);
         prop_assume!(before != after);
         let (result, chapter) = round_trip(&before, &after, seeds.2);
+        if let Err(said) = &result && said.contains(WHICH) {
+            let ways = removals(&before, &after, seeds.2);
+            prop_assert!(ways > 1, "{} of {}", said, before);
+            prop_assert_eq!(chapter, before);
+            return Ok(());
+        }
         prop_assert_eq!(result, Ok(()), "{}", before);
         prop_assert_eq!(plain(&chapter), plain(&after), "{}", before);
     }
@@ -833,6 +908,28 @@ fn edited(seeds: &Seeds, edits: &[Edit]) -> (String, String) {
         make(&mut model, edit, number, seeds.2);
     }
     (before, chapter(&model, root(seeds.2)))
+}
+
+/// How many chapters without one line give the same file as another.
+fn removals(before: &str, after: &str, tabs: bool) -> usize {
+    let project =
+        Project { chapters: vec!["a.nw".into()], ..Project::default() };
+    let file = |chapter: &str| {
+        let source = Source::new(b"a.nw".to_vec(), chapter.into());
+        let expansion = project.expand_sources(vec![source]);
+        let mut files = expansion.files.into_iter();
+        files
+            .find(|(path, _)| path == Path::new(root(tabs)))
+            .map(|(_, tangled)| tangled.text)
+    };
+    let wanted = file(after);
+    let lines: Vec<&str> = before.lines().collect();
+    let without = |gone| {
+        let left = lines.iter().enumerate().filter(|(at, _)| *at != gone);
+        left.map(|(_, line)| format!("{line}\n")).collect::<String>()
+    };
+    let shorter: BTreeSet<_> = (0..lines.len()).map(without).collect();
+    shorter.iter().filter(|chapter| file(chapter) == wanted).count()
 }
 
 /// Tangles a chapter, makes the file what another chapter would give, and
