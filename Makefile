@@ -166,6 +166,7 @@ $(BUILD_DIR)/tables/%.tex: doc/measured/%.csv
 ROWS_ablation = scene fact
 ROWS_bench = scene threads
 ROWS_leaks = surface rays number
+ROWS_loading = text reader threads
 ROWS_qualities = quality instructions
 ROWS_roulettes = scene rule
 ROWS_shapes = width realisations
@@ -204,12 +205,36 @@ export MEASURED_VALUES
 COUNT = { wc -lc | awk '{ \
   printf "\\nwmeasured{file}{$(1)}{lines}{%d}%%\n", $$1; \
   printf "\\nwmeasured{file}{$(1)}{megabytes}{%f}%%\n", $$2 / 1e6 }'; }
+define COUNT_SOLIDS
+BEGIN {
+  split("cornice rail string coping gallery parapet step wall", course)
+  for (i in course) kind[course[i]] = "course"
+  kind["abacus"] = kind["plinth"] = "abacus and plinth"
+  kind["basin"] = kind["fountain"] = "fountain and basin"
+}
+/^o / {
+  solid = $$2
+  sub(/[.].*/, "", solid)
+  if (solid in kind) solid = kind[solid]
+  number[solid]++
+}
+/^f / { triangles[solid]++ }
+END {
+  for (solid in number) {
+    printf "\\nwmeasured{solids}{%s}{number}{%d}%%\n", solid, number[solid]
+    printf "\\nwmeasured{solids}{%s}{triangles}{%d}%%\n", solid,
+      triangles[solid]
+  }
+}
+endef
+export COUNT_SOLIDS
 $(BUILD_DIR)/tables/counted.tex: Makefile \
   $(BUILD_DIR)/figures/courtyard.json
 	@mkdir -p $(@D)
 	@{ grep '^f' $(BUILD_DIR)/courtyard.obj | $(call COUNT,triangles) && \
 	  grep '^o' $(BUILD_DIR)/courtyard.obj | $(call COUNT,solids) && \
 	  cat $(BUILD_DIR)/courtyard.obj | $(call COUNT,courtyard) && \
+	  awk "$$COUNT_SOLIDS" $(BUILD_DIR)/courtyard.obj && \
 	  sed -n -E 's/^  "(rays|mean|mean_stderr|pixels)": (.*),/\\nwmeasured{picture}{report}{\1}{\2}%/p' \
 	    $(BUILD_DIR)/figures/courtyard.json; } > $@
 
@@ -252,7 +277,7 @@ MACHINE = \# $(shell sed -n 's/^model name.*: //p' /proc/cpuinfo | head -n 1), \
 
 EXAMPLES = $(CARGO_TARGET_DIR)/release/examples
 MEASURED = qualities repeats leaks origins roulettes accumulators accounting \
-  alarms
+  alarms loading thresholds
 measure: $(BUILD_DIR)/courtyard.obj
 	$(CARGO) build --release $(addprefix --example ,$(MEASURED))
 	@mkdir -p doc/measured
@@ -448,7 +473,8 @@ $(BUILD_DIR)/litpt.pdf: $(WEB) $(NOWEB) config.mk \
     leaks.tex origins.tex roulettes.tex stability.tex stability-full.tex robustness.tex \
     ablation.tex layouts.tex habits.tex abreast.tex traversal.tex \
     bench.tex sizes.csv shapes.tex start.tex editor.tex repeats.csv \
-    accumulators.tex accounting.tex alarms.tex calibration.stamp \
+    accumulators.tex accounting.tex alarms.tex thresholds.tex \
+    calibration.stamp \
     numbers.stamp history.tex turnaround.tex translation.tex \
     anatomy.stamp curve.csv measured.tex counted.tex) \
   $(addprefix doc/,litpt.sty litpt.bib litpt-mono.enc latexmkrc)
