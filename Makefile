@@ -238,6 +238,12 @@ $(BUILD_DIR)/tables/counted.tex: Makefile \
 	  sed -n -E 's/^  "(rays|mean|mean_stderr|pixels)": (.*),/\\nwmeasured{picture}{report}{\1}{\2}%/p' \
 	    $(BUILD_DIR)/figures/courtyard.json; } > $@
 
+# What the programs have said, for the same purpose.
+$(BUILD_DIR)/tables/said.tex: doc/said.awk $(BUILD_DIR)/examples.stamp \
+  $(BUILD_DIR)/tables/calibration.stamp
+	awk -f $< $(BUILD_DIR)/examples/*.txt $(@D)/stopping.tex \
+	  $(@D)/unseen.tex > $@
+
 # Tables that are wider than the page.
 COLUMNS_bench = 8
 COLUMNS_traversal = 6
@@ -476,7 +482,7 @@ $(BUILD_DIR)/litpt.pdf: $(WEB) $(NOWEB) config.mk \
     accumulators.tex accounting.tex alarms.tex thresholds.tex \
     calibration.stamp \
     numbers.stamp history.tex turnaround.tex translation.tex \
-    anatomy.stamp curve.csv measured.tex counted.tex) \
+    anatomy.stamp curve.csv measured.tex counted.tex said.tex) \
   $(addprefix doc/,litpt.sty litpt.bib litpt-mono.enc latexmkrc)
 	@mkdir -p $(BUILD_DIR)/tex
 	$(NOWEB) noweave $(NOWEAVE_OPTS) \
