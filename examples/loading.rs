@@ -122,7 +122,10 @@ fn quadrilaterals(size: usize) -> std::io::Result<Vec<u8>> {
         vertices(&mut text, size, kind)?;
     }
     for [a, b, c, d] in corners(size) {
-        writeln!(text, "f {a}/{a}/{a} {b}/{b}/{b} {d}/{d}/{d} {c}/{c}/{c}")?;
+        writeln!(
+            text,
+            "f {a}/{a}/{a} {b}/{b}/{b} {d}/{d}/{d} {c}/{c}/{c}"
+        )?;
     }
     Ok(text)
 }
