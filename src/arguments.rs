@@ -192,6 +192,7 @@ pub const STYLES: Styles = Styles::styled()
 fn parse_definition(text: &str) -> Result<(u32, u32), String> {
     let syntax = "expected two integers around one x, as in 800x600";
     let (width, height) = text.split_once('x').ok_or(syntax)?;
+    // Read one side of the definition
     let side = |digits: &str| match digits.parse() {
         _ if !digits.bytes().all(|b| b.is_ascii_digit()) => {
             Err(syntax.to_owned())
@@ -315,6 +316,7 @@ impl Arguments {
         };
         let read = self.input.iter().chain(&self.reference);
         let mut taken: Vec<_> = read.map(place).collect();
+        // Take a place for each written file
         let written = self.output.iter().chain(&self.report);
         for path in written.chain(&self.checkpoint) {
             if taken.contains(&place(path)) {
@@ -371,6 +373,7 @@ impl Arguments {
         let picture = Picture::read(path)?;
         let (width, height) = self.definition;
         if (picture.width, picture.height) != (width, height) {
+            // Refuse a reference of another size
             return Err(format!(
                 "{}: is {}x{} pixels large, and the image {width}x{height}",
                 path.display(),
@@ -415,6 +418,7 @@ impl Arguments {
             .retain(|name, _| name != "scene_sha256" && name != "version");
         let reference = self.reference.as_ref();
         let limits = json!({
+            // List the limits and the means
             "realisations": self.realisations(),
             "time": self.time,
             "error": self.error,
@@ -466,6 +470,7 @@ impl Arguments {
     /// returns its SHA-256 in hexadecimal, if asked to.
     pub fn read_mesh(&self, hash: bool) -> Result<(Mesh, String), String> {
         let name = self.input_name();
+        // Read the bytes of the mesh
         let mut bytes = Vec::new();
         let read = match &self.input {
             Some(path) => fs::read(path).map(|content| bytes = content),

@@ -25,12 +25,14 @@ use crate::report::{Kind, Report};
 // Hold what the files need
 /// The files that a run keeps up to date.
 pub struct Journal {
+    // Hold the state of the reports
     /// The reports and their places.
     reports: Vec<(Kind, Place)>,
     /// When the next report may be written.
     next_report: Instant,
     /// The seconds of the run when the last one was written.
     reported: f64,
+    // Hold the state of the checkpoint
     /// The place of the checkpoint.
     checkpoint: Option<Place>,
     /// Time between two checkpoints.
@@ -81,6 +83,7 @@ impl Journal {
     ) -> Self {
         let next_report = Instant::now();
         let next_checkpoint = next_report.checked_add(every);
+        // Begin with nothing written
         Self {
             reports,
             next_report,
@@ -143,6 +146,7 @@ impl Journal {
     /// returns the picture.
     pub fn rehearse(&self, course: &Course, image: &Image) -> Picture {
         if !self.reports.is_empty() {
+            // Render each report for nobody
             let report = self.report(course, image, None);
             let picture = self.illustration(course, image);
             for (kind, _) in &self.reports {
@@ -169,6 +173,7 @@ impl Journal {
         let report = self.report(course, image, stop);
         let picture = self.illustration(course, image);
         let mut written = Ok(());
+        // Write each report in its place
         for (kind, place) in &mut self.reports {
             let text = kind.render(&report, &picture);
             let done =
@@ -216,6 +221,7 @@ impl Journal {
         report.rays = now.rays;
         report.stopped = stop.map(|stop| stop.name().to_owned());
         report.constant_pixels = now.constant;
+        // Fill in what the last step knows
         if let Some(last) = now.steps.last() {
             report.mean = last.mean;
             report.mean_stderr = last.mean_stderr;
@@ -244,6 +250,7 @@ impl Journal {
             "render_seconds": course.seconds,
             "stopped": stop.map_or("not yet", Stop::name),
         });
+        // Chain all attributes, the latest last
         let known = known.as_object().into_iter().flatten();
         let settings = facts.settings.iter().filter(|(_, v)| !v.is_null());
         let all = settings.chain(&self.subject).chain(known);

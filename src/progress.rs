@@ -49,6 +49,7 @@ pub fn error(message: &str) {
 pub struct Bar(ProgressBar);
 
 impl Bar {
+    // Begin a bar where a run stands
     /// A bar that stands at a number of paths.
     pub fn new(visible: bool, paths: u64) -> Self {
         let bar = match visible {
@@ -62,6 +63,7 @@ impl Bar {
         Self(bar)
     }
 
+    // Move the bar and take it away
     /// Advances by a number of paths; any thread may call it.
     pub fn advance(&self, paths: u64) {
         self.0.inc(paths);
@@ -89,6 +91,7 @@ fn style() -> ProgressStyle {
         "[{bar:14}] {floor} {msg}{elapsed} passed, {eta} to go, {rate}";
     let style = ProgressStyle::with_template(template);
     let style = style.unwrap_or_else(|_| ProgressStyle::default_bar());
+    // Compute the percentage and the rate
     let floor = |state: &ProgressState, out: &mut dyn fmt::Write| {
         let paths = u128::from(state.len().unwrap_or(0).max(1));
         let _ = write!(out, "{}%", u128::from(state.pos()) * 100 / paths);
@@ -112,6 +115,7 @@ fn metric(x: f64) -> String {
 // Summarise the run in a few lines
 /// Prints the summary of a run.
 pub fn summarise(report: &Report, pixels: u64) {
+    // Say where the time went
     let Report { load_seconds, build_seconds, render_seconds, .. } = report;
     let said = |name| report.settings.get(name).and_then(Value::as_str);
     let hierarchy = ["hierarchy", "isa"].into_iter().filter_map(said);
@@ -124,9 +128,11 @@ pub fn summarise(report: &Report, pixels: u64) {
     for finding in &report.left_out {
         inform(&format!("left out: {} ({})", finding.why, finding.fact));
     }
+    // Say how fast and how exact
     let rays = report.rays;
     let speed = metric(rays as f64 / render_seconds.max(1e-9));
     inform(&format!("{rays} rays, {speed}rays/s, {}", findings(report)));
+    // Say whose errors rest on neighbours
     let constant = report.constant_pixels;
     if 0 < constant && constant < pixels {
         inform(&format!(
