@@ -37,8 +37,6 @@ FILENAME ~ /\.nw$/ {
         size += NF > 0
     } else if (!/^%/) {
         # Count the words of a line of prose
-        gsub(/\\(measured|valueof)(\[.\])?[{][^{}]*[}][{][^{}]*[}][{][^{}]*[}]/,
-            " ")
         gsub(/\$[^$]*\$|\\[A-Za-z]+/, " ")
         words[part] += gsub(/[A-Za-z][A-Za-z0-9_'-]+/, "")
     }

@@ -15,7 +15,7 @@
 // Name what the arguments import
 use std::fs::{self, File};
 use std::io::{self, BufReader, Read};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
@@ -199,8 +199,8 @@ fn parse_definition(text: &str) -> Result<(u32, u32), String> {
         }
         Ok(0) => Err("an image has at least one pixel".to_owned()),
         Ok(n @ 1..=MAX_SIDE) => Ok(n),
-        Ok(_) => Err(format!("at most {MAX_SIDE} pixels a side")),
-        Err(_) => Err(syntax.to_owned()),
+        Err(_) if digits.is_empty() => Err(syntax.to_owned()),
+        _ => Err(format!("at most {MAX_SIDE} pixels a side")),
     };
     Ok((side(width)?, side(height)?))
 }
@@ -312,7 +312,13 @@ impl Arguments {
 
     fn tell_files_apart(&self) -> Result<(), String> {
         let place = |path: &PathBuf| {
-            path.canonicalize().unwrap_or_else(|_| path.clone())
+            // Ask for the directory of a new file
+            let new = || {
+                let directory = Path::new(".").join(path.parent()?);
+                Some(directory.canonicalize().ok()?.join(path.file_name()?))
+            };
+            let known = path.canonicalize().ok();
+            known.or_else(new).unwrap_or_else(|| path.clone())
         };
         let read = self.input.iter().chain(&self.reference);
         let mut taken: Vec<_> = read.map(place).collect();

@@ -63,7 +63,9 @@ fn text(value: &Value) -> String {
     match value {
         Value::String(text) => text.clone(),
         Value::Array(parts) => {
-            let sign = if parts.len() == 2 { "x" } else { "," };
+            let numbers = parts.iter().all(Value::is_number);
+            let size = numbers && parts.len() == 2;
+            let sign = if size { "x" } else { "," };
             let parts: Vec<String> = parts.iter().map(text).collect();
             parts.join(sign)
         }

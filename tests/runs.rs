@@ -372,6 +372,8 @@ fn no_file_may_serve_two_purposes() {
         ["-or.json", "--checkpoint=r.json", "-q"],
         ["--checkpoint=r.json", "--report=r.json", "-f"],
         ["--reference=r.json", "--report=r.json", "-f"],
+        ["--checkpoint=./r.json", "--report=r.json", "-f"],
+        ["-or.json", "--checkpoint=.//r.json", "-q"],
     ] {
         place.run(&files).failed(1, &["r.json", "named twice"]);
     }
