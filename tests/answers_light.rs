@@ -646,6 +646,48 @@ fn an_edited_checkpoint_is_damaged_and_not_of_another_run() {
     assert_eq!(ask(&file), "is damaged: its checksum is wrong");
 }
 
+#[test]
+fn a_page_lags_by_a_tenth_or_by_what_it_costs() {
+    let (cheap, dear) = (largest_lag(0.02), largest_lag(1.));
+    assert!(54. < cheap && cheap < 55., "{cheap}");
+    assert!(101. < dear && dear <= 102.25, "{dear}");
+}
+
+/// How old a page is at most when the run is killed in its tenth minute.
+fn largest_lag(takes: f64) -> f64 {
+    let mut largest = 0f64;
+    for phase in 0..1000 {
+        let mut now = f64::from(phase) * 1e-3;
+        let (mut page, mut next) = (0., 0.);
+        while now < 600. {
+            now += 0.25;
+            if now > 1.1 * page && now >= next {
+                // Write a page and look how old the last one was
+                let begun = now;
+                now += takes;
+                if now > 540. {
+                    largest = largest.max(now.min(600.) - page);
+                }
+                (page, next) = (begun, now + 100. * takes);
+            }
+        }
+    }
+    largest
+}
+
+#[test]
+fn the_error_of_the_mean_is_that_of_a_pixel_over_the_root_of_their_number() {
+    near(0.0325 / f64::sqrt(480. * 360.), 0.000078, 5e-7);
+    near((0.000078f64 / 1e-6).powi(2), 6084., 1e-6);
+    let mut image = Image::new(7, 3);
+    for (pixel, i) in image.stored_mut().iter_mut().zip(1..) {
+        pixel.add_times(1., i);
+        pixel.add_times(0., 100);
+    }
+    let Summary { rmse, mean_stderr, .. } = image.summary();
+    near(rmse / mean_stderr, f64::sqrt(21.), 1e-12);
+}
+
 // Answer the exercises on comparing pictures
 #[test]
 fn two_pixels_are_compared_by_hand() {
