@@ -144,6 +144,7 @@ impl<K: Kernel, E: Estimator> Job<'_, K, E> {
                         realisations.start
                             + (whole / u128::from(parts)) as u64
                     };
+                    // Render one part by itself
                     let render = |k| {
                         let mut own =
                             vec![Accumulator::default(); pixels.len()];
