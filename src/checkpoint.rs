@@ -20,6 +20,7 @@ use crate::course::Course;
 use crate::image::Image;
 use crate::statistics::Accumulator;
 
+// Say what stands before the sums
 /// The first line of a checkpoint; its number changes with the layout.
 const MAGIC: &[u8] = b"litpt checkpoint 1\n";
 
@@ -44,6 +45,7 @@ pub fn save(
 ) -> io::Result<()> {
     let mut out = Checked { out, checksum: Sha256::new() };
     out.write_all(MAGIC)?;
+    // Write the subject and the course
     let subject = Cow::Borrowed(subject);
     let header = Header { subject, course: Cow::Borrowed(course) };
     serde_json::to_writer(&mut out, &header)?;
@@ -79,6 +81,7 @@ const CHECKSUM: u64 = 32;
 
 /// Reads through a checkpoint, and returns to the line of JSON.
 fn recognise(file: &mut (impl BufRead + Seek)) -> Result<(), String> {
+    // Compare the first line
     let mut magic = vec![];
     let mut start = file.by_ref().take(MAGIC.len() as u64);
     start.read_to_end(&mut magic).map_err(unreadable)?;
@@ -86,6 +89,7 @@ fn recognise(file: &mut (impl BufRead + Seek)) -> Result<(), String> {
         return Err("is not a checkpoint of this version of pt".into());
     }
     // Compare the checksum with the content
+    // Compute the checksum of the content
     let length = file.seek(SeekFrom::End(0)).map_err(unreadable)?;
     file.rewind().map_err(unreadable)?;
     let mut sink =
@@ -118,6 +122,7 @@ pub fn resume(
     mut file: impl BufRead + Seek,
 ) -> Result<Course, String> {
     recognise(&mut file)?;
+    // Read the subject and the course
     let mut line = vec![];
     file.read_until(b'\n', &mut line).map_err(unreadable)?;
     let header: Header = serde_json::from_slice(&line)
@@ -128,6 +133,7 @@ pub fn resume(
     for name in names {
         let (ours, theirs) = (subject.get(name), theirs.get(name));
         if ours != theirs {
+            // Name the fact that differs
             let show = |value: Option<&Value>| {
                 value.map_or("nothing".to_owned(), Value::to_string)
             };
@@ -138,6 +144,7 @@ pub fn resume(
             ));
         }
     }
+    // Fill the image with its sums
     for pixel in image.stored_mut() {
         let mut bytes = [0; 64];
         file.read_exact(&mut bytes).map_err(unreadable)?;

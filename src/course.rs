@@ -121,6 +121,7 @@ impl Course {
     ) -> Stop {
         let (start, before) = (Instant::now(), self.seconds);
         loop {
+            // Return when a limit is reached
             if let Some(stop) = self.stop(limits, image.area()) {
                 self.record(image, limits.reference);
                 return stop;
@@ -143,6 +144,7 @@ impl Course {
     // Choose the end of the next pass
     /// Where the next pass ends, and where the next step is due.
     fn next(&self, limits: &Limits, area: u64) -> (u64, u64) {
+        // Find when the next step is due
         let recorded = self.steps.last().map_or(0, |step| step.spp);
         let mut due = next_step(recorded.max(self.spp));
         if let Some(realisations) = limits.realisations {
@@ -151,6 +153,7 @@ impl Course {
         if let Some(error) = limits.error {
             due = due.min(self.needed(error, area).max(self.spp + 1));
         }
+        // Find the time for a pass
         let mut seconds = SLICE;
         if let Some(deadline) = limits.deadline {
             let left = deadline.saturating_duration_since(Instant::now());
@@ -162,6 +165,7 @@ impl Course {
 
     /// The realisations after which the run is expected to stop.
     pub fn expected(&self, limits: &Limits, area: u64) -> u64 {
+        // Foresee the end of the time
         let time =
             limits.deadline.zip(self.pace).map(|(deadline, pace)| {
                 let left =
@@ -181,6 +185,7 @@ impl Course {
             let open = self.spp < least as u64;
             return if open { least as u64 } else { u64::MAX };
         };
+        // Solve for the number to come
         // A square that vanishes would make the quotient 0 / 0.
         let e = (error * error).max(f64::MIN_POSITIVE);
         let v = n * rmse * rmse;
@@ -203,6 +208,7 @@ impl Course {
         if limits.error.is_some_and(|error| self.reaches(error, area)) {
             return Some(Stop::Error);
         }
+        // Say whether a realisation more is late
         let pace = Duration::from_secs_f64(self.pace.unwrap_or(0.));
         let end = Instant::now() + pace;
         limits.deadline.is_some_and(|time| end > time).then_some(Stop::Time)
@@ -228,6 +234,7 @@ impl Course {
         }
         let summary = image.summary();
         self.constant = summary.constant;
+        // Add a step to the curve
         let finite = |x: f64| x.is_finite().then_some(x);
         self.steps.push(Step {
             spp: self.spp,
@@ -271,6 +278,7 @@ impl Interrupt {
         // A file beyond the limit of size is an error, not the end.
         flag::register(SIGXFSZ, Arc::default())?;
         for signal in [SIGINT, SIGTERM] {
+            // Register what a signal does
             let status = 128 + signal;
             flag::register_conditional_shutdown(
                 signal,
@@ -284,6 +292,7 @@ impl Interrupt {
         Ok(interrupt)
     }
 
+    // Tell which signal has arrived
     /// The signal that has arrived, if any.
     pub fn signal(&self) -> Option<i32> {
         match self.0.load(Ordering::Relaxed) {

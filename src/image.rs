@@ -45,11 +45,13 @@ impl Image {
     /// An image without any weight, of at least one pixel.
     pub fn new(width: u32, height: u32) -> Self {
         let (columns, rows) = (width.div_ceil(SIDE), height.div_ceil(SIDE));
+        // Sort the cells along the curve
         let side = columns.max(rows).next_power_of_two();
         let cells =
             (0..rows).flat_map(|y| (0..columns).map(move |x| (x, y)));
         let mut cells: Vec<_> = cells.collect();
         cells.sort_by_cached_key(|&(x, y)| distance(side, x, y));
+        // Lay a tile in each cell
         let mut ranks = vec![0; cells.len()];
         let mut tiles = Vec::with_capacity(cells.len());
         let mut start = 0;
@@ -82,6 +84,7 @@ impl Image {
         parts
     }
 
+    // Look a pixel up
     /// The pixel of column `x` and row `y`.
     pub fn pixel(&self, x: u32, y: u32) -> &Accumulator {
         let columns = self.width.div_ceil(SIDE);
@@ -126,6 +129,7 @@ impl Image {
         self.rows().map(Accumulator::count)
     }
 
+    // Lend the pixels as they are stored
     /// The pixels in the order in which they are stored.
     pub fn stored(&self) -> &[Accumulator] {
         &self.pixels
@@ -147,6 +151,7 @@ fn distance(side: u32, mut x: u32, mut y: u32) -> u64 {
         let (right, lower) = (x & s > 0, y & s > 0);
         let before = (3 * u64::from(right)) ^ u64::from(lower);
         cells += before * u64::from(s) * u64::from(s);
+        // Turn the quarter upright
         (x, y) = (x & (s - 1), y & (s - 1));
         if !lower {
             if right {
@@ -191,6 +196,7 @@ impl Image {
             (mean, squares, constant)
         });
         let sums: Vec<(f64, f64, u64)> = tiles.collect();
+        // Add the sums of all tiles
         let mean: f64 = sums.iter().map(|sum| sum.0).sum();
         let squares: f64 = sums.iter().map(|sum| sum.1).sum();
         let n = self.pixels.len() as f64;
@@ -216,6 +222,7 @@ impl Image {
     /// combined with that of its neighbours, which is `worth` so many
     /// realisations ([`WORTH`]; 0 leaves the neighbours out).
     pub fn errors(&self, worth: f64) -> Vec<f64> {
+        // Compute the variances row by row
         let place = |i: usize| {
             let width = self.width as usize;
             ((i % width) as u32, (i / width) as u32)
@@ -247,6 +254,7 @@ impl Image {
         let (mut sum, mut count) = (0., 0.);
         for row in near(y, self.height) {
             for column in near(x, self.width) {
+                // Count the variance of one neighbour
                 let index = u64::from(row) * u64::from(self.width);
                 let variance = variances[index as usize + column as usize];
                 if variance.is_finite() && (column, row) != (x, y) {

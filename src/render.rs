@@ -8,6 +8,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Filling an image with realisations, on all threads.
 
+// Name what the render imports
 use std::iter;
 use std::ops::Range;
 
@@ -122,6 +123,7 @@ impl<K: Kernel, E: Estimator> Job<'_, K, E> {
         let tiles = image.tiles();
         let parts = PIECES * rayon::current_num_threads() / tiles.len();
         let render = |(tile, pixels): (Tile, &mut [Accumulator])| {
+            // Choose how a tile is filled
             let count = realisations.end - realisations.start;
             let rays = match (parts as u64).min(count) {
                 _ if self.known.holds(&tile) => {
@@ -136,11 +138,13 @@ impl<K: Kernel, E: Estimator> Job<'_, K, E> {
                 0 | 1 => self.tile(tile, pixels, definition, &realisations),
                 parts => {
                     // Render the realisations in parts
+                    // Cut the realisations into parts
                     let cut = |k: u64| {
                         let whole = u128::from(count) * u128::from(k);
                         realisations.start
                             + (whole / u128::from(parts)) as u64
                     };
+                    // Render one part by itself
                     let render = |k| {
                         let mut own =
                             vec![Accumulator::default(); pixels.len()];
@@ -151,6 +155,7 @@ impl<K: Kernel, E: Estimator> Job<'_, K, E> {
                     };
                     let done: Vec<_> =
                         (0..parts).into_par_iter().map(render).collect();
+                    // Merge the parts into the pixels
                     for (pixel, i) in pixels.iter_mut().zip(0..) {
                         done.iter()
                             .for_each(|(own, _)| pixel.merge(&own[i]));
@@ -172,6 +177,7 @@ impl<K: Kernel, E: Estimator> Job<'_, K, E> {
         definition: (u32, u32),
         realisations: &Range<u64>,
     ) -> u64 {
+        // Begin the paths in batches
         let each = |pixel| realisations.clone().map(move |n| (pixel, n));
         let mut to_begin = (0..pixels.len() as u32).flat_map(each);
         let mut begun = Vec::with_capacity(BATCH);
@@ -183,6 +189,7 @@ impl<K: Kernel, E: Estimator> Job<'_, K, E> {
             begun.pop()
         };
         let mut rays = 0;
+        // Put the first paths under way
         let under_way = iter::from_fn(&mut next).take(ABREAST);
         let mut under_way: Vec<_> = under_way.collect();
         while !under_way.is_empty() {
@@ -216,6 +223,7 @@ impl<K: Kernel, E: Estimator> Job<'_, K, E> {
     ) {
         let (width, height) = definition;
         for (pixel, n) in batch {
+            // Find the column and the row
             let x = tile.corner.0 + pixel % tile.size.0;
             let y = tile.corner.1 + pixel / tile.size.0;
             // Begin realisation `n` at column `x` and row `y`
@@ -237,9 +245,11 @@ impl<K: Kernel, E: Estimator> Job<'_, K, E> {
     #[inline(always)]
     fn go_on(&self, traveller: &mut Traveller<E::Path>) -> Option<f64> {
         let Traveller { path, random, ray, from, .. } = traveller;
+        // Find what the ray meets
         let trace = |ray| E::Answer::ask(self.kernel, ray, *from);
         let answer = ray.as_ref().and_then(trace);
         match self.estimator.go_on(path, answer, random) {
+            // Go on along the next ray
             Step::On(next, left) => {
                 *ray = Some(next);
                 *from = Some(left);

@@ -8,6 +8,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The mean of many weights, and its error.
 
+// Hold three sums of weights
 /// Count, sum and sum of squares of the weights so far. Nothing is
 /// rounded: the same weights in any order, and divided in any manner
 /// among accumulators that are merged, give the same bits.
@@ -27,6 +28,7 @@ impl Accumulator {
     #[inline]
     pub fn add(&mut self, weight: f64) {
         self.count += 1;
+        // Refuse a weight out of range
         if !(0. ..LARGE).contains(&weight) {
             self.squares = [u64::MAX; 4];
             return;
@@ -98,6 +100,7 @@ impl Accumulator {
         if self.count < 2 || self.squares == [u64::MAX; 4] {
             return f64::INFINITY;
         }
+        // Form the difference of the sums
         let mut difference = [0u64; 5];
         difference[..4].copy_from_slice(&self.squares);
         scale(&mut difference, self.count);

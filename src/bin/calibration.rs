@@ -30,6 +30,7 @@ use litpt::statistics::Accumulator;
 use rand::{Rng, RngExt};
 use rayon::prelude::*;
 
+// Write one file for each table
 fn main() -> Result<(), Box<dyn Error>> {
     let directory = std::env::args().nth(1);
     let directory = directory.ok_or("usage: calibration DIRECTORY")?;
@@ -59,6 +60,7 @@ struct Case {
 
 fn cases() -> Result<Vec<Case>, Box<dyn Error>> {
     let mut cases = vec![];
+    // Add two cavities of known radiance
     for (name, f, rho) in
         [("wide cavity", 0.5, 0.9), ("narrow cavity", 0.05, 0.5)]
     {
@@ -67,10 +69,12 @@ fn cases() -> Result<Vec<Case>, Box<dyn Error>> {
         let truth = exactly(cavity_radiance(rho, f));
         cases.push(Case { name, setting, truth });
     }
+    // Add a floor that meets a wall
     let view = look([2., 0., 1.], [0., 0., 0.], DVec3::Z, 70.);
     let setting = set(&corner(), 0.8, DVec3::Z, &view)?;
     let truth = exactly(2. / 3.);
     cases.push(Case { name: "floor and wall", setting, truth });
+    // Add the courtyard with a reference
     let mut obj = vec![];
     write_obj(&solids(), &mut obj)?;
     let (mesh, view) = (read_obj(&obj)?, litpt::courtyard::view());
@@ -184,6 +188,7 @@ fn unseen(cases: &[Case]) -> Result<String, fmt::Error> {
                     images.iter().flat_map(|i| deviations(i, truth, worth));
                 let (z, blind): (Vec<f64>, Vec<f64>) =
                     z.partition(|z| z.is_finite());
+                // Print the share of blind pixels
                 if worth == 0. {
                     let pixels = z.len() + blind.len();
                     let share = 100. * blind.len() as f64 / pixels as f64;
@@ -202,6 +207,7 @@ fn slopes(cases: &[Case]) -> Result<String, fmt::Error> {
     let mut rows = String::new();
     for Case { name, setting, truth } in cases {
         let truth: Vec<f64> = truth.iter().map(|t| t.0).collect();
+        // Stop after a thousand realisations
         let limits = Limits {
             realisations: Some(1000),
             deadline: None,
@@ -244,6 +250,7 @@ impl Estimator for Coin {
 
     fn begin(&self, _: DVec3) {}
 
+    // Throw the coin and end
     fn go_on(
         &self,
         _: &mut (),
@@ -256,6 +263,7 @@ impl Estimator for Coin {
 
 fn stopping() -> Result<String, fmt::Error> {
     let mut rows = String::new();
+    // Stop by the natural rule
     let naive = |seed| {
         let (mut pixel, mut n) = (Accumulator::default(), 0);
         while n < 2 || pixel.standard_error() > 0.02 {
@@ -283,6 +291,7 @@ fn stopped(seed: u64, error: f64, side: u32) -> (f64, u64) {
     let Ok(kernel) = Hierarchy::new(&scene) else { return (0., 0) };
     let view = look([0.; 3], [0., 1., 0.], DVec3::Z, 70.);
     let Ok(camera) = Camera::new(&view, 1.) else { return (0., 0) };
+    // Make a job of throwing coins
     let job = Job {
         scene: &scene,
         kernel: &kernel,
@@ -291,6 +300,7 @@ fn stopped(seed: u64, error: f64, side: u32) -> (f64, u64) {
         known: &Known::Nothing,
         seed,
     };
+    // Stop at the error alone
     let limits = Limits {
         realisations: None,
         deadline: None,
@@ -316,6 +326,7 @@ fn row(
     let mut means = Accumulator::default();
     runs.iter().for_each(|&(mean, _)| means.add(mean));
     let n = runs.iter().map(|&(_, n)| n).sum::<u64>() as f64 / RUNS as f64;
+    // Print the bias of the runs
     let bias = means.mean() - P;
     let stated = (P * (1. - P) / n).sqrt() / f64::from(side);
     writeln!(
