@@ -121,6 +121,7 @@ const PACK: [[u32; 8]; 256] = {
     let mut table = [[0; 8]; 256];
     let mut mask = 0;
     while mask < 256 {
+        // Write down the lanes of a mask
         let (mut lane, mut place) = (0, 0);
         while lane < 8 {
             if mask >> lane & 1 != 0 {

@@ -316,6 +316,7 @@ impl Walker {
         &self.0
     }
 
+    // Search with the portable functions
     fn search<const ANY: bool>(
         &self,
         ray: &Ray,
