@@ -50,6 +50,7 @@ impl Camera {
     /// along the view, a field of view out of range.
     pub fn new(view: &View, aspect: f64) -> Result<Self, ViewError> {
         let &View { position, target, up, fov } = view;
+        // Refuse an impossible field of view
         if !(fov > 0. && fov < 180.) {
             return Err(ViewError::FieldOfView(fov));
         }
@@ -59,6 +60,7 @@ impl Camera {
         {
             return Err(ViewError::Infinite(vector));
         }
+        // Find the directions ahead and right
         let view = difference(target, position);
         if view == DVec3::ZERO {
             return Err(ViewError::Target(target));
@@ -112,6 +114,7 @@ pub enum ViewError {
     Infinite(DVec3),
     /// The target, which is also the position.
     Target(DVec3),
+    // Hold two vectors that are parallel
     /// The up axis is zero or parallel to the direction of view.
     Up {
         /// The up axis.
@@ -128,17 +131,20 @@ impl std::error::Error for ViewError {}
 impl fmt::Display for ViewError {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         match *self {
+            // Name a vector that is not finite
             Self::Infinite(v) => write!(
                 f,
                 "the camera's vector {} is not finite (-p, -t, -u)",
                 typed(v)
             ),
+            // Name a point that is looked from
             Self::Target(at) => write!(
                 f,
                 "the camera's target is its own position {}; move \
                  one of them (-p, -t)",
                 typed(at)
             ),
+            // Name an axis along the view
             Self::Up { up, ahead } => write!(
                 f,
                 "the camera's up axis {} is zero or parallel to the \
@@ -146,6 +152,7 @@ impl fmt::Display for ViewError {
                 typed(up),
                 typed(ahead)
             ),
+            // Name a field of view out of range
             Self::FieldOfView(fov) => write!(
                 f,
                 "the field of view {fov} is not strictly between 0 and \

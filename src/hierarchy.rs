@@ -57,12 +57,14 @@ pub trait Kernel: Sync + Sized {
     /// leaves.
     fn first_hit(&self, ray: &Ray, from: Option<u32>) -> Option<Hit>;
 
+    // Ask only whether a ray is blocked
     /// Whether `ray` meets any triangle other than `from`: the same as
     /// `first_hit(ray, from).is_some()`, and perhaps faster.
     fn is_blocked(&self, ray: &Ray, from: Option<u32>) -> bool {
         self.first_hit(ray, from).is_some()
     }
 
+    // Let a kernel choose its copy
     /// Does `work` with the kernel that answers fastest for this one.
     fn specialise<W: Work>(&self, work: W) -> W::Output {
         work.with(self)
@@ -181,6 +183,7 @@ macro_rules! with_walker {
 }
 
 impl Hierarchy {
+    // Build a hierarchy for a long render
     /// The hierarchy of a scene for a long render on this processor.
     ///
     /// # Errors
@@ -189,6 +192,7 @@ impl Hierarchy {
         Self::with(scene, Quality::Medium, Isa::best())
     }
 
+    // Build with a quality and instructions
     /// The hierarchy of a scene, built with care `quality`, on all
     /// threads, for the instructions `isa`.
     ///
@@ -219,6 +223,7 @@ impl Hierarchy {
         }
         let missing = BuildError::NoInstructions(isa);
         let form = match isa {
+            // Build for vectors of sixteen and eight
             #[cfg(target_arch = "x86_64")]
             Isa::Avx512 => {
                 let wide = Wide::new(triangles, quality)?;

@@ -39,6 +39,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+// List the modules of the library
 pub mod arguments;
 pub mod camera;
 pub mod checkpoint;

@@ -32,6 +32,7 @@ fn main() -> ExitCode {
         Err(status) => return status,
     };
     match run(&arguments) {
+        // Turn the outcome into a status
         Ok(Stop::Signal(signal)) => ExitCode::from(128 + signal as u8),
         Ok(_) => ExitCode::SUCCESS,
         Err(message) => {
@@ -72,6 +73,7 @@ fn run(arguments: &Arguments) -> Result<Stop, String> {
     drop(mesh);
     let load_seconds = loading.elapsed().as_secs_f64();
     let building = Instant::now();
+    // Ask for what can be left out
     let before =
         resumed.as_mut().map(|(_, file)| checkpoint::left_out(file));
     let mut inquiry = Inquiry {
@@ -163,6 +165,7 @@ fn run(arguments: &Arguments) -> Result<Stop, String> {
             course.to_string(),
         );
         let mut after = |course: &Course, image: &Image| {
+            // Tell the bar and the journal
             let expected = course.expected(limits, area);
             bar.expect(paths(expected), course.to_string());
             let written = journal.after(course, image);

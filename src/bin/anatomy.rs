@@ -22,6 +22,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut obj = Vec::new();
     write_obj(&solids(), &mut obj)?;
     let scene = Scene::new(&read_obj(&obj)?);
+    // Take the ray in the middle
     let ahead = view().target - view().position;
     let ray = scene.enter(view().position, ahead.normalize());
     let ray = ray.ok_or("the view passes the courtyard by")?;

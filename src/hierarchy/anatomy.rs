@@ -43,6 +43,7 @@ impl Anatomy {
     pub fn new(scene: &Scene, ray: Ray) -> io::Result<Self> {
         let triangles = scene.triangles().to_vec();
         let wide = Wide::new(triangles, Quality::Medium)?;
+        // Walk and note each step
         let (slabs, shear) = (Slabs::new(&ray), Shear::new(&ray));
         let mut search = Search::new(&wide.leaves, None);
         let (mut waiting, mut steps) = (Waiting::new(), vec![]);
@@ -129,6 +130,7 @@ impl Anatomy {
         let corners: Vec<_> = boxes.iter().flat_map(|b| b.1).collect();
         let at = scale(&corners);
         let mut tex = String::new();
+        // Draw the boxes from above
         for (slot, [a, b]) in &boxes {
             let entered = mask >> slot & 1 != 0;
             let style = if entered { "fill=black!25" } else { "" };
@@ -178,6 +180,7 @@ impl Anatomy {
         let at = scale(&[lanes.concat(), vec![[0.; 2]]].concat());
         let mut tex = String::new();
         for triangle in lanes {
+            // Draw a triangle and its signs
             let [a, b, c] = triangle.map(&at);
             let middle = [0, 1].map(|i| {
                 triangle.iter().map(|corner| corner[i]).sum::<f64>() / 3.
@@ -196,6 +199,7 @@ impl Anatomy {
     /// One row of a table for each step, in LaTeX.
     pub fn tabulate(&self) -> String {
         let rows = self.steps.iter().enumerate().map(|(i, step)| {
+            // Put the fields of a step into words
             let (what, number) = match step.child & LEAF {
                 0 => ("node", step.child),
                 _ => ("leaf", slots(step.child).0),

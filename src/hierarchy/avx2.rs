@@ -10,6 +10,7 @@
 //!
 //! Each function does what its portable namesake does.
 
+// Name what the eight lanes import
 use std::arch::x86_64::*;
 
 use super::origin::hit;
@@ -95,6 +96,7 @@ fn search<'a, const ANY: bool>(
 #[target_feature(enable = "avx2,fma")]
 #[inline]
 pub fn enter(node: &Node<8>, slabs: &Slabs, reach: f32) -> Entered<__m256> {
+    // Give the distances of eight planes
     let plane = |axis: usize, row: usize| {
         // SAFETY: the rows of `Slabs` are below 6; a row is 8 numbers.
         let row = unsafe { node.planes.get_unchecked(row) };
@@ -119,6 +121,7 @@ const PACK: [[u32; 8]; 256] = {
     let mut table = [[0; 8]; 256];
     let mut mask = 0;
     while mask < 256 {
+        // Write down the lanes of a mask
         let (mut lane, mut place) = (0, 0);
         while lane < 8 {
             if mask >> lane & 1 != 0 {
@@ -141,6 +144,7 @@ pub fn push(
     entered: &Entered<__m256>,
     stack: &mut Stack,
 ) -> u32 {
+    // Put eight lanes in the octant's order
     let order = load(&node.order);
     let order = _mm256_srl_epi32(order, _mm_cvtsi32_si128(shift as i32));
     let children = load(&node.children);

@@ -10,6 +10,7 @@
 //!
 //! Each function does what its portable namesake does.
 
+// Name what the sixteen lanes import
 use std::arch::x86_64::*;
 
 use super::avx2;
@@ -102,6 +103,7 @@ pub fn enter(
     slabs: &Slabs,
     reach: f32,
 ) -> Entered<__m512> {
+    // Give the distances of sixteen planes
     let plane = |axis: usize, row: usize| {
         // SAFETY: the rows of `Slabs` are below 6; a row is 16 numbers.
         let row = unsafe { node.planes.get_unchecked(row) };
@@ -112,6 +114,7 @@ pub fn enter(
     };
     let enter = |axis| plane(axis, slabs.enter[axis]);
     let leave = |axis| plane(axis, slabs.leave[axis]);
+    // Take the last entry and first exit
     let near = _mm512_max_ps(
         _mm512_max_ps(enter(0), enter(1)),
         _mm512_max_ps(enter(2), _mm512_setzero_ps()),
@@ -134,6 +137,7 @@ pub fn push(
     entered: &Entered<__m512>,
     stack: &mut Stack,
 ) -> u32 {
+    // Put sixteen lanes in the octant's order
     let order = load(&node.order);
     let order = _mm512_srl_epi32(order, _mm_cvtsi32_si128(shift as i32));
     let children = _mm512_permutexvar_epi32(order, load(&node.children));

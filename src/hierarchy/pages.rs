@@ -49,6 +49,7 @@ impl<T: Pod> Pages<T> {
         let room = bytes.next_multiple_of(LARGE) + LARGE;
         let mut map = MmapOptions::new().len(room).map_anon()?;
         let first = map.as_ptr().align_offset(LARGE);
+        // Ask for large pages
         #[cfg(target_os = "linux")]
         if bytes >= 4 * LARGE {
             let _ = map.advise_range(Advice::HugePage, first, room - LARGE);

@@ -38,12 +38,14 @@ pub struct Shear {
 impl Shear {
     #[inline(always)]
     pub fn new(ray: &Ray) -> Self {
+        // Find the axis that becomes z
         let size = ray.direction.abs();
         let y = usize::from(size.y > size.x);
         let z = if size.z > size.x.max(size.y) { 2 } else { y };
         let axes = ROTATIONS[z];
         let direction: &[f64; 3] = ray.direction.as_ref();
         let origin: &[f64; 3] = ray.origin.as_ref();
+        // Divide by the component along z
         let [x, y, z] = axes.map(|axis| direction[axis]);
         let origin = axes.map(|axis| flush(origin[axis], SMALLEST));
         let stretch = 1. / z;
@@ -120,6 +122,7 @@ impl Leaves {
         Ok(Self { corners, numbers: Pages::zeroed(count)? })
     }
 
+    // Find a leaf without a check
     /// The leaf of `count` triangles from slot `first`.
     ///
     /// # Safety
@@ -162,6 +165,7 @@ impl<'a> Room<'a> {
         Room { corners, numbers: split_off(&mut self.numbers, count) }
     }
 
+    // Fill a leaf run by run
     /// Makes the first slots a leaf of these triangles, each with its
     /// number in the scene.
     pub fn fill(&mut self, triangles: &[(u32, Triangle)]) {
@@ -348,6 +352,7 @@ impl<'a> Search<'a> {
             }
             distance = distance.max(f64::MIN_POSITIVE);
         }
+        // Keep the triangle if it comes first
         let (Self { leaves, .. }, slot) = (*self, first + lane);
         let equal = distance == self.distance;
         if distance < self.distance

@@ -111,6 +111,7 @@ impl<'a> Stack<'a> {
         self.length
     }
 
+    // Put one child on the stack
     #[inline(always)]
     pub fn push(&mut self, child: u32, distance: f32) {
         let (children, distances) = self.top::<1>();
@@ -198,11 +199,13 @@ where
     if !ray.origin.abs().cmplt(bounds).all() {
         return search;
     }
+    // Prepare to walk from the root
     let (slabs, shear) = (Slabs::new(ray), Shear::new(ray));
     let mut waiting = Waiting::new();
     let mut stack = Stack::new(&mut waiting);
     let mut reach = f32::INFINITY;
     let mut child = 0;
+    // Go from nodes to leaves
     loop {
         while child & LEAF == 0 {
             // Choose among the children entered
@@ -248,6 +251,7 @@ pub fn look<'a>(
     let leaf = unsafe { search.leaf(first, count) };
     let limit = search.distance + NEAR;
     let (met, distances) = meet(leaf, shear, limit);
+    // Offer each lane of the mask
     let mut left = met;
     while left != 0 {
         let lane = left.trailing_zeros();
@@ -273,6 +277,7 @@ pub fn enter<const N: usize>(
         let (inverse, start) = (slabs.inverse[axis], slabs.start[axis]);
         let enter = &node.planes[slabs.enter[axis]];
         let leave = &node.planes[slabs.leave[axis]];
+        // Narrow the intervals of all boxes
         for i in 0..N {
             let a = distance(enter[i], inverse, start);
             let b = distance(leave[i], inverse, start);
@@ -311,6 +316,7 @@ impl Walker {
         &self.0
     }
 
+    // Search with the portable functions
     fn search<const ANY: bool>(
         &self,
         ray: &Ray,

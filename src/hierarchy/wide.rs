@@ -131,6 +131,7 @@ impl<const N: usize> Node<N> {
     /// Fills `order` from the boxes.
     fn sort(&mut self) {
         for octant in 0..8 {
+            // Sort the lanes from far to near
             let far: [f32; N] =
                 std::array::from_fn(|lane| self.entry(octant, lane));
             let mut lanes: [u32; N] =
@@ -180,11 +181,13 @@ fn single(triangle: &Triangle, number: u32) -> Bvh2Node {
 /// A binary tree over the triangles, one in each leaf. Node 0 is the
 /// root; the second child of a node follows its first.
 fn binary(triangles: &[Triangle], quality: Quality) -> Vec<Bvh2Node> {
+    // Turn the quality into numbers
     let (reach, early, parts): (_, _, &[f32]) = match quality {
         Quality::Fast => (6, 2, &[0.02]),
         Quality::Medium => (14, 3, &[0.05, 0.1]),
         Quality::Thorough => (14, 1, &[1., 1.]),
     };
+    // Begin with a leaf per triangle
     let count = triangles.len();
     let mut nodes = vec![Bvh2Node::default(); 2 * count - count.min(1)];
     let order = in_morton_order(triangles);
@@ -212,6 +215,7 @@ pub fn in_morton_order(triangles: &[Triangle]) -> Vec<u32> {
     let boxes = numbers.clone().map(|i| *leaf(i).aabb());
     let all = boxes.reduce(Aabb::empty, |a, b| a.union(&b));
     let (low, size) = (all.min.as_dvec3(), all.diagonal().as_dvec3());
+    // Sort the triangles by their codes
     let key = |i| {
         let middle = leaf(i).aabb().center().as_dvec3();
         (morton_encode_u64_unorm((middle - low) / size), i)
@@ -291,6 +295,7 @@ fn choose(clusters: &[Bvh2Node], reach: usize, partners: &mut [u32]) {
         let start = k * stretch;
         let end = start + partners.len();
         let mut best = vec![f32::INFINITY; partners.len()];
+        // Compare each cluster with those after it
         for i in start.saturating_sub(reach)..end {
             let last = (i + reach).min(clusters.len() - 1);
             for j in i + 1..=last {
@@ -611,6 +616,7 @@ fn halve<'a>(
     if parts == 1 {
         return vec![numbers];
     }
+    // Part the triangles at their median
     let axis = widest(triangles, numbers);
     let middle = |i: u32| twice_middle(&triangles[i as usize])[axis];
     let half = numbers.len() / 2;
@@ -661,6 +667,7 @@ where
         quality: Quality,
     ) -> io::Result<Self> {
         let count = triangles.len();
+        // Divide the triangles into groups
         if count > MOST {
             return Err(io::Error::other("too many triangles"));
         }
@@ -677,6 +684,7 @@ where
         let mut nodes = vec![];
         for (lane, (group, own)) in groups.iter().zip(gathered).enumerate()
         {
+            // Build one part in its place
             let part = Part::new::<N>(group, &own, quality);
             if let (true, Some(root)) = (parts > 1, part.tree.first()) {
                 top.set(lane, root, first_node);
@@ -701,6 +709,7 @@ where
         let mut triangles = vec![[Vec3::ZERO; 3]; numbers.len()];
         let children = self.nodes.iter().flat_map(|node| node.children);
         for child in children.filter(|child| child & LEAF != 0) {
+            // Copy the triangles of a leaf
             let (first, count) = slots(child);
             // SAFETY: children with the bit LEAF are leaves that are there.
             let leaf = unsafe { self.leaves.leaf(first, count) };
@@ -740,6 +749,7 @@ where
         return Ok(parts.remove(0));
     }
     let mut all = Pages::zeroed(parts.iter().map(|p| p.len()).sum())?;
+    // Copy the nodes part by part
     let mut end = 0;
     for part in parts {
         let start = end;
