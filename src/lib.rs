@@ -25,7 +25,7 @@
 //! let scene = Scene::new(&read_obj(obj.as_bytes())?);
 //! let view = View { position: DVec3::new(0., 0., 2.), target: DVec3::ZERO,
 //!                   up: DVec3::Y, fov: 70. };
-//! let camera = Camera::new(&view, 1.)?;
+//! let camera = Camera::new(&view, 4. / 3.)?;
 //! let sky = Sky::new(DVec3::Z);
 //! let estimator = Reference { reflectivity: 0.5, sky, foresight: () };
 //! let kernel = Hierarchy::new(&scene)?;

@@ -70,6 +70,7 @@ fn run(arguments: &Arguments) -> Result<Stop, String> {
     let loading = Instant::now();
     let (mesh, sha256) = arguments.read_mesh(arguments.keeps_records())?;
     let mut scene = Scene::new(&mesh);
+    let triangles = mesh.triangles.len();
     drop(mesh);
     let load_seconds = loading.elapsed().as_secs_f64();
     let building = Instant::now();
@@ -90,7 +91,6 @@ fn run(arguments: &Arguments) -> Result<Stop, String> {
     }
     let mut facts = Facts::find(&mut scene, &inquiry);
     // Build the hierarchy of what is left
-    let triangles = scene.triangles().len();
     facts.simplify(&mut scene);
     let threads = rayon::current_num_threads();
     let (needed, isa) = (scene.triangles().len(), arguments.isa());
