@@ -15,6 +15,7 @@
 //! of files from 1.
 
 // Import what carrying edits needs
+use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::ffi::OsString;
 use std::fs;
@@ -120,7 +121,7 @@ fn lines_of(text: &[u8]) -> Vec<&[u8]> {
     text.split(|b| *b == b'\n').collect()
 }
 
-/// Joins hunks with those that can slide to touch them.
+/// Joins insertions and removals of as many lines that can touch.
 fn join(all: Vec<Hunk>, old: &[&[u8]], new: &[&[u8]]) -> Vec<Hunk> {
     let mut joined: Vec<Hunk> = Vec::new();
     for (c, d) in all {
@@ -130,17 +131,17 @@ fn join(all: Vec<Hunk>, old: &[&[u8]], new: &[&[u8]]) -> Vec<Hunk> {
         };
         let gap = c.start - a.end;
         // See which of two hunks can slide to the other
-        let apart =
-            a.is_empty() && c.is_empty() || b.is_empty() && d.is_empty();
+        let paired = a.is_empty() && d.is_empty() && b.len() == c.len()
+            || b.is_empty() && c.is_empty() && a.len() == d.len();
         let up = |text: &[&[u8]], r: &Range<usize>| {
             text[r.start - gap..r.start] == text[r.end - gap..r.end]
         };
         let down = |text: &[&[u8]], r: &Range<usize>| {
             text[r.start..r.start + gap] == text[r.end..r.end + gap]
         };
-        let rises = !apart
+        let rises = paired
             && (d.is_empty() && up(old, &c) || c.is_empty() && up(new, &d));
-        let sinks = !apart
+        let sinks = paired
             && (b.is_empty() && down(old, &a)
                 || a.is_empty() && down(new, &b));
         joined.extend(if rises {
@@ -528,12 +529,11 @@ impl<'a> Carrier<'a> {
             let slides = self.slides(hunk, &room);
             self.insert(&slides);
         } else if new.is_empty() {
-            let slides = self.slides(hunk, &room);
-            self.cut(hunk, &slides);
+            self.cut(hunk, &room);
         } else if let Some(splices) = self.part(hunk) {
             self.splices.extend(splices);
         } else {
-            self.carry_pairs(hunk);
+            self.carry_pairs(hunk, &room);
         }
     }
 
@@ -713,22 +713,26 @@ impl<'a> Carrier<'a> {
         pairs
     }
 
-    fn carry_pairs(&mut self, hunk: &Hunk) {
+    fn carry_pairs(&mut self, hunk: &Hunk, room: &Range<usize>) {
         let pairs = self.pairs(hunk);
         if pairs.is_empty() {
             return self.refuse(hunk);
         }
         let (mut line, mut new) = (hunk.0.start, hunk.1.start);
-        let end = (hunk.0.end, hunk.1.end);
+        let (mut above, end) = (room.start, (hunk.0.end, hunk.1.end));
         for (i, j) in pairs.into_iter().chain([end]) {
+            let below = if (i, j) == end { room.end } else { i };
             // Carry what lies before the pair
             let gap = (line..i, new..j);
             match (gap.0.is_empty(), gap.1.is_empty()) {
                 (true, true) => (),
-                (true, false) => self.insert(&[gap]),
+                (true, false) => {
+                    self.insert(&self.slides(&gap, &(above..below)))
+                }
+                (false, true) => self.cut(&gap, &(above..below)),
                 _ => self.carry_part(&gap),
             }
-            (line, new) = (i + 1, j + 1);
+            (line, new, above) = (i + 1, j + 1, i + 1);
             if (i, j) != end {
                 self.carry_part(&(i..line, j..new));
             }
@@ -796,35 +800,60 @@ impl<'a> Carrier<'a> {
     /// The ways to remove lines of which the chapters differ afterwards.
     fn readings(&self, slides: &[Hunk]) -> Vec<Reading> {
         let mut readings: Vec<Reading> = Vec::new();
+        let mut above = None;
         for hunk in slides {
-            let Some(splices) = self.part(hunk) else { continue };
-            let applied = apply(self.view.sources, &splices);
-            let Ok(chapters) = applied else { continue };
-            let same =
-                |r: &Reading| changes(&r.chapters, &chapters).is_empty();
-            if !readings.iter().any(same) {
-                let block = self.view.block(hunk.0.clone()).is_some();
-                readings.push(Reading { splices, chapters, block });
+            let block = self.view.block(hunk.0.clone());
+            let next = |spot: Spot| Spot { line: spot.line + 1, ..spot };
+            let slid = block.is_some() && block == above.map(next);
+            above = block;
+            if !slid && let Some(splices) = self.part(hunk) {
+                // Add a reading unless it is there already
+                let Ok(chapters) = apply(self.view.sources, &splices)
+                else {
+                    continue;
+                };
+                let same = |r: &Reading| {
+                    changes(&r.chapters, &chapters).is_empty()
+                };
+                if !readings.iter().any(same) {
+                    let pieces = self.pieces(hunk.0.clone());
+                    readings.push(Reading { splices, chapters, pieces });
+                }
             }
         }
-        readings.sort_by_key(|reading| !reading.block);
         readings
     }
 
-    fn cut(&mut self, hunk: &Hunk, slides: &[Hunk]) {
-        let mut readings = self.readings(slides);
+    fn cut(&mut self, hunk: &Hunk, room: &Range<usize>) {
+        let mut slides = self.slides(hunk, room);
         let gone = &self.view.lines[hunk.0.clone()];
         if gone.iter().all(|line| line.is_empty()) {
-            readings.truncate(1);
+            let block = |s: &Hunk| self.view.block(s.0.clone()).is_some();
+            let first = slides.iter().position(block).unwrap_or(0);
+            slides = vec![slides.swap_remove(first)];
+        }
+        let mut readings = self.readings(&slides);
+        // Treat equal lines alike
+        if gone.len() > 1 && gone.iter().all(|line| *line == gone[0]) {
+            readings.iter_mut().for_each(|reading| reading.pieces = 1);
         }
         match readings.len() {
             0 => self.refuse(hunk),
             1 => self.splices.append(&mut readings[0].splices),
             _ => {
-                let fault = self.equals(slides);
+                let fault = self.equals(&slides[0], &readings);
                 self.choices.push(Choice { readings, fault });
             }
         }
+    }
+
+    /// Of how many pieces of chapters these lines consist.
+    fn pieces(&self, lines: Range<usize>) -> usize {
+        let spots: Vec<_> =
+            lines.map(|line| self.view.whole(line)).collect();
+        let next = |spot: Spot| Spot { line: spot.line + 1, ..spot };
+        let breaks = spots.windows(2).filter(|w| w[0].map(next) != w[1]);
+        1 + breaks.count()
     }
 
     // Carry a change within a line
@@ -941,15 +970,6 @@ impl<'a> Carrier<'a> {
             fault = fault.with_help(help);
         }
         let lines = if old.is_empty() { lines } else { old.clone() };
-        self.faults.push(self.concerning(fault, lines));
-    }
-
-    /// A fault with the lines of chapters that come into question.
-    fn concerning(
-        &self,
-        fault: Diagnostic,
-        lines: Range<usize>,
-    ) -> Diagnostic {
         let mut places = Vec::new();
         // Collect the places of the lines
         for line in lines {
@@ -960,19 +980,18 @@ impl<'a> Carrier<'a> {
             let name = String::from_utf8_lossy(&source.name);
             places.push(format!("{name}:{}", last.place.line));
         }
-        places.dedup();
-        let few = places.len().min(4);
-        let help = format!("it concerns {}", places[..few].join(", "));
-        let fault = fault.with_help(help);
-        let help = "make this edit in the chapter, too, and untangle again";
-        fault.with_help(help)
+        self.faults.push(concerning(fault, places));
     }
 
-    fn equals(&self, slides: &[Hunk]) -> Diagnostic {
-        let (first, last) = (&slides[0], &slides[slides.len() - 1]);
+    fn equals(&self, (_, new): &Hunk, readings: &[Reading]) -> Diagnostic {
         let text = "which of the equal lines of two chunks was removed?";
-        let fault = self.fault(first.1.start, text);
-        self.concerning(fault, first.0.start..last.0.end)
+        let places = readings.iter().filter_map(|reading| {
+            let splice = reading.splices.first()?;
+            let source = &self.view.sources[splice.file as usize];
+            let name = String::from_utf8_lossy(&source.name);
+            Some(format!("{name}:{}", splice.line))
+        });
+        concerning(self.fault(new.start, text), places.collect())
     }
 
     fn fault(&self, line: usize, text: &str) -> Diagnostic {
@@ -985,8 +1004,8 @@ struct Reading {
     splices: Vec<Splice>,
     /// The chapters without the lines.
     chapters: Vec<Source>,
-    /// Are they neighbours in a chapter?
-    block: bool,
+    /// How many pieces of chapters they are.
+    pieces: usize,
 }
 
 /// The ways to understand a removal, and what is said if more than one
@@ -997,6 +1016,16 @@ struct Choice {
 }
 
 // Change the chapters in memory
+/// A fault with the lines of chapters that come into question.
+fn concerning(fault: Diagnostic, mut places: Vec<String>) -> Diagnostic {
+    places.dedup();
+    let few = places.len().min(4);
+    let help = format!("it concerns {}", places[..few].join(", "));
+    let fault = fault.with_help(help);
+    let help = "make this edit in the chapter, too, and untangle again";
+    fault.with_help(help)
+}
+
 /// What is wrong with a line of an edited file.
 fn edit_fault(path: &Path, line: u32, text: &str) -> Diagnostic {
     let file = path.display().to_string();
@@ -1132,13 +1161,17 @@ impl Project {
 /// How many combinations of readings are tried.
 const COMBINATIONS: usize = 64;
 
-/// The combinations of one reading of each choice.
-fn combinations(choices: &[Choice]) -> Vec<Vec<&Reading>> {
+/// The combinations of one reading of each choice, or only of those with
+/// the fewest pieces.
+fn combinations(choices: &[Choice], fewest: bool) -> Vec<Vec<&Reading>> {
     let mut all = vec![Vec::new()];
     for choice in choices {
+        let readings = choice.readings.iter();
+        let least = readings.clone().map(|r| r.pieces).min();
+        let some = readings.filter(|r| !fewest || Some(r.pieces) == least);
         let longer = |way: &Vec<_>| {
-            let longer = |r| [&way[..], &[r]].concat();
-            choice.readings.iter().map(longer).collect::<Vec<_>>()
+            let longer = some.clone().map(|r| [&way[..], &[r]].concat());
+            longer.collect::<Vec<_>>()
         };
         all = all.iter().flat_map(longer).collect();
         if all.len() > COMBINATIONS {
@@ -1146,6 +1179,14 @@ fn combinations(choices: &[Choice]) -> Vec<Vec<&Reading>> {
         }
     }
     all
+}
+
+/// What a combination of readings leads to.
+struct Found<'a> {
+    /// Whether it changes nothing else, and in how few pieces.
+    rank: (bool, Reverse<usize>),
+    way: Vec<&'a Reading>,
+    new: Expansion,
 }
 
 impl Project {
@@ -1209,31 +1250,51 @@ impl Project {
             return Err(faults);
         }
         // Choose the readings that give the files
-        let mut found: Vec<((bool, usize), Expansion)> = Vec::new();
+        let mut found: Vec<Found> = Vec::new();
         let mut failed = None;
-        for way in combinations(&choices) {
-            let more = way.iter().flat_map(|reading| &reading.splices);
-            let all: Vec<Splice> =
-                splices.iter().chain(more).cloned().collect();
-            let blocks = way.iter().filter(|reading| reading.block).count();
-            match self.attempt(old, &now, &all, targets) {
-                Ok(new) => {
-                    let exact = is_exact(old, &new, targets);
-                    found.push(((exact, blocks), new));
+        for fewest in [true, false] {
+            if found.iter().any(|found| found.rank.0) {
+                break;
+            }
+            for way in combinations(&choices, fewest) {
+                // Try one reading of each removal
+                let more = way.iter().flat_map(|reading| &reading.splices);
+                let all: Vec<Splice> =
+                    splices.iter().chain(more).cloned().collect();
+                match self.attempt(old, &now, &all, targets) {
+                    Ok(new) => {
+                        let pieces =
+                            way.iter().map(|reading| reading.pieces).sum();
+                        let rank =
+                            (is_exact(old, &new, targets), Reverse(pieces));
+                        found.push(Found { rank, way, new });
+                    }
+                    Err(faults) => failed = failed.or(Some(faults)),
                 }
-                Err(faults) => failed = failed.or(Some(faults)),
             }
         }
-        let best = found.iter().map(|(rank, _)| *rank).max();
-        found.retain(|(rank, _)| Some(*rank) == best);
-        found.dedup_by(|(_, b), (_, a)| {
-            changes(&a.web.sources, &b.web.sources).is_empty()
+        // Take the best result if it is the only one
+        let best = found.iter().map(|found| found.rank).max();
+        found.retain(|found| Some(found.rank) == best);
+        found.dedup_by(|b, a| {
+            changes(&a.new.web.sources, &b.new.web.sources).is_empty()
         });
-        if let (1, Some((_, new))) = (found.len(), found.pop()) {
-            return Ok(new);
+        if found.len() == 1 {
+            return Ok(found.remove(0).new);
         }
-        let open = choices.into_iter().map(|choice| choice.fault).collect();
-        Err(failed.filter(|_| best.is_none()).unwrap_or(open))
+        // Refuse the choices that are still open
+        if let (true, Some(faults)) = (found.is_empty(), failed) {
+            return Err(faults);
+        }
+        let same = |at: usize| {
+            let mut ways = found.windows(2);
+            ways.all(|w| std::ptr::eq(w[0].way[at], w[1].way[at]))
+        };
+        let open: Vec<usize> = (0..choices.len())
+            .filter(|at| found.is_empty() || !same(*at))
+            .collect();
+        let faults = open.into_iter().map(|at| choices[at].fault.clone());
+        Err(faults.collect())
     }
 }
 

@@ -257,6 +257,49 @@ fn one_of_two_equal_lines_is_removed_where_only_one_can_be() {
     assert_eq!(scratch.read("a.nw"), without);
 }
 
+/// A file of so many functions, each of which has a definition of its own.
+fn functions(count: usize) -> (String, Vec<String>) {
+    let function = |k| {
+        let blank = if k > 0 { "\n" } else { "" };
+        format!("{blank}fn f{k}() {{\n    b{k}();\n}}\n")
+    };
+    let functions: Vec<String> = (0..count).map(function).collect();
+    let define = |f: &String| format!("<<a.rs>>=\n{f}@ Prose.\n");
+    let chapter = functions.iter().map(define).collect();
+    (chapter, functions)
+}
+
+#[test]
+fn whole_functions_are_removed_from_many_places() {
+    for together in 1..4 {
+        let (chapter, functions) = functions(30);
+        let scratch = project(&chapter);
+        let left = |k: &usize| k % (together + 1) == 0;
+        let kept: String =
+            (0..30).filter(left).map(|k| &functions[k][..]).collect();
+        scratch.write("a.rs", kept);
+        let outcome = untangle(&scratch);
+        assert_eq!(outcome.status, 0, "{}", outcome.stderr());
+        let wanted = (0..30).fold(chapter, |chapter, k| match left(&k) {
+            true => chapter,
+            false => chapter.replace(&functions[k], ""),
+        });
+        assert_eq!(scratch.read("a.nw"), wanted);
+    }
+}
+
+#[test]
+fn a_function_is_removed_below_a_line_that_was_changed() {
+    let (chapter, functions) = functions(3);
+    let scratch = project(&chapter);
+    let changed = functions[0].replace("b0", "c0");
+    scratch.write("a.rs", changed.clone() + &functions[2]);
+    let outcome = untangle(&scratch);
+    assert_eq!(outcome.status, 0, "{}", outcome.stderr());
+    let wanted = chapter.replace(&functions[0], &changed);
+    assert_eq!(scratch.read("a.nw"), wanted.replace(&functions[1], ""));
+}
+
 #[test]
 fn one_of_two_equal_lines_that_was_changed_is_one_change() {
     let chapter = "<<a.rs>>=\n{\n<<Inner>>\n}\nend\n@ Prose.\n\
