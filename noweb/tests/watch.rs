@@ -224,16 +224,16 @@ fn a_chapter_that_the_master_adds_is_watched() {
 }
 
 #[test]
-fn an_interrupt_ends_the_watch_by_its_signal() {
+fn a_signal_ends_the_watch() {
     use std::os::unix::process::ExitStatusExt;
     let scratch = project();
     let mut watch = Watch::start(scratch.path(), &["chapters/a.nw"]);
     watch.says("tangled src/a.rs");
     let process = watch.child.id().to_string();
-    let kill = Command::new("kill").args(["-INT", &process]).status();
+    let kill = Command::new("kill").args(["-TERM", &process]).status();
     assert!(kill.expect("kill").success());
     let status = watch.child.wait().expect("an end");
-    assert_eq!(status.signal(), Some(2));
+    assert_eq!(status.signal(), Some(15));
 }
 
 #[test]
