@@ -513,6 +513,34 @@ fn a_report_tells_what_was_left_out() {
     assert!(html.contains("Left out"));
 }
 
+/// Two names are not a size, such as 320x240.
+#[test]
+fn a_picture_names_the_facts_that_matter_to_its_weights() {
+    let place = Place::new();
+    let ground =
+        "v -99 -99 0\nv 99 -99 0\nv 99 99 0\nv -99 99 0\nf 1 2 3 4\n";
+    let below = BOX.lines().map(|line| {
+        let mut words = line.split(' ');
+        let sign = words.next().unwrap();
+        let words: Vec<f64> = words.map(|w| w.parse().unwrap()).collect();
+        match (sign, &words[..]) {
+            ("v", [x, y, z]) => format!("v {x} {y} {}\n", z - 8.),
+            (_, corners) => {
+                let named = corners.iter().map(|c| format!(" {}", c + 4.));
+                format!("f{}\n", named.collect::<String>())
+            }
+        }
+    });
+    let inside = "v -.3 0 -8\nv .3 0 -8\nv 0 .3 -8\nf -3 -2 -1\n";
+    let text = format!("{ground}{}{inside}", below.collect::<String>());
+    place.put("chest.obj", &text);
+    let view = ["-ichest.obj", "-p0,0,2", "-t0,0,0", "-u0,1,0"];
+    let more = ["-d8x6", "-r0.5", "-n5000", "-q", "-oa.exr"];
+    place.run(&[&view[..], &more].concat()).succeeded();
+    let picture = Picture::read(&place.path("a.exr")).unwrap();
+    assert_eq!(picture.attributes["left_out"], "hidden,open");
+}
+
 /// A run without a bound of its realisations would otherwise go on until
 /// its time is over.
 #[test]
