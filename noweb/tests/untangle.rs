@@ -274,7 +274,7 @@ fn whole_functions_are_removed_from_many_places() {
     for together in 1..4 {
         let (chapter, functions) = functions(30);
         let scratch = project(&chapter);
-        let left = |k: &usize| k % (together + 1) == 0;
+        let left = |k: &usize| k.is_multiple_of(together + 1);
         let kept: String =
             (0..30).filter(left).map(|k| &functions[k][..]).collect();
         scratch.write("a.rs", kept);
