@@ -535,10 +535,15 @@ fn a_picture_names_the_facts_that_matter_to_its_weights() {
     let text = format!("{ground}{}{inside}", below.collect::<String>());
     place.put("chest.obj", &text);
     let view = ["-ichest.obj", "-p0,0,2", "-t0,0,0", "-u0,1,0"];
-    let more = ["-d8x6", "-r0.5", "-n5000", "-q", "-oa.exr"];
+    let more =
+        ["-d8x6", "-r0.5", "-n5000", "-q", "-oa.exr", "--report=a.json"];
     place.run(&[&view[..], &more].concat()).succeeded();
     let picture = Picture::read(&place.path("a.exr")).unwrap();
     assert_eq!(picture.attributes["left_out"], "hidden,open");
+    // The report counts what the file has, hidden or not.
+    let json: serde_json::Value =
+        serde_json::from_slice(&place.get("a.json")).unwrap();
+    assert_eq!(json["scene"]["triangles"], 2 + 12 + 1);
 }
 
 /// A run without a bound of its realisations would otherwise go on until

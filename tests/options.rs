@@ -134,6 +134,10 @@ fn a_definition_is_two_integers_around_one_x() {
     ];
     refused("-d", "--definition", &wrong);
     refused("-d", "--definition", &["-1x2", "1x-2"]);
+    for large in ["16385x1", "1x99999999999999999999"] {
+        let said = ["at most 16384 pixels a side"];
+        Place::new().run(&["-d", large]).failed(2, &said);
+    }
 }
 
 #[test]
