@@ -257,6 +257,28 @@ fn one_of_two_equal_lines_is_removed_where_only_one_can_be() {
     assert_eq!(scratch.read("a.nw"), without);
 }
 
+#[test]
+fn two_of_three_equal_lines_are_not_removed_from_one_chunk() {
+    let chapter = "<<a.rs>>=\n{\n<<Inner>>\n}\nend\n@ Prose.\n\
+                   <<Inner>>=\n{\n}\n}\n";
+    let scratch = project(chapter);
+    edit(&scratch, "a.rs", "}\n}\n}\n", "}\n");
+    refuses(&scratch, WHICH);
+}
+
+#[test]
+fn a_line_of_a_chunk_is_changed_at_both_of_its_uses() {
+    let chapter = "<<a.rs>>=\n<<Inner>>\n@ Prose.\n<<Inner>>=\n{\n}\n\
+                   @ Prose.\n<<a.rs>>=\n<<Inner>>\n}\nend\n";
+    let scratch = project(chapter);
+    let text = scratch.read("a.rs").replace("{\n}\n", "{\ndone\n");
+    scratch.write("a.rs", &text);
+    let outcome = untangle(&scratch);
+    assert_eq!(outcome.status, 0, "{}", outcome.stderr());
+    let changed = chapter.replace("{\n}\n", "{\ndone\n");
+    assert_eq!(scratch.read("a.nw"), changed);
+}
+
 /// A file of so many functions, each of which has a definition of its own.
 fn functions(count: usize) -> (String, Vec<String>) {
     let function = |k| {
