@@ -268,10 +268,12 @@ fn two_of_three_equal_lines_are_not_removed_from_one_chunk() {
 
 #[test]
 fn a_line_of_a_chunk_is_changed_at_both_of_its_uses() {
-    let chapter = "<<a.rs>>=\n<<Inner>>\n@ Prose.\n<<Inner>>=\n{\n}\n\
-                   @ Prose.\n<<a.rs>>=\n<<Inner>>\n}\nend\n";
+    let chapter = "<<a.rs>>=\n  <<Inner>>\n<<More>>\n<<Inner>>\n{\n\n\n}\n\
+                   @ Prose.\n<<Inner>>=\n{\n}\n@ Prose.\n<<More>>=\n\
+                   a;\n{\n@ Prose.\n<<More>>=\n\n<<Inner>>\n}\n";
     let scratch = project(chapter);
-    let text = scratch.read("a.rs").replace("{\n}\n", "{\ndone\n");
+    let text = scratch.read("a.rs").replace("  }\n", "  done\n");
+    let text = text.replace("Inner\n{\n}\n", "Inner\n{\ndone\n");
     scratch.write("a.rs", &text);
     let outcome = untangle(&scratch);
     assert_eq!(outcome.status, 0, "{}", outcome.stderr());
