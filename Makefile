@@ -279,7 +279,12 @@ turnaround: $(NOWEB) pdf
 	  > doc/measured/turnaround.csv.new
 	mv doc/measured/turnaround.csv.new doc/measured/turnaround.csv
 
-MACHINE = \# $(shell sed -n 's/^model name.*: //p' /proc/cpuinfo | head -n 1), \
+# A virtual machine's processor has a name that several generations share.
+PROCESSOR = awk -F '[\t ]*: ' '{ value[$$1] = $$2 } \
+  END { print value["model name"] (value["cpu family"] == "" ? "" : \
+    " (family " value["cpu family"] ", model " value["model"] ")") }' \
+  /proc/cpuinfo
+MACHINE = \# $(shell $(PROCESSOR)), \
   $(shell nproc) cores, on $(shell date +%Y-%m-%d)
 
 EXAMPLES = $(CARGO_TARGET_DIR)/release/examples

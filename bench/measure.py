@@ -36,7 +36,8 @@ RENDERING = 1.5  # seconds that our part of a round should render
 PT = re.compile(
     r'(?P<triangles>\d+) triangles, load (?P<load>\S+) s, '
     r'build (?P<build>\S+) s \(.*\), render (?P<render>\S+) s\n'
-    r'.*?(?P<rays>\d+) rays, .*mean radiance (?P<mean>[\d.]+)[ ,]'
+    r'(?:> left out: .*\n)*> (?P<rays>\d+) rays, '
+    r'.*mean radiance (?P<mean>[\d.]+)[ ,]'
     r'(?:± (?P<stderr>[\d.]+))?')
 PEER = re.compile(
     r'tris (?P<triangles>\d+) parse (?P<load>\S+) build (?P<build>\S+) '
