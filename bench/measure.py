@@ -9,10 +9,12 @@ usage: measure.py peer PT [PEER] SCENE...   rates, load, memory of both
 A SCENE is a path without its ending: SCENE.obj, and SCENE.view with the
 options of pt for the view. PEER is a program with the arguments of embree_pt;
 it is recognised by its name. Both programs get the same processors and the
-same work, one after the other, for some rounds. A rate, a time or a memory is
-the median over the rounds, a ratio the median of the rounds' ratios. Memory is
-the peak that the system tells, which includes the ten megabytes or so of this
-interpreter's own process before it became the program.
+same work, one after the other, for some rounds. pt leaves nothing out: what it
+does not trace are the cheapest rays, without which its rate could not be
+compared. A rate, a time or a memory is the median over the rounds, a ratio the
+median of the rounds' ratios. Memory is the peak that the system tells, which
+includes the ten megabytes or so of this interpreter's own process before it
+became the program.
 
 Copyright (C) 2026 litpt contributors
 Copying and distribution of this file, with or without modification, are
@@ -87,9 +89,10 @@ class Programs:
         view = open(scene + '.view').read().split()
         out = os.path.join(self.folder, 'image.pgm')
         return run(
-            [self.pt, '-i', scene + '.obj', *view, '-r', str(REFLECTIVITY),
-             '-d', '{}x{}'.format(*definition), '-n', str(n), '-s', str(seed),
-             '-j', str(len(processors)), '-o', out, '-f'], processors, PT)
+            [self.pt, '--keep-all', '-i', scene + '.obj', *view,
+             '-r', str(REFLECTIVITY), '-d', '{}x{}'.format(*definition),
+             '-n', str(n), '-s', str(seed), '-j', str(len(processors)),
+             '-o', out, '-f'], processors, PT)
 
     def theirs(self, scene, processors, n, seed):
         view = open(scene + '.view').read().split()
