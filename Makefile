@@ -484,7 +484,7 @@ $(BUILD_DIR)/litpt.pdf: $(WEB) $(NOWEB) config.mk \
   $(addprefix $(BUILD_DIR)/tables/,closed-forms.tex qualities.tex \
     leaks.tex origins.tex roulettes.tex stability.tex stability-full.tex robustness.tex \
     ablation.tex layouts.tex habits.tex abreast.tex traversal.tex \
-    bench.tex sizes.csv shapes.tex start.tex editor.tex repeats.csv \
+    bench.tex generations.tex sizes.csv shapes.tex start.tex editor.tex repeats.csv \
     accumulators.tex accounting.tex alarms.tex thresholds.tex \
     calibration.stamp \
     numbers.stamp history.tex turnaround.tex translation.tex \

@@ -14,7 +14,7 @@
 
 // Name what the arguments import
 use std::fs::{self, File};
-use std::io::{self, BufReader, Read};
+use std::io::{self, BufReader, ErrorKind, Read};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
@@ -28,7 +28,7 @@ use serde_json::json;
 use sha2::{Digest, Sha256};
 
 use crate::camera::View;
-use crate::checkpoint::Subject;
+use crate::checkpoint::{Checkpoint, Subject};
 use crate::facts::Fact;
 use crate::hierarchy::Isa;
 use crate::output::{Destination, Place};
@@ -168,8 +168,8 @@ pub struct Arguments {
           requires = "checkpoint")]
     pub every: f64,
 
-    /// Checkpoint to go on from; the options must be those of its run,
-    /// except the limits
+    /// Checkpoint to go on from; scene, view, size, seed and reflectivity
+    /// must be those of its run
     #[arg(long, value_name = "FILE")]
     pub resume: Option<PathBuf>,
 }
@@ -269,9 +269,13 @@ pub fn parse_command_line<P: Parser>() -> Result<P, ExitCode> {
             progress::error(&explain(&error, &name));
             return ExitCode::from(2);
         }
-        // A reader that closes the pipe has seen enough.
-        let _ = error.print();
-        ExitCode::SUCCESS
+        match error.print() {
+            Err(e) if e.kind() != ErrorKind::BrokenPipe => {
+                progress::error(&format!("cannot write: {e}"));
+                ExitCode::FAILURE
+            }
+            _ => ExitCode::SUCCESS,
+        }
     })
 }
 
@@ -283,6 +287,9 @@ fn explain(error: &clap::Error, program: &str) -> String {
     let line = line.strip_prefix("error: ").unwrap_or(&line);
     format!("{line} (see {program} --help)")
 }
+
+/// A checkpoint in a file.
+type Saved = Checkpoint<BufReader<File>>;
 
 impl Arguments {
     // Read the command line or explain it
@@ -362,14 +369,15 @@ impl Arguments {
     }
 
     /// The checkpoint to resume, with its name.
-    pub fn resumed(
-        &self,
-    ) -> Result<Option<(String, BufReader<File>)>, String> {
+    pub fn resumed(&self) -> Result<Option<(String, Saved)>, String> {
         let Some(path) = &self.resume else { return Ok(None) };
         let name = path.display().to_string();
-        match File::open(path) {
-            Ok(file) => Ok(Some((name, BufReader::new(file)))),
-            Err(e) => Err(format!("{name}: cannot read: {e}")),
+        let file =
+            File::open(path).map_err(|e| format!("cannot read: {e}"));
+        let opened = file.map(BufReader::new).and_then(Checkpoint::open);
+        match opened {
+            Ok(checkpoint) => Ok(Some((name, checkpoint))),
+            Err(fault) => Err(format!("{name}: {fault}")),
         }
     }
 
@@ -417,7 +425,7 @@ impl Arguments {
         facts.as_object().cloned().unwrap_or_default()
     }
 
-    /// Every setting, by its name, for the report.
+    /// What describes the run, by the names of the options, for the report.
     pub fn settings(&self, subject: &Subject) -> Subject {
         let mut settings = subject.clone();
         settings

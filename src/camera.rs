@@ -137,7 +137,7 @@ impl fmt::Display for ViewError {
                 "the camera's vector {} is not finite (-p, -t, -u)",
                 typed(v)
             ),
-            // Name a point that is looked from
+            // Name a target that is the position
             Self::Target(at) => write!(
                 f,
                 "the camera's target is its own position {}; move \

@@ -110,60 +110,69 @@ fn unreadable(error: io::Error) -> String {
 }
 
 // Take the state of a run back
-/// Takes the state of a run back from the checkpoint `file`: fills the
-/// `image`, and returns the course so far.
-///
-/// # Errors
-/// The file is no checkpoint, is damaged, or belongs to another
-/// subject; the image may then be filled in part.
-pub fn resume(
-    subject: &Subject,
-    image: &mut Image,
-    mut file: impl BufRead + Seek,
-) -> Result<Course, String> {
-    recognise(&mut file)?;
-    // Read the subject and the course
-    let mut line = vec![];
-    file.read_until(b'\n', &mut line).map_err(unreadable)?;
-    let header: Header = serde_json::from_slice(&line)
-        .map_err(|e| format!("is not a checkpoint of pt: {e}"))?;
-    // Compare the subjects, one fact at a time
-    let theirs = &header.subject;
-    let names = subject.keys().chain(theirs.keys());
-    for name in names {
-        let (ours, theirs) = (subject.get(name), theirs.get(name));
-        if ours != theirs {
-            // Name the fact that differs
-            let show = |value: Option<&Value>| {
-                value.map_or("nothing".to_owned(), Value::to_string)
-            };
-            return Err(format!(
-                "belongs to another run: its {name} is {}, not {}",
-                show(theirs),
-                show(ours)
-            ));
-        }
-    }
-    // Fill the image with its sums
-    for pixel in image.stored_mut() {
-        let mut bytes = [0; 64];
-        file.read_exact(&mut bytes).map_err(unreadable)?;
-        *pixel = Accumulator::from_bytes(&bytes);
-    }
-    Ok(header.course.into_owned())
+/// A checkpoint that is whole.
+pub struct Checkpoint<R> {
+    header: Header<'static>,
+    /// The file from the first sum on.
+    sums: R,
 }
 
-/// The facts that the run of a checkpoint has found, of those that matter
-/// to weights. The file is then back at its beginning.
-pub fn left_out(file: &mut (impl BufRead + Seek)) -> Vec<String> {
-    let mut lines = file.by_ref().split(b'\n').skip(1);
-    let line = lines.next().and_then(Result::ok).unwrap_or_default();
-    let header: Option<Header> = serde_json::from_slice(&line).ok();
-    let forms = header
-        .and_then(|header| header.subject.get("left_out").cloned())
-        .and_then(|forms| serde_json::from_value(forms).ok());
-    match file.rewind() {
-        Ok(()) => forms.unwrap_or_default(),
-        Err(_) => vec![],
+impl<R: BufRead + Seek> Checkpoint<R> {
+    /// Reads a checkpoint up to the sums.
+    ///
+    /// # Errors
+    /// The file is no checkpoint, or is damaged.
+    pub fn open(mut file: R) -> Result<Self, String> {
+        recognise(&mut file)?;
+        // Read the subject and the course
+        let mut line = vec![];
+        file.read_until(b'\n', &mut line).map_err(unreadable)?;
+        let header: Header = serde_json::from_slice(&line)
+            .map_err(|e| format!("is not a checkpoint of pt: {e}"))?;
+        Ok(Self { header, sums: file })
+    }
+
+    // Tell what was left out and go on
+    /// The facts that the run has found, of those that matter to weights.
+    pub fn left_out(&self) -> Vec<String> {
+        let forms = self.header.subject.get("left_out").cloned();
+        let forms = forms.and_then(|f| serde_json::from_value(f).ok());
+        forms.unwrap_or_default()
+    }
+
+    /// Fills the `image`, and returns the course so far.
+    ///
+    /// # Errors
+    /// The checkpoint belongs to another subject, or cannot be read; the
+    /// image may then be filled in part.
+    pub fn resume(
+        mut self,
+        subject: &Subject,
+        image: &mut Image,
+    ) -> Result<Course, String> {
+        // Compare the subjects, one fact at a time
+        let theirs = &self.header.subject;
+        let names = subject.keys().chain(theirs.keys());
+        for name in names {
+            let (ours, theirs) = (subject.get(name), theirs.get(name));
+            if ours != theirs {
+                // Name the fact that differs
+                let show = |value: Option<&Value>| {
+                    value.map_or("nothing".to_owned(), Value::to_string)
+                };
+                return Err(format!(
+                    "belongs to another run: its {name} is {}, not {}",
+                    show(theirs),
+                    show(ours)
+                ));
+            }
+        }
+        // Fill the image with its sums
+        for pixel in image.stored_mut() {
+            let mut bytes = [0; 64];
+            self.sums.read_exact(&mut bytes).map_err(unreadable)?;
+            *pixel = Accumulator::from_bytes(&bytes);
+        }
+        Ok(self.header.course.into_owned())
     }
 }

@@ -145,7 +145,7 @@ impl fmt::Display for BuildError {
                 write!(f, "this processor lacks the instructions {isa}")
             }
             Self::Memory(error) => {
-                write!(f, "no memory for the hierarchy: {error}")
+                write!(f, "no room for the hierarchy: {error}")
             }
         }
     }
@@ -187,7 +187,7 @@ impl Hierarchy {
     /// The hierarchy of a scene for a long render on this processor.
     ///
     /// # Errors
-    /// Too little memory.
+    /// Too little memory, or more than 2^29 triangles.
     pub fn new(scene: &Scene) -> Result<Self, BuildError> {
         Self::with(scene, Quality::Medium, Isa::best())
     }
@@ -197,7 +197,8 @@ impl Hierarchy {
     /// threads, for the instructions `isa`.
     ///
     /// # Errors
-    /// Instructions that this processor lacks, and too little memory.
+    /// Instructions that this processor lacks, too little memory, or more
+    /// than 2^29 triangles.
     pub fn with(
         scene: &Scene,
         quality: Quality,
@@ -211,7 +212,7 @@ impl Hierarchy {
     /// is given back part by part.
     ///
     /// # Errors
-    /// As above.
+    /// Those of [`Self::with`].
     pub fn of(
         triangles: Vec<Triangle>,
         quality: Quality,

@@ -219,7 +219,7 @@ pub const WORTH: f64 = 4.;
 impl Image {
     /// The standard errors of the pixels, row by row from the top left;
     /// infinite where unknown. The variance that a pixel has seen is
-    /// combined with that of its neighbours, which is `worth` so many
+    /// combined with that of its neighbours, which counts as `worth`
     /// realisations ([`WORTH`]; 0 leaves the neighbours out).
     pub fn errors(&self, worth: f64) -> Vec<f64> {
         // Compute the variances row by row

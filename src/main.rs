@@ -15,7 +15,6 @@ use std::time::{Duration, Instant};
 
 use litpt::arguments::Arguments;
 use litpt::camera::Camera;
-use litpt::checkpoint;
 use litpt::course::{Course, Interrupt, Limits, Stop};
 use litpt::facts::{Facts, Finding, Inquiry};
 use litpt::hierarchy::{Hierarchy, Quality};
@@ -54,7 +53,7 @@ fn run(arguments: &Arguments) -> Result<Stop, String> {
     let outputs = arguments.destinations()?;
     let reports = arguments.reports()?;
     let checkpoint = arguments.checkpoint()?;
-    let mut resumed = arguments.resumed()?;
+    let resumed = arguments.resumed()?;
     let reference = arguments.read_reference()?;
     let seeds = reference.as_ref().and_then(|r| r.attributes.get("seed"));
     let ours = arguments.seed.to_string();
@@ -75,8 +74,7 @@ fn run(arguments: &Arguments) -> Result<Stop, String> {
     let load_seconds = loading.elapsed().as_secs_f64();
     let building = Instant::now();
     // Ask for what can be left out
-    let before =
-        resumed.as_mut().map(|(_, file)| checkpoint::left_out(file));
+    let before = resumed.as_ref().map(|(_, saved)| saved.left_out());
     let mut inquiry = Inquiry {
         camera: &camera,
         place: scene.place(camera.position),
@@ -110,8 +108,9 @@ fn run(arguments: &Arguments) -> Result<Stop, String> {
     subject.insert("left_out".into(), facts.weighty().into());
     let mut image = Image::new(width, height);
     let mut course = Course::default();
-    if let Some((name, file)) = resumed {
-        course = checkpoint::resume(&subject, &mut image, file)
+    if let Some((name, saved)) = resumed {
+        course = saved
+            .resume(&subject, &mut image)
             .map_err(|fault| format!("{name}: {fault}"))?;
         // Warn if there is nothing left to do
         let enough =

@@ -106,7 +106,7 @@ fn style() -> ProgressStyle {
 /// A number to two decimals with a metric prefix, as in `1.25 M`.
 fn metric(x: f64) -> String {
     let scales = [(1e9, "G"), (1e6, "M"), (1e3, "k")];
-    match scales.iter().find(|(scale, _)| x >= *scale) {
+    match scales.iter().find(|(scale, _)| x >= 0.9995 * scale) {
         Some((scale, prefix)) => format!("{:.2} {prefix}", x / scale),
         None => format!("{x:.0} "),
     }

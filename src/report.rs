@@ -80,7 +80,8 @@ pub struct Report {
     // Hold what the run has cost
     /// Seconds to read the scene.
     pub load_seconds: f64,
-    /// Seconds to build the hierarchy.
+    /// Seconds to find what the scene does not need, and to build the
+    /// hierarchy of the rest.
     pub build_seconds: f64,
     /// Seconds of rendering.
     pub render_seconds: f64,

@@ -9,9 +9,10 @@
 //! The mean of many weights, and its error.
 
 // Hold three sums of weights
-/// Count, sum and sum of squares of the weights so far. Nothing is
-/// rounded: the same weights in any order, and divided in any manner
-/// among accumulators that are merged, give the same bits.
+/// Count, sum and sum of squares of the weights so far. A weight is cut
+/// to a multiple of 2^-88 and nothing else is rounded: the same weights in
+/// any order, and divided in any manner among accumulators that are
+/// merged, give the same bits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Accumulator {
     count: u64,
@@ -24,7 +25,7 @@ pub struct Accumulator {
 impl Accumulator {
     // Take one more weight into account
     /// Takes one more weight into account; it lies in [0, 2^39). A weight
-    /// outside, or none, makes the error infinite.
+    /// outside, or NaN, makes the error infinite.
     #[inline]
     pub fn add(&mut self, weight: f64) {
         self.count += 1;

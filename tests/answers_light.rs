@@ -637,7 +637,9 @@ fn an_edited_checkpoint_is_damaged_and_not_of_another_run() {
     let line = file[19..].iter().position(|&b| b == b'\n').unwrap() + 1;
     assert_eq!(file.len(), 19 + line + 64 * 6 + 32);
     let mut ask = |file: &[u8]| {
-        resume(&subject(3), &mut image, Cursor::new(file)).unwrap_err()
+        let saved = Checkpoint::open(Cursor::new(file));
+        let resumed = saved.and_then(|s| s.resume(&subject(3), &mut image));
+        resumed.unwrap_err()
     };
     assert!(ask(&file).ends_with("its seed is 0, not 3"));
     // Change the seed by hand and ask again

@@ -13,7 +13,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use common::{Place, ROOM, Run, finish};
-use litpt::checkpoint::{Subject, resume, save};
+use litpt::checkpoint::{Checkpoint, Subject, save};
 use litpt::course::Course;
 use litpt::image::Image;
 use litpt::picture::Picture;
@@ -49,6 +49,14 @@ fn saved() -> Vec<u8> {
     let mut bytes = vec![];
     save(&subject(), &course, &image, &mut bytes).unwrap();
     bytes
+}
+
+fn resume(
+    subject: &Subject,
+    image: &mut Image,
+    file: Cursor<impl AsRef<[u8]>>,
+) -> Result<Course, String> {
+    Checkpoint::open(file)?.resume(subject, image)
 }
 
 #[track_caller]
@@ -262,6 +270,17 @@ fn left_alone(place: &Place, name: &str, options: &[&str], words: &[&str]) {
     run.failed(1, &[&[name], words].concat());
     assert_eq!(place.get(name), before);
     assert_eq!(place.names(), names);
+}
+
+#[test]
+fn what_is_no_checkpoint_is_refused_before_the_scene_is_read() {
+    let place = Place::new();
+    place.put("c", "litpt checkpoint 1\nand more");
+    let fault = "c: is damaged: its checksum is wrong";
+    pt(&place, &["-imissing.obj", "--resume", "c"]).failed(1, &[fault]);
+    // Neither is a file without an end read to its end.
+    let fault = "is not a checkpoint";
+    pt(&place, &["--resume", "/dev/zero"]).failed(1, &[fault]);
 }
 
 #[test]

@@ -340,6 +340,17 @@ fn a_full_standard_output_is_an_error() {
 }
 
 #[test]
+fn help_that_cannot_be_written_is_an_error() {
+    let Ok(full) = OpenOptions::new().write(true).open("/dev/full") else {
+        return skip("there is no /dev/full");
+    };
+    let place = Place::new();
+    let mut command = place.pt(&["--help"]);
+    let run = finish(command.stdout(full).spawn().unwrap());
+    run.failed(1, &["cannot write: No space left"]);
+}
+
+#[test]
 fn a_reader_who_has_seen_enough_is_no_error() {
     let place = Place::new();
     let mut command = place.pt(&["-q", "-i", "room.obj"]);

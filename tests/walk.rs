@@ -5,6 +5,7 @@
 
 use glam::DVec3;
 use litpt::closed_forms::cavity;
+use litpt::hierarchy::anatomy::Anatomy;
 use litpt::hierarchy::{Hierarchy, Hit, Isa, Kernel, Quality};
 use litpt::scene::{Mesh, Ray, Scene};
 use rand::{RngExt, SeedableRng};
@@ -218,7 +219,33 @@ fn a_ray_of_nonsense_meets_nothing() {
                 assert_eq!(hit.is_some(), direction == DVec3::X);
             }
         }
+        // Empty slots must not be entered, though 1/d is zero.
+        for direction in [f64::INFINITY, 1e300, 1e39, -1e39, 1e20] {
+            let direction = DVec3::splat(direction);
+            let ray = Ray { origin: DVec3::ZERO, direction };
+            assert_eq!(kernel.first_hit(&ray, None), None);
+            assert!(!kernel.is_blocked(&ray, None));
+        }
     }
+}
+
+#[test]
+fn a_triangle_that_is_passed_closely_is_not_drawn_as_met() {
+    let triangle = |y: f64| Mesh {
+        vertices: [(y, -1.), (y, 1.), (2., 0.)]
+            .map(|(y, z)| DVec3::new(1., y, z))
+            .to_vec(),
+        triangles: vec![[0, 1, 2]],
+    };
+    let last = |y: f64| {
+        let scene = Scene::new(&triangle(y));
+        let ray = scene.enter(DVec3::ZERO, DVec3::X).unwrap();
+        let rows = Anatomy::new(&scene, ray).unwrap().tabulate();
+        let mut rows = rows.lines().map(|row| row.split_at(4).1.to_owned());
+        rows.next_back().unwrap()
+    };
+    assert!(last(-1.).starts_with("leaf 0 & 1 &"), "{}", last(-1.));
+    assert!(last(1e-14).starts_with("leaf 0 & 0 &"), "{}", last(1e-14));
 }
 
 #[test]

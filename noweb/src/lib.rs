@@ -94,4 +94,11 @@ impl Streams<'_> {
             _ => status(faults),
         }
     }
+
+    /// Says what is wrong with the arguments of a command; the status is 2.
+    pub fn misused(&mut self, text: String) -> u8 {
+        let fault = Diagnostic::new(Level::Error, None, text);
+        self.conclude(Ok(()), &[fault]);
+        2
+    }
 }

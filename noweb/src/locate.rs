@@ -329,10 +329,7 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
     let answer = match parse_question(args) {
         Ok((project, question)) => Atlas::read(&project)
             .and_then(|atlas| answer(&atlas, &question).map_err(fault)),
-        Err(text) => {
-            streams.conclude(Ok(()), &fault(text));
-            return 2;
-        }
+        Err(text) => return streams.misused(text),
     };
     // Print the answer or say why there is none
     match answer {

@@ -463,11 +463,7 @@ impl Project {
 pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
     let (project, check) = match parse_arguments(args) {
         Ok(parsed) => parsed,
-        Err(text) => {
-            let fault = Diagnostic::new(Level::Error, None, text);
-            streams.conclude(Ok(()), &[fault]);
-            return 2;
-        }
+        Err(text) => return streams.misused(text),
     };
     let plan = if check { project.plan() } else { project.tangle() };
     let (faults, failed) = match plan {

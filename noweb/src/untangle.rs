@@ -20,6 +20,7 @@ use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::ffi::OsString;
 use std::fs;
 use std::hash::Hash;
+use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -1143,14 +1144,21 @@ impl Project {
         old: &Expansion,
         new: &Expansion,
     ) -> Result<(), Diagnostic> {
-        let names = self.chapters.iter();
         let texts = old.web.sources.iter().zip(&new.web.sources);
-        for (name, (old, new)) in names.zip(texts) {
-            if old.text != new.text {
-                let path = self.dir.join(name);
-                replace(&path, &new.text, Attributes::default())
-                    .map_err(|error| failure("write", name, &error))?;
+        let texts = texts.map(|(old, new)| (&old.text, &new.text));
+        let mut changed: Vec<_> = self.chapters.iter().zip(texts).collect();
+        changed.retain(|(_, (old, new))| old != new);
+        // Refuse to write read-only chapters
+        for (name, _) in &changed {
+            let state = fs::metadata(self.dir.join(name));
+            if state.is_ok_and(|state| state.permissions().readonly()) {
+                let error = io::ErrorKind::PermissionDenied.into();
+                return Err(failure("write", name, &error));
             }
+        }
+        for (name, (_, text)) in changed {
+            replace(&self.dir.join(name), text, Attributes::default())
+                .map_err(|error| failure("write", name, &error))?;
         }
         Ok(())
     }
@@ -1253,7 +1261,8 @@ impl Project {
         let mut found: Vec<Found> = Vec::new();
         let mut failed = None;
         for fewest in [true, false] {
-            if found.iter().any(|found| found.rank.0) {
+            let tried = !fewest && choices.is_empty();
+            if tried || found.iter().any(|found| found.rank.0) {
                 break;
             }
             for way in combinations(&choices, fewest) {
@@ -1478,11 +1487,7 @@ fn changes(old: &[Source], new: &[Source]) -> Vec<String> {
 pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
     let (project, check) = match parse_arguments(args) {
         Ok(parsed) => parsed,
-        Err(text) => {
-            let fault = Diagnostic::new(Level::Error, None, text);
-            streams.conclude(Ok(()), &[fault]);
-            return 2;
-        }
+        Err(text) => return streams.misused(text),
     };
     let (changes, faults) = match project.untangle(check) {
         Ok(changes) => (changes, Vec::new()),

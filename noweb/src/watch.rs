@@ -263,9 +263,7 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
         Err(text) => Some(text),
     };
     if let Some(text) = wrong {
-        let fault = Diagnostic::new(Level::Error, None, text);
-        streams.conclude(Ok(()), &[fault]);
-        return 2;
+        return streams.misused(text);
     }
     match Watch::new(args, command.get(1..).unwrap_or(&[])) {
         Ok(watch) => watch.run(streams),

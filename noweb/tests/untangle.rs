@@ -180,6 +180,23 @@ fn what_changed_is_told_by_chapter_and_line() {
 }
 
 #[test]
+fn a_read_only_chapter_is_not_replaced_nor_are_those_before_it() {
+    let scratch = Scratch::new();
+    scratch.write("a.nw", CHAPTER);
+    scratch.write("b.nw", "<<src/b.rs>>=\nb();\n");
+    let tangled = run(scratch.path(), &["tangle", "a.nw", "b.nw"]);
+    assert_eq!(tangled.status, 0, "{}", tangled.stderr());
+    edit(&scratch, MAIN_RS, "more();", "much_more();");
+    edit(&scratch, "src/b.rs", "b();", "bb();");
+    shell("chmod a-w b.nw", scratch.path(), scratch.path());
+    let before = snapshot(&scratch);
+    let outcome = run(scratch.path(), &["untangle", "a.nw", "b.nw"]);
+    let said = "error: cannot write b.nw: permission denied\n";
+    assert_eq!((outcome.status, &*outcome.stderr()), (1, said));
+    assert_eq!(snapshot(&scratch), before, "something was written");
+}
+
+#[test]
 fn an_insertion_between_lines_of_one_chunk_comes_home() {
     let edit = (MAIN_RS, "    last();", "\n    x();\n    last();");
     comes_home(&[edit], "\nlast();", "\n\nx();\nlast();");

@@ -60,7 +60,8 @@ impl Anatomy {
                 (met.mask, any.then(push))
             } else {
                 let meet = |leaf: Leaf, shear: &_, _| leaf.meet(shear);
-                (look(&mut search, child, (&ray, &shear), meet), None)
+                let met = look(&mut search, child, (&ray, &shear), meet);
+                (met & ((1 << LANES) - 1), None)
             };
             next = first.or_else(|| stack.pop(search.distance as f32));
             let (waiting, reach) = (stack.length(), search.distance);

@@ -331,7 +331,8 @@ impl<'a> Search<'a> {
     }
 
     /// Considers the triangle in a lane of the leaf of `count` triangles
-    /// from slot `first`, which is met at `distance`.
+    /// from slot `first`, which is met at `distance`; a lane of `LANES` or
+    /// more is that of a triangle which is only passed closely.
     #[inline(always)]
     pub fn offer(
         &mut self,
@@ -345,9 +346,9 @@ impl<'a> Search<'a> {
         let beside = lane >= LANES as u32;
         if beside || gap <= NEAR || distance <= NEAR {
             self.doubt = self.doubt.min(distance);
-            let behind = distance <= NEAR
-                && self.leaves.is_behind((first, count), lane, ray);
-            if beside || behind {
+            let leaves = self.leaves;
+            let behind = || leaves.is_behind((first, count), lane, ray);
+            if beside || distance <= NEAR && behind() {
                 return;
             }
             distance = distance.max(f64::MIN_POSITIVE);
@@ -374,7 +375,7 @@ impl<'a> Search<'a> {
 }
 
 impl Leaves {
-    // Break a tie by number
+    // Decide where the distances do not
     /// Whether the triangle in `slot` comes before that in `other`, if any.
     #[cold]
     fn is_before(&self, slot: u32, other: u32) -> bool {

@@ -68,8 +68,8 @@ fn steep(d: f32) -> f32 {
     }
 }
 
-/// Origins from which nothing is met: 2^64 or more from the origin of the
-/// scene. With a direction of at least `LEAST` nothing overflows.
+/// Rays with an origin or a direction that has a component of 2^64 or more
+/// meet nothing. With a direction of at least `LEAST` nothing overflows.
 const OUTER: f64 = (1u128 << 64) as f64;
 
 // Keep the children to come
@@ -196,7 +196,8 @@ where
     let mut search = Search::new(&wide.leaves, from);
     // Let no ray start out of bounds
     let bounds = DVec3::splat(OUTER);
-    if !ray.origin.abs().cmplt(bounds).all() {
+    let within = |v: DVec3| v.abs().cmplt(bounds);
+    if !(within(ray.origin) & within(ray.direction)).all() {
         return search;
     }
     // Prepare to walk from the root

@@ -189,8 +189,8 @@ fn binary(triangles: &[Triangle], quality: Quality) -> Vec<Bvh2Node> {
     };
     // Begin with a leaf per triangle
     let count = triangles.len();
-    let mut nodes = vec![Bvh2Node::default(); 2 * count - count.min(1)];
     let order = in_morton_order(triangles);
+    let mut nodes = vec![Bvh2Node::default(); 2 * count - count.min(1)];
     let places = nodes[..count].par_iter_mut().zip(order);
     places.for_each(|(place, i)| {
         *place = single(&triangles[i as usize], i);
@@ -257,7 +257,7 @@ fn join(mut nodes: Vec<Bvh2Node>, reach: usize, early: usize) -> Bvh2 {
     }
 }
 
-/// A round is slow that joins fewer than one cluster in so many.
+/// A round is slow in which fewer than one cluster in so many disappears.
 const SLOW: usize = 16;
 
 /// Joins those of the first `count` nodes, the clusters, that are each
@@ -831,21 +831,34 @@ impl<'a> Part<'a> {
     // Fill the leaves of a part
     /// Puts the triangles of the group into their slots.
     fn fill(&self, mut room: Room, triangles: &[Triangle]) {
-        let pairs = self.plan.leaves.windows(2);
-        let rooms = pairs.map(|pair| {
-            (pair[0].0, room.take((pair[1].1 - pair[0].1) as usize))
+        let leaves = &self.plan.leaves;
+        // Cut off a room for each stretch of leaves
+        let starts = (0..leaves.len() - 1).step_by(STRETCH);
+        let stretches = starts.map(|start| {
+            let end = (start + STRETCH).min(leaves.len() - 1);
+            let length = leaves[end].1 - leaves[start].1;
+            (&leaves[start..=end], room.take(length as usize))
         });
-        let rooms: Vec<_> = rooms.collect();
-        rooms.into_par_iter().for_each(|(root, mut room)| {
-            let mut numbers = [0; LANES];
-            let count = gather(&self.tree, root, &mut numbers, 0);
-            let mut own = numbers
-                .map(|i| (self.group[i as usize], triangles[i as usize]));
-            own[..count].sort_unstable_by_key(|&(number, _)| number);
-            room.fill(&own[..count]);
+        let stretches: Vec<_> = stretches.collect();
+        stretches.into_par_iter().for_each(|(leaves, mut room)| {
+            for pair in leaves.windows(2) {
+                let [(root, first), (_, end)] = [pair[0], pair[1]];
+                let mut room = room.take((end - first) as usize);
+                // Fill the room of a leaf
+                let mut numbers = [0; LANES];
+                let count = gather(&self.tree, root, &mut numbers, 0);
+                let mut own = numbers.map(|i| {
+                    (self.group[i as usize], triangles[i as usize])
+                });
+                own[..count].sort_unstable_by_key(|&(number, _)| number);
+                room.fill(&own[..count]);
+            }
         });
     }
 }
+
+/// How many leaves are filled by one thread without asking for more.
+const STRETCH: usize = 256;
 
 /// Writes the triangles below node `i` from `count` on; returns where
 /// they end.
