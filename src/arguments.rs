@@ -260,6 +260,7 @@ fn parse_threads(text: &str) -> Result<usize, String> {
     }
 }
 
+// Parse the whole command line
 /// Parses the arguments of a program; see
 /// [`Arguments::from_command_line`].
 pub fn parse_command_line<P: Parser>() -> Result<P, ExitCode> {
@@ -288,6 +289,7 @@ fn explain(error: &clap::Error, program: &str) -> String {
     format!("{line} (see {program} --help)")
 }
 
+// Name the checkpoint of a file
 /// A checkpoint in a file.
 type Saved = Checkpoint<BufReader<File>>;
 
