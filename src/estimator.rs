@@ -90,8 +90,8 @@ impl Answer for Hit {
 }
 
 // Hold the parameters of the reference
-/// The estimator of the book's chapter, with analogue reflection below
-/// the transmissivity `FAINT`.
+/// The estimator of the chapter's first section. A path ends by chance
+/// below the transmissivity `FAINT`, and from `MANY_BOUNCES` bounces on.
 #[derive(Clone, Copy, Debug)]
 pub struct Reference<F = ()> {
     /// Reflectivity of every surface, in [0, 1].
@@ -116,7 +116,8 @@ pub struct Bounces {
 }
 
 /// The probability that a path of `n` bounces makes another one,
-/// [n/(n+1)]^(3/2): that it makes n in all is (`MANY_BOUNCES`/n)^(3/2).
+/// [n/(n+1)]^(3/2). That one of `MANY_BOUNCES` makes n or more is then
+/// (`MANY_BOUNCES`/n)^(3/2).
 #[cold]
 #[inline(never)]
 fn onward(n: u64) -> f64 {
@@ -126,7 +127,7 @@ fn onward(n: u64) -> f64 {
 
 /// What is known of the rays that leave a surface.
 pub trait Foresight: Sync {
-    /// Whether no ray meets anything that leaves where `hit` is.
+    /// Whether no ray that leaves the surface at `hit` meets anything.
     fn is_open(&self, hit: &Hit) -> bool;
 
     /// Whether a ray that leaves there in this direction is known to

@@ -68,7 +68,7 @@ impl Fact {
 }
 
 /// The facts by which weights are replaced by their means, and the one
-/// that decides what is there to be in the way.
+/// that decides which triangles are there when these are looked for.
 const WEIGHTY: [Fact; 3] = [Fact::Bare, Fact::Open, Fact::Hidden];
 
 // Hold what has been found
@@ -86,8 +86,8 @@ pub struct Finding {
 /// All that has been found about a scene, and what the renderer takes
 /// from it.
 pub struct Facts {
-    /// One for each fact that there is, and for what the scene has left
-    /// out already.
+    /// One for each fact that was looked for, or was not because it would
+    /// take too long, and for what the scene has left out already.
     pub findings: Vec<Finding>,
     /// Pixels whose radiance is known.
     pub known: Known,
@@ -114,7 +114,7 @@ mod price {
     pub const OPEN: f64 = 20.;
     /// To find the free cones of both.
     pub const FREE: f64 = 200.;
-    /// So many triangles have their cones found to try them out.
+    /// As a rule so many triangles have their cones found to try them out.
     pub const TRIES: f64 = 200.;
 }
 
@@ -307,7 +307,9 @@ impl Facts {
         let triangles = scene.triangles();
         let cost = triangles.len() as f64 * price::BOX;
         if !self.affords(cost, inquiry) {
-            return self.give_up(&[Fact::Bare], inquiry, LONG);
+            let lost = [Fact::Bare, Fact::Open, Fact::Free];
+            let lost = if self.is_black { &lost[..1] } else { &lost };
+            return self.give_up(lost, inquiry, LONG);
         }
         let boxes = Boxes::new(triangles);
         if !inquiry.keeps(Fact::Bare) {

@@ -183,17 +183,20 @@ impl<'a> Iterator for Statements<'a> {
                 [.., b'\\'] => Cow::Owned(self.join(line)),
                 _ => Cow::Borrowed(line),
             };
-            if matters(line) {
+            if matters(&whole) {
                 return Some(whole);
             }
         }
     }
 }
 
-/// Whether a line begins with the statement `v` or `f`.
-fn matters(line: &[u8]) -> bool {
-    let line = line.trim_ascii_start();
-    matches!(line, [b'v' | b'f'] | [b'v' | b'f', b' ' | b'\t', ..])
+/// Whether this is a statement `v` or `f`.
+fn matters(statement: &[u8]) -> bool {
+    match statement.trim_ascii_start() {
+        [b'v' | b'f', blank, ..] => blank.is_ascii_whitespace(),
+        [b'v' | b'f'] => true,
+        _ => false,
+    }
 }
 
 // Read one piece of the text
@@ -525,7 +528,7 @@ fn forget_copies(triangles: &mut Vec<Triangle>) {
     if triangles.len() > NUMBERS as usize {
         return;
     }
-    // Find the triangles whose keys are not alone
+    // Sort the keys of the triangles
     let key = |(i, triangle): (usize, &Triangle)| {
         mixed(triangle) & !(NUMBERS - 1) | i as u64
     };

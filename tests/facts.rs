@@ -489,6 +489,24 @@ fn a_closed_box_is_dark_without_a_ray_and_the_summary_says_why() {
 }
 
 #[test]
+fn an_explanation_names_what_was_too_expensive_to_look_for() {
+    let place = Place::new();
+    place.put("box.obj", BOX);
+    for (reflectivity, facts) in [
+        ("-r0.5", &["dark", "hidden", "bare", "open", "free"][..]),
+        ("-r0", &["dark", "hidden", "bare"]),
+    ] {
+        let tiny = ["-ibox.obj", "--explain", "-d1x1", reflectivity];
+        let run = place.run(&tiny);
+        run.succeeded();
+        let said = String::from_utf8(run.stdout).unwrap();
+        let left = said.lines().filter(|l| l.contains("take too long"));
+        let left = left.map(|l| l.split(' ').next().unwrap());
+        assert_eq!(left.collect::<Vec<_>>(), facts, "{said}");
+    }
+}
+
+#[test]
 fn an_explanation_renders_nothing() {
     let place = Place::new();
     place.put("box.obj", BOX);

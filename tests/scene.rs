@@ -224,6 +224,14 @@ fn random_texts_give_the_triangles_that_the_crate_tobj_reads() {
 }
 
 #[test]
+fn a_statement_goes_on_after_its_letter_and_before_it() {
+    let text = "v\\\n 0 0 0\nv 1 0 0\n\\\nv 0 1 0\nv\x0c0 0 1\n\
+                f\\\n 1 2 3\nf\x0c1 2 4\n# f\\\nf 1 2 3\n";
+    let mesh = read_obj(text.as_bytes()).unwrap();
+    assert_eq!((mesh.vertices.len(), mesh.triangles.len()), (4, 2));
+}
+
+#[test]
 fn a_text_reads_the_same_in_pieces_of_any_size() {
     let mut random = Random(2);
     for round in 0..400 {

@@ -76,7 +76,8 @@ impl Known {
 struct Pyramid<'a> {
     triangles: &'a [Triangle],
     tip: DVec3,
-    /// Unit vectors into the pyramid, of the planes around it.
+    /// Unit vectors into the pyramid, of the planes around it; zero for a
+    /// plane that says nothing.
     inwards: [DVec3; 5],
     /// How far outside counts as outside.
     margin: f64,

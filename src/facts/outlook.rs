@@ -38,7 +38,7 @@ const PARTS: f64 = 250.;
 impl Cone {
     /// The whole hemisphere.
     const OPEN: Self = Self(0);
-    /// The same, but it is not known that it is the whole.
+    /// The same, but the side does not count as open.
     const ALL: Self = Self(1);
     /// Nothing.
     const NONE: Self = Self(255);
