@@ -383,8 +383,9 @@ impl Case {
 
     /// What must be true of any image.
     ///
-    /// A weight is above 1 only if its path was doubled, that is after
-    /// 1000 bounces with a transmissivity that is not yet below 0.1.
+    /// A weight is above 1 only if its path was in danger of being ended
+    /// by chance after 1000 bounces, with a transmissivity that is not yet
+    /// below 0.1.
     fn judge(&self, image: &Image, rays: u64) -> Result<(), String> {
         let faint = self.reflectivity.powi(1000) < 0.09;
         let most = match faint || rays <= 1000 {

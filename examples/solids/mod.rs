@@ -1,4 +1,4 @@
-// Closed surfaces, and the reference's way to trace rays inside them.
+// Closed surfaces, with cameras inside them.
 //
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
@@ -233,7 +233,7 @@ fn slab() -> Mesh {
     mesh
 }
 
-/// A plate with 32 fins, each 100 000 times as high as thick.
+/// A plate with 33 fins, each 100 000 times as high as thick.
 fn fins() -> Mesh {
     let x: Vec<f64> = (0..=32)
         .flat_map(|i| {
