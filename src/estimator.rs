@@ -90,8 +90,8 @@ impl Answer for Hit {
 }
 
 // Hold the parameters of the reference
-/// The estimator of the chapter's first section. A path ends by chance
-/// below the transmissivity `FAINT`, and from `MANY_BOUNCES` bounces on.
+/// The estimator of the chapter's algorithm: a path ends by chance below
+/// the transmissivity `FAINT`, and from `MANY_BOUNCES` bounces on.
 #[derive(Clone, Copy, Debug)]
 pub struct Reference<F = ()> {
     /// Reflectivity of every surface, in [0, 1].
