@@ -8,9 +8,12 @@
 include config.mk
 export BUILD_DIR CARGO CARGO_TARGET_DIR
 
-# The chapters are listed in the master, and nowhere else.
-CHAPTERS := $(shell sed -n 's,^\\include{\(.*\)}.*,chapters/\1.nw,p' litpt.nw)
+# The chapters of each book are listed in its master, and nowhere else.
+INCLUDED = $(shell sed -n 's,^\\include{\(.*\)}.*,$(dir $(1))chapters/\1.nw,p' $(1))
+CHAPTERS := $(patsubst ./%,%,$(call INCLUDED,litpt.nw))
 WEB := litpt.nw $(CHAPTERS)
+TOOL_CHAPTERS := $(call INCLUDED,noweb/noweb.nw)
+TOOL_WEB := noweb/noweb.nw $(TOOL_CHAPTERS)
 
 PROFILE_Release = --release
 PROFILE_Debug =
@@ -70,7 +73,7 @@ help:
 # mended costs no compilation, and a comment no rendering.
 $(BUILD_DIR)/tangled.stamp: $(WEB) $(NOWEB)
 	@mkdir -p $(BUILD_DIR)
-	$(NOWEB) tangle --except noweb/ --record src/.tangled $(WEB)
+	$(NOWEB) tangle --record src/.tangled $(WEB)
 	@touch $@
 
 src/.tangled: $(BUILD_DIR)/tangled.stamp
@@ -479,40 +482,59 @@ check-tex:
 	  echo 'error: the book needs LaTeX, and some of it is missing; install it by' >&2; \
 	  echo '$(TEX_INSTALL)' >&2; exit 1; }
 
-$(BUILD_DIR)/litpt.pdf: $(WEB) $(NOWEB) config.mk \
-  $(BUILD_DIR)/figures/courtyard.png $(BUILD_DIR)/examples.stamp \
+# A book: its chapters are woven, and LaTeX is run as often as it needs.
+# $(call MAKE_BOOK,MASTER,WEB,DIRECTORY)
+define MAKE_BOOK
+@mkdir -p $(3)
+$(NOWEB) noweave $(NOWEAVE_OPTS) -backend '$(NOWEB) split_scope -o $(3)' $(2)
+@echo 'latexmk $(3)/$(1).tex'
+@TEX_DIR=$(3) latexmk -silent -r doc/latexmkrc $(3)/$(1).tex \
+  > $(3)/latexmk.log 2>&1 || { \
+  grep -A 4 -E '^[^ ]+:[0-9]+: |^!' $(3)/$(1).log | \
+  sed "$$PLACES" | grep . || tail $(3)/latexmk.log; exit 1; }
+@cp $(3)/$(1).pdf $@
+@awk -v web='$(2)' "$$LIST_WARNINGS" $(3)/$(1).log
+@echo 'The book lies in $@.'
+endef
+BOOK_NEEDS = $(NOWEB) config.mk $(BUILD_DIR)/examples.stamp \
+  $(addprefix doc/,litpt.sty litpt.bib litpt-mono.enc latexmkrc) \
+  $(addprefix $(BUILD_DIR)/tables/,numbers.stamp measured.tex editor.tex \
+    translation.tex turnaround.tex history.tex)
+
+$(BUILD_DIR)/litpt.pdf: $(WEB) $(BOOK_NEEDS) \
+  $(BUILD_DIR)/figures/courtyard.png \
   $(addprefix $(BUILD_DIR)/tables/,closed-forms.tex qualities.tex \
     leaks.tex origins.tex roulettes.tex stability.tex stability-full.tex robustness.tex \
     ablation.tex layouts.tex habits.tex abreast.tex traversal.tex \
-    bench.tex generations.tex sizes.csv shapes.tex start.tex editor.tex repeats.csv \
+    bench.tex generations.tex sizes.csv shapes.tex start.tex repeats.csv \
     accumulators.tex accounting.tex alarms.tex thresholds.tex \
-    calibration.stamp \
-    numbers.stamp history.tex turnaround.tex translation.tex \
-    anatomy.stamp curve.csv measured.tex counted.tex said.tex) \
-  $(addprefix doc/,litpt.sty litpt.bib litpt-mono.enc latexmkrc)
-	@mkdir -p $(BUILD_DIR)/tex
-	$(NOWEB) noweave $(NOWEAVE_OPTS) \
-	  -backend '$(NOWEB) split_scope -o $(BUILD_DIR)/tex' $(WEB)
-	@echo 'latexmk $(BUILD_DIR)/tex/litpt.tex'
-	@latexmk -silent -r doc/latexmkrc $(BUILD_DIR)/tex/litpt.tex \
-	  > $(BUILD_DIR)/tex/latexmk.log 2>&1 || { \
-	  grep -A 4 -E '^[^ ]+:[0-9]+: |^!' $(BUILD_DIR)/tex/litpt.log | \
-	  sed "$$PLACES" | grep . || tail $(BUILD_DIR)/tex/latexmk.log; exit 1; }
-	@cp $(BUILD_DIR)/tex/litpt.pdf $@
-	@awk "$$LIST_WARNINGS" $(BUILD_DIR)/tex/litpt.log
-	@echo 'The book lies in $@.'
+    calibration.stamp anatomy.stamp curve.csv counted.tex said.tex)
+	$(call MAKE_BOOK,litpt,$(WEB),$(BUILD_DIR)/tex)
+
+$(BUILD_DIR)/noweb.pdf: $(TOOL_WEB) $(BOOK_NEEDS)
+	$(call MAKE_BOOK,noweb,$(TOOL_WEB),$(BUILD_DIR)/tex-noweb)
 
 # Line n of build/tex/NAME.tex is line n of chapters/NAME.nw.
-PLACES = s,^\(\./\)*\($(BUILD_DIR)/tex/\)*\([^ /:]*\)\.tex:\([0-9]*\):,chapters/\3.nw:\4:,; \
-  s,^chapters/litpt\.nw:,litpt.nw:,
+PLACES = s,^\(\./\)*$(BUILD_DIR)/tex/\([^ /:]*\)\.tex:\([0-9]*\):,chapters/\2.nw:\3:,; \
+  s,^\(\./\)*$(BUILD_DIR)/tex-noweb/\([^ /:]*\)\.tex:\([0-9]*\):,noweb/chapters/\2.nw:\3:,; \
+  s,^chapters/litpt\.nw:,litpt.nw:,; s,^noweb/chapters/noweb\.nw:,noweb/noweb.nw:,
 export PLACES
 
 # The warnings in the log of LaTeX, each with the chapter that was open and
 # the line that the warning names, or the first.
 define LIST_WARNINGS
-match($$0, /\/tex\/[^ ()\/]+\.tex/) {
-  name = substr($$0, RSTART + 5, RLENGTH - 9)
-  file = name == "litpt" ? "litpt.nw" : "chapters/" name ".nw"
+BEGIN {
+  count = split(web, files, " ")
+  for (i = 1; i <= count; i++) {
+    name = files[i]; sub(/.*\//, "", name); sub(/[.]nw$$/, "", name)
+    source[name] = files[i]
+  }
+  count = 0
+}
+match($$0, /\/tex(-noweb)?\/[^ ()\/]+\.tex/) {
+  name = substr($$0, RSTART, RLENGTH); sub(/.*\//, "", name)
+  sub(/[.]tex$$/, "", name)
+  if (name in source) file = source[name]
 }
 /(LaTeX|Package|Class|pdfTeX)[^:]*[Ww]arning|^(Over|Under)full/ {
   line = match($$0, /lines? [0-9]+/) ? substr($$0, RSTART, RLENGTH) : 1
@@ -523,7 +545,7 @@ END { print count + 0 " warnings are left in the book" }
 endef
 export LIST_WARNINGS
 
-pdf: check-tex $(BUILD_DIR)/litpt.pdf
+pdf: check-tex $(BUILD_DIR)/litpt.pdf $(BUILD_DIR)/noweb.pdf
 
 # ---- is everything as it should be?
 
@@ -537,15 +559,15 @@ clippy: $(NOWEB)
 check: $(NOWEB)
 	$(MAP) $(CARGO) fmt --all --check
 	$(MAP) $(CLIPPY)
-	$(NOWEB) tangle --check --except noweb/ --record src/.tangled $(WEB)
-	$(NOWEB) tangle --check --only noweb/ --record noweb/.tangled $(WEB)
-	git diff --exit-code -- src noweb doc/vim
+	$(NOWEB) tangle --check --record src/.tangled $(WEB)
+	$(NOWEB) tangle --check --record noweb/.tangled $(TOOL_WEB)
+	git diff --exit-code -- src noweb
 	@if command -v python3 > /dev/null; then \
 	  python3 doc/prose --sizes $(CHAPTERS); fi
 	@if command -v python3 > /dev/null && command -v hunspell > /dev/null; \
 	then sh doc/prose-test.sh; \
 	else echo 'make prose is not tested, for lack of hunspell'; fi
-	@if command -v vim > /dev/null; then sh doc/vim/test.sh; \
+	@if command -v vim > /dev/null; then sh noweb/vim/test.sh; \
 	else echo 'vim is not tested, for lack of it'; fi
 	@if ! command -v python3 > /dev/null; then \
 	  echo 'the book is not checked, for lack of python3'; \
@@ -565,18 +587,18 @@ prose:
 
 # Edits of tangled files go home; make boot then builds the tool from its own.
 untangle: $(NOWEB)
-	$(NOWEB) untangle --except noweb/ --record src/.tangled $(WEB)
-	$(NOWEB) untangle --only noweb/ --record noweb/.tangled $(WEB)
+	$(NOWEB) untangle --record src/.tangled $(WEB)
+	$(NOWEB) untangle --record noweb/.tangled $(TOOL_WEB)
 
 # The list of chapters is read from the master on each save.
 watch: $(NOWEB)
-	$(NOWEB) watch --except noweb/ --record src/.tangled \
+	$(NOWEB) watch --record src/.tangled \
 	  --master litpt.nw -- $(MAP) $(CARGO) check --bins $(JSON)
 
 # ---- the tool
 
 boot:
-	sh noweb/boot.sh $(WEB)
+	sh noweb/boot.sh $(TOOL_WEB)
 
 export CHUNK
 chunk: $(NOWEB)

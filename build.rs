@@ -37,8 +37,7 @@ fn tangle() -> Result<(), String> {
         dir: PathBuf::from("."),
         record: PathBuf::from("src/.tangled"),
         chapters,
-        only: vec![],
-        except: vec!["noweb/".to_owned()],
+        ..Project::default()
     };
     let all = |diagnostics: Vec<noweb::diagnostic::Diagnostic>| {
         let lines = diagnostics.iter().map(|d| d.to_string());

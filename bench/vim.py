@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""What opening a large chapter costs vim, with and without doc/vim.
+"""What opening a large chapter costs vim, with and without noweb/vim.
 
 usage: bench/vim.py CHAPTER.nw OTHER.nw
 
 Prints a table as CSV: milliseconds of processor time, the least of ten runs, in
 a terminal of 50 lines, to open CHAPTER, to go to its end as well, and to open
-OTHER as well; without file types, with both taken for LaTeX, and with doc/vim.
+OTHER as well; without file types, with both taken for LaTeX, and with noweb/vim.
 
 Copyright (C) 2026 litpt contributors
 Copying and distribution of this file, with or without modification, are
@@ -20,12 +20,12 @@ import struct
 import sys
 import termios
 
-OURS = pathlib.Path(__file__).resolve().parent.parent / 'doc/vim'
+OURS = pathlib.Path(__file__).resolve().parent.parent / 'noweb/vim'
 TYPES = ['--cmd', 'syntax on', '--cmd', 'filetype plugin on']
 SETTINGS = {
     'plain text': [],
     r'\LaTeX{} alone': ['--cmd', 'autocmd BufRead *.nw set filetype=tex', *TYPES],
-    r'\file{doc/vim}': ['--cmd', f'set runtimepath^={OURS}', *TYPES],
+    r'\file{noweb/vim}': ['--cmd', f'set runtimepath^={OURS}', *TYPES],
 }
 
 

@@ -44,7 +44,7 @@ tangle() {
   printf '[workspace]\nmembers = ["noweb"]\nresolver = "3"\n' \
     >"$stage/Cargo.toml"
   test ! -f Cargo.lock || cp Cargo.lock "$stage/"
-  "$1" tangle -C "$stage" --only noweb/ --record noweb/.tangled \
+  "$1" tangle -C "$stage" --record noweb/.tangled \
     $chapters 2>"$stage/messages" ||
     { cat "$stage/messages" >&2 && fail "$2 does not tangle"; }
 }
@@ -83,7 +83,7 @@ fi
 # Test the last stage and install it
 (cd "$boot/$last" && $cargo test -q -p noweb --test golden) ||
   fail "$last fails its tests"
-"$boot/$last/noweb.bin" tangle --only noweb/ --record noweb/.tangled \
+"$boot/$last/noweb.bin" tangle --record noweb/.tangled \
   $chapters 2>"$boot/messages" ||
   { cat "$boot/messages" >&2 && fail "it cannot be installed"; }
 echo "boot: installed; the stages agree and the tests pass"

@@ -329,7 +329,7 @@ for s:test in sort(getcompletion('Test_', 'function'))
     call add(v:errors, v:throwpoint . ': ' . v:exception)
   endtry
   if !empty(v:errors)
-    call add(s:failed, 'error: doc/vim/test.vim: ' . s:test)
+    call add(s:failed, 'error: noweb/vim/test.vim: ' . s:test)
     call extend(s:failed, map(copy(v:errors), '"  " . v:val'))
   endif
 endfor
