@@ -7,10 +7,10 @@ use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use glam::DVec3;
+use litpt::bvh::{Bvh, Intersector};
 use litpt::courtyard::{solids, write_obj};
-use litpt::hierarchy::{Hierarchy, Kernel};
-use litpt::numerics::circle;
-use litpt::sampling::{cosine_direction, frame, generator};
+use litpt::numerics::sincos_turns;
+use litpt::sampler::{cosine_direction, frame, generator};
 use litpt::scene::{Ray, Scene, read_obj};
 use rand::{Rng, RngExt};
 
@@ -19,7 +19,7 @@ const INPUTS: usize = 1 << 14;
 
 /// A direction uniform over the sphere.
 fn direction(random: &mut impl Rng) -> DVec3 {
-    let (x, y) = circle(random.random());
+    let (x, y) = sincos_turns(random.random());
     let z = 2. * random.random::<f64>() - 1.;
     let r = (1. - z * z).sqrt();
     DVec3::new(r * x, r * y, z)
@@ -47,12 +47,12 @@ fn each<I, O>(
 }
 
 /// First hits of rays from random points over the court.
-fn kernel(criterion: &mut Criterion) {
+fn intersector(criterion: &mut Criterion) {
     let mut obj = vec![];
     write_obj(&solids(), &mut obj).expect("memory can be written");
     let mesh = read_obj(&obj).expect("the courtyard is an OBJ");
     let scene = Scene::new(&mesh);
-    let kernel = Hierarchy::new(&scene).expect("memory");
+    let intersector = Bvh::new(&scene).expect("memory");
     let rays = inputs(|random| {
         let [x, y, z] = [11., 4., 4.]
             .map(|half| half * (2. * random.random::<f64>() - 1.));
@@ -61,17 +61,19 @@ fn kernel(criterion: &mut Criterion) {
         let ray = scene.enter(position, direction);
         ray.unwrap_or(Ray { origin: DVec3::ZERO, direction })
     });
-    each(criterion, "first_hit", &rays, |ray| kernel.first_hit(ray, None));
+    each(criterion, "first_hit", &rays, |ray| {
+        intersector.first_hit(ray, None)
+    });
 }
 
-fn sampling(criterion: &mut Criterion) {
+fn sampler(criterion: &mut Criterion) {
     let numbers = inputs(|random| random.random::<f64>());
     let normals = inputs(direction);
     let all = inputs(|random| {
         (direction(random), random.random::<f64>(), random.random::<f64>())
     });
     let pixels = inputs(|random| random.random::<u64>() >> 44);
-    each(criterion, "circle", &numbers, |&u| circle(u));
+    each(criterion, "circle", &numbers, |&u| sincos_turns(u));
     each(criterion, "frame", &normals, |&n| frame(n));
     each(criterion, "cosine_direction", &all, |&(n, r, turn)| {
         cosine_direction(n, r, turn)
@@ -85,5 +87,5 @@ fn sampling(criterion: &mut Criterion) {
     });
 }
 
-criterion_group!(benches, kernel, sampling);
+criterion_group!(benches, intersector, sampler);
 criterion_main!(benches);

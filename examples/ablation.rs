@@ -10,10 +10,10 @@ mod settings;
 use std::collections::BTreeMap;
 use std::error::Error;
 
+use litpt::analysis::Shortcut;
 use litpt::compare::compare;
-use litpt::facts::Fact;
+use litpt::film::Film;
 use litpt::image::Image;
-use litpt::picture::Picture;
 use rayon::ThreadPoolBuilder;
 use settings::{Outcome, Setting, all, named};
 
@@ -24,31 +24,31 @@ fn main() -> Result<(), Box<dyn Error>> {
     let rounds: usize = rounds.map_or(Ok(5), |n| n.parse())?;
     println!(
         "scene,fact,seconds without,seconds with,gain,million rays without,\
-         million rays with,image,gain in time for the same error"
+         million rays with,film,gain in time for the same error"
     );
     for setting in all() {
         eprintln!("ablation: {}", setting.name);
         let work = work(&setting);
-        let found = render(&setting, &[], work, 0).facts;
-        let holds = |fact: &Fact| found.contains(&fact.name());
-        let facts: Vec<_> =
-            Fact::ALL.into_iter().filter(|fact| holds(fact)).collect();
-        for fact in &facts {
+        let found = render(&setting, &[], work, 0).analysis;
+        let holds = |fact: &Shortcut| found.contains(&fact.name());
+        let analysis: Vec<_> =
+            Shortcut::ALL.into_iter().filter(|fact| holds(fact)).collect();
+        for fact in &analysis {
             row(&setting, &fact.name(), &[*fact], work, rounds)?;
         }
-        if facts.len() != 1 {
-            row(&setting, "all", &Fact::ALL, work, rounds)?;
+        if analysis.len() != 1 {
+            row(&setting, "all", &Shortcut::ALL, work, rounds)?;
         }
     }
     samples(rounds)
 }
 
-/// Realisations of each pixel, and all their rays.
+/// Samples of each pixel, and all their rays.
 type Load = (u64, f64);
 
 /// What takes three seconds with nothing left out.
 fn work(setting: &Setting) -> Load {
-    let trial = setting.render(&Fact::ALL, DEFINITION, 4, 0);
+    let trial = setting.render(&Shortcut::ALL, DEFINITION, 4, 0);
     let times = (3. / trial.seconds[1].max(1e-3)).ceil();
     let paths = f64::from(4 * DEFINITION.0 * DEFINITION.1);
     (4 * times as u64, paths.max(trial.rays as f64) * times)
@@ -56,7 +56,7 @@ fn work(setting: &Setting) -> Load {
 
 fn render(
     setting: &Setting,
-    kept: &[Fact],
+    kept: &[Shortcut],
     work: Load,
     seed: u64,
 ) -> Outcome {
@@ -67,14 +67,14 @@ fn render(
 fn row(
     setting: &Setting,
     name: &str,
-    facts: &[Fact],
+    analysis: &[Shortcut],
     work: Load,
     rounds: usize,
 ) -> Result<(), Box<dyn Error>> {
     let mut seconds = [vec![], vec![]];
     let mut last = None;
     for _ in 0..rounds {
-        let without = render(setting, facts, work, 0);
+        let without = render(setting, analysis, work, 0);
         let with = render(setting, &[], work, 0);
         for (all, outcome) in seconds.iter_mut().zip([&without, &with]) {
             all.push(outcome.seconds.iter().sum());
@@ -85,14 +85,14 @@ fn row(
     let ratios = seconds[0].iter().zip(&seconds[1]).map(|(a, b)| a / b);
     let gain = median(ratios.collect());
     let [before, after] = seconds.map(median);
-    let (image, precision) = judge(setting, &without, &with, work)?;
+    let (film, precision) = judge(setting, &without, &with, work)?;
     let rays = [&without, &with].map(|o| o.rays as f64 / 1e6);
     let all = match gain * precision {
         all if all.is_finite() => format!("{all:.2}"),
         _ => r"$\infty$".to_owned(),
     };
     println!(
-        "{},{name},{before:.3},{after:.3},{gain:.2},{:.2},{:.2},{image},{all}",
+        "{},{name},{before:.3},{after:.3},{gain:.2},{:.2},{:.2},{film},{all}",
         setting.name, rays[0], rays[1],
     );
     Ok(())
@@ -106,18 +106,18 @@ fn judge(
     with: &Outcome,
     work: Load,
 ) -> Result<(String, f64), Box<dyn Error>> {
-    if without.image.stored() == with.image.stored() {
+    if without.film.stored() == with.film.stored() {
         return Ok(("same".to_owned(), 1.));
     }
-    let rmse = |image: &Image| image.summary().rmse;
-    let ratio = rmse(&without.image) / rmse(&with.image);
-    let other = render(setting, &[], work, 1).image;
-    let picture = |image| Picture::new(image, BTreeMap::new());
-    let difference = compare(&picture(&without.image), &picture(&other))?;
+    let rmse = |film: &Film| film.summary().rmse;
+    let ratio = rmse(&without.film) / rmse(&with.film);
+    let other = render(setting, &[], work, 1).film;
+    let image = |film| Image::new(film, BTreeMap::new());
+    let difference = compare(&image(&without.film), &image(&other))?;
     Ok((format!("$z={:+.1}$", difference.sum.z()), ratio * ratio))
 }
 
-/// Prints what it saves to divide the realisations of one pixel among
+/// Prints what it saves to divide the samples of one pixel among
 /// threads.
 fn samples(rounds: usize) -> Result<(), Box<dyn Error>> {
     let setting = named("courtyard");

@@ -12,14 +12,14 @@ use std::hint::black_box;
 use std::time::{Duration, Instant};
 
 use glam::DVec3;
-use litpt::checkpoint::Subject;
+use litpt::checkpoint::RunKey;
 use litpt::closed_forms::Setting;
-use litpt::course::{Course, Interrupt, Limits};
 use litpt::courtyard::{solids, view, write_obj};
-use litpt::image::Image;
-use litpt::journal::Journal;
-use litpt::output::Place;
+use litpt::film::Film;
+use litpt::output::OutputTarget;
+use litpt::render_loop::{Convergence, Interrupt, Limits};
 use litpt::report::{Kind, Report};
+use litpt::run_output::RunOutput;
 use litpt::scene::read_obj;
 use litpt::statistics::Accumulator;
 
@@ -47,7 +47,8 @@ fn main() -> Result<(), Box<dyn Error>> {
 /// The parts of one run.
 fn run(setting: &Setting) -> Result<[f64; 4], Box<dyn Error>> {
     let folder = tempfile::tempdir()?;
-    let place = |name: &str| Place::file(&folder.path().join(name), true);
+    let place =
+        |name: &str| OutputTarget::file(&folder.path().join(name), true);
     let reports = vec![
         (Kind::Json, place("a.json")?),
         (Kind::Csv, place("a.csv")?),
@@ -55,36 +56,41 @@ fn run(setting: &Setting) -> Result<[f64; 4], Box<dyn Error>> {
         (Kind::Html, place("a.html")?),
     ];
     let never = Duration::MAX;
-    let facts = Report::default;
-    let mut journal =
-        Journal::new(reports, None, never, Subject::default(), facts());
+    let analysis = Report::default;
+    let mut run_output =
+        RunOutput::new(reports, None, never, RunKey::default(), analysis());
     let limits = Limits {
-        realisations: Some(REALISATIONS),
+        samples: Some(REALISATIONS),
         deadline: None,
         error: None,
         interrupt: &Interrupt::default(),
         reference: None,
     };
-    let mut image = Image::new(SIZE.0, SIZE.1);
-    let mut course = Course::default();
+    let mut film = Film::new(SIZE.0, SIZE.1);
+    let mut convergence = Convergence::default();
     let mut reports = 0.;
-    let mut after = |course: &Course, image: &Image| {
-        let write = || journal.after(course, image);
+    let mut after = |convergence: &Convergence, film: &Film| {
+        let write = || run_output.after(convergence, film);
         reports += seconds(write).expect("reports can be written");
     };
     let job = setting.job(0);
-    course.run(&job, &mut image, &limits, &|_| (), &mut after);
+    convergence.run(&job, &mut film, &limits, &|_| (), &mut after);
 
-    let steps = course.steps.len() as f64 * timed(|| image.summary());
-    let paths = (image.area() * REALISATIONS) as f64;
+    let steps = convergence.steps.len() as f64 * timed(|| film.summary());
+    let paths = (film.area() * REALISATIONS) as f64;
     let weights = paths * weight() / rayon::current_num_threads() as f64;
     let checkpoint = Some(place("a.checkpoint")?);
-    let subject = Subject::default();
-    let mut journal =
-        Journal::new(vec![], checkpoint, Duration::ZERO, subject, facts());
-    let save = || journal.after(&course, &image);
+    let run_key = RunKey::default();
+    let mut run_output = RunOutput::new(
+        vec![],
+        checkpoint,
+        Duration::ZERO,
+        run_key,
+        analysis(),
+    );
+    let save = || run_output.after(&convergence, &film);
     let checkpoint = seconds(save).expect("a checkpoint can be written");
-    let percent = 100. / course.seconds;
+    let percent = 100. / convergence.seconds;
     Ok([
         weights * percent,
         steps * percent,

@@ -1,15 +1,15 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-//! How often two pictures of the same radiances are called inconsistent,
-//! for kinds of weights and numbers of realisations: prints the rows of
-//! the table in the chapter "Comparing and joining pictures"; "make measure"
+//! How often two images of the same radiances are called inconsistent,
+//! for kinds of weights and numbers of samples: prints the rows of
+//! the table in the chapter "Comparing and joining images"; "make measure"
 //! records them.
 
 use std::collections::BTreeMap;
 
 use litpt::compare::compare;
-use litpt::picture::Picture;
+use litpt::image::Image;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
@@ -18,7 +18,7 @@ type Random = Pcg64Mcg;
 const SIZE: (u32, u32) = (64, 48);
 const PAIRS: u32 = 500;
 
-/// Realisations of the first and the second picture; 0 stands for the
+/// Samples of the first and the second image; 0 stands for the
 /// exact value.
 const COUNTS: [(u32, u32); 5] =
     [(2, 2), (16, 16), (16, 64), (64, 64), (64, 0)];
@@ -65,7 +65,7 @@ fn alarms(
             0 => exact(&a, mean),
             m => render(m, || draw(random)),
         };
-        let difference = compare(&a, &b).expect("comparable pictures");
+        let difference = compare(&a, &b).expect("comparable images");
         alarms += u32::from(!difference.consistent());
         spread.0 += difference.spread.0 / f64::from(PAIRS);
         spread.1 += difference.spread.1 / f64::from(PAIRS);
@@ -73,8 +73,8 @@ fn alarms(
     (f64::from(alarms) / f64::from(PAIRS), spread)
 }
 
-/// A picture of `n` weights per pixel, rounded as in a file.
-fn render(n: u32, mut draw: impl FnMut() -> f64) -> Picture {
+/// An image of `n` weights per pixel, rounded as in a file.
+fn render(n: u32, mut draw: impl FnMut() -> f64) -> Image {
     let mut pixel = |_| {
         let (mut mean, mut deviations) = (0., 0.);
         for k in 1..=n {
@@ -89,7 +89,7 @@ fn render(n: u32, mut draw: impl FnMut() -> f64) -> Picture {
     let pixels = SIZE.0 * SIZE.1;
     let (means, errors): (Vec<_>, Vec<_>) =
         (0..pixels).map(&mut pixel).unzip();
-    Picture {
+    Image {
         width: SIZE.0,
         height: SIZE.1,
         samples: Some(vec![f64::from(n); means.len()]),
@@ -99,9 +99,9 @@ fn render(n: u32, mut draw: impl FnMut() -> f64) -> Picture {
     }
 }
 
-fn exact(like: &Picture, mean: f64) -> Picture {
+fn exact(like: &Image, mean: f64) -> Image {
     let means = vec![mean; like.means.len()];
-    Picture { means, errors: None, samples: None, ..like.clone() }
+    Image { means, errors: None, samples: None, ..like.clone() }
 }
 
 fn normal(random: &mut Random) -> f64 {
@@ -114,7 +114,7 @@ fn coin(random: &mut Random, p: f64) -> f64 {
 }
 
 /// The share of paths that end in the sky, and in the dark, at each
-/// bounce, and the reflectivity of the surfaces.
+/// bounce, and the albedo of the surfaces.
 const SKY: f64 = 0.2;
 const DARK: f64 = 0.1;
 const RHO: f64 = 0.8;

@@ -23,12 +23,12 @@ use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
 use glam::DVec3;
+use litpt::analysis::background::KnownPixels;
+use litpt::analysis::{Inquiry, SceneAnalysis, Shortcut};
+use litpt::bvh::{Bvh, Isa, Quality};
 use litpt::camera::{Camera, View};
-use litpt::estimator::Reference;
-use litpt::facts::bare::Known;
-use litpt::facts::{Fact, Facts, Inquiry};
-use litpt::hierarchy::{Hierarchy, Isa, Quality};
-use litpt::image::Image;
+use litpt::film::Film;
+use litpt::integrator::PathTracer;
 use litpt::render::{Job, Renderer};
 use litpt::scene::{Mesh, Scene, read_obj};
 use litpt::sky::Sky;
@@ -204,9 +204,9 @@ struct Case {
     /// The mesh as text, and whether it has a word that is to be refused.
     text: Option<(String, bool)>,
     view: View,
-    reflectivity: f64,
-    definition: (u32, u32),
-    realisations: u64,
+    albedo: f64,
+    resolution: (u32, u32),
+    samples: u64,
     quality: Quality,
     /// Whether the camera is inside a closed surface.
     is_dark: bool,
@@ -238,28 +238,28 @@ impl Case {
             view.fov = 70.;
         }
         let count = mesh.triangles.len();
-        let definition = match random.below(40) {
+        let resolution = match random.below(40) {
             0 => (16384, 1),
             1 => (1, 16384),
             2..6 => (1, 1),
             _ => (1 + random.below(24) as u32, 1 + random.below(24) as u32),
         };
-        let reflectivity = random.reflectivity();
+        let albedo = random.albedo();
         // A closed cavity takes 1000 rays for each path.
         let most = if count > 3000 { 2 } else { 8 };
-        let definition = match reflectivity > 0.99 {
-            true => (definition.0.min(most), definition.1.min(most)),
-            false => definition,
+        let resolution = match albedo > 0.99 {
+            true => (resolution.0.min(most), resolution.1.min(most)),
+            false => resolution,
         };
-        let small = definition.0 * definition.1 < 1000 && count < 3000;
+        let small = resolution.0 * resolution.1 < 1000 && count < 3000;
         let text = (count < 5000 && random.chance(0.25))
             .then(|| random.text(&mesh));
         Self {
             text,
             view,
-            reflectivity,
-            definition,
-            realisations: if small { 1 + random.below(4) } else { 1 },
+            albedo,
+            resolution,
+            samples: if small { 1 + random.below(4) } else { 1 },
             quality: random.choose(&QUALITIES),
             is_dark,
             scale: random.choose(&[-200, -37, -1, 1, 37, 200]),
@@ -273,9 +273,9 @@ impl Case {
             self.mesh.vertices.len(),
             self.mesh.triangles.len(),
             self.view,
-            self.reflectivity,
-            self.definition,
-            self.realisations,
+            self.albedo,
+            self.resolution,
+            self.samples,
             self.quality,
         );
         let _ = writeln!(
@@ -310,7 +310,7 @@ impl Case {
             }
         }
         let aspect =
-            f64::from(self.definition.0) / f64::from(self.definition.1);
+            f64::from(self.resolution.0) / f64::from(self.resolution.1);
         let camera = match Camera::new(&self.view, aspect) {
             Ok(camera) => camera,
             Err(error) => return refused(&error),
@@ -319,25 +319,25 @@ impl Case {
             return Err("a view that is not finite has a camera".into());
         }
         let scene = Scene::new(&self.mesh);
-        let mut first: Option<(Image, u64)> = None;
+        let mut first: Option<(Film, u64)> = None;
         for (isa, quality) in self.ways() {
-            let (image, rays) =
+            let (film, rays) =
                 self.render(&scene, &camera, quality, isa)?;
             if let Some((other, others)) = &first {
-                compare(&image, other, &format!("{isa} {quality}"))?;
+                compare(&film, other, &format!("{isa} {quality}"))?;
                 if rays != *others {
                     return Err(format!("{isa} {quality}: other rays"));
                 }
             } else {
-                self.judge(&image, rays)?;
-                first = Some((image, rays));
+                self.judge(&film, rays)?;
+                first = Some((film, rays));
             }
         }
-        let (image, rays) = first.ok_or("no way to render")?;
-        self.scaled(&camera, aspect, &image)?;
-        self.doubled(&camera, &image)?;
-        self.simplified(&camera, &image)?;
-        let mean = image.summary().mean;
+        let (film, rays) = first.ok_or("no way to render")?;
+        self.scaled(&camera, aspect, &film)?;
+        self.doubled(&camera, &film)?;
+        self.simplified(&camera, &film)?;
+        let mean = film.summary().mean;
         Ok(Outcome::Rendered {
             triangles: scene.triangles().len(),
             rays,
@@ -360,39 +360,39 @@ impl Case {
         camera: &Camera,
         quality: Quality,
         isa: Isa,
-    ) -> Result<(Image, u64), String> {
-        let kernel = Hierarchy::with(scene, quality, isa)
+    ) -> Result<(Film, u64), String> {
+        let intersector = Bvh::with(scene, quality, isa)
             .map_err(|error| error.to_string())?;
-        let estimator = Reference {
-            reflectivity: self.reflectivity,
+        let integrator = PathTracer {
+            albedo: self.albedo,
             sky: Sky::new(self.view.up),
             foresight: (),
         };
         let job = Job {
             scene,
-            kernel: &kernel,
+            intersector: &intersector,
             camera,
-            estimator: &estimator,
-            known: &Known::Nothing,
+            integrator: &integrator,
+            known: &KnownPixels::Nothing,
             seed: 0,
         };
-        let mut image = Image::new(self.definition.0, self.definition.1);
-        let rays = job.pass(&mut image, 0..self.realisations, &|_| ());
-        Ok((image, rays))
+        let mut film = Film::new(self.resolution.0, self.resolution.1);
+        let rays = job.pass(&mut film, 0..self.samples, &|_| ());
+        Ok((film, rays))
     }
 
     /// What must be true of any image.
     ///
     /// A weight is above 1 only if its path was in danger of being ended
-    /// by chance after 1000 bounces, with a transmissivity that is not yet
+    /// by chance after 1000 bounces, with a throughput that is not yet
     /// below 0.1.
-    fn judge(&self, image: &Image, rays: u64) -> Result<(), String> {
-        let faint = self.reflectivity.powi(1000) < 0.09;
+    fn judge(&self, film: &Film, rays: u64) -> Result<(), String> {
+        let faint = self.albedo.powi(1000) < 0.09;
         let most = match faint || rays <= 1000 {
             true => 1.,
             false => f64::INFINITY,
         };
-        for pixel in image.rows() {
+        for pixel in film.rows() {
             let (mean, error) = (pixel.mean(), pixel.standard_error());
             if !(mean.is_finite() && (0. ..=most).contains(&mean)) {
                 return Err(format!("a mean of {mean:e}"));
@@ -401,8 +401,8 @@ impl Case {
             if !(error >= 0. && (error.is_finite() || !is_known)) {
                 return Err(format!("a standard error of {error:e}"));
             }
-            if pixel.count() != self.realisations {
-                return Err(format!("{} realisations", pixel.count()));
+            if pixel.count() != self.samples {
+                return Err(format!("{} samples", pixel.count()));
             }
             if self.is_dark && mean > 0. {
                 return Err(format!("a leak: {mean:e} in the dark"));
@@ -416,34 +416,33 @@ impl Case {
     fn simplified(
         &self,
         camera: &Camera,
-        image: &Image,
+        film: &Film,
     ) -> Result<(), String> {
-        for kept in [&[Fact::Bare, Fact::Open][..], &[]] {
+        for kept in [&[Shortcut::Bare, Shortcut::Open][..], &[]] {
             let mut scene = Scene::new(&self.mesh);
             let inquiry = Inquiry {
                 camera,
                 place: scene.place(camera.position),
                 sky: Sky::new(self.view.up),
-                reflectivity: self.reflectivity,
-                definition: self.definition,
+                albedo: self.albedo,
+                resolution: self.resolution,
                 rays: f64::INFINITY,
                 kept: kept.to_vec(),
             };
-            let mut facts = Facts::find(&mut scene, &inquiry);
-            facts.simplify(&mut scene);
+            let mut analysis = SceneAnalysis::find(&mut scene, &inquiry);
+            analysis.simplify(&mut scene);
             let triangles = scene.take_triangles();
-            let kernel =
-                Hierarchy::of(triangles, self.quality, Isa::best())
-                    .map_err(|error| error.to_string())?;
-            facts.find_more(&scene, &kernel, &inquiry);
-            let renderer = facts.renderer(&scene, &kernel, &inquiry, 0);
+            let intersector = Bvh::of(triangles, self.quality, Isa::best())
+                .map_err(|error| error.to_string())?;
+            analysis.find_more(&scene, &intersector, &inquiry);
+            let renderer =
+                analysis.renderer(&scene, &intersector, &inquiry, 0);
             let mut simple =
-                Image::new(self.definition.0, self.definition.1);
-            let rays =
-                renderer.pass(&mut simple, 0..self.realisations, &|_| ());
+                Film::new(self.resolution.0, self.resolution.1);
+            let rays = renderer.pass(&mut simple, 0..self.samples, &|_| ());
             self.judge(&simple, rays.max(1001))?;
             if !kept.is_empty() {
-                compare(&simple, image, "with facts")?;
+                compare(&simple, film, "with facts")?;
             }
         }
         Ok(())
@@ -455,7 +454,7 @@ impl Case {
         &self,
         camera: &Camera,
         aspect: f64,
-        image: &Image,
+        film: &Film,
     ) -> Result<(), String> {
         let factor = 2f64.powi(self.scale);
         let View { position, target, up, fov } = self.view;
@@ -485,16 +484,12 @@ impl Case {
         let scene = Scene::new(&mesh);
         let (scaled, _) =
             self.render(&scene, &other, self.quality, Isa::best())?;
-        compare(&scaled, image, &format!("scaled by {factor:e}"))
+        compare(&scaled, film, &format!("scaled by {factor:e}"))
     }
 
     /// Repeating all triangles, with their corners in another order,
     /// changes nothing.
-    fn doubled(
-        &self,
-        camera: &Camera,
-        image: &Image,
-    ) -> Result<(), String> {
+    fn doubled(&self, camera: &Camera, film: &Film) -> Result<(), String> {
         if self.mesh.triangles.len() > 50_000 {
             return Ok(());
         }
@@ -508,7 +503,7 @@ impl Case {
         let scene = Scene::new(&mesh);
         let (doubled, _) =
             self.render(&scene, camera, self.quality, Isa::best())?;
-        compare(&doubled, image, "each triangle twice")
+        compare(&doubled, film, "each triangle twice")
     }
 }
 
@@ -524,7 +519,7 @@ fn refused(error: &impl std::fmt::Display) -> Result<Outcome, String> {
     }
 }
 
-fn compare(a: &Image, b: &Image, how: &str) -> Result<(), String> {
+fn compare(a: &Film, b: &Film, how: &str) -> Result<(), String> {
     let differ = a.stored().iter().zip(b.stored());
     match differ.filter(|(a, b)| a != b).count() {
         0 => Ok(()),
@@ -623,7 +618,7 @@ impl Random {
         }
     }
 
-    fn reflectivity(&mut self) -> f64 {
+    fn albedo(&mut self) -> f64 {
         match self.below(3) {
             0 => self.unit(),
             _ => self.choose(&[

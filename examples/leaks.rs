@@ -9,8 +9,8 @@ mod solids;
 use std::collections::HashMap;
 
 use glam::{DVec3, Vec3};
-use litpt::hierarchy::{Hierarchy, Hit, Kernel, Work};
-use litpt::sampling::cosine_direction;
+use litpt::bvh::{Bvh, Dispatch, Hit, Intersector};
+use litpt::sampler::cosine_direction;
 use litpt::scene::{Mesh, Ray, Scene};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -39,7 +39,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for (name, mesh) in [("cube", cube(1)), ("icosphere", icosphere(5))] {
         let solid = Solid::new(&mesh)?;
         let n = solid.total(walked, |random, count| {
-            [0, 0, solid.kernel.specialise(Exact(random, count))]
+            [0, 0, solid.intersector.dispatch(Exact(random, count))]
         });
         let (label, number) =
             (format!("{name} ({})", mesh.triangles.len()), walked * PIECES);
@@ -51,7 +51,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let n = solid.total(few, |random, count| {
         let rivals = [moller_trumbore as Test, masked];
         let [a, b] = rivals.map(|test| solid.wander(random, count, test));
-        [a, b, solid.kernel.specialise(Exact(random, count))]
+        [a, b, solid.intersector.dispatch(Exact(random, count))]
     });
     println!("cube (12),walks,{},{},{},{}", few * PIECES, n[0], n[1], n[2]);
     Ok(())
@@ -63,7 +63,7 @@ type Test = fn(&Ray, &[Vec3; 3]) -> Option<f64>;
 /// A closed surface around the origin.
 struct Solid {
     scene: Scene,
-    kernel: Hierarchy,
+    intersector: Bvh,
     /// The triangles around each corner.
     around: HashMap<[u32; 3], Vec<usize>>,
 }
@@ -71,7 +71,7 @@ struct Solid {
 impl Solid {
     fn new(mesh: &Mesh) -> Result<Self, Box<dyn std::error::Error>> {
         let scene = Scene::new(mesh);
-        let kernel = Hierarchy::new(&scene)?;
+        let intersector = Bvh::new(&scene)?;
         let mut around: HashMap<_, Vec<_>> = HashMap::new();
         for (i, triangle) in scene.triangles().iter().enumerate() {
             for corner in triangle {
@@ -79,7 +79,7 @@ impl Solid {
                 around.entry(key).or_default().push(i);
             }
         }
-        Ok(Self { scene, kernel, around })
+        Ok(Self { scene, intersector, around })
     }
 
     /// Sums of what the pieces count.
@@ -122,7 +122,8 @@ impl Solid {
             };
             misses[0] += u64::from(!met(moller_trumbore));
             misses[1] += u64::from(!met(masked));
-            misses[2] += u64::from(!self.kernel.is_blocked(&ray, None));
+            misses[2] +=
+                u64::from(!self.intersector.is_occluded(&ray, None));
         }
         misses
     }
@@ -149,14 +150,16 @@ impl Solid {
     }
 }
 
-/// A walk with the kernel of the program.
+/// A walk with the intersector of the program.
 struct Exact<'a>(&'a mut Pcg64Mcg, u64);
 
-impl Work for Exact<'_> {
+impl Dispatch for Exact<'_> {
     type Output = u64;
 
-    fn with<K: Kernel>(self, kernel: &K) -> u64 {
-        escapes(self.0, self.1, |ray, from| kernel.first_hit(ray, from))
+    fn with<K: Intersector>(self, intersector: &K) -> u64 {
+        escapes(self.0, self.1, |ray, from| {
+            intersector.first_hit(ray, from)
+        })
     }
 }
 

@@ -9,8 +9,8 @@
 mod solids;
 
 use glam::DVec3;
-use litpt::hierarchy::{Hierarchy, Hit, Kernel, Work};
-use litpt::sampling::cosine_direction;
+use litpt::bvh::{Bvh, Dispatch, Hit, Intersector};
+use litpt::sampler::cosine_direction;
 use litpt::scene::Ray;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -47,11 +47,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let paths = (2e6 * scale / (PIECES * BOUNCES) as f64) as u64;
     println!("surface,triangles,single,moved,double,ours");
     for solid in solids::all() {
-        let kernel = Hierarchy::new(&solid.scene)?;
+        let intersector = Bvh::new(&solid.scene)?;
         let escapes = |origin: Origin| {
             let piece = |seed| {
                 let solid = &solid;
-                kernel.specialise(Walk { solid, seed, paths, origin })
+                intersector.dispatch(Walk { solid, seed, paths, origin })
             };
             (0..PIECES).into_par_iter().map(piece).sum::<u64>()
         };
@@ -71,11 +71,11 @@ struct Walk<'a> {
     origin: Origin,
 }
 
-impl Work for Walk<'_> {
+impl Dispatch for Walk<'_> {
     type Output = u64;
 
     /// How many find a way out.
-    fn with<K: Kernel>(self, kernel: &K) -> u64 {
+    fn with<K: Intersector>(self, intersector: &K) -> u64 {
         let mut random = Pcg64Mcg::seed_from_u64(self.seed);
         let cameras = &self.solid.cameras;
         let escapes = (0..self.paths).filter(|n| {
@@ -85,7 +85,7 @@ impl Work for Walk<'_> {
             let mut ray = Ray { origin, direction };
             let mut from = None;
             (0..BOUNCES).any(|_| {
-                let Some(hit) = kernel.first_hit(&ray, from) else {
+                let Some(hit) = intersector.first_hit(&ray, from) else {
                     return true;
                 };
                 let (r, turn) = (random.random(), random.random());

@@ -7,11 +7,11 @@
 use std::error::Error;
 use std::time::Instant;
 
+use litpt::analysis::background::KnownPixels;
+use litpt::bvh::{Bvh, Isa, Quality};
 use litpt::camera::Camera;
-use litpt::estimator::Reference;
-use litpt::facts::bare::Known;
-use litpt::hierarchy::{Hierarchy, Isa, Quality};
-use litpt::image::Image;
+use litpt::film::Film;
+use litpt::integrator::PathTracer;
 use litpt::render::{Job, Renderer};
 use litpt::scene::{Scene, read_obj};
 use litpt::sky::Sky;
@@ -34,9 +34,9 @@ fn main() -> Result<(), Box<dyn Error>> {
             ways.iter().zip(&mut measured)
         {
             let start = Instant::now();
-            let kernel = Hierarchy::with(&scene, quality, isa)?;
+            let intersector = Bvh::with(&scene, quality, isa)?;
             build.push(start.elapsed().as_secs_f64());
-            speed.push(rays_per_second(&scene, &kernel)?);
+            speed.push(rays_per_second(&scene, &intersector)?);
         }
     }
     println!("quality,instructions,build_seconds,million_rays_per_second");
@@ -50,26 +50,23 @@ fn main() -> Result<(), Box<dyn Error>> {
 /// The view of the courtyard that the book shows.
 fn rays_per_second(
     scene: &Scene,
-    kernel: &Hierarchy,
+    intersector: &Bvh,
 ) -> Result<f64, Box<dyn Error>> {
     let view = litpt::courtyard::view();
     let camera = Camera::new(&view, 4. / 3.)?;
-    let estimator = Reference {
-        reflectivity: 0.8,
-        sky: Sky::new(view.up),
-        foresight: (),
-    };
+    let integrator =
+        PathTracer { albedo: 0.8, sky: Sky::new(view.up), foresight: () };
     let job = Job {
         scene,
-        kernel,
+        intersector,
         camera: &camera,
-        estimator: &estimator,
-        known: &Known::Nothing,
+        integrator: &integrator,
+        known: &KnownPixels::Nothing,
         seed: 0,
     };
-    let mut image = Image::new(240, 180);
+    let mut film = Film::new(240, 180);
     let start = Instant::now();
-    let rays = job.pass(&mut image, 0..8, &|_| ());
+    let rays = job.pass(&mut film, 0..8, &|_| ());
     Ok(rays as f64 / start.elapsed().as_secs_f64())
 }
 

@@ -12,9 +12,9 @@ use std::error::Error;
 use std::hint::black_box;
 use std::time::Instant;
 
+use litpt::bvh::{Bvh, Dispatch, Intersector, Isa, Quality};
 use litpt::camera::Camera;
-use litpt::estimator::Reference;
-use litpt::hierarchy::{Hierarchy, Isa, Kernel, Quality, Work};
+use litpt::integrator::PathTracer;
 use litpt::scene::{Ray, Scene, read_obj};
 use litpt::sky::Sky;
 
@@ -28,15 +28,15 @@ type Rays = Vec<(Ray, Option<u32>)>;
 /// All rays are to be traced, each some times.
 struct Repeat<'a>(&'a Rays, usize);
 
-impl Work for Repeat<'_> {
+impl Dispatch for Repeat<'_> {
     /// Seconds.
     type Output = f64;
 
-    fn with<K: Kernel>(self, kernel: &K) -> f64 {
+    fn with<K: Intersector>(self, intersector: &K) -> f64 {
         let start = Instant::now();
         for (ray, from) in self.0 {
             for _ in 0..self.1 {
-                black_box(kernel.first_hit(black_box(ray), *from));
+                black_box(intersector.first_hit(black_box(ray), *from));
             }
         }
         start.elapsed().as_secs_f64()
@@ -47,21 +47,18 @@ fn main() -> Result<(), Box<dyn Error>> {
     let path =
         std::env::args().nth(1).ok_or("usage: repeats COURTYARD.obj")?;
     let scene = Scene::new(&read_obj(&std::fs::read(path)?)?);
-    let kernel = Hierarchy::with(&scene, Quality::Thorough, Isa::best())?;
+    let intersector = Bvh::with(&scene, Quality::Thorough, Isa::best())?;
     let view = litpt::courtyard::view();
     let camera = Camera::new(&view, 4. / 3.)?;
-    let estimator = Reference {
-        reflectivity: 0.8,
-        sky: Sky::new(view.up),
-        foresight: (),
-    };
+    let integrator =
+        PathTracer { albedo: 0.8, sky: Sky::new(view.up), foresight: () };
     let rays =
-        paths::record(&scene, &kernel, &camera, &estimator, 0, RAYS)?;
+        paths::record(&scene, &intersector, &camera, &integrator, 0, RAYS)?;
     println!("repeats,nanoseconds_per_trace");
     let mut before = (0, 0.);
     for repeats in REPEATS {
         let seconds = (0..ROUNDS)
-            .map(|_| kernel.specialise(Repeat(&rays, repeats)))
+            .map(|_| intersector.dispatch(Repeat(&rays, repeats)))
             .fold(f64::INFINITY, f64::min);
         // What the traces since the last row have added, each.
         let more = rays.len() * (repeats - before.0);

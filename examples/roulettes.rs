@@ -7,14 +7,14 @@
 use std::error::Error;
 
 use glam::DVec3;
+use litpt::analysis::background::KnownPixels;
+use litpt::bvh::{Bvh, Hit};
 use litpt::camera::Camera;
 use litpt::closed_forms::cavity_radiance;
-use litpt::estimator::{Estimator, Reference, Step};
-use litpt::facts::bare::Known;
-use litpt::hierarchy::{Hierarchy, Hit};
-use litpt::image::Image;
+use litpt::film::Film;
+use litpt::integrator::{Integrator, PathTracer, Step};
 use litpt::render::{Job, Renderer};
-use litpt::sampling::{cosine_direction, generator, happens};
+use litpt::sampler::{cosine_direction, generator, happens};
 use litpt::scene::{Ray, Scene, read_obj};
 use litpt::sky::Sky;
 use litpt::statistics::Accumulator;
@@ -31,26 +31,26 @@ enum Tail {
     Power(f64),
 }
 
-/// Survival by chance below the transmissivity `faint`, and a `tail`.
+/// Survival by chance below the throughput `faint`, and a `tail`.
 struct Rule {
     faint: f64,
     tail: Tail,
-    reflectivity: f64,
+    albedo: f64,
     sky: Sky,
 }
 
 struct Path {
-    transmissivity: f64,
+    throughput: f64,
     count: u64,
     direction: DVec3,
 }
 
-impl Estimator for Rule {
+impl Integrator for Rule {
     type Path = Path;
-    type Answer = Hit;
+    type RayQuery = Hit;
 
     fn begin(&self, direction: DVec3) -> Path {
-        Path { transmissivity: 1., count: 0, direction }
+        Path { throughput: 1., count: 0, direction }
     }
 
     fn go_on(
@@ -61,12 +61,12 @@ impl Estimator for Rule {
     ) -> Step {
         let Some(hit) = hit else {
             let light = self.sky.radiance(path.direction);
-            return Step::End(path.transmissivity * light);
+            return Step::End(path.throughput * light);
         };
-        let on = if path.transmissivity < self.faint {
-            self.reflectivity
+        let on = if path.throughput < self.faint {
+            self.albedo
         } else {
-            path.transmissivity *= self.reflectivity;
+            path.throughput *= self.albedo;
             let on = match self.tail {
                 _ if path.count < 1000 => 1.,
                 Tail::Free => 1.,
@@ -76,7 +76,7 @@ impl Estimator for Rule {
                     libm::pow(n / (n + 1.), a)
                 }
             };
-            path.transmissivity /= on;
+            path.throughput /= on;
             on
         };
         if on < 1. && !happens(on, random) {
@@ -94,7 +94,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let path =
         std::env::args().nth(1).ok_or("usage: roulettes FILE.obj")?;
     let scene = Scene::new(&read_obj(&std::fs::read(path)?)?);
-    let kernel = Hierarchy::new(&scene)?;
+    let intersector = Bvh::new(&scene)?;
     println!("scene,rule,mean,error,variance,rays,efficiency");
     // Rules that do nothing else than ours in a scene are left out there.
     let thresholds =
@@ -112,20 +112,21 @@ fn main() -> Result<(), Box<dyn Error>> {
         let name = format!("$\\rho={rho}$; $f={f}$");
         let (rho, f) = (rho.parse::<f64>()?, f.parse::<f64>()?);
         let sky = Sky::new(DVec3::Z);
-        let ours = Reference { reflectivity: rho, sky, foresight: () };
+        let ours = PathTracer { albedo: rho, sky, foresight: () };
         compare(&name, model(&ours, rho, f), rules, |faint, tail| {
-            let rule = Rule { faint, tail, reflectivity: rho, sky };
+            let rule = Rule { faint, tail, albedo: rho, sky };
             model(&rule, rho, f)
         });
     }
     for rho in [0.8, 0.95] {
         let name = format!("courtyard; $\\rho={rho}$");
         let sky = Sky::new(litpt::courtyard::view().up);
-        let ours = Reference { reflectivity: rho, sky, foresight: () };
-        let ours = courtyard(&scene, &kernel, &ours)?;
+        let ours = PathTracer { albedo: rho, sky, foresight: () };
+        let ours = courtyard(&scene, &intersector, &ours)?;
         compare(&name, ours, thresholds, |faint, tail| {
-            let rule = Rule { faint, tail, reflectivity: rho, sky };
-            courtyard(&scene, &kernel, &rule).expect("the camera exists")
+            let rule = Rule { faint, tail, albedo: rho, sky };
+            courtyard(&scene, &intersector, &rule)
+                .expect("the camera exists")
         });
     }
     Ok(())
@@ -198,7 +199,7 @@ impl Measured {
 /// A cavity that a path leaves, for the sky, with probability `f` at each
 /// ray from its wall.
 fn model(
-    estimator: &impl Estimator<Answer = Hit>,
+    integrator: &impl Integrator<RayQuery = Hit>,
     rho: f64,
     f: f64,
 ) -> Measured {
@@ -209,7 +210,7 @@ fn model(
     while n < 1_000_000 && (rays < 200_000_000 || n < 10_000) {
         let mut random = generator(0, 0, n);
         let mut doors = generator(1, 0, n);
-        let mut path = estimator.begin(DVec3::Z);
+        let mut path = integrator.begin(DVec3::Z);
         let mut first = true;
         let weight = loop {
             rays += 1;
@@ -222,7 +223,7 @@ fn model(
                 is_clear: true,
             };
             let hit = (!leaves).then_some(hit);
-            match estimator.go_on(&mut path, hit, &mut random) {
+            match integrator.go_on(&mut path, hit, &mut random) {
                 Step::On(..) => (),
                 Step::End(weight) => break weight,
             }
@@ -242,30 +243,30 @@ fn model(
 }
 
 /// The courtyard; the variance of one path is the mean over the pixels.
-fn courtyard<E: Estimator>(
+fn courtyard<E: Integrator>(
     scene: &Scene,
-    kernel: &Hierarchy,
-    estimator: &E,
+    intersector: &Bvh,
+    integrator: &E,
 ) -> Result<Measured, Box<dyn Error>> {
     const REALISATIONS: u64 = 64;
     let view = litpt::courtyard::view();
     let camera = Camera::new(&view, 4. / 3.)?;
     let job = Job {
         scene,
-        kernel,
+        intersector,
         camera: &camera,
-        estimator,
-        known: &Known::Nothing,
+        integrator,
+        known: &KnownPixels::Nothing,
         seed: 0,
     };
     let (width, height) = (160, 120);
-    let mut image = Image::new(width, height);
-    let rays = job.pass(&mut image, 0..REALISATIONS, &|_| ());
+    let mut film = Film::new(width, height);
+    let rays = job.pass(&mut film, 0..REALISATIONS, &|_| ());
     let pixels = f64::from(width * height);
-    let mean = image.means().sum::<f64>() / pixels;
+    let mean = film.means().sum::<f64>() / pixels;
     let variances = (0..height)
         .flat_map(|y| (0..width).map(move |x| (x, y)))
-        .map(|(x, y)| image.pixel(x, y).variance());
+        .map(|(x, y)| film.pixel(x, y).variance());
     let variance = variances.sum::<f64>() / pixels;
     let paths = pixels * REALISATIONS as f64;
     Ok(Measured {

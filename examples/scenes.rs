@@ -52,7 +52,7 @@ fn print_view(name: &str) -> Result<(), Box<dyn Error>> {
 // ---- noise
 
 /// The output function of SplitMix64.
-fn scatter(x: u64) -> u64 {
+fn split_mix(x: u64) -> u64 {
     let x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
     let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
@@ -62,7 +62,7 @@ fn scatter(x: u64) -> u64 {
 /// Three numbers in [-1, 1) that belong to a point of the integer grid.
 fn random(at: DVec3, seed: u64) -> DVec3 {
     let [x, y, z] = at.to_array().map(|c| c as i64 as u64);
-    let bits = scatter(x ^ scatter(y ^ scatter(z ^ scatter(seed))));
+    let bits = split_mix(x ^ split_mix(y ^ split_mix(z ^ split_mix(seed))));
     let part = |shift: u32| ((bits >> shift) & 0x1f_ffff) as f64;
     DVec3::new(part(0), part(21), part(42)) / f64::from(1 << 20) - 1.
 }

@@ -15,16 +15,16 @@ use std::process::ExitCode;
 
 use fragile::Fragile;
 use glam::DVec3;
+use litpt::analysis::background::KnownPixels;
+use litpt::bvh::{Bvh, Dispatch, Intersector, Isa, Quality};
 use litpt::camera::Camera;
 use litpt::closed_forms::{
     Outcome, cavity, cavity_radiance, closed_forms, look, pixel, plane,
 };
-use litpt::estimator::Reference;
-use litpt::facts::bare::Known;
-use litpt::hierarchy::{Hierarchy, Isa, Kernel, Quality, Work};
-use litpt::image::Image;
+use litpt::film::Film;
+use litpt::integrator::PathTracer;
 use litpt::render::{Job, Renderer};
-use litpt::sampling::cosine_direction;
+use litpt::sampler::cosine_direction;
 use litpt::scene::{Mesh, Ray, Scene};
 use litpt::sky::Sky;
 use litpt::statistics::Accumulator;
@@ -39,7 +39,7 @@ const PIECES: u64 = 256;
 /// Rays of a path inside a closed surface.
 const BOUNCES: u64 = 4;
 
-/// Realisations of each mean.
+/// Samples of each mean.
 const REALISATIONS: u64 = 100_000;
 
 /// Of 40 means, one is farther off than this with a probability of 0.001.
@@ -112,9 +112,9 @@ fn leaks(
     paths: u64,
     few: u64,
 ) -> Result<[u64; 2], Box<dyn Error>> {
-    let kernel = Hierarchy::new(&solid.scene)?;
+    let intersector = Bvh::new(&solid.scene)?;
     let fragile = Fragile::new(solid.scene.triangles());
-    let ours = |seed| kernel.specialise(Starts { solid, seed, paths });
+    let ours = |seed| intersector.dispatch(Starts { solid, seed, paths });
     let theirs = |i| {
         let mut random = Pcg64Mcg::seed_from_u64(i);
         let escapes = (0..few).filter(|n| {
@@ -138,11 +138,11 @@ struct Starts<'a> {
     paths: u64,
 }
 
-impl Work for Starts<'_> {
+impl Dispatch for Starts<'_> {
     type Output = u64;
 
     /// How many paths escape.
-    fn with<K: Kernel>(self, kernel: &K) -> u64 {
+    fn with<K: Intersector>(self, intersector: &K) -> u64 {
         let mut random = Pcg64Mcg::seed_from_u64(self.seed);
         let cameras = &self.solid.cameras;
         let escapes = (0..self.paths).filter(|n| {
@@ -151,7 +151,7 @@ impl Work for Starts<'_> {
             let mut ray = Ray { origin: cameras[at], direction };
             let mut from = None;
             (0..BOUNCES).any(|_| {
-                let Some(hit) = kernel.first_hit(&ray, from) else {
+                let Some(hit) = intersector.first_hit(&ray, from) else {
                     return true;
                 };
                 let (r, turn) = (random.random(), random.random());
@@ -238,33 +238,30 @@ fn alike() -> Result<u32, Box<dyn Error>> {
     let scene = Scene::new(&cavity(0.1, 16));
     let view = look(DVec3::ZERO, DVec3::new(0.3, 0.2, -1.), 70.);
     let camera = Camera::new(&view, 1.)?;
-    let estimator = Reference {
-        reflectivity: 0.9,
-        sky: Sky::new(DVec3::Z),
-        foresight: (),
-    };
-    let render = |isa, threads| -> Result<Image, Box<dyn Error>> {
-        let kernel = Hierarchy::with(&scene, Quality::Medium, isa)?;
+    let integrator =
+        PathTracer { albedo: 0.9, sky: Sky::new(DVec3::Z), foresight: () };
+    let render = |isa, threads| -> Result<Film, Box<dyn Error>> {
+        let intersector = Bvh::with(&scene, Quality::Medium, isa)?;
         let pool = ThreadPoolBuilder::new().num_threads(threads).build()?;
         let job = Job {
             scene: &scene,
-            kernel: &kernel,
+            intersector: &intersector,
             camera: &camera,
-            estimator: &estimator,
-            known: &Known::Nothing,
+            integrator: &integrator,
+            known: &KnownPixels::Nothing,
             seed: 1,
         };
-        let mut image = Image::new(64, 48);
-        pool.install(|| job.pass(&mut image, 0..16, &|_| ()));
-        Ok(image)
+        let mut film = Film::new(64, 48);
+        pool.install(|| job.pass(&mut film, 0..16, &|_| ()));
+        Ok(film)
     };
     let first = render(Isa::Portable, 1)?;
     let (mut images, mut equal) = (1, 1);
     for isa in Isa::ALL.into_iter().filter(|isa| isa.is_available()) {
         for threads in [1, 2, 7] {
             images += 1;
-            let image = render(isa, threads)?;
-            equal += usize::from(image.stored() == first.stored());
+            let film = render(isa, threads)?;
+            equal += usize::from(film.stored() == first.stored());
         }
     }
     Ok(row(

@@ -1,22 +1,22 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-//! From which z on two pictures of 320 x 240 pixels are called
+//! From which z on two images of 320 x 240 pixels are called
 //! inconsistent, by the scale on which they differ: found by bisection
-//! with pictures that differ in one pixel, in one block, or everywhere.
-//! Prints a table of the chapter "Comparing and joining pictures"; "make
+//! with images that differ in one pixel, in one block, or everywhere.
+//! Prints a table of the chapter "Comparing and joining images"; "make
 //! measure" records it.
 
 use std::collections::BTreeMap;
 
 use litpt::compare::compare;
-use litpt::picture::Picture;
+use litpt::image::Image;
 
 const SIZE: (u32, u32) = (320, 240);
 const BLOCK: u32 = 16;
-/// The standard error of a pixel of either picture.
+/// The standard error of a pixel of either image.
 const ERROR: f64 = 0.01;
-/// Realisations of both pictures; none if their variance is known.
+/// Samples of both images; none if their variance is known.
 const COUNTS: [Option<f64>; 3] = [None, Some(64.), Some(16.)];
 
 fn main() -> Result<(), String> {
@@ -39,7 +39,7 @@ fn main() -> Result<(), String> {
     Ok(())
 }
 
-/// The least z of one block at which two pictures are inconsistent.
+/// The least z of one block at which two images are inconsistent.
 fn threshold(side: u32, count: Option<f64>) -> Result<f64, String> {
     let (mut low, mut high) = (0., 100.);
     while high - low > 1e-4 {
@@ -53,7 +53,7 @@ fn threshold(side: u32, count: Option<f64>) -> Result<f64, String> {
     Ok(high)
 }
 
-/// Whether pictures are consistent whose first blocks are z apart.
+/// Whether images are consistent whose first blocks are z apart.
 fn consistent(
     side: u32,
     z: f64,
@@ -63,7 +63,7 @@ fn consistent(
     let inside = |i: u32| i % width < side && i / width < side;
     let pixels = side.min(width) * side.min(height);
     let shift = z * ERROR * f64::sqrt(2. / f64::from(pixels));
-    let picture = |shift: f64| Picture {
+    let image = |shift: f64| Image {
         width,
         height,
         means: (0..width * height)
@@ -73,7 +73,7 @@ fn consistent(
         samples: count.map(|n| vec![n; (width * height) as usize]),
         attributes: BTreeMap::new(),
     };
-    Ok(compare(&picture(0.), &picture(shift))?.consistent())
+    Ok(compare(&image(0.), &image(shift))?.consistent())
 }
 
 fn power_of_ten(p: f64) -> String {

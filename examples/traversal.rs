@@ -1,12 +1,12 @@
 // Times the traversal alone: the same rays, those of real paths in their
-// order, for our kernel and for Embree 3 (if it can be loaded). Takes the
+// order, for our intersector and for Embree 3 (if it can be loaded). Takes the
 // options of pt for a scene and its view, and prints a CSV:
 //   scene,triangles,contender,threads  what was measured
 //   million_rays_per_second,ratio      each chunk's best time; ours by theirs
 //   median_rays_per_second,median_ratio  the median round, in millions
-//   other_hits,lone_hits               per million rays: the kernels hit
+//   other_hits,lone_hits               per million rays: the intersectors hit
 //                                      different triangles; only one hits
-// Embree answers with a distance in single precision, and our kernel with a
+// Embree answers with a distance in single precision, and our intersector with a
 // point and a unit normal in double precision. Both leave out the triangle
 // from which a ray starts; for Embree this is a filter.
 //
@@ -27,9 +27,9 @@ use clap::Parser;
 use glam::DVec3;
 use libloading::Library;
 use litpt::arguments::Arguments;
+use litpt::bvh::{Bvh, Dispatch, Intersector, Isa, Quality};
 use litpt::camera::Camera;
-use litpt::estimator::Reference;
-use litpt::hierarchy::{Hierarchy, Isa, Kernel, Quality, Work};
+use litpt::integrator::PathTracer;
 use litpt::scene::{Ray, Scene};
 use litpt::sky::Sky;
 
@@ -41,15 +41,15 @@ const CHUNK: usize = 20_000;
 const ROUNDS: usize = 5;
 const THREADS: [usize; 2] = [1, 2];
 
-/// A range of a walk, to be traced by our kernel.
+/// A range of a walk, to be traced by our intersector.
 struct Stretch<'a>(&'a [Step]);
 
-impl Work for Stretch<'_> {
+impl Dispatch for Stretch<'_> {
     type Output = u64;
 
-    fn with<K: Kernel>(self, kernel: &K) -> u64 {
+    fn with<K: Intersector>(self, intersector: &K) -> u64 {
         let number = |step: &Step| {
-            let hit = kernel.first_hit(&step.ray, step.from);
+            let hit = intersector.first_hit(&step.ray, step.from);
             u64::from(hit.map_or(NONE, |hit| hit.primitive))
         };
         self.0.iter().map(number).sum()
@@ -61,15 +61,17 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (mesh, _) = arguments.read_mesh(false)?;
     let scene = Scene::new(&mesh);
     drop(mesh);
-    let kernel = Hierarchy::with(&scene, Quality::Thorough, Isa::best())?;
-    let walk = record(&scene, &kernel, &arguments)?;
+    let intersector = Bvh::with(&scene, Quality::Thorough, Isa::best())?;
+    let walk = record(&scene, &intersector, &arguments)?;
     let number = |step: &Step| {
-        let hit = kernel.first_hit(&step.ray, step.from);
+        let hit = intersector.first_hit(&step.ray, step.from);
         hit.map_or(NONE, |hit| hit.primitive)
     };
     let mut contenders = vec![Contender {
         name: "litpt",
-        trace: Box::new(|range| kernel.specialise(Stretch(&walk[range]))),
+        trace: Box::new(|range| {
+            intersector.dispatch(Stretch(&walk[range]))
+        }),
         disagreement: None,
     }];
     // SAFETY: loading Embree runs its initialisers, which have no conditions.
@@ -105,23 +107,29 @@ struct Step {
 }
 
 /// The rays of paths through random points of the image, path by path.
-fn record<K: Kernel>(
+fn record<K: Intersector>(
     scene: &Scene,
-    kernel: &K,
+    intersector: &K,
     arguments: &Arguments,
 ) -> Result<Vec<Step>, Box<dyn Error>> {
     let view = arguments.view();
-    let (width, height) = arguments.definition;
+    let (width, height) = arguments.resolution;
     let aspect = f64::from(width) / f64::from(height);
     let camera = Camera::new(&view, aspect)?;
-    let estimator = Reference {
-        reflectivity: arguments.reflectivity,
+    let integrator = PathTracer {
+        albedo: arguments.albedo,
         sky: Sky::new(view.up),
         foresight: (),
     };
     let seed = arguments.seed;
-    let rays =
-        paths::record(scene, kernel, &camera, &estimator, seed, RAYS)?;
+    let rays = paths::record(
+        scene,
+        intersector,
+        &camera,
+        &integrator,
+        seed,
+        RAYS,
+    )?;
     let step = |(ray, from)| Step { ray, from };
     Ok(rays.into_iter().take(RAYS).map(step).collect())
 }
@@ -402,7 +410,7 @@ fn rivals<'a>(
     Ok(both.into_iter().map(contender).collect())
 }
 
-/// The rays of a walk. A kernel has numbers of its own for the triangles, so
+/// The rays of a walk. An intersector has numbers of its own for the triangles, so
 /// that Embree must say again where the ray before has ended.
 fn rounded(walk: &[Step], embree: &Embree) -> Vec<Rounded> {
     let mut last = NONE;

@@ -19,12 +19,12 @@ use std::iter;
 
 use glam::DVec3;
 
+use crate::analysis::background::KnownPixels;
+use crate::bvh::Bvh;
 use crate::camera::{Camera, View};
-use crate::estimator::Reference;
-use crate::facts::bare::Known;
-use crate::hierarchy::Hierarchy;
-use crate::image::Image;
-use crate::numerics::{circle, power_of_two};
+use crate::film::Film;
+use crate::integrator::PathTracer;
+use crate::numerics::{power_of_two, sincos_turns};
 use crate::render::{Job, Renderer};
 use crate::scene::{Mesh, Scene};
 use crate::sky::Sky;
@@ -37,12 +37,12 @@ pub struct ClosedForm {
     pub name: String,
     mesh: Mesh,
     view: View,
-    /// The reflectivities for which `radiance` is known.
+    /// The albedos for which `radiance` is known.
     rhos: &'static [f64],
     radiance: Box<dyn Fn(f64) -> f64>,
 }
 
-/// The reflectivities of the tests. The second stands for the limit of
+/// The albedos of the tests. The second stands for the limit of
 /// a single reflection.
 pub const RHOS: [f64; 7] = [0., TINY, 0.2, 0.5, 0.9, 0.99, 1.];
 
@@ -137,16 +137,16 @@ pub fn closed_forms() -> Vec<ClosedForm> {
 
 /// What was computed beside what is known.
 pub struct Outcome {
-    /// The reflectivity.
+    /// The albedo.
     pub rho: f64,
     /// The radiance that is known.
     pub exact: f64,
-    /// The realisations.
+    /// The samples.
     pub pixel: Accumulator,
 }
 
 impl Outcome {
-    /// Whether every realisation must be the exact radiance.
+    /// Whether every sample must be the exact radiance.
     pub fn is_certain(&self) -> bool {
         self.exact == 0. || self.exact == self.rho
     }
@@ -204,7 +204,7 @@ fn gem() -> Mesh {
 }
 
 // Make a sphere with an opening
-/// The radiance of a cavity of reflectivity `rho`, from every point of
+/// The radiance of a cavity of albedo `rho`, from every point of
 /// whose wall a reflection escapes to the sky with probability `f`: of
 /// a sphere that is open over the fraction `f` of its area.
 pub fn cavity_radiance(rho: f64, f: f64) -> f64 {
@@ -221,7 +221,7 @@ fn bowl(f: f64, rings: u32, radius: impl Fn(u32, DVec3) -> f64) -> Mesh {
         // Place one vertex of the bowl
         let polar = rim + (PI - rim) * f64::from(ring) / f64::from(rings);
         let turn = f64::from(meridian) / f64::from(meridians);
-        let (x, y) = circle(turn);
+        let (x, y) = sincos_turns(turn);
         let distance = libm::sin(polar);
         let p = DVec3::new(distance * x, distance * y, libm::cos(polar));
         p * radius(ring, p)
@@ -311,13 +311,13 @@ fn room() -> Mesh {
 /// A scene with a camera in it, ready to be rendered.
 pub struct Setting {
     scene: Scene,
-    kernel: Hierarchy,
+    intersector: Bvh,
     camera: Camera,
-    estimator: Reference,
+    integrator: PathTracer,
 }
 
 impl Setting {
-    /// A mesh of reflectivity `rho` under the sky of `up`, seen by a
+    /// A mesh of albedo `rho` under the sky of `up`, seen by a
     /// camera whose image has this `aspect`.
     pub fn new(
         mesh: &Mesh,
@@ -327,31 +327,31 @@ impl Setting {
     ) -> Result<Self, Box<dyn Error>> {
         let camera = Camera::new(view, aspect)?;
         let scene = Scene::new(mesh);
-        let kernel = Hierarchy::new(&scene)?;
+        let intersector = Bvh::new(&scene)?;
         let sky = Sky::new(up);
-        let estimator = Reference { reflectivity: rho, sky, foresight: () };
-        Ok(Self { scene, kernel, camera, estimator })
+        let integrator = PathTracer { albedo: rho, sky, foresight: () };
+        Ok(Self { scene, intersector, camera, integrator })
     }
 
     /// The job that renders it.
-    pub fn job(&self, seed: u64) -> Job<'_, Hierarchy, &Reference> {
-        let Self { scene, kernel, camera, estimator } = self;
-        let known = &Known::Nothing;
-        Job { scene, kernel, camera, estimator, known, seed }
+    pub fn job(&self, seed: u64) -> Job<'_, Bvh, &PathTracer> {
+        let Self { scene, intersector, camera, integrator } = self;
+        let known = &KnownPixels::Nothing;
+        Job { scene, intersector, camera, integrator, known, seed }
     }
 }
 
 impl Setting {
-    /// Its only pixel, after `n` realisations.
+    /// Its only pixel, after `n` samples.
     fn pixel(&self, n: u64, seed: u64) -> Accumulator {
-        let mut image = Image::new(1, 1);
-        self.job(seed).pass(&mut image, 0..n, &|_| ());
-        *image.pixel(0, 0)
+        let mut film = Film::new(1, 1);
+        self.job(seed).pass(&mut film, 0..n, &|_| ());
+        *film.pixel(0, 0)
     }
 }
 
 /// The pixel that a view of a mesh shows under the sky of +z, after
-/// `n` realisations.
+/// `n` samples.
 pub fn pixel(
     mesh: &Mesh,
     rho: f64,
@@ -362,7 +362,7 @@ pub fn pixel(
 }
 
 impl ClosedForm {
-    /// What `n` realisations give at each reflectivity, the first of
+    /// What `n` samples give at each albedo, the first of
     /// which has the `seed`, the others the next ones.
     pub fn outcomes(
         &self,
@@ -372,7 +372,7 @@ impl ClosedForm {
         let sky = (0., DVec3::Z);
         let mut setting = Setting::new(&self.mesh, sky, &self.view, 1.)?;
         let outcome = |(seed, &rho): (u64, &f64)| {
-            setting.estimator.reflectivity = rho;
+            setting.integrator.albedo = rho;
             let pixel = setting.pixel(n, seed);
             Outcome { rho, exact: (self.radiance)(rho), pixel }
         };

@@ -134,14 +134,14 @@ fn lathe(profile: &[Flat], sides: usize) -> Solid {
     let half = semicircle(sides / 2);
     let under = half.iter().map(|&[x, y]| [-x, -y]);
     let upper = half.iter().map(|&[x, y]| [x, y]);
-    let mut circle: Vec<Flat> = upper.chain(under).collect();
-    circle.dedup();
-    circle.pop();
+    let mut sincos_turns: Vec<Flat> = upper.chain(under).collect();
+    sincos_turns.dedup();
+    sincos_turns.pop();
     let ring = |&[r, y]: &Flat| {
-        circle.iter().map(|&[a, b]| [r * a, y, r * b]).collect()
+        sincos_turns.iter().map(|&[a, b]| [r * a, y, r * b]).collect()
     };
     let rings: Vec<_> = profile.iter().map(ring).collect();
-    sweep(&rings, &fan(circle.len()))
+    sweep(&rings, &fan(sincos_turns.len()))
 }
 
 // Cut a rectangular block
@@ -310,7 +310,7 @@ fn moulding(profile: &[Flat]) -> Solid {
 }
 
 // Run a rectangular course around
-fn course(o: [f64; 2], y: [f64; 2]) -> Solid {
+fn convergence(o: [f64; 2], y: [f64; 2]) -> Solid {
     moulding(&[[o[0], y[0]], [o[1], y[0]], [o[1], y[1]], [o[0], y[1]]])
 }
 
@@ -407,15 +407,21 @@ impl Court {
         };
         let roof = upper + 0.45;
         let courses = [
-            ("step", course([-0.87, 0.0], [-0.2, 0.15])),
-            ("gallery", course([-0.52, 3.5], [-0.3, 0.3])),
-            ("wall", course([3.325, 4.0], [-0.25, upper + 0.15])),
+            ("step", convergence([-0.87, 0.0], [-0.2, 0.15])),
+            ("gallery", convergence([-0.52, 3.5], [-0.3, 0.3])),
+            ("wall", convergence([3.325, 4.0], [-0.25, upper + 0.15])),
             ("string", raised(&STRING_COURSE, lower)),
-            ("rail", course([-0.16, 0.16], [5.45, 5.62])),
-            ("rail", course([-0.17, 0.17], [6.3, 6.42])),
+            ("rail", convergence([-0.16, 0.16], [5.45, 5.62])),
+            ("rail", convergence([-0.17, 0.17], [6.3, 6.42])),
             ("cornice", raised(&CORNICE, upper)),
-            ("parapet", course([-0.2, 0.2], [roof - 0.05, roof + 0.5])),
-            ("coping", course([-0.27, 0.27], [roof + 0.47, roof + 0.6])),
+            (
+                "parapet",
+                convergence([-0.2, 0.2], [roof - 0.05, roof + 0.5]),
+            ),
+            (
+                "coping",
+                convergence([-0.27, 0.27], [roof + 0.47, roof + 0.6]),
+            ),
         ];
         for (name, solid) in courses {
             self.add(name, [0.0; 3], solid);

@@ -17,12 +17,12 @@ use std::path::{Path, PathBuf};
 
 use tempfile::NamedTempFile;
 
-use crate::picture::{Format, Picture};
+use crate::image::{Format, Image};
 
 // Choose a place for a file
 /// Where a file goes: checked, and not yet touched.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Place(Kind);
+pub struct OutputTarget(Kind);
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Kind {
@@ -92,7 +92,7 @@ fn name_file(
     })
 }
 
-impl Place {
+impl OutputTarget {
     // Check the place before the work
     /// The standard output.
     pub fn standard_output() -> Self {
@@ -160,10 +160,10 @@ impl Place {
 
     /// Writes one of several states of a file: the first respects `force`,
     /// later ones replace it. A place that is no file is left alone, since
-    /// nothing can be replaced there; it waits for [`Place::write`].
+    /// nothing can be replaced there; it waits for [`OutputTarget::write`].
     ///
     /// # Errors
-    /// Those of [`Place::write`].
+    /// Those of [`OutputTarget::write`].
     pub fn rewrite(&mut self, content: &mut Content) -> Result<(), String> {
         if let Kind::File { .. } = self.0 {
             self.write(content)?;
@@ -178,24 +178,24 @@ impl Place {
 // Give an image its own place
 /// Where an image goes, and in which format.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Destination {
-    place: Place,
+pub struct ImageTarget {
+    place: OutputTarget,
     format: Format,
 }
 
-impl Destination {
+impl ImageTarget {
     /// The standard output.
     pub fn standard_output(format: Format) -> Self {
-        Self { place: Place::standard_output(), format }
+        Self { place: OutputTarget::standard_output(), format }
     }
 
     /// The file `path`, in the format of its extension.
     ///
     /// # Errors
-    /// The extension is unknown, and those of [`Place::file`].
+    /// The extension is unknown, and those of [`OutputTarget::file`].
     pub fn file(path: &Path, force: bool) -> Result<Self, String> {
         let format = Format::of(path)?;
-        Ok(Self { place: Place::file(path, force)?, format })
+        Ok(Self { place: OutputTarget::file(path, force)?, format })
     }
 
     // Tell the format and write the image
@@ -207,13 +207,13 @@ impl Destination {
     /// Writes the image.
     ///
     /// # Errors
-    /// Those of [`Place::write`].
-    pub fn write(&self, picture: &Picture) -> Result<(), String> {
-        self.place.write(&mut |out| self.format.write(picture, out))
+    /// Those of [`OutputTarget::write`].
+    pub fn write(&self, image: &Image) -> Result<(), String> {
+        self.place.write(&mut |out| self.format.write(image, out))
     }
 
-    /// Takes the time of [`Destination::write`], and writes nothing.
-    pub fn rehearse(&self, picture: &Picture) {
-        let _ = self.format.write(picture, &mut io::sink());
+    /// Takes the time of [`ImageTarget::write`], and writes nothing.
+    pub fn rehearse(&self, image: &Image) {
+        let _ = self.format.write(image, &mut io::sink());
     }
 }

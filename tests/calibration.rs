@@ -8,19 +8,19 @@ use glam::DVec3;
 use litpt::camera::View;
 use litpt::closed_forms::{Setting, cavity, cavity_radiance};
 use litpt::courtyard::{solids, view, write_obj};
-use litpt::image::{Image, WORTH};
+use litpt::film::{Film, WORTH};
 use litpt::render::Renderer;
 use litpt::scene::read_obj;
 
 const SIZE: (u32, u32) = (32, 24);
 
-fn render(setting: &Setting, seed: u64, n: u64) -> Image {
-    let mut image = Image::new(SIZE.0, SIZE.1);
-    setting.job(seed).pass(&mut image, 0..n, &|_| ());
-    image
+fn render(setting: &Setting, seed: u64, n: u64) -> Film {
+    let mut film = Film::new(SIZE.0, SIZE.1);
+    setting.job(seed).pass(&mut film, 0..n, &|_| ());
+    film
 }
 
-/// The root mean square of the z of four images of `n` realisations,
+/// The root mean square of the z of four images of `n` samples,
 /// where the truth of each pixel is known with a standard error.
 ///
 /// Of 3072 values its standard deviation is 0.013, so that the bounds of
@@ -29,10 +29,10 @@ fn render(setting: &Setting, seed: u64, n: u64) -> Image {
 fn deviation(setting: &Setting, n: u64, truth: &[(f64, f64)]) -> f64 {
     let mut z = vec![];
     for seed in 1..=4 {
-        let image = render(setting, seed, n);
-        let errors = image.errors(WORTH);
+        let film = render(setting, seed, n);
+        let errors = film.errors(WORTH);
         for ((mean, error), (exact, unsure)) in
-            image.means().zip(errors).zip(truth)
+            film.means().zip(errors).zip(truth)
         {
             if mean != *exact {
                 z.push((mean - exact) / error.hypot(*unsure));

@@ -7,7 +7,7 @@
 use std::time::Duration;
 
 use glam::{DVec3, Vec3, Vec3A};
-use litpt::sampling::cosine_direction;
+use litpt::sampler::cosine_direction;
 use litpt::statistics::Accumulator;
 use obvhs::BvhBuildParams;
 use obvhs::bvh2::Bvh2;

@@ -9,15 +9,15 @@ use std::f64::consts::PI;
 use std::time::Instant;
 
 use glam::DVec3;
+use litpt::analysis::{Inquiry, SceneAnalysis, Shortcut};
+use litpt::bvh::{Bvh, Isa, Quality};
 use litpt::camera::{Camera, View};
 use litpt::courtyard;
-use litpt::facts::{Fact, Facts, Inquiry};
-use litpt::hierarchy::{Hierarchy, Isa, Quality};
-use litpt::image::Image;
+use litpt::film::Film;
 use litpt::scene::{Mesh, Scene, read_obj};
 use litpt::sky::Sky;
 
-/// A scene, a view of it, and the reflectivity of its surfaces.
+/// A scene, a view of it, and the albedo of its surfaces.
 pub struct Setting {
     pub name: &'static str,
     pub mesh: Mesh,
@@ -27,38 +27,38 @@ pub struct Setting {
 
 /// What a render gave.
 pub struct Outcome {
-    pub image: Image,
+    pub film: Film,
     pub rays: u64,
     /// Seconds of the search for facts with the build, and of the render.
     pub seconds: [f64; 2],
     /// The names of the facts that hold.
-    pub facts: Vec<String>,
+    pub analysis: Vec<String>,
 }
 
 impl Setting {
     /// Renders with all facts but those that are `kept`.
     pub fn render(
         &self,
-        kept: &[Fact],
-        definition: (u32, u32),
+        kept: &[Shortcut],
+        resolution: (u32, u32),
         n: u64,
         seed: u64,
     ) -> Outcome {
         let rays = f64::INFINITY;
-        self.render_with(kept, definition, (n, rays), seed, |_| ())
+        self.render_with(kept, resolution, (n, rays), seed, |_| ())
     }
 
     /// The same, for a search that may cost what so many rays are worth,
     /// and with a chance to change what was found.
     pub fn render_with(
         &self,
-        kept: &[Fact],
-        definition: (u32, u32),
+        kept: &[Shortcut],
+        resolution: (u32, u32),
         (n, rays): (u64, f64),
         seed: u64,
-        lie: impl Fn(&mut Facts),
+        lie: impl Fn(&mut SceneAnalysis),
     ) -> Outcome {
-        let (width, height) = definition;
+        let (width, height) = resolution;
         let aspect = f64::from(width) / f64::from(height);
         let camera = Camera::new(&self.view, aspect).expect("a view");
         let mut scene = Scene::new(&self.mesh);
@@ -67,27 +67,28 @@ impl Setting {
             camera: &camera,
             place: scene.place(self.view.position),
             sky: Sky::new(self.view.up),
-            reflectivity: self.rho,
-            definition,
+            albedo: self.rho,
+            resolution,
             rays,
             kept: kept.to_vec(),
         };
-        let mut facts = Facts::find(&mut scene, &inquiry);
-        facts.simplify(&mut scene);
+        let mut analysis = SceneAnalysis::find(&mut scene, &inquiry);
+        analysis.simplify(&mut scene);
         let quality = Quality::Medium;
-        let kernel = Hierarchy::with(&scene, quality, Isa::best());
-        let kernel = kernel.expect("a hierarchy");
-        facts.find_more(&scene, &kernel, &inquiry);
-        lie(&mut facts);
+        let intersector = Bvh::with(&scene, quality, Isa::best());
+        let intersector = intersector.expect("a hierarchy");
+        analysis.find_more(&scene, &intersector, &inquiry);
+        lie(&mut analysis);
         let found = start.elapsed().as_secs_f64();
-        let mut image = Image::new(width, height);
+        let mut film = Film::new(width, height);
         let start = Instant::now();
-        let renderer = facts.renderer(&scene, &kernel, &inquiry, seed);
-        let rays = renderer.pass(&mut image, 0..n, &|_| ());
+        let renderer =
+            analysis.renderer(&scene, &intersector, &inquiry, seed);
+        let rays = renderer.pass(&mut film, 0..n, &|_| ());
         let seconds = [found, start.elapsed().as_secs_f64()];
         drop(renderer);
-        let names = facts.left_out().map(|f| f.fact.clone()).collect();
-        Outcome { image, rays, seconds, facts: names }
+        let names = analysis.left_out().map(|f| f.fact.clone()).collect();
+        Outcome { film, rays, seconds, analysis: names }
     }
 }
 

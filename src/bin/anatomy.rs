@@ -12,8 +12,8 @@ use std::error::Error;
 use std::fs;
 use std::path::PathBuf;
 
+use litpt::bvh::anatomy::Anatomy;
 use litpt::courtyard::{solids, view, write_obj};
-use litpt::hierarchy::anatomy::Anatomy;
 use litpt::scene::{Scene, read_obj};
 
 fn main() -> Result<(), Box<dyn Error>> {

@@ -14,17 +14,17 @@ use std::fmt::{self, Write};
 use std::path::Path;
 
 use glam::DVec3;
+use litpt::analysis::background::KnownPixels;
+use litpt::bvh::{Bvh, Hit};
 use litpt::camera::{Camera, View};
 use litpt::closed_forms::{Setting, cavity, cavity_radiance};
-use litpt::course::{Course, Interrupt, Limits};
 use litpt::courtyard::{solids, write_obj};
-use litpt::estimator::{self, Estimator};
-use litpt::facts::bare::Known;
-use litpt::hierarchy::{Hierarchy, Hit};
-use litpt::image::{Image, WORTH};
+use litpt::film::{Film, WORTH};
+use litpt::integrator::{self, Integrator};
 use litpt::render::{Job, Renderer};
+use litpt::render_loop::{Convergence, Interrupt, Limits};
 use litpt::report::{Fit, Step};
-use litpt::sampling::generator;
+use litpt::sampler::generator;
 use litpt::scene::{Mesh, Scene, read_obj};
 use litpt::statistics::Accumulator;
 use rand::{Rng, RngExt};
@@ -79,9 +79,9 @@ fn cases() -> Result<Vec<Case>, Box<dyn Error>> {
     write_obj(&solids(), &mut obj)?;
     let (mesh, view) = (read_obj(&obj)?, litpt::courtyard::view());
     let setting = set(&mesh, 0.8, DVec3::Y, &view)?;
-    let mut image = Image::new(WIDTH, HEIGHT);
-    setting.job(99).pass(&mut image, 0..4096, &|_| ());
-    let truth = image.means().zip(image.errors(0.)).collect();
+    let mut film = Film::new(WIDTH, HEIGHT);
+    setting.job(99).pass(&mut film, 0..4096, &|_| ());
+    let truth = film.means().zip(film.errors(0.)).collect();
     cases.push(Case { name: "courtyard", setting, truth });
     Ok(cases)
 }
@@ -126,13 +126,13 @@ fn exactly(radiance: f64) -> Vec<(f64, f64)> {
 fn coverage(cases: &[Case]) -> Result<String, fmt::Error> {
     let mut rows = String::new();
     for Case { name, setting, truth } in cases {
-        let mut images = [(); 4].map(|_| Image::new(WIDTH, HEIGHT));
+        let mut images = [(); 4].map(|_| Film::new(WIDTH, HEIGHT));
         let mut done = 0;
         for n in [16, 64, 256, 1024] {
             let mut z = vec![];
-            for (seed, image) in (1..).zip(&mut images) {
-                setting.job(seed).pass(image, done..n, &|_| ());
-                z.extend(deviations(image, truth, WORTH));
+            for (seed, film) in (1..).zip(&mut images) {
+                setting.job(seed).pass(film, done..n, &|_| ());
+                z.extend(deviations(film, truth, WORTH));
             }
             done = n;
             // Print a row of coverage
@@ -155,9 +155,9 @@ fn coverage(cases: &[Case]) -> Result<String, fmt::Error> {
 
 /// By how many standard errors the pixels miss the truth, of those that
 /// miss it at all.
-fn deviations(image: &Image, truth: &[(f64, f64)], worth: f64) -> Vec<f64> {
-    let errors = image.errors(worth);
-    let pixels = image.means().zip(errors).zip(truth);
+fn deviations(film: &Film, truth: &[(f64, f64)], worth: f64) -> Vec<f64> {
+    let errors = film.errors(worth);
+    let pixels = film.means().zip(errors).zip(truth);
     let deviations = pixels.map(|((mean, error), (exact, unsure))| {
         (mean - exact) / (error * error + unsure * unsure).sqrt()
     });
@@ -174,11 +174,11 @@ fn deviation(z: &[f64]) -> f64 {
 fn unseen(cases: &[Case]) -> Result<String, fmt::Error> {
     let mut rows = String::new();
     for Case { name, setting, truth } in cases {
-        let mut images = [(); 4].map(|_| Image::new(WIDTH, HEIGHT));
+        let mut images = [(); 4].map(|_| Film::new(WIDTH, HEIGHT));
         let mut done = 0;
         for n in [4, 16, 64] {
-            for (seed, image) in (1..).zip(&mut images) {
-                setting.job(seed).pass(image, done..n, &|_| ());
+            for (seed, film) in (1..).zip(&mut images) {
+                setting.job(seed).pass(film, done..n, &|_| ());
             }
             done = n;
             // Print a row on the unseen
@@ -207,21 +207,22 @@ fn slopes(cases: &[Case]) -> Result<String, fmt::Error> {
     let mut rows = String::new();
     for Case { name, setting, truth } in cases {
         let truth: Vec<f64> = truth.iter().map(|t| t.0).collect();
-        // Stop after a thousand realisations
+        // Stop after a thousand samples
         let limits = Limits {
-            realisations: Some(1000),
+            samples: Some(1000),
             deadline: None,
             error: None,
             interrupt: &Interrupt::default(),
             reference: Some(&truth),
         };
-        let mut image = Image::new(WIDTH, HEIGHT);
-        let mut course = Course::default();
+        let mut film = Film::new(WIDTH, HEIGHT);
+        let mut convergence = Convergence::default();
         let job = setting.job(1);
-        course.run(&job, &mut image, &limits, &|_| (), &mut |_, _| ());
+        convergence.run(&job, &mut film, &limits, &|_| (), &mut |_, _| ());
         // Print a row of slopes
         let slope = |error: fn(&Step) -> Option<f64>| {
-            let steps = course.steps.iter().filter(|step| step.spp >= 8);
+            let steps =
+                convergence.steps.iter().filter(|step| step.spp >= 8);
             let points =
                 steps.filter_map(|s| Some((s.spp as f64, error(s)?)));
             match Fit::of(&points.collect::<Vec<_>>()) {
@@ -244,9 +245,9 @@ struct Coin;
 
 const P: f64 = 0.05;
 
-impl Estimator for Coin {
+impl Integrator for Coin {
     type Path = ();
-    type Answer = Hit;
+    type RayQuery = Hit;
 
     fn begin(&self, _: DVec3) {}
 
@@ -256,8 +257,8 @@ impl Estimator for Coin {
         _: &mut (),
         _: Option<Hit>,
         random: &mut impl Rng,
-    ) -> estimator::Step {
-        estimator::Step::End(f64::from(random.random::<f64>() < P))
+    ) -> integrator::Step {
+        integrator::Step::End(f64::from(random.random::<f64>() < P))
     }
 }
 
@@ -284,34 +285,34 @@ fn stopping() -> Result<String, fmt::Error> {
 }
 
 /// The mean of a run of coins that is stopped by its error, and its
-/// number of realisations.
+/// number of samples.
 fn stopped(seed: u64, error: f64, side: u32) -> (f64, u64) {
     let nothing = Mesh { vertices: vec![], triangles: vec![] };
     let scene = Scene::new(&nothing);
-    let Ok(kernel) = Hierarchy::new(&scene) else { return (0., 0) };
+    let Ok(intersector) = Bvh::new(&scene) else { return (0., 0) };
     let view = look([0.; 3], [0., 1., 0.], DVec3::Z, 70.);
     let Ok(camera) = Camera::new(&view, 1.) else { return (0., 0) };
     // Make a job of throwing coins
     let job = Job {
         scene: &scene,
-        kernel: &kernel,
+        intersector: &intersector,
         camera: &camera,
-        estimator: &Coin,
-        known: &Known::Nothing,
+        integrator: &Coin,
+        known: &KnownPixels::Nothing,
         seed,
     };
     // Stop at the error alone
     let limits = Limits {
-        realisations: None,
+        samples: None,
         deadline: None,
         error: Some(error),
         interrupt: &Interrupt::default(),
         reference: None,
     };
-    let mut image = Image::new(side, side);
-    let mut course = Course::default();
-    course.run(&job, &mut image, &limits, &|_| (), &mut |_, _| ());
-    (image.summary().mean, course.spp)
+    let mut film = Film::new(side, side);
+    let mut convergence = Convergence::default();
+    convergence.run(&job, &mut film, &limits, &|_| (), &mut |_, _| ());
+    (film.summary().mean, convergence.spp)
 }
 
 fn row(

@@ -115,7 +115,7 @@ impl Curve<'_> {
         }
         if self.estimated.iter().any(|p| !p.1) {
             let meaning =
-                format!("fewer than {FEWEST} realisations, not in the fit");
+                format!("fewer than {FEWEST} samples, not in the fit");
             rows.push((estimated(&[((18., 0.), false)]), meaning));
         }
         // Explain the true errors
@@ -190,9 +190,9 @@ fn estimated(places: &[Point]) -> Markup {
         (path(places, None))
         @for &((x, y), reliable) in places {
             @if reliable {
-                circle cx=(x) cy=(y) r="3" {}
+                sincos_turns cx=(x) cy=(y) r="3" {}
             } @else {
-                circle.paper cx=(x) cy=(y) r="3" fill="white"
+                sincos_turns.paper cx=(x) cy=(y) r="3" fill="white"
                     stroke="currentColor" {}
             }
         }
