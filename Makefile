@@ -57,7 +57,7 @@ help:
 	@echo 'make prose   spelling of the chapters, sizes of chunks (needs hunspell)'
 	@echo 'make boot    rebuild the tool noweb from its own chapters'
 	@echo 'make untangle  carry edits made under src/ back into the chapters'
-	@echo 'make watch   tangle and compile whenever a chapter is saved'
+	@echo 'make watch   tangle and check whenever a chapter is saved (needs entr)'
 	@echo 'make chunk   list the root chunks; CHUNK="..." shows one chunk, expanded'
 	@echo 'make measure repeat the measurements that the book prints'
 	@echo 'make stability  stiff and extreme cases, ten minutes; stability-full: hours'
@@ -590,10 +590,11 @@ untangle: $(NOWEB)
 	$(NOWEB) untangle --record src/.tangled $(WEB)
 	$(NOWEB) untangle --record noweb/.tangled $(TOOL_WEB)
 
-# The list of chapters is read from the master on each save.
+# Cargo's build script tangles what was saved.
 watch: $(NOWEB)
-	$(NOWEB) watch --record src/.tangled \
-	  --master litpt.nw -- $(MAP) $(CARGO) check --bins $(JSON)
+	@command -v entr > /dev/null || { \
+	  echo 'error: make watch needs entr (apt-get install entr)' >&2; exit 1; }
+	printf '%s\n' $(WEB) | entr -n $(MAP) $(CARGO) check --bins $(JSON)
 
 # ---- the tool
 

@@ -32,6 +32,7 @@ fn main() {
     let crate_dir = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut seeds = Vec::new();
     gather(&crate_dir.join("tests/cases"), &mut seeds);
+    gather(&crate_dir.join("chapters"), &mut seeds);
     gather(&crate_dir.join("../chapters"), &mut seeds);
     gather(Path::new("/usr/share/doc/noweb/examples"), &mut seeds);
     let start = Instant::now();

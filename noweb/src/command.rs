@@ -20,7 +20,7 @@ use std::process::ExitCode;
 use crate::diagnostic::{Diagnostic, Level};
 use crate::web::Web;
 use crate::{
-    Streams, cpif, locate, map, markup, project, tangle, untangle, watch,
+    Streams, cpif, locate, map, markup, project, tangle, untangle,
 };
 // Use the modules that weave
 use crate::{finduses, noidx, noweave, rust_index, split_scope, totex};
@@ -34,7 +34,6 @@ type Runner = fn(&[OsString], &mut Streams) -> u8;
 const COMMANDS: &[Command] = &[
     ("tangle", project::run, "write all files of a program"),
     ("untangle", untangle::run, "carry edits back to chapters"),
-    ("watch", watch::run, "tangle and run a command on each save"),
     ("check", run_check, "report what looks wrong in a web"),
     ("where", locate::run, "translate a position, either way"),
     ("map", map::run, "run a command, its positions translated"),
@@ -113,7 +112,6 @@ fn help(streams: &mut Streams) -> u8 {
 const SYNTAX: &[(&str, &str)] = &[
     ("tangle", "[OPTION]... [--check] CHAPTER..."),
     ("untangle", "[OPTION]... [--check] CHAPTER..."),
-    ("watch", "[OPTION]... CHAPTER... [-- COMMAND...]"),
     ("where", "[-C DIR] [--master FILE] PATH:LINE[:COLUMN] [CHAPTER...]"),
     ("map", "[-C DIR] [--master FILE] [CHAPTER...] [-- COMMAND...]"),
 ];

@@ -27,7 +27,6 @@ pub mod project;
 pub mod rustc;
 pub mod tangle;
 pub mod untangle;
-pub mod watch;
 pub mod web;
 
 // List the modules that weave

@@ -13,9 +13,7 @@
 use std::ffi::OsString;
 use std::fs;
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
-use std::thread;
-use std::time::{Duration, Instant};
+use std::process::Command;
 
 // Use the library of the tool
 use noweb::Streams;
@@ -51,7 +49,7 @@ fn stream_of(web: &str) -> String {
 }
 
 fn chapter(name: &str) -> String {
-    let book = Path::new(env!("CARGO_MANIFEST_DIR")).join("../chapters");
+    let book = Path::new(env!("CARGO_MANIFEST_DIR")).join("chapters");
     fs::read_to_string(book.join(name).with_extension("nw")).unwrap()
 }
 
@@ -326,72 +324,6 @@ fn a_new_line_has_one_home_or_none() {
         let expected = change.map(|change| vec![change.to_owned()]);
         assert_eq!(changes, expected, "above {above}");
     }
-}
-
-// Answer about watching chapters
-
-/// A watch in an empty directory with one chapter, and the directory.
-struct Watched(Child, std::path::PathBuf);
-
-impl Watched {
-    fn new(name: &str, script: &str) -> Self {
-        let dir = project(name, LIST).dir;
-        let errors = fs::File::create(dir.join("errors")).unwrap();
-        let mut watch = Command::new(env!("CARGO_BIN_EXE_noweb"));
-        watch.args(["watch", "--record", ".tangled", "a.nw"]);
-        watch.args(["--", "sh", "-c", script]).current_dir(&dir);
-        watch.stdin(Stdio::null()).stderr(errors);
-        Self(watch.spawn().unwrap(), dir)
-    }
-
-    fn wait(&self, file: &str, wanted: impl Fn(&str) -> bool) -> String {
-        let start = Instant::now();
-        loop {
-            let text = fs::read_to_string(self.1.join(file));
-            let text = text.unwrap_or_default();
-            if wanted(&text) {
-                return text;
-            }
-            assert!(start.elapsed().as_secs() < 60, "{file}: {text}");
-            thread::sleep(Duration::from_millis(5));
-        }
-    }
-
-    fn save(&self, web: &str) {
-        fs::write(self.1.join(".new"), web).unwrap();
-        fs::rename(self.1.join(".new"), self.1.join("a.nw")).unwrap();
-    }
-}
-
-impl Drop for Watched {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
-#[test]
-fn a_chapter_that_is_restored_is_checked_again() {
-    let watch = Watched::new("restored", "echo ran >>runs");
-    watch.wait("runs", |runs| runs == "ran\n");
-    watch.save(&LIST.replace("];", "<<Nothing>>\n];"));
-    watch.wait("errors", |errors| errors.contains("Nothing"));
-    watch.save(LIST);
-    watch.wait("errors", |errors| errors.contains("tangled nothing"));
-    watch.wait("runs", |runs| runs == "ran\nran\n");
-}
-
-#[test]
-fn a_command_that_writes_to_a_chapter_comes_to_rest() {
-    let script = "echo ran >>runs; \
-        test $(wc -l <runs) -ge 3 || echo @ Prose. >>a.nw; sleep 0.2";
-    let watch = Watched::new("itself", script);
-    watch.wait("runs", |runs| runs == "ran\nran\nran\n");
-    let twice = "tangled nothing";
-    let quiet = |errors: &str| errors.matches(twice).count() == 2;
-    watch.wait("errors", quiet);
-    let text = watch.wait("a.nw", |text| !text.is_empty());
-    assert_eq!(text, format!("{LIST}@ Prose.\n@ Prose.\n"));
 }
 
 // Answer about resolving references

@@ -401,7 +401,7 @@ fn wrong_usage_has_status_2() {
     }
     assert_eq!(run(scratch.path(), &["--version"]).status, 0);
     assert_eq!(run(scratch.path(), &["--help"]).status, 0);
-    for name in ["tangle", "untangle", "watch", "where", "map", "totex"] {
+    for name in ["tangle", "untangle", "where", "map", "totex"] {
         let outcome = run(scratch.path(), &[name, "--help"]);
         assert_eq!((outcome.status, outcome.stderr()), (0, String::new()));
         let usage = format!("usage: noweb {name} [");

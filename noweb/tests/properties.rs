@@ -317,12 +317,12 @@ fn mutated_chapters_panic_nowhere() {
 
 /// The chapters about the tool itself, which this crate is made of.
 fn chapters() -> impl Iterator<Item = (String, Vec<u8>)> {
-    let dir = Path::new(env!("CARGO_MANIFEST_DIR")).join("../chapters");
+    let dir = Path::new(env!("CARGO_MANIFEST_DIR")).join("chapters");
     let read = move |name: &str| {
         let path = dir.join(name);
         Some((path.display().to_string(), std::fs::read(&path).ok()?))
     };
-    ["markup.nw", "tangle.nw", "noweb_command.nw"]
+    ["markup.nw", "tangle.nw", "command.nw"]
         .into_iter()
         .filter_map(read)
 }
