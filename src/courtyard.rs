@@ -134,14 +134,14 @@ fn lathe(profile: &[Flat], sides: usize) -> Solid {
     let half = semicircle(sides / 2);
     let under = half.iter().map(|&[x, y]| [-x, -y]);
     let upper = half.iter().map(|&[x, y]| [x, y]);
-    let mut sincos_turns: Vec<Flat> = upper.chain(under).collect();
-    sincos_turns.dedup();
-    sincos_turns.pop();
+    let mut circle: Vec<Flat> = upper.chain(under).collect();
+    circle.dedup();
+    circle.pop();
     let ring = |&[r, y]: &Flat| {
-        sincos_turns.iter().map(|&[a, b]| [r * a, y, r * b]).collect()
+        circle.iter().map(|&[a, b]| [r * a, y, r * b]).collect()
     };
     let rings: Vec<_> = profile.iter().map(ring).collect();
-    sweep(&rings, &fan(sincos_turns.len()))
+    sweep(&rings, &fan(circle.len()))
 }
 
 // Cut a rectangular block

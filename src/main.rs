@@ -223,10 +223,10 @@ fn explain(
     let mut words = String::new();
     for Finding { fact, holds, why } in &analysis.findings {
         let sign = if *holds { "left out" } else { "-" };
-        words += &format!("{fact:8}{sign:10}{why}\n");
+        words += &format!("{fact:12}{sign:10}{why}\n");
     }
     words += &format!(
-        "{:8}{}\n",
+        "{:12}{}\n",
         "intersector",
         analysis.parts(arguments.isa())
     );

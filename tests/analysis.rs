@@ -10,7 +10,7 @@ mod settings;
 
 use std::collections::BTreeMap;
 
-use common::OutputTarget;
+use common::Scratch;
 use glam::DVec3;
 use litpt::analysis::background::KnownPixels;
 use litpt::analysis::{SceneAnalysis, Shortcut};
@@ -468,7 +468,7 @@ f 1 2 3 4\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n";
 
 /// The summary and the image of a run in the box.
 fn in_the_box(arguments: &[&str]) -> (String, Vec<u8>) {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     place.put("box.obj", BOX);
     let all = ["-ibox.obj", "-r0.9", "-d8x6", "-n4", "--format=pfm"];
     let run = place.run(&[&all[..], arguments].concat());
@@ -491,7 +491,7 @@ fn a_closed_box_is_dark_without_a_ray_and_the_summary_says_why() {
 
 #[test]
 fn an_explanation_names_what_was_too_expensive_to_look_for() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     place.put("box.obj", BOX);
     for (albedo, analysis) in [
         ("-r0.5", &["dark", "hidden", "bare", "open", "free"][..]),
@@ -509,19 +509,19 @@ fn an_explanation_names_what_was_too_expensive_to_look_for() {
 
 #[test]
 fn an_explanation_renders_nothing() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     place.put("box.obj", BOX);
     let run = place.run(&["-ibox.obj", "--explain", "-o", "image.png"]);
     run.succeeded();
     let said = String::from_utf8(run.stdout).unwrap();
     assert!(said.contains("dark"), "{said}");
-    assert!(said.contains("intersector  none: no ray"), "{said}");
+    assert!(said.contains("intersector none: no ray"), "{said}");
     place.holds_only(&["box.obj"]);
 }
 
 #[test]
 fn a_report_tells_what_was_left_out() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     place.put("box.obj", BOX);
     let files = ["--report=a.json", "--report=a.html", "-oa.pgm", "-q"];
     place.run(&[&["-ibox.obj"], &files[..]].concat()).succeeded();
@@ -535,7 +535,7 @@ fn a_report_tells_what_was_left_out() {
 /// Two names are not a size, such as 320x240.
 #[test]
 fn a_picture_names_the_facts_that_matter_to_its_weights() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     let ground =
         "v -99 -99 0\nv 99 -99 0\nv 99 99 0\nv -99 99 0\nf 1 2 3 4\n";
     let below = BOX.lines().map(|line| {
@@ -570,7 +570,7 @@ fn a_picture_names_the_facts_that_matter_to_its_weights() {
 #[test]
 fn an_image_that_is_known_takes_no_time() {
     let (said, _) = {
-        let place = OutputTarget::new();
+        let place = Scratch::new();
         place.put("box.obj", BOX);
         let run = place.run(&["-ibox.obj", "--time", "60", "-oa.pgm"]);
         run.succeeded();
@@ -583,7 +583,7 @@ fn an_image_that_is_known_takes_no_time() {
 /// the second, which could afford more, goes on as the first did.
 #[test]
 fn a_run_that_is_resumed_leaves_out_what_it_left_out_before() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     let view = ["-isquare.obj", "-p0,0,2", "-t0,0,0", "-u0,0.1,1"];
     let all = [&view[..], &["-d4x3", "-r0.5", "-F40"]].concat();
     let few = ["-n2", "--checkpoint=c", "-oa.pfm"];

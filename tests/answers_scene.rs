@@ -17,7 +17,7 @@ use std::f64::consts::FRAC_PI_2;
 use std::fs;
 use std::ops::Range;
 
-use common::{OutputTarget, ROOM};
+use common::{ROOM, Scratch};
 use glam::{DVec3, Vec3};
 use litpt::bvh::{Bvh, Hit, Intersector, Isa, Quality};
 use litpt::camera::{Camera, View};
@@ -55,12 +55,12 @@ fn named_by(module: &str) -> BTreeSet<String> {
 }
 
 #[test]
-fn no_room_reaches_back() {
+fn no_module_reaches_back() {
     let names = |module| Vec::from_iter(named_by(module)).join(" ");
-    assert_eq!(names("estimator"), "hierarchy sampling scene sky");
-    assert_eq!(names("hierarchy"), "scene");
+    assert_eq!(names("integrator"), "bvh sampler scene sky");
+    assert_eq!(names("bvh"), "scene");
     assert_eq!(names("scene"), "numerics");
-    assert_eq!(names("image"), "statistics");
+    assert_eq!(names("film"), "statistics");
     assert_eq!(names("sky"), "");
 }
 
@@ -122,7 +122,7 @@ fn the_peak_of_a_run_may_be_its_picture() {
 
 #[test]
 fn a_status_tells_a_wrong_call_from_a_failure() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     let run = |arguments: &str| {
         let line = format!("-d 4x3 {arguments}");
         place.run(&line.split(' ').collect::<Vec<_>>())
@@ -130,7 +130,7 @@ fn a_status_tells_a_wrong_call_from_a_failure() {
     run("-i room.obj -o a.pgm").succeeded();
     let film = place.get("a.pgm");
     run("-i room.obj -o a.pgm").failed(1, &["a.pgm", "-f"]);
-    run("-i room.obj -o b.pgm -n 0").failed(2, &["--samples"]);
+    run("-i room.obj -o b.pgm -n 0").failed(2, &["--spp"]);
     // Give the other three commands
     let blind = "-t 0,0,0 -i nowhere.obj -o b.pgm";
     run(blind).failed(1, &["own position 0,0,0"]);
@@ -180,7 +180,7 @@ const WALL: &str = "v -1e6 5 -1e6\nv 1e6 5 -1e6\nv 1e6 5 1e6\n\
 
 /// The error that a run reports of its image of the wall.
 fn error_of(n: u32) -> f64 {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     place.put("wall.obj", WALL);
     let n = n.to_string();
     let scene = ["-iwall.obj", "-r0.5", "-d64x48", "-n", &n];
@@ -201,7 +201,7 @@ fn sixteen_times_the_realisations_quarter_the_error() {
 
 #[test]
 fn a_value_that_is_almost_right_is_refused() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     let status = |option| {
         let run = place.run(&["-iroom.obj", "--explain", option]);
         run.status.unwrap()
@@ -219,7 +219,7 @@ fn a_value_that_is_almost_right_is_refused() {
 
 #[test]
 fn two_of_five_options_change_an_image() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     place.put("wall.obj", WALL);
     let film = |option: &str| {
         let scene = ["-iwall.obj", "-d64x48", "-n2", "-q"];
@@ -320,7 +320,7 @@ fn moved(divisor: f64, by: f64) -> String {
 
 #[test]
 fn ten_million_metres_away_the_room_is_the_same() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     place.put("far.obj", moved(1., 1e7));
     let there = ["-ifar.obj", "-p1e7,0,0", "-t1e7,1,0", "-d32x24"];
     let run = place.run(&there);

@@ -12,7 +12,7 @@ use std::process::Child;
 use std::thread;
 use std::time::{Duration, Instant};
 
-use common::{OutputTarget, ROOM, Run, finish};
+use common::{ROOM, Run, Scratch, finish};
 use litpt::checkpoint::{Checkpoint, RunKey, save};
 use litpt::film::Film;
 use litpt::image::Image;
@@ -160,7 +160,7 @@ const ALL: [&str; 8] =
 
 /// Runs `pt` with the options of `SCENE`, as far as no other of the same
 /// letter is given.
-fn pt(place: &OutputTarget, arguments: &[&str]) -> Run {
+fn pt(place: &Scratch, arguments: &[&str]) -> Run {
     let replaced = |one: &str| {
         arguments.iter().any(|argument| argument.get(..2) == one.get(..2))
     };
@@ -185,12 +185,12 @@ fn saved_spp(path: &PathBuf) -> Option<u64> {
     let bytes = std::fs::read(path).ok()?;
     let line = bytes.split(|&byte| byte == b'\n').nth(1)?;
     let header: Value = serde_json::from_slice(line).unwrap();
-    header["course"]["spp"].as_u64()
+    header["convergence"]["spp"].as_u64()
 }
 
 /// Starts a run without an end, and kills it as soon as it has saved more
 /// than `spp` samples.
-fn killed_after(place: &OutputTarget, spp: u64, arguments: &[&str]) {
+fn killed_after(place: &Scratch, spp: u64, arguments: &[&str]) {
     let endless = ["-n1000000000", "--every", "0.001", "--checkpoint", "c"];
     let mut command = place.pt(&[&SCENE[..], &endless, arguments].concat());
     let mut child = command.spawn().unwrap();
@@ -201,7 +201,7 @@ fn killed_after(place: &OutputTarget, spp: u64, arguments: &[&str]) {
 }
 
 /// Renders the four images again at one go, and compares them.
-fn same_as_uninterrupted(place: &OutputTarget, arguments: &[&str]) {
+fn same_as_uninterrupted(place: &Scratch, arguments: &[&str]) {
     let names = ["a.pgm", "a.png", "a.pfm"];
     let resumed = names.map(|name| place.get(name));
     let numbers = Image::read(&place.path("a.exr")).unwrap();
@@ -221,7 +221,7 @@ fn same_as_uninterrupted(place: &OutputTarget, arguments: &[&str]) {
 #[test]
 fn a_run_that_was_killed_twice_ends_with_the_bytes_of_an_uninterrupted_one()
 {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     killed_after(&place, 0, &[]);
     let first = saved_spp(&place.path("c")).unwrap();
     killed_after(&place, first, &["--resume", "c", "-j3"]);
@@ -243,7 +243,7 @@ fn a_run_that_was_killed_twice_ends_with_the_bytes_of_an_uninterrupted_one()
 
 #[test]
 fn a_run_that_has_ended_may_go_on_to_another_limit() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     pt(&place, &["-n7", "-o", "b.pgm", "--checkpoint", "c"]).succeeded();
     assert_eq!(saved_spp(&place.path("c")), Some(7));
     pt(&place, &["-n30", "--resume", "c", "-o", "b.png"]).succeeded();
@@ -264,7 +264,7 @@ fn a_run_that_has_ended_may_go_on_to_another_limit() {
 /// and holds the `words`, and nothing is changed or written.
 #[track_caller]
 fn left_alone(
-    place: &OutputTarget,
+    place: &Scratch,
     name: &str,
     options: &[&str],
     words: &[&str],
@@ -280,7 +280,7 @@ fn left_alone(
 
 #[test]
 fn what_is_no_checkpoint_is_refused_before_the_scene_is_read() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     place.put("c", "litpt checkpoint 1\nand more");
     let fault = "c: is damaged: its checksum is wrong";
     pt(&place, &["-imissing.obj", "--resume", "c"]).failed(1, &[fault]);
@@ -291,7 +291,7 @@ fn what_is_no_checkpoint_is_refused_before_the_scene_is_read() {
 
 #[test]
 fn a_damaged_checkpoint_is_refused_and_left_alone() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     pt(&place, &["-n2", "-o", "/dev/null", "-f", "--checkpoint", "c"])
         .succeeded();
     let whole = place.get("c");
@@ -320,7 +320,7 @@ fn a_damaged_checkpoint_is_refused_and_left_alone() {
 
 #[test]
 fn the_checkpoint_of_another_run_is_refused_with_the_fact_that_differs() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     pt(&place, &["-n2", "-o", "/dev/null", "-f", "--checkpoint", "c"])
         .succeeded();
     for (option, fact) in [
@@ -342,7 +342,7 @@ fn the_checkpoint_of_another_run_is_refused_with_the_fact_that_differs() {
 
 #[test]
 fn a_checkpoint_that_exists_is_refused_before_the_scene_is_read() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     place.put("c", "old");
     let files = ["-imissing.obj", "-oa.pgm", "--checkpoint", "c"];
     pt(&place, &files).failed(1, &["c: ", "-f"]);
@@ -355,7 +355,7 @@ fn a_checkpoint_that_exists_is_refused_before_the_scene_is_read() {
 
 #[test]
 fn a_checkpoint_that_is_missing_is_reported_before_the_scene_is_read() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     let run = pt(&place, &["-imissing.obj", "--resume", "c"]);
     run.failed(1, &["c: cannot read", "No such file"]);
     place.holds_only(&[]);
@@ -363,7 +363,7 @@ fn a_checkpoint_that_is_missing_is_reported_before_the_scene_is_read() {
 
 #[test]
 fn a_checkpoint_may_not_take_the_name_of_the_scene() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     let files = ["-f", "--checkpoint=room.obj", "-oa.pgm"];
     pt(&place, &files).failed(1, &["named twice"]);
     place.holds_only(&[]);

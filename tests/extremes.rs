@@ -8,7 +8,7 @@ mod common;
 
 use std::time::{Duration, Instant};
 
-use common::{ABOVE, OutputTarget, pgm};
+use common::{ABOVE, Scratch, pgm};
 use glam::DVec3;
 use litpt::analysis::background::KnownPixels;
 use litpt::bvh::{Bvh, Isa, Quality};
@@ -397,7 +397,7 @@ fn each_reflectivity_is_the_radiance_of_a_lone_square() {
 
 #[test]
 fn one_realisation_and_a_trillion_within_a_time_give_the_image() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     let arguments = ["-isquare.obj", "-d4x3", "-r0.5"];
     for more in [&["-n1"][..], &["-n1099511627776", "--time=1"]] {
         let run = place.run(&[&arguments[..], &ABOVE, more].concat());
@@ -410,7 +410,7 @@ fn one_realisation_and_a_trillion_within_a_time_give_the_image() {
 
 #[test]
 fn coordinates_that_are_no_numbers_are_refused_in_one_line() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     for word in ["NaN", "inf", "-inf", "1e309"] {
         let text = format!("v 0 0 0\nv 1 0 0\nv 0 {word} 0\nf 1 2 3\n");
         place.feed(text.as_bytes(), &["-q"]).failed(1, &["3: ", word]);

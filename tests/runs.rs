@@ -12,7 +12,7 @@ use std::process::{Child, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use common::{OutputTarget, ROOM, Run, finish, skip};
+use common::{ROOM, Run, Scratch, finish, skip};
 use litpt::checkpoint::RunKey;
 use litpt::film::Film;
 use litpt::image::Image;
@@ -23,15 +23,15 @@ use serde_json::Value;
 
 const SCENE: [&str; 4] = ["-q", "-iroom.obj", "-d23x17", "-r0.7"];
 
-fn pt(place: &OutputTarget, arguments: &[&str]) -> Run {
+fn pt(place: &Scratch, arguments: &[&str]) -> Run {
     place.run(&[&SCENE[..], arguments].concat())
 }
 
-fn spawn(place: &OutputTarget, arguments: &[&str]) -> Child {
+fn spawn(place: &Scratch, arguments: &[&str]) -> Child {
     place.pt(&[&SCENE[..], arguments].concat()).spawn().unwrap()
 }
 
-fn json(place: &OutputTarget, name: &str) -> Value {
+fn json(place: &Scratch, name: &str) -> Value {
     serde_json::from_slice(&place.get(name)).unwrap()
 }
 
@@ -47,7 +47,7 @@ fn spp(report: &Value) -> u64 {
 /// The report `r.json` of a run that has been stopped by `stop`: it is
 /// complete, and the image `a.pfm` is that of so many samples.
 #[track_caller]
-fn complete(place: &OutputTarget, stop: &str) -> Value {
+fn complete(place: &Scratch, stop: &str) -> Value {
     let report = json(place, "r.json");
     assert_eq!(report["stopped"], stop);
     assert_eq!(report["scene"]["file"], "room.obj");
@@ -83,7 +83,7 @@ fn a_time_limit_ends_the_run_in_time_with_image_and_report() {
     // A busy machine may well delay one run, and hardly three.
     let mut seen = vec![];
     for _ in 0..3 {
-        let place = OutputTarget::new();
+        let place = Scratch::new();
         let start = Instant::now();
         pt(&place, &[&FILES[..], &["--time=1", "-j1"]].concat())
             .succeeded();
@@ -108,7 +108,7 @@ fn a_time_limit_ends_the_run_in_time_with_image_and_report() {
 
 #[test]
 fn a_short_time_leaves_a_complete_report_and_image() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     pt(&place, &[&FILES[..], &["--time=0.1"]].concat()).succeeded();
     let report = complete(&place, "time");
     assert!(report["render_seconds"].as_f64() < Some(5.));
@@ -116,7 +116,7 @@ fn a_short_time_leaves_a_complete_report_and_image() {
 
 #[test]
 fn there_is_always_time_for_one_sample() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     pt(&place, &[&FILES[..], &["--time=1e-9"]].concat()).succeeded();
     let report = complete(&place, "time");
     assert_eq!((spp(&report), steps(&report).len()), (1, 1));
@@ -127,11 +127,11 @@ fn there_is_always_time_for_one_sample() {
 #[test]
 fn a_time_that_is_too_short_is_worth_a_warning() {
     let short = ["-i", "room.obj", "-d4x4", "--time=1e-9"];
-    let run = OutputTarget::new().run(&short);
+    let run = Scratch::new().run(&short);
     run.succeeded();
     assert!(run.stderr.contains("warning"), "{}", run.stderr);
     assert!(run.stderr.contains("longer than --time"), "{}", run.stderr);
-    let quiet = OutputTarget::new().run(&[&short[..], &["-q"]].concat());
+    let quiet = Scratch::new().run(&[&short[..], &["-q"]].concat());
     assert_eq!(quiet.stderr, "");
 }
 
@@ -139,7 +139,7 @@ fn a_time_that_is_too_short_is_worth_a_warning() {
 fn the_number_of_realisations_bounds_a_run_with_other_limits() {
     let limits = ["--time=1000", "--time=1e300", "--error=1e-9"];
     for limit in limits {
-        let place = OutputTarget::new();
+        let place = Scratch::new();
         pt(&place, &[&FILES[..], &["-n13", limit]].concat()).succeeded();
         let report = complete(&place, "samples");
         assert_eq!(spp(&report), 13, "{limit}");
@@ -149,7 +149,7 @@ fn the_number_of_realisations_bounds_a_run_with_other_limits() {
 
 #[test]
 fn without_any_limit_there_is_one_sample() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     pt(&place, &FILES).succeeded();
     let report = complete(&place, "samples");
     assert_eq!(spp(&report), 1);
@@ -160,7 +160,7 @@ fn without_any_limit_there_is_one_sample() {
 
 #[test]
 fn an_error_limit_is_kept_and_said() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     for (limit, error) in [("--error=0.1", 0.1), ("--error=0.023", 0.023)] {
         let others = ["-f", "-n1000000", "--time=1000", limit];
         pt(&place, &[&FILES[..], &others].concat()).succeeded();
@@ -177,7 +177,7 @@ fn an_error_limit_is_kept_and_said() {
 
 #[test]
 fn a_report_has_at_least_four_steps_in_a_decade() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     pt(&place, &[&FILES[..], &["-n1000"]].concat()).succeeded();
     let report = complete(&place, "samples");
     for decade in [1, 10, 100] {
@@ -222,7 +222,7 @@ fn wait_until(child: &mut Child, what: &str, done: impl Fn() -> bool) {
 
 /// Starts a run without an end, and returns when its report has a step
 /// of at least so many samples.
-fn start(place: &OutputTarget, least: u64, arguments: &[&str]) -> Child {
+fn start(place: &Scratch, least: u64, arguments: &[&str]) -> Child {
     let mut child =
         spawn(place, &[&FILES[..], &["-n1000000000"], arguments].concat());
     let path = place.path("r.json");
@@ -237,7 +237,7 @@ fn start(place: &OutputTarget, least: u64, arguments: &[&str]) -> Child {
 #[test]
 fn a_signal_ends_the_run_with_its_image_and_report() {
     for (name, status) in [("INT", 130), ("TERM", 143)] {
-        let place = OutputTarget::new();
+        let place = Scratch::new();
         let child = start(&place, 6, &["--checkpoint=c"]);
         signal(name, &child);
         let run = finish(child);
@@ -274,7 +274,7 @@ fn a_second_signal_ends_the_program_at_once() {
     if fs::metadata("/proc/self/status").is_err() {
         return skip("the system does not tell which signals are caught");
     }
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     place.put("box.obj", BOX);
     // Of two different signals that arrive together, either may be first.
     for (first, second, ends) in [
@@ -304,7 +304,7 @@ fn a_second_signal_ends_the_program_at_once() {
 
 #[test]
 fn a_signal_while_the_scene_is_read_ends_the_program_and_leaves_nothing() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     let files = [&FILES[..], &["--checkpoint=c"]].concat();
     let mut command = place.pt(&files);
     let mut child = command.stdin(Stdio::piped()).spawn().unwrap();
@@ -326,7 +326,7 @@ fn a_signal_while_the_scene_is_read_ends_the_program_and_leaves_nothing() {
 
 #[test]
 fn a_run_that_is_killed_leaves_a_readable_report_and_no_image() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     let mut child = start(&place, 10, &[]);
     child.kill().unwrap();
     finish(child);
@@ -342,7 +342,7 @@ fn a_run_that_is_killed_leaves_a_readable_report_and_no_image() {
 
 #[test]
 fn an_existing_report_is_refused_before_the_scene_is_read() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     place.put("r.json", "old");
     let missing = ["-q", "-imissing.obj", "-oa.pgm", "--report=r.json"];
     place.run(&missing).failed(1, &["r.json: ", "-f"]);
@@ -354,7 +354,7 @@ fn an_existing_report_is_refused_before_the_scene_is_read() {
 
 #[test]
 fn a_report_of_unknown_kind_is_refused_before_the_scene_is_read() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     for name in ["r", "r.txt", "r.jso", "r.pgm", "r.json.gz"] {
         let report = format!("--report={name}");
         place
@@ -366,7 +366,7 @@ fn a_report_of_unknown_kind_is_refused_before_the_scene_is_read() {
 
 #[test]
 fn no_file_may_serve_two_purposes() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     for files in [
         ["--report=r.json", "--report=r.json", "-f"],
         ["-or.json", "--checkpoint=r.json", "-q"],
@@ -382,7 +382,7 @@ fn no_file_may_serve_two_purposes() {
 
 #[test]
 fn each_of_several_reports_is_written() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     let more = ["--report=s.json", "--report=t.csv", "-n5"];
     pt(&place, &[&FILES[..], &more].concat()).succeeded();
     complete(&place, "samples");
@@ -392,7 +392,7 @@ fn each_of_several_reports_is_written() {
 }
 
 /// Runs `pt` where no file may be larger than so many blocks.
-fn pt_within(place: &OutputTarget, blocks: u32, arguments: &[&str]) -> Run {
+fn pt_within(place: &Scratch, blocks: u32, arguments: &[&str]) -> Run {
     let script = format!(r#"ulimit -f {blocks}; exec "$0" "$@""#);
     let mut command = place.command("sh");
     command.args(["-c", &script, env!("CARGO_BIN_EXE_pt")]);
@@ -419,7 +419,7 @@ fn warned(run: &Run, names: &[&str]) {
 
 #[test]
 fn a_checkpoint_that_does_not_fit_costs_neither_image_nor_report() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     let scene = ["-iroom.obj", "-d41x30"];
     let files = ["-oa.pgm", "--report=r.json", "--checkpoint=c"];
     let run = ["-n6", "--every=1e-9"];
@@ -446,7 +446,7 @@ fn a_checkpoint_that_does_not_fit_costs_neither_image_nor_report() {
 
 #[test]
 fn a_report_that_does_not_fit_costs_neither_image_nor_run() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     let scene = ["-iroom.obj", "-d9x7", "-n40"];
     let files = ["-oa.pgm", "--report=r.json", "--checkpoint=c"];
     let run = [&scene[..], &files, &["--every=1e-9"]].concat();
@@ -459,7 +459,7 @@ fn a_report_that_does_not_fit_costs_neither_image_nor_run() {
 
 #[test]
 fn every_step_says_its_true_error_against_the_reference() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     let truth = ["-n300", "-s77", "-otruth.exr", "-otruth.pfm"];
     pt(&place, &truth).succeeded();
     for name in ["truth.exr", "truth.pfm"] {
@@ -490,7 +490,7 @@ fn every_step_says_its_true_error_against_the_reference() {
 
 #[test]
 fn a_reference_with_the_seed_of_the_run_is_worth_a_warning() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     pt(&place, &["-n3", "-s77", "-otruth.exr"]).succeeded();
     let warnings = |seed| {
         let files = ["-oa.pgm", "-f", "--reference=truth.exr"];
@@ -507,7 +507,7 @@ fn a_reference_with_the_seed_of_the_run_is_worth_a_warning() {
 
 #[test]
 fn a_reference_that_cannot_be_used_is_named_before_the_scene_is_read() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     let whole = ["-otruth.exr", "-otruth.pfm", "-olevels.pgm"];
     pt(&place, &[&whole[..], &["-olevels.png"]].concat()).succeeded();
     let (exr, pfm) = (place.get("truth.exr"), place.get("truth.pfm"));
@@ -553,7 +553,7 @@ fn a_reference_that_cannot_be_used_is_named_before_the_scene_is_read() {
 
 #[test]
 fn standard_output_has_the_bytes_of_the_file_in_each_format() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     for format in ["pgm", "png", "pfm"] {
         let (option, file) =
             (format!("--format={format}"), format!("-oa.{format}"));
@@ -567,7 +567,7 @@ fn standard_output_has_the_bytes_of_the_file_in_each_format() {
 
 #[test]
 fn an_exr_is_the_same_on_standard_output_except_for_its_times() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     pt(&place, &["-n5", "-oa.exr"]).succeeded();
     let run = pt(&place, &["-n5", "--format=exr"]);
     run.succeeded();
@@ -598,7 +598,7 @@ fn an_exr_is_the_same_on_standard_output_except_for_its_times() {
 
 #[test]
 fn a_pfm_and_an_exr_hold_the_same_means() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     pt(&place, &["-n5", "-oa.exr", "-oa.pfm"]).succeeded();
     let [exr, pfm] = ["a.exr", "a.pfm"]
         .map(|name| Image::read(&place.path(name)).unwrap());
@@ -611,7 +611,7 @@ fn a_pfm_and_an_exr_hold_the_same_means() {
 
 #[test]
 fn a_format_is_for_standard_output_only() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     let both = ["-i", "room.obj", "--format=exr", "-o", "a.pgm"];
     place.run(&both).failed(2, &["--format", "--output"]);
     place.holds_only(&[]);
@@ -619,7 +619,7 @@ fn a_format_is_for_standard_output_only() {
 
 #[test]
 fn a_file_of_two_names_is_one_file() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     std::os::unix::fs::symlink("room.obj", place.path("link.pgm")).unwrap();
     let scene = place.get("room.obj");
     let linked = ["-f", "-o", "link.pgm"];
@@ -633,7 +633,7 @@ fn a_file_of_two_names_is_one_file() {
 
 #[test]
 fn each_file_that_cannot_be_written_is_named() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     let files = ["-iroom.obj", "-n2", "-d512x384", "-oa.pgm", "-ob.pfm"];
     pt_within(&place, 64, &files).failed(1, &["a.pgm", "b.pfm"]);
     place.holds_only(&[]);
@@ -641,7 +641,7 @@ fn each_file_that_cannot_be_written_is_named() {
 
 #[test]
 fn a_checkpoint_that_holds_enough_is_worth_a_warning() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     let run = ["-i", "room.obj", "-d9x7", "--checkpoint=c"];
     place.run(&[&run[..], &["-n5"]].concat()).succeeded();
     for more in [&["--resume=c"][..], &["--resume=c", "-n4"]] {

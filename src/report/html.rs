@@ -152,7 +152,7 @@ fn images(image: &Image) -> Markup {
         @if let Some(address) = film.and_then(|grid| grid.embed(1.)) {
             figure {
                 img src=(address) alt="The rendered image";
-                figcaption { "The film. White is the radiance of the \
+                figcaption { "The image. White is the radiance of the \
                     sky, or more." }
             }
         }

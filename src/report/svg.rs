@@ -190,9 +190,9 @@ fn estimated(places: &[Point]) -> Markup {
         (path(places, None))
         @for &((x, y), reliable) in places {
             @if reliable {
-                sincos_turns cx=(x) cy=(y) r="3" {}
+                circle cx=(x) cy=(y) r="3" {}
             } @else {
-                sincos_turns.paper cx=(x) cy=(y) r="3" fill="white"
+                circle.paper cx=(x) cy=(y) r="3" fill="white"
                     stroke="currentColor" {}
             }
         }

@@ -35,9 +35,9 @@ pub const ABOVE: [&str; 4] = ["-p0,0,2", "-t0,0,0", "-u0,0.1,1", "-F40"];
 const PATIENCE: Duration = Duration::from_secs(120);
 
 /// A directory that holds `room.obj` and `square.obj`, and nothing else.
-pub struct OutputTarget(TempDir);
+pub struct Scratch(TempDir);
 
-impl OutputTarget {
+impl Scratch {
     pub fn new() -> Self {
         let place = Self(tempfile::tempdir().unwrap());
         place.put("room.obj", ROOM);
