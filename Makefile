@@ -256,27 +256,17 @@ $(BUILD_DIR)/tables/%.csv: doc/measured/%.csv
 	@mkdir -p $(@D)
 	grep -v '^#' $< > $@
 
-# What the book says of itself: how much of what is in it, and what the weaving
-# pipeline makes of it.
-STREAMS = $(addprefix $(BUILD_DIR)/,plain.stream resolved.stream)
-$(BUILD_DIR)/tables/numbers.stamp: $(WEB) $(NOWEB) src/.tangled
+# What the books say of themselves: how much of what is in them.
+$(BUILD_DIR)/tables/numbers.stamp: $(WEB) $(TOOL_WEB) src/.tangled
 	@mkdir -p $(@D)
-	@$(NOWEB) markup $(WEB) > $(BUILD_DIR)/plain.stream
-	@$(NOWEB) finduses < $(BUILD_DIR)/plain.stream | $(NOWEB) noidx -delay \
-	  > $(BUILD_DIR)/resolved.stream
-	@LC_ALL=C awk -v parts=$(@D)/parts.tex -f doc/numbers.awk $(WEB) \
-	  $(STREAMS) $(wildcard src/*.rs src/*/*.rs noweb/src/*.rs tests/*.rs \
-	    tests/*/*.rs noweb/tests/*.rs) > $(@D)/numbers.tex
+	@LC_ALL=C awk -v parts=$(@D)/parts.tex -f doc/numbers.awk $(WEB) $(TOOL_WEB) \
+	  $(wildcard src/*.rs src/*/*.rs noweb/src/*.rs tests/*.rs tests/*/*.rs \
+	    noweb/tests/*.rs) > $(@D)/numbers.tex
 	@touch $@
 
-# What the history of the chapters says of them, and how long one waits for
-# what: recorded like the measurements above, on an idle machine.
-.PHONY: history turnaround
-history:
-	{ echo "$(MACHINE)" && python3 doc/history.py; } \
-	  > doc/measured/history.csv.new
-	mv doc/measured/history.csv.new doc/measured/history.csv
-
+# How long one waits for what: recorded like the measurements above, on an idle
+# machine.
+.PHONY: turnaround
 turnaround: $(NOWEB) pdf
 	{ echo "$(MACHINE)" && python3 doc/turnaround.py $(NOWEB) $(WEB); } \
 	  > doc/measured/turnaround.csv.new
@@ -499,7 +489,7 @@ endef
 BOOK_NEEDS = $(NOWEB) config.mk $(BUILD_DIR)/examples.stamp \
   $(addprefix doc/,litpt.sty litpt.bib litpt-mono.enc latexmkrc) \
   $(addprefix $(BUILD_DIR)/tables/,numbers.stamp measured.tex editor.tex \
-    translation.tex turnaround.tex history.tex)
+    translation.tex turnaround.tex)
 
 $(BUILD_DIR)/litpt.pdf: $(WEB) $(BOOK_NEEDS) \
   $(BUILD_DIR)/figures/courtyard.png \
