@@ -241,6 +241,11 @@ $(BUILD_DIR)/tables/counted.tex: Makefile \
 	  sed -n -E 's/^  "(rays|mean|mean_stderr|pixels)": (.*),/\\nwmeasured{picture}{report}{\1}{\2}%/p' \
 	    $(BUILD_DIR)/figures/courtyard.json; } > $@
 
+# The layers of the modules, as the test of imports has them.
+$(BUILD_DIR)/tables/layers.tex: tests/layers.txt doc/layers.awk
+	@mkdir -p $(@D)
+	awk -f doc/layers.awk $< > $@
+
 # What the programs have said, for the same purpose.
 SAID = info same other seeds few single pair joined long white files
 $(BUILD_DIR)/tables/said.tex: doc/said.awk Makefile $(BUILD_DIR)/examples.stamp \
@@ -498,7 +503,7 @@ $(BUILD_DIR)/litpt.pdf: $(WEB) $(BOOK_NEEDS) \
     ablation.tex layouts.tex habits.tex abreast.tex traversal.tex \
     bench.tex generations.tex sizes.csv shapes.tex start.tex repeats.csv \
     accumulators.tex accounting.tex alarms.tex thresholds.tex \
-    calibration.stamp anatomy.stamp curve.csv counted.tex said.tex)
+    calibration.stamp anatomy.stamp curve.csv counted.tex said.tex layers.tex)
 	$(call MAKE_BOOK,litpt,$(WEB),$(BUILD_DIR)/tex)
 
 $(BUILD_DIR)/noweb.pdf: $(TOOL_WEB) $(BOOK_NEEDS)

@@ -9,7 +9,7 @@
 //! A Monte-Carlo path tracer for one diffuse material under a
 //! uniform sky.
 //!
-//! Each module belongs to a chapter of the book.
+//! Each module has a chapter of the book.
 //! Lengths are in the scene's own unit; radiance is relative to the
 //! radiance of the sky, and therefore lies between 0 and 1.
 //!
