@@ -10,11 +10,11 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::DVec3;
 use litpt::bvh::{Bvh, Isa, Quality};
-use litpt::closed_forms::{Setting, cavity, look, plane};
-use litpt::courtyard;
 use litpt::film::Film;
 use litpt::render::{Job, Renderer};
 use litpt::scene::{Mesh, Scene, read_obj};
+use litpt_book::closed_forms::{Setting, cavity, look, plane};
+use litpt_book::courtyard;
 use rayon::ThreadPoolBuilder;
 
 /// The system's allocator, and how often it was called.

@@ -5,8 +5,6 @@
 //! the better; and a fact that is false is found out.
 
 mod common;
-#[path = "../examples/settings/mod.rs"]
-mod settings;
 
 use std::collections::BTreeMap;
 
@@ -23,9 +21,9 @@ use litpt::integrator::{Foresight, PathTracer};
 use litpt::render::{Job, Renderer};
 use litpt::scene::{Mesh, Scene};
 use litpt::sky::Sky;
+use litpt_book::settings::{Setting, all, named};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
-use settings::{Setting, all, named};
 
 const SMALL: (u32, u32) = (24, 18);
 

@@ -24,9 +24,10 @@ use litpt::analysis::{
 use litpt::output::OutputTarget;
 use litpt::report::Fit;
 use litpt::{bvh::*, film::*, image::*, render::*};
-use litpt::{camera::*, checkpoint::*, closed_forms::*, render_loop::*};
+use litpt::{camera::*, checkpoint::*, render_loop::*};
 use litpt::{compare::compare, compare::merge::merge, integrator::*};
 use litpt::{sampler::*, scene::*, sky::*, statistics::*};
+use litpt_book::closed_forms::*;
 use rand::{Rng, RngExt};
 use serde_json::Value;
 

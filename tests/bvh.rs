@@ -6,11 +6,11 @@
 use glam::DVec3;
 use litpt::bvh::{Bvh, Hit, Intersector, Isa, Quality};
 use litpt::camera::View;
-use litpt::closed_forms::{Setting, cavity};
 use litpt::film::Film;
 use litpt::render::Renderer;
 use litpt::sampler::cosine_direction;
 use litpt::scene::{Mesh, Ray, Scene};
+use litpt_book::closed_forms::{Setting, cavity};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 

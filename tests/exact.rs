@@ -7,15 +7,15 @@ use glam::DVec3;
 use litpt::analysis::background::KnownPixels;
 use litpt::bvh::Bvh;
 use litpt::camera::{Camera, View};
-use litpt::closed_forms::{
-    cavity, cavity_radiance, closed_forms, look, pixel, plane,
-    polygon_share, trough_radiance,
-};
 use litpt::film::Film;
 use litpt::integrator::PathTracer;
 use litpt::render::{Job, Renderer};
 use litpt::scene::{Mesh, Scene};
 use litpt::sky::Sky;
+use litpt_book::closed_forms::{
+    cavity, cavity_radiance, closed_forms, look, pixel, plane,
+    polygon_share, trough_radiance,
+};
 use statrs::distribution::{ContinuousCDF, Normal};
 
 /// At most so many values of z are judged in this file.

@@ -10,12 +10,12 @@ use glam::DVec3;
 use litpt::analysis::background::KnownPixels;
 use litpt::bvh::{Bvh, Hit, Intersector, Isa, Quality};
 use litpt::camera::{Camera, View};
-use litpt::closed_forms::cavity;
 use litpt::film::{Film, SIDE, Summary};
 use litpt::integrator::PathTracer;
 use litpt::render::{Job, Renderer};
 use litpt::scene::Scene;
 use litpt::sky::Sky;
+use litpt_book::closed_forms::cavity;
 
 #[test]
 fn each_pixel_belongs_to_one_tile_and_is_found_there() {

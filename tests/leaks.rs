@@ -4,17 +4,14 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-#[path = "../examples/solids/mod.rs"]
-mod solids;
-
 use glam::DVec3;
 use litpt::bvh::{Bvh, Intersector, Isa, Quality};
 use litpt::sampler::cosine_direction;
 use litpt::scene::{Mesh, Ray, Scene};
+use litpt_book::solids::{self, Solid, rounded};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use robust::{Coord3D, orient3d};
-use solids::{Solid, rounded};
 
 /// Follows `n` paths of `bounces` bounces from the cameras, none of which may
 /// find a way out.

@@ -10,7 +10,6 @@ use glam::DVec3;
 use litpt::analysis::background::KnownPixels;
 use litpt::bvh::{Bvh, Hit, Intersector};
 use litpt::camera::{Camera, View};
-use litpt::closed_forms::cavity;
 use litpt::film::{Film, WORTH};
 use litpt::integrator::{Integrator, PathTracer, Step};
 use litpt::render::{Job, Renderer};
@@ -18,6 +17,7 @@ use litpt::render_loop::{Convergence, Interrupt, Limits, Stop};
 use litpt::scene::{Ray, Scene};
 use litpt::sky::Sky;
 use litpt::statistics::Accumulator;
+use litpt_book::closed_forms::cavity;
 use rand::{Rng, RngExt};
 
 /// An intersector that finds nothing, for estimators that need nothing.

@@ -6,11 +6,11 @@
 
 use glam::DVec3;
 use litpt::bvh::Hit;
-use litpt::closed_forms::{cavity, cavity_radiance, look, pixel};
 use litpt::integrator::{Integrator, PathTracer, Step};
 use litpt::sampler::{generator, happens};
 use litpt::sky::Sky;
 use litpt::statistics::Accumulator;
+use litpt_book::closed_forms::{cavity, cavity_radiance, look, pixel};
 use rayon::prelude::*;
 
 /// A path that hits walls only; `leaves` tells before each ray but the first

@@ -6,8 +6,8 @@
 use glam::DVec3;
 use litpt::bvh::anatomy::Anatomy;
 use litpt::bvh::{Bvh, Hit, Intersector, Isa, Quality};
-use litpt::closed_forms::cavity;
 use litpt::scene::{Mesh, Ray, Scene};
+use litpt_book::closed_forms::cavity;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 

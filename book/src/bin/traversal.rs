@@ -13,8 +13,6 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-mod paths;
-
 use std::error::Error;
 use std::ffi::c_void;
 use std::hint::black_box;
@@ -32,6 +30,7 @@ use litpt::camera::Camera;
 use litpt::integrator::PathTracer;
 use litpt::scene::{Ray, Scene};
 use litpt::sky::Sky;
+use litpt_book::paths;
 
 /// The number that stands for no triangle.
 const NONE: u32 = u32::MAX;

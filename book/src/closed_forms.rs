@@ -19,16 +19,16 @@ use std::iter;
 
 use glam::DVec3;
 
-use crate::analysis::background::KnownPixels;
-use crate::bvh::Bvh;
-use crate::camera::{Camera, View};
-use crate::film::Film;
-use crate::integrator::PathTracer;
-use crate::numerics::{power_of_two, sincos_turns};
-use crate::render::{Job, Renderer};
-use crate::scene::{Mesh, Scene};
-use crate::sky::Sky;
-use crate::statistics::Accumulator;
+use litpt::analysis::background::KnownPixels;
+use litpt::bvh::Bvh;
+use litpt::camera::{Camera, View};
+use litpt::film::Film;
+use litpt::integrator::PathTracer;
+use litpt::numerics::{power_of_two, sincos_turns};
+use litpt::render::{Job, Renderer};
+use litpt::scene::{Mesh, Scene};
+use litpt::sky::Sky;
+use litpt::statistics::Accumulator;
 
 // Hold a scene with its radiance
 /// A view of a scene, and the radiance that it shows.

@@ -3,12 +3,10 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-#![allow(dead_code)] // Each program that includes this uses a part of it.
-
 use std::collections::HashMap;
 
+use crate::courtyard::solids;
 use glam::{DMat3, DVec3, EulerRot};
-use litpt::courtyard::solids;
 use litpt::numerics::cross;
 use litpt::scene::{Mesh, Scene};
 use rand::{RngExt, SeedableRng};

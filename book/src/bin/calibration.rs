@@ -17,8 +17,6 @@ use glam::DVec3;
 use litpt::analysis::background::KnownPixels;
 use litpt::bvh::{Bvh, Hit};
 use litpt::camera::{Camera, View};
-use litpt::closed_forms::{Setting, cavity, cavity_radiance};
-use litpt::courtyard::{solids, write_obj};
 use litpt::film::{Film, WORTH};
 use litpt::integrator::{self, Integrator};
 use litpt::render::{Job, Renderer};
@@ -27,6 +25,8 @@ use litpt::report::{Fit, Step};
 use litpt::sampler::generator;
 use litpt::scene::{Mesh, Scene, read_obj};
 use litpt::statistics::Accumulator;
+use litpt_book::closed_forms::{Setting, cavity, cavity_radiance};
+use litpt_book::courtyard::{solids, write_obj};
 use rand::{Rng, RngExt};
 use rayon::prelude::*;
 
@@ -77,7 +77,7 @@ fn cases() -> Result<Vec<Case>, Box<dyn Error>> {
     // Add the courtyard with a reference
     let mut obj = vec![];
     write_obj(&solids(), &mut obj)?;
-    let (mesh, view) = (read_obj(&obj)?, litpt::courtyard::view());
+    let (mesh, view) = (read_obj(&obj)?, litpt_book::courtyard::view());
     let setting = set(&mesh, 0.8, DVec3::Y, &view)?;
     let mut film = Film::new(WIDTH, HEIGHT);
     setting.job(99).pass(&mut film, 0..4096, &|_| ());

@@ -10,7 +10,6 @@ use glam::DVec3;
 use litpt::analysis::background::KnownPixels;
 use litpt::bvh::{Bvh, Hit};
 use litpt::camera::Camera;
-use litpt::closed_forms::cavity_radiance;
 use litpt::film::Film;
 use litpt::integrator::{Integrator, PathTracer, Step};
 use litpt::render::{Job, Renderer};
@@ -18,6 +17,7 @@ use litpt::sampler::{cosine_direction, generator, happens};
 use litpt::scene::{Ray, Scene, read_obj};
 use litpt::sky::Sky;
 use litpt::statistics::Accumulator;
+use litpt_book::closed_forms::cavity_radiance;
 use rand::{Rng, RngExt};
 
 /// What becomes of paths of more than 1000 bounces.
@@ -120,7 +120,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     for rho in [0.8, 0.95] {
         let name = format!("courtyard; $\\rho={rho}$");
-        let sky = Sky::new(litpt::courtyard::view().up);
+        let sky = Sky::new(litpt_book::courtyard::view().up);
         let ours = PathTracer { albedo: rho, sky, foresight: () };
         let ours = courtyard(&scene, &intersector, &ours)?;
         compare(&name, ours, thresholds, |faint, tail| {
@@ -249,7 +249,7 @@ fn courtyard<E: Integrator>(
     integrator: &E,
 ) -> Result<Measured, Box<dyn Error>> {
     const REALISATIONS: u64 = 64;
-    let view = litpt::courtyard::view();
+    let view = litpt_book::courtyard::view();
     let camera = Camera::new(&view, 4. / 3.)?;
     let job = Job {
         scene,

@@ -4,18 +4,16 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-mod solids;
-
 use std::collections::HashMap;
 
 use glam::{DVec3, Vec3};
 use litpt::bvh::{Bvh, Dispatch, Hit, Intersector};
 use litpt::sampler::cosine_direction;
 use litpt::scene::{Mesh, Ray, Scene};
+use litpt_book::solids::{cube, icosphere};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
-use solids::{cube, icosphere};
 
 const PIECES: u64 = 64;
 

@@ -13,8 +13,6 @@ use std::time::{Duration, Instant};
 
 use glam::DVec3;
 use litpt::checkpoint::RunKey;
-use litpt::closed_forms::Setting;
-use litpt::courtyard::{solids, view, write_obj};
 use litpt::film::Film;
 use litpt::output::OutputTarget;
 use litpt::render_loop::{Convergence, Interrupt, Limits};
@@ -22,6 +20,8 @@ use litpt::report::{Kind, Report};
 use litpt::run_output::RunOutput;
 use litpt::scene::read_obj;
 use litpt::statistics::Accumulator;
+use litpt_book::closed_forms::Setting;
+use litpt_book::courtyard::{solids, view, write_obj};
 
 const SIZE: (u32, u32) = (320, 240);
 const REALISATIONS: u64 = 32;

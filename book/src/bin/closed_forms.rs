@@ -8,7 +8,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Prints the table of closed forms of the book, as LaTeX rows.
 
-use litpt::closed_forms::{Outcome, RHOS, closed_forms};
+use litpt_book::closed_forms::{Outcome, RHOS, closed_forms};
 
 const REALISATIONS: u64 = 20_000;
 

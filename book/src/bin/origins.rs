@@ -6,16 +6,14 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-mod solids;
-
 use glam::DVec3;
 use litpt::bvh::{Bvh, Dispatch, Hit, Intersector};
 use litpt::sampler::cosine_direction;
 use litpt::scene::Ray;
+use litpt_book::solids::{self, Solid};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
-use solids::Solid;
 
 const PIECES: u64 = 64;
 const BOUNCES: u64 = 100;

@@ -6,7 +6,7 @@
 // Software Foundation, either version 3 of the License, or (at your option)
 // any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Writes the scene of [`litpt::courtyard`] on standard output.
+//! Writes the scene of [`litpt_book::courtyard`] on standard output.
 //!
 //! Exit status: 0 done (also when the reader of a pipe left early), 1 the
 //! scene could not be written, 2 wrong usage.
@@ -15,7 +15,7 @@ use std::env;
 use std::io::{self, BufWriter, ErrorKind, Write};
 use std::process::ExitCode;
 
-use litpt::courtyard::{solids, write_obj};
+use litpt_book::courtyard::{solids, write_obj};
 
 // State the usage of the command
 const HELP: &str = "\

@@ -11,7 +11,7 @@
 
 use std::f64::consts::PI;
 
-use litpt::courtyard::{Solid, solids};
+use litpt_book::courtyard::{Solid, solids};
 
 // Choose solids by their kind
 fn of_kind(kind: &str) -> Vec<Solid> {

@@ -13,8 +13,8 @@ use std::fs;
 use std::path::PathBuf;
 
 use litpt::bvh::anatomy::Anatomy;
-use litpt::courtyard::{solids, view, write_obj};
 use litpt::scene::{Scene, read_obj};
+use litpt_book::courtyard::{solids, view, write_obj};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let directory = std::env::args_os().nth(1);

@@ -3,16 +3,14 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-#![allow(dead_code)] // Each program that includes this uses a part of it.
-
 use std::f64::consts::PI;
 use std::time::Instant;
 
+use crate::courtyard;
 use glam::DVec3;
 use litpt::analysis::{Inquiry, SceneAnalysis, Shortcut};
 use litpt::bvh::{Bvh, Isa, Quality};
 use litpt::camera::{Camera, View};
-use litpt::courtyard;
 use litpt::film::Film;
 use litpt::scene::{Mesh, Scene, read_obj};
 use litpt::sky::Sky;

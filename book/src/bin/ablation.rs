@@ -5,8 +5,6 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-mod settings;
-
 use std::collections::BTreeMap;
 use std::error::Error;
 
@@ -14,8 +12,8 @@ use litpt::analysis::Shortcut;
 use litpt::compare::compare;
 use litpt::film::Film;
 use litpt::image::Image;
+use litpt_book::settings::{Outcome, Setting, all, named};
 use rayon::ThreadPoolBuilder;
-use settings::{Outcome, Setting, all, named};
 
 const DEFINITION: (u32, u32) = (160, 120);
 

@@ -52,7 +52,7 @@ fn rays_per_second(
     scene: &Scene,
     intersector: &Bvh,
 ) -> Result<f64, Box<dyn Error>> {
-    let view = litpt::courtyard::view();
+    let view = litpt_book::courtyard::view();
     let camera = Camera::new(&view, 4. / 3.)?;
     let integrator =
         PathTracer { albedo: 0.8, sky: Sky::new(view.up), foresight: () };

@@ -6,11 +6,11 @@
 
 use glam::DVec3;
 use litpt::camera::View;
-use litpt::closed_forms::{Setting, cavity, cavity_radiance};
-use litpt::courtyard::{solids, view, write_obj};
 use litpt::film::{Film, WORTH};
 use litpt::render::Renderer;
 use litpt::scene::read_obj;
+use litpt_book::closed_forms::{Setting, cavity, cavity_radiance};
+use litpt_book::courtyard::{solids, view, write_obj};
 
 const SIZE: (u32, u32) = (32, 24);
 

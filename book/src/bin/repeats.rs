@@ -6,8 +6,6 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-mod paths;
-
 use std::error::Error;
 use std::hint::black_box;
 use std::time::Instant;
@@ -17,6 +15,7 @@ use litpt::camera::Camera;
 use litpt::integrator::PathTracer;
 use litpt::scene::{Ray, Scene, read_obj};
 use litpt::sky::Sky;
+use litpt_book::paths;
 
 const RAYS: usize = 20_000;
 const ROUNDS: usize = 5;
@@ -48,7 +47,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         std::env::args().nth(1).ok_or("usage: repeats COURTYARD.obj")?;
     let scene = Scene::new(&read_obj(&std::fs::read(path)?)?);
     let intersector = Bvh::with(&scene, Quality::Thorough, Isa::best())?;
-    let view = litpt::courtyard::view();
+    let view = litpt_book::courtyard::view();
     let camera = Camera::new(&view, 4. / 3.)?;
     let integrator =
         PathTracer { albedo: 0.8, sky: Sky::new(view.up), foresight: () };

@@ -21,7 +21,7 @@ use std::io::{self, Write};
 
 use glam::DVec3;
 
-use crate::camera::View;
+use litpt::camera::View;
 
 // Represent a closed solid by triangles
 /// A point or vector: x, y (up), z, in metres.

@@ -7,20 +7,13 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-mod fragile;
-mod solids;
-
 use std::error::Error;
 use std::process::ExitCode;
 
-use fragile::Fragile;
 use glam::DVec3;
 use litpt::analysis::background::KnownPixels;
 use litpt::bvh::{Bvh, Dispatch, Intersector, Isa, Quality};
 use litpt::camera::Camera;
-use litpt::closed_forms::{
-    Outcome, cavity, cavity_radiance, closed_forms, look, pixel, plane,
-};
 use litpt::film::Film;
 use litpt::integrator::PathTracer;
 use litpt::render::{Job, Renderer};
@@ -28,6 +21,11 @@ use litpt::sampler::cosine_direction;
 use litpt::scene::{Mesh, Ray, Scene};
 use litpt::sky::Sky;
 use litpt::statistics::Accumulator;
+use litpt_book::closed_forms::{
+    Outcome, cavity, cavity_radiance, closed_forms, look, pixel, plane,
+};
+use litpt_book::fragile::Fragile;
+use litpt_book::solids;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use rayon::ThreadPoolBuilder;
