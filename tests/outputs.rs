@@ -10,7 +10,7 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufRead, BufReader, Cursor, Write};
 use std::os::unix::fs::{FileTypeExt, PermissionsExt, symlink};
 use std::path::Path;
-use std::process::{Child, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::thread;
 use std::time::{Duration, SystemTime};
 
@@ -37,8 +37,11 @@ fn modified(place: &Scratch, name: &str) -> SystemTime {
 
 /// Starts `pt` and returns when it has begun to read its scene.
 fn start_reading(place: &Scratch, arguments: &[&str]) -> Child {
-    let arguments = [&["-d9x7"], arguments].concat();
-    let mut command = place.pt(&arguments);
+    keep_reading(place.pt(&[&["-d9x7"], arguments].concat()))
+}
+
+/// Starts a command that reads a scene, and returns when it has begun.
+fn keep_reading(mut command: Command) -> Child {
     let mut child = command.stdin(Stdio::piped()).spawn().unwrap();
     // More than any pipe holds: the write ends when somebody reads.
     let comment = "# nothing to see here, read on\n".repeat(1 << 16);
@@ -83,13 +86,40 @@ fn an_existing_file_is_replaced_with_force() {
 #[test]
 fn a_file_created_during_the_render_is_left_untouched_without_force() {
     let place = Scratch::new();
-    let child = start_reading(&place, &["-o", "image.pgm"]);
+    let child = start_reading(&place, &["-o", "image.pgm", "-n2"]);
     place.holds_only(&[]);
     let date = put_old(&place, "image.pgm");
-    send_room(child).failed(1, &["image.pgm", "-f"]);
+    let run = send_room(child);
+    run.failed(1, &["image.pgm", "-f", "kept as ", "/kept-"]);
     assert_eq!(place.get("image.pgm"), b"old");
     assert_eq!(modified(&place, "image.pgm"), date);
-    place.holds_only(&["image.pgm"]);
+    // The finished image is beside it, under the name that is said.
+    let names = place.names();
+    let kept = names.iter().find(|name| name.starts_with("kept-"));
+    let kept = kept.unwrap();
+    place.holds_only(&["image.pgm", kept]);
+    assert!(run.stderr.contains(kept) && kept.ends_with("-image.pgm"));
+    assert_eq!(place.get(kept), place.render(&SMALL[2..]));
+}
+
+#[test]
+fn an_image_whose_directory_disappears_is_kept_elsewhere() {
+    let place = Scratch::new();
+    for directory in ["gone", "temporary"] {
+        fs::create_dir(place.path(directory)).unwrap();
+    }
+    let arguments = ["-d9x7", "-n2", "-o", "gone/image.pgm"];
+    let mut command = place.pt(&arguments);
+    command.env("TMPDIR", place.path("temporary"));
+    let child = keep_reading(command);
+    fs::remove_dir(place.path("gone")).unwrap();
+    let run = send_room(child);
+    run.failed(1, &["gone/image.pgm", "No such file", "kept as "]);
+    let kept = fs::read_dir(place.path("temporary")).unwrap();
+    let kept: Vec<_> = kept.map(|entry| entry.unwrap().path()).collect();
+    assert_eq!(kept.len(), 1);
+    assert!(run.stderr.contains(kept[0].to_str().unwrap()));
+    assert_eq!(fs::read(&kept[0]).unwrap(), place.render(&SMALL[2..]));
 }
 
 #[test]
