@@ -70,7 +70,7 @@ fn image(
 
 /// The status of a comparison, and what it complains of.
 fn judge(
-    place: &common::OutputTarget,
+    place: &common::Scratch,
     a: &str,
     b: &str,
 ) -> (Option<i32>, String) {
@@ -285,7 +285,7 @@ fn a_level_stands_for_an_interval_of_radiances() {
 #[cfg(unix)]
 #[test]
 fn a_symbolic_link_leads_to_the_new_file_and_a_hard_link_to_the_old() {
-    let place = common::OutputTarget::new();
+    let place = common::Scratch::new();
     let file = place.path("monday");
     place.put("monday", "old");
     std::fs::hard_link(&file, place.path("copy")).unwrap();
@@ -382,7 +382,7 @@ f 9 11 14\nf 11 10 14\nf 10 12 14\nf 12 9 14\n";
 
 #[test]
 fn a_fact_is_tried_by_leaving_it_out() {
-    let place = common::OutputTarget::new();
+    let place = common::Scratch::new();
     place.put("chest.obj", CHEST);
     let render = |name: &str, more: &[&str]| {
         let output = format!("-o{name}");
@@ -752,7 +752,7 @@ fn runs_that_differ_have_more_error_than_each_of_them_says() {
 
 #[test]
 fn a_script_lets_pass_what_has_the_status_zero_and_no_warning() {
-    let place = common::OutputTarget::new();
+    let place = common::Scratch::new();
     let render = |name: &str, rho: &str, seed: &str| {
         let output = format!("-o{name}");
         let all = ["-iroom.obj", "-d32x24", "-n64", "-q", rho, seed];

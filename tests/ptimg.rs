@@ -9,20 +9,20 @@ mod common;
 use std::collections::BTreeMap;
 use std::fs;
 
-use common::{OutputTarget, Run, finish, pgm};
+use common::{Scratch, Run, finish, pgm};
 use litpt::image::Image;
 use litpt::output::ImageTarget;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-fn run(place: &OutputTarget, arguments: &[&str]) -> Run {
+fn run(place: &Scratch, arguments: &[&str]) -> Run {
     let mut command = place.command(env!("CARGO_BIN_EXE_ptimg"));
     finish(command.args(arguments).spawn().unwrap())
 }
 
 /// Writes an image of 40x30 pixels whose weights are 0 or 1, white with
 /// the probability `p`.
-fn put(place: &OutputTarget, name: &str, seed: u64, p: f64) -> Image {
+fn put(place: &Scratch, name: &str, seed: u64, p: f64) -> Image {
     let mut random = Pcg64Mcg::seed_from_u64(seed);
     let n = 64.;
     let mut mean = |_| {
@@ -44,7 +44,7 @@ fn put(place: &OutputTarget, name: &str, seed: u64, p: f64) -> Image {
     image
 }
 
-fn write(place: &OutputTarget, name: &str, image: &Image) {
+fn write(place: &Scratch, name: &str, image: &Image) {
     let place = ImageTarget::file(&place.path(name), true).unwrap();
     place.write(image).unwrap();
 }
@@ -55,7 +55,7 @@ fn text(run: &Run) -> &str {
 
 #[test]
 fn info_says_what_the_file_holds() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     let image = put(&place, "a.exr", 1, 0.5);
     let run = run(&place, &["info", "a.exr"]);
     run.succeeded();
@@ -78,7 +78,7 @@ fn info_says_what_the_file_holds() {
 
 #[test]
 fn info_says_that_an_error_is_unknown() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     let mut image = put(&place, "a.exr", 1, 0.5);
     image.errors.as_mut().unwrap()[7] = f64::INFINITY;
     write(&place, "a.exr", &image);
@@ -92,7 +92,7 @@ fn info_says_that_an_error_is_unknown() {
 
 #[test]
 fn independent_runs_are_consistent_with_status_0() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     put(&place, "a.exr", 1, 0.5);
     put(&place, "b.exr", 2, 0.5);
     let run = run(&place, &["diff", "a.exr", "b.exr"]);
@@ -106,7 +106,7 @@ fn independent_runs_are_consistent_with_status_0() {
 
 #[test]
 fn different_pictures_are_inconsistent_with_status_1() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     put(&place, "a.exr", 1, 0.5);
     put(&place, "b.exr", 2, 0.52);
     let run = run(&place, &["diff", "a.exr", "b.exr"]);
@@ -116,7 +116,7 @@ fn different_pictures_are_inconsistent_with_status_1() {
 
 #[test]
 fn a_quiet_diff_says_nothing() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     put(&place, "a.exr", 1, 0.5);
     put(&place, "b.exr", 2, 0.6);
     for (other, status) in [("a.exr", 0), ("b.exr", 1)] {
@@ -128,7 +128,7 @@ fn a_quiet_diff_says_nothing() {
 
 #[test]
 fn a_comparison_that_cannot_be_made_has_status_2() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     let image = put(&place, "a.exr", 1, 0.5);
     write(&place, "a.pfm", &image);
     let diff = |a, b| run(&place, &["diff", a, b]);
@@ -145,7 +145,7 @@ fn a_comparison_that_cannot_be_made_has_status_2() {
 
 #[test]
 fn a_reference_without_errors_is_taken_as_exact() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     let image = put(&place, "a.exr", 1, 0.5);
     let means = vec![0.5; image.means.len()];
     write(&place, "b.pfm", &Image { means, ..image });
@@ -158,7 +158,7 @@ fn a_reference_without_errors_is_taken_as_exact() {
 
 #[test]
 fn pictures_of_one_seed_are_compared_with_a_warning() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     let image = put(&place, "a.exr", 0, 0.5);
     put(&place, "b.exr", 0, 0.6);
     for (other, status) in [("a.exr", 0), ("b.exr", 1)] {
@@ -177,7 +177,7 @@ fn pictures_of_one_seed_are_compared_with_a_warning() {
 
 #[test]
 fn one_seed_for_two_scenes_is_compared_without_a_warning() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     let image = put(&place, "a.exr", 1, 0.5);
     for (name, hash) in [("a.exr", "aa"), ("b.exr", "bb"), ("c.exr", "aa")]
     {
@@ -193,7 +193,7 @@ fn one_seed_for_two_scenes_is_compared_without_a_warning() {
 
 #[test]
 fn the_map_of_a_diff_holds_z_or_grey_levels() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     let a = put(&place, "a.exr", 1, 0.5);
     let b = put(&place, "b.exr", 2, 0.5);
     for map in ["z.exr", "z.pgm"] {
@@ -214,7 +214,7 @@ fn the_map_of_a_diff_holds_z_or_grey_levels() {
 
 #[test]
 fn joined_runs_have_the_error_of_both() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     put(&place, "a.exr", 1, 0.5);
     put(&place, "b.exr", 2, 0.5);
     let files = ["merge", "a.exr", "b.exr", "-o", "c.exr"];
@@ -239,7 +239,7 @@ fn joined_runs_have_the_error_of_both() {
 
 #[test]
 fn a_picture_for_the_screen_has_the_levels_of_pt() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     let image = put(&place, "a.exr", 1, 0.5);
     write(&place, "direct.png", &image);
     let tonemap = |more: &[&str]| {
@@ -262,7 +262,7 @@ fn a_picture_for_the_screen_has_the_levels_of_pt() {
 
 #[test]
 fn the_picture_of_the_errors_says_what_white_is() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     put(&place, "a.exr", 1, 0.5);
     let shown = run(&place, &["stderr", "a.exr", "-o", "e.pgm"]);
     shown.succeeded();
@@ -289,7 +289,7 @@ fn the_picture_of_the_errors_says_what_white_is() {
 
 #[test]
 fn help_lists_every_verb_and_its_options() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     let help = run(&place, &["--help"]);
     help.succeeded();
     for verb in ["info", "tonemap", "diff", "merge", "stderr", "GPL"] {
@@ -305,7 +305,7 @@ fn help_lists_every_verb_and_its_options() {
 
 #[test]
 fn a_reader_who_has_seen_enough_is_no_error() {
-    let place = OutputTarget::new();
+    let place = Scratch::new();
     put(&place, "a.exr", 1, 0.5);
     let mut command = place.command(env!("CARGO_BIN_EXE_ptimg"));
     let (reader, writer) = std::io::pipe().unwrap();
