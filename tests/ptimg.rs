@@ -9,7 +9,7 @@ mod common;
 use std::collections::BTreeMap;
 use std::fs;
 
-use common::{Scratch, Run, finish, pgm};
+use common::{Run, Scratch, finish, pgm};
 use litpt::image::Image;
 use litpt::output::ImageTarget;
 use rand::{RngExt, SeedableRng};
