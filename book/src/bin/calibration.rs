@@ -18,16 +18,16 @@ use litpt::analysis::background::KnownPixels;
 use litpt::bvh::{Bvh, Hit};
 use litpt::camera::{Camera, View};
 use litpt::film::{Film, WORTH};
-use litpt::integrator::{self, Integrator};
+use litpt::integrator::{Integrator, PathEvent};
 use litpt::render::{Job, Renderer};
 use litpt::render_loop::{Convergence, Interrupt, Limits};
 use litpt::report::{Fit, Step};
-use litpt::sampler::generator;
+use litpt::sampler::{IndependentSampler, Sampler, dimension, generator};
 use litpt::scene::{Mesh, Scene, read_obj};
 use litpt::statistics::Accumulator;
 use litpt_book::closed_forms::{Setting, cavity, cavity_radiance};
 use litpt_book::courtyard::{solids, write_obj};
-use rand::{Rng, RngExt};
+use rand::RngExt;
 use rayon::prelude::*;
 
 // Write one file for each table
@@ -256,9 +256,10 @@ impl Integrator for Coin {
         &self,
         _: &mut (),
         _: Option<Hit>,
-        random: &mut impl Rng,
-    ) -> integrator::Step {
-        integrator::Step::End(f64::from(random.random::<f64>() < P))
+        sampler: &mut impl Sampler,
+    ) -> PathEvent {
+        let u = sampler.get_1d(dimension::roulette(0));
+        PathEvent::Terminate(f64::from(u < P))
     }
 }
 
@@ -299,7 +300,7 @@ fn stopped(seed: u64, error: f64, side: u32) -> (f64, u64) {
         camera: &camera,
         integrator: &Coin,
         known: &KnownPixels::Nothing,
-        seed,
+        sampler: IndependentSampler::new(seed),
     };
     // Stop at the error alone
     let limits = Limits {

@@ -30,6 +30,7 @@ use litpt::camera::{Camera, View};
 use litpt::film::Film;
 use litpt::integrator::PathTracer;
 use litpt::render::{Job, Renderer};
+use litpt::sampler::IndependentSampler;
 use litpt::scene::{Mesh, Scene, read_obj};
 use litpt::sky::Sky;
 use rand::{RngExt, SeedableRng};
@@ -374,7 +375,7 @@ impl Case {
             camera,
             integrator: &integrator,
             known: &KnownPixels::Nothing,
-            seed: 0,
+            sampler: IndependentSampler::new(0),
         };
         let mut film = Film::new(self.resolution.0, self.resolution.1);
         let rays = job.pass(&mut film, 0..self.samples, &|_| ());

@@ -13,6 +13,7 @@ use litpt::camera::Camera;
 use litpt::film::Film;
 use litpt::integrator::PathTracer;
 use litpt::render::{Job, Renderer};
+use litpt::sampler::IndependentSampler;
 use litpt::scene::{Scene, read_obj};
 use litpt::sky::Sky;
 
@@ -62,7 +63,7 @@ fn rays_per_second(
         camera: &camera,
         integrator: &integrator,
         known: &KnownPixels::Nothing,
-        seed: 0,
+        sampler: IndependentSampler::new(0),
     };
     let mut film = Film::new(240, 180);
     let start = Instant::now();

@@ -11,9 +11,12 @@ use litpt::analysis::background::KnownPixels;
 use litpt::bvh::{Bvh, Hit};
 use litpt::camera::Camera;
 use litpt::film::Film;
-use litpt::integrator::{Integrator, PathTracer, Step};
+use litpt::integrator::{Integrator, PathEvent, PathTracer};
 use litpt::render::{Job, Renderer};
-use litpt::sampler::{cosine_direction, generator, happens};
+use litpt::sampler::{
+    IndependentSampler, Sampler, cosine_direction, dimension, generator,
+    happens,
+};
 use litpt::scene::{Ray, Scene, read_obj};
 use litpt::sky::Sky;
 use litpt::statistics::Accumulator;
@@ -57,11 +60,11 @@ impl Integrator for Rule {
         &self,
         path: &mut Path,
         hit: Option<Hit>,
-        random: &mut impl Rng,
-    ) -> Step {
+        sampler: &mut impl Sampler,
+    ) -> PathEvent {
         let Some(hit) = hit else {
             let light = self.sky.radiance(path.direction);
-            return Step::End(path.throughput * light);
+            return PathEvent::Terminate(path.throughput * light);
         };
         let on = if path.throughput < self.faint {
             self.albedo
@@ -79,14 +82,16 @@ impl Integrator for Rule {
             path.throughput /= on;
             on
         };
-        if on < 1. && !happens(on, random) {
-            return Step::End(0.);
+        let bounce = path.count;
+        let mut u = || sampler.get_1d(dimension::roulette(bounce));
+        if on < 1. && !happens(on, u()) {
+            return PathEvent::Terminate(0.);
         }
         path.count += 1;
-        let (r, turn) = (random.random(), random.random());
+        let [r, turn] = sampler.get_2d(dimension::direction(bounce));
         path.direction = cosine_direction(hit.normal, r, turn);
         let ray = Ray { origin: hit.point, direction: path.direction };
-        Step::On(ray, hit.primitive)
+        PathEvent::Scatter(ray, hit.primitive)
     }
 }
 
@@ -208,13 +213,13 @@ fn model(
     // As many paths as 2 * 10^8 rays make, but not more than a million.
     let mut n = 0;
     while n < 1_000_000 && (rays < 200_000_000 || n < 10_000) {
-        let mut random = generator(0, 0, n);
+        let mut sampler = IndependentSampler::new(0).start(0, n);
         let mut doors = generator(1, 0, n);
         let mut path = integrator.begin(DVec3::Z);
         let mut first = true;
         let weight = loop {
             rays += 1;
-            let leaves = !first && happens(f, &mut doors);
+            let leaves = !first && happens(f, doors.random());
             first = false;
             let hit = Hit {
                 point: DVec3::ZERO,
@@ -223,9 +228,9 @@ fn model(
                 is_clear: true,
             };
             let hit = (!leaves).then_some(hit);
-            match integrator.go_on(&mut path, hit, &mut random) {
-                Step::On(..) => (),
-                Step::End(weight) => break weight,
+            match integrator.go_on(&mut path, hit, &mut sampler) {
+                PathEvent::Scatter(..) => (),
+                PathEvent::Terminate(weight) => break weight,
             }
         };
         sums.add(weight);
@@ -257,7 +262,7 @@ fn courtyard<E: Integrator>(
         camera: &camera,
         integrator,
         known: &KnownPixels::Nothing,
-        seed: 0,
+        sampler: IndependentSampler::new(0),
     };
     let (width, height) = (160, 120);
     let mut film = Film::new(width, height);

@@ -17,7 +17,7 @@ use litpt::camera::Camera;
 use litpt::film::Film;
 use litpt::integrator::PathTracer;
 use litpt::render::{Job, Renderer};
-use litpt::sampler::cosine_direction;
+use litpt::sampler::{IndependentSampler, cosine_direction};
 use litpt::scene::{Mesh, Ray, Scene};
 use litpt::sky::Sky;
 use litpt::statistics::Accumulator;
@@ -247,7 +247,7 @@ fn alike() -> Result<u32, Box<dyn Error>> {
             camera: &camera,
             integrator: &integrator,
             known: &KnownPixels::Nothing,
-            seed: 1,
+            sampler: IndependentSampler::new(1),
         };
         let mut film = Film::new(64, 48);
         pool.install(|| job.pass(&mut film, 0..16, &|_| ()));
