@@ -21,7 +21,7 @@ use litpt::scene::{Ray, Scene, read_obj};
 use litpt::sky::Sky;
 use litpt::statistics::Accumulator;
 use litpt_book::closed_forms::cavity_radiance;
-use rand::{Rng, RngExt};
+use rand::RngExt;
 
 /// What becomes of paths of more than 1000 bounces.
 #[derive(Clone, Copy, PartialEq)]
