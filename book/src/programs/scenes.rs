@@ -10,17 +10,17 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-use std::error::Error;
 use std::io::{self, BufWriter, Write};
 
 use glam::DVec3;
 use litpt::scene::Mesh;
 
+use super::Done;
+
 const USAGE: &str = "usage: scenes [--view] statue|field [TRIANGLES]";
 
-fn main() -> Result<(), Box<dyn Error>> {
-    let words: Vec<_> = std::env::args().skip(1).collect();
-    let words: Vec<_> = words.iter().map(String::as_str).collect();
+pub fn run(arguments: &[String]) -> Done {
+    let words: Vec<_> = arguments.iter().map(String::as_str).collect();
     let mesh = match words[..] {
         ["--view", name] => return print_view(name),
         ["statue"] => statue(300_000),
@@ -40,7 +40,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(out.flush()?)
 }
 
-fn print_view(name: &str) -> Result<(), Box<dyn Error>> {
+fn print_view(name: &str) -> Done {
     match name {
         "statue" => println!("{STATUE_VIEW}"),
         "field" => println!("{}", field_view()),

@@ -30,9 +30,11 @@ use litpt_book::courtyard::{solids, write_obj};
 use rand::RngExt;
 use rayon::prelude::*;
 
+use super::Done;
+
 // Write one file for each table
-fn main() -> Result<(), Box<dyn Error>> {
-    let directory = std::env::args().nth(1);
+pub fn run(arguments: &[String]) -> Done {
+    let directory = arguments.first();
     let directory = directory.ok_or("usage: calibration DIRECTORY")?;
     let cases = cases()?;
     let tables = [
@@ -42,7 +44,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         ("stopping.tex", stopping()?),
     ];
     for (name, rows) in tables {
-        std::fs::write(Path::new(&directory).join(name), rows)?;
+        std::fs::write(Path::new(directory).join(name), rows)?;
     }
     Ok(())
 }

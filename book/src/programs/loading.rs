@@ -18,6 +18,8 @@ use std::time::Instant;
 use litpt::scene::{Scene, read_obj};
 use rayon::ThreadPoolBuilder;
 
+use super::Done;
+
 const RUNS: usize = 5;
 /// Enough for either text; pages that nobody touches are not there.
 const CAPACITY: usize = 1 << 30;
@@ -31,9 +33,8 @@ const ROWS: [(&str, &str, &str); 6] = [
     ("quadrilaterals", "ours", "2"),
 ];
 
-fn main() -> Result<(), Box<dyn Error>> {
-    let args: Vec<String> = env::args().skip(1).collect();
-    if let [kind, reader, threads] = &args[..] {
+pub fn run(arguments: &[String]) -> Done {
+    if let [kind, reader, threads] = arguments {
         return measure(kind, reader, threads.parse()?);
     }
     println!(
@@ -42,7 +43,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     );
     for (kind, reader, threads) in ROWS {
         let mut child = Command::new(env::current_exe()?);
-        child.args([kind, reader, threads]).stdout(Stdio::inherit());
+        child
+            .args(["loading", kind, reader, threads])
+            .stdout(Stdio::inherit());
         if !child.status()?.success() {
             return Err(format!("{kind}, {reader}: no measurement").into());
         }

@@ -17,11 +17,12 @@ use litpt::sampler::IndependentSampler;
 use litpt::scene::{Scene, read_obj};
 use litpt::sky::Sky;
 
+use super::{Done, median};
+
 const ROUNDS: usize = 5;
 
-fn main() -> Result<(), Box<dyn Error>> {
-    let path =
-        std::env::args().nth(1).ok_or("usage: qualities FILE.obj")?;
+pub fn run(arguments: &[String]) -> Done {
+    let path = arguments.first().ok_or("usage: qualities FILE.obj")?;
     let scene = Scene::new(&read_obj(&std::fs::read(path)?)?);
     let qualities = [Quality::Fast, Quality::Medium, Quality::Thorough];
     let mut ways: Vec<_> = qualities.map(|q| (q, Isa::best())).into();
@@ -69,9 +70,4 @@ fn rays_per_second(
     let start = Instant::now();
     let rays = job.pass(&mut film, 0..8, &|_| ());
     Ok(rays as f64 / start.elapsed().as_secs_f64())
-}
-
-fn median(mut numbers: Vec<f64>) -> f64 {
-    numbers.sort_by(f64::total_cmp);
-    numbers[numbers.len() / 2]
 }

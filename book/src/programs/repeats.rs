@@ -6,7 +6,6 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-use std::error::Error;
 use std::hint::black_box;
 use std::time::Instant;
 
@@ -16,6 +15,8 @@ use litpt::integrator::PathTracer;
 use litpt::scene::{Ray, Scene, read_obj};
 use litpt::sky::Sky;
 use litpt_book::paths;
+
+use super::Done;
 
 const RAYS: usize = 20_000;
 const ROUNDS: usize = 5;
@@ -42,9 +43,8 @@ impl Dispatch for Repeat<'_> {
     }
 }
 
-fn main() -> Result<(), Box<dyn Error>> {
-    let path =
-        std::env::args().nth(1).ok_or("usage: repeats COURTYARD.obj")?;
+pub fn run(arguments: &[String]) -> Done {
+    let path = arguments.first().ok_or("usage: repeats FILE.obj")?;
     let scene = Scene::new(&read_obj(&std::fs::read(path)?)?);
     let intersector = Bvh::with(&scene, Quality::Thorough, Isa::best())?;
     let view = litpt_book::courtyard::view();

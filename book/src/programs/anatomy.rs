@@ -8,17 +8,18 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Writes the figures of a walk through the courtyard to a directory.
 
-use std::error::Error;
 use std::fs;
-use std::path::PathBuf;
+use std::path::Path;
 
 use litpt::bvh::anatomy::Anatomy;
 use litpt::scene::{Scene, read_obj};
 use litpt_book::courtyard::{solids, view, write_obj};
 
-fn main() -> Result<(), Box<dyn Error>> {
-    let directory = std::env::args_os().nth(1);
-    let directory = PathBuf::from(directory.ok_or("usage: anatomy DIR")?);
+use super::Done;
+
+pub fn run(arguments: &[String]) -> Done {
+    let directory = arguments.first().ok_or("usage: anatomy DIRECTORY")?;
+    let directory = Path::new(directory);
     let mut obj = Vec::new();
     write_obj(&solids(), &mut obj)?;
     let scene = Scene::new(&read_obj(&obj)?);

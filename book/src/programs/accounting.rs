@@ -23,11 +23,13 @@ use litpt::statistics::Accumulator;
 use litpt_book::closed_forms::Setting;
 use litpt_book::courtyard::{solids, view, write_obj};
 
+use super::{Done, median};
+
 const SIZE: (u32, u32) = (320, 240);
 const REALISATIONS: u64 = 32;
 const ROUNDS: usize = 5;
 
-fn main() -> Result<(), Box<dyn Error>> {
+pub fn run(_: &[String]) -> Done {
     let mut obj = vec![];
     write_obj(&solids(), &mut obj)?;
     let mesh = read_obj(&obj)?;
@@ -35,7 +37,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let setting = Setting::new(&mesh, up, &view(), 4. / 3.)?;
     let mut rounds = vec![];
     for _ in 0..ROUNDS {
-        rounds.push(run(&setting)?);
+        rounds.push(measure(&setting)?);
     }
     let part = |i: usize| median(rounds.iter().map(|r| r[i]).collect());
     let [weights, steps, reports, checkpoint] = [0, 1, 2, 3].map(part);
@@ -45,7 +47,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 /// The parts of one run.
-fn run(setting: &Setting) -> Result<[f64; 4], Box<dyn Error>> {
+fn measure(setting: &Setting) -> Result<[f64; 4], Box<dyn Error>> {
     let folder = tempfile::tempdir()?;
     let place =
         |name: &str| OutputTarget::file(&folder.path().join(name), true);
@@ -120,9 +122,4 @@ fn weight() -> f64 {
         sums
     };
     timed(add) / f64::from(WEIGHTS)
-}
-
-fn median(mut numbers: Vec<f64>) -> f64 {
-    numbers.sort_by(f64::total_cmp);
-    numbers[numbers.len() / 2]
 }

@@ -12,6 +12,8 @@ use litpt::statistics::Accumulator;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
+use super::Done;
+
 trait Sums: Default {
     fn add(&mut self, weight: f64);
     fn variance(&self) -> f64;
@@ -86,7 +88,7 @@ fn row<S: Sums>(name: &str, merging: &str, nanoseconds: &mut [f64]) {
     println!("{name},{median:.1},{bytes},{ratio:.6},{merging}");
 }
 
-fn main() {
+pub fn run(_: &[String]) -> Done {
     let mut random = Pcg64::seed_from_u64(1);
     let weights: Vec<f64> = (0..10_000).map(|_| random.random()).collect();
     let mut times = [const { vec![] }; 3];
@@ -99,4 +101,5 @@ fn main() {
     row::<Plain>("plain sums", "rounds", &mut times[0]);
     row::<Welford>("Welford's", "rounds", &mut times[1]);
     row::<Accumulator>("integers", "exact", &mut times[2]);
+    Ok(())
 }

@@ -1,25 +1,17 @@
 // Copyright (C) 2026 litpt contributors
-//
-// This program is free software: you can redistribute it and/or modify it
-// under the terms of the GNU General Public License as published by the Free
-// Software Foundation, either version 3 of the License, or (at your option)
-// any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-//! Random scenes, cameras and settings, for a number of seconds.
+//! Random scenes, cameras and settings, for a number of seconds: `fuzz
+//! [SECONDS [SEED]]`, built with all checks (`--profile checked`).
 //!
-//! usage: cargo run --profile checked --example fuzz [SECONDS [SEED]]
-//!
-//! Each seed is a case. A worker, another process, tries one after the
-//! other and says when it begins; if it ends, or says nothing for 300
-//! seconds, that is a finding, and another worker goes on with the next
-//! seed. With 0 SECONDS the one case SEED is described and tried here.
+//! Each seed is a case, and is printed before it is tried; so the last one
+//! is to blame if the process dies. With 0 SECONDS the one case SEED is
+//! described as well.
 
-use std::error::Error;
 use std::fmt::Write as _;
-use std::io::{BufRead, BufReader, Write as _};
-use std::process::{Child, Command, ExitCode, Stdio};
-use std::sync::mpsc::{Receiver, channel};
+use std::panic::catch_unwind;
+use std::process::exit;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use glam::DVec3;
@@ -33,168 +25,65 @@ use litpt::render::{Job, Renderer};
 use litpt::sampler::IndependentSampler;
 use litpt::scene::{Mesh, Scene, read_obj};
 use litpt::sky::Sky;
+use litpt_book::solids;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-/// No case may take longer, in seconds of one processor.
-const PATIENCE: Duration = Duration::from_secs(300);
+use super::Done;
 
-fn main() -> ExitCode {
-    let mut arguments = std::env::args().skip(1);
-    let mut number = |default: u64| {
-        arguments.next().map_or(Some(default), |word| word.parse().ok())
+/// No case may take longer, in seconds.
+const PATIENCE: u64 = 300;
+
+/// The case that is being tried.
+static CURRENT: AtomicU64 = AtomicU64::new(0);
+
+pub fn run(arguments: &[String]) -> Done {
+    let number = |i: usize, default: u64| {
+        arguments.get(i).map_or(Ok(default), |word| word.parse())
     };
-    let first = std::env::args().nth(1);
-    if first.as_deref() == Some("worker") {
-        number(0);
-        work(number(1).unwrap_or(1));
-        return ExitCode::SUCCESS;
-    }
-    let (Some(seconds), Some(seed)) = (number(60), number(1)) else {
-        eprintln!("usage: fuzz [SECONDS [SEED]]");
-        return ExitCode::from(2);
-    };
-    if seconds == 0 {
-        return repeat(seed);
-    }
-    match supervise(Duration::from_secs(seconds), seed) {
-        Ok(0) => ExitCode::SUCCESS,
-        Ok(_) => ExitCode::FAILURE,
-        Err(error) => {
-            eprintln!("error: {error}");
-            ExitCode::FAILURE
-        }
-    }
-}
-
-// -------------------------------------------------------- Many cases, or one
-
-/// Tries cases until somebody ends this process.
-fn work(seed: u64) {
-    for seed in seed.. {
+    let (seconds, first) = (number(0, 60)?, number(1, 1)?);
+    std::thread::spawn(watch);
+    let end = Instant::now() + Duration::from_secs(seconds);
+    let (mut seed, mut findings) = (first, 0);
+    loop {
         println!("{seed}");
-        if let Err(finding) = Case::new(seed).try_all() {
-            println!("! {finding}");
+        CURRENT.store(seed, Ordering::Relaxed);
+        let case = Case::new(seed);
+        if seconds == 0 {
+            println!("{}", case.describe());
+        }
+        let found = match catch_unwind(|| case.try_all()) {
+            Ok(Ok(())) => None,
+            Ok(Err(finding)) => Some(finding),
+            Err(_) => Some("a panic".to_owned()),
+        };
+        if let Some(what) = found {
+            findings += 1;
+            eprintln!("FINDING {seed}: {what}; fuzz 0 {seed} repeats it");
+        }
+        seed += 1;
+        if Instant::now() >= end {
+            break;
         }
     }
+    let cases = seed - first;
+    eprintln!("{cases} cases from seed {first} on, {findings} findings");
+    if findings > 0 { Err("there are findings".into()) } else { Ok(()) }
 }
 
-/// Describes and tries one case.
-fn repeat(seed: u64) -> ExitCode {
-    let case = Case::new(seed);
-    println!("{}", case.describe());
-    let start = Instant::now();
-    let result = case.try_all();
-    println!("{:.3} s", start.elapsed().as_secs_f64());
-    match result {
-        Ok(outcome) => println!("no finding: {outcome:?}"),
-        Err(finding) => {
-            println!("finding: {finding}");
-            return ExitCode::FAILURE;
+/// Ends the process if a case takes too long.
+fn watch() {
+    let (mut last, mut since) = (0, Instant::now());
+    loop {
+        std::thread::sleep(Duration::from_secs(1));
+        let current = CURRENT.load(Ordering::Relaxed);
+        if current != last {
+            (last, since) = (current, Instant::now());
+        } else if since.elapsed().as_secs() > PATIENCE {
+            eprintln!("FINDING {current}: hangs");
+            exit(1);
         }
     }
-    ExitCode::SUCCESS
-}
-
-/// A process that tries cases, and what it prints.
-struct Worker {
-    child: Child,
-    lines: Receiver<String>,
-}
-
-impl Worker {
-    fn new(seed: u64) -> std::io::Result<Self> {
-        let mut command = Command::new(std::env::current_exe()?);
-        command.args(["worker", &seed.to_string()]);
-        let mut child = command.stdout(Stdio::piped()).spawn()?;
-        let (send, lines) = channel();
-        let output = child.stdout.take();
-        std::thread::spawn(move || {
-            for line in output
-                .map(BufReader::new)
-                .into_iter()
-                .flat_map(|reader| reader.lines().map_while(Result::ok))
-            {
-                if send.send(line).is_err() {
-                    return;
-                }
-            }
-        });
-        Ok(Self { child, lines })
-    }
-
-    /// Seconds of processor time so far, of all threads; 0 if it is over.
-    /// Other work on the machine is not counted.
-    fn seconds(&self) -> f64 {
-        let path = format!("/proc/{}/stat", self.child.id());
-        let stat = std::fs::read_to_string(path).unwrap_or_default();
-        let fields = stat.rsplit(')').next().unwrap_or_default();
-        let ticks = fields.split_whitespace().skip(11).take(2);
-        ticks.filter_map(|n| n.parse::<f64>().ok()).sum::<f64>() / 100.
-    }
-
-    fn end(&mut self) -> String {
-        let _ = self.child.kill();
-        match self.child.wait() {
-            Ok(status) => status.to_string(),
-            Err(error) => error.to_string(),
-        }
-    }
-}
-
-impl Drop for Worker {
-    fn drop(&mut self) {
-        self.end();
-    }
-}
-
-/// Has workers try the cases from `seed` on; the number of findings.
-fn supervise(time: Duration, seed: u64) -> Result<u64, Box<dyn Error>> {
-    let start = Instant::now();
-    let (mut current, mut findings) = (seed, 0);
-    let mut worker = Worker::new(seed)?;
-    let mut find = |seed: u64, what: &str| {
-        println!("FINDING {seed}: {what}; fuzz 0 {seed} repeats it");
-        let _ = std::io::stdout().flush();
-        findings += 1;
-    };
-    let mut report = start;
-    let mut used = 0.;
-    while start.elapsed() < time {
-        match worker.lines.recv_timeout(PATIENCE) {
-            Ok(line) => match line.strip_prefix("! ") {
-                Some(what) => find(current, what),
-                None => {
-                    current = line.parse()?;
-                    used = worker.seconds();
-                }
-            },
-            Err(error) => {
-                // A worker that has ended has closed its output.
-                std::thread::sleep(Duration::from_millis(100));
-                let status = worker.child.try_wait()?;
-                let took = worker.seconds() - used;
-                if status.is_none() && took < PATIENCE.as_secs_f64() {
-                    continue;
-                }
-                used = 0.;
-                match status {
-                    Some(status) => find(current, &status.to_string()),
-                    None => find(current, &format!("hangs ({error})")),
-                }
-                current += 1;
-                worker.end();
-                worker = Worker::new(current)?;
-            }
-        }
-        if report.elapsed() > Duration::from_secs(300) {
-            report = Instant::now();
-            eprintln!("{} cases so far", current - seed);
-        }
-    }
-    let count = current - seed;
-    println!("{count} cases from seed {seed} on, {findings} findings");
-    Ok(findings)
 }
 
 // -------------------------------------------------------------------- A case
@@ -213,20 +102,6 @@ struct Case {
     is_dark: bool,
     /// The exponent by which scene and camera are scaled to try again.
     scale: i32,
-}
-
-/// How a case went.
-#[derive(Debug)]
-enum Outcome {
-    Refused(#[expect(dead_code, reason = "it is shown")] String),
-    Rendered {
-        #[expect(dead_code, reason = "it is shown")]
-        triangles: usize,
-        #[expect(dead_code, reason = "it is shown")]
-        rays: u64,
-        #[expect(dead_code, reason = "it is shown")]
-        mean: f64,
-    },
 }
 
 impl Case {
@@ -293,7 +168,7 @@ impl Case {
     }
 
     /// Renders in all ways; the finding if something is wrong.
-    fn try_all(&self) -> Result<Outcome, String> {
+    fn try_all(&self) -> Result<(), String> {
         if let Some((text, is_bad)) = &self.text {
             match (read_obj(text.as_bytes()), is_bad) {
                 (Ok(_), true) => return Err("bad text was read".into()),
@@ -334,16 +209,11 @@ impl Case {
                 first = Some((film, rays));
             }
         }
-        let (film, rays) = first.ok_or("no way to render")?;
+        let (film, _) = first.ok_or("no way to render")?;
         self.scaled(&camera, aspect, &film)?;
         self.doubled(&camera, &film)?;
         self.simplified(&camera, &film)?;
-        let mean = film.summary().mean;
-        Ok(Outcome::Rendered {
-            triangles: scene.triangles().len(),
-            rays,
-            mean,
-        })
+        Ok(())
     }
 
     fn ways(&self) -> Vec<(Isa, Quality)> {
@@ -512,10 +382,10 @@ const QUALITIES: [Quality; 3] =
     [Quality::Fast, Quality::Medium, Quality::Thorough];
 
 /// An error must say something, in one line, to whoever reads it.
-fn refused(error: &impl std::fmt::Display) -> Result<Outcome, String> {
+fn refused(error: &impl std::fmt::Display) -> Result<(), String> {
     let text = error.to_string();
     match text.len() > 10 && !text.contains('\n') {
-        true => Ok(Outcome::Refused(text)),
+        true => Ok(()),
         false => Err(format!("a strange message: {text:?}")),
     }
 }
@@ -707,9 +577,18 @@ impl Random {
     fn part(&mut self) -> (Mesh, Option<Ball>) {
         let n = self.count();
         match self.below(14) {
-            0 => (self.cube(), Some((DVec3::ZERO, 0.99))),
-            1 => (self.octahedron(), Some((DVec3::ZERO, 0.5))),
-            2 => (self.spikes(), Some((DVec3::ZERO, 0.01))),
+            0 => {
+                let mesh = solids::cube(1 + self.below(12) as u32);
+                (mesh, Some((DVec3::ZERO, 0.99)))
+            }
+            1 => {
+                let mesh = solids::icosphere(self.below(4) as u32);
+                (mesh, Some((DVec3::ZERO, 0.5)))
+            }
+            2 => {
+                let mesh = solids::star(self.below(4) as u32, n);
+                (mesh, Some((DVec3::ZERO, 0.01)))
+            }
             3 => (self.soup(n, 1.), None),
             4 => (self.soup(n, 1e-3), None),
             5 => (self.integers(n), None),
@@ -829,66 +708,6 @@ impl Random {
             let at = self.point();
             [0; 3].map(|_| at + size * self.point())
         }))
-    }
-
-    /// A cube with squares on its faces, each cut in two, closed.
-    fn cube(&mut self) -> Mesh {
-        let n = 1 + self.below(12);
-        let at = |x: u64| 2. * x as f64 / n as f64 - 1.;
-        let mut triangles = vec![];
-        for face in 0..6usize {
-            let (axis, side) = (face % 3, face as u64 / 3 * n);
-            for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
-                let corner = |di, dj| {
-                    let mut p = DVec3::ZERO;
-                    p[axis] = at(side);
-                    p[(axis + 1) % 3] = at(i + di);
-                    p[(axis + 2) % 3] = at(j + dj);
-                    p
-                };
-                let [a, b] = [corner(0, 0), corner(1, 0)];
-                let [c, d] = [corner(0, 1), corner(1, 1)];
-                triangles.extend([[a, b, d], [a, d, c]]);
-            }
-        }
-        collect(triangles)
-    }
-
-    /// A ball made of triangles, from an octahedron.
-    fn octahedron(&mut self) -> Mesh {
-        let mut triangles = vec![];
-        for octant in 0..8 {
-            let sign = |bit: u32| f64::from(1 - 2 * (octant >> bit & 1));
-            triangles.push([
-                DVec3::X * sign(0),
-                DVec3::Y * sign(1),
-                DVec3::Z * sign(2),
-            ]);
-        }
-        for _ in 0..self.below(5) {
-            let cut = |[a, b, c]: [DVec3; 3]| {
-                // The sum does not depend on the order: edges match.
-                let [p, q, r] = [a + b, b + c, c + a].map(DVec3::normalize);
-                [[a, p, r], [p, b, q], [r, q, c], [p, q, r]]
-            };
-            triangles = triangles.into_iter().flat_map(cut).collect();
-        }
-        collect(triangles)
-    }
-
-    /// The same with random radii: a star of spikes.
-    fn spikes(&mut self) -> Mesh {
-        let mut mesh = self.octahedron();
-        let key = self.below(1 << 20) as f64;
-        for vertex in &mut mesh.vertices {
-            // Equal corners get equal radii.
-            let v = *vertex;
-            let mix = (v.x * 12.9898 + v.y * 78.233 + v.z * 37.719 + key)
-                .sin()
-                * 43758.5453;
-            *vertex = v * (0.1 + 0.9 * mix.rem_euclid(1.));
-        }
-        mesh
     }
 
     /// The mesh as an OBJ, and whether a word was put in that is to be

@@ -32,6 +32,8 @@ use litpt::scene::{Ray, Scene};
 use litpt::sky::Sky;
 use litpt_book::paths;
 
+use super::Done;
+
 /// The number that stands for no triangle.
 const NONE: u32 = u32::MAX;
 
@@ -55,8 +57,10 @@ impl Dispatch for Stretch<'_> {
     }
 }
 
-fn main() -> Result<(), Box<dyn Error>> {
-    let arguments = Arguments::parse();
+pub fn run(arguments: &[String]) -> Done {
+    let name = std::iter::once("traversal");
+    let words = name.chain(arguments.iter().map(String::as_str));
+    let arguments = Arguments::parse_from(words);
     let (mesh, _) = arguments.read_mesh(false)?;
     let scene = Scene::new(&mesh);
     drop(mesh);

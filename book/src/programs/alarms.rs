@@ -13,6 +13,8 @@ use litpt::image::Image;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
+use super::Done;
+
 type Random = Pcg64Mcg;
 
 const SIZE: (u32, u32) = (64, 48);
@@ -26,7 +28,7 @@ const COUNTS: [(u32, u32); 5] =
 /// A kind of weights: its name, its expectation, and how it is drawn.
 type Kind = (&'static str, f64, fn(&mut Random) -> f64);
 
-fn main() {
+pub fn run(_: &[String]) -> Done {
     println!("weights,2;2,16;16,16;64,64;64,64;exact,found,expected");
     let path = mean_of_path();
     let kinds: [Kind; 6] = [
@@ -49,6 +51,7 @@ fn main() {
             alarms.join(",")
         );
     }
+    Ok(())
 }
 
 /// The share of pairs that are called inconsistent, and the mean standard

@@ -8,7 +8,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 
 use std::error::Error;
-use std::process::ExitCode;
 
 use glam::DVec3;
 use litpt::analysis::background::KnownPixels;
@@ -31,6 +30,8 @@ use rand_pcg::Pcg64Mcg;
 use rayon::ThreadPoolBuilder;
 use rayon::prelude::*;
 
+use super::Done;
+
 /// Paths are counted in pieces, whose number is that of generators.
 const PIECES: u64 = 256;
 
@@ -43,22 +44,8 @@ const REALISATIONS: u64 = 100_000;
 /// Of 40 means, one is farther off than this with a probability of 0.001.
 const SIDAK: f64 = 4.22;
 
-fn main() -> ExitCode {
-    match run() {
-        Ok(0) => ExitCode::SUCCESS,
-        Ok(failed) => {
-            eprintln!("stability: {failed} cases fail");
-            ExitCode::FAILURE
-        }
-        Err(error) => {
-            eprintln!("stability: {error}");
-            ExitCode::FAILURE
-        }
-    }
-}
-
-fn run() -> Result<u32, Box<dyn Error>> {
-    let mut arguments = std::env::args().skip(1);
+pub fn run(arguments: &[String]) -> Done {
+    let mut arguments = arguments.iter();
     let rays: f64 = arguments.next().map_or(Ok(1e7), |s| s.parse())?;
     let only_leaks = arguments.next().is_some();
     let skipped: usize = arguments.next().map_or(Ok(0), |s| s.parse())?;
@@ -85,7 +72,10 @@ fn run() -> Result<u32, Box<dyn Error>> {
         failed += means()?;
         failed += known()?;
     }
-    Ok(failed)
+    match failed {
+        0 => Ok(()),
+        _ => Err(format!("{failed} cases fail").into()),
+    }
 }
 
 /// Prints a row; 1 if it is one of a failure.

@@ -15,11 +15,12 @@ use litpt::image::Image;
 use litpt_book::settings::{Outcome, Setting, all, named};
 use rayon::ThreadPoolBuilder;
 
+use super::{Done, median};
+
 const DEFINITION: (u32, u32) = (160, 120);
 
-fn main() -> Result<(), Box<dyn Error>> {
-    let rounds = std::env::args().nth(1);
-    let rounds: usize = rounds.map_or(Ok(5), |n| n.parse())?;
+pub fn run(arguments: &[String]) -> Done {
+    let rounds: usize = arguments.first().map_or(Ok(5), |n| n.parse())?;
     println!(
         "scene,fact,seconds without,seconds with,gain,million rays without,\
          million rays with,film,gain in time for the same error"
@@ -137,9 +138,4 @@ fn samples(rounds: usize) -> Result<(), Box<dyn Error>> {
          {after:.3},{gain:.2},{rays:.2},{rays:.2},same,{gain:.2}"
     );
     Ok(())
-}
-
-fn median(mut all: Vec<f64>) -> f64 {
-    all.sort_by(f64::total_cmp);
-    all.get(all.len() / 2).copied().unwrap_or(f64::NAN)
 }

@@ -12,6 +12,8 @@ use std::collections::BTreeMap;
 use litpt::compare::compare;
 use litpt::image::Image;
 
+use super::Done;
+
 const SIZE: (u32, u32) = (320, 240);
 const BLOCK: u32 = 16;
 /// The standard error of a pixel of either image.
@@ -19,7 +21,7 @@ const ERROR: f64 = 0.01;
 /// Samples of both images; none if their variance is known.
 const COUNTS: [Option<f64>; 3] = [None, Some(64.), Some(16.)];
 
-fn main() -> Result<(), String> {
+pub fn run(_: &[String]) -> Done {
     println!("scale,tests,level,known,64,16");
     let (width, height) = SIZE;
     let scales =

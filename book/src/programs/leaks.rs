@@ -15,10 +15,12 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 
+use super::Done;
+
 const PIECES: u64 = 64;
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let scale = std::env::args().nth(2).map_or(Ok(1.), |s| s.parse())?;
+pub fn run(arguments: &[String]) -> Done {
+    let scale = arguments.get(1).map_or(Ok(1.), |s| s.parse())?;
     let many = |n: f64| (n * scale / PIECES as f64) as u64;
     let (aimed, few, walked) = (many(5e7), many(5e7), many(1e9));
     println!("surface,rays,number,f32,bits26,exact");

@@ -10,11 +10,13 @@
 
 use litpt_book::closed_forms::{Outcome, RHOS, closed_forms};
 
-const REALISATIONS: u64 = 20_000;
+use super::Done;
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
+const SAMPLES: u64 = 20_000;
+
+pub fn run(_: &[String]) -> Done {
     for (form, seed) in closed_forms().iter().zip((0..).step_by(10)) {
-        let outcomes = form.outcomes(REALISATIONS, seed)?;
+        let outcomes = form.outcomes(SAMPLES, seed)?;
         let at = |rho| outcomes.iter().find(|o| o.rho == rho);
         // Print one row of the table
         print!("{}", form.name);

@@ -23,6 +23,8 @@ use litpt::statistics::Accumulator;
 use litpt_book::closed_forms::cavity_radiance;
 use rand::RngExt;
 
+use super::Done;
+
 /// What becomes of paths of more than 1000 bounces.
 #[derive(Clone, Copy, PartialEq)]
 enum Tail {
@@ -95,9 +97,8 @@ impl Integrator for Rule {
     }
 }
 
-fn main() -> Result<(), Box<dyn Error>> {
-    let path =
-        std::env::args().nth(1).ok_or("usage: roulettes FILE.obj")?;
+pub fn run(arguments: &[String]) -> Done {
+    let path = arguments.first().ok_or("usage: roulettes FILE.obj")?;
     let scene = Scene::new(&read_obj(&std::fs::read(path)?)?);
     let intersector = Bvh::new(&scene)?;
     println!("scene,rule,mean,error,variance,rays,efficiency");

@@ -15,6 +15,8 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 
+use super::Done;
+
 const PIECES: u64 = 64;
 const BOUNCES: u64 = 100;
 
@@ -40,8 +42,8 @@ fn ours(hit: &Hit) -> DVec3 {
     hit.point
 }
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let scale = std::env::args().nth(2).map_or(Ok(1.), |s| s.parse())?;
+pub fn run(arguments: &[String]) -> Done {
+    let scale = arguments.get(1).map_or(Ok(1.), |s| s.parse())?;
     let paths = (2e6 * scale / (PIECES * BOUNCES) as f64) as u64;
     println!("surface,triangles,single,moved,double,ours");
     for solid in solids::all() {
