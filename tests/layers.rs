@@ -390,8 +390,8 @@ fn a_circle_is_found_without_what_only_leads_to_it() {
         "circle: film:1 imports scene::mesh",
         "circle: scene:1 imports camera",
         "circle: scene:1 imports film",
-        "circle: scene::mesh:4 imports scene",
         "circle: scene::mesh:5 imports camera",
+        "circle: scene::mesh:4 imports scene",
     ];
     assert_eq!(found, expected);
     assert!(circles(&example().imports()).is_empty());
