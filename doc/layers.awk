@@ -14,14 +14,13 @@ function chapter(module) {
 }
 
 {
-    layer = $1
-    sub(/:$/, "", layer)
     text = ""
     for (i = 2; i <= NF; i++) {
         name = $i
         gsub(/_/, "\\_", name)
-        text = text "\\quad\\texttt{" name "}~\\ref{chap:" chapter($i) "}"
+        text = text "\\texttt{" name "}~\\ref{chap:" chapter($i) "}\\quad "
     }
-    printf "\\node[layer] at (0,%.1f) {\\makebox[5.2em][l]{\\textit{%s}}%s};\n",
-        0.8 * NR, layer, text
+    place = NR == 1 ? "" : ", above=1mm of layer" NR - 1
+    printf "\\node[layer%s] (layer%d) {\\modules{%s}{%s}};\n", \
+        place, NR, substr($1, 1, length($1) - 1), text
 }
