@@ -26,8 +26,7 @@ NOWEB := $(CARGO_TARGET_DIR)/release/noweb
 NOWEB_SOURCES := Cargo.toml noweb/Cargo.toml $(wildcard noweb/src/*.rs)
 # What cargo, the compiler and the tests say is shown at the chapters. The tool
 # runs the command, translates what it says, and ends with its status.
-MAP = $(NOWEB) map --master litpt.nw --
-JSON = --message-format=json-diagnostic-rendered-ansi
+MAP = $(NOWEB) map --master litpt.nw --master noweb/noweb.nw --
 
 SOURCES := src/.tangled $(NOWEB_SOURCES) config.mk build.rs \
   $(wildcard Cargo.lock src/*.rs src/*/*.rs)
@@ -91,7 +90,7 @@ define COPY
 done
 endef
 $(PROGRAMS): $(SOURCES)
-	$(MAP) $(CARGO) build $(PROFILE_$(BUILD_TYPE)) --bins $(JSON)
+	$(MAP) $(CARGO) build $(PROFILE_$(BUILD_TYPE)) --bins
 	@rm -f $(BUILD_DIR)/Release.stamp $(BUILD_DIR)/Debug.stamp
 	$(call COPY,$(COMPILED),$(NAMES),$(BUILD_DIR))
 	@touch $@
@@ -105,7 +104,7 @@ bin: $(BUILD_DIR)/pt $(BUILD_DIR)/ptimg
 BOOK = $(BUILD_DIR)/book
 BOOK_SOURCES := book/Cargo.toml $(wildcard book/src/*.rs book/src/bin/*.rs)
 $(BOOK)/%.stamp: $(SOURCES) $(BOOK_SOURCES)
-	$(MAP) $(CARGO) build --release -p litpt-book --bin $* $(JSON)
+	$(MAP) $(CARGO) build --release -p litpt-book --bin $*
 	$(call COPY,$(CARGO_TARGET_DIR)/release,$*,$(BOOK))
 	@touch $@
 
@@ -138,8 +137,8 @@ demo: $(BUILD_DIR)/pt $(BUILD_DIR)/courtyard.obj
 # If there is a tool that can, it shows the errors of its own next version.
 $(NOWEB): $(NOWEB_SOURCES)
 	@echo '$(CARGO) build --release -p noweb'
-	@if $(NOWEB) map --master litpt.nw < /dev/null > /dev/null 2>&1; \
-	then $(MAP) $(CARGO) build --release -p noweb $(JSON); \
+	@if $(MAP) true > /dev/null 2>&1; \
+	then $(MAP) $(CARGO) build --release -p noweb; \
 	else $(CARGO) build --release -p noweb; fi
 	@touch $@
 
@@ -551,9 +550,9 @@ pdf: check-tex $(BUILD_DIR)/litpt.pdf $(BUILD_DIR)/noweb.pdf
 # ---- is everything as it should be?
 
 test: $(NOWEB)
-	$(MAP) $(CARGO) test --workspace $(JSON)
+	$(MAP) $(CARGO) test --workspace
 
-CLIPPY = $(CARGO) clippy --workspace --all-targets $(JSON) -- -D warnings
+CLIPPY = $(CARGO) clippy --workspace --all-targets -- -D warnings
 clippy: $(NOWEB)
 	$(MAP) $(CLIPPY)
 
@@ -595,7 +594,7 @@ untangle: $(NOWEB)
 watch: $(NOWEB)
 	@command -v entr > /dev/null || { \
 	  echo 'error: make watch needs entr (apt-get install entr)' >&2; exit 1; }
-	printf '%s\n' $(WEB) | entr -n $(MAP) $(CARGO) check --bins $(JSON)
+	printf '%s\n' $(WEB) | entr -n $(MAP) $(CARGO) check --bins
 
 # ---- the tool
 
