@@ -79,17 +79,21 @@ $(BUILD_DIR)/tangled.stamp: $(WEB) $(NOWEB)
 src/.tangled: $(BUILD_DIR)/tangled.stamp
 	@true
 
-NAMES = pt ptimg courtyard closed_forms calibration anatomy
+NAMES = pt ptimg
 PROGRAMS := $(BUILD_DIR)/$(BUILD_TYPE).stamp
+# $(call COPY,FROM,NAMES,TO): copies programs that differ.
+define COPY
+@mkdir -p $(3)
+@for program in $(2); do \
+  cmp -s $(1)/$$program $(3)/$$program || \
+  { cp $(1)/$$program $(3)/$$program.new && \
+    mv $(3)/$$program.new $(3)/$$program; } || exit 1; \
+done
+endef
 $(PROGRAMS): $(SOURCES)
 	$(MAP) $(CARGO) build $(PROFILE_$(BUILD_TYPE)) --bins $(JSON)
-	@mkdir -p $(BUILD_DIR)
 	@rm -f $(BUILD_DIR)/Release.stamp $(BUILD_DIR)/Debug.stamp
-	@for program in $(NAMES); do \
-	  cmp -s $(COMPILED)/$$program $(BUILD_DIR)/$$program || \
-	  { cp $(COMPILED)/$$program $(BUILD_DIR)/$$program.new && \
-	    mv $(BUILD_DIR)/$$program.new $(BUILD_DIR)/$$program; } || exit 1; \
-	done
+	$(call COPY,$(COMPILED),$(NAMES),$(BUILD_DIR))
 	@touch $@
 
 $(addprefix $(BUILD_DIR)/,$(NAMES)): $(PROGRAMS)
@@ -97,10 +101,22 @@ $(addprefix $(BUILD_DIR)/,$(NAMES)): $(PROGRAMS)
 
 bin: $(BUILD_DIR)/pt $(BUILD_DIR)/ptimg
 
+# The programs of the book's own crate, which is not installed.
+BOOK = $(BUILD_DIR)/book
+BOOK_SOURCES := book/Cargo.toml $(wildcard book/src/*.rs book/src/bin/*.rs)
+$(BOOK)/%.stamp: $(SOURCES) $(BOOK_SOURCES)
+	$(MAP) $(CARGO) build --release -p litpt-book --bin $* $(JSON)
+	$(call COPY,$(CARGO_TARGET_DIR)/release,$*,$(BOOK))
+	@touch $@
+
+$(BOOK)/%: $(BOOK)/%.stamp
+	@test -x $@ || { rm -f $<; $(MAKE) --no-print-directory $<; }
+.PRECIOUS: $(BOOK)/%.stamp $(BOOK)/%
+
 # ---- the courtyard
 
-$(BUILD_DIR)/courtyard.obj: $(BUILD_DIR)/courtyard
-	$(BUILD_DIR)/courtyard > $@
+$(BUILD_DIR)/courtyard.obj: $(BOOK)/courtyard
+	$(BOOK)/courtyard > $@
 
 $(BUILD_DIR)/figures/courtyard.png: $(BUILD_DIR)/pt $(BUILD_DIR)/courtyard.obj
 	@mkdir -p $(@D)
@@ -128,21 +144,21 @@ $(NOWEB): $(NOWEB_SOURCES)
 	@touch $@
 
 # Known answers and those of the program, for the chapter on tests.
-$(BUILD_DIR)/tables/closed-forms.tex: $(BUILD_DIR)/closed_forms
+$(BUILD_DIR)/tables/closed-forms.tex: $(BOOK)/closed_forms
 	@mkdir -p $(@D)
-	$(BUILD_DIR)/closed_forms > $@
+	$(BOOK)/closed_forms > $@
 
 # A node, a leaf and the steps of one walk, for the chapter on the walk.
-$(BUILD_DIR)/tables/anatomy.stamp: $(BUILD_DIR)/anatomy
+$(BUILD_DIR)/tables/anatomy.stamp: $(BOOK)/anatomy
 	@mkdir -p $(@D)
-	$(BUILD_DIR)/anatomy $(@D)
+	$(BOOK)/anatomy $(@D)
 	@touch $@
 
 # Whether the errors are honest, and the curve of one run with its true error.
 # The first step has no error yet, and pgfplots no use for empty fields.
-$(BUILD_DIR)/tables/calibration.stamp: $(BUILD_DIR)/calibration
+$(BUILD_DIR)/tables/calibration.stamp: $(BOOK)/calibration
 	@mkdir -p $(@D)
-	$(BUILD_DIR)/calibration $(@D)
+	$(BOOK)/calibration $(@D)
 	@touch $@
 
 $(BUILD_DIR)/tables/curve.csv: $(BUILD_DIR)/pt $(BUILD_DIR)/courtyard.obj
@@ -241,6 +257,11 @@ $(BUILD_DIR)/tables/counted.tex: Makefile \
 	  sed -n -E 's/^  "(rays|mean|mean_stderr|pixels)": (.*),/\\nwmeasured{picture}{report}{\1}{\2}%/p' \
 	    $(BUILD_DIR)/figures/courtyard.json; } > $@
 
+# The layers of the modules, as the test of imports has them.
+$(BUILD_DIR)/tables/layers.tex: tests/layers.txt doc/layers.awk
+	@mkdir -p $(@D)
+	awk -f doc/layers.awk $< > $@
+
 # What the programs have said, for the same purpose.
 SAID = info same other seeds few single pair joined long white files
 $(BUILD_DIR)/tables/said.tex: doc/said.awk Makefile $(BUILD_DIR)/examples.stamp \
@@ -256,27 +277,17 @@ $(BUILD_DIR)/tables/%.csv: doc/measured/%.csv
 	@mkdir -p $(@D)
 	grep -v '^#' $< > $@
 
-# What the book says of itself: how much of what is in it, and what the weaving
-# pipeline makes of it.
-STREAMS = $(addprefix $(BUILD_DIR)/,plain.stream resolved.stream)
-$(BUILD_DIR)/tables/numbers.stamp: $(WEB) $(NOWEB) src/.tangled
+# What the books say of themselves: how much of what is in them.
+$(BUILD_DIR)/tables/numbers.stamp: $(WEB) $(TOOL_WEB) src/.tangled
 	@mkdir -p $(@D)
-	@$(NOWEB) markup $(WEB) > $(BUILD_DIR)/plain.stream
-	@$(NOWEB) finduses < $(BUILD_DIR)/plain.stream | $(NOWEB) noidx -delay \
-	  > $(BUILD_DIR)/resolved.stream
-	@LC_ALL=C awk -v parts=$(@D)/parts.tex -f doc/numbers.awk $(WEB) \
-	  $(STREAMS) $(wildcard src/*.rs src/*/*.rs noweb/src/*.rs tests/*.rs \
-	    tests/*/*.rs noweb/tests/*.rs) > $(@D)/numbers.tex
+	@LC_ALL=C awk -v parts=$(@D)/parts.tex -f doc/numbers.awk $(WEB) $(TOOL_WEB) \
+	  $(wildcard src/*.rs src/*/*.rs noweb/src/*.rs tests/*.rs tests/*/*.rs \
+	    noweb/tests/*.rs) > $(@D)/numbers.tex
 	@touch $@
 
-# What the history of the chapters says of them, and how long one waits for
-# what: recorded like the measurements above, on an idle machine.
-.PHONY: history turnaround
-history:
-	{ echo "$(MACHINE)" && python3 doc/history.py; } \
-	  > doc/measured/history.csv.new
-	mv doc/measured/history.csv.new doc/measured/history.csv
-
+# How long one waits for what: recorded like the measurements above, on an idle
+# machine.
+.PHONY: turnaround
 turnaround: $(NOWEB) pdf
 	{ echo "$(MACHINE)" && python3 doc/turnaround.py $(NOWEB) $(WEB); } \
 	  > doc/measured/turnaround.csv.new
@@ -290,15 +301,13 @@ PROCESSOR = awk -F '[\t ]*: ' '{ value[$$1] = $$2 } \
 MACHINE = \# $(shell $(PROCESSOR)), \
   $(shell nproc) cores, on $(shell date +%Y-%m-%d)
 
-EXAMPLES = $(CARGO_TARGET_DIR)/release/examples
 MEASURED = qualities repeats leaks origins roulettes accumulators accounting \
   alarms loading thresholds
-measure: $(BUILD_DIR)/courtyard.obj
-	$(CARGO) build --release $(addprefix --example ,$(MEASURED))
+measure: $(BUILD_DIR)/courtyard.obj $(MEASURED:%=$(BOOK)/%)
 	@mkdir -p doc/measured
 	for name in $(MEASURED); do \
 	  { echo "$(MACHINE)" && \
-	    $(CARGO_TARGET_DIR)/release/examples/$$name $<; } \
+	    $(BOOK)/$$name $<; } \
 	    > doc/measured/$$name.csv.new && \
 	  mv doc/measured/$$name.csv.new doc/measured/$$name.csv || exit 1; \
 	done
@@ -313,12 +322,11 @@ measure: $(BUILD_DIR)/courtyard.obj
 # case fails; then the target fails. The full run counts the escapes of 10^9
 # paths of four rays from each closed surface.
 RAYS = 4e9
-STABLE = leaks extremes stiff sampling exact walk
-STABILITY = $(CARGO_TARGET_DIR)/release/examples/stability
+STABLE = leaks extremes stiff sampler exact traversal
+STABILITY = $(BOOK)/stability
 
-stability:
+stability: $(BOOK)/stability
 	$(CARGO) test --release $(addprefix --test ,$(STABLE))
-	$(CARGO) build --release --example stability
 	@mkdir -p doc/measured
 	{ echo "$(MACHINE)" && $(STABILITY) 3e7; } \
 	  > doc/measured/stability.csv.new; status=$$?; \
@@ -328,8 +336,7 @@ stability:
 # It takes hours, and can be continued: the rows of RAYS that are there stay,
 # under the date at which they were begun; those of another number go.
 DONE = $$(grep -c ',0 of $(RAYS),' doc/measured/stability-full.csv)
-stability-full:
-	$(CARGO) build --release --example stability
+stability-full: $(BOOK)/stability
 	@mkdir -p doc/measured
 	@grep -q ',0 of $(RAYS),' doc/measured/stability-full.csv 2> /dev/null || \
 	  echo "$(MACHINE)" > doc/measured/stability-full.csv
@@ -340,10 +347,9 @@ stability-full:
 
 # What each fact saves, scene by scene: five minutes on an idle machine.
 .PHONY: ablation
-ablation:
-	$(CARGO) build --release --example ablation
+ablation: $(BOOK)/ablation
 	@mkdir -p doc/measured
-	{ echo "$(MACHINE)" && $(EXAMPLES)/ablation 5; } \
+	{ echo "$(MACHINE)" && $(BOOK)/ablation 5; } \
 	  > doc/measured/ablation.csv.new
 	mv doc/measured/ablation.csv.new doc/measured/ablation.csv
 
@@ -374,16 +380,11 @@ bench:
 	@python3 bench/measure.py show \
 	  $(patsubst %,doc/measured/%.csv,traversal bench sizes shapes)
 
-$(BENCH)/examples.stamp: $(PROGRAMS) examples/scenes.rs examples/traversal.rs \
-  examples/paths/mod.rs
-	$(CARGO) build --release --example scenes --example traversal
-	@mkdir -p $(BENCH)
-	@touch $@
-
 # field-1000 is the field with 1000 triangles.
-$(BENCH)/%.obj $(BENCH)/%.view: examples/scenes.rs | $(BENCH)/examples.stamp
-	$(EXAMPLES)/scenes $(subst -, ,$*) > $(BENCH)/$*.obj
-	$(EXAMPLES)/scenes --view $(firstword $(subst -, ,$*)) > $(BENCH)/$*.view
+$(BENCH)/%.obj $(BENCH)/%.view: book/src/bin/scenes.rs | $(BOOK)/scenes
+	@mkdir -p $(BENCH)
+	$(BOOK)/scenes $(subst -, ,$*) > $(BENCH)/$*.obj
+	$(BOOK)/scenes --view $(firstword $(subst -, ,$*)) > $(BENCH)/$*.view
 
 $(BENCH)/courtyard.obj: $(BUILD_DIR)/courtyard.obj
 	@mkdir -p $(BENCH)
@@ -422,11 +423,11 @@ bench-tools: $(BUILD_DIR)/pt
 	    -lembree3; \
 	fi
 
-bench-traversal: bench-tools $(BENCH)/examples.stamp \
+bench-traversal: bench-tools $(BOOK)/traversal \
   $(call AND_VIEWS,$(COMPARED))
 	@{ echo '$(MACHINE)' && for scene in $(COMPARED); do \
 	  echo "bench: $$scene, traversal alone" >&2 && \
-	  $(EXAMPLES)/traversal -i $$scene.obj $$(cat $$scene.view) -r 0.8 \
+	  $(BOOK)/traversal -i $$scene.obj $$(cat $$scene.view) -r 0.8 \
 	    -d 400x300 > $(BENCH)/rows && cat $(BENCH)/rows || exit 1; \
 	done; } > $(BENCH)/traversal.csv
 	@awk '!/^scene,/ || !head++' $(BENCH)/traversal.csv \
@@ -453,9 +454,9 @@ bench-shapes: bench-tools $(call AND_VIEWS,$(BENCH)/courtyard)
 # What the program weighs before it does anything, and what a triangle and a
 # pixel add.
 .PHONY: start
-start: bench-tools $(BENCH)/examples.stamp
+start: bench-tools $(BOOK)/scenes
 	@{ echo '$(MACHINE)' && python3 bench/start.py $(BUILD_DIR)/pt \
-	  $(EXAMPLES)/scenes $$(ls $(BENCH)/embree_pt 2> /dev/null); } \
+	  $(BOOK)/scenes $$(ls $(BENCH)/embree_pt 2> /dev/null); } \
 	  > $(BENCH)/start.csv
 	@cp $(BENCH)/start.csv doc/measured/start.csv
 
@@ -499,7 +500,7 @@ endef
 BOOK_NEEDS = $(NOWEB) config.mk $(BUILD_DIR)/examples.stamp \
   $(addprefix doc/,litpt.sty litpt.bib litpt-mono.enc latexmkrc) \
   $(addprefix $(BUILD_DIR)/tables/,numbers.stamp measured.tex editor.tex \
-    translation.tex turnaround.tex history.tex)
+    translation.tex turnaround.tex)
 
 $(BUILD_DIR)/litpt.pdf: $(WEB) $(BOOK_NEEDS) \
   $(BUILD_DIR)/figures/courtyard.png \
@@ -508,7 +509,7 @@ $(BUILD_DIR)/litpt.pdf: $(WEB) $(BOOK_NEEDS) \
     ablation.tex layouts.tex habits.tex abreast.tex traversal.tex \
     bench.tex generations.tex sizes.csv shapes.tex start.tex repeats.csv \
     accumulators.tex accounting.tex alarms.tex thresholds.tex \
-    calibration.stamp anatomy.stamp curve.csv counted.tex said.tex)
+    calibration.stamp anatomy.stamp curve.csv counted.tex said.tex layers.tex)
 	$(call MAKE_BOOK,litpt,$(WEB),$(BUILD_DIR)/tex)
 
 $(BUILD_DIR)/noweb.pdf: $(TOOL_WEB) $(BOOK_NEEDS)
@@ -561,7 +562,7 @@ check: $(NOWEB)
 	$(MAP) $(CLIPPY)
 	$(NOWEB) tangle --check --record src/.tangled $(WEB)
 	$(NOWEB) tangle --check --record noweb/.tangled $(TOOL_WEB)
-	git diff --exit-code -- src noweb
+	git diff --exit-code -- src book noweb
 	@if command -v python3 > /dev/null; then \
 	  python3 doc/prose --sizes $(CHAPTERS); fi
 	@if command -v python3 > /dev/null && command -v hunspell > /dev/null; \

@@ -37,7 +37,6 @@ fn tangle() -> Result<(), String> {
         dir: PathBuf::from("."),
         record: PathBuf::from("src/.tangled"),
         chapters,
-        ..Project::default()
     };
     let all = |diagnostics: Vec<noweb::diagnostic::Diagnostic>| {
         let lines = diagnostics.iter().map(|d| d.to_string());

@@ -27,12 +27,12 @@ use rayon::ThreadPoolBuilder;
 use serde_json::json;
 use sha2::{Digest, Sha256};
 
+use crate::analysis::Shortcut;
+use crate::bvh::Isa;
 use crate::camera::View;
-use crate::checkpoint::{Checkpoint, Subject};
-use crate::facts::Fact;
-use crate::hierarchy::Isa;
-use crate::output::{Destination, Place};
-use crate::picture::{Format, Picture};
+use crate::checkpoint::{Checkpoint, RunKey};
+use crate::image::{Format, Image};
+use crate::output::{ImageTarget, OutputTarget};
 use crate::progress;
 use crate::report::Kind;
 use crate::scene::{Mesh, read_obj};
@@ -44,16 +44,17 @@ use crate::scene::{Mesh, read_obj};
 pub struct Arguments {
     // Declare the options of the image
     /// Definition of the image in pixels, each at most 16384
-    #[arg(short, long, value_name = "WIDTHxHEIGHT",
-          default_value = "320x240", value_parser = parse_definition,
+    #[arg(short = 'd', long, alias = "definition",
+          value_name = "WIDTHxHEIGHT",
+          default_value = "320x240", value_parser = parse_resolution,
           allow_hyphen_values = true)]
-    pub definition: (u32, u32),
+    pub resolution: (u32, u32),
 
-    /// Realisations (paths) per pixel [default: 1]; an upper bound with
+    /// Samples (paths) per pixel [default: 1]; an upper bound with
     /// --time or --error
-    #[arg(short = 'n', long, value_name = "N",
-          value_parser = parse_realisations, allow_hyphen_values = true)]
-    pub realisations: Option<u64>,
+    #[arg(short = 'n', long = "spp", alias = "realisations",
+          value_name = "N", value_parser = parse_samples, allow_hyphen_values = true)]
+    pub samples: Option<u64>,
 
     /// Stop within so many seconds from the start of the program
     #[arg(long, value_name = "SECONDS",
@@ -85,10 +86,11 @@ pub struct Arguments {
           value_parser = parse_fov, allow_hyphen_values = true)]
     pub fov: f64,
     // Declare the options of the scene
-    /// Reflectivity of every surface, between 0 and 1
-    #[arg(short, long, value_name = "REFLECTIVITY", default_value = "1",
-          value_parser = parse_reflectivity, allow_hyphen_values = true)]
-    pub reflectivity: f64,
+    /// Albedo of every surface, between 0 and 1
+    #[arg(short = 'r', long, alias = "reflectivity",
+          value_name = "ALBEDO", default_value = "1",
+          value_parser = parse_albedo, allow_hyphen_values = true)]
+    pub albedo: f64,
 
     /// Wavefront OBJ to render [default: standard input]
     #[arg(short, long, value_name = "FILE")]
@@ -143,7 +145,7 @@ pub struct Arguments {
     /// Do not look for this fact, and leave nothing out because of it: dark,
     /// bare, hidden, black, open or free; may be repeated
     #[arg(long, value_name = "FACT", hide_possible_values = true)]
-    pub keep: Vec<Fact>,
+    pub keep: Vec<Shortcut>,
 
     /// Say what can be left out, and why, and render nothing
     #[arg(long)]
@@ -168,7 +170,7 @@ pub struct Arguments {
           requires = "checkpoint")]
     pub every: f64,
 
-    /// Checkpoint to go on from; scene, view, size, seed and reflectivity
+    /// Checkpoint to go on from; scene, view, size, seed and albedo
     /// must be those of its run
     #[arg(long, value_name = "FILE")]
     pub resume: Option<PathBuf>,
@@ -189,7 +191,7 @@ pub const STYLES: Styles = Styles::styled()
     .literal(Style::new().effects(Effects::BOLD));
 
 // Parse the values with exact syntax
-fn parse_definition(text: &str) -> Result<(u32, u32), String> {
+fn parse_resolution(text: &str) -> Result<(u32, u32), String> {
     let syntax = "expected two integers around one x, as in 800x600";
     let (width, height) = text.split_once('x').ok_or(syntax)?;
     // Read one side of the definition
@@ -231,16 +233,16 @@ fn parse_fov(text: &str) -> Result<f64, String> {
     }
 }
 
-fn parse_reflectivity(text: &str) -> Result<f64, String> {
+fn parse_albedo(text: &str) -> Result<f64, String> {
     match parse_real(text)? {
         rho if (0. ..=1.).contains(&rho) => Ok(rho),
-        _ => Err("expected a reflectivity between 0 and 1".to_owned()),
+        _ => Err("expected an albedo between 0 and 1".to_owned()),
     }
 }
 
-fn parse_realisations(text: &str) -> Result<u64, String> {
+fn parse_samples(text: &str) -> Result<u64, String> {
     match text.parse() {
-        Ok(0) => Err("a pixel needs at least one realisation".to_owned()),
+        Ok(0) => Err("a pixel needs at least one sample".to_owned()),
         Ok(n) => Ok(n),
         Err(_) => Err("expected a positive integer".to_owned()),
     }
@@ -310,12 +312,12 @@ impl Arguments {
     }
 
     /// The places that the image goes to, checked but untouched.
-    pub fn destinations(&self) -> Result<Vec<Destination>, String> {
+    pub fn destinations(&self) -> Result<Vec<ImageTarget>, String> {
         self.tell_files_apart()?;
         if self.output.is_empty() {
-            return Ok(vec![Destination::standard_output(self.format)]);
+            return Ok(vec![ImageTarget::standard_output(self.format)]);
         }
-        let check = |path: &PathBuf| Destination::file(path, self.force);
+        let check = |path: &PathBuf| ImageTarget::file(path, self.force);
         self.output.iter().map(check).collect()
     }
 
@@ -344,24 +346,24 @@ impl Arguments {
     }
 
     /// The reports to write, each with its place.
-    pub fn reports(&self) -> Result<Vec<(Kind, Place)>, String> {
+    pub fn reports(&self) -> Result<Vec<(Kind, OutputTarget)>, String> {
         let check = |path: &PathBuf| {
-            Ok((Kind::of(path)?, Place::file(path, self.force)?))
+            Ok((Kind::of(path)?, OutputTarget::file(path, self.force)?))
         };
         self.report.iter().map(check).collect()
     }
 
     /// The place of the checkpoint, if there shall be one.
-    pub fn checkpoint(&self) -> Result<Option<Place>, String> {
+    pub fn checkpoint(&self) -> Result<Option<OutputTarget>, String> {
         let force = self.force || self.checkpoint == self.resume;
-        let check = |path: &PathBuf| Place::file(path, force);
+        let check = |path: &PathBuf| OutputTarget::file(path, force);
         self.checkpoint.as_ref().map(check).transpose()
     }
 
-    /// The number of realisations, if it is limited.
-    pub fn realisations(&self) -> Option<u64> {
+    /// The number of samples, if it is limited.
+    pub fn samples(&self) -> Option<u64> {
         let limited = self.time.is_some() || self.error.is_some();
-        self.realisations.or((!limited).then_some(1))
+        self.samples.or((!limited).then_some(1))
     }
 
     /// The time at which a program that began at `start` should end.
@@ -384,20 +386,20 @@ impl Arguments {
     }
 
     /// The reference, if there is one.
-    pub fn read_reference(&self) -> Result<Option<Picture>, String> {
+    pub fn read_reference(&self) -> Result<Option<Image>, String> {
         let Some(path) = &self.reference else { return Ok(None) };
-        let picture = Picture::read(path)?;
-        let (width, height) = self.definition;
-        if (picture.width, picture.height) != (width, height) {
+        let image = Image::read(path)?;
+        let (width, height) = self.resolution;
+        if (image.width, image.height) != (width, height) {
             // Refuse a reference of another size
             return Err(format!(
                 "{}: is {}x{} pixels large, and the image {width}x{height}",
                 path.display(),
-                picture.width,
-                picture.height
+                image.width,
+                image.height
             ));
         }
-        Ok(Some(picture))
+        Ok(Some(image))
     }
 
     /// Whether a file will name the scene by its hash.
@@ -411,9 +413,9 @@ impl Arguments {
     }
 
     /// All that decides the weights, for a scene with this hash.
-    pub fn subject(&self, scene_sha256: &str) -> Subject {
-        let (width, height) = self.definition;
-        let facts = json!({
+    pub fn run_key(&self, scene_sha256: &str) -> RunKey {
+        let (width, height) = self.resolution;
+        let analysis = json!({
             "version": env!("CARGO_PKG_VERSION"),
             "scene_sha256": scene_sha256,
             "definition": [width, height],
@@ -421,21 +423,21 @@ impl Arguments {
             "target": self.target.to_array(),
             "up": self.up.to_array(),
             "fov": self.fov,
-            "reflectivity": self.reflectivity,
+            "albedo": self.albedo,
             "seed": self.seed,
         });
-        facts.as_object().cloned().unwrap_or_default()
+        analysis.as_object().cloned().unwrap_or_default()
     }
 
     /// What describes the run, by the names of the options, for the report.
-    pub fn settings(&self, subject: &Subject) -> Subject {
-        let mut settings = subject.clone();
+    pub fn settings(&self, run_key: &RunKey) -> RunKey {
+        let mut settings = run_key.clone();
         settings
             .retain(|name, _| name != "scene_sha256" && name != "version");
         let reference = self.reference.as_ref();
         let limits = json!({
             // List the limits and the means
-            "realisations": self.realisations(),
+            "samples": self.samples(),
             "time": self.time,
             "error": self.error,
             "reference": reference.map(|path| path.display().to_string()),
@@ -453,10 +455,10 @@ impl Arguments {
 
     /// A guess of how many rays the run will trace with so many threads.
     pub fn expected_rays(&self, threads: usize) -> f64 {
-        let (width, height) = self.definition;
+        let (width, height) = self.resolution;
         let area = f64::from(width) * f64::from(height);
-        let path = (1. / (1. - self.reflectivity)).min(Self::LONG);
-        let paths = self.realisations().map(|n| n as f64 * area);
+        let path = (1. / (1. - self.albedo)).min(Self::LONG);
+        let paths = self.samples().map(|n| n as f64 * area);
         let timed = self.time.or(paths.is_none().then_some(60.));
         let rate = Self::RATE * threads as f64;
         let timed = timed.map_or(f64::INFINITY, |time| time * rate);
@@ -464,8 +466,8 @@ impl Arguments {
     }
 
     /// The facts that are not to be looked for.
-    pub fn kept(&self) -> &[Fact] {
-        if self.keep_all { &Fact::ALL } else { &self.keep }
+    pub fn kept(&self) -> &[Shortcut] {
+        if self.keep_all { &Shortcut::ALL } else { &self.keep }
     }
 
     /// Rays that a path is guessed to have at most.

@@ -16,8 +16,8 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 use sha2::{Digest, Sha256};
 
-use crate::course::Course;
-use crate::image::Image;
+use crate::film::Film;
+use crate::render_loop::Convergence;
 use crate::statistics::Accumulator;
 
 // Say what stands before the sums
@@ -28,29 +28,30 @@ const MAGIC: &[u8] = b"litpt checkpoint 1\n";
 #[derive(Serialize, Deserialize)]
 struct Header<'a> {
     /// What decides the weights.
-    subject: Cow<'a, Subject>,
-    course: Cow<'a, Course>,
+    run_key: Cow<'a, RunKey>,
+    convergence: Cow<'a, Convergence>,
 }
 
 /// Names and values of all that decides the weights of a run.
-pub type Subject = Map<String, Value>;
+pub type RunKey = Map<String, Value>;
 
 // Write the state of a run
 /// Writes a checkpoint.
 pub fn save(
-    subject: &Subject,
-    course: &Course,
-    image: &Image,
+    run_key: &RunKey,
+    convergence: &Convergence,
+    film: &Film,
     out: &mut dyn Write,
 ) -> io::Result<()> {
     let mut out = Checked { out, checksum: Sha256::new() };
     out.write_all(MAGIC)?;
     // Write the subject and the course
-    let subject = Cow::Borrowed(subject);
-    let header = Header { subject, course: Cow::Borrowed(course) };
+    let run_key = Cow::Borrowed(run_key);
+    let header =
+        Header { run_key, convergence: Cow::Borrowed(convergence) };
     serde_json::to_writer(&mut out, &header)?;
     out.write_all(b"\n")?;
-    for pixel in image.stored() {
+    for pixel in film.stored() {
         out.write_all(&pixel.to_bytes())?;
     }
     let Checked { out, checksum } = out;
@@ -135,26 +136,26 @@ impl<R: BufRead + Seek> Checkpoint<R> {
     // Tell what was left out and go on
     /// The facts that the run has found, of those that matter to weights.
     pub fn left_out(&self) -> Vec<String> {
-        let forms = self.header.subject.get("left_out").cloned();
+        let forms = self.header.run_key.get("left_out").cloned();
         let forms = forms.and_then(|f| serde_json::from_value(f).ok());
         forms.unwrap_or_default()
     }
 
-    /// Fills the `image`, and returns the course so far.
+    /// Fills the `film`, and returns the course so far.
     ///
     /// # Errors
     /// The checkpoint belongs to another subject, or cannot be read; the
     /// image may then be filled in part.
     pub fn resume(
         mut self,
-        subject: &Subject,
-        image: &mut Image,
-    ) -> Result<Course, String> {
+        run_key: &RunKey,
+        film: &mut Film,
+    ) -> Result<Convergence, String> {
         // Compare the subjects, one fact at a time
-        let theirs = &self.header.subject;
-        let names = subject.keys().chain(theirs.keys());
+        let theirs = &self.header.run_key;
+        let names = run_key.keys().chain(theirs.keys());
         for name in names {
-            let (ours, theirs) = (subject.get(name), theirs.get(name));
+            let (ours, theirs) = (run_key.get(name), theirs.get(name));
             if ours != theirs {
                 // Name the fact that differs
                 let show = |value: Option<&Value>| {
@@ -168,11 +169,11 @@ impl<R: BufRead + Seek> Checkpoint<R> {
             }
         }
         // Fill the image with its sums
-        for pixel in image.stored_mut() {
+        for pixel in film.stored_mut() {
             let mut bytes = [0; 64];
             self.sums.read_exact(&mut bytes).map_err(unreadable)?;
             *pixel = Accumulator::from_bytes(&bytes);
         }
-        Ok(self.header.course.into_owned())
+        Ok(self.header.convergence.into_owned())
     }
 }

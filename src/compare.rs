@@ -6,10 +6,10 @@
 // Software Foundation, either version 3 of the License, or (at your option)
 // any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Are two pictures estimates of the same radiances?
+//! Are two images estimates of the same radiances?
 //!
-//! Each pixel of a picture is a mean with its standard error. Pixels
-//! are taken to be independent of each other, and the two pictures to
+//! Each pixel of an image is a mean with its standard error. Pixels
+//! are taken to be independent of each other, and the two images to
 //! come from different random numbers.
 
 pub mod display;
@@ -20,7 +20,7 @@ use std::f64::consts::SQRT_2;
 
 use statrs::function::beta::beta_reg;
 
-use crate::picture::Picture;
+use crate::image::Image;
 
 // Measure how far two estimates differ
 /// The difference of two estimates, or the sum of several.
@@ -64,7 +64,7 @@ impl Gap {
     }
 
     /// The difference in standard errors, if these are not less than is
-    /// usual in the block `around`; `claims` says that both pictures state
+    /// usual in the block `around`; `claims` says that both images state
     /// their errors, which makes a zero a claim.
     fn z_among(&self, around: &Gap, claims: bool) -> f64 {
         let usual = around.variance / around.pixels as f64;
@@ -92,16 +92,16 @@ fn tail(z: f64, freedom: f64) -> f64 {
 
 /// A mean, its squared standard error, and the degrees of freedom of
 /// the latter.
-fn estimate(picture: &Picture, i: usize) -> (f64, f64, f64) {
-    let error = picture.errors.as_ref().map_or(0., |errors| errors[i]);
-    let count = picture.samples.as_ref().map(|samples| samples[i]);
+fn estimate(image: &Image, i: usize) -> (f64, f64, f64) {
+    let error = image.errors.as_ref().map_or(0., |errors| errors[i]);
+    let count = image.samples.as_ref().map(|samples| samples[i]);
     let freedom = count.map_or(f64::INFINITY, |count| count - 1.);
-    (picture.means[i], error * error, freedom)
+    (image.means[i], error * error, freedom)
 }
 
-/// How far pixel `i` of two pictures differs; none if an error is
+/// How far pixel `i` of two images differs; none if an error is
 /// unknown.
-fn gap(a: &Picture, b: &Picture, i: usize) -> Option<Gap> {
+fn gap(a: &Image, b: &Image, i: usize) -> Option<Gap> {
     let estimates = [estimate(a, i), estimate(b, i)];
     // Find the difference beyond rounding
     let [(a, ..), (b, ..)] = estimates;
@@ -116,7 +116,7 @@ fn gap(a: &Picture, b: &Picture, i: usize) -> Option<Gap> {
 }
 
 // Share the false alarms among tests
-/// Probability that two pictures of the same radiances are called
+/// Probability that two images of the same radiances are called
 /// inconsistent.
 pub const FALSE_ALARMS: f64 = 0.01;
 
@@ -145,14 +145,14 @@ pub struct Scale {
     pub largest: (f64, u32, u32),
 }
 
-/// Realisations that a pixel needs to be tested by itself. With two
-/// equally probable weights, both pictures agree within themselves but
+/// Samples that a pixel needs to be tested by itself. With two
+/// equally probable weights, both images agree within themselves but
 /// not with each other in one pixel of 2^31.
 pub const FEW: f64 = 16.;
 
-/// Whether the pixel `i` of a picture has enough realisations.
-fn enough(picture: &Picture, i: usize) -> bool {
-    picture.samples.as_ref().is_none_or(|samples| samples[i] >= FEW)
+/// Whether the pixel `i` of an image has enough samples.
+fn enough(image: &Image, i: usize) -> bool {
+    image.samples.as_ref().is_none_or(|samples| samples[i] >= FEW)
 }
 
 /// The sums of the gaps over blocks of one size, row by row.
@@ -172,7 +172,7 @@ fn blocks(gaps: &[Option<Gap>], width: u32, side: u32) -> Vec<Gap> {
 }
 
 /// Tests the blocks of one size against those `around` them; `claims`
-/// says that both pictures state their errors.
+/// says that both images state their errors.
 fn test(
     gaps: &[Option<Gap>],
     width: u32,
@@ -199,8 +199,8 @@ fn test(
     scale
 }
 
-// State what distinguishes two pictures
-/// What distinguishes one picture from another.
+// State what distinguishes two images
+/// What distinguishes one image from another.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Difference {
     /// Root of the mean square difference.
@@ -213,7 +213,7 @@ pub struct Difference {
     /// Number of pixels whose error is unknown.
     pub unknown: usize,
     /// Number of pixels of known error with fewer than [`FEW`]
-    /// realisations.
+    /// samples.
     pub few: usize,
     /// Standard deviation of z over the pixels that are tested and not
     /// exact, and its expectation for normal weights.
@@ -225,25 +225,25 @@ pub struct Difference {
 }
 
 impl Difference {
-    /// Whether nothing but chance distinguishes the pictures.
+    /// Whether nothing but chance distinguishes the images.
     pub fn consistent(&self) -> bool {
         self.scales.iter().all(|scale| scale.failed == 0)
     }
 }
 
-// Compare two pictures as a whole
-/// Compares two pictures of independent random numbers.
+// Compare two images as a whole
+/// Compares two images of independent random numbers.
 ///
 /// # Errors
 /// They differ in size, or no pixel has a known error.
-pub fn compare(a: &Picture, b: &Picture) -> Result<Difference, String> {
+pub fn compare(a: &Image, b: &Image) -> Result<Difference, String> {
     same_size(a, b)?;
     // Collect the gaps of all pixels
     let gaps: Vec<_> = (0..a.means.len()).map(|i| gap(a, b, i)).collect();
     let mut sum = Gap::default();
     gaps.iter().flatten().for_each(|gap| sum.add(gap));
     if a.errors.is_none() && b.errors.is_none() {
-        return Err("neither picture says its errors".to_owned());
+        return Err("neither image says its errors".to_owned());
     }
     if sum.pixels == 0 {
         return Err("the errors of all pixels are unknown".to_owned());
@@ -254,11 +254,11 @@ pub fn compare(a: &Picture, b: &Picture) -> Result<Difference, String> {
     let enough = |i| enough(a, i) && enough(b, i);
     let single: Vec<_> =
         (0..gaps.len()).map(|i| gaps[i].filter(|_| enough(i))).collect();
-    let [pixel, block, image] = SIDES;
+    let [pixel, block, film] = SIDES;
     let scales = [
         test(&single, (pixel, block)),
-        test(&gaps, (block, image)),
-        test(&gaps, (image, image)),
+        test(&gaps, (block, film)),
+        test(&gaps, (film, film)),
     ];
     let known = sum.pixels as usize;
     let (rmse, relative_mse) = distances(a, b);
@@ -274,12 +274,12 @@ pub fn compare(a: &Picture, b: &Picture) -> Result<Difference, String> {
     })
 }
 
-// Measure distances of two pictures
+// Measure distances of two images
 /// Keeps the relative error of dark pixels finite.
 const EPSILON: f64 = 1e-2;
 
 /// Root mean square difference, and mean square relative difference.
-fn distances(a: &Picture, b: &Picture) -> (f64, f64) {
+fn distances(a: &Image, b: &Image) -> (f64, f64) {
     let (mut squares, mut relative) = (0., 0.);
     for (a, b) in a.means.iter().zip(&b.means) {
         let square = (a - b) * (a - b);
@@ -304,8 +304,8 @@ fn spread(gaps: &[Option<Gap>]) -> (f64, f64) {
 }
 
 /// # Errors
-/// The pictures differ in size.
-fn same_size(a: &Picture, b: &Picture) -> Result<(), String> {
+/// The images differ in size.
+fn same_size(a: &Image, b: &Image) -> Result<(), String> {
     match (a.width, a.height) == (b.width, b.height) {
         true => Ok(()),
         false => Err(format!(

@@ -9,15 +9,15 @@
 //! A Monte-Carlo path tracer for one diffuse material under a
 //! uniform sky.
 //!
-//! Each module belongs to a chapter of the book.
+//! Each module has a chapter of the book.
 //! Lengths are in the scene's own unit; radiance is relative to the
 //! radiance of the sky, and therefore lies between 0 and 1.
 //!
 // Show the library at work
 //! ```
 //! use glam::DVec3;
-//! use litpt::{camera::*, estimator::*, facts::bare::Known, hierarchy::*};
-//! use litpt::image::*;
+//! use litpt::{camera::*, integrator::*, analysis::background::KnownPixels, bvh::*};
+//! use litpt::film::*;
 //! use litpt::{render::*, scene::*, sky::*};
 //!
 //! let obj = "v -1e6 -1e6 0\nv 1e6 -1e6 0\nv 1e6 1e6 0\nv -1e6 1e6 0\n\
@@ -27,38 +27,36 @@
 //!                   up: DVec3::Y, fov: 70. };
 //! let camera = Camera::new(&view, 4. / 3.)?;
 //! let sky = Sky::new(DVec3::Z);
-//! let estimator = Reference { reflectivity: 0.5, sky, foresight: () };
-//! let kernel = Hierarchy::new(&scene)?;
+//! let integrator = PathTracer { albedo: 0.5, sky, foresight: () };
+//! let intersector = Bvh::new(&scene)?;
 //!
-//! let job = Job { scene: &scene, kernel: &kernel, camera: &camera,
-//!                 estimator: &estimator, known: &Known::Nothing, seed: 0 };
-//! let mut image = Image::new(4, 3);
-//! job.pass(&mut image, 0..2, &|_| ());
+//! let job = Job { scene: &scene, intersector: &intersector, camera: &camera,
+//!                 integrator: &integrator, known: &KnownPixels::Nothing, seed: 0 };
+//! let mut film = Film::new(4, 3);
+//! job.pass(&mut film, 0..2, &|_| ());
 //! assert_eq!(image.pixel(0, 0).mean(), 0.5);
 //! assert_eq!(image.pixel(0, 0).variance(), 0.);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
 // List the modules of the library
+pub mod analysis;
 pub mod arguments;
+pub mod bvh;
 pub mod camera;
 pub mod checkpoint;
-pub mod closed_forms;
 pub mod compare;
-pub mod course;
-pub mod courtyard;
-pub mod estimator;
-pub mod facts;
-pub mod hierarchy;
+pub mod film;
 pub mod image;
-pub mod journal;
+pub mod integrator;
 pub mod numerics;
 pub mod output;
-pub mod picture;
 pub mod progress;
 pub mod render;
+pub mod render_loop;
 pub mod report;
-pub mod sampling;
+pub mod run_output;
+pub mod sampler;
 pub mod scene;
 pub mod sky;
 pub mod statistics;

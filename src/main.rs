@@ -13,15 +13,15 @@ use std::io::{self, ErrorKind, Write};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
+use litpt::analysis::{Finding, Inquiry, SceneAnalysis};
 use litpt::arguments::Arguments;
+use litpt::bvh::{Bvh, Quality};
 use litpt::camera::Camera;
-use litpt::course::{Course, Interrupt, Limits, Stop};
-use litpt::facts::{Facts, Finding, Inquiry};
-use litpt::hierarchy::{Hierarchy, Quality};
-use litpt::image::Image;
-use litpt::journal::Journal;
+use litpt::film::Film;
 use litpt::progress::{self, Bar};
+use litpt::render_loop::{Convergence, Interrupt, Limits, Stop};
 use litpt::report::{Report, SceneFacts};
+use litpt::run_output::RunOutput;
 use litpt::scene::Scene;
 use litpt::sky::Sky;
 
@@ -45,7 +45,7 @@ fn main() -> ExitCode {
 fn run(arguments: &Arguments) -> Result<Stop, String> {
     let start = Instant::now();
     // Prepare the camera, the sky and the files
-    let (width, height) = arguments.definition;
+    let (width, height) = arguments.resolution;
     let aspect = f64::from(width) / f64::from(height);
     let view = arguments.view();
     let camera = Camera::new(&view, aspect).map_err(|e| e.to_string())?;
@@ -79,58 +79,58 @@ fn run(arguments: &Arguments) -> Result<Stop, String> {
         camera: &camera,
         place: scene.place(camera.position),
         sky,
-        reflectivity: arguments.reflectivity,
-        definition: arguments.definition,
+        albedo: arguments.albedo,
+        resolution: arguments.resolution,
         rays: arguments.expected_rays(1),
         kept: arguments.kept().to_vec(),
     };
     if let Some(before) = before {
         inquiry.follow(&before);
     }
-    let mut facts = Facts::find(&mut scene, &inquiry);
+    let mut analysis = SceneAnalysis::find(&mut scene, &inquiry);
     // Build the hierarchy of what is left
-    facts.simplify(&mut scene);
+    analysis.simplify(&mut scene);
     let threads = rayon::current_num_threads();
     let (needed, isa) = (scene.triangles().len(), arguments.isa());
     let quality =
         Quality::expecting(needed, arguments.expected_rays(threads));
-    let kernel = Hierarchy::of(scene.take_triangles(), quality, isa)
+    let intersector = Bvh::of(scene.take_triangles(), quality, isa)
         .map_err(|e| e.to_string())?;
-    facts.find_more(&scene, &kernel, &inquiry);
+    analysis.find_more(&scene, &intersector, &inquiry);
     if arguments.explain {
-        return explain(&facts, arguments);
+        return explain(&analysis, arguments);
     }
     let renderer =
-        facts.renderer(&scene, &kernel, &inquiry, arguments.seed);
+        analysis.renderer(&scene, &intersector, &inquiry, arguments.seed);
     let build_seconds = building.elapsed().as_secs_f64();
     // Take up a run or begin one
-    let mut subject = arguments.subject(&sha256);
-    subject.insert("left_out".into(), facts.weighty().into());
-    let mut image = Image::new(width, height);
-    let mut course = Course::default();
+    let mut run_key = arguments.run_key(&sha256);
+    run_key.insert("left_out".into(), analysis.weighty().into());
+    let mut film = Film::new(width, height);
+    let mut convergence = Convergence::default();
     if let Some((name, saved)) = resumed {
-        course = saved
-            .resume(&subject, &mut image)
+        convergence = saved
+            .resume(&run_key, &mut film)
             .map_err(|fault| format!("{name}: {fault}"))?;
         // Warn if there is nothing left to do
         let enough =
-            arguments.realisations().is_some_and(|n| course.spp >= n);
+            arguments.samples().is_some_and(|n| convergence.spp >= n);
         if enough && !arguments.quiet {
-            let spp = course.spp;
+            let spp = convergence.spp;
             progress::warn(&format!(
-                "{name}: holds {spp} realisations already (ask for more with -n)"
+                "{name}: holds {spp} samples already (ask for more with -n)"
             ));
         }
     }
     let file = arguments.input_name();
     let scene_facts =
         SceneFacts { file, sha256, triangles: triangles as u64 };
-    let mut settings = arguments.settings(&subject);
+    let mut settings = arguments.settings(&run_key);
     settings.insert("hierarchy".into(), quality.to_string().into());
     let known = Report {
         scene: scene_facts,
         settings,
-        left_out: facts.left_out().cloned().collect(),
+        left_out: analysis.left_out().cloned().collect(),
         load_seconds,
         build_seconds,
         program: concat!("pt ", env!("CARGO_PKG_VERSION")).to_owned(),
@@ -138,91 +138,98 @@ fn run(arguments: &Arguments) -> Result<Stop, String> {
     };
     let every = Duration::try_from_secs_f64(arguments.every)
         .unwrap_or(Duration::MAX);
-    let mut journal =
-        Journal::new(reports, checkpoint, every, subject, known);
+    let mut run_output =
+        RunOutput::new(reports, checkpoint, every, run_key, known);
     // Render until a limit is reached
     let interrupt = Interrupt::listen()
         .map_err(|e| format!("cannot listen for signals: {e}"))?;
     let mut limits = Limits {
-        realisations: facts.realisations(arguments.realisations()),
+        samples: analysis.samples(arguments.samples()),
         deadline: arguments.deadline(start),
         error: arguments.error,
         interrupt: &interrupt,
-        reference: reference.as_ref().map(|picture| &picture.means[..]),
+        reference: reference.as_ref().map(|image| &image.means[..]),
     };
     // Show the bar and call the journal
-    let area = image.area();
+    let area = film.area();
     let paths = |spp: u64| spp.saturating_mul(area);
-    let bar = Bar::new(!arguments.quiet, paths(course.spp));
+    let bar = Bar::new(!arguments.quiet, paths(convergence.spp));
     let advance = |paths| bar.advance(paths);
-    let go_on = |course: &mut Course,
-                 image: &mut Image,
+    let go_on = |convergence: &mut Convergence,
+                 film: &mut Film,
                  limits: &Limits,
-                 journal: &mut Journal| {
+                 run_output: &mut RunOutput| {
         bar.expect(
-            paths(course.expected(limits, area)),
-            course.to_string(),
+            paths(convergence.expected(limits, area)),
+            convergence.to_string(),
         );
-        let mut after = |course: &Course, image: &Image| {
+        let mut after = |convergence: &Convergence, film: &Film| {
             // Tell the bar and the journal
-            let expected = course.expected(limits, area);
-            bar.expect(paths(expected), course.to_string());
-            let written = journal.after(course, image);
+            let expected = convergence.expected(limits, area);
+            bar.expect(paths(expected), convergence.to_string());
+            let written = run_output.after(convergence, film);
             if let (Err(message), false) = (written, arguments.quiet) {
                 bar.suspend(|| progress::warn(&message));
             }
         };
-        course.run(&*renderer, image, limits, &advance, &mut after)
+        convergence.run(&*renderer, film, limits, &advance, &mut after)
     };
     if let Some(deadline) = limits.deadline {
-        let realisations = limits.realisations;
-        let one_more = course.spp + 1;
-        limits.realisations =
-            Some(realisations.map_or(one_more, |n| n.min(one_more)));
-        go_on(&mut course, &mut image, &limits, &mut journal);
-        limits.realisations = realisations;
+        let samples = limits.samples;
+        let one_more = convergence.spp + 1;
+        limits.samples =
+            Some(samples.map_or(one_more, |n| n.min(one_more)));
+        go_on(&mut convergence, &mut film, &limits, &mut run_output);
+        limits.samples = samples;
         if interrupt.signal().is_none() {
             // Keep the time for writing in reserve
             let began = Instant::now();
-            let picture = journal.rehearse(&course, &image);
-            outputs.iter().for_each(|output| output.rehearse(&picture));
+            let image = run_output.rehearse(&convergence, &film);
+            outputs.iter().for_each(|output| output.rehearse(&image));
             let end = deadline.checked_sub(began.elapsed());
             limits.deadline = end.or(limits.deadline);
         }
         // Warn if the time is over already
         if Instant::now() > deadline && !arguments.quiet {
             progress::warn(
-                "one realisation of each pixel took longer than --time allows",
+                "one sample of each pixel took longer than --time allows",
             );
         }
     }
-    let stop = go_on(&mut course, &mut image, &limits, &mut journal);
+    let stop = go_on(&mut convergence, &mut film, &limits, &mut run_output);
     bar.finish();
     // Write the image and the summary
-    let picture = journal.picture(&course, &image, Some(stop));
-    let written = outputs.iter().map(|output| output.write(&picture));
+    let image = run_output.image(&convergence, &film, Some(stop));
+    let written = outputs.iter().map(|output| output.write(&image));
     let mut written: Vec<_> = written.collect();
-    written.push(journal.close(&course, &image, stop));
+    written.push(run_output.close(&convergence, &film, stop));
     let failures: Vec<_> =
         written.into_iter().filter_map(Result::err).collect();
     if !failures.is_empty() {
         return Err(failures.join("; "));
     }
     if !arguments.quiet {
-        let report = journal.report(&course, &image, Some(stop));
+        let report = run_output.report(&convergence, &film, Some(stop));
         progress::summarise(&report, area);
     }
     Ok(stop)
 }
 
 /// Tells what can be left out, and what the rest is made of.
-fn explain(facts: &Facts, arguments: &Arguments) -> Result<Stop, String> {
+fn explain(
+    analysis: &SceneAnalysis,
+    arguments: &Arguments,
+) -> Result<Stop, String> {
     let mut words = String::new();
-    for Finding { fact, holds, why } in &facts.findings {
+    for Finding { fact, holds, why } in &analysis.findings {
         let sign = if *holds { "left out" } else { "-" };
-        words += &format!("{fact:8}{sign:10}{why}\n");
+        words += &format!("{fact:12}{sign:10}{why}\n");
     }
-    words += &format!("{:8}{}\n", "kernel", facts.parts(arguments.isa()));
+    words += &format!(
+        "{:12}{}\n",
+        "intersector",
+        analysis.parts(arguments.isa())
+    );
     let mut out = io::stdout().lock();
     match out.write_all(words.as_bytes()) {
         Err(e) if e.kind() != ErrorKind::BrokenPipe => {

@@ -67,7 +67,7 @@ pub fn cross(u: DVec3, v: DVec3) -> DVec3 {
 /// The point (cos 2πu, sin 2πu), for `u` in [0, 1], with an absolute
 /// error below 4e-16.
 #[inline(always)]
-pub fn circle(u: f64) -> (f64, f64) {
+pub fn sincos_turns(u: f64) -> (f64, f64) {
     let quarters = (4. * u + 0.5) as i32;
     let angle = (4. * u - f64::from(quarters)) * FRAC_PI_2;
     let square = angle * angle;

@@ -118,12 +118,12 @@ pub fn summarise(report: &Report, pixels: u64) {
     // Say where the time went
     let Report { load_seconds, build_seconds, render_seconds, .. } = report;
     let said = |name| report.settings.get(name).and_then(Value::as_str);
-    let hierarchy = ["hierarchy", "isa"].into_iter().filter_map(said);
+    let bvh = ["hierarchy", "isa"].into_iter().filter_map(said);
     inform(&format!(
         "{} triangles, load {load_seconds:.3} s, build {build_seconds:.3} s \
          ({}), render {render_seconds:.3} s",
         report.scene.triangles,
-        hierarchy.collect::<Vec<_>>().join(", ")
+        bvh.collect::<Vec<_>>().join(", ")
     ));
     for finding in &report.left_out {
         inform(&format!("left out: {} ({})", finding.why, finding.fact));

@@ -6,7 +6,7 @@
 // Software Foundation, either version 3 of the License, or (at your option)
 // any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Filling an image with realisations, on all threads.
+//! Filling an image with samples, on all threads.
 
 // Name what the render imports
 use std::iter;
@@ -16,12 +16,12 @@ use rand::RngExt;
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
+use crate::analysis::background::KnownPixels;
+use crate::bvh::{Dispatch, Intersector};
 use crate::camera::Camera;
-use crate::estimator::{Answer, Estimator, Step};
-use crate::facts::bare::Known;
-use crate::hierarchy::{Kernel, Work};
-use crate::image::{Image, Tile};
-use crate::sampling::{generator, within};
+use crate::film::{Film, Tile};
+use crate::integrator::{Integrator, RayQuery, Step};
+use crate::sampler::{generator, within};
 use crate::scene::{Ray, Scene};
 use crate::statistics::Accumulator;
 
@@ -31,13 +31,13 @@ pub struct Job<'a, K, E> {
     /// The triangles.
     pub scene: &'a Scene,
     /// Finds hits in `scene`.
-    pub kernel: &'a K,
+    pub intersector: &'a K,
     /// Where the rays start.
     pub camera: &'a Camera,
     /// What is averaged.
-    pub estimator: E,
+    pub integrator: E,
     /// What is known of the image beforehand.
-    pub known: &'a Known,
+    pub known: &'a KnownPixels,
     /// Chooses the random numbers.
     pub seed: u64,
 }
@@ -45,60 +45,61 @@ pub struct Job<'a, K, E> {
 /// Pieces of work that each thread should find in an image.
 const PIECES: usize = 32;
 
-// Let the kernel choose its walk
-/// A pass that waits for its kernel.
+// Let the intersector choose its walk
+/// A pass that waits for its intersector.
 struct Pass<'a, 'b, K, E> {
     job: &'b Job<'a, K, E>,
-    image: &'b mut Image,
-    realisations: Range<u64>,
+    film: &'b mut Film,
+    samples: Range<u64>,
     progress: &'b (dyn Fn(u64) + Sync),
 }
 
-impl<K, E: Estimator> Work for Pass<'_, '_, K, E> {
+impl<K, E: Integrator> Dispatch for Pass<'_, '_, K, E> {
     type Output = u64;
 
-    fn with<L: Kernel>(self, kernel: &L) -> u64 {
-        let Job { scene, camera, estimator, known, seed, .. } = self.job;
+    fn with<L: Intersector>(self, intersector: &L) -> u64 {
+        let Job { scene, camera, integrator, known, seed, .. } = self.job;
         let (scene, camera, known, seed) = (*scene, *camera, *known, *seed);
-        let job = Job { scene, kernel, camera, estimator, known, seed };
-        job.sweep(self.image, self.realisations, self.progress)
+        let job =
+            Job { scene, intersector, camera, integrator, known, seed };
+        job.sweep(self.film, self.samples, self.progress)
     }
 }
 
-/// Something that adds realisations to an image.
+/// Something that adds samples to an image.
 pub trait Renderer: Sync {
-    /// Adds the `realisations` to each pixel of `image`, and returns the
+    /// Adds the `samples` to each pixel of `film`, and returns the
     /// number of rays traced. Calls `progress`, from any thread, with the
     /// number of paths of each tile that is finished.
     fn pass(
         &self,
-        image: &mut Image,
-        realisations: Range<u64>,
+        film: &mut Film,
+        samples: Range<u64>,
         progress: &(dyn Fn(u64) + Sync),
     ) -> u64;
 }
 
-impl<K: Kernel, E: Estimator> Renderer for Job<'_, K, E> {
+impl<K: Intersector, E: Integrator> Renderer for Job<'_, K, E> {
     fn pass(
         &self,
-        image: &mut Image,
-        realisations: Range<u64>,
+        film: &mut Film,
+        samples: Range<u64>,
         progress: &(dyn Fn(u64) + Sync),
     ) -> u64 {
-        let pass = Pass { job: self, image, realisations, progress };
-        self.kernel.specialise(pass)
+        let pass = Pass { job: self, film, samples, progress };
+        self.intersector.dispatch(pass)
     }
 }
 
 // Keep a path that is under way
 /// Paths that a thread has under way.
-const ABREAST: usize = 4;
+const IN_FLIGHT: usize = 4;
 
 /// Paths that are begun at a time.
 const BATCH: usize = 16;
 
 /// A path between two rays.
-struct Traveller<P> {
+struct PathInFlight<P> {
     /// What its estimator remembers.
     path: P,
     random: Pcg64,
@@ -110,21 +111,21 @@ struct Traveller<P> {
     pixel: u32,
 }
 
-impl<K: Kernel, E: Estimator> Job<'_, K, E> {
-    // Add realisations to an image
-    /// All tiles, with the kernel as it is.
+impl<K: Intersector, E: Integrator> Job<'_, K, E> {
+    // Add samples to an image
+    /// All tiles, with the intersector as it is.
     fn sweep(
         &self,
-        image: &mut Image,
-        realisations: Range<u64>,
+        film: &mut Film,
+        samples: Range<u64>,
         progress: &(dyn Fn(u64) + Sync),
     ) -> u64 {
-        let definition = (image.width(), image.height());
-        let tiles = image.tiles();
+        let resolution = (film.width(), film.height());
+        let tiles = film.tiles();
         let parts = PIECES * rayon::current_num_threads() / tiles.len();
         let render = |(tile, pixels): (Tile, &mut [Accumulator])| {
             // Choose how a tile is filled
-            let count = realisations.end - realisations.start;
+            let count = samples.end - samples.start;
             let rays = match (parts as u64).min(count) {
                 _ if self.known.holds(&tile) => {
                     // Fill a tile that is known
@@ -135,14 +136,13 @@ impl<K: Kernel, E: Estimator> Job<'_, K, E> {
                     }
                     0
                 }
-                0 | 1 => self.tile(tile, pixels, definition, &realisations),
+                0 | 1 => self.tile(tile, pixels, resolution, &samples),
                 parts => {
-                    // Render the realisations in parts
-                    // Cut the realisations into parts
+                    // Render the samples in parts
+                    // Cut the samples into parts
                     let cut = |k: u64| {
                         let whole = u128::from(count) * u128::from(k);
-                        realisations.start
-                            + (whole / u128::from(parts)) as u64
+                        samples.start + (whole / u128::from(parts)) as u64
                     };
                     // Render one part by itself
                     let render = |k| {
@@ -150,7 +150,7 @@ impl<K: Kernel, E: Estimator> Job<'_, K, E> {
                             vec![Accumulator::default(); pixels.len()];
                         let range = cut(k)..cut(k + 1);
                         let rays =
-                            self.tile(tile, &mut own, definition, &range);
+                            self.tile(tile, &mut own, resolution, &range);
                         (own, rays)
                     };
                     let done: Vec<_> =
@@ -174,34 +174,34 @@ impl<K: Kernel, E: Estimator> Job<'_, K, E> {
         &self,
         tile: Tile,
         pixels: &mut [Accumulator],
-        definition: (u32, u32),
-        realisations: &Range<u64>,
+        resolution: (u32, u32),
+        samples: &Range<u64>,
     ) -> u64 {
         // Begin the paths in batches
-        let each = |pixel| realisations.clone().map(move |n| (pixel, n));
+        let each = |pixel| samples.clone().map(move |n| (pixel, n));
         let mut to_begin = (0..pixels.len() as u32).flat_map(each);
         let mut begun = Vec::with_capacity(BATCH);
         let mut next = || {
             if begun.is_empty() {
                 let batch = to_begin.by_ref().take(BATCH);
-                self.begin(&mut begun, batch, tile, definition);
+                self.begin(&mut begun, batch, tile, resolution);
             }
             begun.pop()
         };
         let mut rays = 0;
         // Put the first paths under way
-        let under_way = iter::from_fn(&mut next).take(ABREAST);
+        let under_way = iter::from_fn(&mut next).take(IN_FLIGHT);
         let mut under_way: Vec<_> = under_way.collect();
         while !under_way.is_empty() {
             // Take each path one ray further
-            under_way.retain_mut(|traveller| {
-                rays += u64::from(traveller.ray.is_some());
-                let Some(weight) = self.go_on(traveller) else {
+            under_way.retain_mut(|in_flight_path| {
+                rays += u64::from(in_flight_path.ray.is_some());
+                let Some(weight) = self.go_on(in_flight_path) else {
                     return true;
                 };
-                pixels[traveller.pixel as usize].add(weight);
+                pixels[in_flight_path.pixel as usize].add(weight);
                 match next() {
-                    Some(next) => *traveller = next,
+                    Some(next) => *in_flight_path = next,
                     None => return false,
                 }
                 true
@@ -212,21 +212,21 @@ impl<K: Kernel, E: Estimator> Job<'_, K, E> {
 
     // Begin a batch of paths
     /// Begins the paths of a batch: each the number of a pixel in its tile,
-    /// and of a realisation.
+    /// and of a sample.
     #[inline(never)]
     fn begin(
         &self,
-        begun: &mut Vec<Traveller<E::Path>>,
+        begun: &mut Vec<PathInFlight<E::Path>>,
         batch: impl Iterator<Item = (u32, u64)>,
         tile: Tile,
-        definition: (u32, u32),
+        resolution: (u32, u32),
     ) {
-        let (width, height) = definition;
+        let (width, height) = resolution;
         for (pixel, n) in batch {
             // Find the column and the row
             let x = tile.corner.0 + pixel % tile.size.0;
             let y = tile.corner.1 + pixel / tile.size.0;
-            // Begin realisation `n` at column `x` and row `y`
+            // Begin sample `n` at column `x` and row `y`
             let number = u64::from(y) * u64::from(width) + u64::from(x);
             let mut random = generator(self.seed, number, n);
             let direction = self.camera.direction(
@@ -234,8 +234,14 @@ impl<K: Kernel, E: Estimator> Job<'_, K, E> {
                 within(y, height, random.random()),
             );
             let ray = self.scene.enter(self.camera.position, direction);
-            let path = self.estimator.begin(direction);
-            begun.push(Traveller { path, random, ray, from: None, pixel });
+            let path = self.integrator.begin(direction);
+            begun.push(PathInFlight {
+                path,
+                random,
+                ray,
+                from: None,
+                pixel,
+            });
         }
     }
 
@@ -243,12 +249,15 @@ impl<K: Kernel, E: Estimator> Job<'_, K, E> {
     /// Traces the ray of a path and takes the path on from there; its weight
     /// if it ends.
     #[inline(always)]
-    fn go_on(&self, traveller: &mut Traveller<E::Path>) -> Option<f64> {
-        let Traveller { path, random, ray, from, .. } = traveller;
+    fn go_on(
+        &self,
+        in_flight_path: &mut PathInFlight<E::Path>,
+    ) -> Option<f64> {
+        let PathInFlight { path, random, ray, from, .. } = in_flight_path;
         // Find what the ray meets
-        let trace = |ray| E::Answer::ask(self.kernel, ray, *from);
+        let trace = |ray| E::RayQuery::ask(self.intersector, ray, *from);
         let answer = ray.as_ref().and_then(trace);
-        match self.estimator.go_on(path, answer, random) {
+        match self.integrator.go_on(path, answer, random) {
             // Go on along the next ray
             Step::On(next, left) => {
                 *ray = Some(next);

@@ -29,14 +29,14 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-use crate::facts::Finding;
-use crate::picture::Picture;
+use crate::analysis::Finding;
+use crate::image::Image;
 
 // Describe a run and its steps
 /// One point of the curve of error against time.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Step {
-    /// Realisations per pixel so far.
+    /// Samples per pixel so far.
     pub spp: u64,
     /// Seconds of rendering so far, without load and build.
     pub seconds: f64,
@@ -96,7 +96,7 @@ pub struct Report {
     pub rmse: Option<f64>,
     /// Pixels whose weights were all alike: their error is not seen.
     pub constant_pixels: u64,
-    /// Why the run ended: `realisations`, `time`, `error` or `signal`;
+    /// Why the run ended: `samples`, `time`, `error` or `signal`;
     /// none while it goes on.
     pub stopped: Option<String>,
     /// The curve of error against time.
@@ -130,9 +130,9 @@ impl Fit {
         }
         // Divide by the spread of the points
         let slope = sum(&|x, y| x * y) / spread;
-        let scatter = sum(&|x, y| (y - slope * x) * (y - slope * x));
+        let split_mix = sum(&|x, y| (y - slope * x) * (y - slope * x));
         let freedom = points.len() as f64 - 2.;
-        let stderr = (scatter / freedom / spread).sqrt();
+        let stderr = (split_mix / freedom / spread).sqrt();
         Some(Self { slope, stderr })
     }
 }
@@ -158,7 +158,7 @@ fn guide(points: &[(f64, f64)]) -> Option<f64> {
     centre(points).map(|(x, y)| libm::exp(y + x / 2.))
 }
 
-/// Steps of fewer realisations are left out of fits.
+/// Steps of fewer samples are left out of fits.
 const FEWEST: u64 = 8;
 
 /// Whether a number has a place on a logarithmic axis.
@@ -194,7 +194,7 @@ impl Report {
         self.slope(|step| step.seconds)
     }
 
-    /// The slope of the estimated error against realisations.
+    /// The slope of the estimated error against samples.
     pub fn slope_spp(&self) -> Option<Fit> {
         self.slope(|step| step.spp as f64)
     }
@@ -208,7 +208,7 @@ impl Report {
 /// How a report becomes text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// Everything but the picture, for programs.
+    /// Everything but the image, for programs.
     Json,
     /// The steps as a table with a header.
     Csv,
@@ -239,13 +239,13 @@ impl Kind {
         }
     }
 
-    /// The text of a report; only the page needs the picture.
-    pub fn render(self, report: &Report, picture: &Picture) -> String {
+    /// The text of a report; only the page needs the image.
+    pub fn render(self, report: &Report, image: &Image) -> String {
         match self {
             Kind::Json => json(report),
             Kind::Csv => csv::table(&report.steps),
             Kind::Svg => svg::drawing(report),
-            Kind::Html => html::page(report, picture),
+            Kind::Html => html::page(report, image),
         }
     }
 }

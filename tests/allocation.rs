@@ -9,12 +9,12 @@ use std::hint::black_box;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::DVec3;
-use litpt::closed_forms::{Setting, cavity, look, plane};
-use litpt::courtyard;
-use litpt::hierarchy::{Hierarchy, Isa, Quality};
-use litpt::image::Image;
+use litpt::bvh::{Bvh, Isa, Quality};
+use litpt::film::Film;
 use litpt::render::{Job, Renderer};
 use litpt::scene::{Mesh, Scene, read_obj};
+use litpt_book::closed_forms::{Setting, cavity, look, plane};
+use litpt_book::courtyard;
 use rayon::ThreadPoolBuilder;
 
 /// The system's allocator, and how often it was called.
@@ -86,14 +86,14 @@ fn the_number_of_paths_does_not_change_how_often_memory_is_asked_for() {
         let setting = Setting::new(mesh, sky, view, 1.).unwrap();
         let scene = Scene::new(mesh);
         for isa in Isa::ALL.into_iter().filter(|isa| isa.is_available()) {
-            let kernel =
-                Hierarchy::with(&scene, Quality::Fast, isa).unwrap();
-            let job = Job { kernel: &kernel, ..setting.job(1) };
-            // Tiles one by one, and a tile whose realisations are divided.
+            let intersector =
+                Bvh::with(&scene, Quality::Fast, isa).unwrap();
+            let job = Job { intersector: &intersector, ..setting.job(1) };
+            // Tiles one by one, and a tile whose samples are divided.
             for (side, few, many) in [(80, 2, 20), (3, 32, 320)] {
                 let pass = |n| {
-                    let mut image = Image::new(side, side);
-                    let render = || job.pass(&mut image, 0..n, &|_| ());
+                    let mut film = Film::new(side, side);
+                    let render = || job.pass(&mut film, 0..n, &|_| ());
                     calls(|| assert!(pool.install(render) > 0))
                 };
                 let (few, many) = (pass(few), pass(many));

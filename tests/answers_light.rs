@@ -17,14 +17,17 @@ use std::io::Cursor;
 use std::ops::Range;
 
 use glam::{DVec3, Vec3};
-use litpt::facts::bare::{BareTiles, Known};
-use litpt::facts::{Facts, Inquiry, boxes::*, enclosed::*, outlook::*};
-use litpt::output::Place;
+use litpt::analysis::background::{BackgroundTiles, KnownPixels};
+use litpt::analysis::{
+    Inquiry, SceneAnalysis, boxes::*, interior::*, outlook::*,
+};
+use litpt::output::OutputTarget;
 use litpt::report::Fit;
-use litpt::{camera::*, checkpoint::*, closed_forms::*, course::*};
-use litpt::{compare::compare, compare::merge::merge, estimator::*};
-use litpt::{hierarchy::*, image::*, picture::*, render::*};
-use litpt::{sampling::*, scene::*, sky::*, statistics::*};
+use litpt::{bvh::*, film::*, image::*, render::*};
+use litpt::{camera::*, checkpoint::*, render_loop::*};
+use litpt::{compare::compare, compare::merge::merge, integrator::*};
+use litpt::{sampler::*, scene::*, sky::*, statistics::*};
+use litpt_book::closed_forms::*;
 use rand::{Rng, RngExt};
 use serde_json::Value;
 
@@ -35,38 +38,42 @@ fn near(value: f64, printed: f64, by: f64) {
     assert!((value - printed).abs() <= by, "{value}, not {printed}");
 }
 
-/// A cavity of reflectivity `rho` that is open over the share `f`.
+/// A cavity of albedo `rho` that is open over the share `f`.
 fn sphere(f: f64, rho: f64, rings: u32) -> Setting {
     let view = look(DVec3::ZERO, DVec3::new(0.3, 0.2, -1.), 20.);
     Setting::new(&cavity(f, rings), (rho, DVec3::Z), &view, 1.).unwrap()
 }
 
 /// The weights of one pixel.
-fn weigh<E: Estimator>(
-    job: &Job<Hierarchy, E>,
-    realisations: Range<u64>,
+fn weigh<E: Integrator>(
+    job: &Job<Bvh, E>,
+    samples: Range<u64>,
 ) -> Accumulator {
-    let mut image = Image::new(1, 1);
-    job.pass(&mut image, realisations, &|_| ());
-    *image.pixel(0, 0)
+    let mut film = Film::new(1, 1);
+    job.pass(&mut film, samples, &|_| ());
+    *film.pixel(0, 0)
 }
 
-/// A picture with the same error and count, if any, in each pixel.
-fn picture(
+/// An image with the same error and count, if any, in each pixel.
+fn image(
     width: u32,
     means: Vec<f64>,
     error: Option<f64>,
     count: Option<f64>,
-) -> Picture {
+) -> Image {
     let all = |x: f64| vec![x; means.len()];
     let height = means.len() as u32 / width;
     let (errors, samples) = (error.map(all), count.map(all));
     let attributes = BTreeMap::new();
-    Picture { width, height, means, errors, samples, attributes }
+    Image { width, height, means, errors, samples, attributes }
 }
 
 /// The status of a comparison, and what it complains of.
-fn judge(place: &common::Place, a: &str, b: &str) -> (Option<i32>, String) {
+fn judge(
+    place: &common::Scratch,
+    a: &str,
+    b: &str,
+) -> (Option<i32>, String) {
     let mut command = place.command(env!("CARGO_BIN_EXE_ptimg"));
     let child = command.args(["diff", a, b]).spawn().unwrap();
     let run = common::finish(child);
@@ -76,7 +83,7 @@ fn judge(place: &common::Place, a: &str, b: &str) -> (Option<i32>, String) {
 /// A run that ends when its error is small enough.
 fn until(error: f64, interrupt: &Interrupt) -> Limits<'_> {
     Limits {
-        realisations: None,
+        samples: None,
         deadline: None,
         error: Some(error),
         interrupt,
@@ -94,8 +101,8 @@ fn a_path_of_half_reflectivity_brings_one_of_five_weights() {
     weights.dedup();
     assert_eq!(weights, [0., 0.0625, 0.125, 0.25, 0.5]);
 
-    let (closed, mut image) = (sphere(0., 0.5, 16), Image::new(1, 1));
-    let rays = closed.job(1).pass(&mut image, 0..20_000, &|_| ());
+    let (closed, mut film) = (sphere(0., 0.5, 16), Film::new(1, 1));
+    let rays = closed.job(1).pass(&mut film, 0..20_000, &|_| ());
     near(rays as f64 / 20_000., 6., 0.05);
 }
 
@@ -140,9 +147,9 @@ struct Gather {
     f: f64,
 }
 
-impl Estimator for Gather {
+impl Integrator for Gather {
     type Path = (f64, f64);
-    type Answer = Hit;
+    type RayQuery = Hit;
 
     fn begin(&self, _: DVec3) -> (f64, f64) {
         (1., 0.)
@@ -171,9 +178,11 @@ fn gathering_at_every_hit_pays_where_few_hits_matter() {
     {
         let setting = sphere(0.5, rho, 128);
         // Weigh with the other estimator
-        let Job { scene, kernel, camera, known, seed, .. } = setting.job(1);
-        let estimator = Gather { rho, f: 0.5 };
-        let job = Job { scene, kernel, camera, estimator, known, seed };
+        let Job { scene, intersector, camera, known, seed, .. } =
+            setting.job(1);
+        let integrator = Gather { rho, f: 0.5 };
+        let job =
+            Job { scene, intersector, camera, integrator, known, seed };
         let own = weigh(&job, 0..20_000);
         let reference = weigh(&setting.job(1), 0..20_000);
         near(reference.variance() / found, 1., 0.1);
@@ -222,38 +231,38 @@ fn weights_up_to_256_can_be_added_until_the_count_is_full() {
 #[test]
 fn the_curve_jumps_where_quarters_are_missing() {
     // List the tiles along the curve
-    let corners = |mut image: Image| {
-        let tiles = image.tiles().into_iter();
+    let corners = |mut film: Film| {
+        let tiles = film.tiles().into_iter();
         let corner = |(x, y)| (x / SIDE, y / SIDE);
         tiles.map(|(tile, _)| corner(tile.corner)).collect::<Vec<_>>()
     };
-    assert_eq!(corners(Image::new(64, 64))[13], (2, 1));
+    assert_eq!(corners(Film::new(64, 64))[13], (2, 1));
     let small = [(0, 0), (1, 0), (1, 1), (0, 1), (2, 1), (2, 0)];
-    assert_eq!(corners(Image::new(48, 32)), small);
+    assert_eq!(corners(Film::new(48, 32)), small);
 }
 
 #[test]
 fn a_pixel_that_has_seen_nothing_is_believed_with_time() {
     // State the error of a blind pixel
     let stated = |n: u64| {
-        let mut image = Image::new(5, 5);
-        for (pixel, i) in image.stored_mut().iter_mut().zip(0..) {
+        let mut film = Film::new(5, 5);
+        for (pixel, i) in film.stored_mut().iter_mut().zip(0..) {
             let ones = if i < 12 { n / 4 } else { 0 };
             pixel.add_times(1., ones);
             pixel.add_times(0., n - ones);
         }
-        image.errors(WORTH)[12]
+        film.errors(WORTH)[12]
     };
     near(stated(16), 0.0363, 5e-5);
     near(stated(64), 0.0094, 5e-5);
 }
 
-// Answer the exercises on pictures and files
+// Answer the exercises on images and files
 #[test]
 fn a_map_of_two_pixels_can_be_written_by_hand() {
-    let picture = picture(1, vec![0.5, 1.], None, None);
+    let image = image(1, vec![0.5, 1.], None, None);
     let mut bytes = vec![];
-    Format::Pfm.write(&picture, &mut bytes).unwrap();
+    Format::Pfm.write(&image, &mut bytes).unwrap();
     near(f64::from(f32::from_bits(0x803f)) * 1e41, 4.6, 0.05);
     near(f64::from(f32::from_bits(0x3f)) * 1e44, 8.8, 0.05);
     let numbers = b"\x00\x00\x80\x3f\x00\x00\x00\x3f";
@@ -267,8 +276,8 @@ fn a_level_stands_for_an_interval_of_radiances() {
         0.57757, 0.57759, 0.58407, 0.58409,
     ];
     let mut bytes = vec![];
-    let picture = picture(8, ends, None, None);
-    Format::Pgm.write(&picture, &mut bytes).unwrap();
+    let image = image(8, ends, None, None);
+    Format::Pgm.write(&image, &mut bytes).unwrap();
     let (_, _, levels) = common::pgm(&bytes);
     assert_eq!(levels, [99, 100, 100, 101, 199, 200, 200, 201]);
 }
@@ -276,14 +285,14 @@ fn a_level_stands_for_an_interval_of_radiances() {
 #[cfg(unix)]
 #[test]
 fn a_symbolic_link_leads_to_the_new_file_and_a_hard_link_to_the_old() {
-    let place = common::Place::new();
+    let place = common::Scratch::new();
     let file = place.path("monday");
     place.put("monday", "old");
     std::fs::hard_link(&file, place.path("copy")).unwrap();
     let link = place.path("latest");
     std::os::unix::fs::symlink(&file, &link).unwrap();
     // Write to the link and read all names
-    let output = Place::file(&link, true).unwrap();
+    let output = OutputTarget::file(&link, true).unwrap();
     output.write(&mut |out| out.write_all(b"new")).unwrap();
     assert!(link.is_symlink());
     let [latest, monday, copy] =
@@ -294,7 +303,7 @@ fn a_symbolic_link_leads_to_the_new_file_and_a_hard_link_to_the_old() {
 // Answer the exercises on the render
 #[test]
 fn thirty_threads_divide_the_realisations_of_475_tiles() {
-    let tiles = Image::new(400, 300).tiles().len();
+    let tiles = Film::new(400, 300).tiles().len();
     assert_eq!(tiles, 475);
     near(8. / tiles as f64, 0.017, 5e-4);
     assert_eq!([32 * 29 / tiles, 32 * 30 / tiles], [1, 2]);
@@ -341,18 +350,11 @@ fn searches(rays: f64) -> [bool; 2] {
     let view = look(above, DVec3::new(50., 50., 0.), 40.);
     let camera = &Camera::new(&view, 640. / 480.).unwrap();
     let (place, kept) = (scene.place(above), vec![]);
-    let (sky, reflectivity) = (Sky::new(DVec3::Z), 0.5);
-    let definition = (640, 480);
-    let inquiry = Inquiry {
-        camera,
-        place,
-        sky,
-        reflectivity,
-        definition,
-        rays,
-        kept,
-    };
-    let findings = Facts::find(&mut scene, &inquiry).findings;
+    let (sky, albedo) = (Sky::new(DVec3::Z), 0.5);
+    let resolution = (640, 480);
+    let inquiry =
+        Inquiry { camera, place, sky, albedo, resolution, rays, kept };
+    let findings = SceneAnalysis::find(&mut scene, &inquiry).findings;
     ["hidden", "bare"].map(|fact| {
         let finding = findings.iter().find(|found| found.fact == fact);
         !finding.unwrap().why.contains("too long")
@@ -380,7 +382,7 @@ f 9 11 14\nf 11 10 14\nf 10 12 14\nf 12 9 14\n";
 
 #[test]
 fn a_fact_is_tried_by_leaving_it_out() {
-    let place = common::Place::new();
+    let place = common::Scratch::new();
     place.put("chest.obj", CHEST);
     let render = |name: &str, more: &[&str]| {
         let output = format!("-o{name}");
@@ -490,20 +492,20 @@ fn bare(
     up: DVec3,
     fov: f64,
     triangles: &[Triangle],
-) -> BareTiles {
+) -> BackgroundTiles {
     let position = DVec3::ZERO;
     let view = View { position, target: DVec3::Y, up, fov };
     let camera = Camera::new(&view, 1.).unwrap();
     let all = (triangles, &Boxes::new(triangles));
-    let definition = (side, side);
-    BareTiles::new(camera, Sky::new(up), definition, position, all)
+    let resolution = (side, side);
+    BackgroundTiles::new(camera, Sky::new(up), resolution, position, all)
 }
 
 #[test]
 fn a_rolled_horizon_leaves_four_shares_of_sky() {
     let angle = 30f64.to_radians();
     let up = DVec3::new(angle.sin(), 0., angle.cos());
-    let known = Known::Bare(bare(2, up, 60., &[]));
+    let known = KnownPixels::Bare(bare(2, up, 60., &[]));
     let share = |x, y| known.radiance(x, y);
     assert_eq!([share(0, 0), share(1, 1)], [1., 0.]);
     let cut = share(1, 0);
@@ -603,42 +605,43 @@ fn the_end_of_a_run_is_foreseen_with_what_it_may_not_have_seen() {
     let limits = until(0.01, &interrupt);
     let step = r#"{"spp": 16, "seconds": 1.0, "rays": 1, "rmse": 0.04,
         "mean": 0.5, "mean_stderr": 0.001}"#;
-    let mut course = Course::default();
-    course.spp = 16;
-    course.steps.push(serde_json::from_str(step).unwrap());
-    assert_eq!(course.expected(&limits, 76_800), 257);
+    let mut convergence = Convergence::default();
+    convergence.spp = 16;
+    convergence.steps.push(serde_json::from_str(step).unwrap());
+    assert_eq!(convergence.expected(&limits, 76_800), 257);
     let (v, unseen) = (0.0256f64, 12e-4f64);
     assert_eq!(((v + (v * v + unseen).sqrt()) / 2e-4).ceil(), 344.);
-    assert_eq!(course.expected(&limits, 1), 1000);
+    assert_eq!(convergence.expected(&limits, 1), 1000);
 }
 
 #[test]
-fn a_plane_is_believed_to_have_no_noise_after_35_realisations() {
+fn a_plane_is_believed_to_have_no_noise_after_35_samples() {
     let above = look(DVec3::new(0.3, 0.1, 2.), DVec3::ZERO, 20.);
     let setting = Setting::new(&plane(), (0.5, DVec3::Z), &above, 1.);
     let (interrupt, setting) = (Interrupt::default(), setting.unwrap());
     let limits = until(0.001, &interrupt);
-    let (mut image, mut course) = (Image::new(50, 50), Course::default());
+    let (mut film, mut convergence) =
+        (Film::new(50, 50), Convergence::default());
     let job = setting.job(1);
     let stop =
-        course.run(&job, &mut image, &limits, &|_| (), &mut |_, _| ());
-    assert_eq!((stop, course.spp), (Stop::Error, 35));
-    assert_eq!(image.summary().rmse, 0.);
+        convergence.run(&job, &mut film, &limits, &|_| (), &mut |_, _| ());
+    assert_eq!((stop, convergence.spp), (Stop::Error, 35));
+    assert_eq!(film.summary().rmse, 0.);
 }
 
 #[test]
 fn an_edited_checkpoint_is_damaged_and_not_of_another_run() {
-    let subject = |seed: u64| {
-        Subject::from_iter([("seed".to_owned(), Value::from(seed))])
+    let run_key = |seed: u64| {
+        RunKey::from_iter([("seed".to_owned(), Value::from(seed))])
     };
-    let (course, mut image) = (Course::default(), Image::new(3, 2));
+    let (convergence, mut film) = (Convergence::default(), Film::new(3, 2));
     let mut file = vec![];
-    save(&subject(0), &course, &image, &mut file).unwrap();
+    save(&run_key(0), &convergence, &film, &mut file).unwrap();
     let line = file[19..].iter().position(|&b| b == b'\n').unwrap() + 1;
     assert_eq!(file.len(), 19 + line + 64 * 6 + 32);
     let mut ask = |file: &[u8]| {
         let saved = Checkpoint::open(Cursor::new(file));
-        let resumed = saved.and_then(|s| s.resume(&subject(3), &mut image));
+        let resumed = saved.and_then(|s| s.resume(&run_key(3), &mut film));
         resumed.unwrap_err()
     };
     assert!(ask(&file).ends_with("its seed is 0, not 3"));
@@ -685,20 +688,20 @@ fn largest_lag(takes: f64) -> f64 {
 fn the_two_errors_differ_by_the_root_of_the_number_of_pixels() {
     near(0.0325 / f64::sqrt(480. * 360.), 0.000078, 5e-7);
     near((0.000078f64 / 1e-6).powi(2), 6084., 1e-6);
-    let mut image = Image::new(7, 3);
-    for (pixel, i) in image.stored_mut().iter_mut().zip(1..) {
+    let mut film = Film::new(7, 3);
+    for (pixel, i) in film.stored_mut().iter_mut().zip(1..) {
         pixel.add_times(1., i);
         pixel.add_times(0., 100);
     }
-    let Summary { rmse, mean_stderr, .. } = image.summary();
+    let Summary { rmse, mean_stderr, .. } = film.summary();
     near(rmse / mean_stderr, f64::sqrt(21.), 1e-12);
 }
 
-// Answer the exercises on comparing pictures
+// Answer the exercises on comparing images
 #[test]
 fn two_pixels_are_compared_by_hand() {
-    let a = picture(1, vec![0.62], Some(0.02), Some(16.));
-    let b = picture(1, vec![0.56], Some(0.03), Some(64.));
+    let a = image(1, vec![0.62], Some(0.02), Some(16.));
+    let b = image(1, vec![0.56], Some(0.03), Some(64.));
     let gap = compare(&a, &b).unwrap().sum;
     near(gap.z(), 1.66, 0.005);
     near(gap.freedom(), 71.8, 0.05);
@@ -707,12 +710,12 @@ fn two_pixels_are_compared_by_hand() {
 #[test]
 fn one_pixel_of_a_million_is_noticed_from_5_91_errors_on() {
     let flat = vec![0.; 1_000_000];
-    let exact = picture(1000, flat.clone(), None, None);
+    let exact = image(1000, flat.clone(), None, None);
     // Test one pixel among a million
     let is_noticed = |z| {
         let mut means = flat.clone();
         means[123_456] = z;
-        let noisy = picture(1000, means, Some(1.), None);
+        let noisy = image(1000, means, Some(1.), None);
         let scales = compare(&noisy, &exact).unwrap().scales;
         scales.map(|scale| scale.failed)
     };
@@ -724,7 +727,7 @@ fn one_pixel_of_a_million_is_noticed_from_5_91_errors_on() {
 
 #[test]
 fn a_bias_that_is_everywhere_shows_in_the_mean_alone() {
-    let all = |x| picture(640, vec![x; 307_200], Some(0.05), None);
+    let all = |x| image(640, vec![x; 307_200], Some(0.05), None);
     let failed = |bias| {
         let difference = compare(&all(0.5 + bias), &all(0.5)).unwrap();
         difference.scales.map(|scale| scale.failed)
@@ -738,7 +741,7 @@ fn a_bias_that_is_everywhere_shows_in_the_mean_alone() {
 fn runs_that_differ_have_more_error_than_each_of_them_says() {
     // Give a night its own seed
     let night = |seed: &str, mean| {
-        let mut run = picture(1, vec![mean], Some(0.1), Some(4.));
+        let mut run = image(1, vec![mean], Some(0.1), Some(4.));
         run.attributes.insert("seed".to_owned(), seed.to_owned());
         (seed.to_owned(), run)
     };
@@ -749,7 +752,7 @@ fn runs_that_differ_have_more_error_than_each_of_them_says() {
 
 #[test]
 fn a_script_lets_pass_what_has_the_status_zero_and_no_warning() {
-    let place = common::Place::new();
+    let place = common::Scratch::new();
     let render = |name: &str, rho: &str, seed: &str| {
         let output = format!("-o{name}");
         let all = ["-iroom.obj", "-d32x24", "-n64", "-q", rho, seed];
@@ -759,7 +762,7 @@ fn a_script_lets_pass_what_has_the_status_zero_and_no_warning() {
     render("new.exr", "-r.5", "-s2");
     render("wrong.exr", "-r.6", "-s3");
     render("again.exr", "-r.5", "-s1");
-    // Judge the new pictures by the old one
+    // Judge the new images by the old one
     let verdict = |file| judge(&place, "old.exr", file);
     assert_eq!(verdict("new.exr"), (Some(0), String::new()));
     assert_eq!(verdict("wrong.exr"), (Some(1), String::new()));
@@ -862,7 +865,7 @@ fn sixteen_rare_weights_cover_the_truth_in_five_cases_of_nine() {
 }
 
 #[test]
-fn the_natural_rule_loses_its_light_in_two_realisations() {
+fn the_natural_rule_loses_its_light_in_two_samples() {
     let (mut mean, mut at_once) = (Accumulator::default(), 0);
     for seed in 0..20_000 {
         // Toss coins until the rule is satisfied

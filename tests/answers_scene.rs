@@ -17,24 +17,24 @@ use std::f64::consts::FRAC_PI_2;
 use std::fs;
 use std::ops::Range;
 
-use common::{Place, ROOM};
+use common::{ROOM, Scratch};
 use glam::{DVec3, Vec3};
+use litpt::bvh::{Bvh, Hit, Intersector, Isa, Quality};
 use litpt::camera::{Camera, View};
-use litpt::closed_forms::{Setting, look, pixel};
-use litpt::hierarchy::{Hierarchy, Hit, Isa, Kernel, Quality};
-use litpt::image::Image;
+use litpt::film::Film;
 use litpt::numerics::{cross, exponent, power_of_two, shift, tame};
 use litpt::render::Renderer;
-use litpt::sampling::{cosine_direction, generator, happens, within};
+use litpt::sampler::{cosine_direction, generator, happens, within};
 use litpt::scene::{Mesh, Ray, Scene, Triangle, read_obj, scattered};
 use litpt::sky::Sky;
 use litpt::statistics::Accumulator;
+use litpt_book::closed_forms::{Setting, look, pixel};
 use rand::RngExt;
 use rand_pcg::Pcg64;
 use serde_json::Value;
 
 // Judge a mean by its standard error
-/// Demands that a mean of `n` realisations of this variance is near
+/// Demands that a mean of `n` samples of this variance is near
 /// what is expected.
 #[track_caller]
 fn near(mean: f64, expected: f64, variance: f64, n: u32) {
@@ -55,12 +55,12 @@ fn named_by(module: &str) -> BTreeSet<String> {
 }
 
 #[test]
-fn no_room_reaches_back() {
+fn no_module_reaches_back() {
     let names = |module| Vec::from_iter(named_by(module)).join(" ");
-    assert_eq!(names("estimator"), "hierarchy sampling scene sky");
-    assert_eq!(names("hierarchy"), "scene");
+    assert_eq!(names("integrator"), "bvh sampler scene sky");
+    assert_eq!(names("bvh"), "scene");
     assert_eq!(names("scene"), "numerics");
-    assert_eq!(names("image"), "statistics");
+    assert_eq!(names("film"), "statistics");
     assert_eq!(names("sky"), "");
 }
 
@@ -79,7 +79,7 @@ fn portions_of_a_chunk_follow_each_other_under_one_comment() {
     assert_eq!(seam.count(), 1);
 }
 
-/// What a path weighs between walls of reflectivity `rho` that see the
+/// What a path weighs between walls of albedo `rho` that see the
 /// sky with probability `s`.
 fn weight(rho: f64, s: f64, random: &mut Pcg64) -> f64 {
     let mut weight = rho;
@@ -122,22 +122,22 @@ fn the_peak_of_a_run_may_be_its_picture() {
 
 #[test]
 fn a_status_tells_a_wrong_call_from_a_failure() {
-    let place = Place::new();
+    let place = Scratch::new();
     let run = |arguments: &str| {
         let line = format!("-d 4x3 {arguments}");
         place.run(&line.split(' ').collect::<Vec<_>>())
     };
     run("-i room.obj -o a.pgm").succeeded();
-    let image = place.get("a.pgm");
+    let film = place.get("a.pgm");
     run("-i room.obj -o a.pgm").failed(1, &["a.pgm", "-f"]);
-    run("-i room.obj -o b.pgm -n 0").failed(2, &["--realisations"]);
+    run("-i room.obj -o b.pgm -n 0").failed(2, &["--spp"]);
     // Give the other three commands
     let blind = "-t 0,0,0 -i nowhere.obj -o b.pgm";
     run(blind).failed(1, &["own position 0,0,0"]);
     run("-i nowhere.obj -o b.pgm").failed(1, &["nowhere.obj: cannot"]);
     run("-i room.obj -o b.pgm --explain").succeeded();
     place.holds_only(&["a.pgm"]);
-    assert_eq!(place.get("a.pgm"), image);
+    assert_eq!(place.get("a.pgm"), film);
 }
 
 /// The default view of the program.
@@ -153,12 +153,12 @@ fn rendered(passes: &[Range<u64>]) -> Vec<Accumulator> {
     let room = read_obj(ROOM.as_bytes()).unwrap();
     let light = (0.7, DVec3::Z);
     let setting = Setting::new(&room, light, &AHEAD, 1.).unwrap();
-    let mut image = Image::new(20, 20);
+    let mut film = Film::new(20, 20);
     for pass in passes {
         let job = setting.job(0);
-        job.pass(&mut image, pass.clone(), &|_| ());
+        job.pass(&mut film, pass.clone(), &|_| ());
     }
-    image.stored().to_vec()
+    film.stored().to_vec()
 }
 
 #[test]
@@ -180,7 +180,7 @@ const WALL: &str = "v -1e6 5 -1e6\nv 1e6 5 -1e6\nv 1e6 5 1e6\n\
 
 /// The error that a run reports of its image of the wall.
 fn error_of(n: u32) -> f64 {
-    let place = Place::new();
+    let place = Scratch::new();
     place.put("wall.obj", WALL);
     let n = n.to_string();
     let scene = ["-iwall.obj", "-r0.5", "-d64x48", "-n", &n];
@@ -201,7 +201,7 @@ fn sixteen_times_the_realisations_quarter_the_error() {
 
 #[test]
 fn a_value_that_is_almost_right_is_refused() {
-    let place = Place::new();
+    let place = Scratch::new();
     let status = |option| {
         let run = place.run(&["-iroom.obj", "--explain", option]);
         run.status.unwrap()
@@ -219,17 +219,17 @@ fn a_value_that_is_almost_right_is_refused() {
 
 #[test]
 fn two_of_five_options_change_an_image() {
-    let place = Place::new();
+    let place = Scratch::new();
     place.put("wall.obj", WALL);
-    let image = |option: &str| {
+    let film = |option: &str| {
         let scene = ["-iwall.obj", "-d64x48", "-n2", "-q"];
         let run = place.run(&[&scene[..], &[option]].concat());
         run.succeeded();
         run.stdout
     };
     // Compare images with and without an option
-    let plain = image("-F70");
-    assert!(image("-s1") == plain && image("--keep-all") != plain);
+    let plain = film("-F70");
+    assert!(film("-s1") == plain && film("--keep-all") != plain);
     for option in ["-s1", "-j1", "--isa=portable", "--report=a.json"] {
         let room = ["-d16x12", "-n2", "-r0.7"];
         let same = place.render(&[&room[..], &[option]].concat())
@@ -320,7 +320,7 @@ fn moved(divisor: f64, by: f64) -> String {
 
 #[test]
 fn ten_million_metres_away_the_room_is_the_same() {
-    let place = Place::new();
+    let place = Scratch::new();
     place.put("far.obj", moved(1., 1e7));
     let there = ["-ifar.obj", "-p1e7,0,0", "-t1e7,1,0", "-d32x24"];
     let run = place.run(&there);
@@ -460,10 +460,10 @@ fn an_overcast_sky_gives_seven_ninths() {
 }
 
 // Answer the exercises on meeting triangles
-/// A kernel for triangles in the coordinates of the scene.
-fn kernel(triangles: &[Triangle]) -> Hierarchy {
+/// An intersector for triangles in the coordinates of the scene.
+fn intersector(triangles: &[Triangle]) -> Bvh {
     let triangles = triangles.to_vec();
-    Hierarchy::of(triangles, Quality::Medium, Isa::Portable).unwrap()
+    Bvh::of(triangles, Quality::Medium, Isa::Portable).unwrap()
 }
 
 #[test]
@@ -471,8 +471,8 @@ fn a_ray_meets_a_triangle_where_the_weights_say() {
     let corners = [[-0.5, -1., 1.], [4., -1., 2.], [3., 3., 4.]];
     let direction = DVec3::new(1., 0., 2.).normalize();
     let ray = Ray { origin: DVec3::X, direction };
-    let kernel = kernel(&[corners.map(Vec3::from)]);
-    let hit = kernel.first_hit(&ray, None).unwrap();
+    let intersector = intersector(&[corners.map(Vec3::from)]);
+    let hit = intersector.first_hit(&ray, None).unwrap();
     let point = DVec3::new(33. / 16., 0., 17. / 8.);
     assert!(hit.point.abs_diff_eq(point, 2. * power_of_two(-34)));
     let distance = hit.point.distance(ray.origin);
@@ -528,7 +528,7 @@ fn cube() -> Vec<Triangle> {
 #[test]
 fn rays_aimed_at_edges_escape_in_single_precision_only() {
     let cube = cube();
-    let kernel = kernel(&cube);
+    let intersector = intersector(&cube);
     let mut random = generator(4, 0, 0);
     let mut escapes = 0;
     for i in 0..100_000 {
@@ -541,7 +541,7 @@ fn rays_aimed_at_edges_escape_in_single_precision_only() {
         let ray = Ray { origin, direction: (aim - origin).normalize() };
         let met = cube.iter().any(|t| is_met_in_single(&ray, t));
         escapes += u32::from(!met);
-        assert!(kernel.is_blocked(&ray, None));
+        assert!(intersector.is_occluded(&ray, None));
     }
     assert!((2900..3450).contains(&escapes), "{escapes}");
 }
@@ -665,10 +665,10 @@ fn the_order_of_an_octant_may_be_wrong_and_the_hit_is_right() {
     let sum = |x: f64, y: f64| x + y;
     assert!(sum(0., 10.) > sum(5., 0.));
     let walls = walls(0., 10., 11.).chain(walls(5., 0., 20.));
-    let kernel = kernel(&walls.collect::<Vec<_>>());
+    let intersector = intersector(&walls.collect::<Vec<_>>());
     let origin = DVec3::new(-1., 10.4, 0.);
     let direction = DVec3::new(1., 0.01, 0.).normalize();
-    let hit = kernel.first_hit(&Ray { origin, direction }, None);
+    let hit = intersector.first_hit(&Ray { origin, direction }, None);
     let point = hit.unwrap().point;
     assert!(point.abs_diff_eq(DVec3::new(0., 10.41, 0.), 1e-9));
 }
@@ -684,7 +684,7 @@ fn a_hit_is_less_than_an_atom_above_the_floor() {
     let above = scene.place(DVec3::new(20., 20., 30.)).unwrap();
     let down = DVec3::new(0.1, 0.2, -1.).normalize();
     let ray = Ray { origin: above, direction: down };
-    let hit = kernel(scene.triangles()).first_hit(&ray, None).unwrap();
+    let hit = intersector(scene.triangles()).first_hit(&ray, None).unwrap();
     let floor = scene.place(DVec3::ZERO).unwrap().z;
     let metres = (hit.point.z - floor) / 128.;
     assert!((metres - 4.5e-13).abs() < 0.1e-13, "{metres:e}");
@@ -709,7 +709,7 @@ fn wedge() -> Vec<Triangle> {
 
 /// How many of 500 paths leave the wedge, if rays start at `origin`.
 fn escapes(origin: impl Fn(&Hit) -> DVec3) -> usize {
-    let kernel = kernel(&wedge());
+    let intersector = intersector(&wedge());
     let mut random = generator(6, 0, 0);
     let escapes = (0..500).filter(|_| {
         let x = 4096. * random.random::<f64>();
@@ -720,7 +720,7 @@ fn escapes(origin: impl Fn(&Hit) -> DVec3) -> usize {
             let (r, turn) = (random.random(), random.random());
             let direction = cosine_direction(normal, r, turn);
             let ray = Ray { origin: at, direction };
-            let Some(hit) = kernel.first_hit(&ray, from) else {
+            let Some(hit) = intersector.first_hit(&ray, from) else {
                 return true;
             };
             (at, normal) = (origin(&hit), hit.normal);
@@ -748,9 +748,9 @@ fn a_poster_on_a_wall_is_not_met_from_the_wall() {
     let (wall, poster) = (corners(2000.), corners(300.));
     let ray = Ray { origin: 500. * DVec3::Z, direction: -DVec3::Z };
     for triangles in [[wall, poster], [poster, wall]] {
-        let kernel = kernel(&triangles);
-        let hit = kernel.first_hit(&ray, None).unwrap();
-        let number = kernel.numbers()[hit.primitive as usize];
+        let intersector = intersector(&triangles);
+        let hit = intersector.first_hit(&ray, None).unwrap();
+        let number = intersector.numbers()[hit.primitive as usize];
         assert_eq!(number, 0);
         // Send rays from the wall to the sky
         let mut random = generator(7, 0, 0);
@@ -763,7 +763,7 @@ fn a_poster_on_a_wall_is_not_met_from_the_wall() {
             };
             let direction = cosine_direction(hit.normal, r, turn);
             let ray = Ray { origin: hit.point, direction };
-            assert!(!kernel.is_blocked(&ray, Some(hit.primitive)));
+            assert!(!intersector.is_occluded(&ray, Some(hit.primitive)));
         }
     }
 }

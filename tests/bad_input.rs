@@ -8,21 +8,21 @@ mod common;
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
 
-use common::{ABOVE, Place, Run, SQUARE, pgm, skip};
+use common::{ABOVE, Run, SQUARE, Scratch, pgm, skip};
 
 /// A triangle that fills a part of the image.
 const TRIANGLE: &str = "v -9 -9 0\nv 9 -8 0\nv -1 7 0\n";
 
 const SMALL: [&str; 3] = ["-d8x6", "-n3", "-r0.5"];
 
-fn render(place: &Place, arguments: &[&str]) -> Run {
+fn render(place: &Scratch, arguments: &[&str]) -> Run {
     place.run(&[&ABOVE[..], &SMALL, arguments].concat())
 }
 
 /// The OBJ `bytes` fails with these words, and touches no output.
 #[track_caller]
 fn refused(bytes: impl AsRef<[u8]>, words: &[&str]) {
-    let place = Place::new();
+    let place = Scratch::new();
     place.put("scene.obj", bytes.as_ref());
     let input = ["-i", "scene.obj"];
     let fresh = [&input[..], &["-o", "new.pgm"]].concat();
@@ -37,7 +37,7 @@ fn refused(bytes: impl AsRef<[u8]>, words: &[&str]) {
 /// The OBJ `odd` gives the image that the OBJ `plain` gives.
 #[track_caller]
 fn same(odd: impl AsRef<[u8]>, plain: &str) {
-    let place = Place::new();
+    let place = Scratch::new();
     place.put("odd.obj", odd.as_ref());
     place.put("plain.obj", plain);
     let odd = render(&place, &["-i", "odd.obj"]);
@@ -57,7 +57,7 @@ fn with(lines: &str) -> String {
 
 #[test]
 fn a_missing_file_is_named() {
-    let place = Place::new();
+    let place = Scratch::new();
     let run = render(&place, &["-i", "none.obj", "-o", "image.pgm"]);
     run.failed(1, &["none.obj: cannot read"]);
     place.holds_only(&[]);
@@ -65,7 +65,7 @@ fn a_missing_file_is_named() {
 
 #[test]
 fn a_directory_is_no_scene() {
-    let place = Place::new();
+    let place = Scratch::new();
     let run = render(&place, &["-i", "/", "-o", "image.pgm"]);
     run.failed(1, &["/: cannot read", "directory"]);
     place.holds_only(&[]);
@@ -73,7 +73,7 @@ fn a_directory_is_no_scene() {
 
 #[test]
 fn a_file_that_may_not_be_read_is_named() {
-    let place = Place::new();
+    let place = Scratch::new();
     let closed = fs::Permissions::from_mode(0o000);
     fs::set_permissions(place.path("room.obj"), closed).unwrap();
     if fs::read(place.path("room.obj")).is_ok() {
@@ -87,7 +87,7 @@ fn a_file_that_may_not_be_read_is_named() {
 #[test]
 fn an_empty_file_is_no_scene() {
     refused("", &["scene.obj: ", "empty"]);
-    let place = Place::new();
+    let place = Scratch::new();
     place.feed(b"", &[]).failed(1, &["standard input: ", "empty"]);
 }
 
@@ -130,7 +130,7 @@ fn a_statement_without_values_fails_wherever_it_stands() {
 
 #[test]
 fn a_scene_cut_at_any_byte_renders_or_fails_with_one_line() {
-    let place = Place::new();
+    let place = Scratch::new();
     let scene = "# c\r\nv 0 0 0\nv 1.5e1 0 -2\nvt 0.5\nv 0 \\\n1 0\n\
                  f 1/1/1 2//2 3\nl 1 2\nf -1 -2 -3\n";
     for cut in 0..=scene.len() {
@@ -256,7 +256,7 @@ fn the_first_line_at_fault_is_reported() {
 
 #[test]
 fn standard_input_is_named_with_the_line_at_fault() {
-    let place = Place::new();
+    let place = Scratch::new();
     let run = place.feed(b"v 0 0 0\nf 1 1 2\n", &["-o", "image.pgm"]);
     run.failed(1, &["standard input:2:", "2"]);
     place.holds_only(&[]);

@@ -12,66 +12,66 @@ use std::process::Child;
 use std::thread;
 use std::time::{Duration, Instant};
 
-use common::{Place, ROOM, Run, finish};
-use litpt::checkpoint::{Checkpoint, Subject, save};
-use litpt::course::Course;
+use common::{ROOM, Run, Scratch, finish};
+use litpt::checkpoint::{Checkpoint, RunKey, save};
+use litpt::film::Film;
 use litpt::image::Image;
-use litpt::picture::Picture;
+use litpt::render_loop::Convergence;
 use serde_json::{Value, json};
 
 // --------------------------------------------------------------- The library
 
-fn subject() -> Subject {
-    let facts =
+fn run_key() -> RunKey {
+    let analysis =
         json!({ "seed": 7, "fov": 0.1, "position": [0.5, -1e9, 3.] });
-    facts.as_object().unwrap().clone()
+    analysis.as_object().unwrap().clone()
 }
 
 /// A course and an image whose numbers are all different.
-fn state() -> (Course, Image) {
+fn state() -> (Convergence, Film) {
     let step = |spp: u64, rmse: Value| {
         json!({ "spp": spp, "seconds": 0.1 + spp as f64, "rays": 1 << spp,
                 "rmse": rmse, "mean": 1. / 3., "mean_stderr": rmse })
     };
-    let course = json!({
+    let convergence = json!({
         "spp": 9, "seconds": 1e-3 / 7., "rays": u64::MAX - 1, "constant": 4,
         "steps": [step(1, Value::Null), step(2, json!(0.1 + 0.2))],
     });
-    let mut image = Image::new(5, 3);
-    for (pixel, i) in image.stored_mut().iter_mut().zip(0..) {
+    let mut film = Film::new(5, 3);
+    for (pixel, i) in film.stored_mut().iter_mut().zip(0..) {
         (0..i).for_each(|n| pixel.add(0.7f64.powi(i) + f64::from(n)));
     }
-    (serde_json::from_value(course).unwrap(), image)
+    (serde_json::from_value(convergence).unwrap(), film)
 }
 
 fn saved() -> Vec<u8> {
-    let (course, image) = state();
+    let (convergence, film) = state();
     let mut bytes = vec![];
-    save(&subject(), &course, &image, &mut bytes).unwrap();
+    save(&run_key(), &convergence, &film, &mut bytes).unwrap();
     bytes
 }
 
 fn resume(
-    subject: &Subject,
-    image: &mut Image,
+    run_key: &RunKey,
+    film: &mut Film,
     file: Cursor<impl AsRef<[u8]>>,
-) -> Result<Course, String> {
-    Checkpoint::open(file)?.resume(subject, image)
+) -> Result<Convergence, String> {
+    Checkpoint::open(file)?.resume(run_key, film)
 }
 
 #[track_caller]
 fn refused(bytes: &[u8]) -> String {
-    let mut image = Image::new(5, 3);
-    resume(&subject(), &mut image, Cursor::new(bytes)).unwrap_err()
+    let mut film = Film::new(5, 3);
+    resume(&run_key(), &mut film, Cursor::new(bytes)).unwrap_err()
 }
 
 #[test]
 fn what_is_saved_comes_back_to_the_last_bit() {
-    let (course, image) = state();
-    let mut again = Image::new(5, 3);
-    let found = resume(&subject(), &mut again, Cursor::new(saved()));
-    assert_eq!(found, Ok(course));
-    assert_eq!(again.stored(), image.stored());
+    let (convergence, film) = state();
+    let mut again = Film::new(5, 3);
+    let found = resume(&run_key(), &mut again, Cursor::new(saved()));
+    assert_eq!(found, Ok(convergence));
+    assert_eq!(again.stored(), film.stored());
 }
 
 #[test]
@@ -106,11 +106,11 @@ fn every_length_but_the_right_one_is_refused() {
 #[test]
 fn a_fact_that_differs_is_named_with_both_values() {
     let refused_for = |name: &str, value: Value| {
-        let mut other = subject();
+        let mut other = run_key();
         other.insert(name.to_owned(), value);
-        let mut image = Image::new(5, 3);
+        let mut film = Film::new(5, 3);
         let file = Cursor::new(saved());
-        resume(&other, &mut image, file).unwrap_err()
+        resume(&other, &mut film, file).unwrap_err()
     };
     for (name, value, words) in [
         ("seed", json!(8), ["7", "8"]),
@@ -122,10 +122,10 @@ fn a_fact_that_differs_is_named_with_both_values() {
         assert!(fault.contains(&format!("its {name} is")), "{fault}");
         assert!(words.iter().all(|w| fault.contains(w)), "{fault}");
     }
-    let mut fewer = subject();
+    let mut fewer = run_key();
     fewer.remove("seed");
     let file = Cursor::new(saved());
-    let fault = resume(&fewer, &mut Image::new(5, 3), file).unwrap_err();
+    let fault = resume(&fewer, &mut Film::new(5, 3), file).unwrap_err();
     assert!(fault.contains("its seed is 7, not nothing"), "{fault}");
 }
 
@@ -142,13 +142,14 @@ fn a_disk_that_is_full_is_an_error_and_no_panic() {
             Ok(())
         }
     }
-    let (course, image) = state();
+    let (convergence, film) = state();
     let size = saved().len();
     for room in [0, 10, 25, 500, size - 33, size - 32, size - 1] {
-        let written = save(&subject(), &course, &image, &mut Full(room));
+        let written =
+            save(&run_key(), &convergence, &film, &mut Full(room));
         assert!(written.is_err(), "{room}");
     }
-    save(&subject(), &course, &image, &mut Full(size)).unwrap();
+    save(&run_key(), &convergence, &film, &mut Full(size)).unwrap();
 }
 
 // --------------------------------------------------------------- The command
@@ -159,7 +160,7 @@ const ALL: [&str; 8] =
 
 /// Runs `pt` with the options of `SCENE`, as far as no other of the same
 /// letter is given.
-fn pt(place: &Place, arguments: &[&str]) -> Run {
+fn pt(place: &Scratch, arguments: &[&str]) -> Run {
     let replaced = |one: &str| {
         arguments.iter().any(|argument| argument.get(..2) == one.get(..2))
     };
@@ -179,17 +180,17 @@ fn wait_until(child: &mut Child, what: &str, done: impl Fn() -> bool) {
     }
 }
 
-/// The realisations in a checkpoint; none if there is no such file.
+/// The samples in a checkpoint; none if there is no such file.
 fn saved_spp(path: &PathBuf) -> Option<u64> {
     let bytes = std::fs::read(path).ok()?;
     let line = bytes.split(|&byte| byte == b'\n').nth(1)?;
     let header: Value = serde_json::from_slice(line).unwrap();
-    header["course"]["spp"].as_u64()
+    header["convergence"]["spp"].as_u64()
 }
 
 /// Starts a run without an end, and kills it as soon as it has saved more
-/// than `spp` realisations.
-fn killed_after(place: &Place, spp: u64, arguments: &[&str]) {
+/// than `spp` samples.
+fn killed_after(place: &Scratch, spp: u64, arguments: &[&str]) {
     let endless = ["-n1000000000", "--every", "0.001", "--checkpoint", "c"];
     let mut command = place.pt(&[&SCENE[..], &endless, arguments].concat());
     let mut child = command.spawn().unwrap();
@@ -200,19 +201,19 @@ fn killed_after(place: &Place, spp: u64, arguments: &[&str]) {
 }
 
 /// Renders the four images again at one go, and compares them.
-fn same_as_uninterrupted(place: &Place, arguments: &[&str]) {
+fn same_as_uninterrupted(place: &Scratch, arguments: &[&str]) {
     let names = ["a.pgm", "a.png", "a.pfm"];
     let resumed = names.map(|name| place.get(name));
-    let numbers = Picture::read(&place.path("a.exr")).unwrap();
+    let numbers = Image::read(&place.path("a.exr")).unwrap();
     pt(place, &[&["-f"], &ALL[..], arguments].concat()).succeeded();
     for (name, resumed) in names.iter().zip(resumed) {
         assert!(place.get(name) == resumed, "{name}");
     }
-    let whole = Picture::read(&place.path("a.exr")).unwrap();
+    let whole = Image::read(&place.path("a.exr")).unwrap();
     assert_eq!(whole.means, numbers.means);
     assert_eq!(whole.errors, numbers.errors);
     assert_eq!(whole.samples, numbers.samples);
-    let (rays, spp) = ("rays", "realisations");
+    let (rays, spp) = ("rays", "samples");
     assert_eq!(whole.attributes[rays], numbers.attributes[rays]);
     assert_eq!(whole.attributes[spp], numbers.attributes[spp]);
 }
@@ -220,7 +221,7 @@ fn same_as_uninterrupted(place: &Place, arguments: &[&str]) {
 #[test]
 fn a_run_that_was_killed_twice_ends_with_the_bytes_of_an_uninterrupted_one()
 {
-    let place = Place::new();
+    let place = Scratch::new();
     killed_after(&place, 0, &[]);
     let first = saved_spp(&place.path("c")).unwrap();
     killed_after(&place, first, &["--resume", "c", "-j3"]);
@@ -242,7 +243,7 @@ fn a_run_that_was_killed_twice_ends_with_the_bytes_of_an_uninterrupted_one()
 
 #[test]
 fn a_run_that_has_ended_may_go_on_to_another_limit() {
-    let place = Place::new();
+    let place = Scratch::new();
     pt(&place, &["-n7", "-o", "b.pgm", "--checkpoint", "c"]).succeeded();
     assert_eq!(saved_spp(&place.path("c")), Some(7));
     pt(&place, &["-n30", "--resume", "c", "-o", "b.png"]).succeeded();
@@ -262,7 +263,12 @@ fn a_run_that_has_ended_may_go_on_to_another_limit() {
 /// Resumes from `name`, which must be refused: the message names the file
 /// and holds the `words`, and nothing is changed or written.
 #[track_caller]
-fn left_alone(place: &Place, name: &str, options: &[&str], words: &[&str]) {
+fn left_alone(
+    place: &Scratch,
+    name: &str,
+    options: &[&str],
+    words: &[&str],
+) {
     let (before, names) = (place.get(name), place.names());
     let files = ["-f", "-n9", "-o", "a.pgm", "--report", "r.json"];
     let checkpoint = ["--checkpoint", name, "--resume", name];
@@ -274,7 +280,7 @@ fn left_alone(place: &Place, name: &str, options: &[&str], words: &[&str]) {
 
 #[test]
 fn what_is_no_checkpoint_is_refused_before_the_scene_is_read() {
-    let place = Place::new();
+    let place = Scratch::new();
     place.put("c", "litpt checkpoint 1\nand more");
     let fault = "c: is damaged: its checksum is wrong";
     pt(&place, &["-imissing.obj", "--resume", "c"]).failed(1, &[fault]);
@@ -285,7 +291,7 @@ fn what_is_no_checkpoint_is_refused_before_the_scene_is_read() {
 
 #[test]
 fn a_damaged_checkpoint_is_refused_and_left_alone() {
-    let place = Place::new();
+    let place = Scratch::new();
     pt(&place, &["-n2", "-o", "/dev/null", "-f", "--checkpoint", "c"])
         .succeeded();
     let whole = place.get("c");
@@ -314,12 +320,12 @@ fn a_damaged_checkpoint_is_refused_and_left_alone() {
 
 #[test]
 fn the_checkpoint_of_another_run_is_refused_with_the_fact_that_differs() {
-    let place = Place::new();
+    let place = Scratch::new();
     pt(&place, &["-n2", "-o", "/dev/null", "-f", "--checkpoint", "c"])
         .succeeded();
     for (option, fact) in [
         ("-s1", "seed is 0, not 1"),
-        ("-r0.8", "reflectivity is 0.7, not 0.8"),
+        ("-r0.8", "albedo is 0.7, not 0.8"),
         ("-d17x23", "definition is [23,17], not [17,23]"),
         ("-d23x18", "definition"),
         ("-p0,0,0.1", "position"),
@@ -336,7 +342,7 @@ fn the_checkpoint_of_another_run_is_refused_with_the_fact_that_differs() {
 
 #[test]
 fn a_checkpoint_that_exists_is_refused_before_the_scene_is_read() {
-    let place = Place::new();
+    let place = Scratch::new();
     place.put("c", "old");
     let files = ["-imissing.obj", "-oa.pgm", "--checkpoint", "c"];
     pt(&place, &files).failed(1, &["c: ", "-f"]);
@@ -349,7 +355,7 @@ fn a_checkpoint_that_exists_is_refused_before_the_scene_is_read() {
 
 #[test]
 fn a_checkpoint_that_is_missing_is_reported_before_the_scene_is_read() {
-    let place = Place::new();
+    let place = Scratch::new();
     let run = pt(&place, &["-imissing.obj", "--resume", "c"]);
     run.failed(1, &["c: cannot read", "No such file"]);
     place.holds_only(&[]);
@@ -357,7 +363,7 @@ fn a_checkpoint_that_is_missing_is_reported_before_the_scene_is_read() {
 
 #[test]
 fn a_checkpoint_may_not_take_the_name_of_the_scene() {
-    let place = Place::new();
+    let place = Scratch::new();
     let files = ["-f", "--checkpoint=room.obj", "-oa.pgm"];
     pt(&place, &files).failed(1, &["named twice"]);
     place.holds_only(&[]);

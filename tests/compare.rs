@@ -1,24 +1,24 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-//! Comparing and joining pictures: what is called chance, and what is
-//! not (chapter "Comparing and joining pictures").
+//! Comparing and joining images: what is called chance, and what is
+//! not (chapter "Comparing and joining images").
 
 use std::collections::BTreeMap;
 
 use litpt::compare::display::{Curve, WHITE, errors, tonemap, z_map};
 use litpt::compare::merge::merge;
 use litpt::compare::{Difference, FALSE_ALARMS, FEW, compare};
-use litpt::picture::Picture;
+use litpt::image::Image;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
 type Random = Pcg64Mcg;
 
-/// A picture of one row whose pixels have these means and errors from
-/// `n` realisations.
-fn row(pixels: &[(f64, f64)], n: f64) -> Picture {
-    Picture {
+/// An image of one row whose pixels have these means and errors from
+/// `n` samples.
+fn row(pixels: &[(f64, f64)], n: f64) -> Image {
+    Image {
         width: pixels.len() as u32,
         height: 1,
         means: pixels.iter().map(|p| p.0).collect(),
@@ -28,18 +28,18 @@ fn row(pixels: &[(f64, f64)], n: f64) -> Picture {
     }
 }
 
-/// A picture without errors.
-fn reference(means: &[f64]) -> Picture {
+/// An image without errors.
+fn reference(means: &[f64]) -> Image {
     let pixels: Vec<_> = means.iter().map(|&mean| (mean, 0.)).collect();
-    Picture { errors: None, samples: None, ..row(&pixels, 1.) }
+    Image { errors: None, samples: None, ..row(&pixels, 1.) }
 }
 
-/// Renders a picture of the given weights.
+/// Renders an image of the given weights.
 fn render(
     (width, height): (u32, u32),
     n: u32,
     mut weight: impl FnMut(u32, u32) -> f64,
-) -> Picture {
+) -> Image {
     let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
     let pixel = |(x, y)| {
         let (mut mean, mut deviations) = (0., 0.);
@@ -53,7 +53,7 @@ fn render(
         (mean, f64::sqrt(deviations / n / (n - 1.)))
     };
     let pixels: Vec<_> = pixels.map(pixel).collect();
-    Picture { width, height, ..row(&pixels, f64::from(n)) }
+    Image { width, height, ..row(&pixels, f64::from(n)) }
 }
 
 /// The weight of a path: a power of 0.8, or nothing.
@@ -104,7 +104,7 @@ fn the_thresholds_are_those_of_student_and_of_the_normal_distribution() {
     };
     assert!(exact(3.4820) && !exact(3.4821));
     let many = |z| {
-        let a = Picture { samples: None, ..row(&[(z, 1.)], 16.) };
+        let a = Image { samples: None, ..row(&[(z, 1.)], 16.) };
         compare(&a, &reference(&[0.])).unwrap().consistent()
     };
     assert!(many(2.9341) && !many(2.9342));
@@ -143,7 +143,7 @@ fn false_alarms_are_rare_for_weights_of_paths() {
 }
 
 #[test]
-fn false_alarms_are_rare_for_few_realisations() {
+fn false_alarms_are_rare_for_few_samples() {
     alarms_are_rare((2, 2), path);
 }
 
@@ -163,7 +163,7 @@ fn a_reference_without_errors_gives_few_false_alarms() {
         let half = |_, _| f64::from(u8::from(random.random_bool(0.1)));
         let a = render((24, 24), 16, half);
         let exact = vec![0.1; a.means.len()];
-        let b = Picture { errors: None, means: exact, ..a.clone() };
+        let b = Image { errors: None, means: exact, ..a.clone() };
         alarms += u32::from(!compare(&a, &b).unwrap().consistent());
     }
     assert!(alarms <= 10, "{alarms} false alarms of 300 pairs");
@@ -191,8 +191,8 @@ fn opposite_faults_of_two_halves_are_seen_by_the_blocks() {
     for (i, mean) in b.means.iter_mut().enumerate() {
         *mean += if i % 128 < 64 { 0.02 } else { -0.02 };
     }
-    let [pixels, blocks, image] = failures(&compare(&a, &b).unwrap());
-    assert!(pixels == 0 && blocks > 5 && image == 0, "{blocks}");
+    let [pixels, blocks, film] = failures(&compare(&a, &b).unwrap());
+    assert!(pixels == 0 && blocks > 5 && film == 0, "{blocks}");
 }
 
 #[test]
@@ -262,11 +262,11 @@ fn the_distances_are_those_of_their_definitions() {
 }
 
 /// A run with what is known about it.
-fn run(picture: Picture, attributes: &[(&str, &str)]) -> (String, Picture) {
+fn run(image: Image, attributes: &[(&str, &str)]) -> (String, Image) {
     let own = |&(name, value): &(&str, &str)| (name.into(), value.into());
     let attributes = attributes.iter().map(own).collect();
     let name = "run.exr".to_owned();
-    (name, Picture { attributes, ..picture })
+    (name, Image { attributes, ..image })
 }
 
 #[test]
@@ -285,7 +285,7 @@ fn joined_runs_are_what_one_run_would_have_been() {
     let whole = render((1, 1), 100, |_, _| *all.next().unwrap());
     assert_eq!(joint.samples, Some(vec![100.]));
     assert!((joint.means[0] - whole.means[0]).abs() < 1e-14);
-    let error = |picture: &Picture| picture.errors.as_ref().unwrap()[0];
+    let error = |image: &Image| image.errors.as_ref().unwrap()[0];
     assert!((error(&joint) / error(&whole) - 1.).abs() < 1e-13);
     assert_eq!(joint.attributes["seed"], "1,2,3");
 }
@@ -357,15 +357,15 @@ fn what_describes_the_run_is_added_or_left_out() {
 
 #[test]
 fn exposure_counts_in_stops() {
-    let picture = row(&[(0.25, 1.), (-1., 1.)], 9.);
-    assert_eq!(tonemap(&picture, 1., Curve::Clamp).means, [0.5, 0.]);
-    assert_eq!(tonemap(&picture, -1., Curve::Clamp).means, [0.125, 0.]);
+    let image = row(&[(0.25, 1.), (-1., 1.)], 9.);
+    assert_eq!(tonemap(&image, 1., Curve::Clamp).means, [0.5, 0.]);
+    assert_eq!(tonemap(&image, -1., Curve::Clamp).means, [0.125, 0.]);
 }
 
 #[test]
 fn reinhard_s_curve_makes_the_brightest_pixel_white() {
-    let picture = row(&[(0.25, 1.), (1., 1.), (0., 1.)], 9.);
-    let mapped = tonemap(&picture, 2., Curve::Reinhard).means;
+    let image = row(&[(0.25, 1.), (1., 1.), (0., 1.)], 9.);
+    let mapped = tonemap(&image, 2., Curve::Reinhard).means;
     assert_eq!(mapped, [(1. + 1. / 16.) / 2., 1., 0.]);
     let black = row(&[(0., 1.)], 9.);
     assert_eq!(tonemap(&black, 2., Curve::Reinhard).means, [0.]);
@@ -377,11 +377,11 @@ fn errors_are_shown_against_all_but_the_largest() {
     pixels[0] = (0.5, 9.);
     pixels[1] = (0.5, f64::INFINITY);
     pixels[2] = (0., 0.);
-    let picture = row(&pixels, 9.);
-    let (grey, white) = errors(&picture, false).unwrap();
+    let image = row(&pixels, 9.);
+    let (grey, white) = errors(&image, false).unwrap();
     assert_eq!(white, 0.1);
     assert_eq!(grey.means[..4], [1., 1., 0., 1.]);
-    let (_, white) = errors(&picture, true).unwrap();
+    let (_, white) = errors(&image, true).unwrap();
     assert_eq!(white, 0.2);
     assert!(errors(&reference(&[0.]), false).is_err());
     assert!(errors(&row(&[(0., f64::INFINITY)], 1.), false).is_err());

@@ -4,18 +4,18 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 
 use glam::DVec3;
+use litpt::analysis::background::KnownPixels;
+use litpt::bvh::Bvh;
 use litpt::camera::{Camera, View};
-use litpt::closed_forms::{
-    cavity, cavity_radiance, closed_forms, look, pixel, plane,
-    polygon_share, trough_radiance,
-};
-use litpt::estimator::Reference;
-use litpt::facts::bare::Known;
-use litpt::hierarchy::Hierarchy;
-use litpt::image::Image;
+use litpt::film::Film;
+use litpt::integrator::PathTracer;
 use litpt::render::{Job, Renderer};
 use litpt::scene::{Mesh, Scene};
 use litpt::sky::Sky;
+use litpt_book::closed_forms::{
+    cavity, cavity_radiance, closed_forms, look, pixel, plane,
+    polygon_share, trough_radiance,
+};
 use statrs::distribution::{ContinuousCDF, Normal};
 
 /// At most so many values of z are judged in this file.
@@ -65,8 +65,9 @@ fn the_radiance_of_a_trough_solves_its_integral_equation() {
         for rho in [0.2, 0.9, 0.999, 1.] {
             for theta in [0., 0.3 * a, -0.8 * a, a] {
                 let arriving = |other: f64| {
-                    let kernel = ((theta - other) / 2.).sin().abs() / 4.;
-                    kernel * trough_radiance(rho, a, other)
+                    let intersector =
+                        ((theta - other) / 2.).sin().abs() / 4.;
+                    intersector * trough_radiance(rho, a, other)
                 };
                 let walls = integral(arriving, -a, theta)
                     + integral(arriving, theta, a);
@@ -126,7 +127,7 @@ fn below_the_plane_it_is_dark() {
     assert_eq!((pixel.mean(), pixel.variance()), (0., 0.));
 }
 
-// Many realisations where the roulette below the transmissivity 0.1 decides.
+// Many samples where the roulette below the throughput 0.1 decides.
 #[test]
 fn a_narrow_cavity_is_not_biased_by_roulette() {
     let pixel = pixel(&cavity(0.05, 128), 0.9, &inside(), 400_000).unwrap();
@@ -150,29 +151,26 @@ fn a_black_cavity_is_black() {
 #[test]
 fn without_a_scene_the_sky_is_one_above_and_zero_below() {
     let scene = Scene::new(&Mesh::default());
-    let kernel = Hierarchy::new(&scene).unwrap();
+    let intersector = Bvh::new(&scene).unwrap();
     for up in
         [DVec3::X, -DVec3::X, DVec3::Y, -DVec3::Y, DVec3::Z, -DVec3::Z]
     {
         let target = if up.x == 0. { DVec3::X } else { DVec3::Y };
         let view = View { position: DVec3::ZERO, target, up, fov: 70. };
         let camera = Camera::new(&view, 4. / 3.).unwrap();
-        let estimator = Reference {
-            reflectivity: 0.5,
-            sky: Sky::new(up),
-            foresight: (),
-        };
+        let integrator =
+            PathTracer { albedo: 0.5, sky: Sky::new(up), foresight: () };
         let job = Job {
             scene: &scene,
-            kernel: &kernel,
+            intersector: &intersector,
             camera: &camera,
-            estimator: &estimator,
-            known: &Known::Nothing,
+            integrator: &integrator,
+            known: &KnownPixels::Nothing,
             seed: 0,
         };
-        let mut image = Image::new(40, 30);
-        job.pass(&mut image, 0..3, &|_| ());
-        for (i, mean) in image.means().enumerate() {
+        let mut film = Film::new(40, 30);
+        job.pass(&mut film, 0..3, &|_| ());
+        for (i, mean) in film.means().enumerate() {
             assert_eq!(mean, if i < 600 { 1. } else { 0. }, "{up} {i}");
         }
     }

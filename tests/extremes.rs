@@ -8,13 +8,13 @@ mod common;
 
 use std::time::{Duration, Instant};
 
-use common::{ABOVE, Place, pgm};
+use common::{ABOVE, Scratch, pgm};
 use glam::DVec3;
+use litpt::analysis::background::KnownPixels;
+use litpt::bvh::{Bvh, Isa, Quality};
 use litpt::camera::{Camera, View, ViewError};
-use litpt::estimator::Reference;
-use litpt::facts::bare::Known;
-use litpt::hierarchy::{Hierarchy, Isa, Quality};
-use litpt::image::{Image, WORTH};
+use litpt::film::{Film, WORTH};
+use litpt::integrator::PathTracer;
 use litpt::render::{Job, Renderer};
 use litpt::scene::{Mesh, Scene, read_obj};
 use litpt::sky::Sky;
@@ -45,7 +45,7 @@ fn above(height: f64) -> View {
 
 const SIZE: (u32, u32) = (6, 5);
 
-fn render(mesh: &Mesh, view: &View, rho: f64) -> Image {
+fn render(mesh: &Mesh, view: &View, rho: f64) -> Film {
     sized(mesh, view, rho, SIZE, 2, 0)
 }
 
@@ -54,36 +54,33 @@ fn sized(
     view: &View,
     rho: f64,
     (width, height): (u32, u32),
-    realisations: u64,
+    samples: u64,
     seed: u64,
-) -> Image {
+) -> Film {
     let scene = Scene::new(mesh);
-    let kernel =
-        Hierarchy::with(&scene, Quality::Fast, Isa::best()).unwrap();
+    let intersector =
+        Bvh::with(&scene, Quality::Fast, Isa::best()).unwrap();
     let aspect = f64::from(width) / f64::from(height);
     let camera = Camera::new(view, aspect).unwrap();
-    let estimator = Reference {
-        reflectivity: rho,
-        sky: Sky::new(view.up),
-        foresight: (),
-    };
+    let integrator =
+        PathTracer { albedo: rho, sky: Sky::new(view.up), foresight: () };
     let job = Job {
         scene: &scene,
-        kernel: &kernel,
+        intersector: &intersector,
         camera: &camera,
-        estimator: &estimator,
-        known: &Known::Nothing,
+        integrator: &integrator,
+        known: &KnownPixels::Nothing,
         seed,
     };
-    let mut image = Image::new(width, height);
-    job.pass(&mut image, 0..realisations, &|_| ());
-    image
+    let mut film = Film::new(width, height);
+    job.pass(&mut film, 0..samples, &|_| ());
+    film
 }
 
 /// Each pixel is `expected`, and certain of it.
 #[track_caller]
-fn assert_all(image: &Image, expected: f64, what: &str) {
-    for pixel in image.rows() {
+fn assert_all(film: &Film, expected: f64, what: &str) {
+    for pixel in film.rows() {
         assert_eq!(pixel.mean(), expected, "{what}");
         assert_eq!(pixel.standard_error(), 0., "{what}");
     }
@@ -95,15 +92,15 @@ fn assert_all(image: &Image, expected: f64, what: &str) {
 fn a_square_of_any_size_reflects_its_share() {
     for e in [-300, -200, -100, -30, 0, 30, 100, 200, 300] {
         let size = 10f64.powi(e);
-        let image = render(&square(1e3 * size), &above(size), 0.7);
-        assert_all(&image, 0.7, &format!("{size:e}"));
+        let film = render(&square(1e3 * size), &above(size), 0.7);
+        assert_all(&film, 0.7, &format!("{size:e}"));
     }
     // 1.5e308 is the half extent: its double is no number.
-    let image = render(&square(1.5e308), &above(1e305), 0.7);
-    assert_all(&image, 0.7, "the largest");
+    let film = render(&square(1.5e308), &above(1e305), 0.7);
+    assert_all(&film, 0.7, "the largest");
     for unit in [5e-324, 1e-320, 1e-310] {
-        let image = render(&square(1e3 * unit), &above(unit), 0.7);
-        assert_all(&image, 0.7, &format!("{unit:e}"));
+        let film = render(&square(1e3 * unit), &above(unit), 0.7);
+        assert_all(&film, 0.7, &format!("{unit:e}"));
     }
 }
 
@@ -130,8 +127,8 @@ fn minus_zero_is_zero() {
     assert_eq!(Scene::new(&flat).triangles().len(), 2);
     let zero = DVec3::splat(-0.);
     for position in [DVec3::ZERO, zero] {
-        let image = render(&other, &View { position, ..room() }, 0.5);
-        assert!(image.stored() == render(&plain, &room(), 0.5).stored());
+        let film = render(&other, &View { position, ..room() }, 0.5);
+        assert!(film.stored() == render(&plain, &room(), 0.5).stored());
     }
 }
 
@@ -146,8 +143,8 @@ fn a_huge_ground_under_a_small_camera_reflects_its_share() {
         far + DVec3::Y * 1e-3,
     ]);
     mesh.triangles.push([4, 5, 6]);
-    let image = render(&mesh, &above(2e-3), 0.7);
-    assert_all(&image, 0.7, "ground");
+    let film = render(&mesh, &above(2e-3), 0.7);
+    assert_all(&film, 0.7, "ground");
 }
 
 // The object's underside sees the ground alone, which sees the sky but for
@@ -168,9 +165,9 @@ fn a_small_object_on_a_huge_ground_is_seen() {
         up: DVec3::Z,
         fov: 5.,
     };
-    let image = render(&mesh, &view, 0.7);
+    let film = render(&mesh, &view, 0.7);
     let bright = 0.7 * 0.7;
-    assert!(image.means().all(|mean| mean > 0. && mean <= bright));
+    assert!(film.means().all(|mean| mean > 0. && mean <= bright));
 }
 
 #[test]
@@ -234,8 +231,8 @@ fn a_million_copies_of_a_triangle_are_one() {
     many.triangles.extend(ways.iter().cycle().take(1_000_000));
     let scene = quickly(|| Scene::new(&many));
     assert_eq!(scene.triangles(), Scene::new(&single).triangles());
-    let image = quickly(|| render(&many, &room(), 0.5));
-    assert!(image.stored() == render(&single, &room(), 0.5).stored());
+    let film = quickly(|| render(&many, &room(), 0.5));
+    assert!(film.stored() == render(&single, &room(), 0.5).stored());
 }
 
 #[test]
@@ -268,7 +265,7 @@ fn triangles_around_each_other_are_sorted_quickly() {
     for quality in [Quality::Fast, Quality::Thorough] {
         let scene = Scene::new(&mesh);
         assert_eq!(scene.triangles().len(), 100_000);
-        quickly(|| Hierarchy::with(&scene, quality, Isa::best())).unwrap();
+        quickly(|| Bvh::with(&scene, quality, Isa::best())).unwrap();
     }
 }
 
@@ -279,7 +276,7 @@ fn equal_triangles_in_a_row_are_sorted_quickly() {
         [at, at + DVec3::X, at + DVec3::Z]
     });
     let scene = Scene::new(&mesh);
-    let build = || Hierarchy::with(&scene, Quality::Fast, Isa::best());
+    let build = || Bvh::with(&scene, Quality::Fast, Isa::best());
     quickly(build).unwrap();
 }
 
@@ -290,17 +287,17 @@ fn the_narrowest_and_the_widest_view_see_the_square() {
     let widest = f64::from_bits(180f64.to_bits() - 1);
     for fov in [5e-324, 1e-300, 1e-9, 179.999999, widest] {
         let view = View { fov, ..above(1e-6) };
-        let image = render(&square(1e12), &view, 0.7);
-        assert_all(&image, 0.7, &format!("{fov:e}"));
+        let film = render(&square(1e12), &view, 0.7);
+        assert_all(&film, 0.7, &format!("{fov:e}"));
     }
 }
 
 #[test]
 fn images_of_one_pixel_and_of_one_long_row_see_the_square() {
     for size in [(1, 1), (16384, 1), (1, 16384)] {
-        let image = sized(&square(1e6), &above(2.), 0.7, size, 2, 0);
-        assert_eq!(image.area(), u64::from(size.0 * size.1));
-        assert_all(&image, 0.7, &format!("{size:?}"));
+        let film = sized(&square(1e6), &above(2.), 0.7, size, 2, 0);
+        assert_eq!(film.area(), u64::from(size.0 * size.1));
+        assert_all(&film, 0.7, &format!("{size:?}"));
     }
 }
 
@@ -308,8 +305,8 @@ fn images_of_one_pixel_and_of_one_long_row_see_the_square() {
 fn a_view_along_up_but_for_a_trillionth_has_an_image() {
     for lean in [1e-12, 1e-15, 1e-300, 5e-324] {
         let up = DVec3::new(lean, 0., 1.);
-        let image = render(&square(1e6), &View { up, ..above(2.) }, 0.7);
-        assert_all(&image, 0.7, &format!("{lean:e}"));
+        let film = render(&square(1e6), &View { up, ..above(2.) }, 0.7);
+        assert_all(&film, 0.7, &format!("{lean:e}"));
     }
 }
 
@@ -317,9 +314,8 @@ fn a_view_along_up_but_for_a_trillionth_has_an_image() {
 fn a_target_however_far_is_seen() {
     for far in [1e300, 1e308, f64::MAX] {
         let target = -DVec3::Z * far;
-        let image =
-            render(&square(1e6), &View { target, ..above(2.) }, 0.7);
-        assert_all(&image, 0.7, &format!("{far:e}"));
+        let film = render(&square(1e6), &View { target, ..above(2.) }, 0.7);
+        assert_all(&film, 0.7, &format!("{far:e}"));
     }
     // The difference of position and target overflows.
     let view = View { target: -DVec3::Z * f64::MAX, ..above(f64::MAX) };
@@ -343,9 +339,9 @@ fn along_an_axis_a_square_is_seen_from_any_distance() {
         // Of eight pixels the middle four see the square.
         let fov = 2. * (2. / far).atan().to_degrees();
         let view = View { fov, up: DVec3::Y, ..above(far) };
-        let image = sized(&square(1.), &view, 1., (8, 8), 4, 0);
+        let film = sized(&square(1.), &view, 1., (8, 8), 4, 0);
         // With the sky along y, half of what leaves the square is bright.
-        for (i, pixel) in (0..).zip(image.rows()) {
+        for (i, pixel) in (0..).zip(film.rows()) {
             let inner = |k: u32| (2..6).contains(&k);
             let seen = inner(i % 8) && inner(i / 8);
             let downwards = i / 8 >= 4;
@@ -357,7 +353,7 @@ fn along_an_axis_a_square_is_seen_from_any_distance() {
                 false => assert_eq!(pixel.mean(), 1., "{far:e}"),
             }
         }
-        let inside = |x: u32, y: u32| image.pixel(x, y).mean();
+        let inside = |x: u32, y: u32| film.pixel(x, y).mean();
         let square = (2..6).flat_map(|y| (2..6).map(move |x| (x, y)));
         let sum: f64 = square.map(|(x, y)| inside(x, y)).sum();
         // Sixteen pixels, 64 coin tosses: 32 and five times 4 / 4.
@@ -390,8 +386,8 @@ fn a_view_that_is_not_finite_is_refused() {
 #[test]
 fn each_reflectivity_is_the_radiance_of_a_lone_square() {
     for rho in [0., 5e-324, 1e-16, 0.1, 0.5, 1. - 1e-16, 1.] {
-        let image = render(&square(1e6), &above(2.), rho);
-        for pixel in image.rows() {
+        let film = render(&square(1e6), &above(2.), rho);
+        for pixel in film.rows() {
             // A weight is stored in units of 2^-88.
             assert!((pixel.mean() - rho).abs() < 2f64.powi(-88), "{rho:e}");
             assert_eq!(pixel.standard_error(), 0.);
@@ -401,7 +397,7 @@ fn each_reflectivity_is_the_radiance_of_a_lone_square() {
 
 #[test]
 fn one_realisation_and_a_trillion_within_a_time_give_the_image() {
-    let place = Place::new();
+    let place = Scratch::new();
     let arguments = ["-isquare.obj", "-d4x3", "-r0.5"];
     for more in [&["-n1"][..], &["-n1099511627776", "--time=1"]] {
         let run = place.run(&[&arguments[..], &ABOVE, more].concat());
@@ -414,7 +410,7 @@ fn one_realisation_and_a_trillion_within_a_time_give_the_image() {
 
 #[test]
 fn coordinates_that_are_no_numbers_are_refused_in_one_line() {
-    let place = Place::new();
+    let place = Scratch::new();
     for word in ["NaN", "inf", "-inf", "1e309"] {
         let text = format!("v 0 0 0\nv 1 0 0\nv 0 {word} 0\nf 1 2 3\n");
         place.feed(text.as_bytes(), &["-q"]).failed(1, &["3: ", word]);
@@ -435,7 +431,7 @@ fn room() -> View {
     }
 }
 
-fn moved(mesh: &Mesh, view: &View, by: impl Fn(DVec3) -> DVec3) -> Image {
+fn moved(mesh: &Mesh, view: &View, by: impl Fn(DVec3) -> DVec3) -> Film {
     let mut mesh = mesh.clone();
     mesh.vertices.iter_mut().for_each(|v| *v = by(*v));
     let (position, target) = (by(view.position), by(view.target));
@@ -490,7 +486,7 @@ fn millimetres_far_from_the_origin_give_the_same_image_within_its_error() {
         let seed = if offset.x > 0. { 1 } else { 2 };
         sized(&mesh, &view, 0.7, (16, 12), 256, seed)
     });
-    let errors = images.each_ref().map(|image| image.errors(WORTH));
+    let errors = images.each_ref().map(|film| film.errors(WORTH));
     let pixels = images[0].means().zip(images[1].means());
     for (i, (a, b)) in pixels.enumerate() {
         let error = errors[0][i].hypot(errors[1][i]);

@@ -1,23 +1,23 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-//! The formats of pictures: what is written comes back, what lies is
+//! The formats of images: what is written comes back, what lies is
 //! refused, and nothing that is damaged ends the program (chapter
-//! "Pictures and their formats").
+//! "Images and their formats").
 
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::PathBuf;
 
-use litpt::output::{Destination, Place};
-use litpt::picture::{Format, Picture};
+use litpt::image::{Format, Image};
+use litpt::output::{ImageTarget, OutputTarget};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use tempfile::TempDir;
 
-/// A picture of all that the formats can carry, with numbers that a
+/// An image of all that the formats can carry, with numbers that a
 /// 32-bit number holds.
-fn picture() -> Picture {
+fn image() -> Image {
     let attributes = [
         ("seed", "7"),
         ("scene", "Höhle.obj"),
@@ -25,7 +25,7 @@ fn picture() -> Picture {
         ("a_name_of_more_than_thirty_one_characters", "70"),
     ];
     let own = |(name, value): (&str, &str)| (name.into(), value.into());
-    Picture {
+    Image {
         width: 3,
         height: 2,
         means: vec![0., 0.25, 0.5, 0.75, 1., 1.5],
@@ -35,9 +35,9 @@ fn picture() -> Picture {
     }
 }
 
-fn bytes(format: Format, picture: &Picture) -> Vec<u8> {
+fn bytes(format: Format, image: &Image) -> Vec<u8> {
     let mut bytes = vec![];
-    format.write(picture, &mut bytes).unwrap();
+    format.write(image, &mut bytes).unwrap();
     bytes
 }
 
@@ -53,17 +53,17 @@ impl Files {
         self.0.path().join(name)
     }
 
-    fn read(&self, bytes: &[u8]) -> Result<Picture, String> {
-        let path = self.path("picture");
+    fn read(&self, bytes: &[u8]) -> Result<Image, String> {
+        let path = self.path("image");
         fs::write(&path, bytes).unwrap();
-        Picture::read(&path)
+        Image::read(&path)
     }
 
     /// Reads what must be refused, in one line that names the file.
     fn refuse(&self, bytes: &[u8], words: &[&str]) {
         let message = self.read(bytes).unwrap_err();
         assert!(!message.contains('\n'), "{message}");
-        let name = self.path("picture").display().to_string();
+        let name = self.path("image").display().to_string();
         assert!(message.starts_with(&name), "{message}");
         for word in words {
             assert!(message.contains(word), "{word:?} not in {message}");
@@ -80,13 +80,13 @@ fn pfm(header: &str, values: &[f32]) -> Vec<u8> {
 
 #[test]
 fn an_exr_file_brings_back_all_that_was_written() {
-    let written = bytes(Format::Exr, &picture());
-    assert_eq!(Files::new().read(&written), Ok(picture()));
+    let written = bytes(Format::Exr, &image());
+    assert_eq!(Files::new().read(&written), Ok(image()));
 }
 
 #[test]
 fn an_exr_file_without_errors_is_read_without_errors() {
-    let bare = Picture { errors: None, samples: None, ..picture() };
+    let bare = Image { errors: None, samples: None, ..image() };
     let written = bytes(Format::Exr, &bare);
     assert_eq!(Files::new().read(&written), Ok(bare));
 }
@@ -95,27 +95,27 @@ fn an_exr_file_without_errors_is_read_without_errors() {
 fn the_same_picture_is_the_same_exr_file() {
     let attribute = |i: u32| (format!("name{i}"), i.to_string());
     let attributes: BTreeMap<_, _> = (0..20).map(attribute).collect();
-    let picture = Picture { attributes, ..picture() };
-    let first = bytes(Format::Exr, &picture);
-    assert!((0..5).all(|_| bytes(Format::Exr, &picture) == first));
+    let image = Image { attributes, ..image() };
+    let first = bytes(Format::Exr, &image);
+    assert!((0..5).all(|_| bytes(Format::Exr, &image) == first));
 }
 
 #[test]
 fn exr_attributes_of_other_programs_are_left_out() {
-    let mut written = bytes(Format::Exr, &picture());
+    let mut written = bytes(Format::Exr, &image());
     let at = written.windows(10).position(|w| w == b"litpt:seed").unwrap();
     written[at..at + 5].copy_from_slice(b"other");
     let read = Files::new().read(&written).unwrap();
-    assert_eq!(read.attributes.len(), picture().attributes.len() - 1);
+    assert_eq!(read.attributes.len(), image().attributes.len() - 1);
 }
 
 #[test]
 fn a_float_map_holds_its_rows_from_the_bottom_up() {
     let values = [0.75, 1., 1.5, 0., 0.25, 0.5];
     let expected = pfm("Pf\n3 2\n-1.0\n", &values);
-    assert_eq!(bytes(Format::Pfm, &picture()), expected);
+    assert_eq!(bytes(Format::Pfm, &image()), expected);
     let read = Files::new().read(&expected).unwrap();
-    assert_eq!(read.means, picture().means);
+    assert_eq!(read.means, image().means);
     assert_eq!((read.errors, read.samples), (None, None));
 }
 
@@ -138,36 +138,39 @@ fn a_float_map_that_begins_like_white_space_is_read() {
 fn files_of_other_kinds_are_refused_with_the_reason() {
     let files = Files::new();
     files.refuse(b"PF\n1 1\n-1\n123456789012", &["colour"]);
-    files.refuse(&bytes(Format::Pgm, &picture()), &["grey levels", ".exr"]);
-    files.refuse(&bytes(Format::Png, &picture()), &["grey levels", ".pfm"]);
+    files.refuse(&bytes(Format::Pgm, &image()), &["grey levels", ".exr"]);
+    files.refuse(&bytes(Format::Png, &image()), &["grey levels", ".pfm"]);
     files.refuse(b"v 0 0 0", &["neither EXR nor PFM"]);
     files.refuse(b"", &["neither EXR nor PFM"]);
-    let message = Picture::read(&files.path("none.exr")).unwrap_err();
+    let message = Image::read(&files.path("none.exr")).unwrap_err();
     assert!(message.contains("none.exr: cannot read"), "{message}");
 }
 
 #[test]
 fn an_exr_file_without_luminance_is_refused_with_its_channels() {
-    use exr::prelude::*;
+    use exr::prelude::write_rgb_file;
     let files = Files::new();
     let path = files.path("rgb.exr");
     write_rgb_file(&path, 2, 2, |_, _| (0f32, 0f32, 0f32)).unwrap();
-    let message = Picture::read(&path).unwrap_err();
+    let message = Image::read(&path).unwrap_err();
     assert!(message.contains("no channel Y"), "{message}");
     assert!(message.contains("B, G, R"), "{message}");
 }
 
 #[test]
 fn half_and_whole_numbers_of_other_programs_are_read() {
-    use exr::prelude::*;
+    use exr::prelude::{
+        AnyChannel, AnyChannels, FlatSamples, Image as ExrImage,
+        WritableImage, f16,
+    };
     let files = Files::new();
     let path = files.path("half.exr");
     let mean = AnyChannel::new("Y", FlatSamples::F16(vec![f16::ONE; 2]));
     let count = AnyChannel::new("samples.Y", FlatSamples::U32(vec![9; 2]));
     let channels = AnyChannels::sort([mean, count].into_iter().collect());
-    let image = Image::from_channels((2, 1), channels);
-    image.write().to_file(&path).unwrap();
-    let read = Picture::read(&path).unwrap();
+    let half = ExrImage::from_channels((2, 1), channels);
+    half.write().to_file(&path).unwrap();
+    let read = Image::read(&path).unwrap();
     assert_eq!(read.means, [1., 1.]);
     assert_eq!(read.samples, Some(vec![9., 9.]));
 }
@@ -179,11 +182,11 @@ fn numbers_that_mean_nothing_are_refused_with_their_pixel() {
     files.refuse(&map(f32::NAN), &["mean", "1,0", "NaN"]);
     files.refuse(&map(f32::INFINITY), &["mean", "1,0", "inf"]);
     let errors = Some(vec![0., 0., 0., 0., -1., 0.]);
-    let negative = Picture { errors, ..picture() };
+    let negative = Image { errors, ..image() };
     let negative = bytes(Format::Exr, &negative);
     files.refuse(&negative, &["standard error", "1,1", "-1"]);
     let samples = Some(vec![f64::NAN; 6]);
-    let nothing = Picture { samples, ..picture() };
+    let nothing = Image { samples, ..image() };
     files.refuse(&bytes(Format::Exr, &nothing), &["count", "0,0", "NaN"]);
 }
 
@@ -198,7 +201,7 @@ fn a_header_that_promises_more_than_the_file_holds_is_refused() {
     {
         files.refuse(&pfm(header, &[]), &[]);
     }
-    let mut exr = bytes(Format::Exr, &picture());
+    let mut exr = bytes(Format::Exr, &image());
     let window = exr.windows(11).position(|w| w == b"dataWindow\0");
     // After the name: the type, the size, and four corners.
     let corner = window.unwrap() + 11 + "box2i\0".len() + 4 + 8;
@@ -209,10 +212,10 @@ fn a_header_that_promises_more_than_the_file_holds_is_refused() {
 #[test]
 fn a_file_cut_off_anywhere_is_refused() {
     for format in [Format::Exr, Format::Pfm] {
-        let whole = bytes(format, &picture());
-        assert!(Picture::decode(&whole).is_ok());
+        let whole = bytes(format, &image());
+        assert!(Image::decode(&whole).is_ok());
         for length in 0..whole.len() {
-            let message = Picture::decode(&whole[..length]).unwrap_err();
+            let message = Image::decode(&whole[..length]).unwrap_err();
             assert!(!message.contains('\n'), "{message}");
         }
     }
@@ -222,8 +225,8 @@ fn a_file_cut_off_anywhere_is_refused() {
 /// is to end the program.
 #[test]
 fn ten_thousand_damaged_files_never_end_the_program() {
-    let whole = bytes(Format::Exr, &picture());
-    let map = bytes(Format::Pfm, &picture());
+    let whole = bytes(Format::Exr, &image());
+    let map = bytes(Format::Pfm, &image());
     let mut random = Pcg64Mcg::seed_from_u64(2026);
     let mut refused = 0;
     for i in 0..10_000 {
@@ -232,7 +235,7 @@ fn ten_thousand_damaged_files_never_end_the_program() {
             let at = random.random_range(0..damaged.len());
             damaged[at] = random.random();
         }
-        refused += u32::from(Picture::decode(&damaged).is_err());
+        refused += u32::from(Image::decode(&damaged).is_err());
     }
     assert!(refused > 1000 && refused < 9999, "{refused}");
 }
@@ -252,19 +255,19 @@ fn the_extension_tells_the_format() {
 #[test]
 fn a_destination_writes_the_format_of_its_name() {
     let files = Files::new();
-    let path = files.path("picture.exr");
-    let place = Destination::file(&path, false).unwrap();
+    let path = files.path("image.exr");
+    let place = ImageTarget::file(&path, false).unwrap();
     assert!(!path.exists());
-    place.write(&picture()).unwrap();
-    assert_eq!(Picture::read(&path), Ok(picture()));
-    assert!(place.write(&picture()).unwrap_err().contains("-f"));
+    place.write(&image()).unwrap();
+    assert_eq!(Image::read(&path), Ok(image()));
+    assert!(place.write(&image()).unwrap_err().contains("-f"));
 }
 
 #[test]
 fn a_place_is_rewritten_only_after_it_was_ours() {
     let files = Files::new();
     let path = files.path("report");
-    let mut place = Place::file(&path, false).unwrap();
+    let mut place = OutputTarget::file(&path, false).unwrap();
     let mut other = place.clone();
     for state in ["first state", "second"] {
         place.rewrite(&mut |out| write!(out, "{state}")).unwrap();
@@ -281,7 +284,7 @@ fn a_place_is_rewritten_only_after_it_was_ours() {
 fn a_state_that_fails_leaves_the_one_before() {
     let files = Files::new();
     let path = files.path("report");
-    let mut place = Place::file(&path, false).unwrap();
+    let mut place = OutputTarget::file(&path, false).unwrap();
     place.rewrite(&mut |out| write!(out, "whole")).unwrap();
     let failed = place.rewrite(&mut |out| {
         write!(out, "ha")?;
@@ -295,7 +298,7 @@ fn a_state_that_fails_leaves_the_one_before() {
 #[cfg(unix)]
 #[test]
 fn a_device_receives_the_last_state_alone() {
-    let mut place = Place::file("/dev/null".as_ref(), true).unwrap();
+    let mut place = OutputTarget::file("/dev/null".as_ref(), true).unwrap();
     let mut states = 0;
     let mut count = |_: &mut dyn std::io::Write| {
         states += 1;

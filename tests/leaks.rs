@@ -4,22 +4,19 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-#[path = "../examples/solids/mod.rs"]
-mod solids;
-
 use glam::DVec3;
-use litpt::hierarchy::{Hierarchy, Isa, Kernel, Quality};
-use litpt::sampling::cosine_direction;
+use litpt::bvh::{Bvh, Intersector, Isa, Quality};
+use litpt::sampler::cosine_direction;
 use litpt::scene::{Mesh, Ray, Scene};
+use litpt_book::solids::{self, Solid, rounded};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use robust::{Coord3D, orient3d};
-use solids::{Solid, rounded};
 
 /// Follows `n` paths of `bounces` bounces from the cameras, none of which may
 /// find a way out.
 fn follow(
-    kernel: &Hierarchy,
+    intersector: &Bvh,
     cameras: &[DVec3],
     (n, bounces): (usize, u32),
 ) {
@@ -32,7 +29,7 @@ fn follow(
         let (mut origin, mut from) = (origin, None);
         for _ in 0..bounces {
             let ray = Ray { origin, direction };
-            let hit = kernel.first_hit(&ray, from);
+            let hit = intersector.first_hit(&ray, from);
             let hit = hit.unwrap_or_else(|| panic!("{ray:?} escapes"));
             let (r, turn) = (random.random(), random.random());
             direction = cosine_direction(hit.normal, r, turn);
@@ -45,9 +42,9 @@ fn follow(
 #[test]
 fn no_path_leaves_a_closed_surface() {
     for Solid { name, scene, cameras } in solids::all() {
-        let kernel = Hierarchy::new(&scene).unwrap();
+        let intersector = Bvh::new(&scene).unwrap();
         eprintln!("{name}");
-        follow(&kernel, &cameras, (5000, 20));
+        follow(&intersector, &cameras, (5000, 20));
     }
 }
 
@@ -95,7 +92,7 @@ fn hits_are_inside_and_clear_of_all_triangles() {
     let all = solids::all().into_iter();
     let small = |solid: &Solid| solid.scene.triangles().len() < 1500;
     for Solid { name, scene, cameras } in all.filter(small) {
-        let kernel = Hierarchy::new(&scene).unwrap();
+        let intersector = Bvh::new(&scene).unwrap();
         let triangles = rounded(&scene);
         let mut random = Pcg64::seed_from_u64(9);
         let mut settled = 0;
@@ -113,7 +110,7 @@ fn hits_are_inside_and_clear_of_all_triangles() {
             let mut ray = Ray { origin, direction };
             let mut from = None;
             for _ in 0..3 {
-                let hit = kernel.first_hit(&ray, from);
+                let hit = intersector.first_hit(&ray, from);
                 let hit = hit.unwrap_or_else(|| panic!("{name}: {ray:?}"));
                 let around = times_around(&triangles, hit.point);
                 assert_ne!(around, 0, "{name}: {ray:?} {hit:?}");
@@ -148,7 +145,7 @@ fn a_ray_beside_a_wall_stays_on_its_side() {
     let scene = Scene::new(&mesh);
     let wall = scene.triangles()[1][0].x;
     for isa in Isa::ALL.into_iter().filter(|isa| isa.is_available()) {
-        let kernel = Hierarchy::with(&scene, Quality::Fast, isa).unwrap();
+        let intersector = Bvh::with(&scene, Quality::Fast, isa).unwrap();
         for exponent in 25..60 {
             for side in [-1., 1.] {
                 let x = f64::from(wall) + side * 2f64.powi(-exponent);
@@ -157,7 +154,7 @@ fn a_ray_beside_a_wall_stays_on_its_side() {
                 let aim = at(x, 0., floor);
                 let direction = (aim - start).normalize();
                 let ray = Ray { origin: start, direction };
-                let hit = kernel.first_hit(&ray, None).unwrap();
+                let hit = intersector.first_hit(&ray, None).unwrap();
                 let beside = (hit.point.x - f64::from(wall)) * side;
                 assert!(beside > 2f64.powi(-35), "{exponent} {beside:e}");
                 assert!(hit.point.z > floor, "{exponent}");
@@ -183,7 +180,7 @@ fn a_thin_triangle_just_ahead_is_met() {
             triangles: vec![[0, 1, 2]],
         };
         let scene = Scene::new(&mesh);
-        let kernel = Hierarchy::new(&scene).unwrap();
+        let intersector = Bvh::new(&scene).unwrap();
         let [a, b, c] = rounded(&scene)[0];
         let normal = (b - a).cross(c - a).normalize();
         let [s, t] = [0.5, 1e-6].map(|x| x * (1. + vector().x.abs()) / 2.);
@@ -193,11 +190,11 @@ fn a_thin_triangle_just_ahead_is_met() {
         let height = 2f64.powi(-34) * (1. + 3. * vector().x.abs());
         let origin = aim + down * (height / down.dot(normal));
         let ray = Ray { origin, direction: down };
-        let hit = kernel.first_hit(&ray, None);
+        let hit = intersector.first_hit(&ray, None);
         assert!(hit.is_some(), "{i}: {ray:?}");
         // Nor is it met from beyond.
         let above = aim - down * (height / down.dot(normal));
         let ray = Ray { origin: above, direction: down };
-        assert_eq!(kernel.first_hit(&ray, None), None, "{i}");
+        assert_eq!(intersector.first_hit(&ray, None), None, "{i}");
     }
 }

@@ -7,9 +7,9 @@ mod common;
 
 use std::process::Command;
 
-use litpt::hierarchy::Isa;
+use litpt::bvh::Isa;
 
-use common::{ABOVE, Place, Run, finish, skip};
+use common::{ABOVE, Run, Scratch, finish, skip};
 
 /// Runs `pt` on a terminal; its output and its messages come as one text.
 /// None where there is no program `script` to make a terminal.
@@ -17,7 +17,7 @@ fn on_a_terminal(
     arguments: &str,
     prepare: impl Fn(&mut Command),
 ) -> Option<String> {
-    let place = Place::new();
+    let place = Scratch::new();
     let line = format!("'{}' {arguments}", env!("CARGO_BIN_EXE_pt"));
     let mut command = place.command("script");
     command.args(["-qec", &line, "/dev/null"]);
@@ -41,7 +41,7 @@ fn coloured(text: &str) -> bool {
 
 fn summary(arguments: &[&str]) -> Run {
     let scene = ["-i", "square.obj", "-d4x3"];
-    let run = Place::new().run(&[&ABOVE[..], &scene, arguments].concat());
+    let run = Scratch::new().run(&[&ABOVE[..], &scene, arguments].concat());
     run.succeeded();
     run
 }
@@ -97,7 +97,7 @@ fn a_pipe_gets_neither_colours_nor_a_bar() {
     let run = summary(&["-n2000"]);
     assert!(!run.stderr.contains('\x1b') && !run.stderr.contains('\r'));
     assert!(!run.stderr.contains('%'), "{}", run.stderr);
-    let wrong = Place::new().run(&["-n0"]);
+    let wrong = Scratch::new().run(&["-n0"]);
     assert!(!wrong.stderr.contains('\x1b'));
 }
 
@@ -109,7 +109,7 @@ fn a_quiet_run_says_nothing() {
 
 #[test]
 fn a_quiet_run_still_reports_errors() {
-    let run = Place::new().run(&["-q", "-i", "missing.obj"]);
+    let run = Scratch::new().run(&["-q", "-i", "missing.obj"]);
     run.failed(1, &["missing.obj"]);
 }
 

@@ -10,27 +10,27 @@ use std::process::Stdio;
 use std::time::Duration;
 
 use clap::ValueEnum;
-use litpt::hierarchy::Isa;
+use litpt::bvh::Isa;
 
-use common::{ABOVE, Place, ROOM, finish, pgm};
+use common::{ABOVE, ROOM, Scratch, finish, pgm};
 
 /// Each option that has a value and a default: its short form, its long
 /// form, the default, and a value that gives another image.
 const DEFAULTS: [[&str; 4]; 8] = [
-    ["-d", "--definition", "320x240", "321x240"],
-    ["-n", "--realisations", "1", "2"],
+    ["-d", "--resolution", "320x240", "321x240"],
+    ["-n", "--spp", "1", "2"],
     ["-p", "--position", "0,0,0", "0,0.5,0"],
     ["-t", "--target", "0,1,0", "0,1,-0.1"],
     ["-u", "--up", "0,0,1", "0.1,0,1"],
     ["-F", "--fov", "70", "71"],
-    ["-r", "--reflectivity", "1", "0.5"],
+    ["-r", "--albedo", "1", "0.5"],
     ["-s", "--seed", "0", "1"],
 ];
 
 /// Wrong usage of one option: refused before anything is read or written.
 #[track_caller]
 fn refused(option: &str, long: &str, values: &[&str]) {
-    let place = Place::new();
+    let place = Scratch::new();
     for value in values {
         let named = [long, &format!("'{value}'")];
         let output = ["-i", "room.obj", "-o", "image.pgm"];
@@ -47,27 +47,27 @@ fn refused(option: &str, long: &str, values: &[&str]) {
 
 #[test]
 fn a_default_given_explicitly_changes_nothing() {
-    let place = Place::new();
-    let image = place.render(&[]);
-    assert_eq!(pgm(&image).0, 320);
+    let place = Scratch::new();
+    let film = place.render(&[]);
+    assert_eq!(pgm(&film).0, 320);
     for [short, long, default, other] in DEFAULTS {
         let option = format!("{long}={default}");
-        assert!(place.render(&[short, default]) == image, "{short}");
-        assert!(place.render(&[long, default]) == image, "{long}");
-        assert!(place.render(&[&option]) == image, "{option}");
-        assert!(place.render(&[short, other]) != image, "{other}");
+        assert!(place.render(&[short, default]) == film, "{short}");
+        assert!(place.render(&[long, default]) == film, "{long}");
+        assert!(place.render(&[&option]) == film, "{option}");
+        assert!(place.render(&[short, other]) != film, "{other}");
     }
 }
 
 #[test]
 fn the_instructions_change_nothing_but_the_summary() {
-    let place = Place::new();
-    let image = place.render(&["-n3"]);
+    let place = Scratch::new();
+    let film = place.render(&["-n3"]);
     for isa in Isa::ALL.map(|isa| isa.to_string()) {
         let run = place.run(&["-i", "room.obj", "-n3", "--isa", &isa]);
         if Isa::from_str(&isa, false).unwrap().is_available() {
             run.succeeded();
-            assert!(run.stdout == image, "{isa}");
+            assert!(run.stdout == film, "{isa}");
             assert!(run.stderr.contains(&format!(", {isa})")), "{isa}");
         } else {
             run.failed(1, &[&isa, "instructions"]);
@@ -78,28 +78,28 @@ fn the_instructions_change_nothing_but_the_summary() {
 
 #[test]
 fn the_input_is_a_file_or_standard_input() {
-    let place = Place::new();
-    let image = place.render(&["-d9x7"]);
+    let place = Scratch::new();
+    let film = place.render(&["-d9x7"]);
     let fed = place.feed(ROOM.as_bytes(), &["-d9x7"]);
     fed.succeeded();
-    assert_eq!(fed.stdout, image);
+    assert_eq!(fed.stdout, film);
     let long = place.run(&["--input", "room.obj", "-d9x7"]);
-    assert_eq!(long.stdout, image);
+    assert_eq!(long.stdout, film);
 }
 
 #[test]
 fn the_output_is_a_file_or_standard_output() {
-    let place = Place::new();
-    let image = place.render(&["-d9x7"]);
+    let place = Scratch::new();
+    let film = place.render(&["-d9x7"]);
     assert!(place.render_to(&["-o", "short.pgm"]).stdout.is_empty());
     place.render_to(&["--output", "long.pgm"]);
     place.render_to(&["--output", "long.pgm", "--force", "--quiet"]);
     place.render_to(&["-o", "long.pgm", "-fq"]);
-    assert_eq!(place.get("short.pgm"), image);
-    assert_eq!(place.get("long.pgm"), image);
+    assert_eq!(place.get("short.pgm"), film);
+    assert_eq!(place.get("long.pgm"), film);
 }
 
-impl Place {
+impl Scratch {
     fn render_to(&self, output: &[&str]) -> common::Run {
         let scene = ["-i", "room.obj", "-d9x7"];
         let run = self.run(&[&scene[..], output].concat());
@@ -132,17 +132,17 @@ fn a_definition_is_two_integers_around_one_x() {
         "0x10x4",
         "",
     ];
-    refused("-d", "--definition", &wrong);
-    refused("-d", "--definition", &["-1x2", "1x-2"]);
+    refused("-d", "--resolution", &wrong);
+    refused("-d", "--resolution", &["-1x2", "1x-2"]);
     for large in ["16385x1", "1x99999999999999999999"] {
         let said = ["at most 16384 pixels a side"];
-        Place::new().run(&["-d", large]).failed(2, &said);
+        Scratch::new().run(&["-d", large]).failed(2, &said);
     }
 }
 
 #[test]
 fn a_definition_may_be_as_large_as_16384_on_either_side() {
-    let place = Place::new();
+    let place = Scratch::new();
     for side in ["16384x1", "1x16384"] {
         let (width, height, levels) = pgm(&place.render(&["-d", side]));
         assert_eq!(format!("{width}x{height}"), side);
@@ -153,13 +153,13 @@ fn a_definition_may_be_as_large_as_16384_on_either_side() {
 #[test]
 fn the_number_of_realisations_is_a_positive_integer() {
     let wrong = ["0", "1.5", "1e3", "abc", "99999999999999999999", ""];
-    refused("-n", "--realisations", &wrong);
-    refused("-n", "--realisations", &["-3"]);
+    refused("-n", "--spp", &wrong);
+    refused("-n", "--spp", &["-3"]);
 }
 
 #[test]
 fn the_largest_number_of_realisations_starts_to_render() {
-    let place = Place::new();
+    let place = Scratch::new();
     let n = u64::MAX.to_string();
     let long = ["-q", "-d4x4", "-i", "room.obj", "-n", &n];
     let mut child = place.pt(&long).spawn().unwrap();
@@ -195,21 +195,21 @@ fn a_vector_is_three_finite_reals_around_two_commas() {
 
 #[test]
 fn a_vector_may_begin_with_a_minus_sign() {
-    let place = Place::new();
+    let place = Scratch::new();
     let joined =
         ["--position=-1,-2,-.5", "--target=-2,1,-1", "--up=-1,0,9"];
     let separate = ["-p", "-1,-2,-.5", "-t", "-2,1,-1", "-u", "-1,0,9"];
     let size = ["-d9x7"];
-    let image = place.render(&[&size[..], &joined].concat());
-    assert_eq!(place.render(&[&size[..], &separate].concat()), image);
-    assert_ne!(place.render(&size), image);
+    let film = place.render(&[&size[..], &joined].concat());
+    assert_eq!(place.render(&[&size[..], &separate].concat()), film);
+    assert_ne!(place.render(&size), film);
 }
 
 #[test]
 fn a_field_of_view_lies_strictly_between_0_and_180() {
     let wrong = ["0", "180", "-10", "1e3", "nan", "inf", "70,", "wide", ""];
     refused("-F", "--fov", &wrong);
-    let place = Place::new();
+    let place = Scratch::new();
     place.render(&["-d2x2", "-F", "1e-9"]);
     place.render(&["-d2x2", "-F", "179.999"]);
 }
@@ -217,8 +217,8 @@ fn a_field_of_view_lies_strictly_between_0_and_180() {
 #[test]
 fn a_reflectivity_lies_between_0_and_1() {
     let wrong = ["-0.1", "1.1", "nan", "inf", "50%", "0,5", ""];
-    refused("-r", "--reflectivity", &wrong);
-    let place = Place::new();
+    refused("-r", "--albedo", &wrong);
+    let place = Scratch::new();
     place.render(&["-d2x2", "-r", "0"]);
     place.render(&["-d2x2", "-r", "1"]);
 }
@@ -234,13 +234,13 @@ fn a_seed_is_an_integer_of_64_bits() {
     let wrong = ["18446744073709551616", "1.5", "x", ""];
     refused("-s", "--seed", &wrong);
     refused("-s", "--seed", &["-1"]);
-    let place = Place::new();
+    let place = Scratch::new();
     place.render(&["-d2x2", "-s", "18446744073709551615"]);
 }
 
 #[test]
 fn an_option_that_does_not_exist_is_named() {
-    let place = Place::new();
+    let place = Scratch::new();
     for wrong in ["-z", "--nonsense", "scene.obj"] {
         place.run(&["-i", "room.obj", wrong]).failed(2, &[wrong]);
     }
@@ -248,7 +248,7 @@ fn an_option_that_does_not_exist_is_named() {
 
 #[test]
 fn a_missing_value_is_reported_with_its_option() {
-    let place = Place::new();
+    let place = Scratch::new();
     let valued = DEFAULTS.map(|[short, long, ..]| [short, long]);
     let others =
         [["-i", "--input"], ["-o", "--output"], ["-j", "--threads"]];
@@ -260,14 +260,14 @@ fn a_missing_value_is_reported_with_its_option() {
 
 #[test]
 fn an_option_given_twice_is_named() {
-    let place = Place::new();
+    let place = Scratch::new();
     let twice = ["-i", "room.obj", "-n", "2", "-n", "3"];
-    place.run(&twice).failed(2, &["--realisations"]);
+    place.run(&twice).failed(2, &["--spp"]);
 }
 
 #[test]
 fn the_help_lists_every_option_with_its_default_and_the_licence() {
-    let place = Place::new();
+    let place = Scratch::new();
     let help = place.run(&["-h"]);
     help.succeeded();
     assert!(help.stderr.is_empty());
@@ -302,7 +302,7 @@ fn the_help_lists_every_option_with_its_default_and_the_licence() {
 
 #[test]
 fn the_version_is_that_of_the_package() {
-    let place = Place::new();
+    let place = Scratch::new();
     let version = concat!("pt ", env!("CARGO_PKG_VERSION"), "\n");
     for option in ["-V", "--version"] {
         let run = place.run(&[option]);
@@ -314,7 +314,7 @@ fn the_version_is_that_of_the_package() {
 
 #[test]
 fn help_that_nobody_reads_is_no_error() {
-    let place = Place::new();
+    let place = Scratch::new();
     let (reader, writer) = io::pipe().unwrap();
     drop(reader);
     let mut command = place.pt(&["-h"]);
@@ -325,7 +325,7 @@ fn help_that_nobody_reads_is_no_error() {
 
 #[test]
 fn a_camera_at_its_own_target_is_reported_with_the_point() {
-    let place = Place::new();
+    let place = Scratch::new();
     let view = ["-p", "1,2.5,-3", "-t", "1,2.5,-3", "-o", "image.pgm"];
     let run = place.run(&[&view[..], &["-i", "room.obj"]].concat());
     run.failed(1, &["1,2.5,-3", "-p", "-t"]);
@@ -334,7 +334,7 @@ fn a_camera_at_its_own_target_is_reported_with_the_point() {
 
 #[test]
 fn an_up_axis_along_the_view_is_reported_with_both_vectors() {
-    let place = Place::new();
+    let place = Scratch::new();
     for up in ["-2,-4,6", "1,2,-3", "0,0,0"] {
         let view = ["-p", "1,1,1", "-t", "2,3,-2", "-u", up];
         let files = ["-i", "room.obj", "-o", "image.pgm"];
@@ -346,36 +346,36 @@ fn an_up_axis_along_the_view_is_reported_with_both_vectors() {
 
 #[test]
 fn an_impossible_camera_is_reported_before_the_scene_is_read() {
-    let place = Place::new();
+    let place = Scratch::new();
     let run = place.run(&["-t", "0,0,0", "-i", "missing.obj"]);
     run.failed(1, &["target"]);
 }
 
 #[test]
 fn the_number_of_threads_does_not_change_the_image() {
-    let place = Place::new();
+    let place = Scratch::new();
     let small = ["-d70x50", "-n5", "-r0.8"];
-    let image = place.render(&small);
+    let film = place.render(&small);
     for threads in ["-j1", "-j2", "-j7"] {
         let again = place.render(&[&small[..], &[threads]].concat());
-        assert!(again == image, "{threads}");
+        assert!(again == film, "{threads}");
     }
 }
 
 #[test]
 fn a_seed_gives_its_own_image_and_always_the_same() {
-    let place = Place::new();
+    let place = Scratch::new();
     let seeds = ["-s0", "-s1", "-s2", "-s18446744073709551615"];
     let images = seeds.map(|seed| place.render(&["-d32x24", seed]));
     for (i, seed) in seeds.iter().enumerate() {
         assert!(place.render(&["-d32x24", seed]) == images[i]);
-        assert!(images[..i].iter().all(|image| *image != images[i]));
+        assert!(images[..i].iter().all(|film| *film != images[i]));
     }
 }
 
 #[test]
 fn the_options_of_the_model_reach_the_image() {
-    let place = Place::new();
+    let place = Scratch::new();
     let scene = [&ABOVE[..], &["-i", "square.obj", "-d2x2"]].concat();
     for (rho, level) in [("0", 0), ("0.002", 6), ("0.5", 187)] {
         let run = place.run(&[&scene[..], &["-r", rho]].concat());

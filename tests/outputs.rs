@@ -10,20 +10,20 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufRead, BufReader, Cursor, Write};
 use std::os::unix::fs::{FileTypeExt, PermissionsExt, symlink};
 use std::path::Path;
-use std::process::{Child, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::thread;
 use std::time::{Duration, SystemTime};
 
-use common::{ABOVE, Place, ROOM, Run, finish, pgm, skip};
+use common::{ABOVE, ROOM, Run, Scratch, finish, pgm, skip};
 
 const SMALL: [&str; 4] = ["-i", "room.obj", "-d9x7", "-n2"];
 
-fn write(place: &Place, output: &[&str]) -> Run {
+fn write(place: &Scratch, output: &[&str]) -> Run {
     place.run(&[&SMALL[..], output].concat())
 }
 
 /// Puts an old file with an old date, which no failed run may change.
-fn put_old(place: &Place, name: &str) -> SystemTime {
+fn put_old(place: &Scratch, name: &str) -> SystemTime {
     place.put(name, "old");
     let date = SystemTime::UNIX_EPOCH + Duration::from_secs(1_000_000_000);
     let file = OpenOptions::new().write(true).open(place.path(name));
@@ -31,14 +31,17 @@ fn put_old(place: &Place, name: &str) -> SystemTime {
     date
 }
 
-fn modified(place: &Place, name: &str) -> SystemTime {
+fn modified(place: &Scratch, name: &str) -> SystemTime {
     fs::metadata(place.path(name)).unwrap().modified().unwrap()
 }
 
 /// Starts `pt` and returns when it has begun to read its scene.
-fn start_reading(place: &Place, arguments: &[&str]) -> Child {
-    let arguments = [&["-d9x7"], arguments].concat();
-    let mut command = place.pt(&arguments);
+fn start_reading(place: &Scratch, arguments: &[&str]) -> Child {
+    keep_reading(place.pt(&[&["-d9x7"], arguments].concat()))
+}
+
+/// Starts a command that reads a scene, and returns when it has begun.
+fn keep_reading(mut command: Command) -> Child {
     let mut child = command.stdin(Stdio::piped()).spawn().unwrap();
     // More than any pipe holds: the write ends when somebody reads.
     let comment = "# nothing to see here, read on\n".repeat(1 << 16);
@@ -55,7 +58,7 @@ fn send_room(mut child: Child) -> Run {
 
 #[test]
 fn an_existing_file_is_left_untouched_without_force() {
-    let place = Place::new();
+    let place = Scratch::new();
     let date = put_old(&place, "image.pgm");
     write(&place, &["-o", "image.pgm"]).failed(1, &["image.pgm", "-f"]);
     assert_eq!(place.get("image.pgm"), b"old");
@@ -65,7 +68,7 @@ fn an_existing_file_is_left_untouched_without_force() {
 
 #[test]
 fn an_existing_file_is_reported_before_the_scene_is_read() {
-    let place = Place::new();
+    let place = Scratch::new();
     put_old(&place, "image.pgm");
     let run = place.run(&["-i", "missing.obj", "-o", "image.pgm"]);
     run.failed(1, &["image.pgm", "-f"]);
@@ -73,7 +76,7 @@ fn an_existing_file_is_reported_before_the_scene_is_read() {
 
 #[test]
 fn an_existing_file_is_replaced_with_force() {
-    let place = Place::new();
+    let place = Scratch::new();
     put_old(&place, "image.pgm");
     write(&place, &["-f", "-o", "image.pgm"]).succeeded();
     assert_eq!(place.get("image.pgm"), place.render(&SMALL[2..]));
@@ -82,19 +85,46 @@ fn an_existing_file_is_replaced_with_force() {
 
 #[test]
 fn a_file_created_during_the_render_is_left_untouched_without_force() {
-    let place = Place::new();
-    let child = start_reading(&place, &["-o", "image.pgm"]);
+    let place = Scratch::new();
+    let child = start_reading(&place, &["-o", "image.pgm", "-n2"]);
     place.holds_only(&[]);
     let date = put_old(&place, "image.pgm");
-    send_room(child).failed(1, &["image.pgm", "-f"]);
+    let run = send_room(child);
+    run.failed(1, &["image.pgm", "-f", "kept as ", "/kept-"]);
     assert_eq!(place.get("image.pgm"), b"old");
     assert_eq!(modified(&place, "image.pgm"), date);
-    place.holds_only(&["image.pgm"]);
+    // The finished image is beside it, under the name that is said.
+    let names = place.names();
+    let kept = names.iter().find(|name| name.starts_with("kept-"));
+    let kept = kept.unwrap();
+    place.holds_only(&["image.pgm", kept]);
+    assert!(run.stderr.contains(kept) && kept.ends_with("-image.pgm"));
+    assert_eq!(place.get(kept), place.render(&SMALL[2..]));
+}
+
+#[test]
+fn an_image_whose_directory_disappears_is_kept_elsewhere() {
+    let place = Scratch::new();
+    for directory in ["gone", "temporary"] {
+        fs::create_dir(place.path(directory)).unwrap();
+    }
+    let arguments = ["-d9x7", "-n2", "-o", "gone/image.pgm"];
+    let mut command = place.pt(&arguments);
+    command.env("TMPDIR", place.path("temporary"));
+    let child = keep_reading(command);
+    fs::remove_dir(place.path("gone")).unwrap();
+    let run = send_room(child);
+    run.failed(1, &["gone/image.pgm", "No such file", "kept as "]);
+    let kept = fs::read_dir(place.path("temporary")).unwrap();
+    let kept: Vec<_> = kept.map(|entry| entry.unwrap().path()).collect();
+    assert_eq!(kept.len(), 1);
+    assert!(run.stderr.contains(kept[0].to_str().unwrap()));
+    assert_eq!(fs::read(&kept[0]).unwrap(), place.render(&SMALL[2..]));
 }
 
 #[test]
 fn a_file_created_during_the_render_is_replaced_with_force() {
-    let place = Place::new();
+    let place = Scratch::new();
     let child = start_reading(&place, &["-f", "-o", "image.pgm"]);
     put_old(&place, "image.pgm");
     send_room(child).succeeded();
@@ -104,7 +134,7 @@ fn a_file_created_during_the_render_is_replaced_with_force() {
 
 #[test]
 fn an_image_appears_only_when_it_is_whole() {
-    let place = Place::new();
+    let place = Scratch::new();
     put_old(&place, "old.pgm");
     let output = ["-f", "-o", "old.pgm", "-o", "new.png"];
     let mut child = start_reading(&place, &output);
@@ -117,7 +147,7 @@ fn an_image_appears_only_when_it_is_whole() {
 
 #[test]
 fn a_missing_directory_is_reported_before_the_scene_is_read() {
-    let place = Place::new();
+    let place = Scratch::new();
     let run = place.run(&["-i", "missing.obj", "-o", "none/image.pgm"]);
     run.failed(1, &["none/image.pgm", "No such file or directory"]);
     place.holds_only(&[]);
@@ -125,7 +155,7 @@ fn a_missing_directory_is_reported_before_the_scene_is_read() {
 
 #[test]
 fn a_directory_is_no_place_for_the_bytes_of_an_image() {
-    let place = Place::new();
+    let place = Scratch::new();
     fs::create_dir(place.path("folder.pgm")).unwrap();
     for output in ["folder.pgm", ".", "/"] {
         write(&place, &["-o", output]).failed(1, &["directory"]);
@@ -136,14 +166,14 @@ fn a_directory_is_no_place_for_the_bytes_of_an_image() {
 
 #[test]
 fn a_file_is_no_directory() {
-    let place = Place::new();
+    let place = Scratch::new();
     let run = write(&place, &["-f", "-o", "room.obj/image.pgm"]);
     run.failed(1, &["room.obj/image.pgm", "Not a directory"]);
 }
 
 #[test]
 fn a_directory_that_is_closed_to_us_is_reported_before_the_render() {
-    let place = Place::new();
+    let place = Scratch::new();
     let closed = place.path("closed");
     fs::create_dir(&closed).unwrap();
     fs::set_permissions(&closed, fs::Permissions::from_mode(0o555))
@@ -156,16 +186,16 @@ fn a_directory_that_is_closed_to_us_is_reported_before_the_render() {
             return skip("there is no directory closed to this user");
         }
     }
-    let image = directory.join("image.pgm").display().to_string();
+    let film = directory.join("image.pgm").display().to_string();
     for force in ["-q", "-f"] {
-        let arguments = ["-i", "missing.obj", force, "-o", &image];
-        place.run(&arguments).failed(1, &[&image]);
+        let arguments = ["-i", "missing.obj", force, "-o", &film];
+        place.run(&arguments).failed(1, &[&film]);
     }
 }
 
 #[test]
 fn an_unknown_extension_is_refused_before_the_scene_is_read() {
-    let place = Place::new();
+    let place = Scratch::new();
     for name in ["image.jpg", "image.pgm.gz", "image.pgmx"] {
         let run = place.run(&["-i", "missing.obj", "-o", name]);
         run.failed(1, &[name, ".pgm", ".png"]);
@@ -175,7 +205,7 @@ fn an_unknown_extension_is_refused_before_the_scene_is_read() {
 
 #[test]
 fn an_extension_may_be_in_capitals() {
-    let place = Place::new();
+    let place = Scratch::new();
     write(&place, &["-o", "a.PGM", "-o", "a.Png"]).succeeded();
     assert_eq!(pgm(&place.get("a.PGM")).0, 9);
     assert!(place.get("a.Png").starts_with(b"\x89PNG"));
@@ -183,7 +213,7 @@ fn an_extension_may_be_in_capitals() {
 
 /// The device `null` or `full`. Where this user could lose the system's
 /// own if `pt` were to replace it, a new one of the same kind.
-fn device(place: &Place, name: &str) -> Option<String> {
+fn device(place: &Scratch, name: &str) -> Option<String> {
     let system = format!("/dev/{name}");
     let probe = tempfile::tempfile_in("/dev");
     let own = place.path(name).display().to_string();
@@ -207,7 +237,7 @@ fn is_device(path: &str) -> bool {
 
 #[test]
 fn a_full_device_is_an_error() {
-    let place = Place::new();
+    let place = Scratch::new();
     let Some(full) = device(&place, "full") else { return };
     let run = write(&place, &["-f", "-o", &full]);
     run.failed(1, &["full: ", "No space left"]);
@@ -216,7 +246,7 @@ fn a_full_device_is_an_error() {
 
 #[test]
 fn a_device_is_an_existing_file_without_force() {
-    let place = Place::new();
+    let place = Scratch::new();
     let Some(null) = device(&place, "null") else { return };
     write(&place, &["-o", &null]).failed(1, &["null: ", "-f"]);
     assert!(is_device(&null));
@@ -224,7 +254,7 @@ fn a_device_is_an_existing_file_without_force() {
 
 #[test]
 fn a_device_stays_a_device_with_force() {
-    let place = Place::new();
+    let place = Scratch::new();
     let Some(null) = device(&place, "null") else { return };
     write(&place, &["-f", "-o", &null]).succeeded();
     assert!(is_device(&null));
@@ -232,7 +262,7 @@ fn a_device_stays_a_device_with_force() {
 
 #[test]
 fn a_named_pipe_carries_the_image_and_stays_a_pipe() {
-    let place = Place::new();
+    let place = Scratch::new();
     let Ok(child) = place.command("mkfifo").arg("pipe.pgm").spawn() else {
         return skip("there is no program mkfifo");
     };
@@ -250,7 +280,7 @@ fn the_name_of_standard_output_may_stand_for_a_pipe() {
     if !Path::new("/proc/self/fd/1").exists() {
         return skip("standard output has no name");
     }
-    let place = Place::new();
+    let place = Scratch::new();
     // What /dev/stdout is, where a regression does no harm.
     symlink("/proc/self/fd/1", place.path("stdout")).unwrap();
     let run = write(&place, &["-f", "-o", "stdout"]);
@@ -269,7 +299,7 @@ fn a_full_disk_leaves_the_old_file_whole_and_nothing_else() {
         cat disk/old.pgm > after
     "#;
     for isolate in [["-m", "--"], ["-rm", "--"]] {
-        let place = Place::new();
+        let place = Scratch::new();
         fs::create_dir(place.path("disk")).unwrap();
         let mut command = place.command("unshare");
         command.args(isolate).args(["sh", "-c", SCRIPT]);
@@ -296,7 +326,7 @@ fn a_full_disk_leaves_the_old_file_whole_and_nothing_else() {
 
 /// Renders a noisy image that needs more than 64 blocks in each format,
 /// where the system allows no more.
-fn write_64_blocks(place: &Place, output: &str) -> Run {
+fn write_64_blocks(place: &Scratch, output: &str) -> Run {
     let script = r#"ulimit -f 64; exec "$0" "$@""#;
     let mut command = place.command("sh");
     command.args(["-c", script, env!("CARGO_BIN_EXE_pt")]);
@@ -306,7 +336,7 @@ fn write_64_blocks(place: &Place, output: &str) -> Run {
 
 #[test]
 fn a_write_that_stops_half_way_leaves_the_old_file_whole() {
-    let place = Place::new();
+    let place = Scratch::new();
     let date = put_old(&place, "old.pgm");
     for output in ["-foold.pgm", "-onew.pgm", "-onew.png"] {
         write_64_blocks(&place, output)
@@ -319,7 +349,7 @@ fn a_write_that_stops_half_way_leaves_the_old_file_whole() {
 
 #[test]
 fn the_name_of_a_temporary_file_is_nothing_to_the_user() {
-    let place = Place::new();
+    let place = Scratch::new();
     let missing = write(&place, &["-o", "none/image.pgm"]);
     let large = write_64_blocks(&place, "-oimage.pgm");
     for run in [missing, large] {
@@ -333,7 +363,7 @@ fn a_full_standard_output_is_an_error() {
     let Ok(full) = OpenOptions::new().write(true).open("/dev/full") else {
         return skip("there is no /dev/full");
     };
-    let place = Place::new();
+    let place = Scratch::new();
     let mut command = place.pt(&SMALL);
     let run = finish(command.stdout(full).spawn().unwrap());
     run.failed(1, &["standard output", "No space left"]);
@@ -344,7 +374,7 @@ fn help_that_cannot_be_written_is_an_error() {
     let Ok(full) = OpenOptions::new().write(true).open("/dev/full") else {
         return skip("there is no /dev/full");
     };
-    let place = Place::new();
+    let place = Scratch::new();
     let mut command = place.pt(&["--help"]);
     let run = finish(command.stdout(full).spawn().unwrap());
     run.failed(1, &["cannot write: No space left"]);
@@ -352,7 +382,7 @@ fn help_that_cannot_be_written_is_an_error() {
 
 #[test]
 fn a_reader_who_has_seen_enough_is_no_error() {
-    let place = Place::new();
+    let place = Scratch::new();
     let mut command = place.pt(&["-q", "-i", "room.obj"]);
     let mut child = command.spawn().unwrap();
     let mut line = String::new();
@@ -366,7 +396,7 @@ fn a_reader_who_has_seen_enough_is_no_error() {
 
 #[test]
 fn a_pipe_that_nobody_reads_is_no_error() {
-    let place = Place::new();
+    let place = Scratch::new();
     let (reader, writer) = io::pipe().unwrap();
     drop(reader);
     let mut command = place.pt(&[&["-q"], &SMALL[..]].concat());
@@ -376,7 +406,7 @@ fn a_pipe_that_nobody_reads_is_no_error() {
 
 #[test]
 fn force_replaces_the_file_behind_a_link_and_keeps_the_link() {
-    let place = Place::new();
+    let place = Scratch::new();
     fs::create_dir(place.path("far")).unwrap();
     put_old(&place, "far/image.pgm");
     symlink("far/image.pgm", place.path("link.pgm")).unwrap();
@@ -391,7 +421,7 @@ fn force_replaces_the_file_behind_a_link_and_keeps_the_link() {
 
 #[test]
 fn a_link_to_nothing_is_reported_before_the_scene_is_read() {
-    let place = Place::new();
+    let place = Scratch::new();
     symlink("nothing.pgm", place.path("link.pgm")).unwrap();
     for force in ["-q", "-f"] {
         let arguments = ["-i", "missing.obj", force, "-o", "link.pgm"];
@@ -402,7 +432,7 @@ fn a_link_to_nothing_is_reported_before_the_scene_is_read() {
 
 #[test]
 fn two_outputs_hold_the_same_image_in_two_formats() {
-    let place = Place::new();
+    let place = Scratch::new();
     let output = ["-o", "a.pgm", "-o", "a.png"];
     let scene = ["-i", "room.obj", "-d37x21", "-n9", "-r0.7"];
     place.run(&[&scene[..], &output].concat()).succeeded();
@@ -434,7 +464,7 @@ fn png(bytes: &[u8]) -> ((u32, u32), Vec<u16>) {
 
 #[test]
 fn the_second_output_is_checked_before_the_first_is_written() {
-    let place = Place::new();
+    let place = Scratch::new();
     put_old(&place, "old.png");
     let run = write(&place, &["-o", "new.pgm", "-o", "old.png"]);
     run.failed(1, &["old.png", "-f"]);
@@ -444,7 +474,7 @@ fn the_second_output_is_checked_before_the_first_is_written() {
 
 #[test]
 fn a_new_file_has_the_permissions_that_the_user_wants() {
-    let place = Place::new();
+    let place = Scratch::new();
     for (mask, mode) in
         [("022", 0o644), ("027", 0o640), ("077", 0o600), ("0", 0o666)]
     {
@@ -461,7 +491,7 @@ fn a_new_file_has_the_permissions_that_the_user_wants() {
 
 #[test]
 fn a_plain_pgm_has_a_header_and_one_level_per_line() {
-    let place = Place::new();
+    let place = Scratch::new();
     let bytes = place.render(&["-d5x3", "-n7"]);
     assert!(bytes.starts_with(b"P2 5 3\n255\n"));
     let (width, height, levels) = pgm(&bytes);
@@ -472,7 +502,7 @@ fn a_plain_pgm_has_a_header_and_one_level_per_line() {
 fn the_rows_go_from_top_to_bottom_and_from_left_to_right() {
     // A wall hides the sky on the left, the ground on the right is dark.
     let wall = "v -9 1 -9\nv 0 1 -9\nv 0 1 9\nv -9 1 9\nf 1 2 3 4\n";
-    let place = Place::new();
+    let place = Scratch::new();
     let arguments = ["-d2x2", "-F20", "-n4", "-r0", "-t0,9,0"];
     let run = place.feed(wall.as_bytes(), &arguments);
     run.succeeded();
@@ -483,7 +513,7 @@ fn the_rows_go_from_top_to_bottom_and_from_left_to_right() {
 
 #[test]
 fn a_level_is_the_floor_of_the_srgb_curve() {
-    let place = Place::new();
+    let place = Scratch::new();
     let above = [&ABOVE[..], &["-i", "square.obj", "-d1x1"]].concat();
     for rho in [0., 0.001, 0.0031, 0.0032, 0.05, 0.1, 0.3, 0.5, 0.9] {
         let rho_option = format!("-r{rho}");
@@ -503,7 +533,7 @@ fn a_level_is_the_floor_of_the_srgb_curve() {
 
 #[test]
 fn the_bare_sky_is_the_highest_level_of_both_formats() {
-    let place = Place::new();
+    let place = Scratch::new();
     let view = ["-p", "0,0,900", "-t", "0,0,901", "-u", "0,1,9"];
     let files = ["-i", "room.obj", "-d5x4", "-n3", "-o", "a.pgm"];
     let run = [&view[..], &files, &["-o", "a.png"]].concat();
@@ -514,7 +544,7 @@ fn the_bare_sky_is_the_highest_level_of_both_formats() {
 
 #[test]
 fn the_same_output_twice_is_refused_before_the_scene_is_read() {
-    let place = Place::new();
+    let place = Scratch::new();
     for force in ["-q", "-f"] {
         let output = [force, "-o", "a.pgm", "-o", "a.pgm"];
         let run =
@@ -526,7 +556,7 @@ fn the_same_output_twice_is_refused_before_the_scene_is_read() {
 
 #[test]
 fn an_output_that_fails_does_not_keep_the_others_from_being_written() {
-    let place = Place::new();
+    let place = Scratch::new();
     let output = ["-f", "-o", "/dev/full", "-o", "a.pgm"];
     write(&place, &output).failed(1, &["/dev/full"]);
     assert_eq!(place.get("a.pgm"), place.render(&SMALL[2..]));
@@ -534,7 +564,7 @@ fn an_output_that_fails_does_not_keep_the_others_from_being_written() {
 
 #[test]
 fn a_file_that_is_replaced_keeps_its_mode() {
-    let place = Place::new();
+    let place = Scratch::new();
     put_old(&place, "image.pgm");
     for mode in [0o600, 0o664] {
         let path = place.path("image.pgm");

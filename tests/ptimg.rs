@@ -9,20 +9,20 @@ mod common;
 use std::collections::BTreeMap;
 use std::fs;
 
-use common::{Place, Run, finish, pgm};
-use litpt::output::Destination;
-use litpt::picture::Picture;
+use common::{Run, Scratch, finish, pgm};
+use litpt::image::Image;
+use litpt::output::ImageTarget;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-fn run(place: &Place, arguments: &[&str]) -> Run {
+fn run(place: &Scratch, arguments: &[&str]) -> Run {
     let mut command = place.command(env!("CARGO_BIN_EXE_ptimg"));
     finish(command.args(arguments).spawn().unwrap())
 }
 
-/// Writes a picture of 40x30 pixels whose weights are 0 or 1, white with
+/// Writes an image of 40x30 pixels whose weights are 0 or 1, white with
 /// the probability `p`.
-fn put(place: &Place, name: &str, seed: u64, p: f64) -> Picture {
+fn put(place: &Scratch, name: &str, seed: u64, p: f64) -> Image {
     let mut random = Pcg64Mcg::seed_from_u64(seed);
     let n = 64.;
     let mut mean = |_| {
@@ -32,7 +32,7 @@ fn put(place: &Place, name: &str, seed: u64, p: f64) -> Picture {
     let error = |m: &f64| f64::sqrt(m * (1. - m) / (n - 1.));
     let attributes = [("seed", seed.to_string()), ("fov", "70".into())];
     let own = |(name, value): (&str, String)| (name.to_owned(), value);
-    let picture = Picture {
+    let image = Image {
         width: 40,
         height: 30,
         errors: Some(means.iter().map(error).collect()),
@@ -40,13 +40,13 @@ fn put(place: &Place, name: &str, seed: u64, p: f64) -> Picture {
         means,
         attributes: attributes.into_iter().map(own).collect(),
     };
-    write(place, name, &picture);
-    picture
+    write(place, name, &image);
+    image
 }
 
-fn write(place: &Place, name: &str, picture: &Picture) {
-    let place = Destination::file(&place.path(name), true).unwrap();
-    place.write(picture).unwrap();
+fn write(place: &Scratch, name: &str, image: &Image) {
+    let place = ImageTarget::file(&place.path(name), true).unwrap();
+    place.write(image).unwrap();
 }
 
 fn text(run: &Run) -> &str {
@@ -55,21 +55,21 @@ fn text(run: &Run) -> &str {
 
 #[test]
 fn info_says_what_the_file_holds() {
-    let place = Place::new();
-    let picture = put(&place, "a.exr", 1, 0.5);
+    let place = Scratch::new();
+    let image = put(&place, "a.exr", 1, 0.5);
     let run = run(&place, &["info", "a.exr"]);
     run.succeeded();
     let said = text(&run);
-    let n = picture.means.len() as f64;
-    let mean = picture.means.iter().sum::<f64>() / n;
-    let squares: f64 = picture.errors.unwrap().iter().map(|e| e * e).sum();
+    let n = image.means.len() as f64;
+    let mean = image.means.iter().sum::<f64>() / n;
+    let squares: f64 = image.errors.unwrap().iter().map(|e| e * e).sum();
     let (error, rmse) = (squares.sqrt() / n, (squares / n).sqrt());
     for words in [
         "a.exr: 40x30 pixels\n".to_owned(),
         "stderr.Y".to_owned(),
         format!("mean radiance: {mean:.6} ± {error:.6}\n"),
         format!("rmse: {rmse:.6}\n"),
-        "realisations per pixel: 64\n".to_owned(),
+        "samples per pixel: 64\n".to_owned(),
         "seed: 1\n".to_owned(),
     ] {
         assert!(said.contains(&words), "no {words} in {said}");
@@ -78,11 +78,11 @@ fn info_says_what_the_file_holds() {
 
 #[test]
 fn info_says_that_an_error_is_unknown() {
-    let place = Place::new();
-    let mut picture = put(&place, "a.exr", 1, 0.5);
-    picture.errors.as_mut().unwrap()[7] = f64::INFINITY;
-    write(&place, "a.exr", &picture);
-    write(&place, "a.pfm", &picture);
+    let place = Scratch::new();
+    let mut image = put(&place, "a.exr", 1, 0.5);
+    image.errors.as_mut().unwrap()[7] = f64::INFINITY;
+    write(&place, "a.exr", &image);
+    write(&place, "a.pfm", &image);
     let run = run(&place, &["info", "a.exr", "a.pfm"]);
     run.succeeded();
     assert!(text(&run).contains("error unknown"));
@@ -92,7 +92,7 @@ fn info_says_that_an_error_is_unknown() {
 
 #[test]
 fn independent_runs_are_consistent_with_status_0() {
-    let place = Place::new();
+    let place = Scratch::new();
     put(&place, "a.exr", 1, 0.5);
     put(&place, "b.exr", 2, 0.5);
     let run = run(&place, &["diff", "a.exr", "b.exr"]);
@@ -106,7 +106,7 @@ fn independent_runs_are_consistent_with_status_0() {
 
 #[test]
 fn different_pictures_are_inconsistent_with_status_1() {
-    let place = Place::new();
+    let place = Scratch::new();
     put(&place, "a.exr", 1, 0.5);
     put(&place, "b.exr", 2, 0.52);
     let run = run(&place, &["diff", "a.exr", "b.exr"]);
@@ -116,7 +116,7 @@ fn different_pictures_are_inconsistent_with_status_1() {
 
 #[test]
 fn a_quiet_diff_says_nothing() {
-    let place = Place::new();
+    let place = Scratch::new();
     put(&place, "a.exr", 1, 0.5);
     put(&place, "b.exr", 2, 0.6);
     for (other, status) in [("a.exr", 0), ("b.exr", 1)] {
@@ -128,14 +128,14 @@ fn a_quiet_diff_says_nothing() {
 
 #[test]
 fn a_comparison_that_cannot_be_made_has_status_2() {
-    let place = Place::new();
-    let picture = put(&place, "a.exr", 1, 0.5);
-    write(&place, "a.pfm", &picture);
+    let place = Scratch::new();
+    let image = put(&place, "a.exr", 1, 0.5);
+    write(&place, "a.pfm", &image);
     let diff = |a, b| run(&place, &["diff", a, b]);
     diff("a.exr", "none.exr").failed(2, &["none.exr: cannot read"]);
     diff("a.exr", "room.obj").failed(2, &["room.obj: it is neither"]);
     diff("a.pfm", "a.pfm").failed(2, &["a.pfm", "errors"]);
-    let small = Picture { width: 30, height: 40, ..picture };
+    let small = Image { width: 30, height: 40, ..image };
     write(&place, "b.exr", &small);
     diff("a.exr", "b.exr").failed(2, &["40x30", "30x40"]);
     run(&place, &["diff", "a.exr"]).failed(2, &["<B>", "ptimg --help"]);
@@ -145,10 +145,10 @@ fn a_comparison_that_cannot_be_made_has_status_2() {
 
 #[test]
 fn a_reference_without_errors_is_taken_as_exact() {
-    let place = Place::new();
-    let picture = put(&place, "a.exr", 1, 0.5);
-    let means = vec![0.5; picture.means.len()];
-    write(&place, "b.pfm", &Picture { means, ..picture });
+    let place = Scratch::new();
+    let image = put(&place, "a.exr", 1, 0.5);
+    let means = vec![0.5; image.means.len()];
+    write(&place, "b.pfm", &Image { means, ..image });
     let run = run(&place, &["diff", "a.exr", "b.pfm"]);
     run.succeeded();
     assert!(
@@ -158,18 +158,18 @@ fn a_reference_without_errors_is_taken_as_exact() {
 
 #[test]
 fn pictures_of_one_seed_are_compared_with_a_warning() {
-    let place = Place::new();
-    let picture = put(&place, "a.exr", 0, 0.5);
+    let place = Scratch::new();
+    let image = put(&place, "a.exr", 0, 0.5);
     put(&place, "b.exr", 0, 0.6);
     for (other, status) in [("a.exr", 0), ("b.exr", 1)] {
         let run = run(&place, &["diff", "a.exr", other]);
         assert_eq!(run.status, Some(status));
-        let warning = "warning: both pictures come from seed 0: ";
+        let warning = "warning: both images come from seed 0: ";
         assert!(run.stderr.starts_with(warning), "{}", run.stderr);
         assert_eq!(run.stderr.lines().count(), 1, "{}", run.stderr);
     }
     let joined = [("seed".to_owned(), "3,0".to_owned())];
-    let joined = Picture { attributes: joined.into(), ..picture };
+    let joined = Image { attributes: joined.into(), ..image };
     write(&place, "c.exr", &joined);
     let run = run(&place, &["diff", "c.exr", "a.exr"]);
     assert!(run.stderr.contains("seed 0"), "{}", run.stderr);
@@ -177,14 +177,14 @@ fn pictures_of_one_seed_are_compared_with_a_warning() {
 
 #[test]
 fn one_seed_for_two_scenes_is_compared_without_a_warning() {
-    let place = Place::new();
-    let picture = put(&place, "a.exr", 1, 0.5);
+    let place = Scratch::new();
+    let image = put(&place, "a.exr", 1, 0.5);
     for (name, hash) in [("a.exr", "aa"), ("b.exr", "bb"), ("c.exr", "aa")]
     {
-        let mut picture = picture.clone();
+        let mut image = image.clone();
         let hash = ("scene_sha256".to_owned(), hash.to_owned());
-        picture.attributes.extend([hash]);
-        write(&place, name, &picture);
+        image.attributes.extend([hash]);
+        write(&place, name, &image);
     }
     let warns = |a, b| !run(&place, &["diff", a, b]).stderr.is_empty();
     assert!(!warns("a.exr", "b.exr"));
@@ -193,14 +193,14 @@ fn one_seed_for_two_scenes_is_compared_without_a_warning() {
 
 #[test]
 fn the_map_of_a_diff_holds_z_or_grey_levels() {
-    let place = Place::new();
+    let place = Scratch::new();
     let a = put(&place, "a.exr", 1, 0.5);
     let b = put(&place, "b.exr", 2, 0.5);
     for map in ["z.exr", "z.pgm"] {
         run(&place, &["diff", "a.exr", "b.exr", "-o", map]).succeeded();
     }
-    let z = Picture::read(&place.path("z.exr")).unwrap().means;
-    let error = |p: &Picture| p.errors.as_ref().unwrap()[0];
+    let z = Image::read(&place.path("z.exr")).unwrap().means;
+    let error = |p: &Image| p.errors.as_ref().unwrap()[0];
     let variance = error(&a).powi(2) + error(&b).powi(2);
     let expected = (a.means[0] - b.means[0]) / variance.sqrt();
     assert!((z[0] - expected).abs() < 1e-5);
@@ -214,12 +214,12 @@ fn the_map_of_a_diff_holds_z_or_grey_levels() {
 
 #[test]
 fn joined_runs_have_the_error_of_both() {
-    let place = Place::new();
+    let place = Scratch::new();
     put(&place, "a.exr", 1, 0.5);
     put(&place, "b.exr", 2, 0.5);
     let files = ["merge", "a.exr", "b.exr", "-o", "c.exr"];
     run(&place, &files).succeeded();
-    let joint = Picture::read(&place.path("c.exr")).unwrap();
+    let joint = Image::read(&place.path("c.exr")).unwrap();
     assert_eq!(joint.samples.unwrap()[0], 128.);
     let error = |m: f64| f64::sqrt(m * (1. - m) / 127.);
     let errors = joint.errors.unwrap();
@@ -239,9 +239,9 @@ fn joined_runs_have_the_error_of_both() {
 
 #[test]
 fn a_picture_for_the_screen_has_the_levels_of_pt() {
-    let place = Place::new();
-    let picture = put(&place, "a.exr", 1, 0.5);
-    write(&place, "direct.png", &picture);
+    let place = Scratch::new();
+    let image = put(&place, "a.exr", 1, 0.5);
+    write(&place, "direct.png", &image);
     let tonemap = |more: &[&str]| {
         let arguments = ["tonemap", "a.exr", "-f", "-o"];
         run(&place, &[&arguments[..], more].concat())
@@ -262,7 +262,7 @@ fn a_picture_for_the_screen_has_the_levels_of_pt() {
 
 #[test]
 fn the_picture_of_the_errors_says_what_white_is() {
-    let place = Place::new();
+    let place = Scratch::new();
     put(&place, "a.exr", 1, 0.5);
     let shown = run(&place, &["stderr", "a.exr", "-o", "e.pgm"]);
     shown.succeeded();
@@ -275,11 +275,11 @@ fn the_picture_of_the_errors_says_what_white_is() {
     let relative = ["stderr", "a.exr", "-r", "-o", "r.pgm"];
     let shown = run(&place, &relative);
     assert!(text(&shown).starts_with("white is a relative"), "{shown:?}");
-    let bare = Picture {
+    let bare = Image {
         errors: None,
         samples: None,
         attributes: BTreeMap::new(),
-        ..Picture::read(&place.path("a.exr")).unwrap()
+        ..Image::read(&place.path("a.exr")).unwrap()
     };
     write(&place, "b.exr", &bare);
     let nothing = ["stderr", "b.exr", "-o", "n.pgm"];
@@ -289,7 +289,7 @@ fn the_picture_of_the_errors_says_what_white_is() {
 
 #[test]
 fn help_lists_every_verb_and_its_options() {
-    let place = Place::new();
+    let place = Scratch::new();
     let help = run(&place, &["--help"]);
     help.succeeded();
     for verb in ["info", "tonemap", "diff", "merge", "stderr", "GPL"] {
@@ -305,7 +305,7 @@ fn help_lists_every_verb_and_its_options() {
 
 #[test]
 fn a_reader_who_has_seen_enough_is_no_error() {
-    let place = Place::new();
+    let place = Scratch::new();
     put(&place, "a.exr", 1, 0.5);
     let mut command = place.command(env!("CARGO_BIN_EXE_ptimg"));
     let (reader, writer) = std::io::pipe().unwrap();

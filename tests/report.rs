@@ -8,7 +8,7 @@ use std::io::Cursor;
 use std::path::Path;
 
 use base64::prelude::{BASE64_STANDARD, Engine};
-use litpt::picture::Picture;
+use litpt::image::Image;
 use litpt::report::histogram::Histogram;
 use litpt::report::{Fit, Kind, Report, SceneFacts, Step};
 use rand::{RngExt, SeedableRng};
@@ -36,7 +36,7 @@ fn step(spp: u64) -> Step {
 fn report(steps: Vec<Step>) -> Report {
     let last = steps.last().copied();
     let mut settings = Map::new();
-    settings.insert("reflectivity".to_owned(), json!(0.8));
+    settings.insert("albedo".to_owned(), json!(0.8));
     settings.insert("definition".to_owned(), json!("12x8"));
     Report {
         program: "pt 0.1.0".to_owned(),
@@ -65,15 +65,15 @@ fn ordinary() -> Report {
     report([1, 2, 4, 8, 16, 32, 64].map(step).to_vec())
 }
 
-/// A picture with errors of all sorts: known, zero and unknown.
-fn picture(width: u32, height: u32) -> Picture {
+/// An image with errors of all sorts: known, zero and unknown.
+fn image(width: u32, height: u32) -> Image {
     let pixels = 0..width * height;
     let error = |i: u32| match i % 7 {
         0 => 0.,
         1 => f64::INFINITY,
         _ => 1e-4 * f64::from(1 + i % 50),
     };
-    Picture {
+    Image {
         width,
         height,
         means: pixels.clone().map(|i| f64::from(i % 2)).collect(),
@@ -84,16 +84,16 @@ fn picture(width: u32, height: u32) -> Picture {
 }
 
 fn json_of(report: &Report) -> Value {
-    let text = Kind::Json.render(report, &picture(12, 8));
+    let text = Kind::Json.render(report, &image(12, 8));
     serde_json::from_str(&text).unwrap()
 }
 
 fn svg_of(report: &Report) -> String {
-    Kind::Svg.render(report, &picture(12, 8))
+    Kind::Svg.render(report, &image(12, 8))
 }
 
 fn html_of(report: &Report) -> String {
-    Kind::Html.render(report, &picture(12, 8))
+    Kind::Html.render(report, &image(12, 8))
 }
 
 /// The page as XML: without its first line, and with its void elements
@@ -172,7 +172,7 @@ fn json_holds_every_key_and_number() {
     assert_eq!(json["scene"]["file"], "room.obj");
     assert_eq!(json["scene"]["sha256"], "00ff");
     assert_eq!(json["scene"]["triangles"], 6);
-    assert_eq!(json["settings"]["reflectivity"], 0.8);
+    assert_eq!(json["settings"]["albedo"], 0.8);
     assert_eq!(json["load_seconds"], 0.125);
     assert_eq!(json["build_seconds"], 0.25);
     assert_eq!(json["stopped"], Value::Null);
@@ -203,7 +203,7 @@ fn what_is_not_finite_is_null_in_json_and_empty_in_csv() {
     assert_eq!(json["rmse"], Value::Null);
     assert_eq!(json["steps"][0]["rmse"], Value::Null);
     assert_eq!(json["steps"][0]["mean_stderr"], Value::Null);
-    let csv = Kind::Csv.render(&report, &picture(12, 8));
+    let csv = Kind::Csv.render(&report, &image(12, 8));
     assert_eq!(csv.lines().nth(1), Some("2,0.06,2000,,0.25,,"));
     let page = html_of(&report);
     assert!(!page.contains("inf<") && !page.contains("NaN"));
@@ -214,7 +214,7 @@ fn every_kind_is_valid_at_every_moment_of_a_run() {
     let all = ordinary().steps;
     for n in 0..=all.len() {
         let report = report(all[..n].to_vec());
-        let texts = KINDS.map(|kind| kind.render(&report, &picture(12, 8)));
+        let texts = KINDS.map(|kind| kind.render(&report, &image(12, 8)));
         let [json, csv, svg, html] = texts;
         let json: Value = serde_json::from_str(&json).unwrap();
         assert_eq!(json["steps"].as_array().unwrap().len(), n);
@@ -238,7 +238,7 @@ fn every_row_of_csv_has_all_columns_and_all_digits() {
     report.steps[2].seconds = 1. / 3.;
     report.steps[2].rmse = Some(1.25e-12);
     report.steps[4].rmse_reference = Some(0.1 + 0.2);
-    let csv = Kind::Csv.render(&report, &picture(12, 8));
+    let csv = Kind::Csv.render(&report, &image(12, 8));
     let mut lines = csv.lines();
     let header: Vec<_> = lines.next().unwrap().split(',').collect();
     assert_eq!(
@@ -374,7 +374,7 @@ fn the_drawing_shows_each_step_within_its_frame() {
     let text = words(&svg);
     assert!(text.contains("slope \u{2212}0.500 \u{b1} 0.001"), "{text}");
     assert!(text.contains("guide of slope \u{2212}1/2"));
-    assert!(text.contains("fewer than 8 realisations"));
+    assert!(text.contains("fewer than 8 samples"));
     assert!(text.contains("0.125 s") && text.contains("0.250 s"), "{text}");
 }
 
@@ -552,14 +552,14 @@ fn the_page_needs_nothing_from_outside() {
 
 #[test]
 fn every_pixel_is_counted_once() {
-    let picture = picture(40, 30);
-    let errors = picture.errors.as_ref().unwrap();
+    let image = image(40, 30);
+    let errors = image.errors.as_ref().unwrap();
     let histogram = Histogram::of(errors);
     let known: u64 = histogram.counts.iter().sum();
     assert_eq!(histogram.zero, 172);
     assert_eq!(histogram.unknown, 172);
     assert_eq!(known + histogram.zero + histogram.unknown, 1200);
-    let page = Kind::Html.render(&ordinary(), &picture);
+    let page = Kind::Html.render(&ordinary(), &image);
     let page = as_xml(&page);
     let page = Document::parse(&page).unwrap();
     let bars = named(&page, "title").filter_map(|t| t.text());
@@ -585,12 +585,12 @@ fn the_extremes_lie_in_the_first_and_last_bins() {
     assert_eq!(Histogram::of(&[f64::NAN, 0.]).unknown, 1);
 }
 
-/// The pictures of a page: width, height and levels.
-fn pictures(page: &str) -> Vec<(u32, u32, Vec<u8>)> {
+/// The images of a page: width, height and levels.
+fn images(page: &str) -> Vec<(u32, u32, Vec<u8>)> {
     let page = as_xml(page);
     let page = Document::parse(&page).unwrap();
-    let picture = |image: Node| {
-        let address = image.attribute("src").unwrap();
+    let image = |film: Node| {
+        let address = film.attribute("src").unwrap();
         let text = address.strip_prefix("data:image/png;base64,").unwrap();
         let bytes = BASE64_STANDARD.decode(text).unwrap();
         let decoder = png::Decoder::new(Cursor::new(bytes));
@@ -601,12 +601,12 @@ fn pictures(page: &str) -> Vec<(u32, u32, Vec<u8>)> {
         assert_eq!(info.bit_depth, png::BitDepth::Eight);
         (info.width, info.height, levels)
     };
-    named(&page, "img").map(picture).collect()
+    named(&page, "img").map(image).collect()
 }
 
 #[test]
 fn the_page_shows_the_picture_and_its_errors() {
-    let picture = Picture {
+    let image = Image {
         width: 3,
         height: 1,
         means: vec![0., 1., 0.5],
@@ -614,8 +614,8 @@ fn the_page_shows_the_picture_and_its_errors() {
         samples: None,
         attributes: Default::default(),
     };
-    let page = Kind::Html.render(&ordinary(), &picture);
-    let shown = pictures(&page);
+    let page = Kind::Html.render(&ordinary(), &image);
+    let shown = images(&page);
     assert_eq!(shown[0], (3, 1, vec![0, 255, 187]));
     assert_eq!(shown[1], (3, 1, vec![0, 255, 187]));
     assert!(page.contains("<span>0.0200</span>"));
@@ -623,7 +623,7 @@ fn the_page_shows_the_picture_and_its_errors() {
 
 #[test]
 fn a_large_picture_is_averaged_as_radiance() {
-    let picture = Picture {
+    let image = Image {
         width: 2600,
         height: 7,
         means: (0..2600 * 7).map(|i| f64::from(i % 2600 % 3 / 2)).collect(),
@@ -631,8 +631,8 @@ fn a_large_picture_is_averaged_as_radiance() {
         samples: None,
         attributes: Default::default(),
     };
-    let page = Kind::Html.render(&ordinary(), &picture);
-    let shown = pictures(&page);
+    let page = Kind::Html.render(&ordinary(), &image);
+    let shown = images(&page);
     // Squares of 3 by 3; the last column and row hold less.
     assert_eq!((shown[0].0, shown[0].1), (867, 3));
     // A third of the pixels are 1: the level of 1/3 is 156.
@@ -643,14 +643,14 @@ fn a_large_picture_is_averaged_as_radiance() {
 
 #[test]
 fn without_errors_the_page_says_so() {
-    let mut picture = picture(12, 8);
-    picture.errors = None;
-    let page = Kind::Html.render(&ordinary(), &picture);
-    assert_eq!(pictures(&page).len(), 1);
+    let mut image = image(12, 8);
+    image.errors = None;
+    let page = Kind::Html.render(&ordinary(), &image);
+    assert_eq!(images(&page).len(), 1);
     assert!(page.contains("and 96 an unknown one."));
-    picture.errors = Some(vec![0.; 96]);
-    let page = Kind::Html.render(&ordinary(), &picture);
-    assert_eq!(pictures(&page).len(), 1);
+    image.errors = Some(vec![0.; 96]);
+    let page = Kind::Html.render(&ordinary(), &image);
+    assert_eq!(images(&page).len(), 1);
     assert!(page.contains("96 an error of 0,"));
 }
 
@@ -669,12 +669,12 @@ fn the_page_says_in_words_how_the_run_went() {
     for phrase in [
         "6 triangles",
         "12\u{202f}\u{d7}\u{202f}8 pixels",
-        "64 realisations",
+        "64 samples",
         "in 12 min 34 s",
         "taken 0.125 s and building its hierarchy 0.250 s",
         "is 0.4312 \u{b1} 0.0018, where",
         "square error of 0.0123.",
-        "In 1\u{202f}234\u{202f}567 pixels all realisations were alike",
+        "In 1\u{202f}234\u{202f}567 pixels all samples were alike",
         "ended because the time allowed was over.",
         "of \u{2212}0.500 \u{b1} 0.001 against seconds",
     ] {

@@ -12,26 +12,26 @@ use std::process::{Child, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use common::{Place, ROOM, Run, finish, skip};
-use litpt::checkpoint::Subject;
-use litpt::course::Course;
+use common::{ROOM, Run, Scratch, finish, skip};
+use litpt::checkpoint::RunKey;
+use litpt::film::Film;
 use litpt::image::Image;
-use litpt::journal::Journal;
-use litpt::picture::Picture;
+use litpt::render_loop::Convergence;
 use litpt::report::Report;
+use litpt::run_output::RunOutput;
 use serde_json::Value;
 
 const SCENE: [&str; 4] = ["-q", "-iroom.obj", "-d23x17", "-r0.7"];
 
-fn pt(place: &Place, arguments: &[&str]) -> Run {
+fn pt(place: &Scratch, arguments: &[&str]) -> Run {
     place.run(&[&SCENE[..], arguments].concat())
 }
 
-fn spawn(place: &Place, arguments: &[&str]) -> Child {
+fn spawn(place: &Scratch, arguments: &[&str]) -> Child {
     place.pt(&[&SCENE[..], arguments].concat()).spawn().unwrap()
 }
 
-fn json(place: &Place, name: &str) -> Value {
+fn json(place: &Scratch, name: &str) -> Value {
     serde_json::from_slice(&place.get(name)).unwrap()
 }
 
@@ -39,15 +39,15 @@ fn steps(report: &Value) -> &[Value] {
     report["steps"].as_array().unwrap()
 }
 
-/// The realisations of the last step of a report.
+/// The samples of the last step of a report.
 fn spp(report: &Value) -> u64 {
     steps(report).last().unwrap()["spp"].as_u64().unwrap()
 }
 
 /// The report `r.json` of a run that has been stopped by `stop`: it is
-/// complete, and the image `a.pfm` is that of so many realisations.
+/// complete, and the image `a.pfm` is that of so many samples.
 #[track_caller]
-fn complete(place: &Place, stop: &str) -> Value {
+fn complete(place: &Scratch, stop: &str) -> Value {
     let report = json(place, "r.json");
     assert_eq!(report["stopped"], stop);
     assert_eq!(report["scene"]["file"], "room.obj");
@@ -56,7 +56,7 @@ fn complete(place: &Place, stop: &str) -> Value {
         report["settings"]["definition"],
         serde_json::json!([23, 17])
     );
-    assert_eq!(report["settings"]["reflectivity"], 0.7);
+    assert_eq!(report["settings"]["albedo"], 0.7);
     for key in ["load_seconds", "build_seconds", "render_seconds"] {
         assert!(report[key].as_f64() >= Some(0.), "{key}");
     }
@@ -68,8 +68,8 @@ fn complete(place: &Place, stop: &str) -> Value {
     let whole = pt(place, &[&n, "--format=pfm"]);
     assert!(place.get("a.pfm") == whole.stdout, "another image");
     let mean = report["mean"].as_f64().unwrap();
-    let picture = Picture::read(&place.path("a.pfm")).unwrap();
-    let sum: f64 = picture.means.iter().sum();
+    let image = Image::read(&place.path("a.pfm")).unwrap();
+    let sum: f64 = image.means.iter().sum();
     assert!((sum / (23. * 17.) - mean).abs() < 1e-6);
     report
 }
@@ -83,7 +83,7 @@ fn a_time_limit_ends_the_run_in_time_with_image_and_report() {
     // A busy machine may well delay one run, and hardly three.
     let mut seen = vec![];
     for _ in 0..3 {
-        let place = Place::new();
+        let place = Scratch::new();
         let start = Instant::now();
         pt(&place, &[&FILES[..], &["--time=1", "-j1"]].concat())
             .succeeded();
@@ -92,7 +92,7 @@ fn a_time_limit_ends_the_run_in_time_with_image_and_report() {
         assert_eq!(report["stopped"], "time");
         assert!(spp(&report) > 10 && report["rmse"].as_f64() > Some(0.));
         assert_eq!(report["settings"]["time"], 1.);
-        assert_eq!(report["settings"]["realisations"], Value::Null);
+        assert_eq!(report["settings"]["samples"], Value::Null);
         let own: f64 = ["load_seconds", "build_seconds", "render_seconds"]
             .map(|part| report[part].as_f64().unwrap())
             .iter()
@@ -108,15 +108,15 @@ fn a_time_limit_ends_the_run_in_time_with_image_and_report() {
 
 #[test]
 fn a_short_time_leaves_a_complete_report_and_image() {
-    let place = Place::new();
+    let place = Scratch::new();
     pt(&place, &[&FILES[..], &["--time=0.1"]].concat()).succeeded();
     let report = complete(&place, "time");
     assert!(report["render_seconds"].as_f64() < Some(5.));
 }
 
 #[test]
-fn there_is_always_time_for_one_realisation() {
-    let place = Place::new();
+fn there_is_always_time_for_one_sample() {
+    let place = Scratch::new();
     pt(&place, &[&FILES[..], &["--time=1e-9"]].concat()).succeeded();
     let report = complete(&place, "time");
     assert_eq!((spp(&report), steps(&report).len()), (1, 1));
@@ -127,11 +127,11 @@ fn there_is_always_time_for_one_realisation() {
 #[test]
 fn a_time_that_is_too_short_is_worth_a_warning() {
     let short = ["-i", "room.obj", "-d4x4", "--time=1e-9"];
-    let run = Place::new().run(&short);
+    let run = Scratch::new().run(&short);
     run.succeeded();
     assert!(run.stderr.contains("warning"), "{}", run.stderr);
     assert!(run.stderr.contains("longer than --time"), "{}", run.stderr);
-    let quiet = Place::new().run(&[&short[..], &["-q"]].concat());
+    let quiet = Scratch::new().run(&[&short[..], &["-q"]].concat());
     assert_eq!(quiet.stderr, "");
 }
 
@@ -139,28 +139,28 @@ fn a_time_that_is_too_short_is_worth_a_warning() {
 fn the_number_of_realisations_bounds_a_run_with_other_limits() {
     let limits = ["--time=1000", "--time=1e300", "--error=1e-9"];
     for limit in limits {
-        let place = Place::new();
+        let place = Scratch::new();
         pt(&place, &[&FILES[..], &["-n13", limit]].concat()).succeeded();
-        let report = complete(&place, "realisations");
+        let report = complete(&place, "samples");
         assert_eq!(spp(&report), 13, "{limit}");
-        assert_eq!(report["settings"]["realisations"], 13);
+        assert_eq!(report["settings"]["samples"], 13);
     }
 }
 
 #[test]
-fn without_any_limit_there_is_one_realisation() {
-    let place = Place::new();
+fn without_any_limit_there_is_one_sample() {
+    let place = Scratch::new();
     pt(&place, &FILES).succeeded();
-    let report = complete(&place, "realisations");
+    let report = complete(&place, "samples");
     assert_eq!(spp(&report), 1);
-    assert_eq!(report["settings"]["realisations"], 1);
+    assert_eq!(report["settings"]["samples"], 1);
     assert_eq!(report["settings"]["time"], Value::Null);
     assert_eq!(report["settings"]["error"], Value::Null);
 }
 
 #[test]
 fn an_error_limit_is_kept_and_said() {
-    let place = Place::new();
+    let place = Scratch::new();
     for (limit, error) in [("--error=0.1", 0.1), ("--error=0.023", 0.023)] {
         let others = ["-f", "-n1000000", "--time=1000", limit];
         pt(&place, &[&FILES[..], &others].concat()).succeeded();
@@ -177,9 +177,9 @@ fn an_error_limit_is_kept_and_said() {
 
 #[test]
 fn a_report_has_at_least_four_steps_in_a_decade() {
-    let place = Place::new();
+    let place = Scratch::new();
     pt(&place, &[&FILES[..], &["-n1000"]].concat()).succeeded();
-    let report = complete(&place, "realisations");
+    let report = complete(&place, "samples");
     for decade in [1, 10, 100] {
         let within = |step: &&Value| {
             let spp = step["spp"].as_u64().unwrap();
@@ -221,8 +221,8 @@ fn wait_until(child: &mut Child, what: &str, done: impl Fn() -> bool) {
 }
 
 /// Starts a run without an end, and returns when its report has a step
-/// of at least so many realisations.
-fn start(place: &Place, least: u64, arguments: &[&str]) -> Child {
+/// of at least so many samples.
+fn start(place: &Scratch, least: u64, arguments: &[&str]) -> Child {
     let mut child =
         spawn(place, &[&FILES[..], &["-n1000000000"], arguments].concat());
     let path = place.path("r.json");
@@ -237,7 +237,7 @@ fn start(place: &Place, least: u64, arguments: &[&str]) -> Child {
 #[test]
 fn a_signal_ends_the_run_with_its_image_and_report() {
     for (name, status) in [("INT", 130), ("TERM", 143)] {
-        let place = Place::new();
+        let place = Scratch::new();
         let child = start(&place, 6, &["--checkpoint=c"]);
         signal(name, &child);
         let run = finish(child);
@@ -274,7 +274,7 @@ fn a_second_signal_ends_the_program_at_once() {
     if fs::metadata("/proc/self/status").is_err() {
         return skip("the system does not tell which signals are caught");
     }
-    let place = Place::new();
+    let place = Scratch::new();
     place.put("box.obj", BOX);
     // Of two different signals that arrive together, either may be first.
     for (first, second, ends) in [
@@ -304,7 +304,7 @@ fn a_second_signal_ends_the_program_at_once() {
 
 #[test]
 fn a_signal_while_the_scene_is_read_ends_the_program_and_leaves_nothing() {
-    let place = Place::new();
+    let place = Scratch::new();
     let files = [&FILES[..], &["--checkpoint=c"]].concat();
     let mut command = place.pt(&files);
     let mut child = command.stdin(Stdio::piped()).spawn().unwrap();
@@ -326,7 +326,7 @@ fn a_signal_while_the_scene_is_read_ends_the_program_and_leaves_nothing() {
 
 #[test]
 fn a_run_that_is_killed_leaves_a_readable_report_and_no_image() {
-    let place = Place::new();
+    let place = Scratch::new();
     let mut child = start(&place, 10, &[]);
     child.kill().unwrap();
     finish(child);
@@ -342,19 +342,19 @@ fn a_run_that_is_killed_leaves_a_readable_report_and_no_image() {
 
 #[test]
 fn an_existing_report_is_refused_before_the_scene_is_read() {
-    let place = Place::new();
+    let place = Scratch::new();
     place.put("r.json", "old");
     let missing = ["-q", "-imissing.obj", "-oa.pgm", "--report=r.json"];
     place.run(&missing).failed(1, &["r.json: ", "-f"]);
     assert_eq!(place.get("r.json"), b"old");
     place.holds_only(&["r.json"]);
     pt(&place, &[&FILES[..], &["-f"]].concat()).succeeded();
-    complete(&place, "realisations");
+    complete(&place, "samples");
 }
 
 #[test]
 fn a_report_of_unknown_kind_is_refused_before_the_scene_is_read() {
-    let place = Place::new();
+    let place = Scratch::new();
     for name in ["r", "r.txt", "r.jso", "r.pgm", "r.json.gz"] {
         let report = format!("--report={name}");
         place
@@ -366,7 +366,7 @@ fn a_report_of_unknown_kind_is_refused_before_the_scene_is_read() {
 
 #[test]
 fn no_file_may_serve_two_purposes() {
-    let place = Place::new();
+    let place = Scratch::new();
     for files in [
         ["--report=r.json", "--report=r.json", "-f"],
         ["-or.json", "--checkpoint=r.json", "-q"],
@@ -382,17 +382,17 @@ fn no_file_may_serve_two_purposes() {
 
 #[test]
 fn each_of_several_reports_is_written() {
-    let place = Place::new();
+    let place = Scratch::new();
     let more = ["--report=s.json", "--report=t.csv", "-n5"];
     pt(&place, &[&FILES[..], &more].concat()).succeeded();
-    complete(&place, "realisations");
+    complete(&place, "samples");
     assert_eq!(place.get("r.json"), place.get("s.json"));
     assert!(!place.get("t.csv").is_empty());
     place.holds_only(&["a.pfm", "r.json", "s.json", "t.csv"]);
 }
 
 /// Runs `pt` where no file may be larger than so many blocks.
-fn pt_within(place: &Place, blocks: u32, arguments: &[&str]) -> Run {
+fn pt_within(place: &Scratch, blocks: u32, arguments: &[&str]) -> Run {
     let script = format!(r#"ulimit -f {blocks}; exec "$0" "$@""#);
     let mut command = place.command("sh");
     command.args(["-c", &script, env!("CARGO_BIN_EXE_pt")]);
@@ -419,7 +419,7 @@ fn warned(run: &Run, names: &[&str]) {
 
 #[test]
 fn a_checkpoint_that_does_not_fit_costs_neither_image_nor_report() {
-    let place = Place::new();
+    let place = Scratch::new();
     let scene = ["-iroom.obj", "-d41x30"];
     let files = ["-oa.pgm", "--report=r.json", "--checkpoint=c"];
     let run = ["-n6", "--every=1e-9"];
@@ -428,7 +428,7 @@ fn a_checkpoint_that_does_not_fit_costs_neither_image_nor_report() {
     let report = json(&place, "r.json");
     assert_eq!(
         (spp(&report), report["stopped"].as_str()),
-        (6, Some("realisations"))
+        (6, Some("samples"))
     );
     let whole = place.run(&[&scene[..], &["-n6"]].concat()).stdout;
     assert_eq!(place.get("a.pgm"), whole);
@@ -446,7 +446,7 @@ fn a_checkpoint_that_does_not_fit_costs_neither_image_nor_report() {
 
 #[test]
 fn a_report_that_does_not_fit_costs_neither_image_nor_run() {
-    let place = Place::new();
+    let place = Scratch::new();
     let scene = ["-iroom.obj", "-d9x7", "-n40"];
     let files = ["-oa.pgm", "--report=r.json", "--checkpoint=c"];
     let run = [&scene[..], &files, &["--every=1e-9"]].concat();
@@ -459,7 +459,7 @@ fn a_report_that_does_not_fit_costs_neither_image_nor_run() {
 
 #[test]
 fn every_step_says_its_true_error_against_the_reference() {
-    let place = Place::new();
+    let place = Scratch::new();
     let truth = ["-n300", "-s77", "-otruth.exr", "-otruth.pfm"];
     pt(&place, &truth).succeeded();
     for name in ["truth.exr", "truth.pfm"] {
@@ -468,12 +468,12 @@ fn every_step_says_its_true_error_against_the_reference() {
         let run = pt(&place, &[&FILES[..], &others].concat());
         run.succeeded();
         assert_eq!(run.stderr, "");
-        let report = complete(&place, "realisations");
+        let report = complete(&place, "samples");
         assert_eq!(report["settings"]["reference"], name);
         let error = |step: &Value| step["rmse_reference"].as_f64().unwrap();
         assert!(steps(&report).iter().all(|step| error(step) > 0.));
         let [one, other] = ["a.pfm", "truth.pfm"]
-            .map(|name| Picture::read(&place.path(name)).unwrap().means);
+            .map(|name| Image::read(&place.path(name)).unwrap().means);
         let squares = one.iter().zip(&other).map(|(a, b)| (a - b).powi(2));
         let expected = (squares.sum::<f64>() / (23. * 17.)).sqrt();
         let last = &steps(&report)[steps(&report).len() - 1];
@@ -490,7 +490,7 @@ fn every_step_says_its_true_error_against_the_reference() {
 
 #[test]
 fn a_reference_with_the_seed_of_the_run_is_worth_a_warning() {
-    let place = Place::new();
+    let place = Scratch::new();
     pt(&place, &["-n3", "-s77", "-otruth.exr"]).succeeded();
     let warnings = |seed| {
         let files = ["-oa.pgm", "-f", "--reference=truth.exr"];
@@ -507,7 +507,7 @@ fn a_reference_with_the_seed_of_the_run_is_worth_a_warning() {
 
 #[test]
 fn a_reference_that_cannot_be_used_is_named_before_the_scene_is_read() {
-    let place = Place::new();
+    let place = Scratch::new();
     let whole = ["-otruth.exr", "-otruth.pfm", "-olevels.pgm"];
     pt(&place, &[&whole[..], &["-olevels.png"]].concat()).succeeded();
     let (exr, pfm) = (place.get("truth.exr"), place.get("truth.pfm"));
@@ -553,7 +553,7 @@ fn a_reference_that_cannot_be_used_is_named_before_the_scene_is_read() {
 
 #[test]
 fn standard_output_has_the_bytes_of_the_file_in_each_format() {
-    let place = Place::new();
+    let place = Scratch::new();
     for format in ["pgm", "png", "pfm"] {
         let (option, file) =
             (format!("--format={format}"), format!("-oa.{format}"));
@@ -567,19 +567,19 @@ fn standard_output_has_the_bytes_of_the_file_in_each_format() {
 
 #[test]
 fn an_exr_is_the_same_on_standard_output_except_for_its_times() {
-    let place = Place::new();
+    let place = Scratch::new();
     pt(&place, &["-n5", "-oa.exr"]).succeeded();
     let run = pt(&place, &["-n5", "--format=exr"]);
     run.succeeded();
     place.put("b.exr", run.stdout);
     let [one, other] = ["a.exr", "b.exr"].map(|name| {
-        let mut picture = Picture::read(&place.path(name)).unwrap();
+        let mut image = Image::read(&place.path(name)).unwrap();
         let timed = ["load_seconds", "build_seconds", "render_seconds"];
         for name in timed {
-            let seconds = picture.attributes.remove(name).unwrap();
+            let seconds = image.attributes.remove(name).unwrap();
             assert!(seconds.parse::<f64>().unwrap() >= 0.);
         }
-        picture
+        image
     });
     assert_eq!(one, other);
     assert_eq!(one.samples, Some(vec![5.; 23 * 17]));
@@ -588,9 +588,9 @@ fn an_exr_is_the_same_on_standard_output_except_for_its_times() {
         ("definition", "23x17"),
         ("threads", &rayon::current_num_threads().to_string()),
         ("seed", "0"),
-        ("reflectivity", "0.7"),
-        ("realisations", "5"),
-        ("stopped", "realisations"),
+        ("albedo", "0.7"),
+        ("samples", "5"),
+        ("stopped", "samples"),
     ] {
         assert_eq!(one.attributes[name], value, "{name}");
     }
@@ -598,10 +598,10 @@ fn an_exr_is_the_same_on_standard_output_except_for_its_times() {
 
 #[test]
 fn a_pfm_and_an_exr_hold_the_same_means() {
-    let place = Place::new();
+    let place = Scratch::new();
     pt(&place, &["-n5", "-oa.exr", "-oa.pfm"]).succeeded();
     let [exr, pfm] = ["a.exr", "a.pfm"]
-        .map(|name| Picture::read(&place.path(name)).unwrap());
+        .map(|name| Image::read(&place.path(name)).unwrap());
     assert_eq!((exr.width, exr.height), (pfm.width, pfm.height));
     assert_eq!(exr.means, pfm.means);
     assert!(exr.means.iter().any(|&mean| mean != exr.means[0]));
@@ -611,7 +611,7 @@ fn a_pfm_and_an_exr_hold_the_same_means() {
 
 #[test]
 fn a_format_is_for_standard_output_only() {
-    let place = Place::new();
+    let place = Scratch::new();
     let both = ["-i", "room.obj", "--format=exr", "-o", "a.pgm"];
     place.run(&both).failed(2, &["--format", "--output"]);
     place.holds_only(&[]);
@@ -619,7 +619,7 @@ fn a_format_is_for_standard_output_only() {
 
 #[test]
 fn a_file_of_two_names_is_one_file() {
-    let place = Place::new();
+    let place = Scratch::new();
     std::os::unix::fs::symlink("room.obj", place.path("link.pgm")).unwrap();
     let scene = place.get("room.obj");
     let linked = ["-f", "-o", "link.pgm"];
@@ -633,7 +633,7 @@ fn a_file_of_two_names_is_one_file() {
 
 #[test]
 fn each_file_that_cannot_be_written_is_named() {
-    let place = Place::new();
+    let place = Scratch::new();
     let files = ["-iroom.obj", "-n2", "-d512x384", "-oa.pgm", "-ob.pfm"];
     pt_within(&place, 64, &files).failed(1, &["a.pgm", "b.pfm"]);
     place.holds_only(&[]);
@@ -641,7 +641,7 @@ fn each_file_that_cannot_be_written_is_named() {
 
 #[test]
 fn a_checkpoint_that_holds_enough_is_worth_a_warning() {
-    let place = Place::new();
+    let place = Scratch::new();
     let run = ["-i", "room.obj", "-d9x7", "--checkpoint=c"];
     place.run(&[&run[..], &["-n5"]].concat()).succeeded();
     for more in [&["--resume=c"][..], &["--resume=c", "-n4"]] {
@@ -656,21 +656,21 @@ fn a_checkpoint_that_holds_enough_is_worth_a_warning() {
 
 #[test]
 fn a_report_between_two_steps_says_where_the_run_stands() {
-    let journal = Journal::new(
+    let run_output = RunOutput::new(
         vec![],
         None,
         Duration::MAX,
-        Subject::default(),
+        RunKey::default(),
         Report::default(),
     );
-    let mut image = Image::new(2, 1);
-    for pixel in image.stored_mut() {
+    let mut film = Film::new(2, 1);
+    for pixel in film.stored_mut() {
         [0., 1., 0.5].into_iter().for_each(|weight| pixel.add(weight));
     }
-    let mut course = Course::default();
-    (course.spp, course.rays) = (3, 17);
-    let report = journal.report(&course, &image, None);
-    assert!(course.steps.is_empty());
+    let mut convergence = Convergence::default();
+    (convergence.spp, convergence.rays) = (3, 17);
+    let report = run_output.report(&convergence, &film, None);
+    assert!(convergence.steps.is_empty());
     assert_eq!((report.steps.len(), report.steps[0].spp), (1, 3));
     assert_eq!((report.mean, report.rays), (0.5, 17));
     assert_eq!(report.rmse, Some(f64::sqrt(0.25 / 3.)));

@@ -187,8 +187,8 @@ fn mean_and_variance_agree_with_exact_arithmetic() {
             // The mean is a whole number of 2^-88, rounded to a double.
             let rounding = 2f64.powi(-88) + mean * f64::EPSILON;
             assert!((sum.mean() - mean).abs() <= rounding);
-            let scatter = (count * squares - total * total) as f64;
-            let variance = scatter / (n * (n - 1.)) * unit * unit;
+            let split_mix = (count * squares - total * total) as f64;
+            let variance = split_mix / (n * (n - 1.)) * unit * unit;
             assert!(ulps(sum.variance(), variance) <= 2);
         }
     }

@@ -1,16 +1,16 @@
-// Paths that hardly end: reflectivities near 1 in cavities that are nearly
+// Paths that hardly end: albedos near 1 in cavities that are nearly
 // closed (chapter "The estimator").
 //
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
 use glam::DVec3;
-use litpt::closed_forms::{cavity, cavity_radiance, look, pixel};
-use litpt::estimator::{Estimator, Reference, Step};
-use litpt::hierarchy::Hit;
-use litpt::sampling::{generator, happens};
+use litpt::bvh::Hit;
+use litpt::integrator::{Integrator, PathTracer, Step};
+use litpt::sampler::{generator, happens};
 use litpt::sky::Sky;
 use litpt::statistics::Accumulator;
+use litpt_book::closed_forms::{cavity, cavity_radiance, look, pixel};
 use rayon::prelude::*;
 
 /// A path that hits walls only; `leaves` tells before each ray but the first
@@ -20,11 +20,8 @@ fn path(
     n: u64,
     mut leaves: impl FnMut(u64) -> bool,
 ) -> (f64, u64) {
-    let estimator = Reference {
-        reflectivity: rho,
-        sky: Sky::new(DVec3::Z),
-        foresight: (),
-    };
+    let integrator =
+        PathTracer { albedo: rho, sky: Sky::new(DVec3::Z), foresight: () };
     let wall = Hit {
         point: DVec3::ZERO,
         normal: DVec3::Z,
@@ -32,11 +29,11 @@ fn path(
         is_clear: true,
     };
     let mut random = generator(1, 0, n);
-    let mut path = estimator.begin(DVec3::Z);
+    let mut path = integrator.begin(DVec3::Z);
     let mut rays = 1;
     loop {
         let hit = (rays == 1 || !leaves(rays - 1)).then_some(wall);
-        match estimator.go_on(&mut path, hit, &mut random) {
+        match integrator.go_on(&mut path, hit, &mut random) {
             Step::On(..) => rays += 1,
             Step::End(weight) => return (weight, rays),
         }
@@ -46,23 +43,23 @@ fn path(
 /// What the book derives for a cavity: moments 1 to 4 of the weight, and 1 to
 /// 2 of the number of rays.
 fn moments(rho: f64, f: f64) -> ([f64; 4], [f64; 2]) {
-    let (mut transmissivity, mut alive) = (1f64, 1f64);
+    let (mut throughput, mut alive) = (1f64, 1f64);
     let (mut weight, mut rays) = ([0.; 4], [1.; 2]);
     let mut bounces = 0f64;
     while alive > 1e-20 {
-        if transmissivity < 0.1 {
+        if throughput < 0.1 {
             alive *= rho;
         } else {
-            transmissivity *= rho;
+            throughput *= rho;
             if bounces >= 1000. {
                 let chance = (bounces / (bounces + 1.)).powf(1.5);
                 alive *= chance;
-                transmissivity /= chance;
+                throughput /= chance;
             }
         }
         bounces += 1.;
         for (k, moment) in weight.iter_mut().enumerate() {
-            *moment += alive * f * transmissivity.powi(k as i32 + 1);
+            *moment += alive * f * throughput.powi(k as i32 + 1);
         }
         // The ray of number bounces + 1: E[L^2] = sum of (2l - 1) P(L >= l).
         rays[0] += alive;

@@ -5,7 +5,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 
 use glam::DVec3;
-use litpt::hierarchy::{Hierarchy, Isa, Kernel, Quality};
+use litpt::bvh::{Bvh, Intersector, Isa, Quality};
 use litpt::scene::{Mesh, Ray, Scene};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -86,10 +86,10 @@ fn nested_triangles_are_all_found_and_in_order() {
         rays.iter().map(|ray| nearest(&scene, ray)).collect();
     assert!(expected.iter().filter(|x| x.is_finite()).count() > 200);
     for isa in Isa::ALL.into_iter().filter(|isa| isa.is_available()) {
-        let kernel = Hierarchy::with(&scene, Quality::Fast, isa)
+        let intersector = Bvh::with(&scene, Quality::Fast, isa)
             .expect("available instructions");
         for (ray, &expected) in rays.iter().zip(&expected) {
-            let hit = kernel.first_hit(ray, None);
+            let hit = intersector.first_hit(ray, None);
             let found = hit.map(|hit| (hit.point - ray.origin).length());
             match found {
                 Some(found) => assert!((found - expected).abs() < 1e-6),

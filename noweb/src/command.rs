@@ -116,8 +116,7 @@ const SYNTAX: &[(&str, &str)] = &[
     ("map", "[-C DIR] [--master FILE] [CHAPTER...] [-- COMMAND...]"),
 ];
 
-const OPTIONS: &str = "options: [-C DIR] [--master FILE] [--record FILE] \
-    [--only PREFIX]... [--except PREFIX]...\n";
+const OPTIONS: &str = "options: [-C DIR] [--master FILE] [--record FILE]\n";
 
 fn explain(command: &Command, streams: &mut Streams) -> u8 {
     let (name, _, purpose) = command;

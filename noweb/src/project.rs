@@ -38,10 +38,6 @@ pub struct Project {
     pub record: PathBuf,
     /// The chapters, in the order of the book.
     pub chapters: Vec<PathBuf>,
-    /// If not empty, only files whose paths begin so.
-    pub only: Vec<String>,
-    /// No files whose paths begin so.
-    pub except: Vec<String>,
 }
 
 /// A master and, in their order, the chapters that it includes.
@@ -201,26 +197,18 @@ impl Project {
 
     /// The files that some sources define, without looking at the disk.
     pub fn expand_sources(&self, sources: Vec<Source>) -> Expansion {
-        let (web, mut faults) = Web::read(sources.clone(), 8);
-        // Read the web with tabs if needed
-        let tabbed = if web.chunks.iter().any(|c| is_tabbed(&c.name)) {
-            Web::read(sources, 0).0
-        } else {
-            Web::default()
-        };
+        let (web, mut faults) = Web::read(sources, 0);
         let mut files = Vec::new();
         for chunk in &web.chunks {
             // Expand the file of this chunk
             let name = &chunk.name[..];
-            if web.uses.contains_key(name) || !self.covers(name) {
+            if web.uses.contains_key(name) || !is_file_name(name) {
                 continue;
             }
             let path = Path::new(OsStr::from_bytes(name));
-            let tab = tab_stops(path);
-            let web = if tab > 0 { &tabbed } else { &web };
-            let comment = comment_leader(path);
+            let (tab, comment) = (tab_stops(path), comment_leader(path));
             let layout = Layout { tab, comment, directive: None };
-            match tangle(web, &[name], &layout) {
+            match tangle(&web, &[name], &layout) {
                 Ok(tangled) => files.push((path.to_owned(), tangled)),
                 Err(more) => faults.extend(more),
             }
@@ -239,14 +227,6 @@ impl Project {
             true => Ok(expansion),
             false => Err(expansion.faults),
         }
-    }
-
-    /// Is this the name of a file that we are to tangle?
-    fn covers(&self, name: &[u8]) -> bool {
-        let begins = |prefix: &String| name.starts_with(prefix.as_bytes());
-        is_file_name(name)
-            && (self.only.is_empty() || self.only.iter().any(begins))
-            && !self.except.iter().any(begins)
     }
 
     /// What was tangled last.
@@ -300,9 +280,7 @@ impl Project {
     fn plan_removals(&self, plan: &mut Plan, faults: &mut Vec<Diagnostic>) {
         let kept = plan.outputs.iter().map(|output| &output.path);
         let kept: BTreeSet<&PathBuf> = kept.collect();
-        let gone = |path: &&PathBuf| {
-            !kept.contains(path) && self.covers(path.as_os_str().as_bytes())
-        };
+        let gone = |path: &&PathBuf| !kept.contains(path);
         for path in plan.record.keys().filter(gone) {
             let text = fs::read(self.dir.join(path)).ok();
             match text.map(|text| hash(&text)) {
@@ -313,11 +291,6 @@ impl Project {
             }
         }
     }
-}
-
-fn is_tabbed(name: &[u8]) -> bool {
-    let path = Path::new(OsStr::from_bytes(name));
-    is_file_name(name) && tab_stops(path) > 0
 }
 
 /// What to say of a file that could not be read, written or removed.
@@ -409,11 +382,8 @@ impl Project {
     fn carry_out(&self, mut plan: Plan) -> Result<Plan, Vec<Diagnostic>> {
         let result = self.write(&mut plan);
         let recorded = self.write_record(&plan.record);
-        let kept = result.and(recorded).and_then(|()| self.keep(&plan));
-        match kept {
-            Ok(()) => Ok(plan),
-            Err(fault) => Err(vec![fault]),
-        }
+        result.and(recorded).map_err(|fault| vec![fault])?;
+        Ok(plan)
     }
 
     fn write(&self, plan: &mut Plan) -> Result<(), Diagnostic> {
@@ -459,7 +429,7 @@ impl Project {
 
 // Run the command that tangles a project
 /// The command `noweb tangle [-C dir] [--record file] [--check]
-/// [--only prefix]... [--except prefix]... chapter...`.
+/// chapter...`.
 pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
     let (project, check) = match parse_arguments(args) {
         Ok(parsed) => parsed,
@@ -510,9 +480,7 @@ pub fn parse_arguments(
             b"--record" => project.record = value()?.into(),
             b"--master" => master = Some(Path::new(value()?)),
             b"--check" => check = true,
-            // Take prefixes and chapters
-            b"--only" => project.only.push(text_of(value()?)),
-            b"--except" => project.except.push(text_of(value()?)),
+            // Take a chapter
             option if option.starts_with(b"-") => {
                 return Err(format!("unknown option {}", arg.display()));
             }
@@ -532,8 +500,4 @@ pub fn parse_arguments(
         project.record = ".tangled".into();
     }
     Ok((project, check))
-}
-
-fn text_of(arg: &OsString) -> String {
-    arg.to_string_lossy().into_owned()
 }

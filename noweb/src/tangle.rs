@@ -48,17 +48,23 @@ pub struct Tangled {
 }
 
 impl Tangled {
+    /// The segments of a line, counted from 1.
+    pub fn segments(&self, line: u32) -> &[Segment] {
+        let from = self.map.partition_point(|s| s.line < line);
+        let to = self.map.partition_point(|s| s.line <= line);
+        &self.map[from..to]
+    }
+}
+
+impl Tangled {
     /// Where a line and a column (in bytes, from 1) come from.
     ///
     /// What stands in the indentation comes from the start of the first
     /// segment of the line.
     pub fn origin(&self, line: u32, column: u32) -> Option<Place> {
-        let from = self.map.partition_point(|s| s.line < line);
-        let here = self.map[from..].iter();
-        let mut here = here.take_while(|s| s.line == line);
-        let first = here.next()?;
-        let before = here.take_while(|s| s.column <= column).last();
-        let segment = before.unwrap_or(first);
+        let here = self.segments(line);
+        let before = here.iter().take_while(|s| s.column <= column);
+        let segment = before.last().or(here.first())?;
         let inside = column.saturating_sub(segment.column);
         let column = segment.place.column + inside;
         Some(Place { column, ..segment.place })
@@ -86,7 +92,7 @@ fn column_after(text: &[u8], column: usize, tab: usize) -> usize {
     })
 }
 
-fn indentation(width: usize, tab: usize) -> Vec<u8> {
+pub(crate) fn indentation(width: usize, tab: usize) -> Vec<u8> {
     let tabs = if tab > 1 { width / tab } else { 0 };
     let mut blank = vec![b'\t'; tabs];
     blank.resize(tabs + width - tabs * tab, b' ');

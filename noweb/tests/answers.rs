@@ -60,7 +60,7 @@ fn project(name: &str, web: &str) -> Project {
     fs::create_dir_all(&dir).unwrap();
     fs::write(dir.join("a.nw"), web).unwrap();
     let (record, chapters) = (".tangled".into(), vec!["a.nw".into()]);
-    Project { dir, record, chapters, ..Project::default() }
+    Project { dir, record, chapters }
 }
 
 // Answer about writing a web
@@ -285,8 +285,8 @@ fn an_edit_meets_a_change_of_the_chapter() {
     for (from, to, carried) in [
         ("red", "rose", false),
         ("green", "lime", true),
-        ("COLOURS", "PAINTS", true),
-        ("<<List the colours>>=", "Hear.\n<<List the colours>>=", true),
+        ("COLOURS", "PAINTS", false),
+        ("<<List the colours>>=", "@ Hear.\n<<List the colours>>=", true),
     ] {
         let project = project("merge", LIST);
         project.tangle().unwrap();
@@ -311,7 +311,7 @@ fn a_new_line_has_one_home_or_none() {
         (4, "    \"black\",", None),
         (5, "    \"black\",", Some("a.nw:11: -0 +1 lines")),
         (6, "    \"black\",", None),
-        (6, "// done", Some("a.nw:4: -0 +1 lines")),
+        (6, "// done", None),
     ] {
         let project = project("homes", LIST);
         project.tangle().unwrap();
@@ -586,6 +586,6 @@ fn the_tool_is_explained_from_the_top_down() {
             down += u32::from(used.line < definitions[0].line);
         }
     }
-    assert!(all > 40);
+    assert!(all > 35);
     assert_eq!(down, all);
 }

@@ -251,19 +251,6 @@ fn check_names_what_is_stale_and_writes_nothing() {
 }
 
 #[test]
-fn prefixes_choose_files_and_leave_the_others_alone() {
-    let scratch = project();
-    let outcome = tangle(&scratch, &["--only", "src/", "--record", "r"]);
-    assert_eq!(outcome.status, 0);
-    assert_eq!(listing(&scratch), ["./r", "./src/main.rs"]);
-    let outcome = tangle(&scratch, &["--except", "src/", "--record", "r"]);
-    assert_eq!(outcome.status, 0);
-    let files = ["./a.mk", "./r", "./scripts/run", "./src/main.rs"];
-    assert_eq!(listing(&scratch), files);
-    assert_eq!(scratch.read("r").lines().count(), 3);
-}
-
-#[test]
 fn the_record_is_sorted_and_holds_hashes() {
     let scratch = project();
     tangle(&scratch, &[]);

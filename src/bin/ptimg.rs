@@ -6,7 +6,7 @@
 // Software Foundation, either version 3 of the License, or (at your option)
 // any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The command `ptimg`: show, compare and join the pictures of `pt`.
+//! The command `ptimg`: show, compare and join the images of `pt`.
 
 // Name what the companion imports
 use std::path::{Path, PathBuf};
@@ -18,12 +18,12 @@ use litpt::arguments::{LICENCE, STYLES, parse_command_line, parse_real};
 use litpt::compare::display::{self, Curve};
 use litpt::compare::merge::{Run, merge};
 use litpt::compare::{Difference, FEW, Scale, compare};
-use litpt::output::{Destination, Place};
-use litpt::picture::{Format, Picture};
+use litpt::image::{Format, Image};
+use litpt::output::{ImageTarget, OutputTarget};
 use litpt::progress;
 
 // Declare the verbs of the companion
-/// Shows, compares and joins the pictures that pt writes (.exr, .pfm).
+/// Shows, compares and joins the images that pt writes (.exr, .pfm).
 #[derive(Debug, Parser)]
 #[command(name = "ptimg", version, after_help = LICENCE, styles = STYLES)]
 #[command(arg_required_else_help = false)]
@@ -35,23 +35,23 @@ struct Arguments {
 #[derive(Debug, Subcommand)]
 enum Verb {
     // Declare the verb info
-    /// Print the size, the channels, the run and the error of pictures
+    /// Print the size, the channels, the run and the error of images
     Info {
-        /// Pictures to read
+        /// Images to read
         #[arg(value_name = "FILE", required = true)]
         files: Vec<PathBuf>,
     },
     // Declare the verb tonemap
-    /// Make a picture for the screen
+    /// Make an image for the screen
     Tonemap {
-        /// Picture to read
+        /// Image to read
         #[arg(value_name = "IN")]
         input: PathBuf,
 
         #[command(flatten)]
         output: Output,
 
-        /// Stops by which the picture is made brighter
+        /// Stops by which the image is made brighter
         #[arg(short, long, value_name = "STOPS", default_value = "0",
               allow_hyphen_values = true, value_parser = parse_real)]
         exposure: f64,
@@ -61,15 +61,15 @@ enum Verb {
         tonemap: Curve,
     },
     // Declare the verb diff
-    /// Test whether chance alone explains the difference of two pictures:
+    /// Test whether chance alone explains the difference of two images:
     /// the status is 0 if so, 1 if not (wrong once in 100 pairs), and 2 if
     /// they cannot be compared
     Diff {
-        /// Picture to test
+        /// Image to test
         #[arg(value_name = "A")]
         a: PathBuf,
 
-        /// Picture to test against; taken as exact if it says no errors
+        /// Image to test against; taken as exact if it says no errors
         #[arg(value_name = "B")]
         b: PathBuf,
         // Declare the options of a comparison
@@ -89,7 +89,7 @@ enum Verb {
     // Declare the verb merge
     /// Join independent runs of the same scene as if they had been one
     Merge {
-        /// Pictures to read, of different seeds
+        /// Images to read, of different seeds
         #[arg(value_name = "FILE", required = true, num_args = 2..)]
         files: Vec<PathBuf>,
 
@@ -99,7 +99,7 @@ enum Verb {
     // Declare the verb stderr
     /// Show the standard error of each pixel as grey
     Stderr {
-        /// Picture to read
+        /// Image to read
         #[arg(value_name = "IN")]
         input: PathBuf,
 
@@ -114,31 +114,31 @@ enum Verb {
 
 #[derive(Debug, Args)]
 struct Output {
-    /// Picture to write, in the format of its extension
+    /// Image to write, in the format of its extension
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
 
-    /// Overwrite the picture if it exists
+    /// Overwrite the image if it exists
     #[arg(short, long)]
     force: bool,
 }
 
 impl Output {
     // Check the place of the output
-    /// The place of a picture in one of the given formats.
+    /// The place of an image in one of the given formats.
     ///
     /// # Errors
     /// The format is another, or the place cannot be written.
-    fn place(&self, formats: &[Format]) -> Result<Destination, String> {
+    fn place(&self, formats: &[Format]) -> Result<ImageTarget, String> {
         let format = Format::of(&self.output)?;
         if formats.contains(&format) {
-            return Destination::file(&self.output, self.force);
+            return ImageTarget::file(&self.output, self.force);
         }
         // Name the formats that make sense
         let name = |f: &Format| format!(".{f:?}").to_ascii_lowercase();
         let names: Vec<_> = formats.iter().map(name).collect();
         let (path, names) = (self.output.display(), names.join(" or "));
-        Err(format!("{path}: this picture is written as {names}"))
+        Err(format!("{path}: this image is written as {names}"))
     }
 }
 
@@ -165,8 +165,8 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
         Verb::Tonemap { input, output, exposure, tonemap } => {
             // Show the radiances on a screen
             let place = output.place(&GREY)?;
-            let picture = Picture::read(input)?;
-            let grey = display::tonemap(&picture, *exposure, *tonemap);
+            let image = Image::read(input)?;
+            let grey = display::tonemap(&image, *exposure, *tonemap);
             place.write(&grey)?;
         }
         Verb::Merge { files, output } => {
@@ -179,17 +179,17 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
         Verb::Diff { a, b, output, force, quiet } => {
             // Check the map before the comparison
             let map = output.as_ref();
-            let map = map.map(|path| Destination::file(path, *force));
+            let map = map.map(|path| ImageTarget::file(path, *force));
             return diff(a, b, map.transpose()?, *quiet);
         }
     }
     Ok(ExitCode::SUCCESS)
 }
 
-/// Reads the pictures, each with the name of its file.
+/// Reads the images, each with the name of its file.
 fn read_all(files: &[PathBuf]) -> Result<Vec<Run>, String> {
     let read = |path: &PathBuf| {
-        Ok((path.display().to_string(), Picture::read(path)?))
+        Ok((path.display().to_string(), Image::read(path)?))
     };
     files.iter().map(read).collect()
 }
@@ -200,8 +200,8 @@ fn show_errors(
     relative: bool,
 ) -> Result<(), String> {
     let place = output.place(&GREY)?;
-    let picture = Picture::read(input)?;
-    let (grey, white) = display::errors(&picture, relative)
+    let image = Image::read(input)?;
+    let (grey, white) = display::errors(&image, relative)
         .map_err(|fault| format!("{}: {fault}", input.display()))?;
     place.write(&grey)?;
     // Tell what white stands for
@@ -214,23 +214,24 @@ fn show_errors(
 
 /// Prints lines on standard output, unless nobody reads them.
 fn say(lines: &str) -> Result<(), String> {
-    Place::standard_output().write(&mut |out| writeln!(out, "{lines}"))
+    OutputTarget::standard_output()
+        .write(&mut |out| writeln!(out, "{lines}"))
 }
 
-// Tell what a picture holds
+// Tell what an image holds
 fn inform(files: &[PathBuf]) -> Result<(), String> {
-    for (name, picture) in read_all(files)? {
-        say(&describe(&name, &picture))?;
+    for (name, image) in read_all(files)? {
+        say(&describe(&name, &image))?;
     }
     Ok(())
 }
 
-/// The lines that describe a picture.
-fn describe(name: &str, picture: &Picture) -> String {
-    let Picture { width, height, means, errors, samples, .. } = picture;
+/// The lines that describe an image.
+fn describe(name: &str, image: &Image) -> String {
+    let Image { width, height, means, errors, samples, .. } = image;
     let mut lines = vec![
         format!("{name}: {width}x{height} pixels"),
-        format!("channels: {}", channels(picture)),
+        format!("channels: {}", channels(image)),
     ];
     // Describe the means and their errors
     let n = means.len() as f64;
@@ -254,22 +255,22 @@ fn describe(name: &str, picture: &Picture) -> String {
     }
     let (least, most) = range(means);
     lines.push(format!("least and greatest: {least:.6}, {most:.6}"));
-    // Describe the realisations and the run
+    // Describe the samples and the run
     if let Some(samples) = samples {
         let (least, most) = range(samples);
         lines.push(match least == most {
-            true => format!("realisations per pixel: {least}"),
-            false => format!("realisations per pixel: {least} to {most}"),
+            true => format!("samples per pixel: {least}"),
+            false => format!("samples per pixel: {least} to {most}"),
         });
     }
-    let attributes = picture.attributes.iter();
+    let attributes = image.attributes.iter();
     lines
         .extend(attributes.map(|(name, value)| format!("{name}: {value}")));
     lines.join("\n  ")
 }
 
-fn channels(picture: &Picture) -> &str {
-    match (&picture.errors, &picture.samples) {
+fn channels(image: &Image) -> &str {
+    match (&image.errors, &image.samples) {
         (Some(_), Some(_)) => "Y, stderr.Y, samples.Y",
         (Some(_), None) => "Y, stderr.Y",
         (None, Some(_)) => "Y, samples.Y",
@@ -284,14 +285,14 @@ fn range(values: &[f64]) -> (f64, f64) {
     (least, most)
 }
 
-// Tell what distinguishes two pictures
+// Tell what distinguishes two images
 fn diff(
     a: &Path,
     b: &Path,
-    map: Option<Destination>,
+    map: Option<ImageTarget>,
     quiet: bool,
 ) -> Result<ExitCode, String> {
-    let (first, second) = (Picture::read(a)?, Picture::read(b)?);
+    let (first, second) = (Image::read(a)?, Image::read(b)?);
     let difference = compare(&first, &second).map_err(|fault| {
         format!("{} and {}: {fault}", a.display(), b.display())
     })?;
@@ -301,15 +302,15 @@ fn diff(
     }
     if !quiet {
         // Say what the comparison takes for granted
-        for (path, picture) in [(a, &first), (b, &second)] {
-            if picture.errors.is_none() {
+        for (path, image) in [(a, &first), (b, &second)] {
+            if image.errors.is_none() {
                 let name = path.display();
                 say(&format!("{name}: no errors; it is taken as exact"))?;
             }
         }
         if let Some(seed) = common_seed(&first, &second) {
             progress::warn(&format!(
-                "both pictures come from seed {seed}: they share random \
+                "both images come from seed {seed}: they share random \
                  numbers, and may agree better than independent ones would"
             ));
         }
@@ -322,9 +323,9 @@ fn diff(
     })
 }
 
-/// A seed that two pictures of the same scene share; joined pictures
+/// A seed that two images of the same scene share; joined images
 /// have several.
-fn common_seed<'a>(a: &'a Picture, b: &Picture) -> Option<&'a str> {
+fn common_seed<'a>(a: &'a Image, b: &Image) -> Option<&'a str> {
     let of = |name| a.attributes.get(name).zip(b.attributes.get(name));
     if of("scene_sha256").is_some_and(|(a, b)| a != b) {
         return None;
@@ -362,7 +363,7 @@ fn explain(difference: &Difference) -> String {
     if *few > 0 {
         lines.push(format!(
             "not tested one by one: {few} pixels of fewer than {FEW} \
-             realisations"
+             samples"
         ));
     }
     // Conclude with the verdict in words

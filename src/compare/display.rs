@@ -6,13 +6,13 @@
 // Software Foundation, either version 3 of the License, or (at your option)
 // any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Pictures that are made for looking.
+//! Images that are made for looking.
 
 use std::collections::BTreeMap;
 
 use super::Difference;
-use crate::picture::Picture;
-use crate::picture::srgb::radiance;
+use crate::image::Image;
+use crate::image::srgb::radiance;
 
 // Bend the radiances to the screen
 /// How radiances brighter than white are treated.
@@ -25,29 +25,29 @@ pub enum Curve {
     Reinhard,
 }
 
-/// A picture of these means, of the size of another, without more.
-fn plain(picture: &Picture, means: Vec<f64>) -> Picture {
-    Picture {
+/// An image of these means, of the size of another, without more.
+fn plain(image: &Image, means: Vec<f64>) -> Image {
+    Image {
         means,
         errors: None,
         samples: None,
         attributes: BTreeMap::new(),
-        ..*picture
+        ..*image
     }
 }
 
-/// The picture, made brighter by `exposure` stops, as a screen shows it.
-pub fn tonemap(picture: &Picture, exposure: f64, curve: Curve) -> Picture {
+/// The image, made brighter by `exposure` stops, as a screen shows it.
+pub fn tonemap(image: &Image, exposure: f64, curve: Curve) -> Image {
     let scale = libm::exp2(exposure);
     let expose = |&mean: &f64| f64::max(mean * scale, 0.);
-    let mut means: Vec<f64> = picture.means.iter().map(expose).collect();
+    let mut means: Vec<f64> = image.means.iter().map(expose).collect();
     let white = means.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
     if curve == Curve::Reinhard {
         for mean in &mut means {
             *mean *= (1. + *mean / white / white) / (1. + *mean);
         }
     }
-    plain(picture, means)
+    plain(image, means)
 }
 
 // Show the standard errors as grey
@@ -55,19 +55,19 @@ pub fn tonemap(picture: &Picture, exposure: f64, curve: Curve) -> Picture {
 /// and the value that is shown as white.
 ///
 /// # Errors
-/// The picture does not say its errors, or none is known.
+/// The image does not say its errors, or none is known.
 pub fn errors(
-    picture: &Picture,
+    image: &Image,
     relative: bool,
-) -> Result<(Picture, f64), String> {
-    let errors = picture.errors.as_ref();
+) -> Result<(Image, f64), String> {
+    let errors = image.errors.as_ref();
     let errors = errors.ok_or("it has no channel stderr.Y")?;
     // Take the errors as they are or relative
     let value = |(&error, &mean): (&f64, &f64)| match (relative, error) {
         (true, error) if error > 0. => error / mean.abs(),
         _ => error,
     };
-    let values = errors.iter().zip(&picture.means).map(value);
+    let values = errors.iter().zip(&image.means).map(value);
     let values: Vec<f64> = values.collect();
     // Find the value to show as white
     let finite = |value: &f64| value.is_finite();
@@ -78,7 +78,7 @@ pub fn errors(
     let white = known[(last as f64 * 0.999).ceil() as usize];
     let grey = |value: f64| value / white.max(f64::MIN_POSITIVE);
     let means = values.into_iter().map(|v| grey(v).min(1.)).collect();
-    Ok((plain(picture, means), white))
+    Ok((plain(image, means), white))
 }
 
 // Show the signs of the differences
@@ -86,15 +86,11 @@ pub fn errors(
 pub const WHITE: f64 = 5.;
 
 /// The z of each pixel, as numbers or as grey levels.
-pub fn z_map(
-    picture: &Picture,
-    difference: &Difference,
-    grey: bool,
-) -> Picture {
+pub fn z_map(image: &Image, difference: &Difference, grey: bool) -> Image {
     let largest = f64::from(f32::MAX);
     let means = difference.z.iter().map(|&z| match grey {
         true => radiance((0.5 + z / (2. * WHITE)).clamp(0., 1.)),
         false => z.clamp(-largest, largest),
     });
-    plain(picture, means.collect())
+    plain(image, means.collect())
 }

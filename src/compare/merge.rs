@@ -11,19 +11,19 @@
 use std::collections::BTreeMap;
 
 use super::same_size;
-use crate::picture::Picture;
+use crate::image::Image;
 
-// Join the pictures pixel by pixel
-/// A picture with the name of its file.
-pub type Run = (String, Picture);
+// Join the images pixel by pixel
+/// An image with the name of its file.
+pub type Run = (String, Image);
 
-/// Joins pictures as if one run had made them. Errors that borrow from
+/// Joins images as if one run had made them. Errors that borrow from
 /// the neighbours, as those of `pt` do, keep what each run borrowed.
 ///
 /// # Errors
 /// They differ in size or in something that changes the image, they do
-/// not say their realisations, or they share random numbers.
-pub fn merge(runs: &[Run]) -> Result<Picture, String> {
+/// not say their samples, or they share random numbers.
+pub fn merge(runs: &[Run]) -> Result<Image, String> {
     // Refuse what cannot be joined
     let Some((first_name, first)) = runs.first() else {
         return Err("there is nothing to join".to_owned());
@@ -40,7 +40,7 @@ pub fn merge(runs: &[Run]) -> Result<Picture, String> {
     let attributes = attributes(runs)?;
     let pixels = 0..first.means.len();
     let joint: Vec<_> = pixels.map(|i| pixel(runs, i)).collect();
-    Ok(Picture {
+    Ok(Image {
         width: first.width,
         height: first.height,
         means: joint.iter().map(|pixel| pixel.0).collect(),
@@ -77,13 +77,8 @@ fn pixel(runs: &[Run], i: usize) -> (f64, f64, f64) {
 
 // Join what is known about the runs
 /// Attributes that add up.
-const SUMS: [&str; 5] = [
-    "realisations",
-    "rays",
-    "load_seconds",
-    "build_seconds",
-    "render_seconds",
-];
+const SUMS: [&str; 5] =
+    ["samples", "rays", "load_seconds", "build_seconds", "render_seconds"];
 
 /// Attributes that may differ between runs of the same image.
 const FREE: [&str; 9] = [

@@ -16,12 +16,12 @@ use super::histogram::Histogram;
 use super::pixels::{Grid, MIDDLE};
 use super::words::{count, duration, figures, short, with_error};
 use super::{Report, Step, svg};
-use crate::facts::Finding;
-use crate::picture::Picture;
+use crate::analysis::Finding;
+use crate::image::Image;
 
 // Lay out the page
-/// The page of a run and its picture.
-pub fn page(report: &Report, picture: &Picture) -> String {
+/// The page of a run and its image.
+pub fn page(report: &Report, image: &Image) -> String {
     let scene = short(&report.scene.file, LONGEST);
     let markup = html! {
         (DOCTYPE)
@@ -36,11 +36,11 @@ pub fn page(report: &Report, picture: &Picture) -> String {
             // Write the body of the page
             body {
                 h1 { (scene) }
-                (summary(report, picture))
+                (summary(report, image))
                 div.figures {
-                    (images(picture))
+                    (images(image))
                     figure { (svg::curve(report, false)) }
-                    (errors(picture))
+                    (errors(image))
                 }
                 div.figures { (timings(report)) (settings(report)) }
                 @if !report.left_out.is_empty() { (left_out(report)) }
@@ -57,7 +57,7 @@ const LONGEST: usize = 1000;
 const STYLE: &str = "
 :root { color-scheme: light dark; font: 16px/1.5 system-ui, sans-serif }
 body { max-width: 72rem; margin: 0 auto; padding: 1rem }
-h1, p, figcaption, .facts td { overflow-wrap: anywhere }
+h1, p, figcaption, .analysis td { overflow-wrap: anywhere }
 h1 { font-size: 1.6rem; line-height: 1.2 }
 h2 { font-size: 1.1rem; margin: 1.5rem 0 0.5rem }
 p { max-width: 44rem }
@@ -83,15 +83,15 @@ tbody th { font-weight: normal }
 ";
 
 // Tell the run in words
-fn summary(report: &Report, picture: &Picture) -> Markup {
+fn summary(report: &Report, image: &Image) -> Markup {
     let spp = report.steps.last().map_or(0, |step| step.spp);
     html! {
         // Say what was rendered and how long
         p {
             (report.program) " rendered this scene of "
             (count(report.scene.triangles)) " triangles in "
-            (picture.width) "\u{202f}\u{d7}\u{202f}" (picture.height)
-            " pixels, with " (count(spp)) " realisations in each, in "
+            (image.width) "\u{202f}\u{d7}\u{202f}" (image.height)
+            " pixels, with " (count(spp)) " samples in each, in "
             (duration(report.render_seconds)) ". Reading the scene had taken "
             (duration(report.load_seconds)) " and building its hierarchy "
             (duration(report.build_seconds)) "."
@@ -110,7 +110,7 @@ fn summary(report: &Report, picture: &Picture) -> Markup {
             }
             // Admit what the pixels cannot see
             @if report.constant_pixels > 0 {
-                " In " (count(report.constant_pixels)) " pixels all realisations \
+                " In " (count(report.constant_pixels)) " pixels all samples \
                 were alike, so that they cannot see an error of their own."
             }
         }
@@ -121,7 +121,7 @@ fn summary(report: &Report, picture: &Picture) -> Markup {
             p {
                 "On logarithmic axes the error falls with a slope of "
                 (seconds) " against seconds and of " (spp) " against \
-                realisations; independent samples give \u{2212}0.5."
+                samples; independent samples give \u{2212}0.5."
             }
         }
         p { (ending(report)) }
@@ -135,7 +135,7 @@ fn ending(report: &Report) -> String {
                     page was written."
                 .to_owned();
         }
-        Some("realisations") => "the realisations asked for were done",
+        Some("samples") => "the samples asked for were done",
         Some("time") => "the time allowed was over",
         Some("error") => "the error asked for was reached",
         Some("signal") => "a signal asked it to",
@@ -145,11 +145,11 @@ fn ending(report: &Report) -> String {
 }
 
 // Show the image and its error
-fn images(picture: &Picture) -> Markup {
-    let size = (picture.width, picture.height);
-    let image = Grid::new(size, picture.means.iter().copied());
+fn images(image: &Image) -> Markup {
+    let size = (image.width, image.height);
+    let film = Grid::new(size, image.means.iter().copied());
     html! {
-        @if let Some(address) = image.and_then(|grid| grid.embed(1.)) {
+        @if let Some(address) = film.and_then(|grid| grid.embed(1.)) {
             figure {
                 img src=(address) alt="The rendered image";
                 figcaption { "The image. White is the radiance of the \
@@ -157,7 +157,7 @@ fn images(picture: &Picture) -> Markup {
             }
         }
         // Show the map and its scale
-        @if let Some((address, white)) = map(picture) {
+        @if let Some((address, white)) = map(image) {
             figure {
                 img src=(address) alt="A map of the standard error";
                 div.scale {}
@@ -175,17 +175,17 @@ fn images(picture: &Picture) -> Markup {
 }
 
 /// The address of a map of the errors, and the error that is white.
-fn map(picture: &Picture) -> Option<(String, f64)> {
-    let size = (picture.width, picture.height);
-    let squares = picture.errors.as_ref()?.iter().map(|e| e * e);
+fn map(image: &Image) -> Option<(String, f64)> {
+    let size = (image.width, image.height);
+    let squares = image.errors.as_ref()?.iter().map(|e| e * e);
     let grid = Grid::new(size, squares)?.root();
     let white = grid.white()?;
     Some((grid.embed(white)?, white))
 }
 
-fn errors(picture: &Picture) -> Markup {
-    let none = vec![f64::INFINITY; picture.means.len()];
-    let errors = picture.errors.as_ref().unwrap_or(&none);
+fn errors(image: &Image) -> Markup {
+    let none = vec![f64::INFINITY; image.means.len()];
+    let errors = image.errors.as_ref().unwrap_or(&none);
     let histogram = Histogram::of(errors);
     html! {
         figure {
@@ -263,7 +263,7 @@ fn steps(steps: &[Step]) -> Markup {
         h2 { "Steps" }
         div.scroll { table.numbers {
             thead { tr {
-                th { "realisations" } th { "seconds" } th { "rays" }
+                th { "samples" } th { "seconds" } th { "rays" }
                 th { "RMSE" }
                 @if reference { th { "from reference" } }
                 th { "mean radiance" }

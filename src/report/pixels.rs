@@ -6,16 +6,16 @@
 // Software Foundation, either version 3 of the License, or (at your option)
 // any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Pictures as part of a page.
+//! Images as part of a page.
 
 use base64::prelude::{BASE64_STANDARD, Engine};
 use png::{BitDepth, ColorType, Compression, Encoder, EncodingError};
 use rayon::prelude::*;
 
-use crate::picture::srgb::level;
+use crate::image::srgb::level;
 
 // Shrink what is too large to show
-/// The largest width and height of an embedded picture.
+/// The largest width and height of an embedded image.
 const LARGEST: usize = 1280;
 
 /// A rectangle of values, row by row.
@@ -56,7 +56,7 @@ impl Grid {
 
 // Embed grey levels in a page
 impl Grid {
-    /// The address of a picture of the values, `white` or more of which
+    /// The address of an image of the values, `white` or more of which
     /// is white.
     pub fn embed(&self, white: f64) -> Option<String> {
         let levels = self.values.par_iter();

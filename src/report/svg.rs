@@ -115,7 +115,7 @@ impl Curve<'_> {
         }
         if self.estimated.iter().any(|p| !p.1) {
             let meaning =
-                format!("fewer than {FEWEST} realisations, not in the fit");
+                format!("fewer than {FEWEST} samples, not in the fit");
             rows.push((estimated(&[((18., 0.), false)]), meaning));
         }
         // Explain the true errors

@@ -24,7 +24,7 @@ v -2 4 -1\nv 1 4 -1\nv 1 4 1\nv -2 4 2\nf -4 -3 -2 -1\n\
 v -1 0 1\nv 3 0 1\nv 3 6 1\nv -1 6 1\nf -4 -3 -2 -1\n";
 
 /// A horizontal square, seen from above by `ABOVE`: each path meets it once
-/// and then reaches the sky, so that the radiance is the reflectivity.
+/// and then reaches the sky, so that the radiance is the albedo.
 pub const SQUARE: &str = "\
 v -1e6 -1e6 0\nv 1e6 -1e6 0\nv 1e6 1e6 0\nv -1e6 1e6 0\nf 1 2 3 4\n";
 
@@ -35,9 +35,9 @@ pub const ABOVE: [&str; 4] = ["-p0,0,2", "-t0,0,0", "-u0,0.1,1", "-F40"];
 const PATIENCE: Duration = Duration::from_secs(120);
 
 /// A directory that holds `room.obj` and `square.obj`, and nothing else.
-pub struct Place(TempDir);
+pub struct Scratch(TempDir);
 
-impl Place {
+impl Scratch {
     pub fn new() -> Self {
         let place = Self(tempfile::tempdir().unwrap());
         place.put("room.obj", ROOM);

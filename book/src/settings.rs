@@ -1,0 +1,274 @@
+// Scenes of which some part is superfluous, for tests and tables of facts.
+//
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+use std::f64::consts::PI;
+use std::time::Instant;
+
+use crate::courtyard;
+use glam::DVec3;
+use litpt::analysis::{Inquiry, SceneAnalysis, Shortcut};
+use litpt::bvh::{Bvh, Isa, Quality};
+use litpt::camera::{Camera, View};
+use litpt::film::Film;
+use litpt::scene::{Mesh, Scene, read_obj};
+use litpt::sky::Sky;
+
+/// A scene, a view of it, and the albedo of its surfaces.
+pub struct Setting {
+    pub name: &'static str,
+    pub mesh: Mesh,
+    pub view: View,
+    pub rho: f64,
+}
+
+/// What a render gave.
+pub struct Outcome {
+    pub film: Film,
+    pub rays: u64,
+    /// Seconds of the search for facts with the build, and of the render.
+    pub seconds: [f64; 2],
+    /// The names of the facts that hold.
+    pub analysis: Vec<String>,
+}
+
+impl Setting {
+    /// Renders with all facts but those that are `kept`.
+    pub fn render(
+        &self,
+        kept: &[Shortcut],
+        resolution: (u32, u32),
+        n: u64,
+        seed: u64,
+    ) -> Outcome {
+        let rays = f64::INFINITY;
+        self.render_with(kept, resolution, (n, rays), seed, |_| ())
+    }
+
+    /// The same, for a search that may cost what so many rays are worth,
+    /// and with a chance to change what was found.
+    pub fn render_with(
+        &self,
+        kept: &[Shortcut],
+        resolution: (u32, u32),
+        (n, rays): (u64, f64),
+        seed: u64,
+        lie: impl Fn(&mut SceneAnalysis),
+    ) -> Outcome {
+        let (width, height) = resolution;
+        let aspect = f64::from(width) / f64::from(height);
+        let camera = Camera::new(&self.view, aspect).expect("a view");
+        let mut scene = Scene::new(&self.mesh);
+        let start = Instant::now();
+        let inquiry = Inquiry {
+            camera: &camera,
+            place: scene.place(self.view.position),
+            sky: Sky::new(self.view.up),
+            albedo: self.rho,
+            resolution,
+            rays,
+            kept: kept.to_vec(),
+        };
+        let mut analysis = SceneAnalysis::find(&mut scene, &inquiry);
+        analysis.simplify(&mut scene);
+        let quality = Quality::Medium;
+        let intersector = Bvh::with(&scene, quality, Isa::best());
+        let intersector = intersector.expect("a hierarchy");
+        analysis.find_more(&scene, &intersector, &inquiry);
+        lie(&mut analysis);
+        let found = start.elapsed().as_secs_f64();
+        let mut film = Film::new(width, height);
+        let start = Instant::now();
+        let renderer =
+            analysis.renderer(&scene, &intersector, &inquiry, seed);
+        let rays = renderer.pass(&mut film, 0..n, &|_| ());
+        let seconds = [found, start.elapsed().as_secs_f64()];
+        drop(renderer);
+        let names = analysis.left_out().map(|f| f.fact.clone()).collect();
+        Outcome { film, rays, seconds, analysis: names }
+    }
+}
+
+/// All of them.
+pub fn all() -> Vec<Setting> {
+    let mut yard = vec![];
+    courtyard::write_obj(&courtyard::solids(), &mut yard).expect("memory");
+    let yard = read_obj(&yard).expect("a courtyard");
+    let v = DVec3::new;
+    let o = DVec3::ZERO;
+    let set = |name, mesh, from, to| Setting {
+        name,
+        mesh,
+        view: View { position: from, target: to, up: DVec3::Z, fov: 60. },
+        rho: 0.8,
+    };
+    let yard_view = View { fov: 70., ..courtyard::view() };
+    let on_plane = || {
+        let mut mesh = square(20.);
+        add(&mut mesh, ball(24), v(0., 0., 1.2), 1.);
+        mesh
+    };
+    vec![
+        Setting {
+            name: "courtyard",
+            mesh: yard.clone(),
+            view: yard_view,
+            rho: 0.8,
+        },
+        Setting {
+            name: "black courtyard",
+            mesh: yard,
+            view: yard_view,
+            rho: 0.,
+        },
+        set("convex solid", ball(40), v(0., -1.8, 0.2), o),
+        set("polytope", cut_cube(), v(2., -3., 1.), o),
+        set("terrain", terrain(150), v(0., -12., 6.), o),
+        set("closed room", room(false), v(0.3, -4., 0.2), o),
+        set("room with a window", room(true), v(0.3, -4., 0.2), o),
+        set("object on a plane", on_plane(), v(0., -6., 2.), v(0., 0., 1.)),
+        set(
+            "nothing in view",
+            on_plane(),
+            v(0., -25., 2.),
+            v(0., -30., 2.),
+        ),
+        set("one triangle", one(), v(0., -4., 0.5), o),
+        set("chest", chest(), v(0., -7., 2.), v(0., 0., 1.)),
+    ]
+}
+
+/// The scene of that name.
+pub fn named(name: &str) -> Setting {
+    let mut all = all().into_iter();
+    all.find(|setting| setting.name == name).expect("its name")
+}
+
+fn add(mesh: &mut Mesh, part: Mesh, shift: DVec3, scale: f64) {
+    let first = mesh.vertices.len() as u32;
+    mesh.vertices
+        .extend(part.vertices.into_iter().map(|p| p * scale + shift));
+    let moved = part.triangles.into_iter().map(|t| t.map(|i| i + first));
+    mesh.triangles.extend(moved);
+}
+
+/// A horizontal square.
+fn square(half: f64) -> Mesh {
+    grid(1, half, |_, _| 0.)
+}
+
+/// `2 * n * n` triangles over a square.
+fn grid(n: u32, half: f64, height: impl Fn(f64, f64) -> f64) -> Mesh {
+    let mut mesh = Mesh::default();
+    let at = |i: u32| half * (2. * f64::from(i) / f64::from(n) - 1.);
+    for i in 0..=n {
+        for j in 0..=n {
+            let (x, y) = (at(i), at(j));
+            mesh.vertices.push(DVec3::new(x, y, height(x, y)));
+        }
+    }
+    for i in 0..n {
+        for j in 0..n {
+            let a = i * (n + 1) + j;
+            let (b, c, d) = (a + 1, a + n + 1, a + n + 2);
+            mesh.triangles.extend([[a, c, b], [b, c, d]]);
+        }
+    }
+    mesh
+}
+
+/// Gentle hills.
+fn terrain(n: u32) -> Mesh {
+    grid(n, 10., |x, y| {
+        let waves = (1..=8).map(|k| {
+            let k = f64::from(k);
+            let turn = k * 2.4;
+            let along = x * turn.cos() + y * turn.sin();
+            (0.25 * k * along + k * k).sin() * 0.5 / k
+        });
+        waves.sum()
+    })
+}
+
+/// A sphere of `n` rings around the origin.
+fn ball(n: u32) -> Mesh {
+    let mut mesh = Mesh::default();
+    for i in 0..=n {
+        for j in 0..2 * n {
+            let polar = PI * f64::from(i) / f64::from(n);
+            let turn = PI * f64::from(j) / f64::from(n);
+            let (x, y) =
+                (polar.sin() * turn.cos(), polar.sin() * turn.sin());
+            mesh.vertices.push(DVec3::new(x, y, polar.cos()));
+        }
+    }
+    for i in 0..n {
+        for j in 0..2 * n {
+            let next = (j + 1) % (2 * n);
+            let [a, b] = [j, next].map(|j| i * 2 * n + j);
+            let (c, d) = (a + 2 * n, b + 2 * n);
+            mesh.triangles.extend([[a, c, b], [b, c, d]]);
+        }
+    }
+    mesh
+}
+
+/// A cube around the origin, half as large as its edge `2`.
+fn cube() -> Mesh {
+    let corner = |i: u32| {
+        let at = |bit: u32| if i >> bit & 1 == 1 { 1. } else { -1. };
+        DVec3::new(at(2), at(1), at(0))
+    };
+    let squares = [
+        [0, 1, 3, 2],
+        [4, 6, 7, 5],
+        [0, 4, 5, 1],
+        [2, 3, 7, 6],
+        [0, 2, 6, 4],
+        [1, 5, 7, 3],
+    ];
+    let halves = |[a, b, c, d]: [u32; 4]| [[a, b, c], [a, c, d]];
+    let triangles = squares.into_iter().flat_map(halves).collect();
+    Mesh { vertices: (0..8).map(corner).collect(), triangles }
+}
+
+/// An octahedron: eight triangles, none of them upright.
+fn cut_cube() -> Mesh {
+    let axes = [DVec3::X, DVec3::Y, DVec3::Z];
+    let vertices = axes.into_iter().flat_map(|axis| [axis, -axis]);
+    let (xs, ys, zs) = ([0, 1], [2, 3], [4, 5]);
+    let faces = xs.into_iter().flat_map(move |x| {
+        ys.into_iter()
+            .flat_map(move |y| zs.into_iter().map(move |z| [x, y, z]))
+    });
+    Mesh { vertices: vertices.collect(), triangles: faces.collect() }
+}
+
+/// A room with a block in it, closed or without two triangles of a wall.
+fn room(window: bool) -> Mesh {
+    let mut mesh = Mesh::default();
+    add(&mut mesh, cube(), DVec3::ZERO, 5.);
+    if window {
+        mesh.triangles.truncate(10);
+    }
+    add(&mut mesh, cube(), DVec3::new(1., 3., -3.5), 1.);
+    mesh
+}
+
+fn one() -> Mesh {
+    let vertices = vec![
+        DVec3::new(-1., 0., -1.),
+        DVec3::new(1., 0., -1.),
+        DVec3::new(0., 0.3, 1.),
+    ];
+    Mesh { vertices, triangles: vec![[0, 1, 2]] }
+}
+
+/// A closed chest on a plane, with 100 000 triangles in it.
+fn chest() -> Mesh {
+    let mut mesh = square(20.);
+    add(&mut mesh, cube(), DVec3::new(0., 0., 1.5), 1.4);
+    add(&mut mesh, ball(160), DVec3::new(0., 0., 1.5), 1.);
+    mesh
+}

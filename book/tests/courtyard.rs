@@ -1,0 +1,296 @@
+//! The courtyard keeps its promises: closed solids that look outwards and
+//! share no plane of contact, the same bytes everywhere, and a command that
+//! fails cleanly.
+
+use std::collections::{HashMap, HashSet};
+use std::fs::OpenOptions;
+use std::process::{Command, Stdio};
+
+use litpt_book::courtyard::{Point, Solid, solids, write_obj};
+
+/// FNV-1a of the whole OBJ; a change of the scene changes this line.
+const CHECKSUM: u64 = 0x8ebc_cd72_dfc0_0d8f;
+
+fn obj() -> String {
+    let mut text = Vec::new();
+    write_obj(&solids(), &mut text).unwrap();
+    String::from_utf8(text).unwrap()
+}
+
+/// The scene as a reader of the OBJ sees it: rounded, indices from zero.
+fn parse(text: &str) -> Vec<Solid> {
+    let mut parsed: Vec<Solid> = vec![];
+    let mut first = 1;
+    for line in text.lines() {
+        let (key, rest) = line.split_once(' ').unwrap();
+        let words: Vec<&str> = rest.split(' ').collect();
+        if key == "o" {
+            first += parsed.last().map_or(0, |s| s.vertices.len() as u32);
+            let name = rest.to_string();
+            parsed.push(Solid {
+                name,
+                vertices: vec![],
+                triangles: vec![],
+            });
+            continue;
+        }
+        let last = parsed.len().wrapping_sub(1);
+        match (key, &words[..]) {
+            ("#", _) => {}
+            ("v", [x, y, z]) => parsed[last]
+                .vertices
+                .push([x, y, z].map(|w| w.parse().unwrap())),
+            ("f", [a, b, c]) => parsed[last]
+                .triangles
+                .push([a, b, c].map(|w| w.parse::<u32>().unwrap() - first)),
+            _ => panic!("unexpected line: {line}"),
+        }
+    }
+    parsed
+}
+
+fn sub(a: Point, b: Point) -> Point {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+fn cross(a: Point, b: Point) -> Point {
+    [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    ]
+}
+
+fn dot(a: Point, b: Point) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// Corners of every triangle of a solid.
+fn corners(solid: &Solid) -> impl Iterator<Item = [Point; 3]> {
+    solid.triangles.iter().map(|t| t.map(|i| solid.vertices[i as usize]))
+}
+
+/// Twice the area times the normal.
+fn normal([a, b, c]: [Point; 3]) -> Point {
+    cross(sub(b, a), sub(c, a))
+}
+
+/// Directed edges that do not occur once, with their reverse once.
+fn unmatched_edges(solid: &Solid) -> usize {
+    let mut edges: HashMap<(u32, u32), usize> = HashMap::new();
+    for &[a, b, c] in &solid.triangles {
+        for edge in [(a, b), (b, c), (c, a)] {
+            *edges.entry(edge).or_default() += 1;
+        }
+    }
+    let once = |edge: (u32, u32)| edges.get(&edge) == Some(&1);
+    edges.keys().filter(|&&(a, b)| !once((a, b)) || !once((b, a))).count()
+}
+
+#[test]
+fn every_solid_is_closed_and_consistently_oriented() {
+    for solid in parse(&obj()) {
+        assert_eq!(unmatched_edges(&solid), 0, "{}", solid.name);
+    }
+}
+
+#[test]
+fn a_missing_or_reversed_triangle_is_noticed() {
+    let mut solid = solids().swap_remove(0);
+    let last = solid.triangles.pop().unwrap();
+    assert_eq!(unmatched_edges(&solid), 3);
+    solid.triangles.push([last[1], last[0], last[2]]);
+    assert_ne!(unmatched_edges(&solid), 0);
+}
+
+#[test]
+fn every_solid_has_a_positive_volume() {
+    for solid in parse(&obj()) {
+        // The first vertex as origin keeps the sum free of cancellation.
+        let origin = solid.vertices[0];
+        let volume: f64 = corners(&solid)
+            .map(|t| t.map(|p| sub(p, origin)))
+            .map(|[a, b, c]| dot(a, cross(b, c)) / 6.0)
+            .sum();
+        assert!(volume > 1e-5, "{}: {volume} m3", solid.name);
+    }
+}
+
+#[test]
+fn no_triangle_is_degenerate_after_rounding() {
+    for solid in parse(&obj()) {
+        for t in corners(&solid) {
+            let n = normal(t);
+            let area = dot(n, n).sqrt() / 2.0;
+            assert!(area > 1e-6, "{}: {t:?} has {area} m2", solid.name);
+        }
+    }
+}
+
+#[test]
+fn vertices_of_a_solid_stay_different_after_rounding() {
+    for solid in parse(&obj()) {
+        let places = solid.vertices.iter().map(|p| p.map(f64::to_bits));
+        let different: HashSet<_> = places.collect();
+        assert_eq!(different.len(), solid.vertices.len(), "{}", solid.name);
+    }
+}
+
+/// A triangle's plane, rounded and without its sense, to group by.
+fn plane(t: [Point; 3]) -> [i64; 4] {
+    let n = normal(t);
+    let length = dot(n, n).sqrt();
+    let lead = n.iter().find(|c| c.abs() > 1e-3 * length).unwrap();
+    let n = n.map(|c| c / length * lead.signum());
+    let round = |x: f64| (x * 2e3).round() as i64;
+    [round(n[0]), round(n[1]), round(n[2]), round(dot(n, t[0]))]
+}
+
+/// Whether two triangles of one plane overlap by more than a millimetre.
+fn overlap(s: [Point; 3], t: [Point; 3]) -> bool {
+    let n = normal(s);
+    let apart = |u: [Point; 3]| {
+        (0..3).any(|i| {
+            let axis = cross(n, sub(u[(i + 1) % 3], u[i]));
+            let length = dot(axis, axis).sqrt();
+            let low = |v: [Point; 3]| {
+                v.map(|p| dot(axis, p) / length)
+                    .into_iter()
+                    .fold(f64::INFINITY, f64::min)
+            };
+            let high = |v: [Point; 3]| -low(v.map(|p| p.map(|c| -c)));
+            high(s) < low(t) + 1e-3 || high(t) < low(s) + 1e-3
+        })
+    };
+    !apart(s) && !apart(t)
+}
+
+#[test]
+fn no_two_solids_overlap_in_a_common_plane() {
+    let scene = parse(&obj());
+    let mut planes: HashMap<[i64; 4], Vec<(usize, [Point; 3])>> =
+        HashMap::new();
+    for (i, solid) in scene.iter().enumerate() {
+        for t in corners(solid) {
+            planes.entry(plane(t)).or_default().push((i, t));
+        }
+    }
+    let mut found = HashSet::new();
+    for group in planes.values() {
+        for (k, &(i, s)) in group.iter().enumerate() {
+            for &(j, t) in &group[k + 1..] {
+                if i != j && overlap(s, t) {
+                    let kind = |i: usize| {
+                        scene[i].name.split('.').next().unwrap().to_string()
+                    };
+                    found.insert((kind(i), kind(j), plane(t)));
+                }
+            }
+        }
+    }
+    assert!(found.is_empty(), "{found:?}");
+}
+
+#[test]
+fn overlapping_triangles_of_one_plane_are_noticed() {
+    let t = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]];
+    let by = |x: f64| t.map(|p| [p[0] + x, p[1], p[2]]);
+    assert!(overlap(t, by(0.5)));
+    assert!(!overlap(t, by(1.5)));
+}
+
+#[test]
+fn the_scene_has_at_least_sixty_thousand_triangles() {
+    let triangles: usize = solids().iter().map(|s| s.triangles.len()).sum();
+    assert!(triangles >= 60_000, "{triangles}");
+}
+
+#[test]
+fn two_runs_write_the_recorded_bytes() {
+    let text = obj();
+    assert!(text == obj());
+    let fnv = text.bytes().fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| {
+        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
+    });
+    assert_eq!(fnv, CHECKSUM, "the scene is now {fnv:#018x}");
+}
+
+#[test]
+fn the_obj_reads_back_as_the_same_scene() {
+    let (written, read) = (solids(), parse(&obj()));
+    assert_eq!(written.len(), read.len());
+    for (a, b) in written.iter().zip(&read) {
+        assert_eq!((&a.name, &a.triangles), (&b.name, &b.triangles));
+        assert_eq!(a.vertices.len(), b.vertices.len());
+        for (p, q) in a.vertices.iter().zip(&b.vertices) {
+            let near = (0..3).all(|k| (p[k] - q[k]).abs() <= 0.500_001e-5);
+            assert!(near, "{}: {p:?} {q:?}", a.name);
+        }
+    }
+}
+
+#[test]
+fn solids_have_different_names() {
+    let scene = solids();
+    let names: HashSet<_> = scene.iter().map(|s| &s.name).collect();
+    assert_eq!(names.len(), scene.len());
+}
+
+fn courtyard() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_courtyard"))
+}
+
+#[test]
+fn the_command_writes_the_scene() {
+    let output = courtyard().output().unwrap();
+    assert_eq!(output.status.code(), Some(0));
+    assert!(output.stderr.is_empty());
+    assert!(output.stdout == obj().into_bytes());
+}
+
+#[test]
+fn help_is_given_on_standard_output() {
+    for word in ["-h", "--help"] {
+        let output = courtyard().arg(word).output().unwrap();
+        assert_eq!(output.status.code(), Some(0));
+        assert!(output.stdout.starts_with(b"usage: courtyard"));
+    }
+}
+
+#[test]
+fn an_unknown_argument_is_wrong_usage() {
+    let output = courtyard().arg("-x").output().unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    assert!(output.stdout.is_empty());
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(
+        message,
+        "courtyard: error: unexpected argument '-x'; see --help\n"
+    );
+}
+
+#[test]
+fn a_reader_that_leaves_early_is_no_error() {
+    let mut child = courtyard()
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    drop(child.stdout.take());
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(0));
+    assert!(output.stderr.is_empty());
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_is_reported() {
+    let full = OpenOptions::new().write(true).open("/dev/full").unwrap();
+    let child =
+        courtyard().stdout(full).stderr(Stdio::piped()).spawn().unwrap();
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert!(message.contains("standard output"), "{message}");
+    assert_eq!(message.lines().count(), 1);
+}

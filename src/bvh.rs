@@ -1,0 +1,272 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Finding the first triangle along a ray.
+//!
+//! An intersector answers for a whole scene. It works in the scene's
+//! coordinates: boxes and corners are single precision, while rays,
+//! hits and the test of a triangle are double precision.
+
+// List the parts of an intersector
+pub mod anatomy;
+#[cfg(target_arch = "x86_64")]
+mod avx2;
+#[cfg(target_arch = "x86_64")]
+mod avx512;
+mod huge_pages;
+mod spawn;
+mod traversal;
+mod triangle;
+mod wide;
+
+pub use wide::{Quality, in_morton_order};
+
+// Name what the hierarchy imports
+use std::{fmt, io};
+
+use clap::ValueEnum;
+use glam::DVec3;
+
+use crate::scene::{Ray, Scene, Triangle};
+use wide::Wide;
+
+// Say what an intersector answers
+/// Where a ray meets the scene first.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hit {
+    /// The point, in the coordinates of the scene, from where a path
+    /// goes on: slightly off the surface, on the side of the normal.
+    pub point: DVec3,
+    /// The unit normal on the side from which the ray came.
+    pub normal: DVec3,
+    /// The triangle, by the intersector's own number.
+    pub primitive: u32,
+    /// Whether the point lies just above its triangle, and was not moved
+    /// away because others were too close.
+    pub is_clear: bool,
+}
+
+/// Finds hits in one scene.
+pub trait Intersector: Sync + Sized {
+    /// The first hit of `ray` on a triangle other than `from`, which it
+    /// leaves.
+    fn first_hit(&self, ray: &Ray, from: Option<u32>) -> Option<Hit>;
+
+    // Ask only whether a ray is blocked
+    /// Whether `ray` meets any triangle other than `from`: the same as
+    /// `first_hit(ray, from).is_some()`, and perhaps faster.
+    fn is_occluded(&self, ray: &Ray, from: Option<u32>) -> bool {
+        self.first_hit(ray, from).is_some()
+    }
+
+    // Let an intersector choose its copy
+    /// Does `work` with the intersector that answers fastest for this one.
+    fn dispatch<W: Dispatch>(&self, work: W) -> W::Output {
+        work.with(self)
+    }
+}
+
+/// Something to be done with an intersector, whichever it is.
+pub trait Dispatch {
+    /// What it gives.
+    type Output;
+
+    /// Does it.
+    fn with<K: Intersector>(self, intersector: &K) -> Self::Output;
+}
+
+// Name the sets of instructions
+/// Sets of instructions with which a hierarchy can be walked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Isa {
+    /// Sixteen boxes at a time
+    Avx512,
+    /// Eight boxes at a time
+    Avx2,
+    /// What every processor has
+    Portable,
+}
+
+impl Isa {
+    /// All, from the fastest to the slowest.
+    pub const ALL: [Self; 3] = [Self::Avx512, Self::Avx2, Self::Portable];
+
+    // Ask the processor for a set
+    /// Whether this processor has the instructions.
+    pub fn is_available(self) -> bool {
+        match self {
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512 => avx512::is_available(),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2 => avx2::is_available(),
+            #[cfg(not(target_arch = "x86_64"))]
+            Self::Avx512 | Self::Avx2 => false,
+            Self::Portable => true,
+        }
+    }
+
+    /// The fastest set that this processor has.
+    pub fn best() -> Self {
+        let available =
+            Self::ALL.into_iter().find(|isa| isa.is_available());
+        available.unwrap_or(Self::Portable)
+    }
+}
+
+impl fmt::Display for Isa {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str(match self {
+            Self::Avx512 => "avx512",
+            Self::Avx2 => "avx2",
+            Self::Portable => "portable",
+        })
+    }
+}
+
+// Choose the walk for a processor
+/// Why there is no hierarchy.
+#[derive(Debug)]
+pub enum BuildError {
+    /// The processor lacks these instructions.
+    NoInstructions(Isa),
+    /// The system lacks the memory.
+    Memory(io::Error),
+}
+
+impl fmt::Display for BuildError {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        match self {
+            Self::NoInstructions(isa) => {
+                write!(f, "this processor lacks the instructions {isa}")
+            }
+            Self::Memory(error) => {
+                write!(f, "no room for the hierarchy: {error}")
+            }
+        }
+    }
+}
+
+impl std::error::Error for BuildError {}
+
+impl From<io::Error> for BuildError {
+    fn from(error: io::Error) -> Self {
+        Self::Memory(error)
+    }
+}
+
+/// A hierarchy over the triangles of a scene, with a walk through it.
+pub struct Bvh(Form);
+
+enum Form {
+    #[cfg(target_arch = "x86_64")]
+    Avx512(avx512::Walker),
+    #[cfg(target_arch = "x86_64")]
+    Avx2(avx2::Walker),
+    Portable(traversal::Walker),
+}
+
+macro_rules! with_walker {
+    ($bvh:expr, $walker:ident => $answer:expr) => {
+        match &$bvh.0 {
+            #[cfg(target_arch = "x86_64")]
+            Form::Avx512($walker) => $answer,
+            #[cfg(target_arch = "x86_64")]
+            Form::Avx2($walker) => $answer,
+            Form::Portable($walker) => $answer,
+        }
+    };
+}
+
+impl Bvh {
+    // Build a hierarchy for a long render
+    /// The hierarchy of a scene for a long render on this processor.
+    ///
+    /// # Errors
+    /// Too little memory, or more than 2^29 triangles.
+    pub fn new(scene: &Scene) -> Result<Self, BuildError> {
+        Self::with(scene, Quality::Medium, Isa::best())
+    }
+
+    // Build with a quality and instructions
+    /// The hierarchy of a scene, built with care `quality`, on all
+    /// threads, for the instructions `isa`.
+    ///
+    /// # Errors
+    /// Instructions that this processor lacks, too little memory, or more
+    /// than 2^29 triangles.
+    pub fn with(
+        scene: &Scene,
+        quality: Quality,
+        isa: Isa,
+    ) -> Result<Self, BuildError> {
+        Self::of(scene.triangles().to_vec(), quality, isa)
+    }
+
+    // Build a hierarchy that uses its triangles up
+    /// The same of `triangles` in the coordinates of a scene. Their memory
+    /// is given back part by part.
+    ///
+    /// # Errors
+    /// Those of [`Self::with`].
+    pub fn of(
+        triangles: Vec<Triangle>,
+        quality: Quality,
+        isa: Isa,
+    ) -> Result<Self, BuildError> {
+        // Build for one set of instructions
+        if !isa.is_available() {
+            return Err(BuildError::NoInstructions(isa));
+        }
+        let missing = BuildError::NoInstructions(isa);
+        let form = match isa {
+            // Build for vectors of sixteen and eight
+            #[cfg(target_arch = "x86_64")]
+            Isa::Avx512 => {
+                let wide = Wide::new(triangles, quality)?;
+                avx512::Walker::new(wide).map(Form::Avx512)
+            }
+            #[cfg(target_arch = "x86_64")]
+            Isa::Avx2 => {
+                let wide = Wide::new(triangles, quality)?;
+                avx2::Walker::new(wide).map(Form::Avx2)
+            }
+            _ => {
+                let wide = Wide::new(triangles, quality)?;
+                Some(Form::Portable(traversal::Walker(wide)))
+            }
+        };
+        form.map(Self).ok_or(missing)
+    }
+}
+
+// Answer with the chosen walk
+impl Bvh {
+    /// For each `Hit::primitive` the number of the triangle in the scene.
+    pub fn numbers(&self) -> Vec<u32> {
+        with_walker!(self, walker => walker.wide().leaves.numbers())
+    }
+
+    /// The triangles of the scene, by their numbers there.
+    pub fn triangles(&self) -> Vec<Triangle> {
+        with_walker!(self, walker => walker.wide().triangles())
+    }
+}
+
+impl Intersector for Bvh {
+    fn first_hit(&self, ray: &Ray, from: Option<u32>) -> Option<Hit> {
+        with_walker!(self, walker => walker.first_hit(ray, from))
+    }
+
+    fn is_occluded(&self, ray: &Ray, from: Option<u32>) -> bool {
+        with_walker!(self, walker => walker.is_occluded(ray, from))
+    }
+
+    fn dispatch<W: Dispatch>(&self, work: W) -> W::Output {
+        with_walker!(self, walker => work.with(walker))
+    }
+}

@@ -1,0 +1,263 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The walk in AVX2 instructions, with eight boxes at a time.
+//!
+//! Each function does what its portable namesake does.
+
+// Name what the eight lanes import
+use std::arch::x86_64::*;
+
+use super::spawn::hit;
+use super::traversal::{Entered, Slabs, Stack, traverse};
+use super::triangle::{
+    CLOSE, LANES, Leaf, NARROW, NEAR, NONE, Search, Shear,
+};
+use super::wide::{Node, Wide};
+use super::{Hit, Intersector};
+use crate::scene::Ray;
+
+/// A hierarchy on a processor that has the instructions.
+pub struct Walker(Wide<8>);
+
+// Ask the processor for AVX2
+/// Whether this processor has the instructions of this module.
+pub fn is_available() -> bool {
+    is_x86_feature_detected!("avx2")
+        && is_x86_feature_detected!("fma")
+        && is_x86_feature_detected!("bmi1")
+        && is_x86_feature_detected!("bmi2")
+        && is_x86_feature_detected!("lzcnt")
+        && is_x86_feature_detected!("popcnt")
+}
+
+impl Walker {
+    /// None if the processor lacks the instructions.
+    pub fn new(wide: Wide<8>) -> Option<Self> {
+        is_available().then_some(Self(wide))
+    }
+
+    pub fn wide(&self) -> &Wide<8> {
+        &self.0
+    }
+}
+
+// Walk with AVX2 instructions
+impl Intersector for Walker {
+    #[inline]
+    fn first_hit(&self, ray: &Ray, from: Option<u32>) -> Option<Hit> {
+        // SAFETY: a walker exists only where `is_available` holds.
+        unsafe { first_hit(&self.0, ray, from) }
+    }
+
+    #[inline]
+    fn is_occluded(&self, ray: &Ray, from: Option<u32>) -> bool {
+        // SAFETY: as above.
+        unsafe { is_occluded(&self.0, ray, from) }
+    }
+}
+
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+fn first_hit(wide: &Wide<8>, ray: &Ray, from: Option<u32>) -> Option<Hit> {
+    hit(wide, ray, from, &search::<false>(wide, ray, from))
+}
+
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+fn is_occluded(wide: &Wide<8>, ray: &Ray, from: Option<u32>) -> bool {
+    search::<true>(wide, ray, from).slot != NONE
+}
+
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+#[inline]
+fn search<'a, const ANY: bool>(
+    wide: &'a Wide<8>,
+    ray: &Ray,
+    from: Option<u32>,
+) -> Search<'a> {
+    traverse::<8, ANY, __m256>(
+        wide,
+        ray,
+        from,
+        |node, slabs, reach| enter(node, slabs, reach),
+        |node, shift, entered, stack| push(node, shift, entered, stack),
+        |leaf, shear, limit| match ANY {
+            false => meet::<0>(leaf, shear, limit),
+            true => meet::<1>(leaf, shear, limit),
+        },
+    )
+}
+
+// Enter eight boxes at once
+#[target_feature(enable = "avx2,fma")]
+#[inline]
+pub fn enter(node: &Node<8>, slabs: &Slabs, reach: f32) -> Entered<__m256> {
+    // Give the distances of eight planes
+    let plane = |axis: usize, row: usize| {
+        // SAFETY: the rows of `Slabs` are below 6; a row is 8 numbers.
+        let row = unsafe { node.planes.get_unchecked(row) };
+        let planes = unsafe { _mm256_loadu_ps(row.as_ptr()) };
+        let inverse = _mm256_set1_ps(slabs.inverse[axis]);
+        let start = _mm256_set1_ps(slabs.start[axis]);
+        _mm256_fmsub_ps(planes, inverse, start)
+    };
+    let mut near = _mm256_setzero_ps();
+    let mut far = _mm256_set1_ps(reach);
+    for axis in 0..3 {
+        near = _mm256_max_ps(plane(axis, slabs.enter[axis]), near);
+        far = _mm256_min_ps(plane(axis, slabs.leave[axis]), far);
+    }
+    let met = _mm256_cmp_ps::<_CMP_LE_OQ>(near, far);
+    Entered { mask: _mm256_movemask_ps(met) as u32, near, far }
+}
+
+// Pack eight lanes by a table
+/// For each mask, the permutation that moves its lanes to the front.
+const PACK: [[u32; 8]; 256] = {
+    let mut table = [[0; 8]; 256];
+    let mut mask = 0;
+    while mask < 256 {
+        // Write down the lanes of a mask
+        let (mut lane, mut place) = (0, 0);
+        while lane < 8 {
+            if mask >> lane & 1 != 0 {
+                table[mask][place] = lane;
+                place += 1;
+            }
+            lane += 1;
+        }
+        mask += 1;
+    }
+    table
+};
+
+/// Pushes the children entered from far to near; returns the nearest.
+#[target_feature(enable = "avx2,bmi1,lzcnt,popcnt")]
+#[inline]
+pub fn push(
+    node: &Node<8>,
+    shift: u32,
+    entered: &Entered<__m256>,
+    stack: &mut Stack,
+) -> u32 {
+    // Put eight lanes in the octant's order
+    let order = load(&node.order);
+    let order = _mm256_srl_epi32(order, _mm_cvtsi32_si128(shift as i32));
+    let children = load(&node.children);
+    let children = _mm256_permutevar8x32_epi32(children, order);
+    let near = _mm256_permutevar8x32_ps(entered.near, order);
+    let far = _mm256_permutevar8x32_ps(entered.far, order);
+    let met = _mm256_cmp_ps::<_CMP_LE_OQ>(near, far);
+    let mask = _mm256_movemask_ps(met) as u32;
+    // Store all but the nearest child
+    let pack = load(&PACK[mask as usize & 255]);
+    let near = _mm256_permutevar8x32_ps(near, pack);
+    let packed = _mm256_permutevar8x32_epi32(children, pack);
+    let (top, distances) = stack.top::<8>();
+    // SAFETY: there is room for eight, and all but one of those in the mask
+    // are left there.
+    unsafe {
+        _mm256_storeu_si256(top.cast(), packed);
+        _mm256_storeu_ps(distances, near);
+        stack.grow(mask.count_ones() as usize - 1);
+    }
+    let last = _mm256_set1_epi32(31 - mask.leading_zeros() as i32);
+    let child = _mm256_permutevar8x32_epi32(children, last);
+    _mm256_cvtsi256_si32(child) as u32
+}
+
+#[target_feature(enable = "avx2")]
+#[inline]
+fn load(numbers: &[u32; 8]) -> __m256i {
+    // SAFETY: eight numbers are read, from any address.
+    unsafe { _mm256_loadu_si256(numbers.as_ptr().cast()) }
+}
+
+// Meet four triangles at once
+/// The triangles of a leaf that a ray meets up to the distance `limit`,
+/// as a mask, and their distances. Lanes that meet the ray beyond may or
+/// may not be in the mask. Each `WALK` has a copy of its own.
+#[target_feature(enable = "avx2")]
+#[inline]
+pub fn meet<const WALK: u8>(
+    leaf: Leaf,
+    shear: &Shear,
+    limit: f64,
+) -> (u32, [f64; LANES]) {
+    // Shear the corners of four triangles
+    let [i, j, k] = shear.axes;
+    let [ox, oy, oz] = shear.origin.map(|x| _mm256_set1_pd(x));
+    let [sx, sy] = shear.slope.map(|x| _mm256_set1_pd(x));
+    let runs = leaf.corners.as_ptr();
+    let at = |c: usize, axis: usize| {
+        // SAFETY: c and the axes of a shear are below 3, so that the run is
+        // one of nine, after which there are four numbers more.
+        let run = unsafe { runs.add((3 * c + axis) * leaf.count) };
+        _mm256_cvtps_pd(unsafe { _mm_loadu_ps(run) })
+    };
+    let sheared = |lanes, origin, slope, z| {
+        let moved = _mm256_sub_pd(lanes, origin);
+        _mm256_sub_pd(moved, _mm256_mul_pd(slope, z))
+    };
+    let corner = |c| {
+        let z = _mm256_sub_pd(at(c, k), oz);
+        (sheared(at(c, i), ox, sx, z), sheared(at(c, j), oy, sy, z), z)
+    };
+    let ((ax, ay, az), (bx, by, bz)) = (corner(0), corner(1));
+    let (cx, cy, cz) = corner(2);
+    // Compute the four triangles' edge functions
+    let edge = |a, b, c, d| {
+        let product = _mm256_mul_pd(a, b);
+        (_mm256_sub_pd(product, _mm256_mul_pd(c, d)), product)
+    };
+    let (u, p) = edge(cx, by, cy, bx);
+    let (v, q) = edge(ax, cy, ay, cx);
+    let (w, r) = edge(bx, ay, by, ax);
+    // Reject the triangles outside by signs
+    let zero = _mm256_setzero_pd();
+    let least = _mm256_min_pd(_mm256_min_pd(u, v), w);
+    let most = _mm256_max_pd(_mm256_max_pd(u, v), w);
+    let narrow = _mm256_set1_pd(NARROW);
+    let inside = _mm256_or_pd(
+        _mm256_cmp_pd::<_CMP_GE_OQ>(least, _mm256_sub_pd(zero, narrow)),
+        _mm256_cmp_pd::<_CMP_LE_OQ>(most, narrow),
+    );
+    let lanes = leaf.lanes as i32;
+    if _mm256_movemask_pd(inside) & lanes == 0 {
+        return (0, [0.; LANES]);
+    }
+    // Leave close edges to the portable function
+    let size = |e| _mm256_andnot_pd(_mm256_set1_pd(-0.), e);
+    let smallest = _mm256_max_pd(least, _mm256_sub_pd(zero, most));
+    let largest = _mm256_max_pd(_mm256_max_pd(size(p), size(q)), size(r));
+    let threshold = _mm256_mul_pd(_mm256_set1_pd(CLOSE), largest);
+    let close = _mm256_cmp_pd::<_CMP_LE_OQ>(smallest, threshold);
+    if _mm256_movemask_pd(_mm256_and_pd(close, inside)) & lanes != 0 {
+        return carefully(leaf, shear);
+    }
+    // Divide for the distances
+    let sum = _mm256_add_pd(_mm256_add_pd(u, v), w);
+    let height = _mm256_add_pd(_mm256_mul_pd(u, az), _mm256_mul_pd(v, bz));
+    let height = _mm256_add_pd(height, _mm256_mul_pd(w, cz));
+    let height = _mm256_div_pd(height, sum);
+    let distance = _mm256_mul_pd(height, _mm256_set1_pd(shear.stretch));
+    let least = _mm256_set1_pd(-NEAR);
+    let ahead = _mm256_cmp_pd::<_CMP_GT_OQ>(distance, least);
+    let limit = _mm256_set1_pd(limit);
+    let within = _mm256_cmp_pd::<_CMP_LE_OQ>(distance, limit);
+    let met = _mm256_and_pd(inside, _mm256_and_pd(ahead, within));
+    let mut distances = [0.; LANES];
+    // SAFETY: four numbers are written.
+    unsafe { _mm256_storeu_pd(distances.as_mut_ptr(), distance) };
+    ((_mm256_movemask_pd(met) & lanes) as u32, distances)
+}
+
+#[cold]
+#[inline(never)]
+fn carefully(leaf: Leaf, shear: &Shear) -> (u32, [f64; LANES]) {
+    leaf.meet(shear)
+}

@@ -1,0 +1,169 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The walk in AVX-512 instructions, with sixteen boxes at a time.
+//!
+//! Each function does what its portable namesake does.
+
+// Name what the sixteen lanes import
+use std::arch::x86_64::*;
+
+use super::avx2;
+use super::spawn::hit;
+use super::traversal::{Entered, Slabs, Stack, traverse};
+use super::triangle::{NONE, Search};
+use super::wide::{Node, Wide};
+use super::{Hit, Intersector};
+use crate::scene::Ray;
+
+/// A hierarchy on a processor that has the instructions.
+pub struct Walker(Wide<16>);
+
+// Ask the processor for AVX-512
+/// Whether this processor has the instructions of this module.
+pub fn is_available() -> bool {
+    avx2::is_available()
+        && is_x86_feature_detected!("avx512f")
+        && is_x86_feature_detected!("avx512vl")
+        && is_x86_feature_detected!("avx512dq")
+}
+
+impl Walker {
+    /// None if the processor lacks the instructions.
+    pub fn new(wide: Wide<16>) -> Option<Self> {
+        is_available().then_some(Self(wide))
+    }
+
+    pub fn wide(&self) -> &Wide<16> {
+        &self.0
+    }
+}
+
+// Walk with AVX-512 instructions
+impl Intersector for Walker {
+    #[inline]
+    fn first_hit(&self, ray: &Ray, from: Option<u32>) -> Option<Hit> {
+        // SAFETY: a walker exists only where `is_available` holds.
+        unsafe { first_hit(&self.0, ray, from) }
+    }
+
+    #[inline]
+    fn is_occluded(&self, ray: &Ray, from: Option<u32>) -> bool {
+        // SAFETY: as above.
+        unsafe { is_occluded(&self.0, ray, from) }
+    }
+}
+
+#[target_feature(
+    enable = "avx512f,avx512vl,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt"
+)]
+fn first_hit(wide: &Wide<16>, ray: &Ray, from: Option<u32>) -> Option<Hit> {
+    hit(wide, ray, from, &search::<false>(wide, ray, from))
+}
+
+#[target_feature(
+    enable = "avx512f,avx512vl,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt"
+)]
+fn is_occluded(wide: &Wide<16>, ray: &Ray, from: Option<u32>) -> bool {
+    search::<true>(wide, ray, from).slot != NONE
+}
+
+#[target_feature(
+    enable = "avx512f,avx512vl,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt"
+)]
+#[inline]
+fn search<'a, const ANY: bool>(
+    wide: &'a Wide<16>,
+    ray: &Ray,
+    from: Option<u32>,
+) -> Search<'a> {
+    traverse::<16, ANY, __m512>(
+        wide,
+        ray,
+        from,
+        |node, slabs, reach| enter(node, slabs, reach),
+        |node, shift, entered, stack| push(node, shift, entered, stack),
+        |leaf, shear, limit| match ANY {
+            false => avx2::meet::<2>(leaf, shear, limit),
+            true => avx2::meet::<3>(leaf, shear, limit),
+        },
+    )
+}
+
+// Enter sixteen boxes at once
+#[target_feature(enable = "avx512f")]
+#[inline]
+pub fn enter(
+    node: &Node<16>,
+    slabs: &Slabs,
+    reach: f32,
+) -> Entered<__m512> {
+    // Give the distances of sixteen planes
+    let plane = |axis: usize, row: usize| {
+        // SAFETY: the rows of `Slabs` are below 6; a row is 16 numbers.
+        let row = unsafe { node.planes.get_unchecked(row) };
+        let planes = unsafe { _mm512_loadu_ps(row.as_ptr()) };
+        let inverse = _mm512_set1_ps(slabs.inverse[axis]);
+        let start = _mm512_set1_ps(slabs.start[axis]);
+        _mm512_fmsub_ps(planes, inverse, start)
+    };
+    let enter = |axis| plane(axis, slabs.enter[axis]);
+    let leave = |axis| plane(axis, slabs.leave[axis]);
+    // Take the last entry and first exit
+    let near = _mm512_max_ps(
+        _mm512_max_ps(enter(0), enter(1)),
+        _mm512_max_ps(enter(2), _mm512_setzero_ps()),
+    );
+    let far = _mm512_min_ps(
+        _mm512_min_ps(leave(0), leave(1)),
+        _mm512_min_ps(leave(2), _mm512_set1_ps(reach)),
+    );
+    let mask = _mm512_cmp_ps_mask::<_CMP_LE_OQ>(near, far);
+    Entered { mask: mask.into(), near, far }
+}
+
+// Compress sixteen lanes
+/// Pushes the children entered from far to near; returns the nearest.
+#[target_feature(enable = "avx512f,lzcnt,popcnt")]
+#[inline]
+pub fn push(
+    node: &Node<16>,
+    shift: u32,
+    entered: &Entered<__m512>,
+    stack: &mut Stack,
+) -> u32 {
+    // Put sixteen lanes in the octant's order
+    let order = load(&node.order);
+    let order = _mm512_srl_epi32(order, _mm_cvtsi32_si128(shift as i32));
+    let children = _mm512_permutexvar_epi32(order, load(&node.children));
+    let near = _mm512_permutexvar_ps(order, entered.near);
+    let far = _mm512_permutexvar_ps(order, entered.far);
+    let met = _mm512_cmp_ps_mask::<_CMP_LE_OQ>(near, far);
+    let mask = u32::from(met);
+    // Store all but the nearest of sixteen
+    let (top, distances) = stack.top::<16>();
+    // SAFETY: there is room for sixteen, and all but one of those in the mask
+    // are left there.
+    unsafe {
+        let packed = _mm512_maskz_compress_epi32(met, children);
+        _mm512_storeu_si512(top.cast(), packed);
+        let near = _mm512_maskz_compress_ps(met, near);
+        _mm512_storeu_ps(distances, near);
+        stack.grow(mask.count_ones() as usize - 1);
+    }
+    let last = _mm512_set1_epi32(31 - mask.leading_zeros() as i32);
+    let child = _mm512_permutexvar_epi32(last, children);
+    _mm512_cvtsi512_si32(child) as u32
+}
+
+#[target_feature(enable = "avx512f")]
+#[inline]
+fn load(numbers: &[u32; 16]) -> __m512i {
+    // SAFETY: sixteen numbers are read, from any address.
+    unsafe { _mm512_loadu_si512(numbers.as_ptr().cast()) }
+}

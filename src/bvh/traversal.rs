@@ -1,0 +1,356 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The walk through a wide hierarchy, and its portable form.
+//!
+//! Boxes are compared with the ray in single precision. They are padded
+//! so that rounding cannot hide a triangle: each triangle that the exact
+//! test finds up to the end of the ray is tested, whatever the tree.
+
+// Name what the walk imports
+use std::array;
+use std::mem::MaybeUninit;
+
+use bytemuck::Pod;
+use glam::DVec3;
+
+use super::spawn::hit;
+use super::triangle::{LANES, Leaf, NEAR, NONE, Search, Shear};
+use super::wide::{LEAF, Node, Wide, slots};
+use super::{Hit, Intersector};
+use crate::scene::Ray;
+
+// Prepare a ray for boxes
+/// A ray in single precision, prepared for the planes of boxes.
+pub struct Slabs {
+    /// 1/d of each axis, neither zero nor infinite.
+    pub inverse: [f32; 3],
+    /// o/d of each axis.
+    pub start: [f32; 3],
+    /// The rows of a node's planes, 0 to 5, by which the ray enters.
+    pub enter: [usize; 3],
+    /// The rows by which it leaves.
+    pub leave: [usize; 3],
+    /// Four times the octant, whose bit k says that d of axis k is not
+    /// negative.
+    pub shift: u32,
+}
+
+impl Slabs {
+    #[inline(always)]
+    pub fn new(ray: &Ray) -> Self {
+        let direction = ray.direction.as_vec3().to_array();
+        let origin = ray.origin.as_vec3().to_array();
+        let inverse = direction.map(|d| 1. / steep(d));
+        let start = array::from_fn(|i| origin[i] * inverse[i]);
+        let up = direction.map(|d| usize::from(d >= 0.));
+        let enter = array::from_fn(|i| i + 3 * (1 - up[i]));
+        let leave = array::from_fn(|i| i + 3 * up[i]);
+        let shift = 4 * (up[0] | up[1] << 1 | up[2] << 2) as u32;
+        Self { inverse, start, enter, leave, shift }
+    }
+}
+
+const LEAST: f32 = f32::from_bits((127 - 60) << 23);
+
+/// The component `d` of a direction, of size `LEAST` at least.
+#[inline(always)]
+fn steep(d: f32) -> f32 {
+    match d {
+        _ if d.abs() >= LEAST => d,
+        _ if d < 0. => -LEAST,
+        _ => LEAST,
+    }
+}
+
+/// Rays with an origin or a direction that has a component of 2^64 or more
+/// meet nothing. With a direction of at least `LEAST` nothing overflows.
+const OUTER: f64 = (1u128 << 64) as f64;
+
+// Keep the children to come
+/// Children that a stack holds.
+pub const STACK: usize = 1024;
+
+/// Room for children that wait.
+pub struct Waiting {
+    children: [MaybeUninit<u32>; STACK],
+    /// Where the ray enters their boxes.
+    distances: [MaybeUninit<f32>; STACK],
+}
+
+impl Waiting {
+    #[inline(always)]
+    pub fn new() -> Self {
+        Self {
+            children: [const { MaybeUninit::uninit() }; STACK],
+            distances: [const { MaybeUninit::uninit() }; STACK],
+        }
+    }
+}
+
+/// Children that wait, the next one last.
+pub struct Stack<'a> {
+    waiting: &'a mut Waiting,
+    /// How many wait. The elements below have been written.
+    length: usize,
+}
+
+impl<'a> Stack<'a> {
+    #[inline(always)]
+    pub fn new(waiting: &'a mut Waiting) -> Self {
+        Self { waiting, length: 0 }
+    }
+
+    /// How many children wait.
+    pub fn length(&self) -> usize {
+        self.length
+    }
+
+    // Put one child on the stack
+    #[inline(always)]
+    pub fn push(&mut self, child: u32, distance: f32) {
+        let (children, distances) = self.top::<1>();
+        // SAFETY: both point to an element, which is then written.
+        unsafe {
+            children.write(child);
+            distances.write(distance);
+            self.grow(1);
+        }
+    }
+
+    // Store vectors on the stack
+    /// Where the next `N` children and their distances go.
+    #[inline(always)]
+    pub fn top<const N: usize>(&mut self) -> (*mut u32, *mut f32) {
+        debug_assert!(self.length + N <= STACK);
+        // SAFETY: no hierarchy is so deep that a walk through it has less
+        // than N elements left.
+        unsafe {
+            (
+                self.waiting.children.as_mut_ptr().add(self.length).cast(),
+                self.waiting.distances.as_mut_ptr().add(self.length).cast(),
+            )
+        }
+    }
+
+    /// Lets `count` more children wait.
+    ///
+    /// # Safety
+    /// They have been written at `top`.
+    #[inline(always)]
+    pub unsafe fn grow(&mut self, count: usize) {
+        self.length += count;
+    }
+
+    // Take the next child within reach
+    /// Takes off children up to the first that begins within `reach`.
+    #[inline(always)]
+    pub fn pop(&mut self, reach: f32) -> Option<u32> {
+        while self.length > 0 {
+            self.length -= 1;
+            let i = self.length;
+            let Waiting { children, distances } = &self.waiting;
+            // SAFETY: the element was below `length`, so it was written.
+            unsafe {
+                if distances.get_unchecked(i).assume_init() <= reach {
+                    return Some(children.get_unchecked(i).assume_init());
+                }
+            }
+        }
+        None
+    }
+}
+
+// Walk from the root
+/// The children of a node whose boxes a ray enters.
+pub struct Entered<V> {
+    /// Bit i stands for the child in slot i.
+    pub mask: u32,
+    /// Where the ray enters each box, not before its own start.
+    pub near: V,
+    /// Where it leaves each box, not beyond its reach. A box is entered
+    /// if `near <= far`.
+    pub far: V,
+}
+
+/// Searches the triangles that `ray` meets, other than `from`, for the
+/// nearest one, or with `ANY` for one.
+#[inline(always)]
+pub fn traverse<'a, const N: usize, const ANY: bool, V>(
+    wide: &'a Wide<N>,
+    ray: &Ray,
+    from: Option<u32>,
+    enter: impl Fn(&Node<N>, &Slabs, f32) -> Entered<V>,
+    push: impl Fn(&Node<N>, u32, &Entered<V>, &mut Stack) -> u32,
+    meet: impl Fn(Leaf<'a>, &Shear, f64) -> (u32, [f64; LANES]),
+) -> Search<'a>
+where
+    Node<N>: Pod,
+{
+    let nodes: &[Node<N>] = &wide.nodes;
+    let mut search = Search::new(&wide.leaves, from);
+    // Let no ray start out of bounds
+    let bounds = DVec3::splat(OUTER);
+    let within = |v: DVec3| v.abs().cmplt(bounds);
+    if !(within(ray.origin) & within(ray.direction)).all() {
+        return search;
+    }
+    // Prepare to walk from the root
+    let (slabs, shear) = (Slabs::new(ray), Shear::new(ray));
+    let mut waiting = Waiting::new();
+    let mut stack = Stack::new(&mut waiting);
+    let mut reach = f32::INFINITY;
+    let mut child = 0;
+    // Go from nodes to leaves
+    loop {
+        while child & LEAF == 0 {
+            // Choose among the children entered
+            // SAFETY: children without the bit LEAF are numbers of nodes.
+            let node = unsafe { nodes.get_unchecked(child as usize) };
+            let entered = enter(node, &slabs, reach);
+            let mask = entered.mask;
+            child = match mask.count_ones() {
+                0 => match stack.pop(reach) {
+                    Some(waiting) => waiting,
+                    None => return search,
+                },
+                1 => {
+                    node.children[mask.trailing_zeros() as usize & (N - 1)]
+                }
+                _ => push(node, slabs.shift, &entered, &mut stack),
+            };
+        }
+        // Offer the leaf's triangles and go on
+        if look(&mut search, child, (ray, &shear), &meet) != 0 {
+            if ANY && search.slot != NONE {
+                return search;
+            }
+            reach = search.distance as f32;
+        }
+        match stack.pop(reach) {
+            Some(waiting) => child = waiting,
+            None => return search,
+        }
+    }
+}
+
+/// Offers the triangles of a leaf that the ray meets; their mask.
+#[inline(always)]
+pub fn look<'a>(
+    search: &mut Search<'a>,
+    child: u32,
+    (ray, shear): (&Ray, &Shear),
+    meet: impl Fn(Leaf<'a>, &Shear, f64) -> (u32, [f64; LANES]),
+) -> u32 {
+    let (first, count) = slots(child);
+    // SAFETY: children with the bit LEAF are leaves that are there.
+    let leaf = unsafe { search.leaf(first, count) };
+    let limit = search.distance + NEAR;
+    let (met, distances) = meet(leaf, shear, limit);
+    // Offer each lane of the mask
+    let mut left = met;
+    while left != 0 {
+        let lane = left.trailing_zeros();
+        let distance = distances[lane as usize % LANES];
+        search.offer((first, count), lane, distance, ray);
+        left &= left - 1;
+    }
+    met
+}
+
+// Look at one node portably
+/// Which boxes of `node` a ray enters before `reach`, where `distance`
+/// is that of a plane, given 1/d and o/d.
+#[inline(always)]
+pub fn enter<const N: usize>(
+    node: &Node<N>,
+    slabs: &Slabs,
+    reach: f32,
+    distance: impl Fn(f32, f32, f32) -> f32,
+) -> Entered<[f32; N]> {
+    let (mut near, mut far) = ([0f32; N], [reach; N]);
+    for axis in 0..3 {
+        let (inverse, start) = (slabs.inverse[axis], slabs.start[axis]);
+        let enter = &node.planes[slabs.enter[axis]];
+        let leave = &node.planes[slabs.leave[axis]];
+        // Narrow the intervals of all boxes
+        for i in 0..N {
+            let a = distance(enter[i], inverse, start);
+            let b = distance(leave[i], inverse, start);
+            near[i] = if a > near[i] { a } else { near[i] };
+            far[i] = if b < far[i] { b } else { far[i] };
+        }
+    }
+    let bit = |i: usize| u32::from(near[i] <= far[i]) << i;
+    Entered { mask: (0..N).map(bit).sum(), near, far }
+}
+
+/// Pushes the children entered from far to near; returns the nearest.
+pub fn push<const N: usize>(
+    node: &Node<N>,
+    shift: u32,
+    entered: &Entered<[f32; N]>,
+    stack: &mut Stack,
+) -> u32 {
+    let slots = node.order.iter();
+    let slots = slots.map(|order| (order >> shift) as usize & (N - 1));
+    let mut met = slots.filter(|slot| entered.mask >> slot & 1 != 0);
+    let mut next = met.next().unwrap_or(0);
+    for slot in met {
+        stack.push(node.children[next], entered.near[next]);
+        next = slot;
+    }
+    node.children[next]
+}
+
+// Answer with the portable form
+/// A hierarchy that is walked with what every processor has.
+pub struct Walker(pub Wide<8>);
+
+impl Walker {
+    pub fn wide(&self) -> &Wide<8> {
+        &self.0
+    }
+
+    // Search with the portable functions
+    fn search<const ANY: bool>(
+        &self,
+        ray: &Ray,
+        from: Option<u32>,
+    ) -> Search<'_> {
+        traverse::<8, ANY, [f32; 8]>(
+            &self.0,
+            ray,
+            from,
+            |node, slabs, reach| enter(node, slabs, reach, distance),
+            push,
+            |leaf, shear, _| leaf.meet(shear),
+        )
+    }
+}
+
+/// The distance of the plane `b`, with two roundings.
+#[inline(always)]
+pub fn distance(b: f32, inverse: f32, start: f32) -> f32 {
+    b * inverse - start
+}
+
+impl Intersector for Walker {
+    fn first_hit(&self, ray: &Ray, from: Option<u32>) -> Option<Hit> {
+        hit(&self.0, ray, from, &self.search::<false>(ray, from))
+    }
+
+    fn is_occluded(&self, ray: &Ray, from: Option<u32>) -> bool {
+        self.search::<true>(ray, from).slot != NONE
+    }
+}
+
+// Compare the instructions with the portable form
+#[cfg(all(test, target_arch = "x86_64"))]
+#[path = "../../tests/units/traversal.rs"]
+mod tests;

@@ -1,0 +1,185 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! OpenEXR: channels `Y`, `stderr.Y` and `samples.Y`, and attributes.
+
+// Name what the format EXR imports
+use std::io::{self, Cursor, Write};
+
+use exr::math::Vec2;
+use exr::meta::MetaData;
+use exr::meta::attribute::{AttributeValue, LineOrder, Text};
+use exr::meta::header::LayerAttributes;
+use exr::prelude::{
+    AnyChannel, AnyChannels, Blocks, Compression, Encoding, FlatSamples,
+    Image as ExrImage, Layer, SmallVec,
+};
+use exr::prelude::{ReadChannels, ReadLayers, WritableImage};
+
+use super::Image;
+
+// Write the channels and attributes
+/// Writes all that the image holds.
+pub fn write(image: &Image, out: &mut dyn Write) -> io::Result<()> {
+    let size = (image.width as usize, image.height as usize);
+    let other = image.attributes.iter().map(attribute).collect();
+    let layer = LayerAttributes { other, ..LayerAttributes::default() };
+    // Compress sixteen rows at a time
+    let encoding = Encoding {
+        compression: Compression::ZIP16,
+        blocks: Blocks::ScanLines,
+        line_order: LineOrder::Increasing,
+    };
+    let channels = AnyChannels::sort(channels(image));
+    let layer = Layer::new(size, layer, encoding, channels);
+    // Encode the layer in memory
+    let mut bytes = Vec::new();
+    ExrImage::from_layer(layer)
+        .write()
+        .non_parallel()
+        .to_buffered(Cursor::new(&mut bytes))
+        .map_err(io::Error::other)?;
+    sort_attributes(&mut bytes);
+    out.write_all(&bytes)
+}
+
+/// The channels that the image fills.
+fn channels(image: &Image) -> SmallVec<[AnyChannel<FlatSamples>; 4]> {
+    let values = [
+        (MEAN, Some(&image.means)),
+        (ERROR, image.errors.as_ref()),
+        (SAMPLES, image.samples.as_ref()),
+    ];
+    let channel = |(name, values): (&str, Option<&Vec<f64>>)| {
+        let values = values?.iter().map(|&value| value as f32).collect();
+        Some(AnyChannel::new(name, FlatSamples::F32(values)))
+    };
+    values.into_iter().filter_map(channel).collect()
+}
+
+const MEAN: &str = "Y";
+const ERROR: &str = "stderr.Y";
+const SAMPLES: &str = "samples.Y";
+/// What the names of our attributes begin with.
+const PREFIX: &str = "litpt:";
+
+fn attribute((name, value): (&String, &String)) -> (Text, AttributeValue) {
+    let text = |text: &str| Text::from_slice_unchecked(text.as_bytes());
+    let name = text(&format!("{PREFIX}{name}"));
+    (name, AttributeValue::Text(text(value)))
+}
+
+// Put the attributes in order
+/// Sorts the attributes in the header of a file of one part by name.
+fn sort_attributes(file: &mut [u8]) {
+    let mut rest = &file[8..];
+    let mut attributes = Vec::new();
+    while let Some(length) = attribute_length(rest) {
+        let (attribute, others) = rest.split_at(length);
+        attributes.push(attribute);
+        rest = others;
+    }
+    attributes.sort();
+    let sorted = attributes.concat();
+    file[8..8 + sorted.len()].copy_from_slice(&sorted);
+}
+
+/// The length of the first attribute, unless the header ends here.
+fn attribute_length(header: &[u8]) -> Option<usize> {
+    let text = |from: usize| {
+        let length = header[from..].iter().position(|&byte| byte == 0)?;
+        (length > 0).then_some(from + length + 1)
+    };
+    let size_at = text(text(0)?)?;
+    let size = header[size_at..].first_chunk()?;
+    Some(size_at + 4 + u32::from_le_bytes(*size) as usize)
+}
+
+// Read the channels and attributes
+/// Reads the first layer of a file that has the channel `Y`; `bytes` is
+/// the whole file.
+///
+/// # Errors
+/// The file is damaged, or it has no channel `Y` of full size.
+pub fn read(bytes: &[u8]) -> Result<Image, String> {
+    refuse_lies(bytes)?;
+    // Decode the first layer of the file
+    let film = exr::prelude::read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .all_channels()
+        .first_valid_layer()
+        .all_attributes()
+        .non_parallel()
+        .from_buffered(Cursor::new(bytes))
+        .map_err(|error| error.to_string())?;
+    let layer = film.layer_data;
+    // Require the channel of the means
+    let size = layer.size.area();
+    let values = |name: &str| {
+        let list = &layer.channel_data.list;
+        let channel = list.iter().find(|channel| channel.name.eq(name))?;
+        let data = &channel.sample_data;
+        let values = data.values_as_f32().map(f64::from);
+        (data.len() == size).then(|| values.collect::<Vec<_>>())
+    };
+    let means = values(MEAN).ok_or_else(|| {
+        // Say which channels there are instead
+        let list = layer.channel_data.list.iter();
+        let names: Vec<_> = list.map(|c| c.name.to_string()).collect();
+        let names = names.join(", ");
+        format!("it has no channel Y, the mean radiance, but {names}")
+    })?;
+    let attributes = layer.attributes.other.iter().filter_map(ours);
+    let attributes = attributes.collect();
+    let side = |n| u32::try_from(n).map_err(|_| "it is too large");
+    Ok(Image {
+        width: side(layer.size.width())?,
+        height: side(layer.size.height())?,
+        means,
+        errors: values(ERROR),
+        samples: values(SAMPLES),
+        attributes,
+    })
+}
+
+/// Refuses a header that promises more pixels than the file can hold.
+fn refuse_lies(bytes: &[u8]) -> Result<(), String> {
+    let meta = MetaData::read_from_buffered(bytes, false)
+        .map_err(|error| error.to_string())?;
+    for header in &meta.headers {
+        let Vec2(width, height) = header.layer_size;
+        // Ask for room of that size, and give it back
+        let pixel = header.channels.bytes_per_pixel as u128;
+        let size = width as u128 * height as u128 * pixel;
+        let likely = size <= 8192 * bytes.len() as u128;
+        let room = likely
+            && usize::try_from(size).is_ok_and(|n| {
+                Vec::<u8>::new().try_reserve_exact(n).is_ok()
+            });
+        if !room {
+            return Err(format!(
+                "its header says {width} by {height} pixels, which a \
+                 file of {} bytes cannot hold",
+                bytes.len()
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// The name and value of an attribute if it is one of ours.
+fn ours(
+    (name, value): (&Text, &AttributeValue),
+) -> Option<(String, String)> {
+    let AttributeValue::Text(value) = value else { return None };
+    let string =
+        |text: &Text| String::from_utf8_lossy(text.as_slice()).into_owned();
+    let name = string(name).strip_prefix(PREFIX)?.to_owned();
+    Some((name, string(value)))
+}

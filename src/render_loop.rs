@@ -1,0 +1,303 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The course of a run: passes over the image until a limit is
+//! reached, and the curve of error against time.
+
+// Name what the course imports
+use std::fmt;
+use std::io;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
+
+use serde::{Deserialize, Serialize};
+use signal_hook::consts::{SIGINT, SIGTERM, SIGXFSZ};
+use signal_hook::flag;
+
+use crate::film::Film;
+use crate::render::Renderer;
+use crate::report::Step;
+
+// Say when a run stops
+/// When a run stops, and what it is compared with.
+pub struct Limits<'a> {
+    /// At most so many samples of each pixel.
+    pub samples: Option<u64>,
+    /// The time by which the last pass should have ended.
+    pub deadline: Option<Instant>,
+    /// The root mean square error to reach.
+    pub error: Option<f64>,
+    /// Stops the run when a signal arrives.
+    pub interrupt: &'a Interrupt,
+    /// The radiance of each pixel, row by row from the top left.
+    pub reference: Option<&'a [f64]>,
+}
+
+/// Why a run has stopped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stop {
+    /// All the samples are there.
+    Realisations,
+    /// There is no time for another pass.
+    Time,
+    /// The error is small enough.
+    Error,
+    /// A signal of this number has arrived.
+    Signal(i32),
+}
+
+impl Stop {
+    /// The word that the report has for it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Stop::Realisations => "samples",
+            Stop::Time => "time",
+            Stop::Error => "error",
+            Stop::Signal(_) => "signal",
+        }
+    }
+}
+
+// Hold what a run has done
+/// What a run has done so far.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Convergence {
+    /// Samples of each pixel.
+    pub spp: u64,
+    /// Seconds of rendering, with what is done between the passes.
+    pub seconds: f64,
+    /// Rays traced.
+    pub rays: u64,
+    /// Pixels whose samples were all alike, at the last step.
+    pub constant: u64,
+    /// The curve of error against time.
+    pub steps: Vec<Step>,
+    /// Seconds for one sample of each pixel, at the last pass.
+    #[serde(skip)]
+    pace: Option<f64>,
+}
+
+/// The longest time of a pass of more than one sample, in seconds.
+const SLICE: f64 = 0.25;
+
+impl fmt::Display for Convergence {
+    fn fmt(&self, out: &mut fmt::Formatter) -> fmt::Result {
+        write!(out, "{} spp, ", self.spp)?;
+        match self.steps.last().and_then(|step| step.rmse) {
+            Some(rmse) => write!(out, "rmse {rmse:.2e}, "),
+            None => Ok(()),
+        }
+    }
+}
+
+/// The root mean square difference of an image from the truth.
+fn distance(film: &Film, truth: &[f64]) -> f64 {
+    let differences = film.means().zip(truth).map(|(a, b)| a - b);
+    let squares: f64 = differences.map(|d| d * d).sum();
+    (squares / film.area() as f64).sqrt()
+}
+
+/// The number of paths before which no error is believed.
+const DECISIVE: f64 = 1000.;
+
+impl Convergence {
+    // Run until a limit is reached
+    /// Goes on with a run until a limit is reached. Calls `advance`, from
+    /// any thread, with the number of paths of each tile that is finished,
+    /// and `after` when a pass has ended.
+    pub fn run(
+        &mut self,
+        renderer: &dyn Renderer,
+        film: &mut Film,
+        limits: &Limits,
+        advance: &(dyn Fn(u64) + Sync),
+        after: &mut impl FnMut(&Self, &Film),
+    ) -> Stop {
+        let (start, before) = (Instant::now(), self.seconds);
+        loop {
+            // Return when a limit is reached
+            if let Some(stop) = self.stop(limits, film.area()) {
+                self.record(film, limits.reference);
+                return stop;
+            }
+            // Render one pass and look at the clock
+            let (end, due) = self.next(limits, film.area());
+            let began = Instant::now();
+            self.rays += renderer.pass(film, self.spp..end, advance);
+            let seconds = began.elapsed().as_secs_f64();
+            self.pace = Some(seconds / (end - self.spp) as f64);
+            self.spp = end;
+            self.seconds = before + start.elapsed().as_secs_f64();
+            if self.spp >= due {
+                self.record(film, limits.reference);
+            }
+            after(self, film);
+        }
+    }
+
+    // Choose the end of the next pass
+    /// Where the next pass ends, and where the next step is due.
+    fn next(&self, limits: &Limits, area: u64) -> (u64, u64) {
+        // Find when the next step is due
+        let recorded = self.steps.last().map_or(0, |step| step.spp);
+        let mut due = next_step(recorded.max(self.spp));
+        if let Some(samples) = limits.samples {
+            due = due.min(samples);
+        }
+        if let Some(error) = limits.error {
+            due = due.min(self.needed(error, area).max(self.spp + 1));
+        }
+        // Find the time for a pass
+        let mut seconds = SLICE;
+        if let Some(deadline) = limits.deadline {
+            let left = deadline.saturating_duration_since(Instant::now());
+            seconds = seconds.min(left.as_secs_f64());
+        }
+        let pace = self.pace.map(|pace| (seconds / pace) as u64);
+        (due.min(self.spp.saturating_add(pace.unwrap_or(1).max(1))), due)
+    }
+
+    /// The samples after which the run is expected to stop.
+    pub fn expected(&self, limits: &Limits, area: u64) -> u64 {
+        // Foresee the end of the time
+        let time =
+            limits.deadline.zip(self.pace).map(|(deadline, pace)| {
+                let left =
+                    deadline.saturating_duration_since(Instant::now());
+                self.spp.saturating_add((left.as_secs_f64() / pace) as u64)
+            });
+        let error = limits.error.map(|error| self.needed(error, area));
+        let all = [limits.samples, time, error].into_iter().flatten();
+        all.min().unwrap_or(self.spp).max(self.spp)
+    }
+
+    /// The samples after which the error is expected to be reached.
+    fn needed(&self, error: f64, area: u64) -> u64 {
+        let least = (DECISIVE / area as f64).ceil().max(2.);
+        let known = |step: &Step| Some((step.spp as f64, step.rmse?));
+        let Some((n, rmse)) = self.steps.last().and_then(known) else {
+            let open = self.spp < least as u64;
+            return if open { least as u64 } else { u64::MAX };
+        };
+        // Solve for the number to come
+        // A square that vanishes would make the quotient 0 / 0.
+        let e = (error * error).max(f64::MIN_POSITIVE);
+        let v = n * rmse * rmse;
+        let root = (v * v + 12. * e / area as f64).sqrt();
+        ((v + root) / (2. * e)).ceil().max(least) as u64
+    }
+
+    // Decide whether a limit is reached
+    /// Why the run should stop now, if it should.
+    fn stop(&self, limits: &Limits, area: u64) -> Option<Stop> {
+        if limits.samples.is_some_and(|n| self.spp >= n) {
+            return Some(Stop::Realisations);
+        }
+        if self.spp == 0 {
+            return None;
+        }
+        if let Some(signal) = limits.interrupt.signal() {
+            return Some(Stop::Signal(signal));
+        }
+        if limits.error.is_some_and(|error| self.reaches(error, area)) {
+            return Some(Stop::Error);
+        }
+        // Say whether a sample more is late
+        let pace = Duration::from_secs_f64(self.pace.unwrap_or(0.));
+        let end = Instant::now() + pace;
+        limits.deadline.is_some_and(|time| end > time).then_some(Stop::Time)
+    }
+
+    /// Whether the error is known to be small enough.
+    fn reaches(&self, error: f64, area: u64) -> bool {
+        let Some(step) = self.steps.last() else { return false };
+        let paths = self.spp as f64 * area as f64;
+        let unseen = 3. / (paths * self.spp as f64);
+        let enough = |rmse| rmse * rmse + unseen <= error * error;
+        step.spp == self.spp
+            && paths >= DECISIVE
+            && step.rmse.is_some_and(enough)
+    }
+
+    // Record a step of the curve
+    /// Records a step, unless the last one is of as many samples.
+    pub fn record(&mut self, film: &Film, reference: Option<&[f64]>) {
+        let known = self.steps.last().is_some_and(|s| s.spp == self.spp);
+        if self.spp == 0 || known {
+            return;
+        }
+        let summary = film.summary();
+        self.constant = summary.constant;
+        // Add a step to the curve
+        let finite = |x: f64| x.is_finite().then_some(x);
+        self.steps.push(Step {
+            spp: self.spp,
+            seconds: self.seconds,
+            rays: self.rays,
+            rmse: finite(summary.rmse),
+            mean: summary.mean,
+            mean_stderr: finite(summary.mean_stderr),
+            rmse_reference: reference.map(|truth| distance(film, truth)),
+        });
+    }
+}
+
+// Space the steps evenly by their logarithm
+/// The first number of samples after `spp` at which a step is
+/// recorded.
+fn next_step(spp: u64) -> u64 {
+    let mut scale = 1u128;
+    loop {
+        for tenths in [10, 16, 25, 40, 63] {
+            let step = (tenths * scale + 5) / 10;
+            if step > u128::from(spp) {
+                return step.min(u128::from(u64::MAX)) as u64;
+            }
+        }
+        scale *= 10;
+    }
+}
+
+// Listen for signals
+/// Remembers the signal that asks the run to end.
+#[derive(Default)]
+pub struct Interrupt(Arc<AtomicUsize>);
+
+impl Interrupt {
+    /// Begins to listen for SIGINT and SIGTERM; the second of them ends
+    /// the program at once.
+    pub fn listen() -> io::Result<Self> {
+        let interrupt = Self::default();
+        let again = Arc::new(AtomicBool::new(false));
+        // A file beyond the limit of size is an error, not the end.
+        flag::register(SIGXFSZ, Arc::default())?;
+        for signal in [SIGINT, SIGTERM] {
+            // Register what a signal does
+            let status = 128 + signal;
+            flag::register_conditional_shutdown(
+                signal,
+                status,
+                again.clone(),
+            )?;
+            flag::register(signal, again.clone())?;
+            let place = interrupt.0.clone();
+            flag::register_usize(signal, place, signal as usize)?;
+        }
+        Ok(interrupt)
+    }
+
+    // Tell which signal has arrived
+    /// The signal that has arrived, if any.
+    pub fn signal(&self) -> Option<i32> {
+        match self.0.load(Ordering::Relaxed) {
+            0 => None,
+            signal => Some(signal as i32),
+        }
+    }
+}

@@ -1,0 +1,272 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Reports and checkpoints, kept up to date while a run goes on.
+
+// Name what the journal imports
+use std::hint::black_box;
+use std::io;
+use std::time::{Duration, Instant};
+
+use serde_json::{Value, json};
+
+use crate::checkpoint::{self, RunKey};
+use crate::film::Film;
+use crate::image::Image;
+use crate::output::{Content, OutputTarget};
+use crate::render_loop::{Convergence, Stop};
+use crate::report::{Kind, Report};
+
+// Hold what the files need
+/// The files that a run keeps up to date.
+pub struct RunOutput {
+    // Hold the state of the reports
+    /// The reports and their places.
+    reports: Vec<(Kind, OutputTarget)>,
+    /// When the next report may be written.
+    next_report: Instant,
+    /// The seconds of the run when the last one was written.
+    reported: f64,
+    // Hold the state of the checkpoint
+    /// The place of the checkpoint.
+    checkpoint: Option<OutputTarget>,
+    /// Time between two checkpoints.
+    every: Duration,
+    /// When the next checkpoint is due; never, if beyond the clock.
+    next_checkpoint: Option<Instant>,
+    /// What decides the weights.
+    run_key: RunKey,
+    /// What a report says that does not change while the run goes on.
+    analysis: Report,
+}
+
+/// Writes a file for the last time, or for the time being.
+fn put(
+    place: &mut OutputTarget,
+    stop: Option<Stop>,
+    content: &mut Content,
+) -> Result<(), String> {
+    match stop {
+        Some(_) => place.write(content),
+        None => place.rewrite(content),
+    }
+}
+
+// Show a value as text
+/// A value as text; a vector or a size as it is typed.
+fn text(value: &Value) -> String {
+    match value {
+        Value::String(text) => text.clone(),
+        Value::Array(parts) => {
+            let numbers = parts.iter().all(Value::is_number);
+            let size = numbers && parts.len() == 2;
+            let sign = if size { "x" } else { "," };
+            let parts: Vec<String> = parts.iter().map(text).collect();
+            parts.join(sign)
+        }
+        other => other.to_string(),
+    }
+}
+
+impl RunOutput {
+    // Open a journal for a run
+    /// A journal with its files, of a run that is about to begin.
+    pub fn new(
+        reports: Vec<(Kind, OutputTarget)>,
+        checkpoint: Option<OutputTarget>,
+        every: Duration,
+        run_key: RunKey,
+        analysis: Report,
+    ) -> Self {
+        let next_report = Instant::now();
+        let next_checkpoint = next_report.checked_add(every);
+        // Begin with nothing written
+        Self {
+            reports,
+            next_report,
+            reported: 0.,
+            checkpoint,
+            every,
+            next_checkpoint,
+            run_key,
+            analysis,
+        }
+    }
+
+    // Write what is due after a pass
+    /// Writes what is due when a pass has ended.
+    ///
+    /// # Errors
+    /// A file cannot be written, which is worth a warning: it will be tried
+    /// again.
+    pub fn after(
+        &mut self,
+        convergence: &Convergence,
+        film: &Film,
+    ) -> Result<(), String> {
+        let now = Instant::now();
+        let (mut reported, mut saved) = (Ok(()), Ok(()));
+        // Write the reports if they are due
+        let last = convergence.steps.last();
+        let recorded = last.is_some_and(|step| step.spp == convergence.spp);
+        let due = recorded || convergence.seconds > 1.1 * self.reported;
+        if due && now >= self.next_report && !self.reports.is_empty() {
+            reported = self.write_reports(convergence, film, None);
+            self.reported = convergence.seconds;
+            self.next_report = Instant::now() + 100 * now.elapsed();
+        }
+        // Write the checkpoint if it is due
+        if self.next_checkpoint.is_some_and(|time| now >= time) {
+            saved = self.write_checkpoint(convergence, film, None);
+            self.next_checkpoint = Instant::now().checked_add(self.every);
+        }
+        reported.and(saved)
+    }
+
+    // Write all files a last time
+    /// Writes all files when the run has stopped.
+    ///
+    /// # Errors
+    /// A file cannot be written; the others are.
+    pub fn close(
+        &mut self,
+        convergence: &Convergence,
+        film: &Film,
+        stop: Stop,
+    ) -> Result<(), String> {
+        let stop = Some(stop);
+        let saved = self.write_checkpoint(convergence, film, stop);
+        self.write_reports(convergence, film, stop).and(saved)
+    }
+
+    /// Takes the time that [`RunOutput::close`] will take, and writes nothing;
+    /// returns the image.
+    pub fn rehearse(
+        &self,
+        convergence: &Convergence,
+        film: &Film,
+    ) -> Image {
+        if !self.reports.is_empty() {
+            // Render each report for nobody
+            let report = self.report(convergence, film, None);
+            let image = self.illustration(convergence, film);
+            for (kind, _) in &self.reports {
+                black_box(kind.render(&report, &image));
+            }
+        }
+        if self.checkpoint.is_some() {
+            let (run_key, mut out) = (&self.run_key, io::sink());
+            let _ = checkpoint::save(run_key, convergence, film, &mut out);
+        }
+        self.image(convergence, film, None)
+    }
+
+    // Write the reports
+    fn write_reports(
+        &mut self,
+        convergence: &Convergence,
+        film: &Film,
+        stop: Option<Stop>,
+    ) -> Result<(), String> {
+        if self.reports.is_empty() {
+            return Ok(());
+        }
+        let report = self.report(convergence, film, stop);
+        let image = self.illustration(convergence, film);
+        let mut written = Ok(());
+        // Write each report in its place
+        for (kind, place) in &mut self.reports {
+            let text = kind.render(&report, &image);
+            let done =
+                put(place, stop, &mut |out| out.write_all(text.as_bytes()));
+            written = written.and(done);
+        }
+        written
+    }
+
+    /// The image that the reports need.
+    fn illustration(
+        &self,
+        convergence: &Convergence,
+        film: &Film,
+    ) -> Image {
+        let page = self.reports.iter().any(|(kind, _)| *kind == Kind::Html);
+        match page {
+            true => self.image(convergence, film, None),
+            false => self.image(convergence, &Film::new(1, 1), None),
+        }
+    }
+
+    // Write the checkpoint
+    fn write_checkpoint(
+        &mut self,
+        convergence: &Convergence,
+        film: &Film,
+        stop: Option<Stop>,
+    ) -> Result<(), String> {
+        let Some(place) = &mut self.checkpoint else { return Ok(()) };
+        let run_key = &self.run_key;
+        put(place, stop, &mut |out| {
+            checkpoint::save(run_key, convergence, film, out)
+        })
+    }
+
+    // Fill in the report
+    /// The report of the run so far.
+    pub fn report(
+        &self,
+        convergence: &Convergence,
+        film: &Film,
+        stop: Option<Stop>,
+    ) -> Report {
+        let mut now = convergence.clone();
+        now.record(film, None);
+        let mut report = self.analysis.clone();
+        report.render_seconds = now.seconds;
+        report.rays = now.rays;
+        report.stopped = stop.map(|stop| stop.name().to_owned());
+        report.constant_pixels = now.constant;
+        // Fill in what the last step knows
+        if let Some(last) = now.steps.last() {
+            report.mean = last.mean;
+            report.mean_stderr = last.mean_stderr;
+            report.rmse = last.rmse;
+        }
+        report.steps = now.steps;
+        report
+    }
+
+    // Fill in the image
+    /// The image as an image, with all that is known about it.
+    pub fn image(
+        &self,
+        convergence: &Convergence,
+        film: &Film,
+        stop: Option<Stop>,
+    ) -> Image {
+        let analysis = &self.analysis;
+        let known = json!({
+            // List what is known about a run
+            "scene": analysis.scene.file,
+            "samples": convergence.spp,
+            "rays": convergence.rays,
+            "load_seconds": analysis.load_seconds,
+            "build_seconds": analysis.build_seconds,
+            "render_seconds": convergence.seconds,
+            "stopped": stop.map_or("not yet", Stop::name),
+        });
+        // Chain all attributes, the latest last
+        let known = known.as_object().into_iter().flatten();
+        let settings =
+            analysis.settings.iter().filter(|(_, v)| !v.is_null());
+        let all = settings.chain(&self.run_key).chain(known);
+        let attributes =
+            all.map(|(name, value)| (name.clone(), text(value)));
+        Image::new(film, attributes.collect())
+    }
+}

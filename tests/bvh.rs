@@ -1,0 +1,284 @@
+// The intersector against a loop over all triangles (chapter "The hierarchy").
+//
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+use glam::DVec3;
+use litpt::bvh::{Bvh, Hit, Intersector, Isa, Quality};
+use litpt::camera::View;
+use litpt::film::Film;
+use litpt::render::Renderer;
+use litpt::sampler::cosine_direction;
+use litpt::scene::{Mesh, Ray, Scene};
+use litpt_book::closed_forms::{Setting, cavity};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+
+/// The nearest hit by the textbook: the ray's plane equation, and the side
+/// of each edge, in double precision.
+fn nearest(scene: &Scene, ray: &Ray) -> Option<(f64, DVec3)> {
+    let mut nearest: Option<(f64, DVec3)> = None;
+    for t in scene.triangles() {
+        let [a, b, c] = t.map(|corner| corner.as_dvec3() - ray.origin);
+        let normal = (b - a).cross(c - a);
+        let distance = normal.dot(a) / normal.dot(ray.direction);
+        let p = ray.direction * distance;
+        let side = |a: DVec3, b: DVec3| (b - a).cross(p - a).dot(normal);
+        let inside =
+            side(a, b) >= 0. && side(b, c) >= 0. && side(c, a) >= 0.;
+        let closer = nearest.is_none_or(|(best, _)| distance < best);
+        if inside && distance > 0. && closer {
+            nearest = Some((distance, normal.normalize()));
+        }
+    }
+    nearest
+}
+
+fn random_direction(random: &mut Pcg64) -> DVec3 {
+    loop {
+        let mut one = || 2. * random.random::<f64>() - 1.;
+        let d = DVec3::new(one(), one(), one());
+        if d.length() < 1. && d.length() > 0.01 {
+            return d.normalize();
+        }
+    }
+}
+
+fn soup(n: usize, size: f64) -> Mesh {
+    let mut random = Pcg64::seed_from_u64(11);
+    let mut mesh = Mesh::default();
+    for i in 0..n as u32 {
+        let centre = random_direction(&mut random) * 10.;
+        for _ in 0..3 {
+            mesh.vertices
+                .push(centre + random_direction(&mut random) * size);
+        }
+        mesh.triangles.push([3 * i, 3 * i + 1, 3 * i + 2]);
+    }
+    mesh
+}
+
+#[test]
+fn the_hierarchy_finds_what_a_loop_over_all_triangles_finds() {
+    for mesh in [soup(1, 5.), soup(3, 5.), soup(500, 2.), cavity(0.2, 12)] {
+        let scene = Scene::new(&mesh);
+        let intersector = Bvh::new(&scene).unwrap();
+        let mut random = Pcg64::seed_from_u64(5);
+        let mut hits = 0;
+        for _ in 0..3000 {
+            let direction = random_direction(&mut random);
+            let origin = random_direction(&mut random) * 3000.;
+            let ray = Ray { origin, direction };
+            let found = intersector.first_hit(&ray, None);
+            let expected = nearest(&scene, &ray);
+            let Some(Hit { point, normal, .. }) = found else {
+                assert!(expected.is_none(), "{ray:?}: {expected:?}");
+                continue;
+            };
+            let (distance, plane) = expected.expect("a hit that is none");
+            hits += 1;
+            // A distance errs by 2^13 * 2^-53, the rounding of the scene's
+            // size, over the cosine of incidence; 1e-8 allows 1e-4.
+            let miss = (point - origin - direction * distance).length();
+            assert!(miss < 1e-8 * (1. + distance), "{ray:?}: {miss}");
+            assert!(normal.dot(direction) <= 0.);
+            assert!((normal.dot(plane).abs() - 1.).abs() < 1e-12);
+        }
+        assert!(hits > 0);
+    }
+}
+
+#[test]
+fn a_triangle_is_never_met_twice_in_a_row() {
+    let scene = Scene::new(&soup(50, 20.));
+    let intersector = Bvh::new(&scene).unwrap();
+    let mut random = Pcg64::seed_from_u64(6);
+    for _ in 0..2000 {
+        let direction = random_direction(&mut random);
+        let ray = Ray { origin: DVec3::ZERO, direction };
+        let Some(first) = intersector.first_hit(&ray, None) else {
+            continue;
+        };
+        let onward = Ray { origin: first.point, direction };
+        let from = Some(first.primitive);
+        if let Some(second) = intersector.first_hit(&onward, from) {
+            assert_ne!(second.primitive, first.primitive);
+        }
+    }
+}
+
+/// The same hierarchy in all forms that this processor can walk.
+fn all_forms(scene: &Scene) -> Vec<Bvh> {
+    let isas = Isa::ALL.into_iter().filter(|isa| isa.is_available());
+    let qualities = [Quality::Fast, Quality::Medium, Quality::Thorough];
+    isas.flat_map(|isa| qualities.map(|quality| (quality, isa)))
+        .map(|(quality, isa)| Bvh::with(scene, quality, isa).unwrap())
+        .collect()
+}
+
+/// A roof: two triangles that share a horizontal edge over the y axis.
+fn roof() -> Mesh {
+    let at = DVec3::new;
+    Mesh {
+        vertices: vec![
+            at(0., -1., 1.),
+            at(0., 1., 1.),
+            at(-1., 0., 0.),
+            at(1., 0., 0.),
+        ],
+        triangles: vec![[0, 1, 2], [1, 0, 3]],
+    }
+}
+
+#[test]
+fn of_two_triangles_at_one_distance_the_first_in_the_file_is_met() {
+    let mut mesh = roof();
+    for slope in [-1., 1.] {
+        let scene = Scene::new(&mesh);
+        for intersector in all_forms(&scene) {
+            for y in [-1000., 0., 0.3, 2000.] {
+                let origin = DVec3::new(0., y, 3000.);
+                let ray = Ray { origin, direction: -DVec3::Z };
+                let hit = intersector.first_hit(&ray, None).unwrap();
+                assert_eq!(hit.normal.x.signum(), slope, "{y}");
+            }
+        }
+        // The right one first.
+        mesh.triangles.reverse();
+    }
+}
+
+#[test]
+fn of_two_triangles_in_one_place_neither_is_met_from_the_other() {
+    let mut mesh = roof();
+    mesh.triangles.extend([[2, 0, 1], [3, 1, 0]]);
+    let scene = Scene::new(&mesh);
+    for intersector in all_forms(&scene) {
+        for x in [-1500., -20., 700.] {
+            let origin = DVec3::new(x, 100., 3000.);
+            let ray = Ray { origin, direction: -DVec3::Z };
+            let hit = intersector.first_hit(&ray, None).unwrap();
+            // Back to where it came from, almost.
+            let direction = DVec3::new(0.1, 0.2, 1.).normalize();
+            let onward = Ray { origin: hit.point, direction };
+            let from = Some(hit.primitive);
+            assert_eq!(intersector.first_hit(&onward, from), None);
+            assert!(!intersector.is_occluded(&onward, from));
+        }
+    }
+}
+
+#[test]
+fn a_path_that_leaves_a_triangle_does_not_meet_others_in_its_plane() {
+    // A closed box whose walls are pasted over with posters that lie in
+    // the plane of the wall and have other corners than it.
+    let mut mesh = Mesh::default();
+    for axis in 0..3 {
+        for side in [-1., 1.] {
+            for (size, turn) in
+                [(1., 0.), (0.5, 0.3), (0.5, 0.3), (0.7, 0.9)]
+            {
+                let first = mesh.vertices.len() as u32;
+                for k in 0..4 {
+                    let angle =
+                        (turn + k as f64) * std::f64::consts::FRAC_PI_2;
+                    let (s, c) = angle.sin_cos();
+                    let (x, y) = (size * (c - s), size * (c + s));
+                    // The walls' corners are exact; of posters nothing
+                    // matters but that they are in the plane.
+                    let whole =
+                        |v: f64| if turn == 0. { v.round() } else { v };
+                    let mut p = [0.; 3];
+                    p[axis] = side;
+                    p[(axis + 1) % 3] = whole(x);
+                    p[(axis + 2) % 3] = whole(y);
+                    mesh.vertices.push(p.into());
+                }
+                let quad = [[0, 1, 2], [0, 2, 3]];
+                mesh.triangles.extend(quad.map(|t| t.map(|i| first + i)));
+            }
+        }
+    }
+    let scene = Scene::new(&mesh);
+    for intersector in all_forms(&scene) {
+        let mut random = Pcg64::seed_from_u64(3);
+        let mut ray = Ray { origin: DVec3::ZERO, direction: DVec3::X };
+        let mut from = None;
+        for _ in 0..30_000 {
+            let hit = intersector.first_hit(&ray, from).expect("an escape");
+            let place = hit.point.abs();
+            assert!((place.max_element() - 4096.).abs() < 1e-8, "{place}");
+            // Inwards: a path that turns round between two triangles of
+            // a wall would find itself outside.
+            assert!(hit.normal.dot(hit.point) < 0., "{hit:?}");
+            let (r, turn) = (random.random(), random.random());
+            let direction = cosine_direction(hit.normal, r, turn);
+            ray = Ray { origin: hit.point, direction };
+            from = Some(hit.primitive);
+        }
+    }
+}
+
+#[test]
+fn a_scene_given_twice_renders_like_the_scene() {
+    let mesh = cavity(0.2, 12);
+    let mut twice = mesh.clone();
+    let again = mesh.triangles.iter().map(|&[a, b, c]| [b, c, a]);
+    twice.triangles.extend(again);
+    let view = View {
+        position: DVec3::ZERO,
+        target: DVec3::new(1., 0.2, -0.3),
+        up: DVec3::Z,
+        fov: 90.,
+    };
+    let render = |mesh: &Mesh| {
+        let setting =
+            Setting::new(mesh, (0.9, DVec3::Z), &view, 1.).unwrap();
+        let mut film = Film::new(24, 24);
+        setting.job(1).pass(&mut film, 0..16, &|_| ());
+        film.means().map(f64::to_bits).collect::<Vec<_>>()
+    };
+    assert_eq!(render(&mesh), render(&twice));
+}
+
+#[test]
+fn rays_through_edges_and_vertices_of_a_closed_mesh_are_stopped() {
+    let scene = Scene::new(&cavity(0., 24));
+    let intersector = Bvh::new(&scene).unwrap();
+    let mut random = Pcg64::seed_from_u64(4);
+    for t in scene.triangles() {
+        let [a, b, _] = t.map(|corner| corner.as_dvec3());
+        for s in [0., 0.5, random.random::<f64>()] {
+            let aim = a + (b - a) * s;
+            let origin = random_direction(&mut random) * 1000.;
+            let direction = (aim - origin).normalize();
+            let ray = Ray { origin, direction };
+            assert!(intersector.first_hit(&ray, None).is_some(), "{ray:?}");
+        }
+    }
+}
+
+#[test]
+fn an_empty_scene_has_no_hit() {
+    let intersector = Bvh::new(&Scene::new(&Mesh::default())).unwrap();
+    let ray = Ray { origin: DVec3::ZERO, direction: DVec3::X };
+    assert_eq!(intersector.first_hit(&ray, None), None);
+}
+
+#[test]
+fn triangles_without_area_are_never_hit() {
+    let point = |x: f64| DVec3::new(x, 0., 0.);
+    let mesh = Mesh {
+        vertices: vec![point(-1.), point(0.), point(1.), DVec3::Y],
+        triangles: vec![[0, 1, 2], [3, 3, 3], [0, 0, 3]],
+    };
+    let scene = Scene::new(&mesh);
+    assert!(scene.triangles().is_empty());
+    let intersector = Bvh::new(&scene).unwrap();
+    let mut random = Pcg64::seed_from_u64(2);
+    for _ in 0..1000 {
+        let origin = random_direction(&mut random) * 5000.;
+        let ray = Ray { origin, direction: -origin.normalize() };
+        assert_eq!(intersector.first_hit(&ray, None), None);
+    }
+}

@@ -1,0 +1,404 @@
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! No module imports one of a higher layer, and no circle of imports.
+//!
+//! All sources of both programs are read, with every `use` and every path
+//! that begins at the crate, at a parent or at a child. The layers are those
+//! of the chapters: `tests/layers.txt` and `noweb/tests/layers.txt`.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::Path;
+
+/// From a module to those that it names, each with the first line.
+type Imports = BTreeMap<String, BTreeMap<String, usize>>;
+
+/// A word of a source, or a sign, and its line.
+type Token = (String, usize);
+
+/// The words and signs of a source, without comments, texts and lifetimes.
+fn tokens(text: &str) -> Vec<Token> {
+    let bytes = text.as_bytes();
+    let word = |c: u8| c.is_ascii_alphanumeric() || c == b'_';
+    let (mut found, mut line, mut i) = (Vec::new(), 1, 0);
+    while i < bytes.len() {
+        let rest = &text[i..];
+        let length = match bytes[i] {
+            b'/' if rest.starts_with("//") => {
+                rest.find('\n').unwrap_or(rest.len())
+            }
+            b'"' => end_of_text(rest),
+            b'r' if rest.starts_with("r\"") || rest.starts_with("r#\"") => {
+                let hash = rest.starts_with("r#");
+                let end = if hash { "\"#" } else { "\"" };
+                let from = 2 + usize::from(hash);
+                from + rest[from..].find(end).unwrap() + end.len()
+            }
+            b'\'' => end_of_character(rest),
+            c if word(c) => {
+                let n = rest.bytes().take_while(|&c| word(c)).count();
+                found.push((rest[..n].to_owned(), line));
+                n
+            }
+            b':' if rest.starts_with("::") => {
+                found.push(("::".to_owned(), line));
+                2
+            }
+            c => {
+                if c.is_ascii_punctuation() {
+                    found.push((char::from(c).to_string(), line));
+                }
+                1
+            }
+        };
+        line +=
+            bytes[i..i + length].iter().filter(|&&c| c == b'\n').count();
+        i += length;
+    }
+    found
+}
+
+/// The length of a text between quotation marks.
+fn end_of_text(rest: &str) -> usize {
+    let mut escaped = false;
+    for (i, c) in rest.bytes().enumerate().skip(1) {
+        match c {
+            b'"' if !escaped => return i + 1,
+            _ => escaped = c == b'\\' && !escaped,
+        }
+    }
+    rest.len()
+}
+
+/// The length of a character between apostrophes, or of a lifetime's mark.
+fn end_of_character(rest: &str) -> usize {
+    let mut after = rest.char_indices().skip(1);
+    match (after.next(), after.next()) {
+        (Some((_, '\\')), _) => 3 + rest[3..].find('\'').unwrap(),
+        (_, Some((i, '\''))) => i + 1,
+        _ => 1,
+    }
+}
+
+/// The paths of a `use` from `at` on, as far as its comma, brace or semicolon.
+fn tree(
+    tokens: &[Token],
+    at: &mut usize,
+    prefix: &[String],
+    all: &mut Vec<Vec<String>>,
+) {
+    let mut path = prefix.to_vec();
+    let mut group = false;
+    while *at < tokens.len() {
+        match tokens[*at].0.as_str() {
+            "::" | "pub" => {}
+            "{" => {
+                group = true;
+                while tokens[*at].0 != "}" {
+                    *at += 1;
+                    tree(tokens, at, &path, all);
+                }
+            }
+            "," | "}" | ";" => break,
+            "as" => *at += 1,
+            name => path.push(name.to_owned()),
+        }
+        *at += 1;
+    }
+    if !group && path.len() > prefix.len() {
+        all.push(path);
+    }
+}
+
+/// The sources of a crate: names of modules, and their texts.
+struct Crate {
+    name: &'static str,
+    texts: BTreeMap<String, String>,
+}
+
+impl Crate {
+    fn read(name: &'static str, directory: &str) -> Crate {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join(directory);
+        let mut krate = Crate { name, texts: BTreeMap::new() };
+        krate.read_directory(&root, "");
+        krate
+    }
+
+    fn read_directory(&mut self, directory: &Path, prefix: &str) {
+        for entry in fs::read_dir(directory).unwrap() {
+            let path = entry.unwrap().path();
+            let stem = path.file_stem().unwrap().to_str().unwrap();
+            if stem.starts_with('.') {
+                continue;
+            } else if path.is_dir() {
+                let inner = format!("{prefix}{stem}::");
+                self.read_directory(
+                    &path,
+                    inner.trim_start_matches("bin::"),
+                );
+            } else if path.extension().is_some_and(|e| e == "rs") {
+                let text = fs::read_to_string(&path).unwrap();
+                self.texts.insert(format!("{prefix}{stem}"), text);
+            }
+        }
+    }
+
+    /// The longest beginning of a path from the crate's root that is a module.
+    fn module(&self, path: &[String]) -> String {
+        let known =
+            |n: &usize| self.texts.contains_key(&path[..*n].join("::"));
+        match (1..=path.len()).rev().find(known) {
+            Some(n) => path[..n].join("::"),
+            None => "lib".to_owned(),
+        }
+    }
+
+    /// The module that a path means where `here` is the module around it.
+    fn resolve(&self, here: &[String], path: &[String]) -> Option<String> {
+        let mut from = match path[0].as_str() {
+            "crate" => Vec::new(),
+            name if name == self.name => Vec::new(),
+            "self" | "super" => here.to_vec(),
+            name => {
+                let child = [here, &[name.to_owned()]].concat().join("::");
+                self.texts.contains_key(&child).then_some(())?;
+                [here, &path[..1]].concat()
+            }
+        };
+        for name in &path[1.min(path.len())..] {
+            from.push(name.clone());
+        }
+        let ups = path.iter().filter(|name| *name == "super").count();
+        if ups > 0 {
+            let stay = here.len().checked_sub(ups)?;
+            from = [&here[..stay], &path[ups..]].concat();
+        }
+        Some(self.module(&from))
+    }
+
+    fn imports(&self) -> Imports {
+        let of = |(name, text): (&String, &String)| {
+            (name.clone(), self.imports_of(name, text))
+        };
+        self.texts.iter().map(of).collect()
+    }
+
+    /// All that one module names, but for itself.
+    fn imports_of(
+        &self,
+        name: &str,
+        text: &str,
+    ) -> BTreeMap<String, usize> {
+        let root = name == "lib" || name == "main";
+        let names = || name.split("::").map(str::to_owned);
+        let mut here: Vec<String> =
+            if root { vec![] } else { names().collect() };
+        let (mut depth, mut inline) = (0, Vec::new());
+        let (mut found, mut at) = (BTreeMap::new(), 0);
+        let tokens = tokens(text);
+        let is = |i: usize, sign: &str| {
+            tokens.get(i).is_some_and(|t| t.0 == sign)
+        };
+        while at < tokens.len() {
+            let (token, line) = &tokens[at];
+            let mut paths = Vec::new();
+            match token.as_str() {
+                "{" => depth += 1,
+                "}" => {
+                    depth -= 1;
+                    if inline.last() == Some(&depth) {
+                        inline.pop();
+                        here.pop();
+                    }
+                }
+                "mod" if is(at + 2, "{") => {
+                    here.push(tokens[at + 1].0.clone());
+                    inline.push(depth);
+                }
+                "use" => {
+                    at += 1;
+                    tree(&tokens, &mut at, &[], &mut paths);
+                }
+                _ if is(at + 1, "::") && !(at > 0 && is(at - 1, "::")) => {
+                    let mut path = vec![token.clone()];
+                    while is(at + 1, "::") {
+                        at += 2;
+                        path.extend(tokens.get(at).map(|t| t.0.clone()));
+                    }
+                    paths.push(path);
+                }
+                _ => {}
+            }
+            for path in paths {
+                if let Some(other) = self.resolve(&here, &path) {
+                    if other != name {
+                        found.entry(other).or_insert(*line);
+                    }
+                }
+            }
+            at += 1;
+        }
+        found
+    }
+}
+
+/// The number of the layer of each module, and its name, from a list.
+fn layers(list: &str) -> BTreeMap<String, (usize, String)> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(list);
+    let text = fs::read_to_string(path).unwrap();
+    let mut layers = BTreeMap::new();
+    for (number, line) in text.lines().enumerate() {
+        let line = line.split('#').next().unwrap();
+        let Some((layer, modules)) = line.split_once(':') else { continue };
+        for module in modules.split_whitespace() {
+            let place = (number, layer.trim().to_owned());
+            let before = layers.insert(module.to_owned(), place);
+            assert!(before.is_none(), "{list}: {module} is in two layers");
+        }
+    }
+    layers
+}
+
+/// What a list forbids, and the modules that it lacks or has in vain.
+fn offences(imports: &Imports, list: &str) -> Vec<String> {
+    let layers = layers(list);
+    let top = |module: &str| module.split("::").next().unwrap().to_owned();
+    let mut offences = Vec::new();
+    let modules: BTreeSet<_> = imports.keys().map(|m| top(m)).collect();
+    let listed: BTreeSet<_> = layers.keys().cloned().collect();
+    for module in modules.symmetric_difference(&listed) {
+        if module != "lib" {
+            offences.push(format!(
+                "{module}: in the list or in the sources only"
+            ));
+        }
+    }
+    for (module, others) in imports {
+        for (other, line) in others {
+            let (from, to) =
+                (layers.get(&top(module)), layers.get(&top(other)));
+            if let (Some(from), Some(to)) = (from, to)
+                && to.0 > from.0
+            {
+                offences.push(format!(
+                    "{module}:{line}: {} imports {other} of {}",
+                    from.1, to.1
+                ));
+            }
+        }
+    }
+    offences
+}
+
+/// The imports that are left when modules that are in no circle are taken away.
+fn circles(imports: &Imports) -> Vec<String> {
+    let mut left = imports.clone();
+    loop {
+        let named: BTreeSet<_> =
+            left.values().flat_map(|o| o.keys().cloned()).collect();
+        let before = left.len();
+        left.retain(|module, others| {
+            !others.is_empty() && named.contains(module)
+        });
+        let kept: BTreeSet<_> = left.keys().cloned().collect();
+        for others in left.values_mut() {
+            others.retain(|other, _| kept.contains(other));
+        }
+        if left.len() == before {
+            break;
+        }
+    }
+    let arrow = |(module, others): (&String, &BTreeMap<String, usize>)| {
+        let to: Vec<_> =
+            others.iter().map(|(o, l)| format!("{o} (line {l})")).collect();
+        format!("circle: {module} imports {}", to.join(", "))
+    };
+    left.iter().map(arrow).collect()
+}
+
+fn assert_layered(name: &'static str, directory: &str, list: &str) {
+    let imports = Crate::read(name, directory).imports();
+    assert!(
+        imports.len() > 10,
+        "only {} modules in {directory}",
+        imports.len()
+    );
+    let mut all = offences(&imports, list);
+    all.extend(circles(&imports));
+    assert!(all.is_empty(), "\n{}", all.join("\n"));
+}
+
+#[test]
+fn no_module_of_the_renderer_imports_upwards_or_in_a_circle() {
+    assert_layered("litpt", "src", "tests/layers.txt");
+}
+
+#[test]
+fn no_module_of_the_tool_imports_upwards_or_in_a_circle() {
+    assert_layered("noweb", "noweb/src", "noweb/tests/layers.txt");
+}
+
+/// A crate of four modules, in which every way to name another one occurs.
+fn example() -> Crate {
+    let texts = [
+        ("lib", "pub mod scene; mod film;"),
+        ("scene", "use crate::{film::{self, Film}, camera::*};\nmod mesh;"),
+        (
+            "scene::mesh",
+            "fn f<'a>(x: &'a str) -> char { '\"' }\n\
+            // crate::film\n const S: &str = \"crate::film \\\" \";\n\
+            mod inner { use super::super::Scene; }\n fn g() { crate::camera::look(); }",
+        ),
+        ("film", "use std::fs;"),
+        ("camera", "fn h() { super::film::develop() }"),
+    ];
+    let own =
+        |(name, text): (&str, &str)| (name.to_owned(), text.to_owned());
+    Crate { name: "example", texts: texts.map(own).into() }
+}
+
+#[test]
+fn every_way_to_name_a_module_is_seen() {
+    let imports = example().imports();
+    let of = |module: &str| {
+        imports[module].keys().cloned().collect::<Vec<_>>().join(" ")
+    };
+    assert_eq!(of("lib"), "");
+    assert_eq!(of("scene"), "camera film");
+    assert_eq!(of("scene::mesh"), "camera scene");
+    assert_eq!(imports["scene::mesh"]["camera"], 5);
+    assert_eq!(of("film"), "");
+    assert_eq!(of("camera"), "film");
+}
+
+#[test]
+fn a_circle_is_found_without_what_only_leads_to_it() {
+    let mut krate = example();
+    krate
+        .texts
+        .insert("film".into(), "use crate::scene::mesh::Mesh;".into());
+    let found = circles(&krate.imports()).join("\n");
+    assert!(found.contains("film imports scene::mesh"), "{found}");
+    assert!(found.contains("scene::mesh imports camera"), "{found}");
+    assert!(circles(&example().imports()).is_empty());
+}
+
+#[test]
+fn each_module_of_the_renderer_has_a_chapter_of_its_name() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let master = fs::read_to_string(root.join("litpt.nw")).unwrap();
+    for module in layers("tests/layers.txt").keys().filter(|m| *m != "main")
+    {
+        let included = format!("\\include{{{module}}}\n");
+        assert!(master.contains(&included), "litpt.nw lacks {module}");
+        let chapter = root.join(format!("chapters/{module}.nw"));
+        let chapter = fs::read_to_string(chapter).unwrap();
+        let label = format!("\\label{{chap:{module}}}");
+        assert!(chapter.contains(&label), "{module}.nw lacks its label");
+    }
+}

@@ -1,0 +1,623 @@
+// The course of a run, the errors of its image, and the rule that stops it
+// (chapters "The image", "The render" and "The course of a run").
+//
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+use std::time::{Duration, Instant};
+
+use glam::DVec3;
+use litpt::analysis::background::KnownPixels;
+use litpt::bvh::{Bvh, Hit, Intersector};
+use litpt::camera::{Camera, View};
+use litpt::film::{Film, WORTH};
+use litpt::integrator::{Integrator, PathTracer, Step};
+use litpt::render::{Job, Renderer};
+use litpt::render_loop::{Convergence, Interrupt, Limits, Stop};
+use litpt::scene::{Ray, Scene};
+use litpt::sky::Sky;
+use litpt::statistics::Accumulator;
+use litpt_book::closed_forms::cavity;
+use rand::{Rng, RngExt};
+
+/// An intersector that finds nothing, for estimators that need nothing.
+struct Nothing;
+
+impl Intersector for Nothing {
+    fn first_hit(&self, _: &Ray, _: Option<u32>) -> Option<Hit> {
+        None
+    }
+}
+
+/// The weight that a function makes of a number uniform over [0, 1), after
+/// three rays.
+struct Draw<F>(F);
+
+impl<F: Fn(f64) -> f64 + Sync> Integrator for Draw<F> {
+    /// The rays so far.
+    type Path = u32;
+    type RayQuery = Hit;
+
+    fn begin(&self, _: DVec3) -> u32 {
+        0
+    }
+
+    fn go_on(
+        &self,
+        rays: &mut u32,
+        _: Option<Hit>,
+        random: &mut impl Rng,
+    ) -> Step {
+        *rays += 1;
+        match *rays {
+            3 => Step::End(self.0(random.random())),
+            _ => {
+                let (origin, direction) = (DVec3::ZERO, DVec3::X);
+                Step::On(Ray { origin, direction }, 0)
+            }
+        }
+    }
+}
+
+/// An open sphere, seen from inside.
+struct World {
+    scene: Scene,
+    camera: Camera,
+}
+
+impl World {
+    fn new() -> Self {
+        let view = View {
+            position: DVec3::ZERO,
+            target: DVec3::new(0.5, 0.3, -1.),
+            up: DVec3::Z,
+            fov: 100.,
+        };
+        let scene = Scene::new(&cavity(0.3, 24));
+        Self { scene, camera: Camera::new(&view, 1.).unwrap() }
+    }
+
+    fn job<'a, K, E>(
+        &'a self,
+        intersector: &'a K,
+        integrator: &'a E,
+        seed: u64,
+    ) -> Job<'a, K, &'a E> {
+        let World { scene, camera } = self;
+        Job {
+            scene,
+            intersector,
+            camera,
+            integrator,
+            known: &KnownPixels::Nothing,
+            seed,
+        }
+    }
+}
+
+/// No limit but a number that no correct run of these tests reaches.
+fn limits(interrupt: &Interrupt) -> Limits<'_> {
+    Limits {
+        samples: Some(50_000),
+        deadline: None,
+        error: None,
+        interrupt,
+        reference: None,
+    }
+}
+
+/// Runs a job from the beginning until a limit is reached.
+fn run<K: Intersector, E: Integrator>(
+    job: &Job<K, E>,
+    (width, height): (u32, u32),
+    limits: &Limits,
+) -> (Convergence, Film, Stop) {
+    let mut film = Film::new(width, height);
+    let mut convergence = Convergence::default();
+    let stop =
+        convergence.run(job, &mut film, limits, &|_| (), &mut |_, _| ());
+    (convergence, film, stop)
+}
+
+fn with_threads<T: Send>(n: usize, work: impl FnOnce() -> T + Send) -> T {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(n);
+    pool.build().unwrap().install(work)
+}
+
+/// An image with the given weights in the pixel of column x and row y.
+fn image_of(
+    (width, height): (u32, u32),
+    weights: impl Fn(u32, u32) -> Vec<f64>,
+) -> Film {
+    let mut film = Film::new(width, height);
+    for (tile, pixels) in film.tiles() {
+        for (i, pixel) in (0..).zip(pixels) {
+            let x = tile.corner.0 + i % tile.size.0;
+            let y = tile.corner.1 + i / tile.size.0;
+            weights(x, y).into_iter().for_each(|w| pixel.add(w));
+        }
+    }
+    film
+}
+
+fn close(a: f64, b: f64) -> bool {
+    a == b || (a / b - 1.).abs() < 1e-12
+}
+
+// ---------------------------------------------------------------- The image
+
+#[test]
+fn a_pixel_borrows_from_the_variance_of_its_neighbours() {
+    // The square of 5x5 around (17, 15) covers four tiles, and the one
+    // around (0, 0) is cut off by two rims.
+    let size = (20, 18);
+    let constant = [0.5; 7];
+    let varied = [0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 4.];
+    let places = [(17, 15), (0, 0), (19, 17), (1, 9)];
+    let both = places.map(|place| [(place, constant), (place, varied)]);
+    for ((x, y), alone) in both.into_iter().flatten() {
+        let weights = |column: u32, row: u32| match (column, row) {
+            _ if (column, row) == (x, y) => alone.to_vec(),
+            _ => vec![0., f64::from(column + 20 * row), 1.],
+        };
+        let film = image_of(size, weights);
+        let (mut sum, mut count) = (0., 0.);
+        for row in y.saturating_sub(2)..(y + 3).min(size.1) {
+            for column in x.saturating_sub(2)..(x + 3).min(size.0) {
+                if (column, row) != (x, y) {
+                    sum += film.pixel(column, row).variance();
+                    count += 1.;
+                }
+            }
+        }
+        let own = film.pixel(x, y).variance();
+        let expected = (6. * own + WORTH * sum / count) / (6. + WORTH);
+        let expected = f64::sqrt(expected / 7.);
+        let errors = film.errors(WORTH);
+        let here = (y * size.0 + x) as usize;
+        assert!(
+            close(errors[here], expected),
+            "{} {expected}",
+            errors[here]
+        );
+        for (error, pixel) in film.errors(0.).iter().zip(film.rows()) {
+            assert!(close(*error, pixel.standard_error()));
+        }
+    }
+}
+
+#[test]
+fn constant_neighbours_count_as_zero_and_unknown_ones_not_at_all() {
+    let weights = |x, _| match x {
+        0 => vec![1.; 4],
+        1 => vec![0.3; 9],
+        2 => vec![0., 1.],
+        3 => vec![0.9],
+        _ => vec![],
+    };
+    let errors = image_of((5, 1), weights).errors(4.);
+    // The neighbours within two columns have the variances 0 and 1/2,
+    // those of the third pixel 0 and 0.
+    assert!(close(errors[0], f64::sqrt(4. * 0.25 / (3. + 4.) / 4.)));
+    assert!(close(errors[1], f64::sqrt(4. * 0.25 / (8. + 4.) / 9.)));
+    assert!(close(errors[2], f64::sqrt(0.5 / (1. + 4.) / 2.)));
+    assert_eq!(errors[3..], [f64::INFINITY; 2]);
+}
+
+#[test]
+fn an_image_of_one_value_has_no_error() {
+    let film = image_of((9, 7), |_, _| vec![0.25; 3]);
+    assert_eq!(film.errors(WORTH), [0.; 63]);
+    let summary = film.summary();
+    assert_eq!((summary.mean, summary.rmse), (0.25, 0.));
+    assert_eq!((summary.mean_stderr, summary.constant), (0., 63));
+}
+
+#[test]
+fn one_realisation_leaves_every_error_unknown() {
+    let film = image_of((9, 7), |x, _| vec![f64::from(x)]);
+    assert_eq!(film.errors(WORTH), [f64::INFINITY; 63]);
+    let summary = film.summary();
+    assert_eq!((summary.rmse, summary.constant), (f64::INFINITY, 0));
+    assert_eq!(summary.mean_stderr, f64::INFINITY);
+    assert!(close(summary.mean, 4.));
+}
+
+#[test]
+fn the_summary_averages_the_squares_of_the_standard_errors() {
+    let weights = |x: u32, y: u32| match (x * 7 + y * 3) % 5 {
+        0 => vec![0.25; 6],
+        k => vec![f64::from(x % 9), 0.1 * f64::from(k), f64::from(y)],
+    };
+    let film = image_of((50, 37), weights);
+    let (mut squares, mut mean, mut constant) = (0., 0., 0);
+    for pixel in film.rows() {
+        squares += pixel.standard_error().powi(2);
+        mean += pixel.mean();
+        constant += u64::from(pixel.variance() == 0.);
+    }
+    let n = film.area() as f64;
+    let summary = film.summary();
+    assert!(close(summary.rmse, f64::sqrt(squares / n)));
+    assert!(close(summary.mean_stderr, f64::sqrt(squares) / n));
+    assert!(close(summary.mean, mean / n));
+    assert!(constant >= 370 && summary.constant == constant);
+    for threads in [1, 2, 7] {
+        let again = with_threads(threads, || film.summary());
+        assert_eq!(again.rmse.to_bits(), summary.rmse.to_bits());
+        assert_eq!(again.mean.to_bits(), summary.mean.to_bits());
+        assert_eq!(again, summary);
+    }
+}
+
+// --------------------------------------------------------------- The render
+
+#[test]
+fn a_single_pixel_is_the_same_for_any_number_of_threads_and_passes() {
+    let world = World::new();
+    let intersector = Bvh::new(&world.scene).unwrap();
+    let integrator =
+        PathTracer { albedo: 0.8, sky: Sky::new(DVec3::Z), foresight: () };
+    let job = world.job(&intersector, &integrator, 5);
+    for size in [(1, 1), (3, 2), (17, 1)] {
+        let render = |threads, passes: &[u64]| {
+            let mut film = Film::new(size.0, size.1);
+            let (mut done, mut rays) = (0, 0);
+            for n in passes {
+                let pass = done..done + n;
+                rays += with_threads(threads, || {
+                    job.pass(&mut film, pass, &|_| ())
+                });
+                done += n;
+            }
+            (film.stored().to_vec(), rays)
+        };
+        let alone = render(1, &[1; 500]);
+        assert!(alone.0.iter().all(|pixel| pixel.count() == 500));
+        assert!(alone.0[0].variance() > 0. && alone.1 > 500);
+        for threads in [1, 2, 7] {
+            assert_eq!(render(threads, &[500]), alone);
+            assert_eq!(render(threads, &[1, 3, 96, 399, 1]), alone);
+        }
+    }
+}
+
+// --------------------------------------------------------------- The course
+
+/// The numbers of samples at which the chapter records a step.
+const STEPS: [u64; 18] = [
+    1, 2, 3, 4, 6, 10, 16, 25, 40, 63, 100, 160, 250, 400, 630, 1000, 1600,
+    2500,
+];
+
+#[test]
+fn steps_are_spread_over_the_decades_and_the_last_is_the_end() {
+    let world = World::new();
+    let integrator = Draw(|u| u);
+    let job = world.job(&Nothing, &integrator, 1);
+    let interrupt = Interrupt::default();
+    for n in [1, 2, 5, 63, 64, 2024] {
+        let limit = Limits { samples: Some(n), ..limits(&interrupt) };
+        let (convergence, film, stop) = run(&job, (5, 3), &limit);
+        assert_eq!((stop, convergence.spp), (Stop::Realisations, n));
+        assert!(film.counts().all(|count| count == n));
+        assert_eq!(convergence.rays, 15 * 3 * n);
+        let mut expected: Vec<u64> =
+            STEPS.into_iter().filter(|&step| step < n).collect();
+        expected.push(n);
+        let found: Vec<u64> =
+            convergence.steps.iter().map(|step| step.spp).collect();
+        assert_eq!(found, expected);
+        let last = convergence.steps[convergence.steps.len() - 1];
+        assert_eq!(last.rays, convergence.rays);
+        assert!(last.seconds > 0. && last.seconds <= convergence.seconds);
+        let summary = film.summary();
+        assert_eq!(last.mean, summary.mean);
+        let finite = summary.rmse.is_finite().then_some(summary.rmse);
+        assert_eq!((last.rmse, finite.is_some()), (finite, n > 1));
+        assert_eq!(last.mean_stderr.is_some(), n > 1);
+        assert_eq!(last.rmse_reference, None);
+        let times = convergence.steps.iter().map(|step| step.seconds);
+        assert!(times.is_sorted());
+    }
+    for decade in [1, 10, 100] {
+        let within = |&&s: &&u64| decade < s && s <= 10 * decade;
+        assert!(STEPS.iter().filter(within).count() >= 4);
+    }
+}
+
+#[test]
+fn every_step_is_compared_with_the_reference() {
+    let world = World::new();
+    let integrator = Draw(|u| u);
+    let job = world.job(&Nothing, &integrator, 1);
+    let interrupt = Interrupt::default();
+    let truth: Vec<f64> = (0..12).map(|i| f64::from(i) / 10.).collect();
+    let limit = Limits {
+        samples: Some(50),
+        reference: Some(&truth),
+        ..limits(&interrupt)
+    };
+    let (convergence, _, _) = run(&job, (4, 3), &limit);
+    for step in &convergence.steps {
+        let mut film = Film::new(4, 3);
+        job.pass(&mut film, 0..step.spp, &|_| ());
+        let squares: f64 = film
+            .means()
+            .zip(&truth)
+            .map(|(mean, truth)| (mean - truth).powi(2))
+            .sum();
+        let expected = (squares / 12.).sqrt();
+        assert!(close(step.rmse_reference.unwrap(), expected));
+    }
+}
+
+#[test]
+fn a_deadline_in_the_past_leaves_time_for_one_sample() {
+    let world = World::new();
+    let integrator = Draw(|u| u);
+    let job = world.job(&Nothing, &integrator, 1);
+    let interrupt = Interrupt::default();
+    let limit =
+        Limits { deadline: Some(Instant::now()), ..limits(&interrupt) };
+    let (convergence, film, stop) = run(&job, (4, 3), &limit);
+    assert_eq!(
+        (stop, convergence.spp, convergence.steps.len()),
+        (Stop::Time, 1, 1)
+    );
+    assert!(film.counts().all(|count| count == 1));
+}
+
+#[test]
+fn a_deadline_ends_the_run_with_a_step() {
+    let world = World::new();
+    let integrator = Draw(|u| u);
+    let job = world.job(&Nothing, &integrator, 1);
+    let interrupt = Interrupt::default();
+    let deadline = Some(Instant::now() + Duration::from_millis(50));
+    let limit = Limits { samples: None, deadline, ..limits(&interrupt) };
+    let (convergence, _, stop) = run(&job, (4, 3), &limit);
+    assert_eq!(stop, Stop::Time);
+    assert!(convergence.spp > 10 && convergence.seconds > 0.02);
+    assert_eq!(
+        convergence.steps.last().map(|step| step.spp),
+        Some(convergence.spp)
+    );
+    let recorded = convergence.steps.iter().rev().skip(1);
+    let mut recorded = recorded.map(|step| step.spp);
+    assert!(recorded.all(|spp| STEPS.contains(&spp) || spp > 2500));
+}
+
+#[test]
+fn the_first_limit_that_is_reached_stops_the_run() {
+    let world = World::new();
+    let integrator = Draw(|u| u);
+    let job = world.job(&Nothing, &integrator, 1);
+    let interrupt = Interrupt::default();
+    let all = Limits {
+        samples: Some(300),
+        deadline: Some(Instant::now() + Duration::from_secs(3600)),
+        error: Some(1e-6),
+        ..limits(&interrupt)
+    };
+    assert_eq!(run(&job, (8, 8), &all).2, Stop::Realisations);
+    let bearable = Limits { error: Some(0.1), ..all };
+    assert_eq!(run(&job, (8, 8), &bearable).2, Stop::Error);
+}
+
+// ---------------------------------------------------------- Stop by an error
+
+/// Whether the rule of the chapter lets a run stop.
+fn may_stop(rmse: f64, n: u64, pixels: u64, error: f64) -> bool {
+    let (n, pixels) = (n as f64, pixels as f64);
+    rmse * rmse + 3. / (n * n * pixels) <= error * error
+}
+
+#[test]
+fn a_run_stops_when_its_error_is_small_enough_and_soon_after() {
+    let world = World::new();
+    // The variance is 0.3 * 0.7.
+    let integrator = Draw(|u| if u < 0.3 { 1. } else { 0. });
+    let interrupt = Interrupt::default();
+    let pixels = 16 * 12;
+    for (seed, error) in [0.1, 0.05, 0.03, 0.011, 0.009].iter().enumerate()
+    {
+        let job = world.job(&Nothing, &integrator, seed as u64);
+        let limit = Limits { error: Some(*error), ..limits(&interrupt) };
+        let (convergence, film, stop) = run(&job, (16, 12), &limit);
+        let rmse = film.summary().rmse;
+        assert_eq!(stop, Stop::Error);
+        assert!(may_stop(rmse, convergence.spp, pixels, *error), "{error}");
+        let last = convergence.steps[convergence.steps.len() - 1];
+        assert_eq!((last.spp, last.rmse), (convergence.spp, Some(rmse)));
+        let (v, e) = (0.21, error * error);
+        let root = f64::sqrt(v * v + 12. * e / pixels as f64);
+        let needed = (v + root) / (2. * e);
+        let ratio = convergence.spp as f64 / needed;
+        assert!((0.85..1.15).contains(&ratio), "{error}: {ratio}");
+        for step in convergence.steps.iter().rev().skip(1) {
+            let rmse = step.rmse.unwrap_or(f64::INFINITY);
+            let decisive = step.spp * pixels >= 1000;
+            let early = may_stop(rmse, step.spp, pixels, *error);
+            assert!(!(decisive && early), "{error}: {step:?}");
+        }
+    }
+}
+
+#[test]
+fn no_error_is_believed_before_a_thousand_paths() {
+    let world = World::new();
+    let integrator = Draw(|u| 0.5 + 0.01 * u);
+    let job = world.job(&Nothing, &integrator, 2);
+    let interrupt = Interrupt::default();
+    let limit = Limits { error: Some(10.), ..limits(&interrupt) };
+    for (size, n) in [
+        ((1, 1), 1000),
+        ((3, 3), 112),
+        ((10, 10), 10),
+        ((20, 25), 2),
+        ((100, 50), 2),
+    ] {
+        let (convergence, _, stop) = run(&job, size, &limit);
+        assert_eq!((stop, convergence.spp), (Stop::Error, n), "{size:?}");
+    }
+}
+
+#[test]
+fn a_scene_without_variance_stops_when_no_event_could_hide() {
+    let world = World::new();
+    let integrator = Draw(|_| 0.);
+    let job = world.job(&Nothing, &integrator, 2);
+    let interrupt = Interrupt::default();
+    // The first number whose 3 / (N^2 P) is at most the square.
+    for (error, size, n) in [
+        (1e-3, (1, 1), 1733),
+        (1e-3, (10, 10), 174),
+        (1e-4, (10, 10), 1733),
+        (1e-3, (30, 30), 58),
+        (1e-2, (8, 8), 22),
+    ] {
+        let limit = Limits { error: Some(error), ..limits(&interrupt) };
+        let (convergence, film, stop) = run(&job, size, &limit);
+        assert_eq!(
+            (stop, convergence.spp),
+            (Stop::Error, n),
+            "{error} {size:?}"
+        );
+        assert_eq!(film.summary().rmse, 0.);
+        let pixels = u64::from(size.0 * size.1);
+        assert!(!may_stop(0., n - 1, pixels, error));
+    }
+}
+
+/// The means of images whose runs are stopped by their error, with one
+/// seed each; a weight is `high` with the probability `p`, otherwise 0.
+fn stopped_means(
+    p: f64,
+    high: f64,
+    size: (u32, u32),
+    error: f64,
+    runs: u64,
+) -> Accumulator {
+    let world = World::new();
+    let integrator = Draw(|u| if u < p { high } else { 0. });
+    let interrupt = Interrupt::default();
+    let limit = Limits { error: Some(error), ..limits(&interrupt) };
+    let mean = |seed| {
+        let job = world.job(&Nothing, &integrator, seed);
+        run(&job, size, &limit).1.summary().mean
+    };
+    let mut means = Accumulator::default();
+    with_threads(1, || (0..runs).for_each(|seed| means.add(mean(seed))));
+    means
+}
+
+#[test]
+fn a_pixel_that_is_stopped_by_its_error_is_biased_as_the_book_says() {
+    // The second would be wrong without the guard against events unseen,
+    // the first even without the minimum of a thousand paths.
+    for (p, high, error, runs) in
+        [(0.1, 10., 0.1, 2000), (1e-3, 1., 2e-4, 200)]
+    {
+        let truth = p * high;
+        let deviation = high * f64::sqrt(p * (1. - p));
+        let skewness = (1. - 2. * p) / f64::sqrt(p * (1. - p));
+        let n = (deviation / error).powi(2).max(1000.);
+        let bias = skewness * deviation / n;
+        let means = stopped_means(p, high, (1, 1), error, runs);
+        let off = means.mean() - truth;
+        let bound = 1.5 * bias + 4. * means.standard_error();
+        assert!(off.abs() <= bound, "{p}: {off} > {bound} ({bias})");
+        // The bound itself must be able to notice a run that stops at 0.
+        assert!(bound < 0.15 * truth, "{p}: {bound}");
+    }
+}
+
+#[test]
+fn an_image_that_is_stopped_by_its_error_is_not_biased() {
+    for (p, high, error, runs) in
+        [(0.1, 10., 0.5, 300), (5e-3, 1., 5e-3, 100)]
+    {
+        let truth = p * high;
+        let means = stopped_means(p, high, (8, 8), error, runs);
+        let off = means.mean() - truth;
+        let bound = 4. * means.standard_error();
+        assert!(off.abs() <= bound, "{p}: {off} > {bound}");
+        assert!(bound < 0.06 * truth, "{p}: {bound}");
+    }
+}
+
+// ------------------------------------------------------------------- Resumed
+
+#[test]
+fn a_course_that_is_resumed_ends_as_one_that_never_stopped() {
+    let world = World::new();
+    let integrator = Draw(|u| if u < 0.2 { u } else { 0. });
+    let job = world.job(&Nothing, &integrator, 3);
+    let interrupt = Interrupt::default();
+    let by_number = Limits { samples: Some(213), ..limits(&interrupt) };
+    let by_error = Limits { error: Some(4e-3), ..limits(&interrupt) };
+    for limit in [by_number, by_error] {
+        let mut states = vec![];
+        let mut whole = (Convergence::default(), Film::new(19, 5));
+        let stop = whole.0.run(
+            &job,
+            &mut whole.1,
+            &limit,
+            &|_| (),
+            &mut |convergence, film| {
+                states.push((convergence.clone(), film.clone()));
+            },
+        );
+        assert!(states.len() > 8);
+        for (saved, mut film) in states {
+            // What a checkpoint keeps of a course.
+            let text = serde_json::to_string(&saved).unwrap();
+            let mut convergence: Convergence =
+                serde_json::from_str(&text).unwrap();
+            let again = convergence.run(
+                &job,
+                &mut film,
+                &limit,
+                &|_| (),
+                &mut |_, _| (),
+            );
+            assert_eq!(again, stop);
+            assert_eq!(
+                (convergence.spp, convergence.rays),
+                (whole.0.spp, whole.0.rays)
+            );
+            assert!(convergence.seconds >= saved.seconds);
+            assert_eq!(film.stored(), whole.1.stored());
+            assert_eq!(convergence.steps.len(), whole.0.steps.len());
+            for (one, other) in convergence.steps.iter().zip(&whole.0.steps)
+            {
+                let mut one = *one;
+                one.seconds = other.seconds;
+                assert_eq!(one, *other);
+            }
+        }
+    }
+}
+
+#[test]
+fn an_error_that_no_run_reaches_adds_no_steps() {
+    let world = World::new();
+    let interrupt = Interrupt::default();
+    let limit = |error| Limits {
+        samples: Some(3000),
+        error: Some(error),
+        ..limits(&interrupt)
+    };
+    let integrator = Draw(|_| 0.5);
+    let job = world.job(&Nothing, &integrator, 1);
+    for error in [1e-200, f64::MIN_POSITIVE, 1e-9] {
+        let steps = run(&job, (4, 4), &limit(error)).0.steps;
+        assert_eq!(steps.len(), STEPS.len() + 1, "{error:e}");
+    }
+    // A weight that is no number leaves the error unknown for ever.
+    let integrator = Draw(|u| if u < 0.5 { f64::NAN } else { u });
+    let job = world.job(&Nothing, &integrator, 1);
+    let steps = run(&job, (4, 4), &limit(0.1)).0.steps;
+    assert!(steps.len() <= STEPS.len() + 2, "{}", steps.len());
+}

@@ -1,0 +1,315 @@
+// Random numbers and directions (chapter "Sampling").
+//
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+use std::collections::HashSet;
+use std::convert::Infallible;
+use std::f64::consts::TAU;
+
+use glam::DVec3;
+use litpt::numerics::sincos_turns;
+use litpt::sampler::{cosine_direction, frame, generator, happens, within};
+use rand::{Rng, RngExt, SeedableRng, TryRng};
+use rand_pcg::Pcg64;
+use statrs::distribution::{
+    Binomial, ChiSquared, ContinuousCDF, DiscreteCDF,
+};
+
+/// Samples for each test of a distribution.
+const SAMPLES: u32 = 1_000_000;
+
+/// Comparisons with a distribution in this file, which together give a false
+/// alarm with one percent of all seeds (Šidák).
+const COMPARISONS: i32 = 22;
+
+/// The probability below which one of them fails.
+fn significance() -> f64 {
+    1. - 0.99f64.powf(1. / f64::from(COMPARISONS))
+}
+
+/// Demands that cells of equal probability were hit equally often (χ²).
+fn assert_uniform(cells: &[u32], what: &str) {
+    let n: u32 = cells.iter().sum();
+    let expected = f64::from(n) / cells.len() as f64;
+    assert!(expected >= 5.);
+    let square = |&c: &u32| (f64::from(c) - expected).powi(2) / expected;
+    let chi2: f64 = cells.iter().map(square).sum();
+    let p = ChiSquared::new(cells.len() as f64 - 1.).unwrap().sf(chi2);
+    assert!(p > significance(), "{what}: chi2 = {chi2}, p = {p:e}");
+}
+
+/// The cell of `x`, from [0, 1), in a row of `n`.
+fn cell(x: f64, n: usize) -> usize {
+    assert!((0. ..1.).contains(&x), "{x}");
+    (x * n as f64) as usize
+}
+
+/// A generator that knows one number only.
+struct Always(u64);
+
+impl TryRng for Always {
+    type Error = Infallible;
+
+    fn try_next_u32(&mut self) -> Result<u32, Infallible> {
+        Ok((self.0 >> 32) as u32)
+    }
+
+    fn try_next_u64(&mut self) -> Result<u64, Infallible> {
+        Ok(self.0)
+    }
+
+    fn try_fill_bytes(&mut self, _: &mut [u8]) -> Result<(), Infallible> {
+        unimplemented!("nobody asks for bytes")
+    }
+}
+
+/// Unit normals of all kinds, the poles and their neighbourhood included.
+fn normals() -> Vec<DVec3> {
+    let mut random = Pcg64::seed_from_u64(7);
+    let mut normals: Vec<DVec3> = (0..1000)
+        .map(|_| {
+            let mut one = || 2. * random.random::<f64>() - 1.;
+            DVec3::new(one(), one(), one()).normalize()
+        })
+        .collect();
+    for tilt in [0., 1e-300, 1e-17, 1e-9, 1e-3] {
+        for z in [1., -1.] {
+            normals.push(DVec3::new(tilt, -tilt, z).normalize());
+        }
+    }
+    normals.extend([DVec3::X, -DVec3::X, DVec3::Y, -DVec3::Y]);
+    normals.push(DVec3::new(0.6, 0.8, 0.));
+    normals.push(DVec3::new(0.6, 0.8, -0.));
+    normals
+}
+
+#[test]
+fn frames_are_orthonormal_near_the_poles_as_well() {
+    for n in normals() {
+        let (t, b) = frame(n);
+        for (product, expected) in [
+            (t.dot(t), 1.),
+            (b.dot(b), 1.),
+            (t.dot(b), 0.),
+            (t.dot(n), 0.),
+            (b.dot(n), 0.),
+            (t.cross(b).dot(n), 1.),
+        ] {
+            // A dozen roundings of numbers of size one, 1.1e-16 each.
+            assert!((product - expected).abs() < 2e-15, "{n}: {product}");
+        }
+    }
+}
+
+#[test]
+fn the_numbers_of_a_path_are_uniform_alone_in_pairs_and_in_triples() {
+    let mut random = generator(1, 2, 3);
+    let mut alone = vec![0; 1000];
+    let mut pairs = vec![0; 100 * 100];
+    let mut triples = vec![0; 40 * 40 * 40];
+    for _ in 0..SAMPLES {
+        let [x, y, z]: [f64; 3] = random.random();
+        alone[cell(x, 1000)] += 1;
+        pairs[cell(x, 100) * 100 + cell(y, 100)] += 1;
+        let plane = cell(x, 40) * 40 + cell(y, 40);
+        triples[plane * 40 + cell(z, 40)] += 1;
+    }
+    assert_uniform(&alone, "numbers");
+    assert_uniform(&pairs, "pairs");
+    assert_uniform(&triples, "triples");
+}
+
+#[test]
+fn no_random_number_is_one() {
+    assert_eq!(Always(u64::MAX).random::<f64>(), 1. - 0.5f64.powi(53));
+    assert_eq!(Always(0).random::<f64>(), 0.);
+}
+
+#[test]
+fn points_are_uniform_over_their_pixel() {
+    for (i, n) in [(0, 1), (3, 7), (16383, 16384)] {
+        let mut random = generator(1, u64::from(i), 0);
+        let mut cells = vec![0; 1000];
+        for _ in 0..SAMPLES {
+            let x = within(i, n, random.random());
+            cells[cell(x * f64::from(n) - f64::from(i), 1000)] += 1;
+        }
+        assert_uniform(&cells, &format!("pixel {i} of {n}"));
+    }
+}
+
+#[test]
+fn no_point_of_a_pixel_lies_on_its_edges() {
+    let sides = (1..=16384).chain([65535, 65536]);
+    for n in sides.filter(|n| n % 61 == 1 || n % 4096 < 3 || *n > 16384) {
+        for i in (0..n).filter(|i| n < 200 || i % 97 == 0 || *i == n - 1) {
+            let edge = |i| f64::from(i) / f64::from(n);
+            let (first, last) = (within(i, n, 0), within(i, n, u32::MAX));
+            assert!(edge(i) < first && last < edge(i + 1), "{i} of {n}");
+        }
+    }
+}
+
+/// The angle of a point of the plane, in turns, from [0, 1).
+fn turns(x: f64, y: f64) -> f64 {
+    let turn = (y.atan2(x) / TAU).rem_euclid(1.);
+    if turn < 1. { turn } else { 0. }
+}
+
+// 800 sectors: eighths of the circle, where its formula changes, are among
+// their ends.
+#[test]
+fn points_of_the_circle_are_uniform_over_its_sectors() {
+    let mut random = generator(4, 0, 0);
+    let mut sectors = vec![0; 800];
+    for _ in 0..SAMPLES {
+        let (x, y) = sincos_turns(random.random());
+        assert!((x * x + y * y - 1.).abs() < 1e-15);
+        sectors[cell(turns(x, y), 800)] += 1;
+    }
+    assert_uniform(&sectors, "circle");
+}
+
+#[test]
+fn quarters_of_the_circle_are_exact_and_eighths_join() {
+    let quarters = [(1., 0.), (0., 1.), (-1., 0.), (0., -1.), (1., 0.)];
+    for (i, point) in quarters.into_iter().enumerate() {
+        assert_eq!(sincos_turns(i as f64 / 4.), point);
+    }
+    for eighth in 0..8 {
+        let u = f64::from(eighth) / 8.;
+        for u in [u.next_down().max(0.), u, u.next_up()] {
+            let (x, y) = sincos_turns(u);
+            let (sine, cosine) = (u * TAU).sin_cos();
+            // The rounding of the angle itself is up to 4.5e-16.
+            assert!((x - cosine).abs().max((y - sine).abs()) < 1e-15);
+        }
+    }
+}
+
+#[test]
+fn directions_have_the_density_of_the_cosine() {
+    // 20 x 10 cells of equal probability, 5000 directions in each.
+    let (columns, rows) = (20, 10);
+    let all = normals();
+    let tilted = |tilt, z| DVec3::new(tilt, -tilt, z).normalize();
+    for normal in [
+        DVec3::Z,
+        -DVec3::Z,
+        tilted(1e-17, -1.),
+        tilted(1e-9, -1.),
+        tilted(1e-3, -1.),
+        tilted(1e-9, 1.),
+        DVec3::new(0.6, 0.8, 0.),
+        DVec3::new(0.6, 0.8, -0.),
+        all[0],
+        all[1],
+    ] {
+        let (t, b) = frame(normal);
+        let mut random = Pcg64::seed_from_u64(3);
+        let mut cells = vec![0u32; columns * rows];
+        for _ in 0..SAMPLES {
+            let (r, turn) = (random.random(), random.random());
+            let d = cosine_direction(normal, r, turn);
+            assert!((d.length() - 1.).abs() < 2e-15 && d.dot(normal) > 0.);
+            // P(sin² < s) = s, and the azimuth is uniform: found from the
+            // direction itself, not from the numbers that made it.
+            let sine2 = d.dot(t).powi(2) + d.dot(b).powi(2);
+            let column = cell(turns(d.dot(t), d.dot(b)), columns);
+            let row = ((sine2 * rows as f64) as usize).min(rows - 1);
+            cells[row * columns + column] += 1;
+        }
+        assert_uniform(&cells, &format!("directions around {normal}"));
+    }
+}
+
+#[test]
+fn no_direction_lies_in_its_surface_or_below() {
+    let last = 1. - 0.5f64.powi(53);
+    for normal in normals() {
+        for turn in (0..64).map(|i| f64::from(i) / 64.).chain([last]) {
+            for (r, sine2) in [(0., 0.), (0.5, 0.5), (last, 1.)] {
+                let d = cosine_direction(normal, r, turn);
+                let cosine = (1. - r).sqrt();
+                // A cosine of 1.05e-8 at least, and a few roundings.
+                assert!(d.dot(normal) > 1e-8, "{normal} {r} {turn}");
+                assert!((d.dot(normal) - cosine).abs() < 2e-15);
+                let across = d.cross(normal).length_squared();
+                assert!((across - sine2).abs() < 2e-15);
+            }
+        }
+    }
+}
+
+#[test]
+fn events_happen_with_their_probability() {
+    for rho in [0.1, 0.5, 0.9] {
+        let mut random = generator(5, 0, 0);
+        let mut count = || u64::from(happens(rho, &mut random));
+        let count: u64 = (0..SAMPLES).map(|_| count()).sum();
+        let law = Binomial::new(rho, u64::from(SAMPLES)).unwrap();
+        let p = 2. * law.cdf(count).min(law.sf(count - 1));
+        assert!(p > significance(), "{rho}: {count}, p = {p:e}");
+    }
+}
+
+#[test]
+fn extreme_probabilities_are_decided_to_the_last_bit() {
+    let last = 1. - 0.5f64.powi(53);
+    let step = 1 << 11;
+    // The probability, a random number, and whether it happens.
+    for (probability, number, expected) in [
+        (0., 0, false),
+        (0., u64::MAX, false),
+        (5e-324, 0, true),
+        (5e-324, step, false),
+        (0.5, (1 << 63) - step, true),
+        (0.5, 1 << 63, false),
+        (last, u64::MAX - step, true),
+        (last, u64::MAX, false),
+        (1., 0, true),
+        (1., u64::MAX, true),
+    ] {
+        let found = happens(probability, &mut Always(number));
+        assert_eq!(found, expected, "{probability:e}, {number:x}");
+    }
+}
+
+#[test]
+fn paths_draw_from_generators_of_their_own() {
+    let mut first = HashSet::new();
+    for seed in 0..4 {
+        for pixel in 0..100 {
+            for n in 0..100 {
+                first.insert(generator(seed, pixel, n).next_u64());
+            }
+        }
+    }
+    // 40000 numbers of 64 bits collide with a probability of 4e-11.
+    assert_eq!(first.len(), 40_000);
+}
+
+#[test]
+fn first_numbers_of_neighbouring_paths_are_uniform_and_uncorrelated() {
+    // The pairs of first numbers of samples 0, 1, 2... of one pixel,
+    // and of pixels 0, 1, 2... in one sample.
+    let n = 1u64 << 20;
+    let numbers: [&dyn Fn(u64) -> f64; 2] =
+        [&|i| generator(0, 5, i).random::<f64>(), &|i| {
+            generator(0, i, 5).random::<f64>()
+        }];
+    for number in numbers {
+        let mut cells = [0u32; 256];
+        let mut last = 0.;
+        for i in 0..n {
+            let u = number(i);
+            let cell = (last * 16.) as usize * 16 + (u * 16.) as usize;
+            if i > 0 {
+                cells[cell] += 1;
+            }
+            last = u;
+        }
+        assert_uniform(&cells, "first numbers");
+    }
+}

@@ -1,0 +1,277 @@
+// All sets of instructions answer with the same bits (chapter "The walk").
+//
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+use glam::DVec3;
+use litpt::bvh::anatomy::Anatomy;
+use litpt::bvh::{Bvh, Hit, Intersector, Isa, Quality};
+use litpt::scene::{Mesh, Ray, Scene};
+use litpt_book::closed_forms::cavity;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+
+/// Rays per scene; five scenes make a million.
+const RAYS: usize = 200_000;
+
+/// From -1 to 1.
+fn signed(random: &mut Pcg64) -> f64 {
+    2. * random.random::<f64>() - 1.
+}
+
+fn vector(random: &mut Pcg64) -> DVec3 {
+    DVec3::new(signed(random), signed(random), signed(random))
+}
+
+/// Each face of a cube as `n` by `n` squares of two triangles.
+fn gridded_cube(n: u32) -> Mesh {
+    let mut mesh = Mesh::default();
+    for face in 0..6 {
+        let first = mesh.vertices.len() as u32;
+        for i in 0..=n {
+            for j in 0..=n {
+                let at = |k: u32| 2. * f64::from(k) / f64::from(n) - 1.;
+                let mut p = [at(i), at(j), [1., -1.][face / 3]];
+                p.rotate_right(face % 3);
+                mesh.vertices.push(DVec3::from(p));
+                if i < n && j < n {
+                    let a = first + i * (n + 1) + j;
+                    let (b, c) = (a + 1, a + n + 1);
+                    mesh.triangles.push([a, b, c]);
+                    mesh.triangles.push([b, c + 1, c]);
+                }
+            }
+        }
+    }
+    mesh
+}
+
+/// Twenty triangles, each cut in four three times.
+fn icosphere() -> Mesh {
+    let g = (1. + 5f64.sqrt()) / 2.;
+    let mut vertices = vec![];
+    for (a, b) in [(1., g), (-1., g), (1., -g), (-1., -g)] {
+        vertices.push(DVec3::new(0., a, b));
+        vertices.push(DVec3::new(a, b, 0.));
+        vertices.push(DVec3::new(b, 0., a));
+    }
+    let edge = |a: DVec3, b: DVec3| (a.distance(b) - 2.).abs() < 1e-9;
+    let mut faces = vec![];
+    for (i, &a) in vertices.iter().enumerate() {
+        for (j, &b) in vertices.iter().enumerate().skip(i + 1) {
+            for &c in vertices.iter().skip(j + 1) {
+                if edge(a, b) && edge(b, c) && edge(c, a) {
+                    faces.push([a, b, c].map(DVec3::normalize));
+                }
+            }
+        }
+    }
+    assert_eq!(faces.len(), 20);
+    for _ in 0..3 {
+        let cut = |[a, b, c]: [DVec3; 3]| {
+            let [d, e, f] =
+                [a + b, b + c, c + a].map(|corner| corner.normalize());
+            [[a, d, f], [d, b, e], [f, e, c], [d, e, f]]
+        };
+        faces = faces.into_iter().flat_map(cut).collect();
+    }
+    let index = |k: usize| [3 * k, 3 * k + 1, 3 * k + 2].map(|i| i as u32);
+    let triangles = (0..faces.len()).map(index).collect();
+    Mesh { vertices: faces.into_iter().flatten().collect(), triangles }
+}
+
+/// Triangles anywhere; two of three lie in a plane of constant x, y or z.
+fn soup() -> Mesh {
+    let mut random = Pcg64::seed_from_u64(3);
+    let mut mesh = Mesh::default();
+    for i in 0..3000u32 {
+        let centre = vector(&mut random);
+        let flat = i as usize % 9;
+        for _ in 0..3 {
+            let mut corner = centre + 0.1 * vector(&mut random);
+            if flat < 6 {
+                // Many in the same plane, so that boxes touch.
+                corner[flat % 3] = (4. * centre[flat % 3]).round() / 4.;
+            }
+            mesh.vertices.push(corner);
+        }
+        mesh.triangles.push([3 * i, 3 * i + 1, 3 * i + 2]);
+    }
+    mesh
+}
+
+fn one_triangle() -> Mesh {
+    let vertices = vec![DVec3::X, DVec3::Y, DVec3::NEG_Z];
+    Mesh { vertices, triangles: vec![[0, 1, 2]] }
+}
+
+/// A point of the scene: a vertex, a point of an edge or of a triangle, the
+/// middle, or any.
+fn place(scene: &Scene, random: &mut Pcg64) -> DVec3 {
+    let triangles = scene.triangles();
+    let anywhere = 4096. * vector(random);
+    if triangles.is_empty() {
+        return anywhere;
+    }
+    let i = random.random_range(0..triangles.len());
+    let [a, b, c] = triangles[i].map(|corner| corner.as_dvec3());
+    let (s, t) = (random.random::<f64>(), random.random::<f64>());
+    match random.random_range(0..6) {
+        0 => a,
+        1 => (a + b) / 2.,
+        2 => a + s * (b - a),
+        3 => a + s * (b - a) + (1. - s) * t * (c - a),
+        4 => DVec3::ZERO,
+        _ => anywhere,
+    }
+}
+
+/// Zeros of both signs, numbers too small for single precision, and others
+/// that leave the direction almost parallel to a plane.
+const SMALL: [f64; 10] =
+    [0., -0., 5e-324, -5e-324, 1e-40, -1e-40, 1e-19, -1e-15, 1e-8, -1e-5];
+
+/// A ray from one place to another, or with small components.
+fn ray(scene: &Scene, random: &mut Pcg64) -> Ray {
+    let mut origin = place(scene, random);
+    let mut direction = place(scene, random) - origin;
+    if direction == DVec3::ZERO || random.random_range(0..4) == 0 {
+        direction = vector(random);
+    }
+    for _ in 0..random.random_range(0..3) {
+        let axis = random.random_range(0..3);
+        direction[axis] = SMALL[random.random_range(0..SMALL.len())];
+    }
+    if direction.length() < 1e-3 {
+        direction = DVec3::X;
+    }
+    if random.random_range(0..4) == 0 {
+        // In the plane of a box.
+        let corner = place(scene, random).x as f32;
+        let padding = [0., 1. / 128., -1. / 128.];
+        origin.x = (corner + padding[random.random_range(0..3)]).into();
+    }
+    Ray { origin, direction: direction.normalize() }
+}
+
+fn bits(hit: Option<Hit>) -> Option<[u64; 6]> {
+    let hit = hit?;
+    let numbers = [hit.point.to_array(), hit.normal.to_array()].concat();
+    Some(std::array::from_fn(|i| numbers[i].to_bits()))
+}
+
+#[test]
+fn all_instructions_answer_a_million_rays_with_the_same_bits() {
+    let empty = Mesh::default();
+    let meshes =
+        [gridded_cube(16), icosphere(), soup(), one_triangle(), empty];
+    for (i, mesh) in meshes.iter().enumerate() {
+        let scene = Scene::new(mesh);
+        let with = |isa: Isa| Bvh::with(&scene, Quality::Medium, isa).ok();
+        let intersectors: Vec<_> =
+            Isa::ALL.into_iter().filter_map(with).collect();
+        if intersectors.len() < Isa::ALL.len() {
+            eprintln!(
+                "note: only {} sets of instructions",
+                intersectors.len()
+            );
+        }
+        let (portable, others) = intersectors.split_last().unwrap();
+        let mut random = Pcg64::seed_from_u64(i as u64);
+        let mut hits = 0;
+        for _ in 0..RAYS {
+            let ray = ray(&scene, &mut random);
+            let expected = portable.first_hit(&ray, None);
+            hits += usize::from(expected.is_some());
+            assert_eq!(
+                portable.is_occluded(&ray, None),
+                expected.is_some(),
+                "{i}: {ray:?}"
+            );
+            for intersector in others {
+                let hit = intersector.first_hit(&ray, None);
+                assert_eq!(bits(hit), bits(expected), "{i}: {ray:?}");
+                let blocked = intersector.is_occluded(&ray, None);
+                assert_eq!(blocked, expected.is_some(), "{i}: {ray:?}");
+            }
+        }
+        match scene.triangles().len() {
+            0 => assert_eq!(hits, 0),
+            _ => assert!(hits > RAYS / 20, "{i}: {hits}"),
+        }
+    }
+}
+
+#[test]
+fn a_ray_of_nonsense_meets_nothing() {
+    let scene = Scene::new(&gridded_cube(3));
+    let odd = [f64::NAN, f64::INFINITY, -f64::INFINITY, 1e300, -3e19];
+    for isa in Isa::ALL.into_iter().filter(|isa| isa.is_available()) {
+        let intersector = Bvh::with(&scene, Quality::Fast, isa).unwrap();
+        for (odd, axis) in
+            odd.iter().flat_map(|o| [0, 1, 2].map(|i| (*o, i)))
+        {
+            for direction in [DVec3::X, DVec3::NAN, DVec3::ZERO] {
+                let mut origin = DVec3::ZERO;
+                origin[axis] = odd;
+                let ray = Ray { origin, direction };
+                assert_eq!(intersector.first_hit(&ray, None), None);
+                let ray = Ray { origin: DVec3::ZERO, direction };
+                let hit = intersector.first_hit(&ray, None);
+                assert_eq!(hit.is_some(), direction == DVec3::X);
+            }
+        }
+        // Empty slots must not be entered, though 1/d is zero.
+        for direction in [f64::INFINITY, 1e300, 1e39, -1e39, 1e20] {
+            let direction = DVec3::splat(direction);
+            let ray = Ray { origin: DVec3::ZERO, direction };
+            assert_eq!(intersector.first_hit(&ray, None), None);
+            assert!(!intersector.is_occluded(&ray, None));
+        }
+    }
+}
+
+#[test]
+fn a_triangle_that_is_passed_closely_is_not_drawn_as_met() {
+    let triangle = |y: f64| Mesh {
+        vertices: [(y, -1.), (y, 1.), (2., 0.)]
+            .map(|(y, z)| DVec3::new(1., y, z))
+            .to_vec(),
+        triangles: vec![[0, 1, 2]],
+    };
+    let last = |y: f64| {
+        let scene = Scene::new(&triangle(y));
+        let ray = scene.enter(DVec3::ZERO, DVec3::X).unwrap();
+        let rows = Anatomy::new(&scene, ray).unwrap().tabulate();
+        let mut rows = rows.lines().map(|row| row.split_at(4).1.to_owned());
+        rows.next_back().unwrap()
+    };
+    assert!(last(-1.).starts_with("leaf 0 & 1 &"), "{}", last(-1.));
+    assert!(last(1e-14).starts_with("leaf 0 & 0 &"), "{}", last(1e-14));
+}
+
+#[test]
+fn a_ray_that_leaves_a_triangle_is_answered_alike() {
+    for mesh in [gridded_cube(8), soup(), cavity(0.2, 24)] {
+        let scene = Scene::new(&mesh);
+        let with = |isa: Isa| Bvh::with(&scene, Quality::Fast, isa).ok();
+        let intersectors: Vec<_> =
+            Isa::ALL.into_iter().filter_map(with).collect();
+        let mut random = Pcg64::seed_from_u64(7);
+        for _ in 0..20_000 {
+            let first = ray(&scene, &mut random);
+            let next = vector(&mut random).normalize();
+            let mut answers = intersectors.iter().map(|intersector| {
+                let hit = intersector.first_hit(&first, None)?;
+                let onward = Ray { origin: hit.point, direction: next };
+                let from = Some(hit.primitive);
+                let second = intersector.first_hit(&onward, from);
+                let blocked = intersector.is_occluded(&onward, from);
+                assert_eq!(blocked, second.is_some(), "{onward:?}");
+                bits(second)
+            });
+            let expected = answers.next().unwrap();
+            assert!(answers.all(|answer| answer == expected), "{first:?}");
+        }
+    }
+}
