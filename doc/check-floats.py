@@ -69,7 +69,7 @@ def main(paths):
     folders = []
     if paths[:1] == ['--build']:
         folders = [os.path.join(paths[1], part)
-                   for part in ('figures', 'tables', 'examples')]
+                   for part in ('', 'figures', 'tables', 'examples')]
         folders.append('doc/examples')
         del paths[:2]
     if not paths:
