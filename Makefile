@@ -496,14 +496,12 @@ $(NOWEB) noweave $(NOWEAVE_OPTS) -backend '$(NOWEB) split_scope -o $(3)' $(2)
 @awk -v web='$(2)' "$$LIST_WARNINGS" $(3)/$(1).log
 @echo 'The book lies in $@.'
 endef
-BOOK_NEEDS = $(NOWEB) config.mk $(BUILD_DIR)/examples.stamp \
-  $(addprefix doc/,litpt.sty litpt.bib litpt-mono.enc latexmkrc) \
-  $(addprefix $(BUILD_DIR)/tables/,numbers.stamp measured.tex editor.tex \
-    translation.tex turnaround.tex)
+BOOK_NEEDS = $(NOWEB) config.mk $(BUILD_DIR)/tables/measured.tex \
+  $(addprefix doc/,litpt.sty litpt.bib litpt-mono.enc latexmkrc)
 
-$(BUILD_DIR)/litpt.pdf: $(WEB) $(BOOK_NEEDS) \
+$(BUILD_DIR)/litpt.pdf: $(WEB) $(BOOK_NEEDS) $(BUILD_DIR)/examples.stamp \
   $(BUILD_DIR)/figures/courtyard.png \
-  $(addprefix $(BUILD_DIR)/tables/,closed-forms.tex qualities.tex \
+  $(addprefix $(BUILD_DIR)/tables/,numbers.stamp turnaround.tex closed-forms.tex qualities.tex \
     leaks.tex origins.tex roulettes.tex stability.tex stability-full.tex robustness.tex \
     ablation.tex layouts.tex habits.tex abreast.tex traversal.tex \
     bench.tex generations.tex sizes.csv shapes.tex start.tex repeats.csv \
@@ -511,7 +509,9 @@ $(BUILD_DIR)/litpt.pdf: $(WEB) $(BOOK_NEEDS) \
     calibration.stamp anatomy.stamp curve.csv counted.tex said.tex layers.tex)
 	$(call MAKE_BOOK,litpt,$(WEB),$(BUILD_DIR)/tex)
 
-$(BUILD_DIR)/noweb.pdf: $(TOOL_WEB) $(BOOK_NEEDS)
+# The tool's book needs no program but the tool.
+$(BUILD_DIR)/noweb.pdf: $(TOOL_WEB) $(BOOK_NEEDS) \
+  $(addprefix $(BUILD_DIR)/tables/,editor.tex translation.tex)
 	$(call MAKE_BOOK,noweb,$(TOOL_WEB),$(BUILD_DIR)/tex-noweb)
 
 # Line n of build/tex/NAME.tex is line n of chapters/NAME.nw.
