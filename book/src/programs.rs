@@ -19,6 +19,7 @@ mod closed_forms;
 mod fuzz;
 mod leaks;
 mod loading;
+mod manuals;
 mod origins;
 mod qualities;
 mod repeats;
@@ -31,7 +32,8 @@ mod traversal;
 use std::error::Error;
 use std::io::{self, BufWriter, Write};
 
-use litpt_book::courtyard::{solids, write_obj};
+use litpt_book::courtyard::solids;
+use litpt_book::sweep::write_obj;
 
 /// What a part returns.
 pub type Done = Result<(), Box<dyn Error>>;
@@ -41,7 +43,7 @@ pub type Done = Result<(), Box<dyn Error>>;
 type Part = (&'static str, fn(&[String]) -> Done);
 
 /// All parts.
-pub const ALL: [Part; 19] = [
+pub const ALL: [Part; 20] = [
     ("ablation", ablation::run),
     ("accounting", accounting::run),
     ("accumulators", accumulators::run),
@@ -53,6 +55,7 @@ pub const ALL: [Part; 19] = [
     ("fuzz", fuzz::run),
     ("leaks", leaks::run),
     ("loading", loading::run),
+    ("manuals", manuals::run),
     ("origins", origins::run),
     ("qualities", qualities::run),
     ("repeats", repeats::run),

@@ -3,7 +3,8 @@
 
 use std::collections::{HashMap, HashSet};
 
-use litpt_book::courtyard::{Point, Solid, solids, write_obj};
+use litpt_book::courtyard::solids;
+use litpt_book::sweep::{Point, Solid, write_obj};
 
 /// FNV-1a of the whole OBJ; a change of the scene changes this line.
 const CHECKSUM: u64 = 0x8ebc_cd72_dfc0_0d8f;

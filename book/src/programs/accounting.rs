@@ -18,10 +18,9 @@ use litpt::output::OutputTarget;
 use litpt::render_loop::{Convergence, Interrupt, Limits};
 use litpt::report::{Kind, Report};
 use litpt::run_output::RunOutput;
-use litpt::scene::read_obj;
 use litpt::statistics::Accumulator;
 use litpt_book::closed_forms::Setting;
-use litpt_book::courtyard::{solids, view, write_obj};
+use litpt_book::courtyard::{mesh, view};
 
 use super::{Done, median};
 
@@ -30,11 +29,8 @@ const REALISATIONS: u64 = 32;
 const ROUNDS: usize = 5;
 
 pub fn run(_: &[String]) -> Done {
-    let mut obj = vec![];
-    write_obj(&solids(), &mut obj)?;
-    let mesh = read_obj(&obj)?;
     let up = (0.8, DVec3::Y);
-    let setting = Setting::new(&mesh, up, &view(), 4. / 3.)?;
+    let setting = Setting::new(&mesh(), up, &view(), 4. / 3.)?;
     let mut rounds = vec![];
     for _ in 0..ROUNDS {
         rounds.push(measure(&setting)?);

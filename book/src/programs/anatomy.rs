@@ -12,17 +12,15 @@ use std::fs;
 use std::path::Path;
 
 use litpt::bvh::anatomy::Anatomy;
-use litpt::scene::{Scene, read_obj};
-use litpt_book::courtyard::{solids, view, write_obj};
+use litpt::scene::Scene;
+use litpt_book::courtyard::{mesh, view};
 
 use super::Done;
 
 pub fn run(arguments: &[String]) -> Done {
     let directory = arguments.first().ok_or("usage: anatomy DIRECTORY")?;
     let directory = Path::new(directory);
-    let mut obj = Vec::new();
-    write_obj(&solids(), &mut obj)?;
-    let scene = Scene::new(&read_obj(&obj)?);
+    let scene = Scene::new(&mesh());
     // Take the ray in the middle
     let ahead = view().target - view().position;
     let ray = scene.enter(view().position, ahead.normalize());

@@ -23,10 +23,10 @@ use litpt::render::{Job, Renderer};
 use litpt::render_loop::{Convergence, Interrupt, Limits};
 use litpt::report::{Fit, Step};
 use litpt::sampler::{IndependentSampler, Sampler, dimension, generator};
-use litpt::scene::{Mesh, Scene, read_obj};
+use litpt::scene::{Mesh, Scene};
 use litpt::statistics::Accumulator;
 use litpt_book::closed_forms::{Setting, cavity, cavity_radiance};
-use litpt_book::courtyard::{solids, write_obj};
+use litpt_book::courtyard;
 use rand::RngExt;
 use rayon::prelude::*;
 
@@ -77,10 +77,8 @@ fn cases() -> Result<Vec<Case>, Box<dyn Error>> {
     let truth = exactly(2. / 3.);
     cases.push(Case { name: "floor and wall", setting, truth });
     // Add the courtyard with a reference
-    let mut obj = vec![];
-    write_obj(&solids(), &mut obj)?;
-    let (mesh, view) = (read_obj(&obj)?, litpt_book::courtyard::view());
-    let setting = set(&mesh, 0.8, DVec3::Y, &view)?;
+    let setting =
+        set(&courtyard::mesh(), 0.8, DVec3::Y, &courtyard::view())?;
     let mut film = Film::new(WIDTH, HEIGHT);
     setting.job(99).pass(&mut film, 0..4096, &|_| ());
     let truth = film.means().zip(film.errors(0.)).collect();

@@ -7,7 +7,7 @@
 # warranty.
 # SPDX-License-Identifier: FSFAP
 #
-# usage: awk -v parts=FILE -f doc/numbers.awk \
+# usage: awk -v parts=FILE -f book/scripts/numbers.awk \
 #   MASTER CHAPTER... MASTER CHAPTER... SOURCE...
 
 FNR == 1 { finish_chunk(); start = 0 }

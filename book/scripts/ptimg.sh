@@ -16,7 +16,7 @@ mkdir -p "$2/ptimg"
 cd "$2/ptimg"
 cp "$build/courtyard.obj" .
 
-# render NAME SEED REFLECTIVITY [REALISATIONS]
+# render NAME SEED ALBEDO [SAMPLES]
 render() {
   "$build/pt" -p 12.2,2.4,1.3 -t -12.6,6,-1.2 -u 0,1,0 -d 128x96 -n "${4:-64}" \
     -i courtyard.obj -s "$2" -r "$3" -o "$1" -f -q
@@ -39,7 +39,7 @@ ask other.txt diff one.exr other.exr
 # The same seed, and walls that reflect more.
 render again.exr 1 0.808
 ask seeds.txt diff one.exr again.exr 2> ../seeds.log
-# Fewer realisations, and one.
+# Fewer samples, and one.
 render few.exr 1 0.8 16
 render fewer.exr 2 0.8 16
 ask few.txt diff few.exr fewer.exr

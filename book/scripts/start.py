@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 """Measures what pt weighs before it does anything, and prints a CSV.
 
-usage: start.py PT SCENES [PEER]
+usage: start.py PT BOOK [PEER]
 
-PT is the program, SCENES the one that makes scenes (examples/scenes.rs), and
+PT is the program, BOOK that of the book, which makes scenes, and
 PEER a program with the arguments of embree_pt. Times are medians of 101 runs,
 in turns. Instructions are counted by valgrind, and the memory of small runs by
 GNU time; without them, or without a peer, there is a dash. The memory for a
@@ -74,7 +74,7 @@ def slope(command, points, digits):
 
 
 class Program:
-    """A program, and how it renders one realisation of a scene."""
+    """A program, and how it renders one sample of a scene."""
 
     def __init__(self, path, is_peer, folder):
         self.path, self.is_peer, self.folder = path, is_peer, folder
@@ -92,8 +92,8 @@ class Program:
 def scene(maker, folder, triangles):
     path = os.path.join(folder, f'field-{triangles}.obj')
     with open(path, 'wb') as file:
-        file.write(run([maker, 'field', str(triangles)]).stdout)
-    options = run([maker, '--view', 'field']).stdout.decode().split()
+        file.write(run([maker, 'scenes', 'field', str(triangles)]).stdout)
+    options = run([maker, 'scenes', '--view', 'field']).stdout.decode().split()
     view = [options[options.index(o) + 1] for o in '-p -t -u -F'.split()]
     return path, view
 

@@ -30,7 +30,7 @@ import tempfile
 import time
 from statistics import median
 
-WIDTH, HEIGHT, REFLECTIVITY = 400, 300, 0.8
+WIDTH, HEIGHT, ALBEDO = 400, 300, 0.8
 ROUNDS, FEWEST = 7, 3
 PATIENCE = 60  # seconds for the rounds of one row, if they are enough
 RENDERING = 1.5  # seconds that our part of a round should render
@@ -90,7 +90,7 @@ class Programs:
         out = os.path.join(self.folder, 'image.pgm')
         return run(
             [self.pt, '--keep-all', '-i', scene + '.obj', *view,
-             '-r', str(REFLECTIVITY), '-d', '{}x{}'.format(*definition),
+             '-r', str(ALBEDO), '-d', '{}x{}'.format(*definition),
              '-n', str(n), '-s', str(seed), '-j', str(len(processors)),
              '-o', out, '-f'], processors, PT)
 
@@ -100,9 +100,9 @@ class Programs:
         out = os.path.join(self.folder, 'image.raw')
         return run(
             [self.peer, scene + '.obj', p, t, u, fov, f'{WIDTH}x{HEIGHT}',
-             str(n), str(REFLECTIVITY), out, str(seed)], processors, PEER)
+             str(n), str(ALBEDO), out, str(seed)], processors, PEER)
 
-    def realisations(self, scene, processors):
+    def samples(self, scene, processors):
         """How many make our rendering last long enough to be timed."""
         render = self.ours(scene, processors, 4, 0)['render']
         return max(4, math.ceil(4 * RENDERING / max(render, 1e-3)))
@@ -110,7 +110,7 @@ class Programs:
     def rounds(self, scene, threads):
         """Rounds of (ours, theirs), in turns; theirs may be none."""
         processors = sorted(os.sched_getaffinity(0))[:threads]
-        n = self.realisations(scene, processors)
+        n = self.samples(scene, processors)
         began, done = time.monotonic(), []
         programs = [self.ours] + [self.theirs] * bool(self.peer)
         for seed in range(1, ROUNDS + 1):
@@ -203,7 +203,7 @@ SHAPES = [(w, 3 * w // 4, 1_000_000 * 4 // (3 * w * w) or 1)
 
 
 def shapes(programs, scenes):
-    print('scene,width,height,realisations,million_rays_per_second')
+    print('scene,width,height,samples,million_rays_per_second')
     processors = sorted(os.sched_getaffinity(0))[:2]
     for scene in scenes:
         name = os.path.basename(scene)

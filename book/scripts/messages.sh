@@ -1,7 +1,7 @@
 #!/bin/sh
 # messages.sh NOWEB DIR -- what the tool says about the examples
 #
-# Tangles every example of this directory in DIR/work and writes what is to be
+# Tangles every example of doc/examples in DIR/work and writes what is to be
 # seen on a terminal to DIR/NAME.txt, and a tangled file to DIR/greet.rs, so
 # that the book shows what the tool does and not what somebody remembers.
 #
@@ -11,7 +11,7 @@
 # this notice are preserved. This file is offered as-is, without any warranty.
 set -eu
 case $1 in /*) noweb=$1 ;; *) noweb=$PWD/$1 ;; esac
-here=$(cd "$(dirname "$0")" && pwd)
+here=$(cd "$(dirname "$0")/../../doc/examples" && pwd)
 mkdir -p "$2"
 out=$(cd "$2" && pwd)
 rm -rf "$out/work"

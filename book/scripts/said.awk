@@ -7,7 +7,7 @@
 # warranty.
 # SPDX-License-Identifier: FSFAP
 #
-# usage: awk -f doc/said.awk ANSWER.txt... stopping.tex unseen.tex
+# usage: awk -f book/scripts/said.awk ANSWER.txt... stopping.tex unseen.tex
 #
 # The numbers of what programs have said while the book was made, for
 # \measured in its text. A line "mean radiance: 0.3632 ± 0.0003" of info.txt
@@ -22,7 +22,7 @@ table == "stopping" {
     # "natural, $P=1$ & 0.02 & 13 & $-0.04268\pm0.00037$ & ..."
     split($0, field, " & ")
     row = field[1] "/" field[2]
-    put("realisations", field[3])
+    put("samples", field[3])
     put("bias", first(field[4]))
     next
 }

@@ -7,7 +7,7 @@
 # warranty.
 # SPDX-License-Identifier: FSFAP
 #
-# usage: awk -f doc/layers.awk tests/layers.txt > layers.tex
+# usage: awk -f book/scripts/layers.awk tests/layers.txt > layers.tex
 
 function chapter(module) {
     return module == "main" ? "program" : module

@@ -1,5 +1,5 @@
 #!/bin/sh
-# prose-test.sh -- does doc/prose find what is planted, and nothing else?
+# prose-test.sh -- does book/scripts/prose find what is planted, and nothing else?
 #
 # Copyright (C) 2026 litpt contributors
 # Copying and distribution of this file, with or without modification, are
@@ -64,7 +64,7 @@ if "$prose" faulty.nw > /dev/null 2> found; then
   exit 1
 fi
 sort -t : -k 2n -k 3 found | diff expected - || {
-  echo 'error: doc/prose finds other faults (>) than were planted (<)' >&2
+  echo 'error: book/scripts/prose finds other faults (>) than were planted (<)' >&2
   exit 1
 }
 
@@ -81,4 +81,4 @@ if PATH=/nonexistent "$python" "$prose" clean.nw > /dev/null 2> found ||
   echo 'error: the lack of hunspell is not reported' >&2
   exit 1
 fi
-echo 'doc/prose finds the faults that are planted, and no others'
+echo 'book/scripts/prose finds the faults that are planted, and no others'
