@@ -61,7 +61,8 @@ pub fn run(arguments: &[String]) -> Done {
     let name = std::iter::once("traversal");
     let words = name.chain(arguments.iter().map(String::as_str));
     let arguments = Arguments::parse_from(words);
-    let (mesh, _) = arguments.read_mesh(false)?;
+    let input = arguments.input.as_ref().ok_or("name a scene: -i FILE")?;
+    let mesh = read_obj(&fs::read(input)?)?;
     let scene = Scene::new(&mesh);
     drop(mesh);
     let intersector = Bvh::with(&scene, Quality::Thorough, Isa::best())?;
