@@ -15,6 +15,7 @@
 
 use std::error::Error;
 use std::ffi::c_void;
+use std::fs;
 use std::hint::black_box;
 use std::ops::Range;
 use std::ptr::null_mut;
@@ -28,7 +29,7 @@ use litpt::arguments::Arguments;
 use litpt::bvh::{Bvh, Dispatch, Intersector, Isa, Quality};
 use litpt::camera::Camera;
 use litpt::integrator::PathTracer;
-use litpt::scene::{Ray, Scene};
+use litpt::scene::{Ray, Scene, read_obj};
 use litpt::sky::Sky;
 use litpt_book::paths;
 
