@@ -53,7 +53,7 @@ tangle() {
 # build STAGE: its binary is $boot/STAGE/noweb.bin
 build() {
   (cd "$boot/$1" && "$CARGO_TARGET_DIR/../stage0.bin" map $chapters -- \
-    $cargo build -q -p noweb --message-format=json) ||
+    $cargo build -q -p noweb) ||
     fail "$1 does not compile"
   cp "$CARGO_TARGET_DIR/debug/noweb" "$boot/$1/noweb.bin"
 }

@@ -24,6 +24,7 @@ use crate::bvh::{Bvh, Isa};
 use crate::camera::Camera;
 use crate::integrator::{DirectSky, Integrator, PathTracer};
 use crate::render::{Job, Renderer};
+use crate::sampler::IndependentSampler;
 use crate::scene::{Scene, Triangle};
 use crate::sky::Sky;
 use background::{BackgroundTiles, KnownPixels};
@@ -459,8 +460,15 @@ impl SceneAnalysis {
     ) -> Box<dyn Renderer + 'a> {
         let &Inquiry { camera, sky, albedo, .. } = inquiry;
         let known = &self.known;
-        let job =
-            Job { scene, intersector, camera, integrator: (), known, seed };
+        let sampler = IndependentSampler::new(seed);
+        let job = Job {
+            scene,
+            intersector,
+            camera,
+            integrator: (),
+            known,
+            sampler,
+        };
         // Ask only whether the sky is seen
         if self.is_black {
             return estimate(job, DirectSky { sky });
@@ -529,6 +537,6 @@ fn estimate<'a, E: Integrator + 'a>(
     job: Job<'a, Bvh, ()>,
     integrator: E,
 ) -> Box<dyn Renderer + 'a> {
-    let Job { scene, intersector, camera, known, seed, .. } = job;
-    Box::new(Job { scene, intersector, camera, integrator, known, seed })
+    let Job { scene, intersector, camera, known, sampler, .. } = job;
+    Box::new(Job { scene, intersector, camera, integrator, known, sampler })
 }

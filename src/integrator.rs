@@ -10,21 +10,20 @@
 
 // Name what the estimator imports
 use glam::DVec3;
-use rand::{Rng, RngExt};
 
 use crate::bvh::{Hit, Intersector};
-use crate::sampler::{cosine_direction, happens};
+use crate::sampler::{Sampler, cosine_direction, dimension, happens};
 use crate::scene::Ray;
 use crate::sky::Sky;
 
 // Say what an estimator gives
 /// What a path does at the end of a ray.
 #[derive(Clone, Copy, Debug)]
-pub enum Step {
+pub enum PathEvent {
     /// It goes on along another ray, which leaves this triangle.
-    On(Ray, u32),
-    /// It ends, and this is its sample of the radiance.
-    End(f64),
+    Scatter(Ray, u32),
+    /// It ends, and this is its contribution to the pixel.
+    Terminate(f64),
 }
 
 /// A random variable whose mean is the radiance along a ray.
@@ -43,8 +42,8 @@ pub trait Integrator: Sync {
         &self,
         path: &mut Self::Path,
         hit: Option<Self::RayQuery>,
-        random: &mut impl Rng,
-    ) -> Step;
+        sampler: &mut impl Sampler,
+    ) -> PathEvent;
 }
 
 /// A borrowed estimator is one.
@@ -62,9 +61,9 @@ impl<E: Integrator> Integrator for &E {
         &self,
         path: &mut Self::Path,
         hit: Option<Self::RayQuery>,
-        random: &mut impl Rng,
-    ) -> Step {
-        (**self).go_on(path, hit, random)
+        sampler: &mut impl Sampler,
+    ) -> PathEvent {
+        (**self).go_on(path, hit, sampler)
     }
 }
 
@@ -194,9 +193,9 @@ impl Integrator for DirectSky {
         &self,
         direction: &mut DVec3,
         blocked: Option<Occluded>,
-        _: &mut impl Rng,
-    ) -> Step {
-        Step::End(match blocked {
+        _: &mut impl Sampler,
+    ) -> PathEvent {
+        PathEvent::Terminate(match blocked {
             Some(Occluded) => 0.,
             None => self.sky.radiance(*direction),
         })
@@ -218,43 +217,47 @@ impl<F: Foresight> Integrator for PathTracer<F> {
         &self,
         path: &mut PathState,
         hit: Option<Hit>,
-        random: &mut impl Rng,
-    ) -> Step {
+        sampler: &mut impl Sampler,
+    ) -> PathEvent {
         let Some(hit) = hit else {
             let light = self.sky.radiance(path.direction);
-            return Step::End(path.throughput * light);
+            return PathEvent::Terminate(path.throughput * light);
         };
         // End at a surface that sees nothing but the sky
         if self.foresight.is_open(&hit) {
             let share = self.sky.share(hit.normal);
-            return Step::End(path.throughput * self.albedo * share);
+            return PathEvent::Terminate(
+                path.throughput * self.albedo * share,
+            );
         }
         // Weaken or end the path
         if path.throughput < FAINT {
-            if !happens(self.albedo, random) {
-                return Step::End(0.);
+            let u = sampler.get_1d(dimension::roulette(path.count));
+            if !happens(self.albedo, u) {
+                return PathEvent::Terminate(0.);
             }
         } else {
             path.throughput *= self.albedo;
             if path.count >= MANY_BOUNCES {
                 // End a long path or make it heavier
                 let probability = onward(path.count);
-                if !happens(probability, random) {
-                    return Step::End(0.);
+                let u = sampler.get_1d(dimension::roulette(path.count));
+                if !happens(probability, u) {
+                    return PathEvent::Terminate(0.);
                 }
                 path.throughput /= probability;
             }
         }
-        path.count += 1;
         // Leave the surface in a random direction
-        let (r, turn) = (random.random(), random.random());
+        let [r, turn] = sampler.get_2d(dimension::direction(path.count));
+        path.count += 1;
         path.direction = cosine_direction(hit.normal, r, turn);
         // End the path if its ray is known to be free
         if self.foresight.is_free(&hit, path.direction) {
             let light = self.sky.radiance(path.direction);
-            return Step::End(path.throughput * light);
+            return PathEvent::Terminate(path.throughput * light);
         }
         let ray = Ray { origin: hit.point, direction: path.direction };
-        Step::On(ray, hit.primitive)
+        PathEvent::Scatter(ray, hit.primitive)
     }
 }

@@ -16,9 +16,9 @@
 // Show the library at work
 //! ```
 //! use glam::DVec3;
-//! use litpt::{camera::*, integrator::*, analysis::background::KnownPixels, bvh::*};
-//! use litpt::film::*;
-//! use litpt::{render::*, scene::*, sky::*};
+//! use litpt::analysis::background::KnownPixels;
+//! use litpt::{bvh::*, camera::*, film::*, integrator::*};
+//! use litpt::{render::*, sampler::*, scene::*, sky::*};
 //!
 //! let obj = "v -1e6 -1e6 0\nv 1e6 -1e6 0\nv 1e6 1e6 0\nv -1e6 1e6 0\n\
 //!            f 1 2 3 4\n";
@@ -31,11 +31,12 @@
 //! let intersector = Bvh::new(&scene)?;
 //!
 //! let job = Job { scene: &scene, intersector: &intersector, camera: &camera,
-//!                 integrator: &integrator, known: &KnownPixels::Nothing, seed: 0 };
+//!                 integrator: &integrator, known: &KnownPixels::Nothing,
+//!                 sampler: IndependentSampler::new(0) };
 //! let mut film = Film::new(4, 3);
 //! job.pass(&mut film, 0..2, &|_| ());
-//! assert_eq!(image.pixel(0, 0).mean(), 0.5);
-//! assert_eq!(image.pixel(0, 0).variance(), 0.);
+//! assert_eq!(film.pixel(0, 0).mean(), 0.5);
+//! assert_eq!(film.pixel(0, 0).variance(), 0.);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 

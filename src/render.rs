@@ -12,22 +12,20 @@
 use std::iter;
 use std::ops::Range;
 
-use rand::RngExt;
-use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
 use crate::analysis::background::KnownPixels;
 use crate::bvh::{Dispatch, Intersector};
 use crate::camera::Camera;
 use crate::film::{Film, Tile};
-use crate::integrator::{Integrator, RayQuery, Step};
-use crate::sampler::{generator, within};
+use crate::integrator::{Integrator, PathEvent, RayQuery};
+use crate::sampler::{IndependentSampler, Sampler, within};
 use crate::scene::{Ray, Scene};
 use crate::statistics::Accumulator;
 
 // Name what a render needs
 /// What to render, and how.
-pub struct Job<'a, K, E> {
+pub struct Job<'a, K, E, S = IndependentSampler> {
     /// The triangles.
     pub scene: &'a Scene,
     /// Finds hits in `scene`.
@@ -39,7 +37,7 @@ pub struct Job<'a, K, E> {
     /// What is known of the image beforehand.
     pub known: &'a KnownPixels,
     /// Chooses the random numbers.
-    pub seed: u64,
+    pub sampler: S,
 }
 
 /// Pieces of work that each thread should find in an image.
@@ -47,21 +45,21 @@ const PIECES: usize = 32;
 
 // Let the intersector choose its walk
 /// A pass that waits for its intersector.
-struct Pass<'a, 'b, K, E> {
-    job: &'b Job<'a, K, E>,
+struct Pass<'a, 'b, K, E, S> {
+    job: &'b Job<'a, K, E, S>,
     film: &'b mut Film,
     samples: Range<u64>,
     progress: &'b (dyn Fn(u64) + Sync),
 }
 
-impl<K, E: Integrator> Dispatch for Pass<'_, '_, K, E> {
+impl<K, E: Integrator, S: Sampler> Dispatch for Pass<'_, '_, K, E, S> {
     type Output = u64;
 
     fn with<L: Intersector>(self, intersector: &L) -> u64 {
-        let Job { scene, camera, integrator, known, seed, .. } = self.job;
-        let (scene, camera, known, seed) = (*scene, *camera, *known, *seed);
+        let &Job { scene, camera, ref integrator, known, .. } = self.job;
+        let sampler = self.job.sampler.clone();
         let job =
-            Job { scene, intersector, camera, integrator, known, seed };
+            Job { scene, intersector, camera, integrator, known, sampler };
         job.sweep(self.film, self.samples, self.progress)
     }
 }
@@ -79,7 +77,9 @@ pub trait Renderer: Sync {
     ) -> u64;
 }
 
-impl<K: Intersector, E: Integrator> Renderer for Job<'_, K, E> {
+impl<K: Intersector, E: Integrator, S: Sampler> Renderer
+    for Job<'_, K, E, S>
+{
     fn pass(
         &self,
         film: &mut Film,
@@ -99,10 +99,10 @@ const IN_FLIGHT: usize = 4;
 const BATCH: usize = 16;
 
 /// A path between two rays.
-struct PathInFlight<P> {
+struct PathInFlight<P, S> {
     /// What its estimator remembers.
     path: P,
-    random: Pcg64,
+    sampler: S,
     /// Where it goes next; none if it has missed the box of the scene.
     ray: Option<Ray>,
     /// The triangle that it leaves.
@@ -111,7 +111,7 @@ struct PathInFlight<P> {
     pixel: u32,
 }
 
-impl<K: Intersector, E: Integrator> Job<'_, K, E> {
+impl<K: Intersector, E: Integrator, S: Sampler> Job<'_, K, E, S> {
     // Add samples to an image
     /// All tiles, with the intersector as it is.
     fn sweep(
@@ -216,7 +216,7 @@ impl<K: Intersector, E: Integrator> Job<'_, K, E> {
     #[inline(never)]
     fn begin(
         &self,
-        begun: &mut Vec<PathInFlight<E::Path>>,
+        begun: &mut Vec<PathInFlight<E::Path, S>>,
         batch: impl Iterator<Item = (u32, u64)>,
         tile: Tile,
         resolution: (u32, u32),
@@ -228,16 +228,16 @@ impl<K: Intersector, E: Integrator> Job<'_, K, E> {
             let y = tile.corner.1 + pixel / tile.size.0;
             // Begin sample `n` at column `x` and row `y`
             let number = u64::from(y) * u64::from(width) + u64::from(x);
-            let mut random = generator(self.seed, number, n);
-            let direction = self.camera.direction(
-                within(x, width, random.random()),
-                within(y, height, random.random()),
-            );
+            let mut sampler = self.sampler.start(number, n);
+            let [u, v] = sampler.get_pixel_2d();
+            let direction = self
+                .camera
+                .direction(within(x, width, u), within(y, height, v));
             let ray = self.scene.enter(self.camera.position, direction);
             let path = self.integrator.begin(direction);
             begun.push(PathInFlight {
                 path,
-                random,
+                sampler,
                 ray,
                 from: None,
                 pixel,
@@ -251,20 +251,20 @@ impl<K: Intersector, E: Integrator> Job<'_, K, E> {
     #[inline(always)]
     fn go_on(
         &self,
-        in_flight_path: &mut PathInFlight<E::Path>,
+        in_flight_path: &mut PathInFlight<E::Path, S>,
     ) -> Option<f64> {
-        let PathInFlight { path, random, ray, from, .. } = in_flight_path;
+        let PathInFlight { path, sampler, ray, from, .. } = in_flight_path;
         // Find what the ray meets
         let trace = |ray| E::RayQuery::ask(self.intersector, ray, *from);
         let answer = ray.as_ref().and_then(trace);
-        match self.integrator.go_on(path, answer, random) {
+        match self.integrator.go_on(path, answer, sampler) {
             // Go on along the next ray
-            Step::On(next, left) => {
+            PathEvent::Scatter(next, left) => {
                 *ray = Some(next);
                 *from = Some(left);
                 None
             }
-            Step::End(weight) => Some(weight),
+            PathEvent::Terminate(weight) => Some(weight),
         }
     }
 }

@@ -6,14 +6,51 @@
 // Software Foundation, either version 3 of the License, or (at your option)
 // any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Random numbers, and the directions that they stand for.
+//! Samplers, and the directions that their numbers stand for.
 
 // Name what the sampling imports
+use std::ops::Range;
+
 use glam::DVec3;
-use rand::{Rng, RngExt};
+use rand::RngExt;
 use rand_pcg::Pcg64;
 
 use crate::numerics::sincos_turns;
+
+// Say what a sampler gives
+/// The numbers of one sample of a pixel, asked for by their dimension.
+/// They are a function of the seed, the pixel, the sample and the dimension
+/// alone.
+pub trait Sampler: Clone + Send + Sync {
+    /// The sampler of sample `index` of a pixel, by their numbers.
+    fn start(&self, pixel: u64, index: u64) -> Self;
+
+    /// Two numbers uniform over the integers below 2^32, of the dimensions
+    /// 0 and 1: where the path crosses the pixel.
+    fn get_pixel_2d(&mut self) -> [u32; 2];
+
+    /// A number uniform over [0, 1).
+    fn get_1d(&mut self, dimension: u64) -> f64;
+
+    /// Two numbers uniform over [0, 1), of this dimension and the next.
+    fn get_2d(&mut self, dimension: u64) -> [f64; 2];
+}
+
+// Number the dimensions of a path
+/// The dimensions of a path; 0 and 1 are those of the point in the pixel.
+pub mod dimension {
+    /// That of Russian roulette at a bounce, counted from 0.
+    #[inline(always)]
+    pub fn roulette(bounce: u64) -> u64 {
+        2 + 3 * bounce
+    }
+
+    /// The first of the two of the direction in which a bounce leaves.
+    #[inline(always)]
+    pub fn direction(bounce: u64) -> u64 {
+        3 + 3 * bounce
+    }
+}
 
 // Give each path its own generator
 /// The generator of sample `n` of pixel `i`, for a seed.
@@ -32,11 +69,83 @@ fn split_mix(x: u64) -> u64 {
     x ^ (x >> 31)
 }
 
+// Draw independent numbers
+/// Independent numbers from a generator for each path.
+#[derive(Clone, Debug)]
+pub struct IndependentSampler {
+    seed: u64,
+    random: Pcg64,
+    /// The first dimension that has not been asked for.
+    #[cfg(debug_assertions)]
+    next: u64,
+}
+
+impl IndependentSampler {
+    /// The sampler for a seed, not started.
+    pub fn new(seed: u64) -> Self {
+        Self::of_path(seed, 0, 0)
+    }
+
+    // Make the sampler of one path
+    #[inline(always)]
+    fn of_path(seed: u64, pixel: u64, index: u64) -> Self {
+        Self {
+            seed,
+            random: generator(seed, pixel, index),
+            #[cfg(debug_assertions)]
+            next: 0,
+        }
+    }
+
+    // Check the order of dimensions
+    /// Panics, in debug builds, if one of the dimensions has been passed.
+    #[inline(always)]
+    fn pass(&mut self, dimensions: Range<u64>) {
+        #[cfg(debug_assertions)]
+        {
+            let Range { start, end } = dimensions;
+            assert!(
+                start >= self.next,
+                "dimension {start} is asked for late"
+            );
+            self.next = end;
+        }
+        let _ = dimensions;
+    }
+}
+
+impl Sampler for IndependentSampler {
+    #[inline(always)]
+    fn start(&self, pixel: u64, index: u64) -> Self {
+        Self::of_path(self.seed, pixel, index)
+    }
+
+    #[inline(always)]
+    fn get_pixel_2d(&mut self) -> [u32; 2] {
+        self.pass(0..2);
+        [self.random.random(), self.random.random()]
+    }
+
+    // Draw one or two numbers
+    #[inline(always)]
+    fn get_1d(&mut self, dimension: u64) -> f64 {
+        self.pass(dimension..dimension + 1);
+        self.random.random()
+    }
+
+    #[inline(always)]
+    fn get_2d(&mut self, dimension: u64) -> [f64; 2] {
+        self.pass(dimension..dimension + 2);
+        [self.random.random(), self.random.random()]
+    }
+}
+
 // Decide something by chance
-/// Whether an event of this probability happens.
+/// Whether an event of this probability happens, given a number uniform
+/// over [0, 1).
 #[inline(always)]
-pub fn happens(probability: f64, random: &mut impl Rng) -> bool {
-    random.random::<f64>() < probability
+pub fn happens(probability: f64, u: f64) -> bool {
+    u < probability
 }
 
 // Choose a point of a pixel

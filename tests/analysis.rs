@@ -19,6 +19,7 @@ use litpt::film::Film;
 use litpt::image::Image;
 use litpt::integrator::{Foresight, PathTracer};
 use litpt::render::{Job, Renderer};
+use litpt::sampler::IndependentSampler;
 use litpt::scene::{Mesh, Scene};
 use litpt::sky::Sky;
 use litpt_book::settings::{Setting, all, named};
@@ -167,7 +168,7 @@ fn surfaces_that_are_called_open_or_their_rays_free_are_found_out() {
             camera: &Camera::new(&setting.view, 4. / 3.).unwrap(),
             integrator: PathTracer { albedo: 0.8, sky, foresight },
             known: &KnownPixels::Nothing,
-            seed: 2,
+            sampler: IndependentSampler::new(2),
         };
         let mut film = Film::new(TINY.0, TINY.1);
         job.pass(&mut film, 0..MANY, &|_| ());

@@ -110,10 +110,10 @@ fn a_path_of_half_reflectivity_brings_one_of_five_weights() {
 /// and goes on with the chance `survival` from the twentieth bounce on.
 fn stiff(f: f64, survival: fn(f64) -> f64, random: &mut impl Rng) -> f64 {
     let (mut weight, mut n) = (1., 1);
-    while !happens(f, random) {
+    while !happens(f, random.random()) {
         if n >= 20 {
             let chance = survival(f64::from(n));
-            if !happens(chance, random) {
+            if !happens(chance, random.random()) {
                 return 0.;
             }
             weight /= chance;
@@ -148,26 +148,30 @@ struct Gather {
 }
 
 impl Integrator for Gather {
-    type Path = (f64, f64);
+    type Path = (f64, f64, u64);
     type RayQuery = Hit;
 
-    fn begin(&self, _: DVec3) -> (f64, f64) {
-        (1., 0.)
+    fn begin(&self, _: DVec3) -> (f64, f64, u64) {
+        (1., 0., 0)
     }
 
     // Gather light from hit to hit
     fn go_on(
         &self,
-        (weight, light): &mut (f64, f64),
+        (weight, light, bounces): &mut (f64, f64, u64),
         hit: Option<Hit>,
-        random: &mut impl Rng,
-    ) -> Step {
-        let Some(hit) = hit else { return Step::End(*light) };
+        sampler: &mut impl Sampler,
+    ) -> PathEvent {
+        let Some(hit) = hit else { return PathEvent::Terminate(*light) };
         *weight *= self.rho;
         *light += *weight * self.f;
-        let (r, turn) = (random.random(), random.random());
+        let [r, turn] = sampler.get_2d(dimension::direction(*bounces));
+        *bounces += 1;
         let direction = cosine_direction(hit.normal, r, turn);
-        Step::On(Ray { origin: hit.point, direction }, hit.primitive)
+        PathEvent::Scatter(
+            Ray { origin: hit.point, direction },
+            hit.primitive,
+        )
     }
 }
 
@@ -178,11 +182,11 @@ fn gathering_at_every_hit_pays_where_few_hits_matter() {
     {
         let setting = sphere(0.5, rho, 128);
         // Weigh with the other estimator
-        let Job { scene, intersector, camera, known, seed, .. } =
+        let Job { scene, intersector, camera, known, sampler, .. } =
             setting.job(1);
         let integrator = Gather { rho, f: 0.5 };
         let job =
-            Job { scene, intersector, camera, integrator, known, seed };
+            Job { scene, intersector, camera, integrator, known, sampler };
         let own = weigh(&job, 0..20_000);
         let reference = weigh(&setting.job(1), 0..20_000);
         near(reference.variance() / found, 1., 0.1);
@@ -872,7 +876,7 @@ fn the_natural_rule_loses_its_light_in_two_samples() {
         let (mut pixel, mut random) =
             (Accumulator::default(), generator(7, seed, 0));
         while pixel.count() < 2 || pixel.standard_error() > 0.02 {
-            let weight = happens(0.05, &mut random);
+            let weight = happens(0.05, random.random());
             pixel.add(f64::from(u8::from(weight)));
         }
         mean.add(pixel.mean());

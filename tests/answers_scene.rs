@@ -83,7 +83,7 @@ fn portions_of_a_chunk_follow_each_other_under_one_comment() {
 /// sky with probability `s`.
 fn weight(rho: f64, s: f64, random: &mut Pcg64) -> f64 {
     let mut weight = rho;
-    while !happens(s, random) {
+    while !happens(s, random.random()) {
         weight *= rho;
     }
     weight

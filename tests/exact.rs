@@ -10,6 +10,7 @@ use litpt::camera::{Camera, View};
 use litpt::film::Film;
 use litpt::integrator::PathTracer;
 use litpt::render::{Job, Renderer};
+use litpt::sampler::IndependentSampler;
 use litpt::scene::{Mesh, Scene};
 use litpt::sky::Sky;
 use litpt_book::closed_forms::{
@@ -166,7 +167,7 @@ fn without_a_scene_the_sky_is_one_above_and_zero_below() {
             camera: &camera,
             integrator: &integrator,
             known: &KnownPixels::Nothing,
-            seed: 0,
+            sampler: IndependentSampler::new(0),
         };
         let mut film = Film::new(40, 30);
         job.pass(&mut film, 0..3, &|_| ());

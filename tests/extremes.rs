@@ -16,6 +16,7 @@ use litpt::camera::{Camera, View, ViewError};
 use litpt::film::{Film, WORTH};
 use litpt::integrator::PathTracer;
 use litpt::render::{Job, Renderer};
+use litpt::sampler::IndependentSampler;
 use litpt::scene::{Mesh, Scene, read_obj};
 use litpt::sky::Sky;
 
@@ -70,7 +71,7 @@ fn sized(
         camera: &camera,
         integrator: &integrator,
         known: &KnownPixels::Nothing,
-        seed,
+        sampler: IndependentSampler::new(seed),
     };
     let mut film = Film::new(width, height);
     job.pass(&mut film, 0..samples, &|_| ());

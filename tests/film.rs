@@ -13,6 +13,7 @@ use litpt::camera::{Camera, View};
 use litpt::film::{Film, SIDE, Summary};
 use litpt::integrator::PathTracer;
 use litpt::render::{Job, Renderer};
+use litpt::sampler::IndependentSampler;
 use litpt::scene::Scene;
 use litpt::sky::Sky;
 use litpt_book::closed_forms::cavity;
@@ -84,7 +85,7 @@ fn render(
         camera: &camera,
         integrator: &integrator,
         known: &KnownPixels::Nothing,
-        seed: 9,
+        sampler: IndependentSampler::new(9),
     };
     let mut film = Film::new(60, 40);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
@@ -140,7 +141,7 @@ fn progress_counts_every_path_once() {
             foresight: (),
         },
         known: &KnownPixels::Nothing,
-        seed: 0,
+        sampler: IndependentSampler::new(0),
     };
     let paths = std::sync::atomic::AtomicU64::new(0);
     let count = |n| {
@@ -179,7 +180,7 @@ fn a_kernel_can_be_written_by_somebody_else() {
             foresight: (),
         },
         known: &KnownPixels::Nothing,
-        seed: 0,
+        sampler: IndependentSampler::new(0),
     };
     let mut film = Film::new(3, 3);
     let rays = job.pass(&mut film, 0..2, &|_| ());

@@ -11,14 +11,14 @@ use litpt::analysis::background::KnownPixels;
 use litpt::bvh::{Bvh, Hit, Intersector};
 use litpt::camera::{Camera, View};
 use litpt::film::{Film, WORTH};
-use litpt::integrator::{Integrator, PathTracer, Step};
+use litpt::integrator::{Integrator, PathEvent, PathTracer};
 use litpt::render::{Job, Renderer};
 use litpt::render_loop::{Convergence, Interrupt, Limits, Stop};
+use litpt::sampler::{IndependentSampler, Sampler};
 use litpt::scene::{Ray, Scene};
 use litpt::sky::Sky;
 use litpt::statistics::Accumulator;
 use litpt_book::closed_forms::cavity;
-use rand::{Rng, RngExt};
 
 /// An intersector that finds nothing, for estimators that need nothing.
 struct Nothing;
@@ -46,14 +46,14 @@ impl<F: Fn(f64) -> f64 + Sync> Integrator for Draw<F> {
         &self,
         rays: &mut u32,
         _: Option<Hit>,
-        random: &mut impl Rng,
-    ) -> Step {
+        sampler: &mut impl Sampler,
+    ) -> PathEvent {
         *rays += 1;
         match *rays {
-            3 => Step::End(self.0(random.random())),
+            3 => PathEvent::Terminate(self.0(sampler.get_1d(2))),
             _ => {
                 let (origin, direction) = (DVec3::ZERO, DVec3::X);
-                Step::On(Ray { origin, direction }, 0)
+                PathEvent::Scatter(Ray { origin, direction }, 0)
             }
         }
     }
@@ -90,7 +90,7 @@ impl World {
             camera,
             integrator,
             known: &KnownPixels::Nothing,
-            seed,
+            sampler: IndependentSampler::new(seed),
         }
     }
 }

@@ -3,14 +3,15 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-use std::collections::HashSet;
-use std::convert::Infallible;
 use std::f64::consts::TAU;
 
 use glam::DVec3;
 use litpt::numerics::sincos_turns;
-use litpt::sampler::{cosine_direction, frame, generator, happens, within};
-use rand::{Rng, RngExt, SeedableRng, TryRng};
+use litpt::sampler::{
+    IndependentSampler, Sampler, cosine_direction, dimension, frame,
+    generator, happens, within,
+};
+use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use statrs::distribution::{
     Binomial, ChiSquared, ContinuousCDF, DiscreteCDF,
@@ -19,13 +20,20 @@ use statrs::distribution::{
 /// Samples for each test of a distribution.
 const SAMPLES: u32 = 1_000_000;
 
+/// Dimensions of a sample that are looked at: those of the first thirteen
+/// bounces.
+const DIMENSIONS: usize = 41;
+
 /// Comparisons with a distribution in this file, which together give a false
-/// alarm with one percent of all seeds (Šidák).
-const COMPARISONS: i32 = 22;
+/// alarm with one percent of all seeds (Šidák): of single numbers, points and
+/// events; of all dimensions and pairs of dimensions, twice; and of the
+/// dimensions of related samples.
+const COMPARISONS: usize =
+    20 + 2 * DIMENSIONS * (DIMENSIONS + 1) / 2 + RELATED.len() * DIMENSIONS;
 
 /// The probability below which one of them fails.
 fn significance() -> f64 {
-    1. - 0.99f64.powf(1. / f64::from(COMPARISONS))
+    1. - 0.99f64.powf(1. / COMPARISONS as f64)
 }
 
 /// Demands that cells of equal probability were hit equally often (χ²).
@@ -43,25 +51,6 @@ fn assert_uniform(cells: &[u32], what: &str) {
 fn cell(x: f64, n: usize) -> usize {
     assert!((0. ..1.).contains(&x), "{x}");
     (x * n as f64) as usize
-}
-
-/// A generator that knows one number only.
-struct Always(u64);
-
-impl TryRng for Always {
-    type Error = Infallible;
-
-    fn try_next_u32(&mut self) -> Result<u32, Infallible> {
-        Ok((self.0 >> 32) as u32)
-    }
-
-    fn try_next_u64(&mut self) -> Result<u64, Infallible> {
-        Ok(self.0)
-    }
-
-    fn try_fill_bytes(&mut self, _: &mut [u8]) -> Result<(), Infallible> {
-        unimplemented!("nobody asks for bytes")
-    }
 }
 
 /// Unit normals of all kinds, the poles and their neighbourhood included.
@@ -118,12 +107,6 @@ fn the_numbers_of_a_path_are_uniform_alone_in_pairs_and_in_triples() {
     assert_uniform(&alone, "numbers");
     assert_uniform(&pairs, "pairs");
     assert_uniform(&triples, "triples");
-}
-
-#[test]
-fn no_random_number_is_one() {
-    assert_eq!(Always(u64::MAX).random::<f64>(), 1. - 0.5f64.powi(53));
-    assert_eq!(Always(0).random::<f64>(), 0.);
 }
 
 #[test]
@@ -246,7 +229,7 @@ fn no_direction_lies_in_its_surface_or_below() {
 fn events_happen_with_their_probability() {
     for rho in [0.1, 0.5, 0.9] {
         let mut random = generator(5, 0, 0);
-        let mut count = || u64::from(happens(rho, &mut random));
+        let mut count = || u64::from(happens(rho, random.random()));
         let count: u64 = (0..SAMPLES).map(|_| count()).sum();
         let law = Binomial::new(rho, u64::from(SAMPLES)).unwrap();
         let p = 2. * law.cdf(count).min(law.sf(count - 1));
@@ -256,60 +239,140 @@ fn events_happen_with_their_probability() {
 
 #[test]
 fn extreme_probabilities_are_decided_to_the_last_bit() {
-    let last = 1. - 0.5f64.powi(53);
-    let step = 1 << 11;
+    let step = 0.5f64.powi(53);
+    let last = 1. - step;
     // The probability, a random number, and whether it happens.
     for (probability, number, expected) in [
-        (0., 0, false),
-        (0., u64::MAX, false),
-        (5e-324, 0, true),
+        (0., 0., false),
+        (0., last, false),
+        (5e-324, 0., true),
         (5e-324, step, false),
-        (0.5, (1 << 63) - step, true),
-        (0.5, 1 << 63, false),
-        (last, u64::MAX - step, true),
-        (last, u64::MAX, false),
-        (1., 0, true),
-        (1., u64::MAX, true),
+        (0.5, 0.5 - step, true),
+        (0.5, 0.5, false),
+        (last, last - step, true),
+        (last, last, false),
+        (1., 0., true),
+        (1., last, true),
     ] {
-        let found = happens(probability, &mut Always(number));
-        assert_eq!(found, expected, "{probability:e}, {number:x}");
+        let found = happens(probability, number);
+        assert_eq!(found, expected, "{probability:e}, {number:e}");
+    }
+}
+
+// ------------------------------------------------------------ The dimensions
+
+/// The cells of the first dimensions of a sample, of 16 each.
+fn cells(seed: u64, pixel: u64, index: u64) -> [u8; DIMENSIONS] {
+    let mut sampler = IndependentSampler::new(seed).start(pixel, index);
+    let mut cells = [0; DIMENSIONS];
+    let [x, y] = sampler.get_pixel_2d();
+    (cells[0], cells[1]) = ((x >> 28) as u8, (y >> 28) as u8);
+    for bounce in 0..(DIMENSIONS as u64 - 2) / 3 {
+        let roulette = dimension::roulette(bounce);
+        let direction = dimension::direction(bounce);
+        let u = sampler.get_1d(roulette);
+        let [v, w] = sampler.get_2d(direction);
+        let numbers = [(roulette, u), (direction, v), (direction + 1, w)];
+        for (dimension, number) in numbers {
+            cells[dimension as usize] = cell(number, 16) as u8;
+        }
+    }
+    cells
+}
+
+/// Samples whose cells are looked at together.
+const PATHS: u64 = 1 << 16;
+
+#[test]
+fn each_dimension_is_uniform_alone_and_with_each_other() {
+    let of_a_pixel = |i| cells(3, 77, i);
+    let of_an_image = |i| cells(3, i, 2);
+    let all: [(&str, &dyn Fn(u64) -> [u8; DIMENSIONS]); 2] =
+        [("a pixel", &of_a_pixel), ("an image", &of_an_image)];
+    for (what, cells) in all {
+        let paths: Vec<_> = (0..PATHS).map(cells).collect();
+        for d in 0..DIMENSIONS {
+            let mut alone = [0; 16];
+            paths.iter().for_each(|path| alone[path[d] as usize] += 1);
+            assert_uniform(&alone, &format!("{what}: dimension {d}"));
+            for e in 0..d {
+                let mut both = [0; 256];
+                for path in &paths {
+                    both[path[d] as usize * 16 + path[e] as usize] += 1;
+                }
+                let what = format!("{what}: dimensions {d} and {e}");
+                assert_uniform(&both, &what);
+            }
+        }
+    }
+}
+
+/// Seed, pixel and number of a sample.
+type Name = (u64, u64, u64);
+
+/// Pairs of samples, by the number of the pair, that are close to each other in
+/// one respect. No sample is in two pairs of a kind.
+const RELATED: [(&str, fn(u64) -> [Name; 2]); 8] = [
+    ("next sample", |i| [(0, 5, 2 * i), (0, 5, 2 * i + 1)]),
+    ("next pixel", |i| [(0, 2 * i, 5), (0, 2 * i + 1, 5)]),
+    ("next row", |i| {
+        let (x, y) = (i % 800, i / 800 * 2);
+        [(0, y * 800 + x, 5), (0, (y + 1) * 800 + x, 5)]
+    }),
+    ("next seed", |i| [(0, i % 256, i / 256), (1, i % 256, i / 256)]),
+    ("next large seed", |i| {
+        let seed = u64::MAX - 1;
+        [(seed, i % 256, i / 256), (seed + 1, i % 256, i / 256)]
+    }),
+    ("seed of another upper half", |i| {
+        [(7, i % 256, i / 256), (7 + (1 << 32), i % 256, i / 256)]
+    }),
+    ("next of many seeds", |i| [(2 * i, 9, 0), (2 * i + 1, 9, 0)]),
+    ("pixel and sample exchanged", |i| {
+        let (a, b) = (i % 256, 256 + i / 256);
+        [(0, a, b), (0, b, a)]
+    }),
+];
+
+#[test]
+fn related_samples_are_independent_in_each_dimension() {
+    for (what, pair) in RELATED {
+        let mut counts = vec![[0; 256]; DIMENSIONS];
+        for i in 0..PATHS {
+            let [one, other] = pair(i).map(|(s, p, n)| cells(s, p, n));
+            for (d, counts) in counts.iter_mut().enumerate() {
+                counts[one[d] as usize * 16 + other[d] as usize] += 1;
+            }
+        }
+        for (d, counts) in counts.iter().enumerate() {
+            assert_uniform(counts, &format!("{what}, dimension {d}"));
+        }
     }
 }
 
 #[test]
-fn paths_draw_from_generators_of_their_own() {
-    let mut first = HashSet::new();
-    for seed in 0..4 {
-        for pixel in 0..100 {
-            for n in 0..100 {
-                first.insert(generator(seed, pixel, n).next_u64());
-            }
-        }
+fn a_sampler_gives_the_same_numbers_whoever_starts_it() {
+    let fresh = IndependentSampler::new(4).start(3, 2);
+    let used = IndependentSampler::new(4).start(8, 9).start(3, 2);
+    for mut sampler in [fresh, used] {
+        let mut random = generator(4, 3, 2);
+        let point: [u32; 2] = random.random();
+        assert_eq!(sampler.get_pixel_2d(), point);
+        // Roulette is not asked at the first bounce.
+        let numbers: [f64; 2] = random.random();
+        assert_eq!(sampler.get_2d(dimension::direction(0)), numbers);
+        let number: f64 = random.random();
+        assert_eq!(sampler.get_1d(dimension::roulette(1)), number);
     }
-    // 40000 numbers of 64 bits collide with a probability of 4e-11.
-    assert_eq!(first.len(), 40_000);
 }
 
 #[test]
-fn first_numbers_of_neighbouring_paths_are_uniform_and_uncorrelated() {
-    // The pairs of first numbers of samples 0, 1, 2... of one pixel,
-    // and of pixels 0, 1, 2... in one sample.
-    let n = 1u64 << 20;
-    let numbers: [&dyn Fn(u64) -> f64; 2] =
-        [&|i| generator(0, 5, i).random::<f64>(), &|i| {
-            generator(0, i, 5).random::<f64>()
-        }];
-    for number in numbers {
-        let mut cells = [0u32; 256];
-        let mut last = 0.;
-        for i in 0..n {
-            let u = number(i);
-            let cell = (last * 16.) as usize * 16 + (u * 16.) as usize;
-            if i > 0 {
-                cells[cell] += 1;
-            }
-            last = u;
-        }
-        assert_uniform(&cells, "first numbers");
-    }
+#[cfg_attr(
+    debug_assertions,
+    should_panic = "dimension 3 is asked for late"
+)]
+fn debug_builds_refuse_a_dimension_that_has_passed() {
+    let mut sampler = IndependentSampler::new(0).start(0, 0);
+    sampler.get_2d(dimension::direction(0));
+    sampler.get_1d(dimension::direction(0));
 }

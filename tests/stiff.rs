@@ -6,11 +6,12 @@
 
 use glam::DVec3;
 use litpt::bvh::Hit;
-use litpt::integrator::{Integrator, PathTracer, Step};
-use litpt::sampler::{generator, happens};
+use litpt::integrator::{Integrator, PathEvent, PathTracer};
+use litpt::sampler::{IndependentSampler, Sampler, generator, happens};
 use litpt::sky::Sky;
 use litpt::statistics::Accumulator;
 use litpt_book::closed_forms::{cavity, cavity_radiance, look, pixel};
+use rand::RngExt;
 use rayon::prelude::*;
 
 /// A path that hits walls only; `leaves` tells before each ray but the first
@@ -28,14 +29,14 @@ fn path(
         primitive: 0,
         is_clear: true,
     };
-    let mut random = generator(1, 0, n);
+    let mut sampler = IndependentSampler::new(1).start(0, n);
     let mut path = integrator.begin(DVec3::Z);
     let mut rays = 1;
     loop {
         let hit = (rays == 1 || !leaves(rays - 1)).then_some(wall);
-        match integrator.go_on(&mut path, hit, &mut random) {
-            Step::On(..) => rays += 1,
-            Step::End(weight) => return (weight, rays),
+        match integrator.go_on(&mut path, hit, &mut sampler) {
+            PathEvent::Scatter(..) => rays += 1,
+            PathEvent::Terminate(weight) => return (weight, rays),
         }
     }
 }
@@ -86,7 +87,8 @@ fn means_variances_and_rays_of_stiff_cavities_are_as_derived() {
         let (mut sums, mut lengths) = (Accumulator::default(), 0);
         for i in 0..n {
             let mut doors = generator(2, 0, i);
-            let (weight, length) = path(rho, i, |_| happens(f, &mut doors));
+            let (weight, length) =
+                path(rho, i, |_| happens(f, doors.random()));
             sums.add(weight);
             lengths += length;
         }

@@ -26,6 +26,7 @@ use litpt::film::Film;
 use litpt::integrator::PathTracer;
 use litpt::numerics::{power_of_two, sincos_turns};
 use litpt::render::{Job, Renderer};
+use litpt::sampler::IndependentSampler;
 use litpt::scene::{Mesh, Scene};
 use litpt::sky::Sky;
 use litpt::statistics::Accumulator;
@@ -337,7 +338,8 @@ impl Setting {
     pub fn job(&self, seed: u64) -> Job<'_, Bvh, &PathTracer> {
         let Self { scene, intersector, camera, integrator } = self;
         let known = &KnownPixels::Nothing;
-        Job { scene, intersector, camera, integrator, known, seed }
+        let sampler = IndependentSampler::new(seed);
+        Job { scene, intersector, camera, integrator, known, sampler }
     }
 }
 

@@ -5,10 +5,9 @@
 
 use litpt::bvh::Intersector;
 use litpt::camera::Camera;
-use litpt::integrator::{Integrator, PathTracer, Step};
-use litpt::sampler::generator;
+use litpt::integrator::{Integrator, PathEvent, PathTracer};
+use litpt::sampler::{IndependentSampler, Sampler};
 use litpt::scene::{Ray, Scene};
-use rand::RngExt;
 
 /// At least `count` rays of paths through random points of the image, path by
 /// path, each with the triangle from which it starts.
@@ -22,8 +21,9 @@ pub fn record<K: Intersector>(
 ) -> Result<Vec<(Ray, Option<u32>)>, &'static str> {
     let mut rays = Vec::with_capacity(count);
     for n in 0.. {
-        let mut random = generator(seed, 0, n);
-        let direction = camera.direction(random.random(), random.random());
+        let mut sampler = IndependentSampler::new(seed).start(0, n);
+        let [x, y] = sampler.get_2d(0);
+        let direction = camera.direction(x, y);
         let mut path = integrator.begin(direction);
         let mut next = scene.enter(camera.position, direction);
         let mut from = None;
@@ -31,9 +31,9 @@ pub fn record<K: Intersector>(
             rays.push((ray, from));
             let hit = intersector.first_hit(&ray, from);
             from = hit.map(|hit| hit.primitive);
-            next = match integrator.go_on(&mut path, hit, &mut random) {
-                Step::On(ray, _) => Some(ray),
-                Step::End(_) => None,
+            next = match integrator.go_on(&mut path, hit, &mut sampler) {
+                PathEvent::Scatter(ray, _) => Some(ray),
+                PathEvent::Terminate(_) => None,
             };
         }
         if rays.len() >= count {

@@ -112,8 +112,11 @@ fn help(streams: &mut Streams) -> u8 {
 const SYNTAX: &[(&str, &str)] = &[
     ("tangle", "[OPTION]... [--check] CHAPTER..."),
     ("untangle", "[OPTION]... [--check] CHAPTER..."),
-    ("where", "[-C DIR] [--master FILE] PATH:LINE[:COLUMN] [CHAPTER...]"),
-    ("map", "[-C DIR] [--master FILE] [CHAPTER...] [-- COMMAND...]"),
+    (
+        "where",
+        "[-C DIR] [--master FILE]... PATH:LINE[:COLUMN] [CHAPTER...]",
+    ),
+    ("map", "[-C DIR] [--master FILE]... [CHAPTER...] -- COMMAND..."),
 ];
 
 const OPTIONS: &str = "options: [-C DIR] [--master FILE] [--record FILE]\n";

@@ -24,7 +24,6 @@ pub mod locate;
 pub mod map;
 pub mod markup;
 pub mod project;
-pub mod rustc;
 pub mod tangle;
 pub mod untangle;
 pub mod web;
