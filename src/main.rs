@@ -9,6 +9,7 @@
 //! The command `pt`: parse the arguments, render, report.
 
 // Name what the program imports
+use std::hint::black_box;
 use std::io::{self, ErrorKind, Write};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
@@ -100,7 +101,7 @@ fn run(arguments: &Arguments) -> Result<Stop, String> {
     if arguments.explain {
         return explain(&analysis, arguments);
     }
-    let renderer =
+    let mut renderer =
         analysis.renderer(&scene, &intersector, &inquiry, arguments.seed);
     let build_seconds = building.elapsed().as_secs_f64();
     // Take up a run or begin one
@@ -150,54 +151,50 @@ fn run(arguments: &Arguments) -> Result<Stop, String> {
         interrupt: &interrupt,
         reference: reference.as_ref().map(|image| &image.means[..]),
     };
+    let late = limits.deadline.is_some_and(|time| Instant::now() > time);
+    // Keep the time for writing in reserve
+    if let Some(deadline) = limits.deadline {
+        let trial = Film::noise(width.min(256), height.min(256));
+        let ratio = film.area() as f64 / trial.area() as f64;
+        let began = Instant::now();
+        black_box(trial.summary());
+        let image = run_output.rehearse(&convergence, &trial);
+        outputs.iter().for_each(|output| output.rehearse(&image));
+        let reserve = began.elapsed().mul_f64(ratio);
+        let left = deadline.saturating_duration_since(Instant::now());
+        limits.deadline = deadline.checked_sub(reserve.min(left / 2));
+    }
     // Show the bar and call the journal
     let area = film.area();
     let paths = |spp: u64| spp.saturating_mul(area);
     let bar = Bar::new(!arguments.quiet, paths(convergence.spp));
     let advance = |paths| bar.advance(paths);
-    let go_on = |convergence: &mut Convergence,
-                 film: &mut Film,
-                 limits: &Limits,
-                 run_output: &mut RunOutput| {
-        bar.expect(
-            paths(convergence.expected(limits, area)),
-            convergence.to_string(),
-        );
-        let mut after = |convergence: &Convergence, film: &Film| {
-            // Tell the bar and the journal
-            let expected = convergence.expected(limits, area);
-            bar.expect(paths(expected), convergence.to_string());
-            let written = run_output.after(convergence, film);
-            if let (Err(message), false) = (written, arguments.quiet) {
-                bar.suspend(|| progress::warn(&message));
-            }
-        };
-        convergence.run(&*renderer, film, limits, &advance, &mut after)
+    let expected = convergence.expected(&limits, area);
+    bar.expect(paths(expected), convergence.to_string());
+    let mut after = |convergence: &Convergence, film: &Film| {
+        // Tell the bar and the journal
+        let expected = convergence.expected(&limits, area);
+        bar.expect(paths(expected), convergence.to_string());
+        let written = run_output.after(convergence, film);
+        if let (Err(message), false) = (written, arguments.quiet) {
+            bar.suspend(|| progress::warn(&message));
+        }
     };
-    if let Some(deadline) = limits.deadline {
-        let samples = limits.samples;
-        let one_more = convergence.spp + 1;
-        limits.samples =
-            Some(samples.map_or(one_more, |n| n.min(one_more)));
-        go_on(&mut convergence, &mut film, &limits, &mut run_output);
-        limits.samples = samples;
-        if interrupt.signal().is_none() {
-            // Keep the time for writing in reserve
-            let began = Instant::now();
-            let image = run_output.rehearse(&convergence, &film);
-            outputs.iter().for_each(|output| output.rehearse(&image));
-            let end = deadline.checked_sub(began.elapsed());
-            limits.deadline = end.or(limits.deadline);
-        }
-        // Warn if the time is over already
-        if Instant::now() > deadline && !arguments.quiet {
-            progress::warn(
-                "one sample of each pixel took longer than --time allows",
-            );
-        }
-    }
-    let stop = go_on(&mut convergence, &mut film, &limits, &mut run_output);
+    let stop = convergence.run(
+        &mut *renderer,
+        &mut film,
+        &limits,
+        &advance,
+        &mut after,
+    );
     bar.finish();
+    // Warn if there was no time
+    let none = stop == Stop::Time && convergence.spp == 0;
+    if (late || none) && !arguments.quiet {
+        progress::warn(
+            "one sample of each pixel took longer than --time allows",
+        );
+    }
     // Write the image and the summary
     let image = run_output.image(&convergence, &film, Some(stop));
     let written = outputs.iter().map(|output| output.write(&image));
@@ -235,6 +232,6 @@ fn explain(
         Err(e) if e.kind() != ErrorKind::BrokenPipe => {
             Err(format!("cannot write: {e}"))
         }
-        _ => Ok(Stop::Realisations),
+        _ => Ok(Stop::Samples),
     }
 }

@@ -6,11 +6,11 @@
 
 use glam::DVec3;
 use litpt::bvh::Hit;
-use litpt_book::closed_forms::{cavity, cavity_radiance, look, pixel};
 use litpt::integrator::{Integrator, PathEvent, PathTracer};
 use litpt::sampler::{IndependentSampler, Sampler, generator, happens};
 use litpt::sky::Sky;
 use litpt::statistics::Accumulator;
+use litpt_book::closed_forms::{cavity, cavity_radiance, look, pixel};
 use rand::RngExt;
 use rayon::prelude::*;
 
