@@ -10,6 +10,7 @@
 
 // Name what the program imports
 use std::fs::{self, File};
+use std::hint::black_box;
 use std::io::{self, BufReader, Read};
 use std::mem;
 use std::path::PathBuf;
@@ -64,9 +65,9 @@ fn run(arguments: &Arguments) -> Result<Stop, String> {
     if arguments.explain {
         return explain(&analysis, arguments);
     }
-    let job = analysis.renderer(&scene, &bvh, &inquiry, arguments.seed);
+    let mut job = analysis.renderer(&scene, &bvh, &inquiry, arguments.seed);
     let mut run =
-        Run::begin(&*job, &analysis, arguments, &mut files, known)?;
+        Run::begin(&mut *job, &analysis, arguments, &mut files, known)?;
     let stop = run.render(start, &analysis, &files)?;
     run.write(&files, stop)?;
     Ok(stop)
@@ -266,14 +267,14 @@ fn explain(
     lines += &format!("{:12}{parts}\n", "intersector");
     let out = OutputTarget::standard_output();
     out.write(&mut |out| out.write_all(lines.as_bytes()))?;
-    Ok(Stop::Realisations)
+    Ok(Stop::Samples)
 }
 
 // Take up a run or begin one
 /// A run of the program: what has been rendered, and who is told.
 struct Run<'a> {
     arguments: &'a Arguments,
-    job: &'a dyn Renderer,
+    job: &'a mut dyn Renderer,
     film: Film,
     convergence: Convergence,
     output: RunOutput,
@@ -282,7 +283,7 @@ struct Run<'a> {
 
 impl<'a> Run<'a> {
     fn begin(
-        job: &'a dyn Renderer,
+        job: &'a mut dyn Renderer,
         analysis: &SceneAnalysis,
         arguments: &'a Arguments,
         files: &mut Files,
@@ -354,9 +355,11 @@ impl Run<'_> {
             interrupt: &interrupt,
             reference: reference.map(|image| &image.means[..]),
         };
+        let late = limits.deadline.is_some_and(|time| Instant::now() > time);
         self.reserve_time(&mut limits, &files.images);
         let stop = self.go_on(&limits);
         self.bar.finish();
+        self.warn_if_nothing_is_complete(late, stop);
         Ok(stop)
     }
 
@@ -377,31 +380,27 @@ impl Run<'_> {
                 bar.suspend(|| progress::warn(&message));
             }
         };
-        convergence.run(*job, film, limits, &advance, &mut after)
+        convergence.run(&mut **job, film, limits, &advance, &mut after)
     }
 
     // Keep time for writing in reserve
-    fn reserve_time(
-        &mut self,
-        limits: &mut Limits,
-        images: &[ImageTarget],
-    ) {
+    fn reserve_time(&self, limits: &mut Limits, images: &[ImageTarget]) {
         let Some(deadline) = limits.deadline else { return };
-        let samples = limits.samples;
-        let one_more = self.convergence.spp + 1;
-        limits.samples =
-            Some(samples.map_or(one_more, |n| n.min(one_more)));
-        self.go_on(limits);
-        limits.samples = samples;
-        if limits.interrupt.signal().is_none() {
-            // Move the deadline by the time for writing
-            let began = Instant::now();
-            let image = self.output.rehearse(&self.convergence, &self.film);
-            images.iter().for_each(|target| target.rehearse(&image));
-            let end = deadline.checked_sub(began.elapsed());
-            limits.deadline = end.or(limits.deadline);
-        }
-        if Instant::now() > deadline && !self.arguments.quiet {
+        let (width, height) = self.arguments.resolution;
+        let trial = Film::noise(width.min(256), height.min(256));
+        let ratio = self.film.area() as f64 / trial.area() as f64;
+        let began = Instant::now();
+        black_box(trial.summary());
+        let image = self.output.rehearse(&self.convergence, &trial);
+        images.iter().for_each(|target| target.rehearse(&image));
+        let reserve = began.elapsed().mul_f64(ratio);
+        let left = deadline.saturating_duration_since(Instant::now());
+        limits.deadline = deadline.checked_sub(reserve.min(left / 2));
+    }
+
+    fn warn_if_nothing_is_complete(&self, late: bool, stop: Stop) {
+        let none = stop == Stop::Time && self.convergence.spp == 0;
+        if (late || none) && !self.arguments.quiet {
             progress::warn(
                 "one sample of each pixel took longer than --time allows",
             );

@@ -79,7 +79,7 @@ fn render(
     let camera = Camera::new(&view, 1.5).unwrap();
     let integrator =
         PathTracer { albedo: 0.8, sky: Sky::new(DVec3::Z), foresight: () };
-    let job = Job {
+    let mut job = Job {
         scene: &scene,
         intersector: &intersector,
         camera: &camera,
@@ -92,8 +92,8 @@ fn render(
     pool.build().unwrap().install(|| {
         let mut done = 0;
         for n in passes {
-            job.pass(&mut film, done..done + n, &|_| ());
             done += n;
+            job.pass(&mut film, done, &|_| true);
         }
     });
     let Summary { mean, mean_stderr: error, .. } = film.summary();
@@ -131,7 +131,7 @@ fn progress_counts_every_path_once() {
         up: DVec3::Y,
         fov: 60.,
     };
-    let job = Job {
+    let mut job = Job {
         scene: &scene,
         intersector: &intersector,
         camera: &Camera::new(&view, 1.).unwrap(),
@@ -146,8 +146,9 @@ fn progress_counts_every_path_once() {
     let paths = std::sync::atomic::AtomicU64::new(0);
     let count = |n| {
         paths.fetch_add(n, std::sync::atomic::Ordering::Relaxed);
+        true
     };
-    job.pass(&mut Film::new(35, 18), 0..3, &count);
+    job.pass(&mut Film::new(35, 18), 3, &count);
     assert_eq!(paths.into_inner(), 35 * 18 * 3);
 }
 
@@ -170,7 +171,7 @@ fn a_kernel_can_be_written_by_somebody_else() {
         up: DVec3::Y,
         fov: 60.,
     };
-    let job = Job {
+    let mut job = Job {
         scene: &scene,
         intersector: &Nothing,
         camera: &Camera::new(&view, 1.).unwrap(),
@@ -183,7 +184,7 @@ fn a_kernel_can_be_written_by_somebody_else() {
         sampler: IndependentSampler::new(0),
     };
     let mut film = Film::new(3, 3);
-    let rays = job.pass(&mut film, 0..2, &|_| ());
+    let rays = job.pass(&mut film, 2, &|_| true);
     let Summary { mean, mean_stderr, .. } = film.summary();
     assert_eq!((rays, mean, mean_stderr), (18, 1., 0.));
     // A path that never touches the scene's box asks for no ray.
@@ -191,7 +192,6 @@ fn a_kernel_can_be_written_by_somebody_else() {
         View { position: 9. * DVec3::Z, target: 10. * DVec3::Z, ..view };
     let camera = Camera::new(&away, 1.).unwrap();
     let mut film = Film::new(3, 3);
-    let rays =
-        Job { camera: &camera, ..job }.pass(&mut film, 0..2, &|_| ());
+    let rays = Job { camera: &camera, ..job }.pass(&mut film, 2, &|_| true);
     assert_eq!((rays, film.summary().mean), (0, 1.));
 }

@@ -70,8 +70,8 @@ fn measure(setting: &Setting) -> Result<[f64; 4], Box<dyn Error>> {
         let write = || run_output.after(convergence, film);
         reports += seconds(write).expect("reports can be written");
     };
-    let job = setting.job(0);
-    convergence.run(&job, &mut film, &limits, &|_| (), &mut after);
+    let mut job = setting.job(0);
+    convergence.run(&mut job, &mut film, &limits, &|_| (), &mut after);
 
     let steps = convergence.steps.len() as f64 * timed(|| film.summary());
     let paths = (film.area() * REALISATIONS) as f64;
