@@ -239,7 +239,7 @@ untangle: $(NOWEB)
 watch: $(NOWEB)
 	@command -v entr > /dev/null || { \
 	  echo 'error: make watch needs entr (apt-get install entr)' >&2; exit 1; }
-	printf '%s\n' $(WEB) | entr -n $(MAP) $(CARGO) check --bins
+	@printf '%s\n' $(WEB) | entr -n $(MAP) $(CARGO) check --bins
 
 # ---- the tool
 
