@@ -22,7 +22,7 @@ $(error BUILD_TYPE is "$(BUILD_TYPE)" in config.mk: it must be Release or Debug)
 endif
 COMPILED := $(CARGO_TARGET_DIR)/$(if $(PROFILE_$(BUILD_TYPE)),release,debug)
 
-NOWEB := $(CARGO_TARGET_DIR)/release/noweb
+NOWEB := $(CARGO_TARGET_DIR)/tool/noweb
 NOWEB_SOURCES := Cargo.toml noweb/Cargo.toml $(wildcard noweb/src/*.rs)
 # What cargo, the compiler and the tests say is shown at the chapters. The tool
 # runs the command, translates what it says, and ends with its status.
@@ -146,10 +146,10 @@ demo: $(BUILD_DIR)/pt $(BUILD_DIR)/courtyard.obj
 
 # If there is a tool that can, it shows the errors of its own next version.
 $(NOWEB): $(NOWEB_SOURCES)
-	@echo '$(CARGO) build --release -p noweb'
+	@echo '$(CARGO) build --profile tool -p noweb'
 	@if $(MAP) true > /dev/null 2>&1; \
-	then $(MAP) $(CARGO) build --release -p noweb; \
-	else $(CARGO) build --release -p noweb; fi
+	then $(MAP) $(CARGO) build --profile tool -p noweb; \
+	else $(CARGO) build --profile tool -p noweb; fi
 	@touch $@
 
 # Figures, tables and measurements.

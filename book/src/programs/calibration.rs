@@ -20,8 +20,8 @@ use litpt::camera::{Camera, View};
 use litpt::film::{Film, WORTH};
 use litpt::integrator::{Integrator, PathEvent};
 use litpt::render::{Job, Renderer};
-use litpt::render_loop::{Convergence, Interrupt, Limits};
-use litpt::report::{Fit, Step};
+use litpt::render_loop::{Convergence, CurvePoint, Interrupt, Limits};
+use litpt::report::Fit;
 use litpt::sampler::{IndependentSampler, Sampler, dimension, generator};
 use litpt::scene::{Mesh, Scene};
 use litpt::statistics::Accumulator;
@@ -220,7 +220,7 @@ fn slopes(cases: &[Case]) -> Result<String, fmt::Error> {
         let job = setting.job(1);
         convergence.run(&job, &mut film, &limits, &|_| (), &mut |_, _| ());
         // Print a row of slopes
-        let slope = |error: fn(&Step) -> Option<f64>| {
+        let slope = |error: fn(&CurvePoint) -> Option<f64>| {
             let steps =
                 convergence.steps.iter().filter(|step| step.spp >= 8);
             let points =
