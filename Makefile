@@ -201,6 +201,20 @@ CLIPPY = $(CARGO) clippy --workspace --all-targets -- -D warnings
 clippy: $(NOWEB)
 	$(MAP) $(CLIPPY)
 
+# What is to be checked of a book: its PDF if it is there, else its floats.
+# $(call CHECK_BOOK,MASTER,WEB,CHAPTERS)
+define CHECK_BOOK
+@if ! command -v python3 > /dev/null; then \
+  echo 'the book $(1) is not checked, for lack of python3'; \
+elif ! test -e $(BUILD_DIR)/$(1).pdf; then \
+  python3 book/scripts/check-floats.py $(2); \
+else \
+  python3 book/scripts/check-floats.py --build $(BUILD_DIR) $(2) && \
+  python3 book/scripts/check-archive.py $(BUILD_DIR)/$(1).pdf && \
+  { ! command -v pdftotext > /dev/null || \
+    python3 book/scripts/check-pdf.py $(BUILD_DIR)/$(1).pdf $(3); }; fi
+endef
+
 check: $(NOWEB)
 	$(MAP) $(CARGO) fmt --all --check
 	$(MAP) $(CLIPPY)
@@ -208,21 +222,14 @@ check: $(NOWEB)
 	$(NOWEB) tangle --check --record noweb/.tangled $(TOOL_WEB)
 	git diff --exit-code -- src book noweb
 	@if command -v python3 > /dev/null; then \
-	  python3 book/scripts/prose --sizes $(CHAPTERS); fi
+	  python3 book/scripts/prose --sizes $(CHAPTERS) $(TOOL_CHAPTERS); fi
 	@if command -v python3 > /dev/null && command -v hunspell > /dev/null; \
 	then sh book/scripts/prose-test.sh; \
 	else echo 'make prose is not tested, for lack of hunspell'; fi
 	@if command -v vim > /dev/null; then sh noweb/vim/test.sh; \
 	else echo 'vim is not tested, for lack of it'; fi
-	@if ! command -v python3 > /dev/null; then \
-	  echo 'the book is not checked, for lack of python3'; \
-	elif ! test -e $(BUILD_DIR)/litpt.pdf; then \
-	  python3 book/scripts/check-floats.py $(WEB); \
-	else \
-	  python3 book/scripts/check-floats.py --build $(BUILD_DIR) $(WEB) && \
-	  python3 book/scripts/check-archive.py $(BUILD_DIR)/litpt.pdf && \
-	  { ! command -v pdftotext > /dev/null || \
-	    python3 book/scripts/check-pdf.py $(BUILD_DIR)/litpt.pdf $(CHAPTERS); }; fi
+	$(call CHECK_BOOK,litpt,$(WEB),$(CHAPTERS))
+	$(call CHECK_BOOK,noweb,$(TOOL_WEB),$(TOOL_CHAPTERS))
 
 # Spelling, slips and sizes of chunks, over all chapters.
 prose:
