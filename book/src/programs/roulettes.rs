@@ -101,7 +101,7 @@ pub fn run(arguments: &[String]) -> Done {
     let path = arguments.first().ok_or("usage: roulettes FILE.obj")?;
     let scene = Scene::new(&read_obj(&std::fs::read(path)?)?);
     let intersector = Bvh::new(&scene)?;
-    println!("scene,rule,mean,error,variance,rays,efficiency");
+    println!("scene,rule,mean,error,z,variance,rays,efficiency");
     // Rules that do nothing else than ours in a scene are left out there.
     let thresholds =
         ["below 0.01", "below 0.5", "analogue", "none"].as_slice();
@@ -186,13 +186,17 @@ impl Measured {
             x if x.is_infinite() => r"$\infty$".to_owned(),
             x => format!("{x:.digits$}"),
         };
+        let z = match (mean - exact) / error {
+            z if z.is_nan() || mean == exact => String::new(),
+            z => format!("${z:+.1}$"),
+        };
         let digits = match variance {
             x if x < 0.01 => 5,
             x if x < 100. => 3,
             _ => 0,
         };
         println!(
-            "{scene},{rule},{},{},{},{},{}",
+            "{scene},{rule},{},{},{z},{},{},{}",
             number(mean, 5),
             number(error, 5),
             number(variance, digits),
@@ -254,7 +258,7 @@ fn courtyard<E: Integrator>(
     intersector: &Bvh,
     integrator: &E,
 ) -> Result<Measured, Box<dyn Error>> {
-    const REALISATIONS: u64 = 64;
+    const SAMPLES: u64 = 64;
     let view = litpt_book::courtyard::view();
     let camera = Camera::new(&view, 4. / 3.)?;
     let job = Job {
@@ -267,14 +271,14 @@ fn courtyard<E: Integrator>(
     };
     let (width, height) = (160, 120);
     let mut film = Film::new(width, height);
-    let rays = job.pass(&mut film, 0..REALISATIONS, &|_| ());
+    let rays = job.pass(&mut film, 0..SAMPLES, &|_| ());
     let pixels = f64::from(width * height);
     let mean = film.means().sum::<f64>() / pixels;
     let variances = (0..height)
         .flat_map(|y| (0..width).map(move |x| (x, y)))
         .map(|(x, y)| film.pixel(x, y).variance());
     let variance = variances.sum::<f64>() / pixels;
-    let paths = pixels * REALISATIONS as f64;
+    let paths = pixels * SAMPLES as f64;
     Ok(Measured {
         exact: mean,
         mean,

@@ -62,7 +62,7 @@ pub fn run(arguments: &[String]) -> Done {
     let words = name.chain(arguments.iter().map(String::as_str));
     let arguments = Arguments::parse_from(words);
     let (mesh, _) = arguments.read_mesh(false)?;
-    let scene = Scene::new(&mesh);
+    let (scene, triangles) = (Scene::new(&mesh), mesh.triangles.len());
     drop(mesh);
     let intersector = Bvh::with(&scene, Quality::Thorough, Isa::best())?;
     let walk = record(&scene, &intersector, &arguments)?;
@@ -90,7 +90,7 @@ pub fn run(arguments: &[String]) -> Done {
     }
     let file = arguments.input.unwrap_or_default();
     let name = file.file_stem().unwrap_or_default().to_string_lossy();
-    let prefix = format!("{name},{}", scene.triangles().len());
+    let prefix = format!("{name},{triangles}");
     println!(
         "scene,triangles,contender,threads,million_rays_per_second,ratio,\
          median_rays_per_second,median_ratio,other_hits,lone_hits"
