@@ -29,7 +29,6 @@ fn main() -> Result<(), Box<dyn Error>> {
     let camera = &Camera::new(&view, 4. / 3.)?;
     let sky = Sky::new(view.up);
     let integrator = &PathTracer { albedo: 0.8, sky, foresight: () };
-
     let known = &KnownPixels::Nothing;
     let sampler = IndependentSampler::new(0);
     let mut job =

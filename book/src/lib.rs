@@ -10,8 +10,8 @@
 
 pub mod closed_forms;
 pub mod courtyard;
-pub mod fragile;
 pub mod paths;
 pub mod settings;
+pub mod single;
 pub mod solids;
 pub mod sweep;

@@ -25,7 +25,7 @@ use litpt_book::courtyard::{mesh, view};
 use super::{Done, median};
 
 const SIZE: (u32, u32) = (320, 240);
-const REALISATIONS: u64 = 32;
+const SAMPLES: u64 = 32;
 const ROUNDS: usize = 5;
 
 pub fn run(_: &[String]) -> Done {
@@ -57,7 +57,7 @@ fn measure(setting: &Setting) -> Result<[f64; 4], Box<dyn Error>> {
     let mut run_output =
         RunOutput::new(reports, None, never, RunKey::default(), analysis());
     let limits = Limits {
-        samples: Some(REALISATIONS),
+        samples: Some(SAMPLES),
         deadline: None,
         error: None,
         interrupt: &Interrupt::default(),
@@ -74,7 +74,7 @@ fn measure(setting: &Setting) -> Result<[f64; 4], Box<dyn Error>> {
     convergence.run(&mut job, &mut film, &limits, &|_| (), &mut after);
 
     let steps = convergence.steps.len() as f64 * timed(|| film.summary());
-    let paths = (film.area() * REALISATIONS) as f64;
+    let paths = (film.area() * SAMPLES) as f64;
     let weights = paths * weight() / rayon::current_num_threads() as f64;
     let checkpoint = Some(place("a.checkpoint")?);
     let run_key = RunKey::default();

@@ -1,5 +1,5 @@
-// Stability in one table: what is exact, what pt gives, and what the method
-// of the reference gives, which is single precision throughout; prints a CSV
+// Stability in one table: what is exact, what pt gives, and what a rival
+// gives, which is in single precision throughout; prints a CSV
 // for "make stability". The arguments are the number of rays in each closed
 // surface, "leaks" for nothing but those, and how many surfaces to skip, for a
 // run that goes on with another. Fails if a case fails.
@@ -23,7 +23,7 @@ use litpt::statistics::Accumulator;
 use litpt_book::closed_forms::{
     Outcome, cavity, cavity_radiance, closed_forms, look, pixel, plane,
 };
-use litpt_book::fragile::Fragile;
+use litpt_book::single::SinglePrecision;
 use litpt_book::solids;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -39,7 +39,7 @@ const PIECES: u64 = 256;
 const BOUNCES: u64 = 4;
 
 /// Samples of each mean.
-const REALISATIONS: u64 = 100_000;
+const SAMPLES: u64 = 100_000;
 
 /// Of 40 means, one is farther off than this with a probability of 0.001.
 const SIDAK: f64 = 4.22;
@@ -52,11 +52,11 @@ pub fn run(arguments: &[String]) -> Done {
     let paths = (rays / (PIECES * BOUNCES) as f64).ceil() as u64;
     let mut failed = 0;
     if skipped == 0 {
-        println!("case,exact,pt,reference,verdict");
+        println!("case,exact,pt,rival,verdict");
     }
     for solid in solids::all().into_iter().skip(skipped) {
         let number = PIECES * BOUNCES * paths;
-        // The reference is to show that it leaks, not how rarely.
+        // The rival is to show that it leaks, not how rarely.
         let few = paths.div_ceil(100).max(100.min(paths));
         let [ours, theirs] = leaks(&solid, paths, few)?;
         let count = solid.scene.triangles().len();
@@ -93,7 +93,7 @@ fn row(
 
 // ---- closed surfaces
 
-/// Escapes of so many paths from a solid: ours, and the reference's of
+/// Escapes of so many paths from a solid: ours, and the rival's of
 /// fewer.
 fn leaks(
     solid: &solids::Solid,
@@ -101,7 +101,7 @@ fn leaks(
     few: u64,
 ) -> Result<[u64; 2], Box<dyn Error>> {
     let intersector = Bvh::new(&solid.scene)?;
-    let fragile = Fragile::new(solid.scene.triangles());
+    let single = SinglePrecision::new(solid.scene.triangles());
     let ours = |seed| intersector.dispatch(Starts { solid, seed, paths });
     let theirs = |i| {
         let mut random = Pcg64Mcg::seed_from_u64(i);
@@ -111,7 +111,7 @@ fn leaks(
             let at = (i + n) as usize % solid.cameras.len().min(3);
             let direction = uniform(&mut random);
             let from = solid.cameras[at];
-            fragile.escapes(from, direction, BOUNCES, &mut random)
+            single.escapes(from, direction, BOUNCES, &mut random)
         });
         escapes.count() as u64
     };
@@ -192,7 +192,7 @@ fn moved() -> Result<u32, Box<dyn Error>> {
         mesh.vertices.iter_mut().for_each(|v| *v = place(*v));
         let view = (place(o), place(target));
         let ours = pixel(&mesh, 0.9, &look(view.0, view.1, 20.), n)?;
-        let theirs = fragile(&mesh, 0.9, view, n);
+        let theirs = single(&mesh, 0.9, view, n);
         failed += row(
             &format!(r"cavity $f=0.1$; $\rho=0.9$; {what}"),
             &format!("{:.6}", still.mean()),
@@ -207,7 +207,7 @@ fn moved() -> Result<u32, Box<dyn Error>> {
         mesh.vertices.iter_mut().for_each(|v| *v = place(*v));
         let view = (place(o), place(p));
         let ours = pixel(&mesh, 0.9, &look(view.0, view.1, 20.), n)?;
-        let theirs = fragile(&mesh, 0.9, view, n);
+        let theirs = single(&mesh, 0.9, view, n);
         failed += row(
             &format!("closed icosphere 5; moved by {shift:e}"),
             "0",
@@ -261,8 +261,8 @@ fn alike() -> Result<u32, Box<dyn Error>> {
     ))
 }
 
-/// The mean of the reference's method, if it can hold the scene at all.
-fn fragile(
+/// The mean of the rival, if it can hold the scene at all.
+fn single(
     mesh: &Mesh,
     rho: f64,
     view: (DVec3, DVec3),
@@ -273,7 +273,8 @@ fn fragile(
         mesh.triangles.iter().map(|t| t.each_ref().map(rounded)).collect();
     let finite =
         triangles.iter().flatten().all(|corner| corner.is_finite());
-    let mean = || Fragile::new(&triangles).mean(rho, DVec3::Z, view, n);
+    let mean =
+        || SinglePrecision::new(&triangles).mean(rho, DVec3::Z, view, n);
     finite.then(mean)
 }
 
@@ -314,7 +315,7 @@ fn known() -> Result<u32, Box<dyn Error>> {
     let (mut count, mut worst) = (0, 0f64);
     let (mut certain, mut exact) = (0, 0);
     for (form, seed) in closed_forms().iter().zip((1000..).step_by(10)) {
-        for outcome in form.outcomes(REALISATIONS / 4, seed)? {
+        for outcome in form.outcomes(SAMPLES / 4, seed)? {
             if outcome.is_certain() {
                 let Outcome { exact: expected, pixel, .. } = &outcome;
                 let equal = pixel.mean() == *expected;
@@ -352,9 +353,9 @@ fn mean(
     view: (DVec3, DVec3),
     exact: f64,
 ) -> Result<u32, Box<dyn Error>> {
-    let ours = pixel(mesh, rho, &look(view.0, view.1, 20.), REALISATIONS)?;
-    let n = REALISATIONS / 10;
-    let theirs = fragile(mesh, rho, view, n);
+    let ours = pixel(mesh, rho, &look(view.0, view.1, 20.), SAMPLES)?;
+    let n = SAMPLES / 10;
+    let theirs = single(mesh, rho, view, n);
     let said = |pixel: &Accumulator| match pixel.standard_error() {
         0. => format!("{:.6}", pixel.mean()),
         error => {

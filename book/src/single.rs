@@ -1,5 +1,6 @@
-// The method of the reference: vertices, rays and hits in single precision,
-// where they are, and a test of triangles that leaves gaps.
+// The rival, which works as the system to be re-created: vertices, rays and
+// hits in single precision, where they are, and a test of triangles that
+// leaves gaps.
 //
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
@@ -19,12 +20,12 @@ use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 
 /// A scene in single precision.
-pub struct Fragile {
+pub struct SinglePrecision {
     triangles: Vec<Triangle>,
     tree: Bvh2,
 }
 
-impl Fragile {
+impl SinglePrecision {
     pub fn new(corners: &[[Vec3; 3]]) -> Self {
         let triangle = |t: &[Vec3; 3]| {
             let [v0, v1, v2] = t.map(Vec3A::from);
@@ -94,7 +95,7 @@ impl Fragile {
     }
 
     /// What a camera sees in the direction of its target, after `n` paths
-    /// with the reference's two rules.
+    /// with that system's two rules.
     pub fn mean(
         &self,
         rho: f64,
