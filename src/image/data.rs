@@ -37,7 +37,7 @@ pub struct Image {
 
 // Make an image from a film
 impl Image {
-    /// What an image has gathered, with what is known about its run.
+    /// What a film has gathered, with what is known about its run.
     pub fn new(film: &Film, attributes: BTreeMap<String, String>) -> Self {
         let list = |values: &mut dyn Iterator<Item = f64>| {
             let mut list = Vec::with_capacity(film.area() as usize);
