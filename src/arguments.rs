@@ -39,7 +39,7 @@ use crate::report::Kind;
 #[command(name = "pt", version, after_help = LICENCE, styles = STYLES)]
 pub struct Arguments {
     // Declare the options of the image
-    /// Definition of the image in pixels, each at most 16384
+    /// Resolution of the image in pixels, each at most 16384
     #[arg(short = 'd', long, visible_alias = "definition",
           value_name = "WIDTHxHEIGHT",
           default_value = "320x240", value_parser = parse_resolution,
@@ -147,8 +147,7 @@ pub struct Arguments {
     #[arg(long)]
     pub explain: bool,
     // Declare the options of the records
-    /// Report of error against time, .json, .csv, .svg or .html; may be
-    /// repeated
+    /// Report of error against time, .json, .csv or .html; may be repeated
     #[arg(long, value_name = "FILE")]
     pub report: Vec<PathBuf>,
 
@@ -190,7 +189,7 @@ pub const STYLES: Styles = Styles::styled()
 fn parse_resolution(text: &str) -> Result<(u32, u32), String> {
     let syntax = "expected two integers around one x, as in 800x600";
     let (width, height) = text.split_once('x').ok_or(syntax)?;
-    // Read one side of the definition
+    // Read one side of the resolution
     let side = |digits: &str| match digits.parse() {
         _ if !digits.bytes().all(|b| b.is_ascii_digit()) => {
             Err(syntax.to_owned())
@@ -301,14 +300,14 @@ impl Arguments {
         parse_command_line()
     }
 
-    // Hand the values to other rooms
+    // Hand the values to other modules
     /// The view that the options describe, not yet checked.
     pub fn view(&self) -> View {
         let &Arguments { position, target, up, fov, .. } = self;
         View { position, target, up, fov }
     }
 
-    /// The places that the image goes to, checked but untouched.
+    /// The targets of the image, checked but untouched.
     pub fn images(&self) -> Result<Vec<ImageTarget>, String> {
         self.tell_files_apart()?;
         if self.output.is_empty() {
@@ -330,7 +329,7 @@ impl Arguments {
         };
         let read = self.input.iter().chain(&self.reference);
         let mut taken: Vec<_> = read.map(place).collect();
-        // Take a place for each written file
+        // Refuse a file that is named twice
         let written = self.output.iter().chain(&self.report);
         for path in written.chain(&self.checkpoint) {
             if taken.contains(&place(path)) {
@@ -342,7 +341,7 @@ impl Arguments {
         Ok(())
     }
 
-    /// The reports to write, each with its place.
+    /// The reports to write, each with its target.
     pub fn reports(&self) -> Result<Vec<(Kind, OutputTarget)>, String> {
         let check = |path: &PathBuf| {
             Ok((Kind::of(path)?, OutputTarget::file(path, self.force)?))
@@ -350,7 +349,7 @@ impl Arguments {
         self.report.iter().map(check).collect()
     }
 
-    /// The place of the checkpoint, if there shall be one.
+    /// The target of the checkpoint, if there shall be one.
     pub fn checkpoint(&self) -> Result<Option<OutputTarget>, String> {
         let force = self.force || self.checkpoint == self.resume;
         let check = |path: &PathBuf| OutputTarget::file(path, force);

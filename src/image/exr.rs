@@ -21,7 +21,7 @@ use exr::prelude::{
 };
 use exr::prelude::{ReadChannels, ReadLayers, WritableImage};
 
-use super::Image;
+use super::data::Image;
 
 // Write the channels and attributes
 /// Writes all that the image holds.

@@ -14,7 +14,7 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 use serde_json::Value;
 
 use super::plot::plot;
-use super::{Fit, Report, known, with_error};
+use super::result::{Fit, Report, known, with_error};
 use crate::compare::display::{self, shrink};
 use crate::image::{Format, Image};
 use crate::render_loop::CurvePoint;

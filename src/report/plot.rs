@@ -11,7 +11,7 @@
 
 use maud::{Markup, html};
 
-use super::drawable;
+use super::result::drawable;
 use crate::render_loop::CurvePoint;
 
 // Cover values by decades of an axis
