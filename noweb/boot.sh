@@ -53,7 +53,7 @@ tangle() {
 # build STAGE: its binary is $boot/STAGE/noweb.bin
 build() {
   (cd "$boot/$1" && "$CARGO_TARGET_DIR/../stage0.bin" map $chapters -- \
-    $cargo build -q -p noweb --message-format=json) ||
+    $cargo build -q -p noweb) ||
     fail "$1 does not compile"
   cp "$CARGO_TARGET_DIR/debug/noweb" "$boot/$1/noweb.bin"
 }
@@ -65,10 +65,10 @@ agree() {
 
 # Repeat until two stages agree
 chapters=$*
-$cargo build -q --manifest-path noweb/Cargo.toml ||
+$cargo build -q --profile tool --manifest-path noweb/Cargo.toml ||
   fail "the installed tool does not compile"
 mkdir -p "$boot"
-cp "$CARGO_TARGET_DIR/debug/noweb" "$boot/stage0.bin"
+cp "$CARGO_TARGET_DIR/tool/noweb" "$boot/stage0.bin"
 tangle "$boot/stage0.bin" stage1
 build stage1
 tangle "$boot/stage1/noweb.bin" stage2

@@ -102,8 +102,7 @@ impl Format {
     /// # Errors
     /// The extension belongs to no format.
     pub fn of(path: &Path) -> Result<Self, String> {
-        let extension = path.extension().and_then(|e| e.to_str());
-        match extension.map(str::to_ascii_lowercase).as_deref() {
+        match extension(path).as_deref() {
             Some("pgm") | None => Ok(Format::Pgm),
             Some("png") => Ok(Format::Png),
             Some("pfm") => Ok(Format::Pfm),
@@ -114,6 +113,12 @@ impl Format {
             )),
         }
     }
+}
+
+/// The extension of a file's name, in small letters.
+pub fn extension(path: &Path) -> Option<String> {
+    let extension = path.extension()?.to_str()?;
+    Some(extension.to_ascii_lowercase())
 }
 
 // Read an image back

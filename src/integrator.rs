@@ -264,6 +264,19 @@ impl Integrator for DirectSky {
     }
 }
 
+// Name the kind of the samples
+/// Changes whenever the code that decides what a sample is does.
+const SAMPLE_VERSION: u32 = 1;
+
+/// Names the integrators, their constants and the version of their
+/// samples: samples of different names are not to be mixed.
+pub fn identity() -> String {
+    format!(
+        "samples {SAMPLE_VERSION}, path tracer with \
+         roulette below {FAINT} and from {MANY_BOUNCES} bounces"
+    )
+}
+
 impl<F: Foresight> Integrator for PathTracer<F> {
     // Follow a path from hit to hit
     type Path = PathState;

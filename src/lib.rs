@@ -16,8 +16,8 @@
 // Show the library at work
 //! ```
 //! use glam::DVec3;
-//! use litpt::{camera::*, integrator::*, analysis::background::KnownPixels, bvh::*};
-//! use litpt::film::*;
+//! use litpt::analysis::background::KnownPixels;
+//! use litpt::{bvh::*, camera::*, film::*, integrator::*};
 //! use litpt::{render::*, sampler::*, scene::*, sky::*};
 //!
 //! let obj = "v -1e6 -1e6 0\nv 1e6 -1e6 0\nv 1e6 1e6 0\nv -1e6 1e6 0\n\

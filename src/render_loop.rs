@@ -23,7 +23,6 @@ use signal_hook::flag;
 
 use crate::film::Film;
 use crate::render::Renderer;
-use crate::report::Step;
 
 // Say when a run stops
 /// When a run stops, and what it is compared with.
@@ -66,6 +65,26 @@ impl Stop {
 }
 
 // Hold what a run has done
+/// One point of the curve of error against time.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CurvePoint {
+    /// Samples per pixel so far.
+    pub spp: u64,
+    /// Seconds of rendering so far, without load and build.
+    pub seconds: f64,
+    /// Rays traced so far.
+    pub rays: u64,
+    /// Estimated root mean square error over the pixels, if known.
+    pub rmse: Option<f64>,
+    /// Mean radiance of the image.
+    pub mean: f64,
+    /// Its standard error, if known.
+    pub mean_stderr: Option<f64>,
+    /// Root mean square difference from the reference, if there is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rmse_reference: Option<f64>,
+}
+
 /// What a run has done so far.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Convergence {
@@ -78,7 +97,7 @@ pub struct Convergence {
     /// Pixels whose samples were all alike, at the last step.
     pub constant: u64,
     /// The curve of error against time.
-    pub steps: Vec<Step>,
+    pub steps: Vec<CurvePoint>,
     /// Seconds for one sample of each pixel, at the last pass.
     #[serde(skip)]
     pace: Option<f64>,
@@ -196,7 +215,7 @@ impl Convergence {
     /// The samples after which the error is expected to be reached.
     fn needed(&self, error: f64, area: u64) -> u64 {
         let least = (DECISIVE / area as f64).ceil().max(2.);
-        let known = |step: &Step| Some((step.spp as f64, step.rmse?));
+        let known = |step: &CurvePoint| Some((step.spp as f64, step.rmse?));
         let Some((n, rmse)) = self.steps.last().and_then(known) else {
             let open = self.spp < least as u64;
             return if open { least as u64 } else { u64::MAX };
@@ -257,7 +276,7 @@ impl Convergence {
         self.constant = summary.constant;
         // Add a step to the curve
         let finite = |x: f64| x.is_finite().then_some(x);
-        self.steps.push(Step {
+        self.steps.push(CurvePoint {
             spp: self.spp,
             seconds: self.seconds,
             rays: self.rays,

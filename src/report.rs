@@ -13,53 +13,27 @@
 //! seconds of wall clock. A number that is not known is none in Rust,
 //! null in JSON, an empty field in CSV, and a word for people.
 
-mod axis;
-mod csv;
-pub mod histogram;
 mod html;
-mod pixels;
 mod plot;
-mod svg;
-mod words;
 
 // Name what the report imports
-use std::fmt;
 use std::path::Path;
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use serde_json::{Map, Value};
 
 use crate::analysis::Finding;
-use crate::image::Image;
+use crate::image::{Image, extension};
+use crate::progress::metric;
+use crate::render_loop::CurvePoint;
 
-// Describe a run and its steps
-/// One point of the curve of error against time.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Step {
-    /// Samples per pixel so far.
-    pub spp: u64,
-    /// Seconds of rendering so far, without load and build.
-    pub seconds: f64,
-    /// Rays traced so far.
-    pub rays: u64,
-    // Hold what a step knows of the image
-    /// Estimated root mean square error over the pixels, if known.
-    pub rmse: Option<f64>,
-    /// Mean radiance of the image.
-    pub mean: f64,
-    /// Its standard error, if known.
-    pub mean_stderr: Option<f64>,
-    /// Root mean square difference from the reference, if there is one.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub rmse_reference: Option<f64>,
-}
-
-/// The scene as a report names it.
+// Describe a run and its result
+/// The file of a scene.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct SceneFacts {
-    /// The name of its file.
+pub struct SceneFile {
+    /// Its name.
     pub file: String,
-    /// The SHA-256 hash of the file, in hexadecimal.
+    /// Its SHA-256 hash, in hexadecimal.
     pub sha256: String,
     /// The number of its triangles.
     pub triangles: u64,
@@ -72,7 +46,7 @@ pub struct Report {
     /// Name and version of the program.
     pub program: String,
     /// What was rendered.
-    pub scene: SceneFacts,
+    pub scene: SceneFile,
     /// Each option and its value.
     pub settings: Map<String, Value>,
     /// What was left out because the scene does not need it, and why.
@@ -94,13 +68,72 @@ pub struct Report {
     pub mean_stderr: Option<f64>,
     /// Estimated root mean square error over the pixels, if known.
     pub rmse: Option<f64>,
-    /// Pixels whose weights were all alike: their error is not seen.
+    /// Pixels whose samples were all alike: their error is not seen.
     pub constant_pixels: u64,
     /// Why the run ended: `samples`, `time`, `error` or `signal`;
     /// none while it goes on.
     pub stopped: Option<String>,
     /// The curve of error against time.
-    pub steps: Vec<Step>,
+    pub curve: Vec<CurvePoint>,
+}
+
+// Summarise the run in a few lines
+impl Report {
+    /// What a person wants to know of a run of so many pixels, line by
+    /// line.
+    pub fn summary(&self, pixels: u64) -> Vec<String> {
+        // Say where the time went
+        let Report { load_seconds, build_seconds, render_seconds, .. } =
+            self;
+        let said = |name| self.settings.get(name).and_then(Value::as_str);
+        let bvh = ["hierarchy", "isa"].into_iter().filter_map(said);
+        let mut lines = vec![format!(
+            "{} triangles, load {load_seconds:.3} s, build {build_seconds:.3} s \
+             ({}), render {render_seconds:.3} s",
+            self.scene.triangles,
+            bvh.collect::<Vec<_>>().join(", ")
+        )];
+        for finding in &self.left_out {
+            let Finding { fact, why, .. } = finding;
+            lines.push(format!("left out: {why} ({fact})"));
+        }
+        // Say how fast and how exact
+        let rays = self.rays;
+        let speed = metric(rays as f64 / render_seconds.max(1e-9));
+        let spp = self.curve.last().map_or(0, |point| point.spp);
+        let mean = with_error(self.mean, self.mean_stderr);
+        let rmse = |rmse| format!(", rmse {}", known(Some(rmse), 6));
+        let rmse = self.rmse.map_or(String::new(), rmse);
+        lines.push(format!(
+            "{rays} rays, {speed}rays/s, {spp} spp, mean radiance {mean}{rmse}"
+        ));
+        // Say whose errors rest on neighbours
+        let constant = self.constant_pixels;
+        if 0 < constant && constant < pixels {
+            lines.push(format!(
+                "{constant} of {pixels} pixels saw one value only; \
+                 their errors come from their neighbours"
+            ));
+        }
+        lines
+    }
+}
+
+/// A number to so many decimals, or that it is unknown.
+fn known(x: Option<f64>, decimals: usize) -> String {
+    match x.filter(|x| x.is_finite()) {
+        Some(x) => format!("{x:.decimals$}"),
+        None => "unknown".to_owned(),
+    }
+}
+
+/// A mean with its standard error.
+fn with_error(mean: f64, error: Option<f64>) -> String {
+    let mean = known(Some(mean), 6);
+    match error {
+        Some(error) => format!("{mean} \u{b1} {}", known(Some(error), 6)),
+        None => format!("{mean}, error unknown"),
+    }
 }
 
 // Fit a line to the curve
@@ -118,11 +151,13 @@ impl Fit {
     /// fewer than three, or if they are too close to each other in x.
     pub fn of(points: &[(f64, f64)]) -> Option<Self> {
         // Sum a term of the deviations
-        let (x, y) = centre(points)?;
-        let deviation =
-            |p: &(f64, f64)| (libm::log(p.0) - x, libm::log(p.1) - y);
+        let log = |p: &(f64, f64)| (libm::log(p.0), libm::log(p.1));
+        let n = points.len() as f64;
+        let x = points.iter().map(|p| log(p).0).sum::<f64>() / n;
+        let y = points.iter().map(|p| log(p).1).sum::<f64>() / n;
         let sum = |term: &dyn Fn(f64, f64) -> f64| -> f64 {
-            points.iter().map(deviation).map(|(x, y)| term(x, y)).sum()
+            let deviations = points.iter().map(log);
+            deviations.map(|p| term(p.0 - x, p.1 - y)).sum()
         };
         let spread = sum(&|x, _| x * x);
         if points.len() < 3 || spread < 1e-9 {
@@ -130,35 +165,14 @@ impl Fit {
         }
         // Divide by the spread of the points
         let slope = sum(&|x, y| x * y) / spread;
-        let split_mix = sum(&|x, y| (y - slope * x) * (y - slope * x));
-        let freedom = points.len() as f64 - 2.;
-        let stderr = (split_mix / freedom / spread).sqrt();
+        let scatter = sum(&|x, y| (y - slope * x) * (y - slope * x));
+        let freedom = n - 2.;
+        let stderr = (scatter / freedom / spread).sqrt();
         Some(Self { slope, stderr })
     }
 }
 
-impl fmt::Display for Fit {
-    fn fmt(&self, out: &mut fmt::Formatter) -> fmt::Result {
-        let sign = if self.slope < 0. { "\u{2212}" } else { "" };
-        let error = (self.stderr * 1e3).ceil().max(1.) / 1e3;
-        write!(out, "{sign}{:.3} \u{b1} {error:.3}", self.slope.abs())
-    }
-}
-
-/// The means of the logarithms of points, if there are any.
-fn centre(points: &[(f64, f64)]) -> Option<(f64, f64)> {
-    let n = points.len() as f64;
-    let x: f64 = points.iter().map(|p| libm::log(p.0)).sum();
-    let y: f64 = points.iter().map(|p| libm::log(p.1)).sum();
-    (!points.is_empty()).then_some((x / n, y / n))
-}
-
-/// The constant g of the curve g / sqrt(x) that fits points best.
-fn guide(points: &[(f64, f64)]) -> Option<f64> {
-    centre(points).map(|(x, y)| libm::exp(y + x / 2.))
-}
-
-/// Steps of fewer samples are left out of fits.
+/// Points of fewer samples are left out of fits.
 const FEWEST: u64 = 8;
 
 /// Whether a number has a place on a logarithmic axis.
@@ -166,41 +180,17 @@ fn drawable(x: f64) -> bool {
     x > 0. && x.is_finite()
 }
 
-/// A place of a plot, and whether fits may rely on it.
-type Point = ((f64, f64), bool);
-
-/// The steps that have a place on the plot of `error` against `x`.
-fn points(
-    steps: &[Step],
-    x: fn(&Step) -> f64,
-    error: fn(&Step) -> Option<f64>,
-) -> Vec<Point> {
-    let point = |step: &Step| {
-        let (x, error) = (x(step), error(step)?);
-        (drawable(x) && drawable(error))
-            .then_some(((x, error), step.spp >= FEWEST))
-    };
-    steps.iter().filter_map(point).collect()
-}
-
-/// The points that fits may rely on.
-fn reliable(points: &[Point]) -> Vec<(f64, f64)> {
-    points.iter().filter(|p| p.1).map(|p| p.0).collect()
-}
-
 impl Report {
-    /// The slope of the estimated error against seconds, in logarithms.
-    pub fn slope_seconds(&self) -> Option<Fit> {
-        self.slope(|step| step.seconds)
-    }
-
-    /// The slope of the estimated error against samples.
-    pub fn slope_spp(&self) -> Option<Fit> {
-        self.slope(|step| step.spp as f64)
-    }
-
-    fn slope(&self, x: fn(&Step) -> f64) -> Option<Fit> {
-        Fit::of(&reliable(&points(&self.steps, x, |step| step.rmse)))
+    /// The slope of the estimated error against what a point has spent,
+    /// in logarithms.
+    fn slope(&self, spent: fn(&CurvePoint) -> f64) -> Option<Fit> {
+        let point = |point: &CurvePoint| {
+            let (x, error) = (spent(point), point.rmse?);
+            let valid = drawable(x) && drawable(error);
+            (valid && point.spp >= FEWEST).then_some((x, error))
+        };
+        let points = self.curve.iter().filter_map(point);
+        Fit::of(&points.collect::<Vec<_>>())
     }
 }
 
@@ -210,10 +200,8 @@ impl Report {
 pub enum Kind {
     /// Everything but the image, for programs.
     Json,
-    /// The steps as a table with a header.
+    /// The curve as a table with a header.
     Csv,
-    /// The error against time as a drawing.
-    Svg,
     /// One page with everything, for people.
     Html,
 }
@@ -225,27 +213,27 @@ impl Kind {
     /// # Errors
     /// The extension belongs to no kind.
     pub fn of(path: &Path) -> Result<Self, String> {
-        let extension = path.extension().and_then(|e| e.to_str());
-        match extension.map(str::to_ascii_lowercase).as_deref() {
+        match extension(path).as_deref() {
             Some("json") => Ok(Kind::Json),
             Some("csv") => Ok(Kind::Csv),
-            Some("svg") => Ok(Kind::Svg),
             Some("html") => Ok(Kind::Html),
             _ => Err(format!(
-                "{}: unknown kind of report; name it .json, .csv, .svg \
-                 or .html",
+                "{}: unknown kind of report; name it .json, .csv or .html",
                 path.display()
             )),
         }
     }
 
-    /// The text of a report; only the page needs the image.
-    pub fn render(self, report: &Report, image: &Image) -> String {
+    /// The text of a report; `image` is called if the kind shows it.
+    pub fn render(
+        self,
+        report: &Report,
+        image: &dyn Fn() -> Image,
+    ) -> String {
         match self {
             Kind::Json => json(report),
-            Kind::Csv => csv::table(&report.steps),
-            Kind::Svg => svg::drawing(report),
-            Kind::Html => html::page(report, image),
+            Kind::Csv => csv(&report.curve),
+            Kind::Html => html::page(report, &image()),
         }
     }
 }
@@ -260,11 +248,34 @@ struct Complete<'a> {
 }
 
 fn json(report: &Report) -> String {
+    let slope = |spent| Some(report.slope(spent)?.slope);
     let complete = Complete {
         report,
-        slope_seconds: report.slope_seconds().map(|fit| fit.slope),
-        slope_spp: report.slope_spp().map(|fit| fit.slope),
+        slope_seconds: slope(|point| point.seconds),
+        slope_spp: slope(|point| point.spp as f64),
     };
     let text = serde_json::to_string_pretty(&complete);
     text.expect("the keys of a report are strings") + "\n"
+}
+
+// Write the curve as a table
+/// A header, and a row for each point; what is not known is empty.
+fn csv(curve: &[CurvePoint]) -> String {
+    let mut text =
+        "spp,seconds,rays,rmse,mean,mean_stderr,rmse_reference\n"
+            .to_owned();
+    for point in curve {
+        let CurvePoint { spp, seconds, rays, rmse, .. } = *point;
+        let CurvePoint { mean, mean_stderr, rmse_reference, .. } = *point;
+        let last = [rmse, Some(mean), mean_stderr, rmse_reference];
+        let seconds = cell(Some(seconds));
+        let last = last.map(cell).join(",");
+        text += &format!("{spp},{seconds},{rays},{last}\n");
+    }
+    text
+}
+
+fn cell(x: Option<f64>) -> String {
+    let finite = x.filter(|x| x.is_finite());
+    finite.map_or(String::new(), |x| format!("{x:?}"))
 }

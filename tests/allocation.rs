@@ -12,7 +12,7 @@ use glam::DVec3;
 use litpt::bvh::{Bvh, Isa, Quality};
 use litpt::film::Film;
 use litpt::render::{Job, Renderer};
-use litpt::scene::{Mesh, Scene, read_obj};
+use litpt::scene::Scene;
 use litpt_book::closed_forms::{Setting, cavity, look, plane};
 use litpt_book::courtyard;
 use rayon::ThreadPoolBuilder;
@@ -59,14 +59,6 @@ fn calls(work: impl FnOnce()) -> usize {
     CALLS.load(Ordering::Relaxed) - before
 }
 
-/// Boxes that stand on each other and touch, where many a hit is so close
-/// to another triangle that the next origin has to be looked for.
-fn courtyard() -> Mesh {
-    let mut obj = vec![];
-    courtyard::write_obj(&courtyard::solids(), &mut obj).unwrap();
-    read_obj(&obj).unwrap()
-}
-
 #[test]
 fn the_number_of_paths_does_not_change_how_often_memory_is_asked_for() {
     assert_eq!(calls(|| drop(black_box(Box::new(0)))), 1);
@@ -75,7 +67,7 @@ fn the_number_of_paths_does_not_change_how_often_memory_is_asked_for() {
     let scenes = [
         (plane(), above),
         (cavity(0.3, 24), bowl),
-        (courtyard(), courtyard::view()),
+        (courtyard::mesh(), courtyard::view()),
     ];
     // One thread, so that no queue of tasks grows by chance; and it has
     // started before anything is counted.

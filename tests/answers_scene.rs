@@ -65,15 +65,15 @@ fn no_module_reaches_back() {
 
 #[test]
 fn portions_of_a_chunk_follow_each_other_under_one_comment() {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/src/main.rs");
-    let program = fs::read_to_string(path).unwrap();
-    let name = "// Prepare the camera, the sky and the files\n";
-    assert_eq!(program.matches(name).count(), 1);
-    // Find the seam of the two portions
-    let lines: Vec<&str> = program.lines().map(str::trim).collect();
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/src/lib.rs");
+    let library = fs::read_to_string(path).unwrap();
+    let name = "// Show the library at work\n";
+    assert_eq!(library.matches(name).count(), 1);
+    // Find the seam of the first two portions
+    let lines: Vec<&str> = library.lines().collect();
     let seam = lines.windows(2).filter(|pair| {
-        pair[0] == "let reference = arguments.read_reference()?;"
-            && pair[1].starts_with("let seeds = reference")
+        pair[0].ends_with("f 1 2 3 4\\n\";")
+            && pair[1].starts_with("//! let scene = Scene::new")
     });
     assert_eq!(seam.count(), 1);
 }

@@ -1,157 +1,24 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
-//
-// This program is free software: you can redistribute it and/or modify it
-// under the terms of the GNU General Public License as published by the Free
-// Software Foundation, either version 3 of the License, or (at your option)
-// any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
+
 //! An arcaded courtyard of two storeys, generated.
 //!
-//! [`solids`] builds the scene and [`write_obj`] writes it. Lengths are in
-//! metres, y points up, the paving is at y = 0 and the origin in the middle
-//! of the court, whose long sides run along x. Every solid is a closed
-//! surface with outward normals (anticlockwise triangles), and shares
-//! neither a vertex nor a plane of contact with another: where solids meet,
-//! they interpenetrate by a centimetre or more. Only the operations that
-//! IEEE 754 rounds correctly are used (+, -, *, / and square root), so that
-//! the scene is the same to the last bit on every machine.
-
-use std::io::{self, Write};
+//! Lengths are in metres, y points up, the paving is at y = 0 and the origin
+//! in the middle of the court, whose long sides run along x. Every solid is
+//! closed, and shares neither a vertex nor a plane of contact with another:
+//! where solids meet, they interpenetrate by a centimetre or more. The
+//! appendix "A courtyard to render" tells what is built, and prints the
+//! builders of solids from which everything here is made.
 
 use glam::DVec3;
-
 use litpt::camera::View;
+use litpt::scene::{Mesh, read_obj};
 
-// Represent a closed solid by triangles
-/// A point or vector: x, y (up), z, in metres.
-pub type Point = [f64; 3];
+use crate::sweep::{
+    Flat, Point, Solid, block, fan, lathe, semicircle, sweep, turned,
+    write_obj,
+};
 
-/// A point of a flat drawing: abscissa and height, in metres.
-type Flat = [f64; 2];
-
-/// A closed, outward-oriented surface of triangles.
-pub struct Solid {
-    /// What it is and its number in the scene, as in `column.17`.
-    pub name: String,
-    /// Vertices, all different.
-    pub vertices: Vec<Point>,
-    /// Indices into `vertices`, anticlockwise seen from outside.
-    pub triangles: Vec<[u32; 3]>,
-}
-
-impl Solid {
-    // Make an empty solid first
-    fn new() -> Self {
-        Self { name: String::new(), vertices: vec![], triangles: vec![] }
-    }
-
-    // Add a vertex or find it
-    fn vertex(&mut self, p: Point) -> u32 {
-        let known = self.vertices.iter().position(|&v| v == p);
-        known.unwrap_or_else(|| {
-            self.vertices.push(p);
-            self.vertices.len() - 1
-        }) as u32
-    }
-
-    // Add a convex face
-    fn face(&mut self, corners: &[Point]) {
-        let found = corners.iter().map(|&p| self.vertex(p));
-        let ring: Vec<_> = found.collect();
-        for i in 2..ring.len() {
-            let [a, b, c] = [ring[0], ring[i - 1], ring[i]];
-            if a != b && b != c && c != a {
-                self.triangles.push([a, b, c]);
-            }
-        }
-    }
-
-    // Move every vertex alike
-    fn moved(mut self, motion: impl Fn(Point) -> Point) -> Self {
-        for p in &mut self.vertices {
-            *p = motion(*p);
-        }
-        self
-    }
-}
-
-// Turn a point by quarter turns
-fn turned([x, y, z]: Point, quarters: usize) -> Point {
-    match quarters % 4 {
-        0 => [x, y, z],
-        1 => [z, y, -x],
-        2 => [-x, y, -z],
-        _ => [-z, y, x],
-    }
-}
-
-// Draw a semicircle by bisecting angles
-fn bisect(a: Flat, b: Flat) -> Flat {
-    let [x, y] = [a[0] + b[0], a[1] + b[1]];
-    let length = (x * x + y * y).sqrt();
-    [x / length, y / length]
-}
-
-// Refine the semicircle until fine enough
-fn semicircle(steps: usize) -> Vec<Flat> {
-    let mut arc = vec![[-1.0, 0.0], [0.0, 1.0], [1.0, 0.0]];
-    while arc.len() <= steps {
-        let mut finer = vec![arc[0]];
-        for pair in arc.windows(2) {
-            finer.extend([bisect(pair[0], pair[1]), pair[1]]);
-        }
-        arc = finer;
-    }
-    arc
-}
-
-// Sweep a section into a solid
-fn sweep(rings: &[Vec<Point>], cap: &[[usize; 3]]) -> Solid {
-    let mut solid = Solid::new();
-    for pair in rings.windows(2) {
-        let (near, far) = (&pair[0], &pair[1]);
-        for i in 0..near.len() {
-            let j = (i + 1) % near.len();
-            solid.face(&[near[i], near[j], far[j], far[i]]);
-        }
-    }
-    let (first, last) = (&rings[0], &rings[rings.len() - 1]);
-    for &[a, b, c] in cap {
-        solid.face(&[first[c], first[b], first[a]]);
-        solid.face(&[last[a], last[b], last[c]]);
-    }
-    solid
-}
-
-// Cut a convex polygon into triangles
-fn fan(corners: usize) -> Vec<[usize; 3]> {
-    (2..corners).map(|i| [0, i - 1, i]).collect()
-}
-
-// Turn a profile on the lathe
-fn lathe(profile: &[Flat], sides: usize) -> Solid {
-    let half = semicircle(sides / 2);
-    let under = half.iter().map(|&[x, y]| [-x, -y]);
-    let upper = half.iter().map(|&[x, y]| [x, y]);
-    let mut circle: Vec<Flat> = upper.chain(under).collect();
-    circle.dedup();
-    circle.pop();
-    let ring = |&[r, y]: &Flat| {
-        circle.iter().map(|&[a, b]| [r * a, y, r * b]).collect()
-    };
-    let rings: Vec<_> = profile.iter().map(ring).collect();
-    sweep(&rings, &fan(circle.len()))
-}
-
-// Cut a rectangular block
-fn block(x: [f64; 2], y: [f64; 2], z: [f64; 2]) -> Solid {
-    let at = |i: usize, j: usize, z| [x[i], y[j], z];
-    let ring = |z| [at(0, 0, z), at(1, 0, z), at(1, 1, z), at(0, 1, z)];
-    sweep(&z.map(|z| ring(z).to_vec()), &fan(4))
-}
-
-// Describe a row of round arches
 /// Round arches in a wall; lengths in metres, springing line at y = 0.
 #[derive(Clone, Copy)]
 struct Arches {
@@ -214,7 +81,7 @@ impl Arches {
     fn vault(&self) -> Solid {
         let (r, h) = (self.radius, self.height);
         let (arc, triangles) = self.outline();
-        let mut vault = Solid::new();
+        let mut vault = Solid::default();
         for side in 0..4 {
             // Close the side of the vault
             for t in &triangles {
@@ -244,7 +111,6 @@ fn band(r: [f64; 2], z: [f64; 2], steps: usize) -> Solid {
     sweep(&rings, &fan(4))
 }
 
-// State the measures of the court
 /// Side of a square bay of the grid, metres.
 const BAY: f64 = 3.6;
 
@@ -255,7 +121,6 @@ const BAYS: [usize; 2] = [7, 3];
 const HALF: [f64; 2] =
     [BAY * BAYS[0] as f64 / 2.0, BAY * BAYS[1] as f64 / 2.0];
 
-// Say what makes a storey
 /// What differs between storeys; lengths and heights in metres.
 struct Storey {
     split: usize,
@@ -310,11 +175,10 @@ fn moulding(profile: &[Flat]) -> Solid {
 }
 
 // Run a rectangular course around
-fn convergence(o: [f64; 2], y: [f64; 2]) -> Solid {
+fn course(o: [f64; 2], y: [f64; 2]) -> Solid {
     moulding(&[[o[0], y[0]], [o[1], y[0]], [o[1], y[1]], [o[0], y[1]]])
 }
 
-// Draw the profiles of the mouldings
 const STRING_COURSE: [[Flat; 4]; 2] = [
     [[-0.27, 0.0], [3.6, 0.0], [3.6, 0.3], [-0.46, 0.3]],
     [[-0.46, 0.22], [-0.38, 0.17], [-0.38, 0.12], [-0.3, 0.06]],
@@ -407,21 +271,15 @@ impl Court {
         };
         let roof = upper + 0.45;
         let courses = [
-            ("step", convergence([-0.87, 0.0], [-0.2, 0.15])),
-            ("gallery", convergence([-0.52, 3.5], [-0.3, 0.3])),
-            ("wall", convergence([3.325, 4.0], [-0.25, upper + 0.15])),
+            ("step", course([-0.87, 0.0], [-0.2, 0.15])),
+            ("gallery", course([-0.52, 3.5], [-0.3, 0.3])),
+            ("wall", course([3.325, 4.0], [-0.25, upper + 0.15])),
             ("string", raised(&STRING_COURSE, lower)),
-            ("rail", convergence([-0.16, 0.16], [5.45, 5.62])),
-            ("rail", convergence([-0.17, 0.17], [6.3, 6.42])),
+            ("rail", course([-0.16, 0.16], [5.45, 5.62])),
+            ("rail", course([-0.17, 0.17], [6.3, 6.42])),
             ("cornice", raised(&CORNICE, upper)),
-            (
-                "parapet",
-                convergence([-0.2, 0.2], [roof - 0.05, roof + 0.5]),
-            ),
-            (
-                "coping",
-                convergence([-0.27, 0.27], [roof + 0.47, roof + 0.6]),
-            ),
+            ("parapet", course([-0.2, 0.2], [roof - 0.05, roof + 0.5])),
+            ("coping", course([-0.27, 0.27], [roof + 0.47, roof + 0.6])),
         ];
         for (name, solid) in courses {
             self.add(name, [0.0; 3], solid);
@@ -548,7 +406,6 @@ impl Court {
     }
 }
 
-// Build the whole court
 /// Builds the scene; the same solids in the same order every time.
 pub fn solids() -> Vec<Solid> {
     let mut court = Court::default();
@@ -573,25 +430,9 @@ pub fn view() -> View {
     }
 }
 
-// Write the solids as an OBJ
-/// Writes solids as a Wavefront OBJ, one object each, five decimals.
-///
-/// # Errors
-/// Those of the writer. Nothing is flushed.
-pub fn write_obj(solids: &[Solid], to: &mut impl Write) -> io::Result<()> {
-    writeln!(to, "# litpt courtyard: metres, y up")?;
-    let mut first = 1;
-    for solid in solids {
-        writeln!(to, "o {}", solid.name)?;
-        for [x, y, z] in &solid.vertices {
-            let [x, y, z] = [x + 0.0, y + 0.0, z + 0.0];
-            writeln!(to, "v {x:.5} {y:.5} {z:.5}")?;
-        }
-        for t in &solid.triangles {
-            let [a, b, c] = t.map(|i| i + first);
-            writeln!(to, "f {a} {b} {c}")?;
-        }
-        first += solid.vertices.len() as u32;
-    }
-    Ok(())
+/// The court as a reader of its OBJ has it, with rounded coordinates.
+pub fn mesh() -> Mesh {
+    let mut obj = vec![];
+    write_obj(&solids(), &mut obj).expect("memory can be written");
+    read_obj(&obj).expect("the court is an OBJ")
 }

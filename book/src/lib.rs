@@ -14,3 +14,4 @@ pub mod fragile;
 pub mod paths;
 pub mod settings;
 pub mod solids;
+pub mod sweep;

@@ -12,7 +12,7 @@ use litpt::analysis::{Inquiry, SceneAnalysis, Shortcut};
 use litpt::bvh::{Bvh, Isa, Quality};
 use litpt::camera::{Camera, View};
 use litpt::film::Film;
-use litpt::scene::{Mesh, Scene, read_obj};
+use litpt::scene::{Mesh, Scene};
 use litpt::sky::Sky;
 
 /// A scene, a view of it, and the albedo of its surfaces.
@@ -92,9 +92,7 @@ impl Setting {
 
 /// All of them.
 pub fn all() -> Vec<Setting> {
-    let mut yard = vec![];
-    courtyard::write_obj(&courtyard::solids(), &mut yard).expect("memory");
-    let yard = read_obj(&yard).expect("a courtyard");
+    let yard = courtyard::mesh();
     let v = DVec3::new;
     let o = DVec3::ZERO;
     let set = |name, mesh, from, to| Setting {

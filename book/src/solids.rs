@@ -36,7 +36,7 @@ pub fn all() -> Vec<Solid> {
         ));
     }
     all.push(solid("torus", torus(64, 24), &[DVec3::X]));
-    all.push(solid("spiky star", star(), &[o]));
+    all.push(solid("spiky star", star(3, 1), &[o]));
     all.push(solid("slab 2 x 2e-6 x 2", slab(), &[o]));
     let [plate, fin] = [DVec3::new(0.5, -0.5, 0.5), DVec3::splat(0.5)];
     all.push(solid("thin fins", fins(), &[plate, fin + DVec3::X * 5e-6]));
@@ -214,9 +214,9 @@ fn torus(around: u32, across: u32) -> Mesh {
 }
 
 /// An icosphere whose vertices are moved to random radii in [0.1, 1].
-fn star() -> Mesh {
-    let mut mesh = icosphere(3);
-    let mut random = Pcg64::seed_from_u64(1);
+pub fn star(level: u32, seed: u64) -> Mesh {
+    let mut mesh = icosphere(level);
+    let mut random = Pcg64::seed_from_u64(seed);
     for vertex in &mut mesh.vertices {
         *vertex *= random.random_range(0.1..=1.);
     }

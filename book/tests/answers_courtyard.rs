@@ -11,7 +11,8 @@
 
 use std::f64::consts::PI;
 
-use litpt_book::courtyard::{Solid, solids};
+use litpt_book::courtyard::solids;
+use litpt_book::sweep::Solid;
 
 // Choose solids by their kind
 fn of_kind(kind: &str) -> Vec<Solid> {

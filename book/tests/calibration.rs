@@ -8,9 +8,8 @@ use glam::DVec3;
 use litpt::camera::View;
 use litpt::film::{Film, WORTH};
 use litpt::render::Renderer;
-use litpt::scene::read_obj;
 use litpt_book::closed_forms::{Setting, cavity, cavity_radiance};
-use litpt_book::courtyard::{solids, view, write_obj};
+use litpt_book::courtyard::{mesh, view};
 
 const SIZE: (u32, u32) = (32, 24);
 
@@ -68,11 +67,8 @@ fn errors_are_honest_where_the_truth_is_known() {
 
 #[test]
 fn errors_are_honest_in_the_courtyard() {
-    let mut obj = vec![];
-    write_obj(&solids(), &mut obj).unwrap();
-    let mesh = read_obj(&obj).unwrap();
     let sky = (0.8, DVec3::Y);
-    let setting = Setting::new(&mesh, sky, &view(), 4. / 3.).unwrap();
+    let setting = Setting::new(&mesh(), sky, &view(), 4. / 3.).unwrap();
     let best = render(&setting, 99, 2048);
     let truth: Vec<_> = best.means().zip(best.errors(0.)).collect();
     calibrated(deviation(&setting, 256, &truth));

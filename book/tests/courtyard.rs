@@ -1,12 +1,10 @@
 //! The courtyard keeps its promises: closed solids that look outwards and
-//! share no plane of contact, the same bytes everywhere, and a command that
-//! fails cleanly.
+//! share no plane of contact, and the same bytes everywhere.
 
 use std::collections::{HashMap, HashSet};
-use std::fs::OpenOptions;
-use std::process::{Command, Stdio};
 
-use litpt_book::courtyard::{Point, Solid, solids, write_obj};
+use litpt_book::courtyard::solids;
+use litpt_book::sweep::{Point, Solid, write_obj};
 
 /// FNV-1a of the whole OBJ; a change of the scene changes this line.
 const CHECKSUM: u64 = 0x8ebc_cd72_dfc0_0d8f;
@@ -234,63 +232,4 @@ fn solids_have_different_names() {
     let scene = solids();
     let names: HashSet<_> = scene.iter().map(|s| &s.name).collect();
     assert_eq!(names.len(), scene.len());
-}
-
-fn courtyard() -> Command {
-    Command::new(env!("CARGO_BIN_EXE_courtyard"))
-}
-
-#[test]
-fn the_command_writes_the_scene() {
-    let output = courtyard().output().unwrap();
-    assert_eq!(output.status.code(), Some(0));
-    assert!(output.stderr.is_empty());
-    assert!(output.stdout == obj().into_bytes());
-}
-
-#[test]
-fn help_is_given_on_standard_output() {
-    for word in ["-h", "--help"] {
-        let output = courtyard().arg(word).output().unwrap();
-        assert_eq!(output.status.code(), Some(0));
-        assert!(output.stdout.starts_with(b"usage: courtyard"));
-    }
-}
-
-#[test]
-fn an_unknown_argument_is_wrong_usage() {
-    let output = courtyard().arg("-x").output().unwrap();
-    assert_eq!(output.status.code(), Some(2));
-    assert!(output.stdout.is_empty());
-    let message = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(
-        message,
-        "courtyard: error: unexpected argument '-x'; see --help\n"
-    );
-}
-
-#[test]
-fn a_reader_that_leaves_early_is_no_error() {
-    let mut child = courtyard()
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
-    drop(child.stdout.take());
-    let output = child.wait_with_output().unwrap();
-    assert_eq!(output.status.code(), Some(0));
-    assert!(output.stderr.is_empty());
-}
-
-#[cfg(target_os = "linux")]
-#[test]
-fn a_full_disk_is_reported() {
-    let full = OpenOptions::new().write(true).open("/dev/full").unwrap();
-    let child =
-        courtyard().stdout(full).stderr(Stdio::piped()).spawn().unwrap();
-    let output = child.wait_with_output().unwrap();
-    assert_eq!(output.status.code(), Some(1));
-    let message = String::from_utf8(output.stderr).unwrap();
-    assert!(message.contains("standard output"), "{message}");
-    assert_eq!(message.lines().count(), 1);
 }

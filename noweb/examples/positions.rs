@@ -27,9 +27,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let last = tangled.map.last().ok_or("an empty file")?.line / 2;
     let position = format!("at {}:{last}:1\n", path.display());
     let plain = "running 12 tests: 0.25 s at 12:30, all of them ok\n";
-    let new = || Filter::new(project.clone(), false);
+    let new = || Filter::new(vec![project.clone()]);
     let text = |filter: &mut Filter, line: &str| {
-        filter.translate(line.as_bytes());
+        filter.translate(line.as_bytes(), 0);
     };
     println!("what,ms");
     println!(
@@ -43,12 +43,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         text(&mut filter, &position);
         filter
     };
-    println!(
-        "a diagnostic of two lines,{:.2}",
-        best(warm, |filter| {
-            text(filter, &diagnostic(&path.display().to_string(), last));
-        })
-    );
     println!(
         "a thousand positions in text,{:.2}",
         best(warm, |filter| {
@@ -73,17 +67,4 @@ fn best<T>(prepare: impl Fn() -> T, run: impl Fn(&mut T)) -> f64 {
         start.elapsed().as_secs_f64() * 1e3
     });
     times.fold(f64::INFINITY, f64::min)
-}
-
-fn diagnostic(path: &str, line: u32) -> String {
-    let next = line + 1;
-    format!(
-        "{{\"reason\":\"compiler-message\",\"message\":{{\
-         \"message\":\"wrong\",\"code\":null,\"level\":\"error\",\
-         \"spans\":[{{\"file_name\":\"{path}\",\"line_start\":{line},\
-         \"line_end\":{next},\"column_start\":1,\"column_end\":9,\
-         \"is_primary\":true,\"label\":\"here\",\
-         \"suggested_replacement\":null,\"expansion\":null}}],\
-         \"children\":[],\"rendered\":\"error\"}}}}\n"
-    )
 }

@@ -93,11 +93,6 @@ fn find(name: &OsStr) -> Option<&'static Command> {
     COMMANDS.iter().find(|(known, ..)| name == *known)
 }
 
-/// The names of all commands.
-pub fn names() -> impl Iterator<Item = &'static str> {
-    COMMANDS.iter().map(|(name, ..)| *name)
-}
-
 // Print the help
 fn help(streams: &mut Streams) -> u8 {
     let mut text = String::from("usage: noweb COMMAND [ARGUMENT...]\n\n");
@@ -112,8 +107,11 @@ fn help(streams: &mut Streams) -> u8 {
 const SYNTAX: &[(&str, &str)] = &[
     ("tangle", "[OPTION]... [--check] CHAPTER..."),
     ("untangle", "[OPTION]... [--check] CHAPTER..."),
-    ("where", "[-C DIR] [--master FILE] PATH:LINE[:COLUMN] [CHAPTER...]"),
-    ("map", "[-C DIR] [--master FILE] [CHAPTER...] [-- COMMAND...]"),
+    (
+        "where",
+        "[-C DIR] [--master FILE]... PATH:LINE[:COLUMN] [CHAPTER...]",
+    ),
+    ("map", "[-C DIR] [--master FILE]... [CHAPTER...] -- COMMAND..."),
 ];
 
 const OPTIONS: &str = "options: [-C DIR] [--master FILE] [--record FILE]\n";

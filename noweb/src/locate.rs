@@ -12,60 +12,70 @@
 //! The program is tangled in memory. Columns are bytes, from 1, unless
 //! they are said to be characters.
 
-use std::cell::OnceCell;
 use std::collections::BTreeMap;
-use std::ffi::{OsStr, OsString};
+use std::ffi::OsString;
 use std::fs;
-use std::ops::Range;
 use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
 use crate::Streams;
 use crate::diagnostic::{Diagnostic, Level, Place, Position, Source};
-use crate::project::{Expansion, Project, included};
+use crate::project::{Arguments, Expansion, Project};
 use crate::tangle::{Segment, Tangled};
-use crate::web::{Web, quoted};
+use crate::web::{Chunk, Web, quoted};
 
 // Define an atlas of the program
-/// A program in memory, and the chapters that it comes from.
+/// The programs of some webs in memory, and the chapters they come from.
+#[derive(Default)]
 pub struct Atlas {
     dir: PathBuf,
-    web: Web,
+    webs: Vec<Web>,
     files: BTreeMap<PathBuf, TangledFile>,
 }
 
-/// A file of the program.
+/// A file of a program.
 pub struct TangledFile {
+    /// The number of its web.
+    web: usize,
     source: Source,
     /// Where the text of the source comes from; its own text is empty.
     tangled: Tangled,
     /// The file on the disk is the same.
-    fresh: OnceCell<bool>,
+    pub fresh: bool,
 }
 
 // Read the program and find files
 impl Atlas {
-    /// Tangles a project in memory.
+    /// Adds the program of a project, tangled in memory.
     ///
     /// # Errors
     ///
     /// Those of [`Project::expand`].
-    pub fn read(project: &Project) -> Result<Self, Vec<Diagnostic>> {
+    pub fn add(
+        &mut self,
+        project: &Project,
+    ) -> Result<(), Vec<Diagnostic>> {
         let Expansion { web, files, .. } = project.expand()?;
-        let dir = fs::canonicalize(&project.dir);
-        let dir = dir.unwrap_or_else(|_| project.dir.clone());
-        let files = files.into_iter().map(|(path, mut tangled)| {
+        let dir = project.dir.join(".");
+        self.dir = fs::canonicalize(&dir).unwrap_or(dir);
+        for (path, tangled) in files {
+            // Add a file of the program
+            let disk = fs::read(self.dir.join(&path));
+            let fresh = disk.is_ok_and(|disk| disk == tangled.text);
             let name = path.as_os_str().as_bytes().to_vec();
+            let mut tangled = tangled;
             let text = std::mem::take(&mut tangled.text);
             let source = Source::new(name, text);
-            let fresh = OnceCell::new();
-            (path, TangledFile { source, tangled, fresh })
-        });
-        Ok(Self { dir, web, files: files.collect() })
+            let web = self.webs.len();
+            let file = TangledFile { web, source, tangled, fresh };
+            self.files.insert(path, file);
+        }
+        self.webs.push(web);
+        Ok(())
     }
 
-    // Find a file and its state
-    /// The file of the program that a path means, if that is clear.
+    // Find a file and a position
+    /// The file of a program that a path means, if that is clear.
     pub fn find(&self, path: &Path) -> Option<&TangledFile> {
         if let Ok(path) = path.strip_prefix(&self.dir) {
             return self.files.get(path);
@@ -74,186 +84,47 @@ impl Atlas {
             return self.files.get(path);
         };
         // Look for the only file with this end
-        let ending = self.files.iter().filter(|(p, _)| p.ends_with(path));
-        let ending: Vec<&TangledFile> = ending.map(|(_, f)| f).collect();
-        match ending[..] {
-            [file] => Some(file),
-            _ => None,
-        }
+        let mut ending =
+            self.files.iter().filter(|(p, _)| p.ends_with(path));
+        let (_, file) = ending.next()?;
+        ending.next().is_none().then_some(file)
     }
 
-    /// Is the file on the disk what the chapters give?
-    pub fn is_fresh(&self, file: &TangledFile) -> bool {
-        *file.fresh.get_or_init(|| {
-            let path = OsStr::from_bytes(&file.source.name);
-            let disk = fs::read(self.dir.join(path));
-            disk.is_ok_and(|disk| disk == file.source.text)
-        })
-    }
-
-    /// The files that were found not to be.
-    pub fn stale(&self) -> impl Iterator<Item = &Path> {
-        let stale = |f: &TangledFile| f.fresh.get() == Some(&false);
-        let files = self.files.iter().filter(move |(_, file)| stale(file));
-        files.map(|(path, _)| path.as_path())
-    }
-
-    /// The position of a place in a chapter, for people.
-    pub fn position(&self, place: Place) -> Option<Position> {
-        self.web.position(place)
-    }
-
-    /// A chapter, by the number that places carry.
-    pub fn chapter(&self, file: u32) -> Option<&Source> {
-        self.web.sources.get(file as usize)
-    }
-
-    /// A file of the project that is not tangled, if it can be read.
-    pub fn other(&self, path: &str) -> Option<Source> {
-        let text = fs::read(self.dir.join(path)).ok()?;
-        Some(Source::new(path.into(), text))
-    }
-}
-
-// Go from the program to chapters
-impl TangledFile {
-    /// Where a position comes from; its column counts characters.
-    pub fn origin(&self, line: u32, column: u32) -> Option<Place> {
-        let column = self.source.byte_column(line, column);
-        self.tangled.origin(line, column)
-    }
-
-    // Find the stretches of a span
-    /// The segments of the text with their lengths in bytes.
-    fn segments(&self) -> impl Iterator<Item = (Segment, u32)> {
-        let map = &self.tangled.map;
-        let next = map.iter().skip(1).map(Some).chain([None]);
-        map.iter().zip(next).map(|(segment, next)| {
-            let line = self.source.line(segment.line).unwrap_or(b"");
-            let end = match next.filter(|next| next.line == segment.line) {
-                Some(next) => next.column,
-                None => line.len() as u32 + 1,
-            };
-            (*segment, end.saturating_sub(segment.column))
-        })
-    }
-
-    /// What a span covers: the places, and how many bytes from each.
-    fn covered(&self, span: Range<(u32, u32)>) -> Vec<(Place, u32)> {
-        let cut = |(segment, length): (Segment, u32)| {
-            let Segment { line, column, place, .. } = segment;
-            let (_, from) = (line, column).max(span.start);
-            let (_, to) = (line, column + length).min(span.end);
-            let column = place.column + from - column;
-            let length = to.checked_sub(from).filter(|l| *l > 0)?;
-            Some((Place { column, ..place }, length))
-        };
-        let lines = span.start.0..=span.end.0;
-        let within = |s: &Segment| lines.contains(&s.line);
-        let segments = self.segments().filter(|(s, _)| within(s));
-        segments.filter_map(cut).collect()
-    }
-
-    /// By how much tangling has indented a line.
-    pub fn added_indentation(&self, line: u32) -> usize {
-        let map = &self.tangled.map;
-        let first = map.partition_point(|segment| segment.line < line);
-        let first = map.get(first).filter(|segment| segment.line == line);
-        first.map_or(0, |segment| {
-            segment.column.saturating_sub(segment.place.column) as usize
-        })
-    }
-}
-
-impl Atlas {
-    /// The name of the chunk that a place of the program stands in.
-    pub fn chunk_at(&self, place: Place) -> Option<&[u8]> {
-        let above =
-            |d: &&Place| d.file == place.file && d.line < place.line;
-        let last = |name, defined: &[Place]| {
-            let lines = defined.iter().filter(above).map(|d| d.line);
-            Some((lines.max()?, name))
-        };
-        let chunks = self.web.chunks.iter();
-        let last = chunks.filter_map(|c| last(&c.name, &c.definitions));
-        last.max().map(|(_, name): (u32, &Vec<u8>)| &name[..])
-    }
-
-    // Find a span in the chapters
-    /// The stretches of chapters that a span of the program covers.
-    ///
-    /// Its lines and columns are those of rustc, in characters, the end
-    /// not included. A stretch is a chapter and a range of its bytes.
-    pub fn stretches(
+    /// The web of a file, and where in it a position comes from; its
+    /// column counts characters.
+    pub fn origin(
         &self,
         file: &TangledFile,
-        [from, to]: [(u32, u32); 2],
-    ) -> Vec<(u32, Range<usize>)> {
-        let byte = |(line, c)| (line, file.source.byte_column(line, c));
-        let mut found: Vec<(u32, Range<usize>)> = Vec::new();
-        for (place, length) in file.covered(byte(from)..byte(to)) {
-            let Some(chapter) = self.chapter(place.file) else { continue };
-            // Add a piece to the last stretch or begin one
-            let end = Place { column: place.column + length, ..place };
-            let range = chapter.offset(place)..chapter.offset(end);
-            let skipped = |b: &u8| b.is_ascii_whitespace() || *b == b'@';
-            let text = &chapter.text;
-            if text[range.clone()].iter().all(u8::is_ascii_whitespace) {
-                continue;
-            }
-            match found.last_mut() {
-                Some((file, last))
-                    if *file == place.file
-                        && last.end <= range.start
-                        && text[last.end..range.start]
-                            .iter()
-                            .all(skipped) =>
-                {
-                    last.end = range.end;
-                }
-                _ => found.push((place.file, range)),
-            }
-        }
-        if found.is_empty() {
-            // Find the place of an empty span
-            let place = file.origin(from.0, from.1);
-            let chapter =
-                place.and_then(|p| Some((p, self.chapter(p.file)?)));
-            if let Some((place, chapter)) = chapter {
-                let at = chapter.offset(place);
-                found.push((place.file, at..at));
-            }
-        }
-        found
+        line: u32,
+        column: u32,
+    ) -> Option<(&Web, Place)> {
+        let column = file.source.byte_column(line, column);
+        let place = file.tangled.origin(line, column)?;
+        Some((&self.webs[file.web], place))
     }
-}
 
-// Go from chapters to the program
-impl Atlas {
     /// Where a byte of a chapter, or with column 0 a line, has gone.
-    pub fn destinations(&self, place: Place) -> Vec<Position> {
+    pub fn destinations(&self, web: &Web, place: Place) -> Vec<Position> {
         let here = |s: &Segment| {
             (s.place.file, s.place.line) == (place.file, place.line)
         };
+        let of_web =
+            |f: &&TangledFile| std::ptr::eq(&self.webs[f.web], web);
         let mut found = Vec::new();
-        for file in self.files.values() {
+        for file in self.files.values().filter(of_web) {
             let segments = file.segments().filter(|(s, _)| here(s));
             for (segment, length) in segments {
                 // Add the destination in this segment
-                let first = segment.place.column;
                 let inside = match place.column {
                     0 => Some(0),
-                    column => column.checked_sub(first),
+                    column => column.checked_sub(segment.place.column),
                 };
-                if let Some(inside) = inside.filter(|i| *i < length.max(1))
-                {
+                let inside = inside.filter(|i| *i < length.max(1));
+                if let Some(inside) = inside {
+                    let line = segment.line;
                     let column = segment.column + inside;
-                    let Segment { line, .. } = segment;
-                    found.push(file.source.position(Place {
-                        file: 0,
-                        line,
-                        column,
-                    }));
+                    let place = Place { file: 0, line, column };
+                    found.push(file.source.position(place));
                 }
             }
         }
@@ -267,70 +138,44 @@ impl Atlas {
     }
 }
 
-// Read the arguments about a project
-/// Reads `[-C dir] [--master file] [name...]`; the names are the chapters.
-pub fn parse(args: &[OsString]) -> Result<(Project, PathBuf), String> {
-    let dir = PathBuf::from(".");
-    let mut project = Project { dir, ..Project::default() };
-    let mut master = PathBuf::new();
-    let mut args = args.iter();
-    while let Some(arg) = args.next() {
-        let mut value = || {
-            let missing = || format!("{} needs a value", arg.display());
-            args.next().ok_or_else(missing)
-        };
-        // Take an option or a name
-        match arg.as_encoded_bytes() {
-            b"-C" => project.dir = value()?.into(),
-            b"--master" => master = value()?.into(),
-            [b'-', ..] => {
-                return Err(format!("unknown option {}", arg.display()));
-            }
-            _ => project.chapters.push(arg.into()),
-        }
-    }
-    Ok((project, master))
+// Go from chapters to the program
+/// The name of the chunk that a place of a program stands in.
+fn chunk_at(web: &Web, place: Place) -> Option<&[u8]> {
+    let above = |d: &&Place| d.file == place.file && d.line < place.line;
+    let last = |chunk: &'_ Chunk| {
+        chunk.definitions.iter().filter(above).map(|d| d.line).max()
+    };
+    let chunk = web.chunks.iter().max_by_key(|chunk| last(chunk))?;
+    last(chunk).map(|_| &chunk.name[..])
 }
 
-/// Takes the chapters from the master if none is named.
-pub fn complete(
-    project: &mut Project,
-    master: PathBuf,
-) -> Result<(), String> {
-    if !project.chapters.is_empty() {
-        return Ok(());
-    }
-    let unnamed = master.as_os_str().is_empty();
-    let master = if unnamed { only_web(&project.dir)? } else { master };
-    let chapters = included(&project.dir, &master);
-    let failed = |error| format!("{}: {error}", master.display());
-    project.chapters = chapters.map_err(failed)?;
-    Ok(())
-}
-
-/// The only web in a directory.
-fn only_web(dir: &Path) -> Result<PathBuf, String> {
-    let entries = fs::read_dir(dir).map_err(|error| error.to_string())?;
-    let names = entries.filter_map(|e| Some(e.ok()?.file_name()));
-    let names = names.map(PathBuf::from);
-    let is_web = |name: &PathBuf| name.extension() == Some("nw".as_ref());
-    let mut webs = names.filter(is_web);
-    match (webs.next(), webs.next()) {
-        (Some(web), None) => Ok(web),
-        _ => Err("which chapters? name them, or --master file".into()),
+impl TangledFile {
+    /// The segments of the text with their lengths in bytes.
+    fn segments(&self) -> impl Iterator<Item = (&Segment, u32)> {
+        let map = &self.tangled.map;
+        let next = map.iter().skip(1).map(Some).chain([None]);
+        map.iter().zip(next).map(|(segment, next)| {
+            let line = self.source.line(segment.line).unwrap_or(b"");
+            let next = next.filter(|next| next.line == segment.line);
+            let end = next.map_or(line.len() as u32 + 1, |n| n.column);
+            (segment, end.saturating_sub(segment.column))
+        })
     }
 }
 
 // Run the command that translates a position
-/// The command `noweb where [-C dir] [--master file]
+/// The command `noweb where [-C dir] [--master file]...
 /// path:line[:column] [chapter...]`.
 pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
     let fault = |text| vec![Diagnostic::new(Level::Error, None, text)];
-    let answer = match parse_question(args) {
-        Ok((project, question)) => Atlas::read(&project)
-            .and_then(|atlas| answer(&atlas, &question).map_err(fault)),
+    let (projects, question) = match parse_question(args) {
+        Ok(parsed) => parsed,
         Err(text) => return streams.misused(text),
     };
+    let mut atlas = Atlas::default();
+    let read = projects.iter().try_for_each(|p| atlas.add(p));
+    let answer =
+        read.and_then(|()| answer(&atlas, &question).map_err(fault));
     // Print the answer or say why there is none
     match answer {
         Ok((lines, warnings)) => {
@@ -350,17 +195,15 @@ struct Question {
 
 fn parse_question(
     args: &[OsString],
-) -> Result<(Project, Question), String> {
-    let (mut project, master) = parse(args)?;
+) -> Result<(Vec<Project>, Question), String> {
+    let mut args = Arguments::parse(args)?;
     let example = "where is what? ask for src/main.rs:12 or a chapter:12:5";
-    if project.chapters.is_empty() {
+    if args.chapters.is_empty() {
         return Err(example.into());
     }
-    let asked = project.chapters.remove(0);
-    complete(&mut project, master)?;
-    let asked = asked.to_string_lossy();
-    let question = parse_position(&asked).ok_or(example)?;
-    Ok((project, question))
+    let asked = args.chapters.remove(0);
+    let question = parse_position(&asked.to_string_lossy());
+    Ok((args.projects()?, question.ok_or(example)?))
 }
 
 fn parse_position(text: &str) -> Option<Question> {
@@ -368,12 +211,13 @@ fn parse_position(text: &str) -> Option<Question> {
     let text = text.strip_prefix("./").unwrap_or(text);
     let (rest, last) = text.rsplit_once(':')?;
     let last = last.parse().ok()?;
-    let whole = Question { path: rest.into(), line: last, column: 0 };
-    let Some((path, line)) = rest.rsplit_once(':') else {
-        return Some(whole);
+    let inner = rest.rsplit_once(':');
+    let inner = inner.and_then(|(p, line)| Some((p, line.parse().ok()?)));
+    let (path, line, column) = match inner {
+        Some((path, line)) => (path, line, last),
+        None => (rest, last, 0),
     };
-    let Ok(line) = line.parse() else { return Some(whole) };
-    Some(Question { path: path.into(), line, column: last })
+    Some(Question { path: path.into(), line, column })
 }
 
 /// The lines of the answer, and what has to be said with them.
@@ -384,46 +228,46 @@ fn answer(
     let Question { path, line, column } = question;
     let shown = path.display();
     if let Some(file) = atlas.find(path) {
-        let place = file.origin(*line, (*column).max(1));
-        let place = place.ok_or(format!("{shown} has no line {line}"))?;
-        let position = atlas.position(place).into_iter();
-        let lines = position.map(|at| atlas.describe(at, place)).collect();
-        let fresh = atlas.is_fresh(file);
-        let stale = (!fresh).then(|| stale_file(path, Level::Warning));
+        let origin = atlas.origin(file, *line, (*column).max(1));
+        let (web, place) =
+            origin.ok_or(format!("{shown} has no line {line}"))?;
+        let position = web.position(place).into_iter();
+        let lines = position.map(|at| describe(at, web, place)).collect();
+        let stale = (!file.fresh).then(|| stale_file(path));
         return Ok((lines, stale.into_iter().collect()));
     }
     // Answer a question about a chapter
+    // Find the web and the chapter
     let inside = path.strip_prefix(&atlas.dir).unwrap_or(path);
     let inside = inside.strip_prefix(".").unwrap_or(inside);
-    let named =
-        |s: &Source| Path::new(OsStr::from_bytes(&s.name)) == inside;
-    let mut chapters = atlas.web.sources.iter().zip(0..);
-    let Some((chapter, file)) = chapters.find(|(s, _)| named(s)) else {
+    let named = |s: &Source| s.name == inside.as_os_str().as_bytes();
+    let chapter = |web: &'_ Web| web.sources.iter().position(named);
+    let mut webs = atlas.webs.iter();
+    let found = webs.find_map(|web| Some((web, chapter(web)?)));
+    let Some((web, file)) = found else {
         return Err(format!("{shown} is neither tangled nor a chapter"));
     };
-    let bytes = chapter.byte_column(*line, *column);
+    let bytes = web.sources[file].byte_column(*line, *column);
     let column = if *column == 0 { 0 } else { bytes };
-    let place = Place { file, line: *line, column };
-    let found = atlas.destinations(place).into_iter();
-    let lines: String = found.map(|at| atlas.describe(at, place)).collect();
+    let place = Place { file: file as u32, line: *line, column };
+    let found = atlas.destinations(web, place).into_iter();
+    let lines: String = found.map(|at| describe(at, web, place)).collect();
     match lines.is_empty() {
         true => Err(format!("{shown}:{line} goes into no file")),
         false => Ok((lines, Vec::new())),
     }
 }
 
-impl Atlas {
-    /// A line of an answer: a position, and the chunk of a place.
-    fn describe(&self, position: Position, place: Place) -> String {
-        let name = self.chunk_at(place).map(quoted).unwrap_or_default();
-        format!("{position}: {name}\n")
-    }
+/// A line of an answer: a position, and the chunk of a place.
+fn describe(position: Position, web: &Web, place: Place) -> String {
+    let name = chunk_at(web, place).map(quoted).unwrap_or_default();
+    format!("{position}: {name}\n")
 }
 
 /// What to say about positions in a file that is not as tangled.
-pub fn stale_file(path: &Path, level: Level) -> Diagnostic {
+pub fn stale_file(path: &Path) -> Diagnostic {
     let shown = path.display();
     let text = format!("{shown} is not what its chapters give");
-    Diagnostic::new(level, None, text)
+    Diagnostic::new(Level::Warning, None, text)
         .with_help("tangle, or bring an edit home with noweb untangle")
 }

@@ -431,7 +431,7 @@ impl Project {
 /// The command `noweb tangle [-C dir] [--record file] [--check]
 /// chapter...`.
 pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
-    let (project, check) = match parse_arguments(args) {
+    let (project, check) = match one_project(args) {
         Ok(parsed) => parsed,
         Err(text) => return streams.misused(text),
     };
@@ -458,46 +458,102 @@ fn report_stale(plan: Plan) -> (Vec<Diagnostic>, bool) {
     (faults, !stale.is_empty())
 }
 
-/// The project that the arguments ask for, and whether only to check.
+/// What the arguments of a command say about projects.
+#[derive(Default)]
+pub struct Arguments {
+    dir: PathBuf,
+    record: PathBuf,
+    masters: Vec<PathBuf>,
+    /// The names that are no options.
+    pub chapters: Vec<PathBuf>,
+    /// Nothing is to be written.
+    pub check: bool,
+}
+
+impl Arguments {
+    /// Reads `[-C dir] [--record file] [--master file]... [--check]
+    /// [chapter...]`.
+    ///
+    /// # Errors
+    ///
+    /// A text that says what is wrong with the arguments.
+    pub fn parse(args: &[OsString]) -> Result<Self, String> {
+        let record = PathBuf::from(".tangled");
+        let mut parsed = Self { record, ..Self::default() };
+        let mut args = args.iter();
+        while let Some(arg) = args.next() {
+            let mut value = || {
+                let missing = || format!("{} needs a value", arg.display());
+                args.next().map(PathBuf::from).ok_or_else(missing)
+            };
+            // Take an option or a chapter
+            match arg.as_encoded_bytes() {
+                b"-C" => parsed.dir = value()?,
+                b"--record" => parsed.record = value()?,
+                b"--master" => parsed.masters.push(value()?),
+                b"--check" => parsed.check = true,
+                [b'-', ..] => {
+                    let arg = arg.display();
+                    return Err(format!("unknown option {arg}"));
+                }
+                _ => parsed.chapters.push(arg.into()),
+            }
+        }
+        Ok(parsed)
+    }
+
+    // Make projects of the arguments
+    /// The project of the chapters, and one for each master.
+    ///
+    /// # Errors
+    ///
+    /// A master that cannot be read, or none at all.
+    pub fn projects(mut self) -> Result<Vec<Project>, String> {
+        let mut lists = vec![self.chapters];
+        lists.retain(|list| !list.is_empty());
+        if lists.is_empty() && self.masters.is_empty() {
+            self.masters = masters_in(&self.dir);
+        }
+        for master in &self.masters {
+            let list = included(&self.dir, master);
+            let failed = |e| failure("read", master, &e).text;
+            lists.push(list.map_err(failed)?);
+        }
+        if lists.is_empty() {
+            let text = "which chapters? name them, or --master FILE";
+            return Err(text.into());
+        }
+        let project = |chapters| Project {
+            dir: self.dir.clone(),
+            record: self.record.clone(),
+            chapters,
+        };
+        Ok(lists.into_iter().map(project).collect())
+    }
+}
+
+/// The webs in a directory.
+fn masters_in(dir: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(dir.join(".")).into_iter().flatten();
+    let names = entries.filter_map(|e| Some(e.ok()?.file_name().into()));
+    let is_web = |name: &PathBuf| name.extension() == Some("nw".as_ref());
+    let mut webs: Vec<PathBuf> = names.filter(is_web).collect();
+    webs.sort();
+    webs
+}
+
+/// The one project that the arguments name, and whether only to check.
 ///
 /// # Errors
 ///
 /// A text that says what is wrong with the arguments.
-pub fn parse_arguments(
-    args: &[OsString],
-) -> Result<(Project, bool), String> {
-    let mut project = Project::default();
-    let mut master = None;
-    let mut check = false;
-    let mut args = args.iter();
-    while let Some(arg) = args.next() {
-        let mut value = || {
-            let missing = || format!("{} needs a value", arg.display());
-            args.next().ok_or_else(missing)
-        };
-        match arg.as_encoded_bytes() {
-            b"-C" => project.dir = value()?.into(),
-            b"--record" => project.record = value()?.into(),
-            b"--master" => master = Some(Path::new(value()?)),
-            b"--check" => check = true,
-            // Take a chapter
-            option if option.starts_with(b"-") => {
-                return Err(format!("unknown option {}", arg.display()));
-            }
-            _ => project.chapters.push(arg.into()),
-        }
-    }
-    // Complete and check the arguments
-    if let Some(master) = master {
-        let list = included(&project.dir, master);
-        let failed = |e| failure("read", master, &e).text;
-        project.chapters.extend(list.map_err(failed)?);
-    }
-    if project.chapters.is_empty() {
+pub fn one_project(args: &[OsString]) -> Result<(Project, bool), String> {
+    let args = Arguments::parse(args)?;
+    let check = args.check;
+    if args.chapters.len() + args.masters.len() == 0 {
         return Err("no chapters to tangle".into());
     }
-    if project.record.as_os_str().is_empty() {
-        project.record = ".tangled".into();
-    }
-    Ok((project, check))
+    let mut projects = args.projects()?;
+    let project = projects.pop().filter(|_| projects.is_empty());
+    Ok((project.ok_or("one web at a time")?, check))
 }

@@ -14,11 +14,11 @@
 //! more than one meaning, is [`Found::Foreign`]: it is never taken for an
 //! item.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 use std::ops::Range;
 
 use proc_macro2::Ident;
-use syn::UseTree;
+use syn::{ImplItem, TraitItem, UseTree};
 
 // Define the items of a program
 /// The number of an item in the table of items.
@@ -29,33 +29,14 @@ pub type Id = usize;
 pub enum Kind {
     /// A module, or the root of a crate.
     Module,
-    /// The items that a block of statements declares.
-    Block,
-    /// A function outside all types.
-    Function,
-    /// A structure, an enumeration, a union or a type alias.
+    /// A type or a trait.
     Type,
-    /// A trait.
-    Trait,
-    // Distinguish the smaller kinds of items
-    /// A constant or a static variable.
-    Constant,
-    /// A macro by example.
-    Macro,
-    /// What belongs to a type or a trait: a function, a constant, a type.
-    Member,
     /// A case of an enumeration.
     Variant,
-}
-/// The three spaces of names: the same name may mean something in each.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Space {
-    /// Modules, types, traits.
-    Types,
-    /// Functions, constants, variants, variables.
-    Values,
-    /// Macros.
-    Macros,
+    /// A macro by example.
+    Macro,
+    /// A function, a constant, or one that belongs to a type or a trait.
+    Value,
 }
 
 /// What a name or a path leads to.
@@ -66,8 +47,9 @@ pub enum Found {
     /// Something else, or one of several things.
     Foreign,
 }
+
 /// An item, and what is declared inside it.
-pub struct Item<'a> {
+pub struct Item {
     /// Its name, or what its crate is called.
     pub name: String,
     /// What it is.
@@ -76,33 +58,9 @@ pub struct Item<'a> {
     pub parent: Option<Id>,
     /// The file and the bytes at which its name is declared.
     pub site: Option<(usize, Range<usize>)>,
-    // Keep what is declared inside an item
-    members: HashMap<(Space, String), Found>,
-    imports: Vec<Import>,
-    globs: Vec<Vec<String>>,
-    /// The traits that a type implements, and the names in their `impl`s.
-    traits: Vec<Found>,
-    overridden: HashSet<String>,
-    /// What tells the types of values.
-    shape: Shape<'a>,
-}
-struct Import {
-    name: String,
-    path: Vec<String>,
-}
-
-/// What the declaration of an item says about types.
-#[derive(Default)]
-struct Shape<'a> {
-    /// Where the names of the types are to be looked up.
-    scope: Id,
-    fields: HashMap<String, &'a syn::Type>,
-    /// What a function returns, or what an alias stands for.
-    result: Option<&'a syn::Type>,
-    /// Whether a function has a receiver.
-    method: bool,
-    /// The names of its generic parameters.
-    generics: Vec<String>,
+    members: HashMap<String, Found>,
+    /// Imported names and the paths that they stand for.
+    imports: Vec<(String, Vec<String>)>,
 }
 // Build the tree of items
 /// A parsed file: its path from the root of the project, and its syntax.
@@ -116,13 +74,15 @@ pub struct File {
 /// All items of a program.
 pub struct Names<'a> {
     /// The table of items.
-    pub items: Vec<Item<'a>>,
+    pub items: Vec<Item>,
     /// The module that each file is.
-    pub modules: Vec<Id>,
+    pub modules: HashMap<usize, Id>,
     files: &'a [File],
-    libraries: HashMap<String, Id>,
-    implementations: Vec<(Id, &'a syn::ItemImpl)>,
+    libraries: HashMap<String, Found>,
+    /// The module and the file of each implementation.
+    implementations: Vec<(Id, usize, &'a syn::ItemImpl)>,
 }
+
 impl<'a> Names<'a> {
     /// The items of some files; `library` tells for the path of the root
     /// of a library what others call the crate.
@@ -132,392 +92,250 @@ impl<'a> Names<'a> {
     ) -> Self {
         let mut names = Self {
             items: Vec::new(),
-            modules: vec![usize::MAX; files.len()],
+            modules: HashMap::new(),
             files,
             libraries: HashMap::new(),
             implementations: Vec::new(),
         };
         // Take roots of crates first, then stray files
-        let is_root = |file: &File| {
-            let path = file.path.rsplit_once('/');
-            let (dir, name) = path.unwrap_or_default();
-            let dir = dir.rsplit('/').next().unwrap_or_default();
-            matches!(name, "lib.rs" | "main.rs")
-                || matches!(dir, "bin" | "tests" | "examples" | "benches")
-        };
-        for roots in [true, false] {
-            for (number, file) in files.iter().enumerate() {
-                let fresh = names.modules[number] == usize::MAX;
-                if fresh && is_root(file) == roots {
-                    // Read a root and what is below it
-                    let label =
-                        file.path.trim_end_matches(".rs").to_string();
-                    let library = library(&file.path);
-                    let name = library.clone().unwrap_or(label);
-                    let root = names.add(name, Kind::Module, None);
-                    names
-                        .libraries
-                        .extend(library.map(|name| (name, root)));
-                    names.read_file(number, root);
-                }
+        let numbers = 0..files.len();
+        let (roots, strays): (Vec<_>, Vec<_>) =
+            numbers.partition(|number| is_root(&files[*number].path));
+        for number in roots.into_iter().chain(strays) {
+            if !names.modules.contains_key(&number) {
+                names.read_crate(number, library(&files[number].path));
             }
         }
         names.implement();
         names
     }
+
+    /// Reads the root of a crate and what is below it.
+    fn read_crate(&mut self, number: usize, library: Option<String>) {
+        let path = &self.files[number].path;
+        let name = path.trim_end_matches(".rs").to_string();
+        let name = library.clone().unwrap_or(name);
+        let root = self.add(name, Kind::Module, None);
+        let found = library.map(|name| (name, Found::Item(root)));
+        self.libraries.extend(found);
+        let (dir, _) = path.rsplit_once('/').unwrap_or_default();
+        self.read_file(number, root, dir);
+    }
+
     fn add(&mut self, name: String, kind: Kind, parent: Option<Id>) -> Id {
-        self.items.push(Item {
-            name,
-            kind,
-            parent,
-            site: None,
-            members: HashMap::new(),
-            imports: Vec::new(),
-            globs: Vec::new(),
-            traits: Vec::new(),
-            overridden: HashSet::new(),
-            shape: Shape::default(),
-        });
+        let (members, imports) = Default::default();
+        let site = None;
+        let item = Item { name, kind, parent, site, members, imports };
+        self.items.push(item);
         self.items.len() - 1
     }
-    fn read_file(&mut self, number: usize, module: Id) {
-        self.modules[number] = module;
+
+    /// `dir` is where the files of the module's own modules lie.
+    fn read_file(&mut self, number: usize, module: Id, dir: &str) {
+        self.modules.insert(number, module);
         let files = self.files;
-        let file = &files[number];
-        let (dir, name) = file.path.rsplit_once('/').unwrap_or_default();
-        let owner = name.trim_end_matches(".rs");
-        let flat = self.items[module].parent.is_none() || owner == "mod";
-        let dir = if flat { dir.into() } else { format!("{dir}/{owner}") };
-        let home = Home { file: Some(number), dir };
-        self.collect(module, &file.syntax.items, &home);
+        self.collect(module, &files[number].syntax.items, number, dir);
     }
 }
 
-/// Where items are written: their file, unless they are inside a block,
-/// and the directory of the files of inner modules.
-struct Home {
-    file: Option<usize>,
-    dir: String,
+/// Whether cargo compiles a file as the root of a crate.
+fn is_root(path: &str) -> bool {
+    let mut names = path.rsplit('/');
+    matches!(names.next(), Some("lib.rs" | "main.rs"))
+        || matches!(
+            names.next(),
+            Some("bin" | "tests" | "examples" | "benches")
+        )
 }
-// Collect the members of an item
+// Collect what is declared
+/// The name that an item declares, and its kind.
+pub fn declaration(item: &syn::Item) -> Option<(&Ident, Kind)> {
+    Some(match item {
+        syn::Item::Fn(f) => (&f.sig.ident, Kind::Value),
+        syn::Item::Const(c) if c.ident != "_" => (&c.ident, Kind::Value),
+        syn::Item::Static(s) => (&s.ident, Kind::Value),
+        syn::Item::Macro(m) => (m.ident.as_ref()?, Kind::Macro),
+        syn::Item::Mod(m) => (&m.ident, Kind::Module),
+        // Declare a type or a trait
+        syn::Item::Struct(s) => (&s.ident, Kind::Type),
+        syn::Item::Enum(e) => (&e.ident, Kind::Type),
+        syn::Item::Union(u) => (&u.ident, Kind::Type),
+        syn::Item::Type(t) => (&t.ident, Kind::Type),
+        syn::Item::Trait(t) => (&t.ident, Kind::Type),
+        _ => return None,
+    })
+}
+
 impl<'a> Names<'a> {
-    fn collect(&mut self, scope: Id, items: &'a [syn::Item], home: &Home) {
+    fn collect(
+        &mut self,
+        scope: Id,
+        items: &'a [syn::Item],
+        file: usize,
+        dir: &str,
+    ) {
         for item in items {
-            self.collect_item(scope, item, home);
+            if let syn::Item::Use(item) = item {
+                for Import { path, name } in imports(item) {
+                    let path = path.iter().map(|ident| ident.to_string());
+                    let path = path.collect();
+                    let import = name.map(|name| (name.to_string(), path));
+                    self.items[scope].imports.extend(import);
+                }
+            } else if let syn::Item::Impl(item) = item {
+                self.implementations.push((scope, file, item));
+            } else if let Some((ident, kind)) = declaration(item) {
+                let id = self.declare((scope, file), ident, kind);
+                self.collect_inside((id, file), item, dir);
+            }
         }
     }
 
-    /// Declares a name in a scope; a second meaning makes it uncertain.
+    /// Declares a name in a scope; a second meaning makes it foreign.
     fn declare(
         &mut self,
-        (scope, home): (Id, &Home),
+        (scope, file): (Id, usize),
         ident: &Ident,
         kind: Kind,
-        spaces: &[Space],
     ) -> Id {
         let name = ident.to_string();
         let id = self.add(name.clone(), kind, Some(scope));
-        let site = home.file.map(|file| (file, ident.span().byte_range()));
-        self.items[id].site = site;
-        // Enter the name into each of its spaces
-        for space in spaces {
-            let members = &mut self.items[scope].members;
-            let found = match home.file {
-                Some(_) => Found::Item(id),
-                None => Found::Foreign,
-            };
-            members
-                .entry((*space, name.clone()))
-                .and_modify(|old| *old = Found::Foreign)
-                .or_insert(found);
-        }
+        self.items[id].site = Some((file, ident.span().byte_range()));
+        let member = self.items[scope].members.entry(name);
+        let member = member.and_modify(|old| *old = Found::Foreign);
+        member.or_insert(Found::Item(id));
         id
     }
-    fn collect_item(
+
+    fn collect_inside(
         &mut self,
-        scope: Id,
+        place: (Id, usize),
         item: &'a syn::Item,
-        home: &Home,
+        dir: &str,
     ) {
-        use Space::{Macros, Types, Values};
-        let place = (scope, home);
         match item {
-            // Collect functions, constants and macros
-            syn::Item::Fn(item) => {
-                let ident = &item.sig.ident;
-                let id =
-                    self.declare(place, ident, Kind::Function, &[Values]);
-                self.items[id].shape = signature(&item.sig, scope);
-            }
-            syn::Item::Const(item) if item.ident != "_" => {
-                let ident = &item.ident;
-                self.declare(place, ident, Kind::Constant, &[Values]);
-            }
-            syn::Item::Static(item) => {
-                self.declare(place, &item.ident, Kind::Constant, &[Values]);
-            }
-            syn::Item::Macro(item) => {
-                if let Some(ident) = &item.ident {
-                    self.declare(place, ident, Kind::Macro, &[Macros]);
-                }
-            }
-            // Collect types and traits
-            syn::Item::Struct(item) => {
-                let named = matches!(item.fields, syn::Fields::Named(_));
-                let spaces = [Types, Values];
-                let spaces = if named { &spaces[..1] } else { &spaces[..] };
-                let id =
-                    self.declare(place, &item.ident, Kind::Type, spaces);
-                let fields = fields(&item.fields);
-                let generics = generics(&item.generics);
-                self.items[id].shape =
-                    Shape { scope, fields, generics, ..Shape::default() };
-            }
-            syn::Item::Enum(item) => {
-                let ident = &item.ident;
-                let id = self.declare(place, ident, Kind::Type, &[Types]);
-                for variant in &item.variants {
-                    let spaces = &[Types, Values];
-                    let ident = &variant.ident;
-                    self.declare((id, home), ident, Kind::Variant, spaces);
-                }
-            }
-            syn::Item::Union(item) => {
-                self.declare(place, &item.ident, Kind::Type, &[Types]);
-            }
-            syn::Item::Type(item) => {
-                let ident = &item.ident;
-                let id = self.declare(place, ident, Kind::Type, &[Types]);
-                self.items[id].shape.scope = scope;
-                self.items[id].shape.result = Some(&item.ty);
-                self.items[id].shape.generics = generics(&item.generics);
-            }
-            syn::Item::Trait(item) => {
-                let id =
-                    self.declare(place, &item.ident, Kind::Trait, &[Types]);
-                for member in &item.items {
-                    // Collect a member of a trait
-                    let place = (id, home);
-                    match member {
-                        syn::TraitItem::Fn(f) => {
-                            let ident = &f.sig.ident;
-                            let id = self.declare(
-                                place,
-                                ident,
-                                Kind::Member,
-                                &[Values],
-                            );
-                            self.items[id].shape = signature(&f.sig, scope);
-                        }
-                        syn::TraitItem::Const(c) => {
-                            self.declare(
-                                place,
-                                &c.ident,
-                                Kind::Member,
-                                &[Values],
-                            );
-                        }
-                        syn::TraitItem::Type(t) => {
-                            self.declare(
-                                place,
-                                &t.ident,
-                                Kind::Member,
-                                &[Types],
-                            );
-                        }
-                        _ => {}
-                    }
-                }
-            }
-            // Collect modules, imports and implementations
             syn::Item::Mod(item) => {
-                let id = self.declare(
-                    place,
-                    &item.ident,
-                    Kind::Module,
-                    &[Types],
-                );
-                let dir = format!("{}/{}", home.dir, item.ident);
+                let dir = format!("{dir}/{}", item.ident);
                 match &item.content {
                     Some((_, items)) => {
-                        self.collect(id, items, &Home { dir, ..*home });
+                        self.collect(place.0, items, place.1, &dir);
                     }
-                    None => self.read_module(id, &dir, item),
+                    None => self.read_module(place.0, item, &dir),
                 }
             }
-            syn::Item::Use(item) => {
-                let root = item.leading_colon.map(|_| String::new());
-                self.import(scope, root.into_iter().collect(), &item.tree);
+            syn::Item::Enum(item) => {
+                for variant in &item.variants {
+                    self.declare(place, &variant.ident, Kind::Variant);
+                }
             }
-            syn::Item::Impl(item) => {
-                self.implementations.push((scope, item));
+            syn::Item::Trait(item) => {
+                for member in &item.items {
+                    if let TraitItem::Fn(f) = member {
+                        self.declare(place, &f.sig.ident, Kind::Value);
+                    }
+                }
             }
             _ => {}
         }
     }
+
     /// Reads the file of a module; without one the module is foreign.
-    fn read_module(&mut self, id: Id, path: &str, item: &syn::ItemMod) {
-        let files = [format!("{path}.rs"), format!("{path}/mod.rs")];
+    fn read_module(&mut self, id: Id, item: &syn::ItemMod, dir: &str) {
+        let dir = dir.trim_start_matches('/');
+        let paths = [format!("{dir}.rs"), format!("{dir}/mod.rs")];
+        let number =
+            self.files.iter().position(|f| paths.contains(&f.path));
         let moved = item.attrs.iter().any(|a| a.path().is_ident("path"));
-        let number = self.files.iter().position(|f| {
-            files.iter().any(|path| path.trim_start_matches('/') == f.path)
-        });
-        match number.filter(|_| !moved) {
-            Some(number) if self.modules[number] == usize::MAX => {
-                self.read_file(number, id);
-            }
-            _ => {
-                let name = (Space::Types, item.ident.to_string());
-                let parent = self.items[id].parent;
-                let members = parent.map(|p| &mut self.items[p].members);
-                members.and_then(|m| m.insert(name, Found::Foreign));
-            }
+        let fresh = |n: &usize| !moved && !self.modules.contains_key(n);
+        if let Some(number) = number.filter(fresh) {
+            self.read_file(number, id, dir);
+        } else if let Some(parent) = self.items[id].parent {
+            let members = &mut self.items[parent].members;
+            members.insert(item.ident.to_string(), Found::Foreign);
         }
-    }
-    /// Makes a scope of what a block of statements declares.
-    pub fn open_block(&mut self, scope: Id, block: &'a syn::Block) -> Id {
-        let id = self.add(String::new(), Kind::Block, Some(scope));
-        let home = Home { file: None, dir: String::new() };
-        let before = self.implementations.len();
-        for statement in &block.stmts {
-            if let syn::Stmt::Item(item) = statement {
-                self.collect_item(id, item, &home);
-            }
-        }
-        self.implementations.truncate(before);
-        id
     }
 }
-fn signature(signature: &syn::Signature, scope: Id) -> Shape<'_> {
-    let result = match &signature.output {
-        syn::ReturnType::Type(_, result) => Some(&**result),
-        syn::ReturnType::Default => None,
+// Take an import apart
+/// What an import brings in.
+pub struct Import<'a> {
+    /// Its path; empty for one that certainly begins in another crate.
+    pub path: Vec<&'a Ident>,
+    /// The name that it gets; none for a star.
+    pub name: Option<&'a Ident>,
+}
+
+/// All that a `use` brings in.
+pub fn imports(item: &syn::ItemUse) -> Vec<Import<'_>> {
+    let mut imports = Vec::new();
+    flatten(&item.tree, &[], &mut imports);
+    if item.leading_colon.is_some() {
+        imports.iter_mut().for_each(|import| import.path.clear());
+    }
+    imports
+}
+
+fn flatten<'a>(
+    tree: &'a UseTree,
+    path: &[&'a Ident],
+    out: &mut Vec<Import<'a>>,
+) {
+    let (ident, name) = match tree {
+        UseTree::Path(step) => {
+            let path = [path, &[&step.ident]].concat();
+            return flatten(&step.tree, &path, out);
+        }
+        UseTree::Group(group) => {
+            let trees = group.items.iter();
+            return trees.for_each(|tree| flatten(tree, path, out));
+        }
+        UseTree::Name(leaf) => (&leaf.ident, &leaf.ident),
+        UseTree::Rename(leaf) => (&leaf.ident, &leaf.rename),
+        UseTree::Glob(_) => {
+            return out.push(Import { path: path.to_vec(), name: None });
+        }
     };
-    let method = signature.receiver().is_some();
-    let generics = generics(&signature.generics);
-    Shape { scope, result, method, generics, ..Shape::default() }
+    // The name `self` means what is before it
+    let mut path = path.to_vec();
+    if ident != "self" {
+        path.push(ident);
+    }
+    let name =
+        if name == "self" { path.last().copied() } else { Some(name) };
+    out.push(Import { path, name });
 }
-
-fn generics(generics: &syn::Generics) -> Vec<String> {
-    let names = generics.params.iter().filter_map(|param| match param {
-        syn::GenericParam::Type(t) => Some(t.ident.to_string()),
-        syn::GenericParam::Const(c) => Some(c.ident.to_string()),
-        syn::GenericParam::Lifetime(_) => None,
-    });
-    names.collect()
-}
-
-fn fields(fields: &syn::Fields) -> HashMap<String, &syn::Type> {
-    let named = fields.iter().enumerate().map(|(number, field)| {
-        let name = field.ident.as_ref().map(Ident::to_string);
-        (name.unwrap_or(number.to_string()), &field.ty)
-    });
-    named.collect()
-}
-// Collect the imports of a module
+// Attach members to their types
 impl Names<'_> {
-    fn import(&mut self, scope: Id, mut path: Vec<String>, tree: &UseTree) {
-        match tree {
-            UseTree::Path(step) => {
-                path.push(step.ident.to_string());
-                self.import(scope, path, &step.tree);
-            }
-            UseTree::Group(group) => {
-                for tree in &group.items {
-                    self.import(scope, path.clone(), tree);
-                }
-            }
-            UseTree::Glob(_) => self.items[scope].globs.push(path),
-            UseTree::Name(leaf) => {
-                self.import_name(scope, path, &leaf.ident, &leaf.ident);
-            }
-            UseTree::Rename(leaf) => {
-                self.import_name(scope, path, &leaf.ident, &leaf.rename);
-            }
-        }
-    }
-    fn import_name(
-        &mut self,
-        scope: Id,
-        mut path: Vec<String>,
-        ident: &Ident,
-        rename: &Ident,
-    ) {
-        let mut name = rename.to_string();
-        if ident != "self" {
-            path.push(ident.to_string());
-        } else if rename == "self" {
-            name = path.last().cloned().unwrap_or_default();
-        }
-        self.items[scope].imports.push(Import { name, path });
-    }
-}
-// Attach implementations to their types
-impl<'a> Names<'a> {
     fn implement(&mut self) {
-        for (scope, item) in std::mem::take(&mut self.implementations) {
-            let Some(id) = self.implementing_type(scope, item) else {
-                continue;
-            };
-            match &item.trait_ {
-                None => self.add_members(id, scope, item),
-                Some((_, path, _)) => {
-                    // Remember the trait and its names
-                    let path = segments(path);
-                    let found = self.path(scope, &path, Space::Types);
-                    self.items[id].traits.push(found);
-                    let names = item.items.iter().filter_map(member_name);
-                    let names = names.map(Ident::to_string);
-                    self.items[id].overridden.extend(names);
+        let implementations = std::mem::take(&mut self.implementations);
+        for (scope, file, item) in implementations {
+            if item.trait_.is_none()
+                && let Some(id) = self.self_type(scope, item)
+            {
+                for ident in item.items.iter().filter_map(member) {
+                    self.declare((id, file), ident, Kind::Value);
                 }
             }
         }
     }
+
     /// The type, if it is one of ours, that an `impl` is for.
-    pub fn implementing_type(
-        &self,
-        scope: Id,
-        item: &syn::ItemImpl,
-    ) -> Option<Id> {
+    pub fn self_type(&self, scope: Id, item: &syn::ItemImpl) -> Option<Id> {
         let syn::Type::Path(path) = &*item.self_ty else { return None };
         let names = segments(&path.path);
-        let generic = generics(&item.generics).contains(&names[0]);
+        let mut generics = item.generics.type_params();
+        let generic = generics.any(|param| param.ident == names[0]);
         if path.qself.is_some() || generic {
             return None;
         }
-        match self.path(scope, &names, Space::Types) {
-            Found::Item(id) => self.unalias(id),
-            Found::Foreign => None,
-        }
-    }
-    fn add_members(&mut self, id: Id, scope: Id, item: &'a syn::ItemImpl) {
-        let home = Home { file: self.file_of(scope), dir: String::new() };
-        for member in &item.items {
-            let Some(ident) = member_name(member) else { continue };
-            let spaces = &[Space::Values];
-            let new =
-                self.declare((id, &home), ident, Kind::Member, spaces);
-            if let syn::ImplItem::Fn(f) = member {
-                self.items[new].shape = signature(&f.sig, scope);
-                let outer = generics(&item.generics);
-                self.items[new].shape.generics.extend(outer);
-            }
-        }
-    }
-
-    fn file_of(&self, scope: Id) -> Option<usize> {
-        let file = self.modules.iter().position(|m| *m == scope);
-        let parent = self.items[scope].parent;
-        file.or_else(|| self.file_of(parent?))
+        self.path((scope, None), &names)
     }
 }
 
-/// The name of a function, a constant or a type in an `impl`.
-pub fn member_name(member: &syn::ImplItem) -> Option<&Ident> {
+/// The name of a function or a constant in an `impl`.
+pub fn member(member: &ImplItem) -> Option<&Ident> {
     match member {
-        syn::ImplItem::Fn(f) => Some(&f.sig.ident),
-        syn::ImplItem::Const(c) => Some(&c.ident),
-        syn::ImplItem::Type(t) => Some(&t.ident),
+        ImplItem::Fn(f) => Some(&f.sig.ident),
+        ImplItem::Const(c) => Some(&c.ident),
         _ => None,
     }
 }
@@ -528,361 +346,96 @@ pub fn segments(path: &syn::Path) -> Vec<String> {
     let names = path.segments.iter().map(|s| s.ident.to_string());
     root.into_iter().chain(names).collect()
 }
-// Look a name up in a scope
-/// What is being looked up, lest an import be followed in a circle.
-type Trail = Vec<(Id, Space, String)>;
+// Find what a path means
+/// The imports that are being followed, lest we go in a circle.
+type Trail = Vec<(Id, String)>;
 
 impl Names<'_> {
-    /// What a name means inside a module or a block, if anything.
-    pub fn member(
+    /// The item that a path means in a module, where `Self` is `this`.
+    pub fn path(
         &self,
-        scope: Id,
-        space: Space,
-        name: &str,
-    ) -> Option<Found> {
-        self.search(scope, space, name, &mut Trail::new())
-    }
-
-    fn search(
-        &self,
-        scope: Id,
-        space: Space,
-        name: &str,
-        trail: &mut Trail,
-    ) -> Option<Found> {
-        let step = (space, name.to_string());
-        if let Some(found) = self.items[scope].members.get(&step) {
-            return Some(*found);
-        }
-        // Look into imports unless we came from there
-        let step = (scope, step.0, step.1);
-        if trail.contains(&step) {
-            return None;
-        }
-        trail.push(step);
-        let found = self.imported(scope, space, name, trail);
-        let found =
-            found.or_else(|| self.globbed(scope, space, name, trail));
-        trail.pop();
-        found
-    }
-    fn imported(
-        &self,
-        scope: Id,
-        space: Space,
-        name: &str,
-        trail: &mut Trail,
-    ) -> Option<Found> {
-        let imports = self.items[scope].imports.iter();
-        let mut imports = imports.filter(|import| import.name == name);
-        imports.find_map(|import| {
-            let steps = self.steps(scope, &import.path, space, trail);
-            steps.last().copied().flatten()
-        })
-    }
-    fn globbed(
-        &self,
-        scope: Id,
-        space: Space,
-        name: &str,
-        trail: &mut Trail,
-    ) -> Option<Found> {
-        let mut found = None;
-        for glob in &self.items[scope].globs {
-            let steps = self.steps(scope, glob, Space::Types, trail);
-            let Some(Some(Found::Item(id))) = steps.last() else {
-                continue;
-            };
-            let here = self.search(*id, space, name, trail);
-            let here = here.filter(|f| self.globs_take(*id, *f));
-            found = match (found, here) {
-                (Some(old), Some(new)) if old != new => {
-                    Some(Found::Foreign)
-                }
-                _ => found.or(here),
-            };
-        }
-        found
-    }
-
-    /// Of a type, only the variants are imported.
-    fn globs_take(&self, from: Id, found: Found) -> bool {
-        let Found::Item(id) = found else { return true };
-        self.items[from].kind != Kind::Type
-            || self.items[id].kind == Kind::Variant
-    }
-    /// What a name means where it stands: in its blocks, its module, and
-    /// among the crates. A macro reaches the modules inside its own.
-    fn lexical(
-        &self,
-        scope: Id,
-        space: Space,
-        name: &str,
-        trail: &mut Trail,
-    ) -> Option<Found> {
-        if let Some(found) = self.search(scope, space, name, trail) {
-            return Some(found);
-        }
-        let outward =
-            self.items[scope].kind == Kind::Block || space == Space::Macros;
-        match self.items[scope].parent {
-            Some(parent) if outward => {
-                self.lexical(parent, space, name, trail)
-            }
-            _ if space == Space::Types => self.library(name),
-            _ => None,
-        }
-    }
-
-    fn library(&self, name: &str) -> Option<Found> {
-        self.libraries.get(name).map(|id| Found::Item(*id))
-    }
-}
-// Follow a path from its beginning
-impl Names<'_> {
-    /// What a whole path means.
-    pub fn path(&self, scope: Id, path: &[String], space: Space) -> Found {
-        let steps = self.steps(scope, path, space, &mut Trail::new());
-        steps.last().copied().flatten().unwrap_or(Found::Foreign)
-    }
-
-    /// What each name of a path means.
-    fn steps(
-        &self,
-        scope: Id,
+        (module, this): (Id, Option<Id>),
         path: &[String],
-        space: Space,
-        trail: &mut Trail,
-    ) -> Vec<Option<Found>> {
-        let mut steps: Vec<Option<Found>> = Vec::new();
-        for (number, name) in path.iter().enumerate() {
-            let last = number + 1 == path.len();
-            let space = if last { space } else { Space::Types };
-            let before = steps.last().copied();
-            let step = match (before, &name[..]) {
-                // Begin a path or take its next step
-                (None, "") => None,
-                (None, "crate") => Some(Found::Item(self.root_of(scope))),
-                (None, "self") => Some(Found::Item(self.module_of(scope))),
-                (None, "super") => self.above(self.module_of(scope)),
-                (None, name) => self.lexical(scope, space, name, trail),
-                (Some(Some(Found::Item(id))), "super") => self.above(id),
-                (Some(Some(Found::Item(id))), name) => {
-                    self.inside(id, space, name, trail)
-                }
-                (Some(None), name) if number == 1 && path[0].is_empty() => {
-                    self.library(name).or(Some(Found::Foreign))
-                }
-                (Some(_), _) => Some(Found::Foreign),
-            };
-            steps.push(step);
+    ) -> Option<Id> {
+        let found = match &path[0][..] {
+            "Self" => self.beyond(this?, &path[1..], &mut Trail::new()),
+            _ => self.follow(module, path, &mut Trail::new()),
+        };
+        match found? {
+            Found::Item(id) => Some(id),
+            Found::Foreign => None,
         }
-        steps
     }
-    /// What a name means after an item and a double colon.
-    pub fn inside(
+
+    /// What a path means in a module, from its first name on.
+    fn follow(
+        &self,
+        module: Id,
+        path: &[String],
+        trail: &mut Trail,
+    ) -> Option<Found> {
+        let (first, rest) = path.split_first()?;
+        let start = match &first[..] {
+            "crate" => Found::Item(self.root_of(module)),
+            "self" => Found::Item(module),
+            "super" => Found::Item(self.items[module].parent?),
+            name => {
+                let found = self.inside(module, name, trail);
+                found.or_else(|| self.libraries.get(name).copied())?
+            }
+        };
+        match start {
+            Found::Item(id) => self.beyond(id, rest, trail),
+            Found::Foreign => Some(start),
+        }
+    }
+
+    fn root_of(&self, id: Id) -> Id {
+        self.items[id].parent.map_or(id, |parent| self.root_of(parent))
+    }
+
+    /// What the rest of a path means, its beginning being an item.
+    fn beyond(
         &self,
         id: Id,
-        space: Space,
+        rest: &[String],
+        trail: &mut Trail,
+    ) -> Option<Found> {
+        let Some((name, rest)) = rest.split_first() else {
+            return Some(Found::Item(id));
+        };
+        let next = match &name[..] {
+            "super" => Found::Item(self.items[id].parent?),
+            name => self.inside(id, name, trail)?,
+        };
+        match next {
+            Found::Item(id) => self.beyond(id, rest, trail),
+            Found::Foreign => Some(next),
+        }
+    }
+
+    /// What a name means inside an item: what is declared there, or where
+    /// its imports lead.
+    fn inside(
+        &self,
+        id: Id,
         name: &str,
         trail: &mut Trail,
     ) -> Option<Found> {
-        let Item { kind, members, .. } = &self.items[id];
-        if *kind == Kind::Module {
-            return self.search(id, space, name, trail);
+        let step = (id, name.to_string());
+        let declared = self.items[id].members.get(name);
+        if declared.is_some() || trail.contains(&step) {
+            return declared.copied();
         }
-        let step = (space, name.to_string());
-        let found = members.get(&step).copied();
-        if found.is_some() || *kind != Kind::Type {
-            return found;
-        }
-        // Look behind an alias and into traits
-        match self.unalias(id) {
-            Some(real) if real != id => {
-                self.inside(real, space, name, trail)
-            }
-            None => Some(Found::Foreign),
-            _ => {
-                let found = self.trait_members(id, &step);
-                (found.len() == 1).then(|| Found::Item(found[0]))
-            }
-        }
-    }
-    /// The members of this name in the traits that a type implements.
-    fn trait_members(&self, id: Id, step: &(Space, String)) -> Vec<Id> {
-        let members = self.items[id].traits.iter().filter_map(|found| {
-            let Found::Item(id) = found else { return None };
-            match self.items[*id].members.get(step) {
-                Some(Found::Item(member)) => Some(*member),
-                _ => None,
-            }
+        trail.push(step);
+        let imports = self.items[id].imports.iter();
+        let imports = imports.filter(|(import, _)| import == name);
+        let mut found = imports.map(|(_, path)| {
+            self.follow(id, path, trail).unwrap_or(Found::Foreign)
         });
-        let distinct: HashSet<Id> = members.collect();
-        distinct.into_iter().collect()
-    }
-
-    /// The type that an alias stands for, if it is one of ours.
-    fn unalias(&self, mut id: Id) -> Option<Id> {
-        for _ in 0..8 {
-            let Item { kind, shape, .. } = &self.items[id];
-            let target = shape.result.filter(|_| *kind == Kind::Type);
-            let Some(target) = target else { return Some(id) };
-            let syn::Type::Path(path) = target else { return None };
-            let path = segments(&path.path);
-            match self.path(shape.scope, &path, Space::Types) {
-                Found::Item(next) => id = next,
-                Found::Foreign => return None,
-            }
-        }
-        None
-    }
-    /// The module that a block or a module is in.
-    pub fn module_of(&self, scope: Id) -> Id {
-        let Item { kind, parent, .. } = &self.items[scope];
-        match parent {
-            Some(parent) if *kind != Kind::Module => {
-                self.module_of(*parent)
-            }
-            _ => scope,
-        }
-    }
-
-    /// The root of the crate that a scope is in.
-    pub fn root_of(&self, scope: Id) -> Id {
-        self.items[scope].parent.map_or(scope, |id| self.root_of(id))
-    }
-
-    fn above(&self, id: Id) -> Option<Found> {
-        self.items[id].parent.map(|id| Found::Item(self.module_of(id)))
-    }
-}
-// Know the types of values
-/// As much as we know of the type of a value. References are left out:
-/// a method call goes through them.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Ty {
-    /// A type of ours, or some type that has this trait of ours.
-    Item(Id),
-    /// `Option` or `Result` of it.
-    Wrapped(Box<Ty>),
-    /// A vector, a slice or an array of it.
-    Many(Box<Ty>),
-}
-
-impl Names<'_> {
-    /// The type that is written, as seen from a scope in which some names
-    /// are generic parameters.
-    pub fn ty(
-        &self,
-        (scope, this): (Id, Option<Id>),
-        generics: &dyn Fn(&str) -> bool,
-        ty: &syn::Type,
-    ) -> Option<Ty> {
-        let again = |ty| self.ty((scope, this), generics, ty);
-        let many = |ty| again(ty).map(|ty| Ty::Many(Box::new(ty)));
-        match ty {
-            syn::Type::Reference(r) => again(&r.elem),
-            syn::Type::Paren(p) => again(&p.elem),
-            syn::Type::Slice(s) => many(&s.elem),
-            syn::Type::Array(a) => many(&a.elem),
-            syn::Type::ImplTrait(t) => self.bound(scope, &t.bounds),
-            syn::Type::TraitObject(t) => self.bound(scope, &t.bounds),
-            syn::Type::Path(path) if path.qself.is_none() => {
-                // Recognise a type by its path
-                let names = segments(&path.path);
-                if names == ["Self"] {
-                    return this.map(Ty::Item);
-                }
-                if generics(&names[0]) {
-                    return None;
-                }
-                if let Found::Item(id) =
-                    self.path(scope, &names, Space::Types)
-                {
-                    return self.unalias(id).map(Ty::Item);
-                }
-                let last = path.path.segments.last()?;
-                let inner = || first_argument(last).and_then(again);
-                match &last.ident.to_string()[..] {
-                    "Option" | "Result" => {
-                        Some(Ty::Wrapped(Box::new(inner()?)))
-                    }
-                    "Vec" => Some(Ty::Many(Box::new(inner()?))),
-                    "Box" | "Rc" | "Arc" => inner(),
-                    _ => None,
-                }
-            }
-            _ => None,
-        }
-    }
-    /// The trait of ours among the bounds of a type.
-    pub fn bound<'b>(
-        &self,
-        scope: Id,
-        bounds: impl IntoIterator<Item = &'b syn::TypeParamBound>,
-    ) -> Option<Ty> {
-        bounds.into_iter().find_map(|bound| {
-            let syn::TypeParamBound::Trait(bound) = bound else {
-                return None;
-            };
-            let path = segments(&bound.path);
-            match self.path(scope, &path, Space::Types) {
-                Found::Item(id) => Some(Ty::Item(id)),
-                Found::Foreign => None,
-            }
-        })
-    }
-    /// The type of a field, by its name or number.
-    pub fn field(&self, id: Id, name: &str) -> Option<Ty> {
-        let shape = &self.items[id].shape;
-        let ty = shape.fields.get(name)?;
-        let generic = |name: &str| shape.generics.iter().any(|g| g == name);
-        self.ty((shape.scope, Some(id)), &generic, ty)
-    }
-
-    /// The type of what a function, a constructor or a variant gives.
-    pub fn result(&self, id: Id) -> Option<Ty> {
-        let Item { kind, parent, shape, .. } = &self.items[id];
-        match kind {
-            Kind::Type => return Some(Ty::Item(id)),
-            Kind::Variant => return parent.map(Ty::Item),
-            _ => {}
-        }
-        let this = parent.filter(|id| self.items[*id].kind == Kind::Type);
-        let generic = |name: &str| shape.generics.iter().any(|g| g == name);
-        self.ty((shape.scope, this), &generic, shape.result?)
-    }
-}
-
-fn first_argument(segment: &syn::PathSegment) -> Option<&syn::Type> {
-    let syn::PathArguments::AngleBracketed(list) = &segment.arguments
-    else {
-        return None;
-    };
-    list.args.iter().find_map(|argument| match argument {
-        syn::GenericArgument::Type(ty) => Some(ty),
-        _ => None,
-    })
-}
-// Find what a method call means
-impl Names<'_> {
-    /// The method of a type or a trait that a call by name means.
-    ///
-    /// A type's own method comes first, but a trait's method of the same
-    /// name may come before it, by its receiver: then we do not know.
-    pub fn method(&self, id: Id, name: &str) -> Option<Id> {
-        let step = (Space::Values, name.to_string());
-        let item = &self.items[id];
-        // Prefer the type's own method
-        let found = match item.members.get(&step) {
-            Some(_) if item.overridden.contains(name) => None,
-            Some(Found::Item(id)) => Some(*id),
-            Some(Found::Foreign) => None,
-            None => match &self.trait_members(id, &step)[..] {
-                [one] => Some(*one),
-                _ => None,
-            },
-        };
-        found.filter(|id| self.items[*id].shape.method)
+        let first = found.next();
+        let same = found.all(|other| Some(other) == first);
+        trail.pop();
+        if same { first } else { Some(Found::Foreign) }
     }
 }

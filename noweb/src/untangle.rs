@@ -29,7 +29,7 @@ use crate::cpif::{Attributes, replace};
 use crate::diagnostic::{Diagnostic, Level, Place, Position, Source};
 use crate::markup::{Kind, Token, unmark};
 use crate::project::{
-    Expansion, Project, failure, hash, parse_arguments, tab_stops,
+    Expansion, Project, failure, hash, one_project, tab_stops,
 };
 use crate::tangle::{Layout, Segment, Tangled, indentation, tangle};
 use crate::web::Web;
@@ -573,7 +573,7 @@ impl Project {
 /// The command `noweb untangle [-C dir] [--record file] [--check]
 /// chapter...`.
 pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
-    let (project, check) = match parse_arguments(args) {
+    let (project, check) = match one_project(args) {
         Ok(parsed) => parsed,
         Err(text) => return streams.misused(text),
     };

@@ -10,6 +10,7 @@
 
 mod common;
 
+use std::fs;
 use std::io::{BufRead, BufReader, Write};
 use std::process::{Command, Stdio};
 use std::sync::mpsc;
@@ -18,7 +19,7 @@ use std::time::{Duration, Instant};
 use common::{Outcome, Scratch, noweb};
 use noweb::diagnostic::Place;
 use noweb::locate::Atlas;
-use noweb::map::{Filter, Translated};
+use noweb::map::Filter;
 use noweb::project::Project;
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
@@ -105,14 +106,12 @@ fn filter(scratch: &Scratch) -> Filter {
         chapters: vec!["chapters/a.nw".into()],
         ..Project::default()
     };
-    Filter::new(project, false)
+    Filter::new(vec![project])
 }
 
 fn translated(scratch: &Scratch, text: &str) -> String {
-    match filter(scratch).translate(text.as_bytes()) {
-        Translated::Text(text) => String::from_utf8(text).expect("UTF-8"),
-        other => panic!("{other:?} is no text"),
-    }
+    let text = filter(scratch).translate(text.as_bytes(), 0);
+    String::from_utf8(text).expect("UTF-8")
 }
 
 /// The program says where its lines are, so that no number is typed here.
@@ -214,12 +213,17 @@ fn without_chapters_the_master_names_them() {
     let args = ["where", "src/main.rs:1"];
     let found = "chapters/a.nw:3:1: <<src/main.rs>>\n";
     assert_eq!(run(&scratch, &args).stdout(), found);
-    scratch.write("other.nw", "");
-    let outcome = run(&scratch, &args);
-    assert_eq!(outcome.status, 2);
-    assert!(outcome.stderr().contains("--master"), "{outcome:?}");
     let args = ["where", "--master", "book.nw", "src/main.rs:1"];
     assert_eq!(run(&scratch, &args).stdout(), found);
+    scratch.write("tool/book.nw", "\\include{t}\n");
+    scratch.write("tool/chapters/t.nw", "<<tool/src/t.rs>>=\n1\n");
+    let args = ["where", "--master", "tool/book.nw", "tool/src/t.rs:1"];
+    let found = "tool/chapters/t.nw:2:1: <<tool/src/t.rs>>\n";
+    assert!(run(&scratch, &args).stdout().contains(found));
+    fs::remove_file(scratch.path().join("book.nw")).expect("a book");
+    let outcome = run(&scratch, &["where", "src/main.rs:1"]);
+    assert_eq!(outcome.status, 2);
+    assert!(outcome.stderr().contains("--master"), "{outcome:?}");
 }
 
 // A chunk is some lines, a line some words and perhaps a use.
@@ -279,15 +283,17 @@ proptest! {
             chapters: vec!["a.nw".into()],
             ..Project::default()
         };
-        let atlas = Atlas::read(&project).expect("an atlas");
+        let mut atlas = Atlas::default();
+        atlas.add(&project).expect("an atlas");
         for (path, tangled) in project.expand().expect("files").files {
             let file = atlas.find(&path).expect("the file");
             let text = String::from_utf8(tangled.text).expect("UTF-8");
             for (line, number) in text.lines().zip(1..) {
                 let blank = line.len() - line.trim_start().len();
                 for (c, column) in line.chars().zip(1..).skip(blank) {
-                    let place = file.origin(number, column).expect("it");
-                    let back = atlas.destinations(place);
+                    let origin = atlas.origin(file, number, column);
+                    let (web, place) = origin.expect("it");
+                    let back = atlas.destinations(web, place);
                     let here = |p: &noweb::diagnostic::Position| {
                         p.file == path.display().to_string()
                             && (p.line, p.column) == (number, column)
@@ -298,7 +304,7 @@ proptest! {
                          {back:?}"
                     );
                     let whole = Place { column: 0, ..place };
-                    let back = atlas.destinations(whole);
+                    let back = atlas.destinations(web, whole);
                     prop_assert!(back.iter().any(|p| p.line == number));
                 }
             }
@@ -321,7 +327,7 @@ fn positions_in_text_are_translated_and_nothing_else_is() {
             format!("thread 'main' panicked at {there}:5:\n"),
             format!("thread 'main' panicked at {here}:1:\n"),
         ),
-        (format!("  --> {there}:21\n"), format!("  --> {here}:17\n")),
+        (format!("  --> {there}:21\n"), format!("     --> {here}:17\n")),
         (format!("    at ./{there}:5\r\n"), format!("    at {here}:1\r\n")),
         (
             format!("(src/main.rs), \"{there}:5\", {there}."),
@@ -381,9 +387,9 @@ fn a_long_line_with_many_numbers_takes_no_longer_than_short_ones() {
     let mut filter = filter(&scratch);
     let line = "word:1,".repeat(300_000) + "\n";
     let started = Instant::now();
-    let translated = filter.translate(line.as_bytes());
+    let translated = filter.translate(line.as_bytes(), 0);
     let took = started.elapsed();
-    assert_eq!(translated, Translated::Text(line.into_bytes()));
+    assert_eq!(translated, line.into_bytes());
     assert!(took < Duration::from_secs(10), "it took {took:?}");
 }
 
@@ -392,8 +398,7 @@ fn bytes_that_are_no_text_pass_through() {
     let scratch = project();
     let given = b"\xff\xfe src/main.rs:1:1 \xff\n".to_vec();
     let wanted = b"\xff\xfe chapters/a.nw:3:1 \xff\n".to_vec();
-    let translated = filter(&scratch).translate(&given);
-    assert_eq!(translated, Translated::Text(wanted));
+    assert_eq!(filter(&scratch).translate(&given, 0), wanted);
 }
 
 #[test]
@@ -402,16 +407,13 @@ fn positions_in_a_stale_file_stay_and_it_is_said_once() {
     let text = scratch.read("src/main.rs");
     scratch.write("src/main.rs", format!("// edited\n{text}"));
     let mut filter = filter(&scratch);
-    assert!(filter.warnings().is_empty());
     let line = b"src/main.rs:1:1 src/other.rs:1:1";
     let wanted = b"src/main.rs:1:1 chapters/a.nw:33:1".to_vec();
-    assert_eq!(filter.translate(line), Translated::Text(wanted));
-    let warnings = filter.warnings();
+    assert_eq!(filter.translate(line, 0), wanted);
+    filter.translate(line, 1);
     let text = "src/main.rs is not what its chapters give";
-    assert_eq!(warnings.len(), 1);
-    assert_eq!(warnings[0].text, text);
-    filter.translate(line);
-    assert!(filter.warnings().is_empty());
+    assert_eq!(filter.warnings.len(), 1);
+    assert_eq!(filter.warnings[0].text, text);
 }
 
 #[test]
@@ -424,245 +426,129 @@ fn chapters_that_do_not_tangle_translate_nothing() {
 
 // ---- diagnostics
 
-/// What rustc has to say about the program, as JSON and for people.
-fn compile(scratch: &Scratch, format: &str) -> Vec<u8> {
+/// What rustc has to say about the program, through us or directly.
+fn compile(scratch: &Scratch, through_us: bool, colour: &str) -> String {
     let rustc = std::env::var_os("RUSTC").unwrap_or("rustc".into());
-    let output = Command::new(rustc)
+    let mut command = match through_us {
+        true => {
+            let mut map = command(scratch, &["map", "chapters/a.nw", "--"]);
+            map.arg(rustc);
+            map
+        }
+        false => Command::new(rustc),
+    };
+    let output = command
         .args(["--edition=2024", "--emit=metadata", "--out-dir=."])
-        .args([&format!("--error-format={format}"), "src/main.rs"])
+        .args(["--color", colour, "src/main.rs"])
         .current_dir(scratch.path())
-        .output();
-    output.expect("a compiler").stderr
-}
-
-fn mapped(scratch: &Scratch, input: &[u8]) -> Outcome {
-    let mut child = command(scratch, &["map", "chapters/a.nw"])
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .expect("a command");
-    let mut pipe = child.stdin.take().expect("a pipe");
-    pipe.write_all(input).expect("an open pipe");
-    drop(pipe);
-    let output = child.wait_with_output().expect("an end");
-    let status = output.status.code().unwrap_or(-1);
-    Outcome { stdout: output.stdout, stderr: output.stderr, status }
+        .output()
+        .expect("a compiler");
+    assert_eq!(output.status.code(), Some(1), "there are errors");
+    String::from_utf8(output.stderr).expect("UTF-8")
 }
 
 #[test]
-fn the_compilers_errors_are_shown_in_the_chapter() {
+fn the_compilers_errors_point_into_the_chapter() {
     let scratch = project();
-    let outcome = mapped(&scratch, &compile(&scratch, "json"));
-    assert_eq!((outcome.status, outcome.stderr()), (0, String::new()));
-    let text = outcome.stdout();
+    let text = compile(&scratch, true, "never");
     let error = "\
 error[E0308]: mismatched types
-  --> chapters/a.nw:16:23
-   |
-16 | /* \u{e4}\u{e4} */ let x: u32 = \"hello\";
-   |                 ---   ^^^^^^^ expected `u32`, found `&str`
-   |                 |
-   |                 expected due to this
+    --> chapters/a.nw:16:23
+     |
+  16 |     /* \u{e4}\u{e4} */ let x: u32 = \"hello\";
+     |                     ---   ^^^^^^^ expected `u32`, found `&str`
+     |                     |
+     |                     expected due to this
 
 ";
     assert!(text.contains(error), "{text}");
     let error = "\
 error[E0061]: this function takes 1 argument but 2 arguments were supplied
-  --> chapters/a.nw:29:1
-   |
-29 | add_one(7, 8);
-   | ^^^^^^^    - unexpected argument #2 of type `{integer}`
-   |
-note: function defined here
-  --> chapters/a.nw:23:4
-   |
-23 | fn add_one(x: u32) -> u32 {
-   |    ^^^^^^^
-help: remove the extra argument
-   |
-29 - add_one(7, 8);
-29 + add_one(7);
-   |
-
+     --> chapters/a.nw:29:1
 ";
     assert!(text.contains(error), "{text}");
+    let note = "\
+note: function defined here
+     --> chapters/a.nw:23:4
+      |
+   23 | fn add_one(x: u32) -> u32 {
+      |    ^^^^^^^
+help: remove the extra argument
+      |
+   29 -       add_one(7, 8);
+   29 +       add_one(7);
+      |
+";
+    assert!(text.contains(note), "{text}");
     assert!(!text.contains("src/"), "{text}");
 }
 
 #[test]
-fn our_drawing_differs_from_the_compilers_in_positions_alone() {
+fn only_positions_and_margins_of_a_message_change() {
     let scratch = project();
-    // What is left when numbers, names of files and indentation are gone.
-    let bare = |text: &[u8]| -> Vec<String> {
-        let text = String::from_utf8_lossy(text).into_owned();
+    // What is left when blanks, numbers and names of files are gone.
+    let bare = |text: &str| {
         let text = text.replace("src/main.rs", "FILE");
         let text = text.replace("chapters/a.nw", "FILE");
-        let gutter = |c: char| c.is_ascii_digit() || " |-+".contains(c);
-        let lines = text.lines().map(|line| {
-            let line = line.trim_start_matches(gutter);
-            match line.split_once("FILE:") {
-                Some((before, _)) => before.to_owned() + "FILE",
-                None => line.to_owned(),
-            }
-        });
-        lines.collect()
+        text.replace(|c: char| c == ' ' || c.is_ascii_digit(), "")
     };
-    let theirs = compile(&scratch, "human");
-    let ours = mapped(&scratch, &compile(&scratch, "json"));
-    assert_eq!(bare(&ours.stdout), bare(&theirs));
-}
-
-/// A span of JSON: file, lines, columns, whether it is the main one, its
-/// label and replacement.
-fn span(
-    at: (&str, [u32; 4]),
-    main: bool,
-    label: &str,
-    new: &str,
-) -> String {
-    let (file, [line, column, to_line, to_column]) = at;
-    let label = match label {
-        "" => "null".to_owned(),
-        text => format!("{text:?}"),
-    };
-    let new = match new {
-        "" => "null".to_owned(),
-        text => format!("{text:?}"),
-    };
-    format!(
-        r#"{{"file_name":{file:?},"line_start":{line},"line_end":{to_line},
-        "column_start":{column},"column_end":{to_column},"text":[],
-        "is_primary":{main},"label":{label},"expansion":null,
-        "suggested_replacement":{new}}}"#
-    )
-}
-
-fn json(text: &str, spans: &[String], more: &[String]) -> String {
-    let spans = spans.join(",");
-    let more = more.join(",");
-    let message = format!(
-        r#"{{"message":{text:?},"code":{{"code":"clippy::some_lint"}},
-        "level":"warning","spans":[{spans}],"children":[{more}],
-        "rendered":"warning: {text}\n  |\nhelp: do\n  = help: twice\n"}}"#
-    );
-    let line =
-        format!(r#"{{"reason":"compiler-message","message":{message}}}"#);
-    line.replace('\n', "") + "\n"
-}
-
-fn child(text: &str, spans: &[String]) -> String {
-    let spans = spans.join(",");
-    format!(
-        r#"{{"message":{text:?},"code":null,"level":"help",
-        "spans":[{spans}],"children":[],"rendered":null}}"#
-    )
-}
-
-fn drawn(scratch: &Scratch, line: &str) -> String {
-    match filter(scratch).translate(line.as_bytes()) {
-        Translated::Diagnostic(text) => text,
-        other => panic!("{other:?} is no diagnostic"),
+    for colour in ["never", "always"] {
+        let theirs = compile(&scratch, false, colour);
+        let ours = compile(&scratch, true, colour);
+        assert_eq!(bare(&ours), bare(&theirs));
+        assert_eq!(ours.contains('\x1b'), colour == "always");
     }
 }
 
 #[test]
-fn a_span_across_chunks_is_shown_in_stretches() {
+fn colours_change_nothing_else() {
     let scratch = project();
-    let from = line_of(&scratch, "src/main.rs", "is_nine(x)");
-    let to = line_of(&scratch, "src/main.rs", "add_one(7");
-    let at = ("src/main.rs", [from, 5, to, 12]);
-    let line = json("too long", &[span(at, true, "all this", "")], &[]);
-    let wanted = "\
-warning: too long
-  --> chapters/a.nw:17:1
-   |
-17 | / if other::is_nine(x) {
-18 | |   <<Do more>>
-   | |____________^
-...
-29 |   add_one(7, 8);
-   |   ^^^^^ all this
-
-";
-    // The name of the chunk is a comment of the program, and ends its part.
-    let drawn = drawn(&scratch, &line);
-    assert_eq!(drawn, wanted);
+    let plain = compile(&scratch, true, "never");
+    let coloured = compile(&scratch, true, "always");
+    let mut parts = coloured.split('\x1b');
+    let mut text = parts.next().unwrap_or_default().to_owned();
+    for part in parts {
+        text += part.split_once('m').expect("a colour").1;
+    }
+    assert_eq!(text, plain);
 }
 
 #[test]
-fn a_proposal_loses_the_indentation_of_the_program() {
+fn a_message_about_another_file_is_left_alone() {
     let scratch = project();
-    let line = line_of(&scratch, "src/main.rs", "is_nine(x)");
-    let at = ("src/main.rs", [line, 5, line, 7]);
-    let new = span(at, true, "", "while a\n        << b >> c");
-    let child = child("do", &[new]);
-    let text = json("wrong", &[span(at, true, "", "")], &[child]);
-    let drawn = drawn(&scratch, &text);
-    let wanted = "\
-help: do
-   |
-17 + while a
-18 ~     @<< b >> c other::is_nine(x) {
-   |
-";
-    assert!(drawn.contains(wanted), "{drawn}");
-}
-
-#[test]
-fn a_proposal_for_tools_alone_is_hidden() {
-    let scratch = project();
-    let line = line_of(&scratch, "src/main.rs", "let x");
-    let at = ("src/main.rs", [line, 5, line, 7]);
-    let hidden = child("secret", &[span(at, true, "", "new")]);
-    let remark = child("twice", &[span(at, true, "", "new")]);
-    let main = [span(at, true, "", "")];
-    let drawn = drawn(&scratch, &json("wrong", &main, &[hidden, remark]));
-    assert!(!drawn.contains("secret"), "{drawn}");
-    assert!(drawn.contains("\n   = help: twice\n"), "{drawn}");
-}
-
-#[test]
-fn a_diagnostic_about_other_files_is_the_compilers_own() {
-    let scratch = project();
-    scratch.write("tests/t.rs", "fn t() {}\n");
-    let at = ("tests/t.rs", [1, 4, 1, 5]);
-    let line = json("other", &[span(at, true, "", "")], &[]);
-    let theirs = "warning: other\n  |\nhelp: do\n  = help: twice\n";
-    assert_eq!(drawn(&scratch, &line), theirs);
-    // As one of several places it is shown as it is.
-    let line_number = line_of(&scratch, "src/main.rs", "let x");
-    let main = ("src/main.rs", [line_number, 5, line_number, 7]);
-    let spans = [span(main, true, "", ""), span(at, false, "there", "")];
-    let drawn = drawn(&scratch, &json("both", &spans, &[]));
-    assert!(
-        drawn.contains("\n 1 | fn t() {}\n   |    - there\n"),
-        "{drawn}"
-    );
-}
-
-#[test]
-fn cargos_lines_for_programs_vanish_and_repetitions_too() {
-    let scratch = project();
-    let line = line_of(&scratch, "src/main.rs", "let x");
-    let at = ("src/main.rs", [line, 5, line, 7]);
-    let line = json("once", &[span(at, true, "", "")], &[]);
     let mut filter = filter(&scratch);
-    let first = filter.translate(line.as_bytes());
-    assert!(matches!(first, Translated::Diagnostic(_)), "{first:?}");
-    assert_eq!(filter.translate(line.as_bytes()), Translated::Nothing);
     for line in [
-        r#"{"reason":"build-finished","success":true}"#,
-        r#"{"reason":"compiler-artifact","features":[]}"#,
-        r#"{"reason":"compiler-message","message":{"message":
-           "aborting due to 2 previous errors","code":null,"level":"error",
-           "spans":[],"children":[],"rendered":"error: aborting"}}"#,
+        "  --> tests/t.rs:3:1\n",
+        "   |\n",
+        "3  | fn t() {}\n",
+        "\n",
+        "12 | src/\n",
     ] {
-        assert_eq!(filter.translate(line.as_bytes()), Translated::Nothing);
+        assert_eq!(filter.translate(line.as_bytes(), 1), line.as_bytes());
     }
-    let theirs = br#"{"reason":"mine","at":"src/main.rs:1:1"}"#;
-    let wanted = br#"{"reason":"mine","at":"chapters/a.nw:3:1"}"#.to_vec();
-    assert_eq!(filter.translate(theirs), Translated::Text(wanted));
+    // And so is the other stream, while a message comes through one.
+    let arrow = filter.translate(b" --> src/main.rs:1:1\n", 1);
+    assert_eq!(arrow, b"    --> chapters/a.nw:3:1\n");
+    assert_eq!(filter.translate(b"1 | mod\n", 0), b"1 | mod\n");
+    assert_eq!(filter.translate(b"1 | mod\n", 1), b"   3 | mod\n");
+}
+
+#[test]
+fn two_webs_are_two_programs() {
+    let scratch = project();
+    let tool = "<<tool/src/t.rs>>=\n<<Add one>>\n<<Add one>>=\n1\n";
+    scratch.write("tool/chapters/t.nw", tool);
+    scratch.write("book.nw", "\\include{a}\n");
+    scratch.write("tool/book.nw", "\\include{t}\n");
+    let tangle = ["tangle", "--record", "r", "tool/chapters/t.nw"];
+    assert_eq!(run(&scratch, &tangle).status, 0);
+    let line = "src/main.rs:1:1 tool/src/t.rs:2:1 ./src/t.rs:2";
+    let masters = ["--master", "book.nw", "--master", "tool/book.nw"];
+    let echo = ["--", "echo", line];
+    let args = [&["map"], &masters[..], &echo[..]].concat();
+    let wanted = "chapters/a.nw:3:1 tool/chapters/t.nw:4:1 \
+                  tool/chapters/t.nw:4\n";
+    assert_eq!(run(&scratch, &args).stdout(), wanted);
 }
 
 // ---- commands
@@ -689,29 +575,23 @@ fn the_status_of_a_command_is_ours_and_so_are_its_streams() {
 #[test]
 fn a_line_is_passed_on_before_the_next_one_comes() {
     let scratch = project();
-    let mut child = command(&scratch, &["map", "chapters/a.nw"])
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .spawn()
-        .expect("a command");
+    let mut child =
+        command(&scratch, &["map", "chapters/a.nw", "--", "cat"])
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .expect("a command");
     let mut input = child.stdin.take().expect("a pipe");
     let mut output = BufReader::new(child.stdout.take().expect("a pipe"));
     let (sender, receiver) = mpsc::channel();
     std::thread::spawn(move || {
-        for end in [b'\n', b'\r'] {
-            let mut line = Vec::new();
-            output.read_until(end, &mut line).expect("a line");
-            let line = String::from_utf8_lossy(&line).into_owned();
-            sender.send(line).expect("a listener");
-        }
+        let mut line = String::new();
+        output.read_line(&mut line).expect("a line");
+        sender.send(line).expect("a listener");
     });
-    for end in ["\n", "\r"] {
-        write!(input, "src/main.rs:1{end}more, ").expect("an open pipe");
-        let line = receiver.recv_timeout(Duration::from_secs(20));
-        let line = line.expect("a line in good time");
-        let wanted = format!("chapters/a.nw:3{end}");
-        assert!(line.ends_with(&wanted), "{line:?}");
-    }
+    write!(input, "src/main.rs:1\nmore, ").expect("an open pipe");
+    let line = receiver.recv_timeout(Duration::from_secs(20));
+    assert_eq!(line.expect("a line in good time"), "chapters/a.nw:3\n");
     drop(input);
     assert!(child.wait().expect("an end").success());
 }
@@ -726,7 +606,6 @@ fn a_failing_test_and_its_backtrace_name_the_chapter() {
     let cargo = cargo.to_string_lossy().into_owned();
     let args = ["map", "chapters/a.nw", "--", &cargo, "test", "--offline"];
     let outcome = command(&scratch, &args)
-        .arg("--message-format=json")
         .env("RUST_BACKTRACE", "1")
         .env("CARGO_TARGET_DIR", scratch.path().join("target"))
         .output()
@@ -745,10 +624,10 @@ fn a_failing_test_and_its_backtrace_name_the_chapter() {
     }
     let warning = "\
 warning: unused variable: `unused`
-  --> chapters/a.nw:21:5
-   |
-21 | let unused = 3;
-   |     ^^^^^^ help: if this is intentional, prefix it with an \
+     --> chapters/a.nw:21:5
+      |
+   21 |     let unused = 3;
+      |         ^^^^^^ help: if this is intentional, prefix it with an \
                    underscore: `_unused`
 ";
     assert_eq!(stderr.matches(warning).count(), 1, "{stderr}");

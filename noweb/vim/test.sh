@@ -146,6 +146,9 @@ y += 2;
 @
 WEB
 echo '// tangled' > src/one.rs
+mkdir -p noweb/chapters
+echo '\include{tool}' > noweb/noweb.nw
+printf '<<tool.rs>>=\nfn tool() {}\n@\n' > noweb/chapters/tool.nw
 
 # What make prints, as recorded from rustc, cargo, the tool and LaTeX.
 cat > Makefile <<'MAKE'
@@ -155,20 +158,20 @@ MAKE
 cat > type.log <<'LOG'
    Compiling litpt v0.1.0 (/somewhere/litpt)
 error[E0308]: mismatched types
- --> chapters/two.nw:3:13
-  |
-3 | let mut y = one(); y += 1; // a:1: b
-  |             ^^^^^ expected `u32`, found `u8`
-  |
+    --> chapters/two.nw:3:13
+     |
+   3 | let mut y = one(); y += 1; // a:1: b
+     |             ^^^^^ expected `u32`, found `u8`
+     |
 note: function defined here
- --> chapters/one.nw:5:4
-  |
-5 | fn one() -> u8 {
-  |    ^^^
+    --> chapters/one.nw:5:4
+     |
+   5 | fn one() -> u8 {
+     |    ^^^
 help: you can convert a `u8` to a `u32`
-  |
-3 | let mut y = one().into();
-  |                  +++++++
+     |
+   3 | let mut y = one().into();
+     |                  +++++++
 
 For more information about this error, try `rustc --explain E0308`.
 error: could not compile `litpt` (lib) due to 1 previous error
@@ -209,6 +212,8 @@ stack backtrace:
              at /rustc/59807616/library/std/src/panicking.rs:689:5
    4: litpt::one::one
              at chapters/one.nw:5:1
+   9: tool::run
+             at noweb/chapters/tool.nw:2:1
    7: core::ops::function::FnOnce::call_once
              at /rustc/59807616/library/core/src/ops/function.rs:250:5
 note: Some details are omitted, run with `RUST_BACKTRACE=full` for a verbose one.

@@ -283,6 +283,13 @@ function! Test_a_make_within_make_is_understood() abort
   cd ..
 endfunction
 
+function! Test_a_chapter_of_the_tool_belongs_to_its_own_web() abort
+  edit noweb/chapters/tool.nw
+  call assert_equal(['noweb.nw', 'tool.nw'],
+        \ map(noweb#Files(), 'fnamemodify(v:val, ":t")'))
+  edit chapters/one.nw
+endfunction
+
 function! Test_lints_are_understood() abort
   call assert_equal([['three.nw:3:5', 'W', ' this `if` has identical blocks']],
         \ map(Errors('lint.log'), {_, item -> [item[0], item[1], ' ' . trim(item[2])]}))
@@ -290,7 +297,8 @@ endfunction
 
 function! Test_failing_tests_and_backtraces_are_understood() abort
   let found = Errors('test.log')
-  call assert_equal(['two.nw:6:1', 'one.nw:5:1'], map(copy(found), 'v:val[0]'))
+  call assert_equal(['two.nw:6:1', 'one.nw:5:1', 'tool.nw:2:1'],
+        \ map(copy(found), 'v:val[0]'))
   call assert_match('left == right', found[0][2])
   silent cfirst
   call assert_equal('two.nw:6:1', Here())

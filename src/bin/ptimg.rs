@@ -27,7 +27,7 @@ use litpt::progress;
 #[derive(Debug, Parser)]
 #[command(name = "ptimg", version, after_help = LICENCE, styles = STYLES)]
 #[command(arg_required_else_help = false)]
-struct Arguments {
+pub struct Arguments {
     #[command(subcommand)]
     verb: Verb,
 }

@@ -78,11 +78,10 @@ fn pixel(runs: &[Run], i: usize) -> (f64, f64, f64) {
 // Join what is known about the runs
 /// Attributes that add up.
 const SUMS: [&str; 5] =
-    ["samples", "rays", "load_seconds", "build_seconds", "render_seconds"];
+    ["spp", "rays", "load_seconds", "build_seconds", "render_seconds"];
 
 /// Attributes that may differ between runs of the same image.
-const FREE: [&str; 9] = [
-    "version",
+const FREE: [&str; 8] = [
     "scene",
     "threads",
     "isa",

@@ -23,10 +23,13 @@ function! noweb#Files() abort
   if empty(root)
     return [here]
   endif
-  let names = map(s:Lines(root . '/litpt.nw'),
+  let tool = stridx(here, root . '/noweb/') == 0
+  let master = root . (tool ? '/noweb/noweb.nw' : '/litpt.nw')
+  let names = map(s:Lines(master),
         \ {_, line -> matchstr(line, '^\\include{\zs[^}]*')})
-  let files = [root . '/litpt.nw'] + map(filter(names, '!empty(v:val)'),
-        \ {_, name -> root . '/chapters/' . name . '.nw'})
+  let beside = fnamemodify(master, ':h') . '/chapters/'
+  let files = [master] + map(filter(names, '!empty(v:val)'),
+        \ {_, name -> beside . name . '.nw'})
   return index(files, here) < 0 ? files + [here] : files
 endfunction
 

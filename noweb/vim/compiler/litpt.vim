@@ -27,7 +27,7 @@ CompilerSet errorformat+=%Z\ %#-->\ %f:%l:%c
 
 " Understand panics and backtraces
 CompilerSet errorformat+=%Ethread\ %.%#\ panicked\ at\ %f:%l:%c:
-CompilerSet errorformat+=%*[\ ]at\ %\\%%(chapters/%\\)%\\@=%f:%l:%c
+CompilerSet errorformat+=%*[\ ]at\ %\\%%(%\\f%#chapters/%\\)%\\@=%f:%l:%c
 CompilerSet errorformat+=%WDiff\ in\ %f:%l:%.%#
 CompilerSet errorformat+=%Z%m
 

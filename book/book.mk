@@ -1,0 +1,233 @@
+# book.mk -- figures, tables and measurements of the book, for the Makefile
+#
+# Copyright (C) 2026 litpt contributors
+# Copying and distribution of this file, with or without modification, are
+# permitted in any medium without royalty provided the copyright notice and
+# this notice are preserved. This file is offered as-is, without any warranty.
+
+SCRIPTS := book/scripts
+MEASURED := doc/measured
+BUILT := $(BUILD_DIR)/tables
+RECORD := sh $(SCRIPTS)/record
+
+# The figures and tables that the books read.
+FIGURES := $(BUILD_DIR)/figures/courtyard.png
+# The tool's book needs no program but the tool.
+TOOL_TABLES := $(addprefix $(BUILT)/,measured.tex editor.tex translation.tex)
+TABLES := $(BUILD_DIR)/examples.stamp $(addprefix $(BUILT)/,measured.tex \
+  numbers.stamp turnaround.tex closed-forms.tex \
+  calibration.stamp anatomy.stamp curve.csv counted.tex said.tex layers.tex \
+  qualities.tex leaks.tex origins.tex roulettes.tex stability.tex \
+  stability-full.tex robustness.tex ablation.tex layouts.tex habits.tex \
+  abreast.tex traversal.tex bench.tex generations.tex sizes.csv shapes.tex \
+  start.tex repeats.csv accumulators.tex accounting.tex alarms.tex \
+  thresholds.tex)
+
+# ---- made with the book
+
+$(BUILD_DIR)/figures $(BUILT):
+	@mkdir -p $@
+
+$(BUILD_DIR)/figures/courtyard.png $(BUILD_DIR)/figures/courtyard.json &: \
+  $(BUILD_DIR)/pt $(BUILD_DIR)/courtyard.obj | $(BUILD_DIR)/figures
+	$(BUILD_DIR)/pt $(CAMERA) -d 480x360 -n 64 -r 0.8 -f \
+	  -i $(BUILD_DIR)/courtyard.obj -o $(BUILD_DIR)/figures/courtyard.png \
+	  --report $(BUILD_DIR)/figures/courtyard.json
+
+$(BUILT)/closed-forms.tex: $(BOOK) | $(BUILT)
+	$(BOOK) closed_forms > $@
+
+$(BUILT)/anatomy.stamp $(BUILT)/calibration.stamp: $(BUILT)/%.stamp: $(BOOK) \
+  | $(BUILT)
+	$(BOOK) $* $(@D)
+	@touch $@
+
+# The curve of one run with its true error. The first step has no error yet,
+# and pgfplots no use for empty fields.
+$(BUILT)/curve.csv: $(BUILD_DIR)/pt $(BUILD_DIR)/courtyard.obj \
+  | $(BUILT) $(BUILD_DIR)/figures
+	$(BUILD_DIR)/pt $(CAMERA) -d 96x72 -n 800 -s 1 -r 0.8 -q -f \
+	  -i $(BUILD_DIR)/courtyard.obj -o $(BUILD_DIR)/figures/truth.exr
+	$(BUILD_DIR)/pt $(CAMERA) -d 96x72 -n 125 -r 0.8 -q -f \
+	  -i $(BUILD_DIR)/courtyard.obj -o $(BUILD_DIR)/figures/curve.exr \
+	  --reference $(BUILD_DIR)/figures/truth.exr --report $@.full.csv
+	grep -v ',,' $@.full.csv > $@
+
+# What the tool and the program say, for the chapters on them.
+$(BUILD_DIR)/examples.stamp: $(NOWEB) $(BUILD_DIR)/pt $(BUILD_DIR)/ptimg \
+  $(BUILD_DIR)/courtyard.obj $(wildcard doc/examples/*) \
+  $(SCRIPTS)/messages.sh $(SCRIPTS)/pt.sh $(SCRIPTS)/ptimg.sh
+	@sh $(SCRIPTS)/messages.sh $(NOWEB) $(BUILD_DIR)/examples
+	@sh $(SCRIPTS)/pt.sh $(BUILD_DIR)/pt $(BUILD_DIR)/examples
+	@sh $(SCRIPTS)/ptimg.sh $(BUILD_DIR) $(BUILD_DIR)/examples
+	@touch $@
+
+# The numbers in what they have said, and those of tables made with the book.
+SAID = info same other seeds few single pair joined long white files
+$(BUILT)/said.tex: $(SCRIPTS)/said.awk $(BUILD_DIR)/examples.stamp \
+  $(BUILT)/calibration.stamp
+	awk -f $< $(SAID:%=$(BUILD_DIR)/examples/%.txt) $(@D)/stopping.tex \
+	  $(@D)/unseen.tex > $@
+
+# What the text says about the courtyard and its image.
+$(BUILT)/counted.tex: $(SCRIPTS)/counted.awk $(BUILD_DIR)/courtyard.obj \
+  $(BUILD_DIR)/figures/courtyard.json | $(BUILT)
+	awk -f $^ > $@
+
+# The layers of the modules, as the test of imports has them.
+$(BUILT)/layers.tex: $(SCRIPTS)/layers.awk tests/layers.txt | $(BUILT)
+	awk -f $^ > $@
+
+# What the books say of themselves: how much of what is in them.
+$(BUILT)/numbers.stamp: $(WEB) $(TOOL_WEB) src/.tangled | $(BUILT)
+	@LC_ALL=C awk -v parts=$(@D)/parts.tex -f $(SCRIPTS)/numbers.awk \
+	  $(WEB) $(TOOL_WEB) $(wildcard src/*.rs src/*/*.rs noweb/src/*.rs \
+	    tests/*.rs tests/*/*.rs book/tests/*.rs noweb/tests/*.rs) > $(@D)/numbers.tex
+	@touch $@
+
+# ---- recorded
+
+# Measurements are not repeated at each build, since the machine must be idle
+# for them. All entries have names, for the numbers in the text; COLUMNS are
+# those that fit on the page.
+$(BUILT)/measured.tex: $(SCRIPTS)/measured.awk $(wildcard $(MEASURED)/*.csv) \
+  | $(BUILT)
+	awk -f $^ > $@
+
+COLUMNS_bench = 8
+COLUMNS_traversal = 6
+$(BUILT)/%.tex: $(MEASURED)/%.csv $(SCRIPTS)/table.awk | $(BUILT)
+	awk -v most=$(COLUMNS_$*) -v machine=$(@D)/$*-machine.tex \
+	  -f $(SCRIPTS)/table.awk $< > $@
+
+$(BUILT)/%.csv: $(MEASURED)/%.csv | $(BUILT)
+	grep -v '^#' $< > $@
+
+.PHONY: measure stability stability-full ablation start fuzz
+measure: $(BOOK) $(BUILD_DIR)/courtyard.obj
+	for part in qualities repeats leaks origins roulettes accumulators \
+	  accounting alarms loading thresholds; do \
+	  $(RECORD) $$part $(BOOK) $$part $(BUILD_DIR)/courtyard.obj || exit 1; done
+	$(RECORD) translation $(CARGO) run --release -p noweb --example positions \
+	  litpt.nw
+
+# The tests concerned, optimised, and then one table of what is exact, what pt
+# gives and what single precision gives. It is written even if a case fails;
+# then the target fails.
+stability: $(BOOK)
+	$(CARGO) test --release $(addprefix --test ,leaks extremes stiff sampler \
+	  exact traversal)
+	$(RECORD) stability $(BOOK) stability 3e7
+
+# The escapes of 10^9 paths of four rays from each closed surface. It takes
+# hours, and can be continued: the rows of RAYS that are there stay, under the
+# date at which they were begun; those of another number go.
+RAYS = 4e9
+FULL := $(MEASURED)/stability-full.csv
+stability-full: $(BOOK)
+	@grep -q ',0 of $(RAYS),' $(FULL) 2> /dev/null || \
+	  $(RECORD) stability-full true
+	@sed -i '/^#/b;/^case/b;/,0 of $(RAYS),/!d' $(FULL)
+	$(BOOK) stability $(RAYS) leaks $$(grep -c ',0 of $(RAYS),' $(FULL)) \
+	  >> $(FULL)
+
+# What each shortcut saves, scene by scene: five minutes on an idle machine.
+ablation: $(BOOK)
+	$(RECORD) ablation $(BOOK) ablation 5
+
+# What the program weighs before it does anything, and what a triangle and a
+# pixel add.
+start: bench-tools $(BOOK)
+	$(RECORD) start python3 $(SCRIPTS)/start.py $(BUILD_DIR)/pt $(BOOK) \
+	  $$(ls $(BENCH)/embree_pt 2> /dev/null)
+
+# Random scenes, cameras and options, with all checks on. The log names the
+# case that was tried last, which is to blame if the process dies.
+FUZZ_SECONDS = 60
+fuzz:
+	$(CARGO) build --profile checked -p litpt-book
+	@mkdir -p $(BUILD_DIR)
+	$(CARGO_TARGET_DIR)/checked/litpt-book fuzz $(FUZZ_SECONDS) \
+	  > $(BUILD_DIR)/fuzz.log || { tail -n 1 $(BUILD_DIR)/fuzz.log; exit 1; }
+
+# ---- pt beside Embree
+
+# What is measured: traversal alone, whole renders, one scene in several
+# sizes, and images of several sizes. "make bench" does all four in a quarter
+# of an hour, and each has a target of its own. KITCHEN=FILE adds the scene of
+# that OBJ (or .obj.zst), which is not ours to give away, BENCH_LARGE=1 ten
+# million triangles. A run that is restricted replaces the tables of a whole
+# one.
+BENCH := $(BUILD_DIR)/bench
+BENCH_SCENES = courtyard statue field $(if $(KITCHEN),kitchen)
+BENCH_SIZES = 1000 10000 100000 1000000 $(if $(BENCH_LARGE),10000000)
+
+COMPARED = $(BENCH_SCENES:%=$(BENCH)/%)
+SIZED = $(BENCH_SIZES:%=$(BENCH)/field-%)
+AND_VIEWS = $(foreach scene,$(1),$(scene).obj $(scene).view)
+
+# The peer, a path tracer on Embree, is no part of this project. Without it its
+# columns stay empty.
+PEER ?= ../shared/peers/embree_pt.cpp
+EMBREE = /usr/include/embree3/rtcore.h
+
+.PHONY: bench bench-traversal bench-peer bench-sizes bench-shapes bench-tools
+bench:
+	@for part in traversal peer sizes shapes; do \
+	  $(MAKE) --no-print-directory bench-$$part || exit 1; done
+	@python3 $(SCRIPTS)/measure.py show \
+	  $(patsubst %,$(MEASURED)/%.csv,traversal bench sizes shapes)
+
+# field-1000 is the field with 1000 triangles.
+$(BENCH)/%.obj $(BENCH)/%.view: book/src/programs/scenes.rs | $(BOOK)
+	@mkdir -p $(BENCH)
+	$(BOOK) scenes $(subst -, ,$*) > $(BENCH)/$*.obj
+	$(BOOK) scenes --view $(firstword $(subst -, ,$*)) > $(BENCH)/$*.view
+
+$(BENCH)/courtyard.obj $(BENCH)/courtyard.view &: $(BUILD_DIR)/courtyard.obj
+	@mkdir -p $(BENCH)
+	cp $< $(BENCH)/courtyard.obj
+	@echo '$(CAMERA)' > $(BENCH)/courtyard.view
+
+$(BENCH)/kitchen.obj $(BENCH)/kitchen.view &: $(KITCHEN)
+	@mkdir -p $(BENCH)
+	case '$<' in *.zst) zstd -dqf -o $(BENCH)/kitchen.obj '$<' ;; \
+	  *) cp '$<' $(BENCH)/kitchen.obj ;; esac
+	@echo '-p 3.0,1.5,1.4 -t -3.9438584,1.5,-1.7303504 -u 0,1,0 -F 70' \
+	  > $(BENCH)/kitchen.view
+
+bench-tools: $(BUILD_DIR)/pt
+	@test '$(BUILD_TYPE)' = Release || \
+	  { echo 'error: only a Release is worth measuring' >&2; exit 1; }
+	@command -v python3 > /dev/null || \
+	  { echo 'error: make bench needs python3' >&2; exit 1; }
+	@mkdir -p $(BENCH)
+	@if ! test -e '$(PEER)'; then lacks='the source $(PEER) (set PEER=)'; \
+	elif ! command -v g++ > /dev/null; then lacks='the package g++'; \
+	elif ! test -e $(EMBREE); then lacks='the package libembree-dev'; \
+	else lacks=; fi; \
+	if test "$$lacks"; then \
+	  echo "bench: the peer is left out, for lack of $$lacks" >&2; \
+	  rm -f $(BENCH)/embree_pt; \
+	elif ! test $(BENCH)/embree_pt -nt '$(PEER)'; then \
+	  g++ -O3 -march=native -fopenmp '$(PEER)' -o $(BENCH)/embree_pt \
+	    -lembree3; \
+	fi
+
+# One row of names serves for all scenes.
+bench-traversal: bench-tools $(BOOK) $(call AND_VIEWS,$(COMPARED))
+	$(RECORD) traversal sh -c 'for scene in $(COMPARED); do \
+	  $(BOOK) traversal -i $$scene.obj $$(cat $$scene.view) -r 0.8 \
+	    -d 400x300 || exit 1; done | awk "!/^scene,/ || !head++"'
+
+BESIDE_PEER = python3 $(SCRIPTS)/measure.py $(1) $(BUILD_DIR)/pt \
+  $$(ls $(BENCH)/embree_pt 2> /dev/null) $(2)
+
+bench-peer: bench-tools $(call AND_VIEWS,$(COMPARED))
+	$(RECORD) bench $(call BESIDE_PEER,peer,$(COMPARED))
+
+bench-sizes: bench-tools $(call AND_VIEWS,$(SIZED))
+	$(RECORD) sizes $(call BESIDE_PEER,sizes,$(SIZED))
+
+bench-shapes: bench-tools $(call AND_VIEWS,$(BENCH)/courtyard)
+	$(RECORD) shapes $(call BESIDE_PEER,shapes,$(BENCH)/courtyard)

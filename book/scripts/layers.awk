@@ -1,0 +1,26 @@
+# Licensed under the GNU all-permissive notice
+# Copyright (C) 2026 litpt contributors
+#
+# Copying and distribution of this file, with or without modification, are
+# permitted in any medium without royalty provided the copyright notice and
+# this notice are preserved. This file is offered as-is, without any
+# warranty.
+# SPDX-License-Identifier: FSFAP
+#
+# usage: awk -f book/scripts/layers.awk tests/layers.txt > layers.tex
+
+function chapter(module) {
+    return module == "main" ? "program" : module
+}
+
+{
+    text = ""
+    for (i = 2; i <= NF; i++) {
+        name = $i
+        gsub(/_/, "\\_", name)
+        text = text "\\texttt{" name "}~\\ref{chap:" chapter($i) "}\\quad "
+    }
+    place = NR == 1 ? "" : ", above=1mm of layer" NR - 1
+    printf "\\node[layer%s] (layer%d) {\\modules{%s}{%s}};\n", \
+        place, NR, substr($1, 1, length($1) - 1), text
+}

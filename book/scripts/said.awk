@@ -1,0 +1,63 @@
+# Licensed under the GNU all-permissive notice
+# Copyright (C) 2026 litpt contributors
+#
+# Copying and distribution of this file, with or without modification, are
+# permitted in any medium without royalty provided the copyright notice and
+# this notice are preserved. This file is offered as-is, without any
+# warranty.
+# SPDX-License-Identifier: FSFAP
+#
+# usage: awk -f book/scripts/said.awk ANSWER.txt... stopping.tex unseen.tex
+#
+# The numbers of what programs have said while the book was made, for
+# \measured in its text. A line "mean radiance: 0.3632 ± 0.0003" of info.txt
+# is the row "mean radiance" of the table info, with the columns value and
+# error.
+
+BEGIN { NUMBER = "-?[0-9]+([.][0-9]+)?(e[-+]?[0-9]+)?" }
+
+FNR == 1 { table = FILENAME; gsub(/.*\/|[.][a-z]*$/, "", table) }
+
+table == "stopping" {
+    # "natural, $P=1$ & 0.02 & 13 & $-0.04268\pm0.00037$ & ..."
+    split($0, field, " & ")
+    row = field[1] "/" field[2]
+    put("samples", field[3])
+    put("bias", first(field[4]))
+    next
+}
+table == "unseen" {
+    # "courtyard & 4 & 0.0 & 9.00 & ..."
+    split($0, field, " & ")
+    row = field[1] "/" field[2]
+    put("bare", field[4])
+    next
+}
+/^white is / {
+    row = "white"
+    put("value", first($0))
+}
+/^ *[A-Za-z0-9. ]+: / {
+    row = text = $0
+    sub(/:.*/, "", row)
+    gsub(/^ +/, "", row)
+    sub(/^[^:]*: /, "", text)
+    put("value", first(text))
+    put("error", first(after("± ")))
+    put("z", first(after("z = ") after("[|]z[|] ")))
+    put("expected", first(after("expected ")))
+    if (match(text, NUMBER " beyond chance"))
+        put("failed", first(substr(text, RSTART)))
+}
+
+function put(column, number) {
+    if (number != "")
+        printf "\\nwmeasured{%s}{%s}{%s}{%s}%%\n", table, row, column, number
+}
+# What follows in the text.
+function after(words) {
+    return match(text, words) ? substr(text, RSTART + RLENGTH) : ""
+}
+function first(words) {
+    return match(words, NUMBER) ? substr(words, RSTART, RLENGTH) : ""
+}

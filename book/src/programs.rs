@@ -1,0 +1,80 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The parts of the book's program.
+
+// Name the parts as modules
+mod ablation;
+mod accounting;
+mod accumulators;
+mod alarms;
+mod anatomy;
+mod calibration;
+mod closed_forms;
+mod fuzz;
+mod leaks;
+mod loading;
+mod manuals;
+mod origins;
+mod qualities;
+mod repeats;
+mod roulettes;
+mod scenes;
+mod stability;
+mod thresholds;
+mod traversal;
+
+use std::error::Error;
+use std::io::{self, BufWriter, Write};
+
+use litpt_book::courtyard::solids;
+use litpt_book::sweep::write_obj;
+
+/// What a part returns.
+pub type Done = Result<(), Box<dyn Error>>;
+
+// List the parts with their functions
+/// A part: its name, and the function that gets the words after it.
+type Part = (&'static str, fn(&[String]) -> Done);
+
+/// All parts.
+pub const ALL: [Part; 20] = [
+    ("ablation", ablation::run),
+    ("accounting", accounting::run),
+    ("accumulators", accumulators::run),
+    ("alarms", alarms::run),
+    ("anatomy", anatomy::run),
+    ("calibration", calibration::run),
+    ("closed_forms", closed_forms::run),
+    ("courtyard", courtyard),
+    ("fuzz", fuzz::run),
+    ("leaks", leaks::run),
+    ("loading", loading::run),
+    ("manuals", manuals::run),
+    ("origins", origins::run),
+    ("qualities", qualities::run),
+    ("repeats", repeats::run),
+    ("roulettes", roulettes::run),
+    ("scenes", scenes::run),
+    ("stability", stability::run),
+    ("thresholds", thresholds::run),
+    ("traversal", traversal::run),
+];
+
+/// Writes the courtyard as an OBJ.
+fn courtyard(_: &[String]) -> Done {
+    let mut out = BufWriter::new(io::stdout().lock());
+    write_obj(&solids(), &mut out)?;
+    Ok(out.flush()?)
+}
+
+/// The middle of some numbers.
+pub fn median(mut numbers: Vec<f64>) -> f64 {
+    numbers.sort_by(f64::total_cmp);
+    numbers.get(numbers.len() / 2).copied().unwrap_or(f64::NAN)
+}

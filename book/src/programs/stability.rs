@@ -1,0 +1,374 @@
+// Stability in one table: what is exact, what pt gives, and what the method
+// of the reference gives, which is single precision throughout; prints a CSV
+// for "make stability". The arguments are the number of rays in each closed
+// surface, "leaks" for nothing but those, and how many surfaces to skip, for a
+// run that goes on with another. Fails if a case fails.
+//
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+use std::error::Error;
+
+use glam::DVec3;
+use litpt::analysis::background::KnownPixels;
+use litpt::bvh::{Bvh, Dispatch, Intersector, Isa, Quality};
+use litpt::camera::Camera;
+use litpt::film::Film;
+use litpt::integrator::PathTracer;
+use litpt::render::{Job, Renderer};
+use litpt::sampler::{IndependentSampler, cosine_direction};
+use litpt::scene::{Mesh, Ray, Scene};
+use litpt::sky::Sky;
+use litpt::statistics::Accumulator;
+use litpt_book::closed_forms::{
+    Outcome, cavity, cavity_radiance, closed_forms, look, pixel, plane,
+};
+use litpt_book::fragile::Fragile;
+use litpt_book::solids;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+use rayon::ThreadPoolBuilder;
+use rayon::prelude::*;
+
+use super::Done;
+
+/// Paths are counted in pieces, whose number is that of generators.
+const PIECES: u64 = 256;
+
+/// Rays of a path inside a closed surface.
+const BOUNCES: u64 = 4;
+
+/// Samples of each mean.
+const REALISATIONS: u64 = 100_000;
+
+/// Of 40 means, one is farther off than this with a probability of 0.001.
+const SIDAK: f64 = 4.22;
+
+pub fn run(arguments: &[String]) -> Done {
+    let mut arguments = arguments.iter();
+    let rays: f64 = arguments.next().map_or(Ok(1e7), |s| s.parse())?;
+    let only_leaks = arguments.next().is_some();
+    let skipped: usize = arguments.next().map_or(Ok(0), |s| s.parse())?;
+    let paths = (rays / (PIECES * BOUNCES) as f64).ceil() as u64;
+    let mut failed = 0;
+    if skipped == 0 {
+        println!("case,exact,pt,reference,verdict");
+    }
+    for solid in solids::all().into_iter().skip(skipped) {
+        let number = PIECES * BOUNCES * paths;
+        // The reference is to show that it leaks, not how rarely.
+        let few = paths.div_ceil(100).max(100.min(paths));
+        let [ours, theirs] = leaks(&solid, paths, few)?;
+        let count = solid.scene.triangles().len();
+        let case = format!("{} ({count})", solid.name);
+        let exact = format!("0 of {:.0e}", number as f64);
+        let theirs =
+            format!("{theirs} of {:.0e}", (PIECES * BOUNCES * few) as f64);
+        failed += row(&case, &exact, &ours.to_string(), &theirs, ours == 0);
+    }
+    if !only_leaks {
+        failed += moved()?;
+        failed += alike()?;
+        failed += means()?;
+        failed += known()?;
+    }
+    match failed {
+        0 => Ok(()),
+        _ => Err(format!("{failed} cases fail").into()),
+    }
+}
+
+/// Prints a row; 1 if it is one of a failure.
+fn row(
+    case: &str,
+    exact: &str,
+    ours: &str,
+    theirs: &str,
+    passed: bool,
+) -> u32 {
+    let verdict = if passed { "pass" } else { "fail" };
+    println!("{case},{exact},{ours},{theirs},{verdict}");
+    u32::from(!passed)
+}
+
+// ---- closed surfaces
+
+/// Escapes of so many paths from a solid: ours, and the reference's of
+/// fewer.
+fn leaks(
+    solid: &solids::Solid,
+    paths: u64,
+    few: u64,
+) -> Result<[u64; 2], Box<dyn Error>> {
+    let intersector = Bvh::new(&solid.scene)?;
+    let fragile = Fragile::new(solid.scene.triangles());
+    let ours = |seed| intersector.dispatch(Starts { solid, seed, paths });
+    let theirs = |i| {
+        let mut random = Pcg64Mcg::seed_from_u64(i);
+        let escapes = (0..few).filter(|n| {
+            // Not those next to the surface, which single precision puts
+            // outside.
+            let at = (i + n) as usize % solid.cameras.len().min(3);
+            let direction = uniform(&mut random);
+            let from = solid.cameras[at];
+            fragile.escapes(from, direction, BOUNCES, &mut random)
+        });
+        escapes.count() as u64
+    };
+    let pieces = || (0..PIECES).into_par_iter();
+    Ok([pieces().map(ours).sum(), pieces().map(theirs).sum()])
+}
+
+/// Paths from the cameras of a solid.
+struct Starts<'a> {
+    solid: &'a solids::Solid,
+    seed: u64,
+    paths: u64,
+}
+
+impl Dispatch for Starts<'_> {
+    type Output = u64;
+
+    /// How many paths escape.
+    fn with<K: Intersector>(self, intersector: &K) -> u64 {
+        let mut random = Pcg64Mcg::seed_from_u64(self.seed);
+        let cameras = &self.solid.cameras;
+        let escapes = (0..self.paths).filter(|n| {
+            let at = (self.seed + n) as usize % cameras.len();
+            let direction = uniform(&mut random);
+            let mut ray = Ray { origin: cameras[at], direction };
+            let mut from = None;
+            (0..BOUNCES).any(|_| {
+                let Some(hit) = intersector.first_hit(&ray, from) else {
+                    return true;
+                };
+                let (r, turn) = (random.random(), random.random());
+                let direction = cosine_direction(hit.normal, r, turn);
+                ray = Ray { origin: hit.point, direction };
+                from = Some(hit.primitive);
+                false
+            })
+        });
+        escapes.count() as u64
+    }
+}
+
+fn uniform(random: &mut Pcg64Mcg) -> DVec3 {
+    loop {
+        let mut one = || 2. * random.random::<f64>() - 1.;
+        let d = DVec3::new(one(), one(), one());
+        if (0.01..1.).contains(&d.length_squared()) {
+            return d.normalize();
+        }
+    }
+}
+
+// ---- places and scales
+
+/// A closed sphere that is moved or scaled: it is dark, and the image of a
+/// cavity stays the same in each bit.
+fn moved() -> Result<u32, Box<dyn Error>> {
+    let (o, p) = (DVec3::ZERO, DVec3::new(0.3, 0.2, -1.));
+    let exactly = |x: f64| (x * 1024.).round() / 1024.;
+    let mut sphere = cavity(0.1, 16);
+    for v in &mut sphere.vertices {
+        *v = DVec3::new(exactly(v.x), exactly(v.y), exactly(v.z));
+    }
+    let target = p.map(exactly);
+    let cases = [
+        ("moved by $2^{20}$", 2f64.powi(20), 1.),
+        ("moved by $2^{40}$", 2f64.powi(40), 1.),
+        ("scaled by $2^{-200}$", 0., 2f64.powi(-200)),
+        ("scaled by $2^{200}$", 0., 2f64.powi(200)),
+        ("scaled by $2^{-1000}$", 0., 2f64.powi(-1000)),
+        ("scaled by $2^{1000}$", 0., 2f64.powi(1000)),
+    ];
+    let n = 20_000;
+    let still = pixel(&sphere, 0.9, &look(o, target, 20.), n)?;
+    let mut failed = 0;
+    for (what, shift, scale) in cases {
+        let place = |v: DVec3| v * scale + DVec3::splat(shift);
+        let mut mesh = sphere.clone();
+        mesh.vertices.iter_mut().for_each(|v| *v = place(*v));
+        let view = (place(o), place(target));
+        let ours = pixel(&mesh, 0.9, &look(view.0, view.1, 20.), n)?;
+        let theirs = fragile(&mesh, 0.9, view, n);
+        failed += row(
+            &format!(r"cavity $f=0.1$; $\rho=0.9$; {what}"),
+            &format!("{:.6}", still.mean()),
+            &format!("{:.6}", ours.mean()),
+            &theirs.map_or(NONE.to_owned(), |m| format!("{:.6}", m.mean())),
+            ours == still,
+        );
+    }
+    for shift in [0., 1e5, 1e7] {
+        let place = |v: DVec3| v + DVec3::splat(shift);
+        let mut mesh = solids::icosphere(5);
+        mesh.vertices.iter_mut().for_each(|v| *v = place(*v));
+        let view = (place(o), place(p));
+        let ours = pixel(&mesh, 0.9, &look(view.0, view.1, 20.), n)?;
+        let theirs = fragile(&mesh, 0.9, view, n);
+        failed += row(
+            &format!("closed icosphere 5; moved by {shift:e}"),
+            "0",
+            &ours.mean().to_string(),
+            &theirs
+                .map_or(NONE.to_owned(), |m| format!("{:.2e}", m.mean())),
+            ours.mean() == 0. && ours.variance() == 0.,
+        );
+    }
+    Ok(failed)
+}
+
+/// The image of a cavity has the same bytes from each set of instructions
+/// of this processor, and from any number of threads.
+fn alike() -> Result<u32, Box<dyn Error>> {
+    let scene = Scene::new(&cavity(0.1, 16));
+    let view = look(DVec3::ZERO, DVec3::new(0.3, 0.2, -1.), 70.);
+    let camera = Camera::new(&view, 1.)?;
+    let integrator =
+        PathTracer { albedo: 0.9, sky: Sky::new(DVec3::Z), foresight: () };
+    let render = |isa, threads| -> Result<Film, Box<dyn Error>> {
+        let intersector = Bvh::with(&scene, Quality::Medium, isa)?;
+        let pool = ThreadPoolBuilder::new().num_threads(threads).build()?;
+        let mut job = Job {
+            scene: &scene,
+            intersector: &intersector,
+            camera: &camera,
+            integrator: &integrator,
+            known: &KnownPixels::Nothing,
+            sampler: IndependentSampler::new(1),
+        };
+        let mut film = Film::new(64, 48);
+        pool.install(|| job.pass(&mut film, 16, &|_| true));
+        Ok(film)
+    };
+    let first = render(Isa::Portable, 1)?;
+    let (mut images, mut equal) = (1, 1);
+    for isa in Isa::ALL.into_iter().filter(|isa| isa.is_available()) {
+        for threads in [1, 2, 7] {
+            images += 1;
+            let film = render(isa, threads)?;
+            equal += usize::from(film.stored() == first.stored());
+        }
+    }
+    Ok(row(
+        "instructions and threads: equal images",
+        &images.to_string(),
+        &equal.to_string(),
+        "",
+        images == equal,
+    ))
+}
+
+/// The mean of the reference's method, if it can hold the scene at all.
+fn fragile(
+    mesh: &Mesh,
+    rho: f64,
+    view: (DVec3, DVec3),
+    n: u64,
+) -> Option<Accumulator> {
+    let rounded = |i: &u32| mesh.vertices[*i as usize].as_vec3();
+    let triangles: Vec<_> =
+        mesh.triangles.iter().map(|t| t.each_ref().map(rounded)).collect();
+    let finite =
+        triangles.iter().flatten().all(|corner| corner.is_finite());
+    let mean = || Fragile::new(&triangles).mean(rho, DVec3::Z, view, n);
+    finite.then(mean)
+}
+
+/// What is printed for no answer.
+const NONE: &str = "overflow";
+
+// ---- means that are known
+
+fn means() -> Result<u32, Box<dyn Error>> {
+    let mut failed = 0;
+    let above = (DVec3::new(0.3, 0.1, 2.), DVec3::new(0.25, -0.125, 0.));
+    for scale in [1e-300, 1e-30, 1., 1e30, 1e300] {
+        let mut mesh = plane();
+        mesh.vertices.iter_mut().for_each(|v| *v *= scale);
+        let view = (above.0 * scale, above.1 * scale);
+        let case = format!("plane; scaled by {scale:e}");
+        failed += mean(&case, &mesh, 0.5, view, 0.5)?;
+    }
+    let inside = (DVec3::ZERO, DVec3::new(0.3, 0.2, -1.));
+    for (rho, f) in [
+        (0.5, 0.5),
+        (0.9, 0.05),
+        (0.99, 0.01),
+        (0.999, 1e-3),
+        (1. - 1e-6, 1e-3),
+        (1., 1e-3),
+    ] {
+        let mesh = cavity(f, 128);
+        let case = format!(r"cavity $f={f}$; $\rho={rho}$");
+        let exact = cavity_radiance(rho, f);
+        failed += mean(&case, &mesh, rho, inside, exact)?;
+    }
+    Ok(failed)
+}
+
+/// All closed forms of the book.
+fn known() -> Result<u32, Box<dyn Error>> {
+    let (mut count, mut worst) = (0, 0f64);
+    let (mut certain, mut exact) = (0, 0);
+    for (form, seed) in closed_forms().iter().zip((1000..).step_by(10)) {
+        for outcome in form.outcomes(REALISATIONS / 4, seed)? {
+            if outcome.is_certain() {
+                let Outcome { exact: expected, pixel, .. } = &outcome;
+                let equal = pixel.mean() == *expected;
+                exact += u32::from(equal && pixel.variance() == 0.);
+                certain += 1;
+            } else {
+                worst = worst.max(outcome.z().abs());
+                count += 1;
+            }
+        }
+    }
+    let certainly = row(
+        "closed forms: those without variance",
+        &certain.to_string(),
+        &exact.to_string(),
+        "",
+        certain == exact,
+    );
+    // Of 100 values, one exceeds 4.42 with a probability of 0.001.
+    Ok(certainly
+        + row(
+            &format!("closed forms: largest $|z|$ of {count}"),
+            "",
+            &format!("{worst:.2}"),
+            "",
+            count <= 100 && worst <= 4.42,
+        ))
+}
+
+/// A mean that is known.
+fn mean(
+    case: &str,
+    mesh: &Mesh,
+    rho: f64,
+    view: (DVec3, DVec3),
+    exact: f64,
+) -> Result<u32, Box<dyn Error>> {
+    let ours = pixel(mesh, rho, &look(view.0, view.1, 20.), REALISATIONS)?;
+    let n = REALISATIONS / 10;
+    let theirs = fragile(mesh, rho, view, n);
+    let said = |pixel: &Accumulator| match pixel.standard_error() {
+        0. => format!("{:.6}", pixel.mean()),
+        error => {
+            let z = (pixel.mean() - exact) / error;
+            format!("{:.6} ({z:+.1} SE)", pixel.mean())
+        }
+    };
+    let off = (ours.mean() - exact).abs();
+    let passed = off <= SIDAK * ours.standard_error();
+    Ok(row(
+        case,
+        &format!("{exact:.6}"),
+        &said(&ours),
+        &theirs.map_or(NONE.to_owned(), |m| said(&m)),
+        passed,
+    ))
+}

@@ -1,0 +1,41 @@
+// Renders an OBJ from above and writes a greymap:
+// cargo run --release --example render -- FILE.obj > image.pgm
+//
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+use std::collections::BTreeMap;
+use std::error::Error;
+
+use glam::DVec3;
+use litpt::analysis::background::KnownPixels;
+use litpt::bvh::Bvh;
+use litpt::camera::{Camera, View};
+use litpt::film::Film;
+use litpt::image::{Format, Image};
+use litpt::integrator::PathTracer;
+use litpt::render::{Job, Renderer};
+use litpt::sampler::IndependentSampler;
+use litpt::scene::{Scene, read_obj};
+use litpt::sky::Sky;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let path = std::env::args().nth(1).ok_or("usage: render FILE.obj")?;
+    let scene = &Scene::new(&read_obj(&std::fs::read(path)?)?);
+    let intersector = &Bvh::new(scene)?;
+    let position = DVec3::new(6., 4., 3.);
+    let view =
+        View { position, target: DVec3::ZERO, up: DVec3::Z, fov: 60. };
+    let camera = &Camera::new(&view, 4. / 3.)?;
+    let sky = Sky::new(view.up);
+    let integrator = &PathTracer { albedo: 0.8, sky, foresight: () };
+
+    let known = &KnownPixels::Nothing;
+    let sampler = IndependentSampler::new(0);
+    let job =
+        Job { scene, intersector, camera, integrator, known, sampler };
+    let mut film = Film::new(320, 240);
+    job.pass(&mut film, 0..64, &|_| ());
+    let image = Image::new(&film, BTreeMap::new());
+    Ok(Format::Pgm.write(&image, &mut std::io::stdout().lock())?)
+}
