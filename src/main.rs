@@ -274,7 +274,7 @@ fn explain(
 /// A run of the program: what has been rendered, and who is told.
 struct Run<'a> {
     arguments: &'a Arguments,
-    job: &'a mut dyn Renderer,
+    job: &'a mut (dyn Renderer + 'a),
     film: Film,
     convergence: Convergence,
     output: RunOutput,
@@ -283,7 +283,7 @@ struct Run<'a> {
 
 impl<'a> Run<'a> {
     fn begin(
-        job: &'a mut dyn Renderer,
+        job: &'a mut (dyn Renderer + 'a),
         analysis: &SceneAnalysis,
         arguments: &'a Arguments,
         files: &mut Files,
@@ -355,11 +355,17 @@ impl Run<'_> {
             interrupt: &interrupt,
             reference: reference.map(|image| &image.means[..]),
         };
-        let late = limits.deadline.is_some_and(|time| Instant::now() > time);
+        let late = limits.deadline.is_some_and(|d| Instant::now() > d);
         self.reserve_time(&mut limits, &files.images);
         let stop = self.go_on(&limits);
         self.bar.finish();
-        self.warn_if_nothing_is_complete(late, stop);
+        // Warn if there was no time
+        let none = stop == Stop::Time && self.convergence.spp == 0;
+        if (late || none) && !self.arguments.quiet {
+            progress::warn(
+                "one sample of each pixel took longer than --time allows",
+            );
+        }
         Ok(stop)
     }
 
@@ -386,25 +392,17 @@ impl Run<'_> {
     // Keep time for writing in reserve
     fn reserve_time(&self, limits: &mut Limits, images: &[ImageTarget]) {
         let Some(deadline) = limits.deadline else { return };
-        let (width, height) = self.arguments.resolution;
-        let trial = Film::noise(width.min(256), height.min(256));
-        let ratio = self.film.area() as f64 / trial.area() as f64;
+        let Self { film, convergence, output, .. } = self;
+        let trial =
+            Film::noise(film.width().min(256), film.height().min(256));
+        let ratio = film.area() as f64 / trial.area() as f64;
         let began = Instant::now();
         black_box(trial.summary());
-        let image = self.output.rehearse(&self.convergence, &trial);
+        let image = output.rehearse(convergence, &trial);
         images.iter().for_each(|target| target.rehearse(&image));
         let reserve = began.elapsed().mul_f64(ratio);
         let left = deadline.saturating_duration_since(Instant::now());
         limits.deadline = deadline.checked_sub(reserve.min(left / 2));
-    }
-
-    fn warn_if_nothing_is_complete(&self, late: bool, stop: Stop) {
-        let none = stop == Stop::Time && self.convergence.spp == 0;
-        if (late || none) && !self.arguments.quiet {
-            progress::warn(
-                "one sample of each pixel took longer than --time allows",
-            );
-        }
     }
 }
 
