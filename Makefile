@@ -166,13 +166,14 @@ $(BUILD_DIR)/tables/%.tex: doc/measured/%.csv
 # All entries of these files by name, for the numbers in the text. A row is named
 # by its first field, or by those named here, with a slash between them; an empty
 # field repeats the one above.
-ROWS_ablation = scene fact
+ROWS_ablation = scene shortcut
 ROWS_bench = scene threads
 ROWS_leaks = surface rays number
 ROWS_loading = text reader threads
 ROWS_qualities = quality instructions
 ROWS_roulettes = scene rule
 ROWS_shapes = width realisations
+ROWS_shortcuts = scene shortcut
 ROWS_traversal = scene contender threads
 MEASURED_FILES := $(sort $(wildcard doc/measured/*.csv))
 $(BUILD_DIR)/tables/measured.tex: $(MEASURED_FILES) Makefile
@@ -338,7 +339,7 @@ stability-full:
 
 # ---- what a scene does not need
 
-# What each fact saves, scene by scene: five minutes on an idle machine.
+# What each shortcut saves, scene by scene: five minutes on an idle machine.
 .PHONY: ablation
 ablation:
 	$(CARGO) build --release --example ablation
@@ -505,7 +506,7 @@ $(BUILD_DIR)/litpt.pdf: $(WEB) $(BOOK_NEEDS) \
   $(BUILD_DIR)/figures/courtyard.png \
   $(addprefix $(BUILD_DIR)/tables/,closed-forms.tex qualities.tex \
     leaks.tex origins.tex roulettes.tex stability.tex stability-full.tex robustness.tex \
-    ablation.tex layouts.tex habits.tex abreast.tex traversal.tex \
+    $(if $(wildcard doc/measured/ablation.csv),ablation.tex) shortcuts.tex layouts.tex habits.tex abreast.tex traversal.tex \
     bench.tex generations.tex sizes.csv shapes.tex start.tex repeats.csv \
     accumulators.tex accounting.tex alarms.tex thresholds.tex \
     calibration.stamp anatomy.stamp curve.csv counted.tex said.tex)

@@ -54,8 +54,7 @@ fn rays_per_second(
 ) -> Result<f64, Box<dyn Error>> {
     let view = litpt::courtyard::view();
     let camera = Camera::new(&view, 4. / 3.)?;
-    let integrator =
-        PathTracer { albedo: 0.8, sky: Sky::new(view.up), foresight: () };
+    let integrator = PathTracer { albedo: 0.8, sky: Sky::new(view.up) };
     let job = Job {
         scene,
         intersector,

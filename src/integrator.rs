@@ -93,13 +93,11 @@ impl RayQuery for Hit {
 /// The estimator of the chapter's algorithm: a path ends by chance below
 /// the throughput `FAINT`, and from `MANY_BOUNCES` bounces on.
 #[derive(Clone, Copy, Debug)]
-pub struct PathTracer<F = ()> {
+pub struct PathTracer {
     /// Albedo of every surface, in [0, 1].
     pub albedo: f64,
     /// The only light.
     pub sky: Sky,
-    /// What is known of the rays that leave a surface.
-    pub foresight: F,
 }
 
 const FAINT: f64 = 0.1;
@@ -123,39 +121,6 @@ pub struct PathState {
 fn onward(n: u64) -> f64 {
     let ratio = n as f64 / (n + 1) as f64;
     ratio * ratio.sqrt()
-}
-
-/// What is known of the rays that leave a surface.
-pub trait Foresight: Sync {
-    /// Whether no ray that leaves the surface at `hit` meets anything.
-    fn is_open(&self, hit: &Hit) -> bool;
-
-    /// Whether a ray that leaves there in this direction is known to
-    /// meet nothing.
-    fn is_free(&self, hit: &Hit, direction: DVec3) -> bool;
-}
-
-impl<F: Foresight> Foresight for &F {
-    #[inline(always)]
-    fn is_open(&self, hit: &Hit) -> bool {
-        (**self).is_open(hit)
-    }
-
-    #[inline(always)]
-    fn is_free(&self, hit: &Hit, direction: DVec3) -> bool {
-        (**self).is_free(hit, direction)
-    }
-}
-
-/// Nothing is known.
-impl Foresight for () {
-    fn is_open(&self, _: &Hit) -> bool {
-        false
-    }
-
-    fn is_free(&self, _: &Hit, _: DVec3) -> bool {
-        false
-    }
 }
 
 /// The radiance of a scene that reflects nothing: that of the sky.
@@ -203,7 +168,7 @@ impl Integrator for DirectSky {
     }
 }
 
-impl<F: Foresight> Integrator for PathTracer<F> {
+impl Integrator for PathTracer {
     // Follow a path from hit to hit
     type Path = PathState;
     type RayQuery = Hit;
@@ -224,11 +189,6 @@ impl<F: Foresight> Integrator for PathTracer<F> {
             let light = self.sky.radiance(path.direction);
             return Step::End(path.throughput * light);
         };
-        // End at a surface that sees nothing but the sky
-        if self.foresight.is_open(&hit) {
-            let share = self.sky.share(hit.normal);
-            return Step::End(path.throughput * self.albedo * share);
-        }
         // Weaken or end the path
         if path.throughput < FAINT {
             if !happens(self.albedo, random) {
@@ -249,11 +209,6 @@ impl<F: Foresight> Integrator for PathTracer<F> {
         // Leave the surface in a random direction
         let (r, turn) = (random.random(), random.random());
         path.direction = cosine_direction(hit.normal, r, turn);
-        // End the path if its ray is known to be free
-        if self.foresight.is_free(&hit, path.direction) {
-            let light = self.sky.radiance(path.direction);
-            return Step::End(path.throughput * light);
-        }
         let ray = Ray { origin: hit.point, direction: path.direction };
         Step::On(ray, hit.primitive)
     }

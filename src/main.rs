@@ -19,6 +19,7 @@ use litpt::bvh::{Bvh, Quality};
 use litpt::camera::Camera;
 use litpt::film::Film;
 use litpt::progress::{self, Bar};
+use litpt::render::renderer;
 use litpt::render_loop::{Convergence, Interrupt, Limits, Stop};
 use litpt::report::{Report, SceneFacts};
 use litpt::run_output::RunOutput;
@@ -72,40 +73,30 @@ fn run(arguments: &Arguments) -> Result<Stop, String> {
     let triangles = mesh.triangles.len();
     drop(mesh);
     let load_seconds = loading.elapsed().as_secs_f64();
-    let building = Instant::now();
-    // Ask for what can be left out
-    let before = resumed.as_ref().map(|(_, saved)| saved.left_out());
-    let mut inquiry = Inquiry {
-        camera: &camera,
-        place: scene.place(camera.position),
-        sky,
-        albedo: arguments.albedo,
-        resolution: arguments.resolution,
-        rays: arguments.expected_rays(1),
-        kept: arguments.kept().to_vec(),
-    };
-    if let Some(before) = before {
-        inquiry.follow(&before);
-    }
-    let mut analysis = SceneAnalysis::find(&mut scene, &inquiry);
     // Build the hierarchy of what is left
-    analysis.simplify(&mut scene);
+    let building = Instant::now();
     let threads = rayon::current_num_threads();
     let (needed, isa) = (scene.triangles().len(), arguments.isa());
     let quality =
         Quality::expecting(needed, arguments.expected_rays(threads));
     let intersector = Bvh::of(scene.take_triangles(), quality, isa)
         .map_err(|e| e.to_string())?;
-    analysis.find_more(&scene, &intersector, &inquiry);
+    let inquiry = Inquiry {
+        camera: &camera,
+        sky,
+        albedo: arguments.albedo,
+        resolution: arguments.resolution,
+        kept: arguments.kept(),
+    };
+    let analysis = SceneAnalysis::find(&scene, &intersector, &inquiry);
     if arguments.explain {
         return explain(&analysis, arguments);
     }
     let renderer =
-        analysis.renderer(&scene, &intersector, &inquiry, arguments.seed);
+        renderer(&scene, &intersector, &inquiry, &analysis, arguments.seed);
     let build_seconds = building.elapsed().as_secs_f64();
     // Take up a run or begin one
-    let mut run_key = arguments.run_key(&sha256);
-    run_key.insert("left_out".into(), analysis.weighty().into());
+    let run_key = arguments.run_key(&sha256);
     let mut film = Film::new(width, height);
     let mut convergence = Convergence::default();
     if let Some((name, saved)) = resumed {
@@ -223,13 +214,10 @@ fn explain(
     let mut words = String::new();
     for Finding { fact, holds, why } in &analysis.findings {
         let sign = if *holds { "left out" } else { "-" };
-        words += &format!("{fact:8}{sign:10}{why}\n");
+        words += &format!("{fact:13}{sign:10}{why}\n");
     }
-    words += &format!(
-        "{:8}{}\n",
-        "intersector",
-        analysis.parts(arguments.isa())
-    );
+    let parts = analysis.parts(arguments.isa());
+    words += &format!("{:13}{parts}\n", "intersector");
     let mut out = io::stdout().lock();
     match out.write_all(words.as_bytes()) {
         Err(e) if e.kind() != ErrorKind::BrokenPipe => {

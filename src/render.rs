@@ -16,11 +16,14 @@ use rand::RngExt;
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
-use crate::analysis::background::KnownPixels;
-use crate::bvh::{Dispatch, Intersector};
+use crate::analysis::background::{KnownPixels, TileContent};
+use crate::analysis::{Inquiry, SceneAnalysis};
+use crate::bvh::{Bvh, Dispatch, Intersector};
 use crate::camera::Camera;
 use crate::film::{Film, Tile};
-use crate::integrator::{Integrator, RayQuery, Step};
+use crate::integrator::{
+    DirectSky, Integrator, PathTracer, RayQuery, Step,
+};
 use crate::sampler::{generator, within};
 use crate::scene::{Ray, Scene};
 use crate::statistics::Accumulator;
@@ -91,6 +94,32 @@ impl<K: Intersector, E: Integrator> Renderer for Job<'_, K, E> {
     }
 }
 
+/// The renderer of a scene with this intersector, for what its analysis
+/// has found to be needed.
+pub fn renderer<'a>(
+    scene: &'a Scene,
+    intersector: &'a Bvh,
+    inquiry: &Inquiry<'a>,
+    analysis: &'a SceneAnalysis,
+    seed: u64,
+) -> Box<dyn Renderer + 'a> {
+    let &Inquiry { camera, sky, albedo, .. } = inquiry;
+    let known = &analysis.known;
+    if analysis.is_black {
+        let integrator = DirectSky { sky };
+        return Box::new(Job {
+            scene,
+            intersector,
+            camera,
+            integrator,
+            known,
+            seed,
+        });
+    }
+    let integrator = PathTracer { albedo, sky };
+    Box::new(Job { scene, intersector, camera, integrator, known, seed })
+}
+
 // Keep a path that is under way
 /// Paths that a thread has under way.
 const IN_FLIGHT: usize = 4;
@@ -103,7 +132,7 @@ struct PathInFlight<P> {
     /// What its estimator remembers.
     path: P,
     random: Pcg64,
-    /// Where it goes next; none if it has missed the box of the scene.
+    /// Where it goes next; none if it is known to meet nothing.
     ray: Option<Ray>,
     /// The triangle that it leaves.
     from: Option<u32>,
@@ -126,18 +155,16 @@ impl<K: Intersector, E: Integrator> Job<'_, K, E> {
         let render = |(tile, pixels): (Tile, &mut [Accumulator])| {
             // Choose how a tile is filled
             let count = samples.end - samples.start;
-            let rays = match (parts as u64).min(count) {
-                _ if self.known.holds(&tile) => {
-                    // Fill a tile that is known
-                    for (pixel, i) in pixels.iter_mut().zip(0..) {
-                        let x = tile.corner.0 + i % tile.size.0;
-                        let y = tile.corner.1 + i / tile.size.0;
-                        pixel.add_times(self.known.radiance(x, y), count);
-                    }
+            let content = self.known.content(tile.corner);
+            let rays = match ((parts as u64).min(count), content) {
+                (_, TileContent::Constant(sample)) => {
+                    pixels
+                        .iter_mut()
+                        .for_each(|p| p.add_times(sample, count));
                     0
                 }
-                0 | 1 => self.tile(tile, pixels, resolution, &samples),
-                parts => {
+                (0 | 1, _) => self.tile(tile, pixels, resolution, &samples),
+                (parts, _) => {
                     // Render the samples in parts
                     // Cut the samples into parts
                     let cut = |k: u64| {
@@ -222,6 +249,7 @@ impl<K: Intersector, E: Integrator> Job<'_, K, E> {
         resolution: (u32, u32),
     ) {
         let (width, height) = resolution;
+        let sees_sky = self.known.content(tile.corner) == TileContent::Sky;
         for (pixel, n) in batch {
             // Find the column and the row
             let x = tile.corner.0 + pixel % tile.size.0;
@@ -233,7 +261,9 @@ impl<K: Intersector, E: Integrator> Job<'_, K, E> {
                 within(x, width, random.random()),
                 within(y, height, random.random()),
             );
-            let ray = self.scene.enter(self.camera.position, direction);
+            let enter =
+                || self.scene.enter(self.camera.position, direction);
+            let ray = if sees_sky { None } else { enter() };
             let path = self.integrator.begin(direction);
             begun.push(PathInFlight {
                 path,

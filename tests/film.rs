@@ -76,8 +76,7 @@ fn render(
         fov: 100.,
     };
     let camera = Camera::new(&view, 1.5).unwrap();
-    let integrator =
-        PathTracer { albedo: 0.8, sky: Sky::new(DVec3::Z), foresight: () };
+    let integrator = PathTracer { albedo: 0.8, sky: Sky::new(DVec3::Z) };
     let job = Job {
         scene: &scene,
         intersector: &intersector,
@@ -134,11 +133,7 @@ fn progress_counts_every_path_once() {
         scene: &scene,
         intersector: &intersector,
         camera: &Camera::new(&view, 1.).unwrap(),
-        integrator: &PathTracer {
-            albedo: 0.5,
-            sky: Sky::new(DVec3::Z),
-            foresight: (),
-        },
+        integrator: &PathTracer { albedo: 0.5, sky: Sky::new(DVec3::Z) },
         known: &KnownPixels::Nothing,
         seed: 0,
     };
@@ -173,11 +168,7 @@ fn a_kernel_can_be_written_by_somebody_else() {
         scene: &scene,
         intersector: &Nothing,
         camera: &Camera::new(&view, 1.).unwrap(),
-        integrator: &PathTracer {
-            albedo: 0.5,
-            sky: Sky::new(DVec3::Z),
-            foresight: (),
-        },
+        integrator: &PathTracer { albedo: 0.5, sky: Sky::new(DVec3::Z) },
         known: &KnownPixels::Nothing,
         seed: 0,
     };
