@@ -128,7 +128,7 @@ pub struct Arguments {
 
     /// Instructions to trace rays with, avx512, avx2 or portable; the image
     /// does not depend on them [default: the fastest of this processor]
-    #[arg(long, value_name = "ISA", hide_possible_values = true)]
+    #[arg(long, value_name = "ISA")]
     pub isa: Option<Isa>,
 
     /// Print nothing but errors
@@ -138,9 +138,9 @@ pub struct Arguments {
     #[arg(long)]
     pub keep_all: bool,
 
-    /// Do not look for this fact, and leave nothing out because of it: dark,
-    /// bare, hidden, black, open or free; may be repeated
-    #[arg(long, value_name = "FACT", hide_possible_values = true)]
+    /// Leave nothing out because of this shortcut: dark, background or
+    /// black; may be repeated
+    #[arg(long, value_name = "SHORTCUT")]
     pub keep: Vec<Shortcut>,
 
     /// Say what can be left out, and why, and render nothing
@@ -401,7 +401,7 @@ impl Arguments {
         self.isa.unwrap_or_else(Isa::best)
     }
 
-    /// The facts that are not to be looked for.
+    /// The shortcuts that are not to be looked for.
     pub fn kept(&self) -> &[Shortcut] {
         if self.keep_all { &Shortcut::ALL } else { &self.keep }
     }

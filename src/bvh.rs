@@ -27,12 +27,13 @@ mod wide;
 pub use wide::{Quality, in_morton_order};
 
 // Name what the hierarchy imports
+use std::str::FromStr;
 use std::{fmt, io};
 
-use clap::ValueEnum;
 use glam::DVec3;
 
 use crate::scene::{Ray, Scene, Triangle};
+use triangle::Leaf;
 use wide::Wide;
 
 // Say what an intersector answers
@@ -46,9 +47,6 @@ pub struct Hit {
     pub normal: DVec3,
     /// The triangle, by the intersector's own number.
     pub primitive: u32,
-    /// Whether the point lies just above its triangle, and was not moved
-    /// away because others were too close.
-    pub is_clear: bool,
 }
 
 /// Finds hits in one scene.
@@ -82,13 +80,13 @@ pub trait Dispatch {
 
 // Name the sets of instructions
 /// Sets of instructions with which a hierarchy can be walked.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Isa {
-    /// Sixteen boxes at a time
+    /// Sixteen boxes at a time.
     Avx512,
-    /// Eight boxes at a time
+    /// Eight boxes at a time.
     Avx2,
-    /// What every processor has
+    /// What every processor has.
     Portable,
 }
 
@@ -124,6 +122,19 @@ impl fmt::Display for Isa {
             Self::Avx512 => "avx512",
             Self::Avx2 => "avx2",
             Self::Portable => "portable",
+        })
+    }
+}
+
+impl FromStr for Isa {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        let named =
+            Self::ALL.into_iter().find(|isa| isa.to_string() == name);
+        named.ok_or_else(|| {
+            let [first, second, third] = Self::ALL;
+            format!("expected {first}, {second} or {third}")
         })
     }
 }
@@ -251,9 +262,24 @@ impl Bvh {
         with_walker!(self, walker => walker.wide().leaves.numbers())
     }
 
-    /// The triangles of the scene, by their numbers there.
-    pub fn triangles(&self) -> Vec<Triangle> {
-        with_walker!(self, walker => walker.wide().triangles())
+    /// Whether `asked` is true of the corners of a triangle. Only boxes
+    /// of which `enters` is true, given their two extreme corners, are
+    /// looked into; they are slightly larger than what they hold.
+    pub fn any_triangle(
+        &self,
+        enters: impl Fn(DVec3, DVec3) -> bool,
+        asked: impl Fn(&[DVec3; 3]) -> bool,
+    ) -> bool {
+        let asked = |_: &Leaf, _, corners: &_| asked(corners);
+        with_walker!(self, walker => walker.wide().any(&enters, &asked))
+    }
+
+    /// All triangles, each with its `Hit::primitive`, in the order of the
+    /// hierarchy.
+    pub fn triangles(
+        &self,
+    ) -> Box<dyn Iterator<Item = (u32, Triangle)> + '_> {
+        with_walker!(self, walker => Box::new(walker.wide().triangles()))
     }
 }
 

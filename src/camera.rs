@@ -84,14 +84,9 @@ impl Camera {
     // Give the direction of a point
     /// The direction of the point (`x`, `y`) of the image, of length one.
     pub fn direction(&self, x: f64, y: f64) -> DVec3 {
-        self.towards(x, y).normalize()
-    }
-
-    /// The same, of any length, linear in `x` and in `y`.
-    pub fn towards(&self, x: f64, y: f64) -> DVec3 {
         let along_row = self.right * (2. * x - 1.);
         let along_column = self.down * (2. * y - 1.);
-        along_row + along_column + self.ahead
+        (along_row + along_column + self.ahead).normalize()
     }
 }
 

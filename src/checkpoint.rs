@@ -133,15 +133,7 @@ impl<R: BufRead + Seek> Checkpoint<R> {
         Ok(Self { header, sums: file })
     }
 
-    // Tell what was left out and go on
-    /// The shortcuts that the run has taken, of those that matter to
-    /// samples.
-    pub fn left_out(&self) -> Vec<String> {
-        let forms = self.header.run_key.get("left_out").cloned();
-        let forms = forms.and_then(|f| serde_json::from_value(f).ok());
-        forms.unwrap_or_default()
-    }
-
+    // Go on from the sums
     /// Fills the `film`, and returns the convergence so far.
     ///
     /// # Errors

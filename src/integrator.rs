@@ -148,13 +148,11 @@ impl RayQuery for Hit {
 /// The estimator of the chapter's algorithm: a path ends by chance below
 /// the throughput `FAINT`, and from `MANY_BOUNCES` bounces on.
 #[derive(Clone, Copy, Debug)]
-pub struct PathTracer<F = ()> {
+pub struct PathTracer {
     /// Albedo of every surface, in [0, 1].
     pub albedo: f64,
     /// The only light.
     pub sky: Sky,
-    /// What is known of the rays that leave a surface.
-    pub foresight: F,
 }
 
 const FAINT: f64 = 0.1;
@@ -178,39 +176,6 @@ pub struct PathState {
 fn onward(n: u64) -> f64 {
     let ratio = n as f64 / (n + 1) as f64;
     ratio * ratio.sqrt()
-}
-
-/// What is known of the rays that leave a surface.
-pub trait Foresight: Sync {
-    /// Whether no ray that leaves the surface at `hit` meets anything.
-    fn is_open(&self, hit: &Hit) -> bool;
-
-    /// Whether a ray that leaves there in this direction is known to
-    /// meet nothing.
-    fn is_free(&self, hit: &Hit, direction: DVec3) -> bool;
-}
-
-impl<F: Foresight> Foresight for &F {
-    #[inline(always)]
-    fn is_open(&self, hit: &Hit) -> bool {
-        (**self).is_open(hit)
-    }
-
-    #[inline(always)]
-    fn is_free(&self, hit: &Hit, direction: DVec3) -> bool {
-        (**self).is_free(hit, direction)
-    }
-}
-
-/// Nothing is known.
-impl Foresight for () {
-    fn is_open(&self, _: &Hit) -> bool {
-        false
-    }
-
-    fn is_free(&self, _: &Hit, _: DVec3) -> bool {
-        false
-    }
 }
 
 /// The radiance of a scene that reflects nothing: that of the sky.
@@ -277,7 +242,7 @@ pub fn identity() -> String {
     )
 }
 
-impl<F: Foresight> Integrator for PathTracer<F> {
+impl Integrator for PathTracer {
     // Follow a path from hit to hit
     type Path = PathState;
     type RayQuery = Hit;
@@ -304,13 +269,6 @@ impl<F: Foresight> Integrator for PathTracer<F> {
             let light = self.sky.radiance(path.direction);
             return PathEvent::Terminate(path.throughput * light);
         };
-        // End at a surface that sees nothing but the sky
-        if self.foresight.is_open(&hit) {
-            let share = self.sky.share(hit.normal);
-            return PathEvent::Terminate(
-                path.throughput * self.albedo * share,
-            );
-        }
         // Weaken or end the path
         if path.throughput < FAINT {
             let u = sampler.get_1d(dimension::roulette(path.count));
@@ -333,11 +291,6 @@ impl<F: Foresight> Integrator for PathTracer<F> {
         let [r, turn] = sampler.get_2d(dimension::direction(path.count));
         path.count += 1;
         path.direction = cosine_direction(hit.normal, r, turn);
-        // End the path if its ray is known to be free
-        if self.foresight.is_free(&hit, path.direction) {
-            let light = self.sky.radiance(path.direction);
-            return PathEvent::Terminate(path.throughput * light);
-        }
         let ray = Ray { origin: hit.point, direction: path.direction };
         PathEvent::Scatter(ray, hit.primitive)
     }

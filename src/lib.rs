@@ -27,7 +27,7 @@
 //!                   up: DVec3::Y, fov: 70. };
 //! let camera = Camera::new(&view, 4. / 3.)?;
 //! let sky = Sky::new(DVec3::Z);
-//! let integrator = PathTracer { albedo: 0.5, sky, foresight: () };
+//! let integrator = PathTracer { albedo: 0.5, sky };
 //! let intersector = Bvh::new(&scene)?;
 //!
 //! let mut job = Job { scene: &scene, intersector: &intersector, camera: &camera,

@@ -27,7 +27,7 @@ use litpt::image::{Format, Image};
 use litpt::integrator::identity;
 use litpt::output::{ImageTarget, OutputTarget};
 use litpt::progress::{self, Bar};
-use litpt::render::Renderer;
+use litpt::render::{Renderer, renderer};
 use litpt::render_loop::{Convergence, Interrupt, Limits, Stop};
 use litpt::report::{Kind, Report, SceneFile};
 use litpt::run_output::RunOutput;
@@ -59,15 +59,15 @@ fn run(arguments: &Arguments) -> Result<Stop, String> {
     let mut files = Files::check(arguments)?;
     start_threads(arguments)?;
     let (mut scene, mut known) = load(arguments, &files)?;
-    let inquiry = inquire(arguments, &files, &camera, &scene);
+    let inquiry = inquire(arguments, &camera);
     let (analysis, bvh) =
         build(&mut scene, &inquiry, arguments, &mut known)?;
     if arguments.explain {
         return explain(&analysis, arguments);
     }
-    let mut job = analysis.renderer(&scene, &bvh, &inquiry, arguments.seed);
-    let mut run =
-        Run::begin(&mut *job, &analysis, arguments, &mut files, known)?;
+    let mut job =
+        renderer(&scene, &bvh, &inquiry, &analysis, arguments.seed);
+    let mut run = Run::begin(&mut *job, arguments, &mut files, known)?;
     let stop = run.render(start, &analysis, &files)?;
     run.write(&files, stop)?;
     Ok(stop)
@@ -191,24 +191,16 @@ fn load(
 
 // Analyse the scene and build the hierarchy
 fn inquire<'a>(
-    arguments: &Arguments,
-    files: &Files,
+    arguments: &'a Arguments,
     camera: &'a Camera,
-    scene: &Scene,
 ) -> Inquiry<'a> {
-    let mut inquiry = Inquiry {
+    Inquiry {
         camera,
-        place: scene.place(camera.position),
         sky: Sky::new(arguments.up),
         albedo: arguments.albedo,
         resolution: arguments.resolution,
-        rays: expected_rays(arguments, 1),
-        kept: arguments.kept().to_vec(),
-    };
-    if let Some(saved) = &files.resumed {
-        inquiry.follow(&saved.left_out());
+        kept: arguments.kept(),
     }
-    inquiry
 }
 
 fn build(
@@ -218,14 +210,12 @@ fn build(
     known: &mut Report,
 ) -> Result<(SceneAnalysis, Bvh), String> {
     let began = Instant::now();
-    let mut analysis = SceneAnalysis::find(scene, inquiry);
-    analysis.simplify(scene);
     let rays = expected_rays(arguments, rayon::current_num_threads());
     let quality = Quality::expecting(scene.triangles().len(), rays);
     let triangles = scene.take_triangles();
     let bvh = Bvh::of(triangles, quality, arguments.isa())
         .map_err(|e| e.to_string())?;
-    analysis.find_more(scene, &bvh, inquiry);
+    let analysis = SceneAnalysis::find(scene, &bvh, inquiry);
     // Report what was found and built
     known.left_out = analysis.left_out().cloned().collect();
     let threads = rayon::current_num_threads();
@@ -284,12 +274,11 @@ struct Run<'a> {
 impl<'a> Run<'a> {
     fn begin(
         job: &'a mut (dyn Renderer + 'a),
-        analysis: &SceneAnalysis,
         arguments: &'a Arguments,
         files: &mut Files,
         known: Report,
     ) -> Result<Self, String> {
-        let run_key = run_key(arguments, analysis, &known.scene.sha256);
+        let run_key = run_key(arguments, &known.scene.sha256);
         // Take the film of a checkpoint or a new one
         let (width, height) = arguments.resolution;
         let mut film = Film::new(width, height);
@@ -324,16 +313,11 @@ impl<'a> Run<'a> {
 }
 
 /// All that decides the samples of a run.
-fn run_key(
-    arguments: &Arguments,
-    analysis: &SceneAnalysis,
-    sha256: &str,
-) -> RunKey {
+fn run_key(arguments: &Arguments, sha256: &str) -> RunKey {
     let mut key = arguments.run_key();
     key.insert("version".into(), env!("CARGO_PKG_VERSION").into());
     key.insert("integrator".into(), identity().into());
     key.insert("scene_sha256".into(), sha256.into());
-    key.insert("left_out".into(), analysis.weighty().into());
     key
 }
 

@@ -14,11 +14,14 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use crate::analysis::background::KnownPixels;
-use crate::bvh::{Dispatch, Intersector};
+use crate::analysis::background::{KnownPixels, TileContent};
+use crate::analysis::{Inquiry, SceneAnalysis};
+use crate::bvh::{Bvh, Dispatch, Intersector};
 use crate::camera::Camera;
 use crate::film::{Film, Tile};
-use crate::integrator::{Integrator, PathEvent, RayQuery, Sums};
+use crate::integrator::{
+    DirectSky, Integrator, PathEvent, PathTracer, RayQuery, Sums,
+};
 use crate::sampler::{IndependentSampler, Sampler, within};
 use crate::scene::{Ray, Scene};
 use crate::statistics::Accumulator;
@@ -99,6 +102,33 @@ impl<K: Intersector, E: Integrator, S: Sampler> Renderer
     }
 }
 
+/// The renderer of a scene with this intersector, for what its analysis
+/// has found to be needed.
+pub fn renderer<'a>(
+    scene: &'a Scene,
+    intersector: &'a Bvh,
+    inquiry: &Inquiry<'a>,
+    analysis: &'a SceneAnalysis,
+    seed: u64,
+) -> Box<dyn Renderer + 'a> {
+    let &Inquiry { camera, sky, albedo, .. } = inquiry;
+    let known = &analysis.known;
+    let sampler = IndependentSampler::new(seed);
+    if analysis.is_black {
+        let integrator = DirectSky { sky };
+        return Box::new(Job {
+            scene,
+            intersector,
+            camera,
+            integrator,
+            known,
+            sampler,
+        });
+    }
+    let integrator = PathTracer { albedo, sky };
+    Box::new(Job { scene, intersector, camera, integrator, known, sampler })
+}
+
 // Keep a path that is under way
 /// Paths that a thread has under way.
 const IN_FLIGHT: usize = 4;
@@ -111,7 +141,7 @@ struct PathInFlight<P, S> {
     /// What its integrator remembers.
     path: P,
     sampler: S,
-    /// Where it goes next; none if it has missed the box of the scene.
+    /// Where it goes next; none if it is known to meet nothing.
     ray: Option<Ray>,
     /// The triangle that it leaves.
     from: Option<u32>,
@@ -137,20 +167,18 @@ impl<K: Intersector, E: Integrator, S: Sampler> Job<'_, K, E, S> {
             let count = values.end - values.start;
             let paths =
                 (count * S::REPLICATE).saturating_mul(pixels.len() as u64);
-            let sums = match (parts as u64).min(count) {
-                _ if self.known.holds(&tile) => {
-                    // Fill a tile that is known
-                    for (pixel, i) in pixels.iter_mut().zip(0..) {
-                        let x = tile.corner.0 + i % tile.size.0;
-                        let y = tile.corner.1 + i / tile.size.0;
-                        pixel.add_times(self.known.radiance(x, y), count);
-                    }
+            let content = self.known.content(tile.corner);
+            let sums = match ((parts as u64).min(count), content) {
+                (_, TileContent::Constant(sample)) => {
+                    pixels
+                        .iter_mut()
+                        .for_each(|p| p.add_times(sample, count));
                     Some(E::Sums::default())
                 }
-                0 | 1 => {
+                (0 | 1, _) => {
                     self.fill(tile, pixels, resolution, &values, watch)
                 }
-                parts => {
+                (parts, _) => {
                     // Render the values in parts
                     // Cut the values into parts
                     let cut = |k: u64| {
@@ -291,6 +319,7 @@ impl<K: Intersector, E: Integrator, S: Sampler> Job<'_, K, E, S> {
         resolution: (u32, u32),
     ) {
         let (width, height) = resolution;
+        let sees_sky = self.known.content(tile.corner) == TileContent::Sky;
         for (pixel, n) in batch {
             // Find the column and the row
             let x = tile.corner.0 + pixel % tile.size.0;
@@ -302,7 +331,9 @@ impl<K: Intersector, E: Integrator, S: Sampler> Job<'_, K, E, S> {
             let direction = self
                 .camera
                 .direction(within(x, width, u), within(y, height, v));
-            let ray = self.scene.enter(self.camera.position, direction);
+            let enter =
+                || self.scene.enter(self.camera.position, direction);
+            let ray = if sees_sky { None } else { enter() };
             let path = self.integrator.begin(direction);
             begun.push(PathInFlight {
                 path,

@@ -79,8 +79,7 @@ fn render(
         fov: 100.,
     };
     let camera = Camera::new(&view, 1.5).unwrap();
-    let integrator =
-        PathTracer { albedo: 0.8, sky: Sky::new(DVec3::Z), foresight: () };
+    let integrator = PathTracer { albedo: 0.8, sky: Sky::new(DVec3::Z) };
     let mut job = Job {
         scene: &scene,
         intersector: &intersector,
@@ -137,11 +136,7 @@ fn progress_counts_every_path_once() {
         scene: &scene,
         intersector: &intersector,
         camera: &Camera::new(&view, 1.).unwrap(),
-        integrator: &PathTracer {
-            albedo: 0.5,
-            sky: Sky::new(DVec3::Z),
-            foresight: (),
-        },
+        integrator: &PathTracer { albedo: 0.5, sky: Sky::new(DVec3::Z) },
         known: &KnownPixels::Nothing,
         sampler: IndependentSampler::new(0),
     };
@@ -177,11 +172,7 @@ fn a_kernel_can_be_written_by_somebody_else() {
         scene: &scene,
         intersector: &Nothing,
         camera: &Camera::new(&view, 1.).unwrap(),
-        integrator: &PathTracer {
-            albedo: 0.5,
-            sky: Sky::new(DVec3::Z),
-            foresight: (),
-        },
+        integrator: &PathTracer { albedo: 0.5, sky: Sky::new(DVec3::Z) },
         known: &KnownPixels::Nothing,
         sampler: IndependentSampler::new(0),
     };
@@ -312,13 +303,13 @@ fn few_rays_are_traced_after_a_pass_is_told_to_stop() {
         ) -> Option<Hit> {
             self.0.fetch_add(1, Relaxed);
             let (point, normal) = (ray.origin, DVec3::Z);
-            Some(Hit { point, normal, primitive: 0, is_clear: true })
+            Some(Hit { point, normal, primitive: 0 })
         }
     }
     let setting = sphere();
     let Job { scene, camera, known, sampler, .. } = setting.job(1);
     let sky = Sky::new(DVec3::Z);
-    let integrator = &PathTracer { albedo: 1., sky, foresight: () };
+    let integrator = &PathTracer { albedo: 1., sky };
     for (size, end) in [((16, 16), 1000), ((300, 200), 5), ((1, 1), 90_000)]
     {
         for threads in [1, 4] {

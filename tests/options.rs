@@ -9,7 +9,6 @@ use std::io;
 use std::process::Stdio;
 use std::time::Duration;
 
-use clap::ValueEnum;
 use litpt::bvh::Isa;
 
 use common::{ABOVE, ROOM, Scratch, finish, pgm};
@@ -80,7 +79,7 @@ fn the_instructions_change_nothing_but_the_summary() {
     let film = place.render(&["-n3"]);
     for isa in Isa::ALL.map(|isa| isa.to_string()) {
         let run = place.run(&["-i", "room.obj", "-n3", "--isa", &isa]);
-        if Isa::from_str(&isa, false).unwrap().is_available() {
+        if isa.parse::<Isa>().unwrap().is_available() {
             run.succeeded();
             assert!(run.stdout == film, "{isa}");
             assert!(run.stderr.contains(&format!(", {isa})")), "{isa}");

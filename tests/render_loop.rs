@@ -261,8 +261,7 @@ fn the_summary_averages_the_squares_of_the_errors_that_pixels_state() {
 fn a_single_pixel_is_the_same_for_any_number_of_threads_and_passes() {
     let world = World::new();
     let intersector = Bvh::new(&world.scene).unwrap();
-    let integrator =
-        PathTracer { albedo: 0.8, sky: Sky::new(DVec3::Z), foresight: () };
+    let integrator = PathTracer { albedo: 0.8, sky: Sky::new(DVec3::Z) };
     let mut job = world.job(&intersector, &integrator, 5);
     for size in [(1, 1), (3, 2), (17, 1)] {
         let mut render = |threads, passes: &[u64]| {

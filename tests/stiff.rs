@@ -21,14 +21,8 @@ fn path(
     n: u64,
     mut leaves: impl FnMut(u64) -> bool,
 ) -> (f64, u64) {
-    let integrator =
-        PathTracer { albedo: rho, sky: Sky::new(DVec3::Z), foresight: () };
-    let wall = Hit {
-        point: DVec3::ZERO,
-        normal: DVec3::Z,
-        primitive: 0,
-        is_clear: true,
-    };
+    let integrator = PathTracer { albedo: rho, sky: Sky::new(DVec3::Z) };
+    let wall = Hit { point: DVec3::ZERO, normal: DVec3::Z, primitive: 0 };
     let mut sampler = IndependentSampler::new(1).start(0, n);
     let mut path = integrator.begin(DVec3::Z);
     let mut rays = 1;

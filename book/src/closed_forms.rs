@@ -330,7 +330,7 @@ impl Setting {
         let scene = Scene::new(mesh);
         let intersector = Bvh::new(&scene)?;
         let sky = Sky::new(up);
-        let integrator = PathTracer { albedo: rho, sky, foresight: () };
+        let integrator = PathTracer { albedo: rho, sky };
         Ok(Self { scene, intersector, camera, integrator })
     }
 

@@ -1,4 +1,4 @@
-// Scenes of which some part is superfluous, for tests and tables of facts.
+// Scenes of which some part is superfluous, for tests and tables of shortcuts.
 //
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
@@ -12,6 +12,7 @@ use litpt::analysis::{Inquiry, SceneAnalysis, Shortcut};
 use litpt::bvh::{Bvh, Isa, Quality};
 use litpt::camera::{Camera, View};
 use litpt::film::Film;
+use litpt::render::renderer;
 use litpt::scene::{Mesh, Scene};
 use litpt::sky::Sky;
 
@@ -27,14 +28,14 @@ pub struct Setting {
 pub struct Outcome {
     pub film: Film,
     pub rays: u64,
-    /// Seconds of the search for facts with the build, and of the render.
+    /// Seconds of the build with the analysis, and of the render.
     pub seconds: [f64; 2],
-    /// The names of the facts that hold.
-    pub analysis: Vec<String>,
+    /// The names of the shortcuts that hold.
+    pub left_out: Vec<String>,
 }
 
 impl Setting {
-    /// Renders with all facts but those that are `kept`.
+    /// Renders with all shortcuts but those that are `kept`.
     pub fn render(
         &self,
         kept: &[Shortcut],
@@ -42,51 +43,46 @@ impl Setting {
         n: u64,
         seed: u64,
     ) -> Outcome {
-        let rays = f64::INFINITY;
-        self.render_with(kept, resolution, (n, rays), seed, |_| ())
+        self.render_with(kept, resolution, n, seed, |_| ())
     }
 
-    /// The same, for a search that may cost what so many rays are worth,
-    /// and with a chance to change what was found.
+    /// The same, with a chance to change what was found.
     pub fn render_with(
         &self,
         kept: &[Shortcut],
         resolution: (u32, u32),
-        (n, rays): (u64, f64),
+        n: u64,
         seed: u64,
         lie: impl Fn(&mut SceneAnalysis),
     ) -> Outcome {
         let (width, height) = resolution;
         let aspect = f64::from(width) / f64::from(height);
         let camera = Camera::new(&self.view, aspect).expect("a view");
-        let mut scene = Scene::new(&self.mesh);
+        let scene = Scene::new(&self.mesh);
         let start = Instant::now();
         let inquiry = Inquiry {
             camera: &camera,
-            place: scene.place(self.view.position),
             sky: Sky::new(self.view.up),
             albedo: self.rho,
             resolution,
-            rays,
-            kept: kept.to_vec(),
+            kept,
         };
-        let mut analysis = SceneAnalysis::find(&mut scene, &inquiry);
-        analysis.simplify(&mut scene);
-        let quality = Quality::Medium;
-        let intersector = Bvh::with(&scene, quality, Isa::best());
+        let intersector = Bvh::with(&scene, Quality::Medium, Isa::best());
         let intersector = intersector.expect("a hierarchy");
-        analysis.find_more(&scene, &intersector, &inquiry);
+        let mut analysis =
+            SceneAnalysis::find(&scene, &intersector, &inquiry);
         lie(&mut analysis);
         let found = start.elapsed().as_secs_f64();
         let mut film = Film::new(width, height);
         let start = Instant::now();
         let mut renderer =
-            analysis.renderer(&scene, &intersector, &inquiry, seed);
+            renderer(&scene, &intersector, &inquiry, &analysis, seed);
         let rays = renderer.pass(&mut film, n, &|_| true);
         let seconds = [found, start.elapsed().as_secs_f64()];
         drop(renderer);
-        let names = analysis.left_out().map(|f| f.fact.clone()).collect();
-        Outcome { film, rays, seconds, analysis: names }
+        let left_out =
+            analysis.left_out().map(|f| f.fact.clone()).collect();
+        Outcome { film, rays, seconds, left_out }
     }
 }
 

@@ -6,227 +6,178 @@
 // Software Foundation, either version 3 of the License, or (at your option)
 // any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Pixels whose radiance follows without a path.
+//! Tiles of an image in which no triangle can be seen.
 
-// Name what the bare pixels import
+// Name what the background imports
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::boxes::{Bounds, Boxes, Search};
+use crate::bvh::Bvh;
 use crate::camera::Camera;
-use crate::film::{SIDE, Tile};
+use crate::film::SIDE;
 use crate::numerics::cross;
-use crate::scene::Triangle;
 use crate::sky::Sky;
 
-// Hold what is known of pixels
-/// Pixels whose radiance is known before the render.
+// Say what is known of tiles
+/// What is known of a tile before it is rendered.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum TileContent {
+    /// Nothing: its rays have to be traced.
+    Scene,
+    /// No ray from the camera through it meets a triangle.
+    Sky,
+    /// Each sample of each of its pixels is this number.
+    Constant(f64),
+}
+
+/// What is known of all tiles of an image before the render.
 #[derive(Default)]
 pub enum KnownPixels {
-    /// None.
+    /// Nothing.
     #[default]
     Nothing,
     /// All are black.
     Dark,
-    /// In some tiles there is nothing but the sky.
-    Bare(BackgroundTiles),
+    /// Some tiles see no triangle.
+    Background(BackgroundTiles),
 }
 
-/// The tiles of an image that see no triangle.
+/// The tiles of an image, of which some see no triangle.
 pub struct BackgroundTiles {
-    camera: Camera,
-    sky: Sky,
-    resolution: (u32, u32),
-    /// By row and column of the tiles.
-    bare: Vec<bool>,
+    columns: u32,
+    /// By row and column.
+    tiles: Vec<TileContent>,
 }
 
 impl KnownPixels {
-    /// Whether the pixels of a tile are known.
-    pub fn holds(&self, tile: &Tile) -> bool {
+    /// What is known of the tile of a pixel.
+    pub fn content(&self, (x, y): (u32, u32)) -> TileContent {
         match self {
-            Self::Nothing => false,
-            Self::Dark => true,
-            Self::Bare(tiles) => tiles.bare[tiles.place(tile.corner)],
+            Self::Nothing => TileContent::Scene,
+            Self::Dark => TileContent::Constant(0.),
+            Self::Background(BackgroundTiles { columns, tiles }) => {
+                tiles[(y / SIDE * columns + x / SIDE) as usize]
+            }
         }
     }
 
-    // Tell whether all pixels are known
-    /// Whether all pixels are known.
+    // Tell whether all samples are known
+    /// Whether each sample of the image is known.
     pub fn is_all(&self) -> bool {
+        let is_constant =
+            |tile: &TileContent| matches!(tile, TileContent::Constant(_));
         match self {
             Self::Nothing => false,
             Self::Dark => true,
-            Self::Bare(tiles) => tiles.bare.iter().all(|&bare| bare),
-        }
-    }
-
-    // Give the radiance of a known pixel
-    /// The radiance of a pixel of a tile that `holds`.
-    pub fn radiance(&self, x: u32, y: u32) -> f64 {
-        match self {
-            Self::Nothing | Self::Dark => 0.,
-            Self::Bare(tiles) => tiles.coverage(x, y),
+            Self::Background(all) => all.tiles.iter().all(is_constant),
         }
     }
 }
 
 // Find the tiles that see nothing
-/// What lies on the far side of no plane.
-struct Pyramid<'a> {
-    triangles: &'a [Triangle],
+/// The rays of a tile.
+struct Pyramid {
     tip: DVec3,
     /// Unit vectors into the pyramid, of the planes around it; zero for a
-    /// plane that says nothing.
+    /// plane that separates nothing.
     inwards: [DVec3; 5],
     /// How far outside counts as outside.
     margin: f64,
-    /// Whether a triangle may be inside.
-    found: bool,
 }
 
-impl Pyramid<'_> {
-    /// Whether a plane separates the pyramid from all of some points,
-    /// given how far they reach along a vector.
-    fn misses(&self, reach: impl Fn(DVec3) -> f64) -> bool {
+impl Pyramid {
+    /// Whether a plane separates the pyramid from a convex body, given
+    /// how far that extends along a vector.
+    fn misses(&self, extent: impl Fn(DVec3) -> f64) -> bool {
         let tip = self.tip;
-        let beyond = |&n: &DVec3| reach(n) - n.dot(tip) < -self.margin;
+        let beyond = |&n: &DVec3| extent(n) - n.dot(tip) < -self.margin;
         self.inwards.iter().any(beyond)
     }
-}
 
-impl Search for Pyramid<'_> {
-    fn promise(&self, bounds: &Bounds) -> Option<f64> {
-        let (low, high) = bounds.doubles();
-        let reach = |n: DVec3| (n * low).max(n * high).element_sum();
-        (!self.misses(reach)).then_some(0.)
-    }
-
-    // Look for a triangle inside the pyramid
-    fn look(&mut self, numbers: &[u32]) -> bool {
-        self.found = numbers.iter().any(|&i| {
-            let corners = self.triangles[i as usize];
-            let reach = |n: DVec3| {
-                let along = corners.map(|corner| n.dot(corner.as_dvec3()));
-                along.into_iter().fold(f64::NEG_INFINITY, f64::max)
-            };
-            !self.misses(reach)
-        });
-        !self.found
+    // Ask the hierarchy for a triangle inside
+    /// Whether a triangle may be inside.
+    fn sees(&self, intersector: &Bvh) -> bool {
+        intersector.any_triangle(
+            |low, high| {
+                !self.misses(|n| (n * low).max(n * high).element_sum())
+            },
+            |corners| {
+                let most = |n: DVec3| {
+                    let along = corners.map(|corner| n.dot(corner));
+                    along.into_iter().fold(f64::NEG_INFINITY, f64::max)
+                };
+                !self.misses(most)
+            },
+        )
     }
 }
 
 impl BackgroundTiles {
-    /// The tiles that see none of `triangles`, from the point `tip` among
-    /// them; `boxes` are those of the triangles.
+    /// The tiles of an image of this `resolution` that see no triangle
+    /// of an intersector from the point `tip`, where the camera is among
+    /// them.
     pub fn new(
-        camera: Camera,
+        camera: &Camera,
         sky: Sky,
         resolution: (u32, u32),
         tip: DVec3,
-        (triangles, boxes): (&[Triangle], &Boxes),
+        intersector: &Bvh,
     ) -> Self {
         let (columns, rows) =
             (resolution.0.div_ceil(SIDE), resolution.1.div_ceil(SIDE));
-        // Choose how far outside is outside
         let size = tip.abs().max_element() + 16384.;
         let margin = size / (1u64 << 46) as f64;
-        let is_bare = |place: u32| {
+        let content = |place: u32| {
+            // Find what one tile can see
             let (x, y) = (place % columns * SIDE, place / columns * SIDE);
-            // Ask whether the tile sees a triangle
             // Send rays through the corners of the tile
             let (width, height) = resolution;
             let (right, bottom) =
                 ((x + SIDE).min(width), (y + SIDE).min(height));
             let corners =
                 [(x, y), (right, y), (right, bottom), (x, bottom)];
-            let ray = |(x, y): (u32, u32)| {
+            let corners = corners.map(|(x, y)| {
                 let (x, y) = (f64::from(x), f64::from(y));
                 camera
                     .direction(x / f64::from(width), y / f64::from(height))
-            };
-            let [a, b, c, d] = corners.map(ray);
+            });
+            let [a, b, c, d] = corners;
             let middle = camera.direction(0.5, 0.5);
             let inside = a + b + c + d;
             // Raise planes over the sides of the tile
             let side = |(a, b)| {
                 let normal = cross(a, b).normalize_or_zero();
                 let aside = normal.dot(inside);
-                if aside.abs() < FLAT {
-                    DVec3::ZERO
-                } else {
-                    normal * aside.signum()
+                match aside.abs() < FLAT {
+                    true => DVec3::ZERO,
+                    false => normal * aside.signum(),
                 }
             };
             let [p, q, r, s] = [(a, b), (b, c), (c, d), (d, a)].map(side);
             let inwards = [p, q, r, s, middle];
-            let mut pyramid =
-                Pyramid { triangles, tip, inwards, margin, found: false };
-            boxes.search(&mut pyramid);
-            !pyramid.found
+            let pyramid = Pyramid { tip, inwards, margin };
+            if pyramid.sees(intersector) {
+                return TileContent::Scene;
+            }
+            // See whether the sky is constant
+            let light = corners.map(|corner| sky.radiance(corner));
+            match light.iter().all(|&other| other == light[0]) {
+                true => TileContent::Constant(light[0]),
+                false => TileContent::Sky,
+            }
         };
         let places = (0..columns * rows).into_par_iter();
-        let bare = places.map(is_bare).collect();
-        Self { camera, sky, resolution, bare }
+        Self { columns, tiles: places.map(content).collect() }
     }
 
-    // Number and count the tiles
-    /// The number of a tile, from its first pixel.
-    fn place(&self, (x, y): (u32, u32)) -> usize {
-        (y / SIDE * self.resolution.0.div_ceil(SIDE) + x / SIDE) as usize
-    }
-
-    /// How many tiles there are, and how many are bare.
+    // Count the tiles of the background
+    /// How many tiles there are, and how many of them see no triangle.
     pub fn count(&self) -> (usize, usize) {
-        let bare = self.bare.iter().filter(|&&bare| bare).count();
-        (self.bare.len(), bare)
-    }
-
-    // Give the share of sky in a pixel
-    /// The share of the pixel in which the sky is seen.
-    fn coverage(&self, x: u32, y: u32) -> f64 {
-        let (width, height) = self.resolution;
-        let zenith = self.sky.zenith();
-        let at = |(i, j): (f64, f64)| {
-            let x = (f64::from(x) + i) / f64::from(width);
-            let y = (f64::from(y) + j) / f64::from(height);
-            zenith.dot(self.camera.towards(x, y))
-        };
-        positive_share(PIXEL.map(at))
+        let sky = |tile: &&TileContent| **tile != TileContent::Scene;
+        (self.tiles.len(), self.tiles.iter().filter(sky).count())
     }
 }
 
 /// The least distance of unit vectors from a plane that tells on which
 /// side of it they are: 2^-40.
 const FLAT: f64 = 1. / (1u64 << 40) as f64;
-
-// Measure the sky in a pixel
-/// The corners of a pixel, around it.
-const PIXEL: [(f64, f64); 4] = [(0., 0.), (1., 0.), (1., 1.), (0., 1.)];
-
-/// The share of a pixel in which a linear function is positive, given
-/// its values at the corners.
-fn positive_share(values: [f64; 4]) -> f64 {
-    if values.iter().all(|&f| f > 0.) {
-        return 1.;
-    }
-    let mut polygon = Vec::with_capacity(6);
-    // Walk around the pixel and its horizon
-    for i in 0..4 {
-        let j = (i + 1) % 4;
-        let ((p, f), (q, g)) =
-            ((PIXEL[i], values[i]), (PIXEL[j], values[j]));
-        if f > 0. {
-            polygon.push(p);
-        }
-        if (f > 0.) != (g > 0.) {
-            let t = f / (f - g);
-            polygon.push((p.0 + t * (q.0 - p.0), p.1 + t * (q.1 - p.1)));
-        }
-    }
-    // Sum up the area of the polygon
-    let next = polygon.iter().cycle().skip(1);
-    let parts =
-        polygon.iter().zip(next).map(|(p, q)| p.0 * q.1 - q.0 * p.1);
-    (0.5 * parts.sum::<f64>()).clamp(0., 1.)
-}

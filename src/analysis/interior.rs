@@ -6,21 +6,62 @@
 // Software Foundation, either version 3 of the License, or (at your option)
 // any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Closed surfaces, and what they separate from the camera.
+//! Whether the camera is inside a closed surface.
 //!
-//! Whether a point is inside is decided by exact predicates.
+//! That is decided by exact predicates.
 
-// Name what the enclosures import
-use std::cmp::Reverse;
-
-use glam::{DVec3, Vec3};
+// Name what the interior imports
+use glam::DVec3;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
 use rayon::prelude::*;
-use robust::{Coord, orient2d, orient3d};
+use robust::{Coord, Coord3D, orient2d, orient3d};
 
-use super::boxes::{Bounds, Boxes, Search};
-use super::outlook::coord;
+use crate::bvh::{Hit, Intersector};
+use crate::camera::Camera;
 use crate::numerics::cross;
-use crate::scene::{Triangle, scattered};
+use crate::sampler::cosine_direction;
+use crate::scene::{Ray, Scene, Triangle, scattered};
+
+// Look for a path that gets out
+/// Whether some path from the camera leaves the scene; then no closed
+/// surface is around it.
+pub fn lets_out(
+    scene: &Scene,
+    intersector: &impl Intersector,
+    camera: &Camera,
+) -> bool {
+    (0..PATHS).any(|n| {
+        let mut random = Pcg64::seed_from_u64(n);
+        let direction = camera.direction(random.random(), random.random());
+        let first = scene.enter(camera.position, direction);
+        leaves(first, intersector, &mut random)
+    })
+}
+
+/// Paths that are tried, and rays of each.
+const PATHS: u64 = 256;
+const RAYS: usize = 16;
+
+/// Whether a path with this first ray leaves the scene.
+fn leaves(
+    first: Option<Ray>,
+    intersector: &impl Intersector,
+    random: &mut Pcg64,
+) -> bool {
+    let (mut ray, mut from) = (first, None);
+    for _ in 0..RAYS {
+        let hit = ray.and_then(|ray| intersector.first_hit(&ray, from));
+        let Some(Hit { point, normal, primitive }) = hit else {
+            return true;
+        };
+        let (r, turn) = (random.random(), random.random());
+        let direction = cosine_direction(normal, r, turn);
+        ray = Some(Ray { origin: point, direction });
+        from = Some(primitive);
+    }
+    false
+}
 
 // Tell triangles above a point exactly
 /// Whether a line from a point in the direction of the first axis crosses
@@ -36,7 +77,7 @@ fn is_crossed(a: DVec3, b: DVec3, point: DVec3) -> bool {
 
 /// How a triangle lies to a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum OutputTarget {
+enum Place {
     /// Neither above nor below it.
     Beside,
     Above,
@@ -45,7 +86,7 @@ enum OutputTarget {
     Touching,
 }
 
-impl OutputTarget {
+impl Place {
     fn of(triangle: &Triangle, point: DVec3) -> Self {
         let [a, b, c] = triangle.map(|corner| corner.as_dvec3());
         if is_touched([a, b, c], point) {
@@ -57,6 +98,7 @@ impl OutputTarget {
             // Compare the height of the triangle
             let flat = |DVec3 { x, y, .. }: DVec3| Coord { x, y };
             let turn = orient2d(flat(a), flat(b), flat(c));
+            let coord = |DVec3 { x, y, z }: DVec3| Coord3D { x, y, z };
             let [a, b, c] = [a, b, c].map(coord);
             // Positive for a point below a triangle that turns to the left.
             let below = orient3d(a, b, c, coord(point)) * turn.signum();
@@ -85,17 +127,21 @@ fn is_touched([a, b, c]: [DVec3; 3], point: DVec3) -> bool {
 const SLACK: f64 = 1. / (1 << 20) as f64;
 
 // Ask whether the camera may be enclosed
-/// The triangles above a point; none if one is so close that nobody can
-/// tell on which side of it the point is.
-pub fn above(triangles: &[Triangle], point: DVec3) -> Option<Vec<u32>> {
+/// The numbers of the triangles above a point; or else that of one so
+/// close that it cannot be told on which side of it the point is.
+pub fn above(
+    triangles: &[Triangle],
+    point: DVec3,
+) -> Result<Vec<u32>, u32> {
     let numbers = (0..triangles.len() as u32).into_par_iter();
-    let place = |i| (OutputTarget::of(&triangles[i as usize], point), i);
+    let place = |i| (Place::of(&triangles[i as usize], point), i);
     let hits = numbers.map(place);
-    let hits: Vec<_> =
-        hits.filter(|hit| hit.0 != OutputTarget::Beside).collect();
-    let touched = hits.iter().any(|hit| hit.0 == OutputTarget::Touching);
-    let above = hits.iter().filter(|hit| hit.0 == OutputTarget::Above);
-    (!touched).then(|| above.map(|hit| hit.1).collect())
+    let hits: Vec<_> = hits.filter(|hit| hit.0 != Place::Beside).collect();
+    if let Some(hit) = hits.iter().find(|hit| hit.0 == Place::Touching) {
+        return Err(hit.1);
+    }
+    let above = hits.into_iter().filter(|hit| hit.0 == Place::Above);
+    Ok(above.map(|hit| hit.1).collect())
 }
 
 // Divide a scene into parts
@@ -148,16 +194,16 @@ impl Parts {
     }
 
     // Ask whether a part encloses a point
-    /// The closed parts that have an odd number of the triangles `above` a
+    /// Whether a closed part has an odd number of the triangles `above` a
     /// point, which is therefore inside.
-    pub fn around(&self, above: &[u32]) -> Vec<u32> {
+    pub fn enclose(&self, above: &[u32]) -> bool {
         let name = |&i: &u32| self.part[i as usize];
         let mut names: Vec<_> = above.iter().map(name).collect();
         names.sort_unstable();
-        let odd = names.chunk_by(|a, b| a == b);
-        let odd =
-            odd.filter(|same| same.len() % 2 == 1).map(|same| same[0]);
-        odd.filter(|&name| self.closed[name as usize]).collect()
+        let mut parts = names.chunk_by(|a, b| a == b);
+        parts.any(|same| {
+            same.len() % 2 == 1 && self.closed[same[0] as usize]
+        })
     }
 }
 
@@ -191,153 +237,14 @@ fn unite(part: &mut [u32], a: u32, b: u32) {
     part[a.max(b) as usize] = a.min(b);
 }
 
-// Find the parts inside of others
-/// For each triangle whether it is inside of a closed part.
-pub fn hidden(triangles: &[Triangle], parts: &Parts) -> Vec<bool> {
-    // Gather the triangles of each part
-    let mut order: Vec<_> = (0..triangles.len() as u32).collect();
-    order.par_sort_by_key(|&i| parts.part[i as usize]);
-    let same = |a: &u32, b: &u32| {
-        parts.part[*a as usize] == parts.part[*b as usize]
-    };
-    let members: Vec<_> = order.chunk_by(same).map(Vec::from).collect();
-    let bounds: Vec<_> =
-        members.par_iter().map(|m| bounds(triangles, m)).collect();
-    let mut hidden = vec![false; triangles.len()];
-    // Choose the closed parts that may hide others
-    let is_closed = |shell: &usize| {
-        parts.closed[parts.part[members[*shell][0] as usize] as usize]
-    };
-    let mut shells: Vec<_> = (0..members.len()).filter(is_closed).collect();
-    shells.sort_by_key(|&shell| Reverse(members[shell].len()));
-    shells.truncate(SHELLS);
-    let mut work = 0;
-    for shell in shells {
-        // Hide the parts inside of one closed part
-        let is_hidden = |part: usize| hidden[members[part][0] as usize];
-        // Select the parts within its box
-        let within = |&part: &usize| {
-            let (inner, outer) = (bounds[part], bounds[shell]);
-            outer.low.cmplt(inner.low).all()
-                && inner.high.cmplt(outer.high).all()
-        };
-        let inner = (0..members.len()).filter(within);
-        let inner: Vec<_> =
-            inner.filter(|&part| !is_hidden(part)).collect();
-        if inner.is_empty() || is_hidden(shell) {
-            continue;
-        }
-        let asked: usize =
-            inner.iter().map(|&part| members[part].len()).sum();
-        if work + asked + members[shell].len() > triangles.len() {
-            continue;
-        }
-        work += asked + members[shell].len();
-        let walls: Vec<_> =
-            members[shell].iter().map(|&i| triangles[i as usize]).collect();
-        let shell = Shell { boxes: Boxes::new(&walls), walls };
-        for part in inner {
-            let contents =
-                members[part].iter().map(|&i| &triangles[i as usize]);
-            if shell.encloses(contents) {
-                members[part]
-                    .iter()
-                    .for_each(|&i| hidden[i as usize] = true);
-            }
-        }
-    }
-    hidden
-}
-
-/// The box of some triangles.
-fn bounds(triangles: &[Triangle], numbers: &[u32]) -> Bounds {
-    let boxes = numbers.iter().map(|&i| Bounds::of(&triangles[i as usize]));
-    boxes.fold(Bounds::EMPTY, Bounds::union)
-}
-
-/// Closed parts that are asked whether they hide others.
-const SHELLS: usize = 64;
-
-/// A closed part, ready for questions.
-struct Shell {
-    walls: Vec<Triangle>,
-    boxes: Boxes,
-}
-
-impl Shell {
-    // Ask whether a part is inside and apart
-    /// Whether triangles that hang together are inside, and away from
-    /// the walls.
-    fn encloses<'a>(
-        &self,
-        mut triangles: impl Iterator<Item = &'a Triangle> + Clone,
-    ) -> bool {
-        let Some(first) = triangles.clone().next() else { return false };
-        let point = first[0].as_dvec3();
-        let mut column =
-            Column { walls: &self.walls, point, is_inside: false };
-        self.boxes.search(&mut column);
-        column.is_inside
-            && triangles.all(|triangle| self.is_clear(triangle))
-    }
-
-    // Ask whether a triangle is apart from the walls
-    /// Whether a triangle's box is apart from those of the walls.
-    fn is_clear(&self, triangle: &Triangle) -> bool {
-        let margin = Vec3::splat(MARGIN);
-        let Bounds { low, high } = Bounds::of(triangle);
-        let own = Bounds { low: low - margin, high: high + margin };
-        let mut contact = Contact { walls: &self.walls, own, found: false };
-        self.boxes.search(&mut contact);
-        !contact.found
-    }
-}
-
-/// How far what is inside must be from a wall: 2^-10.
-const MARGIN: f32 = 1. / 1024.;
-
-/// The walls above a point.
-struct Column<'a> {
-    walls: &'a [Triangle],
+/// Whether a closed surface of `triangles` is around a point.
+///
+/// # Errors
+/// The number of a triangle that is too close to the point to tell.
+pub fn is_inside(
+    triangles: &[Triangle],
     point: DVec3,
-    /// Whether their number is odd.
-    is_inside: bool,
-}
-
-impl Search for Column<'_> {
-    fn promise(&self, bounds: &Bounds) -> Option<f64> {
-        let (low, high) = bounds.doubles();
-        let beside = self.point.cmplt(low) | self.point.cmpgt(high);
-        let above = self.point.z <= high.z;
-        (above && !beside.x && !beside.y).then_some(0.)
-    }
-
-    fn look(&mut self, numbers: &[u32]) -> bool {
-        for &i in numbers {
-            let place =
-                OutputTarget::of(&self.walls[i as usize], self.point);
-            self.is_inside ^= place == OutputTarget::Above;
-        }
-        true
-    }
-}
-
-/// The walls close to a box.
-struct Contact<'a> {
-    walls: &'a [Triangle],
-    own: Bounds,
-    found: bool,
-}
-
-impl Search for Contact<'_> {
-    fn promise(&self, bounds: &Bounds) -> Option<f64> {
-        self.own.meets(bounds).then_some(0.)
-    }
-
-    fn look(&mut self, numbers: &[u32]) -> bool {
-        let meets =
-            |&i: &u32| self.own.meets(&Bounds::of(&self.walls[i as usize]));
-        self.found = numbers.iter().any(meets);
-        !self.found
-    }
+) -> Result<bool, u32> {
+    let above = above(triangles, point)?;
+    Ok(!above.is_empty() && Parts::new(triangles).enclose(&above))
 }

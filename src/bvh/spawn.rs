@@ -17,7 +17,7 @@ use glam::DVec3;
 
 use super::Hit;
 use super::triangle::{Leaf, NEAR, NONE, Passage, Search, Shear};
-use super::wide::{LEAF, Node, Wide, slots};
+use super::wide::{Node, Wide};
 use crate::numerics::cross;
 use crate::scene::Ray;
 
@@ -64,14 +64,11 @@ where
     // Settle the point if it is doubtful
     let short = left.is_some() && distance <= SHORT;
     let deep = height.abs() > 0.5 * CLOSE_BY;
-    let mut is_clear = true;
     if search.doubt <= distance + NEAR || short || deep {
         let arrival = Arrival { ray, distance, primitive, left };
-        if let Some(safe) = arrival.settle(wide, met, deep) {
-            (point, is_clear) = (safe, false);
-        }
+        point = arrival.settle(wide, met, deep).unwrap_or(point);
     }
-    Some(Hit { point, normal, primitive, is_clear })
+    Some(Hit { point, normal, primitive })
 }
 
 // Settle a doubtful hit
@@ -116,7 +113,7 @@ impl Arrival<'_> {
         Node<N>: Pod,
     {
         let gap = |at: f64| at - self.distance;
-        any_around(wide, 0, met, &|leaf, (lane, slot), &[a, b, c]| {
+        any_around(wide, met, &|leaf, (lane, slot), &[a, b, c]| {
             // Dismiss a triangle whose plane is clearly away
             let (u, v, w) = (b - a, c - a, met - a);
             let across = u.cross(v);
@@ -182,7 +179,7 @@ impl Arrival<'_> {
     where
         Node<N>: Pod,
     {
-        !any_around(wide, 0, point, &|leaf, (lane, _), &[a, b, c]| {
+        !any_around(wide, point, &|leaf, (lane, _), &[a, b, c]| {
             let normal = cross(b - a, c - a);
             let side = -normal.dot(self.ray.direction).signum();
             let height = side * normal.dot(point - a);
@@ -203,35 +200,21 @@ impl Arrival<'_> {
 
 // Visit the triangles around a point
 /// Whether `asked` is true of a triangle whose box, grown by `AROUND`,
-/// holds the point: of a lane of a leaf, its corners, and its slot. The
-/// triangles are those below `child`, which is 0 for all.
+/// holds the point: of a lane of a leaf, its slot, and its corners.
 fn any_around<const N: usize>(
     wide: &Wide<N>,
-    child: u32,
     point: DVec3,
     asked: &impl Fn(&Leaf, (usize, u32), &[DVec3; 3]) -> bool,
 ) -> bool
 where
     Node<N>: Pod,
 {
-    if child & LEAF == 0 {
-        let nodes: &[Node<N>] = &wide.nodes;
-        let node = &nodes[child as usize];
-        let mut held = (0..N).filter(|&lane| holds(node, lane, point));
-        return held.any(|lane| {
-            any_around(wide, node.children[lane], point, asked)
-        });
-    }
-    // Ask about each triangle of the leaf
-    let (first, count) = slots(child);
-    // SAFETY: children with the bit LEAF are leaves that are there.
-    let leaf = unsafe { wide.leaves.leaf(first, count) };
-    let mut lanes = (0..count).zip(first..);
-    let is_so = |(lane, slot): (usize, u32)| {
-        let triangle = leaf.triangle(lane as u32);
-        is_around(&triangle, point) && asked(&leaf, (lane, slot), &triangle)
+    let holds = |low: DVec3, high: DVec3| {
+        (low.cmple(point) & point.cmple(high)).all()
     };
-    lanes.any(is_so)
+    wide.any(&holds, &|leaf, place, triangle| {
+        is_around(triangle, point) && asked(leaf, place, triangle)
+    })
 }
 
 /// How far from a point a triangle may be to be around it: 2^-20.
@@ -241,19 +224,6 @@ fn is_around(&[a, b, c]: &[DVec3; 3], point: DVec3) -> bool {
     let (least, greatest) = (a.min(b).min(c), a.max(b).max(c));
     let beyond = (least - point).max(point - greatest);
     beyond.max_element() <= AROUND
-}
-
-/// Whether the box of a child holds a point.
-fn holds<const N: usize>(
-    node: &Node<N>,
-    slot: usize,
-    point: DVec3,
-) -> bool {
-    (0..3).all(|axis| {
-        let least = f64::from(node.planes[axis][slot]);
-        let greatest = f64::from(node.planes[axis + 3][slot]);
-        (least..=greatest).contains(&point[axis])
-    })
 }
 
 // Tell a point from a triangle

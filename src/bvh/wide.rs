@@ -16,7 +16,7 @@
 use std::{fmt, io};
 
 use bytemuck::{Pod, Zeroable};
-use glam::{Vec3, Vec3A};
+use glam::{DVec3, Vec3, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::node::Bvh2Node;
 use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
@@ -26,7 +26,7 @@ use rayon::prelude::*;
 
 use super::huge_pages::Pages;
 use super::traversal::STACK;
-use super::triangle::{LANES, Leaves, MOST, Room};
+use super::triangle::{LANES, Leaf, Leaves, MOST, Room};
 use crate::scene::Triangle;
 
 // Choose how thoroughly to build
@@ -125,6 +125,16 @@ impl<const N: usize> Node<N> {
             self.planes[axis + 3][lane] = bounds.max[axis];
         }
         self.children[lane] = child;
+    }
+
+    /// The extreme corners of the box in a lane.
+    fn bounds(&self, lane: usize) -> (DVec3, DVec3) {
+        let corner = |row: usize| {
+            let [x, y, z] =
+                [0, 1, 2].map(|axis| self.planes[row + axis][lane]);
+            DVec3::new(x.into(), y.into(), z.into())
+        };
+        (corner(0), corner(3))
     }
 
     // Order the children by octant
@@ -702,25 +712,6 @@ where
         }
         Ok(Self { nodes: joined(nodes)?, leaves })
     }
-
-    /// The triangles of the scene, by their numbers.
-    pub fn triangles(&self) -> Vec<Triangle> {
-        let numbers = self.leaves.numbers();
-        let mut triangles = vec![[Vec3::ZERO; 3]; numbers.len()];
-        let children = self.nodes.iter().flat_map(|node| node.children);
-        for child in children.filter(|child| child & LEAF != 0) {
-            // Copy the triangles of a leaf
-            let (first, count) = slots(child);
-            // SAFETY: children with the bit LEAF are leaves that are there.
-            let leaf = unsafe { self.leaves.leaf(first, count) };
-            for (lane, slot) in (0..count as u32).zip(first as usize..) {
-                let corners = leaf.triangle(lane);
-                triangles[numbers[slot] as usize] =
-                    corners.map(|corner| corner.as_vec3());
-            }
-        }
-        triangles
-    }
 }
 
 /// The triangles of each group, in its order.
@@ -875,6 +866,64 @@ fn gather(
     }
     let count = gather(tree, node.first_index, numbers, count);
     gather(tree, node.first_index + 1, numbers, count)
+}
+
+// Ask other questions than rays do
+impl<const N: usize> Wide<N>
+where
+    Node<N>: Pod,
+{
+    /// Whether `asked` is true of a triangle, given its leaf, lane and
+    /// slot, and its corners. Only boxes that `enters` lets pass, given
+    /// their two extreme corners, are looked into.
+    pub fn any(
+        &self,
+        enters: &impl Fn(DVec3, DVec3) -> bool,
+        asked: &impl Fn(&Leaf, (usize, u32), &[DVec3; 3]) -> bool,
+    ) -> bool {
+        self.any_below(0, enters, asked)
+    }
+
+    // Descend into the boxes that matter
+    fn any_below(
+        &self,
+        child: u32,
+        enters: &impl Fn(DVec3, DVec3) -> bool,
+        asked: &impl Fn(&Leaf, (usize, u32), &[DVec3; 3]) -> bool,
+    ) -> bool {
+        if child & LEAF != 0 {
+            // Ask about each triangle of the leaf
+            let (first, count) = slots(child);
+            // SAFETY: children with the bit LEAF are leaves that are there.
+            let leaf = unsafe { self.leaves.leaf(first, count) };
+            return (0..count).zip(first..).any(|(lane, slot)| {
+                asked(&leaf, (lane, slot), &leaf.triangle(lane as u32))
+            });
+        }
+        let nodes: &[Node<N>] = &self.nodes;
+        let node = &nodes[child as usize];
+        (0..N).any(|lane| {
+            let (low, high) = node.bounds(lane);
+            low.x <= high.x
+                && enters(low, high)
+                && self.any_below(node.children[lane], enters, asked)
+        })
+    }
+
+    // List all triangles leaf by leaf
+    /// All triangles, each with its slot.
+    pub fn triangles(&self) -> impl Iterator<Item = (u32, Triangle)> {
+        let children = self.nodes.iter().flat_map(|node| node.children);
+        let leaves = children.filter(|child| child & LEAF != 0).map(slots);
+        leaves.flat_map(|(first, count)| {
+            // SAFETY: children with the bit LEAF are leaves that are there.
+            let leaf = unsafe { self.leaves.leaf(first, count) };
+            let corners = move |lane| {
+                leaf.triangle(lane).map(|corner| corner.as_vec3())
+            };
+            (first..).zip((0..count as u32).map(corners))
+        })
+    }
 }
 
 // Test the wide hierarchy's invariants

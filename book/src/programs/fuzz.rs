@@ -16,12 +16,12 @@ use std::time::{Duration, Instant};
 
 use glam::DVec3;
 use litpt::analysis::background::KnownPixels;
-use litpt::analysis::{Inquiry, SceneAnalysis, Shortcut};
+use litpt::analysis::{Inquiry, SceneAnalysis};
 use litpt::bvh::{Bvh, Isa, Quality};
 use litpt::camera::{Camera, View};
 use litpt::film::Film;
 use litpt::integrator::PathTracer;
-use litpt::render::{Job, Renderer};
+use litpt::render::{Job, Renderer, renderer};
 use litpt::sampler::IndependentSampler;
 use litpt::scene::{Mesh, Scene, read_obj};
 use litpt::sky::Sky;
@@ -236,8 +236,7 @@ impl Case {
             .map_err(|error| error.to_string())?;
         let integrator = PathTracer {
             albedo: self.albedo,
-            sky: Sky::new(self.view.up),
-            foresight: (),
+            sky: Sky::new(self.view.up)
         };
         let mut job = Job {
             scene,
@@ -282,41 +281,30 @@ impl Case {
         Ok(())
     }
 
-    /// What the scene does not need can be left out: without closed forms
-    /// nothing changes, and with them an image is still one.
+    /// Leaving out what the scene does not need changes nothing.
     fn simplified(
         &self,
         camera: &Camera,
         film: &Film,
     ) -> Result<(), String> {
-        for kept in [&[Shortcut::Bare, Shortcut::Open][..], &[]] {
-            let mut scene = Scene::new(&self.mesh);
-            let inquiry = Inquiry {
-                camera,
-                place: scene.place(camera.position),
-                sky: Sky::new(self.view.up),
-                albedo: self.albedo,
-                resolution: self.resolution,
-                rays: f64::INFINITY,
-                kept: kept.to_vec(),
-            };
-            let mut analysis = SceneAnalysis::find(&mut scene, &inquiry);
-            analysis.simplify(&mut scene);
-            let triangles = scene.take_triangles();
-            let intersector = Bvh::of(triangles, self.quality, Isa::best())
-                .map_err(|error| error.to_string())?;
-            analysis.find_more(&scene, &intersector, &inquiry);
-            let mut renderer =
-                analysis.renderer(&scene, &intersector, &inquiry, 0);
-            let mut simple =
-                Film::new(self.resolution.0, self.resolution.1);
-            let rays = renderer.pass(&mut simple, self.samples, &|_| true);
-            self.judge(&simple, rays.max(1001))?;
-            if !kept.is_empty() {
-                compare(&simple, film, "with facts")?;
-            }
-        }
-        Ok(())
+        let mut scene = Scene::new(&self.mesh);
+        let inquiry = Inquiry {
+            camera,
+            sky: Sky::new(self.view.up),
+            albedo: self.albedo,
+            resolution: self.resolution,
+            kept: &[],
+        };
+        let triangles = scene.take_triangles();
+        let intersector = Bvh::of(triangles, self.quality, Isa::best())
+            .map_err(|error| error.to_string())?;
+        let analysis = SceneAnalysis::find(&scene, &intersector, &inquiry);
+        let mut renderer =
+            renderer(&scene, &intersector, &inquiry, &analysis, 0);
+        let mut simple = Film::new(self.resolution.0, self.resolution.1);
+        let rays = renderer.pass(&mut simple, self.samples, &|_| true);
+        self.judge(&simple, rays.max(1001))?;
+        compare(&simple, film, "with shortcuts")
     }
 
     /// Scaling scene and camera by a power of two changes nothing, as long

@@ -144,7 +144,7 @@ impl Solid {
                 let away = normal.dot(ray.direction) > 0.;
                 let normal = if away { -normal } else { normal };
                 let point = ray.origin + ray.direction * distance;
-                Hit { point, normal, primitive, is_clear: true }
+                Hit { point, normal, primitive }
             })
         })
     }

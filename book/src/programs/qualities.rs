@@ -57,7 +57,7 @@ fn rays_per_second(
     let view = litpt_book::courtyard::view();
     let camera = Camera::new(&view, 4. / 3.)?;
     let integrator =
-        PathTracer { albedo: 0.8, sky: Sky::new(view.up), foresight: () };
+        PathTracer { albedo: 0.8, sky: Sky::new(view.up) };
     let mut job = Job {
         scene,
         intersector,

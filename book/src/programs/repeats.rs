@@ -49,8 +49,7 @@ pub fn run(arguments: &[String]) -> Done {
     let intersector = Bvh::with(&scene, Quality::Thorough, Isa::best())?;
     let view = litpt_book::courtyard::view();
     let camera = Camera::new(&view, 4. / 3.)?;
-    let integrator =
-        PathTracer { albedo: 0.8, sky: Sky::new(view.up), foresight: () };
+    let integrator = PathTracer { albedo: 0.8, sky: Sky::new(view.up) };
     let rays =
         paths::record(&scene, &intersector, &camera, &integrator, 0, RAYS)?;
     println!("repeats,nanoseconds_per_trace");

@@ -123,7 +123,7 @@ pub fn run(arguments: &[String]) -> Done {
         let name = format!("$\\rho={rho}$; $f={f}$");
         let (rho, f) = (rho.parse::<f64>()?, f.parse::<f64>()?);
         let sky = Sky::new(DVec3::Z);
-        let ours = PathTracer { albedo: rho, sky, foresight: () };
+        let ours = PathTracer { albedo: rho, sky };
         compare(&name, model(&ours, rho, f), rules, |faint, tail| {
             let rule = Rule { faint, tail, albedo: rho, sky };
             model(&rule, rho, f)
@@ -132,7 +132,7 @@ pub fn run(arguments: &[String]) -> Done {
     for rho in [0.8, 0.95] {
         let name = format!("courtyard; $\\rho={rho}$");
         let sky = Sky::new(litpt_book::courtyard::view().up);
-        let ours = PathTracer { albedo: rho, sky, foresight: () };
+        let ours = PathTracer { albedo: rho, sky };
         let ours = courtyard(&scene, &intersector, &ours)?;
         compare(&name, ours, thresholds, |faint, tail| {
             let rule = Rule { faint, tail, albedo: rho, sky };
@@ -235,7 +235,6 @@ fn model(
                 point: DVec3::ZERO,
                 normal: DVec3::Z,
                 primitive: 0,
-                is_clear: true,
             };
             let hit = (!leaves).then_some(hit);
             match integrator.go_on(&mut path, hit, &mut sampler) {
