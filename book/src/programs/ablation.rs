@@ -7,10 +7,10 @@
 
 use std::error::Error;
 
-use litpt::analysis::Shortcut;
-use rayon::ThreadPoolBuilder;
 use super::{Done, median};
+use litpt::analysis::Shortcut;
 use litpt_book::settings::{Setting, all, named};
+use rayon::ThreadPoolBuilder;
 
 const DEFINITION: (u32, u32) = (160, 120);
 

@@ -234,10 +234,8 @@ impl Case {
     ) -> Result<(Film, u64), String> {
         let intersector = Bvh::with(scene, quality, isa)
             .map_err(|error| error.to_string())?;
-        let integrator = PathTracer {
-            albedo: self.albedo,
-            sky: Sky::new(self.view.up)
-        };
+        let integrator =
+            PathTracer { albedo: self.albedo, sky: Sky::new(self.view.up) };
         let mut job = Job {
             scene,
             intersector: &intersector,

@@ -56,8 +56,7 @@ fn rays_per_second(
 ) -> Result<f64, Box<dyn Error>> {
     let view = litpt_book::courtyard::view();
     let camera = Camera::new(&view, 4. / 3.)?;
-    let integrator =
-        PathTracer { albedo: 0.8, sky: Sky::new(view.up) };
+    let integrator = PathTracer { albedo: 0.8, sky: Sky::new(view.up) };
     let mut job = Job {
         scene,
         intersector,

@@ -231,11 +231,8 @@ fn model(
             rays += 1;
             let leaves = !first && happens(f, doors.random());
             first = false;
-            let hit = Hit {
-                point: DVec3::ZERO,
-                normal: DVec3::Z,
-                primitive: 0,
-            };
+            let hit =
+                Hit { point: DVec3::ZERO, normal: DVec3::Z, primitive: 0 };
             let hit = (!leaves).then_some(hit);
             match integrator.go_on(&mut path, hit, &mut sampler) {
                 PathEvent::Scatter(..) => (),
