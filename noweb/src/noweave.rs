@@ -163,8 +163,9 @@ impl Request {
             // Refuse what is not built
             "-html" | "-latex+html" | "-troff" | "-ascii" => {
                 return Err(format!(
-                    "{option}: only LaTeX can be written; HTML is planned for a \
-                    later version (another back end can be run with -backend)"
+                    "{option}: only LaTeX can be written; HTML is \
+                    planned for a later version (another back end can \
+                    be run with -backend)"
                 ));
             }
             tab if tab.starts_with("-t") => self.tabs.push(arg),
