@@ -268,8 +268,9 @@ impl Convergence {
     // Record a step of the curve
     /// Records a point, if there has been a pass since the last one.
     pub fn record(&mut self, film: &Film, reference: Option<&[f64]>) {
-        let recorded = self.steps.last().map_or(0., |s| s.seconds);
-        if self.seconds == recorded {
+        let last = self.steps.last();
+        let last = last.map_or((0, 0.), |point| (point.spp, point.seconds));
+        if (self.spp, self.seconds) == last {
             return;
         }
         let summary = film.summary();

@@ -624,3 +624,77 @@ fn an_error_that_no_run_reaches_adds_no_steps() {
     let steps = run(&mut job, (4, 4), &limit(0.1)).0.steps;
     assert!(steps.len() <= STEPS.len() + 2, "{}", steps.len());
 }
+
+// ------------------------------------------------- The samples of a run
+
+#[test]
+fn the_samples_of_a_short_run_are_the_first_of_a_long_one() {
+    let world = World::new();
+    let integrator = Draw(|u| u);
+    let mut job = world.job(&Nothing, &integrator, 6);
+    let interrupt = Interrupt::default();
+    let limit = |n| Limits { samples: Some(n), ..limits(&interrupt) };
+    let mut seen = vec![];
+    let (mut film, mut convergence) =
+        (Film::new(40, 30), Convergence::default());
+    let mut after = |convergence: &Convergence, film: &Film| {
+        seen.push((convergence.spp, film.stored().to_vec()));
+    };
+    let (film, limit_of_all) = (&mut film, limit(400));
+    convergence.run(&mut job, film, &limit_of_all, &|_| (), &mut after);
+    for n in [1, 4, 25] {
+        let at = seen.iter().find(|(spp, _)| *spp == n).unwrap();
+        let (_, film, _) = run(&mut job, (40, 30), &limit(n));
+        assert!(film.stored() == at.1, "{n}");
+    }
+}
+
+#[test]
+fn a_run_that_is_cut_off_goes_on_from_the_count_of_each_tile() {
+    let world = World::new();
+    let integrator = Draw(|u| if u < 0.2 { u } else { 0. });
+    let mut job = world.job(&Nothing, &integrator, 3);
+    let interrupt = Interrupt::default();
+    let size = (600, 500);
+    // A pass that is cut off in its middle, and what a checkpoint keeps.
+    let mut film = Film::new(size.0, size.1);
+    let left = std::sync::atomic::AtomicU64::new(500);
+    let watch = |_| {
+        let less = |n: u64| n.checked_sub(1);
+        let order = std::sync::atomic::Ordering::Relaxed;
+        left.fetch_update(order, order, less).is_ok()
+    };
+    let rays = job.pass(&mut film, 3, &watch);
+    assert!(film.samples() == 0 && film.counts().any(|n| n == 3));
+    let text =
+        r#"{"spp":0,"seconds":1.5,"rays":0,"constant":0,"steps":[]}"#;
+    let mut convergence: Convergence = serde_json::from_str(text).unwrap();
+    convergence.rays = rays;
+    // Its error is unknown, and that is recorded.
+    convergence.record(&film, None);
+    let point = convergence.steps[0];
+    assert_eq!((point.spp, point.rmse, point.mean_stderr), (0, None, None));
+    assert!(point.mean > 0.);
+    convergence.record(&film, None);
+    assert_eq!(convergence.steps.len(), 1);
+    let limit = Limits { samples: Some(5), ..limits(&interrupt) };
+    let (none, watch) = (&|_| (), &mut |_: &Convergence, _: &Film| ());
+    let stop = convergence.run(&mut job, &mut film, &limit, none, watch);
+    let (whole, plain, _) = run(&mut job, size, &limit);
+    assert_eq!((stop, convergence.rays), (Stop::Samples, whole.rays));
+    assert!(film.stored() == plain.stored());
+}
+
+#[test]
+fn a_film_of_any_size_stops_at_its_deadline() {
+    let world = World::new();
+    let integrator = Draw(|u| u);
+    let mut job = world.job(&Nothing, &integrator, 1);
+    let interrupt = Interrupt::default();
+    let deadline = Some(Instant::now());
+    let limit = Limits { samples: None, deadline, ..limits(&interrupt) };
+    let (convergence, film, stop) = run(&mut job, (4096, 2048), &limit);
+    assert_eq!((stop, convergence.spp), (Stop::Time, 0));
+    let counts: Vec<u64> = film.counts().collect();
+    assert!(counts.contains(&0) && counts.contains(&1));
+}

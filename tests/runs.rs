@@ -8,7 +8,7 @@ mod common;
 
 use std::fs;
 use std::io::Write;
-use std::process::{Child, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -64,17 +64,32 @@ fn complete(place: &Scratch, stop: &str) -> Value {
     for key in ["rays", "mean", "mean_stderr", "rmse"] {
         assert_eq!(report[key], last[key], "{key}");
     }
-    let n = format!("-n{}", spp(&report));
-    let whole = pt(place, &[&n, "--format=pfm"]);
-    assert!(place.get("a.pfm") == whole.stdout, "another image");
-    let mean = report["mean"].as_f64().unwrap();
     let image = Image::read(&place.path("a.pfm")).unwrap();
+    let counts = Image::read(&place.path("a.exr")).unwrap().samples;
+    assert_first_samples(place, &image.means, &counts.unwrap());
+    let mean = report["mean"].as_f64().unwrap();
     let sum: f64 = image.means.iter().sum();
     assert!((sum / (23. * 17.) - mean).abs() < 1e-6);
     report
 }
 
-const FILES: [&str; 4] = ["-o", "a.pfm", "--report", "r.json"];
+/// Each pixel is that of a run with as many samples as it has.
+#[track_caller]
+fn assert_first_samples(place: &Scratch, means: &[f64], counts: &[f64]) {
+    let mut different = counts.to_vec();
+    different.sort_by(f64::total_cmp);
+    different.dedup();
+    for n in different.into_iter().filter(|&n| n > 0.) {
+        let whole = pt(place, &[&format!("-n{n}"), "--format=pfm"]).stdout;
+        let whole = Image::decode(&whole).unwrap().means;
+        for (i, &count) in counts.iter().enumerate() {
+            assert!(count != n || means[i] == whole[i], "another image");
+        }
+    }
+}
+
+const FILES: [&str; 6] =
+    ["-o", "a.pfm", "-o", "a.exr", "--report", "r.json"];
 
 // ---------------------------------------------------------------- The limits
 
@@ -236,7 +251,7 @@ fn start(place: &Scratch, least: u64, arguments: &[&str]) -> Child {
 
 #[test]
 fn a_signal_ends_the_run_with_its_image_and_report() {
-    for (name, status) in [("INT", 130), ("TERM", 143)] {
+    for (name, status) in [("INT", 130), ("TERM", 143), ("HUP", 129)] {
         let place = Scratch::new();
         let child = start(&place, 6, &["--checkpoint=c"]);
         signal(name, &child);
@@ -244,8 +259,11 @@ fn a_signal_ends_the_run_with_its_image_and_report() {
         assert_eq!(run.status, Some(status), "{}", run.stderr);
         assert_eq!((run.stdout.len(), run.stderr.as_str()), (0, ""));
         let report = complete(&place, "signal");
-        place.holds_only(&["a.pfm", "c", "r.json"]);
-        let n = format!("-n{}", spp(&report) + 3);
+        place.holds_only(&["a.exr", "a.pfm", "c", "r.json"]);
+        let counts = Image::read(&place.path("a.exr")).unwrap().samples;
+        let most = counts.unwrap().into_iter().fold(0., f64::max) as u64;
+        assert!((spp(&report)..1_000_000_000).contains(&most));
+        let n = format!("-n{}", most + 3);
         let on = ["--resume=c", "--format=pfm", &n];
         let on = pt(&place, &on);
         on.succeeded();
@@ -259,14 +277,14 @@ v -1 -1 -1\nv 1 -1 -1\nv 1 1 -1\nv -1 1 -1\n\
 v -1 -1 1\nv 1 -1 1\nv 1 1 1\nv -1 1 1\n\
 f 1 2 3 4\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n";
 
-/// Whether a program on Linux catches SIGINT and SIGTERM.
+/// Whether a program on Linux catches SIGINT, SIGTERM and SIGHUP.
 fn listens(id: u32) -> bool {
     let status = format!("/proc/{id}/status");
     let status = fs::read_to_string(status).unwrap_or_default();
     let caught = status.lines().find_map(|l| l.strip_prefix("SigCgt:"));
     let caught = u64::from_str_radix(caught.unwrap_or("0").trim(), 16);
-    let both = 1 << 1 | 1 << 14;
-    caught.is_ok_and(|mask| mask & both == both)
+    let all = 1 | 1 << 1 | 1 << 14;
+    caught.is_ok_and(|mask| mask & all == all)
 }
 
 #[test]
@@ -282,9 +300,9 @@ fn a_second_signal_ends_the_program_at_once() {
         ("TERM", "TERM", [143, 143]),
         ("INT", "TERM", [130, 143]),
     ] {
-        // The first pass over the image takes many seconds, if it is not
-        // left out.
-        let scene = ["-q", "-ibox.obj", "-d640x480", "-n2", "--keep-all"];
+        // Tracing stops at once, but so large an image is summarised and
+        // written for a while.
+        let scene = ["-q", "-ibox.obj", "-d2048x2048", "-n2", "--keep-all"];
         let files = ["--checkpoint=c", "--every=0.001"];
         let all = [&scene[..], &FILES[..], &files].concat();
         let mut child = place.pt(&all).spawn().unwrap();
@@ -299,6 +317,68 @@ fn a_second_signal_ends_the_program_at_once() {
         let status = finish(child).status.unwrap();
         assert!(ends.contains(&status), "{status}");
         place.holds_only(&["box.obj"]);
+    }
+}
+
+#[test]
+fn a_signal_that_is_ignored_from_the_start_stays_ignored() {
+    if fs::metadata("/proc/self/status").is_err() {
+        return skip("the system does not tell which signals are ignored");
+    }
+    let place = Scratch::new();
+    let plain = place.pt(&[&SCENE[..], &FILES, &["-n1000000000"]].concat());
+    // As nohup does.
+    let mut command = Command::new("sh");
+    command.args(["-c", "trap '' HUP; exec \"$@\"", "sh"]);
+    command.arg(plain.get_program()).args(plain.get_args());
+    command.current_dir(plain.get_current_dir().unwrap());
+    let mut child = command.stderr(Stdio::piped()).spawn().unwrap();
+    let report = place.path("r.json");
+    let steps = || {
+        let report = fs::read(&report).ok()?;
+        let report: Value = serde_json::from_slice(&report).unwrap();
+        Some(spp(&report))
+    };
+    wait_until(&mut child, "report", || steps().is_some());
+    signal("HUP", &child);
+    let now = steps();
+    wait_until(&mut child, "another report", || steps() > now);
+    signal("TERM", &child);
+    assert_eq!(finish(child).status, Some(143));
+}
+
+// The first sample of the image would take far longer than the run.
+#[test]
+fn a_signal_and_the_time_stop_within_the_first_sample() {
+    let place = Scratch::new();
+    place.put("box.obj", BOX);
+    let scene = ["-q", "-ibox.obj", "-d1024x768", "-n2", "--keep-all"];
+    let all = [&scene[..], &FILES, &["-r.99"]].concat();
+    let short = [&all[..], &["--time=1", "-f"]].concat();
+    for timed in [false, true] {
+        let mut child = match timed {
+            true => place.pt(&short).spawn().unwrap(),
+            false => place.pt(&all).spawn().unwrap(),
+        };
+        let id = child.id();
+        if !timed {
+            wait_until(&mut child, "handler", || listens(id));
+            thread::sleep(Duration::from_millis(300));
+            signal("INT", &child);
+        }
+        let run = finish(child);
+        assert_eq!(run.status, Some(if timed { 0 } else { 130 }));
+        let report = json(&place, "r.json");
+        let why = if timed { "time" } else { "signal" };
+        assert_eq!(report["stopped"], why);
+        assert!(report["rays"].as_u64() > Some(0));
+        assert_eq!((spp(&report), &report["rmse"]), (0, &Value::Null));
+        let image = Image::read(&place.path("a.exr")).unwrap();
+        let pixels = image.samples.unwrap().into_iter();
+        let pixels = pixels.zip(image.errors.unwrap());
+        let (some, none): (Vec<_>, Vec<_>) = pixels.partition(|p| p.0 > 0.);
+        assert!(some.len() % 256 == 0 && some.iter().all(|p| p.0 == 1.));
+        assert!(!none.is_empty() && none.iter().all(|p| p.1.is_infinite()));
     }
 }
 
@@ -388,7 +468,7 @@ fn each_of_several_reports_is_written() {
     complete(&place, "samples");
     assert_eq!(place.get("r.json"), place.get("s.json"));
     assert!(!place.get("t.csv").is_empty());
-    place.holds_only(&["a.pfm", "r.json", "s.json", "t.csv"]);
+    place.holds_only(&["a.exr", "a.pfm", "r.json", "s.json", "t.csv"]);
 }
 
 /// Runs `pt` where no file may be larger than so many blocks.
