@@ -22,7 +22,7 @@ $(error BUILD_TYPE is "$(BUILD_TYPE)" in config.mk: it must be Release or Debug)
 endif
 COMPILED := $(CARGO_TARGET_DIR)/$(if $(PROFILE_$(BUILD_TYPE)),release,debug)
 
-NOWEB := $(CARGO_TARGET_DIR)/release/noweb
+NOWEB := $(CARGO_TARGET_DIR)/tool/noweb
 NOWEB_SOURCES := Cargo.toml noweb/Cargo.toml $(wildcard noweb/src/*.rs)
 # What cargo, the compiler and the tests say is shown at the chapters. The tool
 # runs the command, translates what it says, and ends with its status.
@@ -146,10 +146,10 @@ demo: $(BUILD_DIR)/pt $(BUILD_DIR)/courtyard.obj
 
 # If there is a tool that can, it shows the errors of its own next version.
 $(NOWEB): $(NOWEB_SOURCES)
-	@echo '$(CARGO) build --release -p noweb'
+	@echo '$(CARGO) build --profile tool -p noweb'
 	@if $(MAP) true > /dev/null 2>&1; \
-	then $(MAP) $(CARGO) build --release -p noweb; \
-	else $(CARGO) build --release -p noweb; fi
+	then $(MAP) $(CARGO) build --profile tool -p noweb; \
+	else $(CARGO) build --profile tool -p noweb; fi
 	@touch $@
 
 # Figures, tables and measurements.
@@ -201,6 +201,20 @@ CLIPPY = $(CARGO) clippy --workspace --all-targets -- -D warnings
 clippy: $(NOWEB)
 	$(MAP) $(CLIPPY)
 
+# What is to be checked of a book: its PDF if it is there, else its floats.
+# $(call CHECK_BOOK,MASTER,WEB,CHAPTERS)
+define CHECK_BOOK
+@if ! command -v python3 > /dev/null; then \
+  echo 'the book $(1) is not checked, for lack of python3'; \
+elif ! test -e $(BUILD_DIR)/$(1).pdf; then \
+  python3 book/scripts/check-floats.py $(2); \
+else \
+  python3 book/scripts/check-floats.py --build $(BUILD_DIR) $(2) && \
+  python3 book/scripts/check-archive.py $(BUILD_DIR)/$(1).pdf && \
+  { ! command -v pdftotext > /dev/null || \
+    python3 book/scripts/check-pdf.py $(BUILD_DIR)/$(1).pdf $(3); }; fi
+endef
+
 check: $(NOWEB)
 	$(MAP) $(CARGO) fmt --all --check
 	$(MAP) $(CLIPPY)
@@ -208,21 +222,14 @@ check: $(NOWEB)
 	$(NOWEB) tangle --check --record noweb/.tangled $(TOOL_WEB)
 	git diff --exit-code -- src book noweb
 	@if command -v python3 > /dev/null; then \
-	  python3 book/scripts/prose --sizes $(CHAPTERS); fi
+	  python3 book/scripts/prose --sizes $(CHAPTERS) $(TOOL_CHAPTERS); fi
 	@if command -v python3 > /dev/null && command -v hunspell > /dev/null; \
 	then sh book/scripts/prose-test.sh; \
 	else echo 'make prose is not tested, for lack of hunspell'; fi
 	@if command -v vim > /dev/null; then sh noweb/vim/test.sh; \
 	else echo 'vim is not tested, for lack of it'; fi
-	@if ! command -v python3 > /dev/null; then \
-	  echo 'the book is not checked, for lack of python3'; \
-	elif ! test -e $(BUILD_DIR)/litpt.pdf; then \
-	  python3 book/scripts/check-floats.py $(WEB); \
-	else \
-	  python3 book/scripts/check-floats.py --build $(BUILD_DIR) $(WEB) && \
-	  python3 book/scripts/check-archive.py $(BUILD_DIR)/litpt.pdf && \
-	  { ! command -v pdftotext > /dev/null || \
-	    python3 book/scripts/check-pdf.py $(BUILD_DIR)/litpt.pdf $(CHAPTERS); }; fi
+	$(call CHECK_BOOK,litpt,$(WEB),$(CHAPTERS))
+	$(call CHECK_BOOK,noweb,$(TOOL_WEB),$(TOOL_CHAPTERS))
 
 # Spelling, slips and sizes of chunks, over all chapters.
 prose:
@@ -239,7 +246,7 @@ untangle: $(NOWEB)
 watch: $(NOWEB)
 	@command -v entr > /dev/null || { \
 	  echo 'error: make watch needs entr (apt-get install entr)' >&2; exit 1; }
-	printf '%s\n' $(WEB) | entr -n $(MAP) $(CARGO) check --bins
+	@printf '%s\n' $(WEB) | entr -n $(MAP) $(CARGO) check --bins
 
 # ---- the tool
 

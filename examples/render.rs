@@ -31,10 +31,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     let integrator = &PathTracer { albedo: 0.8, sky, foresight: () };
     let known = &KnownPixels::Nothing;
     let sampler = IndependentSampler::new(0);
-    let job =
+    let mut job =
         Job { scene, intersector, camera, integrator, known, sampler };
     let mut film = Film::new(320, 240);
-    job.pass(&mut film, 0..64, &|_| ());
+    job.pass(&mut film, 64, &|_| true);
     let image = Image::new(&film, BTreeMap::new());
     Ok(Format::Pgm.write(&image, &mut std::io::stdout().lock())?)
 }

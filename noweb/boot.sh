@@ -65,10 +65,10 @@ agree() {
 
 # Repeat until two stages agree
 chapters=$*
-$cargo build -q --manifest-path noweb/Cargo.toml ||
+$cargo build -q --profile tool --manifest-path noweb/Cargo.toml ||
   fail "the installed tool does not compile"
 mkdir -p "$boot"
-cp "$CARGO_TARGET_DIR/debug/noweb" "$boot/stage0.bin"
+cp "$CARGO_TARGET_DIR/tool/noweb" "$boot/stage0.bin"
 tangle "$boot/stage0.bin" stage1
 build stage1
 tangle "$boot/stage1/noweb.bin" stage2

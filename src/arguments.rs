@@ -13,8 +13,7 @@
 //! position) is for the module that combines them to say.
 
 // Name what the arguments import
-use std::fs::{self, File};
-use std::io::{self, BufReader, ErrorKind, Read};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
@@ -23,19 +22,16 @@ use clap::Parser;
 use clap::builder::Styles;
 use clap::builder::styling::{AnsiColor, Effects, Style};
 use glam::DVec3;
-use rayon::ThreadPoolBuilder;
-use serde_json::json;
-use sha2::{Digest, Sha256};
+use serde_json::{Map, Value, json};
 
 use crate::analysis::Shortcut;
 use crate::bvh::Isa;
 use crate::camera::View;
-use crate::checkpoint::{Checkpoint, RunKey};
-use crate::image::{Format, Image};
+use crate::checkpoint::RunKey;
+use crate::image::Format;
 use crate::output::{ImageTarget, OutputTarget};
 use crate::progress;
 use crate::report::Kind;
-use crate::scene::{Mesh, read_obj};
 
 // Declare the options with their defaults
 /// Renders a Wavefront OBJ of one diffuse material under a uniform sky.
@@ -43,8 +39,8 @@ use crate::scene::{Mesh, read_obj};
 #[command(name = "pt", version, after_help = LICENCE, styles = STYLES)]
 pub struct Arguments {
     // Declare the options of the image
-    /// Definition of the image in pixels, each at most 16384
-    #[arg(short = 'd', long, alias = "definition",
+    /// Resolution of the image in pixels, each at most 16384
+    #[arg(short = 'd', long, visible_alias = "definition",
           value_name = "WIDTHxHEIGHT",
           default_value = "320x240", value_parser = parse_resolution,
           allow_hyphen_values = true)]
@@ -52,7 +48,7 @@ pub struct Arguments {
 
     /// Samples (paths) per pixel [default: 1]; an upper bound with
     /// --time or --error
-    #[arg(short = 'n', long = "spp", alias = "realisations",
+    #[arg(short = 'n', long = "spp", visible_alias = "realisations",
           value_name = "N", value_parser = parse_samples, allow_hyphen_values = true)]
     pub samples: Option<u64>,
 
@@ -87,7 +83,7 @@ pub struct Arguments {
     pub fov: f64,
     // Declare the options of the scene
     /// Albedo of every surface, between 0 and 1
-    #[arg(short = 'r', long, alias = "reflectivity",
+    #[arg(short = 'r', long, visible_alias = "reflectivity",
           value_name = "ALBEDO", default_value = "1",
           value_parser = parse_albedo, allow_hyphen_values = true)]
     pub albedo: f64,
@@ -151,8 +147,7 @@ pub struct Arguments {
     #[arg(long)]
     pub explain: bool,
     // Declare the options of the records
-    /// Report of error against time, .json, .csv, .svg or .html; may be
-    /// repeated
+    /// Report of error against time, .json, .csv or .html; may be repeated
     #[arg(long, value_name = "FILE")]
     pub report: Vec<PathBuf>,
 
@@ -194,7 +189,7 @@ pub const STYLES: Styles = Styles::styled()
 fn parse_resolution(text: &str) -> Result<(u32, u32), String> {
     let syntax = "expected two integers around one x, as in 800x600";
     let (width, height) = text.split_once('x').ok_or(syntax)?;
-    // Read one side of the definition
+    // Read one side of the resolution
     let side = |digits: &str| match digits.parse() {
         _ if !digits.bytes().all(|b| b.is_ascii_digit()) => {
             Err(syntax.to_owned())
@@ -291,9 +286,10 @@ fn explain(error: &clap::Error, program: &str) -> String {
     format!("{line} (see {program} --help)")
 }
 
-// Name the checkpoint of a file
-/// A checkpoint in a file.
-type Saved = Checkpoint<BufReader<File>>;
+/// The members of a value that is written as an object.
+fn object(value: Value) -> Map<String, Value> {
+    value.as_object().cloned().unwrap_or_default()
+}
 
 impl Arguments {
     // Read the command line or explain it
@@ -304,15 +300,15 @@ impl Arguments {
         parse_command_line()
     }
 
-    // Hand the values to other rooms
+    // Hand the values to other modules
     /// The view that the options describe, not yet checked.
     pub fn view(&self) -> View {
         let &Arguments { position, target, up, fov, .. } = self;
         View { position, target, up, fov }
     }
 
-    /// The places that the image goes to, checked but untouched.
-    pub fn destinations(&self) -> Result<Vec<ImageTarget>, String> {
+    /// The targets of the image, checked but untouched.
+    pub fn images(&self) -> Result<Vec<ImageTarget>, String> {
         self.tell_files_apart()?;
         if self.output.is_empty() {
             return Ok(vec![ImageTarget::standard_output(self.format)]);
@@ -333,7 +329,7 @@ impl Arguments {
         };
         let read = self.input.iter().chain(&self.reference);
         let mut taken: Vec<_> = read.map(place).collect();
-        // Take a place for each written file
+        // Refuse a file that is named twice
         let written = self.output.iter().chain(&self.report);
         for path in written.chain(&self.checkpoint) {
             if taken.contains(&place(path)) {
@@ -345,7 +341,7 @@ impl Arguments {
         Ok(())
     }
 
-    /// The reports to write, each with its place.
+    /// The reports to write, each with its target.
     pub fn reports(&self) -> Result<Vec<(Kind, OutputTarget)>, String> {
         let check = |path: &PathBuf| {
             Ok((Kind::of(path)?, OutputTarget::file(path, self.force)?))
@@ -353,7 +349,7 @@ impl Arguments {
         self.report.iter().map(check).collect()
     }
 
-    /// The place of the checkpoint, if there shall be one.
+    /// The target of the checkpoint, if there shall be one.
     pub fn checkpoint(&self) -> Result<Option<OutputTarget>, String> {
         let force = self.force || self.checkpoint == self.resume;
         let check = |path: &PathBuf| OutputTarget::file(path, force);
@@ -372,79 +368,31 @@ impl Arguments {
         start.checked_add(time)
     }
 
-    /// The checkpoint to resume, with its name.
-    pub fn resumed(&self) -> Result<Option<(String, Saved)>, String> {
-        let Some(path) = &self.resume else { return Ok(None) };
-        let name = path.display().to_string();
-        let file =
-            File::open(path).map_err(|e| format!("cannot read: {e}"));
-        let opened = file.map(BufReader::new).and_then(Checkpoint::open);
-        match opened {
-            Ok(checkpoint) => Ok(Some((name, checkpoint))),
-            Err(fault) => Err(format!("{name}: {fault}")),
-        }
-    }
-
-    /// The reference, if there is one.
-    pub fn read_reference(&self) -> Result<Option<Image>, String> {
-        let Some(path) = &self.reference else { return Ok(None) };
-        let image = Image::read(path)?;
+    /// The options that decide the samples, by name.
+    pub fn run_key(&self) -> RunKey {
         let (width, height) = self.resolution;
-        if (image.width, image.height) != (width, height) {
-            // Refuse a reference of another size
-            return Err(format!(
-                "{}: is {}x{} pixels large, and the image {width}x{height}",
-                path.display(),
-                image.width,
-                image.height
-            ));
-        }
-        Ok(Some(image))
-    }
-
-    /// Whether a file will name the scene by its hash.
-    pub fn keeps_records(&self) -> bool {
-        let of = |path: &PathBuf| Format::of(path) == Ok(Format::Exr);
-        self.format == Format::Exr
-            || self.output.iter().any(of)
-            || !self.report.is_empty()
-            || self.checkpoint.is_some()
-            || self.resume.is_some()
-    }
-
-    /// All that decides the weights, for a scene with this hash.
-    pub fn run_key(&self, scene_sha256: &str) -> RunKey {
-        let (width, height) = self.resolution;
-        let analysis = json!({
-            "version": env!("CARGO_PKG_VERSION"),
-            "scene_sha256": scene_sha256,
-            "definition": [width, height],
+        object(json!({
+            "resolution": [width, height],
             "position": self.position.to_array(),
             "target": self.target.to_array(),
             "up": self.up.to_array(),
             "fov": self.fov,
             "albedo": self.albedo,
             "seed": self.seed,
-        });
-        analysis.as_object().cloned().unwrap_or_default()
+        }))
     }
 
-    /// What describes the run, by the names of the options, for the report.
-    pub fn settings(&self, run_key: &RunKey) -> RunKey {
-        let mut settings = run_key.clone();
-        settings
-            .retain(|name, _| name != "scene_sha256" && name != "version");
+    /// The options that describe the run, by name, for the report.
+    pub fn settings(&self) -> Map<String, Value> {
+        let mut settings = self.run_key();
         let reference = self.reference.as_ref();
-        let limits = json!({
-            // List the limits and the means
-            "samples": self.samples(),
+        settings.extend(object(json!({
+            "spp": self.samples(),
             "time": self.time,
             "error": self.error,
             "reference": reference.map(|path| path.display().to_string()),
-            "threads": rayon::current_num_threads(),
             "isa": self.isa().to_string(),
-        });
-        settings.extend(limits.as_object().cloned().unwrap_or_default());
+        })));
         settings
     }
 
@@ -453,28 +401,10 @@ impl Arguments {
         self.isa.unwrap_or_else(Isa::best)
     }
 
-    /// A guess of how many rays the run will trace with so many threads.
-    pub fn expected_rays(&self, threads: usize) -> f64 {
-        let (width, height) = self.resolution;
-        let area = f64::from(width) * f64::from(height);
-        let path = (1. / (1. - self.albedo)).min(Self::LONG);
-        let paths = self.samples().map(|n| n as f64 * area);
-        let timed = self.time.or(paths.is_none().then_some(60.));
-        let rate = Self::RATE * threads as f64;
-        let timed = timed.map_or(f64::INFINITY, |time| time * rate);
-        paths.map_or(timed, |paths| timed.min(paths * path))
-    }
-
     /// The facts that are not to be looked for.
     pub fn kept(&self) -> &[Shortcut] {
         if self.keep_all { &Shortcut::ALL } else { &self.keep }
     }
-
-    /// Rays that a path is guessed to have at most.
-    const LONG: f64 = 10.;
-
-    /// Rays per second that a thread is guessed to trace.
-    const RATE: f64 = 4e6;
 
     /// The name of the input, for people.
     pub fn input_name(&self) -> String {
@@ -482,30 +412,5 @@ impl Arguments {
             Some(path) => path.display().to_string(),
             None => "standard input".to_owned(),
         }
-    }
-
-    /// Reads the mesh from the input file or from standard input; also
-    /// returns its SHA-256 in hexadecimal, if asked to.
-    pub fn read_mesh(&self, hash: bool) -> Result<(Mesh, String), String> {
-        let name = self.input_name();
-        // Read the bytes of the mesh
-        let mut bytes = Vec::new();
-        let read = match &self.input {
-            Some(path) => fs::read(path).map(|content| bytes = content),
-            None => io::stdin().read_to_end(&mut bytes).map(|_| ()),
-        };
-        read.map_err(|e| format!("{name}: cannot read: {e}"))?;
-        let mesh = read_obj(&bytes).map_err(|error| error.within(&name))?;
-        let hex = |byte: u8| format!("{byte:02x}");
-        let sum = hash.then(|| Sha256::digest(&bytes).into_iter().map(hex));
-        Ok((mesh, sum.into_iter().flatten().collect()))
-    }
-
-    /// Starts the pool of worker threads.
-    pub fn start_threads(&self) -> Result<(), String> {
-        let pool = ThreadPoolBuilder::new();
-        let pool = pool.num_threads(self.threads.unwrap_or(0));
-        pool.build_global()
-            .map_err(|e| format!("cannot start threads: {e}"))
     }
 }

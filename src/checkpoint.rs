@@ -27,12 +27,12 @@ const MAGIC: &[u8] = b"litpt checkpoint 1\n";
 /// The second line.
 #[derive(Serialize, Deserialize)]
 struct Header<'a> {
-    /// What decides the weights.
+    /// What decides the samples.
     run_key: Cow<'a, RunKey>,
     convergence: Cow<'a, Convergence>,
 }
 
-/// Names and values of all that decides the weights of a run.
+/// Names and values of all that decides the samples of a run.
 pub type RunKey = Map<String, Value>;
 
 // Write the state of a run
@@ -45,7 +45,7 @@ pub fn save(
 ) -> io::Result<()> {
     let mut out = Checked { out, checksum: Sha256::new() };
     out.write_all(MAGIC)?;
-    // Write the subject and the course
+    // Write the run key and convergence
     let run_key = Cow::Borrowed(run_key);
     let header =
         Header { run_key, convergence: Cow::Borrowed(convergence) };
@@ -125,7 +125,7 @@ impl<R: BufRead + Seek> Checkpoint<R> {
     /// The file is no checkpoint, or is damaged.
     pub fn open(mut file: R) -> Result<Self, String> {
         recognise(&mut file)?;
-        // Read the subject and the course
+        // Read the run key and convergence
         let mut line = vec![];
         file.read_until(b'\n', &mut line).map_err(unreadable)?;
         let header: Header = serde_json::from_slice(&line)
@@ -134,30 +134,31 @@ impl<R: BufRead + Seek> Checkpoint<R> {
     }
 
     // Tell what was left out and go on
-    /// The facts that the run has found, of those that matter to weights.
+    /// The shortcuts that the run has taken, of those that matter to
+    /// samples.
     pub fn left_out(&self) -> Vec<String> {
         let forms = self.header.run_key.get("left_out").cloned();
         let forms = forms.and_then(|f| serde_json::from_value(f).ok());
         forms.unwrap_or_default()
     }
 
-    /// Fills the `film`, and returns the course so far.
+    /// Fills the `film`, and returns the convergence so far.
     ///
     /// # Errors
-    /// The checkpoint belongs to another subject, or cannot be read; the
+    /// The checkpoint belongs to another run, or cannot be read; the
     /// image may then be filled in part.
     pub fn resume(
         mut self,
         run_key: &RunKey,
         film: &mut Film,
     ) -> Result<Convergence, String> {
-        // Compare the subjects, one fact at a time
+        // Compare the run keys entry by entry
         let theirs = &self.header.run_key;
         let names = run_key.keys().chain(theirs.keys());
         for name in names {
             let (ours, theirs) = (run_key.get(name), theirs.get(name));
             if ours != theirs {
-                // Name the fact that differs
+                // Name the entry that differs
                 let show = |value: Option<&Value>| {
                     value.map_or("nothing".to_owned(), Value::to_string)
                 };

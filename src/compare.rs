@@ -146,7 +146,7 @@ pub struct Scale {
 }
 
 /// Samples that a pixel needs to be tested by itself. With two
-/// equally probable weights, both images agree within themselves but
+/// equally probable samples, both images agree within themselves but
 /// not with each other in one pixel of 2^31.
 pub const FEW: f64 = 16.;
 
@@ -216,7 +216,7 @@ pub struct Difference {
     /// samples.
     pub few: usize,
     /// Standard deviation of z over the pixels that are tested and not
-    /// exact, and its expectation for normal weights.
+    /// exact, and its expectation for normal samples.
     pub spread: (f64, f64),
     /// The tests of pixels, of blocks, and of the image.
     pub scales: [Scale; 3],

@@ -6,11 +6,15 @@
 // Software Foundation, either version 3 of the License, or (at your option)
 // any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! A rectangle of accumulators, cut into tiles along Hilbert's curve.
+//! The sums of an image in the making, or of a part of it: a rectangle of
+//! accumulators, cut into tiles along Hilbert's curve.
 //!
-//! Pixels are counted from the top left. Those of one tile lie
-//! together in memory, so that threads write to separate pieces.
+//! Pixels are counted from the top left of the whole image. Those of one
+//! tile lie together in memory, so that threads write to separate pieces.
+//! The pixels of a tile hold the same samples, from the first on.
 
+use rand::RngExt;
+use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
 use crate::statistics::Accumulator;
@@ -22,7 +26,7 @@ pub const SIDE: u32 = 16;
 /// A rectangle of pixels that one thread renders at a time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Tile {
-    /// Column and row of its first pixel.
+    /// Column and row of its first pixel in the image.
     pub corner: (u32, u32),
     /// Its width and height, at most `SIDE` each.
     pub size: (u32, u32),
@@ -30,11 +34,24 @@ pub struct Tile {
     start: usize,
 }
 
-/// An image in the making: one accumulator per pixel.
+/// A rectangle of pixels of an image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Window {
+    /// Column and row of its first pixel in the image.
+    pub corner: (u32, u32),
+    /// Its width and height in pixels, at least 1.
+    pub size: (u32, u32),
+}
+
+// Hold the accumulators of a window
+/// An image in the making, or a part of it: one accumulator per pixel.
 #[derive(Clone, Debug)]
 pub struct Film {
-    width: u32,
-    height: u32,
+    /// Width and height of the whole image.
+    resolution: (u32, u32),
+    window: Window,
+    /// The number of samples whose mean is one value of an accumulator.
+    replicate: u64,
     tiles: Vec<Tile>,
     /// The number of each tile along the curve, by row and column.
     ranks: Vec<u32>,
@@ -42,15 +59,22 @@ pub struct Film {
 }
 
 impl Film {
-    /// An image without any weight, of at least one pixel.
+    /// The film of a whole image of at least one pixel, without a sample.
     pub fn new(width: u32, height: u32) -> Self {
-        let (columns, rows) = (width.div_ceil(SIDE), height.div_ceil(SIDE));
+        let window = Window { corner: (0, 0), size: (width, height) };
+        Self::cropped((width, height), window)
+    }
+
+    // Lay out the tiles of a window
+    /// The film of a window that lies within an image of this `resolution`.
+    pub fn cropped(resolution: (u32, u32), window: Window) -> Self {
+        let ((left, top), (columns, rows)) = window.cells();
         // Sort the cells along the curve
         let side = columns.max(rows).next_power_of_two();
         let cells =
             (0..rows).flat_map(|y| (0..columns).map(move |x| (x, y)));
         let mut cells: Vec<_> = cells.collect();
-        cells.sort_by_cached_key(|&(x, y)| distance(side, x, y));
+        cells.sort_by_cached_key(|&(x, y)| along_curve(side, x, y));
         // Lay a tile in each cell
         let mut ranks = vec![0; cells.len()];
         let mut tiles = Vec::with_capacity(cells.len());
@@ -58,14 +82,33 @@ impl Film {
         for (rank, (x, y)) in cells.into_iter().enumerate() {
             // Append the tile of one cell
             ranks[(y * columns + x) as usize] = rank as u32;
-            let corner = (x * SIDE, y * SIDE);
-            let size =
-                (SIDE.min(width - corner.0), SIDE.min(height - corner.1));
+            let (x, y) = ((left + x) * SIDE, (top + y) * SIDE);
+            let corner = (x.max(window.corner.0), y.max(window.corner.1));
+            let (right, bottom) = window.end();
+            let end = (right.min(x + SIDE), bottom.min(y + SIDE));
+            let size = (end.0 - corner.0, end.1 - corner.1);
             tiles.push(Tile { corner, size, start });
             start += (size.0 * size.1) as usize;
         }
         let pixels = vec![Accumulator::default(); start];
-        Self { width, height, tiles, ranks, pixels }
+        let replicate = 1;
+        Self { resolution, window, replicate, tiles, ranks, pixels }
+    }
+}
+
+impl Window {
+    /// The column and row after its last ones.
+    fn end(&self) -> (u32, u32) {
+        (self.corner.0 + self.size.0, self.corner.1 + self.size.1)
+    }
+
+    /// The first cell of the grid that it touches, and how many columns
+    /// and rows of cells.
+    fn cells(&self) -> ((u32, u32), (u32, u32)) {
+        let (left, top) = (self.corner.0 / SIDE, self.corner.1 / SIDE);
+        let (right, bottom) = self.end();
+        let columns = right.div_ceil(SIDE) - left;
+        ((left, top), (columns, bottom.div_ceil(SIDE) - top))
     }
 }
 
@@ -85,38 +128,45 @@ impl Film {
     }
 
     // Look a pixel up
-    /// The pixel of column `x` and row `y`.
+    /// The pixel of column `x` and row `y` of the image, in the window.
     pub fn pixel(&self, x: u32, y: u32) -> &Accumulator {
-        let columns = self.width.div_ceil(SIDE);
-        let rank = self.ranks[(y / SIDE * columns + x / SIDE) as usize];
-        let tile = &self.tiles[rank as usize];
-        let inside = y % SIDE * tile.size.0 + x % SIDE;
-        &self.pixels[tile.start + inside as usize]
+        let ((left, top), (columns, _)) = self.window.cells();
+        let cell = (y / SIDE - top) * columns + x / SIDE - left;
+        let tile = &self.tiles[self.ranks[cell as usize] as usize];
+        let (column, row) = (x - tile.corner.0, y - tile.corner.1);
+        &self.pixels[tile.start + (row * tile.size.0 + column) as usize]
     }
 }
 
 impl Film {
-    /// Width in pixels.
+    /// Width of the window in pixels.
     pub fn width(&self) -> u32 {
-        self.width
+        self.window.size.0
     }
 
-    /// Height in pixels.
+    /// Height of the window in pixels.
     pub fn height(&self) -> u32 {
-        self.height
+        self.window.size.1
     }
 
     /// Number of pixels.
     pub fn area(&self) -> u64 {
         self.pixels.len() as u64
     }
+
+    /// Width and height of the whole image.
+    pub fn resolution(&self) -> (u32, u32) {
+        self.resolution
+    }
 }
 
 impl Film {
     /// The pixels, row by row from the top left.
     pub fn rows(&self) -> impl Iterator<Item = &Accumulator> {
-        let row = move |y| (0..self.width).map(move |x| self.pixel(x, y));
-        (0..self.height).flat_map(row)
+        let ((left, top), (right, bottom)) =
+            (self.window.corner, self.window.end());
+        let row = move |y| (left..right).map(move |x| self.pixel(x, y));
+        (top..bottom).flat_map(row)
     }
 
     /// The means of the pixels, row by row from the top left.
@@ -126,7 +176,7 @@ impl Film {
 
     /// The samples of the pixels, row by row from the top left.
     pub fn counts(&self) -> impl Iterator<Item = u64> {
-        self.rows().map(Accumulator::count)
+        self.rows().map(|pixel| pixel.count() * self.replicate)
     }
 
     // Lend the pixels as they are stored
@@ -141,10 +191,44 @@ impl Film {
     }
 }
 
+// Count the samples
+impl Film {
+    /// The samples that every pixel has at least.
+    pub fn samples(&self) -> u64 {
+        let count = |tile: &Tile| self.pixels[tile.start].count();
+        let least = self.tiles.iter().map(count).min();
+        least.unwrap_or(0) * self.replicate
+    }
+
+    // Take one value for each replicate
+    /// The same film, whose accumulators take one value for so many samples.
+    /// It must be empty.
+    pub fn with_replicates(self, samples: u64) -> Self {
+        Self { replicate: samples, ..self }
+    }
+
+    /// The number of samples whose mean is one value.
+    pub fn replicate(&self) -> u64 {
+        self.replicate
+    }
+}
+
+impl Film {
+    /// A film with two random samples in each pixel.
+    pub fn noise(width: u32, height: u32) -> Self {
+        let mut film = Self::new(width, height);
+        let mut random = Pcg64::new(0, 0);
+        for pixel in &mut film.pixels {
+            (0..2).for_each(|_| pixel.add(random.random()));
+        }
+        film
+    }
+}
+
 // Order the tiles along the curve
 /// The number of cells that Hilbert's curve visits before the cell
 /// (`x`, `y`) of a grid of `side` by `side`, a power of two.
-fn distance(side: u32, mut x: u32, mut y: u32) -> u64 {
+fn along_curve(side: u32, mut x: u32, mut y: u32) -> u64 {
     let mut cells = 0;
     let mut s = side / 2;
     while s > 0 {
@@ -180,26 +264,27 @@ pub struct Summary {
 }
 
 impl Film {
-    /// Summarises the image.
+    /// Summarises the image, with the errors that [`Film::errors`] gives
+    /// for [`WORTH`].
     pub fn summary(&self) -> Summary {
-        let tiles = self.tiles.par_iter().map(|tile| {
-            let length = (tile.size.0 * tile.size.1) as usize;
-            let pixels = &self.pixels[tile.start..tile.start + length];
-            // Sum over the pixels of a tile
+        let variances = self.variances();
+        let rows = (0..self.height()).into_par_iter().map(|y| {
+            // Sum over the pixels of a row
             let (mut mean, mut squares, mut constant) = (0., 0., 0);
-            for pixel in pixels {
-                let variance = pixel.variance();
-                mean += pixel.mean();
-                squares += variance / pixel.count().max(1) as f64;
+            for x in 0..self.width() {
+                let error = self.error(&variances, WORTH, x, y);
+                mean += self.at(x, y).mean();
+                squares += error * error;
+                let variance = variances[self.number(x, y)];
                 constant += u64::from(variance == 0.);
             }
             (mean, squares, constant)
         });
-        let sums: Vec<(f64, f64, u64)> = tiles.collect();
-        // Add the sums of all tiles
+        let sums: Vec<(f64, f64, u64)> = rows.collect();
+        // Add the sums of all rows
         let mean: f64 = sums.iter().map(|sum| sum.0).sum();
         let squares: f64 = sums.iter().map(|sum| sum.1).sum();
-        let n = self.pixels.len() as f64;
+        let n = self.area() as f64;
         Summary {
             mean: mean / n,
             mean_stderr: squares.sqrt() / n,
@@ -220,43 +305,63 @@ impl Film {
     /// The standard errors of the pixels, row by row from the top left;
     /// infinite where unknown. The variance that a pixel has seen is
     /// combined with that of its neighbours, which counts as `worth`
-    /// samples ([`WORTH`]; 0 leaves the neighbours out).
+    /// values ([`WORTH`]; 0 leaves the neighbours out).
     pub fn errors(&self, worth: f64) -> Vec<f64> {
-        // Compute the variances row by row
-        let place = |i: usize| {
-            let width = self.width as usize;
-            ((i % width) as u32, (i / width) as u32)
+        let variances = self.variances();
+        let error = |(x, y)| self.error(&variances, worth, x, y);
+        self.places().map(error).collect()
+    }
+
+    // Compute the variances row by row
+    /// The variances of the values of the pixels, row by row.
+    fn variances(&self) -> Vec<f64> {
+        self.places().map(|(x, y)| self.at(x, y).variance()).collect()
+    }
+
+    /// The columns and rows of all pixels from the corner of the window.
+    fn places(&self) -> impl IndexedParallelIterator<Item = (u32, u32)> {
+        let width = self.width() as usize;
+        let place = move |i| ((i % width) as u32, (i / width) as u32);
+        (0..self.pixels.len()).into_par_iter().map(place)
+    }
+
+    // Find a pixel from the corner of the window
+    /// The pixel at a place.
+    fn at(&self, x: u32, y: u32) -> &Accumulator {
+        self.pixel(self.window.corner.0 + x, self.window.corner.1 + y)
+    }
+
+    /// The number of a place, row by row.
+    fn number(&self, x: u32, y: u32) -> usize {
+        y as usize * self.width() as usize + x as usize
+    }
+
+    // Combine the variance with the neighbours'
+    /// The standard error of the pixel at a place, given all variances.
+    fn error(&self, variances: &[f64], worth: f64, x: u32, y: u32) -> f64 {
+        let n = self.at(x, y).count() as f64;
+        let own = variances[self.number(x, y)];
+        let variance = match self.around(variances, x, y) {
+            Some(v) if own.is_finite() => {
+                ((n - 1.) * own + worth * v) / (n - 1. + worth)
+            }
+            _ => own,
         };
-        let pixels = (0..self.pixels.len()).into_par_iter().map(place);
-        let variance = |(x, y)| self.pixel(x, y).variance();
-        let variances: Vec<f64> = pixels.clone().map(variance).collect();
-        let error = |((x, y), &own): ((u32, u32), &f64)| {
-            let n = self.pixel(x, y).count() as f64;
-            // Combine the variance with the neighbours'
-            let variance = match self.around(&variances, x, y) {
-                Some(v) if own.is_finite() => {
-                    ((n - 1.) * own + worth * v) / (n - 1. + worth)
-                }
-                _ => own,
-            };
-            (variance / n.max(1.)).sqrt()
-        };
-        pixels.zip(&variances).map(error).collect()
+        (variance / n.max(1.)).sqrt()
     }
 
     // Average the variances around a pixel
-    /// The mean of the finite variances within `REACH` of a pixel, without
+    /// The mean of the finite variances within `REACH` of a place, without
     /// its own; none if there are none.
     fn around(&self, variances: &[f64], x: u32, y: u32) -> Option<f64> {
         let near = |at: u32, end: u32| {
             at.saturating_sub(REACH)..(at + REACH + 1).min(end)
         };
         let (mut sum, mut count) = (0., 0.);
-        for row in near(y, self.height) {
-            for column in near(x, self.width) {
+        for row in near(y, self.height()) {
+            for column in near(x, self.width()) {
                 // Count the variance of one neighbour
-                let index = u64::from(row) * u64::from(self.width);
-                let variance = variances[index as usize + column as usize];
+                let variance = variances[self.number(column, row)];
                 if variance.is_finite() && (column, row) != (x, y) {
                     (sum, count) = (sum + variance, count + 1.);
                 }

@@ -11,6 +11,7 @@
 //! Radiance is relative to that of the sky. Rows run from the top down,
 //! each from left to right, whatever the order in a file.
 
+mod data;
 mod exr;
 mod pfm;
 mod pgm;
@@ -18,54 +19,10 @@ mod png;
 pub(crate) mod srgb;
 
 // Name what the image imports
-use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::path::Path;
 
-use crate::film::{Film, WORTH};
-
-// Hold what the files can carry
-/// A finished image in memory: what its file formats can carry. Row by
-/// row from the top left.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Image {
-    /// Width in pixels.
-    pub width: u32,
-    /// Height in pixels.
-    pub height: u32,
-    /// Mean radiance of each pixel.
-    pub means: Vec<f64>,
-    // Keep what other programs do not know
-    /// Standard error of each mean, infinite where unknown; none if the
-    /// file does not say.
-    pub errors: Option<Vec<f64>>,
-    /// Samples spent on each pixel; none if the file does not say.
-    pub samples: Option<Vec<f64>>,
-    /// What is known about the run: names and values, such as `seed`
-    /// and `7`.
-    pub attributes: BTreeMap<String, String>,
-}
-
-// Make an image from an image
-impl Image {
-    /// What an image has gathered, with what is known about its run.
-    pub fn new(film: &Film, attributes: BTreeMap<String, String>) -> Self {
-        let list = |values: &mut dyn Iterator<Item = f64>| {
-            let mut list = Vec::with_capacity(film.area() as usize);
-            list.extend(values);
-            list
-        };
-        let mut counts = film.counts().map(|n| n as f64);
-        Self {
-            width: film.width(),
-            height: film.height(),
-            means: list(&mut film.means()),
-            errors: Some(film.errors(WORTH)),
-            samples: Some(list(&mut counts)),
-            attributes,
-        }
-    }
-}
+pub use data::Image;
 
 // Choose among the image formats
 /// How an image becomes bytes.
@@ -102,8 +59,7 @@ impl Format {
     /// # Errors
     /// The extension belongs to no format.
     pub fn of(path: &Path) -> Result<Self, String> {
-        let extension = path.extension().and_then(|e| e.to_str());
-        match extension.map(str::to_ascii_lowercase).as_deref() {
+        match extension(path).as_deref() {
             Some("pgm") | None => Ok(Format::Pgm),
             Some("png") => Ok(Format::Png),
             Some("pfm") => Ok(Format::Pfm),
@@ -116,12 +72,18 @@ impl Format {
     }
 }
 
+/// The extension of a file's name, in small letters.
+pub fn extension(path: &Path) -> Option<String> {
+    let extension = path.extension()?.to_str()?;
+    Some(extension.to_ascii_lowercase())
+}
+
 // Read an image back
 impl Image {
     /// Reads a file of numbers: EXR or PFM.
     ///
     /// # Errors
-    /// The file cannot be read, and those of [`Film::decode`]; the
+    /// The file cannot be read, and those of [`Image::decode`]; the
     /// message names the file and the fault.
     pub fn read(path: &Path) -> Result<Self, String> {
         let name = path.display();

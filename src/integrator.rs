@@ -34,6 +34,9 @@ pub trait Integrator: Sync {
     /// What it needs to know of the end of a ray.
     type RayQuery: RayQuery;
 
+    /// What it counts of the paths that have ended.
+    type Sums: Sums;
+
     /// A path whose first ray has this direction.
     fn begin(&self, direction: DVec3) -> Self::Path;
 
@@ -44,16 +47,69 @@ pub trait Integrator: Sync {
         hit: Option<Self::RayQuery>,
         sampler: &mut impl Sampler,
     ) -> PathEvent;
+
+    // Count what ends and learn from it
+    /// Counts a path that has ended, with the rays that it has traced and
+    /// its contribution.
+    fn count(
+        &self,
+        path: &Self::Path,
+        rays: u64,
+        contribution: f64,
+        sums: &mut Self::Sums,
+    );
+
+    /// The samples of each pixel up to which it does not change.
+    fn lesson(&self) -> u64 {
+        u64::MAX
+    }
+
+    /// Takes the sums of more paths; each pixel has at least so many
+    /// samples. If these are those of the lesson, there is another lesson
+    /// afterwards, with more samples.
+    fn learn(&mut self, _: &Self::Sums, _samples: u64) {}
+}
+
+/// Integers that are added up over paths, in any order.
+pub trait Sums: Default + Send {
+    /// Adds those of other paths.
+    fn merge(&mut self, other: &Self);
+
+    /// The rays that were traced.
+    fn rays(&self) -> u64;
+}
+
+/// The number of rays alone.
+impl Sums for u64 {
+    fn merge(&mut self, other: &Self) {
+        *self += other;
+    }
+
+    fn rays(&self) -> u64 {
+        *self
+    }
 }
 
 /// A borrowed estimator is one.
 impl<E: Integrator> Integrator for &E {
     type Path = E::Path;
     type RayQuery = E::RayQuery;
+    type Sums = E::Sums;
 
     #[inline(always)]
     fn begin(&self, direction: DVec3) -> Self::Path {
         (**self).begin(direction)
+    }
+
+    #[inline(always)]
+    fn count(
+        &self,
+        path: &Self::Path,
+        rays: u64,
+        contribution: f64,
+        sums: &mut Self::Sums,
+    ) {
+        (**self).count(path, rays, contribution, sums);
     }
 
     #[inline(always)]
@@ -182,6 +238,12 @@ impl Integrator for DirectSky {
     // End a path at its first surface
     type Path = DVec3;
     type RayQuery = Occluded;
+    type Sums = u64;
+
+    #[inline(always)]
+    fn count(&self, _: &DVec3, rays: u64, _: f64, sums: &mut u64) {
+        *sums += rays;
+    }
 
     #[inline(always)]
     fn begin(&self, direction: DVec3) -> DVec3 {
@@ -202,10 +264,29 @@ impl Integrator for DirectSky {
     }
 }
 
+// Name the kind of the samples
+/// Changes whenever the code that decides what a sample is does.
+const SAMPLE_VERSION: u32 = 1;
+
+/// Names the integrators, their constants and the version of their
+/// samples: samples of different names are not to be mixed.
+pub fn identity() -> String {
+    format!(
+        "samples {SAMPLE_VERSION}, path tracer with \
+         roulette below {FAINT} and from {MANY_BOUNCES} bounces"
+    )
+}
+
 impl<F: Foresight> Integrator for PathTracer<F> {
     // Follow a path from hit to hit
     type Path = PathState;
     type RayQuery = Hit;
+    type Sums = u64;
+
+    #[inline(always)]
+    fn count(&self, _: &PathState, rays: u64, _: f64, sums: &mut u64) {
+        *sums += rays;
+    }
 
     #[inline(always)]
     fn begin(&self, direction: DVec3) -> PathState {

@@ -16,8 +16,8 @@
 // Show the library at work
 //! ```
 //! use glam::DVec3;
-//! use litpt::{camera::*, integrator::*, analysis::background::KnownPixels, bvh::*};
-//! use litpt::film::*;
+//! use litpt::analysis::background::KnownPixels;
+//! use litpt::{bvh::*, camera::*, film::*, integrator::*};
 //! use litpt::{render::*, sampler::*, scene::*, sky::*};
 //!
 //! let obj = "v -1e6 -1e6 0\nv 1e6 -1e6 0\nv 1e6 1e6 0\nv -1e6 1e6 0\n\
@@ -30,11 +30,11 @@
 //! let integrator = PathTracer { albedo: 0.5, sky, foresight: () };
 //! let intersector = Bvh::new(&scene)?;
 //!
-//! let job = Job { scene: &scene, intersector: &intersector, camera: &camera,
+//! let mut job = Job { scene: &scene, intersector: &intersector, camera: &camera,
 //!                 integrator: &integrator, known: &KnownPixels::Nothing,
 //!                 sampler: IndependentSampler::new(0) };
 //! let mut film = Film::new(4, 3);
-//! job.pass(&mut film, 0..2, &|_| ());
+//! job.pass(&mut film, 2, &|_| true);
 //! assert_eq!(film.pixel(0, 0).mean(), 0.5);
 //! assert_eq!(film.pixel(0, 0).variance(), 0.);
 //! # Ok::<(), Box<dyn std::error::Error>>(())

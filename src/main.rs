@@ -9,7 +9,11 @@
 //! The command `pt`: parse the arguments, render, report.
 
 // Name what the program imports
-use std::io::{self, ErrorKind, Write};
+use std::fs::{self, File};
+use std::hint::black_box;
+use std::io::{self, BufReader, Read};
+use std::mem;
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
@@ -17,13 +21,20 @@ use litpt::analysis::{Finding, Inquiry, SceneAnalysis};
 use litpt::arguments::Arguments;
 use litpt::bvh::{Bvh, Quality};
 use litpt::camera::Camera;
+use litpt::checkpoint::{Checkpoint, RunKey};
 use litpt::film::Film;
+use litpt::image::{Format, Image};
+use litpt::integrator::identity;
+use litpt::output::{ImageTarget, OutputTarget};
 use litpt::progress::{self, Bar};
+use litpt::render::Renderer;
 use litpt::render_loop::{Convergence, Interrupt, Limits, Stop};
-use litpt::report::{Report, SceneFacts};
+use litpt::report::{Kind, Report, SceneFile};
 use litpt::run_output::RunOutput;
-use litpt::scene::Scene;
+use litpt::scene::{Scene, read_obj};
 use litpt::sky::Sky;
+use rayon::ThreadPoolBuilder;
+use sha2::{Digest, Sha256};
 
 fn main() -> ExitCode {
     let arguments = match Arguments::from_command_line() {
@@ -44,18 +55,91 @@ fn main() -> ExitCode {
 // Run the whole program once
 fn run(arguments: &Arguments) -> Result<Stop, String> {
     let start = Instant::now();
-    // Prepare the camera, the sky and the files
+    let camera = camera(arguments)?;
+    let mut files = Files::check(arguments)?;
+    start_threads(arguments)?;
+    let (mut scene, mut known) = load(arguments, &files)?;
+    let inquiry = inquire(arguments, &files, &camera, &scene);
+    let (analysis, bvh) =
+        build(&mut scene, &inquiry, arguments, &mut known)?;
+    if arguments.explain {
+        return explain(&analysis, arguments);
+    }
+    let mut job = analysis.renderer(&scene, &bvh, &inquiry, arguments.seed);
+    let mut run =
+        Run::begin(&mut *job, &analysis, arguments, &mut files, known)?;
+    let stop = run.render(start, &analysis, &files)?;
+    run.write(&files, stop)?;
+    Ok(stop)
+}
+
+// Prepare the camera and the files
+fn camera(arguments: &Arguments) -> Result<Camera, String> {
     let (width, height) = arguments.resolution;
     let aspect = f64::from(width) / f64::from(height);
-    let view = arguments.view();
-    let camera = Camera::new(&view, aspect).map_err(|e| e.to_string())?;
-    let sky = Sky::new(view.up);
-    let outputs = arguments.destinations()?;
-    let reports = arguments.reports()?;
-    let checkpoint = arguments.checkpoint()?;
-    let resumed = arguments.resumed()?;
-    let reference = arguments.read_reference()?;
-    let seeds = reference.as_ref().and_then(|r| r.attributes.get("seed"));
+    Camera::new(&arguments.view(), aspect).map_err(|e| e.to_string())
+}
+
+/// The files of a run beside the scene: checked, and not yet written.
+struct Files {
+    images: Vec<ImageTarget>,
+    reports: Vec<(Kind, OutputTarget)>,
+    checkpoint: Option<OutputTarget>,
+    resumed: Option<Checkpoint<BufReader<File>>>,
+    reference: Option<Image>,
+}
+
+impl Files {
+    fn check(arguments: &Arguments) -> Result<Self, String> {
+        let Arguments { resume, reference, .. } = arguments;
+        let reference = reference.as_ref();
+        Ok(Self {
+            images: arguments.images()?,
+            reports: arguments.reports()?,
+            checkpoint: arguments.checkpoint()?,
+            resumed: resume.as_ref().map(open_checkpoint).transpose()?,
+            reference: reference
+                .map(|path| read_reference(path, arguments))
+                .transpose()?,
+        })
+    }
+
+    // Decide whether the scene is hashed
+    /// Whether a file will name the scene by its hash.
+    fn name_the_scene(&self) -> bool {
+        let exr = |image: &ImageTarget| image.format() == Format::Exr;
+        self.images.iter().any(exr)
+            || !self.reports.is_empty()
+            || self.checkpoint.is_some()
+            || self.resumed.is_some()
+    }
+}
+
+fn open_checkpoint(
+    path: &PathBuf,
+) -> Result<Checkpoint<BufReader<File>>, String> {
+    File::open(path)
+        .map_err(|e| format!("cannot read: {e}"))
+        .and_then(|file| Checkpoint::open(BufReader::new(file)))
+        .map_err(|fault| format!("{}: {fault}", path.display()))
+}
+
+fn read_reference(
+    path: &PathBuf,
+    arguments: &Arguments,
+) -> Result<Image, String> {
+    let image = Image::read(path)?;
+    let (width, height) = arguments.resolution;
+    if (image.width, image.height) != (width, height) {
+        return Err(format!(
+            "{}: is {}x{} pixels large, and the image {width}x{height}",
+            path.display(),
+            image.width,
+            image.height
+        ));
+    }
+    // Warn of a reference with our seed
+    let seeds = image.attributes.get("seed");
     let ours = arguments.seed.to_string();
     let shared = |seeds: &String| seeds.split(',').any(|seed| seed == ours);
     if !arguments.quiet && seeds.is_some_and(shared) {
@@ -64,177 +148,283 @@ fn run(arguments: &Arguments) -> Result<Stop, String> {
              larger than they will seem (choose another seed with -s)",
         );
     }
-    // Load the scene and leave out what it does not need
-    arguments.start_threads()?;
-    let loading = Instant::now();
-    let (mesh, sha256) = arguments.read_mesh(arguments.keeps_records())?;
-    let mut scene = Scene::new(&mesh);
-    let triangles = mesh.triangles.len();
-    drop(mesh);
-    let load_seconds = loading.elapsed().as_secs_f64();
-    let building = Instant::now();
-    // Ask for what can be left out
-    let before = resumed.as_ref().map(|(_, saved)| saved.left_out());
-    let mut inquiry = Inquiry {
-        camera: &camera,
-        place: scene.place(camera.position),
-        sky,
-        albedo: arguments.albedo,
-        resolution: arguments.resolution,
-        rays: arguments.expected_rays(1),
-        kept: arguments.kept().to_vec(),
-    };
-    if let Some(before) = before {
-        inquiry.follow(&before);
-    }
-    let mut analysis = SceneAnalysis::find(&mut scene, &inquiry);
-    // Build the hierarchy of what is left
-    analysis.simplify(&mut scene);
-    let threads = rayon::current_num_threads();
-    let (needed, isa) = (scene.triangles().len(), arguments.isa());
-    let quality =
-        Quality::expecting(needed, arguments.expected_rays(threads));
-    let intersector = Bvh::of(scene.take_triangles(), quality, isa)
-        .map_err(|e| e.to_string())?;
-    analysis.find_more(&scene, &intersector, &inquiry);
-    if arguments.explain {
-        return explain(&analysis, arguments);
-    }
-    let renderer =
-        analysis.renderer(&scene, &intersector, &inquiry, arguments.seed);
-    let build_seconds = building.elapsed().as_secs_f64();
-    // Take up a run or begin one
-    let mut run_key = arguments.run_key(&sha256);
-    run_key.insert("left_out".into(), analysis.weighty().into());
-    let mut film = Film::new(width, height);
-    let mut convergence = Convergence::default();
-    if let Some((name, saved)) = resumed {
-        convergence = saved
-            .resume(&run_key, &mut film)
-            .map_err(|fault| format!("{name}: {fault}"))?;
-        // Warn if there is nothing left to do
-        let enough =
-            arguments.samples().is_some_and(|n| convergence.spp >= n);
-        if enough && !arguments.quiet {
-            let spp = convergence.spp;
-            progress::warn(&format!(
-                "{name}: holds {spp} samples already (ask for more with -n)"
-            ));
-        }
-    }
+    Ok(image)
+}
+
+fn start_threads(arguments: &Arguments) -> Result<(), String> {
+    let threads = arguments.threads.unwrap_or(0);
+    let pool = ThreadPoolBuilder::new().num_threads(threads);
+    pool.build_global().map_err(|e| format!("cannot start threads: {e}"))
+}
+
+// Load the scene and name it
+fn load(
+    arguments: &Arguments,
+    files: &Files,
+) -> Result<(Scene, Report), String> {
+    let began = Instant::now();
     let file = arguments.input_name();
-    let scene_facts =
-        SceneFacts { file, sha256, triangles: triangles as u64 };
-    let mut settings = arguments.settings(&run_key);
-    settings.insert("hierarchy".into(), quality.to_string().into());
+    // Read the bytes of the mesh
+    let mut bytes = Vec::new();
+    let read = match &arguments.input {
+        Some(path) => fs::read(path).map(|content| bytes = content),
+        None => io::stdin().read_to_end(&mut bytes).map(|_| ()),
+    };
+    read.map_err(|e| format!("{file}: cannot read: {e}"))?;
+    let mesh = read_obj(&bytes).map_err(|error| error.within(&file))?;
+    // Hash the bytes if a file will name them
+    let hash = files.name_the_scene().then(|| Sha256::digest(&bytes));
+    let hex = |byte: u8| format!("{byte:02x}");
+    let sha256 = hash.into_iter().flatten().map(hex).collect();
+    drop(bytes);
+    let scene = Scene::new(&mesh);
+    let triangles = mesh.triangles.len() as u64;
     let known = Report {
-        scene: scene_facts,
-        settings,
-        left_out: analysis.left_out().cloned().collect(),
-        load_seconds,
-        build_seconds,
         program: concat!("pt ", env!("CARGO_PKG_VERSION")).to_owned(),
+        scene: SceneFile { file, sha256, triangles },
+        settings: arguments.settings(),
+        load_seconds: began.elapsed().as_secs_f64(),
         ..Report::default()
     };
-    let every = Duration::try_from_secs_f64(arguments.every)
-        .unwrap_or(Duration::MAX);
-    let mut run_output =
-        RunOutput::new(reports, checkpoint, every, run_key, known);
-    // Render until a limit is reached
-    let interrupt = Interrupt::listen()
-        .map_err(|e| format!("cannot listen for signals: {e}"))?;
-    let mut limits = Limits {
-        samples: analysis.samples(arguments.samples()),
-        deadline: arguments.deadline(start),
-        error: arguments.error,
-        interrupt: &interrupt,
-        reference: reference.as_ref().map(|image| &image.means[..]),
-    };
-    // Show the bar and call the journal
-    let area = film.area();
-    let paths = |spp: u64| spp.saturating_mul(area);
-    let bar = Bar::new(!arguments.quiet, paths(convergence.spp));
-    let advance = |paths| bar.advance(paths);
-    let go_on = |convergence: &mut Convergence,
-                 film: &mut Film,
-                 limits: &Limits,
-                 run_output: &mut RunOutput| {
-        bar.expect(
-            paths(convergence.expected(limits, area)),
-            convergence.to_string(),
-        );
-        let mut after = |convergence: &Convergence, film: &Film| {
-            // Tell the bar and the journal
-            let expected = convergence.expected(limits, area);
-            bar.expect(paths(expected), convergence.to_string());
-            let written = run_output.after(convergence, film);
-            if let (Err(message), false) = (written, arguments.quiet) {
-                bar.suspend(|| progress::warn(&message));
-            }
-        };
-        convergence.run(&*renderer, film, limits, &advance, &mut after)
-    };
-    if let Some(deadline) = limits.deadline {
-        let samples = limits.samples;
-        let one_more = convergence.spp + 1;
-        limits.samples =
-            Some(samples.map_or(one_more, |n| n.min(one_more)));
-        go_on(&mut convergence, &mut film, &limits, &mut run_output);
-        limits.samples = samples;
-        if interrupt.signal().is_none() {
-            // Keep the time for writing in reserve
-            let began = Instant::now();
-            let image = run_output.rehearse(&convergence, &film);
-            outputs.iter().for_each(|output| output.rehearse(&image));
-            let end = deadline.checked_sub(began.elapsed());
-            limits.deadline = end.or(limits.deadline);
-        }
-        // Warn if the time is over already
-        if Instant::now() > deadline && !arguments.quiet {
-            progress::warn(
-                "one sample of each pixel took longer than --time allows",
-            );
-        }
-    }
-    let stop = go_on(&mut convergence, &mut film, &limits, &mut run_output);
-    bar.finish();
-    // Write the image and the summary
-    let image = run_output.image(&convergence, &film, Some(stop));
-    let written = outputs.iter().map(|output| output.write(&image));
-    let mut written: Vec<_> = written.collect();
-    written.push(run_output.close(&convergence, &film, stop));
-    let failures: Vec<_> =
-        written.into_iter().filter_map(Result::err).collect();
-    if !failures.is_empty() {
-        return Err(failures.join("; "));
-    }
-    if !arguments.quiet {
-        let report = run_output.report(&convergence, &film, Some(stop));
-        progress::summarise(&report, area);
-    }
-    Ok(stop)
+    Ok((scene, known))
 }
+
+// Analyse the scene and build the hierarchy
+fn inquire<'a>(
+    arguments: &Arguments,
+    files: &Files,
+    camera: &'a Camera,
+    scene: &Scene,
+) -> Inquiry<'a> {
+    let mut inquiry = Inquiry {
+        camera,
+        place: scene.place(camera.position),
+        sky: Sky::new(arguments.up),
+        albedo: arguments.albedo,
+        resolution: arguments.resolution,
+        rays: expected_rays(arguments, 1),
+        kept: arguments.kept().to_vec(),
+    };
+    if let Some(saved) = &files.resumed {
+        inquiry.follow(&saved.left_out());
+    }
+    inquiry
+}
+
+fn build(
+    scene: &mut Scene,
+    inquiry: &Inquiry,
+    arguments: &Arguments,
+    known: &mut Report,
+) -> Result<(SceneAnalysis, Bvh), String> {
+    let began = Instant::now();
+    let mut analysis = SceneAnalysis::find(scene, inquiry);
+    analysis.simplify(scene);
+    let rays = expected_rays(arguments, rayon::current_num_threads());
+    let quality = Quality::expecting(scene.triangles().len(), rays);
+    let triangles = scene.take_triangles();
+    let bvh = Bvh::of(triangles, quality, arguments.isa())
+        .map_err(|e| e.to_string())?;
+    analysis.find_more(scene, &bvh, inquiry);
+    // Report what was found and built
+    known.left_out = analysis.left_out().cloned().collect();
+    let threads = rayon::current_num_threads();
+    known.settings.insert("threads".into(), threads.into());
+    known.settings.insert("hierarchy".into(), quality.to_string().into());
+    known.build_seconds = began.elapsed().as_secs_f64();
+    Ok((analysis, bvh))
+}
+
+/// A guess of how many rays the run will trace with so many threads.
+fn expected_rays(arguments: &Arguments, threads: usize) -> f64 {
+    let (width, height) = arguments.resolution;
+    let area = f64::from(width) * f64::from(height);
+    let path = (1. / (1. - arguments.albedo)).min(LONG);
+    let paths = arguments.samples().map(|n| n as f64 * area);
+    let timed = arguments.time.or(paths.is_none().then_some(60.));
+    let rate = RATE * threads as f64;
+    let timed = timed.map_or(f64::INFINITY, |time| time * rate);
+    paths.map_or(timed, |paths| timed.min(paths * path))
+}
+
+/// Rays that a path is guessed to have at most.
+const LONG: f64 = 10.;
+
+/// Rays per second that a thread is guessed to trace.
+const RATE: f64 = 4e6;
 
 /// Tells what can be left out, and what the rest is made of.
 fn explain(
     analysis: &SceneAnalysis,
     arguments: &Arguments,
 ) -> Result<Stop, String> {
-    let mut words = String::new();
+    let mut lines = String::new();
     for Finding { fact, holds, why } in &analysis.findings {
         let sign = if *holds { "left out" } else { "-" };
-        words += &format!("{fact:12}{sign:10}{why}\n");
+        lines += &format!("{fact:12}{sign:10}{why}\n");
     }
-    words += &format!(
-        "{:12}{}\n",
-        "intersector",
-        analysis.parts(arguments.isa())
-    );
-    let mut out = io::stdout().lock();
-    match out.write_all(words.as_bytes()) {
-        Err(e) if e.kind() != ErrorKind::BrokenPipe => {
-            Err(format!("cannot write: {e}"))
+    let parts = analysis.parts(arguments.isa());
+    lines += &format!("{:12}{parts}\n", "intersector");
+    let out = OutputTarget::standard_output();
+    out.write(&mut |out| out.write_all(lines.as_bytes()))?;
+    Ok(Stop::Samples)
+}
+
+// Take up a run or begin one
+/// A run of the program: what has been rendered, and who is told.
+struct Run<'a> {
+    arguments: &'a Arguments,
+    job: &'a mut (dyn Renderer + 'a),
+    film: Film,
+    convergence: Convergence,
+    output: RunOutput,
+    bar: Bar,
+}
+
+impl<'a> Run<'a> {
+    fn begin(
+        job: &'a mut (dyn Renderer + 'a),
+        analysis: &SceneAnalysis,
+        arguments: &'a Arguments,
+        files: &mut Files,
+        known: Report,
+    ) -> Result<Self, String> {
+        let run_key = run_key(arguments, analysis, &known.scene.sha256);
+        // Take the film of a checkpoint or a new one
+        let (width, height) = arguments.resolution;
+        let mut film = Film::new(width, height);
+        let mut convergence = Convergence::default();
+        if let (Some(saved), Some(path)) =
+            (files.resumed.take(), &arguments.resume)
+        {
+            let name = path.display();
+            convergence = saved
+                .resume(&run_key, &mut film)
+                .map_err(|fault| format!("{name}: {fault}"))?;
+            // Warn if there is nothing left to do
+            let spp = convergence.spp;
+            if arguments.samples().is_some_and(|n| spp >= n)
+                && !arguments.quiet
+            {
+                progress::warn(&format!(
+                    "{name}: holds {spp} samples already (ask for more with -n)"
+                ));
+            }
         }
-        _ => Ok(Stop::Realisations),
+        let every = Duration::try_from_secs_f64(arguments.every)
+            .unwrap_or(Duration::MAX);
+        let (reports, checkpoint) =
+            (mem::take(&mut files.reports), files.checkpoint.take());
+        let output =
+            RunOutput::new(reports, checkpoint, every, run_key, known);
+        let paths = convergence.spp.saturating_mul(film.area());
+        let bar = Bar::new(!arguments.quiet, paths);
+        Ok(Self { arguments, job, film, convergence, output, bar })
+    }
+}
+
+/// All that decides the samples of a run.
+fn run_key(
+    arguments: &Arguments,
+    analysis: &SceneAnalysis,
+    sha256: &str,
+) -> RunKey {
+    let mut key = arguments.run_key();
+    key.insert("version".into(), env!("CARGO_PKG_VERSION").into());
+    key.insert("integrator".into(), identity().into());
+    key.insert("scene_sha256".into(), sha256.into());
+    key.insert("left_out".into(), analysis.weighty().into());
+    key
+}
+
+// Render until a limit is reached
+impl Run<'_> {
+    fn render(
+        &mut self,
+        start: Instant,
+        analysis: &SceneAnalysis,
+        files: &Files,
+    ) -> Result<Stop, String> {
+        let interrupt = Interrupt::listen()
+            .map_err(|e| format!("cannot listen for signals: {e}"))?;
+        let reference = files.reference.as_ref();
+        let mut limits = Limits {
+            samples: analysis.samples(self.arguments.samples()),
+            deadline: self.arguments.deadline(start),
+            error: self.arguments.error,
+            interrupt: &interrupt,
+            reference: reference.map(|image| &image.means[..]),
+        };
+        let late = limits.deadline.is_some_and(|d| Instant::now() > d);
+        self.reserve_time(&mut limits, &files.images);
+        let stop = self.go_on(&limits);
+        self.bar.finish();
+        // Warn if there was no time
+        let none = stop == Stop::Time && self.convergence.spp == 0;
+        if (late || none) && !self.arguments.quiet {
+            progress::warn(
+                "one sample of each pixel took longer than --time allows",
+            );
+        }
+        Ok(stop)
+    }
+
+    // Go on until the limits are reached
+    fn go_on(&mut self, limits: &Limits) -> Stop {
+        let Self { arguments, job, film, convergence, output, bar } = self;
+        let area = film.area();
+        let expect = |convergence: &Convergence| {
+            let spp = convergence.expected(limits, area);
+            bar.expect(spp.saturating_mul(area), convergence.to_string());
+        };
+        expect(convergence);
+        let advance = |paths| bar.advance(paths);
+        let mut after = |convergence: &Convergence, film: &Film| {
+            expect(convergence);
+            let written = output.after(convergence, film);
+            if let (Err(message), false) = (written, arguments.quiet) {
+                bar.suspend(|| progress::warn(&message));
+            }
+        };
+        convergence.run(&mut **job, film, limits, &advance, &mut after)
+    }
+
+    // Keep time for writing in reserve
+    fn reserve_time(&self, limits: &mut Limits, images: &[ImageTarget]) {
+        let Some(deadline) = limits.deadline else { return };
+        let Self { film, convergence, output, .. } = self;
+        let trial =
+            Film::noise(film.width().min(256), film.height().min(256));
+        let ratio = film.area() as f64 / trial.area() as f64;
+        let began = Instant::now();
+        black_box(trial.summary());
+        let image = output.rehearse(convergence, &trial);
+        images.iter().for_each(|target| target.rehearse(&image));
+        let reserve = began.elapsed().mul_f64(ratio);
+        let left = deadline.saturating_duration_since(Instant::now());
+        limits.deadline = deadline.checked_sub(reserve.min(left / 2));
+    }
+}
+
+// Write the image and the summary
+impl Run<'_> {
+    fn write(&mut self, files: &Files, stop: Stop) -> Result<(), String> {
+        let Self { film, convergence, output, .. } = self;
+        let image = output.image(convergence, film, Some(stop));
+        let images = files.images.iter();
+        let mut written: Vec<_> =
+            images.map(|target| target.write(&image)).collect();
+        written.push(output.close(convergence, film, stop));
+        let failures = written.into_iter().filter_map(Result::err);
+        let failures: Vec<_> = failures.collect();
+        if !failures.is_empty() {
+            return Err(failures.join("; "));
+        }
+        if !self.arguments.quiet {
+            let report = output.report(convergence, film, Some(stop));
+            let lines = report.summary(film.area());
+            lines.iter().for_each(|line| progress::inform(line));
+        }
+        Ok(())
     }
 }

@@ -15,9 +15,6 @@ use std::time::Duration;
 
 use anstyle::{AnsiColor, Effects, Style};
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
-use serde_json::Value;
-
-use crate::report::Report;
 
 // Print messages with their marks
 const GREEN: Style = AnsiColor::Green.on_default().effects(Effects::BOLD);
@@ -104,52 +101,10 @@ fn style() -> ProgressStyle {
 }
 
 /// A number to two decimals with a metric prefix, as in `1.25 M`.
-fn metric(x: f64) -> String {
+pub fn metric(x: f64) -> String {
     let scales = [(1e9, "G"), (1e6, "M"), (1e3, "k")];
     match scales.iter().find(|(scale, _)| x >= 0.9995 * scale) {
         Some((scale, prefix)) => format!("{:.2} {prefix}", x / scale),
         None => format!("{x:.0} "),
-    }
-}
-
-// Summarise the run in a few lines
-/// Prints the summary of a run.
-pub fn summarise(report: &Report, pixels: u64) {
-    // Say where the time went
-    let Report { load_seconds, build_seconds, render_seconds, .. } = report;
-    let said = |name| report.settings.get(name).and_then(Value::as_str);
-    let bvh = ["hierarchy", "isa"].into_iter().filter_map(said);
-    inform(&format!(
-        "{} triangles, load {load_seconds:.3} s, build {build_seconds:.3} s \
-         ({}), render {render_seconds:.3} s",
-        report.scene.triangles,
-        bvh.collect::<Vec<_>>().join(", ")
-    ));
-    for finding in &report.left_out {
-        inform(&format!("left out: {} ({})", finding.why, finding.fact));
-    }
-    // Say how fast and how exact
-    let rays = report.rays;
-    let speed = metric(rays as f64 / render_seconds.max(1e-9));
-    inform(&format!("{rays} rays, {speed}rays/s, {}", findings(report)));
-    // Say whose errors rest on neighbours
-    let constant = report.constant_pixels;
-    if 0 < constant && constant < pixels {
-        inform(&format!(
-            "{constant} of {pixels} pixels saw one value only; \
-             their errors come from their neighbours"
-        ));
-    }
-}
-
-/// The mean of the image and its errors, in words.
-fn findings(report: &Report) -> String {
-    let mean = report.mean;
-    let spp = report.steps.last().map_or(0, |step| step.spp);
-    match (report.mean_stderr, report.rmse) {
-        (Some(stderr), Some(rmse)) => format!(
-            "{spp} spp, mean radiance {mean:.6} ± {stderr:.6}, rmse {rmse:.6}"
-        ),
-        _ => format!("{spp} spp, mean radiance {mean:.6}, error unknown"),
     }
 }

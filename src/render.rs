@@ -18,7 +18,7 @@ use crate::analysis::background::KnownPixels;
 use crate::bvh::{Dispatch, Intersector};
 use crate::camera::Camera;
 use crate::film::{Film, Tile};
-use crate::integrator::{Integrator, PathEvent, RayQuery};
+use crate::integrator::{Integrator, PathEvent, RayQuery, Sums};
 use crate::sampler::{IndependentSampler, Sampler, within};
 use crate::scene::{Ray, Scene};
 use crate::statistics::Accumulator;
@@ -40,54 +40,62 @@ pub struct Job<'a, K, E, S = IndependentSampler> {
     pub sampler: S,
 }
 
+/// Watches a pass: called, from any thread, with the number of paths that
+/// a finished tile has taken, and with 0 before a tile and within it.
+/// Answers whether to go on.
+pub type Watch<'a> = dyn Fn(u64) -> bool + Sync + 'a;
+
 /// Pieces of work that each thread should find in an image.
 const PIECES: usize = 32;
 
-// Let the intersector choose its walk
+// Let the intersector choose its traversal
 /// A pass that waits for its intersector.
 struct Pass<'a, 'b, K, E, S> {
     job: &'b Job<'a, K, E, S>,
     film: &'b mut Film,
-    samples: Range<u64>,
-    progress: &'b (dyn Fn(u64) + Sync),
+    end: u64,
+    watch: &'b Watch<'b>,
 }
 
 impl<K, E: Integrator, S: Sampler> Dispatch for Pass<'_, '_, K, E, S> {
-    type Output = u64;
+    type Output = E::Sums;
 
-    fn with<L: Intersector>(self, intersector: &L) -> u64 {
+    fn with<L: Intersector>(self, intersector: &L) -> E::Sums {
         let &Job { scene, camera, ref integrator, known, .. } = self.job;
         let sampler = self.job.sampler.clone();
         let job =
             Job { scene, intersector, camera, integrator, known, sampler };
-        job.sweep(self.film, self.samples, self.progress)
+        job.sweep(self.film, self.end, self.watch)
     }
 }
 
-/// Something that adds samples to an image.
-pub trait Renderer: Sync {
-    /// Adds the `samples` to each pixel of `film`, and returns the
-    /// number of rays traced. Calls `progress`, from any thread, with the
-    /// number of paths of each tile that is finished.
-    fn pass(
-        &self,
-        film: &mut Film,
-        samples: Range<u64>,
-        progress: &(dyn Fn(u64) + Sync),
-    ) -> u64;
+/// Something that adds samples to a film.
+pub trait Renderer {
+    /// Takes each tile of `film` on from its own samples to `end` samples
+    /// of each pixel, or to the next whole number of replicates, unless
+    /// `watch` stops it; returns the number of rays traced. A renderer
+    /// that learns has one film, and makes all its samples.
+    fn pass(&mut self, film: &mut Film, end: u64, watch: &Watch) -> u64;
 }
 
 impl<K: Intersector, E: Integrator, S: Sampler> Renderer
     for Job<'_, K, E, S>
 {
-    fn pass(
-        &self,
-        film: &mut Film,
-        samples: Range<u64>,
-        progress: &(dyn Fn(u64) + Sync),
-    ) -> u64 {
-        let pass = Pass { job: self, film, samples, progress };
-        self.intersector.dispatch(pass)
+    fn pass(&mut self, film: &mut Film, end: u64, watch: &Watch) -> u64 {
+        assert_eq!(film.replicate(), S::REPLICATE, "replicates");
+        let mut rays = 0;
+        loop {
+            // Render up to the next lesson
+            let goal = end.min(self.integrator.lesson());
+            let pass = Pass { job: self, film, end: goal, watch };
+            let sums = self.intersector.dispatch(pass);
+            rays += sums.rays();
+            let samples = film.samples();
+            self.integrator.learn(&sums, samples);
+            if samples < goal || goal == end {
+                return rays;
+            }
+        }
     }
 }
 
@@ -100,33 +108,36 @@ const BATCH: usize = 16;
 
 /// A path between two rays.
 struct PathInFlight<P, S> {
-    /// What its estimator remembers.
+    /// What its integrator remembers.
     path: P,
     sampler: S,
     /// Where it goes next; none if it has missed the box of the scene.
     ray: Option<Ray>,
     /// The triangle that it leaves.
     from: Option<u32>,
+    /// How many rays it has traced.
+    rays: u64,
     /// The pixel in its tile.
     pixel: u32,
 }
 
 impl<K: Intersector, E: Integrator, S: Sampler> Job<'_, K, E, S> {
-    // Add samples to an image
-    /// All tiles, with the intersector as it is.
-    fn sweep(
-        &self,
-        film: &mut Film,
-        samples: Range<u64>,
-        progress: &(dyn Fn(u64) + Sync),
-    ) -> u64 {
-        let resolution = (film.width(), film.height());
+    // Take all tiles to a sample
+    /// Takes all tiles to so many samples, with the intersector as it is.
+    fn sweep(&self, film: &mut Film, end: u64, watch: &Watch) -> E::Sums {
+        let resolution = film.resolution();
         let tiles = film.tiles();
         let parts = PIECES * rayon::current_num_threads() / tiles.len();
         let render = |(tile, pixels): (Tile, &mut [Accumulator])| {
             // Choose how a tile is filled
-            let count = samples.end - samples.start;
-            let rays = match (parts as u64).min(count) {
+            let values = pixels[0].count()..end.div_ceil(S::REPLICATE);
+            if values.is_empty() || !watch(0) {
+                return E::Sums::default();
+            }
+            let count = values.end - values.start;
+            let paths =
+                (count * S::REPLICATE).saturating_mul(pixels.len() as u64);
+            let sums = match (parts as u64).min(count) {
                 _ if self.known.holds(&tile) => {
                     // Fill a tile that is known
                     for (pixel, i) in pixels.iter_mut().zip(0..) {
@@ -134,51 +145,102 @@ impl<K: Intersector, E: Integrator, S: Sampler> Job<'_, K, E, S> {
                         let y = tile.corner.1 + i / tile.size.0;
                         pixel.add_times(self.known.radiance(x, y), count);
                     }
-                    0
+                    Some(E::Sums::default())
                 }
-                0 | 1 => self.tile(tile, pixels, resolution, &samples),
+                0 | 1 => {
+                    self.fill(tile, pixels, resolution, &values, watch)
+                }
                 parts => {
-                    // Render the samples in parts
-                    // Cut the samples into parts
+                    // Render the values in parts
+                    // Cut the values into parts
                     let cut = |k: u64| {
                         let whole = u128::from(count) * u128::from(k);
-                        samples.start + (whole / u128::from(parts)) as u64
+                        values.start + (whole / u128::from(parts)) as u64
                     };
                     // Render one part by itself
                     let render = |k| {
                         let mut own =
                             vec![Accumulator::default(); pixels.len()];
                         let range = cut(k)..cut(k + 1);
-                        let rays =
-                            self.tile(tile, &mut own, resolution, &range);
-                        (own, rays)
+                        let sums = self.fill(
+                            tile, &mut own, resolution, &range, watch,
+                        );
+                        sums.map(|sums| (own, sums))
                     };
-                    let done: Vec<_> =
+                    let done: Option<Vec<_>> =
                         (0..parts).into_par_iter().map(render).collect();
-                    // Merge the parts into the pixels
-                    for (pixel, i) in pixels.iter_mut().zip(0..) {
-                        done.iter()
-                            .for_each(|(own, _)| pixel.merge(&own[i]));
-                    }
-                    done.iter().map(|(_, rays)| rays).sum()
+                    done.map(|done| {
+                        // Merge the parts into the pixels
+                        let mut sums = E::Sums::default();
+                        for (own, more) in &done {
+                            sums.merge(more);
+                            let both = pixels.iter_mut().zip(own);
+                            both.for_each(|(pixel, own)| pixel.merge(own));
+                        }
+                        sums
+                    })
                 }
             };
-            progress(count.saturating_mul(pixels.len() as u64));
-            rays
+            if sums.is_some() {
+                watch(paths);
+            }
+            sums.unwrap_or_default()
         };
-        tiles.into_par_iter().with_max_len(1).map(render).sum()
+        let sums = tiles.into_par_iter().with_max_len(1).map(render);
+        sums.reduce(E::Sums::default, |mut sums, more| {
+            sums.merge(&more);
+            sums
+        })
     }
 
-    // Render the pixels of a tile
-    fn tile(
+    // Take one tile further or leave it
+    /// Adds values to the pixels of a tile, given their numbers; none, with
+    /// the pixels as they were, if the pass is stopped.
+    fn fill(
         &self,
         tile: Tile,
         pixels: &mut [Accumulator],
         resolution: (u32, u32),
-        samples: &Range<u64>,
-    ) -> u64 {
+        values: &Range<u64>,
+        watch: &Watch,
+    ) -> Option<E::Sums> {
+        let before = pixels.to_vec();
+        let mut sums = E::Sums::default();
+        let mut trace = |pixels: &mut [Accumulator], samples| {
+            self.trace(tile, pixels, resolution, samples, watch, &mut sums)
+        };
+        // Add the samples or the means of replicates
+        let mut replicate = |pixels: &mut [Accumulator], value| {
+            let mut own = vec![Accumulator::default(); pixels.len()];
+            let first = value * S::REPLICATE;
+            let finished = trace(&mut own, first..first + S::REPLICATE);
+            let means = own.iter().map(Accumulator::mean);
+            pixels.iter_mut().zip(means).for_each(|(p, mean)| p.add(mean));
+            finished
+        };
+        let finished = match S::REPLICATE {
+            1 => trace(pixels, values.clone()),
+            _ => values.clone().all(|value| replicate(pixels, value)),
+        };
+        if !finished {
+            pixels.copy_from_slice(&before);
+        }
+        finished.then_some(sums)
+    }
+
+    // Trace the samples of a tile
+    /// Adds samples to the pixels of a tile; whether it was not stopped.
+    fn trace(
+        &self,
+        tile: Tile,
+        pixels: &mut [Accumulator],
+        resolution: (u32, u32),
+        samples: Range<u64>,
+        watch: &Watch,
+        sums: &mut E::Sums,
+    ) -> bool {
         // Begin the paths in batches
-        let each = |pixel| samples.clone().map(move |n| (pixel, n));
+        let each = move |pixel| samples.clone().map(move |n| (pixel, n));
         let mut to_begin = (0..pixels.len() as u32).flat_map(each);
         let mut begun = Vec::with_capacity(BATCH);
         let mut next = || {
@@ -188,26 +250,33 @@ impl<K: Intersector, E: Integrator, S: Sampler> Job<'_, K, E, S> {
             }
             begun.pop()
         };
-        let mut rays = 0;
         // Put the first paths under way
         let under_way = iter::from_fn(&mut next).take(IN_FLIGHT);
         let mut under_way: Vec<_> = under_way.collect();
+        let mut turns = 0u64;
         while !under_way.is_empty() {
+            // Stop in the midst of a tile
+            turns += 1;
+            if turns % 256 == 0 && !watch(0) {
+                return false;
+            }
             // Take each path one ray further
-            under_way.retain_mut(|in_flight_path| {
-                rays += u64::from(in_flight_path.ray.is_some());
-                let Some(weight) = self.go_on(in_flight_path) else {
+            under_way.retain_mut(|flight| {
+                flight.rays += u64::from(flight.ray.is_some());
+                let Some(contribution) = self.go_on(flight) else {
                     return true;
                 };
-                pixels[in_flight_path.pixel as usize].add(weight);
+                pixels[flight.pixel as usize].add(contribution);
+                let PathInFlight { path, rays, .. } = flight;
+                self.integrator.count(path, *rays, contribution, sums);
                 match next() {
-                    Some(next) => *in_flight_path = next,
+                    Some(next) => *flight = next,
                     None => return false,
                 }
                 true
             });
         }
-        rays
+        true
     }
 
     // Begin a batch of paths
@@ -240,20 +309,18 @@ impl<K: Intersector, E: Integrator, S: Sampler> Job<'_, K, E, S> {
                 sampler,
                 ray,
                 from: None,
+                rays: 0,
                 pixel,
             });
         }
     }
 
     // Trace one ray of a path
-    /// Traces the ray of a path and takes the path on from there; its weight
-    /// if it ends.
+    /// Traces the ray of a path and takes the path on from there; its
+    /// contribution if it ends.
     #[inline(always)]
-    fn go_on(
-        &self,
-        in_flight_path: &mut PathInFlight<E::Path, S>,
-    ) -> Option<f64> {
-        let PathInFlight { path, sampler, ray, from, .. } = in_flight_path;
+    fn go_on(&self, flight: &mut PathInFlight<E::Path, S>) -> Option<f64> {
+        let PathInFlight { path, sampler, ray, from, .. } = flight;
         // Find what the ray meets
         let trace = |ray| E::RayQuery::ask(self.intersector, ray, *from);
         let answer = ray.as_ref().and_then(trace);
@@ -264,7 +331,7 @@ impl<K: Intersector, E: Integrator, S: Sampler> Job<'_, K, E, S> {
                 *from = Some(left);
                 None
             }
-            PathEvent::Terminate(weight) => Some(weight),
+            PathEvent::Terminate(contribution) => Some(contribution),
         }
     }
 }

@@ -6,30 +6,30 @@
 // Software Foundation, either version 3 of the License, or (at your option)
 // any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The course of a run: passes over the image until a limit is
+//! The render loop: passes over the film until a limit is
 //! reached, and the curve of error against time.
 
-// Name what the course imports
+// Name what the render loop imports
 use std::fmt;
+use std::fs;
 use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
-use signal_hook::consts::{SIGINT, SIGTERM, SIGXFSZ};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
 use signal_hook::flag;
 
 use crate::film::Film;
 use crate::render::Renderer;
-use crate::report::Step;
 
 // Say when a run stops
 /// When a run stops, and what it is compared with.
 pub struct Limits<'a> {
     /// At most so many samples of each pixel.
     pub samples: Option<u64>,
-    /// The time by which the last pass should have ended.
+    /// The time at which rendering ends.
     pub deadline: Option<Instant>,
     /// The root mean square error to reach.
     pub error: Option<f64>,
@@ -43,8 +43,8 @@ pub struct Limits<'a> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stop {
     /// All the samples are there.
-    Realisations,
-    /// There is no time for another pass.
+    Samples,
+    /// The time is over.
     Time,
     /// The error is small enough.
     Error,
@@ -56,7 +56,7 @@ impl Stop {
     /// The word that the report has for it.
     pub fn name(self) -> &'static str {
         match self {
-            Stop::Realisations => "samples",
+            Stop::Samples => "samples",
             Stop::Time => "time",
             Stop::Error => "error",
             Stop::Signal(_) => "signal",
@@ -65,10 +65,30 @@ impl Stop {
 }
 
 // Hold what a run has done
+/// One point of the curve of error against time.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CurvePoint {
+    /// Samples per pixel so far.
+    pub spp: u64,
+    /// Seconds of rendering so far, without load and build.
+    pub seconds: f64,
+    /// Rays traced so far.
+    pub rays: u64,
+    /// Estimated root mean square error over the pixels, if known.
+    pub rmse: Option<f64>,
+    /// Mean radiance of the image.
+    pub mean: f64,
+    /// Its standard error, if known.
+    pub mean_stderr: Option<f64>,
+    /// Root mean square difference from the reference, if there is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rmse_reference: Option<f64>,
+}
+
 /// What a run has done so far.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Convergence {
-    /// Samples of each pixel.
+    /// Samples that each pixel has at least.
     pub spp: u64,
     /// Seconds of rendering, with what is done between the passes.
     pub seconds: f64,
@@ -77,10 +97,18 @@ pub struct Convergence {
     /// Pixels whose samples were all alike, at the last step.
     pub constant: u64,
     /// The curve of error against time.
-    pub steps: Vec<Step>,
+    pub steps: Vec<CurvePoint>,
     /// Seconds for one sample of each pixel, at the last pass.
     #[serde(skip)]
     pace: Option<f64>,
+}
+
+/// The time that the first sample has in any case.
+const FIRST: Duration = Duration::from_millis(100);
+
+/// Whether a time has passed, if there is one.
+fn is_over(time: Option<Instant>) -> bool {
+    time.is_some_and(|time| Instant::now() >= time)
 }
 
 /// The longest time of a pass of more than one sample, in seconds.
@@ -97,7 +125,7 @@ impl fmt::Display for Convergence {
 }
 
 /// The root mean square difference of an image from the truth.
-fn distance(film: &Film, truth: &[f64]) -> f64 {
+fn true_error(film: &Film, truth: &[f64]) -> f64 {
     let differences = film.means().zip(truth).map(|(a, b)| a - b);
     let squares: f64 = differences.map(|d| d * d).sum();
     (squares / film.area() as f64).sqrt()
@@ -113,26 +141,33 @@ impl Convergence {
     /// and `after` when a pass has ended.
     pub fn run(
         &mut self,
-        renderer: &dyn Renderer,
+        renderer: &mut dyn Renderer,
         film: &mut Film,
         limits: &Limits,
         advance: &(dyn Fn(u64) + Sync),
         after: &mut impl FnMut(&Self, &Film),
     ) -> Stop {
         let (start, before) = (Instant::now(), self.seconds);
+        // Watch for signals and for the end of the time
+        let first = limits.deadline.map(|time| time.max(start + FIRST));
+        let signal = || limits.interrupt.signal();
+        let watch = |paths| {
+            advance(paths);
+            signal().is_none() && !is_over(first)
+        };
         loop {
             // Return when a limit is reached
-            if let Some(stop) = self.stop(limits, film.area()) {
+            if let Some(stop) = self.stop(limits, first, film.area()) {
                 self.record(film, limits.reference);
                 return stop;
             }
             // Render one pass and look at the clock
             let (end, due) = self.next(limits, film.area());
             let began = Instant::now();
-            self.rays += renderer.pass(film, self.spp..end, advance);
+            self.rays += renderer.pass(film, end, &watch);
             let seconds = began.elapsed().as_secs_f64();
             self.pace = Some(seconds / (end - self.spp) as f64);
-            self.spp = end;
+            self.spp = film.samples();
             self.seconds = before + start.elapsed().as_secs_f64();
             if self.spp >= due {
                 self.record(film, limits.reference);
@@ -180,7 +215,7 @@ impl Convergence {
     /// The samples after which the error is expected to be reached.
     fn needed(&self, error: f64, area: u64) -> u64 {
         let least = (DECISIVE / area as f64).ceil().max(2.);
-        let known = |step: &Step| Some((step.spp as f64, step.rmse?));
+        let known = |step: &CurvePoint| Some((step.spp as f64, step.rmse?));
         let Some((n, rmse)) = self.steps.last().and_then(known) else {
             let open = self.spp < least as u64;
             return if open { least as u64 } else { u64::MAX };
@@ -194,13 +229,16 @@ impl Convergence {
     }
 
     // Decide whether a limit is reached
-    /// Why the run should stop now, if it should.
-    fn stop(&self, limits: &Limits, area: u64) -> Option<Stop> {
+    /// Why the run should stop now, if it should; `first` is the end of the
+    /// time for the first sample.
+    fn stop(
+        &self,
+        limits: &Limits,
+        first: Option<Instant>,
+        area: u64,
+    ) -> Option<Stop> {
         if limits.samples.is_some_and(|n| self.spp >= n) {
-            return Some(Stop::Realisations);
-        }
-        if self.spp == 0 {
-            return None;
+            return Some(Stop::Samples);
         }
         if let Some(signal) = limits.interrupt.signal() {
             return Some(Stop::Signal(signal));
@@ -208,10 +246,12 @@ impl Convergence {
         if limits.error.is_some_and(|error| self.reaches(error, area)) {
             return Some(Stop::Error);
         }
-        // Say whether a sample more is late
-        let pace = Duration::from_secs_f64(self.pace.unwrap_or(0.));
-        let end = Instant::now() + pace;
-        limits.deadline.is_some_and(|time| end > time).then_some(Stop::Time)
+        // Say whether the time is over or too short
+        let deadline = if self.spp == 0 { first } else { limits.deadline };
+        let pace = self.pace.filter(|&pace| pace < SLICE).unwrap_or(0.);
+        let pace = Duration::from_secs_f64(pace);
+        is_over(deadline.and_then(|time| time.checked_sub(pace)))
+            .then_some(Stop::Time)
     }
 
     /// Whether the error is known to be small enough.
@@ -226,24 +266,24 @@ impl Convergence {
     }
 
     // Record a step of the curve
-    /// Records a step, unless the last one is of as many samples.
+    /// Records a point, if there has been a pass since the last one.
     pub fn record(&mut self, film: &Film, reference: Option<&[f64]>) {
-        let known = self.steps.last().is_some_and(|s| s.spp == self.spp);
-        if self.spp == 0 || known {
+        let recorded = self.steps.last().map_or(0., |s| s.seconds);
+        if self.seconds == recorded {
             return;
         }
         let summary = film.summary();
         self.constant = summary.constant;
         // Add a step to the curve
         let finite = |x: f64| x.is_finite().then_some(x);
-        self.steps.push(Step {
+        self.steps.push(CurvePoint {
             spp: self.spp,
             seconds: self.seconds,
             rays: self.rays,
             rmse: finite(summary.rmse),
             mean: summary.mean,
             mean_stderr: finite(summary.mean_stderr),
-            rmse_reference: reference.map(|truth| distance(film, truth)),
+            rmse_reference: reference.map(|truth| true_error(film, truth)),
         });
     }
 }
@@ -270,14 +310,17 @@ fn next_step(spp: u64) -> u64 {
 pub struct Interrupt(Arc<AtomicUsize>);
 
 impl Interrupt {
-    /// Begins to listen for SIGINT and SIGTERM; the second of them ends
-    /// the program at once.
+    /// Begins to listen for SIGINT, SIGTERM and SIGHUP, unless they are
+    /// ignored; the second of them ends the program at once.
     pub fn listen() -> io::Result<Self> {
         let interrupt = Self::default();
         let again = Arc::new(AtomicBool::new(false));
         // A file beyond the limit of size is an error, not the end.
         flag::register(SIGXFSZ, Arc::default())?;
-        for signal in [SIGINT, SIGTERM] {
+        let ignored = ignored_signals();
+        let heard = |signal: &i32| (ignored >> (signal - 1)) & 1 == 0;
+        let ends = [SIGINT, SIGTERM, SIGHUP].into_iter();
+        for signal in ends.filter(heard) {
             // Register what a signal does
             let status = 128 + signal;
             flag::register_conditional_shutdown(
@@ -300,4 +343,13 @@ impl Interrupt {
             signal => Some(signal as i32),
         }
     }
+}
+
+/// The set of the signals that this process ignores; signal k is bit k - 1.
+fn ignored_signals() -> u64 {
+    let status = fs::read_to_string("/proc/self/status");
+    let status = status.unwrap_or_default();
+    let digits = status.lines().find_map(|l| l.strip_prefix("SigIgn:"));
+    let digits = digits.unwrap_or_default().trim();
+    u64::from_str_radix(digits, 16).unwrap_or(0)
 }

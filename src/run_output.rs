@@ -8,9 +8,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Reports and checkpoints, kept up to date while a run goes on.
 
-// Name what the journal imports
+// Name what the run output imports
 use std::hint::black_box;
-use std::io;
+use std::io::{self, Write};
 use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
@@ -26,34 +26,34 @@ use crate::report::{Kind, Report};
 /// The files that a run keeps up to date.
 pub struct RunOutput {
     // Hold the state of the reports
-    /// The reports and their places.
+    /// The reports and their targets.
     reports: Vec<(Kind, OutputTarget)>,
     /// When the next report may be written.
     next_report: Instant,
     /// The seconds of the run when the last one was written.
     reported: f64,
     // Hold the state of the checkpoint
-    /// The place of the checkpoint.
+    /// Where the checkpoint goes.
     checkpoint: Option<OutputTarget>,
     /// Time between two checkpoints.
     every: Duration,
     /// When the next checkpoint is due; never, if beyond the clock.
     next_checkpoint: Option<Instant>,
-    /// What decides the weights.
+    /// What decides the samples.
     run_key: RunKey,
     /// What a report says that does not change while the run goes on.
-    analysis: Report,
+    known: Report,
 }
 
 /// Writes a file for the last time, or for the time being.
 fn put(
-    place: &mut OutputTarget,
+    target: &mut OutputTarget,
     stop: Option<Stop>,
     content: &mut Content,
 ) -> Result<(), String> {
     match stop {
-        Some(_) => place.write(content),
-        None => place.rewrite(content),
+        Some(_) => target.write(content),
+        None => target.rewrite(content),
     }
 }
 
@@ -74,14 +74,14 @@ fn text(value: &Value) -> String {
 }
 
 impl RunOutput {
-    // Open a journal for a run
-    /// A journal with its files, of a run that is about to begin.
+    // Begin the output of a run
+    /// The files of a run that is about to begin.
     pub fn new(
         reports: Vec<(Kind, OutputTarget)>,
         checkpoint: Option<OutputTarget>,
         every: Duration,
         run_key: RunKey,
-        analysis: Report,
+        known: Report,
     ) -> Self {
         let next_report = Instant::now();
         let next_checkpoint = next_report.checked_add(every);
@@ -94,7 +94,7 @@ impl RunOutput {
             every,
             next_checkpoint,
             run_key,
-            analysis,
+            known,
         }
     }
 
@@ -113,7 +113,8 @@ impl RunOutput {
         let (mut reported, mut saved) = (Ok(()), Ok(()));
         // Write the reports if they are due
         let last = convergence.steps.last();
-        let recorded = last.is_some_and(|step| step.spp == convergence.spp);
+        let recorded =
+            last.is_some_and(|point| point.spp == convergence.spp);
         let due = recorded || convergence.seconds > 1.1 * self.reported;
         if due && now >= self.next_report && !self.reports.is_empty() {
             reported = self.write_reports(convergence, film, None);
@@ -151,19 +152,16 @@ impl RunOutput {
         convergence: &Convergence,
         film: &Film,
     ) -> Image {
-        if !self.reports.is_empty() {
-            // Render each report for nobody
-            let report = self.report(convergence, film, None);
-            let image = self.illustration(convergence, film);
-            for (kind, _) in &self.reports {
-                black_box(kind.render(&report, &image));
-            }
+        let image = self.image(convergence, film, None);
+        let report = self.report(convergence, film, None);
+        for (kind, _) in &self.reports {
+            black_box(kind.render(&report, &|| image.clone()));
         }
         if self.checkpoint.is_some() {
             let (run_key, mut out) = (&self.run_key, io::sink());
             let _ = checkpoint::save(run_key, convergence, film, &mut out);
         }
-        self.image(convergence, film, None)
+        image
     }
 
     // Write the reports
@@ -173,33 +171,17 @@ impl RunOutput {
         film: &Film,
         stop: Option<Stop>,
     ) -> Result<(), String> {
-        if self.reports.is_empty() {
-            return Ok(());
-        }
         let report = self.report(convergence, film, stop);
-        let image = self.illustration(convergence, film);
+        let image = || self.image(convergence, film, stop);
+        let text = |(kind, _): &(Kind, _)| kind.render(&report, &image);
+        let texts: Vec<_> = self.reports.iter().map(text).collect();
         let mut written = Ok(());
-        // Write each report in its place
-        for (kind, place) in &mut self.reports {
-            let text = kind.render(&report, &image);
-            let done =
-                put(place, stop, &mut |out| out.write_all(text.as_bytes()));
-            written = written.and(done);
+        for ((_, target), text) in self.reports.iter_mut().zip(texts) {
+            let mut content =
+                |out: &mut dyn Write| out.write_all(text.as_bytes());
+            written = written.and(put(target, stop, &mut content));
         }
         written
-    }
-
-    /// The image that the reports need.
-    fn illustration(
-        &self,
-        convergence: &Convergence,
-        film: &Film,
-    ) -> Image {
-        let page = self.reports.iter().any(|(kind, _)| *kind == Kind::Html);
-        match page {
-            true => self.image(convergence, film, None),
-            false => self.image(convergence, &Film::new(1, 1), None),
-        }
     }
 
     // Write the checkpoint
@@ -209,9 +191,9 @@ impl RunOutput {
         film: &Film,
         stop: Option<Stop>,
     ) -> Result<(), String> {
-        let Some(place) = &mut self.checkpoint else { return Ok(()) };
+        let Some(target) = &mut self.checkpoint else { return Ok(()) };
         let run_key = &self.run_key;
-        put(place, stop, &mut |out| {
+        put(target, stop, &mut |out| {
             checkpoint::save(run_key, convergence, film, out)
         })
     }
@@ -226,44 +208,42 @@ impl RunOutput {
     ) -> Report {
         let mut now = convergence.clone();
         now.record(film, None);
-        let mut report = self.analysis.clone();
+        let mut report = self.known.clone();
         report.render_seconds = now.seconds;
         report.rays = now.rays;
         report.stopped = stop.map(|stop| stop.name().to_owned());
         report.constant_pixels = now.constant;
-        // Fill in what the last step knows
+        // Fill in what the last point knows
         if let Some(last) = now.steps.last() {
             report.mean = last.mean;
             report.mean_stderr = last.mean_stderr;
             report.rmse = last.rmse;
         }
-        report.steps = now.steps;
+        report.curve = now.steps;
         report
     }
 
     // Fill in the image
-    /// The image as an image, with all that is known about it.
+    /// The image on the film, with all that is known about it.
     pub fn image(
         &self,
         convergence: &Convergence,
         film: &Film,
         stop: Option<Stop>,
     ) -> Image {
-        let analysis = &self.analysis;
         let known = json!({
             // List what is known about a run
-            "scene": analysis.scene.file,
-            "samples": convergence.spp,
+            "scene": self.known.scene.file,
+            "spp": convergence.spp,
             "rays": convergence.rays,
-            "load_seconds": analysis.load_seconds,
-            "build_seconds": analysis.build_seconds,
+            "load_seconds": self.known.load_seconds,
+            "build_seconds": self.known.build_seconds,
             "render_seconds": convergence.seconds,
             "stopped": stop.map_or("not yet", Stop::name),
         });
-        // Chain all attributes, the latest last
         let known = known.as_object().into_iter().flatten();
         let settings =
-            analysis.settings.iter().filter(|(_, v)| !v.is_null());
+            self.known.settings.iter().filter(|(_, v)| !v.is_null());
         let all = settings.chain(&self.run_key).chain(known);
         let attributes =
             all.map(|(name, value)| (name.clone(), text(value)));

@@ -22,6 +22,10 @@ use crate::numerics::sincos_turns;
 /// They are a function of the seed, the pixel, the sample and the dimension
 /// alone.
 pub trait Sampler: Clone + Send + Sync {
+    /// The number of consecutive samples that are placed together; what
+    /// is placed apart is independent.
+    const REPLICATE: u64;
+
     /// The sampler of sample `index` of a pixel, by their numbers.
     fn start(&self, pixel: u64, index: u64) -> Self;
 
@@ -115,6 +119,8 @@ impl IndependentSampler {
 }
 
 impl Sampler for IndependentSampler {
+    const REPLICATE: u64 = 1;
+
     #[inline(always)]
     fn start(&self, pixel: u64, index: u64) -> Self {
         Self::of_path(self.seed, pixel, index)

@@ -80,12 +80,13 @@ fn the_number_of_paths_does_not_change_how_often_memory_is_asked_for() {
         for isa in Isa::ALL.into_iter().filter(|isa| isa.is_available()) {
             let intersector =
                 Bvh::with(&scene, Quality::Fast, isa).unwrap();
-            let job = Job { intersector: &intersector, ..setting.job(1) };
+            let mut job =
+                Job { intersector: &intersector, ..setting.job(1) };
             // Tiles one by one, and a tile whose samples are divided.
             for (side, few, many) in [(80, 2, 20), (3, 32, 320)] {
-                let pass = |n| {
+                let mut pass = |n| {
                     let mut film = Film::new(side, side);
-                    let render = || job.pass(&mut film, 0..n, &|_| ());
+                    let render = || job.pass(&mut film, n, &|_| true);
                     calls(|| assert!(pool.install(render) > 0))
                 };
                 let (few, many) = (pass(few), pass(many));

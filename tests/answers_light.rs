@@ -14,7 +14,6 @@ mod common;
 // Name what the answers import
 use std::collections::{BTreeMap, HashSet};
 use std::io::Cursor;
-use std::ops::Range;
 
 use glam::{DVec3, Vec3};
 use litpt::analysis::background::{BackgroundTiles, KnownPixels};
@@ -44,14 +43,50 @@ fn sphere(f: f64, rho: f64, rings: u32) -> Setting {
     Setting::new(&cavity(f, rings), (rho, DVec3::Z), &view, 1.).unwrap()
 }
 
-/// The weights of one pixel.
-fn weigh<E: Integrator>(
-    job: &Job<Bvh, E>,
-    samples: Range<u64>,
+/// The first samples of one pixel.
+fn weigh<E: Integrator, S: Sampler>(
+    job: &mut Job<Bvh, E, S>,
+    samples: u64,
 ) -> Accumulator {
     let mut film = Film::new(1, 1);
-    job.pass(&mut film, samples, &|_| ());
+    job.pass(&mut film, samples, &|_| true);
     *film.pixel(0, 0)
+}
+
+/// The samples from some number on.
+#[derive(Clone)]
+struct Later(IndependentSampler, u64);
+
+impl Later {
+    fn job(
+        setting: &Setting,
+        first: u64,
+    ) -> Job<'_, Bvh, &PathTracer, Self> {
+        let Job { scene, intersector, camera, integrator, known, sampler } =
+            setting.job(1);
+        let sampler = Self(sampler, first);
+        Job { scene, intersector, camera, integrator, known, sampler }
+    }
+}
+
+impl Sampler for Later {
+    const REPLICATE: u64 = 1;
+
+    fn start(&self, pixel: u64, index: u64) -> Self {
+        Self(self.0.start(pixel, index + self.1), self.1)
+    }
+
+    fn get_pixel_2d(&mut self) -> [u32; 2] {
+        self.0.get_pixel_2d()
+    }
+
+    fn get_1d(&mut self, dimension: u64) -> f64 {
+        self.0.get_1d(dimension)
+    }
+
+    fn get_2d(&mut self, dimension: u64) -> [f64; 2] {
+        self.0.get_2d(dimension)
+    }
 }
 
 /// An image with the same error and count, if any, in each pixel.
@@ -95,14 +130,14 @@ fn until(error: f64, interrupt: &Interrupt) -> Limits<'_> {
 #[test]
 fn a_path_of_half_reflectivity_brings_one_of_five_weights() {
     let setting = sphere(0.5, 0.5, 16);
-    let one = |n| weigh(&setting.job(1), n..n + 1).mean();
+    let one = |n| weigh(&mut Later::job(&setting, n), 1).mean();
     let mut weights: Vec<f64> = (0..500).map(one).collect();
     weights.sort_by(f64::total_cmp);
     weights.dedup();
     assert_eq!(weights, [0., 0.0625, 0.125, 0.25, 0.5]);
 
     let (closed, mut film) = (sphere(0., 0.5, 16), Film::new(1, 1));
-    let rays = closed.job(1).pass(&mut film, 0..20_000, &|_| ());
+    let rays = closed.job(1).pass(&mut film, 20_000, &|_| true);
     near(rays as f64 / 20_000., 6., 0.05);
 }
 
@@ -150,6 +185,17 @@ struct Gather {
 impl Integrator for Gather {
     type Path = (f64, f64, u64);
     type RayQuery = Hit;
+    type Sums = u64;
+
+    fn count(
+        &self,
+        _: &(f64, f64, u64),
+        rays: u64,
+        _: f64,
+        sums: &mut u64,
+    ) {
+        *sums += rays;
+    }
 
     fn begin(&self, _: DVec3) -> (f64, f64, u64) {
         (1., 0., 0)
@@ -185,10 +231,10 @@ fn gathering_at_every_hit_pays_where_few_hits_matter() {
         let Job { scene, intersector, camera, known, sampler, .. } =
             setting.job(1);
         let integrator = Gather { rho, f: 0.5 };
-        let job =
+        let mut job =
             Job { scene, intersector, camera, integrator, known, sampler };
-        let own = weigh(&job, 0..20_000);
-        let reference = weigh(&setting.job(1), 0..20_000);
+        let own = weigh(&mut job, 20_000);
+        let reference = weigh(&mut setting.job(1), 20_000);
         near(reference.variance() / found, 1., 0.1);
         near(own.variance() / gathered, 1., 0.1);
         near(own.mean(), mean, 4.5 * own.standard_error());
@@ -316,13 +362,14 @@ fn thirty_threads_divide_the_realisations_of_475_tiles() {
 #[test]
 fn the_same_realisations_twice_claim_less_error_than_there_is() {
     let setting = sphere(0.5, 0.5, 16);
-    let render = |range| weigh(&setting.job(1), range);
+    let render = |n| weigh(&mut setting.job(1), n);
     let join = |mut a: Accumulator, b| {
         a.merge(&b);
         a
     };
-    let [first, second] = [render(0..4), render(4..8)];
-    assert_eq!(join(first, second), render(0..8));
+    let second = weigh(&mut Later::job(&setting, 4), 4);
+    let first = render(4);
+    assert_eq!(join(first, second), render(8));
     // Join a run with itself
     let twice = join(first, first);
     assert_eq!(twice.mean(), first.mean());
@@ -626,9 +673,14 @@ fn a_plane_is_believed_to_have_no_noise_after_35_samples() {
     let limits = until(0.001, &interrupt);
     let (mut film, mut convergence) =
         (Film::new(50, 50), Convergence::default());
-    let job = setting.job(1);
-    let stop =
-        convergence.run(&job, &mut film, &limits, &|_| (), &mut |_, _| ());
+    let mut job = setting.job(1);
+    let stop = convergence.run(
+        &mut job,
+        &mut film,
+        &limits,
+        &|_| (),
+        &mut |_, _| (),
+    );
     assert_eq!((stop, convergence.spp), (Stop::Error, 35));
     assert_eq!(film.summary().rmse, 0.);
 }
@@ -780,7 +832,7 @@ fn a_script_lets_pass_what_has_the_status_zero_and_no_warning() {
 #[test]
 fn a_ninth_of_a_sphere_lets_out_half_of_the_light() {
     near(cavity_radiance(0.9, 1. / 9.), 0.5, 1e-15);
-    let pixel = weigh(&sphere(1. / 9., 0.9, 128).job(1), 0..20_000);
+    let pixel = weigh(&mut sphere(1. / 9., 0.9, 128).job(1), 20_000);
     near(pixel.mean(), 0.5, 4.5 * pixel.standard_error());
 }
 

@@ -213,7 +213,7 @@ fn same_as_uninterrupted(place: &Scratch, arguments: &[&str]) {
     assert_eq!(whole.means, numbers.means);
     assert_eq!(whole.errors, numbers.errors);
     assert_eq!(whole.samples, numbers.samples);
-    let (rays, spp) = ("rays", "samples");
+    let (rays, spp) = ("rays", "spp");
     assert_eq!(whole.attributes[rays], numbers.attributes[rays]);
     assert_eq!(whole.attributes[spp], numbers.attributes[spp]);
 }
@@ -231,7 +231,7 @@ fn a_run_that_was_killed_twice_ends_with_the_bytes_of_an_uninterrupted_one()
     let steps = |name| {
         let report: Value =
             serde_json::from_slice(&place.get(name)).unwrap();
-        let mut steps = report["steps"].as_array().unwrap().clone();
+        let mut steps = report["curve"].as_array().unwrap().clone();
         for step in &mut steps {
             step["seconds"] = Value::Null;
         }
@@ -326,8 +326,8 @@ fn the_checkpoint_of_another_run_is_refused_with_the_fact_that_differs() {
     for (option, fact) in [
         ("-s1", "seed is 0, not 1"),
         ("-r0.8", "albedo is 0.7, not 0.8"),
-        ("-d17x23", "definition is [23,17], not [17,23]"),
-        ("-d23x18", "definition"),
+        ("-d17x23", "resolution is [23,17], not [17,23]"),
+        ("-d23x18", "resolution"),
         ("-p0,0,0.1", "position"),
         ("-t0,1,0.1", "target"),
         ("-u0,0.1,1", "up"),

@@ -231,7 +231,7 @@ fn exact_pixels_must_be_equal() {
 }
 
 #[test]
-fn pixels_of_unknown_error_or_few_realisations_are_counted() {
+fn pixels_of_unknown_error_or_few_samples_are_counted() {
     let mut a = row(&[(0.5, f64::INFINITY), (0.5, 0.1), (0.5, 0.1)], 64.);
     a.samples.as_mut().unwrap()[1] = FEW - 1.;
     let mut b = row(&[(0.1, 0.1), (0.5, 0.1), (0.5, 0.1)], 64.);
@@ -245,7 +245,7 @@ fn pixels_of_unknown_error_or_few_realisations_are_counted() {
 }
 
 #[test]
-fn pictures_that_cannot_be_compared_are_refused() {
+fn images_that_cannot_be_compared_are_refused() {
     let (a, b) = (row(&[(0., 1.)], 9.), row(&[(0., 1.); 2], 9.));
     assert!(compare(&a, &b).unwrap_err().contains("1x1"));
     let exact = reference(&[0.]);
@@ -270,7 +270,7 @@ fn run(image: Image, attributes: &[(&str, &str)]) -> (String, Image) {
 }
 
 #[test]
-fn joined_runs_are_what_one_run_would_have_been() {
+fn merged_runs_are_what_one_run_would_have_been() {
     let mut random = Random::seed_from_u64(9);
     let weights: Vec<f64> = (0..100).map(|_| path(&mut random)).collect();
     let mut all = weights.iter();
@@ -291,7 +291,7 @@ fn joined_runs_are_what_one_run_would_have_been() {
 }
 
 #[test]
-fn two_single_realisations_have_an_error_together() {
+fn two_single_samples_have_an_error_together() {
     let one = |mean, seed| {
         run(row(&[(mean, f64::INFINITY)], 1.), &[("seed", seed)])
     };
@@ -300,7 +300,7 @@ fn two_single_realisations_have_an_error_together() {
 }
 
 #[test]
-fn runs_that_share_a_seed_are_not_joined() {
+fn runs_that_share_a_seed_are_not_merged() {
     let of = |seed| run(row(&[(0., 1.)], 9.), &[("seed", seed)]);
     let message = merge(&[of("3"), of("3")]).unwrap_err();
     assert!(message.contains("seed 3"), "{message}");
@@ -312,12 +312,21 @@ fn runs_that_share_a_seed_are_not_joined() {
 }
 
 #[test]
-fn runs_of_different_images_are_not_joined() {
+fn runs_of_different_images_are_not_merged() {
     let of = |seed, fov| {
         run(row(&[(0., 1.)], 9.), &[("seed", seed), ("fov", fov)])
     };
     let message = merge(&[of("1", "70"), of("2", "60")]).unwrap_err();
     assert!(message.contains("fov is 60") && message.contains("is 70"));
+    for name in ["version", "integrator", "scene_sha256", "left_out"] {
+        let of = |seed, value| {
+            let attributes = [("seed", seed), (name, value)];
+            run(row(&[(0., 1.)], 9.), &attributes)
+        };
+        let message = merge(&[of("1", "one"), of("2", "two")]).unwrap_err();
+        assert!(message.contains(&format!("{name} is two")), "{message}");
+        assert!(merge(&[of("1", "one"), of("2", "one")]).is_ok());
+    }
     let silent = run(row(&[(0., 1.)], 9.), &[("seed", "2")]);
     let message = merge(&[of("1", "70"), silent.clone()]).unwrap_err();
     assert!(message.contains("fov is unknown"), "{message}");

@@ -65,7 +65,7 @@ fn sized(
     let camera = Camera::new(view, aspect).unwrap();
     let integrator =
         PathTracer { albedo: rho, sky: Sky::new(view.up), foresight: () };
-    let job = Job {
+    let mut job = Job {
         scene: &scene,
         intersector: &intersector,
         camera: &camera,
@@ -74,7 +74,7 @@ fn sized(
         sampler: IndependentSampler::new(seed),
     };
     let mut film = Film::new(width, height);
-    job.pass(&mut film, 0..samples, &|_| ());
+    job.pass(&mut film, samples, &|_| true);
     film
 }
 

@@ -75,7 +75,7 @@ fn a_summary_tells_times_rays_and_the_mean() {
 }
 
 #[test]
-fn one_realisation_leaves_the_error_unknown() {
+fn one_sample_leaves_the_error_unknown() {
     let run = summary(&["-n1", "-r0.25"]);
     let mean = run.stderr.split_once("mean radiance ").unwrap().1;
     assert_eq!(mean, "0.250000, error unknown\n");

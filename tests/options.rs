@@ -27,6 +27,21 @@ const DEFAULTS: [[&str; 4]; 8] = [
     ["-s", "--seed", "0", "1"],
 ];
 
+#[test]
+fn the_names_of_the_reference_are_understood() {
+    let place = Scratch::new();
+    for (name, alias, value) in [
+        ("--resolution", "--definition", "9x7"),
+        ("--spp", "--realisations", "3"),
+        ("--albedo", "--reflectivity", "0.5"),
+    ] {
+        let film = place.render(&[alias, value]);
+        assert!(film == place.render(&[name, value]), "{alias}");
+        let help = place.run(&["-h"]).stdout;
+        assert!(String::from_utf8(help).unwrap().contains(alias));
+    }
+}
+
 /// Wrong usage of one option: refused before anything is read or written.
 #[track_caller]
 fn refused(option: &str, long: &str, values: &[&str]) {
@@ -109,7 +124,7 @@ impl Scratch {
 }
 
 #[test]
-fn a_definition_is_two_integers_around_one_x() {
+fn a_resolution_is_two_integers_around_one_x() {
     let wrong = [
         "800x600x3",
         "0x5",
@@ -141,7 +156,7 @@ fn a_definition_is_two_integers_around_one_x() {
 }
 
 #[test]
-fn a_definition_may_be_as_large_as_16384_on_either_side() {
+fn a_resolution_may_be_as_large_as_16384_on_either_side() {
     let place = Scratch::new();
     for side in ["16384x1", "1x16384"] {
         let (width, height, levels) = pgm(&place.render(&["-d", side]));
@@ -151,14 +166,14 @@ fn a_definition_may_be_as_large_as_16384_on_either_side() {
 }
 
 #[test]
-fn the_number_of_realisations_is_a_positive_integer() {
+fn the_number_of_samples_is_a_positive_integer() {
     let wrong = ["0", "1.5", "1e3", "abc", "99999999999999999999", ""];
     refused("-n", "--spp", &wrong);
     refused("-n", "--spp", &["-3"]);
 }
 
 #[test]
-fn the_largest_number_of_realisations_starts_to_render() {
+fn the_largest_number_of_samples_starts_to_render() {
     let place = Scratch::new();
     let n = u64::MAX.to_string();
     let long = ["-q", "-d4x4", "-i", "room.obj", "-n", &n];
@@ -215,7 +230,7 @@ fn a_field_of_view_lies_strictly_between_0_and_180() {
 }
 
 #[test]
-fn a_reflectivity_lies_between_0_and_1() {
+fn an_albedo_lies_between_0_and_1() {
     let wrong = ["-0.1", "1.1", "nan", "inf", "50%", "0,5", ""];
     refused("-r", "--albedo", &wrong);
     let place = Scratch::new();

@@ -105,7 +105,7 @@ fn independent_runs_are_consistent_with_status_0() {
 }
 
 #[test]
-fn different_pictures_are_inconsistent_with_status_1() {
+fn different_images_are_inconsistent_with_status_1() {
     let place = Scratch::new();
     put(&place, "a.exr", 1, 0.5);
     put(&place, "b.exr", 2, 0.52);
@@ -157,7 +157,7 @@ fn a_reference_without_errors_is_taken_as_exact() {
 }
 
 #[test]
-fn pictures_of_one_seed_are_compared_with_a_warning() {
+fn images_of_one_seed_are_compared_with_a_warning() {
     let place = Scratch::new();
     let image = put(&place, "a.exr", 0, 0.5);
     put(&place, "b.exr", 0, 0.6);
@@ -213,7 +213,7 @@ fn the_map_of_a_diff_holds_z_or_grey_levels() {
 }
 
 #[test]
-fn joined_runs_have_the_error_of_both() {
+fn merged_runs_have_the_error_of_both() {
     let place = Scratch::new();
     put(&place, "a.exr", 1, 0.5);
     put(&place, "b.exr", 2, 0.5);
@@ -238,7 +238,7 @@ fn joined_runs_have_the_error_of_both() {
 }
 
 #[test]
-fn a_picture_for_the_screen_has_the_levels_of_pt() {
+fn an_image_for_the_screen_has_the_levels_of_pt() {
     let place = Scratch::new();
     let image = put(&place, "a.exr", 1, 0.5);
     write(&place, "direct.png", &image);
@@ -261,7 +261,7 @@ fn a_picture_for_the_screen_has_the_levels_of_pt() {
 }
 
 #[test]
-fn the_picture_of_the_errors_says_what_white_is() {
+fn the_image_of_the_errors_says_what_white_is() {
     let place = Scratch::new();
     put(&place, "a.exr", 1, 0.5);
     let shown = run(&place, &["stderr", "a.exr", "-o", "e.pgm"]);

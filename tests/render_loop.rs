@@ -37,6 +37,11 @@ impl<F: Fn(f64) -> f64 + Sync> Integrator for Draw<F> {
     /// The rays so far.
     type Path = u32;
     type RayQuery = Hit;
+    type Sums = u64;
+
+    fn count(&self, _: &u32, rays: u64, _: f64, sums: &mut u64) {
+        *sums += rays;
+    }
 
     fn begin(&self, _: DVec3) -> u32 {
         0
@@ -108,7 +113,7 @@ fn limits(interrupt: &Interrupt) -> Limits<'_> {
 
 /// Runs a job from the beginning until a limit is reached.
 fn run<K: Intersector, E: Integrator>(
-    job: &Job<K, E>,
+    job: &mut Job<K, E>,
     (width, height): (u32, u32),
     limits: &Limits,
 ) -> (Convergence, Film, Stop) {
@@ -224,15 +229,15 @@ fn one_realisation_leaves_every_error_unknown() {
 }
 
 #[test]
-fn the_summary_averages_the_squares_of_the_standard_errors() {
+fn the_summary_averages_the_squares_of_the_errors_that_pixels_state() {
     let weights = |x: u32, y: u32| match (x * 7 + y * 3) % 5 {
         0 => vec![0.25; 6],
         k => vec![f64::from(x % 9), 0.1 * f64::from(k), f64::from(y)],
     };
     let film = image_of((50, 37), weights);
     let (mut squares, mut mean, mut constant) = (0., 0., 0);
-    for pixel in film.rows() {
-        squares += pixel.standard_error().powi(2);
+    for (pixel, error) in film.rows().zip(film.errors(WORTH)) {
+        squares += error.powi(2);
         mean += pixel.mean();
         constant += u64::from(pixel.variance() == 0.);
     }
@@ -258,17 +263,16 @@ fn a_single_pixel_is_the_same_for_any_number_of_threads_and_passes() {
     let intersector = Bvh::new(&world.scene).unwrap();
     let integrator =
         PathTracer { albedo: 0.8, sky: Sky::new(DVec3::Z), foresight: () };
-    let job = world.job(&intersector, &integrator, 5);
+    let mut job = world.job(&intersector, &integrator, 5);
     for size in [(1, 1), (3, 2), (17, 1)] {
-        let render = |threads, passes: &[u64]| {
+        let mut render = |threads, passes: &[u64]| {
             let mut film = Film::new(size.0, size.1);
             let (mut done, mut rays) = (0, 0);
             for n in passes {
-                let pass = done..done + n;
-                rays += with_threads(threads, || {
-                    job.pass(&mut film, pass, &|_| ())
-                });
                 done += n;
+                rays += with_threads(threads, || {
+                    job.pass(&mut film, done, &|_| true)
+                });
             }
             (film.stored().to_vec(), rays)
         };
@@ -294,12 +298,12 @@ const STEPS: [u64; 18] = [
 fn steps_are_spread_over_the_decades_and_the_last_is_the_end() {
     let world = World::new();
     let integrator = Draw(|u| u);
-    let job = world.job(&Nothing, &integrator, 1);
+    let mut job = world.job(&Nothing, &integrator, 1);
     let interrupt = Interrupt::default();
     for n in [1, 2, 5, 63, 64, 2024] {
         let limit = Limits { samples: Some(n), ..limits(&interrupt) };
-        let (convergence, film, stop) = run(&job, (5, 3), &limit);
-        assert_eq!((stop, convergence.spp), (Stop::Realisations, n));
+        let (convergence, film, stop) = run(&mut job, (5, 3), &limit);
+        assert_eq!((stop, convergence.spp), (Stop::Samples, n));
         assert!(film.counts().all(|count| count == n));
         assert_eq!(convergence.rays, 15 * 3 * n);
         let mut expected: Vec<u64> =
@@ -330,7 +334,7 @@ fn steps_are_spread_over_the_decades_and_the_last_is_the_end() {
 fn every_step_is_compared_with_the_reference() {
     let world = World::new();
     let integrator = Draw(|u| u);
-    let job = world.job(&Nothing, &integrator, 1);
+    let mut job = world.job(&Nothing, &integrator, 1);
     let interrupt = Interrupt::default();
     let truth: Vec<f64> = (0..12).map(|i| f64::from(i) / 10.).collect();
     let limit = Limits {
@@ -338,10 +342,10 @@ fn every_step_is_compared_with_the_reference() {
         reference: Some(&truth),
         ..limits(&interrupt)
     };
-    let (convergence, _, _) = run(&job, (4, 3), &limit);
+    let (convergence, _, _) = run(&mut job, (4, 3), &limit);
     for step in &convergence.steps {
         let mut film = Film::new(4, 3);
-        job.pass(&mut film, 0..step.spp, &|_| ());
+        job.pass(&mut film, step.spp, &|_| true);
         let squares: f64 = film
             .means()
             .zip(&truth)
@@ -356,11 +360,11 @@ fn every_step_is_compared_with_the_reference() {
 fn a_deadline_in_the_past_leaves_time_for_one_sample() {
     let world = World::new();
     let integrator = Draw(|u| u);
-    let job = world.job(&Nothing, &integrator, 1);
+    let mut job = world.job(&Nothing, &integrator, 1);
     let interrupt = Interrupt::default();
     let limit =
         Limits { deadline: Some(Instant::now()), ..limits(&interrupt) };
-    let (convergence, film, stop) = run(&job, (4, 3), &limit);
+    let (convergence, film, stop) = run(&mut job, (4, 3), &limit);
     assert_eq!(
         (stop, convergence.spp, convergence.steps.len()),
         (Stop::Time, 1, 1)
@@ -372,11 +376,11 @@ fn a_deadline_in_the_past_leaves_time_for_one_sample() {
 fn a_deadline_ends_the_run_with_a_step() {
     let world = World::new();
     let integrator = Draw(|u| u);
-    let job = world.job(&Nothing, &integrator, 1);
+    let mut job = world.job(&Nothing, &integrator, 1);
     let interrupt = Interrupt::default();
     let deadline = Some(Instant::now() + Duration::from_millis(50));
     let limit = Limits { samples: None, deadline, ..limits(&interrupt) };
-    let (convergence, _, stop) = run(&job, (4, 3), &limit);
+    let (convergence, _, stop) = run(&mut job, (4, 3), &limit);
     assert_eq!(stop, Stop::Time);
     assert!(convergence.spp > 10 && convergence.seconds > 0.02);
     assert_eq!(
@@ -392,7 +396,7 @@ fn a_deadline_ends_the_run_with_a_step() {
 fn the_first_limit_that_is_reached_stops_the_run() {
     let world = World::new();
     let integrator = Draw(|u| u);
-    let job = world.job(&Nothing, &integrator, 1);
+    let mut job = world.job(&Nothing, &integrator, 1);
     let interrupt = Interrupt::default();
     let all = Limits {
         samples: Some(300),
@@ -400,9 +404,9 @@ fn the_first_limit_that_is_reached_stops_the_run() {
         error: Some(1e-6),
         ..limits(&interrupt)
     };
-    assert_eq!(run(&job, (8, 8), &all).2, Stop::Realisations);
+    assert_eq!(run(&mut job, (8, 8), &all).2, Stop::Samples);
     let bearable = Limits { error: Some(0.1), ..all };
-    assert_eq!(run(&job, (8, 8), &bearable).2, Stop::Error);
+    assert_eq!(run(&mut job, (8, 8), &bearable).2, Stop::Error);
 }
 
 // ---------------------------------------------------------- Stop by an error
@@ -422,9 +426,9 @@ fn a_run_stops_when_its_error_is_small_enough_and_soon_after() {
     let pixels = 16 * 12;
     for (seed, error) in [0.1, 0.05, 0.03, 0.011, 0.009].iter().enumerate()
     {
-        let job = world.job(&Nothing, &integrator, seed as u64);
+        let mut job = world.job(&Nothing, &integrator, seed as u64);
         let limit = Limits { error: Some(*error), ..limits(&interrupt) };
-        let (convergence, film, stop) = run(&job, (16, 12), &limit);
+        let (convergence, film, stop) = run(&mut job, (16, 12), &limit);
         let rmse = film.summary().rmse;
         assert_eq!(stop, Stop::Error);
         assert!(may_stop(rmse, convergence.spp, pixels, *error), "{error}");
@@ -448,7 +452,7 @@ fn a_run_stops_when_its_error_is_small_enough_and_soon_after() {
 fn no_error_is_believed_before_a_thousand_paths() {
     let world = World::new();
     let integrator = Draw(|u| 0.5 + 0.01 * u);
-    let job = world.job(&Nothing, &integrator, 2);
+    let mut job = world.job(&Nothing, &integrator, 2);
     let interrupt = Interrupt::default();
     let limit = Limits { error: Some(10.), ..limits(&interrupt) };
     for (size, n) in [
@@ -458,7 +462,7 @@ fn no_error_is_believed_before_a_thousand_paths() {
         ((20, 25), 2),
         ((100, 50), 2),
     ] {
-        let (convergence, _, stop) = run(&job, size, &limit);
+        let (convergence, _, stop) = run(&mut job, size, &limit);
         assert_eq!((stop, convergence.spp), (Stop::Error, n), "{size:?}");
     }
 }
@@ -467,7 +471,7 @@ fn no_error_is_believed_before_a_thousand_paths() {
 fn a_scene_without_variance_stops_when_no_event_could_hide() {
     let world = World::new();
     let integrator = Draw(|_| 0.);
-    let job = world.job(&Nothing, &integrator, 2);
+    let mut job = world.job(&Nothing, &integrator, 2);
     let interrupt = Interrupt::default();
     // The first number whose 3 / (N^2 P) is at most the square.
     for (error, size, n) in [
@@ -478,7 +482,7 @@ fn a_scene_without_variance_stops_when_no_event_could_hide() {
         (1e-2, (8, 8), 22),
     ] {
         let limit = Limits { error: Some(error), ..limits(&interrupt) };
-        let (convergence, film, stop) = run(&job, size, &limit);
+        let (convergence, film, stop) = run(&mut job, size, &limit);
         assert_eq!(
             (stop, convergence.spp),
             (Stop::Error, n),
@@ -504,8 +508,8 @@ fn stopped_means(
     let interrupt = Interrupt::default();
     let limit = Limits { error: Some(error), ..limits(&interrupt) };
     let mean = |seed| {
-        let job = world.job(&Nothing, &integrator, seed);
-        run(&job, size, &limit).1.summary().mean
+        let mut job = world.job(&Nothing, &integrator, seed);
+        run(&mut job, size, &limit).1.summary().mean
     };
     let mut means = Accumulator::default();
     with_threads(1, || (0..runs).for_each(|seed| means.add(mean(seed))));
@@ -553,7 +557,7 @@ fn an_image_that_is_stopped_by_its_error_is_not_biased() {
 fn a_course_that_is_resumed_ends_as_one_that_never_stopped() {
     let world = World::new();
     let integrator = Draw(|u| if u < 0.2 { u } else { 0. });
-    let job = world.job(&Nothing, &integrator, 3);
+    let mut job = world.job(&Nothing, &integrator, 3);
     let interrupt = Interrupt::default();
     let by_number = Limits { samples: Some(213), ..limits(&interrupt) };
     let by_error = Limits { error: Some(4e-3), ..limits(&interrupt) };
@@ -561,7 +565,7 @@ fn a_course_that_is_resumed_ends_as_one_that_never_stopped() {
         let mut states = vec![];
         let mut whole = (Convergence::default(), Film::new(19, 5));
         let stop = whole.0.run(
-            &job,
+            &mut job,
             &mut whole.1,
             &limit,
             &|_| (),
@@ -576,7 +580,7 @@ fn a_course_that_is_resumed_ends_as_one_that_never_stopped() {
             let mut convergence: Convergence =
                 serde_json::from_str(&text).unwrap();
             let again = convergence.run(
-                &job,
+                &mut job,
                 &mut film,
                 &limit,
                 &|_| (),
@@ -610,14 +614,14 @@ fn an_error_that_no_run_reaches_adds_no_steps() {
         ..limits(&interrupt)
     };
     let integrator = Draw(|_| 0.5);
-    let job = world.job(&Nothing, &integrator, 1);
+    let mut job = world.job(&Nothing, &integrator, 1);
     for error in [1e-200, f64::MIN_POSITIVE, 1e-9] {
-        let steps = run(&job, (4, 4), &limit(error)).0.steps;
+        let steps = run(&mut job, (4, 4), &limit(error)).0.steps;
         assert_eq!(steps.len(), STEPS.len() + 1, "{error:e}");
     }
     // A weight that is no number leaves the error unknown for ever.
     let integrator = Draw(|u| if u < 0.5 { f64::NAN } else { u });
-    let job = world.job(&Nothing, &integrator, 1);
-    let steps = run(&job, (4, 4), &limit(0.1)).0.steps;
+    let mut job = world.job(&Nothing, &integrator, 1);
+    let steps = run(&mut job, (4, 4), &limit(0.1)).0.steps;
     assert!(steps.len() <= STEPS.len() + 2, "{}", steps.len());
 }

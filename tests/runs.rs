@@ -36,7 +36,7 @@ fn json(place: &Scratch, name: &str) -> Value {
 }
 
 fn steps(report: &Value) -> &[Value] {
-    report["steps"].as_array().unwrap()
+    report["curve"].as_array().unwrap()
 }
 
 /// The samples of the last step of a report.
@@ -53,7 +53,7 @@ fn complete(place: &Scratch, stop: &str) -> Value {
     assert_eq!(report["scene"]["file"], "room.obj");
     assert_eq!(report["scene"]["triangles"], 6);
     assert_eq!(
-        report["settings"]["definition"],
+        report["settings"]["resolution"],
         serde_json::json!([23, 17])
     );
     assert_eq!(report["settings"]["albedo"], 0.7);
@@ -92,7 +92,7 @@ fn a_time_limit_ends_the_run_in_time_with_image_and_report() {
         assert_eq!(report["stopped"], "time");
         assert!(spp(&report) > 10 && report["rmse"].as_f64() > Some(0.));
         assert_eq!(report["settings"]["time"], 1.);
-        assert_eq!(report["settings"]["samples"], Value::Null);
+        assert_eq!(report["settings"]["spp"], Value::Null);
         let own: f64 = ["load_seconds", "build_seconds", "render_seconds"]
             .map(|part| report[part].as_f64().unwrap())
             .iter()
@@ -136,14 +136,14 @@ fn a_time_that_is_too_short_is_worth_a_warning() {
 }
 
 #[test]
-fn the_number_of_realisations_bounds_a_run_with_other_limits() {
+fn the_number_of_samples_bounds_a_run_with_other_limits() {
     let limits = ["--time=1000", "--time=1e300", "--error=1e-9"];
     for limit in limits {
         let place = Scratch::new();
         pt(&place, &[&FILES[..], &["-n13", limit]].concat()).succeeded();
         let report = complete(&place, "samples");
         assert_eq!(spp(&report), 13, "{limit}");
-        assert_eq!(report["settings"]["samples"], 13);
+        assert_eq!(report["settings"]["spp"], 13);
     }
 }
 
@@ -153,7 +153,7 @@ fn without_any_limit_there_is_one_sample() {
     pt(&place, &FILES).succeeded();
     let report = complete(&place, "samples");
     assert_eq!(spp(&report), 1);
-    assert_eq!(report["settings"]["samples"], 1);
+    assert_eq!(report["settings"]["spp"], 1);
     assert_eq!(report["settings"]["time"], Value::Null);
     assert_eq!(report["settings"]["error"], Value::Null);
 }
@@ -176,7 +176,7 @@ fn an_error_limit_is_kept_and_said() {
 }
 
 #[test]
-fn a_report_has_at_least_four_steps_in_a_decade() {
+fn a_report_has_at_least_four_points_in_a_decade() {
     let place = Scratch::new();
     pt(&place, &[&FILES[..], &["-n1000"]].concat()).succeeded();
     let report = complete(&place, "samples");
@@ -359,7 +359,7 @@ fn a_report_of_unknown_kind_is_refused_before_the_scene_is_read() {
         let report = format!("--report={name}");
         place
             .run(&["-q", "-imissing.obj", "-oa.pgm", &report])
-            .failed(1, &[name, ".json, .csv, .svg or .html"]);
+            .failed(1, &[name, ".json, .csv or .html"]);
     }
     place.holds_only(&[]);
 }
@@ -458,7 +458,7 @@ fn a_report_that_does_not_fit_costs_neither_image_nor_run() {
 // ------------------------------------------------------------- The reference
 
 #[test]
-fn every_step_says_its_true_error_against_the_reference() {
+fn every_point_says_its_true_error_against_the_reference() {
     let place = Scratch::new();
     let truth = ["-n300", "-s77", "-otruth.exr", "-otruth.pfm"];
     pt(&place, &truth).succeeded();
@@ -585,11 +585,11 @@ fn an_exr_is_the_same_on_standard_output_except_for_its_times() {
     assert_eq!(one.samples, Some(vec![5.; 23 * 17]));
     for (name, value) in [
         ("scene", "room.obj"),
-        ("definition", "23x17"),
+        ("resolution", "23x17"),
         ("threads", &rayon::current_num_threads().to_string()),
         ("seed", "0"),
         ("albedo", "0.7"),
-        ("samples", "5"),
+        ("spp", "5"),
         ("stopped", "samples"),
     ] {
         assert_eq!(one.attributes[name], value, "{name}");
@@ -655,7 +655,7 @@ fn a_checkpoint_that_holds_enough_is_worth_a_warning() {
 }
 
 #[test]
-fn a_report_between_two_steps_says_where_the_run_stands() {
+fn a_report_between_two_points_says_where_the_run_stands() {
     let run_output = RunOutput::new(
         vec![],
         None,
@@ -671,7 +671,7 @@ fn a_report_between_two_steps_says_where_the_run_stands() {
     (convergence.spp, convergence.rays) = (3, 17);
     let report = run_output.report(&convergence, &film, None);
     assert!(convergence.steps.is_empty());
-    assert_eq!((report.steps.len(), report.steps[0].spp), (1, 3));
+    assert_eq!((report.curve.len(), report.curve[0].spp), (1, 3));
     assert_eq!((report.mean, report.rays), (0.5, 17));
     assert_eq!(report.rmse, Some(f64::sqrt(0.25 / 3.)));
 }

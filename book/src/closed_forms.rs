@@ -347,7 +347,7 @@ impl Setting {
     /// Its only pixel, after `n` samples.
     fn pixel(&self, n: u64, seed: u64) -> Accumulator {
         let mut film = Film::new(1, 1);
-        self.job(seed).pass(&mut film, 0..n, &|_| ());
+        self.job(seed).pass(&mut film, n, &|_| true);
         *film.pixel(0, 0)
     }
 }

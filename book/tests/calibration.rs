@@ -15,7 +15,7 @@ const SIZE: (u32, u32) = (32, 24);
 
 fn render(setting: &Setting, seed: u64, n: u64) -> Film {
     let mut film = Film::new(SIZE.0, SIZE.1);
-    setting.job(seed).pass(&mut film, 0..n, &|_| ());
+    setting.job(seed).pass(&mut film, n, &|_| true);
     film
 }
 

@@ -93,11 +93,6 @@ fn find(name: &OsStr) -> Option<&'static Command> {
     COMMANDS.iter().find(|(known, ..)| name == *known)
 }
 
-/// The names of all commands.
-pub fn names() -> impl Iterator<Item = &'static str> {
-    COMMANDS.iter().map(|(name, ..)| *name)
-}
-
 // Print the help
 fn help(streams: &mut Streams) -> u8 {
     let mut text = String::from("usage: noweb COMMAND [ARGUMENT...]\n\n");

@@ -221,6 +221,10 @@ pub struct StagePath {
     search: OsString,
 }
 
+/// The stages of a pipeline.
+const STAGES: &str =
+    "cpif finduses markup noidx noroots nt rustindex totex unmarkup";
+
 impl StagePath {
     /// Makes the directory and its links.
     pub fn new() -> io::Result<Self> {
@@ -230,8 +234,8 @@ impl StagePath {
         search.push(":");
         search.push(&dir);
         let path = Self { dir, search };
-        for name in crate::command::names() {
-            std::os::unix::fs::symlink(&program, path.dir.join(name))?;
+        for stage in STAGES.split(' ') {
+            std::os::unix::fs::symlink(&program, path.dir.join(stage))?;
         }
         Ok(path)
     }

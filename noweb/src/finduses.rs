@@ -13,83 +13,47 @@
 //! files with one identifier on each line. The text keeps its bytes: a
 //! use is announced by a line before it, and the text is cut around it.
 
-use std::collections::{HashMap, VecDeque};
+use std::collections::HashSet;
 use std::ffi::OsString;
 
 use crate::Streams;
 use crate::stream::{self, Mark, Outcome};
 
-// Recognise many words in one pass
-/// An automaton that finds all occurrences of a set of words.
-pub struct Recogniser {
-    nodes: Vec<Node>,
-}
-
-/// A prefix of one or more of the words; node 0 is the empty prefix.
+// Recognise the words of a set
+/// A set of words, and of the prefixes of the words.
 #[derive(Default)]
-struct Node {
-    moves: HashMap<u8, usize>,
-    fallback: usize,
-    /// The lengths of the words that end here, in order of report.
-    words: Vec<usize>,
+pub struct Recogniser {
+    words: HashSet<Vec<u8>>,
+    prefixes: HashSet<Vec<u8>>,
+    longest: usize,
 }
 
 impl Recogniser {
-    /// Builds the automaton for the given words.
+    /// Keeps the given words.
     pub fn new<'a>(words: impl Iterator<Item = &'a [u8]>) -> Recogniser {
-        let mut automaton = Recogniser { nodes: vec![Node::default()] };
-        words.for_each(|word| automaton.add(word));
-        automaton.link();
-        automaton
-    }
-
-    // Add a word to the tree
-    fn add(&mut self, word: &[u8]) {
-        let end = word.iter().fold(0, |node, &byte| self.child(node, byte));
-        if end != 0 && self.nodes[end].words.is_empty() {
-            self.nodes[end].words.push(word.len());
+        let mut set = Recogniser::default();
+        for word in words.filter(|word| !word.is_empty()) {
+            for end in 1..=word.len() {
+                set.prefixes.insert(word[..end].to_vec());
+            }
+            set.longest = set.longest.max(word.len());
+            set.words.insert(word.to_vec());
         }
+        set
     }
 
-    // Grow the tree by a byte
-    fn child(&mut self, node: usize, byte: u8) -> usize {
-        let new = self.nodes.len();
-        let child = *self.nodes[node].moves.entry(byte).or_insert(new);
-        if child == new {
-            self.nodes.push(Node::default());
-        }
-        child
-    }
-
-    // Link each node to its fallback
-    fn link(&mut self) {
-        let mut waiting = VecDeque::from([0]);
-        while let Some(node) = waiting.pop_front() {
-            for (byte, child) in self.nodes[node].moves.clone() {
-                let fallback = match node {
-                    0 => 0,
-                    _ => self.step(self.nodes[node].fallback, byte),
-                };
-                // Inherit the words of the fallback
-                let mut words = self.nodes[fallback].words.clone();
-                words.reverse();
-                words.append(&mut self.nodes[child].words);
-                self.nodes[child].words = words;
-                self.nodes[child].fallback = fallback;
-                waiting.push_back(child);
+    /// Where the words begin that end with a text, in noweb's order.
+    fn ending(&self, text: &[u8]) -> Vec<usize> {
+        let mut starts = Vec::new();
+        for start in (0..text.len()).rev().take(self.longest) {
+            if self.prefixes.contains(&text[start..]) {
+                starts.reverse();
+                if self.words.contains(&text[start..]) {
+                    starts.push(start);
+                }
             }
         }
-    }
-
-    // Move on by one byte
-    fn step(&self, mut node: usize, byte: u8) -> usize {
-        loop {
-            match self.nodes[node].moves.get(&byte) {
-                Some(&next) => return next,
-                None if node == 0 => return 0,
-                None => node = self.nodes[node].fallback,
-            }
-        }
+        starts
     }
 }
 
@@ -115,24 +79,20 @@ fn joined(left: u8, right: u8) -> bool {
     class(left) == class(right) && class(left) != Class::Separator
 }
 
-/// Whether `line[start..end]` is a token, or several, but no part of one.
-fn whole(line: &[u8], start: usize, end: usize) -> bool {
-    let before = start > 0 && joined(line[start - 1], line[start]);
-    let after = end < line.len() && joined(line[end - 1], line[end]);
-    !before && !after
-}
-
 // Mark the uses in a stream
 const TEXT: &[u8] = b"@text ";
 
 impl Recogniser {
     /// Writes a `@text` line, cut at the uses of the words.
     pub fn mark_line(&self, line: &[u8], out: &mut Vec<u8>) {
-        let (mut node, mut done) = (0, TEXT.len());
+        let mut done = TEXT.len();
         for end in 1..=line.len() {
-            node = self.step(node, line[end - 1]);
-            for start in self.nodes[node].words.iter().map(|n| end - n) {
-                if whole(line, start, end) {
+            // No word ends within a token
+            if end < line.len() && joined(line[end - 1], line[end]) {
+                continue;
+            }
+            for start in self.ending(&line[..end]) {
+                if start == 0 || !joined(line[start - 1], line[start]) {
                     // Announce the use before its text
                     done = copy(line, done, start, out);
                     put(out, &[b"@index use ", &line[start..end]]);

@@ -24,59 +24,36 @@ use crate::stream::{self, Codes, Mark, Outcome, base62};
 /// All the places that mention a chunk or an identifier.
 #[derive(Default)]
 struct Item {
-    /// The label of the first definition.
-    anchor: Option<String>,
-    mentions: Vec<Mention>,
-}
-
-/// One place, by the label of its chunk.
-#[derive(Clone, PartialEq, Eq)]
-enum Mention {
-    Defined(String),
-    Used(String),
+    /// Labels of chunks, and whether they define it.
+    mentions: Vec<(String, bool)>,
 }
 
 impl Item {
-    fn mention(&mut self, mention: Mention) {
-        if let Mention::Defined(label) = &mention {
-            self.anchor.get_or_insert_with(|| label.clone());
-        }
+    // Mention a place and list the places
+    fn mention(&mut self, label: &str, defined: bool) {
+        let mention = (label.to_string(), defined);
         if self.mentions.last() != Some(&mention) {
             self.mentions.push(mention);
         }
     }
 
-    // List definitions and uses apart
-    /// The labels of the places that define it.
-    fn definitions(&self) -> Vec<&str> {
-        self.labels(|mention| match mention {
-            Mention::Defined(label) => Some(label),
-            Mention::Used(_) => None,
-        })
+    /// The labels of the places that define it, or use it.
+    fn labels(&self, defined: bool) -> Vec<&str> {
+        let wanted = self.mentions.iter().filter(|(_, d)| *d == defined);
+        wanted.map(|(label, _)| &label[..]).collect()
     }
 
-    /// The labels of the places that use it.
-    fn uses(&self) -> Vec<&str> {
-        self.labels(|mention| match mention {
-            Mention::Defined(_) => None,
-            Mention::Used(label) => Some(label),
-        })
-    }
-
-    fn labels<'a>(
-        &'a self,
-        pick: impl Fn(&'a Mention) -> Option<&'a String>,
-    ) -> Vec<&'a str> {
-        self.mentions.iter().filter_map(pick).map(|l| &l[..]).collect()
+    /// The label of the first definition.
+    fn anchor(&self) -> Option<&str> {
+        self.labels(true).first().copied()
     }
 
     /// The mentions without the uses in chunks that define it.
-    fn pure_mentions(&self) -> Vec<Mention> {
-        let defined = HashSet::<_>::from_iter(self.definitions());
+    fn pure_mentions(&self) -> Vec<(String, bool)> {
+        let definitions = self.labels(true);
         let mut pure = self.mentions.clone();
-        pure.retain(|mention| match mention {
-            Mention::Defined(_) => true,
-            Mention::Used(label) => !defined.contains(&label[..]),
+        pure.retain(|(label, defined)| {
+            *defined || !definitions.contains(&&label[..])
         });
         pure.dedup();
         pure
@@ -164,8 +141,7 @@ impl<'a> Collector<'a> {
         self.uses = 0;
         self.insert(format!("@xref label {}", self.label));
         let anchor = self.anchor.get_or_insert_with(|| self.label.clone());
-        let mention = Mention::Defined(anchor.clone());
-        self.web.chunks.entry(name).or_default().mention(mention);
+        self.web.chunks.entry(name).or_default().mention(anchor, true);
     }
 
     fn insert(&mut self, line: String) {
@@ -175,7 +151,7 @@ impl<'a> Collector<'a> {
     fn use_chunk(&mut self, name: &'a [u8]) {
         let item = self.web.chunks.entry(name).or_default();
         let Some(anchor) = &self.anchor else { return };
-        item.mention(Mention::Used(anchor.clone()));
+        item.mention(anchor, false);
         self.uses += 1;
         let label = format!("@xref label {}-u{}", self.label, self.uses);
         self.insert(label);
@@ -189,7 +165,7 @@ impl<'a> Collector<'a> {
                 let item = self.web.identifiers.entry(mark.text());
                 let item = item.or_default();
                 if let Some(anchor) = &self.anchor {
-                    item.mention(Mention::Used(anchor.clone()));
+                    item.mention(anchor, false);
                 }
             }
             // Note a mark of the index of Rust
@@ -218,7 +194,7 @@ impl<'a> Collector<'a> {
         };
         self.insert(format!("@xref ref {label}"));
         let item = self.web.identifiers.entry(name).or_default();
-        item.mention(Mention::Defined(label));
+        item.mention(&label, true);
     }
 
     // Anchor code in the prose before
@@ -320,7 +296,7 @@ impl<'a> Resolver<'a> {
         let Some(item) = self.web.chunks.get(name) else { return };
         self.refer_to(item);
         self.copy(line);
-        let (labels, uses) = (item.definitions(), item.uses());
+        let (labels, uses) = (item.labels(true), item.labels(false));
         let earlier = self.written.entry(name).or_default();
         let here = *earlier;
         *earlier += 1;
@@ -372,7 +348,7 @@ impl<'a> Resolver<'a> {
             b"use" => {
                 self.used.insert(mark.text());
                 let item = self.web.identifiers.get(mark.text());
-                let item = item.filter(|item| item.anchor.is_some());
+                let item = item.filter(|item| item.anchor().is_some());
                 item.inspect(|item| self.refer_to(item));
             }
             // Resolve a mark of the index of Rust
@@ -395,8 +371,8 @@ impl<'a> Resolver<'a> {
             // Remember the names for the end of the chapter
             self.chapter_defines.extend(&defined);
             self.chapter_uses.extend(&used);
-            self.list_names("def", defined, "isused", Item::uses);
-            self.list_names("use", used, "isdefined", Item::definitions);
+            self.list_names("def", defined, "isused");
+            self.list_names("use", used, "isdefined");
         }
         self.copy(line);
     }
@@ -406,7 +382,6 @@ impl<'a> Resolver<'a> {
         kind: &str,
         names: HashSet<&'a [u8]>,
         place: &str,
-        labels: fn(&Item) -> Vec<&str>,
     ) {
         if names.is_empty() {
             return;
@@ -414,7 +389,8 @@ impl<'a> Resolver<'a> {
         self.put(&[b"@index begin", kind.as_bytes(), b"s"]);
         for name in self.web.sorted(names) {
             let item = self.web.identifiers.get(name);
-            for label in item.map(labels).unwrap_or_default() {
+            let labels = item.map(|item| item.labels(kind == "use"));
+            for label in labels.unwrap_or_default() {
                 self.copy(format!("@index {place} {label}").as_bytes());
             }
             self.put(&[b"@index ", kind.as_bytes(), b"item ", name]);
@@ -429,7 +405,7 @@ impl<'a> Resolver<'a> {
         let mut listed = Vec::new();
         for name in self.web.sorted(&used - &defined) {
             let item = self.web.identifiers.get(name);
-            let label = item.and_then(|item| item.anchor.as_ref());
+            let label = item.and_then(Item::anchor);
             listed.extend(label.map(|label| (name, label)));
         }
         if listed.is_empty() {
@@ -501,21 +477,17 @@ impl<'a> Resolver<'a> {
         self.copy(b"@index endindex");
     }
 
-    fn list_mentions(&mut self, entry: &str, mentions: &[Mention]) {
-        for mention in mentions {
-            let line = match mention {
-                Mention::Defined(label) => format!("{entry}defn {label}"),
-                Mention::Used(label) => format!("{entry}use {label}"),
-            };
-            self.copy(line.as_bytes());
+    fn list_mentions(&mut self, entry: &str, mentions: &[(String, bool)]) {
+        for (label, defined) in mentions {
+            let kind = if *defined { "defn" } else { "use" };
+            self.copy(format!("{entry}{kind} {label}").as_bytes());
         }
     }
 }
 
 /// The place that references to an item lead to.
 fn anchor(item: Option<&Item>) -> &[u8] {
-    let label = item.and_then(|item| item.anchor.as_deref());
-    label.unwrap_or("nw@notdef").as_bytes()
+    item.and_then(Item::anchor).unwrap_or("nw@notdef").as_bytes()
 }
 
 impl<'a> Resolver<'a> {

@@ -13,9 +13,7 @@
 //! process, the others by the shell. If any stage fails, nothing is
 //! written.
 
-use std::collections::VecDeque;
 use std::ffi::OsString;
-use std::os::unix::ffi::{OsStrExt, OsStringExt};
 
 use crate::filter::{StagePath, run_shell};
 use crate::stream::Outcome;
@@ -26,195 +24,193 @@ use crate::{
 // Describe the pipeline of a document
 /// What is to be run for a document.
 struct Weaving {
-    markup: Stage,
-    filters: Vec<Stage>,
-    backend: Stage,
-    /// The `@header` and `@trailer` lines, unless the author has them.
+    /// From the parser to the back end.
+    stages: Vec<Stage>,
+    /// The lines around the stream for the back end, if there are any.
     wrapper: Option<(String, String)>,
     /// Whether the source comes from the standard input.
     reads_input: bool,
     verbose: bool,
 }
 
-/// A shell command and arguments that the shell shall not look into.
-#[derive(Clone)]
+/// A shell command, and arguments that the shell shall not look into.
 struct Stage {
     command: OsString,
     args: Vec<OsString>,
 }
 
 impl Stage {
-    fn new(command: impl Into<OsString>) -> Stage {
-        Stage { command: command.into(), args: Vec::new() }
+    fn new(command: impl Into<OsString>) -> Self {
+        Self { command: command.into(), args: Vec::new() }
+    }
+
+    /// The command line, for the shell or for a person.
+    fn line(&self, for_shell: bool) -> String {
+        let mut line = self.command.to_string_lossy().into_owned();
+        for arg in &self.args {
+            let arg = arg.to_string_lossy();
+            line += &match for_shell {
+                true => format!(" '{}'", arg.replace('\'', "'\\''")),
+                false => format!(" {arg}"),
+            };
+        }
+        line
     }
 }
-
+// Read the command line of noweave
 /// What the command line asks for.
 #[derive(Default)]
-struct CommandLine {
+struct Request {
     markup: Option<OsString>,
     tabs: Vec<OsString>,
     files: Vec<OsString>,
-    filters: Vec<Filter>,
+    filters: Vec<Stage>,
     backend: Option<OsString>,
-    wrapper: Wrapper,
+    /// The kind of document to be wrapped; empty for none.
+    wrapper: Option<&'static str>,
     /// The options for noweb's style file.
     options: Vec<String>,
     delay: bool,
+    references: bool,
+    index: bool,
     /// The index finds the items of a Rust program by itself.
     autodefs: bool,
     tex_names: bool,
     verbose: bool,
 }
 
-/// A stage between markup and back end.
-enum Filter {
-    Command(OsString),
-    References,
-    Index(Option<OsString>),
-}
-
-#[derive(Default)]
-enum Wrapper {
-    #[default]
-    Unspecified,
-    None,
-    Latex,
-    Tex,
-}
-
-/// The stages between markup and back end.
-fn filter_stages(
-    filters: Vec<Filter>,
-    noidx: &str,
-    autodefs: bool,
-) -> Vec<Stage> {
-    let stages = filters.into_iter().map(|filter| match filter {
-        Filter::Command(command) => vec![Stage::new(command)],
-        Filter::References => vec![Stage::new(noidx)],
-        Filter::Index(None) if autodefs => {
-            vec![Stage::new("rustindex"), Stage::new(noidx)]
-        }
-        Filter::Index(words) => {
-            let args = words.into_iter().collect();
-            let finduses = Stage { command: "finduses".into(), args };
-            vec![finduses, Stage::new(noidx)]
-        }
-    });
-    stages.flatten().collect()
-}
-
-// Read the command line of noweave
-
-impl CommandLine {
-    fn read(args: &[OsString]) -> Result<CommandLine, String> {
-        let mut request = CommandLine::default();
-        let mut args = VecDeque::from(args.to_vec());
-        while let Some(arg) = args.pop_front() {
+impl Request {
+    fn read(args: &[OsString]) -> Result<Self, String> {
+        let mut request = Self::default();
+        let mut args = args.iter().cloned();
+        while let Some(arg) = args.next() {
             if arg == "-" || !arg.as_encoded_bytes().starts_with(b"-") {
                 request.files.push(arg);
-                continue;
-            }
-            // Take an option and its argument
-            let option = arg.to_string_lossy().into_owned();
-            let mut next = || {
-                args.pop_front()
-                    .ok_or_else(|| format!("{option} needs an argument"))
-            };
-            match &option[..] {
-                // Take an option that chooses stages
-                "-markup" => request.markup = Some(next()?),
-                "-backend" => request.backend = Some(next()?),
-                "-filter" => request.filters.push(Filter::Command(next()?)),
-                "-x" => request.filters.push(Filter::References),
-                "-index" => request.filters.push(Filter::Index(None)),
-                "-indexfrom" => {
-                    request.filters.push(Filter::Index(Some(next()?)));
-                }
-                "-autodefs" => match &next()?.to_string_lossy()[..] {
-                    "rust" => request.autodefs = true,
-                    other => {
-                        return Err(format!(
-                            "-autodefs {other}: we know rust alone"
-                        ));
-                    }
-                },
-                // Take an option about the document
-                "-n" => request.wrapper = Wrapper::None,
-                "-latex" if matches!(request.wrapper, Wrapper::None) => {}
-                "-latex" => request.wrapper = Wrapper::Latex,
-                "-tex" => request.wrapper = Wrapper::Tex,
-                "-delay" => {
-                    request.delay = true;
-                    request.wrapper = Wrapper::None;
-                }
-                "-option" => {
-                    let option = next()?.to_string_lossy().into_owned();
-                    request.options.push(option);
-                }
-                "-texnames" => request.tex_names = true,
-                "-v" => request.verbose = true,
-                // Refuse what is not built yet
-                "-html" | "-latex+html" | "-troff" | "-ascii" => {
-                    return Err(format!(
-                        "{option}: only LaTeX can be written; HTML is planned for a \
-                        later version (another back end can be run with -backend)"
-                    ));
-                }
-                "-showautodefs" => {
-                    return Err(format!("{option}: we know rust alone"));
-                }
-                tab if tab.starts_with("-t") => request.tabs.push(arg),
-                _ => return Err(refusal(&option)),
+            } else {
+                request.take(arg, &mut args)?;
             }
         }
-        request.check()?;
-        Ok(request)
-    }
-
-    // Refuse options that contradict each other
-    fn check(&self) -> Result<(), String> {
-        let is_plain = |f: &Filter| matches!(f, Filter::References);
-        if self.index() && self.filters.iter().any(is_plain) {
+        // Refuse options that contradict each other
+        if request.index && request.references {
             let what = "you may not use -x with -index or -indexfrom";
             return Err(format!("{what} (drop the -x)"));
         }
-        let is_index = |f: &Filter| matches!(f, Filter::Index(None));
-        if self.autodefs && !self.filters.iter().any(is_index) {
+        if request.autodefs && !request.index {
             return Err("-autodefs serves an index (add -index)".into());
+        }
+        Ok(request)
+    }
+
+    /// Takes an option and its argument.
+    fn take(
+        &mut self,
+        arg: OsString,
+        rest: &mut impl Iterator<Item = OsString>,
+    ) -> Result<(), String> {
+        let option = arg.to_string_lossy().into_owned();
+        let mut next = || {
+            let what = || format!("{option} needs an argument");
+            rest.next().ok_or_else(what)
+        };
+        match &option[..] {
+            "-markup" => self.markup = Some(next()?),
+            "-backend" => self.backend = Some(next()?),
+            "-filter" => self.filters.push(Stage::new(next()?)),
+            "-x" => {
+                self.references = true;
+                self.filters.push(Stage::new("noidx"));
+            }
+            "-index" => self.add_index(None),
+            "-indexfrom" => self.add_index(Some(next()?)),
+            "-autodefs" => match &next()?.to_string_lossy()[..] {
+                "rust" => self.autodefs = true,
+                other => {
+                    let what = "we know rust alone";
+                    return Err(format!("-autodefs {other}: {what}"));
+                }
+            },
+            _ => return self.take_layout(arg, &option, next),
         }
         Ok(())
     }
 
-    fn index(&self) -> bool {
-        self.filters.iter().any(|f| matches!(f, Filter::Index(_)))
+    fn add_index(&mut self, words: Option<OsString>) {
+        self.index = true;
+        let args = words.into_iter().collect();
+        self.filters.push(Stage { command: "finduses".into(), args });
+        self.filters.push(Stage::new("noidx"));
     }
 
-    // Turn what was asked into a plan
+    /// Takes an option about the document.
+    fn take_layout(
+        &mut self,
+        arg: OsString,
+        option: &str,
+        mut next: impl FnMut() -> Result<OsString, String>,
+    ) -> Result<(), String> {
+        match option {
+            "-n" => self.wrapper = Some(""),
+            "-latex" if self.wrapper == Some("") => {}
+            "-latex" => self.wrapper = Some("latex"),
+            "-tex" => self.wrapper = Some("tex"),
+            "-delay" => (self.delay, self.wrapper) = (true, Some("")),
+            "-option" => {
+                let option = next()?.to_string_lossy().into_owned();
+                self.options.push(option);
+            }
+            "-texnames" => self.tex_names = true,
+            "-v" => self.verbose = true,
+            // Refuse what is not built
+            "-html" | "-latex+html" | "-troff" | "-ascii" => {
+                return Err(format!(
+                    "{option}: only LaTeX can be written; HTML is planned for a \
+                    later version (another back end can be run with -backend)"
+                ));
+            }
+            tab if tab.starts_with("-t") => self.tabs.push(arg),
+            _ => {
+                return Err(format!(
+                    "Unrecognized option '{option}'\n{USAGE}"
+                ));
+            }
+        }
+        Ok(())
+    }
+}
+
+const USAGE: &str = "usage: noweave [-latex | -tex | -n | -delay] \
+    [-x | -index | -indexfrom FILE]\n    [-autodefs rust] \
+    [-filter COMMAND]... [-markup COMMAND] [-backend COMMAND]\n    \
+    [-texnames] [-option OPTION]... [-t | -tN] [-v] [FILE]...";
+// Turn what was asked into a plan
+impl Request {
     fn plan(self) -> Weaving {
         let reads_input =
             self.files.is_empty() || self.files.iter().any(|f| f == "-");
-        let wrapper = self.wrapper();
-        let options = self.backend_options();
-        let noidx = if self.delay { "noidx -delay" } else { "noidx" };
+        let (wrapper, options) = (self.wrapper(), self.backend_options());
+        let command = self.markup.unwrap_or("markup".into());
         let args = [self.tabs, self.files].concat();
-        let markup = self.markup.unwrap_or("markup".into());
-        let backend = self.backend.unwrap_or("totex".into());
-        Weaving {
-            markup: Stage { command: markup, args },
-            filters: filter_stages(self.filters, noidx, self.autodefs),
-            backend: Stage { command: backend, args: options },
-            wrapper,
-            reads_input,
-            verbose: self.verbose,
+        let mut stages = vec![Stage { command, args }];
+        for mut filter in self.filters {
+            let plain = filter.args.is_empty();
+            if filter.command == "finduses" && plain && self.autodefs {
+                filter.command = "rustindex".into();
+            } else if filter.command == "noidx" && self.delay {
+                filter.command = "noidx -delay".into();
+            }
+            stages.push(filter);
         }
+        let command = self.backend.unwrap_or("totex".into());
+        stages.push(Stage { command, args: options });
+        let verbose = self.verbose;
+        Weaving { stages, wrapper, reads_input, verbose }
     }
 
     fn backend_options(&self) -> Vec<OsString> {
         let is_xref = |o: &&String| *o == "shortxref" || *o == "longxref";
         let xref = self.options.iter().rfind(is_xref);
         let options = [
-            (!self.index()).then(|| "-noindex".to_string()),
+            (!self.index).then(|| "-noindex".to_string()),
             self.delay.then(|| "-delay".to_string()),
             xref.map(|option| format!("-{option}")),
             self.tex_names.then(|| "-texnames".to_string()),
@@ -224,149 +220,58 @@ impl CommandLine {
 
     /// The lines before and after the stream, in the author's stead.
     fn wrapper(&self) -> Option<(String, String)> {
-        match self.wrapper {
-            Wrapper::None => None,
-            Wrapper::Unspecified | Wrapper::Latex => Some((
-                format!("@header latex {}", self.options.join(",")),
-                "@trailer latex".into(),
-            )),
-            Wrapper::Tex => Some((
-                format!("@header tex {}", self.shown_files()),
-                "@trailer tex".into(),
-            )),
-        }
-    }
-
-    fn shown_files(&self) -> String {
+        let kind = self.wrapper.unwrap_or("latex");
         let names = self.files.iter().map(|file| file.to_string_lossy());
-        names.collect::<Vec<_>>().join(" ")
+        let about = match kind {
+            "" => return None,
+            "tex" => names.collect::<Vec<_>>().join(" "),
+            _ => self.options.join(","),
+        };
+        Some((
+            format!("@header {kind} {about}"),
+            format!("@trailer {kind}"),
+        ))
     }
 }
-
-fn refusal(option: &str) -> String {
-    format!(
-        "Unrecognized option '{option}'\n\
-        usage: noweave [-latex | -tex | -n | -delay] [-x | -index | \
-        -indexfrom FILE]\n\
-        \x20   [-filter COMMAND]... [-markup COMMAND] [-backend COMMAND] \
-        [-texnames]\n\
-        \x20   [-option OPTION]... [-t | -tN] [-v] [FILE]..."
-    )
-}
-
 // Run the stages one after another
 impl Weaving {
     /// The document, or the status if a stage fails.
     fn document(&self, streams: &mut Streams) -> Result<Vec<u8>, u8> {
-        // Read the source from standard input
-        let mut source = Vec::new();
+        let mut stream = Vec::new();
         if self.reads_input {
-            let read = streams.input.read_to_end(&mut source);
+            let read = streams.input.read_to_end(&mut stream);
             read.map_err(|e| tell(streams, &format!("cannot read: {e}")))?;
         }
-        let mut shell = Shell::default();
-        let mut stream = shell.run(&self.markup, &source, streams)?;
-        for filter in &self.filters {
-            stream = shell.run(filter, &stream, streams)?;
-        }
-        shell.run(&self.backend, &self.wrap(stream), streams)
-    }
-
-    // Wrap a stream as a document
-    fn wrap(&self, stream: Vec<u8>) -> Vec<u8> {
-        match &self.wrapper {
-            None => stream,
-            Some((header, trailer)) => [
-                format!("{header}\n").into_bytes(),
-                stream,
-                format!("{trailer}\n").into_bytes(),
-            ]
-            .concat(),
-        }
-    }
-
-    // Show the pipeline
-    fn show(&self) -> Vec<u8> {
-        let markup = self.markup.shown();
-        let mut text = match &self.wrapper {
-            None => format!("{markup} |\n"),
-            Some((header, trailer)) => {
-                format!("(echo {header}\n {markup}\n echo {trailer}\n) |\n")
+        for (number, stage) in self.stages.iter().enumerate() {
+            if number + 1 == self.stages.len()
+                && let Some((header, trailer)) = &self.wrapper
+            {
+                let (header, trailer) =
+                    (format!("{header}\n"), format!("{trailer}\n"));
+                stream = [header.as_bytes(), &stream, trailer.as_bytes()]
+                    .concat();
             }
-        };
-        for filter in &self.filters {
-            text += &format!("{} |\n", filter.shown());
+            stream = stage.run(&stream, streams)?;
         }
-        text += &format!("{}\n", self.backend.shown());
-        text.into_bytes()
+        Ok(stream)
+    }
+
+    /// The pipeline in the notation of the shell.
+    fn show(&self) -> String {
+        let lines = self.stages.iter().map(|stage| stage.line(false));
+        let mut lines: Vec<String> = lines.collect();
+        if let Some((header, trailer)) = &self.wrapper {
+            let markup = &lines[0];
+            lines[0] =
+                format!("(echo {header}\n {markup}\n echo {trailer}\n)");
+        }
+        lines.join(" |\n") + "\n"
     }
 }
 
 /// Says what has gone wrong; gives the status for it.
 fn tell(streams: &mut Streams, what: &str) -> u8 {
-    let _ = writeln!(streams.errors, "noweave: {what}");
-    1
-}
-
-/// Runs stages; prepares for the shell when the first one needs it.
-#[derive(Default)]
-struct Shell {
-    path: Option<StagePath>,
-}
-
-impl Shell {
-    /// What a stage writes when it reads `input`.
-    fn run(
-        &mut self,
-        stage: &Stage,
-        input: &[u8],
-        streams: &mut Streams,
-    ) -> Result<Vec<u8>, u8> {
-        match stage.own() {
-            Some((run, args)) => run_inside(run, &args, input, streams),
-            None => self.run_outside(stage, input, streams),
-        }
-    }
-
-    // Run a stage in the shell
-    fn run_outside(
-        &mut self,
-        stage: &Stage,
-        input: &[u8],
-        streams: &mut Streams,
-    ) -> Result<Vec<u8>, u8> {
-        // Prepare the search path once
-        if self.path.is_none() {
-            let path = StagePath::new();
-            let path = path.map_err(|e| tell(streams, &e.to_string()))?;
-            self.path = Some(path);
-        }
-        let Some(path) = &self.path else { return Err(1) };
-        let command = stage.shell_command();
-        let output = run_shell(&command, input, path, streams);
-        output.map_err(|failure| {
-            streams.conclude(Ok(()), &failure.faults);
-            1
-        })
-    }
-}
-
-fn run_inside(
-    run: Run,
-    args: &[OsString],
-    mut input: &[u8],
-    streams: &mut Streams,
-) -> Result<Vec<u8>, u8> {
-    let mut output = Vec::new();
-    let status = run(
-        args,
-        &mut Streams {
-            input: &mut input,
-            output: &mut output,
-            errors: &mut *streams.errors,
-        },
-    );
-    if status == 0 { Ok(output) } else { Err(1) }
+    Outcome::complaint("noweave", 1, what).deliver(streams)
 }
 
 type Run = fn(&[OsString], &mut Streams) -> u8;
@@ -381,66 +286,59 @@ const OWN_STAGES: [(&str, Run); 6] = [
 ];
 
 impl Stage {
+    /// What the stage writes when it reads `input`.
+    fn run(
+        &self,
+        mut input: &[u8],
+        streams: &mut Streams,
+    ) -> Result<Vec<u8>, u8> {
+        if let Some((run, args)) = self.own() {
+            let mut output = Vec::new();
+            let status = run(
+                &args,
+                &mut Streams {
+                    input: &mut input,
+                    output: &mut output,
+                    errors: &mut *streams.errors,
+                },
+            );
+            return if status == 0 { Ok(output) } else { Err(1) };
+        }
+        // Run a foreign stage in the shell
+        let path = StagePath::new();
+        let path = path.map_err(|e| tell(streams, &e.to_string()))?;
+        let line = OsString::from(self.line(true));
+        run_shell(&line, input, &path, streams).map_err(|failure| {
+            streams.conclude(Ok(()), &failure.faults);
+            1
+        })
+    }
+
     /// The function and arguments of a stage of ours.
     fn own(&self) -> Option<(Run, Vec<OsString>)> {
         let command = self.command.to_str()?;
+        let safe =
+            |b: u8| b.is_ascii_alphanumeric() || b" -_./".contains(&b);
         let mut words = command.split_whitespace().peekable();
         words.next_if_eq(&"noweb");
-        let name = words.next().filter(|_| command.bytes().all(is_safe))?;
+        let name = words.next().filter(|_| command.bytes().all(safe))?;
         let (_, run) = OWN_STAGES.iter().find(|(own, _)| *own == name)?;
         let words = words.map(OsString::from);
         Some((*run, words.chain(self.args.iter().cloned()).collect()))
     }
-
-    // Write a stage as the shell reads it
-    fn shell_command(&self) -> OsString {
-        let mut command = self.command.clone();
-        for arg in &self.args {
-            let mut quoted = b" '".to_vec();
-            for byte in arg.as_bytes() {
-                match byte {
-                    b'\'' => quoted.extend(b"'\\''"),
-                    _ => quoted.push(*byte),
-                }
-            }
-            quoted.push(b'\'');
-            command.push(OsString::from_vec(quoted));
-        }
-        command
-    }
-
-    fn shown(&self) -> String {
-        let command = self.command.to_string_lossy();
-        let args = self.args.iter().map(|arg| arg.to_string_lossy());
-        let words = std::iter::once(command).chain(args);
-        words.collect::<Vec<_>>().join(" ")
-    }
 }
-
-/// Whether a byte means nothing to the shell but itself.
-fn is_safe(byte: u8) -> bool {
-    byte.is_ascii_alphanumeric() || b" -_./".contains(&byte)
-}
-
 // Run noweave as a command
 /// `noweave [OPTION]... [FILE]...`: weaves a document.
 pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
-    match CommandLine::read(args) {
-        Ok(request) => request.plan().run(streams),
-        Err(what) => {
-            Outcome::complaint("noweave", 1, &what).deliver(streams)
-        }
+    let weaving = match Request::read(args) {
+        Ok(request) => request.plan(),
+        Err(what) => return tell(streams, &what),
+    };
+    if weaving.verbose {
+        let _ = streams.errors.write_all(weaving.show().as_bytes());
     }
-}
-
-impl Weaving {
-    fn run(&self, streams: &mut Streams) -> u8 {
-        if self.verbose {
-            let _ = streams.errors.write_all(&self.show());
-        }
-        match self.document(streams) {
-            Ok(text) => Outcome::done(text).deliver(streams),
-            Err(status) => status,
-        }
+    match weaving.document(streams) {
+        Ok(text) => Outcome::done(text).deliver(streams),
+        Err(status) => status,
     }
 }

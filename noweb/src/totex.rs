@@ -21,7 +21,7 @@ use crate::stream::{self, Mark, Outcome};
 
 // Choose how the stream is converted
 /// What the command line can ask of the converter.
-#[derive(Clone)]
+#[derive(Clone, Default)]
 pub struct Options {
     /// Hold macros back until the first chunk of prose has ended.
     pub delay: bool,
@@ -31,19 +31,6 @@ pub struct Options {
     pub comment: Vec<u8>,
     /// Leave TeX in names to TeX.
     pub tex_names: bool,
-}
-
-impl Default for Options {
-    fn default() -> Options {
-        let comment = b"% ===> this file was generated automatically \
-            by noweave --- better not edit it";
-        Options {
-            delay: false,
-            index: true,
-            comment: comment.to_vec(),
-            tex_names: false,
-        }
-    }
 }
 
 // Convert a stream line by line
@@ -386,7 +373,7 @@ impl<'a> Converter<'a> {
             (b"endmini", None) => self.put(&[b"}"]),
             // Write an entry of the index
             (b"entrybegin", Some(_)) => {
-                let name = self.identifier_in_full(mark.inner().text());
+                let name = self.identifier(mark.inner().text());
                 self.put(&[b"\\nwixlogsorted{i}{", &name, b"}%"]);
                 self.break_line();
             }
@@ -462,13 +449,6 @@ impl<'a> Converter<'a> {
 
     /// An identifier for print and its key: the arguments of index macros.
     fn identifier(&self, name: &'a [u8]) -> Vec<u8> {
-        let mut words = self.shown_of(name).split(|byte| *byte == b' ');
-        let shown = printed(words.next().unwrap_or_default());
-        [b"{", &shown[..], b"}{", &key(name), b"}"].concat()
-    }
-
-    /// The same with what the identifier belongs to, for the index.
-    fn identifier_in_full(&self, name: &'a [u8]) -> Vec<u8> {
         let shown = printed(self.shown_of(name));
         [b"{", &shown[..], b"}{", &key(name), b"}"].concat()
     }
@@ -517,14 +497,12 @@ impl Converter<'_> {
 // Escape text for each of its places
 /// Text of a line of code, where only `{`, `}` and `\` are special.
 fn code_text(text: &[u8]) -> Vec<u8> {
-    let mut out = Vec::with_capacity(text.len());
-    for &byte in text {
-        if b"{}\\".contains(&byte) {
-            out.push(b'\\');
-        }
-        out.push(byte);
-    }
-    out
+    replace(text, |byte| match byte {
+        b'\\' => Some(b"\\\\"),
+        b'{' => Some(b"\\{"),
+        b'}' => Some(b"\\}"),
+        _ => None,
+    })
 }
 
 /// Text of quoted code or of an identifier, in typewriter type.
@@ -671,18 +649,22 @@ impl Options {
     /// Reads what concerns the converter from a command line.
     pub fn read(args: &[OsString]) -> Options {
         let has = |option: &str| args.iter().any(|arg| arg == option);
-        let mut options = Options {
+        let comment = match has("-no-gen-comment") {
+            true => &b""[..],
+            false => COMMENT,
+        };
+        Options {
             delay: has("-delay"),
             index: !has("-noindex"),
+            comment: comment.to_vec(),
             tex_names: has("-texnames"),
-            ..Options::default()
-        };
-        if has("-no-gen-comment") {
-            options.comment.clear();
         }
-        options
     }
 }
+
+/// What noweb writes behind the first line.
+const COMMENT: &[u8] = b"% ===> this file was generated automatically \
+    by noweave --- better not edit it";
 
 /// `totex [-delay] [-noindex] [-no-gen-comment] [-texnames]`, the last
 /// stage of the pipeline.

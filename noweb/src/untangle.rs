@@ -315,61 +315,10 @@ impl<'a> Carrier<'a> {
             if !similar(self.old[line], self.new[now]) {
                 return None;
             }
-            match self.whole(line) {
-                Some(spot) => {
-                    splices.push(self.replace(spot, 1, &(now..now + 1))?);
-                }
-                None => splices.extend(self.within(line, now)?),
-            }
+            let spot = self.whole(line)?;
+            splices.push(self.replace(spot, 1, &(now..now + 1))?);
         }
         (old.len() == new.len()).then_some(splices)
-    }
-
-    // Carry a change within a line
-    /// The splices of a line that has text of several chunks.
-    fn within(&self, line: usize, new: usize) -> Option<Vec<Splice>> {
-        let (old, now) = (words(self.old[line]), words(self.new[new]));
-        let bytes = |words: &[&[u8]], range: Range<usize>| {
-            let length = |words: &[&[u8]]| words.concat().len();
-            length(&words[..range.start])..length(&words[..range.end])
-        };
-        let change = |(a, b)| {
-            let text = &self.new[new][bytes(&now, b)];
-            self.change(line, bytes(&old, a), text)
-        };
-        hunks(&old, &now).into_iter().map(change).collect()
-    }
-
-    /// Changes some bytes of a line that come from one run.
-    fn change(
-        &self,
-        line: usize,
-        bytes: Range<usize>,
-        text: &[u8],
-    ) -> Option<Splice> {
-        let old = self.old[line];
-        let runs = self.runs(line);
-        // Find the run that holds the bytes
-        let begin = self.head(line).map(|_| runs[0].1.start);
-        let end = self.tail(line).map(|_| old.len());
-        let holds = |(_, run): &&Run| {
-            let begins =
-                run.start < bytes.start || begin == Some(bytes.start);
-            let ends = bytes.end < run.end || end == Some(bytes.end);
-            run.start <= bytes.start
-                && bytes.end <= run.end
-                && (!bytes.is_empty() || begins && ends)
-        };
-        let (segment, run) = runs.iter().find(holds)?;
-        let Place { file, .. } = segment.place;
-        let rest = self.source(segment.place);
-        let literal = rest.starts_with(&old[run.clone()]);
-        let source = &self.sources[file as usize];
-        let start = source.offset(segment.place) + bytes.start - run.start;
-        let escaped = text.windows(2).any(|pair| pair == b"<<");
-        let text = if escaped { escape(text) } else { text.to_vec() };
-        let range = start..start + bytes.len();
-        literal.then_some(Splice { file, range, text })
     }
 
     // Refuse to carry a hunk

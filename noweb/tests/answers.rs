@@ -393,7 +393,7 @@ fn what_references_add_can_be_taken_away() {
 
 // Answer about writing LaTeX
 fn tex_of(stream: &[u8]) -> String {
-    let options = Options { comment: vec![], ..Options::default() };
+    let options = Options { index: true, ..Options::default() };
     let lines = stream::trimmed_lines(stream);
     let tex = to_tex(lines, &options, &mut Memory::default());
     String::from_utf8(tex.text).unwrap()

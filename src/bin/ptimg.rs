@@ -6,7 +6,7 @@
 // Software Foundation, either version 3 of the License, or (at your option)
 // any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The command `ptimg`: show, compare and join the images of `pt`.
+//! The command `ptimg`: show, compare and merge the images of `pt`.
 
 // Name what the companion imports
 use std::path::{Path, PathBuf};
@@ -23,7 +23,7 @@ use litpt::output::{ImageTarget, OutputTarget};
 use litpt::progress;
 
 // Declare the verbs of the companion
-/// Shows, compares and joins the images that pt writes (.exr, .pfm).
+/// Shows, compares and merges the images that pt writes (.exr, .pfm).
 #[derive(Debug, Parser)]
 #[command(name = "ptimg", version, after_help = LICENCE, styles = STYLES)]
 #[command(arg_required_else_help = false)]
@@ -87,7 +87,7 @@ enum Verb {
         quiet: bool,
     },
     // Declare the verb merge
-    /// Join independent runs of the same scene as if they had been one
+    /// Merge independent runs of the same scene as if they had been one
     Merge {
         /// Images to read, of different seeds
         #[arg(value_name = "FILE", required = true, num_args = 2..)]
@@ -124,12 +124,12 @@ struct Output {
 }
 
 impl Output {
-    // Check the place of the output
-    /// The place of an image in one of the given formats.
+    // Check the target of the output
+    /// The target of an image in one of the given formats.
     ///
     /// # Errors
-    /// The format is another, or the place cannot be written.
-    fn place(&self, formats: &[Format]) -> Result<ImageTarget, String> {
+    /// The format is another, or the target cannot be written.
+    fn target(&self, formats: &[Format]) -> Result<ImageTarget, String> {
         let format = Format::of(&self.output)?;
         if formats.contains(&format) {
             return ImageTarget::file(&self.output, self.force);
@@ -164,14 +164,14 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
         Verb::Info { files } => inform(files)?,
         Verb::Tonemap { input, output, exposure, tonemap } => {
             // Show the radiances on a screen
-            let place = output.place(&GREY)?;
+            let target = output.target(&GREY)?;
             let image = Image::read(input)?;
             let grey = display::tonemap(&image, *exposure, *tonemap);
-            place.write(&grey)?;
+            target.write(&grey)?;
         }
         Verb::Merge { files, output } => {
-            let place = output.place(&[Format::Exr])?;
-            place.write(&merge(&read_all(files)?)?)?;
+            let target = output.target(&[Format::Exr])?;
+            target.write(&merge(&read_all(files)?)?)?;
         }
         Verb::Stderr { input, output, relative } => {
             show_errors(input, output, *relative)?;
@@ -199,11 +199,11 @@ fn show_errors(
     output: &Output,
     relative: bool,
 ) -> Result<(), String> {
-    let place = output.place(&GREY)?;
+    let target = output.target(&GREY)?;
     let image = Image::read(input)?;
     let (grey, white) = display::errors(&image, relative)
         .map_err(|fault| format!("{}: {fault}", input.display()))?;
-    place.write(&grey)?;
+    target.write(&grey)?;
     // Tell what white stands for
     let what = match relative {
         true => "relative standard error",
@@ -212,7 +212,7 @@ fn show_errors(
     say(&format!("white is a {what} of {white:.4e}"))
 }
 
-/// Prints lines on standard output, unless nobody reads them.
+/// Prints lines on standard output, unless the reader has closed the pipe.
 fn say(lines: &str) -> Result<(), String> {
     OutputTarget::standard_output()
         .write(&mut |out| writeln!(out, "{lines}"))
@@ -323,7 +323,7 @@ fn diff(
     })
 }
 
-/// A seed that two images of the same scene share; joined images
+/// A seed that two images of the same scene share; merged images
 /// have several.
 fn common_seed<'a>(a: &'a Image, b: &Image) -> Option<&'a str> {
     let of = |name| a.attributes.get(name).zip(b.attributes.get(name));

@@ -81,6 +81,40 @@ pub fn errors(
     Ok((plain(image, means), white))
 }
 
+// Make a large image smaller
+/// The image, averaged over squares if a side is longer than `most`
+/// pixels; an error is the root of the mean square of its square.
+pub fn shrink(image: &Image, most: u32) -> Image {
+    let side = image.width.max(image.height).div_ceil(most);
+    let width = image.width.div_ceil(side);
+    let height = image.height.div_ceil(side);
+    let errors = image.errors.as_ref().map(|errors| {
+        let squares: Vec<f64> = errors.iter().map(|e| e * e).collect();
+        let mean = averages(&squares, image, side);
+        mean.into_iter().map(f64::sqrt).collect()
+    });
+    let means = averages(&image.means, image, side);
+    Image { width, height, errors, ..plain(image, means) }
+}
+
+/// The means of an image's values over squares, row by row.
+fn averages(values: &[f64], image: &Image, side: u32) -> Vec<f64> {
+    let (width, side) = (image.width as usize, side as usize);
+    let columns = width.div_ceil(side);
+    let mut means = vec![];
+    for rows in values.chunks(side * width) {
+        let mut sums = vec![0.; columns];
+        for row in rows.chunks(width) {
+            for (sum, part) in sums.iter_mut().zip(row.chunks(side)) {
+                let area = part.len() * (rows.len() / width);
+                *sum += part.iter().sum::<f64>() / area as f64;
+            }
+        }
+        means.extend(sums);
+    }
+    means
+}
+
 // Show the signs of the differences
 /// The number of standard errors that are shown as white.
 pub const WHITE: f64 = 5.;

@@ -6,27 +6,27 @@
 // Software Foundation, either version 3 of the License, or (at your option)
 // any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Joining independent runs as if they had been one.
+//! Merging independent runs as if they had been one.
 
 use std::collections::BTreeMap;
 
 use super::same_size;
 use crate::image::Image;
 
-// Join the images pixel by pixel
+// Merge the images pixel by pixel
 /// An image with the name of its file.
 pub type Run = (String, Image);
 
-/// Joins images as if one run had made them. Errors that borrow from
+/// Merges images as if one run had made them. Errors that borrow from
 /// the neighbours, as those of `pt` do, keep what each run borrowed.
 ///
 /// # Errors
 /// They differ in size or in something that changes the image, they do
 /// not say their samples, or they share random numbers.
 pub fn merge(runs: &[Run]) -> Result<Image, String> {
-    // Refuse what cannot be joined
+    // Refuse what cannot be merged
     let Some((first_name, first)) = runs.first() else {
-        return Err("there is nothing to join".to_owned());
+        return Err("there is nothing to merge".to_owned());
     };
     for (name, run) in runs {
         same_size(first, run)
@@ -75,14 +75,13 @@ fn pixel(runs: &[Run], i: usize) -> (f64, f64, f64) {
     (mean, variance.sqrt(), count)
 }
 
-// Join what is known about the runs
+// Merge what is known about the runs
 /// Attributes that add up.
 const SUMS: [&str; 5] =
-    ["samples", "rays", "load_seconds", "build_seconds", "render_seconds"];
+    ["spp", "rays", "load_seconds", "build_seconds", "render_seconds"];
 
 /// Attributes that may differ between runs of the same image.
-const FREE: [&str; 9] = [
-    "version",
+const FREE: [&str; 8] = [
     "scene",
     "threads",
     "isa",

@@ -21,7 +21,7 @@ use exr::prelude::{
 };
 use exr::prelude::{ReadChannels, ReadLayers, WritableImage};
 
-use super::Image;
+use super::data::Image;
 
 // Write the channels and attributes
 /// Writes all that the image holds.
@@ -50,16 +50,18 @@ pub fn write(image: &Image, out: &mut dyn Write) -> io::Result<()> {
 
 /// The channels that the image fills.
 fn channels(image: &Image) -> SmallVec<[AnyChannel<FlatSamples>; 4]> {
-    let values = [
-        (MEAN, Some(&image.means)),
-        (ERROR, image.errors.as_ref()),
-        (SAMPLES, image.samples.as_ref()),
-    ];
-    let channel = |(name, values): (&str, Option<&Vec<f64>>)| {
-        let values = values?.iter().map(|&value| value as f32).collect();
-        Some(AnyChannel::new(name, FlatSamples::F32(values)))
+    let real = |name: &str, values: &Vec<f64>| {
+        let values = values.iter().map(|&value| value as f32).collect();
+        AnyChannel::new(name, FlatSamples::F32(values))
     };
-    values.into_iter().filter_map(channel).collect()
+    let whole = |name: &str, values: &Vec<f64>| {
+        let values = values.iter().map(|&value| value as u32).collect();
+        AnyChannel::new(name, FlatSamples::U32(values))
+    };
+    let errors = image.errors.as_ref().map(|e| real(ERROR, e));
+    let samples = image.samples.as_ref().map(|n| whole(SAMPLES, n));
+    let means = Some(real(MEAN, &image.means));
+    [means, errors, samples].into_iter().flatten().collect()
 }
 
 const MEAN: &str = "Y";
@@ -124,9 +126,13 @@ pub fn read(bytes: &[u8]) -> Result<Image, String> {
     let values = |name: &str| {
         let list = &layer.channel_data.list;
         let channel = list.iter().find(|channel| channel.name.eq(name))?;
-        let data = &channel.sample_data;
-        let values = data.values_as_f32().map(f64::from);
-        (data.len() == size).then(|| values.collect::<Vec<_>>())
+        let values: Vec<f64> = match &channel.sample_data {
+            FlatSamples::U32(values) => {
+                values.iter().copied().map(f64::from).collect()
+            }
+            others => others.values_as_f32().map(f64::from).collect(),
+        };
+        (values.len() == size).then_some(values)
     };
     let means = values(MEAN).ok_or_else(|| {
         // Say which channels there are instead

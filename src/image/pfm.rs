@@ -12,7 +12,7 @@
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 
-use super::Image;
+use super::data::Image;
 
 // Write a portable float map
 /// Writes the means, as numbers of least significant byte first.

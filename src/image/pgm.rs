@@ -10,7 +10,7 @@
 
 use std::io::{self, Write};
 
-use super::Image;
+use super::data::Image;
 use super::srgb::level;
 
 /// Writes the means as 256 levels, encoded by the sRGB curve.

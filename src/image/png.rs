@@ -12,7 +12,7 @@ use std::io::{self, Write};
 
 use png::{BitDepth, ColorType, Encoder, SrgbRenderingIntent};
 
-use super::Image;
+use super::data::Image;
 use super::srgb::level;
 
 /// Writes the means as 65536 levels, encoded by the sRGB curve.

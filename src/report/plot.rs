@@ -6,120 +6,123 @@
 // Software Foundation, either version 3 of the License, or (at your option)
 // any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The frame that the plots share. Lengths are those of the drawing,
-//! which is `WIDTH` wide; y points down.
+//! The drawing of error against time. Lengths are those of the drawing;
+//! y points down.
 
 use maud::{Markup, html};
 
-use super::axis::Ruler;
+use super::result::drawable;
+use crate::render_loop::CurvePoint;
 
-/// The width of a drawing.
-const WIDTH: f64 = 480.;
+// Cover values by decades of an axis
+/// A logarithmic axis, by the exponents of its ends and its length.
+struct Axis(f64, f64, f64);
 
-/// The left, right end of every frame, and its height.
-const LEFT: f64 = 70.;
-const RIGHT: f64 = 464.;
+impl Axis {
+    /// The axis that covers positive values by whole decades.
+    fn over(values: &[f64], length: f64) -> Self {
+        let logs = values.iter().map(|&x| libm::log10(x));
+        let low = logs.clone().fold(f64::INFINITY, f64::min).floor();
+        let high = logs.fold(f64::NEG_INFINITY, f64::max).ceil();
+        Self(low, high.max(low + 1.), length)
+    }
+
+    /// How far from the beginning of the axis a value lies.
+    fn place(&self, x: f64) -> f64 {
+        let Self(low, high, length) = self;
+        let place = (libm::log10(x) - low) / (high - low) * length;
+        (place * 10.).round() / 10.
+    }
+
+    /// The exponents of all powers of ten on the axis.
+    fn decades(&self) -> impl Iterator<Item = i32> {
+        self.0 as i32..=self.1 as i32
+    }
+}
+
+// Draw the curve within its axes
+const WIDTH: f64 = 400.;
 const HEIGHT: f64 = 260.;
 
-// Begin and end a drawing
-/// A drawing of the given height; `alone` if it is not part of a page.
-pub fn drawing(
-    (height, name): (f64, &str),
-    alone: bool,
-    content: &Markup,
-) -> Markup {
-    html! {
-        svg viewBox=(format!("0 0 {WIDTH} {height}")) role="img"
-            aria-label=(name) font-size="13"
-            font-family="Helvetica, Arial, sans-serif"
-            // Give a separate drawing size and ink
-            xmlns=[alone.then_some("http://www.w3.org/2000/svg")]
-            width=[alone.then_some(2. * WIDTH)]
-            height=[alone.then_some(2. * height)]
-            color=[alone.then_some("black")]
-        {
-            @if alone {
-                rect width=(WIDTH) height=(height) fill="white" {}
+/// The estimated error against time with a guide of slope -1/2, and the
+/// true error if it is known; none if there is no point to draw.
+pub fn plot(curve: &[CurvePoint]) -> Option<Markup> {
+    let points = |error: fn(&CurvePoint) -> Option<f64>| {
+        let point = |p: &CurvePoint| Some((p.seconds, error(p)?));
+        let points = curve.iter().filter_map(point);
+        points
+            .filter(|p| drawable(p.0) && drawable(p.1))
+            .collect::<Vec<_>>()
+    };
+    let estimated = points(|point| point.rmse);
+    let truth = points(|point| point.rmse_reference);
+    let all = [&estimated[..], &truth[..]].concat();
+    let last = *estimated.last().or(truth.last())?;
+    let (x, y): (Vec<f64>, Vec<f64>) = all.into_iter().unzip();
+    let (x, y) = (Axis::over(&x, WIDTH), Axis::over(&y, HEIGHT));
+    // Turn points into the ends of lines
+    let place = |(t, e): (f64, f64)| (x.place(t), HEIGHT - y.place(e));
+    let line = |points: &[(f64, f64)]| {
+        let pair = |&point| {
+            let (x, y) = place(point);
+            format!("{x:.1},{y:.1}")
+        };
+        points.iter().map(pair).collect::<Vec<_>>().join(" ")
+    };
+    let guide = [x.0, x.1].map(|exponent| {
+        let time = libm::exp10(exponent);
+        (time, last.1 * (last.0 / time).sqrt())
+    });
+    Some(html! {
+        // Draw the frame and what is in it
+        svg viewBox="-70 -10 490 310" role="img" fill="none"
+            aria-label="Error against time" stroke="currentColor" {
+            (grid(&x, &y))
+            svg width=(WIDTH) height=(HEIGHT) {
+                polyline points=(line(&guide)) stroke-width="4"
+                    stroke-opacity="0.3" {}
+                polyline points=(line(&truth)) stroke-width="1.5"
+                    stroke-dasharray="6 4" {}
+                polyline points=(line(&estimated)) stroke-width="1.5" {}
+                @for (x, y) in estimated.iter().map(|&p| place(p)) {
+                    circle cx=(x) cy=(y) r="3" fill="currentColor" {}
+                }
             }
-            g fill="currentColor" { (content) }
+        }
+    })
+}
+
+/// The lines and labels of two axes, and the frame around them.
+fn grid(x: &Axis, y: &Axis) -> Markup {
+    html! {
+        rect width=(WIDTH) height=(HEIGHT) {}
+        @for n in x.decades() {
+            @let x = x.place(libm::exp10(f64::from(n)));
+            line x1=(x) x2=(x) y2=(HEIGHT) stroke-opacity="0.3" {}
+            (label(x, HEIGHT + 18., "middle", n))
+        }
+        @for n in y.decades() {
+            @let y = HEIGHT - y.place(libm::exp10(f64::from(n)));
+            line y1=(y) y2=(y) x2=(WIDTH) stroke-opacity="0.3" {}
+            (label(-6., y + 5., "end", n))
+        }
+        // Name what the axes measure
+        g fill="currentColor" stroke="none" text-anchor="middle"
+            font-size="13" {
+            text x=(WIDTH / 2.) y=(HEIGHT + 36.) { "rendering time / s" }
+            text x=(-HEIGHT / 2.) y="-44" transform="rotate(-90)" {
+                "rmse / radiance of the sky"
+            }
         }
     }
 }
 
-// Find places within a frame
-/// The rectangle of a plot, by the height of its upper edge.
-#[derive(Clone, Copy)]
-pub struct Frame {
-    /// The y of its upper edge.
-    pub top: f64,
-}
-
-impl Frame {
-    /// The y of its lower edge.
-    pub fn bottom(self) -> f64 {
-        self.top + HEIGHT
-    }
-
-    /// The x of a place on the horizontal axis.
-    pub fn x(self, place: f64) -> f64 {
-        tenths(LEFT + place * (RIGHT - LEFT))
-    }
-
-    /// The y of a place on the vertical axis.
-    pub fn y(self, place: f64) -> f64 {
-        tenths(self.bottom() - place * HEIGHT)
-    }
-}
-
-/// Digits that nobody sees are not worth their bytes.
-fn tenths(x: f64) -> f64 {
-    (x * 10.).round() / 10.
-}
-
-// Draw the two axes of a frame
-impl Frame {
-    /// The border, and the lines and labels of both axes.
-    pub fn draw(
-        self,
-        (across, horizontal): (&Ruler, &str),
-        (up, vertical): (&Ruler, &str),
-    ) -> Markup {
-        let (top, bottom) = (self.top, self.bottom());
-        html! {
-            (lines(across, |at| [self.x(at), top, self.x(at), bottom]))
-            (lines(up, |at| [LEFT, self.y(at), RIGHT, self.y(at)]))
-            // Write the labels of both axes
-            g font-size="12" text-anchor="middle" {
-                @for (at, label) in &across.ticks {
-                    text x=(self.x(*at)) y=(bottom + 17.) { (label) }
-                }
-            }
-            g font-size="12" text-anchor="end" {
-                @for (at, label) in &up.ticks {
-                    text x=(LEFT - 6.) y=(self.y(*at) + 4.) { (label) }
-                }
-            }
-            // Draw the border and the titles
-            @let (x, y) = (self.x(0.5), self.y(0.5));
-            rect x=(LEFT) y=(top) width=(RIGHT - LEFT) height=(HEIGHT)
-                fill="none" stroke="currentColor" {}
-            text x=(x) y=(bottom + 36.) text-anchor="middle" { (horizontal) }
-            text x="16" y=(y) text-anchor="middle"
-                transform=(format!("rotate(-90 16 {y})")) { (vertical) }
-        }
-    }
-}
-
-fn lines(ruler: &Ruler, ends: impl Fn(f64) -> [f64; 4]) -> Markup {
-    let thin = ruler.lines.iter().map(|at| (*at, 0.12));
-    let thick = ruler.ticks.iter().map(|(at, _)| (*at, 0.4));
+/// A power of ten, written at a place.
+fn label(x: f64, y: f64, anchor: &str, exponent: i32) -> Markup {
     html! {
-        g stroke="currentColor" {
-            @for (at, opacity) in thin.chain(thick) {
-                @let [x1, y1, x2, y2] = ends(at);
-                line x1=(x1) y1=(y1) x2=(x2) y2=(y2)
-                    stroke-opacity=(opacity) {}
-            }
+        text x=(x) y=(y) text-anchor=(anchor) fill="currentColor"
+            stroke="none" font-size="13" {
+            "10" tspan dy="-5" font-size="10" { (exponent) }
         }
     }
 }

@@ -1,6 +1,6 @@
 // Measures what the accounting of a run costs, on the courtyard: percent of
 // the time of a run that go into adding weights, into the steps, and into
-// reports of all four kinds, and the milliseconds of one checkpoint. The
+// reports of all three kinds, and the milliseconds of one checkpoint. The
 // parts are timed within one run, as its total varies by more than they are.
 // "make measure" records them for the chapter "The journal".
 //
@@ -50,7 +50,6 @@ fn measure(setting: &Setting) -> Result<[f64; 4], Box<dyn Error>> {
     let reports = vec![
         (Kind::Json, place("a.json")?),
         (Kind::Csv, place("a.csv")?),
-        (Kind::Svg, place("a.svg")?),
         (Kind::Html, place("a.html")?),
     ];
     let never = Duration::MAX;
@@ -71,8 +70,8 @@ fn measure(setting: &Setting) -> Result<[f64; 4], Box<dyn Error>> {
         let write = || run_output.after(convergence, film);
         reports += seconds(write).expect("reports can be written");
     };
-    let job = setting.job(0);
-    convergence.run(&job, &mut film, &limits, &|_| (), &mut after);
+    let mut job = setting.job(0);
+    convergence.run(&mut job, &mut film, &limits, &|_| (), &mut after);
 
     let steps = convergence.steps.len() as f64 * timed(|| film.summary());
     let paths = (film.area() * SAMPLES) as f64;

@@ -20,8 +20,8 @@ use litpt::camera::{Camera, View};
 use litpt::film::{Film, WORTH};
 use litpt::integrator::{Integrator, PathEvent};
 use litpt::render::{Job, Renderer};
-use litpt::render_loop::{Convergence, Interrupt, Limits};
-use litpt::report::{Fit, Step};
+use litpt::render_loop::{Convergence, CurvePoint, Interrupt, Limits};
+use litpt::report::Fit;
 use litpt::sampler::{IndependentSampler, Sampler, dimension, generator};
 use litpt::scene::{Mesh, Scene};
 use litpt::statistics::Accumulator;
@@ -80,7 +80,7 @@ fn cases() -> Result<Vec<Case>, Box<dyn Error>> {
     let setting =
         set(&courtyard::mesh(), 0.8, DVec3::Y, &courtyard::view())?;
     let mut film = Film::new(WIDTH, HEIGHT);
-    setting.job(99).pass(&mut film, 0..4096, &|_| ());
+    setting.job(99).pass(&mut film, 4096, &|_| true);
     let truth = film.means().zip(film.errors(0.)).collect();
     cases.push(Case { name: "courtyard", setting, truth });
     Ok(cases)
@@ -127,14 +127,12 @@ fn coverage(cases: &[Case]) -> Result<String, fmt::Error> {
     let mut rows = String::new();
     for Case { name, setting, truth } in cases {
         let mut images = [(); 4].map(|_| Film::new(WIDTH, HEIGHT));
-        let mut done = 0;
         for n in [16, 64, 256, 1024] {
             let mut z = vec![];
             for (seed, film) in (1..).zip(&mut images) {
-                setting.job(seed).pass(film, done..n, &|_| ());
+                setting.job(seed).pass(film, n, &|_| true);
                 z.extend(deviations(film, truth, WORTH));
             }
-            done = n;
             // Print a row of coverage
             let share = |bound: f64| {
                 let within = z.iter().filter(|z| z.abs() <= bound).count();
@@ -175,12 +173,10 @@ fn unseen(cases: &[Case]) -> Result<String, fmt::Error> {
     let mut rows = String::new();
     for Case { name, setting, truth } in cases {
         let mut images = [(); 4].map(|_| Film::new(WIDTH, HEIGHT));
-        let mut done = 0;
         for n in [4, 16, 64] {
             for (seed, film) in (1..).zip(&mut images) {
-                setting.job(seed).pass(film, done..n, &|_| ());
+                setting.job(seed).pass(film, n, &|_| true);
             }
-            done = n;
             // Print a row on the unseen
             write!(rows, "{name} & {n}")?;
             for worth in [0., 1., 2., 4., 8.] {
@@ -217,10 +213,16 @@ fn slopes(cases: &[Case]) -> Result<String, fmt::Error> {
         };
         let mut film = Film::new(WIDTH, HEIGHT);
         let mut convergence = Convergence::default();
-        let job = setting.job(1);
-        convergence.run(&job, &mut film, &limits, &|_| (), &mut |_, _| ());
+        let mut job = setting.job(1);
+        convergence.run(
+            &mut job,
+            &mut film,
+            &limits,
+            &|_| (),
+            &mut |_, _| (),
+        );
         // Print a row of slopes
-        let slope = |error: fn(&Step) -> Option<f64>| {
+        let slope = |error: fn(&CurvePoint) -> Option<f64>| {
             let steps =
                 convergence.steps.iter().filter(|step| step.spp >= 8);
             let points =
@@ -248,6 +250,11 @@ const P: f64 = 0.05;
 impl Integrator for Coin {
     type Path = ();
     type RayQuery = Hit;
+    type Sums = u64;
+
+    fn count(&self, _: &(), rays: u64, _: f64, sums: &mut u64) {
+        *sums += rays;
+    }
 
     fn begin(&self, _: DVec3) {}
 
@@ -294,7 +301,7 @@ fn stopped(seed: u64, error: f64, side: u32) -> (f64, u64) {
     let view = look([0.; 3], [0., 1., 0.], DVec3::Z, 70.);
     let Ok(camera) = Camera::new(&view, 1.) else { return (0., 0) };
     // Make a job of throwing coins
-    let job = Job {
+    let mut job = Job {
         scene: &scene,
         intersector: &intersector,
         camera: &camera,
@@ -312,7 +319,7 @@ fn stopped(seed: u64, error: f64, side: u32) -> (f64, u64) {
     };
     let mut film = Film::new(side, side);
     let mut convergence = Convergence::default();
-    convergence.run(&job, &mut film, &limits, &|_| (), &mut |_, _| ());
+    convergence.run(&mut job, &mut film, &limits, &|_| (), &mut |_, _| ());
     (film.summary().mean, convergence.spp)
 }
 

@@ -239,7 +239,7 @@ impl Case {
             sky: Sky::new(self.view.up),
             foresight: (),
         };
-        let job = Job {
+        let mut job = Job {
             scene,
             intersector: &intersector,
             camera,
@@ -248,7 +248,7 @@ impl Case {
             sampler: IndependentSampler::new(0),
         };
         let mut film = Film::new(self.resolution.0, self.resolution.1);
-        let rays = job.pass(&mut film, 0..self.samples, &|_| ());
+        let rays = job.pass(&mut film, self.samples, &|_| true);
         Ok((film, rays))
     }
 
@@ -306,11 +306,11 @@ impl Case {
             let intersector = Bvh::of(triangles, self.quality, Isa::best())
                 .map_err(|error| error.to_string())?;
             analysis.find_more(&scene, &intersector, &inquiry);
-            let renderer =
+            let mut renderer =
                 analysis.renderer(&scene, &intersector, &inquiry, 0);
             let mut simple =
                 Film::new(self.resolution.0, self.resolution.1);
-            let rays = renderer.pass(&mut simple, 0..self.samples, &|_| ());
+            let rays = renderer.pass(&mut simple, self.samples, &|_| true);
             self.judge(&simple, rays.max(1001))?;
             if !kept.is_empty() {
                 compare(&simple, film, "with facts")?;

@@ -58,7 +58,7 @@ fn rays_per_second(
     let camera = Camera::new(&view, 4. / 3.)?;
     let integrator =
         PathTracer { albedo: 0.8, sky: Sky::new(view.up), foresight: () };
-    let job = Job {
+    let mut job = Job {
         scene,
         intersector,
         camera: &camera,
@@ -68,6 +68,6 @@ fn rays_per_second(
     };
     let mut film = Film::new(240, 180);
     let start = Instant::now();
-    let rays = job.pass(&mut film, 0..8, &|_| ());
+    let rays = job.pass(&mut film, 8, &|_| true);
     Ok(rays as f64 / start.elapsed().as_secs_f64())
 }

@@ -53,6 +53,11 @@ struct Path {
 impl Integrator for Rule {
     type Path = Path;
     type RayQuery = Hit;
+    type Sums = u64;
+
+    fn count(&self, _: &Path, rays: u64, _: f64, sums: &mut u64) {
+        *sums += rays;
+    }
 
     fn begin(&self, direction: DVec3) -> Path {
         Path { throughput: 1., count: 0, direction }
@@ -261,7 +266,7 @@ fn courtyard<E: Integrator>(
     const SAMPLES: u64 = 64;
     let view = litpt_book::courtyard::view();
     let camera = Camera::new(&view, 4. / 3.)?;
-    let job = Job {
+    let mut job = Job {
         scene,
         intersector,
         camera: &camera,
@@ -271,7 +276,7 @@ fn courtyard<E: Integrator>(
     };
     let (width, height) = (160, 120);
     let mut film = Film::new(width, height);
-    let rays = job.pass(&mut film, 0..SAMPLES, &|_| ());
+    let rays = job.pass(&mut film, SAMPLES, &|_| true);
     let pixels = f64::from(width * height);
     let mean = film.means().sum::<f64>() / pixels;
     let variances = (0..height)

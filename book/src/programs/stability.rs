@@ -231,7 +231,7 @@ fn alike() -> Result<u32, Box<dyn Error>> {
     let render = |isa, threads| -> Result<Film, Box<dyn Error>> {
         let intersector = Bvh::with(&scene, Quality::Medium, isa)?;
         let pool = ThreadPoolBuilder::new().num_threads(threads).build()?;
-        let job = Job {
+        let mut job = Job {
             scene: &scene,
             intersector: &intersector,
             camera: &camera,
@@ -240,7 +240,7 @@ fn alike() -> Result<u32, Box<dyn Error>> {
             sampler: IndependentSampler::new(1),
         };
         let mut film = Film::new(64, 48);
-        pool.install(|| job.pass(&mut film, 0..16, &|_| ()));
+        pool.install(|| job.pass(&mut film, 16, &|_| true));
         Ok(film)
     };
     let first = render(Isa::Portable, 1)?;

@@ -15,6 +15,7 @@
 
 use std::error::Error;
 use std::ffi::c_void;
+use std::fs;
 use std::hint::black_box;
 use std::ops::Range;
 use std::ptr::null_mut;
@@ -28,7 +29,7 @@ use litpt::arguments::Arguments;
 use litpt::bvh::{Bvh, Dispatch, Intersector, Isa, Quality};
 use litpt::camera::Camera;
 use litpt::integrator::PathTracer;
-use litpt::scene::{Ray, Scene};
+use litpt::scene::{Ray, Scene, read_obj};
 use litpt::sky::Sky;
 use litpt_book::paths;
 
@@ -61,7 +62,8 @@ pub fn run(arguments: &[String]) -> Done {
     let name = std::iter::once("traversal");
     let words = name.chain(arguments.iter().map(String::as_str));
     let arguments = Arguments::parse_from(words);
-    let (mesh, _) = arguments.read_mesh(false)?;
+    let input = arguments.input.as_ref().ok_or("name a scene: -i FILE")?;
+    let mesh = read_obj(&fs::read(input)?)?;
     let (scene, triangles) = (Scene::new(&mesh), mesh.triangles.len());
     drop(mesh);
     let intersector = Bvh::with(&scene, Quality::Thorough, Isa::best())?;

@@ -1,0 +1,184 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! What is known of a run, and what follows from it.
+
+// Name what the result imports
+use serde::Serialize;
+use serde_json::{Map, Value};
+
+use crate::analysis::Finding;
+use crate::progress::metric;
+use crate::render_loop::CurvePoint;
+
+// Describe a run and its result
+/// The file of a scene.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct SceneFile {
+    /// Its name.
+    pub file: String,
+    /// Its SHA-256 hash, in hexadecimal.
+    pub sha256: String,
+    /// The number of its triangles.
+    pub triangles: u64,
+}
+
+/// What is known of a run, at its end or while it goes on.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Report {
+    // Hold what was rendered and how
+    /// Name and version of the program.
+    pub program: String,
+    /// What was rendered.
+    pub scene: SceneFile,
+    /// Each option and its value.
+    pub settings: Map<String, Value>,
+    /// What was left out because the scene does not need it, and why.
+    pub left_out: Vec<Finding>,
+    // Hold what the run has cost
+    /// Seconds to read the scene.
+    pub load_seconds: f64,
+    /// Seconds to find what the scene does not need, and to build the
+    /// hierarchy of the rest.
+    pub build_seconds: f64,
+    /// Seconds of rendering.
+    pub render_seconds: f64,
+    /// Rays traced.
+    pub rays: u64,
+    // Hold how good the image is
+    /// Mean radiance of the image.
+    pub mean: f64,
+    /// Its standard error, if known.
+    pub mean_stderr: Option<f64>,
+    /// Estimated root mean square error over the pixels, if known.
+    pub rmse: Option<f64>,
+    /// Pixels whose samples were all alike: their error is not seen.
+    pub constant_pixels: u64,
+    /// Why the run ended: `samples`, `time`, `error` or `signal`;
+    /// none while it goes on.
+    pub stopped: Option<String>,
+    /// The curve of error against time.
+    pub curve: Vec<CurvePoint>,
+}
+
+// Summarise the run in a few lines
+impl Report {
+    /// What a person wants to know of a run of so many pixels, line by
+    /// line.
+    pub fn summary(&self, pixels: u64) -> Vec<String> {
+        // Say where the time went
+        let Report { load_seconds, build_seconds, render_seconds, .. } =
+            self;
+        let said = |name| self.settings.get(name).and_then(Value::as_str);
+        let bvh = ["hierarchy", "isa"].into_iter().filter_map(said);
+        let mut lines = vec![format!(
+            "{} triangles, load {load_seconds:.3} s, build {build_seconds:.3} s \
+             ({}), render {render_seconds:.3} s",
+            self.scene.triangles,
+            bvh.collect::<Vec<_>>().join(", ")
+        )];
+        for finding in &self.left_out {
+            let Finding { fact, why, .. } = finding;
+            lines.push(format!("left out: {why} ({fact})"));
+        }
+        // Say how fast and how exact
+        let rays = self.rays;
+        let speed = metric(rays as f64 / render_seconds.max(1e-9));
+        let spp = self.curve.last().map_or(0, |point| point.spp);
+        let mean = with_error(self.mean, self.mean_stderr);
+        let rmse = |rmse| format!(", rmse {}", known(Some(rmse), 6));
+        let rmse = self.rmse.map_or(String::new(), rmse);
+        lines.push(format!(
+            "{rays} rays, {speed}rays/s, {spp} spp, mean radiance {mean}{rmse}"
+        ));
+        // Say whose errors rest on neighbours
+        let constant = self.constant_pixels;
+        if 0 < constant && constant < pixels {
+            lines.push(format!(
+                "{constant} of {pixels} pixels saw one value only; \
+                 their errors come from their neighbours"
+            ));
+        }
+        lines
+    }
+}
+
+/// A number to so many decimals, or that it is unknown.
+pub fn known(x: Option<f64>, decimals: usize) -> String {
+    match x.filter(|x| x.is_finite()) {
+        Some(x) => format!("{x:.decimals$}"),
+        None => "unknown".to_owned(),
+    }
+}
+
+/// A mean with its standard error.
+pub fn with_error(mean: f64, error: Option<f64>) -> String {
+    let mean = known(Some(mean), 6);
+    match error {
+        Some(error) => format!("{mean} \u{b1} {}", known(Some(error), 6)),
+        None => format!("{mean}, error unknown"),
+    }
+}
+
+// Fit a line to the curve
+/// A straight line through the logarithms of points.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fit {
+    /// The exponent of the power law.
+    pub slope: f64,
+    /// The standard error of the slope, from the scatter of the points.
+    pub stderr: f64,
+}
+
+impl Fit {
+    /// The least-squares fit to points (x, y), all positive; none for
+    /// fewer than three, or if they are too close to each other in x.
+    pub fn of(points: &[(f64, f64)]) -> Option<Self> {
+        // Sum a term of the deviations
+        let log = |p: &(f64, f64)| (libm::log(p.0), libm::log(p.1));
+        let n = points.len() as f64;
+        let x = points.iter().map(|p| log(p).0).sum::<f64>() / n;
+        let y = points.iter().map(|p| log(p).1).sum::<f64>() / n;
+        let sum = |term: &dyn Fn(f64, f64) -> f64| -> f64 {
+            let deviations = points.iter().map(log);
+            deviations.map(|p| term(p.0 - x, p.1 - y)).sum()
+        };
+        let spread = sum(&|x, _| x * x);
+        if points.len() < 3 || spread < 1e-9 {
+            return None;
+        }
+        // Divide by the spread of the points
+        let slope = sum(&|x, y| x * y) / spread;
+        let scatter = sum(&|x, y| (y - slope * x) * (y - slope * x));
+        let freedom = n - 2.;
+        let stderr = (scatter / freedom / spread).sqrt();
+        Some(Self { slope, stderr })
+    }
+}
+
+/// Points of fewer samples are left out of fits.
+const FEWEST: u64 = 8;
+
+/// Whether a number has a place on a logarithmic axis.
+pub fn drawable(x: f64) -> bool {
+    x > 0. && x.is_finite()
+}
+
+impl Report {
+    /// The slope of the estimated error against what a point has spent,
+    /// in logarithms.
+    pub fn slope(&self, spent: fn(&CurvePoint) -> f64) -> Option<Fit> {
+        let point = |point: &CurvePoint| {
+            let (x, error) = (spent(point), point.rmse?);
+            let valid = drawable(x) && drawable(error);
+            (valid && point.spp >= FEWEST).then_some((x, error))
+        };
+        let points = self.curve.iter().filter_map(point);
+        Fit::of(&points.collect::<Vec<_>>())
+    }
+}
