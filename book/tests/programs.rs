@@ -53,7 +53,10 @@ fn everything_in_the_table_is_called() {
     for (name, command) in table() {
         let word = |c: char| c.is_alphanumeric() || "-._".contains(c);
         let mut words = makefiles.split(|c| !word(c));
-        assert!(words.any(|w| w == name), "{name}");
+        assert!(
+            words.any(|w| w.trim_end_matches(".stamp") == name),
+            "{name}"
+        );
         let verb = command.strip_prefix("make ").unwrap();
         let rule = makefiles.lines().any(|line| {
             line.strip_prefix(verb)

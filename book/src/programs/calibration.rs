@@ -242,7 +242,7 @@ fn slopes(cases: &[Case]) -> Result<String, fmt::Error> {
 }
 
 // Tabulate what the limit of error does
-/// Weighs 1 with probability `P`, else 0.
+/// Contributes 1 with probability `P`, else 0.
 struct Coin;
 
 const P: f64 = 0.05;

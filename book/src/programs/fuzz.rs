@@ -144,27 +144,16 @@ impl Case {
     }
 
     fn describe(&self) -> String {
-        let mut text = format!(
-            "{} vertices, {} triangles, {:?}, rho {:e}, {:?} x {}, {}\n",
-            self.mesh.vertices.len(),
+        format!(
+            "{} triangles, {:?}, rho {:e}, {:?} x {}, {}, closed: {}",
             self.mesh.triangles.len(),
             self.view,
             self.albedo,
             self.resolution,
             self.samples,
             self.quality,
-        );
-        let _ = writeln!(
-            text,
-            "closed: {}, text: {:?}",
-            self.is_dark,
-            self.text.as_ref().map(|(_, is_bad)| *is_bad)
-        );
-        for triangle in self.mesh.triangles.iter().take(3) {
-            let corners = triangle.map(|i| self.mesh.vertices[i as usize]);
-            let _ = writeln!(text, "{corners:?}");
-        }
-        text
+            self.is_dark
+        )
     }
 
     /// Renders in all ways; the finding if something is wrong.
@@ -562,7 +551,7 @@ impl Random {
     /// Something of about unit size at the origin.
     fn part(&mut self) -> (Mesh, Option<Ball>) {
         let n = self.count();
-        match self.below(14) {
+        match self.below(11) {
             0 => {
                 let mesh = solids::cube(1 + self.below(12) as u32);
                 (mesh, Some((DVec3::ZERO, 0.99)))
@@ -579,12 +568,9 @@ impl Random {
             4 => (self.soup(n, 1e-3), None),
             5 => (self.integers(n), None),
             6 => (self.coincident(n), None),
-            7 => (self.flat(n), None),
-            8 => (self.needles(n), None),
-            9 => (self.nested(n), None),
-            10 => (self.spot(n), None),
-            11 => (self.strip(n), None),
-            12 => (self.chaos(n.min(60)), None),
+            7 => (self.needles(n), None),
+            8 => (self.nested(n), None),
+            9 => (self.chaos(n.min(60)), None),
             _ => (self.heap(n), None),
         }
     }
@@ -615,25 +601,6 @@ impl Random {
         }))
     }
 
-    /// In one plane of the axes, with some that have no area.
-    fn flat(&mut self, n: u64) -> Mesh {
-        let axis = self.below(3) as usize;
-        let height = self.choose(&[0., -0., 1., 1e-9]);
-        collect((0..n).map(|_| {
-            let mut corners = [0; 3].map(|_| self.point());
-            for corner in &mut corners {
-                corner[axis] = height;
-            }
-            match self.below(5) {
-                0 => corners[1] = corners[0],
-                1 => corners = [corners[0]; 3],
-                2 => corners[2] = 0.5 * (corners[0] + corners[1]),
-                _ => {}
-            }
-            corners
-        }))
-    }
-
     fn needles(&mut self, n: u64) -> Mesh {
         let width = 10f64.powf(-20. * self.unit());
         collect((0..n).map(|_| {
@@ -654,31 +621,6 @@ impl Random {
         collect((1..=n).map(|i| {
             let share = i as f64 / n as f64;
             corners.map(|p| about + (p - about) * share + tilt * share)
-        }))
-    }
-
-    /// All in one tiny place but one.
-    fn spot(&mut self, n: u64) -> Mesh {
-        let size = 10f64.powf(-3. - 12. * self.unit());
-        let at = self.point();
-        collect((0..n).map(|i| match i {
-            0 => [0; 3].map(|_| self.point()),
-            _ => [0; 3].map(|_| at + size * self.point()),
-        }))
-    }
-
-    /// Equal squares in a row.
-    fn strip(&mut self, n: u64) -> Mesh {
-        let axis = self.choose(&[DVec3::X, DVec3::Y, DVec3::ONE]);
-        let across = self.choose(&[DVec3::Z, DVec3::new(0., 1., -1.)]);
-        let n = n.min(3000);
-        collect((0..n).map(|i| {
-            let (at, next) = (i / 2 + i % 2, i.div_ceil(2));
-            let [at, next] = [at, next].map(|k| axis * k as f64);
-            match i % 2 {
-                0 => [at, at + axis, at + across],
-                _ => [at, next + across, at - axis + across],
-            }
         }))
     }
 
