@@ -334,7 +334,9 @@ fn a_second_signal_ends_the_program_at_once() {
         // them is whole, or has a name that only we use.
         for name in place.names() {
             match name.as_str() {
-                "a.exr" | "a.pfm" => drop(Image::read(&place.path(&name)).unwrap()),
+                "a.exr" | "a.pfm" => {
+                    drop(Image::read(&place.path(&name)).unwrap())
+                }
                 "r.json" => drop(json(&place, &name)),
                 "c" => assert!(place.get(&name).starts_with(b"litpt")),
                 "box.obj" | "room.obj" | "square.obj" => continue,
