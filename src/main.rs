@@ -13,7 +13,7 @@ use std::fs::{self, File};
 use std::hint::black_box;
 use std::io::{self, BufReader, Read};
 use std::mem;
-use std::path::PathBuf;
+use std::path::Path;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
@@ -92,12 +92,12 @@ struct Files {
 impl Files {
     fn check(arguments: &Arguments) -> Result<Self, String> {
         let Arguments { resume, reference, .. } = arguments;
-        let reference = reference.as_ref();
+        let reference = reference.as_deref();
         Ok(Self {
             images: arguments.images()?,
             reports: arguments.reports()?,
             checkpoint: arguments.checkpoint()?,
-            resumed: resume.as_ref().map(open_checkpoint).transpose()?,
+            resumed: resume.as_deref().map(open_checkpoint).transpose()?,
             reference: reference
                 .map(|path| read_reference(path, arguments))
                 .transpose()?,
@@ -116,7 +116,7 @@ impl Files {
 }
 
 fn open_checkpoint(
-    path: &PathBuf,
+    path: &Path,
 ) -> Result<Checkpoint<BufReader<File>>, String> {
     File::open(path)
         .map_err(|e| format!("cannot read: {e}"))
@@ -125,7 +125,7 @@ fn open_checkpoint(
 }
 
 fn read_reference(
-    path: &PathBuf,
+    path: &Path,
     arguments: &Arguments,
 ) -> Result<Image, String> {
     let image = Image::read(path)?;
