@@ -251,10 +251,10 @@ fn explain(
     let mut lines = String::new();
     for Finding { fact, holds, why } in &analysis.findings {
         let sign = if *holds { "left out" } else { "-" };
-        lines += &format!("{fact:12}{sign:10}{why}\n");
+        lines += &format!("{fact:13}{sign:10}{why}\n");
     }
     let parts = analysis.parts(arguments.isa());
-    lines += &format!("{:12}{parts}\n", "intersector");
+    lines += &format!("{:13}{parts}\n", "intersector");
     let out = OutputTarget::standard_output();
     out.write(&mut |out| out.write_all(lines.as_bytes()))?;
     Ok(Stop::Samples)
