@@ -13,6 +13,8 @@
 //! tile lie together in memory, so that threads write to separate pieces.
 //! The pixels of a tile hold the same samples, from the first on.
 
+use std::fmt;
+
 use rand::RngExt;
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
@@ -41,6 +43,14 @@ pub struct Window {
     pub corner: (u32, u32),
     /// Its width and height in pixels, at least 1.
     pub size: (u32, u32),
+}
+
+/// A window as it is typed: `X,Y,WxH`.
+impl fmt::Display for Window {
+    fn fmt(&self, out: &mut fmt::Formatter) -> fmt::Result {
+        let Self { corner: (x, y), size: (width, height) } = self;
+        write!(out, "{x},{y},{width}x{height}")
+    }
 }
 
 // Hold the accumulators of a window
