@@ -18,7 +18,7 @@ TABLES := $(BUILD_DIR)/examples.stamp $(addprefix $(BUILT)/,measured.tex \
   numbers.stamp turnaround.tex closed-forms.tex \
   calibration.stamp anatomy.stamp curve.csv counted.tex said.tex layers.tex \
   qualities.tex leaks.tex origins.tex roulettes.tex stability.tex \
-  stability-full.tex robustness.tex ablation.tex layouts.tex habits.tex \
+  stability-full.tex robustness.tex $(if $(wildcard doc/measured/ablation.csv),ablation.tex) shortcuts.tex layouts.tex habits.tex \
   abreast.tex traversal.tex bench.tex generations.tex sizes.csv shapes.tex \
   start.tex repeats.csv accumulators.tex accounting.tex alarms.tex \
   thresholds.tex)

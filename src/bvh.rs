@@ -19,12 +19,14 @@ mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
 mod huge_pages;
+mod intersector;
 mod spawn;
 mod traversal;
 mod triangle;
 mod wide;
 
-pub use wide::{Quality, in_morton_order};
+pub use intersector::{Dispatch, Hit, Intersector};
+pub use wide::Quality;
 
 // Name what the hierarchy imports
 use std::str::FromStr;
@@ -35,48 +37,6 @@ use glam::DVec3;
 use crate::scene::{Ray, Scene, Triangle};
 use triangle::Leaf;
 use wide::Wide;
-
-// Say what an intersector answers
-/// Where a ray meets the scene first.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Hit {
-    /// The point, in the coordinates of the scene, from where a path
-    /// goes on: slightly off the surface, on the side of the normal.
-    pub point: DVec3,
-    /// The unit normal on the side from which the ray came.
-    pub normal: DVec3,
-    /// The triangle, by the intersector's own number.
-    pub primitive: u32,
-}
-
-/// Finds hits in one scene.
-pub trait Intersector: Sync + Sized {
-    /// The first hit of `ray` on a triangle other than `from`, which it
-    /// leaves.
-    fn first_hit(&self, ray: &Ray, from: Option<u32>) -> Option<Hit>;
-
-    // Ask only whether a ray is blocked
-    /// Whether `ray` meets any triangle other than `from`: the same as
-    /// `first_hit(ray, from).is_some()`, and perhaps faster.
-    fn is_occluded(&self, ray: &Ray, from: Option<u32>) -> bool {
-        self.first_hit(ray, from).is_some()
-    }
-
-    // Let an intersector choose its copy
-    /// Does `work` with the intersector that answers fastest for this one.
-    fn dispatch<W: Dispatch>(&self, work: W) -> W::Output {
-        work.with(self)
-    }
-}
-
-/// Something to be done with an intersector, whichever it is.
-pub trait Dispatch {
-    /// What it gives.
-    type Output;
-
-    /// Does it.
-    fn with<K: Intersector>(self, intersector: &K) -> Self::Output;
-}
 
 // Name the sets of instructions
 /// Sets of instructions with which a hierarchy can be walked.

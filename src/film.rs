@@ -368,10 +368,12 @@ impl Film {
             at.saturating_sub(REACH)..(at + REACH + 1).min(end)
         };
         let (mut sum, mut count) = (0., 0.);
+        let columns = near(x, self.width());
         for row in near(y, self.height()) {
-            for column in near(x, self.width()) {
+            let first = self.number(columns.start, row);
+            let variances = &variances[first..first + columns.len()];
+            for (column, variance) in columns.clone().zip(variances) {
                 // Count the variance of one neighbour
-                let variance = variances[self.number(column, row)];
                 if variance.is_finite() && (column, row) != (x, y) {
                     (sum, count) = (sum + variance, count + 1.);
                 }

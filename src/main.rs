@@ -13,7 +13,7 @@ use std::fs::{self, File};
 use std::hint::black_box;
 use std::io::{self, BufReader, Read};
 use std::mem;
-use std::path::PathBuf;
+use std::path::Path;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
@@ -94,12 +94,12 @@ struct Files {
 impl Files {
     fn check(arguments: &Arguments) -> Result<Self, String> {
         let Arguments { resume, reference, .. } = arguments;
-        let reference = reference.as_ref();
+        let reference = reference.as_deref();
         Ok(Self {
             images: arguments.images()?,
             reports: arguments.reports()?,
             checkpoint: arguments.checkpoint()?,
-            resumed: resume.as_ref().map(open_checkpoint).transpose()?,
+            resumed: resume.as_deref().map(open_checkpoint).transpose()?,
             reference: reference
                 .map(|path| read_reference(path, arguments))
                 .transpose()?,
@@ -118,7 +118,7 @@ impl Files {
 }
 
 fn open_checkpoint(
-    path: &PathBuf,
+    path: &Path,
 ) -> Result<Checkpoint<BufReader<File>>, String> {
     File::open(path)
         .map_err(|e| format!("cannot read: {e}"))
@@ -127,7 +127,7 @@ fn open_checkpoint(
 }
 
 fn read_reference(
-    path: &PathBuf,
+    path: &Path,
     arguments: &Arguments,
 ) -> Result<Image, String> {
     let image = Image::read(path)?;
@@ -253,10 +253,10 @@ fn explain(
     let mut lines = String::new();
     for Finding { fact, holds, why } in &analysis.findings {
         let sign = if *holds { "left out" } else { "-" };
-        lines += &format!("{fact:12}{sign:10}{why}\n");
+        lines += &format!("{fact:13}{sign:10}{why}\n");
     }
     let parts = analysis.parts(arguments.isa());
-    lines += &format!("{:12}{parts}\n", "intersector");
+    lines += &format!("{:13}{parts}\n", "intersector");
     let out = OutputTarget::standard_output();
     out.write(&mut |out| out.write_all(lines.as_bytes()))?;
     Ok(Stop::Samples)

@@ -285,7 +285,7 @@ impl<K: Intersector, E: Integrator, S: Sampler> Job<'_, K, E, S> {
         while !under_way.is_empty() {
             // Stop in the midst of a tile
             turns += 1;
-            if turns % 256 == 0 && !watch(0) {
+            if turns.is_multiple_of(256) && !watch(0) {
                 return false;
             }
             // Take each path one ray further

@@ -215,7 +215,7 @@ fn a_value_that_is_almost_right_is_refused() {
 }
 
 #[test]
-fn two_of_five_options_change_an_image() {
+fn one_of_five_options_changes_an_image() {
     let place = Scratch::new();
     place.put("wall.obj", WALL);
     let film = |option: &str| {
@@ -226,8 +226,9 @@ fn two_of_five_options_change_an_image() {
     };
     // Compare images with and without an option
     let plain = film("-F70");
-    assert!(film("-s1") == plain && film("--keep-all") != plain);
-    for option in ["-s1", "-j1", "--isa=portable", "--report=a.json"] {
+    assert!(film("-s1") != plain && film("--keep-all") == plain);
+    let others = ["-j1", "--isa=portable", "--report=a.json", "--keep-all"];
+    for option in ["-s1"].into_iter().chain(others) {
         let room = ["-d16x12", "-n2", "-r0.7"];
         let same = place.render(&[&room[..], &[option]].concat())
             == place.render(&room);

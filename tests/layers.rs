@@ -235,10 +235,10 @@ impl Crate {
                 _ => {}
             }
             for path in paths {
-                if let Some(other) = self.resolve(&here, &path) {
-                    if other != name {
-                        found.entry(other).or_insert(*line);
-                    }
+                if let Some(other) = self.resolve(&here, &path)
+                    && other != name
+                {
+                    found.entry(other).or_insert(*line);
                 }
             }
             at += 1;

@@ -77,6 +77,28 @@ fn info_says_what_the_file_holds() {
 }
 
 #[test]
+fn report_summary_and_info_print_the_same_errors() {
+    let place = Scratch::new();
+    let render = ["-iroom.obj", "-d23x17", "-r0.7", "-n9"];
+    let files = ["-o", "a.exr", "--report", "r.json"];
+    let summary = place.run(&[&render[..], &files].concat());
+    summary.succeeded();
+    let report: serde_json::Value =
+        serde_json::from_slice(&place.get("r.json")).unwrap();
+    let number = |key: &str| report[key].as_f64().unwrap();
+    let mean = format!("{:.6}", number("mean"));
+    let error = format!("{:.6}", number("mean_stderr"));
+    let rmse = format!("{:.6}", number("rmse"));
+    let said = format!("mean radiance {mean} ± {error}, rmse {rmse}\n");
+    assert!(summary.stderr.contains(&said), "{}", summary.stderr);
+    let info = run(&place, &["info", "a.exr"]);
+    let mean = format!("mean radiance: {mean} ± {error}\n");
+    assert!(text(&info).contains(&mean), "{}", text(&info));
+    let rmse = format!("rmse: {rmse}\n");
+    assert!(text(&info).contains(&rmse), "{}", text(&info));
+}
+
+#[test]
 fn info_says_that_an_error_is_unknown() {
     let place = Scratch::new();
     let mut image = put(&place, "a.exr", 1, 0.5);

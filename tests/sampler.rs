@@ -287,7 +287,8 @@ const PATHS: u64 = 1 << 16;
 fn each_dimension_is_uniform_alone_and_with_each_other() {
     let of_a_pixel = |i| cells(3, 77, i);
     let of_an_image = |i| cells(3, i, 2);
-    let all: [(&str, &dyn Fn(u64) -> [u8; DIMENSIONS]); 2] =
+    type Cells<'a> = &'a dyn Fn(u64) -> [u8; DIMENSIONS];
+    let all: [(&str, Cells); 2] =
         [("a pixel", &of_a_pixel), ("an image", &of_an_image)];
     for (what, cells) in all {
         let paths: Vec<_> = (0..PATHS).map(cells).collect();
@@ -310,9 +311,12 @@ fn each_dimension_is_uniform_alone_and_with_each_other() {
 /// Seed, pixel and number of a sample.
 type Name = (u64, u64, u64);
 
+/// A pair of samples, by its number.
+type Pair = fn(u64) -> [Name; 2];
+
 /// Pairs of samples, by the number of the pair, that are close to each other in
 /// one respect. No sample is in two pairs of a kind.
-const RELATED: [(&str, fn(u64) -> [Name; 2]); 8] = [
+const RELATED: [(&str, Pair); 8] = [
     ("next sample", |i| [(0, 5, 2 * i), (0, 5, 2 * i + 1)]),
     ("next pixel", |i| [(0, 2 * i, 5), (0, 2 * i + 1, 5)]),
     ("next row", |i| {

@@ -12,12 +12,13 @@
 
 BEGIN {
   FS = ","
-  rows["ablation"] = "scene fact"
+  rows["ablation"] = "scene shortcut"
   rows["bench"] = "scene threads"
   rows["leaks"] = "surface rays number"
   rows["loading"] = "text reader threads"
   rows["qualities"] = "quality instructions"
   rows["roulettes"] = "scene rule"
+  rows["shortcuts"] = "scene shortcut"
   rows["shapes"] = "width samples"
   rows["traversal"] = "scene contender threads"
 }

@@ -58,11 +58,16 @@ impl Anatomy {
                 let node = &wide.nodes[child as usize];
                 let met = enter(node, &slabs, reach, distance);
                 let any = met.mask != 0;
-                let push = || push(node, slabs.shift, &met, &mut stack);
+                // SAFETY: no hierarchy is so deep that less than 16 are left.
+                let push =
+                    || unsafe { push(node, slabs.shift, &met, &mut stack) };
                 (met.mask, any.then(push))
             } else {
                 let meet = |leaf: Leaf, shear: &_, _| leaf.meet(shear);
-                let met = look(&mut search, child, (&ray, &shear), meet);
+                // SAFETY: children with the bit LEAF are leaves that are there.
+                let met = unsafe {
+                    look(&mut search, child, (&ray, &shear), meet)
+                };
                 (met & ((1 << LANES) - 1), None)
             };
             next = first.or_else(|| stack.pop(search.distance as f32));

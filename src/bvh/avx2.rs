@@ -13,13 +13,13 @@
 // Name what the eight lanes import
 use std::arch::x86_64::*;
 
+use super::intersector::{Hit, Intersector};
 use super::spawn::hit;
 use super::traversal::{Entered, Slabs, Stack, traverse};
 use super::triangle::{
     CLOSE, LANES, Leaf, NARROW, NEAR, NONE, Search, Shear,
 };
 use super::wide::{Node, Wide};
-use super::{Hit, Intersector};
 use crate::scene::Ray;
 
 /// A hierarchy on a processor that has the instructions.
@@ -83,22 +83,34 @@ fn search<'a, const ANY: bool>(
         wide,
         ray,
         from,
-        |node, slabs, reach| enter(node, slabs, reach),
-        |node, shift, entered, stack| push(node, shift, entered, stack),
+        // SAFETY: the slabs and the shear are those of a ray, and no
+        // hierarchy is so deep that the stack has less room.
+        |node, slabs, reach| unsafe { enter(node, slabs, reach) },
+        |node, shift, entered, stack| unsafe {
+            push(node, shift, entered, stack)
+        },
         |leaf, shear, limit| match ANY {
-            false => meet::<0>(leaf, shear, limit),
-            true => meet::<1>(leaf, shear, limit),
+            false => unsafe { meet::<0>(leaf, shear, limit) },
+            true => unsafe { meet::<1>(leaf, shear, limit) },
         },
     )
 }
 
 // Enter eight boxes at once
+/// Which boxes of a node the ray enters before its reach.
+///
+/// # Safety
+/// The rows of `slabs` are below 6.
 #[target_feature(enable = "avx2,fma")]
 #[inline]
-pub fn enter(node: &Node<8>, slabs: &Slabs, reach: f32) -> Entered<__m256> {
+pub unsafe fn enter(
+    node: &Node<8>,
+    slabs: &Slabs,
+    reach: f32,
+) -> Entered<__m256> {
     // Give the distances of eight planes
     let plane = |axis: usize, row: usize| {
-        // SAFETY: the rows of `Slabs` are below 6; a row is 8 numbers.
+        // SAFETY: the row is below 6, says the caller; it is 8 numbers.
         let row = unsafe { node.planes.get_unchecked(row) };
         let planes = unsafe { _mm256_loadu_ps(row.as_ptr()) };
         let inverse = _mm256_set1_ps(slabs.inverse[axis]);
@@ -136,9 +148,12 @@ const PACK: [[u32; 8]; 256] = {
 };
 
 /// Pushes the children entered from far to near; returns the nearest.
+///
+/// # Safety
+/// The stack has room for eight children, and one at least was entered.
 #[target_feature(enable = "avx2,bmi1,lzcnt,popcnt")]
 #[inline]
-pub fn push(
+pub unsafe fn push(
     node: &Node<8>,
     shift: u32,
     entered: &Entered<__m256>,
@@ -157,10 +172,10 @@ pub fn push(
     let pack = load(&PACK[mask as usize & 255]);
     let near = _mm256_permutevar8x32_ps(near, pack);
     let packed = _mm256_permutevar8x32_epi32(children, pack);
-    let (top, distances) = stack.top::<8>();
-    // SAFETY: there is room for eight, and all but one of those in the mask
-    // are left there.
+    // SAFETY: there is room for eight, says the caller, and all but one of
+    // those in the mask are left there.
     unsafe {
+        let (top, distances) = stack.top::<8>();
         _mm256_storeu_si256(top.cast(), packed);
         _mm256_storeu_ps(distances, near);
         stack.grow(mask.count_ones() as usize - 1);
@@ -181,9 +196,12 @@ fn load(numbers: &[u32; 8]) -> __m256i {
 /// The triangles of a leaf that a ray meets up to the distance `limit`,
 /// as a mask, and their distances. Lanes that meet the ray beyond may or
 /// may not be in the mask. Each `WALK` has a copy of its own.
+///
+/// # Safety
+/// The leaf is one of `Leaves`, and the axes of the shear are below 3.
 #[target_feature(enable = "avx2")]
 #[inline]
-pub fn meet<const WALK: u8>(
+pub unsafe fn meet<const WALK: u8>(
     leaf: Leaf,
     shear: &Shear,
     limit: f64,
@@ -194,8 +212,8 @@ pub fn meet<const WALK: u8>(
     let [sx, sy] = shear.slope.map(|x| _mm256_set1_pd(x));
     let runs = leaf.corners.as_ptr();
     let at = |c: usize, axis: usize| {
-        // SAFETY: c and the axes of a shear are below 3, so that the run is
-        // one of nine, after which there are four numbers more.
+        // SAFETY: c and the axes are below 3, so that the run is one of
+        // nine, after which there are four numbers more.
         let run = unsafe { runs.add((3 * c + axis) * leaf.count) };
         _mm256_cvtps_pd(unsafe { _mm_loadu_ps(run) })
     };

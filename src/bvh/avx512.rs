@@ -14,11 +14,11 @@
 use std::arch::x86_64::*;
 
 use super::avx2;
+use super::intersector::{Hit, Intersector};
 use super::spawn::hit;
 use super::traversal::{Entered, Slabs, Stack, traverse};
 use super::triangle::{NONE, Search};
 use super::wide::{Node, Wide};
-use super::{Hit, Intersector};
 use crate::scene::Ray;
 
 /// A hierarchy on a processor that has the instructions.
@@ -86,26 +86,34 @@ fn search<'a, const ANY: bool>(
         wide,
         ray,
         from,
-        |node, slabs, reach| enter(node, slabs, reach),
-        |node, shift, entered, stack| push(node, shift, entered, stack),
+        // SAFETY: the slabs and the shear are those of a ray, and no
+        // hierarchy is so deep that the stack has less room.
+        |node, slabs, reach| unsafe { enter(node, slabs, reach) },
+        |node, shift, entered, stack| unsafe {
+            push(node, shift, entered, stack)
+        },
         |leaf, shear, limit| match ANY {
-            false => avx2::meet::<2>(leaf, shear, limit),
-            true => avx2::meet::<3>(leaf, shear, limit),
+            false => unsafe { avx2::meet::<2>(leaf, shear, limit) },
+            true => unsafe { avx2::meet::<3>(leaf, shear, limit) },
         },
     )
 }
 
 // Enter sixteen boxes at once
+/// Which boxes of a node the ray enters before its reach.
+///
+/// # Safety
+/// The rows of `slabs` are below 6.
 #[target_feature(enable = "avx512f")]
 #[inline]
-pub fn enter(
+pub unsafe fn enter(
     node: &Node<16>,
     slabs: &Slabs,
     reach: f32,
 ) -> Entered<__m512> {
     // Give the distances of sixteen planes
     let plane = |axis: usize, row: usize| {
-        // SAFETY: the rows of `Slabs` are below 6; a row is 16 numbers.
+        // SAFETY: the row is below 6, says the caller; it is 16 numbers.
         let row = unsafe { node.planes.get_unchecked(row) };
         let planes = unsafe { _mm512_loadu_ps(row.as_ptr()) };
         let inverse = _mm512_set1_ps(slabs.inverse[axis]);
@@ -129,9 +137,12 @@ pub fn enter(
 
 // Compress sixteen lanes
 /// Pushes the children entered from far to near; returns the nearest.
+///
+/// # Safety
+/// The stack has room for sixteen children, and one at least was entered.
 #[target_feature(enable = "avx512f,lzcnt,popcnt")]
 #[inline]
-pub fn push(
+pub unsafe fn push(
     node: &Node<16>,
     shift: u32,
     entered: &Entered<__m512>,
@@ -146,10 +157,10 @@ pub fn push(
     let met = _mm512_cmp_ps_mask::<_CMP_LE_OQ>(near, far);
     let mask = u32::from(met);
     // Store all but the nearest of sixteen
-    let (top, distances) = stack.top::<16>();
-    // SAFETY: there is room for sixteen, and all but one of those in the mask
-    // are left there.
+    // SAFETY: there is room for sixteen, says the caller, and all but one of
+    // those in the mask are left there.
     unsafe {
+        let (top, distances) = stack.top::<16>();
         let packed = _mm512_maskz_compress_epi32(met, children);
         _mm512_storeu_si512(top.cast(), packed);
         let near = _mm512_maskz_compress_ps(met, near);

@@ -15,7 +15,7 @@
 use bytemuck::Pod;
 use glam::DVec3;
 
-use super::Hit;
+use super::intersector::Hit;
 use super::triangle::{Leaf, NEAR, NONE, Passage, Search, Shear};
 use super::wide::{Node, Wide};
 use crate::numerics::cross;
@@ -66,7 +66,9 @@ where
     let deep = height.abs() > 0.5 * CLOSE_BY;
     if search.doubt <= distance + NEAR || short || deep {
         let arrival = Arrival { ray, distance, primitive, left };
-        point = arrival.settle(wide, met, deep).unwrap_or(point);
+        if let Some(safe) = arrival.settle(wide, met, deep) {
+            point = safe;
+        }
     }
     Some(Hit { point, normal, primitive })
 }

@@ -19,10 +19,10 @@ use std::mem::MaybeUninit;
 use bytemuck::Pod;
 use glam::DVec3;
 
+use super::intersector::{Hit, Intersector};
 use super::spawn::hit;
 use super::triangle::{LANES, Leaf, NEAR, NONE, Search, Shear};
-use super::wide::{LEAF, Node, Wide, slots};
-use super::{Hit, Intersector};
+use super::wide::{LEAF, Node, STACK, Wide, slots};
 use crate::scene::Ray;
 
 // Prepare a ray for boxes
@@ -73,9 +73,6 @@ fn steep(d: f32) -> f32 {
 const OUTER: f64 = (1u128 << 64) as f64;
 
 // Keep the children to come
-/// Children that a stack holds.
-pub const STACK: usize = 1024;
-
 /// Room for children that wait.
 pub struct Waiting {
     children: [MaybeUninit<u32>; STACK],
@@ -112,11 +109,16 @@ impl<'a> Stack<'a> {
     }
 
     // Put one child on the stack
+    /// Puts a child on the stack.
+    ///
+    /// # Safety
+    /// Less than `STACK` children wait.
     #[inline(always)]
-    pub fn push(&mut self, child: u32, distance: f32) {
-        let (children, distances) = self.top::<1>();
-        // SAFETY: both point to an element, which is then written.
+    pub unsafe fn push(&mut self, child: u32, distance: f32) {
+        // SAFETY: there is room, says the caller; what `top` points to is
+        // written before it counts.
         unsafe {
+            let (children, distances) = self.top::<1>();
             children.write(child);
             distances.write(distance);
             self.grow(1);
@@ -125,11 +127,13 @@ impl<'a> Stack<'a> {
 
     // Store vectors on the stack
     /// Where the next `N` children and their distances go.
+    ///
+    /// # Safety
+    /// No more than `STACK - N` children wait.
     #[inline(always)]
-    pub fn top<const N: usize>(&mut self) -> (*mut u32, *mut f32) {
+    pub unsafe fn top<const N: usize>(&mut self) -> (*mut u32, *mut f32) {
         debug_assert!(self.length + N <= STACK);
-        // SAFETY: no hierarchy is so deep that a walk through it has less
-        // than N elements left.
+        // SAFETY: the elements are there, says the caller.
         unsafe {
             (
                 self.waiting.children.as_mut_ptr().add(self.length).cast(),
@@ -226,7 +230,9 @@ where
             };
         }
         // Offer the leaf's triangles and go on
-        if look(&mut search, child, (ray, &shear), &meet) != 0 {
+        // SAFETY: children with the bit LEAF are leaves that are there.
+        let met = unsafe { look(&mut search, child, (ray, &shear), &meet) };
+        if met != 0 {
             if ANY && search.slot != NONE {
                 return search;
             }
@@ -240,15 +246,19 @@ where
 }
 
 /// Offers the triangles of a leaf that the ray meets; their mask.
+///
+/// # Safety
+/// The child is a leaf of those that are searched, and `meet` answers
+/// with lanes of the leaf.
 #[inline(always)]
-pub fn look<'a>(
+pub unsafe fn look<'a>(
     search: &mut Search<'a>,
     child: u32,
     (ray, shear): (&Ray, &Shear),
     meet: impl Fn(Leaf<'a>, &Shear, f64) -> (u32, [f64; LANES]),
 ) -> u32 {
     let (first, count) = slots(child);
-    // SAFETY: children with the bit LEAF are leaves that are there.
+    // SAFETY: the leaf is there, says the caller.
     let leaf = unsafe { search.leaf(first, count) };
     let limit = search.distance + NEAR;
     let (met, distances) = meet(leaf, shear, limit);
@@ -257,7 +267,8 @@ pub fn look<'a>(
     while left != 0 {
         let lane = left.trailing_zeros();
         let distance = distances[lane as usize % LANES];
-        search.offer((first, count), lane, distance, ray);
+        // SAFETY: the lane is one of this leaf.
+        unsafe { search.offer((first, count), lane, distance, ray) };
         left &= left - 1;
     }
     met
@@ -291,7 +302,10 @@ pub fn enter<const N: usize>(
 }
 
 /// Pushes the children entered from far to near; returns the nearest.
-pub fn push<const N: usize>(
+///
+/// # Safety
+/// The stack has room for `N` children.
+pub unsafe fn push<const N: usize>(
     node: &Node<N>,
     shift: u32,
     entered: &Entered<[f32; N]>,
@@ -302,7 +316,8 @@ pub fn push<const N: usize>(
     let mut met = slots.filter(|slot| entered.mask >> slot & 1 != 0);
     let mut next = met.next().unwrap_or(0);
     for slot in met {
-        stack.push(node.children[next], entered.near[next]);
+        // SAFETY: fewer than `N` children are pushed.
+        unsafe { stack.push(node.children[next], entered.near[next]) };
         next = slot;
     }
     node.children[next]
@@ -328,7 +343,10 @@ impl Walker {
             ray,
             from,
             |node, slabs, reach| enter(node, slabs, reach, distance),
-            push,
+            // SAFETY: no hierarchy is so deep that less than 8 are left.
+            |node, shift, met, stack| unsafe {
+                push(node, shift, met, stack)
+            },
             |leaf, shear, _| leaf.meet(shear),
         )
     }

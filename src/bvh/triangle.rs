@@ -333,8 +333,11 @@ impl<'a> Search<'a> {
     /// Considers the triangle in a lane of the leaf of `count` triangles
     /// from slot `first`, which is met at `distance`; a lane of `LANES` or
     /// more is that of a triangle which is only passed closely.
+    ///
+    /// # Safety
+    /// A leaf of these triangles has been put there, and has this lane.
     #[inline(always)]
-    pub fn offer(
+    pub unsafe fn offer(
         &mut self,
         (first, count): (u32, usize),
         lane: u32,
@@ -368,7 +371,7 @@ impl<'a> Search<'a> {
     #[inline(always)]
     pub fn triangle(&self) -> [DVec3; 3] {
         let (first, count) = self.leaf;
-        // SAFETY: the slot is one of a leaf that was offered.
+        // SAFETY: `offer` was promised that this leaf is there.
         let leaf = unsafe { self.leaves.leaf(first, count) };
         leaf.triangle(self.slot - first)
     }

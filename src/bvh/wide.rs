@@ -25,7 +25,6 @@ use obvhs::ploc::morton::morton_encode_u64_unorm;
 use rayon::prelude::*;
 
 use super::huge_pages::Pages;
-use super::traversal::STACK;
 use super::triangle::{LANES, Leaf, Leaves, MOST, Room};
 use crate::scene::Triangle;
 
@@ -219,7 +218,7 @@ fn binary(triangles: &[Triangle], quality: Quality) -> Vec<Bvh2Node> {
 
 /// The numbers of the triangles, in the order of the middles of their
 /// boxes along Morton's curve.
-pub fn in_morton_order(triangles: &[Triangle]) -> Vec<u32> {
+fn in_morton_order(triangles: &[Triangle]) -> Vec<u32> {
     let leaf = |i: u32| single(&triangles[i as usize], i);
     let numbers = (0..triangles.len() as u32).into_par_iter();
     let boxes = numbers.clone().map(|i| *leaf(i).aabb());
@@ -556,6 +555,9 @@ impl Plan {
     }
 }
 
+/// Children that the stack of a traversal holds.
+pub const STACK: usize = 1024;
+
 impl Plan {
     /// Whether the stack of a walk is sure to suffice, with one more
     /// level above.
@@ -770,6 +772,7 @@ impl<'a> Part<'a> {
         if !plan.fits::<N>() {
             tree = balance(&tree);
             plan = Plan::new::<N>(&tree);
+            assert!(plan.fits::<N>(), "a balanced tree is too deep");
         }
         Self { group, tree, plan }
     }

@@ -15,6 +15,7 @@ use serde_json::Value;
 
 use super::plot::plot;
 use super::result::{Fit, Report, known, with_error};
+use crate::analysis::Finding;
 use crate::compare::display::{self, shrink};
 use crate::image::{Format, Image};
 use crate::render_loop::CurvePoint;
@@ -48,6 +49,9 @@ pub fn page(report: &Report, image: &Image) -> String {
                     tr { th { "SHA-256" } td { (printable(&report.scene.sha256)) } }
                     @for (name, value) in &report.settings {
                         tr { th { (printable(name)) } td { (value_of(value)) } }
+                    }
+                    @for Finding { fact, why, .. } in &report.left_out {
+                        tr { th { "Left out" } td { (why) " (" (fact) ")" } }
                     }
                 }
                 (points(&report.curve))

@@ -1,0 +1,55 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! What an intersector answers.
+
+use glam::DVec3;
+
+use crate::scene::Ray;
+
+// Say what an intersector answers
+/// Where a ray meets the scene first.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hit {
+    /// The point, in the coordinates of the scene, from where a path
+    /// goes on: slightly off the surface, on the side of the normal.
+    pub point: DVec3,
+    /// The unit normal on the side from which the ray came.
+    pub normal: DVec3,
+    /// The triangle, by the intersector's own number.
+    pub primitive: u32,
+}
+
+/// Finds hits in one scene.
+pub trait Intersector: Sync + Sized {
+    /// The first hit of `ray` on a triangle other than `from`, which it
+    /// leaves.
+    fn first_hit(&self, ray: &Ray, from: Option<u32>) -> Option<Hit>;
+
+    // Ask only whether a ray is blocked
+    /// Whether `ray` meets any triangle other than `from`: the same as
+    /// `first_hit(ray, from).is_some()`, and perhaps faster.
+    fn is_occluded(&self, ray: &Ray, from: Option<u32>) -> bool {
+        self.first_hit(ray, from).is_some()
+    }
+
+    // Let an intersector choose its copy
+    /// Does `work` with the intersector that answers fastest for this one.
+    fn dispatch<W: Dispatch>(&self, work: W) -> W::Output {
+        work.with(self)
+    }
+}
+
+/// Something to be done with an intersector, whichever it is.
+pub trait Dispatch {
+    /// What it gives.
+    type Output;
+
+    /// Does it.
+    fn with<K: Intersector>(self, intersector: &K) -> Self::Output;
+}
