@@ -28,6 +28,7 @@ use crate::analysis::Shortcut;
 use crate::bvh::Isa;
 use crate::camera::View;
 use crate::checkpoint::RunKey;
+use crate::film::Window;
 use crate::image::Format;
 use crate::output::{ImageTarget, OutputTarget};
 use crate::progress;
@@ -45,6 +46,12 @@ pub struct Arguments {
           default_value = "320x240", value_parser = parse_resolution,
           allow_hyphen_values = true)]
     pub resolution: (u32, u32),
+
+    /// Render only this part: the column and row of its first pixel, and its
+    /// size, as in 100,50,64x48
+    #[arg(long, value_name = "X,Y,WIDTHxHEIGHT", value_parser = parse_crop,
+          allow_hyphen_values = true)]
+    pub crop: Option<Window>,
 
     /// Samples (paths) per pixel [default: 1]; an upper bound with
     /// --time or --error
@@ -203,6 +210,18 @@ fn parse_resolution(text: &str) -> Result<(u32, u32), String> {
 }
 
 const MAX_SIDE: u32 = 16384;
+
+fn parse_crop(text: &str) -> Result<Window, String> {
+    let syntax = "expected a pixel and a size, as in 100,50,64x48";
+    let parts: Vec<&str> = text.split(',').collect();
+    let [x, y, size] = parts[..] else { return Err(syntax.to_owned()) };
+    let number = |digits: &str| match digits.parse() {
+        Ok(n) if digits.bytes().all(|b| b.is_ascii_digit()) => Ok(n),
+        _ => Err(syntax.to_owned()),
+    };
+    let corner = (number(x)?, number(y)?);
+    Ok(Window { corner, size: parse_resolution(size)? })
+}
 
 /// Parses a finite real number.
 pub fn parse_real(text: &str) -> Result<f64, String> {
@@ -368,10 +387,29 @@ impl Arguments {
         start.checked_add(time)
     }
 
+    /// The part of the image to render.
+    ///
+    /// # Errors
+    /// It does not lie within the image.
+    pub fn window(&self) -> Result<Window, String> {
+        let size = self.resolution;
+        let whole = Window { corner: (0, 0), size };
+        let window = self.crop.unwrap_or(whole);
+        let fits = |at, n, side| at < side && n <= side - at;
+        let Window { corner: (x, y), size: (width, height) } = window;
+        match fits(x, width, size.0) && fits(y, height, size.1) {
+            true => Ok(window),
+            false => Err(format!(
+                "--crop {window}: does not lie within the image of {}x{} pixels",
+                size.0, size.1
+            )),
+        }
+    }
+
     /// The options that decide the samples, by name.
     pub fn run_key(&self) -> RunKey {
         let (width, height) = self.resolution;
-        object(json!({
+        let mut key = object(json!({
             "resolution": [width, height],
             "position": self.position.to_array(),
             "target": self.target.to_array(),
@@ -379,7 +417,11 @@ impl Arguments {
             "fov": self.fov,
             "albedo": self.albedo,
             "seed": self.seed,
-        }))
+        }));
+        if let Some(window) = self.crop {
+            key.insert("crop".into(), window.to_string().into());
+        }
+        key
     }
 
     /// The options that describe the run, by name, for the report.

@@ -13,6 +13,8 @@
 //! tile lie together in memory, so that threads write to separate pieces.
 //! The pixels of a tile hold the same samples, from the first on.
 
+use std::fmt;
+
 use rand::RngExt;
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
@@ -41,6 +43,14 @@ pub struct Window {
     pub corner: (u32, u32),
     /// Its width and height in pixels, at least 1.
     pub size: (u32, u32),
+}
+
+/// A window as it is typed: `X,Y,WxH`.
+impl fmt::Display for Window {
+    fn fmt(&self, out: &mut fmt::Formatter) -> fmt::Result {
+        let Self { corner: (x, y), size: (width, height) } = self;
+        write!(out, "{x},{y},{width}x{height}")
+    }
 }
 
 // Hold the accumulators of a window
@@ -358,10 +368,12 @@ impl Film {
             at.saturating_sub(REACH)..(at + REACH + 1).min(end)
         };
         let (mut sum, mut count) = (0., 0.);
+        let columns = near(x, self.width());
         for row in near(y, self.height()) {
-            for column in near(x, self.width()) {
+            let first = self.number(columns.start, row);
+            let variances = &variances[first..first + columns.len()];
+            for (column, variance) in columns.clone().zip(variances) {
                 // Count the variance of one neighbour
-                let variance = variances[self.number(column, row)];
                 if variance.is_finite() && (column, row) != (x, y) {
                     (sum, count) = (sum + variance, count + 1.);
                 }

@@ -8,7 +8,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Random variables whose mean is the radiance along a ray.
 
-// Name what the estimator imports
+// Name what the integrators import
 use glam::DVec3;
 
 use crate::bvh::{Hit, Intersector};
@@ -16,7 +16,7 @@ use crate::sampler::{Sampler, cosine_direction, dimension, happens};
 use crate::scene::Ray;
 use crate::sky::Sky;
 
-// Say what an estimator gives
+// Say what an integrator gives
 /// What a path does at the end of a ray.
 #[derive(Clone, Copy, Debug)]
 pub enum PathEvent {
@@ -90,7 +90,7 @@ impl Sums for u64 {
     }
 }
 
-/// A borrowed estimator is one.
+/// A borrowed integrator is one, which does not learn.
 impl<E: Integrator> Integrator for &E {
     type Path = E::Path;
     type RayQuery = E::RayQuery;
@@ -144,8 +144,8 @@ impl RayQuery for Hit {
     }
 }
 
-// Hold the parameters of the reference
-/// The estimator of the chapter's algorithm: a path ends by chance below
+// Hold the parameters of the path tracer
+/// The integrator of the chapter's algorithm: a path meets roulette below
 /// the throughput `FAINT`, and from `MANY_BOUNCES` bounces on.
 #[derive(Clone, Copy, Debug)]
 pub struct PathTracer {
@@ -158,11 +158,11 @@ pub struct PathTracer {
 const FAINT: f64 = 0.1;
 const MANY_BOUNCES: u64 = 1000;
 
-/// A path of the reference.
+/// A path of the path tracer.
 #[derive(Clone, Copy, Debug)]
 pub struct PathState {
     throughput: f64,
-    /// How many there were.
+    /// How many bounces there were.
     count: u64,
     /// Where its ray goes.
     direction: DVec3,
@@ -269,7 +269,7 @@ impl Integrator for PathTracer {
             let light = self.sky.radiance(path.direction);
             return PathEvent::Terminate(path.throughput * light);
         };
-        // Weaken or end the path
+        // Weaken the path or play roulette
         if path.throughput < FAINT {
             let u = sampler.get_1d(dimension::roulette(path.count));
             if !happens(self.albedo, u) {
@@ -278,7 +278,7 @@ impl Integrator for PathTracer {
         } else {
             path.throughput *= self.albedo;
             if path.count >= MANY_BOUNCES {
-                // End a long path or make it heavier
+                // End a long path or strengthen it
                 let probability = onward(path.count);
                 let u = sampler.get_1d(dimension::roulette(path.count));
                 if !happens(probability, u) {

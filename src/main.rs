@@ -22,7 +22,7 @@ use litpt::arguments::Arguments;
 use litpt::bvh::{Bvh, Quality};
 use litpt::camera::Camera;
 use litpt::checkpoint::{Checkpoint, RunKey};
-use litpt::film::Film;
+use litpt::film::{Film, Window};
 use litpt::image::{Format, Image};
 use litpt::integrator::identity;
 use litpt::output::{ImageTarget, OutputTarget};
@@ -56,6 +56,7 @@ fn main() -> ExitCode {
 fn run(arguments: &Arguments) -> Result<Stop, String> {
     let start = Instant::now();
     let camera = camera(arguments)?;
+    let window = arguments.window()?;
     let mut files = Files::check(arguments)?;
     start_threads(arguments)?;
     let (mut scene, mut known) = load(arguments, &files)?;
@@ -67,7 +68,8 @@ fn run(arguments: &Arguments) -> Result<Stop, String> {
     }
     let mut job =
         renderer(&scene, &bvh, &inquiry, &analysis, arguments.seed);
-    let mut run = Run::begin(&mut *job, arguments, &mut files, known)?;
+    let mut run =
+        Run::begin(&mut *job, window, arguments, &mut files, known)?;
     let stop = run.render(start, &analysis, &files)?;
     run.write(&files, stop)?;
     Ok(stop)
@@ -129,7 +131,7 @@ fn read_reference(
     arguments: &Arguments,
 ) -> Result<Image, String> {
     let image = Image::read(path)?;
-    let (width, height) = arguments.resolution;
+    let (width, height) = arguments.window()?.size;
     if (image.width, image.height) != (width, height) {
         return Err(format!(
             "{}: is {}x{} pixels large, and the image {width}x{height}",
@@ -274,14 +276,14 @@ struct Run<'a> {
 impl<'a> Run<'a> {
     fn begin(
         job: &'a mut (dyn Renderer + 'a),
+        window: Window,
         arguments: &'a Arguments,
         files: &mut Files,
         known: Report,
     ) -> Result<Self, String> {
         let run_key = run_key(arguments, &known.scene.sha256);
         // Take the film of a checkpoint or a new one
-        let (width, height) = arguments.resolution;
-        let mut film = Film::new(width, height);
+        let mut film = Film::cropped(arguments.resolution, window);
         let mut convergence = Convergence::default();
         if let (Some(saved), Some(path)) =
             (files.resumed.take(), &arguments.resume)

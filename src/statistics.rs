@@ -6,35 +6,35 @@
 // Software Foundation, either version 3 of the License, or (at your option)
 // any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The mean of many weights, and its error.
+//! The mean of many values, and its error.
 
-// Hold three sums of weights
-/// Count, sum and sum of squares of the weights so far. A weight is cut
-/// to a multiple of 2^-88 and nothing else is rounded: the same weights in
+// Hold three sums of values
+/// Count, sum and sum of squares of the values so far. A value is cut
+/// to a multiple of 2^-88 and nothing else is rounded: the same values in
 /// any order, and divided in any manner among accumulators that are
 /// merged, give the same bits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Accumulator {
     count: u64,
-    /// The sum of the weights in units of 2^-88, lowest digit first.
+    /// The sum of the values in units of 2^-88, lowest digit first.
     sum: [u64; 3],
     /// The sum of their squares in units of 2^-176, likewise.
     squares: [u64; 4],
 }
 
 impl Accumulator {
-    // Take one more weight into account
-    /// Takes one more weight into account; it lies in [0, 2^39). A weight
+    // Take one more value into account
+    /// Takes one more value into account; it lies in [0, 2^39). A value
     /// outside, or NaN, makes the error infinite.
     #[inline]
-    pub fn add(&mut self, weight: f64) {
+    pub fn add(&mut self, value: f64) {
         self.count += 1;
-        // Refuse a weight out of range
-        if !(0. ..LARGE).contains(&weight) {
+        // Refuse a value out of range
+        if !(0. ..LARGE).contains(&value) {
             self.squares = [u64::MAX; 4];
             return;
         }
-        let units = (weight * UNITS) as u128;
+        let units = (value * UNITS) as u128;
         let (low, high) = (units as u64, (units >> 64) as u64);
         accumulate(&mut self.sum, &[low, high, 0]);
         // Square the number of two digits
@@ -52,11 +52,11 @@ impl Accumulator {
         }
     }
 
-    // Merge with the weights of another
-    /// Takes the same weight into account `count` times.
-    pub fn add_times(&mut self, weight: f64, mut count: u64) {
+    // Merge with the values of another
+    /// Takes the same value into account `count` times.
+    pub fn add_times(&mut self, value: f64, mut count: u64) {
         let mut power = Self::default();
-        power.add(weight);
+        power.add(value);
         while count > 0 {
             if count % 2 == 1 {
                 self.merge(&power);
@@ -68,7 +68,7 @@ impl Accumulator {
         }
     }
 
-    /// Takes all the weights of another accumulator into account.
+    /// Takes all the values of another accumulator into account.
     pub fn merge(&mut self, other: &Self) {
         self.count += other.count;
         accumulate(&mut self.sum, &other.sum);
@@ -78,12 +78,12 @@ impl Accumulator {
     }
 
     // Report the mean and its error
-    /// The number of weights.
+    /// The number of values.
     pub fn count(&self) -> u64 {
         self.count
     }
 
-    /// The mean of the weights; 0 if there are none.
+    /// The mean of the values; 0 if there are none.
     pub fn mean(&self) -> f64 {
         let divisor = u128::from(self.count.max(1));
         let (mut quotient, mut rest) = (0, 0);
@@ -95,8 +95,8 @@ impl Accumulator {
         quotient as f64 / UNITS
     }
 
-    /// The unbiased estimate of the variance of one weight; infinite when
-    /// fewer than two weights leave it unknown.
+    /// The unbiased estimate of the variance of one value; infinite when
+    /// fewer than two values leave it unknown.
     pub fn variance(&self) -> f64 {
         if self.count < 2 || self.squares == [u64::MAX; 4] {
             return f64::INFINITY;
@@ -148,7 +148,7 @@ impl Accumulator {
 }
 
 // Add and multiply numbers of many digits
-/// The number of units in 1, 2^88, and the bound of weights, 2^39.
+/// The number of units in 1, 2^88, and the bound of values, 2^39.
 const UNITS: f64 = (1u128 << 88) as f64;
 const LARGE: f64 = (1u64 << 39) as f64;
 

@@ -396,3 +396,55 @@ fn the_options_of_the_model_reach_the_image() {
         assert_eq!(pgm(&run.stdout), (2, 2, vec![level; 4]), "{rho}");
     }
 }
+
+// ------------------------------------------------------- A part of an image
+
+#[test]
+fn a_crop_has_the_pixels_of_the_whole_image() {
+    let place = Scratch::new();
+    let scene = ["-i", "room.obj", "-d45x37", "-n3", "-o"];
+    let read = |name: &str| {
+        let image = litpt::image::Image::read(&place.path(name)).unwrap();
+        (image.width as usize, image.height as usize, image.means)
+    };
+    place.run(&[&scene[..], &["a.pfm"]].concat()).succeeded();
+    let (width, _, whole) = read("a.pfm");
+    for (crop, (x, y, w, h)) in [
+        ("0,0,45x37", (0, 0, 45, 37)),
+        ("17,5,20x30", (17, 5, 20, 30)),
+        ("44,36,1x1", (44, 36, 1, 1)),
+    ] {
+        let crop = ["b.pfm", "-f", "--crop", crop];
+        place.run(&[&scene[..], &crop].concat()).succeeded();
+        let (own_width, own_height, part) = read("b.pfm");
+        assert_eq!((own_width, own_height), (w, h));
+        for (i, mean) in part.iter().enumerate() {
+            let (column, row) = (x + i % w, y + i / w);
+            assert_eq!(*mean, whole[row * width + column], "{crop:?} {i}");
+        }
+    }
+}
+
+#[test]
+fn a_crop_lies_within_the_image_and_belongs_to_a_checkpoint() {
+    let place = Scratch::new();
+    for wrong in
+        ["1,2", "1,2,3", "1,2,3x4x5", "-1,2,3x4", "1,2,0x4", "a,2,3x4"]
+    {
+        let wrong = ["-i", "room.obj", "--crop", wrong];
+        place.run(&wrong).failed(2, &["--crop"]);
+    }
+    for wrong in ["9,0,1x1", "0,7,1x1", "8,0,2x1", "4294967295,0,9x1"] {
+        let wrong = ["-i", "missing.obj", "-d9x7", "--crop", wrong];
+        place.run(&wrong).failed(1, &["--crop", "9x7"]);
+    }
+    let scene = ["-i", "room.obj", "-d9x7", "-f", "-o", "a.pfm"];
+    let saved = ["--crop=1,2,3x3", "--checkpoint=c"];
+    place.run(&[&scene[..], &saved].concat()).succeeded();
+    let on = ["--resume=c", "-n2", "--crop=1,2,3x3"];
+    place.run(&[&scene[..], &on].concat()).succeeded();
+    for other in [&["--resume=c"][..], &["--resume=c", "--crop=2,2,3x3"]] {
+        let run = place.run(&[&scene[..], other].concat());
+        run.failed(1, &["crop"]);
+    }
+}
