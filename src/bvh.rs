@@ -131,7 +131,11 @@ impl From<io::Error> for BuildError {
 }
 
 /// A hierarchy over the triangles of a scene, with a walk through it.
-pub struct Bvh(Form);
+pub struct Bvh {
+    form: Form,
+    /// The face of each triangle in the mesh, by its number in the scene.
+    faces: Vec<u32>,
+}
 
 enum Form {
     #[cfg(target_arch = "x86_64")]
@@ -143,7 +147,7 @@ enum Form {
 
 macro_rules! with_walker {
     ($bvh:expr, $walker:ident => $answer:expr) => {
-        match &$bvh.0 {
+        match &$bvh.form {
             #[cfg(target_arch = "x86_64")]
             Form::Avx512($walker) => $answer,
             #[cfg(target_arch = "x86_64")]
@@ -175,17 +179,18 @@ impl Bvh {
         quality: Quality,
         isa: Isa,
     ) -> Result<Self, BuildError> {
-        Self::of(scene.triangles().to_vec(), quality, isa)
+        let (triangles, faces) = (scene.triangles(), scene.faces());
+        Self::of((triangles.to_vec(), faces.to_vec()), quality, isa)
     }
 
     // Build a hierarchy that uses its triangles up
-    /// The same of `triangles` in the coordinates of a scene. Their memory
-    /// is given back part by part.
+    /// The same of `triangles` in the coordinates of a scene, and the face
+    /// of each. Their memory is given back part by part.
     ///
     /// # Errors
     /// Those of [`Self::with`].
     pub fn of(
-        triangles: Vec<Triangle>,
+        (triangles, faces): (Vec<Triangle>, Vec<u32>),
         quality: Quality,
         isa: Isa,
     ) -> Result<Self, BuildError> {
@@ -211,15 +216,18 @@ impl Bvh {
                 Some(Form::Portable(traversal::Walker(wide)))
             }
         };
-        form.map(Self).ok_or(missing)
+        form.map(|form| Self { form, faces }).ok_or(missing)
     }
 }
 
 // Answer with the chosen walk
 impl Bvh {
-    /// For each `Hit::primitive` the number of the triangle in the scene.
-    pub fn numbers(&self) -> Vec<u32> {
-        with_walker!(self, walker => walker.wide().leaves.numbers())
+    /// The face of the file, from 0, that a `Hit::primitive` is part of.
+    pub fn face(&self, primitive: u32) -> u32 {
+        let number = with_walker!(self, walker => {
+            walker.wide().leaves.number(primitive)
+        });
+        self.faces[number as usize]
     }
 
     /// Whether `asked` is true of the corners of a triangle. Only boxes
@@ -234,12 +242,14 @@ impl Bvh {
         with_walker!(self, walker => walker.wide().any(&enters, &asked))
     }
 
-    /// All triangles, each with its `Hit::primitive`, in the order of the
-    /// hierarchy.
+    /// All triangles, each with its face, in the order of the hierarchy.
     pub fn triangles(
         &self,
     ) -> Box<dyn Iterator<Item = (u32, Triangle)> + '_> {
-        with_walker!(self, walker => Box::new(walker.wide().triangles()))
+        with_walker!(self, walker => {
+            let all = walker.wide().triangles();
+            Box::new(all.map(|(slot, corners)| (self.face(slot), corners)))
+        })
     }
 }
 

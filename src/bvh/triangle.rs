@@ -141,11 +141,6 @@ impl Leaves {
     }
 
     // Find the number of a triangle
-    /// The numbers in the scene of all triangles, by their slots.
-    pub fn numbers(&self) -> Vec<u32> {
-        self.numbers.to_vec()
-    }
-
     /// The number of a triangle in the scene.
     pub fn number(&self, slot: u32) -> u32 {
         self.numbers[slot as usize]
