@@ -23,7 +23,7 @@ use litpt::bvh::{Bvh, Hit, Intersector, Isa, Quality};
 use litpt::camera::{Camera, View};
 use litpt::closed_forms::{Setting, look, pixel};
 use litpt::film::Film;
-use litpt::numerics::{cross, exponent, power_of_two, shift, tame};
+use litpt::numerics::{cross, exponent, normalise, power_of_two, shift};
 use litpt::render::Renderer;
 use litpt::sampler::{cosine_direction, generator, happens, within};
 use litpt::scene::{Mesh, Ray, Scene, Triangle, read_obj, scattered};
@@ -246,7 +246,7 @@ fn exponents_found_by_hand_are_those_of_the_program() {
     for (x, e) in [(6.5, 2), (0.1, -4), (smallest, -1074), (0., -1075)] {
         assert_eq!(exponent(x), e);
     }
-    let tamed = tame(DVec3::new(3., -20., 0.));
+    let tamed = normalise(DVec3::new(3., -20., 0.));
     assert_eq!(tamed, DVec3::new(0.1875, -1.25, 0.));
     assert_eq!(power_of_two(-1074), f64::MIN_POSITIVE);
     assert_eq!(shift(DVec3::X, -1074).x, smallest);
