@@ -146,9 +146,12 @@ impl SceneAnalysis {
             ("flat", flat, "without area"),
             ("copies", copies, "that have the corners of another"),
         ];
-        for (name, count, which) in words {
-            let why = format!("{count} triangles {which}");
-            self.tell(name, count > 0, why);
+        for (name, faces, which) in words {
+            let mut why = format!("{} triangles {which}", faces.len());
+            if let Some(face) = faces.first() {
+                why += &format!(", the first in face {}", face + 1);
+            }
+            self.tell(name, !faces.is_empty(), why);
         }
     }
 
@@ -164,10 +167,10 @@ impl SceneAnalysis {
             Some(place) => {
                 // Ask the triangles whether they enclose the camera
                 let mut all: Vec<_> = intersector.triangles().collect();
-                all.par_sort_unstable_by_key(|&(number, _)| number);
+                all.par_sort_by_key(|&(face, _)| face);
                 let triangles: Vec<_> =
                     all.iter().map(|one| one.1).collect();
-                is_inside(&triangles, place)
+                is_inside(&triangles, place).map_err(|i| all[i as usize].0)
             }
             None => Ok(false),
         };
@@ -177,13 +180,14 @@ impl SceneAnalysis {
         }
         let why = match dark {
             Ok(true) => {
-                "closed around the camera: no ray can reach the sky, and \
-                 the image is exactly 0"
+                "closed around the camera: no ray can reach the sky, \
+                         and the image is exactly 0"
+                    .to_owned()
             }
-            Ok(false) => "no closed surface around the camera",
-            Err(_) => "the camera is on a surface",
+            Ok(false) => "no closed surface around the camera".to_owned(),
+            Err(face) => format!("the camera is on face {}", face + 1),
         };
-        self.tell(Shortcut::Dark.name(), dark == Ok(true), why.to_owned());
+        self.tell(Shortcut::Dark.name(), dark == Ok(true), why);
     }
 
     // Look for tiles that see no triangle

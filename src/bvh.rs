@@ -39,7 +39,7 @@ use triangle::Leaf;
 use wide::Wide;
 
 // Name the sets of instructions
-/// Sets of instructions with which a hierarchy can be walked.
+/// Sets of instructions with which a hierarchy can be traversed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Isa {
     /// Sixteen boxes at a time.
@@ -99,7 +99,7 @@ impl FromStr for Isa {
     }
 }
 
-// Choose the walk for a processor
+// Choose the traversal for a processor
 /// Why there is no hierarchy.
 #[derive(Debug)]
 pub enum BuildError {
@@ -130,25 +130,29 @@ impl From<io::Error> for BuildError {
     }
 }
 
-/// A hierarchy over the triangles of a scene, with a walk through it.
-pub struct Bvh(Form);
+/// A hierarchy over the triangles of a scene, with a traversal through it.
+pub struct Bvh {
+    form: Form,
+    /// The face of each triangle in the mesh, by its number in the scene.
+    faces: Vec<u32>,
+}
 
 enum Form {
     #[cfg(target_arch = "x86_64")]
-    Avx512(avx512::Walker),
+    Avx512(avx512::Traverser),
     #[cfg(target_arch = "x86_64")]
-    Avx2(avx2::Walker),
-    Portable(traversal::Walker),
+    Avx2(avx2::Traverser),
+    Portable(traversal::Traverser),
 }
 
-macro_rules! with_walker {
-    ($bvh:expr, $walker:ident => $answer:expr) => {
-        match &$bvh.0 {
+macro_rules! with_traverser {
+    ($bvh:expr, $traverser:ident => $answer:expr) => {
+        match &$bvh.form {
             #[cfg(target_arch = "x86_64")]
-            Form::Avx512($walker) => $answer,
+            Form::Avx512($traverser) => $answer,
             #[cfg(target_arch = "x86_64")]
-            Form::Avx2($walker) => $answer,
-            Form::Portable($walker) => $answer,
+            Form::Avx2($traverser) => $answer,
+            Form::Portable($traverser) => $answer,
         }
     };
 }
@@ -175,17 +179,18 @@ impl Bvh {
         quality: Quality,
         isa: Isa,
     ) -> Result<Self, BuildError> {
-        Self::of(scene.triangles().to_vec(), quality, isa)
+        let (triangles, faces) = (scene.triangles(), scene.faces());
+        Self::of((triangles.to_vec(), faces.to_vec()), quality, isa)
     }
 
     // Build a hierarchy that uses its triangles up
-    /// The same of `triangles` in the coordinates of a scene. Their memory
-    /// is given back part by part.
+    /// The same of `triangles` in the coordinates of a scene, and the face
+    /// of each. Their memory is given back part by part.
     ///
     /// # Errors
     /// Those of [`Self::with`].
     pub fn of(
-        triangles: Vec<Triangle>,
+        (triangles, faces): (Vec<Triangle>, Vec<u32>),
         quality: Quality,
         isa: Isa,
     ) -> Result<Self, BuildError> {
@@ -199,27 +204,30 @@ impl Bvh {
             #[cfg(target_arch = "x86_64")]
             Isa::Avx512 => {
                 let wide = Wide::new(triangles, quality)?;
-                avx512::Walker::new(wide).map(Form::Avx512)
+                avx512::Traverser::new(wide).map(Form::Avx512)
             }
             #[cfg(target_arch = "x86_64")]
             Isa::Avx2 => {
                 let wide = Wide::new(triangles, quality)?;
-                avx2::Walker::new(wide).map(Form::Avx2)
+                avx2::Traverser::new(wide).map(Form::Avx2)
             }
             _ => {
                 let wide = Wide::new(triangles, quality)?;
-                Some(Form::Portable(traversal::Walker(wide)))
+                Some(Form::Portable(traversal::Traverser(wide)))
             }
         };
-        form.map(Self).ok_or(missing)
+        form.map(|form| Self { form, faces }).ok_or(missing)
     }
 }
 
-// Answer with the chosen walk
+// Answer with the chosen traversal
 impl Bvh {
-    /// For each `Hit::primitive` the number of the triangle in the scene.
-    pub fn numbers(&self) -> Vec<u32> {
-        with_walker!(self, walker => walker.wide().leaves.numbers())
+    /// The face of the file, from 0, that a `Hit::primitive` is part of.
+    pub fn face(&self, primitive: u32) -> u32 {
+        let number = with_traverser!(self, traverser => {
+            traverser.wide().leaves.number(primitive)
+        });
+        self.faces[number as usize]
     }
 
     /// Whether `asked` is true of the corners of a triangle. Only boxes
@@ -231,28 +239,30 @@ impl Bvh {
         asked: impl Fn(&[DVec3; 3]) -> bool,
     ) -> bool {
         let asked = |_: &Leaf, _, corners: &_| asked(corners);
-        with_walker!(self, walker => walker.wide().any(&enters, &asked))
+        with_traverser!(self, traverser => traverser.wide().any(&enters, &asked))
     }
 
-    /// All triangles, each with its `Hit::primitive`, in the order of the
-    /// hierarchy.
+    /// All triangles, each with its face, in the order of the hierarchy.
     pub fn triangles(
         &self,
     ) -> Box<dyn Iterator<Item = (u32, Triangle)> + '_> {
-        with_walker!(self, walker => Box::new(walker.wide().triangles()))
+        with_traverser!(self, traverser => {
+            let all = traverser.wide().triangles();
+            Box::new(all.map(|(slot, corners)| (self.face(slot), corners)))
+        })
     }
 }
 
 impl Intersector for Bvh {
     fn first_hit(&self, ray: &Ray, from: Option<u32>) -> Option<Hit> {
-        with_walker!(self, walker => walker.first_hit(ray, from))
+        with_traverser!(self, traverser => traverser.first_hit(ray, from))
     }
 
     fn is_occluded(&self, ray: &Ray, from: Option<u32>) -> bool {
-        with_walker!(self, walker => walker.is_occluded(ray, from))
+        with_traverser!(self, traverser => traverser.is_occluded(ray, from))
     }
 
     fn dispatch<W: Dispatch>(&self, work: W) -> W::Output {
-        with_walker!(self, walker => work.with(walker))
+        with_traverser!(self, traverser => work.with(traverser))
     }
 }

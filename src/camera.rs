@@ -15,7 +15,7 @@ use std::fmt;
 
 use glam::DVec3;
 
-use crate::numerics::{cross, power_of_two, tame};
+use crate::numerics::{cross, normalise, power_of_two};
 
 // Describe a view in the user's terms
 /// Where a camera stands and where it looks, in the file's coordinates.
@@ -65,8 +65,8 @@ impl Camera {
         if view == DVec3::ZERO {
             return Err(ViewError::Target(target));
         }
-        let ahead = tame(view);
-        let right = tame(cross(ahead, tame(up)));
+        let ahead = normalise(view);
+        let right = normalise(cross(ahead, normalise(up)));
         if right == DVec3::ZERO {
             return Err(ViewError::Up { up, ahead: view });
         }
@@ -76,7 +76,7 @@ impl Camera {
         Ok(Camera {
             position,
             right: right.normalize() * aspect,
-            down: tame(cross(ahead, right)).normalize(),
+            down: normalise(cross(ahead, right)).normalize(),
             ahead: ahead.normalize() * distance,
         })
     }

@@ -40,7 +40,7 @@ pub fn shift(v: DVec3, e: i32) -> DVec3 {
 
 /// `v`, scaled so that its largest component is in [1, 2); exactly, but for
 /// components that are 2^1022 times smaller.
-pub fn tame(v: DVec3) -> DVec3 {
+pub fn normalise(v: DVec3) -> DVec3 {
     shift(v, -exponent(v.abs().max_element()))
 }
 

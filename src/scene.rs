@@ -32,6 +32,22 @@ pub struct Mesh {
     pub vertices: Vec<DVec3>,
     /// Three indices into `vertices` for each triangle.
     pub triangles: Vec<[u32; 3]>,
+    /// The triangles, in ascending order, that belong to the same face as
+    /// the one before.
+    pub joined: Vec<u32>,
+}
+
+impl Mesh {
+    /// The number of its face, from 0, for each triangle.
+    pub fn faces(&self) -> Vec<u32> {
+        let mut joined = self.joined.iter().copied().peekable();
+        let mut before = 0;
+        let face = |i| {
+            before += u32::from(joined.next_if_eq(&i).is_some());
+            i - before
+        };
+        (0..self.triangles.len() as u32).map(face).collect()
+    }
 }
 
 // Read the text of an OBJ
@@ -81,6 +97,12 @@ pub fn read_pieces(source: &[u8], size: usize) -> Result<Mesh, ObjError> {
     let parts: Vec<_> = pieces.par_iter().zip(&before).map(read).collect();
     let parts = parts.into_iter().collect::<Result<Vec<_>, _>>()?;
     // Put the meshes one behind the other
+    // Number the joined triangles anew
+    let (mut joined, mut first) = (vec![], 0);
+    for part in &parts {
+        joined.extend(part.joined.iter().map(|&i| first + i));
+        first = first.wrapping_add(part.triangles.len() as u32);
+    }
     let parts = parts.into_iter().map(|m| (m.vertices, m.triangles));
     let (vertices, triangles): (Vec<_>, Vec<_>) = parts.unzip();
     let (vertices, triangles) =
@@ -89,7 +111,7 @@ pub fn read_pieces(source: &[u8], size: usize) -> Result<Mesh, ObjError> {
     if triangles.is_empty() {
         return Err(ObjError::whole("no face, hence nothing to render"));
     }
-    Ok(Mesh { vertices, triangles })
+    Ok(Mesh { vertices, triangles, joined })
 }
 
 /// The elements of all `parts`, in order, in just enough memory.
@@ -242,7 +264,7 @@ fn read_statement(
         mesh.vertices.push(read_vertex(words)?);
         return Ok(());
     }
-    read_face(words, vertices, &mut mesh.triangles)
+    read_face(words, vertices, mesh)
 }
 
 // Read the numbers of a statement
@@ -271,7 +293,7 @@ fn read_vertex(mut words: Words) -> Result<DVec3, String> {
 fn read_face(
     words: Words,
     vertices: [usize; 2],
-    triangles: &mut Vec<[u32; 3]>,
+    mesh: &mut Mesh,
 ) -> Result<(), String> {
     let (mut n, mut fan) = (0, [0; 3]);
     for word in words {
@@ -279,8 +301,11 @@ fn read_face(
         let corner = read_corner(word, vertices)?;
         fan = [if n == 0 { corner } else { fan[0] }, fan[2], corner];
         n += 1;
+        if n > 3 {
+            mesh.joined.push(mesh.triangles.len() as u32);
+        }
         if n >= 3 {
-            triangles.push(fan);
+            mesh.triangles.push(fan);
         }
     }
     match n {
@@ -424,10 +449,12 @@ pub struct Scene {
     /// the scene.
     half: DVec3,
     triangles: Vec<Triangle>,
-    /// Triangles of the mesh that have no area.
-    flat: usize,
-    /// Triangles of the mesh that are there already.
-    copies: usize,
+    /// The face of each triangle in the mesh.
+    faces: Vec<u32>,
+    /// The faces of triangles that were left out for having no area.
+    flat: Vec<u32>,
+    /// Those of triangles that were left out as copies.
+    copies: Vec<u32>,
 }
 
 fn has_area(triangle: &Triangle) -> bool {
@@ -458,14 +485,20 @@ impl Scene {
         // Place the triangles that have an area
         let all = mesh.triangles.par_iter().map(corners).map(place);
         let mut triangles: Vec<Triangle> = all.collect();
+        let mut faces = mesh.faces();
+        let mut flat = vec![];
         if !triangles.par_iter().all(has_area) {
-            triangles.retain(has_area);
+            let is_flat = |_, triangle: &_| !has_area(triangle);
+            flat = leave_out(&mut triangles, &mut faces, is_flat);
         }
-        let flat = mesh.triangles.len() - triangles.len();
-        forget_copies(&mut triangles);
-        let copies = mesh.triangles.len() - flat - triangles.len();
+        let found = copies(&triangles);
+        let is_copy = |i: usize, _: &_| found.binary_search(&i).is_ok();
+        let copies = match found.is_empty() {
+            true => vec![],
+            false => leave_out(&mut triangles, &mut faces, is_copy),
+        };
         let half = frame.apply(high) + DVec3::ONE;
-        Self { frame, half, triangles, flat, copies }
+        Self { frame, half, triangles, faces, flat, copies }
     }
 
     /// The triangles that have an area, in the order of the mesh.
@@ -474,17 +507,10 @@ impl Scene {
     }
 
     // Leave triangles out of the scene
-    /// How many triangles of the mesh were left out because they have no
-    /// area, and because others have the same corners.
-    pub fn left_out(&self) -> (usize, usize) {
-        (self.flat, self.copies)
-    }
-
-    /// Leaves out the triangles of which `unwanted` is true.
-    pub fn forget(&mut self, unwanted: &[bool]) {
-        let mut unwanted = unwanted.iter();
-        self.triangles.retain(|_| unwanted.next() != Some(&true));
-        self.triangles.shrink_to_fit();
+    /// The faces, from 0, of the triangles that were left out because they
+    /// have no area, and because others have the same corners.
+    pub fn left_out(&self) -> (&[u32], &[u32]) {
+        (&self.flat, &self.copies)
     }
 
     /// Where a point of the file lies in the scene; none if it is more
@@ -495,10 +521,16 @@ impl Scene {
         nearby.then_some(placed)
     }
 
-    /// Hands the triangles over, for a hierarchy to use up; the scene has
-    /// none afterwards.
-    pub fn take_triangles(&mut self) -> Vec<Triangle> {
-        std::mem::take(&mut self.triangles)
+    /// The face in the mesh, from 0, of each triangle.
+    pub fn faces(&self) -> &[u32] {
+        &self.faces
+    }
+
+    /// Hands the triangles and their faces over, for a hierarchy to use
+    /// up; the scene has none afterwards.
+    pub fn take_triangles(&mut self) -> (Vec<Triangle>, Vec<u32>) {
+        let triangles = std::mem::take(&mut self.triangles);
+        (triangles, std::mem::take(&mut self.faces))
     }
 
     // Move a distant ray to the scene
@@ -523,10 +555,28 @@ impl Scene {
     }
 }
 
-/// Leaves out triangles that have the same corners as an earlier one.
-fn forget_copies(triangles: &mut Vec<Triangle>) {
+/// Takes those triangles out of which `is_out` is true, given their
+/// number; returns their faces.
+fn leave_out(
+    triangles: &mut Vec<Triangle>,
+    faces: &mut Vec<u32>,
+    is_out: impl Fn(usize, &Triangle) -> bool,
+) -> Vec<u32> {
+    let all = triangles.iter().enumerate();
+    let out: Vec<_> = all.map(|(i, t)| is_out(i, t)).collect();
+    let gone = faces.iter().zip(&out).filter(|(_, out)| **out);
+    let gone = gone.map(|(face, _)| *face).collect();
+    let (mut first, mut second) = (out.iter(), out.iter());
+    triangles.retain(|_| first.next() == Some(&false));
+    faces.retain(|_| second.next() == Some(&false));
+    gone
+}
+
+/// The numbers, in ascending order, of triangles that have the same
+/// corners as an earlier one.
+fn copies(triangles: &[Triangle]) -> Vec<usize> {
     if triangles.len() > NUMBERS as usize {
-        return;
+        return vec![];
     }
     // Sort the keys of the triangles
     let key = |(i, triangle): (usize, &Triangle)| {
@@ -549,17 +599,8 @@ fn forget_copies(triangles: &mut Vec<Triangle>) {
             }
         }
     }
-    // Close the gaps of the copies
-    if copies.is_empty() {
-        return;
-    }
     copies.sort_unstable();
-    let mut copies = copies.into_iter().peekable();
-    let mut numbers = 0..;
-    triangles.retain(|_| {
-        let i = numbers.next();
-        copies.next_if(|&copy| Some(copy) == i).is_none()
-    });
+    copies
 }
 
 /// One more than the greatest number of a triangle in a key.

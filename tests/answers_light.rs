@@ -465,7 +465,8 @@ fn background(up: DVec3, triangles: &[Triangle]) -> BackgroundTiles {
     let (position, fov) = (DVec3::ZERO, 90.);
     let view = View { position, target: DVec3::Y, up, fov };
     let camera = Camera::new(&view, 1.).unwrap();
-    let triangles = triangles.to_vec();
+    let faces = (0..triangles.len() as u32).collect();
+    let triangles = (triangles.to_vec(), faces);
     let bvh = Bvh::of(triangles, Quality::Fast, Isa::best()).unwrap();
     BackgroundTiles::new(&camera, Sky::new(up), (64, 64), position, &bvh)
 }
@@ -761,7 +762,11 @@ fn grid(n: u32) -> Mesh {
         [[a, a + 1, c], [a + 1, c + 1, c]]
     };
     let vertices = (0..(n + 1) * (n + 1)).map(point).collect();
-    Mesh { vertices, triangles: (0..n * n).flat_map(pair).collect() }
+    Mesh {
+        vertices,
+        triangles: (0..n * n).flat_map(pair).collect(),
+        joined: vec![],
+    }
 }
 
 #[test]

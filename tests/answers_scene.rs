@@ -21,7 +21,7 @@ use glam::{DVec3, Vec3};
 use litpt::bvh::{Bvh, Hit, Intersector, Isa, Quality};
 use litpt::camera::{Camera, View};
 use litpt::film::Film;
-use litpt::numerics::{cross, exponent, power_of_two, shift, tame};
+use litpt::numerics::{cross, exponent, normalise, power_of_two, shift};
 use litpt::render::Renderer;
 use litpt::sampler::{cosine_direction, generator, happens, within};
 use litpt::scene::{Mesh, Ray, Scene, Triangle, read_obj, scattered};
@@ -243,7 +243,7 @@ fn exponents_found_by_hand_are_those_of_the_program() {
     for (x, e) in [(6.5, 2), (0.1, -4), (smallest, -1074), (0., -1075)] {
         assert_eq!(exponent(x), e);
     }
-    let tamed = tame(DVec3::new(3., -20., 0.));
+    let tamed = normalise(DVec3::new(3., -20., 0.));
     assert_eq!(tamed, DVec3::new(0.1875, -1.25, 0.));
     assert_eq!(power_of_two(-1074), f64::MIN_POSITIVE);
     assert_eq!(shift(DVec3::X, -1074).x, smallest);
@@ -292,7 +292,8 @@ fn half_turns_need_eleven_terms() {
 fn a_hall_of_300_metres_is_scaled_by_32() {
     let far = DVec3::new(300., 40., 12.);
     let vertices = vec![DVec3::ZERO, far, far * DVec3::X];
-    let hall = Mesh { vertices, triangles: vec![[0, 1, 2]] };
+    let hall =
+        Mesh { vertices, triangles: vec![[0, 1, 2]], joined: vec![] };
     let scene = Scene::new(&hall);
     let corner = scene.triangles()[0][1];
     assert_eq!(corner, Vec3::new(4800., 640., 192.));
@@ -435,7 +436,11 @@ fn a_steep_roof_sees_three_quarters_of_the_sky() {
     let across = 1000. * DVec3::Y;
     let (a, b) = (along - across, along + across);
     let vertices = vec![a, -b, -a, b];
-    let roof = Mesh { vertices, triangles: vec![[0, 1, 2], [0, 2, 3]] };
+    let roof = Mesh {
+        vertices,
+        triangles: vec![[0, 1, 2], [0, 2, 3]],
+        joined: vec![],
+    };
     let n = 100_000;
     let view = look(normal, DVec3::ZERO, 20.);
     let pixel = pixel(&roof, 0.8, &view, n.into()).unwrap();
@@ -460,7 +465,8 @@ fn an_overcast_sky_gives_seven_ninths() {
 // Answer the exercises on meeting triangles
 /// An intersector for triangles in the coordinates of the scene.
 fn intersector(triangles: &[Triangle]) -> Bvh {
-    let triangles = triangles.to_vec();
+    let faces = (0..triangles.len() as u32).collect();
+    let triangles = (triangles.to_vec(), faces);
     Bvh::of(triangles, Quality::Medium, Isa::Portable).unwrap()
 }
 
@@ -676,7 +682,8 @@ fn the_order_of_an_octant_may_be_wrong_and_the_hit_is_right() {
 fn a_hit_is_less_than_an_atom_above_the_floor() {
     let vertices = [[0., 0., 0.], [100., 0., 0.], [0., 60., 0.]];
     let vertices = vertices.map(DVec3::from).to_vec();
-    let hall = Mesh { vertices, triangles: vec![[0, 1, 2]] };
+    let hall =
+        Mesh { vertices, triangles: vec![[0, 1, 2]], joined: vec![] };
     let scene = Scene::new(&hall);
     // Measure the height of a hit in metres
     let above = scene.place(DVec3::new(20., 20., 30.)).unwrap();
@@ -748,8 +755,7 @@ fn a_poster_on_a_wall_is_not_met_from_the_wall() {
     for triangles in [[wall, poster], [poster, wall]] {
         let intersector = intersector(&triangles);
         let hit = intersector.first_hit(&ray, None).unwrap();
-        let number = intersector.numbers()[hit.primitive as usize];
-        assert_eq!(number, 0);
+        assert_eq!(intersector.face(hit.primitive), 0);
         // Send rays from the wall to the sky
         let mut random = generator(7, 0, 0);
         for i in 0..10_000 {

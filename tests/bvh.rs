@@ -127,6 +127,7 @@ fn roof() -> Mesh {
             at(1., 0., 0.),
         ],
         triangles: vec![[0, 1, 2], [1, 0, 3]],
+        joined: vec![],
     }
 }
 
@@ -271,6 +272,7 @@ fn triangles_without_area_are_never_hit() {
     let mesh = Mesh {
         vertices: vec![point(-1.), point(0.), point(1.), DVec3::Y],
         triangles: vec![[0, 1, 2], [3, 3, 3], [0, 0, 3]],
+        joined: vec![],
     };
     let scene = Scene::new(&mesh);
     assert!(scene.triangles().is_empty());
@@ -280,5 +282,63 @@ fn triangles_without_area_are_never_hit() {
         let origin = random_direction(&mut random) * 5000.;
         let ray = Ray { origin, direction: -origin.normalize() };
         assert_eq!(intersector.first_hit(&ray, None), None);
+    }
+}
+
+/// Polygons are split, triangles without area and copies left out, and the
+/// rest is reordered: a hit still knows its face.
+#[test]
+fn a_hit_knows_its_face_in_the_file() {
+    let mut text = String::new();
+    let mut next = 1;
+    for i in 0..300 {
+        let (x, y) = (2 * (i % 20), 2 * (i / 20));
+        for (dx, dy) in [(0, 0), (1, 0), (1, 1), (0, 1)] {
+            text += &format!("v {} {} {}\n", x + dx, y + dy, i % 7);
+        }
+        // Every third square is preceded by a line, every fourth by a copy.
+        let [a, b, c, d] = [0, 1, 2, 3].map(|k| next + k);
+        if i % 3 == 0 {
+            text += &format!("f {a} {a} {b}\n");
+        }
+        if i % 4 == 0 {
+            text += &format!("f {a} {b} {c}\n");
+        }
+        text += &format!("f {a} {b} {c} {d}\n");
+        next += 4;
+    }
+    let mesh = litpt::scene::read_obj(text.as_bytes()).unwrap();
+    let scene = Scene::new(&mesh);
+    let (flat, copies) = scene.left_out();
+    assert_eq!((flat.len(), copies.len()), (100, 75));
+    assert_eq!((flat[0], copies[0]), (0, 2));
+    let mut face = 0;
+    let faces: Vec<[u32; 2]> = (0..300)
+        .map(|i| {
+            face += u32::from(i % 3 == 0);
+            let first = face;
+            face += u32::from(i % 4 == 0) + 1;
+            [first, face - 1]
+        })
+        .collect();
+    for isa in Isa::ALL.into_iter().filter(|isa| isa.is_available()) {
+        let bvh = Bvh::with(&scene, Quality::Fast, isa).unwrap();
+        for (i, [first, last]) in faces.iter().enumerate() {
+            let i = i as i32;
+            let corner = |dx: f64, dy: f64| {
+                let (x, y) = (2 * (i % 20), 2 * (i / 20));
+                DVec3::new(f64::from(x) + dx, f64::from(y) + dy, 50.)
+            };
+            let ask = |at| {
+                let ray = scene.enter(at, -DVec3::Z).unwrap();
+                bvh.face(bvh.first_hit(&ray, None).unwrap().primitive)
+            };
+            // The first half belongs to the copy that came first, if any.
+            assert_eq!(ask(corner(0.7, 0.3)), *first);
+            assert_eq!(ask(corner(0.3, 0.7)), *last);
+        }
+        let mut all: Vec<_> = bvh.triangles().map(|one| one.0).collect();
+        all.sort_unstable();
+        assert_eq!(all, scene.faces());
     }
 }

@@ -31,6 +31,7 @@ fn square(half: f64) -> Mesh {
             corner(-1., 1.),
         ],
         triangles: vec![[0, 1, 2], [0, 2, 3]],
+        joined: vec![],
     }
 }
 
@@ -254,6 +255,7 @@ fn collect(n: u32, corners: impl Fn(f64) -> [DVec3; 3]) -> Mesh {
     Mesh {
         vertices: (0..n).flat_map(|k| corners(f64::from(k))).collect(),
         triangles: (0..n).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect(),
+        joined: vec![],
     }
 }
 

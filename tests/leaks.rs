@@ -141,6 +141,7 @@ fn a_ray_beside_a_wall_stays_on_its_side() {
     let mesh = Mesh {
         vertices: floor.into_iter().chain(wall).collect(),
         triangles: vec![[0, 1, 2], [3, 4, 5]],
+        joined: vec![],
     };
     let scene = Scene::new(&mesh);
     let wall = scene.triangles()[1][0].x;
@@ -178,6 +179,7 @@ fn a_thin_triangle_just_ahead_is_met() {
         let mesh = Mesh {
             vertices: vec![-u, u, u + across],
             triangles: vec![[0, 1, 2]],
+            joined: vec![],
         };
         let scene = Scene::new(&mesh);
         let intersector = Bvh::new(&scene).unwrap();

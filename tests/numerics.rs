@@ -6,7 +6,9 @@
 use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 
 use glam::DVec3;
-use litpt::numerics::{cross, exponent, power_of_two, sincos_turns, tame};
+use litpt::numerics::{
+    cross, exponent, normalise, power_of_two, sincos_turns,
+};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -77,13 +79,13 @@ fn powers_of_two_are_exact_over_the_normal_range() {
 }
 
 #[test]
-fn tame_vectors_have_a_largest_component_near_one() {
+fn normalised_vectors_have_a_largest_component_near_one() {
     for size in [1e-300, 1e-5, 1., 3., 1e300] {
-        let v = tame(DVec3::new(0.3, -1., 0.7) * size);
+        let v = normalise(DVec3::new(0.3, -1., 0.7) * size);
         let largest = v.abs().max_element();
         assert!((1. ..2.).contains(&largest), "{size}: {v}");
     }
-    assert_eq!(tame(DVec3::ZERO), DVec3::ZERO);
+    assert_eq!(normalise(DVec3::ZERO), DVec3::ZERO);
 }
 
 #[test]

@@ -318,6 +318,7 @@ fn the_triangles_with_area_keep_their_order() {
             [3, 0, 3],
             [1, 2, 3],
         ],
+        joined: vec![],
     };
     let good: Vec<_> = [0, 2, 4].map(|i| mesh.triangles[i]).into();
     let rest = Mesh { triangles: good, ..mesh.clone() };

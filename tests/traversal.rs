@@ -77,7 +77,11 @@ fn icosphere() -> Mesh {
     }
     let index = |k: usize| [3 * k, 3 * k + 1, 3 * k + 2].map(|i| i as u32);
     let triangles = (0..faces.len()).map(index).collect();
-    Mesh { vertices: faces.into_iter().flatten().collect(), triangles }
+    Mesh {
+        vertices: faces.into_iter().flatten().collect(),
+        triangles,
+        joined: vec![],
+    }
 }
 
 /// Triangles anywhere; two of three lie in a plane of constant x, y or z.
@@ -102,7 +106,7 @@ fn soup() -> Mesh {
 
 fn one_triangle() -> Mesh {
     let vertices = vec![DVec3::X, DVec3::Y, DVec3::NEG_Z];
-    Mesh { vertices, triangles: vec![[0, 1, 2]] }
+    Mesh { vertices, triangles: vec![[0, 1, 2]], joined: vec![] }
 }
 
 /// A point of the scene: a vertex, a point of an edge or of a triangle, the
@@ -238,6 +242,7 @@ fn a_triangle_that_is_passed_closely_is_not_drawn_as_met() {
             .map(|(y, z)| DVec3::new(1., y, z))
             .to_vec(),
         triangles: vec![[0, 1, 2]],
+        joined: vec![],
     };
     let last = |y: f64| {
         let scene = Scene::new(&triangle(y));

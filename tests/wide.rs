@@ -44,6 +44,7 @@ fn nested(n: u32) -> Scene {
             .flat_map(|i| corners.map(|corner| corner * scale(i)))
             .collect(),
         triangles: (0..n).map(|i| [0, 1, 2].map(|k| 3 * i + k)).collect(),
+        joined: vec![],
     })
 }
 

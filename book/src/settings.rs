@@ -224,7 +224,11 @@ fn cube() -> Mesh {
     ];
     let halves = |[a, b, c, d]: [u32; 4]| [[a, b, c], [a, c, d]];
     let triangles = squares.into_iter().flat_map(halves).collect();
-    Mesh { vertices: (0..8).map(corner).collect(), triangles }
+    Mesh {
+        vertices: (0..8).map(corner).collect(),
+        triangles,
+        joined: vec![],
+    }
 }
 
 /// An octahedron: eight triangles, none of them upright.
@@ -236,7 +240,11 @@ fn cut_cube() -> Mesh {
         ys.into_iter()
             .flat_map(move |y| zs.into_iter().map(move |z| [x, y, z]))
     });
-    Mesh { vertices: vertices.collect(), triangles: faces.collect() }
+    Mesh {
+        vertices: vertices.collect(),
+        triangles: faces.collect(),
+        joined: vec![],
+    }
 }
 
 /// A room with a block in it, closed or without two triangles of a wall.
@@ -256,7 +264,7 @@ fn one() -> Mesh {
         DVec3::new(1., 0., -1.),
         DVec3::new(0., 0.3, 1.),
     ];
-    Mesh { vertices, triangles: vec![[0, 1, 2]] }
+    Mesh { vertices, triangles: vec![[0, 1, 2]], joined: vec![] }
 }
 
 /// A closed chest on a plane, with 100 000 triangles in it.

@@ -189,7 +189,7 @@ pub fn icosphere(level: u32) -> Mesh {
         };
         triangles = triangles.iter().flat_map(cut).collect();
     }
-    Mesh { vertices, triangles }
+    Mesh { vertices, triangles, joined: vec![] }
 }
 
 /// A torus around the z axis, with radii 1 and 0.3.
@@ -210,7 +210,11 @@ fn torus(around: u32, across: u32) -> Mesh {
         let [c, d] = [number(i, j + 1), number(i + 1, j + 1)];
         [[a, b, d], [a, d, c]]
     });
-    Mesh { vertices: vertices.collect(), triangles: triangles.collect() }
+    Mesh {
+        vertices: vertices.collect(),
+        triangles: triangles.collect(),
+        joined: vec![],
+    }
 }
 
 /// An icosphere whose vertices are moved to random radii in [0.1, 1].

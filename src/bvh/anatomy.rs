@@ -6,7 +6,7 @@
 // Software Foundation, either version 3 of the License, or (at your option)
 // any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Draws a node, a leaf and the walk of one ray, for the book.
+//! Draws a node, a leaf and the traversal of one ray, for the book.
 
 // Name what the anatomy imports
 use std::{array, io};
@@ -18,8 +18,8 @@ use super::triangle::{LANES, Leaf, Search, Shear};
 use super::wide::{LEAF, Node, Quality, Wide, slots};
 use crate::scene::{Ray, Scene};
 
-// Record the walk of a ray
-/// A walk through the hierarchy of a scene, step by step.
+// Record the traversal of a ray
+/// A traversal through the hierarchy of a scene, step by step.
 pub struct Anatomy {
     wide: Wide<16>,
     ray: Ray,
@@ -34,7 +34,7 @@ struct Step {
     /// How many children wait afterwards.
     waiting: usize,
     /// The end of the ray afterwards.
-    reach: f64,
+    t_max: f64,
 }
 
 impl Anatomy {
@@ -53,10 +53,10 @@ impl Anatomy {
         let mut next = Some(0);
         while let Some(child) = next {
             // Look at one child and choose the next
-            let reach = search.distance as f32;
+            let t_max = search.distance as f32;
             let (mask, first) = if child & LEAF == 0 {
                 let node = &wide.nodes[child as usize];
-                let met = enter(node, &slabs, reach, distance);
+                let met = enter(node, &slabs, t_max, distance);
                 let any = met.mask != 0;
                 // SAFETY: no hierarchy is so deep that less than 16 are left.
                 let push =
@@ -71,8 +71,8 @@ impl Anatomy {
                 (met & ((1 << LANES) - 1), None)
             };
             next = first.or_else(|| stack.pop(search.distance as f32));
-            let (waiting, reach) = (stack.length(), search.distance);
-            steps.push(Step { child, mask, waiting, reach });
+            let (waiting, t_max) = (stack.length(), search.distance);
+            steps.push(Step { child, mask, waiting, t_max });
         }
         Ok(Self { wide, ray, steps })
     }
@@ -153,7 +153,7 @@ impl Anatomy {
             let number = format!("\\footnotesize {}", place + 1);
             tex += &format!("\\node[{LABEL}] at {middle} {{{number}}};\n");
         }
-        let end = self.steps.last().map_or(0., |s| s.reach).min(8192.);
+        let end = self.steps.last().map_or(0., |s| s.t_max).min(8192.);
         let [from, to] = [0., end].map(|t| {
             let p = self.ray.origin + t * self.ray.direction;
             at([p.x, -p.z])
@@ -202,7 +202,7 @@ impl Anatomy {
     }
 }
 
-// Tabulate the steps of a walk
+// Tabulate the steps of a traversal
 impl Anatomy {
     /// One row of a table for each step, in LaTeX.
     pub fn tabulate(&self) -> String {
@@ -213,13 +213,13 @@ impl Anatomy {
                 _ => ("leaf", slots(step.child).0),
             };
             let (met, waiting) = (step.mask.count_ones(), step.waiting);
-            let reach = match step.reach {
+            let t_max = match step.t_max {
                 f64::INFINITY => "$\\infty$".to_owned(),
-                reach => format!("{reach:.3}"),
+                t_max => format!("{t_max:.3}"),
             };
             let i = i + 1;
             format!(
-                "{i} & {what} {number} & {met} & {waiting} & {reach} \\\\\n"
+                "{i} & {what} {number} & {met} & {waiting} & {t_max} \\\\\n"
             )
         });
         rows.collect()

@@ -6,7 +6,7 @@
 // Software Foundation, either version 3 of the License, or (at your option)
 // any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The walk in AVX2 instructions, with eight boxes at a time.
+//! The traversal in AVX2 instructions, with eight boxes at a time.
 //!
 //! Each function does what its portable namesake does.
 
@@ -23,7 +23,7 @@ use super::wide::{Node, Wide};
 use crate::scene::Ray;
 
 /// A hierarchy on a processor that has the instructions.
-pub struct Walker(Wide<8>);
+pub struct Traverser(Wide<8>);
 
 // Ask the processor for AVX2
 /// Whether this processor has the instructions of this module.
@@ -36,7 +36,7 @@ pub fn is_available() -> bool {
         && is_x86_feature_detected!("popcnt")
 }
 
-impl Walker {
+impl Traverser {
     /// None if the processor lacks the instructions.
     pub fn new(wide: Wide<8>) -> Option<Self> {
         is_available().then_some(Self(wide))
@@ -48,10 +48,10 @@ impl Walker {
 }
 
 // Walk with AVX2 instructions
-impl Intersector for Walker {
+impl Intersector for Traverser {
     #[inline]
     fn first_hit(&self, ray: &Ray, from: Option<u32>) -> Option<Hit> {
-        // SAFETY: a walker exists only where `is_available` holds.
+        // SAFETY: a traverser exists only where `is_available` holds.
         unsafe { first_hit(&self.0, ray, from) }
     }
 
@@ -85,7 +85,7 @@ fn search<'a, const ANY: bool>(
         from,
         // SAFETY: the slabs and the shear are those of a ray, and no
         // hierarchy is so deep that the stack has less room.
-        |node, slabs, reach| unsafe { enter(node, slabs, reach) },
+        |node, slabs, t_max| unsafe { enter(node, slabs, t_max) },
         |node, shift, entered, stack| unsafe {
             push(node, shift, entered, stack)
         },
@@ -97,7 +97,7 @@ fn search<'a, const ANY: bool>(
 }
 
 // Enter eight boxes at once
-/// Which boxes of a node the ray enters before its reach.
+/// Which boxes of a node the ray enters before its t_max.
 ///
 /// # Safety
 /// The rows of `slabs` are below 6.
@@ -106,7 +106,7 @@ fn search<'a, const ANY: bool>(
 pub unsafe fn enter(
     node: &Node<8>,
     slabs: &Slabs,
-    reach: f32,
+    t_max: f32,
 ) -> Entered<__m256> {
     // Give the distances of eight planes
     let plane = |axis: usize, row: usize| {
@@ -118,7 +118,7 @@ pub unsafe fn enter(
         _mm256_fmsub_ps(planes, inverse, start)
     };
     let mut near = _mm256_setzero_ps();
-    let mut far = _mm256_set1_ps(reach);
+    let mut far = _mm256_set1_ps(t_max);
     for axis in 0..3 {
         near = _mm256_max_ps(plane(axis, slabs.enter[axis]), near);
         far = _mm256_min_ps(plane(axis, slabs.leave[axis]), far);
@@ -195,13 +195,13 @@ fn load(numbers: &[u32; 8]) -> __m256i {
 // Meet four triangles at once
 /// The triangles of a leaf that a ray meets up to the distance `limit`,
 /// as a mask, and their distances. Lanes that meet the ray beyond may or
-/// may not be in the mask. Each `WALK` has a copy of its own.
+/// may not be in the mask. Each `COPY` has a copy of its own.
 ///
 /// # Safety
 /// The leaf is one of `Leaves`, and the axes of the shear are below 3.
 #[target_feature(enable = "avx2")]
 #[inline]
-pub unsafe fn meet<const WALK: u8>(
+pub unsafe fn meet<const COPY: u8>(
     leaf: Leaf,
     shear: &Shear,
     limit: f64,

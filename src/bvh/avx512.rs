@@ -6,7 +6,7 @@
 // Software Foundation, either version 3 of the License, or (at your option)
 // any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The walk in AVX-512 instructions, with sixteen boxes at a time.
+//! The traversal in AVX-512 instructions, with sixteen boxes at a time.
 //!
 //! Each function does what its portable namesake does.
 
@@ -22,7 +22,7 @@ use super::wide::{Node, Wide};
 use crate::scene::Ray;
 
 /// A hierarchy on a processor that has the instructions.
-pub struct Walker(Wide<16>);
+pub struct Traverser(Wide<16>);
 
 // Ask the processor for AVX-512
 /// Whether this processor has the instructions of this module.
@@ -33,7 +33,7 @@ pub fn is_available() -> bool {
         && is_x86_feature_detected!("avx512dq")
 }
 
-impl Walker {
+impl Traverser {
     /// None if the processor lacks the instructions.
     pub fn new(wide: Wide<16>) -> Option<Self> {
         is_available().then_some(Self(wide))
@@ -45,10 +45,10 @@ impl Walker {
 }
 
 // Walk with AVX-512 instructions
-impl Intersector for Walker {
+impl Intersector for Traverser {
     #[inline]
     fn first_hit(&self, ray: &Ray, from: Option<u32>) -> Option<Hit> {
-        // SAFETY: a walker exists only where `is_available` holds.
+        // SAFETY: a traverser exists only where `is_available` holds.
         unsafe { first_hit(&self.0, ray, from) }
     }
 
@@ -88,7 +88,7 @@ fn search<'a, const ANY: bool>(
         from,
         // SAFETY: the slabs and the shear are those of a ray, and no
         // hierarchy is so deep that the stack has less room.
-        |node, slabs, reach| unsafe { enter(node, slabs, reach) },
+        |node, slabs, t_max| unsafe { enter(node, slabs, t_max) },
         |node, shift, entered, stack| unsafe {
             push(node, shift, entered, stack)
         },
@@ -100,7 +100,7 @@ fn search<'a, const ANY: bool>(
 }
 
 // Enter sixteen boxes at once
-/// Which boxes of a node the ray enters before its reach.
+/// Which boxes of a node the ray enters before its t_max.
 ///
 /// # Safety
 /// The rows of `slabs` are below 6.
@@ -109,7 +109,7 @@ fn search<'a, const ANY: bool>(
 pub unsafe fn enter(
     node: &Node<16>,
     slabs: &Slabs,
-    reach: f32,
+    t_max: f32,
 ) -> Entered<__m512> {
     // Give the distances of sixteen planes
     let plane = |axis: usize, row: usize| {
@@ -129,7 +129,7 @@ pub unsafe fn enter(
     );
     let far = _mm512_min_ps(
         _mm512_min_ps(leave(0), leave(1)),
-        _mm512_min_ps(leave(2), _mm512_set1_ps(reach)),
+        _mm512_min_ps(leave(2), _mm512_set1_ps(t_max)),
     );
     let mask = _mm512_cmp_ps_mask::<_CMP_LE_OQ>(near, far);
     Entered { mask: mask.into(), near, far }

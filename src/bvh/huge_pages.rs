@@ -73,7 +73,7 @@ impl<T: Pod> Deref for Pages<T> {
 
 impl<T: Pod> DerefMut for Pages<T> {
     fn deref_mut(&mut self) -> &mut [T] {
-        // SAFETY: as above; and nobody else has a reference.
+        // SAFETY: as above; and there is no other reference.
         unsafe { from_raw_parts_mut(self.first.as_ptr(), self.length) }
     }
 }

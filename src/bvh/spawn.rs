@@ -16,7 +16,7 @@ use bytemuck::Pod;
 use glam::DVec3;
 
 use super::intersector::Hit;
-use super::triangle::{Leaf, NEAR, NONE, Passage, Search, Shear};
+use super::triangle::{Leaf, NEAR, NONE, Search, Shear, TriangleTest};
 use super::wide::{Node, Wide};
 use crate::numerics::cross;
 use crate::scene::Ray;
@@ -64,7 +64,7 @@ where
     // Settle the point if it is doubtful
     let short = left.is_some() && distance <= SHORT;
     let deep = height.abs() > 0.5 * CLOSE_BY;
-    if search.doubt <= distance + NEAR || short || deep {
+    if search.near_tie <= distance + NEAR || short || deep {
         let arrival = Arrival { ray, distance, primitive, left };
         if let Some(safe) = arrival.settle(wide, met, deep) {
             point = safe;
@@ -100,7 +100,7 @@ impl Arrival<'_> {
     {
         let shear = Shear::new(self.ray);
         let close = deep || self.is_close(wide, &shear, met);
-        close.then(|| self.retreat(wide, &shear))
+        close.then(|| self.offset(wide, &shear))
     }
 
     // Ask whether others are close to the hit
@@ -135,25 +135,23 @@ impl Arrival<'_> {
             if Some(slot) == self.left {
                 return self.distance <= SHORT;
             }
-            match leaf.passage(lane, shear) {
+            match leaf.test(lane, shear) {
                 // Compare where the ray passes the triangle
-                Passage::Through(at) => at > -NEAR && gap(at).abs() <= NEAR,
-                Passage::Beside(at) => {
+                TriangleTest::Through(at) => {
+                    at > -NEAR && gap(at).abs() <= NEAR
+                }
+                TriangleTest::Beside(at) => {
                     at.iter().any(|&at| gap(at) <= NEAR)
                         && at.iter().any(|&at| gap(at) >= -NEAR)
                 }
-                Passage::Apart => false,
+                TriangleTest::Apart => false,
             }
         })
     }
 
     // Find the way back to a safe point
     /// A safe point of the ray, not far before the hit.
-    fn retreat<const N: usize>(
-        &self,
-        wide: &Wide<N>,
-        shear: &Shear,
-    ) -> DVec3
+    fn offset<const N: usize>(&self, wide: &Wide<N>, shear: &Shear) -> DVec3
     where
         Node<N>: Pod,
     {
@@ -190,8 +188,8 @@ impl Arrival<'_> {
                 return false;
             }
             let ahead = side * normal.dot(self.ray.origin - a) > 0.;
-            match leaf.passage(lane, shear) {
-                Passage::Through(_) if ahead => true,
+            match leaf.test(lane, shear) {
+                TriangleTest::Through(_) if ahead => true,
                 _ => {
                     height > -limit && !is_beside([a, b, c], normal, point)
                 }

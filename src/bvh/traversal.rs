@@ -6,13 +6,13 @@
 // Software Foundation, either version 3 of the License, or (at your option)
 // any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The walk through a wide hierarchy, and its portable form.
+//! The traversal through a wide hierarchy, and its portable form.
 //!
 //! Boxes are compared with the ray in single precision. They are padded
 //! so that rounding cannot hide a triangle: each triangle that the exact
 //! test finds up to the end of the ray is tested, whatever the tree.
 
-// Name what the walk imports
+// Name what the traversal imports
 use std::array;
 use std::mem::MaybeUninit;
 
@@ -151,17 +151,17 @@ impl<'a> Stack<'a> {
         self.length += count;
     }
 
-    // Take the next child within reach
-    /// Takes off children up to the first that begins within `reach`.
+    // Take the next child within t_max
+    /// Takes off children up to the first that begins within `t_max`.
     #[inline(always)]
-    pub fn pop(&mut self, reach: f32) -> Option<u32> {
+    pub fn pop(&mut self, t_max: f32) -> Option<u32> {
         while self.length > 0 {
             self.length -= 1;
             let i = self.length;
             let Waiting { children, distances } = &self.waiting;
             // SAFETY: the element was below `length`, so it was written.
             unsafe {
-                if distances.get_unchecked(i).assume_init() <= reach {
+                if distances.get_unchecked(i).assume_init() <= t_max {
                     return Some(children.get_unchecked(i).assume_init());
                 }
             }
@@ -177,7 +177,7 @@ pub struct Entered<V> {
     pub mask: u32,
     /// Where the ray enters each box, not before its own start.
     pub near: V,
-    /// Where it leaves each box, not beyond its reach. A box is entered
+    /// Where it leaves each box, not beyond its t_max. A box is entered
     /// if `near <= far`.
     pub far: V,
 }
@@ -204,11 +204,11 @@ where
     if !(within(ray.origin) & within(ray.direction)).all() {
         return search;
     }
-    // Prepare to walk from the root
+    // Prepare to start at the root
     let (slabs, shear) = (Slabs::new(ray), Shear::new(ray));
     let mut waiting = Waiting::new();
     let mut stack = Stack::new(&mut waiting);
-    let mut reach = f32::INFINITY;
+    let mut t_max = f32::INFINITY;
     let mut child = 0;
     // Go from nodes to leaves
     loop {
@@ -216,10 +216,10 @@ where
             // Choose among the children entered
             // SAFETY: children without the bit LEAF are numbers of nodes.
             let node = unsafe { nodes.get_unchecked(child as usize) };
-            let entered = enter(node, &slabs, reach);
+            let entered = enter(node, &slabs, t_max);
             let mask = entered.mask;
             child = match mask.count_ones() {
-                0 => match stack.pop(reach) {
+                0 => match stack.pop(t_max) {
                     Some(waiting) => waiting,
                     None => return search,
                 },
@@ -236,9 +236,9 @@ where
             if ANY && search.slot != NONE {
                 return search;
             }
-            reach = search.distance as f32;
+            t_max = search.distance as f32;
         }
-        match stack.pop(reach) {
+        match stack.pop(t_max) {
             Some(waiting) => child = waiting,
             None => return search,
         }
@@ -275,16 +275,16 @@ pub unsafe fn look<'a>(
 }
 
 // Look at one node portably
-/// Which boxes of `node` a ray enters before `reach`, where `distance`
+/// Which boxes of `node` a ray enters before `t_max`, where `distance`
 /// is that of a plane, given 1/d and o/d.
 #[inline(always)]
 pub fn enter<const N: usize>(
     node: &Node<N>,
     slabs: &Slabs,
-    reach: f32,
+    t_max: f32,
     distance: impl Fn(f32, f32, f32) -> f32,
 ) -> Entered<[f32; N]> {
-    let (mut near, mut far) = ([0f32; N], [reach; N]);
+    let (mut near, mut far) = ([0f32; N], [t_max; N]);
     for axis in 0..3 {
         let (inverse, start) = (slabs.inverse[axis], slabs.start[axis]);
         let enter = &node.planes[slabs.enter[axis]];
@@ -324,10 +324,10 @@ pub unsafe fn push<const N: usize>(
 }
 
 // Answer with the portable form
-/// A hierarchy that is walked with what every processor has.
-pub struct Walker(pub Wide<8>);
+/// A hierarchy that is traversed with what every processor has.
+pub struct Traverser(pub Wide<8>);
 
-impl Walker {
+impl Traverser {
     pub fn wide(&self) -> &Wide<8> {
         &self.0
     }
@@ -342,7 +342,7 @@ impl Walker {
             &self.0,
             ray,
             from,
-            |node, slabs, reach| enter(node, slabs, reach, distance),
+            |node, slabs, t_max| enter(node, slabs, t_max, distance),
             // SAFETY: no hierarchy is so deep that less than 8 are left.
             |node, shift, met, stack| unsafe {
                 push(node, shift, met, stack)
@@ -358,7 +358,7 @@ pub fn distance(b: f32, inverse: f32, start: f32) -> f32 {
     b * inverse - start
 }
 
-impl Intersector for Walker {
+impl Intersector for Traverser {
     fn first_hit(&self, ray: &Ray, from: Option<u32>) -> Option<Hit> {
         hit(&self.0, ray, from, &self.search::<false>(ray, from))
     }

@@ -141,11 +141,6 @@ impl Leaves {
     }
 
     // Find the number of a triangle
-    /// The numbers in the scene of all triangles, by their slots.
-    pub fn numbers(&self) -> Vec<u32> {
-        self.numbers.to_vec()
-    }
-
     /// The number of a triangle in the scene.
     pub fn number(&self, slot: u32) -> u32 {
         self.numbers[slot as usize]
@@ -223,12 +218,12 @@ impl Leaf<'_> {
         for (lane, distance) in distances.iter_mut().enumerate() {
             if self.lanes >> lane & 1 != 0 {
                 // Add what the ray does to this triangle
-                match self.passage(lane, shear) {
-                    Passage::Through(at) if at > -NEAR => {
+                match self.test(lane, shear) {
+                    TriangleTest::Through(at) if at > -NEAR => {
                         *distance = at;
                         met |= 1 << lane;
                     }
-                    Passage::Beside(at) => {
+                    TriangleTest::Beside(at) => {
                         *distance = at[0].min(at[1]).min(at[2]);
                         met |= 1 << (lane + LANES);
                     }
@@ -241,7 +236,7 @@ impl Leaf<'_> {
 
     /// What a ray does to the triangle in a lane.
     #[inline(always)]
-    pub fn passage(&self, lane: usize, shear: &Shear) -> Passage {
+    pub fn test(&self, lane: usize, shear: &Shear) -> TriangleTest {
         let [x, y, z] = self.sheared(lane, shear);
         let u = edge(x[2], y[1], y[2], x[1]);
         let v = edge(x[0], y[2], y[0], x[2]);
@@ -254,11 +249,11 @@ impl Leaf<'_> {
         if within(0.) {
             // Find the distance along the ray
             let height = (u * z[0] + v * z[1] + w * z[2]) / (u + v + w);
-            Passage::Through(height * shear.stretch)
+            TriangleTest::Through(height * shear.stretch)
         } else if within(NARROW) {
-            Passage::Beside(z.map(|z| z * shear.stretch))
+            TriangleTest::Beside(z.map(|z| z * shear.stretch))
         } else {
-            Passage::Apart
+            TriangleTest::Apart
         }
     }
 
@@ -278,7 +273,7 @@ impl Leaf<'_> {
 
 /// What a ray does to a triangle.
 #[derive(Clone, Copy, Debug)]
-pub enum Passage {
+pub enum TriangleTest {
     /// Its line goes through it, at this distance, which is negative
     /// behind the origin, and not a number if it is seen edge on.
     Through(f64),
@@ -303,16 +298,16 @@ pub struct Search<'a> {
     /// The slots of its leaf, the first and how many.
     leaf: (u32, usize),
     /// The least distance at which something else is close to the ray.
-    pub doubt: f64,
+    pub near_tie: f64,
 }
 
 impl<'a> Search<'a> {
     /// A search that has met nothing, for a ray that left slot `from`.
     #[inline(always)]
     pub fn new(leaves: &'a Leaves, from: Option<u32>) -> Self {
-        let (from, doubt) = (from.unwrap_or(NONE), f64::INFINITY);
+        let (from, near_tie) = (from.unwrap_or(NONE), f64::INFINITY);
         let (distance, slot, leaf) = (f64::INFINITY, NONE, (0, 0));
-        Self { leaves, from, distance, slot, leaf, doubt }
+        Self { leaves, from, distance, slot, leaf, near_tie }
     }
 
     // Take a triangle that is nearer
@@ -348,7 +343,7 @@ impl<'a> Search<'a> {
         let gap = (distance - self.distance).abs();
         let beside = lane >= LANES as u32;
         if beside || gap <= NEAR || distance <= NEAR {
-            self.doubt = self.doubt.min(distance);
+            self.near_tie = self.near_tie.min(distance);
             let leaves = self.leaves;
             let behind = || leaves.is_behind((first, count), lane, ray);
             if beside || distance <= NEAR && behind() {

@@ -559,7 +559,7 @@ impl Plan {
 pub const STACK: usize = 1024;
 
 impl Plan {
-    /// Whether the stack of a walk is sure to suffice, with one more
+    /// Whether the stack of a traversal is sure to suffice, with one more
     /// level above.
     fn fits<const N: usize>(&self) -> bool {
         (N - 1) * (self.levels + 1) + N <= STACK

@@ -6,7 +6,7 @@
 // Software Foundation, either version 3 of the License, or (at your option)
 // any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Writes the figures of a walk through the courtyard to a directory.
+//! Writes the figures of a traversal through the courtyard to a directory.
 
 use std::fs;
 use std::path::Path;

@@ -114,6 +114,7 @@ fn corner() -> Mesh {
             corner(0., -1., 1.),
         ],
         triangles: vec![[0, 1, 2], [0, 2, 3], [0, 1, 4], [0, 4, 5]],
+        joined: vec![],
     }
 }
 
@@ -295,7 +296,8 @@ fn stopping() -> Result<String, fmt::Error> {
 /// The mean of a run of coins that is stopped by its error, and its
 /// number of samples.
 fn stopped(seed: u64, error: f64, side: u32) -> (f64, u64) {
-    let nothing = Mesh { vertices: vec![], triangles: vec![] };
+    let nothing =
+        Mesh { vertices: vec![], triangles: vec![], joined: vec![] };
     let scene = Scene::new(&nothing);
     let Ok(intersector) = Bvh::new(&scene) else { return (0., 0) };
     let view = look([0.; 3], [0., 1., 0.], DVec3::Z, 70.);
