@@ -342,3 +342,20 @@ fn a_hit_knows_its_face_in_the_file() {
         assert_eq!(all, scene.faces());
     }
 }
+
+/// The tests of vector instructions pass where the processor lacks them: so
+/// what the program finds must be what the system says.
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+#[test]
+fn vector_instructions_are_found_where_the_system_names_them() {
+    let info = std::fs::read_to_string("/proc/cpuinfo").unwrap();
+    let flags = info.lines().find(|line| line.starts_with("flags")).unwrap();
+    let has = |names: &str| {
+        let mut names = names.split_whitespace();
+        names.all(|name| flags.split_whitespace().any(|flag| flag == name))
+    };
+    let avx2 = has("avx2 fma bmi1 bmi2 abm popcnt");
+    let avx512 = avx2 && has("avx512f avx512vl avx512dq");
+    assert_eq!(Isa::Avx2.is_available(), avx2);
+    assert_eq!(Isa::Avx512.is_available(), avx512);
+}
