@@ -349,7 +349,8 @@ fn a_hit_knows_its_face_in_the_file() {
 #[test]
 fn vector_instructions_are_found_where_the_system_names_them() {
     let info = std::fs::read_to_string("/proc/cpuinfo").unwrap();
-    let flags = info.lines().find(|line| line.starts_with("flags")).unwrap();
+    let flags =
+        info.lines().find(|line| line.starts_with("flags")).unwrap();
     let has = |names: &str| {
         let mut names = names.split_whitespace();
         names.all(|name| flags.split_whitespace().any(|flag| flag == name))

@@ -6,16 +6,18 @@
 // Software Foundation, either version 3 of the License, or (at your option)
 // any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Draws a node, a leaf and the traversal of one ray, for the book.
+//! Records what one traversal sees, for the figures of the book.
 
 // Name what the anatomy imports
 use std::{array, io};
+
+use glam::Vec3;
 
 use super::traversal::{
     Slabs, Stack, Waiting, distance, enter, look, push,
 };
 use super::triangle::{LANES, Leaf, Search, Shear};
-use super::wide::{LEAF, Node, Quality, Wide, slots};
+use super::wide::{LEAF, Quality, Wide, slots};
 use crate::scene::{Ray, Scene};
 
 // Record the traversal of a ray
@@ -23,18 +25,30 @@ use crate::scene::{Ray, Scene};
 pub struct Anatomy {
     wide: Wide<16>,
     ray: Ray,
-    steps: Vec<Step>,
+    /// What it looked at, in this order.
+    pub steps: Vec<Step>,
 }
 
 /// A look at one node or leaf.
-struct Step {
+pub struct Step {
     child: u32,
-    /// The children entered, or the triangles met.
-    mask: u32,
+    /// A bit for each child entered, or each triangle met.
+    pub mask: u32,
     /// How many children wait afterwards.
-    waiting: usize,
+    pub waiting: usize,
     /// The end of the ray afterwards.
-    t_max: f64,
+    pub t_max: f64,
+}
+
+impl Step {
+    /// Whether it is a leaf, and its number: of the node, or of the
+    /// leaf's first slot.
+    pub fn leaf(&self) -> (bool, u32) {
+        match self.child & LEAF {
+            0 => (false, self.child),
+            _ => (true, slots(self.child).0),
+        }
+    }
 }
 
 impl Anatomy {
@@ -78,150 +92,37 @@ impl Anatomy {
     }
 
     // Find the node and leaf to draw
-    /// The root, and the mask of the children that the ray enters.
-    fn root(&self) -> (&Node<16>, u32) {
-        (&self.wide.nodes[0], self.steps.first().map_or(0, |s| s.mask))
+    /// The boxes of the root's children, near to far, and whether the ray
+    /// enters them.
+    pub fn root(&self) -> Vec<(bool, [Vec3; 2])> {
+        let node = &self.wide.nodes[0];
+        let mask = self.steps.first().map_or(0, |s| s.mask);
+        let shift = Slabs::new(&self.ray).shift;
+        let near = node.order.iter().rev();
+        let slots = near.map(|order| (order >> shift & 15) as usize);
+        let slots = slots.filter(|&slot| node.planes[0][slot].is_finite());
+        let corner = |first: usize, slot: usize| {
+            Vec3::from_array(array::from_fn(|k| {
+                node.planes[first + k][slot]
+            }))
+        };
+        let child = |slot| [corner(0, slot), -corner(3, slot)];
+        slots.map(|slot| (mask >> slot & 1 != 0, child(slot))).collect()
     }
 
-    /// A full leaf with a triangle that the ray meets, if it met one.
-    fn leaf(&self) -> Option<Leaf<'_>> {
-        let met = self.steps.iter().filter(|s| s.child & LEAF != 0);
-        let mut met = met.filter(|s| s.mask != 0);
-        met.find_map(|s| {
-            let (first, count) = slots(s.child);
-            // SAFETY: children with the bit LEAF are leaves that are there.
-            let leaf = unsafe { self.wide.leaves.leaf(first, count) };
-            (count == LANES).then_some(leaf)
-        })
-    }
-}
-
-// Draw a node from above
-/// Writes points as places of an image of 11 cm by 8 cm that shows
-/// `all`.
-fn scale(all: &[[f64; 2]]) -> impl Fn([f64; 2]) -> String + use<> {
-    let least =
-        |i: usize| all.iter().map(|p| p[i]).fold(f64::MAX, f64::min);
-    let most = |i: usize| all.iter().map(|p| p[i]).fold(f64::MIN, f64::max);
-    let (left, low) = (least(0), least(1));
-    let scale = (11. / (most(0) - left)).min(8. / (most(1) - low));
-    move |[x, y]| {
-        let (x, y) = ((x - left) * scale, (y - low) * scale);
-        format!("({x:.3},{y:.3})")
-    }
-}
-
-/// Labels cover the lines below them.
-const LABEL: &str = "fill=white,inner sep=1pt";
-
-/// An image made of TikZ's `commands`.
-fn image(commands: &str) -> String {
-    format!("\\begin{{tikzpicture}}\n{commands}\\end{{tikzpicture}}\n")
-}
-
-/// The slots of `node` that hold children, near to far, with opposite
-/// corners of their boxes seen from above.
-fn footprints(node: &Node<16>, shift: u32) -> Vec<(usize, [[f64; 2]; 2])> {
-    let near = node.order.iter().rev();
-    let slots = near.map(|order| (order >> shift & 15) as usize);
-    let slots = slots.filter(|&slot| node.planes[0][slot].is_finite());
-    let at = |row: usize, slot: usize| f64::from(node.planes[row][slot]);
-    let corner = |low, slot| [at(low, slot), -at(low + 2, slot)];
-    slots.map(|slot| (slot, [corner(0, slot), corner(3, slot)])).collect()
-}
-
-impl Anatomy {
-    /// A node's children from above and the ray, in TikZ.
-    pub fn draw_node(&self) -> String {
-        let (node, mask) = self.root();
-        let boxes = footprints(node, Slabs::new(&self.ray).shift);
-        let corners: Vec<_> = boxes.iter().flat_map(|b| b.1).collect();
-        let at = scale(&corners);
-        let mut tex = String::new();
-        // Draw the boxes from above
-        for (slot, [a, b]) in &boxes {
-            let entered = mask >> slot & 1 != 0;
-            let style = if entered { "fill=black!25" } else { "" };
-            let (a, b) = (at(*a), at(*b));
-            tex += &format!("\\draw[{style}] {a} rectangle {b};\n");
-        }
-        // Draw the numbers and the ray
-        for (place, (_, [a, b])) in boxes.iter().enumerate() {
-            let across = (place + 1) as f64 / (boxes.len() + 1) as f64;
-            let x = a[0] + across * (b[0] - a[0]);
-            let middle = at([x, (a[1] + b[1]) / 2.]);
-            let number = format!("\\footnotesize {}", place + 1);
-            tex += &format!("\\node[{LABEL}] at {middle} {{{number}}};\n");
-        }
-        let end = self.steps.last().map_or(0., |s| s.t_max).min(8192.);
-        let [from, to] = [0., end].map(|t| {
-            let p = self.ray.origin + t * self.ray.direction;
-            at([p.x, -p.z])
-        });
-        tex += &format!("\\draw[very thick,->] {from} -- {to};\n");
-        tex += &format!("\\draw[fill=white] {from} circle (2pt);\n");
-        image(&tex)
-    }
-}
-
-// Draw a leaf along the ray
-/// The corners of the triangle in `lane`, sheared.
-fn sheared(leaf: Leaf, lane: usize, shear: &Shear) -> [[f64; 2]; 3] {
-    let [x, y, _] = leaf.sheared(lane, shear);
-    array::from_fn(|c| [x[c], y[c]])
-}
-
-/// The signs of the edge functions of a sheared triangle.
-fn signs([a, b, c]: [[f64; 2]; 3]) -> String {
-    let edge = |p: [f64; 2], q: [f64; 2]| p[0] * q[1] - p[1] * q[0];
-    let sign = |e: f64| if e < 0. { "{-}" } else { "{+}" };
-    [edge(c, b), edge(a, c), edge(b, a)].map(sign).concat()
-}
-
-impl Anatomy {
-    /// A leaf's four triangles along the ray, in TikZ.
-    pub fn draw_leaf(&self) -> String {
-        let Some(leaf) = self.leaf() else { return String::new() };
+    /// The triangles of a full leaf of which the ray meets one, if there
+    /// was such a leaf: $x$ and $y$ of their corners, sheared.
+    pub fn leaf(&self) -> Option<[[[f64; 2]; 3]; LANES]> {
+        let met = self.steps.iter().filter(|s| s.mask != 0);
+        let mut leaves =
+            met.filter(|s| s.child & LEAF != 0).map(|s| slots(s.child));
+        let (first, count) = leaves.find(|leaf| leaf.1 == LANES)?;
+        // SAFETY: children with the bit LEAF are leaves that are there.
+        let leaf = unsafe { self.wide.leaves.leaf(first, count) };
         let shear = Shear::new(&self.ray);
-        let lanes: [_; LANES] =
-            array::from_fn(|lane| sheared(leaf, lane, &shear));
-        let at = scale(&[lanes.concat(), vec![[0.; 2]]].concat());
-        let mut tex = String::new();
-        for triangle in lanes {
-            // Draw a triangle and its signs
-            let [a, b, c] = triangle.map(&at);
-            let middle = [0, 1].map(|i| {
-                triangle.iter().map(|corner| corner[i]).sum::<f64>() / 3.
-            });
-            let (middle, signs) = (at(middle), signs(triangle));
-            tex += &format!("\\draw {a} -- {b} -- {c} -- cycle;\n");
-            tex += &format!("\\node[{LABEL}] at {middle} {{${signs}$}};\n");
-        }
-        tex += &format!("\\fill {} circle (2pt);\n", at([0.; 2]));
-        image(&tex)
-    }
-}
-
-// Tabulate the steps of a traversal
-impl Anatomy {
-    /// One row of a table for each step, in LaTeX.
-    pub fn tabulate(&self) -> String {
-        let rows = self.steps.iter().enumerate().map(|(i, step)| {
-            // Put the fields of a step into words
-            let (what, number) = match step.child & LEAF {
-                0 => ("node", step.child),
-                _ => ("leaf", slots(step.child).0),
-            };
-            let (met, waiting) = (step.mask.count_ones(), step.waiting);
-            let t_max = match step.t_max {
-                f64::INFINITY => "$\\infty$".to_owned(),
-                t_max => format!("{t_max:.3}"),
-            };
-            let i = i + 1;
-            format!(
-                "{i} & {what} {number} & {met} & {waiting} & {t_max} \\\\\n"
-            )
-        });
-        rows.collect()
+        Some(array::from_fn(|lane| {
+            let [x, y, _] = leaf.sheared(lane, &shear);
+            array::from_fn(|c| [x[c], y[c]])
+        }))
     }
 }
