@@ -55,7 +55,8 @@ pub struct Arguments {
 
     /// Samples (paths) per pixel [default: 1]; an upper bound with
     /// --time or --error
-    #[arg(short = 'n', long = "spp", visible_alias = "realisations",
+    #[arg(short = 'n', long = "spp",
+          visible_alias = "realisations",
           value_name = "N", value_parser = parse_samples, allow_hyphen_values = true)]
     pub samples: Option<u64>,
 

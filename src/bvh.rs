@@ -239,7 +239,9 @@ impl Bvh {
         asked: impl Fn(&[DVec3; 3]) -> bool,
     ) -> bool {
         let asked = |_: &Leaf, _, corners: &_| asked(corners);
-        with_traverser!(self, traverser => traverser.wide().any(&enters, &asked))
+        with_traverser!(self, traverser => {
+            traverser.wide().any(&enters, &asked)
+        })
     }
 
     /// All triangles, each with its face, in the order of the hierarchy.

@@ -30,9 +30,11 @@
 //! let integrator = PathTracer { albedo: 0.5, sky };
 //! let intersector = Bvh::new(&scene)?;
 //!
-//! let mut job = Job { scene: &scene, intersector: &intersector, camera: &camera,
-//!                 integrator: &integrator, known: &KnownPixels::Nothing,
-//!                 sampler: IndependentSampler::new(0) };
+//! let mut job = Job {
+//!     scene: &scene, intersector: &intersector, camera: &camera,
+//!     integrator: &integrator, known: &KnownPixels::Nothing,
+//!     sampler: IndependentSampler::new(0),
+//! };
 //! let mut film = Film::new(4, 3);
 //! job.pass(&mut film, 2, &|_| true);
 //! assert_eq!(film.pixel(0, 0).mean(), 0.5);

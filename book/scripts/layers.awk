@@ -18,7 +18,8 @@ function chapter(module) {
     for (i = 2; i <= NF; i++) {
         name = $i
         gsub(/_/, "\\_", name)
-        text = text "\\mbox{\\texttt{" name "} (\\ref{chap:" chapter($i) "})}\\quad "
+        number = "(\\ref{chap:" chapter($i) "})"
+        text = text "\\mbox{\\texttt{" name "} " number "}\\quad "
     }
     place = NR == 1 ? "" : ", above=1mm of layer" NR - 1
     printf "\\node[layer%s] (layer%d) {\\modules{%s}{%s}};\n", \
