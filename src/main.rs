@@ -179,8 +179,8 @@ fn load(
     let hex = |byte: u8| format!("{byte:02x}");
     let sha256 = hash.into_iter().flatten().map(hex).collect();
     drop(bytes);
-    let scene = Scene::new(&mesh);
     let triangles = mesh.triangles.len() as u64;
+    let scene = Scene::of(mesh);
     let known = Report {
         program: concat!("pt ", env!("CARGO_PKG_VERSION")).to_owned(),
         scene: SceneFile { file, sha256, triangles },

@@ -17,8 +17,9 @@ use std::borrow::Cow;
 use std::fmt;
 use std::iter::Skip;
 use std::str::SplitWhitespace;
+use std::sync::atomic::{AtomicI16, Ordering};
 
-use glam::{DVec3, Vec3};
+use glam::{BVec3, DVec3};
 use memchr::{memchr, memchr_iter};
 use rayon::prelude::*;
 
@@ -380,13 +381,15 @@ impl std::error::Error for ObjError {}
 /// The map from the coordinates of the file to those of the scene.
 #[derive(Clone, Copy, Debug)]
 pub struct Frame {
-    /// The least corner of the scene's box, times `part`.
+    /// The least corner of the scene's box, times `part`; zero along an
+    /// axis that is only scaled.
     low: DVec3,
     /// One half, or one.
     part: f64,
     /// The scale is 2^`exponent` times `part`.
     exponent: i32,
-    /// Half extents of the scene's box, in the scene.
+    /// About half of the scene's box, in the scene; zero along an axis
+    /// that is only scaled.
     half: DVec3,
 }
 
@@ -401,10 +404,19 @@ impl Frame {
         let p = p * self.part;
         let offset = p - self.low;
         // Find what the subtraction rounded away
-        let back = offset - p;
-        let lost = (p - (offset - back)) - (self.low + back);
+        let lost = lost(p, self.low, offset);
         let whole = shift(offset, self.exponent - k) - shift(self.half, -k);
         whole + shift(lost, self.exponent - k)
+    }
+
+    /// Along which axes the map rounds the place of `p`.
+    fn rounds(&self, p: DVec3) -> BVec3 {
+        let p = p * self.part;
+        let offset = p - self.low;
+        let scaled = shift(offset, self.exponent);
+        let place = scaled - self.half;
+        lost(p, self.low, offset).cmpne(DVec3::ZERO)
+            | lost(scaled, self.half, place).cmpne(DVec3::ZERO)
     }
 
     // Place a point however far away
@@ -418,91 +430,247 @@ impl Frame {
     }
 }
 
-/// The frame of a box given by two opposite corners.
-fn frame(low: DVec3, high: DVec3) -> Frame {
+/// What the difference of `a` and `b` has lost when it was rounded.
+fn lost(a: DVec3, b: DVec3, difference: DVec3) -> DVec3 {
+    let back = difference - a;
+    (a - (difference - back)) - (b + back)
+}
+
+/// The frame of a box given by two opposite corners, which may be moved
+/// along the axes `moved`.
+fn frame(low: DVec3, high: DVec3, moved: BVec3) -> Frame {
     let longest = (0.5 * high - 0.5 * low).max_element();
     let farthest = low.abs().max(high.abs()).max_element();
     let is_small =
         longest < power_of_two(-900) && farthest < power_of_two(-800);
     let part = if is_small { 1. } else { 0.5 };
     let (low, high) = (low * part, high * part);
-    let size = high - low;
+    let reach = 2. * low.abs().max(high.abs());
+    let size = DVec3::select(moved, high - low, reach);
     let exponent = match size.max_element() {
         0. => 0,
         longest => EXTENT + 1 - exponent(longest),
     };
-    let half = 0.5 * shift(size, exponent);
-    Frame { low, part, exponent, half }
+    let half = shift(size, exponent).to_array().map(about_half);
+    let only = |v: DVec3| DVec3::select(moved, v, DVec3::ZERO);
+    Frame { low: only(low), part, exponent, half: only(half.into()) }
+}
+
+/// Half of a number, to three binary digits.
+fn about_half(x: f64) -> f64 {
+    let unit = power_of_two(exponent(x) - 3);
+    (0.5 * x / unit).round() * unit
 }
 
 /// Binary exponent of the largest half extent of a scene.
 pub const EXTENT: i32 = 12;
 
 /// The corners of a triangle, in the coordinates of the scene.
-pub type Triangle = [Vec3; 3];
+pub type Triangle = [DVec3; 3];
+
+/// Triangles that share their corners, in the coordinates of the scene.
+#[derive(Clone, Debug, Default)]
+pub struct Triangles {
+    /// The corners.
+    pub vertices: Vec<DVec3>,
+    /// Three indices into `vertices` for each triangle.
+    pub corners: Vec<[u32; 3]>,
+    /// The face of each triangle in the mesh.
+    pub faces: Vec<u32>,
+}
+
+impl Triangles {
+    /// How many.
+    pub fn len(&self) -> usize {
+        self.corners.len()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.corners.is_empty()
+    }
+
+    /// The corners of a triangle.
+    #[inline(always)]
+    pub fn get(&self, i: usize) -> Triangle {
+        self.corners[i].map(|corner| self.vertices[corner as usize])
+    }
+
+    /// The corners of each.
+    pub fn iter(&self) -> impl ExactSizeIterator<Item = Triangle> {
+        (0..self.len()).map(|i| self.get(i))
+    }
+
+    /// Takes those triangles out of which `is_out` is true, given their
+    /// number; returns their faces.
+    fn leave_out(&mut self, is_out: impl Fn(usize) -> bool) -> Vec<u32> {
+        let all = 0..self.len();
+        let out: Vec<_> = all.map(is_out).collect();
+        let gone = self.faces.iter().zip(&out).filter(|(_, out)| **out);
+        let gone = gone.map(|(face, _)| *face).collect();
+        let (mut first, mut second) = (out.iter(), out.iter());
+        self.corners.retain(|_| first.next() == Some(&false));
+        self.faces.retain(|_| second.next() == Some(&false));
+        gone
+    }
+}
 
 /// Triangles near the origin, with the map that brought them there.
 #[derive(Clone, Debug)]
 pub struct Scene {
     frame: Frame,
-    /// Half extents of a box around the origin, slightly larger than
-    /// the scene.
-    half: DVec3,
-    triangles: Vec<Triangle>,
-    /// The face of each triangle in the mesh.
-    faces: Vec<u32>,
+    /// Opposite corners of a box, slightly larger than the scene.
+    bounds: [DVec3; 2],
+    triangles: Triangles,
     /// The faces of triangles that were left out for having no area.
     flat: Vec<u32>,
     /// Those of triangles that were left out as copies.
     copies: Vec<u32>,
 }
 
-fn has_area(triangle: &Triangle) -> bool {
-    let [a, b, c] = triangle.map(|corner| corner.as_dvec3());
+fn has_area(&[a, b, c]: &Triangle) -> bool {
     let (u, v) = (b - a, c - a);
     u.cross(v) != DVec3::ZERO || cross(u, v) != DVec3::ZERO
+}
+
+/// How finely each vertex is placed: by a hash of its place, the exponent
+/// of the smallest triangle around it, or less.
+struct Sizes(Vec<AtomicI16>);
+
+impl Sizes {
+    fn of(vertices: usize) -> Self {
+        let places = (2 * vertices).next_power_of_two();
+        let mut sizes = vec![];
+        sizes.resize_with(places, || AtomicI16::new(i16::MAX));
+        Self(sizes)
+    }
+
+    fn at(&self, corner: &DVec3) -> &AtomicI16 {
+        &self.0[scattered(corner) as usize & (self.0.len() - 1)]
+    }
+
+    /// Says that a triangle of this size is around these corners.
+    fn note(&self, corners: &Triangle, exponent: i16) {
+        for corner in corners {
+            self.at(corner).fetch_min(exponent, Ordering::Relaxed);
+        }
+    }
+
+    /// The place, rounded to 2^-24 of the smallest triangle around it.
+    fn round(&self, place: DVec3) -> DVec3 {
+        let exponent = self.at(&place).load(Ordering::Relaxed);
+        if exponent == i16::MAX || exponent == EXACT {
+            return place;
+        }
+        let digits = i32::from(exponent) - DIGITS;
+        let (up, down) = (power_of_two(-digits), power_of_two(digits));
+        (place * up).round() * down + DVec3::ZERO
+    }
+}
+
+/// Binary digits to which a triangle's corners are placed.
+const DIGITS: i32 = 24;
+
+/// Triangles whose exponent exceeds the least by more are not rounded.
+const RANGE: i16 = 6;
+
+/// The size around vertices that are not rounded.
+const EXACT: i16 = i16::MIN;
+
+/// Coordinates that are smaller count as zero: 2^-100.
+const TINY: f64 = f64::from_bits((1023 - 100) << 52);
+
+fn size(&[a, b, c]: &Triangle) -> f64 {
+    (a.max(b).max(c) - a.min(b).min(c)).max_element()
 }
 
 impl Scene {
     /// The scene of a mesh; a mesh without triangles is an empty scene.
     pub fn new(mesh: &Mesh) -> Self {
-        let corner = |&i: &u32| mesh.vertices[i as usize];
-        let corners = |t: &[u32; 3]| t.each_ref().map(corner);
+        Self::of(mesh.clone())
+    }
+
+    /// The same, which uses the mesh up.
+    pub fn of(mesh: Mesh) -> Self {
+        let faces = mesh.faces();
+        let Mesh { vertices, triangles: corners, .. } = mesh;
+        let mut triangles = Triangles { vertices, corners, faces };
         // Find the box of the triangles
-        let bounds = mesh
-            .triangles
-            .par_iter()
-            .map(corners)
-            .map(|[a, b, c]| (a.min(b).min(c), a.max(b).max(c)));
+        let all = &triangles;
+        let bounds = (0..all.len()).into_par_iter().map(|i| {
+            let [a, b, c] = all.get(i);
+            (a.min(b).min(c), a.max(b).max(c))
+        });
         let (low, high) = bounds
             .reduce_with(|a, b| (a.0.min(b.0), a.1.max(b.1)))
             .unwrap_or_default();
         let (low, high) = (low + DVec3::ZERO, high + DVec3::ZERO);
-        let frame = frame(low, high);
-        let place =
-            |corner: DVec3| frame.apply(corner).as_vec3() + Vec3::ZERO;
-        let place = |corners: [DVec3; 3]| corners.map(place);
-        // Place the triangles that have an area
-        let all = mesh.triangles.par_iter().map(corners).map(place);
-        let mut triangles: Vec<Triangle> = all.collect();
-        let mut faces = mesh.faces();
+        // Find the axes along which a move rounds nothing
+        let moved = frame(low, high, BVec3::TRUE);
+        let corners = all.corners.par_iter().flatten_iter();
+        let rounds = corners.map(|&i| moved.rounds(all.vertices[i as usize]));
+        let rounds = rounds.reduce(|| BVec3::FALSE, |a, b| a | b);
+        let frame = frame(low, high, !rounds);
+        let place = |p: &mut DVec3| {
+            let placed = frame.apply(*p) + DVec3::ZERO;
+            let tiny = placed.abs().cmplt(DVec3::splat(TINY));
+            *p = DVec3::select(tiny, DVec3::ZERO, placed);
+        };
+        triangles.vertices.par_iter_mut().for_each(place);
         let mut flat = vec![];
-        if !triangles.par_iter().all(has_area) {
-            let is_flat = |_, triangle: &_| !has_area(triangle);
-            flat = leave_out(&mut triangles, &mut faces, is_flat);
+        let all = &triangles;
+        let numbers = (0..all.len()).into_par_iter();
+        if !numbers.clone().all(|i| has_area(&all.get(i))) {
+            let old = triangles.clone();
+            flat = triangles.leave_out(|i| !has_area(&old.get(i)));
         }
+        // Round the places of the vertices
+        let all = &triangles;
+        let sizes = Sizes::of(all.vertices.len());
+        let numbers = (0..all.len()).into_par_iter();
+        let size = |i: usize| exponent(size(&all.get(i))) as i16;
+        let least = numbers.clone().map(size).min().unwrap_or(0);
+        numbers.clone().for_each(|i| {
+            let size = size(i);
+            let is_large = size > least + RANGE;
+            sizes.note(&all.get(i), if is_large { EXACT } else { size });
+        });
+        if std::env::var_os("STATS").is_some() {
+            let mut sizes: Vec<_> = numbers.clone().map(size).collect();
+            sizes.sort_unstable();
+            let at = |p: usize| sizes[p * (sizes.len() - 1) / 1000];
+            eprintln!("sizes: {:?}", [0, 1, 10, 50, 100, 250, 500, 750, 900, 990, 1000].map(at));
+        }
+        let flattened = |i: &usize| {
+            let corners = all.get(*i);
+            !has_area(&corners.map(|corner| sizes.round(corner)))
+        };
+        loop {
+            let flattened: Vec<_> =
+                numbers.clone().filter(flattened).collect();
+            if flattened.is_empty() {
+                break;
+            }
+            for i in flattened {
+                sizes.note(&all.get(i), EXACT);
+            }
+        }
+        let round = |p: &mut DVec3| *p = sizes.round(*p);
+        triangles.vertices.par_iter_mut().for_each(round);
         let found = copies(&triangles);
-        let is_copy = |i: usize, _: &_| found.binary_search(&i).is_ok();
+        let is_copy = |i: usize| found.binary_search(&i).is_ok();
         let copies = match found.is_empty() {
             true => vec![],
-            false => leave_out(&mut triangles, &mut faces, is_copy),
+            false => triangles.leave_out(is_copy),
         };
-        let half = frame.apply(high) + DVec3::ONE;
-        Self { frame, half, triangles, faces, flat, copies }
+        let margin = DVec3::ONE;
+        let bounds =
+            [frame.apply(low) - margin, frame.apply(high) + margin];
+        Self { frame, bounds, triangles, flat, copies }
     }
 
     /// The triangles that have an area, in the order of the mesh.
-    pub fn triangles(&self) -> &[Triangle] {
+    pub fn triangles(&self) -> &Triangles {
         &self.triangles
     }
 
@@ -521,16 +689,10 @@ impl Scene {
         nearby.then_some(placed)
     }
 
-    /// The face in the mesh, from 0, of each triangle.
-    pub fn faces(&self) -> &[u32] {
-        &self.faces
-    }
-
-    /// Hands the triangles and their faces over, for a hierarchy to use
-    /// up; the scene has none afterwards.
-    pub fn take_triangles(&mut self) -> (Vec<Triangle>, Vec<u32>) {
-        let triangles = std::mem::take(&mut self.triangles);
-        (triangles, std::mem::take(&mut self.faces))
+    /// Hands the triangles over, for a hierarchy to use up; the scene has
+    /// none afterwards.
+    pub fn take_triangles(&mut self) -> Triangles {
+        std::mem::take(&mut self.triangles)
     }
 
     // Move a distant ray to the scene
@@ -538,61 +700,47 @@ impl Scene {
     /// it enters the scene; none if it passes the scene by.
     pub fn enter(&self, position: DVec3, direction: DVec3) -> Option<Ray> {
         let (origin, k) = self.frame.place_afar(position);
-        let half = shift(self.half, -k);
-        if origin.abs().cmple(half).all() {
+        let [low, high] = self.bounds.map(|corner| shift(corner, -k));
+        if (origin.cmpge(low) & origin.cmple(high)).all() {
             return Some(Ray { origin, direction });
         }
-        let near = -direction.signum() * half;
+        let up = direction.cmpge(DVec3::ZERO);
+        let near = DVec3::select(up, low, high);
+        let far = DVec3::select(up, high, low);
         let enters = ((near - origin) / direction).to_array();
-        let leaves = ((-near - origin) / direction).to_array();
+        let leaves = ((far - origin) / direction).to_array();
         let start = enters.into_iter().fold(0., f64::max);
         let end = leaves.into_iter().fold(f64::INFINITY, f64::min);
         if start > end * (1. + f64::EPSILON * 8.) {
             return None;
         }
         let point = shift(origin + direction * start, k);
-        Some(Ray { origin: point.clamp(-self.half, self.half), direction })
+        let [low, high] = self.bounds;
+        Some(Ray { origin: point.clamp(low, high), direction })
     }
-}
-
-/// Takes those triangles out of which `is_out` is true, given their
-/// number; returns their faces.
-fn leave_out(
-    triangles: &mut Vec<Triangle>,
-    faces: &mut Vec<u32>,
-    is_out: impl Fn(usize, &Triangle) -> bool,
-) -> Vec<u32> {
-    let all = triangles.iter().enumerate();
-    let out: Vec<_> = all.map(|(i, t)| is_out(i, t)).collect();
-    let gone = faces.iter().zip(&out).filter(|(_, out)| **out);
-    let gone = gone.map(|(face, _)| *face).collect();
-    let (mut first, mut second) = (out.iter(), out.iter());
-    triangles.retain(|_| first.next() == Some(&false));
-    faces.retain(|_| second.next() == Some(&false));
-    gone
 }
 
 /// The numbers, in ascending order, of triangles that have the same
 /// corners as an earlier one.
-fn copies(triangles: &[Triangle]) -> Vec<usize> {
+fn copies(triangles: &Triangles) -> Vec<usize> {
     if triangles.len() > NUMBERS as usize {
         return vec![];
     }
     // Sort the keys of the triangles
-    let key = |(i, triangle): (usize, &Triangle)| {
-        mixed(triangle) & !(NUMBERS - 1) | i as u64
+    let key = |i: usize| {
+        mixed(&triangles.get(i)) & !(NUMBERS - 1) | i as u64
     };
-    let keys = triangles.par_iter().enumerate().map(key);
+    let keys = (0..triangles.len()).into_par_iter().map(key);
     let mut keys: Vec<u64> = keys.collect();
     keys.par_sort_unstable();
     let groups = keys.chunk_by(|a, b| a / NUMBERS == b / NUMBERS);
     let mut copies: Vec<usize> = vec![];
     for group in groups.filter(|group| group.len() > 1) {
         // Find the copies in a group
-        let mut others: Vec<[[u32; 3]; 3]> = vec![];
+        let mut others: Vec<[[u64; 3]; 3]> = vec![];
         for key in group {
             let i = (key % NUMBERS) as usize;
-            let corners = sorted(&triangles[i]);
+            let corners = sorted(&triangles.get(i));
             match others.contains(&corners) {
                 true => copies.push(i),
                 false => others.push(corners),
@@ -613,17 +761,19 @@ fn mixed(triangle: &Triangle) -> u64 {
 }
 
 /// A number that depends on all bits of a corner.
-pub fn scattered(corner: &Vec3) -> u64 {
-    let [x, y, z] = corner.to_array().map(|x| u64::from(x.to_bits()));
-    let first = (x << 32 | y).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    let both = first ^ first >> 32 ^ z.wrapping_mul(0xd1b5_4a32_d192_ed03);
+pub fn scattered(corner: &DVec3) -> u64 {
+    let [x, y, z] = corner.to_array().map(f64::to_bits);
+    let first = (x ^ y.rotate_left(32)).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    let both = first
+        ^ first >> 32
+        ^ (y ^ z.rotate_left(32)).wrapping_mul(0xd1b5_4a32_d192_ed03);
     let mixed = both.wrapping_mul(0xbf58_476d_1ce4_e5b9);
     mixed ^ mixed >> 31
 }
 
 /// The corners of a triangle, as bits, in order.
-fn sorted(triangle: &Triangle) -> [[u32; 3]; 3] {
-    let mut corners = triangle.map(|p| p.to_array().map(f32::to_bits));
+fn sorted(triangle: &Triangle) -> [[u64; 3]; 3] {
+    let mut corners = triangle.map(|p| p.to_array().map(f64::to_bits));
     corners.sort_unstable();
     corners
 }

@@ -14,10 +14,10 @@ use std::{array, io};
 use glam::Vec3;
 
 use super::traversal::{
-    Slabs, Stack, Waiting, distance, enter, look, push,
+    Slabs, Stack, Waiting, distance, end, enter, look, push,
 };
-use super::triangle::{LANES, Leaf, Search, Shear};
-use super::wide::{LEAF, Quality, Wide, slots};
+use super::triangle::{BACK, LANES, LEAF, Leaf, Search, Shear, slots};
+use super::wide::{Quality, Wide};
 use crate::scene::{Ray, Scene};
 
 // Record the traversal of a ray
@@ -57,17 +57,18 @@ impl Anatomy {
     /// # Errors
     /// Too little memory.
     pub fn new(scene: &Scene, ray: Ray) -> io::Result<Self> {
-        let triangles = scene.triangles().to_vec();
+        let triangles = scene.triangles().clone();
         let wide = Wide::new(triangles, Quality::Medium)?;
         // Walk and note each step
-        let (slabs, shear) = (Slabs::new(&ray), Shear::new(&ray));
+        let (mut slabs, shear) =
+            (Slabs::new(&ray, wide.zero), Shear::new(&ray));
         let mut search = Search::new(&wide.leaves, None);
         let (mut waiting, mut steps) = (Waiting::new(), vec![]);
         let mut stack = Stack::new(&mut waiting);
         let mut next = Some(0);
         while let Some(child) = next {
             // Look at one child and choose the next
-            let t_max = search.distance as f32;
+            let t_max = end(search.limit);
             let (mask, first) = if child & LEAF == 0 {
                 let node = &wide.nodes[child as usize];
                 let met = enter(node, &slabs, t_max, distance);
@@ -77,14 +78,25 @@ impl Anatomy {
                     || unsafe { push(node, slabs.shift, &met, &mut stack) };
                 (met.mask, any.then(push))
             } else {
-                let meet = |leaf: Leaf, shear: &_, _| leaf.meet(shear);
+                let (place, count) = slots(child);
                 // SAFETY: children with the bit LEAF are leaves that are there.
-                let met = unsafe {
-                    look(&mut search, child, (&ray, &shear), meet)
-                };
+                let leaf = unsafe { search.leaf(place, count) };
+                if leaf.kind() >= BACK {
+                    slabs = Slabs::new(&ray, leaf.zero());
+                    let gate = leaf.gate(place).map(|(inner, back)| {
+                        // SAFETY: no hierarchy is so deep.
+                        unsafe { stack.push(back, 0.) };
+                        inner
+                    });
+                    next = gate.or_else(|| stack.pop(end(search.limit)));
+                    continue;
+                }
+                let meet = |leaf: &Leaf, shear: &_, _| leaf.meet(shear);
+                let met =
+                    look(&mut search, (place, &leaf), (&ray, &shear), meet);
                 (met & ((1 << LANES) - 1), None)
             };
-            next = first.or_else(|| stack.pop(search.distance as f32));
+            next = first.or_else(|| stack.pop(end(search.limit)));
             let (waiting, t_max) = (stack.length(), search.distance);
             steps.push(Step { child, mask, waiting, t_max });
         }
@@ -97,7 +109,7 @@ impl Anatomy {
     pub fn root(&self) -> Vec<(bool, [Vec3; 2])> {
         let node = &self.wide.nodes[0];
         let mask = self.steps.first().map_or(0, |s| s.mask);
-        let shift = Slabs::new(&self.ray).shift;
+        let shift = Slabs::new(&self.ray, self.wide.zero).shift;
         let near = node.order.iter().rev();
         let slots = near.map(|order| (order >> shift & 15) as usize);
         let slots = slots.filter(|&slot| node.planes[0][slot].is_finite());

@@ -17,7 +17,7 @@ use super::intersector::{Hit, Intersector};
 use super::spawn::hit;
 use super::traversal::{Entered, Slabs, Stack, traverse};
 use super::triangle::{
-    CLOSE, LANES, Leaf, NARROW, NEAR, NONE, Search, Shear,
+    CLOSE, EXACT, HEAD, LANES, Leaf, NONE, Search, Shear,
 };
 use super::wide::{Node, Wide};
 use crate::scene::Ray;
@@ -109,19 +109,21 @@ pub unsafe fn enter(
     t_max: f32,
 ) -> Entered<__m256> {
     // Give the distances of eight planes
-    let plane = |axis: usize, row: usize| {
+    let plane = |[inverse, start]: &[[f32; 3]; 2], axis: usize, row| {
         // SAFETY: the row is below 6, says the caller; it is 8 numbers.
-        let row = unsafe { node.planes.get_unchecked(row) };
+        let row = unsafe { node.planes.get_unchecked::<usize>(row) };
         let planes = unsafe { _mm256_loadu_ps(row.as_ptr()) };
-        let inverse = _mm256_set1_ps(slabs.inverse[axis]);
-        let start = _mm256_set1_ps(slabs.start[axis]);
+        let inverse = _mm256_set1_ps(inverse[axis]);
+        let start = _mm256_set1_ps(start[axis]);
         _mm256_fmsub_ps(planes, inverse, start)
     };
     let mut near = _mm256_setzero_ps();
     let mut far = _mm256_set1_ps(t_max);
     for axis in 0..3 {
-        near = _mm256_max_ps(plane(axis, slabs.enter[axis]), near);
-        far = _mm256_min_ps(plane(axis, slabs.leave[axis]), far);
+        let enter = plane(&slabs.entry, axis, slabs.enter[axis]);
+        let leave = plane(&slabs.exit, axis, slabs.leave[axis]);
+        near = _mm256_max_ps(enter, near);
+        far = _mm256_min_ps(leave, far);
     }
     let met = _mm256_cmp_ps::<_CMP_LE_OQ>(near, far);
     Entered { mask: _mm256_movemask_ps(met) as u32, near, far }
@@ -199,24 +201,46 @@ fn load(numbers: &[u32; 8]) -> __m256i {
 ///
 /// # Safety
 /// The leaf is one of `Leaves`, and the axes of the shear are below 3.
-#[target_feature(enable = "avx2")]
+#[target_feature(enable = "avx2,fma")]
 #[inline]
 pub unsafe fn meet<const COPY: u8>(
-    leaf: Leaf,
+    leaf: &Leaf,
     shear: &Shear,
     limit: f64,
 ) -> (u32, [f64; LANES]) {
+    let runs = leaf.words.as_ptr();
+    if leaf.kind() == EXACT {
+        return meet_at(leaf, shear, limit, |run, _| {
+            // SAFETY: there are nine runs, and four numbers of the last.
+            let run = unsafe { runs.add(HEAD + 2 * run * leaf.count) };
+            unsafe { _mm256_loadu_pd(run.cast()) }
+        });
+    }
+    let unit = _mm256_set1_pd(leaf.unit());
+    let zero = [0, 1, 2].map(|axis| _mm256_set1_pd(leaf.origin(axis)));
+    meet_at(leaf, shear, limit, |run, axis| {
+        // SAFETY: there are nine runs, after which there are the faces.
+        let run = unsafe { runs.add(HEAD + run * leaf.count) };
+        let steps = unsafe { _mm_loadu_si128(run.cast()) };
+        _mm256_fmadd_pd(_mm256_cvtepi32_pd(steps), unit, zero[axis])
+    })
+}
+
+/// The same, given the coordinates of a run along an axis.
+#[target_feature(enable = "avx2,fma")]
+#[inline]
+fn meet_at(
+    leaf: &Leaf,
+    shear: &Shear,
+    limit: f64,
+    coordinates: impl Fn(usize, usize) -> __m256d,
+) -> (u32, [f64; LANES]) {
+    let margins = leaf.margins(shear);
     // Shear the corners of four triangles
     let [i, j, k] = shear.axes;
     let [ox, oy, oz] = shear.origin.map(|x| _mm256_set1_pd(x));
     let [sx, sy] = shear.slope.map(|x| _mm256_set1_pd(x));
-    let runs = leaf.corners.as_ptr();
-    let at = |c: usize, axis: usize| {
-        // SAFETY: c and the axes are below 3, so that the run is one of
-        // nine, after which there are four numbers more.
-        let run = unsafe { runs.add((3 * c + axis) * leaf.count) };
-        _mm256_cvtps_pd(unsafe { _mm_loadu_ps(run) })
-    };
+    let at = |c: usize, axis: usize| coordinates(3 * c + axis, axis);
     let sheared = |lanes, origin, slope, z| {
         let moved = _mm256_sub_pd(lanes, origin);
         _mm256_sub_pd(moved, _mm256_mul_pd(slope, z))
@@ -239,7 +263,7 @@ pub unsafe fn meet<const COPY: u8>(
     let zero = _mm256_setzero_pd();
     let least = _mm256_min_pd(_mm256_min_pd(u, v), w);
     let most = _mm256_max_pd(_mm256_max_pd(u, v), w);
-    let narrow = _mm256_set1_pd(NARROW);
+    let narrow = _mm256_set1_pd(margins.narrow());
     let inside = _mm256_or_pd(
         _mm256_cmp_pd::<_CMP_GE_OQ>(least, _mm256_sub_pd(zero, narrow)),
         _mm256_cmp_pd::<_CMP_LE_OQ>(most, narrow),
@@ -263,9 +287,10 @@ pub unsafe fn meet<const COPY: u8>(
     let height = _mm256_add_pd(height, _mm256_mul_pd(w, cz));
     let height = _mm256_div_pd(height, sum);
     let distance = _mm256_mul_pd(height, _mm256_set1_pd(shear.stretch));
-    let least = _mm256_set1_pd(-NEAR);
+    let near = margins.near();
+    let least = _mm256_set1_pd(-near);
     let ahead = _mm256_cmp_pd::<_CMP_GT_OQ>(distance, least);
-    let limit = _mm256_set1_pd(limit);
+    let limit = _mm256_set1_pd(limit + near);
     let within = _mm256_cmp_pd::<_CMP_LE_OQ>(distance, limit);
     let met = _mm256_and_pd(inside, _mm256_and_pd(ahead, within));
     let mut distances = [0.; LANES];
@@ -276,6 +301,6 @@ pub unsafe fn meet<const COPY: u8>(
 
 #[cold]
 #[inline(never)]
-fn carefully(leaf: Leaf, shear: &Shear) -> (u32, [f64; LANES]) {
+fn carefully(leaf: &Leaf, shear: &Shear) -> (u32, [f64; LANES]) {
     leaf.meet(shear)
 }

@@ -21,17 +21,20 @@ use glam::DVec3;
 
 use super::intersector::{Hit, Intersector};
 use super::spawn::hit;
-use super::triangle::{LANES, Leaf, NEAR, NONE, Search, Shear};
-use super::wide::{LEAF, Node, STACK, Wide, slots};
+use super::triangle::{
+    BACK, LANES, LEAF, Leaf, NONE, Search, Shear, slots,
+};
+use super::wide::{Node, STACK, Wide};
 use crate::scene::Ray;
 
 // Prepare a ray for boxes
 /// A ray in single precision, prepared for the planes of boxes.
 pub struct Slabs {
-    /// 1/d of each axis, neither zero nor infinite.
-    pub inverse: [f32; 3],
-    /// o/d of each axis.
-    pub start: [f32; 3],
+    /// 1/d of each axis, neither zero nor infinite, and o/d, for the
+    /// planes by which the ray enters: not too late.
+    pub entry: [[f32; 3]; 2],
+    /// The same for those by which it leaves: not too early.
+    pub exit: [[f32; 3]; 2],
     /// The rows of a node's planes, 0 to 5, by which the ray enters.
     pub enter: [usize; 3],
     /// The rows by which it leaves.
@@ -42,18 +45,40 @@ pub struct Slabs {
 }
 
 impl Slabs {
+    /// For boxes whose planes are counted from `zero`.
     #[inline(always)]
-    pub fn new(ray: &Ray) -> Self {
+    pub fn new(ray: &Ray, zero: DVec3) -> Self {
         let direction = ray.direction.as_vec3().to_array();
-        let origin = ray.origin.as_vec3().to_array();
+        let from = ray.origin - zero;
+        let aside = ray.origin.abs().max_element() * ASIDE;
+        let origin = from.as_vec3().to_array();
         let inverse = direction.map(|d| 1. / steep(d));
-        let start = array::from_fn(|i| origin[i] * inverse[i]);
+        let margin: [f32; 3] = array::from_fn(|i| {
+            (origin[i].abs() * ROUGH + aside as f32) * inverse[i].abs()
+        });
+        let start: [f32; 3] = array::from_fn(|i| origin[i] * inverse[i]);
+        let late = array::from_fn(|i| start[i] + margin[i]);
+        let longer = 1. + 2. * ROUGH;
+        let early = array::from_fn(|i| (start[i] - margin[i]) * longer);
         let up = direction.map(|d| usize::from(d >= 0.));
         let enter = array::from_fn(|i| i + 3 * (1 - up[i]));
         let leave = array::from_fn(|i| i + 3 * up[i]);
         let shift = 4 * (up[0] | up[1] << 1 | up[2] << 2) as u32;
-        Self { inverse, start, enter, leave, shift }
+        let exit = [inverse.map(|r| r * longer), early];
+        Self { entry: [inverse, late], exit, enter, leave, shift }
     }
+}
+
+/// By which part distances of planes may be wrong: 2^-21.
+const ROUGH: f32 = 1. / (1 << 21) as f32;
+
+/// By which part of its coordinates a ray may be aside: 2^-48.
+const ASIDE: f64 = 1. / (1u64 << 48) as f64;
+
+/// The end of a ray for boxes: `limit`, or a little more.
+#[inline(always)]
+pub fn end(limit: f64) -> f32 {
+    limit as f32 * (1. + ROUGH)
 }
 
 const LEAST: f32 = f32::from_bits((127 - 60) << 23);
@@ -191,7 +216,7 @@ pub fn traverse<'a, const N: usize, const ANY: bool, V>(
     from: Option<u32>,
     enter: impl Fn(&Node<N>, &Slabs, f32) -> Entered<V>,
     push: impl Fn(&Node<N>, u32, &Entered<V>, &mut Stack) -> u32,
-    meet: impl Fn(Leaf<'a>, &Shear, f64) -> (u32, [f64; LANES]),
+    meet: impl Fn(&Leaf<'a>, &Shear, f64) -> (u32, [f64; LANES]),
 ) -> Search<'a>
 where
     Node<N>: Pod,
@@ -205,7 +230,7 @@ where
         return search;
     }
     // Prepare to start at the root
-    let (slabs, shear) = (Slabs::new(ray), Shear::new(ray));
+    let (mut slabs, shear) = (Slabs::new(ray, wide.zero), Shear::new(ray));
     let mut waiting = Waiting::new();
     let mut stack = Stack::new(&mut waiting);
     let mut t_max = f32::INFINITY;
@@ -230,13 +255,26 @@ where
             };
         }
         // Offer the leaf's triangles and go on
+        let (first, count) = slots(child);
         // SAFETY: children with the bit LEAF are leaves that are there.
-        let met = unsafe { look(&mut search, child, (ray, &shear), &meet) };
-        if met != 0 {
-            if ANY && search.slot != NONE {
-                return search;
+        let leaf = unsafe { search.leaf(first, count) };
+        if leaf.kind() >= BACK {
+            let zero = leaf.zero();
+            slabs = Slabs::new(ray, zero);
+            if let Some((inner, back)) = leaf.gate(first) {
+                // SAFETY: no hierarchy is so deep that one is not left.
+                unsafe { stack.push(back, 0.) };
+                child = inner;
+                continue;
             }
-            t_max = search.distance as f32;
+        } else {
+            let met = look(&mut search, (first, &leaf), (ray, &shear), &meet);
+            if met != 0 {
+                if ANY && search.slot != NONE {
+                    return search;
+                }
+                t_max = end(search.limit);
+            }
         }
         match stack.pop(t_max) {
             Some(waiting) => child = waiting,
@@ -246,29 +284,21 @@ where
 }
 
 /// Offers the triangles of a leaf that the ray meets; their mask.
-///
-/// # Safety
-/// The child is a leaf of those that are searched, and `meet` answers
-/// with lanes of the leaf.
 #[inline(always)]
-pub unsafe fn look<'a>(
+pub fn look<'a>(
     search: &mut Search<'a>,
-    child: u32,
+    (first, leaf): (u32, &Leaf<'a>),
     (ray, shear): (&Ray, &Shear),
-    meet: impl Fn(Leaf<'a>, &Shear, f64) -> (u32, [f64; LANES]),
+    meet: impl Fn(&Leaf<'a>, &Shear, f64) -> (u32, [f64; LANES]),
 ) -> u32 {
-    let (first, count) = slots(child);
-    // SAFETY: the leaf is there, says the caller.
-    let leaf = unsafe { search.leaf(first, count) };
-    let limit = search.distance + NEAR;
-    let (met, distances) = meet(leaf, shear, limit);
+    let (met, distances) = meet(leaf, shear, search.limit);
     // Offer each lane of the mask
     let mut left = met;
     while left != 0 {
         let lane = left.trailing_zeros();
         let distance = distances[lane as usize % LANES];
-        // SAFETY: the lane is one of this leaf.
-        unsafe { search.offer((first, count), lane, distance, ray) };
+        let margins = leaf.margins(shear);
+        search.offer((first, leaf), lane, distance, ray, margins);
         left &= left - 1;
     }
     met
@@ -286,13 +316,14 @@ pub fn enter<const N: usize>(
 ) -> Entered<[f32; N]> {
     let (mut near, mut far) = ([0f32; N], [t_max; N]);
     for axis in 0..3 {
-        let (inverse, start) = (slabs.inverse[axis], slabs.start[axis]);
+        let [inverse, start] = slabs.entry.map(|row| row[axis]);
+        let [longer, early] = slabs.exit.map(|row| row[axis]);
         let enter = &node.planes[slabs.enter[axis]];
         let leave = &node.planes[slabs.leave[axis]];
         // Narrow the intervals of all boxes
         for i in 0..N {
             let a = distance(enter[i], inverse, start);
-            let b = distance(leave[i], inverse, start);
+            let b = distance(leave[i], longer, early);
             near[i] = if a > near[i] { a } else { near[i] };
             far[i] = if b < far[i] { b } else { far[i] };
         }

@@ -12,12 +12,10 @@
 //! same on every processor.
 
 // Name what the triangles import
-use std::io;
-
 use glam::DVec3;
 
 use super::huge_pages::Pages;
-use crate::numerics::cross;
+use crate::numerics::{cross, exponent, power_of_two};
 use crate::scene::{Ray, Triangle};
 
 // Make a ray the z axis
@@ -33,6 +31,8 @@ pub struct Shear {
     pub slope: [f64; 2],
     /// 1/dz: distance along the ray per unit of z.
     pub stretch: f64,
+    /// The largest coordinate of the origin.
+    pub size: f64,
 }
 
 impl Shear {
@@ -50,7 +50,8 @@ impl Shear {
         let origin = axes.map(|axis| flush(origin[axis], SMALLEST));
         let stretch = 1. / z;
         let slope = [x, y].map(|d| flush(d * stretch, FLATTEST));
-        Self { axes, origin, slope, stretch }
+        let size = ray.origin.abs().max_element();
+        Self { axes, origin, slope, stretch, size }
     }
 }
 
@@ -93,9 +94,36 @@ fn refined(a: f64, b: f64, c: f64, d: f64, rough: f64) -> f64 {
     }
 }
 
-/// An edge function of less than this, with the wrong sign, may belong
-/// to a triangle within 2^-32 of a point of the ray: 2^-15.
-pub const NARROW: f64 = 1. / 32768.;
+/// What is small beside coordinates up to `size`: of a ray's origin and a
+/// triangle's corners.
+#[derive(Clone, Copy, Debug)]
+pub struct Margins {
+    /// The larger of the two.
+    pub size: f64,
+}
+
+impl Margins {
+    /// Distances along a ray that are closer are not told apart: 2^-35.
+    #[inline(always)]
+    pub fn near(self) -> f64 {
+        self.size * (1. / (1u64 << 35) as f64)
+    }
+
+    /// An edge function of less than this, with the wrong sign, may belong
+    /// to a triangle within 2^-45 of a point of the ray: 2^-41, of the
+    /// square.
+    #[inline(always)]
+    pub fn narrow(self) -> f64 {
+        self.size * self.size * (1. / (1u64 << 41) as f64)
+    }
+
+    /// How far off its surface a hit is put, and at least how far from
+    /// other triangles, by our computation: 2^-47.
+    #[inline(always)]
+    pub fn clear(self) -> f64 {
+        self.size * (1. / (1u64 << 47) as f64)
+    }
+}
 
 // Keep four triangles side by side
 /// Triangles in a leaf at most.
@@ -104,89 +132,217 @@ pub const LANES: usize = 4;
 /// No triangle.
 pub const NONE: u32 = u32::MAX;
 
-/// Most triangles whose slots a leaf can name: 2^29.
+/// Words of the unit in which leaves are counted.
+pub const UNIT: usize = 4;
+
+/// Most units that a child can name: 2^29.
 pub const MOST: usize = 1 << 29;
 
-/// All leaves of a hierarchy.
-pub struct Leaves {
-    /// Nine numbers for each triangle, and `LANES` more.
-    corners: Pages<f32>,
-    /// For each slot the number in the scene.
-    numbers: Pages<u32>,
+/// Words before the corners of a leaf: three coordinates of an origin and
+/// a tag.
+pub const HEAD: usize = 4;
+
+/// What the last eight bits of a tag say: the kind of a leaf, or the
+/// exponent of its unit of length, plus `BIAS`.
+pub const EXACT: u32 = 0;
+pub const GATE: u32 = 255;
+pub const BACK: u32 = 254;
+const BIAS: i32 = 180;
+
+/// Units of a gate, after which the way back follows.
+pub const GATE_UNITS: u32 = 3;
+
+/// Marks the number of a child as that of a leaf.
+pub const LEAF: u32 = 1 << 31;
+
+/// The child that is a leaf of `count` triangles at unit `first`.
+pub fn leaf(first: u32, count: u32) -> u32 {
+    LEAF | (count - 1) << 29 | first
 }
 
-impl Leaves {
-    /// Room for `count` triangles.
-    pub fn with_room(count: usize) -> io::Result<Self> {
-        let corners = Pages::zeroed(9 * count + LANES)?;
-        Ok(Self { corners, numbers: Pages::zeroed(count)? })
-    }
+/// The first unit and the count of a child that is a leaf.
+#[inline(always)]
+pub fn slots(child: u32) -> (u32, usize) {
+    (child & ((1 << 29) - 1), (child >> 29 & 3) as usize + 1)
+}
 
+/// All leaves of a hierarchy, one after the other.
+pub struct Leaves(pub Pages<u32>);
+
+impl Leaves {
     // Find a leaf without a check
-    /// The leaf of `count` triangles from slot `first`.
+    /// The leaf of `count` triangles at unit `first`.
     ///
     /// # Safety
     /// A leaf of these triangles has been put there.
     #[inline(always)]
     pub unsafe fn leaf(&self, first: u32, count: usize) -> Leaf<'_> {
         // SAFETY: the leaf is within the array, says the caller.
-        let corners =
-            unsafe { self.corners.get_unchecked(9 * first as usize..) };
-        Leaf { corners, count, lanes: (1 << count) - 1 }
+        let words =
+            unsafe { self.0.get_unchecked(UNIT * first as usize..) };
+        Leaf { words, count, lanes: (1 << count) - 1 }
     }
 
-    /// All leaves, to be filled from the front.
-    pub fn room(&mut self) -> Room<'_> {
-        Room { corners: &mut self.corners, numbers: &mut self.numbers }
+    // Find a triangle by its slot
+    /// The leaf and the lane of a triangle.
+    fn find(&self, slot: u32) -> (Leaf<'_>, u32) {
+        let first = slot >> 2;
+        let words = &self.0[UNIT * first as usize..];
+        let count = (words[3] >> 8 & 3) as usize + 1;
+        (Leaf { words, count, lanes: (1 << count) - 1 }, slot & 3)
     }
 
-    // Find the number of a triangle
-    /// The number of a triangle in the scene.
-    pub fn number(&self, slot: u32) -> u32 {
-        self.numbers[slot as usize]
+    /// The corners of the triangle in a slot.
+    pub fn triangle(&self, slot: u32) -> Triangle {
+        let (leaf, lane) = self.find(slot);
+        leaf.triangle(lane)
+    }
+
+    /// The largest coordinate of its leaf, or more.
+    #[inline(always)]
+    pub fn reach(&self, slot: u32) -> f64 {
+        let tag = self.0[UNIT * (slot >> 2) as usize + 3];
+        f64::from(f32::from_bits(tag))
+    }
+
+    /// The face of the triangle in a slot.
+    pub fn face(&self, slot: u32) -> u32 {
+        let (leaf, lane) = self.find(slot);
+        leaf.face(lane)
     }
 }
 
-/// Slots that are still empty.
-pub struct Room<'a> {
-    corners: &'a mut [f32],
-    numbers: &'a mut [u32],
+/// The slot of the triangle in a lane of the leaf at unit `first`.
+#[inline(always)]
+pub fn slot(first: u32, lane: u32) -> u32 {
+    first << 2 | lane
 }
 
-impl<'a> Room<'a> {
-    /// Cuts off the first `count` slots.
-    pub fn take(&mut self, count: usize) -> Room<'a> {
-        let corners = split_off(&mut self.corners, 9 * count);
-        Room { corners, numbers: split_off(&mut self.numbers, count) }
+/// How a leaf is written.
+#[derive(Clone, Copy, Debug)]
+pub struct Shape {
+    origin: [f32; 3],
+    tag: u32,
+}
+
+impl Shape {
+    /// The shape of a leaf of these triangles.
+    pub fn of(triangles: &[Triangle]) -> Self {
+        let corners = triangles.as_flattened();
+        let reach = corners.iter().map(|p| p.abs().max_element());
+        let reach = reach.fold(0., f64::max);
+        let count = (triangles.len() - 1) as u32;
+        let tag = |kind: u32| upwards(reach) | count << 8 | kind;
+        Self::compact(corners)
+            .map(|(origin, kind)| Self { origin, tag: tag(kind) })
+            .unwrap_or(Self { origin: [0.; 3], tag: tag(EXACT) })
     }
 
-    // Fill a leaf run by run
-    /// Makes the first slots a leaf of these triangles, each with its
-    /// number in the scene.
-    pub fn fill(&mut self, triangles: &[(u32, Triangle)]) {
+    /// An origin near these points from which all of them can be reached
+    /// by 31 bits, and the exponent of the unit.
+    fn compact(corners: &[DVec3]) -> Option<([f32; 3], u32)> {
+        let low = corners.iter().fold(corners[0], |a, b| a.min(*b));
+        let high = corners.iter().fold(corners[0], |a, b| a.max(*b));
+        let origin = (0.5 * low + 0.5 * high).as_vec3();
+        let far = (high - origin.as_dvec3())
+            .max(origin.as_dvec3() - low)
+            .max_element();
+        let digits = exponent(far) + 1 - 30;
+        let kind = u32::try_from(digits + BIAS).ok()?;
+        if kind == EXACT || kind >= BACK || far == 0. {
+            return None;
+        }
+        let unit = power_of_two(-digits);
+        // An origin that is a multiple of the unit.
+        let origin = (origin.as_dvec3() * unit).round() / unit;
+        let fits = |p: &DVec3| {
+            let steps = (*p - origin) * unit;
+            let whole = steps.round() == steps
+                && steps.abs().max_element() < i32::MAX.into();
+            whole && origin + steps / unit == *p
+        };
+        let short = origin.as_vec3();
+        let exact = short.as_dvec3() == origin;
+        (exact && corners.iter().all(fits))
+            .then_some((short.to_array(), kind))
+    }
+
+    /// How many units it takes.
+    pub fn units(self) -> u32 {
+        let count = (self.tag >> 8 & 3) as usize + 1;
+        let words = match self.tag & 255 {
+            // Four numbers are read of the last run.
+            EXACT => (19 * count).max(16 * count + 2 * LANES),
+            _ => 10 * count,
+        };
+        (HEAD + words).div_ceil(UNIT) as u32
+    }
+
+    /// Writes these triangles, each with its face.
+    pub fn write(self, words: &mut [u32], triangles: &[(u32, Triangle)]) {
         let count = triangles.len();
-        let Room { corners, numbers } = self.take(count);
-        for (lane, &(number, triangle)) in triangles.iter().enumerate() {
+        words[..3].copy_from_slice(&self.origin.map(f32::to_bits));
+        words[3] = self.tag;
+        let origin = self.origin.map(f64::from);
+        let exact = self.tag & 255 == EXACT;
+        let leaf = Leaf { words, count, lanes: 0 };
+        let unit = leaf.unit();
+        for (lane, &(face, triangle)) in triangles.iter().enumerate() {
             for i in 0..9 {
-                corners[i * count + lane] = triangle[i / 3][i % 3];
+                let x = triangle[i / 3][i % 3];
+                let place = i * count + lane;
+                if exact {
+                    write_double(&mut words[HEAD + 2 * place..], x);
+                } else {
+                    let steps = (x - origin[i % 3]) / unit;
+                    words[HEAD + place] = steps as i32 as u32;
+                }
             }
-            numbers[lane] = number;
+            let runs = if exact { 18 } else { 9 };
+            words[HEAD + runs * count + lane] = face;
         }
     }
 }
 
-fn split_off<'a, T>(slice: &mut &'a mut [T], count: usize) -> &'a mut [T] {
-    let (first, rest) = std::mem::take(slice).split_at_mut(count);
-    *slice = rest;
-    first
+/// A number in single precision, with nothing in the last ten bits, that
+/// is not less.
+fn upwards(x: f64) -> u32 {
+    let bits = (x as f32).to_bits();
+    (bits & !1023) + if x > 0. { 1024 } else { 0 }
+}
+
+fn write_double(words: &mut [u32], x: f64) {
+    let bits = x.to_bits();
+    [words[0], words[1]] = [bits as u32, (bits >> 32) as u32];
+}
+
+#[inline(always)]
+fn double(words: &[u32]) -> f64 {
+    f64::from_bits(u64::from(words[1]) << 32 | u64::from(words[0]))
+}
+
+/// Writes a gate to the node `inner` and its zero, and the way back.
+pub fn write_gate(
+    words: &mut [u32],
+    (inner, node): (DVec3, u32),
+    outer: DVec3,
+) {
+    let (gate, back) = words.split_at_mut(UNIT * GATE_UNITS as usize);
+    for (words, zero, kind) in [(gate, inner, GATE), (back, outer, BACK)] {
+        words[HEAD - 1] = kind;
+        for (i, x) in zero.to_array().into_iter().enumerate() {
+            write_double(&mut words[HEAD + 2 * i..], x);
+        }
+        words[HEAD + 6] = node;
+    }
 }
 
 /// Up to four triangles.
 #[derive(Clone, Copy)]
 pub struct Leaf<'a> {
-    /// Coordinate `axis` of corner `c` of a lane, at
-    /// `(3 * c + axis) * count + lane`; longer by `LANES` than need be.
-    pub corners: &'a [f32],
+    /// An origin, a tag, coordinate `axis` of corner `c` of a lane at
+    /// `(3 * c + axis) * count + lane`, and a face for each lane.
+    pub words: &'a [u32],
     /// How many triangles.
     pub count: usize,
     /// Those to be tested; bit i stands for lane i.
@@ -194,17 +350,77 @@ pub struct Leaf<'a> {
 }
 
 impl Leaf<'_> {
+    /// The kind of the leaf.
     #[inline(always)]
-    fn coordinate(&self, i: usize, lane: usize) -> f64 {
-        f64::from(self.corners[i * self.count + lane])
+    pub fn kind(&self) -> u32 {
+        // SAFETY: each leaf has a head.
+        unsafe { self.words.get_unchecked(3) & 255 }
+    }
+
+    /// No coordinate is larger.
+    #[inline(always)]
+    pub fn reach(&self) -> f64 {
+        // SAFETY: each leaf has a head.
+        f64::from(f32::from_bits(unsafe { *self.words.get_unchecked(3) }))
+    }
+
+    /// The margins of this leaf for a ray.
+    #[inline(always)]
+    pub fn margins(&self, shear: &Shear) -> Margins {
+        Margins { size: self.reach().max(shear.size) }
+    }
+
+    /// The unit of length.
+    #[inline(always)]
+    pub fn unit(&self) -> f64 {
+        let exponent = self.kind() as u64;
+        f64::from_bits((exponent + (1023 - BIAS as u64)) << 52)
+    }
+
+    /// Where the coordinates are counted from, along an axis.
+    #[inline(always)]
+    pub fn origin(&self, axis: usize) -> f64 {
+        f64::from(f32::from_bits(self.words[axis]))
+    }
+
+    #[inline(always)]
+    fn coordinate(&self, c: usize, axis: usize, lane: usize) -> f64 {
+        let place = (3 * c + axis) * self.count + lane;
+        if self.kind() == EXACT {
+            return double(&self.words[HEAD + 2 * place..]);
+        }
+        let steps = f64::from(self.words[HEAD + place] as i32);
+        steps * self.unit() + self.origin(axis)
     }
 
     /// The corners of the triangle in a lane.
     #[inline(always)]
-    pub fn triangle(&self, lane: u32) -> [DVec3; 3] {
-        let at = |i: usize| self.coordinate(i, lane as usize);
-        let corner = |c: usize| DVec3::new(at(c), at(c + 1), at(c + 2));
-        [corner(0), corner(3), corner(6)]
+    pub fn triangle(&self, lane: u32) -> Triangle {
+        let at =
+            |c: usize, axis: usize| self.coordinate(c, axis, lane as usize);
+        let corner = |c: usize| DVec3::new(at(c, 0), at(c, 1), at(c, 2));
+        [corner(0), corner(1), corner(2)]
+    }
+
+    /// The face of the triangle in a lane.
+    pub fn face(&self, lane: u32) -> u32 {
+        let runs = if self.kind() == EXACT { 18 } else { 9 };
+        self.words[HEAD + runs * self.count + lane as usize]
+    }
+
+    /// From where planes are counted beyond a gate.
+    #[cold]
+    pub fn zero(&self) -> DVec3 {
+        let at = |i: usize| double(&self.words[HEAD + 2 * i..]);
+        DVec3::new(at(0), at(1), at(2))
+    }
+
+    /// The node to which the gate at unit `first` leads, and the child that
+    /// leads back; none if it leads back itself.
+    #[cold]
+    pub fn gate(&self, first: u32) -> Option<(u32, u32)> {
+        let back = LEAF | (first + GATE_UNITS);
+        (self.kind() == GATE).then_some((self.words[HEAD + 6], back))
     }
 
     // Test the four triangles
@@ -213,13 +429,14 @@ impl Leaf<'_> {
     /// the distance of another lane says is not specified.
     #[inline(always)]
     pub fn meet(&self, shear: &Shear) -> (u32, [f64; LANES]) {
+        let margins = self.margins(shear);
         let mut distances = [0.; LANES];
         let mut met = 0;
         for (lane, distance) in distances.iter_mut().enumerate() {
             if self.lanes >> lane & 1 != 0 {
                 // Add what the ray does to this triangle
-                match self.test(lane, shear) {
-                    TriangleTest::Through(at) if at > -NEAR => {
+                match self.test(lane, shear, margins) {
+                    TriangleTest::Through(at) if at > -margins.near() => {
                         *distance = at;
                         met |= 1 << lane;
                     }
@@ -236,7 +453,12 @@ impl Leaf<'_> {
 
     /// What a ray does to the triangle in a lane.
     #[inline(always)]
-    pub fn test(&self, lane: usize, shear: &Shear) -> TriangleTest {
+    pub fn test(
+        &self,
+        lane: usize,
+        shear: &Shear,
+        margins: Margins,
+    ) -> TriangleTest {
         let [x, y, z] = self.sheared(lane, shear);
         let u = edge(x[2], y[1], y[2], x[1]);
         let v = edge(x[0], y[2], y[0], x[2]);
@@ -250,7 +472,7 @@ impl Leaf<'_> {
             // Find the distance along the ray
             let height = (u * z[0] + v * z[1] + w * z[2]) / (u + v + w);
             TriangleTest::Through(height * shear.stretch)
-        } else if within(NARROW) {
+        } else if within(margins.narrow()) {
             TriangleTest::Beside(z.map(|z| z * shear.stretch))
         } else {
             TriangleTest::Apart
@@ -261,7 +483,7 @@ impl Leaf<'_> {
     #[inline(always)]
     pub fn sheared(&self, lane: usize, shear: &Shear) -> [[f64; 3]; 3] {
         let moved = |c: usize, i: usize| {
-            self.coordinate(3 * c + shear.axes[i], lane) - shear.origin[i]
+            self.coordinate(c, shear.axes[i], lane) - shear.origin[i]
         };
         let z = [moved(0, 2), moved(1, 2), moved(2, 2)];
         let flat = |c: usize, i: usize| moved(c, i) - shear.slope[i] * z[c];
@@ -293,10 +515,12 @@ pub struct Search<'a> {
     from: u32,
     /// How far the nearest triangle is, or infinity.
     pub distance: f64,
+    /// Up to where others may be as near: `distance` and its margin.
+    pub limit: f64,
     /// Where it is kept, or `NONE`.
     pub slot: u32,
-    /// The slots of its leaf, the first and how many.
-    leaf: (u32, usize),
+    /// The number of triangles in its leaf.
+    count: usize,
     /// The least distance at which something else is close to the ray.
     pub near_tie: f64,
 }
@@ -305,13 +529,21 @@ impl<'a> Search<'a> {
     /// A search that has met nothing, for a ray that left slot `from`.
     #[inline(always)]
     pub fn new(leaves: &'a Leaves, from: Option<u32>) -> Self {
-        let (from, near_tie) = (from.unwrap_or(NONE), f64::INFINITY);
-        let (distance, slot, leaf) = (f64::INFINITY, NONE, (0, 0));
-        Self { leaves, from, distance, slot, leaf, near_tie }
+        let from = from.unwrap_or(NONE);
+        let distance = f64::INFINITY;
+        Self {
+            leaves,
+            from,
+            distance,
+            limit: distance,
+            slot: NONE,
+            count: 0,
+            near_tie: distance,
+        }
     }
 
     // Take a triangle that is nearer
-    /// The leaf of `count` triangles from slot `first`, without the one
+    /// The leaf of `count` triangles at unit `first`, without the one
     /// that the ray left.
     ///
     /// # Safety
@@ -320,82 +552,71 @@ impl<'a> Search<'a> {
     pub unsafe fn leaf(&self, first: u32, count: usize) -> Leaf<'a> {
         // SAFETY: it is there, says the caller.
         let mut leaf = unsafe { self.leaves.leaf(first, count) };
-        let lane = self.from.wrapping_sub(first);
+        let lane = self.from.wrapping_sub(first << 2);
         leaf.lanes &= !(u32::from(lane < LANES as u32) << (lane & 3));
         leaf
     }
 
-    /// Considers the triangle in a lane of the leaf of `count` triangles
-    /// from slot `first`, which is met at `distance`; a lane of `LANES` or
-    /// more is that of a triangle which is only passed closely.
-    ///
-    /// # Safety
-    /// A leaf of these triangles has been put there, and has this lane.
+    /// Considers the triangle in a lane of the leaf at unit `first`, which
+    /// is met at `distance`; a lane of `LANES` or more is that of a
+    /// triangle which is only passed closely.
     #[inline(always)]
-    pub unsafe fn offer(
+    pub fn offer(
         &mut self,
-        (first, count): (u32, usize),
+        (first, leaf): (u32, &Leaf),
         lane: u32,
         mut distance: f64,
         ray: &Ray,
+        margins: Margins,
     ) {
         // Doubt the order of triangles that are close
-        let gap = (distance - self.distance).abs();
+        let near = margins.near();
         let beside = lane >= LANES as u32;
-        if beside || gap <= NEAR || distance <= NEAR {
-            self.near_tie = self.near_tie.min(distance);
-            let leaves = self.leaves;
-            let behind = || leaves.is_behind((first, count), lane, ray);
-            if beside || distance <= NEAR && behind() {
+        if beside
+            || distance <= self.limit && distance + near >= self.distance
+            || distance <= near
+        {
+            self.near_tie = self.near_tie.min(distance - near);
+            let behind = || is_behind(leaf, lane, ray);
+            if beside || distance <= near && behind() {
                 return;
             }
             distance = distance.max(f64::MIN_POSITIVE);
         }
         // Keep the triangle if it comes first
-        let (Self { leaves, .. }, slot) = (*self, first + lane);
+        let slot = slot(first, lane);
         let equal = distance == self.distance;
-        if distance < self.distance
-            || equal && leaves.is_before(slot, self.slot)
-        {
+        if distance < self.distance || equal && self.is_before(slot) {
             (self.distance, self.slot) = (distance, slot);
-            self.leaf = (first, count);
+            (self.limit, self.count) = (distance + near, leaf.count);
         }
     }
 
     /// The corners of the nearest triangle, if there is one.
     #[inline(always)]
-    pub fn triangle(&self) -> [DVec3; 3] {
-        let (first, count) = self.leaf;
-        // SAFETY: `offer` was promised that this leaf is there.
-        let leaf = unsafe { self.leaves.leaf(first, count) };
-        leaf.triangle(self.slot - first)
+    pub fn triangle(&self) -> Triangle {
+        // SAFETY: `offer` was given a leaf that is there.
+        let leaf = unsafe { self.leaves.leaf(self.slot >> 2, self.count) };
+        leaf.triangle(self.slot & 3)
     }
-}
 
-impl Leaves {
     // Decide where the distances do not
-    /// Whether the triangle in `slot` comes before that in `other`, if any.
+    /// Whether the triangle in `slot` comes before the nearest, if any.
     #[cold]
-    fn is_before(&self, slot: u32, other: u32) -> bool {
-        other == NONE || self.number(slot) < self.number(other)
-    }
-
-    /// Whether the ray starts beyond the plane of the triangle in a lane of
-    /// the leaf of `count` triangles from slot `first`.
-    #[cold]
-    fn is_behind(
-        &self,
-        (first, count): (u32, usize),
-        lane: u32,
-        ray: &Ray,
-    ) -> bool {
-        // SAFETY: the leaf was tested a moment ago.
-        let leaf = unsafe { self.leaf(first, count) };
-        let [a, b, c] = leaf.triangle(lane);
-        let normal = cross(b - a, c - a);
-        normal.dot(ray.direction) * normal.dot(ray.origin - a) >= 0.
+    fn is_before(&self, slot: u32) -> bool {
+        let key = |slot| {
+            let corners = self.leaves.triangle(slot);
+            let corners = corners.map(|p| p.to_array().map(f64::to_bits));
+            (self.leaves.face(slot), corners)
+        };
+        self.slot == NONE || key(slot) < key(self.slot)
     }
 }
 
-/// Distances along a ray that are closer are not told apart: 2^-22.
-pub const NEAR: f64 = 1. / (1 << 22) as f64;
+/// Whether the ray starts beyond the plane of the triangle in a lane.
+#[cold]
+fn is_behind(leaf: &Leaf, lane: u32, ray: &Ray) -> bool {
+    let [a, b, c] = leaf.triangle(lane);
+    let normal = cross(b - a, c - a);
+    normal.dot(ray.direction) * normal.dot(ray.origin - a) >= 0.
+}

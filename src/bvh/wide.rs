@@ -16,7 +16,7 @@
 use std::{fmt, io};
 
 use bytemuck::{Pod, Zeroable};
-use glam::{DVec3, Vec3, Vec3A};
+use glam::DVec3;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::node::Bvh2Node;
 use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
@@ -25,8 +25,11 @@ use obvhs::ploc::morton::morton_encode_u64_unorm;
 use rayon::prelude::*;
 
 use super::huge_pages::Pages;
-use super::triangle::{LANES, Leaf, Leaves, MOST, Room};
-use crate::scene::Triangle;
+use super::triangle::{
+    BACK, GATE_UNITS, LANES, LEAF, Leaf, Leaves, MOST, Shape, UNIT, leaf,
+    slot, slots, write_gate,
+};
+use crate::scene::{Triangle, Triangles};
 
 // Choose how thoroughly to build
 /// How much work to put into a hierarchy.
@@ -88,20 +91,6 @@ pub struct Node<const N: usize> {
     /// Lanes from the farthest child to the nearest, for a ray in octant
     /// `k` in the four bits from bit 4k.
     pub order: [u32; N],
-}
-
-/// Marks the number of a child as that of a leaf.
-pub const LEAF: u32 = 1 << 31;
-
-/// The child that is a leaf of `count` triangles from slot `first`.
-fn leaf(first: u32, count: u32) -> u32 {
-    LEAF | (count - 1) << 29 | first
-}
-
-/// The first slot and the count of a child that is a leaf.
-#[inline(always)]
-pub fn slots(child: u32) -> (u32, usize) {
-    (child & ((1 << 29) - 1), (child >> 29 & 3) as usize + 1)
 }
 
 impl<const N: usize> Node<N> {
@@ -175,21 +164,50 @@ const _: () = assert!(size_of::<Node<8>>() == 256);
 const _: () = assert!(size_of::<Node<16>>() == 512);
 
 // Build the binary tree
-/// By how much a triangle's box is enlarged on all sides.
-pub const PADDING: f32 = 1. / 128.;
+/// Some triangles of a scene, with the zero of the boxes around them.
+struct Group<'a> {
+    vertices: &'a [DVec3],
+    /// The corners of each, and its face.
+    corners: &'a [([u32; 3], u32)],
+    zero: DVec3,
+}
 
-/// The leaf of a triangle, with its enlarged box.
-fn single(triangle: &Triangle, number: u32) -> Bvh2Node {
-    let [a, b, c] = triangle.map(Vec3A::from);
-    let padding = Vec3A::splat(PADDING);
-    let low = a.min(b).min(c) - padding;
-    let high = a.max(b).max(c) + padding;
-    Bvh2Node::new(Aabb::new(low, high), 1, number)
+impl Group<'_> {
+    fn triangle(&self, i: u32) -> Triangle {
+        self.corners[i as usize].0.map(|k| self.vertices[k as usize])
+    }
+
+    /// The leaf of a triangle, with a box slightly larger than it.
+    fn single(&self, i: u32) -> Bvh2Node {
+        let (low, high) = padded(&self.triangle(i));
+        let low = low - self.zero;
+        let high = high - self.zero;
+        let low = low.to_array().map(|x| below(x));
+        let high = high.to_array().map(|x| -below(-x));
+        Bvh2Node::new(Aabb::new(low.into(), high.into()), 1, i)
+    }
+}
+
+/// The box of a triangle, and on each side a 2^-30 of its size and a
+/// 2^-48 of its coordinates.
+fn padded(&[a, b, c]: &Triangle) -> (DVec3, DVec3) {
+    let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+    let size = (high - low).max_element();
+    let reach = low.abs().max(high.abs()).max_element();
+    let padding =
+        size / (1u64 << 30) as f64 + reach / (1u64 << 48) as f64;
+    (low - padding, high + padding)
+}
+
+/// The greatest number in single precision that is not greater.
+fn below(x: f64) -> f32 {
+    let near = x as f32;
+    if f64::from(near) > x { near.next_down() } else { near }
 }
 
 /// A binary tree over the triangles, one in each leaf. Node 0 is the
 /// root; the second child of a node follows its first.
-fn binary(triangles: &[Triangle], quality: Quality) -> Vec<Bvh2Node> {
+fn binary(group: &Group, quality: Quality) -> Vec<Bvh2Node> {
     // Turn the quality into numbers
     let (reach, early, parts): (_, _, &[f32]) = match quality {
         Quality::Fast => (6, 2, &[0.02]),
@@ -197,12 +215,12 @@ fn binary(triangles: &[Triangle], quality: Quality) -> Vec<Bvh2Node> {
         Quality::Thorough => (14, 1, &[1., 1.]),
     };
     // Begin with a leaf per triangle
-    let count = triangles.len();
-    let order = in_morton_order(triangles);
+    let count = group.corners.len();
+    let order = in_morton_order(group);
     let mut nodes = vec![Bvh2Node::default(); 2 * count - count.min(1)];
     let places = nodes[..count].par_iter_mut().zip(order);
     places.for_each(|(place, i)| {
-        *place = single(&triangles[i as usize], i);
+        *place = group.single(i);
     });
     let mut tree = join(nodes, reach, early);
     // Improve the binary tree
@@ -218,9 +236,9 @@ fn binary(triangles: &[Triangle], quality: Quality) -> Vec<Bvh2Node> {
 
 /// The numbers of the triangles, in the order of the middles of their
 /// boxes along Morton's curve.
-fn in_morton_order(triangles: &[Triangle]) -> Vec<u32> {
-    let leaf = |i: u32| single(&triangles[i as usize], i);
-    let numbers = (0..triangles.len() as u32).into_par_iter();
+fn in_morton_order(group: &Group) -> Vec<u32> {
+    let leaf = |i: u32| group.single(i);
+    let numbers = (0..group.corners.len() as u32).into_par_iter();
     let boxes = numbers.clone().map(|i| *leaf(i).aabb());
     let all = boxes.reduce(Aabb::empty, |a, b| a.union(&b));
     let (low, size) = (all.min.as_dvec3(), all.diagonal().as_dvec3());
@@ -340,12 +358,14 @@ struct Forest<const N: usize> {
     costs: [f32; N],
     /// How many trees it can be at most: min(n, N).
     most: usize,
+    /// How many triangles it has; more than `LANES` beyond a gate.
+    count: usize,
 }
 
 impl<const N: usize> Forest<N> {
     /// That of a single triangle.
-    fn single(area: f32) -> Self {
-        Self { costs: [area; N], most: 1 }
+    fn single(area: f32, count: usize) -> Self {
+        Self { costs: [area; N], most: 1, count }
     }
 
     // Join the forests of two children
@@ -362,7 +382,8 @@ impl<const N: usize> Forest<N> {
             choices.set(k, trees);
         }
         costs[0] = area + costs[most - 1];
-        if most <= LANES {
+        let count = left.count + right.count;
+        if count <= LANES {
             costs[0] = area;
             choices.set(1, 1);
         }
@@ -373,7 +394,7 @@ impl<const N: usize> Forest<N> {
                 choices.set(k, 0);
             }
         }
-        (Self { costs, most }, choices)
+        (Self { costs, most, count }, choices)
     }
 
     /// D(i, k), and the number of trees on the left that attains it.
@@ -423,7 +444,9 @@ fn cut<const N: usize>(tree: &[Bvh2Node]) -> Vec<Choices> {
         let node = &tree[i];
         let first = node.first_index as usize;
         if node.is_leaf() {
-            forests.push(Forest::single(area(node)));
+            let is_gate = node.first_index >= GATES;
+            let count = if is_gate { LANES } else { 1 };
+            forests.push(Forest::single(area(node), count));
         } else if !is_second_visit {
             todo.extend([(i, true), (first + 1, false), (first, false)]);
         } else if let (Some(right), Some(left)) =
@@ -450,11 +473,11 @@ struct Plan {
     /// The wide nodes in the order of their numbers, and one more that
     /// marks the end.
     nodes: Vec<Planned>,
-    /// The binary nodes that become leaves, each with its first slot, and
+    /// The binary nodes that become leaves, each with its first unit, and
     /// one more that marks the end.
     leaves: Vec<(u32, u32)>,
-    /// How many slots the leaves have.
-    slots: u32,
+    /// How many units the leaves take.
+    units: u32,
     /// The number of nodes on the longest way from the root.
     levels: usize,
 }
@@ -470,7 +493,11 @@ struct Planned {
 }
 
 impl Plan {
-    fn new<const N: usize>(tree: &[Bvh2Node]) -> Self {
+    /// The plan of a tree whose leaves take so many units.
+    fn new<const N: usize>(
+        tree: &[Bvh2Node],
+        units: &impl Fn(u32) -> u32,
+    ) -> Self {
         let mut plan = Self::default();
         plan.nodes.push(Planned::default());
         let choices = cut::<N>(tree);
@@ -484,11 +511,11 @@ impl Plan {
             }
             let root = plan.nodes[next].root;
             plan.nodes[next] = plan.before_children(root);
-            plan.add_children::<N>(tree, &choices, root);
+            plan.add_children::<N>(tree, &choices, root, units);
             next += 1;
         }
         plan.nodes.push(plan.before_children(0));
-        plan.leaves.push((0, plan.slots));
+        plan.leaves.push((0, plan.units));
         plan
     }
 
@@ -504,11 +531,14 @@ impl Plan {
         tree: &[Bvh2Node],
         choices: &[Choices],
         root: u32,
+        units: &impl Fn(u32) -> u32,
     ) {
         match choices.get(root as usize) {
             None => (),
-            Some(choice) if choice.is_leaf() => self.add_leaf(tree, root),
-            Some(_) => self.split(tree, choices, root, N),
+            Some(choice) if choice.is_leaf() => {
+                self.add_leaf(root, units);
+            }
+            Some(_) => self.split(tree, choices, root, N, units),
         }
     }
 
@@ -519,6 +549,7 @@ impl Plan {
         choices: &[Choices],
         i: u32,
         mut k: usize,
+        units: &impl Fn(u32) -> u32,
     ) {
         let choice = choices[i as usize];
         while k > 2 && choice.get(k) == 0 {
@@ -526,8 +557,8 @@ impl Plan {
         }
         let trees = choice.get(k).max(1);
         let first = tree[i as usize].first_index;
-        self.add(tree, choices, first, trees);
-        self.add(tree, choices, first + 1, k - trees);
+        self.add(tree, choices, first, trees, units);
+        self.add(tree, choices, first + 1, k - trees, units);
     }
 
     /// Adds the forest of at most `k` trees for the node `i`.
@@ -537,21 +568,22 @@ impl Plan {
         choices: &[Choices],
         i: u32,
         k: usize,
+        units: &impl Fn(u32) -> u32,
     ) {
         let choice = choices[i as usize];
         if (2..=k).any(|k| choice.get(k) != 0) {
-            self.split(tree, choices, i, k);
+            self.split(tree, choices, i, k, units);
         } else if choice.is_leaf() {
-            self.add_leaf(tree, i);
+            self.add_leaf(i, units);
         } else {
             self.nodes.push(Planned { root: i, ..Planned::default() });
         }
     }
 
-    /// Makes the node `i` a leaf, with slots for its triangles.
-    fn add_leaf(&mut self, tree: &[Bvh2Node], i: u32) {
-        self.leaves.push((i, self.slots));
-        self.slots += gather(tree, i, &mut [0; LANES], 0) as u32;
+    /// Makes the node `i` a leaf, with units for its triangles.
+    fn add_leaf(&mut self, i: u32, units: &impl Fn(u32) -> u32) {
+        self.leaves.push((i, self.units));
+        self.units += units(i);
     }
 }
 
@@ -559,10 +591,10 @@ impl Plan {
 pub const STACK: usize = 1024;
 
 impl Plan {
-    /// Whether the stack of a traversal is sure to suffice, with one more
-    /// level above.
-    fn fits<const N: usize>(&self) -> bool {
-        (N - 1) * (self.levels + 1) + N <= STACK
+    /// Whether the stack of a traversal is sure to suffice, with so many
+    /// levels above.
+    fn fits<const N: usize>(&self, above: usize) -> bool {
+        N * (self.levels + above) + N <= STACK
     }
 }
 
@@ -618,42 +650,37 @@ fn leaves(tree: &[Bvh2Node]) -> Vec<Bvh2Node> {
 /// Scenes with more triangles are built in parts.
 const LARGE: usize = 1 << 17;
 
-/// Sorts the numbers of triangles into `parts` groups of neighbours, a
-/// power of two.
+/// Sorts triangles into `parts` groups of neighbours, a power of two.
 fn halve<'a>(
-    triangles: &[Triangle],
-    numbers: &'a mut [u32],
+    vertices: &[DVec3],
+    corners: &'a mut [([u32; 3], u32)],
     parts: usize,
-) -> Vec<&'a mut [u32]> {
+) -> Vec<&'a mut [([u32; 3], u32)]> {
     if parts == 1 {
-        return vec![numbers];
+        return vec![corners];
     }
     // Part the triangles at their median
-    let axis = widest(triangles, numbers);
-    let middle = |i: u32| twice_middle(&triangles[i as usize])[axis];
-    let half = numbers.len() / 2;
-    numbers.select_nth_unstable_by(half, |&i, &j| {
-        middle(i).total_cmp(&middle(j)).then(i.cmp(&j))
+    let twice_middle = |corners: &[u32; 3]| {
+        let [a, b, c] = corners.map(|k| vertices[k as usize]);
+        a.min(b).min(c) + a.max(b).max(c)
+    };
+    let axis = widest(corners.iter().map(|(three, _)| twice_middle(three)));
+    let half = corners.len() / 2;
+    corners.select_nth_unstable_by(half, |(i, _), (j, _)| {
+        let [p, q] = [i, j].map(|three| twice_middle(three)[axis]);
+        p.total_cmp(&q).then(i.cmp(j))
     });
-    let (left, right) = numbers.split_at_mut(half);
-    let mut groups = halve(triangles, left, parts / 2);
-    groups.extend(halve(triangles, right, parts / 2));
+    let (left, right) = corners.split_at_mut(half);
+    let mut groups = halve(vertices, left, parts / 2);
+    groups.extend(halve(vertices, right, parts / 2));
     groups
 }
 
-/// Twice the middle of a triangle's box.
-fn twice_middle([a, b, c]: &Triangle) -> Vec3 {
-    a.min(*b).min(*c) + a.max(*b).max(*c)
-}
-
-/// The axis in which the middles of triangles are spread most.
-fn widest(triangles: &[Triangle], numbers: &[u32]) -> usize {
-    let middles = numbers.iter().map(|&i| triangles[i as usize]);
-    let none = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-    let (low, high) = middles.fold(none, |(low, high), triangle| {
-        let middle = twice_middle(&triangle);
-        (low.min(middle), high.max(middle))
-    });
+/// The axis in which points are spread most.
+fn widest(points: impl Iterator<Item = DVec3>) -> usize {
+    let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    let (low, high) =
+        points.fold(none, |(low, high), p| (low.min(p), high.max(p)));
     (high - low).max_position()
 }
 
@@ -662,6 +689,8 @@ pub struct Wide<const N: usize> {
     /// Node 0 is the root. The numbers in `children` are valid.
     pub nodes: Pages<Node<N>>,
     pub leaves: Leaves,
+    /// From where the planes of the root's boxes are counted.
+    pub zero: DVec3,
 }
 
 impl<const N: usize> Wide<N>
@@ -672,72 +701,55 @@ where
     /// Builds the tree of triangles, on all threads.
     ///
     /// # Errors
-    /// The system has not enough memory, or there are more than `MOST`
-    /// triangles.
-    pub fn new(
-        triangles: Vec<Triangle>,
-        quality: Quality,
-    ) -> io::Result<Self> {
-        let count = triangles.len();
-        // Divide the triangles into groups
-        if count > MOST {
-            return Err(io::Error::other("too many triangles"));
-        }
-        let mut numbers: Vec<u32> = (0..count as u32).collect();
-        let parts = if count > LARGE { N } else { 1 };
-        let groups = halve(&triangles, &mut numbers, parts);
-        let gathered = gathered(&triangles, &groups)?;
-        drop(triangles);
-        let mut leaves = Leaves::with_room(count)?;
-        // Build the parts one after the other
-        let mut room = leaves.room();
+    /// The system has not enough memory, or there are too many triangles.
+    pub fn new(triangles: Triangles, quality: Quality) -> io::Result<Self> {
+        let Triangles { vertices, corners, faces } = triangles;
+        let mut corners: Vec<_> = corners.into_iter().zip(faces).collect();
+        let parts = if corners.len() > LARGE { N } else { 1 };
+        let groups = halve(&vertices, &mut corners, parts);
+        let mut built =
+            Built { quality, vertices: &vertices, parts: vec![], units: 0 };
+        let zero = match groups.as_slice() {
+            [one] => middle(&vertices, one),
+            _ => DVec3::ZERO,
+        };
         let mut top = Node::EMPTY;
-        let (mut first_node, mut first_slot) = (u32::from(parts > 1), 0);
-        let mut nodes = vec![];
-        for (lane, (group, own)) in groups.iter().zip(gathered).enumerate()
-        {
+        let mut next = u32::from(parts > 1);
+        for (lane, group) in groups.into_iter().enumerate() {
             // Build one part in its place
-            let part = Part::new::<N>(group, &own, quality);
-            if let (true, Some(root)) = (parts > 1, part.tree.first()) {
-                top.set(lane, root, first_node);
+            let first = next;
+            let bounds = built.add(group, zero, 2, &mut next)?;
+            if let (true, Some(bounds)) = (parts > 1, bounds) {
+                top.set(lane, &bounds, first);
             }
-            part.fill(room.take(group.len()), &own);
-            drop(own);
-            nodes.push(part.nodes(first_node, first_slot)?);
-            first_node += nodes[lane].len() as u32;
-            first_slot += group.len() as u32;
         }
-        if parts > 1 {
+        let mut parts = built.parts;
+        drop(vertices);
+        if next as usize > parts.iter().map(|p| p.0.len()).sum() {
             top.sort();
-            nodes.insert(0, Pages::zeroed(1)?);
-            nodes[0][0] = top;
+            let mut root = Pages::zeroed(1)?;
+            root[0] = top;
+            parts.insert(0, (root, Pages::zeroed(0)?));
         }
-        Ok(Self { nodes: joined(nodes)?, leaves })
+        let (nodes, leaves): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
+        let (nodes, leaves) = (joined(nodes)?, Leaves(joined(leaves)?));
+        Ok(Self { nodes, leaves, zero })
     }
 }
 
-/// The triangles of each group, in its order.
-fn gathered(
-    triangles: &[Triangle],
-    groups: &[&mut [u32]],
-) -> io::Result<Vec<Pages<Triangle>>> {
-    let gather = |group: &&mut [u32]| {
-        let mut own: Pages<Triangle> = Pages::zeroed(group.len())?;
-        let places = own.par_iter_mut().zip(group.par_iter());
-        places.for_each(|(place, &i)| *place = triangles[i as usize]);
-        Ok(own)
-    };
-    groups.iter().map(gather).collect()
+/// The middle of the box around triangles.
+fn middle(vertices: &[DVec3], corners: &[([u32; 3], u32)]) -> DVec3 {
+    let points = corners.iter().flat_map(|(three, _)| three);
+    let points = points.map(|&k| vertices[k as usize]);
+    let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    let (low, high) =
+        points.fold(none, |(low, high), p| (low.min(p), high.max(p)));
+    if low.x > high.x { DVec3::ZERO } else { 0.5 * (low + high) }
 }
 
-/// The nodes of all parts in one array; a part is given back when it
+/// The elements of all parts in one array; a part is given back when it
 /// is copied.
-fn joined<const N: usize>(
-    mut parts: Vec<Pages<Node<N>>>,
-) -> io::Result<Pages<Node<N>>>
-where
-    Node<N>: Pod,
-{
+fn joined<T: Pod>(mut parts: Vec<Pages<T>>) -> io::Result<Pages<T>> {
     if parts.len() == 1 {
         return Ok(parts.remove(0));
     }
@@ -752,46 +764,196 @@ where
     Ok(all)
 }
 
-/// A part of a scene, ready to become nodes and leaves.
-struct Part<'a> {
-    /// The number of each triangle in the scene.
-    group: &'a [u32],
-    tree: Vec<Bvh2Node>,
-    plan: Plan,
+/// The parts of a hierarchy that have been built.
+struct Built<'a, const N: usize> {
+    quality: Quality,
+    vertices: &'a [DVec3],
+    /// The nodes and leaves of each.
+    parts: Vec<(Pages<Node<N>>, Pages<u32>)>,
+    /// How many units the leaves have.
+    units: u32,
 }
 
-impl<'a> Part<'a> {
-    fn new<const N: usize>(
-        group: &'a [u32],
-        triangles: &[Triangle],
-        quality: Quality,
-    ) -> Self {
-        let mut tree = binary(triangles, quality);
+/// Leaves of the binary tree from this number on are gates.
+const GATES: u32 = 1 << 30;
+
+/// Subtrees that are smaller than this part of a group are built anew.
+const SMALL: f32 = 1. / 8192.;
+
+/// Gates lead to more triangles than this.
+const FEW: usize = 16;
+
+impl<const N: usize> Built<'_, N>
+where
+    Node<N>: Pod,
+{
+    /// Builds the tree over a group of triangles, of which the first node
+    /// has the number `next`, and the trees beyond its gates. Returns its
+    /// box; none of an empty group.
+    fn add(
+        &mut self,
+        corners: &mut [([u32; 3], u32)],
+        zero: DVec3,
+        above: usize,
+        next: &mut u32,
+    ) -> io::Result<Option<Bvh2Node>> {
+        let vertices = self.vertices;
+        let group = Group { vertices, corners, zero };
+        let mut tree = binary(&group, self.quality);
+        let bounds = tree.first().copied();
+        let groups = self.part(&group, &mut tree);
         // Plan for the size of the stack
-        let mut plan = Plan::new::<N>(&tree);
-        if !plan.fits::<N>() {
+        let shape = |i: u32| Part { group: &group, tree: &tree }.units(i);
+        let mut plan = Plan::new::<N>(&tree, &shape);
+        if !plan.fits::<N>(above) {
             tree = balance(&tree);
-            plan = Plan::new::<N>(&tree);
-            assert!(plan.fits::<N>(), "a balanced tree is too deep");
+            let shape = |i: u32| Part { group: &group, tree: &tree }.units(i);
+            plan = Plan::new::<N>(&tree, &shape);
+            assert!(plan.fits::<N>(above), "a balanced tree is too deep");
         }
-        Self { group, tree, plan }
+        // Fill the nodes and leaves of a part
+        let part = Part { group: &group, tree: &tree };
+        let first_unit = self.units;
+        self.units = first_unit
+            .checked_add(plan.units)
+            .filter(|&units| (units as usize) < MOST)
+            .ok_or_else(|| io::Error::other("too many triangles"))?;
+        let nodes = part.nodes::<N>(&plan, *next, first_unit)?;
+        *next += nodes.len() as u32;
+        let mut leaves = part.leaves(&plan)?;
+        let here = self.parts.len();
+        self.parts.push((nodes, Pages::zeroed(0)?));
+        // Build what is beyond the gates
+        let above = above + plan.levels;
+        for (gate, mut corners) in groups.into_iter().enumerate() {
+            let inner = middle(vertices, &corners);
+            let first = *next;
+            self.add(&mut corners, inner, above, next)?;
+            let place = plan.leaves.iter().find(|leaf| {
+                leaf.1 < plan.units
+                    && tree[leaf.0 as usize].is_leaf()
+                    && tree[leaf.0 as usize].first_index
+                        == GATES + gate as u32
+            });
+            if let Some(place) = place {
+                let words = &mut leaves[UNIT * place.1 as usize..];
+                write_gate(words, (inner, first), zero);
+            }
+        }
+        self.parts[here].1 = leaves;
+        Ok(bounds)
+    }
+
+    /// Cuts subtrees off that are small beside the group; returns their
+    /// triangles.
+    fn part(
+        &self,
+        group: &Group,
+        tree: &mut [Bvh2Node],
+    ) -> Vec<Vec<([u32; 3], u32)>> {
+        let mut groups = vec![];
+        let Some(root) = tree.first() else { return groups };
+        let extent = |node: &Bvh2Node| {
+            let size = node.aabb().diagonal();
+            size.max_element()
+        };
+        let limit = extent(root) * SMALL;
+        let mut todo = vec![0];
+        while let Some(i) = todo.pop() {
+            let node = tree[i];
+            if node.is_leaf() {
+                continue;
+            }
+            let first = node.first_index as usize;
+            if extent(&node) >= limit {
+                todo.extend([first + 1, first]);
+                continue;
+            }
+            let mut below = vec![];
+            collect(tree, i, &mut below);
+            if below.len() <= FEW {
+                continue;
+            }
+            let number = GATES + groups.len() as u32;
+            groups.push(
+                below.iter().map(|&i| group.corners[i as usize]).collect(),
+            );
+            tree[i] = Bvh2Node::new(*node.aabb(), 1, number);
+        }
+        groups
+    }
+}
+
+/// The numbers of the triangles below a node.
+fn collect(tree: &[Bvh2Node], i: usize, numbers: &mut Vec<u32>) {
+    let mut todo = vec![i];
+    while let Some(i) = todo.pop() {
+        let first = tree[i].first_index;
+        match tree[i].is_leaf() {
+            true => numbers.push(first),
+            false => todo.extend([first as usize + 1, first as usize]),
+        }
+    }
+}
+
+/// A group with its tree, ready to become nodes and leaves.
+struct Part<'a> {
+    group: &'a Group<'a>,
+    tree: &'a [Bvh2Node],
+}
+
+impl Part<'_> {
+    /// The triangles of a leaf, in an order that does not depend on the
+    /// tree; none of a gate.
+    fn triangles(
+        &self,
+        root: u32,
+        own: &mut [(u32, Triangle); LANES],
+    ) -> usize {
+        let node = &self.tree[root as usize];
+        if node.is_leaf() && node.first_index >= GATES {
+            return 0;
+        }
+        let mut numbers = [0; LANES];
+        let count = gather(self.tree, root, &mut numbers, 0);
+        for (own, &i) in own.iter_mut().zip(&numbers[..count]) {
+            let face = self.group.corners[i as usize].1;
+            *own = (face, self.group.triangle(i));
+        }
+        own[..count].sort_unstable_by_key(|(face, corners)| {
+            (*face, corners.map(|p| p.to_array().map(f64::to_bits)))
+        });
+        count
+    }
+
+    /// How many units a leaf takes.
+    fn units(&self, root: u32) -> u32 {
+        let mut own = [(0, [DVec3::ZERO; 3]); LANES];
+        match self.triangles(root, &mut own) {
+            0 => 2 * GATE_UNITS,
+            count => {
+                let corners = own.map(|one| one.1);
+                Shape::of(&corners[..count]).units()
+            }
+        }
     }
 
     // Fill the nodes of a part
     /// The nodes, of which the first has the number `node`; the leaves
-    /// begin with slot `slot`.
+    /// begin with unit `unit`.
     fn nodes<const N: usize>(
         &self,
+        plan: &Plan,
         node: u32,
-        slot: u32,
+        unit: u32,
     ) -> io::Result<Pages<Node<N>>>
     where
         Node<N>: Pod,
     {
-        let pairs = self.plan.nodes.par_windows(2);
+        let pairs = plan.nodes.par_windows(2);
         let mut nodes: Pages<Node<N>> = Pages::zeroed(pairs.len())?;
         nodes.par_iter_mut().zip(pairs).for_each(|(place, pair)| {
-            *place = self.node(&pair[0], &pair[1], node, slot);
+            *place = self.node(plan, [&pair[0], &pair[1]], node, unit);
         });
         Ok(nodes)
     }
@@ -799,20 +961,20 @@ impl<'a> Part<'a> {
     /// The node `this`; `next` follows it.
     fn node<const N: usize>(
         &self,
-        this: &Planned,
-        next: &Planned,
+        plan: &Plan,
+        [this, next]: [&Planned; 2],
         first_node: u32,
-        first_slot: u32,
+        first_unit: u32,
     ) -> Node<N> {
         // Count off the children of this node
-        let Plan { nodes, leaves, .. } = &self.plan;
+        let Plan { nodes, leaves, .. } = plan;
         let nodes = (this.first_node..next.first_node).map(|number| {
             (nodes[number as usize].root, first_node + number)
         });
-        let range = this.first_leaf as usize..=next.first_leaf as usize;
-        let leaves = leaves[range].windows(2).map(|pair| {
-            let [(root, first), (_, end)] = [pair[0], pair[1]];
-            (root, leaf(first_slot + first, end - first))
+        let range = this.first_leaf as usize..next.first_leaf as usize;
+        let leaves = leaves[range].iter().map(|&(root, first)| {
+            let count = self.count(root);
+            (root, leaf(first_unit + first, count))
         });
         let mut node = Node::EMPTY;
         for (lane, (root, child)) in nodes.chain(leaves).enumerate() {
@@ -822,32 +984,44 @@ impl<'a> Part<'a> {
         node
     }
 
+    /// How many triangles a leaf has; one of a gate.
+    fn count(&self, root: u32) -> u32 {
+        gather(self.tree, root, &mut [0; LANES], 0) as u32
+    }
+
     // Fill the leaves of a part
-    /// Puts the triangles of the group into their slots.
-    fn fill(&self, mut room: Room, triangles: &[Triangle]) {
-        let leaves = &self.plan.leaves;
+    /// The leaves, without the gates.
+    fn leaves(&self, plan: &Plan) -> io::Result<Pages<u32>> {
+        let mut words = Pages::zeroed(UNIT * plan.units as usize)?;
+        let mut rest: &mut [u32] = &mut words;
+        let leaves = &plan.leaves;
         // Cut off a room for each stretch of leaves
         let starts = (0..leaves.len() - 1).step_by(STRETCH);
         let stretches = starts.map(|start| {
             let end = (start + STRETCH).min(leaves.len() - 1);
-            let length = leaves[end].1 - leaves[start].1;
-            (&leaves[start..=end], room.take(length as usize))
+            let length = UNIT * (leaves[end].1 - leaves[start].1) as usize;
+            let (own, others) =
+                std::mem::take(&mut rest).split_at_mut(length);
+            rest = others;
+            (&leaves[start..=end], own)
         });
         let stretches: Vec<_> = stretches.collect();
-        stretches.into_par_iter().for_each(|(leaves, mut room)| {
+        stretches.into_par_iter().for_each(|(leaves, words)| {
             for pair in leaves.windows(2) {
                 let [(root, first), (_, end)] = [pair[0], pair[1]];
-                let mut room = room.take((end - first) as usize);
-                // Fill the room of a leaf
-                let mut numbers = [0; LANES];
-                let count = gather(&self.tree, root, &mut numbers, 0);
-                let mut own = numbers.map(|i| {
-                    (self.group[i as usize], triangles[i as usize])
+                let [first, end] = [first, end].map(|unit| {
+                    UNIT * (unit - leaves[0].1) as usize
                 });
-                own[..count].sort_unstable_by_key(|&(number, _)| number);
-                room.fill(&own[..count]);
+                let mut own = [(0, [DVec3::ZERO; 3]); LANES];
+                let count = self.triangles(root, &mut own);
+                if count > 0 {
+                    let corners = own.map(|one| one.1);
+                    let shape = Shape::of(&corners[..count]);
+                    shape.write(&mut words[first..end], &own[..count]);
+                }
             }
         });
+        Ok(words)
     }
 }
 
@@ -884,13 +1058,13 @@ where
         enters: &impl Fn(DVec3, DVec3) -> bool,
         asked: &impl Fn(&Leaf, (usize, u32), &[DVec3; 3]) -> bool,
     ) -> bool {
-        self.any_below(0, enters, asked)
+        self.any_below((0, self.zero), enters, asked)
     }
 
     // Descend into the boxes that matter
     fn any_below(
         &self,
-        child: u32,
+        (child, zero): (u32, DVec3),
         enters: &impl Fn(DVec3, DVec3) -> bool,
         asked: &impl Fn(&Leaf, (usize, u32), &[DVec3; 3]) -> bool,
     ) -> bool {
@@ -899,8 +1073,12 @@ where
             let (first, count) = slots(child);
             // SAFETY: children with the bit LEAF are leaves that are there.
             let leaf = unsafe { self.leaves.leaf(first, count) };
-            return (0..count).zip(first..).any(|(lane, slot)| {
-                asked(&leaf, (lane, slot), &leaf.triangle(lane as u32))
+            if let Some((inner, _)) = leaf.gate(first) {
+                return self.any_below((inner, leaf.zero()), enters, asked);
+            }
+            return (0..count as u32).any(|lane| {
+                let place = (lane as usize, slot(first, lane));
+                asked(&leaf, place, &leaf.triangle(lane))
             });
         }
         let nodes: &[Node<N>] = &self.nodes;
@@ -908,8 +1086,8 @@ where
         (0..N).any(|lane| {
             let (low, high) = node.bounds(lane);
             low.x <= high.x
-                && enters(low, high)
-                && self.any_below(node.children[lane], enters, asked)
+                && enters(low + zero, high + zero)
+                && self.any_below((node.children[lane], zero), enters, asked)
         })
     }
 
@@ -921,10 +1099,9 @@ where
         leaves.flat_map(|(first, count)| {
             // SAFETY: children with the bit LEAF are leaves that are there.
             let leaf = unsafe { self.leaves.leaf(first, count) };
-            let corners = move |lane| {
-                leaf.triangle(lane).map(|corner| corner.as_vec3())
-            };
-            (first..).zip((0..count as u32).map(corners))
+            let count = if leaf.kind() < BACK { count as u32 } else { 0 };
+            (0..count)
+                .map(move |lane| (slot(first, lane), leaf.triangle(lane)))
         })
     }
 }
