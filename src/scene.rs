@@ -17,7 +17,8 @@ use std::borrow::Cow;
 use std::fmt;
 use std::iter::Skip;
 use std::str::SplitWhitespace;
-use std::sync::atomic::{AtomicI16, Ordering};
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use glam::{BVec3, DVec3};
 use memchr::{memchr, memchr_iter};
@@ -533,49 +534,58 @@ fn has_area(&[a, b, c]: &Triangle) -> bool {
     u.cross(v) != DVec3::ZERO || cross(u, v) != DVec3::ZERO
 }
 
-/// How finely each vertex is placed: by a hash of its place, the exponent
-/// of the smallest triangle around it, or less.
-struct Sizes(Vec<AtomicI16>);
+/// To what the places of vertices are rounded.
+struct Grid {
+    digits: i32,
+    /// By a hash of its place, whether a vertex is rounded.
+    rounded: Vec<AtomicBool>,
+}
 
-impl Sizes {
-    fn of(vertices: usize) -> Self {
+impl Grid {
+    /// The grid for triangles of which so many have each size.
+    fn of(sizes: &BTreeMap<i32, usize>, vertices: usize) -> Self {
+        let least = sizes.keys().next().map_or(0, |&least| least);
+        let window = |s: i32| -> usize {
+            sizes.range(s..s + RANGE).map(|(_, count)| count).sum()
+        };
+        let best = (least..=least + SPARE).rev().max_by_key(|&s| window(s));
         let places = (2 * vertices).next_power_of_two();
-        let mut sizes = vec![];
-        sizes.resize_with(places, || AtomicI16::new(i16::MAX));
-        Self(sizes)
+        let mut rounded = vec![];
+        rounded.resize_with(places, || AtomicBool::new(true));
+        Self { digits: best.unwrap_or(least) - DIGITS, rounded }
     }
 
-    fn at(&self, corner: &DVec3) -> &AtomicI16 {
-        &self.0[scattered(corner) as usize & (self.0.len() - 1)]
+    fn at(&self, corner: &DVec3) -> &AtomicBool {
+        &self.rounded[scattered(corner) as usize & (self.rounded.len() - 1)]
     }
 
-    /// Says that a triangle of this size is around these corners.
-    fn note(&self, corners: &Triangle, exponent: i16) {
+    /// Does not round these corners.
+    fn keep(&self, corners: &Triangle) {
         for corner in corners {
-            self.at(corner).fetch_min(exponent, Ordering::Relaxed);
+            self.at(corner).store(false, Ordering::Relaxed);
         }
     }
 
-    /// The place, rounded to 2^-24 of the smallest triangle around it.
+    /// The place, rounded to the grid, if it is.
     fn round(&self, place: DVec3) -> DVec3 {
-        let exponent = self.at(&place).load(Ordering::Relaxed);
-        if exponent == i16::MAX || exponent == EXACT {
+        if !self.at(&place).load(Ordering::Relaxed) {
             return place;
         }
-        let digits = i32::from(exponent) - DIGITS;
-        let (up, down) = (power_of_two(-digits), power_of_two(digits));
+        let (up, down) =
+            (power_of_two(-self.digits), power_of_two(self.digits));
         (place * up).round() * down + DVec3::ZERO
     }
 }
 
-/// Binary digits to which a triangle's corners are placed.
+/// Binary digits to which the corners of a triangle are placed.
 const DIGITS: i32 = 24;
 
-/// Triangles whose exponent exceeds the least by more are not rounded.
-const RANGE: i16 = 6;
+/// Exponents of the sizes that 31 bits can hold.
+const RANGE: i32 = 7;
 
-/// The size around vertices that are not rounded.
-const EXACT: i16 = i16::MIN;
+/// The grid may be coarser than for the smallest triangle by this
+/// exponent.
+const SPARE: i32 = 8;
 
 /// Coordinates that are smaller count as zero: 2^-100.
 const TINY: f64 = f64::from_bits((1023 - 100) << 52);
@@ -626,24 +636,24 @@ impl Scene {
         }
         // Round the places of the vertices
         let all = &triangles;
-        let sizes = Sizes::of(all.vertices.len());
         let numbers = (0..all.len()).into_par_iter();
-        let size = |i: usize| exponent(size(&all.get(i))) as i16;
-        let least = numbers.clone().map(size).min().unwrap_or(0);
-        numbers.clone().for_each(|i| {
-            let size = size(i);
-            let is_large = size > least + RANGE;
-            sizes.note(&all.get(i), if is_large { EXACT } else { size });
+        let size = |i: usize| exponent(size(&all.get(i)));
+        let count = |mut counts: BTreeMap<i32, usize>, i: usize| {
+            *counts.entry(size(i)).or_default() += 1;
+            counts
+        };
+        let counts = numbers.clone().fold(BTreeMap::new, count);
+        let counts = counts.reduce(BTreeMap::new, |mut a, b| {
+            b.into_iter().for_each(|(k, n)| *a.entry(k).or_default() += n);
+            a
         });
-        if std::env::var_os("STATS").is_some() {
-            let mut sizes: Vec<_> = numbers.clone().map(size).collect();
-            sizes.sort_unstable();
-            let at = |p: usize| sizes[p * (sizes.len() - 1) / 1000];
-            eprintln!("sizes: {:?}", [0, 1, 10, 50, 100, 250, 500, 750, 900, 990, 1000].map(at));
-        }
+        let grid = Grid::of(&counts, all.vertices.len());
+        let is_small = |&i: &usize| size(i) < grid.digits + DIGITS;
+        let small = numbers.clone().filter(is_small);
+        small.for_each(|i| grid.keep(&all.get(i)));
         let flattened = |i: &usize| {
             let corners = all.get(*i);
-            !has_area(&corners.map(|corner| sizes.round(corner)))
+            !has_area(&corners.map(|corner| grid.round(corner)))
         };
         loop {
             let flattened: Vec<_> =
@@ -651,11 +661,9 @@ impl Scene {
             if flattened.is_empty() {
                 break;
             }
-            for i in flattened {
-                sizes.note(&all.get(i), EXACT);
-            }
+            flattened.iter().for_each(|&i| grid.keep(&all.get(i)));
         }
-        let round = |p: &mut DVec3| *p = sizes.round(*p);
+        let round = |p: &mut DVec3| *p = grid.round(*p);
         triangles.vertices.par_iter_mut().for_each(round);
         let found = copies(&triangles);
         let is_copy = |i: usize| found.binary_search(&i).is_ok();

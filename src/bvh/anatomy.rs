@@ -91,9 +91,9 @@ impl Anatomy {
                     next = gate.or_else(|| stack.pop(end(search.limit)));
                     continue;
                 }
-                let meet = |leaf: &Leaf, shear: &_, _| leaf.meet(shear);
+                let meet = |leaf: Leaf, shear: &_, _| leaf.meet(shear);
                 let met =
-                    look(&mut search, (place, &leaf), (&ray, &shear), meet);
+                    look(&mut search, (place, leaf), (&ray, &shear), meet);
                 (met & ((1 << LANES) - 1), None)
             };
             next = first.or_else(|| stack.pop(end(search.limit)));

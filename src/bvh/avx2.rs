@@ -204,7 +204,7 @@ fn load(numbers: &[u32; 8]) -> __m256i {
 #[target_feature(enable = "avx2,fma")]
 #[inline]
 pub unsafe fn meet<const COPY: u8>(
-    leaf: &Leaf,
+    leaf: Leaf,
     shear: &Shear,
     limit: f64,
 ) -> (u32, [f64; LANES]) {
@@ -217,37 +217,37 @@ pub unsafe fn meet<const COPY: u8>(
         });
     }
     let unit = _mm256_set1_pd(leaf.unit());
-    let zero = [0, 1, 2].map(|axis| _mm256_set1_pd(leaf.origin(axis)));
-    meet_at(leaf, shear, limit, |run, axis| {
+    let zero = shear.axes.map(|axis| _mm256_set1_pd(leaf.origin(axis)));
+    meet_at(leaf, shear, limit, |run, i| {
         // SAFETY: there are nine runs, after which there are the faces.
         let run = unsafe { runs.add(HEAD + run * leaf.count) };
         let steps = unsafe { _mm_loadu_si128(run.cast()) };
-        _mm256_fmadd_pd(_mm256_cvtepi32_pd(steps), unit, zero[axis])
+        _mm256_fmadd_pd(_mm256_cvtepi32_pd(steps), unit, zero[i])
     })
 }
 
-/// The same, given the coordinates of a run along an axis.
+/// The same, given the coordinates of a run along the axis that
+/// becomes x, y or z.
 #[target_feature(enable = "avx2,fma")]
 #[inline]
 fn meet_at(
-    leaf: &Leaf,
+    leaf: Leaf,
     shear: &Shear,
     limit: f64,
     coordinates: impl Fn(usize, usize) -> __m256d,
 ) -> (u32, [f64; LANES]) {
     let margins = leaf.margins(shear);
     // Shear the corners of four triangles
-    let [i, j, k] = shear.axes;
     let [ox, oy, oz] = shear.origin.map(|x| _mm256_set1_pd(x));
     let [sx, sy] = shear.slope.map(|x| _mm256_set1_pd(x));
-    let at = |c: usize, axis: usize| coordinates(3 * c + axis, axis);
+    let at = |c: usize, i: usize| coordinates(3 * c + shear.axes[i], i);
     let sheared = |lanes, origin, slope, z| {
         let moved = _mm256_sub_pd(lanes, origin);
         _mm256_sub_pd(moved, _mm256_mul_pd(slope, z))
     };
     let corner = |c| {
-        let z = _mm256_sub_pd(at(c, k), oz);
-        (sheared(at(c, i), ox, sx, z), sheared(at(c, j), oy, sy, z), z)
+        let z = _mm256_sub_pd(at(c, 2), oz);
+        (sheared(at(c, 0), ox, sx, z), sheared(at(c, 1), oy, sy, z), z)
     };
     let ((ax, ay, az), (bx, by, bz)) = (corner(0), corner(1));
     let (cx, cy, cz) = corner(2);
@@ -301,6 +301,6 @@ fn meet_at(
 
 #[cold]
 #[inline(never)]
-fn carefully(leaf: &Leaf, shear: &Shear) -> (u32, [f64; LANES]) {
+fn carefully(leaf: Leaf, shear: &Shear) -> (u32, [f64; LANES]) {
     leaf.meet(shear)
 }

@@ -64,9 +64,8 @@ where
     let mut point = met + normal * (clear - height);
     // Settle the point if it is doubtful
     let short = left.is_some_and(|left| {
-        let reach = search.leaves.reach(left);
-        let size = reach.max(ray.origin.abs().max_element());
-        distance <= Margins { size }.clear() * SHORT
+        let span = search.leaves.span(left, ray.origin);
+        distance <= Margins::new(span, ray.origin).clear() * SHORT
             && has_not_risen(&search.leaves.triangle(left), ray, met)
     });
     let deep = height.abs() > 0.5 * CLOSE_BY * clear;
@@ -81,10 +80,10 @@ where
 }
 
 /// The margins of a triangle for rays from or to a point.
+#[inline(always)]
 fn margins(corners: &Triangle, point: DVec3) -> Margins {
-    let [a, b, c] = corners.map(DVec3::abs);
-    let size = a.max(b).max(c).max(point.abs()).max_element();
-    Margins { size }
+    let [a, b, c] = corners.map(|corner| (corner - point).abs());
+    Margins::new(a.max(b).max(c).max_element(), point)
 }
 
 /// Whether a point of a ray is still close to the plane of a triangle that
@@ -92,7 +91,8 @@ fn margins(corners: &Triangle, point: DVec3) -> Margins {
 fn has_not_risen(corners: &Triangle, ray: &Ray, met: DVec3) -> bool {
     let &[a, b, c] = corners;
     let normal = cross(b - a, c - a);
-    let size = margins(corners, ray.origin).size.max(margins(corners, met).size);
+    let size = margins(corners, ray.origin).size;
+    let size = size.max(margins(corners, met).size);
     let limit = 2. * CLOSE_BY * Margins { size }.clear();
     normal.dot(met - a).abs() <= limit * normal.length()
 }
@@ -181,7 +181,7 @@ impl Arrival<'_> {
 
     /// The margins of a triangle for this ray and one of its points.
     fn margins(&self, corners: &Triangle, point: DVec3) -> Margins {
-        let size = self.ray.origin.abs().max_element();
+        let size = margins(corners, self.ray.origin).size;
         Margins { size: margins(corners, point).size.max(size) }
     }
 
@@ -197,8 +197,8 @@ impl Arrival<'_> {
         Node<N>: Pod,
     {
         let Ray { origin, direction } = *self.ray;
-        let size = met.abs().max(origin.abs()).max_element();
-        let mut back = 2. * Margins { size }.clear();
+        let least = Margins::new(self.distance, met).clear();
+        let mut back = 2. * least;
         while back < self.distance {
             let point = origin + direction * (self.distance - back);
             if self.is_safe(wide, shear, point) {
@@ -273,7 +273,7 @@ fn is_around(corners: &Triangle, point: DVec3) -> bool {
     let &[a, b, c] = corners;
     let (least, greatest) = (a.min(b).min(c), a.max(b).max(c));
     let beyond = (least - point).max(point - greatest);
-    beyond.max_element() <= margins(corners, point).size * AROUND
+    beyond.max_element() <= AROUND * margins(corners, point).size
 }
 
 // Tell a point from a triangle

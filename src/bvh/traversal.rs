@@ -216,7 +216,7 @@ pub fn traverse<'a, const N: usize, const ANY: bool, V>(
     from: Option<u32>,
     enter: impl Fn(&Node<N>, &Slabs, f32) -> Entered<V>,
     push: impl Fn(&Node<N>, u32, &Entered<V>, &mut Stack) -> u32,
-    meet: impl Fn(&Leaf<'a>, &Shear, f64) -> (u32, [f64; LANES]),
+    meet: impl Fn(Leaf<'a>, &Shear, f64) -> (u32, [f64; LANES]),
 ) -> Search<'a>
 where
     Node<N>: Pod,
@@ -230,56 +230,65 @@ where
         return search;
     }
     // Prepare to start at the root
-    let (mut slabs, shear) = (Slabs::new(ray, wide.zero), Shear::new(ray));
+    let shear = Shear::new(ray);
+    let mut zero = wide.zero;
     let mut waiting = Waiting::new();
     let mut stack = Stack::new(&mut waiting);
     let mut t_max = f32::INFINITY;
     let mut child = 0;
-    // Go from nodes to leaves
     loop {
-        while child & LEAF == 0 {
-            // Choose among the children entered
-            // SAFETY: children without the bit LEAF are numbers of nodes.
-            let node = unsafe { nodes.get_unchecked(child as usize) };
-            let entered = enter(node, &slabs, t_max);
-            let mask = entered.mask;
-            child = match mask.count_ones() {
-                0 => match stack.pop(t_max) {
-                    Some(waiting) => waiting,
-                    None => return search,
-                },
-                1 => {
-                    node.children[mask.trailing_zeros() as usize & (N - 1)]
-                }
-                _ => push(node, slabs.shift, &entered, &mut stack),
-            };
-        }
-        // Offer the leaf's triangles and go on
-        let (first, count) = slots(child);
-        // SAFETY: children with the bit LEAF are leaves that are there.
-        let leaf = unsafe { search.leaf(first, count) };
-        if leaf.kind() >= BACK {
-            let zero = leaf.zero();
-            slabs = Slabs::new(ray, zero);
-            if let Some((inner, back)) = leaf.gate(first) {
-                // SAFETY: no hierarchy is so deep that one is not left.
-                unsafe { stack.push(back, 0.) };
-                child = inner;
-                continue;
+        let slabs = Slabs::new(ray, zero);
+        // Go from nodes to leaves
+        let gate = loop {
+            while child & LEAF == 0 {
+                // Choose among the children entered
+                // SAFETY: children without the bit LEAF are numbers of nodes.
+                let node = unsafe { nodes.get_unchecked(child as usize) };
+                let entered = enter(node, &slabs, t_max);
+                let mask = entered.mask;
+                child = match mask.count_ones() {
+                    0 => match stack.pop(t_max) {
+                        Some(waiting) => waiting,
+                        None => return search,
+                    },
+                    1 => {
+                        node.children
+                            [mask.trailing_zeros() as usize & (N - 1)]
+                    }
+                    _ => push(node, slabs.shift, &entered, &mut stack),
+                };
             }
-        } else {
-            let met = look(&mut search, (first, &leaf), (ray, &shear), &meet);
-            if met != 0 {
+            // Offer the leaf's triangles and go on
+            let (first, count) = slots(child);
+            // SAFETY: children with the bit LEAF are leaves that are there.
+            let leaf = unsafe { search.leaf(first, count) };
+            if leaf.kind() >= BACK {
+                break leaf;
+            }
+            if look(&mut search, (first, leaf), (ray, &shear), &meet) != 0 {
                 if ANY && search.slot != NONE {
                     return search;
                 }
                 t_max = end(search.limit);
             }
-        }
-        match stack.pop(t_max) {
-            Some(waiting) => child = waiting,
-            None => return search,
-        }
+            match stack.pop(t_max) {
+                Some(waiting) => child = waiting,
+                None => return search,
+            }
+        };
+        // Go through a gate
+        zero = gate.zero();
+        child = match gate.gate(slots(child).0) {
+            Some((inner, back)) => {
+                // SAFETY: no hierarchy is so deep that one is not left.
+                unsafe { stack.push(back, 0.) };
+                inner
+            }
+            None => match stack.pop(t_max) {
+                Some(waiting) => waiting,
+                None => return search,
+            },
+        };
     }
 }
 
@@ -287,9 +296,9 @@ where
 #[inline(always)]
 pub fn look<'a>(
     search: &mut Search<'a>,
-    (first, leaf): (u32, &Leaf<'a>),
+    (first, leaf): (u32, Leaf<'a>),
     (ray, shear): (&Ray, &Shear),
-    meet: impl Fn(&Leaf<'a>, &Shear, f64) -> (u32, [f64; LANES]),
+    meet: impl Fn(Leaf<'a>, &Shear, f64) -> (u32, [f64; LANES]),
 ) -> u32 {
     let (met, distances) = meet(leaf, shear, search.limit);
     // Offer each lane of the mask

@@ -12,7 +12,7 @@
 //! same on every processor.
 
 // Name what the triangles import
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 use super::huge_pages::Pages;
 use crate::numerics::{cross, exponent, power_of_two};
@@ -31,8 +31,10 @@ pub struct Shear {
     pub slope: [f64; 2],
     /// 1/dz: distance along the ray per unit of z.
     pub stretch: f64,
-    /// The largest coordinate of the origin.
-    pub size: f64,
+    /// The same, not permuted.
+    pub from: DVec3,
+    /// A part of its largest coordinate.
+    pub place: f64,
 }
 
 impl Shear {
@@ -50,8 +52,9 @@ impl Shear {
         let origin = axes.map(|axis| flush(origin[axis], SMALLEST));
         let stretch = 1. / z;
         let slope = [x, y].map(|d| flush(d * stretch, FLATTEST));
-        let size = ray.origin.abs().max_element();
-        Self { axes, origin, slope, stretch, size }
+        let from = ray.origin;
+        let place = PLACE * from.abs().max_element();
+        Self { axes, origin, slope, stretch, from, place }
     }
 }
 
@@ -94,13 +97,17 @@ fn refined(a: f64, b: f64, c: f64, d: f64, rough: f64) -> f64 {
     }
 }
 
-/// What is small beside coordinates up to `size`: of a ray's origin and a
-/// triangle's corners.
+/// What is small beside the lengths from which it is computed.
 #[derive(Clone, Copy, Debug)]
 pub struct Margins {
-    /// The larger of the two.
+    /// From a ray's origin to the corners of a triangle, along an axis;
+    /// and a part of the coordinates of the origin.
     pub size: f64,
 }
+
+/// A point's coordinates are rounded to 2^-53 of themselves, of which
+/// margins are larger than of distances: an eighth counts.
+pub const PLACE: f64 = 0.125;
 
 impl Margins {
     /// Distances along a ray that are closer are not told apart: 2^-35.
@@ -110,11 +117,18 @@ impl Margins {
     }
 
     /// An edge function of less than this, with the wrong sign, may belong
-    /// to a triangle within 2^-45 of a point of the ray: 2^-41, of the
+    /// to a triangle within 2^-45 of a point of the ray: 2^-43, of the
     /// square.
     #[inline(always)]
     pub fn narrow(self) -> f64 {
-        self.size * self.size * (1. / (1u64 << 41) as f64)
+        self.size * self.size * (1. / (1u64 << 43) as f64)
+    }
+
+    /// Those of triangles up to `span` away from a point.
+    #[inline(always)]
+    pub fn new(span: f64, point: DVec3) -> Self {
+        let place = point.abs().max_element();
+        Self { size: (1. + PLACE) * span + PLACE * place }
     }
 
     /// How far off its surface a hit is put, and at least how far from
@@ -198,11 +212,12 @@ impl Leaves {
         leaf.triangle(lane)
     }
 
-    /// The largest coordinate of its leaf, or more.
+    /// How far the corners of its leaf are from a point along an axis, at
+    /// most.
     #[inline(always)]
-    pub fn reach(&self, slot: u32) -> f64 {
-        let tag = self.0[UNIT * (slot >> 2) as usize + 3];
-        f64::from(f32::from_bits(tag))
+    pub fn span(&self, slot: u32, point: DVec3) -> f64 {
+        let words = &self.0[UNIT * (slot >> 2) as usize..];
+        Leaf { words, count: 0, lanes: 0 }.span(point)
     }
 
     /// The face of the triangle in a slot.
@@ -229,42 +244,41 @@ impl Shape {
     /// The shape of a leaf of these triangles.
     pub fn of(triangles: &[Triangle]) -> Self {
         let corners = triangles.as_flattened();
-        let reach = corners.iter().map(|p| p.abs().max_element());
-        let reach = reach.fold(0., f64::max);
-        let count = (triangles.len() - 1) as u32;
-        let tag = |kind: u32| upwards(reach) | count << 8 | kind;
-        Self::compact(corners)
-            .map(|(origin, kind)| Self { origin, tag: tag(kind) })
-            .unwrap_or(Self { origin: [0.; 3], tag: tag(EXACT) })
-    }
-
-    /// An origin near these points from which all of them can be reached
-    /// by 31 bits, and the exponent of the unit.
-    fn compact(corners: &[DVec3]) -> Option<([f32; 3], u32)> {
         let low = corners.iter().fold(corners[0], |a, b| a.min(*b));
         let high = corners.iter().fold(corners[0], |a, b| a.max(*b));
-        let origin = (0.5 * low + 0.5 * high).as_vec3();
-        let far = (high - origin.as_dvec3())
-            .max(origin.as_dvec3() - low)
-            .max_element();
-        let digits = exponent(far) + 1 - 30;
+        let middle = (0.5 * low + 0.5 * high).as_vec3();
+        let reach = |origin: Vec3| {
+            let origin = origin.as_dvec3();
+            (high - origin).max(origin - low).max_element()
+        };
+        let count = (triangles.len() - 1) as u32;
+        let (origin, kind) = Self::compact(corners, middle, reach(middle))
+            .unwrap_or((middle, EXACT));
+        let tag = upwards(reach(origin)) | count << 8 | kind;
+        Self { origin: origin.to_array(), tag }
+    }
+
+    /// An origin near `middle` from which all points, up to `reach` away
+    /// from there, can be reached by 31 bits, and the kind of the leaf.
+    fn compact(
+        corners: &[DVec3],
+        middle: Vec3,
+        reach: f64,
+    ) -> Option<(Vec3, u32)> {
+        let digits = exponent(reach) + 1 - 30;
         let kind = u32::try_from(digits + BIAS).ok()?;
-        if kind == EXACT || kind >= BACK || far == 0. {
+        if kind == EXACT || kind >= BACK {
             return None;
         }
         let unit = power_of_two(-digits);
-        // An origin that is a multiple of the unit.
-        let origin = (origin.as_dvec3() * unit).round() / unit;
+        let whole = (middle.as_dvec3() * unit).round() / unit;
+        let origin = whole.as_vec3();
         let fits = |p: &DVec3| {
-            let steps = (*p - origin) * unit;
-            let whole = steps.round() == steps
-                && steps.abs().max_element() < i32::MAX.into();
-            whole && origin + steps / unit == *p
+            let steps = (*p - whole) * unit;
+            steps.round() == steps && whole + steps / unit == *p
         };
-        let short = origin.as_vec3();
-        let exact = short.as_dvec3() == origin;
-        (exact && corners.iter().all(fits))
-            .then_some((short.to_array(), kind))
+        let fits = origin.as_dvec3() == whole && corners.iter().all(fits);
+        fits.then_some((origin, kind))
     }
 
     /// How many units it takes.
@@ -357,17 +371,29 @@ impl Leaf<'_> {
         unsafe { self.words.get_unchecked(3) & 255 }
     }
 
-    /// No coordinate is larger.
+    /// How far its corners are from its origin along an axis, at most.
     #[inline(always)]
     pub fn reach(&self) -> f64 {
         // SAFETY: each leaf has a head.
         f64::from(f32::from_bits(unsafe { *self.words.get_unchecked(3) }))
     }
 
+    /// How far its corners are from a point along an axis, at most.
+    #[inline(always)]
+    pub fn span(&self, point: DVec3) -> f64 {
+        let at = |axis: usize| {
+            // SAFETY: each leaf has a head.
+            let bits = unsafe { *self.words.get_unchecked(axis) };
+            (f64::from(f32::from_bits(bits)) - point[axis]).abs()
+        };
+        at(0).max(at(1)).max(at(2)) + self.reach()
+    }
+
     /// The margins of this leaf for a ray.
     #[inline(always)]
     pub fn margins(&self, shear: &Shear) -> Margins {
-        Margins { size: self.reach().max(shear.size) }
+        let span = self.span(shear.from);
+        Margins { size: (1. + PLACE) * span + shear.place }
     }
 
     /// The unit of length.
@@ -563,7 +589,7 @@ impl<'a> Search<'a> {
     #[inline(always)]
     pub fn offer(
         &mut self,
-        (first, leaf): (u32, &Leaf),
+        (first, leaf): (u32, Leaf),
         lane: u32,
         mut distance: f64,
         ray: &Ray,
@@ -615,7 +641,7 @@ impl<'a> Search<'a> {
 
 /// Whether the ray starts beyond the plane of the triangle in a lane.
 #[cold]
-fn is_behind(leaf: &Leaf, lane: u32, ray: &Ray) -> bool {
+fn is_behind(leaf: Leaf, lane: u32, ray: &Ray) -> bool {
     let [a, b, c] = leaf.triangle(lane);
     let normal = cross(b - a, c - a);
     normal.dot(ray.direction) * normal.dot(ray.origin - a) >= 0.
