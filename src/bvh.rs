@@ -177,7 +177,7 @@ impl Bvh {
         quality: Quality,
         isa: Isa,
     ) -> Result<Self, BuildError> {
-        Self::of(scene.triangles().clone(), quality, isa)
+        Self::of(scene.indexed().clone(), quality, isa)
     }
 
     // Build a hierarchy that uses its triangles up

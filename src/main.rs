@@ -213,7 +213,7 @@ fn build(
 ) -> Result<(SceneAnalysis, Bvh), String> {
     let began = Instant::now();
     let rays = expected_rays(arguments, rayon::current_num_threads());
-    let quality = Quality::expecting(scene.triangles().len(), rays);
+    let quality = Quality::expecting(scene.indexed().len(), rays);
     let triangles = scene.take_triangles();
     let bvh = Bvh::of(triangles, quality, arguments.isa())
         .map_err(|e| e.to_string())?;

@@ -502,6 +502,13 @@ impl Triangles {
         (0..self.len()).map(|i| self.get(i))
     }
 
+    /// Those that share no corner, each with its face.
+    pub fn apart(triangles: &[Triangle], faces: Vec<u32>) -> Self {
+        let corner = |i: u32| [3 * i, 3 * i + 1, 3 * i + 2];
+        let corners = (0..triangles.len() as u32).map(corner).collect();
+        Self { vertices: triangles.as_flattened().to_vec(), corners, faces }
+    }
+
     /// Takes those triangles out of which `is_out` is true, given their
     /// number; returns their faces.
     fn leave_out(&mut self, is_out: impl Fn(usize) -> bool) -> Vec<u32> {
@@ -677,8 +684,14 @@ impl Scene {
         Self { frame, bounds, triangles, flat, copies }
     }
 
-    /// The triangles that have an area, in the order of the mesh.
-    pub fn triangles(&self) -> &Triangles {
+    /// The triangles that have an area, in the order of the mesh, without
+    /// copies.
+    pub fn triangles(&self) -> Vec<Triangle> {
+        self.triangles.iter().collect()
+    }
+
+    /// The same, as they share their corners.
+    pub fn indexed(&self) -> &Triangles {
         &self.triangles
     }
 

@@ -19,7 +19,7 @@ use rand_pcg::Pcg64;
 fn nearest(scene: &Scene, ray: &Ray) -> Option<(f64, DVec3)> {
     let mut nearest: Option<(f64, DVec3)> = None;
     for t in scene.triangles() {
-        let [a, b, c] = t.map(|corner| corner.as_dvec3() - ray.origin);
+        let [a, b, c] = t.map(|corner| corner - ray.origin);
         let normal = (b - a).cross(c - a);
         let distance = normal.dot(a) / normal.dot(ray.direction);
         let p = ray.direction * distance;
@@ -339,7 +339,7 @@ fn a_hit_knows_its_face_in_the_file() {
         }
         let mut all: Vec<_> = bvh.triangles().map(|one| one.0).collect();
         all.sort_unstable();
-        assert_eq!(all, scene.faces());
+        assert_eq!(all, scene.indexed().faces);
     }
 }
 

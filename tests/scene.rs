@@ -261,7 +261,7 @@ fn a_text_reads_the_same_on_any_number_of_threads() {
     let read = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
         let both = || {
-            let scene = |mesh| Scene::new(&mesh).triangles().to_vec();
+            let scene = |mesh| Scene::new(&mesh).triangles();
             let right = read_pieces(text.as_bytes(), 40).map(scene);
             (right, read_pieces(wrong.as_bytes(), 40).unwrap_err())
         };
@@ -332,7 +332,7 @@ fn the_order_of_zeros_does_not_decide_the_sign_of_the_box() {
     let corner = |faces: &str| {
         let text = format!("v 1 0 -0\nv 0 1 0\nv 0 0 0\n{faces}");
         let scene = Scene::new(&read_obj(text.as_bytes()).unwrap());
-        let corners = scene.triangles().as_flattened();
+        let corners = scene.triangles();
         let far = corners.iter().find(|p| p.x > p.y && p.x > 0.);
         far.unwrap().to_array().map(f32::to_bits)
     };

@@ -118,7 +118,7 @@ fn place(scene: &Scene, random: &mut Pcg64) -> DVec3 {
         return anywhere;
     }
     let i = random.random_range(0..triangles.len());
-    let [a, b, c] = triangles[i].map(|corner| corner.as_dvec3());
+    let [a, b, c] = triangles[i];
     let (s, t) = (random.random::<f64>(), random.random::<f64>());
     match random.random_range(0..6) {
         0 => a,

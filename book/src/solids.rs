@@ -73,8 +73,7 @@ fn solid(name: &str, mesh: Mesh, inside: &[DVec3]) -> Solid {
 }
 
 pub fn rounded(scene: &Scene) -> Vec<[DVec3; 3]> {
-    let triangles = scene.triangles().iter();
-    triangles.map(|t| t.map(|corner| corner.as_dvec3())).collect()
+    scene.triangles()
 }
 
 /// How many times the surface goes around a point: the sum of the solid

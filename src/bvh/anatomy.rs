@@ -14,7 +14,7 @@ use std::{array, io};
 use glam::Vec3;
 
 use super::traversal::{
-    Slabs, Stack, Waiting, distance, end, enter, look, push,
+    Slabs, Stack, Waiting, distance, enter, look, push,
 };
 use super::triangle::{BACK, LANES, LEAF, Leaf, Search, Shear, slots};
 use super::wide::{Quality, Wide};
@@ -57,18 +57,19 @@ impl Anatomy {
     /// # Errors
     /// Too little memory.
     pub fn new(scene: &Scene, ray: Ray) -> io::Result<Self> {
-        let triangles = scene.triangles().clone();
+        let triangles = scene.indexed().clone();
         let wide = Wide::new(triangles, Quality::Medium)?;
         // Walk and note each step
         let (mut slabs, shear) =
-            (Slabs::new(&ray, wide.zero), Shear::new(&ray));
+            (Slabs::new(&ray, &wide.region), Shear::new(&ray));
         let mut search = Search::new(&wide.leaves, None);
+        search.margins = wide.region.margins(ray.origin);
         let (mut waiting, mut steps) = (Waiting::new(), vec![]);
         let mut stack = Stack::new(&mut waiting);
         let mut next = Some(0);
         while let Some(child) = next {
             // Look at one child and choose the next
-            let t_max = end(search.limit);
+            let t_max = search.limit() as f32;
             let (mask, first) = if child & LEAF == 0 {
                 let node = &wide.nodes[child as usize];
                 let met = enter(node, &slabs, t_max, distance);
@@ -82,21 +83,23 @@ impl Anatomy {
                 // SAFETY: children with the bit LEAF are leaves that are there.
                 let leaf = unsafe { search.leaf(place, count) };
                 if leaf.kind() >= BACK {
-                    slabs = Slabs::new(&ray, leaf.zero());
+                    slabs = Slabs::new(&ray, &leaf.region());
                     let gate = leaf.gate(place).map(|(inner, back)| {
                         // SAFETY: no hierarchy is so deep.
                         unsafe { stack.push(back, 0.) };
                         inner
                     });
-                    next = gate.or_else(|| stack.pop(end(search.limit)));
+                    next = gate.or_else(|| stack.pop(search.limit() as f32));
                     continue;
                 }
-                let meet = |leaf: Leaf, shear: &_, _| leaf.meet(shear);
+                let meet = |leaf: Leaf, shear: &_, (_, margins)| {
+                    leaf.meet(shear, margins)
+                };
                 let met =
                     look(&mut search, (place, leaf), (&ray, &shear), meet);
                 (met & ((1 << LANES) - 1), None)
             };
-            next = first.or_else(|| stack.pop(end(search.limit)));
+            next = first.or_else(|| stack.pop(search.limit() as f32));
             let (waiting, t_max) = (stack.length(), search.distance);
             steps.push(Step { child, mask, waiting, t_max });
         }
@@ -109,7 +112,7 @@ impl Anatomy {
     pub fn root(&self) -> Vec<(bool, [Vec3; 2])> {
         let node = &self.wide.nodes[0];
         let mask = self.steps.first().map_or(0, |s| s.mask);
-        let shift = Slabs::new(&self.ray, self.wide.zero).shift;
+        let shift = Slabs::new(&self.ray, &self.wide.region).shift;
         let near = node.order.iter().rev();
         let slots = near.map(|order| (order >> shift & 15) as usize);
         let slots = slots.filter(|&slot| node.planes[0][slot].is_finite());

@@ -17,7 +17,7 @@ use super::intersector::{Hit, Intersector};
 use super::spawn::hit;
 use super::traversal::{Entered, Slabs, Stack, traverse};
 use super::triangle::{
-    CLOSE, EXACT, HEAD, LANES, Leaf, NONE, Search, Shear,
+    CLOSE, EXACT, HEAD, LANES, Leaf, Margins, NONE, Search, Shear,
 };
 use super::wide::{Node, Wide};
 use crate::scene::Ray;
@@ -109,11 +109,11 @@ pub unsafe fn enter(
     t_max: f32,
 ) -> Entered<__m256> {
     // Give the distances of eight planes
-    let plane = |[inverse, start]: &[[f32; 3]; 2], axis: usize, row| {
+    let plane = |start: &[f32; 3], axis: usize, row| {
         // SAFETY: the row is below 6, says the caller; it is 8 numbers.
         let row = unsafe { node.planes.get_unchecked::<usize>(row) };
         let planes = unsafe { _mm256_loadu_ps(row.as_ptr()) };
-        let inverse = _mm256_set1_ps(inverse[axis]);
+        let inverse = _mm256_set1_ps(slabs.inverse[axis]);
         let start = _mm256_set1_ps(start[axis]);
         _mm256_fmsub_ps(planes, inverse, start)
     };
@@ -206,11 +206,12 @@ fn load(numbers: &[u32; 8]) -> __m256i {
 pub unsafe fn meet<const COPY: u8>(
     leaf: Leaf,
     shear: &Shear,
-    limit: f64,
+    (limit, margins): (f64, Margins),
 ) -> (u32, [f64; LANES]) {
     let runs = leaf.words.as_ptr();
     if leaf.kind() == EXACT {
-        return meet_at(leaf, shear, limit, |run, _| {
+        let limits = (limit, margins);
+        return meet_at(leaf, shear, limits, |run, _| {
             // SAFETY: there are nine runs, and four numbers of the last.
             let run = unsafe { runs.add(HEAD + 2 * run * leaf.count) };
             unsafe { _mm256_loadu_pd(run.cast()) }
@@ -218,7 +219,7 @@ pub unsafe fn meet<const COPY: u8>(
     }
     let unit = _mm256_set1_pd(leaf.unit());
     let zero = shear.axes.map(|axis| _mm256_set1_pd(leaf.origin(axis)));
-    meet_at(leaf, shear, limit, |run, i| {
+    meet_at(leaf, shear, (limit, margins), |run, i| {
         // SAFETY: there are nine runs, after which there are the faces.
         let run = unsafe { runs.add(HEAD + run * leaf.count) };
         let steps = unsafe { _mm_loadu_si128(run.cast()) };
@@ -233,10 +234,9 @@ pub unsafe fn meet<const COPY: u8>(
 fn meet_at(
     leaf: Leaf,
     shear: &Shear,
-    limit: f64,
+    (limit, margins): (f64, Margins),
     coordinates: impl Fn(usize, usize) -> __m256d,
 ) -> (u32, [f64; LANES]) {
-    let margins = leaf.margins(shear);
     // Shear the corners of four triangles
     let [ox, oy, oz] = shear.origin.map(|x| _mm256_set1_pd(x));
     let [sx, sy] = shear.slope.map(|x| _mm256_set1_pd(x));
@@ -279,7 +279,7 @@ fn meet_at(
     let threshold = _mm256_mul_pd(_mm256_set1_pd(CLOSE), largest);
     let close = _mm256_cmp_pd::<_CMP_LE_OQ>(smallest, threshold);
     if _mm256_movemask_pd(_mm256_and_pd(close, inside)) & lanes != 0 {
-        return carefully(leaf, shear);
+        return carefully(leaf, shear, margins);
     }
     // Divide for the distances
     let sum = _mm256_add_pd(_mm256_add_pd(u, v), w);
@@ -290,7 +290,7 @@ fn meet_at(
     let near = margins.near();
     let least = _mm256_set1_pd(-near);
     let ahead = _mm256_cmp_pd::<_CMP_GT_OQ>(distance, least);
-    let limit = _mm256_set1_pd(limit + near);
+    let limit = _mm256_set1_pd(limit);
     let within = _mm256_cmp_pd::<_CMP_LE_OQ>(distance, limit);
     let met = _mm256_and_pd(inside, _mm256_and_pd(ahead, within));
     let mut distances = [0.; LANES];
@@ -301,6 +301,10 @@ fn meet_at(
 
 #[cold]
 #[inline(never)]
-fn carefully(leaf: Leaf, shear: &Shear) -> (u32, [f64; LANES]) {
-    leaf.meet(shear)
+fn carefully(
+    leaf: Leaf,
+    shear: &Shear,
+    margins: Margins,
+) -> (u32, [f64; LANES]) {
+    leaf.meet(shear, margins)
 }

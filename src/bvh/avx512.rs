@@ -112,11 +112,11 @@ pub unsafe fn enter(
     t_max: f32,
 ) -> Entered<__m512> {
     // Give the distances of sixteen planes
-    let plane = |[inverse, start]: &[[f32; 3]; 2], axis: usize, row| {
+    let plane = |start: &[f32; 3], axis: usize, row| {
         // SAFETY: the row is below 6, says the caller; it is 16 numbers.
         let row = unsafe { node.planes.get_unchecked::<usize>(row) };
         let planes = unsafe { _mm512_loadu_ps(row.as_ptr()) };
-        let inverse = _mm512_set1_ps(inverse[axis]);
+        let inverse = _mm512_set1_ps(slabs.inverse[axis]);
         let start = _mm512_set1_ps(start[axis]);
         _mm512_fmsub_ps(planes, inverse, start)
     };

@@ -63,13 +63,14 @@ where
     let clear = margins(&corners, ray.origin).clear();
     let mut point = met + normal * (clear - height);
     // Settle the point if it is doubtful
+    let root = wide.region.margins(ray.origin);
     let short = left.is_some_and(|left| {
-        let span = search.leaves.span(left, ray.origin);
-        distance <= Margins::new(span, ray.origin).clear() * SHORT
+        distance <= search.margins.clear().max(root.clear()) * SHORT
             && has_not_risen(&search.leaves.triangle(left), ray, met)
     });
     let deep = height.abs() > 0.5 * CLOSE_BY * clear;
-    if search.near_tie <= search.limit || short || deep {
+    let limit = distance + root.near();
+    if search.near_tie <= limit || short || deep {
         let near = margins(&corners, ray.origin).near();
         let arrival = Arrival { ray, distance, near, primitive, left };
         if let Some(safe) = arrival.settle(wide, met, deep) {

@@ -22,7 +22,7 @@ use glam::DVec3;
 use super::intersector::{Hit, Intersector};
 use super::spawn::hit;
 use super::triangle::{
-    BACK, LANES, LEAF, Leaf, NONE, Search, Shear, slots,
+    BACK, LANES, LEAF, Leaf, Margins, NONE, Region, Search, Shear, slots,
 };
 use super::wide::{Node, STACK, Wide};
 use crate::scene::Ray;
@@ -30,11 +30,12 @@ use crate::scene::Ray;
 // Prepare a ray for boxes
 /// A ray in single precision, prepared for the planes of boxes.
 pub struct Slabs {
-    /// 1/d of each axis, neither zero nor infinite, and o/d, for the
-    /// planes by which the ray enters: not too late.
-    pub entry: [[f32; 3]; 2],
-    /// The same for those by which it leaves: not too early.
-    pub exit: [[f32; 3]; 2],
+    /// 1/d of each axis, neither zero nor infinite.
+    pub inverse: [f32; 3],
+    /// o/d of each axis, for the planes by which the ray enters: not less.
+    pub entry: [f32; 3],
+    /// For those by which it leaves: not more.
+    pub exit: [f32; 3],
     /// The rows of a node's planes, 0 to 5, by which the ray enters.
     pub enter: [usize; 3],
     /// The rows by which it leaves.
@@ -45,41 +46,30 @@ pub struct Slabs {
 }
 
 impl Slabs {
-    /// For boxes whose planes are counted from `zero`.
+    /// For the boxes of a region.
     #[inline(always)]
-    pub fn new(ray: &Ray, zero: DVec3) -> Self {
+    pub fn new(ray: &Ray, region: &Region) -> Self {
         let direction = ray.direction.as_vec3().to_array();
-        let from = ray.origin - zero;
-        let aside = ray.origin.abs().max_element() * ASIDE;
+        let from = ray.origin - region.zero;
+        let beyond = from.abs().max_element() - region.reach;
+        let margin = (beyond * ROUGH).max(0.) as f32;
         let origin = from.as_vec3().to_array();
         let inverse = direction.map(|d| 1. / steep(d));
-        let margin: [f32; 3] = array::from_fn(|i| {
-            (origin[i].abs() * ROUGH + aside as f32) * inverse[i].abs()
-        });
         let start: [f32; 3] = array::from_fn(|i| origin[i] * inverse[i]);
-        let late = array::from_fn(|i| start[i] + margin[i]);
-        let longer = 1. + 2. * ROUGH;
-        let early = array::from_fn(|i| (start[i] - margin[i]) * longer);
+        let aside = inverse.map(|r| margin * r.abs());
+        let entry = array::from_fn(|i| start[i] + aside[i]);
+        let exit = array::from_fn(|i| start[i] - aside[i]);
         let up = direction.map(|d| usize::from(d >= 0.));
         let enter = array::from_fn(|i| i + 3 * (1 - up[i]));
         let leave = array::from_fn(|i| i + 3 * up[i]);
         let shift = 4 * (up[0] | up[1] << 1 | up[2] << 2) as u32;
-        let exit = [inverse.map(|r| r * longer), early];
-        Self { entry: [inverse, late], exit, enter, leave, shift }
+        Self { inverse, entry, exit, enter, leave, shift }
     }
 }
 
-/// By which part distances of planes may be wrong: 2^-21.
-const ROUGH: f32 = 1. / (1 << 21) as f32;
-
-/// By which part of its coordinates a ray may be aside: 2^-48.
-const ASIDE: f64 = 1. / (1u64 << 48) as f64;
-
-/// The end of a ray for boxes: `limit`, or a little more.
-#[inline(always)]
-pub fn end(limit: f64) -> f32 {
-    limit as f32 * (1. + ROUGH)
-}
+/// By which part of the distance from a region planes of its boxes may be
+/// displaced: 2^-20.
+const ROUGH: f64 = 1. / (1 << 20) as f64;
 
 const LEAST: f32 = f32::from_bits((127 - 60) << 23);
 
@@ -216,7 +206,7 @@ pub fn traverse<'a, const N: usize, const ANY: bool, V>(
     from: Option<u32>,
     enter: impl Fn(&Node<N>, &Slabs, f32) -> Entered<V>,
     push: impl Fn(&Node<N>, u32, &Entered<V>, &mut Stack) -> u32,
-    meet: impl Fn(Leaf<'a>, &Shear, f64) -> (u32, [f64; LANES]),
+    meet: impl Fn(Leaf<'a>, &Shear, (f64, Margins)) -> (u32, [f64; LANES]),
 ) -> Search<'a>
 where
     Node<N>: Pod,
@@ -231,13 +221,15 @@ where
     }
     // Prepare to start at the root
     let shear = Shear::new(ray);
-    let mut zero = wide.zero;
+    let mut region = wide.region;
     let mut waiting = Waiting::new();
     let mut stack = Stack::new(&mut waiting);
-    let mut t_max = f32::INFINITY;
+    let mut t_max: f32;
     let mut child = 0;
     loop {
-        let slabs = Slabs::new(ray, zero);
+        let slabs = Slabs::new(ray, &region);
+        search.margins = region.margins(ray.origin);
+        t_max = search.limit() as f32;
         // Go from nodes to leaves
         let gate = loop {
             while child & LEAF == 0 {
@@ -269,7 +261,7 @@ where
                 if ANY && search.slot != NONE {
                     return search;
                 }
-                t_max = end(search.limit);
+                t_max = search.limit() as f32;
             }
             match stack.pop(t_max) {
                 Some(waiting) => child = waiting,
@@ -277,17 +269,20 @@ where
             }
         };
         // Go through a gate
-        zero = gate.zero();
+        region = gate.region();
         child = match gate.gate(slots(child).0) {
             Some((inner, back)) => {
                 // SAFETY: no hierarchy is so deep that one is not left.
                 unsafe { stack.push(back, 0.) };
                 inner
             }
-            None => match stack.pop(t_max) {
-                Some(waiting) => waiting,
-                None => return search,
-            },
+            None => {
+                search.margins = region.margins(ray.origin);
+                match stack.pop(search.limit() as f32) {
+                    Some(waiting) => waiting,
+                    None => return search,
+                }
+            }
         };
     }
 }
@@ -298,16 +293,16 @@ pub fn look<'a>(
     search: &mut Search<'a>,
     (first, leaf): (u32, Leaf<'a>),
     (ray, shear): (&Ray, &Shear),
-    meet: impl Fn(Leaf<'a>, &Shear, f64) -> (u32, [f64; LANES]),
+    meet: impl Fn(Leaf<'a>, &Shear, (f64, Margins)) -> (u32, [f64; LANES]),
 ) -> u32 {
-    let (met, distances) = meet(leaf, shear, search.limit);
+    let limit = search.limit();
+    let (met, distances) = meet(leaf, shear, (limit, search.margins));
     // Offer each lane of the mask
     let mut left = met;
     while left != 0 {
         let lane = left.trailing_zeros();
         let distance = distances[lane as usize % LANES];
-        let margins = leaf.margins(shear);
-        search.offer((first, leaf), lane, distance, ray, margins);
+        search.offer((first, leaf), lane, distance, ray);
         left &= left - 1;
     }
     met
@@ -325,14 +320,14 @@ pub fn enter<const N: usize>(
 ) -> Entered<[f32; N]> {
     let (mut near, mut far) = ([0f32; N], [t_max; N]);
     for axis in 0..3 {
-        let [inverse, start] = slabs.entry.map(|row| row[axis]);
-        let [longer, early] = slabs.exit.map(|row| row[axis]);
+        let inverse = slabs.inverse[axis];
+        let (late, early) = (slabs.entry[axis], slabs.exit[axis]);
         let enter = &node.planes[slabs.enter[axis]];
         let leave = &node.planes[slabs.leave[axis]];
         // Narrow the intervals of all boxes
         for i in 0..N {
-            let a = distance(enter[i], inverse, start);
-            let b = distance(leave[i], longer, early);
+            let a = distance(enter[i], inverse, late);
+            let b = distance(leave[i], inverse, early);
             near[i] = if a > near[i] { a } else { near[i] };
             far[i] = if b < far[i] { b } else { far[i] };
         }
@@ -387,7 +382,7 @@ impl Traverser {
             |node, shift, met, stack| unsafe {
                 push(node, shift, met, stack)
             },
-            |leaf, shear, _| leaf.meet(shear),
+            |leaf, shear, (_, margins)| leaf.meet(shear, margins),
         )
     }
 }

@@ -31,10 +31,6 @@ pub struct Shear {
     pub slope: [f64; 2],
     /// 1/dz: distance along the ray per unit of z.
     pub stretch: f64,
-    /// The same, not permuted.
-    pub from: DVec3,
-    /// A part of its largest coordinate.
-    pub place: f64,
 }
 
 impl Shear {
@@ -52,9 +48,7 @@ impl Shear {
         let origin = axes.map(|axis| flush(origin[axis], SMALLEST));
         let stretch = 1. / z;
         let slope = [x, y].map(|d| flush(d * stretch, FLATTEST));
-        let from = ray.origin;
-        let place = PLACE * from.abs().max_element();
-        Self { axes, origin, slope, stretch, from, place }
+        Self { axes, origin, slope, stretch }
     }
 }
 
@@ -103,6 +97,37 @@ pub struct Margins {
     /// From a ray's origin to the corners of a triangle, along an axis;
     /// and a part of the coordinates of the origin.
     pub size: f64,
+}
+
+/// A box that holds some triangles of a scene.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Region {
+    /// Its middle, from where planes are counted.
+    pub zero: DVec3,
+    /// Half of its longest side.
+    pub reach: f64,
+}
+
+impl Region {
+    /// The region between two opposite corners.
+    pub fn between(low: DVec3, high: DVec3) -> Self {
+        let reach = 0.5 * (high - low).max_element();
+        Self { zero: 0.5 * (low + high), reach }
+    }
+
+    /// A region that holds both.
+    pub fn union(self, other: Self) -> Self {
+        let (a, b) = (self.zero - self.reach, other.zero - other.reach);
+        let (c, d) = (self.zero + self.reach, other.zero + other.reach);
+        Self::between(a.min(b), c.max(d))
+    }
+
+    /// What is small for rays from a point to triangles of the region.
+    #[inline(always)]
+    pub fn margins(&self, point: DVec3) -> Margins {
+        let span = (point - self.zero).abs().max_element() + self.reach;
+        Margins::new(span, point)
+    }
 }
 
 /// A point's coordinates are rounded to 2^-53 of themselves, of which
@@ -164,7 +189,7 @@ pub const BACK: u32 = 254;
 const BIAS: i32 = 180;
 
 /// Units of a gate, after which the way back follows.
-pub const GATE_UNITS: u32 = 3;
+pub const GATE_UNITS: u32 = 4;
 
 /// Marks the number of a child as that of a leaf.
 pub const LEAF: u32 = 1 << 31;
@@ -212,14 +237,6 @@ impl Leaves {
         leaf.triangle(lane)
     }
 
-    /// How far the corners of its leaf are from a point along an axis, at
-    /// most.
-    #[inline(always)]
-    pub fn span(&self, slot: u32, point: DVec3) -> f64 {
-        let words = &self.0[UNIT * (slot >> 2) as usize..];
-        Leaf { words, count: 0, lanes: 0 }.span(point)
-    }
-
     /// The face of the triangle in a slot.
     pub fn face(&self, slot: u32) -> u32 {
         let (leaf, lane) = self.find(slot);
@@ -254,8 +271,7 @@ impl Shape {
         let count = (triangles.len() - 1) as u32;
         let (origin, kind) = Self::compact(corners, middle, reach(middle))
             .unwrap_or((middle, EXACT));
-        let tag = upwards(reach(origin)) | count << 8 | kind;
-        Self { origin: origin.to_array(), tag }
+        Self { origin: origin.to_array(), tag: count << 8 | kind }
     }
 
     /// An origin near `middle` from which all points, up to `reach` away
@@ -318,13 +334,6 @@ impl Shape {
     }
 }
 
-/// A number in single precision, with nothing in the last ten bits, that
-/// is not less.
-fn upwards(x: f64) -> u32 {
-    let bits = (x as f32).to_bits();
-    (bits & !1023) + if x > 0. { 1024 } else { 0 }
-}
-
 fn write_double(words: &mut [u32], x: f64) {
     let bits = x.to_bits();
     [words[0], words[1]] = [bits as u32, (bits >> 32) as u32];
@@ -338,16 +347,19 @@ fn double(words: &[u32]) -> f64 {
 /// Writes a gate to the node `inner` and its zero, and the way back.
 pub fn write_gate(
     words: &mut [u32],
-    (inner, node): (DVec3, u32),
-    outer: DVec3,
+    (inner, node): (Region, u32),
+    outer: Region,
 ) {
     let (gate, back) = words.split_at_mut(UNIT * GATE_UNITS as usize);
-    for (words, zero, kind) in [(gate, inner, GATE), (back, outer, BACK)] {
+    for (words, region, kind) in [(gate, inner, GATE), (back, outer, BACK)]
+    {
         words[HEAD - 1] = kind;
-        for (i, x) in zero.to_array().into_iter().enumerate() {
+        let Region { zero, reach } = region;
+        let numbers = [zero.x, zero.y, zero.z, reach];
+        for (i, x) in numbers.into_iter().enumerate() {
             write_double(&mut words[HEAD + 2 * i..], x);
         }
-        words[HEAD + 6] = node;
+        words[HEAD + 8] = node;
     }
 }
 
@@ -371,31 +383,6 @@ impl Leaf<'_> {
         unsafe { self.words.get_unchecked(3) & 255 }
     }
 
-    /// How far its corners are from its origin along an axis, at most.
-    #[inline(always)]
-    pub fn reach(&self) -> f64 {
-        // SAFETY: each leaf has a head.
-        f64::from(f32::from_bits(unsafe { *self.words.get_unchecked(3) }))
-    }
-
-    /// How far its corners are from a point along an axis, at most.
-    #[inline(always)]
-    pub fn span(&self, point: DVec3) -> f64 {
-        let at = |axis: usize| {
-            // SAFETY: each leaf has a head.
-            let bits = unsafe { *self.words.get_unchecked(axis) };
-            (f64::from(f32::from_bits(bits)) - point[axis]).abs()
-        };
-        at(0).max(at(1)).max(at(2)) + self.reach()
-    }
-
-    /// The margins of this leaf for a ray.
-    #[inline(always)]
-    pub fn margins(&self, shear: &Shear) -> Margins {
-        let span = self.span(shear.from);
-        Margins { size: (1. + PLACE) * span + shear.place }
-    }
-
     /// The unit of length.
     #[inline(always)]
     pub fn unit(&self) -> f64 {
@@ -406,7 +393,11 @@ impl Leaf<'_> {
     /// Where the coordinates are counted from, along an axis.
     #[inline(always)]
     pub fn origin(&self, axis: usize) -> f64 {
-        f64::from(f32::from_bits(self.words[axis]))
+        debug_assert!(axis < 3);
+        // SAFETY: each leaf has a head, and axes are below 3.
+        f64::from(f32::from_bits(unsafe {
+            *self.words.get_unchecked(axis)
+        }))
     }
 
     #[inline(always)]
@@ -434,11 +425,11 @@ impl Leaf<'_> {
         self.words[HEAD + runs * self.count + lane as usize]
     }
 
-    /// From where planes are counted beyond a gate.
+    /// The region beyond a gate.
     #[cold]
-    pub fn zero(&self) -> DVec3 {
+    pub fn region(&self) -> Region {
         let at = |i: usize| double(&self.words[HEAD + 2 * i..]);
-        DVec3::new(at(0), at(1), at(2))
+        Region { zero: DVec3::new(at(0), at(1), at(2)), reach: at(3) }
     }
 
     /// The node to which the gate at unit `first` leads, and the child that
@@ -446,7 +437,7 @@ impl Leaf<'_> {
     #[cold]
     pub fn gate(&self, first: u32) -> Option<(u32, u32)> {
         let back = LEAF | (first + GATE_UNITS);
-        (self.kind() == GATE).then_some((self.words[HEAD + 6], back))
+        (self.kind() == GATE).then_some((self.words[HEAD + 8], back))
     }
 
     // Test the four triangles
@@ -454,8 +445,11 @@ impl Leaf<'_> {
     /// it passes close by from bit `LANES` on, with where that begins. What
     /// the distance of another lane says is not specified.
     #[inline(always)]
-    pub fn meet(&self, shear: &Shear) -> (u32, [f64; LANES]) {
-        let margins = self.margins(shear);
+    pub fn meet(
+        &self,
+        shear: &Shear,
+        margins: Margins,
+    ) -> (u32, [f64; LANES]) {
         let mut distances = [0.; LANES];
         let mut met = 0;
         for (lane, distance) in distances.iter_mut().enumerate() {
@@ -541,8 +535,8 @@ pub struct Search<'a> {
     from: u32,
     /// How far the nearest triangle is, or infinity.
     pub distance: f64,
-    /// Up to where others may be as near: `distance` and its margin.
-    pub limit: f64,
+    /// What is small in the region that is searched.
+    pub margins: Margins,
     /// Where it is kept, or `NONE`.
     pub slot: u32,
     /// The number of triangles in its leaf.
@@ -561,7 +555,7 @@ impl<'a> Search<'a> {
             leaves,
             from,
             distance,
-            limit: distance,
+            margins: Margins { size: 0. },
             slot: NONE,
             count: 0,
             near_tie: distance,
@@ -583,6 +577,12 @@ impl<'a> Search<'a> {
         leaf
     }
 
+    /// Up to where others may be as near as the nearest so far.
+    #[inline(always)]
+    pub fn limit(&self) -> f64 {
+        self.distance + self.margins.near()
+    }
+
     /// Considers the triangle in a lane of the leaf at unit `first`, which
     /// is met at `distance`; a lane of `LANES` or more is that of a
     /// triangle which is only passed closely.
@@ -593,13 +593,12 @@ impl<'a> Search<'a> {
         lane: u32,
         mut distance: f64,
         ray: &Ray,
-        margins: Margins,
     ) {
         // Doubt the order of triangles that are close
-        let near = margins.near();
+        let near = self.margins.near();
         let beside = lane >= LANES as u32;
         if beside
-            || distance <= self.limit && distance + near >= self.distance
+            || (distance - self.distance).abs() <= near
             || distance <= near
         {
             self.near_tie = self.near_tie.min(distance - near);
@@ -614,7 +613,7 @@ impl<'a> Search<'a> {
         let equal = distance == self.distance;
         if distance < self.distance || equal && self.is_before(slot) {
             (self.distance, self.slot) = (distance, slot);
-            (self.limit, self.count) = (distance + near, leaf.count);
+            self.count = leaf.count;
         }
     }
 

@@ -16,7 +16,7 @@
 use std::{fmt, io};
 
 use bytemuck::{Pod, Zeroable};
-use glam::DVec3;
+use glam::{DVec3, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::node::Bvh2Node;
 use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
@@ -26,8 +26,8 @@ use rayon::prelude::*;
 
 use super::huge_pages::Pages;
 use super::triangle::{
-    BACK, GATE_UNITS, LANES, LEAF, Leaf, Leaves, MOST, Shape, UNIT, leaf,
-    slot, slots, write_gate,
+    BACK, GATE_UNITS, LANES, LEAF, Leaf, Leaves, MOST, Region, Shape, UNIT,
+    leaf, slot, slots, write_gate,
 };
 use crate::scene::{Triangle, Triangles};
 
@@ -164,12 +164,12 @@ const _: () = assert!(size_of::<Node<8>>() == 256);
 const _: () = assert!(size_of::<Node<16>>() == 512);
 
 // Build the binary tree
-/// Some triangles of a scene, with the zero of the boxes around them.
+/// Some triangles of a scene, and the region around them.
 struct Group<'a> {
     vertices: &'a [DVec3],
     /// The corners of each, and its face.
     corners: &'a [([u32; 3], u32)],
-    zero: DVec3,
+    region: Region,
 }
 
 impl Group<'_> {
@@ -177,33 +177,25 @@ impl Group<'_> {
         self.corners[i as usize].0.map(|k| self.vertices[k as usize])
     }
 
-    /// The leaf of a triangle, with a box slightly larger than it.
+    /// The leaf of a triangle, with its enlarged box.
     fn single(&self, i: u32) -> Bvh2Node {
-        let (low, high) = padded(&self.triangle(i));
-        let low = low - self.zero;
-        let high = high - self.zero;
-        let low = low.to_array().map(|x| below(x));
-        let high = high.to_array().map(|x| -below(-x));
-        Bvh2Node::new(Aabb::new(low.into(), high.into()), 1, i)
+        let Region { zero, reach } = self.region;
+        let place = |p: DVec3| Vec3A::from((p - zero).as_vec3());
+        let [a, b, c] = self.triangle(i).map(place);
+        let padding = PADDING * reach + PLACE * zero.abs().max_element();
+        let padding = Vec3A::splat(padding as f32);
+        let low = a.min(b).min(c) - padding;
+        let high = a.max(b).max(c) + padding;
+        Bvh2Node::new(Aabb::new(low, high), 1, i)
     }
 }
 
-/// The box of a triangle, and on each side a 2^-30 of its size and a
-/// 2^-48 of its coordinates.
-fn padded(&[a, b, c]: &Triangle) -> (DVec3, DVec3) {
-    let (low, high) = (a.min(b).min(c), a.max(b).max(c));
-    let size = (high - low).max_element();
-    let reach = low.abs().max(high.abs()).max_element();
-    let padding =
-        size / (1u64 << 30) as f64 + reach / (1u64 << 48) as f64;
-    (low - padding, high + padding)
-}
+/// By how much the boxes of a region are enlarged on all sides: 2^-20 of
+/// its reach.
+const PADDING: f64 = 1. / (1 << 20) as f64;
 
-/// The greatest number in single precision that is not greater.
-fn below(x: f64) -> f32 {
-    let near = x as f32;
-    if f64::from(near) > x { near.next_down() } else { near }
-}
+/// And 2^-48 of its place.
+const PLACE: f64 = 1. / (1u64 << 48) as f64;
 
 /// A binary tree over the triangles, one in each leaf. Node 0 is the
 /// root; the second child of a node follows its first.
@@ -689,8 +681,8 @@ pub struct Wide<const N: usize> {
     /// Node 0 is the root. The numbers in `children` are valid.
     pub nodes: Pages<Node<N>>,
     pub leaves: Leaves,
-    /// From where the planes of the root's boxes are counted.
-    pub zero: DVec3,
+    /// That of all triangles.
+    pub region: Region,
 }
 
 impl<const N: usize> Wide<N>
@@ -709,16 +701,14 @@ where
         let groups = halve(&vertices, &mut corners, parts);
         let mut built =
             Built { quality, vertices: &vertices, parts: vec![], units: 0 };
-        let zero = match groups.as_slice() {
-            [one] => middle(&vertices, one),
-            _ => DVec3::ZERO,
-        };
+        let all = groups.iter().map(|group| region(&vertices, group));
+        let region = all.reduce(Region::union).unwrap_or_default();
         let mut top = Node::EMPTY;
         let mut next = u32::from(parts > 1);
         for (lane, group) in groups.into_iter().enumerate() {
             // Build one part in its place
             let first = next;
-            let bounds = built.add(group, zero, 2, &mut next)?;
+            let bounds = built.add(group, region, 2, &mut next)?;
             if let (true, Some(bounds)) = (parts > 1, bounds) {
                 top.set(lane, &bounds, first);
             }
@@ -733,18 +723,21 @@ where
         }
         let (nodes, leaves): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
         let (nodes, leaves) = (joined(nodes)?, Leaves(joined(leaves)?));
-        Ok(Self { nodes, leaves, zero })
+        Ok(Self { nodes, leaves, region })
     }
 }
 
-/// The middle of the box around triangles.
-fn middle(vertices: &[DVec3], corners: &[([u32; 3], u32)]) -> DVec3 {
+/// The region of triangles.
+fn region(vertices: &[DVec3], corners: &[([u32; 3], u32)]) -> Region {
     let points = corners.iter().flat_map(|(three, _)| three);
     let points = points.map(|&k| vertices[k as usize]);
     let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     let (low, high) =
         points.fold(none, |(low, high), p| (low.min(p), high.max(p)));
-    if low.x > high.x { DVec3::ZERO } else { 0.5 * (low + high) }
+    match low.x > high.x {
+        true => Region::default(),
+        false => Region::between(low, high),
+    }
 }
 
 /// The elements of all parts in one array; a part is given back when it
@@ -793,12 +786,12 @@ where
     fn add(
         &mut self,
         corners: &mut [([u32; 3], u32)],
-        zero: DVec3,
+        region: Region,
         above: usize,
         next: &mut u32,
     ) -> io::Result<Option<Bvh2Node>> {
         let vertices = self.vertices;
-        let group = Group { vertices, corners, zero };
+        let group = Group { vertices, corners, region };
         let mut tree = binary(&group, self.quality);
         let bounds = tree.first().copied();
         let groups = self.part(&group, &mut tree);
@@ -826,7 +819,7 @@ where
         // Build what is beyond the gates
         let above = above + plan.levels;
         for (gate, mut corners) in groups.into_iter().enumerate() {
-            let inner = middle(vertices, &corners);
+            let inner = self::region(vertices, &corners);
             let first = *next;
             self.add(&mut corners, inner, above, next)?;
             let place = plan.leaves.iter().find(|leaf| {
@@ -837,7 +830,7 @@ where
             });
             if let Some(place) = place {
                 let words = &mut leaves[UNIT * place.1 as usize..];
-                write_gate(words, (inner, first), zero);
+                write_gate(words, (inner, first), region);
             }
         }
         self.parts[here].1 = leaves;
@@ -1058,13 +1051,13 @@ where
         enters: &impl Fn(DVec3, DVec3) -> bool,
         asked: &impl Fn(&Leaf, (usize, u32), &[DVec3; 3]) -> bool,
     ) -> bool {
-        self.any_below((0, self.zero), enters, asked)
+        self.any_below((0, self.region), enters, asked)
     }
 
     // Descend into the boxes that matter
     fn any_below(
         &self,
-        (child, zero): (u32, DVec3),
+        (child, region): (u32, Region),
         enters: &impl Fn(DVec3, DVec3) -> bool,
         asked: &impl Fn(&Leaf, (usize, u32), &[DVec3; 3]) -> bool,
     ) -> bool {
@@ -1074,7 +1067,7 @@ where
             // SAFETY: children with the bit LEAF are leaves that are there.
             let leaf = unsafe { self.leaves.leaf(first, count) };
             if let Some((inner, _)) = leaf.gate(first) {
-                return self.any_below((inner, leaf.zero()), enters, asked);
+                return self.any_below((inner, leaf.region()), enters, asked);
             }
             return (0..count as u32).any(|lane| {
                 let place = (lane as usize, slot(first, lane));
@@ -1086,8 +1079,12 @@ where
         (0..N).any(|lane| {
             let (low, high) = node.bounds(lane);
             low.x <= high.x
-                && enters(low + zero, high + zero)
-                && self.any_below((node.children[lane], zero), enters, asked)
+                && enters(low + region.zero, high + region.zero)
+                && self.any_below(
+                    (node.children[lane], region),
+                    enters,
+                    asked,
+                )
         })
     }
 
