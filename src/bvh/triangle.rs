@@ -12,6 +12,8 @@
 //! same on every processor.
 
 // Name what the triangles import
+use std::array;
+
 use glam::{DVec3, Vec3};
 
 use super::huge_pages::Pages;
@@ -413,10 +415,27 @@ impl Leaf<'_> {
     /// The corners of the triangle in a lane.
     #[inline(always)]
     pub fn triangle(&self, lane: u32) -> Triangle {
-        let at =
-            |c: usize, axis: usize| self.coordinate(c, axis, lane as usize);
-        let corner = |c: usize| DVec3::new(at(c, 0), at(c, 1), at(c, 2));
-        [corner(0), corner(1), corner(2)]
+        let count = self.count;
+        if self.kind() == EXACT {
+            let runs = &self.words[HEAD + 2 * lane as usize..];
+            let runs = &runs[..16 * count + 2];
+            return array::from_fn(|c| {
+                DVec3::from_array(array::from_fn(|axis| {
+                    double(&runs[2 * (3 * c + axis) * count..])
+                }))
+            });
+        }
+        let runs = &self.words[HEAD + lane as usize..];
+        let runs = &runs[..8 * count + 1];
+        let unit = self.unit();
+        let zero = array::from_fn(|axis| self.origin(axis));
+        let zero = DVec3::from_array(zero);
+        array::from_fn(|c| {
+            let steps = array::from_fn(|axis| {
+                f64::from(runs[(3 * c + axis) * count] as i32)
+            });
+            DVec3::from_array(steps) * unit + zero
+        })
     }
 
     /// The face of the triangle in a lane.
