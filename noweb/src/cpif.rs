@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use crate::Streams;
-use crate::diagnostic::{Diagnostic, Level};
+use crate::diagnostic::Diagnostic;
 
 // Replace a file as a whole
 /// What a new file is to have besides its text.
@@ -88,13 +88,17 @@ fn fill(
 }
 
 // Replace a file if it differs
-/// Replaces a file unless it holds this text already; tells whether.
-pub fn update(path: &Path, text: &[u8]) -> io::Result<bool> {
-    let same = fs::read(path).is_ok_and(|old| old == text);
-    if !same {
-        replace(path, text, Attributes::default())?;
+/// Replaces a file unless it holds this text already.
+pub fn update(path: &Path, text: &[u8]) -> io::Result<()> {
+    copy_if(path, text, false)
+}
+
+fn copy_if(path: &Path, text: &[u8], wanted: bool) -> io::Result<()> {
+    let same = fs::read(path).ok().map(|old| old == text);
+    if same == Some(!wanted) {
+        return Ok(());
     }
-    Ok(!same)
+    replace(path, text, Attributes::default())
 }
 
 // Run the command that copies if different
@@ -114,35 +118,14 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
         let _ = writeln!(streams.errors, "Usage: cpif [ -eq -ne ] file...");
         return 2;
     }
-    let mut text = Vec::new();
-    let result = streams.input.read_to_end(&mut text).map(|_| ());
-    let mut faults = report(OsStr::new("-"), "read", result);
-    if faults.is_empty() {
-        faults = files
-            .iter()
-            .flat_map(|file| copy_if(file, &text, wanted))
-            .collect();
-    }
-    streams.conclude(Ok(()), &faults).min(1)
-}
-
-fn copy_if(file: &OsStr, text: &[u8], wanted: bool) -> Vec<Diagnostic> {
-    let path = Path::new(file);
-    let same = fs::read(path).ok().map(|old| old == text);
-    if same == Some(!wanted) {
-        return Vec::new();
-    }
-    report(file, "write", replace(path, text, Attributes::default()))
-}
-
-fn report(
-    file: &OsStr,
-    action: &str,
-    result: io::Result<()>,
-) -> Vec<Diagnostic> {
-    let fault = |error| {
-        let text = format!("cannot {action} {}: {error}", file.display());
-        Diagnostic::new(Level::Error, None, text)
+    let text = match streams.read("-".as_ref()) {
+        Ok(source) => source.text,
+        Err(fault) => return streams.conclude(Ok(()), &[fault]).min(1),
     };
-    result.err().map(fault).into_iter().collect()
+    let faults = files.iter().filter_map(|file| {
+        let copied = copy_if(Path::new(file), &text, wanted);
+        copied.err().map(|e| Diagnostic::failure("write", file, &e))
+    });
+    let faults: Vec<Diagnostic> = faults.collect();
+    streams.conclude(Ok(()), &faults).min(1)
 }

@@ -22,9 +22,9 @@ use std::process::{Child, Command, Stdio};
 use std::sync::mpsc;
 
 use crate::Streams;
-use crate::diagnostic::{Diagnostic, Position};
-use crate::locate::{Atlas, stale_file};
-use crate::project::{Arguments, Project};
+use crate::diagnostic::{Diagnostic, Level, Position};
+use crate::locate::Atlas;
+use crate::project::{Project, included};
 
 // Translate one line
 /// What translates lines, and what it remembers.
@@ -125,8 +125,7 @@ impl Filter {
             }
             return None;
         }
-        let (web, place) = atlas.origin(file, line, column)?;
-        web.position(place)
+        atlas.origin(file, line, column)
     }
 
     // Number the margin anew
@@ -174,6 +173,14 @@ fn path_start(text: &[u8]) -> usize {
     let colour = text[near..].iter().rposition(|b| *b == 0x1b);
     let colour = colour.map(|escape| near + escape);
     start.max(colour.map_or(0, |escape| escape + margin(&text[escape..])))
+}
+
+/// What to say about positions in a file that is not as tangled.
+fn stale_file(path: &Path) -> Diagnostic {
+    let shown = path.display();
+    let text = format!("{shown} is not what its chapters give");
+    Diagnostic::new(Level::Warning, None, text)
+        .with_help("tangle, or bring an edit home with noweb untangle")
 }
 
 /// How many bytes of blanks and colours a line begins with.
@@ -265,16 +272,16 @@ fn pump(pipe: impl Read + Send + 'static, from: usize, to: Sender) {
 }
 
 // Run the command that is a filter
-/// The command `noweb map [-C dir] [--master file]... [chapter...] --
-/// command...`.
+/// The command `noweb map master... -- command...`.
 pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
     let dashes = args.iter().position(|arg| arg == "--");
-    let (args, command) = args.split_at(dashes.unwrap_or(args.len()));
-    let [_, name, rest @ ..] = command else {
-        return streams.misused("which command? name it after --".into());
+    let (masters, command) = args.split_at(dashes.unwrap_or(0));
+    let ([_, ..], [_, name, rest @ ..]) = (masters, command) else {
+        let text = "which webs and which command? MASTER... -- COMMAND...";
+        return streams.misused(text.into());
     };
-    let args = Arguments::parse(args);
-    let projects = match args.and_then(Arguments::projects) {
+    let projects: Result<_, _> = masters.iter().map(web_of).collect();
+    let projects = match projects {
         Ok(projects) => projects,
         Err(text) => return streams.misused(text),
     };
@@ -290,4 +297,10 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
         Ok(status) => status,
         Err(error) => streams.conclude(Err(error), &[]),
     }
+}
+
+fn web_of(master: &OsString) -> Result<Project, String> {
+    let chapters = included(Path::new(""), Path::new(master))
+        .map_err(|e| Diagnostic::failure("read", master, &e).text)?;
+    Ok(Project { chapters, ..Project::default() })
 }

@@ -255,7 +255,7 @@ fn a_line_of_three_portions_has_three_places() {
     let mut atlas = Atlas::default();
     atlas.add(&project).unwrap();
     let file = atlas.find(Path::new("src/list.rs")).unwrap();
-    let line = |n| atlas.origin(file, n, 5).unwrap().1.line;
+    let line = |n| atlas.origin(file, n, 5).unwrap().line;
     assert_eq!([1, 2, 3, 4, 5, 6].map(line), [2, 3, 6, 10, 11, 4]);
 }
 
@@ -568,7 +568,7 @@ fn names_are_one_line_in_thirty() {
     let (bare, named) = (own_source(false), own_source(true));
     let names = named.len() - bare.len();
     let share = names as f64 / named.len() as f64;
-    assert_eq!(names, 21);
+    assert_eq!(names, 22);
     assert!((0.03..0.04).contains(&share), "{share}");
 }
 

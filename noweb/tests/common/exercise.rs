@@ -56,8 +56,7 @@ fn expand_all(web: &Web) {
         }
     }
     let unused = web.unused(noweb::project::is_file_name);
-    let warnings = unused.into_iter().chain(web.undefined());
-    warnings.chain(web.forward()).for_each(|w| drop(w.to_string()));
+    unused.into_iter().for_each(|w| drop(w.to_string()));
 }
 
 /// Gives bytes as standard input to the commands that are pure filters.
