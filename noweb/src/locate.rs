@@ -16,8 +16,8 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::diagnostic::{Diagnostic, Position, Source};
-use crate::project::{Expansion, Project};
+use crate::diagnostic::{Position, Source};
+use crate::project::Project;
 use crate::tangle::Tangled;
 use crate::web::Web;
 
@@ -43,29 +43,26 @@ pub struct TangledFile {
 
 // Read the program and find files
 impl Atlas {
-    /// Adds the program of a project, tangled in memory.
-    ///
-    /// # Errors
-    ///
-    /// Those of [`Project::expand`].
-    pub fn add(
-        &mut self,
-        project: &Project,
-    ) -> Result<(), Vec<Diagnostic>> {
-        let Expansion { web, files, .. } = project.expand()?;
-        let dir = project.dir.join(".");
-        self.dir = fs::canonicalize(&dir).unwrap_or(dir);
-        for (path, tangled) in files {
-            // Add a file of the program
-            let disk = fs::read(self.dir.join(&path));
-            let fresh = disk.is_ok_and(|disk| disk == tangled.text);
-            let source = Source::new(Vec::new(), tangled.text.clone());
-            let web = self.webs.len();
-            let file = TangledFile { web, tangled, source, fresh };
-            self.files.insert(path, file);
+    /// The programs of those projects that can be tangled.
+    pub fn read(projects: &[Project]) -> Self {
+        let mut atlas = Self::default();
+        for project in projects {
+            // Errors in chapters are told by the command that tangles.
+            let Ok(program) = project.expand() else { continue };
+            let dir = project.dir.join(".");
+            atlas.dir = fs::canonicalize(&dir).unwrap_or(dir);
+            for (path, tangled) in program.files {
+                // Add a file of the program
+                let disk = fs::read(atlas.dir.join(&path));
+                let fresh = disk.is_ok_and(|disk| disk == tangled.text);
+                let source = Source::new(Vec::new(), tangled.text.clone());
+                let web = atlas.webs.len();
+                let file = TangledFile { web, tangled, source, fresh };
+                atlas.files.insert(path, file);
+            }
+            atlas.webs.push(program.web);
         }
-        self.webs.push(web);
-        Ok(())
+        atlas
     }
 
     // Find a file and a position

@@ -40,16 +40,6 @@ pub struct Filter {
     pub warnings: Vec<Diagnostic>,
 }
 
-/// The atlas of the projects that can be tangled.
-fn read(projects: &[Project]) -> Atlas {
-    let mut atlas = Atlas::default();
-    for project in projects {
-        // What is wrong with the chapters is said by who tangles them.
-        let _ = atlas.add(project);
-    }
-    atlas
-}
-
 impl Filter {
     /// A filter for the programs of some projects.
     pub fn new(projects: Vec<Project>) -> Self {
@@ -117,7 +107,7 @@ impl Filter {
             return None;
         }
         let projects = &self.projects;
-        let atlas = self.atlas.get_or_insert_with(|| read(projects));
+        let atlas = self.atlas.get_or_insert_with(|| Atlas::read(projects));
         let file = atlas.find(path)?;
         if !file.fresh {
             if self.stale.insert(path.to_owned()) {
@@ -211,7 +201,20 @@ fn follow(
     filter: &mut Filter,
     streams: &mut Streams,
 ) -> io::Result<u8> {
-    let result = forward(&mut child, filter, streams);
+    let (sender, receiver) = mpsc::channel();
+    pump(child.stdout.take(), 0, sender.clone());
+    pump(child.stderr.take(), 1, sender);
+    let result = receiver.into_iter().try_for_each(|(from, line)| {
+        let text = filter.translate(&line, from);
+        // Write the line to its stream
+        for warning in filter.warnings.drain(..) {
+            write!(streams.errors, "{warning}")?;
+        }
+        let stream: &mut dyn Write =
+            if from == 0 { streams.output } else { streams.errors };
+        stream.write_all(&text)?;
+        stream.flush()
+    });
     let status = child.wait()?;
     result?;
     // Make one number of the status
@@ -233,36 +236,15 @@ fn start(name: &OsStr, args: &[OsString]) -> io::Result<Child> {
     child.spawn()
 }
 
-fn forward(
-    child: &mut Child,
-    filter: &mut Filter,
-    streams: &mut Streams,
-) -> io::Result<()> {
-    let (sender, receiver) = mpsc::channel();
-    let output = child.stdout.take().ok_or(io::ErrorKind::BrokenPipe)?;
-    let errors = child.stderr.take().ok_or(io::ErrorKind::BrokenPipe)?;
-    pump(output, 0, sender.clone());
-    pump(errors, 1, sender);
-    for (from, line) in receiver {
-        let text = filter.translate(&line, from);
-        // Write the line to its stream
-        for warning in filter.warnings.drain(..) {
-            write!(streams.errors, "{warning}")?;
-        }
-        let stream: &mut dyn Write =
-            if from == 0 { streams.output } else { streams.errors };
-        stream.write_all(&text)?;
-        stream.flush()?;
-    }
-    Ok(())
-}
-
 type Sender = mpsc::Sender<(usize, Vec<u8>)>;
 
-fn pump(pipe: impl Read + Send + 'static, from: usize, to: Sender) {
+fn pump<P>(pipe: Option<P>, from: usize, to: Sender)
+where
+    P: Read + Send + 'static,
+{
     std::thread::spawn(move || {
-        let mut pipe = BufReader::new(pipe);
-        let mut line = Vec::new();
+        let Some(pipe) = pipe else { return };
+        let (mut pipe, mut line) = (BufReader::new(pipe), Vec::new());
         while let Ok(1..) = pipe.read_until(b'\n', &mut line) {
             if to.send((from, std::mem::take(&mut line))).is_err() {
                 break;

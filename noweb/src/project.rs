@@ -322,7 +322,9 @@ impl Project {
     pub fn tangle(&self) -> Result<Plan, Vec<Diagnostic>> {
         let mut plan = self.plan()?;
         let result = self.write(&mut plan);
-        let recorded = self.write_record(&plan.record);
+        let text = format_record(&plan.record);
+        let recorded = cpif::update(&self.dir.join(&self.record), &text)
+            .map_err(|e| Diagnostic::failure("write", &self.record, &e));
         result.and(recorded).map_err(|fault| vec![fault])?;
         Ok(plan)
     }
@@ -369,13 +371,6 @@ impl Project {
             fs::metadata(self.dir.join(chapter)).ok()?.modified().ok()
         });
         times.max()
-    }
-
-    fn write_record(&self, record: &Record) -> Result<(), Diagnostic> {
-        let path = self.dir.join(&self.record);
-        let text = format_record(record);
-        cpif::update(&path, &text)
-            .map_err(|e| Diagnostic::failure("write", &self.record, &e))
     }
 }
 

@@ -329,13 +329,10 @@ impl Expander<'_> {
         let text = format!("The root module {name} was not defined.");
         let mut fault = Diagnostic::new(Level::Fatal, None, text);
         if let Some(near) = self.web.nearest(root) {
-            let position = self.web.find(near).and_then(|chunk| {
-                let chunk = &self.web.chunks[chunk];
-                self.web.position(chunk.definitions[0])
-            });
-            let at = position.map_or(String::new(), |p| format!(" at {p}"));
-            let help = format!("there is a chunk {}{at}", quoted(near));
-            fault = fault.with_help(help);
+            let name = quoted(&near.name);
+            let at = self.web.position(near.definitions[0]);
+            let at = at.map_or(String::new(), |at| format!(" at {at}"));
+            fault = fault.with_help(format!("there is a chunk {name}{at}"));
         }
         self.faults.push(fault);
     }
@@ -439,23 +436,16 @@ impl Expander<'_> {
 
 /// The name with its quoted code in backquotes.
 fn spoken_name(name: &[u8]) -> Vec<u8> {
-    let mut spoken = Vec::new();
-    let mut rest = name;
+    let (mut spoken, mut rest) = (Vec::new(), name);
     while let [first, after @ ..] = rest {
-        match rest {
-            [b'[', b'[', after @ ..] => {
-                spoken.push(b'`');
-                rest = after;
-            }
-            [b']', b']', after @ ..] if after.first() != Some(&b']') => {
-                spoken.push(b'`');
-                rest = after;
-            }
-            _ => {
-                spoken.push(*first);
-                rest = after;
-            }
-        }
+        let (byte, after) = match rest {
+            [b'[', b'[', after @ ..] => (b'`', after),
+            [b']', b']', b']', ..] => (b']', after),
+            [b']', b']', after @ ..] => (b'`', after),
+            _ => (*first, after),
+        };
+        spoken.push(byte);
+        rest = after;
     }
     spoken
 }

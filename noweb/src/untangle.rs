@@ -126,9 +126,6 @@ struct Splice {
     text: Vec<u8>,
 }
 
-/// A literal run: where it comes from, and where it is in its line.
-type Run<'a> = (&'a Segment, Range<usize>);
-
 // Carry the edits of one file
 /// One edited file, and what the chapters give for it.
 struct Carrier<'a> {
@@ -143,16 +140,6 @@ impl<'a> Carrier<'a> {
     // Find where a line comes from
     fn segments(&self, line: usize) -> &'a [Segment] {
         self.tangled.segments(line as u32 + 1)
-    }
-
-    /// The literal runs of a line.
-    fn runs(&self, line: usize) -> Vec<Run<'a>> {
-        let segments = self.segments(line);
-        let start = |s: &Segment| s.column as usize - 1;
-        let ends = segments.iter().skip(1).map(start);
-        let ends = ends.chain([self.old[line].len()]);
-        let runs = segments.iter().zip(ends);
-        runs.map(|(s, end)| (s, start(s)..end)).collect()
     }
 
     /// What stands in the chapter from a place to the end of its line.
@@ -172,24 +159,17 @@ impl<'a> Carrier<'a> {
 
     /// The line of a chapter that ends where this line ends.
     fn tail(&self, line: usize) -> Option<Spot> {
-        let (last, range) = self.runs(line).pop()?;
-        let ends = self.source(last.place) == &self.old[line][range];
-        ends.then(|| Spot::new(last))
+        let last = self.segments(line).last()?;
+        let end = &self.old[line][last.column as usize - 1..];
+        (self.source(last.place) == end).then(|| Spot::new(last))
     }
 
     /// The line of a chapter that this line is the whole text of.
     fn whole(&self, line: usize) -> Option<Spot> {
         let (head, tail) = (self.head(line)?, self.tail(line)?);
-        let runs = self.runs(line);
-        let follows = |pair: &[Run]| {
-            let (s, range) = &pair[0];
-            let end = s.place.column + range.len() as u32;
-            let gap = pair[1].0.place.column.checked_sub(end);
-            gap.is_some_and(|gap| gap <= 1)
-        };
-        let here = runs.iter().all(|(s, _)| Spot::new(s) == head);
-        let all = here && runs.windows(2).all(follows);
-        (all && head == tail).then_some(head)
+        let text = self.sources[head.file as usize].line(head.line)?;
+        let whole = head == tail && web_of(text).uses.is_empty();
+        whole.then_some(head)
     }
 
     /// The first line of a block of lines that a chapter has together.
@@ -341,11 +321,15 @@ fn edit_fault(path: &Path, line: usize, text: &str) -> Diagnostic {
 }
 
 // Translate a line into the language of chunks
+/// A web that consists of one line of code.
+fn web_of(line: &[u8]) -> Web {
+    let chapter = [b"<<*>>=\n", line, b"\n"].concat();
+    Web::read(vec![Source::new(Vec::new(), chapter)], 0).0
+}
+
 /// A line of a chunk that is tangled to this text.
 fn quote(text: &[u8]) -> Vec<u8> {
-    let chapter = [b"<<*>>=\n", text, b"\n"].concat();
-    let (web, _) = Web::read(vec![Source::new(Vec::new(), chapter)], 0);
-    let tangled = tangle(&web, &[b"*"], &Layout::default());
+    let tangled = tangle(&web_of(text), &[b"*"], &Layout::default());
     let same = tangled.is_ok_and(|t| t.text == [text, b"\n"].concat());
     if same { text.to_vec() } else { escape(text) }
 }

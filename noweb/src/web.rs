@@ -76,33 +76,33 @@ impl Web {
         sources: Vec<Source>,
         tab: usize,
     ) -> (Self, Vec<Diagnostic>) {
-        let mut web = Self::default();
-        let mut faults = Vec::new();
+        let (mut lexemes, mut faults) = (Vec::new(), Vec::new());
         for (source, file) in sources.iter().zip(0..) {
-            let (lexemes, more) = mark_up(source, file, tab);
-            faults.extend(more);
-            web.gather(lexemes);
+            let (more, complaints) = mark_up(source, file, tab);
+            lexemes.extend(more);
+            faults.extend(complaints);
         }
-        web.drop_final_newlines();
-        web.sources = sources;
-        (web, faults)
+        (Self { sources, ..Self::from_lexemes(lexemes) }, faults)
     }
 
-    fn gather(&mut self, lexemes: Vec<Lexeme>) {
-        let mut chunk = None;
-        let mut heading = false;
+    /// Gathers tokens whose places may mean anything to the caller.
+    pub fn from_lexemes(lexemes: Vec<Lexeme>) -> Self {
+        let mut web = Self::default();
+        let (mut chunk, mut heading) = (None, false);
         for (token, place) in lexemes {
             match (token, chunk) {
                 (Token::Defn(name), _) => {
-                    chunk = Some(self.define(name, place));
+                    chunk = Some(web.define(name, place));
                     heading = true;
                 }
                 (Token::End(Kind::Code, _), _) => chunk = None,
                 (Token::Newline, Some(_)) if heading => heading = false,
-                (token, Some(chunk)) => self.add(chunk, token, place),
+                (token, Some(chunk)) => web.add(chunk, token, place),
                 _ => (),
             }
         }
+        web.drop_final_newlines();
+        web
     }
 
     fn define(&mut self, name: Vec<u8>, place: Place) -> usize {
@@ -148,17 +148,8 @@ impl Web {
         if let Err(text) = read.and_then(|()| reader.finish()) {
             reader.complain(Level::Impossible, text.into());
         }
-        let mut web = Self::from_lexemes(reader.lexemes);
-        web.sources = reader.sources;
-        (web, reader.faults)
-    }
-
-    /// Gathers tokens whose places may mean anything to the caller.
-    pub fn from_lexemes(lexemes: Vec<Lexeme>) -> Self {
-        let mut web = Self::default();
-        web.gather(lexemes);
-        web.drop_final_newlines();
-        web
+        let StreamReader { sources, lexemes, faults, .. } = reader;
+        (Self { sources, ..Self::from_lexemes(lexemes) }, faults)
     }
 }
 
@@ -272,14 +263,16 @@ fn open_again(name: &[u8]) -> Source {
 
 // Find the nearest defined name
 impl Web {
-    /// The defined name nearest to one that is not, if any is near.
+    /// The chunk whose name is nearest to one that none has, if any is near.
     ///
     /// Near is at most a third of the letters changed, added or lost.
-    pub fn nearest(&self, name: &[u8]) -> Option<&[u8]> {
+    pub fn nearest(&self, name: &[u8]) -> Option<&Chunk> {
         let limit = name.len() / 3;
-        let names = self.chunks.iter().map(|c| &c.name[..]);
-        let close = names.filter(|n| n.len().abs_diff(name.len()) <= limit);
-        let near = close.map(|n| (edit_distance(n, name), n));
+        let close = self
+            .chunks
+            .iter()
+            .filter(|chunk| chunk.name.len().abs_diff(name.len()) <= limit);
+        let near = close.map(|c| (edit_distance(&c.name, name), c));
         let (distance, found) = near.min_by_key(|(d, _)| *d)?;
         (0 < limit && distance <= limit).then_some(found)
     }
@@ -365,14 +358,12 @@ impl Web {
     pub fn undefined_use(&self, name: &[u8], place: Place) -> Diagnostic {
         let text = format!("undefined chunk name: {}", quoted(name));
         let position = self.position(place);
-        let fault = Diagnostic::new(Level::Error, position, text);
-        match self.nearest(name) {
-            Some(near) => {
-                let help = format!("there is a chunk {}", quoted(near));
-                fault.with_help(help)
-            }
-            None => fault,
+        let mut fault = Diagnostic::new(Level::Error, position, text);
+        if let Some(near) = self.nearest(name) {
+            let name = quoted(&near.name);
+            fault = fault.with_help(format!("there is a chunk {name}"));
         }
+        fault
     }
 }
 
