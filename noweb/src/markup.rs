@@ -14,7 +14,6 @@
 //! weaving needs. Tokens have places, which the stream has not.
 
 use std::ffi::OsString;
-use std::io::{self, Write};
 
 use crate::Streams;
 use crate::diagnostic::{Diagnostic, Level, Place, Source};
@@ -399,27 +398,24 @@ impl Lexer {
 }
 
 // Write the tokens as a stream
-/// Writes the tokens in the documented form of noweb.
-pub fn write_stream(
-    lexemes: &[Lexeme],
-    out: &mut dyn Write,
-) -> io::Result<()> {
+/// The tokens in the documented form of noweb.
+pub fn write_stream(lexemes: &[Lexeme]) -> Vec<u8> {
+    let mut out = Vec::new();
     let mut tokens = lexemes.iter().map(|(token, _)| token).peekable();
     while let Some(token) = tokens.next() {
-        write_token(token, out)?;
-        while let Some(Token::More(text)) = tokens.peek() {
-            out.write_all(text)?;
-            tokens.next();
+        write_token(token, &mut out);
+        if !matches!(tokens.peek(), Some(Token::More(_))) {
+            out.push(b'\n');
         }
-        out.write_all(b"\n")?;
     }
-    Ok(())
+    out
 }
 
-fn write_token(token: &Token, out: &mut dyn Write) -> io::Result<()> {
+fn write_token(token: &Token, out: &mut Vec<u8>) {
+    let numbered = |kind, n| format!("{kind} {n}").into_bytes();
     let (keyword, value): (_, &[u8]) = match token {
-        Token::Begin(kind, n) => return write!(out, "@begin {kind} {n}"),
-        Token::End(kind, n) => return write!(out, "@end {kind} {n}"),
+        Token::Begin(kind, n) => ("@begin ", &numbered(kind, n)),
+        Token::End(kind, n) => ("@end ", &numbered(kind, n)),
         Token::File(name) => ("@file ", name),
         Token::Text(text) => ("@text ", text),
         Token::More(text) => ("", text),
@@ -431,8 +427,8 @@ fn write_token(token: &Token, out: &mut dyn Write) -> io::Result<()> {
         Token::EndQuote => ("@endquote", b""),
         Token::EndIdents => ("@index nl", b""),
     };
-    out.write_all(keyword.as_bytes())?;
-    out.write_all(value)
+    out.extend(keyword.bytes());
+    out.extend(value);
 }
 
 impl std::fmt::Display for Kind {
@@ -629,37 +625,39 @@ fn needs_doubling(body: &[u8], fresh: bool) -> bool {
 /// The command `markup [-t[N]] [file...]`.
 pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
     let (tab, files, mut faults) = read_arguments(args);
-    let result = mark_files(&files, tab, streams, &mut faults);
+    let (mut stream, more) = mark_files(&files, tab, streams);
+    faults.extend(more);
+    if !faults.is_empty() {
+        stream.extend(b"@fatal markup an unspecified error occurred\n");
+    }
+    let result = streams.output.write_all(&stream);
     streams.conclude(result, &faults)
 }
 
-fn mark_files(
+/// The stream of some files, and what is wrong with them.
+pub fn mark_files(
     files: &[OsString],
     tab: usize,
     streams: &mut Streams,
-    faults: &mut Vec<Diagnostic>,
-) -> io::Result<()> {
+) -> (Vec<u8>, Vec<Diagnostic>) {
+    let (mut stream, mut faults) = (Vec::new(), Vec::new());
     for file in files {
-        // Mark up a file onto the output
+        // Mark up a file at the end of the stream
         match streams.read(file) {
             Ok(source) => {
                 let (lexemes, more) = mark_up(&source, 0, tab);
                 faults.extend(more);
-                write_stream(&lexemes, streams.output)?;
+                stream.extend(write_stream(&lexemes));
             }
             Err(fault) => {
                 faults.push(fault);
-                let name = file.as_encoded_bytes();
-                let line = [b"@fatal couldn't open file ", name, b"\n"];
-                streams.output.write_all(&line.concat())?;
+                stream.extend(b"@fatal couldn't open file ");
+                stream.extend(file.as_encoded_bytes());
+                stream.push(b'\n');
             }
         }
     }
-    if !faults.is_empty() {
-        let text = b"@fatal markup an unspecified error occurred\n";
-        streams.output.write_all(text)?;
-    }
-    Ok(())
+    (stream, faults)
 }
 
 /// Tab stops, files (standard input if none) and complaints.

@@ -20,7 +20,7 @@ use crate::Streams;
 use crate::diagnostic::{Diagnostic, Level, Place, status};
 use crate::filter::{self, Failure, Pipeline};
 use crate::markup::parse_tab;
-use crate::web::{Chunk, Piece, Web, quoted};
+use crate::web::{Piece, Web, quoted};
 
 // Define what a tangled text is
 /// A stretch of tangled text that comes from one place.
@@ -184,7 +184,8 @@ impl<'a> Expander<'a> {
                 }
                 Some((Piece::Newline, place)) => self.newline(*place),
                 Some((Piece::Use(name), place)) => {
-                    self.use_chunk(name, *place, is_alone(chunk, index));
+                    let alone = self.is_alone(&chunk.pieces[index + 1..]);
+                    self.use_chunk(name, *place, alone);
                 }
                 None => {
                     self.active[frame.chunk] = false;
@@ -405,27 +406,23 @@ fn format_directive(
 }
 
 // Write the name of a chunk
-/// Does a use have its line to itself?
-fn is_alone(chunk: &Chunk, index: usize) -> bool {
-    let blank = |(piece, _): &(Piece, Place)| match piece {
-        Piece::Text(text) => text.trim_ascii().is_empty(),
-        Piece::Newline | Piece::Use(_) => false,
-    };
-    let ends = |piece: Option<&(Piece, Place)>| {
-        piece.is_none_or(|(piece, _)| *piece == Piece::Newline)
-    };
-    let (before, after) = chunk.pieces.split_at(index);
-    ends(before.iter().rev().find(|p| !blank(p)))
-        && ends(after[1..].iter().find(|p| !blank(p)))
-}
-
 impl Expander<'_> {
+    /// Does a use have its line to itself, before these pieces?
+    fn is_alone(&self, after: &[(Piece, Place)]) -> bool {
+        let blank = |(piece, _): &&(Piece, Place)| match piece {
+            Piece::Text(text) => text.trim_ascii().is_empty(),
+            Piece::Newline | Piece::Use(_) => false,
+        };
+        let next = after.iter().find(|piece| !blank(piece));
+        let ends = next.is_none_or(|(next, _)| *next == Piece::Newline);
+        let line = &self.tangled.text[self.line_start..];
+        ends && line.trim_ascii().is_empty()
+    }
+
+    // Write the name above its chunk
     fn write_name(&mut self, name: &[u8], place: Place) {
         let Some(comment) = self.layout.comment else { return };
         let blank = self.tangled.text[self.line_start..].to_vec();
-        if !blank.trim_ascii().is_empty() {
-            return;
-        }
         self.mark(place);
         self.push(comment.as_bytes());
         self.push(&spoken_name(name));

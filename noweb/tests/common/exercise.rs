@@ -19,8 +19,7 @@ pub fn exercise(input: &[u8]) {
     for tab in [0, 8] {
         let source = Source::new(b"input".to_vec(), input.to_vec());
         let (lexemes, faults) = mark_up(&source, 0, tab);
-        let mut stream = Vec::new();
-        write_stream(&lexemes, &mut stream).expect("a vector takes it");
+        let stream = write_stream(&lexemes);
         let tokens: Vec<Token> =
             lexemes.into_iter().map(|(token, _)| token).collect();
         unmark(&tokens);
