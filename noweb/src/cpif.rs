@@ -15,7 +15,6 @@
 use std::ffi::{OsStr, OsString};
 use std::fs::{self, File};
 use std::io::{self, Write};
-use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
@@ -23,23 +22,15 @@ use crate::Streams;
 use crate::diagnostic::Diagnostic;
 
 // Replace a file as a whole
-/// What a new file is to have besides its text.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Attributes {
-    /// The modification time, if not now.
-    pub time: Option<SystemTime>,
-    /// A program that the system may start.
-    pub executable: bool,
-}
-
-/// Writes a file as a whole or not at all.
+/// Writes a file as a whole or not at all; `time` is that of its last
+/// change, if not now.
 ///
 /// A device or a pipe is written to; a symbolic link is followed. An
 /// existing file keeps its permissions.
 pub fn replace(
     path: &Path,
     text: &[u8],
-    attributes: Attributes,
+    time: Option<SystemTime>,
 ) -> io::Result<()> {
     let target = fs::canonicalize(path).unwrap_or(path.to_owned());
     let old = fs::metadata(&target).ok();
@@ -50,7 +41,7 @@ pub fn replace(
     }
     let temporary = temporary_beside(&target);
     let permissions = old.map(|old| old.permissions());
-    let written = fill(&temporary, text, attributes, permissions)
+    let written = fill(&temporary, text, time, permissions)
         .and_then(|()| fs::rename(&temporary, &target));
     if written.is_err() {
         // The first error is the one to report.
@@ -69,22 +60,15 @@ fn temporary_beside(path: &Path) -> PathBuf {
 fn fill(
     path: &Path,
     text: &[u8],
-    attributes: Attributes,
+    time: Option<SystemTime>,
     permissions: Option<fs::Permissions>,
 ) -> io::Result<()> {
     let mut file = File::create(path)?;
     file.write_all(text)?;
-    let old = permissions.is_some();
-    let mut permissions =
-        permissions.unwrap_or(file.metadata()?.permissions());
-    if attributes.executable {
-        let mode = permissions.mode();
-        permissions.set_mode(mode | (mode & 0o444) >> 2);
-    }
-    if old || attributes.executable {
+    if let Some(permissions) = permissions {
         file.set_permissions(permissions)?;
     }
-    attributes.time.map_or(Ok(()), |time| file.set_modified(time))
+    time.map_or(Ok(()), |time| file.set_modified(time))
 }
 
 // Replace a file if it differs
@@ -98,7 +82,7 @@ fn copy_if(path: &Path, text: &[u8], wanted: bool) -> io::Result<()> {
     if same == Some(!wanted) {
         return Ok(());
     }
-    replace(path, text, Attributes::default())
+    replace(path, text, None)
 }
 
 // Run the command that copies if different

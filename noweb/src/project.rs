@@ -23,7 +23,7 @@ use std::path::{Component, Path, PathBuf};
 use std::time::SystemTime;
 
 use crate::Streams;
-use crate::cpif::{self, Attributes, replace};
+use crate::cpif::{self, replace};
 use crate::diagnostic::{Diagnostic, Level, Place, Position, Source};
 use crate::tangle::{Layout, Tangled, tangle};
 use crate::web::Web;
@@ -353,12 +353,10 @@ impl Project {
         }
         let path = self.dir.join(&output.path);
         let text = &output.tangled.text;
-        let executable = text.starts_with(b"#!");
         let time = self.newest(&output.tangled);
-        let attributes = Attributes { time, executable };
         let parent = path.parent().unwrap_or(&self.dir);
         fs::create_dir_all(parent)
-            .and_then(|()| replace(&path, text, attributes))
+            .and_then(|()| replace(&path, text, time))
             .map_err(|e| Diagnostic::failure("write", &output.path, &e))
     }
 

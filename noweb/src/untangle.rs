@@ -26,7 +26,7 @@ use std::path::{Path, PathBuf};
 use similar::{Algorithm, DiffTag, capture_diff_slices};
 
 use crate::Streams;
-use crate::cpif::{Attributes, replace};
+use crate::cpif::replace;
 use crate::diagnostic::{Diagnostic, Level, Place, Position, Source};
 use crate::markup::{Kind, Token, unmark};
 use crate::project::{
@@ -482,7 +482,7 @@ impl Project {
             }
         }
         for (name, (_, text)) in changed {
-            replace(&self.dir.join(name), text, Attributes::default())
+            replace(&self.dir.join(name), text, None)
                 .map_err(|e| Diagnostic::failure("write", name, &e))?;
         }
         Ok(())

@@ -11,7 +11,6 @@
 mod common;
 
 use std::fs;
-use std::os::unix::fs::PermissionsExt;
 use std::time::{Duration, SystemTime};
 
 use common::{Outcome, Scratch, noweb, run, shell};
@@ -110,18 +109,6 @@ fn every_file_is_written_with_names_and_licence() {
     assert_eq!(scratch.read("a.mk"), "all:\n\ttrue\n");
     let files = ["./.tangled", "./a.mk", "./scripts/run", "./src/main.rs"];
     assert_eq!(listing(&scratch), files);
-}
-
-#[test]
-fn a_script_may_be_run_and_a_source_may_not() {
-    let scratch = project();
-    tangle(&scratch, &[]);
-    let mode = |name| {
-        let metadata = fs::metadata(scratch.path().join(name));
-        metadata.expect("the file").permissions().mode() & 0o100
-    };
-    assert_eq!(mode("scripts/run"), 0o100);
-    assert_eq!(mode("src/main.rs"), 0);
 }
 
 #[test]
