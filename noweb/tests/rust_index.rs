@@ -20,8 +20,7 @@ fn indexed(chapter: &str) -> (String, String, String) {
     let source = Source::new(b"a.nw".to_vec(), chapter.into());
     let (lexemes, faults) = mark_up(&source, 0, 8);
     assert_eq!(faults, []);
-    let mut stream = Vec::new();
-    write_stream(&lexemes, &mut stream).expect("a vector takes it");
+    let stream = write_stream(&lexemes);
     let (out, faults) = index(&stream);
     let warnings = faults.iter().map(ToString::to_string).collect();
     let text = |bytes| String::from_utf8(bytes).expect("a text");
