@@ -57,7 +57,8 @@ pub struct Arguments {
     /// --time or --error
     #[arg(short = 'n', long = "spp",
           visible_alias = "realisations",
-          value_name = "N", value_parser = parse_samples, allow_hyphen_values = true)]
+          value_name = "N", value_parser = parse_samples,
+          allow_hyphen_values = true)]
     pub samples: Option<u64>,
 
     /// Stop within so many seconds from the start of the program
