@@ -94,19 +94,11 @@ struct Collector<'a> {
     anchor: Option<String>,
     /// The number of uses in the current definition.
     uses: u64,
-    /// Whether the chunk has shown anything but blanks.
-    inked: bool,
-    /// How many lines before the code the anchor goes, under -docanchor.
-    distance: Option<i64>,
 }
 
 impl<'a> Collector<'a> {
     fn read(&mut self, line: &'a [u8]) {
-        let Some(mark) = Mark::read(line) else { return };
-        if mark.keyword == b"end" {
-            self.lines.push(line.into());
-            self.end(mark.inner());
-        } else {
+        if let Some(mark) = Mark::read(line) {
             self.note(mark);
             self.lines.push(line.into());
         }
@@ -117,10 +109,9 @@ impl<'a> Collector<'a> {
         match mark.keyword {
             b"file" => self.file = self.codes.of(mark.text()),
             b"begin" => self.begin(mark.inner()),
-            b"text" => self.inked |= has_ink(mark.text()),
+            b"end" => self.anchor = None,
             b"defn" => self.define(mark.text()),
             b"use" if self.code => self.use_chunk(mark.text()),
-            b"use" => self.inked |= has_ink(mark.text()),
             b"index" => self.note_identifier(mark.inner()),
             _ => {}
         }
@@ -129,7 +120,6 @@ impl<'a> Collector<'a> {
     fn begin(&mut self, chunk: Mark<'a>) {
         self.web.begins += 1;
         self.code = chunk.keyword == b"code";
-        self.inked = false;
     }
 
     // Label a definition or use
@@ -197,41 +187,10 @@ impl<'a> Collector<'a> {
         item.mention(&label, true);
     }
 
-    // Anchor code in the prose before
-    fn end(&mut self, chunk: Mark) {
-        self.anchor = None;
-        let prose = chunk.keyword == b"docs" && chunk.argument.is_some();
-        let distance = self.distance.filter(|_| prose && self.inked);
-        if let Some(distance) = distance {
-            let label = self.label_in_prose();
-            let line = format!("@xref label {label}").into_bytes();
-            self.lines.insert(self.lines_back(distance), line.into());
-            self.anchor = Some(label);
-        }
-    }
-
     fn label_in_prose(&mut self) -> String {
         self.prose_labels += 1;
         format!("NWD{}-{}", self.file, base62(self.prose_labels))
     }
-
-    /// The index in `lines` where the last `distance` lines begin.
-    fn lines_back(&self, mut distance: i64) -> usize {
-        let mut at = self.lines.len();
-        while at > 0 && distance != 0 {
-            let line = &self.lines[at - 1][..];
-            if line.starts_with(b"@begin docs") {
-                break;
-            }
-            distance -= i64::from(line == b"@nl");
-            at -= 1;
-        }
-        at
-    }
-}
-
-fn has_ink(text: &[u8]) -> bool {
-    text.iter().any(|byte| !b" \t".contains(byte))
 }
 
 // Write the resolved stream out
@@ -491,7 +450,7 @@ fn anchor(item: Option<&Item>) -> &[u8] {
 }
 
 impl<'a> Resolver<'a> {
-    fn new(web: &'a Findings<'a>, options: &Settings) -> Resolver<'a> {
+    fn new(web: &'a Findings<'a>, delay: bool) -> Resolver<'a> {
         Resolver {
             web,
             out: Vec::new(),
@@ -499,7 +458,7 @@ impl<'a> Resolver<'a> {
             chunk: None,
             defined: HashSet::new(),
             used: HashSet::new(),
-            delay: options.delay,
+            delay,
             // Begin with no list written
             begun: 0,
             closed: false,
@@ -544,26 +503,17 @@ impl<'a> Findings<'a> {
 }
 
 // Run noidx as a command
-/// What the command line of `noidx` can ask for.
-#[derive(Default)]
-pub struct Settings {
-    /// Lists before the last chunk, and not at the end of the stream.
-    pub delay: bool,
-    /// Anchors in prose, so many lines before the code.
-    pub distance: Option<i64>,
-}
 
 /// Resolves the cross-references of a stream.
-pub fn cross_reference(stream: &[u8], options: &Settings) -> Outcome {
-    let mut collector = Collector {
-        file: "standard input?".to_string(),
-        distance: options.distance,
-        ..Collector::default()
-    };
+///
+/// The lists stand at its end, or under `delay` before its last chunk.
+pub fn cross_reference(stream: &[u8], delay: bool) -> Outcome {
+    let file = "standard input?".to_string();
+    let mut collector = Collector { file, ..Collector::default() };
     let lines = stream::trimmed_lines(stream);
     lines.for_each(|line| collector.read(line));
     let Collector { web, lines, .. } = collector;
-    let mut resolver = Resolver::new(&web, options);
+    let mut resolver = Resolver::new(&web, delay);
     // Write until the stream is broken
     for line in &lines {
         resolver.resolve(line);
@@ -576,33 +526,12 @@ pub fn cross_reference(stream: &[u8], options: &Settings) -> Outcome {
     Outcome::done(resolver.out)
 }
 
-/// `noidx [-delay] [-docanchor LINES]`, a filter over the stream.
+/// `noidx [-delay]`, a filter over the stream.
 pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
-    match arguments(args) {
-        Ok(options) => stream::filter(streams, |input| {
-            cross_reference(input, &options)
-        }),
-        Err(what) => Outcome::failure("noidx", 1, &what).deliver(streams),
+    if let Some(arg) = args.iter().find(|arg| *arg != "-delay") {
+        let what = format!("unknown argument {arg:?}");
+        return Outcome::failure("noidx", 1, &what).deliver(streams);
     }
-}
-
-fn arguments(args: &[OsString]) -> Result<Settings, String> {
-    let mut options = Settings::default();
-    let mut args = args.iter();
-    // Take the options of noidx in turn
-    while let Some(arg) = args.next() {
-        match arg.to_str() {
-            Some("-delay") => options.delay = true,
-            Some("-docanchor") => {
-                options.distance = Some(lines_of_prose(args.next())?);
-            }
-            _ => return Err(format!("unknown argument {arg:?}")),
-        }
-    }
-    Ok(options)
-}
-
-fn lines_of_prose(arg: Option<&OsString>) -> Result<i64, String> {
-    arg.and_then(|arg| arg.to_str()?.parse().ok())
-        .ok_or("-docanchor needs a number of lines".to_string())
+    let delay = !args.is_empty();
+    stream::filter(streams, |input| cross_reference(input, delay))
 }

@@ -66,8 +66,8 @@ struct Request {
     files: Vec<OsString>,
     filters: Vec<Stage>,
     backend: Option<OsString>,
-    /// The kind of document to be wrapped; empty for none.
-    wrapper: Option<&'static str>,
+    /// The author has a preamble of their own.
+    bare: bool,
     /// The options for noweb's style file.
     options: Vec<String>,
     delay: bool,
@@ -92,7 +92,7 @@ impl Request {
         }
         // Refuse options that contradict each other
         if request.index && request.references {
-            let what = "you may not use -x with -index or -indexfrom";
+            let what = "you may not use -x with -index";
             return Err(format!("{what} (drop the -x)"));
         }
         if request.autodefs && !request.index {
@@ -120,8 +120,11 @@ impl Request {
                 self.references = true;
                 self.filters.push(Stage::new("noidx"));
             }
-            "-index" => self.add_index(None),
-            "-indexfrom" => self.add_index(Some(next()?)),
+            "-index" => {
+                self.index = true;
+                let stages = ["finduses", "noidx"].map(Stage::new);
+                self.filters.extend(stages);
+            }
             "-autodefs" => match &next()?.to_string_lossy()[..] {
                 "rust" => self.autodefs = true,
                 other => {
@@ -134,13 +137,6 @@ impl Request {
         Ok(())
     }
 
-    fn add_index(&mut self, words: Option<OsString>) {
-        self.index = true;
-        let args = words.into_iter().collect();
-        self.filters.push(Stage { command: "finduses".into(), args });
-        self.filters.push(Stage::new("noidx"));
-    }
-
     /// Takes an option about the document.
     fn take_layout(
         &mut self,
@@ -149,25 +145,15 @@ impl Request {
         mut next: impl FnMut() -> Result<OsString, String>,
     ) -> Result<(), String> {
         match option {
-            "-n" => self.wrapper = Some(""),
-            "-latex" if self.wrapper == Some("") => {}
-            "-latex" => self.wrapper = Some("latex"),
-            "-tex" => self.wrapper = Some("tex"),
-            "-delay" => (self.delay, self.wrapper) = (true, Some("")),
+            "-n" => self.bare = true,
+            "-latex" => {}
+            "-delay" => (self.delay, self.bare) = (true, true),
             "-option" => {
                 let option = next()?.to_string_lossy().into_owned();
                 self.options.push(option);
             }
             "-texnames" => self.tex_names = true,
             "-v" => self.verbose = true,
-            // Refuse what is not built
-            "-html" | "-latex+html" | "-troff" | "-ascii" => {
-                return Err(format!(
-                    "{option}: only LaTeX can be written; HTML is \
-                    planned for a later version (another back end can \
-                    be run with -backend)"
-                ));
-            }
             tab if tab.starts_with("-t") => self.tabs.push(arg),
             _ => {
                 return Err(format!(
@@ -179,8 +165,8 @@ impl Request {
     }
 }
 
-const USAGE: &str = "usage: noweave [-latex | -tex | -n | -delay] \
-    [-x | -index | -indexfrom FILE]\n    [-autodefs rust] \
+const USAGE: &str = "usage: noweave [-latex | -n | -delay] \
+    [-x | -index]\n    [-autodefs rust] \
     [-filter COMMAND]... [-markup COMMAND] [-backend COMMAND]\n    \
     [-texnames] [-option OPTION]... [-t | -tN] [-v] [FILE]...";
 // Turn what was asked into a plan
@@ -193,8 +179,7 @@ impl Request {
         let args = [self.tabs, self.files].concat();
         let mut stages = vec![Stage { command, args }];
         for mut filter in self.filters {
-            let plain = filter.args.is_empty();
-            if filter.command == "finduses" && plain && self.autodefs {
+            if filter.command == "finduses" && self.autodefs {
                 filter.command = "rustindex".into();
             } else if filter.command == "noidx" && self.delay {
                 filter.command = "noidx -delay".into();
@@ -221,17 +206,9 @@ impl Request {
 
     /// The lines before and after the stream, in the author's stead.
     fn wrapper(&self) -> Option<(String, String)> {
-        let kind = self.wrapper.unwrap_or("latex");
-        let names = self.files.iter().map(|file| file.to_string_lossy());
-        let about = match kind {
-            "" => return None,
-            "tex" => names.collect::<Vec<_>>().join(" "),
-            _ => self.options.join(","),
-        };
-        Some((
-            format!("@header {kind} {about}"),
-            format!("@trailer {kind}"),
-        ))
+        let options = self.options.join(",");
+        let header = format!("@header latex {options}");
+        (!self.bare).then(|| (header, "@trailer latex".to_string()))
     }
 }
 // Run the stages one after another
