@@ -30,7 +30,6 @@ struct Weaving {
     wrapper: Option<(String, String)>,
     /// Whether the source comes from the standard input.
     reads_input: bool,
-    verbose: bool,
 }
 
 /// A shell command, and arguments that the shell shall not look into.
@@ -44,15 +43,12 @@ impl Stage {
         Self { command: command.into(), args: Vec::new() }
     }
 
-    /// The command line, for the shell or for a person.
-    fn line(&self, for_shell: bool) -> String {
+    /// The command line for the shell.
+    fn line(&self) -> String {
         let mut line = self.command.to_string_lossy().into_owned();
         for arg in &self.args {
-            let arg = arg.to_string_lossy();
-            line += &match for_shell {
-                true => format!(" '{}'", arg.replace('\'', "'\\''")),
-                false => format!(" {arg}"),
-            };
+            let arg = arg.to_string_lossy().replace('\'', "'\\''");
+            line += &format!(" '{arg}'");
         }
         line
     }
@@ -76,7 +72,6 @@ struct Request {
     /// The index finds the items of a Rust program by itself.
     autodefs: bool,
     tex_names: bool,
-    verbose: bool,
 }
 
 impl Request {
@@ -153,7 +148,6 @@ impl Request {
                 self.options.push(option);
             }
             "-texnames" => self.tex_names = true,
-            "-v" => self.verbose = true,
             tab if tab.starts_with("-t") => self.tabs.push(arg),
             _ => {
                 return Err(format!(
@@ -168,7 +162,7 @@ impl Request {
 const USAGE: &str = "usage: noweave [-latex | -n | -delay] \
     [-x | -index]\n    [-autodefs rust] \
     [-filter COMMAND]... [-markup COMMAND] [-backend COMMAND]\n    \
-    [-texnames] [-option OPTION]... [-t | -tN] [-v] [FILE]...";
+    [-texnames] [-option OPTION]... [-t | -tN] [FILE]...";
 // Turn what was asked into a plan
 impl Request {
     fn plan(self) -> Weaving {
@@ -188,8 +182,7 @@ impl Request {
         }
         let command = self.backend.unwrap_or("totex".into());
         stages.push(Stage { command, args: options });
-        let verbose = self.verbose;
-        Weaving { stages, wrapper, reads_input, verbose }
+        Weaving { stages, wrapper, reads_input }
     }
 
     fn backend_options(&self) -> Vec<OsString> {
@@ -233,18 +226,6 @@ impl Weaving {
         }
         Ok(stream)
     }
-
-    /// The pipeline in the notation of the shell.
-    fn show(&self) -> String {
-        let lines = self.stages.iter().map(|stage| stage.line(false));
-        let mut lines: Vec<String> = lines.collect();
-        if let Some((header, trailer)) = &self.wrapper {
-            let markup = &lines[0];
-            lines[0] =
-                format!("(echo {header}\n {markup}\n echo {trailer}\n)");
-        }
-        lines.join(" |\n") + "\n"
-    }
 }
 
 /// Says what has gone wrong; gives the status for it.
@@ -285,7 +266,7 @@ impl Stage {
         // Run a foreign stage in the shell
         let path = StagePath::new();
         let path = path.map_err(|e| tell(streams, &e.to_string()))?;
-        let line = OsString::from(self.line(true));
+        let line = OsString::from(self.line());
         run_shell(&line, input, &path, streams).map_err(|failure| {
             streams.conclude(Ok(()), &failure.faults);
             1
@@ -312,9 +293,6 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
         Ok(request) => request.plan(),
         Err(what) => return tell(streams, &what),
     };
-    if weaving.verbose {
-        let _ = streams.errors.write_all(weaving.show().as_bytes());
-    }
     match weaving.document(streams) {
         Ok(text) => Outcome::done(text).deliver(streams),
         Err(status) => status,
