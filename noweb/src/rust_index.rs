@@ -53,6 +53,7 @@ impl Text {
             match piece {
                 Piece::Use(name) => self.expand(web, name, open)?,
                 Piece::Newline => self.source.push('\n'),
+                // Append a text with its line
                 Piece::Text(text) => {
                     let start = self.source.len();
                     self.source += std::str::from_utf8(text).ok()?;
@@ -101,6 +102,7 @@ fn words<'n>(
         notes.push((done..token.range.start, Note::Comment));
         done = token.range.end;
         let text = token.text;
+        // Tell what the token is
         let note = match items.get(&number) {
             _ if text.starts_with("//") => Note::Comment,
             _ if text.starts_with("/*") => Note::Comment,
@@ -176,6 +178,7 @@ impl<'n> Notes<'_, 'n> {
         let (mut file, mut line, mut column) = (&b""[..], 1, 1);
         let marks = self.lines[..number].iter();
         for mark in marks.filter_map(|line| Mark::read(line)) {
+            // Count lines and columns
             match mark.keyword {
                 b"file" => (file, line) = (mark.text(), 1),
                 b"nl" => (line, column) = (line + 1, 1),
@@ -217,6 +220,7 @@ impl<'n> Notes<'_, 'n> {
                 if is_file { Note::Use(path) } else { Note::Define(path) };
             found[*file].insert(*token, note);
         }
+        // Note each word on its line
         for ((text, file), found) in
             texts.iter().zip(names.files).zip(found)
         {
@@ -439,6 +443,7 @@ pub fn index(stream: &[u8]) -> (Vec<u8>, Vec<Diagnostic>) {
     let mut notes = Notes { lines: &lines, ..Notes::default() };
     let (mut texts, mut files) = (Vec::new(), Vec::new());
     let sources = sources(&web(&lines));
+    // Cut the sources into tokens
     for (path, text) in &sources {
         match tokens(&text.source) {
             Ok(tokens) => {
@@ -451,6 +456,7 @@ pub fn index(stream: &[u8]) -> (Vec<u8>, Vec<Diagnostic>) {
     let names = Names::new(&files, library);
     notes.add_program(&names, &texts);
     let index = Index::new(&names, &notes);
+    // Make a writer for the stream
     let modules = names.modules.iter();
     let modules =
         modules.map(|(n, module)| (files[*n].path.as_bytes(), &module[..]));
@@ -480,6 +486,7 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
         return Outcome::failure("rustindex", 2, &what).deliver(streams);
     }
     stream::filter(streams, |input| {
+        // Pass on that the stream is broken
         if let Some(fatal) = stream::fatal(input) {
             let text = [fatal, b"\n"].concat();
             return Outcome { text, status: 1, ..Outcome::default() };

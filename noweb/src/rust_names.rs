@@ -385,6 +385,7 @@ pub fn imports(tokens: &[Token], start: usize) -> Vec<Import> {
                 }
             }
             "as" => {}
+            // Take up a word of the import
             // The name `self` means what is before it
             "self" if !path.is_empty() => name = path.last().copied(),
             "*" => name = Some(at),
