@@ -65,8 +65,6 @@ impl Item {
 struct Findings<'a> {
     chunks: HashMap<&'a [u8], Item>,
     identifiers: HashMap<&'a [u8], Item>,
-    /// The number of `@begin` lines.
-    begins: usize,
     // Remember what the index of Rust tells
     /// What is shown of each key, and where keys without a list are defined.
     shown: HashMap<&'a [u8], &'a [u8]>,
@@ -118,7 +116,6 @@ impl<'a> Collector<'a> {
     }
 
     fn begin(&mut self, chunk: Mark<'a>) {
-        self.web.begins += 1;
         self.code = chunk.keyword == b"code";
     }
 
@@ -207,13 +204,8 @@ struct Resolver<'a> {
     /// The identifiers that the current chunk uses.
     used: HashSet<&'a [u8]>,
     // Keep the state of the lists
-    delay: bool,
-    /// The number of chunks begun.
-    begun: usize,
-    /// Whether the ends of the lists have been reached.
+    /// Whether the lists have been written.
     closed: bool,
-    chunks_listed: bool,
-    index_listed: bool,
     // Keep the names of the chapter
     /// The identifiers that the chapter defines and uses so far.
     chapter_defines: HashSet<&'a [u8]>,
@@ -229,7 +221,6 @@ impl<'a> Resolver<'a> {
             b"end" => self.end(mark.inner(), line),
             b"use" => self.use_chunk(mark.text(), line),
             b"index" => self.index(mark.inner(), line),
-            b"text" if self.chunk.is_none() => self.prose(mark, line),
             // Close the document with the lists
             b"trailer" => {
                 self.list_all_names();
@@ -379,27 +370,14 @@ impl<'a> Resolver<'a> {
 
     // Put the lists where they belong
     fn begin(&mut self, line: &[u8]) {
-        self.begun += 1;
-        if self.delay && self.begun == self.web.begins {
-            self.list_all_names();
-        }
         self.copy(line);
         self.chunk = None;
         self.defined.clear();
         self.used.clear();
     }
 
-    fn prose(&mut self, mark: Mark, line: &[u8]) {
-        match mark.text() {
-            b"<nowebchunks>" => self.list_chunks(),
-            b"<nowebindex>" => self.list_index(),
-            _ => self.copy(line),
-        }
-    }
-
     fn list_all_names(&mut self) {
-        if !self.closed {
-            self.closed = true;
+        if !std::mem::replace(&mut self.closed, true) {
             self.copy(b"@nl");
             self.copy(b"@nl");
             self.list_chunks();
@@ -409,38 +387,36 @@ impl<'a> Resolver<'a> {
 
     // List all chunks and identifiers
     fn list_chunks(&mut self) {
-        if std::mem::replace(&mut self.chunks_listed, true) {
-            return;
-        }
         self.copy(b"@xref beginchunks");
         for (name, item) in self.web.in_order(&self.web.chunks) {
-            let label = anchor(Some(item));
-            self.put(&[b"@xref chunkbegin ", label, b" ", name]);
-            self.list_mentions("@xref chunk", &item.mentions);
-            self.copy(b"@xref chunkend");
+            self.list_item("@xref chunk", name, item, &item.mentions);
         }
         self.copy(b"@xref endchunks");
     }
 
     fn list_index(&mut self) {
-        if std::mem::replace(&mut self.index_listed, true) {
-            return;
-        }
         self.copy(b"@index beginindex");
         for (name, item) in self.web.in_order(&self.web.identifiers) {
-            let label = anchor(Some(item));
-            self.put(&[b"@index entrybegin ", label, b" ", name]);
-            self.list_mentions("@index entry", &item.pure_mentions());
-            self.copy(b"@index entryend");
+            let mentions = item.pure_mentions();
+            self.list_item("@index entry", name, item, &mentions);
         }
         self.copy(b"@index endindex");
     }
 
-    fn list_mentions(&mut self, entry: &str, mentions: &[(String, bool)]) {
+    fn list_item(
+        &mut self,
+        entry: &str,
+        name: &[u8],
+        item: &Item,
+        mentions: &[(String, bool)],
+    ) {
+        let label = anchor(Some(item));
+        self.put(&[entry.as_bytes(), b"begin ", label, b" ", name]);
         for (label, defined) in mentions {
             let kind = if *defined { "defn" } else { "use" };
             self.copy(format!("{entry}{kind} {label}").as_bytes());
         }
+        self.put(&[entry.as_bytes(), b"end"]);
     }
 }
 
@@ -450,7 +426,7 @@ fn anchor(item: Option<&Item>) -> &[u8] {
 }
 
 impl<'a> Resolver<'a> {
-    fn new(web: &'a Findings<'a>, delay: bool) -> Resolver<'a> {
+    fn new(web: &'a Findings<'a>) -> Resolver<'a> {
         Resolver {
             web,
             out: Vec::new(),
@@ -458,12 +434,8 @@ impl<'a> Resolver<'a> {
             chunk: None,
             defined: HashSet::new(),
             used: HashSet::new(),
-            delay,
             // Begin with no list written
-            begun: 0,
             closed: false,
-            chunks_listed: false,
-            index_listed: false,
             // Begin with no names of a chapter
             chapter_defines: HashSet::new(),
             chapter_uses: HashSet::new(),
@@ -513,9 +485,13 @@ pub fn cross_reference(stream: &[u8], delay: bool) -> Outcome {
     let lines = stream::trimmed_lines(stream);
     lines.for_each(|line| collector.read(line));
     let Collector { web, lines, .. } = collector;
-    let mut resolver = Resolver::new(&web, delay);
+    let mut resolver = Resolver::new(&web);
     // Write until the stream is broken
-    for line in &lines {
+    let last = lines.iter().rposition(|line| line.starts_with(b"@begin "));
+    for (number, line) in lines.iter().enumerate() {
+        if delay && Some(number) == last {
+            resolver.list_all_names();
+        }
         resolver.resolve(line);
         if line.starts_with(b"@fatal") {
             let text = resolver.out;
