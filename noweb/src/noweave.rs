@@ -26,8 +26,8 @@ use crate::{
 struct Weaving {
     /// From the parser to the back end.
     stages: Vec<Stage>,
-    /// The lines around the stream for the back end, if there are any.
-    wrapper: Option<(String, String)>,
+    /// The line before the stream for the back end, if there is one.
+    header: Option<String>,
     /// Whether the source comes from the standard input.
     reads_input: bool,
 }
@@ -168,7 +168,9 @@ impl Request {
     fn plan(self) -> Weaving {
         let reads_input =
             self.files.is_empty() || self.files.iter().any(|f| f == "-");
-        let (wrapper, options) = (self.wrapper(), self.backend_options());
+        let options = self.backend_options();
+        let header = format!("@header latex {}\n", self.options.join(","));
+        let header = (!self.bare).then_some(header);
         let command = self.markup.unwrap_or("markup".into());
         let args = [self.tabs, self.files].concat();
         let mut stages = vec![Stage { command, args }];
@@ -182,7 +184,7 @@ impl Request {
         }
         let command = self.backend.unwrap_or("totex".into());
         stages.push(Stage { command, args: options });
-        Weaving { stages, wrapper, reads_input }
+        Weaving { stages, header, reads_input }
     }
 
     fn backend_options(&self) -> Vec<OsString> {
@@ -196,13 +198,6 @@ impl Request {
         ];
         options.into_iter().flatten().map(OsString::from).collect()
     }
-
-    /// The lines before and after the stream, in the author's stead.
-    fn wrapper(&self) -> Option<(String, String)> {
-        let options = self.options.join(",");
-        let header = format!("@header latex {options}");
-        (!self.bare).then(|| (header, "@trailer latex".to_string()))
-    }
 }
 // Run the stages one after another
 impl Weaving {
@@ -215,12 +210,10 @@ impl Weaving {
         }
         for (number, stage) in self.stages.iter().enumerate() {
             if number + 1 == self.stages.len()
-                && let Some((header, trailer)) = &self.wrapper
+                && let Some(header) = &self.header
             {
-                let (header, trailer) =
-                    (format!("{header}\n"), format!("{trailer}\n"));
-                stream = [header.as_bytes(), &stream, trailer.as_bytes()]
-                    .concat();
+                let trailer = b"@trailer latex\n";
+                stream = [header.as_bytes(), &stream, trailer].concat();
             }
             stream = stage.run(&stream, streams)?;
         }
