@@ -30,6 +30,7 @@ struct Weaving {
     header: Option<String>,
     /// Whether the source comes from the standard input.
     reads_input: bool,
+    verbose: bool,
 }
 
 /// A shell command, and arguments that the shell shall not look into.
@@ -72,6 +73,7 @@ struct Request {
     /// The index finds the items of a Rust program by itself.
     autodefs: bool,
     tex_names: bool,
+    verbose: bool,
 }
 
 impl Request {
@@ -148,6 +150,7 @@ impl Request {
                 self.options.push(option);
             }
             "-texnames" => self.tex_names = true,
+            "-v" => self.verbose = true,
             tab if tab.starts_with("-t") => self.tabs.push(arg),
             _ => {
                 return Err(format!(
@@ -162,7 +165,7 @@ impl Request {
 const USAGE: &str = "usage: noweave [-latex | -n | -delay] \
     [-x | -index]\n    [-autodefs rust] \
     [-filter COMMAND]... [-markup COMMAND] [-backend COMMAND]\n    \
-    [-texnames] [-option OPTION]... [-t | -tN] [FILE]...";
+    [-texnames] [-option OPTION]... [-t | -tN] [-v] [FILE]...";
 // Turn what was asked into a plan
 impl Request {
     fn plan(self) -> Weaving {
@@ -184,7 +187,8 @@ impl Request {
         }
         let command = self.backend.unwrap_or("totex".into());
         stages.push(Stage { command, args: options });
-        Weaving { stages, header, reads_input }
+        let verbose = self.verbose;
+        Weaving { stages, header, reads_input, verbose }
     }
 
     fn backend_options(&self) -> Vec<OsString> {
@@ -209,6 +213,9 @@ impl Weaving {
             read.map_err(|e| tell(streams, &format!("cannot read: {e}")))?;
         }
         for (number, stage) in self.stages.iter().enumerate() {
+            if self.verbose {
+                let _ = writeln!(streams.errors, "{}", stage.line());
+            }
             if number + 1 == self.stages.len()
                 && let Some(header) = &self.header
             {
