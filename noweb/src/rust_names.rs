@@ -229,7 +229,8 @@ pub fn declaration(tokens: &[Token], at: usize) -> Option<(Kind, usize)> {
         _ => return None,
     };
     let named = tokens[name].word && !is_keyword(tokens[name].text);
-    named.then_some((kind, name))
+    // What stands behind an apostrophe is a lifetime
+    (named && tokens[at - 1].text != "'").then_some((kind, name))
 }
 
 /// The token that ends an item: a brace behind its body, or a semicolon.

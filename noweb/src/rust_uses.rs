@@ -18,7 +18,7 @@ use std::ops::Range;
 
 use crate::rust_names::{
     Item, Kind, Names, Place, Spot, Token, colons, declaration, imports,
-    parameters, path_at,
+    is_keyword, parameters, path_at,
 };
 
 // Find what an item declares inside
@@ -136,11 +136,12 @@ impl Reader<'_, '_> {
         let alone = path.len() == 1;
         let next = start + 3 * path.len() - 2;
         let (after, then) = (tokens[next].text, tokens[next + 1].text);
-        let call = after == "!" && then != "=";
+        let call = after == "!" && then != "=" && !is_keyword(name);
         // See whether the word is declared here
         let declares = match after {
             ":" => alone && then != ":",
-            "=" => alone && !matches!(then, "=" | ">"),
+            "=" if matches!(then, "=" | ">") => false,
+            "=" => alone && tokens[start - 1].text != ":",
             _ => declaration(tokens, start - 1).is_some(),
         };
         if !declares && !taken.items.contains(name) {

@@ -135,6 +135,11 @@ fn a_name_that_is_given_to_a_part_is_not_linked() {
          match x { LIMIT => {} } }",
     );
     assert_eq!(found, ["LIMIT -> demo::LIMIT"; 3]);
+    let found = links_in(
+        "struct Item;\nfn f(i: &'static Item) { let i: Item = g(); \
+         if !(i == Item) {} }",
+    );
+    assert_eq!(found, ["Item -> demo::Item"; 3]);
 }
 
 #[test]
