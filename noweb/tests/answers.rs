@@ -21,7 +21,7 @@ use noweb::diagnostic::Source;
 use noweb::finduses::{Recogniser, declared, mark_uses};
 use noweb::locate::Atlas;
 use noweb::markup::{mark_up, write_stream};
-use noweb::noidx::{Settings, cross_reference};
+use noweb::noidx::cross_reference;
 use noweb::project::Project;
 use noweb::rust_index::index;
 use noweb::stream::{self, crc};
@@ -376,14 +376,14 @@ fn strip(resolved: &[u8]) -> Vec<u8> {
 }
 
 fn with_uses(stream: &[u8]) -> Vec<u8> {
-    let words = Recogniser::new(declared(stream).into_iter());
+    let words = Recogniser::new(declared(stream));
     mark_uses(stream, &words, true)
 }
 
 #[test]
 fn what_references_add_can_be_taken_away() {
     let stream = with_uses(stream_of(&chapter("markup")).as_bytes());
-    let resolved = cross_reference(&stream, &Settings::default()).text;
+    let resolved = cross_reference(&stream, false).text;
     assert!(strip(&resolved) == stream);
     let count = |stream| stream::lines(stream).count() as f64;
     let added = 1. - count(&stream) / count(&resolved);
@@ -429,7 +429,7 @@ fn hide(name: &str, stream: &[u8]) -> Vec<u8> {
 
 fn resolve(stream: &[u8]) -> Vec<u8> {
     let uses = with_uses(stream);
-    cross_reference(&uses, &Settings::default()).text
+    cross_reference(&uses, false).text
 }
 
 #[test]
