@@ -96,6 +96,10 @@ pub struct Arguments {
     pub albedo: f64,
 
     /// Wavefront OBJ to render [default: standard input]
+    ///
+    /// It may be compressed by gzip or zstd. Faces that are not convex are
+    /// filled; a face that crosses itself is drawn as a fan of triangles
+    /// around its first corner.
     #[arg(short, long, value_name = "FILE")]
     pub input: Option<PathBuf>,
     // Declare the options of the run

@@ -293,27 +293,22 @@ fn read_piece(
     let mut statements = Statements { rest: piece, line: 0 };
     while let Some(text) = statements.next() {
         let vertices = [first + mesh.vertices.len(), total];
-        read_statement(&text, vertices, &mut mesh)
-            .map_err(|what| (statements.line, what))?;
+        // Read the statement, once more before its comment
+        let triangles = mesh.triangles.len();
+        let mut text = &text[..];
+        while let Err(what) = read_statement(text, vertices, &mut mesh) {
+            let Some(comment) = memchr(b'#', text) else {
+                return Err((statements.line, what));
+            };
+            text = &text[..comment];
+            mesh.triangles.truncate(triangles);
+            mesh.joined.retain(|&i| (i as usize) < triangles);
+        }
     }
     Ok(mesh)
 }
 
 fn read_statement(
-    text: &[u8],
-    vertices: [usize; 2],
-    mesh: &mut Mesh,
-) -> Result<(), String> {
-    let (triangles, joined) = (mesh.triangles.len(), mesh.joined.len());
-    let read = read_words(text, vertices, mesh);
-    let comment = if read.is_ok() { None } else { memchr(b'#', text) };
-    let Some(comment) = comment else { return read };
-    mesh.triangles.truncate(triangles);
-    mesh.joined.truncate(joined);
-    read_words(&text[..comment], vertices, mesh)
-}
-
-fn read_words(
     text: &[u8],
     vertices: [usize; 2],
     mesh: &mut Mesh,
