@@ -294,18 +294,34 @@ fn read_piece(
     while let Some(text) = statements.next() {
         let vertices = [first + mesh.vertices.len(), total];
         // Read the statement, once more before its comment
-        let triangles = mesh.triangles.len();
-        let mut text = &text[..];
-        while let Err(what) = read_statement(text, vertices, &mut mesh) {
-            let Some(comment) = memchr(b'#', text) else {
-                return Err((statements.line, what));
-            };
-            text = &text[..comment];
-            mesh.triangles.truncate(triangles);
-            mesh.joined.retain(|&i| (i as usize) < triangles);
+        let begun = mesh.triangles.len();
+        if let Err(what) = read_statement(&text, vertices, &mut mesh) {
+            mesh.triangles.truncate(begun);
+            mesh.joined.retain(|&i| (i as usize) < begun);
+            read_before_comment(&text, vertices, &mut mesh)
+                .unwrap_or(Err(what))
+                .map_err(|what| (statements.line, what))?;
         }
     }
     Ok(mesh)
+}
+
+/// Reads a statement up to its comment; none if it has no comment.
+#[cold]
+fn read_before_comment(
+    text: &[u8],
+    [first, total]: [usize; 2],
+    mesh: &mut Mesh,
+) -> Option<Result<(), String>> {
+    let text = &text[..memchr(b'#', text)?];
+    let append = |part: Mesh| {
+        let begun = mesh.triangles.len() as u32;
+        mesh.joined.extend(part.joined.iter().map(|i| begun + i));
+        mesh.triangles.extend(part.triangles);
+        mesh.vertices.extend(part.vertices);
+    };
+    let read = read_piece(text, first, total);
+    Some(read.map(append).map_err(|(_, what)| what))
 }
 
 fn read_statement(

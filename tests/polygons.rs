@@ -287,7 +287,8 @@ fn a_face_of_a_hundred_thousand_corners_takes_no_time_in_its_square() {
     };
     let star: Vec<_> = (0..n).map(star).collect();
     let comb = |i: usize| {
-        let top = if i % 2 == 0 { 0. } else { 1e3 + (i % 97) as f64 };
+        let top =
+            if i.is_multiple_of(2) { 0. } else { 1e3 + (i % 97) as f64 };
         DVec3::new((n - i) as f64, top, 0.)
     };
     let ends = flat(&[[-1., -1.], [n as f64, -1.]]);

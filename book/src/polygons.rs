@@ -260,7 +260,7 @@ fn ours(v: &[Point]) -> Cut {
 const LIBRARIES: [(&str, fn(&[Point]) -> Cut); 6] = [
     ("earcut", earcut_),
     ("earcutr", earcutr_),
-    ("i\\_triangle", i_tri),
+    ("iTriangle", i_tri),
     ("lyon", lyon_),
     ("cdt", cdt_),
     ("ours (spade)", ours),
