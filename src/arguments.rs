@@ -95,11 +95,7 @@ pub struct Arguments {
           value_parser = parse_albedo, allow_hyphen_values = true)]
     pub albedo: f64,
 
-    /// Wavefront OBJ to render [default: standard input]
-    ///
-    /// It may be compressed by gzip or zstd. Faces that are not convex are
-    /// filled; a face that crosses itself is drawn as a fan of triangles
-    /// around its first corner.
+    /// Wavefront OBJ, also .gz or .zst [default: standard input]
     #[arg(short, long, value_name = "FILE")]
     pub input: Option<PathBuf>,
     // Declare the options of the run
