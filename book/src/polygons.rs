@@ -197,8 +197,7 @@ fn earcutr_(v: &[Point]) -> Cut {
 }
 fn i_tri(v: &[Point]) -> Cut {
     use i_triangle::float::triangulatable::Triangulatable;
-    let t =
-        vec![v.to_vec()].triangulate_as::<i64>().to_triangulation::<u32>();
+    let t = [v.to_vec()].triangulate_as::<i64>().to_triangulation::<u32>();
     Some((
         t.points,
         chunks(t.indices.into_iter().map(|i| i as usize).collect()),
@@ -257,7 +256,10 @@ fn ours(v: &[Point]) -> Cut {
     Some((v.to_vec(), cut.collect()))
 }
 
-const LIBRARIES: [(&str, fn(&[Point]) -> Cut); 6] = [
+/// A library: its name, and the function that cuts.
+type Library = (&'static str, fn(&[Point]) -> Cut);
+
+const LIBRARIES: [Library; 6] = [
     ("earcut", earcut_),
     ("earcutr", earcutr_),
     ("iTriangle", i_tri),
@@ -368,7 +370,7 @@ fn large(random: &mut Random, n: usize) -> [Vec<Point>; 4] {
     let tooth = |i: usize| {
         [
             (n - i) as f64,
-            if i % 2 == 0 { 0. } else { 1e3 + (i % 97) as f64 },
+            if i.is_multiple_of(2) { 0. } else { 1e3 + (i % 97) as f64 },
         ]
     };
     let comb = [[-1., -1.], [n as f64, -1.]].into_iter();
