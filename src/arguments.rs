@@ -97,7 +97,7 @@ pub struct Arguments {
           value_parser = parse_albedo, allow_hyphen_values = true)]
     pub albedo: f64,
 
-    /// Wavefront OBJ to render [default: standard input]
+    /// Wavefront OBJ, also .gz or .zst [default: standard input]
     #[arg(short, long, value_name = "FILE")]
     pub input: Option<PathBuf>,
     // Declare the options of the run
