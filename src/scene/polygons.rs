@@ -202,7 +202,11 @@ fn triangulate(
     let ends = vertices.iter().zip(vertices.iter().cycle().skip(1));
     for (&a, &b) in ends.filter(|(a, b)| a != b) {
         let sides = cdt.try_add_constraint(a, b);
-        if sides.is_empty() {
+        let corner = |v: usize| points[numbers[v]];
+        let on = |side: &_| cdt.directed_edge(*side).to().index();
+        let mut on = sides.iter().map(on).map(corner);
+        let (a, b) = (corner(a.index()), corner(b.index()));
+        if sides.is_empty() || !on.all(|p| is_between(a, p, b)) {
             return None;
         }
         for side in sides {
@@ -231,4 +235,10 @@ fn triangulate(
         waiting.extend(sides.map(|side| (side.fix().rev(), winding)));
     }
     (!triangles.is_empty()).then_some(triangles)
+}
+
+/// Whether a point is on the side from `a` to `b`, or as good as.
+fn is_between(a: DVec3, p: DVec3, b: DVec3) -> bool {
+    let (u, v) = (b - a, p - a);
+    u.cross(v).length() <= 1e-12 * u.length_squared()
 }
