@@ -26,7 +26,7 @@ NOWEB := $(CARGO_TARGET_DIR)/tool/noweb
 NOWEB_SOURCES := Cargo.toml noweb/Cargo.toml $(wildcard noweb/src/*.rs)
 # What cargo, the compiler and the tests say is shown at the chapters. The tool
 # runs the command, translates what it says, and ends with its status.
-MAP = $(NOWEB) map --master litpt.nw --master noweb/noweb.nw --
+MAP = $(NOWEB) map litpt.nw noweb/noweb.nw --
 
 SOURCES := src/.tangled $(NOWEB_SOURCES) config.mk build.rs \
   $(wildcard Cargo.lock src/*.rs src/*/*.rs)

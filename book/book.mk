@@ -21,7 +21,7 @@ TABLES := $(BUILD_DIR)/examples.stamp $(addprefix $(BUILT)/,measured.tex \
   stability-full.tex robustness.tex ablation.tex shortcuts.tex layouts.tex habits.tex \
   abreast.tex traversal.tex bench.tex generations.tex sizes.csv shapes.tex \
   start.tex repeats.csv accumulators.tex accounting.tex alarms.tex \
-  thresholds.tex)
+  thresholds.tex triangulations.tex ring.tex)
 
 # ---- made with the book
 
@@ -36,6 +36,9 @@ $(BUILD_DIR)/figures/courtyard.png $(BUILD_DIR)/figures/courtyard.json &: \
 
 $(BUILT)/closed-forms.tex: $(BOOK) | $(BUILT)
 	$(BOOK) closed_forms > $@
+
+$(BUILT)/ring.tex: $(BOOK) | $(BUILT)
+	$(BOOK) ring > $@
 
 $(BUILT)/anatomy.stamp $(BUILT)/calibration.stamp: $(BUILT)/%.stamp: $(BOOK) \
   | $(BUILT)
@@ -108,6 +111,8 @@ measure: $(BOOK) $(BUILD_DIR)/courtyard.obj
 	for part in qualities repeats leaks origins roulettes accumulators \
 	  accounting alarms loading thresholds; do \
 	  $(RECORD) $$part $(BOOK) $$part $(BUILD_DIR)/courtyard.obj || exit 1; done
+	$(RECORD) triangulations $(CARGO) run --release -p litpt-book \
+	  --features polygons --bin polygons
 	$(RECORD) translation $(CARGO) run --release -p noweb --example positions \
 	  litpt.nw
 

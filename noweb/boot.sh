@@ -52,7 +52,7 @@ tangle() {
 # Build one stage of the tool
 # build STAGE: its binary is $boot/STAGE/noweb.bin
 build() {
-  (cd "$boot/$1" && "$CARGO_TARGET_DIR/../stage0.bin" map $chapters -- \
+  (cd "$boot/$1" && "$CARGO_TARGET_DIR/../stage0.bin" map ${chapters%% *} -- \
     $cargo build -q -p noweb) ||
     fail "$1 does not compile"
   cp "$CARGO_TARGET_DIR/debug/noweb" "$boot/$1/noweb.bin"

@@ -57,7 +57,8 @@ pub struct Arguments {
     /// --time or --error
     #[arg(short = 'n', long = "spp",
           visible_alias = "realisations",
-          value_name = "N", value_parser = parse_samples, allow_hyphen_values = true)]
+          value_name = "N", value_parser = parse_samples,
+          allow_hyphen_values = true)]
     pub samples: Option<u64>,
 
     /// Stop within so many seconds from the start of the program
@@ -96,7 +97,7 @@ pub struct Arguments {
           value_parser = parse_albedo, allow_hyphen_values = true)]
     pub albedo: f64,
 
-    /// Wavefront OBJ to render [default: standard input]
+    /// Wavefront OBJ, also .gz or .zst [default: standard input]
     #[arg(short, long, value_name = "FILE")]
     pub input: Option<PathBuf>,
     // Declare the options of the run

@@ -31,7 +31,7 @@ use litpt::render::{Renderer, renderer};
 use litpt::render_loop::{Convergence, Interrupt, Limits, Stop};
 use litpt::report::{Kind, Report, SceneFile};
 use litpt::run_output::RunOutput;
-use litpt::scene::{Scene, read_obj};
+use litpt::scene::{Scene, read_file};
 use litpt::sky::Sky;
 use rayon::ThreadPoolBuilder;
 use sha2::{Digest, Sha256};
@@ -173,7 +173,12 @@ fn load(
         None => io::stdin().read_to_end(&mut bytes).map(|_| ()),
     };
     read.map_err(|e| format!("{file}: cannot read: {e}"))?;
-    let mesh = read_obj(&bytes).map_err(|error| error.within(&file))?;
+    let read = read_file(&bytes).map_err(|error| error.within(&file));
+    let (mesh, warning) = read?;
+    // Warn of odd faces
+    if let (Some(warning), false) = (warning, arguments.quiet) {
+        progress::warn(&warning.within(&file));
+    }
     // Hash the bytes if a file will name them
     let hash = files.name_the_scene().then(|| Sha256::digest(&bytes));
     let hex = |byte: u8| format!("{byte:02x}");

@@ -12,6 +12,9 @@
 //! A `Scene` is the same triangles after `Frame` has brought them near
 //! the origin, in single precision.
 
+pub mod encoding;
+pub mod polygons;
+
 // Name what the scene imports
 use std::borrow::Cow;
 use std::fmt;
@@ -24,6 +27,7 @@ use glam::{BVec3, DVec3};
 use memchr::{memchr, memchr_iter};
 use rayon::prelude::*;
 
+use self::polygons::Oddity;
 use crate::numerics::{cross, exponent, power_of_two, shift};
 
 // Represent a mesh as it was read
@@ -53,21 +57,43 @@ impl Mesh {
 }
 
 // Read the text of an OBJ
-/// Reads the mesh that the text `source` of a Wavefront OBJ describes.
-/// Polygons become fans of triangles around their first corner.
+/// Reads the mesh that the bytes `source` of a Wavefront OBJ describe,
+/// which may be compressed.
+/// Convex faces become fans of triangles around their first corner.
 ///
 /// # Errors
 /// Text that is empty, binary, malformed or without any face, vertices
 /// that are not finite, faces with fewer than three corners or with
 /// corners that do not exist, more vertices or triangles than 32 bits
-/// can count.
+/// can count, compressed files that are damaged.
 pub fn read_obj(source: &[u8]) -> Result<Mesh, ObjError> {
-    read_pieces(source, 1 << 20)
+    read_pieces(source, PIECE)
 }
 
 /// The same mesh, or error, as that of `read_obj`, whatever the number
 /// of bytes `size` after which the text is cut.
 pub fn read_pieces(source: &[u8], size: usize) -> Result<Mesh, ObjError> {
+    Ok(read(source, size)?.0)
+}
+
+/// The same as `read_obj`, with a warning, made like an error, if there
+/// are faces that are no polygons.
+pub fn read_file(
+    source: &[u8],
+) -> Result<(Mesh, Option<ObjError>), ObjError> {
+    read(source, PIECE)
+}
+
+/// The size of a piece of the text.
+const PIECE: usize = 1 << 20;
+
+fn read(
+    source: &[u8],
+    size: usize,
+) -> Result<(Mesh, Option<ObjError>), ObjError> {
+    let text = encoding::text(source);
+    let text = text.map_err(|what| ObjError::whole(&what))?;
+    let source = &text[..];
     // Refuse empty and binary files
     let source = source.strip_prefix(b"\xef\xbb\xbf").unwrap_or(source);
     if source.is_empty() {
@@ -107,13 +133,36 @@ pub fn read_pieces(source: &[u8], size: usize) -> Result<Mesh, ObjError> {
     }
     let parts = parts.into_iter().map(|m| (m.vertices, m.triangles));
     let (vertices, triangles): (Vec<_>, Vec<_>) = parts.unzip();
-    let (vertices, triangles) =
+    let (vertices, mut triangles) =
         rayon::join(|| append(vertices), || append(triangles));
     countable(triangles.len(), "triangles")?;
     if triangles.is_empty() {
         return Err(ObjError::whole("no face, hence nothing to render"));
     }
-    Ok(Mesh { vertices, triangles, joined })
+    // Fill the faces, and warn of odd ones
+    let odd = polygons::fill(&vertices, &mut triangles, &mut joined);
+    countable(triangles.len(), "triangles")?;
+    let warning = odd.first().map(|&(face, _)| {
+        let is_crossed =
+            |(_, oddity): &&(u32, _)| *oddity == Oddity::Crossed;
+        let crossed = odd.iter().filter(is_crossed).count();
+        let what = format!(
+            "the first of {} odd faces ({} bent, {crossed} crossed); \
+             other programs may fill them differently",
+            odd.len(),
+            odd.len() - crossed
+        );
+        ObjError::new(line_of_face(source, face), what)
+    });
+    Ok((Mesh { vertices, triangles, joined }, warning))
+}
+
+/// The line of the statement that gives a face, counted from 0.
+fn line_of_face(source: &[u8], face: u32) -> usize {
+    let mut statements = Statements { rest: source, line: 0 };
+    let faces = statements.by_ref().filter(|text| !is_vertex(text));
+    faces.take(face as usize + 1).for_each(drop);
+    statements.line
 }
 
 /// The elements of all `parts`, in order, in just enough memory.
@@ -246,10 +295,35 @@ fn read_piece(
     let mut statements = Statements { rest: piece, line: 0 };
     while let Some(text) = statements.next() {
         let vertices = [first + mesh.vertices.len(), total];
-        read_statement(&text, vertices, &mut mesh)
-            .map_err(|what| (statements.line, what))?;
+        // Read the statement, once more before its comment
+        let begun = mesh.triangles.len();
+        if let Err(what) = read_statement(&text, vertices, &mut mesh) {
+            mesh.triangles.truncate(begun);
+            mesh.joined.retain(|&i| (i as usize) < begun);
+            read_before_comment(&text, vertices, &mut mesh)
+                .unwrap_or(Err(what))
+                .map_err(|what| (statements.line, what))?;
+        }
     }
     Ok(mesh)
+}
+
+/// Reads a statement up to its comment; none if it has no comment.
+#[cold]
+fn read_before_comment(
+    text: &[u8],
+    [first, total]: [usize; 2],
+    mesh: &mut Mesh,
+) -> Option<Result<(), String>> {
+    let text = &text[..memchr(b'#', text)?];
+    let append = |part: Mesh| {
+        let begun = mesh.triangles.len() as u32;
+        mesh.joined.extend(part.joined.iter().map(|i| begun + i));
+        mesh.triangles.extend(part.triangles);
+        mesh.vertices.extend(part.vertices);
+    };
+    let read = read_piece(text, first, total);
+    Some(read.map(append).map_err(|(_, what)| what))
 }
 
 fn read_statement(

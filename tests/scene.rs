@@ -3,6 +3,8 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
+use std::collections::BTreeSet;
+
 use glam::DVec3;
 use litpt::camera::{Camera, View, ViewError};
 use litpt::scene::{Mesh, Scene, read_obj, read_pieces};
@@ -203,10 +205,38 @@ fn by_tobj(text: &str) -> Result<Vec<[[u64; 3]; 3]>, tobj::LoadError> {
     Ok(models.into_iter().flat_map(of_model).collect())
 }
 
+/// How much more area, as a vector, some triangles have than others, in
+/// units of the longest side of the others' box squared.
+fn more_area(some: &[[[u64; 3]; 3]], others: &[[[u64; 3]; 3]]) -> DVec3 {
+    let place = |p: [u64; 3]| DVec3::from_array(p.map(f64::from_bits));
+    let corners = others.as_flattened().iter().map(|&p| place(p));
+    let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    let (low, high) =
+        corners.fold(none, |(low, high), p| (low.min(p), high.max(p)));
+    let size = (high - low).max_element();
+    let area = |&corners: &[[u64; 3]; 3]| {
+        let [a, b, c] = corners.map(|p| (place(p) - low) / size);
+        (b - a).cross(c - a)
+    };
+    let sum = |all: &[_]| all.iter().map(area).sum::<DVec3>();
+    sum(some) - sum(others)
+}
+
+/// The triangles of each face, given the face of each triangle.
+fn by_face<T: Copy>(triangles: &[T], faces: &[u32]) -> Vec<Vec<T>> {
+    let count = faces.last().map_or(0, |&last| last as usize + 1);
+    let mut all = vec![vec![]; count];
+    for (triangle, face) in triangles.iter().zip(faces) {
+        all[*face as usize].push(*triangle);
+    }
+    all
+}
+
 #[test]
 fn random_texts_give_the_triangles_that_the_crate_tobj_reads() {
     let mut random = Random(1);
-    let mut total = 0;
+    let (mut total, mut others) = (0, 0);
+    let mut apart = 0;
     for _ in 0..3000 {
         let text = random_text(&mut random);
         let theirs = by_tobj(&text).expect(&text);
@@ -214,13 +244,38 @@ fn random_texts_give_the_triangles_that_the_crate_tobj_reads() {
             assert!(complaint(text.as_bytes()).contains("no face"));
             continue;
         }
-        let bits = |p: DVec3| p.to_array().map(f64::to_bits);
+        let mesh = read_obj(text.as_bytes()).unwrap();
+        let place = |i: u32| mesh.vertices[i as usize].to_array();
+        let bits = |i: u32| place(i).map(f64::to_bits);
         let ours: Vec<_> =
-            triangles(&text).iter().map(|t| t.map(bits)).collect();
-        assert_eq!(ours, theirs, "{text}");
+            mesh.triangles.iter().map(|t| t.map(bits)).collect();
         total += ours.len();
+        // Compare the faces one by one
+        let fans = text.lines().filter(|line| line.starts_with("f "));
+        let fans = fans.map(|line| line.split_whitespace().count() - 3);
+        let fans = fans.zip(0..).flat_map(|(n, face)| vec![face; n]);
+        let theirs = by_face(&theirs, &fans.collect::<Vec<_>>());
+        let ours = by_face(&ours, &mesh.faces());
+        assert_eq!(ours.len(), theirs.len(), "{text}");
+        for (ours, theirs) in ours.iter().zip(&theirs) {
+            if ours == theirs {
+                continue;
+            }
+            // The face is not convex: it covers as much as before, if its
+            // outline winds around nothing twice.
+            others += 1;
+            assert!(theirs.len() > 1, "{text}");
+            let corners: BTreeSet<_> =
+                theirs.as_flattened().iter().collect();
+            if corners.len() == theirs.len() + 2 {
+                let more = more_area(ours, theirs).length();
+                assert!(more < 1e-12, "{more:e} {text}");
+                apart += 1;
+            }
+        }
     }
     assert!(total > 50_000, "{total}");
+    assert!(others > 100 && apart > 50, "{others} {apart}");
 }
 
 #[test]

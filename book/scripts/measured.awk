@@ -16,6 +16,7 @@ BEGIN {
   rows["bench"] = "scene threads"
   rows["leaks"] = "surface rays number"
   rows["loading"] = "text reader threads"
+  rows["triangulations"] = "polygons library"
   rows["qualities"] = "quality instructions"
   rows["roulettes"] = "scene rule"
   rows["shortcuts"] = "scene shortcut"

@@ -23,6 +23,7 @@ mod manuals;
 mod origins;
 mod qualities;
 mod repeats;
+mod ring;
 mod roulettes;
 mod scenes;
 mod stability;
@@ -43,7 +44,7 @@ pub type Done = Result<(), Box<dyn Error>>;
 type Part = (&'static str, fn(&[String]) -> Done);
 
 /// All parts.
-pub const ALL: [Part; 20] = [
+pub const ALL: [Part; 21] = [
     ("ablation", ablation::run),
     ("accounting", accounting::run),
     ("accumulators", accumulators::run),
@@ -59,6 +60,7 @@ pub const ALL: [Part; 20] = [
     ("origins", origins::run),
     ("qualities", qualities::run),
     ("repeats", repeats::run),
+    ("ring", ring::run),
     ("roulettes", roulettes::run),
     ("scenes", scenes::run),
     ("stability", stability::run),

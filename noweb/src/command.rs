@@ -17,11 +17,9 @@ use std::io::{self, BufWriter};
 use std::path::Path;
 use std::process::ExitCode;
 
-use crate::diagnostic::{Diagnostic, Level};
-use crate::web::Web;
-use crate::{
-    Streams, cpif, locate, map, markup, project, tangle, untangle,
-};
+use crate::filter::Pipeline;
+use crate::web::Chunk;
+use crate::{Streams, cpif, map, markup, project, tangle, untangle};
 // Use the modules that weave
 use crate::{finduses, noidx, noweave, rust_index, split_scope, totex};
 
@@ -34,8 +32,6 @@ type Runner = fn(&[OsString], &mut Streams) -> u8;
 const COMMANDS: &[Command] = &[
     ("tangle", project::run, "write all files of a program"),
     ("untangle", untangle::run, "carry edits back to chapters"),
-    ("check", run_check, "report what looks wrong in a web"),
-    ("where", locate::run, "translate a position, either way"),
     ("map", map::run, "run a command, its positions translated"),
     ("notangle", tangle::run, "extract one chunk, expanded"),
     ("noroots", run_noroots, "list the chunks that none uses"),
@@ -79,13 +75,13 @@ pub fn run(name: &OsStr, args: &[OsString], streams: &mut Streams) -> u8 {
         [first, ..] if first == "--help" || first == "-h" => help(streams),
         [first, ..] if first == "--version" => version(streams),
         [first, rest @ ..] => match find(first) {
-            Some(command) if rest == ["--help"] => {
-                explain(command, streams)
-            }
             Some((_, runner, _)) => runner(rest, streams),
-            None => refuse(first, streams),
+            None => {
+                let text = format!("unknown command {}", first.display());
+                streams.misused(text)
+            }
         },
-        [] => refuse(OsStr::new(""), streams),
+        [] => streams.misused("which command?".into()),
     }
 }
 
@@ -99,34 +95,17 @@ fn help(streams: &mut Streams) -> u8 {
     for (name, _, purpose) in COMMANDS {
         text += &format!("  {name:<12} {purpose}\n");
     }
-    text += "\nA symbolic link named after a command is that command.\n";
+    text += SYNTAX;
     let result = streams.output.write_all(text.as_bytes());
     streams.conclude(result, &[])
 }
 
-const SYNTAX: &[(&str, &str)] = &[
-    ("tangle", "[OPTION]... [--check] CHAPTER..."),
-    ("untangle", "[OPTION]... [--check] CHAPTER..."),
-    (
-        "where",
-        "[-C DIR] [--master FILE]... PATH:LINE[:COLUMN] [CHAPTER...]",
-    ),
-    ("map", "[-C DIR] [--master FILE]... [CHAPTER...] -- COMMAND..."),
-];
-
-const OPTIONS: &str = "options: [-C DIR] [--master FILE] [--record FILE]\n";
-
-fn explain(command: &Command, streams: &mut Streams) -> u8 {
-    let (name, _, purpose) = command;
-    let known = SYNTAX.iter().find(|(known, _)| known == name);
-    let syntax = known.map_or("[ARGUMENT]...", |(_, syntax)| syntax);
-    let mut text = format!("usage: noweb {name} {syntax}\n{purpose}\n");
-    if syntax.contains("[OPTION]") {
-        text += OPTIONS;
-    }
-    let result = streams.output.write_all(text.as_bytes());
-    streams.conclude(result, &[])
-}
+const SYNTAX: &str = "
+tangle, untangle [-C DIR] [--record FILE] [--check] CHAPTER...
+map MASTER... -- COMMAND [ARGUMENT...]
+The others are those of noweb 2.12.
+A symbolic link named after a command is that command.
+";
 
 fn version(streams: &mut Streams) -> u8 {
     let version = env!("CARGO_PKG_VERSION");
@@ -134,81 +113,21 @@ fn version(streams: &mut Streams) -> u8 {
     streams.conclude(result, &[])
 }
 
-fn refuse(name: &OsStr, streams: &mut Streams) -> u8 {
-    let text = match name.is_empty() {
-        true => "which command?".into(),
-        false => format!("unknown command {}", name.display()),
-    };
-    let fault = Diagnostic::new(Level::Error, None, text);
-    let fault = fault.with_help("noweb --help lists the commands");
-    streams.conclude(Ok(()), &[fault]);
-    2
-}
-
 // Run the command that lists roots
 /// The command `noroots [-t[N]] [file...]`.
 fn run_noroots(args: &[OsString], streams: &mut Streams) -> u8 {
-    let (web, faults) = match read_files(args, streams) {
-        Ok(read) => read,
-        Err(status) => return status,
-    };
-    let mut list = String::new().into_bytes();
-    for chunk in &web.chunks {
-        if !web.uses.contains_key(&chunk.name) {
-            list.extend([b"<<", &chunk.name[..], b">>\n"].concat());
+    let (tab, files, mut faults) = markup::read_arguments(args);
+    let mut list = Vec::new();
+    match Pipeline::default().read_web(&files, tab, streams) {
+        Ok(web) if faults.is_empty() => {
+            let root = |c: &&Chunk| !web.uses.contains_key(&c.name);
+            for chunk in web.chunks.iter().filter(root) {
+                list.extend([b"<<", &chunk.name[..], b">>\n"].concat());
+            }
         }
+        Ok(_) => (),
+        Err(failure) => faults.extend(failure.faults),
     }
     let result = streams.output.write_all(&list);
-    streams.conclude(result, &faults)
-}
-
-/// Reads files into a web; prints what is wrong and gives the status.
-fn read_files(
-    args: &[OsString],
-    streams: &mut Streams,
-) -> Result<(Web, Vec<Diagnostic>), u8> {
-    let (tab, files, mut faults) = markup::read_arguments(args);
-    let mut sources = Vec::new();
-    for file in &files {
-        match streams.read(file) {
-            Ok(source) => sources.push(source),
-            Err(fault) => faults.push(fault),
-        }
-    }
-    let (web, more) = Web::read(sources, tab);
-    faults.extend(more);
-    match faults.is_empty() {
-        true => Ok((web, faults)),
-        false => Err(streams.conclude(Ok(()), &faults).min(1)),
-    }
-}
-
-// Run the command that checks a web
-/// The command `noweb check [file...]`.
-fn run_check(args: &[OsString], streams: &mut Streams) -> u8 {
-    let web = match read_files(args, streams) {
-        Ok((web, _)) => web,
-        Err(status) => return status,
-    };
-    let layout = tangle::Layout::default();
-    let mut faults = Vec::new();
-    for chunk in &web.chunks {
-        // Look for failures below a root
-        if web.uses.contains_key(&chunk.name) {
-            continue;
-        }
-        let tangled = tangle::tangle(&web, &[&chunk.name], &layout);
-        faults.extend(tangled.err().into_iter().flatten());
-    }
-    faults.extend(web.undefined());
-    let mut seen = Vec::new();
-    faults.retain(|fault: &Diagnostic| {
-        let fresh = !seen.contains(&fault.position);
-        seen.push(fault.position.clone());
-        fresh
-    });
-    faults.extend(web.unused(project::is_file_name));
-    faults.extend(web.adrift());
-    faults.extend(web.forward());
-    streams.conclude(Ok(()), &faults).min(1)
+    streams.conclude(result, &faults).min(1)
 }

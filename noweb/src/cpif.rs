@@ -15,31 +15,22 @@
 use std::ffi::{OsStr, OsString};
 use std::fs::{self, File};
 use std::io::{self, Write};
-use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use crate::Streams;
-use crate::diagnostic::{Diagnostic, Level};
+use crate::diagnostic::Diagnostic;
 
 // Replace a file as a whole
-/// What a new file is to have besides its text.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Attributes {
-    /// The modification time, if not now.
-    pub time: Option<SystemTime>,
-    /// A program that the system may start.
-    pub executable: bool,
-}
-
-/// Writes a file as a whole or not at all.
+/// Writes a file as a whole or not at all; `time` is that of its last
+/// change, if not now.
 ///
 /// A device or a pipe is written to; a symbolic link is followed. An
 /// existing file keeps its permissions.
 pub fn replace(
     path: &Path,
     text: &[u8],
-    attributes: Attributes,
+    time: Option<SystemTime>,
 ) -> io::Result<()> {
     let target = fs::canonicalize(path).unwrap_or(path.to_owned());
     let old = fs::metadata(&target).ok();
@@ -50,7 +41,7 @@ pub fn replace(
     }
     let temporary = temporary_beside(&target);
     let permissions = old.map(|old| old.permissions());
-    let written = fill(&temporary, text, attributes, permissions)
+    let written = fill(&temporary, text, time, permissions)
         .and_then(|()| fs::rename(&temporary, &target));
     if written.is_err() {
         // The first error is the one to report.
@@ -69,32 +60,29 @@ fn temporary_beside(path: &Path) -> PathBuf {
 fn fill(
     path: &Path,
     text: &[u8],
-    attributes: Attributes,
+    time: Option<SystemTime>,
     permissions: Option<fs::Permissions>,
 ) -> io::Result<()> {
     let mut file = File::create(path)?;
     file.write_all(text)?;
-    let old = permissions.is_some();
-    let mut permissions =
-        permissions.unwrap_or(file.metadata()?.permissions());
-    if attributes.executable {
-        let mode = permissions.mode();
-        permissions.set_mode(mode | (mode & 0o444) >> 2);
-    }
-    if old || attributes.executable {
+    if let Some(permissions) = permissions {
         file.set_permissions(permissions)?;
     }
-    attributes.time.map_or(Ok(()), |time| file.set_modified(time))
+    time.map_or(Ok(()), |time| file.set_modified(time))
 }
 
 // Replace a file if it differs
-/// Replaces a file unless it holds this text already; tells whether.
-pub fn update(path: &Path, text: &[u8]) -> io::Result<bool> {
-    let same = fs::read(path).is_ok_and(|old| old == text);
-    if !same {
-        replace(path, text, Attributes::default())?;
+/// Replaces a file unless it holds this text already.
+pub fn update(path: &Path, text: &[u8]) -> io::Result<()> {
+    copy_if(path, text, false)
+}
+
+fn copy_if(path: &Path, text: &[u8], wanted: bool) -> io::Result<()> {
+    let same = fs::read(path).ok().map(|old| old == text);
+    if same == Some(!wanted) {
+        return Ok(());
     }
-    Ok(!same)
+    replace(path, text, None)
 }
 
 // Run the command that copies if different
@@ -114,35 +102,14 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
         let _ = writeln!(streams.errors, "Usage: cpif [ -eq -ne ] file...");
         return 2;
     }
-    let mut text = Vec::new();
-    let result = streams.input.read_to_end(&mut text).map(|_| ());
-    let mut faults = report(OsStr::new("-"), "read", result);
-    if faults.is_empty() {
-        faults = files
-            .iter()
-            .flat_map(|file| copy_if(file, &text, wanted))
-            .collect();
-    }
-    streams.conclude(Ok(()), &faults).min(1)
-}
-
-fn copy_if(file: &OsStr, text: &[u8], wanted: bool) -> Vec<Diagnostic> {
-    let path = Path::new(file);
-    let same = fs::read(path).ok().map(|old| old == text);
-    if same == Some(!wanted) {
-        return Vec::new();
-    }
-    report(file, "write", replace(path, text, Attributes::default()))
-}
-
-fn report(
-    file: &OsStr,
-    action: &str,
-    result: io::Result<()>,
-) -> Vec<Diagnostic> {
-    let fault = |error| {
-        let text = format!("cannot {action} {}: {error}", file.display());
-        Diagnostic::new(Level::Error, None, text)
+    let text = match streams.read("-".as_ref()) {
+        Ok(source) => source.text,
+        Err(fault) => return streams.conclude(Ok(()), &[fault]).min(1),
     };
-    result.err().map(fault).into_iter().collect()
+    let faults = files.iter().filter_map(|file| {
+        let copied = copy_if(Path::new(file), &text, wanted);
+        copied.err().map(|e| Diagnostic::failure("write", file, &e))
+    });
+    let faults: Vec<Diagnostic> = faults.collect();
+    streams.conclude(Ok(()), &faults).min(1)
 }

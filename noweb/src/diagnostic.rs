@@ -13,6 +13,8 @@
 //! as the lexer does; a [`Position`] is for people and counts characters.
 
 use std::fmt;
+use std::io;
+use std::path::Path;
 
 // Define a place and a source
 /// A byte of a source.
@@ -87,26 +89,14 @@ impl Source {
         let before = column.saturating_sub(1) as usize;
         starts.nth(before).unwrap_or(line.len()) as u32 + 1
     }
-
-    /// How many bytes of the whole text stand before a place.
-    pub fn offset(&self, place: Place) -> usize {
-        let index = place.line.saturating_sub(1) as usize;
-        let Some(start) = self.starts.get(index) else {
-            return self.text.len();
-        };
-        let length = self.line(place.line).map_or(0, <[u8]>::len);
-        start + length.min(place.column.saturating_sub(1) as usize)
-    }
 }
 
 // Define a diagnostic and its levels
 /// How bad it is; as a number, the exit status that it leads to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Level {
-    /// Worth knowing; no reason to fail.
-    Note = 0,
     /// Suspicious.
-    Warning,
+    Warning = 1,
     /// Wrong.
     Error,
     /// Wrong, and there is no way to go on.
@@ -156,6 +146,17 @@ impl Diagnostic {
         self.help.push(help.into());
         self
     }
+
+    /// What to say of a file that could not be read, written or removed.
+    pub fn failure(
+        action: &str,
+        path: impl AsRef<Path>,
+        error: &io::Error,
+    ) -> Self {
+        let path = path.as_ref().display();
+        let text = format!("cannot {action} {path}: {error}");
+        Self::new(Level::Error, None, text)
+    }
 }
 
 /// The exit status that a list of diagnostics leads to.
@@ -173,11 +174,8 @@ impl fmt::Display for Position {
 
 impl fmt::Display for Level {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.write_str(match self {
-            Level::Note => "note",
-            Level::Warning => "warning",
-            _ => "error",
-        })
+        let warning = *self == Level::Warning;
+        f.write_str(if warning { "warning" } else { "error" })
     }
 }
 

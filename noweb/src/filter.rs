@@ -14,12 +14,14 @@
 
 use std::ffi::{OsStr, OsString};
 use std::io::{self, Write};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::{Command, Output, Stdio};
+use std::time::{SystemTime, UNIX_EPOCH};
 
 use crate::Streams;
 use crate::diagnostic::{Diagnostic, Level, status};
-use crate::markup::{mark_up, split_word, write_stream};
+use crate::markup::mark_files;
+use crate::stream::fatal;
 use crate::web::Web;
 
 // Define a pipeline and its failure
@@ -90,9 +92,7 @@ pub fn read_stream(streams: &mut Streams) -> Result<Web, Failure> {
 }
 
 fn parse(stream: &[u8]) -> Result<Web, Failure> {
-    let lines = stream.split(|b| *b == b'\n');
-    let mut keywords = lines.map(|line| split_word(line).0);
-    if keywords.any(|keyword| keyword == b"@fatal") {
+    if fatal(stream).is_some() {
         return Err(Vec::new().into());
     }
     let (web, faults) = Web::read_stream(stream);
@@ -120,29 +120,17 @@ impl Pipeline {
                 }
                 run_shell(&command, &input, &path, streams)?
             }
-            None => mark_files(files, tab, streams)?,
+            // Mark up the files in this process
+            None => match mark_files(files, tab, streams) {
+                (stream, faults) if faults.is_empty() => stream,
+                (_, faults) => return Err(faults.into()),
+            },
         };
         for filter in &self.filters {
             stream = run_shell(filter, &stream, &path, streams)?;
         }
         Ok(stream)
     }
-}
-
-fn mark_files(
-    files: &[OsString],
-    tab: usize,
-    streams: &mut Streams,
-) -> Result<Vec<u8>, Failure> {
-    let mut stream = Vec::new();
-    let mut faults = Vec::new();
-    for source in read_sources(files, streams)? {
-        let (lexemes, more) = mark_up(&source, 0, tab);
-        faults.extend(more);
-        write_stream(&lexemes, &mut stream)
-            .map_err(|e| cannot("write the stream", &e))?;
-    }
-    if faults.is_empty() { Ok(stream) } else { Err(faults.into()) }
 }
 
 fn cannot(action: &str, error: &io::Error) -> Failure {
@@ -229,7 +217,12 @@ impl StagePath {
     /// Makes the directory and its links.
     pub fn new() -> io::Result<Self> {
         let program = std::env::current_exe()?;
-        let dir = fresh_directory()?;
+        // Make a directory of a new name
+        let time = SystemTime::now().duration_since(UNIX_EPOCH);
+        let time = time.map_or(0, |time| time.as_nanos());
+        let name = format!("noweb-{}-{time}", std::process::id());
+        let dir = std::env::temp_dir().join(name);
+        std::fs::create_dir(&dir)?;
         let mut search = std::env::var_os("PATH").unwrap_or_default();
         search.push(":");
         search.push(&dir);
@@ -246,18 +239,4 @@ impl Drop for StagePath {
         // What stays behind is a few links in a temporary directory.
         let _ = std::fs::remove_dir_all(&self.dir);
     }
-}
-
-fn fresh_directory() -> io::Result<PathBuf> {
-    let base: &Path = &std::env::temp_dir();
-    for attempt in 0..1000 {
-        let id = std::process::id();
-        let dir = base.join(format!("noweb-{id}-{attempt}"));
-        match std::fs::create_dir(&dir) {
-            Ok(()) => return Ok(dir),
-            Err(e) if e.kind() == io::ErrorKind::AlreadyExists => (),
-            Err(e) => return Err(e),
-        }
-    }
-    Err(io::ErrorKind::AlreadyExists.into())
 }

@@ -147,55 +147,30 @@ pub fn mark_uses(
 
 // Run finduses as a command
 /// The identifiers that a stream declares.
-pub fn declared(stream: &[u8]) -> Vec<&[u8]> {
+pub fn declared(stream: &[u8]) -> impl Iterator<Item = &[u8]> {
     stream::lines(stream)
         .filter_map(Mark::read)
         .filter(|mark| mark.keyword == b"index")
         .map(|mark| mark.inner())
         .filter(|m| matches!(m.keyword, b"defn" | b"localdefn"))
         .map(|m| m.text())
-        .collect()
 }
 
-/// `finduses [-noquote] [FILE]...`, a filter over the stream.
+/// `finduses [-noquote]`, a filter over the stream.
 pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
-    match arguments(args) {
-        Ok((quotes, files)) => stream::filter(streams, |input| {
-            find_uses(input, &files, quotes)
-        }),
-        Err(what) => {
-            Outcome::failure("finduses", 2, &what).deliver(streams)
-        }
+    if let Some(arg) = args.iter().find(|arg| *arg != "-noquote") {
+        let what = format!("unknown option {}", arg.display());
+        return Outcome::failure("finduses", 2, &what).deliver(streams);
     }
+    let quotes = args.is_empty();
+    stream::filter(streams, |input| find_uses(input, quotes))
 }
 
-/// Whether quoted code counts, and the contents of the files of words.
-fn arguments(args: &[OsString]) -> Result<(bool, Vec<Vec<u8>>), String> {
-    let dashed = |a: &OsString| a.as_encoded_bytes().starts_with(b"-");
-    let is_option = |a: &&OsString| dashed(a) && a.len() > 1;
-    let count = args.iter().take_while(is_option).count();
-    let (options, files) = args.split_at(count);
-    if let Some(option) = options.iter().find(|o| *o != "-noquote") {
-        return Err(format!("unknown option {}", option.display()));
-    }
-    let contents = files.iter().map(read_words).collect::<Result<_, _>>();
-    Ok((options.is_empty(), contents?))
-}
-
-fn read_words(file: &OsString) -> Result<Vec<u8>, String> {
-    std::fs::read(file)
-        .map_err(|e| format!("couldn't open file {}: {e}", file.display()))
-}
-
-fn find_uses(stream: &[u8], files: &[Vec<u8>], quotes: bool) -> Outcome {
+fn find_uses(stream: &[u8], quotes: bool) -> Outcome {
     if let Some(fatal) = stream::fatal(stream) {
         let text = [fatal, b"\n"].concat();
         return Outcome { text, status: 1, ..Outcome::default() };
     }
-    let words = match files {
-        [] => declared(stream),
-        _ => files.iter().flat_map(|file| stream::lines(file)).collect(),
-    };
-    let words = Recogniser::new(words.into_iter());
+    let words = Recogniser::new(declared(stream));
     Outcome::done(mark_uses(stream, &words, quotes))
 }

@@ -107,7 +107,8 @@ impl Streams<'_> {
 
     /// Says what is wrong with the arguments of a command; the status is 2.
     pub fn misused(&mut self, text: String) -> u8 {
-        let fault = Diagnostic::new(Level::Error, None, text);
+        let fault = Diagnostic::new(Level::Error, None, text)
+            .with_help("noweb --help lists the commands");
         self.conclude(Ok(()), &[fault]);
         2
     }

@@ -22,9 +22,9 @@ use std::process::{Child, Command, Stdio};
 use std::sync::mpsc;
 
 use crate::Streams;
-use crate::diagnostic::{Diagnostic, Position};
-use crate::locate::{Atlas, stale_file};
-use crate::project::{Arguments, Project};
+use crate::diagnostic::{Diagnostic, Level, Position};
+use crate::locate::Atlas;
+use crate::project::{Project, included};
 
 // Translate one line
 /// What translates lines, and what it remembers.
@@ -38,16 +38,6 @@ pub struct Filter {
     stale: BTreeSet<PathBuf>,
     /// What has to be said beside the text.
     pub warnings: Vec<Diagnostic>,
-}
-
-/// The atlas of the projects that can be tangled.
-fn read(projects: &[Project]) -> Atlas {
-    let mut atlas = Atlas::default();
-    for project in projects {
-        // What is wrong with the chapters is said by who tangles them.
-        let _ = atlas.add(project);
-    }
-    atlas
 }
 
 impl Filter {
@@ -117,7 +107,7 @@ impl Filter {
             return None;
         }
         let projects = &self.projects;
-        let atlas = self.atlas.get_or_insert_with(|| read(projects));
+        let atlas = self.atlas.get_or_insert_with(|| Atlas::read(projects));
         let file = atlas.find(path)?;
         if !file.fresh {
             if self.stale.insert(path.to_owned()) {
@@ -125,8 +115,7 @@ impl Filter {
             }
             return None;
         }
-        let (web, place) = atlas.origin(file, line, column)?;
-        web.position(place)
+        atlas.origin(file, line, column)
     }
 
     // Number the margin anew
@@ -176,6 +165,14 @@ fn path_start(text: &[u8]) -> usize {
     start.max(colour.map_or(0, |escape| escape + margin(&text[escape..])))
 }
 
+/// What to say about positions in a file that is not as tangled.
+fn stale_file(path: &Path) -> Diagnostic {
+    let shown = path.display();
+    let text = format!("{shown} is not what its chapters give");
+    Diagnostic::new(Level::Warning, None, text)
+        .with_help("tangle, or bring an edit home with noweb untangle")
+}
+
 /// How many bytes of blanks and colours a line begins with.
 fn margin(line: &[u8]) -> usize {
     let mut at = 0;
@@ -204,7 +201,20 @@ fn follow(
     filter: &mut Filter,
     streams: &mut Streams,
 ) -> io::Result<u8> {
-    let result = forward(&mut child, filter, streams);
+    let (sender, receiver) = mpsc::channel();
+    pump(child.stdout.take(), 0, sender.clone());
+    pump(child.stderr.take(), 1, sender);
+    let result = receiver.into_iter().try_for_each(|(from, line)| {
+        let text = filter.translate(&line, from);
+        // Write the line to its stream
+        for warning in filter.warnings.drain(..) {
+            write!(streams.errors, "{warning}")?;
+        }
+        let stream: &mut dyn Write =
+            if from == 0 { streams.output } else { streams.errors };
+        stream.write_all(&text)?;
+        stream.flush()
+    });
     let status = child.wait()?;
     result?;
     // Make one number of the status
@@ -226,36 +236,15 @@ fn start(name: &OsStr, args: &[OsString]) -> io::Result<Child> {
     child.spawn()
 }
 
-fn forward(
-    child: &mut Child,
-    filter: &mut Filter,
-    streams: &mut Streams,
-) -> io::Result<()> {
-    let (sender, receiver) = mpsc::channel();
-    let output = child.stdout.take().ok_or(io::ErrorKind::BrokenPipe)?;
-    let errors = child.stderr.take().ok_or(io::ErrorKind::BrokenPipe)?;
-    pump(output, 0, sender.clone());
-    pump(errors, 1, sender);
-    for (from, line) in receiver {
-        let text = filter.translate(&line, from);
-        // Write the line to its stream
-        for warning in filter.warnings.drain(..) {
-            write!(streams.errors, "{warning}")?;
-        }
-        let stream: &mut dyn Write =
-            if from == 0 { streams.output } else { streams.errors };
-        stream.write_all(&text)?;
-        stream.flush()?;
-    }
-    Ok(())
-}
-
 type Sender = mpsc::Sender<(usize, Vec<u8>)>;
 
-fn pump(pipe: impl Read + Send + 'static, from: usize, to: Sender) {
+fn pump<P>(pipe: Option<P>, from: usize, to: Sender)
+where
+    P: Read + Send + 'static,
+{
     std::thread::spawn(move || {
-        let mut pipe = BufReader::new(pipe);
-        let mut line = Vec::new();
+        let Some(pipe) = pipe else { return };
+        let (mut pipe, mut line) = (BufReader::new(pipe), Vec::new());
         while let Ok(1..) = pipe.read_until(b'\n', &mut line) {
             if to.send((from, std::mem::take(&mut line))).is_err() {
                 break;
@@ -265,16 +254,16 @@ fn pump(pipe: impl Read + Send + 'static, from: usize, to: Sender) {
 }
 
 // Run the command that is a filter
-/// The command `noweb map [-C dir] [--master file]... [chapter...] --
-/// command...`.
+/// The command `noweb map master... -- command...`.
 pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
     let dashes = args.iter().position(|arg| arg == "--");
-    let (args, command) = args.split_at(dashes.unwrap_or(args.len()));
-    let [_, name, rest @ ..] = command else {
-        return streams.misused("which command? name it after --".into());
+    let (masters, command) = args.split_at(dashes.unwrap_or(0));
+    let ([_, ..], [_, name, rest @ ..]) = (masters, command) else {
+        let text = "which webs and which command? MASTER... -- COMMAND...";
+        return streams.misused(text.into());
     };
-    let args = Arguments::parse(args);
-    let projects = match args.and_then(Arguments::projects) {
+    let projects: Result<_, _> = masters.iter().map(web_of).collect();
+    let projects = match projects {
         Ok(projects) => projects,
         Err(text) => return streams.misused(text),
     };
@@ -290,4 +279,10 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
         Ok(status) => status,
         Err(error) => streams.conclude(Err(error), &[]),
     }
+}
+
+fn web_of(master: &OsString) -> Result<Project, String> {
+    let chapters = included(Path::new(""), Path::new(master))
+        .map_err(|e| Diagnostic::failure("read", master, &e).text)?;
+    Ok(Project { chapters, ..Project::default() })
 }

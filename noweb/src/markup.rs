@@ -14,16 +14,16 @@
 //! weaving needs. Tokens have places, which the stream has not.
 
 use std::ffi::OsString;
-use std::io::{self, Write};
 
 use crate::Streams;
 use crate::diagnostic::{Diagnostic, Level, Place, Source};
 
 // Define the tokens of the stream
 /// What a chunk holds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Kind {
     /// Prose.
+    #[default]
     Docs,
     /// Code.
     Code,
@@ -64,6 +64,7 @@ pub type Lexeme = (Token, Place);
 
 // Expand the tabs of a line
 /// A line whose tabs are expanded, and the columns it had before.
+#[derive(Default)]
 struct Line {
     bytes: Vec<u8>,
     /// For every byte its column in the source; empty if unchanged.
@@ -132,30 +133,22 @@ fn listed_identifiers(line: &[u8]) -> Option<Vec<&[u8]>> {
 }
 
 // Find where a use ends
-/// What becomes of a use, judged from the text after its opening.
-enum UseEnd {
-    /// It closes after so many bytes.
-    Closed(usize),
-    /// The quoted code around it ends first, after so many bytes.
-    Quoted(usize),
-    /// Nothing closes it on the line.
-    Open,
-}
-
-fn use_end(text: &[u8], quoting: bool) -> UseEnd {
+/// The length of the name that a use has, judged from the text after
+/// its opening; or else the length of what is only text.
+fn use_end(text: &[u8], quoting: bool) -> Result<usize, usize> {
     let mut at = 0;
     while at < text.len() {
         match &text[at..] {
             [b'[', b'[', ..] => match find_pair(text, at + 2, b']') {
                 Some(close) => at = close + count(&text[close..], b']'),
-                None => return UseEnd::Open,
+                None => break,
             },
-            [b']', b']', ..] if quoting => return UseEnd::Quoted(at),
-            [b'>', b'>', ..] => return UseEnd::Closed(at),
+            [b']', b']', ..] if quoting => return Err(at),
+            [b'>', b'>', ..] => return Ok(at),
             _ => at += 1,
         }
     }
-    UseEnd::Open
+    Err(text.len())
 }
 
 fn find_pair(text: &[u8], from: usize, byte: u8) -> Option<usize> {
@@ -177,7 +170,8 @@ pub fn mark_up(
     file: u32,
     tab: usize,
 ) -> (Vec<Lexeme>, Vec<Diagnostic>) {
-    let mut lexer = Lexer::new(source, file, tab);
+    let place = Place { file, line: 0, column: 1 };
+    let mut lexer = Lexer { place, tab, ..Lexer::default() };
     lexer.emit(Token::File(source.name.clone()), 0);
     lexer.emit(Token::Begin(Kind::Docs, 0), 0);
     let mut ended = true;
@@ -187,11 +181,16 @@ pub fn mark_up(
         lexer.mark_line(body, ended);
     }
     lexer.finish(ended);
-    (lexer.lexemes, lexer.faults)
+    // Give the complaints their positions
+    let faults = lexer.faults.into_iter().map(|(place, mut fault)| {
+        fault.position = Some(source.position(place));
+        fault
+    });
+    (lexer.lexemes, faults.collect())
 }
 
-struct Lexer<'a> {
-    source: &'a Source,
+#[derive(Default)]
+struct Lexer {
     place: Place,
     tab: usize,
     kind: Kind,
@@ -203,40 +202,23 @@ struct Lexer<'a> {
     /// The line that is scanned, and how far.
     line: Line,
     at: usize,
-    // Keep the text that is being gathered
-    text: Vec<u8>,
-    /// Where it began on the line.
+    // Keep where the text began
+    /// Where the text that is not emitted yet began on the line.
     text_at: usize,
     /// It continues a text that was emitted already.
     glued: bool,
     lexemes: Vec<Lexeme>,
-    faults: Vec<Diagnostic>,
+    faults: Vec<(Place, Diagnostic)>,
 }
 
-impl<'a> Lexer<'a> {
+impl Lexer {
     // Mark up lines and chunks
-    fn new(source: &'a Source, file: u32, tab: usize) -> Self {
-        Self {
-            source,
-            place: Place { file, line: 0, column: 1 },
-            tab,
-            kind: Kind::Docs,
-            count: 0,
-            listed: false,
-            quote: None,
-            line: expand_tabs(b"", 0),
-            at: 0,
-            text: Vec::new(),
-            text_at: 0,
-            glued: false,
-            lexemes: Vec::new(),
-            faults: Vec::new(),
-        }
+    fn place_at(&self, at: usize) -> Place {
+        Place { column: self.line.column(at), ..self.place }
     }
 
     fn emit(&mut self, token: Token, at: usize) {
-        let column = self.line.column(at);
-        self.lexemes.push((token, Place { column, ..self.place }));
+        self.lexemes.push((token, self.place_at(at)));
     }
 
     fn mark_line(&mut self, body: &[u8], ended: bool) {
@@ -289,23 +271,19 @@ impl<'a> Lexer<'a> {
     fn close_quote(&mut self) {
         if let Some(place) = self.quote.take() {
             let text = "open quote `[[' never closed";
-            self.complain(Level::Warning, place, text);
+            let fault = Diagnostic::new(Level::Warning, None, text);
+            self.faults.push((place, fault));
         }
-    }
-
-    fn complain(&mut self, level: Level, place: Place, text: &str) {
-        let position = Some(self.source.position(place));
-        self.faults.push(Diagnostic::new(level, position, text));
     }
 }
 
 // Scan a line of prose or code
-impl Lexer<'_> {
+impl Lexer {
     // Take one step along a line
     fn scan(&mut self, ended: bool) {
         self.text_at = self.at;
         if self.line.bytes[self.at..].starts_with(b"@@") {
-            self.escape(b"@", 2);
+            self.escape(2);
         }
         while self.at < self.line.bytes.len() {
             if self.kind == Kind::Code || self.quote.is_some() {
@@ -320,24 +298,16 @@ impl Lexer<'_> {
         }
     }
 
-    /// Adds the next bytes of the line to the text.
-    fn copy(&mut self, count: usize) {
-        let end = self.at + count;
-        self.text.extend(&self.line.bytes[self.at..end]);
-        self.at = end;
-    }
-
-    /// Adds `meant` for the next `length` bytes, which stand for it.
-    fn escape(&mut self, meant: &[u8], length: usize) {
+    /// Passes an escape of so many bytes, of which the first is dropped.
+    fn escape(&mut self, length: usize) {
         self.flush();
-        self.text_at = self.at + length - meant.len();
-        self.text.extend(meant);
+        self.text_at = self.at + 1;
         self.at += length;
     }
 
     fn flush(&mut self) {
-        if !self.text.is_empty() {
-            let text = std::mem::take(&mut self.text);
+        if self.text_at < self.at {
+            let text = self.line.bytes[self.text_at..self.at].to_vec();
             let glued = std::mem::replace(&mut self.glued, true);
             let token = if glued { Token::More } else { Token::Text };
             self.emit(token(text), self.text_at);
@@ -354,35 +324,32 @@ impl Lexer<'_> {
         self.glued = false;
     }
 
-    fn scan_docs(&mut self) {
-        match &self.line.bytes[self.at..] {
-            [b'@', a, b, ..] if a == b && b"[]<>".contains(a) => {
-                let pair = [*a; 2];
-                self.escape(&pair, 3);
-            }
-            [b'[', b'[', ..] => self.open_quote(),
-            [b'<', b'<', ..] => {
-                self.complain_of_brackets();
-                self.copy(2);
-            }
-            _ => self.copy(1),
-        }
-    }
-
-    fn open_quote(&mut self) {
+    /// Emits a token that stands for the next bytes of the line.
+    fn pass(&mut self, token: Token, length: usize) {
         self.end_text(false);
-        self.emit(Token::Quote, self.at);
-        let column = self.line.column(self.at);
-        self.quote = Some(Place { column, ..self.place });
-        self.at += 2;
+        self.emit(token, self.at);
+        self.at += length;
         self.text_at = self.at;
     }
 
+    fn scan_docs(&mut self) {
+        match &self.line.bytes[self.at..] {
+            [b'@', a, b, ..] if a == b && b"[]<>".contains(a) => {
+                self.escape(3);
+            }
+            [b'[', b'[', ..] => {
+                self.quote = Some(self.place_at(self.at));
+                self.pass(Token::Quote, 2);
+            }
+            [b'<', b'<', ..] => {
+                self.complain_of_brackets();
+                self.at += 2;
+            }
+            _ => self.at += 1,
+        }
+    }
+
     fn complain_of_brackets(&mut self) {
-        let column = self.line.column(self.at);
-        let place = Place { column, ..self.place };
-        let text = "unescaped << in documentation chunk";
-        self.complain(Level::Error, place, text);
         // Help with the brackets in prose
         let line = &self.line.bytes;
         let start = line.iter().take_while(|b| is_space(b)).count();
@@ -393,74 +360,62 @@ impl Lexer<'_> {
         } else {
             "write @<< for the brackets themselves, or quote code in [[ ]]"
         };
-        if let Some(fault) = self.faults.last_mut() {
-            fault.help.push(help.into());
-        }
+        let text = "unescaped << in documentation chunk";
+        let fault =
+            Diagnostic::new(Level::Error, None, text).with_help(help);
+        self.faults.push((self.place_at(self.at), fault));
     }
 
     fn scan_code(&mut self) {
         let quoting = self.quote.is_some();
         match &self.line.bytes[self.at..] {
             [b'@', a, b, ..] if a == b && b"<>".contains(a) => {
-                let pair = [*a; 2];
-                self.escape(&pair, 3);
+                self.escape(3);
             }
             rest @ [b']', b']', ..] if quoting => {
-                let inside = count(rest, b']') - 2;
-                self.copy(inside);
-                // End the quoted code here
-                self.end_text(false);
-                self.emit(Token::EndQuote, self.at);
+                self.at += count(rest, b']') - 2;
+                self.pass(Token::EndQuote, 2);
                 self.quote = None;
-                self.at += 2;
-                self.text_at = self.at;
             }
             [b'<', b'<', rest @ ..] => {
                 let end = use_end(rest, quoting);
                 self.scan_use(end);
             }
-            _ => self.copy(1),
+            _ => self.at += 1,
         }
     }
 
-    fn scan_use(&mut self, end: UseEnd) {
+    fn scan_use(&mut self, end: Result<usize, usize>) {
         self.end_text(false);
         match end {
-            UseEnd::Closed(length) => {
-                let from = self.at + 2;
-                let name = &self.line.bytes[from..from + length];
-                self.emit(Token::Use(name.to_vec()), self.at);
-                self.at = from + length + 2;
-                self.text_at = self.at;
+            Ok(length) => {
+                let name = &self.line.bytes[self.at + 2..][..length];
+                self.pass(Token::Use(name.to_vec()), length + 4);
             }
-            UseEnd::Quoted(length) => self.copy(length + 2),
-            UseEnd::Open => self.copy(self.line.bytes.len() - self.at),
+            Err(length) => self.at += length + 2,
         }
     }
 }
 
 // Write the tokens as a stream
-/// Writes the tokens in the documented form of noweb.
-pub fn write_stream(
-    lexemes: &[Lexeme],
-    out: &mut dyn Write,
-) -> io::Result<()> {
+/// The tokens in the documented form of noweb.
+pub fn write_stream(lexemes: &[Lexeme]) -> Vec<u8> {
+    let mut out = Vec::new();
     let mut tokens = lexemes.iter().map(|(token, _)| token).peekable();
     while let Some(token) = tokens.next() {
-        write_token(token, out)?;
-        while let Some(Token::More(text)) = tokens.peek() {
-            out.write_all(text)?;
-            tokens.next();
+        write_token(token, &mut out);
+        if !matches!(tokens.peek(), Some(Token::More(_))) {
+            out.push(b'\n');
         }
-        out.write_all(b"\n")?;
     }
-    Ok(())
+    out
 }
 
-fn write_token(token: &Token, out: &mut dyn Write) -> io::Result<()> {
+fn write_token(token: &Token, out: &mut Vec<u8>) {
+    let numbered = |kind, n| format!("{kind} {n}").into_bytes();
     let (keyword, value): (_, &[u8]) = match token {
-        Token::Begin(kind, n) => return write!(out, "@begin {kind} {n}"),
-        Token::End(kind, n) => return write!(out, "@end {kind} {n}"),
+        Token::Begin(kind, n) => ("@begin ", &numbered(kind, n)),
+        Token::End(kind, n) => ("@end ", &numbered(kind, n)),
         Token::File(name) => ("@file ", name),
         Token::Text(text) => ("@text ", text),
         Token::More(text) => ("", text),
@@ -472,8 +427,8 @@ fn write_token(token: &Token, out: &mut dyn Write) -> io::Result<()> {
         Token::EndQuote => ("@endquote", b""),
         Token::EndIdents => ("@index nl", b""),
     };
-    out.write_all(keyword.as_bytes())?;
-    out.write_all(value)
+    out.extend(keyword.bytes());
+    out.extend(value);
 }
 
 impl std::fmt::Display for Kind {
@@ -631,8 +586,7 @@ impl Unmarker {
             Some(Token::Newline) | None => (),
             Some(_) => return false,
         }
-        let end = use_end(&rest, self.quoting);
-        let open = !matches!(end, UseEnd::Closed(_));
+        let open = use_end(&rest, self.quoting).is_err();
         (self.code || self.quoting) && !definition && open
     }
 
@@ -671,37 +625,39 @@ fn needs_doubling(body: &[u8], fresh: bool) -> bool {
 /// The command `markup [-t[N]] [file...]`.
 pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
     let (tab, files, mut faults) = read_arguments(args);
-    let result = mark_files(&files, tab, streams, &mut faults);
+    let (mut stream, more) = mark_files(&files, tab, streams);
+    faults.extend(more);
+    if !faults.is_empty() {
+        stream.extend(b"@fatal markup an unspecified error occurred\n");
+    }
+    let result = streams.output.write_all(&stream);
     streams.conclude(result, &faults)
 }
 
-fn mark_files(
+/// The stream of some files, and what is wrong with them.
+pub fn mark_files(
     files: &[OsString],
     tab: usize,
     streams: &mut Streams,
-    faults: &mut Vec<Diagnostic>,
-) -> io::Result<()> {
+) -> (Vec<u8>, Vec<Diagnostic>) {
+    let (mut stream, mut faults) = (Vec::new(), Vec::new());
     for file in files {
-        // Mark up a file onto the output
+        // Mark up a file at the end of the stream
         match streams.read(file) {
             Ok(source) => {
                 let (lexemes, more) = mark_up(&source, 0, tab);
                 faults.extend(more);
-                write_stream(&lexemes, streams.output)?;
+                stream.extend(write_stream(&lexemes));
             }
             Err(fault) => {
                 faults.push(fault);
-                let name = file.as_encoded_bytes();
-                let line = [b"@fatal couldn't open file ", name, b"\n"];
-                streams.output.write_all(&line.concat())?;
+                stream.extend(b"@fatal couldn't open file ");
+                stream.extend(file.as_encoded_bytes());
+                stream.push(b'\n');
             }
         }
     }
-    if !faults.is_empty() {
-        let text = b"@fatal markup an unspecified error occurred\n";
-        streams.output.write_all(text)?;
-    }
-    Ok(())
+    (stream, faults)
 }
 
 /// Tab stops, files (standard input if none) and complaints.

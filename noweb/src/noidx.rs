@@ -65,8 +65,6 @@ impl Item {
 struct Findings<'a> {
     chunks: HashMap<&'a [u8], Item>,
     identifiers: HashMap<&'a [u8], Item>,
-    /// The number of `@begin` lines.
-    begins: usize,
     // Remember what the index of Rust tells
     /// What is shown of each key, and where keys without a list are defined.
     shown: HashMap<&'a [u8], &'a [u8]>,
@@ -94,19 +92,11 @@ struct Collector<'a> {
     anchor: Option<String>,
     /// The number of uses in the current definition.
     uses: u64,
-    /// Whether the chunk has shown anything but blanks.
-    inked: bool,
-    /// How many lines before the code the anchor goes, under -docanchor.
-    distance: Option<i64>,
 }
 
 impl<'a> Collector<'a> {
     fn read(&mut self, line: &'a [u8]) {
-        let Some(mark) = Mark::read(line) else { return };
-        if mark.keyword == b"end" {
-            self.lines.push(line.into());
-            self.end(mark.inner());
-        } else {
+        if let Some(mark) = Mark::read(line) {
             self.note(mark);
             self.lines.push(line.into());
         }
@@ -117,19 +107,16 @@ impl<'a> Collector<'a> {
         match mark.keyword {
             b"file" => self.file = self.codes.of(mark.text()),
             b"begin" => self.begin(mark.inner()),
-            b"text" => self.inked |= has_ink(mark.text()),
+            b"end" => self.anchor = None,
             b"defn" => self.define(mark.text()),
             b"use" if self.code => self.use_chunk(mark.text()),
-            b"use" => self.inked |= has_ink(mark.text()),
             b"index" => self.note_identifier(mark.inner()),
             _ => {}
         }
     }
 
     fn begin(&mut self, chunk: Mark<'a>) {
-        self.web.begins += 1;
         self.code = chunk.keyword == b"code";
-        self.inked = false;
     }
 
     // Label a definition or use
@@ -197,41 +184,10 @@ impl<'a> Collector<'a> {
         item.mention(&label, true);
     }
 
-    // Anchor code in the prose before
-    fn end(&mut self, chunk: Mark) {
-        self.anchor = None;
-        let prose = chunk.keyword == b"docs" && chunk.argument.is_some();
-        let distance = self.distance.filter(|_| prose && self.inked);
-        if let Some(distance) = distance {
-            let label = self.label_in_prose();
-            let line = format!("@xref label {label}").into_bytes();
-            self.lines.insert(self.lines_back(distance), line.into());
-            self.anchor = Some(label);
-        }
-    }
-
     fn label_in_prose(&mut self) -> String {
         self.prose_labels += 1;
         format!("NWD{}-{}", self.file, base62(self.prose_labels))
     }
-
-    /// The index in `lines` where the last `distance` lines begin.
-    fn lines_back(&self, mut distance: i64) -> usize {
-        let mut at = self.lines.len();
-        while at > 0 && distance != 0 {
-            let line = &self.lines[at - 1][..];
-            if line.starts_with(b"@begin docs") {
-                break;
-            }
-            distance -= i64::from(line == b"@nl");
-            at -= 1;
-        }
-        at
-    }
-}
-
-fn has_ink(text: &[u8]) -> bool {
-    text.iter().any(|byte| !b" \t".contains(byte))
 }
 
 // Write the resolved stream out
@@ -248,13 +204,8 @@ struct Resolver<'a> {
     /// The identifiers that the current chunk uses.
     used: HashSet<&'a [u8]>,
     // Keep the state of the lists
-    delay: bool,
-    /// The number of chunks begun.
-    begun: usize,
-    /// Whether the ends of the lists have been reached.
+    /// Whether the lists have been written.
     closed: bool,
-    chunks_listed: bool,
-    index_listed: bool,
     // Keep the names of the chapter
     /// The identifiers that the chapter defines and uses so far.
     chapter_defines: HashSet<&'a [u8]>,
@@ -270,7 +221,6 @@ impl<'a> Resolver<'a> {
             b"end" => self.end(mark.inner(), line),
             b"use" => self.use_chunk(mark.text(), line),
             b"index" => self.index(mark.inner(), line),
-            b"text" if self.chunk.is_none() => self.prose(mark, line),
             // Close the document with the lists
             b"trailer" => {
                 self.list_all_names();
@@ -420,27 +370,14 @@ impl<'a> Resolver<'a> {
 
     // Put the lists where they belong
     fn begin(&mut self, line: &[u8]) {
-        self.begun += 1;
-        if self.delay && self.begun == self.web.begins {
-            self.list_all_names();
-        }
         self.copy(line);
         self.chunk = None;
         self.defined.clear();
         self.used.clear();
     }
 
-    fn prose(&mut self, mark: Mark, line: &[u8]) {
-        match mark.text() {
-            b"<nowebchunks>" => self.list_chunks(),
-            b"<nowebindex>" => self.list_index(),
-            _ => self.copy(line),
-        }
-    }
-
     fn list_all_names(&mut self) {
-        if !self.closed {
-            self.closed = true;
+        if !std::mem::replace(&mut self.closed, true) {
             self.copy(b"@nl");
             self.copy(b"@nl");
             self.list_chunks();
@@ -450,38 +387,36 @@ impl<'a> Resolver<'a> {
 
     // List all chunks and identifiers
     fn list_chunks(&mut self) {
-        if std::mem::replace(&mut self.chunks_listed, true) {
-            return;
-        }
         self.copy(b"@xref beginchunks");
         for (name, item) in self.web.in_order(&self.web.chunks) {
-            let label = anchor(Some(item));
-            self.put(&[b"@xref chunkbegin ", label, b" ", name]);
-            self.list_mentions("@xref chunk", &item.mentions);
-            self.copy(b"@xref chunkend");
+            self.list_item("@xref chunk", name, item, &item.mentions);
         }
         self.copy(b"@xref endchunks");
     }
 
     fn list_index(&mut self) {
-        if std::mem::replace(&mut self.index_listed, true) {
-            return;
-        }
         self.copy(b"@index beginindex");
         for (name, item) in self.web.in_order(&self.web.identifiers) {
-            let label = anchor(Some(item));
-            self.put(&[b"@index entrybegin ", label, b" ", name]);
-            self.list_mentions("@index entry", &item.pure_mentions());
-            self.copy(b"@index entryend");
+            let mentions = item.pure_mentions();
+            self.list_item("@index entry", name, item, &mentions);
         }
         self.copy(b"@index endindex");
     }
 
-    fn list_mentions(&mut self, entry: &str, mentions: &[(String, bool)]) {
+    fn list_item(
+        &mut self,
+        entry: &str,
+        name: &[u8],
+        item: &Item,
+        mentions: &[(String, bool)],
+    ) {
+        let label = anchor(Some(item));
+        self.put(&[entry.as_bytes(), b"begin ", label, b" ", name]);
         for (label, defined) in mentions {
             let kind = if *defined { "defn" } else { "use" };
             self.copy(format!("{entry}{kind} {label}").as_bytes());
         }
+        self.put(&[entry.as_bytes(), b"end"]);
     }
 }
 
@@ -491,7 +426,7 @@ fn anchor(item: Option<&Item>) -> &[u8] {
 }
 
 impl<'a> Resolver<'a> {
-    fn new(web: &'a Findings<'a>, options: &Settings) -> Resolver<'a> {
+    fn new(web: &'a Findings<'a>) -> Resolver<'a> {
         Resolver {
             web,
             out: Vec::new(),
@@ -499,12 +434,8 @@ impl<'a> Resolver<'a> {
             chunk: None,
             defined: HashSet::new(),
             used: HashSet::new(),
-            delay: options.delay,
             // Begin with no list written
-            begun: 0,
             closed: false,
-            chunks_listed: false,
-            index_listed: false,
             // Begin with no names of a chapter
             chapter_defines: HashSet::new(),
             chapter_uses: HashSet::new(),
@@ -544,28 +475,23 @@ impl<'a> Findings<'a> {
 }
 
 // Run noidx as a command
-/// What the command line of `noidx` can ask for.
-#[derive(Default)]
-pub struct Settings {
-    /// Lists before the last chunk, and not at the end of the stream.
-    pub delay: bool,
-    /// Anchors in prose, so many lines before the code.
-    pub distance: Option<i64>,
-}
 
 /// Resolves the cross-references of a stream.
-pub fn cross_reference(stream: &[u8], options: &Settings) -> Outcome {
-    let mut collector = Collector {
-        file: "standard input?".to_string(),
-        distance: options.distance,
-        ..Collector::default()
-    };
+///
+/// The lists stand at its end, or under `delay` before its last chunk.
+pub fn cross_reference(stream: &[u8], delay: bool) -> Outcome {
+    let file = "standard input?".to_string();
+    let mut collector = Collector { file, ..Collector::default() };
     let lines = stream::trimmed_lines(stream);
     lines.for_each(|line| collector.read(line));
     let Collector { web, lines, .. } = collector;
-    let mut resolver = Resolver::new(&web, options);
+    let mut resolver = Resolver::new(&web);
     // Write until the stream is broken
-    for line in &lines {
+    let last = lines.iter().rposition(|line| line.starts_with(b"@begin "));
+    for (number, line) in lines.iter().enumerate() {
+        if delay && Some(number) == last {
+            resolver.list_all_names();
+        }
         resolver.resolve(line);
         if line.starts_with(b"@fatal") {
             let text = resolver.out;
@@ -576,33 +502,12 @@ pub fn cross_reference(stream: &[u8], options: &Settings) -> Outcome {
     Outcome::done(resolver.out)
 }
 
-/// `noidx [-delay] [-docanchor LINES]`, a filter over the stream.
+/// `noidx [-delay]`, a filter over the stream.
 pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
-    match arguments(args) {
-        Ok(options) => stream::filter(streams, |input| {
-            cross_reference(input, &options)
-        }),
-        Err(what) => Outcome::failure("noidx", 1, &what).deliver(streams),
+    if let Some(arg) = args.iter().find(|arg| *arg != "-delay") {
+        let what = format!("unknown argument {arg:?}");
+        return Outcome::failure("noidx", 1, &what).deliver(streams);
     }
-}
-
-fn arguments(args: &[OsString]) -> Result<Settings, String> {
-    let mut options = Settings::default();
-    let mut args = args.iter();
-    // Take the options of noidx in turn
-    while let Some(arg) = args.next() {
-        match arg.to_str() {
-            Some("-delay") => options.delay = true,
-            Some("-docanchor") => {
-                options.distance = Some(lines_of_prose(args.next())?);
-            }
-            _ => return Err(format!("unknown argument {arg:?}")),
-        }
-    }
-    Ok(options)
-}
-
-fn lines_of_prose(arg: Option<&OsString>) -> Result<i64, String> {
-    arg.and_then(|arg| arg.to_str()?.parse().ok())
-        .ok_or("-docanchor needs a number of lines".to_string())
+    let delay = !args.is_empty();
+    stream::filter(streams, |input| cross_reference(input, delay))
 }

@@ -26,8 +26,8 @@ use crate::{
 struct Weaving {
     /// From the parser to the back end.
     stages: Vec<Stage>,
-    /// The lines around the stream for the back end, if there are any.
-    wrapper: Option<(String, String)>,
+    /// The line before the stream for the back end, if there is one.
+    header: Option<String>,
     /// Whether the source comes from the standard input.
     reads_input: bool,
     verbose: bool,
@@ -44,15 +44,12 @@ impl Stage {
         Self { command: command.into(), args: Vec::new() }
     }
 
-    /// The command line, for the shell or for a person.
-    fn line(&self, for_shell: bool) -> String {
+    /// The command line for the shell.
+    fn line(&self) -> String {
         let mut line = self.command.to_string_lossy().into_owned();
         for arg in &self.args {
-            let arg = arg.to_string_lossy();
-            line += &match for_shell {
-                true => format!(" '{}'", arg.replace('\'', "'\\''")),
-                false => format!(" {arg}"),
-            };
+            let arg = arg.to_string_lossy().replace('\'', "'\\''");
+            line += &format!(" '{arg}'");
         }
         line
     }
@@ -66,8 +63,8 @@ struct Request {
     files: Vec<OsString>,
     filters: Vec<Stage>,
     backend: Option<OsString>,
-    /// The kind of document to be wrapped; empty for none.
-    wrapper: Option<&'static str>,
+    /// The author has a preamble of their own.
+    bare: bool,
     /// The options for noweb's style file.
     options: Vec<String>,
     delay: bool,
@@ -92,7 +89,7 @@ impl Request {
         }
         // Refuse options that contradict each other
         if request.index && request.references {
-            let what = "you may not use -x with -index or -indexfrom";
+            let what = "you may not use -x with -index";
             return Err(format!("{what} (drop the -x)"));
         }
         if request.autodefs && !request.index {
@@ -120,8 +117,11 @@ impl Request {
                 self.references = true;
                 self.filters.push(Stage::new("noidx"));
             }
-            "-index" => self.add_index(None),
-            "-indexfrom" => self.add_index(Some(next()?)),
+            "-index" => {
+                self.index = true;
+                let stages = ["finduses", "noidx"].map(Stage::new);
+                self.filters.extend(stages);
+            }
             "-autodefs" => match &next()?.to_string_lossy()[..] {
                 "rust" => self.autodefs = true,
                 other => {
@@ -134,13 +134,6 @@ impl Request {
         Ok(())
     }
 
-    fn add_index(&mut self, words: Option<OsString>) {
-        self.index = true;
-        let args = words.into_iter().collect();
-        self.filters.push(Stage { command: "finduses".into(), args });
-        self.filters.push(Stage::new("noidx"));
-    }
-
     /// Takes an option about the document.
     fn take_layout(
         &mut self,
@@ -149,25 +142,15 @@ impl Request {
         mut next: impl FnMut() -> Result<OsString, String>,
     ) -> Result<(), String> {
         match option {
-            "-n" => self.wrapper = Some(""),
-            "-latex" if self.wrapper == Some("") => {}
-            "-latex" => self.wrapper = Some("latex"),
-            "-tex" => self.wrapper = Some("tex"),
-            "-delay" => (self.delay, self.wrapper) = (true, Some("")),
+            "-n" => self.bare = true,
+            "-latex" => {}
+            "-delay" => (self.delay, self.bare) = (true, true),
             "-option" => {
                 let option = next()?.to_string_lossy().into_owned();
                 self.options.push(option);
             }
             "-texnames" => self.tex_names = true,
             "-v" => self.verbose = true,
-            // Refuse what is not built
-            "-html" | "-latex+html" | "-troff" | "-ascii" => {
-                return Err(format!(
-                    "{option}: only LaTeX can be written; HTML is \
-                    planned for a later version (another back end can \
-                    be run with -backend)"
-                ));
-            }
             tab if tab.starts_with("-t") => self.tabs.push(arg),
             _ => {
                 return Err(format!(
@@ -179,8 +162,8 @@ impl Request {
     }
 }
 
-const USAGE: &str = "usage: noweave [-latex | -tex | -n | -delay] \
-    [-x | -index | -indexfrom FILE]\n    [-autodefs rust] \
+const USAGE: &str = "usage: noweave [-latex | -n | -delay] \
+    [-x | -index]\n    [-autodefs rust] \
     [-filter COMMAND]... [-markup COMMAND] [-backend COMMAND]\n    \
     [-texnames] [-option OPTION]... [-t | -tN] [-v] [FILE]...";
 // Turn what was asked into a plan
@@ -188,13 +171,14 @@ impl Request {
     fn plan(self) -> Weaving {
         let reads_input =
             self.files.is_empty() || self.files.iter().any(|f| f == "-");
-        let (wrapper, options) = (self.wrapper(), self.backend_options());
+        let options = self.backend_options();
+        let header = format!("@header latex {}\n", self.options.join(","));
+        let header = (!self.bare).then_some(header);
         let command = self.markup.unwrap_or("markup".into());
         let args = [self.tabs, self.files].concat();
         let mut stages = vec![Stage { command, args }];
         for mut filter in self.filters {
-            let plain = filter.args.is_empty();
-            if filter.command == "finduses" && plain && self.autodefs {
+            if filter.command == "finduses" && self.autodefs {
                 filter.command = "rustindex".into();
             } else if filter.command == "noidx" && self.delay {
                 filter.command = "noidx -delay".into();
@@ -204,7 +188,7 @@ impl Request {
         let command = self.backend.unwrap_or("totex".into());
         stages.push(Stage { command, args: options });
         let verbose = self.verbose;
-        Weaving { stages, wrapper, reads_input, verbose }
+        Weaving { stages, header, reads_input, verbose }
     }
 
     fn backend_options(&self) -> Vec<OsString> {
@@ -218,21 +202,6 @@ impl Request {
         ];
         options.into_iter().flatten().map(OsString::from).collect()
     }
-
-    /// The lines before and after the stream, in the author's stead.
-    fn wrapper(&self) -> Option<(String, String)> {
-        let kind = self.wrapper.unwrap_or("latex");
-        let names = self.files.iter().map(|file| file.to_string_lossy());
-        let about = match kind {
-            "" => return None,
-            "tex" => names.collect::<Vec<_>>().join(" "),
-            _ => self.options.join(","),
-        };
-        Some((
-            format!("@header {kind} {about}"),
-            format!("@trailer {kind}"),
-        ))
-    }
 }
 // Run the stages one after another
 impl Weaving {
@@ -244,29 +213,18 @@ impl Weaving {
             read.map_err(|e| tell(streams, &format!("cannot read: {e}")))?;
         }
         for (number, stage) in self.stages.iter().enumerate() {
+            if self.verbose {
+                let _ = writeln!(streams.errors, "{}", stage.line());
+            }
             if number + 1 == self.stages.len()
-                && let Some((header, trailer)) = &self.wrapper
+                && let Some(header) = &self.header
             {
-                let (header, trailer) =
-                    (format!("{header}\n"), format!("{trailer}\n"));
-                stream = [header.as_bytes(), &stream, trailer.as_bytes()]
-                    .concat();
+                let trailer = b"@trailer latex\n";
+                stream = [header.as_bytes(), &stream, trailer].concat();
             }
             stream = stage.run(&stream, streams)?;
         }
         Ok(stream)
-    }
-
-    /// The pipeline in the notation of the shell.
-    fn show(&self) -> String {
-        let lines = self.stages.iter().map(|stage| stage.line(false));
-        let mut lines: Vec<String> = lines.collect();
-        if let Some((header, trailer)) = &self.wrapper {
-            let markup = &lines[0];
-            lines[0] =
-                format!("(echo {header}\n {markup}\n echo {trailer}\n)");
-        }
-        lines.join(" |\n") + "\n"
     }
 }
 
@@ -308,7 +266,7 @@ impl Stage {
         // Run a foreign stage in the shell
         let path = StagePath::new();
         let path = path.map_err(|e| tell(streams, &e.to_string()))?;
-        let line = OsString::from(self.line(true));
+        let line = OsString::from(self.line());
         run_shell(&line, input, &path, streams).map_err(|failure| {
             streams.conclude(Ok(()), &failure.faults);
             1
@@ -335,9 +293,6 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
         Ok(request) => request.plan(),
         Err(what) => return tell(streams, &what),
     };
-    if weaving.verbose {
-        let _ = streams.errors.write_all(weaving.show().as_bytes());
-    }
     match weaving.document(streams) {
         Ok(text) => Outcome::done(text).deliver(streams),
         Err(status) => status,

@@ -23,8 +23,8 @@ use std::path::{Component, Path, PathBuf};
 use std::time::SystemTime;
 
 use crate::Streams;
-use crate::cpif::{Attributes, replace};
-use crate::diagnostic::{Diagnostic, Level, Position, Source};
+use crate::cpif::{self, replace};
+use crate::diagnostic::{Diagnostic, Level, Place, Position, Source};
 use crate::tangle::{Layout, Tangled, tangle};
 use crate::web::Web;
 
@@ -65,8 +65,6 @@ pub struct Output {
     pub tangled: Tangled,
     /// It is missing or differs on the disk.
     pub changed: bool,
-    /// The time of the newest chapter that it takes something from.
-    pub time: Option<SystemTime>,
 }
 
 /// What tangling a project does.
@@ -89,8 +87,6 @@ pub struct Expansion {
     pub web: Web,
     /// The path of each file, its text and its map.
     pub files: Vec<(PathBuf, Tangled)>,
-    /// What is wrong in the chapters.
-    pub faults: Vec<Diagnostic>,
 }
 
 // Recognise the chunks that are files
@@ -165,55 +161,24 @@ impl Project {
     /// Chapters that cannot be read, everything that is wrong in them,
     /// and files that someone edited by hand.
     pub fn plan(&self) -> Result<Plan, Vec<Diagnostic>> {
-        self.plan_files(true)
-    }
-
-    /// What there is to write; unguarded, over edits made by hand as well.
-    ///
-    /// # Errors
-    ///
-    /// Those of [`Project::plan`]; unguarded, except for edits.
-    pub fn plan_files(
-        &self,
-        guarded: bool,
-    ) -> Result<Plan, Vec<Diagnostic>> {
-        let (sources, times) = self.read_chapters()?;
-        let Expansion { web, files, mut faults } =
-            self.expand_sources(sources);
+        let Expansion { web, files } = self.expand()?;
         let record = self.read_record();
-        let mut plan = Plan { record, ..Plan::default() };
+        let removed = self.removals(&files, &record)?;
+        let (mut outputs, mut faults) = (Vec::new(), Vec::new());
         for (path, tangled) in files {
-            let output = self.compare(&path, tangled, &times);
-            if guarded {
-                faults.extend(self.refuse(&output, &web, &plan.record));
+            // Compare a file with its text
+            let disk = fs::read(self.dir.join(&path)).unwrap_or_default();
+            let changed = disk != tangled.text;
+            if is_edited(&disk, &tangled.text, record.get(&path)) {
+                faults.push(refuse(&path, disk, &tangled, &web));
             }
-            plan.outputs.push(output);
+            outputs.push(Output { path, tangled, changed });
         }
-        self.plan_removals(&mut plan, &mut faults);
-        plan.warnings = web.unused(is_file_name);
-        plan.warnings.extend(web.adrift());
-        if faults.is_empty() { Ok(plan) } else { Err(faults) }
-    }
-
-    /// The files that some sources define, without looking at the disk.
-    pub fn expand_sources(&self, sources: Vec<Source>) -> Expansion {
-        let (web, mut faults) = Web::read(sources, 0);
-        let mut files = Vec::new();
-        for chunk in &web.chunks {
-            // Expand the file of this chunk
-            let name = &chunk.name[..];
-            if web.uses.contains_key(name) || !is_file_name(name) {
-                continue;
-            }
-            let path = Path::new(OsStr::from_bytes(name));
-            let (tab, comment) = (tab_stops(path), comment_leader(path));
-            let layout = Layout { tab, comment, directive: None };
-            match tangle(&web, &[name], &layout) {
-                Ok(tangled) => files.push((path.to_owned(), tangled)),
-                Err(more) => faults.extend(more),
-            }
+        let warnings = web.unused(is_file_name);
+        match faults.is_empty() {
+            true => Ok(Plan { outputs, removed, warnings, record }),
+            false => Err(faults),
         }
-        Expansion { web, files, faults }
     }
 
     /// The files that the chapters define, without a look at the files.
@@ -222,10 +187,19 @@ impl Project {
     ///
     /// Chapters that cannot be read, and everything that is wrong in them.
     pub fn expand(&self) -> Result<Expansion, Vec<Diagnostic>> {
-        let expansion = self.expand_sources(self.read_chapters()?.0);
-        match expansion.faults.is_empty() {
-            true => Ok(expansion),
-            false => Err(expansion.faults),
+        let (mut sources, mut faults) = (Vec::new(), Vec::new());
+        for chapter in &self.chapters {
+            let name = chapter.as_os_str().as_bytes().to_vec();
+            match fs::read(self.dir.join(chapter)) {
+                Ok(text) => sources.push(Source::new(name, text)),
+                Err(e) => {
+                    faults.push(Diagnostic::failure("read", chapter, &e))
+                }
+            }
+        }
+        match faults.is_empty() {
+            true => expand_sources(sources),
+            false => Err(faults),
         }
     }
 
@@ -235,68 +209,55 @@ impl Project {
         parse_record(&text.unwrap_or_default())
     }
 
-    /// The chapters and the times of their last changes.
+    /// The recorded files that no chunk defines any more.
     ///
     /// # Errors
     ///
-    /// Every chapter that cannot be read.
-    pub fn read_chapters(
+    /// Those of them that someone edited by hand.
+    pub fn removals(
         &self,
-    ) -> Result<(Vec<Source>, Vec<SystemTime>), Vec<Diagnostic>> {
-        let mut sources = Vec::new();
-        let mut times = Vec::new();
-        let mut faults = Vec::new();
-        for chapter in &self.chapters {
-            // Read a chapter and its time
-            let path = self.dir.join(chapter);
-            let time = fs::metadata(&path).and_then(|m| m.modified());
-            match fs::read(&path).and_then(|text| Ok((text, time?))) {
-                Ok((text, time)) => {
-                    let name = chapter.as_os_str().as_bytes().to_vec();
-                    sources.push(Source::new(name, text));
-                    times.push(time);
-                }
-                Err(error) => faults.push(failure("read", chapter, &error)),
-            }
-        }
-        if faults.is_empty() { Ok((sources, times)) } else { Err(faults) }
-    }
-
-    fn compare(
-        &self,
-        path: &Path,
-        tangled: Tangled,
-        times: &[SystemTime],
-    ) -> Output {
-        let places = tangled.map.iter().map(|segment| segment.place);
-        let files: BTreeSet<u32> = places.map(|place| place.file).collect();
-        let times = files.iter().filter_map(|f| times.get(*f as usize));
-        let time = times.max().copied();
-        let old = fs::read(self.dir.join(path)).ok();
-        let changed = old.is_none_or(|old| old != tangled.text);
-        Output { path: path.to_owned(), tangled, changed, time }
-    }
-
-    fn plan_removals(&self, plan: &mut Plan, faults: &mut Vec<Diagnostic>) {
-        let kept = plan.outputs.iter().map(|output| &output.path);
-        let kept: BTreeSet<&PathBuf> = kept.collect();
-        let gone = |path: &&PathBuf| !kept.contains(path);
-        for path in plan.record.keys().filter(gone) {
-            let text = fs::read(self.dir.join(path)).ok();
-            match text.map(|text| hash(&text)) {
-                Some(now) if now != plan.record[path] => {
-                    faults.push(orphan(path));
-                }
-                _ => plan.removed.push(path.clone()),
-            }
-        }
+        files: &[(PathBuf, Tangled)],
+        record: &Record,
+    ) -> Result<Vec<PathBuf>, Vec<Diagnostic>> {
+        let gone = |path: &&PathBuf| files.iter().all(|(p, _)| p != *path);
+        let gone = record.keys().filter(gone).cloned();
+        let (edited, rest): (Vec<_>, _) = gone.partition(|path| {
+            let disk = fs::read(self.dir.join(path)).unwrap_or_default();
+            is_edited(&disk, b"", record.get(path))
+        });
+        let orphans = edited.iter().map(|path| orphan(path));
+        if edited.is_empty() { Ok(rest) } else { Err(orphans.collect()) }
     }
 }
 
-/// What to say of a file that could not be read, written or removed.
-pub fn failure(action: &str, path: &Path, error: &io::Error) -> Diagnostic {
-    let text = format!("cannot {action} {}: {error}", path.display());
-    Diagnostic::new(Level::Error, None, text)
+/// The files that some sources define, without looking at the disk.
+///
+/// # Errors
+///
+/// Everything that is wrong in the sources.
+pub fn expand_sources(
+    sources: Vec<Source>,
+) -> Result<Expansion, Vec<Diagnostic>> {
+    let (web, mut faults) = Web::read(sources, 0);
+    let mut files = Vec::new();
+    for chunk in &web.chunks {
+        // Expand the file of this chunk
+        let name = &chunk.name[..];
+        if web.uses.contains_key(name) || !is_file_name(name) {
+            continue;
+        }
+        let path = Path::new(OsStr::from_bytes(name));
+        let (tab, comment) = (tab_stops(path), comment_leader(path));
+        let layout = Layout { tab, comment, directive: None };
+        match tangle(&web, &[name], &layout) {
+            Ok(tangled) => files.push((path.to_owned(), tangled)),
+            Err(more) => faults.extend(more),
+        }
+    }
+    match faults.is_empty() {
+        true => Ok(Expansion { web, files }),
+        false => Err(faults),
+    }
 }
 
 fn orphan(path: &Path) -> Diagnostic {
@@ -307,44 +268,36 @@ fn orphan(path: &Path) -> Diagnostic {
 }
 
 // Refuse to lose an edit
-impl Project {
-    fn refuse(
-        &self,
-        output: &Output,
-        web: &Web,
-        record: &Record,
-    ) -> Option<Diagnostic> {
-        let disk = fs::read(self.dir.join(&output.path)).ok()?;
-        let recorded = record.get(&output.path) == Some(&hash(&disk));
-        let known = recorded || disk.is_empty();
-        if known || !output.changed {
-            return None;
-        }
-        let (line, column) = first_difference(&disk, &output.tangled.text);
-        let path = output.path.as_os_str().as_bytes();
-        let file = Source::new(path.to_vec(), disk);
-        // Say where the edited line comes from
-        let shown = output.path.display();
-        let place = file_place(line, column);
-        let text = "this file was edited by hand since it was tangled";
-        let position = Some(file.position(place));
-        let mut fault = Diagnostic::new(Level::Error, position, text);
-        let map = &output.tangled.map;
-        let origin = output.tangled.origin(line, 1);
-        let origin = origin.or(map.last().map(|segment| segment.place));
-        if let Some(at) = origin.and_then(|place| web.position(place)) {
-            let Position { file, line, .. } = at;
-            let help = format!("the line comes from {file}:{line}");
-            fault = fault.with_help(help);
-        }
-        let fault =
-            fault.with_help("`noweb untangle' carries the edit there");
-        Some(fault.with_help(format!("delete {shown} to drop the edit")))
-    }
+/// Does a file hold an edit? Not if it is the text, or has the hash of
+/// what was tangled last.
+pub fn is_edited(disk: &[u8], text: &[u8], last: Option<&u64>) -> bool {
+    let bare = text.strip_suffix(b"\n").unwrap_or(text);
+    let known = disk.is_empty() || disk == text || disk == bare;
+    !known && last != Some(&hash(disk))
 }
 
-fn file_place(line: u32, column: u32) -> crate::diagnostic::Place {
-    crate::diagnostic::Place { file: 0, line, column }
+fn refuse(
+    path: &Path,
+    disk: Vec<u8>,
+    tangled: &Tangled,
+    web: &Web,
+) -> Diagnostic {
+    let (line, column) = first_difference(&disk, &tangled.text);
+    let file = Source::new(path.as_os_str().as_bytes().to_vec(), disk);
+    let position = file.position(Place { file: 0, line, column });
+    let text = "this file was edited by hand since it was tangled";
+    let mut fault = Diagnostic::new(Level::Error, Some(position), text);
+    // Say where the edited line comes from
+    let last = tangled.map.last().map(|segment| segment.place);
+    let origin = tangled.origin(line, 1).or(last);
+    let origin = origin.and_then(|place| web.position(place));
+    if let Some(Position { file, line, .. }) = origin {
+        let help = format!("the line comes from {file}:{line}");
+        fault = fault.with_help(help);
+    }
+    fault
+        .with_help("`noweb untangle' carries the edit there")
+        .with_help(format!("delete {} to drop the edit", path.display()))
 }
 
 /// The first line and column, from 1, at which two texts differ.
@@ -367,21 +320,11 @@ impl Project {
     /// Those of [`Project::plan`], after which nothing is written, and
     /// files that cannot be written.
     pub fn tangle(&self) -> Result<Plan, Vec<Diagnostic>> {
-        self.carry_out(self.plan()?)
-    }
-
-    /// The same, over edits made by hand, which the chapters now have.
-    ///
-    /// # Errors
-    ///
-    /// Those of [`Project::tangle`], except for edits.
-    pub fn overwrite(&self) -> Result<Plan, Vec<Diagnostic>> {
-        self.carry_out(self.plan_files(false)?)
-    }
-
-    fn carry_out(&self, mut plan: Plan) -> Result<Plan, Vec<Diagnostic>> {
+        let mut plan = self.plan()?;
         let result = self.write(&mut plan);
-        let recorded = self.write_record(&plan.record);
+        let text = format_record(&plan.record);
+        let recorded = cpif::update(&self.dir.join(&self.record), &text)
+            .map_err(|e| Diagnostic::failure("write", &self.record, &e));
         result.and(recorded).map_err(|fault| vec![fault])?;
         Ok(plan)
     }
@@ -396,7 +339,7 @@ impl Project {
             // Remove a file that no chunk defines
             match fs::remove_file(self.dir.join(path)) {
                 Err(e) if e.kind() != io::ErrorKind::NotFound => {
-                    return Err(failure("remove", path, &e));
+                    return Err(Diagnostic::failure("remove", path, &e));
                 }
                 _ => plan.record.remove(path),
             };
@@ -410,20 +353,22 @@ impl Project {
         }
         let path = self.dir.join(&output.path);
         let text = &output.tangled.text;
-        let executable = text.starts_with(b"#!");
-        let attributes = Attributes { time: output.time, executable };
+        let time = self.newest(&output.tangled);
         let parent = path.parent().unwrap_or(&self.dir);
         fs::create_dir_all(parent)
-            .and_then(|()| replace(&path, text, attributes))
-            .map_err(|error| failure("write", &output.path, &error))
+            .and_then(|()| replace(&path, text, time))
+            .map_err(|e| Diagnostic::failure("write", &output.path, &e))
     }
 
-    fn write_record(&self, record: &Record) -> Result<(), Diagnostic> {
-        let path = self.dir.join(&self.record);
-        let text = format_record(record);
-        crate::cpif::update(&path, &text)
-            .map(|_| ())
-            .map_err(|error| failure("write", &self.record, &error))
+    /// The time of the newest chapter that a text takes something from.
+    fn newest(&self, tangled: &Tangled) -> Option<SystemTime> {
+        let places = tangled.map.iter().map(|segment| segment.place);
+        let files: BTreeSet<u32> = places.map(|place| place.file).collect();
+        let times = files.iter().filter_map(|file| {
+            let chapter = self.chapters.get(*file as usize)?;
+            fs::metadata(self.dir.join(chapter)).ok()?.modified().ok()
+        });
+        times.max()
     }
 }
 
@@ -431,7 +376,7 @@ impl Project {
 /// The command `noweb tangle [-C dir] [--record file] [--check]
 /// chapter...`.
 pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
-    let (project, check) = match one_project(args) {
+    let (project, check) = match parse(args) {
         Ok(parsed) => parsed,
         Err(text) => return streams.misused(text),
     };
@@ -458,102 +403,34 @@ fn report_stale(plan: Plan) -> (Vec<Diagnostic>, bool) {
     (faults, !stale.is_empty())
 }
 
-/// What the arguments of a command say about projects.
-#[derive(Default)]
-pub struct Arguments {
-    dir: PathBuf,
-    record: PathBuf,
-    masters: Vec<PathBuf>,
-    /// The names that are no options.
-    pub chapters: Vec<PathBuf>,
-    /// Nothing is to be written.
-    pub check: bool,
-}
-
-impl Arguments {
-    /// Reads `[-C dir] [--record file] [--master file]... [--check]
-    /// [chapter...]`.
-    ///
-    /// # Errors
-    ///
-    /// A text that says what is wrong with the arguments.
-    pub fn parse(args: &[OsString]) -> Result<Self, String> {
-        let record = PathBuf::from(".tangled");
-        let mut parsed = Self { record, ..Self::default() };
-        let mut args = args.iter();
-        while let Some(arg) = args.next() {
-            let mut value = || {
-                let missing = || format!("{} needs a value", arg.display());
-                args.next().map(PathBuf::from).ok_or_else(missing)
-            };
-            // Take an option or a chapter
-            match arg.as_encoded_bytes() {
-                b"-C" => parsed.dir = value()?,
-                b"--record" => parsed.record = value()?,
-                b"--master" => parsed.masters.push(value()?),
-                b"--check" => parsed.check = true,
-                [b'-', ..] => {
-                    let arg = arg.display();
-                    return Err(format!("unknown option {arg}"));
-                }
-                _ => parsed.chapters.push(arg.into()),
-            }
-        }
-        Ok(parsed)
-    }
-
-    // Make projects of the arguments
-    /// The project of the chapters, and one for each master.
-    ///
-    /// # Errors
-    ///
-    /// A master that cannot be read, or none at all.
-    pub fn projects(mut self) -> Result<Vec<Project>, String> {
-        let mut lists = vec![self.chapters];
-        lists.retain(|list| !list.is_empty());
-        if lists.is_empty() && self.masters.is_empty() {
-            self.masters = masters_in(&self.dir);
-        }
-        for master in &self.masters {
-            let list = included(&self.dir, master);
-            let failed = |e| failure("read", master, &e).text;
-            lists.push(list.map_err(failed)?);
-        }
-        if lists.is_empty() {
-            let text = "which chapters? name them, or --master FILE";
-            return Err(text.into());
-        }
-        let project = |chapters| Project {
-            dir: self.dir.clone(),
-            record: self.record.clone(),
-            chapters,
-        };
-        Ok(lists.into_iter().map(project).collect())
-    }
-}
-
-/// The webs in a directory.
-fn masters_in(dir: &Path) -> Vec<PathBuf> {
-    let entries = fs::read_dir(dir.join(".")).into_iter().flatten();
-    let names = entries.filter_map(|e| Some(e.ok()?.file_name().into()));
-    let is_web = |name: &PathBuf| name.extension() == Some("nw".as_ref());
-    let mut webs: Vec<PathBuf> = names.filter(is_web).collect();
-    webs.sort();
-    webs
-}
-
-/// The one project that the arguments name, and whether only to check.
+/// The project that the arguments name, and whether only to check.
 ///
 /// # Errors
 ///
 /// A text that says what is wrong with the arguments.
-pub fn one_project(args: &[OsString]) -> Result<(Project, bool), String> {
-    let args = Arguments::parse(args)?;
-    let check = args.check;
-    if args.chapters.len() + args.masters.len() == 0 {
-        return Err("no chapters to tangle".into());
+pub fn parse(args: &[OsString]) -> Result<(Project, bool), String> {
+    let record = PathBuf::from(".tangled");
+    let mut project = Project { record, ..Project::default() };
+    let mut check = false;
+    let mut args = args.iter();
+    while let Some(arg) = args.next() {
+        // Take an option or a chapter
+        let mut value = || {
+            let missing = || format!("{} needs a value", arg.display());
+            args.next().map(PathBuf::from).ok_or_else(missing)
+        };
+        match arg.as_encoded_bytes() {
+            b"-C" => project.dir = value()?,
+            b"--record" => project.record = value()?,
+            b"--check" => check = true,
+            [b'-', ..] => {
+                return Err(format!("unknown option {}", arg.display()));
+            }
+            _ => project.chapters.push(arg.into()),
+        }
     }
-    let mut projects = args.projects()?;
-    let project = projects.pop().filter(|_| projects.is_empty());
-    Ok((project.ok_or("one web at a time")?, check))
+    match project.chapters.is_empty() {
+        true => Err("no chapters to tangle".into()),
+        false => Ok((project, check)),
+    }
 }

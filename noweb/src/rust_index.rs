@@ -13,18 +13,18 @@
 //! stream, and what is found in it goes back to the lines of the stream:
 //! places in this module are the number of a line and a byte of its text.
 
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::ffi::OsString;
 use std::ops::Range;
 
-use proc_macro2::{Ident, TokenStream, TokenTree};
+use proc_macro2::LexError;
 
 use crate::Streams;
 use crate::diagnostic::{Diagnostic, Level, Place, Position};
 use crate::finduses::Recogniser;
 use crate::markup::parse_token;
-use crate::rust_names::{File, Id, Kind, Names};
-use crate::rust_uses::{is_keyword, uses};
+use crate::rust_names::{File, Kind, Names, Token, is_keyword, tokens};
+use crate::rust_uses::uses;
 use crate::stream::{self, Mark, Outcome};
 use crate::web::{Piece, Web};
 
@@ -32,7 +32,7 @@ use crate::web::{Piece, Web};
 /// The text of a file, and the lines of the stream that it is made of.
 #[derive(Default)]
 struct Text {
-    source: Vec<u8>,
+    source: String,
     /// The bytes that come from each line.
     parts: Vec<(Range<usize>, usize)>,
 }
@@ -52,10 +52,11 @@ impl Text {
         for (piece, place) in &web.chunks[web.find(name)?].pieces {
             match piece {
                 Piece::Use(name) => self.expand(web, name, open)?,
-                Piece::Newline => self.source.push(b'\n'),
+                Piece::Newline => self.source.push('\n'),
+                // Append a text with its line
                 Piece::Text(text) => {
                     let start = self.source.len();
-                    self.source.extend(text);
+                    self.source += std::str::from_utf8(text).ok()?;
                     let range = start..self.source.len();
                     self.parts.push((range, place.line as usize));
                 }
@@ -89,50 +90,28 @@ fn web(lines: &[&[u8]]) -> Web {
     Web::from_lexemes(lexemes.collect())
 }
 // Tell keywords and comments apart
-/// The bytes of all tokens, and the words among them.
-fn leaves(
-    tokens: TokenStream,
-    out: &mut Vec<(Range<usize>, Option<Ident>)>,
-) {
-    for token in tokens {
-        match token {
-            TokenTree::Group(group) => {
-                out.push((group.span_open().byte_range(), None));
-                leaves(group.stream(), out);
-                out.push((group.span_close().byte_range(), None));
-            }
-            TokenTree::Ident(ident) => {
-                out.push((ident.span().byte_range(), Some(ident)));
-            }
-            other => out.push((other.span().byte_range(), None)),
-        }
-    }
-}
-
 /// What each word and each comment of a file is; `items` tells the words
-/// that are items by their first bytes.
-fn words(
+/// that are items by the numbers of their tokens.
+fn words<'n>(
     source: &str,
-    items: &HashMap<usize, Note>,
-) -> Vec<(Range<usize>, Note)> {
-    let (mut list, mut notes, mut done) = (Vec::new(), Vec::new(), 0);
-    leaves(source.parse().unwrap_or_default(), &mut list);
-    for (range, word) in list {
-        // The tokens of a comment for documentation lie upon each other
-        if range.end <= done {
-            continue;
-        }
-        notes.push((done..range.start, Note::Comment));
-        done = range.end;
-        let rest = &source[range.start..];
-        let note = match word {
-            _ if rest.starts_with("//") => Note::Comment,
-            _ if rest.starts_with("/*") => Note::Comment,
-            Some(word) if is_keyword(&word) => Note::Keyword,
-            Some(_) => *items.get(&range.start).unwrap_or(&Note::Free),
+    tokens: &[Token],
+    items: &HashMap<usize, Note<'n>>,
+) -> Vec<(Range<usize>, Note<'n>)> {
+    let (mut notes, mut done) = (Vec::new(), 0);
+    for (number, token) in tokens.iter().enumerate() {
+        notes.push((done..token.range.start, Note::Comment));
+        done = token.range.end;
+        let text = token.text;
+        // Tell what the token is
+        let note = match items.get(&number) {
+            _ if text.starts_with("//") => Note::Comment,
+            _ if text.starts_with("/*") => Note::Comment,
+            _ if token.word && is_keyword(text) => Note::Keyword,
+            Some(note) => *note,
+            None if token.word => Note::Free,
             None => continue,
         };
-        notes.push((range, note));
+        notes.push((token.range.clone(), note));
     }
     notes.push((done..source.len(), Note::Comment));
     notes
@@ -140,29 +119,29 @@ fn words(
 // Keep what was found in the stream
 /// What a part of a line is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Note {
+enum Note<'n> {
     Keyword,
     Comment,
-    Define(Id),
-    Use(Id),
+    Define(&'n str),
+    Use(&'n str),
     /// A word that is no item of ours, or not in all files it goes to.
     Free,
 }
 
 /// The stream, and what was found in it.
 #[derive(Default)]
-struct Notes<'s> {
+struct Notes<'s, 'n> {
     lines: &'s [&'s [u8]],
     /// By line and first byte: the end, and what it is.
-    notes: BTreeMap<(usize, usize), (usize, Note)>,
+    notes: BTreeMap<(usize, usize), (usize, Note<'n>)>,
     /// The lines of the stream that are known to be Rust.
     rust: HashSet<usize>,
     faults: Vec<Diagnostic>,
 }
 
-impl Notes<'_> {
+impl<'n> Notes<'_, 'n> {
     /// Notes what a range of a file is. A word must lie on one line.
-    fn add(&mut self, text: &Text, range: &Range<usize>, note: Note) {
+    fn add(&mut self, text: &Text, range: &Range<usize>, note: Note<'n>) {
         let places = text.places(range);
         if note != Note::Comment && places.len() != 1 {
             return;
@@ -183,7 +162,7 @@ impl Notes<'_> {
     }
 
     /// Warns that a file does not parse.
-    fn complain(&mut self, path: &str, text: &Text, error: &syn::Error) {
+    fn complain(&mut self, path: &str, text: &Text, error: &LexError) {
         let at = error.span().byte_range().start;
         let place = text.places(&(at..at + 1)).into_iter().next();
         let position =
@@ -199,6 +178,7 @@ impl Notes<'_> {
         let (mut file, mut line, mut column) = (&b""[..], 1, 1);
         let marks = self.lines[..number].iter();
         for mark in marks.filter_map(|line| Mark::read(line)) {
+            // Count lines and columns
             match mark.keyword {
                 b"file" => (file, line) = (mark.text(), 1),
                 b"nl" => (line, column) = (line + 1, 1),
@@ -214,55 +194,39 @@ impl Notes<'_> {
     }
 }
 // Note what the program defines and uses
-/// The files of the program; what is no Rust is reported and left out.
-fn parse(notes: &mut Notes) -> (Vec<Text>, Vec<File>) {
-    let web = web(notes.lines);
-    let (mut texts, mut files) = (Vec::new(), Vec::new());
+/// The texts of the files of the program.
+fn sources(web: &Web) -> Vec<(String, Text)> {
+    let mut files = Vec::new();
     for chunk in &web.chunks {
         let mut text = Text::default();
         let name = &chunk.name[..];
-        let used = web.uses.contains_key(name) || !name.ends_with(b".rs");
-        if used || text.expand(&web, name, &mut Vec::new()).is_none() {
-            continue;
-        }
-        let path = String::from_utf8_lossy(name).into_owned();
-        match syn::parse_str(&String::from_utf8_lossy(&text.source)) {
-            Ok(syntax) => {
-                notes.rust.extend(text.parts.iter().map(|(_, line)| line));
-                files.push(File { path, syntax });
-                texts.push(text);
-            }
-            Err(error) => notes.complain(&path, &text, &error),
+        let root = name.ends_with(b".rs") && !web.uses.contains_key(name);
+        if root && text.expand(web, name, &mut Vec::new()).is_some() {
+            files.push((String::from_utf8_lossy(name).into_owned(), text));
         }
     }
-    (texts, files)
+    files
 }
 
-impl Notes<'_> {
-    fn add_program(
-        &mut self,
-        names: &Names,
-        texts: &[Text],
-        files: &[File],
-    ) {
-        let mut found = vec![HashMap::new(); files.len()];
-        let is_file = |id| names.modules.values().any(|file| *file == id);
-        for (id, item) in names.items.iter().enumerate() {
-            if let Some((file, range)) = &item.site {
-                let note = match is_file(id) {
-                    true => Note::Use(id),
-                    false => Note::Define(id),
-                };
-                found[*file].insert(range.start, note);
-            }
+impl<'n> Notes<'_, 'n> {
+    fn add_program(&mut self, names: &'n Names, texts: &[&Text]) {
+        let mut found = vec![HashMap::new(); texts.len()];
+        for ((file, token), (path, _)) in uses(names) {
+            found[file].insert(token, Note::Use(path));
         }
-        for (number, text) in texts.iter().enumerate() {
-            let syntax = &files[number].syntax;
-            for (range, id) in uses(names, names.modules[&number], syntax) {
-                found[number].insert(range.start, Note::Use(id));
-            }
-            let source = String::from_utf8_lossy(&text.source);
-            for (range, note) in words(&source, &found[number]) {
+        for ((file, token), path, _) in &names.sites {
+            let is_file = names.modules.values().any(|file| file == path);
+            let note =
+                if is_file { Note::Use(path) } else { Note::Define(path) };
+            found[*file].insert(*token, note);
+        }
+        // Note each word on its line
+        for ((text, file), found) in
+            texts.iter().zip(names.files).zip(found)
+        {
+            self.rust.extend(text.parts.iter().map(|(_, line)| line));
+            let source = &text.source;
+            for (range, note) in words(source, &file.tokens, &found) {
                 self.add(text, &range, note);
             }
         }
@@ -281,75 +245,62 @@ fn library(path: &str) -> Option<String> {
     let name = name.or(dir.trim_end_matches('/').rsplit('/').next())?;
     Some(name.replace('-', "_"))
 }
-// Give each item its key and its name
-/// The items that are defined in the stream.
+// Tell which items are defined in the stream
+/// The items that are defined in the stream, by their paths.
+#[derive(Default)]
 struct Index<'n> {
-    names: &'n Names<'n>,
-    keys: HashMap<Id, String>,
+    defined: HashSet<&'n str>,
+    /// Those that are listed. Modules and variants are linked only: they
+    /// would fill the lists with what the reader sees anyhow.
+    listed: HashSet<&'n str>,
     /// The items of each name.
-    items: BTreeMap<&'n str, Vec<Id>>,
+    items: BTreeMap<&'n str, Vec<&'n str>>,
     /// The words that are no items in some place.
     free: HashSet<&'n [u8]>,
 }
 
 impl<'n> Index<'n> {
-    fn new(names: &'n Names, notes: &'n Notes) -> Self {
-        let (keys, items, free) = Default::default();
-        let mut index = Self { names, keys, items, free };
+    fn new(names: &'n Names, notes: &'n Notes<'_, 'n>) -> Self {
+        let mut index = Self::default();
         for ((line, start), (end, note)) in &notes.notes {
             let text = &notes.lines[*line][b"@text ".len()..];
             match note {
-                Note::Define(id) => index.add(*id),
+                Note::Define(path) => index.add(path),
                 Note::Free => drop(index.free.insert(&text[*start..*end])),
                 _ => {}
             }
         }
-        names.modules.values().for_each(|id| index.add(*id));
+        names.modules.values().for_each(|path| index.add(path));
+        let unlisted = [Kind::Module, Kind::Variant];
+        let sites = names.sites.iter();
+        let listed = sites.filter(|(_, _, kind)| !unlisted.contains(kind));
+        index.listed = listed.map(|(_, path, _)| &path[..]).collect();
         index
     }
 
-    fn add(&mut self, id: Id) {
-        self.keys.insert(id, self.key(id));
-        self.items.entry(&self.names.items[id].name).or_default().push(id);
-    }
-
-    /// The path of an item from the root of its crate.
-    fn key(&self, id: Id) -> String {
-        let item = &self.names.items[id];
-        match item.parent {
-            Some(parent) => format!("{}::{}", self.key(parent), item.name),
-            None => item.name.clone(),
-        }
-    }
-
-    /// Whether an item is listed. Modules and variants are linked only:
-    /// they would fill the lists with what the reader sees anyhow.
-    fn is_listed(&self, id: Id) -> bool {
-        let kind = self.names.items[id].kind;
-        !matches!(kind, Kind::Module | Kind::Variant)
+    fn add(&mut self, path: &'n str) {
+        self.defined.insert(path);
+        self.items.entry(last(path)).or_default().push(path);
     }
 
     /// The marks that tell for each key what is shown: the name, and what
     /// it belongs to where two items have the same name.
     fn declarations(&self) -> String {
-        let mut lines = HashSet::new();
-        for ids in self.items.values() {
-            let listed = ids.iter().filter(|id| self.is_listed(**id));
-            let keys: Vec<_> = listed.map(|id| &self.keys[id]).collect();
-            for key in &keys {
-                let (path, name) =
-                    key.rsplit_once("::").unwrap_or_default();
-                let owner = path.rsplit(['/', ':']).next();
-                let of = match keys.iter().all(|other| other == key) {
+        let mut lines = BTreeSet::new();
+        for (name, paths) in &self.items {
+            let listed = |path: &&&str| self.listed.contains(**path);
+            let paths: Vec<_> = paths.iter().filter(listed).collect();
+            for path in &paths {
+                let (owner, _) = path.rsplit_once("::").unwrap_or_default();
+                let owner = owner.rsplit(['/', ':']).next();
+                let of = match paths.iter().all(|other| other == path) {
                     true => String::new(),
                     false => format!(" ({})", owner.unwrap_or_default()),
                 };
-                lines.insert(format!("@index name {key} {name}{of}\n"));
+                lines.insert(format!("@index name {path} {name}{of}\n"));
             }
         }
-        let mut lines: Vec<String> = lines.into_iter().collect();
-        lines.sort();
-        lines.concat()
+        lines.into_iter().collect()
     }
 
     /// Whether some item has this name.
@@ -359,7 +310,7 @@ impl<'n> Index<'n> {
 
     /// The item that quoted code means, if that is certain: no other item
     /// has a path that ends so, and no word in it means anything else.
-    fn quoted(&self, code: &[u8]) -> Option<Id> {
+    fn quoted(&self, code: &[u8]) -> Option<&'n str> {
         let code = std::str::from_utf8(code).ok()?;
         let code = code.trim_end_matches("()");
         let mut path = code.split("::");
@@ -367,30 +318,34 @@ impl<'n> Index<'n> {
             return None;
         }
         let end = format!("::{code}");
-        let items = self.items.get(code.rsplit("::").next()?)?;
-        let mut items =
-            items.iter().filter(|id| self.keys[id].ends_with(&end));
+        let items = self.items.get(last(code))?.iter();
+        let mut items = items.filter(|path| path.ends_with(&end));
         let first = items.next();
         first.filter(|_| items.next().is_none()).copied()
     }
 }
+
+/// The last name of a path.
+fn last(path: &str) -> &str {
+    path.rsplit("::").next().unwrap_or(path)
+}
 // Write the stream with its marks
 /// The stream that goes out, and where we are in the one that came in.
 struct Writer<'w> {
-    notes: &'w Notes<'w>,
+    notes: &'w Notes<'w, 'w>,
     index: &'w Index<'w>,
     /// The modules that are files, by their paths.
-    files: HashMap<&'w [u8], Id>,
+    files: HashMap<&'w [u8], &'w str>,
     /// The words that only `%def` lists.
     words: Recogniser,
     out: Vec<u8>,
     code: bool,
     quote: bool,
     /// The module of the file whose root chunk begins.
-    root: Option<Id>,
+    root: Option<&'w str>,
 }
 
-impl Writer<'_> {
+impl<'w> Writer<'w> {
     fn put(&mut self, parts: &[&[u8]]) {
         self.out.extend(parts.concat());
         self.out.push(b'\n');
@@ -467,17 +422,17 @@ impl Writer<'_> {
         }
     }
 
-    fn announce(&mut self, note: Note) {
-        let (id, marks) = match note {
+    fn announce(&mut self, note: Note<'w>) {
+        let (path, marks) = match note {
             Note::Keyword => return self.put(&[b"@style keyword"]),
             Note::Comment => return self.put(&[b"@style comment"]),
             Note::Free => return,
-            Note::Define(id) => (id, ["anchor", "defn"]),
-            Note::Use(id) => (id, ["link", "use"]),
+            Note::Define(path) => (path, ["anchor", "defn"]),
+            Note::Use(path) => (path, ["link", "use"]),
         };
-        let mark = marks[usize::from(self.index.is_listed(id))];
-        if let Some(key) = self.index.keys.get(&id) {
-            self.put(&[format!("@index {mark} {key}").as_bytes()]);
+        let mark = marks[usize::from(self.index.listed.contains(path))];
+        if self.index.defined.contains(path) {
+            self.put(&[format!("@index {mark} {path}").as_bytes()]);
         }
     }
 }
@@ -486,12 +441,25 @@ impl Writer<'_> {
 pub fn index(stream: &[u8]) -> (Vec<u8>, Vec<Diagnostic>) {
     let lines: Vec<&[u8]> = stream::lines(stream).collect();
     let mut notes = Notes { lines: &lines, ..Notes::default() };
-    let (texts, files) = parse(&mut notes);
+    let (mut texts, mut files) = (Vec::new(), Vec::new());
+    let sources = sources(&web(&lines));
+    // Cut the sources into tokens
+    for (path, text) in &sources {
+        match tokens(&text.source) {
+            Ok(tokens) => {
+                files.push(File { path: path.clone(), tokens });
+                texts.push(text);
+            }
+            Err(error) => notes.complain(path, text, &error),
+        }
+    }
     let names = Names::new(&files, library);
-    notes.add_program(&names, &texts, &files);
+    notes.add_program(&names, &texts);
     let index = Index::new(&names, &notes);
+    // Make a writer for the stream
     let modules = names.modules.iter();
-    let modules = modules.map(|(n, id)| (files[*n].path.as_bytes(), *id));
+    let modules =
+        modules.map(|(n, module)| (files[*n].path.as_bytes(), &module[..]));
     let listed =
         lines.iter().filter_map(|l| l.strip_prefix(b"@index defn "));
     let mut writer = Writer {
@@ -518,6 +486,7 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
         return Outcome::failure("rustindex", 2, &what).deliver(streams);
     }
     stream::filter(streams, |input| {
+        // Pass on that the stream is broken
         if let Some(fatal) = stream::fatal(input) {
             let text = [fatal, b"\n"].concat();
             return Outcome { text, status: 1, ..Outcome::default() };

@@ -9,21 +9,88 @@
 
 //! The items of a Rust program, and what its paths mean.
 //!
-//! The program is made of crates, a crate of modules, and a module of
-//! items. What cannot be known from the program's own text, and what has
-//! more than one meaning, is [`Found::Foreign`]: it is never taken for an
-//! item.
+//! An item is known by its path from the root of its crate. What cannot be
+//! known from the program's own text, and what has more than one meaning,
+//! is never taken for an item.
 
 use std::collections::HashMap;
 use std::ops::Range;
 
-use proc_macro2::Ident;
-use syn::{ImplItem, TraitItem, UseTree};
+use proc_macro2::{LexError, TokenStream, TokenTree};
 
+// Lay the tokens of a file in a row
+/// A token, or a bracket at one end of a group of tokens.
+pub struct Token<'s> {
+    /// What it looks like.
+    pub text: &'s str,
+    /// Its bytes in the source.
+    pub range: Range<usize>,
+    /// Whether it is a word, be it reserved or not.
+    pub word: bool,
+    /// For the beginning of a group the number of its end, else its own.
+    pub close: usize,
+}
+
+/// The tokens of a source in their order, between four empty ones, so that
+/// each has two neighbours on both sides.
+///
+/// # Errors
+///
+/// A bracket has no partner, or a letter is none of Rust's.
+pub fn tokens(source: &str) -> Result<Vec<Token<'_>>, LexError> {
+    let mut row = Row { source, tokens: Vec::new() };
+    (0..2).for_each(|_| row.push(0..0, false));
+    row.append(source.parse()?);
+    let end = source.len();
+    (0..2).for_each(|_| row.push(end..end, false));
+    Ok(row.tokens)
+}
+
+struct Row<'s> {
+    source: &'s str,
+    tokens: Vec<Token<'s>>,
+}
+
+impl Row<'_> {
+    fn push(&mut self, range: Range<usize>, word: bool) {
+        let (text, close) =
+            (&self.source[range.clone()], self.tokens.len());
+        self.tokens.push(Token { text, range, word, close });
+    }
+
+    fn append(&mut self, stream: TokenStream) {
+        for token in stream {
+            let range = token.span().byte_range();
+            // The tokens of a comment for documentation lie upon each other
+            let last = self.tokens.last().map_or(0, |last| last.range.end);
+            if range.start < last {
+                continue;
+            }
+            if let TokenTree::Group(group) = token {
+                let open = self.tokens.len();
+                self.push(group.span_open().byte_range(), false);
+                self.append(group.stream());
+                self.tokens[open].close = self.tokens.len();
+                self.push(group.span_close().byte_range(), false);
+            } else {
+                self.push(range, matches!(token, TokenTree::Ident(_)));
+            }
+        }
+    }
+}
+
+/// The words that Rust keeps for itself.
+const KEYWORDS: &str = "_ abstract as async await become box break const \
+    continue crate do dyn else enum extern false final fn for if impl in \
+    let loop macro match mod move mut override priv pub ref return Self \
+    self static struct super trait true try type typeof unsafe unsized \
+    use virtual where while yield";
+
+/// Whether a word is reserved.
+pub fn is_keyword(word: &str) -> bool {
+    KEYWORDS.split(' ').any(|keyword| keyword == word)
+}
 // Define the items of a program
-/// The number of an item in the table of items.
-pub type Id = usize;
-
 /// What sort of thing an item is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
@@ -35,407 +102,456 @@ pub enum Kind {
     Variant,
     /// A macro by example.
     Macro,
-    /// A function, a constant, or one that belongs to a type or a trait.
-    Value,
+    /// A constant, or a variable that lives as long as the program.
+    Constant,
+    /// A function, be it alone or of a type or a trait.
+    Function,
 }
 
-/// What a name or a path leads to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Found {
-    /// An item of the program.
-    Item(Id),
-    /// Something else, or one of several things.
-    Foreign,
+/// What a path stands for.
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Meaning {
+    Item(Kind),
+    /// Another path, in a module.
+    Import(String, Vec<String>),
+    /// Several things.
+    Many,
 }
 
-/// An item, and what is declared inside it.
-pub struct Item {
-    /// Its name, or what its crate is called.
-    pub name: String,
-    /// What it is.
-    pub kind: Kind,
-    /// What it is declared in; none for the root of a crate.
-    pub parent: Option<Id>,
-    /// The file and the bytes at which its name is declared.
-    pub site: Option<(usize, Range<usize>)>,
-    members: HashMap<String, Found>,
-    /// Imported names and the paths that they stand for.
-    imports: Vec<(String, Vec<String>)>,
-}
-// Build the tree of items
-/// A parsed file: its path from the root of the project, and its syntax.
-pub struct File {
+/// An item: its path from the root of its crate, and its kind.
+pub type Item<'n> = (&'n str, Kind);
+
+/// A token of a program: the numbers of its file and in its file.
+pub type Spot = (usize, usize);
+
+/// A file: its path from the root of the project, and its tokens.
+pub struct File<'s> {
     /// The path.
     pub path: String,
-    /// What was parsed.
-    pub syntax: syn::File,
+    /// All its tokens.
+    pub tokens: Vec<Token<'s>>,
+}
+
+/// What surrounds the tokens of an item.
+#[derive(Clone, Default)]
+pub struct Place<'a> {
+    /// The number of the file.
+    pub file: usize,
+    /// The path of the module.
+    pub module: String,
+    /// The path of what `Self` stands for.
+    pub this: Option<String>,
+    /// The path of the trait that is implemented.
+    pub of_trait: Option<String>,
+    /// The parameters of an implementation around the item.
+    pub parameters: Vec<&'a str>,
+    /// The directory with the files of the module's own modules.
+    dir: String,
+    /// The path of what declares the item; none for a trait's member.
+    owner: Option<String>,
 }
 
 /// All items of a program.
 pub struct Names<'a> {
-    /// The table of items.
-    pub items: Vec<Item>,
-    /// The module that each file is.
-    pub modules: HashMap<usize, Id>,
-    files: &'a [File],
-    libraries: HashMap<String, Found>,
-    /// The module and the file of each implementation.
-    implementations: Vec<(Id, usize, &'a syn::ItemImpl)>,
+    /// The files that were read.
+    pub files: &'a [File<'a>],
+    /// The path of the module that each file is.
+    pub modules: HashMap<usize, String>,
+    /// Where items are declared.
+    pub sites: Vec<(Spot, String, Kind)>,
+    /// The tokens in which items may be used.
+    pub bodies: Vec<(Place<'a>, Range<usize>)>,
+    meanings: HashMap<String, Meaning>,
+    /// The beginnings of implementations.
+    implementations: Vec<(Place<'a>, usize)>,
 }
-
+// Read the crates of a program
 impl<'a> Names<'a> {
     /// The items of some files; `library` tells for the path of the root
     /// of a library what others call the crate.
     pub fn new(
-        files: &'a [File],
+        files: &'a [File<'a>],
         library: impl Fn(&str) -> Option<String>,
     ) -> Self {
         let mut names = Self {
-            items: Vec::new(),
-            modules: HashMap::new(),
             files,
-            libraries: HashMap::new(),
+            modules: HashMap::new(),
+            sites: Vec::new(),
+            bodies: Vec::new(),
+            meanings: HashMap::new(),
             implementations: Vec::new(),
         };
         // Take roots of crates first, then stray files
-        let numbers = 0..files.len();
-        let (roots, strays): (Vec<_>, Vec<_>) =
-            numbers.partition(|number| is_root(&files[*number].path));
-        for number in roots.into_iter().chain(strays) {
+        let mut numbers: Vec<usize> = (0..files.len()).collect();
+        let roots = ["lib.rs", "main.rs"];
+        let is_root = |path: &str| roots.iter().any(|r| path.ends_with(r));
+        numbers.sort_by_key(|number| !is_root(&files[*number].path));
+        for number in numbers {
             if !names.modules.contains_key(&number) {
                 names.read_crate(number, library(&files[number].path));
             }
         }
-        names.implement();
+        for (place, at) in std::mem::take(&mut names.implementations) {
+            names.implement(place, at);
+        }
         names
     }
 
     /// Reads the root of a crate and what is below it.
     fn read_crate(&mut self, number: usize, library: Option<String>) {
         let path = &self.files[number].path;
-        let name = path.trim_end_matches(".rs").to_string();
-        let name = library.clone().unwrap_or(name);
-        let root = self.add(name, Kind::Module, None);
-        let found = library.map(|name| (name, Found::Item(root)));
-        self.libraries.extend(found);
+        let found =
+            library.clone().map(|n| (n, Meaning::Item(Kind::Module)));
+        self.meanings.extend(found);
+        let stem = path.trim_end_matches(".rs").to_string();
         let (dir, _) = path.rsplit_once('/').unwrap_or_default();
-        self.read_file(number, root, dir);
+        self.read_file(number, library.unwrap_or(stem), dir);
     }
 
-    fn add(&mut self, name: String, kind: Kind, parent: Option<Id>) -> Id {
-        let (members, imports) = Default::default();
-        let site = None;
-        let item = Item { name, kind, parent, site, members, imports };
-        self.items.push(item);
-        self.items.len() - 1
-    }
-
-    /// `dir` is where the files of the module's own modules lie.
-    fn read_file(&mut self, number: usize, module: Id, dir: &str) {
-        self.modules.insert(number, module);
-        let files = self.files;
-        self.collect(module, &files[number].syntax.items, number, dir);
+    fn read_file(&mut self, file: usize, module: String, dir: &str) {
+        self.modules.insert(file, module.clone());
+        let (owner, dir) = (Some(module.clone()), dir.to_string());
+        let place = Place { file, module, owner, dir, ..Place::default() };
+        self.read_items(&place, 2..self.files[file].tokens.len() - 2);
     }
 }
-
-/// Whether cargo compiles a file as the root of a crate.
-fn is_root(path: &str) -> bool {
-    let mut names = path.rsplit('/');
-    matches!(names.next(), Some("lib.rs" | "main.rs"))
-        || matches!(
-            names.next(),
-            Some("bin" | "tests" | "examples" | "benches")
-        )
-}
-// Collect what is declared
-/// The name that an item declares, and its kind.
-pub fn declaration(item: &syn::Item) -> Option<(&Ident, Kind)> {
-    Some(match item {
-        syn::Item::Fn(f) => (&f.sig.ident, Kind::Value),
-        syn::Item::Const(c) if c.ident != "_" => (&c.ident, Kind::Value),
-        syn::Item::Static(s) => (&s.ident, Kind::Value),
-        syn::Item::Macro(m) => (m.ident.as_ref()?, Kind::Macro),
-        syn::Item::Mod(m) => (&m.ident, Kind::Module),
-        // Declare a type or a trait
-        syn::Item::Struct(s) => (&s.ident, Kind::Type),
-        syn::Item::Enum(e) => (&e.ident, Kind::Type),
-        syn::Item::Union(u) => (&u.ident, Kind::Type),
-        syn::Item::Type(t) => (&t.ident, Kind::Type),
-        syn::Item::Trait(t) => (&t.ident, Kind::Type),
+// Read the items of a module
+/// The kind and the name of the item that the token `at` begins.
+pub fn declaration(tokens: &[Token], at: usize) -> Option<(Kind, usize)> {
+    let (kind, name) = match tokens[at].text {
+        "mod" => (Kind::Module, at + 1),
+        "struct" | "enum" | "union" | "trait" | "type" => {
+            (Kind::Type, at + 1)
+        }
+        "const" | "static" => (Kind::Constant, at + 1),
+        "fn" => (Kind::Function, at + 1),
+        "macro_rules" => (Kind::Macro, at + 2),
         _ => return None,
-    })
+    };
+    let named = tokens[name].word && !is_keyword(tokens[name].text);
+    // What stands behind an apostrophe is a lifetime
+    (named && tokens[at - 1].text != "'").then_some((kind, name))
+}
+
+/// The token that ends an item: a brace behind its body, or a semicolon.
+fn end_of(tokens: &[Token], start: usize) -> usize {
+    let braces =
+        !matches!(tokens[start].text, "use" | "const" | "static" | "type");
+    let mut at = start;
+    loop {
+        let close = tokens[at].close;
+        match tokens[at].text {
+            "{" if braces => return close,
+            ";" | "" => return at,
+            _ => at = close + 1,
+        }
+    }
+}
+
+/// The tokens between the braces that end with the token `end`.
+fn inside(tokens: &[Token], start: usize, end: usize) -> Range<usize> {
+    let is_open = |at: &usize| tokens[*at].close == end;
+    let open = (start..end).find(is_open).unwrap_or(end - 1);
+    open + 1..end
 }
 
 impl<'a> Names<'a> {
-    fn collect(
-        &mut self,
-        scope: Id,
-        items: &'a [syn::Item],
-        file: usize,
-        dir: &str,
-    ) {
-        for item in items {
-            if let syn::Item::Use(item) = item {
-                for Import { path, name } in imports(item) {
-                    let path = path.iter().map(|ident| ident.to_string());
-                    let path = path.collect();
-                    let import = name.map(|name| (name.to_string(), path));
-                    self.items[scope].imports.extend(import);
+    fn read_items(&mut self, place: &Place<'a>, range: Range<usize>) {
+        let tokens = &self.files[place.file].tokens;
+        let mut at = range.start;
+        while at < range.end {
+            let end = match tokens[at].text {
+                "use" => self.import(place, at),
+                "impl" => {
+                    self.implementations.push((place.clone(), at));
+                    end_of(tokens, at)
                 }
-            } else if let syn::Item::Impl(item) = item {
-                self.implementations.push((scope, file, item));
-            } else if let Some((ident, kind)) = declaration(item) {
-                let id = self.declare((scope, file), ident, kind);
-                self.collect_inside((id, file), item, dir);
-            }
+                _ => match declaration(tokens, at) {
+                    Some(found) => self.read_item(place, at, found),
+                    None => tokens[at].close,
+                },
+            };
+            at = end + 1;
         }
     }
 
-    /// Declares a name in a scope; a second meaning makes it foreign.
+    /// Reads the item at a token, and says where it ends.
+    fn read_item(
+        &mut self,
+        place: &Place<'a>,
+        at: usize,
+        (kind, name): (Kind, usize),
+    ) -> usize {
+        let tokens = &self.files[place.file].tokens;
+        let end = end_of(tokens, at);
+        let body = inside(tokens, at, end);
+        let path = self.declare(place, kind, name);
+        match (tokens[at].text, path) {
+            // Read what a module holds
+            ("mod", Some(path)) => {
+                let dir = format!("{}/{}", place.dir, tokens[name].text);
+                if tokens[end].text == ";" {
+                    self.read_module(path, dir);
+                    return end;
+                }
+                let (module, owner) = (path.clone(), Some(path));
+                let inner = Place { module, owner, dir, ..place.clone() };
+                self.read_items(&inner, body);
+            }
+            // Read what a trait or an enumeration holds
+            ("trait", path) => {
+                self.bodies.push((place.clone(), name + 1..body.start));
+                let (parameters, _) = parameters(tokens, name + 1);
+                let inner =
+                    Place { owner: path, parameters, ..place.clone() };
+                self.read_items(&inner, body);
+            }
+            ("enum", Some(path)) => {
+                self.bodies.push((place.clone(), name + 1..end));
+                let inner = Place { owner: Some(path), ..place.clone() };
+                self.read_variants(&inner, body);
+            }
+            ("macro_rules", _) => {}
+            _ => self.bodies.push((place.clone(), name + 1..end)),
+        }
+        end
+    }
+
+    /// Declares a name; with a second meaning it has none.
     fn declare(
         &mut self,
-        (scope, file): (Id, usize),
-        ident: &Ident,
+        place: &Place,
         kind: Kind,
-    ) -> Id {
-        let name = ident.to_string();
-        let id = self.add(name.clone(), kind, Some(scope));
-        self.items[id].site = Some((file, ident.span().byte_range()));
-        let member = self.items[scope].members.entry(name);
-        let member = member.and_modify(|old| *old = Found::Foreign);
-        member.or_insert(Found::Item(id));
-        id
+        name: usize,
+    ) -> Option<String> {
+        let owner = place.owner.as_ref()?;
+        let token = &self.files[place.file].tokens[name];
+        let path = format!("{owner}::{}", token.text);
+        self.mean(path.clone(), Meaning::Item(kind));
+        self.sites.push(((place.file, name), path.clone(), kind));
+        Some(path)
     }
 
-    fn collect_inside(
-        &mut self,
-        place: (Id, usize),
-        item: &'a syn::Item,
-        dir: &str,
-    ) {
-        match item {
-            syn::Item::Mod(item) => {
-                let dir = format!("{dir}/{}", item.ident);
-                match &item.content {
-                    Some((_, items)) => {
-                        self.collect(place.0, items, place.1, &dir);
-                    }
-                    None => self.read_module(place.0, item, &dir),
-                }
-            }
-            syn::Item::Enum(item) => {
-                for variant in &item.variants {
-                    self.declare(place, &variant.ident, Kind::Variant);
-                }
-            }
-            syn::Item::Trait(item) => {
-                for member in &item.items {
-                    if let TraitItem::Fn(f) = member {
-                        self.declare(place, &f.sig.ident, Kind::Value);
-                    }
-                }
-            }
-            _ => {}
-        }
+    fn mean(&mut self, path: String, meaning: Meaning) {
+        let entry = self.meanings.entry(path);
+        entry.and_modify(|old| *old = Meaning::Many).or_insert(meaning);
     }
 
-    /// Reads the file of a module; without one the module is foreign.
-    fn read_module(&mut self, id: Id, item: &syn::ItemMod, dir: &str) {
+    /// Reads the file of a module; without one the module is not ours.
+    fn read_module(&mut self, path: String, dir: String) {
         let dir = dir.trim_start_matches('/');
         let paths = [format!("{dir}.rs"), format!("{dir}/mod.rs")];
         let number =
             self.files.iter().position(|f| paths.contains(&f.path));
-        let moved = item.attrs.iter().any(|a| a.path().is_ident("path"));
-        let fresh = |n: &usize| !moved && !self.modules.contains_key(n);
-        if let Some(number) = number.filter(fresh) {
-            self.read_file(number, id, dir);
-        } else if let Some(parent) = self.items[id].parent {
-            let members = &mut self.items[parent].members;
-            members.insert(item.ident.to_string(), Found::Foreign);
+        match number.filter(|n| !self.modules.contains_key(n)) {
+            Some(number) => self.read_file(number, path, dir),
+            None => self.mean(path, Meaning::Many),
+        }
+    }
+
+    fn read_variants(&mut self, place: &Place<'a>, range: Range<usize>) {
+        let tokens = &self.files[place.file].tokens;
+        let mut at = range.start;
+        while at < range.end {
+            let before = tokens[at - 1].text;
+            let first = matches!(before, "{" | "," | "]")
+                || before.starts_with("//");
+            if first && tokens[at].word {
+                self.declare(place, Kind::Variant, at);
+            }
+            at = tokens[at].close + 1;
         }
     }
 }
 // Take an import apart
-/// What an import brings in.
-pub struct Import<'a> {
-    /// Its path; empty for one that certainly begins in another crate.
-    pub path: Vec<&'a Ident>,
-    /// The name that it gets; none for a star.
-    pub name: Option<&'a Ident>,
-}
+/// The tokens of an imported path, and of the name that it gets.
+pub type Import = (Vec<usize>, usize);
 
-/// All that a `use` brings in.
-pub fn imports(item: &syn::ItemUse) -> Vec<Import<'_>> {
-    let mut imports = Vec::new();
-    flatten(&item.tree, &[], &mut imports);
-    if item.leading_colon.is_some() {
-        imports.iter_mut().for_each(|import| import.path.clear());
+/// All that the `use` brings in which begins at a token.
+pub fn imports(tokens: &[Token], start: usize) -> Vec<Import> {
+    let (mut imports, mut open) = (Vec::new(), Vec::new());
+    let (mut path, mut name) = (Vec::new(), None);
+    // What begins with `::` is in another crate
+    let end = end_of(tokens, start);
+    let foreign = tokens[start + 1].text == ":";
+    for at in (start + 1..=end).filter(|_| !foreign) {
+        match tokens[at].text {
+            "{" => open.push(path.clone()),
+            "," | "}" | ";" => {
+                let name = name.take();
+                imports.extend(name.map(|name| (path, name)));
+                path = open.last().cloned().unwrap_or_default();
+                if tokens[at].text == "}" {
+                    open.pop();
+                }
+            }
+            "as" => {}
+            // Take up a word of the import
+            // The name `self` means what is before it
+            "self" if !path.is_empty() => name = path.last().copied(),
+            "*" => name = Some(at),
+            _ if tokens[at - 1].text == "as" => name = Some(at),
+            _ if tokens[at].word => {
+                path.push(at);
+                name = Some(at);
+            }
+            _ => {}
+        }
     }
     imports
 }
 
-fn flatten<'a>(
-    tree: &'a UseTree,
-    path: &[&'a Ident],
-    out: &mut Vec<Import<'a>>,
-) {
-    let (ident, name) = match tree {
-        UseTree::Path(step) => {
-            let path = [path, &[&step.ident]].concat();
-            return flatten(&step.tree, &path, out);
+impl<'a> Names<'a> {
+    fn import(&mut self, place: &Place<'a>, at: usize) -> usize {
+        let tokens = &self.files[place.file].tokens;
+        for (path, name) in imports(tokens, at) {
+            let path = path.iter().map(|at| tokens[*at].text.to_string());
+            let module = place.module.clone();
+            let name = format!("{module}::{}", tokens[name].text);
+            self.mean(name, Meaning::Import(module, path.collect()));
         }
-        UseTree::Group(group) => {
-            let trees = group.items.iter();
-            return trees.for_each(|tree| flatten(tree, path, out));
-        }
-        UseTree::Name(leaf) => (&leaf.ident, &leaf.ident),
-        UseTree::Rename(leaf) => (&leaf.ident, &leaf.rename),
-        UseTree::Glob(_) => {
-            return out.push(Import { path: path.to_vec(), name: None });
-        }
-    };
-    // The name `self` means what is before it
-    let mut path = path.to_vec();
-    if ident != "self" {
-        path.push(ident);
+        let end = end_of(tokens, at);
+        self.bodies.push((place.clone(), at..end + 1));
+        end
     }
-    let name =
-        if name == "self" { path.last().copied() } else { Some(name) };
-    out.push(Import { path, name });
 }
 // Attach members to their types
-impl Names<'_> {
-    fn implement(&mut self) {
-        let implementations = std::mem::take(&mut self.implementations);
-        for (scope, file, item) in implementations {
-            if item.trait_.is_none()
-                && let Some(id) = self.self_type(scope, item)
-            {
-                for ident in item.items.iter().filter_map(member) {
-                    self.declare((id, file), ident, Kind::Value);
-                }
+impl<'a> Names<'a> {
+    /// Reads an implementation, all items of modules being known.
+    fn implement(&mut self, mut place: Place<'a>, start: usize) {
+        let tokens = &self.files[place.file].tokens;
+        let end = end_of(tokens, start);
+        let body = inside(tokens, start, end);
+        let (parameters, header) = parameters(tokens, start + 1);
+        let is_for = |at: &usize| {
+            tokens[*at].text == "for" && tokens[at + 1].text != "<"
+        };
+        let behind = (header..body.start).find(is_for);
+        // Find the type that `Self` stands for, and the trait
+        let item = |at| {
+            let path = path_at(tokens, at).into_iter();
+            let path: Vec<_> = path.map(|at| tokens[at].text).collect();
+            let item = self.find(&place, &path);
+            let known = !parameters.contains(&path[0]);
+            let (item, _) = item.filter(|_| known)?;
+            Some(item.to_string())
+        };
+        let this = item(behind.map_or(header, |at| at + 1));
+        let of_trait = behind.and_then(|_| item(header));
+        place.owner = this.clone().filter(|_| behind.is_none());
+        (place.this, place.of_trait) = (this, of_trait);
+        place.parameters = parameters;
+        self.bodies.push((place.clone(), start + 1..body.start));
+        self.read_items(&place, body);
+    }
+}
+
+/// The parameters in angles, of types and of numbers, that may begin at a
+/// token, and the token after them.
+pub fn parameters<'s>(
+    tokens: &[Token<'s>],
+    start: usize,
+) -> (Vec<&'s str>, usize) {
+    let (mut depth, mut names) = (0, Vec::new());
+    let angle = tokens[start].text == "<";
+    for at in (start..tokens.len()).filter(|_| angle) {
+        let before = tokens[at - 1].text;
+        match tokens[at].text {
+            "<" => depth += 1,
+            // The arrow of a function is no angle
+            ">" if before != "-" => depth -= 1,
+            name if depth == 1 && matches!(before, "<" | "," | "const") => {
+                names.push(name);
             }
+            _ => {}
+        }
+        if depth == 0 {
+            return (names, at + 1);
         }
     }
-
-    /// The type, if it is one of ours, that an `impl` is for.
-    pub fn self_type(&self, scope: Id, item: &syn::ItemImpl) -> Option<Id> {
-        let syn::Type::Path(path) = &*item.self_ty else { return None };
-        let names = segments(&path.path);
-        let mut generics = item.generics.type_params();
-        let generic = generics.any(|param| param.ident == names[0]);
-        if path.qself.is_some() || generic {
-            return None;
-        }
-        self.path((scope, None), &names)
-    }
+    (names, start)
 }
 
-/// The name of a function or a constant in an `impl`.
-pub fn member(member: &ImplItem) -> Option<&Ident> {
-    match member {
-        ImplItem::Fn(f) => Some(&f.sig.ident),
-        ImplItem::Const(c) => Some(&c.ident),
-        _ => None,
+/// The words of the path that begins at a token.
+pub fn path_at(tokens: &[Token], mut at: usize) -> Vec<usize> {
+    let mut words = vec![at];
+    while colons(tokens, at + 1) && tokens[at + 3].word {
+        at += 3;
+        words.push(at);
     }
+    words
 }
 
-/// The names in a path; an empty one for `::` at its beginning.
-pub fn segments(path: &syn::Path) -> Vec<String> {
-    let root = path.leading_colon.map(|_| String::new());
-    let names = path.segments.iter().map(|s| s.ident.to_string());
-    root.into_iter().chain(names).collect()
+/// Whether two colons stand at a token.
+pub fn colons(tokens: &[Token], at: usize) -> bool {
+    tokens[at].text == ":" && tokens[at + 1].text == ":"
 }
 // Find what a path means
-/// The imports that are being followed, lest we go in a circle.
-type Trail = Vec<(Id, String)>;
+/// How many imports may lead on to imports.
+const PATIENCE: usize = 8;
 
 impl Names<'_> {
-    /// The item that a path means in a module, where `Self` is `this`.
-    pub fn path(
-        &self,
-        (module, this): (Id, Option<Id>),
-        path: &[String],
-    ) -> Option<Id> {
-        let found = match &path[0][..] {
-            "Self" => self.beyond(this?, &path[1..], &mut Trail::new()),
-            _ => self.follow(module, path, &mut Trail::new()),
-        };
-        match found? {
-            Found::Item(id) => Some(id),
-            Found::Foreign => None,
-        }
-    }
-
-    /// What a path means in a module, from its first name on.
-    fn follow(
-        &self,
-        module: Id,
-        path: &[String],
-        trail: &mut Trail,
-    ) -> Option<Found> {
-        let (first, rest) = path.split_first()?;
-        let start = match &first[..] {
-            "crate" => Found::Item(self.root_of(module)),
-            "self" => Found::Item(module),
-            "super" => Found::Item(self.items[module].parent?),
-            name => {
-                let found = self.inside(module, name, trail);
-                found.or_else(|| self.libraries.get(name).copied())?
+    /// The item that a path means in a place.
+    pub fn find(&self, place: &Place, path: &[&str]) -> Option<Item<'_>> {
+        match path {
+            ["Self", rest @ ..] => {
+                self.follow(join(place.this.as_deref()?, rest))
             }
-        };
-        match start {
-            Found::Item(id) => self.beyond(id, rest, trail),
-            Found::Foreign => Some(start),
+            _ => self.follow(self.absolute(&place.module, path)?),
         }
     }
 
-    fn root_of(&self, id: Id) -> Id {
-        self.items[id].parent.map_or(id, |parent| self.root_of(parent))
+    /// The member of a trait that an implementation defines.
+    pub fn member(&self, place: &Place, name: &str) -> Option<Item<'_>> {
+        self.follow(join(place.of_trait.as_deref()?, &[name]))
     }
 
-    /// What the rest of a path means, its beginning being an item.
-    fn beyond(
-        &self,
-        id: Id,
-        rest: &[String],
-        trail: &mut Trail,
-    ) -> Option<Found> {
-        let Some((name, rest)) = rest.split_first() else {
-            return Some(Found::Item(id));
-        };
-        let next = match &name[..] {
-            "super" => Found::Item(self.items[id].parent?),
-            name => self.inside(id, name, trail)?,
-        };
-        match next {
-            Found::Item(id) => self.beyond(id, rest, trail),
-            Found::Foreign => Some(next),
+    /// A path of a module, from the root of a crate on.
+    fn absolute(&self, module: &str, path: &[&str]) -> Option<String> {
+        let (mut scope, mut rest) = (module, path);
+        while let [first @ ("crate" | "self" | "super"), more @ ..] = rest {
+            rest = more;
+            scope = match *first {
+                "crate" => scope.split("::").next()?,
+                "super" => scope.rsplit_once("::")?.0,
+                _ => scope,
+            };
+        }
+        let inner = join(module, path.get(..1)?);
+        let ours =
+            rest.len() < path.len() || self.meanings.contains_key(&inner);
+        let library = self.meanings.contains_key(path[0]);
+        match ours {
+            true => Some(join(scope, rest)),
+            false => library.then(|| path.join("::")),
         }
     }
 
-    /// What a name means inside an item: what is declared there, or where
-    /// its imports lead.
-    fn inside(
-        &self,
-        id: Id,
-        name: &str,
-        trail: &mut Trail,
-    ) -> Option<Found> {
-        let step = (id, name.to_string());
-        let declared = self.items[id].members.get(name);
-        if declared.is_some() || trail.contains(&step) {
-            return declared.copied();
+    /// The item that a path from the root of a crate leads to.
+    fn follow(&self, mut path: String) -> Option<Item<'_>> {
+        for _ in 0..PATIENCE {
+            let ends = path.match_indices("::").map(|(end, _)| end);
+            let mut ends = ends.chain([path.len()]).skip(1);
+            // Find the first name that is no item of ours
+            let is_item = |end: &usize| {
+                let meaning = self.meanings.get(&path[..*end]);
+                matches!(meaning, Some(Meaning::Item(_)))
+            };
+            let end = ends.find(|end| !is_item(end)).unwrap_or(path.len());
+            path = match self.meanings.get_key_value(&path[..end])? {
+                (path, Meaning::Item(kind)) => return Some((path, *kind)),
+                (_, Meaning::Import(module, to)) => {
+                    let to: Vec<_> =
+                        to.iter().map(|name| &name[..]).collect();
+                    self.absolute(module, &to)? + &path[end..]
+                }
+                (_, Meaning::Many) => return None,
+            };
         }
-        trail.push(step);
-        let imports = self.items[id].imports.iter();
-        let imports = imports.filter(|(import, _)| import == name);
-        let mut found = imports.map(|(_, path)| {
-            self.follow(id, path, trail).unwrap_or(Found::Foreign)
-        });
-        let first = found.next();
-        let same = found.all(|other| Some(other) == first);
-        trail.pop();
-        if same { first } else { Some(Found::Foreign) }
+        None
     }
+}
+
+fn join(scope: &str, path: &[&str]) -> String {
+    [&[scope], path].concat().join("::")
 }

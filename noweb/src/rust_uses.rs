@@ -7,306 +7,165 @@
 // any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-//! The uses of a program's items in one of its files.
+//! The uses of a program's items.
 //!
-//! A name that anything in the same function declares, be it a variable,
-//! a parameter or an inner item, is left alone in all of that function.
-//! So the walk need not know where scopes begin and end.
+//! A name that anything in the same item may declare, be it a variable, a
+//! parameter or a function inside the function, is left alone in all of
+//! the item. So we need not know where scopes begin and end.
 
 use std::collections::HashSet;
 use std::ops::Range;
 
-use proc_macro2::{Ident, TokenStream, TokenTree};
-use syn::parse::{ParseStream, Parser};
-use syn::visit::{self, Visit};
-use syn::{Expr, Pat, Token};
-
 use crate::rust_names::{
-    Id, Import, Kind, Names, declaration, imports, member, segments,
+    Item, Kind, Names, Place, Spot, Token, colons, declaration, imports,
+    is_keyword, parameters, path_at,
 };
 
-// Find what something near has taken
-/// Names that are declared near a place, within the same function.
-#[derive(Clone, Default)]
-struct Taken {
-    /// Variables, which a path of several names does not mean.
-    variables: HashSet<String>,
-    /// Inner items, imports and parameters of types.
-    names: HashSet<String>,
+// Find what an item declares inside
+/// The names that something inside an item may declare.
+#[derive(Default)]
+struct Taken<'s> {
+    /// Names of items, and of parameters of types.
+    items: HashSet<&'s str>,
+    /// Words that stand alone, as a variable does where it is declared.
+    plain: HashSet<&'s str>,
 }
 
-impl Taken {
-    fn add(&mut self, name: &Ident) {
-        self.names.insert(name.to_string());
-    }
-
-    /// Adds all words, of which a macro may make anything.
-    fn add_words(&mut self, tokens: TokenStream) {
-        for token in tokens {
-            match token {
-                TokenTree::Ident(ident) => self.add(&ident),
-                TokenTree::Group(group) => self.add_words(group.stream()),
-                _ => {}
+/// What an item declares; none if that is hard to tell.
+fn taken<'s>(
+    tokens: &[Token<'s>],
+    place: &Place<'s>,
+    range: Range<usize>,
+) -> Option<Taken<'s>> {
+    let mut taken = Taken::default();
+    taken.items.extend(&place.parameters);
+    taken.items.extend(parameters(tokens, range.start).0);
+    for at in range {
+        let (before, after) = (tokens[at - 1].text, tokens[at + 1].text);
+        // Give up where scopes would matter
+        match tokens[at].text {
+            "use" | "macro_rules" => return None,
+            "impl" | "enum" if matches!(before, ";" | "{" | "}" | "]") => {
+                return None;
             }
+            _ => {}
+        }
+        let declared = declaration(tokens, at).map(|(_, name)| name);
+        taken.items.extend(declared.map(|name| tokens[name].text));
+        let called = matches!(after, "(" | "!") || colons(tokens, at + 1);
+        if is_first(tokens, at) && !called {
+            taken.plain.insert(tokens[at].text);
         }
     }
+    Some(taken)
 }
 
-impl<'a> Visit<'a> for Taken {
-    fn visit_pat_ident(&mut self, pat: &'a syn::PatIdent) {
-        self.variables.insert(pat.ident.to_string());
-        visit::visit_pat_ident(self, pat);
-    }
-
-    fn visit_generic_param(&mut self, param: &'a syn::GenericParam) {
-        match param {
-            syn::GenericParam::Type(t) => self.add(&t.ident),
-            syn::GenericParam::Const(c) => self.add(&c.ident),
-            syn::GenericParam::Lifetime(_) => {}
-        }
-    }
-
-    fn visit_item(&mut self, item: &'a syn::Item) {
-        if let Some((ident, _)) = declaration(item) {
-            self.add(ident);
-        }
-        visit::visit_item(self, item);
-    }
-
-    fn visit_item_use(&mut self, item: &'a syn::ItemUse) {
-        for import in imports(item) {
-            // What a star brings in may be anything
-            let name = import.name.map(Ident::to_string);
-            self.names.insert(name.unwrap_or("*".into()));
-        }
-    }
-
-    fn visit_macro(&mut self, call: &'a syn::Macro) {
-        for expr in arguments(call).unwrap_or_default() {
-            self.visit_expr(&expr);
-        }
-    }
-
-    fn visit_stmt_macro(&mut self, call: &'a syn::StmtMacro) {
-        match arguments(&call.mac) {
-            Some(_) => self.visit_macro(&call.mac),
-            None => self.add_words(call.mac.tokens.clone()),
-        }
-    }
-
-    fn visit_pat(&mut self, pat: &'a Pat) {
-        if let Pat::Macro(call) = pat {
-            self.add_words(call.mac.tokens.clone());
-        }
-        visit::visit_pat(self, pat);
-    }
+/// Whether a token is the first word of a path: no field, no method, no
+/// lifetime, and not behind two colons.
+fn is_first(tokens: &[Token], at: usize) -> bool {
+    let (before, earlier) = (tokens[at - 1].text, tokens[at - 2].text);
+    let field = before == "." && earlier != ".";
+    tokens[at].word && !field && before != "'" && !colons(tokens, at - 2)
 }
-// Walk through a file
-/// A use: the bytes of the name, and the item.
-pub type Use = (Range<usize>, Id);
+// Look for the uses in a program
+/// A use: where the name stands, and the item.
+pub type Use<'n> = (Spot, Item<'n>);
 
-struct Walk<'n> {
+/// All uses in a program.
+pub fn uses<'n>(names: &'n Names) -> Vec<Use<'n>> {
+    let mut uses = Vec::new();
+    for (place, range) in &names.bodies {
+        let tokens = &names.files[place.file].tokens[..];
+        let mut reader = Reader { names, tokens, place, uses: &mut uses };
+        // The members of an implementation lead to the trait
+        let name = range.start - 1;
+        let member = names.member(place, tokens[name].text);
+        reader.uses.extend(member.map(|item| ((place.file, name), item)));
+        if tokens[range.start].text == "use" {
+            for (path, _) in imports(tokens, range.start) {
+                reader.record(&path, |_, _| true);
+            }
+        } else if let Some(taken) = taken(tokens, place, range.clone()) {
+            reader.read(range.clone(), &taken);
+        }
+    }
+    uses
+}
+
+struct Reader<'n, 'u> {
     names: &'n Names<'n>,
-    module: Id,
-    /// What `Self` stands for.
-    this: Option<Id>,
-    taken: Taken,
-    uses: Vec<Use>,
+    tokens: &'n [Token<'n>],
+    place: &'n Place<'n>,
+    uses: &'u mut Vec<Use<'n>>,
 }
 
-/// All uses in a file that is this module.
-pub fn uses(names: &Names, module: Id, syntax: &syn::File) -> Vec<Use> {
-    let taken = Taken::default();
-    let mut walk =
-        Walk { names, module, this: None, taken, uses: Vec::new() };
-    walk.visit_file(syntax);
-    walk.uses
-}
-
-/// Whether a word is reserved.
-pub fn is_keyword(word: &Ident) -> bool {
-    syn::parse2::<Ident>(TokenTree::from(word.clone()).into()).is_err()
-}
-// Record what a path means
-/// What may stand before a double colon, as a type, and as a value.
-const BEGINNING: &[Kind] = &[Kind::Module, Kind::Type];
-const TYPE: &[Kind] = &[Kind::Type, Kind::Variant];
-const VALUE: &[Kind] = &[Kind::Type, Kind::Variant, Kind::Value];
-
-impl Walk<'_> {
-    /// Records a name if the path that ends with it means such an item,
-    /// and nothing near has taken the first name.
-    fn record(&mut self, ident: &Ident, path: &[String], kinds: &[Kind]) {
-        let Taken { names, variables } = &self.taken;
-        let alone = path.len() == 1 && kinds != BEGINNING;
-        let taken = names.contains(&path[0])
-            || names.contains("*")
-            || alone && variables.contains(&path[0]);
-        if taken || is_keyword(ident) {
-            return;
-        }
-        let found = self.names.path((self.module, self.this), path);
-        let fits = |id: &Id| kinds.contains(&self.names.items[*id].kind);
-        if let Some(id) = found.filter(fits) {
-            self.uses.push((ident.span().byte_range(), id));
-        }
-    }
-
-    fn record_path(&mut self, path: &syn::Path, kinds: &[Kind]) {
-        let names = segments(path);
-        let first = names.len() - path.segments.len() + 1;
-        for (segment, end) in path.segments.iter().zip(first..) {
-            let last = end == names.len();
-            let kinds = if last { kinds } else { BEGINNING };
-            self.record(&segment.ident, &names[..end], kinds);
-        }
-    }
-
-    /// `<Type as Trait>::name` is the trait's; `<Type>::name` we leave.
-    fn visit_qualified(
+impl Reader<'_, '_> {
+    /// Records what each beginning of a path means, if its kind fits; the
+    /// whole path is the last of them.
+    fn record(
         &mut self,
-        qself: &Option<syn::QSelf>,
-        path: &syn::Path,
-        kinds: &[Kind],
+        path: &[usize],
+        fits: impl Fn(Kind, bool) -> bool,
     ) {
-        if let Some(qself) = qself {
-            self.visit_qself(qself);
-        }
-        if qself.as_ref().is_none_or(|qself| qself.position > 0) {
-            self.record_path(path, kinds);
-        }
-        visit::visit_path(self, path);
-    }
-
-    /// Visits something in which more names are taken.
-    fn within(&mut self, taken: Taken, visit: impl FnOnce(&mut Self)) {
-        let outer = self.taken.clone();
-        self.taken.variables.extend(taken.variables);
-        self.taken.names.extend(taken.names);
-        visit(self);
-        self.taken = outer;
-    }
-}
-
-impl<'a> Visit<'a> for Walk<'_> {
-    fn visit_attribute(&mut self, _: &'a syn::Attribute) {}
-
-    fn visit_visibility(&mut self, _: &'a syn::Visibility) {}
-
-    // Visit items
-    fn visit_item(&mut self, item: &'a syn::Item) {
-        let mut taken = Taken::default();
-        match item {
-            syn::Item::Impl(item) => taken.visit_generics(&item.generics),
-            syn::Item::Trait(item) => taken.visit_generics(&item.generics),
-            syn::Item::Mod(_) | syn::Item::Use(_) => {}
-            item => visit::visit_item(&mut taken, item),
-        }
-        self.within(taken, |walk| visit::visit_item(walk, item));
-    }
-
-    fn visit_impl_item(&mut self, item: &'a syn::ImplItem) {
-        let mut taken = Taken::default();
-        visit::visit_impl_item(&mut taken, item);
-        self.within(taken, |walk| visit::visit_impl_item(walk, item));
-    }
-
-    fn visit_trait_item(&mut self, item: &'a syn::TraitItem) {
-        let mut taken = Taken::default();
-        visit::visit_trait_item(&mut taken, item);
-        self.within(taken, |walk| visit::visit_trait_item(walk, item));
-    }
-
-    fn visit_item_mod(&mut self, item: &'a syn::ItemMod) {
-        let name = item.ident.to_string();
-        let near = self.taken.names.contains(&name);
-        let found = self.names.path((self.module, None), &[name]);
-        if let Some(id) = found.filter(|_| !near) {
-            let outer = std::mem::replace(&mut self.module, id);
-            visit::visit_item_mod(self, item);
-            self.module = outer;
+        let names = path.iter().map(|at| self.tokens[*at].text);
+        let names: Vec<_> = names.collect();
+        for (at, end) in path.iter().zip(1..) {
+            let item = self.names.find(self.place, &names[..end]);
+            let item = item.filter(|(_, k)| fits(*k, end == path.len()));
+            let spot = (self.place.file, *at);
+            self.uses.extend(item.map(|item| (spot, item)));
         }
     }
 
-    fn visit_item_use(&mut self, item: &'a syn::ItemUse) {
-        let all = [BEGINNING, VALUE, &[Kind::Macro]].concat();
-        for Import { path, .. } in imports(item) {
-            let names = path.iter().map(|ident| ident.to_string());
-            let names: Vec<String> = names.collect();
-            for (ident, end) in path.iter().zip(1..) {
-                self.record(ident, &names[..end], &all);
-            }
+    fn read(&mut self, range: Range<usize>, taken: &Taken) {
+        let mut at = range.start;
+        while at < range.end {
+            let attribute = self.tokens[at - 1].text == "#";
+            at = match is_first(self.tokens, at) {
+                true => self.read_path(at, taken),
+                false if attribute => self.tokens[at].close + 1,
+                false => at + 1,
+            };
         }
     }
 
-    fn visit_item_impl(&mut self, item: &'a syn::ItemImpl) {
-        let this = self.names.self_type(self.module, item);
-        let name = |id: &Id| &self.names.items[*id].name;
-        let this = this.filter(|id| !self.taken.names.contains(name(id)));
-        let outer = std::mem::replace(&mut self.this, this);
-        if let Some((_, path, _)) = &item.trait_ {
-            // Lead the members to those of the trait
-            for ident in item.items.iter().filter_map(member) {
-                let mut names = segments(path);
-                names.push(ident.to_string());
-                self.record(ident, &names, VALUE);
-            }
+    /// Reads the path that begins at a token; says where to go on.
+    fn read_path(&mut self, start: usize, taken: &Taken) -> usize {
+        let tokens = self.tokens;
+        let (path, name) = (path_at(tokens, start), tokens[start].text);
+        let alone = path.len() == 1;
+        let next = start + 3 * path.len() - 2;
+        let (after, then) = (tokens[next].text, tokens[next + 1].text);
+        let call = after == "!" && then != "=" && !is_keyword(name);
+        // See whether the word is declared here
+        let declares = match after {
+            ":" => alone && then != ":",
+            "=" if matches!(then, "=" | ">") => false,
+            "=" => alone && tokens[start - 1].text != ":",
+            _ => declaration(tokens, start - 1).is_some(),
+        };
+        if !declares && !taken.items.contains(name) {
+            // Record the items that fit
+            self.record(&path, |kind, last| match kind {
+                Kind::Macro => call,
+                Kind::Module => !last,
+                Kind::Function if alone => {
+                    let called = after == "(" || after == ":";
+                    called && !taken.plain.contains(name)
+                }
+                Kind::Type => !call,
+                _ => last && !call,
+            });
         }
-        visit::visit_item_impl(self, item);
-        self.this = outer;
-    }
-
-    // Visit paths
-    fn visit_path(&mut self, path: &'a syn::Path) {
-        self.visit_qualified(&None, path, TYPE);
-    }
-
-    fn visit_type_path(&mut self, ty: &'a syn::TypePath) {
-        self.visit_qualified(&ty.qself, &ty.path, TYPE);
-    }
-
-    fn visit_expr_path(&mut self, expr: &'a syn::ExprPath) {
-        self.visit_qualified(&expr.qself, &expr.path, VALUE);
-    }
-
-    fn visit_pat_tuple_struct(&mut self, pat: &'a syn::PatTupleStruct) {
-        self.visit_qualified(&pat.qself, &pat.path, VALUE);
-        pat.elems.iter().for_each(|pat| self.visit_pat(pat));
-    }
-
-    fn visit_macro(&mut self, call: &'a syn::Macro) {
-        self.record_path(&call.path, &[Kind::Macro]);
-        for expr in arguments(call).unwrap_or_default() {
-            self.visit_expr(&expr);
+        match call && !CALLS.split(' ').any(|known| known == name) {
+            true => tokens[next + 1].close + 1,
+            false => next,
         }
     }
 }
-// Read the arguments of known macros
+
 /// The macros of the standard library whose arguments are expressions.
 const CALLS: &str = "assert assert_eq assert_ne dbg debug_assert \
     debug_assert_eq debug_assert_ne eprint eprintln format format_args \
-    panic print println todo unimplemented unreachable vec write writeln";
-
-/// The arguments of a known macro.
-fn arguments(call: &syn::Macro) -> Option<Vec<Expr>> {
-    let name = call.path.get_ident()?.to_string();
-    let known = CALLS.split(' ').any(|known| known == name);
-    known.then(|| list.parse2(call.tokens.clone()).ok())?
-}
-
-/// Expressions between commas or semicolons; of `name = value`, the value.
-fn list(input: ParseStream) -> syn::Result<Vec<Expr>> {
-    let mut list = Vec::new();
-    while !input.is_empty() {
-        list.push(match input.parse()? {
-            Expr::Assign(named) => *named.right,
-            expr => expr,
-        });
-        if input.parse::<Option<Token![;]>>()?.is_none()
-            && !input.is_empty()
-        {
-            input.parse::<Token![,]>()?;
-        }
-    }
-    Ok(list)
-}
+    matches panic print println todo unimplemented unreachable vec write \
+    writeln";

@@ -28,23 +28,20 @@ use crate::totex::{self, Memory, Options};
 /// The lines of the stream that come from one source file.
 struct Part<'a> {
     source: &'a [u8],
-    lines: Vec<&'a [u8]>,
+    lines: &'a [&'a [u8]],
 }
 
-fn cut<'a>(lines: &[&'a [u8]]) -> Vec<Part<'a>> {
-    let mut pieces: Vec<Part> = Vec::new();
-    let mut lines_so_far = Vec::new();
-    for line in lines {
-        if let Some(source) = line.strip_prefix(b"@file ") {
-            let lines = std::mem::take(&mut lines_so_far);
-            pieces.push(Part { source, lines });
-        }
-        match pieces.last_mut() {
-            Some(piece) => piece.lines.push(line),
-            None => lines_so_far.push(line),
-        }
-    }
-    pieces
+fn cut<'a>(lines: &'a [&'a [u8]]) -> Vec<Part<'a>> {
+    let mut begun = false;
+    let pieces = lines.chunk_by(|line, next| {
+        begun |= line.starts_with(b"@file ");
+        !begun || !next.starts_with(b"@file ")
+    });
+    let part = |lines: &'a [&'a [u8]]| {
+        let source = lines.iter().find_map(|l| l.strip_prefix(b"@file "));
+        Some(Part { source: source?, lines })
+    };
+    pieces.filter_map(part).collect()
 }
 
 /// The name of a source without its directory and its `.nw`.
@@ -185,22 +182,16 @@ fn write_pages(pages: &[Page], dir: &Path) -> Result<(), String> {
 
 /// `split_scope [-o DIR] [OPTION OF TOTEX]...`, a last stage.
 pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
-    match directory(args) {
-        Some(dir) => stream::filter(streams, |input| {
-            split_into(&dir, input, &Options::read(args))
-        }),
-        None => {
-            let what = "-o needs a directory";
-            Outcome::complaint("split_scope", 2, what).deliver(streams)
-        }
-    }
-}
-
-fn directory(args: &[OsString]) -> Option<PathBuf> {
-    match args.iter().position(|arg| arg == "-o") {
+    let dir = match args.iter().position(|arg| arg == "-o") {
         Some(at) => args.get(at + 1).map(PathBuf::from),
         None => Some(PathBuf::from(".")),
-    }
+    };
+    let Some(dir) = dir else {
+        let what = "-o needs a directory";
+        return Outcome::complaint("split_scope", 2, what).deliver(streams);
+    };
+    let options = Options::read(args);
+    stream::filter(streams, |input| split_into(&dir, input, &options))
 }
 
 fn split_into(dir: &Path, stream: &[u8], options: &Options) -> Outcome {

@@ -18,9 +18,9 @@ use std::ffi::OsString;
 
 use crate::Streams;
 use crate::diagnostic::{Diagnostic, Level, Place, status};
-use crate::filter;
+use crate::filter::{self, Failure, Pipeline};
 use crate::markup::parse_tab;
-use crate::web::{Chunk, Piece, Web, quoted};
+use crate::web::{Piece, Web, quoted};
 
 // Define what a tangled text is
 /// A stretch of tangled text that comes from one place.
@@ -108,11 +108,11 @@ pub(crate) fn indentation(width: usize, tab: usize) -> Vec<u8> {
 /// partial result.
 pub fn tangle(
     web: &Web,
-    roots: &[&[u8]],
+    roots: &[impl AsRef<[u8]>],
     layout: &Layout,
 ) -> Result<Tangled, Vec<Diagnostic>> {
     let mut expander = Expander::new(web, layout);
-    for root in roots {
+    for root in roots.iter().map(AsRef::as_ref) {
         let Some(chunk) = web.find(root) else {
             expander.report_missing_root(root);
             break;
@@ -184,7 +184,8 @@ impl<'a> Expander<'a> {
                 }
                 Some((Piece::Newline, place)) => self.newline(*place),
                 Some((Piece::Use(name), place)) => {
-                    self.use_chunk(name, *place, is_alone(chunk, index));
+                    let alone = self.is_alone(&chunk.pieces[index + 1..]);
+                    self.use_chunk(name, *place, alone);
                 }
                 None => {
                     self.active[frame.chunk] = false;
@@ -276,16 +277,15 @@ impl<'a> Expander<'a> {
         let tab = self.layout.tab;
         frame.column = column_after(name, frame.column + 2, tab) + 2;
         match self.web.find(name) {
-            None => self.report_undefined(name, place, alone),
-            Some(chunk) if self.active[chunk] => {
-                self.report_cycle(chunk, place);
-            }
-            Some(chunk) => {
+            Some(chunk) if !self.active[chunk] => {
                 if alone {
                     self.write_name(name, place);
                 }
                 self.enter(chunk, column, Some(place));
             }
+            _ if !self.reported.insert(place) => (),
+            None => self.report_undefined(name, place, alone),
+            Some(chunk) => self.report_cycle(chunk, place),
         }
     }
 }
@@ -294,9 +294,6 @@ impl<'a> Expander<'a> {
 impl Expander<'_> {
     // Report one way to fail
     fn report_undefined(&mut self, name: &[u8], place: Place, alone: bool) {
-        if !self.reported.insert(place) {
-            return;
-        }
         let mut fault = self.web.undefined_use(name, place);
         if fault.help.is_empty() && !alone && looks_like_code(name) {
             let help = "for the operator itself, write @<<";
@@ -306,9 +303,6 @@ impl Expander<'_> {
     }
 
     fn report_cycle(&mut self, chunk: usize, place: Place) {
-        if !self.reported.insert(place) {
-            return;
-        }
         let web = self.web;
         let from = self.stack.iter().position(|f| f.chunk == chunk);
         let cycle = &self.stack[from.unwrap_or(0)..];
@@ -336,13 +330,10 @@ impl Expander<'_> {
         let text = format!("The root module {name} was not defined.");
         let mut fault = Diagnostic::new(Level::Fatal, None, text);
         if let Some(near) = self.web.nearest(root) {
-            let position = self.web.find(near).and_then(|chunk| {
-                let chunk = &self.web.chunks[chunk];
-                self.web.position(chunk.definitions[0])
-            });
-            let at = position.map_or(String::new(), |p| format!(" at {p}"));
-            let help = format!("there is a chunk {}{at}", quoted(near));
-            fault = fault.with_help(help);
+            let name = quoted(&near.name);
+            let at = self.web.position(near.definitions[0]);
+            let at = at.map_or(String::new(), |at| format!(" at {at}"));
+            fault = fault.with_help(format!("there is a chunk {name}{at}"));
         }
         self.faults.push(fault);
     }
@@ -368,90 +359,70 @@ impl Expander<'_> {
         if column > 0 {
             self.push(b"\n");
         }
-        let directive = self.format_directive(place);
-        self.push(&directive);
+        // Write the directive for this place
+        let format = self.layout.directive.as_deref().unwrap_or(b"");
+        let source = self.web.sources.get(place.file as usize);
+        let name = source.map_or(&b""[..], |source| &source.name);
+        let directive = format_directive(format, name, place.line);
+        self.push(&directive.unwrap_or_default());
         if !heads_chunk {
             self.push(&indentation(column, self.layout.tab));
         }
     }
-
-    fn format_directive(&self, place: Place) -> Vec<u8> {
-        let format = self.layout.directive.as_deref().unwrap_or(b"");
-        let source = self.web.sources.get(place.file as usize);
-        let name = source.map_or(&b""[..], |source| &source.name);
-        let line = i64::from(place.line);
-        let mut out = Vec::new();
-        let mut rest = format;
-        while let [first, after @ ..] = rest {
-            rest = after;
-            if *first != b'%' {
-                out.push(*first);
-                continue;
-            }
-            // Write one conversion of the format
-            if let [sign @ (b'+' | b'-'), digit, b'L', after @ ..] = after {
-                let shift = i64::from(digit.wrapping_sub(b'0'));
-                let shift = if *sign == b'+' { shift } else { -shift };
-                out.extend((line + shift).to_string().bytes());
-                rest = after;
-                continue;
-            }
-            match after {
-                [b'%', ..] => out.push(b'%'),
-                [b'N', ..] => out.push(b'\n'),
-                [b'F', ..] => out.extend(name),
-                [b'L', ..] => out.extend(line.to_string().bytes()),
-                _ => (),
-            }
-            rest = after.get(1..).unwrap_or(b"");
-        }
-        out
-    }
 }
 
-/// What is wrong with the format of a line directive.
-fn check_format(format: &[u8]) -> Option<Diagnostic> {
-    let mut rest = format;
-    while let Some(percent) = rest.iter().position(|b| *b == b'%') {
-        rest = match &rest[percent + 1..] {
-            [b'+' | b'-', b'0'..=b'9', b'L', after @ ..] => after,
-            [b'%' | b'N' | b'F' | b'L', after @ ..] => after,
-            wrong => {
-                // Complain of a bad conversion
-                let bad = wrong.first().map(|b| char::from(*b));
-                let bad = bad.map_or(String::new(), String::from);
-                let format = String::from_utf8_lossy(format);
-                let text =
-                    format!("Bad format sequence ``%{bad}'' in -L{format}");
-                return Some(Diagnostic::new(Level::Error, None, text));
-            }
+/// A line directive, or what follows a percent sign and means nothing.
+fn format_directive(
+    format: &[u8],
+    name: &[u8],
+    line: u32,
+) -> Result<Vec<u8>, String> {
+    let (mut out, mut rest) = (Vec::new(), format);
+    while let [first, after @ ..] = rest {
+        rest = after;
+        if *first != b'%' {
+            out.push(*first);
+            continue;
+        }
+        // Write one conversion of the format
+        let shifted = |sign: i64, digit: &u8| {
+            let shift = i64::from(digit - b'0');
+            (i64::from(line) + sign * shift).to_string().into_bytes()
         };
+        let (text, length) = match after {
+            [b'%', ..] => (b"%".to_vec(), 1),
+            [b'N', ..] => (b"\n".to_vec(), 1),
+            [b'F', ..] => (name.to_vec(), 1),
+            [b'L', ..] => (shifted(1, &b'0'), 1),
+            [b'+', n @ b'0'..=b'9', b'L', ..] => (shifted(1, n), 3),
+            [b'-', n @ b'0'..=b'9', b'L', ..] => (shifted(-1, n), 3),
+            [bad, ..] => return Err(char::from(*bad).into()),
+            [] => return Err(String::new()),
+        };
+        out.extend(text);
+        rest = &after[length..];
     }
-    None
+    Ok(out)
 }
 
 // Write the name of a chunk
-/// Does a use have its line to itself?
-fn is_alone(chunk: &Chunk, index: usize) -> bool {
-    let blank = |(piece, _): &(Piece, Place)| match piece {
-        Piece::Text(text) => text.trim_ascii().is_empty(),
-        Piece::Newline | Piece::Use(_) => false,
-    };
-    let ends = |piece: Option<&(Piece, Place)>| {
-        piece.is_none_or(|(piece, _)| *piece == Piece::Newline)
-    };
-    let (before, after) = chunk.pieces.split_at(index);
-    ends(before.iter().rev().find(|p| !blank(p)))
-        && ends(after[1..].iter().find(|p| !blank(p)))
-}
-
 impl Expander<'_> {
+    /// Does a use have its line to itself, before these pieces?
+    fn is_alone(&self, after: &[(Piece, Place)]) -> bool {
+        let blank = |(piece, _): &&(Piece, Place)| match piece {
+            Piece::Text(text) => text.trim_ascii().is_empty(),
+            Piece::Newline | Piece::Use(_) => false,
+        };
+        let next = after.iter().find(|piece| !blank(piece));
+        let ends = next.is_none_or(|(next, _)| *next == Piece::Newline);
+        let line = &self.tangled.text[self.line_start..];
+        ends && line.trim_ascii().is_empty()
+    }
+
+    // Write the name above its chunk
     fn write_name(&mut self, name: &[u8], place: Place) {
         let Some(comment) = self.layout.comment else { return };
         let blank = self.tangled.text[self.line_start..].to_vec();
-        if !blank.trim_ascii().is_empty() {
-            return;
-        }
         self.mark(place);
         self.push(comment.as_bytes());
         self.push(&spoken_name(name));
@@ -462,23 +433,16 @@ impl Expander<'_> {
 
 /// The name with its quoted code in backquotes.
 fn spoken_name(name: &[u8]) -> Vec<u8> {
-    let mut spoken = Vec::new();
-    let mut rest = name;
+    let (mut spoken, mut rest) = (Vec::new(), name);
     while let [first, after @ ..] = rest {
-        match rest {
-            [b'[', b'[', after @ ..] => {
-                spoken.push(b'`');
-                rest = after;
-            }
-            [b']', b']', after @ ..] if after.first() != Some(&b']') => {
-                spoken.push(b'`');
-                rest = after;
-            }
-            _ => {
-                spoken.push(*first);
-                rest = after;
-            }
-        }
+        let (byte, after) = match rest {
+            [b'[', b'[', after @ ..] => (b'`', after),
+            [b']', b']', b']', ..] => (b']', after),
+            [b']', b']', after @ ..] => (b'`', after),
+            _ => (*first, after),
+        };
+        spoken.push(byte);
+        rest = after;
     }
     spoken
 }
@@ -491,8 +455,7 @@ struct Request {
     layout: Layout,
     /// The tabs of the sources are copied, not expanded.
     keeps_tabs: bool,
-    markup: Option<OsString>,
-    filters: Vec<OsString>,
+    pipeline: Pipeline,
     files: Vec<OsString>,
     faults: Vec<Diagnostic>,
 }
@@ -504,8 +467,12 @@ impl Request {
         let mut args = args.iter();
         while let Some(arg) = args.next() {
             match arg.as_encoded_bytes() {
-                b"-filter" => request.filters.extend(args.next().cloned()),
-                b"-markup" => request.markup = args.next().cloned(),
+                b"-filter" => {
+                    request.pipeline.filters.extend(args.next().cloned());
+                }
+                b"-markup" => {
+                    request.pipeline.markup = args.next().cloned()
+                }
                 b"-t" => (),
                 // Ignore what is meant for another tool
                 b"-ml" | b"-m3" | b"-awk" | b"-icn" | b"-icon" => (),
@@ -530,7 +497,12 @@ impl Request {
                 // Switch line directives on
                 let usual = b"#line %L \"%F\"%N";
                 let format = if format.is_empty() { usual } else { format };
-                self.faults.extend(check_format(format));
+                if let Err(bad) = format_directive(format, b"", 0) {
+                    let format = String::from_utf8_lossy(format);
+                    let text =
+                        format!("Bad format sequence ``%{bad}'' in -L");
+                    self.complain(Level::Error, text + &format);
+                }
                 self.layout.directive = Some(format.to_vec());
                 self.layout.tab = 0;
             }
@@ -559,30 +531,30 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
         request.files.push("-".into());
     }
     let tab = if request.keeps_tabs { 0 } else { 8 };
-    let pipeline = filter::Pipeline {
-        markup: request.markup.take(),
-        filters: std::mem::take(&mut request.filters),
-    };
-    let files = std::mem::take(&mut request.files);
-    match pipeline.read_web(&files, tab, streams) {
-        Ok(web) => write_roots(&web, request, streams),
-        Err(failure) => {
-            request.faults.extend(failure.faults);
-            streams.conclude(Ok(()), &request.faults);
-            failure.status
-        }
-    }
+    let web = request.pipeline.read_web(&request.files, tab, streams);
+    write_roots(web, request, streams)
 }
 
-fn write_roots(web: &Web, request: Request, streams: &mut Streams) -> u8 {
-    let mut roots: Vec<&[u8]> = Vec::new();
-    roots.extend(request.roots.iter().map(|root| &root[..]));
+fn write_roots(
+    web: Result<Web, Failure>,
+    request: Request,
+    streams: &mut Streams,
+) -> u8 {
+    let Request { mut roots, layout, mut faults, .. } = request;
+    // Give up unless there is a web
+    let web = match web {
+        Ok(web) => web,
+        Err(failure) => {
+            faults.extend(failure.faults);
+            streams.conclude(Ok(()), &faults);
+            return failure.status;
+        }
+    };
     if roots.is_empty() {
-        roots.push(b"*");
+        roots.push(b"*".to_vec());
     }
-    let mut faults = request.faults;
     faults.extend(web.dotted());
-    let tangled = tangle(web, &roots, &request.layout);
+    let tangled = tangle(&web, &roots, &layout);
     let tangled = tangled.unwrap_or_else(|more| {
         faults.extend(more);
         Tangled::default()
@@ -597,20 +569,8 @@ fn write_roots(web: &Web, request: Request, streams: &mut Streams) -> u8 {
 pub fn run_nt(args: &[OsString], streams: &mut Streams) -> u8 {
     let mut request = Request::default();
     for arg in args {
-        match arg.as_encoded_bytes() {
-            option if option.starts_with(b"-") => request.option(option),
-            _ => {
-                let arg = arg.display();
-                let text = format!("nt reads a stream, not {arg}");
-                request.complain(Level::Warning, text);
-            }
-        }
+        request.option(arg.as_encoded_bytes());
     }
-    match filter::read_stream(streams) {
-        Ok(web) => write_roots(&web, request, streams),
-        Err(failure) => {
-            streams.conclude(Ok(()), &failure.faults);
-            failure.status
-        }
-    }
+    let web = filter::read_stream(streams);
+    write_roots(web, request, streams)
 }

@@ -127,8 +127,8 @@ impl<'a> Converter<'a> {
         let link = self.link.take().filter(|_| self.options.index);
         let style = self.style.take();
         let (kind, shown) = match (self.quoting, self.code) {
-            (true, _) => (b"q", literal(text)),
-            (false, true) => (b"c", code_text(text)),
+            (true, _) => (b"q", replace(text, QUOTED)),
+            (false, true) => (b"c", replace(text, CODE)),
             (false, false) => return self.put(&[text]),
         };
         // Write the text, perhaps as a link
@@ -265,15 +265,15 @@ impl<'a> Converter<'a> {
     fn shown(&self, name: &[u8]) -> Vec<u8> {
         match self.options.tex_names {
             true => name.to_vec(),
-            false => name_text(name, plain),
+            false => name_text(name, NAME),
         }
     }
 
     /// The name of a chunk as it is typeset.
     fn typeset(&self, name: &[u8]) -> Vec<u8> {
         match self.options.tex_names {
-            true => name_text(name, <[u8]>::to_vec),
-            false => name_text(name, plain),
+            true => name_text(name, ""),
+            false => name_text(name, NAME),
         }
     }
 
@@ -450,7 +450,8 @@ impl<'a> Converter<'a> {
     /// An identifier for print and its key: the arguments of index macros.
     fn identifier(&self, name: &'a [u8]) -> Vec<u8> {
         let shown = printed(self.shown_of(name));
-        [b"{", &shown[..], b"}{", &key(name), b"}"].concat()
+        let key = replace(name, KEY);
+        [b"{", &shown[..], b"}{", &key[..], b"}"].concat()
     }
 
     // Report what nobody understands
@@ -478,94 +479,60 @@ impl Converter<'_> {
                 options,
                 b"}\\begin{document}",
             ]),
-            (b"tex", Some(_)) => self.put(&[b"\\input nwmac "]),
             _ => self.warn(b"header ", kind),
         }
     }
 
     // Convert the end of the document
     fn trailer(&mut self, kind: Mark) {
-        match (kind.keyword, kind.argument) {
-            (b"latex", None) => self.put(&[b"\\end{document}"]),
-            (b"tex", None) => self.put(&[b"\\bye"]),
-            _ => return self.warn(b"trailer ", kind),
+        if kind.keyword != b"latex" {
+            return self.warn(b"trailer ", kind);
         }
+        self.put(&[b"\\end{document}"]);
         self.break_line();
     }
 }
 
 // Escape text for each of its places
 /// Text of a line of code, where only `{`, `}` and `\` are special.
-fn code_text(text: &[u8]) -> Vec<u8> {
-    replace(text, |byte| match byte {
-        b'\\' => Some(b"\\\\"),
-        b'{' => Some(b"\\{"),
-        b'}' => Some(b"\\}"),
-        _ => None,
-    })
-}
+const CODE: &str = r"\\\|{\{|}\}";
 
 /// Text of quoted code or of an identifier, in typewriter type.
-fn literal(text: &[u8]) -> Vec<u8> {
-    replace(text, |byte| match byte {
-        b'\\' => Some(b"{\\nwbackslash}"),
-        b'{' => Some(b"{\\nwlbrace}"),
-        b'}' => Some(b"{\\nwrbrace}"),
-        b'^' => Some(b"{\\char94}"),
-        b'~' => Some(b"{\\char126}"),
-        b' ' => Some(b"\\ "),
-        // Escape what every font has
-        b'$' => Some(b"{\\$}"),
-        b'&' => Some(b"{\\&}"),
-        b'#' => Some(b"{\\#}"),
-        b'_' => Some(b"{\\_}"),
-        b'%' => Some(b"{\\%}"),
-        _ => None,
-    })
-}
+const QUOTED: &str = concat!(
+    r"\{\nwbackslash}|{{\nwlbrace}|}{\nwrbrace}|^{\char94}|~{\char126}",
+    r"| \ |${\$}|&{\&}|#{\#}|_{\_}|%{\%}",
+);
 
 /// Text in the name of a chunk, printed as it is written.
-fn plain(text: &[u8]) -> Vec<u8> {
-    replace(text, |byte| match byte {
-        b'_' => Some(b"\\_"),
-        b'&' => Some(b"\\&"),
-        b'#' => Some(b"\\#"),
-        b'%' => Some(b"\\%"),
-        b'$' => Some(b"\\$"),
-        b'{' => Some(b"\\textbraceleft{}"),
-        b'}' => Some(b"\\textbraceright{}"),
-        b'~' => Some(b"\\textasciitilde{}"),
-        b'^' => Some(b"\\textasciicircum{}"),
-        b'\\' => Some(b"\\textbackslash{}"),
-        _ => None,
-    })
-}
+const NAME: &str = concat!(
+    r"_\_|&\&|#\#|%\%|$\$|{\textbraceleft{}|}\textbraceright{}",
+    r"|~\textasciitilde{}|^\textasciicircum{}|\\textbackslash{}",
+);
 
-fn replace(
-    text: &[u8],
-    escape: impl Fn(u8) -> Option<&'static [u8]>,
-) -> Vec<u8> {
+/// Puts the rest of an entry in the place of its first byte.
+fn replace(text: &[u8], table: &str) -> Vec<u8> {
     let mut out = Vec::with_capacity(text.len());
-    for &byte in text {
-        match escape(byte) {
-            Some(escaped) => out.extend(escaped),
-            None => out.push(byte),
+    for byte in text {
+        let mut entries = table.split('|').map(str::as_bytes);
+        match entries.find(|entry| entry.first() == Some(byte)) {
+            Some(entry) => out.extend(&entry[1..]),
+            None => out.push(*byte),
         }
     }
     out
 }
 
 /// The name of a chunk, with its quoted code in typewriter type.
-fn name_text(mut name: &[u8], outside: fn(&[u8]) -> Vec<u8>) -> Vec<u8> {
+fn name_text(mut name: &[u8], outside: &str) -> Vec<u8> {
     let mut out = Vec::new();
     while let Some((before, code, after)) = next_quote(name) {
-        out.extend(outside(before));
+        out.extend(replace(before, outside));
         out.extend(b"\\code{}");
-        out.extend(literal(code));
+        out.extend(replace(code, QUOTED));
         out.extend(b"\\edoc{}");
         name = after;
     }
-    out.extend(outside(name));
+    out.extend(replace(name, outside));
     out
 }
 
@@ -585,32 +552,16 @@ fn find(text: &[u8], pair: &[u8; 2]) -> Option<usize> {
 }
 
 /// An identifier as a key for LaTeX's tables.
-fn key(identifier: &[u8]) -> Vec<u8> {
-    replace(identifier, |byte| match byte {
-        b' ' => Some(b":sp"),
-        b'#' => Some(b":has"),
-        b'$' => Some(b":do"),
-        b'%' => Some(b":pe"),
-        b'&' => Some(b":am"),
-        b',' => Some(b":com"),
-        b':' => Some(b":col"),
-        b'\\' => Some(b":bs"),
-        b'^' => Some(b":hat"),
-        b'_' => Some(b":un"),
-        b'{' => Some(b":lb"),
-        b'}' => Some(b":rb"),
-        b'~' => Some(b":ti"),
-        _ => None,
-    })
-}
+const KEY: &str =
+    r" :sp|#:has|$:do|%:pe|&:am|,:com|::col|\:bs|^:hat|_:un|{:lb|}:rb|~:ti";
 
 /// An identifier for print, with what it belongs to in parentheses.
 fn printed(name: &[u8]) -> Vec<u8> {
     let mut words = name.split(|byte| *byte == b' ');
-    let first = literal(words.next().unwrap_or_default());
+    let first = replace(words.next().unwrap_or_default(), QUOTED);
     let mut out = [b"\\nwixident{", &first[..], b"}"].concat();
     for word in words {
-        let word = literal(word.trim_ascii());
+        let word = replace(word.trim_ascii(), QUOTED);
         out.extend([b" \\nwixident{", &word[..], b"}"].concat());
     }
     out

@@ -15,6 +15,7 @@
 //! from 1.
 
 // Import what carrying edits needs
+use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::fs;
 use std::hash::Hash;
@@ -25,11 +26,11 @@ use std::path::{Path, PathBuf};
 use similar::{Algorithm, DiffTag, capture_diff_slices};
 
 use crate::Streams;
-use crate::cpif::{Attributes, replace};
+use crate::cpif::replace;
 use crate::diagnostic::{Diagnostic, Level, Place, Position, Source};
 use crate::markup::{Kind, Token, unmark};
 use crate::project::{
-    Expansion, Project, failure, hash, one_project, tab_stops,
+    Expansion, Project, expand_sources, hash, is_edited, parse, tab_stops,
 };
 use crate::tangle::{Layout, Segment, Tangled, indentation, tangle};
 use crate::web::Web;
@@ -67,34 +68,23 @@ fn similar(a: &[u8], b: &[u8]) -> bool {
 }
 
 // Find the files that were edited
-/// A tangled file that somebody has edited.
-struct Edited {
-    path: PathBuf,
-    /// What stands on the disk.
-    text: Vec<u8>,
-}
+/// What stands on the disk, for every file that somebody has edited.
+type Edited = BTreeMap<PathBuf, Vec<u8>>;
 
 impl Project {
-    fn edited(
-        &self,
-        now: &Expansion,
-    ) -> Result<Vec<Edited>, Vec<Diagnostic>> {
+    fn edited(&self, now: &Expansion) -> Result<Edited, Vec<Diagnostic>> {
         let record = self.read_record();
-        let (mut edited, mut faults) = (Vec::new(), Vec::new());
+        let (mut edited, mut faults) = (Edited::new(), Vec::new());
         for (path, tangled) in &now.files {
             let text = fs::read(self.dir.join(path)).unwrap_or_default();
-            let recorded = record.get(path).copied();
-            // Pass over what nobody has edited
-            if text.is_empty()
-                || text == tangled.text
-                || recorded == Some(hash(&text))
-            {
+            let last = record.get(path);
+            if !is_edited(&text, &tangled.text, last) {
                 continue;
             }
-            if recorded != Some(hash(&tangled.text)) {
+            if last != Some(&hash(&tangled.text)) {
                 faults.push(changed_twice(path, &tangled.text, &text));
             }
-            edited.push(Edited { path: path.clone(), text });
+            edited.insert(path.clone(), text);
         }
         if faults.is_empty() { Ok(edited) } else { Err(faults) }
     }
@@ -136,9 +126,6 @@ struct Splice {
     text: Vec<u8>,
 }
 
-/// A literal run: where it comes from, and where it is in its line.
-type Run<'a> = (&'a Segment, Range<usize>);
-
 // Carry the edits of one file
 /// One edited file, and what the chapters give for it.
 struct Carrier<'a> {
@@ -153,16 +140,6 @@ impl<'a> Carrier<'a> {
     // Find where a line comes from
     fn segments(&self, line: usize) -> &'a [Segment] {
         self.tangled.segments(line as u32 + 1)
-    }
-
-    /// The literal runs of a line.
-    fn runs(&self, line: usize) -> Vec<Run<'a>> {
-        let segments = self.segments(line);
-        let start = |s: &Segment| s.column as usize - 1;
-        let ends = segments.iter().skip(1).map(start);
-        let ends = ends.chain([self.old[line].len()]);
-        let runs = segments.iter().zip(ends);
-        runs.map(|(s, end)| (s, start(s)..end)).collect()
     }
 
     /// What stands in the chapter from a place to the end of its line.
@@ -182,24 +159,17 @@ impl<'a> Carrier<'a> {
 
     /// The line of a chapter that ends where this line ends.
     fn tail(&self, line: usize) -> Option<Spot> {
-        let (last, range) = self.runs(line).pop()?;
-        let ends = self.source(last.place) == &self.old[line][range];
-        ends.then(|| Spot::new(last))
+        let last = self.segments(line).last()?;
+        let end = &self.old[line][last.column as usize - 1..];
+        (self.source(last.place) == end).then(|| Spot::new(last))
     }
 
     /// The line of a chapter that this line is the whole text of.
     fn whole(&self, line: usize) -> Option<Spot> {
         let (head, tail) = (self.head(line)?, self.tail(line)?);
-        let runs = self.runs(line);
-        let follows = |pair: &[Run]| {
-            let (s, range) = &pair[0];
-            let end = s.place.column + range.len() as u32;
-            let gap = pair[1].0.place.column.checked_sub(end);
-            gap.is_some_and(|gap| gap <= 1)
-        };
-        let here = runs.iter().all(|(s, _)| Spot::new(s) == head);
-        let all = here && runs.windows(2).all(follows);
-        (all && head == tail).then_some(head)
+        let text = self.sources[head.file as usize].line(head.line)?;
+        let whole = head == tail && web_of(text).uses.is_empty();
+        whole.then_some(head)
     }
 
     /// The first line of a block of lines that a chapter has together.
@@ -351,11 +321,15 @@ fn edit_fault(path: &Path, line: usize, text: &str) -> Diagnostic {
 }
 
 // Translate a line into the language of chunks
+/// A web that consists of one line of code.
+fn web_of(line: &[u8]) -> Web {
+    let chapter = [b"<<*>>=\n", line, b"\n"].concat();
+    Web::read(vec![Source::new(Vec::new(), chapter)], 0).0
+}
+
 /// A line of a chunk that is tangled to this text.
 fn quote(text: &[u8]) -> Vec<u8> {
-    let chapter = [b"<<*>>=\n", text, b"\n"].concat();
-    let (web, _) = Web::read(vec![Source::new(Vec::new(), chapter)], 0);
-    let tangled = tangle(&web, &[b"*"], &Layout::default());
+    let tangled = tangle(&web_of(text), &[b"*"], &Layout::default());
     let same = tangled.is_ok_and(|t| t.text == [text, b"\n"].concat());
     if same { text.to_vec() } else { escape(text) }
 }
@@ -373,14 +347,11 @@ fn escape(text: &[u8]) -> Vec<u8> {
 /// The splices of all edits.
 fn carry_all(
     now: &Expansion,
-    edited: &[Edited],
+    edited: &Edited,
 ) -> Result<Vec<Splice>, Vec<Diagnostic>> {
     let (mut splices, mut faults) = (Vec::new(), Vec::new());
-    for Edited { path, text } in edited {
-        let mut files = now.files.iter();
-        let Some((_, tangled)) = files.find(|(p, _)| p == path) else {
-            continue;
-        };
+    for (path, tangled) in &now.files {
+        let Some(text) = edited.get(path) else { continue };
         let (old, new) = (lines_of(&tangled.text), lines_of(text));
         let hunks = hunks(&old, &new);
         let sources = &now.web.sources;
@@ -424,12 +395,12 @@ fn apply(sources: &[Source], mut splices: Vec<Splice>) -> Vec<Source> {
 fn prove(
     old: &Expansion,
     new: &Expansion,
-    edited: &[Edited],
+    edited: &Edited,
 ) -> Result<(), Vec<Diagnostic>> {
-    let mut faults = new.faults.clone();
+    let mut faults = Vec::new();
     for (path, before) in &old.files {
-        let edit = edited.iter().find(|edited| edited.path == *path);
-        let wanted = edit.map_or(&before.text, |edit| &edit.text);
+        let edit = edited.get(path);
+        let wanted = edit.unwrap_or(&before.text);
         let after = new.files.iter().find(|(p, _)| p == path);
         let after = after.map_or(&b""[..], |(_, after)| &after.text);
         let differ = hunks(&lines_of(wanted), &lines_of(after));
@@ -469,26 +440,26 @@ impl Project {
     ///
     /// # Errors
     ///
-    /// Whatever [`Project::plan`] finds, except for edits; edits that cannot
+    /// What [`Project::expand`] and `removals` find; edits that cannot
     /// be carried, after which nothing is written; chapters and files that
     /// cannot be written.
     pub fn untangle(
         &self,
         check: bool,
     ) -> Result<Vec<String>, Vec<Diagnostic>> {
-        self.plan_files(false)?;
         let old = self.expand()?;
+        self.removals(&old.files, &self.read_record())?;
         let edited = self.edited(&old)?;
         let splices = carry_all(&old, &edited)?;
         let sources = apply(&old.web.sources, splices);
-        let new = self.expand_sources(sources);
+        let new = expand_sources(sources)?;
         prove(&old, &new, &edited)?;
         // Write the chapters and tangle them
         let [before, after] = [&old, &new].map(|e| &e.web.sources);
         if !check && !edited.is_empty() {
             let written = self.write_chapters(before, after);
             written.map_err(|fault| vec![fault])?;
-            self.overwrite()?;
+            self.tangle()?;
         }
         Ok(changes(before, after))
     }
@@ -507,12 +478,12 @@ impl Project {
             let state = fs::metadata(self.dir.join(name));
             if state.is_ok_and(|state| state.permissions().readonly()) {
                 let error = io::ErrorKind::PermissionDenied.into();
-                return Err(failure("write", name, &error));
+                return Err(Diagnostic::failure("write", name, &error));
             }
         }
         for (name, (_, text)) in changed {
-            replace(&self.dir.join(name), text, Attributes::default())
-                .map_err(|error| failure("write", name, &error))?;
+            replace(&self.dir.join(name), text, None)
+                .map_err(|e| Diagnostic::failure("write", name, &e))?;
         }
         Ok(())
     }
@@ -522,7 +493,7 @@ impl Project {
 /// The command `noweb untangle [-C dir] [--record file] [--check]
 /// chapter...`.
 pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
-    let (project, check) = match one_project(args) {
+    let (project, check) = match parse(args) {
         Ok(parsed) => parsed,
         Err(text) => return streams.misused(text),
     };

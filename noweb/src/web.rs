@@ -76,33 +76,33 @@ impl Web {
         sources: Vec<Source>,
         tab: usize,
     ) -> (Self, Vec<Diagnostic>) {
-        let mut web = Self::default();
-        let mut faults = Vec::new();
+        let (mut lexemes, mut faults) = (Vec::new(), Vec::new());
         for (source, file) in sources.iter().zip(0..) {
-            let (lexemes, more) = mark_up(source, file, tab);
-            faults.extend(more);
-            web.gather(lexemes);
+            let (more, complaints) = mark_up(source, file, tab);
+            lexemes.extend(more);
+            faults.extend(complaints);
         }
-        web.drop_final_newlines();
-        web.sources = sources;
-        (web, faults)
+        (Self { sources, ..Self::from_lexemes(lexemes) }, faults)
     }
 
-    fn gather(&mut self, lexemes: Vec<Lexeme>) {
-        let mut chunk = None;
-        let mut heading = false;
+    /// Gathers tokens whose places may mean anything to the caller.
+    pub fn from_lexemes(lexemes: Vec<Lexeme>) -> Self {
+        let mut web = Self::default();
+        let (mut chunk, mut heading) = (None, false);
         for (token, place) in lexemes {
             match (token, chunk) {
                 (Token::Defn(name), _) => {
-                    chunk = Some(self.define(name, place));
+                    chunk = Some(web.define(name, place));
                     heading = true;
                 }
                 (Token::End(Kind::Code, _), _) => chunk = None,
                 (Token::Newline, Some(_)) if heading => heading = false,
-                (token, Some(chunk)) => self.add(chunk, token, place),
+                (token, Some(chunk)) => web.add(chunk, token, place),
                 _ => (),
             }
         }
+        web.drop_final_newlines();
+        web
     }
 
     fn define(&mut self, name: Vec<u8>, place: Place) -> usize {
@@ -144,21 +144,12 @@ impl Web {
     /// Reads a stream that filters may have changed.
     pub fn read_stream(stream: &[u8]) -> (Self, Vec<Diagnostic>) {
         let mut reader = StreamReader::default();
-        for line in lines(stream) {
-            reader.read_line(line);
+        let read = lines(stream).try_for_each(|l| reader.read_line(l));
+        if let Err(text) = read.and_then(|()| reader.finish()) {
+            reader.complain(Level::Impossible, text.into());
         }
-        reader.finish();
-        let mut web = Self::from_lexemes(reader.lexemes);
-        web.sources = reader.sources;
-        (web, reader.faults)
-    }
-
-    /// Gathers tokens whose places may mean anything to the caller.
-    pub fn from_lexemes(lexemes: Vec<Lexeme>) -> Self {
-        let mut web = Self::default();
-        web.gather(lexemes);
-        web.drop_final_newlines();
-        web
+        let StreamReader { sources, lexemes, faults, .. } = reader;
+        (Self { sources, ..Self::from_lexemes(lexemes) }, faults)
     }
 }
 
@@ -186,10 +177,7 @@ enum Expected {
 
 impl StreamReader {
     // Read the lines of the stream
-    fn read_line(&mut self, line: &[u8]) {
-        if self.broken() {
-            return;
-        }
+    fn read_line(&mut self, line: &[u8]) -> Result<(), &'static str> {
         use Expected::{Inside, Named, Nameless, Outside};
         let token = parse_token(line);
         self.stage = match (self.stage, &token) {
@@ -197,12 +185,11 @@ impl StreamReader {
             (Outside, Some(Token::Begin(Kind::Code, _))) => Nameless,
             (Nameless, Some(Token::Defn(_))) => Named,
             (Nameless, Some(Token::Text(_))) => {
-                return self.give_up("code chunk had no definition line");
+                return Err("code chunk had no definition line");
             }
             (Named, Some(Token::Newline)) => Inside,
             (Named, _) => {
-                let text = "definition line not followed by newline";
-                return self.give_up(text);
+                return Err("definition line not followed by newline");
             }
             (Inside, Some(Token::End(Kind::Code, _))) => Outside,
             (stage, _) => stage,
@@ -211,11 +198,7 @@ impl StreamReader {
             Some(token) => self.take(token),
             None => self.take_other(line),
         }
-    }
-
-    fn broken(&self) -> bool {
-        let last = self.faults.last();
-        last.is_some_and(|f| f.level == Level::Impossible)
+        Ok(())
     }
 
     fn take(&mut self, token: Token) {
@@ -255,20 +238,15 @@ impl StreamReader {
         }
     }
 
-    fn give_up(&mut self, text: &str) {
-        self.complain(Level::Impossible, text.into());
-    }
-
     fn complain(&mut self, level: Level, text: String) {
         let source = self.sources.get(self.place.file as usize);
         let position = source.map(|s| s.position(self.place));
         self.faults.push(Diagnostic::new(level, position, text));
     }
 
-    fn finish(&mut self) {
-        if self.stage != Expected::Outside && !self.broken() {
-            self.give_up("the stream ends inside a code chunk");
-        }
+    fn finish(&self) -> Result<(), &'static str> {
+        let whole = self.stage == Expected::Outside;
+        whole.then_some(()).ok_or("the stream ends inside a code chunk")
     }
 }
 
@@ -285,14 +263,16 @@ fn open_again(name: &[u8]) -> Source {
 
 // Find the nearest defined name
 impl Web {
-    /// The defined name nearest to one that is not, if any is near.
+    /// The chunk whose name is nearest to one that none has, if any is near.
     ///
     /// Near is at most a third of the letters changed, added or lost.
-    pub fn nearest(&self, name: &[u8]) -> Option<&[u8]> {
+    pub fn nearest(&self, name: &[u8]) -> Option<&Chunk> {
         let limit = name.len() / 3;
-        let names = self.chunks.iter().map(|c| &c.name[..]);
-        let close = names.filter(|n| n.len().abs_diff(name.len()) <= limit);
-        let near = close.map(|n| (edit_distance(n, name), n));
+        let close = self
+            .chunks
+            .iter()
+            .filter(|chunk| chunk.name.len().abs_diff(name.len()) <= limit);
+        let near = close.map(|c| (edit_distance(&c.name, name), c));
         let (distance, found) = near.min_by_key(|(d, _)| *d)?;
         (0 < limit && distance <= limit).then_some(found)
     }
@@ -315,50 +295,39 @@ fn edit_distance(a: &[u8], b: &[u8]) -> usize {
 // Report what looks wrong in a web
 impl Web {
     // Look for chunks that are astray
-    /// Chunks that are defined and never used, except roots.
+    /// Chunks that are lost: never used, or in a cycle that no root reaches.
     ///
     /// What `is_root` takes for one, and the default root, need no use.
     pub fn unused(
         &self,
         is_root: impl Fn(&[u8]) -> bool,
     ) -> Vec<Diagnostic> {
-        let idle = |c: &&Chunk| {
-            let known = c.name == b"*" || is_root(&c.name);
-            !known && !self.uses.contains_key(&c.name)
-        };
-        let chunks = self.chunks.iter().filter(idle);
-        let report = |c: &Chunk| {
-            let text = format!("chunk {} is never used", quoted(&c.name));
-            let position = self.position(c.definitions[0]);
-            Diagnostic::new(Level::Warning, position, text)
-        };
-        chunks.map(report).collect()
-    }
-
-    /// Chunks in cycles that no root reaches, one for each cycle.
-    pub fn adrift(&self) -> Vec<Diagnostic> {
+        let used = |c: &Chunk| self.uses.contains_key(&c.name);
         let mut marked = vec![false; self.chunks.len()];
-        let is_root = |c: &Chunk| !self.uses.contains_key(&c.name);
-        for (index, chunk) in self.chunks.iter().enumerate() {
-            if is_root(chunk) {
-                self.mark_below(index, &mut marked);
-            }
-        }
+        let tops = (0..marked.len()).filter(|n| !used(&self.chunks[*n]));
+        tops.for_each(|top| self.mark_below(top, &mut marked));
         let mut faults = Vec::new();
         for (index, chunk) in self.chunks.iter().enumerate() {
-            if is_root(chunk) || marked[index] {
-                continue;
-            }
-            self.mark_below(index, &mut marked);
-            // Report the chunk if it has marked itself
-            if marked[index] {
-                let name = quoted(&chunk.name);
-                let text = format!("no root reaches {name}, in a cycle");
-                let at = self.position(chunk.definitions[0]);
-                faults.push(Diagnostic::new(Level::Warning, at, text));
+            let name = quoted(&chunk.name);
+            if !used(chunk) && chunk.name != b"*" && !is_root(&chunk.name) {
+                let text = format!("chunk {name} is never used");
+                faults.push(self.warn(chunk, text));
+            } else if used(chunk) && !marked[index] {
+                // Report the chunk if it marks itself
+                self.mark_below(index, &mut marked);
+                if marked[index] {
+                    let text =
+                        format!("no root reaches {name}, in a cycle");
+                    faults.push(self.warn(chunk, text));
+                }
             }
         }
         faults
+    }
+
+    fn warn(&self, chunk: &Chunk, text: String) -> Diagnostic {
+        let position = self.position(chunk.definitions[0]);
+        Diagnostic::new(Level::Warning, position, text)
     }
 
     /// Marks what a chunk uses, directly or through others.
@@ -380,51 +349,21 @@ impl Web {
         let dotted = |c: &&Chunk| c.name.ends_with(b"...");
         let report = |c: &Chunk| {
             let name = quoted(&c.name);
-            let text = format!("{name} isn't completed as in web");
-            let position = self.position(c.definitions[0]);
-            Diagnostic::new(Level::Warning, position, text)
+            self.warn(c, format!("{name} isn't completed as in web"))
         };
         self.chunks.iter().filter(dotted).map(report).collect()
-    }
-
-    /// Chunks that a file uses although only later files define them.
-    pub fn forward(&self) -> Vec<Diagnostic> {
-        let report = |c: &Chunk| {
-            let used = *self.uses.get(&c.name)?;
-            let defined = *c.definitions.first()?;
-            let at = self.position(defined)?;
-            let name = quoted(&c.name);
-            let text = format!("{name} is defined only later, at {at}");
-            let position = self.position(used);
-            let note = Diagnostic::new(Level::Note, position, text);
-            (used.file < defined.file).then_some(note)
-        };
-        self.chunks.iter().filter_map(report).collect()
-    }
-
-    /// Names that some chunk uses and none defines.
-    pub fn undefined(&self) -> Vec<Diagnostic> {
-        let missing = |name: &&Vec<u8>| self.find(name).is_none();
-        let mut uses: Vec<(&Vec<u8>, Place)> =
-            self.uses.iter().map(|(n, p)| (n, *p)).collect();
-        uses.retain(|(name, _)| missing(name));
-        uses.sort_by_key(|(_, p)| (p.file, p.line, p.column));
-        let uses = uses.into_iter();
-        uses.map(|(name, place)| self.undefined_use(name, place)).collect()
     }
 
     /// One use of a name that is not defined.
     pub fn undefined_use(&self, name: &[u8], place: Place) -> Diagnostic {
         let text = format!("undefined chunk name: {}", quoted(name));
         let position = self.position(place);
-        let fault = Diagnostic::new(Level::Error, position, text);
-        match self.nearest(name) {
-            Some(near) => {
-                let help = format!("there is a chunk {}", quoted(near));
-                fault.with_help(help)
-            }
-            None => fault,
+        let mut fault = Diagnostic::new(Level::Error, position, text);
+        if let Some(near) = self.nearest(name) {
+            let name = quoted(&near.name);
+            fault = fault.with_help(format!("there is a chunk {name}"));
         }
+        fault
     }
 }
 

@@ -17,7 +17,6 @@ use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
 use common::{Outcome, Scratch, noweb};
-use noweb::diagnostic::Place;
 use noweb::locate::Atlas;
 use noweb::map::Filter;
 use noweb::project::Project;
@@ -94,8 +93,10 @@ fn run(scratch: &Scratch, args: &[&str]) -> Outcome {
     Outcome { stdout: output.stdout, stderr: output.stderr, status }
 }
 
-fn located(scratch: &Scratch, args: &[&str]) -> String {
-    let outcome = run(scratch, &[&["where"], args].concat());
+/// What `noweb map` makes of a text, with the chapter as the web.
+fn mapped(scratch: &Scratch, text: &str) -> String {
+    let outcome =
+        run(scratch, &["map", "chapters/a.nw", "--", "echo", text]);
     assert_eq!(outcome.status, 0, "{}", outcome.stderr());
     outcome.stdout()
 }
@@ -121,22 +122,16 @@ fn line_of(scratch: &Scratch, file: &str, part: &str) -> u32 {
     found.expect("the part") as u32 + 1
 }
 
-// ---- noweb where
+// ---- one position
 
 #[test]
 fn a_position_of_the_program_is_found_in_its_chapter() {
     let scratch = project();
     let line = line_of(&scratch, "src/main.rs", "let x");
     let place = format!("src/main.rs:{line}:18");
-    assert_eq!(
-        located(&scratch, &[&place, "chapters/a.nw"]),
-        "chapters/a.nw:16:14: <<Say something wrong>>\n"
-    );
+    assert_eq!(mapped(&scratch, &place), "chapters/a.nw:16:14\n");
     let place = format!("./src/main.rs:{line}");
-    assert_eq!(
-        located(&scratch, &[&place, "chapters/a.nw"]),
-        "chapters/a.nw:16:1: <<Say something wrong>>\n"
-    );
+    assert_eq!(mapped(&scratch, &place), "chapters/a.nw:16\n");
 }
 
 #[test]
@@ -147,83 +142,41 @@ fn columns_are_characters_on_both_sides() {
     let text = text.lines().nth(line as usize - 1).expect("the line");
     let column = text.chars().position(|c| c == '"').expect("it") + 1;
     let there = format!("src/main.rs:{line}:{column}");
-    let here = "chapters/a.nw:16:23";
-    let name = "<<Say something wrong>>";
-    assert_eq!(
-        located(&scratch, &[&there, "chapters/a.nw"]),
-        format!("{here}: {name}\n")
-    );
-    assert_eq!(
-        located(&scratch, &[here, "chapters/a.nw"]),
-        format!("{there}: {name}\n")
-    );
+    assert_eq!(mapped(&scratch, &there), "chapters/a.nw:16:23\n");
 }
 
 #[test]
-fn a_chunk_in_two_files_is_found_in_both() {
+fn a_chunk_in_two_files_is_found_from_both() {
     let scratch = project();
-    let line = |file| line_of(&scratch, file, "x << 1 >> 1");
-    let (main, other) = (line("src/main.rs"), line("src/other.rs"));
-    assert_eq!(
-        located(&scratch, &["chapters/a.nw:24", "chapters/a.nw"]),
-        format!(
-            "src/main.rs:{main}:1: <<Add one>>\n\
-             src/other.rs:{other}:1: <<Add one>>\n"
-        )
-    );
-}
-
-#[test]
-fn the_whole_path_of_a_chapter_will_do() {
-    let scratch = project();
-    let dir = scratch.path().canonicalize().expect("a directory");
-    let answer = located(&scratch, &["chapters/a.nw:24", "chapters/a.nw"]);
-    for path in [dir.join("chapters/a.nw"), "./chapters/a.nw".into()] {
-        let question = format!("{}:24", path.display());
-        assert_eq!(
-            located(&scratch, &[&question, "chapters/a.nw"]),
-            answer
-        );
+    for file in ["src/main.rs", "src/other.rs"] {
+        let line = line_of(&scratch, file, "x << 1 >> 1");
+        let place = format!("{file}:{line}:1");
+        assert_eq!(mapped(&scratch, &place), "chapters/a.nw:24:1\n");
     }
 }
 
 #[test]
-fn prose_goes_nowhere_and_other_files_are_refused() {
+fn other_files_and_other_lines_are_left_alone() {
     let scratch = project();
-    let refused = |place: &str| {
-        let outcome = run(&scratch, &["where", place, "chapters/a.nw"]);
-        assert_eq!((outcome.status, outcome.stdout()), (1, String::new()));
-        outcome.stderr()
-    };
-    let prose = "error: chapters/a.nw:12 goes into no file\n";
-    assert_eq!(refused("chapters/a.nw:12"), prose);
-    let beyond = "error: src/main.rs has no line 99\n";
-    assert_eq!(refused("src/main.rs:99:1"), beyond);
-    let unknown = "error: README is neither tangled nor a chapter\n";
-    assert_eq!(refused("README:1"), unknown);
-    let outcome = run(&scratch, &["where", "src/main.rs"]);
-    assert_eq!(outcome.status, 2);
+    for place in ["src/main.rs:99:1\n", "README:1\n", "src/main.rs\n"] {
+        assert_eq!(mapped(&scratch, place.trim_end()), place);
+    }
 }
 
 #[test]
-fn without_chapters_the_master_names_them() {
+fn a_master_names_its_chapters() {
     let scratch = project();
     let master = "%\\include{no}\n\\include{a}\nand \\include{b}\n";
     scratch.write("book.nw", master);
-    let args = ["where", "src/main.rs:1"];
-    let found = "chapters/a.nw:3:1: <<src/main.rs>>\n";
+    let echo = ["--", "echo", "src/main.rs:1:1"];
+    let args = [&["map", "book.nw"][..], &echo].concat();
+    let found = "chapters/a.nw:3:1\n";
     assert_eq!(run(&scratch, &args).stdout(), found);
-    let args = ["where", "--master", "book.nw", "src/main.rs:1"];
-    assert_eq!(run(&scratch, &args).stdout(), found);
-    scratch.write("tool/book.nw", "\\include{t}\n");
-    scratch.write("tool/chapters/t.nw", "<<tool/src/t.rs>>=\n1\n");
-    let args = ["where", "--master", "tool/book.nw", "tool/src/t.rs:1"];
-    let found = "tool/chapters/t.nw:2:1: <<tool/src/t.rs>>\n";
-    assert!(run(&scratch, &args).stdout().contains(found));
     fs::remove_file(scratch.path().join("book.nw")).expect("a book");
-    let outcome = run(&scratch, &["where", "src/main.rs:1"]);
-    assert_eq!(outcome.status, 2);
-    assert!(outcome.stderr().contains("--master"), "{outcome:?}");
+    for args in [args, [&["map"][..], &echo].concat()] {
+        let outcome = run(&scratch, &args);
+        assert_eq!((outcome.status, outcome.stdout()), (2, String::new()));
+    }
 }
 
 // A chunk is some lines, a line some words and perhaps a use.
@@ -275,37 +228,34 @@ proptest! {
     })]
 
     #[test]
-    fn every_byte_finds_the_way_there_and_back(web in webs()) {
+    fn every_byte_is_found_in_its_chapter(web in webs()) {
         let scratch = Scratch::new();
-        scratch.write("a.nw", source(&web));
+        let chapter = source(&web);
+        scratch.write("a.nw", &chapter);
         let project = Project {
             dir: scratch.path().to_owned(),
             chapters: vec!["a.nw".into()],
             ..Project::default()
         };
-        let mut atlas = Atlas::default();
-        atlas.add(&project).expect("an atlas");
+        let atlas = Atlas::read(std::slice::from_ref(&project));
         for (path, tangled) in project.expand().expect("files").files {
             let file = atlas.find(&path).expect("the file");
             let text = String::from_utf8(tangled.text).expect("UTF-8");
             for (line, number) in text.lines().zip(1..) {
                 let blank = line.len() - line.trim_start().len();
+                let named = line.contains("Do ");
                 for (c, column) in line.chars().zip(1..).skip(blank) {
-                    let origin = atlas.origin(file, number, column);
-                    let (web, place) = origin.expect("it");
-                    let back = atlas.destinations(web, place);
-                    let here = |p: &noweb::diagnostic::Position| {
-                        p.file == path.display().to_string()
-                            && (p.line, p.column) == (number, column)
-                    };
+                    let at = atlas.origin(file, number, column);
+                    let at = at.expect("a position");
+                    let there = chapter.lines().nth(at.line as usize - 1);
+                    let there = there.expect("a line");
+                    let mut rest = there.chars().skip(at.column as usize - 1);
+                    let used = there.contains("<<Do ");
                     prop_assert!(
-                        back.iter().any(here),
-                        "{c} at {number}:{column} of {path:?} is not in \
-                         {back:?}"
+                        if named { used } else { rest.next() == Some(c) },
+                        "{c} at {number}:{column} of {path:?} is not at \
+                         {at:?}"
                     );
-                    let whole = Place { column: 0, ..place };
-                    let back = atlas.destinations(web, whole);
-                    prop_assert!(back.iter().any(|p| p.line == number));
                 }
             }
         }
@@ -543,7 +493,7 @@ fn two_webs_are_two_programs() {
     let tangle = ["tangle", "--record", "r", "tool/chapters/t.nw"];
     assert_eq!(run(&scratch, &tangle).status, 0);
     let line = "src/main.rs:1:1 tool/src/t.rs:2:1 ./src/t.rs:2";
-    let masters = ["--master", "book.nw", "--master", "tool/book.nw"];
+    let masters = ["book.nw", "tool/book.nw"];
     let echo = ["--", "echo", line];
     let args = [&["map"], &masters[..], &echo[..]].concat();
     let wanted = "chapters/a.nw:3:1 tool/chapters/t.nw:4:1 \

@@ -146,9 +146,7 @@ fn tangle_source(text: &str, layout: &Layout) -> Tangled {
 
 fn stream(text: &[u8]) -> Vec<u8> {
     let source = Source::new(b"a.nw".to_vec(), text.to_vec());
-    let mut stream = Vec::new();
-    write_stream(&mark_up(&source, 0, 0).0, &mut stream).expect("a stream");
-    stream
+    write_stream(&mark_up(&source, 0, 0).0)
 }
 
 fn unmark_stream(stream: &[u8]) -> Vec<u8> {

@@ -87,7 +87,7 @@ fn no_stage_panics_on_damaged_streams() {
         let stream = damage(&streams, &mut random);
         let used = feed("finduses", &[], &stream);
         let resolved = feed("noidx", &["-delay"], &used);
-        feed("noidx", &["-docanchor", "2"], &stream);
+        feed("noidx", &[], &stream);
         feed("totex", &["-delay"], &resolved);
         feed("totex", &["-texnames"], &stream);
         if round % 10 == 0 {

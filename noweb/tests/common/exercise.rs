@@ -19,8 +19,7 @@ pub fn exercise(input: &[u8]) {
     for tab in [0, 8] {
         let source = Source::new(b"input".to_vec(), input.to_vec());
         let (lexemes, faults) = mark_up(&source, 0, tab);
-        let mut stream = Vec::new();
-        write_stream(&lexemes, &mut stream).expect("a vector takes it");
+        let stream = write_stream(&lexemes);
         let tokens: Vec<Token> =
             lexemes.into_iter().map(|(token, _)| token).collect();
         unmark(&tokens);
@@ -56,8 +55,7 @@ fn expand_all(web: &Web) {
         }
     }
     let unused = web.unused(noweb::project::is_file_name);
-    let warnings = unused.into_iter().chain(web.undefined());
-    warnings.chain(web.forward()).for_each(|w| drop(w.to_string()));
+    unused.into_iter().for_each(|w| drop(w.to_string()));
 }
 
 /// Gives bytes as standard input to the commands that are pure filters.

@@ -1,0 +1,178 @@
+// Files that are compressed, in UTF-16, or end their lines otherwise
+// (chapter "Files as they come").
+//
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+mod common;
+
+use std::io::Write;
+
+use common::{ABOVE, Scratch, pgm};
+use flate2::{Compression, write::GzEncoder};
+use litpt::scene::{Mesh, read_obj};
+use ruzstd::encoding::{CompressionLevel, compress_to_vec};
+
+const TEXT: &str = "# a comment é\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n\
+                    vt 0.25 0.75\nvt 0.25 0.75\nf 1 2 3 4\nf 1 2 3\n";
+
+fn plain() -> Mesh {
+    read_obj(TEXT.as_bytes()).unwrap()
+}
+
+fn complaint(bytes: &[u8]) -> String {
+    read_obj(bytes).unwrap_err().within("x")
+}
+
+fn gzip(text: &[u8]) -> Vec<u8> {
+    let mut encoder = GzEncoder::new(vec![], Compression::default());
+    encoder.write_all(text).unwrap();
+    encoder.finish().unwrap()
+}
+
+fn zstd(text: &[u8]) -> Vec<u8> {
+    compress_to_vec(text, CompressionLevel::Fastest)
+}
+
+fn utf_16(text: &str, bytes: fn(u16) -> [u8; 2]) -> Vec<u8> {
+    let units = std::iter::once(0xfeff).chain(text.encode_utf16());
+    units.flat_map(bytes).collect()
+}
+
+#[test]
+fn a_compressed_text_is_the_text() {
+    let (head, tail) = TEXT.as_bytes().split_at(40);
+    for pack in [gzip, zstd] {
+        assert_eq!(read_obj(&pack(TEXT.as_bytes())), Ok(plain()));
+        let parts = [pack(head), pack(tail)].concat();
+        assert_eq!(read_obj(&parts), Ok(plain()));
+        let marked = ["\u{feff}".as_bytes(), TEXT.as_bytes()].concat();
+        assert_eq!(read_obj(&pack(&marked)), Ok(plain()));
+        let wide = utf_16(TEXT, u16::to_le_bytes);
+        assert_eq!(read_obj(&pack(&wide)), Ok(plain()));
+    }
+}
+
+#[test]
+fn a_fault_in_a_compressed_text_has_its_line() {
+    let wrong = TEXT.replace("v 1 1 0", "v 1 one 0");
+    for pack in [gzip, zstd] {
+        let words = "x:4: y = one is no number";
+        assert_eq!(complaint(&pack(wrong.as_bytes())), words);
+        let words = "x: the file is empty; an OBJ was expected";
+        assert_eq!(complaint(&pack(b"")), words);
+    }
+}
+
+#[test]
+fn a_compressed_file_that_is_cut_says_so() {
+    for (kind, file) in
+        [("gzip", gzip(TEXT.as_bytes())), ("zstd", zstd(TEXT.as_bytes()))]
+    {
+        let magic = if kind == "gzip" { 2 } else { 4 };
+        for end in magic..file.len() {
+            let words = format!("x: the {kind} file is cut short");
+            assert_eq!(complaint(&file[..end]), words, "{end}");
+        }
+    }
+}
+
+/// A triangle and a comment, packed by `zstd --check`.
+const CHECKED: &[u8] = include_bytes!("common/checked.obj.zst");
+
+#[test]
+fn a_compressed_file_that_is_damaged_says_so() {
+    for (kind, file) in
+        [("gzip", gzip(TEXT.as_bytes())), ("zstd", CHECKED.to_vec())]
+    {
+        assert!(read_obj(&file).is_ok());
+        let magic = if kind == "gzip" { 2 } else { 4 };
+        let mut found = 0;
+        for at in magic..file.len() {
+            let mut file = file.clone();
+            file[at] ^= 0x55;
+            let Err(error) = read_obj(&file) else { continue };
+            let words = error.within("x");
+            let start = format!("x: the {kind} file is ");
+            assert!(words.starts_with(&start), "{at}: {words}");
+            assert!(!words.contains('\n'), "{at}: {words}");
+            found += 1;
+        }
+        // The head has a time and such, which may change.
+        assert!(found + 12 > file.len(), "{kind}: {found}");
+    }
+}
+
+#[test]
+fn utf_16_is_read_in_either_order() {
+    for bytes in [u16::to_le_bytes, u16::to_be_bytes] {
+        assert_eq!(read_obj(&utf_16(TEXT, bytes)), Ok(plain()));
+        let windows = TEXT.replace('\n', "\r\n");
+        assert_eq!(read_obj(&utf_16(&windows, bytes)), Ok(plain()));
+        let wrong = TEXT.replace("v 1 1 0", "v 1 1");
+        let words = "x:4: a vertex without z";
+        assert_eq!(complaint(&utf_16(&wrong, bytes)), words);
+        let file = utf_16(TEXT, bytes);
+        let words = "x: the UTF-16 text ends within a letter";
+        assert_eq!(complaint(&file[..file.len() - 1]), words);
+        // Half of a pair, in a comment.
+        let mut file = utf_16(&format!("#.\n{TEXT}"), bytes);
+        file[4..6].copy_from_slice(&bytes(0xd800));
+        assert_eq!(read_obj(&file), Ok(plain()));
+    }
+}
+
+#[test]
+fn lines_may_end_in_a_carriage_return() {
+    let old = TEXT.replace('\n', "\r");
+    assert_eq!(read_obj(old.as_bytes()), Ok(plain()));
+    let wrong = old.replace("v 1 1 0", "v 1 1");
+    let words = "x:4: a vertex without z";
+    assert_eq!(complaint(wrong.as_bytes()), words);
+    assert_eq!(read_obj(&gzip(old.as_bytes())), Ok(plain()));
+}
+
+#[test]
+fn a_comment_may_follow_the_numbers() {
+    for comment in [" # x", "# f 1 2 3", " #1", "#", "\t# é 4 5"] {
+        let text = TEXT.replace("0\n", &format!("0{comment}\n"));
+        let text = text.replace("3\n", &format!("3{comment}\n"));
+        let text = text.replace("4\n", &format!("4{comment}\n"));
+        assert_ne!(text, TEXT);
+        assert_eq!(read_obj(text.as_bytes()), Ok(plain()), "{comment}");
+    }
+    let latin = [TEXT.as_bytes(), b"f 1 2 4 # caf\xe9\n"].concat();
+    assert_eq!(read_obj(&latin).unwrap().triangles.len(), 4);
+    for (line, words) in [
+        ("f 1 2 # 3\n", "x:10: a face of 2 corners; it needs three"),
+        ("f 1 2 9 # 3\n", "x:10: corner 9, but only 4 vertices"),
+        ("v 1 2 # 3\n", "x:10: a vertex without z"),
+    ] {
+        assert_eq!(complaint((TEXT.to_owned() + line).as_bytes()), words);
+    }
+}
+
+#[test]
+fn the_program_reads_compressed_files_and_pipes() {
+    let place = Scratch::new();
+    let small = ["-d8x6", "-n3", "-r0.5"];
+    let render =
+        |input: &[&str]| place.run(&[&ABOVE[..], &small, input].concat());
+    place.put("plain.obj", TEXT);
+    let plain = render(&["-i", "plain.obj"]);
+    plain.succeeded();
+    for (name, file) in [
+        ("scene.obj.gz", gzip(TEXT.as_bytes())),
+        ("scene.obj.zst", zstd(TEXT.as_bytes())),
+        ("wide.obj", utf_16(TEXT, u16::to_le_bytes)),
+    ] {
+        place.put(name, &file);
+        let run = render(&["-i", name]);
+        run.succeeded();
+        assert_eq!(pgm(&run.stdout), pgm(&plain.stdout));
+        let run = place.feed(&file, &small);
+        run.succeeded();
+        let run = place.feed(&file[..file.len() - 1], &small);
+        run.failed(1, &["standard input: the ", " "]);
+    }
+}

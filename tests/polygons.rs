@@ -1,0 +1,315 @@
+// Faces that are not convex (chapter "Polygons").
+//
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+mod common;
+
+use std::collections::BTreeMap;
+use std::f64::consts::TAU;
+use std::fmt::Write;
+use std::time::Instant;
+
+use common::{ABOVE, Scratch};
+use glam::DVec3;
+use litpt::scene::{Mesh, read_file, read_obj};
+
+/// The OBJ of one face with these corners.
+fn face(corners: &[DVec3]) -> String {
+    let mut text = String::new();
+    for p in corners {
+        writeln!(text, "v {:?} {:?} {:?}", p.x, p.y, p.z).unwrap();
+    }
+    text.push('f');
+    for i in 1..=corners.len() {
+        write!(text, " {i}").unwrap();
+    }
+    text + "\n"
+}
+
+fn read(corners: &[DVec3]) -> Mesh {
+    read_obj(face(corners).as_bytes()).unwrap()
+}
+
+/// The sum of the areas of all triangles.
+fn area(mesh: &Mesh) -> f64 {
+    let of = |t: &[u32; 3]| {
+        let [a, b, c] = t.map(|i| mesh.vertices[i as usize]);
+        0.5 * (b - a).cross(c - a).length()
+    };
+    mesh.triangles.iter().map(of).sum()
+}
+
+fn fan(n: u32) -> Vec<[u32; 3]> {
+    (2..n).map(|i| [0, i - 1, i]).collect()
+}
+
+fn flat(points: &[[f64; 2]]) -> Vec<DVec3> {
+    points.iter().map(|p| DVec3::new(p[0], p[1], 0.)).collect()
+}
+
+/// Whether the directed sides of the triangles, of which opposite ones
+/// cancel, are those of the outline.
+fn is_closed(mesh: &Mesh) -> bool {
+    let mut sides = BTreeMap::new();
+    let place = |i: u32| {
+        mesh.vertices[i as usize].to_array().map(|x| (x + 0.).to_bits())
+    };
+    let mut add = |a: u32, b: u32, n: i32| {
+        let (p, q) = (place(a), place(b));
+        let (side, n) = if p < q { ((p, q), n) } else { ((q, p), -n) };
+        *sides.entry(side).or_insert(0) += n;
+    };
+    for &[a, b, c] in &mesh.triangles {
+        for (a, b) in [(a, b), (b, c), (c, a)] {
+            add(a, b, 1);
+        }
+    }
+    let n = mesh.vertices.len() as u32;
+    (0..n).for_each(|i| add(i, (i + 1) % n, -1));
+    sides.iter().all(|((p, q), n)| p == q || *n == 0)
+}
+
+const L: [[f64; 2]; 6] =
+    [[0., 0.], [2., 0.], [2., 1.], [1., 1.], [1., 2.], [0., 2.]];
+
+/// A ring with `n` corners outside and inside, joined by a bridge.
+fn ring(n: usize, inner: f64) -> Vec<DVec3> {
+    let at = |i: usize, r: f64| {
+        let (sin, cos) = (i as f64 * TAU / n as f64).sin_cos();
+        DVec3::new(-1.146, r * cos + 2.4, r * sin + 2.35)
+    };
+    let outside = (0..=n).map(|i| at(i, 1.));
+    let inside = (0..=n).rev().map(|i| at(i, inner));
+    outside.chain(inside).collect()
+}
+
+#[test]
+fn a_face_in_the_shape_of_an_l_is_filled_from_each_corner() {
+    let turn = |p: DVec3, k: i32| match k {
+        0 => p,
+        1 => DVec3::new(p.y, p.z, p.x),
+        2 => DVec3::new(p.z, p.x, p.y) + DVec3::new(1e6, -1e7, 0.25),
+        3 => p * 1e200,
+        4 => p * 1e-200,
+        _ => DVec3::new(p.x, p.y, 0.5 * p.x + 0.25 * p.y),
+    };
+    for first in 0..6 {
+        for k in 0..6 {
+            let mut corners = flat(&L);
+            corners.rotate_left(first);
+            let corners: Vec<_> =
+                corners.into_iter().map(|p| turn(p, k)).collect();
+            for backwards in [false, true] {
+                let mut corners = corners.clone();
+                if backwards {
+                    corners.reverse();
+                }
+                let mesh = read(&corners);
+                let mut unit = mesh.clone();
+                let scale = [1., 1., 1., 1e-200, 1e200, 1.][k as usize];
+                unit.vertices.iter_mut().for_each(|p| *p *= scale);
+                let slant = DVec3::new(0.5, 0.25, 1.).length();
+                let expected = if k == 5 { 3. * slant } else { 3. };
+                let found = area(&unit);
+                assert!((found - expected).abs() < 1e-9, "{k}: {found}");
+                assert_eq!(mesh.triangles.len(), 4);
+                assert_eq!(mesh.joined, [1, 2, 3]);
+                assert!(is_closed(&mesh));
+            }
+        }
+    }
+}
+
+#[test]
+fn a_ring_has_the_area_of_a_ring() {
+    for n in [6, 32, 100] {
+        let mesh = read(&ring(n, 0.9));
+        let disc = 0.5 * n as f64 * (TAU / n as f64).sin();
+        let expected = disc * (1. - 0.9 * 0.9);
+        assert!((area(&mesh) - expected).abs() < 1e-12, "{n}");
+        assert_eq!(mesh.triangles.len(), 2 * n);
+        assert!(is_closed(&mesh));
+    }
+}
+
+#[test]
+fn a_convex_face_keeps_the_fan_around_its_first_corner() {
+    for n in 3..60_u32 {
+        for turn in 0..n.min(7) {
+            let at = |i| f64::from(i + turn) * TAU / f64::from(n);
+            let corner = |i| DVec3::new(at(i).cos(), 1e3, at(i).sin());
+            let corners: Vec<_> = (0..n).map(corner).collect();
+            assert_eq!(read(&corners).triangles, fan(n));
+        }
+    }
+    // A slanted triangle with more corners on its sides, which rounding
+    // has moved off them.
+    let ends = [[0.1, 0.3], [2.7, 0.9], [0.7, 1.9]]
+        .map(|[x, y]| DVec3::new(x, y, 0.3 * x - 0.7 * y + 1e3));
+    for parts in [2, 3, 7, 10] {
+        for shift in 0..parts {
+            let side = |k: usize| {
+                let part = move |i| f64::from(i) / f64::from(parts);
+                let (a, b) = (ends[k], ends[(k + 1) % 3]);
+                (0..parts).map(move |i| a.lerp(b, part(i)))
+            };
+            let mut corners: Vec<_> = (0..3).flat_map(side).collect();
+            corners.rotate_left(shift as usize);
+            let mesh = read(&corners);
+            assert_eq!(mesh.triangles, fan(3 * parts), "{parts} {shift}");
+        }
+    }
+}
+
+#[test]
+fn a_corner_on_a_side_stays_a_corner_of_triangles() {
+    let mut corners = vec![];
+    let l = flat(&L);
+    for i in 0..6 {
+        let (a, b) = (l[(i + 1) % 6], l[(i + 2) % 6]);
+        corners.extend([a, a.lerp(b, 0.25), a.lerp(b, 0.5)]);
+    }
+    let mesh = read(&corners);
+    assert!((area(&mesh) - 3.).abs() < 1e-12);
+    assert_eq!(mesh.triangles.len(), 16);
+    let used = |i| mesh.triangles.iter().any(|t| t.contains(&i));
+    assert!((0..18).all(used));
+    assert!(is_closed(&mesh));
+}
+
+#[test]
+fn faces_that_touch_themselves_are_filled() {
+    // A hole that touches the outside at the corner (4, 2) in a side,
+    // corners that are given twice, and a side that goes forth and back.
+    let touching = [
+        [4., 0.],
+        [4., 4.],
+        [0., 4.],
+        [0., 0.],
+        [4., 0.],
+        [4., 2.],
+        [1., 1.],
+        [1., 3.],
+        [4., 2.],
+    ];
+    let dart = [[2., 1.], [0., 0.], [4., 0.], [2., 3.]];
+    let twice = [dart, dart].concat();
+    let twice: Vec<_> = (0..8).map(|i| twice[i / 2]).collect();
+    let back = [&L[1..], &[[0., 0.], [1., 0.5], [0., 0.]]].concat();
+    for (outline, expected) in
+        [(&touching[..], 13.), (&twice, 4.), (&back, 3.), (&dart, 4.)]
+    {
+        let (mesh, warning) =
+            read_file(face(&flat(outline)).as_bytes()).unwrap();
+        assert_eq!(warning, None, "{outline:?}");
+        assert_eq!(area(&mesh), expected, "{outline:?}");
+    }
+}
+
+#[test]
+fn faces_keep_their_numbers() {
+    // The second face needs more triangles than its fan has, the fourth
+    // fewer, and the last one others.
+    let text = "v 0 0 0\nv 4 0 0\nv 4 4 0\nv 0 4 0\nv 4 2 0\nv 1 1 0\n\
+                v 1 3 0\nv 9 9 0\nv 7 1 0\nf 1 2 3 4\n\
+                f 2 3 4 1 2 5 6 7 5\nf 1 2 3\nf 6 6 4 1 2 2 2\n\
+                f 1 2 3 4\nf 6 1 3 4\n";
+    let mesh = read_obj(text.as_bytes()).unwrap();
+    let faces = mesh.faces();
+    let of = |face| {
+        let mine = |i: &usize| faces[*i] == face;
+        let mine: Vec<_> = (0..faces.len()).filter(mine).collect();
+        let triangles: Vec<_> =
+            mine.iter().map(|&i| mesh.triangles[i]).collect();
+        area(&Mesh { triangles, ..mesh.clone() })
+    };
+    let areas: Vec<_> = (0..6).map(of).collect();
+    assert_eq!(areas, [16., 13., 8., 4., 16., 6.]);
+    assert!(faces.is_sorted());
+    assert_eq!(faces.len(), mesh.triangles.len());
+    assert_eq!(mesh.triangles[..2], [[0, 1, 2], [0, 2, 3]]);
+}
+
+/// The warning about a text, if there is one.
+fn warning(text: &str) -> Option<String> {
+    let (_, warning) = read_file(text.as_bytes()).unwrap();
+    warning.map(|warning| warning.within("x"))
+}
+
+#[test]
+fn odd_faces_are_counted_with_the_line_of_the_first() {
+    let square = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 1 1 0.6\n\
+                  v 1 1 0.24\nv 2 0 0\nv 0.5 0.25 0\n";
+    let plain = "f 1 2 3 4\nf 1 2 6 4\nf 1 1 2 2\nf 1 2 7 2\nf 1 2 8 4\n";
+    assert_eq!(warning(&format!("{square}{plain}")), None);
+    let odd = "f 1 3 2 4\n# f\nf 1 2 5 \\\n 4\nf 1 2 5 4\n";
+    let words = "x:14: the first of 3 odd faces (2 bent, 1 crossed); \
+                 other programs may fill them differently";
+    let found = warning(&format!("{square}{plain}{odd}{plain}"));
+    assert_eq!(found.unwrap(), words);
+    let pentagram = "v 0 3 0\nv 2 -3 0\nv -3 1 0\nv 3 1 0\nv -2 -3 0\n\
+                     f 1 2 3 4 5\n";
+    let mesh = read_obj(pentagram.as_bytes()).unwrap();
+    assert_eq!(mesh.triangles, fan(5));
+    let found = warning(pentagram).unwrap();
+    assert!(found.starts_with("x:6: the first of 1 odd faces (0 bent, 1"));
+}
+
+#[test]
+fn the_program_warns_of_odd_faces_once_unless_it_is_quiet() {
+    let place = Scratch::new();
+    let crossed = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n\
+                   f 1 3 2 4\nf 1 3 2 4\n";
+    place.put("odd.obj", crossed);
+    let run = |more: &[&str]| {
+        let input = ["-d8x6", "-n1", "-i", "odd.obj"];
+        place.run(&[&ABOVE[..], &input, more].concat())
+    };
+    let loud = run(&[]);
+    loud.succeeded();
+    let lines: Vec<_> =
+        loud.stderr.lines().filter(|l| l.contains("odd faces")).collect();
+    assert_eq!(lines.len(), 1, "{}", loud.stderr);
+    assert!(lines[0].contains("warning: odd.obj:5: the first of 2 odd"));
+    let quiet = run(&["-q"]);
+    quiet.succeeded();
+    assert_eq!(quiet.stderr, "");
+}
+
+#[test]
+fn a_face_of_a_hundred_thousand_corners_takes_no_time_in_its_square() {
+    let n = 100_000;
+    let star = |i: usize| {
+        let r = 1. + (i * 7919 % 1000) as f64 / 1000.;
+        let (sin, cos) = (i as f64 * TAU / n as f64).sin_cos();
+        DVec3::new(r * cos, 3., r * sin)
+    };
+    let star: Vec<_> = (0..n).map(star).collect();
+    let comb = |i: usize| {
+        let top =
+            if i.is_multiple_of(2) { 0. } else { 1e3 + (i % 97) as f64 };
+        DVec3::new((n - i) as f64, top, 0.)
+    };
+    let ends = flat(&[[-1., -1.], [n as f64, -1.]]);
+    let comb: Vec<_> = ends.into_iter().chain((2..n).map(comb)).collect();
+    let l = flat(&L);
+    let on_side = |i: usize| {
+        let (side, part) = (i * 6 / n, (i * 6 % n) as f64 / n as f64);
+        l[(side + 1) % 6].lerp(l[(side + 2) % 6], part)
+    };
+    let l: Vec<_> = (0..n).map(on_side).collect();
+    let ring = ring(n / 2, 0.9);
+    for corners in [star, comb, l, ring] {
+        let text = face(&corners);
+        let start = Instant::now();
+        let (mesh, warning) = read_file(text.as_bytes()).unwrap();
+        let seconds = start.elapsed().as_secs_f64();
+        assert_eq!(warning, None);
+        assert_eq!(mesh.triangles.len(), corners.len() - 2);
+        assert!(is_closed(&mesh));
+        // Optimised and alone on the machine it takes a tenth of that; in
+        // the square of the corners it would take longer.
+        assert!(seconds < 4., "{seconds}");
+    }
+}
