@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -15,12 +14,11 @@
 pub mod encoding;
 pub mod polygons;
 
-// Name what the scene imports
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::fmt;
 use std::iter::Skip;
 use std::str::SplitWhitespace;
-use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use glam::{BVec3, DVec3};
@@ -30,7 +28,6 @@ use rayon::prelude::*;
 use self::polygons::Oddity;
 use crate::numerics::{cross, exponent, power_of_two, shift};
 
-// Represent a mesh as it was read
 /// An indexed triangle mesh in the coordinates of its file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
@@ -56,7 +53,6 @@ impl Mesh {
     }
 }
 
-// Read the text of an OBJ
 /// Reads the mesh that the bytes `source` of a Wavefront OBJ describe,
 /// which may be compressed.
 /// Convex faces become fans of triangles around their first corner.
@@ -94,7 +90,6 @@ fn read(
     let text = encoding::text(source);
     let text = text.map_err(|what| ObjError::whole(&what))?;
     let source = &text[..];
-    // Refuse empty and binary files
     let source = source.strip_prefix(b"\xef\xbb\xbf").unwrap_or(source);
     if source.is_empty() {
         return Err(ObjError::whole(
@@ -107,7 +102,6 @@ fn read(
         return Err(ObjError::new(line, what.to_owned()));
     }
     let pieces = cut(source, size);
-    // Count what comes before each piece
     let counts: Vec<_> = pieces.par_iter().map(|p| count(p)).collect();
     let (mut vertices, mut lines) = (0, 0);
     let mut before = Vec::with_capacity(counts.len());
@@ -117,15 +111,12 @@ fn read(
         lines += more_lines;
     }
     countable(vertices, "vertices")?;
-    // Read each piece into a mesh
     let read = |(piece, &(first, line)): (&&[u8], &(usize, usize))| {
         read_piece(piece, first, vertices)
             .map_err(|(at, what)| ObjError::new(line + at, what))
     };
     let parts: Vec<_> = pieces.par_iter().zip(&before).map(read).collect();
     let parts = parts.into_iter().collect::<Result<Vec<_>, _>>()?;
-    // Put the meshes one behind the other
-    // Number the joined triangles anew
     let (mut joined, mut first) = (vec![], 0);
     for part in &parts {
         joined.extend(part.joined.iter().map(|&i| first + i));
@@ -139,7 +130,6 @@ fn read(
     if triangles.is_empty() {
         return Err(ObjError::whole("no face, hence nothing to render"));
     }
-    // Fill the faces, and warn of odd ones
     let odd = polygons::fill(&vertices, &mut triangles, &mut joined);
     countable(triangles.len(), "triangles")?;
     let warning = odd.first().map(|&(face, _)| {
@@ -185,7 +175,6 @@ fn countable(n: usize, what: &str) -> Result<(), ObjError> {
     }
 }
 
-// Cut the text after whole statements
 /// The text in pieces, each of whole statements and, but for the last,
 /// longer than `size` bytes.
 fn cut(mut source: &[u8], size: usize) -> Vec<&[u8]> {
@@ -231,7 +220,6 @@ impl<'a> Statements<'a> {
         Some(line.trim_ascii_end())
     }
 
-    // Join a line with its continuations
     /// The line `first` and what continues it.
     fn join(&mut self, first: &[u8]) -> Vec<u8> {
         let mut whole = Vec::new();
@@ -251,7 +239,6 @@ impl<'a> Iterator for Statements<'a> {
     fn next(&mut self) -> Option<Cow<'a, [u8]>> {
         loop {
             let line = self.line()?;
-            // Make the line a whole statement
             let whole = match line {
                 [.., b'\\'] => Cow::Owned(self.join(line)),
                 _ => Cow::Borrowed(line),
@@ -272,7 +259,6 @@ fn matters(statement: &[u8]) -> bool {
     }
 }
 
-// Read one piece of the text
 fn is_vertex(statement: &[u8]) -> bool {
     statement.trim_ascii_start().first() == Some(&b'v')
 }
@@ -295,7 +281,6 @@ fn read_piece(
     let mut statements = Statements { rest: piece, line: 0 };
     while let Some(text) = statements.next() {
         let vertices = [first + mesh.vertices.len(), total];
-        // Read the statement, once more before its comment
         let begun = mesh.triangles.len();
         if let Err(what) = read_statement(&text, vertices, &mut mesh) {
             mesh.triangles.truncate(begun);
@@ -343,13 +328,11 @@ fn read_statement(
     read_face(words, vertices, mesh)
 }
 
-// Read the numbers of a statement
 type Words<'a> = Skip<SplitWhitespace<'a>>;
 
 fn read_vertex(mut words: Words) -> Result<DVec3, String> {
     let mut position = [0.; 3];
     for (axis, value) in ["x", "y", "z"].iter().zip(&mut position) {
-        // Read the coordinate along the axis
         let Some(word) = words.next() else {
             return Err(format!("a vertex without {axis}"));
         };
@@ -373,7 +356,6 @@ fn read_face(
 ) -> Result<(), String> {
     let (mut n, mut fan) = (0, [0; 3]);
     for word in words {
-        // Move the fan on to the next corner
         let corner = read_corner(word, vertices)?;
         fan = [if n == 0 { corner } else { fan[0] }, fan[2], corner];
         n += 1;
@@ -396,7 +378,6 @@ fn read_corner(
     [so_far, total]: [usize; 2],
 ) -> Result<u32, String> {
     let (digits, others) = word.split_once('/').unwrap_or((word, ""));
-    // Judge what follows the first slash
     let is_number = |n: &str| n.is_empty() || n.parse::<i64>().is_ok();
     if !others.is_empty() && !others.splitn(2, '/').all(is_number) {
         return Err(format!("corner {word} is not of the form 1/2/3"));
@@ -404,7 +385,6 @@ fn read_corner(
     match digits.parse::<i64>() {
         Err(_) => Err(format!("corner {word} is no vertex number")),
         Ok(0) => Err("vertices are counted from 1, not from 0".to_owned()),
-        // Refuse a corner that does not exist
         Ok(n) if n < 0 && n.unsigned_abs() > so_far as u64 => {
             Err(format!("corner {n}, but only {so_far} vertices so far"))
         }
@@ -416,7 +396,6 @@ fn read_corner(
     }
 }
 
-// Say what is wrong, and where
 /// Why a text is not the OBJ of a mesh.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ObjError {
@@ -452,7 +431,6 @@ impl fmt::Display for ObjError {
 
 impl std::error::Error for ObjError {}
 
-// Bring the scene to the origin
 /// The map from the coordinates of the file to those of the scene.
 #[derive(Clone, Copy, Debug)]
 pub struct Frame {
@@ -478,7 +456,6 @@ impl Frame {
     fn within(&self, p: DVec3, k: i32) -> DVec3 {
         let p = p * self.part;
         let offset = p - self.low;
-        // Find what the subtraction rounded away
         let lost = lost(p, self.low, offset);
         let whole = shift(offset, self.exponent - k) - shift(self.half, -k);
         whole + shift(lost, self.exponent - k)
@@ -494,7 +471,6 @@ impl Frame {
             | lost(scaled, self.half, place).cmpne(DVec3::ZERO)
     }
 
-    // Place a point however far away
     /// Where the point `p` of the file lies in the scene, in units of
     /// 2^`k`; and `k`, which is 0 up to a distance of 2^`FAR`.
     fn place_afar(&self, p: DVec3) -> (DVec3, i32) {
@@ -537,7 +513,7 @@ fn about_half(x: f64) -> f64 {
     (0.5 * x / unit).round() * unit
 }
 
-/// Binary exponent of the largest half extent of a scene.
+/// Binary exponent of the largest coordinate of a scene.
 pub const EXTENT: i32 = 12;
 
 /// The corners of a triangle, in the coordinates of the scene.
@@ -597,6 +573,11 @@ impl Triangles {
     }
 }
 
+fn has_area(&[a, b, c]: &Triangle) -> bool {
+    let (u, v) = (b - a, c - a);
+    u.cross(v) != DVec3::ZERO || cross(u, v) != DVec3::ZERO
+}
+
 /// Triangles near the origin, with the map that brought them there.
 #[derive(Clone, Debug)]
 pub struct Scene {
@@ -610,10 +591,143 @@ pub struct Scene {
     copies: Vec<u32>,
 }
 
-fn has_area(&[a, b, c]: &Triangle) -> bool {
-    let (u, v) = (b - a, c - a);
-    u.cross(v) != DVec3::ZERO || cross(u, v) != DVec3::ZERO
+impl Scene {
+    /// The scene of a mesh; a mesh without triangles is an empty scene.
+    pub fn new(mesh: &Mesh) -> Self {
+        Self::of(mesh.clone())
+    }
+
+    /// The same, which uses the mesh up.
+    pub fn of(mesh: Mesh) -> Self {
+        let faces = mesh.faces();
+        let Mesh { vertices, triangles: corners, .. } = mesh;
+        let mut triangles = Triangles { vertices, corners, faces };
+        let all = &triangles;
+        let bounds = (0..all.len()).into_par_iter().map(|i| {
+            let [a, b, c] = all.get(i);
+            (a.min(b).min(c), a.max(b).max(c))
+        });
+        let (low, high) = bounds
+            .reduce_with(|a, b| (a.0.min(b.0), a.1.max(b.1)))
+            .unwrap_or_default();
+        let (low, high) = (low + DVec3::ZERO, high + DVec3::ZERO);
+        let moved = frame(low, high, BVec3::TRUE);
+        let corners = all.corners.par_iter().flatten_iter();
+        let rounds = corners.map(|&i| moved.rounds(all.vertices[i as usize]));
+        let rounds = rounds.reduce(|| BVec3::FALSE, |a, b| a | b);
+        let frame = frame(low, high, !rounds);
+        let place = |p: &mut DVec3| {
+            let placed = frame.apply(*p) + DVec3::ZERO;
+            let tiny = placed.abs().cmplt(DVec3::splat(TINY));
+            *p = DVec3::select(tiny, DVec3::ZERO, placed);
+        };
+        triangles.vertices.par_iter_mut().for_each(place);
+        let mut flat = vec![];
+        let all = &triangles;
+        let numbers = (0..all.len()).into_par_iter();
+        if !numbers.clone().all(|i| has_area(&all.get(i))) {
+            let old = triangles.clone();
+            flat = triangles.leave_out(|i| !has_area(&old.get(i)));
+        }
+        let all = &triangles;
+        let numbers = (0..all.len()).into_par_iter();
+        let size = |i: usize| exponent(size(&all.get(i)));
+        let count = |mut counts: BTreeMap<i32, usize>, i: usize| {
+            *counts.entry(size(i)).or_default() += 1;
+            counts
+        };
+        let counts = numbers.clone().fold(BTreeMap::new, count);
+        let counts = counts.reduce(BTreeMap::new, |mut a, b| {
+            b.into_iter().for_each(|(k, n)| *a.entry(k).or_default() += n);
+            a
+        });
+        let grid = Grid::of(&counts, all.vertices.len());
+        let is_small = |&i: &usize| size(i) < grid.digits + DIGITS;
+        let small = numbers.clone().filter(is_small);
+        small.for_each(|i| grid.keep(&all.get(i)));
+        let flattened = |i: &usize| {
+            let corners = all.get(*i);
+            !has_area(&corners.map(|corner| grid.round(corner)))
+        };
+        loop {
+            let flattened: Vec<_> =
+                numbers.clone().filter(flattened).collect();
+            if flattened.is_empty() {
+                break;
+            }
+            flattened.iter().for_each(|&i| grid.keep(&all.get(i)));
+        }
+        let round = |p: &mut DVec3| *p = grid.round(*p);
+        triangles.vertices.par_iter_mut().for_each(round);
+        let found = copies(&triangles);
+        let is_copy = |i: usize| found.binary_search(&i).is_ok();
+        let copies = match found.is_empty() {
+            true => vec![],
+            false => triangles.leave_out(is_copy),
+        };
+        let margin = DVec3::ONE;
+        let bounds =
+            [frame.apply(low) - margin, frame.apply(high) + margin];
+        Self { frame, bounds, triangles, flat, copies }
+    }
+
+    /// The triangles that have an area, in the order of the mesh, without
+    /// copies.
+    pub fn triangles(&self) -> Vec<Triangle> {
+        self.triangles.iter().collect()
+    }
+
+    /// The same, as they share their corners.
+    pub fn indexed(&self) -> &Triangles {
+        &self.triangles
+    }
+
+    /// Hands the triangles over, for a hierarchy to use up; the scene has
+    /// none afterwards.
+    pub fn take_triangles(&mut self) -> Triangles {
+        std::mem::take(&mut self.triangles)
+    }
+
+    /// The faces, from 0, of the triangles that were left out because they
+    /// have no area, and because others have the same corners.
+    pub fn left_out(&self) -> (&[u32], &[u32]) {
+        (&self.flat, &self.copies)
+    }
+
+    /// Where a point of the file lies in the scene; none if it is more
+    /// than 2^`NEARBY` away.
+    pub fn place(&self, point: DVec3) -> Option<DVec3> {
+        let placed = self.frame.apply(point);
+        let nearby = placed.abs().max_element() <= NEARBY;
+        nearby.then_some(placed)
+    }
+
+    /// The ray that starts at the point `position` of the file, from where
+    /// it enters the scene; none if it passes the scene by.
+    pub fn enter(&self, position: DVec3, direction: DVec3) -> Option<Ray> {
+        let (origin, k) = self.frame.place_afar(position);
+        let [low, high] = self.bounds.map(|corner| shift(corner, -k));
+        if (origin.cmpge(low) & origin.cmple(high)).all() {
+            return Some(Ray { origin, direction });
+        }
+        let up = direction.cmpge(DVec3::ZERO);
+        let near = DVec3::select(up, low, high);
+        let far = DVec3::select(up, high, low);
+        let enters = ((near - origin) / direction).to_array();
+        let leaves = ((far - origin) / direction).to_array();
+        let start = enters.into_iter().fold(0., f64::max);
+        let end = leaves.into_iter().fold(f64::INFINITY, f64::min);
+        if start > end * (1. + f64::EPSILON * 8.) {
+            return None;
+        }
+        let point = shift(origin + direction * start, k);
+        let [low, high] = self.bounds;
+        Some(Ray { origin: point.clamp(low, high), direction })
+    }
 }
+
+/// Coordinates that are smaller count as zero: 2^-100.
+const TINY: f64 = f64::from_bits((1023 - 100) << 52);
 
 /// To what the places of vertices are rounded.
 struct Grid {
@@ -668,151 +782,9 @@ const RANGE: i32 = 7;
 /// exponent.
 const SPARE: i32 = 8;
 
-/// Coordinates that are smaller count as zero: 2^-100.
-const TINY: f64 = f64::from_bits((1023 - 100) << 52);
-
+/// The longest side of a triangle's box.
 fn size(&[a, b, c]: &Triangle) -> f64 {
     (a.max(b).max(c) - a.min(b).min(c)).max_element()
-}
-
-impl Scene {
-    /// The scene of a mesh; a mesh without triangles is an empty scene.
-    pub fn new(mesh: &Mesh) -> Self {
-        Self::of(mesh.clone())
-    }
-
-    /// The same, which uses the mesh up.
-    pub fn of(mesh: Mesh) -> Self {
-        let faces = mesh.faces();
-        let Mesh { vertices, triangles: corners, .. } = mesh;
-        let mut triangles = Triangles { vertices, corners, faces };
-        // Find the box of the triangles
-        let all = &triangles;
-        let bounds = (0..all.len()).into_par_iter().map(|i| {
-            let [a, b, c] = all.get(i);
-            (a.min(b).min(c), a.max(b).max(c))
-        });
-        let (low, high) = bounds
-            .reduce_with(|a, b| (a.0.min(b.0), a.1.max(b.1)))
-            .unwrap_or_default();
-        let (low, high) = (low + DVec3::ZERO, high + DVec3::ZERO);
-        // Find the axes along which a move rounds nothing
-        let moved = frame(low, high, BVec3::TRUE);
-        let corners = all.corners.par_iter().flatten_iter();
-        let rounds = corners.map(|&i| moved.rounds(all.vertices[i as usize]));
-        let rounds = rounds.reduce(|| BVec3::FALSE, |a, b| a | b);
-        let frame = frame(low, high, !rounds);
-        let place = |p: &mut DVec3| {
-            let placed = frame.apply(*p) + DVec3::ZERO;
-            let tiny = placed.abs().cmplt(DVec3::splat(TINY));
-            *p = DVec3::select(tiny, DVec3::ZERO, placed);
-        };
-        triangles.vertices.par_iter_mut().for_each(place);
-        let mut flat = vec![];
-        let all = &triangles;
-        let numbers = (0..all.len()).into_par_iter();
-        if !numbers.clone().all(|i| has_area(&all.get(i))) {
-            let old = triangles.clone();
-            flat = triangles.leave_out(|i| !has_area(&old.get(i)));
-        }
-        // Round the places of the vertices
-        let all = &triangles;
-        let numbers = (0..all.len()).into_par_iter();
-        let size = |i: usize| exponent(size(&all.get(i)));
-        let count = |mut counts: BTreeMap<i32, usize>, i: usize| {
-            *counts.entry(size(i)).or_default() += 1;
-            counts
-        };
-        let counts = numbers.clone().fold(BTreeMap::new, count);
-        let counts = counts.reduce(BTreeMap::new, |mut a, b| {
-            b.into_iter().for_each(|(k, n)| *a.entry(k).or_default() += n);
-            a
-        });
-        let grid = Grid::of(&counts, all.vertices.len());
-        let is_small = |&i: &usize| size(i) < grid.digits + DIGITS;
-        let small = numbers.clone().filter(is_small);
-        small.for_each(|i| grid.keep(&all.get(i)));
-        let flattened = |i: &usize| {
-            let corners = all.get(*i);
-            !has_area(&corners.map(|corner| grid.round(corner)))
-        };
-        loop {
-            let flattened: Vec<_> =
-                numbers.clone().filter(flattened).collect();
-            if flattened.is_empty() {
-                break;
-            }
-            flattened.iter().for_each(|&i| grid.keep(&all.get(i)));
-        }
-        let round = |p: &mut DVec3| *p = grid.round(*p);
-        triangles.vertices.par_iter_mut().for_each(round);
-        let found = copies(&triangles);
-        let is_copy = |i: usize| found.binary_search(&i).is_ok();
-        let copies = match found.is_empty() {
-            true => vec![],
-            false => triangles.leave_out(is_copy),
-        };
-        let margin = DVec3::ONE;
-        let bounds =
-            [frame.apply(low) - margin, frame.apply(high) + margin];
-        Self { frame, bounds, triangles, flat, copies }
-    }
-
-    /// The triangles that have an area, in the order of the mesh, without
-    /// copies.
-    pub fn triangles(&self) -> Vec<Triangle> {
-        self.triangles.iter().collect()
-    }
-
-    /// The same, as they share their corners.
-    pub fn indexed(&self) -> &Triangles {
-        &self.triangles
-    }
-
-    // Leave triangles out of the scene
-    /// The faces, from 0, of the triangles that were left out because they
-    /// have no area, and because others have the same corners.
-    pub fn left_out(&self) -> (&[u32], &[u32]) {
-        (&self.flat, &self.copies)
-    }
-
-    /// Where a point of the file lies in the scene; none if it is more
-    /// than 2^`NEARBY` away.
-    pub fn place(&self, point: DVec3) -> Option<DVec3> {
-        let placed = self.frame.apply(point);
-        let nearby = placed.abs().max_element() <= NEARBY;
-        nearby.then_some(placed)
-    }
-
-    /// Hands the triangles over, for a hierarchy to use up; the scene has
-    /// none afterwards.
-    pub fn take_triangles(&mut self) -> Triangles {
-        std::mem::take(&mut self.triangles)
-    }
-
-    // Move a distant ray to the scene
-    /// The ray that starts at the point `position` of the file, from where
-    /// it enters the scene; none if it passes the scene by.
-    pub fn enter(&self, position: DVec3, direction: DVec3) -> Option<Ray> {
-        let (origin, k) = self.frame.place_afar(position);
-        let [low, high] = self.bounds.map(|corner| shift(corner, -k));
-        if (origin.cmpge(low) & origin.cmple(high)).all() {
-            return Some(Ray { origin, direction });
-        }
-        let up = direction.cmpge(DVec3::ZERO);
-        let near = DVec3::select(up, low, high);
-        let far = DVec3::select(up, high, low);
-        let enters = ((near - origin) / direction).to_array();
-        let leaves = ((far - origin) / direction).to_array();
-        let start = enters.into_iter().fold(0., f64::max);
-        let end = leaves.into_iter().fold(f64::INFINITY, f64::min);
-        if start > end * (1. + f64::EPSILON * 8.) {
-            return None;
-        }
-        let point = shift(origin + direction * start, k);
-        let [low, high] = self.bounds;
-        Some(Ray { origin: point.clamp(low, high), direction })
-    }
 }
 
 /// The numbers, in ascending order, of triangles that have the same
@@ -821,17 +793,14 @@ fn copies(triangles: &Triangles) -> Vec<usize> {
     if triangles.len() > NUMBERS as usize {
         return vec![];
     }
-    // Sort the keys of the triangles
-    let key = |i: usize| {
-        mixed(&triangles.get(i)) & !(NUMBERS - 1) | i as u64
-    };
+    let key =
+        |i: usize| mixed(&triangles.get(i)) & !(NUMBERS - 1) | i as u64;
     let keys = (0..triangles.len()).into_par_iter().map(key);
     let mut keys: Vec<u64> = keys.collect();
     keys.par_sort_unstable();
     let groups = keys.chunk_by(|a, b| a / NUMBERS == b / NUMBERS);
     let mut copies: Vec<usize> = vec![];
     for group in groups.filter(|group| group.len() > 1) {
-        // Find the copies in a group
         let mut others: Vec<[[u64; 3]; 3]> = vec![];
         for key in group {
             let i = (key % NUMBERS) as usize;
@@ -859,9 +828,9 @@ fn mixed(triangle: &Triangle) -> u64 {
 pub fn scattered(corner: &DVec3) -> u64 {
     let [x, y, z] = corner.to_array().map(f64::to_bits);
     let first = (x ^ y.rotate_left(32)).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    let both = first
-        ^ first >> 32
-        ^ (y ^ z.rotate_left(32)).wrapping_mul(0xd1b5_4a32_d192_ed03);
+    let second =
+        (y ^ z.rotate_left(32)).wrapping_mul(0xd1b5_4a32_d192_ed03);
+    let both = first ^ first >> 32 ^ second;
     let mixed = both.wrapping_mul(0xbf58_476d_1ce4_e5b9);
     mixed ^ mixed >> 31
 }
@@ -888,7 +857,6 @@ const NEARBY: f64 = (1u64 << 32) as f64;
 /// Binary exponent of the distance at which units become larger.
 const FAR: i32 = 1000;
 
-// Test what no file of sensible size can
 #[cfg(test)]
 mod tests {
     use super::countable;
