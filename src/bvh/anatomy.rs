@@ -16,7 +16,7 @@ use glam::Vec3;
 use super::traversal::{
     Slabs, Stack, Waiting, distance, enter, look, push,
 };
-use super::triangle::{BACK, LANES, LEAF, Leaf, Search, Shear, slots};
+use super::triangle::{GATES, LANES, LEAF, Search, Shear, slots};
 use super::wide::{Quality, Wide};
 use crate::scene::{Ray, Scene};
 
@@ -80,24 +80,23 @@ impl Anatomy {
                 (met.mask, any.then(push))
             } else {
                 let (place, count) = slots(child);
-                // SAFETY: children with the bit LEAF are leaves that are there.
-                let leaf = unsafe { search.leaf(place, count) };
-                if leaf.kind() >= BACK {
-                    slabs = Slabs::new(&ray, &leaf.region());
-                    let gate = leaf.gate(place).map(|(inner, back)| {
+                if place >= GATES {
+                    let way = wide.gates[(place - GATES) as usize];
+                    slabs = Slabs::new(&ray, &way.region);
+                    search.margins = way.region.margins(ray.origin);
+                    if way.node.is_some() {
                         // SAFETY: no hierarchy is so deep.
-                        unsafe { stack.push(back, 0.) };
-                        inner
-                    });
-                    next = gate.or_else(|| stack.pop(search.limit() as f32));
+                        unsafe { stack.push(child + 1, 0.) };
+                    }
+                    let pop = || stack.pop(search.limit() as f32);
+                    next = way.node.or_else(pop);
                     continue;
                 }
-                let meet = |leaf: Leaf, shear: &_, (_, margins)| {
-                    leaf.meet(shear, margins)
-                };
-                let met =
-                    look(&mut search, (place, leaf), (&ray, &shear), meet);
-                (met & ((1 << LANES) - 1), None)
+                // SAFETY: children with the bit LEAF are leaves that are there.
+                let leaf = unsafe { search.leaf(place, count) };
+                let met = leaf.candidates(&shear, search.margins);
+                look(&mut search, (place, leaf), met, (&ray, &shear));
+                (met, None)
             };
             next = first.or_else(|| stack.pop(search.limit() as f32));
             let (waiting, t_max) = (stack.length(), search.distance);
@@ -136,7 +135,7 @@ impl Anatomy {
         let leaf = unsafe { self.wide.leaves.leaf(first, count) };
         let shear = Shear::new(&self.ray);
         Some(array::from_fn(|lane| {
-            let [x, y, _] = leaf.sheared(lane, &shear);
+            let [x, y, _] = leaf.sheared(lane as u32, &shear);
             array::from_fn(|c| [x[c], y[c]])
         }))
     }

@@ -22,7 +22,7 @@ use glam::DVec3;
 use super::intersector::{Hit, Intersector};
 use super::spawn::hit;
 use super::triangle::{
-    BACK, LANES, LEAF, Leaf, Margins, NONE, Region, Search, Shear, slots,
+    GATES, LEAF, Leaf, Margins, NONE, Region, Search, Shear, slots,
 };
 use super::wide::{Node, STACK, Wide};
 use crate::scene::Ray;
@@ -206,7 +206,7 @@ pub fn traverse<'a, const N: usize, const ANY: bool, V>(
     from: Option<u32>,
     enter: impl Fn(&Node<N>, &Slabs, f32) -> Entered<V>,
     push: impl Fn(&Node<N>, u32, &Entered<V>, &mut Stack) -> u32,
-    meet: impl Fn(Leaf<'a>, &Shear, (f64, Margins)) -> (u32, [f64; LANES]),
+    candidates: impl Fn(Leaf<'a>, &Shear, Margins) -> u32,
 ) -> Search<'a>
 where
     Node<N>: Pod,
@@ -252,12 +252,14 @@ where
             }
             // Offer the leaf's triangles and go on
             let (first, count) = slots(child);
+            if first >= GATES {
+                break first - GATES;
+            }
             // SAFETY: children with the bit LEAF are leaves that are there.
             let leaf = unsafe { search.leaf(first, count) };
-            if leaf.kind() >= BACK {
-                break leaf;
-            }
-            if look(&mut search, (first, leaf), (ray, &shear), &meet) != 0 {
+            let met = candidates(leaf, &shear, search.margins);
+            if met != 0 {
+                look(&mut search, (first, leaf), met, (ray, &shear));
                 if ANY && search.slot != NONE {
                     return search;
                 }
@@ -269,11 +271,12 @@ where
             }
         };
         // Go through a gate
-        region = gate.region();
-        child = match gate.gate(slots(child).0) {
-            Some((inner, back)) => {
+        let way = wide.gates[gate as usize];
+        region = way.region;
+        child = match way.node {
+            Some(inner) => {
                 // SAFETY: no hierarchy is so deep that one is not left.
-                unsafe { stack.push(back, 0.) };
+                unsafe { stack.push(LEAF | (GATES + gate + 1), 0.) };
                 inner
             }
             None => {
@@ -287,25 +290,20 @@ where
     }
 }
 
-/// Offers the triangles of a leaf that the ray meets; their mask.
+/// Offers the triangles of a leaf in the mask `left`.
 #[inline(always)]
-pub fn look<'a>(
-    search: &mut Search<'a>,
-    (first, leaf): (u32, Leaf<'a>),
-    (ray, shear): (&Ray, &Shear),
-    meet: impl Fn(Leaf<'a>, &Shear, (f64, Margins)) -> (u32, [f64; LANES]),
-) -> u32 {
-    let limit = search.limit();
-    let (met, distances) = meet(leaf, shear, (limit, search.margins));
+pub fn look(
+    search: &mut Search,
+    (first, leaf): (u32, Leaf),
+    mut left: u32,
+    ray: (&Ray, &Shear),
+) {
     // Offer each lane of the mask
-    let mut left = met;
     while left != 0 {
         let lane = left.trailing_zeros();
-        let distance = distances[lane as usize % LANES];
-        search.offer((first, leaf), lane, distance, ray);
+        search.offer((first, leaf), lane, ray);
         left &= left - 1;
     }
-    met
 }
 
 // Look at one node portably
@@ -382,7 +380,7 @@ impl Traverser {
             |node, shift, met, stack| unsafe {
                 push(node, shift, met, stack)
             },
-            |leaf, shear, (_, margins)| leaf.meet(shear, margins),
+            |leaf, shear, margins| leaf.candidates(shear, margins),
         )
     }
 }

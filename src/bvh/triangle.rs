@@ -14,10 +14,10 @@
 // Name what the triangles import
 use std::array;
 
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 
 use super::huge_pages::Pages;
-use crate::numerics::{cross, exponent, power_of_two};
+use crate::numerics::cross;
 use crate::scene::{Ray, Triangle};
 
 // Make a ray the z axis
@@ -33,6 +33,8 @@ pub struct Shear {
     pub slope: [f64; 2],
     /// 1/dz: distance along the ray per unit of z.
     pub stretch: f64,
+    /// x and y where the ray's line passes z = 0.
+    pub foot: [f64; 2],
 }
 
 impl Shear {
@@ -50,7 +52,8 @@ impl Shear {
         let origin = axes.map(|axis| flush(origin[axis], SMALLEST));
         let stretch = 1. / z;
         let slope = [x, y].map(|d| flush(d * stretch, FLATTEST));
-        Self { axes, origin, slope, stretch }
+        let foot = [0, 1].map(|i| origin[i] - slope[i] * origin[2]);
+        Self { axes, origin, slope, stretch, foot }
     }
 }
 
@@ -151,6 +154,20 @@ impl Margins {
         self.size * self.size * (1. / (1u64 << 43) as f64)
     }
 
+    /// How wrong a difference of places in double precision may be, in
+    /// single precision: 2^-45.
+    #[inline(always)]
+    pub fn place(self) -> f32 {
+        (self.size * (1. / (1u64 << 45) as f64)) as f32
+    }
+
+    /// `narrow` in single precision, and not less than what is lost by
+    /// underflow.
+    #[inline(always)]
+    pub fn least(self) -> f32 {
+        2. * self.narrow() as f32 + f32::MIN_POSITIVE
+    }
+
     /// Those of triangles up to `span` away from a point.
     #[inline(always)]
     pub fn new(span: f64, point: DVec3) -> Self {
@@ -166,49 +183,56 @@ impl Margins {
     }
 }
 
-// Keep four triangles side by side
+// Keep eight triangles side by side
 /// Triangles in a leaf at most.
-pub const LANES: usize = 4;
+pub const LANES: usize = 8;
 
 /// No triangle.
 pub const NONE: u32 = u32::MAX;
 
 /// Words of the unit in which leaves are counted.
-pub const UNIT: usize = 4;
+pub const UNIT: usize = 8;
 
-/// Most units that a child can name: 2^29.
-pub const MOST: usize = 1 << 29;
+/// Words before the corners of a leaf: an origin and the reach.
+const HEAD: usize = 4;
 
-/// Words before the corners of a leaf: three coordinates of an origin and
-/// a tag.
-pub const HEAD: usize = 4;
-
-/// What the last eight bits of a tag say: the kind of a leaf, or the
-/// exponent of its unit of length, plus `BIAS`.
-pub const EXACT: u32 = 0;
-pub const GATE: u32 = 255;
-pub const BACK: u32 = 254;
-const BIAS: i32 = 180;
-
-/// Units of a gate, after which the way back follows.
-pub const GATE_UNITS: u32 = 4;
+/// Words of a triangle: nine coordinates, three corners and the face.
+const WORDS: usize = 13;
 
 /// Marks the number of a child as that of a leaf.
 pub const LEAF: u32 = 1 << 31;
 
+/// Leaves from this number on are gates.
+pub const GATES: u32 = (1 << 28) - (1 << 20);
+
+/// The units that leaves of `count` triangles take.
+pub fn units(count: usize) -> u32 {
+    (HEAD + WORDS * count).div_ceil(UNIT) as u32
+}
+
 /// The child that is a leaf of `count` triangles at unit `first`.
-pub fn leaf(first: u32, count: u32) -> u32 {
-    LEAF | (count - 1) << 29 | first
+pub fn leaf(first: u32, count: usize) -> u32 {
+    LEAF | (count as u32 - 1) << 28 | first
 }
 
 /// The first unit and the count of a child that is a leaf.
 #[inline(always)]
 pub fn slots(child: u32) -> (u32, usize) {
-    (child & ((1 << 29) - 1), (child >> 29 & 3) as usize + 1)
+    (child & ((1 << 28) - 1), (child >> 28 & 7) as usize + 1)
+}
+
+/// The slot of the triangle in a lane of the leaf at unit `first`.
+#[inline(always)]
+pub fn slot(first: u32, lane: u32) -> u32 {
+    first << 3 | lane
 }
 
 /// All leaves of a hierarchy, one after the other.
-pub struct Leaves(pub Pages<u32>);
+pub struct Leaves {
+    pub words: Pages<u32>,
+    /// The corners of the triangles.
+    pub vertices: Vec<DVec3>,
+}
 
 impl Leaves {
     // Find a leaf without a check
@@ -220,17 +244,18 @@ impl Leaves {
     pub unsafe fn leaf(&self, first: u32, count: usize) -> Leaf<'_> {
         // SAFETY: the leaf is within the array, says the caller.
         let words =
-            unsafe { self.0.get_unchecked(UNIT * first as usize..) };
-        Leaf { words, count, lanes: (1 << count) - 1 }
+            unsafe { self.words.get_unchecked(UNIT * first as usize..) };
+        let vertices = &self.vertices;
+        Leaf { words, vertices, count, lanes: (1 << count) - 1 }
     }
 
     // Find a triangle by its slot
     /// The leaf and the lane of a triangle.
     fn find(&self, slot: u32) -> (Leaf<'_>, u32) {
-        let first = slot >> 2;
-        let words = &self.0[UNIT * first as usize..];
-        let count = (words[3] >> 8 & 3) as usize + 1;
-        (Leaf { words, count, lanes: (1 << count) - 1 }, slot & 3)
+        let words = &self.words[UNIT * (slot >> 3) as usize..];
+        let count = (words[3] & 7) as usize + 1;
+        let vertices = &self.vertices;
+        (Leaf { words, vertices, count, lanes: 0 }, slot & 7)
     }
 
     /// The corners of the triangle in a slot.
@@ -246,255 +271,147 @@ impl Leaves {
     }
 }
 
-/// The slot of the triangle in a lane of the leaf at unit `first`.
-#[inline(always)]
-pub fn slot(first: u32, lane: u32) -> u32 {
-    first << 2 | lane
-}
-
-/// How a leaf is written.
-#[derive(Clone, Copy, Debug)]
-pub struct Shape {
-    origin: [f32; 3],
-    tag: u32,
-}
-
-impl Shape {
-    /// The shape of a leaf of these triangles.
-    pub fn of(triangles: &[Triangle]) -> Self {
-        let corners = triangles.as_flattened();
-        let low = corners.iter().fold(corners[0], |a, b| a.min(*b));
-        let high = corners.iter().fold(corners[0], |a, b| a.max(*b));
-        let middle = (0.5 * low + 0.5 * high).as_vec3();
-        let reach = |origin: Vec3| {
-            let origin = origin.as_dvec3();
-            (high - origin).max(origin - low).max_element()
-        };
-        let count = (triangles.len() - 1) as u32;
-        let (origin, kind) = Self::compact(corners, middle, reach(middle))
-            .unwrap_or((middle, EXACT));
-        Self { origin: origin.to_array(), tag: count << 8 | kind }
-    }
-
-    /// An origin near `middle` from which all points, up to `reach` away
-    /// from there, can be reached by 31 bits, and the kind of the leaf.
-    fn compact(
-        corners: &[DVec3],
-        middle: Vec3,
-        reach: f64,
-    ) -> Option<(Vec3, u32)> {
-        let digits = exponent(reach) + 1 - 30;
-        let kind = u32::try_from(digits + BIAS).ok()?;
-        if kind == EXACT || kind >= BACK {
-            return None;
-        }
-        let unit = power_of_two(-digits);
-        let whole = (middle.as_dvec3() * unit).round() / unit;
-        let origin = whole.as_vec3();
-        let fits = |p: &DVec3| {
-            let steps = (*p - whole) * unit;
-            steps.round() == steps && whole + steps / unit == *p
-        };
-        let fits = origin.as_dvec3() == whole && corners.iter().all(fits);
-        fits.then_some((origin, kind))
-    }
-
-    /// How many units it takes.
-    pub fn units(self) -> u32 {
-        let count = (self.tag >> 8 & 3) as usize + 1;
-        let words = match self.tag & 255 {
-            // Four numbers are read of the last run.
-            EXACT => (19 * count).max(16 * count + 2 * LANES),
-            _ => 10 * count,
-        };
-        (HEAD + words).div_ceil(UNIT) as u32
-    }
-
-    /// Writes these triangles, each with its face.
-    pub fn write(self, words: &mut [u32], triangles: &[(u32, Triangle)]) {
-        let count = triangles.len();
-        words[..3].copy_from_slice(&self.origin.map(f32::to_bits));
-        words[3] = self.tag;
-        let origin = self.origin.map(f64::from);
-        let exact = self.tag & 255 == EXACT;
-        let leaf = Leaf { words, count, lanes: 0 };
-        let unit = leaf.unit();
-        for (lane, &(face, triangle)) in triangles.iter().enumerate() {
-            for i in 0..9 {
-                let x = triangle[i / 3][i % 3];
-                let place = i * count + lane;
-                if exact {
-                    write_double(&mut words[HEAD + 2 * place..], x);
-                } else {
-                    let steps = (x - origin[i % 3]) / unit;
-                    words[HEAD + place] = steps as i32 as u32;
-                }
-            }
-            let runs = if exact { 18 } else { 9 };
-            words[HEAD + runs * count + lane] = face;
-        }
-    }
-}
-
-fn write_double(words: &mut [u32], x: f64) {
-    let bits = x.to_bits();
-    [words[0], words[1]] = [bits as u32, (bits >> 32) as u32];
-}
-
-#[inline(always)]
-fn double(words: &[u32]) -> f64 {
-    f64::from_bits(u64::from(words[1]) << 32 | u64::from(words[0]))
-}
-
-/// Writes a gate to the node `inner` and its zero, and the way back.
-pub fn write_gate(
+/// Writes the leaf of these triangles, each three corners and a face.
+pub fn write(
     words: &mut [u32],
-    (inner, node): (Region, u32),
-    outer: Region,
+    triangles: &[([u32; 3], u32)],
+    vertices: &[DVec3],
 ) {
-    let (gate, back) = words.split_at_mut(UNIT * GATE_UNITS as usize);
-    for (words, region, kind) in [(gate, inner, GATE), (back, outer, BACK)]
-    {
-        words[HEAD - 1] = kind;
-        let Region { zero, reach } = region;
-        let numbers = [zero.x, zero.y, zero.z, reach];
-        for (i, x) in numbers.into_iter().enumerate() {
-            write_double(&mut words[HEAD + 2 * i..], x);
+    let count = triangles.len();
+    let corners = triangles.iter().flat_map(|(three, _)| three);
+    let corners = corners.map(|&k| vertices[k as usize]);
+    let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    let (low, high) =
+        corners.fold(none, |(low, high), p| (low.min(p), high.max(p)));
+    let middle = (0.5 * (low + high)).as_vec3();
+    words[..3].copy_from_slice(&middle.to_array().map(f32::to_bits));
+    let mut reach = 0f32;
+    for (lane, &(three, face)) in triangles.iter().enumerate() {
+        for (c, &k) in three.iter().enumerate() {
+            let from = (vertices[k as usize] - middle.as_dvec3()).as_vec3();
+            reach = reach.max(from.abs().max_element());
+            for axis in 0..3 {
+                let place = HEAD + (3 * c + axis) * count + lane;
+                words[place] = from[axis].to_bits();
+            }
+            words[HEAD + (9 + c) * count + lane] = k;
         }
-        words[HEAD + 8] = node;
+        words[HEAD + 12 * count + lane] = face;
     }
+    words[3] = (reach.to_bits() + 15 & !7) | (count as u32 - 1);
 }
 
-/// Up to four triangles.
+/// A way from one region to another.
+#[derive(Clone, Copy, Debug)]
+pub struct Gate {
+    pub region: Region,
+    /// The child with which the search goes on there; none if it goes back.
+    pub node: Option<u32>,
+}
+
+/// Up to eight triangles.
 #[derive(Clone, Copy)]
 pub struct Leaf<'a> {
-    /// An origin, a tag, coordinate `axis` of corner `c` of a lane at
-    /// `(3 * c + axis) * count + lane`, and a face for each lane.
+    /// An origin, the reach with the count, coordinate `axis` of corner
+    /// `c` of a lane at `(3 * c + axis) * count + lane`, three corners, and
+    /// a face for each lane.
     pub words: &'a [u32],
+    /// What the corners are numbers of.
+    vertices: &'a [DVec3],
     /// How many triangles.
     pub count: usize,
     /// Those to be tested; bit i stands for lane i.
     pub lanes: u32,
 }
 
-impl Leaf<'_> {
-    /// The kind of the leaf.
-    #[inline(always)]
-    pub fn kind(&self) -> u32 {
-        // SAFETY: each leaf has a head.
-        unsafe { self.words.get_unchecked(3) & 255 }
-    }
+/// What a ray's line looks like from a leaf, in single precision.
+pub struct Glance {
+    /// Where it passes the leaf's origin, and its slopes.
+    pub foot: [f32; 2],
+    pub slope: [f32; 2],
+    /// Edge functions this far from zero have the sign of the exact ones.
+    pub margin: f32,
+}
 
-    /// The unit of length.
+impl<'a> Leaf<'a> {
+    /// A word of the leaf.
     #[inline(always)]
-    pub fn unit(&self) -> f64 {
-        let exponent = self.kind() as u64;
-        f64::from_bits((exponent + (1023 - BIAS as u64)) << 52)
-    }
-
-    /// Where the coordinates are counted from, along an axis.
-    #[inline(always)]
-    pub fn origin(&self, axis: usize) -> f64 {
-        debug_assert!(axis < 3);
-        // SAFETY: each leaf has a head, and axes are below 3.
-        f64::from(f32::from_bits(unsafe {
-            *self.words.get_unchecked(axis)
-        }))
-    }
-
-    #[inline(always)]
-    fn coordinate(&self, c: usize, axis: usize, lane: usize) -> f64 {
-        let place = (3 * c + axis) * self.count + lane;
-        if self.kind() == EXACT {
-            return double(&self.words[HEAD + 2 * place..]);
-        }
-        let steps = f64::from(self.words[HEAD + place] as i32);
-        steps * self.unit() + self.origin(axis)
+    fn word(&self, i: usize) -> u32 {
+        debug_assert!(i < HEAD + WORDS * self.count);
+        // SAFETY: leaves have so many words.
+        unsafe { *self.words.get_unchecked(i) }
     }
 
     /// The corners of the triangle in a lane.
     #[inline(always)]
     pub fn triangle(&self, lane: u32) -> Triangle {
-        let count = self.count;
-        if self.kind() == EXACT {
-            let runs = &self.words[HEAD + 2 * lane as usize..];
-            let runs = &runs[..16 * count + 2];
-            return array::from_fn(|c| {
-                DVec3::from_array(array::from_fn(|axis| {
-                    double(&runs[2 * (3 * c + axis) * count..])
-                }))
-            });
-        }
-        let runs = &self.words[HEAD + lane as usize..];
-        let runs = &runs[..8 * count + 1];
-        let unit = self.unit();
-        let zero = array::from_fn(|axis| self.origin(axis));
-        let zero = DVec3::from_array(zero);
+        let place = HEAD + 9 * self.count + lane as usize;
         array::from_fn(|c| {
-            let steps = array::from_fn(|axis| {
-                f64::from(runs[(3 * c + axis) * count] as i32)
-            });
-            DVec3::from_array(steps) * unit + zero
+            let k = self.word(place + c * self.count) as usize;
+            // SAFETY: leaves have numbers of vertices.
+            unsafe { *self.vertices.get_unchecked(k) }
         })
     }
 
     /// The face of the triangle in a lane.
     pub fn face(&self, lane: u32) -> u32 {
-        let runs = if self.kind() == EXACT { 18 } else { 9 };
-        self.words[HEAD + runs * self.count + lane as usize]
+        self.word(HEAD + 12 * self.count + lane as usize)
     }
 
-    /// The region beyond a gate.
-    #[cold]
-    pub fn region(&self) -> Region {
-        let at = |i: usize| double(&self.words[HEAD + 2 * i..]);
-        Region { zero: DVec3::new(at(0), at(1), at(2)), reach: at(3) }
-    }
-
-    /// The node to which the gate at unit `first` leads, and the child that
-    /// leads back; none if it leads back itself.
-    #[cold]
-    pub fn gate(&self, first: u32) -> Option<(u32, u32)> {
-        let back = LEAF | (first + GATE_UNITS);
-        (self.kind() == GATE).then_some((self.words[HEAD + 8], back))
-    }
-
-    // Test the four triangles
-    /// The lanes that a ray meets, as a mask, with the distances; lanes that
-    /// it passes close by from bit `LANES` on, with where that begins. What
-    /// the distance of another lane says is not specified.
+    /// The view of a ray's line.
     #[inline(always)]
-    pub fn meet(
-        &self,
-        shear: &Shear,
-        margins: Margins,
-    ) -> (u32, [f64; LANES]) {
-        let mut distances = [0.; LANES];
-        let mut met = 0;
-        for (lane, distance) in distances.iter_mut().enumerate() {
-            if self.lanes >> lane & 1 != 0 {
-                // Add what the ray does to this triangle
-                match self.test(lane, shear, margins) {
-                    TriangleTest::Through(at) if at > -margins.near() => {
-                        *distance = at;
-                        met |= 1 << lane;
-                    }
-                    TriangleTest::Beside(at) => {
-                        *distance = at[0].min(at[1]).min(at[2]);
-                        met |= 1 << (lane + LANES);
-                    }
-                    _ => (),
-                }
-            }
+    pub fn glance(&self, shear: &Shear, margins: Margins) -> Glance {
+        let at = |i: usize| f64::from(f32::from_bits(self.word(shear.axes[i])));
+        let z = at(2);
+        let foot = [0, 1].map(|i| {
+            (shear.foot[i] - (at(i) - shear.slope[i] * z)) as f32
+        });
+        let slope = shear.slope.map(|s| s as f32);
+        let reach = f32::from_bits(self.word(3));
+        let span = reach + foot[0].abs().max(foot[1].abs());
+        let error = span * (1. / (1 << 21) as f32) + margins.place();
+        let margin = 10. * (span + error) * error + margins.least();
+        Glance { foot, slope, margin }
+    }
+
+    /// Where the nine runs of coordinates begin.
+    #[inline(always)]
+    pub fn runs(&self) -> *const u32 {
+        self.words[HEAD..].as_ptr()
+    }
+
+    // Sort out the triangles that a ray passes by
+    /// The lanes that the line of a ray may meet or pass closely.
+    #[inline(always)]
+    pub fn candidates(&self, shear: &Shear, margins: Margins) -> u32 {
+        let Glance { foot, slope, margin } = self.glance(shear, margins);
+        let mut mask = 0;
+        for lane in 0..self.count {
+            let at = |c: usize, i: usize| {
+                let place = (3 * c + shear.axes[i]) * self.count + lane;
+                f32::from_bits(self.word(HEAD + place))
+            };
+            let corner = |c: usize| {
+                let z = at(c, 2);
+                [0, 1].map(|i| at(c, i) - foot[i] - slope[i] * z)
+            };
+            let [[ax, ay], [bx, by], [cx, cy]] =
+                [corner(0), corner(1), corner(2)];
+            let u = cx * by - cy * bx;
+            let v = ax * cy - ay * cx;
+            let w = bx * ay - by * ax;
+            let outside = u.min(v).min(w) < -margin
+                && u.max(v).max(w) > margin;
+            mask |= u32::from(!outside) << lane;
         }
-        (met, distances)
+        mask & self.lanes
     }
 
     /// What a ray does to the triangle in a lane.
     #[inline(always)]
     pub fn test(
         &self,
-        lane: usize,
+        lane: u32,
         shear: &Shear,
         margins: Margins,
     ) -> TriangleTest {
@@ -520,9 +437,10 @@ impl Leaf<'_> {
 
     /// The x, y and z of the three corners after the shear.
     #[inline(always)]
-    pub fn sheared(&self, lane: usize, shear: &Shear) -> [[f64; 3]; 3] {
+    pub fn sheared(&self, lane: u32, shear: &Shear) -> [[f64; 3]; 3] {
+        let corners = self.triangle(lane).map(|p| p.to_array());
         let moved = |c: usize, i: usize| {
-            self.coordinate(c, shear.axes[i], lane) - shear.origin[i]
+            corners[c][shear.axes[i]] - shear.origin[i]
         };
         let z = [moved(0, 2), moved(1, 2), moved(2, 2)];
         let flat = |c: usize, i: usize| moved(c, i) - shear.slope[i] * z[c];
@@ -558,8 +476,6 @@ pub struct Search<'a> {
     pub margins: Margins,
     /// Where it is kept, or `NONE`.
     pub slot: u32,
-    /// The number of triangles in its leaf.
-    count: usize,
     /// The least distance at which something else is close to the ray.
     pub near_tie: f64,
 }
@@ -576,7 +492,6 @@ impl<'a> Search<'a> {
             distance,
             margins: Margins { size: 0. },
             slot: NONE,
-            count: 0,
             near_tie: distance,
         }
     }
@@ -591,8 +506,8 @@ impl<'a> Search<'a> {
     pub unsafe fn leaf(&self, first: u32, count: usize) -> Leaf<'a> {
         // SAFETY: it is there, says the caller.
         let mut leaf = unsafe { self.leaves.leaf(first, count) };
-        let lane = self.from.wrapping_sub(first << 2);
-        leaf.lanes &= !(u32::from(lane < LANES as u32) << (lane & 3));
+        let lane = self.from.wrapping_sub(slot(first, 0));
+        leaf.lanes &= !(u32::from(lane < LANES as u32) << (lane & 7));
         leaf
     }
 
@@ -602,20 +517,25 @@ impl<'a> Search<'a> {
         self.distance + self.margins.near()
     }
 
-    /// Considers the triangle in a lane of the leaf at unit `first`, which
-    /// is met at `distance`; a lane of `LANES` or more is that of a
-    /// triangle which is only passed closely.
+    /// Considers the triangle in a lane of the leaf at unit `first`.
     #[inline(always)]
     pub fn offer(
         &mut self,
         (first, leaf): (u32, Leaf),
         lane: u32,
-        mut distance: f64,
-        ray: &Ray,
+        (ray, shear): (&Ray, &Shear),
     ) {
-        // Doubt the order of triangles that are close
         let near = self.margins.near();
-        let beside = lane >= LANES as u32;
+        let (mut distance, beside) =
+            match leaf.test(lane, shear, self.margins) {
+                TriangleTest::Through(at) => (at, false),
+                TriangleTest::Beside(at) => (at[0].min(at[1]).min(at[2]), true),
+                TriangleTest::Apart => return,
+            };
+        if !beside && !(distance > -near && distance <= self.limit()) {
+            return;
+        }
+        // Doubt the order of triangles that are close
         if beside
             || (distance - self.distance).abs() <= near
             || distance <= near
@@ -632,16 +552,13 @@ impl<'a> Search<'a> {
         let equal = distance == self.distance;
         if distance < self.distance || equal && self.is_before(slot) {
             (self.distance, self.slot) = (distance, slot);
-            self.count = leaf.count;
         }
     }
 
     /// The corners of the nearest triangle, if there is one.
     #[inline(always)]
     pub fn triangle(&self) -> Triangle {
-        // SAFETY: `offer` was given a leaf that is there.
-        let leaf = unsafe { self.leaves.leaf(self.slot >> 2, self.count) };
-        leaf.triangle(self.slot & 3)
+        self.leaves.triangle(self.slot)
     }
 
     // Decide where the distances do not

@@ -26,8 +26,8 @@ use rayon::prelude::*;
 
 use super::huge_pages::Pages;
 use super::triangle::{
-    BACK, GATE_UNITS, LANES, LEAF, Leaf, Leaves, MOST, Region, Shape, UNIT,
-    leaf, slot, slots, write_gate,
+    GATES, Gate, LANES, LEAF, Leaf, Leaves, Region, UNIT, leaf, slot, slots,
+    units, write,
 };
 use crate::scene::{Triangle, Triangles};
 
@@ -436,8 +436,7 @@ fn cut<const N: usize>(tree: &[Bvh2Node]) -> Vec<Choices> {
         let node = &tree[i];
         let first = node.first_index as usize;
         if node.is_leaf() {
-            let is_gate = node.first_index >= GATES;
-            let count = if is_gate { LANES } else { 1 };
+            let count = if gate(node).is_some() { LANES } else { 1 };
             forests.push(Forest::single(area(node), count));
         } else if !is_second_visit {
             todo.extend([(i, true), (first + 1, false), (first, false)]);
@@ -485,11 +484,7 @@ struct Planned {
 }
 
 impl Plan {
-    /// The plan of a tree whose leaves take so many units.
-    fn new<const N: usize>(
-        tree: &[Bvh2Node],
-        units: &impl Fn(u32) -> u32,
-    ) -> Self {
+    fn new<const N: usize>(tree: &[Bvh2Node]) -> Self {
         let mut plan = Self::default();
         plan.nodes.push(Planned::default());
         let choices = cut::<N>(tree);
@@ -503,7 +498,7 @@ impl Plan {
             }
             let root = plan.nodes[next].root;
             plan.nodes[next] = plan.before_children(root);
-            plan.add_children::<N>(tree, &choices, root, units);
+            plan.add_children::<N>(tree, &choices, root);
             next += 1;
         }
         plan.nodes.push(plan.before_children(0));
@@ -523,14 +518,13 @@ impl Plan {
         tree: &[Bvh2Node],
         choices: &[Choices],
         root: u32,
-        units: &impl Fn(u32) -> u32,
     ) {
         match choices.get(root as usize) {
             None => (),
             Some(choice) if choice.is_leaf() => {
-                self.add_leaf(root, units);
+                self.add_leaf(tree, root);
             }
-            Some(_) => self.split(tree, choices, root, N, units),
+            Some(_) => self.split(tree, choices, root, N),
         }
     }
 
@@ -541,7 +535,6 @@ impl Plan {
         choices: &[Choices],
         i: u32,
         mut k: usize,
-        units: &impl Fn(u32) -> u32,
     ) {
         let choice = choices[i as usize];
         while k > 2 && choice.get(k) == 0 {
@@ -549,8 +542,8 @@ impl Plan {
         }
         let trees = choice.get(k).max(1);
         let first = tree[i as usize].first_index;
-        self.add(tree, choices, first, trees, units);
-        self.add(tree, choices, first + 1, k - trees, units);
+        self.add(tree, choices, first, trees);
+        self.add(tree, choices, first + 1, k - trees);
     }
 
     /// Adds the forest of at most `k` trees for the node `i`.
@@ -560,22 +553,24 @@ impl Plan {
         choices: &[Choices],
         i: u32,
         k: usize,
-        units: &impl Fn(u32) -> u32,
     ) {
         let choice = choices[i as usize];
         if (2..=k).any(|k| choice.get(k) != 0) {
-            self.split(tree, choices, i, k, units);
+            self.split(tree, choices, i, k);
         } else if choice.is_leaf() {
-            self.add_leaf(i, units);
+            self.add_leaf(tree, i);
         } else {
             self.nodes.push(Planned { root: i, ..Planned::default() });
         }
     }
 
     /// Makes the node `i` a leaf, with units for its triangles.
-    fn add_leaf(&mut self, i: u32, units: &impl Fn(u32) -> u32) {
+    fn add_leaf(&mut self, tree: &[Bvh2Node], i: u32) {
         self.leaves.push((i, self.units));
-        self.units += units(i);
+        if gate(&tree[i as usize]).is_none() {
+            let count = gather(tree, i, &mut [0; LANES], 0);
+            self.units += units(count);
+        }
     }
 }
 
@@ -681,6 +676,8 @@ pub struct Wide<const N: usize> {
     /// Node 0 is the root. The numbers in `children` are valid.
     pub nodes: Pages<Node<N>>,
     pub leaves: Leaves,
+    /// Each with the way back after it.
+    pub gates: Vec<Gate>,
     /// That of all triangles.
     pub region: Region,
 }
@@ -697,10 +694,17 @@ where
     pub fn new(triangles: Triangles, quality: Quality) -> io::Result<Self> {
         let Triangles { vertices, corners, faces } = triangles;
         let mut corners: Vec<_> = corners.into_iter().zip(faces).collect();
+        let room = UNIT * units(1) as usize * corners.len();
         let parts = if corners.len() > LARGE { N } else { 1 };
         let groups = halve(&vertices, &mut corners, parts);
-        let mut built =
-            Built { quality, vertices: &vertices, parts: vec![], units: 0 };
+        let mut built = Built {
+            quality,
+            vertices: &vertices,
+            nodes: vec![],
+            gates: vec![],
+            words: Pages::zeroed(room)?,
+            units: 0,
+        };
         let all = groups.iter().map(|group| region(&vertices, group));
         let region = all.reduce(Region::union).unwrap_or_default();
         let mut top = Node::EMPTY;
@@ -713,17 +717,15 @@ where
                 top.set(lane, &bounds, first);
             }
         }
-        let mut parts = built.parts;
-        drop(vertices);
-        if next as usize > parts.iter().map(|p| p.0.len()).sum() {
+        let Built { mut nodes, gates, words, .. } = built;
+        if next as usize > nodes.iter().map(|p| p.len()).sum() {
             top.sort();
             let mut root = Pages::zeroed(1)?;
             root[0] = top;
-            parts.insert(0, (root, Pages::zeroed(0)?));
+            nodes.insert(0, root);
         }
-        let (nodes, leaves): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
-        let (nodes, leaves) = (joined(nodes)?, Leaves(joined(leaves)?));
-        Ok(Self { nodes, leaves, region })
+        let leaves = Leaves { words, vertices };
+        Ok(Self { nodes: joined(nodes)?, leaves, gates, region })
     }
 }
 
@@ -761,14 +763,17 @@ fn joined<T: Pod>(mut parts: Vec<Pages<T>>) -> io::Result<Pages<T>> {
 struct Built<'a, const N: usize> {
     quality: Quality,
     vertices: &'a [DVec3],
-    /// The nodes and leaves of each.
-    parts: Vec<(Pages<Node<N>>, Pages<u32>)>,
-    /// How many units the leaves have.
+    /// The nodes of each.
+    nodes: Vec<Pages<Node<N>>>,
+    /// The leaves, with room for as many as there may be.
+    words: Pages<u32>,
+    /// How many units of them are filled.
     units: u32,
+    gates: Vec<Gate>,
 }
 
 /// Leaves of the binary tree from this number on are gates.
-const GATES: u32 = 1 << 30;
+const CUT: u32 = 1 << 30;
 
 /// Subtrees that are smaller than this part of a group are built anew.
 const SMALL: f32 = 1. / 8192.;
@@ -796,44 +801,35 @@ where
         let bounds = tree.first().copied();
         let groups = self.part(&group, &mut tree);
         // Plan for the size of the stack
-        let shape = |i: u32| Part { group: &group, tree: &tree }.units(i);
-        let mut plan = Plan::new::<N>(&tree, &shape);
+        let mut plan = Plan::new::<N>(&tree);
         if !plan.fits::<N>(above) {
             tree = balance(&tree);
-            let shape = |i: u32| Part { group: &group, tree: &tree }.units(i);
-            plan = Plan::new::<N>(&tree, &shape);
+            plan = Plan::new::<N>(&tree);
             assert!(plan.fits::<N>(above), "a balanced tree is too deep");
         }
         // Fill the nodes and leaves of a part
-        let part = Part { group: &group, tree: &tree };
+        let gates = self.gates.len();
+        let part = Part { group: &group, tree: &tree, gates: gates as u32 };
         let first_unit = self.units;
         self.units = first_unit
             .checked_add(plan.units)
-            .filter(|&units| (units as usize) < MOST)
+            .filter(|&units| units < GATES)
             .ok_or_else(|| io::Error::other("too many triangles"))?;
         let nodes = part.nodes::<N>(&plan, *next, first_unit)?;
         *next += nodes.len() as u32;
-        let mut leaves = part.leaves(&plan)?;
-        let here = self.parts.len();
-        self.parts.push((nodes, Pages::zeroed(0)?));
+        let range = UNIT * first_unit as usize..UNIT * self.units as usize;
+        part.leaves(&plan, &mut self.words[range]);
+        self.nodes.push(nodes);
         // Build what is beyond the gates
         let above = above + plan.levels;
-        for (gate, mut corners) in groups.into_iter().enumerate() {
-            let inner = self::region(vertices, &corners);
-            let first = *next;
-            self.add(&mut corners, inner, above, next)?;
-            let place = plan.leaves.iter().find(|leaf| {
-                leaf.1 < plan.units
-                    && tree[leaf.0 as usize].is_leaf()
-                    && tree[leaf.0 as usize].first_index
-                        == GATES + gate as u32
-            });
-            if let Some(place) = place {
-                let words = &mut leaves[UNIT * place.1 as usize..];
-                write_gate(words, (inner, first), region);
-            }
+        let back = Gate { region, node: None };
+        self.gates.resize(gates + 2 * groups.len(), back);
+        for (number, mut corners) in groups.into_iter().enumerate() {
+            let region = self::region(vertices, &corners);
+            let node = Some(*next);
+            self.add(&mut corners, region, above, next)?;
+            self.gates[gates + 2 * number] = Gate { region, node };
         }
-        self.parts[here].1 = leaves;
         Ok(bounds)
     }
 
@@ -867,7 +863,7 @@ where
             if below.len() <= FEW {
                 continue;
             }
-            let number = GATES + groups.len() as u32;
+            let number = CUT + groups.len() as u32;
             groups.push(
                 below.iter().map(|&i| group.corners[i as usize]).collect(),
             );
@@ -893,42 +889,28 @@ fn collect(tree: &[Bvh2Node], i: usize, numbers: &mut Vec<u32>) {
 struct Part<'a> {
     group: &'a Group<'a>,
     tree: &'a [Bvh2Node],
+    /// The number of the first gate.
+    gates: u32,
+}
+
+/// The number of a gate, from 0, if the node is one.
+fn gate(node: &Bvh2Node) -> Option<u32> {
+    node.is_leaf().then(|| node.first_index.checked_sub(CUT))?
 }
 
 impl Part<'_> {
-    /// The triangles of a leaf, in an order that does not depend on the
-    /// tree; none of a gate.
-    fn triangles(
-        &self,
-        root: u32,
-        own: &mut [(u32, Triangle); LANES],
-    ) -> usize {
-        let node = &self.tree[root as usize];
-        if node.is_leaf() && node.first_index >= GATES {
-            return 0;
-        }
+    /// Writes the triangles of a leaf, in an order that does not depend on
+    /// the tree.
+    fn write(&self, root: u32, words: &mut [u32]) {
         let mut numbers = [0; LANES];
         let count = gather(self.tree, root, &mut numbers, 0);
-        for (own, &i) in own.iter_mut().zip(&numbers[..count]) {
-            let face = self.group.corners[i as usize].1;
-            *own = (face, self.group.triangle(i));
-        }
-        own[..count].sort_unstable_by_key(|(face, corners)| {
-            (*face, corners.map(|p| p.to_array().map(f64::to_bits)))
+        let Group { vertices, corners, .. } = self.group;
+        let mut own = numbers.map(|i| corners[i as usize]);
+        own[..count].sort_unstable_by_key(|(three, face)| {
+            let corner = |k: u32| vertices[k as usize].to_array();
+            (*face, three.map(|k| corner(k).map(f64::to_bits)))
         });
-        count
-    }
-
-    /// How many units a leaf takes.
-    fn units(&self, root: u32) -> u32 {
-        let mut own = [(0, [DVec3::ZERO; 3]); LANES];
-        match self.triangles(root, &mut own) {
-            0 => 2 * GATE_UNITS,
-            count => {
-                let corners = own.map(|one| one.1);
-                Shape::of(&corners[..count]).units()
-            }
-        }
+        write(words, &own[..count], vertices);
     }
 
     // Fill the nodes of a part
@@ -966,8 +948,11 @@ impl Part<'_> {
         });
         let range = this.first_leaf as usize..next.first_leaf as usize;
         let leaves = leaves[range].iter().map(|&(root, first)| {
-            let count = self.count(root);
-            (root, leaf(first_unit + first, count))
+            let child = match gate(&self.tree[root as usize]) {
+                Some(gate) => leaf(GATES + self.gates + 2 * gate, 1),
+                None => leaf(first_unit + first, self.count(root)),
+            };
+            (root, child)
         });
         let mut node = Node::EMPTY;
         for (lane, (root, child)) in nodes.chain(leaves).enumerate() {
@@ -978,15 +963,14 @@ impl Part<'_> {
     }
 
     /// How many triangles a leaf has; one of a gate.
-    fn count(&self, root: u32) -> u32 {
-        gather(self.tree, root, &mut [0; LANES], 0) as u32
+    fn count(&self, root: u32) -> usize {
+        gather(self.tree, root, &mut [0; LANES], 0)
     }
 
     // Fill the leaves of a part
     /// The leaves, without the gates.
-    fn leaves(&self, plan: &Plan) -> io::Result<Pages<u32>> {
-        let mut words = Pages::zeroed(UNIT * plan.units as usize)?;
-        let mut rest: &mut [u32] = &mut words;
+    fn leaves(&self, plan: &Plan, words: &mut [u32]) {
+        let mut rest = words;
         let leaves = &plan.leaves;
         // Cut off a room for each stretch of leaves
         let starts = (0..leaves.len() - 1).step_by(STRETCH);
@@ -1005,16 +989,11 @@ impl Part<'_> {
                 let [first, end] = [first, end].map(|unit| {
                     UNIT * (unit - leaves[0].1) as usize
                 });
-                let mut own = [(0, [DVec3::ZERO; 3]); LANES];
-                let count = self.triangles(root, &mut own);
-                if count > 0 {
-                    let corners = own.map(|one| one.1);
-                    let shape = Shape::of(&corners[..count]);
-                    shape.write(&mut words[first..end], &own[..count]);
+                if first < end {
+                    self.write(root, &mut words[first..end]);
                 }
             }
         });
-        Ok(words)
     }
 }
 
@@ -1049,7 +1028,7 @@ where
     pub fn any(
         &self,
         enters: &impl Fn(DVec3, DVec3) -> bool,
-        asked: &impl Fn(&Leaf, (usize, u32), &[DVec3; 3]) -> bool,
+        asked: &impl Fn(&Leaf, (u32, u32), &[DVec3; 3]) -> bool,
     ) -> bool {
         self.any_below((0, self.region), enters, asked)
     }
@@ -1059,18 +1038,22 @@ where
         &self,
         (child, region): (u32, Region),
         enters: &impl Fn(DVec3, DVec3) -> bool,
-        asked: &impl Fn(&Leaf, (usize, u32), &[DVec3; 3]) -> bool,
+        asked: &impl Fn(&Leaf, (u32, u32), &[DVec3; 3]) -> bool,
     ) -> bool {
         if child & LEAF != 0 {
             // Ask about each triangle of the leaf
             let (first, count) = slots(child);
+            if first >= GATES {
+                let Gate { region, node } =
+                    self.gates[(first - GATES) as usize];
+                let inner = node.map(|inner| (inner, region));
+                return inner
+                    .is_some_and(|at| self.any_below(at, enters, asked));
+            }
             // SAFETY: children with the bit LEAF are leaves that are there.
             let leaf = unsafe { self.leaves.leaf(first, count) };
-            if let Some((inner, _)) = leaf.gate(first) {
-                return self.any_below((inner, leaf.region()), enters, asked);
-            }
             return (0..count as u32).any(|lane| {
-                let place = (lane as usize, slot(first, lane));
+                let place = (lane, slot(first, lane));
                 asked(&leaf, place, &leaf.triangle(lane))
             });
         }
@@ -1093,11 +1076,11 @@ where
     pub fn triangles(&self) -> impl Iterator<Item = (u32, Triangle)> {
         let children = self.nodes.iter().flat_map(|node| node.children);
         let leaves = children.filter(|child| child & LEAF != 0).map(slots);
+        let leaves = leaves.filter(|leaf| leaf.0 < GATES);
         leaves.flat_map(|(first, count)| {
             // SAFETY: children with the bit LEAF are leaves that are there.
             let leaf = unsafe { self.leaves.leaf(first, count) };
-            let count = if leaf.kind() < BACK { count as u32 } else { 0 };
-            (0..count)
+            (0..count as u32)
                 .map(move |lane| (slot(first, lane), leaf.triangle(lane)))
         })
     }
