@@ -16,7 +16,7 @@ use glam::Vec3;
 use super::traversal::{
     Slabs, Stack, Waiting, distance, enter, look, push,
 };
-use super::triangle::{GATES, LANES, LEAF, Search, Shear, slots};
+use super::triangle::{GATES, LANES, LEAF, Leaf, Search, Shear, slots};
 use super::wide::{Quality, Wide};
 use crate::scene::{Ray, Scene};
 
@@ -94,9 +94,12 @@ impl Anatomy {
                 }
                 // SAFETY: children with the bit LEAF are leaves that are there.
                 let leaf = unsafe { search.leaf(place, count) };
-                let met = leaf.candidates(&shear, search.margins);
-                look(&mut search, (place, leaf), met, (&ray, &shear));
-                (met, None)
+                let meet = |leaf: Leaf, shear: &_, (_, margins)| {
+                    leaf.meet(shear, margins)
+                };
+                let met =
+                    look(&mut search, (place, leaf), (&ray, &shear), meet);
+                (met & ((1 << LANES) - 1), None)
             };
             next = first.or_else(|| stack.pop(search.limit() as f32));
             let (waiting, t_max) = (stack.length(), search.distance);
@@ -135,7 +138,7 @@ impl Anatomy {
         let leaf = unsafe { self.wide.leaves.leaf(first, count) };
         let shear = Shear::new(&self.ray);
         Some(array::from_fn(|lane| {
-            let [x, y, _] = leaf.sheared(lane as u32, &shear);
+            let [x, y, _] = leaf.sheared(lane, &shear);
             array::from_fn(|c| [x[c], y[c]])
         }))
     }

@@ -17,7 +17,7 @@ use super::intersector::{Hit, Intersector};
 use super::spawn::hit;
 use super::traversal::{Entered, Slabs, Stack, traverse};
 use super::triangle::{
-    Glance, Leaf, Margins, NONE, Search, Shear,
+    CLOSE, LANES, Leaf, Margins, NONE, Search, Shear,
 };
 use super::wide::{Node, Wide};
 use crate::scene::Ray;
@@ -89,9 +89,9 @@ fn search<'a, const ANY: bool>(
         |node, shift, entered, stack| unsafe {
             push(node, shift, entered, stack)
         },
-        |leaf, shear, margins| match ANY {
-            false => unsafe { candidates::<0>(leaf, shear, margins) },
-            true => unsafe { candidates::<1>(leaf, shear, margins) },
+        |leaf, shear, limit| match ANY {
+            false => unsafe { meet::<0>(leaf, shear, limit) },
+            true => unsafe { meet::<1>(leaf, shear, limit) },
         },
     )
 }
@@ -194,41 +194,94 @@ fn load(numbers: &[u32; 8]) -> __m256i {
     unsafe { _mm256_loadu_si256(numbers.as_ptr().cast()) }
 }
 
-// Sort out eight triangles at once
-/// The lanes of a leaf that the line of a ray may meet or pass closely.
+// Meet four triangles at once
+/// The triangles of a leaf that a ray meets up to the distance `limit`,
+/// as a mask, and their distances. Lanes that meet the ray beyond may or
+/// may not be in the mask. Each `COPY` has a copy of its own.
 ///
 /// # Safety
 /// The leaf is one of `Leaves`, and the axes of the shear are below 3.
 #[target_feature(enable = "avx2,fma")]
 #[inline]
-pub unsafe fn candidates<const COPY: u8>(
+pub unsafe fn meet<const COPY: u8>(
+    leaf: Leaf,
+    shear: &Shear,
+    (limit, margins): (f64, Margins),
+) -> (u32, [f64; LANES]) {
+    let runs = leaf.words.as_ptr();
+    let coordinates = |run: usize| {
+        // SAFETY: there are nine runs, and four numbers of the last.
+        let run = unsafe { runs.add((2 * run + 1) * leaf.count) };
+        unsafe { _mm256_loadu_pd(run.cast()) }
+    };
+    // Shear the corners of four triangles
+    let [ox, oy, oz] = shear.origin.map(|x| _mm256_set1_pd(x));
+    let [sx, sy] = shear.slope.map(|x| _mm256_set1_pd(x));
+    let at = |c: usize, i: usize| coordinates(3 * c + shear.axes[i]);
+    let sheared = |lanes, origin, slope, z| {
+        let moved = _mm256_sub_pd(lanes, origin);
+        _mm256_sub_pd(moved, _mm256_mul_pd(slope, z))
+    };
+    let corner = |c| {
+        let z = _mm256_sub_pd(at(c, 2), oz);
+        (sheared(at(c, 0), ox, sx, z), sheared(at(c, 1), oy, sy, z), z)
+    };
+    let ((ax, ay, az), (bx, by, bz)) = (corner(0), corner(1));
+    let (cx, cy, cz) = corner(2);
+    // Compute the four triangles' edge functions
+    let edge = |a, b, c, d| {
+        let product = _mm256_mul_pd(a, b);
+        (_mm256_sub_pd(product, _mm256_mul_pd(c, d)), product)
+    };
+    let (u, p) = edge(cx, by, cy, bx);
+    let (v, q) = edge(ax, cy, ay, cx);
+    let (w, r) = edge(bx, ay, by, ax);
+    // Reject the triangles outside by signs
+    let zero = _mm256_setzero_pd();
+    let least = _mm256_min_pd(_mm256_min_pd(u, v), w);
+    let most = _mm256_max_pd(_mm256_max_pd(u, v), w);
+    let narrow = _mm256_set1_pd(margins.narrow());
+    let inside = _mm256_or_pd(
+        _mm256_cmp_pd::<_CMP_GE_OQ>(least, _mm256_sub_pd(zero, narrow)),
+        _mm256_cmp_pd::<_CMP_LE_OQ>(most, narrow),
+    );
+    let lanes = leaf.lanes as i32;
+    if _mm256_movemask_pd(inside) & lanes == 0 {
+        return (0, [0.; LANES]);
+    }
+    // Leave close edges to the portable function
+    let size = |e| _mm256_andnot_pd(_mm256_set1_pd(-0.), e);
+    let smallest = _mm256_max_pd(least, _mm256_sub_pd(zero, most));
+    let largest = _mm256_max_pd(_mm256_max_pd(size(p), size(q)), size(r));
+    let threshold = _mm256_mul_pd(_mm256_set1_pd(CLOSE), largest);
+    let close = _mm256_cmp_pd::<_CMP_LE_OQ>(smallest, threshold);
+    if _mm256_movemask_pd(_mm256_and_pd(close, inside)) & lanes != 0 {
+        return carefully(leaf, shear, margins);
+    }
+    // Divide for the distances
+    let sum = _mm256_add_pd(_mm256_add_pd(u, v), w);
+    let height = _mm256_add_pd(_mm256_mul_pd(u, az), _mm256_mul_pd(v, bz));
+    let height = _mm256_add_pd(height, _mm256_mul_pd(w, cz));
+    let height = _mm256_div_pd(height, sum);
+    let distance = _mm256_mul_pd(height, _mm256_set1_pd(shear.stretch));
+    let near = margins.near();
+    let least = _mm256_set1_pd(-near);
+    let ahead = _mm256_cmp_pd::<_CMP_GT_OQ>(distance, least);
+    let limit = _mm256_set1_pd(limit);
+    let within = _mm256_cmp_pd::<_CMP_LE_OQ>(distance, limit);
+    let met = _mm256_and_pd(inside, _mm256_and_pd(ahead, within));
+    let mut distances = [0.; LANES];
+    // SAFETY: four numbers are written.
+    unsafe { _mm256_storeu_pd(distances.as_mut_ptr(), distance) };
+    ((_mm256_movemask_pd(met) & lanes) as u32, distances)
+}
+
+#[cold]
+#[inline(never)]
+fn carefully(
     leaf: Leaf,
     shear: &Shear,
     margins: Margins,
-) -> u32 {
-    let Glance { foot, slope, margin } = leaf.glance(shear, margins);
-    let [px, py] = foot.map(|x| _mm256_set1_ps(x));
-    let [sx, sy] = slope.map(|x| _mm256_set1_ps(x));
-    let runs = leaf.runs();
-    let at = |c: usize, i: usize| {
-        // SAFETY: there are nine runs and then at least eight words.
-        let run = unsafe { runs.add((3 * c + shear.axes[i]) * leaf.count) };
-        unsafe { _mm256_loadu_ps(run.cast()) }
-    };
-    let corner = |c| {
-        let z = at(c, 2);
-        let (x, y) = (_mm256_sub_ps(at(c, 0), px), _mm256_sub_ps(at(c, 1), py));
-        (_mm256_fnmadd_ps(sx, z, x), _mm256_fnmadd_ps(sy, z, y))
-    };
-    let ((ax, ay), (bx, by), (cx, cy)) = (corner(0), corner(1), corner(2));
-    let edge = |a, b, c, d| _mm256_fmsub_ps(a, b, _mm256_mul_ps(c, d));
-    let (u, v, w) =
-        (edge(cx, by, cy, bx), edge(ax, cy, ay, cx), edge(bx, ay, by, ax));
-    let least = _mm256_min_ps(_mm256_min_ps(u, v), w);
-    let most = _mm256_max_ps(_mm256_max_ps(u, v), w);
-    let outside = _mm256_and_ps(
-        _mm256_cmp_ps::<_CMP_LT_OQ>(least, _mm256_set1_ps(-margin)),
-        _mm256_cmp_ps::<_CMP_GT_OQ>(most, _mm256_set1_ps(margin)),
-    );
-    !_mm256_movemask_ps(outside) as u32 & leaf.lanes
+) -> (u32, [f64; LANES]) {
+    leaf.meet(shear, margins)
 }

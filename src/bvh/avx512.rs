@@ -92,9 +92,9 @@ fn search<'a, const ANY: bool>(
         |node, shift, entered, stack| unsafe {
             push(node, shift, entered, stack)
         },
-        |leaf, shear, margins| match ANY {
-            false => unsafe { avx2::candidates::<2>(leaf, shear, margins) },
-            true => unsafe { avx2::candidates::<3>(leaf, shear, margins) },
+        |leaf, shear, limit| match ANY {
+            false => unsafe { avx2::meet::<2>(leaf, shear, limit) },
+            true => unsafe { avx2::meet::<3>(leaf, shear, limit) },
         },
     )
 }

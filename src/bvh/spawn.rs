@@ -251,7 +251,7 @@ impl Arrival<'_> {
 fn any_around<const N: usize>(
     wide: &Wide<N>,
     point: DVec3,
-    asked: &impl Fn(&Leaf, (u32, u32), &[DVec3; 3]) -> bool,
+    asked: &impl Fn(&Leaf, (usize, u32), &[DVec3; 3]) -> bool,
 ) -> bool
 where
     Node<N>: Pod,

@@ -22,7 +22,7 @@ use glam::DVec3;
 use super::intersector::{Hit, Intersector};
 use super::spawn::hit;
 use super::triangle::{
-    GATES, LEAF, Leaf, Margins, NONE, Region, Search, Shear, slots,
+    GATES, LANES, LEAF, Leaf, Margins, NONE, Region, Search, Shear, slots,
 };
 use super::wide::{Node, STACK, Wide};
 use crate::scene::Ray;
@@ -206,7 +206,7 @@ pub fn traverse<'a, const N: usize, const ANY: bool, V>(
     from: Option<u32>,
     enter: impl Fn(&Node<N>, &Slabs, f32) -> Entered<V>,
     push: impl Fn(&Node<N>, u32, &Entered<V>, &mut Stack) -> u32,
-    candidates: impl Fn(Leaf<'a>, &Shear, Margins) -> u32,
+    meet: impl Fn(Leaf<'a>, &Shear, (f64, Margins)) -> (u32, [f64; LANES]),
 ) -> Search<'a>
 where
     Node<N>: Pod,
@@ -257,9 +257,7 @@ where
             }
             // SAFETY: children with the bit LEAF are leaves that are there.
             let leaf = unsafe { search.leaf(first, count) };
-            let met = candidates(leaf, &shear, search.margins);
-            if met != 0 {
-                look(&mut search, (first, leaf), met, (ray, &shear));
+            if look(&mut search, (first, leaf), (ray, &shear), &meet) != 0 {
                 if ANY && search.slot != NONE {
                     return search;
                 }
@@ -290,20 +288,25 @@ where
     }
 }
 
-/// Offers the triangles of a leaf in the mask `left`.
+/// Offers the triangles of a leaf that the ray meets; their mask.
 #[inline(always)]
-pub fn look(
-    search: &mut Search,
-    (first, leaf): (u32, Leaf),
-    mut left: u32,
-    ray: (&Ray, &Shear),
-) {
+pub fn look<'a>(
+    search: &mut Search<'a>,
+    (first, leaf): (u32, Leaf<'a>),
+    (ray, shear): (&Ray, &Shear),
+    meet: impl Fn(Leaf<'a>, &Shear, (f64, Margins)) -> (u32, [f64; LANES]),
+) -> u32 {
+    let limit = search.limit();
+    let (met, distances) = meet(leaf, shear, (limit, search.margins));
     // Offer each lane of the mask
+    let mut left = met;
     while left != 0 {
         let lane = left.trailing_zeros();
-        search.offer((first, leaf), lane, ray);
+        let distance = distances[lane as usize % LANES];
+        search.offer((first, leaf), lane, distance, ray);
         left &= left - 1;
     }
+    met
 }
 
 // Look at one node portably
@@ -380,7 +383,7 @@ impl Traverser {
             |node, shift, met, stack| unsafe {
                 push(node, shift, met, stack)
             },
-            |leaf, shear, margins| leaf.candidates(shear, margins),
+            |leaf, shear, (_, margins)| leaf.meet(shear, margins),
         )
     }
 }

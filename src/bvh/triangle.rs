@@ -33,8 +33,6 @@ pub struct Shear {
     pub slope: [f64; 2],
     /// 1/dz: distance along the ray per unit of z.
     pub stretch: f64,
-    /// x and y where the ray's line passes z = 0.
-    pub foot: [f64; 2],
 }
 
 impl Shear {
@@ -52,8 +50,7 @@ impl Shear {
         let origin = axes.map(|axis| flush(origin[axis], SMALLEST));
         let stretch = 1. / z;
         let slope = [x, y].map(|d| flush(d * stretch, FLATTEST));
-        let foot = [0, 1].map(|i| origin[i] - slope[i] * origin[2]);
-        Self { axes, origin, slope, stretch, foot }
+        Self { axes, origin, slope, stretch }
     }
 }
 
@@ -154,20 +151,6 @@ impl Margins {
         self.size * self.size * (1. / (1u64 << 43) as f64)
     }
 
-    /// How wrong a difference of places in double precision may be, in
-    /// single precision: 2^-45.
-    #[inline(always)]
-    pub fn place(self) -> f32 {
-        (self.size * (1. / (1u64 << 45) as f64)) as f32
-    }
-
-    /// `narrow` in single precision, and not less than what is lost by
-    /// underflow.
-    #[inline(always)]
-    pub fn least(self) -> f32 {
-        2. * self.narrow() as f32 + f32::MIN_POSITIVE
-    }
-
     /// Those of triangles up to `span` away from a point.
     #[inline(always)]
     pub fn new(span: f64, point: DVec3) -> Self {
@@ -183,55 +166,50 @@ impl Margins {
     }
 }
 
-// Keep eight triangles side by side
+// Keep four triangles side by side
 /// Triangles in a leaf at most.
-pub const LANES: usize = 8;
+pub const LANES: usize = 4;
 
 /// No triangle.
 pub const NONE: u32 = u32::MAX;
 
 /// Words of the unit in which leaves are counted.
-pub const UNIT: usize = 8;
+pub const UNIT: usize = 4;
 
-/// Words before the corners of a leaf: an origin and the reach.
-const HEAD: usize = 4;
-
-/// Words of a triangle: nine coordinates, three corners and the face.
-const WORDS: usize = 13;
+/// Words of a triangle: nine coordinates and the face.
+const WORDS: usize = 19;
 
 /// Marks the number of a child as that of a leaf.
 pub const LEAF: u32 = 1 << 31;
 
 /// Leaves from this number on are gates.
-pub const GATES: u32 = (1 << 28) - (1 << 20);
+pub const GATES: u32 = (1 << 29) - (1 << 20);
 
 /// The units that leaves of `count` triangles take.
 pub fn units(count: usize) -> u32 {
-    (HEAD + WORDS * count).div_ceil(UNIT) as u32
+    (WORDS * count).max(17 * count + 2 * LANES).div_ceil(UNIT) as u32
 }
 
 /// The child that is a leaf of `count` triangles at unit `first`.
 pub fn leaf(first: u32, count: usize) -> u32 {
-    LEAF | (count as u32 - 1) << 28 | first
+    LEAF | (count as u32 - 1) << 29 | first
 }
 
 /// The first unit and the count of a child that is a leaf.
 #[inline(always)]
 pub fn slots(child: u32) -> (u32, usize) {
-    (child & ((1 << 28) - 1), (child >> 28 & 7) as usize + 1)
+    (child & ((1 << 29) - 1), (child >> 29 & 3) as usize + 1)
 }
 
 /// The slot of the triangle in a lane of the leaf at unit `first`.
 #[inline(always)]
 pub fn slot(first: u32, lane: u32) -> u32 {
-    first << 3 | lane
+    first << 2 | lane
 }
 
 /// All leaves of a hierarchy, one after the other.
 pub struct Leaves {
     pub words: Pages<u32>,
-    /// The corners of the triangles.
-    pub vertices: Vec<DVec3>,
 }
 
 impl Leaves {
@@ -245,20 +223,21 @@ impl Leaves {
         // SAFETY: the leaf is within the array, says the caller.
         let words =
             unsafe { self.words.get_unchecked(UNIT * first as usize..) };
-        let vertices = &self.vertices;
-        Leaf { words, vertices, count, lanes: (1 << count) - 1 }
+        Leaf { words, count, lanes: (1 << count) - 1 }
     }
 
+
     // Find a triangle by its slot
-    /// The leaf and the lane of a triangle.
+    /// The leaf of a triangle, and its lane.
+    #[inline(always)]
     fn find(&self, slot: u32) -> (Leaf<'_>, u32) {
-        let words = &self.words[UNIT * (slot >> 3) as usize..];
-        let count = (words[3] & 7) as usize + 1;
-        let vertices = &self.vertices;
-        (Leaf { words, vertices, count, lanes: 0 }, slot & 7)
+        let words = &self.words[UNIT * (slot >> 2) as usize..];
+        let count = (words[0] >> 30) as usize + 1;
+        (Leaf { words, count, lanes: 0 }, slot & 3)
     }
 
     /// The corners of the triangle in a slot.
+    #[inline(always)]
     pub fn triangle(&self, slot: u32) -> Triangle {
         let (leaf, lane) = self.find(slot);
         leaf.triangle(lane)
@@ -271,34 +250,19 @@ impl Leaves {
     }
 }
 
-/// Writes the leaf of these triangles, each three corners and a face.
-pub fn write(
-    words: &mut [u32],
-    triangles: &[([u32; 3], u32)],
-    vertices: &[DVec3],
-) {
+/// Writes the leaf of these triangles, each with its face.
+pub fn write(words: &mut [u32], triangles: &[(u32, Triangle)]) {
     let count = triangles.len();
-    let corners = triangles.iter().flat_map(|(three, _)| three);
-    let corners = corners.map(|&k| vertices[k as usize]);
-    let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-    let (low, high) =
-        corners.fold(none, |(low, high), p| (low.min(p), high.max(p)));
-    let middle = (0.5 * (low + high)).as_vec3();
-    words[..3].copy_from_slice(&middle.to_array().map(f32::to_bits));
-    let mut reach = 0f32;
-    for (lane, &(three, face)) in triangles.iter().enumerate() {
-        for (c, &k) in three.iter().enumerate() {
-            let from = (vertices[k as usize] - middle.as_dvec3()).as_vec3();
-            reach = reach.max(from.abs().max_element());
-            for axis in 0..3 {
-                let place = HEAD + (3 * c + axis) * count + lane;
-                words[place] = from[axis].to_bits();
-            }
-            words[HEAD + (9 + c) * count + lane] = k;
+    for (lane, &(face, triangle)) in triangles.iter().enumerate() {
+        let corners = triangle.map(|p| p.to_array());
+        for (i, x) in corners.as_flattened().iter().enumerate() {
+            let place = count + 2 * (i * count + lane);
+            words[place] = x.to_bits() as u32;
+            words[place + 1] = (x.to_bits() >> 32) as u32;
         }
-        words[HEAD + 12 * count + lane] = face;
+        words[lane] = face;
     }
-    words[3] = (reach.to_bits() + 15 & !7) | (count as u32 - 1);
+    words[0] |= (count as u32 - 1) << 30;
 }
 
 /// A way from one region to another.
@@ -309,109 +273,83 @@ pub struct Gate {
     pub node: Option<u32>,
 }
 
-/// Up to eight triangles.
+/// Up to four triangles.
 #[derive(Clone, Copy)]
 pub struct Leaf<'a> {
-    /// An origin, the reach with the count, coordinate `axis` of corner
-    /// `c` of a lane at `(3 * c + axis) * count + lane`, three corners, and
-    /// a face for each lane.
+    /// A face for each lane, the first with the count in two more bits;
+    /// then coordinate `axis` of corner `c` of a lane, in double precision,
+    /// at `2 * ((3 * c + axis) * count + lane)`.
     pub words: &'a [u32],
-    /// What the corners are numbers of.
-    vertices: &'a [DVec3],
     /// How many triangles.
     pub count: usize,
     /// Those to be tested; bit i stands for lane i.
     pub lanes: u32,
 }
 
-/// What a ray's line looks like from a leaf, in single precision.
-pub struct Glance {
-    /// Where it passes the leaf's origin, and its slopes.
-    pub foot: [f32; 2],
-    pub slope: [f32; 2],
-    /// Edge functions this far from zero have the sign of the exact ones.
-    pub margin: f32,
-}
-
-impl<'a> Leaf<'a> {
-    /// A word of the leaf.
+impl Leaf<'_> {
     #[inline(always)]
-    fn word(&self, i: usize) -> u32 {
-        debug_assert!(i < HEAD + WORDS * self.count);
-        // SAFETY: leaves have so many words.
-        unsafe { *self.words.get_unchecked(i) }
+    fn coordinate(&self, c: usize, axis: usize, lane: usize) -> f64 {
+        let place = 2 * ((3 * c + axis) * self.count + lane) + self.count;
+        let [low, high] = [self.words[place], self.words[place + 1]];
+        f64::from_bits(u64::from(high) << 32 | u64::from(low))
     }
 
     /// The corners of the triangle in a lane.
     #[inline(always)]
     pub fn triangle(&self, lane: u32) -> Triangle {
-        let place = HEAD + 9 * self.count + lane as usize;
+        let count = self.count;
+        let runs = &self.words[count + 2 * lane as usize..];
+        let runs = &runs[..16 * count + 2];
         array::from_fn(|c| {
-            let k = self.word(place + c * self.count) as usize;
-            // SAFETY: leaves have numbers of vertices.
-            unsafe { *self.vertices.get_unchecked(k) }
+            DVec3::from_array(array::from_fn(|axis| {
+                let place = 2 * (3 * c + axis) * count;
+                let [low, high] = [runs[place], runs[place + 1]];
+                f64::from_bits(u64::from(high) << 32 | u64::from(low))
+            }))
         })
     }
 
     /// The face of the triangle in a lane.
     pub fn face(&self, lane: u32) -> u32 {
-        self.word(HEAD + 12 * self.count + lane as usize)
+        self.words[lane as usize] & !(3 << 30)
     }
 
-    /// The view of a ray's line.
+    // Test the four triangles
+    /// The lanes that a ray meets, as a mask, with the distances; lanes that
+    /// it passes close by from bit `LANES` on, with where that begins. What
+    /// the distance of another lane says is not specified.
     #[inline(always)]
-    pub fn glance(&self, shear: &Shear, margins: Margins) -> Glance {
-        let at = |i: usize| f64::from(f32::from_bits(self.word(shear.axes[i])));
-        let z = at(2);
-        let foot = [0, 1].map(|i| {
-            (shear.foot[i] - (at(i) - shear.slope[i] * z)) as f32
-        });
-        let slope = shear.slope.map(|s| s as f32);
-        let reach = f32::from_bits(self.word(3));
-        let span = reach + foot[0].abs().max(foot[1].abs());
-        let error = span * (1. / (1 << 21) as f32) + margins.place();
-        let margin = 10. * (span + error) * error + margins.least();
-        Glance { foot, slope, margin }
-    }
-
-    /// Where the nine runs of coordinates begin.
-    #[inline(always)]
-    pub fn runs(&self) -> *const u32 {
-        self.words[HEAD..].as_ptr()
-    }
-
-    // Sort out the triangles that a ray passes by
-    /// The lanes that the line of a ray may meet or pass closely.
-    #[inline(always)]
-    pub fn candidates(&self, shear: &Shear, margins: Margins) -> u32 {
-        let Glance { foot, slope, margin } = self.glance(shear, margins);
-        let mut mask = 0;
-        for lane in 0..self.count {
-            let at = |c: usize, i: usize| {
-                let place = (3 * c + shear.axes[i]) * self.count + lane;
-                f32::from_bits(self.word(HEAD + place))
-            };
-            let corner = |c: usize| {
-                let z = at(c, 2);
-                [0, 1].map(|i| at(c, i) - foot[i] - slope[i] * z)
-            };
-            let [[ax, ay], [bx, by], [cx, cy]] =
-                [corner(0), corner(1), corner(2)];
-            let u = cx * by - cy * bx;
-            let v = ax * cy - ay * cx;
-            let w = bx * ay - by * ax;
-            let outside = u.min(v).min(w) < -margin
-                && u.max(v).max(w) > margin;
-            mask |= u32::from(!outside) << lane;
+    pub fn meet(
+        &self,
+        shear: &Shear,
+        margins: Margins,
+    ) -> (u32, [f64; LANES]) {
+        let mut distances = [0.; LANES];
+        let mut met = 0;
+        for (lane, distance) in distances.iter_mut().enumerate() {
+            if self.lanes >> lane & 1 != 0 {
+                // Add what the ray does to this triangle
+                match self.test(lane, shear, margins) {
+                    TriangleTest::Through(at) if at > -margins.near() => {
+                        *distance = at;
+                        met |= 1 << lane;
+                    }
+                    TriangleTest::Beside(at) => {
+                        *distance = at[0].min(at[1]).min(at[2]);
+                        met |= 1 << (lane + LANES);
+                    }
+                    _ => (),
+                }
+            }
         }
-        mask & self.lanes
+        (met, distances)
     }
 
     /// What a ray does to the triangle in a lane.
     #[inline(always)]
     pub fn test(
         &self,
-        lane: u32,
+        lane: usize,
         shear: &Shear,
         margins: Margins,
     ) -> TriangleTest {
@@ -437,10 +375,9 @@ impl<'a> Leaf<'a> {
 
     /// The x, y and z of the three corners after the shear.
     #[inline(always)]
-    pub fn sheared(&self, lane: u32, shear: &Shear) -> [[f64; 3]; 3] {
-        let corners = self.triangle(lane).map(|p| p.to_array());
+    pub fn sheared(&self, lane: usize, shear: &Shear) -> [[f64; 3]; 3] {
         let moved = |c: usize, i: usize| {
-            corners[c][shear.axes[i]] - shear.origin[i]
+            self.coordinate(c, shear.axes[i], lane) - shear.origin[i]
         };
         let z = [moved(0, 2), moved(1, 2), moved(2, 2)];
         let flat = |c: usize, i: usize| moved(c, i) - shear.slope[i] * z[c];
@@ -507,7 +444,7 @@ impl<'a> Search<'a> {
         // SAFETY: it is there, says the caller.
         let mut leaf = unsafe { self.leaves.leaf(first, count) };
         let lane = self.from.wrapping_sub(slot(first, 0));
-        leaf.lanes &= !(u32::from(lane < LANES as u32) << (lane & 7));
+        leaf.lanes &= !(u32::from(lane < LANES as u32) << (lane & 3));
         leaf
     }
 
@@ -517,25 +454,20 @@ impl<'a> Search<'a> {
         self.distance + self.margins.near()
     }
 
-    /// Considers the triangle in a lane of the leaf at unit `first`.
+    /// Considers the triangle in a lane of the leaf at unit `first`, which
+    /// is met at `distance`; a lane of `LANES` or more is that of a
+    /// triangle which is only passed closely.
     #[inline(always)]
     pub fn offer(
         &mut self,
         (first, leaf): (u32, Leaf),
         lane: u32,
-        (ray, shear): (&Ray, &Shear),
+        mut distance: f64,
+        ray: &Ray,
     ) {
-        let near = self.margins.near();
-        let (mut distance, beside) =
-            match leaf.test(lane, shear, self.margins) {
-                TriangleTest::Through(at) => (at, false),
-                TriangleTest::Beside(at) => (at[0].min(at[1]).min(at[2]), true),
-                TriangleTest::Apart => return,
-            };
-        if !beside && !(distance > -near && distance <= self.limit()) {
-            return;
-        }
         // Doubt the order of triangles that are close
+        let near = self.margins.near();
+        let beside = lane >= LANES as u32;
         if beside
             || (distance - self.distance).abs() <= near
             || distance <= near

@@ -724,7 +724,7 @@ where
             root[0] = top;
             nodes.insert(0, root);
         }
-        let leaves = Leaves { words, vertices };
+        let leaves = Leaves { words };
         Ok(Self { nodes: joined(nodes)?, leaves, gates, region })
     }
 }
@@ -904,13 +904,15 @@ impl Part<'_> {
     fn write(&self, root: u32, words: &mut [u32]) {
         let mut numbers = [0; LANES];
         let count = gather(self.tree, root, &mut numbers, 0);
-        let Group { vertices, corners, .. } = self.group;
-        let mut own = numbers.map(|i| corners[i as usize]);
-        own[..count].sort_unstable_by_key(|(three, face)| {
-            let corner = |k: u32| vertices[k as usize].to_array();
-            (*face, three.map(|k| corner(k).map(f64::to_bits)))
+        let corners = self.group.corners;
+        let mut own = [(0, [DVec3::ZERO; 3]); LANES];
+        for (own, &i) in own.iter_mut().zip(&numbers[..count]) {
+            *own = (corners[i as usize].1, self.group.triangle(i));
+        }
+        own[..count].sort_unstable_by_key(|(face, corners)| {
+            (*face, corners.map(|p| p.to_array().map(f64::to_bits)))
         });
-        write(words, &own[..count], vertices);
+        write(words, &own[..count]);
     }
 
     // Fill the nodes of a part
@@ -1028,7 +1030,7 @@ where
     pub fn any(
         &self,
         enters: &impl Fn(DVec3, DVec3) -> bool,
-        asked: &impl Fn(&Leaf, (u32, u32), &[DVec3; 3]) -> bool,
+        asked: &impl Fn(&Leaf, (usize, u32), &[DVec3; 3]) -> bool,
     ) -> bool {
         self.any_below((0, self.region), enters, asked)
     }
@@ -1038,7 +1040,7 @@ where
         &self,
         (child, region): (u32, Region),
         enters: &impl Fn(DVec3, DVec3) -> bool,
-        asked: &impl Fn(&Leaf, (u32, u32), &[DVec3; 3]) -> bool,
+        asked: &impl Fn(&Leaf, (usize, u32), &[DVec3; 3]) -> bool,
     ) -> bool {
         if child & LEAF != 0 {
             // Ask about each triangle of the leaf
@@ -1053,7 +1055,7 @@ where
             // SAFETY: children with the bit LEAF are leaves that are there.
             let leaf = unsafe { self.leaves.leaf(first, count) };
             return (0..count as u32).any(|lane| {
-                let place = (lane, slot(first, lane));
+                let place = (lane as usize, slot(first, lane));
                 asked(&leaf, place, &leaf.triangle(lane))
             });
         }
