@@ -16,7 +16,7 @@ use glam::Vec3;
 use super::traversal::{
     Slabs, Stack, Waiting, distance, enter, look, push,
 };
-use super::triangle::{GATES, LANES, LEAF, Leaf, Search, Shear, slots};
+use super::triangle::{GATES, LANES, LEAF, Search, Shear, slots};
 use super::wide::{Quality, Wide};
 use crate::scene::{Ray, Scene};
 
@@ -62,14 +62,14 @@ impl Anatomy {
         // Walk and note each step
         let (mut slabs, shear) =
             (Slabs::new(&ray, &wide.region), Shear::new(&ray));
-        let mut search = Search::new(&wide.leaves, None);
-        search.margins = wide.region.margins(ray.origin);
+        let mut margins = wide.region.margins(ray.origin);
+        let mut search = Search::new(&wide.leaves, None, margins.size);
         let (mut waiting, mut steps) = (Waiting::new(), vec![]);
         let mut stack = Stack::new(&mut waiting);
         let mut next = Some(0);
         while let Some(child) = next {
             // Look at one child and choose the next
-            let t_max = search.limit() as f32;
+            let t_max = search.limit(&margins) as f32;
             let (mask, first) = if child & LEAF == 0 {
                 let node = &wide.nodes[child as usize];
                 let met = enter(node, &slabs, t_max, distance);
@@ -83,25 +83,26 @@ impl Anatomy {
                 if place >= GATES {
                     let way = wide.gates[(place - GATES) as usize];
                     slabs = Slabs::new(&ray, &way.region);
-                    search.margins = way.region.margins(ray.origin);
+                    margins = way.region.margins(ray.origin);
                     if way.node.is_some() {
                         // SAFETY: no hierarchy is so deep.
                         unsafe { stack.push(child + 1, 0.) };
                     }
-                    let pop = || stack.pop(search.limit() as f32);
+                    let pop = || stack.pop(search.limit(&margins) as f32);
                     next = way.node.or_else(pop);
                     continue;
                 }
                 // SAFETY: children with the bit LEAF are leaves that are there.
                 let leaf = unsafe { search.leaf(place, count) };
-                let meet = |leaf: Leaf, shear: &_, (_, margins)| {
-                    leaf.meet(shear, margins)
-                };
-                let met =
-                    look(&mut search, (place, leaf), (&ray, &shear), meet);
+                let met = look(
+                    &mut search,
+                    (place, leaf),
+                    (&ray, &shear, &margins),
+                    |leaf, shear, (_, margins)| leaf.meet(shear, margins),
+                );
                 (met & ((1 << LANES) - 1), None)
             };
-            next = first.or_else(|| stack.pop(search.limit() as f32));
+            next = first.or_else(|| stack.pop(search.limit(&margins) as f32));
             let (waiting, t_max) = (stack.length(), search.distance);
             steps.push(Step { child, mask, waiting, t_max });
         }

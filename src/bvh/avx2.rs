@@ -206,7 +206,7 @@ fn load(numbers: &[u32; 8]) -> __m256i {
 pub unsafe fn meet<const COPY: u8>(
     leaf: Leaf,
     shear: &Shear,
-    (limit, margins): (f64, Margins),
+    (limit, margins): (f64, &Margins),
 ) -> (u32, [f64; LANES]) {
     let runs = leaf.words.as_ptr();
     let coordinates = |run: usize| {
@@ -240,7 +240,7 @@ pub unsafe fn meet<const COPY: u8>(
     let zero = _mm256_setzero_pd();
     let least = _mm256_min_pd(_mm256_min_pd(u, v), w);
     let most = _mm256_max_pd(_mm256_max_pd(u, v), w);
-    let narrow = _mm256_set1_pd(margins.narrow());
+    let narrow = _mm256_set1_pd(margins.narrow);
     let inside = _mm256_or_pd(
         _mm256_cmp_pd::<_CMP_GE_OQ>(least, _mm256_sub_pd(zero, narrow)),
         _mm256_cmp_pd::<_CMP_LE_OQ>(most, narrow),
@@ -264,7 +264,7 @@ pub unsafe fn meet<const COPY: u8>(
     let height = _mm256_add_pd(height, _mm256_mul_pd(w, cz));
     let height = _mm256_div_pd(height, sum);
     let distance = _mm256_mul_pd(height, _mm256_set1_pd(shear.stretch));
-    let near = margins.near();
+    let near = margins.near;
     let least = _mm256_set1_pd(-near);
     let ahead = _mm256_cmp_pd::<_CMP_GT_OQ>(distance, least);
     let limit = _mm256_set1_pd(limit);
@@ -281,7 +281,7 @@ pub unsafe fn meet<const COPY: u8>(
 fn carefully(
     leaf: Leaf,
     shear: &Shear,
-    margins: Margins,
+    margins: &Margins,
 ) -> (u32, [f64; LANES]) {
     leaf.meet(shear, margins)
 }

@@ -27,9 +27,9 @@ use crate::scene::{Ray, Triangle};
 /// Other triangles this close to a hit make it doubtful, times `clear`.
 const CLOSE_BY: f64 = 4.;
 
-/// A ray that is longer than this has risen by more than twice that, times
-/// `clear`: 2^30.
-const SHORT: f64 = (1u64 << 30) as f64;
+/// A ray that is longer than this part of the size of all margins has risen
+/// by more than twice that, times `clear`: 2^-17.
+const SHORT: f64 = 1. / (1u64 << 17) as f64;
 
 /// Part of its factors by which an ordinary triple product may be wrong,
 /// at most: 2^-47.
@@ -60,18 +60,18 @@ where
     // Put the point off the surface
     let met = ray.origin + ray.direction * distance;
     let height = normal.dot(met - a);
-    let clear = margins(&corners, ray.origin).clear();
+    let longest = (b - a).abs().max((c - a).abs()).max_element();
+    let clear = Margins::new(distance + 2. * longest, ray.origin).clear();
     let mut point = met + normal * (clear - height);
     // Settle the point if it is doubtful
-    let root = wide.region.margins(ray.origin);
-    let short = left.is_some_and(|left| {
-        distance <= search.margins.clear().max(root.clear()) * SHORT
-            && has_not_risen(&search.leaves.triangle(left), ray, met)
-    });
+    let short = distance <= search.root * SHORT
+        && left.is_some_and(|left| {
+            has_not_risen(&search.leaves.triangle(left), ray, met)
+        });
     let deep = height.abs() > 0.5 * CLOSE_BY * clear;
-    let limit = distance + root.near();
+    let limit = distance + Margins::of(search.root).near;
     if search.near_tie <= limit || short || deep {
-        let near = margins(&corners, ray.origin).near();
+        let near = margins(&corners, ray.origin).near;
         let arrival = Arrival { ray, distance, near, primitive, left };
         if let Some(safe) = arrival.settle(wide, met, deep) {
             point = safe;
@@ -94,7 +94,7 @@ fn has_not_risen(corners: &Triangle, ray: &Ray, met: DVec3) -> bool {
     let normal = cross(b - a, c - a);
     let size = margins(corners, ray.origin).size;
     let size = size.max(margins(corners, met).size);
-    let limit = 2. * CLOSE_BY * Margins { size }.clear();
+    let limit = 2. * CLOSE_BY * Margins::of(size).clear();
     normal.dot(met - a).abs() <= limit * normal.length()
 }
 
@@ -165,8 +165,8 @@ impl Arrival<'_> {
             if Some(slot) == self.left {
                 return true;
             }
-            let near = margins.near().max(self.near);
-            match leaf.test(lane, shear, margins) {
+            let near = margins.near.max(self.near);
+            match leaf.test(lane, shear, &margins) {
                 // Compare where the ray passes the triangle
                 TriangleTest::Through(at) => {
                     at > -near && gap(at).abs() <= near
@@ -183,7 +183,7 @@ impl Arrival<'_> {
     /// The margins of a triangle for this ray and one of its points.
     fn margins(&self, corners: &Triangle, point: DVec3) -> Margins {
         let size = margins(corners, self.ray.origin).size;
-        Margins { size: margins(corners, point).size.max(size) }
+        Margins::of(margins(corners, point).size.max(size))
     }
 
     // Find the way back to a safe point
@@ -234,7 +234,7 @@ impl Arrival<'_> {
                 return false;
             }
             let ahead = side * normal.dot(self.ray.origin - a) > 0.;
-            match leaf.test(lane, shear, margins) {
+            match leaf.test(lane, shear, &margins) {
                 TriangleTest::Through(_) if ahead => true,
                 _ => {
                     height > -limit

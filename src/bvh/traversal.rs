@@ -51,14 +51,17 @@ impl Slabs {
     pub fn new(ray: &Ray, region: &Region) -> Self {
         let direction = ray.direction.as_vec3().to_array();
         let from = ray.origin - region.zero;
-        let beyond = from.abs().max_element() - region.reach;
-        let margin = (beyond * ROUGH).max(0.) as f32;
+        let beyond = region.beyond(ray.origin);
         let origin = from.as_vec3().to_array();
         let inverse = direction.map(|d| 1. / steep(d));
         let start: [f32; 3] = array::from_fn(|i| origin[i] * inverse[i]);
-        let aside = inverse.map(|r| margin * r.abs());
-        let entry = array::from_fn(|i| start[i] + aside[i]);
-        let exit = array::from_fn(|i| start[i] - aside[i]);
+        let (mut entry, mut exit) = (start, start);
+        if beyond > 0. {
+            let margin = (beyond * ROUGH) as f32;
+            let aside = inverse.map(|r| margin * r.abs());
+            entry = array::from_fn(|i| start[i] + aside[i]);
+            exit = array::from_fn(|i| start[i] - aside[i]);
+        }
         let up = direction.map(|d| usize::from(d >= 0.));
         let enter = array::from_fn(|i| i + 3 * (1 - up[i]));
         let leave = array::from_fn(|i| i + 3 * up[i]);
@@ -166,6 +169,24 @@ impl<'a> Stack<'a> {
         self.length += count;
     }
 
+    // Fetch what comes next
+    /// Lets the cache fetch the next child.
+    #[inline(always)]
+    pub fn prefetch<const N: usize>(&self, nodes: &[Node<N>], words: &[u32]) {
+        use std::arch::x86_64::*;
+        if self.length > 0 {
+            unsafe {
+                let child = self.waiting.children.get_unchecked(self.length - 1).assume_init();
+                let node = nodes.as_ptr().wrapping_add(child as usize).cast::<u8>();
+                let leaf = words.as_ptr().wrapping_add(4 * (child & ((1 << 29) - 1)) as usize).cast::<u8>();
+                let at = if child & LEAF != 0 { leaf } else { node };
+                for line in 0..4 {
+                    _mm_prefetch::<_MM_HINT_T0>(at.wrapping_add(64 * line).cast());
+                }
+            }
+        }
+    }
+
     // Take the next child within t_max
     /// Takes off children up to the first that begins within `t_max`.
     #[inline(always)]
@@ -206,13 +227,15 @@ pub fn traverse<'a, const N: usize, const ANY: bool, V>(
     from: Option<u32>,
     enter: impl Fn(&Node<N>, &Slabs, f32) -> Entered<V>,
     push: impl Fn(&Node<N>, u32, &Entered<V>, &mut Stack) -> u32,
-    meet: impl Fn(Leaf<'a>, &Shear, (f64, Margins)) -> (u32, [f64; LANES]),
+    meet: impl Fn(Leaf<'a>, &Shear, (f64, &Margins)) -> (u32, [f64; LANES]),
 ) -> Search<'a>
 where
     Node<N>: Pod,
 {
     let nodes: &[Node<N>] = &wide.nodes;
-    let mut search = Search::new(&wide.leaves, from);
+    let mut region = wide.region;
+    let mut margins = region.margins(ray.origin);
+    let mut search = Search::new(&wide.leaves, from, margins.size);
     // Let no ray start out of bounds
     let bounds = DVec3::splat(OUTER);
     let within = |v: DVec3| v.abs().cmplt(bounds);
@@ -221,15 +244,13 @@ where
     }
     // Prepare to start at the root
     let shear = Shear::new(ray);
-    let mut region = wide.region;
     let mut waiting = Waiting::new();
     let mut stack = Stack::new(&mut waiting);
     let mut t_max: f32;
     let mut child = 0;
     loop {
         let slabs = Slabs::new(ray, &region);
-        search.margins = region.margins(ray.origin);
-        t_max = search.limit() as f32;
+        t_max = search.limit(&margins) as f32;
         // Go from nodes to leaves
         let gate = loop {
             while child & LEAF == 0 {
@@ -257,11 +278,17 @@ where
             }
             // SAFETY: children with the bit LEAF are leaves that are there.
             let leaf = unsafe { search.leaf(first, count) };
-            if look(&mut search, (first, leaf), (ray, &shear), &meet) != 0 {
+            stack.prefetch(nodes, &wide.leaves.words);
+            if look(
+                &mut search,
+                (first, leaf),
+                (ray, &shear, &margins),
+                &meet,
+            ) != 0 {
                 if ANY && search.slot != NONE {
                     return search;
                 }
-                t_max = search.limit() as f32;
+                t_max = search.limit(&margins) as f32;
             }
             match stack.pop(t_max) {
                 Some(waiting) => child = waiting,
@@ -271,19 +298,18 @@ where
         // Go through a gate
         let way = wide.gates[gate as usize];
         region = way.region;
+        margins = region.margins(ray.origin);
+        margins.near = margins.near.max(Margins::of(search.size).near);
         child = match way.node {
             Some(inner) => {
                 // SAFETY: no hierarchy is so deep that one is not left.
                 unsafe { stack.push(LEAF | (GATES + gate + 1), 0.) };
                 inner
             }
-            None => {
-                search.margins = region.margins(ray.origin);
-                match stack.pop(search.limit() as f32) {
-                    Some(waiting) => waiting,
-                    None => return search,
-                }
-            }
+            None => match stack.pop(search.limit(&margins) as f32) {
+                Some(waiting) => waiting,
+                None => return search,
+            },
         };
     }
 }
@@ -293,17 +319,17 @@ where
 pub fn look<'a>(
     search: &mut Search<'a>,
     (first, leaf): (u32, Leaf<'a>),
-    (ray, shear): (&Ray, &Shear),
-    meet: impl Fn(Leaf<'a>, &Shear, (f64, Margins)) -> (u32, [f64; LANES]),
+    (ray, shear, margins): (&Ray, &Shear, &Margins),
+    meet: impl Fn(Leaf<'a>, &Shear, (f64, &Margins)) -> (u32, [f64; LANES]),
 ) -> u32 {
-    let limit = search.limit();
-    let (met, distances) = meet(leaf, shear, (limit, search.margins));
+    let limit = search.limit(margins);
+    let (met, distances) = meet(leaf, shear, (limit, margins));
     // Offer each lane of the mask
     let mut left = met;
     while left != 0 {
         let lane = left.trailing_zeros();
         let distance = distances[lane as usize % LANES];
-        search.offer((first, leaf), lane, distance, ray);
+        search.offer((first, leaf), lane, distance, (ray, margins));
         left &= left - 1;
     }
     met

@@ -99,22 +99,39 @@ pub struct Margins {
     /// From a ray's origin to the corners of a triangle, along an axis;
     /// and a part of the coordinates of the origin.
     pub size: f64,
+    /// Distances along a ray that are closer are not told apart: 2^-35.
+    pub near: f64,
+    /// An edge function of less than this, with the wrong sign, may belong
+    /// to a triangle within 2^-45 of a point of the ray: 2^-43, of the
+    /// square.
+    pub narrow: f64,
 }
 
 /// A box that holds some triangles of a scene.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub struct Region {
     /// Its middle, from where planes are counted.
     pub zero: DVec3,
     /// Half of its longest side.
     pub reach: f64,
+    /// Those of rays that start within.
+    within: Margins,
 }
 
 impl Region {
+    /// That of no triangles.
+    pub const NONE: Self = Self {
+        zero: DVec3::ZERO,
+        reach: 0.,
+        within: Margins { size: 0., near: 0., narrow: 0. },
+    };
+
     /// The region between two opposite corners.
     pub fn between(low: DVec3, high: DVec3) -> Self {
         let reach = 0.5 * (high - low).max_element();
-        Self { zero: 0.5 * (low + high), reach }
+        let zero = 0.5 * (low + high);
+        let within = Margins::new(2. * reach, zero.abs() + reach);
+        Self { zero, reach, within }
     }
 
     /// A region that holds both.
@@ -124,11 +141,21 @@ impl Region {
         Self::between(a.min(b), c.max(d))
     }
 
+    /// How far a point is outside, at most, or less than zero.
+    #[inline(always)]
+    pub fn beyond(&self, point: DVec3) -> f64 {
+        (point - self.zero).abs().max_element() - self.reach
+    }
+
     /// What is small for rays from a point to triangles of the region.
     #[inline(always)]
     pub fn margins(&self, point: DVec3) -> Margins {
-        let span = (point - self.zero).abs().max_element() + self.reach;
-        Margins::new(span, point)
+        match self.beyond(point) {
+            beyond if beyond > 0. => {
+                Margins::new(beyond + 2. * self.reach, point)
+            }
+            _ => self.within,
+        }
     }
 }
 
@@ -137,25 +164,19 @@ impl Region {
 pub const PLACE: f64 = 0.125;
 
 impl Margins {
-    /// Distances along a ray that are closer are not told apart: 2^-35.
-    #[inline(always)]
-    pub fn near(self) -> f64 {
-        self.size * (1. / (1u64 << 35) as f64)
-    }
-
-    /// An edge function of less than this, with the wrong sign, may belong
-    /// to a triangle within 2^-45 of a point of the ray: 2^-43, of the
-    /// square.
-    #[inline(always)]
-    pub fn narrow(self) -> f64 {
-        self.size * self.size * (1. / (1u64 << 43) as f64)
-    }
-
     /// Those of triangles up to `span` away from a point.
     #[inline(always)]
     pub fn new(span: f64, point: DVec3) -> Self {
         let place = point.abs().max_element();
-        Self { size: (1. + PLACE) * span + PLACE * place }
+        Self::of((1. + PLACE) * span + PLACE * place)
+    }
+
+    /// Those of a size.
+    #[inline(always)]
+    pub fn of(size: f64) -> Self {
+        let near = size * (1. / (1u64 << 35) as f64);
+        let narrow = size * size * (1. / (1u64 << 43) as f64);
+        Self { size, near, narrow }
     }
 
     /// How far off its surface a hit is put, and at least how far from
@@ -322,7 +343,7 @@ impl Leaf<'_> {
     pub fn meet(
         &self,
         shear: &Shear,
-        margins: Margins,
+        margins: &Margins,
     ) -> (u32, [f64; LANES]) {
         let mut distances = [0.; LANES];
         let mut met = 0;
@@ -330,7 +351,7 @@ impl Leaf<'_> {
             if self.lanes >> lane & 1 != 0 {
                 // Add what the ray does to this triangle
                 match self.test(lane, shear, margins) {
-                    TriangleTest::Through(at) if at > -margins.near() => {
+                    TriangleTest::Through(at) if at > -margins.near => {
                         *distance = at;
                         met |= 1 << lane;
                     }
@@ -351,7 +372,7 @@ impl Leaf<'_> {
         &self,
         lane: usize,
         shear: &Shear,
-        margins: Margins,
+        margins: &Margins,
     ) -> TriangleTest {
         let [x, y, z] = self.sheared(lane, shear);
         let u = edge(x[2], y[1], y[2], x[1]);
@@ -366,7 +387,7 @@ impl Leaf<'_> {
             // Find the distance along the ray
             let height = (u * z[0] + v * z[1] + w * z[2]) / (u + v + w);
             TriangleTest::Through(height * shear.stretch)
-        } else if within(margins.narrow()) {
+        } else if within(margins.narrow) {
             TriangleTest::Beside(z.map(|z| z * shear.stretch))
         } else {
             TriangleTest::Apart
@@ -409,8 +430,10 @@ pub struct Search<'a> {
     from: u32,
     /// How far the nearest triangle is, or infinity.
     pub distance: f64,
-    /// What is small in the region that is searched.
-    pub margins: Margins,
+    /// The size of the margins where it was found.
+    pub size: f64,
+    /// That of the region of all triangles.
+    pub root: f64,
     /// Where it is kept, or `NONE`.
     pub slot: u32,
     /// The least distance at which something else is close to the ray.
@@ -418,16 +441,18 @@ pub struct Search<'a> {
 }
 
 impl<'a> Search<'a> {
-    /// A search that has met nothing, for a ray that left slot `from`.
+    /// A search that has met nothing, for a ray that left slot `from`,
+    /// given the size of the outermost margins.
     #[inline(always)]
-    pub fn new(leaves: &'a Leaves, from: Option<u32>) -> Self {
+    pub fn new(leaves: &'a Leaves, from: Option<u32>, root: f64) -> Self {
         let from = from.unwrap_or(NONE);
         let distance = f64::INFINITY;
         Self {
             leaves,
             from,
             distance,
-            margins: Margins { size: 0. },
+            size: 0.,
+            root,
             slot: NONE,
             near_tie: distance,
         }
@@ -450,8 +475,8 @@ impl<'a> Search<'a> {
 
     /// Up to where others may be as near as the nearest so far.
     #[inline(always)]
-    pub fn limit(&self) -> f64 {
-        self.distance + self.margins.near()
+    pub fn limit(&self, margins: &Margins) -> f64 {
+        self.distance + margins.near
     }
 
     /// Considers the triangle in a lane of the leaf at unit `first`, which
@@ -463,10 +488,10 @@ impl<'a> Search<'a> {
         (first, leaf): (u32, Leaf),
         lane: u32,
         mut distance: f64,
-        ray: &Ray,
+        (ray, margins): (&Ray, &Margins),
     ) {
         // Doubt the order of triangles that are close
-        let near = self.margins.near();
+        let near = margins.near;
         let beside = lane >= LANES as u32;
         if beside
             || (distance - self.distance).abs() <= near
@@ -484,6 +509,7 @@ impl<'a> Search<'a> {
         let equal = distance == self.distance;
         if distance < self.distance || equal && self.is_before(slot) {
             (self.distance, self.slot) = (distance, slot);
+            self.size = margins.size;
         }
     }
 

@@ -179,7 +179,7 @@ impl Group<'_> {
 
     /// The leaf of a triangle, with its enlarged box.
     fn single(&self, i: u32) -> Bvh2Node {
-        let Region { zero, reach } = self.region;
+        let Region { zero, reach, .. } = self.region;
         let place = |p: DVec3| Vec3A::from((p - zero).as_vec3());
         let [a, b, c] = self.triangle(i).map(place);
         let padding = PADDING * reach + PLACE * zero.abs().max_element();
@@ -706,7 +706,7 @@ where
             units: 0,
         };
         let all = groups.iter().map(|group| region(&vertices, group));
-        let region = all.reduce(Region::union).unwrap_or_default();
+        let region = all.reduce(Region::union).unwrap_or(Region::NONE);
         let mut top = Node::EMPTY;
         let mut next = u32::from(parts > 1);
         for (lane, group) in groups.into_iter().enumerate() {
@@ -737,7 +737,7 @@ fn region(vertices: &[DVec3], corners: &[([u32; 3], u32)]) -> Region {
     let (low, high) =
         points.fold(none, |(low, high), p| (low.min(p), high.max(p)));
     match low.x > high.x {
-        true => Region::default(),
+        true => Region::NONE,
         false => Region::between(low, high),
     }
 }
@@ -776,7 +776,7 @@ struct Built<'a, const N: usize> {
 const CUT: u32 = 1 << 30;
 
 /// Subtrees that are smaller than this part of a group are built anew.
-const SMALL: f32 = 1. / 8192.;
+const SMALL: f32 = 1. / 65536.;
 
 /// Gates lead to more triangles than this.
 const FEW: usize = 16;
