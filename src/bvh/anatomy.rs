@@ -102,7 +102,8 @@ impl Anatomy {
                 );
                 (met & ((1 << LANES) - 1), None)
             };
-            next = first.or_else(|| stack.pop(search.limit(&margins) as f32));
+            next =
+                first.or_else(|| stack.pop(search.limit(&margins) as f32));
             let (waiting, t_max) = (stack.length(), search.distance);
             steps.push(Step { child, mask, waiting, t_max });
         }

@@ -16,9 +16,7 @@ use std::arch::x86_64::*;
 use super::intersector::{Hit, Intersector};
 use super::spawn::hit;
 use super::traversal::{Entered, Slabs, Stack, traverse};
-use super::triangle::{
-    CLOSE, LANES, Leaf, Margins, NONE, Search, Shear,
-};
+use super::triangle::{CLOSE, LANES, Leaf, Margins, NONE, Search, Shear};
 use super::wide::{Node, Wide};
 use crate::scene::Ray;
 

@@ -16,9 +16,7 @@ use bytemuck::Pod;
 use glam::DVec3;
 
 use super::intersector::Hit;
-use super::triangle::{
-    Leaf, Margins, NONE, Search, Shear, TriangleTest,
-};
+use super::triangle::{Leaf, Margins, NONE, Search, Shear, TriangleTest};
 use super::wide::{Node, Wide};
 use crate::numerics::cross;
 use crate::scene::{Ray, Triangle};

@@ -22,7 +22,8 @@ use glam::DVec3;
 use super::intersector::{Hit, Intersector};
 use super::spawn::hit;
 use super::triangle::{
-    GATES, LANES, LEAF, Leaf, Margins, NONE, Region, Search, Shear, slots,
+    GATES, LANES, LEAF, Leaf, Margins, NONE, Region, Search, Shear, UNIT,
+    slots,
 };
 use super::wide::{Node, STACK, Wide};
 use crate::scene::Ray;
@@ -169,19 +170,32 @@ impl<'a> Stack<'a> {
         self.length += count;
     }
 
-    // Fetch what comes next
-    /// Lets the cache fetch the next child.
+    // Fetch the child that comes next
+    /// Lets the cache fetch the child that is taken next.
     #[inline(always)]
-    pub fn prefetch<const N: usize>(&self, nodes: &[Node<N>], words: &[u32]) {
-        use std::arch::x86_64::*;
+    pub fn fetch<const N: usize>(&self, wide: &Wide<N>)
+    where
+        Node<N>: Pod,
+    {
+        #[cfg(target_arch = "x86_64")]
         if self.length > 0 {
-            unsafe {
-                let child = self.waiting.children.get_unchecked(self.length - 1).assume_init();
-                let node = nodes.as_ptr().wrapping_add(child as usize).cast::<u8>();
-                let leaf = words.as_ptr().wrapping_add(4 * (child & ((1 << 29) - 1)) as usize).cast::<u8>();
-                let at = if child & LEAF != 0 { leaf } else { node };
-                for line in 0..4 {
-                    _mm_prefetch::<_MM_HINT_T0>(at.wrapping_add(64 * line).cast());
+            use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+            let i = self.length - 1;
+            // SAFETY: the element was below `length`, so it was written.
+            let child = unsafe {
+                self.waiting.children.get_unchecked(i).assume_init()
+            };
+            let node = wide.nodes.as_ptr().wrapping_add(child as usize);
+            let words = wide.leaves.words.as_ptr();
+            let leaf = words.wrapping_add(UNIT * slots(child).0 as usize);
+            let address: *const i8 =
+                if child & LEAF == 0 { node.cast() } else { leaf.cast() };
+            for line in 0..8 {
+                // SAFETY: to fetch reads nothing, whatever the address.
+                unsafe {
+                    _mm_prefetch::<_MM_HINT_T0>(
+                        address.wrapping_add(64 * line),
+                    );
                 }
             }
         }
@@ -268,7 +282,12 @@ where
                         node.children
                             [mask.trailing_zeros() as usize & (N - 1)]
                     }
-                    _ => push(node, slabs.shift, &entered, &mut stack),
+                    _ => {
+                        let next =
+                            push(node, slabs.shift, &entered, &mut stack);
+                        stack.fetch(wide);
+                        next
+                    }
                 };
             }
             // Offer the leaf's triangles and go on
@@ -278,13 +297,13 @@ where
             }
             // SAFETY: children with the bit LEAF are leaves that are there.
             let leaf = unsafe { search.leaf(first, count) };
-            stack.prefetch(nodes, &wide.leaves.words);
             if look(
                 &mut search,
                 (first, leaf),
                 (ray, &shear, &margins),
                 &meet,
-            ) != 0 {
+            ) != 0
+            {
                 if ANY && search.slot != NONE {
                     return search;
                 }

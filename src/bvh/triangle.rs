@@ -247,7 +247,6 @@ impl Leaves {
         Leaf { words, count, lanes: (1 << count) - 1 }
     }
 
-
     // Find a triangle by its slot
     /// The leaf of a triangle, and its lane.
     #[inline(always)]

@@ -26,8 +26,8 @@ use rayon::prelude::*;
 
 use super::huge_pages::Pages;
 use super::triangle::{
-    GATES, Gate, LANES, LEAF, Leaf, Leaves, Region, UNIT, leaf, slot, slots,
-    units, write,
+    GATES, Gate, LANES, LEAF, Leaf, Leaves, Region, UNIT, leaf, slot,
+    slots, units, write,
 };
 use crate::scene::{Triangle, Triangles};
 
@@ -164,11 +164,14 @@ const _: () = assert!(size_of::<Node<8>>() == 256);
 const _: () = assert!(size_of::<Node<16>>() == 512);
 
 // Build the binary tree
+/// The corners of a triangle, as numbers of vertices, and its face.
+type Corners = ([u32; 3], u32);
+
 /// Some triangles of a scene, and the region around them.
 struct Group<'a> {
     vertices: &'a [DVec3],
     /// The corners of each, and its face.
-    corners: &'a [([u32; 3], u32)],
+    corners: &'a [Corners],
     region: Region,
 }
 
@@ -640,9 +643,9 @@ const LARGE: usize = 1 << 17;
 /// Sorts triangles into `parts` groups of neighbours, a power of two.
 fn halve<'a>(
     vertices: &[DVec3],
-    corners: &'a mut [([u32; 3], u32)],
+    corners: &'a mut [Corners],
     parts: usize,
-) -> Vec<&'a mut [([u32; 3], u32)]> {
+) -> Vec<&'a mut [Corners]> {
     if parts == 1 {
         return vec![corners];
     }
@@ -697,6 +700,9 @@ where
         let room = UNIT * units(1) as usize * corners.len();
         let parts = if corners.len() > LARGE { N } else { 1 };
         let groups = halve(&vertices, &mut corners, parts);
+        let groups: Vec<_> =
+            groups.into_iter().map(|g| g.to_vec()).collect();
+        drop(corners);
         let mut built = Built {
             quality,
             vertices: &vertices,
@@ -712,7 +718,7 @@ where
         for (lane, group) in groups.into_iter().enumerate() {
             // Build one part in its place
             let first = next;
-            let bounds = built.add(group, region, 2, &mut next)?;
+            let bounds = built.add(&group, region, 2, &mut next)?;
             if let (true, Some(bounds)) = (parts > 1, bounds) {
                 top.set(lane, &bounds, first);
             }
@@ -730,7 +736,7 @@ where
 }
 
 /// The region of triangles.
-fn region(vertices: &[DVec3], corners: &[([u32; 3], u32)]) -> Region {
+fn region(vertices: &[DVec3], corners: &[Corners]) -> Region {
     let points = corners.iter().flat_map(|(three, _)| three);
     let points = points.map(|&k| vertices[k as usize]);
     let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
@@ -790,7 +796,7 @@ where
     /// box; none of an empty group.
     fn add(
         &mut self,
-        corners: &mut [([u32; 3], u32)],
+        corners: &[Corners],
         region: Region,
         above: usize,
         next: &mut u32,
@@ -824,10 +830,10 @@ where
         let above = above + plan.levels;
         let back = Gate { region, node: None };
         self.gates.resize(gates + 2 * groups.len(), back);
-        for (number, mut corners) in groups.into_iter().enumerate() {
+        for (number, corners) in groups.into_iter().enumerate() {
             let region = self::region(vertices, &corners);
             let node = Some(*next);
-            self.add(&mut corners, region, above, next)?;
+            self.add(&corners, region, above, next)?;
             self.gates[gates + 2 * number] = Gate { region, node };
         }
         Ok(bounds)
@@ -839,7 +845,7 @@ where
         &self,
         group: &Group,
         tree: &mut [Bvh2Node],
-    ) -> Vec<Vec<([u32; 3], u32)>> {
+    ) -> Vec<Vec<Corners>> {
         let mut groups = vec![];
         let Some(root) = tree.first() else { return groups };
         let extent = |node: &Bvh2Node| {
@@ -988,9 +994,8 @@ impl Part<'_> {
         stretches.into_par_iter().for_each(|(leaves, words)| {
             for pair in leaves.windows(2) {
                 let [(root, first), (_, end)] = [pair[0], pair[1]];
-                let [first, end] = [first, end].map(|unit| {
-                    UNIT * (unit - leaves[0].1) as usize
-                });
+                let [first, end] = [first, end]
+                    .map(|unit| UNIT * (unit - leaves[0].1) as usize);
                 if first < end {
                     self.write(root, &mut words[first..end]);
                 }
