@@ -34,7 +34,7 @@ use std::{fmt, io};
 
 use glam::DVec3;
 
-use crate::scene::{Ray, Scene, Triangle, Triangles};
+use crate::scene::{Ray, Scene, Triangle};
 use triangle::Leaf;
 use wide::Wide;
 
@@ -133,6 +133,8 @@ impl From<io::Error> for BuildError {
 /// A hierarchy over the triangles of a scene, with a traversal through it.
 pub struct Bvh {
     form: Form,
+    /// The face of each triangle in the mesh, by its number in the scene.
+    faces: Vec<u32>,
 }
 
 enum Form {
@@ -177,7 +179,8 @@ impl Bvh {
         quality: Quality,
         isa: Isa,
     ) -> Result<Self, BuildError> {
-        Self::of(scene.indexed().clone(), quality, isa)
+        let (triangles, faces) = (scene.triangles(), scene.faces());
+        Self::of((triangles.to_vec(), faces.to_vec()), quality, isa)
     }
 
     // Build a hierarchy that uses its triangles up
@@ -187,7 +190,7 @@ impl Bvh {
     /// # Errors
     /// Those of [`Self::with`].
     pub fn of(
-        triangles: Triangles,
+        (triangles, faces): (Vec<Triangle>, Vec<u32>),
         quality: Quality,
         isa: Isa,
     ) -> Result<Self, BuildError> {
@@ -213,7 +216,7 @@ impl Bvh {
                 Some(Form::Portable(traversal::Traverser(wide)))
             }
         };
-        form.map(|form| Self { form }).ok_or(missing)
+        form.map(|form| Self { form, faces }).ok_or(missing)
     }
 }
 
@@ -221,9 +224,10 @@ impl Bvh {
 impl Bvh {
     /// The face of the file, from 0, that a `Hit::primitive` is part of.
     pub fn face(&self, primitive: u32) -> u32 {
-        with_traverser!(self, traverser => {
-            traverser.wide().leaves.face(primitive)
-        })
+        let number = with_traverser!(self, traverser => {
+            traverser.wide().leaves.number(primitive)
+        });
+        self.faces[number as usize]
     }
 
     /// Whether `asked` is true of the corners of a triangle. Only boxes

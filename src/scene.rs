@@ -1,3 +1,4 @@
+// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -14,10 +15,13 @@
 pub mod encoding;
 pub mod polygons;
 
+// Name what the scene imports
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::fmt;
 use std::iter::Skip;
 use std::str::SplitWhitespace;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use glam::{BVec3, DVec3};
 use memchr::{memchr, memchr_iter};
@@ -26,6 +30,7 @@ use rayon::prelude::*;
 use self::polygons::Oddity;
 use crate::numerics::{cross, exponent, power_of_two, shift};
 
+// Represent a mesh as it was read
 /// An indexed triangle mesh in the coordinates of its file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
@@ -51,6 +56,7 @@ impl Mesh {
     }
 }
 
+// Read the text of an OBJ
 /// Reads the mesh that the bytes `source` of a Wavefront OBJ describe,
 /// which may be compressed.
 /// Convex faces become fans of triangles around their first corner.
@@ -88,6 +94,7 @@ fn read(
     let text = encoding::text(source);
     let text = text.map_err(|what| ObjError::whole(&what))?;
     let source = &text[..];
+    // Refuse empty and binary files
     let source = source.strip_prefix(b"\xef\xbb\xbf").unwrap_or(source);
     if source.is_empty() {
         return Err(ObjError::whole(
@@ -100,6 +107,7 @@ fn read(
         return Err(ObjError::new(line, what.to_owned()));
     }
     let pieces = cut(source, size);
+    // Count what comes before each piece
     let counts: Vec<_> = pieces.par_iter().map(|p| count(p)).collect();
     let (mut vertices, mut lines) = (0, 0);
     let mut before = Vec::with_capacity(counts.len());
@@ -109,12 +117,15 @@ fn read(
         lines += more_lines;
     }
     countable(vertices, "vertices")?;
+    // Read each piece into a mesh
     let read = |(piece, &(first, line)): (&&[u8], &(usize, usize))| {
         read_piece(piece, first, vertices)
             .map_err(|(at, what)| ObjError::new(line + at, what))
     };
     let parts: Vec<_> = pieces.par_iter().zip(&before).map(read).collect();
     let parts = parts.into_iter().collect::<Result<Vec<_>, _>>()?;
+    // Put the meshes one behind the other
+    // Number the joined triangles anew
     let (mut joined, mut first) = (vec![], 0);
     for part in &parts {
         joined.extend(part.joined.iter().map(|&i| first + i));
@@ -128,6 +139,7 @@ fn read(
     if triangles.is_empty() {
         return Err(ObjError::whole("no face, hence nothing to render"));
     }
+    // Fill the faces, and warn of odd ones
     let odd = polygons::fill(&vertices, &mut triangles, &mut joined);
     countable(triangles.len(), "triangles")?;
     let warning = odd.first().map(|&(face, _)| {
@@ -173,6 +185,7 @@ fn countable(n: usize, what: &str) -> Result<(), ObjError> {
     }
 }
 
+// Cut the text after whole statements
 /// The text in pieces, each of whole statements and, but for the last,
 /// longer than `size` bytes.
 fn cut(mut source: &[u8], size: usize) -> Vec<&[u8]> {
@@ -218,6 +231,7 @@ impl<'a> Statements<'a> {
         Some(line.trim_ascii_end())
     }
 
+    // Join a line with its continuations
     /// The line `first` and what continues it.
     fn join(&mut self, first: &[u8]) -> Vec<u8> {
         let mut whole = Vec::new();
@@ -237,6 +251,7 @@ impl<'a> Iterator for Statements<'a> {
     fn next(&mut self) -> Option<Cow<'a, [u8]>> {
         loop {
             let line = self.line()?;
+            // Make the line a whole statement
             let whole = match line {
                 [.., b'\\'] => Cow::Owned(self.join(line)),
                 _ => Cow::Borrowed(line),
@@ -257,6 +272,7 @@ fn matters(statement: &[u8]) -> bool {
     }
 }
 
+// Read one piece of the text
 fn is_vertex(statement: &[u8]) -> bool {
     statement.trim_ascii_start().first() == Some(&b'v')
 }
@@ -279,6 +295,7 @@ fn read_piece(
     let mut statements = Statements { rest: piece, line: 0 };
     while let Some(text) = statements.next() {
         let vertices = [first + mesh.vertices.len(), total];
+        // Read the statement, once more before its comment
         let begun = mesh.triangles.len();
         if let Err(what) = read_statement(&text, vertices, &mut mesh) {
             mesh.triangles.truncate(begun);
@@ -326,11 +343,13 @@ fn read_statement(
     read_face(words, vertices, mesh)
 }
 
+// Read the numbers of a statement
 type Words<'a> = Skip<SplitWhitespace<'a>>;
 
 fn read_vertex(mut words: Words) -> Result<DVec3, String> {
     let mut position = [0.; 3];
     for (axis, value) in ["x", "y", "z"].iter().zip(&mut position) {
+        // Read the coordinate along the axis
         let Some(word) = words.next() else {
             return Err(format!("a vertex without {axis}"));
         };
@@ -354,6 +373,7 @@ fn read_face(
 ) -> Result<(), String> {
     let (mut n, mut fan) = (0, [0; 3]);
     for word in words {
+        // Move the fan on to the next corner
         let corner = read_corner(word, vertices)?;
         fan = [if n == 0 { corner } else { fan[0] }, fan[2], corner];
         n += 1;
@@ -376,6 +396,7 @@ fn read_corner(
     [so_far, total]: [usize; 2],
 ) -> Result<u32, String> {
     let (digits, others) = word.split_once('/').unwrap_or((word, ""));
+    // Judge what follows the first slash
     let is_number = |n: &str| n.is_empty() || n.parse::<i64>().is_ok();
     if !others.is_empty() && !others.splitn(2, '/').all(is_number) {
         return Err(format!("corner {word} is not of the form 1/2/3"));
@@ -383,6 +404,7 @@ fn read_corner(
     match digits.parse::<i64>() {
         Err(_) => Err(format!("corner {word} is no vertex number")),
         Ok(0) => Err("vertices are counted from 1, not from 0".to_owned()),
+        // Refuse a corner that does not exist
         Ok(n) if n < 0 && n.unsigned_abs() > so_far as u64 => {
             Err(format!("corner {n}, but only {so_far} vertices so far"))
         }
@@ -394,6 +416,7 @@ fn read_corner(
     }
 }
 
+// Say what is wrong, and where
 /// Why a text is not the OBJ of a mesh.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ObjError {
@@ -429,6 +452,7 @@ impl fmt::Display for ObjError {
 
 impl std::error::Error for ObjError {}
 
+// Bring the scene to the origin
 /// The map from the coordinates of the file to those of the scene.
 #[derive(Clone, Copy, Debug)]
 pub struct Frame {
@@ -459,6 +483,7 @@ impl Frame {
         whole + shift(lost, self.exponent - k)
     }
 
+    // Ask whether a place is rounded
     /// Along which axes the map rounds the place of `p`.
     fn rounds(&self, p: DVec3) -> BVec3 {
         let p = p * self.part;
@@ -469,6 +494,7 @@ impl Frame {
             | lost(scaled, self.half, place).cmpne(DVec3::ZERO)
     }
 
+    // Place a point however far away
     /// Where the point `p` of the file lies in the scene, in units of
     /// 2^`k`; and `k`, which is 0 up to a distance of 2^`FAR`.
     fn place_afar(&self, p: DVec3) -> (DVec3, i32) {
@@ -494,6 +520,7 @@ fn frame(low: DVec3, high: DVec3, moved: BVec3) -> Frame {
         longest < power_of_two(-900) && farthest < power_of_two(-800);
     let part = if is_small { 1. } else { 0.5 };
     let (low, high) = (low * part, high * part);
+    // Scale the frame by its largest coordinate
     let reach = 2. * low.abs().max(high.abs());
     let size = DVec3::select(moved, high - low, reach);
     let exponent = match size.max_element() {
@@ -529,6 +556,7 @@ pub struct Triangles {
 }
 
 impl Triangles {
+    // Ask for single triangles
     /// How many.
     pub fn len(&self) -> usize {
         self.corners.len()
@@ -557,6 +585,7 @@ impl Triangles {
         Self { vertices: triangles.as_flattened().to_vec(), corners, faces }
     }
 
+    // Leave some triangles out
     /// Takes those triangles out of which `is_out` is true, given their
     /// number; returns their faces.
     fn leave_out(&mut self, is_out: impl Fn(usize) -> bool) -> Vec<u32> {
@@ -600,6 +629,7 @@ impl Scene {
         let faces = mesh.faces();
         let Mesh { vertices, triangles: corners, .. } = mesh;
         let mut triangles = Triangles { vertices, corners, faces };
+        // Find the box of the triangles
         let all = &triangles;
         let bounds = (0..all.len()).into_par_iter().map(|i| {
             let [a, b, c] = all.get(i);
@@ -609,17 +639,20 @@ impl Scene {
             .reduce_with(|a, b| (a.0.min(b.0), a.1.max(b.1)))
             .unwrap_or_default();
         let (low, high) = (low + DVec3::ZERO, high + DVec3::ZERO);
+        // Choose the frame
         let moved = frame(low, high, BVec3::TRUE);
         let corners = all.corners.par_iter().flatten_iter();
         let rounds = corners.map(|&i| moved.rounds(all.vertices[i as usize]));
         let rounds = rounds.reduce(|| BVec3::FALSE, |a, b| a | b);
         let frame = frame(low, high, !rounds);
+        // Place the vertices
         let place = |p: &mut DVec3| {
             let placed = frame.apply(*p) + DVec3::ZERO;
             let tiny = placed.abs().cmplt(DVec3::splat(TINY));
             *p = DVec3::select(tiny, DVec3::ZERO, placed);
         };
         triangles.vertices.par_iter_mut().for_each(place);
+        // Leave out the triangles without area
         let mut flat = vec![];
         let all = &triangles;
         let numbers = (0..all.len()).into_par_iter();
@@ -627,6 +660,40 @@ impl Scene {
             let old = triangles.clone();
             flat = triangles.leave_out(|i| !has_area(&old.get(i)));
         }
+        // Round the vertices to a grid
+        let all = &triangles;
+        let numbers = (0..all.len()).into_par_iter();
+        let size = |i: usize| exponent(size(&all.get(i)));
+        // Count the triangles by their size
+        let count = |mut counts: BTreeMap<i32, usize>, i: usize| {
+            *counts.entry(size(i)).or_default() += 1;
+            counts
+        };
+        let counts = numbers.clone().fold(BTreeMap::new, count);
+        let counts = counts.reduce(BTreeMap::new, |mut a, b| {
+            b.into_iter().for_each(|(k, n)| *a.entry(k).or_default() += n);
+            a
+        });
+        let grid = Grid::of(&counts, all.vertices.len());
+        let is_small = |&i: &usize| size(i) < grid.digits + DIGITS;
+        let small = numbers.clone().filter(is_small);
+        small.for_each(|i| grid.keep(&all.get(i)));
+        // Keep triangles from being flattened
+        let flattened = |i: &usize| {
+            let corners = all.get(*i);
+            !has_area(&corners.map(|corner| grid.round(corner)))
+        };
+        loop {
+            let flattened: Vec<_> =
+                numbers.clone().filter(flattened).collect();
+            if flattened.is_empty() {
+                break;
+            }
+            flattened.iter().for_each(|&i| grid.keep(&all.get(i)));
+        }
+        let round = |p: &mut DVec3| *p = grid.round(*p);
+        triangles.vertices.par_iter_mut().for_each(round);
+        // Leave out the copies
         let found = copies(&triangles);
         let is_copy = |i: usize| found.binary_search(&i).is_ok();
         let copies = match found.is_empty() {
@@ -639,6 +706,7 @@ impl Scene {
         Self { frame, bounds, triangles, flat, copies }
     }
 
+    // Hand out the triangles of a scene
     /// The triangles that have an area, in the order of the mesh, without
     /// copies.
     pub fn triangles(&self) -> Vec<Triangle> {
@@ -656,6 +724,7 @@ impl Scene {
         std::mem::take(&mut self.triangles)
     }
 
+    // Leave triangles out of the scene
     /// The faces, from 0, of the triangles that were left out because they
     /// have no area, and because others have the same corners.
     pub fn left_out(&self) -> (&[u32], &[u32]) {
@@ -670,6 +739,7 @@ impl Scene {
         nearby.then_some(placed)
     }
 
+    // Move a distant ray to the scene
     /// The ray that starts at the point `position` of the file, from where
     /// it enters the scene; none if it passes the scene by.
     pub fn enter(&self, position: DVec3, direction: DVec3) -> Option<Ray> {
@@ -678,6 +748,7 @@ impl Scene {
         if (origin.cmpge(low) & origin.cmple(high)).all() {
             return Some(Ray { origin, direction });
         }
+        // Find where a ray is in the box of the scene
         let up = direction.cmpge(DVec3::ZERO);
         let near = DVec3::select(up, low, high);
         let far = DVec3::select(up, high, low);
@@ -697,12 +768,74 @@ impl Scene {
 /// Coordinates that are smaller count as zero: 2^-100.
 const TINY: f64 = f64::from_bits((1023 - 100) << 52);
 
+/// To what the places of vertices are rounded.
+struct Grid {
+    digits: i32,
+    /// By a hash of its place, whether a vertex is rounded.
+    rounded: Vec<AtomicBool>,
+}
+
+impl Grid {
+    // Choose the grid by the sizes
+    /// The grid for triangles of which so many have each size.
+    fn of(sizes: &BTreeMap<i32, usize>, vertices: usize) -> Self {
+        let least = sizes.keys().next().map_or(0, |&least| least);
+        let window = |s: i32| -> usize {
+            sizes.range(s..s + RANGE).map(|(_, count)| count).sum()
+        };
+        let best = (least..=least + SPARE).rev().max_by_key(|&s| window(s));
+        let places = (2 * vertices).next_power_of_two();
+        let mut rounded = vec![];
+        rounded.resize_with(places, || AtomicBool::new(true));
+        Self { digits: best.unwrap_or(least) - DIGITS, rounded }
+    }
+
+    // Keep some vertices off the grid
+    fn at(&self, corner: &DVec3) -> &AtomicBool {
+        &self.rounded[scattered(corner) as usize & (self.rounded.len() - 1)]
+    }
+
+    /// Does not round these corners.
+    fn keep(&self, corners: &Triangle) {
+        for corner in corners {
+            self.at(corner).store(false, Ordering::Relaxed);
+        }
+    }
+
+    // Round a vertex
+    /// The place, rounded to the grid, if it is.
+    fn round(&self, place: DVec3) -> DVec3 {
+        if !self.at(&place).load(Ordering::Relaxed) {
+            return place;
+        }
+        let (up, down) =
+            (power_of_two(-self.digits), power_of_two(self.digits));
+        (place * up).round() * down + DVec3::ZERO
+    }
+}
+
+/// Binary digits to which the corners of a triangle are placed.
+const DIGITS: i32 = 24;
+
+/// Exponents of the sizes that 31 bits can hold.
+const RANGE: i32 = 7;
+
+/// The grid may be coarser than for the smallest triangle by this
+/// exponent.
+const SPARE: i32 = 8;
+
+/// The longest side of a triangle's box.
+fn size(&[a, b, c]: &Triangle) -> f64 {
+    (a.max(b).max(c) - a.min(b).min(c)).max_element()
+}
+
 /// The numbers, in ascending order, of triangles that have the same
 /// corners as an earlier one.
 fn copies(triangles: &Triangles) -> Vec<usize> {
     if triangles.len() > NUMBERS as usize {
         return vec![];
     }
+    // Sort the keys of the triangles
     let key =
         |i: usize| mixed(&triangles.get(i)) & !(NUMBERS - 1) | i as u64;
     let keys = (0..triangles.len()).into_par_iter().map(key);
@@ -711,6 +844,7 @@ fn copies(triangles: &Triangles) -> Vec<usize> {
     let groups = keys.chunk_by(|a, b| a / NUMBERS == b / NUMBERS);
     let mut copies: Vec<usize> = vec![];
     for group in groups.filter(|group| group.len() > 1) {
+        // Find the copies in a group
         let mut others: Vec<[[u64; 3]; 3]> = vec![];
         for key in group {
             let i = (key % NUMBERS) as usize;
@@ -767,6 +901,7 @@ const NEARBY: f64 = (1u64 << 32) as f64;
 /// Binary exponent of the distance at which units become larger.
 const FAR: i32 = 1000;
 
+// Test what no file of sensible size can
 #[cfg(test)]
 mod tests {
     use super::countable;

@@ -16,8 +16,8 @@ use glam::Vec3;
 use super::traversal::{
     Slabs, Stack, Waiting, distance, enter, look, push,
 };
-use super::triangle::{GATES, LANES, LEAF, Search, Shear, slots};
-use super::wide::{Quality, Wide};
+use super::triangle::{LANES, Leaf, Search, Shear};
+use super::wide::{LEAF, Quality, Wide, slots};
 use crate::scene::{Ray, Scene};
 
 // Record the traversal of a ray
@@ -57,19 +57,17 @@ impl Anatomy {
     /// # Errors
     /// Too little memory.
     pub fn new(scene: &Scene, ray: Ray) -> io::Result<Self> {
-        let triangles = scene.indexed().clone();
+        let triangles = scene.triangles().to_vec();
         let wide = Wide::new(triangles, Quality::Medium)?;
         // Walk and note each step
-        let (mut slabs, shear) =
-            (Slabs::new(&ray, &wide.region), Shear::new(&ray));
-        let mut margins = wide.region.margins(ray.origin);
-        let mut search = Search::new(&wide.leaves, None, margins.size);
+        let (slabs, shear) = (Slabs::new(&ray), Shear::new(&ray));
+        let mut search = Search::new(&wide.leaves, None);
         let (mut waiting, mut steps) = (Waiting::new(), vec![]);
         let mut stack = Stack::new(&mut waiting);
         let mut next = Some(0);
         while let Some(child) = next {
             // Look at one child and choose the next
-            let t_max = search.limit(&margins) as f32;
+            let t_max = search.distance as f32;
             let (mask, first) = if child & LEAF == 0 {
                 let node = &wide.nodes[child as usize];
                 let met = enter(node, &slabs, t_max, distance);
@@ -79,31 +77,14 @@ impl Anatomy {
                     || unsafe { push(node, slabs.shift, &met, &mut stack) };
                 (met.mask, any.then(push))
             } else {
-                let (place, count) = slots(child);
-                if place >= GATES {
-                    let way = wide.gates[(place - GATES) as usize];
-                    slabs = Slabs::new(&ray, &way.region);
-                    margins = way.region.margins(ray.origin);
-                    if way.node.is_some() {
-                        // SAFETY: no hierarchy is so deep.
-                        unsafe { stack.push(child + 1, 0.) };
-                    }
-                    let pop = || stack.pop(search.limit(&margins) as f32);
-                    next = way.node.or_else(pop);
-                    continue;
-                }
+                let meet = |leaf: Leaf, shear: &_, _| leaf.meet(shear);
                 // SAFETY: children with the bit LEAF are leaves that are there.
-                let leaf = unsafe { search.leaf(place, count) };
-                let met = look(
-                    &mut search,
-                    (place, leaf),
-                    (&ray, &shear, &margins),
-                    |leaf, shear, (_, margins)| leaf.meet(shear, margins),
-                );
+                let met = unsafe {
+                    look(&mut search, child, (&ray, &shear), meet)
+                };
                 (met & ((1 << LANES) - 1), None)
             };
-            next =
-                first.or_else(|| stack.pop(search.limit(&margins) as f32));
+            next = first.or_else(|| stack.pop(search.distance as f32));
             let (waiting, t_max) = (stack.length(), search.distance);
             steps.push(Step { child, mask, waiting, t_max });
         }
@@ -116,7 +97,7 @@ impl Anatomy {
     pub fn root(&self) -> Vec<(bool, [Vec3; 2])> {
         let node = &self.wide.nodes[0];
         let mask = self.steps.first().map_or(0, |s| s.mask);
-        let shift = Slabs::new(&self.ray, &self.wide.region).shift;
+        let shift = Slabs::new(&self.ray).shift;
         let near = node.order.iter().rev();
         let slots = near.map(|order| (order >> shift & 15) as usize);
         let slots = slots.filter(|&slot| node.planes[0][slot].is_finite());
