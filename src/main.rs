@@ -184,8 +184,8 @@ fn load(
     let hex = |byte: u8| format!("{byte:02x}");
     let sha256 = hash.into_iter().flatten().map(hex).collect();
     drop(bytes);
-    let scene = Scene::new(&mesh);
     let triangles = mesh.triangles.len() as u64;
+    let scene = Scene::of(mesh);
     let known = Report {
         program: concat!("pt ", env!("CARGO_PKG_VERSION")).to_owned(),
         scene: SceneFile { file, sha256, triangles },
@@ -218,7 +218,7 @@ fn build(
 ) -> Result<(SceneAnalysis, Bvh), String> {
     let began = Instant::now();
     let rays = expected_rays(arguments, rayon::current_num_threads());
-    let quality = Quality::expecting(scene.triangles().len(), rays);
+    let quality = Quality::expecting(scene.indexed().len(), rays);
     let triangles = scene.take_triangles();
     let bvh = Bvh::of(triangles, quality, arguments.isa())
         .map_err(|e| e.to_string())?;

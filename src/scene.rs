@@ -10,18 +10,16 @@
 //!
 //! A `Mesh` is in the coordinates of the file, in double precision.
 //! A `Scene` is the same triangles after `Frame` has brought them near
-//! the origin, in single precision.
+//! the origin, without rounding.
 
 pub mod encoding;
 pub mod polygons;
 
 // Name what the scene imports
 use std::borrow::Cow;
-use std::collections::BTreeMap;
 use std::fmt;
 use std::iter::Skip;
 use std::str::SplitWhitespace;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use glam::{BVec3, DVec3};
 use memchr::{memchr, memchr_iter};
@@ -660,39 +658,6 @@ impl Scene {
             let old = triangles.clone();
             flat = triangles.leave_out(|i| !has_area(&old.get(i)));
         }
-        // Round the vertices to a grid
-        let all = &triangles;
-        let numbers = (0..all.len()).into_par_iter();
-        let size = |i: usize| exponent(size(&all.get(i)));
-        // Count the triangles by their size
-        let count = |mut counts: BTreeMap<i32, usize>, i: usize| {
-            *counts.entry(size(i)).or_default() += 1;
-            counts
-        };
-        let counts = numbers.clone().fold(BTreeMap::new, count);
-        let counts = counts.reduce(BTreeMap::new, |mut a, b| {
-            b.into_iter().for_each(|(k, n)| *a.entry(k).or_default() += n);
-            a
-        });
-        let grid = Grid::of(&counts, all.vertices.len());
-        let is_small = |&i: &usize| size(i) < grid.digits + DIGITS;
-        let small = numbers.clone().filter(is_small);
-        small.for_each(|i| grid.keep(&all.get(i)));
-        // Keep triangles from being flattened
-        let flattened = |i: &usize| {
-            let corners = all.get(*i);
-            !has_area(&corners.map(|corner| grid.round(corner)))
-        };
-        loop {
-            let flattened: Vec<_> =
-                numbers.clone().filter(flattened).collect();
-            if flattened.is_empty() {
-                break;
-            }
-            flattened.iter().for_each(|&i| grid.keep(&all.get(i)));
-        }
-        let round = |p: &mut DVec3| *p = grid.round(*p);
-        triangles.vertices.par_iter_mut().for_each(round);
         // Leave out the copies
         let found = copies(&triangles);
         let is_copy = |i: usize| found.binary_search(&i).is_ok();
@@ -767,67 +732,6 @@ impl Scene {
 
 /// Coordinates that are smaller count as zero: 2^-100.
 const TINY: f64 = f64::from_bits((1023 - 100) << 52);
-
-/// To what the places of vertices are rounded.
-struct Grid {
-    digits: i32,
-    /// By a hash of its place, whether a vertex is rounded.
-    rounded: Vec<AtomicBool>,
-}
-
-impl Grid {
-    // Choose the grid by the sizes
-    /// The grid for triangles of which so many have each size.
-    fn of(sizes: &BTreeMap<i32, usize>, vertices: usize) -> Self {
-        let least = sizes.keys().next().map_or(0, |&least| least);
-        let window = |s: i32| -> usize {
-            sizes.range(s..s + RANGE).map(|(_, count)| count).sum()
-        };
-        let best = (least..=least + SPARE).rev().max_by_key(|&s| window(s));
-        let places = (2 * vertices).next_power_of_two();
-        let mut rounded = vec![];
-        rounded.resize_with(places, || AtomicBool::new(true));
-        Self { digits: best.unwrap_or(least) - DIGITS, rounded }
-    }
-
-    // Keep some vertices off the grid
-    fn at(&self, corner: &DVec3) -> &AtomicBool {
-        &self.rounded[scattered(corner) as usize & (self.rounded.len() - 1)]
-    }
-
-    /// Does not round these corners.
-    fn keep(&self, corners: &Triangle) {
-        for corner in corners {
-            self.at(corner).store(false, Ordering::Relaxed);
-        }
-    }
-
-    // Round a vertex
-    /// The place, rounded to the grid, if it is.
-    fn round(&self, place: DVec3) -> DVec3 {
-        if !self.at(&place).load(Ordering::Relaxed) {
-            return place;
-        }
-        let (up, down) =
-            (power_of_two(-self.digits), power_of_two(self.digits));
-        (place * up).round() * down + DVec3::ZERO
-    }
-}
-
-/// Binary digits to which the corners of a triangle are placed.
-const DIGITS: i32 = 24;
-
-/// Exponents of the sizes that 31 bits can hold.
-const RANGE: i32 = 7;
-
-/// The grid may be coarser than for the smallest triangle by this
-/// exponent.
-const SPARE: i32 = 8;
-
-/// The longest side of a triangle's box.
-fn size(&[a, b, c]: &Triangle) -> f64 {
-    (a.max(b).max(c) - a.min(b).min(c)).max_element()
-}
 
 /// The numbers, in ascending order, of triangles that have the same
 /// corners as an earlier one.

@@ -88,7 +88,7 @@ enum Place {
 
 impl Place {
     fn of(triangle: &Triangle, point: DVec3) -> Self {
-        let [a, b, c] = triangle.map(|corner| corner.as_dvec3());
+        let [a, b, c] = *triangle;
         if is_touched([a, b, c], point) {
             return Self::Touching;
         }
