@@ -714,7 +714,7 @@ impl Scene {
             return Some(Ray { origin, direction });
         }
         // Find where a ray is in the box of the scene
-        let up = direction.cmpge(DVec3::ZERO);
+        let up = direction.signum().cmpgt(DVec3::ZERO);
         let near = DVec3::select(up, low, high);
         let far = DVec3::select(up, high, low);
         let enters = ((near - origin) / direction).to_array();
