@@ -33,6 +33,10 @@ const SHORT: f64 = 1. / (1u64 << 17) as f64;
 /// at most: 2^-47.
 const SLOPPY: f64 = 1. / (1u64 << 47) as f64;
 
+/// How far from a point a triangle may be to be around it, as part of
+/// the size: 2^-33.
+const AROUND: f64 = 1. / (1u64 << 33) as f64;
+
 // Make the search's result a hit
 /// The hit of `ray`, which left the triangle `left`, on the nearest one.
 #[inline(always)]
@@ -66,7 +70,7 @@ where
         && left.is_some_and(|left| {
             has_not_risen(&search.leaves.triangle(left), ray, met)
         });
-    let deep = height.abs() > 0.5 * CLOSE_BY * clear;
+    let deep = height.abs() > clear;
     let limit = distance + Margins::of(search.root).near;
     if search.near_tie <= limit || short || deep {
         let near = margins(&corners, ray.origin).near;
@@ -140,7 +144,7 @@ impl Arrival<'_> {
         Node<N>: Pod,
     {
         let gap = |at: f64| at - self.distance;
-        any_around(wide, met, &|leaf, (lane, slot), corners| {
+        self.any_around(wide, met, &|leaf, (lane, slot), corners| {
             let &[a, b, c] = corners;
             let margins = self.margins(corners, met);
             let close_by = CLOSE_BY * margins.clear();
@@ -221,7 +225,7 @@ impl Arrival<'_> {
     where
         Node<N>: Pod,
     {
-        !any_around(wide, point, &|leaf, (lane, _), corners| {
+        !self.any_around(wide, point, &|leaf, (lane, _), corners| {
             let &[a, b, c] = corners;
             let margins = self.margins(corners, point);
             let clear = margins.clear();
@@ -242,38 +246,37 @@ impl Arrival<'_> {
             }
         })
     }
-}
 
-// Visit the triangles around a point
-/// Whether `asked` is true of a triangle whose box, grown by `AROUND`,
-/// holds the point: of a lane of a leaf, its slot, and its corners.
-fn any_around<const N: usize>(
-    wide: &Wide<N>,
-    point: DVec3,
-    asked: &impl Fn(&Leaf, (usize, u32), &[DVec3; 3]) -> bool,
-) -> bool
-where
-    Node<N>: Pod,
-{
-    let around = point.abs().max_element() * AROUND;
-    let (least, most) = (point - around, point + around);
-    let holds = |low: DVec3, high: DVec3| {
-        (low.cmple(most) & least.cmple(high)).all()
-    };
-    wide.any(&holds, &|leaf, place, triangle| {
-        is_around(triangle, point) && asked(leaf, place, triangle)
-    })
-}
+    // Visit the triangles around a point
+    /// Whether `asked` is true of a triangle whose box, grown by `AROUND`,
+    /// holds the point: of a lane of a leaf, its slot, and its corners.
+    fn any_around<const N: usize>(
+        &self,
+        wide: &Wide<N>,
+        point: DVec3,
+        asked: &impl Fn(&Leaf, (usize, u32), &[DVec3; 3]) -> bool,
+    ) -> bool
+    where
+        Node<N>: Pod,
+    {
+        let far = point.abs() + 2. * (point - self.ray.origin).abs();
+        let around = far.max_element() * AROUND;
+        let (least, most) = (point - around, point + around);
+        let holds = |low: DVec3, high: DVec3| {
+            (low.cmple(most) & least.cmple(high)).all()
+        };
+        wide.any(&holds, &|leaf, place, triangle| {
+            self.is_around(triangle, point) && asked(leaf, place, triangle)
+        })
+    }
 
-/// How far from a point a triangle may be to be around it, as part of
-/// the size: 2^-33.
-const AROUND: f64 = 1. / (1u64 << 33) as f64;
-
-fn is_around(corners: &Triangle, point: DVec3) -> bool {
-    let &[a, b, c] = corners;
-    let (least, greatest) = (a.min(b).min(c), a.max(b).max(c));
-    let beyond = (least - point).max(point - greatest);
-    beyond.max_element() <= AROUND * margins(corners, point).size
+    fn is_around(&self, corners: &Triangle, point: DVec3) -> bool {
+        let &[a, b, c] = corners;
+        let (least, greatest) = (a.min(b).min(c), a.max(b).max(c));
+        let beyond = (least - point).max(point - greatest);
+        let size = self.margins(corners, point).size;
+        beyond.max_element() <= AROUND * size
+    }
 }
 
 // Tell a point from a triangle
