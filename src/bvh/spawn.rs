@@ -54,8 +54,7 @@ where
         return None;
     }
     // Find the point and the normal
-    let corners = search.triangle();
-    let [a, b, c] = corners;
+    let [a, b, c] = search.triangle();
     let normal = cross(b - a, c - a).normalize();
     let away = normal.dot(ray.direction) > 0.;
     let normal = if away { -normal } else { normal };
@@ -63,18 +62,19 @@ where
     let met = ray.origin + ray.direction * distance;
     let height = normal.dot(met - a);
     let longest = (b - a).abs().max((c - a).abs()).max_element();
-    let clear = Margins::new(distance + 2. * longest, ray.origin).clear();
+    let own = Margins::new(distance + 2. * longest, ray.origin);
+    let clear = own.clear();
     let mut point = met + normal * (clear - height);
     // Settle the point if it is doubtful
     let short = distance <= search.root * SHORT
         && left.is_some_and(|left| {
-            has_not_risen(&search.leaves.triangle(left), ray, met)
+            let corners = search.leaves.triangle(left);
+            has_not_risen(&corners, ray, met, own.size)
         });
     let deep = height.abs() > clear;
     let limit = distance + Margins::of(search.root).near;
     if search.near_tie <= limit || short || deep {
-        let near = margins(&corners, ray.origin).near;
-        let arrival = Arrival { ray, distance, near, primitive, left };
+        let arrival = Arrival { ray, distance, own, primitive, left };
         if let Some(safe) = arrival.settle(wide, met, deep) {
             point = safe;
         }
@@ -90,11 +90,16 @@ fn margins(corners: &Triangle, point: DVec3) -> Margins {
 }
 
 /// Whether a point of a ray is still close to the plane of a triangle that
-/// it has left.
-fn has_not_risen(corners: &Triangle, ray: &Ray, met: DVec3) -> bool {
+/// it has left, beside margins of a size at least.
+fn has_not_risen(
+    corners: &Triangle,
+    ray: &Ray,
+    met: DVec3,
+    least: f64,
+) -> bool {
     let &[a, b, c] = corners;
     let normal = cross(b - a, c - a);
-    let size = margins(corners, ray.origin).size;
+    let size = margins(corners, ray.origin).size.max(least);
     let size = size.max(margins(corners, met).size);
     let limit = 2. * CLOSE_BY * Margins::of(size).clear();
     normal.dot(met - a).abs() <= limit * normal.length()
@@ -105,8 +110,8 @@ fn has_not_risen(corners: &Triangle, ray: &Ray, met: DVec3) -> bool {
 struct Arrival<'a> {
     ray: &'a Ray,
     distance: f64,
-    /// Distances that are closer than this to it are not told apart.
-    near: f64,
+    /// The margins of the triangle that is hit.
+    own: Margins,
     /// The slot of the triangle that is hit.
     primitive: u32,
     /// That of the triangle which the ray left, if it left one.
@@ -146,7 +151,8 @@ impl Arrival<'_> {
         let gap = |at: f64| at - self.distance;
         self.any_around(wide, met, &|leaf, (lane, slot), corners| {
             let &[a, b, c] = corners;
-            let margins = self.margins(corners, met);
+            let size = self.margins(corners, met).size;
+            let margins = Margins::of(size.max(self.own.size));
             let close_by = CLOSE_BY * margins.clear();
             // Dismiss a triangle whose plane is clearly away
             let (u, v, w) = (b - a, c - a, met - a);
@@ -168,7 +174,7 @@ impl Arrival<'_> {
             if Some(slot) == self.left {
                 return true;
             }
-            let near = margins.near.max(self.near);
+            let near = margins.near;
             match leaf.test(lane, shear, &margins) {
                 // Compare where the ray passes the triangle
                 TriangleTest::Through(at) => {
@@ -260,7 +266,7 @@ impl Arrival<'_> {
         Node<N>: Pod,
     {
         let far = point.abs() + 2. * (point - self.ray.origin).abs();
-        let around = far.max_element() * AROUND;
+        let around = far.max_element().max(self.own.size) * AROUND;
         let (least, most) = (point - around, point + around);
         let holds = |low: DVec3, high: DVec3| {
             (low.cmple(most) & least.cmple(high)).all()
@@ -275,7 +281,7 @@ impl Arrival<'_> {
         let (least, greatest) = (a.min(b).min(c), a.max(b).max(c));
         let beyond = (least - point).max(point - greatest);
         let size = self.margins(corners, point).size;
-        beyond.max_element() <= AROUND * size
+        beyond.max_element() <= AROUND * size.max(self.own.size)
     }
 }
 
