@@ -9,8 +9,8 @@
 //! Finding the first triangle along a ray.
 //!
 //! An intersector answers for a whole scene. It works in the scene's
-//! coordinates: boxes and corners are single precision, while rays,
-//! hits and the test of a triangle are double precision.
+//! coordinates: boxes are single precision, while corners, rays, hits
+//! and the test of a triangle are double precision.
 
 // List the parts of an intersector
 pub mod anatomy;
@@ -34,7 +34,7 @@ use std::{fmt, io};
 
 use glam::DVec3;
 
-use crate::scene::{Ray, Scene, Triangle};
+use crate::scene::{Ray, Scene, Triangle, Triangles};
 use triangle::Leaf;
 use wide::Wide;
 
@@ -133,8 +133,6 @@ impl From<io::Error> for BuildError {
 /// A hierarchy over the triangles of a scene, with a traversal through it.
 pub struct Bvh {
     form: Form,
-    /// The face of each triangle in the mesh, by its number in the scene.
-    faces: Vec<u32>,
 }
 
 enum Form {
@@ -162,7 +160,7 @@ impl Bvh {
     /// The hierarchy of a scene for a long render on this processor.
     ///
     /// # Errors
-    /// Too little memory, or more than 2^29 triangles.
+    /// Too little memory, or too many triangles; 2^26 always fit.
     pub fn new(scene: &Scene) -> Result<Self, BuildError> {
         Self::with(scene, Quality::Medium, Isa::best())
     }
@@ -172,25 +170,24 @@ impl Bvh {
     /// threads, for the instructions `isa`.
     ///
     /// # Errors
-    /// Instructions that this processor lacks, too little memory, or more
-    /// than 2^29 triangles.
+    /// Instructions that this processor lacks, too little memory, or too
+    /// many triangles; 2^26 always fit.
     pub fn with(
         scene: &Scene,
         quality: Quality,
         isa: Isa,
     ) -> Result<Self, BuildError> {
-        let (triangles, faces) = (scene.triangles(), scene.faces());
-        Self::of((triangles.to_vec(), faces.to_vec()), quality, isa)
+        Self::of(scene.indexed().clone(), quality, isa)
     }
 
     // Build a hierarchy that uses its triangles up
-    /// The same of `triangles` in the coordinates of a scene, and the face
-    /// of each. Their memory is given back part by part.
+    /// The same of `triangles` in the coordinates of a scene. Their memory
+    /// is given back part by part.
     ///
     /// # Errors
     /// Those of [`Self::with`].
     pub fn of(
-        (triangles, faces): (Vec<Triangle>, Vec<u32>),
+        triangles: Triangles,
         quality: Quality,
         isa: Isa,
     ) -> Result<Self, BuildError> {
@@ -216,7 +213,7 @@ impl Bvh {
                 Some(Form::Portable(traversal::Traverser(wide)))
             }
         };
-        form.map(|form| Self { form, faces }).ok_or(missing)
+        form.map(|form| Self { form }).ok_or(missing)
     }
 }
 
@@ -224,10 +221,9 @@ impl Bvh {
 impl Bvh {
     /// The face of the file, from 0, that a `Hit::primitive` is part of.
     pub fn face(&self, primitive: u32) -> u32 {
-        let number = with_traverser!(self, traverser => {
-            traverser.wide().leaves.number(primitive)
-        });
-        self.faces[number as usize]
+        with_traverser!(self, traverser => {
+            traverser.wide().leaves.face(primitive)
+        })
     }
 
     /// Whether `asked` is true of the corners of a triangle. Only boxes

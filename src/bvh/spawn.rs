@@ -16,25 +16,26 @@ use bytemuck::Pod;
 use glam::DVec3;
 
 use super::intersector::Hit;
-use super::triangle::{Leaf, NEAR, NONE, Search, Shear, TriangleTest};
+use super::triangle::{Leaf, Margins, NONE, Search, Shear, TriangleTest};
 use super::wide::{Node, Wide};
 use crate::numerics::cross;
-use crate::scene::Ray;
+use crate::scene::{Ray, Triangle};
 
 // Say how far from a surface is safe
-/// How far off its surface a hit is put, and at least how far from other
-/// triangles, by our computation: 2^-34.
-const CLEAR: f64 = 1. / (1u64 << 34) as f64;
+/// Other triangles this close to a hit make it doubtful, times `clear`.
+const CLOSE_BY: f64 = 4.;
 
-/// Other triangles this close to a hit make it doubtful: 2^-32.
-const CLOSE_BY: f64 = 1. / (1u64 << 32) as f64;
-
-/// A ray that is longer than this has risen by more than 2^-31: 2^-4.
-const SHORT: f64 = 1. / 16.;
+/// A ray that is longer than this part of the size for all triangles has
+/// risen by more than 2 `CLOSE_BY`, times `clear`: 2^-17.
+const SHORT: f64 = 1. / (1u64 << 17) as f64;
 
 /// Part of its factors by which an ordinary triple product may be wrong,
 /// at most: 2^-47.
 const SLOPPY: f64 = 1. / (1u64 << 47) as f64;
+
+/// How far from a point a triangle may be to be around it, as part of
+/// the size: 2^-33.
+const AROUND: f64 = 1. / (1u64 << 33) as f64;
 
 // Make the search's result a hit
 /// The hit of `ray`, which left the triangle `left`, on the nearest one.
@@ -60,12 +61,20 @@ where
     // Put the point off the surface
     let met = ray.origin + ray.direction * distance;
     let height = normal.dot(met - a);
-    let mut point = met + normal * (CLEAR - height);
+    let longest = (b - a).abs().max((c - a).abs()).max_element();
+    let own = Margins::new(distance + 2. * longest, ray.origin);
+    let clear = own.clear();
+    let mut point = met + normal * (clear - height);
     // Settle the point if it is doubtful
-    let short = left.is_some() && distance <= SHORT;
-    let deep = height.abs() > 0.5 * CLOSE_BY;
-    if search.near_tie <= distance + NEAR || short || deep {
-        let arrival = Arrival { ray, distance, primitive, left };
+    let short = distance <= search.root * SHORT
+        && left.is_some_and(|left| {
+            let corners = search.leaves.triangle(left);
+            has_not_risen(&corners, ray, met, own.size)
+        });
+    let deep = height.abs() > clear;
+    let limit = distance + Margins::of(search.root).near;
+    if search.near_tie <= limit || short || deep {
+        let arrival = Arrival { ray, distance, own, primitive, left };
         if let Some(safe) = arrival.settle(wide, met, deep) {
             point = safe;
         }
@@ -73,11 +82,36 @@ where
     Some(Hit { point, normal, primitive })
 }
 
+/// The margins of a triangle for rays from or to a point.
+#[inline(always)]
+fn margins(corners: &Triangle, point: DVec3) -> Margins {
+    let [a, b, c] = corners.map(|corner| (corner - point).abs());
+    Margins::new(a.max(b).max(c).max_element(), point)
+}
+
+/// Whether a point of a ray is still close to the plane of a triangle that
+/// it has left, beside margins of a size at least.
+fn has_not_risen(
+    corners: &Triangle,
+    ray: &Ray,
+    met: DVec3,
+    least: f64,
+) -> bool {
+    let &[a, b, c] = corners;
+    let normal = cross(b - a, c - a);
+    let size = margins(corners, ray.origin).size.max(least);
+    let size = size.max(margins(corners, met).size);
+    let limit = 2. * CLOSE_BY * Margins::of(size).clear();
+    normal.dot(met - a).abs() <= limit * normal.length()
+}
+
 // Settle a doubtful hit
 /// A hit that may be too close to other triangles.
 struct Arrival<'a> {
     ray: &'a Ray,
     distance: f64,
+    /// The margins of the triangle that is hit.
+    own: Margins,
     /// The slot of the triangle that is hit.
     primitive: u32,
     /// That of the triangle which the ray left, if it left one.
@@ -100,7 +134,7 @@ impl Arrival<'_> {
     {
         let shear = Shear::new(self.ray);
         let close = deep || self.is_close(wide, &shear, met);
-        close.then(|| self.offset(wide, &shear))
+        close.then(|| self.offset(wide, &shear, met))
     }
 
     // Ask whether others are close to the hit
@@ -115,48 +149,66 @@ impl Arrival<'_> {
         Node<N>: Pod,
     {
         let gap = |at: f64| at - self.distance;
-        any_around(wide, met, &|leaf, (lane, slot), &[a, b, c]| {
+        self.any_around(wide, met, &|leaf, (lane, slot), corners| {
+            let &[a, b, c] = corners;
+            let size = self.margins(corners, met).size;
+            let margins = Margins::of(size.max(self.own.size));
+            let close_by = CLOSE_BY * margins.clear();
             // Dismiss a triangle whose plane is clearly away
             let (u, v, w) = (b - a, c - a, met - a);
             let across = u.cross(v);
             let size = |v: DVec3| v.abs().max_element();
             let error = size(u) * size(v) * size(w) * SLOPPY;
-            let limit = 2. * CLOSE_BY * across.abs().element_sum();
+            let limit = 2. * close_by * across.abs().element_sum();
             if across.dot(w).abs() > limit + error {
                 return false;
             }
+            // Dismiss a triangle whose plane is not close
             let normal = cross(b - a, c - a);
             let height = normal.dot(met - a).abs();
             if slot == self.primitive
-                || height > 2. * CLOSE_BY * normal.length()
+                || height > 2. * close_by * normal.length()
             {
                 return false;
             }
             if Some(slot) == self.left {
-                return self.distance <= SHORT;
+                return true;
             }
-            match leaf.test(lane, shear) {
+            let near = margins.near;
+            match leaf.test(lane, shear, &margins) {
                 // Compare where the ray passes the triangle
                 TriangleTest::Through(at) => {
-                    at > -NEAR && gap(at).abs() <= NEAR
+                    at > -near && gap(at).abs() <= near
                 }
                 TriangleTest::Beside(at) => {
-                    at.iter().any(|&at| gap(at) <= NEAR)
-                        && at.iter().any(|&at| gap(at) >= -NEAR)
+                    at.iter().any(|&at| gap(at) <= near)
+                        && at.iter().any(|&at| gap(at) >= -near)
                 }
                 TriangleTest::Apart => false,
             }
         })
     }
 
+    /// The margins of a triangle for this ray and one of its points.
+    fn margins(&self, corners: &Triangle, point: DVec3) -> Margins {
+        let size = margins(corners, self.ray.origin).size;
+        Margins::of(margins(corners, point).size.max(size))
+    }
+
     // Find the way back to a safe point
     /// A safe point of the ray, not far before the hit.
-    fn offset<const N: usize>(&self, wide: &Wide<N>, shear: &Shear) -> DVec3
+    fn offset<const N: usize>(
+        &self,
+        wide: &Wide<N>,
+        shear: &Shear,
+        met: DVec3,
+    ) -> DVec3
     where
         Node<N>: Pod,
     {
         let Ray { origin, direction } = *self.ray;
-        let mut back = 2. * CLEAR;
+        let least = Margins::new(self.distance, met).clear();
+        let mut back = 2. * least;
         while back < self.distance {
             let point = origin + direction * (self.distance - back);
             if self.is_safe(wide, shear, point) {
@@ -179,66 +231,78 @@ impl Arrival<'_> {
     where
         Node<N>: Pod,
     {
-        !any_around(wide, point, &|leaf, (lane, _), &[a, b, c]| {
+        !self.any_around(wide, point, &|leaf, (lane, _), corners| {
+            let &[a, b, c] = corners;
+            let margins = self.margins(corners, point);
+            let clear = margins.clear();
             let normal = cross(b - a, c - a);
             let side = -normal.dot(self.ray.direction).signum();
             let height = side * normal.dot(point - a);
-            let limit = CLEAR * normal.length();
+            let limit = clear * normal.length();
             if height >= limit {
                 return false;
             }
             let ahead = side * normal.dot(self.ray.origin - a) > 0.;
-            match leaf.test(lane, shear) {
+            match leaf.test(lane, shear, &margins) {
                 TriangleTest::Through(_) if ahead => true,
                 _ => {
-                    height > -limit && !is_beside([a, b, c], normal, point)
+                    height > -limit
+                        && !is_beside(*corners, normal, point, clear)
                 }
             }
         })
     }
-}
 
-// Visit the triangles around a point
-/// Whether `asked` is true of a triangle whose box, grown by `AROUND`,
-/// holds the point: of a lane of a leaf, its slot, and its corners.
-fn any_around<const N: usize>(
-    wide: &Wide<N>,
-    point: DVec3,
-    asked: &impl Fn(&Leaf, (usize, u32), &[DVec3; 3]) -> bool,
-) -> bool
-where
-    Node<N>: Pod,
-{
-    let holds = |low: DVec3, high: DVec3| {
-        (low.cmple(point) & point.cmple(high)).all()
-    };
-    wide.any(&holds, &|leaf, place, triangle| {
-        is_around(triangle, point) && asked(leaf, place, triangle)
-    })
-}
+    // Visit the triangles around a point
+    /// Whether `asked` is true of a triangle whose box, grown by `AROUND`,
+    /// holds the point: of a lane of a leaf, its slot, and its corners.
+    fn any_around<const N: usize>(
+        &self,
+        wide: &Wide<N>,
+        point: DVec3,
+        asked: &impl Fn(&Leaf, (usize, u32), &[DVec3; 3]) -> bool,
+    ) -> bool
+    where
+        Node<N>: Pod,
+    {
+        let far = point.abs() + 2. * (point - self.ray.origin).abs();
+        let around = far.max_element().max(self.own.size) * AROUND;
+        let (least, most) = (point - around, point + around);
+        let holds = |low: DVec3, high: DVec3| {
+            (low.cmple(most) & least.cmple(high)).all()
+        };
+        wide.any(&holds, &|leaf, place, triangle| {
+            self.is_around(triangle, point) && asked(leaf, place, triangle)
+        })
+    }
 
-/// How far from a point a triangle may be to be around it: 2^-20.
-const AROUND: f64 = 1. / (1 << 20) as f64;
-
-fn is_around(&[a, b, c]: &[DVec3; 3], point: DVec3) -> bool {
-    let (least, greatest) = (a.min(b).min(c), a.max(b).max(c));
-    let beyond = (least - point).max(point - greatest);
-    beyond.max_element() <= AROUND
+    fn is_around(&self, corners: &Triangle, point: DVec3) -> bool {
+        let &[a, b, c] = corners;
+        let (least, greatest) = (a.min(b).min(c), a.max(b).max(c));
+        let beyond = (least - point).max(point - greatest);
+        let size = self.margins(corners, point).size;
+        beyond.max_element() <= AROUND * size.max(self.own.size)
+    }
 }
 
 // Tell a point from a triangle
 /// Whether a plane that is perpendicular to that of a triangle or to the
-/// way from a corner is between the triangle and a point, and `CLEAR`
+/// way from a corner is between the triangle and a point, and `clear`
 /// from the point.
-fn is_beside([a, b, c]: [DVec3; 3], normal: DVec3, point: DVec3) -> bool {
+fn is_beside(
+    [a, b, c]: Triangle,
+    normal: DVec3,
+    point: DVec3,
+    clear: f64,
+) -> bool {
     let off_edge = |(p, q): (DVec3, DVec3)| {
         let outwards = cross(q - p, normal);
-        outwards.dot(point - p) >= CLEAR * outwards.length()
+        outwards.dot(point - p) >= clear * outwards.length()
     };
     let off_corner = |(p, q, r): (DVec3, DVec3, DVec3)| {
         let away = point - p;
         let ahead = away.dot(q - p).max(away.dot(r - p));
-        ahead <= 0. && away.length() >= CLEAR
+        ahead <= 0. && away.length() >= clear
     };
     [(a, b), (b, c), (c, a)].into_iter().any(off_edge)
         || [(a, b, c), (b, c, a), (c, a, b)].into_iter().any(off_corner)

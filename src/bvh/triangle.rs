@@ -12,7 +12,7 @@
 //! same on every processor.
 
 // Name what the triangles import
-use std::io;
+use std::array;
 
 use glam::DVec3;
 
@@ -93,9 +93,102 @@ fn refined(a: f64, b: f64, c: f64, d: f64, rough: f64) -> f64 {
     }
 }
 
-/// An edge function of less than this, with the wrong sign, may belong
-/// to a triangle within 2^-32 of a point of the ray: 2^-15.
-pub const NARROW: f64 = 1. / 32768.;
+// Measure what is small beside lengths
+/// What is small beside the lengths from which it is computed.
+#[derive(Clone, Copy, Debug)]
+pub struct Margins {
+    /// From a ray's origin to the corners of a triangle, along an axis;
+    /// and a part of the coordinates of the origin.
+    pub size: f64,
+    /// Distances along a ray that are closer are not told apart: 2^-35.
+    pub near: f64,
+    /// An edge function of less than this, with the wrong sign, may belong
+    /// to a triangle within 2^-45 of a point of the ray: 2^-43, of the
+    /// square.
+    pub narrow: f64,
+}
+
+impl Margins {
+    /// Those of triangles up to `span` away from a point.
+    #[inline(always)]
+    pub fn new(span: f64, point: DVec3) -> Self {
+        let place = point.abs().max_element();
+        Self::of((1. + PLACE) * span + PLACE * place)
+    }
+
+    // Take parts of the size as margins
+    /// Those of a size.
+    #[inline(always)]
+    pub fn of(size: f64) -> Self {
+        let near = size * (1. / (1u64 << 35) as f64);
+        let narrow = size * size * (1. / (1u64 << 43) as f64);
+        Self { size, near, narrow }
+    }
+
+    /// How far off its surface a hit is put, and at least how far from
+    /// other triangles, by our computation: 2^-47.
+    #[inline(always)]
+    pub fn clear(self) -> f64 {
+        self.size * (1. / (1u64 << 47) as f64)
+    }
+}
+
+/// The part of a point's coordinates that counts for a size.
+const PLACE: f64 = 0.125;
+
+/// A box that holds some triangles of a scene.
+#[derive(Clone, Copy, Debug)]
+pub struct Region {
+    /// Its middle, from where planes are counted.
+    pub zero: DVec3,
+    /// Half of its longest side.
+    pub reach: f64,
+    /// Those of rays that start within.
+    within: Margins,
+}
+
+impl Region {
+    // Make a region of its corners
+    /// That of no triangles.
+    pub const NONE: Self = Self {
+        zero: DVec3::ZERO,
+        reach: 0.,
+        within: Margins { size: 0., near: 0., narrow: 0. },
+    };
+
+    /// The region between two opposite corners.
+    pub fn between(low: DVec3, high: DVec3) -> Self {
+        let reach = 0.5 * (high - low).max_element();
+        let zero = 0.5 * (low + high);
+        let within = Margins::new(2. * reach, zero.abs() + reach);
+        Self { zero, reach, within }
+    }
+
+    /// A region that holds both.
+    pub fn union(self, other: Self) -> Self {
+        let (a, b) = (self.zero - self.reach, other.zero - other.reach);
+        let (c, d) = (self.zero + self.reach, other.zero + other.reach);
+        Self::between(a.min(b), c.max(d))
+    }
+
+    /// How far a point is outside, at most, or less than zero.
+    #[inline(always)]
+    pub fn beyond(&self, point: DVec3) -> f64 {
+        (point - self.zero).abs().max_element() - self.reach
+    }
+
+    // Choose margins for a whole region
+    /// What is small for rays from a point to triangles of the region.
+    #[inline(always)]
+    pub fn margins(&self, point: DVec3) -> Margins {
+        match self.beyond(point) {
+            beyond if beyond > 0. => {
+                Margins::new(beyond + 2. * self.reach, point)
+            }
+            _ => self.within,
+        }
+    }
+}
 
 // Keep four triangles side by side
 /// Triangles in a leaf at most.
@@ -104,89 +197,112 @@ pub const LANES: usize = 4;
 /// No triangle.
 pub const NONE: u32 = u32::MAX;
 
-/// Most triangles whose slots a leaf can name: 2^29.
-pub const MOST: usize = 1 << 29;
+/// Words of the unit in which leaves are counted.
+pub const UNIT: usize = 4;
 
-/// All leaves of a hierarchy.
+/// Words of a triangle: nine coordinates and the face.
+const WORDS: usize = 19;
+
+/// Marks the number of a child as that of a leaf.
+pub const LEAF: u32 = 1 << 31;
+
+/// Leaves from this number on are gates.
+pub const GATES: u32 = (1 << 29) - (1 << 20);
+
+/// The units that leaves of `count` triangles take.
+pub fn units(count: usize) -> u32 {
+    (WORDS * count).max(17 * count + 2 * LANES).div_ceil(UNIT) as u32
+}
+
+/// The child that is a leaf of `count` triangles at unit `first`.
+pub fn leaf(first: u32, count: usize) -> u32 {
+    LEAF | (count as u32 - 1) << 29 | first
+}
+
+/// The first unit and the count of a child that is a leaf.
+#[inline(always)]
+pub fn slots(child: u32) -> (u32, usize) {
+    (child & ((1 << 29) - 1), (child >> 29 & 3) as usize + 1)
+}
+
+/// The slot of the triangle in a lane of the leaf at unit `first`.
+#[inline(always)]
+pub fn slot(first: u32, lane: u32) -> u32 {
+    first << 2 | lane
+}
+
+/// All leaves of a hierarchy, one after the other.
 pub struct Leaves {
-    /// Nine numbers for each triangle, and `LANES` more.
-    corners: Pages<f32>,
-    /// For each slot the number in the scene.
-    numbers: Pages<u32>,
+    pub words: Pages<u32>,
 }
 
 impl Leaves {
-    /// Room for `count` triangles.
-    pub fn with_room(count: usize) -> io::Result<Self> {
-        let corners = Pages::zeroed(9 * count + LANES)?;
-        Ok(Self { corners, numbers: Pages::zeroed(count)? })
-    }
-
     // Find a leaf without a check
-    /// The leaf of `count` triangles from slot `first`.
+    /// The leaf of `count` triangles at unit `first`.
     ///
     /// # Safety
     /// A leaf of these triangles has been put there.
     #[inline(always)]
     pub unsafe fn leaf(&self, first: u32, count: usize) -> Leaf<'_> {
         // SAFETY: the leaf is within the array, says the caller.
-        let corners =
-            unsafe { self.corners.get_unchecked(9 * first as usize..) };
-        Leaf { corners, count, lanes: (1 << count) - 1 }
+        let words =
+            unsafe { self.words.get_unchecked(UNIT * first as usize..) };
+        Leaf { words, count, lanes: (1 << count) - 1 }
     }
 
-    /// All leaves, to be filled from the front.
-    pub fn room(&mut self) -> Room<'_> {
-        Room { corners: &mut self.corners, numbers: &mut self.numbers }
+    // Find a triangle by its slot
+    /// The leaf of a triangle, and its lane.
+    #[inline(always)]
+    fn find(&self, slot: u32) -> (Leaf<'_>, u32) {
+        let words = &self.words[UNIT * (slot >> 2) as usize..];
+        let count = (words[0] >> 30) as usize + 1;
+        (Leaf { words, count, lanes: 0 }, slot & 3)
     }
 
-    // Find the number of a triangle
-    /// The number of a triangle in the scene.
-    pub fn number(&self, slot: u32) -> u32 {
-        self.numbers[slot as usize]
+    /// The corners of the triangle in a slot.
+    #[inline(always)]
+    pub fn triangle(&self, slot: u32) -> Triangle {
+        let (leaf, lane) = self.find(slot);
+        leaf.triangle(lane)
+    }
+
+    /// The face of the triangle in a slot.
+    pub fn face(&self, slot: u32) -> u32 {
+        let (leaf, lane) = self.find(slot);
+        leaf.face(lane)
     }
 }
 
-/// Slots that are still empty.
-pub struct Room<'a> {
-    corners: &'a mut [f32],
-    numbers: &'a mut [u32],
-}
-
-impl<'a> Room<'a> {
-    /// Cuts off the first `count` slots.
-    pub fn take(&mut self, count: usize) -> Room<'a> {
-        let corners = split_off(&mut self.corners, 9 * count);
-        Room { corners, numbers: split_off(&mut self.numbers, count) }
-    }
-
-    // Fill a leaf run by run
-    /// Makes the first slots a leaf of these triangles, each with its
-    /// number in the scene.
-    pub fn fill(&mut self, triangles: &[(u32, Triangle)]) {
-        let count = triangles.len();
-        let Room { corners, numbers } = self.take(count);
-        for (lane, &(number, triangle)) in triangles.iter().enumerate() {
-            for i in 0..9 {
-                corners[i * count + lane] = triangle[i / 3][i % 3];
-            }
-            numbers[lane] = number;
+/// Writes the leaf of these triangles, each with its face, below 2^30.
+pub fn write(words: &mut [u32], triangles: &[(u32, Triangle)]) {
+    let count = triangles.len();
+    for (lane, &(face, triangle)) in triangles.iter().enumerate() {
+        let corners = triangle.map(|p| p.to_array());
+        for (i, x) in corners.as_flattened().iter().enumerate() {
+            let place = count + 2 * (i * count + lane);
+            words[place] = x.to_bits() as u32;
+            words[place + 1] = (x.to_bits() >> 32) as u32;
         }
+        words[lane] = face;
     }
+    words[0] |= (count as u32 - 1) << 30;
 }
 
-fn split_off<'a, T>(slice: &mut &'a mut [T], count: usize) -> &'a mut [T] {
-    let (first, rest) = std::mem::take(slice).split_at_mut(count);
-    *slice = rest;
-    first
+/// A way from one region to another.
+#[derive(Clone, Copy, Debug)]
+pub struct Gate {
+    pub region: Region,
+    /// The child with which the search goes on there; none if it goes back.
+    pub node: Option<u32>,
 }
 
 /// Up to four triangles.
 #[derive(Clone, Copy)]
 pub struct Leaf<'a> {
-    /// Coordinate `axis` of corner `c` of a lane, at
-    /// `(3 * c + axis) * count + lane`; longer by `LANES` than need be.
-    pub corners: &'a [f32],
+    /// A face for each lane, the first with the count in two more bits;
+    /// then coordinate `axis` of corner `c` of a lane, in double precision,
+    /// at `2 * ((3 * c + axis) * count + lane)`.
+    pub words: &'a [u32],
     /// How many triangles.
     pub count: usize,
     /// Those to be tested; bit i stands for lane i.
@@ -195,16 +311,31 @@ pub struct Leaf<'a> {
 
 impl Leaf<'_> {
     #[inline(always)]
-    fn coordinate(&self, i: usize, lane: usize) -> f64 {
-        f64::from(self.corners[i * self.count + lane])
+    fn coordinate(&self, c: usize, axis: usize, lane: usize) -> f64 {
+        let place = 2 * ((3 * c + axis) * self.count + lane) + self.count;
+        let [low, high] = [self.words[place], self.words[place + 1]];
+        f64::from_bits(u64::from(high) << 32 | u64::from(low))
     }
 
+    // Read the corners of one triangle
     /// The corners of the triangle in a lane.
     #[inline(always)]
-    pub fn triangle(&self, lane: u32) -> [DVec3; 3] {
-        let at = |i: usize| self.coordinate(i, lane as usize);
-        let corner = |c: usize| DVec3::new(at(c), at(c + 1), at(c + 2));
-        [corner(0), corner(3), corner(6)]
+    pub fn triangle(&self, lane: u32) -> Triangle {
+        let count = self.count;
+        let runs = &self.words[count + 2 * lane as usize..];
+        let runs = &runs[..16 * count + 2];
+        array::from_fn(|c| {
+            DVec3::from_array(array::from_fn(|axis| {
+                let place = 2 * (3 * c + axis) * count;
+                let [low, high] = [runs[place], runs[place + 1]];
+                f64::from_bits(u64::from(high) << 32 | u64::from(low))
+            }))
+        })
+    }
+
+    /// The face of the triangle in a lane.
+    pub fn face(&self, lane: u32) -> u32 {
+        self.words[lane as usize] & !(3 << 30)
     }
 
     // Test the four triangles
@@ -212,14 +343,18 @@ impl Leaf<'_> {
     /// it passes close by from bit `LANES` on, with where that begins. What
     /// the distance of another lane says is not specified.
     #[inline(always)]
-    pub fn meet(&self, shear: &Shear) -> (u32, [f64; LANES]) {
+    pub fn meet(
+        &self,
+        shear: &Shear,
+        margins: &Margins,
+    ) -> (u32, [f64; LANES]) {
         let mut distances = [0.; LANES];
         let mut met = 0;
         for (lane, distance) in distances.iter_mut().enumerate() {
             if self.lanes >> lane & 1 != 0 {
                 // Add what the ray does to this triangle
-                match self.test(lane, shear) {
-                    TriangleTest::Through(at) if at > -NEAR => {
+                match self.test(lane, shear, margins) {
+                    TriangleTest::Through(at) if at > -margins.near => {
                         *distance = at;
                         met |= 1 << lane;
                     }
@@ -236,7 +371,12 @@ impl Leaf<'_> {
 
     /// What a ray does to the triangle in a lane.
     #[inline(always)]
-    pub fn test(&self, lane: usize, shear: &Shear) -> TriangleTest {
+    pub fn test(
+        &self,
+        lane: usize,
+        shear: &Shear,
+        margins: &Margins,
+    ) -> TriangleTest {
         let [x, y, z] = self.sheared(lane, shear);
         let u = edge(x[2], y[1], y[2], x[1]);
         let v = edge(x[0], y[2], y[0], x[2]);
@@ -250,7 +390,7 @@ impl Leaf<'_> {
             // Find the distance along the ray
             let height = (u * z[0] + v * z[1] + w * z[2]) / (u + v + w);
             TriangleTest::Through(height * shear.stretch)
-        } else if within(NARROW) {
+        } else if within(margins.narrow) {
             TriangleTest::Beside(z.map(|z| z * shear.stretch))
         } else {
             TriangleTest::Apart
@@ -261,7 +401,7 @@ impl Leaf<'_> {
     #[inline(always)]
     pub fn sheared(&self, lane: usize, shear: &Shear) -> [[f64; 3]; 3] {
         let moved = |c: usize, i: usize| {
-            self.coordinate(3 * c + shear.axes[i], lane) - shear.origin[i]
+            self.coordinate(c, shear.axes[i], lane) - shear.origin[i]
         };
         let z = [moved(0, 2), moved(1, 2), moved(2, 2)];
         let flat = |c: usize, i: usize| moved(c, i) - shear.slope[i] * z[c];
@@ -293,25 +433,37 @@ pub struct Search<'a> {
     from: u32,
     /// How far the nearest triangle is, or infinity.
     pub distance: f64,
+    /// The size of the margins where it was found.
+    pub size: f64,
+    /// That of the region of all triangles.
+    pub root: f64,
     /// Where it is kept, or `NONE`.
     pub slot: u32,
-    /// The slots of its leaf, the first and how many.
-    leaf: (u32, usize),
     /// The least distance at which something else is close to the ray.
     pub near_tie: f64,
 }
 
 impl<'a> Search<'a> {
-    /// A search that has met nothing, for a ray that left slot `from`.
+    // Begin without a nearest triangle
+    /// A search that has met nothing, for a ray that left slot `from`,
+    /// given the size of the outermost margins.
     #[inline(always)]
-    pub fn new(leaves: &'a Leaves, from: Option<u32>) -> Self {
-        let (from, near_tie) = (from.unwrap_or(NONE), f64::INFINITY);
-        let (distance, slot, leaf) = (f64::INFINITY, NONE, (0, 0));
-        Self { leaves, from, distance, slot, leaf, near_tie }
+    pub fn new(leaves: &'a Leaves, from: Option<u32>, root: f64) -> Self {
+        let from = from.unwrap_or(NONE);
+        let distance = f64::INFINITY;
+        Self {
+            leaves,
+            from,
+            distance,
+            size: 0.,
+            root,
+            slot: NONE,
+            near_tie: distance,
+        }
     }
 
     // Take a triangle that is nearer
-    /// The leaf of `count` triangles from slot `first`, without the one
+    /// The leaf of `count` triangles at unit `first`, without the one
     /// that the ray left.
     ///
     /// # Safety
@@ -320,82 +472,75 @@ impl<'a> Search<'a> {
     pub unsafe fn leaf(&self, first: u32, count: usize) -> Leaf<'a> {
         // SAFETY: it is there, says the caller.
         let mut leaf = unsafe { self.leaves.leaf(first, count) };
-        let lane = self.from.wrapping_sub(first);
+        let lane = self.from.wrapping_sub(slot(first, 0));
         leaf.lanes &= !(u32::from(lane < LANES as u32) << (lane & 3));
         leaf
     }
 
-    /// Considers the triangle in a lane of the leaf of `count` triangles
-    /// from slot `first`, which is met at `distance`; a lane of `LANES` or
-    /// more is that of a triangle which is only passed closely.
-    ///
-    /// # Safety
-    /// A leaf of these triangles has been put there, and has this lane.
+    /// Up to where others may be as near as the nearest so far.
     #[inline(always)]
-    pub unsafe fn offer(
+    pub fn limit(&self, margins: &Margins) -> f64 {
+        self.distance + margins.near
+    }
+
+    /// Considers the triangle in a lane of the leaf at unit `first`, which
+    /// is met at `distance`; a lane of `LANES` or more is that of a
+    /// triangle which is only passed closely.
+    #[inline(always)]
+    pub fn offer(
         &mut self,
-        (first, count): (u32, usize),
+        (first, leaf): (u32, Leaf),
         lane: u32,
         mut distance: f64,
-        ray: &Ray,
+        (ray, margins): (&Ray, &Margins),
     ) {
         // Doubt the order of triangles that are close
-        let gap = (distance - self.distance).abs();
+        let near = margins.near;
         let beside = lane >= LANES as u32;
-        if beside || gap <= NEAR || distance <= NEAR {
-            self.near_tie = self.near_tie.min(distance);
-            let leaves = self.leaves;
-            let behind = || leaves.is_behind((first, count), lane, ray);
-            if beside || distance <= NEAR && behind() {
+        if beside
+            || (distance - self.distance).abs() <= near
+            || distance <= near
+        {
+            self.near_tie = self.near_tie.min(distance - near);
+            let behind = || is_behind(leaf, lane, ray);
+            if beside || distance <= near && behind() {
                 return;
             }
             distance = distance.max(f64::MIN_POSITIVE);
         }
         // Keep the triangle if it comes first
-        let (Self { leaves, .. }, slot) = (*self, first + lane);
+        let slot = slot(first, lane);
         let equal = distance == self.distance;
-        if distance < self.distance
-            || equal && leaves.is_before(slot, self.slot)
-        {
+        if distance < self.distance || equal && self.is_before(slot) {
             (self.distance, self.slot) = (distance, slot);
-            self.leaf = (first, count);
+            self.size = margins.size;
         }
     }
 
     /// The corners of the nearest triangle, if there is one.
     #[inline(always)]
-    pub fn triangle(&self) -> [DVec3; 3] {
-        let (first, count) = self.leaf;
-        // SAFETY: `offer` was promised that this leaf is there.
-        let leaf = unsafe { self.leaves.leaf(first, count) };
-        leaf.triangle(self.slot - first)
+    pub fn triangle(&self) -> Triangle {
+        self.leaves.triangle(self.slot)
     }
-}
 
-impl Leaves {
     // Decide where the distances do not
-    /// Whether the triangle in `slot` comes before that in `other`, if any.
+    /// Whether the triangle in `slot` comes before the nearest, if any.
     #[cold]
-    fn is_before(&self, slot: u32, other: u32) -> bool {
-        other == NONE || self.number(slot) < self.number(other)
-    }
-
-    /// Whether the ray starts beyond the plane of the triangle in a lane of
-    /// the leaf of `count` triangles from slot `first`.
-    #[cold]
-    fn is_behind(
-        &self,
-        (first, count): (u32, usize),
-        lane: u32,
-        ray: &Ray,
-    ) -> bool {
-        // SAFETY: the leaf was tested a moment ago.
-        let leaf = unsafe { self.leaf(first, count) };
-        let [a, b, c] = leaf.triangle(lane);
-        let normal = cross(b - a, c - a);
-        normal.dot(ray.direction) * normal.dot(ray.origin - a) >= 0.
+    fn is_before(&self, slot: u32) -> bool {
+        let key = |slot| {
+            let corners = self.leaves.triangle(slot);
+            let corners = corners.map(|p| p.to_array().map(f64::to_bits));
+            (self.leaves.face(slot), corners)
+        };
+        self.slot == NONE || key(slot) < key(self.slot)
     }
 }
 
-/// Distances along a ray that are closer are not told apart: 2^-22.
-pub const NEAR: f64 = 1. / (1 << 22) as f64;
+// Tell what lies behind the ray
+/// Whether the ray starts beyond the plane of the triangle in a lane.
+#[cold]
+fn is_behind(leaf: Leaf, lane: u32, ray: &Ray) -> bool {
+    let [a, b, c] = leaf.triangle(lane);
+    let normal = cross(b - a, c - a);
+    normal.dot(ray.direction) * normal.dot(ray.origin - a) >= 0.
+}
