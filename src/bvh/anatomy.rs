@@ -74,7 +74,8 @@ impl Anatomy {
                 let way = wide.gates[(first - GATES) as usize];
                 slabs = Slabs::new(&ray, &way.region);
                 margins = way.region.margins(ray.origin);
-                margins.near = margins.near.max(Margins::of(search.size).near);
+                margins.near =
+                    margins.near.max(Margins::of(search.size).near);
                 if way.node.is_some() {
                     // SAFETY: no hierarchy is so deep that one is not left.
                     unsafe { stack.push(child + 1, 0.) };
@@ -97,12 +98,16 @@ impl Anatomy {
                 // SAFETY: children with the bit LEAF are leaves that are there.
                 let leaf = unsafe { search.leaf(first, count) };
                 let query = (&ray, &shear, &margins);
-                let met = look(&mut search, (first, leaf), query, |leaf, shear, _| {
-                    leaf.meet(shear, &margins)
-                });
+                let met = look(
+                    &mut search,
+                    (first, leaf),
+                    query,
+                    |leaf, shear, _| leaf.meet(shear, &margins),
+                );
                 (met & ((1 << LANES) - 1), None)
             };
-            next = nearest.or_else(|| stack.pop(search.limit(&margins) as f32));
+            next = nearest
+                .or_else(|| stack.pop(search.limit(&margins) as f32));
             let (waiting, t_max) = (stack.length(), search.distance);
             steps.push(Step { child, mask, waiting, t_max });
         }
