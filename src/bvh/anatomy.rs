@@ -16,8 +16,8 @@ use glam::Vec3;
 use super::traversal::{
     Slabs, Stack, Waiting, distance, enter, look, push,
 };
-use super::triangle::{LANES, Leaf, Search, Shear};
-use super::wide::{LEAF, Quality, Wide, slots};
+use super::triangle::{GATES, LANES, LEAF, Margins, Search, Shear, slots};
+use super::wide::{Quality, Wide};
 use crate::scene::{Ray, Scene};
 
 // Record the traversal of a ray
@@ -57,18 +57,36 @@ impl Anatomy {
     /// # Errors
     /// Too little memory.
     pub fn new(scene: &Scene, ray: Ray) -> io::Result<Self> {
-        let triangles = scene.triangles().to_vec();
+        let triangles = scene.indexed().clone();
         let wide = Wide::new(triangles, Quality::Medium)?;
         // Walk and note each step
-        let (slabs, shear) = (Slabs::new(&ray), Shear::new(&ray));
-        let mut search = Search::new(&wide.leaves, None);
+        let mut margins = wide.region.margins(ray.origin);
+        let mut slabs = Slabs::new(&ray, &wide.region);
+        let shear = Shear::new(&ray);
+        let mut search = Search::new(&wide.leaves, None, margins.size);
         let (mut waiting, mut steps) = (Waiting::new(), vec![]);
         let mut stack = Stack::new(&mut waiting);
         let mut next = Some(0);
         while let Some(child) = next {
+            let (first, count) = slots(child);
+            if child & LEAF != 0 && first >= GATES {
+                // Go through a gate without a step
+                let way = wide.gates[(first - GATES) as usize];
+                slabs = Slabs::new(&ray, &way.region);
+                margins = way.region.margins(ray.origin);
+                margins.near =
+                    margins.near.max(Margins::of(search.size).near);
+                if way.node.is_some() {
+                    // SAFETY: no hierarchy is so deep that one is not left.
+                    unsafe { stack.push(child + 1, 0.) };
+                }
+                let pop = || stack.pop(search.limit(&margins) as f32);
+                next = way.node.or_else(pop);
+                continue;
+            }
             // Look at one child and choose the next
-            let t_max = search.distance as f32;
-            let (mask, first) = if child & LEAF == 0 {
+            let t_max = search.limit(&margins) as f32;
+            let (mask, nearest) = if child & LEAF == 0 {
                 let node = &wide.nodes[child as usize];
                 let met = enter(node, &slabs, t_max, distance);
                 let any = met.mask != 0;
@@ -77,14 +95,19 @@ impl Anatomy {
                     || unsafe { push(node, slabs.shift, &met, &mut stack) };
                 (met.mask, any.then(push))
             } else {
-                let meet = |leaf: Leaf, shear: &_, _| leaf.meet(shear);
                 // SAFETY: children with the bit LEAF are leaves that are there.
-                let met = unsafe {
-                    look(&mut search, child, (&ray, &shear), meet)
-                };
+                let leaf = unsafe { search.leaf(first, count) };
+                let query = (&ray, &shear, &margins);
+                let met = look(
+                    &mut search,
+                    (first, leaf),
+                    query,
+                    |leaf, shear, _| leaf.meet(shear, &margins),
+                );
                 (met & ((1 << LANES) - 1), None)
             };
-            next = first.or_else(|| stack.pop(search.distance as f32));
+            next = nearest
+                .or_else(|| stack.pop(search.limit(&margins) as f32));
             let (waiting, t_max) = (stack.length(), search.distance);
             steps.push(Step { child, mask, waiting, t_max });
         }
@@ -97,16 +120,16 @@ impl Anatomy {
     pub fn root(&self) -> Vec<(bool, [Vec3; 2])> {
         let node = &self.wide.nodes[0];
         let mask = self.steps.first().map_or(0, |s| s.mask);
-        let shift = Slabs::new(&self.ray).shift;
+        let region = &self.wide.region;
+        let shift = Slabs::new(&self.ray, region).shift;
         let near = node.order.iter().rev();
         let slots = near.map(|order| (order >> shift & 15) as usize);
         let slots = slots.filter(|&slot| node.planes[0][slot].is_finite());
         let corner = |first: usize, slot: usize| {
-            Vec3::from_array(array::from_fn(|k| {
-                node.planes[first + k][slot]
-            }))
+            let plane = |k: usize| node.planes[first + k][slot];
+            Vec3::from_array(array::from_fn(plane)) + region.zero.as_vec3()
         };
-        let child = |slot| [corner(0, slot), -corner(3, slot)];
+        let child = |slot| [corner(0, slot), corner(3, slot)];
         slots.map(|slot| (mask >> slot & 1 != 0, child(slot))).collect()
     }
 

@@ -16,9 +16,7 @@ use std::arch::x86_64::*;
 use super::intersector::{Hit, Intersector};
 use super::spawn::hit;
 use super::traversal::{Entered, Slabs, Stack, traverse};
-use super::triangle::{
-    CLOSE, LANES, Leaf, NARROW, NEAR, NONE, Search, Shear,
-};
+use super::triangle::{CLOSE, LANES, Leaf, Margins, NONE, Search, Shear};
 use super::wide::{Node, Wide};
 use crate::scene::Ray;
 
@@ -109,19 +107,21 @@ pub unsafe fn enter(
     t_max: f32,
 ) -> Entered<__m256> {
     // Give the distances of eight planes
-    let plane = |axis: usize, row: usize| {
+    let plane = |start: &[f32; 3], axis: usize, row: usize| {
         // SAFETY: the row is below 6, says the caller; it is 8 numbers.
         let row = unsafe { node.planes.get_unchecked(row) };
         let planes = unsafe { _mm256_loadu_ps(row.as_ptr()) };
         let inverse = _mm256_set1_ps(slabs.inverse[axis]);
-        let start = _mm256_set1_ps(slabs.start[axis]);
+        let start = _mm256_set1_ps(start[axis]);
         _mm256_fmsub_ps(planes, inverse, start)
     };
     let mut near = _mm256_setzero_ps();
     let mut far = _mm256_set1_ps(t_max);
     for axis in 0..3 {
-        near = _mm256_max_ps(plane(axis, slabs.enter[axis]), near);
-        far = _mm256_min_ps(plane(axis, slabs.leave[axis]), far);
+        let enter = plane(&slabs.entry, axis, slabs.enter[axis]);
+        let leave = plane(&slabs.exit, axis, slabs.leave[axis]);
+        near = _mm256_max_ps(enter, near);
+        far = _mm256_min_ps(leave, far);
     }
     let met = _mm256_cmp_ps::<_CMP_LE_OQ>(near, far);
     Entered { mask: _mm256_movemask_ps(met) as u32, near, far }
@@ -199,31 +199,31 @@ fn load(numbers: &[u32; 8]) -> __m256i {
 ///
 /// # Safety
 /// The leaf is one of `Leaves`, and the axes of the shear are below 3.
-#[target_feature(enable = "avx2")]
+#[target_feature(enable = "avx2,fma")]
 #[inline]
 pub unsafe fn meet<const COPY: u8>(
     leaf: Leaf,
     shear: &Shear,
-    limit: f64,
+    (limit, margins): (f64, &Margins),
 ) -> (u32, [f64; LANES]) {
+    // Read a coordinate of four triangles
+    let runs = leaf.words.as_ptr();
+    let coordinates = |run: usize| {
+        // SAFETY: there are nine runs, and four numbers of the last.
+        let run = unsafe { runs.add((2 * run + 1) * leaf.count) };
+        unsafe { _mm256_loadu_pd(run.cast()) }
+    };
     // Shear the corners of four triangles
-    let [i, j, k] = shear.axes;
     let [ox, oy, oz] = shear.origin.map(|x| _mm256_set1_pd(x));
     let [sx, sy] = shear.slope.map(|x| _mm256_set1_pd(x));
-    let runs = leaf.corners.as_ptr();
-    let at = |c: usize, axis: usize| {
-        // SAFETY: c and the axes are below 3, so that the run is one of
-        // nine, after which there are four numbers more.
-        let run = unsafe { runs.add((3 * c + axis) * leaf.count) };
-        _mm256_cvtps_pd(unsafe { _mm_loadu_ps(run) })
-    };
+    let at = |c: usize, i: usize| coordinates(3 * c + shear.axes[i]);
     let sheared = |lanes, origin, slope, z| {
         let moved = _mm256_sub_pd(lanes, origin);
         _mm256_sub_pd(moved, _mm256_mul_pd(slope, z))
     };
     let corner = |c| {
-        let z = _mm256_sub_pd(at(c, k), oz);
-        (sheared(at(c, i), ox, sx, z), sheared(at(c, j), oy, sy, z), z)
+        let z = _mm256_sub_pd(at(c, 2), oz);
+        (sheared(at(c, 0), ox, sx, z), sheared(at(c, 1), oy, sy, z), z)
     };
     let ((ax, ay, az), (bx, by, bz)) = (corner(0), corner(1));
     let (cx, cy, cz) = corner(2);
@@ -239,7 +239,7 @@ pub unsafe fn meet<const COPY: u8>(
     let zero = _mm256_setzero_pd();
     let least = _mm256_min_pd(_mm256_min_pd(u, v), w);
     let most = _mm256_max_pd(_mm256_max_pd(u, v), w);
-    let narrow = _mm256_set1_pd(NARROW);
+    let narrow = _mm256_set1_pd(margins.narrow);
     let inside = _mm256_or_pd(
         _mm256_cmp_pd::<_CMP_GE_OQ>(least, _mm256_sub_pd(zero, narrow)),
         _mm256_cmp_pd::<_CMP_LE_OQ>(most, narrow),
@@ -255,7 +255,7 @@ pub unsafe fn meet<const COPY: u8>(
     let threshold = _mm256_mul_pd(_mm256_set1_pd(CLOSE), largest);
     let close = _mm256_cmp_pd::<_CMP_LE_OQ>(smallest, threshold);
     if _mm256_movemask_pd(_mm256_and_pd(close, inside)) & lanes != 0 {
-        return carefully(leaf, shear);
+        return carefully(leaf, shear, margins);
     }
     // Divide for the distances
     let sum = _mm256_add_pd(_mm256_add_pd(u, v), w);
@@ -263,7 +263,7 @@ pub unsafe fn meet<const COPY: u8>(
     let height = _mm256_add_pd(height, _mm256_mul_pd(w, cz));
     let height = _mm256_div_pd(height, sum);
     let distance = _mm256_mul_pd(height, _mm256_set1_pd(shear.stretch));
-    let least = _mm256_set1_pd(-NEAR);
+    let least = _mm256_set1_pd(-margins.near);
     let ahead = _mm256_cmp_pd::<_CMP_GT_OQ>(distance, least);
     let limit = _mm256_set1_pd(limit);
     let within = _mm256_cmp_pd::<_CMP_LE_OQ>(distance, limit);
@@ -276,6 +276,10 @@ pub unsafe fn meet<const COPY: u8>(
 
 #[cold]
 #[inline(never)]
-fn carefully(leaf: Leaf, shear: &Shear) -> (u32, [f64; LANES]) {
-    leaf.meet(shear)
+fn carefully(
+    leaf: Leaf,
+    shear: &Shear,
+    margins: &Margins,
+) -> (u32, [f64; LANES]) {
+    leaf.meet(shear, margins)
 }

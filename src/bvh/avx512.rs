@@ -112,16 +112,16 @@ pub unsafe fn enter(
     t_max: f32,
 ) -> Entered<__m512> {
     // Give the distances of sixteen planes
-    let plane = |axis: usize, row: usize| {
+    let plane = |start: &[f32; 3], axis: usize, row: usize| {
         // SAFETY: the row is below 6, says the caller; it is 16 numbers.
         let row = unsafe { node.planes.get_unchecked(row) };
         let planes = unsafe { _mm512_loadu_ps(row.as_ptr()) };
         let inverse = _mm512_set1_ps(slabs.inverse[axis]);
-        let start = _mm512_set1_ps(slabs.start[axis]);
+        let start = _mm512_set1_ps(start[axis]);
         _mm512_fmsub_ps(planes, inverse, start)
     };
-    let enter = |axis| plane(axis, slabs.enter[axis]);
-    let leave = |axis| plane(axis, slabs.leave[axis]);
+    let enter = |axis: usize| plane(&slabs.entry, axis, slabs.enter[axis]);
+    let leave = |axis: usize| plane(&slabs.exit, axis, slabs.leave[axis]);
     // Take the last entry and first exit
     let near = _mm512_max_ps(
         _mm512_max_ps(enter(0), enter(1)),

@@ -21,8 +21,11 @@ use glam::DVec3;
 
 use super::intersector::{Hit, Intersector};
 use super::spawn::hit;
-use super::triangle::{LANES, Leaf, NEAR, NONE, Search, Shear};
-use super::wide::{LEAF, Node, STACK, Wide, slots};
+use super::triangle::{
+    GATES, LANES, LEAF, Leaf, Margins, NONE, Region, Search, Shear, UNIT,
+    slots,
+};
+use super::wide::{Node, STACK, Wide};
 use crate::scene::Ray;
 
 // Prepare a ray for boxes
@@ -30,8 +33,10 @@ use crate::scene::Ray;
 pub struct Slabs {
     /// 1/d of each axis, neither zero nor infinite.
     pub inverse: [f32; 3],
-    /// o/d of each axis.
-    pub start: [f32; 3],
+    /// o/d of each axis, for the planes by which the ray enters: not less.
+    pub entry: [f32; 3],
+    /// For those by which it leaves: not more.
+    pub exit: [f32; 3],
     /// The rows of a node's planes, 0 to 5, by which the ray enters.
     pub enter: [usize; 3],
     /// The rows by which it leaves.
@@ -42,19 +47,33 @@ pub struct Slabs {
 }
 
 impl Slabs {
+    /// For the boxes of a region.
     #[inline(always)]
-    pub fn new(ray: &Ray) -> Self {
+    pub fn new(ray: &Ray, region: &Region) -> Self {
         let direction = ray.direction.as_vec3().to_array();
-        let origin = ray.origin.as_vec3().to_array();
+        let origin = (ray.origin - region.zero).as_vec3().to_array();
         let inverse = direction.map(|d| 1. / steep(d));
-        let start = array::from_fn(|i| origin[i] * inverse[i]);
+        let start: [f32; 3] = array::from_fn(|i| origin[i] * inverse[i]);
+        // Move planes apart for distant rays
+        let (mut entry, mut exit) = (start, start);
+        let beyond = region.beyond(ray.origin);
+        if beyond > 0. {
+            let margin = (beyond * ROUGH) as f32;
+            let aside = inverse.map(|r| margin * r.abs());
+            entry = array::from_fn(|i| start[i] + aside[i]);
+            exit = array::from_fn(|i| start[i] - aside[i]);
+        }
         let up = direction.map(|d| usize::from(d >= 0.));
         let enter = array::from_fn(|i| i + 3 * (1 - up[i]));
         let leave = array::from_fn(|i| i + 3 * up[i]);
         let shift = 4 * (up[0] | up[1] << 1 | up[2] << 2) as u32;
-        Self { inverse, start, enter, leave, shift }
+        Self { inverse, entry, exit, enter, leave, shift }
     }
 }
+
+/// By which part of the distance from a region planes of its boxes may be
+/// displaced: 2^-20.
+const ROUGH: f64 = 1. / (1 << 20) as f64;
 
 const LEAST: f32 = f32::from_bits((127 - 60) << 23);
 
@@ -151,6 +170,35 @@ impl<'a> Stack<'a> {
         self.length += count;
     }
 
+    // Fetch the child that comes next
+    /// Lets the cache fetch the child that is taken next.
+    #[inline(always)]
+    pub fn fetch<const N: usize>(&self, wide: &Wide<N>)
+    where
+        Node<N>: Pod,
+    {
+        #[cfg(target_arch = "x86_64")]
+        if self.length > 0 {
+            use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+            let i = self.length - 1;
+            // SAFETY: the element was below `length`, so it was written.
+            let child = unsafe {
+                self.waiting.children.get_unchecked(i).assume_init()
+            };
+            // Find the address of a child
+            let node = wide.nodes.as_ptr().wrapping_add(child as usize);
+            let words = wide.leaves.words.as_ptr();
+            let leaf = words.wrapping_add(UNIT * slots(child).0 as usize);
+            let address: *const i8 =
+                if child & LEAF == 0 { node.cast() } else { leaf.cast() };
+            for line in 0..8 {
+                let address = address.wrapping_add(64 * line);
+                // SAFETY: to fetch reads nothing, whatever the address.
+                unsafe { _mm_prefetch::<_MM_HINT_T0>(address) };
+            }
+        }
+    }
+
     // Take the next child within t_max
     /// Takes off children up to the first that begins within `t_max`.
     #[inline(always)]
@@ -191,13 +239,15 @@ pub fn traverse<'a, const N: usize, const ANY: bool, V>(
     from: Option<u32>,
     enter: impl Fn(&Node<N>, &Slabs, f32) -> Entered<V>,
     push: impl Fn(&Node<N>, u32, &Entered<V>, &mut Stack) -> u32,
-    meet: impl Fn(Leaf<'a>, &Shear, f64) -> (u32, [f64; LANES]),
+    meet: impl Fn(Leaf<'a>, &Shear, (f64, &Margins)) -> (u32, [f64; LANES]),
 ) -> Search<'a>
 where
     Node<N>: Pod,
 {
     let nodes: &[Node<N>] = &wide.nodes;
-    let mut search = Search::new(&wide.leaves, from);
+    let mut region = wide.region;
+    let mut margins = region.margins(ray.origin);
+    let mut search = Search::new(&wide.leaves, from, margins.size);
     // Let no ray start out of bounds
     let bounds = DVec3::splat(OUTER);
     let within = |v: DVec3| v.abs().cmplt(bounds);
@@ -205,70 +255,92 @@ where
         return search;
     }
     // Prepare to start at the root
-    let (slabs, shear) = (Slabs::new(ray), Shear::new(ray));
+    let shear = Shear::new(ray);
     let mut waiting = Waiting::new();
     let mut stack = Stack::new(&mut waiting);
-    let mut t_max = f32::INFINITY;
     let mut child = 0;
-    // Go from nodes to leaves
     loop {
-        while child & LEAF == 0 {
-            // Choose among the children entered
-            // SAFETY: children without the bit LEAF are numbers of nodes.
-            let node = unsafe { nodes.get_unchecked(child as usize) };
-            let entered = enter(node, &slabs, t_max);
-            let mask = entered.mask;
-            child = match mask.count_ones() {
-                0 => match stack.pop(t_max) {
-                    Some(waiting) => waiting,
-                    None => return search,
-                },
-                1 => {
-                    node.children[mask.trailing_zeros() as usize & (N - 1)]
-                }
-                _ => push(node, slabs.shift, &entered, &mut stack),
-            };
-        }
-        // Offer the leaf's triangles and go on
-        // SAFETY: children with the bit LEAF are leaves that are there.
-        let met = unsafe { look(&mut search, child, (ray, &shear), &meet) };
-        if met != 0 {
-            if ANY && search.slot != NONE {
-                return search;
+        let slabs = Slabs::new(ray, &region);
+        let mut t_max = search.limit(&margins) as f32;
+        // Go from nodes to leaves
+        let gate = loop {
+            while child & LEAF == 0 {
+                // Choose among the children entered
+                // SAFETY: children without the bit LEAF are numbers of nodes.
+                let node = unsafe { nodes.get_unchecked(child as usize) };
+                let entered = enter(node, &slabs, t_max);
+                let mask = entered.mask;
+                child = match mask.count_ones() {
+                    0 => match stack.pop(t_max) {
+                        Some(waiting) => waiting,
+                        None => return search,
+                    },
+                    1 => {
+                        node.children
+                            [mask.trailing_zeros() as usize & (N - 1)]
+                    }
+                    _ => {
+                        let next =
+                            push(node, slabs.shift, &entered, &mut stack);
+                        stack.fetch(wide);
+                        next
+                    }
+                };
             }
-            t_max = search.distance as f32;
-        }
-        match stack.pop(t_max) {
-            Some(waiting) => child = waiting,
-            None => return search,
-        }
+            // Offer the leaf's triangles and go on
+            let (first, count) = slots(child);
+            if first >= GATES {
+                break first - GATES;
+            }
+            // SAFETY: children with the bit LEAF are leaves that are there.
+            let leaf = unsafe { search.leaf(first, count) };
+            let query = (ray, &shear, &margins);
+            if look(&mut search, (first, leaf), query, &meet) != 0 {
+                if ANY && search.slot != NONE {
+                    return search;
+                }
+                t_max = search.limit(&margins) as f32;
+            }
+            match stack.pop(t_max) {
+                Some(waiting) => child = waiting,
+                None => return search,
+            }
+        };
+        // Go through a gate
+        let way = wide.gates[gate as usize];
+        region = way.region;
+        margins = region.margins(ray.origin);
+        margins.near = margins.near.max(Margins::of(search.size).near);
+        child = match way.node {
+            Some(inner) => {
+                // SAFETY: no hierarchy is so deep that one is not left.
+                unsafe { stack.push(LEAF | (GATES + gate + 1), 0.) };
+                inner
+            }
+            None => match stack.pop(search.limit(&margins) as f32) {
+                Some(waiting) => waiting,
+                None => return search,
+            },
+        };
     }
 }
 
 /// Offers the triangles of a leaf that the ray meets; their mask.
-///
-/// # Safety
-/// The child is a leaf of those that are searched, and `meet` answers
-/// with lanes of the leaf.
 #[inline(always)]
-pub unsafe fn look<'a>(
+pub fn look<'a>(
     search: &mut Search<'a>,
-    child: u32,
-    (ray, shear): (&Ray, &Shear),
-    meet: impl Fn(Leaf<'a>, &Shear, f64) -> (u32, [f64; LANES]),
+    (first, leaf): (u32, Leaf<'a>),
+    (ray, shear, margins): (&Ray, &Shear, &Margins),
+    meet: impl Fn(Leaf<'a>, &Shear, (f64, &Margins)) -> (u32, [f64; LANES]),
 ) -> u32 {
-    let (first, count) = slots(child);
-    // SAFETY: the leaf is there, says the caller.
-    let leaf = unsafe { search.leaf(first, count) };
-    let limit = search.distance + NEAR;
-    let (met, distances) = meet(leaf, shear, limit);
+    let limit = search.limit(margins);
+    let (met, distances) = meet(leaf, shear, (limit, margins));
     // Offer each lane of the mask
     let mut left = met;
     while left != 0 {
         let lane = left.trailing_zeros();
         let distance = distances[lane as usize % LANES];
-        // SAFETY: the lane is one of this leaf.
-        unsafe { search.offer((first, count), lane, distance, ray) };
+        search.offer((first, leaf), lane, distance, (ray, margins));
         left &= left - 1;
     }
     met
@@ -286,13 +358,14 @@ pub fn enter<const N: usize>(
 ) -> Entered<[f32; N]> {
     let (mut near, mut far) = ([0f32; N], [t_max; N]);
     for axis in 0..3 {
-        let (inverse, start) = (slabs.inverse[axis], slabs.start[axis]);
+        let inverse = slabs.inverse[axis];
+        let (late, early) = (slabs.entry[axis], slabs.exit[axis]);
         let enter = &node.planes[slabs.enter[axis]];
         let leave = &node.planes[slabs.leave[axis]];
         // Narrow the intervals of all boxes
         for i in 0..N {
-            let a = distance(enter[i], inverse, start);
-            let b = distance(leave[i], inverse, start);
+            let a = distance(enter[i], inverse, late);
+            let b = distance(leave[i], inverse, early);
             near[i] = if a > near[i] { a } else { near[i] };
             far[i] = if b < far[i] { b } else { far[i] };
         }
@@ -347,7 +420,7 @@ impl Traverser {
             |node, shift, met, stack| unsafe {
                 push(node, shift, met, stack)
             },
-            |leaf, shear, _| leaf.meet(shear),
+            |leaf, shear, (_, margins)| leaf.meet(shear, margins),
         )
     }
 }
