@@ -461,7 +461,7 @@ pub struct Frame {
     part: f64,
     /// The scale is 2^`exponent` times `part`.
     exponent: i32,
-    /// About half of the scene's box, in the scene; zero along an axis
+    /// Half of the scene's box, in the scene; zero along an axis
     /// that is only scaled.
     half: DVec3,
 }
@@ -525,15 +525,9 @@ fn frame(low: DVec3, high: DVec3, moved: BVec3) -> Frame {
         0. => 0,
         longest => EXTENT + 1 - exponent(longest),
     };
-    let half = shift(size, exponent).to_array().map(about_half);
+    let half = 0.5 * shift(size, exponent);
     let only = |v: DVec3| DVec3::select(moved, v, DVec3::ZERO);
-    Frame { low: only(low), part, exponent, half: only(half.into()) }
-}
-
-/// Half of a number, to three binary digits.
-fn about_half(x: f64) -> f64 {
-    let unit = power_of_two(exponent(x) - 3);
-    (0.5 * x / unit).round() * unit
+    Frame { low: only(low), part, exponent, half: only(half) }
 }
 
 /// Binary exponent of the largest coordinate of a scene.
