@@ -693,8 +693,8 @@ fn cut_off(
         let below = leaves(tree, i);
         if below.len() > FEW {
             let number = CUT + groups.len() as u32;
-            let numbers = below.iter().map(|leaf| leaf.first_index);
-            groups.push(numbers.map(|i| group.corners[i as usize]).collect());
+            let own = below.iter().map(|leaf| leaf.first_index as usize);
+            groups.push(own.map(|i| group.corners[i]).collect());
             tree[i] = Bvh2Node::new(*node.aabb(), 1, number);
         }
     }
