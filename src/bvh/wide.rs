@@ -655,7 +655,7 @@ fn leaves(tree: &[Bvh2Node], i: usize) -> Vec<Bvh2Node> {
 }
 
 // Cut small clusters off
-/// Subtrees that are smaller than this part of a group are built anew.
+/// Subtrees that are smaller than this part of a region are built anew.
 const SMALL: f32 = 1. / 65536.;
 
 /// Gates lead to more triangles than this.
@@ -669,7 +669,7 @@ fn gate(node: &Bvh2Node) -> Option<u32> {
     node.is_leaf().then(|| node.first_index.checked_sub(CUT))?
 }
 
-/// Cuts up to `most` subtrees off that are small beside the group;
+/// Cuts up to `most` subtrees off that are small beside the region;
 /// returns their triangles.
 fn cut_off(
     group: &Group,
@@ -677,7 +677,7 @@ fn cut_off(
     most: usize,
 ) -> Vec<Vec<Corners>> {
     let extent = |node: &Bvh2Node| node.aabb().diagonal().max_element();
-    let limit = tree.first().map_or(0., extent) * SMALL;
+    let limit = 2. * group.region.reach as f32 * SMALL;
     let mut groups = vec![];
     let mut todo = Vec::from_iter((!tree.is_empty()).then_some(0));
     while let Some(i) = todo.pop() {
