@@ -15,7 +15,7 @@ mod common;
 use std::collections::{BTreeMap, HashSet};
 use std::io::Cursor;
 
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use litpt::analysis::background::{
     BackgroundTiles, KnownPixels, TileContent,
 };
@@ -405,9 +405,9 @@ fn a_shortcut_is_tried_by_not_taking_it() {
 #[test]
 fn below_a_common_corner_one_triangle_of_four_is_above() {
     let [a, b, c, d] = [(-1., -1.), (1., -1.), (1., 1.), (-1., 1.)]
-        .map(|(x, y)| Vec3::new(x, y, 1.));
+        .map(|(x, y)| DVec3::new(x, y, 1.));
     let [lower, right, upper, left] =
-        [(a, b), (b, c), (c, d), (d, a)].map(|(p, q)| [p, q, Vec3::Z]);
+        [(a, b), (b, c), (c, d), (d, a)].map(|(p, q)| [p, q, DVec3::Z]);
     let ceiling = [lower, right, upper, left];
     assert_eq!(above(&ceiling, DVec3::ZERO), Ok(vec![3]));
 }
@@ -416,7 +416,7 @@ fn below_a_common_corner_one_triangle_of_four_is_above() {
 fn cube(n: u32) -> Vec<Triangle> {
     let place = |p: [u32; 3]| {
         let at = |i| 2. * f64::from(i) / f64::from(n) - 1.;
-        DVec3::from_array(p.map(at)).as_vec3()
+        DVec3::from_array(p.map(at))
     };
     let square = |axis: usize, side: u32, i: u32| {
         // Cut a square of a face in two
@@ -466,7 +466,7 @@ fn background(up: DVec3, triangles: &[Triangle]) -> BackgroundTiles {
     let view = View { position, target: DVec3::Y, up, fov };
     let camera = Camera::new(&view, 1.).unwrap();
     let faces = (0..triangles.len() as u32).collect();
-    let triangles = (triangles.to_vec(), faces);
+    let triangles = Triangles::apart(triangles, faces);
     let bvh = Bvh::of(triangles, Quality::Fast, Isa::best()).unwrap();
     BackgroundTiles::new(&camera, Sky::new(up), (64, 64), position, &bvh)
 }
@@ -484,7 +484,7 @@ fn a_rolled_horizon_leaves_nine_tiles_constant() {
 
 #[test]
 fn a_triangle_in_four_parts_is_seen_by_one_tile_less() {
-    let point = |(r, u)| Vec3::new(r, 4., u);
+    let point = |(r, u)| DVec3::new(r, 4., u);
     let corners = [(1., 1.), (2.8, 1.), (1., 2.8)];
     let [a, b, c] = corners.map(point);
     let [d, e, f] = [(b + c) / 2., (a + c) / 2., (a + b) / 2.];

@@ -248,7 +248,7 @@ fn rays_through_edges_and_vertices_of_a_closed_mesh_are_stopped() {
     let intersector = Bvh::new(&scene).unwrap();
     let mut random = Pcg64::seed_from_u64(4);
     for t in scene.triangles() {
-        let [a, b, _] = t.map(|corner| corner.as_dvec3());
+        let [a, b, _] = t;
         for s in [0., 0.5, random.random::<f64>()] {
             let aim = a + (b - a) * s;
             let origin = random_direction(&mut random) * 1000.;

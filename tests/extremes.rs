@@ -114,8 +114,9 @@ fn minus_zero_is_zero() {
     let (plain, other) = (read(common::ROOM), read(&negative));
     let scenes = [Scene::new(&plain), Scene::new(&other)];
     let bits = scenes.each_ref().map(|scene| {
-        let corners = scene.triangles().as_flattened().iter();
-        let bits = corners.map(|p| p.to_array().map(f32::to_bits));
+        let triangles = scene.triangles();
+        let corners = triangles.as_flattened().iter();
+        let bits = corners.map(|p| p.to_array().map(f64::to_bits));
         bits.collect::<Vec<_>>()
     });
     assert_eq!(bits[0], bits[1]);

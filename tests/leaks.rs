@@ -5,7 +5,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 
 use glam::DVec3;
-use litpt::bvh::{Bvh, Intersector, Isa, Quality};
+use litpt::bvh::{Bvh, Hit, Intersector, Isa, Quality};
+use litpt::numerics::cross;
 use litpt::sampler::cosine_direction;
 use litpt::scene::{Mesh, Ray, Scene};
 use litpt_book::solids::{self, Solid, rounded};
@@ -54,10 +55,11 @@ fn distance(&[a, b, c]: &[DVec3; 3], p: DVec3) -> f64 {
         let t = (p - a).dot(b - a) / (b - a).length_squared();
         (p - a - (b - a) * t.clamp(0., 1.)).length()
     };
-    let n = (b - a).cross(c - a);
+    // The ordinary product loses the direction of a needle.
+    let n = cross(b - a, c - a);
     let inside = [(a, b), (b, c), (c, a)]
         .iter()
-        .all(|&(q, r)| (r - q).cross(p - q).dot(n) >= 0.);
+        .all(|&(q, r)| cross(r - q, p - q).dot(n) >= 0.);
     match inside {
         true => (p - a).dot(n.normalize()).abs(),
         false => segment(a, b).min(segment(b, c)).min(segment(c, a)),
@@ -84,11 +86,29 @@ fn times_around(triangles: &[[DVec3; 3]], p: DVec3) -> i32 {
     triangles.iter().map(crossed).sum()
 }
 
+/// 2^-47 of the size of a triangle as seen from a point, which is at least
+/// `span` (chapter "The next origin").
+fn clear(t: &[DVec3; 3], span: f64, p: DVec3) -> f64 {
+    let far = t.map(|corner| (corner - p).abs().max_element());
+    let far = far.into_iter().fold(span, f64::max);
+    (1.125 * far + 0.125 * p.abs().max_element()) * 2f64.powi(-47)
+}
+
+/// Whether a hit is farther from all triangles than it is put off that
+/// which it has met, because another one is close.
+fn is_settled(triangles: &[[DVec3; 3]], ray: &Ray, hit: &Hit) -> bool {
+    let distances = triangles.iter().map(|t| (distance(t, hit.point), t));
+    let (height, &[a, b, c]) =
+        distances.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap();
+    let longest = (b - a).abs().max((c - a).abs()).max_element();
+    let span = hit.point.distance(ray.origin) + 2. * longest;
+    height > 1.3 * clear(&[a, b, c], span, ray.origin)
+}
+
 // Rays of random directions hardly ever come near to a second triangle; so
 // those of this test aim there, and bounce in the corner.
 #[test]
 fn hits_are_inside_and_clear_of_all_triangles() {
-    let clear = 0.35 / 2f64.powi(34);
     let all = solids::all().into_iter();
     let small = |solid: &Solid| solid.scene.triangles().len() < 1500;
     for Solid { name, scene, cameras } in all.filter(small) {
@@ -114,11 +134,12 @@ fn hits_are_inside_and_clear_of_all_triangles() {
                 let hit = hit.unwrap_or_else(|| panic!("{name}: {ray:?}"));
                 let around = times_around(&triangles, hit.point);
                 assert_ne!(around, 0, "{name}: {ray:?} {hit:?}");
-                let closest = triangles.iter();
-                let closest = closest.map(|t| distance(t, hit.point));
+                let closest = triangles.iter().map(|t| {
+                    distance(t, hit.point) / clear(t, 0., hit.point)
+                });
                 let closest = closest.fold(f64::MAX, f64::min);
-                assert!(closest >= clear, "{name}: {closest:e} {ray:?}");
-                settled += u32::from(closest > 1.3 * 2f64.powi(-34));
+                assert!(closest >= 0.35, "{name}: {closest:e} {ray:?}");
+                settled += u32::from(is_settled(&triangles, &ray, &hit));
                 let (r, turn) = (random.random(), random.random());
                 let direction = cosine_direction(hit.normal, r, turn);
                 // Not far, so that the corner is met again.

@@ -387,9 +387,10 @@ fn the_order_of_zeros_does_not_decide_the_sign_of_the_box() {
     let corner = |faces: &str| {
         let text = format!("v 1 0 -0\nv 0 1 0\nv 0 0 0\n{faces}");
         let scene = Scene::new(&read_obj(text.as_bytes()).unwrap());
-        let corners = scene.triangles();
-        let far = corners.iter().find(|p| p.x > p.y && p.x > 0.);
-        far.unwrap().to_array().map(f32::to_bits)
+        let triangles = scene.triangles();
+        let mut corners = triangles.as_flattened().iter();
+        let far = corners.find(|p| p.x > p.y && p.x > 0.);
+        far.unwrap().to_array().map(f64::to_bits)
     };
     let expected = corner("f 1 2 3\nf 3 2 1\n");
     for faces in ["f 3 2 1\nf 1 2 3\n", "f 1 2 3\n", "f 2 3 1\n"] {

@@ -53,7 +53,7 @@ fn nested(n: u32) -> Scene {
 fn nearest(scene: &Scene, ray: &Ray) -> f64 {
     let mut nearest = f64::INFINITY;
     for t in scene.triangles() {
-        let [a, b, c] = t.map(|corner| corner.as_dvec3() - ray.origin);
+        let [a, b, c] = t.map(|corner| corner - ray.origin);
         let normal = (b - a).cross(c - a);
         let distance = normal.dot(a) / normal.dot(ray.direction);
         let p = ray.direction * distance;

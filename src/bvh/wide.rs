@@ -8,15 +8,15 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! From the triangles of a scene to a tree with many children a node.
 //!
-//! Boxes are in the coordinates of the scene, in single precision, and
-//! larger by `PADDING` than what they hold. Node 0 is the root. Every
-//! other node and every leaf is the child of exactly one node.
+//! Boxes are in single precision, counted from the middle of a region,
+//! and padded. Node 0 is the root. Every other node and every leaf is
+//! the child of exactly one node, or what one gate leads to.
 
 // Name what the wide hierarchy imports
-use std::{fmt, io};
+use std::{fmt, io, mem};
 
 use bytemuck::{Pod, Zeroable};
-use glam::{DVec3, Vec3, Vec3A};
+use glam::{DVec3, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::node::Bvh2Node;
 use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
@@ -25,8 +25,11 @@ use obvhs::ploc::morton::morton_encode_u64_unorm;
 use rayon::prelude::*;
 
 use super::huge_pages::Pages;
-use super::triangle::{LANES, Leaf, Leaves, MOST, Room};
-use crate::scene::Triangle;
+use super::triangle::{
+    GATES, Gate, LANES, LEAF, Leaf, Leaves, Region, UNIT, leaf, slot,
+    slots, units, write,
+};
+use crate::scene::{Triangle, Triangles};
 
 // Choose how thoroughly to build
 /// How much work to put into a hierarchy.
@@ -88,20 +91,6 @@ pub struct Node<const N: usize> {
     /// Lanes from the farthest child to the nearest, for a ray in octant
     /// `k` in the four bits from bit 4k.
     pub order: [u32; N],
-}
-
-/// Marks the number of a child as that of a leaf.
-pub const LEAF: u32 = 1 << 31;
-
-/// The child that is a leaf of `count` triangles from slot `first`.
-fn leaf(first: u32, count: u32) -> u32 {
-    LEAF | (count - 1) << 29 | first
-}
-
-/// The first slot and the count of a child that is a leaf.
-#[inline(always)]
-pub fn slots(child: u32) -> (u32, usize) {
-    (child & ((1 << 29) - 1), (child >> 29 & 3) as usize + 1)
 }
 
 impl<const N: usize> Node<N> {
@@ -174,22 +163,64 @@ unsafe impl Pod for Node<16> {}
 const _: () = assert!(size_of::<Node<8>>() == 256);
 const _: () = assert!(size_of::<Node<16>>() == 512);
 
-// Build the binary tree
-/// By how much a triangle's box is enlarged on all sides.
-pub const PADDING: f32 = 1. / 128.;
+// Put triangles into boxes
+/// The corners of a triangle, as numbers of vertices, and its face.
+type Corners = ([u32; 3], u32);
 
-/// The leaf of a triangle, with its enlarged box.
-fn single(triangle: &Triangle, number: u32) -> Bvh2Node {
-    let [a, b, c] = triangle.map(Vec3A::from);
-    let padding = Vec3A::splat(PADDING);
-    let low = a.min(b).min(c) - padding;
-    let high = a.max(b).max(c) + padding;
-    Bvh2Node::new(Aabb::new(low, high), 1, number)
+/// Some triangles of a scene, and the region around them.
+struct Group<'a> {
+    vertices: &'a [DVec3],
+    corners: &'a [Corners],
+    region: Region,
 }
 
+/// The region of triangles.
+fn region(vertices: &[DVec3], corners: &[Corners]) -> Region {
+    let points = corners.iter().flat_map(|(three, _)| three);
+    let points = points.map(|&k| vertices[k as usize]);
+    let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    let (low, high) =
+        points.fold(none, |(low, high), p| (low.min(p), high.max(p)));
+    match low.x > high.x {
+        true => Region::NONE,
+        false => Region::between(low, high),
+    }
+}
+
+/// By how much the boxes of a region are enlarged on all sides: 2^-20 of
+/// its reach,
+const PADDING: f64 = 1. / (1 << 20) as f64;
+
+/// and 2^-48 of the coordinates of its middle,
+const PLACE: f64 = 1. / (1u64 << 48) as f64;
+
+/// and 2^-120, since single precision is coarse where it ends.
+const FLOOR: f64 = 1. / (1u128 << 120) as f64;
+
+impl Group<'_> {
+    fn triangle(&self, i: u32) -> Triangle {
+        self.corners[i as usize].0.map(|k| self.vertices[k as usize])
+    }
+
+    /// The leaf of a triangle, with its enlarged box.
+    fn single(&self, i: u32) -> Bvh2Node {
+        // Enclose a triangle in its region
+        let Region { zero, reach, .. } = self.region;
+        let place = |p: DVec3| Vec3A::from((p - zero).as_vec3());
+        let [a, b, c] = self.triangle(i).map(place);
+        let far = zero.abs().max_element();
+        let padding = PADDING * reach + PLACE * far + FLOOR;
+        let padding = Vec3A::splat(padding as f32);
+        let low = a.min(b).min(c) - padding;
+        let high = a.max(b).max(c) + padding;
+        Bvh2Node::new(Aabb::new(low, high), 1, i)
+    }
+}
+
+// Build the binary tree
 /// A binary tree over the triangles, one in each leaf. Node 0 is the
 /// root; the second child of a node follows its first.
-fn binary(triangles: &[Triangle], quality: Quality) -> Vec<Bvh2Node> {
+fn binary(group: &Group, quality: Quality) -> Vec<Bvh2Node> {
     // Turn the quality into numbers
     let (reach, early, parts): (_, _, &[f32]) = match quality {
         Quality::Fast => (6, 2, &[0.02]),
@@ -197,12 +228,12 @@ fn binary(triangles: &[Triangle], quality: Quality) -> Vec<Bvh2Node> {
         Quality::Thorough => (14, 1, &[1., 1.]),
     };
     // Begin with a leaf per triangle
-    let count = triangles.len();
-    let order = in_morton_order(triangles);
+    let count = group.corners.len();
+    let order = in_morton_order(group);
     let mut nodes = vec![Bvh2Node::default(); 2 * count - count.min(1)];
     let places = nodes[..count].par_iter_mut().zip(order);
     places.for_each(|(place, i)| {
-        *place = single(&triangles[i as usize], i);
+        *place = group.single(i);
     });
     let mut tree = join(nodes, reach, early);
     // Improve the binary tree
@@ -218,9 +249,9 @@ fn binary(triangles: &[Triangle], quality: Quality) -> Vec<Bvh2Node> {
 
 /// The numbers of the triangles, in the order of the middles of their
 /// boxes along Morton's curve.
-fn in_morton_order(triangles: &[Triangle]) -> Vec<u32> {
-    let leaf = |i: u32| single(&triangles[i as usize], i);
-    let numbers = (0..triangles.len() as u32).into_par_iter();
+fn in_morton_order(group: &Group) -> Vec<u32> {
+    let leaf = |i: u32| group.single(i);
+    let numbers = (0..group.corners.len() as u32).into_par_iter();
     let boxes = numbers.clone().map(|i| *leaf(i).aabb());
     let all = boxes.reduce(Aabb::empty, |a, b| a.union(&b));
     let (low, size) = (all.min.as_dvec3(), all.diagonal().as_dvec3());
@@ -340,12 +371,14 @@ struct Forest<const N: usize> {
     costs: [f32; N],
     /// How many trees it can be at most: min(n, N).
     most: usize,
+    /// How many triangles it has; more than `LANES` beyond a gate.
+    count: usize,
 }
 
 impl<const N: usize> Forest<N> {
-    /// That of a single triangle.
-    fn single(area: f32) -> Self {
-        Self { costs: [area; N], most: 1 }
+    /// That of a single triangle, or of a gate.
+    fn single(area: f32, count: usize) -> Self {
+        Self { costs: [area; N], most: 1, count }
     }
 
     // Join the forests of two children
@@ -362,7 +395,8 @@ impl<const N: usize> Forest<N> {
             choices.set(k, trees);
         }
         costs[0] = area + costs[most - 1];
-        if most <= LANES {
+        let count = left.count + right.count;
+        if count <= LANES {
             costs[0] = area;
             choices.set(1, 1);
         }
@@ -373,7 +407,7 @@ impl<const N: usize> Forest<N> {
                 choices.set(k, 0);
             }
         }
-        (Self { costs, most }, choices)
+        (Self { costs, most, count }, choices)
     }
 
     /// D(i, k), and the number of trees on the left that attains it.
@@ -423,7 +457,8 @@ fn cut<const N: usize>(tree: &[Bvh2Node]) -> Vec<Choices> {
         let node = &tree[i];
         let first = node.first_index as usize;
         if node.is_leaf() {
-            forests.push(Forest::single(area(node)));
+            let count = if gate(node).is_some() { LANES } else { 1 };
+            forests.push(Forest::single(area(node), count));
         } else if !is_second_visit {
             todo.extend([(i, true), (first + 1, false), (first, false)]);
         } else if let (Some(right), Some(left)) =
@@ -450,11 +485,11 @@ struct Plan {
     /// The wide nodes in the order of their numbers, and one more that
     /// marks the end.
     nodes: Vec<Planned>,
-    /// The binary nodes that become leaves, each with its first slot, and
-    /// one more that marks the end.
+    /// The binary nodes that become leaves or gates, each with its first
+    /// unit, and one more that marks the end.
     leaves: Vec<(u32, u32)>,
-    /// How many slots the leaves have.
-    slots: u32,
+    /// How many units the leaves take.
+    units: u32,
     /// The number of nodes on the longest way from the root.
     levels: usize,
 }
@@ -488,7 +523,7 @@ impl Plan {
             next += 1;
         }
         plan.nodes.push(plan.before_children(0));
-        plan.leaves.push((0, plan.slots));
+        plan.leaves.push((0, plan.units));
         plan
     }
 
@@ -507,7 +542,9 @@ impl Plan {
     ) {
         match choices.get(root as usize) {
             None => (),
-            Some(choice) if choice.is_leaf() => self.add_leaf(tree, root),
+            Some(choice) if choice.is_leaf() => {
+                self.add_leaf(tree, root);
+            }
             Some(_) => self.split(tree, choices, root, N),
         }
     }
@@ -548,10 +585,13 @@ impl Plan {
         }
     }
 
-    /// Makes the node `i` a leaf, with slots for its triangles.
+    /// Makes the node `i` a leaf, with units for its triangles, or a gate.
     fn add_leaf(&mut self, tree: &[Bvh2Node], i: u32) {
-        self.leaves.push((i, self.slots));
-        self.slots += gather(tree, i, &mut [0; LANES], 0) as u32;
+        self.leaves.push((i, self.units));
+        if gate(&tree[i as usize]).is_none() {
+            let count = gather(tree, i, &mut [0; LANES], 0);
+            self.units += units(count);
+        }
     }
 }
 
@@ -559,17 +599,17 @@ impl Plan {
 pub const STACK: usize = 1024;
 
 impl Plan {
-    /// Whether the stack of a traversal is sure to suffice, with one more
-    /// level above.
-    fn fits<const N: usize>(&self) -> bool {
-        (N - 1) * (self.levels + 1) + N <= STACK
+    /// Whether the stack of a traversal is sure to suffice, with so many
+    /// levels above.
+    fn fits<const N: usize>(&self, above: usize) -> bool {
+        N * (self.levels + above) + N <= STACK
     }
 }
 
 // Balance a tree that is too deep
 /// A tree of least depth over the same leaves in the same order.
 fn balance(tree: &[Bvh2Node]) -> Vec<Bvh2Node> {
-    let leaves = leaves(tree);
+    let leaves = leaves(tree, 0);
     let mut balanced = vec![Bvh2Node::default()];
     let mut todo = vec![(0, leaves.as_slice())];
     while let Some((i, leaves)) = todo.pop() {
@@ -599,10 +639,10 @@ fn enclose(tree: &mut [Bvh2Node]) {
     }
 }
 
-/// The leaves of a tree from left to right.
-fn leaves(tree: &[Bvh2Node]) -> Vec<Bvh2Node> {
+/// The leaves below node `i` from left to right.
+fn leaves(tree: &[Bvh2Node], i: usize) -> Vec<Bvh2Node> {
     let mut leaves = vec![];
-    let mut todo = vec![0];
+    let mut todo = vec![i];
     while let Some(i) = todo.pop() {
         let node = tree[i];
         let first = node.first_index as usize;
@@ -614,46 +654,91 @@ fn leaves(tree: &[Bvh2Node]) -> Vec<Bvh2Node> {
     leaves
 }
 
+// Cut small clusters off
+/// Subtrees that are smaller than this part of a region are built anew.
+const SMALL: f32 = 1. / 65536.;
+
+/// Gates lead to more triangles than this.
+const FEW: usize = 16;
+
+/// Leaves of the binary tree from this number on are gates.
+const CUT: u32 = 1 << 30;
+
+/// The number of a gate, from 0, if the node is one.
+fn gate(node: &Bvh2Node) -> Option<u32> {
+    node.is_leaf().then(|| node.first_index.checked_sub(CUT))?
+}
+
+/// Cuts up to `most` subtrees off that are small beside the region;
+/// returns their triangles.
+fn cut_off(
+    group: &Group,
+    tree: &mut [Bvh2Node],
+    most: usize,
+) -> Vec<Vec<Corners>> {
+    let extent = |node: &Bvh2Node| node.aabb().diagonal().max_element();
+    let limit = 2. * group.region.reach as f32 * SMALL;
+    let mut groups = vec![];
+    let mut todo = Vec::from_iter((!tree.is_empty()).then_some(0));
+    while let Some(i) = todo.pop() {
+        let node = tree[i];
+        let first = node.first_index as usize;
+        if node.is_leaf() || groups.len() == most {
+            continue;
+        } else if extent(&node) >= limit {
+            todo.extend([first + 1, first]);
+            continue;
+        }
+        // Put a gate in the place of a subtree
+        let below = leaves(tree, i);
+        if below.len() > FEW {
+            let number = CUT + groups.len() as u32;
+            let own = below.iter().map(|leaf| leaf.first_index as usize);
+            groups.push(own.map(|i| group.corners[i]).collect());
+            tree[i] = Bvh2Node::new(*node.aabb(), 1, number);
+        }
+    }
+    groups
+}
+
+/// Ways through gates that there can be.
+const WAYS: usize = (1 << 29) - GATES as usize;
+
 // Fill the nodes and leaves
 /// Scenes with more triangles are built in parts.
 const LARGE: usize = 1 << 17;
 
-/// Sorts the numbers of triangles into `parts` groups of neighbours, a
-/// power of two.
+/// Sorts triangles into `parts` groups of neighbours, a power of two.
 fn halve<'a>(
-    triangles: &[Triangle],
-    numbers: &'a mut [u32],
+    vertices: &[DVec3],
+    corners: &'a mut [Corners],
     parts: usize,
-) -> Vec<&'a mut [u32]> {
+) -> Vec<&'a mut [Corners]> {
     if parts == 1 {
-        return vec![numbers];
+        return vec![corners];
     }
     // Part the triangles at their median
-    let axis = widest(triangles, numbers);
-    let middle = |i: u32| twice_middle(&triangles[i as usize])[axis];
-    let half = numbers.len() / 2;
-    numbers.select_nth_unstable_by(half, |&i, &j| {
-        middle(i).total_cmp(&middle(j)).then(i.cmp(&j))
+    let twice_middle = |corners: &[u32; 3]| {
+        let [a, b, c] = corners.map(|k| vertices[k as usize]);
+        a.min(b).min(c) + a.max(b).max(c)
+    };
+    let axis = widest(corners.iter().map(|(three, _)| twice_middle(three)));
+    let half = corners.len() / 2;
+    corners.select_nth_unstable_by(half, |(i, _), (j, _)| {
+        let [p, q] = [i, j].map(|three| twice_middle(three)[axis]);
+        p.total_cmp(&q).then(i.cmp(j))
     });
-    let (left, right) = numbers.split_at_mut(half);
-    let mut groups = halve(triangles, left, parts / 2);
-    groups.extend(halve(triangles, right, parts / 2));
+    let (left, right) = corners.split_at_mut(half);
+    let mut groups = halve(vertices, left, parts / 2);
+    groups.extend(halve(vertices, right, parts / 2));
     groups
 }
 
-/// Twice the middle of a triangle's box.
-fn twice_middle([a, b, c]: &Triangle) -> Vec3 {
-    a.min(*b).min(*c) + a.max(*b).max(*c)
-}
-
-/// The axis in which the middles of triangles are spread most.
-fn widest(triangles: &[Triangle], numbers: &[u32]) -> usize {
-    let middles = numbers.iter().map(|&i| triangles[i as usize]);
-    let none = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-    let (low, high) = middles.fold(none, |(low, high), triangle| {
-        let middle = twice_middle(&triangle);
-        (low.min(middle), high.max(middle))
-    });
+/// The axis in which points are spread most.
+fn widest(points: impl Iterator<Item = DVec3>) -> usize {
+    let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    let (low, high) =
+        points.fold(none, |(low, high), p| (low.min(p), high.max(p)));
     (high - low).max_position()
 }
 
@@ -662,6 +747,10 @@ pub struct Wide<const N: usize> {
     /// Node 0 is the root. The numbers in `children` are valid.
     pub nodes: Pages<Node<N>>,
     pub leaves: Leaves,
+    /// Each with the way back after it.
+    pub gates: Vec<Gate>,
+    /// That of all triangles.
+    pub region: Region,
 }
 
 impl<const N: usize> Wide<N>
@@ -672,72 +761,52 @@ where
     /// Builds the tree of triangles, on all threads.
     ///
     /// # Errors
-    /// The system has not enough memory, or there are more than `MOST`
-    /// triangles.
-    pub fn new(
-        triangles: Vec<Triangle>,
-        quality: Quality,
-    ) -> io::Result<Self> {
-        let count = triangles.len();
+    /// The system has not enough memory, or there are too many triangles.
+    pub fn new(triangles: Triangles, quality: Quality) -> io::Result<Self> {
+        let Triangles { vertices, corners, faces } = triangles;
+        let mut corners: Vec<_> = corners.into_iter().zip(faces).collect();
+        let region = region(&vertices, &corners);
+        let room = UNIT * units(1) as usize * corners.len();
         // Divide the triangles into groups
-        if count > MOST {
-            return Err(io::Error::other("too many triangles"));
-        }
-        let mut numbers: Vec<u32> = (0..count as u32).collect();
-        let parts = if count > LARGE { N } else { 1 };
-        let groups = halve(&triangles, &mut numbers, parts);
-        let gathered = gathered(&triangles, &groups)?;
-        drop(triangles);
-        let mut leaves = Leaves::with_room(count)?;
+        let parts = if corners.len() > LARGE { N } else { 1 };
+        let groups = halve(&vertices, &mut corners, parts);
+        let groups = groups.into_iter().map(|group| group.to_vec());
+        let groups: Vec<_> = groups.collect();
+        drop(corners);
+        // Begin with nothing built
+        let above = usize::from(parts > 1);
+        let mut built = Built {
+            quality,
+            vertices: &vertices,
+            nodes: vec![],
+            next: above as u32,
+            words: Pages::zeroed(room)?,
+            units: 0,
+            gates: vec![],
+        };
         // Build the parts one after the other
-        let mut room = leaves.room();
         let mut top = Node::EMPTY;
-        let (mut first_node, mut first_slot) = (u32::from(parts > 1), 0);
-        let mut nodes = vec![];
-        for (lane, (group, own)) in groups.iter().zip(gathered).enumerate()
-        {
-            // Build one part in its place
-            let part = Part::new::<N>(group, &own, quality);
-            if let (true, Some(root)) = (parts > 1, part.tree.first()) {
-                top.set(lane, root, first_node);
+        for (lane, group) in groups.into_iter().enumerate() {
+            let first = built.next;
+            let root = built.add(&group, region, above)?;
+            if let (true, Some(root)) = (parts > 1, root) {
+                top.set(lane, &root, first);
             }
-            part.fill(room.take(group.len()), &own);
-            drop(own);
-            nodes.push(part.nodes(first_node, first_slot)?);
-            first_node += nodes[lane].len() as u32;
-            first_slot += group.len() as u32;
         }
         if parts > 1 {
             top.sort();
-            nodes.insert(0, Pages::zeroed(1)?);
-            nodes[0][0] = top;
+            built.nodes.insert(0, Pages::zeroed(1)?);
+            built.nodes[0][0] = top;
         }
-        Ok(Self { nodes: joined(nodes)?, leaves })
+        let Built { nodes, words, gates, .. } = built;
+        let leaves = Leaves { words };
+        Ok(Self { nodes: joined(nodes)?, leaves, gates, region })
     }
 }
 
-/// The triangles of each group, in its order.
-fn gathered(
-    triangles: &[Triangle],
-    groups: &[&mut [u32]],
-) -> io::Result<Vec<Pages<Triangle>>> {
-    let gather = |group: &&mut [u32]| {
-        let mut own: Pages<Triangle> = Pages::zeroed(group.len())?;
-        let places = own.par_iter_mut().zip(group.par_iter());
-        places.for_each(|(place, &i)| *place = triangles[i as usize]);
-        Ok(own)
-    };
-    groups.iter().map(gather).collect()
-}
-
-/// The nodes of all parts in one array; a part is given back when it
+/// The elements of all parts in one array; a part is given back when it
 /// is copied.
-fn joined<const N: usize>(
-    mut parts: Vec<Pages<Node<N>>>,
-) -> io::Result<Pages<Node<N>>>
-where
-    Node<N>: Pod,
-{
+fn joined<T: Pod>(mut parts: Vec<Pages<T>>) -> io::Result<Pages<T>> {
     if parts.len() == 1 {
         return Ok(parts.remove(0));
     }
@@ -752,46 +821,100 @@ where
     Ok(all)
 }
 
-/// A part of a scene, ready to become nodes and leaves.
-struct Part<'a> {
-    /// The number of each triangle in the scene.
-    group: &'a [u32],
-    tree: Vec<Bvh2Node>,
-    plan: Plan,
+/// The parts of a hierarchy that have been built.
+struct Built<'a, const N: usize> {
+    quality: Quality,
+    vertices: &'a [DVec3],
+    /// The nodes of each.
+    nodes: Vec<Pages<Node<N>>>,
+    /// The number of the node that comes next.
+    next: u32,
+    /// The leaves, with room for as many as there may be.
+    words: Pages<u32>,
+    /// How many units of them are filled.
+    units: u32,
+    gates: Vec<Gate>,
 }
 
-impl<'a> Part<'a> {
-    fn new<const N: usize>(
-        group: &'a [u32],
-        triangles: &[Triangle],
-        quality: Quality,
-    ) -> Self {
-        let mut tree = binary(triangles, quality);
+impl<const N: usize> Built<'_, N>
+where
+    Node<N>: Pod,
+{
+    /// Builds the tree over a group of triangles with so many levels
+    /// above, and the trees beyond its gates. Returns its root; none of
+    /// an empty group.
+    fn add(
+        &mut self,
+        corners: &[Corners],
+        region: Region,
+        above: usize,
+    ) -> io::Result<Option<Bvh2Node>> {
+        let group = Group { vertices: self.vertices, corners, region };
+        let mut tree = binary(&group, self.quality);
+        let root = tree.first().copied();
+        let most = (WAYS - self.gates.len()) / 2;
+        let groups = cut_off(&group, &mut tree, most);
         // Plan for the size of the stack
         let mut plan = Plan::new::<N>(&tree);
-        if !plan.fits::<N>() {
+        if !plan.fits::<N>(above) {
             tree = balance(&tree);
             plan = Plan::new::<N>(&tree);
-            assert!(plan.fits::<N>(), "a balanced tree is too deep");
         }
-        Self { group, tree, plan }
+        if !plan.fits::<N>(above) {
+            return Err(io::Error::other("clusters are nested too deeply"));
+        }
+        // Fill the nodes and leaves of a part
+        let gates = self.gates.len();
+        let part = Part { group: &group, tree: &tree, gates: gates as u32 };
+        let first = self.units;
+        self.units = first
+            .checked_add(plan.units)
+            .filter(|&units| units < GATES)
+            .ok_or_else(|| io::Error::other("too many triangles"))?;
+        let nodes = part.nodes::<N>(&plan, self.next, first)?;
+        self.next += nodes.len() as u32;
+        self.nodes.push(nodes);
+        let range = UNIT * first as usize..UNIT * self.units as usize;
+        part.leaves(&plan, &mut self.words[range]);
+        // Build what is beyond the gates
+        let above = above + plan.levels;
+        let back = Gate { region, node: None };
+        self.gates.resize(gates + 2 * groups.len(), back);
+        for (number, corners) in groups.into_iter().enumerate() {
+            let region = self::region(self.vertices, &corners);
+            let node = Some(self.next);
+            self.gates[gates + 2 * number] = Gate { region, node };
+            self.add(&corners, region, above)?;
+        }
+        Ok(root)
     }
+}
 
+/// A group with its tree, ready to become nodes and leaves.
+struct Part<'a> {
+    group: &'a Group<'a>,
+    tree: &'a [Bvh2Node],
+    /// The number of the first gate.
+    gates: u32,
+}
+
+impl Part<'_> {
     // Fill the nodes of a part
     /// The nodes, of which the first has the number `node`; the leaves
-    /// begin with slot `slot`.
+    /// begin with unit `unit`.
     fn nodes<const N: usize>(
         &self,
+        plan: &Plan,
         node: u32,
-        slot: u32,
+        unit: u32,
     ) -> io::Result<Pages<Node<N>>>
     where
         Node<N>: Pod,
     {
-        let pairs = self.plan.nodes.par_windows(2);
+        let pairs = plan.nodes.par_windows(2);
         let mut nodes: Pages<Node<N>> = Pages::zeroed(pairs.len())?;
         nodes.par_iter_mut().zip(pairs).for_each(|(place, pair)| {
-            *place = self.node(&pair[0], &pair[1], node, slot);
+            *place = self.node(plan, [&pair[0], &pair[1]], node, unit);
         });
         Ok(nodes)
     }
@@ -799,20 +922,23 @@ impl<'a> Part<'a> {
     /// The node `this`; `next` follows it.
     fn node<const N: usize>(
         &self,
-        this: &Planned,
-        next: &Planned,
+        plan: &Plan,
+        [this, next]: [&Planned; 2],
         first_node: u32,
-        first_slot: u32,
+        first_unit: u32,
     ) -> Node<N> {
         // Count off the children of this node
-        let Plan { nodes, leaves, .. } = &self.plan;
+        let Plan { nodes, leaves, .. } = plan;
         let nodes = (this.first_node..next.first_node).map(|number| {
             (nodes[number as usize].root, first_node + number)
         });
-        let range = this.first_leaf as usize..=next.first_leaf as usize;
-        let leaves = leaves[range].windows(2).map(|pair| {
-            let [(root, first), (_, end)] = [pair[0], pair[1]];
-            (root, leaf(first_slot + first, end - first))
+        let range = this.first_leaf as usize..next.first_leaf as usize;
+        let leaves = leaves[range].iter().map(|&(root, first)| {
+            let child = match gate(&self.tree[root as usize]) {
+                Some(gate) => leaf(GATES + self.gates + 2 * gate, 1),
+                None => leaf(first_unit + first, self.count(root)),
+            };
+            (root, child)
         });
         let mut node = Node::EMPTY;
         for (lane, (root, child)) in nodes.chain(leaves).enumerate() {
@@ -822,32 +948,52 @@ impl<'a> Part<'a> {
         node
     }
 
+    /// How many triangles a leaf has.
+    fn count(&self, root: u32) -> usize {
+        gather(self.tree, root, &mut [0; LANES], 0)
+    }
+
     // Fill the leaves of a part
-    /// Puts the triangles of the group into their slots.
-    fn fill(&self, mut room: Room, triangles: &[Triangle]) {
-        let leaves = &self.plan.leaves;
+    /// Writes the leaves, without the gates.
+    fn leaves(&self, plan: &Plan, words: &mut [u32]) {
+        let mut rest = words;
+        let leaves = &plan.leaves;
         // Cut off a room for each stretch of leaves
         let starts = (0..leaves.len() - 1).step_by(STRETCH);
         let stretches = starts.map(|start| {
             let end = (start + STRETCH).min(leaves.len() - 1);
-            let length = leaves[end].1 - leaves[start].1;
-            (&leaves[start..=end], room.take(length as usize))
+            let length = UNIT * (leaves[end].1 - leaves[start].1) as usize;
+            let (own, others) = mem::take(&mut rest).split_at_mut(length);
+            rest = others;
+            (&leaves[start..=end], own)
         });
         let stretches: Vec<_> = stretches.collect();
-        stretches.into_par_iter().for_each(|(leaves, mut room)| {
+        stretches.into_par_iter().for_each(|(leaves, words)| {
             for pair in leaves.windows(2) {
                 let [(root, first), (_, end)] = [pair[0], pair[1]];
-                let mut room = room.take((end - first) as usize);
-                // Fill the room of a leaf
-                let mut numbers = [0; LANES];
-                let count = gather(&self.tree, root, &mut numbers, 0);
-                let mut own = numbers.map(|i| {
-                    (self.group[i as usize], triangles[i as usize])
-                });
-                own[..count].sort_unstable_by_key(|&(number, _)| number);
-                room.fill(&own[..count]);
+                let [first, end] = [first, end]
+                    .map(|unit| UNIT * (unit - leaves[0].1) as usize);
+                if first < end {
+                    self.write(root, &mut words[first..end]);
+                }
             }
         });
+    }
+
+    /// Writes the triangles of a leaf, in an order that does not depend on
+    /// the tree.
+    fn write(&self, root: u32, words: &mut [u32]) {
+        let mut numbers = [0; LANES];
+        let count = gather(self.tree, root, &mut numbers, 0);
+        let corners = self.group.corners;
+        let mut own = [(0, [DVec3::ZERO; 3]); LANES];
+        for (own, &i) in own.iter_mut().zip(&numbers[..count]) {
+            *own = (corners[i as usize].1, self.group.triangle(i));
+        }
+        own[..count].sort_unstable_by_key(|(face, corners)| {
+            (*face, corners.map(|p| p.to_array().map(f64::to_bits)))
+        });
+        write(words, &own[..count]);
     }
 }
 
@@ -884,23 +1030,32 @@ where
         enters: &impl Fn(DVec3, DVec3) -> bool,
         asked: &impl Fn(&Leaf, (usize, u32), &[DVec3; 3]) -> bool,
     ) -> bool {
-        self.any_below(0, enters, asked)
+        self.any_below((0, self.region), enters, asked)
     }
 
     // Descend into the boxes that matter
     fn any_below(
         &self,
-        child: u32,
+        (child, region): (u32, Region),
         enters: &impl Fn(DVec3, DVec3) -> bool,
         asked: &impl Fn(&Leaf, (usize, u32), &[DVec3; 3]) -> bool,
     ) -> bool {
         if child & LEAF != 0 {
             // Ask about each triangle of the leaf
             let (first, count) = slots(child);
-            // SAFETY: children with the bit LEAF are leaves that are there.
+            if first >= GATES {
+                // Go on beyond the gate
+                let gate = (first - GATES) as usize;
+                let Gate { region, node } = self.gates[gate];
+                return node.is_some_and(|root| {
+                    self.any_below((root, region), enters, asked)
+                });
+            }
+            // SAFETY: leaves that are no gates are leaves that are there.
             let leaf = unsafe { self.leaves.leaf(first, count) };
-            return (0..count).zip(first..).any(|(lane, slot)| {
-                asked(&leaf, (lane, slot), &leaf.triangle(lane as u32))
+            return (0..count as u32).any(|lane| {
+                let place = (lane as usize, slot(first, lane));
+                asked(&leaf, place, &leaf.triangle(lane))
             });
         }
         let nodes: &[Node<N>] = &self.nodes;
@@ -908,8 +1063,12 @@ where
         (0..N).any(|lane| {
             let (low, high) = node.bounds(lane);
             low.x <= high.x
-                && enters(low, high)
-                && self.any_below(node.children[lane], enters, asked)
+                && enters(low + region.zero, high + region.zero)
+                && self.any_below(
+                    (node.children[lane], region),
+                    enters,
+                    asked,
+                )
         })
     }
 
@@ -918,13 +1077,12 @@ where
     pub fn triangles(&self) -> impl Iterator<Item = (u32, Triangle)> {
         let children = self.nodes.iter().flat_map(|node| node.children);
         let leaves = children.filter(|child| child & LEAF != 0).map(slots);
+        let leaves = leaves.filter(|leaf| leaf.0 < GATES);
         leaves.flat_map(|(first, count)| {
-            // SAFETY: children with the bit LEAF are leaves that are there.
+            // SAFETY: leaves that are no gates are leaves that are there.
             let leaf = unsafe { self.leaves.leaf(first, count) };
-            let corners = move |lane| {
-                leaf.triangle(lane).map(|corner| corner.as_vec3())
-            };
-            (first..).zip((0..count as u32).map(corners))
+            (0..count as u32)
+                .map(move |lane| (slot(first, lane), leaf.triangle(lane)))
         })
     }
 }

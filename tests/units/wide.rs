@@ -6,7 +6,7 @@
 
 use super::*;
 use crate::scene::{Mesh, Scene};
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -41,18 +41,29 @@ fn scene(triangles: Vec<[DVec3; 3]>) -> Scene {
     })
 }
 
+/// Clusters of ever smaller triangles, one in the other.
+fn clusters() -> Scene {
+    let mut random = Pcg64::seed_from_u64(11);
+    let triangle = |i: i32| {
+        let size = 1e-6f64.powi(i / 50);
+        let p = point(&mut random) * size;
+        [0; 3].map(|_| p + point(&mut random) * size)
+    };
+    scene((0..200).map(triangle).collect())
+}
+
 fn scenes() -> impl Iterator<Item = Scene> {
     // The last is large enough to be built in parts.
     let sizes = [0, 1, 4, 5, 16, 17, 65, 3000, LARGE + 1];
-    sizes.into_iter().map(soup).chain([nested(2000)])
+    sizes.into_iter().map(soup).chain([nested(2000), clusters()])
 }
 
 fn wide<const N: usize>(scene: &Scene) -> Wide<N>
 where
     Node<N>: Pod,
 {
-    let triangles = scene.triangles().to_vec();
-    Wide::new(triangles, Quality::Fast).expect("memory for a test")
+    Wide::new(scene.indexed().clone(), Quality::Fast)
+        .expect("memory for a test")
 }
 
 // Test that each triangle has a lane
@@ -61,28 +72,34 @@ where
     Node<N>: Pod,
 {
     let wide = wide::<N>(scene);
-    let mut seen = vec![0; scene.triangles().len()];
+    let triangles = scene.triangles();
+    let mut seen = vec![0; triangles.len()];
     for (first, count) in leaf_children(&wide) {
-        for slot in first..first + count as u32 {
-            let number = wide.leaves.number(slot) as usize;
-            seen[number] += 1;
+        for lane in 0..count as u32 {
             // SAFETY: the child is a leaf.
             let leaf = unsafe { wide.leaves.leaf(first, count) };
-            let corners = leaf.triangle(slot - first);
-            let expected = scene.triangles()[number];
-            assert_eq!(corners, expected.map(|corner| corner.as_dvec3()));
+            let faces = &scene.indexed().faces;
+            let number = faces.binary_search(&leaf.face(lane));
+            let number = number.expect("a face of the scene");
+            seen[number] += 1;
+            let corners = leaf.triangle(lane);
+            assert_eq!(corners, triangles[number]);
+            let slot = slot(first, lane);
+            assert_eq!(wide.leaves.triangle(slot), corners);
+            assert_eq!(wide.leaves.face(slot), leaf.face(lane));
         }
     }
     assert!(seen.iter().all(|&times| times == 1));
 }
 
-/// The first slot and the count of each leaf.
+/// The first unit and the count of each leaf, gates excepted.
 fn leaf_children<const N: usize>(wide: &Wide<N>) -> Vec<(u32, usize)>
 where
     Node<N>: Pod,
 {
     let children = wide.nodes.iter().flat_map(|node| node.children);
-    children.filter(|child| child & LEAF != 0).map(slots).collect()
+    let leaves = children.filter(|child| child & LEAF != 0).map(slots);
+    leaves.filter(|leaf| leaf.0 < GATES).collect()
 }
 
 #[test]
@@ -101,6 +118,11 @@ where
     let wide = wide::<N>(scene);
     let mut nodes = vec![0; wide.nodes.len()];
     nodes[0] = 1;
+    let mut ways = vec![0; wide.gates.len()];
+    for (i, way) in wide.gates.iter().enumerate() {
+        assert_eq!(way.node.is_some(), i % 2 == 0);
+        way.node.into_iter().for_each(|root| nodes[root as usize] += 1);
+    }
     for node in &*wide.nodes {
         for (lane, &child) in node.children.iter().enumerate() {
             let occupied = node.planes[0][lane].is_finite();
@@ -109,12 +131,18 @@ where
             } else {
                 let (first, count) = slots(child);
                 assert!(occupied && count <= LANES);
-                let end = first as usize + count;
-                assert!(end <= scene.triangles().len());
+                if first >= GATES {
+                    ways[(first - GATES) as usize] += 1;
+                    continue;
+                }
+                let end = UNIT * (first + units(count)) as usize;
+                assert!(end <= wide.leaves.words.len());
             }
         }
     }
     assert!(nodes.iter().all(|&parents| parents == 1));
+    assert!(ways.iter().step_by(2).all(|&parents| parents == 1));
+    assert!(ways.iter().skip(1).step_by(2).all(|&parents| parents == 0));
 }
 
 #[test]
@@ -135,29 +163,63 @@ fn holds(outer: &Aabb, inner: &Aabb) -> bool {
     outer.min.cmple(inner.min).all() && outer.max.cmpge(inner.max).all()
 }
 
+/// The box of a triangle, counted from the middle of a region, with its
+/// padding.
+fn padded(triangle: &Triangle, region: Region) -> Aabb {
+    let corners = [([0, 1, 2], 0)];
+    let (vertices, corners) = (&triangle[..], &corners[..]);
+    *Group { vertices, corners, region }.single(0).aabb()
+}
+
+/// The triangles below a child, after a check that `outer` holds them
+/// all.
+fn check_box<const N: usize>(
+    wide: &Wide<N>,
+    child: u32,
+    region: Region,
+    outer: Option<&Aabb>,
+) -> Vec<Triangle>
+where
+    Node<N>: Pod,
+{
+    let inside = |inner: &Aabb| outer.is_none_or(|o| holds(o, inner));
+    if child & LEAF == 0 {
+        let node = &wide.nodes[child as usize];
+        let lanes = (0..N).filter(|&i| node.planes[0][i].is_finite());
+        let below = lanes.flat_map(|i| {
+            let own = lane(node, i);
+            assert!(inside(&own));
+            check_box(wide, node.children[i], region, Some(&own))
+        });
+        return below.collect();
+    }
+    let (first, count) = slots(child);
+    let triangles: Vec<_> = if first >= GATES {
+        let way = wide.gates[(first - GATES) as usize];
+        let root = way.node.expect("a way in");
+        check_box(wide, root, way.region, None)
+    } else {
+        // SAFETY: the child is a leaf.
+        let leaf = unsafe { wide.leaves.leaf(first, count) };
+        (0..count as u32).map(|lane| leaf.triangle(lane)).collect()
+    };
+    assert!(triangles.iter().all(|t| inside(&padded(t, region))));
+    triangles
+}
+
 fn check_boxes<const N: usize>(scene: &Scene)
 where
     Node<N>: Pod,
 {
     let wide = wide::<N>(scene);
-    for (node, i) in
-        wide.nodes.iter().flat_map(|node| (0..N).map(move |i| (node, i)))
-    {
-        let (outer, child) = (lane(node, i), node.children[i]);
-        if outer.min.x.is_infinite() {
-            assert_eq!(outer.max, Vec3A::NEG_INFINITY);
-        } else if child & LEAF == 0 {
-            let below = &wide.nodes[child as usize];
-            assert!((0..N).all(|j| holds(&outer, &lane(below, j))));
-        } else {
-            let (first, count) = slots(child);
-            for slot in first..first + count as u32 {
-                let number = wide.leaves.number(slot) as usize;
-                let triangle = single(&scene.triangles()[number], 0);
-                assert!(holds(&outer, triangle.aabb()));
-            }
+    for node in &*wide.nodes {
+        let empty = (0..N).filter(|&i| node.planes[0][i].is_infinite());
+        for i in empty {
+            assert_eq!(lane(node, i).max, Vec3A::NEG_INFINITY);
         }
     }
+    let all = check_box(&wide, 0, wide.region, None);
+    assert_eq!(all.len(), scene.triangles().len());
 }
 
 #[test]
@@ -170,10 +232,35 @@ fn a_box_holds_the_padded_boxes_of_all_that_is_below() {
 
 #[test]
 fn the_padding_is_not_lost_in_rounding() {
-    let far = Vec3::splat(8193.);
-    let bounds = *single(&[far, -far, far], 0).aabb();
-    assert_eq!(bounds.max - Vec3A::from(far), Vec3A::splat(PADDING));
-    assert_eq!(bounds.min + Vec3A::from(far), Vec3A::splat(-PADDING));
+    let far = DVec3::splat(1e6);
+    for (zero, reach) in
+        [(DVec3::ZERO, 8192.), (far, 1.), (far, 1e-9), (DVec3::ZERO, 0.)]
+    {
+        let region = Region::between(zero - reach, zero + reach);
+        let corner = region.zero + region.reach;
+        let bounds = padded(&[corner; 3], region);
+        let place = region.zero.abs().max_element();
+        let margin = 14. * 2f64.powi(-24) * region.reach
+            + 2f64.powi(-48) * place
+            - 2f64.powi(-40) * region.reach
+            - 2f64.powi(-68) * place;
+        let low = corner - region.zero - bounds.min.as_dvec3();
+        let high = bounds.max.as_dvec3() + region.zero - corner;
+        let rounded = 2f64.powi(-52) * place;
+        assert!(low.min_element() >= margin && low.min_element() > 0.);
+        assert!(high.min_element() >= margin - rounded);
+    }
+}
+
+#[test]
+fn clusters_within_clusters_are_regions_of_their_own() {
+    let wide = wide::<8>(&clusters());
+    let reach = |way: &Gate| way.region.reach;
+    let inner: Vec<_> = wide.gates.iter().step_by(2).map(reach).collect();
+    let part = 2f64.powi(-16) * wide.region.reach;
+    assert!(inner.iter().all(|&reach| reach < part));
+    let least = inner.into_iter().fold(f64::INFINITY, f64::min);
+    assert!(least < 2f64.powi(-48) * wide.region.reach, "{least}");
 }
 
 // Test that orders are permutations
@@ -300,6 +387,14 @@ where
         {
             levels[child as usize] = levels[i] + 1;
         }
+        let gates = node.children.iter().filter(|&&c| c & LEAF != 0);
+        for (first, _) in gates.map(|&c| slots(c)) {
+            if first >= GATES {
+                let way = wide.gates[(first - GATES) as usize];
+                let root = way.node.expect("a way in");
+                levels[root as usize] = levels[i] + 1;
+            }
+        }
     }
     levels.into_iter().max().unwrap_or(0)
 }
@@ -309,22 +404,26 @@ where
     Node<N>: Pod,
 {
     let scene = nested(2000);
-    let deep = chain(scene.triangles());
+    let deep = chain(&scene);
     let plan = Plan::new::<N>(&deep);
-    assert!(!plan.fits::<N>(), "{}", plan.levels);
-    assert!(Plan::new::<N>(&balance(&deep)).fits::<N>());
+    assert!(!plan.fits::<N>(0), "{}", plan.levels);
+    assert!(Plan::new::<N>(&balance(&deep)).fits::<N>(0));
     let wide = wide::<N>(&scene);
-    assert!((N - 1) * levels(&wide) + N <= STACK);
+    assert!(N * levels(&wide) + N <= STACK);
 }
 
 /// A tree with one triangle on one side of each node, and all that come
 /// after it on the other.
-fn chain(triangles: &[Triangle]) -> Vec<Bvh2Node> {
+fn chain(scene: &Scene) -> Vec<Bvh2Node> {
+    let Triangles { vertices, corners, .. } = scene.indexed();
+    let corners: Vec<_> = corners.iter().map(|&c| (c, 0)).collect();
+    let region = region(vertices, &corners);
+    let group = Group { vertices, corners: &corners, region };
     let mut tree = vec![Bvh2Node::default()];
-    for (i, triangle) in (0..).zip(triangles) {
+    for i in 0..corners.len() as u32 {
         let last = tree.len() - 1;
-        let leaf = single(triangle, i);
-        if i as usize + 1 == triangles.len() {
+        let leaf = group.single(i);
+        if i as usize + 1 == corners.len() {
             tree[last] = leaf;
         } else {
             tree[last].make_inner(last as u32 + 1);

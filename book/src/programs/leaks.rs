@@ -60,12 +60,17 @@ pub fn run(arguments: &[String]) -> Done {
 /// The distance of a ray to a triangle.
 type Test = fn(&Ray, &[Vec3; 3]) -> Option<f64>;
 
+/// The corners in single precision.
+fn single(corners: [DVec3; 3]) -> [Vec3; 3] {
+    corners.map(|corner| corner.as_vec3())
+}
+
 /// A closed surface around the origin.
 struct Solid {
     scene: Scene,
     intersector: Bvh,
     /// The triangles around each corner.
-    around: HashMap<[u32; 3], Vec<usize>>,
+    around: HashMap<[u64; 3], Vec<usize>>,
 }
 
 impl Solid {
@@ -75,7 +80,7 @@ impl Solid {
         let mut around: HashMap<_, Vec<_>> = HashMap::new();
         for (i, triangle) in scene.triangles().iter().enumerate() {
             for corner in triangle {
-                let key = corner.to_array().map(f32::to_bits);
+                let key = corner.to_array().map(f64::to_bits);
                 around.entry(key).or_default().push(i);
             }
         }
@@ -106,7 +111,7 @@ impl Solid {
         let mut misses = [0; 3];
         for _ in 0..n {
             let chosen = random.random_range(0..triangles.len());
-            let [a, b, _] = triangles[chosen].map(|c| c.as_dvec3());
+            let [a, b, _] = triangles[chosen];
             let s = if at_edges { random.random() } else { 0. };
             let mut one = || 1000. * (random.random::<f64>() - 0.5);
             let origin = DVec3::new(one(), one(), one());
@@ -114,11 +119,11 @@ impl Solid {
             let ray = Ray { origin, direction };
             let near = [0, 1].map(|c| {
                 let corner = triangles[chosen][c].to_array();
-                &self.around[&corner.map(f32::to_bits)]
+                &self.around[&corner.map(f64::to_bits)]
             });
             let met = |test: Test| {
                 let mut near = near.iter().copied().flatten();
-                near.any(|&i| test(&ray, &triangles[i]).is_some())
+                near.any(|&i| test(&ray, &single(triangles[i])).is_some())
             };
             misses[0] += u64::from(!met(moller_trumbore));
             misses[1] += u64::from(!met(masked));
@@ -135,11 +140,10 @@ impl Solid {
             let all = triangles.iter().zip(0..);
             let others = all.filter(|(_, i)| Some(*i) != from);
             let met = others
-                .filter_map(|(t, i)| Some((test(ray, t)?, i)))
+                .filter_map(|(t, i)| Some((test(ray, &single(*t))?, i)))
                 .min_by(|a, b| a.0.total_cmp(&b.0));
             met.map(|(distance, primitive)| {
-                let corners = triangles[primitive as usize];
-                let [a, b, c] = corners.map(|c| c.as_dvec3());
+                let [a, b, c] = triangles[primitive as usize];
                 let normal = (b - a).cross(c - a).normalize();
                 let away = normal.dot(ray.direction) > 0.;
                 let normal = if away { -normal } else { normal };

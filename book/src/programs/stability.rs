@@ -101,7 +101,10 @@ fn leaks(
     few: u64,
 ) -> Result<[u64; 2], Box<dyn Error>> {
     let intersector = Bvh::new(&solid.scene)?;
-    let single = SinglePrecision::new(solid.scene.triangles());
+    let corners = solid.scene.triangles().into_iter();
+    let corners: Vec<_> =
+        corners.map(|t| t.map(|corner| corner.as_vec3())).collect();
+    let single = SinglePrecision::new(&corners);
     let ours = |seed| intersector.dispatch(Starts { solid, seed, paths });
     let theirs = |i| {
         let mut random = Pcg64Mcg::seed_from_u64(i);

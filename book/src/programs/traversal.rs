@@ -338,7 +338,8 @@ impl Embree {
                 buffer(geometry, VERTEX, 0, FLOAT3, 12, 3 * count);
             let indices = buffer(geometry, INDEX, 0, UINT3, 12, count);
             for (i, triangle) in triangles.iter().enumerate() {
-                let corners = triangle.map(|corner| corner.to_array());
+                let corners =
+                    triangle.map(|corner| corner.as_vec3().to_array());
                 vertices.cast::<[[f32; 3]; 3]>().add(i).write(corners);
                 let numbers = [0, 1, 2].map(|k| 3 * i as u32 + k);
                 indices.cast::<[u32; 3]>().add(i).write(numbers);
