@@ -266,7 +266,7 @@ impl Arrival<'_> {
         Node<N>: Pod,
     {
         let far = point.abs() + 2. * (point - self.ray.origin).abs();
-        let around = far.max_element().max(self.own.size) * AROUND;
+        let around = (far.max_element() * AROUND).max(self.around());
         let (least, most) = (point - around, point + around);
         let holds = |low: DVec3, high: DVec3| {
             (low.cmple(most) & least.cmple(high)).all()
@@ -281,7 +281,13 @@ impl Arrival<'_> {
         let (least, greatest) = (a.min(b).min(c), a.max(b).max(c));
         let beyond = (least - point).max(point - greatest);
         let size = self.margins(corners, point).size;
-        beyond.max_element() <= AROUND * size.max(self.own.size)
+        beyond.max_element() <= (AROUND * size).max(self.around())
+    }
+
+    /// How far away triangles matter because of the height of the spawn point
+    /// above the triangle that is hit: twice what is close by.
+    fn around(&self) -> f64 {
+        4. * CLOSE_BY * self.own.clear()
     }
 }
 

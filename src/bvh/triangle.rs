@@ -164,13 +164,6 @@ impl Region {
         Self { zero, reach, within }
     }
 
-    /// A region that holds both.
-    pub fn union(self, other: Self) -> Self {
-        let (a, b) = (self.zero - self.reach, other.zero - other.reach);
-        let (c, d) = (self.zero + self.reach, other.zero + other.reach);
-        Self::between(a.min(b), c.max(d))
-    }
-
     /// How far a point is outside, at most, or less than zero.
     #[inline(always)]
     pub fn beyond(&self, point: DVec3) -> f64 {
