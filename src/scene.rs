@@ -634,7 +634,8 @@ impl Scene {
         // Choose the frame
         let moved = frame(low, high, BVec3::TRUE);
         let corners = all.corners.par_iter().flatten_iter();
-        let rounds = corners.map(|&i| moved.rounds(all.vertices[i as usize]));
+        let rounds =
+            corners.map(|&i| moved.rounds(all.vertices[i as usize]));
         let rounds = rounds.reduce(|| BVec3::FALSE, |a, b| a | b);
         let frame = frame(low, high, !rounds);
         // Place the vertices

@@ -24,7 +24,9 @@ use litpt::film::Film;
 use litpt::numerics::{cross, exponent, normalise, power_of_two, shift};
 use litpt::render::Renderer;
 use litpt::sampler::{cosine_direction, generator, happens, within};
-use litpt::scene::{Mesh, Ray, Scene, Triangle, Triangles, read_obj, scattered};
+use litpt::scene::{
+    Mesh, Ray, Scene, Triangle, Triangles, read_obj, scattered,
+};
 use litpt::sky::Sky;
 use litpt::statistics::Accumulator;
 use litpt_book::closed_forms::{Setting, look, pixel};
@@ -679,22 +681,26 @@ fn the_order_of_an_octant_may_be_wrong_and_the_hit_is_right() {
 
 // Answer the exercises on the next origin
 #[test]
-fn a_hit_is_less_than_an_atom_above_the_floor() {
-    let vertices = [[0., 0., 0.], [100., 0., 0.], [0., 60., 0.]];
-    let vertices = vertices.map(DVec3::from).to_vec();
-    let hall =
-        Mesh { vertices, triangles: vec![[0, 1, 2]], joined: vec![] };
+fn a_hit_is_less_than_an_atom_before_the_wall() {
+    let vertices: Vec<_> =
+        cube().as_flattened().iter().map(|p| *p / 60.).collect();
+    let triangles =
+        (0..12).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+    let hall = Mesh { vertices, triangles, joined: vec![] };
     let scene = Scene::new(&hall);
     // Measure the height of a hit in metres
-    let above = scene.place(DVec3::new(20., 20., 30.)).unwrap();
-    let down = DVec3::new(0.1, 0.2, -1.).normalize();
-    let ray = Ray { origin: above, direction: down };
-    let hit = intersector(&scene.triangles()).first_hit(&ray, None).unwrap();
-    let floor = scene.place(DVec3::ZERO).unwrap().z;
-    let metres = (hit.point.z - floor) / 128.;
-    assert!((metres - 1.87e-12).abs() < 0.01e-12, "{metres:e}");
-    let lengths = [22, 4, 11].map(|e| power_of_two(-e) / 128.);
-    assert!(lengths < [1.9e-9, 4.9e-4, 3.9e-6]);
+    let middle = scene.place(DVec3::ZERO).unwrap();
+    let direction = DVec3::new(1., 0.01, 0.02).normalize();
+    let ray = Ray { origin: middle, direction };
+    let bvh = intersector(&scene.triangles());
+    let hit = bvh.first_hit(&ray, None).unwrap();
+    let wall = scene.place(DVec3::splat(50.)).unwrap();
+    let metres = (wall.x - hit.point.x) / 128.;
+    assert!((metres / 2e-12 - 1.).abs() < 0.01, "{metres:e}");
+    // Compute what the answer says of other lengths
+    let near = |size: f64, digits: i32| size * power_of_two(-digits);
+    assert!((near(118.75, 35) / 3.5e-9 - 1.).abs() < 0.02);
+    assert!((near(281.25 + 1.25e6, 47) / 8.9e-9 - 1.).abs() < 0.01);
 }
 
 /// A closed prism whose cross section is a triangle 2^12 long and 2^-8

@@ -94,9 +94,12 @@ fn displace(far: f64) -> f64 {
         let beyond = region.beyond(origin).max(0.);
         let bound = (10. * 8192. + 6.01 * beyond) / f64::from(1 << 24);
         let outwards = beyond * ROUGH * direction.x.signum();
-        let sides = [(slabs.entry[0], -outwards), (slabs.exit[0], outwards)];
+        let sides =
+            [(slabs.entry[0], -outwards), (slabs.exit[0], outwards)];
         for (start, moved) in sides {
-            for t in [distance, fused].map(|t| t(b, slabs.inverse[0], start)) {
+            for t in
+                [distance, fused].map(|t| t(b, slabs.inverse[0], start))
+            {
                 let plane = origin.x + f64::from(t) * direction.x;
                 let error = (plane - (f64::from(b) + moved)).abs();
                 assert!(error < bound, "{error} {origin} {direction} {b}");
