@@ -63,6 +63,8 @@ where
     let height = normal.dot(met - a);
     let longest = (b - a).abs().max((c - a).abs()).max_element();
     let own = Margins::new(distance + 2. * longest, ray.origin);
+    // No more than what the search suspects.
+    let own = Margins::of(own.size.min(search.root));
     let clear = own.clear();
     let mut point = met + normal * (clear - height);
     // Settle the point if it is doubtful
