@@ -15,7 +15,7 @@ use std::arch::x86_64::*;
 
 use super::intersector::{Hit, Intersector};
 use super::spawn::hit;
-use super::traversal::{Entered, Slabs, Stack, traverse};
+use super::traversal::{ANY, Entered, FAR, Slabs, Stack, traverse};
 use super::triangle::{CLOSE, LANES, Leaf, Margins, NONE, Search, Shear};
 use super::wide::{Node, Wide};
 use crate::scene::Ray;
@@ -62,36 +62,55 @@ impl Intersector for Traverser {
 
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
 fn first_hit(wide: &Wide<8>, ray: &Ray, from: Option<u32>) -> Option<Hit> {
-    hit(wide, ray, from, &search::<false>(wide, ray, from))
+    let search = match wide.is_near(ray) {
+        // SAFETY: the ray is near, or the kind of search far.
+        true => unsafe { search::<0>(wide, ray, from) },
+        false => search_far::<FAR>(wide, ray, from),
+    };
+    hit(wide, ray, from, &search)
 }
 
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
 fn is_occluded(wide: &Wide<8>, ray: &Ray, from: Option<u32>) -> bool {
-    search::<true>(wide, ray, from).slot != NONE
+    let search = match wide.is_near(ray) {
+        // SAFETY: as above.
+        true => unsafe { search::<ANY>(wide, ray, from) },
+        false => search_far::<{ ANY | FAR }>(wide, ray, from),
+    };
+    search.slot != NONE
 }
 
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-#[inline]
-fn search<'a, const ANY: bool>(
+#[inline(never)]
+fn search_far<'a, const KIND: u8>(
     wide: &'a Wide<8>,
     ray: &Ray,
     from: Option<u32>,
 ) -> Search<'a> {
-    traverse::<8, ANY, __m256>(
-        wide,
-        ray,
-        from,
-        // SAFETY: the slabs and the shear are those of a ray, and no
-        // hierarchy is so deep that the stack has less room.
-        |node, slabs, t_max| unsafe { enter(node, slabs, t_max) },
-        |node, shift, entered, stack| unsafe {
-            push(node, shift, entered, stack)
-        },
-        |leaf, shear, limit| match ANY {
-            false => unsafe { meet::<0>(leaf, shear, limit) },
-            true => unsafe { meet::<1>(leaf, shear, limit) },
-        },
-    )
+    // SAFETY: `KIND` has the bit `FAR`.
+    unsafe { search::<KIND>(wide, ray, from) }
+}
+
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+#[inline]
+unsafe fn search<'a, const KIND: u8>(
+    wide: &'a Wide<8>,
+    ray: &Ray,
+    from: Option<u32>,
+) -> Search<'a> {
+    // SAFETY: what is asked of the ray is what our caller says. The slabs
+    // and the shear are those of a ray, and no hierarchy is so deep that
+    // the stack has less room.
+    unsafe {
+        traverse::<8, KIND, __m256>(
+            wide,
+            ray,
+            from,
+            |node, slabs, t_max| enter(node, slabs, t_max),
+            |node, shift, entered, stack| push(node, shift, entered, stack),
+            |leaf, shear, limit| meet::<KIND>(leaf, shear, limit),
+        )
+    }
 }
 
 // Enter eight boxes at once
@@ -195,13 +214,13 @@ fn load(numbers: &[u32; 8]) -> __m256i {
 // Meet four triangles at once
 /// The triangles of a leaf that a ray meets up to the distance `limit`,
 /// as a mask, and their distances. Lanes that meet the ray beyond may or
-/// may not be in the mask. Each `COPY` has a copy of its own.
+/// may not be in the mask. Each `KIND` of search has its own copy.
 ///
 /// # Safety
 /// The leaf is one of `Leaves`, and the axes of the shear are below 3.
 #[target_feature(enable = "avx2,fma")]
 #[inline]
-pub unsafe fn meet<const COPY: u8>(
+pub unsafe fn meet<const KIND: u8>(
     leaf: Leaf,
     shear: &Shear,
     (limit, margins): (f64, &Margins),
@@ -248,14 +267,15 @@ pub unsafe fn meet<const COPY: u8>(
     if _mm256_movemask_pd(inside) & lanes == 0 {
         return (0, [0.; LANES]);
     }
-    // Leave close edges to the portable function
+    // Leave close edges to a second function
     let size = |e| _mm256_andnot_pd(_mm256_set1_pd(-0.), e);
     let smallest = _mm256_max_pd(least, _mm256_sub_pd(zero, most));
     let largest = _mm256_max_pd(_mm256_max_pd(size(p), size(q)), size(r));
     let threshold = _mm256_mul_pd(_mm256_set1_pd(CLOSE), largest);
     let close = _mm256_cmp_pd::<_CMP_LE_OQ>(smallest, threshold);
     if _mm256_movemask_pd(_mm256_and_pd(close, inside)) & lanes != 0 {
-        return carefully(leaf, shear, margins);
+        let corners = [[ax, ay, az], [bx, by, bz], [cx, cy, cz]];
+        return meet_closely(lanes, corners, shear, margins);
     }
     // Divide for the distances
     let sum = _mm256_add_pd(_mm256_add_pd(u, v), w);
@@ -274,12 +294,64 @@ pub unsafe fn meet<const COPY: u8>(
     ((_mm256_movemask_pd(met) & lanes) as u32, distances)
 }
 
+/// `meet` with refined edge functions, for some lanes.
+#[target_feature(enable = "avx2,fma")]
 #[cold]
 #[inline(never)]
-fn carefully(
-    leaf: Leaf,
+fn meet_closely(
+    lanes: i32,
+    [[ax, ay, az], [bx, by, bz], [cx, cy, cz]]: [[__m256d; 3]; 3],
     shear: &Shear,
     margins: &Margins,
 ) -> (u32, [f64; LANES]) {
-    leaf.meet(shear, margins)
+    let u = refined(cx, by, cy, bx);
+    let v = refined(ax, cy, ay, cx);
+    let w = refined(bx, ay, by, ax);
+    // Tell lanes that are met from those beside
+    let least = _mm256_min_pd(_mm256_min_pd(u, v), w);
+    let most = _mm256_max_pd(_mm256_max_pd(u, v), w);
+    let within = |margin: f64| {
+        let [low, high] = [-margin, margin].map(|x| _mm256_set1_pd(x));
+        let above = _mm256_cmp_pd::<_CMP_GE_OQ>(least, low);
+        _mm256_or_pd(above, _mm256_cmp_pd::<_CMP_LE_OQ>(most, high))
+    };
+    let through = within(0.);
+    let beside = _mm256_andnot_pd(through, within(margins.narrow));
+    // Find the distance of each refined lane
+    let sum = _mm256_add_pd(_mm256_add_pd(u, v), w);
+    let height = _mm256_add_pd(_mm256_mul_pd(u, az), _mm256_mul_pd(v, bz));
+    let height = _mm256_add_pd(height, _mm256_mul_pd(w, cz));
+    let stretch = _mm256_set1_pd(shear.stretch);
+    let distance = _mm256_mul_pd(_mm256_div_pd(height, sum), stretch);
+    let [a, b, c] = [az, bz, cz].map(|z| _mm256_mul_pd(z, stretch));
+    let nearest = _mm256_min_pd(_mm256_min_pd(a, b), c);
+    // Put both kinds of lanes into the mask
+    let behind = _mm256_set1_pd(-margins.near);
+    let ahead = _mm256_cmp_pd::<_CMP_GT_OQ>(distance, behind);
+    let met = _mm256_movemask_pd(_mm256_and_pd(through, ahead));
+    let distance = _mm256_blendv_pd(distance, nearest, beside);
+    let beside = _mm256_movemask_pd(beside);
+    let mut distances = [0.; LANES];
+    // SAFETY: four numbers are written.
+    unsafe { _mm256_storeu_pd(distances.as_mut_ptr(), distance) };
+    ((met & lanes | (beside & lanes) << LANES) as u32, distances)
+}
+
+// Refine four edge functions
+/// Four times `edge`.
+#[target_feature(enable = "avx2,fma")]
+#[inline]
+fn refined(a: __m256d, b: __m256d, c: __m256d, d: __m256d) -> __m256d {
+    let (p, q) = (_mm256_mul_pd(a, b), _mm256_mul_pd(c, d));
+    let rough = _mm256_sub_pd(p, q);
+    let size = |e| _mm256_andnot_pd(_mm256_set1_pd(-0.), e);
+    let threshold = _mm256_mul_pd(_mm256_set1_pd(CLOSE), size(p));
+    let close = _mm256_cmp_pd::<_CMP_NGT_UQ>(size(rough), threshold);
+    // Add what the rough difference lost
+    let first = _mm256_fmsub_pd(a, b, p);
+    let lost = _mm256_sub_pd(first, _mm256_fmsub_pd(c, d, q));
+    let sum = _mm256_add_pd(rough, lost);
+    let zero = _mm256_setzero_pd();
+    let changed = _mm256_cmp_pd::<_CMP_NEQ_UQ>(sum, zero);
+    _mm256_blendv_pd(rough, sum, _mm256_and_pd(close, changed))
 }

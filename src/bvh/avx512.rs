@@ -16,13 +16,16 @@ use std::arch::x86_64::*;
 use super::avx2;
 use super::intersector::{Hit, Intersector};
 use super::spawn::hit;
-use super::traversal::{Entered, Slabs, Stack, traverse};
+use super::traversal::{ANY, Entered, FAR, Slabs, Stack, traverse};
 use super::triangle::{NONE, Search};
 use super::wide::{Node, Wide};
 use crate::scene::Ray;
 
 /// A hierarchy on a processor that has the instructions.
 pub struct Traverser(Wide<16>);
+
+/// Marks kinds of search that have copies of `avx2::meet` of their own.
+const COPY: u8 = 4;
 
 // Ask the processor for AVX-512
 /// Whether this processor has the instructions of this module.
@@ -63,40 +66,61 @@ impl Intersector for Traverser {
     enable = "avx512f,avx512vl,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt"
 )]
 fn first_hit(wide: &Wide<16>, ray: &Ray, from: Option<u32>) -> Option<Hit> {
-    hit(wide, ray, from, &search::<false>(wide, ray, from))
+    let search = match wide.is_near(ray) {
+        // SAFETY: the ray is near, or the kind of search far.
+        true => unsafe { search::<COPY>(wide, ray, from) },
+        false => search_far::<{ COPY | FAR }>(wide, ray, from),
+    };
+    hit(wide, ray, from, &search)
 }
 
 #[target_feature(
     enable = "avx512f,avx512vl,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt"
 )]
 fn is_occluded(wide: &Wide<16>, ray: &Ray, from: Option<u32>) -> bool {
-    search::<true>(wide, ray, from).slot != NONE
+    let search = match wide.is_near(ray) {
+        // SAFETY: as above.
+        true => unsafe { search::<{ COPY | ANY }>(wide, ray, from) },
+        false => search_far::<{ COPY | ANY | FAR }>(wide, ray, from),
+    };
+    search.slot != NONE
+}
+
+#[target_feature(
+    enable = "avx512f,avx512vl,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt"
+)]
+#[inline(never)]
+fn search_far<'a, const KIND: u8>(
+    wide: &'a Wide<16>,
+    ray: &Ray,
+    from: Option<u32>,
+) -> Search<'a> {
+    // SAFETY: `KIND` has the bit `FAR`.
+    unsafe { search::<KIND>(wide, ray, from) }
 }
 
 #[target_feature(
     enable = "avx512f,avx512vl,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt"
 )]
 #[inline]
-fn search<'a, const ANY: bool>(
+unsafe fn search<'a, const KIND: u8>(
     wide: &'a Wide<16>,
     ray: &Ray,
     from: Option<u32>,
 ) -> Search<'a> {
-    traverse::<16, ANY, __m512>(
-        wide,
-        ray,
-        from,
-        // SAFETY: the slabs and the shear are those of a ray, and no
-        // hierarchy is so deep that the stack has less room.
-        |node, slabs, t_max| unsafe { enter(node, slabs, t_max) },
-        |node, shift, entered, stack| unsafe {
-            push(node, shift, entered, stack)
-        },
-        |leaf, shear, limit| match ANY {
-            false => unsafe { avx2::meet::<2>(leaf, shear, limit) },
-            true => unsafe { avx2::meet::<3>(leaf, shear, limit) },
-        },
-    )
+    // SAFETY: what is asked of the ray is what our caller says. The slabs
+    // and the shear are those of a ray, and no hierarchy is so deep that
+    // the stack has less room.
+    unsafe {
+        traverse::<16, KIND, __m512>(
+            wide,
+            ray,
+            from,
+            |node, slabs, t_max| enter(node, slabs, t_max),
+            |node, shift, entered, stack| push(node, shift, entered, stack),
+            |leaf, shear, limit| avx2::meet::<KIND>(leaf, shear, limit),
+        )
+    }
 }
 
 // Enter sixteen boxes at once

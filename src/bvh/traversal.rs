@@ -47,27 +47,33 @@ pub struct Slabs {
 }
 
 impl Slabs {
-    /// For the boxes of a region.
+    /// For the boxes of a region in which the ray starts.
     #[inline(always)]
-    pub fn new(ray: &Ray, region: &Region) -> Self {
+    pub fn within(ray: &Ray, region: &Region) -> Self {
         let direction = ray.direction.as_vec3().to_array();
         let origin = (ray.origin - region.zero).as_vec3().to_array();
         let inverse = direction.map(|d| 1. / steep(d));
         let start: [f32; 3] = array::from_fn(|i| origin[i] * inverse[i]);
-        // Move planes apart for distant rays
-        let (mut entry, mut exit) = (start, start);
-        let beyond = region.beyond(ray.origin);
-        if beyond > 0. {
-            let margin = (beyond * ROUGH) as f32;
-            let aside = inverse.map(|r| margin * r.abs());
-            entry = array::from_fn(|i| start[i] + aside[i]);
-            exit = array::from_fn(|i| start[i] - aside[i]);
-        }
         let up = direction.map(|d| usize::from(d >= 0.));
         let enter = array::from_fn(|i| i + 3 * (1 - up[i]));
         let leave = array::from_fn(|i| i + 3 * up[i]);
         let shift = 4 * (up[0] | up[1] << 1 | up[2] << 2) as u32;
-        Self { inverse, entry, exit, enter, leave, shift }
+        Self { inverse, entry: start, exit: start, enter, leave, shift }
+    }
+
+    // Move planes apart for distant rays
+    /// For the boxes of any region.
+    #[inline(always)]
+    pub fn new(ray: &Ray, region: &Region) -> Self {
+        let mut slabs = Self::within(ray, region);
+        let beyond = region.beyond(ray.origin);
+        if beyond > 0. {
+            let margin = (beyond * ROUGH) as f32;
+            let aside = slabs.inverse.map(|r| margin * r.abs());
+            slabs.entry = array::from_fn(|i| slabs.entry[i] + aside[i]);
+            slabs.exit = array::from_fn(|i| slabs.exit[i] - aside[i]);
+        }
+        slabs
     }
 }
 
@@ -230,10 +236,19 @@ pub struct Entered<V> {
     pub far: V,
 }
 
-/// Searches the triangles that `ray` meets, other than `from`, for the
-/// nearest one, or with `ANY` for one.
+/// A kind of search: for any triangle instead of the nearest.
+pub const ANY: u8 = 1;
+
+/// A kind of search: through gates, or from outside of the region.
+pub const FAR: u8 = 2;
+
+/// Searches the triangles that `ray` meets, other than `from`, as `KIND`
+/// says.
+///
+/// # Safety
+/// `Wide::is_near` holds for the ray, or `KIND` has the bit `FAR`.
 #[inline(always)]
-pub fn traverse<'a, const N: usize, const ANY: bool, V>(
+pub unsafe fn traverse<'a, const N: usize, const KIND: u8, V>(
     wide: &'a Wide<N>,
     ray: &Ray,
     from: Option<u32>,
@@ -246,7 +261,12 @@ where
 {
     let nodes: &[Node<N>] = &wide.nodes;
     let mut region = wide.region;
-    let mut margins = region.margins(ray.origin);
+    // Choose margins for the kind of search
+    let far = KIND & FAR != 0;
+    let mut margins = match far {
+        true => region.margins(ray.origin),
+        false => region.within,
+    };
     let mut search = Search::new(&wide.leaves, from, margins.size);
     // Let no ray start out of bounds
     let bounds = DVec3::splat(OUTER);
@@ -260,7 +280,10 @@ where
     let mut stack = Stack::new(&mut waiting);
     let mut child = 0;
     loop {
-        let slabs = Slabs::new(ray, &region);
+        let slabs = match far {
+            true => Slabs::new(ray, &region),
+            false => Slabs::within(ray, &region),
+        };
         let mut t_max = search.limit(&margins) as f32;
         // Go from nodes to leaves
         let gate = loop {
@@ -289,14 +312,14 @@ where
             }
             // Offer the leaf's triangles and go on
             let (first, count) = slots(child);
-            if first >= GATES {
+            if far && first >= GATES {
                 break first - GATES;
             }
             // SAFETY: children with the bit LEAF are leaves that are there.
             let leaf = unsafe { search.leaf(first, count) };
             let query = (ray, &shear, &margins);
             if look(&mut search, (first, leaf), query, &meet) != 0 {
-                if ANY && search.slot != NONE {
+                if KIND & ANY != 0 && search.slot != NONE {
                     return search;
                 }
                 t_max = search.limit(&margins) as f32;
@@ -406,22 +429,23 @@ impl Traverser {
     }
 
     // Search with the portable functions
-    fn search<const ANY: bool>(
+    fn search<const KIND: u8>(
         &self,
         ray: &Ray,
         from: Option<u32>,
     ) -> Search<'_> {
-        traverse::<8, ANY, [f32; 8]>(
-            &self.0,
-            ray,
-            from,
-            |node, slabs, t_max| enter(node, slabs, t_max, distance),
-            // SAFETY: no hierarchy is so deep that less than 8 are left.
-            |node, shift, met, stack| unsafe {
-                push(node, shift, met, stack)
-            },
-            |leaf, shear, (_, margins)| leaf.meet(shear, margins),
-        )
+        // SAFETY: both kinds have the bit `FAR`; no hierarchy is so deep
+        // that less than 8 are left on the stack.
+        unsafe {
+            traverse::<8, KIND, [f32; 8]>(
+                &self.0,
+                ray,
+                from,
+                |node, slabs, t_max| enter(node, slabs, t_max, distance),
+                |node, shift, met, stack| push(node, shift, met, stack),
+                |leaf, shear, (_, margins)| leaf.meet(shear, margins),
+            )
+        }
     }
 }
 
@@ -433,11 +457,11 @@ pub fn distance(b: f32, inverse: f32, start: f32) -> f32 {
 
 impl Intersector for Traverser {
     fn first_hit(&self, ray: &Ray, from: Option<u32>) -> Option<Hit> {
-        hit(&self.0, ray, from, &self.search::<false>(ray, from))
+        hit(&self.0, ray, from, &self.search::<FAR>(ray, from))
     }
 
     fn is_occluded(&self, ray: &Ray, from: Option<u32>) -> bool {
-        self.search::<true>(ray, from).slot != NONE
+        self.search::<{ ANY | FAR }>(ray, from).slot != NONE
     }
 }
 

@@ -144,7 +144,7 @@ pub struct Region {
     /// Half of its longest side.
     pub reach: f64,
     /// Those of rays that start within.
-    within: Margins,
+    pub within: Margins,
 }
 
 impl Region {

@@ -29,7 +29,7 @@ use super::triangle::{
     GATES, Gate, LANES, LEAF, Leaf, Leaves, Region, UNIT, leaf, slot,
     slots, units, write,
 };
-use crate::scene::{Triangle, Triangles};
+use crate::scene::{Ray, Triangle, Triangles};
 
 // Choose how thoroughly to build
 /// How much work to put into a hierarchy.
@@ -757,6 +757,13 @@ impl<const N: usize> Wide<N>
 where
     Node<N>: Pod,
 {
+    // Tell the rays that need no gates
+    /// Whether there are no gates and the ray starts within the region.
+    #[inline(always)]
+    pub fn is_near(&self, ray: &Ray) -> bool {
+        self.gates.is_empty() && self.region.beyond(ray.origin) <= 0.
+    }
+
     // Build the wide hierarchy
     /// Builds the tree of triangles, on all threads.
     ///
