@@ -5,6 +5,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 
 mod common;
+#[path = "../book/src/programs/fuzz/mixtures.rs"]
+mod scales;
 
 use std::fmt::Write;
 
@@ -260,4 +262,22 @@ fn clusters_of_all_scales_are_met_as_by_a_loop_over_all_triangles() {
         }
     }
     assert!(met > 10_000 && clear > 20_000, "{met} {clear}");
+}
+
+/// `make fuzz` goes on with other seeds.
+#[test]
+fn mixtures_of_scales_are_met_as_in_twice_the_precision() {
+    let cases = (1..=200u64).into_par_iter();
+    let seen: Vec<_> = cases
+        .map(|seed| {
+            let seen =
+                scales::Case::new(seed).and_then(scales::Case::try_all);
+            seen.unwrap_or_else(|finding| panic!("seed {seed}: {finding}"))
+        })
+        .collect();
+    let rays: usize = seen.iter().map(|seen| seen.times.len()).sum();
+    let certain: usize = seen.iter().map(|seen| seen.certain).sum();
+    let inside: usize = seen.iter().map(|seen| seen.inside).sum();
+    println!("{rays} rays, {certain} certain, {inside} points inside");
+    assert!(certain > 30_000 && inside > 3000, "{rays} {certain} {inside}");
 }
