@@ -33,6 +33,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
 use super::Done;
+use mixtures::Seen;
 
 /// No case may take longer, in seconds.
 const PATIENCE: u64 = 300;
@@ -55,7 +56,7 @@ pub fn run(arguments: &[String]) -> Done {
         CURRENT.store(seed, Ordering::Relaxed);
         let mixture = || {
             let seen = mixtures::Case::new(seed)?.try_all()?;
-            times.add(seed, seen.times);
+            times.add(seed, seen);
             Ok(())
         };
         let mut found = vec![attempt(AssertUnwindSafe(mixture))];
@@ -95,35 +96,36 @@ fn attempt(
 /// How long rays take in mixtures of scales.
 #[derive(Default)]
 struct Times {
-    /// Nanoseconds of all rays.
-    rays: Vec<u32>,
+    /// Of all cases.
+    all: Seen,
     /// The mean of each case with its seed.
     cases: Vec<(u32, u64)>,
 }
 
 impl Times {
-    fn add(&mut self, seed: u64, rays: Vec<u32>) {
-        let sum: u64 = rays.iter().map(|&time| u64::from(time)).sum();
-        let mean = sum / rays.len().max(1) as u64;
+    fn add(&mut self, seed: u64, seen: Seen) {
+        let sum: u64 = seen.times.iter().map(|&time| u64::from(time)).sum();
+        let mean = sum / seen.times.len().max(1) as u64;
         self.cases.push((mean as u32, seed));
-        self.rays.extend(rays);
+        self.all.add(seen);
     }
 
     /// Says which cases take more than 100 times as long as the median.
     fn report(mut self) {
-        self.rays.sort_unstable();
+        let Seen { mut times, certain, inside, excused } = self.all;
+        times.sort_unstable();
         self.cases.sort_unstable();
-        let (Some(most), Some(last)) =
-            (self.rays.last(), self.cases.last())
+        let (Some(most), Some(last)) = (times.last(), self.cases.last())
         else {
             return;
         };
-        let part = |p: f64| (p * (self.rays.len() - 1) as f64) as usize;
-        let [median, high] = [0.5, 0.99].map(|p| self.rays[part(p)]);
-        let count = self.rays.len();
+        let part = |p: f64| (p * (times.len() - 1) as f64) as usize;
+        let [median, high] = [0.5, 0.99].map(|p| times[part(p)]);
         eprintln!(
-            "{count} rays in mixtures of scales: median {median} ns, 99 % \
-             {high} ns, most {most} ns; the slowest case {} ns a ray",
+            "{} rays in mixtures of scales: {certain} certain, {inside} inside, \
+             {excused} excused; median {median} ns, 99 % {high} ns, most \
+             {most} ns; the slowest case {} ns a ray",
+            times.len(),
             last.0
         );
         let slow = self.cases.iter().filter(|c| c.0 > 100 * median);

@@ -43,6 +43,15 @@ pub struct Seen {
     pub excused: usize,
 }
 
+impl Seen {
+    pub fn add(&mut self, other: Self) {
+        self.times.extend(other.times);
+        self.certain += other.certain;
+        self.inside += other.inside;
+        self.excused += other.excused;
+    }
+}
+
 /// Some objects of very different sizes that meet each other.
 pub struct Case {
     scene: Scene,
