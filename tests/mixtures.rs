@@ -5,6 +5,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 
 mod common;
+#[path = "../book/src/programs/fuzz/mixtures.rs"]
+mod scales;
 
 use std::fmt::Write;
 
@@ -260,4 +262,26 @@ fn clusters_of_all_scales_are_met_as_by_a_loop_over_all_triangles() {
         }
     }
     assert!(met > 10_000 && clear > 20_000, "{met} {clear}");
+}
+
+/// `make fuzz` goes on with other seeds.
+#[test]
+fn mixtures_of_scales_are_met_as_in_twice_the_precision() {
+    let try_all = |seed| {
+        let seen = scales::Case::new(seed).and_then(scales::Case::try_all);
+        seen.unwrap_or_else(|finding| panic!("seed {seed}: {finding}"))
+    };
+    let mut all = scales::Seen::default();
+    let cases = (1..=110).into_par_iter().map(try_all);
+    cases.collect::<Vec<_>>().into_iter().for_each(|seen| all.add(seen));
+    let scales::Seen { times, certain, inside, excused } = all;
+    let counts = format!(
+        "{} rays, {certain} certain, {inside} inside, {excused} excused",
+        times.len()
+    );
+    println!("{counts}");
+    assert!(
+        certain > 20_000 && inside > 10_000 && excused < 100,
+        "{counts}"
+    );
 }

@@ -2,14 +2,17 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 
 //! Random scenes, cameras and settings, for a number of seconds: `fuzz
-//! [SECONDS [SEED]]`, built with all checks (`--profile checked`).
+//! [SECONDS [SEED [mixtures]]]`, built with all checks (`--profile checked`).
 //!
 //! Each seed is a case, and is printed before it is tried; so the last one
 //! is to blame if the process dies. With 0 SECONDS the one case SEED is
-//! described as well.
+//! described as well. Each seed is also a mixture of scales; with the last
+//! word it is nothing else.
+
+mod mixtures;
 
 use std::fmt::Write as _;
-use std::panic::catch_unwind;
+use std::panic::{AssertUnwindSafe, UnwindSafe, catch_unwind};
 use std::process::exit;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
@@ -30,6 +33,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
 use super::Done;
+use mixtures::Seen;
 
 /// No case may take longer, in seconds.
 const PATIENCE: u64 = 300;
@@ -44,20 +48,26 @@ pub fn run(arguments: &[String]) -> Done {
     let (seconds, first) = (number(0, 60)?, number(1, 1)?);
     std::thread::spawn(watch);
     let end = Instant::now() + Duration::from_secs(seconds);
+    let only_mixtures = arguments.get(2).is_some_and(|w| w == "mixtures");
     let (mut seed, mut findings) = (first, 0);
+    let mut times = Times::default();
     loop {
         println!("{seed}");
         CURRENT.store(seed, Ordering::Relaxed);
-        let case = Case::new(seed);
-        if seconds == 0 {
-            println!("{}", case.describe());
-        }
-        let found = match catch_unwind(|| case.try_all()) {
-            Ok(Ok(())) => None,
-            Ok(Err(finding)) => Some(finding),
-            Err(_) => Some("a panic".to_owned()),
+        let mixture = || {
+            let seen = mixtures::Case::new(seed)?.try_all()?;
+            times.add(seed, seen);
+            Ok(())
         };
-        if let Some(what) = found {
+        let mut found = vec![attempt(AssertUnwindSafe(mixture))];
+        if !only_mixtures {
+            let case = Case::new(seed);
+            if seconds == 0 {
+                println!("{}", case.describe());
+            }
+            found.push(attempt(|| case.try_all()));
+        }
+        for what in found.into_iter().flatten() {
             findings += 1;
             eprintln!("FINDING {seed}: {what}; fuzz 0 {seed} repeats it");
         }
@@ -67,8 +77,62 @@ pub fn run(arguments: &[String]) -> Done {
         }
     }
     let cases = seed - first;
+    times.report();
     eprintln!("{cases} cases from seed {first} on, {findings} findings");
     if findings > 0 { Err("there are findings".into()) } else { Ok(()) }
+}
+
+/// The finding, if there is one.
+fn attempt(
+    case: impl FnOnce() -> Result<(), String> + UnwindSafe,
+) -> Option<String> {
+    match catch_unwind(case) {
+        Ok(Ok(())) => None,
+        Ok(Err(finding)) => Some(finding),
+        Err(_) => Some("a panic".to_owned()),
+    }
+}
+
+/// How long rays take in mixtures of scales.
+#[derive(Default)]
+struct Times {
+    /// Of all cases.
+    all: Seen,
+    /// The mean of each case with its seed.
+    cases: Vec<(u32, u64)>,
+}
+
+impl Times {
+    fn add(&mut self, seed: u64, seen: Seen) {
+        let sum: u64 = seen.times.iter().map(|&time| u64::from(time)).sum();
+        let mean = sum / seen.times.len().max(1) as u64;
+        self.cases.push((mean as u32, seed));
+        self.all.add(seen);
+    }
+
+    /// Says which cases take more than 100 times as long as the median.
+    fn report(mut self) {
+        let Seen { mut times, certain, inside, excused } = self.all;
+        times.sort_unstable();
+        self.cases.sort_unstable();
+        let (Some(most), Some(last)) = (times.last(), self.cases.last())
+        else {
+            return;
+        };
+        let part = |p: f64| (p * (times.len() - 1) as f64) as usize;
+        let [median, high] = [0.5, 0.99].map(|p| times[part(p)]);
+        eprintln!(
+            "{} rays in mixtures of scales: {certain} certain, {inside} inside, \
+             {excused} excused; median {median} ns, 99 % {high} ns, most \
+             {most} ns; the slowest case {} ns a ray",
+            times.len(),
+            last.0
+        );
+        let slow = self.cases.iter().filter(|c| c.0 > 100 * median);
+        for (time, seed) in slow {
+            eprintln!("SLOW {seed}: {time} ns a ray");
+        }
+    }
 }
 
 /// Ends the process if a case takes too long.

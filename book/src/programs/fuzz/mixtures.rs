@@ -1,0 +1,714 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Mixtures of scales at random, compared with a loop over all triangles in
+//! twice the precision of a double.
+//!
+//! What is asked of each ray, and from where the tolerances come, is said at
+//! `Case::check`, `judge` and `Case::keeps_clear`.
+
+#[path = "twofold.rs"]
+mod twofold;
+
+use std::ops::Range;
+use std::sync::OnceLock;
+use std::time::Instant;
+
+use glam::{DMat3, DQuat, DVec3};
+use litpt::bvh::{Bvh, Hit, Intersector, Isa, Quality};
+use litpt::sampler::cosine_direction;
+use litpt::scene::{Mesh, Ray, Scene, Triangle, Triangles};
+use litpt_book::solids;
+use rand::seq::SliceRandom;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+
+use twofold::{Cut, U, cut, gap};
+
+/// What a case has seen.
+#[derive(Default)]
+pub struct Seen {
+    /// Nanoseconds of each ray, the least of three tries.
+    pub times: Vec<u32>,
+    /// Rays whose first hit was the only one that is allowed.
+    pub certain: usize,
+    /// Points of paths inside a closed solid.
+    pub inside: usize,
+    /// Paths that were given up because of a wall along the ray.
+    pub excused: usize,
+}
+
+impl Seen {
+    pub fn add(&mut self, other: Self) {
+        self.times.extend(other.times);
+        self.certain += other.certain;
+        self.inside += other.inside;
+        self.excused += other.excused;
+    }
+}
+
+/// Some objects of very different sizes that meet each other.
+pub struct Case {
+    scene: Scene,
+    /// The triangles in the coordinates of the scene, by their faces.
+    triangles: Vec<Placed>,
+    /// The largest coordinate.
+    reach: f64,
+    objects: Vec<Object>,
+    bvhs: Vec<(String, Bvh)>,
+    random: Random,
+}
+
+struct Placed {
+    corners: Triangle,
+    middle: DVec3,
+    radius: f64,
+    /// Whether the scene has it; copies and what has no area are left out.
+    is_there: bool,
+}
+
+struct Object {
+    triangles: Range<usize>,
+    size: f64,
+    is_closed: bool,
+    /// Points inside, if it is closed.
+    inside: Vec<DVec3>,
+}
+
+impl Case {
+    /// # Errors
+    /// A finding.
+    pub fn new(seed: u64) -> Result<Self, String> {
+        let mut random = Random(Pcg64::seed_from_u64(seed));
+        let mut mesh = Mesh::default();
+        let mut objects = vec![];
+        for _ in 0..2 + random.below(5) {
+            let object = random.object(&mut mesh, &objects);
+            objects.push(object);
+        }
+        let scene = Scene::new(&mesh);
+        let all = scene.indexed();
+        let mut triangles: Vec<_> = mesh
+            .triangles
+            .iter()
+            .map(|corners| {
+                Placed::new(corners.map(|i| all.vertices[i as usize]))
+            })
+            .collect();
+        for &face in &all.faces {
+            triangles[face as usize].is_there = true;
+        }
+        for object in &mut objects {
+            let own = object.triangles.clone();
+            let flat = |face: &u32| own.contains(&(*face as usize));
+            object.is_closed &= !scene.left_out().0.iter().any(flat);
+            let place = |p: &DVec3| scene.place(*p);
+            object.inside =
+                object.inside.iter().filter_map(place).collect();
+            let size = |p: &Placed| p.middle.length() + p.radius;
+            let [low, high] = [DVec3::MIN, DVec3::MAX];
+            let corners =
+                || triangles[own.clone()].iter().flat_map(|t| t.corners);
+            let sides = corners().fold(low, DVec3::max)
+                - corners().fold(high, DVec3::min);
+            object.size = sides.max_element();
+            if object.size <= 0. {
+                object.size = triangles[own.clone()]
+                    .iter()
+                    .map(size)
+                    .fold(0., f64::max);
+            }
+        }
+        let bounds = triangles.iter().flat_map(|t| t.corners);
+        let reach =
+            bounds.map(|p| p.abs().max_element()).fold(0., f64::max);
+        let bvhs = bvhs(&scene, &mut random)?;
+        Ok(Self { scene, triangles, reach, objects, bvhs, random })
+    }
+
+    /// Follows some paths.
+    ///
+    /// # Errors
+    /// A finding.
+    pub fn try_all(mut self) -> Result<Seen, String> {
+        let mut seen = Seen::default();
+        if self.scene.indexed().is_empty() {
+            return Ok(seen);
+        }
+        for _ in 0..100 {
+            self.follow(&mut seen)?;
+        }
+        Ok(seen)
+    }
+
+    /// Follows a path in all hierarchies at once.
+    fn follow(&mut self, seen: &mut Seen) -> Result<(), String> {
+        let origin = self.camera();
+        let Some(direction) = self.towards(origin) else { return Ok(()) };
+        let mut ray = Ray { origin, direction };
+        let mut from: Vec<Option<u32>> = vec![None; self.bvhs.len()];
+        let mut is_clear = self.touched(origin).is_none();
+        let mut rooms = self.rooms(origin);
+        for _ in 0..6 {
+            let Some(hit) = self.check(&ray, &mut from, seen)? else {
+                return match is_clear && rooms.contains(&Some(true)) {
+                    true => Err(format!("{ray:?} leaves a solid")),
+                    false => Ok(()),
+                };
+            };
+            if is_clear {
+                rooms = match self.keeps_clear(&ray, &hit, &rooms) {
+                    Ok(rooms) => rooms,
+                    Err(_) if self.is_along_a_wall(&ray, &hit, from[0]) => {
+                        seen.excused += 1;
+                        return Ok(());
+                    }
+                    Err(finding) => return Err(finding),
+                };
+                let is_inside = rooms.contains(&Some(true));
+                seen.inside += usize::from(is_inside);
+            }
+            is_clear &= self.touched(hit.point).is_none();
+            let Some(direction) = self.onwards(&hit) else { break };
+            ray = Ray { origin: hit.point, direction };
+        }
+        Ok(())
+    }
+
+    /// The first hit of a ray, if it is right: the same in all hierarchies,
+    /// whatever the instructions, the order of the triangles and the care
+    /// of the builder; on a triangle that `judge` allows and, within the
+    /// error of its distance, not beyond one that it demands. `from` is the
+    /// triangle that the ray leaves in each hierarchy, and becomes the one
+    /// that it meets.
+    fn check(
+        &self,
+        ray: &Ray,
+        from: &mut [Option<u32>],
+        seen: &mut Seen,
+    ) -> Result<Option<Hit>, String> {
+        let face = |i: usize, slot| self.bvhs[i].1.face(slot);
+        let left = from[0].map(|slot| face(0, slot) as usize);
+        let mut first = None;
+        for (i, (name, bvh)) in self.bvhs.iter().enumerate() {
+            let hit = bvh.first_hit(ray, from[i]);
+            if bvh.is_occluded(ray, from[i]) != hit.is_some() {
+                return Err(format!("{ray:?} {left:?}: {name}: occluded?"));
+            }
+            if i == 0 {
+                seen.times.push(nanoseconds(bvh, ray, from[0]));
+                first = hit;
+            }
+            let place = |i: usize, hit: Hit| {
+                (hit.point, hit.normal, face(i, hit.primitive))
+            };
+            let [a, b] =
+                [first.map(|h| place(0, h)), hit.map(|h| place(i, h))];
+            if a != b {
+                return Err(format!(
+                    "{ray:?} {left:?}: {a:?}, with {name} {b:?}"
+                ));
+            }
+            from[i] = hit.map(|hit| hit.primitive);
+        }
+        let found = first.map(|hit| face(0, hit.primitive) as usize);
+        let number = self.allows(ray, left, found)?;
+        seen.certain += usize::from(number == usize::from(found.is_some()));
+        Ok(first)
+    }
+
+    /// How many triangles may be the first hit; an error if `found` is not
+    /// one of them.
+    fn allows(
+        &self,
+        ray: &Ray,
+        left: Option<usize>,
+        found: Option<usize>,
+    ) -> Result<usize, String> {
+        let largest = self.reach.max(ray.origin.abs().max_element());
+        let all = self.triangles.iter().enumerate();
+        let met: Vec<_> = all
+            .filter(|&(i, t)| t.is_there && Some(i) != left && t.near(ray))
+            .filter_map(|(i, t)| {
+                Some((i, judge(ray, &t.corners, largest)?))
+            })
+            .collect();
+        let sure = met.iter().filter(|(_, v)| v.must);
+        let end = sure.map(|(_, v)| v.high).fold(f64::INFINITY, f64::min);
+        let candidates = met.iter().filter(|(_, v)| v.low <= end);
+        let allowed = match found {
+            None => end == f64::INFINITY,
+            Some(i) => candidates.clone().any(|(k, _)| *k == i),
+        };
+        if !allowed {
+            let candidates: Vec<_> = candidates.collect();
+            let own = found.map(|i| {
+                let corners = &self.triangles[i].corners;
+                (corners, judge(ray, corners, largest))
+            });
+            return Err(format!(
+                "{ray:?} left {left:?}: {found:?} {own:?}, of {candidates:?}"
+            ));
+        }
+        Ok(candidates.count())
+    }
+
+    /// In which solids a path goes on; an error if it is not in the same as
+    /// before, or not clear of all triangles (chapter "Where the next ray
+    /// starts").
+    fn keeps_clear(
+        &mut self,
+        ray: &Ray,
+        hit: &Hit,
+        before: &[Option<bool>],
+    ) -> Result<Vec<Option<bool>>, String> {
+        let place = format!("{ray:?} {hit:?}");
+        if let Some(i) = self.touched(hit.point) {
+            let corners = &self.triangles[i].corners;
+            let gap = gap(hit.point, corners);
+            return Err(format!("{place}: {gap:e} from {i}: {corners:?}"));
+        }
+        let after = self.rooms(hit.point);
+        let moved = |(a, b): (&Option<bool>, &Option<bool>)| match (a, b) {
+            (Some(a), Some(b)) => a != b,
+            _ => false,
+        };
+        match before.iter().zip(&after).position(moved) {
+            Some(i) => Err(format!("{place}: through the wall of {i}")),
+            None => Ok(after),
+        }
+    }
+
+    /// Whether a triangle is within 2^-45 of the size of a hit which lies on
+    /// a ray that is almost parallel to it: the one case that the chapter
+    /// leaves to chance (section "When to doubt"), and that is not so rare
+    /// here, where rays are aimed along walls.
+    fn is_along_a_wall(
+        &self,
+        ray: &Ray,
+        hit: &Hit,
+        slot: Option<u32>,
+    ) -> bool {
+        let size = |corners: &Triangle| {
+            let span = largest(corners, ray.origin);
+            let span = span.max(largest(corners, hit.point));
+            let place = hit.point.abs().max(ray.origin.abs());
+            (9. * span + place.max_element()) / 8.
+        };
+        let face = slot.map(|slot| self.bvhs[0].1.face(slot) as usize);
+        let own = face.map_or(0., |i| size(&self.triangles[i].corners));
+        let is_along = |t: &Placed| {
+            let close = 2f64.powi(-45) * size(&t.corners).max(own);
+            // The spawn point is as far as that from the hit.
+            gap(hit.point, &t.corners) < 2. * close
+                && cut(ray, &t.corners, close)
+                    .is_some_and(|cut| cut.sine < 2f64.powi(-10))
+        };
+        self.triangles.iter().any(|t| t.is_there && is_along(t))
+    }
+
+    /// A triangle of which a point is not clear as the origin of the next
+    /// ray: not farther from it than 6 u R (section "How far is far
+    /// enough"), with R seen from the point.
+    fn touched(&self, point: DVec3) -> Option<usize> {
+        let touches = |t: &Placed| {
+            let [a, b, c] = t.corners;
+            let span = largest(&t.corners, point);
+            let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+            let beyond = (low - point).max(point - high).max_element();
+            t.is_there
+                && beyond <= 16. * U * span
+                && gap(point, &t.corners) <= 6. * U * span
+        };
+        self.triangles.iter().position(touches)
+    }
+
+    /// Whether a point is inside of each object, if that can be told.
+    fn rooms(&mut self, point: DVec3) -> Vec<Option<bool>> {
+        let (objects, random) = (&self.objects, &mut self.random);
+        let parity = |object: &Object| {
+            let triangles = &self.triangles[object.triangles.clone()];
+            let tries = if object.is_closed { 0..20 } else { 0..0 };
+            tries.map(|_| random.direction()).find_map(|direction| {
+                parity(triangles, &Ray { origin: point, direction })
+            })
+        };
+        objects.iter().map(parity).collect()
+    }
+
+    // --------------------------------------------------- Where rays go
+
+    /// A point of an object: a vertex, or on an edge, or on a triangle.
+    fn point(&mut self, object: usize) -> DVec3 {
+        let own = self.objects[object].triangles.clone();
+        let i = own.start + self.random.below(own.len() as u64) as usize;
+        self.random.on(&self.triangles[i].corners)
+    }
+
+    fn any_object(&mut self) -> usize {
+        self.random.below(self.objects.len() as u64) as usize
+    }
+
+    /// Where a path begins.
+    fn camera(&mut self) -> DVec3 {
+        let i = self.any_object();
+        let inside = self.objects[i].inside.clone();
+        let size = self.objects[i].size;
+        let place = match self.random.below(8) {
+            0..4 if !inside.is_empty() => self.random.choose(&inside),
+            7 => self.random.point() * self.reach,
+            _ => {
+                let away = size * self.random.scale(-3., 2.);
+                self.point(i) + self.random.direction() * away
+            }
+        };
+        place.clamp(DVec3::splat(-2e4), DVec3::splat(2e4))
+    }
+
+    /// A direction from a point towards an object, or just past it.
+    fn towards(&mut self, origin: DVec3) -> Option<DVec3> {
+        let i = self.any_object();
+        let aim = self.point(i);
+        let aside = match self.random.below(3) {
+            0 => self.objects[i].size * self.random.scale(-18., 0.),
+            _ => 0.,
+        };
+        let aim = aim + self.random.direction() * aside;
+        match self.random.below(8) {
+            0 => Some(self.random.direction()),
+            _ => (aim - origin).try_normalize(),
+        }
+    }
+
+    /// A direction in which a path goes on, not flatter than those of the
+    /// sampler.
+    fn onwards(&mut self, hit: &Hit) -> Option<DVec3> {
+        let aimed = self.towards(hit.point)?;
+        let [r, turn] = [self.random.unit(), self.random.unit()];
+        let (cosine, flattest) = (aimed.dot(hit.normal), 1e-7);
+        Some(match self.random.below(2) {
+            0 if cosine.abs() > flattest => {
+                aimed - hit.normal * (cosine - cosine.abs())
+            }
+            _ => cosine_direction(hit.normal, r, turn),
+        })
+    }
+}
+
+/// Nanoseconds of a ray, the least of three tries.
+fn nanoseconds(bvh: &Bvh, ray: &Ray, from: Option<u32>) -> u32 {
+    let times = (0..3).map(|_| {
+        let start = Instant::now();
+        std::hint::black_box(bvh.first_hit(ray, from));
+        start.elapsed().as_nanos() as u32
+    });
+    times.min().unwrap_or_default()
+}
+
+/// One hierarchy for each set of instructions, and two with the triangles in
+/// another order, built with less and with more care.
+fn bvhs(
+    scene: &Scene,
+    random: &mut Random,
+) -> Result<Vec<(String, Bvh)>, String> {
+    let isas = Isa::ALL.into_iter().filter(|isa| isa.is_available());
+    let mut ways: Vec<_> =
+        isas.map(|isa| (isa, Quality::Medium, false)).collect();
+    ways.push((Isa::best(), Quality::Thorough, true));
+    ways.push((Isa::Portable, Quality::Fast, true));
+    let build = |(isa, quality, mixed): (Isa, Quality, bool)| {
+        let all = scene.indexed();
+        let mut order: Vec<_> = (0..all.len()).collect();
+        if mixed {
+            order.shuffle(&mut random.0);
+        }
+        let triangles = Triangles {
+            vertices: all.vertices.clone(),
+            corners: order.iter().map(|&i| all.corners[i]).collect(),
+            faces: order.iter().map(|&i| all.faces[i]).collect(),
+        };
+        let bvh = Bvh::of(triangles, quality, isa);
+        let bvh = bvh.map_err(|error| error.to_string())?;
+        Ok((format!("{isa} {quality}, mixed: {mixed}"), bvh))
+    };
+    ways.into_iter().map(build).collect()
+}
+
+impl Placed {
+    fn new(corners: Triangle) -> Self {
+        let [a, b, c] = corners;
+        let middle = a / 3. + b / 3. + c / 3.;
+        let radius = corners.map(|p| (p - middle).length());
+        let radius = radius.into_iter().fold(0., f64::max);
+        Self { corners, middle, radius, is_there: false }
+    }
+
+    /// Whether the line of a ray may be near: not if its distance from a
+    /// ball around the triangle is clearly more than all errors.
+    fn near(&self, ray: &Ray) -> bool {
+        let away = self.middle - ray.origin;
+        let rounding = 1e-12 * (away.length() + self.radius) + 1e-29;
+        away.cross(ray.direction).length()
+            <= 1.0001 * self.radius + rounding
+    }
+}
+
+/// R of the chapters: the largest coordinate of the way from a point to a
+/// corner.
+fn largest(corners: &Triangle, point: DVec3) -> f64 {
+    let sides = corners.map(|p| (p - point).abs().max_element());
+    sides.into_iter().fold(0., f64::max) * (1. + 1e-15)
+}
+
+/// How the exact first hit may be related to a triangle.
+#[derive(Debug)]
+struct Verdict {
+    /// Whether the triangle must be met.
+    must: bool,
+    /// The distances at which it may be met.
+    low: f64,
+    high: f64,
+}
+
+/// What the program may say of a ray and a triangle; nothing if the triangle
+/// must not be met. The largest coordinate of scene and ray is `most`.
+///
+/// The program decides exactly for a triangle whose corners are displaced, in
+/// sheared coordinates, by up to 4uR, 4uR and uR (section "Why nothing
+/// leaks"), and for a line that departs from the ray's by 2 sqrt(2) uR
+/// (section "How far is far enough"), together by less than 8.5uR across the
+/// ray and uR along it, and by what replaces the coordinates of the origin
+/// below 2^-100. So it agrees with us unless the ray is as close as that to
+/// the triangle's outline. Its distance is that of a point of the triangle
+/// which is as close to the ray, but for 2^-40 R (section "Exact signs").
+///
+/// Distances below 2^-35 s are accepted by the side on which the origin lies;
+/// its height is known to 32uR (section "How far is far enough").
+fn judge(ray: &Ray, corners: &Triangle, most: f64) -> Option<Verdict> {
+    let span = largest(corners, ray.origin);
+    let tiny = 2f64.powi(-100);
+    let lost = ray.origin.to_array().map(f64::abs);
+    let lost: f64 = lost.into_iter().filter(|&x| x < tiny).sum();
+    let aside = 8.5 * U * span + 2. * lost;
+    let Cut { is_clear, low, high, plane, sine } =
+        cut(ray, corners, aside)?;
+    let error = 2f64.powi(-40) * span + 2. * U * span + 2. * lost;
+    let (low, high) = (low - error, high + error);
+    let near = |size: f64| 2f64.powi(-35) * size;
+    // No region has a size of more than this.
+    let greatest = near(8. * most);
+    let height = plane.abs() * sine;
+    let is_told = height > 33. * U * span + 2. * lost;
+    if high < -greatest || is_told && plane < 0. && high < near(span) {
+        return None;
+    }
+    let ahead =
+        low > greatest || is_told && plane > 0. && low > -near(span);
+    Some(Verdict {
+        must: is_clear && ahead,
+        low: low.max(0.),
+        high: high.max(f64::MIN_POSITIVE),
+    })
+}
+
+/// Whether a ray crosses a surface an odd number of times; unknown if it
+/// comes too close to an edge, or starts too close to a triangle.
+fn parity(triangles: &[Placed], ray: &Ray) -> Option<bool> {
+    let mut is_odd = false;
+    for t in triangles.iter().filter(|t| t.near(ray)) {
+        let rest = largest(&t.corners, ray.origin) * 2f64.powi(-90);
+        let Some(cut) = cut(ray, &t.corners, rest) else { continue };
+        if !cut.is_clear || (cut.low <= rest && cut.high >= -rest) {
+            return None;
+        }
+        is_odd ^= cut.low > 0.;
+    }
+    Some(is_odd)
+}
+
+// ------------------------------------------------------- What chance may choose
+
+struct Random(Pcg64);
+
+impl Random {
+    fn unit(&mut self) -> f64 {
+        self.0.random()
+    }
+
+    fn below(&mut self, n: u64) -> u64 {
+        (self.unit() * n as f64) as u64
+    }
+
+    fn choose<T: Copy>(&mut self, of: &[T]) -> T {
+        of[self.below(of.len() as u64) as usize]
+    }
+
+    /// A power of ten.
+    fn scale(&mut self, from: f64, to: f64) -> f64 {
+        10f64.powf(from + (to - from) * self.unit())
+    }
+
+    fn point(&mut self) -> DVec3 {
+        let mut both = || 2. * self.unit() - 1.;
+        DVec3::new(both(), both(), both())
+    }
+
+    fn direction(&mut self) -> DVec3 {
+        loop {
+            let v = self.point();
+            if (0.01..1.).contains(&v.length()) {
+                return v.normalize();
+            }
+        }
+    }
+
+    fn rotation(&mut self) -> DMat3 {
+        let [turn, axis] = [7. * self.unit(), 0.];
+        let around = self.direction();
+        match self.below(2) {
+            0 => DMat3::from_quat(DQuat::from_axis_angle(around, turn)),
+            _ => DMat3::from_rotation_x(axis),
+        }
+    }
+
+    /// A corner, or a point of an edge or of the triangle, up to rounding.
+    fn on(&mut self, &[a, b, c]: &Triangle) -> DVec3 {
+        let [s, t] = [self.unit(), self.unit()];
+        match self.below(5) {
+            0 => a,
+            1 => b,
+            2 => a + (b - a) * s,
+            3 => b + (c - b) * s,
+            _ => a + ((b - a) + (c - b) * t) * s,
+        }
+    }
+
+    /// Adds an object to a mesh, in most cases so that it touches another or
+    /// the origin, where the numbers are finest.
+    fn object(&mut self, mesh: &mut Mesh, others: &[Object]) -> Object {
+        let (shape, inside, is_closed) = self.shape();
+        let scale = self.scale(-12., 12.);
+        let corners =
+            |mesh: &Mesh, t: [u32; 3]| t.map(|i| mesh.vertices[i as usize]);
+        let own = match self.below(4) {
+            0 => DVec3::ZERO,
+            _ => {
+                let t = self.choose(&shape.triangles);
+                self.on(&corners(&shape, t))
+            }
+        };
+        let mut anchor = DVec3::ZERO;
+        if !others.is_empty() && self.below(5) < 3 {
+            let other = &others[self.below(others.len() as u64) as usize];
+            let t = self.choose(&mesh.triangles[other.triangles.clone()]);
+            anchor = self.on(&corners(mesh, t));
+            if self.below(2) == 0 {
+                let size = self.choose(&[other.size, scale]);
+                anchor += self.direction() * size * self.scale(-3., 1.);
+            }
+        }
+        if anchor.length() * 1e-14 > scale && self.below(10) > 0 {
+            anchor = DVec3::ZERO;
+        }
+        let rotation = self.rotation();
+        let place = |&p: &DVec3| rotation * (p - own) * scale + anchor;
+        let first = mesh.vertices.len() as u32;
+        let start = mesh.triangles.len();
+        mesh.vertices.extend(shape.vertices.iter().map(place));
+        let all = shape.triangles.iter();
+        mesh.triangles.extend(all.map(|t| t.map(|i| i + first)));
+        let triangles = start..mesh.triangles.len();
+        let inside = inside.iter().map(place).collect();
+        Object { triangles, size: scale, is_closed, inside }
+    }
+
+    /// Something of size one, with points inside if it is closed.
+    fn shape(&mut self) -> (Mesh, Vec<DVec3>, bool) {
+        let mut corners = vec![];
+        match self.below(10) {
+            0..4 => {
+                let (mesh, inside) =
+                    &closed()[self.below(closed().len() as u64) as usize];
+                return (mesh.clone(), inside.clone(), true);
+            }
+            4 => {
+                // A strip.
+                let width = self.scale(-9., 0.);
+                for i in 0..1 + self.below(30) {
+                    let (x, y) = (i as f64 / 16. - 1., self.unit() * width);
+                    let [a, b] = [0., 1. / 16.].map(|d| [x + d, y]);
+                    let p = |[x, y]: [f64; 2], z| DVec3::new(x, y, z);
+                    corners.extend([p(a, 0.), p(b, 0.), p(b, width)]);
+                    corners.extend([p(a, 0.), p(b, width), p(a, width)]);
+                }
+            }
+            5 => {
+                // Needles.
+                for _ in 0..1 + self.below(20) {
+                    let [a, d] = [self.point(), self.direction()];
+                    let tip = a + self.point() * self.scale(-14., 0.);
+                    corners.extend([a, a + d, tip]);
+                }
+            }
+            6 => {
+                // Triangles at random.
+                for _ in 0..3 * (1 + self.below(30)) {
+                    corners.push(self.point());
+                }
+            }
+            7 | 8 => {
+                // A plane.
+                let p = |x: f64, y: f64| DVec3::new(x, y, 0.);
+                let [a, b] = [p(-1., -1.), p(1., -1.)];
+                let [c, d] = [p(1., 1.), p(-1., 1.)];
+                corners.extend([a, b, c, a, c, d]);
+            }
+            _ => {
+                // A crowd.
+                let size = self.scale(-6., 0.);
+                for _ in 0..20 + self.below(200) {
+                    let middle = self.point();
+                    let mut near = || middle + self.point() * size;
+                    corners.extend([near(), near(), near()]);
+                }
+            }
+        }
+        let numbers = (0..corners.len() as u32 / 3).map(|i| 3 * i);
+        let triangles = numbers.map(|i| [i, i + 1, i + 2]).collect();
+        (
+            Mesh { vertices: corners, triangles, joined: vec![] },
+            vec![],
+            false,
+        )
+    }
+}
+
+type Closed = (Mesh, Vec<DVec3>);
+
+/// Closed surfaces of a size of about one that share their corners, with
+/// points inside.
+fn closed() -> &'static [Closed] {
+    static ALL: OnceLock<Vec<Closed>> = OnceLock::new();
+    ALL.get_or_init(|| {
+        let all = solids::all().into_iter().filter(|solid| {
+            let is_small = solid.scene.indexed().len() < 1300;
+            is_small && !solid.name.contains("seams")
+        });
+        let shrink = |p: &DVec3| *p / 4096.;
+        all.map(|solid| {
+            let all = solid.scene.indexed();
+            let mesh = Mesh {
+                vertices: all.vertices.iter().map(shrink).collect(),
+                triangles: all.corners.clone(),
+                joined: vec![],
+            };
+            (mesh, solid.cameras.iter().map(shrink).collect())
+        })
+        .collect()
+    })
+}
