@@ -374,9 +374,11 @@ fn four_triangles_are_met_as_one_by_one() {
         let shear = Shear::new(&ray);
         let margins = region(1.).margins(ray.origin);
         let within = |(mask, distances): (u32, [f64; LANES])| {
-            let lanes = (0..LANES).filter(|i| mask >> i & 1 != 0);
-            let lanes = lanes.filter(|&i| distances[i] <= limit);
-            lanes.map(|i| (i, distances[i].to_bits())).collect::<Vec<_>>()
+            // The lanes met within the limit, and all those passed closely.
+            let lanes = (0..2 * LANES).filter(|i| mask >> i & 1 != 0);
+            let lanes = lanes.map(|i| (i, distances[i % LANES]));
+            let lanes = lanes.filter(|&(i, at)| i >= LANES || at <= limit);
+            lanes.map(|(i, at)| (i, at.to_bits())).collect::<Vec<_>>()
         };
         // SAFETY: the processor has been asked.
         let found = within(unsafe {
