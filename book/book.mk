@@ -21,7 +21,7 @@ TABLES := $(BUILD_DIR)/examples.stamp $(addprefix $(BUILT)/,measured.tex \
   stability-full.tex robustness.tex ablation.tex shortcuts.tex layouts.tex habits.tex \
   abreast.tex traversal.tex bench.tex generations.tex sizes.csv shapes.tex \
   start.tex repeats.csv accumulators.tex accounting.tex alarms.tex \
-  thresholds.tex triangulations.tex ring.tex)
+  thresholds.tex triangulations.tex ring.tex mixtures.tex)
 
 # ---- made with the book
 

@@ -168,9 +168,9 @@ impl SceneAnalysis {
                 // Ask the triangles whether they enclose the camera
                 let mut all: Vec<_> = intersector.triangles().collect();
                 all.par_sort_by_key(|&(face, _)| face);
-                let triangles: Vec<_> =
-                    all.iter().map(|one| one.1).collect();
-                is_inside(&triangles, place).map_err(|i| all[i as usize].0)
+                let (faces, triangles): (Vec<_>, Vec<_>) =
+                    all.into_iter().unzip();
+                is_inside(&triangles, place).map_err(|i| faces[i as usize])
             }
             None => Ok(false),
         };

@@ -178,6 +178,20 @@ fn a_corner_on_a_side_stays_a_corner_of_triangles() {
     assert!(is_closed(&mesh));
 }
 
+// Seen along the normal, the second corner lies on the side between the last
+// two; in space it does not.
+#[test]
+fn a_corner_beside_a_side_in_space_does_not_divide_it() {
+    let corners = [
+        DVec3::new(988085598.8, 9151., -9e10),
+        DVec3::new(0., -9.98e16, 8.8355e22),
+        DVec3::new(8.116e23, 0., 9.15e16),
+        DVec3::new(0., -1.09e12, 9.80e23),
+        DVec3::new(0., -1.998e22, 9.3e8),
+    ];
+    assert_eq!(read(&corners).triangles, fan(5));
+}
+
 #[test]
 fn faces_that_touch_themselves_are_filled() {
     // A hole that touches the outside at the corner (4, 2) in a side,

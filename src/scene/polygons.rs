@@ -240,5 +240,8 @@ fn triangulate(
 /// Whether a point is on the side from `a` to `b`, or as good as.
 fn is_between(a: DVec3, p: DVec3, b: DVec3) -> bool {
     let (u, v) = (b - a, p - a);
-    u.cross(v).length() <= 1e-12 * u.length_squared()
+    u.cross(v).length() <= ROUNDED * u.length()
 }
+
+/// How far beside a side rounding puts a corner: less than 2^-47.
+const ROUNDED: f64 = 1. / (1u64 << 47) as f64;
