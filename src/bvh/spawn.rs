@@ -12,6 +12,8 @@
 //! it, and not nearer to any of them than the errors of the next ray.
 
 // Name what the origin imports
+use std::f64::consts::FRAC_1_SQRT_2;
+
 use bytemuck::Pod;
 use glam::DVec3;
 
@@ -61,10 +63,7 @@ where
     // Put the point off the surface
     let met = ray.origin + ray.direction * distance;
     let height = normal.dot(met - a);
-    let longest = (b - a).abs().max((c - a).abs()).max_element();
-    let own = Margins::new(distance + 2. * longest, ray.origin);
-    // No more than what the search suspects.
-    let own = Margins::of(own.size.min(search.root));
+    let own = margins(&[a, b, c], ray.origin);
     let clear = own.clear();
     let mut point = met + normal * (clear - height);
     // Settle the point if it is doubtful
@@ -75,7 +74,8 @@ where
         });
     let deep = height.abs() > clear;
     let limit = distance + Margins::of(search.root).near;
-    if search.near_tie <= limit || short || deep {
+    let unseen = own.size > search.least;
+    if search.near_tie <= limit || short || deep || unseen {
         let arrival = Arrival { ray, distance, own, primitive, left };
         if let Some(safe) = arrival.settle(wide, met, deep) {
             point = safe;
@@ -185,10 +185,26 @@ impl Arrival<'_> {
                 TriangleTest::Beside(at) => {
                     at.iter().any(|&at| gap(at) <= near)
                         && at.iter().any(|&at| gap(at) >= -near)
+                        && self.passes(corners, normal, met, close_by)
                 }
                 TriangleTest::Apart => false,
             }
         })
+    }
+
+    /// Whether the ray passes a triangle, with this normal, more closely than
+    /// `close_by`, near its point `met`.
+    fn passes(
+        &self,
+        corners: &Triangle,
+        normal: DVec3,
+        met: DVec3,
+        close_by: f64,
+    ) -> bool {
+        let direction = self.ray.direction;
+        let flat = corners.map(|p| p - direction * direction.dot(p - met));
+        let normal = direction * normal.dot(direction).signum();
+        !is_beside(flat, normal, met, FRAC_1_SQRT_2 * close_by)
     }
 
     /// The margins of a triangle for this ray and one of its points.

@@ -334,6 +334,7 @@ where
         region = way.region;
         margins = region.margins(ray.origin);
         margins.near = margins.near.max(Margins::of(search.size).near);
+        search.least = search.least.min(margins.size);
         child = match way.node {
             Some(inner) => {
                 // SAFETY: no hierarchy is so deep that one is not left.

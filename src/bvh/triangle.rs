@@ -430,6 +430,8 @@ pub struct Search<'a> {
     pub size: f64,
     /// That of the region of all triangles.
     pub root: f64,
+    /// The least of the regions that the ray went through.
+    pub least: f64,
     /// Where it is kept, or `NONE`.
     pub slot: u32,
     /// The least distance at which something else is close to the ray.
@@ -450,6 +452,7 @@ impl<'a> Search<'a> {
             distance,
             size: 0.,
             root,
+            least: root,
             slot: NONE,
             near_tie: distance,
         }
