@@ -696,7 +696,7 @@ fn a_hit_is_less_than_an_atom_before_the_wall() {
     let hit = bvh.first_hit(&ray, None).unwrap();
     let wall = scene.place(DVec3::splat(50.)).unwrap();
     let metres = (wall.x - hit.point.x) / 128.;
-    assert!((metres / 8.44e-13 - 1.).abs() < 0.01, "{metres:e}");
+    assert!((metres / 4.0e-13 - 1.).abs() < 0.01, "{metres:e}");
     // Compute what the answer says of other lengths
     let near = |size: f64, digits: i32| size * power_of_two(-digits);
     assert!((near(118.75, 35) / 3.5e-9 - 1.).abs() < 0.02);
