@@ -192,6 +192,7 @@ impl Arrival<'_> {
         })
     }
 
+    // Ask how closely a triangle is passed
     /// Whether the ray passes a triangle, with this normal, more closely than
     /// `close_by`, near its point `met`.
     fn passes(
