@@ -26,6 +26,7 @@ mod triangle;
 mod wide;
 
 pub use intersector::{Dispatch, Hit, Intersector};
+pub use spawn::too_small;
 pub use wide::Quality;
 
 // Name what the hierarchy imports

@@ -231,7 +231,7 @@ impl Integrator for DirectSky {
 
 // Name the kind of the samples
 /// Changes whenever the code that decides what a sample is does.
-const SAMPLE_VERSION: u32 = 2;
+const SAMPLE_VERSION: u32 = 3;
 
 /// Names the integrators, their constants and the version of their
 /// samples: samples of different names are not to be mixed.

@@ -19,7 +19,7 @@ use std::time::{Duration, Instant};
 
 use litpt::analysis::{Finding, Inquiry, SceneAnalysis};
 use litpt::arguments::Arguments;
-use litpt::bvh::{Bvh, Quality};
+use litpt::bvh::{Bvh, Quality, too_small};
 use litpt::camera::Camera;
 use litpt::checkpoint::{Checkpoint, RunKey};
 use litpt::film::{Film, Window};
@@ -218,8 +218,17 @@ fn build(
 ) -> Result<(SceneAnalysis, Bvh), String> {
     let began = Instant::now();
     let rays = expected_rays(arguments, rayon::current_num_threads());
-    let quality = Quality::expecting(scene.indexed().len(), rays);
     let triangles = scene.take_triangles();
+    let quality = Quality::expecting(triangles.len(), rays);
+    // Warn of triangles that are too small
+    let count = too_small(&triangles);
+    if count > 0 && !arguments.quiet {
+        progress::warn(&format!(
+            "{count} of {} triangles are less than 2^-40 of the largest \
+             or of the scene: what is close to larger ones may be lit wrongly",
+            triangles.len()
+        ));
+    }
     let bvh = Bvh::of(triangles, quality, arguments.isa())
         .map_err(|e| e.to_string())?;
     let analysis = SceneAnalysis::find(scene, &bvh, inquiry);

@@ -4,12 +4,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 
 use glam::DVec3;
-use litpt::bvh::{Bvh, Hit, Intersector, Isa, Quality};
+use litpt::bvh::{Bvh, Hit, Intersector, Isa, Quality, too_small};
 use litpt::camera::View;
 use litpt::film::Film;
 use litpt::render::Renderer;
 use litpt::sampler::cosine_direction;
-use litpt::scene::{Mesh, Ray, Scene};
+use litpt::scene::{Mesh, Ray, Scene, Triangles};
 use litpt_book::closed_forms::{Setting, cavity};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -359,4 +359,21 @@ fn vector_instructions_are_found_where_the_system_names_them() {
     let avx512 = avx2 && has("avx512f avx512vl avx512dq");
     assert_eq!(Isa::Avx2.is_available(), avx2);
     assert_eq!(Isa::Avx512.is_available(), avx512);
+}
+
+#[test]
+fn triangles_are_too_small_below_the_limit_and_not_at_it() {
+    let size = |x: f64| [DVec3::ZERO, DVec3::X * x, DVec3::Y * x];
+    let of = |triangles: &[_]| {
+        let faces = (0..triangles.len() as u32).collect();
+        too_small(&Triangles::apart(triangles, faces))
+    };
+    // The largest is 16, and so is the largest coordinate.
+    let limit = 2f64.powi(-40) * (1.125 * 16. + 0.125 * 16.);
+    let [less, more] = [limit * (1. - f64::EPSILON), limit];
+    assert_eq!(of(&[size(16.), size(less), size(more)]), 1);
+    // Far away from the origin even triangles of one size are.
+    let moved = |x: f64| size(1.).map(|p| p + DVec3::X * x);
+    assert_eq!(of(&[moved(2f64.powi(42))]), 0);
+    assert_eq!(of(&[moved(2f64.powi(44))]), 1);
 }

@@ -16,12 +16,13 @@ use std::f64::consts::FRAC_1_SQRT_2;
 
 use bytemuck::Pod;
 use glam::DVec3;
+use rayon::prelude::*;
 
 use super::intersector::Hit;
 use super::triangle::{Leaf, Margins, NONE, Search, Shear, TriangleTest};
 use super::wide::{Node, Wide};
 use crate::numerics::cross;
-use crate::scene::{Ray, Triangle};
+use crate::scene::{Ray, Triangle, Triangles};
 
 // Say how far from a surface is safe
 /// Other triangles this close to a hit make it doubtful, times `clear`.
@@ -35,9 +36,18 @@ const SHORT: f64 = 1. / (1u64 << 17) as f64;
 /// at most: 2^-47.
 const SLOPPY: f64 = 1. / (1u64 << 47) as f64;
 
-/// How far from a point a triangle may be to be around it, as part of
-/// the size: 2^-33.
+/// How far from a hit a triangle may be to be around it, as part of the
+/// size: 2^-33.
 const AROUND: f64 = 1. / (1u64 << 33) as f64;
+
+/// Twice the distance that is close by for a size: 2^-44.
+fn twice_close_by(size: f64) -> f64 {
+    2. * CLOSE_BY * Margins::of(size).clear()
+}
+
+/// The same for a point before the hit, and those that may be in the way:
+/// 2^-38.
+const AHEAD: f64 = 1. / (1u64 << 38) as f64;
 
 // Make the search's result a hit
 /// The hit of `ray`, which left the triangle `left`, on the nearest one.
@@ -135,12 +145,28 @@ impl Arrival<'_> {
         Node<N>: Pod,
     {
         let shear = Shear::new(self.ray);
-        let close = deep || self.is_close(wide, &shear, met);
+        let left = self.left.map(|left| wide.leaves.triangle(left));
+        let close = deep
+            || left.is_some_and(|left| self.is_low(&left, met))
+            || self.is_close(wide, &shear, met);
         close.then(|| self.offset(wide, &shear, met))
     }
 
     // Ask whether others are close to the hit
-    /// Whether a triangle other than that of the hit may be close to it.
+    /// Where others may be close to the hit.
+    fn around(&self, met: DVec3) -> Around {
+        Around { point: met, part: AROUND, least: self.own.size }
+    }
+
+    /// Whether the hit is around the triangle that the ray left, and close to
+    /// its plane.
+    fn is_low(&self, left: &Triangle, met: DVec3) -> bool {
+        self.around(met).holds(left, self.ray).is_some()
+            && has_not_risen(left, self.ray, met, self.own.size)
+    }
+
+    /// Whether a triangle other than that of the hit and that which the ray
+    /// left may be close to the hit.
     fn is_close<const N: usize>(
         &self,
         wide: &Wide<N>,
@@ -151,9 +177,9 @@ impl Arrival<'_> {
         Node<N>: Pod,
     {
         let gap = |at: f64| at - self.distance;
-        self.any_around(wide, met, &|leaf, (lane, slot), corners| {
+        let asked = |leaf: &Leaf, place, corners: &Triangle, size: f64| {
+            let (lane, slot) = place;
             let &[a, b, c] = corners;
-            let size = self.margins(corners, met).size;
             let margins = Margins::of(size.max(self.own.size));
             let close_by = CLOSE_BY * margins.clear();
             // Dismiss a triangle whose plane is clearly away
@@ -169,12 +195,10 @@ impl Arrival<'_> {
             let normal = cross(b - a, c - a);
             let height = normal.dot(met - a).abs();
             if slot == self.primitive
+                || Some(slot) == self.left
                 || height > 2. * close_by * normal.length()
             {
                 return false;
-            }
-            if Some(slot) == self.left {
-                return true;
             }
             let near = margins.near;
             match leaf.test(lane, shear, &margins) {
@@ -189,7 +213,8 @@ impl Arrival<'_> {
                 }
                 TriangleTest::Apart => false,
             }
-        })
+        };
+        self.around(met).any(wide, self.ray, &asked)
     }
 
     // Ask how closely a triangle is passed
@@ -208,12 +233,6 @@ impl Arrival<'_> {
         !is_beside(flat, normal, met, FRAC_1_SQRT_2 * close_by)
     }
 
-    /// The margins of a triangle for this ray and one of its points.
-    fn margins(&self, corners: &Triangle, point: DVec3) -> Margins {
-        let size = margins(corners, self.ray.origin).size;
-        Margins::of(margins(corners, point).size.max(size))
-    }
-
     // Find the way back to a safe point
     /// A safe point of the ray, not far before the hit.
     fn offset<const N: usize>(
@@ -227,7 +246,7 @@ impl Arrival<'_> {
     {
         let Ray { origin, direction } = *self.ray;
         let least = Margins::new(self.distance, met).clear();
-        let mut back = 2. * least;
+        let mut back = (2. * least).max(self.own.clear());
         while back < self.distance {
             let point = origin + direction * (self.distance - back);
             if self.is_safe(wide, shear, point) {
@@ -250,9 +269,13 @@ impl Arrival<'_> {
     where
         Node<N>: Pod,
     {
-        !self.any_around(wide, point, &|leaf, (lane, _), corners| {
+        let is_in_the_way = |leaf: &Leaf,
+                             place,
+                             corners: &Triangle,
+                             size| {
+            let (lane, _) = place;
             let &[a, b, c] = corners;
-            let margins = self.margins(corners, point);
+            let margins = Margins::of(size);
             let clear = margins.clear();
             let normal = cross(b - a, c - a);
             let side = -normal.dot(self.ray.direction).signum();
@@ -263,50 +286,82 @@ impl Arrival<'_> {
             }
             let ahead = side * normal.dot(self.ray.origin - a) > 0.;
             match leaf.test(lane, shear, &margins) {
-                TriangleTest::Through(_) if ahead => true,
+                TriangleTest::Through(at) if ahead && !at.is_nan() => true,
                 _ => {
                     height > -limit
                         && !is_beside(*corners, normal, point, clear)
                 }
             }
-        })
+        };
+        let around = Around { point, part: AHEAD, least: 0. };
+        !around.any(wide, self.ray, &is_in_the_way)
     }
+}
 
-    // Visit the triangles around a point
-    /// Whether `asked` is true of a triangle whose box, grown by `AROUND`,
-    /// holds the point: of a lane of a leaf, its slot, and its corners.
-    fn any_around<const N: usize>(
+// Visit the triangles around a point
+/// The surroundings of a point of a ray.
+struct Around {
+    point: DVec3,
+    /// The part of a triangle's size by which its box may be away.
+    part: f64,
+    /// Or it may be away by what is close by for this size.
+    least: f64,
+}
+
+impl Around {
+    /// Whether `asked` is true of a triangle around the point: of a lane
+    /// of a leaf, its slot, its corners, and their size.
+    fn any<const N: usize>(
         &self,
         wide: &Wide<N>,
-        point: DVec3,
-        asked: &impl Fn(&Leaf, (usize, u32), &[DVec3; 3]) -> bool,
+        ray: &Ray,
+        asked: &impl Fn(&Leaf, (usize, u32), &Triangle, f64) -> bool,
     ) -> bool
     where
         Node<N>: Pod,
     {
-        let far = point.abs() + 2. * (point - self.ray.origin).abs();
-        let around = (far.max_element() * AROUND).max(self.around());
-        let (least, most) = (point - around, point + around);
-        let holds = |low: DVec3, high: DVec3| {
-            (low.cmple(most) & least.cmple(high)).all()
+        let far = self.point.abs() + 2. * (self.point - ray.origin).abs();
+        let away = self.part * far.max_element();
+        let away = away.max(twice_close_by(self.least));
+        let (low, high) = (self.point - away, self.point + away);
+        let enters = |a: DVec3, b: DVec3| {
+            (a.cmple(high) & low.cmple(b)).all() && self.passes(a, b, ray)
         };
-        wide.any(&holds, &|leaf, place, triangle| {
-            self.is_around(triangle, point) && asked(leaf, place, triangle)
+        wide.any(&enters, &|leaf, place, triangle| {
+            let size = self.holds(triangle, ray);
+            size.is_some_and(|size| asked(leaf, place, triangle, size))
         })
     }
 
-    fn is_around(&self, corners: &Triangle, point: DVec3) -> bool {
+    /// The size of a triangle around the point.
+    fn holds(&self, corners: &Triangle, ray: &Ray) -> Option<f64> {
         let &[a, b, c] = corners;
-        let (least, greatest) = (a.min(b).min(c), a.max(b).max(c));
-        let beyond = (least - point).max(point - greatest);
-        let size = self.margins(corners, point).size;
-        beyond.max_element() <= (AROUND * size).max(self.around())
+        let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+        let beyond = (low - self.point).max(self.point - high);
+        let size = self.size(corners, ray);
+        let away = (self.part * size).max(twice_close_by(self.least));
+        (beyond.max_element() <= away).then_some(size)
     }
 
-    /// How far away triangles matter because of the height of the spawn point
-    /// above the triangle that is hit: twice what is close by.
-    fn around(&self) -> f64 {
-        4. * CLOSE_BY * self.own.clear()
+    /// The size of a triangle for the ray and its point.
+    fn size(&self, corners: &Triangle, ray: &Ray) -> f64 {
+        let size = margins(corners, ray.origin).size;
+        margins(corners, self.point).size.max(size)
+    }
+
+    // See whether a ray passes by a box
+    /// Whether the line of the ray passes by a box as closely as by a
+    /// triangle that matters.
+    fn passes(&self, low: DVec3, high: DVec3, ray: &Ray) -> bool {
+        let size = self.size(&[low, low, high], ray);
+        let aside = twice_close_by(size.max(self.least));
+        let half = 0.5 * (high - low) + aside;
+        let middle = 0.5 * (low + high) - ray.origin;
+        let off = middle.cross(ray.direction).abs();
+        let [h, d] = [half, ray.direction.abs()];
+        let reach = |i: usize, k: usize| h[i] * d[k] + h[k] * d[i];
+        let reach = DVec3::new(reach(1, 2), reach(2, 0), reach(0, 1));
+        off.cmple(reach).all()
     }
 }
 
@@ -332,3 +387,27 @@ fn is_beside(
     [(a, b), (b, c), (c, a)].into_iter().any(off_edge)
         || [(a, b, c), (b, c, a), (c, a, b)].into_iter().any(off_corner)
 }
+
+// Count triangles that are too small
+
+/// How many triangles are so small, beside the largest or the extent of
+/// the scene, that the precision of a double limits how they are lit.
+pub fn too_small(triangles: &Triangles) -> usize {
+    let side = |[a, b, c]: Triangle| {
+        (a.max(b).max(c) - a.min(b).min(c)).max_element()
+    };
+    let sides = || {
+        let all = (0..triangles.len()).into_par_iter();
+        all.map(|i| side(triangles.get(i)))
+    };
+    let largest = sides().reduce(|| 0., f64::max);
+    let corners = triangles.vertices.par_iter();
+    let extent = corners.map(|p| p.abs());
+    let extent = extent.reduce(|| DVec3::ZERO, DVec3::max);
+    let clear = Margins::new(largest, extent).clear();
+    sides().filter(|&side| side < FINEST * clear).count()
+}
+
+/// The least size of a triangle, in heights at which paths go on above
+/// the largest: 2^7.
+const FINEST: f64 = 128.;
