@@ -120,8 +120,8 @@ measure: $(BOOK) $(BUILD_DIR)/courtyard.obj
 # gives and what single precision gives. It is written even if a case fails;
 # then the target fails.
 stability: $(BOOK)
-	$(CARGO) test --release $(addprefix --test ,leaks extremes stiff sampler \
-	  exact traversal)
+	$(CARGO) test --release $(addprefix --test ,leaks extremes mixtures stiff \
+	  sampler exact traversal)
 	$(RECORD) stability $(BOOK) stability 3e7
 
 # The escapes of 10^9 paths of four rays from each closed surface. It takes

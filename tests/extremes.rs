@@ -442,6 +442,28 @@ fn moved(mesh: &Mesh, view: &View, by: impl Fn(DVec3) -> DVec3) -> Film {
     sized(&mesh, &view, 0.7, (16, 12), 4, 0)
 }
 
+/// Fails unless the image stays the same when all is moved by an offset and
+/// scaled by a power of two, if no coordinate is rounded by that.
+fn assert_alike(mesh: &Mesh, view: &View, offsets: &[DVec3]) {
+    let here = moved(mesh, view, |v| v);
+    assert!(here.summary().rmse > 0., "there is something to see");
+    for &offset in offsets {
+        for k in [-900, -200, -37, 0, 37, 200, 900] {
+            let scale = 2f64.powi(k);
+            let mut other = mesh.clone();
+            for vertex in &mut other.vertices {
+                let back = (*vertex + offset) - offset;
+                assert_eq!(back, *vertex, "a sum is rounded");
+                *vertex = (*vertex + offset) * scale;
+            }
+            let scenes = [Scene::new(mesh), Scene::new(&other)];
+            assert_eq!(scenes[0].triangles(), scenes[1].triangles());
+            let there = moved(mesh, view, |v| (v + offset) * scale);
+            assert!(here.stored() == there.stored(), "{offset}, 2^{k}");
+        }
+    }
+}
+
 #[test]
 fn an_image_does_not_change_when_all_is_moved_and_scaled_exactly() {
     let mut mesh = read_obj(common::ROOM.as_bytes()).unwrap();
@@ -449,9 +471,6 @@ fn an_image_does_not_change_when_all_is_moved_and_scaled_exactly() {
     let tiny = 2f64.powi(-12);
     mesh.vertices[2].x += tiny;
     mesh.vertices[7].z += 3. * tiny;
-    let view = room();
-    let here = moved(&mesh, &view, |v| v);
-    assert!(here.summary().rmse > 0., "there is something to see");
     let large = 2f64.powi(40);
     let offsets = [
         DVec3::ZERO,
@@ -459,19 +478,28 @@ fn an_image_does_not_change_when_all_is_moved_and_scaled_exactly() {
         DVec3::new(large, -large, 2f64.powi(39) + tiny),
         DVec3::new(-large, 3. * tiny, large),
     ];
-    for offset in offsets {
-        for k in [-900, -200, -37, 0, 37, 200, 900] {
-            let scale = 2f64.powi(k);
-            let mut other = mesh.clone();
-            for vertex in &mut other.vertices {
-                *vertex = (*vertex + offset) * scale;
-            }
-            let scenes = [Scene::new(&mesh), Scene::new(&other)];
-            assert_eq!(scenes[0].triangles(), scenes[1].triangles());
-            let there = moved(&mesh, &view, |v| (v + offset) * scale);
-            assert!(here.stored() == there.stored(), "{offset}, 2^{k}");
-        }
-    }
+    assert_alike(&mesh, &room(), &offsets);
+}
+
+// Thirds, cut off at 2^-37, have up to 40 bits; with an offset below 2^15,
+// and one bit for the middle, they fit into the 53 of a double.
+#[test]
+fn neither_does_that_of_coordinates_that_fit_no_single() {
+    let unit = 2f64.powi(-37);
+    let third = |v: DVec3| (v / 3. / unit).round() * unit;
+    let mut mesh = read_obj(common::ROOM.as_bytes()).unwrap();
+    mesh.vertices.iter_mut().for_each(|v| *v = third(*v));
+    let is_single = |x: &f64| f64::from(*x as f32) == *x;
+    let corners = mesh.vertices.iter().flat_map(|v| v.to_array());
+    assert!(corners.filter(|x| !is_single(x)).count() > 20);
+    let View { target, .. } = room();
+    let view = View { target: third(target), ..room() };
+    let offsets = [
+        DVec3::ZERO,
+        DVec3::new(12345., -0.125, 3. * unit),
+        DVec3::new(-16384., 2f64.powi(-20), 16384.),
+    ];
+    assert_alike(&mesh, &view, &offsets);
 }
 
 #[test]

@@ -42,7 +42,7 @@ fn follow(
 
 #[test]
 fn no_path_leaves_a_closed_surface() {
-    for Solid { name, scene, cameras } in solids::all() {
+    for Solid { name, scene, cameras, .. } in solids::all() {
         let intersector = Bvh::new(&scene).unwrap();
         eprintln!("{name}");
         follow(&intersector, &cameras, (5000, 20));
@@ -111,7 +111,7 @@ fn is_settled(triangles: &[[DVec3; 3]], ray: &Ray, hit: &Hit) -> bool {
 fn hits_are_inside_and_clear_of_all_triangles() {
     let all = solids::all().into_iter();
     let small = |solid: &Solid| solid.scene.triangles().len() < 1500;
-    for Solid { name, scene, cameras } in all.filter(small) {
+    for Solid { name, scene, cameras, .. } in all.filter(small) {
         let intersector = Bvh::new(&scene).unwrap();
         let triangles = rounded(&scene);
         let mut random = Pcg64::seed_from_u64(9);

@@ -11,63 +11,25 @@ mod scales;
 use std::fmt::Write;
 
 use common::Scratch;
-use glam::DVec3;
-use litpt::bvh::{Bvh, Intersector, Isa, Quality};
-use litpt::sampler::cosine_direction;
-use litpt::scene::{Mesh, Ray, Scene, Triangle};
-use litpt_book::solids::{self, Solid};
-use rand::{RngExt, SeedableRng};
-use rand_pcg::Pcg64;
+use litpt::bvh::{Bvh, Intersector};
+use litpt_book::escapes::{Inside, Outside};
+use litpt_book::solids;
 use rayon::prelude::*;
 
-/// The triangles as a file would give them, with a horizontal square at the
-/// height `z`, from -reach to reach.
-fn with_plane(triangles: &[Triangle], reach: f64, z: f64) -> Mesh {
-    let corner = |x: f64, y: f64| DVec3::new(reach * x, reach * y, z);
-    let [a, b] = [corner(-1., -1.), corner(1., -1.)];
-    let [c, d] = [corner(1., 1.), corner(-1., 1.)];
-    let plane = [[a, b, c], [a, c, d]];
-    let triangles = triangles.iter().chain(&plane);
-    let vertices: Vec<_> = triangles.flatten().copied().collect();
-    let numbers = (0..vertices.len() as u32 / 3).map(|i| 3 * i);
-    let triangles = numbers.map(|i| [i, i + 1, i + 2]).collect();
-    Mesh { vertices, triangles, joined: vec![] }
-}
-
-/// How many of the paths from the cameras leave a solid that stands over a
-/// plane which is `ratio` times as large.
-fn escapes(solid: &Solid, ratio: f64, (n, bounces): (usize, u32)) -> usize {
-    let triangles = solid.scene.triangles();
-    let corners = triangles.as_flattened().iter();
-    let lowest = corners.map(|p| p.z).fold(f64::INFINITY, f64::min);
-    let mesh = with_plane(&triangles, 4096. * ratio, lowest - 4.);
-    let scene = Scene::new(&mesh);
-    let bvh = Bvh::new(&scene).unwrap();
-    let mut random = Pcg64::seed_from_u64(ratio as u64);
-    let leaves = |random: &mut Pcg64, camera: DVec3| {
-        let mut one = || random.random::<f64>() - 0.5;
-        let direction = DVec3::new(one(), one(), one()).normalize();
-        let mut ray = scene.enter(camera, direction).unwrap();
-        let mut from = None;
-        (0..bounces).any(|_| {
-            let Some(hit) = bvh.first_hit(&ray, from) else { return true };
-            let (r, turn) = (random.random(), random.random());
-            let direction = cosine_direction(hit.normal, r, turn);
-            ray = Ray { origin: hit.point, direction };
-            from = Some(hit.primitive);
-            bvh.face(hit.primitive) as usize >= triangles.len()
-        })
-    };
-    let cameras = solid.cameras.iter().cycle().take(n);
-    cameras.filter(|&&camera| leaves(&mut random, camera)).count()
-}
-
 #[test]
-fn no_path_leaves_a_closed_surface_over_a_large_plane() {
+fn no_path_goes_through_a_closed_surface_over_a_large_plane() {
     solids::all().par_iter().for_each(|solid| {
-        for ratio in [1e3, 1e6, 1e9] {
-            let escapes = escapes(solid, ratio, (1000, 20));
-            assert_eq!(escapes, 0, "{} over {ratio:e}", solid.name);
+        for (ratio, seed) in [(1e3, 3), (1e6, 6), (1e9, 9)] {
+            let low = solid.over(ratio, 4.);
+            let bvh = &Bvh::new(&low.scene).unwrap();
+            let (paths, bounces) = (1000, 20);
+            let inside = Inside { solid: &low, bvh, seed, paths, bounces };
+            assert_eq!(bvh.dispatch(inside), 0, "{} leave", low.name);
+            // Above a narrow gap, paths from outside would hardly end.
+            let solid = &solid.over(ratio, 4096.);
+            let bvh = Bvh::new(&solid.scene).unwrap();
+            let outside = Outside { solid, seed, rays: 20_000 };
+            assert_eq!(bvh.dispatch(outside), 0, "{} enter", solid.name);
         }
     });
 }
@@ -103,9 +65,8 @@ fn ball(reach: f64, x: f64) -> String {
     text + "f -4 -3 -2 -1\n"
 }
 
-/// The mean radiance, its error, and the number of rays of a picture of the
-/// ball.
-fn picture(place: &Scratch, reach: f64, x: f64) -> [f64; 3] {
+/// The mean radiance of a picture of the ball, and its error.
+fn picture(place: &Scratch, reach: f64, x: f64) -> [f64; 2] {
     place.put("ball.obj", ball(reach, x));
     let [position, target] =
         [format!("-p{},-5,2", x), format!("-t{x},0,0.8")];
@@ -129,139 +90,33 @@ fn picture(place: &Scratch, reach: f64, x: f64) -> [f64; 3] {
         let number = rest.split_whitespace().next().unwrap();
         number.trim_end_matches(',').parse::<f64>().unwrap()
     };
-    let rays = text[..text.find(" rays").unwrap()].split_whitespace();
-    let rays = rays.last().unwrap().parse().unwrap();
-    [after("mean radiance "), after("± "), rays]
+    [after("mean radiance "), after("± ")]
 }
+
+/// Of 11 normal differences, one is farther off than this, times its standard
+/// error, with a probability of 0.001. The pictures have the same random
+/// numbers, so that theirs are rather smaller.
+const SIDAK: f64 = 3.92;
 
 #[test]
 fn a_ball_looks_the_same_on_any_plane() {
     let place = Scratch::new();
-    let [expected, error, rays] = picture(&place, 1e5, 0.);
+    let [expected, error] = picture(&place, 1e5, 0.);
     for exponent in 6..=11 {
         let reach = 10f64.powi(exponent);
         for x in [0., 0.75 * reach] {
-            if exponent > 9 && x > 0. {
-                continue; // A double has no room for the ball there.
+            if exponent == 11 && x > 0. {
+                continue; // The same mean, after ten seconds.
             }
-            let [mean, own, count] = picture(&place, reach, x);
-            let limit = 4.5 * error.hypot(own);
+            let [mean, own] = picture(&place, reach, x);
+            let limit = SIDAK * error.hypot(own);
             let off = (mean - expected).abs();
             assert!(
                 off < limit,
                 "{reach:e} {x}: {mean} {expected} {limit}"
             );
-            assert!((count / rays - 1.).abs() < 0.02, "{reach:e} {x}");
         }
     }
-}
-
-/// Random triangles around some places, each group of its own scale.
-fn clusters(random: &mut Pcg64) -> Vec<Triangle> {
-    let mut all = vec![];
-    for _ in 0..random.random_range(2..6) {
-        let mut point = || {
-            let mut one = || 2. * random.random::<f64>() - 1.;
-            DVec3::new(one(), one(), one())
-        };
-        let [size, away] =
-            [point().x, point().y].map(|e| 10f64.powf(6. * e));
-        let middle = point() * away;
-        let n = 1 + (30. * point().x.abs()) as usize;
-        let corner = |p: DVec3| middle + size * p;
-        all.extend(
-            (0..n).map(|_| {
-                [corner(point()), corner(point()), corner(point())]
-            }),
-        );
-    }
-    all
-}
-
-/// The first triangle that a ray meets clearly: by more than rounding; none if
-/// that is not clear.
-fn clearly(triangles: &[Triangle], ray: &Ray) -> Option<Option<usize>> {
-    let mut best = (f64::INFINITY, None);
-    for (i, &[a, b, c]) in triangles.iter().enumerate() {
-        let [p, q, r] = [a, b, c].map(|corner| corner - ray.origin);
-        let size =
-            [p, q, r].map(|v| v.length()).into_iter().fold(0., f64::max);
-        let volume = |p: DVec3, q: DVec3| p.cross(q).dot(ray.direction);
-        let sides = [volume(p, q), volume(q, r), volume(r, p)];
-        let doubt = 1e-9 * size * size;
-        let least = sides.into_iter().fold(f64::INFINITY, f64::min);
-        let most = sides.into_iter().fold(f64::NEG_INFINITY, f64::max);
-        if least < -doubt && most > doubt {
-            continue;
-        }
-        let sum: f64 = sides.iter().sum();
-        let distance = p.dot((q - p).cross(r - p))
-            / ray.direction.dot((q - p).cross(r - p));
-        if distance < -1e-6 * size {
-            continue;
-        }
-        if least.abs().min(most.abs()) <= doubt || sum.abs() <= doubt {
-            return None;
-        }
-        if distance < 1e-6 * size || (distance - best.0).abs() < 1e-6 * size
-        {
-            return None;
-        }
-        if distance < best.0 {
-            best = (distance, Some(i));
-        }
-    }
-    Some(best.1)
-}
-
-#[test]
-fn clusters_of_all_scales_are_met_as_by_a_loop_over_all_triangles() {
-    let mut random = Pcg64::seed_from_u64(11);
-    let (mut met, mut clear) = (0, 0);
-    for _ in 0..400 {
-        let triangles = clusters(&mut random);
-        let vertices = triangles.as_flattened().to_vec();
-        let numbers = (0..triangles.len() as u32).map(|i| 3 * i);
-        let mesh = Mesh {
-            vertices,
-            triangles: numbers.map(|i| [i, i + 1, i + 2]).collect(),
-            joined: vec![],
-        };
-        let scene = Scene::new(&mesh);
-        let placed = scene.triangles();
-        if placed.len() < triangles.len() {
-            continue;
-        }
-        let isas = Isa::ALL.into_iter().filter(|isa| isa.is_available());
-        let bvhs: Vec<_> = isas
-            .map(|isa| Bvh::with(&scene, Quality::Medium, isa).unwrap())
-            .collect();
-        for _ in 0..200 {
-            let mut one = || random.random::<f64>();
-            // From near one triangle to another one.
-            let pick = |t: f64| placed[(t * placed.len() as f64) as usize];
-            let [a, b, c] = pick(one());
-            let weights = [one(), one()].map(|w| 0.5 * w);
-            let aim = a + (b - a) * weights[0] + (c - a) * weights[1];
-            let [p, q, _] = pick(one());
-            let origin =
-                p + (q - p).length() * DVec3::new(one(), one(), one());
-            let direction = (aim - origin).normalize();
-            if !direction.is_finite() {
-                continue;
-            }
-            let ray = Ray { origin, direction };
-            let Some(expected) = clearly(&placed, &ray) else { continue };
-            clear += 1;
-            met += u32::from(expected.is_some());
-            for bvh in &bvhs {
-                let hit = bvh.first_hit(&ray, None);
-                let found = hit.map(|hit| bvh.face(hit.primitive) as usize);
-                assert_eq!(found, expected, "{ray:?} {placed:?}");
-            }
-        }
-    }
-    assert!(met > 10_000 && clear > 20_000, "{met} {clear}");
 }
 
 /// `make fuzz` goes on with other seeds.
@@ -279,9 +134,9 @@ fn mixtures_of_scales_are_met_as_in_twice_the_precision() {
         "{} rays, {certain} certain, {inside} inside, {excused} excused",
         times.len()
     );
-    println!("{counts}");
-    assert!(
-        certain > 20_000 && inside > 10_000 && excused < 100,
-        "{counts}"
-    );
+    // Where several answers are allowed, a wrong one may be among them.
+    assert!(2 * certain > times.len(), "{counts}");
+    // A leak at one point of a thousand would go unnoticed with a probability
+    // of 0.05, and so few paths are given up.
+    assert!(inside >= 3000 && 1000 * excused <= inside, "{counts}");
 }

@@ -8,7 +8,7 @@ use std::collections::HashMap;
 use crate::courtyard::solids;
 use glam::{DMat3, DVec3, EulerRot};
 use litpt::numerics::cross;
-use litpt::scene::{Mesh, Scene};
+use litpt::scene::{Mesh, Scene, Triangle};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -17,8 +17,53 @@ use rand_pcg::Pcg64;
 pub struct Solid {
     pub name: String,
     pub scene: Scene,
+    /// The faces from 0 on that are its own.
+    pub faces: u32,
     /// Where a path may begin.
     pub cameras: Vec<DVec3>,
+}
+
+impl Solid {
+    /// Whether its triangles do not share all corners on their edges. A ray
+    /// that is aimed at such a seam may find a crack (section "Meshes that
+    /// are not closed").
+    pub fn has_cracks(&self) -> bool {
+        self.name.contains("seams")
+    }
+
+    /// Its own triangles.
+    pub fn own(&self) -> Vec<Triangle> {
+        let all = self.scene.indexed();
+        let faces = all.faces.iter();
+        let all = faces.zip(all.iter());
+        all.filter(|(face, _)| **face < self.faces).map(|t| t.1).collect()
+    }
+
+    /// It, so far above a horizontal square whose half sides are 4096 times
+    /// `ratio`, which is about as many times its own size.
+    pub fn over(&self, ratio: f64, gap: f64) -> Self {
+        let own = self.scene.indexed();
+        let lowest = own.vertices.iter().map(|p| p.z).fold(0., f64::min);
+        let corner = |x: f64, y: f64| {
+            let [x, y] = [x, y].map(|x| 4096. * ratio * x);
+            DVec3::new(x, y, lowest - gap)
+        };
+        let first = own.vertices.len() as u32;
+        let [a, b] = [corner(-1., -1.), corner(1., -1.)];
+        let [c, d] = [corner(1., 1.), corner(-1., 1.)];
+        let mut vertices = own.vertices.clone();
+        vertices.extend([a, b, c, d]);
+        let mut triangles = own.corners.clone();
+        let plane = [[0, 1, 2], [0, 2, 3]];
+        triangles.extend(plane.map(|t| t.map(|i| first + i)));
+        let faces = own.corners.len() as u32;
+        let scene =
+            Scene::new(&Mesh { vertices, triangles, joined: vec![] });
+        let place = |&p: &DVec3| scene.place(p).expect("a point inside");
+        let cameras = self.cameras.iter().map(place).collect();
+        let name = format!("{} over {ratio:e}", self.name);
+        Self { name, scene, faces, cameras }
+    }
 }
 
 /// All of them.
@@ -52,6 +97,7 @@ pub fn all() -> Vec<Solid> {
 /// and on an axis, and points next to a vertex and an edge.
 fn solid(name: &str, mesh: Mesh, inside: &[DVec3]) -> Solid {
     let scene = Scene::new(&mesh);
+    let faces = mesh.triangles.len() as u32;
     let triangles: Vec<_> = rounded(&scene);
     let mut cameras = vec![];
     for &o in inside {
@@ -69,7 +115,7 @@ fn solid(name: &str, mesh: Mesh, inside: &[DVec3]) -> Solid {
     }
     cameras.retain(|&p| winding(&triangles, p).abs() > 0.9);
     assert!(cameras.len() >= 4, "{name}: too few points are inside");
-    Solid { name: name.to_owned(), scene, cameras }
+    Solid { name: name.to_owned(), scene, faces, cameras }
 }
 
 pub fn rounded(scene: &Scene) -> Vec<[DVec3; 3]> {
@@ -329,8 +375,9 @@ fn courtyard() -> Solid {
         mesh.vertices.extend(vertices);
     }
     let scene = Scene::new(&mesh);
+    let faces = mesh.triangles.len() as u32;
     let place = |p| scene.enter(p, DVec3::X).expect("a middle").origin;
     let cameras = middles.into_iter().map(place).collect();
     let name = "solids of the courtyard".to_owned();
-    Solid { name, scene, cameras }
+    Solid { name, scene, faces, cameras }
 }

@@ -1,8 +1,9 @@
 // Stability in one table: what is exact, what pt gives, and what a rival
 // gives, which is in single precision throughout; prints a CSV
 // for "make stability". The arguments are the number of rays in each closed
-// surface, "leaks" for nothing but those, and how many surfaces to skip, for a
-// run that goes on with another. Fails if a case fails.
+// surface, "leaks" for nothing but those, or "planes" for the same over large
+// planes, and how many rows to skip, for a run that goes on with another.
+// Fails if a case fails.
 //
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
@@ -11,21 +12,22 @@ use std::error::Error;
 
 use glam::DVec3;
 use litpt::analysis::background::KnownPixels;
-use litpt::bvh::{Bvh, Dispatch, Intersector, Isa, Quality};
+use litpt::bvh::{Bvh, Intersector, Isa, Quality};
 use litpt::camera::Camera;
 use litpt::film::Film;
 use litpt::integrator::PathTracer;
 use litpt::render::{Job, Renderer};
-use litpt::sampler::{IndependentSampler, cosine_direction};
-use litpt::scene::{Mesh, Ray, Scene};
+use litpt::sampler::IndependentSampler;
+use litpt::scene::{Mesh, Scene};
 use litpt::sky::Sky;
 use litpt::statistics::Accumulator;
 use litpt_book::closed_forms::{
     Outcome, cavity, cavity_radiance, closed_forms, look, pixel, plane,
 };
+use litpt_book::escapes::{Inside, Outside, uniform};
 use litpt_book::single::SinglePrecision;
 use litpt_book::solids;
-use rand::{RngExt, SeedableRng};
+use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 use rayon::ThreadPoolBuilder;
 use rayon::prelude::*;
@@ -47,31 +49,24 @@ const SIDAK: f64 = 4.22;
 pub fn run(arguments: &[String]) -> Done {
     let mut arguments = arguments.iter();
     let rays: f64 = arguments.next().map_or(Ok(1e7), |s| s.parse())?;
-    let only_leaks = arguments.next().is_some();
+    let only = arguments.next().map(String::as_str);
     let skipped: usize = arguments.next().map_or(Ok(0), |s| s.parse())?;
-    let paths = (rays / (PIECES * BOUNCES) as f64).ceil() as u64;
-    let mut failed = 0;
     if skipped == 0 {
         println!("case,exact,pt,rival,verdict");
     }
-    for solid in solids::all().into_iter().skip(skipped) {
-        let number = PIECES * BOUNCES * paths;
-        // The rival is to show that it leaks, not how rarely.
-        let few = paths.div_ceil(100).max(100.min(paths));
-        let [ours, theirs] = leaks(&solid, paths, few)?;
-        let count = solid.scene.triangles().len();
-        let case = format!("{} ({count})", solid.name);
-        let exact = format!("0 of {:.0e}", number as f64);
-        let theirs =
-            format!("{theirs} of {:.0e}", (PIECES * BOUNCES * few) as f64);
-        failed += row(&case, &exact, &ours.to_string(), &theirs, ours == 0);
-    }
-    if !only_leaks {
-        failed += moved()?;
-        failed += alike()?;
-        failed += means()?;
-        failed += known()?;
-    }
+    let failed = match only {
+        None => {
+            closed(rays, 0)?
+                + over_planes(rays, None)?
+                + moved()?
+                + alike()?
+                + means()?
+                + known()?
+        }
+        Some("leaks") => closed(rays, skipped)?,
+        Some("planes") => over_planes(rays, Some(skipped))?,
+        Some(other) => return Err(format!("no cases {other}").into()),
+    };
     match failed {
         0 => Ok(()),
         _ => Err(format!("{failed} cases fail").into()),
@@ -93,6 +88,30 @@ fn row(
 
 // ---- closed surfaces
 
+/// How many paths make so many rays in each piece.
+fn number_of_paths(rays: f64) -> u64 {
+    (rays / (PIECES * BOUNCES) as f64).ceil() as u64
+}
+
+/// A row for each solid, but for those skipped.
+fn closed(rays: f64, skipped: usize) -> Result<u32, Box<dyn Error>> {
+    let paths = number_of_paths(rays);
+    let number = PIECES * BOUNCES * paths;
+    let mut failed = 0;
+    for solid in solids::all().into_iter().skip(skipped) {
+        // The rival is to show that it leaks, not how rarely.
+        let few = paths.div_ceil(100).max(100.min(paths));
+        let [ours, theirs] = leaks(&solid, paths, few)?;
+        let count = solid.own().len();
+        let case = format!("{} ({count})", solid.name);
+        let exact = format!("0 of {:.0e}", number as f64);
+        let theirs =
+            format!("{theirs} of {:.0e}", (PIECES * BOUNCES * few) as f64);
+        failed += row(&case, &exact, &ours.to_string(), &theirs, ours == 0);
+    }
+    Ok(failed)
+}
+
 /// Escapes of so many paths from a solid: ours, and the rival's of
 /// fewer.
 fn leaks(
@@ -100,12 +119,14 @@ fn leaks(
     paths: u64,
     few: u64,
 ) -> Result<[u64; 2], Box<dyn Error>> {
-    let intersector = Bvh::new(&solid.scene)?;
+    let bvh = &Bvh::new(&solid.scene)?;
     let corners = solid.scene.triangles().into_iter();
     let corners: Vec<_> =
         corners.map(|t| t.map(|corner| corner.as_vec3())).collect();
     let single = SinglePrecision::new(&corners);
-    let ours = |seed| intersector.dispatch(Starts { solid, seed, paths });
+    let bounces = BOUNCES;
+    let ours =
+        |seed| bvh.dispatch(Inside { solid, bvh, seed, paths, bounces });
     let theirs = |i| {
         let mut random = Pcg64Mcg::seed_from_u64(i);
         let escapes = (0..few).filter(|n| {
@@ -122,48 +143,70 @@ fn leaks(
     Ok([pieces().map(ours).sum(), pieces().map(theirs).sum()])
 }
 
-/// Paths from the cameras of a solid.
-struct Starts<'a> {
-    solid: &'a solids::Solid,
-    seed: u64,
+// ---- closed surfaces over large planes
+
+/// On which side of the surface paths begin, and how high above the plane it
+/// is: from a narrow gap below it paths would hardly find out.
+const SIDES: [(&str, f64); 2] = [("inside", 4.), ("outside", 4096.)];
+
+/// A side, the exponent of how much larger a plane is, and a solid.
+type Above<'a> = ((&'static str, f64), i32, &'a solids::Solid);
+
+/// Rows of so many rays: one of each solid, but for those `skipped`, or, if
+/// that is none, of all solids together.
+fn over_planes(
+    rays: f64,
+    skipped: Option<usize>,
+) -> Result<u32, Box<dyn Error>> {
+    let solids = solids::all();
+    let sides = || SIDES.into_iter();
+    let rows =
+        [3, 6, 9].into_iter().flat_map(|e| sides().map(move |s| (s, e)));
+    let rows =
+        rows.flat_map(|(s, e)| solids.iter().map(move |o| (s, e, o)));
+    let rows: Vec<Above> = rows.skip(skipped.unwrap_or(0)).collect();
+    let together = skipped.map_or(solids.len(), |_| 1);
+    let mut failed = 0;
+    for row in rows.chunks(together) {
+        failed += over_plane(rays, row)?;
+    }
+    Ok(failed)
+}
+
+/// A row of one solid or several.
+fn over_plane(rays: f64, all: &[Above]) -> Result<u32, Box<dyn Error>> {
+    let ((side, _), exponent, solid) = all[0];
+    let what = match all.len() {
+        1 => format!("{} ({})", solid.name, solid.own().len()),
+        n => format!("all {n} solids"),
+    };
+    let paths = number_of_paths(rays / all.len() as f64);
+    let mut leaks = 0;
+    for above in all {
+        leaks += through(above, paths)?;
+    }
+    let rays = PIECES * BOUNCES * paths * all.len() as u64;
+    let case = format!("{what}; {side}; over $10^{exponent}$");
+    let exact = format!("0 of {:.0e}", rays as f64);
+    Ok(row(&case, &exact, &leaks.to_string(), "", leaks == 0))
+}
+
+/// How many paths go through the surface of a solid, of so many from inside,
+/// or of those from outside that have as many rays.
+fn through(
+    &((side, gap), exponent, solid): &Above,
     paths: u64,
-}
-
-impl Dispatch for Starts<'_> {
-    type Output = u64;
-
-    /// How many paths escape.
-    fn with<K: Intersector>(self, intersector: &K) -> u64 {
-        let mut random = Pcg64Mcg::seed_from_u64(self.seed);
-        let cameras = &self.solid.cameras;
-        let escapes = (0..self.paths).filter(|n| {
-            let at = (self.seed + n) as usize % cameras.len();
-            let direction = uniform(&mut random);
-            let mut ray = Ray { origin: cameras[at], direction };
-            let mut from = None;
-            (0..BOUNCES).any(|_| {
-                let Some(hit) = intersector.first_hit(&ray, from) else {
-                    return true;
-                };
-                let (r, turn) = (random.random(), random.random());
-                let direction = cosine_direction(hit.normal, r, turn);
-                ray = Ray { origin: hit.point, direction };
-                from = Some(hit.primitive);
-                false
-            })
-        });
-        escapes.count() as u64
-    }
-}
-
-fn uniform(random: &mut Pcg64Mcg) -> DVec3 {
-    loop {
-        let mut one = || 2. * random.random::<f64>() - 1.;
-        let d = DVec3::new(one(), one(), one());
-        if (0.01..1.).contains(&d.length_squared()) {
-            return d.normalize();
+) -> Result<u64, Box<dyn Error>> {
+    let solid = &solid.over(10f64.powi(exponent), gap);
+    let bvh = &Bvh::new(&solid.scene)?;
+    let (rays, bounces) = (paths * BOUNCES, BOUNCES);
+    let piece = |seed| match side {
+        "inside" => {
+            bvh.dispatch(Inside { solid, bvh, seed, paths, bounces })
         }
-    }
+        _ => bvh.dispatch(Outside { solid, seed, rays }),
+    };
+    Ok((0..PIECES).into_par_iter().map(piece).sum())
 }
 
 // ---- places and scales
