@@ -119,6 +119,33 @@ fn a_ball_looks_the_same_on_any_plane() {
     }
 }
 
+/// The triangles of the ball are 0.0922 to 0.1305 long, which is 2^-40 of what
+/// counts for the plane at reaches of 4.27e10 and 6.05e10.
+#[test]
+fn the_user_is_warned_where_a_double_is_not_precise_enough() {
+    let place = Scratch::new();
+    let warning = |reach| {
+        place.put("ball.obj", ball(reach, 0.));
+        let output = place.run(&[
+            "-iball.obj",
+            "-p0,-5,2",
+            "-d4x3",
+            "-n1",
+            "-f",
+            "-ox.pfm",
+        ]);
+        output.succeeded();
+        let words: Vec<_> = output.stderr.split_whitespace().collect();
+        let is_there = words[0] == "warning:";
+        is_there.then(|| [1, 3].map(|i| words[i].parse::<u32>().unwrap()))
+    };
+    assert_eq!(warning(4.2e10), None);
+    let [some, _] = warning(4.6e10).unwrap();
+    let [most, all] = warning(6.2e10).unwrap();
+    // All but the two of the plane.
+    assert!(0 < some && some < most && most == all - 2, "{some} {most}");
+}
+
 /// `make fuzz` goes on with other seeds.
 #[test]
 fn mixtures_of_scales_are_met_as_in_twice_the_precision() {
