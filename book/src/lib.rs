@@ -10,6 +10,7 @@
 
 pub mod closed_forms;
 pub mod courtyard;
+pub mod mixtures;
 pub mod paths;
 pub mod settings;
 pub mod single;
