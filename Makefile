@@ -61,6 +61,7 @@ help:
 	@echo 'make stability  stiff and extreme cases, ten minutes; stability-full: hours'
 	@echo 'make ablation  what is saved by leaving out what a scene does not need'
 	@echo 'make bench   measure pt beside Embree; BENCH_SCENES="..." restricts it'
+	@echo 'make mixtures  mixtures of scales beside Embree'
 	@echo 'make start   measure what pt weighs before it does anything'
 	@echo 'make fuzz    random scenes, cameras, options and mixtures of scales, a minute'
 	@echo 'make clean   remove what was built'

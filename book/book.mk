@@ -21,7 +21,8 @@ TABLES := $(BUILD_DIR)/examples.stamp $(addprefix $(BUILT)/,measured.tex \
   stability-full.tex robustness.tex ablation.tex shortcuts.tex layouts.tex habits.tex \
   abreast.tex traversal.tex bench.tex generations.tex sizes.csv shapes.tex \
   start.tex repeats.csv accumulators.tex accounting.tex alarms.tex \
-  thresholds.tex triangulations.tex ring.tex mixtures.tex)
+  thresholds.tex triangulations.tex ring.tex mixtures.tex \
+  mixtures-ball.csv)
 
 # ---- made with the book
 
@@ -99,6 +100,7 @@ $(BUILT)/measured.tex: $(SCRIPTS)/measured.awk $(wildcard $(MEASURED)/*.csv) \
 
 COLUMNS_bench = 8
 COLUMNS_traversal = 6
+COLUMNS_mixtures = 8
 $(BUILT)/%.tex: $(MEASURED)/%.csv $(SCRIPTS)/table.awk | $(BUILT)
 	awk -v most=$(COLUMNS_$*) -v machine=$(@D)/$*-machine.tex \
 	  -f $(SCRIPTS)/table.awk $< > $@
@@ -184,10 +186,11 @@ bench:
 	  $(patsubst %,$(MEASURED)/%.csv,traversal bench sizes shapes)
 
 # field-1000 is the field with 1000 triangles.
-$(BENCH)/%.obj $(BENCH)/%.view: book/src/programs/scenes.rs | $(BOOK)
+$(BENCH)/%.obj $(BENCH)/%.view: book/src/programs/scenes.rs \
+  book/src/mixtures.rs | $(BOOK)
 	@mkdir -p $(BENCH)
 	$(BOOK) scenes $(subst -, ,$*) > $(BENCH)/$*.obj
-	$(BOOK) scenes --view $(firstword $(subst -, ,$*)) > $(BENCH)/$*.view
+	$(BOOK) scenes --view $(subst -, ,$*) > $(BENCH)/$*.view
 
 $(BENCH)/courtyard.obj $(BENCH)/courtyard.view &: $(BUILD_DIR)/courtyard.obj
 	@mkdir -p $(BENCH)
@@ -236,3 +239,45 @@ bench-sizes: bench-tools $(call AND_VIEWS,$(SIZED))
 
 bench-shapes: bench-tools $(call AND_VIEWS,$(BENCH)/courtyard)
 	$(RECORD) shapes $(call BESIDE_PEER,shapes,$(BENCH)/courtyard)
+
+# ---- mixtures of scales
+
+# The scenes of book/src/mixtures.rs, the smallest of each name first, to which
+# the rates of the others are relative. Some seven minutes on an idle machine.
+MIXED = $(addprefix ball-,10 100 1e3 1e4 1e5 1e6 1e7 1e8 1e9 1e10 1e11 1e12) \
+  $(addprefix aside-,10 1e3 1e5 1e7 1e9 1e10) $(addprefix rim-,10 1e5 1e9) \
+  $(addprefix sunk-,10 1e5 1e9) $(addprefix cube-,10 1e5 1e9) \
+  split-10 split-1e6 $(addprefix hair-,10 1e4 1e7) \
+  $(addprefix grass-,10 1e3 5e4) utm-0 utm-5.6e6 \
+  two-10 two-1e9 other-10 other-1e9
+
+.PHONY: mixtures
+mixtures: bench-tools $(call AND_VIEWS,$(MIXED:%=$(BENCH)/%))
+	$(RECORD) mixtures $(call BESIDE_PEER,mixtures,$(MIXED:%=$(BENCH)/%))
+
+# The ball alone, with the differences from our mean at 1e6, of which less than
+# 1e-6 is not printed. pgfplots has no use for what is not a number but nan.
+$(BUILT)/mixtures-ball.csv: $(MEASURED)/mixtures.csv | $(BUILT)
+	awk -F , -v OFS=, ' \
+	  function off(m) { if (m == "") return "nan"; m -= mean; \
+	    if (m < 0) m = -m; return m < 1e-6 ? 1e-6 : m } \
+	  FNR == NR { if ($$1 == "ball" && $$2 == "1e6") mean = $$6; next } \
+	  $$1 == "mixture" { print "number,ours_mrays,peer_mrays,ours_off,peer_off" } \
+	  $$1 == "ball" { print $$2, $$3 + 0 ? $$3 : "nan", $$5 + 0 ? $$5 : "nan", \
+	    off($$6), off($$8) }' $< $< > $@
+
+# The pictures of the ball, and those of an earlier program in at most a minute:
+# the pt of commit e1e8bf3 made those of doc/figures.
+BALLS = 1e3 1e5 1e6 1e7
+BALL = -i $(BENCH)/ball-$(1).obj $$(cat $(BENCH)/ball-$(1).view) -r 0.8 \
+  -d 160x120 -n 64 -f
+FIGURES += $(BALLS:%=$(BUILD_DIR)/figures/ball-%.png)
+
+$(BUILD_DIR)/figures/ball-%.png: $(BENCH)/ball-%.obj $(BENCH)/ball-%.view \
+  $(BUILD_DIR)/pt | $(BUILD_DIR)/figures
+	$(BUILD_DIR)/pt $(call BALL,$*) -o $@
+
+.PHONY: mixtures-before
+mixtures-before: $(call AND_VIEWS,$(BALLS:%=$(BENCH)/ball-%))
+	for r in $(BALLS); do $(BEFORE) $(call BALL,$$r) --time 60 \
+	  -o doc/figures/ball-$$r-before.png || exit 1; done

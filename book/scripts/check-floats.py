@@ -70,7 +70,7 @@ def main(paths):
     if paths[:1] == ['--build']:
         folders = [os.path.join(paths[1], part)
                    for part in ('', 'figures', 'tables', 'examples')]
-        folders.append('doc/examples')
+        folders += ['doc/examples', 'doc/figures']
         del paths[:2]
     if not paths:
         sys.exit(__doc__)

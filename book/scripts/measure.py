@@ -4,6 +4,7 @@
 usage: measure.py peer PT [PEER] SCENE...   rates, load, memory of both
        measure.py sizes PT [PEER] SCENE...  the same scene in several sizes
        measure.py shapes PT SCENE...        images of several sizes
+       measure.py mixtures PT [PEER] SCENE...  rates and means of mixtures
        measure.py show FILE.csv...          a table for the eye
 
 A SCENE is a path without its ending: SCENE.obj, and SCENE.view with the
@@ -21,17 +22,22 @@ Copying and distribution of this file, with or without modification, are
 permitted in any medium without royalty provided the copyright notice and this
 notice are preserved. This file is offered as-is, without any warranty.
 """
+import itertools
 import math
 import os
 import re
+import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from statistics import median
 
 WIDTH, HEIGHT, ALBEDO = 400, 300, 0.8
 ROUNDS, FEWEST = 7, 3
+SMALL, SAMPLES = (200, 150), 64  # images of mixtures of scales
+STOPPED = 60  # seconds after which a render of a mixture is stopped
 PATIENCE = 60  # seconds for the rounds of one row, if they are enough
 RENDERING = 1.5  # seconds that our part of a round should render
 
@@ -51,21 +57,27 @@ def say(text):
     print(f'bench: {text}', file=sys.stderr, flush=True)
 
 
-def run(command, processors, pattern):
-    """Runs a program on some processors; what it said, and its memory."""
+def run(command, processors, pattern, pixels, limit):
+    """Runs a program on some processors; what it said, and its memory. None
+    if there is a limit, in seconds, and it has not ended by then."""
     child = subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
         preexec_fn=lambda: os.sched_setaffinity(0, processors))
+    timer = threading.Timer(limit or threading.TIMEOUT_MAX, child.kill)
+    timer.start()
     text = child.stdout.read().decode()
+    timer.cancel()
     _, status, usage = os.wait4(child.pid, 0)
     child.returncode = os.waitstatus_to_exitcode(status)
+    if limit and child.returncode == -signal.SIGKILL:
+        return None
     found = pattern.search(text)
     if child.returncode != 0 or not found:
         sys.exit(f'bench: {" ".join(command)} failed:\n{text}')
     said = {name: float(value or 'nan')
             for name, value in found.groupdict().items()}
     rays = said.get('rays', said.get('megarays', 0) * 1e6)
-    error = said.get('stderr', said.get('rmse', 0) / math.sqrt(WIDTH * HEIGHT))
+    error = said.get('stderr', said.get('rmse', 0) / math.sqrt(pixels))
     return {
         'triangles': int(said['triangles']),
         'mrays': rays / max(said['render'], 1e-3) * 1e-6,
@@ -85,22 +97,25 @@ class Programs:
     def __init__(self, pt, peer, folder):
         self.pt, self.peer, self.folder = pt, peer, folder
 
-    def ours(self, scene, processors, n, seed, definition=(WIDTH, HEIGHT)):
+    def ours(self, scene, processors, n, seed, definition=(WIDTH, HEIGHT),
+             limit=None):
         view = open(scene + '.view').read().split()
         out = os.path.join(self.folder, 'image.pgm')
         return run(
             [self.pt, '--keep-all', '-i', scene + '.obj', *view,
              '-r', str(ALBEDO), '-d', '{}x{}'.format(*definition),
              '-n', str(n), '-s', str(seed), '-j', str(len(processors)),
-             '-o', out, '-f'], processors, PT)
+             '-o', out, '-f'], processors, PT, math.prod(definition), limit)
 
-    def theirs(self, scene, processors, n, seed):
+    def theirs(self, scene, processors, n, seed, definition=(WIDTH, HEIGHT),
+               limit=None):
         view = open(scene + '.view').read().split()
         p, t, u, fov = (view[view.index(o) + 1] for o in '-p -t -u -F'.split())
         out = os.path.join(self.folder, 'image.raw')
         return run(
-            [self.peer, scene + '.obj', p, t, u, fov, f'{WIDTH}x{HEIGHT}',
-             str(n), str(ALBEDO), out, str(seed)], processors, PEER)
+            [self.peer, scene + '.obj', p, t, u, fov,
+             '{}x{}'.format(*definition), str(n), str(ALBEDO), out,
+             str(seed)], processors, PEER, math.prod(definition), limit)
 
     def samples(self, scene, processors):
         """How many make our rendering last long enough to be timed."""
@@ -217,6 +232,55 @@ def shapes(programs, scenes):
             print(name, *shape, f'{median(rate):.2f}', sep=',', flush=True)
 
 
+def mixture_runs(programs, scenes):
+    """Rounds over all scenes, and in each of them ours and the peer's run in
+    turns, so that what the machine does beside meets all alike. A run that
+    was stopped is None, and the last one."""
+    processors = sorted(os.sched_getaffinity(0))[:2]
+    runs = {(scene, program): [] for scene in scenes
+            for program in [programs.ours] + [programs.theirs] * bool(
+                programs.peer)}
+    for seed in range(1, ROUNDS + 1):
+        say(f'{os.path.basename(scenes[-1])} and smaller ones, round {seed}')
+        for (scene, program), done in list(runs.items())[::seed % 2 * 2 - 1]:
+            if None not in done:
+                done.append(program(
+                    scene, processors, SAMPLES, seed, SMALL, STOPPED))
+    return runs
+
+
+def mixture_cells(runs):
+    """Median rate, mean and standard error of the mean."""
+    if None in runs or not runs:
+        return [f'> {STOPPED} s' if runs else '', '', '']
+    rate = median(run['mrays'] for run in runs)
+    mean = sum(run['mean'] for run in runs) / len(runs)
+    error = math.hypot(*(run['stderr'] for run in runs)) / len(runs)
+    return [f'{rate:.2f}', f'{mean:.6f}', f'{error:.6f}']
+
+
+def mixtures(programs, scenes):
+    """The rate of a scene is relative to that of the first of its name."""
+    print('mixture,number,ours_mrays,relative,peer_mrays,ours_mean,'
+          'ours_stderr,peer_mean,peer_stderr')
+
+    def name(scene):
+        return os.path.basename(scene).split('-')[0]
+
+    for _, group in itertools.groupby(scenes, name):
+        group = list(group)
+        runs = mixture_runs(programs, group)
+        for scene in group:
+            ours = runs[scene, programs.ours]
+            rate, mean, error = mixture_cells(ours)
+            theirs = mixture_cells(runs.get((scene, programs.theirs), []))
+            relative = cell(math.nan if None in ours else median(
+                run['mrays'] / first['mrays']
+                for run, first in zip(ours, runs[group[0], programs.ours])), 2)
+            print(*os.path.basename(scene).split('-'), rate, relative,
+                  theirs[0], mean, error, *theirs[1:], sep=',', flush=True)
+
+
 def show(path):
     rows = [line.rstrip('\n').split(',')
             for line in open(path) if not line.startswith('#')]
@@ -230,7 +294,8 @@ def main():
     verb, arguments = sys.argv[1:2], sys.argv[2:]
     if verb == ['show']:
         return [show(path) for path in arguments]
-    verbs = {'peer': peer, 'sizes': sizes, 'shapes': shapes}
+    verbs = {'peer': peer, 'sizes': sizes, 'shapes': shapes,
+             'mixtures': mixtures}
     measure = verbs.get(''.join(verb))
     if not measure or not arguments:
         sys.exit(__doc__)

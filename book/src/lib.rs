@@ -11,6 +11,7 @@
 pub mod closed_forms;
 pub mod courtyard;
 pub mod escapes;
+pub mod mixtures;
 pub mod paths;
 pub mod settings;
 pub mod single;

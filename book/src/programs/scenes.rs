@@ -2,36 +2,49 @@
 // of a scan, and "field", boulders on hills. Both are functions that are
 // sampled more or less finely, so that a scene keeps its shape at any number
 // of triangles. y points up, lengths are in metres. Only arithmetic, square
-// roots and libm are used: the text is the same on every machine.
+// roots and libm are used: the text is the same on every machine. And prints
+// the mixtures of scales of "make mixtures", with all digits.
 //
-// usage: scenes NAME [TRIANGLES] > NAME.obj
-//        scenes --view NAME             the options of pt for its view
+// usage: scenes NAME [NUMBER] > NAME.obj   NUMBER: how many triangles, or
+//                                          what it is in book/src/mixtures.rs
+//        scenes --view NAME [NUMBER]       the options of pt for its view
 //
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
+use std::error::Error;
 use std::io::{self, BufWriter, Write};
 
 use glam::DVec3;
 use litpt::scene::Mesh;
+use litpt_book::mixtures::Mixture;
 
 use super::Done;
 
-const USAGE: &str = "usage: scenes [--view] statue|field [TRIANGLES]";
+const USAGE: &str = "usage: scenes [--view] NAME [NUMBER], \
+    where NAME is statue, field or a mixture of scales";
 
 pub fn run(arguments: &[String]) -> Done {
     let words: Vec<_> = arguments.iter().map(String::as_str).collect();
+    if let ["--view", words @ ..] = &words[..] {
+        return print_view(words);
+    }
     let mesh = match words[..] {
-        ["--view", name] => return print_view(name),
         ["statue"] => statue(300_000),
         ["statue", count] => statue(count.parse()?),
         ["field"] => field(5_000_000),
         ["field", count] => field(count.parse()?),
-        _ => return Err(USAGE.into()),
+        _ => return print(&mixture(&words)?.mesh, |x| x.to_string()),
     };
+    print(&mesh, |x| format!("{x:.6}"))
+}
+
+/// Writes a mesh with coordinates of so many digits.
+fn print(mesh: &Mesh, digits: impl Fn(f64) -> String) -> Done {
     let mut out = BufWriter::with_capacity(1 << 20, io::stdout().lock());
     for v in &mesh.vertices {
-        writeln!(out, "v {:.6} {:.6} {:.6}", v.x, v.y, v.z)?;
+        let [x, y, z] = v.to_array().map(&digits);
+        writeln!(out, "v {x} {y} {z}")?;
     }
     for t in &mesh.triangles {
         let [a, b, c] = t.map(|i| i + 1);
@@ -40,13 +53,18 @@ pub fn run(arguments: &[String]) -> Done {
     Ok(out.flush()?)
 }
 
-fn print_view(name: &str) -> Done {
-    match name {
-        "statue" => println!("{STATUE_VIEW}"),
-        "field" => println!("{}", field_view()),
-        _ => return Err(USAGE.into()),
+fn print_view(words: &[&str]) -> Done {
+    match words {
+        ["statue", ..] => println!("{STATUE_VIEW}"),
+        ["field", ..] => println!("{}", field_view()),
+        _ => println!("{}", mixture(words)?.options()),
     }
     Ok(())
+}
+
+fn mixture(words: &[&str]) -> Result<Mixture, Box<dyn Error>> {
+    let &[name, number] = words else { return Err(USAGE.into()) };
+    Ok(Mixture::named(name, number.parse()?).ok_or(USAGE)?)
 }
 
 // ---- noise
