@@ -16,7 +16,7 @@ use glam::Vec3;
 use super::traversal::{
     Slabs, Stack, Waiting, distance, enter, look, push,
 };
-use super::triangle::{GATES, LANES, LEAF, Margins, Search, Shear, slots};
+use super::triangle::{GATES, LANES, LEAF, Search, Shear, near, slots};
 use super::wide::{Quality, Wide};
 use crate::scene::{Ray, Scene};
 
@@ -74,8 +74,7 @@ impl Anatomy {
                 let way = wide.gates[(first - GATES) as usize];
                 slabs = Slabs::new(&ray, &way.region);
                 margins = way.region.margins(ray.origin);
-                margins.near =
-                    margins.near.max(Margins::of(search.size).near);
+                margins.near = margins.near.max(near(search.size));
                 if way.node.is_some() {
                     // SAFETY: no hierarchy is so deep that one is not left.
                     unsafe { stack.push(child + 1, 0.) };

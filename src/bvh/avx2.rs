@@ -310,13 +310,23 @@ fn meet_closely(
     // Tell lanes that are met from those beside
     let least = _mm256_min_pd(_mm256_min_pd(u, v), w);
     let most = _mm256_max_pd(_mm256_max_pd(u, v), w);
-    let within = |margin: f64| {
-        let [low, high] = [-margin, margin].map(|x| _mm256_set1_pd(x));
+    let zero = _mm256_setzero_pd();
+    let within = |margin| {
+        let low = _mm256_sub_pd(zero, margin);
         let above = _mm256_cmp_pd::<_CMP_GE_OQ>(least, low);
-        _mm256_or_pd(above, _mm256_cmp_pd::<_CMP_LE_OQ>(most, high))
+        _mm256_or_pd(above, _mm256_cmp_pd::<_CMP_LE_OQ>(most, margin))
     };
-    let through = within(0.);
-    let beside = _mm256_andnot_pd(through, within(margins.narrow));
+    let through = within(zero);
+    // Find the margins of four triangles
+    let extent = |a, b, c| {
+        let most = _mm256_max_pd(_mm256_max_pd(a, b), c);
+        _mm256_sub_pd(most, _mm256_min_pd(_mm256_min_pd(a, b), c))
+    };
+    let side = _mm256_max_pd(extent(ax, bx, cx), extent(ay, by, cy));
+    let part = margins.size * (1. / (1u64 << 43) as f64);
+    let side = _mm256_add_pd(side, _mm256_set1_pd(0.25 * part));
+    let narrow = _mm256_mul_pd(_mm256_set1_pd(part), side);
+    let beside = _mm256_andnot_pd(through, within(narrow));
     // Find the distance of each refined lane
     let sum = _mm256_add_pd(_mm256_add_pd(u, v), w);
     let height = _mm256_add_pd(_mm256_mul_pd(u, az), _mm256_mul_pd(v, bz));

@@ -19,7 +19,9 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::intersector::Hit;
-use super::triangle::{Leaf, Margins, NONE, Search, Shear, TriangleTest};
+use super::triangle::{
+    Leaf, NONE, Search, Shear, TriangleTest, clear, near, size,
+};
 use super::wide::{Node, Wide};
 use crate::numerics::cross;
 use crate::scene::{Ray, Triangle, Triangles};
@@ -42,7 +44,7 @@ const AROUND: f64 = 1. / (1u64 << 33) as f64;
 
 /// Twice the distance that is close by for a size: 2^-44.
 fn twice_close_by(size: f64) -> f64 {
-    2. * CLOSE_BY * Margins::of(size).clear()
+    2. * CLOSE_BY * clear(size)
 }
 
 /// The same for a point before the hit, and those that may be in the way:
@@ -73,18 +75,18 @@ where
     // Put the point off the surface
     let met = ray.origin + ray.direction * distance;
     let height = normal.dot(met - a);
-    let own = margins(&[a, b, c], ray.origin);
-    let clear = own.clear();
+    let own = seen(&[a, b, c], ray.origin);
+    let clear = clear(own);
     let mut point = met + normal * (clear - height);
     // Settle the point if it is doubtful
     let short = distance <= search.root * SHORT
         && left.is_some_and(|left| {
             let corners = search.leaves.triangle(left);
-            has_not_risen(&corners, ray, met, own.size)
+            has_not_risen(&corners, ray, met, own)
         });
     let deep = height.abs() > clear;
-    let limit = distance + Margins::of(search.root).near;
-    let unseen = own.size > search.least;
+    let limit = distance + near(search.root);
+    let unseen = own > search.least;
     if search.near_tie <= limit || short || deep || unseen {
         let arrival = Arrival { ray, distance, own, primitive, left };
         if let Some(safe) = arrival.settle(wide, met, deep) {
@@ -94,15 +96,15 @@ where
     Some(Hit { point, normal, primitive })
 }
 
-/// The margins of a triangle for rays from or to a point.
+/// The size of a triangle for rays from or to a point.
 #[inline(always)]
-fn margins(corners: &Triangle, point: DVec3) -> Margins {
+fn seen(corners: &Triangle, point: DVec3) -> f64 {
     let [a, b, c] = corners.map(|corner| (corner - point).abs());
-    Margins::new(a.max(b).max(c).max_element(), point)
+    size(a.max(b).max(c).max_element(), point)
 }
 
 /// Whether a point of a ray is still close to the plane of a triangle that
-/// it has left, beside margins of a size at least.
+/// it has left, for a size at least.
 fn has_not_risen(
     corners: &Triangle,
     ray: &Ray,
@@ -111,9 +113,8 @@ fn has_not_risen(
 ) -> bool {
     let &[a, b, c] = corners;
     let normal = cross(b - a, c - a);
-    let size = margins(corners, ray.origin).size.max(least);
-    let size = size.max(margins(corners, met).size);
-    let limit = 2. * CLOSE_BY * Margins::of(size).clear();
+    let size = seen(corners, ray.origin).max(seen(corners, met));
+    let limit = twice_close_by(size.max(least));
     normal.dot(met - a).abs() <= limit * normal.length()
 }
 
@@ -122,8 +123,8 @@ fn has_not_risen(
 struct Arrival<'a> {
     ray: &'a Ray,
     distance: f64,
-    /// The margins of the triangle that is hit.
-    own: Margins,
+    /// The size of the triangle that is hit.
+    own: f64,
     /// The slot of the triangle that is hit.
     primitive: u32,
     /// That of the triangle which the ray left, if it left one.
@@ -155,14 +156,14 @@ impl Arrival<'_> {
     // Ask whether others are close to the hit
     /// Where others may be close to the hit.
     fn around(&self, met: DVec3) -> Around {
-        Around { point: met, part: AROUND, least: self.own.size }
+        Around { point: met, part: AROUND, least: self.own }
     }
 
     /// Whether the hit is around the triangle that the ray left, and close to
     /// its plane.
     fn is_low(&self, left: &Triangle, met: DVec3) -> bool {
         self.around(met).holds(left, self.ray).is_some()
-            && has_not_risen(left, self.ray, met, self.own.size)
+            && has_not_risen(left, self.ray, met, self.own)
     }
 
     /// Whether a triangle other than that of the hit and that which the ray
@@ -180,13 +181,13 @@ impl Arrival<'_> {
         let asked = |leaf: &Leaf, place, corners: &Triangle, size: f64| {
             let (lane, slot) = place;
             let &[a, b, c] = corners;
-            let margins = Margins::of(size.max(self.own.size));
-            let close_by = CLOSE_BY * margins.clear();
+            let size = size.max(self.own);
+            let close_by = CLOSE_BY * clear(size);
             // Dismiss a triangle whose plane is clearly away
             let (u, v, w) = (b - a, c - a, met - a);
             let across = u.cross(v);
-            let size = |v: DVec3| v.abs().max_element();
-            let error = size(u) * size(v) * size(w) * SLOPPY;
+            let largest = |v: DVec3| v.abs().max_element();
+            let error = largest(u) * largest(v) * largest(w) * SLOPPY;
             let limit = 2. * close_by * across.abs().element_sum();
             if across.dot(w).abs() > limit + error {
                 return false;
@@ -200,8 +201,8 @@ impl Arrival<'_> {
             {
                 return false;
             }
-            let near = margins.near;
-            match leaf.test(lane, shear, &margins) {
+            let near = near(size);
+            match leaf.test(lane, shear, size) {
                 // Compare where the ray passes the triangle
                 TriangleTest::Through(at) => {
                     at > -near && gap(at).abs() <= near
@@ -245,8 +246,8 @@ impl Arrival<'_> {
         Node<N>: Pod,
     {
         let Ray { origin, direction } = *self.ray;
-        let least = Margins::new(self.distance, met).clear();
-        let mut back = (2. * least).max(self.own.clear());
+        let least = clear(size(self.distance, met));
+        let mut back = (2. * least).max(clear(self.own));
         while back < self.distance {
             let point = origin + direction * (self.distance - back);
             if self.is_safe(wide, shear, point) {
@@ -275,8 +276,7 @@ impl Arrival<'_> {
                              size| {
             let (lane, _) = place;
             let &[a, b, c] = corners;
-            let margins = Margins::of(size);
-            let clear = margins.clear();
+            let clear = clear(size);
             let normal = cross(b - a, c - a);
             let side = -normal.dot(self.ray.direction).signum();
             let height = side * normal.dot(point - a);
@@ -285,7 +285,7 @@ impl Arrival<'_> {
                 return false;
             }
             let ahead = side * normal.dot(self.ray.origin - a) > 0.;
-            match leaf.test(lane, shear, &margins) {
+            match leaf.test(lane, shear, size) {
                 TriangleTest::Through(at) if ahead && !at.is_nan() => true,
                 _ => {
                     height > -limit
@@ -345,8 +345,7 @@ impl Around {
 
     /// The size of a triangle for the ray and its point.
     fn size(&self, corners: &Triangle, ray: &Ray) -> f64 {
-        let size = margins(corners, ray.origin).size;
-        margins(corners, self.point).size.max(size)
+        seen(corners, ray.origin).max(seen(corners, self.point))
     }
 
     // See whether a ray passes by a box
@@ -404,7 +403,7 @@ pub fn too_small(triangles: &Triangles) -> usize {
     let corners = triangles.vertices.par_iter();
     let extent = corners.map(|p| p.abs());
     let extent = extent.reduce(|| DVec3::ZERO, DVec3::max);
-    let clear = Margins::new(largest, extent).clear();
+    let clear = clear(size(largest, extent));
     sides().filter(|&side| side < FINEST * clear).count()
 }
 

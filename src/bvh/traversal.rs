@@ -23,7 +23,7 @@ use super::intersector::{Hit, Intersector};
 use super::spawn::hit;
 use super::triangle::{
     GATES, LANES, LEAF, Leaf, Margins, NONE, Region, Search, Shear, UNIT,
-    slots,
+    near, slots,
 };
 use super::wide::{Node, STACK, Wide};
 use crate::scene::Ray;
@@ -333,7 +333,7 @@ where
         let way = wide.gates[gate as usize];
         region = way.region;
         margins = region.margins(ray.origin);
-        margins.near = margins.near.max(Margins::of(search.size).near);
+        margins.near = margins.near.max(near(search.size));
         search.least = search.least.min(margins.size);
         child = match way.node {
             Some(inner) => {

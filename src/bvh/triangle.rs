@@ -12,8 +12,6 @@
 //! same on every processor.
 
 // Name what the triangles import
-use std::array;
-
 use glam::DVec3;
 
 use super::huge_pages::Pages;
@@ -97,44 +95,54 @@ fn refined(a: f64, b: f64, c: f64, d: f64, rough: f64) -> f64 {
 /// What is small beside the lengths from which it is computed.
 #[derive(Clone, Copy, Debug)]
 pub struct Margins {
-    /// From a ray's origin to the corners of a triangle, along an axis;
-    /// and a part of the coordinates of the origin.
+    /// The size of the triangles for a ray.
     pub size: f64,
-    /// Distances along a ray that are closer are not told apart: 2^-35.
+    /// Distances along a ray that are closer are not told apart.
     pub near: f64,
-    /// An edge function of less than this, with the wrong sign, may belong
-    /// to a triangle within 2^-45 of a point of the ray: 2^-43, of the
-    /// square.
+    /// An edge function of this or more, with the wrong sign, does not
+    /// belong to a triangle that the ray passes closely.
     pub narrow: f64,
 }
 
-impl Margins {
-    /// Those of triangles up to `span` away from a point.
-    #[inline(always)]
-    pub fn new(span: f64, point: DVec3) -> Self {
-        let place = point.abs().max_element();
-        Self::of((1. + PLACE) * span + PLACE * place)
-    }
-
-    // Take parts of the size as margins
-    /// Those of a size.
-    #[inline(always)]
-    pub fn of(size: f64) -> Self {
-        let near = size * (1. / (1u64 << 35) as f64);
-        let narrow = size * size * (1. / (1u64 << 43) as f64);
-        Self { size, near, narrow }
-    }
-
-    /// How far off its surface a hit is put, and at least how far from
-    /// other triangles, by our computation: 2^-47.
-    #[inline(always)]
-    pub fn clear(self) -> f64 {
-        self.size * (1. / (1u64 << 47) as f64)
-    }
+/// The size of triangles up to `span` away from a point.
+#[inline(always)]
+pub fn size(span: f64, point: DVec3) -> f64 {
+    (1. + PLACE) * span + PLACE * point.abs().max_element()
 }
 
 /// The part of a point's coordinates that counts for a size.
 const PLACE: f64 = 0.125;
+
+/// Distances along a ray that are closer are not told apart: 2^-35.
+#[inline(always)]
+pub fn near(size: f64) -> f64 {
+    size * (1. / (1u64 << 35) as f64)
+}
+
+/// How far off its surface a hit is put, and at least how far from other
+/// triangles, by our computation: 2^-47.
+#[inline(always)]
+pub fn clear(size: f64) -> f64 {
+    size * (1. / (1u64 << 47) as f64)
+}
+
+/// How large an edge function with the wrong sign may be of a triangle
+/// with such a side, sheared, within 2^-45 of the size of the ray.
+#[inline(always)]
+pub fn narrow(size: f64, side: f64) -> f64 {
+    let part = size * (1. / (1u64 << 43) as f64);
+    part * (side + 0.25 * part)
+}
+
+impl Margins {
+    /// Those of triangles of a size in a box with sides up to `side`.
+    #[inline(always)]
+    pub fn new(size: f64, side: f64) -> Self {
+        // The computed sides are rounded.
+        let narrow = 2. * narrow(size, 2. * side);
+        Self { size, near: near(size), narrow }
+    }
+}
 
 /// A box that holds some triangles of a scene.
 #[derive(Clone, Copy, Debug)]
@@ -160,7 +168,8 @@ impl Region {
     pub fn between(low: DVec3, high: DVec3) -> Self {
         let reach = 0.5 * (high - low).max_element();
         let zero = 0.5 * (low + high);
-        let within = Margins::new(2. * reach, zero.abs() + reach);
+        let size = size(2. * reach, zero.abs() + reach);
+        let within = Margins::new(size, 2. * reach);
         Self { zero, reach, within }
     }
 
@@ -176,7 +185,8 @@ impl Region {
     pub fn margins(&self, point: DVec3) -> Margins {
         match self.beyond(point) {
             beyond if beyond > 0. => {
-                Margins::new(beyond + 2. * self.reach, point)
+                let side = 2. * self.reach;
+                Margins::new(size(beyond + side, point), side)
             }
             _ => self.within,
         }
@@ -317,13 +327,14 @@ impl Leaf<'_> {
         let count = self.count;
         let runs = &self.words[count + 2 * lane as usize..];
         let runs = &runs[..16 * count + 2];
-        array::from_fn(|c| {
-            DVec3::from_array(array::from_fn(|axis| {
-                let place = 2 * (3 * c + axis) * count;
-                let [low, high] = [runs[place], runs[place + 1]];
-                f64::from_bits(u64::from(high) << 32 | u64::from(low))
-            }))
-        })
+        let number = |run: usize| {
+            let place = 2 * run * count;
+            let [low, high] = [runs[place], runs[place + 1]];
+            f64::from_bits(u64::from(high) << 32 | u64::from(low))
+        };
+        let corner =
+            |run| DVec3::new(number(run), number(run + 1), number(run + 2));
+        [corner(0), corner(3), corner(6)]
     }
 
     /// The face of the triangle in a lane.
@@ -346,7 +357,7 @@ impl Leaf<'_> {
         for (lane, distance) in distances.iter_mut().enumerate() {
             if self.lanes >> lane & 1 != 0 {
                 // Add what the ray does to this triangle
-                match self.test(lane, shear, margins) {
+                match self.test(lane, shear, margins.size) {
                     TriangleTest::Through(at) if at > -margins.near => {
                         *distance = at;
                         met |= 1 << lane;
@@ -368,7 +379,7 @@ impl Leaf<'_> {
         &self,
         lane: usize,
         shear: &Shear,
-        margins: &Margins,
+        size: f64,
     ) -> TriangleTest {
         let [x, y, z] = self.sheared(lane, shear);
         let u = edge(x[2], y[1], y[2], x[1]);
@@ -383,7 +394,7 @@ impl Leaf<'_> {
             // Find the distance along the ray
             let height = (u * z[0] + v * z[1] + w * z[2]) / (u + v + w);
             TriangleTest::Through(height * shear.stretch)
-        } else if within(margins.narrow) {
+        } else if within(narrow(size, extent(x).max(extent(y)))) {
             TriangleTest::Beside(z.map(|z| z * shear.stretch))
         } else {
             TriangleTest::Apart
@@ -402,6 +413,12 @@ impl Leaf<'_> {
         let y = [flat(0, 1), flat(1, 1), flat(2, 1)];
         [x, y, z]
     }
+}
+
+/// The length of the least interval that holds three numbers.
+#[inline(always)]
+fn extent([a, b, c]: [f64; 3]) -> f64 {
+    a.max(b).max(c) - a.min(b).min(c)
 }
 
 /// What a ray does to a triangle.

@@ -52,6 +52,10 @@ impl Seen {
     }
 }
 
+/// How far the origin of a ray may be moved before it is traced: coordinates
+/// below 2^-100 count as zero (section "Exact signs").
+const MOVED: f64 = f64::from_bits((1023 - 99) << 52);
+
 /// Some objects of very different sizes that meet each other.
 pub struct Case {
     scene: Scene,
@@ -152,7 +156,7 @@ impl Case {
         let Some(direction) = self.towards(origin) else { return Ok(()) };
         let mut ray = Ray { origin, direction };
         let mut from: Vec<Option<u32>> = vec![None; self.bvhs.len()];
-        let mut is_clear = self.touched(origin).is_none();
+        let mut is_clear = self.touched(origin, MOVED).is_none();
         let mut rooms = self.rooms(origin);
         for _ in 0..6 {
             let Some(hit) = self.check(&ray, &mut from, seen)? else {
@@ -173,7 +177,7 @@ impl Case {
                 let is_inside = rooms.contains(&Some(true));
                 seen.inside += usize::from(is_inside);
             }
-            is_clear &= self.touched(hit.point).is_none();
+            is_clear &= self.touched(hit.point, MOVED).is_none();
             let Some(direction) = self.onwards(&hit) else { break };
             ray = Ray { origin: hit.point, direction };
         }
@@ -268,7 +272,7 @@ impl Case {
         before: &[Option<bool>],
     ) -> Result<Vec<Option<bool>>, String> {
         let place = format!("{ray:?} {hit:?}");
-        if let Some(i) = self.touched(hit.point) {
+        if let Some(i) = self.touched(hit.point, 0.) {
             let corners = &self.triangles[i].corners;
             let gap = gap(hit.point, corners);
             return Err(format!("{place}: {gap:e} from {i}: {corners:?}"));
@@ -314,16 +318,17 @@ impl Case {
 
     /// A triangle of which a point is not clear as the origin of the next
     /// ray: not farther from it than 6 u R (section "How far is far
-    /// enough"), with R seen from the point.
-    fn touched(&self, point: DVec3) -> Option<usize> {
+    /// enough"), with R seen from the point; or than `least`.
+    fn touched(&self, point: DVec3, least: f64) -> Option<usize> {
         let touches = |t: &Placed| {
             let [a, b, c] = t.corners;
             let span = largest(&t.corners, point);
             let (low, high) = (a.min(b).min(c), a.max(b).max(c));
             let beyond = (low - point).max(point - high).max_element();
+            let close = 6. * U * span + least;
             t.is_there
-                && beyond <= 16. * U * span
-                && gap(point, &t.corners) <= 6. * U * span
+                && beyond <= 2. * close
+                && gap(point, &t.corners) <= close
         };
         self.triangles.iter().position(touches)
     }
