@@ -237,7 +237,8 @@ impl Bvh {
     ) -> bool {
         let asked = |_: &Leaf, _, corners: &_| asked(corners);
         with_traverser!(self, traverser => {
-            traverser.wide().any(&enters, &asked)
+            let all = [DVec3::MIN, DVec3::MAX];
+        traverser.wide().any(all, &enters, &asked)
         })
     }
 

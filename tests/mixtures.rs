@@ -154,7 +154,9 @@ fn mixtures_of_scales_are_met_as_in_twice_the_precision() {
         seen.unwrap_or_else(|finding| panic!("seed {seed}: {finding}"))
     };
     let mut all = scales::Seen::default();
-    let cases = (1..=110).into_par_iter().map(try_all);
+    // The last ones were findings once.
+    let seeds: Vec<_> = (1..=110).chain([1585, 4661]).collect();
+    let cases = seeds.into_par_iter().map(try_all);
     cases.collect::<Vec<_>>().into_iter().for_each(|seen| all.add(seen));
     let scales::Seen { times, certain, inside, excused } = all;
     let counts = format!(

@@ -20,7 +20,7 @@ use rayon::prelude::*;
 
 use super::intersector::Hit;
 use super::triangle::{
-    Leaf, NONE, Search, Shear, TriangleTest, clear, near, size,
+    Leaf, NONE, Search, Shear, TriangleTest, clear, near, seen, size,
 };
 use super::wide::{Node, Wide};
 use crate::numerics::cross;
@@ -94,13 +94,6 @@ where
         }
     }
     Some(Hit { point, normal, primitive })
-}
-
-/// The size of a triangle for rays from or to a point.
-#[inline(always)]
-fn seen(corners: &Triangle, point: DVec3) -> f64 {
-    let [a, b, c] = corners.map(|corner| (corner - point).abs());
-    size(a.max(b).max(c).max_element(), point)
 }
 
 /// Whether a point of a ray is still close to the plane of a triangle that
@@ -323,11 +316,9 @@ impl Around {
         let far = self.point.abs() + 2. * (self.point - ray.origin).abs();
         let away = self.part * far.max_element();
         let away = away.max(twice_close_by(self.least));
-        let (low, high) = (self.point - away, self.point + away);
-        let enters = |a: DVec3, b: DVec3| {
-            (a.cmple(high) & low.cmple(b)).all() && self.passes(a, b, ray)
-        };
-        wide.any(&enters, &|leaf, place, triangle| {
+        let within = [self.point - away, self.point + away];
+        let enters = |low, high| self.passes(low, high, ray);
+        wide.any(within, &enters, &|leaf, place, triangle| {
             let size = self.holds(triangle, ray);
             size.is_some_and(|size| asked(leaf, place, triangle, size))
         })

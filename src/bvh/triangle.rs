@@ -110,6 +110,13 @@ pub fn size(span: f64, point: DVec3) -> f64 {
     (1. + PLACE) * span + PLACE * point.abs().max_element()
 }
 
+/// The size of a triangle for rays from or to a point.
+#[inline(always)]
+pub fn seen(corners: &Triangle, point: DVec3) -> f64 {
+    let [a, b, c] = corners.map(|corner| (corner - point).abs());
+    size(a.max(b).max(c).max_element(), point)
+}
+
 /// The part of a point's coordinates that counts for a size.
 const PLACE: f64 = 0.125;
 
@@ -515,7 +522,7 @@ impl<'a> Search<'a> {
             || distance <= near
         {
             self.near_tie = self.near_tie.min(distance - near);
-            let behind = || is_behind(leaf, lane, ray);
+            let behind = || is_behind(leaf, lane, ray, distance);
             if beside || distance <= near && behind() {
                 return;
             }
@@ -550,10 +557,15 @@ impl<'a> Search<'a> {
 }
 
 // Tell what lies behind the ray
-/// Whether the ray starts beyond the plane of the triangle in a lane.
+/// Whether a ray that meets the triangle in a lane at this distance starts
+/// beyond it.
 #[cold]
-fn is_behind(leaf: Leaf, lane: u32, ray: &Ray) -> bool {
-    let [a, b, c] = leaf.triangle(lane);
+fn is_behind(leaf: Leaf, lane: u32, ray: &Ray, distance: f64) -> bool {
+    let corners = leaf.triangle(lane);
+    if distance.abs() >= near(seen(&corners, ray.origin)) {
+        return distance < 0.;
+    }
+    let [a, b, c] = corners;
     let normal = cross(b - a, c - a);
     normal.dot(ray.direction) * normal.dot(ray.origin - a) >= 0.
 }

@@ -16,7 +16,7 @@
 use std::{fmt, io, mem};
 
 use bytemuck::{Pod, Zeroable};
-use glam::{DVec3, Vec3A};
+use glam::{DVec3, Vec3, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::node::Bvh2Node;
 use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
@@ -162,6 +162,22 @@ unsafe impl Pod for Node<16> {}
 
 const _: () = assert!(size_of::<Node<8>>() == 256);
 const _: () = assert!(size_of::<Node<16>>() == 512);
+
+impl<const N: usize> Node<N> {
+    /// The lanes whose boxes meet the one between two finite corners.
+    fn meets(&self, low: Vec3, high: Vec3) -> [bool; N] {
+        let mut meets = [true; N];
+        for axis in 0..3 {
+            let (low, high) = (low[axis], high[axis]);
+            let [first, last] =
+                [axis, axis + 3].map(|row| &self.planes[row]);
+            for lane in 0..N {
+                meets[lane] &= (first[lane] <= high) & (last[lane] >= low);
+            }
+        }
+        meets
+    }
+}
 
 // Put triangles into boxes
 /// The corners of a triangle, as numbers of vertices, and its face.
@@ -655,10 +671,14 @@ fn leaves(tree: &[Bvh2Node], i: usize) -> Vec<Bvh2Node> {
 }
 
 // Cut small clusters off
-/// Subtrees that are smaller than this part of a region are built anew.
+/// Subtrees of triangles that are smaller than this part of a region are
+/// built anew,
 const SMALL: f32 = 1. / 65536.;
 
-/// Gates lead to more triangles than this.
+/// if they are smaller than this part themselves,
+const COMPACT: f32 = 1. / 256.;
+
+/// and have more triangles than this.
 const FEW: usize = 16;
 
 /// Leaves of the binary tree from this number on are gates.
@@ -669,6 +689,32 @@ fn gate(node: &Bvh2Node) -> Option<u32> {
     node.is_leaf().then(|| node.first_index.checked_sub(CUT))?
 }
 
+fn extent(node: &Bvh2Node) -> f32 {
+    node.aabb().diagonal().max_element()
+}
+
+/// The longest side of the boxes of triangles below each node.
+fn longest(tree: &[Bvh2Node]) -> Vec<f32> {
+    let mut order = Vec::from_iter((!tree.is_empty()).then_some(0));
+    let mut next = 0;
+    while let Some(&i) = order.get(next) {
+        if !tree[i].is_leaf() {
+            let first = tree[i].first_index as usize;
+            order.extend([first, first + 1]);
+        }
+        next += 1;
+    }
+    let mut longest = vec![0f32; tree.len()];
+    for &i in order.iter().rev() {
+        let first = tree[i].first_index as usize;
+        longest[i] = match tree[i].is_leaf() {
+            true => extent(&tree[i]),
+            false => longest[first].max(longest[first + 1]),
+        };
+    }
+    longest
+}
+
 /// Cuts up to `most` subtrees off that are small beside the region;
 /// returns their triangles.
 fn cut_off(
@@ -676,8 +722,11 @@ fn cut_off(
     tree: &mut [Bvh2Node],
     most: usize,
 ) -> Vec<Vec<Corners>> {
-    let extent = |node: &Bvh2Node| node.aabb().diagonal().max_element();
-    let limit = 2. * group.region.reach as f32 * SMALL;
+    let side = 2. * group.region.reach as f32;
+    let longest = longest(tree);
+    let is_large = |i: usize, node: &Bvh2Node| {
+        longest[i] >= SMALL * side || extent(node) >= COMPACT * side
+    };
     let mut groups = vec![];
     let mut todo = Vec::from_iter((!tree.is_empty()).then_some(0));
     while let Some(i) = todo.pop() {
@@ -685,7 +734,7 @@ fn cut_off(
         let first = node.first_index as usize;
         if node.is_leaf() || groups.len() == most {
             continue;
-        } else if extent(&node) >= limit {
+        } else if is_large(i, &node) {
             todo.extend([first + 1, first]);
             continue;
         }
@@ -1030,20 +1079,22 @@ where
     Node<N>: Pod,
 {
     /// Whether `asked` is true of a triangle, given its leaf, lane and
-    /// slot, and its corners. Only boxes that `enters` lets pass, given
-    /// their two extreme corners, are looked into.
+    /// slot, and its corners. Only boxes that meet the one between two
+    /// corners are looked into, and that `enters` lets pass, given theirs.
     pub fn any(
         &self,
+        within: [DVec3; 2],
         enters: &impl Fn(DVec3, DVec3) -> bool,
         asked: &impl Fn(&Leaf, (usize, u32), &[DVec3; 3]) -> bool,
     ) -> bool {
-        self.any_below((0, self.region), enters, asked)
+        self.any_below((0, self.region), within, enters, asked)
     }
 
     // Descend into the boxes that matter
     fn any_below(
         &self,
         (child, region): (u32, Region),
+        within: [DVec3; 2],
         enters: &impl Fn(DVec3, DVec3) -> bool,
         asked: &impl Fn(&Leaf, (usize, u32), &[DVec3; 3]) -> bool,
     ) -> bool {
@@ -1055,7 +1106,7 @@ where
                 let gate = (first - GATES) as usize;
                 let Gate { region, node } = self.gates[gate];
                 return node.is_some_and(|root| {
-                    self.any_below((root, region), enters, asked)
+                    self.any_below((root, region), within, enters, asked)
                 });
             }
             // SAFETY: leaves that are no gates are leaves that are there.
@@ -1067,15 +1118,15 @@ where
         }
         let nodes: &[Node<N>] = &self.nodes;
         let node = &nodes[child as usize];
-        (0..N).any(|lane| {
+        let finite = |v: Vec3| v.clamp(Vec3::MIN, Vec3::MAX);
+        let [low, high] =
+            within.map(|corner| finite((corner - region.zero).as_vec3()));
+        let meets = node.meets(low, high);
+        (0..N).filter(|&lane| meets[lane]).any(|lane| {
             let (low, high) = node.bounds(lane);
-            low.x <= high.x
-                && enters(low + region.zero, high + region.zero)
-                && self.any_below(
-                    (node.children[lane], region),
-                    enters,
-                    asked,
-                )
+            let below = (node.children[lane], region);
+            enters(low + region.zero, high + region.zero)
+                && self.any_below(below, within, enters, asked)
         })
     }
 
