@@ -324,6 +324,7 @@ impl Around {
         })
     }
 
+    // See whether a triangle is around the point
     /// The size of a triangle around the point.
     fn holds(&self, corners: &Triangle, ray: &Ray) -> Option<f64> {
         let &[a, b, c] = corners;
