@@ -237,8 +237,7 @@ impl Bvh {
     ) -> bool {
         let asked = |_: &Leaf, _, corners: &_| asked(corners);
         with_traverser!(self, traverser => {
-            let all = [DVec3::MIN, DVec3::MAX];
-        traverser.wide().any(all, &enters, &asked)
+            traverser.wide().any([DVec3::MIN, DVec3::MAX], &enters, &asked)
         })
     }
 

@@ -224,8 +224,8 @@ fn build(
     let count = too_small(&triangles);
     if count > 0 && !arguments.quiet {
         progress::warn(&format!(
-            "{count} of {} triangles are less than 2^-40 of the largest \
-             or of the scene: what is close to larger ones may be lit wrongly",
+            "{count} of {} triangles are smaller than 2^-40 of the largest, \
+             or 2^-43 of the scene: close to larger ones the light may be wrong",
             triangles.len()
         ));
     }

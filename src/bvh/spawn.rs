@@ -15,7 +15,7 @@
 use std::f64::consts::FRAC_1_SQRT_2;
 
 use bytemuck::Pod;
-use glam::DVec3;
+use glam::{DVec3, Vec3Swizzles};
 use rayon::prelude::*;
 
 use super::intersector::Hit;
@@ -297,7 +297,7 @@ struct Around {
     point: DVec3,
     /// The part of a triangle's size by which its box may be away.
     part: f64,
-    /// Or it may be away by what is close by for this size.
+    /// Or it may be away by twice what is close by for this size.
     least: f64,
 }
 
@@ -317,7 +317,7 @@ impl Around {
         let away = self.part * far.max_element();
         let away = away.max(twice_close_by(self.least));
         let within = [self.point - away, self.point + away];
-        let enters = |low, high| self.passes(low, high, ray);
+        let enters = |low, high| self.comes_near(low, high, ray);
         wide.any(within, &enters, &|leaf, place, triangle| {
             let size = self.holds(triangle, ray);
             size.is_some_and(|size| asked(leaf, place, triangle, size))
@@ -343,16 +343,14 @@ impl Around {
     // See whether a ray passes by a box
     /// Whether the line of the ray passes by a box as closely as by a
     /// triangle that matters.
-    fn passes(&self, low: DVec3, high: DVec3, ray: &Ray) -> bool {
+    fn comes_near(&self, low: DVec3, high: DVec3, ray: &Ray) -> bool {
         let size = self.size(&[low, low, high], ray);
         let aside = twice_close_by(size.max(self.least));
         let half = 0.5 * (high - low) + aside;
         let middle = 0.5 * (low + high) - ray.origin;
         let off = middle.cross(ray.direction).abs();
         let [h, d] = [half, ray.direction.abs()];
-        let reach = |i: usize, k: usize| h[i] * d[k] + h[k] * d[i];
-        let reach = DVec3::new(reach(1, 2), reach(2, 0), reach(0, 1));
-        off.cmple(reach).all()
+        off.cmple(h.yzx() * d.zxy() + h.zxy() * d.yzx()).all()
     }
 }
 
@@ -366,17 +364,18 @@ fn is_beside(
     point: DVec3,
     clear: f64,
 ) -> bool {
-    let off_edge = |(p, q): (DVec3, DVec3)| {
+    let off_edge = |(p, q, r): (DVec3, DVec3, DVec3)| {
         let outwards = cross(q - p, normal);
-        outwards.dot(point - p) >= clear * outwards.length()
+        let third = outwards.dot(r - p).max(0.);
+        outwards.dot(point - p) - third > clear * outwards.length()
     };
     let off_corner = |(p, q, r): (DVec3, DVec3, DVec3)| {
         let away = point - p;
         let ahead = away.dot(q - p).max(away.dot(r - p));
         ahead <= 0. && away.length() >= clear
     };
-    [(a, b), (b, c), (c, a)].into_iter().any(off_edge)
-        || [(a, b, c), (b, c, a), (c, a, b)].into_iter().any(off_corner)
+    let triples = [(a, b, c), (b, c, a), (c, a, b)];
+    triples.into_iter().any(off_edge) || triples.into_iter().any(off_corner)
 }
 
 // Count triangles that are too small

@@ -145,7 +145,6 @@ impl Margins {
     /// Those of triangles of a size in a box with sides up to `side`.
     #[inline(always)]
     pub fn new(size: f64, side: f64) -> Self {
-        // The computed sides are rounded.
         let narrow = 2. * narrow(size, 2. * side);
         Self { size, near: near(size), narrow }
     }

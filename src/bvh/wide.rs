@@ -1079,8 +1079,8 @@ where
     Node<N>: Pod,
 {
     /// Whether `asked` is true of a triangle, given its leaf, lane and
-    /// slot, and its corners. Only boxes that meet the one between two
-    /// corners are looked into, and that `enters` lets pass, given theirs.
+    /// slot, and its corners. Looks only into boxes that meet the one
+    /// between two corners, and of which `enters` is true, given theirs.
     pub fn any(
         &self,
         within: [DVec3; 2],
