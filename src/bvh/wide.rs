@@ -673,7 +673,7 @@ fn leaves(tree: &[Bvh2Node], i: usize) -> Vec<Bvh2Node> {
 // Cut small clusters off
 /// Subtrees of triangles that are smaller than this part of a region are
 /// built anew,
-const SMALL: f32 = 1. / 65536.;
+const SMALL: f32 = 1. / 262144.;
 
 /// if they are smaller than this part themselves,
 const COMPACT: f32 = 1. / 256.;
