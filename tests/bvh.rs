@@ -376,4 +376,8 @@ fn triangles_are_too_small_below_the_limit_and_not_at_it() {
     let moved = |x: f64| size(1.).map(|p| p + DVec3::X * x);
     assert_eq!(of(&[moved(2f64.powi(42))]), 0);
     assert_eq!(of(&[moved(2f64.powi(44))]), 1);
+    // A vertex that no triangle uses is none of the scene.
+    let mut stray = Triangles::apart(&[size(1.)], vec![0]);
+    stray.vertices.push(DVec3::splat(2f64.powi(44)));
+    assert_eq!(too_small(&stray), 0);
 }

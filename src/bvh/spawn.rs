@@ -391,8 +391,8 @@ pub fn too_small(triangles: &Triangles) -> usize {
         all.map(|i| side(triangles.get(i)))
     };
     let largest = sides().reduce(|| 0., f64::max);
-    let corners = triangles.vertices.par_iter();
-    let extent = corners.map(|p| p.abs());
+    let corners = triangles.corners.par_iter().flatten_iter();
+    let extent = corners.map(|&i| triangles.vertices[i as usize].abs());
     let extent = extent.reduce(|| DVec3::ZERO, DVec3::max);
     let clear = clear(size(largest, extent));
     sides().filter(|&side| side < FINEST * clear).count()
