@@ -401,3 +401,8 @@ pub fn too_small(triangles: &Triangles) -> usize {
 /// The least size of a triangle, in heights at which paths go on above
 /// the largest: 2^7.
 const FINEST: f64 = 128.;
+
+// Test the planes beside a triangle
+#[cfg(test)]
+#[path = "../../tests/units/spawn.rs"]
+mod tests;
