@@ -73,7 +73,7 @@ impl Anatomy {
                 // Go through a gate without a step
                 let way = wide.gates[(first - GATES) as usize];
                 slabs = Slabs::new(&ray, &way.region);
-                margins = way.region.margins(ray.origin);
+                margins = way.region.beyond_gate(ray.origin, search.root);
                 margins.near = margins.near.max(near(search.size));
                 if way.node.is_some() {
                     // SAFETY: no hierarchy is so deep that one is not left.

@@ -15,12 +15,13 @@
 use std::f64::consts::FRAC_1_SQRT_2;
 
 use bytemuck::Pod;
-use glam::{DVec3, Vec3Swizzles};
+use glam::DVec3;
 use rayon::prelude::*;
 
 use super::intersector::Hit;
 use super::triangle::{
-    Leaf, NONE, Search, Shear, TriangleTest, clear, near, seen, size,
+    Leaf, NONE, Search, Shear, TriangleTest, clear, is_met, near, seen,
+    size,
 };
 use super::wide::{Node, Wide};
 use crate::numerics::cross;
@@ -86,7 +87,11 @@ where
         });
     let deep = height.abs() > clear;
     let limit = distance + near(search.root);
-    let unseen = own > search.least;
+    let away = 2. * AROUND * search.root;
+    let [low, high] = search.passed;
+    let unseen = own > search.least
+        && (low - away).cmple(met).all()
+        && met.cmple(high + away).all();
     if search.near_tie <= limit || short || deep || unseen {
         let arrival = Arrival { ray, distance, own, primitive, left };
         if let Some(safe) = arrival.settle(wide, met, deep) {
@@ -348,9 +353,7 @@ impl Around {
         let aside = twice_close_by(size.max(self.least));
         let half = 0.5 * (high - low) + aside;
         let middle = 0.5 * (low + high) - ray.origin;
-        let off = middle.cross(ray.direction).abs();
-        let [h, d] = [half, ray.direction.abs()];
-        off.cmple(h.yzx() * d.zxy() + h.zxy() * d.yzx()).all()
+        is_met(middle, half, ray.direction)
     }
 }
 

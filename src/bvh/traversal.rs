@@ -313,16 +313,21 @@ where
             // Offer the leaf's triangles and go on
             let (first, count) = slots(child);
             if far && first >= GATES {
-                break first - GATES;
-            }
-            // SAFETY: children with the bit LEAF are leaves that are there.
-            let leaf = unsafe { search.leaf(first, count) };
-            let query = (ray, &shear, &margins);
-            if look(&mut search, (first, leaf), query, &meet) != 0 {
-                if KIND & ANY != 0 && search.slot != NONE {
-                    return search;
+                let gate = &wide.gates[(first - GATES) as usize];
+                if gate.node.is_none() || search.enters(&gate.region, ray) {
+                    break gate;
                 }
-                t_max = search.limit(&margins) as f32;
+            } else {
+                // Offer the triangles of a leaf
+                // SAFETY: children with the bit LEAF are leaves that are there.
+                let leaf = unsafe { search.leaf(first, count) };
+                let query = (ray, &shear, &margins);
+                if look(&mut search, (first, leaf), query, &meet) != 0 {
+                    if KIND & ANY != 0 && search.slot != NONE {
+                        return search;
+                    }
+                    t_max = search.limit(&margins) as f32;
+                }
             }
             match stack.pop(t_max) {
                 Some(waiting) => child = waiting,
@@ -330,15 +335,14 @@ where
             }
         };
         // Go through a gate
-        let way = wide.gates[gate as usize];
-        region = way.region;
-        margins = region.margins(ray.origin);
+        region = gate.region;
+        margins = region.beyond_gate(ray.origin, search.root);
         margins.near = margins.near.max(near(search.size));
-        search.least = search.least.min(margins.size);
-        child = match way.node {
+        child = match gate.node {
             Some(inner) => {
+                search.pass(&region, &margins);
                 // SAFETY: no hierarchy is so deep that one is not left.
-                unsafe { stack.push(LEAF | (GATES + gate + 1), 0.) };
+                unsafe { stack.push(child + 1, 0.) };
                 inner
             }
             None => match stack.pop(search.limit(&margins) as f32) {

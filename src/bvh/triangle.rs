@@ -12,7 +12,7 @@
 //! same on every processor.
 
 // Name what the triangles import
-use glam::DVec3;
+use glam::{DVec3, Vec3Swizzles};
 
 use super::huge_pages::Pages;
 use crate::numerics::cross;
@@ -197,7 +197,17 @@ impl Region {
             _ => self.within,
         }
     }
+
+    /// The same beyond a gate, given the size of the outermost margins.
+    #[inline(always)]
+    pub fn beyond_gate(&self, point: DVec3, root: f64) -> Margins {
+        let size = WARY * self.margins(point).size;
+        Margins::new(size.min(root), 2. * self.reach)
+    }
 }
+
+/// How much larger margins are beyond gates, at most: 2^20.
+const WARY: f64 = (1 << 20) as f64;
 
 // Keep four triangles side by side
 /// Triangles in a leaf at most.
@@ -453,8 +463,10 @@ pub struct Search<'a> {
     pub size: f64,
     /// That of the region of all triangles.
     pub root: f64,
-    /// The least of the regions that the ray went through.
+    /// The least of the regions beyond gates that the ray went through,
     pub least: f64,
+    /// and the box around these.
+    pub passed: [DVec3; 2],
     /// Where it is kept, or `NONE`.
     pub slot: u32,
     /// The least distance at which something else is close to the ray.
@@ -476,6 +488,7 @@ impl<'a> Search<'a> {
             size: 0.,
             root,
             least: root,
+            passed: [DVec3::INFINITY, DVec3::NEG_INFINITY],
             slot: NONE,
             near_tie: distance,
         }
@@ -542,6 +555,28 @@ impl<'a> Search<'a> {
         self.leaves.triangle(self.slot)
     }
 
+    // See whether a gate leads to something
+    /// Whether the ray may come near triangles of a region, before the
+    /// nearest so far.
+    #[inline(always)]
+    pub fn enters(&self, region: &Region, ray: &Ray) -> bool {
+        let middle = region.zero - ray.origin;
+        let half = region.reach + ASIDE * self.root;
+        let (along, near) = (middle.dot(ray.direction), near(self.root));
+        is_met(middle, DVec3::splat(half), ray.direction)
+            && along - DIAGONAL * half <= self.distance + near
+            && along + DIAGONAL * half >= -near
+    }
+
+    /// Notes that the ray goes through a gate.
+    #[inline(always)]
+    pub fn pass(&mut self, region: &Region, margins: &Margins) {
+        let [low, high] = self.passed;
+        let (zero, reach) = (region.zero, region.reach);
+        self.passed = [low.min(zero - reach), high.max(zero + reach)];
+        self.least = self.least.min(margins.size);
+    }
+
     // Decide where the distances do not
     /// Whether the triangle in `slot` comes before the nearest, if any.
     #[cold]
@@ -567,4 +602,20 @@ fn is_behind(leaf: Leaf, lane: u32, ray: &Ray, distance: f64) -> bool {
     let [a, b, c] = corners;
     let normal = cross(b - a, c - a);
     normal.dot(ray.direction) * normal.dot(ray.origin - a) >= 0.
+}
+
+/// A ray this far from a region, times the size, passes no triangle of
+/// it closely: 2^-44.
+const ASIDE: f64 = 1. / (1u64 << 44) as f64;
+
+/// More than half the diagonal of a cube whose side is 2.
+const DIAGONAL: f64 = 1.75;
+
+/// Whether a line through zero meets a box with this middle and these
+/// half sides.
+#[inline(always)]
+pub fn is_met(middle: DVec3, half: DVec3, direction: DVec3) -> bool {
+    let off = middle.cross(direction).abs();
+    let [h, d] = [half, direction.abs()];
+    off.cmple(h.yzx() * d.zxy() + h.zxy() * d.yzx()).all()
 }

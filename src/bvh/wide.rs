@@ -679,7 +679,7 @@ const SMALL: f32 = 1. / 262144.;
 const COMPACT: f32 = 1. / 256.;
 
 /// and have more triangles than this.
-const FEW: usize = 16;
+const FEW: usize = 4;
 
 /// Leaves of the binary tree from this number on are gates.
 const CUT: u32 = 1 << 30;
