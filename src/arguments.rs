@@ -13,20 +13,26 @@
 //! position) is for the module that combines them to say.
 
 // Name what the arguments import
-use std::io::ErrorKind;
+use std::borrow::Cow;
+use std::collections::HashSet;
+use std::env;
+use std::ffi::OsString;
+use std::io::{self, ErrorKind, IsTerminal};
+use std::num::{IntErrorKind, ParseIntError};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-use clap::Parser;
 use clap::builder::Styles;
 use clap::builder::styling::{AnsiColor, Effects, Style};
+use clap::error::{ContextKind, ContextValue};
+use clap::{CommandFactory, Parser};
 use glam::DVec3;
 use serde_json::{Map, Value, json};
 
 use crate::analysis::Shortcut;
 use crate::bvh::Isa;
-use crate::camera::View;
+use crate::camera::{View, typed};
 use crate::checkpoint::RunKey;
 use crate::film::Window;
 use crate::image::Format;
@@ -38,6 +44,7 @@ use crate::report::Kind;
 /// Renders a Wavefront OBJ of one diffuse material under a uniform sky.
 #[derive(Debug, Parser)]
 #[command(name = "pt", version, after_help = LICENCE, styles = STYLES)]
+#[command(args_override_self = true)]
 pub struct Arguments {
     // Declare the options of the image
     /// Resolution of the image in pixels, each at most 16384
@@ -71,15 +78,17 @@ pub struct Arguments {
           value_parser = parse_positive, allow_hyphen_values = true)]
     pub error: Option<f64>,
     // Declare the options of the camera
-    /// Position of the camera
-    #[arg(short, long, value_name = "X,Y,Z", default_value = "0,0,0",
+    /// Position of the camera [default: outside of the scene, or
+    /// 0,0,0 with -t]
+    #[arg(short, long, value_name = "X,Y,Z",
           value_parser = parse_vector, allow_hyphen_values = true)]
-    pub position: DVec3,
+    pub position: Option<DVec3>,
 
-    /// Point that the camera looks at
-    #[arg(short, long, value_name = "X,Y,Z", default_value = "0,1,0",
+    /// Point that the camera looks at [default: the scene, or
+    /// 0,1,0 with -p]
+    #[arg(short, long, value_name = "X,Y,Z",
           value_parser = parse_vector, allow_hyphen_values = true)]
-    pub target: DVec3,
+    pub target: Option<DVec3>,
 
     /// Up axis of the camera; its largest component tells where the sky is
     #[arg(short, long, value_name = "X,Y,Z", default_value = "0,0,1",
@@ -97,24 +106,27 @@ pub struct Arguments {
           value_parser = parse_albedo, allow_hyphen_values = true)]
     pub albedo: f64,
 
-    /// Wavefront OBJ, also .gz or .zst [default: standard input]
-    #[arg(short, long, value_name = "FILE")]
+    /// Wavefront OBJ, also .gz or .zst [default: standard input, as is -]
+    #[arg(value_name = "FILE", overrides_with = "input")]
+    pub scene: Option<PathBuf>,
+
+    /// The same
+    #[arg(short, long, value_name = "FILE", overrides_with = "scene")]
     pub input: Option<PathBuf>,
     // Declare the options of the run
     /// Image to write, .pgm, .png, .pfm or .exr; may be repeated [default:
-    /// standard output]
+    /// -, standard output, or on a terminal a PNG beside the scene]
     #[arg(short, long, value_name = "FILE")]
     pub output: Vec<PathBuf>,
 
     /// Format of an image on standard output: pgm, png, pfm or exr
-    #[arg(
-        long,
-        value_name = "FORMAT",
-        default_value = "pgm",
-        hide_possible_values = true,
-        conflicts_with = "output"
-    )]
-    pub format: Format,
+    /// [default: pgm]
+    #[arg(long, value_name = "FORMAT", hide_possible_values = true)]
+    pub format: Option<Format>,
+
+    /// Write PNG files every second while the image is rendered
+    #[arg(long)]
+    pub preview: bool,
 
     /// Overwrite files that exist
     #[arg(short, long)]
@@ -126,6 +138,7 @@ pub struct Arguments {
         long,
         value_name = "SEED",
         default_value = "0",
+        value_parser = parse_whole,
         allow_hyphen_values = true
     )]
     pub seed: u64,
@@ -174,10 +187,14 @@ pub struct Arguments {
           requires = "checkpoint")]
     pub every: f64,
 
-    /// Checkpoint to go on from; scene, view, size, seed and albedo
-    /// must be those of its run
+    /// Checkpoint to go on from, with the options of its run; others may be
+    /// added that change no sample
     #[arg(long, value_name = "FILE")]
     pub resume: Option<PathBuf>,
+
+    /// The words of the command line, without the program.
+    #[arg(skip)]
+    pub words: Vec<String>,
 }
 
 /// What ends the help of each program.
@@ -256,11 +273,19 @@ fn parse_albedo(text: &str) -> Result<f64, String> {
     }
 }
 
+fn parse_whole(text: &str) -> Result<u64, String> {
+    text.parse().map_err(|error: ParseIntError| match error.kind() {
+        IntErrorKind::PosOverflow => {
+            format!("{text} is larger than {}", u64::MAX)
+        }
+        _ => format!("'{text}' is not a whole number"),
+    })
+}
+
 fn parse_samples(text: &str) -> Result<u64, String> {
-    match text.parse() {
-        Ok(0) => Err("a pixel needs at least one sample".to_owned()),
-        Ok(n) => Ok(n),
-        Err(_) => Err("expected a positive integer".to_owned()),
+    match parse_whole(text)? {
+        0 => Err("a pixel needs at least one sample".to_owned()),
+        n => Ok(n),
     }
 }
 
@@ -272,8 +297,8 @@ fn parse_positive(text: &str) -> Result<f64, String> {
 }
 
 fn parse_threads(text: &str) -> Result<usize, String> {
-    match text.parse() {
-        Ok(n @ 1..=4096) => Ok(n),
+    match parse_whole(text)? {
+        n @ 1..=4096 => Ok(n as usize),
         _ => Err("expected an integer between 1 and 4096".to_owned()),
     }
 }
@@ -282,7 +307,13 @@ fn parse_threads(text: &str) -> Result<usize, String> {
 /// Parses the arguments of a program; see
 /// [`Arguments::from_command_line`].
 pub fn parse_command_line<P: Parser>() -> Result<P, ExitCode> {
-    P::try_parse().map_err(|error| {
+    parse_words(env::args_os())
+}
+
+fn parse_words<P: Parser>(
+    words: impl IntoIterator<Item = OsString>,
+) -> Result<P, ExitCode> {
+    P::try_parse_from(words).map_err(|error| {
         if error.use_stderr() {
             let name = P::command().get_name().to_owned();
             progress::error(&explain(&error, &name));
@@ -304,7 +335,28 @@ fn explain(error: &clap::Error, program: &str) -> String {
     let lines = text.lines().take_while(|line| !line.is_empty());
     let line = lines.map(str::trim).collect::<Vec<_>>().join(" ");
     let line = line.strip_prefix("error: ").unwrap_or(&line);
-    format!("{line} (see {program} --help)")
+    // Name what was probably meant
+    let kinds = [
+        ContextKind::SuggestedArg,
+        ContextKind::SuggestedValue,
+        ContextKind::SuggestedSubcommand,
+    ];
+    let near = kinds.into_iter().find_map(|kind| error.get(kind));
+    let meant = match near {
+        Some(ContextValue::String(word)) => {
+            format!("; did you mean {word}?")
+        }
+        Some(ContextValue::Strings(words)) if !words.is_empty() => {
+            format!("; did you mean {}?", words.join(" or "))
+        }
+        _ => String::new(),
+    };
+    format!("{line}{meant} (see {program} --help)")
+}
+
+/// Whether a file is standard input or output.
+pub fn is_dash(path: &Path) -> bool {
+    path.as_os_str() == "-"
 }
 
 /// The members of a value that is written as an object.
@@ -318,40 +370,118 @@ impl Arguments {
     /// render, because help was asked for or a value is wrong, prints what
     /// the user should know and returns the exit status.
     pub fn from_command_line() -> Result<Self, ExitCode> {
-        parse_command_line()
+        if env::args_os().len() <= 1 && io::stdin().is_terminal() {
+            let _ = Self::command().print_help();
+            return Err(ExitCode::from(2));
+        }
+        Self::after(&[])
+    }
+
+    /// The same as if `saved`, words of another command line, had been typed
+    /// before; files that are written are named once.
+    pub fn after(saved: &[String]) -> Result<Self, ExitCode> {
+        let mut words: Vec<_> = env::args_os().collect();
+        words.splice(1..1, saved.iter().map(OsString::from));
+        let texts = words[1..].iter().map(|word| word.to_string_lossy());
+        let texts = texts.map(Cow::into_owned).collect();
+        let mut arguments: Self = parse_words(words)?;
+        arguments.words = texts;
+        for files in [&mut arguments.output, &mut arguments.report] {
+            let mut named = HashSet::new();
+            files.retain(|path| named.insert(path.clone()));
+        }
+        Ok(arguments)
     }
 
     // Hand the values to other modules
     /// The view that the options describe, not yet checked.
     pub fn view(&self) -> View {
         let &Arguments { position, target, up, fov, .. } = self;
+        let position = position.unwrap_or(DVec3::ZERO);
+        let target = target.unwrap_or(DVec3::Y);
         View { position, target, up, fov }
+    }
+
+    /// Chooses a camera outside of the box between two corners, if none is
+    /// given, and returns the options for it.
+    pub fn stand_outside(&mut self, corners: [DVec3; 2]) -> Option<String> {
+        if self.position.is_some() || self.target.is_some() {
+            return None;
+        }
+        let (width, height) = self.resolution;
+        let aspect = f64::from(width) / f64::from(height);
+        let view = self.view().outside(corners, aspect)?;
+        (self.position, self.target) =
+            (Some(view.position), Some(view.target));
+        let [p, t] = [view.position, view.target].map(typed);
+        Some(format!("-p {p} -t {t}"))
     }
 
     /// The targets of the image, checked but untouched.
     pub fn images(&self) -> Result<Vec<ImageTarget>, String> {
         self.tell_files_apart()?;
-        if self.output.is_empty() {
-            return Ok(vec![ImageTarget::standard_output(self.format)]);
+        let files = self.image_files();
+        if self.format.is_some() && !files.iter().any(|path| is_dash(path))
+        {
+            return Err(
+                "--format is that of an image on standard output; \
+                        the name of a file tells its own"
+                    .to_owned(),
+            );
         }
-        let check = |path: &PathBuf| ImageTarget::file(path, self.force);
-        self.output.iter().map(check).collect()
+        let format = self.format.unwrap_or(Format::Pgm);
+        let check = |path: &PathBuf| match is_dash(path) {
+            true => Ok(ImageTarget::standard_output(format)),
+            false => ImageTarget::file(path, self.force),
+        };
+        files.iter().map(check).collect()
+    }
+
+    /// Where the images go.
+    fn image_files(&self) -> Vec<PathBuf> {
+        match self.picture() {
+            _ if !self.output.is_empty() => self.output.clone(),
+            Some(path) => vec![path],
+            None => vec!["-".into()],
+        }
+    }
+
+    /// The PNG that is written if no image is named, on a terminal.
+    pub fn picture(&self) -> Option<PathBuf> {
+        let named = !self.output.is_empty() || self.format.is_some();
+        let mut path = self.scene_file().filter(|_| !named)?.to_owned();
+        if !io::stdout().is_terminal() {
+            return None;
+        }
+        if path.extension().is_some_and(|e| e == "gz" || e == "zst") {
+            path.set_extension("");
+        }
+        path.set_extension("png");
+        Some(path)
+    }
+
+    /// The file of the scene; none if it is standard input.
+    pub fn scene_file(&self) -> Option<&Path> {
+        let named = self.scene.as_ref().or(self.input.as_ref())?;
+        (!is_dash(named)).then_some(named)
     }
 
     fn tell_files_apart(&self) -> Result<(), String> {
-        let place = |path: &PathBuf| {
+        let place = |path: &Path| {
             // Ask for the directory of a new file
             let new = || {
                 let directory = Path::new(".").join(path.parent()?);
                 Some(directory.canonicalize().ok()?.join(path.file_name()?))
             };
             let known = path.canonicalize().ok();
-            known.or_else(new).unwrap_or_else(|| path.clone())
+            known.or_else(new).unwrap_or_else(|| path.to_owned())
         };
-        let read = self.input.iter().chain(&self.reference);
+        let read = self.scene_file().into_iter();
+        let read = read.chain(self.reference.as_deref());
         let mut taken: Vec<_> = read.map(place).collect();
         // Refuse a file that is named twice
-        let written = self.output.iter().chain(&self.report);
+        let images = self.image_files();
+        let written = images.iter().chain(&self.report);
         for path in written.chain(&self.checkpoint) {
             if taken.contains(&place(path)) {
                 let name = path.display();
@@ -365,6 +495,9 @@ impl Arguments {
     /// The reports to write, each with its target.
     pub fn reports(&self) -> Result<Vec<(Kind, OutputTarget)>, String> {
         let check = |path: &PathBuf| {
+            if is_dash(path) {
+                return Ok((Kind::Json, OutputTarget::standard_output()));
+            }
             Ok((Kind::of(path)?, OutputTarget::file(path, self.force)?))
         };
         self.report.iter().map(check).collect()
@@ -411,12 +544,13 @@ impl Arguments {
     /// The options that decide the samples, by name.
     pub fn run_key(&self) -> RunKey {
         let (width, height) = self.resolution;
+        let view = self.view();
         let mut key = object(json!({
             "resolution": [width, height],
-            "position": self.position.to_array(),
-            "target": self.target.to_array(),
-            "up": self.up.to_array(),
-            "fov": self.fov,
+            "position": view.position.to_array(),
+            "target": view.target.to_array(),
+            "up": view.up.to_array(),
+            "fov": view.fov,
             "albedo": self.albedo,
             "seed": self.seed,
         }));
@@ -452,7 +586,7 @@ impl Arguments {
 
     /// The name of the input, for people.
     pub fn input_name(&self) -> String {
-        match &self.input {
+        match self.scene_file() {
             Some(path) => path.display().to_string(),
             None => "standard input".to_owned(),
         }

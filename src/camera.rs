@@ -101,6 +101,48 @@ fn difference(a: DVec3, b: DVec3) -> DVec3 {
 /// The image plane is no farther than 2^200.
 const FARTHEST: f64 = power_of_two(200);
 
+// Stand outside of a scene
+impl View {
+    /// The view with the same up axis and field of view that shows the box
+    /// between two corners, if there is one.
+    pub fn outside(
+        &self,
+        [low, high]: [DVec3; 2],
+        aspect: f64,
+    ) -> Option<Self> {
+        let target = 0.5 * low + 0.5 * high;
+        // Look from above past an edge
+        let up = self.up.abs().max_position();
+        let mut away = DVec3::splat(1.);
+        away[(up + 1) % 3] = 1.5;
+        away[up] = self.up[up].signum();
+        let position = target + (high - low).max_element() * away;
+        let camera =
+            Camera::new(&Self { position, target, ..*self }, aspect)
+                .ok()?;
+        // Step back until all corners are seen
+        let Camera { right, down, ahead, .. } = camera;
+        let distances = (0..8).map(|k| {
+            let is_high = [1, 2, 4].map(|bit| k & bit != 0);
+            let corner = DVec3::select(is_high.into(), high, low) - target;
+            let x = right.dot(corner) / (aspect * aspect);
+            let side = x.abs().max(down.dot(corner).abs());
+            side * ahead.length() - ahead.normalize().dot(corner)
+        });
+        let distance = 1.05 * distances.fold(0., f64::max);
+        // Round the view to be typed
+        let digits = (2. - distance.log10().floor()).clamp(0., 300.);
+        let round = |x: f64| {
+            let text = format!("{x:.*}", digits as usize);
+            text.parse().unwrap_or(x)
+        };
+        let position = (target - distance * ahead.normalize()).map(round);
+        let target = target.map(round);
+        let view = Self { position, target, ..*self };
+        Camera::new(&view, aspect).is_ok().then_some(view)
+    }
+}
+
 // Explain why a view is impossible
 /// Why a view has no camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -157,6 +199,7 @@ impl fmt::Display for ViewError {
     }
 }
 
-fn typed(v: DVec3) -> String {
+/// A vector as it is typed.
+pub fn typed(v: DVec3) -> String {
     format!("{},{},{}", v.x, v.y, v.z)
 }

@@ -22,11 +22,13 @@ use crate::statistics::Accumulator;
 
 // Say what stands before the sums
 /// The first line of a checkpoint; its number changes with the layout.
-const MAGIC: &[u8] = b"litpt checkpoint 1\n";
+const MAGIC: &[u8] = b"litpt checkpoint 2\n";
 
 /// The second line.
 #[derive(Serialize, Deserialize)]
 struct Header<'a> {
+    /// The words of the command line, without the program.
+    words: Cow<'a, [String]>,
     /// What decides the samples.
     run_key: Cow<'a, RunKey>,
     convergence: Cow<'a, Convergence>,
@@ -36,8 +38,9 @@ struct Header<'a> {
 pub type RunKey = Map<String, Value>;
 
 // Write the state of a run
-/// Writes a checkpoint.
+/// Writes a checkpoint of a run that began with the `words` of a command.
 pub fn save(
+    words: &[String],
     run_key: &RunKey,
     convergence: &Convergence,
     film: &Film,
@@ -46,9 +49,11 @@ pub fn save(
     let mut out = Checked { out, checksum: Sha256::new() };
     out.write_all(MAGIC)?;
     // Write the run key and convergence
-    let run_key = Cow::Borrowed(run_key);
-    let header =
-        Header { run_key, convergence: Cow::Borrowed(convergence) };
+    let header = Header {
+        words: words.into(),
+        run_key: Cow::Borrowed(run_key),
+        convergence: Cow::Borrowed(convergence),
+    };
     serde_json::to_writer(&mut out, &header)?;
     out.write_all(b"\n")?;
     for pixel in film.stored() {
@@ -131,6 +136,11 @@ impl<R: BufRead + Seek> Checkpoint<R> {
         let header: Header = serde_json::from_slice(&line)
             .map_err(|e| format!("is not a checkpoint of pt: {e}"))?;
         Ok(Self { header, sums: file })
+    }
+
+    /// The words of the command line with which the run began.
+    pub fn words(&self) -> &[String] {
+        &self.header.words
     }
 
     // Go on from the sums

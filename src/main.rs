@@ -9,12 +9,14 @@
 //! The command `pt`: parse the arguments, render, report.
 
 // Name what the program imports
+use std::alloc::{GlobalAlloc, Layout, System};
 use std::fs::{self, File};
 use std::hint::black_box;
 use std::io::{self, BufReader, Read};
 use std::mem;
 use std::path::Path;
-use std::process::ExitCode;
+use std::process::{self, ExitCode};
+use std::thread;
 use std::time::{Duration, Instant};
 
 use litpt::analysis::{Finding, Inquiry, SceneAnalysis};
@@ -31,35 +33,98 @@ use litpt::render::{Renderer, renderer};
 use litpt::render_loop::{Convergence, Interrupt, Limits, Stop};
 use litpt::report::{Kind, Report, SceneFile};
 use litpt::run_output::RunOutput;
-use litpt::scene::{Scene, read_file};
+use litpt::scene::{Scene, begins_obj, read_file};
 use litpt::sky::Sky;
 use rayon::ThreadPoolBuilder;
 use sha2::{Digest, Sha256};
 
 fn main() -> ExitCode {
-    let arguments = match Arguments::from_command_line() {
-        Ok(arguments) => arguments,
-        Err(status) => return status,
-    };
-    match run(&arguments) {
+    let typed = Arguments::from_command_line();
+    match typed.and_then(resume).and_then(|(mut arguments, resumed)| {
+        run(&mut arguments, resumed).map_err(fail)
+    }) {
         // Turn the outcome into a status
         Ok(Stop::Signal(signal)) => ExitCode::from(128 + signal as u8),
         Ok(_) => ExitCode::SUCCESS,
-        Err(message) => {
-            progress::error(&message);
-            ExitCode::FAILURE
-        }
+        Err(status) => status,
     }
 }
 
+fn fail(message: String) -> ExitCode {
+    progress::error(&message);
+    ExitCode::FAILURE
+}
+
+// Say that memory is lacking
+/// The system's allocator, which ends the program where there is no memory.
+struct Allocator;
+
+#[global_allocator]
+static ALLOCATOR: Allocator = Allocator;
+
+// SAFETY: each call is handed to the system's allocator unchanged.
+unsafe impl GlobalAlloc for Allocator {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        granted(unsafe { System.alloc(layout) }, layout.size())
+    }
+
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        granted(unsafe { System.alloc_zeroed(layout) }, layout.size())
+    }
+
+    unsafe fn realloc(
+        &self,
+        old: *mut u8,
+        layout: Layout,
+        size: usize,
+    ) -> *mut u8 {
+        granted(unsafe { System.realloc(old, layout, size) }, size)
+    }
+
+    unsafe fn dealloc(&self, old: *mut u8, layout: Layout) {
+        unsafe { System.dealloc(old, layout) }
+    }
+}
+
+fn granted(memory: *mut u8, size: usize) -> *mut u8 {
+    if memory.is_null() && size >= 1 << 20 {
+        let size = progress::metric(size as f64);
+        progress::error(&format!(
+            "too little memory: {size}B more are needed"
+        ));
+        process::exit(1);
+    }
+    memory
+}
+
 // Run the whole program once
-fn run(arguments: &Arguments) -> Result<Stop, String> {
+/// A checkpoint that is open.
+type Resumed = Checkpoint<BufReader<File>>;
+
+/// The arguments of a run, and the checkpoint that it goes on from.
+fn resume(
+    typed: Arguments,
+) -> Result<(Arguments, Option<Resumed>), ExitCode> {
+    let Some(path) = &typed.resume else { return Ok((typed, None)) };
+    let resumed = open_checkpoint(path).map_err(fail)?;
+    let arguments = Arguments::after(resumed.words())?;
+    Ok((arguments, Some(resumed)))
+}
+
+fn run(
+    arguments: &mut Arguments,
+    resumed: Option<Resumed>,
+) -> Result<Stop, String> {
     let start = Instant::now();
-    let camera = camera(arguments)?;
+    // Check the camera if it is given
+    if arguments.position.or(arguments.target).is_some() {
+        camera(arguments)?;
+    }
     let window = arguments.window()?;
-    let mut files = Files::check(arguments)?;
+    let mut files = Files::check(arguments, resumed)?;
     start_threads(arguments)?;
     let (mut scene, mut known) = load(arguments, &files)?;
+    let camera = camera(arguments)?;
     let inquiry = inquire(arguments, &camera);
     let (analysis, bvh) =
         build(&mut scene, &inquiry, arguments, &mut known)?;
@@ -71,7 +136,7 @@ fn run(arguments: &Arguments) -> Result<Stop, String> {
     let mut run =
         Run::begin(&mut *job, window, arguments, &mut files, known)?;
     let stop = run.render(start, &analysis, &files)?;
-    run.write(&files, stop)?;
+    run.write(stop)?;
     Ok(stop)
 }
 
@@ -87,19 +152,21 @@ struct Files {
     images: Vec<ImageTarget>,
     reports: Vec<(Kind, OutputTarget)>,
     checkpoint: Option<OutputTarget>,
-    resumed: Option<Checkpoint<BufReader<File>>>,
+    resumed: Option<Resumed>,
     reference: Option<Image>,
 }
 
 impl Files {
-    fn check(arguments: &Arguments) -> Result<Self, String> {
-        let Arguments { resume, reference, .. } = arguments;
-        let reference = reference.as_deref();
+    fn check(
+        arguments: &Arguments,
+        resumed: Option<Resumed>,
+    ) -> Result<Self, String> {
+        let reference = arguments.reference.as_deref();
         Ok(Self {
             images: arguments.images()?,
             reports: arguments.reports()?,
             checkpoint: arguments.checkpoint()?,
-            resumed: resume.as_deref().map(open_checkpoint).transpose()?,
+            resumed,
             reference: reference
                 .map(|path| read_reference(path, arguments))
                 .transpose()?,
@@ -117,9 +184,7 @@ impl Files {
     }
 }
 
-fn open_checkpoint(
-    path: &Path,
-) -> Result<Checkpoint<BufReader<File>>, String> {
+fn open_checkpoint(path: &Path) -> Result<Resumed, String> {
     File::open(path)
         .map_err(|e| format!("cannot read: {e}"))
         .and_then(|file| Checkpoint::open(BufReader::new(file)))
@@ -161,16 +226,22 @@ fn start_threads(arguments: &Arguments) -> Result<(), String> {
 
 // Load the scene and name it
 fn load(
-    arguments: &Arguments,
+    arguments: &mut Arguments,
     files: &Files,
 ) -> Result<(Scene, Report), String> {
     let began = Instant::now();
     let file = arguments.input_name();
     // Read the bytes of the mesh
     let mut bytes = Vec::new();
-    let read = match &arguments.input {
-        Some(path) => fs::read(path).map(|content| bytes = content),
-        None => io::stdin().read_to_end(&mut bytes).map(|_| ()),
+    let read = match arguments.scene_file() {
+        Some(path) if path.is_file() => {
+            fs::read(path).map(|content| bytes = content)
+        }
+        Some(path) => {
+            let opened = File::open(path);
+            opened.and_then(|pipe| read_pipe(pipe, &mut bytes))
+        }
+        None => read_pipe(io::stdin(), &mut bytes),
     };
     read.map_err(|e| format!("{file}: cannot read: {e}"))?;
     let read = read_file(&bytes).map_err(|error| error.within(&file));
@@ -178,6 +249,11 @@ fn load(
     // Warn of odd faces
     if let (Some(warning), false) = (warning, arguments.quiet) {
         progress::warn(&warning.within(&file));
+    }
+    // Choose a camera if none is given
+    let chosen = arguments.stand_outside(mesh.corners());
+    if let (Some(options), false) = (chosen, arguments.quiet) {
+        progress::inform(&format!("the camera stands outside: {options}"));
     }
     // Hash the bytes if a file will name them
     let hash = files.name_the_scene().then(|| Sha256::digest(&bytes));
@@ -195,6 +271,18 @@ fn load(
     };
     Ok((scene, known))
 }
+
+/// Reads to the end, but no more than `START` bytes if they begin no OBJ.
+fn read_pipe(mut pipe: impl Read, bytes: &mut Vec<u8>) -> io::Result<()> {
+    if pipe.by_ref().take(START).read_to_end(bytes)? as u64 == START
+        && begins_obj(bytes)
+    {
+        pipe.read_to_end(bytes)?;
+    }
+    Ok(())
+}
+
+const START: u64 = 1 << 24;
 
 // Analyse the scene and build the hierarchy
 fn inquire<'a>(
@@ -283,6 +371,7 @@ struct Run<'a> {
     job: &'a mut (dyn Renderer + 'a),
     film: Film,
     convergence: Convergence,
+    images: Vec<ImageTarget>,
     output: RunOutput,
     bar: Bar,
 }
@@ -320,11 +409,14 @@ impl<'a> Run<'a> {
             .unwrap_or(Duration::MAX);
         let (reports, checkpoint) =
             (mem::take(&mut files.reports), files.checkpoint.take());
-        let output =
-            RunOutput::new(reports, checkpoint, every, run_key, known);
+        let words = arguments.words.clone();
+        let output = RunOutput::new(
+            reports, checkpoint, every, words, run_key, known,
+        );
+        let images = mem::take(&mut files.images);
         let paths = convergence.spp.saturating_mul(film.area());
         let bar = Bar::new(!arguments.quiet, paths);
-        Ok(Self { arguments, job, film, convergence, output, bar })
+        Ok(Self { arguments, job, film, convergence, images, output, bar })
     }
 }
 
@@ -356,7 +448,8 @@ impl Run<'_> {
             reference: reference.map(|image| &image.means[..]),
         };
         let late = limits.deadline.is_some_and(|d| Instant::now() > d);
-        self.reserve_time(&mut limits, &files.images);
+        self.reserve_time(&mut limits);
+        self.answer(interrupt.clone());
         let stop = self.go_on(&limits);
         self.bar.finish();
         // Warn if there was no time
@@ -371,7 +464,8 @@ impl Run<'_> {
 
     // Go on until the limits are reached
     fn go_on(&mut self, limits: &Limits) -> Stop {
-        let Self { arguments, job, film, convergence, output, bar } = self;
+        let Self { arguments, job, film, convergence, .. } = self;
+        let Self { images, output, bar, .. } = self;
         let area = film.area();
         let expect = |convergence: &Convergence| {
             let spp = convergence.expected(limits, area);
@@ -379,9 +473,20 @@ impl Run<'_> {
         };
         expect(convergence);
         let advance = |paths| bar.advance(paths);
+        let mut next = Instant::now();
         let mut after = |convergence: &Convergence, film: &Film| {
             expect(convergence);
-            let written = output.after(convergence, film);
+            let mut written = output.after(convergence, film);
+            // Show the image so far
+            let now = Instant::now();
+            if arguments.preview && now >= next {
+                let image = output.image(convergence, film, None);
+                let files = images.iter_mut();
+                for target in files.filter(|t| t.format() == Format::Png) {
+                    written = written.and(target.rewrite(&image));
+                }
+                next = Instant::now() + (10 * now.elapsed()).max(SECOND);
+            }
             if let (Err(message), false) = (written, arguments.quiet) {
                 bar.suspend(|| progress::warn(&message));
             }
@@ -390,9 +495,9 @@ impl Run<'_> {
     }
 
     // Keep time for writing in reserve
-    fn reserve_time(&self, limits: &mut Limits, images: &[ImageTarget]) {
+    fn reserve_time(&self, limits: &mut Limits) {
         let Some(deadline) = limits.deadline else { return };
-        let Self { film, convergence, output, .. } = self;
+        let Self { film, convergence, images, output, .. } = self;
         let trial =
             Film::noise(film.width().min(256), film.height().min(256));
         let ratio = film.area() as f64 / trial.area() as f64;
@@ -404,14 +509,30 @@ impl Run<'_> {
         let left = deadline.saturating_duration_since(Instant::now());
         limits.deadline = deadline.checked_sub(reserve.min(left / 2));
     }
+
+    // Answer a signal
+    fn answer(&self, interrupt: Interrupt) {
+        let (bar, quiet) = (self.bar.clone(), self.arguments.quiet);
+        thread::spawn(move || {
+            while interrupt.signal().is_none() {
+                thread::sleep(Duration::from_millis(50));
+            }
+            bar.finish();
+            if !quiet {
+                progress::inform("finishing; a second signal aborts");
+            }
+        });
+    }
 }
+
+const SECOND: Duration = Duration::from_secs(1);
 
 // Write the image and the summary
 impl Run<'_> {
-    fn write(&mut self, files: &Files, stop: Stop) -> Result<(), String> {
-        let Self { film, convergence, output, .. } = self;
+    fn write(&mut self, stop: Stop) -> Result<(), String> {
+        let Self { film, convergence, images, output, .. } = self;
         let image = output.image(convergence, film, Some(stop));
-        let images = files.images.iter();
+        let images = images.iter();
         let mut written: Vec<_> =
             images.map(|target| target.write(&image)).collect();
         written.push(output.close(convergence, film, stop));
@@ -424,6 +545,10 @@ impl Run<'_> {
             let report = output.report(convergence, film, Some(stop));
             let lines = report.summary(film.area());
             lines.iter().for_each(|line| progress::inform(line));
+            if let Some(path) = self.arguments.picture() {
+                let name = path.display();
+                progress::inform(&format!("the image is {name}"));
+            }
         }
         Ok(())
     }

@@ -148,7 +148,9 @@ impl OutputTarget {
             Ok(there) if there.is_dir() => {
                 return Err(format!("{name}: is a directory"));
             }
-            Ok(_) if !force => return Err(exists(path)),
+            Ok(there) if there.is_file() && !force => {
+                return Err(exists(path));
+            }
             Err(_) if path.is_symlink() => {
                 return Err(format!("{name}: is a link to nothing"));
             }
@@ -262,6 +264,14 @@ impl ImageTarget {
     /// Those of [`OutputTarget::write`].
     pub fn write(&self, image: &Image) -> Result<(), String> {
         self.target.write(&mut |out| self.format.write(image, out))
+    }
+
+    /// Writes the image for the time being; see [`OutputTarget::rewrite`].
+    ///
+    /// # Errors
+    /// Those of [`OutputTarget::rewrite`].
+    pub fn rewrite(&mut self, image: &Image) -> Result<(), String> {
+        self.target.rewrite(&mut |out| self.format.write(image, out))
     }
 
     /// Takes the time of [`ImageTarget::write`], and writes nothing.

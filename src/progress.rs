@@ -43,6 +43,7 @@ pub fn error(message: &str) {
 
 // Show a bar while rendering
 /// A bar on the terminal, or nothing.
+#[derive(Clone)]
 pub struct Bar(ProgressBar);
 
 impl Bar {

@@ -307,7 +307,7 @@ fn next_step(spp: u64) -> u64 {
 
 // Listen for signals
 /// Remembers the signal that asks the run to end.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub struct Interrupt(Arc<AtomicUsize>);
 
 impl Interrupt {

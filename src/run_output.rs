@@ -39,7 +39,8 @@ pub struct RunOutput {
     every: Duration,
     /// When the next checkpoint is due; never, if beyond the clock.
     next_checkpoint: Option<Instant>,
-    /// What decides the samples.
+    /// The words of the command line, and what decides the samples.
+    words: Vec<String>,
     run_key: RunKey,
     /// What a report says that does not change while the run goes on.
     known: Report,
@@ -80,6 +81,7 @@ impl RunOutput {
         reports: Vec<(Kind, OutputTarget)>,
         checkpoint: Option<OutputTarget>,
         every: Duration,
+        words: Vec<String>,
         run_key: RunKey,
         known: Report,
     ) -> Self {
@@ -93,6 +95,7 @@ impl RunOutput {
             checkpoint,
             every,
             next_checkpoint,
+            words,
             run_key,
             known,
         }
@@ -158,8 +161,10 @@ impl RunOutput {
             black_box(kind.render(&report, &|| image.clone()));
         }
         if self.checkpoint.is_some() {
-            let (run_key, mut out) = (&self.run_key, io::sink());
-            let _ = checkpoint::save(run_key, convergence, film, &mut out);
+            let (words, run_key) = (&self.words, &self.run_key);
+            let out = &mut io::sink();
+            let _ =
+                checkpoint::save(words, run_key, convergence, film, out);
         }
         image
     }
@@ -192,9 +197,9 @@ impl RunOutput {
         stop: Option<Stop>,
     ) -> Result<(), String> {
         let Some(target) = &mut self.checkpoint else { return Ok(()) };
-        let run_key = &self.run_key;
+        let (words, run_key) = (&self.words, &self.run_key);
         put(target, stop, &mut |out| {
-            checkpoint::save(run_key, convergence, film, out)
+            checkpoint::save(words, run_key, convergence, film, out)
         })
     }
 

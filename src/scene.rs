@@ -22,7 +22,7 @@ use std::iter::Skip;
 use std::str::SplitWhitespace;
 
 use glam::{BVec3, DVec3};
-use memchr::{memchr, memchr_iter};
+use memchr::{memchr, memchr_iter, memrchr};
 use rayon::prelude::*;
 
 use self::polygons::Oddity;
@@ -52,6 +52,14 @@ impl Mesh {
         };
         (0..self.triangles.len() as u32).map(face).collect()
     }
+
+    /// The extreme corners of the box around all triangles.
+    pub fn corners(&self) -> [DVec3; 2] {
+        let used = self.triangles.iter().flatten();
+        let used = used.map(|&i| self.vertices[i as usize]);
+        let none = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+        used.fold(none, |[low, high], p| [low.min(p), high.max(p)])
+    }
 }
 
 // Read the text of an OBJ
@@ -80,6 +88,16 @@ pub fn read_file(
     source: &[u8],
 ) -> Result<(Mesh, Option<ObjError>), ObjError> {
     read(source, PIECE)
+}
+
+/// Whether bytes can be the beginning of an OBJ with any vertex.
+pub fn begins_obj(start: &[u8]) -> bool {
+    let end = memrchr(b'\n', start).unwrap_or(0);
+    let piece = &start[..end];
+    let read = || read_piece(piece, 0, i64::MAX as usize);
+    encoding::is_encoded(start)
+        || memchr(0, piece).is_none()
+            && read().is_ok_and(|mesh| !mesh.vertices.is_empty())
 }
 
 /// The size of a piece of the text.

@@ -66,6 +66,13 @@ fn unzstd(mut source: &[u8], text: &mut Vec<u8>) -> io::Result<()> {
     Ok(())
 }
 
+/// Whether bytes begin as one of the encodings does.
+pub fn is_encoded(start: &[u8]) -> bool {
+    let marks: [&[u8]; 4] =
+        [b"\x1f\x8b", b"\x28\xb5\x2f\xfd", b"\xff\xfe", b"\xfe\xff"];
+    marks.iter().any(|mark| start.starts_with(mark))
+}
+
 /// What a function unpacks, or why it cannot.
 fn unpack(
     kind: &str,
