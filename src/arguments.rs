@@ -13,11 +13,11 @@
 //! position) is for the module that combines them to say.
 
 // Name what the arguments import
-use std::borrow::Cow;
 use std::collections::HashSet;
 use std::env;
 use std::ffi::OsString;
 use std::io::{self, ErrorKind, IsTerminal};
+use std::iter;
 use std::num::{IntErrorKind, ParseIntError};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -181,20 +181,22 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE")]
     pub checkpoint: Option<PathBuf>,
 
-    /// Time between two checkpoints
-    #[arg(long, value_name = "SECONDS", default_value = "60",
-          value_parser = parse_positive, allow_hyphen_values = true,
-          requires = "checkpoint")]
-    pub every: f64,
+    /// Time between two checkpoints [default: 60]
+    #[arg(long, value_name = "SECONDS",
+          value_parser = parse_positive, allow_hyphen_values = true)]
+    pub every: Option<f64>,
 
     /// Checkpoint to go on from, with the options of its run; others may be
     /// added that change no sample
     #[arg(long, value_name = "FILE")]
     pub resume: Option<PathBuf>,
 
-    /// The words of the command line, without the program.
+    /// The words of each command that renders the image.
     #[arg(skip)]
-    pub words: Vec<String>,
+    pub commands: Vec<Vec<String>>,
+    /// Files of the run before it was resumed.
+    #[arg(skip)]
+    replaced: HashSet<PathBuf>,
 }
 
 /// What ends the help of each program.
@@ -307,15 +309,17 @@ fn parse_threads(text: &str) -> Result<usize, String> {
 /// Parses the arguments of a program; see
 /// [`Arguments::from_command_line`].
 pub fn parse_command_line<P: Parser>() -> Result<P, ExitCode> {
-    parse_words(env::args_os())
+    parse_words(env::args_os().skip(1))
 }
 
 fn parse_words<P: Parser>(
-    words: impl IntoIterator<Item = OsString>,
+    words: impl IntoIterator<Item = impl Into<OsString>>,
 ) -> Result<P, ExitCode> {
+    let name = P::command().get_name().to_owned();
+    let words = words.into_iter().map(Into::into);
+    let words = iter::once(name.clone().into()).chain(words);
     P::try_parse_from(words).map_err(|error| {
         if error.use_stderr() {
-            let name = P::command().get_name().to_owned();
             progress::error(&explain(&error, &name));
             return ExitCode::from(2);
         }
@@ -374,26 +378,56 @@ impl Arguments {
             let _ = Self::command().print_help();
             return Err(ExitCode::from(2));
         }
-        Self::after(&[])
+        Self::after(vec![])
     }
 
-    /// The same as if `saved`, words of another command line, had been typed
-    /// before; files that are written are named once.
-    pub fn after(saved: &[String]) -> Result<Self, ExitCode> {
-        let mut words: Vec<_> = env::args_os().collect();
-        words.splice(1..1, saved.iter().map(OsString::from));
-        let texts = words[1..].iter().map(|word| word.to_string_lossy());
-        let texts = texts.map(Cow::into_owned).collect();
-        let mut arguments: Self = parse_words(words)?;
-        arguments.words = texts;
-        for files in [&mut arguments.output, &mut arguments.report] {
-            let mut named = HashSet::new();
-            files.retain(|path| named.insert(path.clone()));
+    /// The same after `commands`, the words of those that have rendered what
+    /// is resumed, without the program.
+    pub fn after(mut commands: Vec<Vec<String>>) -> Result<Self, ExitCode> {
+        let typed = env::args_os().skip(1);
+        let text = |word: OsString| word.to_string_lossy().into_owned();
+        commands.push(typed.map(text).collect());
+        // Let the last of several commands decide
+        let each = commands.iter().map(parse_words::<Self>);
+        let each = each.collect::<Result<Vec<_>, _>>()?;
+        let last = |is_set: fn(&Self) -> bool| {
+            each.iter().rev().find(|&command| is_set(command))
+        };
+        let mut all: Self = parse_words(commands.iter().flatten())?;
+        if let Some(one) = last(Self::is_limited) {
+            (all.samples, all.time, all.error) =
+                (one.samples, one.time, one.error);
         }
-        Ok(arguments)
+        if let Some(one) =
+            last(|c| c.format.is_some() || !c.output.is_empty())
+        {
+            (all.output, all.format) = (one.output.clone(), one.format);
+        }
+        if let Some(one) = last(|c| !c.report.is_empty()) {
+            all.report = one.report.clone();
+        }
+        let before = &each[..each.len() - 1];
+        let replaced = before.iter().flat_map(Self::written).collect();
+        Ok(Self { commands, replaced, ..all })
     }
 
     // Hand the values to other modules
+
+    /// Whether there is any limit.
+    fn is_limited(&self) -> bool {
+        self.samples.is_some() || self.time.or(self.error).is_some()
+    }
+
+    /// The files that the options name to be written.
+    fn written(&self) -> impl Iterator<Item = PathBuf> {
+        let images = self.output.iter().chain(&self.report);
+        images.chain(&self.checkpoint).cloned()
+    }
+
+    /// Whether a file may be replaced.
+    fn may_replace(&self, path: &PathBuf) -> bool {
+        self.force || self.replaced.contains(path)
+    }
     /// The view that the options describe, not yet checked.
     pub fn view(&self) -> View {
         let &Arguments { position, target, up, fov, .. } = self;
@@ -432,7 +466,7 @@ impl Arguments {
         let format = self.format.unwrap_or(Format::Pgm);
         let check = |path: &PathBuf| match is_dash(path) {
             true => Ok(ImageTarget::standard_output(format)),
-            false => ImageTarget::file(path, self.force),
+            false => ImageTarget::file(path, self.may_replace(path)),
         };
         files.iter().map(check).collect()
     }
@@ -498,15 +532,21 @@ impl Arguments {
             if is_dash(path) {
                 return Ok((Kind::Json, OutputTarget::standard_output()));
             }
-            Ok((Kind::of(path)?, OutputTarget::file(path, self.force)?))
+            let force = self.may_replace(path);
+            Ok((Kind::of(path)?, OutputTarget::file(path, force)?))
         };
         self.report.iter().map(check).collect()
     }
 
     /// The target of the checkpoint, if there shall be one.
     pub fn checkpoint(&self) -> Result<Option<OutputTarget>, String> {
-        let force = self.force || self.checkpoint == self.resume;
-        let check = |path: &PathBuf| OutputTarget::file(path, force);
+        if self.every.is_some() && self.checkpoint.is_none() {
+            return Err("--every needs --checkpoint".to_owned());
+        }
+        let same = self.checkpoint == self.resume;
+        let check = |path: &PathBuf| {
+            OutputTarget::file(path, same || self.may_replace(path))
+        };
         self.checkpoint.as_ref().map(check).transpose()
     }
 

@@ -27,8 +27,8 @@ const MAGIC: &[u8] = b"litpt checkpoint 2\n";
 /// The second line.
 #[derive(Serialize, Deserialize)]
 struct Header<'a> {
-    /// The words of the command line, without the program.
-    words: Cow<'a, [String]>,
+    /// The words of each command, without the program.
+    commands: Cow<'a, [Vec<String>]>,
     /// What decides the samples.
     run_key: Cow<'a, RunKey>,
     convergence: Cow<'a, Convergence>,
@@ -38,9 +38,9 @@ struct Header<'a> {
 pub type RunKey = Map<String, Value>;
 
 // Write the state of a run
-/// Writes a checkpoint of a run that began with the `words` of a command.
+/// Writes a checkpoint of what the words of `commands` have rendered.
 pub fn save(
-    words: &[String],
+    commands: &[Vec<String>],
     run_key: &RunKey,
     convergence: &Convergence,
     film: &Film,
@@ -50,7 +50,7 @@ pub fn save(
     out.write_all(MAGIC)?;
     // Write the run key and convergence
     let header = Header {
-        words: words.into(),
+        commands: commands.into(),
         run_key: Cow::Borrowed(run_key),
         convergence: Cow::Borrowed(convergence),
     };
@@ -138,9 +138,9 @@ impl<R: BufRead + Seek> Checkpoint<R> {
         Ok(Self { header, sums: file })
     }
 
-    /// The words of the command line with which the run began.
-    pub fn words(&self) -> &[String] {
-        &self.header.words
+    /// The words of each command that has rendered a part of it.
+    pub fn commands(&self) -> &[Vec<String>] {
+        &self.header.commands
     }
 
     // Go on from the sums

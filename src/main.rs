@@ -107,7 +107,7 @@ fn resume(
 ) -> Result<(Arguments, Option<Resumed>), ExitCode> {
     let Some(path) = &typed.resume else { return Ok((typed, None)) };
     let resumed = open_checkpoint(path).map_err(fail)?;
-    let arguments = Arguments::after(resumed.words())?;
+    let arguments = Arguments::after(resumed.commands().to_vec())?;
     Ok((arguments, Some(resumed)))
 }
 
@@ -405,13 +405,14 @@ impl<'a> Run<'a> {
                 ));
             }
         }
-        let every = Duration::try_from_secs_f64(arguments.every)
-            .unwrap_or(Duration::MAX);
+        let every =
+            Duration::try_from_secs_f64(arguments.every.unwrap_or(60.))
+                .unwrap_or(Duration::MAX);
         let (reports, checkpoint) =
             (mem::take(&mut files.reports), files.checkpoint.take());
-        let words = arguments.words.clone();
+        let commands = arguments.commands.clone();
         let output = RunOutput::new(
-            reports, checkpoint, every, words, run_key, known,
+            reports, checkpoint, every, commands, run_key, known,
         );
         let images = mem::take(&mut files.images);
         let paths = convergence.spp.saturating_mul(film.area());

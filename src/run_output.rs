@@ -39,8 +39,8 @@ pub struct RunOutput {
     every: Duration,
     /// When the next checkpoint is due; never, if beyond the clock.
     next_checkpoint: Option<Instant>,
-    /// The words of the command line, and what decides the samples.
-    words: Vec<String>,
+    /// The words of the commands, and what decides the samples.
+    commands: Vec<Vec<String>>,
     run_key: RunKey,
     /// What a report says that does not change while the run goes on.
     known: Report,
@@ -81,7 +81,7 @@ impl RunOutput {
         reports: Vec<(Kind, OutputTarget)>,
         checkpoint: Option<OutputTarget>,
         every: Duration,
-        words: Vec<String>,
+        commands: Vec<Vec<String>>,
         run_key: RunKey,
         known: Report,
     ) -> Self {
@@ -95,7 +95,7 @@ impl RunOutput {
             checkpoint,
             every,
             next_checkpoint,
-            words,
+            commands,
             run_key,
             known,
         }
@@ -161,10 +161,10 @@ impl RunOutput {
             black_box(kind.render(&report, &|| image.clone()));
         }
         if self.checkpoint.is_some() {
-            let (words, run_key) = (&self.words, &self.run_key);
+            let (commands, run_key) = (&self.commands, &self.run_key);
             let out = &mut io::sink();
             let _ =
-                checkpoint::save(words, run_key, convergence, film, out);
+                checkpoint::save(commands, run_key, convergence, film, out);
         }
         image
     }
@@ -197,9 +197,9 @@ impl RunOutput {
         stop: Option<Stop>,
     ) -> Result<(), String> {
         let Some(target) = &mut self.checkpoint else { return Ok(()) };
-        let (words, run_key) = (&self.words, &self.run_key);
+        let (commands, run_key) = (&self.commands, &self.run_key);
         put(target, stop, &mut |out| {
-            checkpoint::save(words, run_key, convergence, film, out)
+            checkpoint::save(commands, run_key, convergence, film, out)
         })
     }
 
