@@ -412,22 +412,6 @@ impl Arguments {
     }
 
     // Hand the values to other modules
-
-    /// Whether there is any limit.
-    fn is_limited(&self) -> bool {
-        self.samples.is_some() || self.time.or(self.error).is_some()
-    }
-
-    /// The files that the options name to be written.
-    fn written(&self) -> impl Iterator<Item = PathBuf> {
-        let images = self.output.iter().chain(&self.report);
-        images.chain(&self.checkpoint).cloned()
-    }
-
-    /// Whether a file may be replaced.
-    fn may_replace(&self, path: &PathBuf) -> bool {
-        self.force || self.replaced.contains(path)
-    }
     /// The view that the options describe, not yet checked.
     pub fn view(&self) -> View {
         let &Arguments { position, target, up, fov, .. } = self;
@@ -630,5 +614,21 @@ impl Arguments {
             Some(path) => path.display().to_string(),
             None => "standard input".to_owned(),
         }
+    }
+
+    /// Whether there is any limit.
+    fn is_limited(&self) -> bool {
+        self.samples.is_some() || self.time.or(self.error).is_some()
+    }
+
+    /// The files that the options name to be written.
+    fn written(&self) -> impl Iterator<Item = PathBuf> {
+        let images = self.output.iter().chain(&self.report);
+        images.chain(&self.checkpoint).cloned()
+    }
+
+    /// Whether a file may be replaced.
+    fn may_replace(&self, path: &PathBuf) -> bool {
+        self.force || self.replaced.contains(path)
     }
 }
