@@ -8,7 +8,7 @@ mod common;
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
 
-use common::{ABOVE, Run, SQUARE, Scratch, pgm, skip};
+use common::{ABOVE, Run, SQUARE, Scratch, finish, pgm, skip};
 
 /// A triangle that fills a part of the image.
 const TRIANGLE: &str = "v -9 -9 0\nv 9 -8 0\nv -1 7 0\n";
@@ -343,4 +343,32 @@ fn a_polygon_becomes_a_fan_around_its_first_corner() {
 fn a_triangle_without_area_is_harmless() {
     same(with("f 1 1 2\n"), &with("f 2 2 2\n"));
     same(format!("{SQUARE}f 1 1 2\n"), &format!("{SQUARE}f 3 3 3\n"));
+}
+
+#[test]
+fn what_has_no_end_and_is_no_obj_is_refused() {
+    let place = Scratch::new();
+    place
+        .run(&["-i", "/dev/zero"])
+        .failed(1, &["/dev/zero:1: a zero byte"]);
+    for (text, fault) in [
+        ("y", "standard input: no face"),
+        ("v 1 2", "standard input:1: a vertex without z"),
+    ] {
+        let mut command = place.command("sh");
+        command.args(["-c", &format!("yes '{text}' | \"$0\"")]);
+        command.arg(env!("CARGO_BIN_EXE_pt"));
+        finish(command.spawn().unwrap()).failed(1, &[fault]);
+    }
+}
+
+#[test]
+fn too_little_memory_is_told_in_one_line() {
+    let place = Scratch::new();
+    let mut command = place.command("sh");
+    command.args(["-c", "ulimit -v 4000000; exec \"$0\" \"$@\""]);
+    command.args([env!("CARGO_BIN_EXE_pt"), "room.obj", "-j1"]);
+    command.args(["-q", "-d16384x16384"]);
+    let run = finish(command.spawn().unwrap());
+    run.failed(1, &["too little memory: 17.18 GB more are needed"]);
 }

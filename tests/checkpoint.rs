@@ -47,7 +47,7 @@ fn state() -> (Convergence, Film) {
 fn saved() -> Vec<u8> {
     let (convergence, film) = state();
     let mut bytes = vec![];
-    save(&run_key(), &convergence, &film, &mut bytes).unwrap();
+    save(&[], &run_key(), &convergence, &film, &mut bytes).unwrap();
     bytes
 }
 
@@ -146,15 +146,16 @@ fn a_disk_that_is_full_is_an_error_and_no_panic() {
     let size = saved().len();
     for room in [0, 10, 25, 500, size - 33, size - 32, size - 1] {
         let written =
-            save(&run_key(), &convergence, &film, &mut Full(room));
+            save(&[], &run_key(), &convergence, &film, &mut Full(room));
         assert!(written.is_err(), "{room}");
     }
-    save(&run_key(), &convergence, &film, &mut Full(size)).unwrap();
+    save(&[], &run_key(), &convergence, &film, &mut Full(size)).unwrap();
 }
 
 // --------------------------------------------------------------- The command
 
-const SCENE: [&str; 4] = ["-q", "-iroom.obj", "-d23x17", "-r0.7"];
+const SCENE: [&str; 5] =
+    ["-q", "-iroom.obj", "-p0,0,0", "-d23x17", "-r0.7"];
 const ALL: [&str; 8] =
     ["-o", "a.pgm", "-o", "a.png", "-o", "a.pfm", "-o", "a.exr"];
 
@@ -246,13 +247,14 @@ fn a_run_that_has_ended_may_go_on_to_another_limit() {
     let place = Scratch::new();
     pt(&place, &["-n7", "-o", "b.pgm", "--checkpoint", "c"]).succeeded();
     assert_eq!(saved_spp(&place.path("c")), Some(7));
+    place.put("e", place.get("c"));
     pt(&place, &["-n30", "--resume", "c", "-o", "b.png"]).succeeded();
+    place.put("c", place.get("e"));
     let on = ["--error", "0.05", "--resume", "c", "--checkpoint", "d"];
     pt(&place, &[&ALL[..], &on].concat()).succeeded();
     assert!(saved_spp(&place.path("d")) > Some(7));
     same_as_uninterrupted(&place, &["--error", "0.05"]);
     // There is nothing left to do, and the image is the same.
-    place.put("e", place.get("c"));
     let again = ["-f", "-o", "b.pfm", "-n7", "--resume", "e"];
     pt(&place, &[&again[..], &["--checkpoint", "e"]].concat()).succeeded();
     let whole = pt(&place, &["-n7", "--format", "pfm"]).stdout;
@@ -281,7 +283,7 @@ fn left_alone(
 #[test]
 fn what_is_no_checkpoint_is_refused_before_the_scene_is_read() {
     let place = Scratch::new();
-    place.put("c", "litpt checkpoint 1\nand more");
+    place.put("c", "litpt checkpoint 2\nand more");
     let fault = "c: is damaged: its checksum is wrong";
     pt(&place, &["-imissing.obj", "--resume", "c"]).failed(1, &[fault]);
     // Neither is a file without an end read to its end.
@@ -309,7 +311,7 @@ fn a_damaged_checkpoint_is_refused_and_left_alone() {
         place.put("c", bytes);
         left_alone(&place, "c", &[], &[]);
     }
-    for other in ["", ROOM, "litpt checkpoint 2\n", "P2 1 1\n255\n0\n"] {
+    for other in ["", ROOM, "litpt checkpoint 1\n", "P2 1 1\n255\n0\n"] {
         place.put("c", other);
         left_alone(&place, "c", &[], &["is not a checkpoint"]);
     }
@@ -347,7 +349,8 @@ fn a_checkpoint_that_exists_is_refused_before_the_scene_is_read() {
     let files = ["-imissing.obj", "-oa.pgm", "--checkpoint", "c"];
     pt(&place, &files).failed(1, &["c: ", "-f"]);
     let other = ["--resume", "room.obj"];
-    pt(&place, &[&files[..], &other].concat()).failed(1, &["c: ", "-f"]);
+    let fault = ["room.obj: is not a checkpoint"];
+    pt(&place, &[&files[..], &other].concat()).failed(1, &fault);
     assert_eq!(place.get("c"), b"old");
     pt(&place, &["-f", "-oa.pgm", "--checkpoint", "c"]).succeeded();
     assert_eq!(saved_spp(&place.path("c")), Some(1));
@@ -368,4 +371,29 @@ fn a_checkpoint_may_not_take_the_name_of_the_scene() {
     pt(&place, &files).failed(1, &["named twice"]);
     place.holds_only(&[]);
     assert_eq!(place.get("room.obj"), ROOM.as_bytes());
+}
+
+#[test]
+fn a_checkpoint_alone_says_how_to_go_on() {
+    let place = Scratch::new();
+    killed_after(&place, 5, &[&ALL[..], &["--report", "r.json"]].concat());
+    let spp = saved_spp(&place.path("c")).unwrap();
+    let n = format!("-n{}", spp + 10);
+    // The report of the run is replaced, and the image made.
+    let on =
+        |words: &[&str]| place.run(&[&["--resume", "c"], words].concat());
+    on(&[&n]).succeeded();
+    same_as_uninterrupted(&place, &[&n]);
+    let report = place.get("r.json");
+    let report: Value = serde_json::from_slice(&report).unwrap();
+    assert_eq!(report["settings"]["spp"], spp + 10);
+    // It has saved itself; other files are not replaced.
+    assert_eq!(saved_spp(&place.path("c")), Some(spp + 10));
+    place.put("b.pgm", "old");
+    on(&["-o", "b.pgm"]).failed(1, &["b.pgm", "exists"]);
+    // New images and new limits take the place of the old ones.
+    on(&["-o", "b.pfm", "--error", "0.2"]).succeeded();
+    let [a, b] = ["a.pfm", "b.pfm"].map(|name| place.get(name));
+    assert!(a == b && place.get("b.pgm") == b"old");
+    on(&["-s1"]).failed(1, &["another run", "seed is 0, not 1"]);
 }

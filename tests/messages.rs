@@ -17,7 +17,14 @@ fn on_a_terminal(
     arguments: &str,
     prepare: impl Fn(&mut Command),
 ) -> Option<String> {
-    let place = Scratch::new();
+    on_the_terminal_of(&Scratch::new(), arguments, prepare)
+}
+
+fn on_the_terminal_of(
+    place: &Scratch,
+    arguments: &str,
+    prepare: impl Fn(&mut Command),
+) -> Option<String> {
     let line = format!("'{}' {arguments}", env!("CARGO_BIN_EXE_pt"));
     let mut command = place.command("script");
     command.args(["-qec", &line, "/dev/null"]);
@@ -159,4 +166,29 @@ fn a_quiet_run_says_nothing_on_a_terminal() {
     let quiet = format!("-q {LONG}");
     let Some(text) = on_a_terminal(&quiet, |_| ()) else { return };
     assert_eq!(text, "");
+}
+
+#[test]
+fn on_a_terminal_the_image_goes_to_a_file_beside_the_scene() {
+    let place = Scratch::new();
+    let run = |words| on_the_terminal_of(&place, words, |_| ());
+    let Some(text) = run("-p0,0,0 -d9x7 room.obj") else { return };
+    assert!(text.contains("the image is room.png"), "{text}");
+    place.holds_only(&["room.png"]);
+    let image = place.get("room.png");
+    assert!(image == place.render(&["-d9x7", "--format=png"]));
+    let again = run("-p0,0,0 -d9x7 room.obj").unwrap();
+    assert!(again.contains("room.png: the file exists"), "{again}");
+    // Who asks for a format wants it on the terminal.
+    let pgm = run("-p0,0,0 -d9x7 room.obj -q --format=pgm").unwrap();
+    assert!(pgm.starts_with("P2"), "{pgm}");
+}
+
+#[test]
+fn alone_on_a_terminal_it_prints_the_help() {
+    let Some(text) = on_a_terminal("; echo status $?", |_| ()) else {
+        return;
+    };
+    assert!(text.contains("Usage:"), "{text}");
+    assert!(text.contains("status 2"), "{text}");
 }

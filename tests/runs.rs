@@ -21,7 +21,8 @@ use litpt::report::Report;
 use litpt::run_output::RunOutput;
 use serde_json::Value;
 
-const SCENE: [&str; 4] = ["-q", "-iroom.obj", "-d23x17", "-r0.7"];
+const SCENE: [&str; 5] =
+    ["-q", "-iroom.obj", "-p0,0,0", "-d23x17", "-r0.7"];
 
 fn pt(place: &Scratch, arguments: &[&str]) -> Run {
     place.run(&[&SCENE[..], arguments].concat())
@@ -503,7 +504,7 @@ fn pt_within(place: &Scratch, blocks: u32, arguments: &[&str]) -> Run {
     let script = format!(r#"ulimit -f {blocks}; exec "$0" "$@""#);
     let mut command = place.command("sh");
     command.args(["-c", &script, env!("CARGO_BIN_EXE_pt")]);
-    command.args(arguments);
+    command.arg("-p0,0,0").args(arguments);
     finish(command.spawn().unwrap())
 }
 
@@ -720,7 +721,7 @@ fn a_pfm_and_an_exr_hold_the_same_means() {
 fn a_format_is_for_standard_output_only() {
     let place = Scratch::new();
     let both = ["-i", "room.obj", "--format=exr", "-o", "a.pgm"];
-    place.run(&both).failed(2, &["--format", "--output"]);
+    place.run(&both).failed(1, &["--format", "standard output"]);
     place.holds_only(&[]);
 }
 
@@ -767,6 +768,7 @@ fn a_report_between_two_points_says_where_the_run_stands() {
         vec![],
         None,
         Duration::MAX,
+        vec![],
         RunKey::default(),
         Report::default(),
     );
@@ -782,4 +784,34 @@ fn a_report_between_two_points_says_where_the_run_stands() {
     assert_eq!((report.curve.len(), report.curve[0].spp), (1, 3));
     assert_eq!((report.mean, report.rays), (0.5, 17));
     assert_eq!(report.rmse, Some(f64::sqrt(0.25 / 3.)));
+}
+
+#[test]
+fn a_preview_grows_while_the_image_is_rendered() {
+    let place = Scratch::new();
+    let files = ["--preview", "-oa.png", "-oa.pfm", "-n1000000000"];
+    let mut child = spawn(&place, &files);
+    let path = place.path("a.png");
+    wait_until(&mut child, "preview", || path.exists());
+    let whole = |png: &[u8]| png.ends_with(b"IEND\xae\x42\x60\x82");
+    let first = place.get("a.png");
+    wait_until(&mut child, "change", || place.get("a.png") != first);
+    assert!(whole(&first) && whole(&place.get("a.png")));
+    assert!(!place.path("a.pfm").exists());
+    signal("INT", &child);
+    assert_eq!(finish(child).status, Some(130));
+    place.holds_only(&["a.pfm", "a.png"]);
+}
+
+#[test]
+fn a_signal_is_answered() {
+    let place = Scratch::new();
+    let words = [&SCENE[1..], &FILES, &["-n1000000000"]].concat();
+    let mut child = place.pt(&words).spawn().unwrap();
+    let started = || place.path("r.json").exists();
+    wait_until(&mut child, "report", started);
+    signal("INT", &child);
+    let run = finish(child);
+    let answer = "> finishing; a second signal aborts";
+    assert!(run.stderr.starts_with(answer), "{}", run.stderr);
 }

@@ -85,9 +85,11 @@ impl Scratch {
         command
     }
 
+    /// The command `pt` with the camera at the origin, as the reference
+    /// has it, unless the arguments say otherwise.
     pub fn pt<S: AsRef<OsStr>>(&self, arguments: &[S]) -> Command {
         let mut command = self.command(env!("CARGO_BIN_EXE_pt"));
-        command.args(arguments);
+        command.arg("-p0,0,0").args(arguments);
         command
     }
 
