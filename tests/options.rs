@@ -288,7 +288,7 @@ fn what_was_probably_meant_is_named() {
     let place = Scratch::new();
     place.run(&["--albdo", "1"]).failed(2, &["--albdo", "mean --albedo?"]);
     let format = ["-i", "room.obj", "--format", "pgn"];
-    place.run(&format).failed(2, &["'pgn'", "mean pgm or png?"]);
+    place.run(&format).failed(2, &["'pgn'", "mean pgm?"]);
 }
 
 #[test]

@@ -806,7 +806,9 @@ fn a_preview_grows_while_the_image_is_rendered() {
 #[test]
 fn a_signal_is_answered() {
     let place = Scratch::new();
-    let words = [&SCENE[1..], &FILES, &["-n1000000000"]].concat();
+    // To summarise so many pixels takes longer than to answer.
+    let more = ["-n1000000000", "-d1500x1500"];
+    let words = [&SCENE[1..], &FILES, &more].concat();
     let mut child = place.pt(&words).spawn().unwrap();
     let started = || place.path("r.json").exists();
     wait_until(&mut child, "report", started);
