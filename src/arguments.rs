@@ -37,7 +37,8 @@ use crate::report::Kind;
 // Declare the options with their defaults
 /// Renders a Wavefront OBJ of one diffuse material under a uniform sky.
 #[derive(Debug, Parser)]
-#[command(name = "pt", version, after_help = LICENCE, styles = STYLES)]
+#[command(name = "pt", version, styles = STYLES,
+          after_help = format!("{STATUS}\n\n{LICENCE}"))]
 pub struct Arguments {
     // Declare the options of the image
     /// Resolution of the image in pixels, each at most 16384
@@ -179,6 +180,12 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE")]
     pub resume: Option<PathBuf>,
 }
+
+/// What the exit status of `pt` means.
+const STATUS: &str = "\
+Exit status: 0 if the image is written, even if --time or --spp ended the run
+before --error was reached; 1 if something failed; 2 if the command line is
+wrong; 128 + N if signal N ended the run, whose image is written.";
 
 /// What ends the help of each program.
 pub const LICENCE: &str = "\

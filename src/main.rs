@@ -422,8 +422,9 @@ impl Run<'_> {
         }
         if !self.arguments.quiet {
             let report = output.report(convergence, film, Some(stop));
-            let lines = report.summary(film.area());
-            lines.iter().for_each(|line| progress::inform(line));
+            for (name, text) in report.summary(film.area()) {
+                progress::inform(&format!("{name:10}{text}"));
+            }
         }
         Ok(())
     }

@@ -212,6 +212,7 @@ impl RunOutput {
         report.render_seconds = now.seconds;
         report.rays = now.rays;
         report.stopped = stop.map(|stop| stop.name().to_owned());
+        report.spp = now.spp;
         report.constant_pixels = now.constant;
         // Fill in what the last point knows
         if let Some(last) = now.steps.last() {

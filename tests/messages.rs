@@ -54,38 +54,61 @@ fn number_before(text: &str, unit: &str) -> f64 {
 }
 
 #[test]
-fn a_summary_tells_times_rays_and_the_mean() {
+fn a_summary_is_a_table_of_the_end_the_image_and_the_cost() {
     let run = summary(&["-n5", "-r0.5"]);
     let lines: Vec<&str> = run.stderr.lines().collect();
-    assert_eq!(lines.len(), 2, "{}", run.stderr);
-    assert!(lines.iter().all(|line| line.starts_with("> ")));
-    assert_eq!(number_before(lines[0], " triangles"), 2.);
-    for room in ["load ", "build ", "render "] {
-        let (_, rest) = lines[0].split_once(room).expect(room);
+    let names = ["run", "image", "render", "scene"];
+    assert_eq!(lines.len(), names.len(), "{}", run.stderr);
+    let texts = lines.iter().zip(names).map(|(line, name)| {
+        let start = format!("> {name:10}");
+        line.strip_prefix(&start).unwrap_or_else(|| panic!("{line}"))
+    });
+    let texts: Vec<&str> = texts.collect();
+    assert_eq!(texts[0], "stopped by samples; 5 of 5 spp");
+    let mean = "5 spp, mean radiance 0.500000 ± 0.000000, rmse 0.000000";
+    assert_eq!(texts[1], mean);
+    // Each path meets the square and then the sky: two rays.
+    assert_eq!(number_before(texts[2], " rays,"), 2. * 5. * 12.);
+    assert!(number_before(texts[2], " s,") >= 0.);
+    assert!(texts[2].ends_with("rays/s"), "{}", texts[2]);
+    assert_eq!(number_before(texts[3], " triangles"), 2.);
+    for room in ["load ", "build "] {
+        let (_, rest) = texts[3].split_once(room).expect(room);
         let (seconds, _) = rest.split_once(" s").expect(room);
         assert!(seconds.parse::<f64>().unwrap() >= 0.);
     }
-    let built = format!(" s (medium, {}), render", Isa::best());
-    assert!(lines[0].contains(&built), "{}", lines[0]);
-    // Each path meets the square and then the sky: two rays.
-    assert_eq!(number_before(lines[1], " rays,"), 2. * 5. * 12.);
-    assert!(lines[1].contains("rays/s"));
-    let mean = lines[1].split_once("mean radiance ").unwrap().1;
-    assert_eq!(mean, "0.500000 ± 0.000000, rmse 0.000000");
+    let built = format!(" s (medium, {})", Isa::best());
+    assert!(texts[3].ends_with(&built), "{}", texts[3]);
+}
+
+/// One who asks for an error within too few samples is told, and has an
+/// image: that is no failure.
+#[test]
+fn a_missed_target_is_said_and_ends_with_status_0() {
+    let place = Scratch::new();
+    let run = place.run(&["-iroom.obj", "-d8x6", "-n2", "--error=1e-9"]);
+    run.succeeded();
+    let line = run.stderr.lines().next().unwrap();
+    assert!(line.contains("stopped by samples; 2 of 2 spp; error 0."));
+    assert!(line.ends_with(", target 0.000000001 not reached"), "{line}");
+    let help = String::from_utf8(place.run(&["-h"]).stdout).unwrap();
+    let (_, status) = help.split_once("Exit status: 0").expect("statuses");
+    assert!(status.contains("before --error was reached"), "{status}");
 }
 
 #[test]
 fn one_sample_leaves_the_error_unknown() {
     let run = summary(&["-n1", "-r0.25"]);
     let mean = run.stderr.split_once("mean radiance ").unwrap().1;
-    assert_eq!(mean, "0.250000, error unknown\n");
+    assert!(mean.starts_with("0.250000, error unknown\n"), "{mean}");
 }
 
 #[test]
 fn the_summary_is_the_same_wherever_the_image_goes() {
     let mean = |arguments: &[&str]| {
         let run = summary(arguments);
-        run.stderr.rsplit("mean").next().unwrap().to_owned()
+        let image = run.stderr.lines().find(|l| l.contains("mean"));
+        image.expect("a line of the image").to_owned()
     };
     let file = ["-n3", "-r0.3", "-o", "image.png"];
     assert!(summary(&file).stdout.is_empty());
@@ -122,7 +145,7 @@ fn a_terminal_shows_a_bar_with_a_percentage_and_then_removes_it() {
     let words = ["% ", "passed", "to go", "paths/s", "["];
     assert!(words.iter().all(|word| text.contains(word)), "{text:?}");
     let after = text.rsplit("paths/s").next().unwrap();
-    assert!(after.contains("triangles"), "{text:?}");
+    assert!(after.contains("stopped by samples"), "{text:?}");
     let erased = after.split('>').next().unwrap();
     assert!(erased.contains("\x1b[2K"), "{text:?}");
 }
@@ -131,7 +154,7 @@ fn a_terminal_shows_a_bar_with_a_percentage_and_then_removes_it() {
 fn a_terminal_shows_a_green_mark() {
     let small = "-i room.obj -o image.pgm -d 4x3";
     let Some(text) = on_a_terminal(small, |_| ()) else { return };
-    let mark = text.split(" 6 triangles").next().unwrap();
+    let mark = text.split(" run ").next().unwrap();
     assert!(mark.contains("\x1b[32m") && mark.contains('>'), "{text:?}");
 }
 

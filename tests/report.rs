@@ -47,6 +47,7 @@ fn report(curve: Vec<CurvePoint>) -> Report {
         },
         settings,
         left_out: vec![],
+        spp: last.map_or(0, |point| point.spp),
         load_seconds: 0.125,
         build_seconds: 0.25,
         render_seconds: last.map_or(0., |point| point.seconds),
@@ -155,6 +156,7 @@ fn json_holds_every_key_and_number() {
         "build_seconds",
         "render_seconds",
         "rays",
+        "spp",
         "mean",
         "mean_stderr",
         "rmse",
@@ -223,7 +225,7 @@ fn every_kind_is_valid_at_every_moment_of_a_run() {
         assert_eq!(rows.count(), n + 1);
         let drawings = named(&html, "svg").filter(outermost).count();
         assert_eq!(drawings, usize::from(n >= 2), "{n} points");
-        assert!(words(&html).contains("The run goes on"));
+        assert!(words(&html).contains("Run goes on"));
     }
 }
 
@@ -543,19 +545,81 @@ fn the_page_says_in_words_how_the_run_went() {
     report.rmse = Some(0.01234);
     report.constant_pixels = 17;
     report.stopped = Some("time".to_owned());
+    report.settings.insert("spp".to_owned(), json!(200));
+    report.settings.insert("error".to_owned(), json!(0.01));
     let page = as_xml(&html_of(&report));
     let page = Document::parse(&page).unwrap();
     let text = words(&page);
     for phrase in [
         "6 triangles, load 0.125 s, build 0.250 s",
+        "1.920 s, 64000 rays, 33.33 krays/s",
         "64 spp, mean radiance 0.431240 \u{b1} 0.001800, rmse 0.012340",
-        "17 of 96 pixels saw one value only",
-        "ended when its time was over.",
+        "17 of 96 saw one value only",
+        "Run stopped by time; 64 of 200 spp; error 0.012340, target 0.01 \
+         not reached.",
         "of -0.500 \u{b1} 0.001 against seconds",
     ] {
         assert!(text.contains(phrase), "{phrase}");
     }
-    for line in report.summary(96) {
+    for (_, line) in report.summary(96) {
         assert!(text.contains(&line), "{line}");
     }
+}
+
+#[test]
+fn the_verdict_says_why_the_run_stopped_and_whether_it_met_its_targets() {
+    let verdict = |stopped: &str, rmse, settings| {
+        let mut report = ordinary();
+        report.stopped = Some(stopped.to_owned());
+        report.rmse = rmse;
+        let Value::Object(settings) = settings else { unreachable!() };
+        report.settings = settings;
+        report.verdict()
+    };
+    let none = || json!({ "spp": null, "error": null });
+    let error = || json!({ "spp": null, "error": 0.001 });
+    for (stopped, rmse, settings, said) in [
+        ("time", Some(0.1), none(), "stopped by time"),
+        ("signal", None, none(), "stopped by a signal"),
+        (
+            "samples",
+            Some(0.1),
+            json!({ "spp": 64 }),
+            "stopped by samples; 64 of 64 spp",
+        ),
+        (
+            "signal",
+            Some(0.1),
+            json!({ "spp": 100 }),
+            "stopped by a signal; 64 of 100 spp",
+        ),
+        (
+            "time",
+            Some(0.0031),
+            error(),
+            "stopped by time; error 0.003100, target 0.001 not reached",
+        ),
+        (
+            "time",
+            None,
+            error(),
+            "stopped by time; error unknown, target 0.001 not reached",
+        ),
+        (
+            "error",
+            Some(0.00099),
+            error(),
+            "stopped by error; error 0.000990, target 0.001 reached",
+        ),
+        // Of an image that is known.
+        (
+            "samples",
+            Some(0.),
+            error(),
+            "stopped by samples; error 0.000000, target 0.001 reached",
+        ),
+    ] {
+        assert_eq!(verdict(stopped, rmse, settings), said);
+    }
+    assert!(ordinary().verdict().starts_with("goes on"));
 }

@@ -37,12 +37,17 @@ pub fn page(report: &Report, image: &Image) -> String {
             }
             body {
                 h1 { (scene) }
-                @for line in report.summary(pixels) {
-                    p { (printable(&line)) }
-                }
-                @if let Some(slopes) = slopes(report) { p { (slopes) } }
-                p { (ending(report)) }
+                p { "Run " (report.verdict()) "." }
                 div { (pictures(report, image)) }
+                // Tabulate the summary
+                table {
+                    @for (name, text) in report.summary(pixels).into_iter().skip(1) {
+                        tr { th { (name) } td { (printable(&text)) } }
+                    }
+                    @if let Some(slopes) = slopes(report) {
+                        tr { th { "slope" } td { (slopes) } }
+                    }
+                }
                 // Tabulate what was set and left out
                 table {
                     tr { th { "program" } td { (report.program) } }
@@ -93,20 +98,9 @@ fn slopes(report: &Report) -> Option<String> {
     let seconds = slope(|point| point.seconds)?;
     let spp = slope(|point| point.spp as f64)?;
     Some(format!(
-        "On logarithmic axes the error falls with a slope of {seconds} \
-         against seconds and of {spp} against samples; independent \
-         samples give -0.5."
+        "of {seconds} against seconds, of {spp} against samples, on \
+         logarithmic axes; independent samples give -0.5"
     ))
-}
-
-fn ending(report: &Report) -> &str {
-    match report.stopped.as_deref() {
-        None => "The run goes on; this is what was known of it.",
-        Some("samples") => "The run ended with the samples asked for.",
-        Some("time") => "The run ended when its time was over.",
-        Some("error") => "The run ended with the error asked for.",
-        Some(_) => "The run was ended by a signal.",
-    }
 }
 
 fn pictures(report: &Report, image: &Image) -> Markup {
