@@ -70,6 +70,7 @@ pub struct Finding {
     /// Its name.
     pub fact: String,
     /// Whether it holds, so that something is left out.
+    #[serde(skip)]
     pub holds: bool,
     /// What was found, for people.
     pub why: String,

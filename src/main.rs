@@ -187,11 +187,10 @@ fn load(
     let triangles = mesh.triangles.len() as u64;
     let scene = Scene::of(mesh);
     let known = Report {
-        program: concat!("pt ", env!("CARGO_PKG_VERSION")).to_owned(),
         scene: SceneFile { file, sha256, triangles },
         settings: arguments.settings(),
         load_seconds: began.elapsed().as_secs_f64(),
-        ..Report::default()
+        ..Report::begin()
     };
     Ok((scene, known))
 }

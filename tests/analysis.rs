@@ -272,7 +272,7 @@ fn a_report_tells_what_was_left_out() {
         serde_json::from_slice(&place.get("a.json")).unwrap();
     assert_eq!(json["left_out"][0]["fact"], "dark");
     let html = String::from_utf8(place.get("a.html")).unwrap();
-    assert!(html.contains("Left out"));
+    assert!(html.contains("<th>left out</th>"));
 }
 
 /// Triangles that were left out of the scene count, as they are in the file.

@@ -14,8 +14,7 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 use serde_json::Value;
 
 use super::plot::plot;
-use super::result::{Fit, Report, known, with_error};
-use crate::analysis::Finding;
+use super::result::{Fit, Report, as_typed, known, with_error};
 use crate::compare::display::{self, shrink};
 use crate::image::{Format, Image};
 use crate::render_loop::CurvePoint;
@@ -48,15 +47,19 @@ pub fn page(report: &Report, image: &Image) -> String {
                         tr { th { "slope" } td { (slopes) } }
                     }
                 }
-                // Tabulate what was set and left out
+                // Tabulate what was set
                 table {
-                    tr { th { "program" } td { (report.program) } }
-                    tr { th { "SHA-256" } td { (printable(&report.scene.sha256)) } }
-                    @for (name, value) in &report.settings {
-                        tr { th { (printable(name)) } td { (value_of(value)) } }
+                    @for (name, text) in [
+                        ("command", &report.command),
+                        ("date", &report.date),
+                        ("program", &report.program),
+                        ("processor", &report.processor),
+                        ("SHA-256", &report.scene.sha256),
+                    ] {
+                        tr { th { (name) } td { (printable(text)) } }
                     }
-                    @for Finding { fact, why, .. } in &report.left_out {
-                        tr { th { "Left out" } td { (why) " (" (fact) ")" } }
+                    @for (name, value) in &report.settings {
+                        tr { th { (printable(name)) } td { (value_of(name, value)) } }
                     }
                 }
                 (points(&report.curve))
@@ -68,17 +71,21 @@ pub fn page(report: &Report, image: &Image) -> String {
 
 const STYLE: &str = "
 :root { color-scheme: light dark; font: 16px/1.5 system-ui, sans-serif }
-body { max-width: 80rem; margin: 0 auto; padding: 1rem }
+body { max-width: 80rem; margin: 0 auto; padding: 0 1rem }
+h1 { font-size: 1.5rem; margin: 1rem 0 0 }
 h1, p, td { overflow-wrap: anywhere }
 p { margin: 0.3rem 0 }
 div { display: grid; gap: 1.5rem; align-items: start;
-  grid-template-columns: repeat(auto-fit, minmax(min(100%, 24rem), 1fr)) }
-figure { margin: 1rem 0 }
+  grid-template-columns: repeat(auto-fit, minmax(min(100%, 20rem), 1fr)) }
+figure { margin: 0.5rem 0 }
+figcaption { font-size: 0.9rem }
 img, svg { display: block; width: 100%; height: auto }
-table { border-collapse: collapse; margin: 1rem 0;
-  font-variant-numeric: tabular-nums }
+img { box-sizing: border-box; border: 1px solid #888;
+  image-rendering: pixelated }
+table { display: block; overflow-x: auto; border-collapse: collapse;
+  margin: 1.5rem 0; font-variant-numeric: tabular-nums }
 th, td { padding: 0.15rem 1rem 0.15rem 0; text-align: left;
-  border-bottom: 1px solid #8886 }
+  vertical-align: top; border-bottom: 1px solid #8886 }
 ";
 
 /// A text with what no page may contain replaced.
@@ -104,20 +111,15 @@ fn slopes(report: &Report) -> Option<String> {
 }
 
 fn pictures(report: &Report, image: &Image) -> Markup {
+    // Name the size and the range of the image
+    let size = format!("{}x{} pixels", image.width, image.height);
+    let least = image.means.iter().copied().fold(f64::INFINITY, f64::min);
+    let most = image.means.iter().copied().fold(0., f64::max);
+    let range = [least, most].map(|radiance| known(Some(radiance), 4));
+    let range = range.join(" to ");
     let image = shrink(image, LARGEST);
     let map = display::errors(&image, false).ok();
     html! {
-        figure {
-            img src=(address(&image)) alt="The rendered image";
-            figcaption { "The image. White is the radiance of the sky." }
-        }
-        @if let Some((map, white)) = map {
-            figure {
-                img src=(address(&map)) alt="A map of the standard error";
-                figcaption { "The standard error of each pixel. White is "
-                    (known(Some(white), 6)) " or more, or unknown." }
-            }
-        }
         // Show the plot and its legend
         @if let Some(plot) = plot(&report.curve) {
             figure {
@@ -127,6 +129,18 @@ fn pictures(report: &Report, image: &Image) -> Markup {
                     -1/2 through the last point (wide)." }
             }
         }
+        figure {
+            (picture(&image, "The rendered image"))
+            figcaption { "The image, " (size) ", radiance from " (range)
+                ". White is the radiance of the sky, 1." }
+        }
+        @if let Some((map, white)) = map {
+            figure {
+                (picture(&map, "A map of the standard error"))
+                figcaption { "The standard error of each pixel. White is "
+                    (known(Some(white), 6)) " or more, or unknown." }
+            }
+        }
     }
 }
 
@@ -134,21 +148,30 @@ fn pictures(report: &Report, image: &Image) -> Markup {
 /// The largest width and height of an image on the page, in pixels.
 const LARGEST: u32 = 800;
 
-/// The address of an image that is part of the page.
-fn address(image: &Image) -> String {
+/// An image as a part of the page, with what it shows in words.
+fn picture(image: &Image, shows: &str) -> Markup {
     let mut bytes = vec![];
     let written = Format::Png.write(image, &mut bytes);
     written.expect("memory takes all bytes");
-    format!("data:image/png;base64,{}", BASE64_STANDARD.encode(bytes))
+    let text = BASE64_STANDARD.encode(bytes);
+    let address = format!("data:image/png;base64,{text}");
+    // Keep a tall image on the screen
+    let ratio = f64::from(image.width) / f64::from(image.height);
+    let width = format!("width: min(100%, {:.3}vh)", 70. * ratio);
+    html! { img src=(address) alt=(shows) style=(width); }
 }
 
 // Show the points of the curve
-/// A setting in words.
-fn value_of(value: &Value) -> String {
+/// A setting as it is typed, with its unit.
+fn value_of(name: &str, value: &Value) -> String {
+    let unit = match name {
+        "fov" => "\u{b0}",
+        "time" => " s",
+        _ => "",
+    };
     match value {
-        Value::String(text) => printable(text),
         Value::Null => "none".to_owned(),
-        other => printable(&other.to_string()),
+        value => printable(&as_typed(value)) + unit,
     }
 }
 

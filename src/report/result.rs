@@ -34,6 +34,12 @@ pub struct Report {
     // Hold what was rendered and how
     /// Name and version of the program.
     pub program: String,
+    /// The command line, as a shell takes it.
+    pub command: String,
+    /// When the program began, in UTC, as in 2026-01-31T23:59:59Z.
+    pub date: String,
+    /// The name of the processor.
+    pub processor: String,
     /// What was rendered.
     pub scene: SceneFile,
     /// Each option and its value.
@@ -153,6 +159,21 @@ pub fn with_error(mean: f64, error: Option<f64>) -> String {
     match error {
         Some(error) => format!("{mean} \u{b1} {}", known(Some(error), 6)),
         None => format!("{mean}, error unknown"),
+    }
+}
+
+/// A value as text; a vector or a size as it is typed.
+pub fn as_typed(value: &Value) -> String {
+    match value {
+        Value::String(text) => text.clone(),
+        Value::Array(parts) => {
+            let numbers = parts.iter().all(Value::is_number);
+            let size = numbers && parts.len() == 2;
+            let sign = if size { "x" } else { "," };
+            let parts: Vec<String> = parts.iter().map(as_typed).collect();
+            parts.join(sign)
+        }
+        other => other.to_string(),
     }
 }
 
