@@ -168,10 +168,13 @@ fn a_point_has_a_reference_error_only_if_there_is_a_reference() {
     let mut report = ordinary();
     let json = json_of(&report);
     assert!(json["curve"][3].get("rmse_reference").is_none());
+    let column = "<th>rmse against reference</th>";
+    assert!(!html_of(&report).contains(column));
     report.curve[3].rmse_reference = Some(0.125);
     let json = json_of(&report);
     assert_eq!(json["curve"][3]["rmse_reference"], 0.125);
-    assert!(html_of(&report).contains("<td>0.125000</td>"));
+    let page = html_of(&report);
+    assert!(page.contains(column) && page.contains("<td>0.125000</td>"));
 }
 
 #[test]
@@ -499,7 +502,11 @@ fn the_page_shows_the_image_and_its_errors() {
 /// from a mistake by its numbers.
 #[test]
 fn a_white_image_has_a_frame_and_says_that_it_is_white() {
-    let white = || Image { means: vec![1.; 96], ..image(12, 8) };
+    let white = || Image {
+        means: vec![1.; 96],
+        errors: Some(vec![0.; 96]),
+        ..image(12, 8)
+    };
     let page = Kind::Html.render(&ordinary(), &white);
     let style = page.split("</style>").next().unwrap();
     let frame = style.split("img {").nth(1).unwrap();
@@ -507,6 +514,7 @@ fn a_white_image_has_a_frame_and_says_that_it_is_white() {
     assert!(frame.contains("border: 1px solid"), "{frame}");
     let said = "The image, 12x8 pixels, radiance from 1.0000 to 1.0000.";
     assert!(page.contains(said));
+    assert!(page.contains("error of each pixel. It is zero in all"));
 }
 
 #[test]
@@ -597,7 +605,7 @@ fn the_page_says_in_words_how_the_run_went() {
         "17 of 96 saw one value only",
         "Run stopped by time; 64 of 200 spp; error 0.012340, target 0.01 \
          not reached.",
-        "of -0.500 \u{b1} 0.001 against seconds",
+        "-0.500 \u{b1} 0.001 against seconds",
     ] {
         assert!(text.contains(phrase), "{phrase}");
     }

@@ -86,6 +86,7 @@ table { display: block; overflow-x: auto; border-collapse: collapse;
   margin: 1.5rem 0; font-variant-numeric: tabular-nums }
 th, td { padding: 0.15rem 1rem 0.15rem 0; text-align: left;
   vertical-align: top; border-bottom: 1px solid #8886 }
+th:first-child { min-width: 5.5rem }
 ";
 
 /// A text with what no page may contain replaced.
@@ -105,7 +106,7 @@ fn slopes(report: &Report) -> Option<String> {
     let seconds = slope(|point| point.seconds)?;
     let spp = slope(|point| point.spp as f64)?;
     Some(format!(
-        "of {seconds} against seconds, of {spp} against samples, on \
+        "{seconds} against seconds, {spp} against samples, on \
          logarithmic axes; independent samples give -0.5"
     ))
 }
@@ -119,6 +120,16 @@ fn pictures(report: &Report, image: &Image) -> Markup {
     let range = range.join(" to ");
     let image = shrink(image, LARGEST);
     let map = display::errors(&image, false).ok();
+    // Say which error is white
+    let mut errors = image.errors.iter().flatten();
+    let exact = errors.all(|&error| error == 0.);
+    let map = map.map(|(map, white)| match exact {
+        true => (map, "It is zero in all of them.".to_owned()),
+        false => {
+            let white = known(Some(white), 6);
+            (map, format!("White is {white} or more, or unknown."))
+        }
+    });
     html! {
         // Show the plot and its legend
         @if let Some(plot) = plot(&report.curve) {
@@ -137,8 +148,7 @@ fn pictures(report: &Report, image: &Image) -> Markup {
         @if let Some((map, white)) = map {
             figure {
                 (picture(&map, "A map of the standard error"))
-                figcaption { "The standard error of each pixel. White is "
-                    (known(Some(white), 6)) " or more, or unknown." }
+                figcaption { "The standard error of each pixel. " (white) }
             }
         }
     }
@@ -176,19 +186,23 @@ fn value_of(name: &str, value: &Value) -> String {
 }
 
 fn points(curve: &[CurvePoint]) -> Markup {
+    let compared = |point: &CurvePoint| point.rmse_reference.is_some();
+    let compared = curve.iter().any(compared);
     html! {
         table {
             tr {
                 th { "spp" } th { "seconds" } th { "rays" } th { "rmse" }
-                th { "rmse against reference" } th { "mean radiance" }
+                @if compared { th { "rmse against reference" } }
+                th { "mean radiance" }
             }
             @for point in curve {
                 tr {
+                    // Show one point
                     td { (point.spp) }
                     td { (known(Some(point.seconds), 3)) }
                     td { (point.rays) }
                     td { (known(point.rmse, 6)) }
-                    td { (known(point.rmse_reference, 6)) }
+                    @if compared { td { (known(point.rmse_reference, 6)) } }
                     td { (with_error(point.mean, point.mean_stderr)) }
                 }
             }
