@@ -264,9 +264,13 @@ fn explain(
     arguments: &Arguments,
 ) -> Result<Stop, String> {
     let mut lines = String::new();
-    for Finding { fact, holds, why } in &analysis.findings {
-        let sign = if *holds { "left out" } else { "-" };
+    for Finding { fact, holds, why, saves } in &analysis.findings {
+        let (sign, would) = match holds {
+            true => ("left out", "saves"),
+            false => ("-", "would save"),
+        };
         lines += &format!("{fact:13}{sign:10}{why}\n");
+        lines += &format!("{:23}{would} {saves}\n", "");
     }
     let parts = analysis.parts(arguments.isa());
     lines += &format!("{:13}{parts}\n", "intersector");

@@ -73,7 +73,8 @@ const STYLE: &str = "
 :root { color-scheme: light dark; font: 16px/1.5 system-ui, sans-serif }
 body { max-width: 80rem; margin: 0 auto; padding: 0 1rem }
 h1 { font-size: 1.5rem; margin: 1rem 0 0 }
-h1, p, td { overflow-wrap: anywhere }
+h1, p, th + td { overflow-wrap: anywhere }
+td + td { white-space: nowrap }
 p { margin: 0.3rem 0 }
 div { display: grid; gap: 1.5rem; align-items: start;
   grid-template-columns: repeat(auto-fit, minmax(min(100%, 20rem), 1fr)) }
@@ -86,7 +87,7 @@ table { display: block; overflow-x: auto; border-collapse: collapse;
   margin: 1.5rem 0; font-variant-numeric: tabular-nums }
 th, td { padding: 0.15rem 1rem 0.15rem 0; text-align: left;
   vertical-align: top; border-bottom: 1px solid #8886 }
-th:first-child { min-width: 5.5rem }
+th:first-child { min-width: 5.75rem }
 ";
 
 /// A text with what no page may contain replaced.
