@@ -69,7 +69,7 @@ fn run(arguments: &Arguments) -> Result<Stop, String> {
     let mut job =
         renderer(&scene, &bvh, &inquiry, &analysis, arguments.seed);
     let mut run =
-        Run::begin(&mut *job, window, arguments, &mut files, known)?;
+        Run::begin(&mut *job, window, start, arguments, &mut files, known)?;
     let stop = run.render(start, &analysis, &files)?;
     run.write(&files, stop)?;
     Ok(stop)
@@ -294,6 +294,7 @@ impl<'a> Run<'a> {
     fn begin(
         job: &'a mut (dyn Renderer + 'a),
         window: Window,
+        start: Instant,
         arguments: &'a Arguments,
         files: &mut Files,
         known: Report,
@@ -326,7 +327,7 @@ impl<'a> Run<'a> {
         let output =
             RunOutput::new(reports, checkpoint, every, run_key, known);
         let paths = convergence.spp.saturating_mul(film.area());
-        let bar = Bar::new(!arguments.quiet, paths);
+        let bar = Bar::new(!arguments.quiet, paths, start, arguments.time);
         Ok(Self { arguments, job, film, convergence, output, bar })
     }
 }
@@ -378,10 +379,14 @@ impl Run<'_> {
         let area = film.area();
         let expect = |convergence: &Convergence| {
             let spp = convergence.expected(limits, area);
-            bar.expect(spp.saturating_mul(area), convergence.to_string());
+            let paths = spp.map(|spp| spp.saturating_mul(area));
+            bar.expect(paths, convergence.to_string());
         };
         expect(convergence);
-        let advance = |paths| bar.advance(paths);
+        let advance = |paths| match limits.interrupt.signal() {
+            None => bar.advance(paths),
+            Some(_) => bar.stop(),
+        };
         let mut after = |convergence: &Convergence, film: &Film| {
             expect(convergence);
             let written = output.after(convergence, film);

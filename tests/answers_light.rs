@@ -533,10 +533,11 @@ fn the_end_of_a_run_is_foreseen_with_what_it_may_not_have_seen() {
     let mut convergence = Convergence::default();
     convergence.spp = 16;
     convergence.steps.push(serde_json::from_str(step).unwrap());
-    assert_eq!(convergence.expected(&limits, 76_800), 257);
+    assert_eq!(convergence.expected(&limits, 76_800), Some(257));
     let (v, unseen) = (0.0256f64, 12e-4f64);
     assert_eq!(((v + (v * v + unseen).sqrt()) / 2e-4).ceil(), 344.);
-    assert_eq!(convergence.expected(&limits, 1), 1000);
+    assert_eq!(convergence.expected(&limits, 1), Some(1000));
+    assert_eq!(Convergence::default().expected(&limits, 1), None);
 }
 
 #[test]

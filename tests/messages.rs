@@ -6,8 +6,10 @@
 mod common;
 
 use std::process::Command;
+use std::time::Duration;
 
 use litpt::bvh::Isa;
+use litpt::progress::Progress;
 
 use common::{ABOVE, Run, Scratch, finish, skip};
 
@@ -148,6 +150,99 @@ fn a_terminal_shows_a_bar_with_a_percentage_and_then_removes_it() {
     assert!(after.contains("stopped by samples"), "{text:?}");
     let erased = after.split('>').next().unwrap();
     assert!(erased.contains("\x1b[2K"), "{text:?}");
+}
+
+/// The percentages of the bars in a text, in their order.
+fn percentages(text: &str) -> Vec<u32> {
+    let ends = text.match_indices("% ").map(|(end, _)| &text[..end]);
+    let number = |text: &str| text.rsplit(' ').next()?.parse().ok();
+    ends.filter_map(number).collect()
+}
+
+#[test]
+fn a_bar_begins_at_zero_and_never_goes_back() {
+    let limits = [
+        ("-n 200", "to go"),
+        ("--time 2", " s of 2 s, "),
+        ("--error 0.02 --time 20", " s of 20 s, "),
+        ("--error 0.02", "to go"),
+    ];
+    for (limit, time) in limits {
+        let run = "-i room.obj -o image.pgm -d 128x96 -j 1";
+        let run = format!("{run} {limit}");
+        let Some(text) = on_a_terminal(&run, |_| ()) else { return };
+        let shown = percentages(&text);
+        assert!(text.contains(time), "{limit}: {text:?}");
+        assert!(shown.len() > 3, "{limit}: {text:?}");
+        assert!(shown.is_sorted(), "{limit}: {shown:?}");
+        let first = if limit == "--time 2" { 50 } else { 1 };
+        assert!(shown[0] < first, "{limit}: {shown:?}");
+    }
+}
+
+#[test]
+fn a_bar_ends_with_the_run_that_a_signal_ends() {
+    let run = "-i room.obj -o image.pgm -d 640x480 --time 60 & \
+               sleep 1; kill -TERM $!; wait $!; echo status $?";
+    let Some(text) = on_a_terminal(run, |_| ()) else { return };
+    let (bars, rest) = text.split_once("stopped by a signal").unwrap();
+    assert!(!percentages(bars).is_empty(), "{text:?}");
+    assert!(percentages(rest).is_empty(), "{text:?}");
+    assert!(rest.trim_end().ends_with("status 143"), "{text:?}");
+}
+
+/// What is shown after a number of paths and seconds.
+fn shown(progress: &mut Progress, paths: u64, seconds: f64) -> String {
+    progress.update(paths, seconds);
+    let time = progress.time(Duration::from_secs(7));
+    format!("{} {time}", progress.bar(8))
+}
+
+#[test]
+fn progress_is_the_share_of_the_paths_once_they_are_foreseen() {
+    let mut run = Progress::within(None);
+    assert_eq!(shown(&mut run, 0, 0.), "[>       ] 0% 0s passed");
+    assert_eq!(shown(&mut run, 500, 3.), "[>       ] 0% 3s passed");
+    run.expected = Some(1000);
+    let half = "[====>   ] 50% 3s passed, 7s to go";
+    assert_eq!(shown(&mut run, 500, 3.), half);
+    // The end is farther than it seemed.
+    run.expected = Some(5000);
+    assert_eq!(shown(&mut run, 1000, 3.), half);
+    let more = "[====>   ] 59% 9s passed, 7s to go";
+    assert_eq!(shown(&mut run, 2999, 9.), more);
+    let nearly = "[=======>] 99% 9s passed, 7s to go";
+    assert_eq!(shown(&mut run, 4999, 9.), nearly);
+    let all = "[========] 100% 9s passed, 7s to go";
+    assert_eq!(shown(&mut run, 5000, 9.), all);
+    assert_eq!(shown(&mut run, 6000, 9.), all);
+    let mut much = Progress::within(None);
+    much.expected = Some(u64::MAX);
+    assert!(shown(&mut much, u64::MAX / 2, 1.).contains("] 49%"));
+}
+
+#[test]
+fn progress_with_a_limit_of_time_is_the_time_or_what_is_nearer_its_end() {
+    let mut run = Progress::within(Some(30.));
+    assert_eq!(shown(&mut run, 0, 0.), "[>       ] 0% 0 s of 30 s");
+    assert_eq!(shown(&mut run, 9, 12.9), "[===>    ] 43% 12 s of 30 s");
+    run.expected = Some(1000);
+    assert_eq!(shown(&mut run, 9, 12.9), "[===>    ] 43% 12 s of 30 s");
+    assert_eq!(shown(&mut run, 750, 13.), "[======> ] 75% 13 s of 30 s");
+    assert_eq!(shown(&mut run, 760, 31.), "[========] 100% 30 s of 30 s");
+    let mut short = Progress::within(Some(0.5));
+    assert!(shown(&mut short, 0, 0.1).ends_with("0 s of 0.5 s"));
+}
+
+#[test]
+fn progress_does_not_run_on_when_the_run_is_to_stop() {
+    let mut run = Progress::within(Some(30.));
+    assert_eq!(shown(&mut run, 9, 12.), "[===>    ] 40% 12 s of 30 s");
+    run.stopping = true;
+    let stopping = "[===>    ] 40% stopping";
+    assert_eq!(shown(&mut run, 99, 20.), stopping);
+    run.expected = Some(100);
+    assert_eq!(shown(&mut run, 99, 29.), stopping);
 }
 
 #[test]
