@@ -489,9 +489,10 @@ fn a_triangle_in_four_parts_is_seen_by_one_tile_less() {
     let [a, b, c] = corners.map(point);
     let [d, e, f] = [(b + c) / 2., (a + c) / 2., (a + b) / 2.];
     let parts = [[a, f, e], [f, b, d], [e, d, c], [d, e, f]];
-    let count = |t: &[Triangle]| background(DVec3::Z, t).count();
-    assert_eq!(count(&[[a, b, c]]), (16, 12));
-    assert_eq!(count(&parts), (16, 13));
+    let size = (64, 64);
+    let count = |t: &[Triangle]| background(DVec3::Z, t).count(size);
+    assert_eq!(count(&[[a, b, c]]), (16, 12, 12 * 256));
+    assert_eq!(count(&parts), (16, 13, 13 * 256));
 }
 
 // Answer the exercises on running and reporting
