@@ -74,7 +74,7 @@ const STYLE: &str = "
 body { max-width: 80rem; margin: 0 auto; padding: 0 1rem }
 h1 { font-size: 1.5rem; margin: 1rem 0 0 }
 h1, p, th + td { overflow-wrap: anywhere }
-td + td { white-space: nowrap }
+th, td + td { white-space: nowrap }
 p { margin: 0.3rem 0 }
 div { display: grid; gap: 1.5rem; align-items: start;
   grid-template-columns: repeat(auto-fit, minmax(min(100%, 20rem), 1fr)) }
