@@ -70,9 +70,12 @@ pub struct Finding {
     /// Its name.
     pub fact: String,
     /// Whether it holds, so that something is left out.
+    #[serde(skip)]
     pub holds: bool,
     /// What was found, for people.
     pub why: String,
+    /// What it saves, or would save if it held, for people.
+    pub saves: String,
 }
 
 /// All that has been found about a scene, and what the renderer takes
@@ -113,8 +116,17 @@ impl SceneAnalysis {
         let (findings, known) = (vec![], KnownPixels::Nothing);
         let mut analysis = Self { findings, known, is_black: false };
         let wanted = |shortcut| !inquiry.kept.contains(&shortcut);
-        analysis.tell_of_the_scene(scene);
+        analysis.tell_of_the_scene(scene, intersector);
         // Look for the shortcuts that are wanted
+        for kept in inquiry.kept {
+            let why = "kept, and not looked for".to_owned();
+            analysis.tell(
+                kept.name(),
+                false,
+                why,
+                "an unknown part".to_owned(),
+            );
+        }
         if wanted(Shortcut::Dark) {
             analysis.look_for_dark(scene, intersector, inquiry.camera);
         }
@@ -135,12 +147,19 @@ impl SceneAnalysis {
         self.findings.iter().filter(|finding| finding.holds)
     }
 
-    fn tell(&mut self, name: &str, holds: bool, why: String) {
-        self.findings.push(Finding { fact: name.to_owned(), holds, why });
+    fn tell(
+        &mut self,
+        name: &str,
+        holds: bool,
+        why: String,
+        saves: String,
+    ) {
+        let fact = name.to_owned();
+        self.findings.push(Finding { fact, holds, why, saves });
     }
 
     // Tell what the scene has left out
-    fn tell_of_the_scene(&mut self, scene: &Scene) {
+    fn tell_of_the_scene(&mut self, scene: &Scene, intersector: &Bvh) {
         let (flat, copies) = scene.left_out();
         let words = [
             ("flat", flat, "without area"),
@@ -151,7 +170,17 @@ impl SceneAnalysis {
             if let Some(face) = faces.first() {
                 why += &format!(", the first in face {}", face + 1);
             }
-            self.tell(name, !faces.is_empty(), why);
+            // Count what is saved of the triangles
+            let saves = match faces.len() {
+                0 => "nothing".to_owned(),
+                n => {
+                    let kept = intersector.triangles().count();
+                    let all = kept + flat.len() + copies.len();
+                    let share = 100. * n as f64 / all as f64;
+                    format!("{n} of {all} triangles ({share:.1} %)")
+                }
+            };
+            self.tell(name, !faces.is_empty(), why, saves);
         }
     }
 
@@ -187,7 +216,8 @@ impl SceneAnalysis {
             Ok(false) => "no closed surface around the camera".to_owned(),
             Err(face) => format!("the camera is on face {}", face + 1),
         };
-        self.tell(Shortcut::Dark.name(), dark == Ok(true), why);
+        let saves = "all rays".to_owned();
+        self.tell(Shortcut::Dark.name(), dark == Ok(true), why, saves);
     }
 
     // Look for tiles that see no triangle
@@ -201,7 +231,7 @@ impl SceneAnalysis {
         let Some(tip) = scene.place(camera.position) else { return };
         let tiles =
             BackgroundTiles::new(camera, sky, resolution, tip, intersector);
-        let (count, empty) = tiles.count();
+        let (count, empty, pixels) = tiles.count(resolution);
         // Say how many tiles are empty
         let why = match empty {
             0 => {
@@ -216,7 +246,18 @@ impl SceneAnalysis {
                  ray is traced there"
             ),
         };
-        self.tell(Shortcut::Background.name(), empty > 0, why);
+        // Count the rays that empty tiles save
+        let all = u64::from(resolution.0) * u64::from(resolution.1);
+        let share = 100. * pixels as f64 / all as f64;
+        let saves = match empty {
+            0 => "one ray a sample in each pixel of such a tile".to_owned(),
+            _ if empty == count => "all rays".to_owned(),
+            _ => format!(
+                "at most one ray a sample in {pixels} of {all} pixels \
+                 ({share:.1} %)"
+            ),
+        };
+        self.tell(Shortcut::Background.name(), empty > 0, why, saves);
         if empty > 0 {
             self.known = KnownPixels::Background(tiles);
         }
@@ -232,7 +273,9 @@ impl SceneAnalysis {
             }
             false => "surfaces reflect",
         };
-        self.tell(Shortcut::Black.name(), self.is_black, why.to_owned());
+        let saves = "no ray, but time: any hit ends a ray".to_owned();
+        let name = Shortcut::Black.name();
+        self.tell(name, self.is_black, why.to_owned(), saves);
     }
 
     // End a run of which all is known

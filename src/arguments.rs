@@ -43,7 +43,8 @@ use crate::report::Kind;
 // Declare the options with their defaults
 /// Renders a Wavefront OBJ of one diffuse material under a uniform sky.
 #[derive(Debug, Parser)]
-#[command(name = "pt", version, after_help = LICENCE, styles = STYLES)]
+#[command(name = "pt", version, styles = STYLES,
+          after_help = format!("{STATUS}\n\n{LICENCE}"))]
 #[command(args_override_self = true)]
 pub struct Arguments {
     // Declare the options of the image
@@ -198,6 +199,12 @@ pub struct Arguments {
     #[arg(skip)]
     replaced: HashSet<PathBuf>,
 }
+
+/// What the exit status of `pt` means.
+const STATUS: &str = "\
+Exit status: 0 if the image is written, even if --time or --spp ended the run
+before --error was reached; 1 if something failed; 2 if the command line is
+wrong; 128 + N if signal N ended the run, whose image is written.";
 
 /// What ends the help of each program.
 pub const LICENCE: &str = "\

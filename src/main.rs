@@ -134,7 +134,7 @@ fn run(
     let mut job =
         renderer(&scene, &bvh, &inquiry, &analysis, arguments.seed);
     let mut run =
-        Run::begin(&mut *job, window, arguments, &mut files, known)?;
+        Run::begin(&mut *job, window, start, arguments, &mut files, known)?;
     let stop = run.render(start, &analysis, &files)?;
     run.write(stop)?;
     Ok(stop)
@@ -263,11 +263,10 @@ fn load(
     let triangles = mesh.triangles.len() as u64;
     let scene = Scene::of(mesh);
     let known = Report {
-        program: concat!("pt ", env!("CARGO_PKG_VERSION")).to_owned(),
         scene: SceneFile { file, sha256, triangles },
         settings: arguments.settings(),
         load_seconds: began.elapsed().as_secs_f64(),
-        ..Report::default()
+        ..Report::begin()
     };
     Ok((scene, known))
 }
@@ -353,9 +352,13 @@ fn explain(
     arguments: &Arguments,
 ) -> Result<Stop, String> {
     let mut lines = String::new();
-    for Finding { fact, holds, why } in &analysis.findings {
-        let sign = if *holds { "left out" } else { "-" };
+    for Finding { fact, holds, why, saves } in &analysis.findings {
+        let (sign, would) = match holds {
+            true => ("left out", "saves"),
+            false => ("-", "would save"),
+        };
         lines += &format!("{fact:13}{sign:10}{why}\n");
+        lines += &format!("{:23}{would} {saves}\n", "");
     }
     let parts = analysis.parts(arguments.isa());
     lines += &format!("{:13}{parts}\n", "intersector");
@@ -380,6 +383,7 @@ impl<'a> Run<'a> {
     fn begin(
         job: &'a mut (dyn Renderer + 'a),
         window: Window,
+        start: Instant,
         arguments: &'a Arguments,
         files: &mut Files,
         known: Report,
@@ -416,7 +420,7 @@ impl<'a> Run<'a> {
         );
         let images = mem::take(&mut files.images);
         let paths = convergence.spp.saturating_mul(film.area());
-        let bar = Bar::new(!arguments.quiet, paths);
+        let bar = Bar::new(!arguments.quiet, paths, start, arguments.time);
         Ok(Self { arguments, job, film, convergence, images, output, bar })
     }
 }
@@ -470,10 +474,14 @@ impl Run<'_> {
         let area = film.area();
         let expect = |convergence: &Convergence| {
             let spp = convergence.expected(limits, area);
-            bar.expect(spp.saturating_mul(area), convergence.to_string());
+            let paths = spp.map(|spp| spp.saturating_mul(area));
+            bar.expect(paths, convergence.to_string());
         };
         expect(convergence);
-        let advance = |paths| bar.advance(paths);
+        let advance = |paths| match limits.interrupt.signal() {
+            None => bar.advance(paths),
+            Some(_) => bar.stop(),
+        };
         let mut next = Instant::now();
         let mut after = |convergence: &Convergence, film: &Film| {
             expect(convergence);
@@ -518,9 +526,10 @@ impl Run<'_> {
             while interrupt.signal().is_none() {
                 thread::sleep(Duration::from_millis(50));
             }
-            bar.finish();
+            bar.stop();
             if !quiet {
-                progress::inform("finishing; a second signal aborts");
+                let line = "finishing; a second signal aborts";
+                bar.suspend(|| progress::inform(line));
             }
         });
     }
@@ -544,11 +553,12 @@ impl Run<'_> {
         }
         if !self.arguments.quiet {
             let report = output.report(convergence, film, Some(stop));
-            let lines = report.summary(film.area());
-            lines.iter().for_each(|line| progress::inform(line));
+            for (name, text) in report.summary(film.area()) {
+                progress::inform(&format!("{name:10}{text}"));
+            }
             if let Some(path) = self.arguments.picture() {
                 let name = path.display();
-                progress::inform(&format!("the image is {name}"));
+                progress::inform(&format!("{:10}{name}", "file"));
             }
         }
         Ok(())

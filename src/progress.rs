@@ -11,10 +11,11 @@
 // Name what the progress imports
 use std::fmt;
 use std::io::Write;
-use std::time::Duration;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
 
 use anstyle::{AnsiColor, Effects, Style};
-use indicatif::{ProgressBar, ProgressState, ProgressStyle};
+use indicatif::{HumanDuration, ProgressBar, ProgressState, ProgressStyle};
 
 // Print messages with their marks
 const GREEN: Style = AnsiColor::Green.on_default().effects(Effects::BOLD);
@@ -41,64 +42,162 @@ pub fn error(message: &str) {
     print(RED, "error:", message);
 }
 
+// Compute what the bar shows
+/// How much of a run is done, as the bar shows it.
+#[derive(Clone, Debug, Default)]
+pub struct Progress {
+    limit: Option<f64>,
+    /// Paths that there will be, if that can be foreseen.
+    pub expected: Option<u64>,
+    /// Whether the run has been asked to stop.
+    pub stopping: bool,
+    percent: u64,
+    seconds: f64,
+}
+
+impl Progress {
+    // Take in how far the run has come
+    /// Nothing is done; the program may have a limit of its time, in
+    /// seconds.
+    pub fn within(limit: Option<f64>) -> Self {
+        Self { limit, ..Self::default() }
+    }
+
+    /// Takes in the number of paths that there are by now, and the seconds
+    /// that have passed since the program began.
+    pub fn update(&mut self, paths: u64, seconds: f64) {
+        if self.stopping {
+            return;
+        }
+        let of_paths = |expected: u64| {
+            let expected = u128::from(expected.max(1));
+            (u128::from(paths) * 100 / expected) as u64
+        };
+        let of_paths = self.expected.map_or(0, of_paths);
+        let of_time = |limit: f64| (100. * seconds / limit) as u64;
+        let of_time = self.limit.map_or(0, of_time);
+        self.percent = self.percent.max(of_paths.max(of_time).min(100));
+        self.seconds = seconds;
+    }
+
+    // Put the progress into words
+    /// The percentage, with a bar of so many places before it.
+    pub fn bar(&self, places: usize) -> String {
+        let done = self.percent as usize * places / 100;
+        let mut bar = "=".repeat(done);
+        if done < places {
+            bar.push('>');
+        }
+        format!("[{bar:places$}] {}%", self.percent)
+    }
+
+    /// The time that has passed, with its limit or, if paths are expected,
+    /// the time that remains.
+    pub fn time(&self, remains: Duration) -> String {
+        let passed = Duration::from_secs_f64(self.seconds);
+        let passed = HumanDuration(passed);
+        match (self.limit, self.expected) {
+            _ if self.stopping => "stopping".to_owned(),
+            (Some(limit), _) => {
+                let seconds = self.seconds.min(limit).floor();
+                format!("{seconds} s of {limit} s")
+            }
+            (None, Some(_)) => {
+                let remains = HumanDuration(remains);
+                format!("{passed:#} passed, {remains:#} to go")
+            }
+            (None, None) => format!("{passed:#} passed"),
+        }
+    }
+}
+
 // Show a bar while rendering
 /// A bar on the terminal, or nothing.
 #[derive(Clone)]
-pub struct Bar(ProgressBar);
+pub struct Bar {
+    bar: ProgressBar,
+    progress: Arc<Mutex<Progress>>,
+}
 
 impl Bar {
     // Begin a bar where a run stands
-    /// A bar that stands at a number of paths.
-    pub fn new(visible: bool, paths: u64) -> Self {
+    /// A bar that stands at a number of paths, of a program that began at
+    /// `start` and may have a limit of its time, in seconds.
+    pub fn new(
+        visible: bool,
+        paths: u64,
+        start: Instant,
+        limit: Option<f64>,
+    ) -> Self {
         let bar = match visible {
-            true => ProgressBar::new(paths),
+            true => ProgressBar::no_length(),
             false => ProgressBar::hidden(),
         };
-        bar.set_style(style());
+        let progress = Arc::new(Mutex::new(Progress::within(limit)));
+        bar.set_style(style(&progress, start));
         bar.set_position(paths);
         bar.reset_eta();
         bar.enable_steady_tick(Duration::from_millis(250));
-        Self(bar)
+        Self { bar, progress }
     }
 
     // Move the bar and take it away
     /// Advances by a number of paths; any thread may call it.
     pub fn advance(&self, paths: u64) {
-        self.0.inc(paths);
+        self.bar.inc(paths);
     }
 
-    /// Says how many paths there will be, and what is known by now.
-    pub fn expect(&self, paths: u64, known: String) {
-        self.0.set_length(paths);
-        self.0.set_message(known);
+    /// Says how many paths there will be, if that can be foreseen, and what
+    /// is known by now.
+    pub fn expect(&self, paths: Option<u64>, known: String) {
+        if let Some(paths) = paths {
+            self.bar.set_length(paths);
+        }
+        of(&self.progress).expected = paths;
+        self.bar.set_message(known);
+    }
+
+    /// Says that the run has been asked to stop.
+    pub fn stop(&self) {
+        of(&self.progress).stopping = true;
     }
 
     /// Takes the bar away while something else is printed.
     pub fn suspend(&self, print: impl FnOnce()) {
-        self.0.suspend(print);
+        self.bar.suspend(print);
     }
 
     /// Removes the bar.
     pub fn finish(&self) {
-        self.0.finish_and_clear();
+        self.bar.finish_and_clear();
     }
 }
 
-fn style() -> ProgressStyle {
-    let template =
-        "[{bar:14}] {floor} {msg}{elapsed} passed, {eta} to go, {rate}";
-    let style = ProgressStyle::with_template(template);
+/// What is shown, for this thread alone.
+fn of(progress: &Mutex<Progress>) -> MutexGuard<'_, Progress> {
+    progress.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn style(progress: &Arc<Mutex<Progress>>, start: Instant) -> ProgressStyle {
+    let style = ProgressStyle::with_template("{done} {msg}{time}, {rate}");
     let style = style.unwrap_or_else(|_| ProgressStyle::default_bar());
-    // Compute the percentage and the rate
-    let floor = |state: &ProgressState, out: &mut dyn fmt::Write| {
-        let paths = u128::from(state.len().unwrap_or(0).max(1));
-        let _ = write!(out, "{}%", u128::from(state.pos()) * 100 / paths);
+    let (shown, told) = (progress.clone(), progress.clone());
+    // Draw the bar, the time and the rate
+    let done = move |state: &ProgressState, out: &mut dyn fmt::Write| {
+        let mut progress = of(&shown);
+        progress.update(state.pos(), start.elapsed().as_secs_f64());
+        let _ = write!(out, "{}", progress.bar(14));
+    };
+    let time = move |state: &ProgressState, out: &mut dyn fmt::Write| {
+        let _ = write!(out, "{}", of(&told).time(state.eta()));
     };
     let rate = |state: &ProgressState, out: &mut dyn fmt::Write| {
         let _ = write!(out, "{}paths/s", metric(state.per_sec()));
     };
-    let style = style.with_key("floor", floor).with_key("rate", rate);
-    style.progress_chars("=> ")
+    style
+        .with_key("done", done)
+        .with_key("time", time)
+        .with_key("rate", rate)
 }
 
 /// A number to two decimals with a metric prefix, as in `1.25 M`.

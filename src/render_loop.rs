@@ -198,18 +198,14 @@ impl Convergence {
         (due.min(self.spp.saturating_add(pace.unwrap_or(1).max(1))), due)
     }
 
-    /// The samples after which the run is expected to stop.
-    pub fn expected(&self, limits: &Limits, area: u64) -> u64 {
-        // Foresee the end of the time
-        let time =
-            limits.deadline.zip(self.pace).map(|(deadline, pace)| {
-                let left =
-                    deadline.saturating_duration_since(Instant::now());
-                self.spp.saturating_add((left.as_secs_f64() / pace) as u64)
-            });
-        let error = limits.error.map(|error| self.needed(error, area));
-        let all = [limits.samples, time, error].into_iter().flatten();
-        all.min().unwrap_or(self.spp).max(self.spp)
+    /// The samples after which the run is expected to stop, if its time
+    /// is not over before; none if that cannot be foreseen.
+    pub fn expected(&self, limits: &Limits, area: u64) -> Option<u64> {
+        let known = self.steps.last().and_then(|step| step.rmse);
+        let error = known.and(limits.error);
+        let error = error.map(|error| self.needed(error, area));
+        let all = [limits.samples, error].into_iter().flatten();
+        all.min().map(|spp| spp.max(self.spp))
     }
 
     /// The samples after which the error is expected to be reached.

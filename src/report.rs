@@ -14,6 +14,7 @@
 //! null in JSON, an empty field in CSV, and a word for people.
 
 mod html;
+mod origin;
 mod plot;
 mod result;
 
@@ -24,7 +25,7 @@ use serde::Serialize;
 
 use crate::image::{Image, extension};
 use crate::render_loop::CurvePoint;
-pub use result::{Fit, Report, SceneFile};
+pub use result::{Fit, Report, SceneFile, as_typed};
 
 // Choose the kind of a report
 /// How a report becomes text.

@@ -13,14 +13,14 @@ use std::hint::black_box;
 use std::io::{self, Write};
 use std::time::{Duration, Instant};
 
-use serde_json::{Value, json};
+use serde_json::json;
 
 use crate::checkpoint::{self, RunKey};
 use crate::film::Film;
 use crate::image::Image;
 use crate::output::{Content, OutputTarget};
 use crate::render_loop::{Convergence, Stop};
-use crate::report::{Kind, Report};
+use crate::report::{Kind, Report, as_typed};
 
 // Hold what the files need
 /// The files that a run keeps up to date.
@@ -55,22 +55,6 @@ fn put(
     match stop {
         Some(_) => target.write(content),
         None => target.rewrite(content),
-    }
-}
-
-// Show a value as text
-/// A value as text; a vector or a size as it is typed.
-fn text(value: &Value) -> String {
-    match value {
-        Value::String(text) => text.clone(),
-        Value::Array(parts) => {
-            let numbers = parts.iter().all(Value::is_number);
-            let size = numbers && parts.len() == 2;
-            let sign = if size { "x" } else { "," };
-            let parts: Vec<String> = parts.iter().map(text).collect();
-            parts.join(sign)
-        }
-        other => other.to_string(),
     }
 }
 
@@ -217,6 +201,7 @@ impl RunOutput {
         report.render_seconds = now.seconds;
         report.rays = now.rays;
         report.stopped = stop.map(|stop| stop.name().to_owned());
+        report.spp = now.spp;
         report.constant_pixels = now.constant;
         // Fill in what the last point knows
         if let Some(last) = now.steps.last() {
@@ -251,7 +236,7 @@ impl RunOutput {
             self.known.settings.iter().filter(|(_, v)| !v.is_null());
         let all = settings.chain(&self.run_key).chain(known);
         let attributes =
-            all.map(|(name, value)| (name.clone(), text(value)));
+            all.map(|(name, value)| (name.clone(), as_typed(value)));
         Image::new(film, attributes.collect())
     }
 }

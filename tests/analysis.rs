@@ -237,12 +237,15 @@ fn in_the_box(arguments: &[&str]) -> (String, Vec<u8>) {
 #[test]
 fn a_closed_box_is_dark_without_a_ray_and_the_summary_says_why() {
     let (said, film) = in_the_box(&[]);
-    assert!(said.contains("left out: closed around the camera"), "{said}");
-    assert!(said.contains("\n> 0 rays,"), "{said}");
+    assert!(
+        said.contains("left out  dark: closed around the camera"),
+        "{said}"
+    );
+    assert!(said.contains(" s, 0 rays,"), "{said}");
     for keep in [&["--keep-all"][..], &["--keep", "dark"]] {
         let (said, kept) = in_the_box(keep);
-        assert!(!said.contains("(dark)"), "{said}");
-        assert!(!said.contains("\n> 0 rays,"), "{said}");
+        assert!(!said.contains("dark:"), "{said}");
+        assert!(!said.contains(" s, 0 rays,"), "{said}");
         assert_eq!(kept, film);
     }
 }
@@ -259,6 +262,85 @@ fn an_explanation_renders_nothing() {
     place.holds_only(&["box.obj"]);
 }
 
+/// The lines that explain one shortcut: whether it is taken and why, and what
+/// it saves.
+fn explained(place: &Scratch, name: &str, more: &[&str]) -> [String; 2] {
+    let run = place.run(&[&["--explain"], more].concat());
+    run.succeeded();
+    let said = String::from_utf8(run.stdout).unwrap();
+    let mut lines = said.lines().map(str::to_owned);
+    let first = lines.find(|line| line.starts_with(name)).expect(name);
+    [first, lines.next().unwrap().trim().to_owned()]
+}
+
+/// All rays of a camera in the midst of the scene are traced, and of one
+/// outside those only that enter the box around it.
+#[test]
+fn an_explanation_counts_what_is_saved_as_a_render_does() {
+    let place = Scratch::new();
+    place.put("box.obj", BOX);
+    place.put(
+        "two.obj",
+        "v 3 9 3\nv 4 9 3\nv 3 9 4\nv -9 -9 -9\nf 1 2 3\n\
+                          v -8 -9 -9\nv -9 -8 -9\nf 4 5 6\n",
+    );
+    let rays = |view: &[&str]| {
+        let files = ["-n3", "-qf", "-oa.pgm", "--report=a.json"];
+        place.run(&[view, &files].concat()).succeeded();
+        let json: serde_json::Value =
+            serde_json::from_slice(&place.get("a.json")).unwrap();
+        json["rays"].as_u64().unwrap()
+    };
+    for (scene, camera) in
+        [("-itwo.obj", "-p0,0,0"), ("-ibox.obj", "-p0,-6,1")]
+    {
+        // Tiles at the right and lower edge have fewer pixels.
+        let view = [scene, camera, "-t1,1,0.5", "-d85x61", "-r0.5"];
+        let all = rays(&[&view[..], &["--keep-all"]].concat());
+        let saved = all - rays(&view);
+        let [_, saves] = explained(&place, "background", &view);
+        let words: Vec<_> = saves.split_whitespace().collect();
+        let start = "saves at most one ray a sample in ";
+        assert!(saves.starts_with(start), "{saves}");
+        let pixels: u64 = words[8].parse().unwrap();
+        let share = 100. * pixels as f64 / (85. * 61.);
+        let end = format!(" of 5185 pixels ({share:.1} %)");
+        assert!(saves.ends_with(&end), "{saves}");
+        match scene {
+            "-itwo.obj" => assert_eq!(saved, 3 * pixels),
+            _ => assert!(saved <= 3 * pixels),
+        }
+    }
+}
+
+#[test]
+fn an_explanation_says_what_each_line_saves_or_would_save() {
+    let place = Scratch::new();
+    place.put("box.obj", format!("{BOX}f 1 2 3\nf 1 1 2\n"));
+    let says = |name, more: &[&str], line: &str, saves: &str| {
+        let more = [&["-ibox.obj"], more].concat();
+        let [first, second] = explained(&place, name, &more);
+        assert!(first.contains(line), "{first}");
+        assert_eq!(second, saves, "{first}");
+    };
+    let outside = ["-p0,-6,1"];
+    says("flat", &[], "left out", "saves 1 of 14 triangles (7.1 %)");
+    says("copies", &[], "left out", "saves 1 of 14 triangles (7.1 %)");
+    says("dark", &[], "left out", "saves all rays");
+    says("dark", &outside, "- ", "would save all rays");
+    let black = "no ray, but time: any hit ends a ray";
+    says("black", &outside, "- ", &format!("would save {black}"));
+    let absorbed = ["-p0,-6,1", "-r0"];
+    says("black", &absorbed, "left out", &format!("saves {black}"));
+    let away = ["-p0,-6,1", "-t0,-9,9"];
+    says("background", &away, "left out", "saves all rays");
+    let close = ["-p0,-1.5,0"];
+    let each = "would save one ray a sample in each pixel of such a tile";
+    says("background", &close, "- ", each);
+    let kept = ["--keep=dark"];
+    says("dark", &kept, "kept", "would save an unknown part");
+}
+
 #[test]
 fn a_report_tells_what_was_left_out() {
     let place = Scratch::new();
@@ -269,7 +351,7 @@ fn a_report_tells_what_was_left_out() {
         serde_json::from_slice(&place.get("a.json")).unwrap();
     assert_eq!(json["left_out"][0]["fact"], "dark");
     let html = String::from_utf8(place.get("a.html")).unwrap();
-    assert!(html.contains("Left out"));
+    assert!(html.contains("<th>left out</th>"));
 }
 
 /// Triangles that were left out of the scene count, as they are in the file.

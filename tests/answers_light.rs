@@ -489,9 +489,10 @@ fn a_triangle_in_four_parts_is_seen_by_one_tile_less() {
     let [a, b, c] = corners.map(point);
     let [d, e, f] = [(b + c) / 2., (a + c) / 2., (a + b) / 2.];
     let parts = [[a, f, e], [f, b, d], [e, d, c], [d, e, f]];
-    let count = |t: &[Triangle]| background(DVec3::Z, t).count();
-    assert_eq!(count(&[[a, b, c]]), (16, 12));
-    assert_eq!(count(&parts), (16, 13));
+    let size = (64, 64);
+    let count = |t: &[Triangle]| background(DVec3::Z, t).count(size);
+    assert_eq!(count(&[[a, b, c]]), (16, 12, 12 * 256));
+    assert_eq!(count(&parts), (16, 13, 13 * 256));
 }
 
 // Answer the exercises on running and reporting
@@ -533,10 +534,11 @@ fn the_end_of_a_run_is_foreseen_with_what_it_may_not_have_seen() {
     let mut convergence = Convergence::default();
     convergence.spp = 16;
     convergence.steps.push(serde_json::from_str(step).unwrap());
-    assert_eq!(convergence.expected(&limits, 76_800), 257);
+    assert_eq!(convergence.expected(&limits, 76_800), Some(257));
     let (v, unseen) = (0.0256f64, 12e-4f64);
     assert_eq!(((v + (v * v + unseen).sqrt()) / 2e-4).ceil(), 344.);
-    assert_eq!(convergence.expected(&limits, 1), 1000);
+    assert_eq!(convergence.expected(&limits, 1), Some(1000));
+    assert_eq!(Convergence::default().expected(&limits, 1), None);
 }
 
 #[test]

@@ -6,8 +6,10 @@
 mod common;
 
 use std::process::Command;
+use std::time::Duration;
 
 use litpt::bvh::Isa;
+use litpt::progress::Progress;
 
 use common::{ABOVE, Run, Scratch, finish, skip};
 
@@ -61,38 +63,61 @@ fn number_before(text: &str, unit: &str) -> f64 {
 }
 
 #[test]
-fn a_summary_tells_times_rays_and_the_mean() {
+fn a_summary_is_a_table_of_the_end_the_image_and_the_cost() {
     let run = summary(&["-n5", "-r0.5"]);
     let lines: Vec<&str> = run.stderr.lines().collect();
-    assert_eq!(lines.len(), 2, "{}", run.stderr);
-    assert!(lines.iter().all(|line| line.starts_with("> ")));
-    assert_eq!(number_before(lines[0], " triangles"), 2.);
-    for room in ["load ", "build ", "render "] {
-        let (_, rest) = lines[0].split_once(room).expect(room);
+    let names = ["run", "image", "render", "scene"];
+    assert_eq!(lines.len(), names.len(), "{}", run.stderr);
+    let texts = lines.iter().zip(names).map(|(line, name)| {
+        let start = format!("> {name:10}");
+        line.strip_prefix(&start).unwrap_or_else(|| panic!("{line}"))
+    });
+    let texts: Vec<&str> = texts.collect();
+    assert_eq!(texts[0], "stopped by samples; 5 of 5 spp");
+    let mean = "5 spp, mean radiance 0.500000 ± 0.000000, rmse 0.000000";
+    assert_eq!(texts[1], mean);
+    // Each path meets the square and then the sky: two rays.
+    assert_eq!(number_before(texts[2], " rays,"), 2. * 5. * 12.);
+    assert!(number_before(texts[2], " s,") >= 0.);
+    assert!(texts[2].ends_with("rays/s"), "{}", texts[2]);
+    assert_eq!(number_before(texts[3], " triangles"), 2.);
+    for room in ["load ", "build "] {
+        let (_, rest) = texts[3].split_once(room).expect(room);
         let (seconds, _) = rest.split_once(" s").expect(room);
         assert!(seconds.parse::<f64>().unwrap() >= 0.);
     }
-    let built = format!(" s (medium, {}), render", Isa::best());
-    assert!(lines[0].contains(&built), "{}", lines[0]);
-    // Each path meets the square and then the sky: two rays.
-    assert_eq!(number_before(lines[1], " rays,"), 2. * 5. * 12.);
-    assert!(lines[1].contains("rays/s"));
-    let mean = lines[1].split_once("mean radiance ").unwrap().1;
-    assert_eq!(mean, "0.500000 ± 0.000000, rmse 0.000000");
+    let built = format!(" s (medium, {})", Isa::best());
+    assert!(texts[3].ends_with(&built), "{}", texts[3]);
+}
+
+/// One who asks for an error within too few samples is told, and has an
+/// image: that is no failure.
+#[test]
+fn a_missed_target_is_said_and_ends_with_status_0() {
+    let place = Scratch::new();
+    let run = place.run(&["-iroom.obj", "-d8x6", "-n2", "--error=1e-9"]);
+    run.succeeded();
+    let line = run.stderr.lines().next().unwrap();
+    assert!(line.contains("stopped by samples; 2 of 2 spp; error 0."));
+    assert!(line.ends_with(", target 0.000000001 not reached"), "{line}");
+    let help = String::from_utf8(place.run(&["-h"]).stdout).unwrap();
+    let (_, status) = help.split_once("Exit status: 0").expect("statuses");
+    assert!(status.contains("before --error was reached"), "{status}");
 }
 
 #[test]
 fn one_sample_leaves_the_error_unknown() {
     let run = summary(&["-n1", "-r0.25"]);
     let mean = run.stderr.split_once("mean radiance ").unwrap().1;
-    assert_eq!(mean, "0.250000, error unknown\n");
+    assert!(mean.starts_with("0.250000, error unknown\n"), "{mean}");
 }
 
 #[test]
 fn the_summary_is_the_same_wherever_the_image_goes() {
     let mean = |arguments: &[&str]| {
         let run = summary(arguments);
-        run.stderr.rsplit("mean").next().unwrap().to_owned()
+        let image = run.stderr.lines().find(|l| l.contains("mean"));
+        image.expect("a line of the image").to_owned()
     };
     let file = ["-n3", "-r0.3", "-o", "image.png"];
     assert!(summary(&file).stdout.is_empty());
@@ -129,16 +154,109 @@ fn a_terminal_shows_a_bar_with_a_percentage_and_then_removes_it() {
     let words = ["% ", "passed", "to go", "paths/s", "["];
     assert!(words.iter().all(|word| text.contains(word)), "{text:?}");
     let after = text.rsplit("paths/s").next().unwrap();
-    assert!(after.contains("triangles"), "{text:?}");
+    assert!(after.contains("stopped by samples"), "{text:?}");
     let erased = after.split('>').next().unwrap();
     assert!(erased.contains("\x1b[2K"), "{text:?}");
+}
+
+/// The percentages of the bars in a text, in their order.
+fn percentages(text: &str) -> Vec<u32> {
+    let ends = text.match_indices("% ").map(|(end, _)| &text[..end]);
+    let number = |text: &str| text.rsplit(' ').next()?.parse().ok();
+    ends.filter_map(number).collect()
+}
+
+#[test]
+fn a_bar_begins_at_zero_and_never_goes_back() {
+    let limits = [
+        ("-n 200", "to go"),
+        ("--time 2", " s of 2 s, "),
+        ("--error 0.02 --time 20", " s of 20 s, "),
+        ("--error 0.02", "to go"),
+    ];
+    for (limit, time) in limits {
+        let run = "-i room.obj -o image.pgm -d 128x96 -j 1";
+        let run = format!("{run} {limit}");
+        let Some(text) = on_a_terminal(&run, |_| ()) else { return };
+        let shown = percentages(&text);
+        assert!(text.contains(time), "{limit}: {text:?}");
+        assert!(shown.len() > 3, "{limit}: {text:?}");
+        assert!(shown.is_sorted(), "{limit}: {shown:?}");
+        let first = if limit == "--time 2" { 50 } else { 1 };
+        assert!(shown[0] < first, "{limit}: {shown:?}");
+    }
+}
+
+#[test]
+fn a_bar_ends_with_the_run_that_a_signal_ends() {
+    let run = "-i room.obj -o image.pgm -d 640x480 --time 60 & \
+               sleep 1; kill -TERM $!; wait $!; echo status $?";
+    let Some(text) = on_a_terminal(run, |_| ()) else { return };
+    let (bars, rest) = text.split_once("stopped by a signal").unwrap();
+    assert!(!percentages(bars).is_empty(), "{text:?}");
+    assert!(percentages(rest).is_empty(), "{text:?}");
+    assert!(rest.trim_end().ends_with("status 143"), "{text:?}");
+}
+
+/// What is shown after a number of paths and seconds.
+fn shown(progress: &mut Progress, paths: u64, seconds: f64) -> String {
+    progress.update(paths, seconds);
+    let time = progress.time(Duration::from_secs(7));
+    format!("{} {time}", progress.bar(8))
+}
+
+#[test]
+fn progress_is_the_share_of_the_paths_once_they_are_foreseen() {
+    let mut run = Progress::within(None);
+    assert_eq!(shown(&mut run, 0, 0.), "[>       ] 0% 0s passed");
+    assert_eq!(shown(&mut run, 500, 3.), "[>       ] 0% 3s passed");
+    run.expected = Some(1000);
+    let half = "[====>   ] 50% 3s passed, 7s to go";
+    assert_eq!(shown(&mut run, 500, 3.), half);
+    // The end is farther than it seemed.
+    run.expected = Some(5000);
+    assert_eq!(shown(&mut run, 1000, 3.), half);
+    let more = "[====>   ] 59% 9s passed, 7s to go";
+    assert_eq!(shown(&mut run, 2999, 9.), more);
+    let nearly = "[=======>] 99% 9s passed, 7s to go";
+    assert_eq!(shown(&mut run, 4999, 9.), nearly);
+    let all = "[========] 100% 9s passed, 7s to go";
+    assert_eq!(shown(&mut run, 5000, 9.), all);
+    assert_eq!(shown(&mut run, 6000, 9.), all);
+    let mut much = Progress::within(None);
+    much.expected = Some(u64::MAX);
+    assert!(shown(&mut much, u64::MAX / 2, 1.).contains("] 49%"));
+}
+
+#[test]
+fn progress_with_a_limit_of_time_is_the_time_or_what_is_nearer_its_end() {
+    let mut run = Progress::within(Some(30.));
+    assert_eq!(shown(&mut run, 0, 0.), "[>       ] 0% 0 s of 30 s");
+    assert_eq!(shown(&mut run, 9, 12.9), "[===>    ] 43% 12 s of 30 s");
+    run.expected = Some(1000);
+    assert_eq!(shown(&mut run, 9, 12.9), "[===>    ] 43% 12 s of 30 s");
+    assert_eq!(shown(&mut run, 750, 13.), "[======> ] 75% 13 s of 30 s");
+    assert_eq!(shown(&mut run, 760, 31.), "[========] 100% 30 s of 30 s");
+    let mut short = Progress::within(Some(0.5));
+    assert!(shown(&mut short, 0, 0.1).ends_with("0 s of 0.5 s"));
+}
+
+#[test]
+fn progress_does_not_run_on_when_the_run_is_to_stop() {
+    let mut run = Progress::within(Some(30.));
+    assert_eq!(shown(&mut run, 9, 12.), "[===>    ] 40% 12 s of 30 s");
+    run.stopping = true;
+    let stopping = "[===>    ] 40% stopping";
+    assert_eq!(shown(&mut run, 99, 20.), stopping);
+    run.expected = Some(100);
+    assert_eq!(shown(&mut run, 99, 29.), stopping);
 }
 
 #[test]
 fn a_terminal_shows_a_green_mark() {
     let small = "-i room.obj -o image.pgm -d 4x3";
     let Some(text) = on_a_terminal(small, |_| ()) else { return };
-    let mark = text.split(" 6 triangles").next().unwrap();
+    let mark = text.split(" run ").next().unwrap();
     assert!(mark.contains("\x1b[32m") && mark.contains('>'), "{text:?}");
 }
 

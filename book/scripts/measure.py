@@ -42,11 +42,10 @@ PATIENCE = 60  # seconds for the rounds of one row, if they are enough
 RENDERING = 1.5  # seconds that our part of a round should render
 
 PT = re.compile(
-    r'(?P<triangles>\d+) triangles, load (?P<load>\S+) s, '
-    r'build (?P<build>\S+) s \(.*\), render (?P<render>\S+) s\n'
-    r'(?:> left out: .*\n)*> (?P<rays>\d+) rays, '
-    r'.*mean radiance (?P<mean>[\d.]+)[ ,]'
-    r'(?:± (?P<stderr>[\d.]+))?')
+    r'mean radiance (?P<mean>[\d.]+)(?: ± (?P<stderr>[\d.]+))?.*\n'
+    r'> render +(?P<render>\S+) s, (?P<rays>\d+) rays, .*\n'
+    r'> scene +(?P<triangles>\d+) triangles, load (?P<load>\S+) s, '
+    r'build (?P<build>\S+) s')
 PEER = re.compile(
     r'tris (?P<triangles>\d+) parse (?P<load>\S+) build (?P<build>\S+) '
     r'render (?P<render>\S+) Mrays (?P<megarays>\S+) .*'

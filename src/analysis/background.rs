@@ -171,10 +171,21 @@ impl BackgroundTiles {
     }
 
     // Count the tiles of the background
-    /// How many tiles there are, and how many of them see no triangle.
-    pub fn count(&self) -> (usize, usize) {
-        let sky = |tile: &&TileContent| **tile != TileContent::Scene;
-        (self.tiles.len(), self.tiles.iter().filter(sky).count())
+    /// How many tiles there are, how many of them see no triangle, and how
+    /// many pixels those have in an image of this width and height.
+    pub fn count(
+        &self,
+        (width, height): (u32, u32),
+    ) -> (usize, usize, u64) {
+        let tiles = self.tiles.iter().zip(0..);
+        let empty = tiles.filter(|(tile, _)| **tile != TileContent::Scene);
+        let pixels = |(_, i): (&TileContent, u32)| {
+            let corner = (i % self.columns * SIDE, i / self.columns * SIDE);
+            let width = (width - corner.0).min(SIDE);
+            u64::from(width) * u64::from((height - corner.1).min(SIDE))
+        };
+        let pixels = empty.clone().map(pixels).sum();
+        (self.tiles.len(), empty.count(), pixels)
     }
 }
 

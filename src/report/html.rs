@@ -14,8 +14,7 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 use serde_json::Value;
 
 use super::plot::plot;
-use super::result::{Fit, Report, known, with_error};
-use crate::analysis::Finding;
+use super::result::{Fit, Report, as_typed, known, with_error};
 use crate::compare::display::{self, shrink};
 use crate::image::{Format, Image};
 use crate::render_loop::CurvePoint;
@@ -37,21 +36,30 @@ pub fn page(report: &Report, image: &Image) -> String {
             }
             body {
                 h1 { (scene) }
-                @for line in report.summary(pixels) {
-                    p { (printable(&line)) }
-                }
-                @if let Some(slopes) = slopes(report) { p { (slopes) } }
-                p { (ending(report)) }
+                p { "Run " (report.verdict()) "." }
                 div { (pictures(report, image)) }
-                // Tabulate what was set and left out
+                // Tabulate the summary
                 table {
-                    tr { th { "program" } td { (report.program) } }
-                    tr { th { "SHA-256" } td { (printable(&report.scene.sha256)) } }
-                    @for (name, value) in &report.settings {
-                        tr { th { (printable(name)) } td { (value_of(value)) } }
+                    @for (name, text) in report.summary(pixels).into_iter().skip(1) {
+                        tr { th { (name) } td { (printable(&text)) } }
                     }
-                    @for Finding { fact, why, .. } in &report.left_out {
-                        tr { th { "Left out" } td { (why) " (" (fact) ")" } }
+                    @if let Some(slopes) = slopes(report) {
+                        tr { th { "slope" } td { (slopes) } }
+                    }
+                }
+                // Tabulate what was set
+                table {
+                    @for (name, text) in [
+                        ("command", &report.command),
+                        ("date", &report.date),
+                        ("program", &report.program),
+                        ("processor", &report.processor),
+                        ("SHA-256", &report.scene.sha256),
+                    ] {
+                        tr { th { (name) } td { (printable(text)) } }
+                    }
+                    @for (name, value) in &report.settings {
+                        tr { th { (printable(name)) } td { (value_of(name, value)) } }
                     }
                 }
                 (points(&report.curve))
@@ -63,17 +71,23 @@ pub fn page(report: &Report, image: &Image) -> String {
 
 const STYLE: &str = "
 :root { color-scheme: light dark; font: 16px/1.5 system-ui, sans-serif }
-body { max-width: 80rem; margin: 0 auto; padding: 1rem }
-h1, p, td { overflow-wrap: anywhere }
+body { max-width: 80rem; margin: 0 auto; padding: 0 1rem }
+h1 { font-size: 1.5rem; margin: 1rem 0 0 }
+h1, p, th + td { overflow-wrap: anywhere }
+th, td + td { white-space: nowrap }
 p { margin: 0.3rem 0 }
 div { display: grid; gap: 1.5rem; align-items: start;
-  grid-template-columns: repeat(auto-fit, minmax(min(100%, 24rem), 1fr)) }
-figure { margin: 1rem 0 }
+  grid-template-columns: repeat(auto-fit, minmax(min(100%, 20rem), 1fr)) }
+figure { margin: 0.5rem 0 }
+figcaption { font-size: 0.9rem }
 img, svg { display: block; width: 100%; height: auto }
-table { border-collapse: collapse; margin: 1rem 0;
-  font-variant-numeric: tabular-nums }
+img { box-sizing: border-box; border: 1px solid #888;
+  image-rendering: pixelated }
+table { display: block; overflow-x: auto; border-collapse: collapse;
+  margin: 1.5rem 0; font-variant-numeric: tabular-nums }
 th, td { padding: 0.15rem 1rem 0.15rem 0; text-align: left;
-  border-bottom: 1px solid #8886 }
+  vertical-align: top; border-bottom: 1px solid #8886 }
+th:first-child { min-width: 5.75rem }
 ";
 
 /// A text with what no page may contain replaced.
@@ -93,37 +107,31 @@ fn slopes(report: &Report) -> Option<String> {
     let seconds = slope(|point| point.seconds)?;
     let spp = slope(|point| point.spp as f64)?;
     Some(format!(
-        "On logarithmic axes the error falls with a slope of {seconds} \
-         against seconds and of {spp} against samples; independent \
-         samples give -0.5."
+        "{seconds} against seconds, {spp} against samples, on \
+         logarithmic axes; independent samples give -0.5"
     ))
 }
 
-fn ending(report: &Report) -> &str {
-    match report.stopped.as_deref() {
-        None => "The run goes on; this is what was known of it.",
-        Some("samples") => "The run ended with the samples asked for.",
-        Some("time") => "The run ended when its time was over.",
-        Some("error") => "The run ended with the error asked for.",
-        Some(_) => "The run was ended by a signal.",
-    }
-}
-
 fn pictures(report: &Report, image: &Image) -> Markup {
+    // Name the size and the range of the image
+    let size = format!("{}x{} pixels", image.width, image.height);
+    let least = image.means.iter().copied().fold(f64::INFINITY, f64::min);
+    let most = image.means.iter().copied().fold(0., f64::max);
+    let range = [least, most].map(|radiance| known(Some(radiance), 4));
+    let range = range.join(" to ");
     let image = shrink(image, LARGEST);
     let map = display::errors(&image, false).ok();
+    // Say which error is white
+    let mut errors = image.errors.iter().flatten();
+    let exact = errors.all(|&error| error == 0.);
+    let map = map.map(|(map, white)| match exact {
+        true => (map, "It is zero in all of them.".to_owned()),
+        false => {
+            let white = known(Some(white), 6);
+            (map, format!("White is {white} or more, or unknown."))
+        }
+    });
     html! {
-        figure {
-            img src=(address(&image)) alt="The rendered image";
-            figcaption { "The image. White is the radiance of the sky." }
-        }
-        @if let Some((map, white)) = map {
-            figure {
-                img src=(address(&map)) alt="A map of the standard error";
-                figcaption { "The standard error of each pixel. White is "
-                    (known(Some(white), 6)) " or more, or unknown." }
-            }
-        }
         // Show the plot and its legend
         @if let Some(plot) = plot(&report.curve) {
             figure {
@@ -133,6 +141,17 @@ fn pictures(report: &Report, image: &Image) -> Markup {
                     -1/2 through the last point (wide)." }
             }
         }
+        figure {
+            (picture(&image, "The rendered image"))
+            figcaption { "The image, " (size) ", radiance from " (range)
+                ". White is the radiance of the sky, 1." }
+        }
+        @if let Some((map, white)) = map {
+            figure {
+                (picture(&map, "A map of the standard error"))
+                figcaption { "The standard error of each pixel. " (white) }
+            }
+        }
     }
 }
 
@@ -140,38 +159,51 @@ fn pictures(report: &Report, image: &Image) -> Markup {
 /// The largest width and height of an image on the page, in pixels.
 const LARGEST: u32 = 800;
 
-/// The address of an image that is part of the page.
-fn address(image: &Image) -> String {
+/// An image as a part of the page, with what it shows in words.
+fn picture(image: &Image, shows: &str) -> Markup {
     let mut bytes = vec![];
     let written = Format::Png.write(image, &mut bytes);
     written.expect("memory takes all bytes");
-    format!("data:image/png;base64,{}", BASE64_STANDARD.encode(bytes))
+    let text = BASE64_STANDARD.encode(bytes);
+    let address = format!("data:image/png;base64,{text}");
+    // Keep a tall image on the screen
+    let ratio = f64::from(image.width) / f64::from(image.height);
+    let width = format!("width: min(100%, {:.3}vh)", 70. * ratio);
+    html! { img src=(address) alt=(shows) style=(width); }
 }
 
 // Show the points of the curve
-/// A setting in words.
-fn value_of(value: &Value) -> String {
+/// A setting as it is typed, with its unit.
+fn value_of(name: &str, value: &Value) -> String {
+    let unit = match name {
+        "fov" => "\u{b0}",
+        "time" => " s",
+        _ => "",
+    };
     match value {
-        Value::String(text) => printable(text),
         Value::Null => "none".to_owned(),
-        other => printable(&other.to_string()),
+        value => printable(&as_typed(value)) + unit,
     }
 }
 
 fn points(curve: &[CurvePoint]) -> Markup {
+    let compared = |point: &CurvePoint| point.rmse_reference.is_some();
+    let compared = curve.iter().any(compared);
     html! {
         table {
             tr {
                 th { "spp" } th { "seconds" } th { "rays" } th { "rmse" }
-                th { "rmse against reference" } th { "mean radiance" }
+                @if compared { th { "rmse against reference" } }
+                th { "mean radiance" }
             }
             @for point in curve {
                 tr {
+                    // Show one point
                     td { (point.spp) }
                     td { (known(Some(point.seconds), 3)) }
                     td { (point.rays) }
                     td { (known(point.rmse, 6)) }
-                    td { (known(point.rmse_reference, 6)) }
+                    @if compared { td { (known(point.rmse_reference, 6)) } }
                     td { (with_error(point.mean, point.mean_stderr)) }
                 }
             }

@@ -34,6 +34,12 @@ pub struct Report {
     // Hold what was rendered and how
     /// Name and version of the program.
     pub program: String,
+    /// The command line, as a shell takes it.
+    pub command: String,
+    /// When the program began, in UTC, as in 2026-01-31T23:59:59Z.
+    pub date: String,
+    /// The name of the processor.
+    pub processor: String,
     /// What was rendered.
     pub scene: SceneFile,
     /// Each option and its value.
@@ -51,6 +57,8 @@ pub struct Report {
     /// Rays traced.
     pub rays: u64,
     // Hold how good the image is
+    /// Samples that each pixel has at least.
+    pub spp: u64,
     /// Mean radiance of the image.
     pub mean: f64,
     /// Its standard error, if known.
@@ -68,43 +76,72 @@ pub struct Report {
 
 // Summarise the run in a few lines
 impl Report {
-    /// What a person wants to know of a run of so many pixels, line by
-    /// line.
-    pub fn summary(&self, pixels: u64) -> Vec<String> {
-        // Say where the time went
-        let Report { load_seconds, build_seconds, render_seconds, .. } =
-            self;
-        let said = |name| self.settings.get(name).and_then(Value::as_str);
-        let bvh = ["hierarchy", "isa"].into_iter().filter_map(said);
-        let mut lines = vec![format!(
-            "{} triangles, load {load_seconds:.3} s, build {build_seconds:.3} s \
-             ({}), render {render_seconds:.3} s",
-            self.scene.triangles,
-            bvh.collect::<Vec<_>>().join(", ")
-        )];
-        for finding in &self.left_out {
-            let Finding { fact, why, .. } = finding;
-            lines.push(format!("left out: {why} ({fact})"));
-        }
-        // Say how fast and how exact
-        let rays = self.rays;
-        let speed = metric(rays as f64 / render_seconds.max(1e-9));
-        let spp = self.curve.last().map_or(0, |point| point.spp);
+    /// What a person wants to know of a run of so many pixels: a table
+    /// of names and what is said of them.
+    pub fn summary(&self, pixels: u64) -> Vec<(&'static str, String)> {
+        let mut lines = vec![("run", self.verdict())];
+        // Say how exact the image is and what it cost
         let mean = with_error(self.mean, self.mean_stderr);
         let rmse = |rmse| format!(", rmse {}", known(Some(rmse), 6));
         let rmse = self.rmse.map_or(String::new(), rmse);
-        lines.push(format!(
-            "{rays} rays, {speed}rays/s, {spp} spp, mean radiance {mean}{rmse}"
-        ));
+        let image = format!("{} spp, mean radiance {mean}{rmse}", self.spp);
+        let (seconds, rays) = (self.render_seconds, self.rays);
+        let speed = metric(rays as f64 / seconds.max(1e-9));
+        let render = format!("{seconds:.3} s, {rays} rays, {speed}rays/s");
+        let said = |name| self.settings.get(name).and_then(Value::as_str);
+        let bvh = ["hierarchy", "isa"].into_iter().filter_map(said);
+        let scene = format!(
+            "{} triangles, load {:.3} s, build {:.3} s ({})",
+            self.scene.triangles,
+            self.load_seconds,
+            self.build_seconds,
+            bvh.collect::<Vec<_>>().join(", ")
+        );
+        lines.extend([
+            ("image", image),
+            ("render", render),
+            ("scene", scene),
+        ]);
+        for finding in &self.left_out {
+            let Finding { fact, why, .. } = finding;
+            lines.push(("left out", format!("{fact}: {why}")));
+        }
         // Say whose errors rest on neighbours
         let constant = self.constant_pixels;
         if 0 < constant && constant < pixels {
-            lines.push(format!(
-                "{constant} of {pixels} pixels saw one value only; \
+            let pixels = format!(
+                "{constant} of {pixels} saw one value only; \
                  their errors come from their neighbours"
-            ));
+            );
+            lines.push(("pixels", pixels));
         }
         lines
+    }
+}
+
+impl Report {
+    /// Why the run stopped, and whether its targets were met.
+    pub fn verdict(&self) -> String {
+        let mut text = match self.stopped.as_deref() {
+            None => return "goes on; this is what is known".to_owned(),
+            Some("signal") => "stopped by a signal".to_owned(),
+            Some(limit) => format!("stopped by {limit}"),
+        };
+        let asked = |name| self.settings.get(name)?.as_f64();
+        if let Some(spp) = asked("spp") {
+            text += &format!("; {} of {spp} spp", self.spp);
+        }
+        // Hold the error against its target
+        if let Some(target) = asked("error") {
+            let small = self.rmse.is_some_and(|rmse| rmse <= target);
+            let met = small || self.stopped.as_deref() == Some("error");
+            text += &format!(
+                "; error {}, target {target} {}",
+                known(self.rmse, 6),
+                if met { "reached" } else { "not reached" }
+            );
+        }
+        text
     }
 }
 
@@ -122,6 +159,21 @@ pub fn with_error(mean: f64, error: Option<f64>) -> String {
     match error {
         Some(error) => format!("{mean} \u{b1} {}", known(Some(error), 6)),
         None => format!("{mean}, error unknown"),
+    }
+}
+
+/// A value as text; a vector or a size as it is typed.
+pub fn as_typed(value: &Value) -> String {
+    match value {
+        Value::String(text) => text.clone(),
+        Value::Array(parts) => {
+            let numbers = parts.iter().all(Value::is_number);
+            let size = numbers && parts.len() == 2;
+            let sign = if size { "x" } else { "," };
+            let parts: Vec<String> = parts.iter().map(as_typed).collect();
+            parts.join(sign)
+        }
+        other => other.to_string(),
     }
 }
 
