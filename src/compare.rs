@@ -124,6 +124,9 @@ pub const FALSE_ALARMS: f64 = 0.01;
 /// whole image.
 const SIDES: [u32; 3] = [1, 16, u32::MAX];
 
+/// Number of tests: of each size of blocks, and of the errors.
+const TESTS: usize = SIDES.len() + 1;
+
 /// The probability to allow each of `tests`, so that one of them
 /// fails by chance with the probability `all` (Sidak 1967).
 fn sidak(all: f64, tests: usize) -> f64 {
@@ -155,14 +158,17 @@ fn enough(image: &Image, i: usize) -> bool {
     image.samples.as_ref().is_none_or(|samples| samples[i] >= FEW)
 }
 
+/// The number of the block that holds pixel `i`, row by row.
+fn block_of(i: u32, width: u32, side: u32) -> usize {
+    let (x, y) = (i % width / side, i / width / side);
+    y as usize * width.div_ceil(side) as usize + x as usize
+}
+
 /// The sums of the gaps over blocks of one size, row by row.
 fn blocks(gaps: &[Option<Gap>], width: u32, side: u32) -> Vec<Gap> {
-    let columns = u64::from(width.div_ceil(side));
     let mut blocks: Vec<Gap> = Vec::new();
-    let (width, side) = (u64::from(width), u64::from(side));
     for (i, gap) in (0..).zip(gaps) {
-        let (x, y) = (i % width / side, i / width / side);
-        let block = (y * columns + x) as usize;
+        let block = block_of(i, width, side);
         blocks.resize(blocks.len().max(block + 1), Gap::default());
         if let Some(gap) = gap {
             blocks[block].add(gap);
@@ -182,7 +188,7 @@ fn test(
     let own = blocks(gaps, width, side);
     let others = blocks(gaps, width, around);
     let tested = own.iter().filter(|block| block.pixels > 0).count();
-    let level = sidak(sidak(FALSE_ALARMS, SIDES.len()), tested.max(1));
+    let level = sidak(sidak(FALSE_ALARMS, TESTS), tested.max(1));
     let mut scale = Scale { side, tested, failed: 0, largest: (0., 0, 0) };
     // Judge each block by the larger of two errors
     let columns = width.div_ceil(side);
@@ -197,6 +203,47 @@ fn test(
         }
     }
     scale
+}
+
+// Test the errors themselves
+/// How large the differences are, compared with the stated errors.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Dispersion {
+    /// Root of the ratio of squared differences to variances, where
+    /// each block of noisy pixels has the same weight; one if the
+    /// errors are right.
+    pub ratio: f64,
+    /// The excess of the squares in its own standard errors.
+    pub z: f64,
+    /// Number of noisy pixels in the sums.
+    pub pixels: usize,
+    /// Whether the excess is no chance.
+    pub failed: bool,
+}
+
+/// Tests whether the squared differences exceed the variances.
+fn dispersion(gaps: &[Option<Gap>], width: u32) -> Dispersion {
+    let [_, side, _] = SIDES;
+    let blocks = blocks(gaps, width, side);
+    let (mut squared, mut excess, mut square_excess) = (0., 0., 0.);
+    let mut pixels = 0;
+    // Sum over the pixels of noisy blocks
+    for (i, gap) in (0..).zip(gaps) {
+        let block = &blocks[block_of(i, width, side)];
+        let unit = block.variance / block.pixels as f64;
+        let Some(gap) = gap.filter(|_| unit > 0.) else { continue };
+        let square = gap.difference * gap.difference / unit;
+        let x = square - gap.variance / unit;
+        squared += square;
+        excess += x;
+        square_excess += x * x;
+        pixels += 1;
+    }
+    let z = excess / f64::sqrt(square_excess).max(f64::MIN_POSITIVE);
+    let level = sidak(FALSE_ALARMS, TESTS);
+    let failed = z > 0. && tail(z, f64::INFINITY) < 2. * level;
+    let ratio = f64::sqrt(squared / f64::max(squared - excess, 0.));
+    Dispersion { ratio, z, pixels, failed }
 }
 
 // State what distinguishes two images
@@ -215,11 +262,10 @@ pub struct Difference {
     /// Number of pixels of known error with fewer than [`FEW`]
     /// samples.
     pub few: usize,
-    /// Standard deviation of z over the pixels that are tested and not
-    /// exact, and its expectation for normal samples.
-    pub spread: (f64, f64),
     /// The tests of pixels, of blocks, and of the image.
     pub scales: [Scale; 3],
+    /// The test of the errors.
+    pub dispersion: Dispersion,
     /// The z of each pixel; zero where the error is unknown.
     pub z: Vec<f64>,
 }
@@ -228,6 +274,7 @@ impl Difference {
     /// Whether nothing but chance distinguishes the images.
     pub fn consistent(&self) -> bool {
         self.scales.iter().all(|scale| scale.failed == 0)
+            && !self.dispersion.failed
     }
 }
 
@@ -268,8 +315,8 @@ pub fn compare(a: &Image, b: &Image) -> Result<Difference, String> {
         sum,
         unknown: gaps.len() - known,
         few: known - scales[0].tested,
-        spread: spread(&single),
         scales,
+        dispersion: dispersion(&gaps, a.width),
         z: gaps.iter().map(|g| g.map_or(0., |g| g.z())).collect(),
     })
 }
@@ -288,19 +335,6 @@ fn distances(a: &Image, b: &Image) -> (f64, f64) {
     }
     let n = a.means.len() as f64;
     (f64::sqrt(squares / n), relative / n)
-}
-
-/// Standard deviation of z, and its expectation; pixels without noise,
-/// or whose distribution has no variance, are left out.
-fn spread(gaps: &[Option<Gap>]) -> (f64, f64) {
-    let (mut squares, mut expected, mut n) = (0., 0., 0.);
-    let noisy = |gap: &&Gap| gap.variance > 0. && gap.freedom() > 2.;
-    for gap in gaps.iter().flatten().filter(noisy) {
-        squares += gap.z() * gap.z();
-        expected += 1. / (1. - 2. / gap.freedom());
-        n += 1.;
-    }
-    (f64::sqrt(squares / n), f64::sqrt(expected / n))
 }
 
 /// # Errors

@@ -17,7 +17,7 @@ use clap::{Args, Parser, Subcommand};
 use litpt::arguments::{LICENCE, STYLES, parse_command_line, parse_real};
 use litpt::compare::display::{self, Curve};
 use litpt::compare::merge::{Run, merge};
-use litpt::compare::{Difference, FEW, Scale, compare};
+use litpt::compare::{Difference, Dispersion, FEW, Scale, compare};
 use litpt::image::{Format, Image};
 use litpt::output::{ImageTarget, OutputTarget};
 use litpt::progress;
@@ -346,14 +346,16 @@ fn explain(difference: &Difference) -> String {
         format!("relative mean square difference: {relative_mse:.6}"),
         format!("mean difference: {mean:.6} ± {error:.6} (z = {z:.2})"),
     ];
+    lines.extend(difference.scales.iter().map(explain_scale));
     // Tell whether the errors are plausible
-    let (found, expected) = difference.spread;
-    if found.is_finite() {
+    let Dispersion { ratio, z, failed, pixels } = difference.dispersion;
+    if pixels > 0 {
+        let verdict = if failed { "beyond" } else { "no more than" };
         lines.push(format!(
-            "standard deviation of z: {found:.3}, expected {expected:.3}"
+            "errors: differences are {ratio:.3} times what they say \
+             (z = {z:.2}), {verdict} chance"
         ));
     }
-    lines.extend(difference.scales.iter().map(explain_scale));
     // Name the pixels that were left out
     let Difference { unknown, few, .. } = difference;
     if *unknown > 0 {
@@ -367,24 +369,23 @@ fn explain(difference: &Difference) -> String {
         ));
     }
     // Conclude with the verdict in words
-    let verdict = match difference.consistent() {
-        true => "consistent: chance alone may explain the difference",
-        false => {
-            "inconsistent: chance alone does not explain the difference"
+    let failed: Vec<_> = failed_tests(difference).collect();
+    lines.push(match difference.consistent() {
+        true => {
+            "consistent: chance alone may explain the difference".into()
         }
-    };
-    lines.push(verdict.to_owned());
+        false => format!(
+            "inconsistent: chance alone does not explain the difference \
+             (failed: {})",
+            failed.join(", ")
+        ),
+    });
     lines.join("\n")
 }
 
 fn explain_scale(scale: &Scale) -> String {
     let &Scale { side, tested, failed, largest: (z, x, y) } = scale;
-    let name = match side {
-        1 => "pixels".to_owned(),
-        u32::MAX => "image".to_owned(),
-        side => format!("blocks of {side}x{side}"),
-    };
-    let z = z.abs();
+    let (name, z) = (name(side), z.abs());
     match (tested, failed) {
         (0, _) => format!("{name}: not tested"),
         (1, 0) => format!("{name}: |z| {z:.2}, not beyond chance"),
@@ -393,5 +394,21 @@ fn explain_scale(scale: &Scale) -> String {
             "{name}: {tested} tested, largest |z| {z:.2} at {x},{y}, \
              {failed} beyond chance"
         ),
+    }
+}
+
+/// The names of the tests that failed.
+fn failed_tests(difference: &Difference) -> impl Iterator<Item = String> {
+    let scales = difference.scales.iter().filter(|s| s.failed > 0);
+    let errors = difference.dispersion.failed.then(|| "errors".to_owned());
+    scales.map(|scale| name(scale.side)).chain(errors)
+}
+
+/// The name of the test of blocks of this size.
+fn name(side: u32) -> String {
+    match side {
+        1 => "pixels".to_owned(),
+        u32::MAX => "image".to_owned(),
+        side => format!("blocks of {side}x{side}"),
     }
 }
