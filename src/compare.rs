@@ -16,6 +16,7 @@ pub mod display;
 pub mod merge;
 
 // Name what the comparison imports
+use std::collections::BTreeMap;
 use std::f64::consts::SQRT_2;
 
 use statrs::function::beta::beta_reg;
@@ -244,6 +245,52 @@ fn dispersion(gaps: &[Option<Gap>], width: u32) -> Dispersion {
     let failed = z > 0. && tail(z, f64::INFINITY) < 2. * level;
     let ratio = f64::sqrt(squared / f64::max(squared - excess, 0.));
     Dispersion { ratio, z, pixels, failed }
+}
+
+// Tell whether two images show the same
+/// What is known about an image: names and values.
+type Attributes = BTreeMap<String, String>;
+
+/// Attributes that decide which radiances an image estimates.
+pub const SUBJECT: [&str; 8] = [
+    "scene_sha256",
+    "resolution",
+    "crop",
+    "position",
+    "target",
+    "up",
+    "fov",
+    "albedo",
+];
+
+/// The attributes of these names whose values differ, in words.
+fn differing<'a>(
+    names: impl Iterator<Item = &'a &'static str>,
+    a: &Attributes,
+    b: &Attributes,
+) -> Vec<String> {
+    let differ = |name: &&&str| a.get(**name) != b.get(**name);
+    let show = |name: &str, of: &Attributes| match of.get(name) {
+        Some(hash) if name == SUBJECT[0] => hash.chars().take(12).collect(),
+        value => value.cloned().unwrap_or_else(|| "none".to_owned()),
+    };
+    let tell = |name| {
+        format!("{name} {} against {}", show(name, a), show(name, b))
+    };
+    names.filter(differ).map(|&name| tell(name)).collect()
+}
+
+/// What differs of the scenes and views of two images, as in `fov 70.0
+/// against 60.0`, from their attributes; nothing if one of them does
+/// not say.
+pub fn disagreements(a: &Attributes, b: &Attributes) -> Vec<String> {
+    let silent = |of: &Attributes| {
+        SUBJECT.iter().all(|name| !of.contains_key(*name))
+    };
+    match silent(a) || silent(b) {
+        true => Vec::new(),
+        false => differing(SUBJECT.iter(), a, b),
+    }
 }
 
 // State what distinguishes two images

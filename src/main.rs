@@ -22,6 +22,7 @@ use litpt::arguments::Arguments;
 use litpt::bvh::{Bvh, Quality, too_small};
 use litpt::camera::Camera;
 use litpt::checkpoint::{Checkpoint, RunKey};
+use litpt::compare::disagreements;
 use litpt::film::{Film, Window};
 use litpt::image::{Format, Image};
 use litpt::integrator::identity;
@@ -30,7 +31,7 @@ use litpt::progress::{self, Bar};
 use litpt::render::{Renderer, renderer};
 use litpt::render_loop::{Convergence, Interrupt, Limits, Stop};
 use litpt::report::{Kind, Report, SceneFile};
-use litpt::run_output::RunOutput;
+use litpt::run_output::{RunOutput, attributes};
 use litpt::scene::{Scene, read_file};
 use litpt::sky::Sky;
 use rayon::ThreadPoolBuilder;
@@ -114,6 +115,7 @@ impl Files {
             || !self.reports.is_empty()
             || self.checkpoint.is_some()
             || self.resumed.is_some()
+            || self.reference.is_some()
     }
 }
 
@@ -140,6 +142,7 @@ fn read_reference(
             image.height
         ));
     }
+    refuse_others(path, &image, arguments, None)?;
     // Warn of a reference with our seed
     let seeds = image.attributes.get("seed");
     let ours = arguments.seed.to_string();
@@ -151,6 +154,27 @@ fn read_reference(
         );
     }
     Ok(image)
+}
+
+/// # Errors
+/// The reference says that it shows another view or another scene.
+fn refuse_others(
+    path: &Path,
+    image: &Image,
+    arguments: &Arguments,
+    scene: Option<&String>,
+) -> Result<(), String> {
+    let theirs = &image.attributes;
+    let mut ours = attributes(&arguments.run_key());
+    let scene = scene.or_else(|| theirs.get("scene_sha256"));
+    ours.extend(scene.map(|hash| ("scene_sha256".into(), hash.clone())));
+    match disagreements(theirs, &ours).join(", ") {
+        same if same.is_empty() => Ok(()),
+        differing => Err(format!(
+            "{}: shows something else than this run: {differing}",
+            path.display()
+        )),
+    }
 }
 
 fn start_threads(arguments: &Arguments) -> Result<(), String> {
@@ -182,7 +206,12 @@ fn load(
     // Hash the bytes if a file will name them
     let hash = files.name_the_scene().then(|| Sha256::digest(&bytes));
     let hex = |byte: u8| format!("{byte:02x}");
-    let sha256 = hash.into_iter().flatten().map(hex).collect();
+    let sha256: String = hash.into_iter().flatten().map(hex).collect();
+    if let (Some(path), Some(image)) =
+        (&arguments.reference, &files.reference)
+    {
+        refuse_others(path, image, arguments, Some(&sha256))?;
+    }
     drop(bytes);
     let triangles = mesh.triangles.len() as u64;
     let scene = Scene::of(mesh);

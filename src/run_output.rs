@@ -9,6 +9,7 @@
 //! Reports and checkpoints, kept up to date while a run goes on.
 
 // Name what the run output imports
+use std::collections::BTreeMap;
 use std::hint::black_box;
 use std::io::{self, Write};
 use std::time::{Duration, Instant};
@@ -58,6 +59,13 @@ fn put(
 }
 
 // Show a value as text
+/// The names and values of a run as the attributes of its image.
+pub fn attributes(known: &RunKey) -> BTreeMap<String, String> {
+    let text =
+        |(name, value): (&String, &Value)| (name.clone(), text(value));
+    known.iter().map(text).collect()
+}
+
 /// A value as text; a vector or a size as it is typed.
 fn text(value: &Value) -> String {
     match value {
@@ -245,8 +253,7 @@ impl RunOutput {
         let settings =
             self.known.settings.iter().filter(|(_, v)| !v.is_null());
         let all = settings.chain(&self.run_key).chain(known);
-        let attributes =
-            all.map(|(name, value)| (name.clone(), text(value)));
-        Image::new(film, attributes.collect())
+        let all = all.map(|(name, value)| (name.clone(), value.clone()));
+        Image::new(film, attributes(&all.collect()))
     }
 }

@@ -9,7 +9,8 @@ use std::collections::BTreeMap;
 use litpt::compare::display::{Curve, WHITE, errors, tonemap, z_map};
 use litpt::compare::merge::merge;
 use litpt::compare::{
-    Difference, Dispersion, FALSE_ALARMS, FEW, compare,
+    Difference, Dispersion, FALSE_ALARMS, FEW, SUBJECT, compare,
+    disagreements,
 };
 use litpt::image::Image;
 use rand::{RngExt, SeedableRng};
@@ -345,24 +346,42 @@ fn runs_that_share_a_seed_are_not_merged() {
 }
 
 #[test]
+fn all_that_differs_is_named() {
+    let of = |view: &[(&str, &str)]| run(row(&[(0., 1.)], 9.), view).1;
+    let hash = "0123456789abcdef".repeat(4);
+    let one = of(&[("fov", "70.0"), ("seed", "1"), ("crop", "0,0,1x1")]);
+    let two = of(&[("fov", "70.5"), ("scene_sha256", &hash)]);
+    let found = disagreements(&one.attributes, &two.attributes);
+    let expected = [
+        "scene_sha256 none against 0123456789ab",
+        "crop 0,0,1x1 against none",
+        "fov 70.0 against 70.5",
+    ];
+    assert_eq!(found, expected);
+    let foreign = of(&[("seed", "1")]);
+    assert!(disagreements(&one.attributes, &foreign.attributes).is_empty());
+}
+
+#[test]
 fn runs_of_different_images_are_not_merged() {
     let of = |seed, fov| {
         run(row(&[(0., 1.)], 9.), &[("seed", seed), ("fov", fov)])
     };
     let message = merge(&[of("1", "70"), of("2", "60")]).unwrap_err();
-    assert!(message.contains("fov is 60") && message.contains("is 70"));
-    for name in ["version", "integrator", "scene_sha256", "left_out"] {
+    assert!(message.contains("fov 70 against 60"), "{message}");
+    for name in SUBJECT.into_iter().chain(["version", "integrator"]) {
         let of = |seed, value| {
             let attributes = [("seed", seed), (name, value)];
             run(row(&[(0., 1.)], 9.), &attributes)
         };
         let message = merge(&[of("1", "one"), of("2", "two")]).unwrap_err();
-        assert!(message.contains(&format!("{name} is two")), "{message}");
+        let words = format!("{name} one against two");
+        assert!(message.contains(&words), "{message}");
         assert!(merge(&[of("1", "one"), of("2", "one")]).is_ok());
     }
     let silent = run(row(&[(0., 1.)], 9.), &[("seed", "2")]);
     let message = merge(&[of("1", "70"), silent.clone()]).unwrap_err();
-    assert!(message.contains("fov is unknown"), "{message}");
+    assert!(message.contains("fov 70 against none"), "{message}");
     assert!(merge(&[silent.clone(), of("1", "70")]).is_err());
     let small = run(row(&[(0., 1.); 2], 9.), &[("seed", "1")]);
     assert!(merge(&[small, silent.clone()]).is_err());

@@ -133,7 +133,23 @@ fn different_images_are_inconsistent_with_status_1() {
     put(&place, "b.exr", 2, 0.52);
     let run = run(&place, &["diff", "a.exr", "b.exr"]);
     assert_eq!(run.status, Some(1));
-    assert!(text(&run).lines().last().unwrap().starts_with("inconsistent"));
+    let said = text(&run).lines().last().unwrap();
+    assert!(said.starts_with("inconsistent"), "{said}");
+    assert!(said.ends_with("(failed: blocks of 16x16, image)"), "{said}");
+}
+
+#[test]
+fn errors_that_are_too_small_are_inconsistent_by_name() {
+    let place = Scratch::new();
+    put(&place, "a.exr", 1, 0.5);
+    let mut image = put(&place, "b.exr", 2, 0.5);
+    image.errors.iter_mut().flatten().for_each(|error| *error *= 0.7);
+    write(&place, "b.exr", &image);
+    let run = run(&place, &["diff", "a.exr", "b.exr"]);
+    assert_eq!(run.status, Some(1));
+    let said = text(&run);
+    assert!(said.contains("errors: differences are 1."), "{said}");
+    assert!(said.trim_end().ends_with("(failed: errors)"), "{said}");
 }
 
 #[test]
@@ -211,6 +227,93 @@ fn one_seed_for_two_scenes_is_compared_without_a_warning() {
     let warns = |a, b| !run(&place, &["diff", a, b]).stderr.is_empty();
     assert!(!warns("a.exr", "b.exr"));
     assert!(warns("a.exr", "c.exr"));
+}
+
+/// The options that decide what an image shows, each with another value
+/// than the one before it.
+const OTHERS: [&[&str]; 7] = [
+    &["-p0,0,0.5"],
+    &["-t0,1,0.1"],
+    &["-u0,0.1,1"],
+    &["-F70.5"],
+    &["-r0.8"],
+    &["-iroom2.obj"],
+    &["-d48x36", "--crop", "4,3,40x30"],
+];
+
+/// Renders of one view and of `OTHERS`: the names of their files.
+fn renders(place: &Scratch) -> Vec<String> {
+    place.put("room2.obj", common::ROOM.replace("v 5 5", "v 4 4"));
+    let render = |i: usize, other: &[&str]| {
+        let (seed, file) = (format!("-s{i}"), format!("{i}.exr"));
+        let mut options = vec!["-iroom.obj", "-d40x30", "-r0.7", "-n16"];
+        let replaced =
+            |own: &&str| !other.iter().any(|o| own[..2] == o[..2]);
+        options.retain(replaced);
+        options.extend(other);
+        options.extend([&seed[..], "-q", "-o", &file]);
+        place.run(&options).succeeded();
+        file
+    };
+    let others = OTHERS.iter().copied().enumerate();
+    let others = others.map(|(i, other)| render(i + 1, other));
+    let others: Vec<_> = others.collect();
+    let one = render(0, &[]);
+    std::iter::once(one).chain(others).collect()
+}
+
+/// What each of `OTHERS` is called in a file.
+const NAMES: [&str; 7] =
+    ["position", "target", "up", "fov", "albedo", "scene_sha256", "crop"];
+
+#[test]
+fn images_of_different_things_are_named_as_such() {
+    let place = Scratch::new();
+    let files = renders(&place);
+    for (file, name) in files[1..].iter().zip(NAMES) {
+        let diff = run(&place, &["diff", &files[0], file]);
+        let line = text(&diff).lines().next().unwrap();
+        let said = line.strip_prefix("they show different things: ");
+        assert!(said.is_some_and(|s| s.contains(name)), "{name}: {line}");
+        let merge = ["merge", &files[0], file, "-o", "joint.exr"];
+        run(&place, &merge).failed(1, &[file, name, "different things"]);
+        let size: &[&str] = match name {
+            "crop" => &["-d40x30"],
+            _ => &["-d40x30", "-n1", "-q"],
+        };
+        let reference = ["-iroom.obj", "-r0.7", "-s9", "--reference", file];
+        let refused = place.run(&[&reference[..], size].concat());
+        refused.failed(1, &[file, name, "something else than this run"]);
+    }
+    let same = ["-iroom.obj", "-r0.7", "-s9", "-d40x30", "--reference"];
+    place.run(&[&same[..], &[&files[0]]].concat()).succeeded();
+}
+
+/// Runs of one image that differ in all else.
+#[test]
+fn runs_that_stopped_at_other_times_are_merged() {
+    let place = Scratch::new();
+    place.put("copy.obj", common::ROOM);
+    let runs: [&[&str]; 5] = [
+        &["-n4", "-iroom.obj"],
+        &["-n9", "-icopy.obj", "--keep-all", "-j1"],
+        &["--time", "0.05", "-iroom.obj", "--isa", "portable"],
+        &["--error", "0.2", "-iroom.obj", "--keep", "background"],
+        &["-n2", "-iroom.obj", "--reference", "0.exr", "--report", "r.csv"],
+    ];
+    for (i, options) in runs.into_iter().enumerate() {
+        let (seed, file) = (format!("-s{i}"), format!("{i}.exr"));
+        let common = ["-q", "-d40x30", &seed, "-o", &file];
+        place.run(&[&common, options].concat()).succeeded();
+    }
+    let merge = ["merge", "0.exr", "1.exr", "2.exr", "3.exr", "4.exr"];
+    let merge = run(&place, &[&merge[..], &["-o", "joint.exr"]].concat());
+    merge.succeeded();
+    let joint = Image::read(&place.path("joint.exr")).unwrap();
+    assert_eq!(joint.attributes["seed"], "0,1,2,3,4");
+    let count = joint.samples.unwrap()[0];
+    assert_eq!(joint.attributes["spp"], count.to_string());
+    assert!(count >= 4. + 9. + 1. + 1. + 2., "{count}");
 }
 
 #[test]

@@ -17,7 +17,9 @@ use clap::{Args, Parser, Subcommand};
 use litpt::arguments::{LICENCE, STYLES, parse_command_line, parse_real};
 use litpt::compare::display::{self, Curve};
 use litpt::compare::merge::{Run, merge};
-use litpt::compare::{Difference, Dispersion, FEW, Scale, compare};
+use litpt::compare::{
+    Difference, Dispersion, FEW, Scale, compare, disagreements,
+};
 use litpt::image::{Format, Image};
 use litpt::output::{ImageTarget, OutputTarget};
 use litpt::progress;
@@ -302,6 +304,12 @@ fn diff(
     }
     if !quiet {
         // Say what the comparison takes for granted
+        let differing =
+            disagreements(&first.attributes, &second.attributes);
+        if !differing.is_empty() {
+            let differing = differing.join(", ");
+            say(&format!("they show different things: {differing}"))?;
+        }
         for (path, image) in [(a, &first), (b, &second)] {
             if image.errors.is_none() {
                 let name = path.display();
