@@ -10,6 +10,7 @@ use std::fs;
 use std::io::Cursor;
 use std::path::PathBuf;
 
+use exr::meta::attribute::AttributeValue;
 use exr::prelude::{
     AnyChannel, AnyChannels, FlatSamples, Image as ExrImage, WritableImage,
     f16,
@@ -119,11 +120,42 @@ fn the_same_image_is_the_same_exr_file() {
 
 #[test]
 fn exr_attributes_of_other_programs_are_left_out() {
-    let mut written = bytes(Format::Exr, &image());
-    let at = written.windows(10).position(|w| w == b"litpt:seed").unwrap();
-    written[at..at + 5].copy_from_slice(b"other");
+    let written = foreign(&[("Y", FlatSamples::F32(vec![1.; 2]))]);
+    assert!(written.windows(10).any(|w| w == b"other:seed"));
     let read = Files::new().read(&written).unwrap();
-    assert_eq!(read.attributes.len(), image().attributes.len() - 1);
+    assert_eq!(read.attributes, BTreeMap::new());
+}
+
+/// Any bit: of an attribute, of a number, or of the file's own tables.
+#[test]
+fn a_flipped_bit_of_an_exr_file_is_refused_or_changes_nothing() {
+    let mut written = bytes(Format::Exr, &image());
+    let mut refused = 0;
+    for at in 0..8 * written.len() {
+        written[at / 8] ^= 1 << (at % 8);
+        match Image::decode(&written) {
+            Ok(read) => assert_eq!(read, image(), "bit {at}"),
+            Err(message) => {
+                assert!(!message.contains('\n'), "{message}");
+                refused += 1;
+            }
+        }
+        written[at / 8] ^= 1 << (at % 8);
+    }
+    assert!(refused > 6 * written.len(), "{refused}");
+}
+
+#[test]
+fn an_exr_file_with_a_changed_attribute_names_its_checksum() {
+    let whole = bytes(Format::Exr, &image());
+    for name in ["litpt:seed", "litpt:checksum", "Höhle.obj"] {
+        let mut written = whole.clone();
+        let name = name.as_bytes();
+        let mut windows = written.windows(name.len());
+        let at = windows.position(|w| w == name).unwrap();
+        written[at + name.len() - 1] ^= 1;
+        Files::new().refuse(&written, &["its checksum is wrong"]);
+    }
 }
 
 #[test]
@@ -175,11 +207,15 @@ fn an_exr_file_without_luminance_is_refused_with_its_channels() {
 }
 
 /// A file of two pixels, as another program may write it.
-fn foreign(means: FlatSamples, counts: FlatSamples) -> Vec<u8> {
-    let mean = AnyChannel::new("Y", means);
-    let count = AnyChannel::new("samples.Y", counts);
-    let channels = AnyChannels::sort([mean, count].into_iter().collect());
-    let image = ExrImage::from_channels((2, 1), channels);
+fn foreign(channels: &[(&str, FlatSamples)]) -> Vec<u8> {
+    let channel = |(name, values): &(&str, FlatSamples)| {
+        AnyChannel::new(*name, values.clone())
+    };
+    let channels = channels.iter().map(channel).collect();
+    let channels = AnyChannels::sort(channels);
+    let mut image = ExrImage::from_channels((2, 1), channels);
+    let seed = ("other:seed".into(), AttributeValue::F32(7.));
+    image.layer_data.attributes.other.extend([seed]);
     let mut bytes = vec![];
     let out = Cursor::new(&mut bytes);
     image.write().to_buffered(out).unwrap();
@@ -189,7 +225,10 @@ fn foreign(means: FlatSamples, counts: FlatSamples) -> Vec<u8> {
 #[test]
 fn half_and_whole_numbers_of_other_programs_are_read() {
     let (means, counts) = (vec![f16::ONE; 2], vec![9.; 2]);
-    let bytes = foreign(FlatSamples::F16(means), FlatSamples::F32(counts));
+    let bytes = foreign(&[
+        ("Y", FlatSamples::F16(means)),
+        ("samples.Y", FlatSamples::F32(counts)),
+    ]);
     let read = Image::decode(&bytes).unwrap();
     assert_eq!(read.means, [1., 1.]);
     assert_eq!(read.samples, Some(vec![9., 9.]));
@@ -206,7 +245,8 @@ fn numbers_that_mean_nothing_are_refused_with_their_pixel() {
     let negative = bytes(Format::Exr, &negative);
     files.refuse(&negative, &["standard error", "1,1", "-1"]);
     let nothing = FlatSamples::F32(vec![f32::NAN; 2]);
-    let nothing = foreign(FlatSamples::F32(vec![1.; 2]), nothing);
+    let means = FlatSamples::F32(vec![1.; 2]);
+    let nothing = foreign(&[("Y", means), ("samples.Y", nothing)]);
     files.refuse(&nothing, &["count", "0,0", "NaN"]);
 }
 
