@@ -113,7 +113,8 @@ fn gap(a: &Image, b: &Image, i: usize) -> Option<Gap> {
         gap.variance += variance;
         gap.fourth += variance * variance / freedom.max(1.);
     }
-    gap.variance.is_finite().then_some(gap)
+    let known = gap.variance.is_finite() && difference.is_finite();
+    known.then_some(gap)
 }
 
 // Share the false alarms among tests
@@ -375,12 +376,14 @@ const EPSILON: f64 = 1e-2;
 /// Root mean square difference, and mean square relative difference.
 fn distances(a: &Image, b: &Image) -> (f64, f64) {
     let (mut squares, mut relative) = (0., 0.);
-    for (a, b) in a.means.iter().zip(&b.means) {
+    let mut n = 0.;
+    let pairs = a.means.iter().zip(&b.means);
+    for (a, b) in pairs.filter(|(a, b)| (*a - *b).is_finite()) {
         let square = (a - b) * (a - b);
         squares += square;
         relative += square / (b * b + EPSILON);
+        n += 1.;
     }
-    let n = a.means.len() as f64;
     (f64::sqrt(squares / n), relative / n)
 }
 

@@ -132,7 +132,12 @@ fn read_reference(
     path: &Path,
     arguments: &Arguments,
 ) -> Result<Image, String> {
-    let image = Image::read(path)?;
+    let mut note = |line: &str| {
+        if !arguments.quiet {
+            progress::warn(line);
+        }
+    };
+    let image = Image::read_noting(path, &mut note)?;
     let (width, height) = arguments.window()?.size;
     if (image.width, image.height) != (width, height) {
         return Err(format!(
@@ -141,6 +146,10 @@ fn read_reference(
             image.width,
             image.height
         ));
+    }
+    if image.means.iter().any(|mean| !mean.is_finite()) {
+        let name = path.display();
+        return Err(format!("{name}: has pixels that are no numbers"));
     }
     refuse_others(path, &image, arguments, None)?;
     // Warn of a reference with our seed

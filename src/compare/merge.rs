@@ -71,7 +71,7 @@ fn pixel(runs: &[Run], i: usize) -> (f64, f64, f64) {
         let count = samples.map_or(0., |samples| samples[i]);
         (run.means[i], error, count)
     };
-    let parts = || runs.iter().map(part);
+    let parts = || runs.iter().map(part).filter(|part| part.2 > 0.);
     let count: f64 = parts().map(|(.., n)| n).sum();
     let sum: f64 = parts().map(|(mean, _, n)| n * mean).sum();
     let mean = sum / f64::max(count, 1.);

@@ -23,7 +23,9 @@ use exr::prelude::{
 use exr::prelude::{ReadChannels, ReadLayers, WritableImage};
 use sha2::{Digest, Sha256};
 
-use super::data::Image;
+use super::COLOURS;
+use super::data::{Image, room};
+use super::srgb::luminance;
 
 // Write the channels and attributes
 /// Writes all that the image holds.
@@ -138,12 +140,15 @@ fn checksum(image: &Image) -> String {
 }
 
 // Read the channels and attributes
-/// Reads the first layer of a file that has the channel `Y`; `bytes` is
-/// the whole file.
+/// Reads the first layer of a file that has the channel `Y` or colours;
+/// `bytes` is the whole file. `note` is told of colours.
 ///
 /// # Errors
-/// The file is damaged, or it has no channel `Y` of full size.
-pub fn read(bytes: &[u8]) -> Result<Image, String> {
+/// The file is damaged, or it has neither in full size.
+pub fn read(
+    bytes: &[u8],
+    note: &mut dyn FnMut(&str),
+) -> Result<Image, String> {
     refuse_lies(bytes)?;
     // Decode the first layer of the file
     let film = exr::prelude::read()
@@ -169,12 +174,18 @@ pub fn read(bytes: &[u8]) -> Result<Image, String> {
         };
         (values.len() == size).then_some(values)
     };
-    let means = values(MEAN).ok_or_else(|| {
+    let coloured = || {
+        let colours = [values("R")?, values("G")?, values("B")?];
+        let pixel = |i| luminance([0, 1, 2].map(|k: usize| colours[k][i]));
+        note(COLOURS);
+        Some((0..size).map(pixel).collect())
+    };
+    let means = values(MEAN).or_else(coloured).ok_or_else(|| {
         // Say which channels there are instead
         let list = layer.channel_data.list.iter();
         let names: Vec<_> = list.map(|c| c.name.to_string()).collect();
         let names = names.join(", ");
-        format!("it has no channel Y, the mean radiance, but {names}")
+        format!("it has neither a channel Y nor R, G and B, but {names}")
     })?;
     let attributes = layer.attributes.other.iter().filter_map(ours);
     let mut attributes: BTreeMap<_, _> = attributes.collect();
@@ -210,11 +221,7 @@ fn refuse_lies(bytes: &[u8]) -> Result<(), String> {
         // Ask for room of that size, and give it back
         let pixel = header.channels.bytes_per_pixel as u128;
         let size = width as u128 * height as u128 * pixel;
-        let likely = size <= 8192 * bytes.len() as u128;
-        let room = likely
-            && usize::try_from(size).is_ok_and(|n| {
-                Vec::<u8>::new().try_reserve_exact(n).is_ok()
-            });
+        let room = room(size, bytes.len());
         if !room {
             return Err(format!(
                 "its header says {width} by {height} pixels, which a \
