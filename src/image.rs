@@ -23,6 +23,7 @@ use std::io::{self, Read, Write};
 use std::path::Path;
 
 pub use data::Image;
+use srgb::COLOURS;
 
 // Choose among the image formats
 /// How an image becomes bytes.
@@ -79,13 +80,9 @@ pub fn extension(path: &Path) -> Option<String> {
 }
 
 // Read an image back
-/// What is said of colours.
-const COLOURS: &str = "it has colours, of which the luminance is taken \
-     (0.2126 R + 0.7152 G + 0.0722 B)";
-
 /// What is said of levels, grey or of colours.
-const LEVELS: &str = "it holds levels, which are read by the sRGB curve, \
-     and of colours the luminance is taken";
+const LEVELS: &str = "it holds grey levels or colours, which are read by \
+     the sRGB curve, and of colours the luminance is taken";
 
 impl Image {
     /// Reads a file of any of the formats; see [`Image::read_noting`].
@@ -186,8 +183,7 @@ impl Image {
         if let Some(first) = lost.first() {
             let (x, y) = (first % width, first / width);
             note(&format!(
-                "pixels that are not finite numbers: {}, the first at {x},{y}; \
-                 they are left out",
+                "pixels that are not finite numbers: {}, the first at {x},{y}",
                 lost.len()
             ));
         }

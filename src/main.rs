@@ -132,12 +132,15 @@ fn read_reference(
     path: &Path,
     arguments: &Arguments,
 ) -> Result<Image, String> {
-    let mut note = |line: &str| {
-        if !arguments.quiet {
-            progress::warn(line);
-        }
-    };
-    let image = Image::read_noting(path, &mut note)?;
+    // Read an image that needs no note
+    let mut faults = Vec::new();
+    let note = &mut |fault: &str| faults.push(fault.to_owned());
+    let image = Image::read_noting(path, note)?;
+    if let Some(fault) = faults.pop() {
+        return Err(format!(
+            "{fault}; a reference needs the radiance of each pixel"
+        ));
+    }
     let (width, height) = arguments.window()?.size;
     if (image.width, image.height) != (width, height) {
         return Err(format!(
@@ -146,10 +149,6 @@ fn read_reference(
             image.width,
             image.height
         ));
-    }
-    if image.means.iter().any(|mean| !mean.is_finite()) {
-        let name = path.display();
-        return Err(format!("{name}: has pixels that are no numbers"));
     }
     refuse_others(path, &image, arguments, None)?;
     // Warn of a reference with our seed

@@ -434,7 +434,7 @@ fn what_was_made_of_a_file_is_said_on_standard_error() {
     write(&place, "a.png", &image);
     let info = run(&place, &["info", "a.png"]);
     info.succeeded();
-    let warning = "warning: a.png: it holds levels";
+    let warning = "warning: a.png: it holds grey levels";
     assert!(info.stderr.starts_with(warning), "{}", info.stderr);
     let mut broken = image.clone();
     broken.means[41] = f64::NAN;
@@ -442,7 +442,7 @@ fn what_was_made_of_a_file_is_said_on_standard_error() {
     write(&place, "b.exr", &broken);
     let info = run(&place, &["info", "b.exr"]);
     let warning = "b.exr: pixels that are not finite numbers: 2, the \
-                   first at 1,1; they are left out\n";
+                   first at 1,1\n";
     assert!(info.stderr.ends_with(warning), "{}", info.stderr);
     assert!(
         text(&info).contains("  pixels that are not finite numbers: 2")
@@ -464,7 +464,7 @@ fn what_was_made_of_a_file_is_said_on_standard_error() {
     assert_eq!((counts[40], counts[41]), (128., 64.));
     let reference = ["-iroom.obj", "-d40x30", "--reference", "b.exr"];
     let refused = place.run(&[&reference[..], &["-q"]].concat());
-    refused.failed(1, &["b.exr", "no numbers"]);
+    refused.failed(1, &["b.exr", "first at 1,1; a reference needs"]);
 }
 
 #[test]

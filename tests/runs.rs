@@ -649,7 +649,7 @@ fn a_reference_that_cannot_be_used_is_named_before_the_scene_is_read() {
     }
     unfit("short.pfm", "23x17", "bytes of pixels");
     unfit("long.pfm", "23x17", "bytes of pixels");
-    unfit("nan.pfm", "23x17", "the mean of the pixel 22,0 is NaN");
+    unfit("nan.pfm", "23x17", "not finite numbers: 1, the first at 22,0");
     unfit("colour.pfm", "23x17", "colour");
     unfit("levels.pgm", "23x17", "grey levels");
     unfit("levels.png", "23x17", "grey levels");

@@ -23,9 +23,8 @@ use exr::prelude::{
 use exr::prelude::{ReadChannels, ReadLayers, WritableImage};
 use sha2::{Digest, Sha256};
 
-use super::COLOURS;
 use super::data::{Image, room};
-use super::srgb::luminance;
+use super::srgb::{COLOURS, luminance};
 
 // Write the channels and attributes
 /// Writes all that the image holds.

@@ -49,6 +49,7 @@ pub fn read(bytes: &[u8]) -> Result<Image, String> {
     Ok(Image::plain(frame.width, frame.height, means))
 }
 
+// Undo the curve for the levels of a PNG file
 /// The radiances of levels of one or of two bytes.
 fn radiances(levels: &[u8], wide: bool) -> Vec<f64> {
     let narrow = |&level: &u8| radiance(f64::from(level) / 255.);

@@ -35,3 +35,7 @@ pub fn radiance(encoded: f64) -> f64 {
 pub fn luminance([r, g, b]: [f64; 3]) -> f64 {
     0.2126 * r + 0.7152 * g + 0.0722 * b
 }
+
+/// What a reader is told of a file that has colours.
+pub const COLOURS: &str = "it has colours, of which the luminance is \
+     taken (0.2126 R + 0.7152 G + 0.0722 B)";
