@@ -137,8 +137,7 @@ struct Output {
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
 
-    /// Format on standard output [default: pgm for the screen, exr for
-    /// radiances]
+    /// Format on standard output [default: pgm, or exr for merge]
     #[arg(long, value_name = "FORMAT", hide_possible_values = true)]
     format: Option<Format>,
 
@@ -510,7 +509,7 @@ fn explain(difference: &Difference) -> String {
     if pixels > 0 {
         let verdict = if failed { "beyond" } else { "no more than" };
         lines.push(format!(
-            "errors: differences are {ratio:.3} times what they say \
+            "errors: differences {ratio:.3} times as large \
              (z = {z:.2}), {verdict} chance"
         ));
     }

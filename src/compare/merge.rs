@@ -44,7 +44,7 @@ pub fn merge(runs: &[Run]) -> Result<Image, String> {
             differing(names, &first.attributes, &run.attributes);
         if !differing.is_empty() {
             return Err(format!(
-                "{first_name} and {name} show different things: {}",
+                "{first_name} and {name} are not runs of one image: {}",
                 differing.join(", ")
             ));
         }
