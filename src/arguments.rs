@@ -430,7 +430,7 @@ impl Arguments {
     /// Chooses a camera outside of the box between two corners, if none is
     /// given, and returns the options for it.
     pub fn stand_outside(&mut self, corners: [DVec3; 2]) -> Option<String> {
-        if self.position.is_some() || self.target.is_some() {
+        if self.has_camera() {
             return None;
         }
         let (width, height) = self.resolution;
@@ -440,6 +440,11 @@ impl Arguments {
             (Some(view.position), Some(view.target));
         let [p, t] = [view.position, view.target].map(typed);
         Some(format!("-p {p} -t {t}"))
+    }
+
+    /// Whether the position of the camera or its target is known.
+    pub fn has_camera(&self) -> bool {
+        self.position.or(self.target).is_some()
     }
 
     /// The targets of the image, checked but untouched.

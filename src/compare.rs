@@ -16,6 +16,7 @@ pub mod display;
 pub mod merge;
 
 // Name what the comparison imports
+use std::collections::BTreeMap;
 use std::f64::consts::SQRT_2;
 
 use statrs::function::beta::beta_reg;
@@ -112,7 +113,8 @@ fn gap(a: &Image, b: &Image, i: usize) -> Option<Gap> {
         gap.variance += variance;
         gap.fourth += variance * variance / freedom.max(1.);
     }
-    gap.variance.is_finite().then_some(gap)
+    let known = gap.variance.is_finite() && difference.is_finite();
+    known.then_some(gap)
 }
 
 // Share the false alarms among tests
@@ -123,6 +125,9 @@ pub const FALSE_ALARMS: f64 = 0.01;
 /// Sides of the blocks that are tested, in pixels; the last is the
 /// whole image.
 const SIDES: [u32; 3] = [1, 16, u32::MAX];
+
+/// Number of tests: of each size of blocks, and of the errors.
+const TESTS: usize = SIDES.len() + 1;
 
 /// The probability to allow each of `tests`, so that one of them
 /// fails by chance with the probability `all` (Sidak 1967).
@@ -155,14 +160,17 @@ fn enough(image: &Image, i: usize) -> bool {
     image.samples.as_ref().is_none_or(|samples| samples[i] >= FEW)
 }
 
+/// The number of the block that holds pixel `i`, row by row.
+fn block_of(i: u32, width: u32, side: u32) -> usize {
+    let (x, y) = (i % width / side, i / width / side);
+    y as usize * width.div_ceil(side) as usize + x as usize
+}
+
 /// The sums of the gaps over blocks of one size, row by row.
 fn blocks(gaps: &[Option<Gap>], width: u32, side: u32) -> Vec<Gap> {
-    let columns = u64::from(width.div_ceil(side));
     let mut blocks: Vec<Gap> = Vec::new();
-    let (width, side) = (u64::from(width), u64::from(side));
     for (i, gap) in (0..).zip(gaps) {
-        let (x, y) = (i % width / side, i / width / side);
-        let block = (y * columns + x) as usize;
+        let block = block_of(i, width, side);
         blocks.resize(blocks.len().max(block + 1), Gap::default());
         if let Some(gap) = gap {
             blocks[block].add(gap);
@@ -182,7 +190,7 @@ fn test(
     let own = blocks(gaps, width, side);
     let others = blocks(gaps, width, around);
     let tested = own.iter().filter(|block| block.pixels > 0).count();
-    let level = sidak(sidak(FALSE_ALARMS, SIDES.len()), tested.max(1));
+    let level = sidak(sidak(FALSE_ALARMS, TESTS), tested.max(1));
     let mut scale = Scale { side, tested, failed: 0, largest: (0., 0, 0) };
     // Judge each block by the larger of two errors
     let columns = width.div_ceil(side);
@@ -197,6 +205,93 @@ fn test(
         }
     }
     scale
+}
+
+// Test the errors themselves
+/// How large the differences are, compared with the stated errors.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Dispersion {
+    /// Root of the ratio of squared differences to variances, where
+    /// each block of noisy pixels has the same weight; one if the
+    /// errors are right.
+    pub ratio: f64,
+    /// The excess of the squares in its own standard errors.
+    pub z: f64,
+    /// Number of noisy pixels in the sums.
+    pub pixels: usize,
+    /// Whether the excess is no chance.
+    pub failed: bool,
+}
+
+/// Tests whether the squared differences exceed the variances.
+fn dispersion(gaps: &[Option<Gap>], width: u32) -> Dispersion {
+    let [_, side, _] = SIDES;
+    let blocks = blocks(gaps, width, side);
+    let (mut squared, mut excess, mut square_excess) = (0., 0., 0.);
+    let mut pixels = 0;
+    // Sum over the pixels of noisy blocks
+    for (i, gap) in (0..).zip(gaps) {
+        let block = &blocks[block_of(i, width, side)];
+        let unit = block.variance / block.pixels as f64;
+        let Some(gap) = gap.filter(|_| unit > 0.) else { continue };
+        let square = gap.difference * gap.difference / unit;
+        let x = square - gap.variance / unit;
+        squared += square;
+        excess += x;
+        square_excess += x * x;
+        pixels += 1;
+    }
+    let z = excess / f64::sqrt(square_excess).max(f64::MIN_POSITIVE);
+    let level = sidak(FALSE_ALARMS, TESTS);
+    let failed = z > 0. && tail(z, f64::INFINITY) < 2. * level;
+    let ratio = f64::sqrt(squared / f64::max(squared - excess, 0.));
+    Dispersion { ratio, z, pixels, failed }
+}
+
+// Tell whether two images show the same
+/// What is known about an image: names and values.
+type Attributes = BTreeMap<String, String>;
+
+/// Attributes that decide which radiances an image estimates.
+pub const SUBJECT: [&str; 8] = [
+    "scene_sha256",
+    "resolution",
+    "crop",
+    "position",
+    "target",
+    "up",
+    "fov",
+    "albedo",
+];
+
+/// The attributes of these names whose values differ, in words.
+fn differing<'a>(
+    names: impl Iterator<Item = &'a &'static str>,
+    a: &Attributes,
+    b: &Attributes,
+) -> Vec<String> {
+    let differ = |name: &&&str| a.get(**name) != b.get(**name);
+    let show = |name: &str, of: &Attributes| match of.get(name) {
+        Some(hash) if name == SUBJECT[0] => hash.chars().take(12).collect(),
+        value => value.cloned().unwrap_or_else(|| "none".to_owned()),
+    };
+    let tell = |name| {
+        format!("{name} {} against {}", show(name, a), show(name, b))
+    };
+    names.filter(differ).map(|&name| tell(name)).collect()
+}
+
+/// What differs of the scenes and views of two images, as in `fov 70.0
+/// against 60.0`, from their attributes; nothing if one of them does
+/// not say.
+pub fn disagreements(a: &Attributes, b: &Attributes) -> Vec<String> {
+    let silent = |of: &Attributes| {
+        SUBJECT.iter().all(|name| !of.contains_key(*name))
+    };
+    match silent(a) || silent(b) {
+        true => Vec::new(),
+        false => differing(SUBJECT.iter(), a, b),
+    }
 }
 
 // State what distinguishes two images
@@ -215,11 +310,10 @@ pub struct Difference {
     /// Number of pixels of known error with fewer than [`FEW`]
     /// samples.
     pub few: usize,
-    /// Standard deviation of z over the pixels that are tested and not
-    /// exact, and its expectation for normal samples.
-    pub spread: (f64, f64),
     /// The tests of pixels, of blocks, and of the image.
     pub scales: [Scale; 3],
+    /// The test of the errors.
+    pub dispersion: Dispersion,
     /// The z of each pixel; zero where the error is unknown.
     pub z: Vec<f64>,
 }
@@ -228,6 +322,7 @@ impl Difference {
     /// Whether nothing but chance distinguishes the images.
     pub fn consistent(&self) -> bool {
         self.scales.iter().all(|scale| scale.failed == 0)
+            && !self.dispersion.failed
     }
 }
 
@@ -268,8 +363,8 @@ pub fn compare(a: &Image, b: &Image) -> Result<Difference, String> {
         sum,
         unknown: gaps.len() - known,
         few: known - scales[0].tested,
-        spread: spread(&single),
         scales,
+        dispersion: dispersion(&gaps, a.width),
         z: gaps.iter().map(|g| g.map_or(0., |g| g.z())).collect(),
     })
 }
@@ -281,26 +376,15 @@ const EPSILON: f64 = 1e-2;
 /// Root mean square difference, and mean square relative difference.
 fn distances(a: &Image, b: &Image) -> (f64, f64) {
     let (mut squares, mut relative) = (0., 0.);
-    for (a, b) in a.means.iter().zip(&b.means) {
+    let mut n = 0.;
+    let pairs = a.means.iter().zip(&b.means);
+    for (a, b) in pairs.filter(|(a, b)| (*a - *b).is_finite()) {
         let square = (a - b) * (a - b);
         squares += square;
         relative += square / (b * b + EPSILON);
-    }
-    let n = a.means.len() as f64;
-    (f64::sqrt(squares / n), relative / n)
-}
-
-/// Standard deviation of z, and its expectation; pixels without noise,
-/// or whose distribution has no variance, are left out.
-fn spread(gaps: &[Option<Gap>]) -> (f64, f64) {
-    let (mut squares, mut expected, mut n) = (0., 0., 0.);
-    let noisy = |gap: &&Gap| gap.variance > 0. && gap.freedom() > 2.;
-    for gap in gaps.iter().flatten().filter(noisy) {
-        squares += gap.z() * gap.z();
-        expected += 1. / (1. - 2. / gap.freedom());
         n += 1.;
     }
-    (f64::sqrt(squares / n), f64::sqrt(expected / n))
+    (f64::sqrt(squares / n), relative / n)
 }
 
 /// # Errors

@@ -19,10 +19,11 @@ mod png;
 pub(crate) mod srgb;
 
 // Name what the image imports
-use std::io::{self, Write};
+use std::io::{self, Read, Write};
 use std::path::Path;
 
 pub use data::Image;
+use srgb::COLOURS;
 
 // Choose among the image formats
 /// How an image becomes bytes.
@@ -79,60 +80,113 @@ pub fn extension(path: &Path) -> Option<String> {
 }
 
 // Read an image back
+/// What is said of levels, grey or of colours.
+const LEVELS: &str = "it holds grey levels or colours, which are read by \
+     the sRGB curve, and of colours the luminance is taken";
+
 impl Image {
-    /// Reads a file of numbers: EXR or PFM.
+    /// Reads a file of any of the formats; see [`Image::read_noting`].
+    ///
+    /// # Errors
+    /// Those of [`Image::read_noting`].
+    pub fn read(path: &Path) -> Result<Self, String> {
+        Self::read_noting(path, &mut |_| ())
+    }
+
+    // Read a file and tell what was made of it
+    /// Reads a file, or standard input if its name is `-`; `note` is told,
+    /// in a line, of what is not as [`Image`] has it.
     ///
     /// # Errors
     /// The file cannot be read, and those of [`Image::decode`]; the
     /// message names the file and the fault.
-    pub fn read(path: &Path) -> Result<Self, String> {
-        let name = path.display();
-        let bytes = std::fs::read(path)
-            .map_err(|error| format!("{name}: cannot read: {error}"))?;
-        Self::decode(&bytes).map_err(|fault| format!("{name}: {fault}"))
+    pub fn read_noting(
+        path: &Path,
+        note: &mut dyn FnMut(&str),
+    ) -> Result<Self, String> {
+        let mut bytes = Vec::new();
+        let (name, read) = match path.to_str() {
+            Some("-") => {
+                let read = io::stdin().read_to_end(&mut bytes).map(drop);
+                ("standard input".to_owned(), read)
+            }
+            _ => {
+                let read = std::fs::read(path).map(|read| bytes = read);
+                (path.display().to_string(), read)
+            }
+        };
+        read.map_err(|error| format!("{name}: cannot read: {error}"))?;
+        Self::decode(&bytes, &mut |text| note(&format!("{name}: {text}")))
+            .map_err(|fault| format!("{name}: {fault}"))
     }
 
     // Decode the bytes of any image
-    /// Reads an image from the bytes of its file.
+    /// Reads an image from the bytes of its file; `note` is told of what is
+    /// not as [`Image`] has it.
     ///
     /// # Errors
     /// The bytes are damaged, or of another kind of file.
-    pub fn decode(bytes: &[u8]) -> Result<Self, String> {
+    pub fn decode(
+        bytes: &[u8],
+        note: &mut dyn FnMut(&str),
+    ) -> Result<Self, String> {
+        match bytes.get(..2) {
+            Some(b"PF") => note(COLOURS),
+            Some(b"P2" | b"P5" | b"\x89P") => note(LEVELS),
+            _ => (),
+        }
         let image = match bytes.get(..2) {
-            Some([0x76, 0x2f]) => exr::read(bytes),
-            Some(b"Pf") => pfm::read(bytes),
-            Some(b"PF") => Err("it has colours; use Pf, not PF".to_owned()),
-            Some(b"P2" | b"P5" | b"\x89P") => {
-                Err("it holds grey levels; use .exr or .pfm".to_owned())
+            Some([0x76, 0x2f]) => exr::read(bytes, note),
+            Some(b"Pf" | b"PF") => pfm::read(bytes),
+            Some(b"P2" | b"P5") => pgm::read(bytes),
+            Some(b"\x89P") => png::read(bytes),
+            _ => Err("it is neither EXR, PFM, PNG nor PGM".to_owned()),
+        };
+        image?.sifted(note)
+    }
+
+    // Leave out what is not a number
+    fn sifted(
+        mut self,
+        note: &mut dyn FnMut(&str),
+    ) -> Result<Self, String> {
+        let width = self.width as usize;
+        let mut lost = Vec::new();
+        for (i, mean) in self.means.iter_mut().enumerate() {
+            let error = self.errors.as_mut().map(|errors| &mut errors[i]);
+            let count =
+                self.samples.as_mut().map(|samples| &mut samples[i]);
+            // Refuse a negative error or count
+            let (x, y) = (i % width, i / width);
+            for (what, value) in
+                [("standard error", &error), ("count", &count)]
+            {
+                if let Some(value) =
+                    value.as_ref().filter(|value| ***value < 0.)
+                {
+                    return Err(format!(
+                        "the {what} of the pixel {x},{y} is {value}"
+                    ));
+                }
             }
-            _ => Err("it is neither EXR nor PFM".to_owned()),
-        };
-        image.and_then(Self::checked)
-    }
-
-    // Refuse numbers that mean nothing
-    fn checked(self) -> Result<Self, String> {
-        let empty = Vec::new();
-        let errors = self.errors.as_ref().unwrap_or(&empty);
-        let samples = self.samples.as_ref().unwrap_or(&empty);
-        self.refuse("mean", &self.means, |x| x.is_finite())?;
-        self.refuse("standard error", errors, |x| x >= 0.)?;
-        self.refuse("count", samples, |x| x >= 0. && x.is_finite())?;
+            let known = mean.is_finite()
+                && error.as_ref().is_none_or(|error| !error.is_nan())
+                && count.as_ref().is_none_or(|count| count.is_finite());
+            if !known {
+                *mean = f64::NAN;
+                error.into_iter().for_each(|error| *error = f64::INFINITY);
+                count.into_iter().for_each(|count| *count = 0.);
+                lost.push(i);
+            }
+        }
+        // Tell how many pixels are no numbers
+        if let Some(first) = lost.first() {
+            let (x, y) = (first % width, first / width);
+            note(&format!(
+                "pixels that are not finite numbers: {}, the first at {x},{y}",
+                lost.len()
+            ));
+        }
         Ok(self)
-    }
-
-    /// Names the first of the values that is not as it should be.
-    fn refuse(
-        &self,
-        what: &str,
-        values: &[f64],
-        valid: impl Fn(f64) -> bool,
-    ) -> Result<(), String> {
-        let Some(i) = values.iter().position(|&x| !valid(x)) else {
-            return Ok(());
-        };
-        let (x, y) = (i % self.width as usize, i / self.width as usize);
-        let value = values[i];
-        Err(format!("the {what} of the pixel {x},{y} is {value}"))
     }
 }

@@ -24,6 +24,7 @@ use litpt::arguments::Arguments;
 use litpt::bvh::{Bvh, Quality, too_small};
 use litpt::camera::Camera;
 use litpt::checkpoint::{Checkpoint, RunKey};
+use litpt::compare::disagreements;
 use litpt::film::{Film, Window};
 use litpt::image::{Format, Image};
 use litpt::integrator::identity;
@@ -32,7 +33,7 @@ use litpt::progress::{self, Bar};
 use litpt::render::{Renderer, renderer};
 use litpt::render_loop::{Convergence, Interrupt, Limits, Stop};
 use litpt::report::{Kind, Report, SceneFile};
-use litpt::run_output::RunOutput;
+use litpt::run_output::{RunOutput, attributes};
 use litpt::scene::{Scene, begins_obj, read_file};
 use litpt::sky::Sky;
 use rayon::ThreadPoolBuilder;
@@ -117,7 +118,7 @@ fn run(
 ) -> Result<Stop, String> {
     let start = Instant::now();
     // Check the camera if it is given
-    if arguments.position.or(arguments.target).is_some() {
+    if arguments.has_camera() {
         camera(arguments)?;
     }
     let window = arguments.window()?;
@@ -181,6 +182,7 @@ impl Files {
             || !self.reports.is_empty()
             || self.checkpoint.is_some()
             || self.resumed.is_some()
+            || self.reference.is_some()
     }
 }
 
@@ -195,7 +197,15 @@ fn read_reference(
     path: &Path,
     arguments: &Arguments,
 ) -> Result<Image, String> {
-    let image = Image::read(path)?;
+    // Read an image that needs no note
+    let mut faults = Vec::new();
+    let note = &mut |fault: &str| faults.push(fault.to_owned());
+    let image = Image::read_noting(path, note)?;
+    if let Some(fault) = faults.pop() {
+        return Err(format!(
+            "{fault}; a reference needs the radiance of each pixel"
+        ));
+    }
     let (width, height) = arguments.window()?.size;
     if (image.width, image.height) != (width, height) {
         return Err(format!(
@@ -204,6 +214,9 @@ fn read_reference(
             image.width,
             image.height
         ));
+    }
+    if arguments.has_camera() {
+        refuse_others(path, &image, arguments, None)?;
     }
     // Warn of a reference with our seed
     let seeds = image.attributes.get("seed");
@@ -216,6 +229,27 @@ fn read_reference(
         );
     }
     Ok(image)
+}
+
+/// # Errors
+/// The reference says that it shows another view or another scene.
+fn refuse_others(
+    path: &Path,
+    image: &Image,
+    arguments: &Arguments,
+    scene: Option<&String>,
+) -> Result<(), String> {
+    let theirs = &image.attributes;
+    let mut ours = attributes(&arguments.run_key());
+    let scene = scene.or_else(|| theirs.get("scene_sha256"));
+    ours.extend(scene.map(|hash| ("scene_sha256".into(), hash.clone())));
+    match disagreements(theirs, &ours).join(", ") {
+        same if same.is_empty() => Ok(()),
+        differing => Err(format!(
+            "{}: shows something else than this run: {differing}",
+            path.display()
+        )),
+    }
 }
 
 fn start_threads(arguments: &Arguments) -> Result<(), String> {
@@ -258,7 +292,12 @@ fn load(
     // Hash the bytes if a file will name them
     let hash = files.name_the_scene().then(|| Sha256::digest(&bytes));
     let hex = |byte: u8| format!("{byte:02x}");
-    let sha256 = hash.into_iter().flatten().map(hex).collect();
+    let sha256: String = hash.into_iter().flatten().map(hex).collect();
+    if let (Some(path), Some(image)) =
+        (&arguments.reference, &files.reference)
+    {
+        refuse_others(path, image, arguments, Some(&sha256))?;
+    }
     drop(bytes);
     let triangles = mesh.triangles.len() as u64;
     let scene = Scene::of(mesh);

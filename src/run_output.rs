@@ -9,6 +9,7 @@
 //! Reports and checkpoints, kept up to date while a run goes on.
 
 // Name what the run output imports
+use std::collections::BTreeMap;
 use std::hint::black_box;
 use std::io::{self, Write};
 use std::time::{Duration, Instant};
@@ -56,6 +57,14 @@ fn put(
         Some(_) => target.write(content),
         None => target.rewrite(content),
     }
+}
+
+// Show a value as text
+/// The names and values of a run as the attributes of its image.
+pub fn attributes(known: &RunKey) -> BTreeMap<String, String> {
+    let text =
+        |(name, value): (&String, _)| (name.clone(), as_typed(value));
+    known.iter().map(text).collect()
 }
 
 impl RunOutput {
@@ -235,8 +244,7 @@ impl RunOutput {
         let settings =
             self.known.settings.iter().filter(|(_, v)| !v.is_null());
         let all = settings.chain(&self.run_key).chain(known);
-        let attributes =
-            all.map(|(name, value)| (name.clone(), as_typed(value)));
-        Image::new(film, attributes.collect())
+        let all = all.map(|(name, value)| (name.clone(), value.clone()));
+        Image::new(film, attributes(&all.collect()))
     }
 }

@@ -10,6 +10,7 @@ use std::fs;
 use std::io::Cursor;
 use std::path::PathBuf;
 
+use exr::meta::attribute::AttributeValue;
 use exr::prelude::{
     AnyChannel, AnyChannels, FlatSamples, Image as ExrImage, WritableImage,
     f16,
@@ -38,6 +39,17 @@ fn image() -> Image {
         samples: Some(vec![4., 4., 16_777_216., 1., 4., 4.]),
         attributes: attributes.into_iter().map(own).collect(),
     }
+}
+
+fn decode(bytes: &[u8]) -> Result<Image, String> {
+    Image::decode(bytes, &mut |_| ())
+}
+
+/// An image that is not as it should be, and what was said of it.
+fn noted(bytes: &[u8]) -> (Image, String) {
+    let mut notes = String::new();
+    let image = Image::decode(bytes, &mut |note| notes += note).unwrap();
+    (image, notes)
 }
 
 fn bytes(format: Format, image: &Image) -> Vec<u8> {
@@ -96,7 +108,7 @@ fn large_counts_of_samples_are_exact() {
     for (own, count) in image.samples.iter_mut().flatten().zip(counts) {
         *own = count;
     }
-    let read = Image::decode(&bytes(Format::Exr, &image)).unwrap();
+    let read = decode(&bytes(Format::Exr, &image)).unwrap();
     let read = read.samples.unwrap();
     assert_eq!(read[..3], [16_777_217., 4_294_967_295., 4_294_967_295.]);
 }
@@ -119,11 +131,42 @@ fn the_same_image_is_the_same_exr_file() {
 
 #[test]
 fn exr_attributes_of_other_programs_are_left_out() {
-    let mut written = bytes(Format::Exr, &image());
-    let at = written.windows(10).position(|w| w == b"litpt:seed").unwrap();
-    written[at..at + 5].copy_from_slice(b"other");
+    let written = foreign(&[("Y", FlatSamples::F32(vec![1.; 2]))]);
+    assert!(written.windows(10).any(|w| w == b"other:seed"));
     let read = Files::new().read(&written).unwrap();
-    assert_eq!(read.attributes.len(), image().attributes.len() - 1);
+    assert_eq!(read.attributes, BTreeMap::new());
+}
+
+/// Any bit: of an attribute, of a number, or of the file's own tables.
+#[test]
+fn a_flipped_bit_of_an_exr_file_is_refused_or_changes_nothing() {
+    let mut written = bytes(Format::Exr, &image());
+    let mut refused = 0;
+    for at in 0..8 * written.len() {
+        written[at / 8] ^= 1 << (at % 8);
+        match decode(&written) {
+            Ok(read) => assert_eq!(read, image(), "bit {at}"),
+            Err(message) => {
+                assert!(!message.contains('\n'), "{message}");
+                refused += 1;
+            }
+        }
+        written[at / 8] ^= 1 << (at % 8);
+    }
+    assert!(refused > 6 * written.len(), "{refused}");
+}
+
+#[test]
+fn an_exr_file_with_a_changed_attribute_names_its_checksum() {
+    let whole = bytes(Format::Exr, &image());
+    for name in ["litpt:seed", "litpt:checksum", "Höhle.obj"] {
+        let mut written = whole.clone();
+        let name = name.as_bytes();
+        let mut windows = written.windows(name.len());
+        let at = windows.position(|w| w == name).unwrap();
+        written[at + name.len() - 1] ^= 1;
+        Files::new().refuse(&written, &["its checksum is wrong"]);
+    }
 }
 
 #[test]
@@ -154,32 +197,148 @@ fn a_float_map_that_begins_like_white_space_is_read() {
 #[test]
 fn files_of_other_kinds_are_refused_with_the_reason() {
     let files = Files::new();
-    files.refuse(b"PF\n1 1\n-1\n123456789012", &["colour"]);
-    files.refuse(&bytes(Format::Pgm, &image()), &["grey levels", ".exr"]);
-    files.refuse(&bytes(Format::Png, &image()), &["grey levels", ".pfm"]);
-    files.refuse(b"v 0 0 0", &["neither EXR nor PFM"]);
-    files.refuse(b"", &["neither EXR nor PFM"]);
+    let jpeg = b"\xff\xd8\xff\xe0\0\x10JFIF\0";
+    for other in [&b"v 0 0 0"[..], b"", b"P3 1 1 255 1 2 3", jpeg] {
+        files.refuse(other, &["neither EXR, PFM, PNG nor PGM"]);
+    }
     let message = Image::read(&files.path("none.exr")).unwrap_err();
     assert!(message.contains("none.exr: cannot read"), "{message}");
 }
 
+/// The luminance of three radiances, after Rec. ITU-R BT.709.
+fn luminance([r, g, b]: [f64; 3]) -> f64 {
+    0.2126 * r + 0.7152 * g + 0.0722 * b
+}
+
+#[track_caller]
+fn close(found: &[f64], expected: &[f64]) {
+    assert_eq!(found.len(), expected.len());
+    for (found, expected) in found.iter().zip(expected) {
+        assert!((found - expected).abs() < 1e-6, "{found} {expected}");
+    }
+}
+
+#[test]
+fn of_colours_the_luminance_is_taken_and_said() {
+    let map = pfm("PF\n1 2\n-1\n", &[0.25, 0.5, 0.75, 1., 0., 2.]);
+    let (image, notes) = noted(&map);
+    let expected = [[1., 0., 2.], [0.25, 0.5, 0.75]].map(luminance);
+    close(&image.means, &expected);
+    assert!(notes.contains("luminance"), "{notes}");
+    assert!(notes.contains("0.7152 G"), "{notes}");
+    let half = |x: f32| FlatSamples::F16(vec![f16::from_f32(x); 2]);
+    let file = foreign(&[
+        ("R", half(0.25)),
+        ("G", half(0.5)),
+        ("B", half(0.75)),
+        ("A", half(1.)),
+    ]);
+    let (image, notes) = noted(&file);
+    close(&image.means, &[luminance([0.25, 0.5, 0.75]); 2]);
+    assert!(image.errors.is_none() && image.attributes.is_empty());
+    assert!(notes.contains("luminance"), "{notes}");
+    let (_, notes) = noted(&bytes(Format::Exr, &image));
+    assert!(notes.is_empty(), "{notes}");
+}
+
+/// The radiance of a level (IEC 61966-2-1).
+fn radiance(level: f64) -> f64 {
+    match level <= 0.04045 {
+        true => level / 12.92,
+        false => ((level + 0.055) / 1.055).powf(2.4),
+    }
+}
+
+#[test]
+fn grey_levels_of_other_programs_are_radiances_of_the_srgb_curve() {
+    let levels = [0., 51. / 255., 1.].map(radiance);
+    for file in [
+        &b"P2\n# a comment\n3 1 # another\n255\n0 51\n255\n"[..],
+        b"P5 3 1 255\n\0\x33\xff",
+        b"P5\n3 1\n65535\n\0\0\x33\x33\xff\xff",
+    ] {
+        let (image, notes) = noted(file);
+        assert_eq!((image.width, image.height), (3, 1));
+        close(&image.means, &levels);
+        assert!(image.errors.is_none());
+        assert!(notes.contains("sRGB curve"), "{notes}");
+    }
+    let files = Files::new();
+    files.refuse(b"P2 2 1 255 7", &["1 levels", "says 2"]);
+    files.refuse(b"P5 2 1 255\n123", &["3 levels", "says 2"]);
+    files.refuse(b"P5 4294967295 4294967295 255\n1", &["1 levels"]);
+    files.refuse(b"P2 2 1 255 7 x", &["no number"]);
+    files.refuse(b"P2 0 1 255", &["header"]);
+    files.refuse(b"P5 2 1 0\n12", &["header"]);
+}
+
+/// A PNG file of two pixels.
+fn png(kind: png::ColorType, depth: png::BitDepth, data: &[u8]) -> Vec<u8> {
+    let mut bytes = vec![];
+    let mut encoder = png::Encoder::new(&mut bytes, 2, 1);
+    encoder.set_color(kind);
+    encoder.set_depth(depth);
+    if kind == png::ColorType::Indexed {
+        encoder.set_palette(&[255, 0, 0, 0, 0, 51]);
+    }
+    let mut writer = encoder.write_header().unwrap();
+    writer.write_image_data(data).unwrap();
+    writer.finish().unwrap();
+    bytes
+}
+
+#[test]
+fn png_files_of_all_kinds_are_read() {
+    use png::{BitDepth, ColorType};
+    let files = Files::new();
+    let written = bytes(Format::Png, &image());
+    let clamped = image().means.into_iter().map(|mean| mean.min(1.));
+    let read = files.read(&written).unwrap().means;
+    for (read, mean) in read.into_iter().zip(clamped) {
+        assert!((read - mean).abs() < 1e-4, "{read} {mean}");
+    }
+    let fifth = radiance(0.2);
+    let eight = BitDepth::Eight;
+    let colours = [luminance([1., 0., 0.]), luminance([0., 0., fifth])];
+    for (file, expected) in [
+        (png(ColorType::Grayscale, eight, &[51, 255]), [fifth, 1.]),
+        (png(ColorType::Grayscale, BitDepth::One, &[0x40]), [0., 1.]),
+        (
+            png(ColorType::GrayscaleAlpha, eight, &[51, 9, 255, 255]),
+            [fifth, 1.],
+        ),
+        (png(ColorType::Rgb, eight, &[255, 0, 0, 0, 0, 51]), colours),
+        (png(ColorType::Indexed, eight, &[0, 1]), colours),
+        (
+            png(ColorType::Rgba, eight, &[255, 0, 0, 7, 0, 0, 51, 255]),
+            colours,
+        ),
+    ] {
+        let (image, notes) = noted(&file);
+        close(&image.means, &expected);
+        assert!(notes.contains("sRGB curve"), "{notes}");
+    }
+    for length in 0..written.len() - 12 {
+        assert!(decode(&written[..length]).is_err(), "{length}");
+    }
+}
+
 #[test]
 fn an_exr_file_without_luminance_is_refused_with_its_channels() {
-    use exr::prelude::write_rgb_file;
-    let files = Files::new();
-    let path = files.path("rgb.exr");
-    write_rgb_file(&path, 2, 2, |_, _| (0f32, 0f32, 0f32)).unwrap();
-    let message = Image::read(&path).unwrap_err();
-    assert!(message.contains("no channel Y"), "{message}");
-    assert!(message.contains("B, G, R"), "{message}");
+    let depth = foreign(&[("Z", FlatSamples::F32(vec![1.; 2]))]);
+    Files::new().refuse(&depth, &["neither a channel Y nor R, G", "but Z"]);
 }
 
 /// A file of two pixels, as another program may write it.
-fn foreign(means: FlatSamples, counts: FlatSamples) -> Vec<u8> {
-    let mean = AnyChannel::new("Y", means);
-    let count = AnyChannel::new("samples.Y", counts);
-    let channels = AnyChannels::sort([mean, count].into_iter().collect());
-    let image = ExrImage::from_channels((2, 1), channels);
+fn foreign(channels: &[(&str, FlatSamples)]) -> Vec<u8> {
+    let channel = |(name, values): &(&str, FlatSamples)| {
+        AnyChannel::new(*name, values.clone())
+    };
+    let channels = channels.iter().map(channel).collect();
+    let channels = AnyChannels::sort(channels);
+    let mut image = ExrImage::from_channels((2, 1), channels);
+    let seed = ("other:seed".into(), AttributeValue::F32(7.));
+    image.layer_data.attributes.other.extend([seed]);
     let mut bytes = vec![];
     let out = Cursor::new(&mut bytes);
     image.write().to_buffered(out).unwrap();
@@ -189,25 +348,41 @@ fn foreign(means: FlatSamples, counts: FlatSamples) -> Vec<u8> {
 #[test]
 fn half_and_whole_numbers_of_other_programs_are_read() {
     let (means, counts) = (vec![f16::ONE; 2], vec![9.; 2]);
-    let bytes = foreign(FlatSamples::F16(means), FlatSamples::F32(counts));
-    let read = Image::decode(&bytes).unwrap();
+    let bytes = foreign(&[
+        ("Y", FlatSamples::F16(means)),
+        ("samples.Y", FlatSamples::F32(counts)),
+    ]);
+    let read = decode(&bytes).unwrap();
     assert_eq!(read.means, [1., 1.]);
     assert_eq!(read.samples, Some(vec![9., 9.]));
 }
 
 #[test]
-fn numbers_that_mean_nothing_are_refused_with_their_pixel() {
-    let files = Files::new();
-    let map = |value| pfm("Pf\n2 2\n-1\n", &[0., 0., 0., value]);
-    files.refuse(&map(f32::NAN), &["mean", "1,0", "NaN"]);
-    files.refuse(&map(f32::INFINITY), &["mean", "1,0", "inf"]);
+fn pixels_that_are_no_numbers_are_counted_and_left_out() {
+    for value in [f32::NAN, f32::INFINITY] {
+        let map = pfm("Pf\n2 2\n-1\n", &[0., value, 0.5, value]);
+        let (image, notes) = noted(&map);
+        let lost: Vec<_> = image.means.iter().map(|x| x.is_nan()).collect();
+        assert_eq!(lost, [false, true, false, true]);
+        assert!(notes.contains("not finite numbers: 2"), "{notes}");
+        assert!(notes.contains("the first at 1,0"), "{notes}");
+    }
+    let nothing = FlatSamples::F32(vec![4., f32::NAN]);
+    let means = FlatSamples::F32(vec![1.; 2]);
+    let file = foreign(&[("Y", means), ("samples.Y", nothing)]);
+    let (image, notes) = noted(&file);
+    assert!(image.means[0] == 1. && image.means[1].is_nan());
+    assert_eq!(image.samples, Some(vec![4., 0.]));
+    assert!(notes.contains("numbers: 1, the first at 1,0"), "{notes}");
+}
+
+#[test]
+fn negative_errors_are_refused_with_their_pixel() {
     let errors = Some(vec![0., 0., 0., 0., -1., 0.]);
     let negative = Image { errors, ..image() };
     let negative = bytes(Format::Exr, &negative);
+    let files = Files::new();
     files.refuse(&negative, &["standard error", "1,1", "-1"]);
-    let nothing = FlatSamples::F32(vec![f32::NAN; 2]);
-    let nothing = foreign(FlatSamples::F32(vec![1.; 2]), nothing);
-    files.refuse(&nothing, &["count", "0,0", "NaN"]);
 }
 
 #[test]
@@ -233,9 +408,9 @@ fn a_header_that_promises_more_than_the_file_holds_is_refused() {
 fn a_file_cut_off_anywhere_is_refused() {
     for format in [Format::Exr, Format::Pfm] {
         let whole = bytes(format, &image());
-        assert!(Image::decode(&whole).is_ok());
+        assert!(decode(&whole).is_ok());
         for length in 0..whole.len() {
-            let message = Image::decode(&whole[..length]).unwrap_err();
+            let message = decode(&whole[..length]).unwrap_err();
             assert!(!message.contains('\n'), "{message}");
         }
     }
@@ -255,7 +430,7 @@ fn ten_thousand_damaged_files_never_end_the_program() {
             let at = random.random_range(0..damaged.len());
             damaged[at] = random.random();
         }
-        refused += u32::from(Image::decode(&damaged).is_err());
+        refused += u32::from(decode(&damaged).is_err());
     }
     assert!(refused > 1000 && refused < 9999, "{refused}");
 }

@@ -358,6 +358,11 @@ fn a_camera_that_is_not_given_is_told_and_can_be_typed() {
     assert!(typed.stdout == chosen.stdout);
     assert!(!typed.stderr.contains("outside"));
     assert!(run(&["-q"]).stderr.is_empty());
+    // A reference of the view that is chosen shows the same.
+    run(&["-oa.exr", "-s1"]).succeeded();
+    run(&["--reference", "a.exr"]).succeeded();
+    let other = run(&["--reference", "a.exr", "-p0,0,0"]);
+    other.failed(1, &["a.exr", "position"]);
 }
 
 /// The four planes between the eye and the edges of the image have all

@@ -8,6 +8,7 @@ mod common;
 
 use std::collections::BTreeMap;
 use std::fs;
+use std::io::Write;
 
 use common::{Run, Scratch, finish, pgm};
 use litpt::image::Image;
@@ -133,7 +134,23 @@ fn different_images_are_inconsistent_with_status_1() {
     put(&place, "b.exr", 2, 0.52);
     let run = run(&place, &["diff", "a.exr", "b.exr"]);
     assert_eq!(run.status, Some(1));
-    assert!(text(&run).lines().last().unwrap().starts_with("inconsistent"));
+    let said = text(&run).lines().last().unwrap();
+    assert!(said.starts_with("inconsistent"), "{said}");
+    assert!(said.ends_with("(failed: blocks of 16x16, image)"), "{said}");
+}
+
+#[test]
+fn errors_that_are_too_small_are_inconsistent_by_name() {
+    let place = Scratch::new();
+    put(&place, "a.exr", 1, 0.5);
+    let mut image = put(&place, "b.exr", 2, 0.5);
+    image.errors.iter_mut().flatten().for_each(|error| *error *= 0.7);
+    write(&place, "b.exr", &image);
+    let run = run(&place, &["diff", "a.exr", "b.exr"]);
+    assert_eq!(run.status, Some(1));
+    let said = text(&run);
+    assert!(said.contains("errors: differences 1."), "{said}");
+    assert!(said.trim_end().ends_with("(failed: errors)"), "{said}");
 }
 
 #[test]
@@ -156,6 +173,7 @@ fn a_comparison_that_cannot_be_made_has_status_2() {
     let diff = |a, b| run(&place, &["diff", a, b]);
     diff("a.exr", "none.exr").failed(2, &["none.exr: cannot read"]);
     diff("a.exr", "room.obj").failed(2, &["room.obj: it is neither"]);
+    diff("-", "-").failed(2, &["standard input", "once"]);
     diff("a.pfm", "a.pfm").failed(2, &["a.pfm", "errors"]);
     let small = Image { width: 30, height: 40, ..image };
     write(&place, "b.exr", &small);
@@ -213,6 +231,94 @@ fn one_seed_for_two_scenes_is_compared_without_a_warning() {
     assert!(warns("a.exr", "c.exr"));
 }
 
+/// The options that decide what an image shows, each with another value
+/// than the one before it.
+const OTHERS: [&[&str]; 7] = [
+    &["-p0,0,0.5"],
+    &["-t0,1,0.1"],
+    &["-u0,0.1,1"],
+    &["-F70.5"],
+    &["-r0.8"],
+    &["-iroom2.obj"],
+    &["-d48x36", "--crop", "4,3,40x30"],
+];
+
+/// Renders of one view and of `OTHERS`: the names of their files.
+fn renders(place: &Scratch) -> Vec<String> {
+    place.put("room2.obj", common::ROOM.replace("v 5 5", "v 4 4"));
+    let render = |i: usize, other: &[&str]| {
+        let (seed, file) = (format!("-s{i}"), format!("{i}.exr"));
+        let mut options = vec!["-iroom.obj", "-d40x30", "-r0.7", "-n16"];
+        let replaced =
+            |own: &&str| !other.iter().any(|o| own[..2] == o[..2]);
+        options.retain(replaced);
+        options.extend(other);
+        options.extend([&seed[..], "-q", "-o", &file]);
+        place.run(&options).succeeded();
+        file
+    };
+    let others = OTHERS.iter().copied().enumerate();
+    let others = others.map(|(i, other)| render(i + 1, other));
+    let others: Vec<_> = others.collect();
+    let one = render(0, &[]);
+    std::iter::once(one).chain(others).collect()
+}
+
+/// What each of `OTHERS` is called in a file.
+const NAMES: [&str; 7] =
+    ["position", "target", "up", "fov", "albedo", "scene_sha256", "crop"];
+
+#[test]
+fn images_of_different_things_are_named_as_such() {
+    let place = Scratch::new();
+    let files = renders(&place);
+    for (file, name) in files[1..].iter().zip(NAMES) {
+        let diff = run(&place, &["diff", &files[0], file]);
+        let line = text(&diff).lines().next().unwrap();
+        let said = line.strip_prefix("they show different things: ");
+        assert!(said.is_some_and(|s| s.contains(name)), "{name}: {line}");
+        let merge = ["merge", &files[0], file, "-o", "joint.exr"];
+        run(&place, &merge)
+            .failed(1, &[file, name, "not runs of one image"]);
+        let size: &[&str] = match name {
+            "crop" => &["-d40x30"],
+            _ => &["-d40x30", "-n1", "-q"],
+        };
+        let reference = ["-iroom.obj", "-r0.7", "-s9", "--reference", file];
+        let refused = place.run(&[&reference[..], size].concat());
+        refused.failed(1, &[file, name, "something else than this run"]);
+    }
+    let same = ["-iroom.obj", "-r0.7", "-s9", "-d40x30", "--reference"];
+    place.run(&[&same[..], &[&files[0]]].concat()).succeeded();
+}
+
+/// Runs of one image that differ in all else.
+#[test]
+fn runs_that_stopped_at_other_times_are_merged() {
+    let place = Scratch::new();
+    place.put("copy.obj", common::ROOM);
+    let runs: [&[&str]; 5] = [
+        &["-n4", "-iroom.obj"],
+        &["-n9", "-icopy.obj", "--keep-all", "-j1"],
+        &["--time", "0.05", "-iroom.obj", "--isa", "portable"],
+        &["--error", "0.2", "-iroom.obj", "--keep", "background"],
+        &["-n2", "-iroom.obj", "--reference", "0.exr", "--report", "r.csv"],
+    ];
+    for (i, options) in runs.into_iter().enumerate() {
+        let (seed, file) = (format!("-s{i}"), format!("{i}.exr"));
+        let common = ["-q", "-d40x30", &seed, "-o", &file];
+        place.run(&[&common, options].concat()).succeeded();
+    }
+    let merge = ["merge", "0.exr", "1.exr", "2.exr", "3.exr", "4.exr"];
+    let merge = run(&place, &[&merge[..], &["-o", "joint.exr"]].concat());
+    merge.succeeded();
+    let joint = Image::read(&place.path("joint.exr")).unwrap();
+    assert_eq!(joint.attributes["seed"], "0,1,2,3,4");
+    let count = joint.samples.unwrap()[0];
+    assert_eq!(joint.attributes["spp"], count.to_string());
+    assert!(count >= 4. + 9. + 1. + 1. + 2., "{count}");
+}
+
 #[test]
 fn the_map_of_a_diff_holds_z_or_grey_levels() {
     let place = Scratch::new();
@@ -259,6 +365,149 @@ fn merged_runs_have_the_error_of_both() {
     assert!(!place.path("d.exr").exists());
 }
 
+/// Runs `ptimg` with `input` on its standard input.
+fn feed(place: &Scratch, input: &[u8], arguments: &[&str]) -> Run {
+    let mut command = place.command(env!("CARGO_BIN_EXE_ptimg"));
+    command.args(arguments).stdin(std::process::Stdio::piped());
+    let mut child = command.spawn().unwrap();
+    child.stdin.take().unwrap().write_all(input).unwrap();
+    finish(child)
+}
+
+#[test]
+fn a_dash_is_standard_input_whatever_its_format() {
+    let place = Scratch::new();
+    let image = put(&place, "a.exr", 1, 0.5);
+    for name in ["a.exr", "a.pfm", "a.png", "a.pgm"] {
+        write(&place, name, &image);
+        let info = feed(&place, &place.get(name), &["info", "-"]);
+        info.succeeded();
+        assert!(text(&info).starts_with("-: 40x30 pixels\n"), "{info:?}");
+        let diff = ["diff", "-q", "a.exr", "-"];
+        let status = feed(&place, &place.get(name), &diff).status;
+        assert!(status.is_some_and(|status| status < 2), "{name}");
+    }
+    let nothing = feed(&place, b"", &["info", "-"]);
+    nothing.failed(1, &["standard input: it is neither"]);
+}
+
+#[test]
+fn a_dash_is_standard_output_in_the_format_asked_for() {
+    let place = Scratch::new();
+    put(&place, "a.exr", 1, 0.5);
+    put(&place, "b.exr", 2, 0.5);
+    let verbs: [&[&str]; 4] = [
+        &["tonemap", "a.exr"],
+        &["stderr", "a.exr"],
+        &["merge", "a.exr", "b.exr"],
+        &["diff", "-q", "a.exr", "b.exr"],
+    ];
+    for verb in verbs {
+        for (format, usual) in [("pgm", true), ("png", false)] {
+            let (format, file) = match verb[0] {
+                "merge" => ("exr", "file.exr".to_owned()),
+                _ => (format, format!("file.{format}")),
+            };
+            let named = [verb, &["-f", "-o", &file]].concat();
+            run(&place, &named).succeeded();
+            let option = ["-o", "-", "--format", format];
+            let option = if usual { &option[..2] } else { &option };
+            let piped = run(&place, &[verb, option].concat());
+            piped.succeeded();
+            assert_eq!(piped.stdout, place.get(&file), "{verb:?}");
+        }
+    }
+    assert!(!place.path("-").exists());
+    let shown = run(&place, &["stderr", "a.exr", "-o", "-"]);
+    assert!(shown.stderr.contains("white is a standard error"));
+    let map = ["diff", "a.exr", "b.exr", "-o", "-"];
+    run(&place, &map).failed(2, &["map", "-q"]);
+    let grey = ["merge", "a.exr", "b.exr", "-o", "-", "--format", "png"];
+    run(&place, &grey).failed(1, &["-: this image", ".exr"]);
+    let file = ["tonemap", "a.exr", "-o", "t.png", "--format", "pgm"];
+    run(&place, &file).failed(1, &["t.png", "--format"]);
+}
+
+#[test]
+fn what_was_made_of_a_file_is_said_on_standard_error() {
+    let place = Scratch::new();
+    let image = put(&place, "a.exr", 1, 0.5);
+    write(&place, "a.png", &image);
+    let info = run(&place, &["info", "a.png"]);
+    info.succeeded();
+    let warning = "warning: a.png: it holds grey levels";
+    assert!(info.stderr.starts_with(warning), "{}", info.stderr);
+    let mut broken = image.clone();
+    broken.means[41] = f64::NAN;
+    broken.means[50] = f64::NAN;
+    write(&place, "b.exr", &broken);
+    let info = run(&place, &["info", "b.exr"]);
+    let warning = "b.exr: pixels that are not finite numbers: 2, the \
+                   first at 1,1\n";
+    assert!(info.stderr.ends_with(warning), "{}", info.stderr);
+    assert!(
+        text(&info).contains("  pixels that are not finite numbers: 2")
+    );
+    assert!(!text(&info).contains("NaN"), "{}", text(&info));
+    put(&place, "c.exr", 3, 0.5);
+    let diff = run(&place, &["diff", "b.exr", "c.exr"]);
+    assert_eq!(diff.status, Some(0), "{}", text(&diff));
+    assert!(text(&diff).contains("pixels: 1198 tested"));
+    assert!(text(&diff).contains("not tested: 2 pixels"));
+    assert!(!text(&diff).contains("NaN"), "{}", text(&diff));
+    let quiet = run(&place, &["diff", "-q", "b.exr", "c.exr"]);
+    assert!(quiet.stderr.is_empty(), "{}", quiet.stderr);
+    run(&place, &["merge", "b.exr", "c.exr", "-o", "d.exr"]).succeeded();
+    let joint = Image::read(&place.path("d.exr")).unwrap();
+    let whole = Image::read(&place.path("c.exr")).unwrap();
+    assert!((joint.means[41] - whole.means[41]).abs() < 1e-6);
+    let counts = joint.samples.unwrap();
+    assert_eq!((counts[40], counts[41]), (128., 64.));
+    let reference = ["-iroom.obj", "-d40x30", "--reference", "b.exr"];
+    let refused = place.run(&[&reference[..], &["-q"]].concat());
+    refused.failed(1, &["b.exr", "first at 1,1; a reference needs"]);
+}
+
+#[test]
+fn info_as_json_has_what_info_prints() {
+    let place = Scratch::new();
+    let mut image = put(&place, "a.exr", 1, 0.5);
+    image.errors.as_mut().unwrap()[7] = f64::INFINITY;
+    write(&place, "b.exr", &image);
+    let both = run(&place, &["info", "--json", "a.exr", "b.exr"]);
+    both.succeeded();
+    let lines: Vec<serde_json::Value> = text(&both)
+        .lines()
+        .map(|line| serde_json::from_str(line).unwrap())
+        .collect();
+    let [one, two] = &lines[..] else { panic!("{lines:?}") };
+    let info = run(&place, &["info", "a.exr"]);
+    let (mean, error) = (&one["mean"], &one["mean_stderr"]);
+    let (mean, error) = (mean.as_f64().unwrap(), error.as_f64().unwrap());
+    for line in [
+        format!("mean radiance: {mean:.6} ± {error:.6}\n"),
+        format!("rmse: {:.6}\n", one["rmse"].as_f64().unwrap()),
+        format!(
+            "least and greatest: {:.6}, {:.6}\n",
+            one["least"].as_f64().unwrap(),
+            one["greatest"].as_f64().unwrap()
+        ),
+    ] {
+        assert!(text(&info).contains(&line), "{line} not in {info:?}");
+    }
+    assert_eq!(one["file"], "a.exr");
+    assert_eq!((&one["width"], &one["height"]), (&40.into(), &30.into()));
+    assert_eq!(one["channels"][2], "samples.Y");
+    assert_eq!(one["samples"], serde_json::json!([64., 64.]));
+    assert_eq!(one["attributes"]["fov"], "70");
+    assert_eq!(
+        (&one["unknown_errors"], &one["not_finite"]),
+        (&0.into(), &0.into())
+    );
+    assert!(two["rmse"].is_null() && two["mean_stderr"].is_null());
+    assert_eq!(two["unknown_errors"], 1);
+}
+
 #[test]
 fn an_image_for_the_screen_has_the_levels_of_pt() {
     let place = Scratch::new();
@@ -277,7 +526,7 @@ fn an_image_for_the_screen_has_the_levels_of_pt() {
     let (.., levels) = pgm(&place.get("t.pgm"));
     assert_eq!(levels.iter().max(), Some(&255));
     assert!(levels.iter().any(|&level| level < 255));
-    tonemap(&["t.exr"]).failed(1, &["t.exr", ".png or .pgm"]);
+    tonemap(&["t.exr"]).failed(1, &["t.exr", ".pgm or .png"]);
     tonemap(&["t.png", "-ebright"]).failed(2, &["bright", "--exposure"]);
     tonemap(&["t.png", "-tblue"]).failed(2, &["blue", "reinhard"]);
 }

@@ -50,7 +50,7 @@ printf 'v -1 -1 3\nv 1 -1 3\nv 0 1 2\nf 5 6 7\n' >> floor.obj
   wrong -t 0,0,1
   : > image.png
   wrong -o image.png
-  wrong -o image.jpeg
+  wrong -o image.tiff
   wrong --time 0
   wrong --report image.pdf
   wrong -i floor.obj --resume image.png

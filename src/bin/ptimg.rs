@@ -9,21 +9,26 @@
 //! The command `ptimg`: show, compare and merge the images of `pt`.
 
 // Name what the companion imports
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand};
+use serde::Serialize;
 
 use litpt::arguments::{LICENCE, STYLES, parse_command_line, parse_real};
 use litpt::compare::display::{self, Curve};
 use litpt::compare::merge::{Run, merge};
-use litpt::compare::{Difference, FEW, Scale, compare};
+use litpt::compare::{
+    Difference, Dispersion, FEW, Scale, compare, disagreements,
+};
 use litpt::image::{Format, Image};
 use litpt::output::{ImageTarget, OutputTarget};
 use litpt::progress;
 
 // Declare the verbs of the companion
-/// Shows, compares and merges the images that pt writes (.exr, .pfm).
+/// Shows, compares and merges images: .exr and .pfm, as pt writes them,
+/// and of other programs .png and .pgm too; - is standard input or output.
 #[derive(Debug, Parser)]
 #[command(name = "ptimg", version, after_help = LICENCE, styles = STYLES)]
 #[command(arg_required_else_help = false)]
@@ -40,6 +45,10 @@ enum Verb {
         /// Images to read
         #[arg(value_name = "FILE", required = true)]
         files: Vec<PathBuf>,
+
+        /// Print one line of JSON for each image
+        #[arg(long)]
+        json: bool,
     },
     // Declare the verb tonemap
     /// Make an image for the screen
@@ -74,9 +83,18 @@ enum Verb {
         b: PathBuf,
         // Declare the options of a comparison
         /// Map of the differences in standard errors, as numbers (.exr,
-        /// .pfm) or as grey levels (.png, .pgm) from -5 to 5
+        /// .pfm) or as grey levels (.png, .pgm) from -5 to 5; - with -q
         #[arg(short, long, value_name = "FILE")]
         output: Option<PathBuf>,
+
+        /// Format of a map on standard output: pgm, png, pfm or exr
+        #[arg(
+            long,
+            value_name = "FORMAT",
+            hide_possible_values = true,
+            requires = "output"
+        )]
+        format: Option<Format>,
 
         /// Overwrite the map if it exists
         #[arg(short, long)]
@@ -114,9 +132,14 @@ enum Verb {
 
 #[derive(Debug, Args)]
 struct Output {
-    /// Image to write, in the format of its extension
+    /// Image to write, in the format of its extension; - is standard
+    /// output
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
+
+    /// Format on standard output [default: pgm, or exr for merge]
+    #[arg(long, value_name = "FORMAT", hide_possible_values = true)]
+    format: Option<Format>,
 
     /// Overwrite the image if it exists
     #[arg(short, long)]
@@ -130,9 +153,10 @@ impl Output {
     /// # Errors
     /// The format is another, or the target cannot be written.
     fn target(&self, formats: &[Format]) -> Result<ImageTarget, String> {
-        let format = Format::of(&self.output)?;
-        if formats.contains(&format) {
-            return ImageTarget::file(&self.output, self.force);
+        let target =
+            target(&self.output, self.format, self.force, formats[0])?;
+        if formats.contains(&target.format()) {
+            return Ok(target);
         }
         // Name the formats that make sense
         let name = |f: &Format| format!(".{f:?}").to_ascii_lowercase();
@@ -140,6 +164,32 @@ impl Output {
         let (path, names) = (self.output.display(), names.join(" or "));
         Err(format!("{path}: this image is written as {names}"))
     }
+}
+
+/// The target of an image, which on standard output has the format that
+/// was asked for, or the usual one.
+fn target(
+    path: &Path,
+    format: Option<Format>,
+    force: bool,
+    usual: Format,
+) -> Result<ImageTarget, String> {
+    match (is_standard(path), format) {
+        (true, _) => {
+            Ok(ImageTarget::standard_output(format.unwrap_or(usual)))
+        }
+        (false, None) => ImageTarget::file(path, force),
+        (false, Some(_)) => Err(format!(
+            "{}: --format is for standard output; the name of a file \
+             tells its format",
+            path.display()
+        )),
+    }
+}
+
+/// Whether a name stands for standard input or output.
+fn is_standard(path: &Path) -> bool {
+    path == Path::new("-")
 }
 
 // Do what the verb says
@@ -157,15 +207,15 @@ fn main() -> ExitCode {
     })
 }
 
-const GREY: [Format; 2] = [Format::Png, Format::Pgm];
+const GREY: [Format; 2] = [Format::Pgm, Format::Png];
 
 fn run(verb: &Verb) -> Result<ExitCode, String> {
     match verb {
-        Verb::Info { files } => inform(files)?,
+        Verb::Info { files, json } => inform(files, *json)?,
         Verb::Tonemap { input, output, exposure, tonemap } => {
             // Show the radiances on a screen
             let target = output.target(&GREY)?;
-            let image = Image::read(input)?;
+            let image = read(input)?;
             let grey = display::tonemap(&image, *exposure, *tonemap);
             target.write(&grey)?;
         }
@@ -176,10 +226,14 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
         Verb::Stderr { input, output, relative } => {
             show_errors(input, output, *relative)?;
         }
-        Verb::Diff { a, b, output, force, quiet } => {
+        Verb::Diff { a, b, output, format, force, quiet } => {
             // Check the map before the comparison
+            if output.as_deref().is_some_and(is_standard) && !quiet {
+                return Err("a map on standard output needs -q".to_owned());
+            }
             let map = output.as_ref();
-            let map = map.map(|path| ImageTarget::file(path, *force));
+            let map =
+                map.map(|path| target(path, *format, *force, Format::Pgm));
             return diff(a, b, map.transpose()?, *quiet);
         }
     }
@@ -188,10 +242,26 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
 
 /// Reads the images, each with the name of its file.
 fn read_all(files: &[PathBuf]) -> Result<Vec<Run>, String> {
-    let read = |path: &PathBuf| {
-        Ok((path.display().to_string(), Image::read(path)?))
-    };
+    read_once(files.iter().map(PathBuf::as_path))?;
+    let read =
+        |path: &PathBuf| Ok((path.display().to_string(), read(path)?));
     files.iter().map(read).collect()
+}
+
+/// Reads an image and warns of what is not as it should be.
+fn read(path: &Path) -> Result<Image, String> {
+    Image::read_noting(path, &mut progress::warn)
+}
+
+/// # Errors
+/// Standard input is named twice.
+fn read_once<'a>(
+    files: impl Iterator<Item = &'a Path>,
+) -> Result<(), String> {
+    match files.filter(|path| is_standard(path)).count() {
+        0 | 1 => Ok(()),
+        _ => Err("standard input can be read once only".to_owned()),
+    }
 }
 
 fn show_errors(
@@ -200,7 +270,7 @@ fn show_errors(
     relative: bool,
 ) -> Result<(), String> {
     let target = output.target(&GREY)?;
-    let image = Image::read(input)?;
+    let image = read(input)?;
     let (grey, white) = display::errors(&image, relative)
         .map_err(|fault| format!("{}: {fault}", input.display()))?;
     target.write(&grey)?;
@@ -209,7 +279,12 @@ fn show_errors(
         true => "relative standard error",
         false => "standard error",
     };
-    say(&format!("white is a {what} of {white:.4e}"))
+    let line = format!("white is a {what} of {white:.4e}");
+    match is_standard(&output.output) {
+        true => progress::inform(&line),
+        false => say(&line)?,
+    }
+    Ok(())
 }
 
 /// Prints lines on standard output, unless the reader has closed the pipe.
@@ -219,70 +294,139 @@ fn say(lines: &str) -> Result<(), String> {
 }
 
 // Tell what an image holds
-fn inform(files: &[PathBuf]) -> Result<(), String> {
+fn inform(files: &[PathBuf], json: bool) -> Result<(), String> {
     for (name, image) in read_all(files)? {
-        say(&describe(&name, &image))?;
+        let summary = Summary::of(name, image);
+        say(&match json {
+            true => serde_json::to_string(&summary)
+                .map_err(|error| error.to_string())?,
+            false => summary.describe(),
+        })?;
     }
     Ok(())
 }
 
-/// The lines that describe an image.
-fn describe(name: &str, image: &Image) -> String {
-    let Image { width, height, means, errors, samples, .. } = image;
-    let mut lines = vec![
-        format!("{name}: {width}x{height} pixels"),
-        format!("channels: {}", channels(image)),
-    ];
-    // Describe the means and their errors
-    let n = means.len() as f64;
-    let mean = means.iter().sum::<f64>() / n;
-    let squares = errors.as_ref().map(|errors| {
-        let unknown = errors.iter().filter(|e| e.is_infinite()).count();
-        (errors.iter().map(|e| e * e).sum::<f64>(), unknown)
-    });
-    // Tell the mean as well as it is known
-    match squares {
-        Some((squares, 0)) => {
-            let (error, rmse) = (squares.sqrt() / n, (squares / n).sqrt());
-            lines.push(format!("mean radiance: {mean:.6} ± {error:.6}"));
-            lines.push(format!("rmse: {rmse:.6}"));
-        }
-        Some((_, unknown)) => {
-            lines.push(format!("mean radiance: {mean:.6}, error unknown"));
-            lines.push(format!("pixels of unknown error: {unknown}"));
-        }
-        None => lines.push(format!("mean radiance: {mean:.6}")),
-    }
-    let (least, most) = range(means);
-    lines.push(format!("least and greatest: {least:.6}, {most:.6}"));
-    // Describe the samples and the run
-    if let Some(samples) = samples {
-        let (least, most) = range(samples);
-        lines.push(match least == most {
-            true => format!("samples per pixel: {least}"),
-            false => format!("samples per pixel: {least} to {most}"),
-        });
-    }
-    let attributes = image.attributes.iter();
-    lines
-        .extend(attributes.map(|(name, value)| format!("{name}: {value}")));
-    lines.join("\n  ")
+/// What there is to know of an image.
+#[derive(Serialize)]
+struct Summary {
+    file: String,
+    width: u32,
+    height: u32,
+    // Hold the summary of an image
+    channels: Vec<&'static str>,
+    /// Mean radiance of all pixels that are finite numbers.
+    mean: Option<f64>,
+    /// Its standard error, and the root of the mean square of those of the
+    /// pixels.
+    mean_stderr: Option<f64>,
+    rmse: Option<f64>,
+    /// Number of pixels, of those with a mean, whose error is unknown.
+    unknown_errors: usize,
+    /// Number of pixels without a mean.
+    not_finite: usize,
+    // Hold the extremes of an image
+    least: Option<f64>,
+    greatest: Option<f64>,
+    samples: Option<(f64, f64)>,
+    attributes: BTreeMap<String, String>,
 }
 
-fn channels(image: &Image) -> &str {
-    match (&image.errors, &image.samples) {
-        (Some(_), Some(_)) => "Y, stderr.Y, samples.Y",
-        (Some(_), None) => "Y, stderr.Y",
-        (None, Some(_)) => "Y, samples.Y",
-        (None, None) => "Y",
+impl Summary {
+    // Summarise an image
+    fn of(file: String, image: Image) -> Self {
+        let known = |i: &usize| image.means[*i].is_finite();
+        let pixels: Vec<usize> =
+            (0..image.means.len()).filter(known).collect();
+        let means: Vec<f64> =
+            pixels.iter().map(|&i| image.means[i]).collect();
+        let errors = image.errors.as_ref();
+        let errors: Option<Vec<f64>> = errors
+            .map(|errors| pixels.iter().map(|&i| errors[i]).collect());
+        // Sum the means and their errors
+        let n = means.len() as f64;
+        let mean = means.iter().sum::<f64>() / n;
+        let unknown = errors.iter().flatten().filter(|e| e.is_infinite());
+        let unknown_errors = unknown.count();
+        let squares = errors.filter(|_| unknown_errors == 0 && n > 0.);
+        let squares = squares.map(|e| e.iter().map(|e| e * e).sum::<f64>());
+        let (least, greatest) = range(&means).unzip();
+        Self {
+            file,
+            width: image.width,
+            height: image.height,
+            // Fill in the summary of an image
+            channels: channels(&image),
+            mean: (n > 0.).then_some(mean),
+            mean_stderr: squares.map(|squares| squares.sqrt() / n),
+            rmse: squares.map(|squares| (squares / n).sqrt()),
+            unknown_errors,
+            not_finite: image.means.len() - means.len(),
+            least,
+            greatest,
+            samples: image.samples.as_deref().and_then(range),
+            attributes: image.attributes,
+        }
+    }
+
+    // Describe an image in lines
+    /// The lines that describe an image.
+    fn describe(&self) -> String {
+        let Self { file, width, height, .. } = self;
+        let mut lines = vec![
+            format!("{file}: {width}x{height} pixels"),
+            format!("channels: {}", self.channels.join(", ")),
+        ];
+        // Tell the mean as well as it is known
+        if let Some(mean) = self.mean {
+            lines.push(match self.mean_stderr {
+                Some(error) => {
+                    format!("mean radiance: {mean:.6} ± {error:.6}")
+                }
+                None if self.unknown_errors > 0 => {
+                    format!("mean radiance: {mean:.6}, error unknown")
+                }
+                None => format!("mean radiance: {mean:.6}"),
+            });
+        }
+        lines.extend(self.rmse.map(|rmse| format!("rmse: {rmse:.6}")));
+        // Tell the pixels that are not known
+        for (what, count) in [
+            ("of unknown error", self.unknown_errors),
+            ("that are not finite numbers", self.not_finite),
+        ] {
+            if count > 0 {
+                lines.push(format!("pixels {what}: {count}"));
+            }
+        }
+        if let Some((least, most)) = self.least.zip(self.greatest) {
+            lines
+                .push(format!("least and greatest: {least:.6}, {most:.6}"));
+        }
+        // Describe the samples and the run
+        if let Some((least, most)) = self.samples {
+            lines.push(match least == most {
+                true => format!("samples per pixel: {least}"),
+                false => format!("samples per pixel: {least} to {most}"),
+            });
+        }
+        let attributes = self.attributes.iter();
+        lines.extend(
+            attributes.map(|(name, value)| format!("{name}: {value}")),
+        );
+        lines.join("\n  ")
     }
 }
 
-/// The least and the greatest of some values.
-fn range(values: &[f64]) -> (f64, f64) {
-    let least = values.iter().copied().fold(f64::INFINITY, f64::min);
-    let most = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    (least, most)
+/// The least and the greatest of some values, if there is one.
+fn range(values: &[f64]) -> Option<(f64, f64)> {
+    let least = values.iter().copied().reduce(f64::min)?;
+    Some((least, values.iter().copied().reduce(f64::max)?))
+}
+
+fn channels(image: &Image) -> Vec<&'static str> {
+    let errors = image.errors.as_ref().map(|_| "stderr.Y");
+    let samples = image.samples.as_ref().map(|_| "samples.Y");
+    [Some("Y"), errors, samples].into_iter().flatten().collect()
 }
 
 // Tell what distinguishes two images
@@ -292,7 +436,14 @@ fn diff(
     map: Option<ImageTarget>,
     quiet: bool,
 ) -> Result<ExitCode, String> {
-    let (first, second) = (Image::read(a)?, Image::read(b)?);
+    read_once([a, b].into_iter())?;
+    let note = &mut |line: &str| {
+        if !quiet {
+            progress::warn(line);
+        }
+    };
+    let first = Image::read_noting(a, note)?;
+    let second = Image::read_noting(b, note)?;
     let difference = compare(&first, &second).map_err(|fault| {
         format!("{} and {}: {fault}", a.display(), b.display())
     })?;
@@ -302,6 +453,12 @@ fn diff(
     }
     if !quiet {
         // Say what the comparison takes for granted
+        let differing =
+            disagreements(&first.attributes, &second.attributes);
+        if !differing.is_empty() {
+            let differing = differing.join(", ");
+            say(&format!("they show different things: {differing}"))?;
+        }
         for (path, image) in [(a, &first), (b, &second)] {
             if image.errors.is_none() {
                 let name = path.display();
@@ -346,14 +503,16 @@ fn explain(difference: &Difference) -> String {
         format!("relative mean square difference: {relative_mse:.6}"),
         format!("mean difference: {mean:.6} ± {error:.6} (z = {z:.2})"),
     ];
+    lines.extend(difference.scales.iter().map(explain_scale));
     // Tell whether the errors are plausible
-    let (found, expected) = difference.spread;
-    if found.is_finite() {
+    let Dispersion { ratio, z, failed, pixels } = difference.dispersion;
+    if pixels > 0 {
+        let verdict = if failed { "beyond" } else { "no more than" };
         lines.push(format!(
-            "standard deviation of z: {found:.3}, expected {expected:.3}"
+            "errors: differences {ratio:.3} times as large \
+             (z = {z:.2}), {verdict} chance"
         ));
     }
-    lines.extend(difference.scales.iter().map(explain_scale));
     // Name the pixels that were left out
     let Difference { unknown, few, .. } = difference;
     if *unknown > 0 {
@@ -367,24 +526,23 @@ fn explain(difference: &Difference) -> String {
         ));
     }
     // Conclude with the verdict in words
-    let verdict = match difference.consistent() {
-        true => "consistent: chance alone may explain the difference",
-        false => {
-            "inconsistent: chance alone does not explain the difference"
+    let failed: Vec<_> = failed_tests(difference).collect();
+    lines.push(match difference.consistent() {
+        true => {
+            "consistent: chance alone may explain the difference".into()
         }
-    };
-    lines.push(verdict.to_owned());
+        false => format!(
+            "inconsistent: chance alone does not explain the difference \
+             (failed: {})",
+            failed.join(", ")
+        ),
+    });
     lines.join("\n")
 }
 
 fn explain_scale(scale: &Scale) -> String {
     let &Scale { side, tested, failed, largest: (z, x, y) } = scale;
-    let name = match side {
-        1 => "pixels".to_owned(),
-        u32::MAX => "image".to_owned(),
-        side => format!("blocks of {side}x{side}"),
-    };
-    let z = z.abs();
+    let (name, z) = (name(side), z.abs());
     match (tested, failed) {
         (0, _) => format!("{name}: not tested"),
         (1, 0) => format!("{name}: |z| {z:.2}, not beyond chance"),
@@ -393,5 +551,21 @@ fn explain_scale(scale: &Scale) -> String {
             "{name}: {tested} tested, largest |z| {z:.2} at {x},{y}, \
              {failed} beyond chance"
         ),
+    }
+}
+
+/// The names of the tests that failed.
+fn failed_tests(difference: &Difference) -> impl Iterator<Item = String> {
+    let scales = difference.scales.iter().filter(|s| s.failed > 0);
+    let errors = difference.dispersion.failed.then(|| "errors".to_owned());
+    scales.map(|scale| name(scale.side)).chain(errors)
+}
+
+/// The name of the test of blocks of this size.
+fn name(side: u32) -> String {
+    match side {
+        1 => "pixels".to_owned(),
+        u32::MAX => "image".to_owned(),
+        side => format!("blocks of {side}x{side}"),
     }
 }

@@ -8,8 +8,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Images that are made for looking.
 
-use std::collections::BTreeMap;
-
 use super::Difference;
 use crate::image::Image;
 use crate::image::srgb::radiance;
@@ -27,13 +25,7 @@ pub enum Curve {
 
 /// An image of these means, of the size of another, without more.
 fn plain(image: &Image, means: Vec<f64>) -> Image {
-    Image {
-        means,
-        errors: None,
-        samples: None,
-        attributes: BTreeMap::new(),
-        ..*image
-    }
+    Image::plain(image.width, image.height, means)
 }
 
 /// The image, made brighter by `exposure` stops, as a screen shows it.

@@ -10,7 +10,7 @@
 
 use std::collections::BTreeMap;
 
-use super::same_size;
+use super::{SUBJECT, differing, same_size};
 use crate::image::Image;
 
 // Merge the images pixel by pixel
@@ -37,6 +37,18 @@ pub fn merge(runs: &[Run]) -> Result<Image, String> {
             ));
         }
     }
+    // Refuse runs of different images
+    for (name, run) in runs {
+        let names = SUBJECT.iter().chain(&PROGRAM);
+        let differing =
+            differing(names, &first.attributes, &run.attributes);
+        if !differing.is_empty() {
+            return Err(format!(
+                "{first_name} and {name} are not runs of one image: {}",
+                differing.join(", ")
+            ));
+        }
+    }
     let attributes = attributes(runs)?;
     let pixels = 0..first.means.len();
     let joint: Vec<_> = pixels.map(|i| pixel(runs, i)).collect();
@@ -59,7 +71,7 @@ fn pixel(runs: &[Run], i: usize) -> (f64, f64, f64) {
         let count = samples.map_or(0., |samples| samples[i]);
         (run.means[i], error, count)
     };
-    let parts = || runs.iter().map(part);
+    let parts = || runs.iter().map(part).filter(|part| part.2 > 0.);
     let count: f64 = parts().map(|(.., n)| n).sum();
     let sum: f64 = parts().map(|(mean, _, n)| n * mean).sum();
     let mean = sum / f64::max(count, 1.);
@@ -80,17 +92,8 @@ fn pixel(runs: &[Run], i: usize) -> (f64, f64, f64) {
 const SUMS: [&str; 5] =
     ["spp", "rays", "load_seconds", "build_seconds", "render_seconds"];
 
-/// Attributes that may differ between runs of the same image.
-const FREE: [&str; 8] = [
-    "scene",
-    "threads",
-    "isa",
-    "hierarchy",
-    "time",
-    "error",
-    "reference",
-    "stopped",
-];
+/// Attributes of the programs that computed an image.
+const PROGRAM: [&str; 2] = ["version", "integrator"];
 
 fn attributes(runs: &[Run]) -> Result<BTreeMap<String, String>, String> {
     let mut joint = BTreeMap::new();
@@ -100,7 +103,7 @@ fn attributes(runs: &[Run]) -> Result<BTreeMap<String, String>, String> {
         let value = if SUMS.contains(&name.as_str()) {
             sum(runs, name)
         } else {
-            common(runs, name)?
+            common(runs, name)
         };
         joint.extend(value.map(|value| (name.clone(), value)));
     }
@@ -132,24 +135,11 @@ fn seeds(runs: &[Run]) -> Result<String, String> {
 }
 
 /// The value of an attribute, if all runs agree.
-///
-/// # Errors
-/// They do not, and the attribute is one that changes the image.
-fn common(runs: &[Run], name: &str) -> Result<Option<String>, String> {
+fn common(runs: &[Run], name: &str) -> Option<String> {
     let value = |run: &Run| run.1.attributes.get(name).cloned();
-    let (first, common) = (&runs[0], value(&runs[0]));
-    let Some(other) = runs.iter().find(|run| value(run) != common) else {
-        return Ok(common);
-    };
-    if FREE.contains(&name) {
-        return Ok(None);
-    }
-    let show = |run| value(run).unwrap_or("unknown".into());
-    let (other_value, value) = (show(other), show(first));
-    let (other, first) = (&other.0, &first.0);
-    Err(format!(
-        "{other}: its {name} is {other_value}, that of {first} is {value}"
-    ))
+    let common = value(&runs[0])?;
+    let agrees = |run| value(run).as_ref() == Some(&common);
+    runs.iter().all(agrees).then_some(common)
 }
 
 /// The sum of an attribute over all runs, if all know it.

@@ -55,3 +55,21 @@ impl Image {
         }
     }
 }
+
+impl Image {
+    /// An image of these means, of which nothing else is known.
+    pub fn plain(width: u32, height: u32, means: Vec<f64>) -> Self {
+        let (errors, samples) = (None, None);
+        let attributes = BTreeMap::new();
+        Self { width, height, means, errors, samples, attributes }
+    }
+}
+
+// Judge what a header promises
+/// Whether a file of `bytes` bytes can hold `size` bytes of pixels,
+/// compressed, and the memory has room for them.
+pub fn room(size: u128, bytes: usize) -> bool {
+    size <= 8192 * bytes as u128
+        && usize::try_from(size)
+            .is_ok_and(|n| Vec::<u8>::new().try_reserve_exact(n).is_ok())
+}

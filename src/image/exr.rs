@@ -9,6 +9,7 @@
 //! OpenEXR: channels `Y`, `stderr.Y` and `samples.Y`, and attributes.
 
 // Name what the format EXR imports
+use std::collections::BTreeMap;
 use std::io::{self, Cursor, Write};
 
 use exr::math::Vec2;
@@ -20,14 +21,18 @@ use exr::prelude::{
     Image as ExrImage, Layer, SmallVec,
 };
 use exr::prelude::{ReadChannels, ReadLayers, WritableImage};
+use sha2::{Digest, Sha256};
 
-use super::data::Image;
+use super::data::{Image, room};
+use super::srgb::{COLOURS, luminance};
 
 // Write the channels and attributes
 /// Writes all that the image holds.
 pub fn write(image: &Image, out: &mut dyn Write) -> io::Result<()> {
     let size = (image.width as usize, image.height as usize);
-    let other = image.attributes.iter().map(attribute).collect();
+    let checksum = (&CHECKSUM.to_owned(), &checksum(image));
+    let all = image.attributes.iter().chain([checksum]);
+    let other = all.map(attribute).collect();
     let layer = LayerAttributes { other, ..LayerAttributes::default() };
     // Compress sixteen rows at a time
     let encoding = Encoding {
@@ -102,13 +107,47 @@ fn attribute_length(header: &[u8]) -> Option<usize> {
     Some(size_at + 4 + u32::from_le_bytes(*size) as usize)
 }
 
+// Compute the checksum of what is kept
+/// The attribute that holds the checksum.
+const CHECKSUM: &str = "checksum";
+
+/// SHA-256 of all that a file brings back, in hexadecimal digits.
+fn checksum(image: &Image) -> String {
+    let mut sum = Sha256::new();
+    // Add the size and the channels to the checksum
+    sum.update(image.width.to_le_bytes());
+    sum.update(image.height.to_le_bytes());
+    for channel in channels(image) {
+        sum.update(channel.name.as_slice());
+        match &channel.sample_data {
+            FlatSamples::U32(values) => {
+                values.iter().for_each(|n| sum.update(n.to_le_bytes()));
+            }
+            others => others
+                .values_as_f32()
+                .for_each(|x| sum.update(x.to_le_bytes())),
+        }
+    }
+    for (name, value) in &image.attributes {
+        for text in [name, value] {
+            sum.update((text.len() as u64).to_le_bytes());
+            sum.update(text);
+        }
+    }
+    let hex = |byte: u8| format!("{byte:02x}");
+    sum.finalize().into_iter().map(hex).collect()
+}
+
 // Read the channels and attributes
-/// Reads the first layer of a file that has the channel `Y`; `bytes` is
-/// the whole file.
+/// Reads the first layer of a file that has the channel `Y` or colours;
+/// `bytes` is the whole file. `note` is told of colours.
 ///
 /// # Errors
-/// The file is damaged, or it has no channel `Y` of full size.
-pub fn read(bytes: &[u8]) -> Result<Image, String> {
+/// The file is damaged, or it has neither in full size.
+pub fn read(
+    bytes: &[u8],
+    note: &mut dyn FnMut(&str),
+) -> Result<Image, String> {
     refuse_lies(bytes)?;
     // Decode the first layer of the file
     let film = exr::prelude::read()
@@ -134,24 +173,42 @@ pub fn read(bytes: &[u8]) -> Result<Image, String> {
         };
         (values.len() == size).then_some(values)
     };
-    let means = values(MEAN).ok_or_else(|| {
+    let coloured = || {
+        let colours = [values("R")?, values("G")?, values("B")?];
+        let pixel = |i| luminance([0, 1, 2].map(|k: usize| colours[k][i]));
+        note(COLOURS);
+        Some((0..size).map(pixel).collect())
+    };
+    let means = values(MEAN).or_else(coloured).ok_or_else(|| {
         // Say which channels there are instead
         let list = layer.channel_data.list.iter();
         let names: Vec<_> = list.map(|c| c.name.to_string()).collect();
         let names = names.join(", ");
-        format!("it has no channel Y, the mean radiance, but {names}")
+        format!("it has neither a channel Y nor R, G and B, but {names}")
     })?;
     let attributes = layer.attributes.other.iter().filter_map(ours);
-    let attributes = attributes.collect();
+    let mut attributes: BTreeMap<_, _> = attributes.collect();
+    let stated = attributes.remove(CHECKSUM);
     let side = |n| u32::try_from(n).map_err(|_| "it is too large");
-    Ok(Image {
+    let image = Image {
         width: side(layer.size.width())?,
         height: side(layer.size.height())?,
         means,
         errors: values(ERROR),
         samples: values(SAMPLES),
         attributes,
-    })
+    };
+    // Compare the checksum with the stated one
+    let wrong = match stated {
+        Some(stated) => stated != checksum(&image),
+        None => !image.attributes.is_empty(),
+    };
+    if wrong {
+        return Err("its checksum is wrong: it is damaged, or another \
+                    program has changed it"
+            .to_owned());
+    }
+    Ok(image)
 }
 
 /// Refuses a header that promises more pixels than the file can hold.
@@ -163,11 +220,7 @@ fn refuse_lies(bytes: &[u8]) -> Result<(), String> {
         // Ask for room of that size, and give it back
         let pixel = header.channels.bytes_per_pixel as u128;
         let size = width as u128 * height as u128 * pixel;
-        let likely = size <= 8192 * bytes.len() as u128;
-        let room = likely
-            && usize::try_from(size).is_ok_and(|n| {
-                Vec::<u8>::new().try_reserve_exact(n).is_ok()
-            });
+        let room = room(size, bytes.len());
         if !room {
             return Err(format!(
                 "its header says {width} by {height} pixels, which a \

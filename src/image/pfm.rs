@@ -9,10 +9,10 @@
 //! The portable float map: one 32-bit number per pixel, bottom row
 //! first.
 
-use std::collections::BTreeMap;
 use std::io::{self, Write};
 
 use super::data::Image;
+use super::srgb::luminance;
 
 // Write a portable float map
 /// Writes the means, as numbers of least significant byte first.
@@ -27,7 +27,8 @@ pub fn write(image: &Image, out: &mut dyn Write) -> io::Result<()> {
 }
 
 // Read a portable float map
-/// Reads a map of one number per pixel; `bytes` is the whole file.
+/// Reads a map of one number per pixel, or of three, whose luminance is
+/// taken; `bytes` is the whole file.
 ///
 /// # Errors
 /// The header is not that of such a map, or there are fewer or more
@@ -43,7 +44,8 @@ pub fn read(bytes: &[u8]) -> Result<Image, String> {
     let unit = scale.parse().ok().filter(|s: &f32| s.is_normal());
     let unit = unit.ok_or(format!("its scale is {scale}"))?;
     // Compare the promised bytes with those present
-    let promised = 4 * u128::from(width) * u128::from(height);
+    let colours = if bytes.starts_with(b"PF") { 3 } else { 1 };
+    let promised = 4 * colours * u128::from(width) * u128::from(height);
     if data.len() as u128 != promised {
         return Err(format!(
             "it holds {} bytes of pixels, and its header says {promised}",
@@ -57,21 +59,20 @@ pub fn read(bytes: &[u8]) -> Result<Image, String> {
         false => f32::from_be_bytes(word),
     };
     let number = |word| f64::from(number(word)) * f64::from(unit.abs());
-    let rows = words.rchunks(width as usize);
-    let means = rows.flatten().map(number).collect();
-    Ok(Image {
-        width,
-        height,
-        means,
-        errors: None,
-        samples: None,
-        attributes: BTreeMap::new(),
-    })
+    let numbers: Vec<f64> = words.iter().map(number).collect();
+    let means: Vec<f64> = match numbers.as_chunks() {
+        (pixels, []) if colours == 3 => {
+            pixels.iter().copied().map(luminance).collect()
+        }
+        _ => numbers,
+    };
+    let means = means.rchunks(width as usize).flatten().copied().collect();
+    Ok(Image::plain(width, height, means))
 }
 
 /// The three words of the header after the first, and the numbers.
 fn split(bytes: &[u8]) -> Option<([&str; 3], &[u8])> {
-    let mut rest = bytes.strip_prefix(b"Pf")?;
+    let mut rest = bytes.get(2..)?;
     let mut word = || {
         rest = rest.trim_ascii_start();
         let end = rest.iter().position(u8::is_ascii_whitespace)?;

@@ -30,3 +30,12 @@ pub fn radiance(encoded: f64) -> f64 {
         false => libm::pow((encoded + 0.055) / 1.055, 2.4),
     }
 }
+
+/// The luminance of red, green and blue (Rec. ITU-R BT.709).
+pub fn luminance([r, g, b]: [f64; 3]) -> f64 {
+    0.2126 * r + 0.7152 * g + 0.0722 * b
+}
+
+/// What a reader is told of a file that has colours.
+pub const COLOURS: &str = "it has colours, of which the luminance is \
+     taken (0.2126 R + 0.7152 G + 0.0722 B)";
