@@ -14,6 +14,10 @@ CHAPTERS := $(patsubst ./%,%,$(call INCLUDED,litpt.nw))
 WEB := litpt.nw $(CHAPTERS)
 TOOL_CHAPTERS := $(call INCLUDED,noweb/noweb.nw)
 TOOL_WEB := noweb/noweb.nw $(TOOL_CHAPTERS)
+LOST := $(filter-out $(WEB) $(TOOL_WEB),$(wildcard chapters/*.nw noweb/chapters/*.nw))
+ifneq ($(LOST),)
+$(error no master includes $(LOST))
+endif
 
 # What is measured or installed is a Release.
 ifneq ($(filter measure stability% ablation start bench% mixtures install, \

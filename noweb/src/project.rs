@@ -26,7 +26,7 @@ use crate::Streams;
 use crate::cpif::{self, replace};
 use crate::diagnostic::{Diagnostic, Level, Place, Position, Source};
 use crate::tangle::{Layout, Tangled, tangle};
-use crate::web::Web;
+use crate::web::{Piece, Web};
 
 // Say what is tangled where
 /// Some chapters and what to tangle from them.
@@ -44,7 +44,7 @@ pub struct Project {
 ///
 /// # Errors
 ///
-/// A master that cannot be read.
+/// A master that cannot be read, or does not include a chapter.
 pub fn included(dir: &Path, master: &Path) -> io::Result<Vec<PathBuf>> {
     let text = fs::read_to_string(dir.join(master))?;
     let beside = master.with_file_name("chapters");
@@ -53,7 +53,21 @@ pub fn included(dir: &Path, master: &Path) -> io::Result<Vec<PathBuf>> {
         Some(beside.join(format!("{name}.nw")))
     };
     let chapters = text.lines().filter_map(chapter);
-    Ok(std::iter::once(master.to_owned()).chain(chapters).collect())
+    let chapters: Vec<PathBuf> =
+        std::iter::once(master.to_owned()).chain(chapters).collect();
+    // Refuse chapters that are not included
+    for entry in fs::read_dir(dir.join(&beside)).into_iter().flatten() {
+        let name = entry?.file_name();
+        let path = beside.join(&name);
+        let hidden = name.as_bytes().starts_with(b".");
+        let is_chapter = path.extension().is_some_and(|e| e == "nw");
+        if is_chapter && !hidden && !chapters.contains(&path) {
+            let (path, master) = (path.display(), master.display());
+            let text = format!("{master} does not include {path}");
+            return Err(io::Error::other(text));
+        }
+    }
+    Ok(chapters)
 }
 
 /// A file of the program.
@@ -238,7 +252,8 @@ impl Project {
 pub fn expand_sources(
     sources: Vec<Source>,
 ) -> Result<Expansion, Vec<Diagnostic>> {
-    let (web, mut faults) = Web::read(sources, 0);
+    let (mut web, mut faults) = Web::read(sources, 0);
+    web.drop_last_returns();
     let mut files = Vec::new();
     for chunk in &web.chunks {
         // Expand the file of this chunk
@@ -257,6 +272,21 @@ pub fn expand_sources(
     match faults.is_empty() {
         true => Ok(Expansion { web, files }),
         false => Err(faults),
+    }
+}
+
+impl Web {
+    /// Drops the carriage return before the last newline of used chunks.
+    fn drop_last_returns(&mut self) {
+        for chunk in &mut self.chunks {
+            let last = chunk.pieces.last_mut();
+            if let Some((Piece::Text(text), _)) = last
+                && text.ends_with(b"\r")
+                && self.uses.contains_key(&chunk.name)
+            {
+                text.pop();
+            }
+        }
     }
 }
 
