@@ -253,7 +253,7 @@ pub fn expand_sources(
     sources: Vec<Source>,
 ) -> Result<Expansion, Vec<Diagnostic>> {
     let (mut web, mut faults) = Web::read(sources, 0);
-    web.drop_last_returns();
+    web.drop_returns();
     let mut files = Vec::new();
     for chunk in &web.chunks {
         // Expand the file of this chunk
@@ -265,7 +265,22 @@ pub fn expand_sources(
         let (tab, comment) = (tab_stops(path), comment_leader(path));
         let layout = Layout { tab, comment, directive: None };
         match tangle(&web, &[name], &layout) {
-            Ok(tangled) => files.push((path.to_owned(), tangled)),
+            Ok(mut tangled) => {
+                // Put the returns back
+                let head =
+                    web.sources.get(chunk.definitions[0].file as usize);
+                let head =
+                    head.and_then(|s| s.line(chunk.definitions[0].line));
+                if head.is_some_and(|line| line.ends_with(b"\r")) {
+                    let lines =
+                        tangled.text.split_inclusive(|b| *b == b'\n');
+                    let bare =
+                        lines.map(|l| l.strip_suffix(b"\n").unwrap_or(l));
+                    tangled.text =
+                        bare.flat_map(|l| [l, b"\r\n"].concat()).collect();
+                }
+                files.push((path.to_owned(), tangled));
+            }
             Err(more) => faults.extend(more),
         }
     }
@@ -276,15 +291,19 @@ pub fn expand_sources(
 }
 
 impl Web {
-    /// Drops the carriage return before the last newline of used chunks.
-    fn drop_last_returns(&mut self) {
+    /// Drops the carriage returns at the ends of lines of code.
+    fn drop_returns(&mut self) {
         for chunk in &mut self.chunks {
-            let last = chunk.pieces.last_mut();
-            if let Some((Piece::Text(text), _)) = last
-                && text.ends_with(b"\r")
-                && self.uses.contains_key(&chunk.name)
-            {
-                text.pop();
+            let mut ends = true;
+            for (piece, _) in chunk.pieces.iter_mut().rev() {
+                // Drop a return if the line ends
+                match piece {
+                    Piece::Text(text) if ends && text.ends_with(b"\r") => {
+                        text.pop();
+                    }
+                    _ => (),
+                }
+                ends = *piece == Piece::Newline;
             }
         }
     }

@@ -426,10 +426,7 @@ impl Expander<'_> {
         self.mark(place);
         self.push(comment.as_bytes());
         self.push(&spoken_name(name));
-        let source = self.web.sources.get(place.file as usize);
-        let line = source.and_then(|source| source.line(place.line));
-        let returns = line.is_some_and(|line| line.ends_with(b"\r"));
-        self.push(if returns { b"\r\n" } else { b"\n" });
+        self.push(b"\n");
         self.push(&blank);
     }
 }

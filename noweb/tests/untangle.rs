@@ -161,7 +161,8 @@ const MAIN_RS: &str = "src/main.rs";
 fn an_edit_of_lines_of_two_characters_comes_home() {
     let chapter = CHAPTER.replace('\n', "\r\n");
     let scratch = project(&chapter);
-    edit(&scratch, "src/main.rs", "last();\r\n", "least();\r\nlast();\r\n");
+    let added = "    least();\r\n    last();";
+    edit(&scratch, "src/main.rs", "    last();", added);
     let outcome = untangle(&scratch);
     assert_eq!(outcome.status, 0, "{}", outcome.stderr());
     let edited = chapter.replace("last();", "least();\r\nlast();");
