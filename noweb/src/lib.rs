@@ -108,7 +108,7 @@ impl Streams<'_> {
     /// Says what is wrong with the arguments of a command; the status is 2.
     pub fn misused(&mut self, text: String) -> u8 {
         let fault = Diagnostic::new(Level::Error, None, text)
-            .with_help("noweb --help lists the commands, noweb COMMAND --help the options");
+            .with_help("noweb [COMMAND] --help tells more");
         self.conclude(Ok(()), &[fault]);
         2
     }

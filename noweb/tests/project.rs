@@ -351,7 +351,10 @@ fn wrong_usage_has_status_2() {
         assert_eq!(run(scratch.path(), args).status, 2, "{args:?}");
     }
     let outcome = run(scratch.path(), &["tangle", "--nope"]);
-    assert!(outcome.stderr().contains("noweb --help"), "{outcome:?}");
+    assert!(
+        outcome.stderr().contains("noweb [COMMAND] --help"),
+        "{outcome:?}"
+    );
 }
 
 #[test]
