@@ -14,13 +14,23 @@ CHAPTERS := $(patsubst ./%,%,$(call INCLUDED,litpt.nw))
 WEB := litpt.nw $(CHAPTERS)
 TOOL_CHAPTERS := $(call INCLUDED,noweb/noweb.nw)
 TOOL_WEB := noweb/noweb.nw $(TOOL_CHAPTERS)
-
-PROFILE_Release = --release
-PROFILE_Debug =
-ifeq ($(filter $(BUILD_TYPE),Release Debug),)
-$(error BUILD_TYPE is "$(BUILD_TYPE)" in config.mk: it must be Release or Debug)
+LOST := $(filter-out $(WEB) $(TOOL_WEB),$(wildcard chapters/*.nw noweb/chapters/*.nw))
+ifneq ($(LOST),)
+$(error no master includes $(LOST))
 endif
-COMPILED := $(CARGO_TARGET_DIR)/$(if $(PROFILE_$(BUILD_TYPE)),release,debug)
+
+# What is measured or installed is a Release.
+ifneq ($(filter measure stability% ablation start bench% mixtures install, \
+  $(MAKECMDGOALS)),)
+override BUILD_TYPE = Release
+endif
+PROFILE_Fast = fast
+PROFILE_Release = release
+PROFILE_Debug = dev
+ifeq ($(filter $(BUILD_TYPE),Fast Release Debug),)
+$(error BUILD_TYPE is "$(BUILD_TYPE)" in config.mk: it must be Fast, Release or Debug)
+endif
+COMPILED := $(CARGO_TARGET_DIR)/$(patsubst dev,debug,$(PROFILE_$(BUILD_TYPE)))
 
 NOWEB := $(CARGO_TARGET_DIR)/tool/noweb
 NOWEB_SOURCES := Cargo.toml noweb/Cargo.toml $(wildcard noweb/src/*.rs)
@@ -80,16 +90,25 @@ $(BUILD_DIR)/tangled.stamp: $(WEB) $(NOWEB)
 src/.tangled: $(BUILD_DIR)/tangled.stamp
 	@true
 
-PROGRAMS := $(BUILD_DIR)/$(BUILD_TYPE).stamp
-$(PROGRAMS): $(SOURCES)
-	$(MAP) $(CARGO) build $(PROFILE_$(BUILD_TYPE)) --bins
-	@rm -f $(BUILD_DIR)/Release.stamp $(BUILD_DIR)/Debug.stamp
-	@for program in pt ptimg; do \
-	  $(call COPY,$(COMPILED)/$$program,$(BUILD_DIR)/$$program) || exit 1; done
-	@touch $@
+# $(call BUILD,OPTIONS,PROGRAMS,STAMP): compiles programs and copies those that
+# differ. The stamp STAMP.BUILD_TYPE has a checksum of the sources. A program
+# that differs from the one before in its BUILD_TYPE alone gets its time as
+# well: figures are the same whichever makes them.
+define BUILD
+$(MAP) $(CARGO) build --profile $(PROFILE_$(BUILD_TYPE)) $(1)
+@sources=$$(cat $(filter-out config.mk,$^) | cksum); \
+before=$$(cat $(filter-out $@,$(wildcard $(3).*)) /dev/null); \
+for program in $(2); do \
+  from=$(COMPILED)/$$program to=$(BUILD_DIR)/$$program; \
+  cmp -s $$from $$to || { cp $$from $$to.new && \
+    { test "$$sources" != "$$before" || touch -r $$to $$to.new; } && \
+    mv $$to.new $$to; } || exit 1; \
+done; rm -f $(3).*; echo "$$sources" > $@
+endef
 
-# $(call COPY,FROM,TO): copies a program that differs.
-COPY = { cmp -s $(1) $(2) || { cp $(1) $(2).new && mv $(2).new $(2); }; }
+PROGRAMS := $(BUILD_DIR)/programs.$(BUILD_TYPE)
+$(PROGRAMS): $(SOURCES)
+	$(call BUILD,--bins,pt ptimg,$(basename $@))
 
 $(BUILD_DIR)/pt $(BUILD_DIR)/ptimg: $(PROGRAMS)
 	@test -x $@ || { rm -f $<; $(MAKE) --no-print-directory $<; }
@@ -98,13 +117,11 @@ bin: $(BUILD_DIR)/pt $(BUILD_DIR)/ptimg
 
 # The program of the book's own crate, which is not installed.
 BOOK := $(BUILD_DIR)/litpt-book
-$(BOOK).stamp: $(SOURCES) book/Cargo.toml \
+$(BOOK).$(BUILD_TYPE): $(SOURCES) book/Cargo.toml \
   $(wildcard book/src/*.rs book/src/programs/*.rs)
-	$(MAP) $(CARGO) build --release -p litpt-book
-	@$(call COPY,$(CARGO_TARGET_DIR)/release/litpt-book,$(BOOK))
-	@touch $@
+	$(call BUILD,-p litpt-book,litpt-book,$(BOOK))
 
-$(BOOK): $(BOOK).stamp
+$(BOOK): $(BOOK).$(BUILD_TYPE)
 	@test -x $@ || { rm -f $<; $(MAKE) --no-print-directory $<; }
 
 # What is installed below PREFIX: the programs, their manual pages, and

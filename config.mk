@@ -8,9 +8,10 @@
 # Where the program, the book and the pictures go.
 BUILD_DIR = build
 
-# Release: optimised, for rendering. Debug: with all checks, much slower, for
-# looking for errors.
-BUILD_TYPE = Release
+# Fast: optimised, and soon compiled again after a change. Release: longer to
+# compile and a little faster, for long renders. Debug: with all checks, much
+# slower, for looking for errors.
+BUILD_TYPE = Fast
 
 # Options of notangle, which "make chunk" calls; for instance
 # -L'// %F:%L%N' to see where the lines come from. The program itself is

@@ -14,7 +14,8 @@ RECORD := sh $(SCRIPTS)/record
 FIGURES := $(BUILD_DIR)/figures/courtyard.png
 # The tool's book needs no program but the tool.
 TOOL_TABLES := $(addprefix $(BUILT)/,measured.tex editor.tex translation.tex)
-TABLES := $(BUILD_DIR)/examples.stamp $(addprefix $(BUILT)/,measured.tex \
+TABLES := $(BUILD_DIR)/examples.stamp \
+  $(addprefix $(BUILD_DIR)/examples/session-,get.txt use.txt) $(addprefix $(BUILT)/,measured.tex \
   numbers.stamp turnaround.tex closed-forms.tex \
   calibration.stamp anatomy.stamp curve.csv counted.tex said.tex layers.tex \
   qualities.tex leaks.tex origins.tex roulettes.tex stability.tex \
@@ -65,6 +66,16 @@ $(BUILD_DIR)/examples.stamp: $(NOWEB) $(BUILD_DIR)/pt $(BUILD_DIR)/ptimg \
 	@sh $(SCRIPTS)/pt.sh $(BUILD_DIR)/pt $(BUILD_DIR)/examples
 	@sh $(SCRIPTS)/ptimg.sh $(BUILD_DIR) $(BUILD_DIR)/examples
 	@touch $@
+
+# A terminal session: cloned and compiled when what says how has changed, and
+# used when the program has.
+SESSION := $(BUILD_DIR)/examples/session
+$(SESSION)-get.txt: $(SCRIPTS)/session.sh Makefile config.mk Cargo.toml \
+  Cargo.lock build.rs
+	sh $< get $(@D)
+
+$(SESSION)-use.txt: $(SCRIPTS)/session.sh $(BUILD_DIR)/pt
+	sh $< use $(@D) $(BUILD_DIR)
 
 # The numbers in what they have said, and those of tables made with the book.
 SAID = info same other seeds few single pair joined long white files
@@ -205,8 +216,6 @@ $(BENCH)/kitchen.obj $(BENCH)/kitchen.view &: $(KITCHEN)
 	  > $(BENCH)/kitchen.view
 
 bench-tools: $(BUILD_DIR)/pt
-	@test '$(BUILD_TYPE)' = Release || \
-	  { echo 'error: only a Release is worth measuring' >&2; exit 1; }
 	@command -v python3 > /dev/null || \
 	  { echo 'error: make bench needs python3' >&2; exit 1; }
 	@mkdir -p $(BENCH)
@@ -239,6 +248,20 @@ bench-sizes: bench-tools $(call AND_VIEWS,$(SIZED))
 
 bench-shapes: bench-tools $(call AND_VIEWS,$(BENCH)/courtyard)
 	$(RECORD) shapes $(call BESIDE_PEER,shapes,$(BENCH)/courtyard)
+
+# ---- the pictures of the README
+
+.PHONY: bench-error readme
+bench-error: bench-tools $(call AND_VIEWS,$(BENCH)/courtyard)
+	$(RECORD) error $(call BESIDE_PEER,error,$(BENCH)/courtyard)
+
+doc/figures/error.svg: $(MEASURED)/error.csv $(SCRIPTS)/curve.py
+	python3 $(SCRIPTS)/curve.py < $< > $@
+
+# Some minutes; the picture is not made again by each build.
+readme: $(BUILD_DIR)/pt $(BUILD_DIR)/courtyard.obj doc/figures/error.svg
+	$(BUILD_DIR)/pt $(CAMERA) -d 400x300 -n 400 -r 0.8 -f \
+	  -i $(BUILD_DIR)/courtyard.obj -o doc/figures/readme.png
 
 # ---- mixtures of scales
 

@@ -5,6 +5,7 @@ usage: measure.py peer PT [PEER] SCENE...   rates, load, memory of both
        measure.py sizes PT [PEER] SCENE...  the same scene in several sizes
        measure.py shapes PT SCENE...        images of several sizes
        measure.py mixtures PT [PEER] SCENE...  rates and means of mixtures
+       measure.py error PT [PEER] SCENE     error of the image against time
        measure.py show FILE.csv...          a table for the eye
 
 A SCENE is a path without its ending: SCENE.obj, and SCENE.view with the
@@ -27,6 +28,7 @@ import math
 import os
 import re
 import signal
+import struct
 import subprocess
 import sys
 import tempfile
@@ -97,9 +99,9 @@ class Programs:
         self.pt, self.peer, self.folder = pt, peer, folder
 
     def ours(self, scene, processors, n, seed, definition=(WIDTH, HEIGHT),
-             limit=None):
+             limit=None, out=None):
         view = open(scene + '.view').read().split()
-        out = os.path.join(self.folder, 'image.pgm')
+        out = out or os.path.join(self.folder, 'image.pgm')
         return run(
             [self.pt, '--keep-all', '-i', scene + '.obj', *view,
              '-r', str(ALBEDO), '-d', '{}x{}'.format(*definition),
@@ -107,10 +109,10 @@ class Programs:
              '-o', out, '-f'], processors, PT, math.prod(definition), limit)
 
     def theirs(self, scene, processors, n, seed, definition=(WIDTH, HEIGHT),
-               limit=None):
+               limit=None, out=None):
         view = open(scene + '.view').read().split()
         p, t, u, fov = (view[view.index(o) + 1] for o in '-p -t -u -F'.split())
-        out = os.path.join(self.folder, 'image.raw')
+        out = out or os.path.join(self.folder, 'image.raw')
         return run(
             [self.peer, scene + '.obj', p, t, u, fov,
              '{}x{}'.format(*definition), str(n), str(ALBEDO), out,
@@ -280,6 +282,56 @@ def mixtures(programs, scenes):
                   theirs[0], mean, error, *theirs[1:], sep=',', flush=True)
 
 
+ERROR = (200, 150)  # the image whose error is measured
+DOUBLINGS = 7
+REFERENCE = 1024  # samples of a pixel
+
+
+def radiances(path):
+    """The pixels of our PFM, which begins below, or of the peer's file of
+    means and standard errors."""
+    data = open(path, 'rb').read()
+    if path.endswith('.raw'):
+        return struct.unpack(f'{len(data) // 8}d', data)[::2]
+    (width, height), n = ERROR, math.prod(ERROR)
+    pixels = struct.unpack(f'<{n}f', data[-4 * n:])
+    return [pixels[(height - 1 - y) * width + x]
+            for y in range(height) for x in range(width)]
+
+
+def mean_square(pixels, reference):
+    return sum((a - b) ** 2 for a, b in zip(pixels, reference)) / len(pixels)
+
+
+def error(programs, scenes):
+    """The error of an image against the seconds of the whole run."""
+    print('samples,ours_seconds,ours_error,peer_seconds,peer_error')
+    processors = sorted(os.sched_getaffinity(0))[:2]
+    files = [os.path.join(programs.folder, name)
+             for name in ('image.pfm', 'image.raw')]
+
+    def timed(program, scene, n, seed, file):
+        began = time.monotonic()
+        program(scene, processors, n, seed, ERROR, out=file)
+        return time.monotonic() - began, radiances(file)
+
+    scene, = scenes
+    say('the reference')
+    reference = timed(programs.ours, scene, REFERENCE, 0, files[0])[1]
+    both = [programs.ours, programs.theirs][:2 if programs.peer else 1]
+    for n in (2 ** i for i in range(DOUBLINGS)):
+        say(f'{n} spp')
+        row = [n]
+        runs = [[timed(program, scene, n, seed, file)
+                 for program, file in zip(both, files)]
+                for seed in range(1, FEWEST + 1)]
+        for mine in zip(*runs):
+            squares = [mean_square(p, reference) for _, p in mine]
+            row += [f'{median(seconds for seconds, _ in mine):.3f}',
+                    f'{math.sqrt(sum(squares) / len(squares)):.5f}']
+        print(*row, *[''] * (5 - len(row)), sep=',', flush=True)
+
+
 def show(path):
     rows = [line.rstrip('\n').split(',')
             for line in open(path) if not line.startswith('#')]
@@ -294,7 +346,7 @@ def main():
     if verb == ['show']:
         return [show(path) for path in arguments]
     verbs = {'peer': peer, 'sizes': sizes, 'shapes': shapes,
-             'mixtures': mixtures}
+             'mixtures': mixtures, 'error': error}
     measure = verbs.get(''.join(verb))
     if not measure or not arguments:
         sys.exit(__doc__)

@@ -24,28 +24,48 @@ use crate::{Streams, cpif, map, markup, project, tangle, untangle};
 use crate::{finduses, noidx, noweave, rust_index, split_scope, totex};
 
 // List the commands
-/// A command: its name, what runs it, and what it does.
-type Command = (&'static str, Runner, &'static str);
+/// A command: its name, what runs it, what it does, and its arguments.
+type Command = (&'static str, Runner, &'static str, &'static str);
 
 type Runner = fn(&[OsString], &mut Streams) -> u8;
 
 const COMMANDS: &[Command] = &[
-    ("tangle", project::run, "write all files of a program"),
-    ("untangle", untangle::run, "carry edits back to chapters"),
-    ("map", map::run, "run a command, its positions translated"),
-    ("notangle", tangle::run, "extract one chunk, expanded"),
-    ("noroots", run_noroots, "list the chunks that none uses"),
-    ("markup", markup::run, "turn a web into a stream"),
-    ("unmarkup", markup::run_unmarkup, "turn a stream into a web"),
-    ("nt", tangle::run_nt, "extract a chunk from a stream"),
-    ("cpif", cpif::run, "copy to files that differ"),
+    ("tangle", project::run, "write all files of a program", PROJECT),
+    ("untangle", untangle::run, "carry edits back to chapters", PROJECT),
+    ("map", map::run, "run a command, its positions translated", MAP),
+    ("notangle", tangle::run, "extract one chunk, expanded", NOTANGLE),
+    ("noroots", run_noroots, "list the chunks that none uses", MARKUP),
+    ("markup", markup::run, "turn a web into a stream", MARKUP),
+    (
+        "unmarkup",
+        markup::run_unmarkup,
+        "turn a stream into a web",
+        "[FILE...]",
+    ),
+    ("nt", tangle::run_nt, "extract a chunk from a stream", NT),
+    ("cpif", cpif::run, "copy to files that differ", CPIF),
     // List the commands that weave
-    ("noweave", noweave::run, "weave chapters into a document"),
-    ("finduses", finduses::run, "mark the uses of identifiers"),
-    ("rustindex", rust_index::run, "find the items of Rust and their uses"),
-    ("noidx", noidx::run, "resolve cross-references"),
-    ("totex", totex::run, "turn a stream into LaTeX"),
-    ("split_scope", split_scope::run, "turn a stream into LaTeX files"),
+    ("noweave", noweave::run, "weave chapters into a document", NOWEAVE),
+    (
+        "finduses",
+        finduses::run,
+        "mark the uses of identifiers",
+        "[-noquote]",
+    ),
+    (
+        "rustindex",
+        rust_index::run,
+        "find the items of Rust and their uses",
+        "",
+    ),
+    ("noidx", noidx::run, "resolve cross-references", "[-delay]"),
+    ("totex", totex::run, "turn a stream into LaTeX", TOTEX),
+    (
+        "split_scope",
+        split_scope::run,
+        "turn a stream into LaTeX files",
+        SPLIT,
+    ),
 ];
 
 // Choose the command
@@ -68,14 +88,14 @@ pub fn main() -> ExitCode {
 
 /// Runs what a name, or else the first argument, stands for.
 pub fn run(name: &OsStr, args: &[OsString], streams: &mut Streams) -> u8 {
-    if let Some((_, runner, _)) = find(name) {
-        return runner(args, streams);
+    if let Some(command) = find(name) {
+        return run_command(command, args, streams);
     }
     match args {
-        [first, ..] if first == "--help" || first == "-h" => help(streams),
-        [first, ..] if first == "--version" => version(streams),
+        [first, ..] if asks(first, HELP) => streams.say(&help()),
+        [first, ..] if asks(first, VERSION) => streams.say(&version()),
         [first, rest @ ..] => match find(first) {
-            Some((_, runner, _)) => runner(rest, streams),
+            Some(command) => run_command(command, rest, streams),
             None => {
                 let text = format!("unknown command {}", first.display());
                 streams.misused(text)
@@ -85,33 +105,101 @@ pub fn run(name: &OsStr, args: &[OsString], streams: &mut Streams) -> u8 {
     }
 }
 
+const HELP: [&str; 2] = ["-h", "--help"];
+const VERSION: [&str; 2] = ["-V", "--version"];
+
+fn asks(arg: &OsString, options: [&str; 2]) -> bool {
+    options.iter().any(|option| arg == option)
+}
+
+fn run_command(
+    command: &Command,
+    args: &[OsString],
+    streams: &mut Streams,
+) -> u8 {
+    match args {
+        [first, ..] if asks(first, HELP) => streams.say(&help_of(command)),
+        [first, ..] if asks(first, VERSION) => streams.say(&version()),
+        _ => (command.1)(args, streams),
+    }
+}
+
 fn find(name: &OsStr) -> Option<&'static Command> {
     COMMANDS.iter().find(|(known, ..)| name == *known)
 }
 
 // Print the help
-fn help(streams: &mut Streams) -> u8 {
+
+const NOWEAVE: &str = "[OPTION...] [FILE...]
+
+  -n, -delay      write no preamble, or the author's own first line
+  -x, -index      cross-reference chunks, or identifiers as well
+  -autodefs rust  find what a Rust program defines
+  -filter COMMAND    send the stream through a command of the shell
+  -markup COMMAND    read the files with this command
+  -backend COMMAND   write the document with this command
+  -option NAME    an option of the style file
+  -texnames       the names of chunks are LaTeX
+  -t, -tN         keep tabs, or expand them at every N columns [-t8]
+  -v              say which stages are run";
+
+const TOTEX: &str = "[-delay] [-noindex] [-no-gen-comment] [-texnames]";
+
+const SPLIT: &str = "[-o DIR] [OPTION OF TOTEX...]
+
+  -o DIR          where the files go [.]";
+fn help() -> String {
     let mut text = String::from("usage: noweb COMMAND [ARGUMENT...]\n\n");
-    for (name, _, purpose) in COMMANDS {
+    for (name, _, purpose, _) in COMMANDS {
         text += &format!("  {name:<12} {purpose}\n");
     }
-    text += SYNTAX;
-    let result = streams.output.write_all(text.as_bytes());
-    streams.conclude(result, &[])
+    text + "\nnoweb COMMAND --help tells what may follow a command.\n\
+        A symbolic link named after a command is that command.\n"
 }
 
-const SYNTAX: &str = "
-tangle, untangle [-C DIR] [--record FILE] [--check] CHAPTER...
-map MASTER... -- COMMAND [ARGUMENT...]
-The others are those of noweb 2.12.
-A symbolic link named after a command is that command.
-";
-
-fn version(streams: &mut Streams) -> u8 {
-    let version = env!("CARGO_PKG_VERSION");
-    let result = writeln!(streams.output, "noweb {version} (litpt)");
-    streams.conclude(result, &[])
+fn help_of((name, _, purpose, arguments): &Command) -> String {
+    let usage = format!("usage: noweb {name} {arguments}");
+    format!("{}\n\n{name} - {purpose}\n", usage.trim_end())
 }
+
+fn version() -> String {
+    format!("noweb {} (litpt)\n", env!("CARGO_PKG_VERSION"))
+}
+
+const PROJECT: &str = "[-C DIR] [--record FILE] [--check] CHAPTER...
+
+  -C DIR          the directory that paths are relative to
+  --record FILE   the checksums of what was tangled [.tangled]
+  --check         change nothing, and fail if there is anything to change";
+
+const MAP: &str = "MASTER... -- COMMAND [ARGUMENT...]
+
+  MASTER          a file that includes the chapters of a web";
+
+const MARKUP: &str = "[-t | -tN] [FILE...]
+
+  -t, -tN         keep tabs, or expand them at every N columns [-t8]";
+
+const CPIF: &str = "[-ne | -eq] FILE...
+
+  -ne             write the files that differ from standard input
+  -eq             write those that do not";
+
+const NT: &str = "[-Rname...] [-Lformat] [-tN]
+
+  -Rname          extract the chunk of this name [*]
+  -Lformat        mark where lines come from: %F the file, %L the line,
+                  %N a newline, %% a percent sign
+  -tN             indent with tabs of N columns";
+
+const NOTANGLE: &str = "[OPTION...] [FILE...]
+
+  -Rname          extract the chunk of this name [*]
+  -Lformat        mark where lines come from: %F the file, %L the line,
+                  %N a newline, %% a percent sign
+  -tN             keep tabs, and indent with tabs of N columns
+  -filter COMMAND    send the stream through a command of the shell
+  -markup COMMAND    read the files with this command";
 
 // Run the command that lists roots
 /// The command `noroots [-t[N]] [file...]`.

@@ -108,8 +108,14 @@ impl Streams<'_> {
     /// Says what is wrong with the arguments of a command; the status is 2.
     pub fn misused(&mut self, text: String) -> u8 {
         let fault = Diagnostic::new(Level::Error, None, text)
-            .with_help("noweb --help lists the commands");
+            .with_help("noweb [COMMAND] --help tells more");
         self.conclude(Ok(()), &[fault]);
         2
+    }
+
+    /// Says what was asked for, such as a help.
+    pub fn say(&mut self, text: &str) -> u8 {
+        let result = self.output.write_all(text.as_bytes());
+        self.conclude(result, &[])
     }
 }

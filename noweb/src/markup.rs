@@ -175,7 +175,9 @@ pub fn mark_up(
     lexer.emit(Token::File(source.name.clone()), 0);
     lexer.emit(Token::Begin(Kind::Docs, 0), 0);
     let mut ended = true;
-    for line in source.text.split_inclusive(|b| *b == b'\n') {
+    let text = source.text.strip_prefix(b"\xef\xbb\xbf");
+    let text = text.unwrap_or(&source.text);
+    for line in text.split_inclusive(|b| *b == b'\n') {
         let body = line.strip_suffix(b"\n").unwrap_or(line);
         ended = body.len() < line.len();
         lexer.mark_line(body, ended);

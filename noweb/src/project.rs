@@ -26,7 +26,7 @@ use crate::Streams;
 use crate::cpif::{self, replace};
 use crate::diagnostic::{Diagnostic, Level, Place, Position, Source};
 use crate::tangle::{Layout, Tangled, tangle};
-use crate::web::Web;
+use crate::web::{Piece, Web};
 
 // Say what is tangled where
 /// Some chapters and what to tangle from them.
@@ -44,7 +44,7 @@ pub struct Project {
 ///
 /// # Errors
 ///
-/// A master that cannot be read.
+/// A master that cannot be read, or does not include a chapter.
 pub fn included(dir: &Path, master: &Path) -> io::Result<Vec<PathBuf>> {
     let text = fs::read_to_string(dir.join(master))?;
     let beside = master.with_file_name("chapters");
@@ -53,7 +53,21 @@ pub fn included(dir: &Path, master: &Path) -> io::Result<Vec<PathBuf>> {
         Some(beside.join(format!("{name}.nw")))
     };
     let chapters = text.lines().filter_map(chapter);
-    Ok(std::iter::once(master.to_owned()).chain(chapters).collect())
+    let chapters: Vec<PathBuf> =
+        std::iter::once(master.to_owned()).chain(chapters).collect();
+    // Refuse chapters that are not included
+    for entry in fs::read_dir(dir.join(&beside)).into_iter().flatten() {
+        let name = entry?.file_name();
+        let path = beside.join(&name);
+        let hidden = name.as_bytes().starts_with(b".");
+        let is_chapter = path.extension().is_some_and(|e| e == "nw");
+        if is_chapter && !hidden && !chapters.contains(&path) {
+            let (path, master) = (path.display(), master.display());
+            let text = format!("{master} does not include {path}");
+            return Err(io::Error::other(text));
+        }
+    }
+    Ok(chapters)
 }
 
 /// A file of the program.
@@ -238,7 +252,8 @@ impl Project {
 pub fn expand_sources(
     sources: Vec<Source>,
 ) -> Result<Expansion, Vec<Diagnostic>> {
-    let (web, mut faults) = Web::read(sources, 0);
+    let (mut web, mut faults) = Web::read(sources, 0);
+    web.drop_returns();
     let mut files = Vec::new();
     for chunk in &web.chunks {
         // Expand the file of this chunk
@@ -250,13 +265,47 @@ pub fn expand_sources(
         let (tab, comment) = (tab_stops(path), comment_leader(path));
         let layout = Layout { tab, comment, directive: None };
         match tangle(&web, &[name], &layout) {
-            Ok(tangled) => files.push((path.to_owned(), tangled)),
+            Ok(mut tangled) => {
+                // Put the returns back
+                let head =
+                    web.sources.get(chunk.definitions[0].file as usize);
+                let head =
+                    head.and_then(|s| s.line(chunk.definitions[0].line));
+                if head.is_some_and(|line| line.ends_with(b"\r")) {
+                    let lines =
+                        tangled.text.split_inclusive(|b| *b == b'\n');
+                    let bare =
+                        lines.map(|l| l.strip_suffix(b"\n").unwrap_or(l));
+                    tangled.text =
+                        bare.flat_map(|l| [l, b"\r\n"].concat()).collect();
+                }
+                files.push((path.to_owned(), tangled));
+            }
             Err(more) => faults.extend(more),
         }
     }
     match faults.is_empty() {
         true => Ok(Expansion { web, files }),
         false => Err(faults),
+    }
+}
+
+impl Web {
+    /// Drops the carriage returns at the ends of lines of code.
+    fn drop_returns(&mut self) {
+        for chunk in &mut self.chunks {
+            let mut ends = true;
+            for (piece, _) in chunk.pieces.iter_mut().rev() {
+                // Drop a return if the line ends
+                match piece {
+                    Piece::Text(text) if ends && text.ends_with(b"\r") => {
+                        text.pop();
+                    }
+                    _ => (),
+                }
+                ends = *piece == Piece::Newline;
+            }
+        }
     }
 }
 

@@ -350,11 +350,80 @@ fn wrong_usage_has_status_2() {
     for args in [&[][..], &["nonsense"]] {
         assert_eq!(run(scratch.path(), args).status, 2, "{args:?}");
     }
-    assert_eq!(run(scratch.path(), &["--version"]).status, 0);
-    assert_eq!(run(scratch.path(), &["--help"]).status, 0);
-    let outcome = run(scratch.path(), &["tangle", "--help"]);
+    let outcome = run(scratch.path(), &["tangle", "--nope"]);
+    assert!(
+        outcome.stderr().contains("noweb [COMMAND] --help"),
+        "{outcome:?}"
+    );
+}
+
+#[test]
+fn each_command_has_a_help_and_a_version() {
+    let scratch = Scratch::new();
+    let version = run(scratch.path(), &["--version"]).stdout();
+    assert!(version.starts_with("noweb 0."), "{version}");
+    let list = run(scratch.path(), &["--help"]).stdout();
+    assert_eq!(run(scratch.path(), &["-h"]).stdout(), list);
+    for command in common::names() {
+        let command = &command[..];
+        assert!(list.contains(&format!("\n  {command} ")), "{command}");
+        let help = run(scratch.path(), &[command, "--help"]);
+        assert_eq!((help.status, help.stderr()), (0, String::new()));
+        let usage = format!("usage: noweb {command}");
+        assert!(help.stdout().starts_with(&usage), "{}", help.stdout());
+        let again = run(scratch.path(), &[command, "-h"]).stdout();
+        assert_eq!(again, help.stdout());
+        for option in ["-V", "--version"] {
+            let told = run(scratch.path(), &[command, option]);
+            assert_eq!((told.status, told.stdout()), (0, version.clone()));
+        }
+    }
+}
+
+#[test]
+fn the_command_that_is_mapped_keeps_its_options() {
+    let scratch = Scratch::new();
+    scratch.write("a.nw", "Prose.\n");
+    let words = ["map", "a.nw", "--", "echo", "--help", "-V"];
+    assert_eq!(run(scratch.path(), &words).stdout(), "--help -V\n");
+}
+
+#[test]
+fn lines_of_two_characters_stay_so_where_chunks_begin_and_end() {
+    let scratch = project();
+    scratch.write("chapters/a.nw", CHAPTER.replace('\n', "\r\n"));
+    let outcome = tangle(&scratch, &[]);
+    assert_eq!(outcome.status, 0, "{}", outcome.stderr());
+    assert_eq!(scratch.read("src/main.rs"), MAIN.replace('\n', "\r\n"));
+    assert_eq!(scratch.read("a.mk"), "all:\r\n\ttrue\r\n");
+}
+
+#[test]
+fn the_mark_of_the_byte_order_is_skipped() {
+    let scratch = Scratch::new();
+    scratch.write("a.nw", "\u{feff}<<a.txt>>=\none\n");
+    let outcome = run(scratch.path(), &["tangle", "a.nw"]);
+    assert_eq!(outcome.status, 0, "{}", outcome.stderr());
+    assert_eq!(scratch.read("a.txt"), "one\n");
+    scratch.write("a.txt", "two\n");
+    let outcome = run(scratch.path(), &["untangle", "a.nw"]);
+    assert_eq!(outcome.status, 0, "{}", outcome.stderr());
+    assert_eq!(scratch.read("a.nw"), "\u{feff}<<a.txt>>=\ntwo\n");
+}
+
+#[test]
+fn a_chapter_that_the_master_does_not_include_is_named() {
+    let scratch = project();
+    scratch.write("book.nw", "\\include{a}\n");
+    let map = ["map", "book.nw", "--", "true"];
+    assert_eq!(run(scratch.path(), &map).status, 0);
+    scratch.write("chapters/.b.nw", "");
+    assert_eq!(run(scratch.path(), &map).status, 0);
+    scratch.write("chapters/b.nw", "");
+    let outcome = run(scratch.path(), &map);
     assert_eq!(outcome.status, 2);
-    assert!(outcome.stderr().contains("noweb --help"), "{outcome:?}");
+    let said = "book.nw does not include chapters/b.nw";
+    assert!(outcome.stderr().contains(said), "{}", outcome.stderr());
 }
 
 #[test]

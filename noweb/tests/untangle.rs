@@ -158,6 +158,18 @@ const EITHER: &str = "this edit may belong to either of two places";
 const MAIN_RS: &str = "src/main.rs";
 
 #[test]
+fn an_edit_of_lines_of_two_characters_comes_home() {
+    let chapter = CHAPTER.replace('\n', "\r\n");
+    let scratch = project(&chapter);
+    let added = "    least();\r\n    last();";
+    edit(&scratch, "src/main.rs", "    last();", added);
+    let outcome = untangle(&scratch);
+    assert_eq!(outcome.status, 0, "{}", outcome.stderr());
+    let edited = chapter.replace("last();", "least();\r\nlast();");
+    assert_eq!(scratch.read("a.nw"), edited);
+}
+
+#[test]
 fn a_changed_line_comes_home() {
     let edit = (MAIN_RS, "    more();", "    much_more();");
     comes_home(&[edit], "\nmore();", "\nmuch_more();");
