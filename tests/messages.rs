@@ -291,7 +291,7 @@ fn on_a_terminal_the_image_goes_to_a_file_beside_the_scene() {
     let place = Scratch::new();
     let run = |words| on_the_terminal_of(&place, words, |_| ());
     let Some(text) = run("-p0,0,0 -d9x7 room.obj") else { return };
-    assert!(text.contains("> file      room.png"), "{text}");
+    assert!(text.contains("file      room.png"), "{text}");
     place.holds_only(&["room.png"]);
     let image = place.get("room.png");
     assert!(image == place.render(&["-d9x7", "--format=png"]));

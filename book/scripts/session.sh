@@ -57,8 +57,7 @@ f 5 6 8
 f 6 7 8
 f 7 5 8
 END"
-  typed 'build/pt -i scene.obj -p 3,-8,4 -t 0,0,1 -r 0.7 -n 64 \
-    -o scene.png --report scene.html'
+  typed 'build/pt scene.obj -r 0.7 -n 64 -o scene.png --report scene.html'
   test -s scene.png && test -s scene.html
 }
 
