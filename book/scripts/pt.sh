@@ -43,6 +43,7 @@ printf 'v -9 -9 0\nv 9 -9 0\nv 9 9 0\nv -9 9 0\nf 1 2 3 4\n' > floor.obj
 printf 'v -1 -1 3\nv 1 -1 3\nv 0 1 2\nf 5 6 7\n' >> floor.obj
 {
   wrong -d 800x600x3
+  wrong --albdo 0.5
   wrong -n 0
   wrong -p 1,2
   wrong -r 1.5

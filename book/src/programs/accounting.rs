@@ -54,8 +54,14 @@ fn measure(setting: &Setting) -> Result<[f64; 4], Box<dyn Error>> {
     ];
     let never = Duration::MAX;
     let analysis = Report::default;
-    let mut run_output =
-        RunOutput::new(reports, None, never, RunKey::default(), analysis());
+    let mut run_output = RunOutput::new(
+        reports,
+        None,
+        never,
+        vec![],
+        RunKey::default(),
+        analysis(),
+    );
     let limits = Limits {
         samples: Some(SAMPLES),
         deadline: None,
@@ -82,6 +88,7 @@ fn measure(setting: &Setting) -> Result<[f64; 4], Box<dyn Error>> {
         vec![],
         checkpoint,
         Duration::ZERO,
+        vec![],
         run_key,
         analysis(),
     );
