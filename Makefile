@@ -15,9 +15,6 @@ WEB := litpt.nw $(CHAPTERS)
 TOOL_CHAPTERS := $(call INCLUDED,noweb/noweb.nw)
 TOOL_WEB := noweb/noweb.nw $(TOOL_CHAPTERS)
 LOST := $(filter-out $(WEB) $(TOOL_WEB),$(wildcard chapters/*.nw noweb/chapters/*.nw))
-ifneq ($(LOST),)
-$(error no master includes $(LOST))
-endif
 
 # What is measured or installed is a Release.
 ifneq ($(filter measure stability% ablation start bench% mixtures install, \
@@ -82,7 +79,8 @@ help:
 # change; cargo (whose build.rs would tangle as well) is called only if one did,
 # and its programs are copied only when they differ. So a sentence that is
 # mended costs no compilation, and a comment no rendering.
-$(BUILD_DIR)/tangled.stamp: $(WEB) $(NOWEB)
+$(BUILD_DIR)/tangled.stamp: $(WEB) $(NOWEB) $(LOST)
+	$(if $(LOST),$(error no master includes $(LOST)))
 	@mkdir -p $(BUILD_DIR)
 	$(NOWEB) tangle --record src/.tangled $(WEB)
 	@touch $@
@@ -101,7 +99,7 @@ before=$$(cat $(filter-out $@,$(wildcard $(3).*)) /dev/null); \
 for program in $(2); do \
   from=$(COMPILED)/$$program to=$(BUILD_DIR)/$$program; \
   cmp -s $$from $$to || { cp $$from $$to.new && \
-    { test "$$sources" != "$$before" || touch -r $$to $$to.new; } && \
+    { test ! -e $$to || test "$$sources" != "$$before" || touch -r $$to $$to.new; } && \
     mv $$to.new $$to; } || exit 1; \
 done; rm -f $(3).*; echo "$$sources" > $@
 endef
@@ -111,7 +109,8 @@ $(PROGRAMS): $(SOURCES)
 	$(call BUILD,--bins,pt ptimg,$(basename $@))
 
 $(BUILD_DIR)/pt $(BUILD_DIR)/ptimg: $(PROGRAMS)
-	@test -x $@ || { rm -f $<; $(MAKE) --no-print-directory $<; }
+	@test -x $@ || { rm -f $<; \
+	  $(MAKE) --no-print-directory BUILD_TYPE=$(BUILD_TYPE) $<; }
 
 bin: $(BUILD_DIR)/pt $(BUILD_DIR)/ptimg
 
@@ -122,7 +121,8 @@ $(BOOK).$(BUILD_TYPE): $(SOURCES) book/Cargo.toml \
 	$(call BUILD,-p litpt-book,litpt-book,$(BOOK))
 
 $(BOOK): $(BOOK).$(BUILD_TYPE)
-	@test -x $@ || { rm -f $<; $(MAKE) --no-print-directory $<; }
+	@test -x $@ || { rm -f $<; \
+	  $(MAKE) --no-print-directory BUILD_TYPE=$(BUILD_TYPE) $<; }
 
 # What is installed below PREFIX: the programs, their manual pages, and
 # completions for three shells. DESTDIR goes before it, for packagers.

@@ -195,9 +195,12 @@ pub struct Arguments {
     /// The words of each command that renders the image.
     #[arg(skip)]
     pub commands: Vec<Vec<String>>,
-    /// Files of the run before it was resumed.
+    /// Images and reports of the run before it was resumed.
     #[arg(skip)]
     replaced: HashSet<PathBuf>,
+    /// The image that is written because none is named.
+    #[arg(skip)]
+    pub picture: Option<PathBuf>,
 }
 
 /// What the exit status of `pt` means.
@@ -385,37 +388,80 @@ impl Arguments {
             let _ = Self::command().print_help();
             return Err(ExitCode::from(2));
         }
-        Self::after(vec![])
+        Self::after(&[])
     }
 
-    /// The same after `commands`, the words of those that have rendered what
-    /// is resumed, without the program.
-    pub fn after(mut commands: Vec<Vec<String>>) -> Result<Self, ExitCode> {
-        let typed = env::args_os().skip(1);
-        let text = |word: OsString| word.to_string_lossy().into_owned();
-        commands.push(typed.map(text).collect());
+    /// The same after the words of other commands, without the program.
+    pub fn after(before: &[Vec<String>]) -> Result<Self, ExitCode> {
+        let typed: Vec<_> = env::args_os().skip(1).collect();
         // Let the last of several commands decide
-        let each = commands.iter().map(parse_words::<Self>);
-        let each = each.collect::<Result<Vec<_>, _>>()?;
-        let last = |is_set: fn(&Self) -> bool| {
+        let last: Self = parse_words(&typed)?;
+        let each = before.iter().map(parse_words::<Self>);
+        let mut each = each.collect::<Result<Vec<_>, _>>()?;
+        let words = before.iter().flatten().map(OsString::from);
+        let mut all: Self = parse_words(words.chain(typed.clone()))?;
+        all.force = last.force;
+        all.replaced = each.iter().flat_map(Self::written).collect();
+        if !each.is_empty() {
+            all.checkpoint = last.checkpoint.clone().or(all.resume.clone());
+        }
+        each.push(last);
+        // Take limits and files from one command each
+        let latest = |is_set: fn(&Self) -> bool| {
             each.iter().rev().find(|&command| is_set(command))
         };
-        let mut all: Self = parse_words(commands.iter().flatten())?;
-        if let Some(one) = last(Self::is_limited) {
+        if let Some(one) = latest(Self::is_limited) {
             (all.samples, all.time, all.error) =
                 (one.samples, one.time, one.error);
         }
         if let Some(one) =
-            last(|c| c.format.is_some() || !c.output.is_empty())
+            latest(|c| c.format.is_some() || !c.output.is_empty())
         {
             (all.output, all.format) = (one.output.clone(), one.format);
         }
-        if let Some(one) = last(|c| !c.report.is_empty()) {
+        if let Some(one) = latest(|c| !c.report.is_empty()) {
             all.report = one.report.clone();
         }
-        let before = &each[..each.len() - 1];
-        let replaced = before.iter().flat_map(Self::written).collect();
-        Ok(Self { commands, replaced, ..all })
+        // Choose a file for the image
+        if all.output.is_empty() && all.format.is_none() && !all.explain {
+            all.picture = all.png().filter(|_| io::stdout().is_terminal());
+            all.output.extend(all.picture.clone());
+        }
+        // Refuse options that do not fit together
+        let on_stdout = all.output.iter().any(|path| is_dash(path));
+        let is_png = |path: &PathBuf| Format::of(path) == Ok(Format::Png);
+        let fault = if all.every.is_some() && all.checkpoint.is_none() {
+            "--every needs --checkpoint"
+        } else if all.checkpoint.as_deref().is_some_and(is_dash) {
+            "--checkpoint needs a file"
+        } else if all.format.is_some()
+            && !(all.output.is_empty() || on_stdout)
+        {
+            "--format is for standard output, the name of a file tells its own"
+        } else if all.preview && !all.output.iter().any(is_png) {
+            "--preview needs a PNG file, as in -o a.png"
+        } else {
+            ""
+        };
+        if !fault.is_empty() {
+            progress::error(&format!("{fault} (see pt --help)"));
+            return Err(ExitCode::from(2));
+        }
+        // Take down the words of this command
+        let text = |word: &OsString| word.to_string_lossy().into_owned();
+        let mut words: Vec<_> = typed.iter().map(text).collect();
+        let scene = each.last().and_then(|last| last.scene.as_ref());
+        if let Some(scene) = scene.map(|path| text(&path.clone().into())) {
+            let place = words.iter().rposition(|word| *word == scene);
+            place.map(|place| words.remove(place));
+            words.retain(|word| word != "--");
+            words.extend(["-i".to_owned(), scene]);
+        }
+        if let Some(path) = &all.picture {
+            words.extend(["-o".to_owned(), text(&path.clone().into())]);
+        }
+        all.commands = before.iter().cloned().chain([words]).collect();
+        Ok(all)
     }
 
     // Hand the values to other modules
@@ -450,39 +496,23 @@ impl Arguments {
     /// The targets of the image, checked but untouched.
     pub fn images(&self) -> Result<Vec<ImageTarget>, String> {
         self.tell_files_apart()?;
-        let files = self.image_files();
-        if self.format.is_some() && !files.iter().any(|path| is_dash(path))
-        {
-            return Err(
-                "--format is that of an image on standard output; \
-                        the name of a file tells its own"
-                    .to_owned(),
-            );
+        if self.output.is_empty() {
+            return Ok(vec![ImageTarget::standard_output(self.format())]);
         }
-        let format = self.format.unwrap_or(Format::Pgm);
         let check = |path: &PathBuf| match is_dash(path) {
-            true => Ok(ImageTarget::standard_output(format)),
+            true => Ok(ImageTarget::standard_output(self.format())),
             false => ImageTarget::file(path, self.may_replace(path)),
         };
-        files.iter().map(check).collect()
+        self.output.iter().map(check).collect()
     }
 
-    /// Where the images go.
-    fn image_files(&self) -> Vec<PathBuf> {
-        match self.picture() {
-            _ if !self.output.is_empty() => self.output.clone(),
-            Some(path) => vec![path],
-            None => vec!["-".into()],
-        }
+    fn format(&self) -> Format {
+        self.format.unwrap_or(Format::Pgm)
     }
 
-    /// The PNG that is written if no image is named, on a terminal.
-    pub fn picture(&self) -> Option<PathBuf> {
-        let named = !self.output.is_empty() || self.format.is_some();
-        let mut path = self.scene_file().filter(|_| !named)?.to_owned();
-        if !io::stdout().is_terminal() {
-            return None;
-        }
+    /// The PNG beside the scene.
+    fn png(&self) -> Option<PathBuf> {
+        let mut path = self.scene_file()?.to_owned();
         if path.extension().is_some_and(|e| e == "gz" || e == "zst") {
             path.set_extension("");
         }
@@ -510,8 +540,7 @@ impl Arguments {
         let read = read.chain(self.reference.as_deref());
         let mut taken: Vec<_> = read.map(place).collect();
         // Refuse a file that is named twice
-        let images = self.image_files();
-        let written = images.iter().chain(&self.report);
+        let written = self.output.iter().chain(&self.report);
         for path in written.chain(&self.checkpoint) {
             if taken.contains(&place(path)) {
                 let name = path.display();
@@ -536,9 +565,6 @@ impl Arguments {
 
     /// The target of the checkpoint, if there shall be one.
     pub fn checkpoint(&self) -> Result<Option<OutputTarget>, String> {
-        if self.every.is_some() && self.checkpoint.is_none() {
-            return Err("--every needs --checkpoint".to_owned());
-        }
         let same = self.checkpoint == self.resume;
         let check = |path: &PathBuf| {
             OutputTarget::file(path, same || self.may_replace(path))
@@ -633,10 +659,9 @@ impl Arguments {
         self.samples.is_some() || self.time.or(self.error).is_some()
     }
 
-    /// The files that the options name to be written.
+    /// The images and reports that the options name.
     fn written(&self) -> impl Iterator<Item = PathBuf> {
-        let images = self.output.iter().chain(&self.report);
-        images.chain(&self.checkpoint).cloned()
+        self.output.iter().chain(&self.report).cloned()
     }
 
     /// Whether a file may be replaced.

@@ -27,20 +27,28 @@ const MAGIC: &[u8] = b"litpt checkpoint 2\n";
 /// The second line.
 #[derive(Serialize, Deserialize)]
 struct Header<'a> {
-    /// The words of each command, without the program.
-    commands: Cow<'a, [Vec<String>]>,
+    commands: Cow<'a, Commands>,
     /// What decides the samples.
     run_key: Cow<'a, RunKey>,
     convergence: Cow<'a, Convergence>,
+}
+
+/// The commands that have rendered an image.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct Commands {
+    /// Where they were given.
+    pub directory: String,
+    /// The words of each, without the program.
+    pub words: Vec<Vec<String>>,
 }
 
 /// Names and values of all that decides the samples of a run.
 pub type RunKey = Map<String, Value>;
 
 // Write the state of a run
-/// Writes a checkpoint of what the words of `commands` have rendered.
+/// Writes a checkpoint of what the commands have rendered.
 pub fn save(
-    commands: &[Vec<String>],
+    commands: &Commands,
     run_key: &RunKey,
     convergence: &Convergence,
     film: &Film,
@@ -50,7 +58,7 @@ pub fn save(
     out.write_all(MAGIC)?;
     // Write the run key and convergence
     let header = Header {
-        commands: commands.into(),
+        commands: Cow::Borrowed(commands),
         run_key: Cow::Borrowed(run_key),
         convergence: Cow::Borrowed(convergence),
     };
@@ -138,8 +146,8 @@ impl<R: BufRead + Seek> Checkpoint<R> {
         Ok(Self { header, sums: file })
     }
 
-    /// The words of each command that has rendered a part of it.
-    pub fn commands(&self) -> &[Vec<String>] {
+    /// The commands that have rendered a part of it.
+    pub fn commands(&self) -> &Commands {
         &self.header.commands
     }
 

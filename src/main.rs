@@ -10,6 +10,7 @@
 
 // Name what the program imports
 use std::alloc::{GlobalAlloc, Layout, System};
+use std::env;
 use std::fs::{self, File};
 use std::hint::black_box;
 use std::io::{self, BufReader, Read};
@@ -23,7 +24,7 @@ use litpt::analysis::{Finding, Inquiry, SceneAnalysis};
 use litpt::arguments::Arguments;
 use litpt::bvh::{Bvh, Quality, too_small};
 use litpt::camera::Camera;
-use litpt::checkpoint::{Checkpoint, RunKey};
+use litpt::checkpoint::{Checkpoint, Commands, RunKey};
 use litpt::compare::disagreements;
 use litpt::film::{Film, Window};
 use litpt::image::{Format, Image};
@@ -108,8 +109,24 @@ fn resume(
 ) -> Result<(Arguments, Option<Resumed>), ExitCode> {
     let Some(path) = &typed.resume else { return Ok((typed, None)) };
     let resumed = open_checkpoint(path).map_err(fail)?;
-    let arguments = Arguments::after(resumed.commands().to_vec())?;
-    Ok((arguments, Some(resumed)))
+    let Commands { directory, words } = resumed.commands();
+    if *directory == here() {
+        return Ok((Arguments::after(words)?, Some(resumed)));
+    }
+    match typed.scene.as_ref().or(typed.input.as_ref()) {
+        Some(_) => Ok((typed, Some(resumed))),
+        None => Err(fail(format!(
+            "{}: its run was begun in {directory}; resume it there, or \
+             type all of its options",
+            path.display()
+        ))),
+    }
+}
+
+/// The directory in which names of files hold.
+fn here() -> String {
+    let here = env::current_dir().unwrap_or_default();
+    here.to_string_lossy().into_owned()
 }
 
 fn run(
@@ -271,13 +288,14 @@ fn load(
         Some(path) if path.is_file() => {
             fs::read(path).map(|content| bytes = content)
         }
-        Some(path) => {
-            let opened = File::open(path);
-            opened.and_then(|pipe| read_pipe(pipe, &mut bytes))
-        }
-        None => read_pipe(io::stdin(), &mut bytes),
+        Some(path) => File::open(path)
+            .and_then(|mut pipe| read_pipe(&mut pipe, &mut bytes)),
+        None => read_pipe(&mut io::stdin(), &mut bytes),
     };
     read.map_err(|e| format!("{file}: cannot read: {e}"))?;
+    if bytes.len() as u64 == START {
+        begins_obj(&bytes).map_err(|error| error.within(&file))?;
+    }
     let read = read_file(&bytes).map_err(|error| error.within(&file));
     let (mesh, warning) = read?;
     // Warn of odd faces
@@ -311,16 +329,16 @@ fn load(
 }
 
 /// Reads to the end, but no more than `START` bytes if they begin no OBJ.
-fn read_pipe(mut pipe: impl Read, bytes: &mut Vec<u8>) -> io::Result<()> {
-    if pipe.by_ref().take(START).read_to_end(bytes)? as u64 == START
-        && begins_obj(bytes)
-    {
+fn read_pipe(pipe: &mut dyn Read, bytes: &mut Vec<u8>) -> io::Result<()> {
+    pipe.take(START).read_to_end(bytes)?;
+    if bytes.len() as u64 == START && begins_obj(bytes).is_ok() {
         pipe.read_to_end(bytes)?;
     }
     Ok(())
 }
 
-const START: u64 = 1 << 24;
+/// So many bytes of an OBJ have a vertex.
+const START: u64 = 1 << 26;
 
 // Analyse the scene and build the hierarchy
 fn inquire<'a>(
@@ -453,7 +471,8 @@ impl<'a> Run<'a> {
                 .unwrap_or(Duration::MAX);
         let (reports, checkpoint) =
             (mem::take(&mut files.reports), files.checkpoint.take());
-        let commands = arguments.commands.clone();
+        let words = arguments.commands.clone();
+        let commands = Commands { directory: here(), words };
         let output = RunOutput::new(
             reports, checkpoint, every, commands, run_key, known,
         );
@@ -595,7 +614,7 @@ impl Run<'_> {
             for (name, text) in report.summary(film.area()) {
                 progress::inform(&format!("{name:10}{text}"));
             }
-            if let Some(path) = self.arguments.picture() {
+            if let Some(path) = &self.arguments.picture {
                 let name = path.display();
                 progress::inform(&format!("{:10}{name}", "file"));
             }

@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::json;
 
-use crate::checkpoint::{self, RunKey};
+use crate::checkpoint::{self, Commands, RunKey};
 use crate::film::Film;
 use crate::image::Image;
 use crate::output::{Content, OutputTarget};
@@ -40,8 +40,8 @@ pub struct RunOutput {
     every: Duration,
     /// When the next checkpoint is due; never, if beyond the clock.
     next_checkpoint: Option<Instant>,
-    /// The words of the commands, and what decides the samples.
-    commands: Vec<Vec<String>>,
+    /// The commands, and what decides the samples.
+    commands: Commands,
     run_key: RunKey,
     /// What a report says that does not change while the run goes on.
     known: Report,
@@ -74,7 +74,7 @@ impl RunOutput {
         reports: Vec<(Kind, OutputTarget)>,
         checkpoint: Option<OutputTarget>,
         every: Duration,
-        commands: Vec<Vec<String>>,
+        commands: Commands,
         run_key: RunKey,
         known: Report,
     ) -> Self {

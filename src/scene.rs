@@ -22,7 +22,7 @@ use std::iter::Skip;
 use std::str::SplitWhitespace;
 
 use glam::{BVec3, DVec3};
-use memchr::{memchr, memchr_iter, memrchr};
+use memchr::{memchr, memchr_iter, memrchr_iter};
 use rayon::prelude::*;
 
 use self::polygons::Oddity;
@@ -90,14 +90,34 @@ pub fn read_file(
     read(source, PIECE)
 }
 
-/// Whether bytes can be the beginning of an OBJ with any vertex.
-pub fn begins_obj(start: &[u8]) -> bool {
-    let end = memrchr(b'\n', start).unwrap_or(0);
-    let piece = &start[..end];
-    let read = || read_piece(piece, 0, i64::MAX as usize);
-    encoding::is_encoded(start)
-        || memchr(0, piece).is_none()
-            && read().is_ok_and(|mesh| !mesh.vertices.is_empty())
+fn refuse_zero(source: &[u8]) -> Result<(), ObjError> {
+    let Some(at) = memchr(0, source) else { return Ok(()) };
+    let line = 1 + memchr_iter(b'\n', &source[..at]).count();
+    let what = "a zero byte: this is a binary file, not an OBJ";
+    Err(ObjError::new(line, what.to_owned()))
+}
+
+/// Looks at the beginning of an OBJ that may have no end.
+///
+/// # Errors
+/// A zero byte, a faulty line, or no vertex.
+pub fn begins_obj(start: &[u8]) -> Result<(), ObjError> {
+    if encoding::is_encoded(start) {
+        return Ok(());
+    }
+    refuse_zero(start)?;
+    let breaks = memrchr_iter(b'\n', start);
+    let mut ends = breaks.filter(|&i| !start[..i].ends_with(b"\\"));
+    let piece = &start[..ends.next().unwrap_or(0)];
+    let mesh = read_piece(piece, 0, i64::MAX as usize)
+        .map_err(|(line, what)| ObjError::new(line, what))?;
+    match mesh.vertices.is_empty() {
+        true => Err(ObjError::whole(&format!(
+            "no vertex in the first {} MiB",
+            start.len() >> 20
+        ))),
+        false => Ok(()),
+    }
 }
 
 /// The size of a piece of the text.
@@ -117,11 +137,7 @@ fn read(
             "the file is empty; an OBJ was expected",
         ));
     }
-    if let Some(at) = memchr(0, source) {
-        let line = 1 + memchr_iter(b'\n', &source[..at]).count();
-        let what = "a zero byte: this is a binary file, not an OBJ";
-        return Err(ObjError::new(line, what.to_owned()));
-    }
+    refuse_zero(source)?;
     let pieces = cut(source, size);
     // Count what comes before each piece
     let counts: Vec<_> = pieces.par_iter().map(|p| count(p)).collect();

@@ -568,7 +568,8 @@ fn an_edited_checkpoint_is_damaged_and_not_of_another_run() {
     };
     let (convergence, mut film) = (Convergence::default(), Film::new(3, 2));
     let mut file = vec![];
-    save(&[], &run_key(0), &convergence, &film, &mut file).unwrap();
+    save(&Commands::default(), &run_key(0), &convergence, &film, &mut file)
+        .unwrap();
     let line = file[19..].iter().position(|&b| b == b'\n').unwrap() + 1;
     assert_eq!(file.len(), 19 + line + 64 * 6 + 32);
     let mut ask = |file: &[u8]| {

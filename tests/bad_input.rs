@@ -352,7 +352,7 @@ fn what_has_no_end_and_is_no_obj_is_refused() {
         .run(&["-i", "/dev/zero"])
         .failed(1, &["/dev/zero:1: a zero byte"]);
     for (text, fault) in [
-        ("y", "standard input: no face"),
+        ("y", "standard input: no vertex in the first 64 MiB"),
         ("v 1 2", "standard input:1: a vertex without z"),
     ] {
         let mut command = place.command("sh");
@@ -371,4 +371,14 @@ fn too_little_memory_is_told_in_one_line() {
     command.args(["-q", "-d16384x16384"]);
     let run = finish(command.spawn().unwrap());
     run.failed(1, &["too little memory: 17.18 GB more are needed"]);
+}
+
+#[test]
+fn what_comes_late_through_a_pipe_is_read() {
+    let place = Scratch::new();
+    let text =
+        ["# a word\n".repeat(1 << 21).as_str(), common::ROOM].concat();
+    let fed = place.feed(text.as_bytes(), &["-d9x7"]);
+    fed.succeeded();
+    assert!(fed.stdout == place.render(&["-d9x7"]));
 }

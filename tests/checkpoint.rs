@@ -13,7 +13,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use common::{ROOM, Run, Scratch, finish};
-use litpt::checkpoint::{Checkpoint, RunKey, save};
+use litpt::checkpoint::{Checkpoint, Commands, RunKey, save};
 use litpt::film::Film;
 use litpt::image::Image;
 use litpt::render_loop::Convergence;
@@ -47,7 +47,8 @@ fn state() -> (Convergence, Film) {
 fn saved() -> Vec<u8> {
     let (convergence, film) = state();
     let mut bytes = vec![];
-    save(&[], &run_key(), &convergence, &film, &mut bytes).unwrap();
+    save(&Commands::default(), &run_key(), &convergence, &film, &mut bytes)
+        .unwrap();
     bytes
 }
 
@@ -145,11 +146,23 @@ fn a_disk_that_is_full_is_an_error_and_no_panic() {
     let (convergence, film) = state();
     let size = saved().len();
     for room in [0, 10, 25, 500, size - 33, size - 32, size - 1] {
-        let written =
-            save(&[], &run_key(), &convergence, &film, &mut Full(room));
+        let written = save(
+            &Commands::default(),
+            &run_key(),
+            &convergence,
+            &film,
+            &mut Full(room),
+        );
         assert!(written.is_err(), "{room}");
     }
-    save(&[], &run_key(), &convergence, &film, &mut Full(size)).unwrap();
+    save(
+        &Commands::default(),
+        &run_key(),
+        &convergence,
+        &film,
+        &mut Full(size),
+    )
+    .unwrap();
 }
 
 // --------------------------------------------------------------- The command
@@ -396,4 +409,53 @@ fn a_checkpoint_alone_says_how_to_go_on() {
     let [a, b] = ["a.pfm", "b.pfm"].map(|name| place.get(name));
     assert!(a == b && place.get("b.pgm") == b"old");
     on(&["-s1"]).failed(1, &["another run", "seed is 0, not 1"]);
+}
+
+#[test]
+fn a_resumed_run_keeps_away_from_the_files_of_others() {
+    let place = Scratch::new();
+    let first = ["room.obj", "-d9x7", "-q", "-f", "--checkpoint", "c"];
+    place.run(&[&first[..], &["-o", "a.pfm"]].concat()).succeeded();
+    // To overwrite is a permission of one command.
+    place.put("b.pfm", "old");
+    let on = place.run(&["--resume", "c", "-n2", "-o", "b.pfm"]);
+    on.failed(1, &["b.pfm: the file exists"]);
+    // A copy saves itself, and not the file that it was copied from.
+    let saved = place.get("c");
+    place.put("copy", &saved);
+    place.run(&["--resume", "copy", "-n2"]).succeeded();
+    assert!(place.get("c") == saved);
+    assert_eq!(saved_spp(&place.path("copy")), Some(2));
+    // Elsewhere the names of files mean something else.
+    std::fs::create_dir(place.path("other")).unwrap();
+    let elsewhere = |words: &[&str]| {
+        let mut command =
+            place.pt(&[&["--resume", "../c"], words].concat());
+        command.current_dir(place.path("other"));
+        finish(command.spawn().unwrap())
+    };
+    elsewhere(&["-n3"]).failed(1, &["../c: its run was begun in"]);
+    let typed = ["../room.obj", "-d9x7", "-n3", "-q", "-o", "-"];
+    elsewhere(&typed).succeeded();
+    assert_eq!(std::fs::read_dir(place.path("other")).unwrap().count(), 0);
+}
+
+#[test]
+fn the_same_command_may_be_resumed_whatever_names_the_scene() {
+    let place = Scratch::new();
+    for (i, scene) in
+        [&["room.obj"][..], &["-i", "room.obj"], &["--", "room.obj"]]
+            .into_iter()
+            .enumerate()
+    {
+        let c = format!("c{i}");
+        let first = ["-d9x7", "-q", "-o", "-", "--checkpoint", &c];
+        place.run(&[&first[..], scene].concat()).succeeded();
+        let on = ["-n3", "-j1", "--resume", &c];
+        let alone = place.run(&on);
+        alone.succeeded();
+        place.run(&[&on[..], scene].concat()).succeeded();
+        let whole = ["-d9x7", "-n3", "-q", "room.obj"];
+        assert!(alone.stdout == place.run(&whole).stdout, "{scene:?}");
+    }
 }

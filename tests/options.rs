@@ -5,7 +5,9 @@
 
 mod common;
 
+use std::ffi::OsStr;
 use std::io;
+use std::os::unix::ffi::OsStrExt;
 use std::process::Stdio;
 use std::time::Duration;
 
@@ -316,6 +318,12 @@ fn a_scene_may_be_named_without_an_option() {
         assert!(run.stdout == image, "{names:?}");
     }
     place.run(&["nothing.obj"]).failed(1, &["nothing.obj: cannot read"]);
+    // A name need not be a text.
+    let name = OsStr::from_bytes(b"\xff.obj");
+    std::fs::write(place.path("").join(name), ROOM).unwrap();
+    let run = place.run(&[OsStr::new("-d9x7"), name]);
+    run.succeeded();
+    assert!(run.stdout == image);
 }
 
 #[test]

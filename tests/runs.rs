@@ -13,7 +13,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use common::{ROOM, Run, Scratch, finish, skip};
-use litpt::checkpoint::RunKey;
+use litpt::checkpoint::{Commands, RunKey};
 use litpt::film::Film;
 use litpt::image::Image;
 use litpt::render_loop::Convergence;
@@ -721,7 +721,15 @@ fn a_pfm_and_an_exr_hold_the_same_means() {
 fn a_format_is_for_standard_output_only() {
     let place = Scratch::new();
     let both = ["-i", "room.obj", "--format=exr", "-o", "a.pgm"];
-    place.run(&both).failed(1, &["--format", "standard output"]);
+    place.run(&both).failed(2, &["--format", "standard output"]);
+    for (wrong, words) in [
+        (&["--every", "5"][..], "--every needs --checkpoint"),
+        (&["--checkpoint", "-"], "--checkpoint needs a file"),
+        (&["--preview", "-o", "a.pfm"], "--preview needs a PNG file"),
+    ] {
+        let wrong = [&["-i", "room.obj"], wrong].concat();
+        place.run(&wrong).failed(2, &[words]);
+    }
     place.holds_only(&[]);
 }
 
@@ -768,7 +776,7 @@ fn a_report_between_two_points_says_where_the_run_stands() {
         vec![],
         None,
         Duration::MAX,
-        vec![],
+        Commands::default(),
         RunKey::default(),
         Report::default(),
     );

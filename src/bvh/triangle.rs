@@ -463,9 +463,9 @@ pub struct Search<'a> {
     pub size: f64,
     /// That of the region of all triangles.
     pub root: f64,
-    /// The least of the regions beyond gates that the ray went through,
+    /// That of the least margins beyond gates that the ray went through,
     pub least: f64,
-    /// and the box around these.
+    /// and the box around the regions there.
     pub passed: [DVec3; 2],
     /// Where it is kept, or `NONE`.
     pub slot: u32,
