@@ -74,7 +74,8 @@ pub struct Arguments {
           value_parser = parse_positive, allow_hyphen_values = true)]
     pub time: Option<f64>,
 
-    /// Stop when the root mean square error of the pixels is at most this
+    /// Stop when the root mean square error of the pixels, whose unit is the
+    /// radiance of the sky, is at most this
     #[arg(long, value_name = "RMSE",
           value_parser = parse_positive, allow_hyphen_values = true)]
     pub error: Option<f64>,
@@ -111,7 +112,7 @@ pub struct Arguments {
     #[arg(value_name = "FILE", overrides_with = "input")]
     pub scene: Option<PathBuf>,
 
-    /// The same
+    /// The scene, as FILE alone
     #[arg(short, long, value_name = "FILE", overrides_with = "scene")]
     pub input: Option<PathBuf>,
     // Declare the options of the run
@@ -162,7 +163,7 @@ pub struct Arguments {
     pub keep_all: bool,
 
     /// Leave nothing out because of this shortcut: dark, background or
-    /// black; may be repeated
+    /// black, as --explain has them; may be repeated
     #[arg(long, value_name = "SHORTCUT")]
     pub keep: Vec<Shortcut>,
 
@@ -207,7 +208,8 @@ pub struct Arguments {
 const STATUS: &str = "\
 Exit status: 0 if the image is written, even if --time or --spp ended the run
 before --error was reached; 1 if something failed; 2 if the command line is
-wrong; 128 + N if signal N ended the run, whose image is written.";
+wrong; 128 + N if signal N ended the run. Once rendering has begun, a signal
+leaves an image.";
 
 /// What ends the help of each program.
 pub const LICENCE: &str = "\
@@ -290,7 +292,7 @@ fn parse_whole(text: &str) -> Result<u64, String> {
         IntErrorKind::PosOverflow => {
             format!("{text} is larger than {}", u64::MAX)
         }
-        _ => format!("'{text}' is not a whole number"),
+        _ => format!("'{text}' is not a whole number in digits"),
     })
 }
 
@@ -485,7 +487,10 @@ impl Arguments {
         (self.position, self.target) =
             (Some(view.position), Some(view.target));
         let [p, t] = [view.position, view.target].map(typed);
-        Some(format!("-p {p} -t {t}"))
+        let options = ["-p", &p, "-t", &t].map(str::to_owned);
+        let said = options.join(" ");
+        self.commands.last_mut()?.extend(options);
+        Some(said)
     }
 
     /// Whether the position of the camera or its target is known.
@@ -543,8 +548,13 @@ impl Arguments {
         let written = self.output.iter().chain(&self.report);
         for path in written.chain(&self.checkpoint) {
             if taken.contains(&place(path)) {
-                let name = path.display();
-                return Err(format!("{name}: this file is named twice"));
+                return Err(match is_dash(path) {
+                    true => "standard output is named twice".to_owned(),
+                    false => format!(
+                        "{}: this file is named twice",
+                        path.display()
+                    ),
+                });
             }
             taken.push(place(path));
         }

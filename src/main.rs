@@ -516,11 +516,15 @@ impl Run<'_> {
         let stop = self.go_on(&limits);
         self.bar.finish();
         // Warn if there was no time
-        let none = stop == Stop::Time && self.convergence.spp == 0;
-        if (late || none) && !self.arguments.quiet {
-            progress::warn(
-                "one sample of each pixel took longer than --time allows",
-            );
+        let none = self.convergence.spp == 0;
+        let slow = match late {
+            true => "to load and to build",
+            false => "one sample of each pixel",
+        };
+        if (late || none && stop == Stop::Time) && !self.arguments.quiet {
+            progress::warn(&format!(
+                "{slow} took longer than --time allows"
+            ));
         }
         Ok(stop)
     }

@@ -297,7 +297,7 @@ fn what_was_probably_meant_is_named() {
 fn a_number_that_is_none_is_said_to_be_none() {
     let place = Scratch::new();
     for option in ["-n", "-s", "-j"] {
-        let words = ["'abc' is not a whole number"];
+        let words = ["'abc' is not a whole number in digits"];
         place.run(&[option, "abc"]).failed(2, &words);
         let large = "18446744073709551616";
         place.run(&[option, large]).failed(2, &[large, "is larger than"]);
@@ -342,7 +342,7 @@ fn a_dash_is_standard_input_or_output() {
         serde_json::from_slice(&report).unwrap();
     assert_eq!(report["settings"]["resolution"][0], 9);
     let twice = ["-o", "-", "--report", "-", "room.obj"];
-    place.run(&twice).failed(1, &["-: this file is named twice"]);
+    place.run(&twice).failed(1, &["standard output is named twice"]);
     place.holds_only(&["a.pgm"]);
 }
 

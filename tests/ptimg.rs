@@ -585,3 +585,26 @@ fn a_reader_who_has_seen_enough_is_no_error() {
     assert_eq!(finish(command.spawn().unwrap()).status, Some(0));
     assert!(fs::metadata(place.path("a.exr")).is_ok());
 }
+
+#[test]
+fn a_run_is_not_overwritten_by_what_is_made_of_it() {
+    let place = Scratch::new();
+    let files = renders(&place);
+    let before = place.get(&files[0]);
+    let merge = ["merge", &files[0], &files[1], "-f", "-o", &files[0]];
+    run(&place, &merge).failed(1, &[&files[0], "is one of the runs"]);
+    assert!(place.get(&files[0]) == before);
+}
+
+#[test]
+fn a_file_beyond_the_limit_of_size_is_an_error() {
+    let place = Scratch::new();
+    place.run(&["room.obj", "-d256x192", "-q", "-o", "a.exr"]).succeeded();
+    let mut command = place.command("sh");
+    command.args(["-c", "ulimit -f 1; exec \"$0\" \"$@\""]);
+    command.arg(env!("CARGO_BIN_EXE_ptimg"));
+    command.args(["tonemap", "a.exr", "-o", "a.png"]);
+    let run = common::finish(command.spawn().unwrap());
+    run.failed(1, &["a.png: cannot write: File too large"]);
+    place.holds_only(&["a.exr"]);
+}

@@ -12,6 +12,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::Arc;
 
 use clap::{Args, Parser, Subcommand};
 use serde::Serialize;
@@ -25,6 +26,8 @@ use litpt::compare::{
 use litpt::image::{Format, Image};
 use litpt::output::{ImageTarget, OutputTarget};
 use litpt::progress;
+use signal_hook::consts::SIGXFSZ;
+use signal_hook::flag;
 
 // Declare the verbs of the companion
 /// Shows, compares and merges images: .exr and .pfm, as pt writes them,
@@ -132,12 +135,12 @@ enum Verb {
 
 #[derive(Debug, Args)]
 struct Output {
-    /// Image to write, in the format of its extension; - is standard
-    /// output
+    /// Image to write: .exr for merge, .pgm or .png otherwise; - is
+    /// standard output
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
 
-    /// Format on standard output [default: pgm, or exr for merge]
+    /// Format on standard output, pgm or png [default: pgm; merge: exr]
     #[arg(long, value_name = "FORMAT", hide_possible_values = true)]
     format: Option<Format>,
 
@@ -194,6 +197,8 @@ fn is_standard(path: &Path) -> bool {
 
 // Do what the verb says
 fn main() -> ExitCode {
+    // A file beyond the limit of size is an error, not the end.
+    let _ = flag::register(SIGXFSZ, Arc::default());
     let arguments: Arguments = match parse_command_line() {
         Ok(arguments) => arguments,
         Err(status) => return status,
@@ -221,6 +226,18 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
         }
         Verb::Merge { files, output } => {
             let target = output.target(&[Format::Exr])?;
+            // Refuse to overwrite what is merged
+            let place = |path: &PathBuf| path.canonicalize().ok();
+            let target_place = place(&output.output);
+            let same = |file| {
+                target_place.is_some() && place(file) == target_place
+            };
+            if let Some(file) = files.iter().find(|file| same(file)) {
+                return Err(format!(
+                    "{}: is one of the runs",
+                    file.display()
+                ));
+            }
             target.write(&merge(&read_all(files)?)?)?;
         }
         Verb::Stderr { input, output, relative } => {

@@ -84,7 +84,17 @@ impl Report {
         let mean = with_error(self.mean, self.mean_stderr);
         let rmse = |rmse| format!(", rmse {}", known(Some(rmse), 6));
         let rmse = self.rmse.map_or(String::new(), rmse);
-        let image = format!("{} spp, mean radiance {mean}{rmse}", self.spp);
+        let against =
+            self.curve.last().and_then(|last| last.rmse_reference);
+        let against = against.map_or(String::new(), |rmse| {
+            format!(", {} from the reference", known(Some(rmse), 6))
+        });
+        let image = match self.spp {
+            0 => "some pixels have no sample and are black".to_owned(),
+            spp => {
+                format!("{spp} spp, mean radiance {mean}{rmse}{against}")
+            }
+        };
         let (seconds, rays) = (self.render_seconds, self.rays);
         let speed = metric(rays as f64 / seconds.max(1e-9));
         let render = format!("{seconds:.3} s, {rays} rays, {speed}rays/s");
