@@ -90,12 +90,8 @@ pub fn read_file(
     read(source, PIECE)
 }
 
-fn refuse_zero(source: &[u8]) -> Result<(), ObjError> {
-    let Some(at) = memchr(0, source) else { return Ok(()) };
-    let line = 1 + memchr_iter(b'\n', &source[..at]).count();
-    let what = "a zero byte: this is a binary file, not an OBJ";
-    Err(ObjError::new(line, what.to_owned()))
-}
+/// The size of a piece of the text.
+const PIECE: usize = 1 << 20;
 
 /// Looks at the beginning of an OBJ that may have no end.
 ///
@@ -120,8 +116,12 @@ pub fn begins_obj(start: &[u8]) -> Result<(), ObjError> {
     }
 }
 
-/// The size of a piece of the text.
-const PIECE: usize = 1 << 20;
+fn refuse_zero(source: &[u8]) -> Result<(), ObjError> {
+    let Some(at) = memchr(0, source) else { return Ok(()) };
+    let line = 1 + memchr_iter(b'\n', &source[..at]).count();
+    let what = "a zero byte: this is a binary file, not an OBJ";
+    Err(ObjError::new(line, what.to_owned()))
+}
 
 fn read(
     source: &[u8],
