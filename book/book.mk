@@ -260,7 +260,7 @@ doc/figures/error.svg: $(MEASURED)/error.csv $(SCRIPTS)/curve.py
 
 # Some minutes; the picture is not made again by each build.
 readme: $(BUILD_DIR)/pt $(BUILD_DIR)/courtyard.obj doc/figures/error.svg
-	$(BUILD_DIR)/pt $(CAMERA) -d 400x300 -n 400 -r 0.8 -f \
+	$(BUILD_DIR)/pt $(CAMERA) -d 400x300 -n 3000 -r 0.8 -f \
 	  -i $(BUILD_DIR)/courtyard.obj -o doc/figures/readme.png
 
 # ---- mixtures of scales
