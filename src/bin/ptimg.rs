@@ -17,7 +17,9 @@ use std::sync::Arc;
 use clap::{Args, Parser, Subcommand};
 use serde::Serialize;
 
-use litpt::arguments::{LICENCE, STYLES, parse_command_line, parse_real};
+use litpt::arguments::{
+    LICENCE, STYLES, is_dash, parse_command_line, parse_real,
+};
 use litpt::compare::display::{self, Curve};
 use litpt::compare::merge::{Run, merge};
 use litpt::compare::{
@@ -177,7 +179,7 @@ fn target(
     force: bool,
     usual: Format,
 ) -> Result<ImageTarget, String> {
-    match (is_standard(path), format) {
+    match (is_dash(path), format) {
         (true, _) => {
             Ok(ImageTarget::standard_output(format.unwrap_or(usual)))
         }
@@ -188,11 +190,6 @@ fn target(
             path.display()
         )),
     }
-}
-
-/// Whether a name stands for standard input or output.
-fn is_standard(path: &Path) -> bool {
-    path == Path::new("-")
 }
 
 // Do what the verb says
@@ -245,7 +242,7 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
         }
         Verb::Diff { a, b, output, format, force, quiet } => {
             // Check the map before the comparison
-            if output.as_deref().is_some_and(is_standard) && !quiet {
+            if output.as_deref().is_some_and(is_dash) && !quiet {
                 return Err("a map on standard output needs -q".to_owned());
             }
             let map = output.as_ref();
@@ -275,7 +272,7 @@ fn read(path: &Path) -> Result<Image, String> {
 fn read_once<'a>(
     files: impl Iterator<Item = &'a Path>,
 ) -> Result<(), String> {
-    match files.filter(|path| is_standard(path)).count() {
+    match files.filter(|path| is_dash(path)).count() {
         0 | 1 => Ok(()),
         _ => Err("standard input can be read once only".to_owned()),
     }
@@ -297,7 +294,7 @@ fn show_errors(
         false => "standard error",
     };
     let line = format!("white is a {what} of {white:.4e}");
-    match is_standard(&output.output) {
+    match is_dash(&output.output) {
         true => progress::inform(&line),
         false => say(&line)?,
     }
