@@ -16,7 +16,8 @@
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Accumulator {
     count: u64,
-    /// The sum of the values in units of 2^-88, lowest digit first.
+    /// The sum of the values in units of 2^-88, lowest digit first, as
+    /// two's complement.
     sum: [u64; 3],
     /// The sum of their squares in units of 2^-176, likewise.
     squares: [u64; 4],
@@ -24,19 +25,22 @@ pub struct Accumulator {
 
 impl Accumulator {
     // Take one more value into account
-    /// Takes one more value into account; it lies in [0, 2^39). A value
+    /// Takes one more value into account; it lies in (-2^39, 2^39). A value
     /// outside, or NaN, makes the error infinite.
     #[inline]
     pub fn add(&mut self, value: f64) {
         self.count += 1;
         // Refuse a value out of range
-        if !(0. ..LARGE).contains(&value) {
+        if !(-LARGE..LARGE).contains(&value) {
             self.squares = [u64::MAX; 4];
             return;
         }
-        let units = (value * UNITS) as u128;
+        let units = (value.abs() * UNITS) as u128;
         let (low, high) = (units as u64, (units >> 64) as u64);
-        accumulate(&mut self.sum, &[low, high, 0]);
+        match value < 0. {
+            false => _ = accumulate(&mut self.sum, &[low, high, 0]),
+            true => subtract(&mut self.sum, &[low, high, 0]),
+        }
         // Square the number of two digits
         let (h, l) = (u128::from(high), u128::from(low));
         let middle = 2 * h * l + ((l * l) >> 64);
@@ -83,16 +87,29 @@ impl Accumulator {
         self.count
     }
 
+    /// The magnitude of the sum, and whether it is negative.
+    fn magnitude(&self) -> ([u64; 3], bool) {
+        let is_negative = self.sum[2] >> 63 == 1;
+        let mut magnitude = [0; 3];
+        match is_negative {
+            false => magnitude = self.sum,
+            true => subtract(&mut magnitude, &self.sum),
+        }
+        (magnitude, is_negative)
+    }
+
     /// The mean of the values; 0 if there are none.
     pub fn mean(&self) -> f64 {
         let divisor = u128::from(self.count.max(1));
+        let (sum, is_negative) = self.magnitude();
         let (mut quotient, mut rest) = (0, 0);
-        for digit in self.sum.into_iter().rev() {
+        for digit in sum.into_iter().rev() {
             let dividend = (rest << 64) | u128::from(digit);
             quotient = (quotient << 64) | (dividend / divisor);
             rest = dividend % divisor;
         }
-        quotient as f64 / UNITS
+        let mean = quotient as f64 / UNITS;
+        if is_negative { -mean } else { mean }
     }
 
     /// The unbiased estimate of the variance of one value; infinite when
@@ -105,10 +122,11 @@ impl Accumulator {
         let mut difference = [0u64; 5];
         difference[..4].copy_from_slice(&self.squares);
         scale(&mut difference, self.count);
-        for (i, digit) in self.sum.into_iter().enumerate() {
+        let (sum, _) = self.magnitude();
+        for (i, digit) in sum.into_iter().enumerate() {
             // Subtract one digit's share of the square
             let mut share = [0; 5];
-            share[i..i + 3].copy_from_slice(&self.sum);
+            share[i..i + 3].copy_from_slice(&sum);
             scale(&mut share, digit);
             subtract(&mut difference, &share);
         }
