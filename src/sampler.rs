@@ -8,6 +8,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Samplers, and the directions that their numbers stand for.
 
+pub mod sobol;
+
 // Name what the sampling imports
 use std::ops::Range;
 

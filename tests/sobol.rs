@@ -1,0 +1,267 @@
+// Scrambled nets (chapter "Quasi-Monte Carlo").
+//
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+use litpt::sampler::sobol::{
+    ScrambledNet, SobolSampler, scramble_key, to_unit,
+};
+use litpt::sampler::{IndependentSampler, Sampler, dimension};
+use litpt_book::closed_forms::{Setting, cavity, cavity_radiance, look};
+use statrs::distribution::{ChiSquared, ContinuousCDF, Normal, StudentsT};
+
+/// Comparisons with a distribution in this file, which together give a false
+/// alarm with one percent of all seeds (Šidák).
+const COMPARISONS: i32 = 4 * 3 + 6 + 2 * RELATED.len() as i32 * 7 + 5;
+
+/// The probability below which one of them fails.
+fn significance() -> f64 {
+    1. - 0.99f64.powf(1. / f64::from(COMPARISONS))
+}
+
+/// Demands that cells of equal probability were hit equally often (χ²).
+fn assert_uniform(cells: &[u32], what: &str) {
+    let n: u32 = cells.iter().sum();
+    let expected = f64::from(n) / cells.len() as f64;
+    assert!(expected >= 5.);
+    let square = |&c: &u32| (f64::from(c) - expected).powi(2) / expected;
+    let chi2: f64 = cells.iter().map(square).sum();
+    let p = ChiSquared::new(cells.len() as f64 - 1.).unwrap().sf(chi2);
+    assert!(p > significance(), "{what}: chi2 = {chi2}, p = {p:e}");
+}
+
+/// All four coordinates of a point.
+fn point(net: &ScrambledNet, key: u64, i: u32) -> [u32; 4] {
+    let ([x, y], [z, w]) = (net.pair(key, i, 0), net.pair(key, i, 1));
+    [x, y, z, w]
+}
+
+/// The first `n` digits of a coordinate.
+fn digits(x: u32, n: u32) -> usize {
+    (u64::from(x) >> (32 - n)) as usize
+}
+
+/// Keys that differ in each respect.
+fn keys() -> impl Iterator<Item = u64> {
+    let names = [(0, 0, 0), (0, 0, 1), (0, 1, 0), (1, 0, 0), (7, 99, 3)];
+    names.into_iter().map(|(s, p, n)| scramble_key(s, p, n))
+}
+
+// ----------------------------------------------------------------- The nets
+
+#[test]
+fn each_pair_is_a_net_at_all_powers_of_two() {
+    for log in 0..=12 {
+        let net = ScrambledNet::new(1 << log);
+        for key in keys() {
+            for (pair, a) in (0..2).flat_map(|p| (0..=log).map(move |a| (p, a)))
+            {
+                let mut hit = vec![false; 1 << log];
+                for i in 0..1 << log {
+                    let [x, y] = net.pair(key, i, pair);
+                    let cell = digits(x, a) << (log - a) | digits(y, log - a);
+                    assert!(!hit[cell], "pair {pair}, {a} of {log}");
+                    hit[cell] = true;
+                }
+            }
+        }
+    }
+}
+
+// The later parts of a longer sequence are nets as well, and so is a
+// sequence in the order of which more digits are scrambled than needed.
+#[test]
+fn each_aligned_part_of_a_sequence_is_a_net() {
+    let net = ScrambledNet::new(1 << 13);
+    for log in 0..=8 {
+        for part in [1, 2, 17, 31] {
+            for (pair, a) in (0..2).flat_map(|p| (0..=log).map(move |a| (p, a)))
+            {
+                let mut hit = vec![false; 1 << log];
+                for i in part << log..(part + 1) << log {
+                    let [x, y] = net.pair(5, i, pair);
+                    let cell = digits(x, a) << (log - a) | digits(y, log - a);
+                    assert!(!hit[cell], "part {part}, {a} of {log}");
+                    hit[cell] = true;
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn all_four_coordinates_are_a_net_in_base_four() {
+    for log in 0..=6 {
+        let net = ScrambledNet::new(1 << (2 * log));
+        let key = scramble_key(3, 1, 4);
+        let all: Vec<_> =
+            (0..1 << (2 * log)).map(|i| point(&net, key, i)).collect();
+        let cuts = (0..=log).flat_map(|a| {
+            (0..=log - a).flat_map(move |b| {
+                (0..=log - a - b).map(move |c| [a, b, c, log - a - b - c])
+            })
+        });
+        for cut in cuts {
+            let mut hit = vec![false; all.len()];
+            for p in &all {
+                let cell = (0..4).fold(0, |cell, d| {
+                    cell << (2 * cut[d]) | digits(p[d], 2 * cut[d])
+                });
+                assert!(!hit[cell], "{cut:?}");
+                hit[cell] = true;
+            }
+        }
+    }
+}
+
+#[test]
+fn the_sizes_of_sets_are_powers_of_two() {
+    for points in [0, 3, 48, 1 << 31] {
+        let result = std::panic::catch_unwind(|| ScrambledNet::new(points));
+        assert!(result.is_err(), "{points}");
+    }
+    for log in [0, 1, 6, 7, 30] {
+        let sampler = SobolSampler::new(1, 1 << log);
+        assert_eq!(sampler.replicate(), 1 << log);
+    }
+}
+
+// -------------------------------------------------------------- The scrambles
+
+/// Scrambles for each test of a distribution.
+const SCRAMBLES: u64 = 1 << 16;
+
+#[test]
+fn each_point_is_uniform_over_its_first_and_last_digits() {
+    // Points of no, one, and two trees of digits.
+    for (points, i) in [(1, 0), (64, 0), (64, 37), (4096, 2901)] {
+        let net = ScrambledNet::new(points);
+        let mut first = vec![0; 4 << 10];
+        let mut last = vec![0; 4 << 10];
+        let mut middle = vec![0; 4 << 10];
+        for n in 0..SCRAMBLES {
+            let point = point(&net, scramble_key(2, 9, n), i);
+            for (d, x) in point.into_iter().enumerate() {
+                first[d << 10 | (x >> 22) as usize] += 1;
+                middle[d << 10 | (x >> 14 & 1023) as usize] += 1;
+                last[d << 10 | (x & 1023) as usize] += 1;
+            }
+        }
+        for (what, cells) in
+            [("first", first), ("middle", middle), ("last", last)]
+        {
+            assert_uniform(&cells, &format!("{what} of {i} of {points}"));
+        }
+    }
+}
+
+// Two coordinates of a point, over the scrambles: 32 by 32 cells.
+#[test]
+fn the_coordinates_of_a_point_are_independent_of_each_other() {
+    let net = ScrambledNet::new(64);
+    let mut cells = vec![vec![0; 1024]; 6];
+    for n in 0..SCRAMBLES {
+        let p = point(&net, scramble_key(0, 4, n), 21);
+        let pairs = (0..4).flat_map(|d| (0..d).map(move |e| (d, e)));
+        for (cells, (d, e)) in cells.iter_mut().zip(pairs) {
+            cells[digits(p[d], 5) << 5 | digits(p[e], 5)] += 1;
+        }
+    }
+    for cells in cells {
+        assert_uniform(&cells, "two coordinates");
+    }
+}
+
+/// Seed, pixel and number of a sample.
+type Name = (u64, u64, u64);
+
+/// A pair of samples, by its number.
+type Pair = fn(u64) -> [Name; 2];
+
+/// Pairs of samples of different scrambles of 16 points that are close to
+/// each other in one respect; no sample is in two pairs of a kind.
+const RELATED: [(&str, Pair); 6] = [
+    ("next scramble", |i| [(0, 5, 32 * i), (0, 5, 32 * i + 16)]),
+    ("next pixel", |i| [(0, 2 * i, 5), (0, 2 * i + 1, 5)]),
+    ("next row", |i| {
+        let (x, y) = (i % 800, i / 800 * 2);
+        [(0, y * 800 + x, 5), (0, (y + 1) * 800 + x, 5)]
+    }),
+    ("next seed", |i| {
+        [(0, i % 256, i / 256 * 16), (1, i % 256, i / 256 * 16)]
+    }),
+    ("next of many seeds", |i| [(2 * i, 9, 0), (2 * i + 1, 9, 0)]),
+    ("pixel and scramble exchanged", |i| {
+        let (a, b) = (i % 256, 256 + i / 256);
+        [(0, a, 16 * b), (0, b, 16 * a)]
+    }),
+];
+
+/// The first numbers of a sample, of 16 values each.
+fn numbers(sampler: &SobolSampler, pixel: u64, index: u64) -> [usize; 7] {
+    let mut sampler = sampler.start(pixel, index);
+    let sixteenth = |u: f64| (u * 16.) as usize;
+    let [x, y] = sampler.get_pixel_2d().map(|x| digits(x, 4));
+    let [r, turn] = sampler.get_2d(dimension::direction(0)).map(sixteenth);
+    let roulette = sixteenth(sampler.get_1d(dimension::roulette(1)));
+    let [s, t] = sampler.get_2d(dimension::direction(1)).map(sixteenth);
+    [x, y, r, turn, roulette, s, t]
+}
+
+#[test]
+fn samples_of_different_scrambles_are_independent_in_each_dimension() {
+    for (what, pair) in RELATED {
+        let mut counts = vec![[0; 256]; 14];
+        for i in 0..SCRAMBLES {
+            let [one, other] = pair(i).map(|(seed, pixel, index)| {
+                numbers(&SobolSampler::new(seed, 16), pixel, index)
+            });
+            for d in 0..7 {
+                counts[d][one[d] * 16 + other[d]] += 1;
+                // Different dimensions, too.
+                counts[7 + d][one[d] * 16 + other[(d + 1) % 7]] += 1;
+            }
+        }
+        for (d, counts) in counts.iter().enumerate() {
+            assert_uniform(counts, &format!("{what}, dimension {d}"));
+        }
+    }
+}
+
+#[test]
+fn the_order_of_samples_and_dimensions_changes_no_number() {
+    let fresh = SobolSampler::new(4, 16);
+    let all: Vec<_> = (0..48).map(|n| numbers(&fresh, 3, n)).collect();
+    let mut used = fresh.start(8, 9);
+    used.get_2d(dimension::direction(7));
+    for n in (0..48).rev() {
+        assert_eq!(numbers(&used, 3, n), all[n as usize]);
+        let mut late = used.start(3, n);
+        let [r, turn] = late.get_2d(dimension::direction(0));
+        let [x, y] = late.get_pixel_2d();
+        let [a, b, c, d, ..] = all[n as usize];
+        assert_eq!([digits(x, 4), digits(y, 4)], [a, b]);
+        assert_eq!([r, turn].map(|u| (u * 16.) as usize), [c, d]);
+        used = late;
+    }
+}
+
+#[test]
+fn samples_are_the_points_of_their_scrambles() {
+    let net = ScrambledNet::new(16);
+    for index in [0, 1, 15, 16, 100] {
+        let key = scramble_key(6, 5, index / 16);
+        let i = (index % 16) as u32;
+        let mut sampler = SobolSampler::new(6, 16).start(5, index);
+        assert_eq!(sampler.get_pixel_2d(), net.pair(key, i, 0));
+        let direction = sampler.get_2d(dimension::direction(0));
+        assert_eq!(direction, net.pair(key, i, 1).map(to_unit));
+    }
+}
+
+#[test]
+fn coordinates_lie_strictly_between_zero_and_one() {
+    assert_eq!(to_unit(0), 0.5f64.powi(33));
+    assert_eq!(to_unit(u32::MAX), 1. - 0.5f64.powi(33));
+    assert_eq!((to_unit(77) + to_unit(u32::MAX - 77)) / 2., 0.5);
+}
