@@ -3,16 +3,22 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
+use glam::DVec3;
+use litpt::film::Film;
+use litpt::render::{Job, Renderer};
 use litpt::sampler::sobol::{
     ScrambledNet, SobolSampler, scramble_key, to_unit,
 };
 use litpt::sampler::{IndependentSampler, Sampler, dimension};
-use litpt_book::closed_forms::{Setting, cavity, cavity_radiance, look};
-use statrs::distribution::{ChiSquared, ContinuousCDF, Normal, StudentsT};
+use litpt::scene::Mesh;
+use litpt_book::closed_forms::{Setting, look};
+use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};
 
 /// Comparisons with a distribution in this file, which together give a false
-/// alarm with one percent of all seeds (Šidák).
-const COMPARISONS: i32 = 4 * 3 + 6 + 2 * RELATED.len() as i32 * 7 + 5;
+/// alarm with one percent of all seeds (Šidák): of digits, of two coordinates,
+/// of related samples, of means and variances over scrambles, and of images.
+const COMPARISONS: i32 =
+    4 * 3 + 6 + 14 * RELATED.len() as i32 + 4 + 4 * 3 + 2;
 
 /// The probability below which one of them fails.
 fn significance() -> f64 {
@@ -28,6 +34,12 @@ fn assert_uniform(cells: &[u32], what: &str) {
     let chi2: f64 = cells.iter().map(square).sum();
     let p = ChiSquared::new(cells.len() as f64 - 1.).unwrap().sf(chi2);
     assert!(p > significance(), "{what}: chi2 = {chi2}, p = {p:e}");
+}
+
+/// Demands that a number could be drawn from the normal distribution.
+fn assert_normal(z: f64, what: &str) {
+    let p = 2. * Normal::standard().sf(z.abs());
+    assert!(p > significance(), "{what}: z = {z}");
 }
 
 /// All four coordinates of a point.
@@ -54,12 +66,14 @@ fn each_pair_is_a_net_at_all_powers_of_two() {
     for log in 0..=12 {
         let net = ScrambledNet::new(1 << log);
         for key in keys() {
-            for (pair, a) in (0..2).flat_map(|p| (0..=log).map(move |a| (p, a)))
+            for (pair, a) in
+                (0..2).flat_map(|p| (0..=log).map(move |a| (p, a)))
             {
                 let mut hit = vec![false; 1 << log];
                 for i in 0..1 << log {
                     let [x, y] = net.pair(key, i, pair);
-                    let cell = digits(x, a) << (log - a) | digits(y, log - a);
+                    let cell =
+                        digits(x, a) << (log - a) | digits(y, log - a);
                     assert!(!hit[cell], "pair {pair}, {a} of {log}");
                     hit[cell] = true;
                 }
@@ -75,12 +89,14 @@ fn each_aligned_part_of_a_sequence_is_a_net() {
     let net = ScrambledNet::new(1 << 13);
     for log in 0..=8 {
         for part in [1, 2, 17, 31] {
-            for (pair, a) in (0..2).flat_map(|p| (0..=log).map(move |a| (p, a)))
+            for (pair, a) in
+                (0..2).flat_map(|p| (0..=log).map(move |a| (p, a)))
             {
                 let mut hit = vec![false; 1 << log];
                 for i in part << log..(part + 1) << log {
                     let [x, y] = net.pair(5, i, pair);
-                    let cell = digits(x, a) << (log - a) | digits(y, log - a);
+                    let cell =
+                        digits(x, a) << (log - a) | digits(y, log - a);
                     assert!(!hit[cell], "part {part}, {a} of {log}");
                     hit[cell] = true;
                 }
@@ -264,4 +280,111 @@ fn coordinates_lie_strictly_between_zero_and_one() {
     assert_eq!(to_unit(0), 0.5f64.powi(33));
     assert_eq!(to_unit(u32::MAX), 1. - 0.5f64.powi(33));
     assert_eq!((to_unit(77) + to_unit(u32::MAX - 77)) / 2., 0.5);
+}
+
+// ------------------------------------------------------- Means and their errors
+
+#[test]
+fn means_over_scrambles_are_unbiased() {
+    const N: u64 = 4096;
+    // 16 points, and a part of them that is no net.
+    for (n, pair) in [(16, 0), (16, 1), (5, 0), (5, 1)] {
+        let net = ScrambledNet::new(16);
+        let value = |key| {
+            let values = (0..n).map(|i| {
+                let [x, y] = net.pair(key, i, pair).map(to_unit);
+                x * x * y
+            });
+            values.sum::<f64>() / f64::from(n)
+        };
+        let values: Vec<_> =
+            (0..N).map(|k| value(scramble_key(1, 8, k))).collect();
+        let mean = values.iter().sum::<f64>() / N as f64;
+        let squares =
+            values.iter().map(|v| (v - mean).powi(2)).sum::<f64>();
+        let error = (squares / (N - 1) as f64 / N as f64).sqrt();
+        assert_normal((mean - 1. / 6.) / error, "mean of x²y");
+    }
+}
+
+// Of n points one is uniform in each of n strata, independently of the others:
+// the mean of a coordinate has the variance 1/(12n³), and its fourth central
+// moment is 3 - 1.2/n times the square of that.
+#[test]
+fn the_coordinates_of_a_net_are_independent_within_their_strata() {
+    const N: u64 = 16384;
+    for n in [1u32, 16, 256] {
+        let net = ScrambledNet::new(u64::from(n));
+        let variance = f64::from(n).powi(3).recip() / 12.;
+        let mut squares = [0.; 4];
+        for k in 0..N {
+            let key = scramble_key(4, 2, k);
+            let mut sums = [0.; 4];
+            for i in 0..n {
+                let coordinates = point(&net, key, i).map(to_unit);
+                sums.iter_mut().zip(coordinates).for_each(|(s, x)| *s += x);
+            }
+            for (square, sum) in squares.iter_mut().zip(sums) {
+                let deviation = sum / f64::from(n) - 0.5;
+                *square += deviation * deviation / variance / N as f64;
+            }
+        }
+        let spread = ((2. - 1.2 / f64::from(n)) / N as f64).sqrt();
+        for (d, square) in squares.into_iter().enumerate() {
+            let what = format!("coordinate {d} of {n} points");
+            assert_normal((square - 1.) / spread, &what);
+        }
+    }
+}
+
+/// Squares through the y axis, given a direction in each.
+fn sheets(directions: &[[f64; 2]]) -> Mesh {
+    let mut mesh = Mesh::default();
+    for [x, z] in directions {
+        let far = 1e6 * DVec3::new(*x, 0., *z);
+        let first = mesh.vertices.len() as u32;
+        let side = 1e6 * DVec3::Y;
+        mesh.vertices.extend([-side, side, far - side, far + side]);
+        let triangles = [[0, 1, 2], [1, 3, 2]];
+        mesh.triangles.extend(triangles.map(|t| t.map(|k| k + first)));
+    }
+    mesh
+}
+
+/// The mean of an image with its standard error from the replicates, and the
+/// mean variance of a replicate times its samples.
+fn render<S: Sampler>(setting: &Setting, sampler: S) -> [f64; 3] {
+    let Job { scene, intersector, camera, integrator, known, .. } =
+        setting.job(0);
+    let replicate = sampler.replicate();
+    let mut film = Film::new(24, 16).with_replicates(replicate);
+    let mut job =
+        Job { scene, intersector, camera, integrator, known, sampler };
+    job.pass(&mut film, 1024, &|_| true);
+    let pixels = film.rows().count() as f64;
+    let mean = film.means().sum::<f64>() / pixels;
+    let errors = film.rows().map(|pixel| pixel.standard_error().powi(2));
+    let error = errors.sum::<f64>().sqrt() / pixels;
+    let variance = film.rows().map(|p| p.variance()).sum::<f64>() / pixels;
+    [mean, error, variance * replicate as f64]
+}
+
+#[test]
+fn the_path_tracer_finds_known_radiances_with_smaller_errors() {
+    let rho = 0.8;
+    let above = look(DVec3::new(2., 0.3, 1.5), DVec3::X, 40.);
+    // A slope of cosine 0.8 that sees 0.9 of the sky, and a floor and a wall,
+    // with how much smaller the variance of 64 samples is at least.
+    let slope = (sheets(&[[0.8, -0.6], [-0.8, 0.6]]), rho * 0.9, 10.);
+    let corner = (sheets(&[[1., 0.], [0., 1.]]), rho / (2. - rho), 1.5);
+    for (mesh, exact, gain) in [slope, corner] {
+        let setting = Setting::new(&mesh, (rho, DVec3::Z), &above, 1.5);
+        let setting = setting.unwrap();
+        let [_, _, plain] = render(&setting, IndependentSampler::new(1));
+        let [mean, error, variance] =
+            render(&setting, SobolSampler::new(1, 64));
+        println!("{mean} {error} {exact}: {}", plain / variance);
+        assert_normal((mean - exact) / error, "mean of an image");
+        assert!(gain * variance < plain, "{variance} of {plain}");
+    }
 }

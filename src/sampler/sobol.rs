@@ -144,21 +144,28 @@ impl ScrambledNet {
     }
 
     // Give a pair of a point
-    /// The first or second pair (0 or 1) of coordinates of point `i`, in the
-    /// scramble of a key: two integers uniform below 2^32.
+    /// The first or second pair (0 or 1) of coordinates of point `i`, as
+    /// multiples of 2^-32, before any scrambling.
     #[inline(always)]
-    pub fn pair(&self, key: u64, i: u32, pair: usize) -> [u32; 2] {
+    pub fn unscrambled(&self, i: u32, pair: usize) -> [u32; 2] {
         let mut sum = [0; 2];
         for chunk in 0..self.chunks {
             let value = i >> (CHUNK * chunk) & ((1 << CHUNK) - 1);
             let [x, y] = SUMS[chunk as usize][value as usize][pair];
             sum = [sum[0] ^ x, sum[1] ^ y];
         }
+        sum
+    }
+
+    /// That pair in the scramble of a key: two integers uniform below 2^32.
+    #[inline(always)]
+    pub fn pair(&self, key: u64, i: u32, pair: usize) -> [u32; 2] {
+        let point = self.unscrambled(i, pair);
         let last = word(key, LAST_DIGITS + pair as u32, i);
         let last = [last as u32, (last >> 32) as u32];
-        let first = 2 * pair as u32;
         [0, 1].map(|d| {
-            let scrambled = self.scramble(key, first + d as u32, sum[d]);
+            let dimension = (2 * pair + d) as u32;
+            let scrambled = self.scramble(key, dimension, point[d]);
             scrambled ^ last[d] >> (CHUNK * self.chunks)
         })
     }
