@@ -18,6 +18,7 @@ TABLES := $(BUILD_DIR)/examples.stamp \
   $(addprefix $(BUILD_DIR)/examples/session-,get.txt use.txt) $(addprefix $(BUILT)/,measured.tex \
   numbers.stamp turnaround.tex closed-forms.tex \
   calibration.stamp anatomy.stamp curve.csv counted.tex said.tex layers.tex \
+  nets.stamp scrambles.tex padding.tex pixels.csv \
   qualities.tex leaks.tex origins.tex roulettes.tex stability.tex \
   stability-full.tex robustness.tex ablation.tex shortcuts.tex layouts.tex habits.tex \
   abreast.tex traversal.tex bench.tex generations.tex sizes.csv shapes.tex \
@@ -42,8 +43,8 @@ $(BUILT)/closed-forms.tex: $(BOOK) | $(BUILT)
 $(BUILT)/ring.tex: $(BOOK) | $(BUILT)
 	$(BOOK) ring > $@
 
-$(BUILT)/anatomy.stamp $(BUILT)/calibration.stamp: $(BUILT)/%.stamp: $(BOOK) \
-  | $(BUILT)
+$(addprefix $(BUILT)/,anatomy.stamp calibration.stamp nets.stamp): \
+  $(BUILT)/%.stamp: $(BOOK) | $(BUILT)
 	$(BOOK) $* $(@D)
 	@touch $@
 
@@ -122,7 +123,7 @@ $(BUILT)/%.csv: $(MEASURED)/%.csv | $(BUILT)
 .PHONY: measure stability stability-full ablation start fuzz
 measure: $(BOOK) $(BUILD_DIR)/courtyard.obj
 	for part in qualities repeats leaks origins roulettes accumulators \
-	  accounting alarms loading thresholds; do \
+	  accounting alarms loading thresholds scrambles padding pixels; do \
 	  $(RECORD) $$part $(BOOK) $$part $(BUILD_DIR)/courtyard.obj || exit 1; done
 	$(RECORD) triangulations $(CARGO) run --release -p litpt-book \
 	  --features polygons --bin polygons

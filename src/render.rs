@@ -85,7 +85,11 @@ impl<K: Intersector, E: Integrator, S: Sampler> Renderer
     for Job<'_, K, E, S>
 {
     fn pass(&mut self, film: &mut Film, end: u64, watch: &Watch) -> u64 {
-        assert_eq!(film.replicate(), S::REPLICATE, "replicates");
+        assert_eq!(
+            film.replicate(),
+            self.sampler.replicate(),
+            "replicates"
+        );
         let mut rays = 0;
         loop {
             // Render up to the next lesson
@@ -160,13 +164,14 @@ impl<K: Intersector, E: Integrator, S: Sampler> Job<'_, K, E, S> {
         let parts = PIECES * rayon::current_num_threads() / tiles.len();
         let render = |(tile, pixels): (Tile, &mut [Accumulator])| {
             // Choose how a tile is filled
-            let values = pixels[0].count()..end.div_ceil(S::REPLICATE);
+            let values =
+                pixels[0].count()..end.div_ceil(self.sampler.replicate());
             if values.is_empty() || !watch(0) {
                 return E::Sums::default();
             }
             let count = values.end - values.start;
-            let paths =
-                (count * S::REPLICATE).saturating_mul(pixels.len() as u64);
+            let paths = (count * self.sampler.replicate())
+                .saturating_mul(pixels.len() as u64);
             let content = self.known.content(tile.corner);
             let sums = match ((parts as u64).min(count), content) {
                 (_, TileContent::Constant(sample)) => {
@@ -240,13 +245,14 @@ impl<K: Intersector, E: Integrator, S: Sampler> Job<'_, K, E, S> {
         // Add the samples or the means of replicates
         let mut replicate = |pixels: &mut [Accumulator], value| {
             let mut own = vec![Accumulator::default(); pixels.len()];
-            let first = value * S::REPLICATE;
-            let finished = trace(&mut own, first..first + S::REPLICATE);
+            let first = value * self.sampler.replicate();
+            let finished =
+                trace(&mut own, first..first + self.sampler.replicate());
             let means = own.iter().map(Accumulator::mean);
             pixels.iter_mut().zip(means).for_each(|(p, mean)| p.add(mean));
             finished
         };
-        let finished = match S::REPLICATE {
+        let finished = match self.sampler.replicate() {
             1 => trace(pixels, values.clone()),
             _ => values.clone().all(|value| replicate(pixels, value)),
         };

@@ -8,6 +8,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Samplers, and the directions that their numbers stand for.
 
+pub mod sobol;
+
 // Name what the sampling imports
 use std::ops::Range;
 
@@ -22,9 +24,9 @@ use crate::numerics::sincos_turns;
 /// They are a function of the seed, the pixel, the sample and the dimension
 /// alone.
 pub trait Sampler: Clone + Send + Sync {
-    /// The number of consecutive samples that are placed together; what
-    /// is placed apart is independent.
-    const REPLICATE: u64;
+    /// The number of consecutive samples of a pixel, at least 1, that are
+    /// placed together; what is placed apart is independent.
+    fn replicate(&self) -> u64;
 
     /// The sampler of sample `index` of a pixel, by their numbers.
     fn start(&self, pixel: u64, index: u64) -> Self;
@@ -119,7 +121,10 @@ impl IndependentSampler {
 }
 
 impl Sampler for IndependentSampler {
-    const REPLICATE: u64 = 1;
+    #[inline(always)]
+    fn replicate(&self) -> u64 {
+        1
+    }
 
     #[inline(always)]
     fn start(&self, pixel: u64, index: u64) -> Self {

@@ -70,7 +70,9 @@ impl Later {
 }
 
 impl Sampler for Later {
-    const REPLICATE: u64 = 1;
+    fn replicate(&self) -> u64 {
+        1
+    }
 
     fn start(&self, pixel: u64, index: u64) -> Self {
         Self(self.0.start(pixel, index + self.1), self.1)

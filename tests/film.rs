@@ -419,7 +419,9 @@ impl<B: Block> Block for Hidden<B> {
 struct Blocks<B>(IndependentSampler, u64, std::marker::PhantomData<B>);
 
 impl<B: Block> Sampler for Blocks<B> {
-    const REPLICATE: u64 = B::TOLD;
+    fn replicate(&self) -> u64 {
+        B::TOLD
+    }
 
     fn start(&self, pixel: u64, index: u64) -> Self {
         let own = self.0.start(pixel, B::index(index));

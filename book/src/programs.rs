@@ -20,12 +20,16 @@ mod fuzz;
 mod leaks;
 mod loading;
 mod manuals;
+mod nets;
 mod origins;
+mod padding;
+mod pixels;
 mod qualities;
 mod repeats;
 mod ring;
 mod roulettes;
 mod scenes;
+mod scrambles;
 mod stability;
 mod thresholds;
 mod traversal;
@@ -44,7 +48,7 @@ pub type Done = Result<(), Box<dyn Error>>;
 type Part = (&'static str, fn(&[String]) -> Done);
 
 /// All parts.
-pub const ALL: [Part; 21] = [
+pub const ALL: [Part; 25] = [
     ("ablation", ablation::run),
     ("accounting", accounting::run),
     ("accumulators", accumulators::run),
@@ -57,12 +61,16 @@ pub const ALL: [Part; 21] = [
     ("leaks", leaks::run),
     ("loading", loading::run),
     ("manuals", manuals::run),
+    ("nets", nets::run),
     ("origins", origins::run),
+    ("padding", padding::run),
+    ("pixels", pixels::run),
     ("qualities", qualities::run),
     ("repeats", repeats::run),
     ("ring", ring::run),
     ("roulettes", roulettes::run),
     ("scenes", scenes::run),
+    ("scrambles", scrambles::run),
     ("stability", stability::run),
     ("thresholds", thresholds::run),
     ("traversal", traversal::run),

@@ -1,0 +1,390 @@
+// Scrambled nets (chapter "Quasi-Monte Carlo").
+//
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+use glam::DVec3;
+use litpt::film::Film;
+use litpt::render::{Job, Renderer};
+use litpt::sampler::sobol::{
+    ScrambledNet, SobolSampler, scramble_key, to_unit,
+};
+use litpt::sampler::{IndependentSampler, Sampler, dimension};
+use litpt::scene::Mesh;
+use litpt_book::closed_forms::{Setting, look};
+use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};
+
+/// Comparisons with a distribution in this file, which together give a false
+/// alarm with one percent of all seeds (Šidák): of digits, of two coordinates,
+/// of related samples, of means and variances over scrambles, and of images.
+const COMPARISONS: i32 =
+    4 * 3 + 6 + 14 * RELATED.len() as i32 + 4 + 4 * 3 + 2;
+
+/// The probability below which one of them fails.
+fn significance() -> f64 {
+    1. - 0.99f64.powf(1. / f64::from(COMPARISONS))
+}
+
+/// Demands that cells of equal probability were hit equally often (χ²).
+fn assert_uniform(cells: &[u32], what: &str) {
+    let n: u32 = cells.iter().sum();
+    let expected = f64::from(n) / cells.len() as f64;
+    assert!(expected >= 5.);
+    let square = |&c: &u32| (f64::from(c) - expected).powi(2) / expected;
+    let chi2: f64 = cells.iter().map(square).sum();
+    let p = ChiSquared::new(cells.len() as f64 - 1.).unwrap().sf(chi2);
+    assert!(p > significance(), "{what}: chi2 = {chi2}, p = {p:e}");
+}
+
+/// Demands that a number could be drawn from the normal distribution.
+fn assert_normal(z: f64, what: &str) {
+    let p = 2. * Normal::standard().sf(z.abs());
+    assert!(p > significance(), "{what}: z = {z}");
+}
+
+/// All four coordinates of a point.
+fn point(net: &ScrambledNet, key: u64, i: u32) -> [u32; 4] {
+    let ([x, y], [z, w]) = (net.pair(key, i, 0), net.pair(key, i, 1));
+    [x, y, z, w]
+}
+
+/// The first `n` digits of a coordinate.
+fn digits(x: u32, n: u32) -> usize {
+    (u64::from(x) >> (32 - n)) as usize
+}
+
+/// Keys that differ in each respect.
+fn keys() -> impl Iterator<Item = u64> {
+    let names = [(0, 0, 0), (0, 0, 1), (0, 1, 0), (1, 0, 0), (7, 99, 3)];
+    names.into_iter().map(|(s, p, n)| scramble_key(s, p, n))
+}
+
+// ----------------------------------------------------------------- The nets
+
+#[test]
+fn each_pair_is_a_net_at_all_powers_of_two() {
+    for log in 0..=12 {
+        let net = ScrambledNet::new(1 << log);
+        for key in keys() {
+            for (pair, a) in
+                (0..2).flat_map(|p| (0..=log).map(move |a| (p, a)))
+            {
+                let mut hit = vec![false; 1 << log];
+                for i in 0..1 << log {
+                    let [x, y] = net.pair(key, i, pair);
+                    let cell =
+                        digits(x, a) << (log - a) | digits(y, log - a);
+                    assert!(!hit[cell], "pair {pair}, {a} of {log}");
+                    hit[cell] = true;
+                }
+            }
+        }
+    }
+}
+
+// The later parts of a longer sequence are nets as well, and so is a
+// sequence in the order of which more digits are scrambled than needed.
+#[test]
+fn each_aligned_part_of_a_sequence_is_a_net() {
+    let net = ScrambledNet::new(1 << 13);
+    for log in 0..=8 {
+        for part in [1, 2, 17, 31] {
+            for (pair, a) in
+                (0..2).flat_map(|p| (0..=log).map(move |a| (p, a)))
+            {
+                let mut hit = vec![false; 1 << log];
+                for i in part << log..(part + 1) << log {
+                    let [x, y] = net.pair(5, i, pair);
+                    let cell =
+                        digits(x, a) << (log - a) | digits(y, log - a);
+                    assert!(!hit[cell], "part {part}, {a} of {log}");
+                    hit[cell] = true;
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn all_four_coordinates_are_a_net_in_base_four() {
+    for log in 0..=6 {
+        let net = ScrambledNet::new(1 << (2 * log));
+        let key = scramble_key(3, 1, 4);
+        let all: Vec<_> =
+            (0..1 << (2 * log)).map(|i| point(&net, key, i)).collect();
+        let cuts = (0..=log).flat_map(|a| {
+            (0..=log - a).flat_map(move |b| {
+                (0..=log - a - b).map(move |c| [a, b, c, log - a - b - c])
+            })
+        });
+        for cut in cuts {
+            let mut hit = vec![false; all.len()];
+            for p in &all {
+                let cell = (0..4).fold(0, |cell, d| {
+                    cell << (2 * cut[d]) | digits(p[d], 2 * cut[d])
+                });
+                assert!(!hit[cell], "{cut:?}");
+                hit[cell] = true;
+            }
+        }
+    }
+}
+
+#[test]
+fn the_sizes_of_sets_are_powers_of_two() {
+    for points in [0, 3, 48, 1 << 31] {
+        let result = std::panic::catch_unwind(|| ScrambledNet::new(points));
+        assert!(result.is_err(), "{points}");
+    }
+    for log in [0, 1, 6, 7, 30] {
+        let sampler = SobolSampler::new(1, 1 << log);
+        assert_eq!(sampler.replicate(), 1 << log);
+    }
+}
+
+// -------------------------------------------------------------- The scrambles
+
+/// Scrambles for each test of a distribution.
+const SCRAMBLES: u64 = 1 << 16;
+
+#[test]
+fn each_point_is_uniform_over_its_first_and_last_digits() {
+    // Points of no, one, and two trees of digits.
+    for (points, i) in [(1, 0), (64, 0), (64, 37), (4096, 2901)] {
+        let net = ScrambledNet::new(points);
+        let mut first = vec![0; 4 << 10];
+        let mut last = vec![0; 4 << 10];
+        let mut middle = vec![0; 4 << 10];
+        for n in 0..SCRAMBLES {
+            let point = point(&net, scramble_key(2, 9, n), i);
+            for (d, x) in point.into_iter().enumerate() {
+                first[d << 10 | (x >> 22) as usize] += 1;
+                middle[d << 10 | (x >> 14 & 1023) as usize] += 1;
+                last[d << 10 | (x & 1023) as usize] += 1;
+            }
+        }
+        for (what, cells) in
+            [("first", first), ("middle", middle), ("last", last)]
+        {
+            assert_uniform(&cells, &format!("{what} of {i} of {points}"));
+        }
+    }
+}
+
+// Two coordinates of a point, over the scrambles: 32 by 32 cells.
+#[test]
+fn the_coordinates_of_a_point_are_independent_of_each_other() {
+    let net = ScrambledNet::new(64);
+    let mut cells = vec![vec![0; 1024]; 6];
+    for n in 0..SCRAMBLES {
+        let p = point(&net, scramble_key(0, 4, n), 21);
+        let pairs = (0..4).flat_map(|d| (0..d).map(move |e| (d, e)));
+        for (cells, (d, e)) in cells.iter_mut().zip(pairs) {
+            cells[digits(p[d], 5) << 5 | digits(p[e], 5)] += 1;
+        }
+    }
+    for cells in cells {
+        assert_uniform(&cells, "two coordinates");
+    }
+}
+
+/// Seed, pixel and number of a sample.
+type Name = (u64, u64, u64);
+
+/// A pair of samples, by its number.
+type Pair = fn(u64) -> [Name; 2];
+
+/// Pairs of samples of different scrambles of 16 points that are close to
+/// each other in one respect; no sample is in two pairs of a kind.
+const RELATED: [(&str, Pair); 6] = [
+    ("next scramble", |i| [(0, 5, 32 * i), (0, 5, 32 * i + 16)]),
+    ("next pixel", |i| [(0, 2 * i, 5), (0, 2 * i + 1, 5)]),
+    ("next row", |i| {
+        let (x, y) = (i % 800, i / 800 * 2);
+        [(0, y * 800 + x, 5), (0, (y + 1) * 800 + x, 5)]
+    }),
+    ("next seed", |i| {
+        [(0, i % 256, i / 256 * 16), (1, i % 256, i / 256 * 16)]
+    }),
+    ("next of many seeds", |i| [(2 * i, 9, 0), (2 * i + 1, 9, 0)]),
+    ("pixel and scramble exchanged", |i| {
+        let (a, b) = (i % 256, 256 + i / 256);
+        [(0, a, 16 * b), (0, b, 16 * a)]
+    }),
+];
+
+/// The first numbers of a sample, of 16 values each.
+fn numbers(sampler: &SobolSampler, pixel: u64, index: u64) -> [usize; 7] {
+    let mut sampler = sampler.start(pixel, index);
+    let sixteenth = |u: f64| (u * 16.) as usize;
+    let [x, y] = sampler.get_pixel_2d().map(|x| digits(x, 4));
+    let [r, turn] = sampler.get_2d(dimension::direction(0)).map(sixteenth);
+    let roulette = sixteenth(sampler.get_1d(dimension::roulette(1)));
+    let [s, t] = sampler.get_2d(dimension::direction(1)).map(sixteenth);
+    [x, y, r, turn, roulette, s, t]
+}
+
+#[test]
+fn samples_of_different_scrambles_are_independent_in_each_dimension() {
+    for (what, pair) in RELATED {
+        let mut counts = vec![[0; 256]; 14];
+        for i in 0..SCRAMBLES {
+            let [one, other] = pair(i).map(|(seed, pixel, index)| {
+                numbers(&SobolSampler::new(seed, 16), pixel, index)
+            });
+            for d in 0..7 {
+                counts[d][one[d] * 16 + other[d]] += 1;
+                // Different dimensions, too.
+                counts[7 + d][one[d] * 16 + other[(d + 1) % 7]] += 1;
+            }
+        }
+        for (d, counts) in counts.iter().enumerate() {
+            assert_uniform(counts, &format!("{what}, dimension {d}"));
+        }
+    }
+}
+
+#[test]
+fn the_order_of_samples_and_dimensions_changes_no_number() {
+    let fresh = SobolSampler::new(4, 16);
+    let all: Vec<_> = (0..48).map(|n| numbers(&fresh, 3, n)).collect();
+    let mut used = fresh.start(8, 9);
+    used.get_2d(dimension::direction(7));
+    for n in (0..48).rev() {
+        assert_eq!(numbers(&used, 3, n), all[n as usize]);
+        let mut late = used.start(3, n);
+        let [r, turn] = late.get_2d(dimension::direction(0));
+        let [x, y] = late.get_pixel_2d();
+        let [a, b, c, d, ..] = all[n as usize];
+        assert_eq!([digits(x, 4), digits(y, 4)], [a, b]);
+        assert_eq!([r, turn].map(|u| (u * 16.) as usize), [c, d]);
+        used = late;
+    }
+}
+
+#[test]
+fn samples_are_the_points_of_their_scrambles() {
+    let net = ScrambledNet::new(16);
+    for index in [0, 1, 15, 16, 100] {
+        let key = scramble_key(6, 5, index / 16);
+        let i = (index % 16) as u32;
+        let mut sampler = SobolSampler::new(6, 16).start(5, index);
+        assert_eq!(sampler.get_pixel_2d(), net.pair(key, i, 0));
+        let direction = sampler.get_2d(dimension::direction(0));
+        assert_eq!(direction, net.pair(key, i, 1).map(to_unit));
+    }
+}
+
+#[test]
+fn coordinates_lie_strictly_between_zero_and_one() {
+    assert_eq!(to_unit(0), 0.5f64.powi(33));
+    assert_eq!(to_unit(u32::MAX), 1. - 0.5f64.powi(33));
+    assert_eq!((to_unit(77) + to_unit(u32::MAX - 77)) / 2., 0.5);
+}
+
+// ------------------------------------------------------- Means and their errors
+
+#[test]
+fn means_over_scrambles_are_unbiased() {
+    const N: u64 = 4096;
+    // 16 points, and a part of them that is no net.
+    for (n, pair) in [(16, 0), (16, 1), (5, 0), (5, 1)] {
+        let net = ScrambledNet::new(16);
+        let value = |key| {
+            let values = (0..n).map(|i| {
+                let [x, y] = net.pair(key, i, pair).map(to_unit);
+                x * x * y
+            });
+            values.sum::<f64>() / f64::from(n)
+        };
+        let values: Vec<_> =
+            (0..N).map(|k| value(scramble_key(1, 8, k))).collect();
+        let mean = values.iter().sum::<f64>() / N as f64;
+        let squares =
+            values.iter().map(|v| (v - mean).powi(2)).sum::<f64>();
+        let error = (squares / (N - 1) as f64 / N as f64).sqrt();
+        assert_normal((mean - 1. / 6.) / error, "mean of x²y");
+    }
+}
+
+// Of n points one is uniform in each of n strata, independently of the others:
+// the mean of a coordinate has the variance 1/(12n³), and its fourth central
+// moment is 3 - 1.2/n times the square of that.
+#[test]
+fn the_coordinates_of_a_net_are_independent_within_their_strata() {
+    const N: u64 = 16384;
+    for n in [1u32, 16, 256] {
+        let net = ScrambledNet::new(u64::from(n));
+        let variance = f64::from(n).powi(3).recip() / 12.;
+        let mut squares = [0.; 4];
+        for k in 0..N {
+            let key = scramble_key(4, 2, k);
+            let mut sums = [0.; 4];
+            for i in 0..n {
+                let coordinates = point(&net, key, i).map(to_unit);
+                sums.iter_mut().zip(coordinates).for_each(|(s, x)| *s += x);
+            }
+            for (square, sum) in squares.iter_mut().zip(sums) {
+                let deviation = sum / f64::from(n) - 0.5;
+                *square += deviation * deviation / variance / N as f64;
+            }
+        }
+        let spread = ((2. - 1.2 / f64::from(n)) / N as f64).sqrt();
+        for (d, square) in squares.into_iter().enumerate() {
+            let what = format!("coordinate {d} of {n} points");
+            assert_normal((square - 1.) / spread, &what);
+        }
+    }
+}
+
+/// Squares through the y axis, given a direction in each.
+fn sheets(directions: &[[f64; 2]]) -> Mesh {
+    let mut mesh = Mesh::default();
+    for [x, z] in directions {
+        let far = 1e6 * DVec3::new(*x, 0., *z);
+        let first = mesh.vertices.len() as u32;
+        let side = 1e6 * DVec3::Y;
+        mesh.vertices.extend([-side, side, far - side, far + side]);
+        let triangles = [[0, 1, 2], [1, 3, 2]];
+        mesh.triangles.extend(triangles.map(|t| t.map(|k| k + first)));
+    }
+    mesh
+}
+
+/// The mean of an image with its standard error from the replicates, and the
+/// mean variance of a replicate times its samples.
+fn render<S: Sampler>(setting: &Setting, sampler: S) -> [f64; 3] {
+    let Job { scene, intersector, camera, integrator, known, .. } =
+        setting.job(0);
+    let replicate = sampler.replicate();
+    let mut film = Film::new(24, 16).with_replicates(replicate);
+    let mut job =
+        Job { scene, intersector, camera, integrator, known, sampler };
+    job.pass(&mut film, 1024, &|_| true);
+    let pixels = film.rows().count() as f64;
+    let mean = film.means().sum::<f64>() / pixels;
+    let errors = film.rows().map(|pixel| pixel.standard_error().powi(2));
+    let error = errors.sum::<f64>().sqrt() / pixels;
+    let variance = film.rows().map(|p| p.variance()).sum::<f64>() / pixels;
+    [mean, error, variance * replicate as f64]
+}
+
+#[test]
+fn the_path_tracer_finds_known_radiances_with_smaller_errors() {
+    let rho = 0.8;
+    let above = look(DVec3::new(2., 0.3, 1.5), DVec3::X, 40.);
+    // A slope of cosine 0.8 that sees 0.9 of the sky, and a floor and a wall,
+    // with how much smaller the variance of 64 samples is at least.
+    let slope = (sheets(&[[0.8, -0.6], [-0.8, 0.6]]), rho * 0.9, 10.);
+    let corner = (sheets(&[[1., 0.], [0., 1.]]), rho / (2. - rho), 1.5);
+    for (mesh, exact, gain) in [slope, corner] {
+        let setting = Setting::new(&mesh, (rho, DVec3::Z), &above, 1.5);
+        let setting = setting.unwrap();
+        let [_, _, plain] = render(&setting, IndependentSampler::new(1));
+        let [mean, error, variance] =
+            render(&setting, SobolSampler::new(1, 64));
+        println!("{mean} {error} {exact}: {}", plain / variance);
+        assert_normal((mean - exact) / error, "mean of an image");
+        assert!(gain * variance < plain, "{variance} of {plain}");
+    }
+}
