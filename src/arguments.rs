@@ -38,6 +38,7 @@ use crate::film::Window;
 use crate::image::Format;
 use crate::output::{ImageTarget, OutputTarget};
 use crate::progress;
+use crate::render::method::Method;
 use crate::report::Kind;
 
 // Declare the options with their defaults
@@ -149,6 +150,12 @@ pub struct Arguments {
     #[arg(short = 'j', long, value_name = "N",
           value_parser = parse_threads, allow_hyphen_values = true)]
     pub threads: Option<usize>,
+
+    /// How samples are made: reference, paths of independent numbers; sobol,
+    /// the same paths placed by scrambled nets; or gather, into a cache of
+    /// radiance that is corrected
+    #[arg(long, value_name = "METHOD", default_value = "reference")]
+    pub integrator: Method,
 
     /// Instructions to trace rays with, avx512, avx2 or portable; the image
     /// does not depend on them [default: the fastest of this processor]

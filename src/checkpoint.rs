@@ -64,8 +64,8 @@ pub fn save(
     };
     serde_json::to_writer(&mut out, &header)?;
     out.write_all(b"\n")?;
-    for pixel in film.stored() {
-        out.write_all(&pixel.to_bytes())?;
+    for sums in film.stored().iter().chain(film.tile_means()) {
+        out.write_all(&sums.to_bytes())?;
     }
     let Checked { out, checksum } = out;
     out.write_all(&checksum.finalize())
@@ -146,6 +146,11 @@ impl<R: BufRead + Seek> Checkpoint<R> {
         Ok(Self { header, sums: file })
     }
 
+    /// What decides the samples of its run.
+    pub fn run_key(&self) -> &RunKey {
+        &self.header.run_key
+    }
+
     /// The commands that have rendered a part of it.
     pub fn commands(&self) -> &Commands {
         &self.header.commands
@@ -180,11 +185,16 @@ impl<R: BufRead + Seek> Checkpoint<R> {
             }
         }
         // Fill the image with its sums
-        for pixel in film.stored_mut() {
-            let mut bytes = [0; 64];
-            self.sums.read_exact(&mut bytes).map_err(unreadable)?;
-            *pixel = Accumulator::from_bytes(&bytes);
-        }
+        let mut fill = |all: &mut [Accumulator]| {
+            all.iter_mut().try_for_each(|sums| {
+                let mut bytes = [0; 64];
+                self.sums.read_exact(&mut bytes).map_err(unreadable)?;
+                *sums = Accumulator::from_bytes(&bytes);
+                Ok::<(), String>(())
+            })
+        };
+        fill(film.stored_mut())?;
+        fill(film.tile_means_mut())?;
         Ok(self.header.convergence.into_owned())
     }
 }

@@ -66,6 +66,8 @@ pub struct Film {
     /// The number of each tile along the curve, by row and column.
     ranks: Vec<u32>,
     pixels: Vec<Accumulator>,
+    /// The means of each tile, if its pixels share random numbers.
+    tile_means: Vec<Accumulator>,
 }
 
 impl Film {
@@ -102,7 +104,16 @@ impl Film {
         }
         let pixels = vec![Accumulator::default(); start];
         let replicate = 1;
-        Self { resolution, window, replicate, tiles, ranks, pixels }
+        let tile_means = vec![];
+        Self {
+            resolution,
+            window,
+            replicate,
+            tiles,
+            ranks,
+            pixels,
+            tile_means,
+        }
     }
 }
 
@@ -126,15 +137,7 @@ impl Window {
 impl Film {
     /// The tiles, each with its pixels row by row.
     pub fn tiles(&mut self) -> Vec<(Tile, &mut [Accumulator])> {
-        let mut rest = &mut self.pixels[..];
-        let mut parts = Vec::with_capacity(self.tiles.len());
-        for &tile in &self.tiles {
-            let length = (tile.size.0 * tile.size.1) as usize;
-            let (pixels, others) = rest.split_at_mut(length);
-            parts.push((tile, pixels));
-            rest = others;
-        }
-        parts
+        cut(&self.tiles, &mut self.pixels)
     }
 
     // Look a pixel up
@@ -146,6 +149,21 @@ impl Film {
         let (column, row) = (x - tile.corner.0, y - tile.corner.1);
         &self.pixels[tile.start + (row * tile.size.0 + column) as usize]
     }
+}
+
+/// Cuts the pixels into those of each tile.
+fn cut<'a>(
+    tiles: &[Tile],
+    mut rest: &'a mut [Accumulator],
+) -> Vec<(Tile, &'a mut [Accumulator])> {
+    let mut parts = Vec::with_capacity(tiles.len());
+    for &tile in tiles {
+        let length = (tile.size.0 * tile.size.1) as usize;
+        let (pixels, others) = rest.split_at_mut(length);
+        parts.push((tile, pixels));
+        rest = others;
+    }
+    parts
 }
 
 impl Film {
@@ -162,6 +180,16 @@ impl Film {
     /// Number of pixels.
     pub fn area(&self) -> u64 {
         self.pixels.len() as u64
+    }
+
+    /// The pixels that it holds.
+    pub fn window(&self) -> Window {
+        self.window
+    }
+
+    /// A film of the same window without a sample.
+    pub fn blank(&self) -> Self {
+        Self::cropped(self.resolution, self.window)
     }
 
     /// Width and height of the whole image.
@@ -220,6 +248,32 @@ impl Film {
     /// The number of samples whose mean is one value.
     pub fn replicate(&self) -> u64 {
         self.replicate
+    }
+
+    /// The same film, whose pixels share random numbers within a tile. It must
+    /// be empty.
+    pub fn with_shared_tiles(mut self) -> Self {
+        self.tile_means = vec![Accumulator::default(); self.tiles.len()];
+        self
+    }
+
+    /// The means of the tiles, if they share random numbers; else none.
+    pub fn tile_means(&self) -> &[Accumulator] {
+        &self.tile_means
+    }
+
+    /// The same, to be changed.
+    pub fn tile_means_mut(&mut self) -> &mut [Accumulator] {
+        &mut self.tile_means
+    }
+
+    /// The tiles of a film of shared tiles, each with its pixels and its means.
+    pub fn shared_tiles(
+        &mut self,
+    ) -> Vec<(Tile, &mut [Accumulator], &mut Accumulator)> {
+        let Self { tiles, pixels, tile_means, .. } = self;
+        let parts = cut(tiles, pixels).into_iter().zip(tile_means);
+        parts.map(|((tile, pixels), mean)| (tile, pixels, mean)).collect()
     }
 }
 
@@ -294,10 +348,20 @@ impl Film {
         // Add the sums of all rows
         let mean: f64 = sums.iter().map(|sum| sum.0).sum();
         let squares: f64 = sums.iter().map(|sum| sum.1).sum();
+        let of_tile = |(tile, mean): (&Tile, &Accumulator)| {
+            let area = f64::from(tile.size.0 * tile.size.1);
+            (area * mean.standard_error()).powi(2)
+        };
+        let all_squares = match self.tile_means.is_empty() {
+            true => squares,
+            false => {
+                self.tiles.iter().zip(&self.tile_means).map(of_tile).sum()
+            }
+        };
         let n = self.area() as f64;
         Summary {
             mean: mean / n,
-            mean_stderr: squares.sqrt() / n,
+            mean_stderr: all_squares.sqrt() / n,
             rmse: (squares / n).sqrt(),
             constant: sums.iter().map(|sum| sum.2).sum(),
         }

@@ -50,6 +50,7 @@ pub mod camera;
 pub mod checkpoint;
 pub mod compare;
 pub mod film;
+pub mod gather;
 pub mod image;
 pub mod integrator;
 pub mod numerics;

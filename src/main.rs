@@ -28,10 +28,10 @@ use litpt::checkpoint::{Checkpoint, Commands, RunKey};
 use litpt::compare::disagreements;
 use litpt::film::{Film, Window};
 use litpt::image::{Format, Image};
-use litpt::integrator::identity;
 use litpt::output::{ImageTarget, OutputTarget};
 use litpt::progress::{self, Bar};
-use litpt::render::{Renderer, renderer};
+use litpt::render::Renderer;
+use litpt::render::method::{Method, Sampling, renderer};
 use litpt::render_loop::{Convergence, Interrupt, Limits, Stop};
 use litpt::report::{Kind, Report, SceneFile};
 use litpt::run_output::{RunOutput, attributes};
@@ -149,10 +149,13 @@ fn run(
     if arguments.explain {
         return explain(&analysis, arguments);
     }
-    let mut job =
-        renderer(&scene, &bvh, &inquiry, &analysis, arguments.seed);
-    let mut run =
-        Run::begin(&mut *job, window, start, arguments, &mut files, known)?;
+    let sampling = sampling(arguments, &analysis, window, &files);
+    let run_key = run_key(arguments, &sampling, &known.scene.sha256);
+    let film = sampling.film(arguments.resolution, window);
+    let mut job = renderer(&scene, &bvh, &inquiry, &analysis, &sampling);
+    let mut run = Run::begin(
+        &mut *job, film, run_key, start, arguments, &mut files, known,
+    )?;
     let stop = run.render(start, &analysis, &files)?;
     run.write(stop)?;
     Ok(stop)
@@ -439,15 +442,14 @@ struct Run<'a> {
 impl<'a> Run<'a> {
     fn begin(
         job: &'a mut (dyn Renderer + 'a),
-        window: Window,
+        mut film: Film,
+        run_key: RunKey,
         start: Instant,
         arguments: &'a Arguments,
         files: &mut Files,
         known: Report,
     ) -> Result<Self, String> {
-        let run_key = run_key(arguments, &known.scene.sha256);
         // Take the film of a checkpoint or a new one
-        let mut film = Film::cropped(arguments.resolution, window);
         let mut convergence = Convergence::default();
         if let (Some(saved), Some(path)) =
             (files.resumed.take(), &arguments.resume)
@@ -483,11 +485,48 @@ impl<'a> Run<'a> {
     }
 }
 
+/// How the samples are made: as in the checkpoint, if there is one.
+fn sampling(
+    arguments: &Arguments,
+    analysis: &SceneAnalysis,
+    window: Window,
+    files: &Files,
+) -> Sampling {
+    let method = match analysis.is_black || analysis.known.is_all() {
+        true => Method::Reference,
+        false => arguments.integrator,
+    };
+    let area = u64::from(window.size.0) * u64::from(window.size.1);
+    let timed = arguments
+        .time
+        .map(|time| (time * RATE / GATHER / area as f64).ceil() as u64);
+    let samples = arguments.samples().into_iter().chain(timed).min();
+    let mut sampling = Sampling::new(method, arguments.seed, samples, area);
+    if let Some(saved) = &files.resumed {
+        let number = |name| saved.run_key().get(name)?.as_u64();
+        sampling.replicate =
+            number("replicate").unwrap_or(sampling.replicate);
+        sampling.training = number("training").unwrap_or(sampling.training);
+    }
+    sampling
+}
+
+/// Rays that a sample of a gather is guessed to have.
+const GATHER: f64 = 5.;
+
 /// All that decides the samples of a run.
-fn run_key(arguments: &Arguments, sha256: &str) -> RunKey {
+fn run_key(
+    arguments: &Arguments,
+    sampling: &Sampling,
+    sha256: &str,
+) -> RunKey {
     let mut key = arguments.run_key();
     key.insert("version".into(), env!("CARGO_PKG_VERSION").into());
-    key.insert("integrator".into(), identity().into());
+    key.insert("integrator".into(), sampling.identity().into());
+    if sampling.method != Method::Reference {
+        key.insert("replicate".into(), sampling.replicate.into());
+        key.insert("training".into(), sampling.training.into());
+    }
     key.insert("scene_sha256".into(), sha256.into());
     key
 }

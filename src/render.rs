@@ -8,6 +8,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Filling an image with samples, on all threads.
 
+pub mod gather;
+pub mod method;
+
 // Name what the render imports
 use std::iter;
 use std::ops::Range;
@@ -15,13 +18,10 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use crate::analysis::background::{KnownPixels, TileContent};
-use crate::analysis::{Inquiry, SceneAnalysis};
-use crate::bvh::{Bvh, Dispatch, Intersector};
+use crate::bvh::{Dispatch, Intersector};
 use crate::camera::Camera;
 use crate::film::{Film, Tile};
-use crate::integrator::{
-    DirectSky, Integrator, PathEvent, PathTracer, RayQuery, Sums,
-};
+use crate::integrator::{Integrator, PathEvent, RayQuery, Sums};
 use crate::sampler::{IndependentSampler, Sampler, within};
 use crate::scene::{Ray, Scene};
 use crate::statistics::Accumulator;
@@ -104,33 +104,6 @@ impl<K: Intersector, E: Integrator, S: Sampler> Renderer
             }
         }
     }
-}
-
-/// The renderer of a scene with this intersector, for what its analysis
-/// has found to be needed.
-pub fn renderer<'a>(
-    scene: &'a Scene,
-    intersector: &'a Bvh,
-    inquiry: &Inquiry<'a>,
-    analysis: &'a SceneAnalysis,
-    seed: u64,
-) -> Box<dyn Renderer + 'a> {
-    let &Inquiry { camera, sky, albedo, .. } = inquiry;
-    let known = &analysis.known;
-    let sampler = IndependentSampler::new(seed);
-    if analysis.is_black {
-        let integrator = DirectSky { sky };
-        return Box::new(Job {
-            scene,
-            intersector,
-            camera,
-            integrator,
-            known,
-            sampler,
-        });
-    }
-    let integrator = PathTracer { albedo, sky };
-    Box::new(Job { scene, intersector, camera, integrator, known, sampler })
 }
 
 // Keep a path that is under way

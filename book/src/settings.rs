@@ -12,7 +12,7 @@ use litpt::analysis::{Inquiry, SceneAnalysis, Shortcut};
 use litpt::bvh::{Bvh, Isa, Quality};
 use litpt::camera::{Camera, View};
 use litpt::film::Film;
-use litpt::render::renderer;
+use litpt::render::method::{Sampling, renderer};
 use litpt::scene::{Mesh, Scene};
 use litpt::sky::Sky;
 
@@ -75,8 +75,13 @@ impl Setting {
         let found = start.elapsed().as_secs_f64();
         let mut film = Film::new(width, height);
         let start = Instant::now();
-        let mut renderer =
-            renderer(&scene, &intersector, &inquiry, &analysis, seed);
+        let mut renderer = renderer(
+            &scene,
+            &intersector,
+            &inquiry,
+            &analysis,
+            &Sampling::reference(seed),
+        );
         let rays = renderer.pass(&mut film, n, &|_| true);
         let seconds = [found, start.elapsed().as_secs_f64()];
         drop(renderer);

@@ -24,7 +24,8 @@ use litpt::bvh::{Bvh, Isa, Quality};
 use litpt::camera::{Camera, View};
 use litpt::film::Film;
 use litpt::integrator::PathTracer;
-use litpt::render::{Job, Renderer, renderer};
+use litpt::render::method::{Sampling, renderer};
+use litpt::render::{Job, Renderer};
 use litpt::sampler::IndependentSampler;
 use litpt::scene::{Mesh, Scene, read_obj};
 use litpt::sky::Sky;
@@ -350,8 +351,13 @@ impl Case {
         let intersector = Bvh::of(triangles, self.quality, Isa::best())
             .map_err(|error| error.to_string())?;
         let analysis = SceneAnalysis::find(&scene, &intersector, &inquiry);
-        let mut renderer =
-            renderer(&scene, &intersector, &inquiry, &analysis, 0);
+        let mut renderer = renderer(
+            &scene,
+            &intersector,
+            &inquiry,
+            &analysis,
+            &Sampling::reference(0),
+        );
         let mut simple = Film::new(self.resolution.0, self.resolution.1);
         let rays = renderer.pass(&mut simple, self.samples, &|_| true);
         self.judge(&simple, rays.max(1001))?;

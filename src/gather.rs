@@ -1,0 +1,277 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Final gather into a cache of radiance, and its unbiased correction.
+
+pub mod cache;
+pub mod correction;
+pub mod guide;
+pub mod training;
+
+// Name what the gather imports
+use rand::RngExt;
+
+use crate::analysis::background::{KnownPixels, TileContent};
+use crate::bvh::{Hit, Intersector};
+use crate::camera::Camera;
+use crate::film::{Tile, Window};
+use crate::sampler::sobol::{ScrambledNet, scramble_key, to_unit};
+use crate::sampler::{generator, within};
+use crate::scene::{Ray, Scene};
+use crate::sky::Sky;
+use cache::{Cell, RadianceCache};
+use guide::{Guide, bin, direction};
+
+// Hold what a gather needs
+/// Traces rays, and knows the scene and the cache.
+pub struct Tracer<'a, K> {
+    /// The triangles, and where rays enter them.
+    pub scene: &'a Scene,
+    /// Finds hits in `scene`.
+    pub intersector: &'a K,
+    /// Where paths start.
+    pub camera: &'a Camera,
+    /// The only light.
+    pub sky: Sky,
+    /// Albedo of every surface, in [0, 1].
+    pub albedo: f64,
+    /// Chooses directions, and approximates the radiance.
+    pub cache: &'a RadianceCache,
+    /// The number of rays traced so far.
+    pub rays: u64,
+}
+
+/// What a ray from a surface has met.
+#[derive(Clone, Copy, Debug)]
+pub enum End {
+    /// The sky, of this radiance, or what is below the horizon.
+    Sky(f64),
+    /// Another surface.
+    Hit(Hit),
+}
+
+/// A ray from a surface.
+#[derive(Clone, Copy, Debug)]
+pub struct Shot {
+    /// One over the density of its direction on the square.
+    pub weight: f64,
+    /// The bin of its direction.
+    pub bin: usize,
+    /// What it has met.
+    pub end: End,
+}
+
+/// A sample that gathers: where it looks, and what its ray has found.
+pub struct Sample {
+    /// The first hit of the path.
+    pub hit: Hit,
+    /// The guide there.
+    pub cell: Cell,
+    /// The pixel in its tile.
+    pub pixel: u32,
+    /// The weight of the direction of the gather.
+    pub weight: f64,
+    /// What the gather has hit, if anything, and the cell there.
+    pub end: Option<(Hit, Cell)>,
+}
+
+// Shoot a guided ray
+impl<K: Intersector> Tracer<'_, K> {
+    /// The same with another cache, which has traced no ray.
+    pub fn with<'b>(&'b self, cache: &'b RadianceCache) -> Tracer<'b, K> {
+        Tracer { cache, rays: 0, ..*self }
+    }
+
+    /// Traces the ray that leaves `x` in the direction that the guide
+    /// gives to a uniform point of the square.
+    #[inline]
+    pub fn shoot(
+        &mut self,
+        x: &Hit,
+        guide: Option<&Guide>,
+        u: [f64; 2],
+    ) -> Shot {
+        let (point, bin, weight) = match guide {
+            Some(guide) => {
+                let (point, bin) = guide.warp(u);
+                (point, bin, 1. / guide.density(bin))
+            }
+            None => (u, bin(u), 1.),
+        };
+        let direction = direction(x.normal, point);
+        let ray = Ray { origin: x.point, direction };
+        self.rays += 1;
+        let hit = self.intersector.first_hit(&ray, Some(x.primitive));
+        let end =
+            hit.map_or(End::Sky(self.sky.radiance(direction)), End::Hit);
+        Shot { weight, bin, end }
+    }
+
+    /// The first hit of the ray of the camera through (`x`, `y`) of the
+    /// image, or the radiance of the sky behind it.
+    #[inline]
+    pub fn look(&mut self, x: f64, y: f64) -> End {
+        let direction = self.camera.direction(x, y);
+        let ray = self.scene.enter(self.camera.position, direction);
+        self.rays += u64::from(ray.is_some());
+        let hit =
+            ray.and_then(|ray| self.intersector.first_hit(&ray, None));
+        hit.map_or(End::Sky(self.sky.radiance(direction)), End::Hit)
+    }
+}
+
+// Gather one tile
+/// How the samples are distributed over a window, row by row.
+pub struct Allocation {
+    /// The samples of each pixel in a scramble; at least one.
+    pub counts: Vec<u32>,
+    /// About the radiance of each pixel; positive.
+    pub scale: Vec<f64>,
+}
+
+impl Allocation {
+    /// One sample for each of so many pixels.
+    pub fn even(area: u64) -> Self {
+        Self {
+            counts: vec![1; area as usize],
+            scale: vec![1.; area as usize],
+        }
+    }
+}
+
+/// How much is corrected, and with how many rays.
+#[derive(Clone, Copy, Debug)]
+pub struct Correction {
+    /// Samples that share corrections.
+    pub group: usize,
+    /// The importance for which one correction is drawn.
+    pub step: f64,
+    /// Rays of the gather at a point whose error is estimated.
+    pub gathers: u32,
+    /// Paths that go on from them.
+    pub paths: u32,
+    /// Rays of each gather along such a path.
+    pub branches: u32,
+}
+
+impl Default for Correction {
+    fn default() -> Self {
+        Self { group: 128, step: 10., gathers: 16, paths: 16, branches: 2 }
+    }
+}
+
+/// What decides the samples of an image, beside the tracer.
+pub struct Plan<'a> {
+    /// Width and height of the image.
+    pub resolution: (u32, u32),
+    /// The part of it that is rendered.
+    pub window: Window,
+    /// What is known of it beforehand.
+    pub known: &'a KnownPixels,
+    /// How the samples are distributed over the window.
+    pub allocation: &'a Allocation,
+    /// The points of the scrambles.
+    pub net: ScrambledNet,
+    /// Chooses all random numbers.
+    pub seed: u64,
+    /// How much is corrected; none leaves the error of the cache.
+    pub correction: Option<Correction>,
+}
+
+impl Plan<'_> {
+    /// Column and row of a pixel of a tile in the image, and its number in
+    /// the window.
+    fn place(&self, tile: Tile, pixel: u32) -> (u32, u32, usize) {
+        let x = tile.corner.0 + pixel % tile.size.0;
+        let y = tile.corner.1 + pixel / tile.size.0;
+        let (left, top) = self.window.corner;
+        let row = (y - top) as usize * self.window.size.0 as usize;
+        (x, y, row + (x - left) as usize)
+    }
+}
+
+impl<K: Intersector> Tracer<'_, K> {
+    /// The means of the pixels of a tile in a scramble.
+    pub fn tile(
+        &mut self,
+        plan: &Plan,
+        tile: Tile,
+        scramble: u64,
+    ) -> Vec<f64> {
+        let area = tile.size.0 * tile.size.1;
+        if let TileContent::Constant(value) =
+            plan.known.content(tile.corner)
+        {
+            return vec![value; area as usize];
+        }
+        let stream = tile_number(tile.corner);
+        let mut random = generator(plan.seed, stream, scramble);
+        let mut sums = vec![0.; area as usize];
+        let mut samples = vec![];
+        for pixel in 0..area {
+            let (x, y, number) = plan.place(tile, pixel);
+            for n in 0..plan.allocation.counts[number] {
+                // Look through a pixel
+                let (width, height) = plan.resolution;
+                let i = u64::from(y) * u64::from(width) + u64::from(x);
+                let key = scramble_key(plan.seed, i, scramble);
+                let [u, v] = plan.net.pair(key, n, 0);
+                let gather = plan.net.pair(key, n, 1).map(to_unit);
+                let hit = match self
+                    .look(within(x, width, u), within(y, height, v))
+                {
+                    End::Sky(radiance) => {
+                        sums[pixel as usize] += radiance;
+                        continue;
+                    }
+                    End::Hit(hit) => hit,
+                };
+                // Gather at the hit
+                let cell = *self.cache.at(hit.point, hit.normal);
+                let shot =
+                    self.shoot(&hit, self.cache.guide(&cell), gather);
+                let (value, end) = match shot.end {
+                    End::Sky(radiance) => (radiance, None),
+                    End::Hit(y) => {
+                        let u = [random.random(), random.random()];
+                        let near = *self.cache.near(y.point, y.normal, u);
+                        (f64::from(near.value), Some((y, near)))
+                    }
+                };
+                sums[pixel as usize] += self.albedo * shot.weight * value;
+                samples.push(Sample {
+                    hit,
+                    cell,
+                    pixel,
+                    weight: shot.weight,
+                    end,
+                });
+            }
+        }
+        if let Some(correction) = &plan.correction {
+            self.correct(
+                plan,
+                correction,
+                tile,
+                &samples,
+                &mut random,
+                &mut sums,
+            );
+        }
+        for (pixel, sum) in (0..area).zip(&mut sums) {
+            let (_, _, number) = plan.place(tile, pixel);
+            *sum /= f64::from(plan.allocation.counts[number]);
+        }
+        sums
+    }
+}
+
+/// Numbers the generators of tiles; those of pixels are below 2^28.
+fn tile_number((x, y): (u32, u32)) -> u64 {
+    1 << 32 | u64::from(y) << 16 | u64::from(x)
+}

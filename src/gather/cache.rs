@@ -1,0 +1,529 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! A cache of the radiance that leaves the surfaces, with guides: learnt
+//! from recorded reflections.
+
+// Name what the cache imports
+use std::ops::Range;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::guide::{BINS, Guide, SIDE, main_axis};
+
+// Number the cells of space
+/// Levels of cells; the cubes of each have half the side of the next.
+pub const LEVELS: usize = 5;
+
+/// The cubes that cells are made of.
+#[derive(Clone, Copy, Debug)]
+pub struct Grid {
+    /// The side of the smallest cubes, in units of the scene: a power of two.
+    side: f64,
+}
+
+/// No coordinate of a scene is below this.
+const LOW: f64 = -4100.;
+
+/// The bits of a coordinate in the name of a cell.
+const BITS: u32 = 19;
+
+impl Grid {
+    /// The name of the finest cell of a point and its normal.
+    #[inline]
+    pub fn name(&self, p: DVec3, normal: DVec3) -> u64 {
+        let axis = main_axis(normal);
+        let class = 2 * axis + usize::from(normal[axis] > 0.);
+        let cube = ((p - LOW) / self.side).to_array();
+        let most = (1u64 << BITS) - 1;
+        let [x, y, z] = cube.map(|c| spread((c as u64).min(most)));
+        (class as u64) << (3 * BITS) | x | y << 1 | z << 2
+    }
+}
+
+impl Grid {
+    /// The name of one of the four cells around a place, at random: `u` is
+    /// uniform over the square.
+    #[inline]
+    pub fn near(&self, p: DVec3, normal: DVec3, u: [f64; 2]) -> u64 {
+        let axis = main_axis(normal);
+        let mut q = p;
+        for (k, u) in [(axis + 1) % 3, (axis + 2) % 3].into_iter().zip(u) {
+            q[k] += (u - 0.5) * self.side;
+        }
+        self.name(q, normal)
+    }
+}
+
+/// The 19 bits of `x`, each followed by two zeros.
+#[inline]
+pub fn spread(x: u64) -> u64 {
+    let x = (x | x << 32) & 0x001f_0000_0000_ffff;
+    let x = (x | x << 16) & 0x001f_0000_ff00_00ff;
+    let x = (x | x << 8) & 0x100f_00f0_0f00_f00f;
+    let x = (x | x << 4) & 0x10c3_0c30_c30c_30c3;
+    (x | x << 2) & 0x1249_2492_4924_9249
+}
+
+impl Grid {
+    /// The grid for points like these.
+    pub fn around(points: &[DVec3]) -> Self {
+        let length = |k: usize| {
+            let mut all: Vec<f64> = points.iter().map(|p| p[k]).collect();
+            all.sort_unstable_by(f64::total_cmp);
+            let at = |i: usize| all.get(i).copied().unwrap_or(0.);
+            let margin = all.len() / 100;
+            at(all.len().saturating_sub(1 + margin)) - at(margin)
+        };
+        let longest = (0..3).map(length).fold(0., f64::max);
+        let side = (longest / 64.).clamp(LEAST, MOST);
+        Self { side: side.log2().floor().exp2() }
+    }
+}
+
+/// The smallest and the largest side of a cube.
+const LEAST: f64 = 1. / 32.;
+const MOST: f64 = 128.;
+
+// Record a reflection
+/// Where a reflected ray arrived.
+pub const SKY: u64 = u64::MAX;
+pub const DARKNESS: u64 = u64::MAX - 1;
+
+/// A reflection: from one cell to another, to the sky, or to what is below
+/// the horizon.
+#[derive(Clone, Copy, Debug)]
+pub struct Record {
+    /// The cell of the surface that reflects.
+    pub from: u64,
+    /// The cell that the ray reached, [`SKY`] or [`DARKNESS`].
+    pub to: u64,
+    /// The weight of the direction: one over its density on the square.
+    pub weight: f32,
+    /// The bin of the direction.
+    pub bin: u16,
+}
+
+// Hold what a cell knows
+/// What is known of the surfaces in a cell.
+#[derive(Clone, Copy, Debug)]
+pub struct Cell {
+    /// The radiance that leaves them.
+    pub value: f32,
+    /// Its expected error.
+    pub error: f32,
+    /// The number of the guide, or [`NO_GUIDE`].
+    guide: u32,
+}
+
+/// Stands for cosine sampling.
+const NO_GUIDE: u32 = u32::MAX;
+
+/// Of a place that training has not seen.
+const UNSEEN: Cell = Cell { value: 0., error: 0., guide: NO_GUIDE };
+
+// Hold the cache
+/// The cells and guides of a scene.
+pub struct RadianceCache {
+    grid: Grid,
+    /// Names of cells by their hash; 0 is free. Names have one added.
+    names: Vec<u64>,
+    cells: Vec<Cell>,
+    guides: Vec<Guide>,
+}
+
+// Look a cell up
+impl RadianceCache {
+    /// A cache that knows nothing.
+    pub fn empty(grid: Grid) -> Self {
+        let (names, cells) = (vec![0], vec![UNSEEN]);
+        Self { grid, names, cells, guides: vec![] }
+    }
+
+    /// The guide of a cell; none stands for cosine sampling.
+    #[inline]
+    pub fn guide(&self, cell: &Cell) -> Option<&Guide> {
+        self.guides.get(cell.guide as usize)
+    }
+
+    /// The grid of the cells.
+    pub fn grid(&self) -> &Grid {
+        &self.grid
+    }
+
+    // Find a name in the table
+    /// The place of a name in the table, or of a free entry for it.
+    #[inline]
+    fn slot(&self, name: u64) -> usize {
+        let mask = self.names.len() - 1;
+        let hash = (name + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        let mut slot = (hash >> 24) as usize & mask;
+        while self.names[slot] != 0 && self.names[slot] != name + 1 {
+            slot = (slot + 1) & mask;
+        }
+        slot
+    }
+
+    /// The cell of a level that holds the finest cell `name`.
+    #[inline]
+    fn find(&self, name: u64, level: usize) -> Option<&Cell> {
+        let slot = self.slot(coarser(name, level));
+        (self.names[slot] != 0).then(|| &self.cells[slot])
+    }
+
+    // Find the finest cell of a place
+    /// The finest cell there is at a point with this normal.
+    #[inline]
+    pub fn at(&self, p: DVec3, normal: DVec3) -> &Cell {
+        self.finest(self.grid.name(p, normal))
+    }
+
+    /// The finest cell there is that holds the finest cell `name`.
+    #[inline]
+    fn finest(&self, name: u64) -> &Cell {
+        let mut levels =
+            (0..LEVELS).filter_map(|level| self.find(name, level));
+        levels.next().unwrap_or(&UNSEEN)
+    }
+
+    // Interpolate between cells
+    /// One of the four cells around a place, at random: `u` is uniform over
+    /// the square.
+    #[inline]
+    pub fn near(&self, p: DVec3, normal: DVec3, u: [f64; 2]) -> &Cell {
+        self.finest(self.grid.near(p, normal, u))
+    }
+
+    /// The mean of the values of [`RadianceCache::near`].
+    pub fn interpolate(&self, p: DVec3, normal: DVec3) -> f64 {
+        let axis = main_axis(normal);
+        let (a, b) = ((axis + 1) % 3, (axis + 2) % 3);
+        let side = self.grid.side;
+        let cubes = (p - LOW) / side - 0.5;
+        let (low, part) = (cubes.floor(), cubes - cubes.floor());
+        let mut sum = 0.;
+        for (i, j) in [(0., 0.), (0., 1.), (1., 0.), (1., 1.)] {
+            let mut q = p;
+            q[a] = (low[a] + i + 0.5) * side + LOW;
+            q[b] = (low[b] + j + 0.5) * side + LOW;
+            let weight =
+                |i: f64, part: f64| if i == 1. { part } else { 1. - part };
+            let value = self.finest(self.grid.name(q, normal)).value;
+            sum +=
+                weight(i, part[a]) * weight(j, part[b]) * f64::from(value);
+        }
+        sum
+    }
+}
+
+// Sort the records into cells
+/// The cells of all levels, with the records of each.
+struct Cells {
+    /// The number of the first cell of each level, and of all.
+    offsets: [usize; LEVELS + 1],
+    names: Vec<u64>,
+    /// The number of the cell of the next level that holds it.
+    parents: Vec<u32>,
+    records: Vec<Range<u32>>,
+}
+
+impl Cells {
+    /// The cells of records that are sorted by `from`.
+    fn of(records: &[Record]) -> Self {
+        let mut cells = Self {
+            offsets: [0; LEVELS + 1],
+            names: vec![],
+            parents: vec![],
+            records: vec![],
+        };
+        for level in 0..LEVELS {
+            cells.add_level(level, records);
+            cells.offsets[level + 1] = cells.names.len();
+        }
+        cells
+    }
+}
+
+impl Cells {
+    /// Appends the cells of a level, and tells the finer ones.
+    fn add_level(&mut self, level: usize, records: &[Record]) {
+        let name = |r: &Record| coarser(r.from, level);
+        let mut start = 0;
+        for group in records.chunk_by(|a, b| name(a) == name(b)) {
+            self.names.push(name(&group[0]));
+            self.records.push(start..start + group.len() as u32);
+            start += group.len() as u32;
+        }
+        if level == 0 {
+            return;
+        }
+        let first = self.offsets[level] as u32;
+        let finer = self.offsets[level - 1]..self.offsets[level];
+        let mut parent = first;
+        for child in finer {
+            if self.records[child].start
+                >= self.records[parent as usize].end
+            {
+                parent += 1;
+            }
+            self.parents.push(parent);
+        }
+    }
+
+    /// The numbers of the cells of a level.
+    fn level(&self, level: usize) -> Range<usize> {
+        self.offsets[level]..self.offsets[level + 1]
+    }
+
+    /// The number of records of a cell.
+    fn count(&self, cell: usize) -> f32 {
+        self.records[cell].len() as f32
+    }
+}
+
+/// The name of the cell of a level that holds a finest cell; the
+/// levels have different names.
+#[inline]
+fn coarser(name: u64, level: usize) -> u64 {
+    let class = name >> (3 * BITS);
+    let cube = name & ((1 << (3 * BITS)) - 1);
+    (level as u64) << 60 | class << (3 * BITS) | cube >> (3 * level)
+}
+
+// Solve for the radiance of the cells
+/// How many records the value of the coarser cell is worth.
+const WORTH: f32 = 12.;
+
+/// The radiance of each cell, given where each record arrives.
+fn solve(
+    cells: &Cells,
+    records: &[Record],
+    ends: &[u32],
+    albedo: f32,
+) -> Vec<f32> {
+    let mut values = vec![0f32; cells.names.len()];
+    for _ in 0..MOST_REFLECTIONS {
+        let sums = sums(cells, |i| {
+            albedo * records[i].weight * arriving(&values, ends[i])
+        });
+        let before = values.clone();
+        // Shrink each value towards that of the coarser cell
+        for level in (0..LEVELS).rev() {
+            for c in cells.level(level) {
+                let count = cells.count(c);
+                values[c] = match cells.parents.get(c) {
+                    Some(&parent) => {
+                        (sums[c] + WORTH * values[parent as usize])
+                            / (count + WORTH)
+                    }
+                    None => sums[c] / count,
+                };
+            }
+        }
+        if is_settled(&before, &values) {
+            break;
+        }
+    }
+    values
+}
+
+/// The radiance that arrives from the end of a record.
+#[inline]
+fn arriving(values: &[f32], end: u32) -> f32 {
+    match end {
+        END_IN_SKY => 1.,
+        END_IN_DARKNESS => 0.,
+        cell => values[cell as usize],
+    }
+}
+
+/// The sum of a function of the records over each cell, of all levels.
+fn sums(cells: &Cells, f: impl Fn(usize) -> f32 + Sync) -> Vec<f32> {
+    let finest = cells.level(0).into_par_iter();
+    let mut sums: Vec<f32> = finest
+        .map(|c| cells.records[c].clone().map(|i| f(i as usize)).sum())
+        .collect();
+    sums.resize(cells.names.len(), 0.);
+    for c in 0..cells.parents.len() {
+        sums[cells.parents[c] as usize] += sums[c];
+    }
+    sums
+}
+
+/// Reflections that the solution follows at most.
+const MOST_REFLECTIONS: usize = 300;
+
+/// Whether the values have changed by less than a thousandth.
+fn is_settled(before: &[f32], now: &[f32]) -> bool {
+    let square = |x: f32| f64::from(x) * f64::from(x);
+    let change: f64 =
+        before.iter().zip(now).map(|(a, b)| square(b - a)).sum();
+    let size: f64 = now.iter().map(|b| square(*b)).sum();
+    change <= 1e-6 * size
+}
+
+// Estimate the error of each cell
+/// The expected error of the value of each of the finest cells.
+fn errors(
+    cells: &Cells,
+    records: &[Record],
+    ends: &[u32],
+    albedo: f32,
+    values: &[f32],
+) -> Vec<f32> {
+    let value =
+        |i: usize| albedo * records[i].weight * arriving(values, ends[i]);
+    let first = sums(cells, value);
+    let second = sums(cells, |i| value(i) * value(i));
+    let all = cells.level(LEVELS - 1);
+    let mean = first[all].iter().sum::<f32>() / records.len() as f32;
+    let error = |c: usize| {
+        // Find the variance of the records around a cell
+        let mut wide = c;
+        while cells.count(wide) < 8. && wide < cells.parents.len() {
+            wide = cells.parents[wide] as usize;
+        }
+        let n = cells.count(wide);
+        let square = first[wide] * first[wide] / n;
+        let variance = ((second[wide] - square) / (n - 1.).max(1.)).max(0.);
+        let coarse = values[cells.parents[c] as usize] - values[c];
+        let own = values[c] / 20.;
+        let noise = variance / (cells.count(c) + WORTH);
+        (noise + 0.5 * coarse * coarse + own * own).sqrt().max(0.01 * mean)
+    };
+    cells.level(0).map(error).collect()
+}
+
+// Make the guides
+/// Records that a cell with a guide of its own has at least.
+const ENOUGH: f32 = 1000.;
+
+/// The guides, and the number of the guide of each cell.
+fn guides(
+    cells: &Cells,
+    records: &[Record],
+    ends: &[u32],
+    values: &[f32],
+) -> (Vec<Guide>, Vec<u32>) {
+    let mut histograms: Vec<[f32; BINS]> = vec![];
+    let mut guides: Vec<Guide> = vec![];
+    let mut numbers = vec![NO_GUIDE; cells.names.len()];
+    for c in (0..cells.names.len()).rev() {
+        let parent = cells.parents.get(c).map(|&p| numbers[p as usize]);
+        let parent = parent.filter(|&p| p != NO_GUIDE);
+        numbers[c] = parent.unwrap_or(NO_GUIDE);
+        if cells.count(c) < ENOUGH {
+            continue;
+        }
+        let range =
+            cells.records[c].start as usize..cells.records[c].end as usize;
+        let prior = parent.map(|p| &histograms[p as usize]);
+        let squares =
+            range.clone().map(|i| arriving(values, ends[i]).powi(2));
+        let bins = records[range].iter().map(|r| r.bin);
+        let histogram = mean_squares(bins.zip(squares), prior);
+        if let Some(guide) = Guide::new(&smooth(&histogram)) {
+            numbers[c] = guides.len() as u32;
+            guides.push(guide);
+            histograms.push(histogram);
+        }
+    }
+    (guides, numbers)
+}
+
+/// The mean of the squares that fall into each bin; that of the prior, or
+/// of all, counts as one more.
+fn mean_squares(
+    squares: impl Iterator<Item = (u16, f32)>,
+    prior: Option<&[f32; BINS]>,
+) -> [f32; BINS] {
+    let (mut sums, mut counts) = ([0f32; BINS], [0f32; BINS]);
+    for (bin, square) in squares {
+        sums[usize::from(bin)] += square;
+        counts[usize::from(bin)] += 1.;
+    }
+    let all: f32 = sums.iter().sum::<f32>() / counts.iter().sum::<f32>();
+    let prior = |b: usize| prior.map_or(all, |p| p[b]);
+    std::array::from_fn(|b| (sums[b] + prior(b)) / (counts[b] + 1.))
+}
+
+/// The roots of the bins, each averaged with its neighbours first.
+fn smooth(bins: &[f32; BINS]) -> [f32; BINS] {
+    std::array::from_fn(|b| {
+        let (row, column) = (b / SIDE, b % SIDE);
+        let (mut sum, mut weights) = (0., 0.);
+        for i in row.saturating_sub(1)..(row + 2).min(SIDE) {
+            for j in column.saturating_sub(1)..(column + 2).min(SIDE) {
+                let weight = match (i == row, j == column) {
+                    (true, true) => 6.,
+                    (false, false) => 0.5,
+                    _ => 1.,
+                };
+                sum += weight * bins[i * SIDE + j];
+                weights += weight;
+            }
+        }
+        f32::sqrt(sum / weights)
+    })
+}
+
+// Learn a cache from records
+/// The ends of records that are no cells.
+const END_IN_SKY: u32 = u32::MAX;
+const END_IN_DARKNESS: u32 = u32::MAX - 1;
+
+impl RadianceCache {
+    /// Learns from records, which it sorts; any number of threads gives
+    /// the same.
+    pub fn learn(grid: Grid, records: &mut [Record], albedo: f32) -> Self {
+        records.par_sort_by_key(|record| record.from);
+        let cells = Cells::of(records);
+        let mut cache = Self::empty(grid);
+        cache.make_table(&cells);
+        let end = |record: &Record| match record.to {
+            SKY => END_IN_SKY,
+            DARKNESS => END_IN_DARKNESS,
+            name => cache.number(name),
+        };
+        let ends: Vec<u32> = records.par_iter().map(end).collect();
+        let values = solve(&cells, records, &ends, albedo);
+        let errors = errors(&cells, records, &ends, albedo, &values);
+        let (guides, numbers) = guides(&cells, records, &ends, &values);
+        for (c, &name) in cells.names.iter().enumerate() {
+            let slot = cache.slot(name);
+            let error = errors.get(c).copied().unwrap_or(values[c]);
+            cache.cells[slot] =
+                Cell { value: values[c], error, guide: numbers[c] };
+        }
+        cache.guides = guides;
+        cache
+    }
+}
+
+impl RadianceCache {
+    /// Makes the table of so many cells, which finds their numbers.
+    fn make_table(&mut self, cells: &Cells) {
+        let size = (2 * cells.names.len() + 1).next_power_of_two();
+        self.names = vec![0; size];
+        self.cells = vec![UNSEEN; size];
+        for (number, &name) in cells.names.iter().enumerate() {
+            let slot = self.slot(name);
+            self.names[slot] = name + 1;
+            self.cells[slot].guide = number as u32;
+        }
+    }
+
+    /// The number of the finest cell that holds `name`, while learning.
+    fn number(&self, name: u64) -> u32 {
+        match self.finest(name).guide {
+            NO_GUIDE => END_IN_DARKNESS,
+            number => number,
+        }
+    }
+}

@@ -1,0 +1,158 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Directions drawn where light was seen before: path guiding with a
+//! histogram over the square of cosine sampling.
+
+// Name what guiding imports
+use std::array;
+
+use glam::DVec3;
+
+use crate::numerics::sincos_turns;
+
+// Map the square to the hemisphere
+/// The direction around the unit vector `normal` that belongs to a point
+/// of [0, 1)^2: uniform points give the density cos/π (Shirley and Chiu
+/// 1997).
+#[inline]
+pub fn direction(normal: DVec3, [u, v]: [f64; 2]) -> DVec3 {
+    let (a, b) = (2. * u - 1., 2. * v - 1.);
+    let (radius, turn) = match a.abs() > b.abs() {
+        true => (a, 0.125 * b / a),
+        false if b != 0. => (b, 0.25 - 0.125 * a / b),
+        false => (0., 0.),
+    };
+    let (cosine, sine) = sincos_turns(turn.abs());
+    let sine = sine.copysign(turn) * radius;
+    let (tangent, bitangent) = frame(normal);
+    let height = (1. - radius * radius).max(0.).sqrt();
+    tangent * (radius * cosine) + bitangent * sine + normal * height
+}
+
+/// The axis along which the unit vector `n` is longest.
+#[inline]
+pub fn main_axis(n: DVec3) -> usize {
+    let a = n.abs();
+    match a.x > a.y {
+        true if a.x > a.z => 0,
+        false if a.y > a.z => 1,
+        _ => 2,
+    }
+}
+
+/// Tangent and bitangent of the unit vector `n`, which turn smoothly with
+/// it as long as its main axis remains the same.
+#[inline]
+fn frame(n: DVec3) -> (DVec3, DVec3) {
+    let next = (main_axis(n) + 1) % 3;
+    let mut tangent = n * -n[next];
+    tangent[next] += 1.;
+    let tangent = tangent.normalize();
+    (tangent, n.cross(tangent))
+}
+
+// Map the hemisphere back to the square
+/// The bin of a direction around the unit vector `normal`.
+#[inline]
+pub fn bin_of(normal: DVec3, direction: DVec3) -> usize {
+    let (tangent, bitangent) = frame(normal);
+    let (x, y) = (direction.dot(tangent), direction.dot(bitangent));
+    let radius = x.hypot(y).min(1.);
+    let eighth = 4. / std::f64::consts::PI;
+    let (a, b) = match x.abs() > y.abs() {
+        true => (radius.copysign(x), eighth * (y / x).atan()),
+        false if y != 0. => (eighth * (x / y).atan(), radius.copysign(y)),
+        false => (0., 0.),
+    };
+    let (a, b) = match x.abs() > y.abs() {
+        true => (a, a * b),
+        false => (b * a, b),
+    };
+    bin([0.5 * a + 0.5, 0.5 * b + 0.5])
+}
+
+/// The bin of a point of the square.
+#[inline]
+pub fn bin([u, v]: [f64; 2]) -> usize {
+    let side = |u: f64| ((u * SIDE as f64) as usize).min(SIDE - 1);
+    side(u) * SIDE + side(v)
+}
+
+// Hold a histogram of directions
+/// Bins along one side of the square, and all of them.
+pub const SIDE: usize = 16;
+pub const BINS: usize = SIDE * SIDE;
+
+/// A density over the square, constant in each bin: sums of probability
+/// over the rows, and over the columns of each row.
+pub struct Guide {
+    rows: [f32; SIDE + 1],
+    columns: [[f32; SIDE + 1]; SIDE],
+}
+
+/// The probability that is spread over all bins alike.
+const DEFENCE: f32 = 0.12;
+
+/// The partial sums of positive numbers, divided by the last.
+fn cumulative(parts: [f32; SIDE]) -> [f32; SIDE + 1] {
+    let sum: f32 = parts.iter().sum();
+    let mut sums = [0.; SIDE + 1];
+    for i in 0..SIDE {
+        sums[i + 1] = sums[i] + parts[i] / sum;
+    }
+    sums[SIDE] = 1.;
+    sums
+}
+
+/// The interval of the sums in which `u` lies, and where in it: in [0, 1).
+#[inline]
+fn invert(sums: &[f32; SIDE + 1], u: f64) -> (usize, f64) {
+    let below = sums[1..SIDE].iter();
+    let i = below.map(|&s| usize::from(f64::from(s) <= u)).sum::<usize>();
+    let (low, high) = (f64::from(sums[i]), f64::from(sums[i + 1]));
+    (i, ((u - low) / (high - low)).clamp(0., 1. - f64::EPSILON))
+}
+
+impl Guide {
+    // Make a histogram that can be inverted
+    /// The density that is proportional to `bins`, none of them negative,
+    /// except for a part `DEFENCE` that is uniform; none if all are zero.
+    pub fn new(bins: &[f32; BINS]) -> Option<Self> {
+        let sum: f32 = bins.iter().sum();
+        if !(sum > 0. && sum.is_finite()) {
+            return None;
+        }
+        let uniform = DEFENCE / BINS as f32;
+        let part = |b: f32| uniform + (1. - DEFENCE) * (b / sum);
+        let row = |i| array::from_fn(|j| part(bins[i * SIDE + j]));
+        let columns = array::from_fn(|i| cumulative(row(i)));
+        let rows = cumulative(array::from_fn(|i| row(i).iter().sum()));
+        Some(Self { rows, columns })
+    }
+
+    // Tell the density of a bin
+    /// The density in a bin: positive, with mean 1 over the square.
+    #[inline]
+    pub fn density(&self, bin: usize) -> f64 {
+        let (i, j) = (bin / SIDE, bin % SIDE);
+        let row = self.rows[i + 1] - self.rows[i];
+        let column = self.columns[i][j + 1] - self.columns[i][j];
+        f64::from(row) * f64::from(column) * BINS as f64
+    }
+
+    // Draw a point from the histogram
+    /// The point of the square that belongs to a uniform one, and its bin.
+    #[inline]
+    pub fn warp(&self, [u, v]: [f64; 2]) -> ([f64; 2], usize) {
+        let (i, u) = invert(&self.rows, u);
+        let (j, v) = invert(&self.columns[i], v);
+        let point = [i as f64 + u, j as f64 + v].map(|x| x / SIDE as f64);
+        (point, i * SIDE + j)
+    }
+}

@@ -1,0 +1,184 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Renders a film by gathering.
+
+use rayon::prelude::*;
+
+use super::{Renderer, Watch};
+use crate::analysis::background::KnownPixels;
+use crate::bvh::{Bvh, Dispatch, Intersector};
+use crate::camera::Camera;
+use crate::film::{Film, Tile};
+use crate::gather::cache::{Grid, RadianceCache};
+use crate::gather::training::{allocate, train};
+use crate::gather::{Allocation, Correction, Plan, Tracer};
+use crate::sampler::sobol::ScrambledNet;
+use crate::sampler::split_mix;
+use crate::scene::Scene;
+use crate::sky::Sky;
+use crate::statistics::Accumulator;
+
+// Render by gathering
+/// Renders by gathering, with what a training has learnt.
+pub struct Gather<'a> {
+    /// The triangles, and where rays enter them.
+    pub scene: &'a Scene,
+    /// Finds hits in `scene`.
+    pub intersector: &'a Bvh,
+    /// Where paths start.
+    pub camera: &'a Camera,
+    /// The only light.
+    pub sky: Sky,
+    /// Albedo of every surface.
+    pub albedo: f64,
+    /// What is known of the image beforehand.
+    pub known: &'a KnownPixels,
+    /// Chooses all random numbers.
+    pub seed: u64,
+    /// About as many rays train the cache.
+    pub training: u64,
+    /// How much is corrected; none leaves the error of the cache.
+    pub correction: Option<Correction>,
+    /// What has been learnt, once there was a pass.
+    pub learnt: Option<Learnt>,
+}
+
+/// A cache, and how the samples are distributed.
+pub struct Learnt {
+    /// The radiance and the guides of the scene.
+    pub cache: RadianceCache,
+    /// The samples of each pixel.
+    pub allocation: Allocation,
+}
+
+impl Renderer for Gather<'_> {
+    fn pass(&mut self, film: &mut Film, end: u64, watch: &Watch) -> u64 {
+        let mut rays = 0;
+        if self.learnt.is_none() {
+            let learn = Learn { gather: self, film, watch };
+            let (learnt, traced) = self.intersector.dispatch(learn);
+            rays += traced;
+            self.learnt = learnt;
+        }
+        match &self.learnt {
+            Some(learnt) => {
+                let pass = Pass { gather: self, learnt, film, end, watch };
+                rays + self.intersector.dispatch(pass)
+            }
+            None => rays,
+        }
+    }
+}
+
+impl<'a> Gather<'a> {
+    /// A tracer with a cache.
+    fn tracer<'b, K>(
+        &'b self,
+        intersector: &'b K,
+        cache: &'b RadianceCache,
+    ) -> Tracer<'b, K> {
+        let &Self { scene, camera, sky, albedo, .. } = self;
+        Tracer { scene, intersector, camera, sky, albedo, cache, rays: 0 }
+    }
+
+    /// A plan for the window of a film.
+    fn plan<'b>(
+        &'b self,
+        film: &Film,
+        allocation: &'b Allocation,
+    ) -> Plan<'b> {
+        let most = allocation.counts.iter().max().copied().unwrap_or(1);
+        let points = u64::from(most).max(64).next_power_of_two();
+        Plan {
+            resolution: film.resolution(),
+            window: film.window(),
+            known: self.known,
+            allocation,
+            net: ScrambledNet::new(points),
+            seed: self.seed,
+            correction: self.correction,
+        }
+    }
+}
+
+/// Learning that waits for its intersector.
+struct Learn<'a, 'b> {
+    gather: &'b Gather<'a>,
+    film: &'b Film,
+    watch: &'b Watch<'b>,
+}
+
+impl Dispatch for Learn<'_, '_> {
+    type Output = (Option<Learnt>, u64);
+
+    fn with<K: Intersector>(self, intersector: &K) -> Self::Output {
+        let Self { gather, film, watch } = self;
+        let seed = split_mix(gather.seed);
+        let nothing = RadianceCache::empty(Grid::around(&[]));
+        let tracer = gather.tracer(intersector, &nothing);
+        let (cache, mut rays) = train(&tracer, gather.training, seed);
+        if !watch(0) {
+            return (None, rays);
+        }
+        let tracer = gather.tracer(intersector, &cache);
+        let pilot = Allocation::even(film.area());
+        let plan =
+            Plan { correction: None, seed, ..gather.plan(film, &pilot) };
+        let (allocation, traced) =
+            allocate(&tracer, &plan, film.blank(), film.replicate());
+        rays += traced;
+        (Some(Learnt { cache, allocation }), rays)
+    }
+}
+
+/// A pass that waits for its intersector.
+struct Pass<'a, 'b> {
+    gather: &'b Gather<'a>,
+    learnt: &'b Learnt,
+    film: &'b mut Film,
+    end: u64,
+    watch: &'b Watch<'b>,
+}
+
+impl Dispatch for Pass<'_, '_> {
+    type Output = u64;
+
+    fn with<K: Intersector>(self, intersector: &K) -> u64 {
+        let Self { gather, learnt, film, end, watch } = self;
+        let Learnt { cache, allocation } = learnt;
+        let plan = gather.plan(film, allocation);
+        let replicate = film.replicate();
+        let end = end.div_ceil(replicate);
+        let render =
+            |(tile, pixels, mean): (Tile, &mut [Accumulator], &mut _)| {
+                let mut tracer = gather.tracer(intersector, cache);
+                for scramble in pixels[0].count()..end {
+                    if !watch(0) {
+                        break;
+                    }
+                    let values = tracer.tile(&plan, tile, scramble);
+                    Accumulator::add(
+                        mean,
+                        values.iter().sum::<f64>() / values.len() as f64,
+                    );
+                    pixels
+                        .iter_mut()
+                        .zip(values)
+                        .for_each(|(p, v)| p.add(v));
+                    watch(replicate * pixels.len() as u64);
+                }
+                tracer.rays
+            };
+        film.shared_tiles()
+            .into_par_iter()
+            .with_max_len(1)
+            .map(render)
+            .sum()
+    }
+}

@@ -1,0 +1,208 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Methods of sampling an image, and the renderer of each.
+
+use std::fmt;
+use std::str::FromStr;
+
+use super::gather::Gather;
+use super::{Job, Renderer};
+use crate::analysis::{Inquiry, SceneAnalysis};
+use crate::bvh::Bvh;
+use crate::film::{Film, Window};
+use crate::gather::Correction;
+use crate::integrator::{DirectSky, PathTracer, identity};
+use crate::sampler::IndependentSampler;
+use crate::sampler::sobol::SobolSampler;
+use crate::scene::Scene;
+
+// Name the methods
+/// How samples are made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Method {
+    /// Paths of independent random numbers.
+    Reference,
+    /// The same paths, placed by scrambled nets.
+    Sobol,
+    /// A final gather into a cache of radiance, corrected.
+    Gather,
+}
+
+impl Method {
+    const ALL: [Self; 3] = [Self::Reference, Self::Sobol, Self::Gather];
+}
+
+impl fmt::Display for Method {
+    fn fmt(&self, out: &mut fmt::Formatter) -> fmt::Result {
+        out.write_str(match self {
+            Self::Reference => "reference",
+            Self::Sobol => "sobol",
+            Self::Gather => "gather",
+        })
+    }
+}
+
+impl FromStr for Method {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        let named = Self::ALL.into_iter().find(|m| m.to_string() == name);
+        named.ok_or_else(|| {
+            let [first, second, third] = Self::ALL;
+            format!("expected {first}, {second} or {third}")
+        })
+    }
+}
+
+// Decide how an image is sampled
+/// What decides the samples of an image, beside the scene and the view.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sampling {
+    /// How samples are made.
+    pub method: Method,
+    /// Chooses all random numbers.
+    pub seed: u64,
+    /// Samples of a pixel that are placed together, on average.
+    pub replicate: u64,
+    /// About as many rays train the cache of a gather.
+    pub training: u64,
+}
+
+impl Sampling {
+    /// The reference.
+    pub fn reference(seed: u64) -> Self {
+        Self { method: Method::Reference, seed, replicate: 1, training: 0 }
+    }
+
+    /// For `samples` of each of `area` pixels, if that is known.
+    pub fn new(
+        method: Method,
+        seed: u64,
+        samples: Option<u64>,
+        area: u64,
+    ) -> Self {
+        let replicate = match samples {
+            _ if method == Method::Reference => 1,
+            Some(n) => 1 << (n / REPLICATES).clamp(1, MOST).ilog2(),
+            None => 4,
+        };
+        let paths = samples.map(|n| n.saturating_mul(area));
+        let expected = paths.map_or(u64::MAX, |n| n.saturating_mul(RAYS));
+        let training = match method {
+            Method::Gather => (expected / 4).clamp(LEAST, LARGEST),
+            _ => 0,
+        };
+        Self { method, seed, replicate, training }
+    }
+
+    /// A film for these samples, without one.
+    pub fn film(&self, resolution: (u32, u32), window: Window) -> Film {
+        let film = Film::cropped(resolution, window);
+        let film = film.with_replicates(self.replicate);
+        match self.method {
+            Method::Gather => film.with_shared_tiles(),
+            _ => film,
+        }
+    }
+
+    /// Names what decides the samples: those of different names are not to
+    /// be mixed.
+    pub fn identity(&self) -> String {
+        let Self { method, replicate, training, .. } = self;
+        match method {
+            Method::Reference => identity(),
+            Method::Sobol => format!("{}, nets of {replicate}", identity()),
+            Method::Gather => format!(
+                "gather {GATHER_VERSION}, nets of {replicate}, training with \
+                 {training} rays"
+            ),
+        }
+    }
+}
+
+/// Changes whenever the code that decides what a gather is does.
+const GATHER_VERSION: u32 = 1;
+
+/// Scrambles that make an error honest.
+const REPLICATES: u64 = 16;
+
+/// Samples of a scramble at most.
+const MOST: u64 = 1 << 20;
+
+/// Rays of a gather with its part of the correction, about.
+const RAYS: u64 = 5;
+
+/// Rays of a training, at least and at most.
+const LEAST: u64 = 1 << 16;
+const LARGEST: u64 = 1 << 22;
+
+// Choose the renderer of a method
+/// The renderer of a scene with this intersector, for what its analysis
+/// has found to be needed.
+pub fn renderer<'a>(
+    scene: &'a Scene,
+    intersector: &'a Bvh,
+    inquiry: &Inquiry<'a>,
+    analysis: &'a SceneAnalysis,
+    sampling: &Sampling,
+) -> Box<dyn Renderer + 'a> {
+    let &Inquiry { camera, sky, albedo, .. } = inquiry;
+    let &Sampling { seed, replicate, training, .. } = sampling;
+    let known = &analysis.known;
+    let plain = IndependentSampler::new(seed);
+    let path_tracer = PathTracer { albedo, sky };
+    match sampling.method {
+        _ if analysis.is_black => {
+            let integrator = DirectSky { sky };
+            Box::new(Job {
+                scene,
+                intersector,
+                camera,
+                integrator,
+                known,
+                sampler: plain,
+            })
+        }
+        Method::Reference => {
+            let integrator = path_tracer;
+            Box::new(Job {
+                scene,
+                intersector,
+                camera,
+                integrator,
+                known,
+                sampler: plain,
+            })
+        }
+        Method::Sobol => {
+            let integrator = path_tracer;
+            let sampler = SobolSampler::new(seed, replicate);
+            Box::new(Job {
+                scene,
+                intersector,
+                camera,
+                integrator,
+                known,
+                sampler,
+            })
+        }
+        Method::Gather => Box::new(Gather {
+            scene,
+            intersector,
+            camera,
+            sky,
+            albedo,
+            known,
+            seed,
+            training,
+            correction: Some(Correction::default()),
+            learnt: None,
+        }),
+    }
+}
