@@ -15,8 +15,10 @@ mod common;
 use std::collections::BTreeSet;
 use std::f64::consts::FRAC_PI_2;
 use std::fs;
+use std::io::Write;
 
 use common::{ROOM, Scratch};
+use flate2::{Compression, Crc, write::GzEncoder};
 use glam::{DVec3, Vec3};
 use litpt::bvh::{Bvh, Hit, Intersector, Isa, Quality};
 use litpt::camera::{Camera, View};
@@ -25,7 +27,7 @@ use litpt::numerics::{cross, exponent, normalise, power_of_two, shift};
 use litpt::render::Renderer;
 use litpt::sampler::{cosine_direction, generator, happens, within};
 use litpt::scene::{
-    Mesh, Ray, Scene, Triangle, Triangles, read_obj, scattered,
+    Mesh, Ray, Scene, Triangle, Triangles, read_file, read_obj, scattered,
 };
 use litpt::sky::Sky;
 use litpt::statistics::Accumulator;
@@ -289,6 +291,100 @@ fn half_turns_need_eleven_terms() {
     assert!((1. - sine(11, FRAC_PI_2)).abs() < 2.3e-16);
 }
 
+// Answer the exercises on files
+const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+
+fn gzip(text: &[u8]) -> Vec<u8> {
+    let mut encoder = GzEncoder::new(vec![], Compression::best());
+    encoder.write_all(text).unwrap();
+    encoder.finish().unwrap()
+}
+
+/// The beginning of a block of zstd, before its bytes.
+fn block(is_last: bool, kind: u32, length: usize) -> [u8; 3] {
+    let head = u32::from(is_last) | kind << 1 | (length as u32) << 3;
+    let [a, b, c, _] = head.to_le_bytes();
+    [a, b, c]
+}
+
+#[test]
+fn thirteen_million_lines_fit_into_five_hundred_bytes() {
+    let blanks = vec![b' '; 10_000_000];
+    let ratio = blanks.len() as f64 / gzip(&blanks).len() as f64;
+    assert!(ratio > 0.97 * 1032. && ratio <= 1032., "{ratio}");
+    let mut frame = vec![0x28, 0xb5, 0x2f, 0xfd, 0, 0x38];
+    for _ in 0..100 {
+        frame.extend(block(false, 1, 1 << 17));
+        frame.push(b'\n');
+    }
+    frame.extend(block(true, 0, TRIANGLE.len()));
+    frame.extend(TRIANGLE.as_bytes());
+    assert!(frame.len() < 500);
+    assert_eq!(read_obj(&frame), read_obj(TRIANGLE.as_bytes()));
+    // All lines are there
+    frame.truncate(frame.len() - 2);
+    frame.extend(b"x\n");
+    let words = read_obj(&frame).unwrap_err().within("x");
+    assert!(words.starts_with("x:13107204: "), "{words}");
+}
+
+/// The checksum of gzip.
+fn checksum(bytes: &[u8]) -> u32 {
+    let mut crc = Crc::new();
+    crc.update(bytes);
+    crc.sum()
+}
+
+/// The four bytes after which a text has a checksum.
+fn ending(text: &[u8], wanted: u32) -> [u8; 4] {
+    let with = |end: u32| checksum(&[text, &end.to_le_bytes()].concat());
+    // What each bit of the end changes; then elimination, bit by bit.
+    let zero = with(0);
+    let columns = (0..32).map(|i| (1u32 << i, with(1 << i) ^ zero));
+    let mut columns: Vec<_> = columns.collect();
+    let (mut end, mut rest) = (0, wanted ^ zero);
+    for bit in 0..32 {
+        let found = columns.iter().position(|c| c.1 >> bit & 1 == 1);
+        let (chosen, change) = columns.swap_remove(found.unwrap());
+        for column in &mut columns {
+            if column.1 >> bit & 1 == 1 {
+                *column = (column.0 ^ chosen, column.1 ^ change);
+            }
+        }
+        if rest >> bit & 1 == 1 {
+            (end, rest) = (end ^ chosen, rest ^ change);
+        }
+    }
+    end.to_le_bytes()
+}
+
+#[test]
+fn a_checksum_finds_accidents_but_not_intent() {
+    let right = checksum(TRIANGLE.as_bytes());
+    for at in 0..TRIANGLE.len() {
+        for change in 1..=255 {
+            let mut text = TRIANGLE.as_bytes().to_vec();
+            text[at] ^= change;
+            assert_ne!(checksum(&text), right);
+        }
+    }
+    let first = TRIANGLE.to_owned() + "#........\n";
+    let wanted = checksum(first.as_bytes());
+    let other = |letter: char| {
+        let text = TRIANGLE.replace("v 1", "v 2")
+            + "#...."
+            + letter.encode_utf8(&mut [0; 4]);
+        let end = ending(text.as_bytes(), wanted);
+        [text.as_bytes(), &end].concat()
+    };
+    let is_line = |text: &Vec<u8>| !text[text.len() - 4..].contains(&b'\n');
+    let second = ('a'..='z').map(other).find(is_line).unwrap();
+    let tail = |text: &[u8]| gzip(text).last_chunk::<8>().copied();
+    assert_eq!(tail(first.as_bytes()), tail(&second));
+    let scene = |text: &[u8]| read_obj(&gzip(text)).unwrap();
+    assert_ne!(scene(first.as_bytes()), scene(&second));
+}
+
 // Answer the exercises on the scene
 #[test]
 fn a_hall_of_300_metres_is_scaled_by_32() {
@@ -369,6 +465,84 @@ fn few_keys_are_equal_by_chance() {
     keys.sort_unstable();
     let equal = keys.windows(2).filter(|pair| pair[0] == pair[1]);
     assert!((2..=40).contains(&equal.count()));
+}
+
+// Answer the exercises on polygons
+/// A face with these corners in a plane, and whether it is odd.
+fn face(corners: &[[f64; 2]]) -> (Mesh, bool) {
+    let vertex = |[x, y]: &[f64; 2]| format!("v {x:?} {y:?} 0\n");
+    let vertices: String = corners.iter().map(vertex).collect();
+    let numbers = (1..=corners.len()).map(|i| format!(" {i}"));
+    let text = vertices + "f" + &numbers.collect::<String>() + "\n";
+    let (mesh, warning) = read_file(text.as_bytes()).unwrap();
+    (mesh, warning.is_some())
+}
+
+#[test]
+fn eighty_three_of_216_random_fans_are_right() {
+    let n = 100_000;
+    let mut random = generator(10, 0, 0);
+    let (mut kept, mut cut, mut crossed) = (0, 0, 0);
+    for _ in 0..n {
+        let corners = [0; 4].map(|_| [random.random(), random.random()]);
+        let (mesh, is_odd) = face(&corners);
+        let is_fan = mesh.triangles == [[0, 1, 2], [0, 2, 3]];
+        match (is_odd, is_fan) {
+            (true, _) => crossed += 1,
+            (_, true) => kept += 1,
+            _ => cut += 1,
+        }
+    }
+    for (count, of_216) in [(kept, 83.), (cut, 33.), (crossed, 100.)] {
+        let p: f64 = of_216 / 216.;
+        near(f64::from(count) / f64::from(n), p, p * (1. - p), n);
+    }
+}
+
+#[test]
+fn a_pentagram_is_drawn_with_two_of_its_gaps() {
+    let at = |degrees: f64, r: f64| {
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        [r * cos, r * sin]
+    };
+    let corners: Vec<_> =
+        (0..5).map(|i| at(f64::from(144 * i), 1.)).collect();
+    let (crossed, is_odd) = face(&corners);
+    assert!(is_odd && crossed.triangles.len() == 3);
+    let areas = |mesh: &Mesh| -> Vec<f64> {
+        let area = |t: &[u32; 3]| {
+            let [a, b, c] = t.map(|i| mesh.vertices[i as usize]);
+            0.5 * (b - a).cross(c - a).z
+        };
+        mesh.triangles.iter().map(area).collect()
+    };
+    let four_digits = |x: f64| (1e4 * x).round();
+    let digits = areas(&crossed).into_iter().map(four_digits);
+    assert_eq!(digits.collect::<Vec<_>>(), [10633., -6572., 10633.]);
+    let sum: f64 = areas(&crossed).iter().sum();
+    assert_eq!(four_digits(sum), 14695.);
+    // Draw the fan
+    let scene = Scene::new(&crossed);
+    let bvh = Bvh::new(&scene).unwrap();
+    let n = 100_000;
+    let mut random = generator(11, 0, 0);
+    let drawn = (0..n).filter(|_| {
+        let mut number = || 2. * random.random::<f64>() - 1.;
+        let origin = DVec3::new(number(), number(), 1.);
+        let ray = scene.enter(origin, -DVec3::Z);
+        ray.is_some_and(|ray| bvh.is_occluded(&ray, None))
+    });
+    let share: f64 = 1.6246 / 4.;
+    let drawn = drawn.count() as f64 / f64::from(n);
+    near(drawn, share, share * (1. - share), n);
+    // Write the crossings as corners
+    let inner = (5f64.sqrt() - 1.).powi(2) / 4.;
+    let ten = (0..10).map(|i| {
+        at(f64::from(36 * i), if i % 2 == 0 { 1. } else { inner })
+    });
+    let (star, is_odd) = face(&ten.collect::<Vec<_>>());
+    assert!(!is_odd && areas(&star).iter().all(|&area| area > 0.));
+    assert_eq!(four_digits(areas(&star).iter().sum()), 11226.);
 }
 
 // Answer the exercises on the camera

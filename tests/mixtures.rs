@@ -11,7 +11,9 @@ mod scales;
 use std::fmt::Write;
 
 use common::Scratch;
-use litpt::bvh::{Bvh, Intersector};
+use glam::DVec3;
+use litpt::bvh::{Bvh, Intersector, Isa, Quality};
+use litpt::scene::{Ray, Triangle, Triangles};
 use litpt_book::escapes::{Inside, Outside};
 use litpt_book::solids;
 use rayon::prelude::*;
@@ -144,6 +146,61 @@ fn the_user_is_warned_where_a_double_is_not_precise_enough() {
     let [most, all] = warning(6.2e10).unwrap();
     // All but the two of the plane.
     assert!(0 < some && some < most && most == all - 2, "{some} {most}");
+}
+
+/// A prism that stands on a floor of one triangle and leans over it, to the
+/// left, with sides of length `side`. Its lower left edge is the y axis.
+fn leaning(side: f64) -> Vec<Triangle> {
+    let at = |x: f64, y: f64, z: f64| DVec3::new(x, y, z) * side;
+    let end = |y: f64| [at(0., y, 0.), at(1., y, 0.), at(-1., y, 1.)];
+    let (near, far) = (end(-1.), end(1.));
+    let mut triangles = vec![FLOOR, near, far];
+    for (i, j) in [(0, 1), (1, 2), (2, 0)] {
+        triangles.push([near[i], near[j], far[i]]);
+        triangles.push([near[j], far[j], far[i]]);
+    }
+    triangles
+}
+
+const FLOOR: Triangle = [
+    DVec3::new(-3. * 4096., -2048., 0.),
+    DVec3::new(4096., -4096., 0.),
+    DVec3::new(4096., 4096., 0.),
+];
+
+/// The prism lies beyond a gate, whose margins do not reach as far as the
+/// point above the floor is lifted, 2^-47 of its size: a ray that hits the
+/// floor nearer than that to the edge has to be in doubt all the same.
+#[test]
+fn a_path_does_not_enter_a_small_object_that_leans_over_a_large_one() {
+    let lift = 9. / 8. * 3. * 4096. * 2f64.powi(-47);
+    for power in 12..=22 {
+        let side = 2f64.powi(-power);
+        let all = leaning(side);
+        let origin = DVec3::new(-0.5, 0., 0.1) * side;
+        for isa in Isa::ALL.into_iter().filter(|isa| isa.is_available()) {
+            for quality in
+                [Quality::Fast, Quality::Medium, Quality::Thorough]
+            {
+                let faces = (0..all.len() as u32).collect();
+                let triangles = Triangles::apart(&all, faces);
+                let bvh = Bvh::of(triangles, quality, isa).unwrap();
+                for quarters in 1..32 {
+                    let beside =
+                        lift * 0.5f64.powf(f64::from(quarters) / 4.);
+                    let way = DVec3::new(-beside, 0., 0.) - origin;
+                    let direction = way.normalize();
+                    let ray = Ray { origin, direction };
+                    let hit = bvh.first_hit(&ray, None).unwrap();
+                    let place = format!("{power} {isa} {quality} {beside}");
+                    assert_eq!(bvh.face(hit.primitive), 0, "{place}");
+                    // Under the leaning side, and above the floor.
+                    let DVec3 { x, z, .. } = hit.point;
+                    assert!(0. < z && z < -x, "{place}: {x} {z}");
+                }
+            }
+        }
+    }
 }
 
 /// `make fuzz` goes on with other seeds.

@@ -12,7 +12,11 @@ use std::time::Instant;
 
 use common::{ABOVE, Scratch};
 use glam::DVec3;
-use litpt::scene::{Mesh, read_file, read_obj};
+use litpt::bvh::{Bvh, Intersector};
+use litpt::numerics::cross;
+use litpt::scene::{Mesh, Ray, Scene, read_file, read_obj};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
 
 /// The OBJ of one face with these corners.
 fn face(corners: &[DVec3]) -> String {
@@ -147,6 +151,7 @@ fn a_convex_face_keeps_the_fan_around_its_first_corner() {
     // has moved off them.
     let ends = [[0.1, 0.3], [2.7, 0.9], [0.7, 1.9]]
         .map(|[x, y]| DVec3::new(x, y, 0.3 * x - 0.7 * y + 1e3));
+    let mut kept = [0; 2];
     for parts in [2, 3, 7, 10] {
         for shift in 0..parts {
             let side = |k: usize| {
@@ -157,9 +162,30 @@ fn a_convex_face_keeps_the_fan_around_its_first_corner() {
             let mut corners: Vec<_> = (0..3).flat_map(side).collect();
             corners.rotate_left(shift as usize);
             let mesh = read(&corners);
-            assert_eq!(mesh.triangles, fan(3 * parts), "{parts} {shift}");
+            let of_fan = Mesh { triangles: fan(3 * parts), ..mesh.clone() };
+            let all_have_area = with_area(&of_fan) == of_fan;
+            if all_have_area {
+                assert_eq!(mesh, of_fan, "{parts} {shift}");
+            }
+            kept[usize::from(all_have_area)] += 1;
+            // The sides of triangles that the scene leaves out are no
+            // sides there.
+            assert!(is_closed(&with_area(&mesh)), "{parts} {shift}");
+            assert!((area(&mesh) - area(&of_fan)).abs() < 1e-12);
         }
     }
+    assert!(kept[0] > 0 && kept[1] > 0, "{kept:?}");
+}
+
+/// A mesh as a scene has it, without the triangles that have no area.
+fn with_area(mesh: &Mesh) -> Mesh {
+    let mut mesh = mesh.clone();
+    let Mesh { vertices, triangles, .. } = &mut mesh;
+    triangles.retain(|t| {
+        let [a, b, c] = t.map(|i| vertices[i as usize]);
+        cross(b - a, c - a) != DVec3::ZERO
+    });
+    mesh
 }
 
 #[test]
@@ -176,6 +202,63 @@ fn a_corner_on_a_side_stays_a_corner_of_triangles() {
     let used = |i| mesh.triangles.iter().any(|t| t.contains(&i));
     assert!((0..18).all(used));
     assert!(is_closed(&mesh));
+}
+
+/// Faces in a slanted plane, with the ends of a seam between triangles on
+/// which a corner lies: of a square and two more beyond one of its sides, and
+/// of faces that touch themselves there.
+const SEAMS: [(&str, [[f64; 2]; 2]); 3] = [
+    (
+        "0 0 1 0 2 0 2 2 0 2,0 0 0 -2 1 -2 1 0,1 0 1 -2 2 -2 2 0",
+        [[0., 0.], [2., 0.]],
+    ),
+    (
+        "2 0 2 2 0 2 0 0 1 0,0 0 0 -2 1 -2 1 0,1 0 1 -2 2 -2 2 0",
+        [[0., 0.], [2., 0.]],
+    ),
+    ("2 1 1 0 0 1 2 1 1 1 1 3", [[1., 1.], [2., 1.]]),
+];
+
+#[test]
+fn no_ray_passes_where_a_corner_lies_on_a_side() {
+    let mut random = Pcg64::seed_from_u64(1);
+    for (faces, [p, q]) in SEAMS {
+        // Integers, so that the corner is on the side exactly.
+        let place = |x: f64, y: f64| {
+            DVec3::new(
+                61. * x + 7. * y,
+                19. * x - 53. * y,
+                37. * x + 11. * y,
+            )
+        };
+        let mut text = String::new();
+        for face in faces.split(',') {
+            let numbers: Vec<f64> =
+                face.split(' ').map(|x| x.parse().unwrap()).collect();
+            for pair in numbers.chunks(2) {
+                let p = place(pair[0], pair[1]);
+                writeln!(text, "v {} {} {}", p.x, p.y, p.z).unwrap();
+            }
+            let count = numbers.len() as i32 / 2;
+            text.push('f');
+            (-count..0).for_each(|i| write!(text, " {i}").unwrap());
+            text.push('\n');
+        }
+        let (mesh, warning) = read_file(text.as_bytes()).unwrap();
+        assert_eq!(warning, None, "{faces}");
+        let scene = Scene::new(&mesh);
+        let bvh = Bvh::new(&scene).unwrap();
+        let [p, q] = [p, q].map(|[x, y]| scene.place(place(x, y)).unwrap());
+        let passed = (0..100_000).filter(|_| {
+            let mut number = || 2. * random.random::<f64>() - 1.;
+            let aim = p.lerp(q, 0.5 + 0.499 * number());
+            let aside = DVec3::new(number(), number(), number());
+            let origin = aim + aside * 4096.;
+            let direction = (aim - origin).normalize();
+            !bvh.is_occluded(&Ray { origin, direction }, None)
+        });
+        assert_eq!(passed.count(), 0, "{faces}");
+    }
 }
 
 // Seen along the normal, the second corner lies on the side between the last

@@ -16,7 +16,7 @@ use spade::{
     Triangulation,
 };
 
-use crate::numerics::{exponent, shift};
+use crate::numerics::{cross, exponent, shift};
 
 // Fill all faces of a mesh
 /// Replaces the fans that do not fill their faces; returns the numbers
@@ -128,11 +128,12 @@ fn judge(
     }
     let outline = outline(&points, normal);
     let bent = is_bent(&sides, normal).then_some(Oddity::Bent);
-    if fills(&outline) {
+    let filled = fills(&outline);
+    if filled && !has_seam(&sides) {
         return (None, bent);
     }
     match triangulate(&outline, &points) {
-        None => (None, Some(Oddity::Crossed)),
+        None => (None, if filled { bent } else { Some(Oddity::Crossed) }),
         Some(cut) => (
             Some(cut.iter().map(|t| t.map(|i| corners[i])).collect()),
             bent,
@@ -163,6 +164,19 @@ fn fills(outline: &[DVec2]) -> bool {
     let ahead = ahead.unwrap_or_default();
     let mut pairs = sides.clone().zip(sides.skip(1));
     pairs.all(|(a, b)| is_left(a, b) && is_left(ahead, b))
+}
+
+/// Whether a triangle of the fan has different corners but no area, or
+/// two have only the first corner in common; given the corners seen from
+/// there.
+fn has_seam(sides: &[DVec3]) -> bool {
+    let zero = DVec3::ZERO;
+    let is_flat = |q: &[DVec3]| {
+        let differ = q[0] != zero && q[1] != zero && q[0] != q[1];
+        differ && cross(q[0], q[1]) == zero
+    };
+    let inner = &sides[2..sides.len() - 1];
+    sides.windows(2).any(is_flat) || inner.contains(&zero)
 }
 
 // Fill the outline of a face
