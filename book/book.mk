@@ -119,7 +119,7 @@ $(BUILT)/%.tex: $(MEASURED)/%.csv $(SCRIPTS)/table.awk | $(BUILT)
 $(BUILT)/%.csv: $(MEASURED)/%.csv | $(BUILT)
 	grep -v '^#' $< > $@
 
-.PHONY: measure stability stability-full ablation start fuzz
+.PHONY: measure stability stability-full ablation start fuzz unbiased
 measure: $(BOOK) $(BUILD_DIR)/courtyard.obj
 	for part in qualities repeats leaks origins roulettes accumulators \
 	  accounting alarms loading thresholds; do \
@@ -158,6 +158,11 @@ ablation: $(BOOK)
 start: bench-tools $(BOOK)
 	$(RECORD) start python3 $(SCRIPTS)/start.py $(BUILD_DIR)/pt $(BOOK) \
 	  $$(ls $(BENCH)/embree_pt 2> /dev/null)
+
+# Whether two integrators have the same means in some twenty scenes.
+UNBIASED = reference reference
+unbiased: $(BOOK)
+	$(BOOK) unbiased $(UNBIASED)
 
 # Random scenes, cameras and options, with all checks on. The log names the
 # case that was tried last, which is to blame if the process dies.
@@ -198,7 +203,7 @@ bench:
 
 # field-1000 is the field with 1000 triangles.
 $(BENCH)/%.obj $(BENCH)/%.view: book/src/programs/scenes.rs \
-  book/src/mixtures.rs | $(BOOK)
+  book/src/interiors.rs book/src/mixtures.rs | $(BOOK)
 	@mkdir -p $(BENCH)
 	$(BOOK) scenes $(subst -, ,$*) > $(BENCH)/$*.obj
 	$(BOOK) scenes --view $(subst -, ,$*) > $(BENCH)/$*.view

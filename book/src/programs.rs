@@ -29,6 +29,7 @@ mod scenes;
 mod stability;
 mod thresholds;
 mod traversal;
+mod unbiased;
 
 use std::error::Error;
 use std::io::{self, BufWriter, Write};
@@ -44,7 +45,7 @@ pub type Done = Result<(), Box<dyn Error>>;
 type Part = (&'static str, fn(&[String]) -> Done);
 
 /// All parts.
-pub const ALL: [Part; 21] = [
+pub const ALL: [Part; 22] = [
     ("ablation", ablation::run),
     ("accounting", accounting::run),
     ("accumulators", accumulators::run),
@@ -66,6 +67,7 @@ pub const ALL: [Part; 21] = [
     ("stability", stability::run),
     ("thresholds", thresholds::run),
     ("traversal", traversal::run),
+    ("unbiased", unbiased::run),
 ];
 
 /// Writes the courtyard as an OBJ.
