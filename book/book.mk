@@ -20,7 +20,7 @@ TABLES := $(BUILD_DIR)/examples.stamp \
   calibration.stamp anatomy.stamp curve.csv counted.tex said.tex layers.tex \
   qualities.tex leaks.tex origins.tex roulettes.tex stability.tex \
   stability-full.tex robustness.tex ablation.tex shortcuts.tex layouts.tex habits.tex \
-  abreast.tex traversal.tex bench.tex generations.tex sizes.csv shapes.tex \
+  abreast.tex traversal.tex bench.tex efficiency.tex generations.tex sizes.csv shapes.tex \
   start.tex repeats.csv accumulators.tex accounting.tex alarms.tex \
   thresholds.tex triangulations.tex ring.tex mixtures.tex \
   mixtures-ball.csv)
@@ -112,6 +112,7 @@ $(BUILT)/measured.tex: $(SCRIPTS)/measured.awk $(wildcard $(MEASURED)/*.csv) \
 COLUMNS_bench = 8
 COLUMNS_traversal = 6
 COLUMNS_mixtures = 8
+COLUMNS_efficiency = 11
 $(BUILT)/%.tex: $(MEASURED)/%.csv $(SCRIPTS)/table.awk | $(BUILT)
 	awk -v most=$(COLUMNS_$*) -v machine=$(@D)/$*-machine.tex \
 	  -f $(SCRIPTS)/table.awk $< > $@
@@ -253,6 +254,23 @@ bench-sizes: bench-tools $(call AND_VIEWS,$(SIZED))
 
 bench-shapes: bench-tools $(call AND_VIEWS,$(BENCH)/courtyard)
 	$(RECORD) shapes $(call BESIDE_PEER,shapes,$(BENCH)/courtyard)
+
+# In which time pt reaches the error of the peer. After the @ stands the albedo
+# if it is not 0.8. The references take an hour or more, once, and stay in
+# $(BENCH).
+EFFICIENCY = courtyard statue field corridor backroom backroom@0.5 \
+  $(if $(KITCHEN),kitchen kitchen@0.5)
+ROUNDS = 5
+BUDGETS = 4,16,64,256
+REFERENCE = 16384
+CHALLENGED = $(foreach scene,$(EFFICIENCY),$(firstword $(subst @, ,$(scene))))
+
+.PHONY: efficiency
+efficiency: bench-tools $(call AND_VIEWS,$(addprefix $(BENCH)/,$(sort $(CHALLENGED))))
+	$(RECORD) efficiency python3 $(SCRIPTS)/efficiency.py \
+	  --rounds $(ROUNDS) --budgets $(BUDGETS) --reference $(REFERENCE) \
+	  $(if $(INTEGRATOR),--integrator $(INTEGRATOR)) \
+	  $(BUILD_DIR)/pt $(BENCH)/embree_pt $(EFFICIENCY:%=$(BENCH)/%)
 
 # ---- the pictures of the README
 
