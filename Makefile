@@ -70,7 +70,7 @@ help:
 	@echo 'make ablation  what is saved by leaving out what a scene does not need'
 	@echo 'make bench   measure pt beside Embree; BENCH_SCENES="..." restricts it'
 	@echo 'make mixtures  mixtures of scales beside Embree'
-	@echo 'make efficiency  in which time pt reaches the error of Embree, an hour or more'
+	@echo 'make efficiency  in which time pt reaches the error of Embree, some hours'
 	@echo 'make unbiased  compare the means of two integrators, scene by scene'
 	@echo 'make start   measure what pt weighs before it does anything'
 	@echo 'make fuzz    random scenes, cameras, options and mixtures of scales, a minute'

@@ -256,8 +256,8 @@ bench-shapes: bench-tools $(call AND_VIEWS,$(BENCH)/courtyard)
 	$(RECORD) shapes $(call BESIDE_PEER,shapes,$(BENCH)/courtyard)
 
 # In which time pt reaches the error of the peer. After the @ stands the albedo
-# if it is not 0.8. The references take an hour or more, once, and stay in
-# $(BENCH).
+# if it is not 0.8. The references take some four hours on an idle machine and
+# stay in $(BENCH); those of REFERENCE=4096 take one, and serve almost as well.
 EFFICIENCY = courtyard statue field corridor backroom backroom@0.5 \
   $(if $(KITCHEN),kitchen kitchen@0.5)
 ROUNDS = 5
