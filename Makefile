@@ -17,7 +17,8 @@ TOOL_WEB := noweb/noweb.nw $(TOOL_CHAPTERS)
 LOST := $(filter-out $(WEB) $(TOOL_WEB),$(wildcard chapters/*.nw noweb/chapters/*.nw))
 
 # What is measured or installed is a Release.
-ifneq ($(filter measure stability% ablation start bench% mixtures install, \
+ifneq ($(filter measure stability% ablation start bench% mixtures install \
+  efficiency unbiased, \
   $(MAKECMDGOALS)),)
 override BUILD_TYPE = Release
 endif
@@ -69,6 +70,8 @@ help:
 	@echo 'make ablation  what is saved by leaving out what a scene does not need'
 	@echo 'make bench   measure pt beside Embree; BENCH_SCENES="..." restricts it'
 	@echo 'make mixtures  mixtures of scales beside Embree'
+	@echo 'make efficiency  in which time pt reaches the error of Embree, some hours'
+	@echo 'make unbiased  compare the means of two integrators, scene by scene'
 	@echo 'make start   measure what pt weighs before it does anything'
 	@echo 'make fuzz    random scenes, cameras, options and mixtures of scales, a minute'
 	@echo 'make clean   remove what was built'

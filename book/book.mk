@@ -21,7 +21,7 @@ TABLES := $(BUILD_DIR)/examples.stamp \
   nets.stamp scrambles.tex padding.tex pixels.csv \
   qualities.tex leaks.tex origins.tex roulettes.tex stability.tex \
   stability-full.tex robustness.tex ablation.tex shortcuts.tex layouts.tex habits.tex \
-  abreast.tex traversal.tex bench.tex generations.tex sizes.csv shapes.tex \
+  abreast.tex traversal.tex bench.tex efficiency.tex generations.tex sizes.csv shapes.tex \
   start.tex repeats.csv accumulators.tex accounting.tex alarms.tex \
   thresholds.tex triangulations.tex ring.tex mixtures.tex \
   mixtures-ball.csv)
@@ -113,6 +113,7 @@ $(BUILT)/measured.tex: $(SCRIPTS)/measured.awk $(wildcard $(MEASURED)/*.csv) \
 COLUMNS_bench = 8
 COLUMNS_traversal = 6
 COLUMNS_mixtures = 8
+COLUMNS_efficiency = 11
 $(BUILT)/%.tex: $(MEASURED)/%.csv $(SCRIPTS)/table.awk | $(BUILT)
 	awk -v most=$(COLUMNS_$*) -v machine=$(@D)/$*-machine.tex \
 	  -f $(SCRIPTS)/table.awk $< > $@
@@ -120,7 +121,7 @@ $(BUILT)/%.tex: $(MEASURED)/%.csv $(SCRIPTS)/table.awk | $(BUILT)
 $(BUILT)/%.csv: $(MEASURED)/%.csv | $(BUILT)
 	grep -v '^#' $< > $@
 
-.PHONY: measure stability stability-full ablation start fuzz
+.PHONY: measure stability stability-full ablation start fuzz unbiased
 measure: $(BOOK) $(BUILD_DIR)/courtyard.obj
 	for part in qualities repeats leaks origins roulettes accumulators \
 	  accounting alarms loading thresholds scrambles padding pixels; do \
@@ -159,6 +160,11 @@ ablation: $(BOOK)
 start: bench-tools $(BOOK)
 	$(RECORD) start python3 $(SCRIPTS)/start.py $(BUILD_DIR)/pt $(BOOK) \
 	  $$(ls $(BENCH)/embree_pt 2> /dev/null)
+
+# Whether two integrators have the same means in some twenty scenes.
+UNBIASED = reference reference
+unbiased: $(BOOK)
+	$(BOOK) unbiased $(UNBIASED)
 
 # Random scenes, cameras and options, with all checks on. The log names the
 # case that was tried last, which is to blame if the process dies.
@@ -199,7 +205,7 @@ bench:
 
 # field-1000 is the field with 1000 triangles.
 $(BENCH)/%.obj $(BENCH)/%.view: book/src/programs/scenes.rs \
-  book/src/mixtures.rs | $(BOOK)
+  book/src/interiors.rs book/src/mixtures.rs | $(BOOK)
 	@mkdir -p $(BENCH)
 	$(BOOK) scenes $(subst -, ,$*) > $(BENCH)/$*.obj
 	$(BOOK) scenes --view $(subst -, ,$*) > $(BENCH)/$*.view
@@ -249,6 +255,23 @@ bench-sizes: bench-tools $(call AND_VIEWS,$(SIZED))
 
 bench-shapes: bench-tools $(call AND_VIEWS,$(BENCH)/courtyard)
 	$(RECORD) shapes $(call BESIDE_PEER,shapes,$(BENCH)/courtyard)
+
+# In which time pt reaches the error of the peer. After the @ stands the albedo
+# if it is not 0.8. The references take some four hours on an idle machine and
+# stay in $(BENCH); those of REFERENCE=4096 take one, and serve almost as well.
+EFFICIENCY = courtyard statue field corridor backroom backroom@0.5 \
+  $(if $(KITCHEN),kitchen kitchen@0.5)
+ROUNDS = 5
+BUDGETS = 4,16,64,256
+REFERENCE = 16384
+CHALLENGED = $(foreach scene,$(EFFICIENCY),$(firstword $(subst @, ,$(scene))))
+
+.PHONY: efficiency
+efficiency: bench-tools $(call AND_VIEWS,$(addprefix $(BENCH)/,$(sort $(CHALLENGED))))
+	$(RECORD) efficiency python3 $(SCRIPTS)/efficiency.py \
+	  --rounds $(ROUNDS) --budgets $(BUDGETS) --reference $(REFERENCE) \
+	  $(if $(INTEGRATOR),--integrator $(INTEGRATOR)) \
+	  $(BUILD_DIR)/pt $(BENCH)/embree_pt $(EFFICIENCY:%=$(BENCH)/%)
 
 # ---- the pictures of the README
 

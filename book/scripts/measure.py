@@ -287,13 +287,13 @@ DOUBLINGS = 7
 REFERENCE = 1024  # samples of a pixel
 
 
-def radiances(path):
+def radiances(path, definition=ERROR):
     """The pixels of our PFM, which begins below, or of the peer's file of
     means and standard errors."""
     data = open(path, 'rb').read()
     if path.endswith('.raw'):
         return struct.unpack(f'{len(data) // 8}d', data)[::2]
-    (width, height), n = ERROR, math.prod(ERROR)
+    (width, height), n = definition, math.prod(definition)
     pixels = struct.unpack(f'<{n}f', data[-4 * n:])
     return [pixels[(height - 1 - y) * width + x]
             for y in range(height) for x in range(width)]

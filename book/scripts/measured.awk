@@ -14,6 +14,7 @@ BEGIN {
   FS = ","
   rows["ablation"] = "scene shortcut"
   rows["bench"] = "scene threads"
+  rows["efficiency"] = "scene albedo peer_samples"
   rows["mixtures"] = "mixture number"
   rows["leaks"] = "surface rays number"
   rows["loading"] = "text reader threads"

@@ -36,8 +36,10 @@ use litpt::statistics::Accumulator;
 pub struct ClosedForm {
     /// What the book calls it, in LaTeX.
     pub name: String,
-    mesh: Mesh,
-    view: View,
+    /// What is seen.
+    pub mesh: Mesh,
+    /// From where; the sky has its zenith at +z all the same.
+    pub view: View,
     /// The albedos for which `radiance` is known.
     rhos: &'static [f64],
     radiance: Box<dyn Fn(f64) -> f64>,

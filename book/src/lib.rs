@@ -11,6 +11,7 @@
 pub mod closed_forms;
 pub mod courtyard;
 pub mod escapes;
+pub mod interiors;
 pub mod mixtures;
 pub mod paths;
 pub mod settings;

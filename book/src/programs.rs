@@ -33,6 +33,7 @@ mod scrambles;
 mod stability;
 mod thresholds;
 mod traversal;
+mod unbiased;
 
 use std::error::Error;
 use std::io::{self, BufWriter, Write};
@@ -48,7 +49,7 @@ pub type Done = Result<(), Box<dyn Error>>;
 type Part = (&'static str, fn(&[String]) -> Done);
 
 /// All parts.
-pub const ALL: [Part; 25] = [
+pub const ALL: [Part; 26] = [
     ("ablation", ablation::run),
     ("accounting", accounting::run),
     ("accumulators", accumulators::run),
@@ -74,6 +75,7 @@ pub const ALL: [Part; 25] = [
     ("stability", stability::run),
     ("thresholds", thresholds::run),
     ("traversal", traversal::run),
+    ("unbiased", unbiased::run),
 ];
 
 /// Writes the courtyard as an OBJ.

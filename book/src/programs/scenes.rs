@@ -3,7 +3,8 @@
 // sampled more or less finely, so that a scene keeps its shape at any number
 // of triangles. y points up, lengths are in metres. Only arithmetic, square
 // roots and libm are used: the text is the same on every machine. And prints
-// the mixtures of scales of "make mixtures", with all digits.
+// the interiors of "make efficiency", and the mixtures of scales of "make
+// mixtures", these with all digits.
 //
 // usage: scenes NAME [NUMBER] > NAME.obj   NUMBER: how many triangles, or
 //                                          what it is in book/src/mixtures.rs
@@ -17,12 +18,13 @@ use std::io::{self, BufWriter, Write};
 
 use glam::DVec3;
 use litpt::scene::Mesh;
+use litpt_book::interiors::Interior;
 use litpt_book::mixtures::Mixture;
 
 use super::Done;
 
 const USAGE: &str = "usage: scenes [--view] NAME [NUMBER], \
-    where NAME is statue, field or a mixture of scales";
+    where NAME is statue, field, corridor, backroom or a mixture of scales";
 
 pub fn run(arguments: &[String]) -> Done {
     let words: Vec<_> = arguments.iter().map(String::as_str).collect();
@@ -34,6 +36,7 @@ pub fn run(arguments: &[String]) -> Done {
         ["statue", count] => statue(count.parse()?),
         ["field"] => field(5_000_000),
         ["field", count] => field(count.parse()?),
+        [name] => Interior::named(name).ok_or(USAGE)?.mesh(),
         _ => return print(&mixture(&words)?.mesh, |x| x.to_string()),
     };
     print(&mesh, |x| format!("{x:.6}"))
@@ -57,6 +60,9 @@ fn print_view(words: &[&str]) -> Done {
     match words {
         ["statue", ..] => println!("{STATUE_VIEW}"),
         ["field", ..] => println!("{}", field_view()),
+        [name] => {
+            println!("{}", Interior::named(name).ok_or(USAGE)?.options());
+        }
         _ => println!("{}", mixture(words)?.options()),
     }
     Ok(())
