@@ -94,14 +94,17 @@ impl<K: Intersector> Tracer<'_, K> {
         &mut self,
         x: &Hit,
         guide: Option<&Guide>,
-        u: [f64; 2],
+        u: [u32; 2],
     ) -> Shot {
         let (point, bin, weight) = match guide {
             Some(guide) => {
                 let (point, bin) = guide.warp(u);
                 (point, bin, 1. / guide.density(bin))
             }
-            None => (u, bin(u), 1.),
+            None => {
+                let point = u.map(to_unit);
+                (point, bin(point), 1.)
+            }
         };
         let direction = direction(x.normal, point);
         let ray = Ray { origin: x.point, direction };
@@ -110,6 +113,14 @@ impl<K: Intersector> Tracer<'_, K> {
         let end =
             hit.map_or(End::Sky(self.sky.radiance(direction)), End::Hit);
         Shot { weight, bin, end }
+    }
+
+    /// One of the four cells around a hit, at random: `u` is uniform over
+    /// the square.
+    #[inline]
+    pub fn near(&self, hit: &Hit, u: [f64; 2]) -> Cell {
+        let grid = self.cache.grid();
+        *self.cache.at(grid.near(hit.point, hit.normal, u))
     }
 
     /// The first hit of the ray of the camera through (`x`, `y`) of the
@@ -221,7 +232,7 @@ impl<K: Intersector> Tracer<'_, K> {
                 let i = u64::from(y) * u64::from(width) + u64::from(x);
                 let key = scramble_key(plan.seed, i, scramble);
                 let [u, v] = plan.net.pair(key, n, 0);
-                let gather = plan.net.pair(key, n, 1).map(to_unit);
+                let gather = plan.net.pair(key, n, 1);
                 let hit = match self
                     .look(within(x, width, u), within(y, height, v))
                 {
@@ -232,14 +243,16 @@ impl<K: Intersector> Tracer<'_, K> {
                     End::Hit(hit) => hit,
                 };
                 // Gather at the hit
-                let cell = *self.cache.at(hit.point, hit.normal);
+                let cell = *self
+                    .cache
+                    .at(self.cache.grid().name(hit.point, hit.normal));
                 let shot =
                     self.shoot(&hit, self.cache.guide(&cell), gather);
                 let (value, end) = match shot.end {
                     End::Sky(radiance) => (radiance, None),
                     End::Hit(y) => {
                         let u = [random.random(), random.random()];
-                        let near = *self.cache.near(y.point, y.normal, u);
+                        let near = self.near(&y, u);
                         (f64::from(near.value), Some((y, near)))
                     }
                 };
@@ -253,16 +266,7 @@ impl<K: Intersector> Tracer<'_, K> {
                 });
             }
         }
-        if let Some(correction) = &plan.correction {
-            self.correct(
-                plan,
-                correction,
-                tile,
-                &samples,
-                &mut random,
-                &mut sums,
-            );
-        }
+        self.correct(plan, tile, &samples, &mut random, &mut sums);
         for (pixel, sum) in (0..area).zip(&mut sums) {
             let (_, _, number) = plan.place(tile, pixel);
             *sum /= f64::from(plan.allocation.counts[number]);

@@ -156,7 +156,7 @@ pub struct PathTracer {
 }
 
 const FAINT: f64 = 0.1;
-const MANY_BOUNCES: u64 = 1000;
+pub const MANY_BOUNCES: u64 = 1000;
 
 /// A path of the path tracer.
 #[derive(Clone, Copy, Debug)]

@@ -16,6 +16,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::guide::{BINS, Guide, SIDE, main_axis};
+use crate::bvh::Hit;
 
 // Number the cells of space
 /// Levels of cells; the cubes of each have half the side of the next.
@@ -24,8 +25,10 @@ pub const LEVELS: usize = 5;
 /// The cubes that cells are made of.
 #[derive(Clone, Copy, Debug)]
 pub struct Grid {
-    /// The side of the smallest cubes, in units of the scene: a power of two.
+    /// The side of the smallest cubes, in units of the scene, and one over
+    /// it: powers of two.
     side: f64,
+    cubes: f64,
 }
 
 /// No coordinate of a scene is below this.
@@ -40,11 +43,33 @@ impl Grid {
     pub fn name(&self, p: DVec3, normal: DVec3) -> u64 {
         let axis = main_axis(normal);
         let class = 2 * axis + usize::from(normal[axis] > 0.);
-        let cube = ((p - LOW) / self.side).to_array();
+        let cube = ((p - LOW) * self.cubes).to_array();
         let most = (1u64 << BITS) - 1;
         let [x, y, z] = cube.map(|c| spread((c as u64).min(most)));
         (class as u64) << (3 * BITS) | x | y << 1 | z << 2
     }
+}
+
+impl Grid {
+    /// Orders hits by their place, in cubes of a quarter of the finest
+    /// cells' sides, and by the class of their normals.
+    pub fn place(&self, hit: &Hit) -> (u64, u64) {
+        let quarter =
+            Self { side: 0.25 * self.side, cubes: 4. * self.cubes };
+        let name = quarter.name(hit.point, hit.normal);
+        let cube = name & ((1 << (3 * BITS)) - 1);
+        (cube >> 9, name >> (3 * BITS) << 9 | cube & 511)
+    }
+}
+
+/// The 19 bits of `x`, each followed by two zeros.
+#[inline]
+fn spread(x: u64) -> u64 {
+    let x = (x | x << 32) & 0x001f_0000_0000_ffff;
+    let x = (x | x << 16) & 0x001f_0000_ff00_00ff;
+    let x = (x | x << 8) & 0x100f_00f0_0f00_f00f;
+    let x = (x | x << 4) & 0x10c3_0c30_c30c_30c3;
+    (x | x << 2) & 0x1249_2492_4924_9249
 }
 
 impl Grid {
@@ -61,16 +86,6 @@ impl Grid {
     }
 }
 
-/// The 19 bits of `x`, each followed by two zeros.
-#[inline]
-pub fn spread(x: u64) -> u64 {
-    let x = (x | x << 32) & 0x001f_0000_0000_ffff;
-    let x = (x | x << 16) & 0x001f_0000_ff00_00ff;
-    let x = (x | x << 8) & 0x100f_00f0_0f00_f00f;
-    let x = (x | x << 4) & 0x10c3_0c30_c30c_30c3;
-    (x | x << 2) & 0x1249_2492_4924_9249
-}
-
 impl Grid {
     /// The grid for points like these.
     pub fn around(points: &[DVec3]) -> Self {
@@ -83,7 +98,8 @@ impl Grid {
         };
         let longest = (0..3).map(length).fold(0., f64::max);
         let side = (longest / 64.).clamp(LEAST, MOST);
-        Self { side: side.log2().floor().exp2() }
+        let side = side.log2().floor().exp2();
+        Self { side, cubes: 1. / side }
     }
 }
 
@@ -114,6 +130,8 @@ pub struct Record {
 /// What is known of the surfaces in a cell.
 #[derive(Clone, Copy, Debug)]
 pub struct Cell {
+    /// Bits of the hash of its name; 0 in a free entry.
+    mark: u32,
     /// The radiance that leaves them.
     pub value: f32,
     /// Its expected error.
@@ -126,14 +144,14 @@ pub struct Cell {
 const NO_GUIDE: u32 = u32::MAX;
 
 /// Of a place that training has not seen.
-const UNSEEN: Cell = Cell { value: 0., error: 0., guide: NO_GUIDE };
+const UNSEEN: Cell =
+    Cell { mark: 0, value: 0., error: 0., guide: NO_GUIDE };
 
 // Hold the cache
 /// The cells and guides of a scene.
 pub struct RadianceCache {
     grid: Grid,
-    /// Names of cells by their hash; 0 is free. Names have one added.
-    names: Vec<u64>,
+    /// The table; its length is a power of two.
     cells: Vec<Cell>,
     guides: Vec<Guide>,
 }
@@ -142,8 +160,7 @@ pub struct RadianceCache {
 impl RadianceCache {
     /// A cache that knows nothing.
     pub fn empty(grid: Grid) -> Self {
-        let (names, cells) = (vec![0], vec![UNSEEN]);
-        Self { grid, names, cells, guides: vec![] }
+        Self { grid, cells: vec![UNSEEN], guides: vec![] }
     }
 
     /// The guide of a cell; none stands for cosine sampling.
@@ -158,67 +175,30 @@ impl RadianceCache {
     }
 
     // Find a name in the table
-    /// The place of a name in the table, or of a free entry for it.
+    /// The entry of a name, or the free one where it belongs; and its mark.
     #[inline]
-    fn slot(&self, name: u64) -> usize {
-        let mask = self.names.len() - 1;
-        let hash = (name + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-        let mut slot = (hash >> 24) as usize & mask;
-        while self.names[slot] != 0 && self.names[slot] != name + 1 {
-            slot = (slot + 1) & mask;
+    fn slot(&self, name: u64) -> (usize, u32) {
+        let most = self.cells.len() - 1;
+        let hash = name.wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        let mark = hash as u32 | 1;
+        let mut slot = (hash >> 36) as usize & most;
+        while self.cells[slot].mark != 0 && self.cells[slot].mark != mark {
+            slot = (slot + 1) & most;
         }
-        slot
-    }
-
-    /// The cell of a level that holds the finest cell `name`.
-    #[inline]
-    fn find(&self, name: u64, level: usize) -> Option<&Cell> {
-        let slot = self.slot(coarser(name, level));
-        (self.names[slot] != 0).then(|| &self.cells[slot])
+        (slot, mark)
     }
 
     // Find the finest cell of a place
-    /// The finest cell there is at a point with this normal.
-    #[inline]
-    pub fn at(&self, p: DVec3, normal: DVec3) -> &Cell {
-        self.finest(self.grid.name(p, normal))
-    }
-
     /// The finest cell there is that holds the finest cell `name`.
     #[inline]
-    fn finest(&self, name: u64) -> &Cell {
-        let mut levels =
-            (0..LEVELS).filter_map(|level| self.find(name, level));
-        levels.next().unwrap_or(&UNSEEN)
-    }
-
-    // Interpolate between cells
-    /// One of the four cells around a place, at random: `u` is uniform over
-    /// the square.
-    #[inline]
-    pub fn near(&self, p: DVec3, normal: DVec3, u: [f64; 2]) -> &Cell {
-        self.finest(self.grid.near(p, normal, u))
-    }
-
-    /// The mean of the values of [`RadianceCache::near`].
-    pub fn interpolate(&self, p: DVec3, normal: DVec3) -> f64 {
-        let axis = main_axis(normal);
-        let (a, b) = ((axis + 1) % 3, (axis + 2) % 3);
-        let side = self.grid.side;
-        let cubes = (p - LOW) / side - 0.5;
-        let (low, part) = (cubes.floor(), cubes - cubes.floor());
-        let mut sum = 0.;
-        for (i, j) in [(0., 0.), (0., 1.), (1., 0.), (1., 1.)] {
-            let mut q = p;
-            q[a] = (low[a] + i + 0.5) * side + LOW;
-            q[b] = (low[b] + j + 0.5) * side + LOW;
-            let weight =
-                |i: f64, part: f64| if i == 1. { part } else { 1. - part };
-            let value = self.finest(self.grid.name(q, normal)).value;
-            sum +=
-                weight(i, part[a]) * weight(j, part[b]) * f64::from(value);
+    pub fn at(&self, name: u64) -> &Cell {
+        for level in 0..LEVELS {
+            let cell = &self.cells[self.slot(coarser(name, level)).0];
+            if cell.mark != 0 {
+                return cell;
+            }
         }
-        sum
+        &UNSEEN
     }
 }
 
@@ -496,10 +476,10 @@ impl RadianceCache {
         let errors = errors(&cells, records, &ends, albedo, &values);
         let (guides, numbers) = guides(&cells, records, &ends, &values);
         for (c, &name) in cells.names.iter().enumerate() {
-            let slot = cache.slot(name);
-            let error = errors.get(c).copied().unwrap_or(values[c]);
-            cache.cells[slot] =
-                Cell { value: values[c], error, guide: numbers[c] };
+            let (slot, mark) = cache.slot(name);
+            let (value, guide) = (values[c], numbers[c]);
+            let error = errors.get(c).copied().unwrap_or(value);
+            cache.cells[slot] = Cell { mark, value, error, guide };
         }
         cache.guides = guides;
         cache
@@ -510,18 +490,17 @@ impl RadianceCache {
     /// Makes the table of so many cells, which finds their numbers.
     fn make_table(&mut self, cells: &Cells) {
         let size = (2 * cells.names.len() + 1).next_power_of_two();
-        self.names = vec![0; size];
         self.cells = vec![UNSEEN; size];
         for (number, &name) in cells.names.iter().enumerate() {
-            let slot = self.slot(name);
-            self.names[slot] = name + 1;
+            let (slot, mark) = self.slot(name);
+            self.cells[slot].mark = mark;
             self.cells[slot].guide = number as u32;
         }
     }
 
     /// The number of the finest cell that holds `name`, while learning.
     fn number(&self, name: u64) -> u32 {
-        match self.finest(name).guide {
+        match self.at(name).guide {
             NO_GUIDE => END_IN_DARKNESS,
             number => number,
         }

@@ -11,33 +11,35 @@
 // Name what the correction imports
 use std::f64::consts::PI;
 
+use glam::DVec3;
 use rand::RngExt;
 use rand_pcg::Pcg64;
 
-use super::cache::spread;
-use super::guide::{bin_of, main_axis};
+use super::cache::Cell;
+use super::guide::bin_of;
 use super::{Correction, End, Plan, Sample, Tracer};
 use crate::bvh::{Hit, Intersector};
 use crate::film::Tile;
-use crate::integrator::onward;
-use crate::sampler::sobol::{ScrambledNet, to_unit};
+use crate::integrator::{MANY_BOUNCES, onward};
+use crate::sampler::sobol::ScrambledNet;
 use crate::scene::Ray;
 
-// Share corrections in groups
+// Draw the places to correct
 impl<K: Intersector> Tracer<'_, K> {
     /// Adds the corrections of the samples of a tile to the sums of its
     /// pixels.
     pub fn correct(
         &mut self,
         plan: &Plan,
-        correction: &Correction,
         tile: Tile,
         samples: &[Sample],
         random: &mut Pcg64,
         sums: &mut [f64],
     ) {
+        let Some(correction) = &plan.correction else { return };
         let mut order: Vec<_> = (0..samples.len()).collect();
-        order.sort_by_cached_key(|&i| self.place(&samples[i].hit));
+        let grid = self.cache.grid();
+        order.sort_by_cached_key(|&i| grid.place(&samples[i].hit));
         let groups = samples.len().div_ceil(correction.group).max(1);
         let length = samples.len().div_ceil(groups).max(1);
         let mut seen = vec![];
@@ -45,35 +47,38 @@ impl<K: Intersector> Tracer<'_, K> {
             let mut next = random.random::<f64>() * correction.step;
             let mut reached = 0.;
             for &k in group {
+                // Count the draws of a sample
                 let Sample { weight, ref end, pixel, .. } = samples[k];
                 let Some((y, cell)) = end else { continue };
-                let weight = self.albedo * weight;
-                let error = f64::from(cell.error);
                 let (_, _, number) = plan.place(tile, pixel);
-                let importance =
-                    weight * error / plan.allocation.scale[number];
+                let relative =
+                    f64::from(cell.error) / plan.allocation.scale[number];
+                let importance = self.albedo * weight * relative;
                 reached += importance;
                 let mut draws = 0.;
                 while next < reached {
                     draws += 1.;
                     next += correction.step;
                 }
-                if draws == 0. {
-                    continue;
+                // Correct what a sample has met
+                if draws > 0. {
+                    let known = f64::from(cell.value);
+                    let error = self
+                        .radiance(correction, y, cell, &plan.net, random)
+                        - known;
+                    let share =
+                        error * draws * correction.step / importance;
+                    self.share(samples, group, k, share, &mut seen, sums);
                 }
-                let known = self.cache.interpolate(y.point, y.normal);
-                let error =
-                    self.radiance(correction, y, &plan.net, random) - known;
-                let share = error * draws * correction.step / importance;
-                self.share(samples, group, k, share, &mut seen, sums);
             }
         }
     }
 }
 
+// Share an error among samples
 impl<K: Intersector> Tracer<'_, K> {
-    /// Gives the error found by sample `k` to all samples of its group
-    /// that see the place.
+    /// Gives the error of what sample `k` has met to all samples of its
+    /// group that see the place.
     fn share(
         &mut self,
         samples: &[Sample],
@@ -87,6 +92,7 @@ impl<K: Intersector> Tracer<'_, K> {
         seen.clear();
         let mut density = 0.;
         for &i in group {
+            // Add the density with which a sample finds the place
             let x = &samples[i];
             let (form, direction) = form(&x.hit, y);
             let visible =
@@ -105,14 +111,16 @@ impl<K: Intersector> Tracer<'_, K> {
         }
         if density > 0. {
             for (&i, form) in group.iter().zip(seen) {
-                sums[samples[i].pixel as usize] +=
-                    self.albedo * *form * error / density;
+                let given = self.albedo * *form * error / density;
+                sums[samples[i].pixel as usize] += given;
             }
         }
     }
+}
 
+impl<K: Intersector> Tracer<'_, K> {
     /// Whether the ray from `x` in this direction meets the triangle of `y`.
-    fn sees(&mut self, x: &Hit, y: &Hit, direction: glam::DVec3) -> bool {
+    fn sees(&mut self, x: &Hit, y: &Hit, direction: DVec3) -> bool {
         if x.primitive == y.primitive {
             return false;
         }
@@ -121,22 +129,11 @@ impl<K: Intersector> Tracer<'_, K> {
         let met = self.intersector.first_hit(&ray, Some(x.primitive));
         met.is_some_and(|met| met.primitive == y.primitive)
     }
-
-    /// Sorts hits by place and normal.
-    fn place(&self, hit: &Hit) -> (u64, usize, u64) {
-        let cube =
-            ((hit.point + 4100.) / 32.).max(glam::DVec3::ZERO).to_array();
-        let [x, y, z] = cube.map(|c| spread((c as u64).min((1 << 19) - 1)));
-        let morton = x | y << 1 | z << 2;
-        let axis = main_axis(hit.normal);
-        let class = 2 * axis + usize::from(hit.normal[axis] > 0.);
-        (morton >> 9, class, morton & 511)
-    }
 }
 
 /// The density with which cosine sampling at `x` finds `y`, per unit of
 /// area around `y`; zero if one faces away. And the direction.
-fn form(x: &Hit, y: &Hit) -> (f64, glam::DVec3) {
+fn form(x: &Hit, y: &Hit) -> (f64, DVec3) {
     let to = y.point - x.point;
     let square = to.length_squared();
     let (near, far) = (x.normal.dot(to), -y.normal.dot(to));
@@ -146,103 +143,126 @@ fn form(x: &Hit, y: &Hit) -> (f64, glam::DVec3) {
     (near * far / (PI * square * square), to / square.sqrt())
 }
 
+// Gather at a point
+/// The end of a ray of a gather, which may be corrected.
+struct Candidate {
+    hit: Hit,
+    cell: Cell,
+    /// With which its radiance counts in the gather.
+    weight: f64,
+    importance: f64,
+}
+
+impl<K: Intersector> Tracer<'_, K> {
+    /// The mean of what comes from rays that leave `x`, as far as the cache
+    /// knows it. Fills in which of their ends to correct: `paths` of them,
+    /// each with the weight of its correction.
+    fn gather(
+        &mut self,
+        (x, cell): (&Hit, &Cell),
+        (rays, paths): (u32, u32),
+        net: &ScrambledNet,
+        random: &mut Pcg64,
+        ends: &mut Vec<Candidate>,
+    ) -> f64 {
+        let (mut sum, mut total) = (0., 0.);
+        let key = random.random();
+        ends.clear();
+        for n in 0..rays {
+            let u = net.pair(key, n, 0);
+            let shot = self.shoot(x, self.cache.guide(cell), u);
+            let weight = shot.weight / f64::from(rays);
+            // Add what a ray of a gather brings
+            match shot.end {
+                End::Sky(radiance) => sum += weight * radiance,
+                End::Hit(hit) => {
+                    let u = [random.random(), random.random()];
+                    let cell = self.near(&hit, u);
+                    sum += weight * f64::from(cell.value);
+                    let size = f64::from(cell.value.abs() + cell.error);
+                    let importance = weight * size.max(1e-12);
+                    total += importance;
+                    ends.push(Candidate { hit, cell, weight, importance });
+                }
+            }
+        }
+        // Choose the ends to correct
+        let step = total / f64::from(paths);
+        let mut next = random.random::<f64>() * step;
+        let mut reached = 0.;
+        ends.retain_mut(|end| {
+            reached += end.importance;
+            let mut draws = 0.;
+            while next < reached {
+                draws += 1.;
+                next += step;
+            }
+            end.weight *= draws * step / end.importance;
+            draws > 0.
+        });
+        sum
+    }
+}
+
 // Estimate the error of the cache at a point
 impl<K: Intersector> Tracer<'_, K> {
-    /// An unbiased estimate of the radiance at `x`: a gather, some rays of
-    /// which are corrected.
+    /// An unbiased estimate of the radiance at `x`.
     fn radiance(
         &mut self,
         correction: &Correction,
         x: &Hit,
+        cell: &Cell,
         net: &ScrambledNet,
         random: &mut Pcg64,
     ) -> f64 {
-        let cell = *self.cache.at(x.point, x.normal);
-        let key = random.random();
-        let (mut sum, mut total) = (0., 0.);
-        let mut ends = vec![];
-        for n in 0..correction.gathers {
-            let u = net.pair(key, n, 0).map(to_unit);
-            let shot = self.shoot(x, self.cache.guide(&cell), u);
-            let weight = shot.weight / f64::from(correction.gathers);
-            match shot.end {
-                End::Sky(radiance) => sum += weight * radiance,
-                End::Hit(z) => {
-                    let u = [random.random(), random.random()];
-                    let near = self.cache.near(z.point, z.normal, u);
-                    sum += weight * f64::from(near.value);
-                    let size = f64::from(near.value.abs() + near.error);
-                    let importance = weight * size.max(1e-12);
-                    total += importance;
-                    ends.push((z, weight, importance));
-                }
-            }
-        }
-        let step = total / f64::from(correction.paths);
-        let (mut next, mut reached) = (random.random::<f64>() * step, 0.);
-        for (z, weight, importance) in ends {
-            reached += importance;
-            while next < reached {
-                next += step;
-                let error = self.error(correction.branches, z, net, random);
-                sum += weight * step / importance * error;
-            }
+        let (mut ends, mut others) = (vec![], vec![]);
+        let &Correction { gathers, paths, branches, .. } = correction;
+        let rays = (gathers, paths);
+        let mut sum = self.gather((x, cell), rays, net, random, &mut ends);
+        for Candidate { hit, cell, weight, .. } in ends {
+            let error = (hit, cell);
+            sum += weight
+                * self.error(branches, error, net, random, &mut others);
         }
         self.albedo * sum
     }
+}
 
-    /// An unbiased estimate of the error of the cache at `y`, from a path.
+impl<K: Intersector> Tracer<'_, K> {
+    /// An unbiased estimate of the error of a cell's value at `y`.
     fn error(
         &mut self,
         branches: u32,
-        mut y: Hit,
+        (mut y, mut cell): (Hit, Cell),
         net: &ScrambledNet,
         random: &mut Pcg64,
+        ends: &mut Vec<Candidate>,
     ) -> f64 {
         let (mut throughput, mut error) = (1., 0.);
         for bounce in 0.. {
-            error -= throughput * self.cache.interpolate(y.point, y.normal);
-            let cell = *self.cache.at(y.point, y.normal);
-            let key = random.random();
-            let (mut sum, mut total, mut chosen) = (0., 0., None);
-            for n in 0..branches {
-                let u = net.pair(key, n, 0).map(to_unit);
-                let shot = self.shoot(&y, self.cache.guide(&cell), u);
-                let weight = shot.weight / f64::from(branches);
-                match shot.end {
-                    End::Sky(radiance) => sum += weight * radiance,
-                    End::Hit(z) => {
-                        let u = [random.random(), random.random()];
-                        let near = self.cache.near(z.point, z.normal, u);
-                        sum += weight * f64::from(near.value);
-                        let size =
-                            f64::from(near.error + 0.1 * near.value.abs());
-                        let importance = weight * size.max(1e-12);
-                        total += importance;
-                        if random.random::<f64>() * total < importance {
-                            chosen = Some((z, weight / importance));
-                        }
-                    }
-                }
-            }
+            error -= throughput * f64::from(cell.value);
+            let rays = (branches, 1);
+            let sum = self.gather((&y, &cell), rays, net, random, ends);
             error += throughput * self.albedo * sum;
-            let Some((z, weight)) = chosen else { break };
-            throughput *= self.albedo * weight * total;
-            if throughput < 0.2 {
-                if random.random::<f64>() * 0.2 >= throughput {
-                    break;
-                }
-                throughput = 0.2;
+            let Some(end) = ends.pop() else { break };
+            throughput *= self.albedo * end.weight;
+            let survival = survival(throughput, bounce);
+            if random.random::<f64>() >= survival {
+                break;
             }
-            if bounce >= 1000 {
-                let q = onward(bounce);
-                if random.random::<f64>() >= q {
-                    break;
-                }
-                throughput /= q;
-            }
-            y = z;
+            throughput /= survival;
+            (y, cell) = (end.hit, end.cell);
         }
         error
     }
 }
+
+/// The probability that a path of this throughput goes on.
+fn survival(throughput: f64, bounce: u64) -> f64 {
+    let faint = (throughput / FAINT).min(1.);
+    let long = if bounce < MANY_BOUNCES { 1. } else { onward(bounce) };
+    faint * long
+}
+
+/// The throughput below which roulette ends paths.
+const FAINT: f64 = 0.2;

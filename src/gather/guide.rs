@@ -89,34 +89,45 @@ pub fn bin([u, v]: [f64; 2]) -> usize {
 pub const SIDE: usize = 16;
 pub const BINS: usize = SIDE * SIDE;
 
-/// A density over the square, constant in each bin: sums of probability
-/// over the rows, and over the columns of each row.
+/// A density over the square, constant in each bin: where the rows begin,
+/// and the columns of each row, in units of 2^-16.
+#[derive(Clone, Debug)]
 pub struct Guide {
-    rows: [f32; SIDE + 1],
-    columns: [[f32; SIDE + 1]; SIDE],
+    rows: [u16; SIDE],
+    columns: [[u16; SIDE]; SIDE],
 }
 
 /// The probability that is spread over all bins alike.
 const DEFENCE: f32 = 0.12;
 
-/// The partial sums of positive numbers, divided by the last.
-fn cumulative(parts: [f32; SIDE]) -> [f32; SIDE + 1] {
+/// Where intervals of lengths in proportion to these positive numbers
+/// begin, in units of 2^-16.
+fn starts(parts: [f32; SIDE]) -> [u16; SIDE] {
     let sum: f32 = parts.iter().sum();
-    let mut sums = [0.; SIDE + 1];
-    for i in 0..SIDE {
-        sums[i + 1] = sums[i] + parts[i] / sum;
-    }
-    sums[SIDE] = 1.;
-    sums
+    let mut before = 0.;
+    parts.map(|part| {
+        let start = before / sum * 65536.;
+        before += part;
+        start as u16
+    })
 }
 
-/// The interval of the sums in which `u` lies, and where in it: in [0, 1).
+/// The length of interval `i`, in units of 2^-16.
 #[inline]
-fn invert(sums: &[f32; SIDE + 1], u: f64) -> (usize, f64) {
-    let below = sums[1..SIDE].iter();
-    let i = below.map(|&s| usize::from(f64::from(s) <= u)).sum::<usize>();
-    let (low, high) = (f64::from(sums[i]), f64::from(sums[i + 1]));
-    (i, ((u - low) / (high - low)).clamp(0., 1. - f64::EPSILON))
+fn length(starts: &[u16; SIDE], i: usize) -> u32 {
+    let end = starts.get(i + 1).map_or(65536, |&end| u32::from(end));
+    end - u32::from(starts[i])
+}
+
+/// The interval in which `u` lies, and where in it: in (0, 1).
+#[inline]
+fn invert(starts: &[u16; SIDE], u: u32) -> (usize, f64) {
+    let high = (u >> 16) as u16;
+    let begun = starts[1..].iter().map(|&start| u16::from(start <= high));
+    let i = usize::from(begun.sum::<u16>());
+    let offset = u - (u32::from(starts[i]) << 16);
+    let unit = 1. / (u64::from(length(starts, i)) << 16) as f64;
+    (i, (f64::from(offset) + 0.5) * unit)
 }
 
 impl Guide {
@@ -131,8 +142,8 @@ impl Guide {
         let uniform = DEFENCE / BINS as f32;
         let part = |b: f32| uniform + (1. - DEFENCE) * (b / sum);
         let row = |i| array::from_fn(|j| part(bins[i * SIDE + j]));
-        let columns = array::from_fn(|i| cumulative(row(i)));
-        let rows = cumulative(array::from_fn(|i| row(i).iter().sum()));
+        let columns = array::from_fn(|i| starts(row(i)));
+        let rows = starts(array::from_fn(|i| row(i).iter().sum()));
         Some(Self { rows, columns })
     }
 
@@ -141,15 +152,16 @@ impl Guide {
     #[inline]
     pub fn density(&self, bin: usize) -> f64 {
         let (i, j) = (bin / SIDE, bin % SIDE);
-        let row = self.rows[i + 1] - self.rows[i];
-        let column = self.columns[i][j + 1] - self.columns[i][j];
-        f64::from(row) * f64::from(column) * BINS as f64
+        let row = f64::from(length(&self.rows, i));
+        let column = f64::from(length(&self.columns[i], j));
+        row * column * (BINS as f64 / 65536. / 65536.)
     }
 
     // Draw a point from the histogram
-    /// The point of the square that belongs to a uniform one, and its bin.
+    /// The point of the square that belongs to a uniform one, whose
+    /// coordinates are multiples of 2^-32; and its bin.
     #[inline]
-    pub fn warp(&self, [u, v]: [f64; 2]) -> ([f64; 2], usize) {
+    pub fn warp(&self, [u, v]: [u32; 2]) -> ([f64; 2], usize) {
         let (i, u) = invert(&self.rows, u);
         let (j, v) = invert(&self.columns[i], v);
         let point = [i as f64 + u, j as f64 + v].map(|x| x / SIDE as f64);

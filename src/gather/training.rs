@@ -45,8 +45,9 @@ impl<K: Intersector> Tracer<'_, K> {
             for _ in 0..REFLECTIONS {
                 let End::Hit(y) = end else { break };
                 points.push(y.point);
-                let cell = *self.cache.at(y.point, y.normal);
-                let u = [random.random(), random.random()];
+                let from = grid.name(y.point, y.normal);
+                let cell = *self.cache.at(from);
+                let u = [random.random::<u32>(), random.random()];
                 let shot = self.shoot(&y, self.cache.guide(&cell), u);
                 let to = match &shot.end {
                     End::Sky(radiance) if *radiance > 0. => SKY,
@@ -57,7 +58,7 @@ impl<K: Intersector> Tracer<'_, K> {
                     }
                 };
                 records.push(Record {
-                    from: grid.name(y.point, y.normal),
+                    from,
                     to,
                     weight: shot.weight as f32,
                     bin: shot.bin as u16,
