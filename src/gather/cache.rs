@@ -51,14 +51,12 @@ impl Grid {
 }
 
 impl Grid {
-    /// Orders hits by their place, in cubes of a quarter of the finest
-    /// cells' sides, and by the class of their normals.
-    pub fn place(&self, hit: &Hit) -> (u64, u64) {
+    /// Orders hits by the class of their normals and by their place, in
+    /// cubes of a quarter of the finest cells' sides.
+    pub fn place(&self, hit: &Hit) -> u64 {
         let quarter =
             Self { side: 0.25 * self.side, cubes: 4. * self.cubes };
-        let name = quarter.name(hit.point, hit.normal);
-        let cube = name & ((1 << (3 * BITS)) - 1);
-        (cube >> 9, name >> (3 * BITS) << 9 | cube & 511)
+        quarter.name(hit.point, hit.normal)
     }
 }
 
@@ -179,9 +177,9 @@ impl RadianceCache {
     #[inline]
     fn slot(&self, name: u64) -> (usize, u32) {
         let most = self.cells.len() - 1;
-        let hash = name.wrapping_mul(0x9e37_79b9_7f4a_7c15);
-        let mark = hash as u32 | 1;
-        let mut slot = (hash >> 36) as usize & most;
+        let hash = (name ^ name >> 32).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        let mark = (hash >> 32) as u32 | 1;
+        let mut slot = (hash ^ hash >> 32) as usize & most;
         while self.cells[slot].mark != 0 && self.cells[slot].mark != mark {
             slot = (slot + 1) & most;
         }
