@@ -196,7 +196,7 @@ fn best(render: &dyn Fn(u64) -> Measured) -> Measured {
 }
 
 pub fn run(_: &[String]) -> Done {
-    println!("scene,way,replicate,mean,variance,time,efficiency");
+    println!("scene,way,points,mean,variance,time,efficiency");
     for (name, setting) in settings()? {
         let plain =
             best(&|seed| measure(&setting, IndependentSampler::new(seed)));
