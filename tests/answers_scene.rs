@@ -839,11 +839,11 @@ fn uniform_directions_cost_a_variance_of_a_third() {
 #[test]
 fn no_four_coordinates_are_nets_of_four_points_in_all_pairs() {
     let sign = |vector: u32, k: u32| 1 - 2 * (vector >> k & 1) as i32;
-    let product = |v, w| (0..4).map(|k| sign(v, k) * sign(w, k)).sum();
-    let all: Vec<u32> =
-        (0..16).filter(|&v| 0i32 == product(v, 0)).collect();
+    let product =
+        |v, w| (0..4).map(|k| sign(v, k) * sign(w, k)).sum::<i32>();
+    let all: Vec<u32> = (0..16).filter(|&v| product(v, 0) == 0).collect();
     let fits = |v: &[u32]| {
-        (0..v.len()).all(|i| (0..i).all(|j| 0i32 == product(v[i], v[j])))
+        (0..v.len()).all(|i| (0..i).all(|j| product(v[i], v[j]) == 0))
     };
     let (mut threes, mut fours) = (0, 0);
     for (&a, &b, &c) in triples(&all) {
@@ -884,7 +884,7 @@ fn one_shift_for_all_points_is_worse_than_a_scramble() {
         shifted += common * common / f64::from(scrambles);
     }
     // The squares of nearly normal and of uniform numbers.
-    let (own, common) = (1. / 12. / 4096., 1. / 12. / 256.);
+    let (own, common): (f64, f64) = (1. / 12. / 4096., 1. / 12. / 256.);
     assert!((own - 2.0e-5).abs() < 5e-7 && (common - 3.3e-4).abs() < 5e-6);
     near(scrambled, own, 2. * own * own, scrambles);
     near(shifted, common, 0.8 * common * common, scrambles);

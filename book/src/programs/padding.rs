@@ -20,10 +20,10 @@ use litpt_book::courtyard;
 
 use super::Done;
 
-const RESOLUTION: (u32, u32) = (64, 48);
+const RESOLUTION: (u32, u32) = (48, 36);
 
 /// Samples of a pixel, whatever the size of a net.
-const SAMPLES: u64 = 1024;
+const SAMPLES: u64 = 512;
 
 /// Renders of each kind, in turn; the shortest time counts.
 const ROUNDS: u64 = 3;
