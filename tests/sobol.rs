@@ -18,7 +18,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};
 /// alarm with one percent of all seeds (Šidák): of digits, of two coordinates,
 /// of related samples, of means and variances over scrambles, and of images.
 const COMPARISONS: i32 =
-    4 * 3 + 6 + 14 * RELATED.len() as i32 + 4 + 4 * 3 + 2;
+    4 * 3 + 12 + 14 * RELATED.len() as i32 + 3 + 4 + 4 * 3 + 2;
 
 /// The probability below which one of them fails.
 fn significance() -> f64 {
@@ -204,19 +204,22 @@ fn each_point_is_uniform_over_its_first_and_last_digits() {
     }
 }
 
-// Two coordinates of a point, over the scrambles: 32 by 32 cells.
+// Two coordinates of a point, over the scrambles: 32 by 32 cells of the first
+// digits, and of the last.
 #[test]
 fn the_coordinates_of_a_point_are_independent_of_each_other() {
     let net = ScrambledNet::new(64);
-    let mut cells = vec![vec![0; 1024]; 6];
+    let mut first = vec![vec![0; 1024]; 6];
+    let mut last = vec![vec![0; 1024]; 6];
     for n in 0..SCRAMBLES {
         let p = point(&net, scramble_key(0, 4, n), 21);
-        let pairs = (0..4).flat_map(|d| (0..d).map(move |e| (d, e)));
-        for (cells, (d, e)) in cells.iter_mut().zip(pairs) {
-            cells[digits(p[d], 5) << 5 | digits(p[e], 5)] += 1;
+        let pairs = (0..4).flat_map(|d| (0..d).map(move |e| (p[d], p[e])));
+        for (k, (x, y)) in pairs.enumerate() {
+            first[k][digits(x, 5) << 5 | digits(y, 5)] += 1;
+            last[k][(x as usize & 31) << 5 | y as usize & 31] += 1;
         }
     }
-    for cells in cells {
+    for cells in first.into_iter().chain(last) {
         assert_uniform(&cells, "two coordinates");
     }
 }
@@ -274,6 +277,21 @@ fn samples_of_different_scrambles_are_independent_in_each_dimension() {
         for (d, counts) in counts.iter().enumerate() {
             assert_uniform(counts, &format!("{what}, dimension {d}"));
         }
+    }
+}
+
+#[test]
+fn later_dimensions_are_independent_within_a_scramble() {
+    let sampler = SobolSampler::new(2, 16);
+    let mut counts = [[0; 256]; 3];
+    for i in 0..SCRAMBLES {
+        let [one, other] = [0, 1].map(|k| numbers(&sampler, 7, 2 * i + k));
+        for (d, counts) in counts.iter_mut().enumerate() {
+            counts[one[4 + d] * 16 + other[4 + d]] += 1;
+        }
+    }
+    for counts in counts {
+        assert_uniform(&counts, "a later dimension");
     }
 }
 
