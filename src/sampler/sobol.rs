@@ -58,7 +58,7 @@ static SUMS: [[[[u32; 2]; 2]; 1 << CHUNK]; CHUNKS] = sums();
 const fn sums() -> [[[[u32; 2]; 2]; 1 << CHUNK]; CHUNKS] {
     let mut sums = [[[[0; 2]; 2]; 1 << CHUNK]; CHUNKS];
     let mut k = 0;
-    while k < 4 * CHUNKS << CHUNK {
+    while k < (4 * CHUNKS) << CHUNK {
         // Sum the columns of a dimension and a chunk
         let (d, i, chunk) = (k % 4, k / 4 % 64, k / 256);
         let mut bit = 0;

@@ -127,7 +127,7 @@ impl Sampler for Placed {
             }
             (Way::Pairs, n) => self.padded(n, 0),
             (Way::Fours, n) => {
-                self.padded((n + 1) / 2, (n + 1) as usize % 2)
+                self.padded(n.div_ceil(2), (n + 1) as usize % 2)
             }
         }
     }
@@ -146,7 +146,8 @@ fn joe_kuo() -> [[u32; 32]; 4] {
             own[i] = if i < s {
                 m[i] << (31 - i)
             } else {
-                let term = |x, j| x ^ (a >> (s - 1 - j) & 1) * own[i - j];
+                let inner = |j| (a >> (s - 1 - j) & 1) * own[i - j];
+                let term = |x, j| x ^ inner(j);
                 (1..s).fold(own[i - s] ^ own[i - s] >> s, term)
             };
         }
