@@ -6,7 +6,7 @@
 // Software Foundation, either version 3 of the License, or (at your option)
 // any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Answers to the exercises from the introduction to the sampling, one
+//! Answers to the exercises from the introduction to the nets, one
 //! test for each.
 
 mod common;
@@ -25,6 +25,7 @@ use litpt::camera::{Camera, View};
 use litpt::film::Film;
 use litpt::numerics::{cross, exponent, normalise, power_of_two, shift};
 use litpt::render::Renderer;
+use litpt::sampler::sobol::{ScrambledNet, scramble_key, to_unit};
 use litpt::sampler::{cosine_direction, generator, happens, within};
 use litpt::scene::{
     Mesh, Ray, Scene, Triangle, Triangles, read_file, read_obj, scattered,
@@ -35,6 +36,7 @@ use litpt_book::closed_forms::{Setting, look, pixel};
 use rand::RngExt;
 use rand_pcg::Pcg64;
 use serde_json::Value;
+use statrs::distribution::{ContinuousCDF, StudentsT};
 
 // Judge a mean by its standard error
 /// Demands that a mean of `n` samples of this variance is near
@@ -1005,4 +1007,77 @@ fn uniform_directions_cost_a_variance_of_a_third() {
     assert!((pixel.variance() - 1. / 3.).abs() < 0.0047);
     let ten = (4f64 / 3.).powi(10) - 1.;
     assert!((ten - 16.8).abs() < 0.05);
+}
+
+// Answer the exercises on nets
+#[test]
+fn no_four_coordinates_are_nets_of_four_points_in_all_pairs() {
+    let sign = |vector: u32, k: u32| 1 - 2 * (vector >> k & 1) as i32;
+    let product =
+        |v, w| (0..4).map(|k| sign(v, k) * sign(w, k)).sum::<i32>();
+    let all: Vec<u32> = (0..16).filter(|&v| product(v, 0) == 0).collect();
+    let fits = |v: &[u32]| {
+        (0..v.len()).all(|i| (0..i).all(|j| product(v[i], v[j]) == 0))
+    };
+    let (mut threes, mut fours) = (0, 0);
+    for (&a, &b, &c) in triples(&all) {
+        threes += u32::from(fits(&[a, b, c]));
+        fours += all.iter().filter(|&&d| fits(&[a, b, c, d])).count();
+    }
+    assert!(threes > 0 && fours == 0);
+    // Ours agree in the first bits of the first and third coordinate.
+    let net = ScrambledNet::new(4);
+    for i in 0..4 {
+        let ([x, y], [z, w]) =
+            (net.unscrambled(i, 0), net.unscrambled(i, 1));
+        assert_eq!([x >> 31, y >> 31], [z >> 31, w >> 31]);
+    }
+}
+
+/// All triples of elements of a list.
+fn triples(all: &[u32]) -> impl Iterator<Item = (&u32, &u32, &u32)> {
+    let pairs = all.iter().flat_map(|a| all.iter().map(move |b| (a, b)));
+    pairs.flat_map(|(a, b)| all.iter().map(move |c| (a, b, c)))
+}
+
+#[test]
+fn one_shift_for_all_points_is_worse_than_a_scramble() {
+    let (n, scrambles) = (16, 100_000);
+    let net = ScrambledNet::new(u64::from(n));
+    let (mut scrambled, mut shifted) = (0., 0.);
+    let mut random = generator(10, 0, 0);
+    for k in 0..scrambles {
+        let (key, shift): (_, u32) =
+            (scramble_key(10, 0, k.into()), random.random());
+        let mean = |x: &dyn Fn(u32) -> u32| {
+            (0..n).map(|i| to_unit(x(i))).sum::<f64>() / f64::from(n) - 0.5
+        };
+        let own = mean(&|i| net.pair(key, i, 1)[1]);
+        let common = mean(&|i| net.unscrambled(i, 1)[1] ^ shift);
+        scrambled += own * own / f64::from(scrambles);
+        shifted += common * common / f64::from(scrambles);
+    }
+    // The squares of nearly normal and of uniform numbers.
+    let (own, common): (f64, f64) = (1. / 12. / 4096., 1. / 12. / 256.);
+    assert!((own - 2.0e-5).abs() < 5e-7 && (common - 3.3e-4).abs() < 5e-6);
+    near(scrambled, own, 2. * own * own, scrambles);
+    near(shifted, common, 0.8 * common * common, scrambles);
+}
+
+#[test]
+fn sixteen_replicates_of_sixteen_give_the_narrowest_interval() {
+    let half_width = |replicates: f64| {
+        let law = StudentsT::new(0., 1., replicates - 1.).unwrap();
+        law.inverse_cdf(0.975) * replicates.powf(0.25)
+    };
+    let printed = [
+        (2., 15.1, 0.05),
+        (4., 4.50, 0.005),
+        (8., 3.98, 0.005),
+        (16., 4.26, 0.005),
+        (64., 5.65, 0.005),
+    ];
+    for (replicates, width, by) in printed {
+        assert!((half_width(replicates) - width).abs() < by);
+    }
 }

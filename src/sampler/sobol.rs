@@ -16,8 +16,8 @@ use super::{Sampler, dimension, split_mix};
 /// The product in the field of four elements: 0, 1, w = 2 and w + 1 = 3,
 /// where w² = w + 1. The sum is the exclusive or.
 const fn times(a: u32, b: u32) -> u32 {
-    let product = a * (b & 1) ^ (a << 1) * (b >> 1);
-    product ^ (product >> 2) * 7
+    let product = (a * (b & 1)) ^ ((a << 1) * (b >> 1));
+    product ^ ((product >> 2) * 7)
 }
 
 // Write down a generator matrix
@@ -58,7 +58,7 @@ static SUMS: [[[[u32; 2]; 2]; 1 << CHUNK]; CHUNKS] = sums();
 const fn sums() -> [[[[u32; 2]; 2]; 1 << CHUNK]; CHUNKS] {
     let mut sums = [[[[0; 2]; 2]; 1 << CHUNK]; CHUNKS];
     let mut k = 0;
-    while k < 4 * CHUNKS << CHUNK {
+    while k < (4 * CHUNKS) << CHUNK {
         // Sum the columns of a dimension and a chunk
         let (d, i, chunk) = (k % 4, k / 4 % 64, k / 256);
         let mut bit = 0;
@@ -75,22 +75,19 @@ const fn sums() -> [[[[u32; 2]; 2]; 1 << CHUNK]; CHUNKS] {
 }
 
 // Scramble six digits by one word
-/// Which of three digits to flip, for each of the 8 values that they have,
-/// three bits each: by the seven bits that a tree of three levels has.
-static FLIPS: [u32; 128] = flips();
+/// Which of three digits to flip: by the seven bits that a tree of three
+/// levels has, and by the digits.
+static FLIPS: [[u8; 8]; 128] = flips();
 
-const fn flips() -> [u32; 128] {
-    let mut flips = [0; 128];
+const fn flips() -> [[u8; 8]; 128] {
+    let mut flips = [[0; 8]; 128];
     let mut k = 0;
     while k < 8 * 128 {
         let (tree, x) = (k / 8, k % 8);
-        let (root, middle, last) = (
-            tree & 1,
-            tree >> (1 + (x >> 2)) & 1,
-            tree >> (3 + (x >> 1)) & 1,
-        );
-        let flip = (4 * root + 2 * middle + last) as u32;
-        flips[tree] |= flip << (3 * x);
+        let first = tree & 1;
+        let second = tree >> (1 + (x >> 2)) & 1;
+        let third = tree >> (3 + (x >> 1)) & 1;
+        flips[tree][x] = (first << 2 | second << 1 | third) as u8;
         k += 1;
     }
     flips
@@ -102,7 +99,7 @@ const fn flips() -> [u32; 128] {
 fn flip(tree: u64, digits: u32) -> u32 {
     let (high, low) = (digits >> 3, digits & 7);
     let three = |tree: u64, digits: u32| {
-        FLIPS[tree as usize & 127] >> (3 * digits) & 7
+        u32::from(FLIPS[tree as usize & 127][digits as usize & 7])
     };
     three(tree, high) << 3 | three(tree >> (7 + 7 * high), low)
 }
@@ -160,20 +157,28 @@ impl ScrambledNet {
     /// That pair in the scramble of a key: two integers uniform below 2^32.
     #[inline(always)]
     pub fn pair(&self, key: u64, i: u32, pair: usize) -> [u32; 2] {
-        let point = self.unscrambled(i, pair);
+        match self.chunks {
+            1 => Self { chunks: 1 }.any_pair(key, i, pair),
+            _ => self.any_pair(key, i, pair),
+        }
+    }
+
+    #[inline(always)]
+    fn any_pair(&self, key: u64, i: u32, pair: usize) -> [u32; 2] {
+        let [x, y] = self.unscrambled(i, pair);
         let last = word(key, LAST_DIGITS + pair as u32, i);
-        let last = [last as u32, (last >> 32) as u32];
-        [0, 1].map(|d| {
-            let dimension = (2 * pair + d) as u32;
-            let scrambled = self.scramble(key, dimension, point[d]);
-            scrambled ^ last[d] >> (CHUNK * self.chunks)
-        })
+        let first = 2 * pair as u32;
+        [
+            self.scramble(key, first, x, last as u32),
+            self.scramble(key, first + 1, y, (last >> 32) as u32),
+        ]
     }
 
     // Scramble a coordinate
-    /// A coordinate with its digits of all chunks scrambled.
+    /// A coordinate with the digits of all chunks scrambled, and with the
+    /// digits after them.
     #[inline(always)]
-    fn scramble(&self, key: u64, dimension: u32, x: u32) -> u32 {
+    fn scramble(&self, key: u64, dimension: u32, x: u32, last: u32) -> u32 {
         let mut flips = 0;
         for chunk in 0..self.chunks {
             let before = (u64::from(x) >> (32 - CHUNK * chunk)) as u32;
@@ -181,7 +186,7 @@ impl ScrambledNet {
             let digits = x << (CHUNK * chunk) >> (32 - CHUNK);
             flips |= flip(tree, digits) << (32 - CHUNK * (chunk + 1));
         }
-        x ^ flips
+        x ^ flips ^ last >> (CHUNK * self.chunks)
     }
 }
 
@@ -256,12 +261,12 @@ impl Sampler for SobolSampler {
 
     #[inline(always)]
     fn get_2d(&mut self, dimension: u64) -> [f64; 2] {
-        let pair = if dimension == dimension::direction(0) {
+        let [x, y] = if dimension == dimension::direction(0) {
             self.net.pair(self.key, self.i, 1)
         } else {
             let word = self.independent(dimension);
             [word as u32, (word >> 32) as u32]
         };
-        pair.map(to_unit)
+        [to_unit(x), to_unit(y)]
     }
 }

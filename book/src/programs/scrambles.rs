@@ -26,8 +26,8 @@ pub fn run(_: &[String]) -> Done {
     let ways: [(&str, Way); 4] = [
         ("a bit for each node", nodes),
         ("words of 63 nodes", words),
-        ("hash of Laine and Karras, constants of Burley", burley),
-        ("the same, constants of Vegdahl", vegdahl),
+        ("hash; Laine and Karras", burley),
+        ("hash; Vegdahl", vegdahl),
     ];
     let all = integrands();
     print!("way,nanoseconds");
