@@ -55,11 +55,9 @@ impl<K: Intersector> Tracer<'_, K> {
                     f64::from(cell.error) / plan.allocation.scale[number];
                 let importance = self.albedo * weight * relative;
                 reached += importance;
-                let mut draws = 0.;
-                while next < reached {
-                    draws += 1.;
-                    next += correction.step;
-                }
+                let draws =
+                    ((reached - next) / correction.step).ceil().max(0.);
+                next += draws * correction.step;
                 // Correct what a sample has met
                 if draws > 0. {
                     let known = f64::from(cell.value);
