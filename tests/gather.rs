@@ -9,6 +9,7 @@ mod common;
 use std::collections::BTreeMap;
 use std::fs;
 use std::process::Child;
+use std::sync::OnceLock;
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -537,6 +538,27 @@ impl Stage {
         Self::new(&setting.mesh, &setting.view, setting.rho, resolution)
     }
 
+    /// Furrows between upright plates, from above: what one furrow sees, its
+    /// neighbours do not.
+    fn furrows(resolution: (u32, u32)) -> Self {
+        let mut mesh = Mesh::default();
+        let mut add = |corners: [DVec3; 4]| {
+            let first = mesh.vertices.len() as u32;
+            mesh.vertices.extend(corners);
+            mesh.triangles.push([0, 1, 2].map(|i| first + i));
+            mesh.triangles.push([0, 2, 3].map(|i| first + i));
+        };
+        let v = DVec3::new;
+        let floor = [v(-8., -8., 0.), v(8., -8., 0.), v(8., 8., 0.)];
+        add([floor[0], floor[1], floor[2], v(-8., 8., 0.)]);
+        for x in (-8..=8).map(f64::from) {
+            let (low, high) = (v(x, -8., 0.), v(x, -8., 1.5));
+            add([low, low + 16. * DVec3::Y, high + 16. * DVec3::Y, high]);
+        }
+        let view = look(v(0.4, -1., 9.), DVec3::ZERO, 50.);
+        Self::new(&mesh, &view, 0.8, resolution)
+    }
+
     fn tracer<'a>(&'a self, cache: &'a RadianceCache) -> Tracer<'a, Bvh> {
         Tracer {
             scene: &self.scene,
@@ -584,8 +606,8 @@ impl Stage {
 }
 
 /// A cache of what somebody says. The cells of a part of its surfaces have
-/// so many records of the value that `tell` gives; half of them go to the sky
-/// in few directions, so that its guides point there.
+/// so many records of the value that `tell` gives; a tenth of them goes to the
+/// sky, in some directions of all, so that its guides point there.
 fn lie(
     stage: &Stage,
     part: f64,
@@ -604,13 +626,18 @@ fn lie(
         if random.random::<f64>() >= part {
             continue;
         }
-        let weight = 2. * tell(&mut random);
+        let weight = 10. * tell(&mut random);
         for i in 0..RECORDS {
+            let [row, column] = [0; 2].map(|_| random.random_range(0..4));
+            let sky = Record {
+                from,
+                to: SKY,
+                weight,
+                bin: 66 + 16 * row + column,
+            };
             let bin = random.random_range(0..BINS as u16);
-            records.push(match i % 2 {
-                0 => Record { from, to: SKY, weight, bin: bin % 7 * 31 },
-                _ => Record { from, to: DARKNESS, weight: 1., bin },
-            });
+            let dark = Record { to: DARKNESS, weight: 1., bin, ..sky };
+            records.push(if i % 10 == 0 { sky } else { dark });
         }
     }
     RadianceCache::learn(grid, &mut records, 1.)
@@ -637,7 +664,7 @@ const FEW: (u32, u32) = (6, 4);
 
 /// Few rays for each correction, and many corrections.
 const FRUGAL: Correction =
-    Correction { group: 16, step: 1., gathers: 4, paths: 2, branches: 2 };
+    Correction { group: 3, step: 1., gathers: 4, paths: 2, branches: 2 };
 
 /// The mean of each pixel over many scrambles, and that of the image.
 fn gathered(
@@ -706,15 +733,14 @@ fn assert_unmoved(
 fn a_lying_cache_does_not_change_the_mean_of_a_cavity() {
     let (stage, exact) = Stage::cavity(FEW);
     let pixels = [(exact, 0.); (FEW.0 * FEW.1) as usize];
-    assert_unmoved(&stage, &pixels, (exact, 0.), 400);
+    assert_unmoved(&stage, &pixels, (exact, 0.), 300);
 }
 
-// Here walls hide the block and the window from one another.
 #[test]
-fn a_lying_cache_does_not_change_the_mean_of_a_room() {
-    let stage = Stage::room(FEW);
+fn a_lying_cache_does_not_change_the_mean_of_furrows() {
+    let stage = Stage::furrows(FEW);
     let truth = Truth::of(&stage);
-    assert_unmoved(&stage, &truth.pixels, truth.mean, 600);
+    assert_unmoved(&stage, &truth.pixels, truth.mean, 300);
 }
 
 // ------------------------------------------------------------ Honest errors
@@ -758,6 +784,16 @@ impl Truth {
     }
 }
 
+/// A room of four tiles.
+fn room() -> &'static (Stage, Truth) {
+    static ROOM: OnceLock<(Stage, Truth)> = OnceLock::new();
+    ROOM.get_or_init(|| {
+        let stage = Stage::room((32, 24));
+        let truth = Truth::of(&stage);
+        (stage, truth)
+    })
+}
+
 /// The mean square of the errors of pixels, over what it should be.
 fn honesty(film: &Film, truth: &Truth) -> f64 {
     let all = film.means().zip(film.errors(WORTH)).zip(&truth.pixels);
@@ -776,10 +812,9 @@ fn honesty(film: &Film, truth: &Truth) -> f64 {
 // one of a hundred seeds.
 #[test]
 fn the_errors_of_pixels_are_as_large_as_stated() {
-    let stage = Stage::room((32, 24));
-    let truth = Truth::of(&stage);
+    let (stage, truth) = room();
     let images = (0..10)
-        .map(|seed| honesty(&stage.gather(100 + seed, 16, 256), &truth));
+        .map(|seed| honesty(&stage.gather(100 + seed, 16, 256), truth));
     let deviation = (images.sum::<f64>() / 10.).sqrt();
     assert!((0.95..1.05).contains(&deviation), "{deviation}");
 }
@@ -791,8 +826,7 @@ fn the_errors_of_pixels_are_as_large_as_stated() {
 #[test]
 fn the_error_of_the_mean_of_an_image_is_as_large_as_stated() {
     const SEEDS: u32 = 40;
-    let stage = Stage::room((32, 24));
-    let truth = Truth::of(&stage);
+    let (stage, truth) = room();
     let (mut shared, mut independent) = (0., 0.);
     for seed in 0..SEEDS {
         let film = stage.gather(200 + u64::from(seed), 4, 64);
