@@ -417,7 +417,7 @@ fn a_cache_does_not_depend_on_the_order_of_threads() {
     };
     let record = |i: u32| Record {
         from: place(),
-        to: if i % 3 == 0 { SKY } else { place() },
+        to: if i.is_multiple_of(3) { SKY } else { place() },
         weight: 1. / (1 + i % 5) as f32,
         bin: (i % 256) as u16,
     };
