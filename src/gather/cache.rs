@@ -125,8 +125,8 @@ pub struct Cell {
 /// Stands for cosine sampling.
 const NO_GUIDE: u32 = u32::MAX;
 
-/// Of a place that training has not seen.
-const UNSEEN: Cell = Cell { value: 0., error: 0., guide: NO_GUIDE };
+/// Of a place that training has not seen: no radiance exceeds the sky's.
+const UNSEEN: Cell = Cell { value: 0., error: 1., guide: NO_GUIDE };
 
 // Hold the cache
 /// The cells and guides of a scene.
@@ -369,7 +369,8 @@ fn is_settled(before: &[f32], now: &[f32]) -> bool {
 }
 
 // Estimate the error of each cell
-/// The expected error of the value of each of the finest cells.
+/// The expected error of the value of each cell: positive. A coarser one
+/// stands for places without a record, and may be wrong by all it says.
 fn errors(
     cells: &Cells,
     records: &[Record],
@@ -383,6 +384,7 @@ fn errors(
     let second = sums(cells, |i| value(i) * value(i));
     let all = cells.level(LEVELS - 1);
     let mean = first[all].iter().sum::<f32>() / records.len() as f32;
+    let least = if mean == 0. { 1. } else { 0.01 * mean.abs() };
     let error = |c: usize| {
         // Find the variance of the records around a cell
         let mut wide = c;
@@ -395,9 +397,11 @@ fn errors(
         let coarse = values[cells.parents[c] as usize] - values[c];
         let own = values[c] / 20.;
         let noise = variance / (cells.count(c) + WORTH);
-        (noise + 0.5 * coarse * coarse + own * own).sqrt().max(0.01 * mean)
+        (noise + 0.5 * coarse * coarse + own * own).sqrt().max(least)
     };
-    cells.level(0).map(error).collect()
+    let coarser = values[cells.offsets[1]..].iter();
+    let coarser = coarser.map(|value| value.abs().max(least));
+    cells.level(0).map(error).chain(coarser).collect()
 }
 
 // Make the guides
@@ -497,9 +501,8 @@ impl RadianceCache {
         let (guides, numbers) = guides(&cells, records, &ends, &values);
         for (c, &name) in cells.names.iter().enumerate() {
             let slot = cache.slot(name);
-            let error = errors.get(c).copied().unwrap_or(values[c]);
-            cache.cells[slot] =
-                Cell { value: values[c], error, guide: numbers[c] };
+            let (value, error) = (values[c], errors[c]);
+            cache.cells[slot] = Cell { value, error, guide: numbers[c] };
         }
         cache.guides = guides;
         cache

@@ -53,11 +53,9 @@ impl<K: Intersector> Tracer<'_, K> {
                 let importance =
                     weight * error / plan.allocation.scale[number];
                 reached += importance;
-                let mut draws = 0.;
-                while next < reached {
-                    draws += 1.;
-                    next += correction.step;
-                }
+                let draws = ((reached - next) / correction.step).ceil();
+                let draws = draws.max(0.);
+                next += draws * correction.step;
                 if draws == 0. {
                     continue;
                 }
