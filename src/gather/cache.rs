@@ -141,9 +141,9 @@ pub struct Cell {
 /// Stands for cosine sampling.
 const NO_GUIDE: u32 = u32::MAX;
 
-/// Of a place that training has not seen.
+/// Of a place that training has not seen: no radiance exceeds the sky's.
 const UNSEEN: Cell =
-    Cell { mark: 0, value: 0., error: 0., guide: NO_GUIDE };
+    Cell { mark: 0, value: 0., error: 1., guide: NO_GUIDE };
 
 // Hold the cache
 /// The cells and guides of a scene.
@@ -347,7 +347,8 @@ fn is_settled(before: &[f32], now: &[f32]) -> bool {
 }
 
 // Estimate the error of each cell
-/// The expected error of the value of each of the finest cells.
+/// The expected error of the value of each cell: positive. A coarser one
+/// stands for places without a record, and may be wrong by all it says.
 fn errors(
     cells: &Cells,
     records: &[Record],
@@ -361,6 +362,7 @@ fn errors(
     let second = sums(cells, |i| value(i) * value(i));
     let all = cells.level(LEVELS - 1);
     let mean = first[all].iter().sum::<f32>() / records.len() as f32;
+    let least = if mean == 0. { 1. } else { 0.01 * mean.abs() };
     let error = |c: usize| {
         // Find the variance of the records around a cell
         let mut wide = c;
@@ -373,9 +375,11 @@ fn errors(
         let coarse = values[cells.parents[c] as usize] - values[c];
         let own = values[c] / 20.;
         let noise = variance / (cells.count(c) + WORTH);
-        (noise + 0.5 * coarse * coarse + own * own).sqrt().max(0.01 * mean)
+        (noise + 0.5 * coarse * coarse + own * own).sqrt().max(least)
     };
-    cells.level(0).map(error).collect()
+    let coarser = values[cells.offsets[1]..].iter();
+    let coarser = coarser.map(|value| value.abs().max(least));
+    cells.level(0).map(error).chain(coarser).collect()
 }
 
 // Make the guides
@@ -475,8 +479,7 @@ impl RadianceCache {
         let (guides, numbers) = guides(&cells, records, &ends, &values);
         for (c, &name) in cells.names.iter().enumerate() {
             let (slot, mark) = cache.slot(name);
-            let (value, guide) = (values[c], numbers[c]);
-            let error = errors.get(c).copied().unwrap_or(value);
+            let (value, error, guide) = (values[c], errors[c], numbers[c]);
             cache.cells[slot] = Cell { mark, value, error, guide };
         }
         cache.guides = guides;

@@ -129,7 +129,8 @@ pub fn allocate<K: Intersector>(
     let rays = rays.sum();
     let variances: Vec<f64> = film.rows().map(|p| p.variance()).collect();
     let means: Vec<f64> = film.means().collect();
-    let floor = 0.1 * average(&means).max(f64::MIN_POSITIVE);
+    let mean_radiance = average(&means);
+    let floor = if mean_radiance > 0. { 0.1 * mean_radiance } else { 1. };
     let scale: Vec<f64> = means.iter().map(|m| m.max(floor)).collect();
     let deviations = deviations(&film, &variances, &scale);
     let middle = average(&deviations).max(f64::MIN_POSITIVE);
