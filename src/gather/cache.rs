@@ -254,6 +254,7 @@ impl Cells {
         }
     }
 
+    // Number the cells of a level
     /// The numbers of the cells of a level.
     fn level(&self, level: usize) -> Range<usize> {
         self.offsets[level]..self.offsets[level + 1]
