@@ -11,6 +11,7 @@ use glam::DVec3;
 use litpt::analysis::background::{KnownPixels, TileContent};
 use litpt::analysis::{SceneAnalysis, Shortcut};
 use litpt::camera::View;
+use litpt::render::method::Sampling;
 use litpt_book::settings::{Setting, all, named};
 
 const SMALL: (u32, u32) = (48, 36);
@@ -50,12 +51,17 @@ fn work_is_left_out_without_a_trace_by_each_shortcut() {
     }
 }
 
+/// The samples of the reference.
+fn plain() -> Sampling {
+    Sampling::reference(1)
+}
+
 /// A lie about what is known changes the image.
 fn is_found_out(
     setting: &Setting,
     lie: impl Fn(&mut SceneAnalysis),
 ) -> bool {
-    let lied = setting.render_with(&[], SMALL, 16, 1, lie).film;
+    let lied = setting.render_with(&[], SMALL, 16, &plain(), lie).film;
     let truth = setting.render(&Shortcut::ALL, SMALL, 16, 1).film;
     lied.stored() != truth.stored()
 }
@@ -65,10 +71,11 @@ fn what_does_not_hold_is_found_out() {
     let room = named("room with a window");
     assert!(is_found_out(&room, |found| found.known = KnownPixels::Dark));
     assert!(is_found_out(&room, |found| found.is_black = true));
-    let empty =
-        named("nothing in view").render_with(&[], SMALL, 1, 1, |found| {
-            assert!(matches!(found.known, KnownPixels::Background(_)))
-        });
+    let check = |found: &mut SceneAnalysis| {
+        assert!(matches!(found.known, KnownPixels::Background(_)));
+    };
+    let empty = named("nothing in view");
+    let empty = empty.render_with(&[], SMALL, 1, &plain(), check);
     assert_eq!(empty.rays, 0);
 }
 
@@ -177,7 +184,7 @@ fn tiles_beside_the_horizon_are_constant() {
         assert_eq!(above + below + count(TileContent::Sky), 100);
         assert!(count(TileContent::Sky) >= 10);
     };
-    view.render_with(&[], (160, 160), 1, 1, all);
+    view.render_with(&[], (160, 160), 1, &plain(), all);
 }
 
 /// These views go straight down, where all is below the horizon, so that a

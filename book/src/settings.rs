@@ -11,7 +11,7 @@ use glam::DVec3;
 use litpt::analysis::{Inquiry, SceneAnalysis, Shortcut};
 use litpt::bvh::{Bvh, Isa, Quality};
 use litpt::camera::{Camera, View};
-use litpt::film::Film;
+use litpt::film::{Film, Window};
 use litpt::render::method::{Sampling, renderer};
 use litpt::scene::{Mesh, Scene};
 use litpt::sky::Sky;
@@ -35,7 +35,8 @@ pub struct Outcome {
 }
 
 impl Setting {
-    /// Renders with all shortcuts but those that are `kept`.
+    /// Renders by the reference, with all shortcuts but those that are
+    /// `kept`.
     pub fn render(
         &self,
         kept: &[Shortcut],
@@ -43,16 +44,17 @@ impl Setting {
         n: u64,
         seed: u64,
     ) -> Outcome {
-        self.render_with(kept, resolution, n, seed, |_| ())
+        let sampling = Sampling::reference(seed);
+        self.render_with(kept, resolution, n, &sampling, |_| ())
     }
 
-    /// The same, with a chance to change what was found.
+    /// The same by any method, with a chance to change what was found.
     pub fn render_with(
         &self,
         kept: &[Shortcut],
         resolution: (u32, u32),
         n: u64,
-        seed: u64,
+        sampling: &Sampling,
         lie: impl Fn(&mut SceneAnalysis),
     ) -> Outcome {
         let (width, height) = resolution;
@@ -73,15 +75,11 @@ impl Setting {
             SceneAnalysis::find(&scene, &intersector, &inquiry);
         lie(&mut analysis);
         let found = start.elapsed().as_secs_f64();
-        let mut film = Film::new(width, height);
+        let window = Window { corner: (0, 0), size: resolution };
+        let mut film = sampling.film(resolution, window);
         let start = Instant::now();
-        let mut renderer = renderer(
-            &scene,
-            &intersector,
-            &inquiry,
-            &analysis,
-            &Sampling::reference(seed),
-        );
+        let mut renderer =
+            renderer(&scene, &intersector, &inquiry, &analysis, sampling);
         let rays = renderer.pass(&mut film, n, &|_| true);
         let seconds = [found, start.elapsed().as_secs_f64()];
         drop(renderer);

@@ -1,4 +1,4 @@
-// Do two integrators have the same means? Renders small images of some twenty
+// Do two methods have the same means? Renders small images of some twenty
 // scenes by both, with different random numbers, and compares the pixels and
 // the means of the images; prints a CSV for "make unbiased", and fails if some
 // difference is no chance.
@@ -9,12 +9,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 
 use std::f64::consts::SQRT_2;
+use std::str::FromStr;
 
 use glam::DVec3;
 use litpt::analysis::Shortcut;
 use litpt::camera::View;
 use litpt::film::Film;
 use litpt::numerics::power_of_two;
+use litpt::render::method::{Method, Sampling};
 use litpt::scene::Mesh;
 use litpt_book::closed_forms::{cavity, closed_forms, look, plane};
 use litpt_book::interiors::Interior;
@@ -26,43 +28,31 @@ use super::Done;
 const RESOLUTION: (u32, u32) = (16, 12);
 const SAMPLES: u64 = 1024;
 
+/// Samples that are placed together, at most.
+const TOGETHER: u64 = 4;
+
 /// The probability that a table of two unbiased integrators has a failure.
 const FALSE_ALARMS: f64 = 1e-3;
 
 /// Parts of a value by which equal ones may differ through rounding.
 const ROUNDING: f64 = 1e-12;
 
-/// What makes the samples.
-#[derive(Clone, Copy)]
-enum Integrator {
-    /// The path tracer, with nothing left out.
-    Reference,
-}
-
-impl Integrator {
-    const ALL: [(&str, Self); 1] = [("reference", Self::Reference)];
-
-    fn named(name: &str) -> Result<Self, String> {
-        let found = Self::ALL.iter().find(|(known, _)| *known == name);
-        found.map(|found| found.1).ok_or_else(|| {
-            let names = Self::ALL.map(|(known, _)| known).join(", ");
-            format!("no integrator {name}; there are {names}")
-        })
-    }
-
-    fn render(self, setting: &Setting, n: u64, seed: u64) -> Film {
-        match self {
-            Self::Reference => {
-                setting.render(&Shortcut::ALL, RESOLUTION, n, seed).film
-            }
-        }
-    }
+/// The image of a method, with nothing left out. Few samples are placed
+/// together, so that the error is known from many values.
+fn render(method: Method, setting: &Setting, n: u64, seed: u64) -> Film {
+    let area = u64::from(RESOLUTION.0 * RESOLUTION.1);
+    let sampling = Sampling::new(method, seed, Some(n), area);
+    let replicate = sampling.replicate.min(TOGETHER);
+    let sampling = Sampling { replicate, ..sampling };
+    let all = &Shortcut::ALL;
+    setting.render_with(all, RESOLUTION, n, &sampling, |_| ()).film
 }
 
 pub fn run(arguments: &[String]) -> Done {
     let word = |i: usize| arguments.get(i).map(String::as_str);
-    let first = Integrator::named(word(0).unwrap_or("reference"))?;
-    let second = Integrator::named(word(1).unwrap_or("reference"))?;
+    let method =
+        |i| word(i).map_or(Ok(Method::Reference), Method::from_str);
+    let (first, second) = (method(0)?, method(1)?);
     let n = word(2).map_or(Ok(SAMPLES), str::parse)?;
     let scenes = scenes()?;
     let pixels = RESOLUTION.0 * RESOLUTION.1;
@@ -72,8 +62,8 @@ pub fn run(arguments: &[String]) -> Done {
     println!("scene,albedo,first,second,z,largest,pixels off,verdict");
     let mut failed = 0;
     for (i, setting) in (0..).zip(&scenes) {
-        let a = first.render(setting, n, 2 * i);
-        let b = second.render(setting, n, 2 * i + 1);
+        let a = render(first, setting, n, 2 * i);
+        let b = render(second, setting, n, 2 * i + 1);
         let (means, zs) = compare(&a, &b);
         let largest =
             zs.iter().copied().max_by(|a, b| a.abs().total_cmp(&b.abs()));
@@ -115,12 +105,9 @@ fn compare(a: &Film, b: &Film) -> ([Estimate; 2], Vec<f64>) {
         pixels.map(|p| (p.mean(), p.standard_error().powi(2))).collect()
     };
     let films = [a, b].map(estimates);
-    let means = films.each_ref().map(|pixels| {
-        let count = pixels.len() as f64;
-        let sums = pixels
-            .iter()
-            .fold((0., 0.), |sum, p| (sum.0 + p.0, sum.1 + p.1));
-        (sums.0 / count, sums.1 / count / count)
+    let means = [a, b].map(|film| {
+        let summary = film.summary();
+        (summary.mean, summary.mean_stderr.powi(2))
     });
     let pairs = films[0].iter().zip(&films[1]);
     (means, pairs.map(|(&a, &b)| z_score(a, b)).collect())
