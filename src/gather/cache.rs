@@ -373,10 +373,17 @@ fn errors(
         let n = cells.count(wide);
         let square = first[wide] * first[wide] / n;
         let variance = ((second[wide] - square) / (n - 1.).max(1.)).max(0.);
-        let coarse = values[cells.parents[c] as usize] - values[c];
+        // Add up the differences to the coarser cells
+        let (mut spread, mut part, mut wide) = (0., 0.5, c);
+        while wide < cells.parents.len() {
+            wide = cells.parents[wide] as usize;
+            let difference = values[wide] - values[c];
+            spread += part * difference * difference;
+            part *= 0.5;
+        }
         let own = values[c] / 20.;
         let noise = variance / (cells.count(c) + WORTH);
-        (noise + 0.5 * coarse * coarse + own * own).sqrt().max(least)
+        (noise + spread + own * own).sqrt().max(least)
     };
     let coarser = values[cells.offsets[1]..].iter();
     let coarser = coarser.map(|value| value.abs().max(least));
