@@ -1,0 +1,1023 @@
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+//! Gathering (chapters "Guiding" to "Training"): guides, the cache and its
+//! names, caches that lie, the errors that a gather states, and the command.
+
+mod common;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::process::Child;
+use std::thread;
+use std::time::{Duration, Instant};
+
+use common::{Run, Scratch, finish};
+use glam::DVec3;
+use litpt::analysis::background::KnownPixels;
+use litpt::bvh::{Bvh, Isa};
+use litpt::camera::{Camera, View};
+use litpt::film::{Film, Tile, WORTH};
+use litpt::gather::cache::{
+    Cell, DARKNESS, Grid, LEVELS, RadianceCache, Record, SKY,
+};
+use litpt::gather::guide::{
+    BINS, Guide, SIDE, bin, bin_of, direction, main_axis,
+};
+use litpt::gather::{Allocation, Correction, End, Plan, Tracer};
+use litpt::image::Image;
+use litpt::integrator::PathTracer;
+use litpt::render::gather::Gather;
+use litpt::render::{Job, Renderer};
+use litpt::sampler::sobol::{ScrambledNet, scramble_key};
+use litpt::sampler::{IndependentSampler, frame, generator};
+use litpt::scene::{Mesh, Scene};
+use litpt::sky::Sky;
+use litpt::statistics::Accumulator;
+use litpt_book::closed_forms::{cavity, cavity_radiance, look};
+use litpt_book::settings;
+use rand::{Rng, RngExt};
+use rand_pcg::Pcg64;
+use rayon::prelude::*;
+use serde_json::Value;
+use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};
+
+/// Comparisons with a distribution in this file, which together give a false
+/// alarm with one percent of all seeds (Šidák): of guides and of normals, of
+/// 24 pixels and their mean for seven lies in two scenes, and of images.
+const COMPARISONS: i32 = 8 + 17 + 25 * 7 * 2 + 2;
+
+/// The probability below which one of them fails.
+fn significance() -> f64 {
+    1. - 0.99f64.powf(1. / f64::from(COMPARISONS))
+}
+
+/// Demands that a number could be drawn from the normal distribution.
+#[track_caller]
+fn assert_normal(z: f64, what: &str) {
+    let p = 2. * Normal::standard().sf(z.abs());
+    assert!(p > significance(), "{what}: z = {z}");
+}
+
+/// Demands that cells of these probabilities could be hit so often (χ²).
+#[track_caller]
+fn assert_distributed(cells: &[u32], parts: &[f64], what: &str) {
+    let n = f64::from(cells.iter().sum::<u32>());
+    let square = |(&c, &part): (&u32, &f64)| {
+        assert!(n * part >= 5., "{what}: too few for {part}");
+        (f64::from(c) - n * part).powi(2) / (n * part)
+    };
+    let chi2: f64 = cells.iter().zip(parts).map(square).sum();
+    let p = ChiSquared::new(cells.len() as f64 - 1.).unwrap().sf(chi2);
+    assert!(p > significance(), "{what}: chi2 = {chi2}, p = {p:e}");
+}
+
+fn point(random: &mut impl Rng) -> [f64; 2] {
+    [random.random(), random.random()]
+}
+
+// ------------------------------------------------------------------- Guides
+
+/// Part of the probability that is spread over all bins.
+const DEFENCE: f64 = 0.12;
+
+/// Intervals begin at multiples of 2^-16, so that each is off by less than one
+/// of them; a tenth is for sums in single precision.
+fn rounded(interval: f64) -> f64 {
+    1.1 / 65536. / interval
+}
+
+/// Histograms of one bin, of a row, of a column, and at random.
+fn histograms() -> Vec<[f32; BINS]> {
+    let mut random = generator(1, 2, 3);
+    let at = |f: &mut dyn FnMut(usize, usize) -> f32| {
+        std::array::from_fn(|b| f(b / SIDE, b % SIDE))
+    };
+    let last = SIDE - 1;
+    vec![
+        [1.; BINS],
+        at(&mut |i, j| f32::from(i == 0 && j == 0)),
+        at(&mut |i, j| f32::from(i == last && j == last)),
+        at(&mut |i, _| f32::from(i == 5)),
+        at(&mut |_, j| f32::from(j == 9)),
+        at(&mut |_, _| random.random()),
+        at(&mut |_, _| random.random::<f32>().powi(20) * 1e30),
+        at(&mut |i, j| 1e-30 * (i * j) as f32),
+    ]
+}
+
+fn guides() -> impl Iterator<Item = Guide> {
+    histograms().into_iter().map(|bins| Guide::new(&bins).unwrap())
+}
+
+#[test]
+fn the_density_of_a_guide_is_one_on_average_and_bounded_below() {
+    for (guide, bins) in guides().zip(histograms()) {
+        let all = (0..BINS).map(|b| guide.density(b));
+        let mean = all.sum::<f64>() / BINS as f64;
+        assert!((mean - 1.).abs() < 1e-12, "{mean}");
+        let sum: f64 = bins.iter().map(|&b| f64::from(b)).sum();
+        let part = |b: usize| {
+            let share = f64::from(bins[b]) / sum;
+            DEFENCE / BINS as f64 + (1. - DEFENCE) * share
+        };
+        for b in 0..BINS {
+            let first = b / SIDE * SIDE;
+            let row: f64 = (first..first + SIDE).map(part).sum();
+            let error = rounded(row) + rounded(part(b) / row);
+            let off = guide.density(b) / part(b) / BINS as f64 - 1.;
+            assert!(off.abs() < error, "{b}: {off} {error}");
+            // A column has at least 0.12/256 of a row, which has at most 1.
+            let error = rounded(DEFENCE / 16.) + rounded(DEFENCE / 256.);
+            assert!(1. / guide.density(b) < (1. + error) / DEFENCE);
+        }
+    }
+}
+
+#[test]
+fn a_histogram_without_light_is_no_guide() {
+    let with = |b: f32| {
+        let mut bins = [0f32; BINS];
+        bins[77] = b;
+        bins
+    };
+    for b in [0., f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+        assert!(Guide::new(&with(b)).is_none(), "{b}");
+    }
+    assert!(Guide::new(&[f32::MAX; BINS]).is_none());
+    assert!(Guide::new(&with(f32::MIN_POSITIVE)).is_some());
+}
+
+// Four cells of each bin: the points are uniform within it.
+#[test]
+fn a_guide_sends_points_into_its_bins_in_proportion_to_their_density() {
+    const N: u32 = 1 << 17;
+    for (g, guide) in (0..).zip(guides()) {
+        let mut random = generator(4, g, 0);
+        let mut cells = vec![0; 4 * BINS];
+        for _ in 0..N {
+            let u = [random.random(), random.random()];
+            let (point, b) = guide.warp(u);
+            assert_eq!(b, bin(point));
+            let [u, v] = point.map(|u| {
+                assert!((0. ..1.).contains(&u));
+                (2. * SIDE as f64 * u) as usize % 2
+            });
+            cells[4 * b + 2 * u + v] += 1;
+        }
+        let part = |c: usize| guide.density(c / 4) / (4 * BINS) as f64;
+        let parts: Vec<_> = (0..4 * BINS).map(part).collect();
+        assert_distributed(&cells, &parts, &format!("guide {g}"));
+    }
+}
+
+// 256 points of a net have one in each interval of 2^-8. An interval of
+// another length contains whole ones and two that it cuts.
+#[test]
+fn the_points_of_a_net_remain_stratified_in_the_rows_of_a_guide() {
+    let net = ScrambledNet::new(BINS as u64);
+    for (g, guide) in (0..).zip(guides()) {
+        let row = |i: usize| -> f64 {
+            let bins = i * SIDE..(i + 1) * SIDE;
+            bins.map(|b| guide.density(b)).sum()
+        };
+        for (scramble, pair) in (0..20).flat_map(|s| [(s, 0), (s, 1)]) {
+            let key = scramble_key(1, g, scramble);
+            let mut rows = [0f64; SIDE];
+            for i in 0..BINS as u32 {
+                let (_, bin) = guide.warp(net.pair(key, i, pair));
+                rows[bin / SIDE] += 1.;
+            }
+            for (i, count) in rows.iter().enumerate() {
+                let excess = count - row(i);
+                assert!(excess.abs() < 2., "row {i} of {g}: {excess}");
+            }
+        }
+    }
+}
+
+/// Unit vectors along and between the axes, with both signs; nearly so; and
+/// at random.
+fn normals() -> Vec<DVec3> {
+    let mut random = generator(5, 0, 0);
+    let mut all = vec![];
+    let signs = [-1., -1e-9, -1e-300, 0., 1e-16, 1e-4, 1.];
+    for x in signs {
+        for y in signs {
+            for z in signs {
+                all.push(DVec3::new(x, y, z));
+            }
+        }
+    }
+    for i in 0..100 {
+        let mut one = || random.random::<f64>() - 0.5;
+        let n = DVec3::new(one(), one(), one());
+        // Two axes are equally long, or differ by a rounding.
+        let tied = DVec3::new(n.y.abs().next_down(), n.y, n.z);
+        all.extend([n, DVec3::new(n.z, n.y, -n.z)]);
+        all.push(if i % 2 == 0 { tied } else { tied.zxy() });
+    }
+    all.retain(|n| n.length() > 1e-3);
+    all.into_iter().map(DVec3::normalize).collect()
+}
+
+trait Turn {
+    fn zxy(self) -> Self;
+}
+
+impl Turn for DVec3 {
+    fn zxy(self) -> Self {
+        Self::new(self.z, self.x, self.y)
+    }
+}
+
+#[test]
+fn the_bin_of_a_direction_is_that_of_its_point() {
+    let mut random = generator(6, 0, 0);
+    for normal in normals() {
+        // The middle of each bin, corners as near as rounding allows, and
+        // points at random.
+        for b in 0..BINS {
+            for at in [0.5, 1e-9, 1. - 1e-9, random.random()] {
+                let other = random.random::<f64>().clamp(1e-9, 1. - 1e-9);
+                let [u, v] = [(b / SIDE, at), (b % SIDE, other)]
+                    .map(|(i, u)| (i as f64 + u) / SIDE as f64);
+                let d = direction(normal, [u, v]);
+                assert!((d.length() - 1.).abs() < 1e-14, "{normal}");
+                assert!(d.dot(normal) > -1e-15, "{normal} {u} {v}");
+                assert_eq!(bin([u, v]), b);
+                assert_eq!(bin_of(normal, d), b, "{normal} {u} {v}");
+            }
+        }
+        // The middle of the square is the normal, and its edge the horizon.
+        assert!(direction(normal, [0.5, 0.5]).distance(normal) < 1e-15);
+        let edge = direction(normal, [random.random(), 0.]);
+        assert!(edge.dot(normal).abs() < 1e-15);
+    }
+}
+
+#[test]
+fn uniform_points_become_directions_of_cosine_density() {
+    const N: u32 = 1 << 16;
+    let all = normals();
+    for (k, &normal) in (0..).zip(all.iter().step_by(all.len() / 16)) {
+        let mut random = generator(7, k, 0);
+        let (tangent, bitangent) = frame(normal);
+        let mut cells = vec![0; 256];
+        for _ in 0..N {
+            let d = direction(normal, point(&mut random));
+            let height = d.dot(normal);
+            // The square of the sine, and the turn: uniform for cos/π.
+            let square = (1. - height * height).clamp(0., 1. - 1e-12);
+            let turn = d.dot(bitangent).atan2(d.dot(tangent));
+            let turn = turn / std::f64::consts::TAU + 0.5;
+            let [i, j] =
+                [square, turn].map(|u| ((u * 16.) as usize).min(15));
+            cells[16 * i + j] += 1;
+        }
+        assert_distributed(&cells, &[1. / 256.; 256], &normal.to_string());
+    }
+}
+
+// The derivative of a normalised tangent: that of the vector, at most 2, over
+// its length, at least 1/sqrt(2); twice, for the bitangent turns with both.
+#[test]
+fn directions_turn_smoothly_while_the_main_axis_remains() {
+    let mut random = generator(8, 0, 0);
+    for normal in normals() {
+        let mut one = || 1e-4 * (random.random::<f64>() - 0.5);
+        let near = normal + DVec3::new(one(), one(), one());
+        let near = near.normalize();
+        if main_axis(normal) != main_axis(near) {
+            continue;
+        }
+        for _ in 0..20 {
+            let s = point(&mut random);
+            let step = direction(normal, s).distance(direction(near, s));
+            assert!(step < 8. * near.distance(normal), "{normal}: {step}");
+        }
+    }
+}
+
+// ---------------------------------------------------------------- The cache
+
+/// The lowest corner of all cubes, and bounds of their sides.
+const LOW: f64 = -4100.;
+const LEAST: f64 = 1. / 32.;
+const MOST: f64 = 128.;
+
+/// The side of the cubes: the smallest that leads from one to the next.
+fn side(grid: &Grid) -> f64 {
+    let name = |x: f64| grid.name(DVec3::splat(LOW + x), DVec3::Z);
+    let mut sides = (-10..10).map(|k: i32| 2f64.powi(k));
+    sides.find(|&side| name(side) != name(0.)).unwrap()
+}
+
+/// Points spread evenly over a length along one axis.
+fn along(axis: usize, length: f64) -> Vec<DVec3> {
+    let at = |i: i32| length * (f64::from(i) / 1000. - 0.5);
+    (0..=1000).map(|i| at(i) * DVec3::AXES[axis]).collect()
+}
+
+#[test]
+fn the_side_of_the_cubes_follows_from_the_spread_of_the_points() {
+    let of = |points: &[DVec3]| side(&Grid::around(points));
+    assert_eq!(of(&[]), LEAST);
+    assert_eq!(of(&[DVec3::splat(77.)]), LEAST);
+    assert_eq!(of(&[DVec3::splat(-1e3); 5000]), LEAST);
+    for axis in 0..3 {
+        // 98 % of 640 are 627.2, a 64th of which is 9.8.
+        assert_eq!(of(&along(axis, 640.)), 8.);
+        assert_eq!(of(&along(axis, 2. * 64. / 0.98 + 1e-6)), 2.);
+        assert_eq!(of(&along(axis, 1e9)), MOST);
+        assert_eq!(of(&along(axis, 1e-9)), LEAST);
+    }
+    // One percent far away on either side changes nothing.
+    let mut far = along(1, 640.);
+    far.extend([DVec3::splat(1e300), DVec3::splat(-1e300)]);
+    assert_eq!(of(&far), 8.);
+}
+
+/// Normals whose main axis is clear or tied.
+fn six_and_ties() -> Vec<DVec3> {
+    let axes = DVec3::AXES.into_iter().flat_map(|a| [a, -a]);
+    let ties = [(1., 1., 0.), (1., 0., -1.), (0., -1., 1.), (-1., 1., 1.)];
+    let ties = ties.map(|(x, y, z)| DVec3::new(x, y, z));
+    let near = ties.map(|n| n + DVec3::new(1e-16, -2e-16, 3e-16));
+    axes.chain(ties).chain(near).map(DVec3::normalize).collect()
+}
+
+#[test]
+fn the_names_of_coarser_cells_nest() {
+    let grid = Grid::around(&along(0, 640.));
+    let (side, mut random) = (side(&grid), generator(9, 0, 0));
+    let cube = |p: DVec3, level: usize| {
+        let side = side * f64::from(1 << level);
+        ((p - LOW) / side).floor().to_array()
+    };
+    let class = |n: DVec3| (main_axis(n), n[main_axis(n)] > 0.);
+    let normals = six_and_ties();
+    for i in 0..20_000 {
+        let mut one = || random.random::<f64>() - 0.5;
+        let p = 200. * DVec3::new(one(), one(), one());
+        let reach = 4. * side * f64::from(1 << (i % LEVELS));
+        let q = p + reach * DVec3::new(one(), one(), one());
+        let mut any = || normals[random.random_range(0..normals.len())];
+        let (n, m) = (any(), any());
+        for level in 0..LEVELS {
+            // Three bits fewer for each level; the class is above them.
+            let name = |p, n| grid.name(p, n) >> (3 * level);
+            let same = cube(p, level) == cube(q, level);
+            assert_eq!(name(p, n) == name(q, n), same);
+            let alike = same && class(n) == class(m);
+            assert_eq!(name(p, n) == name(q, m), alike);
+        }
+    }
+}
+
+/// The finest cell there is at a place.
+fn at(cache: &RadianceCache, p: DVec3, normal: DVec3) -> Cell {
+    *cache.at(cache.grid().name(p, normal))
+}
+
+/// So many records of one value, from a cell.
+fn told(from: u64, value: f32, count: usize) -> Vec<Record> {
+    vec![Record { from, to: SKY, weight: value, bin: 0 }; count]
+}
+
+#[test]
+fn a_place_without_records_has_the_cell_of_the_next_level() {
+    let grid = Grid::around(&along(0, 640.));
+    let (side, mut random) = (side(&grid), generator(10, 0, 0));
+    let p = DVec3::new(3., 4., 5.);
+    let mut records = told(grid.name(p, DVec3::Z), 0.5, 20);
+    let cache = RadianceCache::learn(grid, &mut records, 0.8);
+    for _ in 0..1000 {
+        let mut one = || 40. * side * (random.random::<f64>() - 0.5);
+        let q = p + DVec3::new(one(), one(), one());
+        let level = (0..LEVELS).find(|level| {
+            let side = side * f64::from(1 << level);
+            ((p - LOW) / side).floor() == ((q - LOW) / side).floor()
+        });
+        let found = f64::from(at(&cache, q, DVec3::Z).value);
+        let expected = if level.is_some() { 0.4 } else { 0. };
+        assert!((found - expected).abs() < 1e-6, "{level:?}: {found}");
+        assert_eq!(at(&cache, q, -DVec3::Z).value, 0.);
+    }
+}
+
+#[test]
+fn a_cache_does_not_depend_on_the_order_of_threads() {
+    let grid = Grid::around(&along(0, 640.));
+    let mut random = generator(11, 0, 0);
+    let mut place = || {
+        let mut one = || 50. * (random.random::<f64>() - 0.5);
+        grid.name(DVec3::new(one(), one(), one()), DVec3::Z)
+    };
+    let record = |i: u32| Record {
+        from: place(),
+        to: if i % 3 == 0 { SKY } else { place() },
+        weight: 1. / (1 + i % 5) as f32,
+        bin: (i % 256) as u16,
+    };
+    let records: Vec<_> = (0..20_000).map(record).collect();
+    let learn = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+        let learn =
+            || RadianceCache::learn(grid, &mut records.clone(), 0.9);
+        pool.build().unwrap().install(learn)
+    };
+    let (one, many) = (learn(1), learn(5));
+    let mut random = generator(12, 0, 0);
+    for _ in 0..1000 {
+        let mut any = || 60. * (random.random::<f64>() - 0.5);
+        let p = DVec3::new(any(), any(), any());
+        let [a, b] = [&one, &many].map(|cache| {
+            let cell = at(cache, p, DVec3::Z);
+            format!("{cell:?} {:?}", cache.guide(&cell))
+        });
+        assert!(a == b, "{p}");
+    }
+}
+
+/// The names of the four cells around a place, in the plane across the main
+/// axis of the normal, with their bilinear weights from the distances to
+/// their centres.
+fn around(grid: &Grid, p: DVec3, normal: DVec3) -> BTreeMap<u64, f64> {
+    let side = side(grid);
+    let centres = (p - LOW) / side - 0.5;
+    let (low, part) = (centres.floor(), centres - centres.floor());
+    let a = (main_axis(normal) + 1) % 3;
+    let b = (main_axis(normal) + 2) % 3;
+    let mut weights = BTreeMap::new();
+    for (i, j) in [(0., 0.), (0., 1.), (1., 0.), (1., 1.)] {
+        let mut q = p;
+        q[a] = (low[a] + i + 0.5) * side + LOW;
+        q[b] = (low[b] + j + 0.5) * side + LOW;
+        let weight =
+            (1. - (i - part[a]).abs()) * (1. - (j - part[b]).abs());
+        *weights.entry(grid.name(q, normal)).or_default() += weight;
+    }
+    weights.retain(|_, weight| *weight > 0.);
+    weights
+}
+
+// The middles of 64 by 64 squares give each of the four cells exactly its
+// weight, where the point divides the cube in 64ths.
+#[test]
+fn a_cell_nearby_is_drawn_with_its_bilinear_weight() {
+    const PARTS: i32 = 64;
+    let grid = Grid::around(&along(0, 640.));
+    let (side, mut random) = (side(&grid), generator(14, 0, 0));
+    for normal in six_and_ties() {
+        for i in 0..100 {
+            let mut place = || match i {
+                // A corner of cubes, and the centre of one.
+                0 => 0.,
+                1 => f64::from(PARTS / 2),
+                _ => f64::from(random.random_range(-PARTS..PARTS)),
+            };
+            let cubes = DVec3::new(place(), place(), place());
+            let p = (cubes / f64::from(PARTS) + 512.) * side + LOW;
+            let middle = |k: i32| (f64::from(k) + 0.5) / f64::from(PARTS);
+            let mut weights = BTreeMap::new();
+            for j in 0..PARTS {
+                for k in 0..PARTS {
+                    let u = [middle(j), middle(k)];
+                    let name = grid.near(p, normal, u);
+                    *weights.entry(name).or_default() +=
+                        1. / f64::from(PARTS * PARTS);
+                }
+            }
+            assert_eq!(weights, around(&grid, p, normal), "{normal} {p}");
+        }
+    }
+}
+
+// ------------------------------------------------------------ Lying caches
+
+/// A scene with a camera, to be rendered by any method.
+struct Stage {
+    scene: Scene,
+    bvh: Bvh,
+    camera: Camera,
+    sky: Sky,
+    albedo: f64,
+    resolution: (u32, u32),
+}
+
+impl Stage {
+    fn new(
+        mesh: &Mesh,
+        view: &View,
+        albedo: f64,
+        resolution: (u32, u32),
+    ) -> Self {
+        let aspect = f64::from(resolution.0) / f64::from(resolution.1);
+        let camera = Camera::new(view, aspect).unwrap();
+        let scene = Scene::new(mesh);
+        let bvh = Bvh::new(&scene).unwrap();
+        let sky = Sky::new(DVec3::Z);
+        Self { scene, bvh, camera, sky, albedo, resolution }
+    }
+
+    /// Inside a sphere that is open at the top, where all that is seen has
+    /// the same radiance; and that radiance.
+    fn cavity(resolution: (u32, u32)) -> (Self, f64) {
+        let (open, albedo) = (0.2, 0.8);
+        let view = look(DVec3::ZERO, DVec3::new(0.3, 0.2, -1.), 60.);
+        let stage =
+            Self::new(&cavity(open, 128), &view, albedo, resolution);
+        (stage, cavity_radiance(albedo, open))
+    }
+
+    /// A room with a block in it, and a window.
+    fn room(resolution: (u32, u32)) -> Self {
+        let setting = settings::named("room with a window");
+        Self::new(&setting.mesh, &setting.view, setting.rho, resolution)
+    }
+
+    fn tracer<'a>(&'a self, cache: &'a RadianceCache) -> Tracer<'a, Bvh> {
+        Tracer {
+            scene: &self.scene,
+            intersector: &self.bvh,
+            camera: &self.camera,
+            sky: self.sky,
+            albedo: self.albedo,
+            cache,
+            rays: 0,
+        }
+    }
+
+    /// Points of its surfaces, with their normals, as paths meet them.
+    fn surface(&self, count: usize) -> Vec<(DVec3, DVec3)> {
+        let empty = RadianceCache::empty(Grid::around(&[]));
+        let mut tracer = self.tracer(&empty);
+        let mut random = generator(20, 0, 0);
+        let mut points = vec![];
+        while points.len() < count {
+            let [x, y] = point(&mut random);
+            let mut end = tracer.look(x, y);
+            while let End::Hit(hit) = end {
+                points.push((hit.point, hit.normal));
+                let u = [random.random(), random.random()];
+                end = tracer.shoot(&hit, None, u).end;
+            }
+        }
+        points
+    }
+
+    /// The image of the path tracer.
+    fn reference(&self, samples: u64) -> Film {
+        let mut film = Film::new(self.resolution.0, self.resolution.1);
+        let mut job = Job {
+            scene: &self.scene,
+            intersector: &self.bvh,
+            camera: &self.camera,
+            integrator: PathTracer { albedo: self.albedo, sky: self.sky },
+            known: &KnownPixels::Nothing,
+            sampler: IndependentSampler::new(21),
+        };
+        job.pass(&mut film, samples, &|_| true);
+        film
+    }
+}
+
+/// A cache of what somebody says. The cells of a part of its surfaces have
+/// so many records of the value that `tell` gives; half of them go to the sky
+/// in few directions, so that its guides point there.
+fn lie(
+    stage: &Stage,
+    part: f64,
+    mut tell: impl FnMut(&mut Pcg64) -> f32,
+) -> RadianceCache {
+    const RECORDS: u16 = 20;
+    let surface = stage.surface(20_000);
+    let points: Vec<_> = surface.iter().map(|(p, _)| *p).collect();
+    let grid = Grid::around(&points);
+    let mut names: Vec<_> =
+        surface.iter().map(|&(p, n)| grid.name(p, n)).collect();
+    names.sort_unstable();
+    names.dedup();
+    let (mut random, mut records) = (generator(22, 0, 0), vec![]);
+    for from in names {
+        if random.random::<f64>() >= part {
+            continue;
+        }
+        let weight = 2. * tell(&mut random);
+        for i in 0..RECORDS {
+            let bin = random.random_range(0..BINS as u16);
+            records.push(match i % 2 {
+                0 => Record { from, to: SKY, weight, bin: bin % 7 * 31 },
+                _ => Record { from, to: DARKNESS, weight: 1., bin },
+            });
+        }
+    }
+    RadianceCache::learn(grid, &mut records, 1.)
+}
+
+/// The lies, by name: about the radiance, and where there is none.
+fn lies(stage: &Stage) -> Vec<(&'static str, RadianceCache)> {
+    vec![
+        ("empty", RadianceCache::empty(Grid::around(&[]))),
+        ("zero", lie(stage, 1., |_| 0.)),
+        ("ten times", lie(stage, 1., |_| 4.)),
+        ("negative", lie(stage, 1., |_| -2.)),
+        ("negative in places", lie(stage, 0.2, |_| -2.)),
+        (
+            "zero or four",
+            lie(stage, 0.7, |r| 4. * f32::from(r.random::<bool>())),
+        ),
+        ("random", lie(stage, 0.7, |r| 6. * r.random::<f32>() - 2.)),
+    ]
+}
+
+/// Pixels of one tile, as many as the comparisons allow for.
+const FEW: (u32, u32) = (6, 4);
+
+/// Few rays for each correction, and many corrections.
+const FRUGAL: Correction =
+    Correction { group: 16, step: 1., gathers: 4, paths: 2, branches: 2 };
+
+/// The mean of each pixel over many scrambles, and that of the image.
+fn gathered(
+    stage: &Stage,
+    cache: &RadianceCache,
+    correction: Option<Correction>,
+    scrambles: u64,
+) -> (Vec<Accumulator>, Accumulator) {
+    let (width, height) = stage.resolution;
+    let mut film = Film::new(width, height);
+    let tiles: Vec<Tile> = film.tiles().iter().map(|t| t.0).collect();
+    let area = (width * height) as usize;
+    // Pixels have 1, 2, 3, 5 samples.
+    let counts = (0..area).map(|i| [1, 2, 3, 5][i % 4]).collect();
+    let scale = (0..area).map(|i| [0.1, 1., 3.][i % 3]).collect();
+    let plan = Plan {
+        resolution: stage.resolution,
+        window: film.window(),
+        known: &KnownPixels::Nothing,
+        allocation: &Allocation { counts, scale },
+        net: ScrambledNet::new(64),
+        seed: 23,
+        correction,
+    };
+    assert_eq!(tiles.len(), 1, "one tile");
+    let images: Vec<Vec<f64>> = (0..scrambles)
+        .into_par_iter()
+        .map(|n| stage.tracer(cache).tile(&plan, tiles[0], n))
+        .collect();
+    let mut pixels = vec![Accumulator::default(); area];
+    let mut whole = Accumulator::default();
+    for image in images {
+        whole.add(image.iter().sum::<f64>() / area as f64);
+        pixels.iter_mut().zip(image).for_each(|(p, v)| p.add(v));
+    }
+    (pixels, whole)
+}
+
+fn z(found: &Accumulator, (truth, error): (f64, f64)) -> f64 {
+    (found.mean() - truth) / found.standard_error().hypot(error)
+}
+
+/// Demands that all lies leave the pixels of a scene and their mean as they
+/// are, given with their errors; and that they do not without a correction.
+#[track_caller]
+fn assert_unmoved(
+    stage: &Stage,
+    pixels: &[(f64, f64)],
+    mean: (f64, f64),
+    scrambles: u64,
+) {
+    for (name, cache) in lies(stage) {
+        let (found, whole) =
+            gathered(stage, &cache, Some(FRUGAL), scrambles);
+        assert_normal(z(&whole, mean), &format!("{name}, the mean"));
+        for (i, (found, &truth)) in found.iter().zip(pixels).enumerate() {
+            assert_normal(z(found, truth), &format!("{name}, pixel {i}"));
+        }
+        let (_, believed) = gathered(stage, &cache, None, scrambles);
+        let z = z(&believed, mean);
+        assert!(z.abs() > 30., "{name} is believed: z = {z}");
+    }
+}
+
+#[test]
+fn a_lying_cache_does_not_change_the_mean_of_a_cavity() {
+    let (stage, exact) = Stage::cavity(FEW);
+    let pixels = [(exact, 0.); (FEW.0 * FEW.1) as usize];
+    assert_unmoved(&stage, &pixels, (exact, 0.), 400);
+}
+
+// Here walls hide the block and the window from one another.
+#[test]
+fn a_lying_cache_does_not_change_the_mean_of_a_room() {
+    let stage = Stage::room(FEW);
+    let truth = Truth::of(&stage);
+    assert_unmoved(&stage, &truth.pixels, truth.mean, 600);
+}
+
+// ------------------------------------------------------------ Honest errors
+
+impl Stage {
+    /// An image of so many samples, in scrambles of `replicate`.
+    fn gather(&self, seed: u64, replicate: u64, samples: u64) -> Film {
+        let (width, height) = self.resolution;
+        let film = Film::new(width, height).with_replicates(replicate);
+        let mut film = film.with_shared_tiles();
+        let mut gather = Gather {
+            scene: &self.scene,
+            intersector: &self.bvh,
+            camera: &self.camera,
+            sky: self.sky,
+            albedo: self.albedo,
+            known: &KnownPixels::Nothing,
+            seed,
+            training: 1 << 16,
+            correction: Some(Correction::default()),
+            learnt: None,
+        };
+        gather.pass(&mut film, samples, &|_| true);
+        film
+    }
+}
+
+/// The radiance of pixels, and its standard error.
+struct Truth {
+    pixels: Vec<(f64, f64)>,
+    mean: (f64, f64),
+}
+
+impl Truth {
+    /// From 16384 paths of each pixel.
+    fn of(stage: &Stage) -> Self {
+        let film = stage.reference(1 << 14);
+        let pixels = film.rows().map(|p| (p.mean(), p.standard_error()));
+        let (pixels, summary) = (pixels.collect(), film.summary());
+        Self { pixels, mean: (summary.mean, summary.mean_stderr) }
+    }
+}
+
+/// The mean square of the errors of pixels, over what it should be.
+fn honesty(film: &Film, truth: &Truth) -> f64 {
+    let all = film.means().zip(film.errors(WORTH)).zip(&truth.pixels);
+    let squares =
+        all.map(|((mean, error), (truth, unsure)): (_, &(f64, f64))| {
+            (mean - truth).powi(2) / (error * error + unsure * unsure)
+        });
+    squares.sum::<f64>() / film.area() as f64
+}
+
+// 16 scrambles of 16 samples. If each pixel had its own variance alone, with 15
+// degrees of freedom, the mean square would be 15/13; with its neighbours', as
+// the film has them, it is about 1.04. Between images it has a standard
+// deviation of 0.09, which includes that pixels share corrections; the root of
+// the mean of ten has 0.014. A right program, at 1.02, leaves the interval with
+// one of a hundred seeds.
+#[test]
+fn the_errors_of_pixels_are_as_large_as_stated() {
+    let stage = Stage::room((32, 24));
+    let truth = Truth::of(&stage);
+    let images = (0..10)
+        .map(|seed| honesty(&stage.gather(100 + seed, 16, 256), &truth));
+    let deviation = (images.sum::<f64>() / 10.).sqrt();
+    assert!((0.95..1.05).contains(&deviation), "{deviation}");
+}
+
+// Pixels share corrections, so that the error of the mean of an image is not
+// that of as many independent pixels, but follows from the means of the tiles.
+// Those of the four tiles have 15 degrees of freedom or more together; that
+// makes their squares larger by at most 15/13.
+#[test]
+fn the_error_of_the_mean_of_an_image_is_as_large_as_stated() {
+    const SEEDS: u32 = 40;
+    let stage = Stage::room((32, 24));
+    let truth = Truth::of(&stage);
+    let (mut shared, mut independent) = (0., 0.);
+    for seed in 0..SEEDS {
+        let film = stage.gather(200 + u64::from(seed), 4, 64);
+        let summary = film.summary();
+        let square = (summary.mean - truth.mean.0).powi(2);
+        let unsure = truth.mean.1.powi(2);
+        shared += square / (summary.mean_stderr.powi(2) + unsure);
+        let pixels = summary.rmse.powi(2) / film.area() as f64;
+        independent += square / (pixels + unsure);
+    }
+    let chi2 = ChiSquared::new(SEEDS.into()).unwrap();
+    assert!(chi2.sf(shared * 13. / 15.) > significance(), "{shared}");
+    assert!(chi2.cdf(shared) > significance(), "{shared}");
+    assert!(chi2.sf(independent * 13. / 15.) < 1e-9, "{independent}");
+}
+
+// -------------------------------------------------------------- The command
+
+const METHODS: [&str; 2] = ["sobol", "gather"];
+
+/// Runs `pt` on the room.
+fn pt(place: &Scratch, method: &str, options: &[&str]) -> Run {
+    let room = ["-q", "-iroom.obj", "-d23x17", "-r0.7"];
+    let method = ["--integrator", method];
+    let run = place.run(&[&room[..], &method, options].concat());
+    run.succeeded();
+    run
+}
+
+/// The numbers of a PFM, which has no attributes.
+fn image(place: &Scratch, method: &str, options: &[&str]) -> Vec<u8> {
+    let run = pt(place, method, &[&["--format=pfm"], options].concat());
+    assert!(!run.stdout.is_empty());
+    run.stdout
+}
+
+#[test]
+fn threads_and_instructions_do_not_change_a_bit_of_any_method() {
+    let place = Scratch::new();
+    for method in METHODS {
+        let one = image(&place, method, &["-n64", "-j1"]);
+        for threads in ["-j2", "-j7"] {
+            let many = image(&place, method, &["-n64", threads]);
+            assert!(many == one, "{method} {threads}");
+        }
+        for isa in Isa::ALL.into_iter().filter(|isa| isa.is_available()) {
+            let option = format!("--isa={isa}");
+            let other = image(&place, method, &["-n64", &option]);
+            assert!(other == one, "{method} {option}");
+        }
+        assert!(image(&place, method, &["-n64", "-s1"]) != one);
+    }
+    let [a, b] = METHODS.map(|method| image(&place, method, &["-n64"]));
+    assert!(a != b && a != image(&place, "reference", &["-n64"]));
+}
+
+/// The samples in a checkpoint; none if there is no such file.
+fn saved_spp(place: &Scratch) -> Option<u64> {
+    let bytes = fs::read(place.path("c")).ok()?;
+    let line = bytes.split(|&byte| byte == b'\n').nth(1)?;
+    let header: Value = serde_json::from_slice(line).unwrap();
+    header["convergence"]["spp"].as_u64()
+}
+
+/// Starts a run that saves itself, and sends a signal when it has saved more
+/// than `spp` samples; returns how many there are then.
+fn stop(place: &Scratch, name: &str, spp: u64, options: &[&str]) -> u64 {
+    let saving = ["-q", "--every=0.001", "--checkpoint=c", "-o", "a.pfm"];
+    let mut command = place.pt(&[&saving[..], options].concat());
+    let mut child: Child = command.spawn().unwrap();
+    let start = Instant::now();
+    while saved_spp(place) <= Some(spp) {
+        assert!(child.try_wait().unwrap().is_none(), "has ended");
+        assert!(start.elapsed() < Duration::from_secs(60), "hangs");
+        thread::sleep(Duration::from_millis(1));
+    }
+    let kill = format!("kill -{name} {}", child.id());
+    let mut shell = std::process::Command::new("sh");
+    let _ = shell.args(["-c", &kill]).status().unwrap();
+    let run = finish(child);
+    assert_ne!(run.status, Some(0), "the run has ended before");
+    saved_spp(place).unwrap()
+}
+
+// A signal leaves tiles of different numbers of scrambles, a kill the last
+// state that was saved.
+#[test]
+fn a_run_that_was_stopped_goes_on_to_the_image_of_an_uninterrupted_one() {
+    for (method, n) in [("sobol", "-n8192"), ("gather", "-n2048")] {
+        let place = Scratch::new();
+        let room = ["-iroom.obj", "-d23x17", "-r0.7", "-j2", n];
+        let run = [&room[..], &["--integrator", method]].concat();
+        let first = stop(&place, "INT", 0, &run);
+        let on = ["-f", "--resume=c", "-j1"];
+        let second = stop(&place, "KILL", first, &[&run[..], &on].concat());
+        assert!(second > first);
+        place.run(&["--resume=c", "-j7"]).succeeded();
+        let whole = image(&place, method, &[n]);
+        assert!(place.get("a.pfm") == whole, "{method}");
+    }
+}
+
+#[test]
+fn a_checkpoint_decides_how_many_samples_are_placed_together() {
+    for method in METHODS {
+        let place = Scratch::new();
+        // Scrambles of 4 samples; those of 160 samples would have 8.
+        pt(&place, method, &["-n64", "-o", "a.pfm", "--checkpoint=c"]);
+        place.put("d", place.get("c"));
+        let on = |name: &str, n: &str| {
+            place.run(&["-q", "--resume", name, n]).succeeded();
+            place.get("a.pfm")
+        };
+        let at_once = on("c", "-n160");
+        assert_eq!(saved_spp(&place), Some(160));
+        on("d", "-n98");
+        assert!(on("d", "-n160") == at_once, "{method}");
+        assert!(image(&place, method, &["-n160"]) != at_once);
+        // Another method or seed is another run.
+        for (option, fact) in
+            [("--integrator=reference", "integrator"), ("-s1", "seed")]
+        {
+            let other = place.run(&["--resume=c", option]);
+            other.failed(1, &["another run", fact]);
+        }
+    }
+}
+
+fn report(place: &Scratch) -> Value {
+    serde_json::from_slice(&place.get("r.json")).unwrap()
+}
+
+#[test]
+fn samples_are_rounded_up_to_whole_scrambles() {
+    let place = Scratch::new();
+    let files = ["-f", "-o", "a.exr", "-o", "a.pfm", "--report=r.json"];
+    for method in METHODS {
+        for (n, there) in [("-n1", 1), ("-n3", 3), ("-n33", 34)] {
+            pt(&place, method, &[&files[..], &[n]].concat());
+            let report = report(&place);
+            assert_eq!(report["spp"], there, "{method} {n}");
+            assert_eq!(report["mean_stderr"].is_null(), n == "-n1");
+            let image = Image::read(&place.path("a.exr")).unwrap();
+            assert!(
+                image.samples.unwrap().iter().all(|&s| s == there as f64)
+            );
+            assert_eq!(image.attributes["spp"], there.to_string());
+            let named = image.attributes["integrator"].contains("nets of");
+            assert!(named, "{:?}", image.attributes);
+            let plain = Image::read(&place.path("a.pfm")).unwrap();
+            assert_eq!(plain.means, image.means);
+        }
+    }
+}
+
+#[test]
+fn a_gather_stops_at_its_time_and_at_its_error() {
+    let place = Scratch::new();
+    let files = ["-f", "-o", "a.exr", "--report=r.json"];
+    pt(&place, "gather", &[&files[..], &["--time=1"]].concat());
+    assert_eq!(report(&place)["stopped"], "time");
+    assert!(report(&place)["spp"].as_u64() > Some(0));
+    pt(&place, "gather", &[&files[..], &["--error=0.05"]].concat());
+    let report = report(&place);
+    assert_eq!(report["stopped"], "error");
+    assert!(report["rmse"].as_f64() < Some(0.05));
+    let image = Image::read(&place.path("a.exr")).unwrap();
+    let squares: f64 = image.errors.unwrap().iter().map(|e| e * e).sum();
+    let rmse = (squares / (23. * 17.)).sqrt();
+    assert!((rmse / report["rmse"].as_f64().unwrap() - 1.).abs() < 1e-5);
+}
+
+/// A closed box around the camera.
+const BOX: &str = "\
+v -1 -1 -1\nv 1 -1 -1\nv 1 1 -1\nv -1 1 -1\n\
+v -1 -1 1\nv 1 -1 1\nv 1 1 1\nv -1 1 1\n\
+f 1 2 3 4\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n";
+
+/// A triangle in front of the camera, and one behind it.
+const AHEAD: &str = "v -1 4 -1\nv 1 4 -1\nv 0 4.3 1\nf 1 2 3\n";
+const BEHIND: &str = "v -1 -4 -1\nv 1 -4 -1\nv 0 -4.3 1\nf 1 2 3\n";
+
+#[test]
+fn scenes_without_light_or_surface_and_single_pixels_are_gathered() {
+    let place = Scratch::new();
+    place.put("box.obj", BOX);
+    place.put("ahead.obj", AHEAD);
+    place.put("behind.obj", BEHIND);
+    let means = |options: &[&str]| {
+        let gather = ["-q", "-f", "-o", "a.pfm", "--integrator=gather"];
+        place.run(&[&gather[..], options].concat()).succeeded();
+        let image = Image::read(&place.path("a.pfm")).unwrap();
+        assert!(image.means.iter().all(|mean| mean.is_finite()));
+        image.means
+    };
+    // Closed and dark, whether that is known or not.
+    for options in
+        [&["-r1"][..], &["-r0.5", "--keep-all"], &["-r1", "--keep-all"]]
+    {
+        let dark =
+            means(&[&["-ibox.obj", "-d4x3", "-n2"], options].concat());
+        assert_eq!(dark, [0.; 12], "{options:?}");
+    }
+    // Half of an image without a triangle is sky.
+    for options in [&[][..], &["--keep-all"]] {
+        let sky =
+            means(&[&["-ibehind.obj", "-d4x6", "-n2"], options].concat());
+        assert_eq!(sky, [[1.; 12], [0.; 12]].concat());
+    }
+    // A triangle alone sees the sky above its horizon: (1 + cos) / 2 of its
+    // hemisphere. Each sample is at most 1, so that the standard error of
+    // independent ones is 1/128 at most, and that of a net is less.
+    let one = means(&["-iahead.obj", "-d1x1", "-F1", "-n4096", "-r1"]);
+    let exact = 0.5 + 0.5 * 0.3 / 4.09f64.sqrt();
+    assert!((one[0] - exact).abs() < 4. / 128., "{one:?} {exact}");
+    // Black surfaces, single pixels and parts of an image.
+    for options in [
+        &["-r0", "--keep-all"][..],
+        &["-r0"],
+        &["-d1x1", "-n16"],
+        &["-d1x1", "-n1"],
+        &["-d40x30", "--crop=5,7,20x9", "-n16"],
+        &["-d40x30", "--crop=39,29,1x1", "-n16"],
+    ] {
+        let room = means(&[&["-iroom.obj"], options].concat());
+        assert!(room.iter().all(|mean| *mean > -0.5), "{options:?}");
+    }
+}
