@@ -14,6 +14,7 @@ pub mod background;
 pub mod interior;
 
 // Name what the analysis imports
+use std::fmt;
 use std::str::FromStr;
 
 use rayon::prelude::*;
@@ -280,13 +281,13 @@ impl SceneAnalysis {
 
     // End a run of which all is known
     /// The intersector and the integrator that are needed, in words.
-    pub fn parts(&self, isa: Isa) -> String {
+    pub fn parts(&self, isa: Isa, method: impl fmt::Display) -> String {
         match self.is_black {
             _ if self.known.is_all() => "none: no ray".to_owned(),
             true => {
                 format!("{isa}; one ray a path, which asks for any hit")
             }
-            false => format!("{isa}; path tracer"),
+            false => format!("{isa}; {method}"),
         }
     }
 

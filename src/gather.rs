@@ -82,13 +82,9 @@ pub struct Sample {
 
 // Shoot a guided ray
 impl<K: Intersector> Tracer<'_, K> {
-    /// The same with another cache, which has traced no ray.
-    pub fn with<'b>(&'b self, cache: &'b RadianceCache) -> Tracer<'b, K> {
-        Tracer { cache, rays: 0, ..*self }
-    }
-
-    /// Traces the ray that leaves `x` in the direction that the guide
-    /// gives to a uniform point of the square.
+    // Trace a ray in the direction of a guide
+    /// Traces the ray that leaves `x` in the direction that the guide gives to
+    /// a uniform point of the square, in units of 2^-32.
     #[inline]
     pub fn shoot(
         &mut self,
@@ -110,11 +106,11 @@ impl<K: Intersector> Tracer<'_, K> {
         let ray = Ray { origin: x.point, direction };
         self.rays += 1;
         let hit = self.intersector.first_hit(&ray, Some(x.primitive));
-        let end =
-            hit.map_or(End::Sky(self.sky.radiance(direction)), End::Hit);
-        Shot { weight, bin, end }
+        let sky = || End::Sky(self.sky.radiance(direction));
+        Shot { weight, bin, end: hit.map_or_else(sky, End::Hit) }
     }
 
+    // Find a cell near a hit
     /// One of the four cells around a hit, at random: `u` is uniform over
     /// the square.
     #[inline]
@@ -123,6 +119,12 @@ impl<K: Intersector> Tracer<'_, K> {
         *self.cache.at(grid.near(hit.point, hit.normal, u))
     }
 
+    /// The same with another cache, which has traced no ray.
+    pub fn with<'b>(&'b self, cache: &'b RadianceCache) -> Tracer<'b, K> {
+        Tracer { cache, rays: 0, ..*self }
+    }
+
+    // Look through the camera
     /// The first hit of the ray of the camera through (`x`, `y`) of the
     /// image, or the radiance of the sky behind it.
     #[inline]
@@ -132,7 +134,8 @@ impl<K: Intersector> Tracer<'_, K> {
         self.rays += u64::from(ray.is_some());
         let hit =
             ray.and_then(|ray| self.intersector.first_hit(&ray, None));
-        hit.map_or(End::Sky(self.sky.radiance(direction)), End::Hit)
+        let sky = || End::Sky(self.sky.radiance(direction));
+        hit.map_or_else(sky, End::Hit)
     }
 }
 

@@ -150,6 +150,8 @@ fn run(
         return explain(&analysis, arguments);
     }
     let sampling = sampling(arguments, &analysis, window, &files);
+    let method = sampling.method.to_string();
+    known.settings.insert("integrator".into(), method.into());
     let run_key = run_key(arguments, &sampling, &known.scene.sha256);
     let film = sampling.film(arguments.resolution, window);
     let mut job = renderer(&scene, &bvh, &inquiry, &analysis, &sampling);
@@ -420,7 +422,7 @@ fn explain(
         lines += &format!("{fact:13}{sign:10}{why}\n");
         lines += &format!("{:23}{would} {saves}\n", "");
     }
-    let parts = analysis.parts(arguments.isa());
+    let parts = analysis.parts(arguments.isa(), arguments.integrator);
     lines += &format!("{:13}{parts}\n", "intersector");
     let out = OutputTarget::standard_output();
     out.write(&mut |out| out.write_all(lines.as_bytes()))?;

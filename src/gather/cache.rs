@@ -254,6 +254,7 @@ impl Cells {
         }
     }
 
+    // Number the cells of a level
     /// The numbers of the cells of a level.
     fn level(&self, level: usize) -> Range<usize> {
         self.offsets[level]..self.offsets[level + 1]
@@ -372,10 +373,17 @@ fn errors(
         let n = cells.count(wide);
         let square = first[wide] * first[wide] / n;
         let variance = ((second[wide] - square) / (n - 1.).max(1.)).max(0.);
-        let coarse = values[cells.parents[c] as usize] - values[c];
+        // Add up the differences to the coarser cells
+        let (mut spread, mut part, mut wide) = (0., 0.5, c);
+        while wide < cells.parents.len() {
+            wide = cells.parents[wide] as usize;
+            let difference = values[wide] - values[c];
+            spread += part * difference * difference;
+            part *= 0.5;
+        }
         let own = values[c] / 20.;
         let noise = variance / (cells.count(c) + WORTH);
-        (noise + 0.5 * coarse * coarse + own * own).sqrt().max(least)
+        (noise + spread + own * own).sqrt().max(least)
     };
     let coarser = values[cells.offsets[1]..].iter();
     let coarser = coarser.map(|value| value.abs().max(least));
@@ -479,8 +487,7 @@ impl RadianceCache {
         let (guides, numbers) = guides(&cells, records, &ends, &values);
         for (c, &name) in cells.names.iter().enumerate() {
             let (slot, mark) = cache.slot(name);
-            let (value, error) = (values[c], errors[c]);
-            let guide = numbers[c];
+            let (value, error, guide) = (values[c], errors[c], numbers[c]);
             cache.cells[slot] = Cell { mark, value, error, guide };
         }
         cache.guides = guides;

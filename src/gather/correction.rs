@@ -55,9 +55,7 @@ impl<K: Intersector> Tracer<'_, K> {
                     f64::from(cell.error) / plan.allocation.scale[number];
                 let importance = self.albedo * weight * relative;
                 reached += importance;
-                let draws =
-                    ((reached - next) / correction.step).ceil().max(0.);
-                next += draws * correction.step;
+                let draws = draws(&mut next, reached, correction.step);
                 // Correct what a sample has met
                 if draws > 0. {
                     let known = f64::from(cell.value);
@@ -71,6 +69,14 @@ impl<K: Intersector> Tracer<'_, K> {
             }
         }
     }
+}
+
+/// How many points from `next` on, `step` apart, lie below `reached`;
+/// moves `next` behind them.
+fn draws(next: &mut f64, reached: f64, step: f64) -> f64 {
+    let draws = ((reached - *next) / step).ceil().max(0.);
+    *next += draws * step;
+    draws
 }
 
 // Share an error among samples
@@ -190,11 +196,7 @@ impl<K: Intersector> Tracer<'_, K> {
         let mut reached = 0.;
         ends.retain_mut(|end| {
             reached += end.importance;
-            let mut draws = 0.;
-            while next < reached {
-                draws += 1.;
-                next += step;
-            }
+            let draws = draws(&mut next, reached, step);
             end.weight *= draws * step / end.importance;
             draws > 0.
         });

@@ -9,60 +9,60 @@
 //! Learns a cache from paths, and the samples of pixels from a pilot.
 
 // Name what training imports
+use glam::DVec3;
 use rand::RngExt;
 use rayon::prelude::*;
 
 use super::cache::{DARKNESS, Grid, RadianceCache, Record, SKY};
-use super::{Allocation, End, Plan, Tracer};
-use crate::bvh::Intersector;
+use super::{Allocation, End, Plan, Shot, Tracer};
+use crate::bvh::{Hit, Intersector};
 use crate::film::Film;
 use crate::sampler::generator;
 
-// Train a cache
-/// Pieces of a round, each of which a thread traces by itself.
-const PIECES: u64 = 64;
-
+// Follow paths and record them
 /// Reflections of a training path.
 const REFLECTIONS: usize = 5;
 
-/// The parts of the records after which the cache is solved anew.
-const ROUNDS: [f64; 3] = [0.15, 0.4, 1.];
-
 impl<K: Intersector> Tracer<'_, K> {
-    /// The records of paths of about so many rays.
+    /// The records of paths of about so many rays, and where they reflect:
+    /// those of a piece of the training.
     fn explore(
         &mut self,
         rays: u64,
         seed: u64,
         piece: u64,
-    ) -> (Vec<Record>, Vec<glam::DVec3>) {
-        let mut random = generator(seed, u64::MAX, piece);
+    ) -> (Vec<Record>, Vec<DVec3>) {
+        let mut random = generator(seed, TRAINING, piece);
         let (mut records, mut points) = (vec![], vec![]);
-        let grid = *self.cache.grid();
-        while self.rays < rays {
-            self.rays += 1;
+        for path in 0.. {
+            if path + self.rays >= rays {
+                break;
+            }
             let mut end = self.look(random.random(), random.random());
             for _ in 0..REFLECTIONS {
                 let End::Hit(y) = end else { break };
                 points.push(y.point);
+                // Record a reflection on the way
+                let grid = self.cache.grid();
                 let from = grid.name(y.point, y.normal);
-                let cell = *self.cache.at(from);
-                let u = [random.random::<u32>(), random.random()];
-                let shot = self.shoot(&y, self.cache.guide(&cell), u);
+                let guide = self.cache.guide(self.cache.at(from));
+                let shot = self.shoot(
+                    &y,
+                    guide,
+                    [random.random(), random.random()],
+                );
+                let Shot { weight, bin, .. } = shot;
                 let to = match &shot.end {
                     End::Sky(radiance) if *radiance > 0. => SKY,
                     End::Sky(_) => DARKNESS,
-                    End::Hit(z) => {
-                        let u = [random.random(), random.random()];
-                        grid.near(z.point, z.normal, u)
-                    }
+                    End::Hit(Hit { point, normal, .. }) => grid.near(
+                        *point,
+                        *normal,
+                        [random.random(), random.random()],
+                    ),
                 };
-                records.push(Record {
-                    from,
-                    to,
-                    weight: shot.weight as f32,
-                    bin: shot.bin as u16,
-                });
+                let (weight, bin) = (weight as f32, bin as u16);
+                records.push(Record { from, to, weight, bin });
                 end = shot.end;
             }
         }
@@ -70,38 +70,44 @@ impl<K: Intersector> Tracer<'_, K> {
     }
 }
 
+/// Numbers the generators of training; those of tiles are smaller.
+const TRAINING: u64 = u64::MAX;
+
+// Train a cache
+/// Pieces of a round, each of which a thread traces by itself.
+const PIECES: u64 = 64;
+
+/// The part of the rays that each round traces, in per cent.
+const ROUNDS: [u64; 3] = [15, 25, 60];
+
 /// Learns a cache from about so many rays; returns it and the rays.
 pub fn train<K: Intersector>(
     like: &Tracer<K>,
     rays: u64,
     seed: u64,
 ) -> (RadianceCache, u64) {
-    // A first look chooses the grid.
+    // Choose the grid after a first look
     let empty = RadianceCache::empty(Grid::around(&[]));
     let mut scout = like.with(&empty);
     let (_, points) = scout.explore(rays.min(10_000), seed, u64::MAX);
-    let mut cache = RadianceCache::empty(Grid::around(&points));
+    let grid = Grid::around(&points);
+    let mut cache = RadianceCache::empty(grid);
     let (mut records, mut traced) = (vec![], scout.rays);
-    let mut before = 0.;
-    for (round, part) in ROUNDS.into_iter().enumerate() {
-        let share = ((part - before) * rays as f64) as u64 / PIECES;
-        before = part;
-        let first = round as u64 * PIECES;
-        let pieces = (first..first + PIECES).into_par_iter().map(|piece| {
+    for (round, percent) in (0..).zip(ROUNDS) {
+        let share = rays * percent / 100 / PIECES;
+        let pieces = round * PIECES..(round + 1) * PIECES;
+        let explore = |piece| {
             let mut tracer = like.with(&cache);
             let (records, _) = tracer.explore(share, seed, piece);
             (records, tracer.rays)
-        });
-        let pieces: Vec<_> = pieces.collect();
-        for (more, rays) in pieces {
+        };
+        let done: Vec<_> = pieces.into_par_iter().map(explore).collect();
+        for (more, rays) in done {
             records.extend(more);
             traced += rays;
         }
-        cache = RadianceCache::learn(
-            *cache.grid(),
-            &mut records,
-            like.albedo as f32,
-        );
+        let albedo = like.albedo as f32;
+        cache = RadianceCache::learn(grid, &mut records, albedo);
     }
     (cache, traced)
 }
@@ -127,12 +133,12 @@ pub fn allocate<K: Intersector>(
         tracer.rays
     });
     let rays = rays.sum();
-    let variances: Vec<f64> = film.rows().map(|p| p.variance()).collect();
+    // Estimate the radiance of the pixels roughly
     let means: Vec<f64> = film.means().collect();
     let mean_radiance = average(&means);
-    let floor = if mean_radiance > 0. { 0.1 * mean_radiance } else { 1. };
-    let scale: Vec<f64> = means.iter().map(|m| m.max(floor)).collect();
-    let deviations = deviations(&film, &variances, &scale);
+    let least = if mean_radiance > 0. { 0.1 * mean_radiance } else { 1. };
+    let scale: Vec<f64> = means.iter().map(|m| m.max(least)).collect();
+    let deviations = deviations(&film, &scale);
     let middle = average(&deviations).max(f64::MIN_POSITIVE);
     let count = |d: &f64| {
         let share = (d / middle).clamp(0.1, 8.);
@@ -146,23 +152,27 @@ fn average(numbers: &[f64]) -> f64 {
     numbers.iter().sum::<f64>() / numbers.len() as f64
 }
 
-/// The standard deviations of the pixels.
-fn deviations(film: &Film, variances: &[f64], scale: &[f64]) -> Vec<f64> {
-    let (width, height) = (film.width() as usize, film.height() as usize);
+/// About the standard deviations of the pixels, row by row.
+fn deviations(film: &Film, scale: &[f64]) -> Vec<f64> {
+    let all: Vec<f64> = film.rows().map(|p| p.variance()).collect();
+    let variances = &all;
     let squares: Vec<f64> = scale.iter().map(|s| s * s).collect();
     let common = 0.5 * average(variances) / average(&squares);
-    let near =
-        |at: usize, end: usize| at.saturating_sub(1)..(at + 2).min(end);
+    let (width, height) = (film.width() as usize, film.height() as usize);
     let deviation = |i: usize| {
-        let (mut sum, mut count) = (0., 0.);
-        for y in near(i / width, height) {
-            for x in near(i % width, width) {
-                sum += variances[y * width + x];
-                count += 1.;
-            }
-        }
-        (0.5 * variances[i] + 0.5 * sum / count + common * squares[i])
-            .sqrt()
+        let rows = around(i / width, height);
+        let columns = around(i % width, width);
+        let near = rows.flat_map(|y| {
+            columns.clone().map(move |x| variances[y * width + x])
+        });
+        let near: Vec<f64> = near.collect();
+        let own = 0.5 * variances[i] + 0.5 * average(&near);
+        (own + common * squares[i]).sqrt()
     };
     (0..variances.len()).map(deviation).collect()
+}
+
+/// A place and its neighbours, as far as they lie before the end.
+fn around(at: usize, end: usize) -> std::ops::Range<usize> {
+    at.saturating_sub(1)..(at + 2).min(end)
 }

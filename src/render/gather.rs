@@ -57,6 +57,7 @@ pub struct Learnt {
     pub allocation: Allocation,
 }
 
+// Learn in the first pass
 impl Renderer for Gather<'_> {
     fn pass(&mut self, film: &mut Film, end: u64, watch: &Watch) -> u64 {
         let mut rays = 0;
@@ -155,6 +156,7 @@ impl Dispatch for Pass<'_, '_> {
         let plan = gather.plan(film, allocation);
         let replicate = film.replicate();
         let end = end.div_ceil(replicate);
+        // Render a tile and sum its rays
         let render =
             |(tile, pixels, mean): (Tile, &mut [Accumulator], &mut _)| {
                 let mut tracer = gather.tracer(intersector, cache);
@@ -163,10 +165,8 @@ impl Dispatch for Pass<'_, '_> {
                         break;
                     }
                     let values = tracer.tile(&plan, tile, scramble);
-                    Accumulator::add(
-                        mean,
-                        values.iter().sum::<f64>() / values.len() as f64,
-                    );
+                    let sum: f64 = values.iter().sum();
+                    Accumulator::add(mean, sum / values.len() as f64);
                     pixels
                         .iter_mut()
                         .zip(values)
@@ -175,10 +175,7 @@ impl Dispatch for Pass<'_, '_> {
                 }
                 tracer.rays
             };
-        film.shared_tiles()
-            .into_par_iter()
-            .with_max_len(1)
-            .map(render)
-            .sum()
+        let tiles = film.shared_tiles().into_par_iter();
+        tiles.with_max_len(1).map(render).sum()
     }
 }

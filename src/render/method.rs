@@ -13,13 +13,15 @@ use std::str::FromStr;
 
 use super::gather::Gather;
 use super::{Job, Renderer};
+use crate::analysis::background::KnownPixels;
 use crate::analysis::{Inquiry, SceneAnalysis};
 use crate::bvh::Bvh;
+use crate::camera::Camera;
 use crate::film::{Film, Window};
 use crate::gather::Correction;
-use crate::integrator::{DirectSky, PathTracer, identity};
-use crate::sampler::IndependentSampler;
+use crate::integrator::{DirectSky, Integrator, PathTracer, identity};
 use crate::sampler::sobol::SobolSampler;
+use crate::sampler::{IndependentSampler, Sampler};
 use crate::scene::Scene;
 
 // Name the methods
@@ -101,6 +103,7 @@ impl Sampling {
         Self { method, seed, replicate, training }
     }
 
+    // Make the film of a method
     /// A film for these samples, without one.
     pub fn film(&self, resolution: (u32, u32), window: Window) -> Film {
         let film = Film::cropped(resolution, window);
@@ -126,6 +129,7 @@ impl Sampling {
     }
 }
 
+// Bound what is learnt and placed together
 /// Changes whenever the code that decides what a gather is does.
 const GATHER_VERSION: u32 = 1;
 
@@ -155,54 +159,43 @@ pub fn renderer<'a>(
     let &Inquiry { camera, sky, albedo, .. } = inquiry;
     let &Sampling { seed, replicate, training, .. } = sampling;
     let known = &analysis.known;
-    let plain = IndependentSampler::new(seed);
-    let path_tracer = PathTracer { albedo, sky };
+    let independent = IndependentSampler::new(seed);
+    let paths = PathTracer { albedo, sky };
+    let scene = (scene, intersector, camera, known);
     match sampling.method {
         _ if analysis.is_black => {
-            let integrator = DirectSky { sky };
-            Box::new(Job {
-                scene,
-                intersector,
-                camera,
-                integrator,
-                known,
-                sampler: plain,
-            })
+            job(scene, DirectSky { sky }, independent)
         }
-        Method::Reference => {
-            let integrator = path_tracer;
-            Box::new(Job {
-                scene,
-                intersector,
-                camera,
-                integrator,
-                known,
-                sampler: plain,
-            })
-        }
+        Method::Reference => job(scene, paths, independent),
         Method::Sobol => {
-            let integrator = path_tracer;
-            let sampler = SobolSampler::new(seed, replicate);
-            Box::new(Job {
+            job(scene, paths, SobolSampler::new(seed, replicate))
+        }
+        Method::Gather => {
+            let (scene, intersector, camera, known) = scene;
+            let (correction, learnt) = (Some(Correction::default()), None);
+            // Box the renderer that gathers
+            Box::new(Gather {
                 scene,
                 intersector,
                 camera,
-                integrator,
+                sky,
+                albedo,
                 known,
-                sampler,
+                seed,
+                training,
+                correction,
+                learnt,
             })
         }
-        Method::Gather => Box::new(Gather {
-            scene,
-            intersector,
-            camera,
-            sky,
-            albedo,
-            known,
-            seed,
-            training,
-            correction: Some(Correction::default()),
-            learnt: None,
-        }),
     }
+}
+
+/// The renderer of paths.
+fn job<'a>(
+    scene: (&'a Scene, &'a Bvh, &'a Camera, &'a KnownPixels),
+    integrator: impl Integrator + 'a,
+    sampler: impl Sampler + 'a,
+) -> Box<dyn Renderer + 'a> {
+    let (scene, intersector, camera, known) = scene;
+    Box::new(Job { scene, intersector, camera, integrator, known, sampler })
 }

@@ -97,8 +97,11 @@ impl Report {
         };
         let (seconds, rays) = (self.render_seconds, self.rays);
         let speed = metric(rays as f64 / seconds.max(1e-9));
-        let render = format!("{seconds:.3} s, {rays} rays, {speed}rays/s");
         let said = |name| self.settings.get(name).and_then(Value::as_str);
+        let integrator = said("integrator").unwrap_or("reference");
+        let render = format!(
+            "{seconds:.3} s, {rays} rays, {speed}rays/s ({integrator})"
+        );
         let bvh = ["hierarchy", "isa"].into_iter().filter_map(said);
         let scene = format!(
             "{} triangles, load {:.3} s, build {:.3} s ({})",
