@@ -24,7 +24,7 @@ use crate::sampler::sobol::{ScrambledNet, scramble_key, to_unit};
 use crate::sampler::{generator, within};
 use crate::scene::{Ray, Scene};
 use crate::sky::Sky;
-use cache::{Cell, RadianceCache};
+use cache::{Cell, RadianceCache, UNSEEN};
 use guide::{Guide, bin, direction};
 
 // Hold what a gather needs
@@ -76,8 +76,16 @@ pub struct Sample {
     pub pixel: u32,
     /// The weight of the direction of the gather.
     pub weight: f64,
-    /// What the gather has hit, if anything, and the cell there.
+    /// What the gather has hit, if anything, and a cell near it.
     pub end: Option<(Hit, Cell)>,
+    /// The point of the square from which the gather is drawn.
+    u: [u32; 2],
+}
+
+impl Sample {
+    fn new(hit: Hit, pixel: u32, u: [u32; 2]) -> Self {
+        Self { hit, cell: UNSEEN, pixel, weight: 1., end: None, u }
+    }
 }
 
 // Shoot a guided ray
@@ -227,46 +235,48 @@ impl<K: Intersector> Tracer<'_, K> {
         let mut random = generator(plan.seed, stream, scramble);
         let mut sums = vec![0.; area as usize];
         let mut samples = vec![];
+        // Look through all pixels
         for pixel in 0..area {
             let (x, y, number) = plan.place(tile, pixel);
+            let (width, height) = plan.resolution;
+            let i = u64::from(y) * u64::from(width) + u64::from(x);
+            let key = scramble_key(plan.seed, i, scramble);
             for n in 0..plan.allocation.counts[number] {
-                // Look through a pixel
-                let (width, height) = plan.resolution;
-                let i = u64::from(y) * u64::from(width) + u64::from(x);
-                let key = scramble_key(plan.seed, i, scramble);
                 let [u, v] = plan.net.pair(key, n, 0);
-                let gather = plan.net.pair(key, n, 1);
-                let hit = match self
-                    .look(within(x, width, u), within(y, height, v))
-                {
-                    End::Sky(radiance) => {
-                        sums[pixel as usize] += radiance;
-                        continue;
+                match self.look(within(x, width, u), within(y, height, v)) {
+                    End::Sky(radiance) => sums[pixel as usize] += radiance,
+                    End::Hit(hit) => {
+                        let u = plan.net.pair(key, n, 1);
+                        samples.push(Sample::new(hit, pixel, u));
                     }
-                    End::Hit(hit) => hit,
-                };
-                // Gather at the hit
-                let cell = *self
-                    .cache
-                    .at(self.cache.grid().name(hit.point, hit.normal));
-                let shot =
-                    self.shoot(&hit, self.cache.guide(&cell), gather);
-                let (value, end) = match shot.end {
-                    End::Sky(radiance) => (radiance, None),
-                    End::Hit(y) => {
-                        let u = [random.random(), random.random()];
-                        let near = self.near(&y, u);
-                        (f64::from(near.value), Some((y, near)))
-                    }
-                };
-                sums[pixel as usize] += self.albedo * shot.weight * value;
-                samples.push(Sample {
-                    hit,
-                    cell,
-                    pixel,
-                    weight: shot.weight,
-                    end,
-                });
+                }
+            }
+        }
+        // Find the cells of all samples
+        let cache = self.cache;
+        for Sample { hit, cell, .. } in &mut samples {
+            *cell = *cache.at(cache.grid().name(hit.point, hit.normal));
+        }
+        // Gather at all samples
+        for sample in &mut samples {
+            let guide = cache.guide(&sample.cell);
+            let shot = self.shoot(&sample.hit, guide, sample.u);
+            sample.weight = shot.weight;
+            match shot.end {
+                End::Sky(radiance) => {
+                    let radiance = self.albedo * shot.weight * radiance;
+                    sums[sample.pixel as usize] += radiance;
+                }
+                End::Hit(hit) => sample.end = Some((hit, UNSEEN)),
+            }
+        }
+        // Look up what the gathers have met
+        for Sample { pixel, weight, end, .. } in &mut samples {
+            if let Some((hit, cell)) = end {
+                *cell = self.near(hit, [random.random(), random.random()]);
+                let radiance =
+                    self.albedo * *weight * f64::from(cell.value);
+                sums[*pixel as usize] += radiance;
             }
         }
         self.correct(plan, tile, &samples, &mut random, &mut sums);

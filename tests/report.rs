@@ -600,7 +600,7 @@ fn the_page_says_in_words_how_the_run_went() {
     let text = words(&page);
     for phrase in [
         "6 triangles, load 0.125 s, build 0.250 s",
-        "1.920 s, 64000 rays, 33.33 krays/s",
+        "1.920 s, 64000 rays, 33.33 krays/s (reference)",
         "64 spp, mean radiance 0.431240 \u{b1} 0.001800, rmse 0.012340",
         "17 of 96 saw one value only",
         "Run stopped by time; 64 of 200 spp; error 0.012340, target 0.01 \

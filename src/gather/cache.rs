@@ -142,7 +142,7 @@ pub struct Cell {
 const NO_GUIDE: u32 = u32::MAX;
 
 /// Of a place that training has not seen: no radiance exceeds the sky's.
-const UNSEEN: Cell =
+pub const UNSEEN: Cell =
     Cell { mark: 0, value: 0., error: 1., guide: NO_GUIDE };
 
 // Hold the cache

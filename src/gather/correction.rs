@@ -15,7 +15,7 @@ use glam::DVec3;
 use rand::RngExt;
 use rand_pcg::Pcg64;
 
-use super::cache::Cell;
+use super::cache::{Cell, UNSEEN};
 use super::guide::bin_of;
 use super::{Correction, End, Plan, Sample, Tracer};
 use crate::bvh::{Hit, Intersector};
@@ -157,6 +157,12 @@ struct Candidate {
     importance: f64,
 }
 
+impl Candidate {
+    fn new(hit: Hit, weight: f64) -> Self {
+        Self { hit, cell: UNSEEN, weight, importance: 0. }
+    }
+}
+
 impl<K: Intersector> Tracer<'_, K> {
     /// The mean of what comes from rays that leave `x`, as far as the cache
     /// knows it. Fills in which of their ends to correct: `paths` of them,
@@ -176,19 +182,20 @@ impl<K: Intersector> Tracer<'_, K> {
             let u = net.pair(key, n, 0);
             let shot = self.shoot(x, self.cache.guide(cell), u);
             let weight = shot.weight / f64::from(rays);
-            // Add what a ray of a gather brings
             match shot.end {
                 End::Sky(radiance) => sum += weight * radiance,
-                End::Hit(hit) => {
-                    let u = [random.random(), random.random()];
-                    let cell = self.near(&hit, u);
-                    sum += weight * f64::from(cell.value);
-                    let size = f64::from(cell.value.abs() + cell.error);
-                    let importance = weight * size.max(1e-12);
-                    total += importance;
-                    ends.push(Candidate { hit, cell, weight, importance });
-                }
+                End::Hit(hit) => ends.push(Candidate::new(hit, weight)),
             }
+        }
+        // Look up what each ray has met
+        for end in &mut *ends {
+            let u = [random.random(), random.random()];
+            end.cell = self.near(&end.hit, u);
+            let Cell { value, error, .. } = end.cell;
+            sum += end.weight * f64::from(value);
+            let size = f64::from(value.abs() + error);
+            end.importance = end.weight * size.max(1e-12);
+            total += end.importance;
         }
         // Choose the ends to correct
         let step = total / f64::from(paths);
