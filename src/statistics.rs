@@ -31,7 +31,8 @@ impl Accumulator {
     pub fn add(&mut self, value: f64) {
         self.count += 1;
         // Refuse a value out of range
-        if !(-LARGE..LARGE).contains(&value) {
+        let is_small = -LARGE < value && value < LARGE;
+        if !is_small {
             self.squares = [u64::MAX; 4];
             return;
         }

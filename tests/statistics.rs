@@ -211,8 +211,8 @@ fn a_weight_that_is_wrong_makes_the_error_infinite_for_ever() {
     for wrong in [
         f64::NAN,
         -f64::NAN,
-        -1.,
-        -f64::MIN_POSITIVE,
+        -large,
+        f64::MIN,
         f64::INFINITY,
         f64::NEG_INFINITY,
         large,
@@ -258,4 +258,34 @@ fn a_borrow_passes_through_digits_that_are_equal() {
     let bytes: [u8; 64] = words.concat().try_into().unwrap();
     let variance = Accumulator::from_bytes(&bytes).variance();
     assert_eq!(variance, 9. / 2. * 2f64.powi(128 - 176));
+}
+
+#[test]
+fn values_below_zero_are_summed_exactly() {
+    // Multiples of 2^-20, whose sums and squares i128 holds.
+    let unit = (1u64 << 20) as f64;
+    let whole: Vec<i128> = (0..1000)
+        .map(|i: i128| (i * 7_919_777 % 40_000_003) - 22_000_000)
+        .collect();
+    let value = |i: &i128| *i as f64 / unit;
+    let sum = accumulate(whole.iter().map(value));
+    let total: i128 = whole.iter().sum();
+    let squares: i128 = whole.iter().map(|i| i * i).sum();
+    let n = whole.len() as i128;
+    assert!(total < 0);
+    assert_eq!(sum.mean(), total as f64 / 1000. / unit);
+    let exact = (n * squares - total * total) as f64;
+    let exact = exact / unit / unit / (1000. * 999.);
+    assert!((sum.variance() / exact - 1.).abs() < 1e-15);
+
+    // In any order, and divided in any manner, the bits are the same.
+    let mut parts = accumulate(whole[..300].iter().rev().map(value));
+    parts.merge(&accumulate(whole[300..].iter().rev().map(value)));
+    assert_eq!(parts, sum);
+
+    // A value and its opposite leave nothing, and count.
+    let pair = accumulate([3.25, -3.25].into_iter());
+    assert_eq!((pair.mean(), pair.count()), (0., 2));
+    assert_eq!(pair.variance(), 2. * 3.25 * 3.25);
+    assert_eq!(Accumulator::from_bytes(&sum.to_bytes()), sum);
 }
