@@ -25,14 +25,13 @@ pub const LEVELS: usize = 5;
 /// The cubes that cells are made of.
 #[derive(Clone, Copy, Debug)]
 pub struct Grid {
+    /// The least corner of all cubes.
+    low: DVec3,
     /// The side of the smallest cubes, in units of the scene, and one over
     /// it: powers of two.
     side: f64,
     cubes: f64,
 }
-
-/// No coordinate of a scene is below this.
-const LOW: f64 = -4100.;
 
 /// The bits of a coordinate in the name of a cell.
 const BITS: u32 = 19;
@@ -43,7 +42,7 @@ impl Grid {
     pub fn name(&self, p: DVec3, normal: DVec3) -> u64 {
         let axis = main_axis(normal);
         let class = 2 * axis + usize::from(normal[axis] > 0.);
-        let cube = ((p - LOW) * self.cubes).to_array();
+        let cube = ((p - self.low) * self.cubes).to_array();
         let most = (1u64 << BITS) - 1;
         let [x, y, z] = cube.map(|c| spread((c as u64).min(most)));
         (class as u64) << (3 * BITS) | x | y << 1 | z << 2
@@ -54,9 +53,10 @@ impl Grid {
     /// Orders hits by the class of their normals and by their place, in
     /// cubes of a quarter of the finest cells' sides.
     pub fn place(&self, hit: &Hit) -> u64 {
-        let quarter =
-            Self { side: 0.25 * self.side, cubes: 4. * self.cubes };
-        quarter.name(hit.point, hit.normal)
+        let (side, cubes) = (0.25 * self.side, 4. * self.cubes);
+        let reach = side * (1u64 << (BITS - 1)) as f64;
+        let low = self.low + 3. * reach;
+        Self { low, side, cubes }.name(hit.point, hit.normal)
     }
 }
 
@@ -87,23 +87,26 @@ impl Grid {
 impl Grid {
     /// The grid for points like these.
     pub fn around(points: &[DVec3]) -> Self {
-        let length = |k: usize| {
+        let ends = |k: usize| {
             let mut all: Vec<f64> = points.iter().map(|p| p[k]).collect();
             all.sort_unstable_by(f64::total_cmp);
             let at = |i: usize| all.get(i).copied().unwrap_or(0.);
             let margin = all.len() / 100;
-            at(all.len().saturating_sub(1 + margin)) - at(margin)
+            [at(margin), at(all.len().saturating_sub(1 + margin))]
         };
-        let longest = (0..3).map(length).fold(0., f64::max);
-        let side = (longest / 64.).clamp(LEAST, MOST);
-        let side = side.log2().floor().exp2();
-        Self { side, cubes: 1. / side }
+        let [x, y, z] = [0, 1, 2].map(ends);
+        let low = DVec3::new(x[0], y[0], z[0]);
+        let high = DVec3::new(x[1], y[1], z[1]);
+        let longest = (high - low).max_element();
+        let side = match longest > 0. {
+            true => (longest / 64.).log2().floor().exp2(),
+            false => 1.,
+        };
+        let reach = side * (1u64 << (BITS - 1)) as f64;
+        let low = 0.5 * (low + high) - reach;
+        Self { low, side, cubes: 1. / side }
     }
 }
-
-/// The smallest and the largest side of a cube.
-const LEAST: f64 = 1. / 32.;
-const MOST: f64 = 128.;
 
 // Record a reflection
 /// Where a reflected ray arrived.

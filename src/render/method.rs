@@ -136,8 +136,8 @@ const GATHER_VERSION: u32 = 1;
 /// Scrambles that make an error honest.
 const REPLICATES: u64 = 16;
 
-/// Samples of a scramble at most.
-const MOST: u64 = 1 << 20;
+/// Samples of a scramble at most; a tile keeps all of them.
+const MOST: u64 = 1 << 8;
 
 /// Rays of a gather with its part of the correction, about.
 const RAYS: u64 = 5;
