@@ -302,16 +302,17 @@ fn directions_turn_smoothly_while_the_main_axis_remains() {
 
 // ---------------------------------------------------------------- The cache
 
-/// The lowest corner of all cubes, and bounds of their sides.
-const LOW: f64 = -4100.;
-const LEAST: f64 = 1. / 32.;
-const MOST: f64 = 128.;
-
-/// The side of the cubes: the smallest that leads from one to the next.
-fn side(grid: &Grid) -> f64 {
-    let name = |x: f64| grid.name(DVec3::splat(LOW + x), DVec3::Z);
-    let mut sides = (-10..10).map(|k: i32| 2f64.powi(k));
+/// The side of the cubes around a centre, which is a corner of cubes: the
+/// smallest that leads from one to the next.
+fn side_around(grid: &Grid, centre: f64) -> f64 {
+    let name = |x: f64| grid.name(DVec3::splat(centre + x), DVec3::Z);
+    let mut sides = (-60..60).map(|k: i32| 2f64.powi(k));
     sides.find(|&side| name(side) != name(0.)).unwrap()
+}
+
+/// The same around the origin.
+fn side(grid: &Grid) -> f64 {
+    side_around(grid, 0.)
 }
 
 /// Points spread evenly over a length along one axis.
@@ -323,15 +324,17 @@ fn along(axis: usize, length: f64) -> Vec<DVec3> {
 #[test]
 fn the_side_of_the_cubes_follows_from_the_spread_of_the_points() {
     let of = |points: &[DVec3]| side(&Grid::around(points));
-    assert_eq!(of(&[]), LEAST);
-    assert_eq!(of(&[DVec3::splat(77.)]), LEAST);
-    assert_eq!(of(&[DVec3::splat(-1e3); 5000]), LEAST);
+    assert_eq!(of(&[]), 1.);
+    let one = |x: f64| vec![DVec3::splat(x); 5000];
+    assert_eq!(side_around(&Grid::around(&one(77.)[..1]), 77.), 1.);
+    assert_eq!(side_around(&Grid::around(&one(-1e3)), -1e3), 1.);
     for axis in 0..3 {
         // 98 % of 640 are 627.2, a 64th of which is 9.8.
         assert_eq!(of(&along(axis, 640.)), 8.);
         assert_eq!(of(&along(axis, 2. * 64. / 0.98 + 1e-6)), 2.);
-        assert_eq!(of(&along(axis, 1e9)), MOST);
-        assert_eq!(of(&along(axis, 1e-9)), LEAST);
+        // 2^23 and 2^-36 are the powers below 0.98 of 1e9 / 64, 1e-9 / 64.
+        assert_eq!(of(&along(axis, 1e9)), 2f64.powi(23));
+        assert_eq!(of(&along(axis, 1e-9)), 2f64.powi(-36));
     }
     // One percent far away on either side changes nothing.
     let mut far = along(1, 640.);
@@ -354,7 +357,7 @@ fn the_names_of_coarser_cells_nest() {
     let (side, mut random) = (side(&grid), generator(9, 0, 0));
     let cube = |p: DVec3, level: usize| {
         let side = side * f64::from(1 << level);
-        ((p - LOW) / side).floor().to_array()
+        (p / side).floor().to_array()
     };
     let class = |n: DVec3| (main_axis(n), n[main_axis(n)] > 0.);
     let normals = six_and_ties();
@@ -398,7 +401,7 @@ fn a_place_without_records_has_the_cell_of_the_next_level() {
         let q = p + DVec3::new(one(), one(), one());
         let level = (0..LEVELS).find(|level| {
             let side = side * f64::from(1 << level);
-            ((p - LOW) / side).floor() == ((q - LOW) / side).floor()
+            (p / side).floor() == (q / side).floor()
         });
         let found = f64::from(at(&cache, q, DVec3::Z).value);
         let expected = if level.is_some() { 0.4 } else { 0. };
@@ -446,15 +449,15 @@ fn a_cache_does_not_depend_on_the_order_of_threads() {
 /// their centres.
 fn around(grid: &Grid, p: DVec3, normal: DVec3) -> BTreeMap<u64, f64> {
     let side = side(grid);
-    let centres = (p - LOW) / side - 0.5;
+    let centres = p / side - 0.5;
     let (low, part) = (centres.floor(), centres - centres.floor());
     let a = (main_axis(normal) + 1) % 3;
     let b = (main_axis(normal) + 2) % 3;
     let mut weights = BTreeMap::new();
     for (i, j) in [(0., 0.), (0., 1.), (1., 0.), (1., 1.)] {
         let mut q = p;
-        q[a] = (low[a] + i + 0.5) * side + LOW;
-        q[b] = (low[b] + j + 0.5) * side + LOW;
+        q[a] = (low[a] + i + 0.5) * side;
+        q[b] = (low[b] + j + 0.5) * side;
         let weight =
             (1. - (i - part[a]).abs()) * (1. - (j - part[b]).abs());
         *weights.entry(grid.name(q, normal)).or_default() += weight;
@@ -479,7 +482,7 @@ fn a_cell_nearby_is_drawn_with_its_bilinear_weight() {
                 _ => f64::from(random.random_range(-PARTS..PARTS)),
             };
             let cubes = DVec3::new(place(), place(), place());
-            let p = (cubes / f64::from(PARTS) + 512.) * side + LOW;
+            let p = cubes / f64::from(PARTS) * side;
             let middle = |k: i32| (f64::from(k) + 0.5) / f64::from(PARTS);
             let mut weights = BTreeMap::new();
             for j in 0..PARTS {
