@@ -14,7 +14,7 @@ use super::{Sampler, dimension, split_mix};
 
 // Multiply in the field of four elements
 /// The product in the field of four elements: 0, 1, w = 2 and w + 1 = 3,
-/// where w² = w + 1. The sum is the exclusive or.
+/// where w * w = w + 1. The sum is the exclusive or.
 const fn times(a: u32, b: u32) -> u32 {
     let product = (a * (b & 1)) ^ ((a << 1) * (b >> 1));
     product ^ ((product >> 2) * 7)
