@@ -38,7 +38,7 @@ use crate::film::Window;
 use crate::image::Format;
 use crate::output::{ImageTarget, OutputTarget};
 use crate::progress;
-use crate::render::method::Method;
+use crate::render::method::Wanted;
 use crate::report::Kind;
 
 // Declare the options with their defaults
@@ -152,10 +152,10 @@ pub struct Arguments {
     pub threads: Option<usize>,
 
     /// How samples are made: reference, paths of independent numbers; sobol,
-    /// the same paths placed by scrambled nets; or gather, into a cache of
-    /// radiance that is corrected
-    #[arg(long, value_name = "METHOD", default_value = "reference")]
-    pub integrator: Method,
+    /// the same paths placed by scrambled nets; gather, into a cache of
+    /// radiance that is corrected; or auto, as a pilot finds quickest
+    #[arg(long, value_name = "METHOD", default_value = "auto")]
+    pub integrator: Wanted,
 
     /// Instructions to trace rays with, avx512, avx2 or portable; the image
     /// does not depend on them [default: the fastest of this processor]

@@ -31,6 +31,7 @@ use litpt::image::{Format, Image};
 use litpt::output::{ImageTarget, OutputTarget};
 use litpt::progress::{self, Bar};
 use litpt::render::Renderer;
+use litpt::render::choice::{Choice, choose};
 use litpt::render::method::{Method, Sampling, renderer};
 use litpt::render_loop::{Convergence, Interrupt, Limits, Stop};
 use litpt::report::{Kind, Report, SceneFile};
@@ -146,15 +147,23 @@ fn run(
     let inquiry = inquire(arguments, &camera);
     let (analysis, bvh) =
         build(&mut scene, &inquiry, arguments, &mut known)?;
+    let scene = (&scene, &bvh);
+    let what = (&inquiry, &analysis);
+    let (sampling, choice) =
+        sampling(arguments, scene, what, window, &files);
     if arguments.explain {
-        return explain(&analysis, arguments);
+        return explain(&analysis, arguments, sampling.method, choice);
     }
-    let sampling = sampling(arguments, &analysis, window, &files);
+    // Report the method
     let method = sampling.method.to_string();
     known.settings.insert("integrator".into(), method.into());
+    if let Some(choice) = choice {
+        let choice = choice.to_string();
+        known.settings.insert("choice".into(), choice.into());
+    }
     let run_key = run_key(arguments, &sampling, &known.scene.sha256);
     let film = sampling.film(arguments.resolution, window);
-    let mut job = renderer(&scene, &bvh, &inquiry, &analysis, &sampling);
+    let mut job = renderer(scene.0, &bvh, &inquiry, &analysis, &sampling);
     let mut run = Run::begin(
         &mut *job, film, run_key, start, arguments, &mut files, known,
     )?;
@@ -412,6 +421,8 @@ const RATE: f64 = 4e6;
 fn explain(
     analysis: &SceneAnalysis,
     arguments: &Arguments,
+    method: Method,
+    choice: Option<Choice>,
 ) -> Result<Stop, String> {
     let mut lines = String::new();
     for Finding { fact, holds, why, saves } in &analysis.findings {
@@ -422,7 +433,10 @@ fn explain(
         lines += &format!("{fact:13}{sign:10}{why}\n");
         lines += &format!("{:23}{would} {saves}\n", "");
     }
-    let parts = analysis.parts(arguments.isa(), arguments.integrator);
+    if let Some(choice) = choice {
+        lines += &format!("{:13}{choice}\n", "method");
+    }
+    let parts = analysis.parts(arguments.isa(), method);
     lines += &format!("{:13}{parts}\n", "intersector");
     let out = OutputTarget::standard_output();
     out.write(&mut |out| out.write_all(lines.as_bytes()))?;
@@ -487,30 +501,40 @@ impl<'a> Run<'a> {
     }
 }
 
-/// How the samples are made: as in the checkpoint, if there is one.
+/// How the samples are made: as in the checkpoint, if there is one. And what
+/// a pilot has found, if it has chosen.
 fn sampling(
     arguments: &Arguments,
-    analysis: &SceneAnalysis,
+    scene: (&Scene, &Bvh),
+    what: (&Inquiry, &SceneAnalysis),
     window: Window,
     files: &Files,
-) -> Sampling {
+) -> (Sampling, Option<Choice>) {
+    // Find the method that is asked for
+    let (seed, (_, analysis)) = (arguments.seed, what);
+    let saved = files.resumed.as_ref().map(|saved| saved.run_key());
+    let begun = saved.and_then(|key| key.get("method")?.as_str());
     let method = match analysis.is_black || analysis.known.is_all() {
-        true => Method::Reference,
-        false => arguments.integrator,
+        true => Some(Method::Reference),
+        false => {
+            arguments.integrator.0.or(begun.and_then(|m| m.parse().ok()))
+        }
     };
     let area = u64::from(window.size.0) * u64::from(window.size.1);
     let timed = arguments
         .time
         .map(|time| (time * RATE / GATHER / area as f64).ceil() as u64);
     let samples = arguments.samples().into_iter().chain(timed).min();
-    let mut sampling = Sampling::new(method, arguments.seed, samples, area);
-    if let Some(saved) = &files.resumed {
-        let number = |name| saved.run_key().get(name)?.as_u64();
-        sampling.replicate =
-            number("replicate").unwrap_or(sampling.replicate);
-        sampling.training = number("training").unwrap_or(sampling.training);
-    }
-    sampling
+    let Some(method) = method else {
+        let limits = (samples, arguments.error);
+        let choice = choose(scene, what, window, seed, limits);
+        return (choice.sampling, Some(choice));
+    };
+    let mut sampling = Sampling::new(method, seed, samples, area);
+    let number = |name| saved?.get(name)?.as_u64();
+    sampling.replicate = number("replicate").unwrap_or(sampling.replicate);
+    sampling.training = number("training").unwrap_or(sampling.training);
+    (sampling, None)
 }
 
 /// Rays that a sample of a gather is guessed to have.
@@ -525,6 +549,7 @@ fn run_key(
     let mut key = arguments.run_key();
     key.insert("version".into(), env!("CARGO_PKG_VERSION").into());
     key.insert("integrator".into(), sampling.identity().into());
+    key.insert("method".into(), sampling.method.to_string().into());
     if sampling.method != Method::Reference {
         key.insert("replicate".into(), sampling.replicate.into());
         key.insert("training".into(), sampling.training.into());

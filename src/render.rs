@@ -8,6 +8,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Filling an image with samples, on all threads.
 
+pub mod choice;
 pub mod gather;
 pub mod method;
 

@@ -384,7 +384,7 @@ fn errors(
             spread += part * difference * difference;
             part *= 0.5;
         }
-        let own = values[c] / 20.;
+        let own = values[c] / 10.;
         let noise = variance / (cells.count(c) + WORTH);
         (noise + spread + own * own).sqrt().max(least)
     };

@@ -37,7 +37,8 @@ pub enum Method {
 }
 
 impl Method {
-    const ALL: [Self; 3] = [Self::Reference, Self::Sobol, Self::Gather];
+    /// All of them; the first is the reference.
+    pub const ALL: [Self; 3] = [Self::Reference, Self::Sobol, Self::Gather];
 }
 
 impl fmt::Display for Method {
@@ -57,10 +58,38 @@ impl FromStr for Method {
         let named = Self::ALL.into_iter().find(|m| m.to_string() == name);
         named.ok_or_else(|| {
             let [first, second, third] = Self::ALL;
-            format!("expected {first}, {second} or {third}")
+            format!("expected auto, {first}, {second} or {third}")
         })
     }
 }
+
+// Ask for a method or none
+/// The method that is asked for; none if a pilot is to choose one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Wanted(pub Option<Method>);
+
+impl fmt::Display for Wanted {
+    fn fmt(&self, out: &mut fmt::Formatter) -> fmt::Result {
+        match self.0 {
+            None => out.write_str(AUTO),
+            Some(method) => method.fmt(out),
+        }
+    }
+}
+
+impl FromStr for Wanted {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        match name {
+            AUTO => Ok(Self(None)),
+            _ => name.parse().map(|method| Self(Some(method))),
+        }
+    }
+}
+
+/// The name for no method.
+const AUTO: &str = "auto";
 
 // Decide how an image is sampled
 /// What decides the samples of an image, beside the scene and the view.
@@ -131,7 +160,7 @@ impl Sampling {
 
 // Bound what is learnt and placed together
 /// Changes whenever the code that decides what a gather is does.
-const GATHER_VERSION: u32 = 1;
+const GATHER_VERSION: u32 = 2;
 
 /// Scrambles that make an error honest.
 const REPLICATES: u64 = 16;

@@ -115,6 +115,8 @@ impl Report {
             ("render", render),
             ("scene", scene),
         ]);
+        let choice = said("choice").map(|why| ("method", why.to_owned()));
+        lines.extend(choice);
         for finding in &self.left_out {
             let Finding { fact, why, .. } = finding;
             lines.push(("left out", format!("{fact}: {why}")));

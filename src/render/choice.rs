@@ -1,0 +1,266 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Chooses a method from what a few paths tell.
+
+// Name what the choice imports
+use std::fmt;
+
+use rand::RngExt;
+use rayon::prelude::*;
+
+use super::method::{Method, Sampling};
+use crate::analysis::background::TileContent;
+use crate::analysis::{Inquiry, SceneAnalysis};
+use crate::bvh::{Bvh, Dispatch, Intersector};
+use crate::film::Window;
+use crate::integrator::{Integrator, PathEvent, PathTracer};
+use crate::sampler::{IndependentSampler, Sampler, generator, within};
+use crate::scene::Scene;
+
+// Follow a few paths
+/// What a few paths tell of those of an image: means over its pixels.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Pilot {
+    /// The square of the radiance of a pixel.
+    pub square: f64,
+    /// The variance of a path that comes from its point in the pixel and
+    /// its first direction.
+    pub first: f64,
+    /// The variance that comes from all later decisions.
+    pub later: f64,
+    /// The rays of a path.
+    pub rays: f64,
+    /// Those of them up to the second surface.
+    pub first_rays: f64,
+    /// The share of paths that go on from a second surface.
+    pub indirect: f64,
+}
+
+/// A pilot that waits for its intersector.
+struct Trial<'a, 'b> {
+    scene: &'a Scene,
+    inquiry: &'b Inquiry<'a>,
+    analysis: &'b SceneAnalysis,
+    /// The part of the image that is rendered.
+    window: Window,
+    /// Pixels that are drawn.
+    pixels: u64,
+}
+
+impl Dispatch for Trial<'_, '_> {
+    type Output = Pilot;
+
+    fn with<K: Intersector>(self, intersector: &K) -> Pilot {
+        let pixels = (0..self.pixels).into_par_iter();
+        let pixels: Vec<_> =
+            pixels.map(|n| self.pixel(intersector, n)).collect();
+        let mean = |part: fn(&Pilot) -> f64| {
+            pixels.iter().map(part).sum::<f64>() / pixels.len() as f64
+        };
+        Pilot {
+            square: mean(|p| p.square),
+            first: mean(|p| p.first).max(0.),
+            later: mean(|p| p.later),
+            rays: mean(|p| p.rays),
+            first_rays: mean(|p| p.first_rays),
+            indirect: mean(|p| p.indirect),
+        }
+    }
+}
+
+impl Trial<'_, '_> {
+    /// The terms that one pixel adds to the means.
+    fn pixel<K: Intersector>(&self, intersector: &K, n: u64) -> Pilot {
+        let mut random = generator(0, PILOT, n);
+        let Window { corner: (left, top), size } = self.window;
+        let x = left + random.random_range(0..size.0);
+        let y = top + random.random_range(0..size.1);
+        if self.analysis.known.content((x, y)) != TileContent::Scene {
+            return Pilot::default();
+        }
+        let twins = |n| self.twins(intersector, (x, y), n);
+        let [[a, b], [c, d]] = [2 * n, 2 * n + 1].map(twins);
+        let apart = |p: &[Path], q: &[Path]| {
+            let pairs =
+                p.iter().flat_map(|p| q.iter().map(move |q| (p, q)));
+            let squares = pairs.map(|(p, q)| (p.value - q.value).powi(2));
+            squares.sum::<f64>() / (2 * p.len() * q.len()) as f64
+        };
+        // Take the means of a pixel
+        let later = (apart(&[a], &[b]) + apart(&[c], &[d])) / 2.;
+        let all = [a, b, c, d];
+        let mean = |rays: fn(&Path) -> u64| {
+            all.iter().map(rays).sum::<u64>() as f64 / 4.
+        };
+        Pilot {
+            square: (a.value + b.value) * (c.value + d.value) / 4.,
+            first: apart(&[a, b], &[c, d]) - later,
+            later,
+            rays: mean(|path| path.rays),
+            first_rays: mean(|path| path.rays.min(2)),
+            indirect: mean(|path| u64::from(path.rays > 2)),
+        }
+    }
+}
+
+/// Numbers the generators of the pilot.
+const PILOT: u64 = u64::MAX - 1;
+
+/// A path that has ended.
+#[derive(Clone, Copy)]
+struct Path {
+    value: f64,
+    rays: u64,
+}
+
+impl Trial<'_, '_> {
+    /// Two paths that share their point in a pixel and their first
+    /// direction.
+    fn twins<K: Intersector>(
+        &self,
+        intersector: &K,
+        (x, y): (u32, u32),
+        n: u64,
+    ) -> [Path; 2] {
+        let &Inquiry { camera, sky, albedo, resolution, .. } = self.inquiry;
+        let integrator = PathTracer { albedo, sky };
+        let number = |k| IndependentSampler::new(PILOT).start(n, k);
+        let mut sampler = number(0);
+        let [u, v] = sampler.get_pixel_2d();
+        let u = within(x, resolution.0, u);
+        let direction = camera.direction(u, within(y, resolution.1, v));
+        // Trace the ray of the camera
+        let mut path = integrator.begin(direction);
+        let ray = self.scene.enter(camera.position, direction);
+        let rays = u64::from(ray.is_some());
+        let hit = ray.and_then(|ray| intersector.first_hit(&ray, None));
+        let event = integrator.go_on(&mut path, hit, &mut sampler);
+        // Go on twice from the first surface
+        [1, 2].map(|k| {
+            let (mut path, mut event) = (path, event);
+            let (mut rays, mut sampler) = (rays, number(k));
+            loop {
+                match event {
+                    PathEvent::Terminate(value) => {
+                        return Path { value, rays };
+                    }
+                    PathEvent::Scatter(ray, from) => {
+                        rays += 1;
+                        let hit = intersector.first_hit(&ray, Some(from));
+                        event =
+                            integrator.go_on(&mut path, hit, &mut sampler);
+                    }
+                }
+            }
+        })
+    }
+}
+
+// Foresee the time of a method
+impl Pilot {
+    /// The variance of a sample times its rays, in units of the rays of
+    /// paths, for `samples` of each of `area` pixels.
+    fn cost(&self, sampling: &Sampling, samples: f64, area: u64) -> f64 {
+        let &Self { square, first, later, .. } = self;
+        let net = |power| (sampling.replicate as f64).powf(power);
+        match sampling.method {
+            Method::Reference => (first + later) * self.rays,
+            Method::Sobol => (first * net(-0.4) + later) * 1.05 * self.rays,
+            Method::Gather => {
+                let learnt = sampling.training as f64 / area as f64;
+                let once = (learnt + 8. * self.first_rays) / samples;
+                let each = self.first_rays + 3.3 * self.indirect;
+                let guided = 0.5 * first * net(-0.25) * square
+                    / (square + 0.6 * first).max(f64::MIN_POSITIVE);
+                let short = self.first_rays / self.rays.max(1e-9);
+                let left = 3. * short * short * later;
+                (guided + left) * 1.7 * (each + once)
+            }
+        }
+    }
+}
+
+// Choose the quickest method
+/// What a pilot has found, and what follows.
+#[derive(Clone, Debug)]
+pub struct Choice {
+    /// What a few paths tell.
+    pub pilot: Pilot,
+    /// How samples are to be made.
+    pub sampling: Sampling,
+    /// Of each method, the time of the reference over its own, for the same
+    /// error.
+    pub gains: Vec<(Method, f64)>,
+}
+
+impl Choice {
+    /// The foreseen gain of what was chosen.
+    pub fn gain(&self) -> f64 {
+        let chosen =
+            self.gains.iter().find(|g| g.0 == self.sampling.method);
+        chosen.map_or(1., |g| g.1)
+    }
+}
+
+impl fmt::Display for Choice {
+    fn fmt(&self, out: &mut fmt::Formatter) -> fmt::Result {
+        let Pilot { first, later, rays, .. } = self.pilot;
+        let share = 100. * later / (first + later).max(f64::MIN_POSITIVE);
+        write!(
+            out,
+            "{}: a path has {rays:.1} rays, and {share:.0} % of its variance \
+             comes after its first direction; foreseen gains",
+            self.sampling.method
+        )?;
+        for (method, gain) in &self.gains {
+            write!(out, ", {method} {gain:.1}")?;
+        }
+        Ok(())
+    }
+}
+
+/// Chooses how `samples` of each pixel are made, or as many as have the
+/// error that was asked for.
+pub fn choose(
+    (scene, intersector): (&Scene, &Bvh),
+    (inquiry, analysis): (&Inquiry, &SceneAnalysis),
+    window: Window,
+    seed: u64,
+    (samples, error): (Option<u64>, Option<f64>),
+) -> Choice {
+    let area = u64::from(window.size.0) * u64::from(window.size.1);
+    let paths = samples.unwrap_or(MANY).saturating_mul(area);
+    let pixels = (paths / 200).min(4096);
+    let trial = Trial { scene, inquiry, analysis, window, pixels };
+    let pilot = match pixels {
+        ..64 => Pilot::default(),
+        _ => intersector.dispatch(trial),
+    };
+    // Foresee the gains of all methods
+    let enough = |error: f64| {
+        ((pilot.first + pilot.later) / (error * error)).ceil() as u64
+    };
+    let bounds = samples.into_iter().chain(error.map(enough));
+    let samples = bounds.min().map(|n| n.max(1));
+    let methods = Method::ALL.map(|method| {
+        let sampling = Sampling::new(method, seed, samples, area);
+        let expected = samples.unwrap_or(MANY) as f64;
+        (sampling, pilot.cost(&sampling, expected, area))
+    });
+    let reference = methods[0].1;
+    let gain =
+        |cost: f64| if reference > 0. { reference / cost } else { 1. };
+    let gains = methods.map(|(s, cost)| (s.method, gain(cost))).to_vec();
+    let by_cost = methods.into_iter().min_by(|s, t| s.1.total_cmp(&t.1));
+    let (sampling, _) = by_cost.expect("methods");
+    Choice { pilot, sampling, gains }
+}
+
+/// Samples of a run without a limit.
+const MANY: u64 = 1 << 20;
