@@ -433,9 +433,8 @@ fn explain(
         lines += &format!("{fact:13}{sign:10}{why}\n");
         lines += &format!("{:23}{would} {saves}\n", "");
     }
-    if let Some(choice) = choice {
-        lines += &format!("{:13}{choice}\n", "method");
-    }
+    let why = choice.map_or(method.to_string(), |why| why.to_string());
+    lines += &format!("{:13}{why}\n", "method");
     let parts = analysis.parts(arguments.isa(), method);
     lines += &format!("{:13}{parts}\n", "intersector");
     let out = OutputTarget::standard_output();
@@ -523,19 +522,26 @@ fn sampling(
     let area = u64::from(window.size.0) * u64::from(window.size.1);
     let timed = arguments
         .time
-        .map(|time| (time * RATE / GATHER / area as f64).ceil() as u64);
+        .map(|time| (time * SLOW / GATHER / area as f64).ceil() as u64);
     let samples = arguments.samples().into_iter().chain(timed).min();
-    let Some(method) = method else {
-        let limits = (samples, arguments.error);
-        let choice = choose(scene, what, window, seed, limits);
-        return (choice.sampling, Some(choice));
+    let limits = (samples, arguments.error);
+    let choice = match method {
+        Some(_) => None,
+        None => choose(scene, what, window, seed, limits),
     };
+    if let Some(choice) = choice {
+        return (choice.sampling, Some(choice));
+    }
+    let method = method.unwrap_or(Method::Reference);
     let mut sampling = Sampling::new(method, seed, samples, area);
     let number = |name| saved?.get(name)?.as_u64();
     sampling.replicate = number("replicate").unwrap_or(sampling.replicate);
     sampling.training = number("training").unwrap_or(sampling.training);
     (sampling, None)
 }
+
+/// Rays per second that a slow thread is guessed to trace.
+const SLOW: f64 = 1e6;
 
 /// Rays that a sample of a gather is guessed to have.
 const GATHER: f64 = 5.;

@@ -187,8 +187,9 @@ fn error_of(n: u32) -> f64 {
     place.put("wall.obj", WALL);
     let n = n.to_string();
     let scene = ["-iwall.obj", "-r0.5", "-d64x48", "-n", &n];
-    let files = ["--keep-all", "-oa.pgm", "--report", "a.json"];
-    place.run(&[&scene[..], &files].concat()).succeeded();
+    let method = ["--keep-all", "--integrator=reference"];
+    let files = ["-oa.pgm", "--report", "a.json"];
+    place.run(&[&scene[..], &method, &files].concat()).succeeded();
     let report: Value =
         serde_json::from_slice(&place.get("a.json")).unwrap();
     report["rmse"].as_f64().unwrap()

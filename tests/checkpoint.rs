@@ -167,8 +167,14 @@ fn a_disk_that_is_full_is_an_error_and_no_panic() {
 
 // --------------------------------------------------------------- The command
 
-const SCENE: [&str; 5] =
-    ["-q", "-iroom.obj", "-p0,0,0", "-d23x17", "-r0.7"];
+const SCENE: [&str; 6] = [
+    "-q",
+    "-iroom.obj",
+    "-p0,0,0",
+    "-d23x17",
+    "-r0.7",
+    "--integrator=reference",
+];
 const ALL: [&str; 8] =
     ["-o", "a.pgm", "-o", "a.png", "-o", "a.pfm", "-o", "a.exr"];
 

@@ -21,8 +21,14 @@ use litpt::report::Report;
 use litpt::run_output::RunOutput;
 use serde_json::Value;
 
-const SCENE: [&str; 5] =
-    ["-q", "-iroom.obj", "-p0,0,0", "-d23x17", "-r0.7"];
+const SCENE: [&str; 6] = [
+    "-q",
+    "-iroom.obj",
+    "-p0,0,0",
+    "-d23x17",
+    "-r0.7",
+    "--integrator=reference",
+];
 
 fn pt(place: &Scratch, arguments: &[&str]) -> Run {
     place.run(&[&SCENE[..], arguments].concat())

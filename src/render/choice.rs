@@ -226,22 +226,19 @@ impl fmt::Display for Choice {
 }
 
 /// Chooses how `samples` of each pixel are made, or as many as have the
-/// error that was asked for.
+/// error that was asked for; none if these are too few for a pilot.
 pub fn choose(
     (scene, intersector): (&Scene, &Bvh),
     (inquiry, analysis): (&Inquiry, &SceneAnalysis),
     window: Window,
     seed: u64,
     (samples, error): (Option<u64>, Option<f64>),
-) -> Choice {
+) -> Option<Choice> {
     let area = u64::from(window.size.0) * u64::from(window.size.1);
     let paths = samples.unwrap_or(MANY).saturating_mul(area);
     let pixels = (paths / 200).min(4096);
     let trial = Trial { scene, inquiry, analysis, window, pixels };
-    let pilot = match pixels {
-        ..64 => Pilot::default(),
-        _ => intersector.dispatch(trial),
-    };
+    let pilot = (pixels >= 64).then(|| intersector.dispatch(trial))?;
     // Foresee the gains of all methods
     let enough = |error: f64| {
         ((pilot.first + pilot.later) / (error * error)).ceil() as u64
@@ -259,7 +256,7 @@ pub fn choose(
     let gains = methods.map(|(s, cost)| (s.method, gain(cost))).to_vec();
     let by_cost = methods.into_iter().min_by(|s, t| s.1.total_cmp(&t.1));
     let (sampling, _) = by_cost.expect("methods");
-    Choice { pilot, sampling, gains }
+    Some(Choice { pilot, sampling, gains })
 }
 
 /// Samples of a run without a limit.

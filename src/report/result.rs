@@ -115,8 +115,11 @@ impl Report {
             ("render", render),
             ("scene", scene),
         ]);
-        let choice = said("choice").map(|why| ("method", why.to_owned()));
-        lines.extend(choice);
+        if let (Some(why), true) =
+            (said("choice"), integrator != "reference")
+        {
+            lines.push(("method", why.to_owned()));
+        }
         for finding in &self.left_out {
             let Finding { fact, why, .. } = finding;
             lines.push(("left out", format!("{fact}: {why}")));

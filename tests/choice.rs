@@ -1,0 +1,207 @@
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+//! The pilot and the choice (chapter "Choosing a method").
+
+mod common;
+
+use std::collections::BTreeMap;
+
+use common::Scratch;
+use glam::DVec3;
+use litpt::analysis::{Inquiry, SceneAnalysis};
+use litpt::bvh::Bvh;
+use litpt::camera::Camera;
+use litpt::film::{Film, Window};
+use litpt::render::Renderer;
+use litpt::render::choice::{Choice, choose};
+use litpt::render::method::Method;
+use litpt::scene::{Mesh, Scene};
+use litpt::sky::Sky;
+use litpt_book::closed_forms::{Setting, cavity, look};
+use serde_json::Value;
+
+const SIZE: (u32, u32) = (48, 32);
+
+/// A box with a hole in its roof, seen from within.
+const BOX: &str = "\
+v -1 -1 -1\nv 1 -1 -1\nv 1 1 -1\nv -1 1 -1\n\
+v -1 -1 1\nv 1 -1 1\nv 1 1 1\nv -1 1 1\n\
+v -.2 -1 1\nv .2 -1 1\nv .2 1 1\nv -.2 1 1\n\
+f 1 2 3 4\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n\
+f 5 9 12 8\nf 10 6 7 11\n";
+
+/// The view of the box.
+const VIEW: [&str; 4] = ["-p-.9,-.8,0", "-t1,1,-.3", "-r0.8", "-d64x48"];
+
+/// What is chosen for so many samples in a scene of this albedo that is seen
+/// from `from`.
+fn chosen(
+    mesh: &Mesh,
+    albedo: f64,
+    (from, at): (DVec3, DVec3),
+    limits: (Option<u64>, Option<f64>),
+) -> Option<Choice> {
+    let aspect = f64::from(SIZE.0) / f64::from(SIZE.1);
+    let camera = &Camera::new(&look(from, at, 70.), aspect).unwrap();
+    let (sky, resolution, kept) = (Sky::new(DVec3::Z), SIZE, &[][..]);
+    let inquiry = &Inquiry { camera, sky, albedo, resolution, kept };
+    let scene = &Scene::new(mesh);
+    let bvh = &Bvh::new(scene).unwrap();
+    let analysis = &SceneAnalysis::find(scene, bvh, inquiry);
+    let window = Window { corner: (0, 0), size: SIZE };
+    choose((scene, bvh), (inquiry, analysis), window, 7, limits)
+}
+
+const INSIDE: (DVec3, DVec3) = (DVec3::ZERO, DVec3::new(0.3, 0.2, -1.));
+
+/// The pilot sees the variance and the rays that a render has. In a spherical
+/// cavity a direction leads to the sky with the probability `f`, and all that
+/// comes after another has the distribution of the whole, times the albedo.
+#[test]
+fn a_pilot_agrees_with_a_render() {
+    let (f, albedo, n) = (0.3, 0.8, 2000);
+    let mesh = cavity(f, 64);
+    let pilot = chosen(&mesh, albedo, INSIDE, (Some(n), None));
+    let pilot = pilot.unwrap().pilot;
+    let view = look(INSIDE.0, INSIDE.1, 70.);
+    let setting = Setting::new(&mesh, (albedo, DVec3::Z), &view, 1.5);
+    let mut film = Film::new(SIZE.0, SIZE.1);
+    let rays = setting.unwrap().job(3).pass(&mut film, n, &|_| true);
+    let area = film.area() as f64;
+    let mean = |values: Vec<f64>| values.iter().sum::<f64>() / area;
+    let variance = mean(film.rows().map(|p| p.variance()).collect());
+    let square = mean(film.means().map(|m| m * m).collect());
+    let rays = rays as f64 / area / n as f64;
+    // Half of a squared difference is at most 0.32, and its mean 0.051: of
+    // 4096 pixels, the mean is off by 0.01 with a probability below 2e-5,
+    // and that of products by 0.04 with one below 1e-6 (Bernstein).
+    let whole = pilot.first + pilot.later;
+    assert!((whole - variance).abs() < 0.01, "{whole} of {variance}");
+    let later = (1. - f) * albedo * albedo * variance;
+    assert!(
+        (pilot.later - later).abs() < 0.01,
+        "{} of {later}",
+        pilot.later
+    );
+    assert!((pilot.square - square).abs() < 0.04, "{}", pilot.square);
+    assert!((variance - 0.0506).abs() < 0.002, "{variance}");
+    // The number of rays is geometric, with a deviation of 2.8.
+    assert!((pilot.rays - rays).abs() < 5. * 2.8 / 64., "{}", pilot.rays);
+}
+
+/// Before an open sky no decision comes after the first direction.
+#[test]
+fn the_parts_of_the_variance_are_told_apart() {
+    let mut mesh = Mesh::default();
+    let far = 1e3;
+    // A slope that sees a part of the sky, and what is below the horizon.
+    mesh.vertices = [[-1., -1.], [1., -1.], [1., 1.], [-1., 1.]]
+        .map(|[x, y]| DVec3::new(x, y, x) * far)
+        .to_vec();
+    mesh.triangles = vec![[0, 1, 2], [0, 2, 3]];
+    let view = (DVec3::new(-1., 0., 1.), DVec3::ZERO);
+    let choice = chosen(&mesh, 0.5, view, (Some(64), None)).unwrap();
+    let pilot = choice.pilot;
+    assert_eq!(pilot.later, 0.);
+    assert_eq!(
+        (pilot.rays, pilot.first_rays, pilot.indirect),
+        (2., 2., 0.)
+    );
+    assert!(pilot.first > 0.02);
+    assert_eq!(choice.sampling.method, Method::Sobol);
+    let once = chosen(&mesh, 0.5, view, (Some(9), None)).unwrap();
+    assert_eq!(once.sampling.method, Method::Reference);
+}
+
+#[test]
+fn few_paths_have_no_pilot_and_a_bound_of_the_error_is_a_number() {
+    let mesh = cavity(0.05, 32);
+    let choice = |n, error| chosen(&mesh, 0.9, INSIDE, (n, error));
+    assert!(choice(Some(8), None).is_none());
+    assert!(choice(Some(9), None).is_some());
+    let many = choice(Some(256), None).unwrap();
+    assert_eq!(many.sampling.method, Method::Gather);
+    assert_eq!(many.sampling.replicate, 16);
+    let variance = many.pilot.first + many.pilot.later;
+    let error = (variance / 64.5).sqrt();
+    let bounded = choice(None, Some(error)).unwrap();
+    assert_eq!(bounded.sampling.replicate, 4);
+    let both = choice(Some(16), Some(error)).unwrap();
+    assert_eq!(both.sampling.replicate, 1);
+}
+
+fn report(place: &Scratch, options: &[&str]) -> Value {
+    place.put("box.obj", BOX);
+    let files = ["box.obj", "-q", "-f", "-oa.exr", "--report=r.json"];
+    place.run(&[&files[..], &VIEW, options].concat()).succeeded();
+    serde_json::from_slice(&place.get("r.json")).unwrap()
+}
+
+/// The choice is the same for each seed, number of threads and set of
+/// instructions, and a run with it has the bytes of one that names it.
+#[test]
+fn a_choice_depends_on_the_scene_and_the_samples_alone() {
+    let place = Scratch::new();
+    let mut chosen = BTreeMap::new();
+    for options in ["-s1 -j1", "-s2 -j2", "-s3 --isa=portable"] {
+        let options: Vec<_> = options.split(' ').collect();
+        let report = report(&place, &[&options[..], &["-n64"]].concat());
+        let why = report["settings"]["choice"].clone();
+        *chosen.entry(why.to_string()).or_insert(0) += 1;
+        assert_eq!(report["settings"]["integrator"], "gather");
+    }
+    assert_eq!(chosen.into_values().collect::<Vec<_>>(), [3]);
+    let image = |options: &[&str]| {
+        let format = ["--format=pfm", "-o-", "-qf", "box.obj", "-n64"];
+        place.run(&[&format[..], &VIEW, options].concat()).stdout
+    };
+    let own = image(&[]);
+    assert!(own.len() > 64 * 48 * 4);
+    assert!(own == image(&["--integrator=auto"]));
+    assert!(own == image(&["--integrator=gather"]));
+    assert!(own != image(&["--integrator=reference"]));
+}
+
+#[test]
+fn an_explanation_says_which_method_and_why() {
+    let place = Scratch::new();
+    place.put("box.obj", BOX);
+    let explained = |n: &str| {
+        let options = ["box.obj", "--explain", n];
+        let run = place.run(&[&options[..], &VIEW].concat());
+        run.succeeded();
+        let text = String::from_utf8(run.stdout).unwrap();
+        let line = text.lines().find(|line| line.starts_with("method"));
+        line.unwrap().to_owned()
+    };
+    let many = explained("-n64");
+    assert!(many.starts_with("method       gather: a path has"), "{many}");
+    assert!(many.contains("% of its variance comes after"), "{many}");
+    assert!(many.contains("reference 1.0, sobol"), "{many}");
+    assert_eq!(explained("-n1"), "method       reference");
+    let summary = place.run(&[&["box.obj", "-n64"], &VIEW[..]].concat());
+    assert!(summary.stderr.contains("method    gather: a path has"));
+}
+
+/// A run that goes on takes the method of its checkpoint, whatever a pilot
+/// would choose for more samples.
+#[test]
+fn a_resumed_run_keeps_its_method() {
+    let place = Scratch::new();
+    report(&place, &["-n4", "--checkpoint=c"]);
+    let first = report(&place, &["-n4"]);
+    assert_eq!(first["settings"]["integrator"], "reference");
+    let more = report(&place, &["-n64", "--resume=c"]);
+    assert_eq!(more["settings"]["integrator"], "reference");
+    assert_eq!(more["spp"], 64);
+    let options = ["box.obj", "-qf", "-n64", "--resume=c", "-oa.exr"];
+    let other = ["--integrator=gather"];
+    let run = place.run(&[&options[..], &other, &VIEW].concat());
+    assert_eq!(run.status, Some(1));
+    assert!(run.stderr.contains("integrator"), "{}", run.stderr);
+    // And the other way round.
+    report(&place, &["-n64", "--checkpoint=d"]);
+    let more = report(&place, &["-n65", "--resume=d"]);
+    assert_eq!(more["settings"]["integrator"], "gather");
+}
