@@ -21,7 +21,7 @@ TABLES := $(BUILD_DIR)/examples.stamp \
   nets.stamp scrambles.tex padding.tex pixels.csv \
   qualities.tex leaks.tex origins.tex roulettes.tex stability.tex \
   stability-full.tex robustness.tex ablation.tex shortcuts.tex layouts.tex habits.tex \
-  abreast.tex traversal.tex bench.tex efficiency.tex generations.tex sizes.csv shapes.tex \
+  abreast.tex traversal.tex bench.tex efficiency.tex choice.tex generations.tex sizes.csv shapes.tex \
   start.tex repeats.csv accumulators.tex accounting.tex alarms.tex \
   thresholds.tex triangulations.tex ring.tex mixtures.tex \
   mixtures-ball.csv)
@@ -272,6 +272,17 @@ efficiency: bench-tools $(call AND_VIEWS,$(addprefix $(BENCH)/,$(sort $(CHALLENG
 	  --rounds $(ROUNDS) --budgets $(BUDGETS) --reference $(REFERENCE) \
 	  $(if $(INTEGRATOR),--integrator $(INTEGRATOR)) \
 	  $(BUILD_DIR)/pt $(BENCH)/embree_pt $(EFFICIENCY:%=$(BENCH)/%)
+
+# What each method gains, beside what a pilot foresees: ten minutes on an idle
+# machine.
+CHOSEN = $(if $(KITCHEN),kitchen kitchen@0.5) courtyard courtyard@0.2 \
+  backroom corridor statue field
+POSED = $(foreach scene,$(CHOSEN),$(firstword $(subst @, ,$(scene))))
+
+.PHONY: choice
+choice: bench-tools $(call AND_VIEWS,$(addprefix $(BENCH)/,$(sort $(POSED))))
+	$(RECORD) choice python3 $(SCRIPTS)/choice.py $(BUILD_DIR)/pt \
+	  $(CHOSEN:%=$(BENCH)/%)
 
 # ---- the pictures of the README
 

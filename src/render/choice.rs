@@ -166,7 +166,13 @@ impl Trial<'_, '_> {
 impl Pilot {
     /// The variance of a sample times its rays, in units of the rays of
     /// paths, for `samples` of each of `area` pixels.
-    fn cost(&self, sampling: &Sampling, samples: f64, area: u64) -> f64 {
+    fn cost(
+        &self,
+        albedo: f64,
+        sampling: &Sampling,
+        samples: f64,
+        area: u64,
+    ) -> f64 {
         let &Self { square, first, later, .. } = self;
         let net = |power| (sampling.replicate as f64).powf(power);
         match sampling.method {
@@ -175,11 +181,12 @@ impl Pilot {
             Method::Gather => {
                 let learnt = sampling.training as f64 / area as f64;
                 let once = (learnt + 8. * self.first_rays) / samples;
-                let each = self.first_rays + 3.3 * self.indirect;
+                let shared = 5. * albedo * albedo;
+                let each = self.first_rays + shared * self.indirect;
                 let guided = 0.5 * first * net(-0.25) * square
                     / (square + 0.6 * first).max(f64::MIN_POSITIVE);
                 let short = self.first_rays / self.rays.max(1e-9);
-                let left = 3. * short * short * later;
+                let left = shared * short * short * later;
                 (guided + left) * 1.7 * (each + once)
             }
         }
@@ -248,7 +255,7 @@ pub fn choose(
     let methods = Method::ALL.map(|method| {
         let sampling = Sampling::new(method, seed, samples, area);
         let expected = samples.unwrap_or(MANY) as f64;
-        (sampling, pilot.cost(&sampling, expected, area))
+        (sampling, pilot.cost(inquiry.albedo, &sampling, expected, area))
     });
     let reference = methods[0].1;
     let gain =
