@@ -27,6 +27,7 @@ fn row(pixels: &[(f64, f64)], n: f64) -> Image {
         means: pixels.iter().map(|p| p.0).collect(),
         errors: Some(pixels.iter().map(|p| p.1).collect()),
         samples: Some(vec![n; pixels.len()]),
+        tile_errors: None,
         attributes: BTreeMap::new(),
     }
 }

@@ -37,6 +37,7 @@ fn image() -> Image {
         means: vec![0., 0.25, 0.5, 0.75, 1., 1.5],
         errors: Some(vec![0., 0.125, 0.5, f64::INFINITY, 2., 0.25]),
         samples: Some(vec![4., 4., 16_777_216., 1., 4., 4.]),
+        tile_errors: None,
         attributes: attributes.into_iter().map(own).collect(),
     }
 }

@@ -39,6 +39,7 @@ fn put(place: &Scratch, name: &str, seed: u64, p: f64) -> Image {
         errors: Some(means.iter().map(error).collect()),
         samples: Some(vec![n; means.len()]),
         means,
+        tile_errors: None,
         attributes: attributes.into_iter().map(own).collect(),
     };
     write(place, name, &image);
