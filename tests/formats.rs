@@ -122,6 +122,36 @@ fn an_exr_file_without_errors_is_read_without_errors() {
 }
 
 #[test]
+fn errors_of_tiles_travel_in_a_channel_that_other_images_do_not_have() {
+    let named = |bytes: &[u8]| {
+        bytes.windows(14).any(|part| part == b"tile_stderr.Y\0")
+    };
+    assert!(!named(&bytes(Format::Exr, &image())));
+    let tile_errors = Some(vec![0.5, 0.5, 0.25, 0.25, f64::INFINITY, 0.]);
+    let shared = Image { tile_errors, ..image() };
+    let mut written = bytes(Format::Exr, &shared);
+    assert!(named(&written));
+    assert_eq!(decode(&written), Ok(shared.clone()));
+    for at in 0..8 * written.len() {
+        written[at / 8] ^= 1 << (at % 8);
+        if let Ok(read) = decode(&written) {
+            assert_eq!(read, shared, "bit {at}");
+        }
+        written[at / 8] ^= 1 << (at % 8);
+    }
+    let unknown = Some(vec![f64::NAN, 0.5, 0.5, 0.5, 0.5, 0.5]);
+    let unknown = Image { tile_errors: unknown, ..image() };
+    let (read, notes) = noted(&bytes(Format::Exr, &unknown));
+    assert!(notes.contains("not finite numbers: 1"), "{notes}");
+    assert!(read.means[0].is_nan());
+    assert_eq!(read.tile_errors.unwrap()[..2], [f64::INFINITY, 0.5]);
+    let negative = Some(vec![0., -1., 0., 0., 0., 0.]);
+    let negative = Image { tile_errors: negative, ..image() };
+    let message = decode(&bytes(Format::Exr, &negative)).unwrap_err();
+    assert!(message.contains("pixel 1,0 is -1"), "{message}");
+}
+
+#[test]
 fn the_same_image_is_the_same_exr_file() {
     let attribute = |i: u32| (format!("name{i}"), i.to_string());
     let attributes: BTreeMap<_, _> = (0..20).map(attribute).collect();

@@ -101,6 +101,45 @@ fn report_summary_and_info_print_the_same_errors() {
 }
 
 #[test]
+fn gathers_are_told_compared_and_merged_by_their_tiles() {
+    let place = Scratch::new();
+    let gather = |name: &str, options: &[&str]| {
+        let method = ["--integrator", "gather", "-n16", "-q"];
+        let view = ["-iroom.obj", "-d40x23", "-r0.7"];
+        let files = ["-o", name, "--report", "r.json", "-f"];
+        let all = [&view[..], &method, &files, options].concat();
+        place.run(&all).succeeded();
+        serde_json::from_slice(&place.get("r.json")).unwrap()
+    };
+    let crop = "--crop=7,3,30x20";
+    let names = ["a.exr", "b.exr", "c.exr"];
+    for (name, options) in
+        names.iter().zip([&[][..], &["-s2"], &["-s3", crop]])
+    {
+        let report: serde_json::Value = gather(name, options);
+        let info = run(&place, &["info", "--json", name]);
+        let info: serde_json::Value =
+            serde_json::from_str(text(&info)).unwrap();
+        assert_eq!(info["channels"][3], "tile_stderr.Y");
+        for key in ["mean_stderr", "rmse"] {
+            let of = |v: &serde_json::Value| v[key].as_f64().unwrap();
+            let ratio = of(&info) / of(&report);
+            assert!((ratio - 1.).abs() < 1e-6, "{name} {key}: {ratio}");
+        }
+    }
+    run(&place, &["diff", "a.exr", "b.exr"]).succeeded();
+    let merge = ["merge", "a.exr", "b.exr", "-o", "both.exr"];
+    run(&place, &merge).succeeded();
+    let both = Image::read(&place.path("both.exr")).unwrap();
+    let a = Image::read(&place.path("a.exr")).unwrap();
+    let sum = |errors: Option<Vec<f64>>| -> f64 {
+        errors.unwrap().iter().map(|e| e * e).sum()
+    };
+    let ratio = sum(both.tile_errors) / sum(a.tile_errors);
+    assert!((0.25..1.).contains(&ratio), "{ratio}");
+}
+
+#[test]
 fn info_says_that_an_error_is_unknown() {
     let place = Scratch::new();
     let mut image = put(&place, "a.exr", 1, 0.5);
@@ -307,8 +346,9 @@ fn runs_that_stopped_at_other_times_are_merged() {
     ];
     for (i, options) in runs.into_iter().enumerate() {
         let (seed, file) = (format!("-s{i}"), format!("{i}.exr"));
+        let method = ["--integrator", "reference"];
         let common = ["-q", "-d40x30", &seed, "-o", &file];
-        place.run(&[&common, options].concat()).succeeded();
+        place.run(&[&common[..], &method, options].concat()).succeeded();
     }
     let merge = ["merge", "0.exr", "1.exr", "2.exr", "3.exr", "4.exr"];
     let merge = run(&place, &[&merge[..], &["-o", "joint.exr"]].concat());

@@ -543,7 +543,7 @@ fn explain(difference: &Difference) -> String {
     if *few > 0 {
         lines.push(format!(
             "not tested one by one: {few} pixels of fewer than {FEW} \
-             samples"
+             independent samples"
         ));
     }
     // Conclude with the verdict in words
