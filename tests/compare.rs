@@ -582,8 +582,9 @@ fn false_alarms_are_rare_for_pixels_that_share_random_numbers() {
 #[test]
 fn the_dispersion_of_shared_pixels_is_judged_by_tiles() {
     for (side, z) in [(32, 2.), (112, 7.)] {
-        let sign =
-            |i: u32| if (i + i / side) % 2 == 0 { 0.2 } else { -0.2 };
+        let sign = |i: u32| {
+            if (i + i / side).is_multiple_of(2) { 0.2 } else { -0.2 }
+        };
         let pixels: Vec<_> =
             (0..side * side).map(|i| (sign(i), 0.1)).collect();
         let tile_errors = Some(vec![0.1; pixels.len()]);
