@@ -9,8 +9,9 @@
 //! Are two images estimates of the same radiances?
 //!
 //! Each pixel of an image is a mean with its standard error. Pixels
-//! are taken to be independent of each other, and the two images to
-//! come from different random numbers.
+//! are taken to be independent of each other, unless an image states
+//! errors of its tiles, and the two images to come from different random
+//! numbers.
 
 pub mod display;
 pub mod merge;
@@ -18,9 +19,11 @@ pub mod merge;
 // Name what the comparison imports
 use std::collections::BTreeMap;
 use std::f64::consts::SQRT_2;
+use std::ops::Range;
 
 use statrs::function::beta::beta_reg;
 
+use crate::film::SIDE;
 use crate::image::Image;
 
 // Measure how far two estimates differ
@@ -93,17 +96,18 @@ fn tail(z: f64, freedom: f64) -> f64 {
 
 /// A mean, its squared standard error, and the degrees of freedom of
 /// the latter.
-fn estimate(image: &Image, i: usize) -> (f64, f64, f64) {
+type Estimate = (f64, f64, f64);
+
+/// What an image knows of pixel `i`.
+fn estimate(image: &Image, i: usize) -> Estimate {
     let error = image.errors.as_ref().map_or(0., |errors| errors[i]);
-    let count = image.samples.as_ref().map(|samples| samples[i]);
-    let freedom = count.map_or(f64::INFINITY, |count| count - 1.);
+    let count = image.values(i);
+    let freedom = count.map_or(f64::INFINITY, |n| f64::max(n - 1., 1.));
     (image.means[i], error * error, freedom)
 }
 
-/// How far pixel `i` of two images differs; none if an error is
-/// unknown.
-fn gap(a: &Image, b: &Image, i: usize) -> Option<Gap> {
-    let estimates = [estimate(a, i), estimate(b, i)];
+/// How far two estimates of a pixel differ; none if an error is unknown.
+fn gap(estimates: [Estimate; 2]) -> Option<Gap> {
     // Find the difference beyond rounding
     let [(a, ..), (b, ..)] = estimates;
     let rounding = f64::from(f32::EPSILON) * a.abs().max(b.abs());
@@ -111,10 +115,86 @@ fn gap(a: &Image, b: &Image, i: usize) -> Option<Gap> {
     let mut gap = Gap { difference, pixels: 1, ..Gap::default() };
     for (_, variance, freedom) in estimates {
         gap.variance += variance;
-        gap.fourth += variance * variance / freedom.max(1.);
+        gap.fourth += variance * variance / freedom;
     }
     let known = gap.variance.is_finite() && difference.is_finite();
     known.then_some(gap)
+}
+
+/// What an image knows of pixel `i` as a part of its tile of so many pixels.
+fn part(image: &Image, i: usize, pixels: u32) -> Estimate {
+    let (mean, variance, freedom) = estimate(image, i);
+    match &image.tile_errors {
+        Some(errors) => {
+            let variance = errors[i] * errors[i];
+            (mean, variance, freedom / f64::from(pixels))
+        }
+        None => (mean, variance, freedom),
+    }
+}
+
+// Cut an image into blocks
+/// The blocks of one size that an image is cut into.
+#[derive(Clone, Copy)]
+struct Blocks {
+    /// Width and height of the image.
+    size: (u32, u32),
+    /// Width and height of a block.
+    side: u32,
+    /// Columns and rows that the first block lacks.
+    lack: (u32, u32),
+}
+
+impl Blocks {
+    // Lay blocks over two images
+    fn new(a: &Image, b: &Image, side: u32) -> Self {
+        let (x, y) = match a.tile_errors.is_some() {
+            true => a.corner(),
+            false => b.corner(),
+        };
+        let (size, lack) = ((a.width, a.height), (x % side, y % side));
+        Self { size, side, lack }
+    }
+
+    // Number the blocks
+    /// The number of blocks in a row.
+    fn columns(&self) -> usize {
+        (self.size.0 + self.lack.0).div_ceil(self.side) as usize
+    }
+
+    /// The number of the block that holds pixel `i`, row by row.
+    fn of(&self, i: usize) -> usize {
+        let width = self.size.0 as usize;
+        let along = |at: usize, lack: u32| {
+            (at + lack as usize) / self.side as usize
+        };
+        let (x, y) =
+            (along(i % width, self.lack.0), along(i / width, self.lack.1));
+        y * self.columns() + x
+    }
+
+    // Find the pixels of a block
+    /// The columns and the rows of a block of this number.
+    fn range(&self, block: usize) -> [Range<u32>; 2] {
+        let along = |k: usize, lack: u32, end: u32| {
+            let first = k as u64 * u64::from(self.side);
+            let at = |x: u64| {
+                x.saturating_sub(lack.into()).min(end.into()) as u32
+            };
+            at(first)..at(first + u64::from(self.side))
+        };
+        let (x, y) = (block % self.columns(), block / self.columns());
+        [
+            along(x, self.lack.0, self.size.0),
+            along(y, self.lack.1, self.size.1),
+        ]
+    }
+
+    /// The number of pixels in the block that holds pixel `i`.
+    fn area(&self, i: usize) -> u32 {
+        let [columns, rows] = self.range(self.of(i));
+        columns.len() as u32 * rows.len() as u32
+    }
 }
 
 // Share the false alarms among tests
@@ -124,7 +204,7 @@ pub const FALSE_ALARMS: f64 = 0.01;
 
 /// Sides of the blocks that are tested, in pixels; the last is the
 /// whole image.
-const SIDES: [u32; 3] = [1, 16, u32::MAX];
+const SIDES: [u32; 3] = [1, SIDE, u32::MAX];
 
 /// Number of tests: of each size of blocks, and of the errors.
 const TESTS: usize = SIDES.len() + 1;
@@ -150,54 +230,47 @@ pub struct Scale {
     pub largest: (f64, u32, u32),
 }
 
-/// Samples that a pixel needs to be tested by itself. With two
-/// equally probable samples, both images agree within themselves but
+/// Independent values that a pixel needs to be tested by itself. With
+/// two equally probable ones, both images agree within themselves but
 /// not with each other in one pixel of 2^31.
 pub const FEW: f64 = 16.;
 
 /// Whether the pixel `i` of an image has enough samples.
 fn enough(image: &Image, i: usize) -> bool {
-    image.samples.as_ref().is_none_or(|samples| samples[i] >= FEW)
+    image.values(i).is_none_or(|values| values >= FEW)
 }
 
-/// The number of the block that holds pixel `i`, row by row.
-fn block_of(i: u32, width: u32, side: u32) -> usize {
-    let (x, y) = (i % width / side, i / width / side);
-    y as usize * width.div_ceil(side) as usize + x as usize
-}
-
-/// The sums of the gaps over blocks of one size, row by row.
-fn blocks(gaps: &[Option<Gap>], width: u32, side: u32) -> Vec<Gap> {
-    let mut blocks: Vec<Gap> = Vec::new();
-    for (i, gap) in (0..).zip(gaps) {
-        let block = block_of(i, width, side);
-        blocks.resize(blocks.len().max(block + 1), Gap::default());
+/// The sums of the gaps over blocks, row by row.
+fn sums(gaps: &[Option<Gap>], blocks: &Blocks) -> Vec<Gap> {
+    let mut sums: Vec<Gap> = Vec::new();
+    for (i, gap) in gaps.iter().enumerate() {
+        let block = blocks.of(i);
+        sums.resize(sums.len().max(block + 1), Gap::default());
         if let Some(gap) = gap {
-            blocks[block].add(gap);
+            sums[block].add(gap);
         }
     }
-    blocks
+    sums
 }
 
 /// Tests the blocks of one size against those `around` them; `claims`
 /// says that both images state their errors.
 fn test(
     gaps: &[Option<Gap>],
-    width: u32,
-    (side, around): (u32, u32),
+    (blocks, around): (Blocks, Blocks),
     claims: bool,
 ) -> Scale {
-    let own = blocks(gaps, width, side);
-    let others = blocks(gaps, width, around);
+    let own = sums(gaps, &blocks);
+    let others = sums(gaps, &around);
     let tested = own.iter().filter(|block| block.pixels > 0).count();
     let level = sidak(sidak(FALSE_ALARMS, TESTS), tested.max(1));
+    let side = blocks.side;
     let mut scale = Scale { side, tested, failed: 0, largest: (0., 0, 0) };
     // Judge each block by the larger of two errors
-    let columns = width.div_ceil(side);
-    for (i, block) in (0..).zip(&own).filter(|(_, own)| own.pixels > 0) {
-        let (x, y) = (i % columns * side, i / columns * side);
-        let other = y / around * width.div_ceil(around) + x / around;
-        let z = block.z_among(&others[other as usize], claims);
+    for (i, block) in own.iter().enumerate().filter(|(_, b)| b.pixels > 0) {
+        let [x, y] = blocks.range(i).map(|pixels| pixels.start);
+        let first = y as usize * blocks.size.0 as usize + x as usize;
+        let z = block.z_among(&others[around.of(first)], claims);
         let failed = tail(z, block.freedom()) < level;
         scale.failed += usize::from(failed);
         if z.abs() > scale.largest.0.abs() {
@@ -223,25 +296,31 @@ pub struct Dispersion {
     pub failed: bool,
 }
 
-/// Tests whether the squared differences exceed the variances.
-fn dispersion(gaps: &[Option<Gap>], width: u32) -> Dispersion {
-    let [_, side, _] = SIDES;
-    let blocks = blocks(gaps, width, side);
-    let (mut squared, mut excess, mut square_excess) = (0., 0., 0.);
-    let mut pixels = 0;
+/// Tests whether the squared differences exceed the variances; those of
+/// different `clusters` are independent.
+fn dispersion(
+    gaps: &[Option<Gap>],
+    blocks: &Blocks,
+    clusters: &Blocks,
+) -> Dispersion {
+    let sums = sums(gaps, blocks);
+    let mut excesses: Vec<f64> = Vec::new();
+    let (mut squared, mut pixels) = (0., 0);
     // Sum over the pixels of noisy blocks
-    for (i, gap) in (0..).zip(gaps) {
-        let block = &blocks[block_of(i, width, side)];
+    for (i, gap) in gaps.iter().enumerate() {
+        let block = &sums[blocks.of(i)];
         let unit = block.variance / block.pixels as f64;
         let Some(gap) = gap.filter(|_| unit > 0.) else { continue };
         let square = gap.difference * gap.difference / unit;
-        let x = square - gap.variance / unit;
+        let cluster = clusters.of(i);
+        excesses.resize(excesses.len().max(cluster + 1), 0.);
+        excesses[cluster] += square - gap.variance / unit;
         squared += square;
-        excess += x;
-        square_excess += x * x;
         pixels += 1;
     }
-    let z = excess / f64::sqrt(square_excess).max(f64::MIN_POSITIVE);
+    let excess: f64 = excesses.iter().sum();
+    let squares: f64 = excesses.iter().map(|x| x * x).sum();
+    let z = excess / squares.sqrt().max(f64::MIN_POSITIVE);
     let level = sidak(FALSE_ALARMS, TESTS);
     let failed = z > 0. && tail(z, f64::INFINITY) < 2. * level;
     let ratio = f64::sqrt(squared / f64::max(squared - excess, 0.));
@@ -308,7 +387,7 @@ pub struct Difference {
     /// Number of pixels whose error is unknown.
     pub unknown: usize,
     /// Number of pixels of known error with fewer than [`FEW`]
-    /// samples.
+    /// independent values.
     pub few: usize,
     /// The tests of pixels, of blocks, and of the image.
     pub scales: [Scale; 3],
@@ -333,10 +412,17 @@ impl Difference {
 /// They differ in size, or no pixel has a known error.
 pub fn compare(a: &Image, b: &Image) -> Result<Difference, String> {
     same_size(a, b)?;
+    let [pixel, block, film] = SIDES.map(|side| Blocks::new(a, b, side));
     // Collect the gaps of all pixels
-    let gaps: Vec<_> = (0..a.means.len()).map(|i| gap(a, b, i)).collect();
+    let own = |i| gap([estimate(a, i), estimate(b, i)]);
+    let of_tile = |i| {
+        let pixels = block.area(i);
+        gap([part(a, i, pixels), part(b, i, pixels)])
+    };
+    let gaps: Vec<_> = (0..a.means.len()).map(own).collect();
+    let parts: Vec<_> = (0..a.means.len()).map(of_tile).collect();
     let mut sum = Gap::default();
-    gaps.iter().flatten().for_each(|gap| sum.add(gap));
+    parts.iter().flatten().for_each(|gap| sum.add(gap));
     if a.errors.is_none() && b.errors.is_none() {
         return Err("neither image says its errors".to_owned());
     }
@@ -345,17 +431,19 @@ pub fn compare(a: &Image, b: &Image) -> Result<Difference, String> {
     }
     // Test each scale against the next
     let claims = a.errors.is_some() && b.errors.is_some();
-    let test = |gaps: &[_], sides| test(gaps, a.width, sides, claims);
     let enough = |i| enough(a, i) && enough(b, i);
     let single: Vec<_> =
         (0..gaps.len()).map(|i| gaps[i].filter(|_| enough(i))).collect();
-    let [pixel, block, film] = SIDES;
     let scales = [
-        test(&single, (pixel, block)),
-        test(&gaps, (block, film)),
-        test(&gaps, (film, film)),
+        test(&single, (pixel, block), claims),
+        test(&parts, (block, film), claims),
+        test(&parts, (film, film), claims),
     ];
-    let known = sum.pixels as usize;
+    // Test the errors by independent clusters
+    let independent = a.tile_errors.is_none() && b.tile_errors.is_none();
+    let clusters = if independent { pixel } else { block };
+    let dispersion = dispersion(&gaps, &block, &clusters);
+    let known = gaps.iter().flatten().count();
     let (rmse, relative_mse) = distances(a, b);
     Ok(Difference {
         rmse,
@@ -364,7 +452,7 @@ pub fn compare(a: &Image, b: &Image) -> Result<Difference, String> {
         unknown: gaps.len() - known,
         few: known - scales[0].tested,
         scales,
-        dispersion: dispersion(&gaps, a.width),
+        dispersion,
         z: gaps.iter().map(|g| g.map_or(0., |g| g.z())).collect(),
     })
 }

@@ -143,11 +143,16 @@ impl Film {
     // Look a pixel up
     /// The pixel of column `x` and row `y` of the image, in the window.
     pub fn pixel(&self, x: u32, y: u32) -> &Accumulator {
-        let ((left, top), (columns, _)) = self.window.cells();
-        let cell = (y / SIDE - top) * columns + x / SIDE - left;
-        let tile = &self.tiles[self.ranks[cell as usize] as usize];
+        let tile = &self.tiles[self.rank(x, y)];
         let (column, row) = (x - tile.corner.0, y - tile.corner.1);
         &self.pixels[tile.start + (row * tile.size.0 + column) as usize]
+    }
+
+    /// The number along the curve of the tile that holds a pixel.
+    fn rank(&self, x: u32, y: u32) -> usize {
+        let ((left, top), (columns, _)) = self.window.cells();
+        let cell = (y / SIDE - top) * columns + x / SIDE - left;
+        self.ranks[cell as usize] as usize
     }
 }
 
@@ -444,5 +449,25 @@ impl Film {
             }
         }
         (count > 0.).then_some(sum / count)
+    }
+}
+
+// Share the errors of the tiles among their pixels
+impl Film {
+    /// The standard error with which each pixel counts in a sum over whole
+    /// tiles, row by row from the top left: that of the mean of its tile
+    /// times the root of the number of its pixels; infinite where unknown.
+    /// None if the pixels are independent.
+    pub fn tile_errors(&self) -> Option<Vec<f64>> {
+        let tiles = self.tiles.iter().zip(&self.tile_means);
+        let error = |(tile, mean): (&Tile, &Accumulator)| {
+            let area = f64::from(tile.size.0 * tile.size.1);
+            area.sqrt() * mean.standard_error()
+        };
+        let errors: Vec<f64> = tiles.map(error).collect();
+        let (left, top) = self.window.corner;
+        let of = |(x, y)| errors[self.rank(left + x, top + y)];
+        let shared = !self.tile_means.is_empty();
+        shared.then(|| self.places().map(of).collect())
     }
 }

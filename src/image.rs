@@ -22,7 +22,7 @@ pub(crate) mod srgb;
 use std::io::{self, Read, Write};
 use std::path::Path;
 
-pub use data::Image;
+pub use data::{Image, REPLICATE};
 use srgb::COLOURS;
 
 // Choose among the image formats
@@ -153,28 +153,30 @@ impl Image {
         let width = self.width as usize;
         let mut lost = Vec::new();
         for (i, mean) in self.means.iter_mut().enumerate() {
-            let error = self.errors.as_mut().map(|errors| &mut errors[i]);
+            let errors = [&mut self.errors, &mut self.tile_errors];
+            let errors = errors.map(|e| e.as_mut().map(|e| &mut e[i]));
             let count =
                 self.samples.as_mut().map(|samples| &mut samples[i]);
             // Refuse a negative error or count
             let (x, y) = (i % width, i / width);
+            let errors_and_count =
+                errors.iter().flatten().map(|e| ("standard error", **e));
             for (what, value) in
-                [("standard error", &error), ("count", &count)]
+                errors_and_count.chain(count.iter().map(|n| ("count", **n)))
             {
-                if let Some(value) =
-                    value.as_ref().filter(|value| ***value < 0.)
-                {
+                if value < 0. {
                     return Err(format!(
                         "the {what} of the pixel {x},{y} is {value}"
                     ));
                 }
             }
             let known = mean.is_finite()
-                && error.as_ref().is_none_or(|error| !error.is_nan())
+                && errors.iter().flatten().all(|error| !error.is_nan())
                 && count.as_ref().is_none_or(|count| count.is_finite());
             if !known {
                 *mean = f64::NAN;
-                error.into_iter().for_each(|error| *error = f64::INFINITY);
+                let errors = errors.into_iter().flatten();
+                errors.for_each(|error| *error = f64::INFINITY);
                 count.into_iter().for_each(|count| *count = 0.);
                 lost.push(i);
             }

@@ -12,7 +12,7 @@
 mod common;
 
 // Name what the answers import
-use std::collections::{BTreeMap, HashSet};
+use std::collections::HashSet;
 use std::io::Cursor;
 
 use glam::DVec3;
@@ -101,8 +101,7 @@ fn image(
     let all = |x: f64| vec![x; means.len()];
     let height = means.len() as u32 / width;
     let (errors, samples) = (error.map(all), count.map(all));
-    let attributes = BTreeMap::new();
-    Image { width, height, means, errors, samples, attributes }
+    Image { errors, samples, ..Image::plain(width, height, means) }
 }
 
 /// The status of a comparison, and what it complains of.

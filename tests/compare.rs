@@ -13,6 +13,7 @@ use litpt::compare::{
     disagreements,
 };
 use litpt::image::Image;
+use litpt::statistics::Accumulator;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
@@ -27,6 +28,7 @@ fn row(pixels: &[(f64, f64)], n: f64) -> Image {
         means: pixels.iter().map(|p| p.0).collect(),
         errors: Some(pixels.iter().map(|p| p.1).collect()),
         samples: Some(vec![n; pixels.len()]),
+        tile_errors: None,
         attributes: BTreeMap::new(),
     }
 }
@@ -369,7 +371,9 @@ fn runs_of_different_images_are_not_merged() {
     };
     let message = merge(&[of("1", "70"), of("2", "60")]).unwrap_err();
     assert!(message.contains("fov 70 against 60"), "{message}");
-    for name in SUBJECT.into_iter().chain(["version", "integrator"]) {
+    for name in
+        SUBJECT.into_iter().chain(["version", "integrator", "replicate"])
+    {
         let of = |seed, value| {
             let attributes = [("seed", seed), (name, value)];
             run(row(&[(0., 1.)], 9.), &attributes)
@@ -459,4 +463,190 @@ fn the_map_of_z_is_mid_grey_where_nothing_differs() {
     let numbers = z_map(&a, &difference, false).means;
     assert!((numbers[1] + WHITE).abs() < 1e-9);
     assert_eq!((numbers[0], numbers[2]), (0., f64::from(f32::MAX)));
+}
+
+/// Two images of 40x20 pixels, or a part of one, of which the first has
+/// tiles of these errors; and their comparison.
+fn tiled(error: f64, replicate: &str, crop: Option<&str>) -> Difference {
+    let b = render((40, 20), 2, |_, _| 0.5);
+    let mut a = Image {
+        samples: Some(vec![256.; 800]),
+        errors: Some(vec![0.1; 800]),
+        tile_errors: Some(vec![error; 800]),
+        ..b.clone()
+    };
+    a.attributes.insert("replicate".into(), replicate.into());
+    let crop = crop.map(|crop| ("crop".into(), crop.into()));
+    a.attributes.extend(crop);
+    let b = Image { errors: None, samples: None, ..b };
+    compare(&a, &b).unwrap()
+}
+
+/// The variance is the sum of the squares; tiles of m pixels have
+/// m^2 u^4 / 15 of the fourth order. The tiles of the image are 16, 16 and 8
+/// wide, 16 and 4 high; those of the part 2, 16, 16, 6 and 11, 9.
+#[test]
+fn a_tile_has_one_variance_of_as_many_values_as_replicates() {
+    let tiles = |columns: &[f64], rows: &[f64]| -> f64 {
+        let squares = |s: &[f64]| s.iter().map(|n| n * n).sum::<f64>();
+        squares(columns) * squares(rows)
+    };
+    let whole = tiles(&[16., 16., 8.], &[16., 4.]);
+    let part = tiles(&[2., 16., 16., 6.], &[11., 9.]);
+    for (crop, blocks, tiles) in
+        [(None, 6, whole), (Some("30,5,40x20"), 8, part)]
+    {
+        let Difference { sum, scales, .. } = tiled(0.3, "16", crop);
+        assert!((sum.variance / (800. * 0.09) - 1.).abs() < 1e-12);
+        let freedom = 15. * 800. * 800. / tiles;
+        assert!((sum.freedom() / freedom - 1.).abs() < 1e-12, "{freedom}");
+        assert_eq!(scales.map(|s| s.tested), [800, blocks, 1]);
+    }
+}
+
+#[test]
+fn a_pixel_is_tested_by_itself_if_it_has_enough_replicates() {
+    let tested = |replicate| {
+        let difference = tiled(0.3, replicate, None);
+        (difference.scales[0].tested, difference.few)
+    };
+    assert_eq!(tested("16"), (800, 0));
+    assert_eq!(tested("32"), (0, 800));
+    for unknown in ["", "0", "-1", "x"] {
+        assert_eq!(tested(unknown), (800, 0), "{unknown}");
+    }
+}
+
+/// An image whose pixels are normal, of `n` values, and share half of their
+/// variance in each tile.
+fn shared(
+    (width, height): (u32, u32),
+    n: u32,
+    random: &mut Random,
+) -> Image {
+    let columns = width.div_ceil(16);
+    let tile =
+        |i: u32| (i / width / 16 * columns + i % width / 16) as usize;
+    let tiles = tile(width * height - 1) + 1;
+    let mut pixels =
+        vec![Accumulator::default(); (width * height) as usize];
+    let mut means = vec![Accumulator::default(); tiles];
+    let mut areas = vec![0.; tiles];
+    (0..width * height).for_each(|i| areas[tile(i)] += 1.);
+    for _ in 0..n {
+        let common: Vec<_> = (0..tiles).map(|_| normal(random)).collect();
+        let mut sums = vec![0.; tiles];
+        for (i, pixel) in (0..).zip(&mut pixels) {
+            let value = common[tile(i)] + normal(random);
+            pixel.add(value);
+            sums[tile(i)] += value / areas[tile(i)];
+        }
+        means.iter_mut().zip(sums).for_each(|(mean, sum)| mean.add(sum));
+    }
+    let error =
+        |i| f64::sqrt(areas[tile(i)]) * means[tile(i)].standard_error();
+    let own = pixels.iter().map(|p| (p.mean(), p.standard_error()));
+    let own: Vec<_> = own.collect();
+    let tile_errors = Some((0..width * height).map(error).collect());
+    Image { width, height, tile_errors, ..row(&own, n.into()) }
+}
+
+/// With the probability 0.01 of an alarm, 300 pairs give more than 11 alarms
+/// once in ten thousand times.
+#[test]
+fn false_alarms_are_rare_for_pixels_that_share_random_numbers() {
+    let mut random = Random::seed_from_u64(10);
+    let (mut alarms, mut believed, mut small) = (0, 0, 0);
+    for _ in 0..300 {
+        let pair = [(); 2].map(|()| shared((56, 40), 8, &mut random));
+        let inconsistent = |[a, b]: &[Image; 2]| {
+            u32::from(!compare(a, b).unwrap().consistent())
+        };
+        alarms += inconsistent(&pair);
+        let smaller = |mut image: Image| {
+            let errors = image.tile_errors.iter_mut().flatten();
+            errors.for_each(|error| *error *= 0.2);
+            image
+        };
+        small += inconsistent(&pair.clone().map(smaller));
+        let bare = pair.map(|image| Image { tile_errors: None, ..image });
+        believed += inconsistent(&bare);
+    }
+    assert!(alarms <= 11, "{alarms} false alarms of 300 pairs");
+    assert!(believed > 250, "{believed} of 300 pairs without tiles");
+    assert!(small > 250, "{small} of 300 pairs with errors too small");
+}
+
+/// In each tile the squares are four times the variances: X is alike in the
+/// four tiles, and t its largest value, 2; 49 tiles have 7.
+#[test]
+fn the_dispersion_of_shared_pixels_is_judged_by_tiles() {
+    for (side, z) in [(32, 2.), (112, 7.)] {
+        let sign = |i: u32| {
+            if (i + i / side).is_multiple_of(2) { 0.2 } else { -0.2 }
+        };
+        let pixels: Vec<_> =
+            (0..side * side).map(|i| (sign(i), 0.1)).collect();
+        let tile_errors = Some(vec![0.1; pixels.len()]);
+        let a = row(&pixels, 1e9);
+        let a = Image { width: side, height: side, tile_errors, ..a };
+        let b = reference(&vec![0.; pixels.len()]);
+        let b = Image { width: side, height: side, ..b };
+        let Dispersion { ratio, z: t, failed, .. } =
+            compare(&a, &b).unwrap().dispersion;
+        assert!((ratio - 2.).abs() < 1e-12 && (t - z).abs() < 1e-9, "{t}");
+        assert_eq!(failed, z > 2.81);
+        let bare = Image { tile_errors: None, ..a };
+        assert!(compare(&bare, &b).unwrap().dispersion.failed);
+    }
+}
+
+/// Of a tile of 2x2 pixels, whose mean is that of four.
+#[test]
+fn merged_tiles_have_the_errors_of_one_run() {
+    let mut random = Random::seed_from_u64(11);
+    let values: Vec<[f64; 4]> =
+        (0..13).map(|_| [(); 4].map(|()| normal(&mut random))).collect();
+    let of = |values: &[[f64; 4]], seed: &str| {
+        let mut tile = Accumulator::default();
+        values.iter().for_each(|v| tile.add(v.iter().sum::<f64>() / 4.));
+        let pixels = [0, 1, 2, 3].map(|i| {
+            let mut pixel = Accumulator::default();
+            values.iter().for_each(|v| pixel.add(v[i]));
+            (pixel.mean(), pixel.standard_error())
+        });
+        let n = 8. * values.len() as f64;
+        let image = Image {
+            width: 2,
+            height: 2,
+            tile_errors: Some(vec![2. * tile.standard_error(); 4]),
+            ..row(&pixels, n)
+        };
+        run(image, &[("seed", seed), ("replicate", "8")])
+    };
+    let parts = [&values[..4], &values[4..5], &values[5..]];
+    let runs: Vec<_> =
+        parts.iter().zip(["1", "2", "3"]).map(|(v, s)| of(v, s)).collect();
+    let joint = merge(&runs).unwrap();
+    let (_, whole) = of(&values, "1");
+    assert_eq!(joint.samples, whole.samples);
+    let pairs = [
+        (joint.errors.unwrap(), whole.errors.unwrap()),
+        (joint.tile_errors.unwrap(), whole.tile_errors.unwrap()),
+    ];
+    for (joint, whole) in pairs {
+        for (joint, whole) in joint.iter().zip(whole) {
+            assert!((joint / whole - 1.).abs() < 1e-12);
+        }
+    }
+    let mut bare = runs;
+    bare[1].1.tile_errors = None;
+    bare[1].0 = "bare.exr".to_owned();
+    let message = merge(&bare).unwrap_err();
+    let words =
+        "bare.exr: it lacks the channel tile_stderr.Y, which run.exr";
+    assert!(message.contains(words), "{message}");
+    bare[0].1.tile_errors = None;
+    let message = merge(&bare).unwrap_err();
+    assert!(message.contains("run.exr: it lacks the channel"), "{message}");
 }

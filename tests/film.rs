@@ -12,7 +12,7 @@ use glam::DVec3;
 use litpt::analysis::background::KnownPixels;
 use litpt::bvh::{Bvh, Hit, Intersector, Isa, Quality};
 use litpt::camera::{Camera, View};
-use litpt::film::{Film, SIDE, Summary, Window};
+use litpt::film::{Film, SIDE, Summary, Tile, Window};
 use litpt::integrator::{Integrator, PathEvent, PathTracer, Sums};
 use litpt::render::{Job, Renderer};
 use litpt::sampler::{IndependentSampler, Sampler, dimension};
@@ -232,6 +232,44 @@ fn a_window_has_the_samples_of_the_whole_image() {
             );
             let cell = |(x, y): (u32, u32)| (x / SIDE, y / SIDE);
             assert_eq!(cell(tile.corner), cell(last));
+        }
+    }
+}
+
+/// The squares of the errors of tiles add up to the variance of the sum over
+/// the image, and each pixel has that of its tile.
+#[test]
+fn the_errors_of_tiles_are_those_of_the_mean_of_the_image() {
+    for (corner, size) in
+        [((0, 0), (60, 40)), ((17, 3), (30, 30)), ((59, 39), (1, 1))]
+    {
+        let window = Window { corner, size };
+        let film = Film::cropped((60, 40), window);
+        assert_eq!(film.tile_errors(), None);
+        let mut film = film.with_shared_tiles();
+        let unknown = film.tile_errors().unwrap();
+        assert!(unknown.iter().all(|error| error.is_infinite()));
+        for (k, (_, _, mean)) in film.shared_tiles().into_iter().enumerate()
+        {
+            // The standard error is k + 1.
+            mean.add(0.);
+            mean.add(2. * (k as f64 + 1.));
+        }
+        let errors = film.tile_errors().unwrap();
+        let squares: f64 = errors.iter().map(|e| e * e).sum();
+        let sum = film.summary().mean_stderr * film.area() as f64;
+        assert!((squares / (sum * sum) - 1.).abs() < 1e-12);
+        let tiles: Vec<Tile> = film.tiles().iter().map(|t| t.0).collect();
+        for (k, tile) in tiles.into_iter().enumerate() {
+            let (x, y) =
+                (tile.corner.0 - corner.0, tile.corner.1 - corner.1);
+            let last = (x + tile.size.0 - 1, y + tile.size.1 - 1);
+            let area = f64::from(tile.size.0 * tile.size.1);
+            for (x, y) in [(x, y), last] {
+                let error = errors[(y * size.0 + x) as usize];
+                let expected = area.sqrt() * (k as f64 + 1.);
+                assert!((error / expected - 1.).abs() < 1e-12);
+            }
         }
     }
 }

@@ -37,6 +37,7 @@ fn image() -> Image {
         means: vec![0., 0.25, 0.5, 0.75, 1., 1.5],
         errors: Some(vec![0., 0.125, 0.5, f64::INFINITY, 2., 0.25]),
         samples: Some(vec![4., 4., 16_777_216., 1., 4., 4.]),
+        tile_errors: None,
         attributes: attributes.into_iter().map(own).collect(),
     }
 }
@@ -118,6 +119,36 @@ fn an_exr_file_without_errors_is_read_without_errors() {
     let bare = Image { errors: None, samples: None, ..image() };
     let written = bytes(Format::Exr, &bare);
     assert_eq!(Files::new().read(&written), Ok(bare));
+}
+
+#[test]
+fn errors_of_tiles_travel_in_a_channel_that_other_images_do_not_have() {
+    let named = |bytes: &[u8]| {
+        bytes.windows(14).any(|part| part == b"tile_stderr.Y\0")
+    };
+    assert!(!named(&bytes(Format::Exr, &image())));
+    let tile_errors = Some(vec![0.5, 0.5, 0.25, 0.25, f64::INFINITY, 0.]);
+    let shared = Image { tile_errors, ..image() };
+    let mut written = bytes(Format::Exr, &shared);
+    assert!(named(&written));
+    assert_eq!(decode(&written), Ok(shared.clone()));
+    for at in 0..8 * written.len() {
+        written[at / 8] ^= 1 << (at % 8);
+        if let Ok(read) = decode(&written) {
+            assert_eq!(read, shared, "bit {at}");
+        }
+        written[at / 8] ^= 1 << (at % 8);
+    }
+    let unknown = Some(vec![f64::NAN, 0.5, 0.5, 0.5, 0.5, 0.5]);
+    let unknown = Image { tile_errors: unknown, ..image() };
+    let (read, notes) = noted(&bytes(Format::Exr, &unknown));
+    assert!(notes.contains("not finite numbers: 1"), "{notes}");
+    assert!(read.means[0].is_nan());
+    assert_eq!(read.tile_errors.unwrap()[..2], [f64::INFINITY, 0.5]);
+    let negative = Some(vec![0., -1., 0., 0., 0., 0.]);
+    let negative = Image { tile_errors: negative, ..image() };
+    let message = decode(&bytes(Format::Exr, &negative)).unwrap_err();
+    assert!(message.contains("pixel 1,0 is -1"), "{message}");
 }
 
 #[test]

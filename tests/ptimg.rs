@@ -39,6 +39,7 @@ fn put(place: &Scratch, name: &str, seed: u64, p: f64) -> Image {
         errors: Some(means.iter().map(error).collect()),
         samples: Some(vec![n; means.len()]),
         means,
+        tile_errors: None,
         attributes: attributes.into_iter().map(own).collect(),
     };
     write(place, name, &image);
@@ -97,6 +98,45 @@ fn report_summary_and_info_print_the_same_errors() {
     assert!(text(&info).contains(&mean), "{}", text(&info));
     let rmse = format!("rmse: {rmse}\n");
     assert!(text(&info).contains(&rmse), "{}", text(&info));
+}
+
+#[test]
+fn gathers_are_told_compared_and_merged_by_their_tiles() {
+    let place = Scratch::new();
+    let gather = |name: &str, options: &[&str]| {
+        let method = ["--integrator", "gather", "-n16", "-q"];
+        let view = ["-iroom.obj", "-d40x23", "-r0.7"];
+        let files = ["-o", name, "--report", "r.json", "-f"];
+        let all = [&view[..], &method, &files, options].concat();
+        place.run(&all).succeeded();
+        serde_json::from_slice(&place.get("r.json")).unwrap()
+    };
+    let crop = "--crop=7,3,30x20";
+    let names = ["a.exr", "b.exr", "c.exr"];
+    for (name, options) in
+        names.iter().zip([&[][..], &["-s2"], &["-s3", crop]])
+    {
+        let report: serde_json::Value = gather(name, options);
+        let info = run(&place, &["info", "--json", name]);
+        let info: serde_json::Value =
+            serde_json::from_str(text(&info)).unwrap();
+        assert_eq!(info["channels"][3], "tile_stderr.Y");
+        for key in ["mean_stderr", "rmse"] {
+            let of = |v: &serde_json::Value| v[key].as_f64().unwrap();
+            let ratio = of(&info) / of(&report);
+            assert!((ratio - 1.).abs() < 1e-6, "{name} {key}: {ratio}");
+        }
+    }
+    run(&place, &["diff", "a.exr", "b.exr"]).succeeded();
+    let merge = ["merge", "a.exr", "b.exr", "-o", "both.exr"];
+    run(&place, &merge).succeeded();
+    let both = Image::read(&place.path("both.exr")).unwrap();
+    let a = Image::read(&place.path("a.exr")).unwrap();
+    let sum = |errors: Option<Vec<f64>>| -> f64 {
+        errors.unwrap().iter().map(|e| e * e).sum()
+    };
+    let ratio = sum(both.tile_errors) / sum(a.tile_errors);
+    assert!((0.25..1.).contains(&ratio), "{ratio}");
 }
 
 #[test]
@@ -306,8 +346,8 @@ fn runs_that_stopped_at_other_times_are_merged() {
     ];
     for (i, options) in runs.into_iter().enumerate() {
         let (seed, file) = (format!("-s{i}"), format!("{i}.exr"));
+        let method = ["--integrator", "reference"];
         let common = ["-q", "-d40x30", &seed, "-o", &file];
-        let method = ["--integrator=reference"];
         place.run(&[&common[..], &method, options].concat()).succeeded();
     }
     let merge = ["merge", "0.exr", "1.exr", "2.exr", "3.exr", "4.exr"];

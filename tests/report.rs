@@ -83,6 +83,7 @@ fn image(width: u32, height: u32) -> Image {
         means: pixels.clone().map(|i| f64::from(i % 2)).collect(),
         errors: Some(pixels.map(error).collect()),
         samples: None,
+        tile_errors: None,
         attributes: Default::default(),
     }
 }
@@ -489,6 +490,7 @@ fn the_page_shows_the_image_and_its_errors() {
         means: vec![0., 1., 0.5],
         errors: Some(vec![0., 0.02, 0.01]),
         samples: None,
+        tile_errors: None,
         attributes: Default::default(),
     };
     let page = Kind::Html.render(&ordinary(), &image);
@@ -566,6 +568,7 @@ fn a_large_image_is_averaged_as_radiance() {
         means: (0..2000 * 7).map(|i| f64::from(i % 2000 % 3 / 2)).collect(),
         errors: Some(vec![0.5; 2000 * 7]),
         samples: None,
+        tile_errors: None,
         attributes: Default::default(),
     };
     let page = Kind::Html.render(&ordinary(), &image);

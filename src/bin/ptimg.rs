@@ -356,6 +356,7 @@ impl Summary {
         let errors = image.errors.as_ref();
         let errors: Option<Vec<f64>> = errors
             .map(|errors| pixels.iter().map(|&i| errors[i]).collect());
+        let shared = image.tile_errors.as_ref();
         // Sum the means and their errors
         let n = means.len() as f64;
         let mean = means.iter().sum::<f64>() / n;
@@ -363,6 +364,11 @@ impl Summary {
         let unknown_errors = unknown.count();
         let squares = errors.filter(|_| unknown_errors == 0 && n > 0.);
         let squares = squares.map(|e| e.iter().map(|e| e * e).sum::<f64>());
+        let shared = shared.map(|errors| {
+            pixels.iter().map(|&i| errors[i] * errors[i]).sum::<f64>()
+        });
+        let of_mean = squares.map(|squares| shared.unwrap_or(squares));
+        let of_mean = of_mean.filter(|squares| squares.is_finite());
         let (least, greatest) = range(&means).unzip();
         Self {
             file,
@@ -371,7 +377,7 @@ impl Summary {
             // Fill in the summary of an image
             channels: channels(&image),
             mean: (n > 0.).then_some(mean),
-            mean_stderr: squares.map(|squares| squares.sqrt() / n),
+            mean_stderr: of_mean.map(|squares| squares.sqrt() / n),
             rmse: squares.map(|squares| (squares / n).sqrt()),
             unknown_errors,
             not_finite: image.means.len() - means.len(),
@@ -440,7 +446,8 @@ fn range(values: &[f64]) -> Option<(f64, f64)> {
 fn channels(image: &Image) -> Vec<&'static str> {
     let errors = image.errors.as_ref().map(|_| "stderr.Y");
     let samples = image.samples.as_ref().map(|_| "samples.Y");
-    [Some("Y"), errors, samples].into_iter().flatten().collect()
+    let shared = image.tile_errors.as_ref().map(|_| "tile_stderr.Y");
+    [Some("Y"), errors, samples, shared].into_iter().flatten().collect()
 }
 
 // Tell what distinguishes two images
@@ -536,7 +543,7 @@ fn explain(difference: &Difference) -> String {
     if *few > 0 {
         lines.push(format!(
             "not tested one by one: {few} pixels of fewer than {FEW} \
-             samples"
+             independent samples"
         ));
     }
     // Conclude with the verdict in words

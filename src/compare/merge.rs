@@ -10,8 +10,9 @@
 
 use std::collections::BTreeMap;
 
-use super::{SUBJECT, differing, same_size};
-use crate::image::Image;
+use super::{Blocks, SUBJECT, differing, same_size};
+use crate::film::SIDE;
+use crate::image::{Image, REPLICATE};
 
 // Merge the images pixel by pixel
 /// An image with the name of its file.
@@ -36,6 +37,15 @@ pub fn merge(runs: &[Run]) -> Result<Image, String> {
                 "{name}: it lacks the channels stderr.Y and samples.Y"
             ));
         }
+        // Refuse a run that lacks the errors of its tiles
+        let has = |(_, run): &&Run| run.tile_errors.is_some();
+        if let Some((other, _)) = runs.iter().find(has)
+            && run.tile_errors.is_none()
+        {
+            return Err(format!(
+                "{name}: it lacks the channel tile_stderr.Y, which {other} has"
+            ));
+        }
     }
     // Refuse runs of different images
     for (name, run) in runs {
@@ -51,27 +61,34 @@ pub fn merge(runs: &[Run]) -> Result<Image, String> {
     }
     let attributes = attributes(runs)?;
     let pixels = 0..first.means.len();
-    let joint: Vec<_> = pixels.map(|i| pixel(runs, i)).collect();
+    let joint = pixels.map(|i| pixel(runs.iter().map(|run| part(run, i))));
+    let joint: Vec<_> = joint.collect();
+    let samples = |pixel: &Part| pixel.2 * first.replicate();
     Ok(Image {
         width: first.width,
         height: first.height,
         means: joint.iter().map(|pixel| pixel.0).collect(),
         errors: Some(joint.iter().map(|pixel| pixel.1).collect()),
-        samples: Some(joint.iter().map(|pixel| pixel.2).collect()),
+        samples: Some(joint.iter().map(samples).collect()),
+        tile_errors: tile_errors(runs),
         attributes,
     })
 }
 
-/// Mean, error and count of a pixel over all runs.
-fn pixel(runs: &[Run], i: usize) -> (f64, f64, f64) {
-    // Take what one run knows of the pixel
-    let part = |(_, run): &Run| {
-        let (errors, samples) = (run.errors.as_ref(), run.samples.as_ref());
-        let error = errors.map_or(f64::INFINITY, |errors| errors[i]);
-        let count = samples.map_or(0., |samples| samples[i]);
-        (run.means[i], error, count)
-    };
-    let parts = || runs.iter().map(part).filter(|part| part.2 > 0.);
+/// Mean, error and independent values.
+type Part = (f64, f64, f64);
+
+// Take what one run knows of the pixel
+/// What one run knows of pixel `i`.
+fn part((_, run): &Run, i: usize) -> Part {
+    let errors = run.errors.as_ref();
+    let error = errors.map_or(f64::INFINITY, |errors| errors[i]);
+    (run.means[i], error, run.values(i).unwrap_or(0.))
+}
+
+/// What all runs together know of a pixel.
+fn pixel(runs: impl Iterator<Item = Part> + Clone) -> Part {
+    let parts = || runs.clone().filter(|part| part.2 > 0.);
     let count: f64 = parts().map(|(.., n)| n).sum();
     let sum: f64 = parts().map(|(mean, _, n)| n * mean).sum();
     let mean = sum / f64::max(count, 1.);
@@ -87,13 +104,45 @@ fn pixel(runs: &[Run], i: usize) -> (f64, f64, f64) {
     (mean, variance.sqrt(), count)
 }
 
+/// The errors of the tiles over all runs, if the runs have them.
+fn tile_errors(runs: &[Run]) -> Option<Vec<f64>> {
+    let pixels = runs.first()?.1.tile_errors.as_ref()?.len();
+    let means: Vec<_> = runs.iter().map(scaled_means).collect();
+    let part = |((_, run), means): (&Run, &Vec<f64>), i: usize| {
+        let errors = run.tile_errors.as_ref();
+        let error = errors.map_or(f64::INFINITY, |errors| errors[i]);
+        (means[i], error, run.values(i).unwrap_or(0.))
+    };
+    let runs = runs.iter().zip(&means);
+    let joint = |i| pixel(runs.clone().map(|run| part(run, i))).1;
+    Some((0..pixels).map(joint).collect())
+}
+
+/// The mean of each pixel's tile times the root of its area.
+fn scaled_means((_, image): &Run) -> Vec<f64> {
+    let tiles = Blocks::new(image, image, SIDE);
+    let mut sums: Vec<(f64, f64)> = Vec::new();
+    for (i, mean) in image.means.iter().enumerate() {
+        let tile = tiles.of(i);
+        sums.resize(sums.len().max(tile + 1), (0., 0.));
+        if mean.is_finite() {
+            sums[tile] = (sums[tile].0 + mean, sums[tile].1 + 1.);
+        }
+    }
+    let scaled = |i| {
+        let (sum, pixels) = sums[tiles.of(i)];
+        sum / pixels.sqrt().max(1.)
+    };
+    (0..image.means.len()).map(scaled).collect()
+}
+
 // Merge what is known about the runs
 /// Attributes that add up.
 const SUMS: [&str; 5] =
     ["spp", "rays", "load_seconds", "build_seconds", "render_seconds"];
 
 /// Attributes of the programs that computed an image.
-const PROGRAM: [&str; 2] = ["version", "integrator"];
+const PROGRAM: [&str; 3] = ["version", "integrator", REPLICATE];
 
 fn attributes(runs: &[Run]) -> Result<BTreeMap<String, String>, String> {
     let mut joint = BTreeMap::new();

@@ -30,6 +30,10 @@ pub struct Image {
     pub errors: Option<Vec<f64>>,
     /// Samples spent on each pixel; none if the file does not say.
     pub samples: Option<Vec<f64>>,
+    /// Standard error with which each pixel counts in a sum over whole tiles
+    /// ([`Film::tile_errors`]), infinite where unknown; none if the pixels
+    /// are independent.
+    pub tile_errors: Option<Vec<f64>>,
     /// What is known about the run: names and values, such as `seed`
     /// and `7`.
     pub attributes: BTreeMap<String, String>,
@@ -38,30 +42,74 @@ pub struct Image {
 // Make an image from a film
 impl Image {
     /// What a film has gathered, with what is known about its run.
-    pub fn new(film: &Film, attributes: BTreeMap<String, String>) -> Self {
+    pub fn new(
+        film: &Film,
+        mut attributes: BTreeMap<String, String>,
+    ) -> Self {
         let list = |values: &mut dyn Iterator<Item = f64>| {
             let mut list = Vec::with_capacity(film.area() as usize);
             list.extend(values);
             list
         };
         let mut counts = film.counts().map(|n| n as f64);
+        // State how many samples are one value
+        if film.replicate() != 1 {
+            let value = film.replicate().to_string();
+            attributes.insert(REPLICATE.to_owned(), value);
+        }
         Self {
             width: film.width(),
             height: film.height(),
             means: list(&mut film.means()),
             errors: Some(film.errors(WORTH)),
             samples: Some(list(&mut counts)),
+            tile_errors: film.tile_errors(),
             attributes,
         }
+    }
+}
+
+/// The attribute that says how many samples are one value.
+pub const REPLICATE: &str = "replicate";
+
+impl Image {
+    /// The number of samples whose mean is one independent value; 1 if the
+    /// file does not say.
+    pub fn replicate(&self) -> f64 {
+        let number = self.attributes.get(REPLICATE);
+        let number = number.and_then(|text| text.parse::<u64>().ok());
+        number.map_or(1., |samples| samples.max(1) as f64)
+    }
+
+    /// The independent values of pixel `i`; none if the file does not say.
+    pub fn values(&self, i: usize) -> Option<f64> {
+        let samples = self.samples.as_ref()?;
+        Some(samples[i] / self.replicate())
+    }
+
+    // Find the first pixel in the whole image
+    /// Column and row of its first pixel in the image of which it is a part.
+    pub fn corner(&self) -> (u32, u32) {
+        let crop = self.attributes.get("crop");
+        let numbers = crop.into_iter().flat_map(|crop| crop.split(','));
+        let mut numbers = numbers.map_while(|text| text.parse().ok());
+        let mut next = || numbers.next().unwrap_or(0);
+        (next(), next())
     }
 }
 
 impl Image {
     /// An image of these means, of which nothing else is known.
     pub fn plain(width: u32, height: u32, means: Vec<f64>) -> Self {
-        let (errors, samples) = (None, None);
-        let attributes = BTreeMap::new();
-        Self { width, height, means, errors, samples, attributes }
+        Self {
+            width,
+            height,
+            means,
+            errors: None,
+            samples: None,
+            tile_errors: None,
+            attributes: BTreeMap::new(),
+        }
     }
 }
 

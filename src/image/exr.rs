@@ -6,7 +6,8 @@
 // Software Foundation, either version 3 of the License, or (at your option)
 // any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! OpenEXR: channels `Y`, `stderr.Y` and `samples.Y`, and attributes.
+//! OpenEXR: channels `Y`, `stderr.Y`, `samples.Y` and, if pixels share random
+//! numbers, `tile_stderr.Y`; and attributes.
 
 // Name what the format EXR imports
 use std::collections::BTreeMap;
@@ -65,13 +66,15 @@ fn channels(image: &Image) -> SmallVec<[AnyChannel<FlatSamples>; 4]> {
     };
     let errors = image.errors.as_ref().map(|e| real(ERROR, e));
     let samples = image.samples.as_ref().map(|n| whole(SAMPLES, n));
+    let shared = image.tile_errors.as_ref().map(|e| real(SHARED, e));
     let means = Some(real(MEAN, &image.means));
-    [means, errors, samples].into_iter().flatten().collect()
+    [means, errors, samples, shared].into_iter().flatten().collect()
 }
 
 const MEAN: &str = "Y";
 const ERROR: &str = "stderr.Y";
 const SAMPLES: &str = "samples.Y";
+const SHARED: &str = "tile_stderr.Y";
 /// What the names of our attributes begin with.
 const PREFIX: &str = "litpt:";
 
@@ -196,6 +199,7 @@ pub fn read(
         means,
         errors: values(ERROR),
         samples: values(SAMPLES),
+        tile_errors: values(SHARED),
         attributes,
     };
     // Compare the checksum with the stated one

@@ -93,6 +93,7 @@ fn render(n: u32, mut draw: impl FnMut() -> f64) -> Image {
         samples: Some(vec![f64::from(n); means.len()]),
         means,
         errors: Some(errors),
+        tile_errors: None,
         attributes: BTreeMap::new(),
     }
 }

@@ -73,6 +73,7 @@ fn consistent(
             .collect(),
         errors: Some(vec![ERROR; (width * height) as usize]),
         samples: count.map(|n| vec![n; (width * height) as usize]),
+        tile_errors: None,
         attributes: BTreeMap::new(),
     };
     Ok(compare(&image(0.), &image(shift))?.consistent())
