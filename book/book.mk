@@ -53,8 +53,10 @@ $(addprefix $(BUILT)/,anatomy.stamp calibration.stamp nets.stamp): \
 $(BUILT)/curve.csv: $(BUILD_DIR)/pt $(BUILD_DIR)/courtyard.obj \
   | $(BUILT) $(BUILD_DIR)/figures
 	$(BUILD_DIR)/pt $(CAMERA) -d 96x72 -n 800 -s 1 -r 0.8 -q -f \
+	  --integrator reference \
 	  -i $(BUILD_DIR)/courtyard.obj -o $(BUILD_DIR)/figures/truth.exr
 	$(BUILD_DIR)/pt $(CAMERA) -d 96x72 -n 125 -r 0.8 -q -f \
+	  --integrator reference \
 	  -i $(BUILD_DIR)/courtyard.obj -o $(BUILD_DIR)/figures/curve.exr \
 	  --reference $(BUILD_DIR)/figures/truth.exr --report $@.full.csv
 	grep -v ',,' $@.full.csv > $@

@@ -105,6 +105,7 @@ class Programs:
         return run(
             [self.pt, '--keep-all', '-i', scene + '.obj', *view,
              '-r', str(ALBEDO), '-d', '{}x{}'.format(*definition),
+             '--integrator', 'reference',
              '-n', str(n), '-s', str(seed), '-j', str(len(processors)),
              '-o', out, '-f'], processors, PT, math.prod(definition), limit)
 

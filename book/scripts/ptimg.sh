@@ -19,6 +19,7 @@ cp "$build/courtyard.obj" .
 # render NAME SEED ALBEDO [SAMPLES]
 render() {
   "$build/pt" -p 12.2,2.4,1.3 -t -12.6,6,-1.2 -u 0,1,0 -d 128x96 -n "${4:-64}" \
+    --integrator reference \
     -i courtyard.obj -s "$2" -r "$3" -o "$1" -f -q
 }
 render one.exr 1 0.8
