@@ -11,14 +11,16 @@ BUILT := $(BUILD_DIR)/tables
 RECORD := sh $(SCRIPTS)/record
 
 # The figures and tables that the books read.
-FIGURES := $(BUILD_DIR)/figures/courtyard.png
+LEARNT := $(addprefix $(BUILD_DIR)/figures/learnt-,cache.png light.png \
+  guide.png gather.png paths.png counts.png)
+FIGURES := $(BUILD_DIR)/figures/courtyard.png $(LEARNT)
 # The tool's book needs no program but the tool.
 TOOL_TABLES := $(addprefix $(BUILT)/,measured.tex editor.tex translation.tex)
 TABLES := $(BUILD_DIR)/examples.stamp \
   $(addprefix $(BUILD_DIR)/examples/session-,get.txt use.txt) $(addprefix $(BUILT)/,measured.tex \
   numbers.stamp turnaround.tex closed-forms.tex \
   calibration.stamp anatomy.stamp curve.csv counted.tex said.tex layers.tex \
-  nets.stamp scrambles.tex padding.tex pixels.csv \
+  learnt.tex nets.stamp scrambles.tex padding.tex pixels.csv \
   qualities.tex leaks.tex origins.tex roulettes.tex stability.tex \
   stability-full.tex robustness.tex ablation.tex shortcuts.tex layouts.tex habits.tex \
   abreast.tex traversal.tex bench.tex efficiency.tex choice.tex generations.tex sizes.csv shapes.tex \
@@ -47,6 +49,9 @@ $(addprefix $(BUILT)/,anatomy.stamp calibration.stamp nets.stamp): \
   $(BUILT)/%.stamp: $(BOOK) | $(BUILT)
 	$(BOOK) $* $(@D)
 	@touch $@
+
+$(LEARNT) $(BUILT)/learnt.tex &: $(BOOK) | $(BUILD_DIR)/figures $(BUILT)
+	$(BOOK) learnt $(BUILD_DIR)/figures $(BUILT)
 
 # The curve of one run with its true error. The first step has no error yet,
 # and pgfplots no use for empty fields.

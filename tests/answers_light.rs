@@ -13,20 +13,30 @@ mod common;
 
 // Name what the answers import
 use std::collections::HashSet;
+use std::f64::consts::{PI, TAU};
 use std::io::Cursor;
+use std::ops::Range;
 
 use glam::DVec3;
 use litpt::analysis::background::{
     BackgroundTiles, KnownPixels, TileContent,
 };
 use litpt::analysis::interior::*;
+use litpt::gather::cache::{
+    Cell, Grid, LEVELS, RadianceCache, Record, SKY,
+};
+use litpt::gather::guide::{self, BINS, Guide, bin, bin_of, direction};
+use litpt::gather::training::train;
+use litpt::gather::{Allocation, Correction, Plan, Tracer};
 use litpt::output::OutputTarget;
 use litpt::report::Fit;
+use litpt::sampler::sobol::{ScrambledNet, to_unit};
 use litpt::{bvh::*, film::*, image::*, render::*};
 use litpt::{camera::*, checkpoint::*, render_loop::*};
 use litpt::{compare::compare, compare::merge::merge, integrator::*};
 use litpt::{sampler::*, scene::*, sky::*, statistics::*};
 use litpt_book::closed_forms::*;
+use litpt_book::settings;
 use rand::{Rng, RngExt};
 use serde_json::Value;
 
@@ -240,6 +250,321 @@ fn gathering_at_every_hit_pays_where_few_hits_matter() {
         near(own.variance() / gathered, 1., 0.1);
         near(own.mean(), mean, 4.5 * own.standard_error());
     }
+}
+
+// Answer the exercises on gathering
+#[test]
+fn a_bin_at_the_edge_is_four_times_as_large_as_one_in_the_middle() {
+    // Cut a bin in the middle into small squares
+    let side = |i: u32| (f64::from(i) + 0.5) / 512.;
+    let (mut middle, first) = (0., 8 * guide::SIDE + 8);
+    for (i, j) in (256..288).flat_map(|i| (256..288).map(move |j| (i, j))) {
+        let at = [side(i), side(j)];
+        assert_eq!(bin(at), first);
+        middle += PI / direction(DVec3::Z, at).z / 512. / 512.;
+    }
+    near(middle, 0.0123, 1e-4);
+    // Count uniform directions at the edge
+    let (mut edge, mut highest) = ((HashSet::new(), 0), 0f64);
+    let mut random = generator(6, 0, 0);
+    for _ in 0..100_000 {
+        let (z, turn) =
+            (random.random::<f64>(), TAU * random.random::<f64>());
+        let r = (1. - z * z).sqrt();
+        let towards = DVec3::new(r * turn.cos(), r * turn.sin(), z);
+        let b = bin_of(DVec3::Z, towards);
+        let place = [b / guide::SIDE, b % guide::SIDE];
+        if place.iter().any(|&i| i == 0 || i == guide::SIDE - 1) {
+            edge.0.insert(b);
+            edge.1 += 1;
+            highest = highest.max(z);
+        }
+    }
+    assert_eq!(edge.0.len(), 60);
+    near(TAU * f64::from(edge.1) / 1e5 / 60., 0.0507, 8e-4);
+    near(highest.asin().to_degrees(), 29., 0.1);
+}
+
+/// The variance of the weight of a ray of a guide, or of cosine sampling,
+/// when these bins have the radiance 1 and the others 0.
+fn window_variance(guide: Option<&Guide>, bins: Range<usize>) -> f64 {
+    let (mut sum, mut random) =
+        (Accumulator::default(), generator(3, 0, 0));
+    for _ in 0..1_000_000 {
+        let u = [random.random(), random.random()];
+        let (b, weight) = match guide {
+            Some(guide) => {
+                let (_, b) = guide.warp(u);
+                (b, 1. / guide.density(b))
+            }
+            None => (bin(u.map(to_unit)), 1.),
+        };
+        sum.add(if bins.contains(&b) { weight } else { 0. });
+    }
+    sum.variance()
+}
+
+#[test]
+fn a_guide_to_a_closed_window_is_eight_times_as_noisy_as_none() {
+    let mut bins = [0.; BINS];
+    bins[100..104].fill(1.);
+    let guide = Guide::new(&bins).unwrap();
+    near(window_variance(None, 100..104), 0.0154, 3e-4);
+    near(window_variance(Some(&guide), 100..104), 3.27e-5, 1e-6);
+    near(window_variance(Some(&guide), 200..204), 0.130, 5e-3);
+    let density = 0.88 * 64. + 0.12;
+    near(1. / 64. / density - 1. / 4096., 3.27e-5, 1e-7);
+}
+
+#[test]
+fn roots_of_mean_squares_are_the_best_density_of_two_bins() {
+    let squares = [0.25, 1.];
+    let second = |density: [f64; 2]| {
+        let sum = density[0] + density[1];
+        let part = |i: usize| squares[i] * sum / density[i] / 4.;
+        part(0) + part(1) - 0.25
+    };
+    near(second([1., 1.]), 0.375, 1e-12);
+    near(second([0.5, 1.]), 0.3125, 1e-12);
+    let others = (1..100).map(|i| second([f64::from(i) / 100., 1.]));
+    near(others.fold(1., f64::min), 0.3125, 1e-12);
+}
+
+/// The value of a cell, of whose records so many go to itself for each
+/// that goes to the sky.
+fn settled(to_itself: usize) -> f64 {
+    let grid = Grid::around(&[]);
+    let (p, normal) = (DVec3::splat(0.5), DVec3::Z);
+    let from = grid.name(p, normal);
+    let sky = Record { from, to: SKY, weight: 1., bin: 0 };
+    let mut records = vec![sky];
+    records.resize(1 + to_itself, Record { to: from, ..sky });
+    let cache = RadianceCache::learn(grid, &mut records, 1.);
+    f64::from(cache.at(from).value)
+}
+
+#[test]
+fn an_iteration_that_has_settled_may_be_far_from_its_limit() {
+    near(settled(1), 0.999, 5e-4);
+    near(settled(99), 0.910, 5e-4);
+    near(settled(999), 0.259, 5e-4);
+    near(1. - 0.99f64.powi(240), 0.910, 5e-4);
+    near(1. - 0.999f64.powi(300), 0.259, 5e-4);
+}
+
+#[test]
+fn a_cache_takes_less_than_four_hundred_megabytes() {
+    const RAYS: u64 = 1 << 22;
+    let cells = |level: u32| RAYS.min(6 * (128u64 >> level).pow(3));
+    let cells: u64 = (0..LEVELS as u32).map(cells).sum();
+    assert_eq!(cells, 5_991_424);
+    let entries = (2 * cells + 1).next_power_of_two();
+    let guides = LEVELS as u64 * (RAYS / 1000);
+    let [record, cell, guide] =
+        [size_of::<Record>(), size_of::<Cell>(), size_of::<Guide>()];
+    assert_eq!([record, cell, guide], [24, 16, 544]);
+    let megabytes = [
+        (RAYS * record as u64, 100.7),
+        (entries * cell as u64, 268.4),
+        (guides * guide as u64, 11.4),
+    ];
+    for (bytes, printed) in megabytes {
+        near(bytes as f64 / 1e6, printed, 0.05);
+    }
+}
+
+/// A cache that says the same of all places within a unit of the origin.
+fn believer(value: f32) -> RadianceCache {
+    let far = [DVec3::splat(-1e6), DVec3::splat(1e6)];
+    let grid = Grid::around(&far);
+    let mut records = vec![];
+    for (x, y, z) in (0..8).map(|i| (i & 1, i >> 1 & 1, i >> 2)) {
+        let [x, y, z] = [x, y, z].map(|i| f64::from(2 * i - 1));
+        for normal in DVec3::AXES.into_iter().flat_map(|a| [a, -a]) {
+            let from = grid.name(DVec3::new(x, y, z), normal);
+            records.push(Record { from, to: SKY, weight: value, bin: 0 });
+        }
+    }
+    RadianceCache::learn(grid, &mut records, 1.)
+}
+
+/// What a gather finds in a small image of a setting: its samples without
+/// a correction, or the means of its one tile; and the rays of a sample.
+fn gather(
+    setting: &Setting,
+    albedo: f64,
+    cache: &RadianceCache,
+    correction: Option<Correction>,
+    scrambles: u64,
+) -> (Accumulator, f64) {
+    let Job { scene, intersector, camera, known, .. } = setting.job(1);
+    let sky = Sky::new(DVec3::Z);
+    let mut tracer =
+        Tracer { scene, intersector, camera, sky, albedo, cache, rays: 0 };
+    let mut film = Film::new(4, 4);
+    let tile = film.tiles()[0].0;
+    let plan = Plan {
+        resolution: film.resolution(),
+        window: film.window(),
+        known,
+        allocation: &Allocation::even(film.area()),
+        net: ScrambledNet::new(1),
+        seed: 4,
+        correction,
+    };
+    let mut sum = Accumulator::default();
+    for scramble in 0..scrambles {
+        let pixels = tracer.tile(&plan, tile, scramble);
+        match correction {
+            Some(_) => sum.add(pixels.iter().sum::<f64>() / 16.),
+            None => pixels.into_iter().for_each(|value| sum.add(value)),
+        }
+    }
+    (sum, tracer.rays as f64 / (16 * scrambles) as f64)
+}
+
+// Five standard errors, which chance exceeds with 6e-7; and the cavity is
+// round to a few parts in ten thousand.
+#[test]
+fn a_believed_cache_passes_on_two_thirds_of_its_error() {
+    let setting = sphere(0.2, 0.8, 128);
+    let all = Correction { step: 1., ..Correction::default() };
+    for (says, image) in [(1., 0.8), (0., 0.16), (4. / 9., 4. / 9.)] {
+        let cache = believer(says);
+        let (sum, rays) = gather(&setting, 0.8, &cache, None, 2000);
+        near(sum.mean(), image, 5. * sum.standard_error() + 5e-4);
+        near(rays, 2., 0.);
+        let (sum, _) = gather(&setting, 0.8, &cache, Some(all), 1000);
+        near(sum.mean(), 4. / 9., 5. * sum.standard_error() + 5e-4);
+        assert!(sum.standard_error() < 0.02, "{}", sum.standard_error());
+    }
+}
+
+#[test]
+fn a_true_cache_halves_the_variance_of_a_cavity_and_saves_two_rays_of_three()
+ {
+    let setting = sphere(0.2, 0.8, 128);
+    let (sum, _) = gather(&setting, 0.8, &believer(4. / 9.), None, 4000);
+    near(sum.variance(), 0.0316, 1e-3);
+    let paths = weigh(&mut setting.job(1), 64_000);
+    near(paths.variance(), 0.0648, 3e-3);
+}
+
+#[test]
+fn a_close_connection_is_noisy_with_its_own_density_alone() {
+    // The plane in rings around the foot of the point at height h
+    let h = 0.01f64;
+    let form = |h: f64, s: f64| h * h / PI / (h * h + s * s).powi(2);
+    let (mut alone, mut mean, mut both) = (0., 0., 0.);
+    for k in -60_000..60_000 {
+        let [s, t] = [k, k + 1].map(|k| libm::exp(f64::from(k) * 2e-4));
+        let (ring, middle) = (PI * (t * t - s * s), (s * t).sqrt());
+        let (one, other) = (form(h, middle), form(1., middle));
+        mean += ring * one;
+        alone += ring * one * one / other;
+        both += ring * one * one / (one + other);
+    }
+    near(mean, 1., 1e-3);
+    near(alone, 3334., 1.);
+    near(both, 0.984, 1e-3);
+}
+
+#[test]
+fn own_rays_make_a_histogram_darker() {
+    // All four outcomes of two coins
+    let mut mean = 0.;
+    for coins in 0..4 {
+        let rays = [coins & 1, coins >> 1];
+        let density = |bin: i32| {
+            let count = rays.iter().filter(|ray| **ray == bin).count();
+            2. * (count as f64 + 1.) / 4.
+        };
+        mean +=
+            rays.iter().map(|&ray| 0.5 / density(ray)).sum::<f64>() / 4.;
+    }
+    near(mean, 5. / 6., 1e-12);
+}
+
+#[test]
+fn a_pilot_of_eight_costs_nine_per_cent() {
+    for (m, cost) in [(4, 1.273), (8, 1.086)] {
+        // The roots of estimated variances, and one over them
+        let mut random = generator(5, m, 0);
+        let (mut roots, mut inverse) = (0., 0.);
+        for _ in 0..100_000 {
+            let mut pilot = Accumulator::default();
+            for _ in 0..m {
+                let six = |_| random.random::<f64>();
+                let normal = (0..12).map(six).sum::<f64>() - 6.;
+                pilot.add(normal);
+            }
+            let root = pilot.variance().sqrt();
+            roots += root;
+            inverse += 1. / root;
+        }
+        near(roots * inverse / 1e10, cost, 0.01);
+        let half = (m - 1) as f64 / 2.;
+        let gamma = libm::tgamma(half + 0.5) * libm::tgamma(half - 0.5);
+        near(gamma / libm::tgamma(half).powi(2), cost, 6e-4);
+    }
+}
+
+/// The variance of the pixels of a room with a window, and the rays of a
+/// sample, for some step of the correction.
+fn room_of_step(step: Option<f64>) -> (f64, f64) {
+    let room = settings::named("room with a window");
+    let sky = (room.rho, DVec3::Z);
+    let setting = Setting::new(&room.mesh, sky, &room.view, 1.).unwrap();
+    let Job { scene, intersector, camera, known, .. } = setting.job(1);
+    let (sky, albedo) = (Sky::new(DVec3::Z), room.rho);
+    let cache = &RadianceCache::empty(Grid::around(&[]));
+    let like =
+        Tracer { scene, intersector, camera, sky, albedo, cache, rays: 0 };
+    let (cache, _) = train(&like, 1 << 17, 9);
+    let mut tracer = like.with(&cache);
+    let mut film = Film::new(16, 16);
+    let tile = film.tiles()[0].0;
+    let allocation =
+        &Allocation { counts: vec![4; 256], scale: vec![0.42; 256] };
+    let plan = Plan {
+        resolution: film.resolution(),
+        window: film.window(),
+        known,
+        allocation,
+        net: ScrambledNet::new(4),
+        seed: 4,
+        correction: step
+            .map(|step| Correction { step, ..Correction::default() }),
+    };
+    let mut pixels = vec![Accumulator::default(); 256];
+    for scramble in 0..100 {
+        let values = tracer.tile(&plan, tile, scramble);
+        pixels.iter_mut().zip(values).for_each(|(p, v)| p.add(v));
+    }
+    let sum: f64 = pixels.iter().map(Accumulator::variance).sum();
+    (sum / 256., tracer.rays as f64 / 1024. / 100.)
+}
+
+// Two runs foresee the best step; others are worse by more than the parts in
+// a hundred by which variances scatter.
+#[test]
+fn two_runs_foresee_the_best_step_of_a_correction() {
+    let (variance, rays) = room_of_step(None);
+    let (corrected, more) = room_of_step(Some(10.));
+    let slope = (corrected - variance) / 10.;
+    let cost = 10. * (more - rays);
+    let best = (cost * variance / (rays * slope)).sqrt();
+    near(best, 15.5, 0.1);
+    let product = |step| {
+        let (variance, rays) = room_of_step(Some(step));
+        variance * rays
+    };
+    let [least, small, large] = [best, 3., 150.].map(product);
+    near(rays * variance / least, 0.163, 1e-3);
+    near(more * corrected / least, 1.23, 0.01);
+    near(small / least, 2.0, 0.05);
+    near(large / least, 3.9, 0.05);
+    assert!(small > 1.5 * least && large > 1.5 * least);
 }
 
 // Answer the exercises on statistics

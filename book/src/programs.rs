@@ -18,6 +18,7 @@ mod calibration;
 mod closed_forms;
 mod fuzz;
 mod leaks;
+mod learnt;
 mod loading;
 mod manuals;
 mod nets;
@@ -49,7 +50,7 @@ pub type Done = Result<(), Box<dyn Error>>;
 type Part = (&'static str, fn(&[String]) -> Done);
 
 /// All parts.
-pub const ALL: [Part; 26] = [
+pub const ALL: [Part; 27] = [
     ("ablation", ablation::run),
     ("accounting", accounting::run),
     ("accumulators", accumulators::run),
@@ -60,6 +61,7 @@ pub const ALL: [Part; 26] = [
     ("courtyard", courtyard),
     ("fuzz", fuzz::run),
     ("leaks", leaks::run),
+    ("learnt", learnt::run),
     ("loading", loading::run),
     ("manuals", manuals::run),
     ("nets", nets::run),
