@@ -196,14 +196,13 @@ impl Stage {
         let value = |i: u32| {
             let x = (f64::from(i % width) + 0.5) / f64::from(width);
             let y = (f64::from(i / width) + 0.5) / f64::from(height);
-            let radiance = match tracer.look(x, y) {
+            match tracer.look(x, y) {
                 End::Sky(radiance) => radiance,
                 End::Hit(hit) => {
                     let name = cache.grid().name(hit.point, hit.normal);
                     f64::from(cache.at(name).value)
                 }
-            };
-            radiance
+            }
         };
         (0..width * height).map(value).collect()
     }
@@ -273,7 +272,14 @@ fn density(guide: &Guide) -> Vec<f64> {
 fn draw(figures: &Path, name: &str, width: u32, means: Vec<f64>) -> Done {
     let path = figures.join(format!("learnt-{name}.png"));
     let height = means.len() as u32 / width;
-    let (errors, samples, attributes) = (None, None, BTreeMap::new());
-    let image = Image { width, height, means, errors, samples, attributes };
+    let image = Image {
+        width,
+        height,
+        means,
+        errors: None,
+        samples: None,
+        tile_errors: None,
+        attributes: BTreeMap::new(),
+    };
     Ok(Format::Png.write(&image, &mut File::create(path)?)?)
 }
