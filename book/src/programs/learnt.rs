@@ -196,14 +196,13 @@ impl Stage {
         let value = |i: u32| {
             let x = (f64::from(i % width) + 0.5) / f64::from(width);
             let y = (f64::from(i / width) + 0.5) / f64::from(height);
-            let radiance = match tracer.look(x, y) {
+            match tracer.look(x, y) {
                 End::Sky(radiance) => radiance,
                 End::Hit(hit) => {
                     let name = cache.grid().name(hit.point, hit.normal);
                     f64::from(cache.at(name).value)
                 }
-            };
-            radiance
+            }
         };
         (0..width * height).map(value).collect()
     }
