@@ -23,7 +23,7 @@ TABLES := $(BUILD_DIR)/examples.stamp \
   learnt.tex nets.stamp scrambles.tex padding.tex pixels.csv \
   qualities.tex leaks.tex origins.tex roulettes.tex stability.tex \
   stability-full.tex robustness.tex ablation.tex shortcuts.tex layouts.tex habits.tex \
-  abreast.tex traversal.tex bench.tex efficiency.tex choice.tex generations.tex sizes.csv shapes.tex \
+  abreast.tex traversal.tex bench.tex efficiency.tex gains.tex generations.tex sizes.csv shapes.tex \
   start.tex repeats.csv accumulators.tex accounting.tex alarms.tex \
   thresholds.tex triangulations.tex ring.tex mixtures.tex \
   mixtures-ball.csv)
@@ -288,7 +288,7 @@ POSED = $(foreach scene,$(CHOSEN),$(firstword $(subst @, ,$(scene))))
 
 .PHONY: choice
 choice: bench-tools $(call AND_VIEWS,$(addprefix $(BENCH)/,$(sort $(POSED))))
-	$(RECORD) choice python3 $(SCRIPTS)/choice.py $(BUILD_DIR)/pt \
+	$(RECORD) gains python3 $(SCRIPTS)/choice.py $(BUILD_DIR)/pt \
 	  $(CHOSEN:%=$(BENCH)/%)
 
 # ---- the pictures of the README
