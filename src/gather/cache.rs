@@ -155,13 +155,15 @@ pub struct RadianceCache {
     /// The table; its length is a power of two.
     cells: Vec<Cell>,
     guides: Vec<Guide>,
+    /// The mean error that a ray meets, relative to the mean radiance.
+    pub doubt: f32,
 }
 
 // Look a cell up
 impl RadianceCache {
     /// A cache that knows nothing.
     pub fn empty(grid: Grid) -> Self {
-        Self { grid, cells: vec![UNSEEN], guides: vec![] }
+        Self { grid, cells: vec![UNSEEN], guides: vec![], doubt: 1. }
     }
 
     /// The guide of a cell; none stands for cosine sampling.
@@ -506,6 +508,14 @@ impl RadianceCache {
             cache.cells[slot] = Cell { mark, value, error, guide };
         }
         cache.guides = guides;
+        // Find the mean error that a ray meets
+        let (mut wrong, mut all) = (0f32, 0f32);
+        for (record, &end) in records.iter().zip(&ends) {
+            all += record.weight * arriving(&values, end);
+            let error = errors.get(end as usize);
+            wrong += record.weight * error.copied().unwrap_or(0.);
+        }
+        cache.doubt = if all > 0. { wrong / all } else { 1. };
         cache
     }
 }

@@ -21,7 +21,7 @@ use crate::sampler::generator;
 
 // Follow paths and record them
 /// Reflections of a training path.
-const REFLECTIONS: usize = 5;
+const REFLECTIONS: usize = 7;
 
 impl<K: Intersector> Tracer<'_, K> {
     /// The records of paths of about so many rays, and where they reflect:
@@ -80,7 +80,10 @@ const PIECES: u64 = 64;
 /// The part of the rays that each round traces, in per cent.
 const ROUNDS: [u64; 3] = [15, 25, 60];
 
-/// Learns a cache from about so many rays; returns it and the rays.
+/// By how much the last round must be expected to reduce the doubt.
+const LEAST_FALL: f32 = 0.028;
+
+/// Learns a cache from at most about so many rays; returns it and the rays.
 pub fn train<K: Intersector>(
     like: &Tracer<K>,
     rays: u64,
@@ -107,7 +110,12 @@ pub fn train<K: Intersector>(
             traced += rays;
         }
         let albedo = like.albedo as f32;
+        let before = cache.doubt;
         cache = RadianceCache::learn(grid, &mut records, albedo);
+        let falls = cache.doubt * (1. - cache.doubt / before);
+        if round == 1 && falls < LEAST_FALL {
+            break;
+        }
     }
     (cache, traced)
 }

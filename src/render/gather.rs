@@ -41,7 +41,7 @@ pub struct Gather<'a> {
     pub known: &'a KnownPixels,
     /// Chooses all random numbers.
     pub seed: u64,
-    /// About as many rays train the cache.
+    /// At most about as many rays train the cache.
     pub training: u64,
     /// How much is corrected; none leaves the error of the cache.
     pub correction: Option<Correction>,

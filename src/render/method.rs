@@ -101,7 +101,7 @@ pub struct Sampling {
     pub seed: u64,
     /// Samples of a pixel that are placed together, on average.
     pub replicate: u64,
-    /// About as many rays train the cache of a gather.
+    /// At most about as many rays train the cache of a gather.
     pub training: u64,
 }
 
@@ -118,15 +118,19 @@ impl Sampling {
         samples: Option<u64>,
         area: u64,
     ) -> Self {
-        let replicate = match samples {
-            _ if method == Method::Reference => 1,
-            Some(n) => 1 << (n / REPLICATES).clamp(1, MOST).ilog2(),
+        let together = |replicates: u64| match samples {
+            Some(n) => 1 << (n / replicates).clamp(1, MOST).ilog2(),
             None => 4,
+        };
+        let replicate = match method {
+            Method::Reference => 1,
+            Method::Sobol => together(4),
+            Method::Gather => together(16),
         };
         let paths = samples.map(|n| n.saturating_mul(area));
         let expected = paths.map_or(u64::MAX, |n| n.saturating_mul(RAYS));
         let training = match method {
-            Method::Gather => (expected / 4).clamp(LEAST, LARGEST),
+            Method::Gather => (expected / 2).clamp(LEAST, LARGEST),
             _ => 0,
         };
         Self { method, seed, replicate, training }
@@ -160,10 +164,7 @@ impl Sampling {
 
 // Bound what is learnt and placed together
 /// Changes whenever the code that decides what a gather is does.
-const GATHER_VERSION: u32 = 2;
-
-/// Scrambles that make an error honest.
-const REPLICATES: u64 = 16;
+const GATHER_VERSION: u32 = 3;
 
 /// Samples of a scramble at most; a tile keeps all of them.
 const MOST: u64 = 1 << 8;
