@@ -14,6 +14,7 @@
 use std::fs;
 
 use clap::Parser;
+// Name what of pt is taken apart
 use litpt::analysis::background::KnownPixels;
 use litpt::arguments::Arguments;
 use litpt::bvh::Bvh;
@@ -97,6 +98,8 @@ impl Learnt {
         let default = Correction::default();
         match part {
             "guides" => Estimator { cache: &self.unguided, ..whole },
+            "nets" => Estimator { net: ScrambledNet::new(1), ..whole },
+            // Leave out what is learnt
             "cache" => Estimator {
                 cache: &self.empty,
                 learning: self.pilot,
@@ -107,7 +110,6 @@ impl Learnt {
                 learning: self.training,
                 ..whole
             },
-            "nets" => Estimator { net: ScrambledNet::new(1), ..whole },
             "training" => Estimator {
                 cache: &self.hasty,
                 learning: self.haste + self.pilot,
@@ -188,6 +190,7 @@ impl Stage<'_> {
         sampling.film(size, Window { corner: (0, 0), size })
     }
 
+    // Trace with a cache
     fn tracer<'a>(&'a self, cache: &'a RadianceCache) -> Tracer<'a, Bvh> {
         let &Self { scene, intersector, sky, albedo, .. } = self;
         let camera = &self.camera;
@@ -207,6 +210,7 @@ impl Stage<'_> {
         let (cache, training) = train(&tracer, rays, seed);
         let (hasty, haste) = train(&tracer, rays / 10, seed);
         let film = self.film(&sampling);
+        // Send out the pilot
         let uncorrected = Estimator {
             cache: &cache,
             allocation: &Allocation::even(film.area()),
@@ -407,6 +411,7 @@ pub fn run(arguments: &[String]) -> Done {
         resolution: arguments.resolution,
         samples: arguments.samples().unwrap_or(SAMPLES),
     };
+    // Run each part several times
     let replicate = stage.sampling(Method::Gather, 0).replicate;
     let mut runs = PARTS.map(|_| vec![]);
     let mut bytes = PARTS.map(|_| None);
