@@ -23,7 +23,7 @@ TABLES := $(BUILD_DIR)/examples.stamp \
   learnt.tex nets.stamp scrambles.tex padding.tex pixels.csv \
   qualities.tex leaks.tex origins.tex roulettes.tex stability.tex \
   stability-full.tex robustness.tex ablation.tex shortcuts.tex layouts.tex habits.tex \
-  abreast.tex traversal.tex bench.tex efficiency.tex gains.tex generations.tex sizes.csv shapes.tex \
+  abreast.tex traversal.tex bench.tex efficiency.tex worth.tex gains.tex generations.tex sizes.csv shapes.tex \
   start.tex repeats.csv accumulators.tex accounting.tex alarms.tex \
   thresholds.tex triangulations.tex ring.tex mixtures.tex \
   mixtures-ball.csv)
@@ -120,10 +120,50 @@ $(BUILT)/measured.tex: $(SCRIPTS)/measured.awk $(wildcard $(MEASURED)/*.csv) \
 COLUMNS_bench = 8
 COLUMNS_traversal = 6
 COLUMNS_mixtures = 8
-COLUMNS_efficiency = 11
 $(BUILT)/%.tex: $(MEASURED)/%.csv $(SCRIPTS)/table.awk | $(BUILT)
 	awk -v most=$(COLUMNS_$*) -v machine=$(@D)/$*-machine.tex \
 	  -f $(SCRIPTS)/table.awk $< > $@
+
+# The curves of efficiency-curves.tex come with it.
+$(BUILT)/efficiency.tex: $(MEASURED)/efficiency.csv $(SCRIPTS)/efficiency.awk \
+  | $(BUILT)
+	awk -v machine=$(@D)/efficiency-machine.tex \
+	  -v curves=$(@D)/efficiency-curves.tex -f $(SCRIPTS)/efficiency.awk $< > $@
+
+# The chunks of each part of a gather; a minus takes those of another away.
+define PART_CHUNKS
+guides,,src/gather/guide.rs
+guides,,Make the guides
+cache,,src/gather/cache.rs
+cache,-,Make the guides
+cache,,Follow paths and record them
+cache,,Train a cache
+allocation,,Allocate the samples
+sharing,,Share an error among samples
+nets,,src/sampler/sobol.rs
+second gather,,Gather at a point
+many paths,,Choose the ends to correct
+correction,,src/gather/correction.rs
+everything,,src/gather.rs
+everything,,src/gather/guide.rs
+everything,,src/gather/cache.rs
+everything,,src/gather/training.rs
+everything,,src/gather/correction.rs
+everything,,src/render/gather.rs
+endef
+export PART_CHUNKS
+
+# Lines without blank ones and comments.
+$(BUILT)/parts-lines.csv: $(WEB) $(NOWEB) | $(BUILT)
+	@echo "$$PART_CHUNKS" | while IFS=, read -r part sign chunk; do \
+	  $(NOWEB) notangle -R"$$chunk" $(WEB) > $@.chunk || exit 1; \
+	  echo "$$part,$$sign$$(grep -cv '^ *\(//.*\)*$$' $@.chunk)"; done > $@
+	@rm $@.chunk
+
+$(BUILT)/worth.tex: $(BUILT)/parts-lines.csv $(MEASURED)/parts.csv \
+  $(SCRIPTS)/parts.awk
+	awk -v machine=$(@D)/worth-machine.tex -f $(SCRIPTS)/parts.awk \
+	  $(wordlist 1,2,$^) > $@
 
 $(BUILT)/%.csv: $(MEASURED)/%.csv | $(BUILT)
 	grep -v '^#' $< > $@
@@ -290,6 +330,16 @@ POSED = $(foreach scene,$(CHOSEN),$(firstword $(subst @, ,$(scene))))
 choice: bench-tools $(call AND_VIEWS,$(addprefix $(BENCH)/,$(sort $(POSED))))
 	$(RECORD) gains python3 $(SCRIPTS)/choice.py $(BUILD_DIR)/pt \
 	  $(CHOSEN:%=$(BENCH)/%)
+
+# What each part of the gather is worth: half an hour, on a machine that may be
+# busy, since nothing is timed.
+WEIGHED = courtyard backroom statue $(if $(KITCHEN),kitchen)
+
+.PHONY: parts
+parts: $(BOOK) $(call AND_VIEWS,$(WEIGHED:%=$(BENCH)/%))
+	$(RECORD) parts sh -c 'for scene in $(WEIGHED:%=$(BENCH)/%); do \
+	  $(BOOK) parts -i $$scene.obj $$(cat $$scene.view) -r 0.8 -n 64 \
+	    -d 200x150 || exit 1; done | awk "!/^scene,/ || !head++"'
 
 # ---- the pictures of the README
 

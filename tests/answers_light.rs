@@ -1165,3 +1165,38 @@ fn on_square(towards: DVec3) -> [f64; 2] {
     };
     [a, b].map(|c| 0.5 * c + 0.5)
 }
+
+// Answer the exercises on the time to an error
+#[test]
+fn a_tenth_of_the_time_shows_a_start_twice() {
+    let b = 3.;
+    let (peer, ours) = (|t| b / t, |t| b / 5. / (t - 1.));
+    near(peer(1.25), ours(1.25), 1e-12);
+    for (t, sooner, tenth) in [(20., 4., 2.5), (200., 4.88, 4.75)] {
+        let same = 1. + t / 5.;
+        near(ours(same), peer(t), 1e-12);
+        near(t / same, sooner, 5e-3);
+        near(t / same, 5. / (1. + 5. / t), 1e-12);
+        let ratio = peer(t) * t / (ours(t / 10.) * t / 10.);
+        near(ratio, tenth, 1e-12);
+        near(ratio, 5. * (1. - 10. / t), 1e-12);
+    }
+}
+
+#[test]
+fn a_median_of_five_images_has_not_seen_what_is_rare() {
+    let none = (1f64 - 1e-6).powi(96 * 72 * 16);
+    near(none, 0.895, 5e-4);
+    let mut pixel = Accumulator::default();
+    pixel.add_times(0., 15);
+    pixel.add(1000.);
+    let square = pixel.standard_error().powi(2);
+    near(square, (1000f64 / 16.).powi(2), 1e-9);
+    near((square / (96. * 72.)).sqrt(), 0.75, 5e-3);
+    let some = 1. - none;
+    let median = none.powi(3) * 10. * some * some
+        + none.powi(4) * 5. * some
+        + none.powi(5);
+    near(median, 0.990, 5e-4);
+    near(none.powi(5), 0.575, 5e-4);
+}

@@ -19,6 +19,7 @@ BEGIN {
   rows["leaks"] = "surface rays number"
   rows["loading"] = "text reader threads"
   rows["triangulations"] = "polygons library"
+  rows["parts"] = "scene part"
   rows["padding"] = "scene way points"
   rows["qualities"] = "quality instructions"
   rows["roulettes"] = "scene rule"

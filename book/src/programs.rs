@@ -24,6 +24,7 @@ mod manuals;
 mod nets;
 mod origins;
 mod padding;
+mod parts;
 mod pixels;
 mod qualities;
 mod repeats;
@@ -50,7 +51,7 @@ pub type Done = Result<(), Box<dyn Error>>;
 type Part = (&'static str, fn(&[String]) -> Done);
 
 /// All parts.
-pub const ALL: [Part; 27] = [
+pub const ALL: [Part; 28] = [
     ("ablation", ablation::run),
     ("accounting", accounting::run),
     ("accumulators", accumulators::run),
@@ -67,6 +68,7 @@ pub const ALL: [Part; 27] = [
     ("nets", nets::run),
     ("origins", origins::run),
     ("padding", padding::run),
+    ("parts", parts::run),
     ("pixels", pixels::run),
     ("qualities", qualities::run),
     ("repeats", repeats::run),

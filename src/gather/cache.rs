@@ -205,6 +205,18 @@ impl RadianceCache {
     }
 }
 
+impl RadianceCache {
+    /// The same without guides, for those who ask what guides are worth.
+    pub fn without_guides(&self) -> Self {
+        Self { cells: self.cells.clone(), guides: vec![], ..*self }
+    }
+
+    /// The bytes of its table and of its guides.
+    pub fn bytes(&self) -> [usize; 2] {
+        [size_of_val(&*self.cells), size_of_val(&*self.guides)]
+    }
+}
+
 // Sort the records into cells
 /// The cells of all levels, with the records of each.
 struct Cells {

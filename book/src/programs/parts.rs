@@ -1,0 +1,446 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! What each part of a gather is worth: renders a scene with all of them and
+//! without one. Takes the options of pt for a scene and its view, and prints
+//! a CSV.
+
+// Name what the ablation imports
+use std::fs;
+
+use clap::Parser;
+// Name what of pt is taken apart
+use litpt::analysis::background::KnownPixels;
+use litpt::arguments::Arguments;
+use litpt::bvh::Bvh;
+use litpt::camera::Camera;
+use litpt::film::{Film, Tile, Window};
+use litpt::gather::cache::{Grid, RadianceCache, Record};
+use litpt::gather::training::{allocate, train};
+use litpt::gather::{Allocation, Correction, Plan, Sample, Tracer};
+use litpt::integrator::PathTracer;
+use litpt::render::method::{Method, Sampling};
+use litpt::render::{Job, Renderer};
+use litpt::sampler::sobol::{ScrambledNet, SobolSampler};
+use litpt::sampler::split_mix;
+use litpt::scene::{Scene, read_obj};
+use litpt::sky::Sky;
+use litpt::statistics::Accumulator;
+use rayon::prelude::*;
+
+use super::Done;
+
+// Say which parts there are
+/// What can be left out; the first is nothing, the last is everything.
+const PARTS: [&str; 12] = [
+    "nothing",
+    "guides",
+    "cache",
+    "allocation",
+    "sharing",
+    "nets",
+    "second ray",
+    "second gather",
+    "many paths",
+    "training",
+    "correction",
+    "everything",
+];
+
+/// Samples of a pixel, if no number is given.
+const SAMPLES: u64 = 64;
+
+/// Independent runs of each, all with different random numbers.
+const RUNS: u64 = 3;
+
+/// Pixels of a tile.
+const TILE: usize = 256;
+
+/// What makes the samples of a run.
+#[derive(Clone, Copy)]
+struct Estimator<'a> {
+    cache: &'a RadianceCache,
+    allocation: &'a Allocation,
+    correction: Option<Correction>,
+    net: ScrambledNet,
+    /// The rays by which all this was learnt.
+    learning: u64,
+}
+
+impl Learnt {
+    /// The whole estimator.
+    fn whole(&self) -> Estimator<'_> {
+        let Self { cache, allocation, training, pilot, .. } = self;
+        let counts = allocation.counts.iter();
+        let most = u64::from(counts.max().copied().unwrap_or(1));
+        Estimator {
+            cache,
+            allocation,
+            correction: Some(Correction::default()),
+            net: ScrambledNet::new(most.max(64).next_power_of_two()),
+            learning: training + pilot,
+        }
+    }
+
+    // Leave a part out
+    /// The estimator without one of its parts.
+    fn without(&self, part: &str) -> Estimator<'_> {
+        let whole = self.whole();
+        let changed = |correction| Estimator {
+            correction: Some(correction),
+            ..whole
+        };
+        let default = Correction::default();
+        match part {
+            "guides" => Estimator { cache: &self.unguided, ..whole },
+            "nets" => Estimator { net: ScrambledNet::new(1), ..whole },
+            // Leave out what is learnt
+            "cache" => Estimator {
+                cache: &self.empty,
+                learning: self.pilot,
+                ..whole
+            },
+            "allocation" => Estimator {
+                allocation: &self.even,
+                learning: self.training,
+                ..whole
+            },
+            "training" => Estimator {
+                cache: &self.hasty,
+                learning: self.haste + self.pilot,
+                ..whole
+            },
+            // Leave a part of the correction out
+            "sharing" => changed(Correction { group: 1, ..default }),
+            "second ray" => changed(Correction { branches: 1, ..default }),
+            "many paths" => changed(Correction { paths: 1, ..default }),
+            "second gather" => {
+                changed(Correction { gathers: 1, paths: 1, ..default })
+            }
+            "correction" => Estimator { correction: None, ..whole },
+            _ => whole,
+        }
+    }
+
+    // Weigh a part
+    /// The bytes that a part takes for images of this area, at most; none if
+    /// they are but few.
+    fn bytes(&self, part: &str, replicate: u64) -> Option<usize> {
+        let [table, guides] = self.cache.bytes();
+        let Allocation { counts, scale } = &self.allocation;
+        match part {
+            "guides" => Some(guides),
+            "cache" => {
+                let records = self.training as usize * size_of::<Record>();
+                Some(table + records)
+            }
+            "allocation" => {
+                Some(size_of_val(&counts[..]) + size_of_val(&scale[..]))
+            }
+            "sharing" => {
+                let tile = TILE * replicate as usize;
+                Some(tile * size_of::<Sample>())
+            }
+            _ => None,
+        }
+    }
+}
+
+// Learn all that is needed
+/// A scene, its view, and how its samples are made.
+struct Stage<'a> {
+    scene: &'a Scene,
+    intersector: &'a Bvh,
+    camera: Camera,
+    sky: Sky,
+    albedo: f64,
+    resolution: (u32, u32),
+    samples: u64,
+}
+
+/// What runs have learnt, and by how many rays.
+struct Learnt {
+    cache: RadianceCache,
+    training: u64,
+    unguided: RadianceCache,
+    /// After a tenth of the training.
+    hasty: RadianceCache,
+    haste: u64,
+    empty: RadianceCache,
+    allocation: Allocation,
+    even: Allocation,
+    pilot: u64,
+}
+
+impl Stage<'_> {
+    /// How a method samples, with a seed.
+    fn sampling(&self, method: Method, seed: u64) -> Sampling {
+        let area = u64::from(self.resolution.0 * self.resolution.1);
+        Sampling::new(method, seed, Some(self.samples), area)
+    }
+
+    /// An empty film for that.
+    fn film(&self, sampling: &Sampling) -> Film {
+        let size = self.resolution;
+        sampling.film(size, Window { corner: (0, 0), size })
+    }
+
+    // Trace with a cache
+    fn tracer<'a>(&'a self, cache: &'a RadianceCache) -> Tracer<'a, Bvh> {
+        let &Self { scene, intersector, sky, albedo, .. } = self;
+        let camera = &self.camera;
+        Tracer { scene, intersector, camera, sky, albedo, cache, rays: 0 }
+    }
+}
+
+impl Stage<'_> {
+    /// Learns twice, as a run with this seed does, and with a tenth of the
+    /// rays.
+    fn learn(&self, seed: u64) -> Learnt {
+        let sampling = self.sampling(Method::Gather, seed);
+        let seed = split_mix(seed);
+        let nothing = RadianceCache::empty(Grid::around(&[]));
+        let tracer = self.tracer(&nothing);
+        let rays = sampling.training;
+        let (cache, training) = train(&tracer, rays, seed);
+        let (hasty, haste) = train(&tracer, rays / 10, seed);
+        let film = self.film(&sampling);
+        // Send out the pilot
+        let uncorrected = Estimator {
+            cache: &cache,
+            allocation: &Allocation::even(film.area()),
+            correction: None,
+            net: ScrambledNet::new(64),
+            learning: 0,
+        };
+        let plan = self.plan(&uncorrected, seed);
+        let (allocation, pilot) = allocate(
+            &self.tracer(&cache),
+            &plan,
+            film.blank(),
+            film.replicate(),
+        );
+        // Put together what was learnt
+        let counts = vec![film.replicate() as u32; film.area() as usize];
+        let even = Allocation { counts, scale: allocation.scale.clone() };
+        let unguided = cache.without_guides();
+        let empty = RadianceCache::empty(*cache.grid());
+        Learnt {
+            cache,
+            training,
+            unguided,
+            hasty,
+            haste,
+            empty,
+            allocation,
+            even,
+            pilot,
+        }
+    }
+}
+
+// Render without a part
+/// A run: its image and its rays per sample, with what it had to learn.
+struct Run {
+    film: Film,
+    rays: f64,
+}
+
+impl Stage<'_> {
+    fn plan<'a>(&self, estimator: &Estimator<'a>, seed: u64) -> Plan<'a> {
+        let resolution = self.resolution;
+        Plan {
+            resolution,
+            window: Window { corner: (0, 0), size: resolution },
+            known: &KnownPixels::Nothing,
+            allocation: estimator.allocation,
+            net: estimator.net,
+            seed,
+            correction: estimator.correction,
+        }
+    }
+
+    // Render so many scrambles
+    /// Renders scrambles with what was learnt, and without a part.
+    fn gather(
+        &self,
+        without: &Estimator,
+        seed: u64,
+        scrambles: u64,
+    ) -> Run {
+        let mut film = self.film(&self.sampling(Method::Gather, seed));
+        let plan = self.plan(without, seed);
+        let render =
+            |(tile, pixels, mean): (Tile, &mut [Accumulator], &mut _)| {
+                let mut tracer = self.tracer(without.cache);
+                for scramble in 0..scrambles {
+                    let values = tracer.tile(&plan, tile, scramble);
+                    let sum: f64 = values.iter().sum();
+                    Accumulator::add(mean, sum / values.len() as f64);
+                    let both = pixels.iter_mut().zip(values);
+                    both.for_each(|(pixel, value)| pixel.add(value));
+                }
+                tracer.rays
+            };
+        let tiles = film.shared_tiles().into_par_iter().with_max_len(1);
+        let traced: u64 = tiles.map(render).sum();
+        let per_pixel = (scrambles * film.replicate()) as f64;
+        let each = traced as f64 / per_pixel;
+        let learning = without.learning as f64 / self.samples as f64;
+        let rays = (each + learning) / film.area() as f64;
+        Run { film, rays }
+    }
+
+    // Render by paths
+    /// Renders by paths in nets.
+    fn trace(&self, seed: u64) -> Run {
+        let sampling = self.sampling(Method::Sobol, seed);
+        let mut film = self.film(&sampling);
+        let &Self { scene, intersector, sky, albedo, .. } = self;
+        let mut job = Job {
+            scene,
+            intersector,
+            camera: &self.camera,
+            integrator: PathTracer { albedo, sky },
+            known: &KnownPixels::Nothing,
+            sampler: SobolSampler::new(seed, sampling.replicate),
+        };
+        let traced = job.pass(&mut film, self.samples, &|_| true);
+        let samples = self.samples * film.area();
+        Run { film, rays: traced as f64 / samples as f64 }
+    }
+}
+
+// Compare a part with the whole
+/// What some runs have in common.
+struct Outcome {
+    rays: f64,
+    /// The variance of a sample, from the differences of the runs.
+    variance: f64,
+    /// The same as the runs claim it.
+    claimed: f64,
+    mean: f64,
+    /// The square of the standard error of the mean.
+    square: f64,
+}
+
+impl Outcome {
+    fn of(runs: &[Run]) -> Self {
+        let n = runs.len() as f64;
+        let mean =
+            |f: &dyn Fn(&Run) -> f64| runs.iter().map(f).sum::<f64>() / n;
+        let samples = |run: &Run| run.film.samples() as f64;
+        Self {
+            rays: mean(&|run| run.rays),
+            variance: samples(&runs[0]) * scatter(runs),
+            claimed: mean(&|run| {
+                samples(run) * run.film.summary().rmse.powi(2)
+            }),
+            mean: mean(&|run| run.film.summary().mean),
+            square: mean(&|run| run.film.summary().mean_stderr.powi(2)) / n,
+        }
+    }
+}
+
+/// The variance of a pixel among runs, on average over the pixels.
+fn scatter(runs: &[Run]) -> f64 {
+    let images: Vec<Vec<f64>> =
+        runs.iter().map(|run| run.film.means().collect()).collect();
+    let area = images[0].len();
+    let variance = |i: usize| {
+        let mut pixel = Accumulator::default();
+        images.iter().for_each(|image| pixel.add(image[i]));
+        pixel.variance()
+    };
+    (0..area).map(variance).sum::<f64>() / area as f64
+}
+
+/// The mean of all outcomes but one, each with its precision as its weight,
+/// and the square of its error. What is not corrected does not count.
+fn without_it(all: &[Outcome], one: usize) -> (f64, f64) {
+    let (mut sum, mut weights) = (0., 0.);
+    for (part, outcome) in all.iter().enumerate() {
+        if part != one && PARTS[part] != "correction" {
+            sum += outcome.mean / outcome.square;
+            weights += 1. / outcome.square;
+        }
+    }
+    (sum / weights, 1. / weights)
+}
+
+// Print the rows of a scene
+impl Stage<'_> {
+    /// A run without a part, with what run `i` has learnt.
+    fn without(&self, learnt: &Learnt, part: usize, i: u64) -> Run {
+        let seed = (part as u64 + 1) * RUNS + i;
+        let sampling = self.sampling(Method::Gather, seed);
+        let scrambles = self.samples.div_ceil(sampling.replicate);
+        match PARTS[part] {
+            "everything" => self.trace(seed),
+            "cache" => {
+                let few = (scrambles / 8).max(2);
+                self.gather(&learnt.without("cache"), seed, few)
+            }
+            name => self.gather(&learnt.without(name), seed, scrambles),
+        }
+    }
+}
+
+pub fn run(arguments: &[String]) -> Done {
+    let name = std::iter::once("parts");
+    let words = name.chain(arguments.iter().map(String::as_str));
+    let arguments = Arguments::parse_from(words);
+    let input = arguments.input.as_ref().ok_or("name a scene: -i FILE")?;
+    let scene = Scene::new(&read_obj(&fs::read(input)?)?);
+    let intersector = Bvh::new(&scene)?;
+    // Set the stage of the arguments
+    let view = arguments.view();
+    let (width, height) = arguments.resolution;
+    let aspect = f64::from(width) / f64::from(height);
+    let stage = Stage {
+        scene: &scene,
+        intersector: &intersector,
+        camera: Camera::new(&view, aspect)?,
+        sky: Sky::new(view.up),
+        albedo: arguments.albedo,
+        resolution: arguments.resolution,
+        samples: arguments.samples().unwrap_or(SAMPLES),
+    };
+    // Run each part several times
+    let replicate = stage.sampling(Method::Gather, 0).replicate;
+    let mut runs = PARTS.map(|_| vec![]);
+    let mut bytes = PARTS.map(|_| None);
+    for i in 0..RUNS {
+        let learnt = stage.learn(i);
+        for (part, runs) in runs.iter_mut().enumerate() {
+            runs.push(stage.without(&learnt, part, i));
+            bytes[part] = learnt.bytes(PARTS[part], replicate);
+        }
+    }
+    let all = runs.map(|runs| Outcome::of(&runs));
+    println!("scene,part,bytes,rays,claimed,error,cost,z");
+    let name = input.file_stem().unwrap_or_default().to_string_lossy();
+    for (part, (bytes, outcome)) in bytes.iter().zip(&all).enumerate() {
+        // Print the row of a part
+        let cost = |o: &Outcome| o.variance * o.rays;
+        let error =
+            |variance: f64| (variance / stage.samples as f64).sqrt();
+        let (mean, square) = without_it(&all, part);
+        let z = (outcome.mean - mean) / (outcome.square + square).sqrt();
+        let bytes = bytes.map_or_else(String::new, |n| n.to_string());
+        println!(
+            "{name},{},{bytes},{:.2},{:.3e},{:.3e},{:.3},{z:.2}",
+            PARTS[part],
+            outcome.rays,
+            error(outcome.claimed),
+            error(outcome.variance),
+            cost(outcome) / cost(&all[0]),
+        );
+    }
+    Ok(())
+}
