@@ -74,6 +74,8 @@ pub struct Sample {
     pub cell: Cell,
     /// The pixel in its tile.
     pub pixel: u32,
+    /// About the radiance of the pixel; positive.
+    pub scale: f64,
     /// The weight of the direction of the gather.
     pub weight: f64,
     /// What the gather has hit, if anything, and a cell near it.
@@ -83,8 +85,8 @@ pub struct Sample {
 }
 
 impl Sample {
-    fn new(hit: Hit, pixel: u32, u: [u32; 2]) -> Self {
-        Self { hit, cell: UNSEEN, pixel, weight: 1., end: None, u }
+    fn new(hit: Hit, pixel: u32, scale: f64, u: [u32; 2]) -> Self {
+        Self { hit, cell: UNSEEN, pixel, scale, weight: 1., end: None, u }
     }
 }
 
@@ -247,7 +249,8 @@ impl<K: Intersector> Tracer<'_, K> {
                     End::Sky(radiance) => sums[pixel as usize] += radiance,
                     End::Hit(hit) => {
                         let u = plan.net.pair(key, n, 1);
-                        samples.push(Sample::new(hit, pixel, u));
+                        let scale = plan.allocation.scale[number];
+                        samples.push(Sample::new(hit, pixel, scale, u));
                     }
                 }
             }
@@ -279,7 +282,7 @@ impl<K: Intersector> Tracer<'_, K> {
                 sums[*pixel as usize] += radiance;
             }
         }
-        self.correct(plan, tile, &samples, &mut random, &mut sums);
+        self.correct(plan, &samples, &mut random, &mut sums);
         for (pixel, sum) in (0..area).zip(&mut sums) {
             let (_, _, number) = plan.place(tile, pixel);
             *sum /= f64::from(plan.allocation.counts[number]);

@@ -16,10 +16,8 @@ use rand::RngExt;
 use rand_pcg::Pcg64;
 
 use super::cache::{Cell, UNSEEN};
-use super::guide::bin_of;
 use super::{Correction, End, Plan, Sample, Tracer};
 use crate::bvh::{Hit, Intersector};
-use crate::film::Tile;
 use crate::integrator::{MANY_BOUNCES, onward};
 use crate::sampler::sobol::ScrambledNet;
 use crate::scene::Ray;
@@ -31,7 +29,6 @@ impl<K: Intersector> Tracer<'_, K> {
     pub fn correct(
         &mut self,
         plan: &Plan,
-        tile: Tile,
         samples: &[Sample],
         random: &mut Pcg64,
         sums: &mut [f64],
@@ -48,13 +45,10 @@ impl<K: Intersector> Tracer<'_, K> {
             let mut reached = 0.;
             for &k in group {
                 // Count the draws of a sample
-                let Sample { weight, ref end, pixel, .. } = samples[k];
+                let Sample { weight, scale, ref end, .. } = samples[k];
                 let Some((y, cell)) = end else { continue };
-                let (_, _, number) = plan.place(tile, pixel);
-                let relative =
-                    f64::from(cell.error) / plan.allocation.scale[number];
-                let importance = self.albedo * weight * relative;
-                reached += importance;
+                let expected = f64::from(cell.error);
+                reached += self.albedo * weight * expected / scale;
                 let draws = draws(&mut next, reached, correction.step);
                 // Correct what a sample has met
                 if draws > 0. {
@@ -62,8 +56,7 @@ impl<K: Intersector> Tracer<'_, K> {
                     let error = self
                         .radiance(correction, y, cell, &plan.net, random)
                         - known;
-                    let share =
-                        error * draws * correction.step / importance;
+                    let share = draws * correction.step * error / expected;
                     self.share(samples, group, k, share, &mut seen, sums);
                 }
             }
@@ -81,14 +74,14 @@ fn draws(next: &mut f64, reached: f64, step: f64) -> f64 {
 
 // Share an error among samples
 impl<K: Intersector> Tracer<'_, K> {
-    /// Gives the error of what sample `k` has met to all samples of its
-    /// group that see the place.
+    /// Shares the error of what sample `k` has met among all samples of
+    /// its group that see the place.
     fn share(
         &mut self,
         samples: &[Sample],
         group: &[usize],
         k: usize,
-        error: f64,
+        share: f64,
         seen: &mut Vec<f64>,
         sums: &mut [f64],
     ) {
@@ -103,20 +96,12 @@ impl<K: Intersector> Tracer<'_, K> {
                 form > 0. && (i == k || self.sees(&x.hit, y, direction));
             seen.push(if visible { form } else { 0. });
             if visible {
-                density += form
-                    * match self.cache.guide(&x.cell) {
-                        _ if i == k => 1. / x.weight,
-                        Some(guide) => {
-                            guide.density(bin_of(x.hit.normal, direction))
-                        }
-                        None => 1.,
-                    };
+                density += form / x.scale;
             }
         }
         if density > 0. {
             for (&i, form) in group.iter().zip(seen) {
-                let given = self.albedo * *form * error / density;
-                sums[samples[i].pixel as usize] += given;
+                sums[samples[i].pixel as usize] += share * *form / density;
             }
         }
     }

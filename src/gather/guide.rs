@@ -57,26 +57,6 @@ fn frame(n: DVec3) -> (DVec3, DVec3) {
     (tangent, n.cross(tangent))
 }
 
-// Map the hemisphere back to the square
-/// The bin of a direction around the unit vector `normal`.
-#[inline]
-pub fn bin_of(normal: DVec3, direction: DVec3) -> usize {
-    let (tangent, bitangent) = frame(normal);
-    let (x, y) = (direction.dot(tangent), direction.dot(bitangent));
-    let radius = x.hypot(y).min(1.);
-    let eighth = 4. / std::f64::consts::PI;
-    let (a, b) = match x.abs() > y.abs() {
-        true => (radius.copysign(x), eighth * (y / x).atan()),
-        false if y != 0. => (eighth * (x / y).atan(), radius.copysign(y)),
-        false => (0., 0.),
-    };
-    let (a, b) = match x.abs() > y.abs() {
-        true => (a, a * b),
-        false => (b * a, b),
-    };
-    bin([0.5 * a + 0.5, 0.5 * b + 0.5])
-}
-
 /// The bin of a point of the square.
 #[inline]
 pub fn bin([u, v]: [f64; 2]) -> usize {

@@ -165,28 +165,24 @@ impl Trial<'_, '_> {
 // Foresee the time of a method
 impl Pilot {
     /// The variance of a sample times its rays, in units of the rays of
-    /// paths, for `samples` of each of `area` pixels.
-    fn cost(
-        &self,
-        albedo: f64,
-        sampling: &Sampling,
-        samples: f64,
-        area: u64,
-    ) -> f64 {
+    /// paths, for `samples` of each pixel.
+    fn cost(&self, albedo: f64, sampling: &Sampling, samples: f64) -> f64 {
         let &Self { square, first, later, .. } = self;
-        let net = |power| (sampling.replicate as f64).powf(power);
         match sampling.method {
             Method::Reference => (first + later) * self.rays,
-            Method::Sobol => (first * net(-0.4) + later) * 1.05 * self.rays,
+            Method::Sobol => {
+                let net = (sampling.replicate as f64).powf(-0.4);
+                (first * net + later) * 1.05 * self.rays
+            }
             Method::Gather => {
-                let learnt = sampling.training as f64 / area as f64;
-                let once = (learnt + 8. * self.first_rays) / samples;
-                let shared = 5. * albedo * albedo;
-                let each = self.first_rays + shared * self.indirect;
-                let guided = 0.5 * first * net(-0.25) * square
-                    / (square + 0.6 * first).max(f64::MIN_POSITIVE);
+                let bright = albedo * albedo;
+                let each = self.first_rays + 20. * bright * self.indirect;
+                let once = 8. * self.first_rays / samples;
+                let seen = 5. * (1. - 0.95 * self.indirect) * first;
+                let guided = seen * samples.min(4096.).powf(-0.45) * square
+                    / (square + 8. * first).max(f64::MIN_POSITIVE);
                 let short = self.first_rays / self.rays.max(1e-9);
-                let left = shared * short * short * later;
+                let left = 2. * bright * short * short * later;
                 (guided + left) * 1.7 * (each + once)
             }
         }
@@ -255,7 +251,7 @@ pub fn choose(
     let methods = Method::ALL.map(|method| {
         let sampling = Sampling::new(method, seed, samples, area);
         let expected = samples.unwrap_or(MANY) as f64;
-        (sampling, pilot.cost(inquiry.albedo, &sampling, expected, area))
+        (sampling, pilot.cost(inquiry.albedo, &sampling, expected))
     });
     let reference = methods[0].1;
     let gain =
