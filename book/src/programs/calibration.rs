@@ -15,18 +15,22 @@ use std::path::Path;
 
 use glam::DVec3;
 use litpt::analysis::background::KnownPixels;
+use litpt::analysis::{Inquiry, SceneAnalysis};
 use litpt::bvh::{Bvh, Hit};
 use litpt::camera::{Camera, View};
-use litpt::film::{Film, WORTH};
-use litpt::integrator::{Integrator, PathEvent};
+use litpt::film::{Film, Summary, WORTH, Window};
+use litpt::integrator::{Integrator, PathEvent, PathTracer};
+use litpt::render::method::{Method, Sampling, renderer};
 use litpt::render::{Job, Renderer};
 use litpt::render_loop::{Convergence, CurvePoint, Interrupt, Limits};
 use litpt::report::Fit;
+use litpt::sampler::sobol::SobolSampler;
 use litpt::sampler::{IndependentSampler, Sampler, dimension, generator};
 use litpt::scene::{Mesh, Scene};
 use litpt::statistics::Accumulator;
 use litpt_book::closed_forms::{Setting, cavity, cavity_radiance};
-use litpt_book::courtyard;
+use litpt_book::interiors::Interior;
+use litpt_book::{courtyard, settings};
 use rand::RngExt;
 use rayon::prelude::*;
 
@@ -37,8 +41,11 @@ pub fn run(arguments: &[String]) -> Done {
     let directory = arguments.first();
     let directory = directory.ok_or("usage: calibration DIRECTORY")?;
     let cases = cases()?;
+    let [coverage, means] = coverage(cases.iter().chain([&room()?]))?;
     let tables = [
-        ("coverage.tex", coverage(&cases)?),
+        ("coverage.tex", coverage),
+        ("means.tex", means),
+        ("replicates.tex", replicates(&cases)?),
         ("unseen.tex", unseen(&cases)?),
         ("slopes.tex", slopes(&cases)?),
         ("stopping.tex", stopping()?),
@@ -53,11 +60,31 @@ pub fn run(arguments: &[String]) -> Done {
 const WIDTH: u32 = 32;
 const HEIGHT: u32 = 24;
 
-/// A scene, with the radiance of each pixel and its standard error.
+/// A scene, with the radiance of each pixel and of the image, and their
+/// standard errors.
 struct Case {
     name: &'static str,
     setting: Setting,
     truth: Vec<(f64, f64)>,
+    mean: (f64, f64),
+}
+
+// Make a case of what is known
+impl Case {
+    /// Each pixel has the same radiance, which is known.
+    fn known(name: &'static str, setting: Setting, radiance: f64) -> Self {
+        let mean = (radiance, 0.);
+        let truth = vec![mean; (WIDTH * HEIGHT) as usize];
+        Self { name, setting, truth, mean }
+    }
+
+    /// An image stands for the truth.
+    fn measured(name: &'static str, setting: Setting, film: &Film) -> Self {
+        let truth = film.means().zip(film.errors(WORTH)).collect();
+        let summary = film.summary();
+        let mean = (summary.mean, summary.mean_stderr);
+        Self { name, setting, truth, mean }
+    }
 }
 
 fn cases() -> Result<Vec<Case>, Box<dyn Error>> {
@@ -68,21 +95,17 @@ fn cases() -> Result<Vec<Case>, Box<dyn Error>> {
     {
         let view = look([0., 0., 0.], [0.3, 0.2, -1.], DVec3::Y, 20.);
         let setting = set(&cavity(f, 128), rho, DVec3::Z, &view)?;
-        let truth = exactly(cavity_radiance(rho, f));
-        cases.push(Case { name, setting, truth });
+        cases.push(Case::known(name, setting, cavity_radiance(rho, f)));
     }
     // Add a floor that meets a wall
     let view = look([2., 0., 1.], [0., 0., 0.], DVec3::Z, 70.);
     let setting = set(&corner(), 0.8, DVec3::Z, &view)?;
-    let truth = exactly(2. / 3.);
-    cases.push(Case { name: "floor and wall", setting, truth });
+    cases.push(Case::known("floor and wall", setting, 2. / 3.));
     // Add the courtyard with a reference
     let setting =
         set(&courtyard::mesh(), 0.8, DVec3::Y, &courtyard::view())?;
-    let mut film = Film::new(WIDTH, HEIGHT);
-    setting.job(99).pass(&mut film, 4096, &|_| true);
-    let truth = film.means().zip(film.errors(0.)).collect();
-    cases.push(Case { name: "courtyard", setting, truth });
+    let film = image(&setting, Method::Reference, 99, 4096);
+    cases.push(Case::measured("courtyard", setting, &film));
     Ok(cases)
 }
 
@@ -118,38 +141,89 @@ fn corner() -> Mesh {
     }
 }
 
-/// The same truth for each pixel.
-fn exactly(radiance: f64) -> Vec<(f64, f64)> {
-    vec![(radiance, 0.); (WIDTH * HEIGHT) as usize]
+// Render a case by a method
+/// An image of `n` samples.
+fn image(setting: &Setting, method: Method, seed: u64, n: u64) -> Film {
+    let resolution = (WIDTH, HEIGHT);
+    let area = u64::from(WIDTH * HEIGHT);
+    let sampling = Sampling::new(method, seed, Some(n), area);
+    // Know nothing of the image beforehand
+    let Job { scene, intersector, camera, integrator, .. } =
+        setting.job(seed);
+    let &PathTracer { albedo, sky } = integrator;
+    let inquiry = Inquiry { camera, sky, albedo, resolution, kept: &[] };
+    let known = KnownPixels::Nothing;
+    let analysis =
+        SceneAnalysis { findings: vec![], known, is_black: false };
+    let mut renderer =
+        renderer(scene, intersector, &inquiry, &analysis, &sampling);
+    let window = Window { corner: (0, 0), size: resolution };
+    let mut film = sampling.film(resolution, window);
+    renderer.pass(&mut film, n, &|_| true);
+    film
 }
 
 // Tabulate how often the truth is covered
-fn coverage(cases: &[Case]) -> Result<String, fmt::Error> {
-    let mut rows = String::new();
-    for Case { name, setting, truth } in cases {
-        let mut images = [(); 4].map(|_| Film::new(WIDTH, HEIGHT));
-        for n in [16, 64, 256, 1024] {
-            let mut z = vec![];
-            for (seed, film) in (1..).zip(&mut images) {
-                setting.job(seed).pass(film, n, &|_| true);
-                z.extend(deviations(film, truth, WORTH));
-            }
+fn room() -> Result<Case, Box<dyn Error>> {
+    let room = Interior::named("backroom").ok_or("no such room")?;
+    let setting = set(&room.mesh(), 0.8, DVec3::Y, &room.view)?;
+    let film = image(&setting, Method::Gather, 99, 2048);
+    Ok(Case::measured("back room", setting, &film))
+}
+
+/// The method, the samples and the number of images of each row.
+const ROWS: [(Method, u64, u64); 6] = [
+    (Method::Reference, 16, 24),
+    (Method::Reference, 256, 4),
+    (Method::Sobol, 16, 24),
+    (Method::Sobol, 256, 4),
+    (Method::Gather, 16, 24),
+    (Method::Gather, 256, 4),
+];
+
+fn coverage<'a>(
+    cases: impl Iterator<Item = &'a Case>,
+) -> Result<[String; 2], fmt::Error> {
+    let (mut rows, mut means) = (String::new(), Means::default());
+    for case in cases {
+        write!(means.rows, "{}", case.name)?;
+        for (method, n, seeds) in ROWS {
+            // Print a row for some images
+            let Case { name, setting, truth, mean } = case;
+            let seeds = 1..=seeds;
+            let images = seeds.map(|seed| image(setting, method, seed, n));
+            let images: Vec<_> = images.collect();
+            let z = images.iter().flat_map(|i| deviations(i, truth, WORTH));
+            let z: Vec<f64> = z.collect();
             // Print a row of coverage
-            let share = |bound: f64| {
-                let within = z.iter().filter(|z| z.abs() <= bound).count();
-                100. * within as f64 / z.len() as f64
+            let way = match (n, method) {
+                (16, Method::Reference) => format!("{name} & {method}"),
+                (16, _) => format!(" & {method}"),
+                _ => " & ".to_owned(),
             };
-            writeln!(
-                rows,
-                r"{name} & {n} & {:.3} & {:.1} & {:.1} & {:.2} \\",
-                deviation(&z),
-                share(1.),
-                share(1.96),
-                share(3.)
-            )?;
+            writeln!(rows, r"{way} & {n} & {} \\", covered(&z))?;
+            if n == 16 {
+                // Print the columns of the means
+                let summaries = images.iter().map(Film::summary);
+                let summaries: Vec<_> = summaries.collect();
+                let stated = |s: &Summary| s.mean_stderr;
+                means.add(mean_deviations(&summaries, *mean, stated))?;
+                if method == Method::Gather {
+                    let pixels = f64::from(WIDTH * HEIGHT);
+                    let apart = |s: &Summary| s.rmse / pixels.sqrt();
+                    means.add(mean_deviations(&summaries, *mean, apart))?;
+                }
+            }
         }
+        writeln!(means.rows, r" \\")?;
     }
-    Ok(rows)
+    // Print a row for all scenes
+    write!(means.rows, r"\midrule all")?;
+    for z in std::mem::take(&mut means.columns) {
+        means.add(z)?;
+    }
+    writeln!(means.rows, r" \\")?;
+    Ok([rows, means.rows])
 }
 
 /// By how many standard errors the pixels miss the truth, of those that
@@ -169,10 +243,115 @@ fn deviation(z: &[f64]) -> f64 {
     (squares / z.len() as f64).sqrt()
 }
 
+/// The deviation of z, and the percentages within 1, 1.96 and 3.
+fn covered(z: &[f64]) -> String {
+    let share = |bound: f64| {
+        let within = z.iter().filter(|z| z.abs() <= bound).count();
+        100. * within as f64 / z.len() as f64
+    };
+    let (one, two, three) = (share(1.), share(1.96), share(3.));
+    format!("{:.3} & {one:.1} & {two:.1} & {three:.2}", deviation(z))
+}
+
+/// By how many standard errors the means of images miss the truth.
+fn mean_deviations(
+    summaries: &[Summary],
+    (truth, unsure): (f64, f64),
+    error: impl Fn(&Summary) -> f64,
+) -> Vec<f64> {
+    let deviation = |summary: &Summary| {
+        let (miss, error) = (summary.mean - truth, error(summary));
+        miss / (error * error + unsure * unsure).sqrt()
+    };
+    summaries.iter().map(deviation).collect()
+}
+
+/// Deviations of the means of images, and the z of the columns so far.
+#[derive(Default)]
+struct Means {
+    rows: String,
+    columns: [Vec<f64>; 4],
+    column: usize,
+}
+
+impl Means {
+    /// Prints the next column.
+    fn add(&mut self, z: Vec<f64>) -> fmt::Result {
+        self.columns[self.column].extend(&z);
+        self.column = (self.column + 1) % self.columns.len();
+        let (deviation, k) = (deviation(&z), z.len() as f64);
+        let unsure = deviation / (2. * k).sqrt();
+        write!(self.rows, r" & ${deviation:.2}\pm{unsure:.2}$")
+    }
+}
+
+// Tabulate how many replicates there should be
+/// A ball on a plane, with a truth by large nets.
+fn ball() -> Result<Case, Box<dyn Error>> {
+    let ball = settings::named("object on a plane");
+    let setting = set(&ball.mesh, ball.rho, DVec3::Z, &ball.view)?;
+    let film = nets(&setting, 99, 8192, 16);
+    Ok(Case::measured("ball on a plane", setting, &film))
+}
+
+/// An image of `n` samples in so many replicates.
+fn nets(setting: &Setting, seed: u64, n: u64, replicates: u64) -> Film {
+    let Job { scene, intersector, camera, integrator, known, .. } =
+        setting.job(seed);
+    let sampler = SobolSampler::new(seed, n / replicates);
+    let mut job =
+        Job { scene, intersector, camera, integrator, known, sampler };
+    let film = Film::new(WIDTH, HEIGHT);
+    let mut film = film.with_replicates(n / replicates);
+    job.pass(&mut film, n, &|_| true);
+    film
+}
+
+/// How many replicates are tried.
+const NUMBERS: [u64; 5] = [2, 4, 8, 16, 32];
+
+fn replicates(cases: &[Case]) -> Result<String, Box<dyn Error>> {
+    let mut rows = String::new();
+    let names = ["narrow cavity", "courtyard"];
+    let known = cases.iter().filter(|case| names.contains(&case.name));
+    for case in known.chain([&ball()?]) {
+        let tried = NUMBERS.map(|r| (r, Tried::new(case, r)));
+        let unit = tried.iter().find(|(r, _)| *r == 16);
+        let unit = unit.map_or(1., |(_, sixteen)| sixteen.square);
+        for (r, Tried { z, square }) in &tried {
+            let name = if *r == 2 { case.name } else { "" };
+            let (covered, square) = (covered(z), square / unit);
+            writeln!(rows, r"{name} & {r} & {covered} & {square:.2} \\")?;
+        }
+    }
+    Ok(rows)
+}
+
+/// Eight images of 64 samples: z of the pixels, and the mean square error.
+struct Tried {
+    z: Vec<f64>,
+    square: f64,
+}
+
+impl Tried {
+    fn new(case: &Case, replicates: u64) -> Self {
+        let Case { setting, truth, .. } = case;
+        let (mut z, mut square) = (vec![], 0.);
+        for seed in 1..=8 {
+            let image = nets(setting, seed, 64, replicates);
+            z.extend(deviations(&image, truth, WORTH));
+            for (mean, (exact, unsure)) in image.means().zip(truth) {
+                square += (mean - exact).powi(2) - unsure * unsure;
+            }
+        }
+        Self { z, square }
+    }
+}
+
 // Tabulate what a pixel has not seen
 fn unseen(cases: &[Case]) -> Result<String, fmt::Error> {
     let mut rows = String::new();
-    for Case { name, setting, truth } in cases {
+    for Case { name, setting, truth, .. } in cases {
         let mut images = [(); 4].map(|_| Film::new(WIDTH, HEIGHT));
         for n in [4, 16, 64] {
             for (seed, film) in (1..).zip(&mut images) {
@@ -202,7 +381,7 @@ fn unseen(cases: &[Case]) -> Result<String, fmt::Error> {
 // Tabulate how the error falls
 fn slopes(cases: &[Case]) -> Result<String, fmt::Error> {
     let mut rows = String::new();
-    for Case { name, setting, truth } in cases {
+    for Case { name, setting, truth, .. } in cases {
         let truth: Vec<f64> = truth.iter().map(|t| t.0).collect();
         // Stop after a thousand samples
         let limits = Limits {
