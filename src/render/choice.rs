@@ -34,7 +34,7 @@ pub struct Pilot {
     pub first: f64,
     /// The variance that comes from all later decisions.
     pub later: f64,
-    /// The rays of a path.
+    /// The rays of a path; none if it meets no surface.
     pub rays: f64,
     /// Those of them up to the second surface.
     pub first_rays: f64,
@@ -95,6 +95,9 @@ impl Trial<'_, '_> {
         // Take the means of a pixel
         let later = (apart(&[a], &[b]) + apart(&[c], &[d])) / 2.;
         let all = [a, b, c, d];
+        if all.iter().all(|path| path.rays == 0) {
+            return Pilot::default();
+        }
         let mean = |rays: fn(&Path) -> u64| {
             all.iter().map(rays).sum::<u64>() as f64 / 4.
         };
@@ -138,8 +141,8 @@ impl Trial<'_, '_> {
         // Trace the ray of the camera
         let mut path = integrator.begin(direction);
         let ray = self.scene.enter(camera.position, direction);
-        let rays = u64::from(ray.is_some());
         let hit = ray.and_then(|ray| intersector.first_hit(&ray, None));
+        let rays = u64::from(hit.is_some());
         let event = integrator.go_on(&mut path, hit, &mut sampler);
         // Go on twice from the first surface
         [1, 2].map(|k| {
@@ -178,7 +181,8 @@ impl Pilot {
                 let bright = albedo * albedo;
                 let each = self.first_rays + 20. * bright * self.indirect;
                 let once = 8. * self.first_rays / samples;
-                let seen = 5. * (1. - 0.95 * self.indirect) * first;
+                let inside = self.indirect / self.first_rays.max(1e-9);
+                let seen = 5. * (1. - 1.9 * inside) * first;
                 let guided = seen * samples.min(4096.).powf(-0.45) * square
                     / (square + 8. * first).max(f64::MIN_POSITIVE);
                 let short = self.first_rays / self.rays.max(1e-9);
@@ -213,7 +217,8 @@ impl Choice {
 
 impl fmt::Display for Choice {
     fn fmt(&self, out: &mut fmt::Formatter) -> fmt::Result {
-        let Pilot { first, later, rays, .. } = self.pilot;
+        let Pilot { first, later, first_rays, .. } = self.pilot;
+        let rays = 2. * self.pilot.rays / first_rays.max(1e-9);
         let share = 100. * later / (first + later).max(f64::MIN_POSITIVE);
         write!(
             out,
