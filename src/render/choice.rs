@@ -179,15 +179,14 @@ impl Pilot {
             }
             Method::Gather => {
                 let bright = albedo * albedo;
-                let each = self.first_rays + 20. * bright * self.indirect;
+                let each = self.first_rays + 3. * bright * self.indirect;
                 let once = 8. * self.first_rays / samples;
-                let inside = self.indirect / self.first_rays.max(1e-9);
-                let seen = 5. * (1. - 1.9 * inside) * first;
-                let guided = seen * samples.min(4096.).powf(-0.45) * square
-                    / (square + 8. * first).max(f64::MIN_POSITIVE);
+                let guided = 1.6 * first * square
+                    / (square + 0.7 * first).max(f64::MIN_POSITIVE);
                 let short = self.first_rays / self.rays.max(1e-9);
-                let left = 2. * bright * short * short * later;
-                (guided + left) * 1.7 * (each + once)
+                let left = 16. * bright * short * short * later;
+                let learnt = samples.min(4096.).powf(-0.28);
+                (guided + left) * learnt * 1.7 * (each + once)
             }
         }
     }

@@ -118,6 +118,7 @@ impl Sampling {
         samples: Option<u64>,
         area: u64,
     ) -> Self {
+        // Count the samples that are placed together
         let together = |replicates: u64| match samples {
             Some(n) => 1 << (n / replicates).clamp(1, MOST).ilog2(),
             None => 4,
