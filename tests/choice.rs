@@ -110,8 +110,9 @@ fn the_parts_of_the_variance_are_told_apart() {
     );
     assert!(pilot.first > 0.02);
     assert_eq!(choice.sampling.method, Method::Sobol);
-    let once = chosen(&mesh, 0.5, view, (Some(9), None)).unwrap();
-    assert_eq!(once.sampling.method, Method::Reference);
+    assert_eq!(choice.sampling.replicate, 16);
+    let few = chosen(&mesh, 0.5, view, (Some(9), None)).unwrap();
+    assert_eq!(few.sampling.replicate, 2);
 }
 
 #[test]
