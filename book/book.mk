@@ -153,8 +153,8 @@ everything,,src/render/gather.rs
 endef
 export PART_CHUNKS
 
-# Lines without blank ones and comments.
-$(BUILT)/parts-lines.csv: $(WEB) $(NOWEB) | $(BUILT)
+# Lines without blank ones and comments. A mended sentence changes none.
+$(BUILT)/parts-lines.csv: src/.tangled $(NOWEB) | $(BUILT)
 	@echo "$$PART_CHUNKS" | while IFS=, read -r part sign chunk; do \
 	  $(NOWEB) notangle -R"$$chunk" $(WEB) > $@.chunk || exit 1; \
 	  echo "$$part,$$sign$$(grep -cv '^ *\(//.*\)*$$' $@.chunk)"; done > $@
