@@ -229,6 +229,70 @@ impl Integrator for DirectSky {
     }
 }
 
+// Subtract what the sky would give
+/// The path tracer with the sky above its first reflection as a control
+/// variate (Owen 2013, section 8.9).
+#[derive(Clone, Copy, Debug)]
+pub struct ControlledPathTracer {
+    /// Whose paths they are.
+    pub paths: PathTracer,
+    /// How much of the sky is subtracted, in [0, 1].
+    pub control: f64,
+}
+
+/// A path, and what the control variate adds to its contribution.
+pub struct ControlledPath {
+    path: PathState,
+    control: f64,
+}
+
+impl PathTracer {
+    /// What a surface reflects of the sky if nothing is in the way, less
+    /// what it reflects from this direction: the mean is zero.
+    #[inline(always)]
+    pub fn control(&self, normal: DVec3, direction: DVec3) -> f64 {
+        let Self { albedo, sky } = self;
+        albedo * (sky.share(normal) - sky.radiance(direction))
+    }
+}
+
+impl Integrator for ControlledPathTracer {
+    type Path = ControlledPath;
+    type RayQuery = Hit;
+    type Sums = u64;
+
+    #[inline(always)]
+    fn count(&self, _: &ControlledPath, rays: u64, _: f64, sums: &mut u64) {
+        *sums += rays;
+    }
+
+    #[inline(always)]
+    fn begin(&self, direction: DVec3) -> ControlledPath {
+        ControlledPath { path: self.paths.begin(direction), control: 0. }
+    }
+
+    // Go on, and control the first reflection
+    #[inline(always)]
+    fn go_on(
+        &self,
+        controlled: &mut ControlledPath,
+        hit: Option<Hit>,
+        sampler: &mut impl Sampler,
+    ) -> PathEvent {
+        let ControlledPath { path, control } = controlled;
+        let first = hit.filter(|_| path.count == 0);
+        let event = self.paths.go_on(path, hit, sampler);
+        if let Some(hit) = first {
+            let around = self.paths.control(hit.normal, path.direction);
+            *control = self.control * around;
+        }
+        match event {
+            PathEvent::Terminate(x) => PathEvent::Terminate(x + *control),
+            PathEvent::Scatter(..) => event,
+        }
+    }
+}
+
 // Name the kind of the samples
 /// Changes whenever the code that decides what a sample is does.
 const SAMPLE_VERSION: u32 = 3;

@@ -526,8 +526,11 @@ fn sampling(
     let samples = arguments.samples().into_iter().chain(timed).min();
     let limits = (samples, arguments.error);
     let choice = match method {
+        None => choose(scene, what, (window, seed), limits, None),
+        Some(Method::Sobol) if saved.is_none() => {
+            choose(scene, what, (window, seed), limits, method)
+        }
         Some(_) => None,
-        None => choose(scene, what, window, seed, limits),
     };
     if let Some(choice) = choice {
         return (choice.sampling, Some(choice));
@@ -537,6 +540,7 @@ fn sampling(
     let number = |name| saved?.get(name)?.as_u64();
     sampling.replicate = number("replicate").unwrap_or(sampling.replicate);
     sampling.training = number("training").unwrap_or(sampling.training);
+    sampling.control = number("sky_control").unwrap_or(sampling.control);
     (sampling, None)
 }
 
@@ -559,6 +563,7 @@ fn run_key(
     if sampling.method != Method::Reference {
         key.insert("replicate".into(), sampling.replicate.into());
         key.insert("training".into(), sampling.training.into());
+        key.insert("sky_control".into(), sampling.control.into());
     }
     key.insert("scene_sha256".into(), sha256.into());
     key

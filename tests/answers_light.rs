@@ -339,7 +339,7 @@ fn settled(to_itself: usize) -> f64 {
     let sky = Record { from, to: SKY, weight: 1., bin: 0 };
     let mut records = vec![sky];
     records.resize(1 + to_itself, Record { to: from, ..sky });
-    let cache = RadianceCache::learn(grid, &mut records, 1.);
+    let cache = RadianceCache::empty(grid).learn(&mut records, 1.);
     f64::from(cache.at(from).value)
 }
 
@@ -385,7 +385,7 @@ fn believer(value: f32) -> RadianceCache {
             records.push(Record { from, to: SKY, weight: value, bin: 0 });
         }
     }
-    RadianceCache::learn(grid, &mut records, 1.)
+    RadianceCache::empty(grid).learn(&mut records, 1.)
 }
 
 /// What a gather finds in a small image of a setting: its samples without

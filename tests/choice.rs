@@ -50,7 +50,7 @@ fn chosen(
     let bvh = &Bvh::new(scene).unwrap();
     let analysis = &SceneAnalysis::find(scene, bvh, inquiry);
     let window = Window { corner: (0, 0), size: SIZE };
-    choose((scene, bvh), (inquiry, analysis), window, 7, limits)
+    choose((scene, bvh), (inquiry, analysis), (window, 7), limits, None)
 }
 
 const INSIDE: (DVec3, DVec3) = (DVec3::ZERO, DVec3::new(0.3, 0.2, -1.));
@@ -111,6 +111,7 @@ fn the_parts_of_the_variance_are_told_apart() {
     assert!(pilot.first > 0.02);
     assert_eq!(choice.sampling.method, Method::Sobol);
     assert_eq!(choice.sampling.replicate, 16);
+    assert_eq!(choice.sampling.control, 100);
     let few = chosen(&mesh, 0.5, view, (Some(9), None)).unwrap();
     assert_eq!(few.sampling.replicate, 2);
 }

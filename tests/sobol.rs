@@ -5,6 +5,7 @@
 
 use glam::DVec3;
 use litpt::film::Film;
+use litpt::integrator::{ControlledPathTracer, Integrator};
 use litpt::render::{Job, Renderer};
 use litpt::sampler::sobol::{
     ScrambledNet, SobolSampler, scramble_key, to_unit,
@@ -18,7 +19,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};
 /// alarm with one percent of all seeds (Šidák): of digits, of two coordinates,
 /// of related samples, of means and variances over scrambles, and of images.
 const COMPARISONS: i32 =
-    4 * 3 + 12 + 14 * RELATED.len() as i32 + 3 + 4 + 4 * 3 + 2;
+    4 * 3 + 12 + 14 * RELATED.len() as i32 + 3 + 4 + 4 * 3 + 2 + 2;
 
 /// The probability below which one of them fails.
 fn significance() -> f64 {
@@ -404,9 +405,12 @@ fn sheets(directions: &[[f64; 2]]) -> Mesh {
 
 /// The mean of an image with its standard error from the replicates, and the
 /// mean variance of a replicate times its samples.
-fn render<S: Sampler>(setting: &Setting, sampler: S) -> [f64; 3] {
-    let Job { scene, intersector, camera, integrator, known, .. } =
-        setting.job(0);
+fn render<S: Sampler>(
+    setting: &Setting,
+    integrator: impl Integrator,
+    sampler: S,
+) -> [f64; 3] {
+    let Job { scene, intersector, camera, known, .. } = setting.job(0);
     let replicate = sampler.replicate();
     let mut film = Film::new(24, 16).with_replicates(replicate);
     let mut job =
@@ -431,10 +435,37 @@ fn the_path_tracer_finds_known_radiances_with_smaller_errors() {
     for (mesh, exact, gain) in [slope, corner] {
         let setting = Setting::new(&mesh, (rho, DVec3::Z), &above, 1.5);
         let setting = setting.unwrap();
-        let [_, _, plain] = render(&setting, IndependentSampler::new(1));
+        let paths = setting.job(0).integrator;
+        let [_, _, plain] =
+            render(&setting, paths, IndependentSampler::new(1));
         let [mean, error, variance] =
-            render(&setting, SobolSampler::new(1, 64));
+            render(&setting, paths, SobolSampler::new(1, 64));
         assert_normal((mean - exact) / error, "mean of an image");
         assert!(gain * variance < plain, "{variance} of {plain}");
+    }
+}
+
+/// The contribution of a path that a control variate corrects is the answer
+/// where nothing hides the sky. In a corner, whatever part of it is
+/// subtracted, the mean is right.
+#[test]
+fn the_sky_is_a_control_variate_whose_mean_is_known() {
+    let rho = 0.8;
+    let above = look(DVec3::new(2., 0.3, 1.5), DVec3::X, 40.);
+    let image = |mesh: &Mesh, control| {
+        let setting = Setting::new(mesh, (rho, DVec3::Z), &above, 1.5);
+        let setting = setting.unwrap();
+        let paths = *setting.job(0).integrator;
+        let integrator = ControlledPathTracer { paths, control };
+        render(&setting, integrator, IndependentSampler::new(2))
+    };
+    let [mean, _, variance] =
+        image(&sheets(&[[0.8, -0.6], [-0.8, 0.6]]), 1.);
+    assert!((mean - rho * 0.9).abs() < 1e-12, "{mean}");
+    assert!(variance < 1e-20, "{variance}");
+    for control in [0.5, 1.] {
+        let corner = sheets(&[[1., 0.], [0., 1.]]);
+        let [mean, error, _] = image(&corner, control);
+        assert_normal((mean - rho / (2. - rho)) / error, "control");
     }
 }

@@ -127,6 +127,13 @@ pub struct Record {
     pub bin: u16,
 }
 
+impl Record {
+    /// Orders records by the cell that reflects, and then by all else.
+    fn key(&self) -> (u64, u64, u16, u32) {
+        (self.from, self.to, self.bin, self.weight.to_bits())
+    }
+}
+
 // Hold what a cell knows
 /// What is known of the surfaces in a cell.
 #[derive(Clone, Copy, Debug)]
@@ -237,8 +244,17 @@ impl Cells {
             parents: vec![],
             records: vec![],
         };
-        for level in 0..LEVELS {
-            cells.add_level(level, records);
+        // Add the finest cells
+        let mut start = 0;
+        for group in records.chunk_by(|a, b| a.from == b.from) {
+            let end = start + group.len() as u32;
+            cells.names.push(group[0].from);
+            cells.records.push(start..end);
+            start = end;
+        }
+        cells.offsets[1] = cells.names.len();
+        for level in 1..LEVELS {
+            cells.add_level(level);
             cells.offsets[level + 1] = cells.names.len();
         }
         cells
@@ -246,28 +262,21 @@ impl Cells {
 }
 
 impl Cells {
-    /// Appends the cells of a level, and tells the finer ones.
-    fn add_level(&mut self, level: usize, records: &[Record]) {
-        let name = |r: &Record| coarser(r.from, level);
-        let mut start = 0;
-        for group in records.chunk_by(|a, b| name(a) == name(b)) {
-            self.names.push(name(&group[0]));
-            self.records.push(start..start + group.len() as u32);
-            start += group.len() as u32;
-        }
-        if level == 0 {
-            return;
-        }
-        let first = self.offsets[level] as u32;
-        let finer = self.offsets[level - 1]..self.offsets[level];
-        let mut parent = first;
-        for child in finer {
-            if self.records[child].start
-                >= self.records[parent as usize].end
-            {
-                parent += 1;
+    /// Appends the cells of a level, which hold those of the finer one.
+    fn add_level(&mut self, level: usize) {
+        for child in self.level(level - 1) {
+            let name = coarser(self.names[child], 1);
+            let Range { start, end } = self.records[child];
+            match self.records.last_mut() {
+                Some(last) if self.names.last() == Some(&name) => {
+                    last.end = end;
+                }
+                _ => {
+                    self.names.push(name);
+                    self.records.push(start..end);
+                }
             }
-            self.parents.push(parent);
+            self.parents.push(self.names.len() as u32 - 1);
         }
     }
 
@@ -283,27 +292,27 @@ impl Cells {
     }
 }
 
-/// The name of the cell of a level that holds a finest cell; the
+/// The name of the cell so many levels above that holds a cell; the
 /// levels have different names.
 #[inline]
-fn coarser(name: u64, level: usize) -> u64 {
-    let class = name >> (3 * BITS);
+fn coarser(name: u64, levels: usize) -> u64 {
     let cube = name & ((1 << (3 * BITS)) - 1);
-    (level as u64) << 60 | class << (3 * BITS) | cube >> (3 * level)
+    (name - cube) + ((levels as u64) << 60) | cube >> (3 * levels)
 }
 
 // Solve for the radiance of the cells
 /// How many records the value of the coarser cell is worth.
 const WORTH: f32 = 12.;
 
-/// The radiance of each cell, given where each record arrives.
+/// The radiance of each cell, given where each record arrives, from
+/// approximate `values`.
 fn solve(
     cells: &Cells,
     records: &[Record],
     ends: &[u32],
     albedo: f32,
+    mut values: Vec<f32>,
 ) -> Vec<f32> {
-    let mut values = vec![0f32; cells.names.len()];
     for _ in 0..MOST_REFLECTIONS {
         let sums = sums(cells, |i| {
             albedo * records[i].weight * arriving(&values, ends[i])
@@ -486,12 +495,12 @@ const END_IN_SKY: u32 = u32::MAX;
 const END_IN_DARKNESS: u32 = u32::MAX - 1;
 
 impl RadianceCache {
-    /// Learns from records, which it sorts; any number of threads gives
-    /// the same.
-    pub fn learn(grid: Grid, records: &mut [Record], albedo: f32) -> Self {
-        records.par_sort_by_key(|record| record.from);
+    /// A cache that learns from records, which it sorts, and begins with
+    /// what this one knows; any number of threads gives the same.
+    pub fn learn(&self, records: &mut [Record], albedo: f32) -> Self {
+        records.par_sort_unstable_by_key(Record::key);
         let cells = Cells::of(records);
-        let mut cache = Self::empty(grid);
+        let mut cache = Self::empty(self.grid);
         cache.make_table(&cells);
         let end = |record: &Record| match record.to {
             SKY => END_IN_SKY,
@@ -499,7 +508,8 @@ impl RadianceCache {
             name => cache.number(name),
         };
         let ends: Vec<u32> = records.par_iter().map(end).collect();
-        let values = solve(&cells, records, &ends, albedo);
+        let known = cells.names.iter().map(|&name| self.at(name).value);
+        let values = solve(&cells, records, &ends, albedo, known.collect());
         let errors = errors(&cells, records, &ends, albedo, &values);
         let (guides, numbers) = guides(&cells, records, &ends, &values);
         for (c, &name) in cells.names.iter().enumerate() {

@@ -9,6 +9,8 @@
 //! Learns a cache from paths, and the samples of pixels from a pilot.
 
 // Name what training imports
+use std::mem::take;
+
 use glam::DVec3;
 use rand::RngExt;
 use rayon::prelude::*;
@@ -23,50 +25,61 @@ use crate::sampler::generator;
 /// Reflections of a training path.
 const REFLECTIONS: usize = 7;
 
+/// Paths that are followed side by side.
+const ABREAST: u64 = 64;
+
 impl<K: Intersector> Tracer<'_, K> {
-    /// The records of paths of about so many rays, and where they reflect:
-    /// those of a piece of the training.
+    /// The records of paths of about so many rays, those of a piece of the
+    /// training; `visit` is told each point that reflects.
     fn explore(
         &mut self,
         rays: u64,
         seed: u64,
         piece: u64,
-    ) -> (Vec<Record>, Vec<DVec3>) {
+        mut visit: impl FnMut(DVec3),
+    ) -> Vec<Record> {
         let mut random = generator(seed, TRAINING, piece);
-        let (mut records, mut points) = (vec![], vec![]);
-        for path in 0.. {
-            if path + self.rays >= rays {
-                break;
-            }
-            let mut end = self.look(random.random(), random.random());
+        let mut records = Vec::with_capacity(rays as usize);
+        let grid = *self.cache.grid();
+        let mut paths = 0;
+        while paths + self.rays < rays {
+            // Begin some paths
+            let begun = (0..ABREAST).filter_map(|_| {
+                match self.look(random.random(), random.random()) {
+                    End::Hit(hit) => Some(hit),
+                    End::Sky(_) => None,
+                }
+            });
+            let mut hits: Vec<_> = begun.collect();
+            paths += ABREAST;
             for _ in 0..REFLECTIONS {
-                let End::Hit(y) = end else { break };
-                points.push(y.point);
-                // Record a reflection on the way
-                let grid = self.cache.grid();
-                let from = grid.name(y.point, y.normal);
-                let guide = self.cache.guide(self.cache.at(from));
-                let shot = self.shoot(
-                    &y,
-                    guide,
-                    [random.random(), random.random()],
-                );
-                let Shot { weight, bin, .. } = shot;
-                let to = match &shot.end {
-                    End::Sky(radiance) if *radiance > 0. => SKY,
-                    End::Sky(_) => DARKNESS,
-                    End::Hit(Hit { point, normal, .. }) => grid.near(
-                        *point,
-                        *normal,
-                        [random.random(), random.random()],
-                    ),
+                // Look up the cells of all hits
+                let look_up = |y: &Hit| {
+                    let from = grid.name(y.point, y.normal);
+                    (from, *self.cache.at(from))
                 };
-                let (weight, bin) = (weight as f32, bin as u16);
-                records.push(Record { from, to, weight, bin });
-                end = shot.end;
+                let cells: Vec<_> = hits.iter().map(look_up).collect();
+                for (y, (from, cell)) in take(&mut hits).iter().zip(cells) {
+                    visit(y.point);
+                    // Record a reflection on the way
+                    let u = [random.random(), random.random()];
+                    let Shot { weight, bin, end } =
+                        self.shoot(y, self.cache.guide(&cell), u);
+                    let to = match end {
+                        End::Sky(radiance) if radiance > 0. => SKY,
+                        End::Sky(_) => DARKNESS,
+                        End::Hit(hit) => {
+                            hits.push(hit);
+                            let u = [random.random(), random.random()];
+                            grid.near(hit.point, hit.normal, u)
+                        }
+                    };
+                    let (weight, bin) = (weight as f32, bin as u16);
+                    records.push(Record { from, to, weight, bin });
+                }
             }
         }
-        (records, points)
+        records
     }
 }
 
@@ -92,7 +105,9 @@ pub fn train<K: Intersector>(
     // Choose the grid after a first look
     let empty = RadianceCache::empty(Grid::around(&[]));
     let mut scout = like.with(&empty);
-    let (_, points) = scout.explore(rays.min(10_000), seed, u64::MAX);
+    let mut points = vec![];
+    let visit = |point| points.push(point);
+    scout.explore(rays.min(10_000), seed, u64::MAX, visit);
     let grid = Grid::around(&points);
     let mut cache = RadianceCache::empty(grid);
     let (mut records, mut traced) = (vec![], scout.rays);
@@ -101,7 +116,7 @@ pub fn train<K: Intersector>(
         let pieces = round * PIECES..(round + 1) * PIECES;
         let explore = |piece| {
             let mut tracer = like.with(&cache);
-            let (records, _) = tracer.explore(share, seed, piece);
+            let records = tracer.explore(share, seed, piece, |_| ());
             (records, tracer.rays)
         };
         let done: Vec<_> = pieces.into_par_iter().map(explore).collect();
@@ -111,7 +126,7 @@ pub fn train<K: Intersector>(
         }
         let albedo = like.albedo as f32;
         let before = cache.doubt;
-        cache = RadianceCache::learn(grid, &mut records, albedo);
+        cache = cache.learn(&mut records, albedo);
         let falls = cache.doubt * (1. - cache.doubt / before);
         if round == 1 && falls < LEAST_FALL {
             break;

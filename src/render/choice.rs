@@ -34,6 +34,10 @@ pub struct Pilot {
     pub first: f64,
     /// The variance that comes from all later decisions.
     pub later: f64,
+    /// The mean square of the control variate of a path,
+    pub spread: f64,
+    /// and the mean of its product with the contribution.
+    pub covariance: f64,
     /// The rays of a path; none if it meets no surface.
     pub rays: f64,
     /// Those of them up to the second surface.
@@ -67,6 +71,8 @@ impl Dispatch for Trial<'_, '_> {
             square: mean(|p| p.square),
             first: mean(|p| p.first).max(0.),
             later: mean(|p| p.later),
+            spread: mean(|p| p.spread),
+            covariance: mean(|p| p.covariance),
             rays: mean(|p| p.rays),
             first_rays: mean(|p| p.first_rays),
             indirect: mean(|p| p.indirect),
@@ -98,16 +104,17 @@ impl Trial<'_, '_> {
         if all.iter().all(|path| path.rays == 0) {
             return Pilot::default();
         }
-        let mean = |rays: fn(&Path) -> u64| {
-            all.iter().map(rays).sum::<u64>() as f64 / 4.
-        };
+        let mean =
+            |part: fn(&Path) -> f64| all.iter().map(part).sum::<f64>() / 4.;
         Pilot {
             square: (a.value + b.value) * (c.value + d.value) / 4.,
             first: apart(&[a, b], &[c, d]) - later,
             later,
-            rays: mean(|path| path.rays),
-            first_rays: mean(|path| path.rays.min(2)),
-            indirect: mean(|path| u64::from(path.rays > 2)),
+            spread: mean(|path| path.control * path.control),
+            covariance: mean(|path| path.control * path.value),
+            rays: mean(|path| path.rays as f64),
+            first_rays: mean(|path| path.rays.min(2) as f64),
+            indirect: mean(|path| f64::from(path.rays > 2)),
         }
     }
 }
@@ -120,6 +127,8 @@ const PILOT: u64 = u64::MAX - 1;
 struct Path {
     value: f64,
     rays: u64,
+    /// The control variate of its first reflection.
+    control: f64,
 }
 
 impl Trial<'_, '_> {
@@ -144,6 +153,12 @@ impl Trial<'_, '_> {
         let hit = ray.and_then(|ray| intersector.first_hit(&ray, None));
         let rays = u64::from(hit.is_some());
         let event = integrator.go_on(&mut path, hit, &mut sampler);
+        let control = match (hit, event) {
+            (Some(hit), PathEvent::Scatter(ray, _)) => {
+                integrator.control(hit.normal, ray.direction)
+            }
+            _ => 0.,
+        };
         // Go on twice from the first surface
         [1, 2].map(|k| {
             let (mut path, mut event) = (path, event);
@@ -151,7 +166,7 @@ impl Trial<'_, '_> {
             loop {
                 match event {
                     PathEvent::Terminate(value) => {
-                        return Path { value, rays };
+                        return Path { value, rays, control };
                     }
                     PathEvent::Scatter(ray, from) => {
                         rays += 1;
@@ -167,6 +182,24 @@ impl Trial<'_, '_> {
 
 // Foresee the time of a method
 impl Pilot {
+    /// How much of the sky a control variate best subtracts, in [0, 1].
+    pub fn control(&self) -> f64 {
+        match self.spread > 0. {
+            true => (-self.covariance / self.spread).clamp(0., 1.),
+            false => 0.,
+        }
+    }
+
+    /// What it leaves of the variance of the first direction.
+    fn controlled(&self) -> f64 {
+        let control = self.control();
+        let change = 2. * control * self.covariance
+            + control * control * self.spread;
+        (self.first + change).max(0.)
+    }
+}
+
+impl Pilot {
     /// The variance of a sample times its rays, in units of the rays of
     /// paths, for `samples` of each pixel.
     fn cost(&self, albedo: f64, sampling: &Sampling, samples: f64) -> f64 {
@@ -175,6 +208,7 @@ impl Pilot {
             Method::Reference => (first + later) * self.rays,
             Method::Sobol => {
                 let net = (sampling.replicate as f64).powf(-0.4);
+                let first = self.controlled();
                 (first * net + later) * 1.05 * self.rays
             }
             Method::Gather => {
@@ -233,13 +267,14 @@ impl fmt::Display for Choice {
 }
 
 /// Chooses how `samples` of each pixel are made, or as many as have the
-/// error that was asked for; none if these are too few for a pilot.
+/// error that was asked for, by the method that is wanted or by any; none
+/// if these are too few for a pilot.
 pub fn choose(
     (scene, intersector): (&Scene, &Bvh),
     (inquiry, analysis): (&Inquiry, &SceneAnalysis),
-    window: Window,
-    seed: u64,
+    (window, seed): (Window, u64),
     (samples, error): (Option<u64>, Option<f64>),
+    wanted: Option<Method>,
 ) -> Option<Choice> {
     let area = u64::from(window.size.0) * u64::from(window.size.1);
     let paths = samples.unwrap_or(MANY).saturating_mul(area);
@@ -253,16 +288,22 @@ pub fn choose(
     let bounds = samples.into_iter().chain(error.map(enough));
     let samples = bounds.min().map(|n| n.max(1));
     let methods = Method::ALL.map(|method| {
-        let sampling = Sampling::new(method, seed, samples, area);
+        let mut sampling = Sampling::new(method, seed, samples, area);
+        if method == Method::Sobol {
+            sampling.control = (100. * pilot.control()).round() as u64;
+        }
         let expected = samples.unwrap_or(MANY) as f64;
         (sampling, pilot.cost(inquiry.albedo, &sampling, expected))
     });
     let reference = methods[0].1;
-    let gain =
-        |cost: f64| if reference > 0. { reference / cost } else { 1. };
+    let gain = |cost: f64| match reference > 0. {
+        true => reference / cost.max(1e-3 * reference),
+        false => 1.,
+    };
     let gains = methods.map(|(s, cost)| (s.method, gain(cost))).to_vec();
-    let by_cost = methods.into_iter().min_by(|s, t| s.1.total_cmp(&t.1));
-    let (sampling, _) = by_cost.expect("methods");
+    let allowed = |m| wanted.is_none_or(|wanted| m == wanted);
+    let allowed = methods.into_iter().filter(|(s, _)| allowed(s.method));
+    let (sampling, _) = allowed.min_by(|s, t| s.1.total_cmp(&t.1))?;
     Some(Choice { pilot, sampling, gains })
 }
 

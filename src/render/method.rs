@@ -19,7 +19,9 @@ use crate::bvh::Bvh;
 use crate::camera::Camera;
 use crate::film::{Film, Window};
 use crate::gather::Correction;
-use crate::integrator::{DirectSky, Integrator, PathTracer, identity};
+use crate::integrator::{
+    ControlledPathTracer, DirectSky, Integrator, PathTracer, identity,
+};
 use crate::sampler::sobol::SobolSampler;
 use crate::sampler::{IndependentSampler, Sampler};
 use crate::scene::Scene;
@@ -103,12 +105,15 @@ pub struct Sampling {
     pub replicate: u64,
     /// At most about as many rays train the cache of a gather.
     pub training: u64,
+    /// How much of the sky paths in nets subtract, in per cent.
+    pub control: u64,
 }
 
 impl Sampling {
     /// The reference.
     pub fn reference(seed: u64) -> Self {
-        Self { method: Method::Reference, seed, replicate: 1, training: 0 }
+        let method = Method::Reference;
+        Self { method, seed, replicate: 1, training: 0, control: 0 }
     }
 
     /// For `samples` of each of `area` pixels, if that is known.
@@ -134,7 +139,7 @@ impl Sampling {
             Method::Gather => (expected / 2).clamp(LEAST, LARGEST),
             _ => 0,
         };
-        Self { method, seed, replicate, training }
+        Self { method, seed, replicate, training, control: 0 }
     }
 
     // Make the film of a method
@@ -154,7 +159,9 @@ impl Sampling {
         let Self { method, replicate, training, .. } = self;
         match method {
             Method::Reference => identity(),
-            Method::Sobol => format!("{}, nets of {replicate}", identity()),
+            Method::Sobol => {
+                format!("{}, controlled nets of {replicate}", identity())
+            }
             Method::Gather => format!(
                 "gather {GATHER_VERSION}, nets of {replicate}, training with \
                  {training} rays"
@@ -165,7 +172,7 @@ impl Sampling {
 
 // Bound what is learnt and placed together
 /// Changes whenever the code that decides what a gather is does.
-const GATHER_VERSION: u32 = 3;
+const GATHER_VERSION: u32 = 4;
 
 /// Samples of a scramble at most; a tile keeps all of them.
 const MOST: u64 = 1 << 8;
@@ -199,6 +206,8 @@ pub fn renderer<'a>(
         }
         Method::Reference => job(scene, paths, independent),
         Method::Sobol => {
+            let control = sampling.control as f64 / 100.;
+            let paths = ControlledPathTracer { paths, control };
             job(scene, paths, SobolSampler::new(seed, replicate))
         }
         Method::Gather => {

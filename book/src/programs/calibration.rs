@@ -20,6 +20,7 @@ use litpt::bvh::{Bvh, Hit};
 use litpt::camera::{Camera, View};
 use litpt::film::{Film, Summary, WORTH, Window};
 use litpt::integrator::{Integrator, PathEvent, PathTracer};
+use litpt::render::choice::choose;
 use litpt::render::method::{Method, Sampling, renderer};
 use litpt::render::{Job, Renderer};
 use litpt::render_loop::{Convergence, CurvePoint, Interrupt, Limits};
@@ -146,7 +147,6 @@ fn corner() -> Mesh {
 fn image(setting: &Setting, method: Method, seed: u64, n: u64) -> Film {
     let resolution = (WIDTH, HEIGHT);
     let area = u64::from(WIDTH * HEIGHT);
-    let sampling = Sampling::new(method, seed, Some(n), area);
     // Know nothing of the image beforehand
     let Job { scene, intersector, camera, integrator, .. } =
         setting.job(seed);
@@ -155,9 +155,19 @@ fn image(setting: &Setting, method: Method, seed: u64, n: u64) -> Film {
     let known = KnownPixels::Nothing;
     let analysis =
         SceneAnalysis { findings: vec![], known, is_black: false };
+    let window = Window { corner: (0, 0), size: resolution };
+    // Sample as a run of this method does
+    let choice = choose(
+        (scene, intersector),
+        (&inquiry, &analysis),
+        (window, seed),
+        (Some(n), None),
+        Some(method),
+    );
+    let sampling = Sampling::new(method, seed, Some(n), area);
+    let sampling = choice.map_or(sampling, |choice| choice.sampling);
     let mut renderer =
         renderer(scene, intersector, &inquiry, &analysis, &sampling);
-    let window = Window { corner: (0, 0), size: resolution };
     let mut film = sampling.film(resolution, window);
     renderer.pass(&mut film, n, &|_| true);
     film

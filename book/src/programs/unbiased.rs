@@ -38,12 +38,13 @@ const FALSE_ALARMS: f64 = 1e-3;
 const ROUNDING: f64 = 1e-12;
 
 /// The image of a method, with nothing left out. Few samples are placed
-/// together, so that the error is known from many values.
+/// together, so that the error is known from many values; and all of the sky
+/// is subtracted, whether this helps or not.
 fn render(method: Method, setting: &Setting, n: u64, seed: u64) -> Film {
     let area = u64::from(RESOLUTION.0 * RESOLUTION.1);
     let sampling = Sampling::new(method, seed, Some(n), area);
     let replicate = sampling.replicate.min(TOGETHER);
-    let sampling = Sampling { replicate, ..sampling };
+    let sampling = Sampling { replicate, control: 100, ..sampling };
     let all = &Shortcut::ALL;
     setting.render_with(all, RESOLUTION, n, &sampling, |_| ()).film
 }
