@@ -261,6 +261,17 @@ impl Intersector for Bvh {
         with_traverser!(self, traverser => traverser.is_occluded(ray, from))
     }
 
+    fn is_visible(
+        &self,
+        ray: &Ray,
+        from: Option<u32>,
+        target: u32,
+    ) -> bool {
+        with_traverser!(self, traverser => {
+            traverser.is_visible(ray, from, target)
+        })
+    }
+
     fn dispatch<W: Dispatch>(&self, work: W) -> W::Output {
         with_traverser!(self, traverser => work.with(traverser))
     }

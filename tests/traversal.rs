@@ -255,6 +255,83 @@ fn a_triangle_that_is_passed_closely_is_not_drawn_as_met() {
     assert_eq!(last(1e-14), ((true, 0), 0));
 }
 
+/// Only the triangle that a ray meets first is visible, and no other.
+fn assert_is_first(
+    intersector: &Bvh,
+    ray: &Ray,
+    from: Option<u32>,
+    hit: Option<Hit>,
+) {
+    let visible = |target| intersector.is_visible(ray, from, target);
+    if let Some(from) = from {
+        assert!(!visible(from), "{ray:?}");
+    }
+    let Some(hit) = hit else { return };
+    assert!(visible(hit.primitive), "{ray:?}");
+    // Those that the ray meets behind it are not.
+    let onward = Ray { origin: hit.point + 1e-9 * ray.direction, ..*ray };
+    let next = intersector.first_hit(&onward, Some(hit.primitive));
+    let expected = |next: Hit| {
+        let first = intersector.first_hit(ray, from);
+        first.is_some_and(|first| first.primitive == next.primitive)
+    };
+    if let Some(next) = next {
+        assert_eq!(visible(next.primitive), expected(next), "{ray:?}");
+    }
+}
+
+/// A mesh with each triangle twice, the second time as another face, and
+/// with its corners in another order.
+fn doubled(mut mesh: Mesh) -> Mesh {
+    let again = mesh.triangles.iter().map(|&[a, b, c]| [b, c, a]);
+    let again: Vec<_> = again.collect();
+    mesh.triangles.extend(again);
+    mesh
+}
+
+#[test]
+fn what_is_visible_is_what_a_ray_meets_first() {
+    let meshes = [
+        doubled(gridded_cube(8)),
+        doubled(soup()),
+        soup(),
+        cavity(0.2, 24),
+    ];
+    for mesh in meshes {
+        let scene = Scene::new(&mesh);
+        for isa in Isa::ALL.into_iter().filter(|isa| isa.is_available()) {
+            let bvh = Bvh::with(&scene, Quality::Fast, isa).unwrap();
+            let all: Vec<_> = scene.triangles();
+            let mut random = Pcg64::seed_from_u64(8);
+            let mut last = None;
+            for i in 0..20_000 {
+                // Aim at a corner, an edge or the middle of a triangle.
+                let [a, b, c] = all[i % all.len()];
+                let origin = ray(&scene, &mut random).origin;
+                let [u, v] = match random.random_range(0..4) {
+                    0 => [0., 0.],
+                    1 => [0.5, 0.5],
+                    2 => [0., random.random()],
+                    _ => [0.3, 0.3],
+                };
+                let aim = a + (b - a) * u + (c - a) * v;
+                let Some(direction) = (aim - origin).try_normalize() else {
+                    continue;
+                };
+                let ray = Ray { origin, direction };
+                let hit = bvh.first_hit(&ray, None);
+                let first = hit.map(|hit| hit.primitive);
+                if let Some(last) = last {
+                    let visible = bvh.is_visible(&ray, None, last);
+                    assert_eq!(visible, first == Some(last), "{ray:?}");
+                }
+                assert_is_first(&bvh, &ray, None, hit);
+                last = first.or(last);
+            }
+        }
+    }
+}
+
 #[test]
 fn a_ray_that_leaves_a_triangle_is_answered_alike() {
     for mesh in [gridded_cube(8), soup(), cavity(0.2, 24)] {
@@ -273,6 +350,7 @@ fn a_ray_that_leaves_a_triangle_is_answered_alike() {
                 let second = intersector.first_hit(&onward, from);
                 let blocked = intersector.is_occluded(&onward, from);
                 assert_eq!(blocked, second.is_some(), "{onward:?}");
+                assert_is_first(intersector, &onward, from, second);
                 bits(second)
             });
             let expected = answers.next().unwrap();

@@ -16,7 +16,9 @@ use glam::Vec3;
 use super::traversal::{
     Slabs, Stack, Waiting, distance, enter, look, push,
 };
-use super::triangle::{GATES, LANES, LEAF, Search, Shear, near, slots};
+use super::triangle::{
+    GATES, LANES, LEAF, NONE, Search, Shear, near, slots,
+};
 use super::wide::{Quality, Wide};
 use crate::scene::{Ray, Scene};
 
@@ -63,7 +65,8 @@ impl Anatomy {
         let mut margins = wide.region.margins(ray.origin);
         let mut slabs = Slabs::new(&ray, &wide.region);
         let shear = Shear::new(&ray);
-        let mut search = Search::new(&wide.leaves, None, margins.size);
+        let mut search =
+            Search::new(&wide.leaves, (None, NONE), margins.size);
         let (mut waiting, mut steps) = (Waiting::new(), vec![]);
         let mut stack = Stack::new(&mut waiting);
         let mut next = Some(0);

@@ -58,14 +58,25 @@ impl Intersector for Traverser {
         // SAFETY: as above.
         unsafe { is_occluded(&self.0, ray, from) }
     }
+
+    #[inline]
+    fn is_visible(
+        &self,
+        ray: &Ray,
+        from: Option<u32>,
+        target: u32,
+    ) -> bool {
+        // SAFETY: as above.
+        unsafe { is_visible(&self.0, ray, from, target) }
+    }
 }
 
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
 fn first_hit(wide: &Wide<8>, ray: &Ray, from: Option<u32>) -> Option<Hit> {
     let search = match wide.is_near(ray) {
         // SAFETY: the ray is near, or the kind of search far.
-        true => unsafe { search::<0>(wide, ray, from) },
-        false => search_far::<FAR>(wide, ray, from),
+        true => unsafe { search::<0>(wide, ray, (from, NONE)) },
+        false => search_far::<FAR>(wide, ray, (from, NONE)),
     };
     hit(wide, ray, from, &search)
 }
@@ -74,10 +85,25 @@ fn first_hit(wide: &Wide<8>, ray: &Ray, from: Option<u32>) -> Option<Hit> {
 fn is_occluded(wide: &Wide<8>, ray: &Ray, from: Option<u32>) -> bool {
     let search = match wide.is_near(ray) {
         // SAFETY: as above.
-        true => unsafe { search::<ANY>(wide, ray, from) },
-        false => search_far::<{ ANY | FAR }>(wide, ray, from),
+        true => unsafe { search::<ANY>(wide, ray, (from, NONE)) },
+        false => search_far::<{ ANY | FAR }>(wide, ray, (from, NONE)),
     };
     search.slot != NONE
+}
+
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+fn is_visible(
+    wide: &Wide<8>,
+    ray: &Ray,
+    from: Option<u32>,
+    target: u32,
+) -> bool {
+    let search = match wide.is_near(ray) {
+        // SAFETY: as above.
+        true => unsafe { search::<ANY>(wide, ray, (from, target)) },
+        false => search_far::<FAR>(wide, ray, (from, NONE)),
+    };
+    search.slot == target
 }
 
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
@@ -85,10 +111,10 @@ fn is_occluded(wide: &Wide<8>, ray: &Ray, from: Option<u32>) -> bool {
 fn search_far<'a, const KIND: u8>(
     wide: &'a Wide<8>,
     ray: &Ray,
-    from: Option<u32>,
+    slots: (Option<u32>, u32),
 ) -> Search<'a> {
     // SAFETY: `KIND` has the bit `FAR`.
-    unsafe { search::<KIND>(wide, ray, from) }
+    unsafe { search::<KIND>(wide, ray, slots) }
 }
 
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
@@ -96,7 +122,7 @@ fn search_far<'a, const KIND: u8>(
 unsafe fn search<'a, const KIND: u8>(
     wide: &'a Wide<8>,
     ray: &Ray,
-    from: Option<u32>,
+    slots: (Option<u32>, u32),
 ) -> Search<'a> {
     // SAFETY: what is asked of the ray is what our caller says. The slabs
     // and the shear are those of a ray, and no hierarchy is so deep that
@@ -105,7 +131,7 @@ unsafe fn search<'a, const KIND: u8>(
         traverse::<8, KIND, __m256>(
             wide,
             ray,
-            from,
+            slots,
             |node, slabs, t_max| enter(node, slabs, t_max),
             |node, shift, entered, stack| push(node, shift, entered, stack),
             |leaf, shear, limit| meet::<KIND>(leaf, shear, limit),

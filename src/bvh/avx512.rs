@@ -60,6 +60,17 @@ impl Intersector for Traverser {
         // SAFETY: as above.
         unsafe { is_occluded(&self.0, ray, from) }
     }
+
+    #[inline]
+    fn is_visible(
+        &self,
+        ray: &Ray,
+        from: Option<u32>,
+        target: u32,
+    ) -> bool {
+        // SAFETY: as above.
+        unsafe { is_visible(&self.0, ray, from, target) }
+    }
 }
 
 #[target_feature(
@@ -68,8 +79,8 @@ impl Intersector for Traverser {
 fn first_hit(wide: &Wide<16>, ray: &Ray, from: Option<u32>) -> Option<Hit> {
     let search = match wide.is_near(ray) {
         // SAFETY: the ray is near, or the kind of search far.
-        true => unsafe { search::<COPY>(wide, ray, from) },
-        false => search_far::<{ COPY | FAR }>(wide, ray, from),
+        true => unsafe { search::<COPY>(wide, ray, (from, NONE)) },
+        false => search_far::<{ COPY | FAR }>(wide, ray, (from, NONE)),
     };
     hit(wide, ray, from, &search)
 }
@@ -80,10 +91,33 @@ fn first_hit(wide: &Wide<16>, ray: &Ray, from: Option<u32>) -> Option<Hit> {
 fn is_occluded(wide: &Wide<16>, ray: &Ray, from: Option<u32>) -> bool {
     let search = match wide.is_near(ray) {
         // SAFETY: as above.
-        true => unsafe { search::<{ COPY | ANY }>(wide, ray, from) },
-        false => search_far::<{ COPY | ANY | FAR }>(wide, ray, from),
+        true => unsafe {
+            search::<{ COPY | ANY }>(wide, ray, (from, NONE))
+        },
+        false => {
+            search_far::<{ COPY | ANY | FAR }>(wide, ray, (from, NONE))
+        }
     };
     search.slot != NONE
+}
+
+#[target_feature(
+    enable = "avx512f,avx512vl,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt"
+)]
+fn is_visible(
+    wide: &Wide<16>,
+    ray: &Ray,
+    from: Option<u32>,
+    target: u32,
+) -> bool {
+    let search = match wide.is_near(ray) {
+        // SAFETY: as above.
+        true => unsafe {
+            search::<{ COPY | ANY }>(wide, ray, (from, target))
+        },
+        false => search_far::<{ COPY | FAR }>(wide, ray, (from, NONE)),
+    };
+    search.slot == target
 }
 
 #[target_feature(
@@ -93,10 +127,10 @@ fn is_occluded(wide: &Wide<16>, ray: &Ray, from: Option<u32>) -> bool {
 fn search_far<'a, const KIND: u8>(
     wide: &'a Wide<16>,
     ray: &Ray,
-    from: Option<u32>,
+    slots: (Option<u32>, u32),
 ) -> Search<'a> {
     // SAFETY: `KIND` has the bit `FAR`.
-    unsafe { search::<KIND>(wide, ray, from) }
+    unsafe { search::<KIND>(wide, ray, slots) }
 }
 
 #[target_feature(
@@ -106,7 +140,7 @@ fn search_far<'a, const KIND: u8>(
 unsafe fn search<'a, const KIND: u8>(
     wide: &'a Wide<16>,
     ray: &Ray,
-    from: Option<u32>,
+    slots: (Option<u32>, u32),
 ) -> Search<'a> {
     // SAFETY: what is asked of the ray is what our caller says. The slabs
     // and the shear are those of a ray, and no hierarchy is so deep that
@@ -115,7 +149,7 @@ unsafe fn search<'a, const KIND: u8>(
         traverse::<16, KIND, __m512>(
             wide,
             ray,
-            from,
+            slots,
             |node, slabs, t_max| enter(node, slabs, t_max),
             |node, shift, entered, stack| push(node, shift, entered, stack),
             |leaf, shear, limit| avx2::meet::<KIND>(leaf, shear, limit),

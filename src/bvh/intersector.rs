@@ -38,6 +38,19 @@ pub trait Intersector: Sync + Sized {
         self.first_hit(ray, from).is_some()
     }
 
+    // Ask only whether a triangle is visible
+    /// Whether `ray` meets the triangle `target` first: the same as if
+    /// `first_hit(ray, from)` were on it, and perhaps faster.
+    fn is_visible(
+        &self,
+        ray: &Ray,
+        from: Option<u32>,
+        target: u32,
+    ) -> bool {
+        let hit = self.first_hit(ray, from);
+        hit.is_some_and(|hit| hit.primitive == target)
+    }
+
     // Let an intersector choose its copy
     /// Does `work` with the intersector that answers fastest for this one.
     fn dispatch<W: Dispatch>(&self, work: W) -> W::Output {

@@ -236,14 +236,14 @@ pub struct Entered<V> {
     pub far: V,
 }
 
-/// A kind of search: for any triangle instead of the nearest.
+/// A kind of search: until a triangle comes first that is not the target.
 pub const ANY: u8 = 1;
 
 /// A kind of search: through gates, or from outside of the region.
 pub const FAR: u8 = 2;
 
-/// Searches the triangles that `ray` meets, other than `from`, as `KIND`
-/// says.
+/// Searches the triangles that `ray` meets, other than the first of the
+/// slots, as `KIND` says. The second is that of the target, or `NONE`.
 ///
 /// # Safety
 /// `Wide::is_near` holds for the ray, or `KIND` has the bit `FAR`.
@@ -251,7 +251,7 @@ pub const FAR: u8 = 2;
 pub unsafe fn traverse<'a, const N: usize, const KIND: u8, V>(
     wide: &'a Wide<N>,
     ray: &Ray,
-    from: Option<u32>,
+    (from, target): (Option<u32>, u32),
     enter: impl Fn(&Node<N>, &Slabs, f32) -> Entered<V>,
     push: impl Fn(&Node<N>, u32, &Entered<V>, &mut Stack) -> u32,
     meet: impl Fn(Leaf<'a>, &Shear, (f64, &Margins)) -> (u32, [f64; LANES]),
@@ -267,7 +267,8 @@ where
         true => region.margins(ray.origin),
         false => region.within,
     };
-    let mut search = Search::new(&wide.leaves, from, margins.size);
+    let mut search =
+        Search::new(&wide.leaves, (from, target), margins.size);
     // Let no ray start out of bounds
     let bounds = DVec3::splat(OUTER);
     let within = |v: DVec3| v.abs().cmplt(bounds);
@@ -276,6 +277,19 @@ where
     }
     // Prepare to start at the root
     let shear = Shear::new(ray);
+    // Offer the target first
+    if KIND & ANY != 0 && target != NONE {
+        let (leaf, lane) = wide.leaves.find(target);
+        let lanes = u32::from(from != Some(target)) << lane;
+        let place = (target >> 2, Leaf { lanes, ..leaf });
+        let query = (ray, &shear, &margins);
+        look(&mut search, place, query, |leaf, shear, (_, margins)| {
+            leaf.meet(shear, margins)
+        });
+        if search.slot == NONE {
+            return search;
+        }
+    }
     let mut waiting = Waiting::new();
     let mut stack = Stack::new(&mut waiting);
     let mut child = 0;
@@ -323,7 +337,7 @@ where
                 let leaf = unsafe { search.leaf(first, count) };
                 let query = (ray, &shear, &margins);
                 if look(&mut search, (first, leaf), query, &meet) != 0 {
-                    if KIND & ANY != 0 && search.slot != NONE {
+                    if KIND & ANY != 0 && search.slot != target {
                         return search;
                     }
                     t_max = search.limit(&margins) as f32;
@@ -437,7 +451,7 @@ impl Traverser {
     fn search<const KIND: u8>(
         &self,
         ray: &Ray,
-        from: Option<u32>,
+        slots: (Option<u32>, u32),
     ) -> Search<'_> {
         // SAFETY: both kinds have the bit `FAR`; no hierarchy is so deep
         // that less than 8 are left on the stack.
@@ -445,7 +459,7 @@ impl Traverser {
             traverse::<8, KIND, [f32; 8]>(
                 &self.0,
                 ray,
-                from,
+                slots,
                 |node, slabs, t_max| enter(node, slabs, t_max, distance),
                 |node, shift, met, stack| push(node, shift, met, stack),
                 |leaf, shear, (_, margins)| leaf.meet(shear, margins),
@@ -462,11 +476,25 @@ pub fn distance(b: f32, inverse: f32, start: f32) -> f32 {
 
 impl Intersector for Traverser {
     fn first_hit(&self, ray: &Ray, from: Option<u32>) -> Option<Hit> {
-        hit(&self.0, ray, from, &self.search::<FAR>(ray, from))
+        let search = self.search::<FAR>(ray, (from, NONE));
+        hit(&self.0, ray, from, &search)
     }
 
     fn is_occluded(&self, ray: &Ray, from: Option<u32>) -> bool {
-        self.search::<{ ANY | FAR }>(ray, from).slot != NONE
+        self.search::<{ ANY | FAR }>(ray, (from, NONE)).slot != NONE
+    }
+
+    fn is_visible(
+        &self,
+        ray: &Ray,
+        from: Option<u32>,
+        target: u32,
+    ) -> bool {
+        let search = match self.0.is_near(ray) {
+            true => self.search::<{ ANY | FAR }>(ray, (from, target)),
+            false => self.search::<FAR>(ray, (from, NONE)),
+        };
+        search.slot == target
     }
 }
 

@@ -272,7 +272,7 @@ impl Leaves {
     // Find a triangle by its slot
     /// The leaf of a triangle, and its lane.
     #[inline(always)]
-    fn find(&self, slot: u32) -> (Leaf<'_>, u32) {
+    pub fn find(&self, slot: u32) -> (Leaf<'_>, u32) {
         let words = &self.words[UNIT * (slot >> 2) as usize..];
         let count = (words[0] >> 30) as usize + 1;
         (Leaf { words, count, lanes: 0 }, slot & 3)
@@ -455,8 +455,8 @@ pub enum TriangleTest {
 #[derive(Clone, Copy)]
 pub struct Search<'a> {
     pub leaves: &'a Leaves,
-    /// The slot that the ray left, or `NONE`.
-    from: u32,
+    /// The slot that the ray left and one that has been offered, or `NONE`.
+    without: [u32; 2],
     /// How far the nearest triangle is, or infinity.
     pub distance: f64,
     /// The size of the margins where it was found.
@@ -475,15 +475,19 @@ pub struct Search<'a> {
 
 impl<'a> Search<'a> {
     // Begin without a nearest triangle
-    /// A search that has met nothing, for a ray that left slot `from`,
-    /// given the size of the outermost margins.
+    /// A search that has met nothing, for a ray that left the first slot;
+    /// the second is offered ahead. The size is that of the outermost
+    /// margins.
     #[inline(always)]
-    pub fn new(leaves: &'a Leaves, from: Option<u32>, root: f64) -> Self {
-        let from = from.unwrap_or(NONE);
+    pub fn new(
+        leaves: &'a Leaves,
+        (from, ahead): (Option<u32>, u32),
+        root: f64,
+    ) -> Self {
         let distance = f64::INFINITY;
         Self {
             leaves,
-            from,
+            without: [from.unwrap_or(NONE), ahead],
             distance,
             size: 0.,
             root,
@@ -496,7 +500,7 @@ impl<'a> Search<'a> {
 
     // Take a triangle that is nearer
     /// The leaf of `count` triangles at unit `first`, without the one
-    /// that the ray left.
+    /// that the ray left, and the one that was offered ahead.
     ///
     /// # Safety
     /// A leaf of these triangles has been put there.
@@ -504,8 +508,10 @@ impl<'a> Search<'a> {
     pub unsafe fn leaf(&self, first: u32, count: usize) -> Leaf<'a> {
         // SAFETY: it is there, says the caller.
         let mut leaf = unsafe { self.leaves.leaf(first, count) };
-        let lane = self.from.wrapping_sub(slot(first, 0));
-        leaf.lanes &= !(u32::from(lane < LANES as u32) << (lane & 3));
+        for without in self.without {
+            let lane = without.wrapping_sub(slot(first, 0));
+            leaf.lanes &= !(u32::from(lane < LANES as u32) << (lane & 3));
+        }
         leaf
     }
 

@@ -115,8 +115,8 @@ impl<K: Intersector> Tracer<'_, K> {
         }
         self.rays += 1;
         let ray = Ray { origin: x.point, direction };
-        let met = self.intersector.first_hit(&ray, Some(x.primitive));
-        met.is_some_and(|met| met.primitive == y.primitive)
+        let from = Some(x.primitive);
+        self.intersector.is_visible(&ray, from, y.primitive)
     }
 }
 
