@@ -554,16 +554,16 @@ fn two_runs_foresee_the_best_step_of_a_correction() {
     let slope = (corrected - variance) / 10.;
     let cost = 10. * (more - rays);
     let best = (cost * variance / (rays * slope)).sqrt();
-    near(best, 16.4, 0.1);
+    near(best, 14.7, 0.1);
     let product = |step| {
         let (variance, rays) = room_of_step(Some(step));
         variance * rays
     };
     let [least, small, large] = [best, 3., 150.].map(product);
-    near(rays * variance / least, 0.167, 1e-3);
-    near(more * corrected / least, 1.08, 0.01);
-    near(small / least, 1.9, 0.05);
-    near(large / least, 3.5, 0.05);
+    near(rays * variance / least, 0.183, 1e-3);
+    near(more * corrected / least, 1.05, 0.01);
+    near(small / least, 1.8, 0.05);
+    near(large / least, 1.8, 0.05);
     assert!(small > 1.5 * least && large > 1.5 * least);
 }
 

@@ -34,9 +34,9 @@ pub struct Pilot {
     pub first: f64,
     /// The variance that comes from all later decisions.
     pub later: f64,
-    /// The mean square of the control variate of a path,
+    /// The variance of the control variate of a path,
     pub spread: f64,
-    /// and the mean of its product with the contribution.
+    /// and its covariance with the contribution.
     pub covariance: f64,
     /// The rays of a path; none if it meets no surface.
     pub rays: f64,
@@ -104,14 +104,17 @@ impl Trial<'_, '_> {
         if all.iter().all(|path| path.rays == 0) {
             return Pilot::default();
         }
+        let apart_control = a.control - c.control;
         let mean =
             |part: fn(&Path) -> f64| all.iter().map(part).sum::<f64>() / 4.;
         Pilot {
             square: (a.value + b.value) * (c.value + d.value) / 4.,
             first: apart(&[a, b], &[c, d]) - later,
             later,
-            spread: mean(|path| path.control * path.control),
-            covariance: mean(|path| path.control * path.value),
+            spread: 0.5 * apart_control * apart_control,
+            covariance: 0.25
+                * (a.value + b.value - c.value - d.value)
+                * apart_control,
             rays: mean(|path| path.rays as f64),
             first_rays: mean(|path| path.rays.min(2) as f64),
             indirect: mean(|path| f64::from(path.rays > 2)),
