@@ -32,7 +32,8 @@ use crate::scene::Scene;
 pub enum Method {
     /// Paths of independent random numbers.
     Reference,
-    /// The same paths, placed by scrambled nets.
+    /// Such paths, placed by scrambled nets, with the sky as a control
+    /// variate.
     Sobol,
     /// A final gather into a cache of radiance, corrected.
     Gather,
