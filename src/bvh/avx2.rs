@@ -15,7 +15,7 @@ use std::arch::x86_64::*;
 
 use super::intersector::{Hit, Intersector};
 use super::spawn::hit;
-use super::traversal::{ANY, Entered, FAR, Slabs, Stack, traverse};
+use super::traversal::{self, Entered, Met, Slabs, Stack, traverse};
 use super::triangle::{CLOSE, LANES, Leaf, Margins, NONE, Search, Shear};
 use super::wide::{Node, Wide};
 use crate::scene::Ray;
@@ -73,22 +73,30 @@ impl Intersector for Traverser {
 
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
 fn first_hit(wide: &Wide<8>, ray: &Ray, from: Option<u32>) -> Option<Hit> {
-    let search = match wide.is_near(ray) {
-        // SAFETY: the ray is near, or the kind of search far.
-        true => unsafe { search::<0>(wide, ray, (from, NONE)) },
-        false => search_far::<FAR>(wide, ray, (from, NONE)),
-    };
-    hit(wide, ray, from, &search)
+    match hasten::<false>(wide, ray, (from, NONE)) {
+        Some(search) => hit(wide, ray, from, &search),
+        None => first_hit_with_care(wide, ray, from),
+    }
+}
+
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+#[cold]
+#[inline(never)]
+fn first_hit_with_care(
+    wide: &Wide<8>,
+    ray: &Ray,
+    from: Option<u32>,
+) -> Option<Hit> {
+    hit(wide, ray, from, &search::<false>(wide, ray, (from, NONE)))
 }
 
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
 fn is_occluded(wide: &Wide<8>, ray: &Ray, from: Option<u32>) -> bool {
-    let search = match wide.is_near(ray) {
-        // SAFETY: as above.
-        true => unsafe { search::<ANY>(wide, ray, (from, NONE)) },
-        false => search_far::<{ ANY | FAR }>(wide, ray, (from, NONE)),
-    };
-    search.slot != NONE
+    let slots = (from, NONE);
+    let search = hasten::<true>(wide, ray, slots);
+    let slot = search.map(|search| search.slot);
+    slot.unwrap_or_else(|| search_with_care::<true>(wide, ray, slots))
+        != NONE
 }
 
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
@@ -98,43 +106,65 @@ fn is_visible(
     from: Option<u32>,
     target: u32,
 ) -> bool {
-    let search = match wide.is_near(ray) {
-        // SAFETY: as above.
-        true => unsafe { search::<ANY>(wide, ray, (from, target)) },
-        false => search_far::<FAR>(wide, ray, (from, NONE)),
-    };
-    search.slot == target
+    let search = hasten::<true>(wide, ray, (from, target));
+    let slot = search.map(|search| search.slot);
+    let slot = slot.unwrap_or_else(|| {
+        search_with_care::<false>(wide, ray, (from, NONE))
+    });
+    slot == target
 }
 
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+#[cold]
 #[inline(never)]
-fn search_far<'a, const KIND: u8>(
-    wide: &'a Wide<8>,
+fn search_with_care<const ANY: bool>(
+    wide: &Wide<8>,
     ray: &Ray,
     slots: (Option<u32>, u32),
-) -> Search<'a> {
-    // SAFETY: `KIND` has the bit `FAR`.
-    unsafe { search::<KIND>(wide, ray, slots) }
+) -> u32 {
+    search::<ANY>(wide, ray, slots).slot
 }
 
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
 #[inline]
-unsafe fn search<'a, const KIND: u8>(
+fn search<'a, const ANY: bool>(
     wide: &'a Wide<8>,
     ray: &Ray,
     slots: (Option<u32>, u32),
 ) -> Search<'a> {
-    // SAFETY: what is asked of the ray is what our caller says. The slabs
-    // and the shear are those of a ray, and no hierarchy is so deep that
-    // the stack has less room.
+    // SAFETY: the slabs and the shear are those of a ray, and no hierarchy
+    // is so deep that the stack has less room.
     unsafe {
-        traverse::<8, KIND, __m256>(
+        traverse::<8, ANY, __m256>(
             wide,
             ray,
             slots,
             |node, slabs, t_max| enter(node, slabs, t_max),
             |node, shift, entered, stack| push(node, shift, entered, stack),
-            |leaf, shear, limit| meet::<KIND>(leaf, shear, limit),
+            |leaf, shear, (limit, margins)| {
+                let met = meet(leaf, shear, (limit, margins));
+                met.unwrap_or_else(|| leaf.meet(shear, margins))
+            },
+        )
+    }
+}
+
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+#[inline]
+fn hasten<'a, const ANY: bool>(
+    wide: &'a Wide<8>,
+    ray: &Ray,
+    slots: (Option<u32>, u32),
+) -> Option<Search<'a>> {
+    // SAFETY: as above.
+    unsafe {
+        traversal::hasten::<8, ANY, __m256>(
+            wide,
+            ray,
+            slots,
+            |node, slabs, t_max| enter(node, slabs, t_max),
+            |node, shift, entered, stack| push(node, shift, entered, stack),
+            |leaf, shear, limit| meet(leaf, shear, limit),
         )
     }
 }
@@ -239,29 +269,31 @@ fn load(numbers: &[u32; 8]) -> __m256i {
 
 // Meet four triangles at once
 /// The triangles of a leaf that a ray meets up to the distance `limit`,
-/// as a mask, and their distances. Lanes that meet the ray beyond may or
-/// may not be in the mask. Each `KIND` of search has its own copy.
+/// as a mask, and their distances; none if an edge function is so small
+/// that its sign is doubtful. Lanes that meet the ray beyond may or may
+/// not be in the mask.
 ///
 /// # Safety
 /// The leaf is one of `Leaves`, and the axes of the shear are below 3.
 #[target_feature(enable = "avx2,fma")]
 #[inline]
-pub unsafe fn meet<const KIND: u8>(
+pub unsafe fn meet(
     leaf: Leaf,
     shear: &Shear,
     (limit, margins): (f64, &Margins),
-) -> (u32, [f64; LANES]) {
+) -> Met {
     // Read a coordinate of four triangles
     let runs = leaf.words.as_ptr();
-    let coordinates = |run: usize| {
+    let at = |c: usize, i: usize| {
         // SAFETY: there are nine runs, and four numbers of the last.
-        let run = unsafe { runs.add((2 * run + 1) * leaf.count) };
-        unsafe { _mm256_loadu_pd(run.cast()) }
+        unsafe {
+            let first = runs.add((2 * shear.axes[i] + 1) * leaf.count);
+            _mm256_loadu_pd(first.add(c * 6 * leaf.count).cast())
+        }
     };
     // Shear the corners of four triangles
     let [ox, oy, oz] = shear.origin.map(|x| _mm256_set1_pd(x));
     let [sx, sy] = shear.slope.map(|x| _mm256_set1_pd(x));
-    let at = |c: usize, i: usize| coordinates(3 * c + shear.axes[i]);
     let sheared = |lanes, origin, slope, z| {
         let moved = _mm256_sub_pd(lanes, origin);
         _mm256_sub_pd(moved, _mm256_mul_pd(slope, z))
@@ -281,27 +313,30 @@ pub unsafe fn meet<const KIND: u8>(
     let (v, q) = edge(ax, cy, ay, cx);
     let (w, r) = edge(bx, ay, by, ax);
     // Reject the triangles outside by signs
-    let zero = _mm256_setzero_pd();
-    let least = _mm256_min_pd(_mm256_min_pd(u, v), w);
-    let most = _mm256_max_pd(_mm256_max_pd(u, v), w);
     let narrow = _mm256_set1_pd(margins.narrow);
+    let low = _mm256_set1_pd(-margins.narrow);
+    let above = |e| _mm256_cmp_pd::<_CMP_GE_OQ>(e, low);
+    let below = |e| _mm256_cmp_pd::<_CMP_LE_OQ>(e, narrow);
+    let all = |a, b, c| _mm256_and_pd(_mm256_and_pd(a, b), c);
     let inside = _mm256_or_pd(
-        _mm256_cmp_pd::<_CMP_GE_OQ>(least, _mm256_sub_pd(zero, narrow)),
-        _mm256_cmp_pd::<_CMP_LE_OQ>(most, narrow),
+        all(above(u), above(v), above(w)),
+        all(below(u), below(v), below(w)),
     );
     let lanes = leaf.lanes as i32;
     if _mm256_movemask_pd(inside) & lanes == 0 {
-        return (0, [0.; LANES]);
+        return Some((0, [0.; LANES]));
     }
-    // Leave close edges to a second function
+    // Leave close edges to the portable form
     let size = |e| _mm256_andnot_pd(_mm256_set1_pd(-0.), e);
+    let zero = _mm256_setzero_pd();
+    let least = _mm256_min_pd(_mm256_min_pd(u, v), w);
+    let most = _mm256_max_pd(_mm256_max_pd(u, v), w);
     let smallest = _mm256_max_pd(least, _mm256_sub_pd(zero, most));
     let largest = _mm256_max_pd(_mm256_max_pd(size(p), size(q)), size(r));
     let threshold = _mm256_mul_pd(_mm256_set1_pd(CLOSE), largest);
     let close = _mm256_cmp_pd::<_CMP_LE_OQ>(smallest, threshold);
     if _mm256_movemask_pd(_mm256_and_pd(close, inside)) & lanes != 0 {
-        let corners = [[ax, ay, az], [bx, by, bz], [cx, cy, cz]];
-        return meet_closely(lanes, corners, shear, margins);
+        return None;
     }
     // Divide for the distances
     let sum = _mm256_add_pd(_mm256_add_pd(u, v), w);
@@ -317,77 +352,5 @@ pub unsafe fn meet<const KIND: u8>(
     let mut distances = [0.; LANES];
     // SAFETY: four numbers are written.
     unsafe { _mm256_storeu_pd(distances.as_mut_ptr(), distance) };
-    ((_mm256_movemask_pd(met) & lanes) as u32, distances)
-}
-
-/// `meet` with refined edge functions, for some lanes.
-#[target_feature(enable = "avx2,fma")]
-#[cold]
-#[inline(never)]
-fn meet_closely(
-    lanes: i32,
-    [[ax, ay, az], [bx, by, bz], [cx, cy, cz]]: [[__m256d; 3]; 3],
-    shear: &Shear,
-    margins: &Margins,
-) -> (u32, [f64; LANES]) {
-    let u = refined(cx, by, cy, bx);
-    let v = refined(ax, cy, ay, cx);
-    let w = refined(bx, ay, by, ax);
-    // Tell lanes that are met from those beside
-    let least = _mm256_min_pd(_mm256_min_pd(u, v), w);
-    let most = _mm256_max_pd(_mm256_max_pd(u, v), w);
-    let zero = _mm256_setzero_pd();
-    let within = |margin| {
-        let low = _mm256_sub_pd(zero, margin);
-        let above = _mm256_cmp_pd::<_CMP_GE_OQ>(least, low);
-        _mm256_or_pd(above, _mm256_cmp_pd::<_CMP_LE_OQ>(most, margin))
-    };
-    let through = within(zero);
-    // Find the margins of four triangles
-    let extent = |a, b, c| {
-        let most = _mm256_max_pd(_mm256_max_pd(a, b), c);
-        _mm256_sub_pd(most, _mm256_min_pd(_mm256_min_pd(a, b), c))
-    };
-    let side = _mm256_max_pd(extent(ax, bx, cx), extent(ay, by, cy));
-    let part = margins.size * (1. / (1u64 << 43) as f64);
-    let side = _mm256_add_pd(side, _mm256_set1_pd(0.25 * part));
-    let narrow = _mm256_mul_pd(_mm256_set1_pd(part), side);
-    let beside = _mm256_andnot_pd(through, within(narrow));
-    // Find the distance of each refined lane
-    let sum = _mm256_add_pd(_mm256_add_pd(u, v), w);
-    let height = _mm256_add_pd(_mm256_mul_pd(u, az), _mm256_mul_pd(v, bz));
-    let height = _mm256_add_pd(height, _mm256_mul_pd(w, cz));
-    let stretch = _mm256_set1_pd(shear.stretch);
-    let distance = _mm256_mul_pd(_mm256_div_pd(height, sum), stretch);
-    let [a, b, c] = [az, bz, cz].map(|z| _mm256_mul_pd(z, stretch));
-    let nearest = _mm256_min_pd(_mm256_min_pd(a, b), c);
-    // Put both kinds of lanes into the mask
-    let behind = _mm256_set1_pd(-margins.near);
-    let ahead = _mm256_cmp_pd::<_CMP_GT_OQ>(distance, behind);
-    let met = _mm256_movemask_pd(_mm256_and_pd(through, ahead));
-    let distance = _mm256_blendv_pd(distance, nearest, beside);
-    let beside = _mm256_movemask_pd(beside);
-    let mut distances = [0.; LANES];
-    // SAFETY: four numbers are written.
-    unsafe { _mm256_storeu_pd(distances.as_mut_ptr(), distance) };
-    ((met & lanes | (beside & lanes) << LANES) as u32, distances)
-}
-
-// Refine four edge functions
-/// Four times `edge`.
-#[target_feature(enable = "avx2,fma")]
-#[inline]
-fn refined(a: __m256d, b: __m256d, c: __m256d, d: __m256d) -> __m256d {
-    let (p, q) = (_mm256_mul_pd(a, b), _mm256_mul_pd(c, d));
-    let rough = _mm256_sub_pd(p, q);
-    let size = |e| _mm256_andnot_pd(_mm256_set1_pd(-0.), e);
-    let threshold = _mm256_mul_pd(_mm256_set1_pd(CLOSE), size(p));
-    let close = _mm256_cmp_pd::<_CMP_NGT_UQ>(size(rough), threshold);
-    // Add what the rough difference lost
-    let first = _mm256_fmsub_pd(a, b, p);
-    let lost = _mm256_sub_pd(first, _mm256_fmsub_pd(c, d, q));
-    let sum = _mm256_add_pd(rough, lost);
-    let zero = _mm256_setzero_pd();
-    let changed = _mm256_cmp_pd::<_CMP_NEQ_UQ>(sum, zero);
-    _mm256_blendv_pd(rough, sum, _mm256_and_pd(close, changed))
+    Some(((_mm256_movemask_pd(met) & lanes) as u32, distances))
 }

@@ -16,16 +16,13 @@ use std::arch::x86_64::*;
 use super::avx2;
 use super::intersector::{Hit, Intersector};
 use super::spawn::hit;
-use super::traversal::{ANY, Entered, FAR, Slabs, Stack, traverse};
+use super::traversal::{self, Entered, Slabs, Stack, traverse};
 use super::triangle::{NONE, Search};
 use super::wide::{Node, Wide};
 use crate::scene::Ray;
 
 /// A hierarchy on a processor that has the instructions.
 pub struct Traverser(Wide<16>);
-
-/// Marks kinds of search that have copies of `avx2::meet` of their own.
-const COPY: u8 = 4;
 
 // Ask the processor for AVX-512
 /// Whether this processor has the instructions of this module.
@@ -77,28 +74,34 @@ impl Intersector for Traverser {
     enable = "avx512f,avx512vl,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt"
 )]
 fn first_hit(wide: &Wide<16>, ray: &Ray, from: Option<u32>) -> Option<Hit> {
-    let search = match wide.is_near(ray) {
-        // SAFETY: the ray is near, or the kind of search far.
-        true => unsafe { search::<COPY>(wide, ray, (from, NONE)) },
-        false => search_far::<{ COPY | FAR }>(wide, ray, (from, NONE)),
-    };
-    hit(wide, ray, from, &search)
+    match hasten::<false>(wide, ray, (from, NONE)) {
+        Some(search) => hit(wide, ray, from, &search),
+        None => first_hit_with_care(wide, ray, from),
+    }
+}
+
+#[target_feature(
+    enable = "avx512f,avx512vl,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt"
+)]
+#[cold]
+#[inline(never)]
+fn first_hit_with_care(
+    wide: &Wide<16>,
+    ray: &Ray,
+    from: Option<u32>,
+) -> Option<Hit> {
+    hit(wide, ray, from, &search::<false>(wide, ray, (from, NONE)))
 }
 
 #[target_feature(
     enable = "avx512f,avx512vl,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt"
 )]
 fn is_occluded(wide: &Wide<16>, ray: &Ray, from: Option<u32>) -> bool {
-    let search = match wide.is_near(ray) {
-        // SAFETY: as above.
-        true => unsafe {
-            search::<{ COPY | ANY }>(wide, ray, (from, NONE))
-        },
-        false => {
-            search_far::<{ COPY | ANY | FAR }>(wide, ray, (from, NONE))
-        }
-    };
-    search.slot != NONE
+    let slots = (from, NONE);
+    let search = hasten::<true>(wide, ray, slots);
+    let slot = search.map(|search| search.slot);
+    slot.unwrap_or_else(|| search_with_care::<true>(wide, ray, slots))
+        != NONE
 }
 
 #[target_feature(
@@ -110,49 +113,71 @@ fn is_visible(
     from: Option<u32>,
     target: u32,
 ) -> bool {
-    let search = match wide.is_near(ray) {
-        // SAFETY: as above.
-        true => unsafe {
-            search::<{ COPY | ANY }>(wide, ray, (from, target))
-        },
-        false => search_far::<{ COPY | FAR }>(wide, ray, (from, NONE)),
-    };
-    search.slot == target
+    let search = hasten::<true>(wide, ray, (from, target));
+    let slot = search.map(|search| search.slot);
+    let slot = slot.unwrap_or_else(|| {
+        search_with_care::<false>(wide, ray, (from, NONE))
+    });
+    slot == target
 }
 
 #[target_feature(
     enable = "avx512f,avx512vl,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt"
 )]
+#[cold]
 #[inline(never)]
-fn search_far<'a, const KIND: u8>(
-    wide: &'a Wide<16>,
+fn search_with_care<const ANY: bool>(
+    wide: &Wide<16>,
     ray: &Ray,
     slots: (Option<u32>, u32),
-) -> Search<'a> {
-    // SAFETY: `KIND` has the bit `FAR`.
-    unsafe { search::<KIND>(wide, ray, slots) }
+) -> u32 {
+    search::<ANY>(wide, ray, slots).slot
 }
 
 #[target_feature(
     enable = "avx512f,avx512vl,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt"
 )]
 #[inline]
-unsafe fn search<'a, const KIND: u8>(
+fn search<'a, const ANY: bool>(
     wide: &'a Wide<16>,
     ray: &Ray,
     slots: (Option<u32>, u32),
 ) -> Search<'a> {
-    // SAFETY: what is asked of the ray is what our caller says. The slabs
-    // and the shear are those of a ray, and no hierarchy is so deep that
-    // the stack has less room.
+    // SAFETY: the slabs and the shear are those of a ray, and no hierarchy
+    // is so deep that the stack has less room.
     unsafe {
-        traverse::<16, KIND, __m512>(
+        traverse::<16, ANY, __m512>(
             wide,
             ray,
             slots,
             |node, slabs, t_max| enter(node, slabs, t_max),
             |node, shift, entered, stack| push(node, shift, entered, stack),
-            |leaf, shear, limit| avx2::meet::<KIND>(leaf, shear, limit),
+            |leaf, shear, (limit, margins)| {
+                let met = avx2::meet(leaf, shear, (limit, margins));
+                met.unwrap_or_else(|| leaf.meet(shear, margins))
+            },
+        )
+    }
+}
+
+#[target_feature(
+    enable = "avx512f,avx512vl,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt"
+)]
+#[inline]
+fn hasten<'a, const ANY: bool>(
+    wide: &'a Wide<16>,
+    ray: &Ray,
+    slots: (Option<u32>, u32),
+) -> Option<Search<'a>> {
+    // SAFETY: as above.
+    unsafe {
+        traversal::hasten::<16, ANY, __m512>(
+            wide,
+            ray,
+            slots,
+            |node, slabs, t_max| enter(node, slabs, t_max),
+            |node, shift, entered, stack| push(node, shift, entered, stack),
+            |leaf, shear, limit| avx2::meet(leaf, shear, limit),
         )
     }
 }

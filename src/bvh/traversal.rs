@@ -22,8 +22,8 @@ use glam::DVec3;
 use super::intersector::{Hit, Intersector};
 use super::spawn::hit;
 use super::triangle::{
-    GATES, LANES, LEAF, Leaf, Margins, NONE, Region, Search, Shear, UNIT,
-    near, slots,
+    GATES, LANES, LEAF, Leaf, Margins, NONE, Region, Search, Shear,
+    TriangleTest, UNIT, near, slot, slots,
 };
 use super::wide::{Node, STACK, Wide};
 use crate::scene::Ray;
@@ -96,6 +96,14 @@ fn steep(d: f32) -> f32 {
 /// Rays with an origin or a direction that has a component of 2^64 or more
 /// meet nothing. With a direction of at least `LEAST` nothing overflows.
 const OUTER: f64 = (1u128 << 64) as f64;
+
+/// Whether a ray may meet something.
+#[inline(always)]
+fn is_within_bounds(ray: &Ray) -> bool {
+    let bounds = DVec3::splat(OUTER);
+    let within = |v: DVec3| v.abs().cmplt(bounds);
+    (within(ray.origin) & within(ray.direction)).all()
+}
 
 // Keep the children to come
 /// Room for children that wait.
@@ -236,22 +244,16 @@ pub struct Entered<V> {
     pub far: V,
 }
 
-/// A kind of search: until a triangle comes first that is not the target.
-pub const ANY: u8 = 1;
-
-/// A kind of search: through gates, or from outside of the region.
-pub const FAR: u8 = 2;
-
-/// Searches the triangles that `ray` meets, other than the first of the
-/// slots, as `KIND` says. The second is that of the target, or `NONE`.
+/// The nearest of the triangles that `ray` meets, other than the first of
+/// the slots, or any with `ANY`.
 ///
 /// # Safety
-/// `Wide::is_near` holds for the ray, or `KIND` has the bit `FAR`.
+/// What is asked of the functions holds.
 #[inline(always)]
-pub unsafe fn traverse<'a, const N: usize, const KIND: u8, V>(
+pub unsafe fn traverse<'a, const N: usize, const ANY: bool, V>(
     wide: &'a Wide<N>,
     ray: &Ray,
-    (from, target): (Option<u32>, u32),
+    pair: (Option<u32>, u32),
     enter: impl Fn(&Node<N>, &Slabs, f32) -> Entered<V>,
     push: impl Fn(&Node<N>, u32, &Entered<V>, &mut Stack) -> u32,
     meet: impl Fn(Leaf<'a>, &Shear, (f64, &Margins)) -> (u32, [f64; LANES]),
@@ -261,43 +263,19 @@ where
 {
     let nodes: &[Node<N>] = &wide.nodes;
     let mut region = wide.region;
-    // Choose margins for the kind of search
-    let far = KIND & FAR != 0;
-    let mut margins = match far {
-        true => region.margins(ray.origin),
-        false => region.within,
-    };
-    let mut search =
-        Search::new(&wide.leaves, (from, target), margins.size);
+    let mut margins = region.margins(ray.origin);
+    let mut search = Search::new(&wide.leaves, pair, margins.size);
     // Let no ray start out of bounds
-    let bounds = DVec3::splat(OUTER);
-    let within = |v: DVec3| v.abs().cmplt(bounds);
-    if !(within(ray.origin) & within(ray.direction)).all() {
+    if !is_within_bounds(ray) {
         return search;
     }
     // Prepare to start at the root
     let shear = Shear::new(ray);
-    // Offer the target first
-    if KIND & ANY != 0 && target != NONE {
-        let (leaf, lane) = wide.leaves.find(target);
-        let lanes = u32::from(from != Some(target)) << lane;
-        let place = (target >> 2, Leaf { lanes, ..leaf });
-        let query = (ray, &shear, &margins);
-        look(&mut search, place, query, |leaf, shear, (_, margins)| {
-            leaf.meet(shear, margins)
-        });
-        if search.slot == NONE {
-            return search;
-        }
-    }
     let mut waiting = Waiting::new();
     let mut stack = Stack::new(&mut waiting);
     let mut child = 0;
-    loop {
-        let slabs = match far {
-            true => Slabs::new(ray, &region),
-            false => Slabs::within(ray, &region),
-        };
+    'walk: loop {
+        let slabs = Slabs::new(ray, &region);
         let mut t_max = search.limit(&margins) as f32;
         // Go from nodes to leaves
         let gate = loop {
@@ -306,27 +284,21 @@ where
                 // SAFETY: children without the bit LEAF are numbers of nodes.
                 let node = unsafe { nodes.get_unchecked(child as usize) };
                 let entered = enter(node, &slabs, t_max);
-                let mask = entered.mask;
-                child = match mask.count_ones() {
-                    0 => match stack.pop(t_max) {
+                child = if entered.mask == 0 {
+                    match stack.pop(t_max) {
                         Some(waiting) => waiting,
-                        None => return search,
-                    },
-                    1 => {
-                        node.children
-                            [mask.trailing_zeros() as usize & (N - 1)]
+                        None => break 'walk,
                     }
-                    _ => {
-                        let next =
-                            push(node, slabs.shift, &entered, &mut stack);
-                        stack.fetch(wide);
-                        next
-                    }
+                } else {
+                    let shift = slabs.shift;
+                    let next = push(node, shift, &entered, &mut stack);
+                    stack.fetch(wide);
+                    next
                 };
             }
             // Offer the leaf's triangles and go on
             let (first, count) = slots(child);
-            if far && first >= GATES {
+            if first >= GATES {
                 let gate = &wide.gates[(first - GATES) as usize];
                 if gate.node.is_none() || search.enters(&gate.region, ray) {
                     break gate;
@@ -337,15 +309,15 @@ where
                 let leaf = unsafe { search.leaf(first, count) };
                 let query = (ray, &shear, &margins);
                 if look(&mut search, (first, leaf), query, &meet) != 0 {
-                    if KIND & ANY != 0 && search.slot != target {
-                        return search;
+                    if ANY && search.slot != NONE {
+                        break 'walk;
                     }
                     t_max = search.limit(&margins) as f32;
                 }
             }
             match stack.pop(t_max) {
                 Some(waiting) => child = waiting,
-                None => return search,
+                None => break 'walk,
             }
         };
         // Go through a gate
@@ -361,10 +333,11 @@ where
             }
             None => match stack.pop(search.limit(&margins) as f32) {
                 Some(waiting) => waiting,
-                None => return search,
+                None => break 'walk,
             },
         };
     }
+    search
 }
 
 /// Offers the triangles of a leaf that the ray meets; their mask.
@@ -387,6 +360,103 @@ pub fn look<'a>(
     }
     met
 }
+
+// Hasten where nothing is doubtful
+/// The same as `traverse`, without gates; none if there are some, if the
+/// ray starts outside of the region, or if anything is doubtful. With
+/// `ANY`, the search ends as soon as another triangle than the target, the
+/// second of the slots, is the nearest.
+///
+/// # Safety
+/// What is asked of the functions holds.
+#[inline(always)]
+pub unsafe fn hasten<'a, const N: usize, const ANY: bool, V>(
+    wide: &'a Wide<N>,
+    ray: &Ray,
+    (from, target): (Option<u32>, u32),
+    enter: impl Fn(&Node<N>, &Slabs, f32) -> Entered<V>,
+    push: impl Fn(&Node<N>, u32, &Entered<V>, &mut Stack) -> u32,
+    meet: impl Fn(Leaf<'a>, &Shear, (f64, &Margins)) -> Met,
+) -> Option<Search<'a>>
+where
+    Node<N>: Pod,
+{
+    if !(wide.is_near(ray) && is_within_bounds(ray)) {
+        return None;
+    }
+    let nodes: &[Node<N>] = &wide.nodes;
+    let margins = &wide.region.within;
+    let mut search =
+        Search::new(&wide.leaves, (from, target), margins.size);
+    let shear = Shear::new(ray);
+    // Offer the target first
+    if ANY && target != NONE {
+        if from == Some(target) {
+            return Some(search);
+        }
+        let (leaf, lane) = wide.leaves.find(target);
+        match leaf.test(lane as usize, &shear, margins.size) {
+            TriangleTest::Through(at) if at > -margins.near => {
+                search.take(target, at, margins)?;
+            }
+            TriangleTest::Beside(_) => return None,
+            _ => return Some(search),
+        }
+    }
+    // Walk where nothing is doubtful
+    let slabs = Slabs::within(ray, &wide.region);
+    let mut t_max = search.limit(margins) as f32;
+    let mut waiting = Waiting::new();
+    let mut stack = Stack::new(&mut waiting);
+    let mut child = 0;
+    'walk: loop {
+        while child & LEAF == 0 {
+            // Choose among the children entered
+            // SAFETY: children without the bit LEAF are numbers of nodes.
+            let node = unsafe { nodes.get_unchecked(child as usize) };
+            let entered = enter(node, &slabs, t_max);
+            child = if entered.mask == 0 {
+                match stack.pop(t_max) {
+                    Some(waiting) => waiting,
+                    None => break 'walk,
+                }
+            } else {
+                let shift = slabs.shift;
+                let next = push(node, shift, &entered, &mut stack);
+                stack.fetch(wide);
+                next
+            };
+        }
+        // Take the triangles of a leaf
+        let (first, count) = slots(child);
+        // SAFETY: without gates, children with the bit LEAF are leaves.
+        let leaf = unsafe { search.leaf(first, count) };
+        let limit = search.limit(margins);
+        let (mut left, distances) = meet(leaf, &shear, (limit, margins))?;
+        if left != 0 {
+            // Take each lane of the mask
+            while left != 0 {
+                let lane = left.trailing_zeros();
+                let distance = distances[lane as usize % LANES];
+                search.take(slot(first, lane), distance, margins)?;
+                left &= left - 1;
+            }
+            if ANY && search.slot != target {
+                break 'walk;
+            }
+            t_max = search.limit(margins) as f32;
+        }
+        match stack.pop(t_max) {
+            Some(waiting) => child = waiting,
+            None => break 'walk,
+        }
+    }
+    Some(search)
+}
+
+/// The lanes of a leaf that are met, as a mask, and the distances; none if
+/// it is doubtful which they are.
+pub type Met = Option<(u32, [f64; LANES])>;
 
 // Look at one node portably
 /// Which boxes of `node` a ray enters before `t_max`, where `distance`
@@ -448,15 +518,15 @@ impl Traverser {
     }
 
     // Search with the portable functions
-    fn search<const KIND: u8>(
+    fn search<const ANY: bool>(
         &self,
         ray: &Ray,
         slots: (Option<u32>, u32),
     ) -> Search<'_> {
-        // SAFETY: both kinds have the bit `FAR`; no hierarchy is so deep
-        // that less than 8 are left on the stack.
+        // SAFETY: no hierarchy is so deep that less than 8 are left on the
+        // stack.
         unsafe {
-            traverse::<8, KIND, [f32; 8]>(
+            traverse::<8, ANY, [f32; 8]>(
                 &self.0,
                 ray,
                 slots,
@@ -476,12 +546,12 @@ pub fn distance(b: f32, inverse: f32, start: f32) -> f32 {
 
 impl Intersector for Traverser {
     fn first_hit(&self, ray: &Ray, from: Option<u32>) -> Option<Hit> {
-        let search = self.search::<FAR>(ray, (from, NONE));
+        let search = self.search::<false>(ray, (from, NONE));
         hit(&self.0, ray, from, &search)
     }
 
     fn is_occluded(&self, ray: &Ray, from: Option<u32>) -> bool {
-        self.search::<{ ANY | FAR }>(ray, (from, NONE)).slot != NONE
+        self.search::<true>(ray, (from, NONE)).slot != NONE
     }
 
     fn is_visible(
@@ -490,11 +560,7 @@ impl Intersector for Traverser {
         from: Option<u32>,
         target: u32,
     ) -> bool {
-        let search = match self.0.is_near(ray) {
-            true => self.search::<{ ANY | FAR }>(ray, (from, target)),
-            false => self.search::<FAR>(ray, (from, NONE)),
-        };
-        search.slot == target
+        self.search::<false>(ray, (from, NONE)).slot == target
     }
 }
 

@@ -328,6 +328,19 @@ pub struct Leaf<'a> {
     pub lanes: u32,
 }
 
+// Read one corner
+/// A corner of the first of `count` lanes, that begins in this run.
+#[inline(always)]
+fn corner(runs: &[u32], count: usize, run: usize) -> DVec3 {
+    let [x, y, z] = [run, run + 1, run + 2].map(|run| 2 * run * count);
+    let number = |place: usize| {
+        f64::from_bits(
+            u64::from(runs[place + 1]) << 32 | u64::from(runs[place]),
+        )
+    };
+    DVec3::new(number(x), number(y), number(z))
+}
+
 impl Leaf<'_> {
     #[inline(always)]
     fn coordinate(&self, c: usize, axis: usize, lane: usize) -> f64 {
@@ -343,14 +356,11 @@ impl Leaf<'_> {
         let count = self.count;
         let runs = &self.words[count + 2 * lane as usize..];
         let runs = &runs[..16 * count + 2];
-        let number = |run: usize| {
-            let place = 2 * run * count;
-            let [low, high] = [runs[place], runs[place + 1]];
-            f64::from_bits(u64::from(high) << 32 | u64::from(low))
-        };
-        let corner =
-            |run| DVec3::new(number(run), number(run + 1), number(run + 2));
-        [corner(0), corner(3), corner(6)]
+        [
+            corner(runs, count, 0),
+            corner(runs, count, 3),
+            corner(runs, count, 6),
+        ]
     }
 
     /// The face of the triangle in a lane.
@@ -549,10 +559,34 @@ impl<'a> Search<'a> {
         // Keep the triangle if it comes first
         let slot = slot(first, lane);
         let equal = distance == self.distance;
-        if distance < self.distance || equal && self.is_before(slot) {
+        if distance < self.distance
+            || equal && is_before(self.leaves, slot, self.slot)
+        {
             (self.distance, self.slot) = (distance, slot);
             self.size = margins.size;
         }
+    }
+
+    /// Considers the triangle in a slot, which is met at `distance`; none if
+    /// it is doubtful whether that is behind the ray, or which comes first.
+    #[inline(always)]
+    pub fn take(
+        &mut self,
+        slot: u32,
+        distance: f64,
+        margins: &Margins,
+    ) -> Option<()> {
+        let near = margins.near;
+        if distance <= near || distance == self.distance {
+            return None;
+        }
+        if (distance - self.distance).abs() <= near {
+            self.near_tie = self.near_tie.min(distance - near);
+        }
+        if distance < self.distance {
+            (self.distance, self.slot) = (distance, slot);
+        }
+        Some(())
     }
 
     /// The corners of the nearest triangle, if there is one.
@@ -582,18 +616,19 @@ impl<'a> Search<'a> {
         self.passed = [low.min(zero - reach), high.max(zero + reach)];
         self.least = self.least.min(margins.size);
     }
+}
 
-    // Decide where the distances do not
-    /// Whether the triangle in `slot` comes before the nearest, if any.
-    #[cold]
-    fn is_before(&self, slot: u32) -> bool {
-        let key = |slot| {
-            let corners = self.leaves.triangle(slot);
-            let corners = corners.map(|p| p.to_array().map(f64::to_bits));
-            (self.leaves.face(slot), corners)
-        };
-        self.slot == NONE || key(slot) < key(self.slot)
-    }
+// Decide where the distances do not
+/// Whether the triangle in `slot` comes before another, if there is one.
+#[cold]
+#[inline(never)]
+fn is_before(leaves: &Leaves, slot: u32, other: u32) -> bool {
+    let key = |slot| {
+        let corners = leaves.triangle(slot);
+        let corners = corners.map(|p| p.to_array().map(f64::to_bits));
+        (leaves.face(slot), corners)
+    };
+    other == NONE || key(slot) < key(other)
 }
 
 // Tell what lies behind the ray
