@@ -297,7 +297,7 @@ impl Cells {
 #[inline]
 fn coarser(name: u64, levels: usize) -> u64 {
     let cube = name & ((1 << (3 * BITS)) - 1);
-    (name - cube) + ((levels as u64) << 60) | cube >> (3 * levels)
+    (name - cube + ((levels as u64) << 60)) | (cube >> (3 * levels))
 }
 
 // Solve for the radiance of the cells
