@@ -375,7 +375,9 @@ fn build(
     known: &mut Report,
 ) -> Result<(SceneAnalysis, Bvh), String> {
     let began = Instant::now();
-    let rays = expected_rays(arguments, rayon::current_num_threads());
+    let position = inquiry.camera.position;
+    let path = expected_path(arguments.albedo, scene.surrounds(position));
+    let rays = expected_rays(arguments, path, rayon::current_num_threads());
     let triangles = scene.take_triangles();
     let quality = Quality::expecting(triangles.len(), rays);
     // Warn of triangles that are too small
@@ -399,11 +401,20 @@ fn build(
     Ok((analysis, bvh))
 }
 
-/// A guess of how many rays the run will trace with so many threads.
-fn expected_rays(arguments: &Arguments, threads: usize) -> f64 {
+/// A guess of how many rays a path has, from within the box around a
+/// scene or from outside.
+fn expected_path(albedo: f64, is_within: bool) -> f64 {
+    match is_within {
+        true => (1. / (1. - albedo)).min(LONG),
+        false => 1. + albedo,
+    }
+}
+
+/// A guess of how many rays the run will trace, of which a path has so
+/// many, with so many threads.
+fn expected_rays(arguments: &Arguments, path: f64, threads: usize) -> f64 {
     let (width, height) = arguments.resolution;
     let area = f64::from(width) * f64::from(height);
-    let path = (1. / (1. - arguments.albedo)).min(LONG);
     let paths = arguments.samples().map(|n| n as f64 * area);
     let timed = arguments.time.or(paths.is_none().then_some(60.));
     let rate = RATE * threads as f64;

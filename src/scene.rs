@@ -734,12 +734,18 @@ impl Scene {
     }
 
     // Move a distant ray to the scene
+    /// Whether a point of the file lies in the box around the scene.
+    pub fn surrounds(&self, position: DVec3) -> bool {
+        let (point, k) = self.frame.place_afar(position);
+        is_between(point, self.bounds.map(|corner| shift(corner, -k)))
+    }
+
     /// The ray that starts at the point `position` of the file, from where
     /// it enters the scene; none if it passes the scene by.
     pub fn enter(&self, position: DVec3, direction: DVec3) -> Option<Ray> {
         let (origin, k) = self.frame.place_afar(position);
         let [low, high] = self.bounds.map(|corner| shift(corner, -k));
-        if (origin.cmpge(low) & origin.cmple(high)).all() {
+        if is_between(origin, [low, high]) {
             return Some(Ray { origin, direction });
         }
         // Find where a ray is in the box of the scene
@@ -833,6 +839,11 @@ const NEARBY: f64 = (1u64 << 32) as f64;
 
 /// Binary exponent of the distance at which units become larger.
 const FAR: i32 = 1000;
+
+/// Whether a point lies in the box between two corners.
+fn is_between(point: DVec3, [low, high]: [DVec3; 2]) -> bool {
+    (point.cmpge(low) & point.cmple(high)).all()
+}
 
 // Test what no file of sensible size can
 #[cfg(test)]

@@ -750,16 +750,16 @@ fn a_chain_costs_more_than_a_balanced_tree() {
 }
 
 #[test]
-fn twenty_seven_realisations_repay_a_medium_hierarchy() {
+fn forty_seven_realisations_repay_a_medium_hierarchy() {
     let rays = f64::from(640 * 480 * 3);
     let quality =
         |n: u32| Quality::expecting(1_000_000, f64::from(n) * rays);
-    assert_eq!(quality(26), Quality::Fast);
-    assert_eq!(quality(27), Quality::Medium);
-    assert_eq!(quality(752), Quality::Medium);
-    assert_eq!(quality(753), Quality::Thorough);
-    let lost = f64::from(35 - 26) * rays * 7.5e-9;
-    assert!((lost - 0.06).abs() < 0.005);
+    assert_eq!(quality(46), Quality::Fast);
+    assert_eq!(quality(47), Quality::Medium);
+    assert_eq!(quality(1452), Quality::Medium);
+    assert_eq!(quality(1453), Quality::Thorough);
+    let lost = f64::from(60 - 46) * rays * 5.85e-9;
+    assert!((lost - 0.08).abs() < 0.005);
 }
 
 /// The least inner area of a forest of at most `most` wide trees with

@@ -362,9 +362,8 @@ pub fn look<'a>(
 }
 
 // Hasten where nothing is doubtful
-/// The same as `traverse`, without gates; none if there are some, if the
-/// ray starts outside of the region, or if anything is doubtful. With
-/// `ANY`, the search ends as soon as another triangle than the target, the
+/// The same as `traverse`, without gates; none if there are some, or if
+/// anything is doubtful. With `ANY`, the search ends as soon as another triangle than the target, the
 /// second of the slots, is the nearest.
 ///
 /// # Safety
@@ -381,11 +380,11 @@ pub unsafe fn hasten<'a, const N: usize, const ANY: bool, V>(
 where
     Node<N>: Pod,
 {
-    if !(wide.is_near(ray) && is_within_bounds(ray)) {
+    if !(wide.gates.is_empty() && is_within_bounds(ray)) {
         return None;
     }
     let nodes: &[Node<N>] = &wide.nodes;
-    let margins = &wide.region.within;
+    let margins = &wide.region.margins(ray.origin);
     let mut search =
         Search::new(&wide.leaves, (from, target), margins.size);
     let shear = Shear::new(ray);
@@ -404,7 +403,7 @@ where
         }
     }
     // Walk where nothing is doubtful
-    let slabs = Slabs::within(ray, &wide.region);
+    let slabs = Slabs::new(ray, &wide.region);
     let mut t_max = search.limit(margins) as f32;
     let mut waiting = Waiting::new();
     let mut stack = Stack::new(&mut waiting);

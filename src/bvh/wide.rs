@@ -29,7 +29,7 @@ use super::triangle::{
     GATES, Gate, LANES, LEAF, Leaf, Leaves, Region, UNIT, leaf, slot,
     slots, units, write,
 };
-use crate::scene::{Ray, Triangle, Triangles};
+use crate::scene::{Triangle, Triangles};
 
 // Choose how thoroughly to build
 /// How much work to put into a hierarchy.
@@ -46,9 +46,9 @@ pub enum Quality {
 /// Each quality with the nanoseconds it takes to build per triangle, and
 /// then per ray.
 const PRICES: [(Quality, f64, f64); 3] = [
-    (Quality::Fast, 320., 1.09 * 125.),
-    (Quality::Medium, 500., 1.03 * 125.),
-    (Quality::Thorough, 3100., 125.),
+    (Quality::Fast, 400., 1.07 * 130.),
+    (Quality::Medium, 650., 1.025 * 130.),
+    (Quality::Thorough, 5000., 130.),
 ];
 
 impl fmt::Display for Quality {
@@ -806,13 +806,6 @@ impl<const N: usize> Wide<N>
 where
     Node<N>: Pod,
 {
-    // Tell the rays that need no gates
-    /// Whether there are no gates and the ray starts within the region.
-    #[inline(always)]
-    pub fn is_near(&self, ray: &Ray) -> bool {
-        self.gates.is_empty() && self.region.beyond(ray.origin) <= 0.
-    }
-
     // Build the wide hierarchy
     /// Builds the tree of triangles, on all threads.
     ///
