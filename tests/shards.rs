@@ -290,11 +290,11 @@ fn wait_for(path: PathBuf) {
 fn a_part_that_is_stopped_is_missing_its_rest_and_can_be_resumed() {
     for method in ["reference", "gather"] {
         let place = Scratch::new();
-        let run = ["--integrator", method, "-n4096", "-j2"];
+        let run = ["--integrator", method, "-n1024", "-j2"];
         place.run(&[&VIEW[..], &run, &A].concat()).succeeded();
-        let rest = [&run[..], &["--samples=0..2048"]].concat();
+        let rest = [&run[..], &["--samples=0..512"]].concat();
         part(&place, "1.litpt", &rest);
-        let shard = ["--samples=2048..4096", "-o2.litpt", "--every=0.001"];
+        let shard = ["--samples=512..1024", "-o2.litpt", "--every=0.001"];
         let shard = [&VIEW[..], &run, &shard].concat();
         let child = place.pt(&shard).spawn().unwrap();
         wait_for(place.path("2.litpt"));
@@ -306,13 +306,13 @@ fn a_part_that_is_stopped_is_missing_its_rest_and_can_be_resumed() {
         let merged = merge(&place, &[&files[..], &B].concat());
         merged.failed(
             1,
-            &["parts are missing: samples", "..4096 of rows 0..50"],
+            &["parts are missing: samples", "..1024 of rows 0..50"],
         );
         place.run(&["-q", "--resume=2.litpt", "-j1"]).succeeded();
         merge(&place, &[&files[..], &B].concat()).succeeded();
         same(&place, method);
         let range =
-            ["-q", "--resume=2.litpt", "-n4096", "--samples=0..2048"];
+            ["-q", "--resume=2.litpt", "-n1024", "--samples=0..512"];
         place.run(&range).failed(1, &["another run: its samples is"]);
     }
 }
