@@ -397,11 +397,11 @@ fn states_and_images_are_not_mixed_and_not_overwritten() {
 fn two_runs_in_one_directory_do_not_take_each_other_s_state() {
     let place = Scratch::new();
     let run = |range| {
-        let run = ["-q", "-iroom.obj", "-d40x50", "-n20000", "-oa.litpt"];
+        let run = ["-q", "-iroom.obj", "-d40x50", "-n2000", "-oa.litpt"];
         let integrator = ["--integrator=reference", "--samples", range];
         place.pt(&[&run[..], &integrator].concat()).spawn().unwrap()
     };
-    let children = [run("0..10000"), run("10000..20000")];
+    let children = [run("0..1000"), run("1000..2000")];
     let runs = children.map(finish);
     let succeeded = runs.iter().filter(|run| run.status == Some(0));
     assert_eq!(succeeded.count(), 1, "{runs:?}");
