@@ -18,7 +18,7 @@ LOST := $(filter-out $(WEB) $(TOOL_WEB),$(wildcard chapters/*.nw noweb/chapters/
 
 # What is measured or installed is a Release.
 ifneq ($(filter measure stability% ablation start bench% mixtures install \
-  efficiency choice parts unbiased, \
+  efficiency choice parts roofline unbiased, \
   $(MAKECMDGOALS)),)
 override BUILD_TYPE = Release
 endif
@@ -73,6 +73,7 @@ help:
 	@echo 'make efficiency  in which time pt reaches the error of Embree, some hours'
 	@echo 'make choice  what each method gains, and what a pilot foresees'
 	@echo 'make parts   what each part of a gather is worth, half an hour'
+	@echo 'make roofline  what the traversal of a ray reads, and its time'
 	@echo 'make unbiased  compare the means of two integrators, scene by scene'
 	@echo 'make start   measure what pt weighs before it does anything'
 	@echo 'make fuzz    random scenes, cameras, options and mixtures of scales, a minute'

@@ -24,7 +24,7 @@ TABLES := $(BUILD_DIR)/examples.stamp \
   qualities.tex leaks.tex origins.tex roulettes.tex stability.tex \
   stability-full.tex robustness.tex ablation.tex shortcuts.tex layouts.tex habits.tex \
   abreast.tex traversal.tex bench.tex efficiency.tex worth.tex gains.tex generations.tex sizes.csv shapes.tex \
-  start.tex repeats.csv accumulators.tex accounting.tex alarms.tex \
+  start.tex repeats.csv roofline.tex accumulators.tex accounting.tex alarms.tex \
   thresholds.tex triangulations.tex ring.tex mixtures.tex \
   mixtures-ball.csv)
 
@@ -290,6 +290,13 @@ bench-traversal: bench-tools $(BOOK) $(call AND_VIEWS,$(COMPARED))
 	$(RECORD) traversal sh -c 'for scene in $(COMPARED); do \
 	  $(BOOK) traversal -i $$scene.obj $$(cat $$scene.view) -r 0.8 \
 	    -d 400x300 || exit 1; done | awk "!/^scene,/ || !head++"'
+
+# What the traversal of a ray reads, and how long it takes: five minutes.
+.PHONY: roofline
+roofline: $(BOOK) $(call AND_VIEWS,$(COMPARED))
+	$(RECORD) roofline sh -c 'for scene in $(COMPARED); do \
+	  $(BOOK) roofline -i $$scene.obj $$(cat $$scene.view) -r 0.8 \
+	    || exit 1; done | awk "!/^scene,/ || !head++"'
 
 BESIDE_PEER = python3 $(SCRIPTS)/measure.py $(1) $(BUILD_DIR)/pt \
   $$(ls $(BENCH)/embree_pt 2> /dev/null) $(2)

@@ -29,6 +29,7 @@ mod pixels;
 mod qualities;
 mod repeats;
 mod ring;
+mod roofline;
 mod roulettes;
 mod scenes;
 mod scrambles;
@@ -51,7 +52,7 @@ pub type Done = Result<(), Box<dyn Error>>;
 type Part = (&'static str, fn(&[String]) -> Done);
 
 /// All parts.
-pub const ALL: [Part; 28] = [
+pub const ALL: [Part; 29] = [
     ("ablation", ablation::run),
     ("accounting", accounting::run),
     ("accumulators", accumulators::run),
@@ -73,6 +74,7 @@ pub const ALL: [Part; 28] = [
     ("qualities", qualities::run),
     ("repeats", repeats::run),
     ("ring", ring::run),
+    ("roofline", roofline::run),
     ("roulettes", roulettes::run),
     ("scenes", scenes::run),
     ("scrambles", scrambles::run),

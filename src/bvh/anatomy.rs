@@ -13,23 +13,20 @@ use std::{array, io};
 
 use glam::Vec3;
 
+use super::intersector::Hit;
+use super::spawn::hit;
 use super::traversal::{
     Slabs, Stack, Waiting, distance, enter, look, push,
 };
 use super::triangle::{
-    GATES, LANES, LEAF, NONE, Search, Shear, near, slots,
+    GATES, LANES, LEAF, NONE, Search, Shear, UNIT, near, slots, units,
 };
-use super::wide::{Quality, Wide};
+use super::wide::{Node, Quality, Wide};
 use crate::scene::{Ray, Scene};
 
 // Record the traversal of a ray
-/// A traversal through the hierarchy of a scene, step by step.
-pub struct Anatomy {
-    wide: Wide<16>,
-    ray: Ray,
-    /// What it looked at, in this order.
-    pub steps: Vec<Step>,
-}
+/// A hierarchy whose traversals are recorded, with sixteen children.
+pub struct Anatomy(Wide<16>);
 
 /// A look at one node or leaf.
 pub struct Step {
@@ -51,22 +48,39 @@ impl Step {
             _ => (true, slots(self.child).0),
         }
     }
+
+    /// How many bytes it reads.
+    pub fn bytes(&self) -> usize {
+        match self.child & LEAF {
+            0 => size_of::<Node<16>>(),
+            _ => 4 * UNIT * units(slots(self.child).1) as usize,
+        }
+    }
 }
 
 impl Anatomy {
-    /// Walks `ray` through the hierarchy of sixteen children of a scene.
+    /// Builds the hierarchy of a scene.
     ///
     /// # Errors
     /// Too little memory.
-    pub fn new(scene: &Scene, ray: Ray) -> io::Result<Self> {
-        let triangles = scene.indexed().clone();
-        let wide = Wide::new(triangles, Quality::Medium)?;
+    pub fn new(scene: &Scene, quality: Quality) -> io::Result<Self> {
+        Wide::new(scene.indexed().clone(), quality).map(Self)
+    }
+
+    /// What a ray that left a triangle looks at, in this order; and its
+    /// hit.
+    pub fn walk(
+        &self,
+        ray: &Ray,
+        from: Option<u32>,
+    ) -> (Vec<Step>, Option<Hit>) {
+        let Self(wide) = self;
         // Walk and note each step
         let mut margins = wide.region.margins(ray.origin);
-        let mut slabs = Slabs::new(&ray, &wide.region);
-        let shear = Shear::new(&ray);
+        let mut slabs = Slabs::new(ray, &wide.region);
+        let shear = Shear::new(ray);
         let mut search =
-            Search::new(&wide.leaves, (None, NONE), margins.size);
+            Search::new(&wide.leaves, (from, NONE), margins.size);
         let (mut waiting, mut steps) = (Waiting::new(), vec![]);
         let mut stack = Stack::new(&mut waiting);
         let mut next = Some(0);
@@ -75,7 +89,7 @@ impl Anatomy {
             if child & LEAF != 0 && first >= GATES {
                 // Go through a gate without a step
                 let way = wide.gates[(first - GATES) as usize];
-                slabs = Slabs::new(&ray, &way.region);
+                slabs = Slabs::new(ray, &way.region);
                 margins = way.region.beyond_gate(ray.origin, search.root);
                 margins.near = margins.near.max(near(search.size));
                 if way.node.is_some() {
@@ -99,7 +113,7 @@ impl Anatomy {
             } else {
                 // SAFETY: children with the bit LEAF are leaves that are there.
                 let leaf = unsafe { search.leaf(first, count) };
-                let query = (&ray, &shear, &margins);
+                let query = (ray, &shear, &margins);
                 let met = look(
                     &mut search,
                     (first, leaf),
@@ -113,17 +127,17 @@ impl Anatomy {
             let (waiting, t_max) = (stack.length(), search.distance);
             steps.push(Step { child, mask, waiting, t_max });
         }
-        Ok(Self { wide, ray, steps })
+        (steps, hit(wide, ray, from, &search))
     }
 
     // Find the node and leaf to draw
-    /// The boxes of the root's children, near to far, and whether the ray
+    /// The boxes of the root's children, near to far, and whether a ray
     /// enters them.
-    pub fn root(&self) -> Vec<(bool, [Vec3; 2])> {
-        let node = &self.wide.nodes[0];
-        let mask = self.steps.first().map_or(0, |s| s.mask);
-        let region = &self.wide.region;
-        let shift = Slabs::new(&self.ray, region).shift;
+    pub fn root(&self, ray: &Ray) -> Vec<(bool, [Vec3; 2])> {
+        let (node, region) = (&self.0.nodes[0], &self.0.region);
+        let slabs = Slabs::new(ray, region);
+        let mask = enter(node, &slabs, f32::INFINITY, distance).mask;
+        let shift = slabs.shift;
         let near = node.order.iter().rev();
         let slots = near.map(|order| (order >> shift & 15) as usize);
         let slots = slots.filter(|&slot| node.planes[0][slot].is_finite());
@@ -135,16 +149,20 @@ impl Anatomy {
         slots.map(|slot| (mask >> slot & 1 != 0, child(slot))).collect()
     }
 
-    /// The triangles of a full leaf of which the ray meets one, if there
-    /// was such a leaf: $x$ and $y$ of their corners, sheared.
-    pub fn leaf(&self) -> Option<[[[f64; 2]; 3]; LANES]> {
-        let met = self.steps.iter().filter(|s| s.mask != 0);
+    /// The triangles of a full leaf of which a ray meets one, if its steps
+    /// have such a leaf: $x$ and $y$ of their corners, sheared.
+    pub fn leaf(
+        &self,
+        ray: &Ray,
+        steps: &[Step],
+    ) -> Option<[[[f64; 2]; 3]; LANES]> {
+        let met = steps.iter().filter(|s| s.mask != 0);
         let mut leaves =
             met.filter(|s| s.child & LEAF != 0).map(|s| slots(s.child));
         let (first, count) = leaves.find(|leaf| leaf.1 == LANES)?;
         // SAFETY: children with the bit LEAF are leaves that are there.
-        let leaf = unsafe { self.wide.leaves.leaf(first, count) };
-        let shear = Shear::new(&self.ray);
+        let leaf = unsafe { self.0.leaves.leaf(first, count) };
+        let shear = Shear::new(ray);
         Some(array::from_fn(|lane| {
             let [x, y, _] = leaf.sheared(lane, &shear);
             array::from_fn(|c| [x[c], y[c]])

@@ -12,6 +12,7 @@ use std::fs;
 use std::path::Path;
 
 use glam::Vec3;
+use litpt::bvh::Quality;
 use litpt::bvh::anatomy::{Anatomy, Step};
 use litpt::scene::{Ray, Scene};
 use litpt_book::courtyard::{mesh, view};
@@ -26,12 +27,15 @@ pub fn run(arguments: &[String]) -> Done {
     let ahead = view().target - view().position;
     let ray = scene.enter(view().position, ahead.normalize());
     let ray = ray.ok_or("the view passes the courtyard by")?;
-    let anatomy = Anatomy::new(&scene, ray)?;
-    let leaf = anatomy.leaf().ok_or("the ray meets no full leaf")?;
+    let anatomy = Anatomy::new(&scene, Quality::Medium)?;
+    let (steps, _) = anatomy.walk(&ray, None);
+    let leaf = anatomy.leaf(&ray, &steps);
+    let leaf = leaf.ok_or("the ray meets no full leaf")?;
+    let end = steps.last().map_or(0., |s| s.t_max);
     let write = |name, tex| fs::write(directory.join(name), tex);
-    write("anatomy-node.tex", draw_node(&anatomy, &ray))?;
+    write("anatomy-node.tex", draw_node(&anatomy, &ray, end))?;
     write("anatomy-leaf.tex", draw_leaf(&leaf))?;
-    write("anatomy-walk.tex", tabulate(&anatomy.steps))?;
+    write("anatomy-walk.tex", tabulate(&steps))?;
     Ok(())
 }
 
@@ -59,10 +63,10 @@ fn image(commands: &str) -> String {
 }
 
 /// The root's children from above and the ray, in TikZ.
-fn draw_node(anatomy: &Anatomy, ray: &Ray) -> String {
+fn draw_node(anatomy: &Anatomy, ray: &Ray, end: f64) -> String {
     let above = |p: Vec3| [f64::from(p.x), f64::from(-p.z)];
     let boxes: Vec<(bool, [[f64; 2]; 2])> = anatomy
-        .root()
+        .root(ray)
         .into_iter()
         .map(|(entered, corners)| (entered, corners.map(above)))
         .collect();
@@ -83,8 +87,7 @@ fn draw_node(anatomy: &Anatomy, ray: &Ray) -> String {
         let number = format!("\\footnotesize {}", place + 1);
         tex += &format!("\\node[{LABEL}] at {middle} {{{number}}};\n");
     }
-    let end = anatomy.steps.last().map_or(0., |s| s.t_max).min(8192.);
-    let [from, to] = [0., end].map(|t| {
+    let [from, to] = [0., end.min(8192.)].map(|t| {
         let p = ray.origin + t * ray.direction;
         at([p.x, -p.z])
     });

@@ -23,7 +23,7 @@ const ROUNDS: usize = 5;
 const REPEATS: [usize; 7] = [1, 2, 4, 8, 16, 32, 64];
 
 /// Rays, each with the triangle from which it starts.
-type Rays = Vec<(Ray, Option<u32>)>;
+pub type Rays = Vec<(Ray, Option<u32>)>;
 
 /// All rays are to be traced, each some times.
 struct Repeat<'a>(&'a Rays, usize);
@@ -43,6 +43,13 @@ impl Dispatch for Repeat<'_> {
     }
 }
 
+/// The least seconds of some rounds, in which each ray is traced so often.
+pub fn seconds(intersector: &Bvh, rays: &Rays, repeats: usize) -> f64 {
+    (0..ROUNDS)
+        .map(|_| intersector.dispatch(Repeat(rays, repeats)))
+        .fold(f64::INFINITY, f64::min)
+}
+
 pub fn run(arguments: &[String]) -> Done {
     let path = arguments.first().ok_or("usage: repeats FILE.obj")?;
     let scene = Scene::new(&read_obj(&std::fs::read(path)?)?);
@@ -55,9 +62,7 @@ pub fn run(arguments: &[String]) -> Done {
     println!("repeats,nanoseconds_per_trace");
     let mut before = (0, 0.);
     for repeats in REPEATS {
-        let seconds = (0..ROUNDS)
-            .map(|_| intersector.dispatch(Repeat(&rays, repeats)))
-            .fold(f64::INFINITY, f64::min);
+        let seconds = seconds(&intersector, &rays, repeats);
         // What the traces since the last row have added, each.
         let more = rays.len() * (repeats - before.0);
         let nanoseconds = 1e9 * (seconds - before.1) / more as f64;
