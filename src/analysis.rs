@@ -18,7 +18,7 @@ use std::fmt;
 use std::str::FromStr;
 
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::bvh::{Bvh, Isa};
 use crate::camera::Camera;
@@ -66,7 +66,7 @@ impl FromStr for Shortcut {
 
 // Hold what has been found
 /// What has been found about one shortcut.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Finding {
     /// Its name.
     pub fact: String,

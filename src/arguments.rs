@@ -40,6 +40,7 @@ use crate::output::{ImageTarget, OutputTarget};
 use crate::progress;
 use crate::render::method::Wanted;
 use crate::report::Kind;
+use crate::shards::{Part, is_state_name};
 
 // Declare the options with their defaults
 /// Renders a Wavefront OBJ of one diffuse material under a uniform sky.
@@ -69,6 +70,18 @@ pub struct Arguments {
           value_name = "N", value_parser = parse_samples,
           allow_hyphen_values = true)]
     pub samples: Option<u64>,
+
+    /// Render only the samples A to B - 1 of the N of --spp: a part of a run
+    /// for ptimg merge
+    #[arg(long = "samples", value_name = "A..B", value_parser = parse_range,
+          allow_hyphen_values = true)]
+    pub range: Option<(u64, u64)>,
+
+    /// Render only the K-th of N bands of the image: a part of a run for
+    /// ptimg merge
+    #[arg(long, value_name = "K/N", value_parser = parse_band,
+          allow_hyphen_values = true)]
+    pub tiles: Option<(u32, u32)>,
 
     /// Stop within so many seconds from the start of the program
     #[arg(long, value_name = "SECONDS",
@@ -117,8 +130,9 @@ pub struct Arguments {
     #[arg(short, long, value_name = "FILE", overrides_with = "scene")]
     pub input: Option<PathBuf>,
     // Declare the options of the run
-    /// Image to write, .pgm, .png, .pfm or .exr; may be repeated [default:
-    /// -, standard output, or on a terminal a PNG beside the scene]
+    /// Image to write, .pgm, .png, .pfm or .exr, or the state of the run,
+    /// .litpt, as --checkpoint does; may be repeated [default: -, standard
+    /// output, or on a terminal a PNG beside the scene]
     #[arg(short, long, value_name = "FILE")]
     pub output: Vec<PathBuf>,
 
@@ -310,6 +324,25 @@ fn parse_samples(text: &str) -> Result<u64, String> {
     }
 }
 
+fn parse_range(text: &str) -> Result<(u64, u64), String> {
+    let (from, to) = text.split_once("..").unwrap_or_default();
+    match (parse_whole(from), parse_whole(to)) {
+        (Ok(from), Ok(to)) if from < to => Ok((from, to)),
+        _ => Err("expected a number, two dots and a larger number, as in \
+                  16..32"
+            .to_owned()),
+    }
+}
+
+fn parse_band(text: &str) -> Result<(u32, u32), String> {
+    let (k, n) = text.split_once('/').unwrap_or_default();
+    match (k.parse(), n.parse()) {
+        (Ok(k), Ok(n)) if 0 < k && k <= n => Ok((k, n)),
+        _ => Err("expected a number from 1 to N, a slash and N, as in 2/8"
+            .to_owned()),
+    }
+}
+
 fn parse_positive(text: &str) -> Result<f64, String> {
     match parse_real(text)? {
         real if real > 0. => Ok(real),
@@ -405,15 +438,15 @@ impl Arguments {
         let typed: Vec<_> = env::args_os().skip(1).collect();
         // Let the last of several commands decide
         let last: Self = parse_words(&typed)?;
+        let state = last.states().next().cloned();
         let each = before.iter().map(parse_words::<Self>);
         let mut each = each.collect::<Result<Vec<_>, _>>()?;
         let words = before.iter().flatten().map(OsString::from);
         let mut all: Self = parse_words(words.chain(typed.clone()))?;
         all.force = last.force;
         all.replaced = each.iter().flat_map(Self::written).collect();
-        if !each.is_empty() {
-            all.checkpoint = last.checkpoint.clone().or(all.resume.clone());
-        }
+        let resumed = all.resume.clone().filter(|_| !each.is_empty());
+        all.checkpoint = state.or(resumed);
         each.push(last);
         // Take limits and files from one command each
         let latest = |is_set: fn(&Self) -> bool| {
@@ -447,10 +480,12 @@ impl Arguments {
             && !(all.output.is_empty() || on_stdout)
         {
             "--format is for standard output, the name of a file tells its own"
+        } else if each.iter().any(|one| one.states().count() > 1) {
+            "a run has one state, which --checkpoint or one -o names"
         } else if all.preview && !all.output.iter().any(is_png) {
             "--preview needs a PNG file, as in -o a.png"
         } else {
-            ""
+            all.fault_of_part()
         };
         if !fault.is_empty() {
             progress::error(&format!("{fault} (see pt --help)"));
@@ -474,6 +509,35 @@ impl Arguments {
     }
 
     // Hand the values to other modules
+    /// The names of the state of the run, of which there should be one.
+    fn states(&self) -> impl Iterator<Item = &PathBuf> {
+        let named = self.output.iter().filter(|path| is_state_name(path));
+        self.checkpoint.iter().chain(named)
+    }
+
+    /// The images that the options name.
+    fn pictures(&self) -> impl Iterator<Item = &PathBuf> {
+        self.output.iter().filter(|path| !is_state_name(path))
+    }
+
+    /// What is wrong with the options of a part, if anything.
+    fn fault_of_part(&self) -> &'static str {
+        let &Self { range, tiles, samples, .. } = self;
+        let limited = self.time.is_some() || self.error.is_some();
+        if range.is_none() && tiles.is_none() {
+            ""
+        } else if samples.is_none() || limited {
+            "--samples and --tiles need -n, the samples of the whole run, and \
+             neither --time nor --error"
+        } else if range.is_some_and(|(_, end)| Some(end) > samples) {
+            "--samples ends after the samples of the whole run, which are -n"
+        } else if tiles.is_some() && self.reference.is_some() {
+            "--tiles renders a part of the image, and --reference needs all of it"
+        } else {
+            ""
+        }
+    }
+
     /// The view that the options describe, not yet checked.
     pub fn view(&self) -> View {
         let &Arguments { position, target, up, fov, .. } = self;
@@ -515,7 +579,7 @@ impl Arguments {
             true => Ok(ImageTarget::standard_output(self.format())),
             false => ImageTarget::file(path, self.may_replace(path)),
         };
-        self.output.iter().map(check).collect()
+        self.pictures().map(check).collect()
     }
 
     fn format(&self) -> Format {
@@ -552,7 +616,7 @@ impl Arguments {
         let read = read.chain(self.reference.as_deref());
         let mut taken: Vec<_> = read.map(place).collect();
         // Refuse a file that is named twice
-        let written = self.output.iter().chain(&self.report);
+        let written = self.pictures().chain(&self.report);
         for path in written.chain(&self.checkpoint) {
             if taken.contains(&place(path)) {
                 return Err(match is_dash(path) {
@@ -618,6 +682,41 @@ impl Arguments {
                 size.0, size.1
             )),
         }
+    }
+
+    /// The part of the window to render.
+    ///
+    /// # Errors
+    /// Those of [`Arguments::window`], or there are fewer rows of tiles than
+    /// bands.
+    pub fn band(&self) -> Result<Window, String> {
+        let window = self.window()?;
+        let (k, n) = self.tiles.unwrap_or((1, 1));
+        match window.tile_rows() {
+            rows if n <= rows => Ok(window.band((k, n))),
+            rows => Err(format!(
+                "--tiles {k}/{n}: the image has {rows} rows of tiles, and not \
+                 more bands"
+            )),
+        }
+    }
+
+    /// The part of a run whose samples are placed together in these numbers;
+    /// none if all of it is rendered.
+    pub fn part(&self, replicate: u64) -> Option<Part> {
+        if self.range.is_none() && self.tiles.is_none() {
+            return None;
+        }
+        let of = self.samples?;
+        let samples = self.range.unwrap_or((0, of));
+        let band = self.tiles.unwrap_or((1, 1));
+        Some(Part { samples, of, band }.rounded(replicate))
+    }
+
+    /// The number of samples to render here, if it is limited.
+    pub fn goal(&self, replicate: u64) -> Option<u64> {
+        let part = self.part(replicate).map(|part| part.count());
+        part.or(self.samples())
     }
 
     /// The options that decide the samples, by name.

@@ -18,11 +18,12 @@ use sha2::{Digest, Sha256};
 
 use crate::film::Film;
 use crate::render_loop::Convergence;
+use crate::report::Report;
 use crate::statistics::Accumulator;
 
 // Say what stands before the sums
 /// The first line of a checkpoint; its number changes with the layout.
-const MAGIC: &[u8] = b"litpt checkpoint 2\n";
+const MAGIC: &[u8] = b"litpt checkpoint 3\n";
 
 /// The second line.
 #[derive(Serialize, Deserialize)]
@@ -30,6 +31,8 @@ struct Header<'a> {
     commands: Cow<'a, Commands>,
     /// What decides the samples.
     run_key: Cow<'a, RunKey>,
+    /// What was known before the first sample.
+    known: Cow<'a, Report>,
     convergence: Cow<'a, Convergence>,
 }
 
@@ -50,6 +53,7 @@ pub type RunKey = Map<String, Value>;
 pub fn save(
     commands: &Commands,
     run_key: &RunKey,
+    known: &Report,
     convergence: &Convergence,
     film: &Film,
     out: &mut dyn Write,
@@ -60,6 +64,7 @@ pub fn save(
     let header = Header {
         commands: Cow::Borrowed(commands),
         run_key: Cow::Borrowed(run_key),
+        known: Cow::Borrowed(known),
         convergence: Cow::Borrowed(convergence),
     };
     serde_json::to_writer(&mut out, &header)?;
@@ -156,6 +161,16 @@ impl<R: BufRead + Seek> Checkpoint<R> {
         &self.header.commands
     }
 
+    /// What a report says of its run.
+    pub fn known(&self) -> &Report {
+        &self.header.known
+    }
+
+    /// What has been done of it.
+    pub fn convergence(&self) -> &Convergence {
+        &self.header.convergence
+    }
+
     // Go on from the sums
     /// Fills the `film`, and returns the convergence so far.
     ///
@@ -167,22 +182,12 @@ impl<R: BufRead + Seek> Checkpoint<R> {
         run_key: &RunKey,
         film: &mut Film,
     ) -> Result<Convergence, String> {
-        // Compare the run keys entry by entry
         let theirs = &self.header.run_key;
-        let names = run_key.keys().chain(theirs.keys());
-        for name in names {
-            let (ours, theirs) = (run_key.get(name), theirs.get(name));
-            if ours != theirs {
-                // Name the entry that differs
-                let show = |value: Option<&Value>| {
-                    value.map_or("nothing".to_owned(), Value::to_string)
-                };
-                return Err(format!(
-                    "belongs to another run: its {name} is {}, not {}",
-                    show(theirs),
-                    show(ours)
-                ));
-            }
+        if let Some((name, [theirs, ours])) = disagreement(theirs, run_key)
+        {
+            return Err(format!(
+                "belongs to another run: its {name} is {theirs}, not {ours}"
+            ));
         }
         // Fill the image with its sums
         let mut fill = |all: &mut [Accumulator]| {
@@ -197,4 +202,17 @@ impl<R: BufRead + Seek> Checkpoint<R> {
         fill(film.tile_means_mut())?;
         Ok(self.header.convergence.into_owned())
     }
+}
+
+/// The first entry in which two run keys differ, and its values.
+pub fn disagreement(
+    a: &RunKey,
+    b: &RunKey,
+) -> Option<(String, [String; 2])> {
+    let mut names = a.keys().chain(b.keys());
+    let name = names.find(|&name| a.get(name) != b.get(name))?;
+    let show = |key: &RunKey| {
+        key.get(name).map_or("nothing".to_owned(), Value::to_string)
+    };
+    Some((name.clone(), [show(a), show(b)]))
 }

@@ -60,6 +60,10 @@ pub struct Film {
     /// Width and height of the whole image.
     resolution: (u32, u32),
     window: Window,
+    /// The window of the run of which this film is a part.
+    whole: Window,
+    /// The samples of each pixel that come before those of this film.
+    first: u64,
     /// The number of samples whose mean is one value of an accumulator.
     replicate: u64,
     tiles: Vec<Tile>,
@@ -102,24 +106,23 @@ impl Film {
             tiles.push(Tile { corner, size, start });
             start += (size.0 * size.1) as usize;
         }
-        let pixels = vec![Accumulator::default(); start];
-        let replicate = 1;
-        let tile_means = vec![];
         Self {
             resolution,
             window,
-            replicate,
+            whole: window,
+            first: 0,
+            replicate: 1,
             tiles,
             ranks,
-            pixels,
-            tile_means,
+            pixels: vec![Accumulator::default(); start],
+            tile_means: vec![],
         }
     }
 }
 
 impl Window {
     /// The column and row after its last ones.
-    fn end(&self) -> (u32, u32) {
+    pub fn end(&self) -> (u32, u32) {
         (self.corner.0 + self.size.0, self.corner.1 + self.size.1)
     }
 
@@ -130,6 +133,26 @@ impl Window {
         let (right, bottom) = self.end();
         let columns = right.div_ceil(SIDE) - left;
         ((left, top), (columns, bottom.div_ceil(SIDE) - top))
+    }
+}
+
+impl Window {
+    /// The number of rows of tiles that it touches.
+    pub fn tile_rows(&self) -> u32 {
+        self.cells().1.1
+    }
+
+    /// The `k`-th of `n` bands; `k` is from 1 to `n`, which is at most
+    /// `tile_rows`.
+    pub fn band(&self, (k, n): (u32, u32)) -> Self {
+        let ((_, top), (_, rows)) = self.cells();
+        let edge = |k| {
+            let row = top + (u64::from(rows) * k / u64::from(n)) as u32;
+            (row * SIDE).clamp(self.corner.1, self.end().1)
+        };
+        let (from, to) = (edge(u64::from(k) - 1), edge(u64::from(k)));
+        let (corner, size) = (self.corner.0, self.size.0);
+        Self { corner: (corner, from), size: (size, to - from) }
     }
 }
 
@@ -192,9 +215,9 @@ impl Film {
         self.window
     }
 
-    /// A film of the same window without a sample.
+    /// A film of the whole window of its run without a sample.
     pub fn blank(&self) -> Self {
-        Self::cropped(self.resolution, self.window)
+        Self::cropped(self.resolution, self.whole)
     }
 
     /// Width and height of the whole image.
@@ -279,6 +302,41 @@ impl Film {
         let Self { tiles, pixels, tile_means, .. } = self;
         let parts = cut(tiles, pixels).into_iter().zip(tile_means);
         parts.map(|((tile, pixels), mean)| (tile, pixels, mean)).collect()
+    }
+}
+
+impl Film {
+    /// The same film as a part of a run that renders this window: its
+    /// samples follow so many others of each pixel. It must be empty.
+    pub fn as_part(self, whole: Window, first: u64) -> Self {
+        Self { whole, first, ..self }
+    }
+
+    /// The window of its run.
+    pub fn whole(&self) -> Window {
+        self.whole
+    }
+
+    /// The samples of each pixel that come before its own.
+    pub fn first(&self) -> u64 {
+        self.first
+    }
+
+    // Merge the film of a part
+    /// Takes the samples of a film of some of its tiles into account.
+    pub fn merge(&mut self, part: &Self) {
+        for (number, tile) in part.tiles.iter().enumerate() {
+            let rank = self.rank(tile.corner.0, tile.corner.1);
+            let Tile { start, size, .. } = self.tiles[rank];
+            assert_eq!(size, tile.size, "the tile at {:?}", tile.corner);
+            let own = &mut self.pixels[start..];
+            let more =
+                &part.pixels[tile.start..][..(size.0 * size.1) as usize];
+            own.iter_mut().zip(more).for_each(|(p, q)| p.merge(q));
+            if let Some(mean) = part.tile_means.get(number) {
+                self.tile_means[rank].merge(mean);
+            }
+        }
     }
 }
 

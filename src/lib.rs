@@ -62,5 +62,6 @@ pub mod report;
 pub mod run_output;
 pub mod sampler;
 pub mod scene;
+pub mod shards;
 pub mod sky;
 pub mod statistics;

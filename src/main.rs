@@ -139,7 +139,7 @@ fn run(
     if arguments.has_camera() {
         camera(arguments)?;
     }
-    let window = arguments.window()?;
+    let (window, band) = (arguments.window()?, arguments.band()?);
     let mut files = Files::check(arguments, resumed)?;
     start_threads(arguments)?;
     let (mut scene, mut known) = load(arguments, &files)?;
@@ -161,8 +161,23 @@ fn run(
         let choice = choice.to_string();
         known.settings.insert("choice".into(), choice.into());
     }
-    let run_key = run_key(arguments, &sampling, &known.scene.sha256);
-    let film = sampling.film(arguments.resolution, window);
+    let mut run_key = run_key(arguments, &sampling, &known.scene.sha256);
+    let film = sampling.film(arguments.resolution, band);
+    // Say which part of the run is rendered
+    let part = arguments.part(sampling.replicate);
+    let first = part.map_or(0, |part| part.samples.0);
+    let film = film.as_part(window, first);
+    if let Some(part) = part {
+        known.settings.insert("spp".into(), part.count().into());
+        known.settings.extend(part.entries());
+        run_key.extend(part.entries());
+        if part.count() == 0 && !arguments.quiet {
+            progress::warn(&format!(
+                "the part has no sample: {} are placed together",
+                sampling.replicate
+            ));
+        }
+    }
     let mut job = renderer(scene.0, &bvh, &inquiry, &analysis, &sampling);
     let mut run = Run::begin(
         &mut *job, film, run_key, start, arguments, &mut files, known,
@@ -486,7 +501,7 @@ impl<'a> Run<'a> {
                 .map_err(|fault| format!("{name}: {fault}"))?;
             // Warn if there is nothing left to do
             let spp = convergence.spp;
-            if arguments.samples().is_some_and(|n| spp >= n)
+            if arguments.goal(film.replicate()).is_some_and(|n| spp >= n)
                 && !arguments.quiet
             {
                 progress::warn(&format!(
@@ -591,8 +606,9 @@ impl Run<'_> {
         let interrupt = Interrupt::listen()
             .map_err(|e| format!("cannot listen for signals: {e}"))?;
         let reference = files.reference.as_ref();
+        let goal = self.arguments.goal(self.film.replicate());
         let mut limits = Limits {
-            samples: analysis.samples(self.arguments.samples()),
+            samples: analysis.samples(goal),
             deadline: self.arguments.deadline(start),
             error: self.arguments.error,
             interrupt: &interrupt,

@@ -134,12 +134,13 @@ impl<K: Intersector, E: Integrator, S: Sampler> Job<'_, K, E, S> {
     /// Takes all tiles to so many samples, with the intersector as it is.
     fn sweep(&self, film: &mut Film, end: u64, watch: &Watch) -> E::Sums {
         let resolution = film.resolution();
+        let first = film.first() / self.sampler.replicate();
         let tiles = film.tiles();
         let parts = PIECES * rayon::current_num_threads() / tiles.len();
         let render = |(tile, pixels): (Tile, &mut [Accumulator])| {
             // Choose how a tile is filled
-            let values =
-                pixels[0].count()..end.div_ceil(self.sampler.replicate());
+            let end = first + end.div_ceil(self.sampler.replicate());
+            let values = first + pixels[0].count()..end;
             if values.is_empty() || !watch(0) {
                 return E::Sums::default();
             }

@@ -154,10 +154,16 @@ impl RunOutput {
             black_box(kind.render(&report, &|| image.clone()));
         }
         if self.checkpoint.is_some() {
-            let (commands, run_key) = (&self.commands, &self.run_key);
+            let Self { commands, run_key, known, .. } = self;
             let out = &mut io::sink();
-            let _ =
-                checkpoint::save(commands, run_key, convergence, film, out);
+            let _ = checkpoint::save(
+                commands,
+                run_key,
+                known,
+                convergence,
+                film,
+                out,
+            );
         }
         image
     }
@@ -189,10 +195,17 @@ impl RunOutput {
         film: &Film,
         stop: Option<Stop>,
     ) -> Result<(), String> {
-        let Some(target) = &mut self.checkpoint else { return Ok(()) };
-        let (commands, run_key) = (&self.commands, &self.run_key);
+        let Self { checkpoint, commands, run_key, known, .. } = self;
+        let Some(target) = checkpoint else { return Ok(()) };
         put(target, stop, &mut |out| {
-            checkpoint::save(commands, run_key, convergence, film, out)
+            checkpoint::save(
+                commands,
+                run_key,
+                known,
+                convergence,
+                film,
+                out,
+            )
         })
     }
 

@@ -17,6 +17,7 @@ use litpt::checkpoint::{Checkpoint, Commands, RunKey, save};
 use litpt::film::Film;
 use litpt::image::Image;
 use litpt::render_loop::Convergence;
+use litpt::report::Report;
 use serde_json::{Value, json};
 
 // --------------------------------------------------------------- The library
@@ -47,8 +48,15 @@ fn state() -> (Convergence, Film) {
 fn saved() -> Vec<u8> {
     let (convergence, film) = state();
     let mut bytes = vec![];
-    save(&Commands::default(), &run_key(), &convergence, &film, &mut bytes)
-        .unwrap();
+    save(
+        &Commands::default(),
+        &run_key(),
+        &Report::default(),
+        &convergence,
+        &film,
+        &mut bytes,
+    )
+    .unwrap();
     bytes
 }
 
@@ -149,6 +157,7 @@ fn a_disk_that_is_full_is_an_error_and_no_panic() {
         let written = save(
             &Commands::default(),
             &run_key(),
+            &Report::default(),
             &convergence,
             &film,
             &mut Full(room),
@@ -158,6 +167,7 @@ fn a_disk_that_is_full_is_an_error_and_no_panic() {
     save(
         &Commands::default(),
         &run_key(),
+        &Report::default(),
         &convergence,
         &film,
         &mut Full(size),
@@ -304,7 +314,7 @@ fn left_alone(
 #[test]
 fn what_is_no_checkpoint_is_refused_before_the_scene_is_read() {
     let place = Scratch::new();
-    place.put("c", "litpt checkpoint 2\nand more");
+    place.put("c", "litpt checkpoint 3\nand more");
     let fault = "c: is damaged: its checksum is wrong";
     pt(&place, &["-imissing.obj", "--resume", "c"]).failed(1, &[fault]);
     // Neither is a file without an end read to its end.

@@ -9,7 +9,7 @@ use std::collections::BTreeSet;
 use std::process::Command;
 use std::time::{Duration, SystemTime};
 
-use common::Scratch;
+use common::{Scratch, finish};
 use litpt::image::Image;
 use litpt::render_loop::Stop;
 use litpt::report::{Kind, Report};
@@ -128,11 +128,27 @@ fn reports() -> Vec<Value> {
         run(&["--error=0.2", "-p0,0,90", "-t0,0,0", "-u0,1,0"]),
         run(&["--time=0.2", "-p0,0,90", "-t0,0,99", "-u0,1,0"]),
     ];
+    let parts = ["a.litpt", "b.litpt"].map(|name| {
+        let range =
+            if name < "b" { "--samples=0..4" } else { "--samples=4..8" };
+        let state = ["-n8", "--tiles=1/2", "-f", range, "--report=r.json"];
+        let threads = if name < "b" { "-j1" } else { "-j2" };
+        let state =
+            [&state[..], &["-iroom.obj", "-q", threads, "-o", name]];
+        place.run(&state.concat()).succeeded();
+        serde_json::from_slice(&place.get("r.json")).unwrap()
+    });
+    let mut merge = place.command(env!("CARGO_BIN_EXE_ptimg"));
+    merge.args(["merge", "a.litpt", "b.litpt", "-om.exr", "--partial"]);
+    let merge = merge.args(["-f", "--report=r.json"]).spawn().unwrap();
+    finish(merge).succeeded();
+    let merged = serde_json::from_slice(&place.get("r.json")).unwrap();
     let image = || -> Image { unreachable!("JSON has no image") };
     let begun = Kind::Json.render(&Report::begin(), &image);
     let mut begun: Value = serde_json::from_str(&begun).unwrap();
     begun["settings"] = first["settings"].clone();
-    [first, begun].into_iter().chain(rest).collect()
+    let parts = parts.into_iter().chain([merged]);
+    [first, begun].into_iter().chain(rest).chain(parts).collect()
 }
 
 #[test]

@@ -28,6 +28,8 @@ use litpt::compare::{
 use litpt::image::{Format, Image};
 use litpt::output::{ImageTarget, OutputTarget};
 use litpt::progress;
+use litpt::report::Kind;
+use litpt::shards;
 use signal_hook::consts::SIGXFSZ;
 use signal_hook::flag;
 
@@ -110,15 +112,9 @@ enum Verb {
         quiet: bool,
     },
     // Declare the verb merge
-    /// Merge independent runs of the same scene as if they had been one
-    Merge {
-        /// Images to read, of different seeds
-        #[arg(value_name = "FILE", required = true, num_args = 2..)]
-        files: Vec<PathBuf>,
-
-        #[command(flatten)]
-        output: Output,
-    },
+    /// Merge independent runs of the same scene, or states of parts of one
+    /// run, as if they had been one
+    Merge(Merge),
     // Declare the verb stderr
     /// Show the standard error of each pixel as grey
     Stderr {
@@ -136,13 +132,42 @@ enum Verb {
 }
 
 #[derive(Debug, Args)]
+struct Merge {
+    /// Images of different seeds, or states of parts of a run
+    #[arg(value_name = "FILE", required = true, num_args = 2..)]
+    files: Vec<PathBuf>,
+
+    /// Image to write, .exr, of states also .pgm, .png or .pfm; may be
+    /// repeated; - is standard output
+    #[arg(short, long, value_name = "OUT", required = true)]
+    output: Vec<PathBuf>,
+
+    /// Format on standard output [default: exr]
+    #[arg(long, value_name = "FORMAT", hide_possible_values = true)]
+    format: Option<Format>,
+
+    // Declare what is done with states
+    /// Report of the run whose parts are merged, .json, .csv or .html; may
+    /// be repeated
+    #[arg(long, value_name = "FILE")]
+    report: Vec<PathBuf>,
+
+    /// Merge what there is, even if parts of the run are missing
+    #[arg(long)]
+    partial: bool,
+
+    /// Overwrite files that exist
+    #[arg(short, long)]
+    force: bool,
+}
+
+#[derive(Debug, Args)]
 struct Output {
-    /// Image to write: .exr for merge, .pgm or .png otherwise; - is
-    /// standard output
+    /// Image to write, .pgm or .png; - is standard output
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
 
-    /// Format on standard output, pgm or png [default: pgm; merge: exr]
+    /// Format on standard output, pgm or png [default: pgm]
     #[arg(long, value_name = "FORMAT", hide_possible_values = true)]
     format: Option<Format>,
 
@@ -211,6 +236,9 @@ fn main() -> ExitCode {
 
 const GREY: [Format; 2] = [Format::Pgm, Format::Png];
 
+const ALL: [Format; 4] =
+    [Format::Exr, Format::Pfm, Format::Png, Format::Pgm];
+
 fn run(verb: &Verb) -> Result<ExitCode, String> {
     match verb {
         Verb::Info { files, json } => inform(files, *json)?,
@@ -221,22 +249,7 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
             let grey = display::tonemap(&image, *exposure, *tonemap);
             target.write(&grey)?;
         }
-        Verb::Merge { files, output } => {
-            let target = output.target(&[Format::Exr])?;
-            // Refuse to overwrite what is merged
-            let place = |path: &PathBuf| path.canonicalize().ok();
-            let target_place = place(&output.output);
-            let same = |file| {
-                target_place.is_some() && place(file) == target_place
-            };
-            if let Some(file) = files.iter().find(|file| same(file)) {
-                return Err(format!(
-                    "{}: is one of the runs",
-                    file.display()
-                ));
-            }
-            target.write(&merge(&read_all(files)?)?)?;
-        }
+        Verb::Merge(merge) => merge.run()?,
         Verb::Stderr { input, output, relative } => {
             show_errors(input, output, *relative)?;
         }
@@ -252,6 +265,83 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
         }
     }
     Ok(ExitCode::SUCCESS)
+}
+
+impl Merge {
+    fn run(&self) -> Result<(), String> {
+        // Refuse to overwrite what is merged
+        let place = |path: &PathBuf| path.canonicalize().ok();
+        let written = self.output.iter().chain(&self.report);
+        let written: Vec<_> = written.filter_map(place).collect();
+        let same = |file| {
+            place(file).is_some_and(|place| written.contains(&place))
+        };
+        if let Some(file) = self.files.iter().find(|file| same(file)) {
+            return Err(format!("{}: is one of the runs", file.display()));
+        }
+        let is_state = |file: &&PathBuf| shards::is_state(file);
+        let state = self.files.iter().find(is_state);
+        let image = self.files.iter().find(|file| !is_state(file));
+        match (image, state) {
+            (Some(image), Some(state)) => Err(format!(
+                "{} is an image, and {} the state of a run",
+                image.display(),
+                state.display()
+            )),
+            (Some(_), None) => self.merge_images(),
+            (None, _) => self.merge_states(),
+        }
+    }
+
+    // Merge images or states
+    /// The targets of the image, which is in one of the given formats.
+    fn targets(
+        &self,
+        formats: &[Format],
+    ) -> Result<Vec<ImageTarget>, String> {
+        let (format, force) = (self.format, self.force);
+        let target = |output: &PathBuf| {
+            let output = output.clone();
+            Output { output, format, force }.target(formats)
+        };
+        self.output.iter().map(target).collect()
+    }
+
+    fn merge_images(&self) -> Result<(), String> {
+        if !self.report.is_empty() || self.partial {
+            return Err("--report and --partial are for states".to_owned());
+        }
+        let targets = self.targets(&[Format::Exr])?;
+        let image = merge(&read_all(&self.files)?)?;
+        targets.iter().try_for_each(|target| target.write(&image))
+    }
+
+    fn merge_states(&self) -> Result<(), String> {
+        let targets = self.targets(&ALL)?;
+        let report = |path: &PathBuf| {
+            Ok((Kind::of(path)?, OutputTarget::file(path, self.force)?))
+        };
+        let reports = self.report.iter().map(report);
+        let reports = reports.collect::<Result<Vec<_>, String>>()?;
+        let merged = shards::merge(&self.files)?;
+        if let Some(missing) = &merged.missing {
+            let missing = format!("parts are missing: {missing}");
+            match self.partial {
+                true => progress::warn(&missing),
+                false => return Err(format!("{missing} (see --partial)")),
+            }
+        }
+        // Write what was merged
+        let (image, report) = merged.image_and_report();
+        for target in targets {
+            target.write(&image)?;
+        }
+        for (kind, target) in reports {
+            let text = kind.render(&report, &|| image.clone());
+            target.write(&mut |out| out.write_all(text.as_bytes()))?;
+        }
+        Ok(())
+    }
 }
 
 /// Reads the images, each with the name of its file.

@@ -88,7 +88,7 @@ impl<'a> Gather<'a> {
         Tracer { scene, intersector, camera, sky, albedo, cache, rays: 0 }
     }
 
-    /// A plan for the window of a film.
+    /// A plan for the whole window of a film's run.
     fn plan<'b>(
         &'b self,
         film: &Film,
@@ -98,7 +98,7 @@ impl<'a> Gather<'a> {
         let points = u64::from(most).max(64).next_power_of_two();
         Plan {
             resolution: film.resolution(),
-            window: film.window(),
+            window: film.whole(),
             known: self.known,
             allocation,
             net: ScrambledNet::new(points),
@@ -128,11 +128,11 @@ impl Dispatch for Learn<'_, '_> {
             return (None, rays);
         }
         let tracer = gather.tracer(intersector, &cache);
+        let (mean, film) = (film.replicate(), film.blank());
         let pilot = Allocation::even(film.area());
         let plan =
-            Plan { correction: None, seed, ..gather.plan(film, &pilot) };
-        let (allocation, traced) =
-            allocate(&tracer, &plan, film.blank(), film.replicate());
+            Plan { correction: None, seed, ..gather.plan(&film, &pilot) };
+        let (allocation, traced) = allocate(&tracer, &plan, film, mean);
         rays += traced;
         (Some(Learnt { cache, allocation }), rays)
     }
@@ -155,6 +155,7 @@ impl Dispatch for Pass<'_, '_> {
         let Learnt { cache, allocation } = learnt;
         let plan = gather.plan(film, allocation);
         let replicate = film.replicate();
+        let first = film.first() / replicate;
         let end = end.div_ceil(replicate);
         // Render a tile and sum its rays
         let render =
@@ -164,7 +165,7 @@ impl Dispatch for Pass<'_, '_> {
                     if !watch(0) {
                         break;
                     }
-                    let values = tracer.tile(&plan, tile, scramble);
+                    let values = tracer.tile(&plan, tile, first + scramble);
                     let sum: f64 = values.iter().sum();
                     Accumulator::add(mean, sum / values.len() as f64);
                     pixels

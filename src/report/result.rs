@@ -9,7 +9,7 @@
 //! What is known of a run, and what follows from it.
 
 // Name what the result imports
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use crate::analysis::Finding;
@@ -18,7 +18,7 @@ use crate::render_loop::CurvePoint;
 
 // Describe a run and its result
 /// The file of a scene.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SceneFile {
     /// Its name.
     pub file: String,
@@ -29,7 +29,7 @@ pub struct SceneFile {
 }
 
 /// What is known of a run, at its end or while it goes on.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Report {
     // Hold what was rendered and how
     /// Name and version of the program.

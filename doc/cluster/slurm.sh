@@ -1,0 +1,33 @@
+#!/bin/sh
+# Renders one run as the tasks of a Slurm array job, each a range of samples:
+#
+#     sbatch --array=0-63 doc/cluster/slurm.sh 65536 scene.obj -d 3840x2160
+#     ptimg merge part-*.litpt -o image.exr -o image.png --report image.html
+#
+# The first argument is the number of samples of each pixel, the others are
+# those of pt. A task that is ended, by its limit of time or for another job,
+# has saved its state, and goes on from there when it is queued again: by
+# "scontrol requeue JOB_TASK", or by the same sbatch, which ends at once where
+# nothing is left to do.
+#
+# Copyright (C) 2026 litpt contributors
+# Copying and distribution of this file, with or without modification, are
+# permitted in any medium without royalty provided the copyright notice and
+# this notice are preserved. This file is offered as-is, without any warranty.
+#SBATCH --job-name=pt
+#SBATCH --cpus-per-task=8
+#SBATCH --time=4:00:00
+#SBATCH --signal=B:TERM@60
+#SBATCH --requeue
+#SBATCH --open-mode=append
+set -eu
+n=$1
+shift
+parts=$SLURM_ARRAY_TASK_COUNT
+k=$((SLURM_ARRAY_TASK_ID - SLURM_ARRAY_TASK_MIN))
+state=part-$SLURM_ARRAY_TASK_ID.litpt
+if test -e "$state"; then
+    exec pt --resume "$state" -q
+fi
+exec pt "$@" -n "$n" --samples $((n * k / parts))..$((n * (k + 1) / parts)) \
+    -j "$SLURM_CPUS_PER_TASK" -o "$state" -q

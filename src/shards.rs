@@ -1,0 +1,392 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Parts of one run, and how their states are merged.
+
+// Name what shards import
+use std::fmt;
+use std::fs::File;
+use std::io::{BufReader, Read};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use serde_json::Value;
+
+use crate::checkpoint::{Checkpoint, Commands, RunKey, disagreement};
+use crate::film::{Film, Window};
+use crate::image::{Image, extension};
+use crate::render::method::Sampling;
+use crate::render_loop::{Convergence, Stop};
+use crate::report::Report;
+use crate::run_output::RunOutput;
+
+// Describe a part of a run
+/// A part of a run: some of its samples, in one band of its window.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Part {
+    /// Its first sample, and the one after its last.
+    pub samples: (u64, u64),
+    /// The number of samples of the whole run.
+    pub of: u64,
+    /// The number of its band, from 1, and how many bands there are.
+    pub band: (u32, u32),
+}
+
+impl Part {
+    /// The same in whole replicates of so many samples.
+    pub fn rounded(self, replicate: u64) -> Self {
+        let up = |n: u64| n.div_ceil(replicate).saturating_mul(replicate);
+        let (from, to) = self.samples;
+        let (samples, of) = ((up(from), up(to)), up(self.of));
+        Self { samples, of, ..self }
+    }
+
+    /// The number of its samples.
+    pub fn count(&self) -> u64 {
+        self.samples.1 - self.samples.0
+    }
+
+    // Write a part into the run key
+    /// Its entries in the run key, as in `0..8 of 16` and `1/4`.
+    pub fn entries(&self) -> RunKey {
+        let Self { samples: (from, to), of, band: (k, n) } = self;
+        let samples = format!("{from}..{to} of {of}");
+        let tiles = format!("{k}/{n}");
+        let entries = [(SAMPLES, samples), (TILES, tiles)];
+        let entry =
+            |(name, text): (&str, String)| (name.into(), text.into());
+        entries.map(entry).into_iter().collect()
+    }
+
+    /// Takes its entries out of the run key; none if it has none.
+    fn take(key: &mut RunKey) -> Option<Self> {
+        let mut numbers = |name| numbers(key.remove(name)?.as_str()?);
+        let (samples, tiles) = (numbers(SAMPLES), numbers(TILES));
+        let (&[from, to, of], &[k, n]) = (&samples?[..], &tiles?[..])
+        else {
+            return None;
+        };
+        key.insert("spp".into(), of.into());
+        let band = (k as u32, n as u32);
+        Some(Self { samples: (from, to), of, band })
+    }
+}
+
+/// The names of the entries, which are those of the options.
+const SAMPLES: &str = "samples";
+const TILES: &str = "tiles";
+
+/// The numbers in a text, whatever is between them.
+fn numbers(text: &str) -> Option<Vec<u64>> {
+    let digits = text.split(|c: char| !c.is_ascii_digit());
+    let digits = digits.filter(|digits| !digits.is_empty());
+    digits.map(|digits| digits.parse().ok()).collect()
+}
+
+// Tell the state of a run from an image
+/// Whether a file of this name is to hold the state of a run.
+pub fn is_state_name(path: &Path) -> bool {
+    extension(path).as_deref() == Some("litpt")
+}
+
+/// Whether a file holds the state of a run, or should.
+pub fn is_state(path: &Path) -> bool {
+    let mut start = [0; START.len()];
+    let mut read = |mut file: File| file.read_exact(&mut start);
+    let is_read = path.is_file()
+        && File::open(path).is_ok_and(|file| read(file).is_ok());
+    is_state_name(path) || (is_read && start == *START)
+}
+
+/// The beginning of a state of any version.
+const START: &[u8; 16] = b"litpt checkpoint";
+
+// Open the state of a part
+/// The state of a part of a run.
+struct State {
+    /// The name of its file.
+    name: String,
+    checkpoint: Checkpoint<BufReader<File>>,
+    /// The run key without what distinguishes the parts.
+    run_key: RunKey,
+    /// What it holds when it is whole.
+    held: Held,
+    /// The number of samples of the whole run.
+    of: u64,
+    layout: Layout,
+    /// The window of the part.
+    band: Window,
+}
+
+/// Samples of rows of an image; each pair is a beginning and an end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Held {
+    rows: (u32, u32),
+    samples: (u64, u64),
+}
+
+/// As a user reads it.
+impl fmt::Display for Held {
+    fn fmt(&self, out: &mut fmt::Formatter) -> fmt::Result {
+        let Self { rows: (top, bottom), samples: (from, to) } = self;
+        write!(out, "samples {from}..{to} of rows {top}..{bottom}")
+    }
+}
+
+impl State {
+    fn open(path: &Path) -> Result<Self, String> {
+        let name = path.display().to_string();
+        let file =
+            File::open(path).map_err(|e| format!("cannot read: {e}"));
+        let checkpoint = file
+            .and_then(|file| Checkpoint::open(BufReader::new(file)))
+            .map_err(|fault| format!("{name}: {fault}"))?;
+        let mut run_key = checkpoint.run_key().clone();
+        let spp = checkpoint.convergence().spp;
+        let (samples, of, band) = ((0, spp), spp, (1, 1));
+        let part = Part::take(&mut run_key);
+        let part = part.unwrap_or(Part { samples, of, band });
+        let layout = Layout::read(&run_key)
+            .ok_or_else(|| format!("{name}: is not a checkpoint of pt"))?;
+        let band = layout.window.band(part.band);
+        let rows = (band.corner.1, band.end().1);
+        let (held, of) = (Held { rows, samples: part.samples }, part.of);
+        Ok(Self { name, checkpoint, run_key, held, of, layout, band })
+    }
+}
+
+/// What decides the size of the films of a run.
+struct Layout {
+    resolution: (u32, u32),
+    /// The window of the run.
+    window: Window,
+    sampling: Sampling,
+}
+
+impl Layout {
+    /// Reads it from a run key.
+    fn read(key: &RunKey) -> Option<Self> {
+        let sides = key.get("resolution")?.as_array()?;
+        let mut sides = sides.iter().map(|n| Some(n.as_u64()? as u32));
+        let resolution = (sides.next()??, sides.next()??);
+        let window = match key.get("crop") {
+            Some(crop) => window(crop.as_str()?)?,
+            None => Window { corner: (0, 0), size: resolution },
+        };
+        let method = key.get("method")?.as_str()?.parse().ok()?;
+        let mut sampling = Sampling::new(method, 0, None, 0);
+        let replicate = key.get("replicate").and_then(Value::as_u64);
+        sampling.replicate = replicate.unwrap_or(1);
+        Some(Self { resolution, window, sampling })
+    }
+
+    /// An empty film of a window.
+    fn film(&self, window: Window) -> Film {
+        self.sampling.film(self.resolution, window)
+    }
+}
+
+/// The window that is written in the run key.
+fn window(crop: &str) -> Option<Window> {
+    let [x, y, width, height] = numbers(crop)?[..] else { return None };
+    let [x, y, width, height] = [x, y, width, height].map(|n| n as u32);
+    Some(Window { corner: (x, y), size: (width, height) })
+}
+
+impl Held {
+    /// What two parts have in common.
+    fn common(&self, other: &Self) -> Option<Self> {
+        let ((a, b), (c, d)) = (self.rows, other.rows);
+        let rows = (a.max(c), b.min(d));
+        let ((a, b), (c, d)) = (self.samples, other.samples);
+        let samples = (a.max(c), b.min(d));
+        let some = rows.0 < rows.1 && samples.0 < samples.1;
+        some.then_some(Self { rows, samples })
+    }
+}
+
+// Add the states of parts
+/// What the states of parts add up to.
+pub struct Merged {
+    /// The sums of the whole window.
+    pub film: Film,
+    /// What the parts have cost; its curve has one point.
+    pub convergence: Convergence,
+    /// What a report says of the run.
+    known: Report,
+    run_key: RunKey,
+    /// The samples that no state holds, in words.
+    pub missing: Option<String>,
+}
+
+/// Adds the states of parts of one run.
+///
+/// # Errors
+/// A file is no state, or is damaged; two of them are not of one run, or
+/// hold the same samples.
+pub fn merge(files: &[PathBuf]) -> Result<Merged, String> {
+    let mut sum: Option<Sum> = None;
+    for path in files {
+        let state = State::open(path)?;
+        sum.get_or_insert_with(|| Sum::begin(&state)).add(state)?;
+    }
+    Ok(sum.ok_or("there is nothing to merge")?.finish())
+}
+
+/// A sum of states so far.
+struct Sum {
+    /// The name of the first file.
+    first: String,
+    run_key: RunKey,
+    known: Report,
+    film: Film,
+    convergence: Convergence,
+    of: u64,
+    /// What each file should hold.
+    parts: Vec<(String, Held)>,
+    /// What there is.
+    held: Vec<Held>,
+}
+
+impl Sum {
+    fn begin(state: &State) -> Self {
+        let (load_seconds, build_seconds) = (0., 0.);
+        let known = state.checkpoint.known().clone();
+        Self {
+            first: state.name.clone(),
+            run_key: state.run_key.clone(),
+            known: Report { load_seconds, build_seconds, ..known },
+            film: state.layout.film(state.layout.window),
+            convergence: Convergence::default(),
+            of: state.of,
+            parts: vec![],
+            held: vec![],
+        }
+    }
+
+    // Add the state of one part
+    fn add(&mut self, state: State) -> Result<(), String> {
+        let State { name, checkpoint, run_key, held, layout, band, .. } =
+            state;
+        if let Some((what, [a, b])) = disagreement(&self.run_key, &run_key)
+        {
+            let first = &self.first;
+            return Err(format!(
+                "{first} and {name} are not of one run: {what} is {a} and {b}"
+            ));
+        }
+        for (other, theirs) in &self.parts {
+            if let Some(both) = theirs.common(&held) {
+                return Err(format!("{other} and {name} both hold {both}"));
+            }
+        }
+        self.parts.push((name.clone(), held));
+        // Take the sums and the costs of a state
+        let key = checkpoint.run_key().clone();
+        self.known.join(checkpoint.known());
+        let mut part = layout.film(band);
+        let done = checkpoint
+            .resume(&key, &mut part)
+            .map_err(|fault| format!("{name}: {fault}"))?;
+        self.film.merge(&part);
+        self.convergence.rays += done.rays;
+        self.convergence.seconds += done.seconds;
+        let (from, to) = held.samples;
+        let samples = (from, to.min(from + part.samples()));
+        self.held.push(Held { samples, ..held });
+        Ok(())
+    }
+
+    // Finish the sum
+    fn finish(self) -> Merged {
+        let Self { run_key, mut known, film, mut convergence, .. } = self;
+        convergence.spp = film.samples();
+        convergence.record(&film, None);
+        let missing = missing(film.window(), self.of, &self.held);
+        let settings = &mut known.settings;
+        settings.retain(|name, _| name != SAMPLES && name != TILES);
+        settings.insert("spp".into(), self.of.into());
+        if let Some(missing) = &missing {
+            settings.insert("missing".into(), missing.as_str().into());
+        }
+        let Report { scene, settings, left_out, .. } = known;
+        let Report { load_seconds, build_seconds, .. } = known;
+        let known = Report {
+            scene,
+            settings,
+            left_out,
+            load_seconds,
+            build_seconds,
+            ..Report::begin()
+        };
+        Merged { film, convergence, known, run_key, missing }
+    }
+}
+
+impl Report {
+    /// Takes the settings and the costs of another part into account.
+    fn join(&mut self, other: &Self) {
+        self.load_seconds += other.load_seconds;
+        self.build_seconds += other.build_seconds;
+        for (name, value) in &mut self.settings {
+            if other.settings.get(name) != Some(value) {
+                *value = Value::Null;
+            }
+        }
+    }
+}
+
+impl Merged {
+    /// The image of the run, and its report.
+    pub fn image_and_report(self) -> (Image, Report) {
+        let Self { film, convergence, known, run_key, missing } = self;
+        let stop = missing.is_none().then_some(Stop::Samples);
+        let (never, commands) = (Duration::MAX, Commands::default());
+        let output =
+            RunOutput::new(vec![], None, never, commands, run_key, known);
+        let image = output.image(&convergence, &film, stop);
+        (image, output.report(&convergence, &film, stop))
+    }
+}
+
+// List what no state holds
+/// The samples of a run that are not held, in words; none if all are.
+fn missing(window: Window, of: u64, held: &[Held]) -> Option<String> {
+    let mut gaps: Vec<Held> = vec![];
+    let ends = [window.corner.1, window.end().1];
+    let edges = held.iter().flat_map(|part| [part.rows.0, part.rows.1]);
+    let mut edges: Vec<u32> = edges.chain(ends).collect();
+    edges.sort();
+    edges.dedup();
+    for strip in edges.windows(2) {
+        let rows = (strip[0], strip[1]);
+        // Find the gaps of a strip
+        let here =
+            |part: &&Held| part.rows.0 <= rows.0 && rows.1 <= part.rows.1;
+        let parts = held.iter().filter(here);
+        let mut ranges: Vec<_> = parts.map(|part| part.samples).collect();
+        ranges.sort();
+        let mut end = 0;
+        for (from, to) in ranges.into_iter().chain([(of, of)]) {
+            if from > end {
+                // Note a gap or lengthen the one above
+                let samples = (end, from);
+                let above = |gap: &&mut Held| {
+                    gap.samples == samples && gap.rows.1 == rows.0
+                };
+                match gaps.iter_mut().find(above) {
+                    Some(gap) => gap.rows.1 = rows.1,
+                    None => gaps.push(Held { rows, samples }),
+                }
+            }
+            end = end.max(to);
+        }
+    }
+    let gaps: Vec<_> = gaps.iter().map(Held::to_string).collect();
+    (!gaps.is_empty()).then(|| gaps.join("; "))
+}
