@@ -6,8 +6,8 @@
 // Software Foundation, either version 3 of the License, or (at your option)
 // any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The answers to the book's exercises, from the estimator to the report,
-//! with each number that their text states.
+//! Answers to the book's exercises on paths, errors, images and runs, with
+//! each number that their text states.
 
 mod common;
 

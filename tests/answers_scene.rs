@@ -6,7 +6,7 @@
 // Software Foundation, either version 3 of the License, or (at your option)
 // any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Answers to the exercises from the introduction to the nets, one
+//! Answers to the book's exercises on scenes, geometry and sampling, one
 //! test for each.
 
 mod common;

@@ -363,8 +363,8 @@ pub fn look<'a>(
 
 // Hasten where nothing is doubtful
 /// The same as `traverse`, without gates; none if there are some, or if
-/// anything is doubtful. With `ANY`, the search ends as soon as another triangle than the target, the
-/// second of the slots, is the nearest.
+/// anything is doubtful. With `ANY`, the search ends as soon as another
+/// triangle than the target, the second of the slots, is the nearest.
 ///
 /// # Safety
 /// What is asked of the functions holds.
