@@ -30,6 +30,7 @@ fn point(spp: u64) -> CurvePoint {
         mean: 0.25,
         mean_stderr: error.map(|e| e / 10.),
         rmse_reference: None,
+        processor_seconds: None,
     }
 }
 
