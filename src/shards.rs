@@ -118,8 +118,9 @@ struct State {
     held: Held,
     /// The number of samples of the whole run.
     of: u64,
-    /// An empty film of the window of the run, and one of the part.
-    films: [Film; 2],
+    layout: Layout,
+    /// The window of the part.
+    band: Window,
 }
 
 /// Samples of rows of an image; each pair is a beginning and an end.
@@ -150,35 +151,44 @@ impl State {
         let (samples, of, band) = ((0, spp), spp, (1, 1));
         let part = Part::take(&mut run_key);
         let part = part.unwrap_or(Part { samples, of, band });
-        // Lay out the films of the run and of the part
-        let layout = layout(&run_key)
+        let layout = Layout::read(&run_key)
             .ok_or_else(|| format!("{name}: is not a checkpoint of pt"))?;
-        let (resolution, window, sampling) = layout;
-        let own = window.band(part.band);
-        let films = [window, own].map(|w| sampling.film(resolution, w));
-        let held = Held {
-            rows: (own.corner.1, own.end().1),
-            samples: part.samples,
-        };
-        Ok(Self { name, checkpoint, run_key, held, of: part.of, films })
+        let band = layout.window.band(part.band);
+        let rows = (band.corner.1, band.end().1);
+        let (held, of) = (Held { rows, samples: part.samples }, part.of);
+        Ok(Self { name, checkpoint, run_key, held, of, layout, band })
     }
 }
 
-/// Resolution, window and sampling of a run.
-fn layout(key: &RunKey) -> Option<((u32, u32), Window, Sampling)> {
-    let number = |name| key.get(name)?.as_u64();
-    let sides = key.get("resolution")?.as_array()?;
-    let mut sides = sides.iter().map(|n| Some(n.as_u64()? as u32));
-    let resolution = (sides.next()??, sides.next()??);
-    let whole = Window { corner: (0, 0), size: resolution };
-    let window = match key.get("crop") {
-        Some(crop) => window(crop.as_str()?)?,
-        None => whole,
-    };
-    let method = key.get("method")?.as_str()?.parse().ok()?;
-    let mut sampling = Sampling::new(method, 0, None, 0);
-    sampling.replicate = number("replicate").unwrap_or(1);
-    Some((resolution, window, sampling))
+/// What decides the size of the films of a run.
+struct Layout {
+    resolution: (u32, u32),
+    /// The window of the run.
+    window: Window,
+    sampling: Sampling,
+}
+
+impl Layout {
+    /// Reads it from a run key.
+    fn read(key: &RunKey) -> Option<Self> {
+        let sides = key.get("resolution")?.as_array()?;
+        let mut sides = sides.iter().map(|n| Some(n.as_u64()? as u32));
+        let resolution = (sides.next()??, sides.next()??);
+        let window = match key.get("crop") {
+            Some(crop) => window(crop.as_str()?)?,
+            None => Window { corner: (0, 0), size: resolution },
+        };
+        let method = key.get("method")?.as_str()?.parse().ok()?;
+        let mut sampling = Sampling::new(method, 0, None, 0);
+        let replicate = key.get("replicate").and_then(Value::as_u64);
+        sampling.replicate = replicate.unwrap_or(1);
+        Some(Self { resolution, window, sampling })
+    }
+
+    /// An empty film of a window.
+    fn film(&self, window: Window) -> Film {
+        self.sampling.film(self.resolution, window)
+    }
 }
 
 /// The window that is written in the run key.
@@ -251,7 +261,7 @@ impl Sum {
             first: state.name.clone(),
             run_key: state.run_key.clone(),
             known: Report { load_seconds, build_seconds, ..known },
-            film: state.films[0].clone(),
+            film: state.layout.film(state.layout.window),
             convergence: Convergence::default(),
             of: state.of,
             parts: vec![],
@@ -261,7 +271,8 @@ impl Sum {
 
     // Add the state of one part
     fn add(&mut self, state: State) -> Result<(), String> {
-        let State { name, checkpoint, run_key, held, films, .. } = state;
+        let State { name, checkpoint, run_key, held, layout, band, .. } =
+            state;
         if let Some((what, [a, b])) = disagreement(&self.run_key, &run_key)
         {
             let first = &self.first;
@@ -278,7 +289,7 @@ impl Sum {
         // Take the sums and the costs of a state
         let key = checkpoint.run_key().clone();
         self.known.join(checkpoint.known());
-        let [_, mut part] = films;
+        let mut part = layout.film(band);
         let done = checkpoint
             .resume(&key, &mut part)
             .map_err(|fault| format!("{name}: {fault}"))?;

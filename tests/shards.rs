@@ -103,7 +103,7 @@ fn a_part_has_the_method_of_the_whole() {
     assert_eq!(shard["choice"], whole["choice"]);
     assert_ne!(method(&["-n16"])["choice"], whole["choice"]);
     assert_eq!(
-        shard["samples"].as_str().unwrap().split(' ').last(),
+        shard["samples"].as_str().unwrap().split(' ').next_back(),
         Some("512")
     );
     assert_eq!(shard["tiles"], "1/4");
@@ -122,7 +122,7 @@ fn any_division_of_the_samples_remains_one() {
                 let part = Part { samples, of, band: (1, 1) };
                 let part = part.rounded(replicate);
                 assert_eq!(part.samples.0, end);
-                assert!(part.samples.1 % replicate == 0);
+                assert!(part.samples.1.is_multiple_of(replicate));
                 end = part.samples.1;
                 assert!(end >= pair[1] && end < pair[1] + replicate);
             }
