@@ -15,6 +15,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use common::{Run, Scratch, finish, skip};
+use litpt::image::Image;
 use serde_json::Value;
 
 const SCENE: [&str; 6] =
@@ -70,7 +71,9 @@ fn same_image(arguments: &[&str], numbers: &[usize]) {
         };
         let paths = shares.iter().map(|s| s["paths"].as_u64().unwrap());
         let spp = report["spp"].as_u64().unwrap();
-        assert_eq!(paths.sum::<u64>(), spp * 70 * 50);
+        let image = Image::read(&place.path("b.pfm")).unwrap();
+        let area = u64::from(image.width * image.height);
+        assert_eq!(paths.sum::<u64>(), spp * area);
         assert_eq!(shares.len(), n);
     }
 }

@@ -88,8 +88,10 @@ pub fn plot(curve: &[CurvePoint]) -> Option<Markup> {
                     stroke-opacity="0.3" {}
                 polyline points=(line(&truth)) stroke-width="1.5"
                     stroke-dasharray="6 4" {}
-                polyline points=(line(&spent)) stroke-width="1.5"
-                    stroke-dasharray="1.5 3" {}
+                @if !spent.is_empty() {
+                    polyline points=(line(&spent)) stroke-width="1.5"
+                        stroke-dasharray="1.5 3" {}
+                }
                 polyline points=(line(&estimated)) stroke-width="1.5" {}
                 @for (x, y) in estimated.iter().map(|&p| place(p)) {
                     circle cx=(x) cy=(y) r="3" fill="currentColor" {}

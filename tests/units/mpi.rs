@@ -151,3 +151,13 @@ fn a_stopped_pass_leaves_the_first_samples_of_each_tile() {
         }
     }
 }
+
+/// The answer to the exercise on pieces.
+#[test]
+fn the_first_piece_of_four_ranks_has_forty_tiles() {
+    let film = Film::new(640, 480);
+    let mut schedule = Schedule::new(&film, 1, 4);
+    let first = schedule.take().unwrap();
+    assert_eq!(first.window.size, (80, 128));
+    assert_eq!((first.paths(), schedule.least), (10240, 1200));
+}
