@@ -126,7 +126,7 @@ impl Order {
 }
 
 /// The time between two looks for a message.
-const POLL: Duration = Duration::from_micros(50);
+const POLL: Duration = Duration::from_micros(500);
 
 /// The group of all ranks.
 fn world() -> SimpleCommunicator {
@@ -160,7 +160,7 @@ fn report(bytes: &[u8]) {
         let mut request = leader.immediate_send(scope, bytes);
         while let Err(pending) = request.test() {
             request = pending;
-            thread::sleep(POLL);
+            thread::sleep(POLL / 10);
         }
     });
 }

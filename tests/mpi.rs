@@ -108,16 +108,17 @@ fn ranks_stop_at_the_same_error() {
 fn ranks_render_a_part_of_a_run() {
     same_image(&["-n40", "--crop=3,5,33x40"], &[3]);
     let place = Scratch::new();
-    let part = ["-n64", "--samples=16..48", "--tiles=2/3"];
-    let state = |name| [&part[..], &["-o", name]].concat();
-    alone(&place, &state("a.litpt"));
-    let Some(run) = run(&place, 3, &state("b.litpt")) else { return };
-    run.succeeded();
-    for (name, image) in [("a.litpt", "-oa.pfm"), ("b.litpt", "-ob.pfm")] {
-        let mut merge = place.command(env!("CARGO_BIN_EXE_ptimg"));
-        merge.args(["merge", name, "--partial", "-f", image]);
-        finish(merge.spawn().unwrap()).succeeded();
+    alone(&place, &["-n64", "-oa.pfm"]);
+    alone(&place, &["-n64", "--samples=0..32", "-oa.litpt"]);
+    for (band, name) in [("1/2", "b.litpt"), ("2/2", "c.litpt")] {
+        let tiles = format!("--tiles={band}");
+        let part = ["-n64", "--samples=32..64", &tiles, "-o", name];
+        let Some(run) = run(&place, 3, &part) else { return };
+        run.succeeded();
     }
+    let mut merge = place.command(env!("CARGO_BIN_EXE_ptimg"));
+    merge.args(["merge", "a.litpt", "b.litpt", "c.litpt", "-ob.pfm"]);
+    finish(merge.spawn().unwrap()).succeeded();
     assert!(place.get("a.pfm") == place.get("b.pfm"));
 }
 

@@ -5,8 +5,9 @@ usage: scaling.py PT_MPI SCENE VIEW...
 
 PT_MPI is the program for MPI, SCENE an OBJ, and VIEW the options of its
 camera. On this machine, 1 to 4 ranks of one thread each render it. The cost of
-a path comes from the run of one rank; what rank 0 does for a byte of sums, from
-that of two. From these the time of each number of ranks is predicted, and that
+a path comes from the run of one rank; what all cores are worth, from one rank
+with as many threads; what rank 0 does for a byte of sums, from two ranks. From
+these the time of each number of ranks is predicted, and that
 of 1 to 4096 nodes of a cluster of which nothing is measured here: nodes of 64
 such threads, on a network of 10 microseconds and 1 GB/s.
 
@@ -96,7 +97,7 @@ class Machine:
         return total + (self.ranks > 1) * BYTES * pixels * self.byte
 
 
-def measure(program, scene, view, ranks):
+def measure(program, scene, view, ranks, threads=1):
     """The report of a run here."""
     width, height, samples = HERE
     with tempfile.TemporaryDirectory() as folder:
@@ -105,7 +106,7 @@ def measure(program, scene, view, ranks):
                            OMPI_ALLOW_RUN_AS_ROOT_CONFIRM='1')
         subprocess.run(
             ['mpirun', '--oversubscribe', '--bind-to', 'none', '-n', str(ranks),
-             program, '-q', '-i', scene, *view, '-r', '0.8', '-j', '1',
+             program, '-q', '-i', scene, *view, '-r', '0.8', '-j', str(threads),
              '-d', f'{width}x{height}', '-n', str(samples),
              '--integrator', 'reference', '-o', os.path.join(folder, 'a.pfm'),
              '--report', report], check=True, env=environment)
@@ -113,13 +114,13 @@ def measure(program, scene, view, ranks):
             return json.load(file)
 
 
-def here(reports, ranks, path, byte):
+def here(reports, ranks, path, byte, cores):
     """How many times as fast as one rank, measured and predicted, and the
     time in which a rank waits, in per cent."""
     if ranks not in reports:
         return ['--'] * 3
     width, height, samples = HERE
-    machine = Machine(path, byte, ranks, cores=os.cpu_count())
+    machine = Machine(path, byte, ranks, cores=cores)
     predicted = machine.run(width * height, samples)
     alone, report = (reports[n]['render_seconds'] for n in (1, ranks))
     shares = reports[ranks].get('ranks', [])
@@ -135,15 +136,18 @@ def main():
     pixels = width * height
     reports = {n: measure(program, scene, view, n) for n in (1, 2, 3, 4)}
     path = reports[1]['render_seconds'] / pixels / samples
+    whole = measure(program, scene, view, 1, os.cpu_count())
+    cores = reports[1]['render_seconds'] / whole['render_seconds']
     two = reports[2]['ranks']
     byte = two[0]['collect_seconds'] / two[1]['sent_bytes']
     print(f'# {1e6 * path:.2f} microseconds for a path on a thread, '
-          f'{1e9 * byte:.2f} ns of rank 0 for a byte')
+          f'{1e9 * byte:.2f} ns of rank 0 for a byte; '
+          f'all cores are worth {cores:.2f}')
     sizes = [f'{size / 1e6:g}{owned}' for size in PIXELS
              for owned in ('', ' owned')]
     print('ranks,measured,predicted,waiting,' + ','.join(sizes))
     for ranks in RANKS:
-        row = [ranks, *here(reports, ranks, path, byte)]
+        row = [ranks, *here(reports, ranks, path, byte, cores)]
         machine = Machine(path, byte + 1 / BANDWIDTH, ranks, NODE, LATENCY)
         for size in PIXELS:
             ideal = size * SAMPLES * path / NODE / ranks
