@@ -30,7 +30,8 @@ STEPS = [1, 2, 3, 4, 6] + [n * 10**k for k in range(3)
                           for n in (10, 16, 25, 40, 63)]
 SAMPLES, PIXELS = 1024, [0.3e6, 8e6, 128e6]
 RANKS = [1, 2, 3, 4, 16, 64, 256, 1024, 4096]
-HERE = (640, 480, 6)       # size and samples of the measured runs
+HERE = (640, 480, 3)       # size and samples of the measured runs
+ROUNDS = 3                 # of which the quickest run counts
 
 
 def pieces(ranks):
@@ -134,9 +135,13 @@ def main():
     program, scene, *view = sys.argv[1:]
     width, height, samples = HERE
     pixels = width * height
-    reports = {n: measure(program, scene, view, n) for n in (1, 2, 3, 4)}
+    kinds = [(1, 1), (2, 1), (3, 1), (4, 1), (1, os.cpu_count())]
+    runs = [[measure(program, scene, view, *kind) for kind in kinds]
+            for _ in range(ROUNDS)]
+    *reports, whole = [min(same, key=lambda report: report['render_seconds'])
+                       for same in zip(*runs)]
+    reports = dict(enumerate(reports, 1))
     path = reports[1]['render_seconds'] / pixels / samples
-    whole = measure(program, scene, view, 1, os.cpu_count())
     cores = reports[1]['render_seconds'] / whole['render_seconds']
     two = reports[2]['ranks']
     byte = two[0]['collect_seconds'] / two[1]['sent_bytes']
