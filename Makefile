@@ -18,7 +18,7 @@ LOST := $(filter-out $(WEB) $(TOOL_WEB),$(wildcard chapters/*.nw noweb/chapters/
 
 # What is measured or installed is a Release.
 ifneq ($(filter measure stability% ablation start bench% mixtures install \
-  efficiency choice parts roofline unbiased, \
+  efficiency choice parts roofline unbiased mpi scaling, \
   $(MAKECMDGOALS)),)
 override BUILD_TYPE = Release
 endif
@@ -47,7 +47,7 @@ TEX_NEEDS = memoir.cls lmodern.sty microtype.sty booktabs.sty pgfplots.sty \
 TEX_INSTALL = apt-get install --no-install-recommends texlive-latex-base \
   texlive-latex-recommended texlive-pictures lmodern latexmk
 
-.PHONY: help bin install uninstall demo test clippy pdf check prose boot chunk untangle watch \
+.PHONY: help bin mpi test-mpi install uninstall demo test clippy pdf check prose boot chunk untangle watch \
   clean check-tex
 .DELETE_ON_ERROR:
 
@@ -56,6 +56,7 @@ help:
 	@echo 'make test    run all tests (needs Rust and make only)'
 	@echo 'make pdf     make the book, $(BUILD_DIR)/litpt.pdf (needs LaTeX)'
 	@echo 'make bin     build the programs, $(BUILD_DIR)/pt and $(BUILD_DIR)/ptimg'
+	@echo 'make mpi     build build/pt-mpi for clusters (needs MPI); make test-mpi'
 	@echo 'make install put them, man pages and completions below PREFIX=/usr/local'
 	@echo 'make uninstall  remove what install has put there'
 	@echo 'make clippy  lints alone'
@@ -75,6 +76,7 @@ help:
 	@echo 'make parts   what each part of a gather is worth, half an hour'
 	@echo 'make roofline  what the traversal of a ray reads, and its time'
 	@echo 'make unbiased  compare the means of two integrators, scene by scene'
+	@echo 'make scaling ranks here and, foreseen, on a cluster, a minute (needs MPI)'
 	@echo 'make start   measure what pt weighs before it does anything'
 	@echo 'make fuzz    random scenes, cameras, options and mixtures of scales, a minute'
 	@echo 'make clean   remove what was built'
@@ -119,6 +121,18 @@ $(BUILD_DIR)/pt $(BUILD_DIR)/ptimg: $(PROGRAMS)
 	  $(MAKE) --no-print-directory BUILD_TYPE=$(BUILD_TYPE) $<; }
 
 bin: $(BUILD_DIR)/pt $(BUILD_DIR)/ptimg
+
+# The program on many processes. It needs an MPI library, and libclang to read
+# its headers: apt-get install libopenmpi-dev openmpi-bin libclang-dev.
+$(BUILD_DIR)/pt-mpi: $(SOURCES)
+	$(MAP) $(CARGO) build --profile $(PROFILE_$(BUILD_TYPE)) --features mpi --bin pt
+	@cp $(COMPILED)/pt $@.new && mv $@.new $@
+
+mpi: $(BUILD_DIR)/pt-mpi
+
+test-mpi: $(NOWEB)
+	$(MAP) $(CARGO) clippy --all-targets --features mpi -- -D warnings
+	$(MAP) $(CARGO) test --features mpi --lib --test mpi
 
 # The program of the book's own crate, which is not installed.
 BOOK := $(BUILD_DIR)/litpt-book

@@ -23,7 +23,7 @@ TABLES := $(BUILD_DIR)/examples.stamp \
   learnt.tex nets.stamp scrambles.tex padding.tex pixels.csv \
   qualities.tex leaks.tex origins.tex roulettes.tex stability.tex \
   stability-full.tex robustness.tex ablation.tex shortcuts.tex layouts.tex habits.tex \
-  abreast.tex traversal.tex bench.tex efficiency.tex worth.tex gains.tex generations.tex sizes.csv shapes.tex \
+  abreast.tex traversal.tex bench.tex efficiency.tex worth.tex gains.tex generations.tex scaling.tex sizes.csv shapes.tex \
   start.tex repeats.csv roofline.tex accumulators.tex accounting.tex alarms.tex \
   thresholds.tex triangulations.tex ring.tex mixtures.tex \
   mixtures-ball.csv)
@@ -201,6 +201,12 @@ stability-full: $(BOOK)
 # What each shortcut saves, scene by scene: five minutes on an idle machine.
 ablation: $(BOOK)
 	$(RECORD) ablation $(BOOK) ablation 5
+
+# Ranks here and, as far as can be foreseen, on a cluster: a minute.
+.PHONY: scaling
+scaling: $(BUILD_DIR)/pt-mpi $(BUILD_DIR)/courtyard.obj
+	$(RECORD) scaling python3 $(SCRIPTS)/scaling.py $(BUILD_DIR)/pt-mpi \
+	  $(BUILD_DIR)/courtyard.obj $(CAMERA)
 
 # What the program weighs before it does anything, and what a triangle and a
 # pixel add.

@@ -53,6 +53,8 @@ pub mod film;
 pub mod gather;
 pub mod image;
 pub mod integrator;
+#[cfg(feature = "mpi")]
+pub mod mpi;
 pub mod numerics;
 pub mod output;
 pub mod progress;

@@ -28,6 +28,8 @@ use litpt::checkpoint::{Checkpoint, Commands, RunKey};
 use litpt::compare::disagreements;
 use litpt::film::{Film, Window};
 use litpt::image::{Format, Image};
+#[cfg(feature = "mpi")]
+use litpt::mpi;
 use litpt::output::{ImageTarget, OutputTarget};
 use litpt::progress::{self, Bar};
 use litpt::render::Renderer;
@@ -41,7 +43,19 @@ use litpt::sky::Sky;
 use rayon::ThreadPoolBuilder;
 use sha2::{Digest, Sha256};
 
+// Begin alone or as one of several ranks
+#[cfg(not(feature = "mpi"))]
 fn main() -> ExitCode {
+    lead()
+}
+
+#[cfg(feature = "mpi")]
+fn main() -> ExitCode {
+    mpi::run(lead, serve)
+}
+
+/// Runs the program, as the only process or the leading one.
+fn lead() -> ExitCode {
     let typed = Arguments::from_command_line();
     match typed.and_then(resume).and_then(|(mut arguments, resumed)| {
         run(&mut arguments, resumed).map_err(fail)
@@ -141,6 +155,11 @@ fn run(
     }
     let (window, band) = (arguments.window()?, arguments.band()?);
     let mut files = Files::check(arguments, resumed)?;
+    // Tell the other ranks the commands
+    #[cfg(feature = "mpi")]
+    if let [before @ .., _] = &arguments.commands[..] {
+        mpi::tell_value(&before);
+    }
     start_threads(arguments)?;
     let (mut scene, mut known) = load(arguments, &files)?;
     let camera = camera(arguments)?;
@@ -178,7 +197,16 @@ fn run(
             ));
         }
     }
-    let mut job = renderer(scene.0, &bvh, &inquiry, &analysis, &sampling);
+    let job = renderer(scene.0, &bvh, &inquiry, &analysis, &sampling);
+    // Share the run with the other ranks
+    #[cfg(feature = "mpi")]
+    let job = {
+        let resolution = arguments.resolution;
+        let frame = mpi::Frame { resolution, whole: window, sampling };
+        mpi::tell_value(&sampling);
+        mpi::lead(job, frame)
+    };
+    let mut job = job;
     let mut run = Run::begin(
         &mut *job, film, run_key, start, arguments, &mut files, known,
     )?;
@@ -322,6 +350,8 @@ fn load(
         None => read_pipe(&mut io::stdin(), &mut bytes),
     };
     read.map_err(|e| format!("{file}: cannot read: {e}"))?;
+    #[cfg(feature = "mpi")]
+    mpi::tell(&mut bytes);
     if bytes.len() as u64 == START {
         begins_obj(&bytes).map_err(|error| error.within(&file))?;
     }
@@ -729,4 +759,34 @@ impl Run<'_> {
         }
         Ok(())
     }
+}
+
+// Follow another rank
+#[cfg(feature = "mpi")]
+fn serve() -> Result<(), String> {
+    let _ = Interrupt::listen();
+    let Some(before) = mpi::hear_value::<Vec<_>>()? else { return Ok(()) };
+    let arguments = Arguments::after(&before);
+    let mut arguments = arguments.map_err(|_| "wrong options")?;
+    arguments.quiet = true;
+    let window = arguments.window()?;
+    start_threads(&arguments)?;
+    // Hear the scene
+    let Some(bytes) = mpi::hear() else { return Ok(()) };
+    let file = arguments.input_name();
+    let read = read_file(&bytes).map_err(|error| error.within(&file));
+    let (mesh, _) = read?;
+    drop(bytes);
+    arguments.stand_outside(mesh.corners());
+    let mut scene = Scene::of(mesh);
+    let camera = camera(&arguments)?;
+    let inquiry = inquire(&arguments, &camera);
+    let (analysis, bvh) =
+        build(&mut scene, &inquiry, &arguments, &mut Report::default())?;
+    let Some(sampling) = mpi::hear_value()? else { return Ok(()) };
+    let mut job = renderer(&scene, &bvh, &inquiry, &analysis, &sampling);
+    let resolution = arguments.resolution;
+    let frame = mpi::Frame { resolution, whole: window, sampling };
+    mpi::serve(&mut *job, &frame);
+    Ok(())
 }

@@ -17,6 +17,7 @@ use std::iter;
 use std::ops::Range;
 
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use crate::analysis::background::{KnownPixels, TileContent};
 use crate::bvh::{Dispatch, Intersector};
@@ -80,6 +81,33 @@ pub trait Renderer {
     /// `watch` stops it; returns the number of rays traced. A renderer
     /// that learns has one film, and makes all its samples.
     fn pass(&mut self, film: &mut Film, end: u64, watch: &Watch) -> u64;
+
+    /// What each rank has done so far; nothing if there is one process.
+    fn shares(&self) -> &[Share] {
+        &[]
+    }
+
+    /// Seconds that a pass should take at least, for what it costs.
+    fn least_seconds(&self) -> f64 {
+        0.
+    }
+}
+
+/// What one rank of a run has done.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Share {
+    /// Paths, that is samples of single pixels.
+    pub paths: u64,
+    /// Seconds in which it rendered.
+    pub render_seconds: f64,
+    /// Seconds of the passes in which it did not.
+    pub wait_seconds: f64,
+    /// Seconds that all its threads have computed.
+    pub processor_seconds: f64,
+    /// Bytes of the sums that it has sent to rank 0.
+    pub sent_bytes: u64,
+    /// Seconds in which rank 0 has received such sums and added them.
+    pub collect_seconds: f64,
 }
 
 impl<K: Intersector, E: Integrator, S: Sampler> Renderer

@@ -22,7 +22,7 @@ use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
 use signal_hook::flag;
 
 use crate::film::Film;
-use crate::render::Renderer;
+use crate::render::{Renderer, Share};
 
 // Say when a run stops
 /// When a run stops, and what it is compared with.
@@ -83,6 +83,9 @@ pub struct CurvePoint {
     /// Root mean square difference from the reference, if there is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rmse_reference: Option<f64>,
+    /// Seconds of all processors so far, if there are several ranks.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub processor_seconds: Option<f64>,
 }
 
 /// What a run has done so far.
@@ -98,6 +101,12 @@ pub struct Convergence {
     pub constant: u64,
     /// The curve of error against time.
     pub steps: Vec<CurvePoint>,
+    /// Seconds of all processors, if there are several ranks.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub processor_seconds: Option<f64>,
+    /// What each rank has done since the run was begun or resumed.
+    #[serde(skip)]
+    pub ranks: Vec<Share>,
     /// Seconds for one sample of each pixel, at the last pass.
     #[serde(skip)]
     pace: Option<f64>,
@@ -111,7 +120,8 @@ fn is_over(time: Option<Instant>) -> bool {
     time.is_some_and(|time| Instant::now() >= time)
 }
 
-/// The longest time of a pass of more than one sample, in seconds.
+/// The longest time of a pass of more than one sample, in seconds, unless
+/// it costs too much.
 const SLICE: f64 = 0.25;
 
 impl fmt::Display for Convergence {
@@ -148,6 +158,7 @@ impl Convergence {
         after: &mut impl FnMut(&Self, &Film),
     ) -> Stop {
         let (start, before) = (Instant::now(), self.seconds);
+        let spent = self.processor_seconds.unwrap_or(0.);
         // Watch for signals and for the end of the time
         let first = limits.deadline.map(|time| time.max(start + FIRST));
         let signal = || limits.interrupt.signal();
@@ -162,13 +173,21 @@ impl Convergence {
                 return stop;
             }
             // Render one pass and look at the clock
-            let (end, due) = self.next(limits, film.area());
+            let slice = renderer.least_seconds().max(SLICE);
+            let (end, due) = self.next(limits, film.area(), slice);
             let began = Instant::now();
             self.rays += renderer.pass(film, end, &watch);
             let seconds = began.elapsed().as_secs_f64();
             self.pace = Some(seconds / (end - self.spp) as f64);
             self.spp = film.samples();
             self.seconds = before + start.elapsed().as_secs_f64();
+            // Ask what each rank has done
+            self.ranks = renderer.shares().to_vec();
+            if !self.ranks.is_empty() {
+                let more =
+                    self.ranks.iter().map(|share| share.processor_seconds);
+                self.processor_seconds = Some(spent + more.sum::<f64>());
+            }
             if self.spp >= due {
                 self.record(film, limits.reference);
             }
@@ -177,8 +196,9 @@ impl Convergence {
     }
 
     // Choose the end of the next pass
-    /// Where the next pass ends, and where the next step is due.
-    fn next(&self, limits: &Limits, area: u64) -> (u64, u64) {
+    /// Where the next pass ends, of at most so many seconds, and where the
+    /// next step is due.
+    fn next(&self, limits: &Limits, area: u64, slice: f64) -> (u64, u64) {
         // Find when the next step is due
         let recorded = self.steps.last().map_or(0, |step| step.spp);
         let mut due = next_step(recorded.max(self.spp));
@@ -189,7 +209,7 @@ impl Convergence {
             due = due.min(self.needed(error, area).max(self.spp + 1));
         }
         // Find the time for a pass
-        let mut seconds = SLICE;
+        let mut seconds = slice;
         if let Some(deadline) = limits.deadline {
             let left = deadline.saturating_duration_since(Instant::now());
             seconds = seconds.min(left.as_secs_f64());
@@ -281,6 +301,7 @@ impl Convergence {
             mean: summary.mean,
             mean_stderr: finite(summary.mean_stderr),
             rmse_reference: reference.map(|truth| true_error(film, truth)),
+            processor_seconds: self.processor_seconds,
         });
     }
 }

@@ -225,6 +225,7 @@ impl RunOutput {
         report.stopped = stop.map(|stop| stop.name().to_owned());
         report.spp = now.spp;
         report.constant_pixels = now.constant;
+        report.ranks = now.ranks.clone();
         // Fill in what the last point knows
         if let Some(last) = now.steps.last() {
             report.mean = last.mean;

@@ -9,6 +9,7 @@ use std::path::Path;
 
 use base64::prelude::{BASE64_STANDARD, Engine};
 use litpt::image::Image;
+use litpt::render::Share;
 use litpt::render_loop::CurvePoint;
 use litpt::report::{Fit, Kind, Report, SceneFile};
 use rand::{RngExt, SeedableRng};
@@ -30,6 +31,7 @@ fn point(spp: u64) -> CurvePoint {
         mean: 0.25,
         mean_stderr: error.map(|e| e / 10.),
         rmse_reference: None,
+        processor_seconds: None,
     }
 }
 
@@ -59,6 +61,7 @@ fn report(curve: Vec<CurvePoint>) -> Report {
         mean_stderr: last.and_then(|point| point.mean_stderr),
         rmse: last.and_then(|point| point.rmse),
         constant_pixels: 0,
+        ranks: vec![],
         stopped: None,
         curve,
     }
@@ -615,6 +618,38 @@ fn the_page_says_in_words_how_the_run_went() {
     for (_, line) in report.summary(96) {
         assert!(text.contains(&line), "{line}");
     }
+}
+
+#[test]
+fn the_page_says_what_each_rank_has_done() {
+    let share = |paths, wait_seconds| Share {
+        paths,
+        render_seconds: 1.,
+        wait_seconds,
+        processor_seconds: 1.5,
+        ..Share::default()
+    };
+    let mut report = ordinary();
+    assert!(report.summary(96).iter().all(|line| line.0 != "ranks"));
+    let alone = Kind::Html.render(&report, &|| image(12, 8));
+    report.ranks = vec![share(300, 0.), share(100, 0.5)];
+    for point in &mut report.curve {
+        point.processor_seconds = Some(2. * point.seconds);
+    }
+    let summary = report.summary(96);
+    let line = summary.iter().find(|line| line.0 == "ranks").unwrap();
+    assert_eq!(
+        line.1,
+        "2, each with 25.0 to 75.0 % of the paths, waiting 20.0 % of the \
+         time; 3.00 s of processors"
+    );
+    let page = Kind::Html.render(&report, &|| image(12, 8));
+    for text in ["<td>300</td>", "seconds of processors", "1.5 3"] {
+        assert!(page.contains(text), "no {text}");
+    }
+    assert!(
+        !alone.contains("waiting") && !alone.contains("of processors<")
+    );
 }
 
 #[test]

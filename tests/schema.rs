@@ -11,7 +11,8 @@ use std::time::{Duration, SystemTime};
 
 use common::{Scratch, finish};
 use litpt::image::Image;
-use litpt::render_loop::Stop;
+use litpt::render::Share;
+use litpt::render_loop::{CurvePoint, Stop};
 use litpt::report::{Kind, Report};
 use serde_json::{Value, json};
 
@@ -109,6 +110,23 @@ fn fields(schema: &Value, path: &str, all: &mut BTreeSet<String>) {
     }
 }
 
+/// The report of a run on several ranks, of which nothing else is known.
+fn of_ranks() -> Report {
+    let seconds = 0.;
+    let point = CurvePoint {
+        spp: 1,
+        seconds,
+        rays: 0,
+        rmse: None,
+        mean: 0.,
+        mean_stderr: None,
+        rmse_reference: None,
+        processor_seconds: Some(seconds),
+    };
+    let ranks = vec![Share::default(); 2];
+    Report { ranks, curve: vec![point], ..Report::begin() }
+}
+
 /// Reports of runs that end in different ways, one of them of a part of an
 /// image with a reference, and that of a run before its first sample.
 fn reports() -> Vec<Value> {
@@ -144,7 +162,7 @@ fn reports() -> Vec<Value> {
     finish(merge).succeeded();
     let merged = serde_json::from_slice(&place.get("r.json")).unwrap();
     let image = || -> Image { unreachable!("JSON has no image") };
-    let begun = Kind::Json.render(&Report::begin(), &image);
+    let begun = Kind::Json.render(&of_ranks(), &image);
     let mut begun: Value = serde_json::from_str(&begun).unwrap();
     begun["settings"] = first["settings"].clone();
     let parts = parts.into_iter().chain([merged]);

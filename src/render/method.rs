@@ -11,6 +11,8 @@
 use std::fmt;
 use std::str::FromStr;
 
+use serde::{Deserialize, Serialize};
+
 use super::gather::Gather;
 use super::{Job, Renderer};
 use crate::analysis::background::KnownPixels;
@@ -28,7 +30,7 @@ use crate::scene::Scene;
 
 // Name the methods
 /// How samples are made.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Method {
     /// Paths of independent random numbers.
     Reference,
@@ -96,7 +98,7 @@ const AUTO: &str = "auto";
 
 // Decide how an image is sampled
 /// What decides the samples of an image, beside the scene and the view.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Sampling {
     /// How samples are made.
     pub method: Method,

@@ -17,6 +17,7 @@ use super::plot::plot;
 use super::result::{Fit, Report, as_typed, known, with_error};
 use crate::compare::display::{self, shrink};
 use crate::image::{Format, Image};
+use crate::render::Share;
 use crate::render_loop::CurvePoint;
 
 // Lay out the page
@@ -63,6 +64,7 @@ pub fn page(report: &Report, image: &Image) -> String {
                     }
                 }
                 (points(&report.curve))
+                @if !report.ranks.is_empty() { (shares(&report.ranks)) }
             }
         }
     };
@@ -137,7 +139,8 @@ fn pictures(report: &Report, image: &Image) -> Markup {
             figure {
                 (plot)
                 figcaption { "The error against time: estimated (solid), against \
-                    the reference if there is one (dashed), and a slope of \
+                    the reference if there is one (dashed), against the seconds of all \
+                    processors if there are several ranks (dotted), and a slope of \
                     -1/2 through the last point (wide)." }
             }
         }
@@ -189,10 +192,14 @@ fn value_of(name: &str, value: &Value) -> String {
 fn points(curve: &[CurvePoint]) -> Markup {
     let compared = |point: &CurvePoint| point.rmse_reference.is_some();
     let compared = curve.iter().any(compared);
+    let several = |point: &CurvePoint| point.processor_seconds.is_some();
+    let several = curve.iter().any(several);
     html! {
         table {
             tr {
-                th { "spp" } th { "seconds" } th { "rays" } th { "rmse" }
+                th { "spp" } th { "seconds" }
+                @if several { th { "seconds of processors" } }
+                th { "rays" } th { "rmse" }
                 @if compared { th { "rmse against reference" } }
                 th { "mean radiance" }
             }
@@ -201,10 +208,31 @@ fn points(curve: &[CurvePoint]) -> Markup {
                     // Show one point
                     td { (point.spp) }
                     td { (known(Some(point.seconds), 3)) }
+                    @if several { td { (known(point.processor_seconds, 2)) } }
                     td { (point.rays) }
                     td { (known(point.rmse, 6)) }
                     @if compared { td { (known(point.rmse_reference, 6)) } }
                     td { (with_error(point.mean, point.mean_stderr)) }
+                }
+            }
+        }
+    }
+}
+
+fn shares(ranks: &[Share]) -> Markup {
+    html! {
+        table {
+            tr {
+                th { "rank" } th { "paths" } th { "seconds rendering" }
+                th { "waiting" } th { "of processors" }
+            }
+            @for (rank, share) in ranks.iter().enumerate() {
+                tr {
+                    td { (rank) }
+                    td { (share.paths) }
+                    td { (known(Some(share.render_seconds), 3)) }
+                    td { (known(Some(share.wait_seconds), 3)) }
+                    td { (known(Some(share.processor_seconds), 2)) }
                 }
             }
         }

@@ -56,7 +56,12 @@ pub fn plot(curve: &[CurvePoint]) -> Option<Markup> {
     };
     let estimated = points(|point| point.rmse);
     let truth = points(|point| point.rmse_reference);
-    let all = [&estimated[..], &truth[..]].concat();
+    let spent = |p: &CurvePoint| Some((p.processor_seconds?, p.rmse?));
+    let spent: Vec<_> = curve.iter().filter_map(spent).collect();
+    let spent =
+        spent.into_iter().filter(|p| drawable(p.0) && drawable(p.1));
+    let spent: Vec<_> = spent.collect();
+    let all = [&estimated[..], &truth[..], &spent[..]].concat();
     let last = *estimated.last().or(truth.last())?;
     let (x, y): (Vec<f64>, Vec<f64>) = all.into_iter().unzip();
     let (x, y) = (Axis::over(&x, WIDTH), Axis::over(&y, HEIGHT));
@@ -83,6 +88,10 @@ pub fn plot(curve: &[CurvePoint]) -> Option<Markup> {
                     stroke-opacity="0.3" {}
                 polyline points=(line(&truth)) stroke-width="1.5"
                     stroke-dasharray="6 4" {}
+                @if !spent.is_empty() {
+                    polyline points=(line(&spent)) stroke-width="1.5"
+                        stroke-dasharray="1.5 3" {}
+                }
                 polyline points=(line(&estimated)) stroke-width="1.5" {}
                 @for (x, y) in estimated.iter().map(|&p| place(p)) {
                     circle cx=(x) cy=(y) r="3" fill="currentColor" {}

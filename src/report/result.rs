@@ -14,6 +14,7 @@ use serde_json::{Map, Value};
 
 use crate::analysis::Finding;
 use crate::progress::metric;
+use crate::render::Share;
 use crate::render_loop::CurvePoint;
 
 // Describe a run and its result
@@ -56,6 +57,9 @@ pub struct Report {
     pub render_seconds: f64,
     /// Rays traced.
     pub rays: u64,
+    /// What each rank has done, if there are several.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub ranks: Vec<Share>,
     // Hold how good the image is
     /// Samples that each pixel has at least.
     pub spp: u64,
@@ -72,6 +76,24 @@ pub struct Report {
     pub stopped: Option<String>,
     /// The curve of error against time.
     pub curve: Vec<CurvePoint>,
+}
+
+/// How the ranks have shared the work; none if there is one process.
+fn shared(ranks: &[Share]) -> Option<String> {
+    let sum = |part: fn(&Share) -> f64| ranks.iter().map(part).sum::<f64>();
+    let paths = sum(|share| share.paths as f64).max(1.);
+    let shares = ranks.iter().map(|s| 100. * s.paths as f64 / paths);
+    let least = shares.clone().reduce(f64::min)?;
+    let most = shares.fold(0., f64::max);
+    let wait = sum(|share| share.wait_seconds);
+    let all = wait + sum(|share| share.render_seconds);
+    Some(format!(
+        "{}, each with {least:.1} to {most:.1} % of the paths, waiting \
+         {:.1} % of the time; {:.2} s of processors",
+        ranks.len(),
+        100. * wait / all.max(1e-9),
+        sum(|share| share.processor_seconds)
+    ))
 }
 
 // Summarise the run in a few lines
@@ -115,6 +137,10 @@ impl Report {
             ("render", render),
             ("scene", scene),
         ]);
+        // Say how the ranks have shared the work
+        if let Some(ranks) = shared(&self.ranks) {
+            lines.push(("ranks", ranks));
+        }
         if let (Some(why), true) =
             (said("choice"), integrator != "reference")
         {
