@@ -247,8 +247,9 @@ fn a_triangle_that_is_passed_closely_is_not_drawn_as_met() {
     let last = |y: f64| {
         let scene = Scene::new(&triangle(y));
         let ray = scene.enter(DVec3::ZERO, DVec3::X).unwrap();
-        let anatomy = Anatomy::new(&scene, ray).unwrap();
-        let step = anatomy.steps.last().unwrap();
+        let anatomy = Anatomy::new(&scene, Quality::Medium).unwrap();
+        let (steps, _) = anatomy.walk(&ray, None);
+        let step = steps.last().unwrap();
         (step.leaf(), step.mask)
     };
     assert_eq!(last(-1.), ((true, 0), 1));
