@@ -145,7 +145,7 @@ def main():
     cores = reports[1]['render_seconds'] / whole['render_seconds']
     two = reports[2]['ranks']
     byte = two[0]['collect_seconds'] / two[1]['sent_bytes']
-    print(f'# {1e6 * path:.2f} microseconds for a path on a thread, '
+    print(f'#, {1e6 * path:.2f} microseconds for a path on a thread, '
           f'{1e9 * byte:.2f} ns of rank 0 for a byte; '
           f'all cores are worth {cores:.2f}')
     sizes = [f'{size / 1e6:g}{owned}' for size in PIXELS
