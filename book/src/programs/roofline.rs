@@ -46,20 +46,6 @@ impl Intersector for Counter {
         }
         hit
     }
-
-    fn is_occluded(&self, ray: &Ray, from: Option<u32>) -> bool {
-        self.first_hit(ray, from).is_some()
-    }
-
-    fn is_visible(
-        &self,
-        ray: &Ray,
-        from: Option<u32>,
-        target: u32,
-    ) -> bool {
-        let hit = self.first_hit(ray, from);
-        hit.is_some_and(|hit| hit.primitive == target)
-    }
 }
 
 pub fn run(arguments: &[String]) -> Done {
