@@ -409,3 +409,48 @@ $(BUILD_DIR)/figures/ball-%.png: $(BENCH)/ball-%.obj $(BENCH)/ball-%.view \
 mixtures-before: $(call AND_VIEWS,$(BALLS:%=$(BENCH)/ball-%))
 	for r in $(BALLS); do $(BEFORE) $(call BALL,$$r) --time 60 \
 	  -o doc/figures/ball-$$r-before.png || exit 1; done
+
+# ---- samples and errors
+
+# The courtyard by two methods, with few and many samples. The white of all
+# images of errors is the error WHITE.
+SAMPLED = $(foreach method,reference gather,$(addprefix $(method)-,1 16 256))
+ERRORS = $(filter-out %-1,$(SAMPLED))
+WHITE = 0.3
+FIGURES += $(SAMPLED:%=$(BUILD_DIR)/figures/samples-%.png) \
+  $(ERRORS:%=$(BUILD_DIR)/figures/errors-%.png)
+TABLES += $(ERRORS:%=$(BUILT)/rmse-%.tex)
+
+$(SAMPLED:%=$(BUILD_DIR)/figures/samples-%.exr): \
+  $(BUILD_DIR)/figures/samples-%.exr: $(BUILD_DIR)/pt \
+  $(BUILD_DIR)/courtyard.obj | $(BUILD_DIR)/figures
+	$(BUILD_DIR)/pt $(CAMERA) -d 128x96 -r 0.8 -q -f \
+	  --integrator $(subst -, -n ,$*) -i $(BUILD_DIR)/courtyard.obj -o $@
+
+$(SAMPLED:%=$(BUILD_DIR)/figures/samples-%.png): %.png: %.exr $(BUILD_DIR)/ptimg
+	$(BUILD_DIR)/ptimg tonemap -f -o $@ $<
+
+# ptimg says what error its own white is. It warns of the grey that it reads.
+$(ERRORS:%=$(BUILD_DIR)/figures/errors-%.png): $(BUILD_DIR)/figures/errors-%.png: \
+  $(BUILD_DIR)/figures/samples-%.exr $(BUILD_DIR)/ptimg
+	said=$$($(BUILD_DIR)/ptimg stderr -f -o $@ $< 2>&1) && \
+	stops=$$(echo $$said | awk '{ print log($$NF / $(WHITE)) / log(2) }') && \
+	$(BUILD_DIR)/ptimg tonemap -f -e $$stops -o $@ $@ 2> /dev/null
+
+$(ERRORS:%=$(BUILT)/rmse-%.tex): $(BUILT)/rmse-%.tex: \
+  $(BUILD_DIR)/figures/samples-%.exr $(BUILD_DIR)/ptimg | $(BUILT)
+	$(BUILD_DIR)/ptimg info $< | awk '/^ *rmse:/ { printf "%.3f%%\n", $$2 }' > $@
+
+# The scenes of which the chapters measure the times, with the stops by which
+# the interiors are brighter on paper.
+PICTURED = courtyard statue corridor backroom
+STOPS_corridor = 7
+STOPS_backroom = 6
+FIGURES += $(PICTURED:%=$(BUILD_DIR)/figures/scene-%.png)
+
+$(PICTURED:%=$(BUILD_DIR)/figures/scene-%.png): $(BUILD_DIR)/figures/scene-%.png: \
+  $(BENCH)/%.obj $(BENCH)/%.view $(BUILD_DIR)/pt $(BUILD_DIR)/ptimg \
+  | $(BUILD_DIR)/figures
+	$(BUILD_DIR)/pt -r 0.8 $$(cat $(BENCH)/$*.view) -d 160x120 -n 64 -q -f \
+	  --integrator auto -i $(BENCH)/$*.obj -o $(@:.png=.exr)
+	$(BUILD_DIR)/ptimg tonemap -f -e $(or $(STOPS_$*),0) -o $@ $(@:.png=.exr)

@@ -42,10 +42,12 @@ pub fn run(arguments: &[String]) -> Done {
     let directory = arguments.first();
     let directory = directory.ok_or("usage: calibration DIRECTORY")?;
     let cases = cases()?;
-    let [coverage, means] = coverage(cases.iter().chain([&room()?]))?;
+    let [coverage, means, histogram] =
+        coverage(cases.iter().chain([&room()?]))?;
     let tables = [
         ("coverage.tex", coverage),
         ("means.tex", means),
+        ("histogram.csv", histogram),
         ("replicates.tex", replicates(&cases)?),
         ("unseen.tex", unseen(&cases)?),
         ("slopes.tex", slopes(&cases)?),
@@ -193,8 +195,9 @@ const ROWS: [(Method, u64, u64); 6] = [
 
 fn coverage<'a>(
     cases: impl Iterator<Item = &'a Case>,
-) -> Result<[String; 2], fmt::Error> {
+) -> Result<[String; 3], fmt::Error> {
     let (mut rows, mut means) = (String::new(), Means::default());
+    let mut histogram = Histogram::default();
     for case in cases {
         write!(means.rows, "{}", case.name)?;
         for (method, n, seeds) in ROWS {
@@ -212,6 +215,9 @@ fn coverage<'a>(
                 _ => " & ".to_owned(),
             };
             writeln!(rows, r"{way} & {n} & {} \\", covered(&z))?;
+            if *name == "courtyard" {
+                histogram.columns.push((format!("{method}-{n}"), z));
+            }
             if n == 16 {
                 // Print the columns of the means
                 let summaries = images.iter().map(Film::summary);
@@ -233,7 +239,7 @@ fn coverage<'a>(
         means.add(z)?;
     }
     writeln!(means.rows, r" \\")?;
-    Ok([rows, means.rows])
+    Ok([rows, means.rows, histogram.csv()?])
 }
 
 /// By how many standard errors the pixels miss the truth, of those that
@@ -261,6 +267,31 @@ fn covered(z: &[f64]) -> String {
     };
     let (one, two, three) = (share(1.), share(1.96), share(3.));
     format!("{:.3} & {one:.1} & {two:.1} & {three:.2}", deviation(z))
+}
+
+/// Values of z, column by column, with their names.
+#[derive(Default)]
+struct Histogram {
+    columns: Vec<(String, Vec<f64>)>,
+}
+
+impl Histogram {
+    /// The density of each column in bins of half a unit.
+    fn csv(&self) -> Result<String, fmt::Error> {
+        let mut rows = "z".to_owned();
+        for (name, _) in &self.columns {
+            write!(rows, ",{name}")?;
+        }
+        for middle in (-9..=9).map(|halves| f64::from(halves) / 2.) {
+            write!(rows, "\n{middle}")?;
+            for (_, z) in &self.columns {
+                let is_near = |z: &&f64| (**z - middle).abs() < 0.25;
+                let near = z.iter().filter(is_near).count();
+                write!(rows, ",{}", near as f64 / (0.5 * z.len() as f64))?;
+            }
+        }
+        Ok(rows + "\n")
+    }
 }
 
 /// By how many standard errors the means of images miss the truth.
