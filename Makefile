@@ -47,7 +47,7 @@ TEX_NEEDS = memoir.cls lmodern.sty microtype.sty booktabs.sty pgfplots.sty \
 TEX_INSTALL = apt-get install --no-install-recommends texlive-latex-base \
   texlive-latex-recommended texlive-pictures lmodern latexmk
 
-.PHONY: help bin mpi test-mpi install uninstall demo test clippy pdf check prose boot chunk untangle watch \
+.PHONY: help bin mpi test-mpi install uninstall demo test clippy pdf html check prose boot chunk untangle watch \
   clean check-tex
 .DELETE_ON_ERROR:
 
@@ -55,6 +55,7 @@ help:
 	@echo 'make demo    build the program, render the courtyard, say where it is'
 	@echo 'make test    run all tests (needs Rust and make only)'
 	@echo 'make pdf     make the book, $(BUILD_DIR)/litpt.pdf (needs LaTeX)'
+	@echo 'make html    make the books for browsers, $(BUILD_DIR)/html (needs pandoc)'
 	@echo 'make bin     build the programs, $(BUILD_DIR)/pt and $(BUILD_DIR)/ptimg'
 	@echo 'make mpi     build build/pt-mpi for clusters (needs MPI); make test-mpi'
 	@echo 'make install put them, man pages and completions below PREFIX=/usr/local'
@@ -229,6 +230,23 @@ PLACES = s,^\(\./\)*$(BUILD_DIR)/tex/\([^ /:]*\)\.tex:\([0-9]*\):,chapters/\2.nw
 export PLACES
 
 pdf: check-tex $(BUILD_DIR)/litpt.pdf $(BUILD_DIR)/noweb.pdf
+
+# The books on the web, from what has been woven for the PDF.
+# $(call MAKE_SITE,MASTER,TEX_DIRECTORY,SITE)
+define MAKE_SITE
+@mkdir -p $(3) && cp doc/web.css $(3)
+@echo 'web.py $(3)'
+@TEXINPUTS="$(2):$(BUILD_DIR)/figures:$(BUILD_DIR)/tables:$(BUILD_DIR)/examples:$(BUILD_DIR):doc:doc/examples:doc/figures:" \
+  ENCFONTS=doc: python3 book/scripts/web.py $(1) $(2) $(3)
+endef
+
+html: pdf book/scripts/web.py doc/web.css
+	@command -v pandoc > /dev/null && command -v pdftocairo > /dev/null || { \
+	  echo 'error: make html needs pandoc and pdftocairo; install them by' >&2; \
+	  echo 'apt-get install pandoc poppler-utils' >&2; exit 1; }
+	$(call MAKE_SITE,litpt,$(BUILD_DIR)/tex,$(BUILD_DIR)/html)
+	$(call MAKE_SITE,noweb,$(BUILD_DIR)/tex-noweb,$(BUILD_DIR)/html/noweb)
+	@echo 'The books lie in $(BUILD_DIR)/html/index.html.'
 
 # ---- is everything as it should be?
 
