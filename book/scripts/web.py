@@ -548,8 +548,9 @@ def pandoc(s):
     s = done.stdout.replace('<math display="block"',
                             '<math tabindex="0" display="block"')
     s = re.sub(r'<th[^>]*></th>', '<td></td>', s)
-    return re.sub(r'<th([^>]*)>(?=<math.*?<annotation[^>]*>(.*?)</annotation>)',
-                  lambda m: f'<th{m[1]} aria-label="{m[2]}">', s)
+    # A head of a table that is a formula alone is no head to a screen reader.
+    return re.sub(r'<th([^>]*)>(<math(?:(?!</th>).)*</math>)</th>',
+                  r'<td\1>\2</td>', s)
 
 
 def page(title, sidebar, body):
