@@ -252,9 +252,10 @@ def chunk_html(m):
         if f := re.search(r'\\' + key + r'\{((?:\\\\\{[^{}]*\})*)\}', footer):
             said.append(f'{word} ' + ', '.join(map(anchor, items(f[1]))) + '.')
     for key, word in [('nwidentdefs', 'Defines'), ('nwidentuses', 'Uses')]:
-        names = re.findall(r'\\\\\{\{(\\nwixident.*?)\}\{([^{}]*)\}\}',
-                           dict(re.findall(r'\\(nwident\w+)\{(.*)\}', footer)
-                                ).get(key, ''))
+        at = footer.find('\\' + key + '{')
+        names = at >= 0 and re.findall(
+            r'\\\\\{\{(\\nwixident.*?)\}\{([^{}]*)\}\}',
+            group(footer, footer.index('{', at))[0])
         if names:
             said.append(word + ' ' + ', '.join(
                 f'<a class="id" href="{link(defined_in[k])}"><code>{plain(n)}'
