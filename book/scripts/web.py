@@ -153,8 +153,9 @@ def compute(places, formula):
 # ---- chunks
 
 def link(label):
-    page = page_of.get(label)
-    return f'{page}.html#{label}' if page else '#'
+    if label not in page_of:
+        warnings.append('no place ' + label)
+    return f'{page_of.get(label)}.html#{label}'
 
 
 def anchor(label):
@@ -195,7 +196,7 @@ def code_html(s):
                 out.append(f'<{tag}>{code_html(body)}</{tag}>')
             elif name in ('nwindexdefn', 'nwindexuse'):
                 _, i = group(s, i)
-                key, i = group(s, i)
+                _, i = group(s, i)
                 _, i = group(s, i)
             elif name in ('nwlinkedidentc', 'nwlinkedidentq'):
                 body, i = group(s, i)
@@ -312,8 +313,8 @@ def cite(note, keys):
 class Chapter:
     def __init__(self, name, number, drawings):
         self.name, self.number, self.drawings = name, number, drawings
-        self.kept, self.sections, self.counts = [], [], [0, 0]
-        self.headed = 0
+        self.kept, self.sections = [], []
+        self.count = self.headed = 0
 
     def keep(self, text):
         self.kept.append(text)
@@ -397,23 +398,13 @@ class Chapter:
             rf'\qquad\text{{{tags}}}' if tags else '') + '\\]'
 
     def headings(self, s):
-        def heading(m):
-            star, level = m[2], m[1].count('sub')
-            title, end = group(s, m.end())
-            if star or level > 1:
-                return '', end, title
-            self.counts[level] += 1
-            if not level:
-                self.counts[1] = 0
-            number = f'{self.number}.{self.counts[0]}'
-            if level:
-                number = ''
-            return number, end, title
         out, at = [], 0
         for m in re.finditer(r'\\((?:sub)*section)(\*?)(?=\{)', s):
-            if m.start() < at:
-                continue
-            number, end, title = heading(m)
+            title, end = group(s, m.end())
+            number = ''
+            if m[1] == 'section' and not m[2]:
+                self.count += 1
+                number = f'{self.number}.{self.count}'
             self.headed += 1
             key = f'section-{self.headed}'
             if m[1] == 'section':
