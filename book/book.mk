@@ -454,3 +454,19 @@ $(PICTURED:%=$(BUILD_DIR)/figures/scene-%.png): $(BUILD_DIR)/figures/scene-%.png
 	$(BUILD_DIR)/pt -r 0.8 $$(cat $(BENCH)/$*.view) -d 160x120 -n 64 -q -f \
 	  --integrator auto -i $(BENCH)/$*.obj -o $(@:.png=.exr)
 	$(BUILD_DIR)/ptimg tonemap -f -e $(or $(STOPS_$*),0) -o $@ $(@:.png=.exr)
+
+# ---- geometry: figures
+
+# Edges, vertices, boxes, cuts, tiles, a section and closed forms: half a
+# minute.
+GEOMETRY := $(addprefix $(BUILD_DIR)/figures/geometry-,$(addsuffix .png, \
+  edge-single edge-double edge-exact vertex-single vertex-ours court \
+  boxes-2 boxes-3 looks tiles-statue tiles-field section-counts \
+  section-inside form-0 form-1 form-2 form-3 form-4 form-5))
+GEOMETRY_TABLES := $(addprefix $(BUILT)/,geometry.tex geometry-boxes.tex \
+  geometry-forms.tex geometry-cuts-courtyard.csv geometry-cuts-statue.csv)
+FIGURES += $(GEOMETRY)
+TABLES += $(GEOMETRY_TABLES)
+
+$(GEOMETRY) $(GEOMETRY_TABLES) &: $(BOOK) | $(BUILD_DIR)/figures $(BUILT)
+	$(BOOK) geometry $(BUILD_DIR)/figures $(BUILT)
