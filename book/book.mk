@@ -22,8 +22,8 @@ TABLES := $(BUILD_DIR)/examples.stamp \
   calibration.stamp anatomy.stamp curve.csv counted.tex said.tex layers.tex \
   learnt.tex nets.stamp scrambles.tex padding.tex pixels.csv \
   qualities.tex leaks.tex origins.tex roulettes.tex stability.tex \
-  stability-full.tex robustness.tex ablation.tex layouts.tex \
-  abreast.tex traversal.tex bench.tex efficiency.tex worth.tex gains.tex generations.tex scaling.tex sizes.csv \
+  stability-full.tex ablation.tex layouts.tex \
+  abreast.tex traversal.tex bench.tex efficiency.tex worth.tex gains.tex scaling.tex sizes.csv \
   start.tex repeats.csv roofline.tex accumulators.tex accounting.tex alarms.tex \
   thresholds.tex triangulations.tex ring.tex mixtures.tex \
   mixtures-ball.csv)
