@@ -487,3 +487,29 @@ $(SHORTENED:%=$(BUILT)/%.tex): $(BUILT)/%.tex: $(MEASURED)/%.csv \
 	  !head++ || group substr($$0, index($$0, ",")) !~ out' $< | \
 	awk -v most=$(COLUMNS_$*) -v machine=$(@D)/$*-machine.tex \
 	  -f $(SCRIPTS)/table.awk > $@
+
+# ---- light by chance: figures
+
+# Directions, running means and the errors of two pixels; the courtyard by the
+# number of reflections; and the numbers of the text.
+FIGURES += $(foreach kind,term sum,$(foreach k,1 2 3 4, \
+  $(BUILD_DIR)/figures/bounces-$(kind)-$(k).png))
+TABLES += $(addprefix $(BUILT)/,chance.tex lobe.csv running.csv spread.csv \
+  covered.csv)
+
+$(addprefix $(BUILT)/,chance.tex lobe.csv running.csv spread.csv covered.csv) &: \
+  $(BOOK) | $(BUILT)
+	$(BOOK) chance $(@D) > $(BUILT)/chance.tex
+
+$(BUILT)/bounces.tex $(filter $(BUILD_DIR)/figures/bounces-%,$(FIGURES)) &: \
+  $(BOOK) | $(BUILT) $(BUILD_DIR)/figures
+	$(BOOK) bounces $(BUILD_DIR)/figures > $(BUILT)/bounces.tex
+TABLES += $(BUILT)/bounces.tex
+
+# The gains of padding for nets of 64 points, scene by scene.
+TABLES += $(BUILT)/padding-64.csv
+$(BUILT)/padding-64.csv: $(MEASURED)/padding.csv | $(BUILT)
+	awk -F , '/^[^#]/ && $$1 != "scene" { if ($$1 != "") scene++; \
+	    if ($$3 == 64) gains[scene] = gains[scene] "," $$5 } \
+	  END { print "scene,independent,pairs,nets,sobol"; \
+	    for (i = 1; i <= scene; i++) print i - 1 gains[i] }' $< > $@

@@ -70,6 +70,27 @@ pub trait Integrator: Sync {
     fn learn(&mut self, _: &Self::Sums, _samples: u64) {}
 }
 
+/// What there is to know of the end of a ray that has met something.
+pub trait RayQuery: Sized {
+    /// Asks an intersector about a ray that leaves the triangle `from`.
+    fn ask<K: Intersector>(
+        intersector: &K,
+        ray: &Ray,
+        from: Option<u32>,
+    ) -> Option<Self>;
+}
+
+impl RayQuery for Hit {
+    #[inline(always)]
+    fn ask<K: Intersector>(
+        intersector: &K,
+        ray: &Ray,
+        from: Option<u32>,
+    ) -> Option<Self> {
+        intersector.first_hit(ray, from)
+    }
+}
+
 /// Integers that are added up over paths, in any order.
 pub trait Sums: Default + Send {
     /// Adds those of other paths.
@@ -120,27 +141,6 @@ impl<E: Integrator> Integrator for &E {
         sampler: &mut impl Sampler,
     ) -> PathEvent {
         (**self).go_on(path, hit, sampler)
-    }
-}
-
-/// What there is to know of the end of a ray that has met something.
-pub trait RayQuery: Sized {
-    /// Asks an intersector about a ray that leaves the triangle `from`.
-    fn ask<K: Intersector>(
-        intersector: &K,
-        ray: &Ray,
-        from: Option<u32>,
-    ) -> Option<Self>;
-}
-
-impl RayQuery for Hit {
-    #[inline(always)]
-    fn ask<K: Intersector>(
-        intersector: &K,
-        ray: &Ray,
-        from: Option<u32>,
-    ) -> Option<Self> {
-        intersector.first_hit(ray, from)
     }
 }
 

@@ -14,7 +14,9 @@ mod accounting;
 mod accumulators;
 mod alarms;
 mod anatomy;
+mod bounces;
 mod calibration;
+mod chance;
 mod closed_forms;
 mod fuzz;
 mod geometry;
@@ -53,13 +55,15 @@ pub type Done = Result<(), Box<dyn Error>>;
 type Part = (&'static str, fn(&[String]) -> Done);
 
 /// All parts.
-pub const ALL: [Part; 30] = [
+pub const ALL: [Part; 32] = [
     ("ablation", ablation::run),
     ("accounting", accounting::run),
     ("accumulators", accumulators::run),
     ("alarms", alarms::run),
     ("anatomy", anatomy::run),
+    ("bounces", bounces::run),
     ("calibration", calibration::run),
+    ("chance", chance::run),
     ("closed_forms", closed_forms::run),
     ("courtyard", courtyard),
     ("fuzz", fuzz::run),

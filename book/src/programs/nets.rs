@@ -115,35 +115,52 @@ pub fn integrands() -> [Integrand; 4] {
     ]
 }
 
-/// The root mean square errors of means over scrambled nets, in units of
-/// the standard deviation of one value.
+/// The root mean square errors of means over scrambled nets and over random
+/// points, in units of the standard deviation of one value.
 fn errors() -> Result<String, std::fmt::Error> {
     let all = integrands();
     let mut out = String::from("points,plain");
     for integrand in &all {
         write!(out, ",{}", integrand.name)?;
     }
-    writeln!(out)?;
+    writeln!(out, ",random disc,random pair")?;
     for log in 0..=12 {
         let n = 1u32 << log;
         let net = ScrambledNet::new(u64::from(n));
         write!(out, "{n},{:.4e}", f64::from(n).sqrt().recip())?;
-        let mut squares = [0.; 4];
-        for scramble in 0..SCRAMBLES {
+        let scrambled = mean_squares(&all, n, |scramble, i| {
             let key = scramble_key(1, 0, scramble);
-            let point = |i| four(net.pair(key, i, 0), net.pair(key, i, 1));
-            for (sum, found) in
-                squares.iter_mut().zip(errors_of(&all, n, point))
-            {
-                *sum += found * found / SCRAMBLES as f64;
-            }
-        }
-        for (square, integrand) in squares.iter().zip(&all) {
+            four(net.pair(key, i, 0), net.pair(key, i, 1))
+        });
+        let random = mean_squares(&all, n, |scramble, i| {
+            let mut random = generator(1, scramble, u64::from(i));
+            random.random()
+        });
+        let columns = scrambled.iter().zip(&all);
+        let shown = [(&random[0], &all[0]), (&random[2], &all[2])];
+        for (square, integrand) in columns.chain(shown) {
             write!(out, ",{:.4e}", square.sqrt() / integrand.deviation)?;
         }
         writeln!(out)?;
     }
     Ok(out)
+}
+
+/// The mean square errors of means over `n` points, by the number of a set
+/// of points and of a point.
+fn mean_squares(
+    integrands: &[Integrand; 4],
+    n: u32,
+    point: impl Fn(u64, u32) -> [f64; 4],
+) -> [f64; 4] {
+    let mut squares = [0.; 4];
+    for set in 0..SCRAMBLES {
+        let errors = errors_of(integrands, n, |i| point(set, i));
+        for (sum, error) in squares.iter_mut().zip(errors) {
+            *sum += error * error / SCRAMBLES as f64;
+        }
+    }
+    squares
 }
 
 /// The four coordinates of two pairs.
