@@ -158,7 +158,9 @@ impl Pixel {
         let mut counts = [[0.; BINS]; 2];
         for (counts, n) in counts.iter_mut().zip(COUNTED) {
             for (mean, _) in self.means(n) {
-                let bin = ((mean - start) / width) as usize;
+                let bin = ((mean - start) / width).floor();
+                // A cast would put what is below the first bin into it.
+                let bin = if bin < 0. { BINS } else { bin as usize };
                 if let Some(count) = counts.get_mut(bin) {
                     *count += n as f64 / PATHS as f64 / width;
                 }
@@ -166,10 +168,11 @@ impl Pixel {
         }
         let mut out =
             String::from("edge,mean,few,many,normal few,normal many\n");
-        for i in 0..BINS {
+        let [few, many] = counts;
+        for (i, (few, many)) in few.iter().zip(many).enumerate() {
             let x = start + width * (i as f64 + 0.5);
             write!(out, "{:.4},{x:.4}", x - 0.5 * width)?;
-            write!(out, ",{:.4},{:.4}", counts[0][i], counts[1][i])?;
+            write!(out, ",{few:.4},{many:.4}")?;
             for n in COUNTED {
                 let error = self.deviation / (n as f64).sqrt();
                 let z = (x - self.mean) / error;
