@@ -487,3 +487,18 @@ $(SHORTENED:%=$(BUILT)/%.tex): $(BUILT)/%.tex: $(MEASURED)/%.csv \
 	  !head++ || group substr($$0, index($$0, ",")) !~ out' $< | \
 	awk -v most=$(COLUMNS_$*) -v machine=$(@D)/$*-machine.tex \
 	  -f $(SCRIPTS)/table.awk > $@
+
+# The first screen of a report, set from its parts.
+PAGE := $(BUILD_DIR)/figures/report-image.png $(BUILD_DIR)/figures/report-error.png
+PAGE_TABLES := $(addprefix $(BUILT)/report-,curve.tex captions.tex facts.tex head.tex)
+FIGURES += $(PAGE)
+TABLES += $(PAGE_TABLES)
+$(PAGE) $(PAGE_TABLES) &: $(BUILD_DIR)/pt $(BUILD_DIR)/courtyard.obj \
+  $(BUILT)/curve.csv $(SCRIPTS)/page.py
+	$(BUILD_DIR)/pt $(CAMERA) -d 96x72 -n 125 -r 0.8 -q -f \
+	  --integrator reference -i $(BUILD_DIR)/courtyard.obj \
+	  -o $(BUILD_DIR)/figures/report.exr \
+	  --reference $(BUILD_DIR)/figures/truth.exr \
+	  --report $(BUILD_DIR)/figures/report.html
+	python3 $(SCRIPTS)/page.py $(BUILD_DIR)/figures/report.html \
+	  $(BUILD_DIR)/figures $(BUILT)
