@@ -112,7 +112,8 @@ def chunk_label(label):
 
 
 def read_measured():
-    for name in ['measured.tex', 'said.tex', 'counted.tex', 'learnt.tex']:
+    for name in ['measured.tex', 'said.tex', 'counted.tex', 'learnt.tex',
+                 'geometry.tex']:
         for m in re.finditer(
                 r'\\nwmeasured\{(.*?)\}\{(.*?)\}\{(.*?)\}\{(.*?)\}%',
                 find(name) or ''):
