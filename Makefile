@@ -138,7 +138,7 @@ test-mpi: $(NOWEB)
 # The program of the book's own crate, which is not installed.
 BOOK := $(BUILD_DIR)/litpt-book
 $(BOOK).$(BUILD_TYPE): $(SOURCES) book/Cargo.toml \
-  $(wildcard book/src/*.rs book/src/programs/*.rs)
+  $(wildcard book/src/*.rs book/src/programs/*.rs book/src/programs/*/*.rs)
 	$(call BUILD,-p litpt-book,litpt-book,$(BOOK))
 
 $(BOOK): $(BOOK).$(BUILD_TYPE)

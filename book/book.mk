@@ -513,3 +513,18 @@ $(BUILT)/padding-64.csv: $(MEASURED)/padding.csv | $(BUILT)
 	    if ($$3 == 64) gains[scene] = gains[scene] "," $$5 } \
 	  END { print "scene,independent,pairs,nets,sobol"; \
 	    for (i = 1; i <= scene; i++) print i - 1 gains[i] }' $< > $@
+
+# The first screen of a report, set from its parts.
+PAGE := $(BUILD_DIR)/figures/report-image.png $(BUILD_DIR)/figures/report-error.png
+PAGE_TABLES := $(addprefix $(BUILT)/report-,curve.tex captions.tex facts.tex head.tex)
+FIGURES += $(PAGE)
+TABLES += $(PAGE_TABLES)
+$(PAGE) $(PAGE_TABLES) &: $(BUILD_DIR)/pt $(BUILD_DIR)/courtyard.obj \
+  $(BUILT)/curve.csv $(SCRIPTS)/page.py
+	$(BUILD_DIR)/pt $(CAMERA) -d 96x72 -n 125 -r 0.8 -q -f \
+	  --integrator reference -i $(BUILD_DIR)/courtyard.obj \
+	  -o $(BUILD_DIR)/figures/report.exr \
+	  --reference $(BUILD_DIR)/figures/truth.exr \
+	  --report $(BUILD_DIR)/figures/report.html
+	python3 $(SCRIPTS)/page.py $(BUILD_DIR)/figures/report.html \
+	  $(BUILD_DIR)/figures $(BUILT)

@@ -113,7 +113,7 @@ def chunk_label(label):
 
 def read_measured():
     for name in ['measured.tex', 'said.tex', 'counted.tex', 'learnt.tex',
-                 'chance.tex', 'bounces.tex']:
+                 'geometry.tex', 'chance.tex', 'bounces.tex']:
         for m in re.finditer(
                 r'\\nwmeasured\{(.*?)\}\{(.*?)\}\{(.*?)\}\{(.*?)\}%',
                 find(name) or ''):

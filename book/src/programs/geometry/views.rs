@@ -114,7 +114,7 @@ fn section(out: &mut Out) -> Done {
     let all = || (0..WIDTH * height).map(at);
     let most = all().map(|p| p.0).fold(0., f64::max);
     out.number("section", "most", most)?;
-    let counts = all().map(|p| grey(1. - 0.9 * (p.0 / 24.).min(1.)));
+    let counts = all().map(|p| grey(1. - 0.9 * (p.0 / most)));
     out.picture("section-counts", WIDTH, counts.collect())?;
     let inside = all().map(|p| if p.1 { grey(0.25) } else { grey(0.97) });
     out.picture("section-inside", WIDTH, inside.collect())
