@@ -54,7 +54,7 @@ TEX_INSTALL = apt-get install --no-install-recommends texlive-latex-base \
 help:
 	@echo 'make demo    build the program, render the courtyard, say where it is'
 	@echo 'make test    run all tests (needs Rust and make only)'
-	@echo 'make pdf     make the book, $(BUILD_DIR)/litpt.pdf (needs LaTeX)'
+	@echo 'make pdf     make the books, $(BUILD_DIR)/*.pdf (needs LaTeX)'
 	@echo 'make html    make the books for browsers, $(BUILD_DIR)/html (needs pandoc)'
 	@echo 'make bin     build the programs, $(BUILD_DIR)/pt and $(BUILD_DIR)/ptimg'
 	@echo 'make mpi     build build/pt-mpi for clusters (needs MPI); make test-mpi'
@@ -200,28 +200,32 @@ check-tex:
 	  echo 'error: the book needs LaTeX, and some of it is missing; install it by' >&2; \
 	  echo '$(TEX_INSTALL)' >&2; exit 1; }
 
-# A book: its chapters are woven, and LaTeX is run as often as it needs.
-# $(call MAKE_BOOK,MASTER,WEB,DIRECTORY)
+# A book: its chapters are woven, and LaTeX is run as often as it needs. The
+# volumes of a book refer to each other's pages: each is set twice, which costs
+# nothing if it has not changed.
+# $(call MAKE_BOOK,MASTER,WEB,DIRECTORY,VOLUMES)
 define MAKE_BOOK
 @mkdir -p $(3)
 $(NOWEB) noweave $(NOWEAVE_OPTS) -backend '$(NOWEB) split_scope -o $(3)' $(2)
 @echo 'latexmk $(3)/$(1).tex'
-@TEX_DIR=$(3) latexmk -silent -r doc/latexmkrc $(3)/$(1).tex \
+@for volume in $(4) $(4); do \
+  TEX_DIR=$(3) latexmk -silent -r doc/latexmkrc -jobname=$$volume $(3)/$(1).tex \
   > $(3)/latexmk.log 2>&1 || { \
-  grep -A 4 -E '^[^ ]+:[0-9]+: |^!' $(3)/$(1).log | \
-  sed "$$PLACES" | grep . || tail $(3)/latexmk.log; exit 1; }
-@cp $(3)/$(1).pdf $@
-@awk -v web='$(2)' -f book/scripts/warnings.awk $(3)/$(1).log
-@echo 'The book lies in $@.'
+  grep -A 4 -E '^[^ ]+:[0-9]+: |^!' $(3)/$$volume.log | \
+  sed "$$PLACES" | grep . || tail $(3)/latexmk.log; exit 1; }; done
+@cat $(4:%=$(3)/%.log) | awk -v web='$(2)' -f book/scripts/warnings.awk
+@cp $(4:%=$(3)/%.pdf) $(BUILD_DIR)
+@echo 'The book lies in $(4:%=$(BUILD_DIR)/%.pdf).'
 endef
 BOOK_NEEDS = $(NOWEB) config.mk \
   $(addprefix doc/,litpt.sty litpt.bib litpt-mono.enc latexmkrc)
 
-$(BUILD_DIR)/litpt.pdf: $(WEB) $(BOOK_NEEDS) $(FIGURES) $(TABLES)
-	$(call MAKE_BOOK,litpt,$(WEB),$(BUILD_DIR)/tex)
+VOLUMES = litpt litpt-program
+$(VOLUMES:%=$(BUILD_DIR)/%.pdf) &: $(WEB) $(BOOK_NEEDS) $(FIGURES) $(TABLES)
+	$(call MAKE_BOOK,litpt,$(WEB),$(BUILD_DIR)/tex,$(VOLUMES))
 
 $(BUILD_DIR)/noweb.pdf: $(TOOL_WEB) $(BOOK_NEEDS) $(TOOL_TABLES)
-	$(call MAKE_BOOK,noweb,$(TOOL_WEB),$(BUILD_DIR)/tex-noweb)
+	$(call MAKE_BOOK,noweb,$(TOOL_WEB),$(BUILD_DIR)/tex-noweb,noweb)
 
 # Line n of build/tex/NAME.tex is line n of chapters/NAME.nw.
 PLACES = s,^\(\./\)*$(BUILD_DIR)/tex/\([^ /:]*\)\.tex:\([0-9]*\):,chapters/\2.nw:\3:,; \
@@ -229,7 +233,7 @@ PLACES = s,^\(\./\)*$(BUILD_DIR)/tex/\([^ /:]*\)\.tex:\([0-9]*\):,chapters/\2.nw
   s,^chapters/litpt\.nw:,litpt.nw:,; s,^noweb/chapters/noweb\.nw:,noweb/noweb.nw:,
 export PLACES
 
-pdf: check-tex $(BUILD_DIR)/litpt.pdf $(BUILD_DIR)/noweb.pdf
+pdf: check-tex $(VOLUMES:%=$(BUILD_DIR)/%.pdf) $(BUILD_DIR)/noweb.pdf
 
 # The books on the web, from what has been woven for the PDF.
 # $(call MAKE_SITE,MASTER,TEX_DIRECTORY,SITE)
@@ -257,18 +261,19 @@ CLIPPY = $(CARGO) clippy --workspace --all-targets -- -D warnings
 clippy: $(NOWEB)
 	$(MAP) $(CLIPPY)
 
-# What is to be checked of a book: its PDF if it is there, else its floats.
-# $(call CHECK_BOOK,MASTER,WEB,CHAPTERS)
+# What is to be checked of a book: its PDFs if they are there, else its floats.
+# $(call CHECK_BOOK,VOLUMES,WEB,CHAPTERS)
 define CHECK_BOOK
 @if ! command -v python3 > /dev/null; then \
-  echo 'the book $(1) is not checked, for lack of python3'; \
-elif ! test -e $(BUILD_DIR)/$(1).pdf; then \
+  echo 'the book $(firstword $(1)) is not checked, for lack of python3'; \
+elif ! test -e $(BUILD_DIR)/$(lastword $(1)).pdf; then \
   python3 book/scripts/check-floats.py $(2); \
 else \
   python3 book/scripts/check-floats.py --build $(BUILD_DIR) $(2) && \
-  python3 book/scripts/check-archive.py $(BUILD_DIR)/$(1).pdf && \
+  for volume in $(1); do \
+    python3 book/scripts/check-archive.py $(BUILD_DIR)/$$volume.pdf || exit 1; done && \
   { ! command -v pdftotext > /dev/null || \
-    python3 book/scripts/check-pdf.py $(BUILD_DIR)/$(1).pdf $(3); }; fi
+    python3 book/scripts/check-pdf.py $(1:%=$(BUILD_DIR)/%.pdf) $(3); }; fi
 endef
 
 check: $(NOWEB)
@@ -284,7 +289,7 @@ check: $(NOWEB)
 	else echo 'make prose is not tested, for lack of hunspell'; fi
 	@if command -v vim > /dev/null; then sh noweb/vim/test.sh; \
 	else echo 'vim is not tested, for lack of it'; fi
-	$(call CHECK_BOOK,litpt,$(WEB),$(CHAPTERS))
+	$(call CHECK_BOOK,$(VOLUMES),$(WEB),$(CHAPTERS))
 	$(call CHECK_BOOK,noweb,$(TOOL_WEB),$(TOOL_CHAPTERS))
 
 # Spelling, slips and sizes of chunks, over all chapters.

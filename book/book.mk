@@ -25,8 +25,8 @@ TABLES := $(BUILD_DIR)/examples.stamp \
   calibration.stamp anatomy.stamp curve.csv counted.tex said.tex layers.tex \
   nets.stamp scrambles.tex padding.tex pixels.csv \
   qualities.tex leaks.tex origins.tex roulettes.tex stability.tex \
-  stability-full.tex robustness.tex ablation.tex shortcuts.tex layouts.tex habits.tex \
-  abreast.tex traversal.tex bench.tex efficiency.tex worth.tex gains.tex generations.tex scaling.tex sizes.csv shapes.tex \
+  stability-full.tex ablation.tex layouts.tex \
+  abreast.tex traversal.tex bench.tex efficiency.tex worth.tex gains.tex scaling.tex sizes.csv \
   start.tex repeats.csv roofline.tex accumulators.tex accounting.tex alarms.tex \
   thresholds.tex triangulations.tex ring.tex mixtures.tex \
   mixtures-ball.csv)
@@ -471,6 +471,39 @@ $(PICTURED:%=$(BUILD_DIR)/figures/scene-%.png): $(BUILD_DIR)/figures/scene-%.png
 	$(BUILD_DIR)/pt -r 0.8 $$(cat $(BENCH)/$*.view) -d 160x120 -n 64 -q -f \
 	  --integrator auto -i $(BENCH)/$*.obj -o $(@:.png=.exr)
 	$(BUILD_DIR)/ptimg tonemap -f -e $(or $(STOPS_$*),0) -o $@ $(@:.png=.exr)
+
+# ---- geometry: figures
+
+# Edges, vertices, boxes, cuts, tiles, a section and closed forms: half a
+# minute.
+GEOMETRY := $(addprefix $(BUILD_DIR)/figures/geometry-,$(addsuffix .png, \
+  edge-single edge-double edge-exact vertex-single vertex-ours court \
+  boxes-2 boxes-3 looks tiles-statue tiles-field section-counts \
+  section-inside form-0 form-1 form-2 form-3 form-4 form-5))
+GEOMETRY_TABLES := $(addprefix $(BUILT)/,geometry.tex geometry-boxes.tex \
+  geometry-forms.tex geometry-cuts-courtyard.csv geometry-cuts-statue.csv)
+FIGURES += $(GEOMETRY)
+TABLES += $(GEOMETRY_TABLES)
+
+$(GEOMETRY) $(GEOMETRY_TABLES) &: $(BOOK) | $(BUILD_DIR)/figures $(BUILT)
+	$(BOOK) geometry $(BUILD_DIR)/figures $(BUILT)
+
+# Rows of recorded tables that the book does not print: those whose fields,
+# with the name of the group in front, match.
+LEFT_OUT_layouts = ^(bytes as the|leaves of up to three|prefetch|the same)
+LEFT_OUT_stability = ^(icosphere [1-5]|all.*10.[36]|cavity.*scaled.*200|plane.*(e-30|e30),)
+LEFT_OUT_stability-full = ^icosphere [1-5]
+LEFT_OUT_mixtures = ^(ball,(100|1e4|1e8|1e10|1e11)|aside,(1e3|1e7|1e10)|(rim|sunk|cube),1e5|hair,1e4),
+LEFT_OUT_traversal = ,(litpt|Embree|Embree robust),1,
+LEFT_OUT_triangulations = ^(collinear|bridge|slanted|on a line),
+SHORTENED = layouts stability stability-full mixtures traversal triangulations
+$(SHORTENED:%=$(BUILT)/%.tex): $(BUILT)/%.tex: $(MEASURED)/%.csv \
+  $(SCRIPTS)/table.awk | $(BUILT)
+	awk -F , -v out='$(LEFT_OUT_$*)' '/^#/ { print; next } \
+	  $$1 != "" { group = $$1 } \
+	  !head++ || group substr($$0, index($$0, ",")) !~ out' $< | \
+	awk -v most=$(COLUMNS_$*) -v machine=$(@D)/$*-machine.tex \
+	  -f $(SCRIPTS)/table.awk > $@
 
 # ---- the gather: figures
 

@@ -8,14 +8,15 @@ rules of ISO 19005-2, level U, that LaTeX could break: the identifier of the
 file; the description in XMP, and that it agrees with the dictionary of
 information; the output intent and its colour profile; no colours that it does
 not cover; fonts inside the file, with what their codes mean in Unicode; links
-that are printed, and that lead to a place or an address; no programs, no
-encryption, nothing outside. This is less than a complete validator does.
+that are printed, and that lead to a place, an address, or a place in another
+volume that lies beside the file; no programs, no encryption, nothing outside. This is less than a complete validator does.
 
 Copyright (C) 2026 litpt contributors
 Copying and distribution of this file, with or without modification, are
 permitted in any medium without royalty provided the copyright notice and this
 notice are preserved. This file is offered as-is, without any warranty.
 """
+import os
 import re
 import sys
 import zlib
@@ -211,15 +212,29 @@ def codes_with_meaning(text):
     return codes
 
 
-def check_links(book, fault):
-    links = book.of_type(rb'Annot')
+def read(path):
+    with open(path, 'rb') as file:
+        return Book(file.read())
+
+
+def check_links(book, folder, fault):
+    links, volumes = book.of_type(rb'Annot'), {}
     for number, link in links.items():
         flags = re.search(rb'/F\s+(\d+)', link)
         if not flags or int(flags.group(1)) & 0b100111 != 4:
             fault(f'the annotation {number} is not printed')
         if not re.search(rb'/Subtype\s*/Link\b', link):
             fault(f'the annotation {number} is no link')
-        if not re.search(rb'/(S\s*/(GoTo|URI)\b|Dest)', link):
+        if far := re.search(rb'/F\((.*?)\)/S/GoToR/D(\(.*?\))>>', link, re.S):
+            name, place = far.groups()
+            if name not in volumes:
+                other = read(os.path.join(folder, name.decode()))
+                volumes[name] = {place for text in other.objects.values()
+                                 if b'/Limits' in text for place in
+                                 re.findall(rb'\((?:\\.|[^\\()])*\)', text)}
+            if place not in volumes[name]:
+                fault(f'the link {number} leads to no {place} of {name}')
+        elif not re.search(rb'/(S\s*/(GoTo|URI)\b|Dest)', link):
             fault(f'the link {number} leads nowhere')
     return len(links)
 
@@ -235,13 +250,12 @@ def check_colours(book, fault):
 def main(arguments):
     if len(arguments) != 1:
         sys.exit(__doc__)
-    with open(arguments[0], 'rb') as file:
-        book = Book(file.read())
+    book = read(arguments[0])
     faults = []
     check_file(book, faults.append)
     check_metadata(book, faults.append)
     fonts = check_fonts(book, faults.append)
-    links = check_links(book, faults.append)
+    links = check_links(book, os.path.dirname(arguments[0]), faults.append)
     check_colours(book, faults.append)
     for fault in faults[:20]:
         print(f'error: {arguments[0]}: {fault}')

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
 """Does the book print the code that is compiled?
 
-usage: check-pdf.py BOOK.pdf CHAPTER.nw... [--compile ROOT]
+usage: check-pdf.py VOLUME.pdf... CHAPTER.nw... [--compile ROOT]
 
-Extracts the text of the book with pdftotext and looks for every line of every
-chunk of the chapters, in order, below the head of its chunk; white space is
+Extracts the text of the volumes with pdftotext and looks for every line of
+every chunk of the chapters, in order, below the head of its chunk; white space is
 left out of the comparison, and so are the head and the foot of a page. With
 --compile, puts the root chunk ROOT together from the text of the PDF alone and
 compiles it as a library with rustc. Fails when a line is missing or differs.
@@ -65,16 +65,17 @@ def without_labels(row):
     return squeeze(USE.sub(lambda m: f'⟨{plain(m.group(1))}⟩', row))
 
 
-def book_lines(pdf):
+def book_lines(volumes):
     """The lines of the book without heads and feet; where pages begin."""
-    text = subprocess.run(['pdftotext', '-layout', pdf, '-'], check=True,
-                          stdout=subprocess.PIPE).stdout.decode()
+    text = ''.join(subprocess.run(['pdftotext', '-layout', pdf, '-'], check=True,
+                                  stdout=subprocess.PIPE).stdout.decode()
+                   for pdf in volumes)
     lines, starts = [], set()
-    for number, page in enumerate(text.split('\f'), 1):
+    for page in text.split('\f'):
         rows = [row for row in page.split('\n') if row.strip()]
-        if rows and re.search(rf'\S\s{{3,}}{number}$', rows[0]):
+        if rows and re.search(r'\S\s{3,}(\d+|[ivx]+)$', rows[0]):
             del rows[0]
-        elif rows and re.fullmatch(rf'\s*{number}', rows[-1]):
+        elif rows and re.fullmatch(r'\s*\d+', rows[-1]):
             del rows[-1]
         starts.add(len(lines))
         lines += rows
@@ -167,7 +168,8 @@ def main(arguments):
         del arguments[at:at + 2]
     if len(arguments) < 2:
         sys.exit(__doc__)
-    codes, count, faults = compare(*book_lines(arguments[0]), arguments[1:])
+    volumes = [name for name in arguments if name.endswith('.pdf')]
+    codes, count, faults = compare(*book_lines(volumes), arguments[len(volumes):])
     print(f'{count} lines of code of {len(codes)} chunks in the book as in the '
           f'chapters, {len(faults)} chunks differ')
     for fault in faults[:20]:

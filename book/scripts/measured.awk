@@ -15,6 +15,7 @@ BEGIN {
   rows["ablation"] = "scene shortcut"
   rows["bench"] = "scene threads"
   rows["efficiency"] = "scene albedo peer_samples"
+  rows["gains"] = "scene albedo samples"
   rows["mixtures"] = "mixture number"
   rows["leaks"] = "surface rays number"
   rows["loading"] = "text reader threads"

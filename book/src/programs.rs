@@ -17,6 +17,7 @@ mod anatomy;
 mod calibration;
 mod closed_forms;
 mod fuzz;
+mod geometry;
 mod leaks;
 mod learnt;
 mod loading;
@@ -52,7 +53,7 @@ pub type Done = Result<(), Box<dyn Error>>;
 type Part = (&'static str, fn(&[String]) -> Done);
 
 /// All parts.
-pub const ALL: [Part; 29] = [
+pub const ALL: [Part; 30] = [
     ("ablation", ablation::run),
     ("accounting", accounting::run),
     ("accumulators", accumulators::run),
@@ -62,6 +63,7 @@ pub const ALL: [Part; 29] = [
     ("closed_forms", closed_forms::run),
     ("courtyard", courtyard),
     ("fuzz", fuzz::run),
+    ("geometry", geometry::run),
     ("leaks", leaks::run),
     ("learnt", learnt::run),
     ("loading", loading::run),

@@ -215,9 +215,8 @@ fn coverage<'a>(
                 _ => " & ".to_owned(),
             };
             writeln!(rows, r"{way} & {n} & {} \\", covered(&z))?;
-            if *name == "courtyard" {
-                histogram.columns.push((format!("{method}-{n}"), z));
-            }
+            let scene = name.replace(' ', "-");
+            histogram.columns.push((format!("{scene}-{method}-{n}"), z));
             if n == 16 {
                 // Print the columns of the means
                 let summaries = images.iter().map(Film::summary);

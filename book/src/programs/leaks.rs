@@ -61,7 +61,7 @@ pub fn run(arguments: &[String]) -> Done {
 type Test = fn(&Ray, &[Vec3; 3]) -> Option<f64>;
 
 /// The corners in single precision.
-fn single(corners: [DVec3; 3]) -> [Vec3; 3] {
+pub fn single(corners: [DVec3; 3]) -> [Vec3; 3] {
     corners.map(|corner| corner.as_vec3())
 }
 
@@ -199,7 +199,7 @@ fn escapes(
 }
 
 /// Möller and Trumbore (1997), in single precision.
-fn moller_trumbore(ray: &Ray, &[a, b, c]: &[Vec3; 3]) -> Option<f64> {
+pub fn moller_trumbore(ray: &Ray, &[a, b, c]: &[Vec3; 3]) -> Option<f64> {
     let (o, d) = (ray.origin.as_vec3(), ray.direction.as_vec3());
     let (e1, e2) = (b - a, c - a);
     let p = d.cross(e2);

@@ -204,7 +204,7 @@ const FACE: [[f64; 4]; 6] = [
     [0., 1.94, 0.03, 0.03],
 ];
 
-fn statue(count: u64) -> Mesh {
+pub fn statue(count: u64) -> Mesh {
     let mut mesh = Mesh::default();
     sphere(&mut mesh, subdivisions(count as f64), 1, carve);
     mesh
@@ -261,10 +261,14 @@ const RADII: [f64; 2] = [0.12, 2.2];
 /// How much denser than the ground a boulder is tessellated.
 const DETAIL: f64 = 3.;
 
-/// The camera looks along x from a place in the middle.
+/// Where the camera is in the field, in the middle, and what it looks at.
+pub fn field_eye() -> [[f64; 3]; 2] {
+    [(0., 1.2), (6., 0.2)].map(|(x, above)| [x, ground(x, 0.) + above, 0.])
+}
+
 fn field_view() -> String {
-    let [eye, target] = [(0., 1.2), (6., 0.2)]
-        .map(|(x, above)| format!("{x},{:.6},0", ground(x, 0.) + above));
+    let [eye, target] =
+        field_eye().map(|[x, y, z]| format!("{x},{y:.6},{z}"));
     format!("-p {eye} -t {target} -u 0,1,0 -F 60")
 }
 
@@ -311,7 +315,7 @@ impl Boulder {
     }
 }
 
-fn field(count: u64) -> Mesh {
+pub fn field(count: u64) -> Mesh {
     let mut boulders: Vec<_> =
         (0..BOULDERS).filter_map(Boulder::new).collect();
     boulders.sort_by(|a, b| b.radius.total_cmp(&a.radius));
