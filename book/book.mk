@@ -11,8 +11,11 @@ BUILT := $(BUILD_DIR)/tables
 RECORD := sh $(SCRIPTS)/record
 
 # The figures and tables that the books read.
-LEARNT := $(addprefix $(BUILD_DIR)/figures/learnt-,cache.png light.png \
-  guide.png gather.png paths.png counts.png)
+LEARNT := $(addprefix $(BUILD_DIR)/figures/learnt-,$(addsuffix .png, \
+  cache truth wrong claimed light guide cosine guided gather paths counts \
+  even uneven))
+LEARNT_TABLES := $(addprefix $(BUILT)/,learnt.tex learnt-scatter.csv \
+  learnt-variances.csv learnt-course.csv learnt-rays.csv)
 FIGURES := $(BUILD_DIR)/figures/courtyard.png $(LEARNT)
 # The tool's book needs no program but the tool.
 TOOL_TABLES := $(addprefix $(BUILT)/,measured.tex editor.tex translation.tex)
@@ -20,7 +23,7 @@ TABLES := $(BUILD_DIR)/examples.stamp \
   $(addprefix $(BUILD_DIR)/examples/session-,get.txt use.txt) $(addprefix $(BUILT)/,measured.tex \
   numbers.stamp turnaround.tex closed-forms.tex \
   calibration.stamp anatomy.stamp curve.csv counted.tex said.tex layers.tex \
-  learnt.tex nets.stamp scrambles.tex padding.tex pixels.csv \
+  nets.stamp scrambles.tex padding.tex pixels.csv \
   qualities.tex leaks.tex origins.tex roulettes.tex stability.tex \
   stability-full.tex ablation.tex layouts.tex \
   abreast.tex traversal.tex bench.tex efficiency.tex worth.tex gains.tex scaling.tex sizes.csv \
@@ -50,7 +53,7 @@ $(addprefix $(BUILT)/,anatomy.stamp calibration.stamp nets.stamp): \
 	$(BOOK) $* $(@D)
 	@touch $@
 
-$(LEARNT) $(BUILT)/learnt.tex &: $(BOOK) | $(BUILD_DIR)/figures $(BUILT)
+$(LEARNT) $(LEARNT_TABLES) &: $(BOOK) | $(BUILD_DIR)/figures $(BUILT)
 	$(BOOK) learnt $(BUILD_DIR)/figures $(BUILT)
 
 # The curve of one run with its true error. The first step has no error yet,
@@ -415,9 +418,11 @@ mixtures-before: $(call AND_VIEWS,$(BALLS:%=$(BENCH)/ball-%))
 # The courtyard by two methods, with few and many samples. The white of all
 # images of errors is the error WHITE.
 SAMPLED = $(foreach method,reference gather,$(addprefix $(method)-,1 16 256))
-ERRORS = $(filter-out %-1,$(SAMPLED))
+RECORDED = reference-4096 gather-4096
+SHOWN = $(SAMPLED) $(RECORDED)
+ERRORS = $(filter-out %-1,$(SHOWN))
 WHITE = 0.3
-FIGURES += $(SAMPLED:%=$(BUILD_DIR)/figures/samples-%.png) \
+FIGURES += $(SHOWN:%=$(BUILD_DIR)/figures/samples-%.png) \
   $(ERRORS:%=$(BUILD_DIR)/figures/errors-%.png)
 TABLES += $(ERRORS:%=$(BUILT)/rmse-%.tex)
 
@@ -427,7 +432,19 @@ $(SAMPLED:%=$(BUILD_DIR)/figures/samples-%.exr): \
 	$(BUILD_DIR)/pt $(CAMERA) -d 128x96 -r 0.8 -q -f \
 	  --integrator $(subst -, -n ,$*) -i $(BUILD_DIR)/courtyard.obj -o $@
 
-$(SAMPLED:%=$(BUILD_DIR)/figures/samples-%.png): %.png: %.exr $(BUILD_DIR)/ptimg
+# Those of most samples take minutes, and are recorded.
+$(RECORDED:%=$(BUILD_DIR)/figures/samples-%.exr): \
+  $(BUILD_DIR)/figures/%: doc/figures/% | $(BUILD_DIR)/figures
+	cp $< $@
+
+.PHONY: samples
+samples: $(BUILD_DIR)/pt $(BUILD_DIR)/courtyard.obj
+	for method in reference gather; do \
+	  $(BUILD_DIR)/pt $(CAMERA) -d 128x96 -r 0.8 -q -f --integrator $$method \
+	    -n 4096 -i $(BUILD_DIR)/courtyard.obj \
+	    -o doc/figures/samples-$$method-4096.exr || exit 1; done
+
+$(SHOWN:%=$(BUILD_DIR)/figures/samples-%.png): %.png: %.exr $(BUILD_DIR)/ptimg
 	$(BUILD_DIR)/ptimg tonemap -f -o $@ $<
 
 # ptimg says what error its own white is. It warns of the grey that it reads.
@@ -439,7 +456,7 @@ $(ERRORS:%=$(BUILD_DIR)/figures/errors-%.png): $(BUILD_DIR)/figures/errors-%.png
 
 $(ERRORS:%=$(BUILT)/rmse-%.tex): $(BUILT)/rmse-%.tex: \
   $(BUILD_DIR)/figures/samples-%.exr $(BUILD_DIR)/ptimg | $(BUILT)
-	$(BUILD_DIR)/ptimg info $< | awk '/^ *rmse:/ { printf "%.3f%%\n", $$2 }' > $@
+	$(BUILD_DIR)/ptimg info $< | awk '/^ *rmse:/ { printf "%.4f%%\n", $$2 }' > $@
 
 # The scenes of which the chapters measure the times, with the stops by which
 # the interiors are brighter on paper.
@@ -528,3 +545,8 @@ $(PAGE) $(PAGE_TABLES) &: $(BUILD_DIR)/pt $(BUILD_DIR)/courtyard.obj \
 	  --report $(BUILD_DIR)/figures/report.html
 	python3 $(SCRIPTS)/page.py $(BUILD_DIR)/figures/report.html \
 	  $(BUILD_DIR)/figures $(BUILT)
+
+# ---- the gather: figures
+
+# The gains of the methods, drawn; the tables of what is learnt are read.
+TABLES += $(BUILT)/gains.csv $(LEARNT_TABLES)

@@ -102,6 +102,7 @@ impl<K: Intersector> Tracer<'_, K> {
         guide: Option<&Guide>,
         u: [u32; 2],
     ) -> Shot {
+        // Choose a point of the square and its weight
         let (point, bin, weight) = match guide {
             Some(guide) => {
                 let (point, bin) = guide.warp(u);

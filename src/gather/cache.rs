@@ -437,6 +437,7 @@ fn guides(
         if cells.count(c) < ENOUGH {
             continue;
         }
+        // Find the histogram of a cell
         let range =
             cells.records[c].start as usize..cells.records[c].end as usize;
         let prior = parent.map(|p| &histograms[p as usize]);
@@ -512,6 +513,7 @@ impl RadianceCache {
         let values = solve(&cells, records, &ends, albedo, known.collect());
         let errors = errors(&cells, records, &ends, albedo, &values);
         let (guides, numbers) = guides(&cells, records, &ends, &values);
+        // Enter what was found
         for (c, &name) in cells.names.iter().enumerate() {
             let (slot, mark) = cache.slot(name);
             let (value, error, guide) = (values[c], errors[c], numbers[c]);

@@ -34,6 +34,7 @@ impl<K: Intersector> Tracer<'_, K> {
         sums: &mut [f64],
     ) {
         let Some(correction) = &plan.correction else { return };
+        // Put the samples in groups of neighbours
         let mut order: Vec<_> = (0..samples.len()).collect();
         let grid = self.cache.grid();
         order.sort_by_cached_key(|&i| grid.place(&samples[i].hit));
@@ -99,6 +100,7 @@ impl<K: Intersector> Tracer<'_, K> {
                 density += form / x.scale;
             }
         }
+        // Give each sample its share
         if density > 0. {
             for (&i, form) in group.iter().zip(seen) {
                 sums[samples[i].pixel as usize] += share * *form / density;
@@ -238,6 +240,7 @@ impl<K: Intersector> Tracer<'_, K> {
             error += throughput * self.albedo * sum;
             let Some(end) = ends.pop() else { break };
             throughput *= self.albedo * end.weight;
+            // Let a faint path survive by chance
             let survival = survival(throughput, bounce);
             if random.random::<f64>() >= survival {
                 break;

@@ -112,6 +112,7 @@ pub fn train<K: Intersector>(
     let mut cache = RadianceCache::empty(grid);
     let (mut records, mut traced) = (vec![], scout.rays);
     for (round, percent) in (0..).zip(ROUNDS) {
+        // Trace the pieces of a round
         let share = rays * percent / 100 / PIECES;
         let pieces = round * PIECES..(round + 1) * PIECES;
         let explore = |piece| {
@@ -147,6 +148,7 @@ pub fn allocate<K: Intersector>(
     mut film: Film,
     mean: u64,
 ) -> (Allocation, u64) {
+    // Render the scrambles of the pilot
     let rays = film.tiles().into_par_iter().map(|(tile, pixels)| {
         let mut tracer = like.with(like.cache);
         for scramble in 0..PILOT {

@@ -215,6 +215,7 @@ impl Pilot {
                 (first * net + later) * 1.05 * self.rays
             }
             Method::Gather => {
+                // Foresee the cost of a gather
                 let bright = albedo * albedo;
                 let each = self.first_rays + 3. * bright * self.indirect;
                 let once = 8. * self.first_rays / samples;

@@ -8,6 +8,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Methods of sampling an image, and the renderer of each.
 
+// Name what the methods import
 use std::fmt;
 use std::str::FromStr;
 

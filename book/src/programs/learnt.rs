@@ -1,7 +1,10 @@
-// What a gather learns, and what it makes of it: pictures of a cache of the
-// courtyard, of a guide and of the light that it was made for; of the back
-// room by paths and by a gather with as many rays, and of the samples of its
-// pixels. "learnt.tex" has the numbers of the text.
+// What a gather learns, and what it makes of it. Of the courtyard: the cache
+// beside what it approximates, and its errors; the light that arrives at a
+// place, over the hemisphere, the guide there, and directions drawn with it
+// and without; the light that rays meet there beside what the cache says of
+// it. Of the back room: images by paths and by a gather with as many rays, and
+// the samples and errors of its pixels. Of three scenes: the variances of a
+// ray, the errors of caches that learnt longer, and what rays are used for. "learnt.tex" has the numbers of the text.
 //
 // usage: learnt FIGURES TABLES
 //
@@ -12,22 +15,24 @@ use std::collections::BTreeMap;
 use std::error::Error;
 use std::fmt::Write as _;
 use std::fs::{self, File};
+use std::ops::RangeInclusive;
 use std::path::Path;
 
 use litpt::analysis::background::KnownPixels;
 use litpt::bvh::{Bvh, Hit};
 use litpt::camera::{Camera, View};
-use litpt::film::Film;
+use litpt::film::{Film, Window};
 use litpt::gather::cache::{Grid, RadianceCache};
-use litpt::gather::guide::{BINS, Guide, SIDE};
+use litpt::gather::guide::{BINS, Guide, SIDE, bin};
 use litpt::gather::training::train;
-use litpt::gather::{Correction, End, Tracer};
+use litpt::gather::{Allocation, Correction, End, Tracer};
 use litpt::image::{Format, Image};
 use litpt::integrator::PathTracer;
-use litpt::render::gather::Gather;
+use litpt::render::gather::{Gather, Learnt};
+use litpt::render::method::{Method, Sampling};
 use litpt::render::{Job, Renderer};
-use litpt::sampler::sobol::{ScrambledNet, scramble_key};
-use litpt::sampler::{IndependentSampler, generator};
+use litpt::sampler::sobol::{ScrambledNet, scramble_key, to_unit};
+use litpt::sampler::{IndependentSampler, generator, split_mix};
 use litpt::scene::{Mesh, Scene};
 use litpt::sky::Sky;
 use litpt_book::courtyard;
@@ -56,66 +61,180 @@ const EXPOSURE: f64 = 12.;
 /// The place whose light is shown: a part of the image.
 const PLACE: [f64; 2] = [0.42, 0.86];
 
-/// Pixels along the side of the square, and rays that gather for each.
-const FINE: u32 = 64;
+/// Pixels along the side of a disc.
+const DISC: u32 = 200;
+
+/// Rays that gather for the radiance of a place, and for what one ray meets.
 const GATHERED: u32 = 256;
+const ROUGHLY: u32 = 64;
+
+/// Directions that are drawn onto a disc.
+const DRAWN: u32 = 256;
+
+/// The difference of radiance that is white.
+const WHITE: f64 = 0.15;
+
+/// Strata along the side of the square for the scatter of its values.
+const STRATA: u32 = 32;
+
+/// Places where the variances of a ray are computed.
+const PLACES: u32 = 64;
+
+/// What is sampled: the light, by the cosine and by a guide, and what the
+/// cache leaves of it.
+const VARIANCES: [&str; 4] = ["path", "guided", "left", "leftguided"];
+
+/// What rays are for.
+const USES: [&str; 5] =
+    ["training", "pilot", "gather", "correction", "path"];
+
+/// Logarithms of the rays of trainings whose caches are compared, and the
+/// places where they are.
+const TRAININGS: RangeInclusive<u32> = 16..=20;
+const COMPARED: usize = 2048;
+
+/// Samples of a pixel whose rays are counted.
+const COUNTED: [u64; 3] = [4, 16, 64];
 
 pub fn run(arguments: &[String]) -> Done {
     let [figures, tables] = arguments else {
         return Err("usage: learnt FIGURES TABLES".into());
     };
-    let figures = Path::new(figures);
-    learn(figures)?;
-    let numbers = render(figures)?;
-    Ok(fs::write(Path::new(tables).join("learnt.tex"), numbers)?)
+    let (figures, tables) = (Path::new(figures), Path::new(tables));
+    let mut numbers = learn(figures, tables)?;
+    render(figures, &mut numbers)?;
+    let mut variances = format!("scene,{}\n", VARIANCES.join(","));
+    let mut rays = format!("run,{}\n", USES.join(","));
+    let mut courses = vec![];
+    for name in ["courtyard", "backroom", "corridor"] {
+        let stage = Stage::named(name)?;
+        let row = stage.variances()?;
+        add(&mut variances, &mut numbers, name, VARIANCES, row)?;
+        let course = stage.course()?;
+        let fall = course[0][0] / course[course.len() - 1][0];
+        number(&mut numbers, name, "fall", &format!("{fall:.1}"))?;
+        let first = course[0][1] / course[0][0];
+        number(&mut numbers, name, "first", &format!("{first:.2}"))?;
+        courses.push(course);
+        for samples in COUNTED {
+            let (name, row) =
+                (format!("{name} {samples}"), stage.rays(samples));
+            add(&mut rays, &mut numbers, &name, USES, row)?;
+        }
+    }
+    fs::write(tables.join("learnt.tex"), numbers)?;
+    fs::write(tables.join("learnt-course.csv"), beside(&courses)?)?;
+    fs::write(tables.join("learnt-variances.csv"), variances)?;
+    Ok(fs::write(tables.join("learnt-rays.csv"), rays)?)
 }
 
-/// Draws what is learnt of the courtyard.
-fn learn(figures: &Path) -> Done {
-    let yard = Stage::new(&courtyard::mesh(), &courtyard::view())?;
-    let nothing = RadianceCache::empty(Grid::around(&[]));
-    let (cache, _) = train(&yard.tracer(&nothing), TRAINING, 0);
-    let place = yard.place(&cache).ok_or("no surface there")?;
+/// The table of the courses of three scenes.
+fn beside(courses: &[Vec<[f64; 2]>]) -> Result<String, Box<dyn Error>> {
+    let mut csv = String::from(
+        "rays,courtyard,courtyardclaimed,backroom,backroomclaimed,\
+         corridor,corridorclaimed\n",
+    );
+    for (i, log) in TRAININGS.enumerate() {
+        write!(csv, "{}", 1 << log)?;
+        for [error, claimed] in courses.iter().map(|course| course[i]) {
+            write!(csv, ",{error:.4},{claimed:.4}")?;
+        }
+        writeln!(csv)?;
+    }
+    Ok(csv)
+}
+
+/// Adds a row to a table, and its entries to the numbers of the text.
+fn add<const N: usize>(
+    table: &mut String,
+    numbers: &mut String,
+    name: &str,
+    columns: [&str; N],
+    row: [f64; N],
+) -> Done {
+    let row = row.map(|value| format!("{value:.4}"));
+    for (column, value) in columns.iter().zip(&row) {
+        number(numbers, name, column, value)?;
+    }
+    Ok(writeln!(table, "{name},{}", row.join(","))?)
+}
+
+/// A number of the text.
+fn number(out: &mut String, row: &str, column: &str, value: &str) -> Done {
+    let entry = format!("\\nwmeasured{{learnt}}{{{row}}}{{{column}}}");
+    Ok(writeln!(out, "{entry}{{{value}}}%")?)
+}
+
+/// Draws what is learnt of the courtyard; returns numbers of the text.
+fn learn(figures: &Path, tables: &Path) -> Result<String, Box<dyn Error>> {
+    let yard = Stage::named("courtyard")?;
+    let cache = yard.train();
+    let mut out = String::new();
+    yard.compare(figures, &cache, &mut out)?;
+    let place = yard.place(PLACE, &cache).ok_or("no surface there")?;
     let name = cache.grid().name(place.point, place.normal);
     let guide = cache.guide(cache.at(name)).ok_or("no guide there")?;
-    let mut cached = yard.cached(&cache);
-    cross_out(&mut cached);
-    draw(figures, "cache", RESOLUTION.0, cached)?;
-    draw(figures, "light", FINE, yard.light(&cache, &place))?;
-    draw(figures, "guide", SIDE as u32, density(guide))
+    let light = yard.light(&cache, &place);
+    draw(figures, "light", DISC, light.clone())?;
+    let most = (0..BINS).map(|b| guide.density(b)).fold(0., f64::max);
+    let density = |p| guide.density(bin(p)) / most;
+    draw(figures, "guide", DISC, disc(density))?;
+    number(&mut out, "guide", "most", &format!("{most:.1}"))?;
+    for (name, guide) in [("cosine", None), ("guided", Some(guide))] {
+        let mut drawn = light.clone();
+        let bright = dots(&mut drawn, &light, guide);
+        draw(figures, name, DISC, drawn)?;
+        number(&mut out, name, "bright", &bright.to_string())?;
+    }
+    yard.scatter(tables, &cache, &place, &mut out)?;
+    Ok(out)
 }
 
-/// Draws the back room by paths and by a gather, and where its samples are;
-/// returns the numbers of the text.
-fn render(figures: &Path) -> Result<String, Box<dyn Error>> {
-    let interior = Interior::named("backroom").ok_or("no such room")?;
-    let room = Stage::new(&interior.mesh(), &interior.view)?;
-    let mut gather = room.gather();
-    let film = Film::new(RESOLUTION.0, RESOLUTION.1);
-    let film = film.with_replicates(TOGETHER);
-    let mut film = film.with_shared_tiles();
+/// Draws the back room by paths and by a gather, where its samples are, and
+/// the errors with them and with as many in each pixel.
+fn render(figures: &Path, out: &mut String) -> Done {
+    let room = Stage::named("backroom")?;
+    let mut gather = room.gather(TRAINING);
+    let empty = Film::new(RESOLUTION.0, RESOLUTION.1);
+    let empty = empty.with_replicates(TOGETHER).with_shared_tiles();
+    let mut film = empty.clone();
     let rays = gather.pass(&mut film, SAMPLES, &|_| true);
-    let learnt = gather.learnt.as_ref().ok_or("nothing was learnt")?;
+    let Learnt { cache, allocation } =
+        gather.learnt.take().ok_or("nothing was learnt")?;
     let mut paths = Film::new(RESOLUTION.0, RESOLUTION.1);
     let (samples, traced) = room.trace(rays, &mut paths);
-    let counts = &learnt.allocation.counts;
-    let most = f64::from(counts.iter().max().copied().unwrap_or(1));
-    let counts = counts.iter().map(|&n| f64::from(n) / most).collect();
-    draw(figures, "counts", RESOLUTION.0, counts)?;
-    let mut out = String::new();
+    let Allocation { counts, scale } = allocation;
+    let most = counts.iter().max().copied().unwrap_or(1);
+    let least = counts.iter().min().copied().unwrap_or(1);
+    let shares = counts.iter().map(|&n| f64::from(n) / f64::from(most));
+    draw(figures, "counts", RESOLUTION.0, shares.collect())?;
+    let mean = |n: u32| format!("{:.1}", f64::from(n) / TOGETHER as f64);
+    number(out, "counts", "most", &mean(most))?;
+    number(out, "counts", "least", &mean(least))?;
+    let counts = vec![TOGETHER as u32; counts.len()];
+    let allocation = Allocation { counts, scale };
+    gather.learnt = Some(Learnt { cache, allocation });
+    let mut even = empty;
+    gather.pass(&mut even, SAMPLES, &|_| true);
+    let white = 2. * even.summary().rmse;
+    for (name, film) in [("uneven", &film), ("even", &even)] {
+        let errors = film.errors(4.).into_iter().map(|e| grey(e / white));
+        draw(figures, name, RESOLUTION.0, errors.collect())?;
+        let error = format!("{:.5}", film.summary().rmse);
+        number(out, name, "error", &error)?;
+    }
     for (way, film, samples, rays) in [
         ("gather", &film, SAMPLES, rays),
         ("paths", &paths, samples, traced),
     ] {
         let exposed = film.means().map(|mean| EXPOSURE * mean);
         draw(figures, way, RESOLUTION.0, exposed.collect())?;
-        let entry = format!("\\nwmeasured{{learnt}}{{{way}}}");
         let (rays, error) = (rays as f64 / 1e6, film.summary().rmse);
-        writeln!(out, "{entry}{{samples}}{{{samples}}}%")?;
-        writeln!(out, "{entry}{{rays}}{{{rays:.1}}}%")?;
-        writeln!(out, "{entry}{{error}}{{{error:.4}}}%")?;
+        number(out, way, "samples", &samples.to_string())?;
+        number(out, way, "rays", &format!("{rays:.1}"))?;
+        number(out, way, "error", &format!("{error:.4}"))?;
     }
-    Ok(out)
+    Ok(())
 }
 
 /// A scene with a camera in it.
@@ -127,6 +246,14 @@ struct Stage {
 }
 
 impl Stage {
+    fn named(name: &str) -> Result<Self, Box<dyn Error>> {
+        if name == "courtyard" {
+            return Self::new(&courtyard::mesh(), &courtyard::view());
+        }
+        let interior = Interior::named(name).ok_or("no such scene")?;
+        Self::new(&interior.mesh(), &interior.view)
+    }
+
     fn new(mesh: &Mesh, view: &View) -> Result<Self, Box<dyn Error>> {
         let scene = Scene::new(mesh);
         let bvh = Bvh::new(&scene)?;
@@ -135,7 +262,7 @@ impl Stage {
         Ok(Self { scene, bvh, camera, sky: Sky::new(view.up) })
     }
 
-    fn gather(&self) -> Gather<'_> {
+    fn gather(&self, training: u64) -> Gather<'_> {
         Gather {
             scene: &self.scene,
             intersector: &self.bvh,
@@ -144,7 +271,7 @@ impl Stage {
             albedo: RHO,
             known: &KnownPixels::Nothing,
             seed: 0,
-            training: TRAINING,
+            training,
             correction: Some(Correction::default()),
             learnt: None,
         }
@@ -180,61 +307,268 @@ impl Stage {
         (samples, traced)
     }
 
-    /// What the camera sees at the place.
-    fn place(&self, cache: &RadianceCache) -> Option<Hit> {
-        let [x, y] = PLACE;
+    /// What is learnt by `TRAINING` rays.
+    fn train(&self) -> RadianceCache {
+        let nothing = RadianceCache::empty(Grid::around(&[]));
+        train(&self.tracer(&nothing), TRAINING, 0).0
+    }
+
+    /// What the camera sees at a place of the image.
+    fn place(
+        &self,
+        [x, y]: [f64; 2],
+        cache: &RadianceCache,
+    ) -> Option<Hit> {
         match self.tracer(cache).look(x, y) {
             End::Hit(hit) => Some(hit),
             End::Sky(_) => None,
         }
     }
 
-    /// The values of the cells in the middles of the pixels.
-    fn cached(&self, cache: &RadianceCache) -> Vec<f64> {
+    /// Draws the values of the cells in the middles of the pixels, the
+    /// radiance there, how much both differ, and what the cells say of it.
+    fn compare(
+        &self,
+        figures: &Path,
+        cache: &RadianceCache,
+        out: &mut String,
+    ) -> Done {
         let (width, height) = RESOLUTION;
-        let mut tracer = self.tracer(cache);
-        let value = |i: u32| {
+        let pixels = (0..width * height).into_par_iter().map(|i| {
             let x = (f64::from(i % width) + 0.5) / f64::from(width);
             let y = (f64::from(i / width) + 0.5) / f64::from(height);
+            let mut tracer = self.tracer(cache);
             match tracer.look(x, y) {
-                End::Sky(radiance) => radiance,
+                End::Sky(radiance) => [radiance, radiance, 0., 0.],
                 End::Hit(hit) => {
                     let name = cache.grid().name(hit.point, hit.normal);
-                    f64::from(cache.at(name).value)
+                    let cell = cache.at(name);
+                    let stream = u64::from(i);
+                    let truth =
+                        gathered(&mut tracer, &hit, GATHERED, stream);
+                    let value = f64::from(cell.value);
+                    let wrong = (value - truth).abs();
+                    [value, truth, wrong, f64::from(cell.error)]
                 }
             }
-        };
-        (0..width * height).map(value).collect()
+        });
+        let pixels: Vec<[f64; 4]> = pixels.collect();
+        let all = |k: usize| pixels.iter().map(move |p| p[k]);
+        let hits = || pixels.iter().filter(|p| p[3] > 0.);
+        let n = hits().count() as f64;
+        let truth = hits().map(|p| p[1]).sum::<f64>() / n;
+        for (k, name) in [(2, "wrong"), (3, "claimed")] {
+            let greys = all(k).map(|d| grey(d / WHITE));
+            draw(figures, name, width, greys.collect())?;
+            let square = hits().map(|p| p[k] * p[k]).sum::<f64>() / n;
+            let share = 100. * square.sqrt() / truth;
+            number(out, name, "share", &format!("{share:.0}"))?;
+        }
+        let off = hits().map(|p| p[0] - p[1]).sum::<f64>() / n / truth;
+        number(out, "cache", "off", &format!("{:.1}", 100. * off.abs()))?;
+        draw(figures, "truth", width, all(1).collect())?;
+        let mut cached: Vec<f64> = all(0).collect();
+        cross_out(&mut cached);
+        draw(figures, "cache", width, cached)
     }
 
-    /// The light that arrives at the place, over the square: what a ray
+    /// The light that arrives at the place, over the disc: what a ray
     /// meets there has the radiance that many more rays gather.
     fn light(&self, cache: &RadianceCache, place: &Hit) -> Vec<f64> {
-        let middle = |i: u32| (2 * i + 1) << (31 - FINE.ilog2());
-        let radiance = |i: u32| {
+        disc(|point| {
+            let at = point.map(|u| (u * 4294967296.) as u32);
             let mut tracer = self.tracer(cache);
-            let at = [i / FINE, i % FINE].map(middle);
             match tracer.shoot(place, None, at).end {
                 End::Sky(radiance) => radiance,
-                End::Hit(hit) => gathered(&mut tracer, &hit, u64::from(i)),
+                End::Hit(hit) => {
+                    let stream = u64::from(at[0]) << 32 | u64::from(at[1]);
+                    gathered(&mut tracer, &hit, ROUGHLY, stream)
+                }
             }
+        })
+    }
+
+    /// Tabulates what rays from the place meet: the radiance of surfaces,
+    /// and what the cache says of it.
+    fn scatter(
+        &self,
+        tables: &Path,
+        cache: &RadianceCache,
+        place: &Hit,
+        out: &mut String,
+    ) -> Done {
+        let mut tracer = self.tracer(cache);
+        let mut random = generator(3, 0, 0);
+        let mut csv = String::from("cache,light\n");
+        let mut met = vec![];
+        for i in 0..STRATA * STRATA {
+            let at = [i / STRATA, i % STRATA];
+            let at = at.map(|k| (k << 27) | (random.random::<u32>() >> 5));
+            if let End::Hit(hit) = tracer.shoot(place, None, at).end {
+                let light =
+                    gathered(&mut tracer, &hit, GATHERED, u64::from(i));
+                let near = |_| {
+                    let u = [random.random(), random.random()];
+                    f64::from(tracer.near(&hit, u).value)
+                };
+                let known = (0..32).map(near).sum::<f64>() / 32.;
+                writeln!(csv, "{known:.4},{light:.4}")?;
+                met.push([known, light]);
+            }
+        }
+        fs::write(tables.join("learnt-scatter.csv"), csv)?;
+        let n = met.len() as f64;
+        let mean = |k: usize| met.iter().map(|p| p[k]).sum::<f64>() / n;
+        let means = [mean(0), mean(1)];
+        let moment = |j: usize, k: usize| {
+            let product =
+                |p: &[f64; 2]| (p[j] - means[j]) * (p[k] - means[k]);
+            met.iter().map(product).sum::<f64>() / n
         };
-        let square = (0..FINE * FINE).into_par_iter();
-        square.map(radiance).collect()
+        let (xx, xy, yy) = (moment(0, 0), moment(0, 1), moment(1, 1));
+        let line = |x: f64| means[1] + xy / xx * (x - means[0]);
+        for (column, value) in [
+            ("slope", xy / xx),
+            ("correlation", xy / (xx * yy).sqrt()),
+            ("start", line(0.)),
+            ("end", line(0.4)),
+        ] {
+            number(out, "scatter", column, &format!("{value:.3}"))?;
+        }
+        Ok(())
+    }
+
+    /// The mean errors of caches after trainings of different lengths, and what
+    /// their cells say of them, relative to the mean radiance.
+    fn course(&self) -> Result<Vec<[f64; 2]>, Box<dyn Error>> {
+        let best = self.train();
+        let mut random = generator(7, 0, 0);
+        let mut hits = vec![];
+        while hits.len() < COMPARED {
+            let at = [random.random(), random.random()];
+            hits.extend(self.place(at, &best));
+        }
+        let truths = hits.par_iter().enumerate().map(|(i, hit)| {
+            gathered(&mut self.tracer(&best), hit, GATHERED, i as u64)
+        });
+        let truths: Vec<f64> = truths.collect();
+        let mean = truths.iter().sum::<f64>() / COMPARED as f64;
+        let nothing = RadianceCache::empty(Grid::around(&[]));
+        let errors = TRAININGS.map(|log| {
+            let (cache, _) = train(&self.tracer(&nothing), 1 << log, 0);
+            let (mut wrong, mut claimed) = (0., 0.);
+            for (hit, truth) in hits.iter().zip(&truths) {
+                let name = cache.grid().name(hit.point, hit.normal);
+                let cell = cache.at(name);
+                wrong += (f64::from(cell.value) - truth).abs();
+                claimed += f64::from(cell.error);
+            }
+            [wrong, claimed].map(|sum: f64| sum / COMPARED as f64 / mean)
+        });
+        Ok(errors.collect())
+    }
+
+    /// The variances of one ray, added up over places, relative to the
+    /// squares of the means: of the light by cosine sampling and by a guide, and of
+    /// what the cache leaves of it by the same.
+    fn variances(&self) -> Result<[f64; 4], Box<dyn Error>> {
+        let cache = self.train();
+        let mut random = generator(4, 0, 0);
+        let mut places = vec![];
+        while places.len() < PLACES as usize {
+            let at = [random.random(), random.random()];
+            places.extend(self.place(at, &cache));
+        }
+        let places = places.into_par_iter().enumerate();
+        let rows = places.map(|(i, place)| self.at(&cache, &place, i));
+        let rows: Vec<[f64; 5]> = rows.collect();
+        let sum = |k: usize| rows.iter().map(|row| row[k]).sum::<f64>();
+        Ok([0, 1, 2, 3].map(|k| sum(k) / sum(4)))
+    }
+
+    /// The four variances at a place, and the square of the mean.
+    fn at(&self, cache: &RadianceCache, place: &Hit, i: usize) -> [f64; 5] {
+        let mut tracer = self.tracer(cache);
+        let mut random = generator(5, i as u64, 0);
+        let name = cache.grid().name(place.point, place.normal);
+        let guide = cache.guide(cache.at(name));
+        let (mut light, mut left) = ([0.; 3], [0.; 3]);
+        for b in 0..BINS as u32 {
+            let at = [b / SIDE as u32, b % SIDE as u32];
+            let at = at.map(|k| (k << 28) | (random.random::<u32>() >> 4));
+            let stream = (i * BINS) as u64 + u64::from(b);
+            let [all, known] = match tracer.shoot(place, None, at).end {
+                End::Sky(radiance) => [radiance; 2],
+                End::Hit(hit) => {
+                    let u = [random.random(), random.random()];
+                    let known = f64::from(tracer.near(&hit, u).value);
+                    [gathered(&mut tracer, &hit, ROUGHLY, stream), known]
+                }
+            };
+            let density = guide.map_or(1., |g| g.density(b as usize));
+            let part = 1. / BINS as f64;
+            for (sums, f) in [(&mut light, all), (&mut left, all - known)] {
+                sums[0] += part * f;
+                sums[1] += part * f * f;
+                sums[2] += part * f * f / density;
+            }
+        }
+        let variance =
+            |sums: &[f64; 3], k: usize| sums[k] - sums[0] * sums[0];
+        [
+            variance(&light, 1),
+            variance(&light, 2),
+            variance(&left, 1),
+            variance(&left, 2),
+            light[0] * light[0],
+        ]
+    }
+
+    /// The rays of a sample, by what they are for, and those of a path.
+    fn rays(&self, samples: u64) -> [f64; 5] {
+        let (width, height) = RESOLUTION;
+        let area = u64::from(width) * u64::from(height);
+        let sampling =
+            Sampling::new(Method::Gather, 0, Some(samples), area);
+        let size = RESOLUTION;
+        let film = sampling.film(size, Window { corner: (0, 0), size });
+        let mut gather = self.gather(sampling.training);
+        let learning = gather.pass(&mut film.clone(), 0, &|_| true);
+        let nothing = RadianceCache::empty(Grid::around(&[]));
+        let tracer = self.tracer(&nothing);
+        let (_, training) = train(&tracer, sampling.training, split_mix(0));
+        let all = gather.pass(&mut film.clone(), samples, &|_| true);
+        gather.correction = None;
+        let gathered = gather.pass(&mut film.clone(), samples, &|_| true);
+        let mut paths = Film::new(width, height);
+        let (followed, path) = self.trace(1, &mut paths);
+        let counts = [
+            training,
+            learning - training,
+            gathered,
+            all - gathered,
+            path * samples / followed,
+        ];
+        counts.map(|n| n as f64 / (samples * area) as f64)
     }
 }
 
-/// The radiance that leaves a hit, from many rays into the cache; by the
+/// The radiance that leaves a hit, from so many rays into the cache; by the
 /// number of a stream.
-fn gathered(tracer: &mut Tracer<Bvh>, hit: &Hit, stream: u64) -> f64 {
+fn gathered(
+    tracer: &mut Tracer<Bvh>,
+    hit: &Hit,
+    rays: u32,
+    stream: u64,
+) -> f64 {
     let cache = tracer.cache;
     let name = cache.grid().name(hit.point, hit.normal);
     let guide = cache.guide(cache.at(name));
-    let net = ScrambledNet::new(u64::from(GATHERED));
+    let net = ScrambledNet::new(u64::from(rays));
     let mut random = generator(2, stream, 0);
     let key = scramble_key(2, stream, 0);
     let mut sum = 0.;
-    for n in 0..GATHERED {
+    for n in 0..rays {
         let shot = tracer.shoot(hit, guide, net.pair(key, n, 0));
         let arriving = match shot.end {
             End::Sky(radiance) => radiance,
@@ -245,7 +579,78 @@ fn gathered(tracer: &mut Tracer<Bvh>, hit: &Hit, stream: u64) -> f64 {
         };
         sum += shot.weight * arriving;
     }
-    RHO * sum / f64::from(GATHERED)
+    RHO * sum / f64::from(rays)
+}
+
+/// A function over the square as a picture of the disc to which Shirley and
+/// Chiu map it, on white.
+fn disc(value: impl Fn([f64; 2]) -> f64 + Sync) -> Vec<f64> {
+    let pixel = |i: u32| {
+        let [x, y] = [i % DISC, i / DISC]
+            .map(|k| (2. * f64::from(k) + 1.) / f64::from(DISC) - 1.);
+        let radius = x.hypot(y);
+        if radius >= 1. {
+            return 1.;
+        }
+        value(unmapped(radius, y.atan2(x)))
+    };
+    (0..DISC * DISC).into_par_iter().map(pixel).collect()
+}
+
+/// The point of the square that the concentric map takes to this radius and
+/// angle.
+fn unmapped(radius: f64, angle: f64) -> [f64; 2] {
+    use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
+    let quarter = (angle / FRAC_PI_2).round();
+    let aside = radius * (angle - quarter * FRAC_PI_2) / FRAC_PI_4;
+    let (a, b) = match (quarter as i32).rem_euclid(4) {
+        0 => (radius, aside),
+        1 => (-aside, radius),
+        2 => (-radius, -aside),
+        _ => (aside, -radius),
+    };
+    debug_assert!(angle.abs() <= PI);
+    [a, b].map(|c| ((c + 1.) / 2.).clamp(0., 1. - 1e-9))
+}
+
+/// Where on the disc the concentric map takes a point of the square.
+fn mapped([u, v]: [f64; 2]) -> [f64; 2] {
+    let (a, b) = (2. * u - 1., 2. * v - 1.);
+    let (radius, turn) = match a.abs() > b.abs() {
+        true => (a, 0.125 * b / a),
+        false if b != 0. => (b, 0.25 - 0.125 * a / b),
+        false => (0., 0.),
+    };
+    let (sine, cosine) = (std::f64::consts::TAU * turn).sin_cos();
+    [radius * cosine, radius * sine]
+}
+
+/// Puts the directions that a guide draws onto a picture of the light, as
+/// white dots with a black rim; how many of them find at least half of the
+/// radiance of the sky.
+fn dots(pixels: &mut [f64], light: &[f64], guide: Option<&Guide>) -> u32 {
+    let net = ScrambledNet::new(u64::from(DRAWN));
+    let key = scramble_key(6, 0, 0);
+    let mut bright = 0;
+    for n in 0..DRAWN {
+        let u = net.pair(key, n, 0);
+        let point = guide.map_or(u.map(to_unit), |guide| guide.warp(u).0);
+        let [x, y] =
+            mapped(point).map(|c| ((c + 1.) / 2. * f64::from(DISC)) as i32);
+        let at = |x: i32, y: i32| {
+            let inside = |k| (0..DISC as i32).contains(&k);
+            (inside(x) && inside(y)).then(|| (y * DISC as i32 + x) as usize)
+        };
+        bright += u32::from(at(x, y).is_some_and(|i| light[i] >= 0.5));
+        for (dx, dy) in (-2..=2).flat_map(|y| (-2..=2).map(move |x| (x, y)))
+        {
+            let far: i32 = dx * dx + dy * dy;
+            if let Some(i) = at(x + dx, y + dy).filter(|_| far < 8) {
+                pixels[i] = if far < 3 { 1. } else { 0. };
+            }
+        }
+    }
+    bright
 }
 
 /// Puts a black cross over the place.
@@ -261,11 +666,9 @@ fn cross_out(pixels: &mut [f64]) {
     }
 }
 
-/// The density of each bin, in units of the largest.
-fn density(guide: &Guide) -> Vec<f64> {
-    let all: Vec<f64> = (0..BINS).map(|b| guide.density(b)).collect();
-    let most = all.iter().copied().fold(0., f64::max);
-    all.iter().map(|d| d / most).collect()
+/// The radiance that is drawn as this share of white.
+fn grey(share: f64) -> f64 {
+    share.min(1.).powf(2.2)
 }
 
 /// Writes a picture of values in [0, 1].
