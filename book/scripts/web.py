@@ -1,15 +1,18 @@
 #!/usr/bin/env python3
 """Makes a web site of a woven book: a page for each chapter.
 
-usage: web.py MASTER TEX_DIR OUT
+usage: web.py NOWEB DIR/MASTER.nw RECORD TEX_DIR OUT
 
 It reads TEX_DIR/MASTER.tex, the woven chapters beside it, and what LaTeX has
 left in their .aux files (numbers of sections, floats and chunks), so that the
-site has the numbers of the PDF; OUT has web.css already. Prose goes through
-pandoc, formulas become MathML, chunks are set by this program, and the figures
-that LaTeX draws are compiled to SVG by one more run of pdflatex. TEXINPUTS must
-be that of the book. Links that lead nowhere, formulas that pandoc cannot read
-and numbers that are missing are faults.
+site has the numbers of the PDF; OUT has web.css already, and the scripts. Prose
+goes through pandoc, formulas become MathML, chunks are set by this program, and
+the figures that LaTeX draws are compiled to SVG by one more run of pdflatex.
+NOWEB, the tool, says where each line of the files of RECORD comes from
+(web_program.py); what a reader looks things up by is in web_reader.py, and what
+a reader plays with in web_play.py. TEXINPUTS must be that of the book. Links
+that lead nowhere, formulas that pandoc cannot read, numbers that are missing and
+files that differ when tangled from what a page shows are faults.
 
 Copyright (C) 2026 litpt contributors
 Copying and distribution of this file, with or without modification, are
@@ -23,7 +26,11 @@ import re
 import subprocess
 import sys
 
-MASTER, TEX, OUT = sys.argv[1:4]
+import web_program
+import web_reader
+
+NOWEB, WEB, RECORD, TEX, OUT = sys.argv[1:6]
+MASTER = os.path.basename(WEB).removesuffix('.nw')
 PATHS = [p for p in os.environ.get('TEXINPUTS', '').split(':') if p]
 NAMES = {'litpt': 'litpt', 'pt': 'pt', 'noweb': 'noweb',
          'notangle': 'notangle', 'noweave': 'noweave'}
@@ -84,6 +91,7 @@ def expand(s, name, arguments, function, option=False):
 # ---- what LaTeX knows: numbers of labels, chunks and sources
 
 numbers, page_of, labels, cited, measured = {}, {}, {}, {}, {}
+identifiers, places = {}, {}
 
 
 def read_aux(name):
@@ -99,6 +107,13 @@ def read_aux(name):
             subpages[m[2]] = letter + 1
             labels[m[1]] = (m[2], letter)
             page_of[m[1]] = page
+        elif m := re.match(
+                r'\\nwixadd\{\\nwix([du]) ?\}\{([^}]*)\}\{([^}]*)\}', line):
+            places.setdefault(m[2], []).append((m[1] != 'd', m[3]))
+        elif m := re.match(
+                r'\\nwixadds\{i\}\{\{\\nwixident ?\{(.*)\}\}\{([^}]*)\}\}',
+                line):
+            identifiers[m[2]] = plain(m[1])
         elif m := re.match(r'\\bibcite\{([^}]*)\}\{([^}]*)\}', line):
             cited[m[1]] = m[2]
 
@@ -171,14 +186,21 @@ SPECIAL = {'nwbackslash': '\\', 'nwlbrace': '{', 'nwrbrace': '}', 'litpt':
 def plain(s):
     """The text of a chunk's name or of an identifier."""
     s = re.sub(r'\\(Tt|nwendquote|code|edoc)(\{\})?\s?', '', s)
-    s = re.sub(r'\\nwixident\{([^{}]*)\}', r'\1', s)
+    s = s.replace(r'\nwixident', '')
     s = re.sub(r'\\(nwbackslash|nwlbrace|nwrbrace)(\{\})?',
                lambda m: SPECIAL[m[1]], s)
     s = re.sub(r'\\([{}_#$%&\\ ])', r'\1', s)
     return html.escape(re.sub(r'(?<!\\)[{}]', '', s).replace('~', ' ').strip())
 
 
+def chunk_name(s):
+    """A chunk's name, whose code is code."""
+    s = re.sub(r'\\code(\{\})?\s?', '\1', re.sub(r'\\edoc(\{\})?', '\2', s))
+    return plain(s).replace('\1', '<code>').replace('\2', '</code>')
+
+
 defined_in = {}
+program = web_program.Program(NOWEB, WEB, RECORD)
 
 
 def code_html(s):
@@ -212,7 +234,7 @@ def code_html(s):
                 k = inner.rfind('~{\\nwtagstyle')
                 label = re.search(r'subpageref\{([^}]*)\}', inner[k:])
                 out.append(f'<a class="chunk" href="{link(label[1])}">⟨'
-                           f'{plain(inner[:k])}⟩</a>' if k >= 0 and label
+                           f'{chunk_name(inner[:k])}⟩</a>' if k >= 0 and label
                            else '⟨' + plain(inner) + '⟩')
             elif name in SPECIAL:
                 out.append(html.escape(SPECIAL[name]))
@@ -242,12 +264,19 @@ FOOTER = re.compile(r'^\\(nwused|nwnotused|nwoutput|nwalsodefined|'
                     r'nwidentdefs|nwidentuses)\{', re.M)
 
 
-def chunk_html(m):
+def chunk_html(m, place):
     label, name, first, plus, markup, body = m.groups()
     footer = ''
     if f := FOOTER.search(body):
         body, footer = body[:f.start()], body[f.start():]
     body = body.replace('\\eatline\n', '')
+    line = m.string.count('\n', 0, m.start(1)) + 1
+    files = list(program.add(label, place, line + 1,
+                             line + body.count('\n')).items())
+    where = ', '.join(f'<a href="files.html#{file}">{file}:{at}</a>'
+                      for file, at in files[:2])
+    if len(files) > 2:
+        where += f' and {len(files) - 2} more'
     said = []
     for key, word in [('nwalsodefined', 'Continued in'), ('nwused', 'Used in')]:
         if f := re.search(r'\\' + key + r'\{((?:\\\\\{[^{}]*\})*)\}', footer):
@@ -270,8 +299,9 @@ def chunk_html(m):
                         [('◁ %s', f[1]), ('%s ▷', f[2])] if x in labels)
     return (f'<section class="code" id="{label}"><header>'
             f'<a class="tag" href="#{label}">{chunk_label(label)}</a> '
-            f'<span>⟨{plain(name)} {anchor(first)}⟩{"+" if plus else ""}≡'
-            f'</span><span class="nav">{back}</span></header>\n'
+            f'<span>⟨<b class="name">{chunk_name(name)}</b> {anchor(first)}⟩'
+            f'{"+" if plus else ""}≡</span><span class="nav">{back}</span>'
+            f'<span class="place">{place}:{line} → {where}</span></header>\n'
             f'<pre tabindex="0"><code>{code_html(body)}</code></pre>'
             f'<footer>{" ".join(said)}</footer></section>')
 
@@ -313,7 +343,8 @@ def cite(note, keys):
 class Chapter:
     def __init__(self, name, number, drawings):
         self.name, self.number, self.drawings = name, number, drawings
-        self.kept, self.sections = [], []
+        self.place = os.path.join(os.path.dirname(WEB), f'chapters/{name}.nw')
+        self.kept, self.sections, self.subjects = [], [], []
         self.count = self.headed = 0
 
     def keep(self, text):
@@ -322,8 +353,8 @@ class Chapter:
 
     def read(self):
         s = find(self.name + '.tex')
-        s = re.sub(r' % Made by noweave.*', '', s)
-        s = CHUNK.sub(lambda m: self.keep(chunk_html(m)), s)
+        s = re.sub(r'\A(.*) % Made by noweave.*', r'\1', s)
+        s = CHUNK.sub(lambda m: self.keep(chunk_html(m, self.place)), s)
         s = re.sub(r'\\nwminiindex\{(?:.|\n)*?\n?(?=\\nwenddocs|\Z|\n)', '', s)
         s = re.sub(r'\\nwixlogsorted.*|\\nwfilename\{.*?\}|\\nwbegindocs\{\d+\}'
                    r'|\\nwdocspar|\\nwenddocs\{\}', '', s)
@@ -338,10 +369,26 @@ class Chapter:
                    lambda m: mono(plain_code(m[1])), s, flags=re.S)
         for macro in ('opt', 'file', 'ident'):
             s = expand(s, macro, 1, mono)
-        s = expand(s, 'index', 1, lambda _: '')
+        s = expand(s, 'index', 1, self.subject)
         s = self.floats(s)
         s = self.words(s)
         return s
+
+    def subject(self, entry):
+        self.subjects.append(entry)
+        return '' if '|' in entry else (
+            rf'\hypertarget{{subject-{len(self.subjects)}}}{{}}')
+
+    def html(self):
+        body = pandoc(expand(self.read(), 'chapter', 1, lambda _: ''))
+        body = re.sub(r'(?:<p>)?\s*LITPTKEPT(\d+)X\s*(?:</p>)?',
+                      lambda m: self.kept[int(m[1])], body)
+        body = re.sub(r'<figure class="figure".*?</figure>', lambda m: re.sub(
+            r'<(?:img|embed) src="([^"]*)"[^>]*>', lambda img:
+            f'<img src="{img[1]}" alt="{web_reader.alternative(m[0])}">', m[0]),
+            body, flags=re.S)
+        self.body = body
+        return body
 
     def words(self, s):
         s = expand(s, 'InputIfFileExists', 3,
@@ -551,6 +598,7 @@ def page(title, sidebar, body):
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <title>{html.escape(title)}</title>
 <link rel="stylesheet" href="web.css"><link rel="icon" href="data:,">
+<script src="web.js" defer></script>
 </head><body><p class="top"><a href="#contents">Contents</a></p>
 <main id="main">
 {body}
@@ -561,72 +609,170 @@ def page(title, sidebar, body):
 '''
 
 
-def main():
-    master = find(MASTER + '.tex')
-    parts, chapters = [], []
-    for m in re.finditer(r'\\part\{([^}]*)\}(?:\s*\\label\{([^}]*)\})?'
-                         r'|\\include\{([^}]*)\}', master):
-        if m[1]:
-            parts.append((m[1], m[2], []))
-        else:
-            if not parts:
-                parts.append(('Chapters', None, []))
-            parts[-1][2].append(m[3])
-            chapters.append(m[3])
-    for name in [MASTER, *chapters]:
-        read_aux(name)
-    read_measured()
-    drawings, made, titles = [], {}, {}
-    for name in chapters:
-        defined_in.update(re.findall(
-            r'\\nwindexdefn\{(?:[^{}]|\{[^{}]*\})*\}\{([^}]*)\}\{([^}]*)\}',
-            find(name + '.tex')))
-    for name in chapters:
-        text = find(name + '.tex')
-        m = re.search(r'\\chapter\{', text)
-        title, _ = group(text, m.end() - 1)
-        key = re.search(r'\\label\{(chap:[^}]*)\}', text)[1]
-        titles[name] = (numbers.get(key, '?'), title)
-        made[name] = Chapter(name, numbers.get(key, '?'), drawings)
-    os.makedirs(OUT, exist_ok=True)
-    bodies = {}
-    for name, chapter in made.items():
-        s = chapter.read()
-        s = expand(s, 'chapter', 1, lambda _: '')
-        body = pandoc(s)
-        body = re.sub(r'(?:<p>)?\s*LITPTKEPT(\d+)X\s*(?:</p>)?',
-                      lambda m: chapter.kept[int(m[1])], body)
-        body = re.sub(r'(<(img|embed) src="([^"]*\.svg)"[^>]*>)', lambda m:
-                      f'<img src="{m[3]}" alt="The caption below describes '
-                      'this figure.">', body)
-        bodies[name] = body
-    draw_all(drawings)
-    plain_titles = {name: re.sub(r'<[^>]*>', '', pandoc(made[name].words(
-        titles[name][1]))).strip() for name in chapters}
-    for name in chapters:
-        number = titles[name][0]
-        sidebar = contents(parts, titles, plain_titles, name, made[name])
-        i = chapters.index(name)
-        around = ' · '.join(f'<a href="{n}.html">{word}</a>' for word, n in [
-            ('Before', chapters[i - 1] if i else 'index'),
-            ('Contents', 'index'),
-            ('Next', chapters[i + 1] if i + 1 < len(chapters)
-             else 'bibliography')])
-        write(name, page(plain_titles[name], sidebar,
-              f'<h1>{number} {plain_titles[name]}</h1>\n'
-              f'{bodies[name]}\n'
-              f'<p class="around">{around}</p>'))
-    write('index', page(f'{MASTER}', '',
-          f'<h1>{MASTER}</h1>' + contents(
-              parts, titles, plain_titles, whole=True)))
-    bbl = find(MASTER + '.bbl')
+class Book:
+    """The parts and chapters of the master, and what follows them."""
+
+    def __init__(self):
+        self.parts, self.chapters, self.titles = [], {}, {}
+        self.drawings = []
+        for m in re.finditer(r'\\part\{([^}]*)\}(?:\s*\\label\{([^}]*)\})?'
+                             r'|\\include\{([^}]*)\}', find(MASTER + '.tex')):
+            if m[1] or not self.parts:
+                self.parts.append((m[1] or 'Chapters', m[2], []))
+            if m[3]:
+                self.parts[-1][2].append(m[3])
+                self.chapters[m[3]] = None
+
+    def read(self):
+        for name in [MASTER, *self.chapters]:
+            read_aux(name)
+        read_measured()
+        titles = {}
+        for name in self.chapters:
+            text = find(name + '.tex')
+            defined_in.update(re.findall(
+                r'\\nwindexdefn\{(?:[^{}]|\{[^{}]*\})*\}\{([^}]*)\}\{([^}]*)\}',
+                text))
+            titles[name], _ = group(text, text.index('\\chapter{') + 8)
+            key = re.search(r'\\label\{(chap:[^}]*)\}', text)[1]
+            self.chapters[name] = Chapter(name, numbers.get(key, '?'),
+                                          self.drawings)
+        for name, title in titles.items():
+            chapter = self.chapters[name]
+            self.titles[name] = chapter.number + ' ' + re.sub(
+                r'<[^>]*>', '', pandoc(chapter.words(title))).strip()
+
+    def contents(self, here=None):
+        out = '<ol class="contents">'
+        for title, key, names in self.parts:
+            place = f' id="{key}"' if key and here == 'index' else ''
+            out += f'<li{place}>{title}<ul>'
+            for name in names:
+                out += '<li>' + entry(name, self.titles[name], here)
+                if name == here:
+                    out += '<ul>' + ''.join(
+                        f'<li><a href="#{key}">{number} '
+                        + html.escape(re.sub(r'[$\\{}]', '', t)) + '</a></li>'
+                        for key, number, t in self.chapters[name].sections
+                        if number) + '</ul>'
+                out += '</li>'
+            out += '</ul></li>'
+        return out + '<li>To look up<ul>' + ''.join(
+            f'<li>{entry(name, title, here)}</li>'
+            for name, title in LOOKED_UP.items()) + '</ul></li></ol>'
+
+    def pages(self):
+        """The title and body of each page."""
+        made = {}
+        around = ['index', *self.chapters, *LOOKED_UP]
+        for i, (name, chapter) in enumerate(self.chapters.items(), 1):
+            links = ' · '.join(f'<a href="{n}.html">{word}</a>' for word, n in [
+                ('Before', around[i - 1]), ('Contents', 'index'),
+                ('Next', around[i + 1])])
+            made[name] = (self.titles[name], chapter.html()
+                          + f'<p class="around">{links}</p>')
+        for name, body in [
+                ('bibliography', bibliography()),
+                ('subjects', subjects(self.chapters.values())),
+                ('identifiers', index_of_identifiers()),
+                ('files', files())]:
+            if body:
+                made[name] = (LOOKED_UP[name], body)
+            else:
+                del LOOKED_UP[name]
+        made['index'] = (MASTER, self.contents('index'))
+        return made
+
+
+LOOKED_UP = {'bibliography': 'Bibliography', 'subjects': 'Index of subjects',
+             'identifiers': 'Index of identifiers', 'files': 'Files'}
+
+
+def entry(name, title, here):
+    mark = ' aria-current="page"' if name == here else ''
+    return f'<a href="{name}.html"{mark}>{title}</a>'
+
+
+def bibliography():
     entries = re.split(r'\\bibitem\{([^}]*)\}', re.sub(
-        r'\\newblock|\\end\{thebibliography\}', '', bbl))[1:]
-    write('bibliography', page('Bibliography', contents(
-        parts, titles, plain_titles), '<h1>Bibliography</h1>' + ''.join(
-            f'<div id="{key}" class="source"><b>[{cited.get(key, "?")}]</b> '
-            + pandoc(text) + '</div>'
-            for key, text in zip(entries[::2], entries[1::2]))))
+        r'\\newblock|\\end\{thebibliography\}', '', find(MASTER + '.bbl')))[1:]
+    return ''.join(
+        f'<div id="{key}" class="source"><b>[{cited.get(key, "?")}]</b> '
+        + pandoc(text) + '</div>'
+        for key, text in zip(entries[::2], entries[1::2]))
+
+
+def subjects(chapters):
+    """Where each subject is spoken of, by section; or what to see."""
+    where, sees = {}, {}
+    for chapter in chapters:
+        section = chapter.number
+        for m in re.finditer(r'<h2[^>]*>.*?</span>(\d\S*|[A-Z]\.\d+) '
+                             r'|id="subject-(\d+)"', chapter.body):
+            section = m[1] or section
+            if m[2]:
+                entry = chapter.subjects[int(m[2]) - 1]
+                where.setdefault(entry, {}).setdefault(
+                    section, f'<a href="{chapter.name}.html#subject-{m[2]}">'
+                    f'{section}</a>')
+        for entry in chapter.subjects:
+            if '|see' in entry:
+                entry, _, other = entry.partition('|see')
+                sees[entry] = f'see <i>{html.escape(other[1:-1])}</i>'
+    return (where or '') and web_reader.by_letter(
+        [(entry, html.escape(', '.join(entry.split('!'))) + ': '
+          + ', '.join(links.values())) for entry, links in where.items()]
+        + [(entry, html.escape(entry) + ': ' + see)
+           for entry, see in sees.items()])
+
+
+def index_of_identifiers():
+    """Definitions are bold, as they are underlined in the PDF."""
+    out = []
+    for key, name in identifiers.items():
+        links = [anchor(label) if use else f'<b>{anchor(label)}</b>'
+                 for use, label in sorted(set(places.get(key, ())))]
+        out.append((name, f'<code>{name}</code>: {", ".join(links)}'))
+    return ('<p>Bold labels are those of the chunks that define the identifier; '
+            'the others use it.</p>' + web_reader.by_letter(out))
+
+
+def files():
+    """Each file of the program with the chunks that its lines come from."""
+    out = []
+    for name in program.names:
+        ranges = program.ranges(name)
+        if not ranges:
+            continue
+        out.append(f'<h2 id="{name}">{name}</h2>\n<ol class="lines">')
+        for first, last, label in ranges:
+            if label is None:
+                warnings.append(f'{name}:{first}: from no chunk')
+                continue
+            out.append(f'<li>{first}–{last} {anchor(label)}</li>')
+        out.append('</ol>')
+    return ('<p>The lines of each file of the program, and the chunks that they '
+            'come from.</p>' + '\n'.join(out))
+
+
+def main():
+    book = Book()
+    book.read()
+    pages = book.pages()
+    draw_all(book.drawings)
+    bodies = {name: f'<h1>{title}</h1>\n{body}\n'
+              for name, (title, body) in pages.items()}
+    write('search-data.js', web_reader.search(
+        {name: bodies[name] for name in ['bibliography', *book.chapters]}))
+    for name, script in web_reader.previews(bodies):
+        write(f'preview-{name}.js', script)
+    bodies['search'] = ('<h1>Search</h1>\n<p id="found" role="status">The search '
+                        'needs JavaScript; the indexes do not.</p>\n')
+    for name, body in bodies.items():
+        title = pages.get(name, ('Search',))[0]
+        write(name + '.html', page(title, book.contents(name), body))
+    warnings.extend(f'{name} differs when copied from the pages'
+                    for name in program.differs(bodies.values()))
     check()
     for line in sorted(set(warnings)):
         print('html:', line, file=sys.stderr)
@@ -657,27 +803,8 @@ def check():
             warnings.append(f'{name}: no place {href}')
 
 
-def contents(parts, titles, plain_titles, here=None, chapter=None, whole=False):
-    out = '<ol class="contents">'
-    for title, key, names in parts:
-        place = f' id="{key}"' if key and not here and whole else ''
-        out += f'<li{place}>{title}<ul>'
-        for name in names:
-            mark = ' aria-current="page"' if name == here else ''
-            out += (f'<li><a href="{name}.html"{mark}>{titles[name][0]} '
-                    f'{plain_titles[name]}</a>')
-            if name == here:
-                out += '<ul>' + ''.join(
-                    f'<li><a href="#{key}">{number} '
-                    + html.escape(re.sub(r'[$\\{}]', '', t)) + '</a></li>'
-                    for key, number, t in chapter.sections if number) + '</ul>'
-            out += '</li>'
-        out += '</ul></li>'
-    return out + '<li><a href="bibliography.html">Bibliography</a></li></ol>'
-
-
 def write(name, text):
-    with open(os.path.join(OUT, name + '.html'), 'w', encoding='utf-8') as out:
+    with open(os.path.join(OUT, name), 'w', encoding='utf-8') as out:
         out.write(text)
 
 
