@@ -243,7 +243,7 @@ define MAKE_SITE
   ENCFONTS=doc: python3 $(SCRIPTS)/web.py $(NOWEB) $(1) $(2) $(3) $(4)
 endef
 
-html: pdf $(WEB_SCRIPTS) doc/web.css doc/web.js
+html: pdf $(PLAYED) $(WEB_SCRIPTS) doc/web.css doc/web.js
 	@command -v pandoc > /dev/null && command -v pdftocairo > /dev/null && \
 	  test -e $(LUNR) || { \
 	  echo 'error: make html needs pandoc, pdftocairo and lunr; install them by' >&2; \

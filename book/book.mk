@@ -417,17 +417,22 @@ mixtures-before: $(call AND_VIEWS,$(BALLS:%=$(BENCH)/ball-%))
 SAMPLED = $(foreach method,reference gather,$(addprefix $(method)-,1 16 256))
 ERRORS = $(filter-out %-1,$(SAMPLED))
 WHITE = 0.3
+# Those that the web shows besides.
+BETWEEN = $(foreach method,reference gather,$(addprefix $(method)-,4 64))
+SHOWN = $(SAMPLED) $(BETWEEN)
+PLAYED = $(BETWEEN:%=$(BUILD_DIR)/figures/samples-%.png) \
+  $(BETWEEN:%=$(BUILT)/rmse-%.tex)
 FIGURES += $(SAMPLED:%=$(BUILD_DIR)/figures/samples-%.png) \
   $(ERRORS:%=$(BUILD_DIR)/figures/errors-%.png)
 TABLES += $(ERRORS:%=$(BUILT)/rmse-%.tex)
 
-$(SAMPLED:%=$(BUILD_DIR)/figures/samples-%.exr): \
+$(SHOWN:%=$(BUILD_DIR)/figures/samples-%.exr): \
   $(BUILD_DIR)/figures/samples-%.exr: $(BUILD_DIR)/pt \
   $(BUILD_DIR)/courtyard.obj | $(BUILD_DIR)/figures
 	$(BUILD_DIR)/pt $(CAMERA) -d 128x96 -r 0.8 -q -f \
 	  --integrator $(subst -, -n ,$*) -i $(BUILD_DIR)/courtyard.obj -o $@
 
-$(SAMPLED:%=$(BUILD_DIR)/figures/samples-%.png): %.png: %.exr $(BUILD_DIR)/ptimg
+$(SHOWN:%=$(BUILD_DIR)/figures/samples-%.png): %.png: %.exr $(BUILD_DIR)/ptimg
 	$(BUILD_DIR)/ptimg tonemap -f -o $@ $<
 
 # ptimg says what error its own white is. It warns of the grey that it reads.
@@ -437,7 +442,7 @@ $(ERRORS:%=$(BUILD_DIR)/figures/errors-%.png): $(BUILD_DIR)/figures/errors-%.png
 	stops=$$(echo $$said | awk '{ print log($$NF / $(WHITE)) / log(2) }') && \
 	$(BUILD_DIR)/ptimg tonemap -f -e $$stops -o $@ $@ 2> /dev/null
 
-$(ERRORS:%=$(BUILT)/rmse-%.tex): $(BUILT)/rmse-%.tex: \
+$(patsubst %,$(BUILT)/rmse-%.tex,$(ERRORS) $(BETWEEN)): $(BUILT)/rmse-%.tex: \
   $(BUILD_DIR)/figures/samples-%.exr $(BUILD_DIR)/ptimg | $(BUILT)
 	$(BUILD_DIR)/ptimg info $< | awk '/^ *rmse:/ { printf "%.3f%%\n", $$2 }' > $@
 

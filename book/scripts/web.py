@@ -26,6 +26,7 @@ import re
 import subprocess
 import sys
 
+import web_play
 import web_program
 import web_reader
 
@@ -344,7 +345,7 @@ class Chapter:
     def __init__(self, name, number, drawings):
         self.name, self.number, self.drawings = name, number, drawings
         self.place = os.path.join(os.path.dirname(WEB), f'chapters/{name}.nw')
-        self.kept, self.sections, self.subjects = [], [], []
+        self.kept, self.subjects = [], []
         self.count = self.headed = 0
 
     def keep(self, text):
@@ -383,12 +384,15 @@ class Chapter:
         body = pandoc(expand(self.read(), 'chapter', 1, lambda _: ''))
         body = re.sub(r'(?:<p>)?\s*LITPTKEPT(\d+)X\s*(?:</p>)?',
                       lambda m: self.kept[int(m[1])], body)
-        body = re.sub(r'<figure class="figure".*?</figure>', lambda m: re.sub(
-            r'<(?:img|embed) src="([^"]*)"[^>]*>', lambda img:
-            f'<img src="{img[1]}" alt="{web_reader.alternative(m[0])}">', m[0]),
-            body, flags=re.S)
-        self.body = body
-        return body
+        self.body = re.sub(r'<figure class="figure" id="(.*?)".*?</figure>',
+                           self.figure, body, flags=re.S)
+        return self.body
+
+    def figure(self, m):
+        alt = web_reader.alternative(m[0])
+        return re.sub(r'<(?:img|embed) src="([^"]*)"[^>]*>', lambda img:
+                      f'<img src="{img[1]}" alt="{alt}">', m[0]
+                      ) + web_play.play(m[1], PATHS, OUT)
 
     def words(self, s):
         s = expand(s, 'InputIfFileExists', 3,
@@ -454,8 +458,6 @@ class Chapter:
                 number = f'{self.number}.{self.count}'
             self.headed += 1
             key = f'section-{self.headed}'
-            if m[1] == 'section':
-                self.sections.append((key, number, title))
             out.append(s[at:m.start()] + rf'\{m[1]}*{{\hypertarget{{{key}}}{{}}'
                        + (number + ' ' if number else '') + title + '}')
             at = end
@@ -497,6 +499,8 @@ class Chapter:
 
 
 def plain_code(s):
+    s = re.sub(r'\\LA\{\}(.*?)~\{\\nwtagstyle\{\}\\subpageref\{[^}]*\}\}'
+               r'\\RA\{\}', r'⟨\1⟩', s)
     return re.sub(r'\\nwlinkedident[cq]\{((?:[^{}]|\\[{}])*)\}\{[^}]*\}', r'\1',
                   re.sub(r'\\nwindexuse\{.*?\}\{.*?\}\{.*?\}', '', s)).replace(
         r'\nwbackslash{}', '\\').replace(r'\protect', '')
@@ -535,7 +539,6 @@ def algorithm(s):
 
 def draw_all(drawings):
     """All figures in one run of LaTeX, each on a page of its size."""
-    os.makedirs(os.path.join(OUT, 'figures'), exist_ok=True)
     work = os.path.join(TEX, 'web')
     os.makedirs(work, exist_ok=True)
     source = find(MASTER + '.tex').split(r'\begin{document}')[0]
@@ -651,10 +654,9 @@ class Book:
                 out += '<li>' + entry(name, self.titles[name], here)
                 if name == here:
                     out += '<ul>' + ''.join(
-                        f'<li><a href="#{key}">{number} '
-                        + html.escape(re.sub(r'[$\\{}]', '', t)) + '</a></li>'
-                        for key, number, t in self.chapters[name].sections
-                        if number) + '</ul>'
+                        f'<li><a href="#{key}">{web_reader.text(title)}</a></li>'
+                        for key, title in NUMBERED.findall(
+                            self.chapters[name].body)) + '</ul>'
                 out += '</li>'
             out += '</ul></li>'
         return out + '<li>To look up<ul>' + ''.join(
@@ -684,6 +686,8 @@ class Book:
         return made
 
 
+NUMBERED = re.compile(r'<h2[^>]*><span id="([^"]*)"></span>'
+                      r'((?:\d+|[A-Z])\..*?)</h2>')
 LOOKED_UP = {'bibliography': 'Bibliography', 'subjects': 'Index of subjects',
              'identifiers': 'Index of identifiers', 'files': 'Files'}
 
@@ -707,7 +711,7 @@ def subjects(chapters):
     where, sees = {}, {}
     for chapter in chapters:
         section = chapter.number
-        for m in re.finditer(r'<h2[^>]*>.*?</span>(\d\S*|[A-Z]\.\d+) '
+        for m in re.finditer(r'<h2[^>]*><span[^>]*></span>((?:\d+|[A-Z])\.\d+) '
                              r'|id="subject-(\d+)"', chapter.body):
             section = m[1] or section
             if m[2]:
@@ -749,13 +753,15 @@ def files():
             if label is None:
                 warnings.append(f'{name}:{first}: from no chunk')
                 continue
-            out.append(f'<li>{first}–{last} {anchor(label)}</li>')
+            lines = str(first) if first == last else f'{first}–{last}'
+            out.append(f'<li>{lines} {anchor(label)}</li>')
         out.append('</ol>')
     return ('<p>The lines of each file of the program, and the chunks that they '
             'come from.</p>' + '\n'.join(out))
 
 
 def main():
+    os.makedirs(os.path.join(OUT, 'figures'), exist_ok=True)
     book = Book()
     book.read()
     pages = book.pages()

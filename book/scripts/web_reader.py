@@ -49,12 +49,16 @@ def bare(s):
     return re.sub(r'<span></span>', '', s)
 
 
-def first_lines(s, pattern, most):
+def cut(s, pattern, most, rest):
     """A preview is cut where it would be long."""
     found = list(re.finditer(pattern, s, re.S))
     if len(found) <= most:
         return s
-    return s[:found[most].start()] + '…' + s[found[-1].end():]
+    return s[:found[most].start()] + rest + s[found[-1].end():]
+
+
+FORMULA = re.compile(r'(?:<(?:span|div) id="[^"]*">|</(?:span|div)>|</?p>|\s)*'
+                     r'(<math[^>]*display="block".*?</math>)', re.S)
 
 
 def preview(body, key):
@@ -66,16 +70,18 @@ def preview(body, key):
         s = bare(body[start:body.index(f'</{tag}>', start)] + f'</{tag}>')
         s = re.sub(r'<footer>.*?</footer>|<span class="(?:nav|place)">.*?</span>',
                    '', s, flags=re.S)
-        return first_lines(first_lines(s, r'[^\n]*\n(?=.*</pre>)', 12),
-                           r'<tr.*?</tr>', 8)
-    formula = re.compile(r'(?:<span id="[^"]*"></span>|\s)*(<math[^>]*'
-                         r'display="block".*?</math>)', re.S)
-    if m := formula.match(body, start):
+        if tag == 'section':
+            return cut(s, r'[^\n]*\n', 13, '…')
+        return cut(s, r'<tr.*?</tr>', 8, '<tr><td>…</td></tr>')
+    if m := FORMULA.match(body, start):
         return bare(m[1])
-    head = [h for h in HEADING.finditer(body) if h.start() <= start < h.end()]
-    after = head[0].end() if head else body.index('>', at) + 1
-    title = f'<p><b>{bare(head[0][2])}</b></p>' if head else ''
-    said = text(re.split(r'</(?:p|li|div|h\d)>', body[after:], maxsplit=1)[0])
+    head = [h for h in HEADING.finditer(body) if h.start() <= start
+            and not text(body[h.end():start])]
+    after = max(head[-1].end() if head else 0, body.index('>', at) + 1)
+    title = f'<p><b>{html.escape(text(head[-1][2]))}</b></p>' if head else ''
+    block = re.sub(r'<aside.*?</aside>', '', body[after:after + 9000], flags=re.S)
+    said = next(filter(None, map(
+        text, re.split(r'</(?:p|li|div|h\d|pre)>', block))), '')
     return title + '<p>' + html.escape(
         said if len(said) < 400 else said[:400].rsplit(' ', 1)[0] + ' …') + '</p>'
 
