@@ -46,7 +46,7 @@ function around(text, words) {
   const from = at < 60 ? 0 : text.lastIndexOf(' ', at - 60) + 1;
   const end = at + /^\w*/.exec(text.slice(at))[0].length;
   return [(from ? '… ' : '') + text.slice(from, at),
-    element('mark', {}, text.slice(at, end)), text.slice(end, end + 100) + ' …'];
+    element('mark', {}, text.slice(at, end)), text.slice(end, text.indexOf(' ', end + 90) + 1 || undefined) + '…'];
 }
 
 async function search() {
@@ -67,9 +67,10 @@ async function search() {
   found.after(element('ol', { className: 'hits' }, ...hits.slice(0, 50).map(hit => {
     const [address, title, text, code] = sections[hit.ref];
     const words = Object.keys(hit.matchData.metadata);
-    const spoken = words.some(word => text.toLowerCase().includes(word));
-    return element('li', {}, element('a', { href: address }, title),
-      element('br', {}), ...(spoken ? around(text, words) : ['In the code: ', ...around(code, words)]));
+    const has = s => words.some(word => s.toLowerCase().includes(word));
+    return element('li', {}, element('a', { href: address }, title), element('br', {}),
+      ...(has(text) || has(title) ? around(text, words)
+        : ['In the code: ', code.split(' ').filter(has).join(', ')]));
   })));
 }
 
@@ -102,7 +103,7 @@ async function show(link, page, key) {
   const room = document.documentElement;
   card.style.left = Math.max(8, Math.min(at.left, room.clientWidth - card.offsetWidth - 8)) + 'px';
   card.style.top = (at.bottom + card.offsetHeight + 8 < room.clientHeight || at.top < card.offsetHeight
-    ? at.bottom + 4 : at.top - card.offsetHeight - 4) + 'px';
+    ? at.bottom : at.top - card.offsetHeight) + 'px';
 }
 
 function touch({ target }) {

@@ -727,12 +727,16 @@ def subjects(chapters):
         for entry in chapter.subjects:
             if '|see' in entry:
                 entry, _, other = entry.partition('|see')
-                sees[entry] = f'see <i>{html.escape(other[1:-1])}</i>'
+                sees[entry] = other[1:-1]
+
+    def place(entry):
+        return 'entry-' + re.sub(r'\W+', '-', entry)
     return (where or '') and web_reader.by_letter(
-        [(entry, html.escape(', '.join(entry.split('!'))) + ': '
+        [(entry, f'<span id="{place(entry)}">'
+          f'{html.escape(", ".join(entry.split("!")))}</span>: '
           + ', '.join(links.values())) for entry, links in where.items()]
-        + [(entry, html.escape(entry) + ': ' + see)
-           for entry, see in sees.items()])
+        + [(entry, f'{html.escape(entry)}: see <a href="#{place(other)}">'
+            f'{html.escape(other)}</a>') for entry, other in sees.items()])
 
 
 def index_of_identifiers():
@@ -781,7 +785,8 @@ def main():
                         'needs JavaScript; the indexes do not.</p>\n')
     for name, body in bodies.items():
         title = pages.get(name, ('Search',))[0]
-        write(name + '.html', page(title, book.contents(name), body))
+        sidebar = '' if name == 'index' else book.contents(name)
+        write(name + '.html', page(title, sidebar, body))
     warnings.extend(f'{name} differs when copied from the pages'
                     for name in program.differs(bodies.values()))
     check()

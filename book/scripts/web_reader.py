@@ -33,11 +33,14 @@ def search(pages):
     """The script that has all sections: address, title, prose, words of code."""
     out = []
     for name, body in pages.items():
+        chapter = text(HEADING.search(body)[2])
         for address, title, s in sections(name, body):
+            if title != chapter and not re.match(r'\w+\.\d', title):
+                title += f' ({chapter})'
             code = ' '.join(re.findall(r'<pre.*?</pre>', s, re.S))
             words = sorted(set(re.findall(r'[A-Za-z_]\w+', text(code))))
-            s = re.sub(r'<pre.*?</pre>|<header>.*?</header>|<footer>.*?</footer>',
-                       ' ', s, flags=re.S)
+            s = re.sub(r'<(pre|header|footer)\b.*?</\1>|<p class="around">.*', ' ', s,
+                       flags=re.S)
             out.append([address, title, text(s), ' '.join(words)])
     return 'searchIn(' + json.dumps(out, ensure_ascii=False) + ');\n'
 
@@ -103,8 +106,8 @@ def alternative(figure):
     """The first sentence of a figure's caption, for those who cannot see it."""
     caption = re.search(r'<figcaption>(.*)</figcaption>', figure, re.S)
     said = text(caption[1]) if caption else ''
-    m = re.match(r'(\w+ \S+\. .*?[.:])(?: |$)', said)
-    return html.escape((m[1] if m else said).rstrip(':'))
+    m = re.match(r'(\w+ \S+\. .*?\.)(?: |$)', said)
+    return html.escape(m[1] if m else said)
 
 
 def by_letter(entries):
