@@ -248,8 +248,8 @@ html: pdf $(PLAYED) $(WEB_SCRIPTS) doc/web.css doc/web.js
 	  test -e $(LUNR) || { \
 	  echo 'error: make html needs pandoc, pdftocairo and lunr; install them by' >&2; \
 	  echo 'apt-get install pandoc poppler-utils libjs-lunr' >&2; exit 1; }
-	$(call MAKE_SITE,litpt.nw,src/.tangled,$(BUILD_DIR)/tex,$(BUILD_DIR)/html)
 	$(call MAKE_SITE,noweb/noweb.nw,noweb/.tangled,$(BUILD_DIR)/tex-noweb,$(BUILD_DIR)/html/noweb)
+	$(call MAKE_SITE,litpt.nw,src/.tangled,$(BUILD_DIR)/tex,$(BUILD_DIR)/html)
 	@echo 'The books lie in $(BUILD_DIR)/html/index.html.'
 
 # ---- is everything as it should be?

@@ -416,7 +416,8 @@ class Chapter:
         for name, text in NAMES.items():
             s = re.sub(r'\\' + name + r'(?![a-zA-Z])(\{\}|\\(?= ))?',
                        r'\\textsf{' + text + '}', s)
-        s = s.replace(r'\toolbook', 'noweb: a small tool for literate programs')
+        s = s.replace(r'\toolbook', r'\href{noweb/index.html}'
+                      '{noweb: a small tool for literate programs}')
         s = re.sub(r'\\begin\{(equation|align)\}(.*?)\\end\{\1\}',
                    self.equation, s, flags=re.S)
         s = self.headings(s)
