@@ -97,6 +97,8 @@ async function show(link, page, key) {
   await load(`preview-${page}.js`);
   if (touched !== link || !previews[page]?.[key]) return;
   card.innerHTML = previews[page][key];
+  await Promise.allSettled(Array.from(card.querySelectorAll('img'), img => img.decode()));
+  if (touched !== link) return;
   card.hidden = false;
   link.setAttribute('aria-describedby', 'card');
   const at = link.getBoundingClientRect();
