@@ -55,7 +55,7 @@ help:
 	@echo 'make demo    build the program, render the courtyard, say where it is'
 	@echo 'make test    run all tests (needs Rust and make only)'
 	@echo 'make pdf     make the books, $(BUILD_DIR)/*.pdf (needs LaTeX)'
-	@echo 'make html    make the books for browsers, $(BUILD_DIR)/html (needs pandoc)'
+	@echo 'make html    make the books for browsers, $(BUILD_DIR)/html (needs pandoc and lunr)'
 	@echo 'make bin     build the programs, $(BUILD_DIR)/pt and $(BUILD_DIR)/ptimg'
 	@echo 'make mpi     build build/pt-mpi for clusters (needs MPI); make test-mpi'
 	@echo 'make install put them, man pages and completions below PREFIX=/usr/local'
@@ -236,20 +236,24 @@ export PLACES
 pdf: check-tex $(VOLUMES:%=$(BUILD_DIR)/%.pdf) $(BUILD_DIR)/noweb.pdf
 
 # The books on the web, from what has been woven for the PDF.
-# $(call MAKE_SITE,MASTER,TEX_DIRECTORY,SITE)
+LUNR = /usr/share/javascript/lunr/lunr.min.js
+WEB_SCRIPTS := $(wildcard $(SCRIPTS)/web*.py)
+# $(call MAKE_SITE,WEB,RECORD,TEX_DIRECTORY,SITE)
 define MAKE_SITE
-@mkdir -p $(3) && cp doc/web.css $(3)
-@echo 'web.py $(3)'
-@TEXINPUTS="$(2):$(BUILD_DIR)/figures:$(BUILD_DIR)/tables:$(BUILD_DIR)/examples:$(BUILD_DIR):doc:doc/examples:doc/figures:" \
-  ENCFONTS=doc: python3 book/scripts/web.py $(1) $(2) $(3)
+@mkdir -p $(4) && cp doc/web.css doc/web.js $(LUNR) $(4)
+@cp /usr/share/doc/libjs-lunr/copyright $(4)/lunr.txt
+@echo 'web.py $(4)'
+@TEXINPUTS="$(3):$(BUILD_DIR)/figures:$(BUILT):$(BUILD_DIR)/examples:$(BUILD_DIR):doc:doc/examples:doc/figures:" \
+  ENCFONTS=doc: python3 $(SCRIPTS)/web.py $(NOWEB) $(1) $(2) $(3) $(4)
 endef
 
-html: pdf book/scripts/web.py doc/web.css
-	@command -v pandoc > /dev/null && command -v pdftocairo > /dev/null || { \
-	  echo 'error: make html needs pandoc and pdftocairo; install them by' >&2; \
-	  echo 'apt-get install pandoc poppler-utils' >&2; exit 1; }
-	$(call MAKE_SITE,litpt,$(BUILD_DIR)/tex,$(BUILD_DIR)/html)
-	$(call MAKE_SITE,noweb,$(BUILD_DIR)/tex-noweb,$(BUILD_DIR)/html/noweb)
+html: pdf $(PLAYED) $(WEB_SCRIPTS) doc/web.css doc/web.js
+	@command -v pandoc > /dev/null && command -v pdftocairo > /dev/null && \
+	  test -e $(LUNR) || { \
+	  echo 'error: make html needs pandoc, pdftocairo and lunr; install them by' >&2; \
+	  echo 'apt-get install pandoc poppler-utils libjs-lunr' >&2; exit 1; }
+	$(call MAKE_SITE,noweb/noweb.nw,noweb/.tangled,$(BUILD_DIR)/tex-noweb,$(BUILD_DIR)/html/noweb)
+	$(call MAKE_SITE,litpt.nw,src/.tangled,$(BUILD_DIR)/tex,$(BUILD_DIR)/html)
 	@echo 'The books lie in $(BUILD_DIR)/html/index.html.'
 
 # ---- is everything as it should be?

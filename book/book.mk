@@ -422,11 +422,15 @@ RECORDED = reference-4096 gather-4096
 SHOWN = $(SAMPLED) $(RECORDED)
 ERRORS = $(filter-out %-1,$(SHOWN))
 WHITE = 0.3
+# Those that the web shows besides.
+BETWEEN = $(foreach method,reference gather,$(addprefix $(method)-,4 64))
+PLAYED = $(BETWEEN:%=$(BUILD_DIR)/figures/samples-%.png) \
+  $(BETWEEN:%=$(BUILT)/rmse-%.tex)
 FIGURES += $(SHOWN:%=$(BUILD_DIR)/figures/samples-%.png) \
   $(ERRORS:%=$(BUILD_DIR)/figures/errors-%.png)
 TABLES += $(ERRORS:%=$(BUILT)/rmse-%.tex)
 
-$(SAMPLED:%=$(BUILD_DIR)/figures/samples-%.exr): \
+$(patsubst %,$(BUILD_DIR)/figures/samples-%.exr,$(SAMPLED) $(BETWEEN)): \
   $(BUILD_DIR)/figures/samples-%.exr: $(BUILD_DIR)/pt \
   $(BUILD_DIR)/courtyard.obj | $(BUILD_DIR)/figures
 	$(BUILD_DIR)/pt $(CAMERA) -d 128x96 -r 0.8 -q -f \
@@ -444,7 +448,8 @@ samples: $(BUILD_DIR)/pt $(BUILD_DIR)/courtyard.obj
 	    -n 4096 -i $(BUILD_DIR)/courtyard.obj \
 	    -o doc/figures/samples-$$method-4096.exr || exit 1; done
 
-$(SHOWN:%=$(BUILD_DIR)/figures/samples-%.png): %.png: %.exr $(BUILD_DIR)/ptimg
+$(patsubst %,$(BUILD_DIR)/figures/samples-%.png,$(SHOWN) $(BETWEEN)): \
+  %.png: %.exr $(BUILD_DIR)/ptimg
 	$(BUILD_DIR)/ptimg tonemap -f -o $@ $<
 
 # ptimg says what error its own white is. It warns of the grey that it reads.
@@ -454,7 +459,7 @@ $(ERRORS:%=$(BUILD_DIR)/figures/errors-%.png): $(BUILD_DIR)/figures/errors-%.png
 	stops=$$(echo $$said | awk '{ print log($$NF / $(WHITE)) / log(2) }') && \
 	$(BUILD_DIR)/ptimg tonemap -f -e $$stops -o $@ $@ 2> /dev/null
 
-$(ERRORS:%=$(BUILT)/rmse-%.tex): $(BUILT)/rmse-%.tex: \
+$(patsubst %,$(BUILT)/rmse-%.tex,$(ERRORS) $(BETWEEN)): $(BUILT)/rmse-%.tex: \
   $(BUILD_DIR)/figures/samples-%.exr $(BUILD_DIR)/ptimg | $(BUILT)
 	$(BUILD_DIR)/ptimg info $< | awk '/^ *rmse:/ { printf "%.4f%%\n", $$2 }' > $@
 

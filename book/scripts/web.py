@@ -1,15 +1,25 @@
 #!/usr/bin/env python3
 """Makes a web site of a woven book: a page for each chapter.
 
-usage: web.py MASTER TEX_DIR OUT
+usage: web.py NOWEB DIR/MASTER.nw RECORD TEX_DIR OUT
 
 It reads TEX_DIR/MASTER.tex, the woven chapters beside it, and what LaTeX has
 left in their .aux files (numbers of sections, floats and chunks), so that the
-site has the numbers of the PDF; OUT has web.css already. Prose goes through
-pandoc, formulas become MathML, chunks are set by this program, and the figures
-that LaTeX draws are compiled to SVG by one more run of pdflatex. TEXINPUTS must
-be that of the book. Links that lead nowhere, formulas that pandoc cannot read
-and numbers that are missing are faults.
+site has the numbers of the PDF; OUT has web.css already, and the scripts. Prose
+goes through pandoc, formulas become MathML, chunks are set by this program, and
+the figures that LaTeX draws are compiled to SVG by one more run of pdflatex.
+NOWEB, the tool, says where each line of the files of RECORD comes from
+(web_program.py); what a reader looks things up by is in web_reader.py, and what
+a reader plays with in web_play.py. TEXINPUTS must be that of the book. Links
+that lead nowhere, formulas that pandoc cannot read, numbers that are missing and
+files that differ when tangled from what a page shows are faults.
+
+Two programs that know more of TeX were tried on one chapter, on positions, of
+the tool's book. LaTeXML 0.8.7 takes 52 s of processor time without litpt.sty and
+gives up there, at 101 errors and 36 unknown macros; with it, it still reads
+expl3 after 81 s. tex4ht works in DVI mode, where litpt.sty's primitives of PDF
+stop it; without them it makes the chapter in 3 s, but no chunk is preformatted,
+so that code cannot be copied. This program makes all eleven chapters in 2.4 s.
 
 Copyright (C) 2026 litpt contributors
 Copying and distribution of this file, with or without modification, are
@@ -23,7 +33,12 @@ import re
 import subprocess
 import sys
 
-MASTER, TEX, OUT = sys.argv[1:4]
+import web_play
+import web_program
+import web_reader
+
+NOWEB, WEB, RECORD, TEX, OUT = sys.argv[1:6]
+MASTER = os.path.basename(WEB).removesuffix('.nw')
 PATHS = [p for p in os.environ.get('TEXINPUTS', '').split(':') if p]
 NAMES = {'litpt': 'litpt', 'pt': 'pt', 'noweb': 'noweb',
          'notangle': 'notangle', 'noweave': 'noweave'}
@@ -84,6 +99,7 @@ def expand(s, name, arguments, function, option=False):
 # ---- what LaTeX knows: numbers of labels, chunks and sources
 
 numbers, page_of, labels, cited, measured = {}, {}, {}, {}, {}
+identifiers, places, defined_in = {}, {}, {}
 
 
 def read_aux(name):
@@ -99,6 +115,15 @@ def read_aux(name):
             subpages[m[2]] = letter + 1
             labels[m[1]] = (m[2], letter)
             page_of[m[1]] = page
+        elif m := re.match(
+                r'\\nwixadd\{\\nwix([du]) ?\}\{([^}]*)\}\{([^}]*)\}', line):
+            places.setdefault(m[2], []).append((m[1] != 'd', m[3]))
+            if m[1] == 'd':
+                defined_in[m[2]] = m[3]
+        elif m := re.match(
+                r'\\nwixadds\{i\}\{\{\\nwixident ?\{(.*)\}\}\{([^}]*)\}\}',
+                line):
+            identifiers[m[2]] = plain(m[1])
         elif m := re.match(r'\\bibcite\{([^}]*)\}\{([^}]*)\}', line):
             cited[m[1]] = m[2]
 
@@ -172,14 +197,20 @@ SPECIAL = {'nwbackslash': '\\', 'nwlbrace': '{', 'nwrbrace': '}', 'litpt':
 def plain(s):
     """The text of a chunk's name or of an identifier."""
     s = re.sub(r'\\(Tt|nwendquote|code|edoc)(\{\})?\s?', '', s)
-    s = re.sub(r'\\nwixident\{([^{}]*)\}', r'\1', s)
+    s = s.replace(r'\nwixident', '')
     s = re.sub(r'\\(nwbackslash|nwlbrace|nwrbrace)(\{\})?',
                lambda m: SPECIAL[m[1]], s)
     s = re.sub(r'\\([{}_#$%&\\ ])', r'\1', s)
     return html.escape(re.sub(r'(?<!\\)[{}]', '', s).replace('~', ' ').strip())
 
 
-defined_in = {}
+def chunk_name(s):
+    """A chunk's name, whose code is code."""
+    s = re.sub(r'\\code(\{\})?\s?', '\1', re.sub(r'\\edoc(\{\})?', '\2', s))
+    return plain(s).replace('\1', '<code>').replace('\2', '</code>')
+
+
+program = web_program.Program(NOWEB, WEB, RECORD)
 
 
 def code_html(s):
@@ -213,7 +244,7 @@ def code_html(s):
                 k = inner.rfind('~{\\nwtagstyle')
                 label = re.search(r'subpageref\{([^}]*)\}', inner[k:])
                 out.append(f'<a class="chunk" href="{link(label[1])}">⟨'
-                           f'{plain(inner[:k])}⟩</a>' if k >= 0 and label
+                           f'{chunk_name(inner[:k])}⟩</a>' if k >= 0 and label
                            else '⟨' + plain(inner) + '⟩')
             elif name in SPECIAL:
                 out.append(html.escape(SPECIAL[name]))
@@ -243,12 +274,19 @@ FOOTER = re.compile(r'^\\(nwused|nwnotused|nwoutput|nwalsodefined|'
                     r'nwidentdefs|nwidentuses)\{', re.M)
 
 
-def chunk_html(m):
+def chunk_html(m, place):
     label, name, first, plus, markup, body = m.groups()
     footer = ''
     if f := FOOTER.search(body):
         body, footer = body[:f.start()], body[f.start():]
     body = body.replace('\\eatline\n', '')
+    line = m.string.count('\n', 0, m.start(1)) + 1
+    files = list(program.add(label, place, line + 1,
+                             line + body.count('\n')).items())
+    where = ', '.join(f'<a href="files.html#{file}">{file}:{at}</a>'
+                      for file, at in files[:2])
+    if len(files) > 2:
+        where += f' and {len(files) - 2} more'
     said = []
     for key, word in [('nwalsodefined', 'Continued in'), ('nwused', 'Used in')]:
         if f := re.search(r'\\' + key + r'\{((?:\\\\\{[^{}]*\})*)\}', footer):
@@ -271,8 +309,9 @@ def chunk_html(m):
                         [('◁ %s', f[1]), ('%s ▷', f[2])] if x in labels)
     return (f'<section class="code" id="{label}"><header>'
             f'<a class="tag" href="#{label}">{chunk_label(label)}</a> '
-            f'<span>⟨{plain(name)} {anchor(first)}⟩{"+" if plus else ""}≡'
-            f'</span><span class="nav">{back}</span></header>\n'
+            f'<span>⟨<b class="name">{chunk_name(name)}</b> {anchor(first)}⟩'
+            f'{"+" if plus else ""}≡</span><span class="nav">{back}</span>'
+            f'<span class="place">{place}:{line} → {where}</span></header>\n'
             f'<pre tabindex="0"><code>{code_html(body)}</code></pre>'
             f'<footer>{" ".join(said)}</footer></section>')
 
@@ -314,7 +353,8 @@ def cite(note, keys):
 class Chapter:
     def __init__(self, name, number, drawings):
         self.name, self.number, self.drawings = name, number, drawings
-        self.kept, self.sections = [], []
+        self.place = os.path.join(os.path.dirname(WEB), f'chapters/{name}.nw')
+        self.kept, self.subjects = [], []
         self.count = self.headed = 0
 
     def keep(self, text):
@@ -323,8 +363,8 @@ class Chapter:
 
     def read(self):
         s = find(self.name + '.tex')
-        s = re.sub(r' % Made by noweave.*', '', s)
-        s = CHUNK.sub(lambda m: self.keep(chunk_html(m)), s)
+        s = re.sub(r'\A(.*) % Made by noweave.*', r'\1', s)
+        s = CHUNK.sub(lambda m: self.keep(chunk_html(m, self.place)), s)
         s = re.sub(r'\\nwminiindex\{(?:.|\n)*?\n?(?=\\nwenddocs|\Z|\n)', '', s)
         s = re.sub(r'\\nwixlogsorted.*|\\nwfilename\{.*?\}|\\nwbegindocs\{\d+\}'
                    r'|\\nwdocspar|\\nwenddocs\{\}', '', s)
@@ -339,10 +379,29 @@ class Chapter:
                    lambda m: mono(plain_code(m[1])), s, flags=re.S)
         for macro in ('opt', 'file', 'ident'):
             s = expand(s, macro, 1, mono)
-        s = expand(s, 'index', 1, lambda _: '')
+        s = expand(s, 'index', 1, self.subject)
         s = self.floats(s)
         s = self.words(s)
         return s
+
+    def subject(self, entry):
+        self.subjects.append(entry)
+        return '' if '|' in entry else (
+            rf'\hypertarget{{subject-{len(self.subjects)}}}{{}}')
+
+    def html(self):
+        body = pandoc(expand(self.read(), 'chapter', 1, lambda _: ''))
+        body = re.sub(r'(?:<p>)?\s*LITPTKEPT(\d+)X\s*(?:</p>)?',
+                      lambda m: self.kept[int(m[1])], body)
+        self.body = re.sub(r'<figure class="figure" id="(.*?)".*?</figure>',
+                           self.figure, body, flags=re.S)
+        return self.body
+
+    def figure(self, m):
+        alt = web_reader.alternative(m[0])
+        return re.sub(r'<(?:img|embed) src="([^"]*)"[^>]*>', lambda img:
+                      f'<img src="{img[1]}" alt="{alt}">', m[0]
+                      ) + web_play.play(m[1], PATHS, OUT)
 
     def words(self, s):
         s = expand(s, 'InputIfFileExists', 3,
@@ -358,7 +417,8 @@ class Chapter:
         for name, text in NAMES.items():
             s = re.sub(r'\\' + name + r'(?![a-zA-Z])(\{\}|\\(?= ))?',
                        r'\\textsf{' + text + '}', s)
-        s = s.replace(r'\toolbook', 'noweb: a small tool for literate programs')
+        s = s.replace(r'\toolbook', r'\href{noweb/index.html}'
+                      '{noweb: a small tool for literate programs}')
         s = re.sub(r'\\begin\{(equation|align)\}(.*?)\\end\{\1\}',
                    self.equation, s, flags=re.S)
         s = self.headings(s)
@@ -408,8 +468,6 @@ class Chapter:
                 number = f'{self.number}.{self.count}'
             self.headed += 1
             key = f'section-{self.headed}'
-            if m[1] == 'section':
-                self.sections.append((key, number, title))
             out.append(s[at:m.start()] + rf'\{m[1]}*{{\hypertarget{{{key}}}{{}}'
                        + (number + ' ' if number else '') + title + '}')
             at = end
@@ -451,6 +509,8 @@ class Chapter:
 
 
 def plain_code(s):
+    s = re.sub(r'\\LA\{\}(.*?)~\{\\nwtagstyle\{\}\\subpageref\{[^}]*\}\}'
+               r'\\RA\{\}', r'⟨\1⟩', s)
     return re.sub(r'\\nwlinkedident[cq]\{((?:[^{}]|\\[{}])*)\}\{[^}]*\}', r'\1',
                   re.sub(r'\\nwindexuse\{.*?\}\{.*?\}\{.*?\}', '', s)).replace(
         r'\nwbackslash{}', '\\').replace(r'\protect', '')
@@ -489,7 +549,6 @@ def algorithm(s):
 
 def draw_all(drawings):
     """All figures in one run of LaTeX, each on a page of its size."""
-    os.makedirs(os.path.join(OUT, 'figures'), exist_ok=True)
     work = os.path.join(TEX, 'web')
     os.makedirs(work, exist_ok=True)
     source = find(MASTER + '.tex').split(r'\begin{document}')[0]
@@ -552,6 +611,7 @@ def page(title, sidebar, body):
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <title>{html.escape(title)}</title>
 <link rel="stylesheet" href="web.css"><link rel="icon" href="data:,">
+<script src="web.js" defer></script>
 </head><body><p class="top"><a href="#contents">Contents</a></p>
 <main id="main">
 {body}
@@ -562,72 +622,175 @@ def page(title, sidebar, body):
 '''
 
 
-def main():
-    master = find(MASTER + '.tex')
-    parts, chapters = [], []
-    for m in re.finditer(r'\\part\{([^}]*)\}(?:\s*\\label\{([^}]*)\})?'
-                         r'|\\include\{([^}]*)\}', master):
-        if m[1]:
-            parts.append((m[1], m[2], []))
-        else:
-            if not parts:
-                parts.append(('Chapters', None, []))
-            parts[-1][2].append(m[3])
-            chapters.append(m[3])
-    for name in [MASTER, *chapters]:
-        read_aux(name)
-    read_measured()
-    drawings, made, titles = [], {}, {}
-    for name in chapters:
-        defined_in.update(re.findall(
-            r'\\nwindexdefn\{(?:[^{}]|\{[^{}]*\})*\}\{([^}]*)\}\{([^}]*)\}',
-            find(name + '.tex')))
-    for name in chapters:
-        text = find(name + '.tex')
-        m = re.search(r'\\chapter\{', text)
-        title, _ = group(text, m.end() - 1)
-        key = re.search(r'\\label\{(chap:[^}]*)\}', text)[1]
-        titles[name] = (numbers.get(key, '?'), title)
-        made[name] = Chapter(name, numbers.get(key, '?'), drawings)
-    os.makedirs(OUT, exist_ok=True)
-    bodies = {}
-    for name, chapter in made.items():
-        s = chapter.read()
-        s = expand(s, 'chapter', 1, lambda _: '')
-        body = pandoc(s)
-        body = re.sub(r'(?:<p>)?\s*LITPTKEPT(\d+)X\s*(?:</p>)?',
-                      lambda m: chapter.kept[int(m[1])], body)
-        body = re.sub(r'(<(img|embed) src="([^"]*\.svg)"[^>]*>)', lambda m:
-                      f'<img src="{m[3]}" alt="The caption below describes '
-                      'this figure.">', body)
-        bodies[name] = body
-    draw_all(drawings)
-    plain_titles = {name: re.sub(r'<[^>]*>', '', pandoc(made[name].words(
-        titles[name][1]))).strip() for name in chapters}
-    for name in chapters:
-        number = titles[name][0]
-        sidebar = contents(parts, titles, plain_titles, name, made[name])
-        i = chapters.index(name)
-        around = ' · '.join(f'<a href="{n}.html">{word}</a>' for word, n in [
-            ('Before', chapters[i - 1] if i else 'index'),
-            ('Contents', 'index'),
-            ('Next', chapters[i + 1] if i + 1 < len(chapters)
-             else 'bibliography')])
-        write(name, page(plain_titles[name], sidebar,
-              f'<h1>{number} {plain_titles[name]}</h1>\n'
-              f'{bodies[name]}\n'
-              f'<p class="around">{around}</p>'))
-    write('index', page(f'{MASTER}', '',
-          f'<h1>{MASTER}</h1>' + contents(
-              parts, titles, plain_titles, whole=True)))
-    bbl = find(MASTER + '.bbl')
+class Book:
+    """The parts and chapters of the master, and what follows them."""
+
+    def __init__(self):
+        self.parts, self.chapters, self.titles = [], {}, {}
+        self.drawings = []
+        for m in re.finditer(r'\\part\{([^}]*)\}(?:\s*\\label\{([^}]*)\})?'
+                             r'|\\include\{([^}]*)\}', find(MASTER + '.tex')):
+            if m[1] or not self.parts:
+                self.parts.append((m[1] or 'Chapters', m[2], []))
+            if m[3]:
+                self.parts[-1][2].append(m[3])
+                self.chapters[m[3]] = None
+
+    def read(self):
+        for name in [MASTER, *self.chapters]:
+            read_aux(name)
+        read_measured()
+        titles = {}
+        for name in self.chapters:
+            text = find(name + '.tex')
+            titles[name], _ = group(text, text.index('\\chapter{') + 8)
+            key = re.search(r'\\label\{(chap:[^}]*)\}', text)[1]
+            self.chapters[name] = Chapter(name, numbers.get(key, '?'),
+                                          self.drawings)
+        for name, title in titles.items():
+            chapter = self.chapters[name]
+            self.titles[name] = chapter.number + ' ' + re.sub(
+                r'<[^>]*>', '', pandoc(chapter.words(title))).strip()
+
+    def contents(self, here=None):
+        out = '<ol class="contents">'
+        for title, key, names in self.parts:
+            place = f' id="{key}"' if key and here == 'index' else ''
+            out += f'<li{place}>{title}<ul>'
+            for name in names:
+                out += '<li>' + entry(name, self.titles[name], here)
+                if name == here:
+                    out += '<ul>' + ''.join(
+                        f'<li><a href="#{key}">{web_reader.text(title)}</a></li>'
+                        for key, title in NUMBERED.findall(
+                            self.chapters[name].body)) + '</ul>'
+                out += '</li>'
+            out += '</ul></li>'
+        return out + '<li>To look up<ul>' + ''.join(
+            f'<li>{entry(name, title, here)}</li>'
+            for name, title in LOOKED_UP.items()) + '</ul></li></ol>'
+
+    def pages(self):
+        """The title and body of each page."""
+        made = {}
+        around = ['index', *self.chapters, *LOOKED_UP]
+        for i, (name, chapter) in enumerate(self.chapters.items(), 1):
+            links = ' · '.join(f'<a href="{n}.html">{word}</a>' for word, n in [
+                ('Before', around[i - 1]), ('Contents', 'index'),
+                ('Next', around[i + 1])])
+            made[name] = (self.titles[name], chapter.html()
+                          + f'<p class="around">{links}</p>')
+        for name, body in [
+                ('bibliography', bibliography()),
+                ('subjects', subjects(self.chapters.values())),
+                ('identifiers', index_of_identifiers()),
+                ('files', files())]:
+            if body:
+                made[name] = (LOOKED_UP[name], body)
+            else:
+                del LOOKED_UP[name]
+        made['index'] = (MASTER, self.contents('index'))
+        return made
+
+
+NUMBERED = re.compile(r'<h2[^>]*><span id="([^"]*)"></span>'
+                      r'((?:\d+|[A-Z])\..*?)</h2>')
+LOOKED_UP = {'bibliography': 'Bibliography', 'subjects': 'Index of subjects',
+             'identifiers': 'Index of identifiers', 'files': 'Files'}
+
+
+def entry(name, title, here):
+    mark = ' aria-current="page"' if name == here else ''
+    return f'<a href="{name}.html"{mark}>{title}</a>'
+
+
+def bibliography():
     entries = re.split(r'\\bibitem\{([^}]*)\}', re.sub(
-        r'\\newblock|\\end\{thebibliography\}', '', bbl))[1:]
-    write('bibliography', page('Bibliography', contents(
-        parts, titles, plain_titles), '<h1>Bibliography</h1>' + ''.join(
-            f'<div id="{key}" class="source"><b>[{cited.get(key, "?")}]</b> '
-            + pandoc(text) + '</div>'
-            for key, text in zip(entries[::2], entries[1::2]))))
+        r'\\newblock|\\end\{thebibliography\}', '', find(MASTER + '.bbl')))[1:]
+    return ''.join(
+        f'<div id="{key}" class="source"><b>[{cited.get(key, "?")}]</b> '
+        + pandoc(text) + '</div>'
+        for key, text in zip(entries[::2], entries[1::2]))
+
+
+def subjects(chapters):
+    """Where each subject is spoken of, by section; or what to see."""
+    where, sees = {}, {}
+    for chapter in chapters:
+        section = chapter.number
+        for m in re.finditer(r'<h2[^>]*><span[^>]*></span>((?:\d+|[A-Z])\.\d+) '
+                             r'|id="subject-(\d+)"', chapter.body):
+            section = m[1] or section
+            if m[2]:
+                entry = chapter.subjects[int(m[2]) - 1]
+                where.setdefault(entry, {}).setdefault(
+                    section, f'<a href="{chapter.name}.html#subject-{m[2]}">'
+                    f'{section}</a>')
+        for entry in chapter.subjects:
+            if '|see' in entry:
+                entry, _, other = entry.partition('|see')
+                sees[entry] = other[1:-1]
+
+    def place(entry):
+        return 'entry-' + re.sub(r'\W+', '-', entry)
+    return (where or '') and web_reader.by_letter(
+        [(entry, f'<span id="{place(entry)}">'
+          f'{html.escape(", ".join(entry.split("!")))}</span>: '
+          + ', '.join(links.values())) for entry, links in where.items()]
+        + [(entry, f'{html.escape(entry)}: see <a href="#{place(other)}">'
+            f'{html.escape(other)}</a>') for entry, other in sees.items()])
+
+
+def index_of_identifiers():
+    """Definitions are bold, as they are underlined in the PDF."""
+    out = []
+    for key, name in identifiers.items():
+        links = [anchor(label) if use else f'<b>{anchor(label)}</b>'
+                 for use, label in sorted(set(places.get(key, ())))]
+        out.append((name, f'<code>{name}</code>: {", ".join(links)}'))
+    return ('<p>Bold labels are those of the chunks that define the identifier; '
+            'the others use it.</p>' + web_reader.by_letter(out))
+
+
+def files():
+    """Each file of the program with the chunks that its lines come from."""
+    out = []
+    for name in program.names:
+        ranges = program.ranges(name)
+        if not ranges:
+            continue
+        out.append(f'<h2 id="{name}">{name}</h2>\n<ol class="lines">')
+        for first, last, label in ranges:
+            if label is None:
+                warnings.append(f'{name}:{first}: from no chunk')
+                continue
+            lines = str(first) if first == last else f'{first}–{last}'
+            out.append(f'<li>{lines} {anchor(label)}</li>')
+        out.append('</ol>')
+    return ('<p>The lines of each file of the program, and the chunks that they '
+            'come from.</p>' + '\n'.join(out))
+
+
+def main():
+    os.makedirs(os.path.join(OUT, 'figures'), exist_ok=True)
+    book = Book()
+    book.read()
+    pages = book.pages()
+    draw_all(book.drawings)
+    bodies = {name: f'<h1>{title}</h1>\n{body}\n'
+              for name, (title, body) in pages.items()}
+    write('search-data.js', web_reader.search(
+        {name: bodies[name] for name in ['bibliography', *book.chapters]}))
+    for name, script in web_reader.previews(bodies):
+        write(f'preview-{name}.js', script)
+    bodies['search'] = ('<h1>Search</h1>\n<p id="found" role="status">The search '
+                        'needs JavaScript; the indexes do not.</p>\n')
+    for name, body in bodies.items():
+        title = pages.get(name, ('Search',))[0]
+        sidebar = '' if name == 'index' else book.contents(name)
+        write(name + '.html', page(title, sidebar, body))
+    warnings.extend(f'{name} differs when copied from the pages'
+                    for name in program.differs(bodies.values()))
     check()
     for line in sorted(set(warnings)):
         print('html:', line, file=sys.stderr)
@@ -658,27 +821,8 @@ def check():
             warnings.append(f'{name}: no place {href}')
 
 
-def contents(parts, titles, plain_titles, here=None, chapter=None, whole=False):
-    out = '<ol class="contents">'
-    for title, key, names in parts:
-        place = f' id="{key}"' if key and not here and whole else ''
-        out += f'<li{place}>{title}<ul>'
-        for name in names:
-            mark = ' aria-current="page"' if name == here else ''
-            out += (f'<li><a href="{name}.html"{mark}>{titles[name][0]} '
-                    f'{plain_titles[name]}</a>')
-            if name == here:
-                out += '<ul>' + ''.join(
-                    f'<li><a href="#{key}">{number} '
-                    + html.escape(re.sub(r'[$\\{}]', '', t)) + '</a></li>'
-                    for key, number, t in chapter.sections if number) + '</ul>'
-            out += '</li>'
-        out += '</ul></li>'
-    return out + '<li><a href="bibliography.html">Bibliography</a></li></ol>'
-
-
 def write(name, text):
-    with open(os.path.join(OUT, name + '.html'), 'w', encoding='utf-8') as out:
+    with open(os.path.join(OUT, name), 'w', encoding='utf-8') as out:
         out.write(text)
 
 
