@@ -24,7 +24,6 @@ use crate::diagnostic::Diagnostic;
 // Replace a file as a whole
 /// Writes a file as a whole or not at all; `time` is that of its last
 /// change, if not now.
-///
 /// A device or a pipe is written to; a symbolic link is followed. An
 /// existing file keeps its permissions.
 pub fn replace(
@@ -72,7 +71,6 @@ fn fill(
 }
 
 // Replace a file if it differs
-/// Replaces a file unless it holds this text already.
 pub fn update(path: &Path, text: &[u8]) -> io::Result<()> {
     copy_if(path, text, false)
 }

@@ -20,7 +20,6 @@ use std::path::Path;
 /// A byte of a source.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Place {
-    /// Index into the table of sources.
     pub file: u32,
     /// Line, from 1.
     pub line: u32,
@@ -31,9 +30,7 @@ pub struct Place {
 /// A file that was read, or standard input (its name is then empty).
 #[derive(Clone, Debug, Default)]
 pub struct Source {
-    /// The name as it was given.
     pub name: Vec<u8>,
-    /// The whole text.
     pub text: Vec<u8>,
     starts: Vec<usize>,
 }
@@ -51,7 +48,6 @@ impl Source {
 // Find a line of the source
 impl Source {
     // Find lines and positions
-    /// Where a line begins: its offset in the text. Lines count from 1.
     pub fn start(&self, number: u32) -> Option<usize> {
         let index = (number as usize).checked_sub(1)?;
         self.starts.get(index).copied()
@@ -64,7 +60,6 @@ impl Source {
         Some(&rest[..end.unwrap_or(rest.len())])
     }
 
-    /// The position for people: characters, and the line itself.
     pub fn position(&self, place: Place) -> Position {
         let line = self.line(place.line).filter(|l| !l.is_empty());
         let before = place.column.saturating_sub(1) as usize;
@@ -95,17 +90,12 @@ impl Source {
 /// How bad it is; as a number, the exit status that it leads to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Level {
-    /// Suspicious.
     Warning = 1,
-    /// Wrong.
     Error,
-    /// Wrong, and there is no way to go on.
     Fatal,
-    /// A filter broke the rules of the stream.
     Impossible,
 }
 
-/// Where a diagnostic points, for a person.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Position {
     /// Name of the file; empty for standard input.
@@ -121,9 +111,7 @@ pub struct Position {
 /// One thing to tell the author of a web.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Diagnostic {
-    /// How bad it is.
     pub level: Level,
-    /// Where it is, if it is anywhere.
     pub position: Option<Position>,
     /// What it is, on one line.
     pub text: String,

@@ -25,19 +25,15 @@ use crate::stream::fatal;
 use crate::web::Web;
 
 // Define a pipeline and its failure
-/// What stands before the last stage.
 #[derive(Clone, Debug, Default)]
 pub struct Pipeline {
-    /// A shell command in the place of `markup`.
     pub markup: Option<OsString>,
     /// Shell commands that the stream goes through in turn.
     pub filters: Vec<OsString>,
 }
 
-/// Why there is nothing to give to the last stage.
 #[derive(Clone, Debug)]
 pub struct Failure {
-    /// What to tell.
     pub faults: Vec<Diagnostic>,
     /// The exit status that noweb would give.
     pub status: u8,
@@ -85,7 +81,6 @@ fn read_sources(
     Err(faults.collect::<Vec<_>>().into())
 }
 
-/// The web that a stream on standard input describes.
 pub fn read_stream(streams: &mut Streams) -> Result<Web, Failure> {
     let source = streams.read(OsStr::new("-"));
     parse(&source.map_err(|fault| vec![fault])?.text)
@@ -101,7 +96,6 @@ fn parse(stream: &[u8]) -> Result<Web, Failure> {
 }
 
 impl Pipeline {
-    /// The stream that the last stage is to read.
     pub fn stream(
         &self,
         files: &[OsString],
@@ -138,7 +132,6 @@ fn cannot(action: &str, error: &io::Error) -> Failure {
     vec![Diagnostic::new(Level::Error, None, text)].into()
 }
 
-/// The shell command of a parser with its tab option and its files.
 fn with_arguments(
     markup: &OsStr,
     files: &[OsString],
@@ -214,7 +207,6 @@ const STAGES: &str =
     "cpif finduses markup noidx noroots nt rustindex totex unmarkup";
 
 impl StagePath {
-    /// Makes the directory and its links.
     pub fn new() -> io::Result<Self> {
         let program = std::env::current_exe()?;
         // Make a directory of a new name

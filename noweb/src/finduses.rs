@@ -42,7 +42,6 @@ impl Recogniser {
         set
     }
 
-    /// Where the words begin that end with a text, in noweb's order.
     fn ending(&self, text: &[u8]) -> Vec<usize> {
         let mut starts = Vec::new();
         for start in (0..text.len()).rev().take(self.longest) {

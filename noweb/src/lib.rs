@@ -59,17 +59,13 @@ use diagnostic::{Diagnostic, Level, Source, status};
 
 /// The three streams of a command.
 pub struct Streams<'a> {
-    /// Standard input.
     pub input: &'a mut dyn BufRead,
-    /// Standard output.
     pub output: &'a mut dyn Write,
-    /// Standard error, for diagnostics.
     pub errors: &'a mut dyn Write,
 }
 
 impl Streams<'_> {
     // Read the files and conclude
-    /// Reads a file, or standard input if it is called `-`.
     pub fn read(&mut self, file: &OsStr) -> Result<Source, Diagnostic> {
         let mut text = Vec::new();
         let (name, result) = if file == "-" {

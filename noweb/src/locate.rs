@@ -30,12 +30,9 @@ pub struct Atlas {
     files: BTreeMap<PathBuf, TangledFile>,
 }
 
-/// A file of a program.
 pub struct TangledFile {
-    /// The number of its web.
     web: usize,
     tangled: Tangled,
-    /// The lines of the text.
     source: Source,
     /// The file on the disk is the same.
     pub fresh: bool,

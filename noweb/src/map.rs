@@ -27,7 +27,6 @@ use crate::locate::Atlas;
 use crate::project::{Project, included};
 
 // Translate one line
-/// What translates lines, and what it remembers.
 #[derive(Default)]
 pub struct Filter {
     projects: Vec<Project>,
@@ -36,12 +35,10 @@ pub struct Filter {
     shown: [Option<PathBuf>; 2],
     /// The stale files that were spoken of.
     stale: BTreeSet<PathBuf>,
-    /// What has to be said beside the text.
     pub warnings: Vec<Diagnostic>,
 }
 
 impl Filter {
-    /// A filter for the programs of some projects.
     pub fn new(projects: Vec<Project>) -> Self {
         Self { projects, ..Self::default() }
     }
@@ -140,7 +137,6 @@ impl Filter {
     }
 }
 
-/// By how many columns the margin is widened.
 const WIDER: usize = 3;
 
 // Find a number or a path
@@ -165,7 +161,6 @@ fn path_start(text: &[u8]) -> usize {
     start.max(colour.map_or(0, |escape| escape + margin(&text[escape..])))
 }
 
-/// What to say about positions in a file that is not as tangled.
 fn stale_file(path: &Path) -> Diagnostic {
     let shown = path.display();
     let text = format!("{shown} is not what its chapters give");
@@ -173,7 +168,6 @@ fn stale_file(path: &Path) -> Diagnostic {
         .with_help("tangle, or bring an edit home with noweb untangle")
 }
 
-/// How many bytes of blanks and colours a line begins with.
 fn margin(line: &[u8]) -> usize {
     let mut at = 0;
     loop {
@@ -192,10 +186,6 @@ fn margin(line: &[u8]) -> usize {
 
 // Run a command and filter its output
 /// Translates what a command writes, and gives its status.
-///
-/// # Errors
-///
-/// The output cannot be written.
 fn follow(
     mut child: Child,
     filter: &mut Filter,

@@ -22,36 +22,27 @@ use crate::diagnostic::{Diagnostic, Level, Place, Source};
 /// What a chunk holds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Kind {
-    /// Prose.
     #[default]
     Docs,
-    /// Code.
     Code,
 }
 
 /// One token of the stream.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Token {
-    /// A file begins.
     File(Vec<u8>),
     /// A chunk begins; chunks are numbered from 0 in their file.
     Begin(Kind, usize),
-    /// The chunk ends.
     End(Kind, usize),
-    /// Text without a newline.
     Text(Vec<u8>),
     /// More of the same text, after an escape that the lexer took out.
     More(Vec<u8>),
     // List the tokens without much text
-    /// The end of a line.
     Newline,
     /// The name that a code chunk defines.
     Defn(Vec<u8>),
-    /// The name of a chunk that is used here.
     Use(Vec<u8>),
-    /// Quoted code begins in prose.
     Quote,
-    /// Quoted code ends.
     EndQuote,
     /// An identifier that the chunk defines.
     Ident(Vec<u8>),
@@ -63,7 +54,6 @@ pub enum Token {
 pub type Lexeme = (Token, Place);
 
 // Expand the tabs of a line
-/// A line whose tabs are expanded, and the columns it had before.
 #[derive(Default)]
 struct Line {
     bytes: Vec<u8>,
@@ -101,12 +91,10 @@ fn is_space(byte: &u8) -> bool {
     byte.is_ascii_whitespace() || *byte == 0x0b
 }
 
-/// Does the line begin prose? An `@`, then white space or nothing.
 fn begins_docs(line: &[u8]) -> bool {
     line.first() == Some(&b'@') && line.get(1).is_none_or(is_space)
 }
 
-/// The name, if the line begins a definition.
 fn defined_name(line: &[u8]) -> Option<&[u8]> {
     let name = line.strip_prefix(b"<<")?;
     let end = find_unescaped_close(name)?;
@@ -162,9 +150,6 @@ fn count(text: &[u8], byte: u8) -> usize {
 
 // Mark up a source line by line
 /// The tokens of a source, and what is wrong with it.
-///
-/// `file` is the number of the source in the places of the tokens, `tab`
-/// the distance of the tab stops, or 0 to leave tabs alone.
 pub fn mark_up(
     source: &Source,
     file: u32,
@@ -197,7 +182,6 @@ struct Lexer {
     tab: usize,
     kind: Kind,
     count: usize,
-    /// Identifiers were listed: the code chunk is about to end.
     listed: bool,
     /// Where the quoted code began, if we are inside it.
     quote: Option<Place>,
@@ -205,7 +189,6 @@ struct Lexer {
     line: Line,
     at: usize,
     // Keep where the text began
-    /// Where the text that is not emitted yet began on the line.
     text_at: usize,
     /// It continues a text that was emitted already.
     glued: bool,
@@ -317,7 +300,6 @@ impl Lexer {
         self.text_at = self.at;
     }
 
-    /// Ends the text; an empty one is emitted only on demand.
     fn end_text(&mut self, even_empty: bool) {
         self.flush();
         if even_empty && !self.glued {
@@ -326,7 +308,6 @@ impl Lexer {
         self.glued = false;
     }
 
-    /// Emits a token that stands for the next bytes of the line.
     fn pass(&mut self, token: Token, length: usize) {
         self.end_text(false);
         self.emit(token, self.at);
@@ -463,7 +444,6 @@ pub fn parse_token(line: &[u8]) -> Option<Token> {
     })
 }
 
-/// The text up to the first space, and what follows that space.
 pub fn split_word(text: &[u8]) -> (&[u8], &[u8]) {
     match text.iter().position(|b| *b == b' ') {
         Some(space) => (&text[..space], &text[space + 1..]),
@@ -486,9 +466,6 @@ fn numbered(
 
 // Turn a stream back into a web
 /// The text of a web from its tokens: the inverse of [`mark_up`].
-///
-/// What the stream does not tell is written in its plainest form: one
-/// space after `@`, one between identifiers, no escape without need.
 pub fn unmark(tokens: &[Token]) -> Vec<u8> {
     let mut unmarker = Unmarker::default();
     for (i, token) in tokens.iter().enumerate() {
@@ -636,7 +613,6 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
     streams.conclude(result, &faults)
 }
 
-/// The stream of some files, and what is wrong with them.
 pub fn mark_files(
     files: &[OsString],
     tab: usize,

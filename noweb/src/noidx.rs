@@ -21,7 +21,6 @@ use crate::Streams;
 use crate::stream::{self, Codes, Mark, Outcome, base62};
 
 // Remember where names are mentioned
-/// All the places that mention a chunk or an identifier.
 #[derive(Default)]
 struct Item {
     /// Labels of chunks, and whether they define it.
@@ -37,7 +36,6 @@ impl Item {
         }
     }
 
-    /// The labels of the places that define it, or use it.
     fn labels(&self, defined: bool) -> Vec<&str> {
         let wanted = self.mentions.iter().filter(|(_, d)| *d == defined);
         wanted.map(|(label, _)| &label[..]).collect()
@@ -60,37 +58,30 @@ impl Item {
     }
 }
 
-/// The names that a stream mentions.
 #[derive(Default)]
 struct Findings<'a> {
     chunks: HashMap<&'a [u8], Item>,
     identifiers: HashMap<&'a [u8], Item>,
     // Remember what the index of Rust tells
-    /// What is shown of each key, and where keys without a list are defined.
     shown: HashMap<&'a [u8], &'a [u8]>,
     targets: HashMap<&'a [u8], String>,
 }
 
 // Collect the labels of the web
-/// The first pass: the web so far, and the lines with their labels.
 #[derive(Default)]
 struct Collector<'a> {
     web: Findings<'a>,
     lines: Vec<Cow<'a, [u8]>>,
     codes: Codes,
-    /// The code of the current file.
     file: String,
     /// How often each file has defined each chunk.
     defined: HashMap<String, u64>,
     prose_labels: u64,
     // Keep the state of the chunk
-    /// Whether the current chunk is code.
     code: bool,
-    /// The label of the last definition.
     label: String,
     /// Where references to the current chunk lead.
     anchor: Option<String>,
-    /// The number of uses in the current definition.
     uses: u64,
 }
 
@@ -191,20 +182,14 @@ impl<'a> Collector<'a> {
 }
 
 // Write the resolved stream out
-/// The second pass: writes the lines with what the web knows of them.
 struct Resolver<'a> {
     web: &'a Findings<'a>,
     out: Vec<u8>,
-    /// How many definitions of each chunk have been written.
     written: HashMap<&'a [u8], usize>,
-    /// The chunk that is being defined; none in prose.
     chunk: Option<&'a [u8]>,
-    /// The identifiers that the current chunk defines.
     defined: HashSet<&'a [u8]>,
-    /// The identifiers that the current chunk uses.
     used: HashSet<&'a [u8]>,
     // Keep the state of the lists
-    /// Whether the lists have been written.
     closed: bool,
     // Keep the names of the chapter
     /// The identifiers that the chapter defines and uses so far.
@@ -348,7 +333,6 @@ impl<'a> Resolver<'a> {
         self.put(&[b"@index end", kind.as_bytes(), b"s"]);
     }
 
-    /// Lists what the chapter uses and does not define.
     fn list_chapter(&mut self) {
         let defined = std::mem::take(&mut self.chapter_defines);
         let used = std::mem::take(&mut self.chapter_uses);
@@ -420,7 +404,6 @@ impl<'a> Resolver<'a> {
     }
 }
 
-/// The place that references to an item lead to.
 fn anchor(item: Option<&Item>) -> &[u8] {
     item.and_then(Item::anchor).unwrap_or("nw@notdef").as_bytes()
 }
@@ -477,8 +460,6 @@ impl<'a> Findings<'a> {
 // Run noidx as a command
 
 /// Resolves the cross-references of a stream.
-///
-/// The lists stand at its end, or under `delay` before its last chunk.
 pub fn cross_reference(stream: &[u8], delay: bool) -> Outcome {
     let file = "standard input?".to_string();
     let mut collector = Collector { file, ..Collector::default() };

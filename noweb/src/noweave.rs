@@ -22,13 +22,10 @@ use crate::{
 };
 
 // Describe the pipeline of a document
-/// What is to be run for a document.
 struct Weaving {
-    /// From the parser to the back end.
     stages: Vec<Stage>,
     /// The line before the stream for the back end, if there is one.
     header: Option<String>,
-    /// Whether the source comes from the standard input.
     reads_input: bool,
     verbose: bool,
 }
@@ -44,7 +41,6 @@ impl Stage {
         Self { command: command.into(), args: Vec::new() }
     }
 
-    /// The command line for the shell.
     fn line(&self) -> String {
         let mut line = self.command.to_string_lossy().into_owned();
         for arg in &self.args {
@@ -55,7 +51,6 @@ impl Stage {
     }
 }
 // Read the command line of noweave
-/// What the command line asks for.
 #[derive(Default)]
 struct Request {
     markup: Option<OsString>,
@@ -63,9 +58,7 @@ struct Request {
     files: Vec<OsString>,
     filters: Vec<Stage>,
     backend: Option<OsString>,
-    /// The author has a preamble of their own.
     bare: bool,
-    /// The options for noweb's style file.
     options: Vec<String>,
     delay: bool,
     references: bool,
@@ -98,7 +91,6 @@ impl Request {
         Ok(request)
     }
 
-    /// Takes an option and its argument.
     fn take(
         &mut self,
         arg: OsString,
@@ -134,7 +126,6 @@ impl Request {
         Ok(())
     }
 
-    /// Takes an option about the document.
     fn take_layout(
         &mut self,
         arg: OsString,
@@ -228,7 +219,6 @@ impl Weaving {
     }
 }
 
-/// Says what has gone wrong; gives the status for it.
 fn tell(streams: &mut Streams, what: &str) -> u8 {
     Outcome::complaint("noweave", 1, what).deliver(streams)
 }
@@ -273,7 +263,6 @@ impl Stage {
         })
     }
 
-    /// The function and arguments of a stage of ours.
     fn own(&self) -> Option<(Run, Vec<OsString>)> {
         let command = self.command.to_str()?;
         let safe =

@@ -29,7 +29,6 @@ use crate::tangle::{Layout, Tangled, tangle};
 use crate::web::{Piece, Web};
 
 // Say what is tangled where
-/// Some chapters and what to tangle from them.
 #[derive(Clone, Debug, Default)]
 pub struct Project {
     /// The directory that all other paths are relative to.
@@ -41,10 +40,6 @@ pub struct Project {
 }
 
 /// A master and, in their order, the chapters that it includes.
-///
-/// # Errors
-///
-/// A master that cannot be read, or does not include a chapter.
 pub fn included(dir: &Path, master: &Path) -> io::Result<Vec<PathBuf>> {
     let text = fs::read_to_string(dir.join(master))?;
     let beside = master.with_file_name("chapters");
@@ -70,12 +65,10 @@ pub fn included(dir: &Path, master: &Path) -> io::Result<Vec<PathBuf>> {
     Ok(chapters)
 }
 
-/// A file of the program.
 #[derive(Clone, Debug)]
 pub struct Output {
     /// Its path, relative to the directory of the project.
     pub path: PathBuf,
-    /// Its text and where that comes from.
     pub tangled: Tangled,
     /// It is missing or differs on the disk.
     pub changed: bool,
@@ -84,28 +77,21 @@ pub struct Output {
 /// What tangling a project does.
 #[derive(Clone, Debug, Default)]
 pub struct Plan {
-    /// All files of the program.
     pub outputs: Vec<Output>,
-    /// Files that no chunk defines any more.
     pub removed: Vec<PathBuf>,
-    /// What looks wrong in the web.
     pub warnings: Vec<Diagnostic>,
     /// What was tangled last; after tangling, what was tangled now.
     pub record: Record,
 }
 
-/// All files of a program, in memory.
 #[derive(Clone, Debug)]
 pub struct Expansion {
-    /// The chunks that the files are made of.
     pub web: Web,
-    /// The path of each file, its text and its map.
     pub files: Vec<(PathBuf, Tangled)>,
 }
 
 // Recognise the chunks that are files
 /// Is the name of a chunk the path of a file?
-///
 /// It has a slash or a dot, no space, and leads nowhere outside.
 pub fn is_file_name(name: &[u8]) -> bool {
     let inside = |c: Component| matches!(c, Component::Normal(_));
@@ -169,11 +155,6 @@ fn format_record(record: &Record) -> Vec<u8> {
 impl Project {
     // Plan one step after the other
     /// What there is to write, without writing it.
-    ///
-    /// # Errors
-    ///
-    /// Chapters that cannot be read, everything that is wrong in them,
-    /// and files that someone edited by hand.
     pub fn plan(&self) -> Result<Plan, Vec<Diagnostic>> {
         let Expansion { web, files } = self.expand()?;
         let record = self.read_record();
@@ -196,10 +177,6 @@ impl Project {
     }
 
     /// The files that the chapters define, without a look at the files.
-    ///
-    /// # Errors
-    ///
-    /// Chapters that cannot be read, and everything that is wrong in them.
     pub fn expand(&self) -> Result<Expansion, Vec<Diagnostic>> {
         let (mut sources, mut faults) = (Vec::new(), Vec::new());
         for chapter in &self.chapters {
@@ -217,17 +194,12 @@ impl Project {
         }
     }
 
-    /// What was tangled last.
     pub fn read_record(&self) -> Record {
         let text = fs::read(self.dir.join(&self.record));
         parse_record(&text.unwrap_or_default())
     }
 
     /// The recorded files that no chunk defines any more.
-    ///
-    /// # Errors
-    ///
-    /// Those of them that someone edited by hand.
     pub fn removals(
         &self,
         files: &[(PathBuf, Tangled)],
@@ -245,10 +217,6 @@ impl Project {
 }
 
 /// The files that some sources define, without looking at the disk.
-///
-/// # Errors
-///
-/// Everything that is wrong in the sources.
 pub fn expand_sources(
     sources: Vec<Source>,
 ) -> Result<Expansion, Vec<Diagnostic>> {
@@ -291,7 +259,6 @@ pub fn expand_sources(
 }
 
 impl Web {
-    /// Drops the carriage returns at the ends of lines of code.
     fn drop_returns(&mut self) {
         for chunk in &mut self.chunks {
             let mut ends = true;
@@ -349,7 +316,6 @@ fn refuse(
         .with_help(format!("delete {} to drop the edit", path.display()))
 }
 
-/// The first line and column, from 1, at which two texts differ.
 fn first_difference(a: &[u8], b: &[u8]) -> (u32, u32) {
     let pairs = a.iter().zip(b);
     let same = pairs.take_while(|(x, y)| x == y).count();
@@ -363,11 +329,6 @@ fn first_difference(a: &[u8], b: &[u8]) -> (u32, u32) {
 impl Project {
     // Write files, record and all
     /// Tangles what is out of date and returns what was planned.
-    ///
-    /// # Errors
-    ///
-    /// Those of [`Project::plan`], after which nothing is written, and
-    /// files that cannot be written.
     pub fn tangle(&self) -> Result<Plan, Vec<Diagnostic>> {
         let mut plan = self.plan()?;
         let result = self.write(&mut plan);
@@ -439,7 +400,6 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
     u8::from(failed)
 }
 
-/// The files that tangling would write or remove.
 fn report_stale(plan: Plan) -> (Vec<Diagnostic>, bool) {
     let changed = plan.outputs.iter().filter(|output| output.changed);
     let changed = changed.map(|output| &output.path);
@@ -453,10 +413,6 @@ fn report_stale(plan: Plan) -> (Vec<Diagnostic>, bool) {
 }
 
 /// The project that the arguments name, and whether only to check.
-///
-/// # Errors
-///
-/// A text that says what is wrong with the arguments.
 pub fn parse(args: &[OsString]) -> Result<(Project, bool), String> {
     let record = PathBuf::from(".tangled");
     let mut project = Project { record, ..Project::default() };

@@ -128,7 +128,6 @@ enum Note<'n> {
     Free,
 }
 
-/// The stream, and what was found in it.
 #[derive(Default)]
 struct Notes<'s, 'n> {
     lines: &'s [&'s [u8]],
@@ -161,7 +160,6 @@ impl<'n> Notes<'_, 'n> {
         }
     }
 
-    /// Warns that a file does not parse.
     fn complain(&mut self, path: &str, text: &Text, error: &LexError) {
         let at = error.span().byte_range().start;
         let place = text.places(&(at..at + 1)).into_iter().next();
@@ -194,7 +192,6 @@ impl<'n> Notes<'_, 'n> {
     }
 }
 // Note what the program defines and uses
-/// The texts of the files of the program.
 fn sources(web: &Web) -> Vec<(String, Text)> {
     let mut files = Vec::new();
     for chunk in &web.chunks {
@@ -246,14 +243,12 @@ fn library(path: &str) -> Option<String> {
     Some(name.replace('-', "_"))
 }
 // Tell which items are defined in the stream
-/// The items that are defined in the stream, by their paths.
 #[derive(Default)]
 struct Index<'n> {
     defined: HashSet<&'n str>,
     /// Those that are listed. Modules and variants are linked only: they
     /// would fill the lists with what the reader sees anyhow.
     listed: HashSet<&'n str>,
-    /// The items of each name.
     items: BTreeMap<&'n str, Vec<&'n str>>,
     /// The words that are no items in some place.
     free: HashSet<&'n [u8]>,
@@ -303,7 +298,6 @@ impl<'n> Index<'n> {
         lines.into_iter().collect()
     }
 
-    /// Whether some item has this name.
     fn has(&self, name: &[u8]) -> bool {
         std::str::from_utf8(name).is_ok_and(|n| self.items.contains_key(n))
     }
@@ -325,7 +319,6 @@ impl<'n> Index<'n> {
     }
 }
 
-/// The last name of a path.
 fn last(path: &str) -> &str {
     path.rsplit("::").next().unwrap_or(path)
 }
@@ -383,7 +376,6 @@ impl<'w> Writer<'w> {
         mark.keyword == b"defn" && self.index.has(mark.text())
     }
 
-    /// Writes a text of code, cut at what was found in it.
     fn write_code(&mut self, number: usize, text: &[u8]) {
         let notes = self.notes;
         let here = notes.notes.range((number, 0)..(number + 1, 0));

@@ -19,9 +19,7 @@ use std::ops::Range;
 use proc_macro2::{LexError, TokenStream, TokenTree};
 
 // Lay the tokens of a file in a row
-/// A token, or a bracket at one end of a group of tokens.
 pub struct Token<'s> {
-    /// What it looks like.
     pub text: &'s str,
     /// Its bytes in the source.
     pub range: Range<usize>,
@@ -33,10 +31,6 @@ pub struct Token<'s> {
 
 /// The tokens of a source in their order, between four empty ones, so that
 /// each has two neighbours on both sides.
-///
-/// # Errors
-///
-/// A bracket has no partner, or a letter is none of Rust's.
 pub fn tokens(source: &str) -> Result<Vec<Token<'_>>, LexError> {
     let mut row = Row { source, tokens: Vec::new() };
     (0..2).for_each(|_| row.push(0..0, false));
@@ -86,7 +80,6 @@ const KEYWORDS: &str = "_ abstract as async await become box break const \
     self static struct super trait true try type typeof unsafe unsized \
     use virtual where while yield";
 
-/// Whether a word is reserved.
 pub fn is_keyword(word: &str) -> bool {
     KEYWORDS.split(' ').any(|keyword| keyword == word)
 }
@@ -94,17 +87,11 @@ pub fn is_keyword(word: &str) -> bool {
 /// What sort of thing an item is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// A module, or the root of a crate.
     Module,
-    /// A type or a trait.
     Type,
-    /// A case of an enumeration.
     Variant,
-    /// A macro by example.
     Macro,
-    /// A constant, or a variable that lives as long as the program.
     Constant,
-    /// A function, be it alone or of a type or a trait.
     Function,
 }
 
@@ -114,7 +101,6 @@ enum Meaning {
     Item(Kind),
     /// Another path, in a module.
     Import(String, Vec<String>),
-    /// Several things.
     Many,
 }
 
@@ -124,22 +110,17 @@ pub type Item<'n> = (&'n str, Kind);
 /// A token of a program: the numbers of its file and in its file.
 pub type Spot = (usize, usize);
 
-/// A file: its path from the root of the project, and its tokens.
 pub struct File<'s> {
-    /// The path.
     pub path: String,
-    /// All its tokens.
     pub tokens: Vec<Token<'s>>,
 }
 
-/// What surrounds the tokens of an item.
 #[derive(Clone, Default)]
 pub struct Place<'a> {
     /// The number of the file.
     pub file: usize,
     /// The path of the module.
     pub module: String,
-    /// The path of what `Self` stands for.
     pub this: Option<String>,
     /// The path of the trait that is implemented.
     pub of_trait: Option<String>,
@@ -151,18 +132,14 @@ pub struct Place<'a> {
     owner: Option<String>,
 }
 
-/// All items of a program.
 pub struct Names<'a> {
-    /// The files that were read.
     pub files: &'a [File<'a>],
     /// The path of the module that each file is.
     pub modules: HashMap<usize, String>,
     /// Where items are declared.
     pub sites: Vec<(Spot, String, Kind)>,
-    /// The tokens in which items may be used.
     pub bodies: Vec<(Place<'a>, Range<usize>)>,
     meanings: HashMap<String, Meaning>,
-    /// The beginnings of implementations.
     implementations: Vec<(Place<'a>, usize)>,
 }
 // Read the crates of a program
@@ -197,7 +174,6 @@ impl<'a> Names<'a> {
         names
     }
 
-    /// Reads the root of a crate and what is below it.
     fn read_crate(&mut self, number: usize, library: Option<String>) {
         let path = &self.files[number].path;
         let found =
@@ -275,7 +251,6 @@ impl<'a> Names<'a> {
         }
     }
 
-    /// Reads the item at a token, and says where it ends.
     fn read_item(
         &mut self,
         place: &Place<'a>,
@@ -337,7 +312,6 @@ impl<'a> Names<'a> {
         entry.and_modify(|old| *old = Meaning::Many).or_insert(meaning);
     }
 
-    /// Reads the file of a module; without one the module is not ours.
     fn read_module(&mut self, path: String, dir: String) {
         let dir = dir.trim_start_matches('/');
         let paths = [format!("{dir}.rs"), format!("{dir}/mod.rs")];
@@ -367,7 +341,6 @@ impl<'a> Names<'a> {
 /// The tokens of an imported path, and of the name that it gets.
 pub type Import = (Vec<usize>, usize);
 
-/// All that the `use` brings in which begins at a token.
 pub fn imports(tokens: &[Token], start: usize) -> Vec<Import> {
     let (mut imports, mut open) = (Vec::new(), Vec::new());
     let (mut path, mut name) = (Vec::new(), None);
@@ -482,7 +455,6 @@ pub fn path_at(tokens: &[Token], mut at: usize) -> Vec<usize> {
     words
 }
 
-/// Whether two colons stand at a token.
 pub fn colons(tokens: &[Token], at: usize) -> bool {
     tokens[at].text == ":" && tokens[at + 1].text == ":"
 }

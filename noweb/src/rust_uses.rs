@@ -22,7 +22,6 @@ use crate::rust_names::{
 };
 
 // Find what an item declares inside
-/// The names that something inside an item may declare.
 #[derive(Default)]
 struct Taken<'s> {
     /// Names of items, and of parameters of types.
@@ -68,10 +67,8 @@ fn is_first(tokens: &[Token], at: usize) -> bool {
     tokens[at].word && !field && before != "'" && !colons(tokens, at - 2)
 }
 // Look for the uses in a program
-/// A use: where the name stands, and the item.
 pub type Use<'n> = (Spot, Item<'n>);
 
-/// All uses in a program.
 pub fn uses<'n>(names: &'n Names) -> Vec<Use<'n>> {
     let mut uses = Vec::new();
     for (place, range) in &names.bodies {

@@ -25,7 +25,6 @@ use crate::stream::{self, Outcome};
 use crate::totex::{self, Memory, Options};
 
 // Cut the stream at each file
-/// The lines of the stream that come from one source file.
 struct Part<'a> {
     source: &'a [u8],
     lines: &'a [&'a [u8]],
@@ -44,7 +43,6 @@ fn cut<'a>(lines: &'a [&'a [u8]]) -> Vec<Part<'a>> {
     pieces.filter_map(part).collect()
 }
 
-/// The name of a source without its directory and its `.nw`.
 fn stem(source: &[u8]) -> &[u8] {
     let base = source.rsplit(|&byte| byte == b'/').next();
     let base = base.unwrap_or(source);
@@ -79,7 +77,6 @@ fn asks_for_lists(line: &[u8]) -> bool {
     text.starts_with(b"\\nowebchunks") || text.starts_with(b"\\nowebindex")
 }
 
-/// The index of the line before which the lists are wanted.
 fn request(lines: &[&[u8]]) -> Option<usize> {
     let mut prose = false;
     let mut previous: &[u8] = b"";
@@ -96,7 +93,6 @@ fn request(lines: &[&[u8]]) -> Option<usize> {
     None
 }
 
-/// Where the lists stand, with the ends of line that precede them.
 fn find_lists(lines: &[&[u8]]) -> Option<Range<usize>> {
     let find = |wanted: &[u8]| lines.iter().position(|l| *l == wanted);
     let begin = find(b"@xref beginchunks")?;
@@ -109,7 +105,6 @@ fn find_lists(lines: &[&[u8]]) -> Option<Range<usize>> {
     (start < end).then_some(start..end)
 }
 
-/// Moves the list of chunks and the index to where they are wanted.
 fn settle_lists(lines: &mut Vec<&[u8]>) {
     let Some(lists) = find_lists(lines) else { return };
     let Some(mut place) = request(lines) else { return };
@@ -122,11 +117,8 @@ fn settle_lists(lines: &mut Vec<&[u8]>) {
 }
 
 // Convert the pieces one after another
-/// A file to be written.
 pub struct Page {
-    /// The file's name, without directory.
     pub name: Vec<u8>,
-    /// Its text.
     pub tex: Vec<u8>,
 }
 
@@ -152,7 +144,6 @@ pub fn split(
     Ok((pages.collect(), messages))
 }
 
-/// The options for a piece, whose comment names the source.
 fn with_source(options: &Options, source: &[u8]) -> Options {
     let mut options = options.clone();
     if !options.comment.is_empty() {

@@ -19,7 +19,6 @@ use std::io;
 use crate::Streams;
 
 // Split a stream into its lines
-/// The lines of `stream`, without their newlines.
 pub fn lines(stream: &[u8]) -> impl Iterator<Item = &[u8]> {
     stream
         .split_inclusive(|&byte| byte == b'\n')
@@ -34,7 +33,6 @@ pub fn trimmed_lines(stream: &[u8]) -> impl Iterator<Item = &[u8]> {
     })
 }
 
-/// The line by which some stage declares the stream broken, if any.
 pub fn fatal(stream: &[u8]) -> Option<&[u8]> {
     lines(stream).find(|line| line.starts_with(b"@fatal "))
 }
@@ -43,14 +41,12 @@ pub fn fatal(stream: &[u8]) -> Option<&[u8]> {
 /// A line of the stream that begins with `@`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Mark<'a> {
-    /// The word after the `@`.
     pub keyword: &'a [u8],
     /// What follows the space after the keyword; none without a space.
     pub argument: Option<&'a [u8]>,
 }
 
 impl<'a> Mark<'a> {
-    /// Reads a line, which is no mark if it does not begin with `@`.
     pub fn read(line: &'a [u8]) -> Option<Mark<'a>> {
         line.strip_prefix(b"@").map(Mark::split)
     }
@@ -71,7 +67,6 @@ impl<'a> Mark<'a> {
         Mark::split(self.text())
     }
 
-    /// The argument, empty if there is none.
     pub fn text(&self) -> &'a [u8] {
         self.argument.unwrap_or_default()
     }
@@ -101,7 +96,6 @@ fn remainder(byte: u8) -> u32 {
         .fold(0, |sum, bit| sum ^ (0xf500_0000 >> bit))
 }
 
-/// The codes given so far: equal names have equal codes, others do not.
 #[derive(Default)]
 pub struct Codes {
     known: HashMap<Vec<u8>, String>,
@@ -114,7 +108,7 @@ impl Codes {
         if let Some(code) = self.known.get(name) {
             return code.clone();
         }
-        // Make a code that nobody has
+        // Make a code that no name has
         let sum = crc(name);
         let times = self.taken.entry(sum).or_default();
         *times += 1;
@@ -131,16 +125,13 @@ impl Codes {
 /// What a stage has to say when it has read its whole input.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub struct Outcome {
-    /// The bytes for the standard output.
     pub text: Vec<u8>,
-    /// The lines for the standard error stream.
     pub messages: Vec<u8>,
     /// The exit status: 0 done, 1 failed, 2 wrong usage.
     pub status: u8,
 }
 
 impl Outcome {
-    /// Success, with what there is to write.
     pub fn done(text: Vec<u8>) -> Outcome {
         Outcome { text, ..Outcome::default() }
     }
@@ -152,14 +143,12 @@ impl Outcome {
     }
 
     // Tell of a failure in the stream
-    /// The failure of a stage, told to the person and to later stages.
     pub fn failure(stage: &str, status: u8, message: &str) -> Outcome {
         let text = format!("@fatal {stage} {message}\n").into_bytes();
         Outcome { text, ..Outcome::complaint(stage, status, message) }
     }
 
     // Deliver what a stage has made
-    /// Writes the messages and the text; returns the exit status.
     pub fn deliver(&self, streams: &mut Streams) -> u8 {
         let _ = streams.errors.write_all(&self.messages);
         let written = streams.output.write_all(&self.text);

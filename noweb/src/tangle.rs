@@ -24,7 +24,6 @@ use crate::web::{Piece, Web, quoted};
 
 // Define what a tangled text is
 /// A stretch of tangled text that comes from one place.
-///
 /// It lasts to the next segment, and never beyond the end of its line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Segment {
@@ -32,23 +31,19 @@ pub struct Segment {
     pub line: u32,
     /// Column in bytes, from 1, after the indentation.
     pub column: u32,
-    /// Where the text stands in the sources.
     pub place: Place,
     /// What tangling indents the lines of this chunk by, here.
     pub indent: u32,
 }
 
-/// Program text and the map back to the web.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Tangled {
-    /// The text.
     pub text: Vec<u8>,
     /// Its segments in the order of the text; every line has one.
     pub map: Vec<Segment>,
 }
 
 impl Tangled {
-    /// The segments of a line, counted from 1.
     pub fn segments(&self, line: u32) -> &[Segment] {
         let from = self.map.partition_point(|s| s.line < line);
         let to = self.map.partition_point(|s| s.line <= line);
@@ -58,9 +53,6 @@ impl Tangled {
 
 impl Tangled {
     /// Where a line and a column (in bytes, from 1) come from.
-    ///
-    /// What stands in the indentation comes from the start of the first
-    /// segment of the line.
     pub fn origin(&self, line: u32, column: u32) -> Option<Place> {
         let here = self.segments(line);
         let before = here.iter().take_while(|s| s.column <= column);
@@ -72,7 +64,6 @@ impl Tangled {
 }
 
 // Define how a text is laid out
-/// How tangled text is laid out.
 #[derive(Clone, Debug, Default)]
 pub struct Layout {
     /// Distance of tab stops in the output; 0 for no tabs.
@@ -101,11 +92,6 @@ pub(crate) fn indentation(width: usize, tab: usize) -> Vec<u8> {
 
 // Expand the roots of a web
 /// The text of some roots, one after the other.
-///
-/// # Errors
-///
-/// Undefined chunks, cycles and roots that do not exist. There is no
-/// partial result.
 pub fn tangle(
     web: &Web,
     roots: &[impl AsRef<[u8]>],
@@ -125,10 +111,8 @@ pub fn tangle(
     }
 }
 
-/// A chunk that is being expanded.
 struct StackFrame {
     chunk: usize,
-    /// The next of its pieces.
     next: usize,
     /// What its lines are indented by.
     indent: usize,
@@ -243,7 +227,6 @@ impl<'a> Expander<'a> {
         }
     }
 
-    /// Indents, if the line is still empty.
     fn indent(&mut self) {
         let Some(frame) = self.stack.last_mut() else { return };
         if frame.column == 0 {
@@ -339,7 +322,6 @@ impl Expander<'_> {
     }
 }
 
-/// Is the name rather what stands between two operators?
 fn looks_like_code(name: &[u8]) -> bool {
     let odd = |b: &u8| b"<>:;=&|(){},".contains(b);
     name.trim_ascii().len() < name.len()
@@ -407,7 +389,6 @@ fn format_directive(
 
 // Write the name of a chunk
 impl Expander<'_> {
-    /// Does a use have its line to itself, before these pieces?
     fn is_alone(&self, after: &[(Piece, Place)]) -> bool {
         let blank = |(piece, _): &&(Piece, Place)| match piece {
             Piece::Text(text) => text.trim_ascii().is_empty(),
@@ -431,7 +412,6 @@ impl Expander<'_> {
     }
 }
 
-/// The name with its quoted code in backquotes.
 fn spoken_name(name: &[u8]) -> Vec<u8> {
     let (mut spoken, mut rest) = (Vec::new(), name);
     while let [first, after @ ..] = rest {
@@ -448,7 +428,6 @@ fn spoken_name(name: &[u8]) -> Vec<u8> {
 }
 
 // Run the command that tangles
-/// What the command line of `notangle` asks for.
 #[derive(Default)]
 struct Request {
     roots: Vec<Vec<u8>>,
@@ -489,7 +468,6 @@ impl Request {
         request
     }
 
-    /// An option of `nt`, the last stage of the pipeline.
     fn option(&mut self, option: &[u8]) {
         match option {
             [b'-', b'R', root @ ..] => self.roots.push(root.to_vec()),

@@ -20,7 +20,6 @@ use crate::Streams;
 use crate::stream::{self, Mark, Outcome};
 
 // Choose how the stream is converted
-/// What the command line can ask of the converter.
 #[derive(Clone, Default)]
 pub struct Options {
     /// Hold macros back until the first chunk of prose has ended.
@@ -34,7 +33,6 @@ pub struct Options {
 }
 
 // Convert a stream line by line
-/// The converter's state while a stream goes by.
 #[derive(Default)]
 struct Converter<'a> {
     options: Options,
@@ -46,12 +44,10 @@ struct Converter<'a> {
     // Keep the state of the line
     code: bool,
     quoting: bool,
-    /// Whether the chunk of prose has shown nothing yet.
     blank: bool,
     /// Whether macros are still held back, under -delay.
     delaying: bool,
     file: &'a [u8],
-    /// What the next mark is called, and what it refers to.
     label: Option<&'a [u8]>,
     reference: Option<&'a [u8]>,
     /// Where the identifier that comes next is defined.
@@ -63,24 +59,20 @@ struct Converter<'a> {
     chunk: &'a [u8],
     /// The label of the definition, for index entries of its uses.
     place: Option<&'a [u8]>,
-    /// Whether the line of the name has not ended yet.
     naming: bool,
     previous: Option<&'a [u8]>,
     next: Option<&'a [u8]>,
     continued: Vec<&'a [u8]>,
     users: Vec<&'a [u8]>,
     unused: Option<&'a [u8]>,
-    /// The identifiers of the list that is being written.
     identifiers: Vec<&'a [u8]>,
 }
 
-/// What later definitions of a chunk need to know of the first.
 #[derive(Default)]
 pub struct Memory<'a> {
     defined: HashSet<&'a [u8]>,
     users: HashMap<&'a [u8], Vec<&'a [u8]>>,
     // Remember the names of the keys
-    /// What is shown of each key of the index.
     shown: HashMap<&'a [u8], &'a [u8]>,
 }
 
@@ -269,7 +261,6 @@ impl<'a> Converter<'a> {
         }
     }
 
-    /// The name of a chunk as it is typeset.
     fn typeset(&self, name: &[u8]) -> Vec<u8> {
         match self.options.tex_names {
             true => name_text(name, ""),
@@ -442,20 +433,18 @@ impl<'a> Converter<'a> {
         }
     }
 
-    /// What is shown of a key; a key that nobody declared shows itself.
+    /// What is shown of a key; a key without a declaration shows itself.
     fn shown_of(&self, key: &'a [u8]) -> &'a [u8] {
         self.memory.shown.get(key).copied().unwrap_or(key)
     }
 
-    /// An identifier for print and its key: the arguments of index macros.
     fn identifier(&self, name: &'a [u8]) -> Vec<u8> {
         let shown = printed(self.shown_of(name));
         let key = replace(name, KEY);
         [b"{", &shown[..], b"}{", &key[..], b"}"].concat()
     }
 
-    // Report what nobody understands
-    /// Warns of a keyword that means nothing here, the first time.
+    // Report a mark without a meaning
     fn warn(&mut self, family: &[u8], mark: Mark) {
         let tag = [family, mark.keyword].concat();
         if self.warned.insert(tag.clone()) {
@@ -551,7 +540,6 @@ fn find(text: &[u8], pair: &[u8; 2]) -> Option<usize> {
     text.windows(2).position(|window| window == pair)
 }
 
-/// An identifier as a key for LaTeX's tables.
 const KEY: &str =
     r" :sp|#:has|$:do|%:pe|&:am|,:com|::col|\:bs|^:hat|_:un|{:lb|}:rb|~:ti";
 
@@ -567,7 +555,6 @@ fn printed(name: &[u8]) -> Vec<u8> {
     out
 }
 
-/// The macro that prints the page and letter of a label.
 fn tag(label: &[u8]) -> Vec<u8> {
     [b"{\\nwtagstyle{}\\subpageref{", label, b"}}"].concat()
 }
@@ -597,7 +584,6 @@ pub fn to_tex<'a>(
 }
 
 impl Options {
-    /// Reads what concerns the converter from a command line.
     pub fn read(args: &[OsString]) -> Options {
         let has = |option: &str| args.iter().any(|arg| arg == option);
         let comment = match has("-no-gen-comment") {
@@ -613,7 +599,6 @@ impl Options {
     }
 }
 
-/// What noweb writes behind the first line.
 const COMMENT: &[u8] = b"% ===> this file was generated automatically \
     by noweave --- better not edit it";
 

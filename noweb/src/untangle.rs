@@ -46,7 +46,6 @@ fn hunks<T: Hash + Eq + Ord>(old: &[T], new: &[T]) -> Vec<Hunk> {
     changed.map(|step| (step.old_range(), step.new_range())).collect()
 }
 
-/// The lines of a text, without their newlines.
 fn lines_of(text: &[u8]) -> Vec<&[u8]> {
     let text = text.strip_suffix(b"\n").unwrap_or(text);
     text.split(|b| *b == b'\n').collect()
@@ -68,7 +67,7 @@ fn similar(a: &[u8], b: &[u8]) -> bool {
 }
 
 // Find the files that were edited
-/// What stands on the disk, for every file that somebody has edited.
+/// What stands on the disk, for every edited file.
 type Edited = BTreeMap<PathBuf, Vec<u8>>;
 
 impl Project {
@@ -142,7 +141,6 @@ impl<'a> Carrier<'a> {
         self.tangled.segments(line as u32 + 1)
     }
 
-    /// What stands in the chapter from a place to the end of its line.
     fn source(&self, place: Place) -> &'a [u8] {
         let line = self.sources[place.file as usize].line(place.line);
         line.and_then(|l| l.get(place.column as usize - 1..)).unwrap_or(b"")
@@ -271,7 +269,6 @@ impl<'a> Carrier<'a> {
         (0..=up + down).map(|k| (moved(old, k), moved(new, k))).collect()
     }
 
-    /// A chapter after a splice.
     fn result(&self, splice: &Splice) -> (u32, Vec<u8>) {
         let mut text = self.sources[splice.file as usize].text.clone();
         text.splice(splice.range.clone(), splice.text.iter().copied());
@@ -313,7 +310,6 @@ impl<'a> Carrier<'a> {
 const OUTSIDE: &str = "this edit is not in the text of one chunk";
 const AMBIGUOUS: &str = "this edit may belong to either of two places";
 
-/// What is wrong with a line of an edited file, as an index.
 fn edit_fault(path: &Path, line: usize, text: &str) -> Diagnostic {
     let (file, line) = (path.display().to_string(), line as u32 + 1);
     let position = Position { file, line, column: 1, excerpt: None };
@@ -334,7 +330,6 @@ fn quote(text: &[u8]) -> Vec<u8> {
     if same { text.to_vec() } else { escape(text) }
 }
 
-/// A line of a chunk with its escapes.
 fn escape(text: &[u8]) -> Vec<u8> {
     let name = Token::Defn(b"*".to_vec());
     let text_token = Token::Text(text.to_vec());
@@ -344,7 +339,6 @@ fn escape(text: &[u8]) -> Vec<u8> {
 }
 
 // Change the chapters in memory
-/// The splices of all edits.
 fn carry_all(
     now: &Expansion,
     edited: &Edited,
@@ -372,8 +366,6 @@ fn carry_all(
 }
 
 /// The chapters with all splices made.
-///
-/// Of splices that overlap only the last is made; the proof will tell.
 fn apply(sources: &[Source], mut splices: Vec<Splice>) -> Vec<Source> {
     splices.sort_by_key(|s| (s.file, s.range.start, s.range.end));
     splices.dedup();
@@ -417,7 +409,6 @@ fn prove(
     if faults.is_empty() { Ok(()) } else { Err(faults) }
 }
 
-/// What changed in the chapters, one line for each place.
 fn changes(old: &[Source], new: &[Source]) -> Vec<String> {
     let mut changes = Vec::new();
     for (old, new) in old.iter().zip(new) {
@@ -437,12 +428,6 @@ impl Project {
     /// Carries all edits of files back to the chapters; tells what changed.
     ///
     /// With `check` nothing is written.
-    ///
-    /// # Errors
-    ///
-    /// What [`Project::expand`] and `removals` find; edits that cannot
-    /// be carried, after which nothing is written; chapters and files that
-    /// cannot be written.
     pub fn untangle(
         &self,
         check: bool,

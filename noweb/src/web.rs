@@ -21,21 +21,15 @@ use crate::markup::{
 use crate::stream::lines;
 
 // Define the chunks of a web
-/// One piece of a chunk.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Piece {
-    /// Text without a newline.
     Text(Vec<u8>),
-    /// The end of a line.
     Newline,
-    /// The name of a chunk that goes here.
     Use(Vec<u8>),
 }
 
-/// All that is defined under one name.
 #[derive(Clone, Debug)]
 pub struct Chunk {
-    /// The name, byte for byte.
     pub name: Vec<u8>,
     /// Where each definition begins; never empty.
     pub definitions: Vec<Place>,
@@ -56,12 +50,10 @@ pub struct Web {
 }
 
 impl Web {
-    /// The index of the chunk with this name.
     pub fn find(&self, name: &[u8]) -> Option<usize> {
         self.by_name.get(name).copied()
     }
 
-    /// The position of a place, for people.
     pub fn position(&self, place: Place) -> Option<Position> {
         let source = self.sources.get(place.file as usize)?;
         Some(source.position(place))
@@ -167,11 +159,8 @@ struct StreamReader {
 enum Expected {
     #[default]
     Outside,
-    /// A code chunk began: its name must come.
     Nameless,
-    /// The name came: the end of its line must come.
     Named,
-    /// The text of a code chunk.
     Inside,
 }
 
@@ -254,7 +243,6 @@ fn is_extra(keyword: &[u8]) -> bool {
     matches!(keyword, b"@index" | b"@style")
 }
 
-/// The source that a stream names, for its diagnostics.
 fn open_again(name: &[u8]) -> Source {
     let path = String::from_utf8_lossy(name).into_owned();
     let text = std::fs::read(path).unwrap_or_default();
@@ -264,8 +252,6 @@ fn open_again(name: &[u8]) -> Source {
 // Find the nearest defined name
 impl Web {
     /// The chunk whose name is nearest to one that none has, if any is near.
-    ///
-    /// Near is at most a third of the letters changed, added or lost.
     pub fn nearest(&self, name: &[u8]) -> Option<&Chunk> {
         let limit = name.len() / 3;
         let close = self
@@ -330,7 +316,6 @@ impl Web {
         Diagnostic::new(Level::Warning, position, text)
     }
 
-    /// Marks what a chunk uses, directly or through others.
     fn mark_below(&self, chunk: usize, marked: &mut [bool]) {
         let mut waiting = vec![chunk];
         while let Some(chunk) = waiting.pop() {
@@ -367,7 +352,6 @@ impl Web {
     }
 }
 
-/// A name in its brackets, for a message.
 pub fn quoted(name: &[u8]) -> String {
     format!("<<{}>>", String::from_utf8_lossy(name))
 }
