@@ -421,7 +421,8 @@ fn build(
 ) -> Result<(SceneAnalysis, Bvh), String> {
     let began = Instant::now();
     let position = inquiry.camera.position;
-    let path = expected_path(arguments.albedo, scene.surrounds(position));
+    let is_inside = scene.entrance(position).is_inside;
+    let path = expected_path(arguments.albedo, is_inside);
     let rays = expected_rays(arguments, path, rayon::current_num_threads());
     let triangles = scene.take_triangles();
     let quality = Quality::expecting(triangles.len(), rays);

@@ -329,6 +329,7 @@ impl<K: Intersector, E: Integrator, S: Sampler> Job<'_, K, E, S> {
     ) {
         let (width, height) = resolution;
         let sees_sky = self.known.content(tile.corner) == TileContent::Sky;
+        let entrance = self.scene.entrance(self.camera.position);
         for (pixel, n) in batch {
             // Find the column and the row
             let x = tile.corner.0 + pixel % tile.size.0;
@@ -340,9 +341,8 @@ impl<K: Intersector, E: Integrator, S: Sampler> Job<'_, K, E, S> {
             let direction = self
                 .camera
                 .direction(within(x, width, u), within(y, height, v));
-            let enter =
-                || self.scene.enter(self.camera.position, direction);
-            let ray = if sees_sky { None } else { enter() };
+            let ray =
+                if sees_sky { None } else { entrance.enter(direction) };
             let path = self.integrator.begin(direction);
             begun.push(PathInFlight {
                 path,

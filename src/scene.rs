@@ -734,34 +734,18 @@ impl Scene {
     }
 
     // Move a distant ray to the scene
-    /// Whether a point of the file lies in the box around the scene.
-    pub fn surrounds(&self, position: DVec3) -> bool {
-        let (point, k) = self.frame.place_afar(position);
-        is_between(point, self.bounds.map(|corner| shift(corner, -k)))
+    /// Where rays that start at a point of the file enter the scene.
+    pub fn entrance(&self, position: DVec3) -> Entrance {
+        let (origin, k) = self.frame.place_afar(position);
+        let afar = self.bounds.map(|corner| shift(corner, -k));
+        let is_inside = is_between(origin, afar);
+        Entrance { origin, k, afar, bounds: self.bounds, is_inside }
     }
 
     /// The ray that starts at the point `position` of the file, from where
     /// it enters the scene; none if it passes the scene by.
     pub fn enter(&self, position: DVec3, direction: DVec3) -> Option<Ray> {
-        let (origin, k) = self.frame.place_afar(position);
-        let [low, high] = self.bounds.map(|corner| shift(corner, -k));
-        if is_between(origin, [low, high]) {
-            return Some(Ray { origin, direction });
-        }
-        // Find where a ray is in the box of the scene
-        let up = direction.signum().cmpgt(DVec3::ZERO);
-        let near = DVec3::select(up, low, high);
-        let far = DVec3::select(up, high, low);
-        let enters = ((near - origin) / direction).to_array();
-        let leaves = ((far - origin) / direction).to_array();
-        let start = enters.into_iter().fold(0., f64::max);
-        let end = leaves.into_iter().fold(f64::INFINITY, f64::min);
-        if start > end * (1. + f64::EPSILON * 8.) {
-            return None;
-        }
-        let point = shift(origin + direction * start, k);
-        let [low, high] = self.bounds;
-        Some(Ray { origin: point.clamp(low, high), direction })
+        self.entrance(position).enter(direction)
     }
 }
 
@@ -839,6 +823,43 @@ const NEARBY: f64 = (1u64 << 32) as f64;
 
 /// Binary exponent of the distance at which units become larger.
 const FAR: i32 = 1000;
+
+/// What rays that start at one point of the file have in common.
+pub struct Entrance {
+    /// The point, in units of 2^`k`.
+    origin: DVec3,
+    k: i32,
+    /// The box around the scene in these units, and in those of the scene.
+    afar: [DVec3; 2],
+    bounds: [DVec3; 2],
+    /// Whether the point lies in the box.
+    pub is_inside: bool,
+}
+
+impl Entrance {
+    /// The ray in this direction, from where it enters the scene; none if
+    /// it passes the scene by.
+    pub fn enter(&self, direction: DVec3) -> Option<Ray> {
+        let &Entrance { origin, afar: [low, high], .. } = self;
+        if self.is_inside {
+            return Some(Ray { origin, direction });
+        }
+        // Find where a ray is in the box of the scene
+        let up = direction.signum().cmpgt(DVec3::ZERO);
+        let near = DVec3::select(up, low, high);
+        let far = DVec3::select(up, high, low);
+        let enters = ((near - origin) / direction).to_array();
+        let leaves = ((far - origin) / direction).to_array();
+        let start = enters.into_iter().fold(0., f64::max);
+        let end = leaves.into_iter().fold(f64::INFINITY, f64::min);
+        if start > end * (1. + f64::EPSILON * 8.) {
+            return None;
+        }
+        let point = shift(origin + direction * start, self.k);
+        let [low, high] = self.bounds;
+        Some(Ray { origin: point.clamp(low, high), direction })
+    }
+}
 
 /// Whether a point lies in the box between two corners.
 fn is_between(point: DVec3, [low, high]: [DVec3; 2]) -> bool {
