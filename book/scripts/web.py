@@ -155,6 +155,7 @@ def fixed(value, places):
 
 
 def tell(places, *key):
+    key = tuple(' '.join(part.split()) for part in key)
     value = measured.get(key)
     if value is None:
         warnings.append('nothing measured: ' + '/'.join(key))
