@@ -551,6 +551,14 @@ $(PAGE) $(PAGE_TABLES) &: $(BUILD_DIR)/pt $(BUILD_DIR)/courtyard.obj \
 	python3 $(SCRIPTS)/page.py $(BUILD_DIR)/figures/report.html \
 	  $(BUILD_DIR)/figures $(BUILT)
 
+# ---- the program: figures
+
+TABLES += $(addprefix $(BUILT)/,scaling.csv roofline.csv sidak.tex)
+
+# From which |z| one of m tests fails, for two probabilities of a false alarm.
+$(BUILT)/sidak.tex: $(SCRIPTS)/sidak.py | $(BUILT)
+	python3 $< > $@
+
 # ---- the gather: figures
 
 # The gains of the methods, drawn; the tables of what is learnt are read.
