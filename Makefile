@@ -237,7 +237,8 @@ pdf: check-tex $(VOLUMES:%=$(BUILD_DIR)/%.pdf) $(BUILD_DIR)/noweb.pdf
 
 # The books on the web, from what has been woven for the PDF.
 LUNR = /usr/share/javascript/lunr/lunr.min.js
-WEB_SCRIPTS := $(wildcard $(SCRIPTS)/web*.py)
+WEB_SCRIPTS := $(addprefix $(SCRIPTS)/,web.py web_play.py web_program.py \
+  web_reader.py)
 # $(call MAKE_SITE,WEB,RECORD,TEX_DIRECTORY,SITE)
 define MAKE_SITE
 @mkdir -p $(4) && cp doc/web.css doc/web.js $(LUNR) $(4)
