@@ -553,7 +553,8 @@ $(PAGE) $(PAGE_TABLES) &: $(BUILD_DIR)/pt $(BUILD_DIR)/courtyard.obj \
 
 # ---- the program: figures
 
-TABLES += $(addprefix $(BUILT)/,scaling.csv roofline.csv sidak.tex)
+TABLES += $(addprefix $(BUILT)/,scaling.csv roofline.csv sidak.tex \
+  scrambles-sizes.tex)
 
 # From which |z| one of m tests fails, for two probabilities of a false alarm.
 $(BUILT)/sidak.tex: $(SCRIPTS)/sidak.py | $(BUILT)

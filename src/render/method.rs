@@ -128,14 +128,14 @@ impl Sampling {
         area: u64,
     ) -> Self {
         // Count the samples that are placed together
-        let together = |replicates: u64| match samples {
-            Some(n) => 1 << (n / replicates).clamp(1, MOST).ilog2(),
+        let together = |replicates: u64, most: u64| match samples {
+            Some(n) => 1 << (n / replicates).clamp(1, most).ilog2(),
             None => 4,
         };
         let replicate = match method {
             Method::Reference => 1,
-            Method::Sobol => together(4),
-            Method::Gather => together(16),
+            Method::Sobol => together(4, MOST),
+            Method::Gather => together(16, MOST_GATHERED),
         };
         let paths = samples.map(|n| n.saturating_mul(area));
         let expected = paths.map_or(u64::MAX, |n| n.saturating_mul(RAYS));
@@ -178,8 +178,10 @@ impl Sampling {
 /// Changes whenever the code that decides what a gather is does.
 const GATHER_VERSION: u32 = 4;
 
-/// Samples of a scramble at most; a tile keeps all of them.
+/// Samples of a scramble at most: of paths, and of gathers, of which a
+/// tile keeps all.
 const MOST: u64 = 1 << 8;
+const MOST_GATHERED: u64 = 4;
 
 /// Rays of a gather with its part of the correction, about.
 const RAYS: u64 = 5;
