@@ -124,7 +124,7 @@ fn few_paths_have_no_pilot_and_a_bound_of_the_error_is_a_number() {
     assert!(choice(Some(9), None).is_some());
     let many = choice(Some(256), None).unwrap();
     assert_eq!(many.sampling.method, Method::Gather);
-    assert_eq!(many.sampling.replicate, 16);
+    assert_eq!(many.sampling.replicate, 4);
     let variance = many.pilot.first + many.pilot.later;
     let error = (variance / 64.5).sqrt();
     let bounded = choice(None, Some(error)).unwrap();
