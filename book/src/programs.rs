@@ -42,8 +42,11 @@ mod traversal;
 mod unbiased;
 
 use std::error::Error;
+use std::fs::File;
 use std::io::{self, BufWriter, Write};
+use std::path::Path;
 
+use litpt::image::{Format, Image};
 use litpt_book::courtyard::solids;
 use litpt_book::sweep::write_obj;
 
@@ -95,6 +98,13 @@ fn courtyard(_: &[String]) -> Done {
     let mut out = BufWriter::new(io::stdout().lock());
     write_obj(&solids(), &mut out)?;
     Ok(out.flush()?)
+}
+
+/// Writes a grey picture of values in [0, 1], so wide.
+pub fn draw(path: &Path, width: u32, means: Vec<f64>) -> Done {
+    let height = means.len() as u32 / width;
+    let image = Image::plain(width, height, means);
+    Ok(Format::Png.write(&image, &mut File::create(path)?)?)
 }
 
 /// The middle of some numbers.

@@ -7,13 +7,10 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-use std::collections::BTreeMap;
-use std::fs::File;
 use std::path::Path;
 
 use glam::DVec3;
 use litpt::bvh::Intersector;
-use litpt::image::{Format, Image};
 use litpt::integrator::{Integrator, PathEvent};
 use litpt::render::Job;
 use litpt::sampler::{Sampler, within};
@@ -21,7 +18,7 @@ use litpt_book::closed_forms::Setting;
 use litpt_book::courtyard;
 use rayon::prelude::*;
 
-use super::Done;
+use super::{Done, draw};
 
 pub const RESOLUTION: (u32, u32) = (128, 96);
 const SAMPLES: u64 = 64;
@@ -63,8 +60,8 @@ pub fn run(arguments: &[String]) -> Done {
             let of = |terms: &Vec<f64>| terms[from..last].iter().sum();
             pixels.iter().map(of).collect()
         };
-        draw(figures, &format!("term-{k}"), sum(k))?;
-        draw(figures, &format!("sum-{k}"), sum(0))?;
+        picture(figures, &format!("term-{k}"), sum(k))?;
+        picture(figures, &format!("sum-{k}"), sum(0))?;
     }
     Ok(())
 }
@@ -111,16 +108,6 @@ pub fn follow(setting: &Setting, pixel: u32, n: u64) -> (usize, f64) {
 }
 
 /// Writes a picture of values in [0, 1].
-fn draw(figures: &Path, name: &str, means: Vec<f64>) -> Done {
-    let path = figures.join(format!("bounces-{name}.png"));
-    let image = Image {
-        width: RESOLUTION.0,
-        height: RESOLUTION.1,
-        means,
-        errors: None,
-        samples: None,
-        tile_errors: None,
-        attributes: BTreeMap::new(),
-    };
-    Ok(Format::Png.write(&image, &mut File::create(path)?)?)
+fn picture(figures: &Path, name: &str, means: Vec<f64>) -> Done {
+    draw(&figures.join(format!("bounces-{name}.png")), RESOLUTION.0, means)
 }

@@ -13,20 +13,18 @@ mod closeups;
 mod hierarchy;
 mod views;
 
-use std::collections::BTreeMap;
 use std::error::Error;
 use std::fmt::Write as _;
-use std::fs::{self, File};
+use std::fs;
 use std::path::Path;
 
 use glam::DVec3;
 use litpt::bvh::{Bvh, Hit, Intersector};
 use litpt::camera::{Camera, View};
-use litpt::image::{Format, Image};
 use litpt::scene::{Mesh, Ray, Scene};
 use rayon::prelude::*;
 
-use super::Done;
+use super::{Done, draw};
 
 pub fn run(arguments: &[String]) -> Done {
     let [figures, tables] = arguments else {
@@ -54,17 +52,7 @@ impl Out<'_> {
     /// Writes a picture of values in [0, 1].
     fn picture(&self, name: &str, width: u32, means: Vec<f64>) -> Done {
         let path = self.figures.join(format!("geometry-{name}.png"));
-        let height = means.len() as u32 / width;
-        let image = Image {
-            width,
-            height,
-            means,
-            errors: None,
-            samples: None,
-            tile_errors: None,
-            attributes: BTreeMap::new(),
-        };
-        Ok(Format::Png.write(&image, &mut File::create(path)?)?)
+        draw(&path, width, means)
     }
 
     fn table(&self, name: &str, text: &str) -> Done {

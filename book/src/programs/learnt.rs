@@ -11,10 +11,9 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-use std::collections::BTreeMap;
 use std::error::Error;
 use std::fmt::Write as _;
-use std::fs::{self, File};
+use std::fs;
 use std::ops::RangeInclusive;
 use std::path::Path;
 
@@ -26,7 +25,6 @@ use litpt::gather::cache::{Grid, RadianceCache};
 use litpt::gather::guide::{BINS, Guide, SIDE, bin};
 use litpt::gather::training::train;
 use litpt::gather::{Allocation, Correction, End, Tracer};
-use litpt::image::{Format, Image};
 use litpt::integrator::PathTracer;
 use litpt::render::gather::{Gather, Learnt};
 use litpt::render::method::{Method, Sampling};
@@ -40,7 +38,7 @@ use litpt_book::interiors::Interior;
 use rand::RngExt;
 use rayon::prelude::*;
 
-use super::Done;
+use super::{Done, draw};
 
 /// Pixels of the room, and the samples of each.
 const RESOLUTION: (u32, u32) = (128, 96);
@@ -175,15 +173,15 @@ fn learn(figures: &Path, tables: &Path) -> Result<String, Box<dyn Error>> {
     let name = cache.grid().name(place.point, place.normal);
     let guide = cache.guide(cache.at(name)).ok_or("no guide there")?;
     let light = yard.light(&cache, &place);
-    draw(figures, "light", DISC, light.clone())?;
+    picture(figures, "light", DISC, light.clone())?;
     let most = (0..BINS).map(|b| guide.density(b)).fold(0., f64::max);
     let density = |p| guide.density(bin(p)) / most;
-    draw(figures, "guide", DISC, disc(density))?;
+    picture(figures, "guide", DISC, disc(density))?;
     number(&mut out, "guide", "most", &format!("{most:.1}"))?;
     for (name, guide) in [("cosine", None), ("guided", Some(guide))] {
         let mut drawn = light.clone();
         let bright = dots(&mut drawn, &light, guide);
-        draw(figures, name, DISC, drawn)?;
+        picture(figures, name, DISC, drawn)?;
         number(&mut out, name, "bright", &bright.to_string())?;
     }
     yard.scatter(tables, &cache, &place, &mut out)?;
@@ -207,7 +205,7 @@ fn render(figures: &Path, out: &mut String) -> Done {
     let most = counts.iter().max().copied().unwrap_or(1);
     let least = counts.iter().min().copied().unwrap_or(1);
     let shares = counts.iter().map(|&n| f64::from(n) / f64::from(most));
-    draw(figures, "counts", RESOLUTION.0, shares.collect())?;
+    picture(figures, "counts", RESOLUTION.0, shares.collect())?;
     let mean = |n: u32| format!("{:.1}", f64::from(n) / TOGETHER as f64);
     number(out, "counts", "most", &mean(most))?;
     number(out, "counts", "least", &mean(least))?;
@@ -219,7 +217,7 @@ fn render(figures: &Path, out: &mut String) -> Done {
     let white = 2. * even.summary().rmse;
     for (name, film) in [("uneven", &film), ("even", &even)] {
         let errors = film.errors(4.).into_iter().map(|e| grey(e / white));
-        draw(figures, name, RESOLUTION.0, errors.collect())?;
+        picture(figures, name, RESOLUTION.0, errors.collect())?;
         let error = format!("{:.5}", film.summary().rmse);
         number(out, name, "error", &error)?;
     }
@@ -228,7 +226,7 @@ fn render(figures: &Path, out: &mut String) -> Done {
         ("paths", &paths, samples, traced),
     ] {
         let exposed = film.means().map(|mean| EXPOSURE * mean);
-        draw(figures, way, RESOLUTION.0, exposed.collect())?;
+        picture(figures, way, RESOLUTION.0, exposed.collect())?;
         let (rays, error) = (rays as f64 / 1e6, film.summary().rmse);
         number(out, way, "samples", &samples.to_string())?;
         number(out, way, "rays", &format!("{rays:.1}"))?;
@@ -359,17 +357,17 @@ impl Stage {
         let truth = hits().map(|p| p[1]).sum::<f64>() / n;
         for (k, name) in [(2, "wrong"), (3, "claimed")] {
             let greys = all(k).map(|d| grey(d / WHITE));
-            draw(figures, name, width, greys.collect())?;
+            picture(figures, name, width, greys.collect())?;
             let square = hits().map(|p| p[k] * p[k]).sum::<f64>() / n;
             let share = 100. * square.sqrt() / truth;
             number(out, name, "share", &format!("{share:.0}"))?;
         }
         let off = hits().map(|p| p[0] - p[1]).sum::<f64>() / n / truth;
         number(out, "cache", "off", &format!("{:.1}", 100. * off.abs()))?;
-        draw(figures, "truth", width, all(1).collect())?;
+        picture(figures, "truth", width, all(1).collect())?;
         let mut cached: Vec<f64> = all(0).collect();
         cross_out(&mut cached);
-        draw(figures, "cache", width, cached)
+        picture(figures, "cache", width, cached)
     }
 
     /// The light that arrives at the place, over the disc: what a ray
@@ -671,18 +669,12 @@ fn grey(share: f64) -> f64 {
     share.min(1.).powf(2.2)
 }
 
-/// Writes a picture of values in [0, 1].
-fn draw(figures: &Path, name: &str, width: u32, means: Vec<f64>) -> Done {
-    let path = figures.join(format!("learnt-{name}.png"));
-    let height = means.len() as u32 / width;
-    let image = Image {
-        width,
-        height,
-        means,
-        errors: None,
-        samples: None,
-        tile_errors: None,
-        attributes: BTreeMap::new(),
-    };
-    Ok(Format::Png.write(&image, &mut File::create(path)?)?)
+/// Writes a picture of what is learnt, of values in [0, 1].
+fn picture(
+    figures: &Path,
+    name: &str,
+    width: u32,
+    means: Vec<f64>,
+) -> Done {
+    draw(&figures.join(format!("learnt-{name}.png")), width, means)
 }
