@@ -18,6 +18,7 @@ pub mod anatomy;
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
+mod beam;
 mod huge_pages;
 mod intersector;
 mod spawn;
@@ -25,7 +26,7 @@ mod traversal;
 mod triangle;
 mod wide;
 
-pub use intersector::{Dispatch, Hit, Intersector};
+pub use intersector::{BEAM, Dispatch, Hit, Intersector};
 pub use spawn::too_small;
 pub use wide::Quality;
 
@@ -270,6 +271,13 @@ impl Intersector for Bvh {
         with_traverser!(self, traverser => {
             traverser.is_visible(ray, from, target)
         })
+    }
+
+    fn first_hits(
+        &self,
+        rays: &[Option<Ray>; BEAM],
+    ) -> [Option<Hit>; BEAM] {
+        with_traverser!(self, traverser => traverser.first_hits(rays))
     }
 
     fn dispatch<W: Dispatch>(&self, work: W) -> W::Output {

@@ -501,9 +501,11 @@ impl Film {
             let variances = &variances[first..first + columns.len()];
             for (column, variance) in columns.clone().zip(variances) {
                 // Count the variance of one neighbour
-                if variance.is_finite() && (column, row) != (x, y) {
-                    (sum, count) = (sum + variance, count + 1.);
-                }
+                let counts =
+                    variance.is_finite() & ((column, row) != (x, y));
+                let (value, one) =
+                    if counts { (*variance, 1.) } else { (0., 0.) };
+                (sum, count) = (sum + value, count + one);
             }
         }
         (count > 0.).then_some(sum / count)

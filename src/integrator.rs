@@ -11,7 +11,7 @@
 // Name what the integrators import
 use glam::DVec3;
 
-use crate::bvh::{Hit, Intersector};
+use crate::bvh::{BEAM, Hit, Intersector};
 use crate::sampler::{Sampler, cosine_direction, dimension, happens};
 use crate::scene::Ray;
 use crate::sky::Sky;
@@ -78,6 +78,16 @@ pub trait RayQuery: Sized {
         ray: &Ray,
         from: Option<u32>,
     ) -> Option<Self>;
+
+    // Ask about the first rays of paths
+    /// Asks about rays that leave no triangle; any of them may be missing.
+    fn ask_all<K: Intersector>(
+        intersector: &K,
+        rays: &[Option<Ray>; BEAM],
+    ) -> [Option<Self>; BEAM] {
+        let ask = |ray| Self::ask(intersector, ray, None);
+        rays.each_ref().map(|ray| ray.as_ref().and_then(ask))
+    }
 }
 
 impl RayQuery for Hit {
@@ -88,6 +98,15 @@ impl RayQuery for Hit {
         from: Option<u32>,
     ) -> Option<Self> {
         intersector.first_hit(ray, from)
+    }
+
+    // Ask for the first hits of paths
+    #[inline(always)]
+    fn ask_all<K: Intersector>(
+        intersector: &K,
+        rays: &[Option<Ray>; BEAM],
+    ) -> [Option<Self>; BEAM] {
+        intersector.first_hits(rays)
     }
 }
 

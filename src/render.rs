@@ -13,14 +13,14 @@ pub mod gather;
 pub mod method;
 
 // Name what the render imports
-use std::iter;
+use std::array;
 use std::ops::Range;
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::analysis::background::{KnownPixels, TileContent};
-use crate::bvh::{Dispatch, Intersector};
+use crate::bvh::{BEAM, Dispatch, Intersector};
 use crate::camera::Camera;
 use crate::film::{Film, Tile};
 use crate::integrator::{Integrator, PathEvent, RayQuery, Sums};
@@ -139,18 +139,15 @@ impl<K: Intersector, E: Integrator, S: Sampler> Renderer
 /// Paths that a thread has under way.
 const IN_FLIGHT: usize = 4;
 
-/// Paths that are begun at a time.
-const BATCH: usize = 16;
-
-/// A path between two rays.
+/// A path that has left a surface.
 struct PathInFlight<P, S> {
     /// What its integrator remembers.
     path: P,
     sampler: S,
-    /// Where it goes next; none if it is known to meet nothing.
-    ray: Option<Ray>,
+    /// Where it goes next.
+    ray: Ray,
     /// The triangle that it leaves.
-    from: Option<u32>,
+    from: u32,
     /// How many rays it has traced.
     rays: u64,
     /// The pixel in its tile.
@@ -243,7 +240,11 @@ impl<K: Intersector, E: Integrator, S: Sampler> Job<'_, K, E, S> {
         let before = pixels.to_vec();
         let mut sums = E::Sums::default();
         let mut trace = |pixels: &mut [Accumulator], samples| {
-            self.trace(tile, pixels, resolution, samples, watch, &mut sums)
+            self.intersector.run(|| {
+                self.trace(
+                    tile, pixels, resolution, samples, watch, &mut sums,
+                )
+            })
         };
         // Add the samples or the means of replicates
         let mut replicate = |pixels: &mut [Accumulator], value| {
@@ -267,6 +268,7 @@ impl<K: Intersector, E: Integrator, S: Sampler> Job<'_, K, E, S> {
 
     // Trace the samples of a tile
     /// Adds samples to the pixels of a tile; whether it was not stopped.
+    #[inline(always)]
     fn trace(
         &self,
         tile: Tile,
@@ -276,22 +278,29 @@ impl<K: Intersector, E: Integrator, S: Sampler> Job<'_, K, E, S> {
         watch: &Watch,
         sums: &mut E::Sums,
     ) -> bool {
-        // Begin the paths in batches
+        // List the paths of the tile
         let each = move |pixel| samples.clone().map(move |n| (pixel, n));
-        let mut to_begin = (0..pixels.len() as u32).flat_map(each);
-        let mut begun = Vec::with_capacity(BATCH);
-        let mut next = || {
-            if begun.is_empty() {
-                let batch = to_begin.by_ref().take(BATCH);
-                self.begin(&mut begun, batch, tile, resolution);
-            }
-            begun.pop()
-        };
-        // Put the first paths under way
-        let under_way = iter::from_fn(&mut next).take(IN_FLIGHT);
-        let mut under_way: Vec<_> = under_way.collect();
+        let mut to_begin =
+            (0..pixels.len() as u32).flat_map(each).peekable();
+        let mut begun = Vec::with_capacity(BEAM);
+        let mut under_way = Vec::with_capacity(IN_FLIGHT);
         let mut turns = 0u64;
-        while !under_way.is_empty() {
+        loop {
+            // Put begun paths under way
+            if begun.is_empty() && to_begin.peek().is_some() {
+                let batch = to_begin.by_ref().take(BEAM);
+                self.begin(
+                    &mut begun, batch, tile, pixels, resolution, sums,
+                );
+            }
+            while under_way.len() < IN_FLIGHT
+                && let Some(flight) = begun.pop()
+            {
+                under_way.push(flight);
+            }
+            if under_way.is_empty() && to_begin.peek().is_none() {
+                return true;
+            }
             // Stop in the midst of a tile
             turns += 1;
             if turns.is_multiple_of(256) && !watch(0) {
@@ -299,79 +308,102 @@ impl<K: Intersector, E: Integrator, S: Sampler> Job<'_, K, E, S> {
             }
             // Take each path one ray further
             under_way.retain_mut(|flight| {
-                flight.rays += u64::from(flight.ray.is_some());
-                let Some(contribution) = self.go_on(flight) else {
-                    return true;
-                };
-                pixels[flight.pixel as usize].add(contribution);
-                let PathInFlight { path, rays, .. } = flight;
-                self.integrator.count(path, *rays, contribution, sums);
-                match next() {
-                    Some(next) => *flight = next,
-                    None => return false,
+                flight.rays += 1;
+                let PathInFlight { path, sampler, ray, from, .. } = flight;
+                let answer =
+                    E::RayQuery::ask(self.intersector, ray, Some(*from));
+                match self.integrator.go_on(path, answer, sampler) {
+                    PathEvent::Scatter(next, left) => {
+                        (*ray, *from) = (next, left);
+                        return true;
+                    }
+                    // End a path that was under way
+                    PathEvent::Terminate(contribution) => {
+                        pixels[flight.pixel as usize].add(contribution);
+                        let PathInFlight { path, rays, .. } = flight;
+                        self.integrator.count(
+                            path,
+                            *rays,
+                            contribution,
+                            sums,
+                        );
+                    }
                 }
-                true
+                // Give its place to the next path
+                let next = begun.pop();
+                let is_taken = next.is_some();
+                if let Some(next) = next {
+                    *flight = next;
+                }
+                is_taken
             });
         }
-        true
     }
 
     // Begin a batch of paths
-    /// Begins the paths of a batch: each the number of a pixel in its tile,
-    /// and of a sample.
-    #[inline(never)]
+    /// Begins the paths of a batch, each the number of a pixel in its tile and
+    /// of a sample, and takes them up to their first hits; those that are over
+    /// are added to their pixels.
+    #[inline(always)]
     fn begin(
         &self,
         begun: &mut Vec<PathInFlight<E::Path, S>>,
-        batch: impl Iterator<Item = (u32, u64)>,
+        mut batch: impl Iterator<Item = (u32, u64)>,
         tile: Tile,
+        pixels: &mut [Accumulator],
         resolution: (u32, u32),
+        sums: &mut E::Sums,
     ) {
+        // Choose a point of the image for each path
         let (width, height) = resolution;
-        let sees_sky = self.known.content(tile.corner) == TileContent::Sky;
-        let entrance = self.scene.entrance(self.camera.position);
-        for (pixel, n) in batch {
+        let (mut across, mut down) = ([0.; BEAM], [0.; BEAM]);
+        let mut started: [_; BEAM] = array::from_fn(|i| {
+            let (pixel, n) = batch.next()?;
             // Find the column and the row
             let x = tile.corner.0 + pixel % tile.size.0;
             let y = tile.corner.1 + pixel / tile.size.0;
-            // Begin sample `n` at column `x` and row `y`
+            // Start sample `n` at column `x` and row `y`
             let number = u64::from(y) * u64::from(width) + u64::from(x);
             let mut sampler = self.sampler.start(number, n);
             let [u, v] = sampler.get_pixel_2d();
-            let direction = self
-                .camera
-                .direction(within(x, width, u), within(y, height, v));
-            let ray =
-                if sees_sky { None } else { entrance.enter(direction) };
-            let path = self.integrator.begin(direction);
-            begun.push(PathInFlight {
-                path,
-                sampler,
-                ray,
-                from: None,
-                rays: 0,
-                pixel,
-            });
-        }
-    }
-
-    // Trace one ray of a path
-    /// Traces the ray of a path and takes the path on from there; its
-    /// contribution if it ends.
-    #[inline(always)]
-    fn go_on(&self, flight: &mut PathInFlight<E::Path, S>) -> Option<f64> {
-        let PathInFlight { path, sampler, ray, from, .. } = flight;
-        // Find what the ray meets
-        let trace = |ray| E::RayQuery::ask(self.intersector, ray, *from);
-        let answer = ray.as_ref().and_then(trace);
-        match self.integrator.go_on(path, answer, sampler) {
-            // Go on along the next ray
-            PathEvent::Scatter(next, left) => {
-                *ray = Some(next);
-                *from = Some(left);
-                None
+            across[i] = within(x, width, u);
+            down[i] = within(y, height, v);
+            Some((pixel, sampler))
+        });
+        // Send the first rays of the batch
+        let directions = self.camera.directions(&across, &down);
+        let sees_sky = self.known.content(tile.corner) == TileContent::Sky;
+        let entrance = self.scene.entrance(self.camera.position);
+        let rays = array::from_fn(|i| match started[i] {
+            Some(_) if !sees_sky => entrance.enter(directions[i]),
+            _ => None,
+        });
+        let mut answers = E::RayQuery::ask_all(self.intersector, &rays);
+        for i in 0..BEAM {
+            // Take a path on from the end of its first ray
+            let Some((pixel, mut sampler)) = started[i].take() else {
+                break;
+            };
+            let mut path = self.integrator.begin(directions[i]);
+            let answer = answers[i].take();
+            let rays = u64::from(rays[i].is_some());
+            match self.integrator.go_on(&mut path, answer, &mut sampler) {
+                PathEvent::Scatter(ray, from) => {
+                    let flight = PathInFlight {
+                        path,
+                        sampler,
+                        ray,
+                        from,
+                        rays,
+                        pixel,
+                    };
+                    begun.push(flight);
+                }
+                PathEvent::Terminate(contribution) => {
+                    pixels[pixel as usize].add(contribution);
+                    self.integrator.count(&path, rays, contribution, sums);
+                }
             }
-            PathEvent::Terminate(contribution) => Some(contribution),
         }
     }
 }

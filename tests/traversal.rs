@@ -5,7 +5,7 @@
 
 use glam::DVec3;
 use litpt::bvh::anatomy::Anatomy;
-use litpt::bvh::{Bvh, Hit, Intersector, Isa, Quality};
+use litpt::bvh::{BEAM, Bvh, Hit, Intersector, Isa, Quality};
 use litpt::scene::{Mesh, Ray, Scene};
 use litpt_book::closed_forms::cavity;
 use rand::{RngExt, SeedableRng};
@@ -202,6 +202,50 @@ fn all_instructions_answer_a_million_rays_with_the_same_bits() {
         match scene.triangles().len() {
             0 => assert_eq!(hits, 0),
             _ => assert!(hits > RAYS / 20, "{i}: {hits}"),
+        }
+    }
+}
+
+/// Rays side by side, from nothing to far apart, some of them missing.
+fn beam(scene: &Scene, random: &mut Pcg64) -> [Option<Ray>; BEAM] {
+    let scales = [0., 1e-15, 1e-9, 1e-5, 1e-2, 1.];
+    let Ray { origin, direction } = ray(scene, random);
+    let apart = 4096. * scales[random.random_range(0..5)];
+    let spread = scales[random.random_range(0..6)];
+    std::array::from_fn(|_| {
+        let origin = origin + apart * vector(random);
+        let direction = direction + spread * vector(random);
+        let ray = Ray { origin, direction: direction.normalize() };
+        (random.random_range(0..8) > 0).then_some(ray)
+    })
+}
+
+#[test]
+fn rays_of_a_beam_are_answered_as_if_alone() {
+    let empty = Mesh::default();
+    for mesh in
+        [gridded_cube(16), icosphere(), soup(), cavity(0.2, 24), empty]
+    {
+        let scene = Scene::new(&mesh);
+        for isa in Isa::ALL.into_iter().filter(|isa| isa.is_available()) {
+            let bvh = Bvh::with(&scene, Quality::Fast, isa).unwrap();
+            let mut random = Pcg64::seed_from_u64(11);
+            let mut hits = 0;
+            for _ in 0..10_000 {
+                let rays = beam(&scene, &mut random);
+                let together = bvh.first_hits(&rays);
+                for (ray, hit) in rays.iter().zip(together) {
+                    let alone = ray
+                        .as_ref()
+                        .and_then(|ray| bvh.first_hit(ray, None));
+                    assert_eq!(bits(hit), bits(alone), "{isa}: {ray:?}");
+                    hits += usize::from(hit.is_some());
+                }
+            }
+            match scene.triangles().len() {
+                0 => assert_eq!(hits, 0),
+                _ => assert!(hits > 10_000, "{isa}: {hits}"),
+            }
         }
     }
 }

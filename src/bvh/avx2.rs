@@ -13,7 +13,8 @@
 // Name what the eight lanes import
 use std::arch::x86_64::*;
 
-use super::intersector::{Hit, Intersector};
+use super::beam;
+use super::intersector::{BEAM, Hit, Intersector};
 use super::spawn::hit;
 use super::traversal::{self, Entered, Met, Slabs, Stack, traverse};
 use super::triangle::{CLOSE, LANES, Leaf, Margins, NONE, Search, Shear};
@@ -69,6 +70,20 @@ impl Intersector for Traverser {
         // SAFETY: as above.
         unsafe { is_visible(&self.0, ray, from, target) }
     }
+
+    fn first_hits(
+        &self,
+        rays: &[Option<Ray>; BEAM],
+    ) -> [Option<Hit>; BEAM] {
+        // SAFETY: as above.
+        unsafe { first_hits(&self.0, rays) }
+    }
+
+    #[inline(always)]
+    fn run<T>(&self, work: impl FnOnce() -> T) -> T {
+        // SAFETY: as above.
+        unsafe { run(work) }
+    }
 }
 
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
@@ -88,6 +103,27 @@ fn first_hit_with_care(
     from: Option<u32>,
 ) -> Option<Hit> {
     hit(wide, ray, from, &search::<false>(wide, ray, (from, NONE)))
+}
+
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+fn first_hits(
+    wide: &Wide<8>,
+    rays: &[Option<Ray>; BEAM],
+) -> [Option<Hit>; BEAM] {
+    // SAFETY: as above.
+    unsafe {
+        beam::first_hits(
+            wide,
+            rays,
+            |leaf, shear, limit| meet(leaf, shear, limit),
+            |ray| first_hit(wide, ray, None),
+        )
+    }
+}
+
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+fn run<T>(work: impl FnOnce() -> T) -> T {
+    work()
 }
 
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]

@@ -14,7 +14,8 @@
 use std::arch::x86_64::*;
 
 use super::avx2;
-use super::intersector::{Hit, Intersector};
+use super::beam;
+use super::intersector::{BEAM, Hit, Intersector};
 use super::spawn::hit;
 use super::traversal::{self, Entered, Slabs, Stack, traverse};
 use super::triangle::{NONE, Search};
@@ -67,6 +68,20 @@ impl Intersector for Traverser {
     ) -> bool {
         // SAFETY: as above.
         unsafe { is_visible(&self.0, ray, from, target) }
+    }
+
+    #[inline(always)]
+    fn run<T>(&self, work: impl FnOnce() -> T) -> T {
+        // SAFETY: as above.
+        unsafe { run(work) }
+    }
+
+    fn first_hits(
+        &self,
+        rays: &[Option<Ray>; BEAM],
+    ) -> [Option<Hit>; BEAM] {
+        // SAFETY: as above.
+        unsafe { first_hits(&self.0, rays) }
     }
 }
 
@@ -253,6 +268,31 @@ pub unsafe fn push(
     let last = _mm512_set1_epi32(31 - mask.leading_zeros() as i32);
     let child = _mm512_permutexvar_epi32(last, children);
     _mm512_cvtsi512_si32(child) as u32
+}
+
+#[target_feature(
+    enable = "avx512f,avx512vl,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt"
+)]
+fn run<T>(work: impl FnOnce() -> T) -> T {
+    work()
+}
+
+#[target_feature(
+    enable = "avx512f,avx512vl,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt"
+)]
+fn first_hits(
+    wide: &Wide<16>,
+    rays: &[Option<Ray>; BEAM],
+) -> [Option<Hit>; BEAM] {
+    // SAFETY: as above.
+    unsafe {
+        beam::first_hits(
+            wide,
+            rays,
+            |leaf, shear, limit| avx2::meet(leaf, shear, limit),
+            |ray| first_hit(wide, ray, None),
+        )
+    }
 }
 
 #[target_feature(enable = "avx512f")]

@@ -79,7 +79,7 @@ impl Slabs {
 
 /// By which part of the distance from a region planes of its boxes may be
 /// displaced: 2^-20.
-const ROUGH: f64 = 1. / (1 << 20) as f64;
+pub const ROUGH: f64 = 1. / (1 << 20) as f64;
 
 const LEAST: f32 = f32::from_bits((127 - 60) << 23);
 
@@ -99,7 +99,7 @@ const OUTER: f64 = (1u128 << 64) as f64;
 
 /// Whether a ray may meet something.
 #[inline(always)]
-fn is_within_bounds(ray: &Ray) -> bool {
+pub fn is_within_bounds(ray: &Ray) -> bool {
     let bounds = DVec3::splat(OUTER);
     let within = |v: DVec3| v.abs().cmplt(bounds);
     (within(ray.origin) & within(ray.direction)).all()

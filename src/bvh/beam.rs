@@ -1,0 +1,315 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The traversal of rays that start side by side in similar directions.
+
+// Name what the beam imports
+use std::array;
+
+use bytemuck::Pod;
+
+use super::intersector::{BEAM, Hit};
+use super::spawn::hit;
+use super::traversal::{
+    Met, ROUGH, Slabs, Stack, Waiting, distance, is_within_bounds,
+};
+use super::triangle::{
+    LANES, LEAF, Leaf, Leaves, Margins, NONE, Region, Search, Shear, slot,
+    slots,
+};
+use super::wide::{Node, Wide};
+use crate::scene::Ray;
+
+// Keep rays lane by lane
+/// Rays that are in the same octant, lane by lane, and planes around them.
+struct Beam {
+    /// As in `Slabs`.
+    inverse: [[f32; BEAM]; 3],
+    entry: [[f32; BEAM]; 3],
+    exit: [[f32; BEAM]; 3],
+    /// The end of each ray, negative for rays that are missing.
+    t_max: [f32; BEAM],
+    /// Those of the first ray, whose rows and octant are those of all.
+    slabs: Slabs,
+    // Say where a beam begins and ends
+    /// Below and above along two axes.
+    sides: [[Side; 2]; 2],
+    /// The row of the planes by which rays leave along the third, the sign
+    /// of their direction, and the least depth.
+    start: (usize, f32, f32),
+}
+
+/// A side of a beam: `a + slope * b` is at least `bound`, or at most.
+#[derive(Clone, Copy, Default)]
+struct Side {
+    /// The rows of a node's planes that are `a` and `b`.
+    rows: [usize; 2],
+    slope: f32,
+    bound: f32,
+}
+
+// Enclose the rays of a beam
+impl Beam {
+    /// That of no rays, with room for those like `first`.
+    #[inline(always)]
+    fn new(first: &Ray, region: &Region) -> Self {
+        Self {
+            inverse: [[1.; BEAM]; 3],
+            entry: [[0.; BEAM]; 3],
+            exit: [[0.; BEAM]; 3],
+            t_max: [-1.; BEAM],
+            slabs: Slabs::new(first, region),
+            sides: [[Side::default(); 2]; 2],
+            start: (0, 0., 0.),
+        }
+    }
+
+    // Take the rays of a beam in
+    /// Encloses the rays; none if they are too different.
+    #[inline(always)]
+    fn enclose(
+        &mut self,
+        rays: &[Option<Ray>; BEAM],
+        region: &Region,
+    ) -> Option<()> {
+        // Find the axis along which the beam goes
+        let first = rays.iter().flatten().next()?;
+        let w = first.direction.abs().max_position();
+        let sign = first.direction[w].signum();
+        let others = [(w + 1) % 3, (w + 2) % 3];
+        // Put the rays into lanes
+        let mut start = f64::INFINITY;
+        for (i, ray) in rays.iter().enumerate() {
+            let Some(ray) = ray else { continue };
+            let slabs = Slabs::new(ray, region);
+            let near = region.beyond(ray.origin) <= ROUGH * region.reach;
+            if !(near
+                && is_within_bounds(ray)
+                && slabs.shift == self.slabs.shift)
+            {
+                return None;
+            }
+            for k in 0..3 {
+                self.inverse[k][i] = slabs.inverse[k];
+                self.entry[k][i] = slabs.entry[k];
+                self.exit[k][i] = slabs.exit[k];
+            }
+            self.t_max[i] = f32::INFINITY;
+            start = start.min(sign * (ray.origin - region.zero)[w]);
+        }
+        // Bound the starts and the slopes
+        let mut places = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
+        let mut slopes = places;
+        for ray in rays.iter().flatten() {
+            let origin = ray.origin - region.zero;
+            let per_depth = 1. / ray.direction[w].abs();
+            for (k, u) in others.into_iter().enumerate() {
+                let slope = ray.direction[u] * per_depth;
+                let place = origin[u] + slope * (start - sign * origin[w]);
+                places[k] =
+                    [places[k][0].min(place), places[k][1].max(place)];
+                slopes[k] =
+                    [slopes[k][0].min(slope), slopes[k][1].max(slope)];
+            }
+        }
+        // Make planes of the bounds
+        for (k, u) in others.into_iter().enumerate() {
+            for end in [0, 1] {
+                let slope = slopes[k][end];
+                if slope.abs() > STEEPEST {
+                    return None;
+                }
+                let Slabs { enter, leave, .. } = self.slabs;
+                let begins = (slope >= 0.) == (end == 0);
+                self.sides[end][k] = Side {
+                    rows: [
+                        u + 3 * (1 - end),
+                        if begins { enter } else { leave }[w],
+                    ],
+                    slope: (-slope * sign) as f32,
+                    bound: (places[k][end] - slope * start) as f32,
+                };
+            }
+        }
+        self.start = (self.slabs.leave[w], sign as f32, start as f32);
+        Some(())
+    }
+}
+
+/// The greatest slope of a ray of a beam.
+const STEEPEST: f64 = 1.25;
+
+// Look at a node with a beam
+impl Beam {
+    /// Which boxes of a node the beam enters.
+    #[inline(always)]
+    fn enter<const N: usize>(&self, node: &Node<N>) -> u32 {
+        let (row, sign, bound) = self.start;
+        let mut room = node.planes[row].map(|b| b * sign - bound);
+        for (sides, sign) in self.sides.iter().zip([1., -1.]) {
+            for Side { rows, slope, bound } in sides {
+                let [a, b] = rows.map(|row| &node.planes[row]);
+                for i in 0..N {
+                    let side = sign * (a[i] + slope * b[i] - bound);
+                    room[i] = if side < room[i] { side } else { room[i] };
+                }
+            }
+        }
+        (0..N).map(|i| u32::from(room[i] >= 0.) << i).sum()
+    }
+
+    // Compare one box with all rays
+    /// Which rays enter the box in a lane of a node.
+    #[inline(always)]
+    fn active<const N: usize>(&self, node: &Node<N>, lane: usize) -> u32 {
+        let (mut near, mut far) = ([0f32; BEAM], self.t_max);
+        for axis in 0..3 {
+            let enter = node.planes[self.slabs.enter[axis]][lane];
+            let leave = node.planes[self.slabs.leave[axis]][lane];
+            for i in 0..BEAM {
+                // Narrow the intervals of all rays
+                let inverse = self.inverse[axis][i];
+                let a = distance(enter, inverse, self.entry[axis][i]);
+                let b = distance(leave, inverse, self.exit[axis][i]);
+                near[i] = if a > near[i] { a } else { near[i] };
+                far[i] = if b < far[i] { b } else { far[i] };
+            }
+        }
+        (0..BEAM).map(|i| u32::from(near[i] <= far[i]) << i).sum()
+    }
+}
+
+// Look at a leaf with one ray of a beam
+/// The search of one ray of a beam.
+struct RaySearch<'a> {
+    search: Search<'a>,
+    shear: Shear,
+    margins: Margins,
+}
+
+impl<'a> RaySearch<'a> {
+    #[inline(always)]
+    fn new(leaves: &'a Leaves, ray: &Ray, region: &Region) -> Self {
+        let margins = region.margins(ray.origin);
+        let search = Search::new(leaves, (None, NONE), margins.size);
+        Self { search, shear: Shear::new(ray), margins }
+    }
+
+    // Take the triangles of a leaf for one ray
+    /// The end of the ray after the leaf of `count` triangles at unit
+    /// `first`; none if anything is doubtful.
+    ///
+    /// # Safety
+    /// The leaf is there, and what `meet` asks for holds.
+    #[inline(always)]
+    unsafe fn look(
+        &mut self,
+        (first, count): (u32, usize),
+        meet: &impl Fn(Leaf<'a>, &Shear, (f64, &Margins)) -> Met,
+    ) -> Option<f32> {
+        let Self { search, shear, margins } = self;
+        // SAFETY: it is there, says the caller.
+        let leaf = unsafe { search.leaf(first, count) };
+        let limit = search.limit(margins);
+        let (mut left, distances) = meet(leaf, shear, (limit, margins))?;
+        // Take each lane of the mask
+        while left != 0 {
+            let lane = left.trailing_zeros();
+            let distance = distances[lane as usize % LANES];
+            search.take(slot(first, lane), distance, margins)?;
+            left &= left - 1;
+        }
+        Some(search.limit(margins) as f32)
+    }
+}
+
+// Traverse with a beam
+/// The first hits of rays that leave no triangle, each the same as by
+/// `first_hit`.
+///
+/// # Safety
+/// What `meet` asks for holds.
+#[inline(always)]
+pub unsafe fn first_hits<'a, const N: usize>(
+    wide: &'a Wide<N>,
+    rays: &[Option<Ray>; BEAM],
+    meet: impl Fn(Leaf<'a>, &Shear, (f64, &Margins)) -> Met,
+    first_hit: impl Fn(&Ray) -> Option<Hit>,
+) -> [Option<Hit>; BEAM]
+where
+    Node<N>: Pod,
+{
+    // Leave rays that are no beam alone
+    let alone =
+        |ray: &Option<Ray>| ray.as_ref().and_then(|ray| first_hit(ray));
+    let Some(first) = rays.iter().flatten().next() else {
+        return [None; BEAM];
+    };
+    let mut beam = Beam::new(first, &wide.region);
+    let has_places = wide.nodes.len() <= u32::MAX as usize / N;
+    if !wide.gates.is_empty()
+        || !has_places
+        || beam.enclose(rays, &wide.region).is_none()
+    {
+        return rays.each_ref().map(alone);
+    }
+    // Begin the searches of a beam
+    let mut searches: [Option<RaySearch>; BEAM] = [const { None }; BEAM];
+    let mut doubtful = 0;
+    let mut waiting = Waiting::new();
+    let mut stack = Stack::new(&mut waiting);
+    let mut number = 0;
+    'walk: loop {
+        // Push the children that the beam enters
+        let node = &wide.nodes[number as usize];
+        let mask = beam.enter(node);
+        for order in node.order {
+            let lane = order >> beam.slabs.shift & (N as u32 - 1);
+            if mask >> lane & 1 != 0 {
+                // SAFETY: no hierarchy is so deep that less than `N` are left.
+                unsafe { stack.push(number * N as u32 + lane, 0.) };
+            }
+        }
+        // Go on to the next node with active rays
+        number = loop {
+            let Some(place) = stack.pop(0.) else { break 'walk };
+            let (number, lane) = (place as usize / N, place as usize % N);
+            let node = &wide.nodes[number];
+            let mut active = beam.active(node, lane);
+            let child = node.children[lane];
+            if active != 0 && child & LEAF == 0 {
+                break child;
+            }
+            while active != 0 {
+                let i = active.trailing_zeros() as usize % BEAM;
+                // Show a leaf to an active ray
+                if let Some(ray) = &rays[i] {
+                    let search = searches[i].get_or_insert_with(|| {
+                        RaySearch::new(&wide.leaves, ray, &wide.region)
+                    });
+                    // SAFETY: without gates, children with the bit LEAF are leaves.
+                    let t_max = unsafe { search.look(slots(child), &meet) };
+                    doubtful |= u32::from(t_max.is_none()) << i;
+                    beam.t_max[i] = t_max.unwrap_or(-1.);
+                }
+                active &= active - 1;
+            }
+        };
+    }
+    // Make hits of the searches of a beam
+    array::from_fn(|i| match (&rays[i], &searches[i]) {
+        (ray, _) if doubtful >> i & 1 != 0 => alone(ray),
+        (Some(ray), Some(of)) => hit(wide, ray, None, &of.search),
+        _ => None,
+    })
+}
+
+// Compare a beam with its rays
+#[cfg(test)]
+#[path = "../../tests/units/beam.rs"]
+mod tests;
