@@ -240,11 +240,7 @@ impl<K: Intersector, E: Integrator, S: Sampler> Job<'_, K, E, S> {
         let before = pixels.to_vec();
         let mut sums = E::Sums::default();
         let mut trace = |pixels: &mut [Accumulator], samples| {
-            self.intersector.run(|| {
-                self.trace(
-                    tile, pixels, resolution, samples, watch, &mut sums,
-                )
-            })
+            self.trace(tile, pixels, resolution, samples, watch, &mut sums)
         };
         // Add the samples or the means of replicates
         let mut replicate = |pixels: &mut [Accumulator], value| {
@@ -268,7 +264,6 @@ impl<K: Intersector, E: Integrator, S: Sampler> Job<'_, K, E, S> {
 
     // Trace the samples of a tile
     /// Adds samples to the pixels of a tile; whether it was not stopped.
-    #[inline(always)]
     fn trace(
         &self,
         tile: Tile,

@@ -78,12 +78,6 @@ impl Intersector for Traverser {
         // SAFETY: as above.
         unsafe { first_hits(&self.0, rays) }
     }
-
-    #[inline(always)]
-    fn run<T>(&self, work: impl FnOnce() -> T) -> T {
-        // SAFETY: as above.
-        unsafe { run(work) }
-    }
 }
 
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
@@ -103,27 +97,6 @@ fn first_hit_with_care(
     from: Option<u32>,
 ) -> Option<Hit> {
     hit(wide, ray, from, &search::<false>(wide, ray, (from, NONE)))
-}
-
-#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-fn first_hits(
-    wide: &Wide<8>,
-    rays: &[Option<Ray>; BEAM],
-) -> [Option<Hit>; BEAM] {
-    // SAFETY: as above.
-    unsafe {
-        beam::first_hits(
-            wide,
-            rays,
-            |leaf, shear, limit| meet(leaf, shear, limit),
-            |ray| first_hit(wide, ray, None),
-        )
-    }
-}
-
-#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-fn run<T>(work: impl FnOnce() -> T) -> T {
-    work()
 }
 
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
@@ -201,6 +174,22 @@ fn hasten<'a, const ANY: bool>(
             |node, slabs, t_max| enter(node, slabs, t_max),
             |node, shift, entered, stack| push(node, shift, entered, stack),
             |leaf, shear, limit| meet(leaf, shear, limit),
+        )
+    }
+}
+
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+fn first_hits(
+    wide: &Wide<8>,
+    rays: &[Option<Ray>; BEAM],
+) -> [Option<Hit>; BEAM] {
+    // SAFETY: as above.
+    unsafe {
+        beam::first_hits(
+            wide,
+            rays,
+            |leaf, shear, limit| meet(leaf, shear, limit),
+            |ray| first_hit(wide, ray, None),
         )
     }
 }

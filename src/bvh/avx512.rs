@@ -70,12 +70,6 @@ impl Intersector for Traverser {
         unsafe { is_visible(&self.0, ray, from, target) }
     }
 
-    #[inline(always)]
-    fn run<T>(&self, work: impl FnOnce() -> T) -> T {
-        // SAFETY: as above.
-        unsafe { run(work) }
-    }
-
     fn first_hits(
         &self,
         rays: &[Option<Ray>; BEAM],
@@ -197,6 +191,24 @@ fn hasten<'a, const ANY: bool>(
     }
 }
 
+#[target_feature(
+    enable = "avx512f,avx512vl,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt"
+)]
+fn first_hits(
+    wide: &Wide<16>,
+    rays: &[Option<Ray>; BEAM],
+) -> [Option<Hit>; BEAM] {
+    // SAFETY: as above.
+    unsafe {
+        beam::first_hits(
+            wide,
+            rays,
+            |leaf, shear, limit| avx2::meet(leaf, shear, limit),
+            |ray| first_hit(wide, ray, None),
+        )
+    }
+}
+
 // Enter sixteen boxes at once
 /// Which boxes of a node the ray enters before its t_max.
 ///
@@ -268,31 +280,6 @@ pub unsafe fn push(
     let last = _mm512_set1_epi32(31 - mask.leading_zeros() as i32);
     let child = _mm512_permutexvar_epi32(last, children);
     _mm512_cvtsi512_si32(child) as u32
-}
-
-#[target_feature(
-    enable = "avx512f,avx512vl,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt"
-)]
-fn run<T>(work: impl FnOnce() -> T) -> T {
-    work()
-}
-
-#[target_feature(
-    enable = "avx512f,avx512vl,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt"
-)]
-fn first_hits(
-    wide: &Wide<16>,
-    rays: &[Option<Ray>; BEAM],
-) -> [Option<Hit>; BEAM] {
-    // SAFETY: as above.
-    unsafe {
-        beam::first_hits(
-            wide,
-            rays,
-            |leaf, shear, limit| avx2::meet(leaf, shear, limit),
-            |ray| first_hit(wide, ray, None),
-        )
-    }
 }
 
 #[target_feature(enable = "avx512f")]

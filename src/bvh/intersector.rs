@@ -67,12 +67,6 @@ pub trait Intersector: Sync + Sized {
     fn dispatch<W: Dispatch>(&self, work: W) -> W::Output {
         work.with(self)
     }
-
-    /// Does `work`, compiled with the instructions of this intersector.
-    #[inline(always)]
-    fn run<T>(&self, work: impl FnOnce() -> T) -> T {
-        work()
-    }
 }
 
 /// How many rays are asked about at a time.
