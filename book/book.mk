@@ -26,7 +26,7 @@ TABLES := $(BUILD_DIR)/examples.stamp \
   nets.stamp scrambles.tex padding.tex pixels.csv \
   qualities.tex leaks.tex origins.tex roulettes.tex stability.tex \
   stability-full.tex ablation.tex layouts.tex \
-  abreast.tex traversal.tex bench.tex efficiency.tex worth.tex gains.tex scaling.tex sizes.csv \
+  abreast.tex beams.tex traversal.tex bench.tex efficiency.tex worth.tex gains.tex scaling.tex sizes.csv \
   start.tex repeats.csv roofline.tex accumulators.tex accounting.tex alarms.tex \
   thresholds.tex triangulations.tex ring.tex mixtures.tex \
   mixtures-ball.csv)
