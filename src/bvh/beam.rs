@@ -245,8 +245,7 @@ where
     Node<N>: Pod,
 {
     // Leave rays that are no beam alone
-    let alone =
-        |ray: &Option<Ray>| ray.as_ref().and_then(|ray| first_hit(ray));
+    let alone = |ray: &Option<Ray>| ray.as_ref().and_then(&first_hit);
     let Some(first) = rays.iter().flatten().next() else {
         return [None; BEAM];
     };
