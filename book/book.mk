@@ -234,13 +234,14 @@ fuzz:
 # ---- pt beside Embree
 
 # What is measured: traversal alone, whole renders, one scene in several
-# sizes, and images of several sizes. "make bench" does all four in a quarter
-# of an hour, and each has a target of its own. KITCHEN=FILE adds the scene of
+# sizes, and images of several sizes. "make bench" does all four in twenty
+# minutes, and each has a target of its own. KITCHEN=FILE adds the scene of
 # that OBJ (or .obj.zst), which is not ours to give away, BENCH_LARGE=1 ten
 # million triangles. A run that is restricted replaces the tables of a whole
 # one.
 BENCH := $(BUILD_DIR)/bench
-BENCH_SCENES = courtyard statue field $(if $(KITCHEN),kitchen)
+BENCH_SCENES = courtyard statue field corridor backroom \
+  $(if $(KITCHEN),kitchen)
 BENCH_SIZES = 1000 10000 100000 1000000 $(if $(BENCH_LARGE),10000000)
 
 COMPARED = $(BENCH_SCENES:%=$(BENCH)/%)
@@ -300,7 +301,7 @@ bench-traversal: bench-tools $(BOOK) $(call AND_VIEWS,$(COMPARED))
 	  $(BOOK) traversal -i $$scene.obj $$(cat $$scene.view) -r 0.8 \
 	    -d 400x300 || exit 1; done | awk "!/^scene,/ || !head++"'
 
-# What the traversal of a ray reads, and how long it takes: five minutes.
+# What the traversal of a ray reads, and how long it takes: seven minutes.
 .PHONY: roofline
 roofline: $(BOOK) $(call AND_VIEWS,$(COMPARED))
 	$(RECORD) roofline sh -c 'for scene in $(COMPARED); do \
