@@ -56,6 +56,8 @@ fn main() -> ExitCode {
 
 /// Runs the program, as the only process or the leading one.
 fn lead() -> ExitCode {
+    #[cfg(target_env = "gnu")]
+    give_arrays_back();
     let typed = Arguments::from_command_line();
     match typed.and_then(resume).and_then(|(mut arguments, resumed)| {
         run(&mut arguments, resumed).map_err(fail)
@@ -112,6 +114,14 @@ fn granted(memory: *mut u8, size: usize) -> *mut u8 {
         process::exit(1);
     }
     memory
+}
+
+/// Has the allocator give each dropped array back to the system if it is
+/// larger than a quarter of a megabyte.
+#[cfg(target_env = "gnu")]
+fn give_arrays_back() {
+    // SAFETY: a parameter of the allocator, which it may refuse.
+    unsafe { libc::mallopt(libc::M_MMAP_THRESHOLD, 1 << 18) };
 }
 
 // Run the whole program once

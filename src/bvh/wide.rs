@@ -107,7 +107,7 @@ impl<const N: usize> Node<N> {
     };
 
     // Put a child into a lane
-    fn set(&mut self, lane: usize, bounds: &Bvh2Node, child: u32) {
+    fn set(&mut self, lane: usize, bounds: &Aabb, child: u32) {
         for axis in 0..3 {
             self.planes[axis][lane] = bounds.min[axis];
             self.planes[axis + 3][lane] = bounds.max[axis];
@@ -186,7 +186,7 @@ type Corners = ([u32; 3], u32);
 /// Some triangles of a scene, and the region around them.
 struct Group<'a> {
     vertices: &'a [DVec3],
-    corners: &'a [Corners],
+    corners: Vec<Corners>,
     region: Region,
 }
 
@@ -754,8 +754,11 @@ fn cut_off(
 const WAYS: usize = (1 << 29) - GATES as usize;
 
 // Fill the nodes and leaves
-/// Scenes with more triangles are built in parts.
+/// Scenes with more triangles are built in parts,
 const LARGE: usize = 1 << 17;
+
+/// of so many triangles at most.
+const PART: usize = 1 << 21;
 
 /// Sorts triangles into `parts` groups of neighbours, a power of two.
 fn halve<'a>(
@@ -778,8 +781,11 @@ fn halve<'a>(
         p.total_cmp(&q).then(i.cmp(j))
     });
     let (left, right) = corners.split_at_mut(half);
-    let mut groups = halve(vertices, left, parts / 2);
-    groups.extend(halve(vertices, right, parts / 2));
+    let (mut groups, others) = rayon::join(
+        || halve(vertices, left, parts / 2),
+        || halve(vertices, right, parts / 2),
+    );
+    groups.extend(others);
     groups
 }
 
@@ -817,37 +823,64 @@ where
         let region = region(&vertices, &corners);
         let room = UNIT * units(1) as usize * corners.len();
         // Divide the triangles into groups
-        let parts = if corners.len() > LARGE { N } else { 1 };
+        let mut above = usize::from(corners.len() > LARGE);
+        while corners.len() > PART * N.pow(above as u32) {
+            above += 1;
+        }
+        let parts = N.pow(above as u32);
         let groups = halve(&vertices, &mut corners, parts);
-        let groups = groups.into_iter().map(|group| group.to_vec());
-        let groups: Vec<_> = groups.collect();
+        let groups = groups.into_par_iter().map(|group| group.to_vec());
+        let mut groups: Vec<_> = groups.collect();
         drop(corners);
         // Begin with nothing built
-        let above = usize::from(parts > 1);
+        let tops = (parts - 1) / (N - 1);
+        let ways = WAYS / parts;
         let mut built = Built {
             quality,
-            vertices: &vertices,
             nodes: vec![],
-            next: above as u32,
+            next: tops as u32,
             words: Pages::zeroed(room)?,
             units: 0,
             gates: vec![],
+            ways: 0,
         };
-        // Build the parts one after the other
-        let mut top = Node::EMPTY;
-        for (lane, group) in groups.into_iter().enumerate() {
-            let first = built.next;
-            let root = built.add(&group, region, above)?;
-            if let (true, Some(root)) = (parts > 1, root) {
-                top.set(lane, &root, first);
+        // Build as many parts at a time as there are threads
+        let mut roots = vec![];
+        for some in groups.chunks_mut(rayon::current_num_threads()) {
+            let some = some.par_iter_mut().map(|corners| {
+                let corners = mem::take(corners);
+                let group = Group { vertices: &vertices, corners, region };
+                Part::new::<N>(group, quality, above, ways / 2)
+            });
+            let some: io::Result<Vec<_>> = some.collect();
+            for part in some? {
+                roots.push((part.bounds(), built.next));
+                built.ways += ways;
+                built.add(part)?;
             }
         }
+        // Join the roots of the parts
         if parts > 1 {
-            top.sort();
-            built.nodes.insert(0, Pages::zeroed(1)?);
-            built.nodes[0][0] = top;
+            built.nodes.insert(0, Pages::zeroed(tops)?);
+        }
+        while roots.len() > 1 {
+            let first = (roots.len() / N - 1) / (N - 1);
+            let next = roots.chunks(N).zip(first..).map(|(children, number)| {
+                // Put a node above its children
+                let node = &mut built.nodes[0][number];
+                *node = Node::EMPTY;
+                let mut bounds = Aabb::empty();
+                for (lane, (part, child)) in children.iter().enumerate() {
+                    node.set(lane, part, *child);
+                    bounds = bounds.union(part);
+                }
+                node.sort();
+                (bounds, number as u32)
+            });
+            roots = next.collect();
         }
         let Built { nodes, words, gates, .. } = built;
+        drop(vertices);
         let leaves = Leaves { words };
         Ok(Self { nodes: joined(nodes)?, leaves, gates, region })
     }
@@ -871,9 +904,8 @@ fn joined<T: Pod>(mut parts: Vec<Pages<T>>) -> io::Result<Pages<T>> {
 }
 
 /// The parts of a hierarchy that have been built.
-struct Built<'a, const N: usize> {
+struct Built<const N: usize> {
     quality: Quality,
-    vertices: &'a [DVec3],
     /// The nodes of each.
     nodes: Vec<Pages<Node<N>>>,
     /// The number of the node that comes next.
@@ -883,26 +915,82 @@ struct Built<'a, const N: usize> {
     /// How many units of them are filled.
     units: u32,
     gates: Vec<Gate>,
+    /// How many ways through gates there may be up to now.
+    ways: usize,
 }
 
-impl<const N: usize> Built<'_, N>
+impl<const N: usize> Built<N>
 where
     Node<N>: Pod,
 {
-    /// Builds the tree over a group of triangles with so many levels
-    /// above, and the trees beyond its gates. Returns its root; none of
-    /// an empty group.
-    fn add(
-        &mut self,
-        corners: &[Corners],
-        region: Region,
+    /// Fills the nodes and leaves of a part, and those of the trees
+    /// beyond its gates.
+    fn add(&mut self, part: Part) -> io::Result<()> {
+        // Fill the nodes and leaves of a part
+        let gate = self.gates.len();
+        let first = First {
+            node: self.next,
+            unit: self.units,
+            gate: GATES + gate as u32,
+        };
+        self.units = first
+            .unit
+            .checked_add(part.plan.units)
+            .filter(|&units| units < GATES)
+            .ok_or_else(|| io::Error::other("too many triangles"))?;
+        let nodes = part.nodes::<N>(&first)?;
+        self.next += nodes.len() as u32;
+        self.nodes.push(nodes);
+        let range = UNIT * first.unit as usize..UNIT * self.units as usize;
+        part.leaves(&mut self.words[range]);
+        // Build what is beyond the gates
+        let Part { group, levels, beyond, .. } = part;
+        let Group { vertices, region, .. } = group;
+        let back = Gate { region, node: None };
+        self.gates.resize(gate + 2 * beyond.len(), back);
+        for (number, corners) in beyond.into_iter().enumerate() {
+            let region = self::region(vertices, &corners);
+            let node = Some(self.next);
+            self.gates[gate + 2 * number] = Gate { region, node };
+            let group = Group { vertices, corners, region };
+            let most = (self.ways - self.gates.len()) / 2;
+            self.add(Part::new::<N>(group, self.quality, levels, most)?)?;
+        }
+        Ok(())
+    }
+}
+
+/// A group with its tree, ready to become nodes and leaves.
+struct Part<'a> {
+    group: Group<'a>,
+    tree: Vec<Bvh2Node>,
+    plan: Plan,
+    /// The number of nodes on the longest way to its leaves, with those
+    /// above.
+    levels: usize,
+    /// The triangles beyond each gate.
+    beyond: Vec<Vec<Corners>>,
+}
+
+/// The numbers with which a part begins.
+struct First {
+    node: u32,
+    unit: u32,
+    gate: u32,
+}
+
+impl<'a> Part<'a> {
+    // Make the tree of a part
+    /// Builds the tree over a group of triangles, with so many levels above
+    /// and up to `most` gates.
+    fn new<const N: usize>(
+        group: Group<'a>,
+        quality: Quality,
         above: usize,
-    ) -> io::Result<Option<Bvh2Node>> {
-        let group = Group { vertices: self.vertices, corners, region };
-        let mut tree = binary(&group, self.quality);
-        let root = tree.first().copied();
-        let most = (WAYS - self.gates.len()) / 2;
-        let groups = cut_off(&group, &mut tree, most);
+        most: usize,
+    ) -> io::Result<Self> {
+        let mut tree = binary(&group, quality);
+        let beyond = cut_off(&group, &mut tree, most);
         // Plan for the size of the stack
         let mut plan = Plan::new::<N>(&tree);
         if !plan.fits::<N>(above) {
@@ -912,58 +1000,28 @@ where
         if !plan.fits::<N>(above) {
             return Err(io::Error::other("clusters are nested too deeply"));
         }
-        // Fill the nodes and leaves of a part
-        let gates = self.gates.len();
-        let part = Part { group: &group, tree: &tree, gates: gates as u32 };
-        let first = self.units;
-        self.units = first
-            .checked_add(plan.units)
-            .filter(|&units| units < GATES)
-            .ok_or_else(|| io::Error::other("too many triangles"))?;
-        let nodes = part.nodes::<N>(&plan, self.next, first)?;
-        self.next += nodes.len() as u32;
-        self.nodes.push(nodes);
-        let range = UNIT * first as usize..UNIT * self.units as usize;
-        part.leaves(&plan, &mut self.words[range]);
-        // Build what is beyond the gates
-        let above = above + plan.levels;
-        let back = Gate { region, node: None };
-        self.gates.resize(gates + 2 * groups.len(), back);
-        for (number, corners) in groups.into_iter().enumerate() {
-            let region = self::region(self.vertices, &corners);
-            let node = Some(self.next);
-            self.gates[gates + 2 * number] = Gate { region, node };
-            self.add(&corners, region, above)?;
-        }
-        Ok(root)
+        let levels = above + plan.levels;
+        Ok(Self { group, tree, plan, levels, beyond })
     }
-}
 
-/// A group with its tree, ready to become nodes and leaves.
-struct Part<'a> {
-    group: &'a Group<'a>,
-    tree: &'a [Bvh2Node],
-    /// The number of the first gate.
-    gates: u32,
-}
+    /// Its box; an empty one around no triangles.
+    fn bounds(&self) -> Aabb {
+        self.tree.first().map_or(Aabb::empty(), |root| *root.aabb())
+    }
 
-impl Part<'_> {
     // Fill the nodes of a part
-    /// The nodes, of which the first has the number `node`; the leaves
-    /// begin with unit `unit`.
+    /// The nodes.
     fn nodes<const N: usize>(
         &self,
-        plan: &Plan,
-        node: u32,
-        unit: u32,
+        first: &First,
     ) -> io::Result<Pages<Node<N>>>
     where
         Node<N>: Pod,
     {
-        let pairs = plan.nodes.par_windows(2);
+        let pairs = self.plan.nodes.par_windows(2);
         let mut nodes: Pages<Node<N>> = Pages::zeroed(pairs.len())?;
         nodes.par_iter_mut().zip(pairs).for_each(|(place, pair)| {
-            *place = self.node(plan, [&pair[0], &pair[1]], node, unit);
+            *place = self.node([&pair[0], &pair[1]], first);
         });
         Ok(nodes)
     }
@@ -971,27 +1029,25 @@ impl Part<'_> {
     /// The node `this`; `next` follows it.
     fn node<const N: usize>(
         &self,
-        plan: &Plan,
         [this, next]: [&Planned; 2],
-        first_node: u32,
-        first_unit: u32,
+        first: &First,
     ) -> Node<N> {
         // Count off the children of this node
-        let Plan { nodes, leaves, .. } = plan;
+        let Plan { nodes, leaves, .. } = &self.plan;
         let nodes = (this.first_node..next.first_node).map(|number| {
-            (nodes[number as usize].root, first_node + number)
+            (nodes[number as usize].root, first.node + number)
         });
         let range = this.first_leaf as usize..next.first_leaf as usize;
-        let leaves = leaves[range].iter().map(|&(root, first)| {
+        let leaves = leaves[range].iter().map(|&(root, unit)| {
             let child = match gate(&self.tree[root as usize]) {
-                Some(gate) => leaf(GATES + self.gates + 2 * gate, 1),
-                None => leaf(first_unit + first, self.count(root)),
+                Some(gate) => leaf(first.gate + 2 * gate, 1),
+                None => leaf(first.unit + unit, self.count(root)),
             };
             (root, child)
         });
         let mut node = Node::EMPTY;
         for (lane, (root, child)) in nodes.chain(leaves).enumerate() {
-            node.set(lane, &self.tree[root as usize], child);
+            node.set(lane, self.tree[root as usize].aabb(), child);
         }
         node.sort();
         node
@@ -999,14 +1055,14 @@ impl Part<'_> {
 
     /// How many triangles a leaf has.
     fn count(&self, root: u32) -> usize {
-        gather(self.tree, root, &mut [0; LANES], 0)
+        gather(&self.tree, root, &mut [0; LANES], 0)
     }
 
     // Fill the leaves of a part
     /// Writes the leaves, without the gates.
-    fn leaves(&self, plan: &Plan, words: &mut [u32]) {
+    fn leaves(&self, words: &mut [u32]) {
         let mut rest = words;
-        let leaves = &plan.leaves;
+        let leaves = &self.plan.leaves;
         // Cut off a room for each stretch of leaves
         let starts = (0..leaves.len() - 1).step_by(STRETCH);
         let stretches = starts.map(|start| {
@@ -1033,8 +1089,8 @@ impl Part<'_> {
     /// the tree.
     fn write(&self, root: u32, words: &mut [u32]) {
         let mut numbers = [0; LANES];
-        let count = gather(self.tree, root, &mut numbers, 0);
-        let corners = self.group.corners;
+        let count = gather(&self.tree, root, &mut numbers, 0);
+        let corners = &self.group.corners;
         let mut own = [(0, [DVec3::ZERO; 3]); LANES];
         for (own, &i) in own.iter_mut().zip(&numbers[..count]) {
             *own = (corners[i as usize].1, self.group.triangle(i));

@@ -167,7 +167,7 @@ fn holds(outer: &Aabb, inner: &Aabb) -> bool {
 /// padding.
 fn padded(triangle: &Triangle, region: Region) -> Aabb {
     let corners = [([0, 1, 2], 0)];
-    let (vertices, corners) = (&triangle[..], &corners[..]);
+    let (vertices, corners) = (&triangle[..], corners.to_vec());
     *Group { vertices, corners, region }.single(0).aabb()
 }
 
@@ -418,7 +418,7 @@ fn chain(scene: &Scene) -> Vec<Bvh2Node> {
     let Triangles { vertices, corners, .. } = scene.indexed();
     let corners: Vec<_> = corners.iter().map(|&c| (c, 0)).collect();
     let region = region(vertices, &corners);
-    let group = Group { vertices, corners: &corners, region };
+    let group = Group { vertices, corners, region };
     let mut tree = vec![Bvh2Node::default()];
     for i in 0..corners.len() as u32 {
         let last = tree.len() - 1;
