@@ -11,8 +11,8 @@ use litpt_book::closed_forms::cavity;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-/// Rays per scene; five scenes make a million.
-const RAYS: usize = 200_000;
+/// Rays per scene; six scenes make a million.
+const RAYS: usize = 170_000;
 
 /// From -1 to 1.
 fn signed(random: &mut Pcg64) -> f64 {
@@ -104,6 +104,21 @@ fn soup() -> Mesh {
     mesh
 }
 
+/// A soup with small ones in it, which are beyond gates.
+fn clusters() -> Mesh {
+    let mut mesh = soup();
+    for scale in [1e-6, 1e-8] {
+        let at = mesh.vertices[5];
+        let first = mesh.vertices.len() as u32;
+        let small = soup();
+        let place = |v: DVec3| at + scale * v;
+        mesh.vertices.extend(small.vertices.into_iter().map(place));
+        let numbers = |t: [u32; 3]| t.map(|i| first + i);
+        mesh.triangles.extend(small.triangles.into_iter().map(numbers));
+    }
+    mesh
+}
+
 fn one_triangle() -> Mesh {
     let vertices = vec![DVec3::X, DVec3::Y, DVec3::NEG_Z];
     Mesh { vertices, triangles: vec![[0, 1, 2]], joined: vec![] }
@@ -167,8 +182,14 @@ fn bits(hit: Option<Hit>) -> Option<[u64; 6]> {
 #[test]
 fn all_instructions_answer_a_million_rays_with_the_same_bits() {
     let empty = Mesh::default();
-    let meshes =
-        [gridded_cube(16), icosphere(), soup(), one_triangle(), empty];
+    let meshes = [
+        gridded_cube(16),
+        icosphere(),
+        soup(),
+        clusters(),
+        one_triangle(),
+        empty,
+    ];
     for (i, mesh) in meshes.iter().enumerate() {
         let scene = Scene::new(mesh);
         let with = |isa: Isa| Bvh::with(&scene, Quality::Medium, isa).ok();
@@ -223,9 +244,14 @@ fn beam(scene: &Scene, random: &mut Pcg64) -> [Option<Ray>; BEAM] {
 #[test]
 fn rays_of_a_beam_are_answered_as_if_alone() {
     let empty = Mesh::default();
-    for mesh in
-        [gridded_cube(16), icosphere(), soup(), cavity(0.2, 24), empty]
-    {
+    for mesh in [
+        gridded_cube(16),
+        icosphere(),
+        soup(),
+        clusters(),
+        cavity(0.2, 24),
+        empty,
+    ] {
         let scene = Scene::new(&mesh);
         for isa in Isa::ALL.into_iter().filter(|isa| isa.is_available()) {
             let bvh = Bvh::with(&scene, Quality::Fast, isa).unwrap();
@@ -339,6 +365,7 @@ fn what_is_visible_is_what_a_ray_meets_first() {
     let meshes = [
         doubled(gridded_cube(8)),
         doubled(soup()),
+        doubled(clusters()),
         soup(),
         cavity(0.2, 24),
     ];
@@ -379,7 +406,7 @@ fn what_is_visible_is_what_a_ray_meets_first() {
 
 #[test]
 fn a_ray_that_leaves_a_triangle_is_answered_alike() {
-    for mesh in [gridded_cube(8), soup(), cavity(0.2, 24)] {
+    for mesh in [gridded_cube(8), soup(), clusters(), cavity(0.2, 24)] {
         let scene = Scene::new(&mesh);
         let with = |isa: Isa| Bvh::with(&scene, Quality::Fast, isa).ok();
         let intersectors: Vec<_> =

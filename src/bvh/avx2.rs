@@ -82,30 +82,31 @@ impl Intersector for Traverser {
 
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
 fn first_hit(wide: &Wide<8>, ray: &Ray, from: Option<u32>) -> Option<Hit> {
-    match hasten::<false>(wide, ray, (from, NONE)) {
+    match hasten::<false, false>(wide, ray, (from, NONE)) {
         Some(search) => hit(wide, ray, from, &search),
-        None => first_hit_with_care(wide, ray, from),
+        None => first_hit_through_gates(wide, ray, from),
     }
 }
 
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-#[cold]
 #[inline(never)]
-fn first_hit_with_care(
+fn first_hit_through_gates(
     wide: &Wide<8>,
     ray: &Ray,
     from: Option<u32>,
 ) -> Option<Hit> {
-    hit(wide, ray, from, &search::<false>(wide, ray, (from, NONE)))
+    let slots = (from, NONE);
+    let found = hasten::<false, true>(wide, ray, slots);
+    let found = found.unwrap_or_else(|| search::<false>(wide, ray, slots));
+    hit(wide, ray, from, &found)
 }
 
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
 fn is_occluded(wide: &Wide<8>, ray: &Ray, from: Option<u32>) -> bool {
     let slots = (from, NONE);
-    let search = hasten::<true>(wide, ray, slots);
-    let slot = search.map(|search| search.slot);
-    slot.unwrap_or_else(|| search_with_care::<true>(wide, ray, slots))
-        != NONE
+    let found = hasten::<true, false>(wide, ray, slots);
+    let slot = found.map(|search| search.slot);
+    slot.unwrap_or_else(|| first_slot(wide, ray, slots)) != NONE
 }
 
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
@@ -115,27 +116,31 @@ fn is_visible(
     from: Option<u32>,
     target: u32,
 ) -> bool {
-    let search = hasten::<true>(wide, ray, (from, target));
-    let slot = search.map(|search| search.slot);
-    let slot = slot.unwrap_or_else(|| {
-        search_with_care::<false>(wide, ray, (from, NONE))
-    });
-    slot == target
+    let slots = (from, target);
+    let found = hasten::<true, false>(wide, ray, slots);
+    let slot = found.map(|search| search.slot);
+    slot.unwrap_or_else(|| first_slot(wide, ray, slots)) == target
 }
 
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
 #[cold]
 #[inline(never)]
-fn search_with_care<const ANY: bool>(
+fn first_slot(
     wide: &Wide<8>,
     ray: &Ray,
-    slots: (Option<u32>, u32),
+    (from, target): (Option<u32>, u32),
 ) -> u32 {
-    search::<ANY>(wide, ray, slots).slot
+    let found = hasten::<true, true>(wide, ray, (from, target));
+    let found = found.unwrap_or_else(|| match target {
+        NONE => search::<true>(wide, ray, (from, NONE)),
+        _ => search::<false>(wide, ray, (from, NONE)),
+    });
+    found.slot
 }
 
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-#[inline]
+#[cold]
+#[inline(never)]
 fn search<'a, const ANY: bool>(
     wide: &'a Wide<8>,
     ray: &Ray,
@@ -160,14 +165,14 @@ fn search<'a, const ANY: bool>(
 
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
 #[inline]
-fn hasten<'a, const ANY: bool>(
+fn hasten<'a, const ANY: bool, const GATED: bool>(
     wide: &'a Wide<8>,
     ray: &Ray,
     slots: (Option<u32>, u32),
 ) -> Option<Search<'a>> {
     // SAFETY: as above.
     unsafe {
-        traversal::hasten::<8, ANY, __m256>(
+        traversal::hasten::<8, ANY, GATED, __m256>(
             wide,
             ray,
             slots,

@@ -83,23 +83,25 @@ impl Intersector for Traverser {
     enable = "avx512f,avx512vl,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt"
 )]
 fn first_hit(wide: &Wide<16>, ray: &Ray, from: Option<u32>) -> Option<Hit> {
-    match hasten::<false>(wide, ray, (from, NONE)) {
+    match hasten::<false, false>(wide, ray, (from, NONE)) {
         Some(search) => hit(wide, ray, from, &search),
-        None => first_hit_with_care(wide, ray, from),
+        None => first_hit_through_gates(wide, ray, from),
     }
 }
 
 #[target_feature(
     enable = "avx512f,avx512vl,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt"
 )]
-#[cold]
 #[inline(never)]
-fn first_hit_with_care(
+fn first_hit_through_gates(
     wide: &Wide<16>,
     ray: &Ray,
     from: Option<u32>,
 ) -> Option<Hit> {
-    hit(wide, ray, from, &search::<false>(wide, ray, (from, NONE)))
+    let slots = (from, NONE);
+    let found = hasten::<false, true>(wide, ray, slots);
+    let found = found.unwrap_or_else(|| search::<false>(wide, ray, slots));
+    hit(wide, ray, from, &found)
 }
 
 #[target_feature(
@@ -107,10 +109,9 @@ fn first_hit_with_care(
 )]
 fn is_occluded(wide: &Wide<16>, ray: &Ray, from: Option<u32>) -> bool {
     let slots = (from, NONE);
-    let search = hasten::<true>(wide, ray, slots);
-    let slot = search.map(|search| search.slot);
-    slot.unwrap_or_else(|| search_with_care::<true>(wide, ray, slots))
-        != NONE
+    let found = hasten::<true, false>(wide, ray, slots);
+    let slot = found.map(|search| search.slot);
+    slot.unwrap_or_else(|| first_slot(wide, ray, slots)) != NONE
 }
 
 #[target_feature(
@@ -122,12 +123,10 @@ fn is_visible(
     from: Option<u32>,
     target: u32,
 ) -> bool {
-    let search = hasten::<true>(wide, ray, (from, target));
-    let slot = search.map(|search| search.slot);
-    let slot = slot.unwrap_or_else(|| {
-        search_with_care::<false>(wide, ray, (from, NONE))
-    });
-    slot == target
+    let slots = (from, target);
+    let found = hasten::<true, false>(wide, ray, slots);
+    let slot = found.map(|search| search.slot);
+    slot.unwrap_or_else(|| first_slot(wide, ray, slots)) == target
 }
 
 #[target_feature(
@@ -135,18 +134,24 @@ fn is_visible(
 )]
 #[cold]
 #[inline(never)]
-fn search_with_care<const ANY: bool>(
+fn first_slot(
     wide: &Wide<16>,
     ray: &Ray,
-    slots: (Option<u32>, u32),
+    (from, target): (Option<u32>, u32),
 ) -> u32 {
-    search::<ANY>(wide, ray, slots).slot
+    let found = hasten::<true, true>(wide, ray, (from, target));
+    let found = found.unwrap_or_else(|| match target {
+        NONE => search::<true>(wide, ray, (from, NONE)),
+        _ => search::<false>(wide, ray, (from, NONE)),
+    });
+    found.slot
 }
 
 #[target_feature(
     enable = "avx512f,avx512vl,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt"
 )]
-#[inline]
+#[cold]
+#[inline(never)]
 fn search<'a, const ANY: bool>(
     wide: &'a Wide<16>,
     ray: &Ray,
@@ -173,14 +178,14 @@ fn search<'a, const ANY: bool>(
     enable = "avx512f,avx512vl,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt"
 )]
 #[inline]
-fn hasten<'a, const ANY: bool>(
+fn hasten<'a, const ANY: bool, const GATED: bool>(
     wide: &'a Wide<16>,
     ray: &Ray,
     slots: (Option<u32>, u32),
 ) -> Option<Search<'a>> {
     // SAFETY: as above.
     unsafe {
-        traversal::hasten::<16, ANY, __m512>(
+        traversal::hasten::<16, ANY, GATED, __m512>(
             wide,
             ray,
             slots,

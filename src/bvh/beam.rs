@@ -19,8 +19,8 @@ use super::traversal::{
     Met, ROUGH, Slabs, Stack, Waiting, distance, is_within_bounds,
 };
 use super::triangle::{
-    LANES, LEAF, Leaf, Leaves, Margins, NONE, Region, Search, Shear, slot,
-    slots,
+    GATES, LANES, LEAF, Leaf, Leaves, Margins, NONE, Region, Search, Shear,
+    slot, slots,
 };
 use super::wide::{Node, Wide};
 use crate::scene::Ray;
@@ -213,6 +213,9 @@ impl<'a> RaySearch<'a> {
         meet: &impl Fn(Leaf<'a>, &Shear, (f64, &Margins)) -> Met,
     ) -> Option<f32> {
         let Self { search, shear, margins } = self;
+        if first >= GATES {
+            return None;
+        }
         // SAFETY: it is there, says the caller.
         let leaf = unsafe { search.leaf(first, count) };
         let limit = search.limit(margins);
@@ -221,7 +224,8 @@ impl<'a> RaySearch<'a> {
         while left != 0 {
             let lane = left.trailing_zeros();
             let distance = distances[lane as usize % LANES];
-            search.take(slot(first, lane), distance, margins)?;
+            let place = slot(first, lane);
+            search.take(place, distance, margins)?;
             left &= left - 1;
         }
         Some(search.limit(margins) as f32)
@@ -291,7 +295,7 @@ where
                     let search = searches[i].get_or_insert_with(|| {
                         RaySearch::new(&wide.leaves, ray, &wide.region)
                     });
-                    // SAFETY: without gates, children with the bit LEAF are leaves.
+                    // SAFETY: children with the bit LEAF are leaves or gates.
                     let t_max = unsafe { search.look(slots(child), &meet) };
                     doubtful |= u32::from(t_max.is_none()) << i;
                     beam.t_max[i] = t_max.unwrap_or(-1.);

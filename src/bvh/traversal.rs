@@ -299,6 +299,7 @@ where
             // Offer the leaf's triangles and go on
             let (first, count) = slots(child);
             if first >= GATES {
+                // Leave the region if the gate leads to something
                 let gate = &wide.gates[(first - GATES) as usize];
                 if gate.node.is_none() || search.enters(&gate.region, ray) {
                     break gate;
@@ -362,14 +363,20 @@ pub fn look<'a>(
 }
 
 // Hasten where nothing is doubtful
-/// The same as `traverse`, without gates; none if there are some, or if
-/// anything is doubtful. With `ANY`, the search ends as soon as another
+/// The same as `traverse`; none if the hierarchy has gates but is not
+/// `GATED`, or the other way round, or if anything is doubtful. With `ANY`, the search ends as soon as another
 /// triangle than the target, the second of the slots, is the nearest.
 ///
 /// # Safety
 /// What is asked of the functions holds.
 #[inline(always)]
-pub unsafe fn hasten<'a, const N: usize, const ANY: bool, V>(
+pub unsafe fn hasten<
+    'a,
+    const N: usize,
+    const ANY: bool,
+    const GATED: bool,
+    V,
+>(
     wide: &'a Wide<N>,
     ray: &Ray,
     (from, target): (Option<u32>, u32),
@@ -380,14 +387,20 @@ pub unsafe fn hasten<'a, const N: usize, const ANY: bool, V>(
 where
     Node<N>: Pod,
 {
-    if !(wide.gates.is_empty() && is_within_bounds(ray)) {
+    let is_gated = !wide.gates.is_empty();
+    if is_gated != GATED || !is_within_bounds(ray) {
         return None;
     }
     let nodes: &[Node<N>] = &wide.nodes;
-    let margins = &wide.region.margins(ray.origin);
+    let mut region = wide.region;
+    let mut margins = region.margins(ray.origin);
     let mut search =
         Search::new(&wide.leaves, (from, target), margins.size);
+    // Prepare to start at the root
     let shear = Shear::new(ray);
+    let mut waiting = Waiting::new();
+    let mut stack = Stack::new(&mut waiting);
+    let mut child = 0;
     // Offer the target first
     if ANY && target != NONE {
         if from == Some(target) {
@@ -396,59 +409,85 @@ where
         let (leaf, lane) = wide.leaves.find(target);
         match leaf.test(lane as usize, &shear, margins.size) {
             TriangleTest::Through(at) if at > -margins.near => {
-                search.take(target, at, margins)?;
+                search.take(target, at, &margins)?;
             }
             TriangleTest::Beside(_) => return None,
             _ => return Some(search),
         }
     }
-    // Walk where nothing is doubtful
-    let slabs = Slabs::new(ray, &wide.region);
-    let mut t_max = search.limit(margins) as f32;
-    let mut waiting = Waiting::new();
-    let mut stack = Stack::new(&mut waiting);
-    let mut child = 0;
     'walk: loop {
-        while child & LEAF == 0 {
-            // Choose among the children entered
-            // SAFETY: children without the bit LEAF are numbers of nodes.
-            let node = unsafe { nodes.get_unchecked(child as usize) };
-            let entered = enter(node, &slabs, t_max);
-            child = if entered.mask == 0 {
-                match stack.pop(t_max) {
-                    Some(waiting) => waiting,
-                    None => break 'walk,
+        let slabs = Slabs::new(ray, &region);
+        let mut t_max = search.limit(&margins) as f32;
+        // Walk where nothing is doubtful
+        let gate = loop {
+            while child & LEAF == 0 {
+                // Choose among the children entered
+                // SAFETY: children without the bit LEAF are numbers of nodes.
+                let node = unsafe { nodes.get_unchecked(child as usize) };
+                let entered = enter(node, &slabs, t_max);
+                child = if entered.mask == 0 {
+                    match stack.pop(t_max) {
+                        Some(waiting) => waiting,
+                        None => break 'walk,
+                    }
+                } else {
+                    let shift = slabs.shift;
+                    let next = push(node, shift, &entered, &mut stack);
+                    stack.fetch(wide);
+                    next
+                };
+            }
+            let (first, count) = slots(child);
+            if GATED && first >= GATES {
+                // Leave the region if the gate leads to something
+                let gate = &wide.gates[(first - GATES) as usize];
+                if gate.node.is_none() || search.enters(&gate.region, ray) {
+                    break gate;
                 }
             } else {
-                let shift = slabs.shift;
-                let next = push(node, shift, &entered, &mut stack);
-                stack.fetch(wide);
-                next
-            };
-        }
-        // Take the triangles of a leaf
-        let (first, count) = slots(child);
-        // SAFETY: without gates, children with the bit LEAF are leaves.
-        let leaf = unsafe { search.leaf(first, count) };
-        let limit = search.limit(margins);
-        let (mut left, distances) = meet(leaf, &shear, (limit, margins))?;
-        if left != 0 {
-            // Take each lane of the mask
-            while left != 0 {
-                let lane = left.trailing_zeros();
-                let distance = distances[lane as usize % LANES];
-                search.take(slot(first, lane), distance, margins)?;
-                left &= left - 1;
+                // Take the triangles of a leaf
+                // SAFETY: children with the bit LEAF below the gates are leaves.
+                let leaf = unsafe { search.leaf(first, count) };
+                let limit = search.limit(&margins);
+                let (mut left, distances) =
+                    meet(leaf, &shear, (limit, &margins))?;
+                if left != 0 {
+                    let margins = &margins;
+                    // Take each lane of the mask
+                    while left != 0 {
+                        let lane = left.trailing_zeros();
+                        let distance = distances[lane as usize % LANES];
+                        let place = slot(first, lane);
+                        search.take(place, distance, margins)?;
+                        left &= left - 1;
+                    }
+                    if ANY && search.slot != target {
+                        break 'walk;
+                    }
+                    t_max = search.limit(margins) as f32;
+                }
             }
-            if ANY && search.slot != target {
-                break 'walk;
+            match stack.pop(t_max) {
+                Some(waiting) => child = waiting,
+                None => break 'walk,
             }
-            t_max = search.limit(margins) as f32;
-        }
-        match stack.pop(t_max) {
-            Some(waiting) => child = waiting,
-            None => break 'walk,
-        }
+        };
+        // Go through a gate
+        region = gate.region;
+        margins = region.beyond_gate(ray.origin, search.root);
+        margins.near = margins.near.max(near(search.size));
+        child = match gate.node {
+            Some(inner) => {
+                search.pass(&region, &margins);
+                // SAFETY: no hierarchy is so deep that one is not left.
+                unsafe { stack.push(child + 1, 0.) };
+                inner
+            }
+            None => match stack.pop(search.limit(&margins) as f32) {
+                Some(waiting) => waiting,
+                None => break 'walk,
+            },
+        };
     }
     Some(search)
 }

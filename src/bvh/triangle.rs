@@ -585,6 +585,7 @@ impl<'a> Search<'a> {
         }
         if distance < self.distance {
             (self.distance, self.slot) = (distance, slot);
+            self.size = margins.size;
         }
         Some(())
     }

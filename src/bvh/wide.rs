@@ -865,7 +865,8 @@ where
         }
         while roots.len() > 1 {
             let first = (roots.len() / N - 1) / (N - 1);
-            let next = roots.chunks(N).zip(first..).map(|(children, number)| {
+            let mut above = vec![];
+            for (children, number) in roots.chunks(N).zip(first..) {
                 // Put a node above its children
                 let node = &mut built.nodes[0][number];
                 *node = Node::EMPTY;
@@ -875,9 +876,9 @@ where
                     bounds = bounds.union(part);
                 }
                 node.sort();
-                (bounds, number as u32)
-            });
-            roots = next.collect();
+                above.push((bounds, number as u32));
+            }
+            roots = above;
         }
         let Built { nodes, words, gates, .. } = built;
         drop(vertices);

@@ -418,12 +418,13 @@ fn chain(scene: &Scene) -> Vec<Bvh2Node> {
     let Triangles { vertices, corners, .. } = scene.indexed();
     let corners: Vec<_> = corners.iter().map(|&c| (c, 0)).collect();
     let region = region(vertices, &corners);
+    let count = corners.len();
     let group = Group { vertices, corners, region };
     let mut tree = vec![Bvh2Node::default()];
-    for i in 0..corners.len() as u32 {
+    for i in 0..count as u32 {
         let last = tree.len() - 1;
         let leaf = group.single(i);
-        if i as usize + 1 == corners.len() {
+        if i as usize + 1 == count {
             tree[last] = leaf;
         } else {
             tree[last].make_inner(last as u32 + 1);
