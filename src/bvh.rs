@@ -179,12 +179,13 @@ impl Bvh {
         quality: Quality,
         isa: Isa,
     ) -> Result<Self, BuildError> {
-        Self::of(scene.indexed().clone(), quality, isa)
+        Self::of(scene.indexed().clone(), quality, isa, &|_| ())
     }
 
     // Build a hierarchy that uses its triangles up
     /// The same of `triangles` in the coordinates of a scene. Their memory
-    /// is given back part by part.
+    /// is given back part by part. How many are in the hierarchy by now
+    /// is told to `placed`.
     ///
     /// # Errors
     /// Those of [`Self::with`].
@@ -192,6 +193,7 @@ impl Bvh {
         triangles: Triangles,
         quality: Quality,
         isa: Isa,
+        placed: &dyn Fn(usize),
     ) -> Result<Self, BuildError> {
         // Build for one set of instructions
         if !isa.is_available() {
@@ -202,16 +204,16 @@ impl Bvh {
             // Build for vectors of sixteen and eight
             #[cfg(target_arch = "x86_64")]
             Isa::Avx512 => {
-                let wide = Wide::new(triangles, quality)?;
+                let wide = Wide::new(triangles, quality, placed)?;
                 avx512::Traverser::new(wide).map(Form::Avx512)
             }
             #[cfg(target_arch = "x86_64")]
             Isa::Avx2 => {
-                let wide = Wide::new(triangles, quality)?;
+                let wide = Wide::new(triangles, quality, placed)?;
                 avx2::Traverser::new(wide).map(Form::Avx2)
             }
             _ => {
-                let wide = Wide::new(triangles, quality)?;
+                let wide = Wide::new(triangles, quality, placed)?;
                 Some(Form::Portable(traversal::Traverser(wide)))
             }
         };

@@ -31,7 +31,7 @@ use litpt::image::{Format, Image};
 #[cfg(feature = "mpi")]
 use litpt::mpi;
 use litpt::output::{ImageTarget, OutputTarget};
-use litpt::progress::{self, Bar};
+use litpt::progress::{self, Bar, Step};
 use litpt::render::Renderer;
 use litpt::render::choice::{Choice, choose};
 use litpt::render::method::{Method, Sampling, renderer};
@@ -349,6 +349,7 @@ fn load(
 ) -> Result<(Scene, Report), String> {
     let began = Instant::now();
     let file = arguments.input_name();
+    let step = Step::new(!arguments.quiet, format!("reading {file}"), None);
     // Read the bytes of the mesh
     let mut bytes = Vec::new();
     let read = match arguments.scene_file() {
@@ -366,6 +367,7 @@ fn load(
         begins_obj(&bytes).map_err(|error| error.within(&file))?;
     }
     let read = read_file(&bytes).map_err(|error| error.within(&file));
+    drop(step);
     let (mesh, warning) = read?;
     // Warn of odd faces
     if let (Some(warning), false) = (warning, arguments.quiet) {
@@ -445,8 +447,14 @@ fn build(
             triangles.len()
         ));
     }
-    let bvh = Bvh::of(triangles, quality, arguments.isa())
-        .map_err(|e| e.to_string())?;
+    // Build the hierarchy and show how far it is
+    let what = "building the hierarchy".to_owned();
+    let all = Some(triangles.len() as u64);
+    let step = Step::new(!arguments.quiet, what, all);
+    let placed = |count: usize| step.reach(count as u64);
+    let bvh = Bvh::of(triangles, quality, arguments.isa(), &placed);
+    let bvh = bvh.map_err(|e| e.to_string())?;
+    drop(step);
     let analysis = SceneAnalysis::find(scene, &bvh, inquiry);
     // Report what was found and built
     known.left_out = analysis.left_out().cloned().collect();

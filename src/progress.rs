@@ -208,3 +208,39 @@ pub fn metric(x: f64) -> String {
         None => format!("{x:.0} "),
     }
 }
+
+// Show what is done before
+/// A line on the terminal, or nothing, until it is dropped.
+pub struct Step(ProgressBar);
+
+impl Step {
+    /// Says `what` is done; `total` is how much of it there is.
+    pub fn new(visible: bool, what: String, total: Option<u64>) -> Self {
+        let bar = match visible {
+            true => ProgressBar::new(total.unwrap_or_default()),
+            false => ProgressBar::hidden(),
+        };
+        let template = match total {
+            Some(_) => "{msg}: {percent}%, {elapsed}",
+            None => "{msg}: {elapsed}",
+        };
+        let style = ProgressStyle::with_template(template);
+        bar.set_style(
+            style.unwrap_or_else(|_| ProgressStyle::default_bar()),
+        );
+        bar.set_message(what);
+        bar.enable_steady_tick(Duration::from_millis(250));
+        Self(bar)
+    }
+
+    /// Says how much is done by now.
+    pub fn reach(&self, done: u64) {
+        self.0.set_position(done);
+    }
+}
+
+impl Drop for Step {
+    fn drop(&mut self) {
+        self.0.finish_and_clear();
+    }
+}

@@ -813,11 +813,16 @@ where
     Node<N>: Pod,
 {
     // Build the wide hierarchy
-    /// Builds the tree of triangles, on all threads.
+    /// Builds the tree of triangles, on all threads, and tells `placed`
+    /// how many are in it by now.
     ///
     /// # Errors
     /// The system has not enough memory, or there are too many triangles.
-    pub fn new(triangles: Triangles, quality: Quality) -> io::Result<Self> {
+    pub fn new(
+        triangles: Triangles,
+        quality: Quality,
+        placed: &dyn Fn(usize),
+    ) -> io::Result<Self> {
         let Triangles { vertices, corners, faces } = triangles;
         let mut corners: Vec<_> = corners.into_iter().zip(faces).collect();
         let region = region(&vertices, &corners);
@@ -845,7 +850,7 @@ where
             ways: 0,
         };
         // Build as many parts at a time as there are threads
-        let mut roots = vec![];
+        let (mut roots, mut count) = (vec![], 0);
         for some in groups.chunks_mut(rayon::current_num_threads()) {
             let some = some.par_iter_mut().map(|corners| {
                 let corners = mem::take(corners);
@@ -856,7 +861,9 @@ where
             for part in some? {
                 roots.push((part.bounds(), built.next));
                 built.ways += ways;
+                count += part.group.corners.len();
                 built.add(part)?;
+                placed(count);
             }
         }
         // Join the roots of the parts

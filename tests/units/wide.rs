@@ -62,7 +62,7 @@ fn wide<const N: usize>(scene: &Scene) -> Wide<N>
 where
     Node<N>: Pod,
 {
-    Wide::new(scene.indexed().clone(), Quality::Fast)
+    Wide::new(scene.indexed().clone(), Quality::Fast, &|_| ())
         .expect("memory for a test")
 }
 
