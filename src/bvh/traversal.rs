@@ -364,8 +364,9 @@ pub fn look<'a>(
 
 // Hasten where nothing is doubtful
 /// The same as `traverse`; none if the hierarchy has gates but is not
-/// `GATED`, or the other way round, or if anything is doubtful. With `ANY`, the search ends as soon as another
-/// triangle than the target, the second of the slots, is the nearest.
+/// `GATED`, or the other way round, or if anything is doubtful. With
+/// `ANY`, the search ends as soon as another triangle than the target,
+/// the second of the slots, is the nearest.
 ///
 /// # Safety
 /// What is asked of the functions holds.
@@ -379,7 +380,7 @@ pub unsafe fn hasten<
 >(
     wide: &'a Wide<N>,
     ray: &Ray,
-    (from, target): (Option<u32>, u32),
+    pair: (Option<u32>, u32),
     enter: impl Fn(&Node<N>, &Slabs, f32) -> Entered<V>,
     push: impl Fn(&Node<N>, u32, &Entered<V>, &mut Stack) -> u32,
     meet: impl Fn(Leaf<'a>, &Shear, (f64, &Margins)) -> Met,
@@ -387,6 +388,7 @@ pub unsafe fn hasten<
 where
     Node<N>: Pod,
 {
+    // Leave rays to the first form
     let is_gated = !wide.gates.is_empty();
     if is_gated != GATED || !is_within_bounds(ray) {
         return None;
@@ -394,14 +396,14 @@ where
     let nodes: &[Node<N>] = &wide.nodes;
     let mut region = wide.region;
     let mut margins = region.margins(ray.origin);
-    let mut search =
-        Search::new(&wide.leaves, (from, target), margins.size);
+    let mut search = Search::new(&wide.leaves, pair, margins.size);
     // Prepare to start at the root
     let shear = Shear::new(ray);
     let mut waiting = Waiting::new();
     let mut stack = Stack::new(&mut waiting);
     let mut child = 0;
     // Offer the target first
+    let (from, target) = pair;
     if ANY && target != NONE {
         if from == Some(target) {
             return Some(search);
