@@ -348,8 +348,9 @@ impl Case {
             kept: &[],
         };
         let triangles = scene.take_triangles();
-        let intersector = Bvh::of(triangles, self.quality, Isa::best())
-            .map_err(|error| error.to_string())?;
+        let intersector =
+            Bvh::of(triangles, self.quality, Isa::best(), &|_| ())
+                .map_err(|error| error.to_string())?;
         let analysis = SceneAnalysis::find(&scene, &intersector, &inquiry);
         let mut renderer = renderer(
             &scene,
