@@ -793,7 +793,8 @@ fn background(up: DVec3, triangles: &[Triangle]) -> BackgroundTiles {
     let camera = Camera::new(&view, 1.).unwrap();
     let faces = (0..triangles.len() as u32).collect();
     let triangles = Triangles::apart(triangles, faces);
-    let bvh = Bvh::of(triangles, Quality::Fast, Isa::best()).unwrap();
+    let bvh =
+        Bvh::of(triangles, Quality::Fast, Isa::best(), &|_| ()).unwrap();
     BackgroundTiles::new(&camera, Sky::new(up), (64, 64), position, &bvh)
 }
 

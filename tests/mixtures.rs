@@ -184,7 +184,8 @@ fn a_path_does_not_enter_a_small_object_that_leans_over_a_large_one() {
             {
                 let faces = (0..all.len() as u32).collect();
                 let triangles = Triangles::apart(&all, faces);
-                let bvh = Bvh::of(triangles, quality, isa).unwrap();
+                let bvh =
+                    Bvh::of(triangles, quality, isa, &|_| ()).unwrap();
                 for quarters in 1..32 {
                     let beside =
                         lift * 0.5f64.powf(f64::from(quarters) / 4.);

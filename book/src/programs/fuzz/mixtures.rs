@@ -437,7 +437,7 @@ fn bvhs(
             corners: order.iter().map(|&i| all.corners[i]).collect(),
             faces: order.iter().map(|&i| all.faces[i]).collect(),
         };
-        let bvh = Bvh::of(triangles, quality, isa);
+        let bvh = Bvh::of(triangles, quality, isa, &|_| ());
         let bvh = bvh.map_err(|error| error.to_string())?;
         Ok((format!("{isa} {quality}, mixed: {mixed}"), bvh))
     };
