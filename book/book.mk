@@ -26,7 +26,7 @@ TABLES := $(BUILD_DIR)/examples.stamp \
   nets.stamp scrambles.tex padding.tex pixels.csv \
   qualities.tex leaks.tex origins.tex roulettes.tex stability.tex \
   stability-full.tex ablation.tex layouts.tex \
-  abreast.tex beams.tex traversal.tex bench.tex efficiency.tex worth.tex gains.tex scaling.tex sizes.csv \
+  abreast.tex beams.tex divisions.tex traversal.tex bench.tex efficiency.tex worth.tex gains.tex scaling.tex sizes.csv \
   start.tex repeats.csv roofline.tex accumulators.tex accounting.tex alarms.tex \
   thresholds.tex triangulations.tex ring.tex mixtures.tex \
   mixtures-ball.csv)
@@ -253,12 +253,12 @@ AND_VIEWS = $(foreach scene,$(1),$(scene).obj $(scene).view)
 PEER ?= ../shared/peers/embree_pt.cpp
 EMBREE = /usr/include/embree3/rtcore.h
 
-.PHONY: bench bench-traversal bench-peer bench-sizes bench-shapes bench-tools
+.PHONY: bench bench-traversal bench-peer bench-avx2 bench-sizes bench-shapes bench-tools
 bench:
-	@for part in traversal peer sizes shapes; do \
+	@for part in traversal peer avx2 sizes shapes; do \
 	  $(MAKE) --no-print-directory bench-$$part || exit 1; done
 	@python3 $(SCRIPTS)/measure.py show \
-	  $(patsubst %,$(MEASURED)/%.csv,traversal bench sizes shapes)
+	  $(patsubst %,$(MEASURED)/%.csv,traversal bench avx2 sizes shapes)
 
 # field-1000 is the field with 1000 triangles.
 $(BENCH)/%.obj $(BENCH)/%.view: book/src/programs/scenes.rs \
@@ -313,6 +313,16 @@ BESIDE_PEER = python3 $(SCRIPTS)/measure.py $(1) $(BUILD_DIR)/pt \
 
 bench-peer: bench-tools $(call AND_VIEWS,$(COMPARED))
 	$(RECORD) bench $(call BESIDE_PEER,peer,$(COMPARED))
+
+# The peer limited to AVX2 as well; and our rate with the rays of a gather.
+bench-avx2: bench-tools $(call AND_VIEWS,$(COMPARED))
+	@if test -e $(BENCH)/embree_pt; then \
+	  sed 's/rtcNewDevice(nullptr)/rtcNewDevice("isa=avx2")/' '$(PEER)' | \
+	    g++ -O3 -march=native -fopenmp -x c++ - \
+	      -o $(BENCH)/embree_pt_avx2 -lembree3; \
+	fi
+	$(RECORD) avx2 python3 $(SCRIPTS)/measure.py avx2 $(BUILD_DIR)/pt \
+	  $$(ls $(BENCH)/embree_pt_avx2 2> /dev/null) $(COMPARED)
 
 bench-sizes: bench-tools $(call AND_VIEWS,$(SIZED))
 	$(RECORD) sizes $(call BESIDE_PEER,sizes,$(SIZED))

@@ -2,6 +2,7 @@
 """Measures pt from end to end, beside a peer, and prints a CSV.
 
 usage: measure.py peer PT [PEER] SCENE...   rates, load, memory of both
+       measure.py avx2 PT [PEER] SCENE...   rates with AVX2; that of a gather
        measure.py sizes PT [PEER] SCENE...  the same scene in several sizes
        measure.py shapes PT SCENE...        images of several sizes
        measure.py mixtures PT [PEER] SCENE...  rates and means of mixtures
@@ -97,6 +98,7 @@ class Programs:
 
     def __init__(self, pt, peer, folder):
         self.pt, self.peer, self.folder = pt, peer, folder
+        self.options = ['--integrator', 'reference']
 
     def ours(self, scene, processors, n, seed, definition=(WIDTH, HEIGHT),
              limit=None, out=None):
@@ -105,8 +107,7 @@ class Programs:
         return run(
             [self.pt, '--keep-all', '-i', scene + '.obj', *view,
              '-r', str(ALBEDO), '-d', '{}x{}'.format(*definition),
-             '--integrator', 'reference',
-             '-n', str(n), '-s', str(seed), '-j', str(len(processors)),
+             *self.options, '-n', str(n), '-s', str(seed), '-j', str(len(processors)),
              '-o', out, '-f'], processors, PT, math.prod(definition), limit)
 
     def theirs(self, scene, processors, n, seed, definition=(WIDTH, HEIGHT),
@@ -177,6 +178,23 @@ def peer_row(programs, scene, threads):
             *(cell(x, 2) for x in rates), *(cell(x, 3) for x in ratios),
             *(cell(x, 3) for x in times), *(cell(x, 0) for x in memories),
             *(cell(x, 6) for x in means), cell(z, 1), len(rounds)]
+
+
+def avx2(programs, scenes):
+    print('scene,ours_mrays,peer_mrays,ratio,gather_mrays')
+    for scene in scenes:
+        programs.options = ['--integrator', 'reference', '--isa', 'avx2']
+        rounds = programs.rounds(scene, 2)
+        row = [middle(rounds, 0, 'mrays')]
+        if programs.peer:
+            row += [middle(rounds, 1, 'mrays'), ratio(rounds, 'mrays')]
+        programs.options, programs.peer, peer = (
+            ['--integrator', 'gather'], None, programs.peer)
+        row += [math.nan] * (3 - len(row))
+        row += [middle(programs.rounds(scene, 2), 0, 'mrays')]
+        programs.peer = peer
+        print(os.path.basename(scene), *(cell(x, 2) for x in row), sep=',',
+              flush=True)
 
 
 def cell(x, digits):
@@ -346,14 +364,14 @@ def main():
     verb, arguments = sys.argv[1:2], sys.argv[2:]
     if verb == ['show']:
         return [show(path) for path in arguments]
-    verbs = {'peer': peer, 'sizes': sizes, 'shapes': shapes,
+    verbs = {'peer': peer, 'avx2': avx2, 'sizes': sizes, 'shapes': shapes,
              'mixtures': mixtures, 'error': error}
     measure = verbs.get(''.join(verb))
     if not measure or not arguments:
         sys.exit(__doc__)
     pt, *scenes = arguments
     rival = None
-    if scenes and os.path.basename(scenes[0]) == 'embree_pt':
+    if scenes and os.path.basename(scenes[0]).startswith('embree_pt'):
         rival, *scenes = scenes
     with tempfile.TemporaryDirectory() as folder:
         measure(Programs(pt, rival, folder), scenes)
