@@ -234,8 +234,8 @@ fuzz:
 # ---- pt beside Embree
 
 # What is measured: traversal alone, whole renders, one scene in several
-# sizes, and images of several sizes. "make bench" does all four in twenty
-# minutes, and each has a target of its own. KITCHEN=FILE adds the scene of
+# sizes, and images of several sizes. "make bench" does all five in half
+# an hour, and each has a target of its own. KITCHEN=FILE adds the scene of
 # that OBJ (or .obj.zst), which is not ours to give away, BENCH_LARGE=1 ten
 # million triangles. A run that is restricted replaces the tables of a whole
 # one.
@@ -253,7 +253,8 @@ AND_VIEWS = $(foreach scene,$(1),$(scene).obj $(scene).view)
 PEER ?= ../shared/peers/embree_pt.cpp
 EMBREE = /usr/include/embree3/rtcore.h
 
-.PHONY: bench bench-traversal bench-peer bench-avx2 bench-sizes bench-shapes bench-tools
+.PHONY: bench bench-traversal bench-peer bench-avx2 bench-sizes bench-shapes \
+  bench-tools
 bench:
 	@for part in traversal peer avx2 sizes shapes; do \
 	  $(MAKE) --no-print-directory bench-$$part || exit 1; done

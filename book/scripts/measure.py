@@ -107,7 +107,8 @@ class Programs:
         return run(
             [self.pt, '--keep-all', '-i', scene + '.obj', *view,
              '-r', str(ALBEDO), '-d', '{}x{}'.format(*definition),
-             *self.options, '-n', str(n), '-s', str(seed), '-j', str(len(processors)),
+             *self.options,
+             '-n', str(n), '-s', str(seed), '-j', str(len(processors)),
              '-o', out, '-f'], processors, PT, math.prod(definition), limit)
 
     def theirs(self, scene, processors, n, seed, definition=(WIDTH, HEIGHT),

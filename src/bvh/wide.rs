@@ -823,15 +823,25 @@ where
         quality: Quality,
         placed: &dyn Fn(usize),
     ) -> io::Result<Self> {
+        let mut above = usize::from(triangles.len() > LARGE);
+        while triangles.len() > PART * N.pow(above as u32) {
+            above += 1;
+        }
+        Self::under(triangles, quality, above, placed)
+    }
+
+    /// The same in parts, under so many levels of nodes.
+    fn under(
+        triangles: Triangles,
+        quality: Quality,
+        above: usize,
+        placed: &dyn Fn(usize),
+    ) -> io::Result<Self> {
         let Triangles { vertices, corners, faces } = triangles;
         let mut corners: Vec<_> = corners.into_iter().zip(faces).collect();
         let region = region(&vertices, &corners);
         let room = UNIT * units(1) as usize * corners.len();
         // Divide the triangles into groups
-        let mut above = usize::from(corners.len() > LARGE);
-        while corners.len() > PART * N.pow(above as u32) {
-            above += 1;
-        }
         let parts = N.pow(above as u32);
         let groups = halve(&vertices, &mut corners, parts);
         let groups = groups.into_par_iter().map(|group| group.to_vec());

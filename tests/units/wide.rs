@@ -230,6 +230,34 @@ fn a_box_holds_the_padded_boxes_of_all_that_is_below() {
     }
 }
 
+fn check_levels<const N: usize>()
+where
+    Node<N>: Pod,
+{
+    let triangles = soup(3000).indexed().clone();
+    let count = triangles.len();
+    for above in 0..3 {
+        let triangles = triangles.clone();
+        let wide =
+            Wide::<N>::under(triangles, Quality::Fast, above, &|_| ())
+                .expect("memory for a test");
+        let all = check_box(&wide, 0, wide.region, None);
+        assert_eq!(all.len(), count);
+        let children = wide.nodes.iter().flat_map(|node| node.children);
+        let mut nodes: Vec<_> =
+            children.filter(|child| child & LEAF == 0).collect();
+        nodes.retain(|&child| child != 0);
+        nodes.sort_unstable();
+        assert!(nodes.into_iter().eq(1..wide.nodes.len() as u32));
+    }
+}
+
+#[test]
+fn parts_are_joined_under_no_level_of_nodes_one_and_two() {
+    check_levels::<8>();
+    check_levels::<16>();
+}
+
 #[test]
 fn the_padding_is_not_lost_in_rounding() {
     let far = DVec3::splat(1e6);
