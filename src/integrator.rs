@@ -314,7 +314,7 @@ impl Integrator for ControlledPathTracer {
 
 // Name the kind of the samples
 /// Changes whenever the code that decides what a sample is does.
-const SAMPLE_VERSION: u32 = 3;
+const SAMPLE_VERSION: u32 = 4;
 
 /// Names the integrators, their constants and the version of their
 /// samples: samples of different names are not to be mixed.

@@ -48,7 +48,7 @@ pub fn normalise(v: DVec3) -> DVec3 {
 /// `a * b - c * d` to 1.5 units in the last place (Jeannerod, Louvet
 /// and Muller 2013, theorem 5.1, after Kahan).
 #[inline(always)]
-fn difference_of_products(a: f64, b: f64, c: f64, d: f64) -> f64 {
+pub fn difference_of_products(a: f64, b: f64, c: f64, d: f64) -> f64 {
     let cd = c * d;
     a.mul_add(b, -cd) + (-c).mul_add(d, cd)
 }

@@ -11,7 +11,7 @@ use sha2::{Digest, Sha256};
 
 /// The identity, and the hash of the images below that belongs to it.
 const KNOWN: (&str, &str) = (
-    "samples 3, path tracer with roulette below 0.1 and from 1000 bounces",
+    "samples 4, path tracer with roulette below 0.1 and from 1000 bounces",
     "78a4e05c50384933a5bbc42490aee90cac9f4f6bb7d6e992a221849f61801586",
 );
 

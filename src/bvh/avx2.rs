@@ -17,7 +17,7 @@ use super::beam;
 use super::intersector::{BEAM, Hit, Intersector};
 use super::spawn::hit;
 use super::traversal::{self, Entered, Met, Slabs, Stack, traverse};
-use super::triangle::{CLOSE, LANES, Leaf, Margins, NONE, Search, Shear};
+use super::triangle::{LANES, Leaf, Margins, NONE, Search, Shear};
 use super::wide::{Node, Wide};
 use crate::scene::Ray;
 
@@ -299,9 +299,8 @@ fn load(numbers: &[u32; 8]) -> __m256i {
 
 // Meet four triangles at once
 /// The triangles of a leaf that a ray meets up to the distance `limit`,
-/// as a mask, and their distances; none if an edge function is so small
-/// that its sign is doubtful. Lanes that meet the ray beyond may or may
-/// not be in the mask.
+/// as a mask, and their distances; none if the ray passes one of them
+/// closely. Lanes that meet the ray beyond may or may not be in the mask.
 ///
 /// # Safety
 /// The leaf is one of `Leaves`, and the axes of the shear are below 3.
@@ -336,36 +335,31 @@ pub unsafe fn meet(
     let (cx, cy, cz) = corner(2);
     // Compute the four triangles' edge functions
     let edge = |a, b, c, d| {
-        let product = _mm256_mul_pd(a, b);
-        (_mm256_sub_pd(product, _mm256_mul_pd(c, d)), product)
+        let cd = _mm256_mul_pd(c, d);
+        let (rest, lost) =
+            (_mm256_fmsub_pd(a, b, cd), _mm256_fnmadd_pd(c, d, cd));
+        _mm256_add_pd(rest, lost)
     };
-    let (u, p) = edge(cx, by, cy, bx);
-    let (v, q) = edge(ax, cy, ay, cx);
-    let (w, r) = edge(bx, ay, by, ax);
+    let u = edge(cx, by, cy, bx);
+    let v = edge(ax, cy, ay, cx);
+    let w = edge(bx, ay, by, ax);
     // Reject the triangles outside by signs
-    let narrow = _mm256_set1_pd(margins.narrow);
-    let low = _mm256_set1_pd(-margins.narrow);
-    let above = |e| _mm256_cmp_pd::<_CMP_GE_OQ>(e, low);
-    let below = |e| _mm256_cmp_pd::<_CMP_LE_OQ>(e, narrow);
-    let all = |a, b, c| _mm256_and_pd(_mm256_and_pd(a, b), c);
-    let inside = _mm256_or_pd(
-        all(above(u), above(v), above(w)),
-        all(below(u), below(v), below(w)),
-    );
-    let lanes = leaf.lanes as i32;
-    if _mm256_movemask_pd(inside) & lanes == 0 {
+    let inside = |margin: f64| {
+        let low = _mm256_set1_pd(-margin);
+        let high = _mm256_set1_pd(margin);
+        let above = |e| _mm256_cmp_pd::<_CMP_GE_OQ>(e, low);
+        let below = |e| _mm256_cmp_pd::<_CMP_LE_OQ>(e, high);
+        let all = |a, b, c| _mm256_and_pd(_mm256_and_pd(a, b), c);
+        _mm256_movemask_pd(_mm256_or_pd(
+            all(above(u), above(v), above(w)),
+            all(below(u), below(v), below(w)),
+        )) & leaf.lanes as i32
+    };
+    let near = inside(margins.narrow);
+    if near == 0 {
         return Some((0, [0.; LANES]));
     }
-    // Leave close edges to the portable form
-    let size = |e| _mm256_andnot_pd(_mm256_set1_pd(-0.), e);
-    let zero = _mm256_setzero_pd();
-    let least = _mm256_min_pd(_mm256_min_pd(u, v), w);
-    let most = _mm256_max_pd(_mm256_max_pd(u, v), w);
-    let smallest = _mm256_max_pd(least, _mm256_sub_pd(zero, most));
-    let largest = _mm256_max_pd(_mm256_max_pd(size(p), size(q)), size(r));
-    let threshold = _mm256_mul_pd(_mm256_set1_pd(CLOSE), largest);
-    let close = _mm256_cmp_pd::<_CMP_LE_OQ>(smallest, threshold);
-    if _mm256_movemask_pd(_mm256_and_pd(close, inside)) & lanes != 0 {
+    if near != inside(0.) {
         return None;
     }
     // Divide for the distances
@@ -378,9 +372,9 @@ pub unsafe fn meet(
     let ahead = _mm256_cmp_pd::<_CMP_GT_OQ>(distance, least);
     let limit = _mm256_set1_pd(limit);
     let within = _mm256_cmp_pd::<_CMP_LE_OQ>(distance, limit);
-    let met = _mm256_and_pd(inside, _mm256_and_pd(ahead, within));
+    let met = _mm256_movemask_pd(_mm256_and_pd(ahead, within));
     let mut distances = [0.; LANES];
     // SAFETY: four numbers are written.
     unsafe { _mm256_storeu_pd(distances.as_mut_ptr(), distance) };
-    Some(((_mm256_movemask_pd(met) & lanes) as u32, distances))
+    Some(((met & near) as u32, distances))
 }

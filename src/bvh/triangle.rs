@@ -15,7 +15,7 @@
 use glam::{DVec3, Vec3Swizzles};
 
 use super::huge_pages::Pages;
-use crate::numerics::cross;
+use crate::numerics::{cross, difference_of_products};
 use crate::scene::{Ray, Triangle};
 
 // Make a ray the z axis
@@ -64,31 +64,6 @@ const FLATTEST: f64 = f64::from_bits((1023 - 200) << 52);
 #[inline(always)]
 fn flush(x: f64, least: f64) -> f64 {
     if x.abs() < least { 0. } else { x }
-}
-
-// Evaluate an edge function with its sign
-/// `a * b - c * d`, to a relative error of 2^-42, with the sign of the
-/// exact number, as long as no product underflows.
-#[inline(always)]
-fn edge(a: f64, b: f64, c: f64, d: f64) -> f64 {
-    let (p, q) = (a * b, c * d);
-    let rough = p - q;
-    match rough.abs() > CLOSE * p.abs() {
-        true => rough,
-        false => refined(a, b, c, d, rough),
-    }
-}
-
-/// How small a difference of products may be relative to them: 2^-10.
-pub const CLOSE: f64 = 1. / 1024.;
-
-#[cold]
-fn refined(a: f64, b: f64, c: f64, d: f64, rough: f64) -> f64 {
-    let lost = a.mul_add(b, -(a * b)) - c.mul_add(d, -(c * d));
-    match rough + lost {
-        0. => rough,
-        sum => sum,
-    }
 }
 
 // Measure what is small beside lengths
@@ -408,9 +383,9 @@ impl Leaf<'_> {
         size: f64,
     ) -> TriangleTest {
         let [x, y, z] = self.sheared(lane, shear);
-        let u = edge(x[2], y[1], y[2], x[1]);
-        let v = edge(x[0], y[2], y[0], x[2]);
-        let w = edge(x[1], y[0], y[1], x[0]);
+        let u = difference_of_products(x[2], y[1], y[2], x[1]);
+        let v = difference_of_products(x[0], y[2], y[0], x[2]);
+        let w = difference_of_products(x[1], y[0], y[1], x[0]);
         let within = |margin: f64| {
             (u >= -margin && v >= -margin && w >= -margin)
                 || (u <= margin && v <= margin && w <= margin)
