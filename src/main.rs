@@ -704,7 +704,7 @@ impl Run<'_> {
             // Show the image so far
             let now = Instant::now();
             if arguments.preview && now >= next {
-                let image = output.image(convergence, film, None);
+                let image = Image::of_means(film);
                 let files = images.iter_mut();
                 for target in files.filter(|t| t.format() == Format::Png) {
                     written = written.and(target.rewrite(&image));
@@ -756,7 +756,12 @@ const SECOND: Duration = Duration::from_secs(1);
 impl Run<'_> {
     fn write(&mut self, stop: Stop) -> Result<(), String> {
         let Self { film, convergence, images, output, .. } = self;
-        let image = output.image(convergence, film, Some(stop));
+        // Write the images
+        let is_exr = |target: &ImageTarget| target.format() == Format::Exr;
+        let image = match images.iter().any(is_exr) {
+            true => output.image(convergence, film, Some(stop)),
+            false => Image::of_means(film),
+        };
         let images = images.iter();
         let mut written: Vec<_> =
             images.map(|target| target.write(&image)).collect();

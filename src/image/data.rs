@@ -41,32 +41,37 @@ pub struct Image {
 
 // Make an image from a film
 impl Image {
+    /// The means on a film, and nothing else.
+    pub fn of_means(film: &Film) -> Self {
+        let means = list(film, film.means());
+        Self::plain(film.width(), film.height(), means)
+    }
+
     /// What a film has gathered, with what is known about its run.
     pub fn new(
         film: &Film,
         mut attributes: BTreeMap<String, String>,
     ) -> Self {
-        let list = |values: &mut dyn Iterator<Item = f64>| {
-            let mut list = Vec::with_capacity(film.area() as usize);
-            list.extend(values);
-            list
-        };
-        let mut counts = film.counts().map(|n| n as f64);
         // State how many samples are one value
         if film.replicate() != 1 {
             let value = film.replicate().to_string();
             attributes.insert(REPLICATE.to_owned(), value);
         }
         Self {
-            width: film.width(),
-            height: film.height(),
-            means: list(&mut film.means()),
             errors: Some(film.errors(WORTH)),
-            samples: Some(list(&mut counts)),
+            samples: Some(list(film, film.counts().map(|n| n as f64))),
             tile_errors: film.tile_errors(),
             attributes,
+            ..Self::of_means(film)
         }
     }
+}
+
+/// A value for each pixel of a film.
+fn list(film: &Film, values: impl Iterator<Item = f64>) -> Vec<f64> {
+    let mut list = Vec::with_capacity(film.area() as usize);
+    list.extend(values);
+    list
 }
 
 /// The attribute that says how many samples are one value.
