@@ -282,11 +282,8 @@ impl SceneAnalysis {
     // End a run of which all is known
     /// The intersector and the integrator that are needed, in words.
     pub fn parts(&self, isa: Isa, method: impl fmt::Display) -> String {
-        match self.is_black {
-            _ if self.known.is_all() => "none: no ray".to_owned(),
-            true => {
-                format!("{isa}; one ray a path, which asks for any hit")
-            }
+        match self.known.is_all() {
+            true => "none: no ray".to_owned(),
             false => format!("{isa}; {method}"),
         }
     }

@@ -150,7 +150,7 @@ impl View {
         let distance = 1.05 * distances.fold(0., f64::max);
         // Round the view to be typed
         let size = (high - low).max_element();
-        let digits = (3. - size.log10().floor()).clamp(0., 300.);
+        let digits = (3. - libm::log10(size).floor()).clamp(0., 300.);
         let round = |x: f64| {
             let text = format!("{x:.*}", digits as usize);
             text.parse().unwrap_or(x)

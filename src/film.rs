@@ -15,6 +15,7 @@
 
 use std::fmt;
 
+use bytemuck::{Zeroable, zeroed_vec};
 use rand::RngExt;
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
@@ -34,6 +35,8 @@ pub struct Tile {
     pub size: (u32, u32),
     /// Number of pixels in the tiles before it.
     start: usize,
+    /// Its number along the curve.
+    rank: u32,
 }
 
 /// A rectangle of pixels of an image.
@@ -67,8 +70,8 @@ pub struct Film {
     /// The number of samples whose mean is one value of an accumulator.
     replicate: u64,
     tiles: Vec<Tile>,
-    /// The number of each tile along the curve, by row and column.
-    ranks: Vec<u32>,
+    /// The place of each tile in `tiles`, by row and column.
+    places: Vec<u32>,
     pixels: Vec<Accumulator>,
     /// The means of each tile, if its pixels share random numbers.
     tile_means: Vec<Accumulator>,
@@ -90,22 +93,24 @@ impl Film {
         let cells =
             (0..rows).flat_map(|y| (0..columns).map(move |x| (x, y)));
         let mut cells: Vec<_> = cells.collect();
-        cells.sort_by_cached_key(|&(x, y)| along_curve(side, x, y));
+        cells.par_sort_by_cached_key(|&(x, y)| along_curve(side, x, y));
         // Lay a tile in each cell
-        let mut ranks = vec![0; cells.len()];
+        let mut places = vec![0; cells.len()];
         let mut tiles = Vec::with_capacity(cells.len());
         let mut start = 0;
-        for (rank, (x, y)) in cells.into_iter().enumerate() {
+        for (place, rank) in scattered(cells.len()).enumerate() {
+            let (x, y) = cells[rank];
             // Append the tile of one cell
-            ranks[(y * columns + x) as usize] = rank as u32;
+            places[(y * columns + x) as usize] = place as u32;
             let (x, y) = ((left + x) * SIDE, (top + y) * SIDE);
             let corner = (x.max(window.corner.0), y.max(window.corner.1));
             let (right, bottom) = window.end();
             let end = (right.min(x + SIDE), bottom.min(y + SIDE));
             let size = (end.0 - corner.0, end.1 - corner.1);
-            tiles.push(Tile { corner, size, start });
+            tiles.push(Tile { corner, size, start, rank: rank as u32 });
             start += (size.0 * size.1) as usize;
         }
+        let pixels = zeroed(start);
         Self {
             resolution,
             window,
@@ -113,8 +118,8 @@ impl Film {
             first: 0,
             replicate: 1,
             tiles,
-            ranks,
-            pixels: vec![Accumulator::default(); start],
+            places,
+            pixels,
             tile_means: vec![],
         }
     }
@@ -156,26 +161,37 @@ impl Window {
     }
 }
 
+// Name what watches the work
+/// Watches the work on a film: called, from any thread, with what is done,
+/// as the paths that a finished tile has taken, and with 0 in between.
+/// Answers whether to go on.
+pub type Watch<'a> = dyn Fn(u64) -> bool + Sync + 'a;
+
 // Find a pixel in its tile
 impl Film {
     /// The tiles, each with its pixels row by row.
     pub fn tiles(&mut self) -> Vec<(Tile, &mut [Accumulator])> {
-        cut(&self.tiles, &mut self.pixels)
+        let begun = self.pixels[0].count() > 0;
+        let mut parts = cut(&self.tiles, &mut self.pixels);
+        if begun {
+            parts.sort_unstable_by_key(|(tile, _)| tile.rank);
+        }
+        parts
     }
 
     // Look a pixel up
     /// The pixel of column `x` and row `y` of the image, in the window.
     pub fn pixel(&self, x: u32, y: u32) -> &Accumulator {
-        let tile = &self.tiles[self.rank(x, y)];
+        let tile = &self.tiles[self.place(x, y)];
         let (column, row) = (x - tile.corner.0, y - tile.corner.1);
         &self.pixels[tile.start + (row * tile.size.0 + column) as usize]
     }
 
-    /// The number along the curve of the tile that holds a pixel.
-    fn rank(&self, x: u32, y: u32) -> usize {
+    /// The place in memory of the tile that holds a pixel.
+    fn place(&self, x: u32, y: u32) -> usize {
         let ((left, top), (columns, _)) = self.window.cells();
         let cell = (y / SIDE - top) * columns + x / SIDE - left;
-        self.ranks[cell as usize] as usize
+        self.places[cell as usize] as usize
     }
 }
 
@@ -229,10 +245,32 @@ impl Film {
 impl Film {
     /// The pixels, row by row from the top left.
     pub fn rows(&self) -> impl Iterator<Item = &Accumulator> {
-        let ((left, top), (right, bottom)) =
-            (self.window.corner, self.window.end());
-        let row = move |y| (left..right).map(move |x| self.pixel(x, y));
-        (top..bottom).flat_map(row)
+        let rows = self.window.corner.1..self.window.end().1;
+        rows.flat_map(|y| self.strips(y)).flatten()
+    }
+
+    // Go along a row tile by tile
+    /// The pixels of row `y` of the image, those of each tile together.
+    fn strips(&self, y: u32) -> impl Iterator<Item = &[Accumulator]> {
+        let ((_, top), (columns, _)) = self.window.cells();
+        let first = ((y / SIDE - top) * columns) as usize;
+        let places = &self.places[first..first + columns as usize];
+        places.iter().map(move |&place| {
+            let Tile { corner, size, start, .. } =
+                self.tiles[place as usize];
+            let start = start + ((y - corner.1) * size.0) as usize;
+            &self.pixels[start..start + size.0 as usize]
+        })
+    }
+
+    /// The means of the pixels, row by row from the top left; not a number
+    /// where there is no sample.
+    pub fn image(&self) -> Vec<f64> {
+        let (mut image, means) =
+            (zeroed(self.pixels.len()), Means::of(self));
+        let rows = image.par_chunks_mut(self.width() as usize);
+        rows.zip(0..self.height()).for_each(|(row, y)| means.row(y, row));
+        image
     }
 
     /// The means of the pixels, row by row from the top left.
@@ -257,6 +295,60 @@ impl Film {
     }
 }
 
+// Look at the means row by row
+/// The means of the pixels of a film.
+pub struct Means<'a> {
+    film: &'a Film,
+    /// Whether each tile has a sample, by row and column.
+    sampled: Vec<bool>,
+}
+
+impl<'a> Means<'a> {
+    /// Those of a film.
+    pub fn of(film: &'a Film) -> Self {
+        let start = |place: &u32| film.tiles[*place as usize].start;
+        let starts = film.places.iter().map(start);
+        let sampled = starts.map(|at| film.pixels[at].count() > 0);
+        Self { film, sampled: sampled.collect() }
+    }
+
+    /// Whether a pixel has no sample.
+    pub fn has_gaps(&self) -> bool {
+        self.sampled.contains(&false)
+    }
+
+    /// The film.
+    pub fn film(&self) -> &Film {
+        self.film
+    }
+
+    // Write a row of means
+    /// Writes those of row `y` of the window; not a number where there is no
+    /// sample.
+    pub fn row(&self, y: u32, mut means: &mut [f64]) {
+        let Window { corner, size } = self.film.window;
+        let ((left, top), (columns, _)) = self.film.window.cells();
+        let y = corner.1 + y;
+        let first = (y / SIDE - top) * columns;
+        for column in 0..columns {
+            let start = ((left + column) * SIDE).max(corner.0);
+            let end = ((left + column + 1) * SIDE).min(corner.0 + size.0);
+            let own = means.split_off_mut(..(end - start) as usize);
+            let own = own.unwrap_or_default();
+            match self.sampled[(first + column) as usize] {
+                false => own.fill(f64::NAN),
+                true => {
+                    let pixels =
+                        (start..end).map(|x| self.film.pixel(x, y));
+                    own.iter_mut().zip(pixels).for_each(|(mean, pixel)| {
+                        *mean = pixel.mean();
+                    });
+                }
+            }
+        }
+    }
+}
+
 // Count the samples
 impl Film {
     /// The samples that every pixel has at least.
@@ -264,6 +356,13 @@ impl Film {
         let count = |tile: &Tile| self.pixels[tile.start].count();
         let least = self.tiles.iter().map(count).min();
         least.unwrap_or(0) * self.replicate
+    }
+
+    /// The number of pixels without a sample.
+    pub fn unsampled(&self) -> u64 {
+        let is_empty = |t: &&Tile| self.pixels[t.start].count() == 0;
+        let empty = self.tiles.iter().filter(is_empty);
+        empty.map(|tile| u64::from(tile.size.0 * tile.size.1)).sum()
     }
 
     // Take one value for each replicate
@@ -299,9 +398,16 @@ impl Film {
     pub fn shared_tiles(
         &mut self,
     ) -> Vec<(Tile, &mut [Accumulator], &mut Accumulator)> {
+        let begun = self.pixels[0].count() > 0;
         let Self { tiles, pixels, tile_means, .. } = self;
         let parts = cut(tiles, pixels).into_iter().zip(tile_means);
-        parts.map(|((tile, pixels), mean)| (tile, pixels, mean)).collect()
+        let parts =
+            parts.map(|((tile, pixels), mean)| (tile, pixels, mean));
+        let mut parts: Vec<_> = parts.collect();
+        if begun {
+            parts.sort_unstable_by_key(|(tile, ..)| tile.rank);
+        }
+        parts
     }
 }
 
@@ -326,15 +432,15 @@ impl Film {
     /// Takes the samples of a film of some of its tiles into account.
     pub fn merge(&mut self, part: &Self) {
         for (number, tile) in part.tiles.iter().enumerate() {
-            let rank = self.rank(tile.corner.0, tile.corner.1);
-            let Tile { start, size, .. } = self.tiles[rank];
+            let place = self.place(tile.corner.0, tile.corner.1);
+            let Tile { start, size, .. } = self.tiles[place];
             assert_eq!(size, tile.size, "the tile at {:?}", tile.corner);
             let own = &mut self.pixels[start..];
             let more =
                 &part.pixels[tile.start..][..(size.0 * size.1) as usize];
             own.iter_mut().zip(more).for_each(|(p, q)| p.merge(q));
             if let Some(mean) = part.tile_means.get(number) {
-                self.tile_means[rank].merge(mean);
+                self.tile_means[place].merge(mean);
             }
         }
     }
@@ -375,6 +481,38 @@ fn along_curve(side: u32, mut x: u32, mut y: u32) -> u64 {
     cells
 }
 
+/// The numbers below `n`, such that those before any place are spread
+/// evenly (van der Corput 1935).
+fn scattered(n: usize) -> impl Iterator<Item = usize> {
+    let all = 0..n.next_power_of_two();
+    let bits = all.end.trailing_zeros();
+    let reversed = move |i: usize| i.reverse_bits().rotate_left(bits);
+    all.map(reversed).filter(move |&i| i < n)
+}
+
+/// An array of zeros, of which the system gives a part when it is used.
+pub fn zeroed<T: Zeroable>(length: usize) -> Vec<T> {
+    let array = zeroed_vec(length);
+    #[cfg(target_os = "linux")]
+    ask_for_large_pages(&array);
+    array
+}
+
+/// Asks the system for pages of two megabytes, which it may refuse.
+#[cfg(target_os = "linux")]
+fn ask_for_large_pages<T>(array: &[T]) {
+    const LARGE: usize = 1 << 21;
+    let range = array.as_ptr_range();
+    let start = (range.start as usize).next_multiple_of(LARGE);
+    let length = (range.end as usize).saturating_sub(start);
+    if length >= 4 * LARGE {
+        let start = range.start.cast_mut().with_addr(start).cast();
+        // SAFETY: an advice on pages that lie within the array, which
+        // changes none of its bytes.
+        unsafe { libc::madvise(start, length, libc::MADV_HUGEPAGE) };
+    }
+}
+
 // Summarise the image in a few numbers
 /// What is known about an image as a whole.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -394,6 +532,9 @@ impl Film {
     /// Summarises the image, with the errors that [`Film::errors`] gives
     /// for [`WORTH`].
     pub fn summary(&self) -> Summary {
+        if self.samples() < 2 * self.replicate {
+            return self.summary_of_few();
+        }
         let variances = self.variances();
         let rows = (0..self.height()).into_par_iter().map(|y| {
             // Sum over the pixels of a row
@@ -431,6 +572,28 @@ impl Film {
     }
 }
 
+impl Film {
+    /// The summary if a pixel has fewer than two values.
+    fn summary_of_few(&self) -> Summary {
+        let rows = self.window.corner.1..self.window.end().1;
+        let sums = rows.into_par_iter().map(|y| {
+            let strips = self.strips(y).filter(|s| s[0].count() > 0);
+            strips.flatten().fold((0., 0.), |(sum, count), pixel| {
+                (sum + pixel.mean(), count + 1.)
+            })
+        });
+        let sums: Vec<(f64, f64)> = sums.collect();
+        let sum: f64 = sums.iter().map(|row| row.0).sum();
+        let count: f64 = sums.iter().map(|row| row.1).sum();
+        Summary {
+            mean: sum / count.max(1.),
+            mean_stderr: f64::INFINITY,
+            rmse: f64::INFINITY,
+            constant: 0,
+        }
+    }
+}
+
 // Estimate the errors of all pixels
 /// How far a pixel looks for neighbours, in pixels.
 const REACH: u32 = 2;
@@ -451,7 +614,7 @@ impl Film {
 
     // Compute the variances row by row
     /// The variances of the values of the pixels, row by row.
-    fn variances(&self) -> Vec<f64> {
+    pub fn variances(&self) -> Vec<f64> {
         self.places().map(|(x, y)| self.at(x, y).variance()).collect()
     }
 
@@ -526,7 +689,7 @@ impl Film {
         };
         let errors: Vec<f64> = tiles.map(error).collect();
         let (left, top) = self.window.corner;
-        let of = |(x, y)| errors[self.rank(left + x, top + y)];
+        let of = |(x, y)| errors[self.place(left + x, top + y)];
         let shared = !self.tile_means.is_empty();
         shared.then(|| self.places().map(of).collect())
     }

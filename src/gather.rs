@@ -229,9 +229,8 @@ impl<K: Intersector> Tracer<'_, K> {
         scramble: u64,
     ) -> Vec<f64> {
         let area = tile.size.0 * tile.size.1;
-        if let TileContent::Constant(value) =
-            plan.known.content(tile.corner)
-        {
+        let content = plan.known.content(tile.corner);
+        if let TileContent::Constant(value) = content {
             return vec![value; area as usize];
         }
         let stream = tile_number(tile.corner);
@@ -246,7 +245,15 @@ impl<K: Intersector> Tracer<'_, K> {
             let key = scramble_key(plan.seed, i, scramble);
             for n in 0..plan.allocation.counts[number] {
                 let [u, v] = plan.net.pair(key, n, 0);
-                match self.look(within(x, width, u), within(y, height, v)) {
+                let (u, v) = (within(x, width, u), within(y, height, v));
+                let first = match content {
+                    TileContent::Sky => {
+                        let direction = self.camera.direction(u, v);
+                        End::Sky(self.sky.radiance(direction))
+                    }
+                    _ => self.look(u, v),
+                };
+                match first {
                     End::Sky(radiance) => sums[pixel as usize] += radiance,
                     End::Hit(hit) => {
                         let u = plan.net.pair(key, n, 1);

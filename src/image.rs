@@ -13,6 +13,7 @@
 
 mod data;
 mod exr;
+mod levels;
 mod pfm;
 mod pgm;
 mod png;
@@ -22,7 +23,7 @@ pub(crate) mod srgb;
 use std::io::{self, Read, Write};
 use std::path::Path;
 
-pub use data::{Image, REPLICATE};
+pub use data::{Image, Means, REPLICATE};
 use srgb::COLOURS;
 
 // Choose among the image formats
@@ -43,14 +44,14 @@ impl Format {
     /// Writes the bytes of an image.
     pub fn write(
         self,
-        image: &Image,
+        image: &dyn Means,
         out: &mut dyn Write,
     ) -> io::Result<()> {
         match self {
             Format::Pgm => pgm::write(image, out),
             Format::Png => png::write(image, out),
             Format::Pfm => pfm::write(image, out),
-            Format::Exr => exr::write(image, out),
+            Format::Exr => exr::write(&image.as_image(), out),
         }
     }
 

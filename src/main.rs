@@ -17,17 +17,18 @@ use std::io::{self, BufReader, Read};
 use std::mem;
 use std::path::Path;
 use std::process::{self, ExitCode};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use litpt::analysis::{Finding, Inquiry, SceneAnalysis};
+use litpt::analysis::{Finding, Inquiry, SceneAnalysis, Shortcut};
 use litpt::arguments::Arguments;
 use litpt::bvh::{Bvh, Quality, too_small};
 use litpt::camera::Camera;
 use litpt::checkpoint::{Checkpoint, Commands, RunKey};
 use litpt::compare::disagreements;
-use litpt::film::{Film, Window};
-use litpt::image::{Format, Image};
+use litpt::film::{self, Film, Window};
+use litpt::image::{Format, Image, Means};
 #[cfg(feature = "mpi")]
 use litpt::mpi;
 use litpt::output::{ImageTarget, OutputTarget};
@@ -35,7 +36,7 @@ use litpt::progress::{self, Bar, Step};
 use litpt::render::Renderer;
 use litpt::render::choice::{Choice, choose};
 use litpt::render::method::{Method, Sampling, renderer};
-use litpt::render_loop::{Convergence, Interrupt, Limits, Stop};
+use litpt::render_loop::{Convergence, Interrupt, Limits, Stop, Work};
 use litpt::report::{Kind, Report, SceneFile};
 use litpt::run_output::{RunOutput, attributes};
 use litpt::scene::{Scene, begins_obj, read_file};
@@ -63,8 +64,7 @@ fn lead() -> ExitCode {
         run(&mut arguments, resumed).map_err(fail)
     }) {
         // Turn the outcome into a status
-        Ok(Stop::Signal(signal)) => ExitCode::from(128 + signal as u8),
-        Ok(_) => ExitCode::SUCCESS,
+        Ok(stop) => ExitCode::from(status(stop, 0)),
         Err(status) => status,
     }
 }
@@ -159,6 +159,9 @@ fn run(
     resumed: Option<Resumed>,
 ) -> Result<Stop, String> {
     let start = Instant::now();
+    let interrupt = Interrupt::listen()
+        .map_err(|e| format!("cannot listen for signals: {e}"))?;
+    let stage = Stage::watched(&interrupt, latest(arguments, start));
     // Check the camera if it is given
     if arguments.has_camera() {
         camera(arguments)?;
@@ -173,13 +176,16 @@ fn run(
     start_threads(arguments)?;
     let (mut scene, mut known) = load(arguments, &files)?;
     let camera = camera(arguments)?;
-    let inquiry = inquire(arguments, &camera);
+    let kept = kept(arguments);
+    let inquiry = inquire(arguments, &camera, &kept);
+    stage.set(Some("building the hierarchy"));
     let (analysis, bvh) =
         build(&mut scene, &inquiry, arguments, &mut known)?;
     let scene = (&scene, &bvh);
     let what = (&inquiry, &analysis);
+    stage.set(Some("choosing a method"));
     let (sampling, choice) =
-        sampling(arguments, scene, what, window, &files);
+        sampling(arguments, scene, what, (window, start), &files);
     if arguments.explain {
         return explain(&analysis, arguments, sampling.method, choice);
     }
@@ -220,9 +226,74 @@ fn run(
     let mut run = Run::begin(
         &mut *job, film, run_key, start, arguments, &mut files, known,
     )?;
-    let stop = run.render(start, &analysis, &files)?;
+    stage.set(None);
+    let stop = run.render(start, &interrupt, &analysis, &files);
+    // End without an image if there is no sample
+    let is_over = matches!(stop, Stop::Time | Stop::Signal(_));
+    if is_over && run.film.unsampled() == run.film.area() {
+        let message = stop.without_image(match sampling.method {
+            Method::Gather => "learning",
+            _ => "rendering",
+        });
+        return match stop {
+            Stop::Signal(_) => {
+                progress::error(&message);
+                Ok(stop)
+            }
+            _ => Err(message),
+        };
+    }
     run.write(stop)?;
     Ok(stop)
+}
+
+/// The time at which the program ends even if it has no sample.
+fn latest(arguments: &Arguments, start: Instant) -> Option<Instant> {
+    let time = arguments.time.filter(|_| !arguments.explain)?;
+    let more = Duration::try_from_secs_f64((0.025 * time).max(0.5));
+    arguments.deadline(start)?.checked_add(more.ok()?)
+}
+
+/// The exit status of a stop, which is `other` if it is no signal.
+fn status(stop: Stop, other: u8) -> u8 {
+    match stop {
+        Stop::Signal(signal) => 128 + signal as u8,
+        _ => other,
+    }
+}
+
+/// What is done before the first pass; none afterwards.
+struct Stage(Arc<Mutex<Option<&'static str>>>);
+
+impl Stage {
+    /// The first stage. A thread ends the program if a signal comes before
+    /// the first pass, or the time `end`.
+    fn watched(interrupt: &Interrupt, end: Option<Instant>) -> Self {
+        let stage = Self(Arc::new(Mutex::new(Some("reading"))));
+        let (own, interrupt) = (Self(stage.0.clone()), interrupt.clone());
+        thread::spawn(move || {
+            loop {
+                thread::sleep(Duration::from_millis(50));
+                let stage = own.get();
+                let Some(doing) = *stage else { return };
+                let (signal, now) = (interrupt.signal(), Instant::now());
+                if let Some(stop) = Stop::before_rendering(signal, now, end)
+                {
+                    progress::error(&stop.without_image(doing));
+                    process::exit(status(stop, 1).into());
+                }
+            }
+        });
+        stage
+    }
+
+    fn get(&self) -> MutexGuard<'_, Option<&'static str>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn set(&self, stage: Option<&'static str>) {
+        *self.get() = stage;
+    }
 }
 
 // Prepare the camera and the files
@@ -413,17 +484,32 @@ const START: u64 = 1 << 26;
 
 // Analyse the scene and build the hierarchy
 fn inquire<'a>(
-    arguments: &'a Arguments,
+    arguments: &Arguments,
     camera: &'a Camera,
+    kept: &'a [Shortcut],
 ) -> Inquiry<'a> {
     Inquiry {
         camera,
         sky: Sky::new(arguments.up),
         albedo: arguments.albedo,
         resolution: arguments.resolution,
-        kept: arguments.kept(),
+        kept,
     }
 }
+
+/// The shortcuts that are not looked for.
+fn kept(arguments: &Arguments) -> Vec<Shortcut> {
+    let (width, height) = arguments.resolution;
+    let tiles = f64::from(width) * f64::from(height) / 256.;
+    let seconds = tiles * TILE / rayon::current_num_threads() as f64;
+    let time = arguments.time.filter(|_| !arguments.explain);
+    let slow = time.is_some_and(|time| seconds > 0.05 * time);
+    let slow = slow.then_some(Shortcut::Background);
+    arguments.kept().iter().copied().chain(slow).collect()
+}
+
+/// Seconds in which a thread looks for the background of a tile, about.
+const TILE: f64 = 3e-6;
 
 fn build(
     scene: &mut Scene,
@@ -435,7 +521,7 @@ fn build(
     let position = inquiry.camera.position;
     let is_inside = scene.entrance(position).is_inside;
     let path = expected_path(arguments.albedo, is_inside);
-    let rays = expected_rays(arguments, path, rayon::current_num_threads());
+    let rays = expected_rays(arguments, path)?;
     let triangles = scene.take_triangles();
     let quality = Quality::expecting(triangles.len(), rays);
     // Warn of triangles that are too small
@@ -474,16 +560,18 @@ fn expected_path(albedo: f64, is_within: bool) -> f64 {
     }
 }
 
-/// A guess of how many rays the run will trace, of which a path has so
-/// many, with so many threads.
-fn expected_rays(arguments: &Arguments, path: f64, threads: usize) -> f64 {
-    let (width, height) = arguments.resolution;
+/// A guess of how many rays this process will trace, of which a path has
+/// so many.
+fn expected_rays(arguments: &Arguments, path: f64) -> Result<f64, String> {
+    let (width, height) = arguments.band()?.size;
     let area = f64::from(width) * f64::from(height);
-    let paths = arguments.samples().map(|n| n as f64 * area);
+    #[cfg(feature = "mpi")]
+    let area = area / f64::from(mpi::ranks());
+    let paths = arguments.goal(1).map(|n| n as f64 * area);
     let timed = arguments.time.or(paths.is_none().then_some(60.));
-    let rate = RATE * threads as f64;
+    let rate = RATE * rayon::current_num_threads() as f64;
     let timed = timed.map_or(f64::INFINITY, |time| time * rate);
-    paths.map_or(timed, |paths| timed.min(paths * path))
+    Ok(paths.map_or(timed, |paths| timed.min(paths * path)))
 }
 
 /// Rays that a path is guessed to have at most.
@@ -510,7 +598,10 @@ fn explain(
     }
     let why = choice.map_or(method.to_string(), |why| why.to_string());
     lines += &format!("{:13}{why}\n", "method");
-    let parts = analysis.parts(arguments.isa(), method);
+    let one = analysis.is_black && method != Method::Gather;
+    let rays = if one { ", one ray a path, for any hit" } else { "" };
+    let parts = format!("{method}{rays}");
+    let parts = analysis.parts(arguments.isa(), parts);
     lines += &format!("{:13}{parts}\n", "intersector");
     let out = OutputTarget::standard_output();
     out.write(&mut |out| out.write_all(lines.as_bytes()))?;
@@ -569,8 +660,7 @@ impl<'a> Run<'a> {
             reports, checkpoint, every, commands, run_key, known,
         );
         let images = mem::take(&mut files.images);
-        let paths = convergence.spp.saturating_mul(film.area());
-        let bar = Bar::new(!arguments.quiet, paths, start, arguments.time);
+        let bar = Bar::new(!arguments.quiet, start, arguments.time);
         Ok(Self { arguments, job, film, convergence, images, output, bar })
     }
 }
@@ -581,33 +671,45 @@ fn sampling(
     arguments: &Arguments,
     scene: (&Scene, &Bvh),
     what: (&Inquiry, &SceneAnalysis),
-    window: Window,
+    (window, start): (Window, Instant),
     files: &Files,
 ) -> (Sampling, Option<Choice>) {
     // Find the method that is asked for
     let (seed, (_, analysis)) = (arguments.seed, what);
     let saved = files.resumed.as_ref().map(|saved| saved.run_key());
     let begun = saved.and_then(|key| key.get("method")?.as_str());
-    let method = match analysis.is_black || analysis.known.is_all() {
-        true => Some(Method::Reference),
-        false => {
-            arguments.integrator.0.or(begun.and_then(|m| m.parse().ok()))
-        }
-    };
+    let known = analysis.known.is_all().then_some(Method::Reference);
+    let begun = begun.and_then(|method| method.parse().ok());
+    let method = arguments.integrator.0.or(begun).or(known);
     let area = u64::from(window.size.0) * u64::from(window.size.1);
     let timed = arguments
         .time
         .map(|time| (time * SLOW / GATHER / area as f64).ceil() as u64);
     let samples = arguments.samples().into_iter().chain(timed).min();
-    let limits = (samples, arguments.error);
+    let left = |end: Instant| end.saturating_duration_since(Instant::now());
+    let left = arguments.deadline(start).map(|end| left(end).as_secs_f64());
+    let limits = (samples, arguments.error, left);
     let choice = match method {
         None => choose(scene, what, (window, seed), limits, None),
         Some(Method::Sobol) if saved.is_none() => {
             choose(scene, what, (window, seed), limits, method)
         }
+        Some(Method::Gather) if saved.is_none() && left.is_some() => {
+            choose(scene, what, (window, seed), limits, method)
+        }
         Some(_) => None,
     };
     if let Some(choice) = choice {
+        // Warn if it is not the method that is asked for
+        let chosen = choice.sampling.method;
+        if let (Some(wanted), false) = (method, arguments.quiet)
+            && wanted != chosen
+        {
+            progress::warn(&format!(
+                "--time leaves too little for a first sample of each pixel \
+                 by {wanted}: the method is {chosen}"
+            ));
+        }
         return (choice.sampling, Some(choice));
     }
     let method = method.unwrap_or(Method::Reference);
@@ -649,22 +751,23 @@ impl Run<'_> {
     fn render(
         &mut self,
         start: Instant,
+        interrupt: &Interrupt,
         analysis: &SceneAnalysis,
         files: &Files,
-    ) -> Result<Stop, String> {
-        let interrupt = Interrupt::listen()
-            .map_err(|e| format!("cannot listen for signals: {e}"))?;
+    ) -> Stop {
         let reference = files.reference.as_ref();
         let goal = self.arguments.goal(self.film.replicate());
-        let mut limits = Limits {
+        let deadline = self.arguments.deadline(start);
+        let limits = Limits {
             samples: analysis.samples(goal),
-            deadline: self.arguments.deadline(start),
+            deadline,
+            reserve: deadline.map_or([0.; 2], |end| self.reserve(end)),
+            clock: &Instant::now,
             error: self.arguments.error,
-            interrupt: &interrupt,
+            interrupt,
             reference: reference.map(|image| &image.means[..]),
         };
-        let late = limits.deadline.is_some_and(|d| Instant::now() > d);
-        self.reserve_time(&mut limits);
+        let late = deadline.is_some_and(|end| Instant::now() > end);
         self.answer(interrupt.clone());
         let stop = self.go_on(&limits);
         self.bar.finish();
@@ -679,7 +782,7 @@ impl Run<'_> {
                 "{slow} took longer than --time allows"
             ));
         }
-        Ok(stop)
+        stop
     }
 
     // Go on until the limits are reached
@@ -689,13 +792,17 @@ impl Run<'_> {
         let area = film.area();
         let expect = |convergence: &Convergence| {
             let spp = convergence.expected(limits, area);
-            let paths = spp.map(|spp| spp.saturating_mul(area));
-            bar.expect(paths, convergence.to_string());
+            let all = spp.map(|spp| spp.saturating_mul(area));
+            let paths = convergence.spp.saturating_mul(area);
+            bar.expect(paths, all, "paths", convergence.to_string());
         };
-        expect(convergence);
-        let advance = |paths| match limits.interrupt.signal() {
-            None => bar.advance(paths),
-            Some(_) => bar.stop(),
+        match job.lesson_rays(area) {
+            0 => expect(convergence),
+            rays => bar.expect(0, Some(rays), "rays", "learning, ".into()),
+        }
+        let advance = |work| match (limits.interrupt.signal(), work) {
+            (None, Work::Learning(n) | Work::Paths(n)) => bar.advance(n),
+            (Some(_), _) => bar.stop(),
         };
         let mut next = Instant::now();
         let mut after = |convergence: &Convergence, film: &Film| {
@@ -704,10 +811,10 @@ impl Run<'_> {
             // Show the image so far
             let now = Instant::now();
             if arguments.preview && now >= next {
-                let image = Image::of_means(film);
                 let files = images.iter_mut();
+                let means = film::Means::of(film);
                 for target in files.filter(|t| t.format() == Format::Png) {
-                    written = written.and(target.rewrite(&image));
+                    written = written.and(target.rewrite(&means));
                 }
                 next = Instant::now() + (10 * now.elapsed()).max(SECOND);
             }
@@ -719,19 +826,31 @@ impl Run<'_> {
     }
 
     // Keep time for writing in reserve
-    fn reserve_time(&self, limits: &mut Limits) {
-        let Some(deadline) = limits.deadline else { return };
+    fn reserve(&self, deadline: Instant) -> [f64; 2] {
         let Self { film, convergence, images, output, .. } = self;
-        let trial =
-            Film::noise(film.width().min(256), film.height().min(256));
-        let ratio = film.area() as f64 / trial.area() as f64;
-        let began = Instant::now();
-        black_box(trial.summary());
-        let image = output.rehearse(convergence, &trial);
-        images.iter().for_each(|target| target.rehearse(&image));
-        let reserve = began.elapsed().mul_f64(ratio);
+        let (width, height) =
+            (film.width().min(256), film.height().min(256));
+        let (noise, empty) =
+            (Film::noise(width, height), Film::new(width, height));
+        let rehearse = |trial: &Film| {
+            let began = Instant::now();
+            black_box(trial.summary());
+            let image = output.rehearse(convergence, trial, is_exr(images));
+            let means = film::Means::of(trial);
+            let image: &dyn Means = match &image {
+                Some(image) => image,
+                None => &means,
+            };
+            images.iter().for_each(|target| target.rehearse(image));
+            began.elapsed().as_secs_f64()
+        };
+        rehearse(&noise);
+        let ratio = film.area() as f64 / noise.area() as f64;
         let left = deadline.saturating_duration_since(Instant::now());
-        limits.deadline = deadline.checked_sub(reserve.min(left / 2));
+        let most = 0.5 * left.as_secs_f64();
+        let [none, all] =
+            [&empty, &noise].map(|film| ratio * rehearse(film));
+        [none.min(most), all.max(none).min(most)]
     }
 
     // Answer a signal
@@ -753,18 +872,25 @@ impl Run<'_> {
 const SECOND: Duration = Duration::from_secs(1);
 
 // Write the image and the summary
+/// Whether an image has room for errors and counts.
+fn is_exr(images: &[ImageTarget]) -> bool {
+    images.iter().any(|target| target.format() == Format::Exr)
+}
+
 impl Run<'_> {
     fn write(&mut self, stop: Stop) -> Result<(), String> {
         let Self { film, convergence, images, output, .. } = self;
         // Write the images
-        let is_exr = |target: &ImageTarget| target.format() == Format::Exr;
-        let image = match images.iter().any(is_exr) {
-            true => output.image(convergence, film, Some(stop)),
-            false => Image::of_means(film),
+        let image = is_exr(images)
+            .then(|| output.image(convergence, film, Some(stop)));
+        let means = film::Means::of(film);
+        let image: &dyn Means = match &image {
+            Some(image) => image,
+            None => &means,
         };
         let images = images.iter();
         let mut written: Vec<_> =
-            images.map(|target| target.write(&image)).collect();
+            images.map(|target| target.write(image)).collect();
         written.push(output.close(convergence, film, stop));
         let failures = written.into_iter().filter_map(Result::err);
         let failures: Vec<_> = failures.collect();
@@ -804,7 +930,8 @@ fn serve() -> Result<(), String> {
     arguments.stand_outside(mesh.corners());
     let mut scene = Scene::of(mesh);
     let camera = camera(&arguments)?;
-    let inquiry = inquire(&arguments, &camera);
+    let kept = kept(&arguments);
+    let inquiry = inquire(&arguments, &camera, &kept);
     let (analysis, bvh) =
         build(&mut scene, &inquiry, &arguments, &mut Report::default())?;
     let Some(sampling) = mpi::hear_value()? else { return Ok(()) };

@@ -25,10 +25,10 @@ use ::mpi::{Rank, Threading};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use crate::film::{Film, SIDE, Window};
+use crate::film::{Film, SIDE, Watch, Window};
 use crate::progress;
 use crate::render::method::Sampling;
-use crate::render::{Renderer, Share, Watch};
+use crate::render::{Renderer, Share};
 use crate::statistics::Accumulator;
 
 // Begin and end as one of several ranks
@@ -133,6 +133,11 @@ fn world() -> SimpleCommunicator {
     SimpleCommunicator::world()
 }
 
+/// The number of ranks.
+pub fn ranks() -> i32 {
+    world().size()
+}
+
 /// The next order of rank 0.
 fn next_order() -> Order {
     loop {
@@ -172,12 +177,12 @@ fn send(rank: Rank, order: Order) {
 
 /// Sends an order to all other ranks.
 fn send_all(order: Order) {
-    (1..world().size()).for_each(|rank| send(rank, order));
+    (1..ranks()).for_each(|rank| send(rank, order));
 }
 
 /// Tells all other ranks something, which they [`hear`].
 pub fn tell(bytes: &mut [u8]) {
-    if world().size() > 1 {
+    if ranks() > 1 {
         send_all(Order::Listen(bytes.len() as u64));
         broadcast(bytes);
     }
@@ -520,7 +525,7 @@ pub fn lead<'a>(
     own: Box<dyn Renderer + 'a>,
     frame: Frame,
 ) -> Box<dyn Renderer + 'a> {
-    let ranks = world().size() as usize;
+    let ranks = ranks() as usize;
     if ranks == 1 {
         return own;
     }
@@ -598,7 +603,7 @@ fn hand_out(
     frame: &Frame,
     watch: &Watch,
 ) -> Duration {
-    let mut asked = vec![0; world().size() as usize];
+    let mut asked = vec![0; ranks() as usize];
     let (mut stopped, mut busy) = (None, Duration::ZERO);
     loop {
         if stopped.is_none() {

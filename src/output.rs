@@ -19,7 +19,7 @@ use std::path::{Path, PathBuf};
 
 use tempfile::NamedTempFile;
 
-use crate::image::{Format, Image};
+use crate::image::{Format, Means};
 
 // Say where a file goes
 /// Where a file goes: checked, and not yet touched.
@@ -262,7 +262,7 @@ impl ImageTarget {
     ///
     /// # Errors
     /// Those of [`OutputTarget::write`].
-    pub fn write(&self, image: &Image) -> Result<(), String> {
+    pub fn write(&self, image: &dyn Means) -> Result<(), String> {
         self.target.write(&mut |out| self.format.write(image, out))
     }
 
@@ -270,12 +270,12 @@ impl ImageTarget {
     ///
     /// # Errors
     /// Those of [`OutputTarget::rewrite`].
-    pub fn rewrite(&mut self, image: &Image) -> Result<(), String> {
+    pub fn rewrite(&mut self, image: &dyn Means) -> Result<(), String> {
         self.target.rewrite(&mut |out| self.format.write(image, out))
     }
 
     /// Takes the time of [`ImageTarget::write`], and writes nothing.
-    pub fn rehearse(&self, image: &Image) {
+    pub fn rehearse(&self, image: &dyn Means) {
         let _ = self.format.write(image, &mut io::sink());
     }
 }

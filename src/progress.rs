@@ -49,6 +49,8 @@ pub struct Progress {
     limit: Option<f64>,
     /// Paths that there will be, if that can be foreseen.
     pub expected: Option<u64>,
+    /// What is counted, as in `paths`.
+    pub unit: &'static str,
     /// Whether the run has been asked to stop.
     pub stopping: bool,
     percent: u64,
@@ -76,7 +78,7 @@ impl Progress {
         let of_paths = self.expected.map_or(0, of_paths);
         let of_time = |limit: f64| (100. * seconds / limit) as u64;
         let of_time = self.limit.map_or(0, of_time);
-        self.percent = self.percent.max(of_paths.max(of_time).min(100));
+        self.percent = of_paths.max(of_time).min(100);
         self.seconds = seconds;
     }
 
@@ -121,22 +123,15 @@ pub struct Bar {
 
 impl Bar {
     // Begin a bar where a run stands
-    /// A bar that stands at a number of paths, of a program that began at
-    /// `start` and may have a limit of its time, in seconds.
-    pub fn new(
-        visible: bool,
-        paths: u64,
-        start: Instant,
-        limit: Option<f64>,
-    ) -> Self {
+    /// The bar of a program that began at `start` and may have a limit of
+    /// its time, in seconds.
+    pub fn new(visible: bool, start: Instant, limit: Option<f64>) -> Self {
         let bar = match visible {
             true => ProgressBar::no_length(),
             false => ProgressBar::hidden(),
         };
         let progress = Arc::new(Mutex::new(Progress::within(limit)));
         bar.set_style(style(&progress, start));
-        bar.set_position(paths);
-        bar.reset_eta();
         bar.enable_steady_tick(Duration::from_millis(250));
         Self { bar, progress }
     }
@@ -147,13 +142,26 @@ impl Bar {
         self.bar.inc(paths);
     }
 
-    /// Says how many paths there will be, if that can be foreseen, and what
-    /// is known by now.
-    pub fn expect(&self, paths: Option<u64>, known: String) {
-        if let Some(paths) = paths {
-            self.bar.set_length(paths);
+    /// Says how many paths there are and will be, if that can be foreseen, or
+    /// how much of another `unit`, and what is known by now.
+    pub fn expect(
+        &self,
+        done: u64,
+        all: Option<u64>,
+        unit: &'static str,
+        known: String,
+    ) {
+        let mut progress = of(&self.progress);
+        let is_new = progress.unit != unit;
+        (progress.expected, progress.unit) = (all, unit);
+        drop(progress);
+        if let Some(all) = all {
+            self.bar.set_length(all);
         }
-        of(&self.progress).expected = paths;
+        if is_new {
+            self.bar.set_position(done);
+            self.bar.reset_eta();
+        }
         self.bar.set_message(known);
     }
 
@@ -181,7 +189,7 @@ fn of(progress: &Mutex<Progress>) -> MutexGuard<'_, Progress> {
 fn style(progress: &Arc<Mutex<Progress>>, start: Instant) -> ProgressStyle {
     let style = ProgressStyle::with_template("{done} {msg}{time}, {rate}");
     let style = style.unwrap_or_else(|_| ProgressStyle::default_bar());
-    let (shown, told) = (progress.clone(), progress.clone());
+    let [shown, told, unit] = [0; 3].map(|_| progress.clone());
     // Draw the bar, the time and the rate
     let done = move |state: &ProgressState, out: &mut dyn fmt::Write| {
         let mut progress = of(&shown);
@@ -191,8 +199,9 @@ fn style(progress: &Arc<Mutex<Progress>>, start: Instant) -> ProgressStyle {
     let time = move |state: &ProgressState, out: &mut dyn fmt::Write| {
         let _ = write!(out, "{}", of(&told).time(state.eta()));
     };
-    let rate = |state: &ProgressState, out: &mut dyn fmt::Write| {
-        let _ = write!(out, "{}paths/s", metric(state.per_sec()));
+    let rate = move |state: &ProgressState, out: &mut dyn fmt::Write| {
+        let (rate, unit) = (metric(state.per_sec()), of(&unit).unit);
+        let _ = write!(out, "{rate}{unit}/s");
     };
     style
         .with_key("done", done)

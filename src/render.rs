@@ -22,7 +22,7 @@ use serde::{Deserialize, Serialize};
 use crate::analysis::background::{KnownPixels, TileContent};
 use crate::bvh::{BEAM, Dispatch, Intersector};
 use crate::camera::Camera;
-use crate::film::{Film, Tile};
+use crate::film::{Film, Tile, Watch};
 use crate::integrator::{Integrator, PathEvent, RayQuery, Sums};
 use crate::sampler::{IndependentSampler, Sampler, within};
 use crate::scene::{Ray, Scene};
@@ -44,11 +44,6 @@ pub struct Job<'a, K, E, S = IndependentSampler> {
     /// Chooses the random numbers.
     pub sampler: S,
 }
-
-/// Watches a pass: called, from any thread, with the number of paths that
-/// a finished tile has taken, and with 0 before a tile and within it.
-/// Answers whether to go on.
-pub type Watch<'a> = dyn Fn(u64) -> bool + Sync + 'a;
 
 /// Pieces of work that each thread should find in an image.
 const PIECES: usize = 32;
@@ -81,6 +76,19 @@ pub trait Renderer {
     /// `watch` stops it; returns the number of rays traced. A renderer
     /// that learns has one film, and makes all its samples.
     fn pass(&mut self, film: &mut Film, end: u64, watch: &Watch) -> u64;
+
+    /// Learns what it needs to know before the first pass over `film`,
+    /// unless `watch`, which is told how many rays were traced, stops it;
+    /// returns the number of all these rays.
+    fn learn(&mut self, _film: &Film, _watch: &Watch) -> u64 {
+        0
+    }
+
+    /// About how many rays it will learn from, for a film of so many
+    /// pixels.
+    fn lesson_rays(&self, _area: u64) -> u64 {
+        0
+    }
 
     /// What each rank has done so far; nothing if there is one process.
     fn shares(&self) -> &[Share] {

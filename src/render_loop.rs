@@ -14,7 +14,7 @@ use std::fmt;
 use std::fs;
 use std::io;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
@@ -29,14 +29,29 @@ use crate::render::{Renderer, Share};
 pub struct Limits<'a> {
     /// At most so many samples of each pixel.
     pub samples: Option<u64>,
-    /// The time at which rendering ends.
+    /// The time at which the program should end,
     pub deadline: Option<Instant>,
+    /// and the seconds that it needs for that after the last sample, if no
+    /// pixel has one and if all have.
+    pub reserve: [f64; 2],
+    /// Tells the time.
+    pub clock: &'a (dyn Fn() -> Instant + Sync),
     /// The root mean square error to reach.
     pub error: Option<f64>,
     /// Stops the run when a signal arrives.
     pub interrupt: &'a Interrupt,
     /// The radiance of each pixel, row by row from the top left.
     pub reference: Option<&'a [f64]>,
+}
+
+impl Limits<'_> {
+    /// When rendering has to end if this share of the pixels has a sample.
+    fn end(&self, share: f64) -> Option<Instant> {
+        let [none, all] = self.reserve;
+        let reserve = none + share.min(1.) * (all - none);
+        let reserve = Duration::from_secs_f64(reserve.max(0.));
+        self.deadline.map(|end| end.checked_sub(reserve).unwrap_or(end))
+    }
 }
 
 /// Why a run has stopped.
@@ -50,6 +65,29 @@ pub enum Stop {
     Error,
     /// A signal of this number has arrived.
     Signal(i32),
+}
+
+impl Stop {
+    /// Why the program ends now if it has no sample yet: a signal, or that
+    /// the time is over, after `end`.
+    pub fn before_rendering(
+        signal: Option<i32>,
+        now: Instant,
+        end: Option<Instant>,
+    ) -> Option<Self> {
+        let over = end.is_some_and(|end| now >= end);
+        signal.map(Stop::Signal).or(over.then_some(Stop::Time))
+    }
+
+    /// That there is no image because of this, while something was done.
+    pub fn without_image(self, doing: &str) -> String {
+        match self {
+            Stop::Signal(signal) => {
+                format!("no image: signal {signal} came while {doing}")
+            }
+            _ => format!("no image: --time was over while {doing}"),
+        }
+    }
 }
 
 impl Stop {
@@ -112,13 +150,16 @@ pub struct Convergence {
     pace: Option<f64>,
 }
 
+/// Some work that was done.
+pub enum Work {
+    /// So many rays, from which a renderer learns.
+    Learning(u64),
+    /// So many paths.
+    Paths(u64),
+}
+
 /// The time that the first sample has in any case.
 const FIRST: Duration = Duration::from_millis(100);
-
-/// Whether a time has passed, if there is one.
-fn is_over(time: Option<Instant>) -> bool {
-    time.is_some_and(|time| Instant::now() >= time)
-}
 
 /// The longest time of a pass of more than one sample, in seconds, unless
 /// it costs too much.
@@ -147,40 +188,57 @@ const DECISIVE: f64 = 1000.;
 impl Convergence {
     // Run until a limit is reached
     /// Goes on with a run until a limit is reached. Calls `advance`, from
-    /// any thread, with the number of paths of each tile that is finished,
-    /// and `after` when a pass has ended.
+    /// any thread, with the work that is done, and `after` when a pass has
+    /// ended.
     pub fn run(
         &mut self,
         renderer: &mut dyn Renderer,
         film: &mut Film,
         limits: &Limits,
-        advance: &(dyn Fn(u64) + Sync),
+        advance: &(dyn Fn(Work) + Sync),
         after: &mut impl FnMut(&Self, &Film),
     ) -> Stop {
-        let (start, before) = (Instant::now(), self.seconds);
+        let (start, before) = ((limits.clock)(), self.seconds);
         let spent = self.processor_seconds.unwrap_or(0.);
         // Watch for signals and for the end of the time
-        let first = limits.deadline.map(|time| time.max(start + FIRST));
-        let signal = || limits.interrupt.signal();
-        let watch = |paths| {
-            advance(paths);
-            signal().is_none() && !is_over(first)
+        let (area, first) = (film.area(), start + FIRST);
+        let goes_on = |paths: u64| {
+            let end = limits.end(paths as f64 / area as f64);
+            let over =
+                end.is_some_and(|end| (limits.clock)() >= end.max(first));
+            limits.interrupt.signal().is_none() && !over
         };
+        let taken = AtomicU64::new(self.spp.saturating_mul(area));
+        let watch = |paths| {
+            advance(Work::Paths(paths));
+            goes_on(taken.fetch_add(paths, Ordering::Relaxed) + paths)
+        };
+        // Learn before the first pass
+        let rays = renderer.learn(film, &|rays| {
+            advance(Work::Learning(rays));
+            goes_on(0)
+        });
+        self.rays += rays;
+        if rays > 0 {
+            after(self, film);
+        }
         loop {
             // Return when a limit is reached
-            if let Some(stop) = self.stop(limits, first, film.area()) {
+            if let Some(stop) = self.stop(limits, first, area) {
                 self.record(film, limits.reference);
                 return stop;
             }
             // Render one pass and look at the clock
             let slice = renderer.least_seconds().max(SLICE);
-            let (end, due) = self.next(limits, film.area(), slice);
-            let began = Instant::now();
+            let (end, due) = self.next(limits, area, slice);
+            let began = (limits.clock)();
             self.rays += renderer.pass(film, end, &watch);
-            let seconds = began.elapsed().as_secs_f64();
-            self.pace = Some(seconds / (end - self.spp) as f64);
-            self.spp = film.samples();
-            self.seconds = before + start.elapsed().as_secs_f64();
+            let now = (limits.clock)();
+            let more = film.samples() - self.spp;
+            self.pace =
+                Some((now - began).as_secs_f64() / more.max(1) as f64);
+            self.spp += more;
+            self.seconds = before + (now - start).as_secs_f64();
             // Ask what each rank has done
             self.ranks = renderer.shares().to_vec();
             if !self.ranks.is_empty() {
@@ -210,8 +268,8 @@ impl Convergence {
         }
         // Find the time for a pass
         let mut seconds = slice;
-        if let Some(deadline) = limits.deadline {
-            let left = deadline.saturating_duration_since(Instant::now());
+        if let Some(end) = limits.end(1.) {
+            let left = end.saturating_duration_since((limits.clock)());
             seconds = seconds.min(left.as_secs_f64());
         }
         let pace = self.pace.map(|pace| (seconds / pace) as u64);
@@ -245,12 +303,12 @@ impl Convergence {
     }
 
     // Decide whether a limit is reached
-    /// Why the run should stop now, if it should; `first` is the end of the
-    /// time for the first sample.
+    /// Why the run should stop now, if it should; the first sample has time
+    /// until `first`.
     fn stop(
         &self,
         limits: &Limits,
-        first: Option<Instant>,
+        first: Instant,
         area: u64,
     ) -> Option<Stop> {
         if limits.samples.is_some_and(|n| self.spp >= n) {
@@ -263,11 +321,13 @@ impl Convergence {
             return Some(Stop::Error);
         }
         // Say whether the time is over or too short
-        let deadline = if self.spp == 0 { first } else { limits.deadline };
         let pace = self.pace.filter(|&pace| pace < SLICE).unwrap_or(0.);
-        let pace = Duration::from_secs_f64(pace);
-        is_over(deadline.and_then(|time| time.checked_sub(pace)))
-            .then_some(Stop::Time)
+        let now = (limits.clock)() + Duration::from_secs_f64(pace);
+        let is_over = |end| match self.spp {
+            0 => now >= first.max(end),
+            _ => now >= end,
+        };
+        limits.end(1.).is_some_and(is_over).then_some(Stop::Time)
     }
 
     /// Whether the error is known to be small enough.
@@ -300,7 +360,9 @@ impl Convergence {
             rmse: finite(summary.rmse),
             mean: summary.mean,
             mean_stderr: finite(summary.mean_stderr),
-            rmse_reference: reference.map(|truth| true_error(film, truth)),
+            rmse_reference: reference
+                .filter(|_| self.spp > 0)
+                .map(|truth| true_error(film, truth)),
             processor_seconds: self.processor_seconds,
         });
     }

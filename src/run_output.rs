@@ -147,11 +147,13 @@ impl RunOutput {
         &self,
         convergence: &Convergence,
         film: &Film,
-    ) -> Image {
-        let image = self.image(convergence, film, None);
+        is_exr: bool,
+    ) -> Option<Image> {
+        let image = is_exr.then(|| self.image(convergence, film, None));
         let report = self.report(convergence, film, None);
         for (kind, _) in &self.reports {
-            black_box(kind.render(&report, &|| image.clone()));
+            let image = || self.image(convergence, film, None);
+            black_box(kind.render(&report, &image));
         }
         if self.checkpoint.is_some() {
             let Self { commands, run_key, known, .. } = self;
@@ -225,6 +227,7 @@ impl RunOutput {
         report.stopped = stop.map(|stop| stop.name().to_owned());
         report.spp = now.spp;
         report.constant_pixels = now.constant;
+        report.unsampled_pixels = film.unsampled();
         report.ranks = now.ranks.clone();
         // Fill in what the last point knows
         if let Some(last) = now.steps.last() {

@@ -8,12 +8,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The mean of many values, and its error.
 
+use bytemuck::Zeroable;
+
 // Hold three sums of values
 /// Count, sum and sum of squares of the values so far. A value is cut
 /// to a multiple of 2^-88 and nothing else is rounded: the same values in
 /// any order, and divided in any manner among accumulators that are
 /// merged, give the same bits.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Zeroable)]
 pub struct Accumulator {
     count: u64,
     /// The sum of the values in units of 2^-88, lowest digit first, as

@@ -131,6 +131,8 @@ fn until(error: f64, interrupt: &Interrupt) -> Limits<'_> {
     Limits {
         samples: None,
         deadline: None,
+        reserve: [0.; 2],
+        clock: &std::time::Instant::now,
         error: Some(error),
         interrupt,
         reference: None,
@@ -339,7 +341,8 @@ fn settled(to_itself: usize) -> f64 {
     let sky = Record { from, to: SKY, weight: 1., bin: 0 };
     let mut records = vec![sky];
     records.resize(1 + to_itself, Record { to: from, ..sky });
-    let cache = RadianceCache::empty(grid).learn(&mut records, 1.);
+    let cache =
+        RadianceCache::empty(grid).learn(&mut records, 1., &|_| true);
     f64::from(cache.at(from).value)
 }
 
@@ -385,7 +388,7 @@ fn believer(value: f32) -> RadianceCache {
             records.push(Record { from, to: SKY, weight: value, bin: 0 });
         }
     }
-    RadianceCache::empty(grid).learn(&mut records, 1.)
+    RadianceCache::empty(grid).learn(&mut records, 1., &|_| true)
 }
 
 /// What a gather finds in a small image of a setting: its samples without
@@ -520,7 +523,7 @@ fn room_of_step(step: Option<f64>) -> (f64, f64) {
     let cache = &RadianceCache::empty(Grid::around(&[]));
     let like =
         Tracer { scene, intersector, camera, sky, albedo, cache, rays: 0 };
-    let (cache, _) = train(&like, 1 << 17, 9);
+    let (cache, _) = train(&like, 1 << 17, 9, &|_| true);
     let mut tracer = like.with(&cache);
     let mut film = Film::new(16, 16);
     let tile = film.tiles()[0].0;
@@ -608,6 +611,7 @@ fn weights_up_to_256_can_be_added_until_the_count_is_full() {
 fn the_curve_jumps_where_quarters_are_missing() {
     // List the tiles along the curve
     let corners = |mut film: Film| {
+        film.stored_mut()[0].add(1.);
         let tiles = film.tiles().into_iter();
         let corner = |(x, y)| (x / SIDE, y / SIDE);
         tiles.map(|(tile, _)| corner(tile.corner)).collect::<Vec<_>>()

@@ -40,7 +40,7 @@ fn chosen(
     mesh: &Mesh,
     albedo: f64,
     (from, at): (DVec3, DVec3),
-    limits: (Option<u64>, Option<f64>),
+    (samples, error): (Option<u64>, Option<f64>),
 ) -> Option<Choice> {
     let aspect = f64::from(SIZE.0) / f64::from(SIZE.1);
     let camera = &Camera::new(&look(from, at, 70.), aspect).unwrap();
@@ -50,7 +50,13 @@ fn chosen(
     let bvh = &Bvh::new(scene).unwrap();
     let analysis = &SceneAnalysis::find(scene, bvh, inquiry);
     let window = Window { corner: (0, 0), size: SIZE };
-    choose((scene, bvh), (inquiry, analysis), (window, 7), limits, None)
+    choose(
+        (scene, bvh),
+        (inquiry, analysis),
+        (window, 7),
+        (samples, error, None),
+        None,
+    )
 }
 
 const INSIDE: (DVec3, DVec3) = (DVec3::ZERO, DVec3::new(0.3, 0.2, -1.));

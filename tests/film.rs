@@ -51,6 +51,7 @@ fn each_pixel_belongs_to_one_tile_and_is_found_there() {
 fn the_curve_steps_to_adjacent_tiles() {
     for tiles in [1, 2, 4, 8, 32] {
         let mut film = Film::new(tiles * SIDE, tiles * SIDE);
+        film.stored_mut()[0].add(1.);
         let corners: Vec<(u32, u32)> =
             film.tiles().iter().map(|(tile, _)| tile.corner).collect();
         assert_eq!(corners[0], (0, 0));
@@ -62,6 +63,48 @@ fn the_curve_steps_to_adjacent_tiles() {
             assert_eq!(step, SIDE, "{pair:?}");
         }
     }
+}
+
+// Of 64 by 64 tiles, the first 64 have one in each block of 8 by 8.
+#[test]
+fn the_first_pass_is_scattered_over_the_image() {
+    let mut film = Film::new(64 * SIDE, 64 * SIDE);
+    let tiles = film.tiles();
+    let block = |tile: &Tile| {
+        (tile.corner.0 / (8 * SIDE), tile.corner.1 / (8 * SIDE))
+    };
+    let blocks = tiles[..64].iter().map(|(tile, _)| block(tile));
+    assert_eq!(blocks.collect::<HashSet<_>>().len(), 64);
+    // Each place is taken once, whatever the number of tiles.
+    for size in [(1, 1), (40, 20), (100, 70), (333, 257)] {
+        let mut film = Film::new(size.0, size.1);
+        let tiles = film.tiles();
+        let area: usize = tiles.iter().map(|(_, p)| p.len()).sum();
+        assert_eq!(area, (size.0 * size.1) as usize);
+        let corners = tiles.iter().map(|(tile, _)| tile.corner);
+        assert_eq!(corners.collect::<HashSet<_>>().len(), tiles.len());
+    }
+}
+
+#[test]
+fn a_pixel_without_a_sample_has_no_mean() {
+    let window = Window { corner: (17, 3), size: (40, 30) };
+    let mut film = Film::cropped((60, 40), window);
+    let (tile, pixels) = film.tiles().swap_remove(2);
+    pixels.iter_mut().for_each(|pixel| pixel.add(0.25));
+    let (left, top) = tile.corner;
+    let own = (left..left + tile.size.0, top..top + tile.size.1);
+    for (i, mean) in film.image().into_iter().enumerate() {
+        let (x, y) = (17 + i as u32 % 40, 3 + i as u32 / 40);
+        match own.0.contains(&x) && own.1.contains(&y) {
+            true => assert_eq!(mean, 0.25),
+            false => assert!(mean.is_nan(), "{x},{y}"),
+        }
+    }
+    let area = tile.size.0 * tile.size.1;
+    assert_eq!(film.unsampled(), 1200 - u64::from(area));
+    assert_eq!(film.summary().mean, 0.25);
+    assert!(film.summary().rmse.is_infinite());
 }
 
 /// Renders the inside of an open sphere in the given passes.
@@ -249,6 +292,9 @@ fn the_errors_of_tiles_are_those_of_the_mean_of_the_image() {
         let mut film = film.with_shared_tiles();
         let unknown = film.tile_errors().unwrap();
         assert!(unknown.iter().all(|error| error.is_infinite()));
+        for pixel in film.stored_mut() {
+            (0..2).for_each(|_| pixel.add(1.));
+        }
         for (k, (_, _, mean)) in film.shared_tiles().into_iter().enumerate()
         {
             // The standard error is k + 1.

@@ -393,7 +393,8 @@ fn a_place_without_records_has_the_cell_of_the_next_level() {
     let (side, mut random) = (side(&grid), generator(10, 0, 0));
     let p = DVec3::new(3., 4., 5.);
     let mut records = told(grid.name(p, DVec3::Z), 0.5, 20);
-    let cache = RadianceCache::empty(grid).learn(&mut records, 0.8);
+    let cache =
+        RadianceCache::empty(grid).learn(&mut records, 0.8, &|_| true);
     for _ in 0..1000 {
         let mut one = || 40. * side * (random.random::<f64>() - 0.5);
         let q = p + DVec3::new(one(), one(), one());
@@ -425,8 +426,13 @@ fn a_cache_does_not_depend_on_the_order_of_threads() {
     let records: Vec<_> = (0..20_000).map(record).collect();
     let learn = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
-        let learn =
-            || RadianceCache::empty(grid).learn(&mut records.clone(), 0.9);
+        let learn = || {
+            RadianceCache::empty(grid).learn(
+                &mut records.clone(),
+                0.9,
+                &|_| true,
+            )
+        };
         pool.build().unwrap().install(learn)
     };
     let (one, many) = (learn(1), learn(5));
@@ -641,7 +647,7 @@ fn lie(
             records.push(if i % 10 == 0 { sky } else { dark });
         }
     }
-    RadianceCache::empty(grid).learn(&mut records, 1.)
+    RadianceCache::empty(grid).learn(&mut records, 1., &|_| true)
 }
 
 /// The lies, by name: about the radiance, and where there is none.

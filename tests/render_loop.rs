@@ -105,6 +105,8 @@ fn limits(interrupt: &Interrupt) -> Limits<'_> {
     Limits {
         samples: Some(50_000),
         deadline: None,
+        reserve: [0.; 2],
+        clock: &Instant::now,
         error: None,
         interrupt,
         reference: None,

@@ -61,6 +61,7 @@ fn report(curve: Vec<CurvePoint>) -> Report {
         mean_stderr: last.and_then(|point| point.mean_stderr),
         rmse: last.and_then(|point| point.rmse),
         constant_pixels: 0,
+        unsampled_pixels: 0,
         ranks: vec![],
         stopped: None,
         curve,

@@ -17,6 +17,8 @@ use rayon::prelude::*;
 
 use super::guide::{BINS, Guide, SIDE, main_axis};
 use crate::bvh::Hit;
+use crate::film::Watch;
+use crate::numerics::{exponent, power_of_two};
 
 // Number the cells of space
 /// Levels of cells; the cubes of each have half the side of the next.
@@ -99,7 +101,7 @@ impl Grid {
         let high = DVec3::new(x[1], y[1], z[1]);
         let longest = (high - low).max_element();
         let side = match longest > 0. {
-            true => (longest / 64.).log2().floor().exp2(),
+            true => power_of_two(exponent(longest / 64.)),
             false => 1.,
         };
         let reach = side * (1u64 << (BITS - 1)) as f64;
@@ -305,15 +307,16 @@ fn coarser(name: u64, levels: usize) -> u64 {
 const WORTH: f32 = 12.;
 
 /// The radiance of each cell, given where each record arrives, from
-/// approximate `values`.
+/// approximate `values`; less exact if `watch` stops it.
 fn solve(
     cells: &Cells,
     records: &[Record],
     ends: &[u32],
     albedo: f32,
     mut values: Vec<f32>,
+    watch: &Watch,
 ) -> Vec<f32> {
-    for _ in 0..MOST_REFLECTIONS {
+    for _ in (0..MOST_REFLECTIONS).take_while(|_| watch(0)) {
         let sums = sums(cells, |i| {
             albedo * records[i].weight * arriving(&values, ends[i])
         });
@@ -497,8 +500,14 @@ const END_IN_DARKNESS: u32 = u32::MAX - 1;
 
 impl RadianceCache {
     /// A cache that learns from records, which it sorts, and begins with
-    /// what this one knows; any number of threads gives the same.
-    pub fn learn(&self, records: &mut [Record], albedo: f32) -> Self {
+    /// what this one knows; any number of threads gives the same. If `watch`
+    /// stops it, the cache is of no use.
+    pub fn learn(
+        &self,
+        records: &mut [Record],
+        albedo: f32,
+        watch: &Watch,
+    ) -> Self {
         records.par_sort_unstable_by_key(Record::key);
         let cells = Cells::of(records);
         let mut cache = Self::empty(self.grid);
@@ -510,7 +519,8 @@ impl RadianceCache {
         };
         let ends: Vec<u32> = records.par_iter().map(end).collect();
         let known = cells.names.iter().map(|&name| self.at(name).value);
-        let values = solve(&cells, records, &ends, albedo, known.collect());
+        let known = known.collect();
+        let values = solve(&cells, records, &ends, albedo, known, watch);
         let errors = errors(&cells, records, &ends, albedo, &values);
         let (guides, numbers) = guides(&cells, records, &ends, &values);
         // Enter what was found

@@ -18,7 +18,7 @@ use rayon::prelude::*;
 use super::cache::{DARKNESS, Grid, RadianceCache, Record, SKY};
 use super::{Allocation, End, Plan, Shot, Tracer};
 use crate::bvh::{Hit, Intersector};
-use crate::film::Film;
+use crate::film::{Film, Watch};
 use crate::sampler::generator;
 
 // Follow paths and record them
@@ -30,19 +30,22 @@ const ABREAST: u64 = 64;
 
 impl<K: Intersector> Tracer<'_, K> {
     /// The records of paths of about so many rays, those of a piece of the
-    /// training; `visit` is told each point that reflects.
+    /// training; `visit` is told each point that reflects. Fewer if `watch`,
+    /// which is told the rays, stops it.
     fn explore(
         &mut self,
         rays: u64,
         seed: u64,
         piece: u64,
         mut visit: impl FnMut(DVec3),
+        watch: &Watch,
     ) -> Vec<Record> {
         let mut random = generator(seed, TRAINING, piece);
         let mut records = Vec::with_capacity(rays as usize);
         let grid = *self.cache.grid();
-        let mut paths = 0;
-        while paths + self.rays < rays {
+        let (mut paths, mut told) = (0, 0);
+        while paths + self.rays < rays && watch(self.rays - told) {
+            told = self.rays;
             // Begin some paths
             let begun = (0..ABREAST).filter_map(|_| {
                 match self.look(random.random(), random.random()) {
@@ -97,17 +100,19 @@ const ROUNDS: [u64; 3] = [15, 25, 60];
 const LEAST_FALL: f32 = 0.028;
 
 /// Learns a cache from at most about so many rays; returns it and the rays.
+/// If `watch`, which is told the rays, stops it, the cache is of no use.
 pub fn train<K: Intersector>(
     like: &Tracer<K>,
     rays: u64,
     seed: u64,
+    watch: &Watch,
 ) -> (RadianceCache, u64) {
     // Choose the grid after a first look
     let empty = RadianceCache::empty(Grid::around(&[]));
     let mut scout = like.with(&empty);
     let mut points = vec![];
     let visit = |point| points.push(point);
-    scout.explore(rays.min(10_000), seed, u64::MAX, visit);
+    scout.explore(rays.min(10_000), seed, u64::MAX, visit, watch);
     let grid = Grid::around(&points);
     let mut cache = RadianceCache::empty(grid);
     let (mut records, mut traced) = (vec![], scout.rays);
@@ -117,7 +122,7 @@ pub fn train<K: Intersector>(
         let pieces = round * PIECES..(round + 1) * PIECES;
         let explore = |piece| {
             let mut tracer = like.with(&cache);
-            let records = tracer.explore(share, seed, piece, |_| ());
+            let records = tracer.explore(share, seed, piece, |_| (), watch);
             (records, tracer.rays)
         };
         let done: Vec<_> = pieces.into_par_iter().map(explore).collect();
@@ -127,7 +132,7 @@ pub fn train<K: Intersector>(
         }
         let albedo = like.albedo as f32;
         let before = cache.doubt;
-        cache = cache.learn(&mut records, albedo);
+        cache = cache.learn(&mut records, albedo, watch);
         let falls = cache.doubt * (1. - cache.doubt / before);
         if round == 1 && falls < LEAST_FALL {
             break;
@@ -138,32 +143,35 @@ pub fn train<K: Intersector>(
 
 // Allocate the samples
 /// Samples of each pixel in the pilot.
-const PILOT: u64 = 8;
+pub const PILOT: u64 = 8;
 
 /// Samples for each pixel, `mean` on average, in proportion to the standard
-/// deviation that a pilot finds on the empty `film`; and its rays.
+/// deviation that a pilot finds on the empty `film`; and its rays. If
+/// `watch`, which is told the rays, stops it, they are of no use.
 pub fn allocate<K: Intersector>(
     like: &Tracer<K>,
     plan: &Plan,
     mut film: Film,
     mean: u64,
+    watch: &Watch,
 ) -> (Allocation, u64) {
     // Render the scrambles of the pilot
     let rays = film.tiles().into_par_iter().map(|(tile, pixels)| {
         let mut tracer = like.with(like.cache);
-        for scramble in 0..PILOT {
+        for scramble in (0..PILOT).take_while(|_| watch(0)) {
             let values = tracer.tile(plan, tile, scramble);
             pixels.iter_mut().zip(values).for_each(|(p, v)| p.add(v));
         }
+        watch(tracer.rays);
         tracer.rays
     });
     let rays = rays.sum();
     // Estimate the radiance of the pixels roughly
-    let means: Vec<f64> = film.means().collect();
+    let means = film.image();
     let mean_radiance = average(&means);
     let least = if mean_radiance > 0. { 0.1 * mean_radiance } else { 1. };
     let scale: Vec<f64> = means.iter().map(|m| m.max(least)).collect();
-    let deviations = deviations(&film, &scale);
+    let deviations = deviations(&film, &scale, watch);
     let middle = average(&deviations).max(f64::MIN_POSITIVE);
     let count = |d: &f64| {
         let share = (d / middle).clamp(0.1, 8.);
@@ -177,10 +185,10 @@ fn average(numbers: &[f64]) -> f64 {
     numbers.iter().sum::<f64>() / numbers.len() as f64
 }
 
-/// About the standard deviations of the pixels, row by row.
-fn deviations(film: &Film, scale: &[f64]) -> Vec<f64> {
-    let all: Vec<f64> = film.rows().map(|p| p.variance()).collect();
-    let variances = &all;
+/// About the standard deviations of the pixels, row by row; not all of them
+/// if `watch` stops it.
+fn deviations(film: &Film, scale: &[f64], watch: &Watch) -> Vec<f64> {
+    let variances = &film.variances();
     let squares: Vec<f64> = scale.iter().map(|s| s * s).collect();
     let common = 0.5 * average(variances) / average(&squares);
     let (width, height) = (film.width() as usize, film.height() as usize);
@@ -194,7 +202,9 @@ fn deviations(film: &Film, scale: &[f64]) -> Vec<f64> {
         let own = 0.5 * variances[i] + 0.5 * average(&near);
         (own + common * squares[i]).sqrt()
     };
-    (0..variances.len()).map(deviation).collect()
+    let rows = (0..height).into_par_iter().filter(|_| watch(0));
+    let pixels = rows.map(|y| y * width..(y + 1) * width);
+    pixels.flat_map_iter(|row| row.map(deviation)).collect()
 }
 
 /// A place and its neighbours, as far as they lie before the end.

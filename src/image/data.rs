@@ -9,9 +9,12 @@
 //! An image in memory.
 
 // Name what the data import
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
-use crate::film::{Film, WORTH};
+use rayon::prelude::*;
+
+use crate::film::{self, Film, WORTH};
 
 // Hold what the files can carry
 /// A finished image in memory: what its file formats can carry. Row by
@@ -43,8 +46,7 @@ pub struct Image {
 impl Image {
     /// The means on a film, and nothing else.
     pub fn of_means(film: &Film) -> Self {
-        let means = list(film, film.means());
-        Self::plain(film.width(), film.height(), means)
+        Self::plain(film.width(), film.height(), film.image())
     }
 
     /// What a film has gathered, with what is known about its run.
@@ -100,6 +102,59 @@ impl Image {
         let mut numbers = numbers.map_while(|text| text.parse().ok());
         let mut next = || numbers.next().unwrap_or(0);
         (next(), next())
+    }
+}
+
+/// Has the means of the pixels of an image.
+pub trait Means: Sync {
+    /// Width and height in pixels.
+    fn size(&self) -> (u32, u32);
+
+    /// Writes the means of row `y`, counted from the top; not a number
+    /// where there is none.
+    fn row(&self, y: u32, means: &mut [f64]);
+
+    /// Whether there is a pixel without a mean.
+    fn has_gaps(&self) -> bool;
+
+    /// The whole image.
+    fn as_image(&self) -> Cow<'_, Image>;
+}
+
+impl Means for film::Means<'_> {
+    fn size(&self) -> (u32, u32) {
+        (self.film().width(), self.film().height())
+    }
+
+    fn row(&self, y: u32, means: &mut [f64]) {
+        self.row(y, means);
+    }
+
+    fn has_gaps(&self) -> bool {
+        self.has_gaps()
+    }
+
+    fn as_image(&self) -> Cow<'_, Image> {
+        Cow::Owned(Image::of_means(self.film()))
+    }
+}
+
+impl Means for Image {
+    fn size(&self) -> (u32, u32) {
+        (self.width, self.height)
+    }
+
+    fn row(&self, y: u32, means: &mut [f64]) {
+        let start = y as usize * means.len();
+        means.copy_from_slice(&self.means[start..start + means.len()]);
+    }
+
+    fn has_gaps(&self) -> bool {
+        self.means.par_iter().any(|mean| mean.is_nan())
+    }
+
+    fn as_image(&self) -> Cow<'_, Image> {
+        Cow::Borrowed(self)
     }
 }
 

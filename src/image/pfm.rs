@@ -11,17 +11,19 @@
 
 use std::io::{self, Write};
 
-use super::data::Image;
+use super::data::{Image, Means};
 use super::srgb::luminance;
 
 // Write a portable float map
 /// Writes the means, as numbers of least significant byte first.
-pub fn write(image: &Image, out: &mut dyn Write) -> io::Result<()> {
-    write!(out, "Pf\n{} {}\n-1.0\n", image.width, image.height)?;
-    for row in image.means.rchunks(image.width as usize) {
-        for &mean in row {
-            out.write_all(&(mean as f32).to_le_bytes())?;
-        }
+pub fn write(image: &dyn Means, out: &mut dyn Write) -> io::Result<()> {
+    let (width, height) = image.size();
+    write!(out, "Pf\n{width} {height}\n-1.0\n")?;
+    let mut means = vec![0.; width as usize];
+    for y in (0..height).rev() {
+        image.row(y, &mut means);
+        let bytes = means.iter().map(|&mean| (mean as f32).to_le_bytes());
+        out.write_all(bytes.collect::<Vec<_>>().as_flattened())?;
     }
     Ok(())
 }

@@ -10,14 +10,22 @@
 
 use std::io::{self, Write};
 
-use super::data::Image;
-use super::srgb::{level, radiance};
+use super::data::{Image, Means};
+use super::levels::levels;
+use super::srgb::radiance;
 
 /// Writes the means as 256 levels, encoded by the sRGB curve.
-pub fn write(image: &Image, out: &mut dyn Write) -> io::Result<()> {
-    writeln!(out, "P2 {} {}\n255", image.width, image.height)?;
-    let mut means = image.means.iter();
-    means.try_for_each(|&mean| writeln!(out, "{}", level(mean, 255)))
+pub fn write(image: &dyn Means, out: &mut dyn Write) -> io::Result<()> {
+    let (width, height) = image.size();
+    writeln!(out, "P2 {width} {height}\n255")?;
+    let words = Vec::from_iter((0..256).map(|level| format!("{level}\n")));
+    let mut text = Vec::new();
+    levels(image, 255, |levels| {
+        text.clear();
+        let words = levels.iter().map(|&level| &words[usize::from(level)]);
+        words.for_each(|word| text.extend_from_slice(word.as_bytes()));
+        out.write_all(&text)
+    })
 }
 
 /// Reads the levels back; `bytes` is the whole file.

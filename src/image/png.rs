@@ -10,24 +10,40 @@
 
 use std::io::{self, Cursor, Write};
 
-use png::{BitDepth, ColorType, Decoder, Encoder};
+use png::{BitDepth, ColorType, Compression, Decoder, Encoder};
 use png::{SrgbRenderingIntent, Transformations};
 
-use super::data::{Image, room};
-use super::srgb::{level, luminance, radiance};
+use super::data::{Image, Means, room};
+use super::levels::levels;
+use super::srgb::{luminance, radiance};
 
 /// Writes the means as 65536 levels, encoded by the sRGB curve.
-pub fn write(image: &Image, out: &mut dyn Write) -> io::Result<()> {
-    let mut encoder = Encoder::new(out, image.width, image.height);
+pub fn write(image: &dyn Means, out: &mut dyn Write) -> io::Result<()> {
+    let (width, height) = image.size();
+    let mut encoder = Encoder::new(out, width, height);
     // Declare grey levels of the sRGB curve
     encoder.set_color(ColorType::Grayscale);
     encoder.set_depth(BitDepth::Sixteen);
     encoder.set_source_srgb(SrgbRenderingIntent::RelativeColorimetric);
-    let bytes = |&mean| level(mean, u16::MAX).to_be_bytes();
-    let bytes: Vec<u8> = image.means.iter().flat_map(bytes).collect();
-    let mut writer = encoder.write_header().map_err(io::Error::from)?;
-    writer.write_image_data(&bytes).map_err(io::Error::from)
+    if width * height > LARGE {
+        encoder.set_compression(Compression::Fast);
+    }
+    let mut writer = encoder.write_header()?;
+    let mut stream = writer.stream_writer_with_size(1 << 20)?;
+    let mut bytes = Vec::new();
+    levels(image, u16::MAX, |levels| {
+        bytes.resize(levels.len(), [0; 2]);
+        let pairs = bytes.iter_mut().zip(levels);
+        pairs.for_each(|(pair, level)| *pair = level.to_be_bytes());
+        stream.write_all(bytes.as_flattened())
+    })?;
+    stream.finish()?;
+    writer.finish()?;
+    Ok(())
 }
+
+/// Pixels of an image from which on speed counts more than size.
+const LARGE: u32 = 1 << 22;
 
 /// Reads the levels back; `bytes` is the whole file.
 ///

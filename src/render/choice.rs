@@ -10,6 +10,7 @@
 
 // Name what the choice imports
 use std::fmt;
+use std::time::Instant;
 
 use rand::RngExt;
 use rayon::prelude::*;
@@ -19,6 +20,7 @@ use crate::analysis::background::TileContent;
 use crate::analysis::{Inquiry, SceneAnalysis};
 use crate::bvh::{Bvh, Dispatch, Intersector};
 use crate::film::Window;
+use crate::gather::training;
 use crate::integrator::{Integrator, PathEvent, PathTracer};
 use crate::sampler::{IndependentSampler, Sampler, generator, within};
 use crate::scene::Scene;
@@ -210,7 +212,7 @@ impl Pilot {
         match sampling.method {
             Method::Reference => (first + later) * self.rays,
             Method::Sobol => {
-                let net = (sampling.replicate as f64).powf(-0.4);
+                let net = libm::pow(sampling.replicate as f64, -0.4);
                 let first = self.controlled();
                 (first * net + later) * 1.05 * self.rays
             }
@@ -223,9 +225,31 @@ impl Pilot {
                     / (square + 0.7 * first).max(f64::MIN_POSITIVE);
                 let short = self.first_rays / self.rays.max(1e-9);
                 let left = 16. * bright * short * short * later;
-                let learnt = samples.min(4096.).powf(-0.28);
+                let learnt = libm::pow(samples.min(4096.), -0.28);
                 (guided + left) * learnt * 1.7 * (each + once)
             }
+        }
+    }
+}
+
+impl Pilot {
+    /// The work before each of `area` pixels has a sample, in paths.
+    fn first_paths(
+        &self,
+        albedo: f64,
+        sampling: &Sampling,
+        area: u64,
+    ) -> f64 {
+        let &Sampling { replicate, training, .. } = sampling;
+        let (area, replicate) = (area as f64, replicate as f64);
+        let each = self.first_rays + 3. * albedo * albedo * self.indirect;
+        match sampling.method {
+            Method::Gather => {
+                let pilot = training::PILOT as f64 * self.first_rays;
+                let rays = area * (pilot + replicate * each);
+                (training as f64 + rays) / self.rays.max(1e-9)
+            }
+            _ => area * replicate,
         }
     }
 }
@@ -272,19 +296,23 @@ impl fmt::Display for Choice {
 
 /// Chooses how `samples` of each pixel are made, or as many as have the
 /// error that was asked for, by the method that is wanted or by any; none
-/// if these are too few for a pilot.
+/// if these are too few for a pilot. A method that could not give each
+/// pixel a sample in the `seconds` that are left is not chosen, even if it
+/// is wanted.
 pub fn choose(
     (scene, intersector): (&Scene, &Bvh),
     (inquiry, analysis): (&Inquiry, &SceneAnalysis),
     (window, seed): (Window, u64),
-    (samples, error): (Option<u64>, Option<f64>),
+    (samples, error, seconds): (Option<u64>, Option<f64>, Option<f64>),
     wanted: Option<Method>,
 ) -> Option<Choice> {
     let area = u64::from(window.size.0) * u64::from(window.size.1);
     let paths = samples.unwrap_or(MANY).saturating_mul(area);
     let pixels = (paths / 200).min(4096);
     let trial = Trial { scene, inquiry, analysis, window, pixels };
+    let began = Instant::now();
     let pilot = (pixels >= 64).then(|| intersector.dispatch(trial))?;
+    let pace = began.elapsed().as_secs_f64() / (4 * pixels) as f64;
     // Foresee the gains of all methods
     let enough = |error: f64| {
         ((pilot.first + pilot.later) / (error * error)).ceil() as u64
@@ -305,9 +333,20 @@ pub fn choose(
         false => 1.,
     };
     let gains = methods.map(|(s, cost)| (s.method, gain(cost))).to_vec();
-    let allowed = |m| wanted.is_none_or(|wanted| m == wanted);
-    let allowed = methods.into_iter().filter(|(s, _)| allowed(s.method));
-    let (sampling, _) = allowed.min_by(|s, t| s.1.total_cmp(&t.1))?;
+    // Choose among the methods that there is time for
+    let slow = |sampling: &Sampling| {
+        let paths = pilot.first_paths(inquiry.albedo, sampling, area);
+        sampling.method != Method::Reference
+            && seconds.is_some_and(|seconds| 2. * paths * pace > seconds)
+    };
+    let methods = methods.iter().filter(|(sampling, _)| !slow(sampling));
+    let is_wanted = |m| wanted.is_none_or(|wanted| m == wanted);
+    let best = |all: &mut dyn Iterator<Item = &(Sampling, f64)>| {
+        all.min_by(|s, t| s.1.total_cmp(&t.1)).copied()
+    };
+    let mut those = methods.clone().filter(|(s, _)| is_wanted(s.method));
+    let (sampling, _) =
+        best(&mut those).or_else(|| best(&mut methods.clone()))?;
     Some(Choice { pilot, sampling, gains })
 }
 

@@ -10,13 +10,13 @@
 
 use rayon::prelude::*;
 
-use super::{Renderer, Watch};
+use super::Renderer;
 use crate::analysis::background::KnownPixels;
 use crate::bvh::{Bvh, Dispatch, Intersector};
 use crate::camera::Camera;
-use crate::film::{Film, Tile};
+use crate::film::{Film, Tile, Watch};
 use crate::gather::cache::{Grid, RadianceCache};
-use crate::gather::training::{allocate, train};
+use crate::gather::training::{PILOT, allocate, train};
 use crate::gather::{Allocation, Correction, Plan, Tracer};
 use crate::sampler::sobol::ScrambledNet;
 use crate::sampler::split_mix;
@@ -59,14 +59,22 @@ pub struct Learnt {
 
 // Learn in the first pass
 impl Renderer for Gather<'_> {
-    fn pass(&mut self, film: &mut Film, end: u64, watch: &Watch) -> u64 {
-        let mut rays = 0;
-        if self.learnt.is_none() {
-            let learn = Learn { gather: self, film, watch };
-            let (learnt, traced) = self.intersector.dispatch(learn);
-            rays += traced;
-            self.learnt = learnt;
+    fn learn(&mut self, film: &Film, watch: &Watch) -> u64 {
+        if self.learnt.is_some() {
+            return 0;
         }
+        let learn = Learn { gather: self, film, watch };
+        let (learnt, rays) = self.intersector.dispatch(learn).unzip();
+        self.learnt = learnt;
+        rays.unwrap_or(0)
+    }
+
+    fn lesson_rays(&self, area: u64) -> u64 {
+        self.training + area.saturating_mul(2 * PILOT)
+    }
+
+    fn pass(&mut self, film: &mut Film, end: u64, watch: &Watch) -> u64 {
+        let rays = self.learn(film, &|_| watch(0));
         match &self.learnt {
             Some(learnt) => {
                 let pass = Pass { gather: self, learnt, film, end, watch };
@@ -116,25 +124,26 @@ struct Learn<'a, 'b> {
 }
 
 impl Dispatch for Learn<'_, '_> {
-    type Output = (Option<Learnt>, u64);
+    type Output = Option<(Learnt, u64)>;
 
     fn with<K: Intersector>(self, intersector: &K) -> Self::Output {
         let Self { gather, film, watch } = self;
         let seed = split_mix(gather.seed);
         let nothing = RadianceCache::empty(Grid::around(&[]));
         let tracer = gather.tracer(intersector, &nothing);
-        let (cache, mut rays) = train(&tracer, gather.training, seed);
+        let (cache, rays) = train(&tracer, gather.training, seed, watch);
         if !watch(0) {
-            return (None, rays);
+            return None;
         }
         let tracer = gather.tracer(intersector, &cache);
         let (mean, film) = (film.replicate(), film.blank());
         let pilot = Allocation::even(film.area());
         let plan =
             Plan { correction: None, seed, ..gather.plan(&film, &pilot) };
-        let (allocation, traced) = allocate(&tracer, &plan, film, mean);
-        rays += traced;
-        (Some(Learnt { cache, allocation }), rays)
+        let (allocation, traced) =
+            allocate(&tracer, &plan, film, mean, watch);
+        let learnt = Learnt { cache, allocation };
+        watch(0).then_some((learnt, rays + traced))
     }
 }
 

@@ -204,17 +204,19 @@ pub fn renderer<'a>(
     let &Sampling { seed, replicate, training, .. } = sampling;
     let known = &analysis.known;
     let independent = IndependentSampler::new(seed);
+    let nets = SobolSampler::new(seed, replicate);
     let paths = PathTracer { albedo, sky };
+    let direct = DirectSky { sky };
     let scene = (scene, intersector, camera, known);
     match sampling.method {
-        _ if analysis.is_black => {
-            job(scene, DirectSky { sky }, independent)
+        Method::Reference if analysis.is_black => {
+            job(scene, direct, independent)
         }
+        Method::Sobol if analysis.is_black => job(scene, direct, nets),
         Method::Reference => job(scene, paths, independent),
         Method::Sobol => {
             let control = sampling.control as f64 / 100.;
-            let paths = ControlledPathTracer { paths, control };
-            job(scene, paths, SobolSampler::new(seed, replicate))
+            job(scene, ControlledPathTracer { paths, control }, nets)
         }
         Method::Gather => {
             let (scene, intersector, camera, known) = scene;

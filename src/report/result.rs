@@ -71,6 +71,9 @@ pub struct Report {
     pub rmse: Option<f64>,
     /// Pixels whose samples were all alike: their error is not seen.
     pub constant_pixels: u64,
+    /// Pixels without a sample, of which the means know nothing.
+    #[serde(default)]
+    pub unsampled_pixels: u64,
     /// Why the run ended: `samples`, `time`, `error` or `signal`;
     /// none while it goes on.
     pub stopped: Option<String>,
@@ -112,7 +115,11 @@ impl Report {
             format!(", {} from the reference", known(Some(rmse), 6))
         });
         let image = match self.spp {
-            0 => "some pixels have no sample and are black".to_owned(),
+            0 => format!(
+                "{} of {pixels} pixels have no sample: they are filled from \
+                 those around them in .png and .pgm, and nan in .pfm and .exr",
+                self.unsampled_pixels
+            ),
             spp => {
                 format!("{spp} spp, mean radiance {mean}{rmse}{against}")
             }

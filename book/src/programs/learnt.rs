@@ -308,7 +308,7 @@ impl Stage {
     /// What is learnt by `TRAINING` rays.
     fn train(&self) -> RadianceCache {
         let nothing = RadianceCache::empty(Grid::around(&[]));
-        train(&self.tracer(&nothing), TRAINING, 0).0
+        train(&self.tracer(&nothing), TRAINING, 0, &|_| true).0
     }
 
     /// What the camera sees at a place of the image.
@@ -453,7 +453,8 @@ impl Stage {
         let mean = truths.iter().sum::<f64>() / COMPARED as f64;
         let nothing = RadianceCache::empty(Grid::around(&[]));
         let errors = TRAININGS.map(|log| {
-            let (cache, _) = train(&self.tracer(&nothing), 1 << log, 0);
+            let (cache, _) =
+                train(&self.tracer(&nothing), 1 << log, 0, &|_| true);
             let (mut wrong, mut claimed) = (0., 0.);
             for (hit, truth) in hits.iter().zip(&truths) {
                 let name = cache.grid().name(hit.point, hit.normal);
@@ -534,7 +535,8 @@ impl Stage {
         let learning = gather.pass(&mut film.clone(), 0, &|_| true);
         let nothing = RadianceCache::empty(Grid::around(&[]));
         let tracer = self.tracer(&nothing);
-        let (_, training) = train(&tracer, sampling.training, split_mix(0));
+        let (_, training) =
+            train(&tracer, sampling.training, split_mix(0), &|_| true);
         let all = gather.pass(&mut film.clone(), samples, &|_| true);
         gather.correction = None;
         let gathered = gather.pass(&mut film.clone(), samples, &|_| true);

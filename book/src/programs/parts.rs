@@ -207,8 +207,8 @@ impl Stage<'_> {
         let nothing = RadianceCache::empty(Grid::around(&[]));
         let tracer = self.tracer(&nothing);
         let rays = sampling.training;
-        let (cache, training) = train(&tracer, rays, seed);
-        let (hasty, haste) = train(&tracer, rays / 10, seed);
+        let (cache, training) = train(&tracer, rays, seed, &|_| true);
+        let (hasty, haste) = train(&tracer, rays / 10, seed, &|_| true);
         let film = self.film(&sampling);
         // Send out the pilot
         let uncorrected = Estimator {
@@ -224,6 +224,7 @@ impl Stage<'_> {
             &plan,
             film.blank(),
             film.replicate(),
+            &|_| true,
         );
         // Put together what was learnt
         let counts = vec![film.replicate() as u32; film.area() as usize];

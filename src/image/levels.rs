@@ -1,0 +1,122 @@
+// Licensed under the GPL, version 3 or later
+// Copyright (C) 2026 litpt contributors
+//
+// This program is free software: you can redistribute it and/or modify it
+// under the terms of the GNU General Public License as published by the Free
+// Software Foundation, either version 3 of the License, or (at your option)
+// any later version. It comes with NO WARRANTY: see COPYING for details.
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The grey levels of an image, with its gaps filled.
+
+use std::io;
+
+use rayon::prelude::*;
+
+use super::data::Means;
+use super::srgb::level;
+
+// Go through an image by rows of squares
+/// Width and height of a square in pixels.
+const SIDE: usize = 16;
+
+/// Hands the means of the rows of each row of squares to `work`, of which
+/// one in `step` is enough.
+fn by_squares(
+    image: &dyn Means,
+    step: usize,
+    mut work: impl FnMut(&[f64]) -> io::Result<()>,
+) -> io::Result<()> {
+    let (width, height) = (image.size().0 as usize, image.size().1);
+    let mut means = vec![0.; SIDE * width];
+    for top in (0..height).step_by(SIDE) {
+        let rows = (height - top).min(SIDE as u32) as usize;
+        let means = &mut means[..rows.div_ceil(step) * width];
+        let rows = means.par_chunks_mut(width).enumerate();
+        rows.for_each(|(k, row)| image.row(top + (k * step) as u32, row));
+        work(means)?;
+    }
+    Ok(())
+}
+
+// Fill the gaps of a grid
+/// The mean of each square, row by row, or of what is around it; empty if
+/// there are no gaps.
+fn fill(image: &dyn Means) -> io::Result<Vec<f64>> {
+    if !image.has_gaps() {
+        return Ok(vec![]);
+    }
+    let width = image.size().0 as usize;
+    let columns = width.div_ceil(SIDE);
+    let mut squares = vec![];
+    by_squares(image, 4, |means| {
+        let sums = (0..columns).into_par_iter().map(|k| {
+            let rows = means.chunks(width);
+            let rows = rows.map(|row| &row[k * SIDE..]);
+            let own = rows.flat_map(|row| row.iter().take(SIDE));
+            own.filter(|mean| !mean.is_nan())
+                .fold((0., 0.), |(sum, count), mean| {
+                    (sum + mean, count + 1.)
+                })
+        });
+        squares.par_extend(sums);
+        Ok(())
+    })?;
+    fill_gaps(&mut squares, columns);
+    Ok(squares.iter().map(|(sum, count)| sum / count).collect())
+}
+
+/// Gives each square without a mean the sums of the larger one around it.
+fn fill_gaps(squares: &mut [(f64, f64)], columns: usize) {
+    let half = columns.div_ceil(2);
+    let around = |i: usize| i / columns / 2 * half + i % columns / 2;
+    if squares.len() == 1 {
+        return;
+    }
+    let mut larger = vec![(0., 0.); around(squares.len() - 1) + 1];
+    for (i, (sum, count)) in squares.iter().enumerate() {
+        let (all, number) = &mut larger[around(i)];
+        (*all, *number) = (*all + sum, *number + count);
+    }
+    fill_gaps(&mut larger, half);
+    for (i, square) in squares.iter_mut().enumerate() {
+        if square.1 == 0. {
+            *square = larger[around(i)];
+        }
+    }
+}
+
+/// Hands the levels of the pixels, encoded by the sRGB curve, to `write`,
+/// some rows at a time; `white` is the highest level.
+pub fn levels(
+    image: &dyn Means,
+    white: u16,
+    mut write: impl FnMut(&[u16]) -> io::Result<()>,
+) -> io::Result<()> {
+    let width = image.size().0 as usize;
+    let (mut all, columns) = (vec![0; SIDE * width], width.div_ceil(SIDE));
+    let fill = fill(image)?;
+    let fill: Vec<_> = fill.iter().map(|&x| level(x, white)).collect();
+    let mut fill = fill.chunks(columns);
+    by_squares(image, 1, |means| {
+        let fill = fill.next().unwrap_or_default();
+        // Turn some rows into levels
+        let rows = all.par_chunks_mut(width).zip(means.par_chunks(width));
+        rows.for_each(|(levels, means)| {
+            let squares = levels.chunks_mut(SIDE).zip(means.chunks(SIDE));
+            for (k, (levels, means)) in squares.enumerate() {
+                let gaps =
+                    means.iter().filter(|mean| mean.is_nan()).count();
+                if gaps > 0 {
+                    levels.fill(fill[k]);
+                }
+                let known = levels.iter_mut().zip(means);
+                if gaps < means.len() {
+                    known
+                        .filter(|(_, mean)| !mean.is_nan())
+                        .for_each(|(own, &mean)| *own = level(mean, white));
+                }
+            }
+        });
+        write(&all[..means.len()])
+    })
+}
