@@ -386,10 +386,10 @@ fn a_signal_that_is_ignored_from_the_start_stays_ignored() {
 fn a_signal_and_the_time_stop_within_the_first_sample() {
     let place = Scratch::new();
     place.put("box.obj", BOX);
-    let scene = ["-q", "-ibox.obj", "-d2048x1536", "-n2", "--keep-all"];
-    let more = ["-r.99", "--integrator=reference"];
+    let scene = ["-q", "-ibox.obj", "-n2", "--keep-all"];
+    let more = ["-r.99", "--integrator=reference", "-d2048x1536"];
     let all = [&scene[..], &FILES, &more].concat();
-    let short = [&all[..], &["--time=1", "-f"]].concat();
+    let short = [&all[..], &["--time=1", "-d1024x768", "-f"]].concat();
     for timed in [false, true] {
         let mut child = match timed {
             true => place.pt(&short).spawn().unwrap(),
