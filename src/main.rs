@@ -394,7 +394,7 @@ fn load(
         scene: SceneFile { file, sha256, triangles },
         settings: arguments.settings(),
         load_seconds: began.elapsed().as_secs_f64(),
-        ..Report::begin()
+        ..Report::begin("pt")
     };
     Ok((scene, known))
 }

@@ -600,6 +600,30 @@ fn the_image_of_the_errors_says_what_white_is() {
 }
 
 #[test]
+fn a_report_names_the_program_that_wrote_it() {
+    let place = Scratch::new();
+    let program = |file: &str| {
+        let report: serde_json::Value =
+            serde_json::from_slice(&place.get(file)).unwrap();
+        report["program"].as_str().unwrap().to_owned()
+    };
+    let part = ["-q", "room.obj", "-d8x8", "-n2"];
+    for (samples, file) in [("0..1", "a"), ("1..2", "b")] {
+        let (state, report) =
+            (format!("{file}.litpt"), format!("{file}.json"));
+        let shard =
+            ["--samples", samples, "-o", &state, "--report", &report];
+        place.run(&[&part[..], &shard].concat()).succeeded();
+    }
+    let version = env!("CARGO_PKG_VERSION");
+    assert_eq!(program("a.json"), format!("pt {version}"));
+    let merge = ["merge", "a.litpt", "b.litpt", "-o", "m.exr"];
+    let report = ["--report", "m.json"];
+    run(&place, &[&merge[..], &report].concat()).succeeded();
+    assert_eq!(program("m.json"), format!("ptimg {version}"));
+}
+
+#[test]
 fn help_lists_every_verb_and_its_options() {
     let place = Scratch::new();
     let help = run(&place, &["--help"]);
