@@ -214,7 +214,8 @@ fn a_comparison_that_cannot_be_made_has_status_2() {
     diff("a.exr", "none.exr").failed(2, &["none.exr: cannot read"]);
     diff("a.exr", "room.obj").failed(2, &["room.obj: it is neither"]);
     diff("-", "-").failed(2, &["standard input", "once"]);
-    diff("a.pfm", "a.pfm").failed(2, &["a.pfm", "errors"]);
+    write(&place, "b.pfm", &put(&place, "b.exr", 2, 0.5));
+    diff("a.pfm", "b.pfm").failed(2, &["a.pfm", "errors"]);
     let small = Image { width: 30, height: 40, ..image };
     write(&place, "b.exr", &small);
     diff("a.exr", "b.exr").failed(2, &["40x30", "30x40"]);
@@ -597,6 +598,22 @@ fn the_image_of_the_errors_says_what_white_is() {
     let nothing = ["stderr", "b.exr", "-o", "n.pgm"];
     run(&place, &nothing).failed(1, &["b.exr", "stderr.Y"]);
     assert!(!place.path("n.pgm").exists());
+}
+
+#[test]
+fn images_without_errors_may_be_identical() {
+    let place = Scratch::new();
+    let image = put(&place, "a.exr", 1, 0.5);
+    write(&place, "a.pfm", &image);
+    fs::copy(place.path("a.pfm"), place.path("c.pfm")).unwrap();
+    let same = run(&place, &["diff", "a.pfm", "c.pfm", "-o", "z.exr"]);
+    same.succeeded();
+    assert!(
+        text(&same)
+            .ends_with("\nidentical: all pixels have the same values\n")
+    );
+    let z = Image::read(&place.path("z.exr")).unwrap().means;
+    assert_eq!(z, [0.; 1200]);
 }
 
 #[test]
