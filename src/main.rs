@@ -285,7 +285,7 @@ fn read_reference(
     let mut faults = Vec::new();
     let note = &mut |fault: &str| faults.push(fault.to_owned());
     let image = Image::read_noting(path, note)?;
-    if let Some(fault) = faults.pop() {
+    if let Some(fault) = faults.first() {
         return Err(format!(
             "{fault}; a reference needs the radiance of each pixel"
         ));

@@ -11,6 +11,8 @@ use std::fs;
 use std::io::Write;
 
 use common::{Run, Scratch, finish, pgm};
+use exr::math::Vec2;
+use exr::prelude::{AnyChannel, AnyChannels, FlatSamples, WritableImage};
 use litpt::image::Image;
 use litpt::output::ImageTarget;
 use rand::{RngExt, SeedableRng};
@@ -614,6 +616,54 @@ fn images_without_errors_may_be_identical() {
     );
     let z = Image::read(&place.path("z.exr")).unwrap().means;
     assert_eq!(z, [0.; 1200]);
+}
+
+/// An image of the pixel 1,0 of 40x30, as a renderer writes it that was
+/// asked for no more.
+fn put_crop(place: &Scratch, name: &str) {
+    let channel = AnyChannel::new("Y", FlatSamples::F32(vec![0.5]));
+    let channels = AnyChannels::sort([channel].into_iter().collect());
+    let mut image = exr::prelude::Image::from_channels((1, 1), channels);
+    image.attributes.display_window.size = Vec2(40, 30);
+    image.layer_data.attributes.layer_position = Vec2(1, 0);
+    image.write().to_file(place.path(name)).unwrap();
+}
+
+#[test]
+fn the_windows_of_an_image_are_told_by_every_verb() {
+    let place = Scratch::new();
+    put(&place, "a.exr", 1, 0.5);
+    put_crop(&place, "c.exr");
+    let windows = "c.exr: its data window 1,0,1x1 is not its display \
+                   window 0,0,40x30";
+    for arguments in [
+        &["info", "c.exr"][..],
+        &["diff", "a.exr", "c.exr"],
+        &["diff", "c.exr", "c.exr"],
+        &["tonemap", "c.exr", "-o", "c.pgm"],
+    ] {
+        let run = run(&place, arguments);
+        run.succeeded();
+        assert!(run.stderr.contains(windows), "{}", run.stderr);
+    }
+    let info = run(&place, &["info", "c.exr"]);
+    assert!(text(&info).starts_with("c.exr: 40x30 pixels"), "{info:?}");
+    assert!(text(&info).contains("mean radiance: 0.500000"), "{info:?}");
+    let diff = run(&place, &["diff", "a.exr", "c.exr"]);
+    assert!(text(&diff).contains("not tested: 1199 pixels"), "{diff:?}");
+    let (.., levels) = pgm(&place.get("c.pgm"));
+    assert!(levels[..3] == [0, 187, 0], "{:?}", &levels[..3]);
+    for arguments in [
+        &["stderr", "c.exr", "-o", "e.pgm"][..],
+        &["merge", "a.exr", "c.exr", "-o", "m.exr"],
+    ] {
+        let run = run(&place, arguments);
+        assert_eq!(run.status, Some(1));
+        assert!(run.stderr.contains(windows), "{}", run.stderr);
+    }
+    let reference = ["-iroom.obj", "-d40x30", "--reference", "c.exr"];
+    let refused = place.run(&reference);
+    refused.failed(1, &[windows, "a reference needs"]);
 }
 
 #[test]
