@@ -23,8 +23,7 @@ pub(crate) mod srgb;
 use std::io::{self, Read, Write};
 use std::path::Path;
 
-pub use data::{Image, Means, REPLICATE};
-use srgb::COLOURS;
+pub use data::{Image, Means, Note, REPLICATE};
 
 // Choose among the image formats
 /// How an image becomes bytes.
@@ -81,9 +80,7 @@ pub fn extension(path: &Path) -> Option<String> {
 }
 
 // Read an image back
-/// What is said of levels, grey or of colours.
-const LEVELS: &str = "it holds grey levels or colours, which are read by \
-     the sRGB curve, and of colours the luminance is taken";
+const NEITHER: &str = "it is neither EXR, PFM, PNG nor PGM";
 
 impl Image {
     /// Reads a file of any of the formats; see [`Image::read_noting`].
@@ -101,10 +98,7 @@ impl Image {
     /// # Errors
     /// The file cannot be read, and those of [`Image::decode`]; the
     /// message names the file and the fault.
-    pub fn read_noting(
-        path: &Path,
-        note: &mut dyn FnMut(&str),
-    ) -> Result<Self, String> {
+    pub fn read_noting(path: &Path, note: Note) -> Result<Self, String> {
         let mut bytes = Vec::new();
         let (name, read) = match path.to_str() {
             Some("-") => {
@@ -127,30 +121,23 @@ impl Image {
     ///
     /// # Errors
     /// The bytes are damaged, or of another kind of file.
-    pub fn decode(
-        bytes: &[u8],
-        note: &mut dyn FnMut(&str),
-    ) -> Result<Self, String> {
-        match bytes.get(..2) {
-            Some(b"PF") => note(COLOURS),
-            Some(b"P2" | b"P5" | b"\x89P") => note(LEVELS),
-            _ => (),
-        }
+    pub fn decode(bytes: &[u8], note: Note) -> Result<Self, String> {
         let image = match bytes.get(..2) {
             Some([0x76, 0x2f]) => exr::read(bytes, note),
-            Some(b"Pf" | b"PF") => pfm::read(bytes),
-            Some(b"P2" | b"P5") => pgm::read(bytes),
-            Some(b"\x89P") => png::read(bytes),
-            _ => Err("it is neither EXR, PFM, PNG nor PGM".to_owned()),
+            Some(b"Pf" | b"PF") => pfm::read(bytes, note),
+            Some(b"P2" | b"P5") => pgm::read(bytes, note),
+            Some(b"\x89P") => png::read(bytes, note),
+            // Name the sisters of the greymap
+            Some(b"P1" | b"P4") => Err(format!("{NEITHER}, but PBM")),
+            Some(b"P3" | b"P6") => Err(format!("{NEITHER}, but PPM")),
+            Some(b"P7") => Err(format!("{NEITHER}, but PAM")),
+            _ => Err(NEITHER.to_owned()),
         };
         image?.sifted(note)
     }
 
     // Leave out what is not a number
-    fn sifted(
-        mut self,
-        note: &mut dyn FnMut(&str),
-    ) -> Result<Self, String> {
+    fn sifted(mut self, note: Note) -> Result<Self, String> {
         let width = self.width as usize;
         let mut lost = Vec::new();
         for (i, mean) in self.means.iter_mut().enumerate() {

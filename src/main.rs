@@ -356,7 +356,7 @@ fn read_reference(
     let mut faults = Vec::new();
     let note = &mut |fault: &str| faults.push(fault.to_owned());
     let image = Image::read_noting(path, note)?;
-    if let Some(fault) = faults.pop() {
+    if let Some(fault) = faults.first() {
         return Err(format!(
             "{fault}; a reference needs the radiance of each pixel"
         ));
@@ -465,7 +465,7 @@ fn load(
         scene: SceneFile { file, sha256, triangles },
         settings: arguments.settings(),
         load_seconds: began.elapsed().as_secs_f64(),
-        ..Report::begin()
+        ..Report::begin("pt")
     };
     Ok((scene, known))
 }

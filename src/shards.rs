@@ -322,7 +322,7 @@ impl Sum {
             left_out,
             load_seconds,
             build_seconds,
-            ..Report::begin()
+            ..Report::begin("ptimg")
         };
         Merged { film, convergence, known, run_key, missing }
     }

@@ -284,8 +284,20 @@ fn pixels_of_unknown_error_or_few_samples_are_counted() {
 fn images_that_cannot_be_compared_are_refused() {
     let (a, b) = (row(&[(0., 1.)], 9.), row(&[(0., 1.); 2], 9.));
     assert!(compare(&a, &b).unwrap_err().contains("1x1"));
-    let exact = reference(&[0.]);
-    assert!(compare(&exact, &exact).unwrap_err().contains("errors"));
+    let (exact, other) = (reference(&[0.]), reference(&[1e-300]));
+    assert!(compare(&exact, &other).unwrap_err().contains("errors"));
+}
+
+#[test]
+fn identical_images_need_no_errors() {
+    for means in [[0., 1.], [0.5, f64::NAN], [f64::NAN; 2]] {
+        let image = reference(&means);
+        let difference = compare(&image, &image).unwrap();
+        assert!(difference.identical && difference.consistent());
+        assert_eq!(difference.z, [0., 0.]);
+        let other = reference(&[means[0], 2.]);
+        assert!(compare(&image, &other).unwrap_err().contains("errors"));
+    }
 }
 
 #[test]

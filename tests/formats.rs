@@ -10,10 +10,12 @@ use std::fs;
 use std::io::Cursor;
 use std::path::PathBuf;
 
-use exr::meta::attribute::AttributeValue;
+use exr::math::Vec2;
+use exr::meta::attribute::{AttributeValue, IntegerBounds};
+use exr::meta::header::{ImageAttributes, LayerAttributes};
 use exr::prelude::{
-    AnyChannel, AnyChannels, FlatSamples, Image as ExrImage, WritableImage,
-    f16,
+    AnyChannel, AnyChannels, Encoding, FlatSamples, Image as ExrImage,
+    Layer, SmallVec, WritableImage, f16,
 };
 use litpt::image::{Format, Image};
 use litpt::output::{ImageTarget, OutputTarget};
@@ -225,9 +227,53 @@ fn a_float_map_that_begins_like_white_space_is_read() {
     assert_eq!(read.unwrap().means, [f64::from(number)]);
 }
 
+/// As other programs write them, down to one line for all of it.
+#[test]
+fn headers_of_float_maps_are_read_in_all_their_forms() {
+    let values = [0.25, 0.5, 0.75, 1.];
+    for header in [
+        "Pf\r\n2 2\r\n-1.0\r\n",
+        "Pf 2 2 -1e0 ",
+        "Pf\t2  2\n\n -1\n",
+        "Pf\n# a comment\n2 2 # another\n-1\n",
+        "Pf\n2 2\n-1 \n",
+        "Pf\n2 2\n-1#\n",
+        "Pf\n2 2\n-1\n# a comment\n",
+    ] {
+        let (image, notes) = noted(&pfm(header, &values));
+        assert_eq!(image.means, [0.75, 1., 0.25, 0.5], "{header:?}");
+        assert!(notes.is_empty(), "{notes}");
+    }
+    for header in ["Pf\n2 2\n-1\n", "Pf 2 2 -1 # a comment\r\n"] {
+        let longer = [pfm(header, &values), b"\n".to_vec()].concat();
+        let (image, notes) = noted(&longer);
+        assert_eq!(image.means, [0.75, 1., 0.25, 0.5], "{header:?}");
+        assert_eq!(notes, "its last 1 bytes are ignored");
+    }
+    let files = Files::new();
+    for header in ["Pf4\n1 1\n-1\n", "PF2\n1 1\n-1\n"] {
+        files.refuse(&pfm(header, &values), &["its kind is", "not PF"]);
+    }
+    let (image, notes) = noted(&pfm("PF4\n1 1\n-1\n", &values));
+    close(&image.means, &[luminance([0.25, 0.5, 0.75])]);
+    assert!(notes.contains("luminance"), "{notes}");
+    let mut map = b"Pf\n1 1\n+1.000000\n".to_vec();
+    map.extend(0.5f32.to_be_bytes());
+    assert_eq!(decode(&map).unwrap().means, [0.5]);
+}
+
 #[test]
 fn files_of_other_kinds_are_refused_with_the_reason() {
     let files = Files::new();
+    for (kind, name) in [
+        ("P1", "PBM"),
+        ("P3", "PPM"),
+        ("P4", "PBM"),
+        ("P6", "PPM"),
+        ("P7", "PAM"),
+    ] {
+        files.refuse(&pfm(kind, &[1.]), &[", but ", name]);
+    }
     let jpeg = b"\xff\xd8\xff\xe0\0\x10JFIF\0";
     for other in [&b"v 0 0 0"[..], b"", b"P3 1 1 255 1 2 3", jpeg] {
         files.refuse(other, &["neither EXR, PFM, PNG nor PGM"]);
@@ -287,6 +333,10 @@ fn grey_levels_of_other_programs_are_radiances_of_the_srgb_curve() {
         &b"P2\n# a comment\n3 1 # another\n255\n0 51\n255\n"[..],
         b"P5 3 1 255\n\0\x33\xff",
         b"P5\n3 1\n65535\n\0\0\x33\x33\xff\xff",
+        b"P5\r\n3 1\r\n255\r\n\0\x33\xff",
+        b"P5 3 1#\n255 # a comment\n\0\x33\xff",
+        b"P5 3 1\n255\n# a comment\n\0\x33\xff",
+        b"P2 3 1\n255# a comment\n\n0 51#\n255",
     ] {
         let (image, notes) = noted(file);
         assert_eq!((image.width, image.height), (3, 1));
@@ -296,11 +346,81 @@ fn grey_levels_of_other_programs_are_radiances_of_the_srgb_curve() {
     }
     let files = Files::new();
     files.refuse(b"P2 2 1 255 7", &["1 levels", "says 2"]);
-    files.refuse(b"P5 2 1 255\n123", &["3 levels", "says 2"]);
-    files.refuse(b"P5 4294967295 4294967295 255\n1", &["1 levels"]);
+    files.refuse(b"P2 2 1 255 7 7 7", &["3 levels", "says 2"]);
+    files.refuse(b"P5 3 1 255\n12", &["2 bytes", "says 3"]);
+    files.refuse(b"P5 4294967295 4294967295 255\n1", &["1 bytes"]);
     files.refuse(b"P2 2 1 255 7 x", &["no number"]);
     files.refuse(b"P2 0 1 255", &["header"]);
     files.refuse(b"P5 2 1 0\n12", &["header"]);
+}
+
+/// Levels may look like line ends and comments.
+#[test]
+fn what_follows_the_levels_is_ignored_and_said() {
+    let header = b"P5 3 1 255\n";
+    for levels in [b"\n\n\n", b"#\n3", b" \n\r"] {
+        let expected = levels.map(|level| radiance(level as f64 / 255.));
+        let whole = [&header[..], levels].concat();
+        close(&noted(&whole).0.means, &expected);
+        for more in [&b"\n"[..], &whole] {
+            let (image, notes) = noted(&[&whole, more].concat());
+            close(&image.means, &expected);
+            let words = format!("last {} bytes are ignored", more.len());
+            assert!(notes.contains(&words), "{notes}");
+        }
+    }
+}
+
+/// A grey PNG file of 8x8 pixels of 16 bits and of level one half, with
+/// these chunks.
+fn half(chunks: &[(&[u8; 4], &[u8])]) -> Vec<u8> {
+    let mut bytes = vec![];
+    let mut encoder = png::Encoder::new(&mut bytes, 8, 8);
+    encoder.set_depth(png::BitDepth::Sixteen);
+    let mut writer = encoder.write_header().unwrap();
+    for (kind, data) in chunks {
+        let kind = png::chunk::ChunkType(**kind);
+        writer.write_chunk(kind, data).unwrap();
+    }
+    writer.write_image_data(&[128, 0].repeat(64)).unwrap();
+    writer.finish().unwrap();
+    bytes
+}
+
+#[test]
+fn levels_of_a_png_file_have_the_curve_that_it_says() {
+    let gamma = |value: u32| value.to_be_bytes();
+    let (linear, usual) = (&gamma(100_000)[..], &gamma(45_455)[..]);
+    let (none, huge) = (&gamma(0)[..], &gamma(u32::MAX)[..]);
+    let profile = &b"A profile\0\0\x78\x9c\x03\0\0\0\0\x01"[..];
+    let srgb = (b"sRGB", &[0][..]);
+    let coded = |transfer| [1, transfer, 0, 1];
+    let (straight, curved) = (&coded(8)[..], &coded(13)[..]);
+    let level = 32768. / 65535.;
+    let (curve, power) = (radiance(level), level.powf(1. / 0.45455));
+    type Chunks<'a> = &'a [(&'a [u8; 4], &'a [u8])];
+    let files: [(Chunks, f64, &str); 13] = [
+        (&[], curve, "sRGB curve"),
+        (&[srgb, (b"gAMA", linear)], curve, "sRGB curve"),
+        (&[(b"gAMA", usual)], power, "a gamma of 0.45455"),
+        (&[(b"gAMA", linear)], level, "a gamma of 1"),
+        (&[(b"gAMA", none)], curve, "its chunk gAMA is ignored"),
+        (&[(b"gAMA", huge)], curve, "its chunk gAMA is ignored"),
+        (&[(b"gAMA", b"\0")], curve, "its chunk gAMA is ignored"),
+        (&[(b"iCCP", profile)], curve, "iCCP is ignored: A profile"),
+        (&[(b"iCCP", profile), (b"gAMA", linear)], level, "A profile"),
+        (&[(b"cICP", straight), srgb], level, "a gamma of 1"),
+        (&[(b"cICP", curved), (b"gAMA", linear)], curve, "sRGB curve"),
+        (&[(b"cICP", &coded(16))], curve, "its chunk cICP is ignored"),
+        (&[(b"tEXt", b"a\0gAMA"), srgb], curve, "sRGB curve"),
+    ];
+    for (chunks, expected, words) in files {
+        let (image, notes) = noted(&half(chunks));
+        close(&image.means, &[expected; 64]);
+        assert!(notes.contains(words), "{words:?} not in {notes}");
+        let ignored = words.contains("ignored") || words == "A profile";
+        assert_eq!(notes.contains("ignored"), ignored, "{notes}");
+    }
 }
 
 /// A PNG file of two pixels.
@@ -358,6 +478,65 @@ fn png_files_of_all_kinds_are_read() {
 fn an_exr_file_without_luminance_is_refused_with_its_channels() {
     let depth = foreign(&[("Z", FlatSamples::F32(vec![1.; 2]))]);
     Files::new().refuse(&depth, &["neither a channel Y nor R, G", "but Z"]);
+}
+
+/// A window of an EXR file: column and row of its first pixel, and its
+/// size.
+type Window = ((i32, i32), (usize, usize));
+
+/// A part of a file: a channel, whose values tell the pixel.
+fn part(
+    (position, size): Window,
+    name: &str,
+) -> Layer<AnyChannels<FlatSamples>> {
+    let pixels = (0..size.1).flat_map(|y| (0..size.0).map(move |x| (x, y)));
+    let value = |(x, y)| at(position.0 + x as i32, position.1 + y as i32);
+    let values = pixels.map(value).map(|value| value as f32).collect();
+    let channel = AnyChannel::new("Y", FlatSamples::F32(values));
+    let channels = AnyChannels::sort(SmallVec::from_vec(vec![channel]));
+    let named = LayerAttributes::named(name);
+    let named = named.with_position(Vec2(position.0, position.1));
+    Layer::new(size, named, Encoding::UNCOMPRESSED, channels)
+}
+
+fn at(x: i32, y: i32) -> f64 {
+    f64::from(100 * y + x)
+}
+
+#[test]
+fn the_display_window_of_an_exr_file_is_what_is_read() {
+    let display: Window = ((-2, 3), (4, 3));
+    let other = ((7, 7), (2, 2));
+    for (data, told) in [
+        (display, ""),
+        (((-2, 3), (3, 2)), "-2,3,3x2"),
+        (((-4, 1), (9, 9)), "-4,1,9x9"),
+        (((-1, 3), (4, 3)), "-1,3,4x3"),
+        (((-3, 4), (2, 5)), "-3,4,2x5"),
+        (((70, 70), (1, 1)), "70,70,1x1"),
+    ] {
+        let bounds = |(position, size): Window| {
+            IntegerBounds::new(Vec2(position.0, position.1), size)
+        };
+        let shown = ImageAttributes::new(bounds(display));
+        let parts = vec![part(data, "first"), part(other, "second")];
+        let file = ExrImage::from_layers(shown, parts);
+        let mut bytes = vec![];
+        file.write().to_buffered(Cursor::new(&mut bytes)).unwrap();
+        let (image, notes) = noted(&bytes);
+        assert_eq!((image.width, image.height), (4, 3));
+        for (i, &mean) in image.means.iter().enumerate() {
+            let (x, y) = (i as i32 % 4 - 2, i as i32 / 4 + 3);
+            let ((left, top), (width, height)) = data;
+            let inside = (left..left + width as i32).contains(&x)
+                && (top..top + height as i32).contains(&y);
+            assert_eq!(mean.is_nan(), !inside, "{x},{y} of {data:?}");
+            assert!(!inside || mean == at(x, y), "{x},{y} of {data:?}");
+        }
+        assert_eq!(notes.contains("data window"), data != display);
+        assert!(notes.contains(told), "{notes}");
+        assert!(told.is_empty() || notes.contains("-2,3,4x3"), "{notes}");
+    }
 }
 
 /// A file of two pixels, as another program may write it.
@@ -422,7 +601,7 @@ fn a_header_that_promises_more_than_the_file_holds_is_refused() {
     let huge = "Pf\n1000000000 1000000000\n-1\n";
     files.refuse(&pfm(huge, &[1.]), &["4 bytes", "4000000000000000000"]);
     files.refuse(&pfm("Pf\n4294967295 4294967295\n-1\n", &[]), &["bytes"]);
-    files.refuse(&pfm("Pf\n1 1\n-1\n", &[1., 2.]), &["8 bytes"]);
+    files.refuse(&pfm("Pf\n1 2\n-1\n", &[1.]), &["4 bytes", "8"]);
     for header in ["Pf\n0 1\n-1\n", "Pf\n1 1\n0\n", "Pf\n1 1\nNaN\n", "Pf"]
     {
         files.refuse(&pfm(header, &[]), &[]);
@@ -433,6 +612,11 @@ fn a_header_that_promises_more_than_the_file_holds_is_refused() {
     let corner = window.unwrap() + 11 + "box2i\0".len() + 4 + 8;
     exr[corner..corner + 4].copy_from_slice(&999_999_999u32.to_le_bytes());
     files.refuse(&exr, &["1000000000 by 2"]);
+    let mut exr = bytes(Format::Exr, &image());
+    let window = exr.windows(14).position(|w| w == b"displayWindow\0");
+    let corner = window.unwrap() + 14 + "box2i\0".len() + 4 + 8;
+    exr[corner..corner + 4].copy_from_slice(&999_999_999u32.to_le_bytes());
+    files.refuse(&exr, &["window", "1000000000 by 2"]);
 }
 
 #[test]

@@ -11,6 +11,8 @@ use std::fs;
 use std::io::Write;
 
 use common::{Run, Scratch, finish, pgm};
+use exr::math::Vec2;
+use exr::prelude::{AnyChannel, AnyChannels, FlatSamples, WritableImage};
 use litpt::image::Image;
 use litpt::output::ImageTarget;
 use rand::{RngExt, SeedableRng};
@@ -214,7 +216,8 @@ fn a_comparison_that_cannot_be_made_has_status_2() {
     diff("a.exr", "none.exr").failed(2, &["none.exr: cannot read"]);
     diff("a.exr", "room.obj").failed(2, &["room.obj: it is neither"]);
     diff("-", "-").failed(2, &["standard input", "once"]);
-    diff("a.pfm", "a.pfm").failed(2, &["a.pfm", "errors"]);
+    write(&place, "b.pfm", &put(&place, "b.exr", 2, 0.5));
+    diff("a.pfm", "b.pfm").failed(2, &["a.pfm", "errors"]);
     let small = Image { width: 30, height: 40, ..image };
     write(&place, "b.exr", &small);
     diff("a.exr", "b.exr").failed(2, &["40x30", "30x40"]);
@@ -597,6 +600,94 @@ fn the_image_of_the_errors_says_what_white_is() {
     let nothing = ["stderr", "b.exr", "-o", "n.pgm"];
     run(&place, &nothing).failed(1, &["b.exr", "stderr.Y"]);
     assert!(!place.path("n.pgm").exists());
+}
+
+#[test]
+fn images_without_errors_may_be_identical() {
+    let place = Scratch::new();
+    let image = put(&place, "a.exr", 1, 0.5);
+    write(&place, "a.pfm", &image);
+    fs::copy(place.path("a.pfm"), place.path("c.pfm")).unwrap();
+    let same = run(&place, &["diff", "a.pfm", "c.pfm", "-o", "z.exr"]);
+    same.succeeded();
+    assert!(
+        text(&same)
+            .ends_with("\nidentical: all pixels have the same values\n")
+    );
+    let z = Image::read(&place.path("z.exr")).unwrap().means;
+    assert_eq!(z, [0.; 1200]);
+}
+
+/// An image of the pixel 1,0 of 40x30, as a renderer writes it that was
+/// asked for no more.
+fn put_crop(place: &Scratch, name: &str) {
+    let channel = AnyChannel::new("Y", FlatSamples::F32(vec![0.5]));
+    let channels = AnyChannels::sort([channel].into_iter().collect());
+    let mut image = exr::prelude::Image::from_channels((1, 1), channels);
+    image.attributes.display_window.size = Vec2(40, 30);
+    image.layer_data.attributes.layer_position = Vec2(1, 0);
+    image.write().to_file(place.path(name)).unwrap();
+}
+
+#[test]
+fn the_windows_of_an_image_are_told_by_every_verb() {
+    let place = Scratch::new();
+    put(&place, "a.exr", 1, 0.5);
+    put_crop(&place, "c.exr");
+    let windows = "c.exr: its data window 1,0,1x1 is not its display \
+                   window 0,0,40x30";
+    for arguments in [
+        &["info", "c.exr"][..],
+        &["diff", "a.exr", "c.exr"],
+        &["diff", "c.exr", "c.exr"],
+        &["tonemap", "c.exr", "-o", "c.pgm"],
+    ] {
+        let run = run(&place, arguments);
+        run.succeeded();
+        assert!(run.stderr.contains(windows), "{}", run.stderr);
+    }
+    let info = run(&place, &["info", "c.exr"]);
+    assert!(text(&info).starts_with("c.exr: 40x30 pixels"), "{info:?}");
+    assert!(text(&info).contains("mean radiance: 0.500000"), "{info:?}");
+    let diff = run(&place, &["diff", "a.exr", "c.exr"]);
+    assert!(text(&diff).contains("not tested: 1199 pixels"), "{diff:?}");
+    let (.., levels) = pgm(&place.get("c.pgm"));
+    assert!(levels[..3] == [0, 187, 0], "{:?}", &levels[..3]);
+    for arguments in [
+        &["stderr", "c.exr", "-o", "e.pgm"][..],
+        &["merge", "a.exr", "c.exr", "-o", "m.exr"],
+    ] {
+        let run = run(&place, arguments);
+        assert_eq!(run.status, Some(1));
+        assert!(run.stderr.contains(windows), "{}", run.stderr);
+    }
+    let reference = ["-iroom.obj", "-d40x30", "--reference", "c.exr"];
+    let refused = place.run(&reference);
+    refused.failed(1, &[windows, "a reference needs"]);
+}
+
+#[test]
+fn a_report_names_the_program_that_wrote_it() {
+    let place = Scratch::new();
+    let program = |file: &str| {
+        let report: serde_json::Value =
+            serde_json::from_slice(&place.get(file)).unwrap();
+        report["program"].as_str().unwrap().to_owned()
+    };
+    let part = ["-q", "room.obj", "-d8x8", "-n2"];
+    for (samples, file) in [("0..1", "a"), ("1..2", "b")] {
+        let (state, report) =
+            (format!("{file}.litpt"), format!("{file}.json"));
+        let shard =
+            ["--samples", samples, "-o", &state, "--report", &report];
+        place.run(&[&part[..], &shard].concat()).succeeded();
+    }
+    let version = env!("CARGO_PKG_VERSION");
+    assert_eq!(program("a.json"), format!("pt {version}"));
+    let merge = ["merge", "a.litpt", "b.litpt", "-o", "m.exr"];
+    let report = ["--report", "m.json"];
+    run(&place, &[&merge[..], &report].concat()).succeeded();
+    assert_eq!(program("m.json"), format!("ptimg {version}"));
 }
 
 #[test]

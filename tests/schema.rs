@@ -124,7 +124,7 @@ fn of_ranks() -> Report {
         processor_seconds: Some(seconds),
     };
     let ranks = vec![Share::default(); 2];
-    Report { ranks, curve: vec![point], ..Report::begin() }
+    Report { ranks, curve: vec![point], ..Report::begin("pt") }
 }
 
 /// Reports of runs that end in different ways, one of them of a part of an

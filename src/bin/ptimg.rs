@@ -604,6 +604,9 @@ fn common_seed<'a>(a: &'a Image, b: &Image) -> Option<&'a str> {
 
 /// The lines that explain a comparison.
 fn explain(difference: &Difference) -> String {
+    if difference.identical {
+        return "identical: all pixels have the same values".to_owned();
+    }
     // Tell the distances and the mean difference
     let &Difference { rmse, relative_mse, sum, .. } = difference;
     let n = sum.pixels as f64;

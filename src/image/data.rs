@@ -181,3 +181,6 @@ pub fn room(size: u128, bytes: usize) -> bool {
         && usize::try_from(size)
             .is_ok_and(|n| Vec::<u8>::new().try_reserve_exact(n).is_ok())
 }
+
+/// Who is told, in a line, of what was made of a file.
+pub type Note<'a> = &'a mut dyn FnMut(&str);

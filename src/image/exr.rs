@@ -19,13 +19,13 @@ use exr::meta::attribute::{AttributeValue, LineOrder, Text};
 use exr::meta::header::LayerAttributes;
 use exr::prelude::{
     AnyChannel, AnyChannels, Blocks, Compression, Encoding, FlatSamples,
-    Image as ExrImage, Layer, SmallVec,
+    Image as ExrImage, Layer, Sample, SmallVec,
 };
 use exr::prelude::{ReadChannels, ReadLayers, WritableImage};
 use sha2::{Digest, Sha256};
 
-use super::data::{Image, room};
-use super::srgb::{COLOURS, luminance};
+use super::data::{Image, Note, room};
+use super::srgb::{COLOURS, mean};
 
 // Write the channels and attributes
 /// Writes all that the image holds.
@@ -143,14 +143,12 @@ fn checksum(image: &Image) -> String {
 
 // Read the channels and attributes
 /// Reads the first layer of a file that has the channel `Y` or colours;
-/// `bytes` is the whole file. `note` is told of colours.
+/// `bytes` is the whole file. `note` is told of colours, and of windows
+/// that differ.
 ///
 /// # Errors
 /// The file is damaged, or it has neither in full size.
-pub fn read(
-    bytes: &[u8],
-    note: &mut dyn FnMut(&str),
-) -> Result<Image, String> {
+pub fn read(bytes: &[u8], note: Note) -> Result<Image, String> {
     refuse_lies(bytes)?;
     // Decode the first layer of the file
     let film = exr::prelude::read()
@@ -163,24 +161,44 @@ pub fn read(
         .from_buffered(Cursor::new(bytes))
         .map_err(|error| error.to_string())?;
     let layer = film.layer_data;
+    // Lay the data window over the display window
+    let data = layer.absolute_bounds();
+    let display = film.attributes.display_window;
+    if data != display {
+        let [data, display] = [data, display].map(|window| {
+            let (Vec2(x, y), Vec2(w, h)) = (window.position, window.size);
+            format!("{x},{y},{w}x{h}")
+        });
+        note(&format!(
+            "its data window {data} is not its display window {display}: \
+             it is read as the latter, with what the former has of it"
+        ));
+    }
+    let Vec2(right, down) = display.position - data.position;
+    let place = |i: usize| {
+        let x = (i % display.size.0).wrapping_add_signed(right as isize);
+        let y = (i / display.size.0).wrapping_add_signed(down as isize);
+        (x < data.size.0 && y < data.size.1).then(|| x + y * data.size.0)
+    };
     // Require the channel of the means
-    let size = layer.size.area();
-    let values = |name: &str| {
+    let pixels = 0..display.size.area();
+    let values = |name: &str| -> Option<Vec<f64>> {
         let list = &layer.channel_data.list;
         let channel = list.iter().find(|channel| channel.name.eq(name))?;
-        let values: Vec<f64> = match &channel.sample_data {
-            FlatSamples::U32(values) => {
-                values.iter().copied().map(f64::from).collect()
-            }
-            others => others.values_as_f32().map(f64::from).collect(),
+        let samples = &channel.sample_data;
+        let value = |at| match samples.value_by_flat_index(at) {
+            Sample::U32(whole) => whole.into(),
+            real => real.to_f32().into(),
         };
-        (values.len() == size).then_some(values)
+        let value = |i| place(i).map_or(f64::NAN, value);
+        let whole = samples.len() == layer.size.area();
+        whole.then(|| pixels.clone().map(value).collect())
     };
     let coloured = || {
         let colours = [values("R")?, values("G")?, values("B")?];
-        let pixel = |i| luminance([0, 1, 2].map(|k: usize| colours[k][i]));
+        let pixel = |i| mean(&[0, 1, 2].map(|k: usize| colours[k][i]));
         note(COLOURS);
-        Some((0..size).map(pixel).collect())
+        Some(pixels.clone().map(pixel).collect())
     };
     let means = values(MEAN).or_else(coloured).ok_or_else(|| {
         // Say which channels there are instead
@@ -194,8 +212,8 @@ pub fn read(
     let stated = attributes.remove(CHECKSUM);
     let side = |n| u32::try_from(n).map_err(|_| "it is too large");
     let image = Image {
-        width: side(layer.size.width())?,
-        height: side(layer.size.height())?,
+        width: side(display.size.width())?,
+        height: side(display.size.height())?,
         means,
         errors: values(ERROR),
         samples: values(SAMPLES),
@@ -204,7 +222,7 @@ pub fn read(
     };
     // Compare the checksum with the stated one
     let wrong = match stated {
-        Some(stated) => stated != checksum(&image),
+        Some(stated) => data != display || stated != checksum(&image),
         None => !image.attributes.is_empty(),
     };
     if wrong {
@@ -220,17 +238,19 @@ fn refuse_lies(bytes: &[u8]) -> Result<(), String> {
     let meta = MetaData::read_from_buffered(bytes, false)
         .map_err(|error| error.to_string())?;
     for header in &meta.headers {
-        let Vec2(width, height) = header.layer_size;
-        // Ask for room of that size, and give it back
-        let pixel = header.channels.bytes_per_pixel as u128;
-        let size = width as u128 * height as u128 * pixel;
-        let room = room(size, bytes.len());
-        if !room {
-            return Err(format!(
-                "its header says {width} by {height} pixels, which a \
-                 file of {} bytes cannot hold",
-                bytes.len()
-            ));
+        // Refuse windows for which there is no room
+        let display = header.shared_attributes.display_window.size;
+        let pixel = header.channels.bytes_per_pixel;
+        let windows = [(header.layer_size, pixel, 1), (display, 8, 8)];
+        for (Vec2(width, height), pixel, factor) in windows {
+            let size = width as u128 * height as u128 * pixel as u128;
+            if !room(size, factor * bytes.len()) {
+                return Err(format!(
+                    "its header says a window of {width} by {height} pixels, \
+                     which a file of {} bytes cannot have",
+                    bytes.len()
+                ));
+            }
         }
     }
     Ok(())

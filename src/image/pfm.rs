@@ -11,8 +11,9 @@
 
 use std::io::{self, Write};
 
-use super::data::{Image, Means};
-use super::srgb::luminance;
+use super::data::{Image, Means, Note};
+use super::pgm::{raster, word};
+use super::srgb::{COLOURS, mean};
 
 // Write a portable float map
 /// Writes the means, as numbers of least significant byte first.
@@ -29,59 +30,41 @@ pub fn write(image: &dyn Means, out: &mut dyn Write) -> io::Result<()> {
 }
 
 // Read a portable float map
-/// Reads a map of one number per pixel, or of three, whose luminance is
-/// taken; `bytes` is the whole file.
+/// Reads a map of one number per pixel, or of three or four, whose
+/// luminance is taken; `bytes` is the whole file. `note` is told of
+/// colours, and of bytes after the numbers.
 ///
 /// # Errors
-/// The header is not that of such a map, or there are fewer or more
-/// numbers than it says.
-pub fn read(bytes: &[u8]) -> Result<Image, String> {
-    let (header, data) = split(bytes).ok_or("its header is damaged")?;
+/// The header is not that of such a map, or there are fewer numbers than
+/// it says.
+pub fn read(mut bytes: &[u8], note: Note) -> Result<Image, String> {
+    let mut text = || std::str::from_utf8(word(&mut bytes)?).ok();
+    let mut next = || text().ok_or("its header is damaged");
+    let (kind, width, height, scale) = (next()?, next()?, next()?, next()?);
     // Take the size and the unit from the header
-    let [width, height, scale] = header;
+    let kinds = ["Pf", "", "PF", "PF4"];
+    let at = kinds.iter().position(|other| *other == kind);
+    let channels = 1 + at.ok_or(format!("its kind is {kind}, not PF"))?;
     let side = |text: &str| text.parse().ok().filter(|&n: &u32| n > 0);
     let size = side(width).zip(side(height));
     let (width, height) =
         size.ok_or(format!("its size is {width} by {height}"))?;
     let unit = scale.parse().ok().filter(|s: &f32| s.is_normal());
     let unit = unit.ok_or(format!("its scale is {scale}"))?;
-    // Compare the promised bytes with those present
-    let colours = if bytes.starts_with(b"PF") { 3 } else { 1 };
-    let promised = 4 * colours * u128::from(width) * u128::from(height);
-    if data.len() as u128 != promised {
-        return Err(format!(
-            "it holds {} bytes of pixels, and its header says {promised}",
-            data.len()
-        ));
-    }
     // Turn the rows of the map upside down
-    let (words, _) = data.as_chunks::<4>();
+    let promised = u128::from(width) * u128::from(height);
+    let promised = 4 * channels as u128 * promised;
+    let words = raster(bytes, promised, note)?.as_chunks().0;
     let number = |&word: &[u8; 4]| match unit < 0. {
         true => f32::from_le_bytes(word),
         false => f32::from_be_bytes(word),
     };
     let number = |word| f64::from(number(word)) * f64::from(unit.abs());
     let numbers: Vec<f64> = words.iter().map(number).collect();
-    let means: Vec<f64> = match numbers.as_chunks() {
-        (pixels, []) if colours == 3 => {
-            pixels.iter().copied().map(luminance).collect()
-        }
-        _ => numbers,
-    };
+    let means: Vec<f64> = numbers.chunks(channels).map(mean).collect();
     let means = means.rchunks(width as usize).flatten().copied().collect();
+    if channels > 1 {
+        note(COLOURS);
+    }
     Ok(Image::plain(width, height, means))
-}
-
-/// The three words of the header after the first, and the numbers.
-fn split(bytes: &[u8]) -> Option<([&str; 3], &[u8])> {
-    let mut rest = bytes.get(2..)?;
-    let mut word = || {
-        rest = rest.trim_ascii_start();
-        let end = rest.iter().position(u8::is_ascii_whitespace)?;
-        let (word, after) = rest.split_at(end);
-        rest = after;
-        std::str::from_utf8(word).ok()
-    };
-    let header = [word()?, word()?, word()?];
-    Some((header, &rest[1..]))
 }

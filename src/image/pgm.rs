@@ -10,9 +10,9 @@
 
 use std::io::{self, Write};
 
-use super::data::{Image, Means};
+use super::data::{Image, Means, Note};
 use super::levels::levels;
-use super::srgb::radiance;
+use super::srgb::{LEVELS, radiance, whole};
 
 /// Writes the means as 256 levels, encoded by the sRGB curve.
 pub fn write(image: &dyn Means, out: &mut dyn Write) -> io::Result<()> {
@@ -28,44 +28,36 @@ pub fn write(image: &dyn Means, out: &mut dyn Write) -> io::Result<()> {
     })
 }
 
-/// Reads the levels back; `bytes` is the whole file.
+/// Reads the levels back; `bytes` is the whole file. `note` is told of
+/// their curve, and of bytes after them.
 ///
 /// # Errors
-/// The header is damaged, or there are fewer or more levels than it
-/// says.
-pub fn read(mut bytes: &[u8]) -> Result<Image, String> {
+/// The header is damaged, or there are fewer levels than it says, or
+/// more in the plain variant.
+pub fn read(mut bytes: &[u8], note: Note) -> Result<Image, String> {
     let plain = word(&mut bytes) == Some(b"P2");
     let mut next = || number(word(&mut bytes)?);
-    let header = [next(), next(), next()];
     let [Some(width @ 1..), Some(height @ 1..), Some(white @ 1..=65535)] =
-        header
+        [next(), next(), next()]
     else {
         return Err("its header is damaged".to_owned());
     };
+    let promised = u128::from(width) * u128::from(height);
     // Take the levels of a greymap
     let levels: Vec<u32> = if plain {
         let words = std::iter::from_fn(|| word(&mut bytes));
         let levels: Option<_> = words.map(number).collect();
         levels.ok_or("one of its levels is no number")?
     } else {
-        let bytes = bytes.get(1..).unwrap_or_default();
-        match white {
-            ..=255 => bytes.iter().map(|&level| level.into()).collect(),
-            _ => {
-                let (pairs, odd) = bytes.as_chunks();
-                let level = |&pair: &_| u16::from_be_bytes(pair).into();
-                let half = odd.iter().map(|&byte| byte.into());
-                pairs.iter().map(level).chain(half).collect()
-            }
-        }
+        let size = if white > 255 { 2 } else { 1 };
+        let levels = raster(bytes, size as u128 * promised, note)?;
+        levels.chunks(size).map(whole).collect()
     };
-    let promised = u64::from(width) * u64::from(height);
-    if levels.len() as u64 != promised {
-        return Err(format!(
-            "it holds {} levels, and its header says {promised}",
-            levels.len()
-        ));
+    let held = levels.len();
+    if held as u128 != promised {
+        return Err(format!("it has {held} levels, and says {promised}"));
     }
+    note(&format!("{LEVELS} the sRGB curve"));
     let means = levels.into_iter().map(|level| {
         radiance(f64::from(level.min(white)) / f64::from(white))
     });
@@ -73,13 +65,14 @@ pub fn read(mut bytes: &[u8]) -> Result<Image, String> {
 }
 
 /// Takes the next word, past white space and comments.
-fn word<'a>(bytes: &mut &'a [u8]) -> Option<&'a [u8]> {
+pub fn word<'a>(bytes: &mut &'a [u8]) -> Option<&'a [u8]> {
     *bytes = bytes.trim_ascii_start();
     while let Some(comment) = bytes.strip_prefix(b"#") {
         let end = comment.iter().position(|&byte| byte == b'\n')?;
         *bytes = comment[end..].trim_ascii_start();
     }
-    let end = bytes.iter().position(u8::is_ascii_whitespace);
+    let ends = |byte: &u8| byte.is_ascii_whitespace() || *byte == b'#';
+    let end = bytes.iter().position(ends);
     let (word, rest) = bytes.split_at(end.unwrap_or(bytes.len()));
     *bytes = rest;
     (!word.is_empty()).then_some(word)
@@ -87,4 +80,36 @@ fn word<'a>(bytes: &mut &'a [u8]) -> Option<&'a [u8]> {
 
 fn number(word: &[u8]) -> Option<u32> {
     std::str::from_utf8(word).ok()?.parse().ok()
+}
+
+/// The bytes of the pixels, as many as promised, of what is left after
+/// the last word of a header. `note` is told of bytes after them.
+///
+/// # Errors
+/// There are fewer.
+pub fn raster<'a>(
+    rest: &'a [u8],
+    promised: u128,
+    note: Note,
+) -> Result<&'a [u8], String> {
+    let size = usize::try_from(promised).unwrap_or(usize::MAX);
+    // Find the end of the header by the length of the file
+    let most = rest.len().saturating_sub(size);
+    let blank = |end: usize| {
+        rest[..end].ends_with(b"\n") && word(&mut &rest[..end]).is_none()
+    };
+    let start = match rest.iter().position(|&byte| byte == b'\n') {
+        _ if rest[..most].contains(&b'#') && blank(most) => most,
+        Some(end) if end < most && blank(end + 1) => end + 1,
+        _ => 1,
+    };
+    let data = rest.get(start..).unwrap_or_default();
+    let (data, others) = data.split_at_checked(size).ok_or_else(|| {
+        let held = data.len();
+        format!("it has {held} bytes of pixels; its header says {promised}")
+    })?;
+    if !others.is_empty() {
+        note(&format!("its last {} bytes are ignored", others.len()));
+    }
+    Ok(data)
 }

@@ -10,12 +10,12 @@
 
 use std::io::{self, Cursor, Write};
 
-use png::{BitDepth, ColorType, Compression, Decoder, Encoder};
+use png::{BitDepth, ColorType, Compression, Decoder, Encoder, Info};
 use png::{SrgbRenderingIntent, Transformations};
 
-use super::data::{Image, Means, room};
+use super::data::{Image, Means, Note, room};
 use super::levels::levels;
-use super::srgb::{luminance, radiance};
+use super::srgb::{LEVELS, mean, radiance, whole};
 
 /// Writes the means as 65536 levels, encoded by the sRGB curve.
 pub fn write(image: &dyn Means, out: &mut dyn Write) -> io::Result<()> {
@@ -45,11 +45,12 @@ pub fn write(image: &dyn Means, out: &mut dyn Write) -> io::Result<()> {
 /// Pixels of an image from which on speed counts more than size.
 const LARGE: u32 = 1 << 22;
 
-/// Reads the levels back; `bytes` is the whole file.
+/// Reads the levels back; `bytes` is the whole file. `note` is told of
+/// their curve.
 ///
 /// # Errors
 /// The file is damaged.
-pub fn read(bytes: &[u8]) -> Result<Image, String> {
+pub fn read(bytes: &[u8], note: Note) -> Result<Image, String> {
     let mut decoder = Decoder::new(Cursor::new(bytes));
     decoder.set_transformations(Transformations::EXPAND);
     let fault = |error: png::DecodingError| error.to_string();
@@ -57,32 +58,63 @@ pub fn read(bytes: &[u8]) -> Result<Image, String> {
     let size = reader.output_buffer_size();
     let size = size.filter(|&size| room(size as u128, bytes.len()));
     let mut levels = vec![0; size.ok_or("its size is a lie")?];
+    let gamma = gamma(reader.info(), bytes, note);
     let frame = reader.next_frame(&mut levels).map_err(fault)?;
+    // Undo the curve for the levels of a PNG file
     let wide = frame.bit_depth == BitDepth::Sixteen;
-    let levels = radiances(&levels, wide);
+    let (size, white) = if wide { (2, 65535.) } else { (1, 255.) };
+    let levels = levels.chunks(size).map(|l| f64::from(whole(l)) / white);
+    let levels: Vec<f64> = match gamma {
+        Some(gamma) => levels.map(|l| libm::pow(l, 1. / gamma)).collect(),
+        None => levels.map(radiance).collect(),
+    };
     let means = levels.chunks(frame.color_type.samples());
     let means = means.map(mean).collect();
     Ok(Image::plain(frame.width, frame.height, means))
 }
 
-// Undo the curve for the levels of a PNG file
-/// The radiances of levels of one or of two bytes.
-fn radiances(levels: &[u8], wide: bool) -> Vec<f64> {
-    let narrow = |&level: &u8| radiance(f64::from(level) / 255.);
-    let pair = |&level: &[u8; 2]| {
-        radiance(f64::from(u16::from_be_bytes(level)) / 65535.)
+// Find the curve of a PNG file
+/// The exponent of the levels, 1 if they are proportional to radiance;
+/// none if their curve is that of sRGB. `bytes` is the whole file.
+fn gamma(info: &Info, bytes: &[u8], note: Note) -> Option<f64> {
+    let coded = info.coding_independent_code_points;
+    let full = coded.filter(|c| c.is_video_full_range_image);
+    let coded = full.map(|c| c.transfer_function);
+    let coded = coded.filter(|c| matches!(c, 8 | 13));
+    let gamma = info.gama_chunk.map(|g| f64::from(g.into_scaled()) / 1e5);
+    let gamma = gamma.filter(|gamma| (0.01..=100.).contains(gamma));
+    // Tell which chunks are ignored
+    let mut rest = &bytes[8..];
+    while let Some((length, after)) = rest.split_first_chunk()
+        && let Some((kind, after)) = after.split_first_chunk()
+        && let size = u32::from_be_bytes(*length) as usize
+        && let Some((data, after)) = after.split_at_checked(size)
+        && kind != b"IDAT"
+    {
+        let understood = match kind {
+            b"cICP" | b"iCCP" => coded.is_some(),
+            b"sRGB" => info.srgb.is_some(),
+            b"gAMA" => gamma.is_some(),
+            _ => true,
+        };
+        if !understood {
+            // Name a chunk that is ignored
+            let name = data.split(|b| !(b' '..=b'~').contains(b)).next();
+            let name = name.unwrap_or_default().escape_ascii();
+            let kind = kind.escape_ascii();
+            let text = format!("its chunk {kind} is ignored: {name}");
+            note(text.trim_end_matches(": "));
+        }
+        rest = after.get(4..).unwrap_or_default();
+    }
+    let gamma = match (coded, info.srgb) {
+        (Some(8), _) => Some(1.),
+        (None, None) => gamma,
+        _ => None,
     };
-    match wide {
-        true => levels.as_chunks().0.iter().map(pair).collect(),
-        false => levels.iter().map(narrow).collect(),
-    }
-}
-
-/// The mean of a grey or coloured pixel, whose last number may be its
-/// opacity.
-fn mean(pixel: &[f64]) -> f64 {
-    match *pixel {
-        [r, g, b, ..] => luminance([r, g, b]),
-        _ => pixel[0],
-    }
+    note(&match gamma {
+        Some(gamma) => format!("{LEVELS} a gamma of {gamma}"),
+        None => format!("{LEVELS} the sRGB curve"),
+    });
+    gamma
 }

@@ -31,11 +31,24 @@ pub fn radiance(encoded: f64) -> f64 {
     }
 }
 
-/// The luminance of red, green and blue (Rec. ITU-R BT.709).
-pub fn luminance([r, g, b]: [f64; 3]) -> f64 {
-    0.2126 * r + 0.7152 * g + 0.0722 * b
+/// The mean of a pixel: of red, green and blue the luminance (Rec. ITU-R
+/// BT.709). Its last number may be its opacity.
+pub fn mean(pixel: &[f64]) -> f64 {
+    match *pixel {
+        [r, g, b, ..] => 0.2126 * r + 0.7152 * g + 0.0722 * b,
+        _ => pixel[0],
+    }
 }
 
 /// What a reader is told of a file that has colours.
 pub const COLOURS: &str = "it has colours, of which the luminance is \
      taken (0.2126 R + 0.7152 G + 0.0722 B)";
+
+/// What a reader is told of levels, before their curve.
+pub const LEVELS: &str = "it holds grey levels, or colours, of which the \
+     luminance is taken; they are read by";
+
+/// The level that is written as these bytes, the most significant first.
+pub fn whole(bytes: &[u8]) -> u32 {
+    bytes.iter().fold(0, |sum, &byte| 256 * sum + u32::from(byte))
+}

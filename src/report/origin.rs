@@ -17,12 +17,13 @@ use humantime::format_rfc3339_seconds;
 use super::result::Report;
 
 impl Report {
-    /// The report of this process, of which nothing else is known yet.
-    pub fn begin() -> Self {
+    /// The report of this process of a program, of which nothing else is
+    /// known yet.
+    pub fn begin(program: &str) -> Self {
         let words = env::args_os();
         let words = words.map(|word| quoted(&word.to_string_lossy()));
         Self {
-            program: concat!("pt ", env!("CARGO_PKG_VERSION")).to_owned(),
+            program: format!("{program} {}", env!("CARGO_PKG_VERSION")),
             command: words.collect::<Vec<_>>().join(" "),
             date: format_rfc3339_seconds(SystemTime::now()).to_string(),
             processor: processor(),
