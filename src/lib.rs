@@ -42,6 +42,9 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+// No bit of an image shall depend on the C library of a machine.
+#![warn(clippy::disallowed_methods)]
+
 // List the modules of the library
 pub mod analysis;
 pub mod arguments;

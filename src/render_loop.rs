@@ -44,7 +44,20 @@ pub struct Limits<'a> {
     pub reference: Option<&'a [f64]>,
 }
 
-impl Limits<'_> {
+impl<'a> Limits<'a> {
+    /// No limit but a signal.
+    pub fn none(interrupt: &'a Interrupt) -> Self {
+        Self {
+            samples: None,
+            deadline: None,
+            reserve: [0.; 2],
+            clock: &Instant::now,
+            error: None,
+            interrupt,
+            reference: None,
+        }
+    }
+
     /// When rendering has to end if this share of the pixels has a sample.
     fn end(&self, share: f64) -> Option<Instant> {
         let [none, all] = self.reserve;

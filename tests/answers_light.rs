@@ -128,15 +128,7 @@ fn judge(
 
 /// A run that ends when its error is small enough.
 fn until(error: f64, interrupt: &Interrupt) -> Limits<'_> {
-    Limits {
-        samples: None,
-        deadline: None,
-        reserve: [0.; 2],
-        clock: &std::time::Instant::now,
-        error: Some(error),
-        interrupt,
-        reference: None,
-    }
+    Limits { error: Some(error), ..Limits::none(interrupt) }
 }
 
 // Answer the exercises on the estimator

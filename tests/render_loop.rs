@@ -102,15 +102,7 @@ impl World {
 
 /// No limit but a number that no correct run of these tests reaches.
 fn limits(interrupt: &Interrupt) -> Limits<'_> {
-    Limits {
-        samples: Some(50_000),
-        deadline: None,
-        reserve: [0.; 2],
-        clock: &Instant::now,
-        error: None,
-        interrupt,
-        reference: None,
-    }
+    Limits { samples: Some(50_000), ..Limits::none(interrupt) }
 }
 
 /// Runs a job from the beginning until a limit is reached.

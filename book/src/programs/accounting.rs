@@ -62,13 +62,9 @@ fn measure(setting: &Setting) -> Result<[f64; 4], Box<dyn Error>> {
         RunKey::default(),
         analysis(),
     );
-    let limits = Limits {
-        samples: Some(SAMPLES),
-        deadline: None,
-        error: None,
-        interrupt: &Interrupt::default(),
-        reference: None,
-    };
+    let interrupt = Interrupt::default();
+    let limits =
+        Limits { samples: Some(SAMPLES), ..Limits::none(&interrupt) };
     let mut film = Film::new(SIZE.0, SIZE.1);
     let mut convergence = Convergence::default();
     let mut reports = 0.;

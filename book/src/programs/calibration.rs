@@ -163,7 +163,7 @@ fn image(setting: &Setting, method: Method, seed: u64, n: u64) -> Film {
         (scene, intersector),
         (&inquiry, &analysis),
         (window, seed),
-        (Some(n), None),
+        (Some(n), None, None),
         Some(method),
     );
     let sampling = Sampling::new(method, seed, Some(n), area);
@@ -424,12 +424,11 @@ fn slopes(cases: &[Case]) -> Result<String, fmt::Error> {
     for Case { name, setting, truth, .. } in cases {
         let truth: Vec<f64> = truth.iter().map(|t| t.0).collect();
         // Stop after a thousand samples
+        let interrupt = Interrupt::default();
         let limits = Limits {
             samples: Some(1000),
-            deadline: None,
-            error: None,
-            interrupt: &Interrupt::default(),
             reference: Some(&truth),
+            ..Limits::none(&interrupt)
         };
         let mut film = Film::new(WIDTH, HEIGHT);
         let mut convergence = Convergence::default();
@@ -531,13 +530,8 @@ fn stopped(seed: u64, error: f64, side: u32) -> (f64, u64) {
         sampler: IndependentSampler::new(seed),
     };
     // Stop at the error alone
-    let limits = Limits {
-        samples: None,
-        deadline: None,
-        error: Some(error),
-        interrupt: &Interrupt::default(),
-        reference: None,
-    };
+    let interrupt = Interrupt::default();
+    let limits = Limits { error: Some(error), ..Limits::none(&interrupt) };
     let mut film = Film::new(side, side);
     let mut convergence = Convergence::default();
     convergence.run(&mut job, &mut film, &limits, &|_| (), &mut |_, _| ());

@@ -78,7 +78,7 @@ fn control(setting: &Setting, method: Method, n: u64) -> u64 {
         (scene, intersector),
         (inquiry, analysis),
         (window, 0),
-        (Some(n), None),
+        (Some(n), None, None),
         Some(method),
     );
     choice.map_or(0, |choice| choice.sampling.control)
