@@ -429,6 +429,11 @@ impl Interrupt {
     }
 
     // Tell which signal has arrived
+    /// Has the run end as if a signal had arrived.
+    pub fn raise(&self, signal: i32) {
+        self.0.store(signal as usize, Ordering::Relaxed);
+    }
+
     /// The signal that has arrived, if any.
     pub fn signal(&self) -> Option<i32> {
         match self.0.load(Ordering::Relaxed) {

@@ -6,12 +6,14 @@
 
 mod common;
 
-use common::Scratch;
+use common::{ROOM, Scratch};
 use glam::DVec3;
 use litpt::analysis::background::{KnownPixels, TileContent};
 use litpt::analysis::{SceneAnalysis, Shortcut};
 use litpt::camera::View;
+use litpt::image::Image;
 use litpt::render::method::Sampling;
+use litpt_book::closed_forms::cavity;
 use litpt_book::settings::{Setting, all, named};
 
 const SMALL: (u32, u32) = (48, 36);
@@ -406,4 +408,64 @@ fn what_is_left_out_decides_nothing_about_a_sample() {
     let merge = ["merge", "-of.exr", "d.exr", "e.exr"];
     let mut merge_both = place.command(env!("CARGO_BIN_EXE_ptimg"));
     assert!(merge_both.args(merge).status().unwrap().success());
+}
+
+// A path in a black scene has one ray instead of two, by whichever method.
+#[test]
+fn black_surfaces_change_neither_the_method_nor_the_image() {
+    let place = Scratch::new();
+    place.put("room.obj", ROOM);
+    let scene = ["-iroom.obj", "-r0", "-n64", "-d48x36", "-p-.9,-.8,0"];
+    for method in ["auto", "reference", "sobol", "gather"] {
+        let image = |keep: &str| {
+            let method = format!("--integrator={method}");
+            let files = ["-f", "-oa.exr", "-oa.pfm", &method, keep];
+            place.run(&[&scene[..], &files].concat()).succeeded();
+            let image = Image::read(&place.path("a.exr")).unwrap();
+            let said = |name: &str| image.attributes[name].clone();
+            (place.get("a.pfm"), said("method"), said("rays"))
+        };
+        let (less, whole) = (image("-q"), image("--keep=black"));
+        assert!((&less.0, &less.1) == (&whole.0, &whole.1), "{method}");
+        let rays = |text: &str| text.parse::<u64>().unwrap();
+        assert!(rays(&less.2) <= rays(&whole.2));
+        if method != "auto" {
+            assert_eq!(less.1, method);
+        }
+        if ["reference", "sobol"].contains(&method) {
+            assert!(rays(&less.2) < rays(&whole.2), "{method}");
+        }
+    }
+}
+
+// What a hierarchy is worth depends on the rays of this process alone.
+#[test]
+fn a_part_of_an_image_expects_the_rays_of_that_part() {
+    let place = Scratch::new();
+    let mesh = cavity(0.1, 64);
+    let vertices = mesh.vertices.iter();
+    let vertices = vertices.map(|p| format!("v {} {} {}\n", p.x, p.y, p.z));
+    let faces = mesh.triangles.iter().map(|face| {
+        let [a, b, c] = face.map(|i| i + 1);
+        format!("f {a} {b} {c}\n")
+    });
+    place.put("room.obj", vertices.chain(faces).collect::<String>());
+    let quality = |options: &[&str]| {
+        let scene = ["-iroom.obj", "-f", "-oa.exr", "-r.1", "-p0,0,0"];
+        let options = [&scene[..], &["--integrator=reference"], options];
+        place.run(&options.concat()).succeeded();
+        let image = Image::read(&place.path("a.exr")).unwrap();
+        image.attributes["hierarchy"].clone()
+    };
+    let few = quality(&["-d16x16", "-n1"]);
+    assert_ne!(few, quality(&["-d512x512", "-n16"]));
+    let parts: [&[&str]; 4] = [
+        &["-d4096x4096", "-n1", "--crop=64,64,16x16"],
+        &["-d16x16", "-n1000000", "--samples=5..6"],
+        &["-d16x16384", "-n1", "--tiles=7/1024"],
+        &["-d4096x4096", "-n1000", "--samples=9..10", "--crop=0,0,16x16"],
+    ];
+    for part in parts {
+        assert_eq!(quality(part), few, "{part:?}");
+    }
 }

@@ -39,8 +39,19 @@ const VIEW: [&str; 4] = ["-p-.9,-.8,0", "-t1,1,-.3", "-r0.8", "-d64x48"];
 fn chosen(
     mesh: &Mesh,
     albedo: f64,
-    (from, at): (DVec3, DVec3),
+    view: (DVec3, DVec3),
     (samples, error): (Option<u64>, Option<f64>),
+) -> Option<Choice> {
+    chosen_of(mesh, albedo, view, (samples, error, None), None)
+}
+
+/// The same within so many seconds, if a method is wanted.
+fn chosen_of(
+    mesh: &Mesh,
+    albedo: f64,
+    (from, at): (DVec3, DVec3),
+    limits: (Option<u64>, Option<f64>, Option<f64>),
+    wanted: Option<Method>,
 ) -> Option<Choice> {
     let aspect = f64::from(SIZE.0) / f64::from(SIZE.1);
     let camera = &Camera::new(&look(from, at, 70.), aspect).unwrap();
@@ -50,13 +61,7 @@ fn chosen(
     let bvh = &Bvh::new(scene).unwrap();
     let analysis = &SceneAnalysis::find(scene, bvh, inquiry);
     let window = Window { corner: (0, 0), size: SIZE };
-    choose(
-        (scene, bvh),
-        (inquiry, analysis),
-        (window, 7),
-        (samples, error, None),
-        None,
-    )
+    choose((scene, bvh), (inquiry, analysis), (window, 7), limits, wanted)
 }
 
 const INSIDE: (DVec3, DVec3) = (DVec3::ZERO, DVec3::new(0.3, 0.2, -1.));
@@ -94,6 +99,24 @@ fn a_pilot_agrees_with_a_render() {
     assert!((variance - 0.0506).abs() < 0.002, "{variance}");
     // The number of rays is geometric, with a deviation of 2.8.
     assert!((pilot.rays - rays).abs() < 5. * 2.8 / 64., "{}", pilot.rays);
+}
+
+/// A gather has to learn before its first sample, and is not chosen if there
+/// is no time for that, even if it is wanted.
+#[test]
+fn what_there_is_no_time_for_is_not_chosen() {
+    let mesh = cavity(0.1, 64);
+    let best = |seconds, wanted| {
+        let limits = (Some(4096), None, seconds);
+        let choice = chosen_of(&mesh, 0.9, INSIDE, limits, wanted);
+        choice.unwrap().sampling.method
+    };
+    assert_eq!(best(None, None), Method::Gather);
+    for wanted in [None, Some(Method::Gather), Some(Method::Sobol)] {
+        let (much, little) = (Some(1e6), Some(1e-6));
+        assert_eq!(best(much, wanted), best(None, wanted));
+        assert_eq!(best(little, wanted), Method::Reference);
+    }
 }
 
 /// Before an open sky no decision comes after the first direction.

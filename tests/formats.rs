@@ -17,6 +17,7 @@ use exr::prelude::{
     AnyChannel, AnyChannels, Encoding, FlatSamples, Image as ExrImage,
     Layer, SmallVec, WritableImage, f16,
 };
+use litpt::film::Film;
 use litpt::image::{Format, Image};
 use litpt::output::{ImageTarget, OutputTarget};
 use rand::{RngExt, SeedableRng};
@@ -717,4 +718,49 @@ fn a_device_receives_the_last_state_alone() {
     place.rewrite(&mut count).unwrap();
     place.write(&mut count).unwrap();
     assert_eq!(states, 1);
+}
+
+// Of 5 by 4 squares of 16 pixels, two are known: one of 0.25, one of 1. The
+// others have the mean of the smallest larger square with a known one.
+#[test]
+fn pixels_without_a_sample_are_filled_in_levels_and_no_numbers_elsewhere() {
+    let mut film = Film::new(70, 50);
+    for (tile, pixels) in film.tiles() {
+        let value = match tile.corner {
+            (0, 0) => 0.25,
+            (48, 32) => 1.,
+            _ => continue,
+        };
+        pixels.iter_mut().for_each(|pixel| pixel.add(value));
+    }
+    let expected = |x: usize, y: usize| match (x / 32, y / 32) {
+        (0, 0) => [136, 35198],
+        (1, 1) => [255, 65535],
+        _ => [207, 53239],
+    };
+    let image = Image::new(&film, BTreeMap::new());
+    let text = String::from_utf8(bytes(Format::Pgm, &image)).unwrap();
+    let levels = text.lines().skip(2).map(|line| line.parse().unwrap());
+    let levels: Vec<i32> = levels.collect();
+    let png = bytes(Format::Png, &image);
+    let mut png = png::Decoder::new(Cursor::new(png)).read_info().unwrap();
+    let mut fine = vec![0; png.output_buffer_size().unwrap()];
+    png.next_frame(&mut fine).unwrap();
+    let fine = fine.as_chunks::<2>().0;
+    let pfm = decode(&bytes(Format::Pfm, &image)).unwrap();
+    let (exr, said) = noted(&bytes(Format::Exr, &image));
+    for i in 0..3500 {
+        let (x, y) = (i % 70, i / 70);
+        let [coarse, exact] = expected(x, y);
+        assert_eq!(levels[i], coarse, "{x},{y}");
+        let fine = i32::from(u16::from_be_bytes(fine[i]));
+        assert!((fine - exact).abs() <= 1, "{fine} at {x},{y}");
+        let known = (x < 16 && y < 16)
+            || (48..64).contains(&x) && 32 <= y && y < 48;
+        assert_eq!(pfm.means[i].is_nan(), !known);
+        assert_eq!(exr.means[i].is_nan(), !known);
+        let count = if known { 1. } else { 0. };
+        assert_eq!(exr.samples.as_ref().unwrap()[i], count);
+    }
+    assert!(said.contains("not finite numbers: 2988"), "{said}");
 }

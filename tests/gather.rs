@@ -10,12 +10,15 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::process::Child;
 use std::sync::OnceLock;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::thread;
 use std::time::{Duration, Instant};
 
 use common::{Run, Scratch, finish};
 use glam::DVec3;
-use litpt::analysis::background::KnownPixels;
+use litpt::analysis::background::{
+    BackgroundTiles, KnownPixels, TileContent,
+};
 use litpt::bvh::{Bvh, Isa};
 use litpt::camera::{Camera, View};
 use litpt::compare::compare;
@@ -29,6 +32,7 @@ use litpt::image::Image;
 use litpt::integrator::PathTracer;
 use litpt::render::gather::Gather;
 use litpt::render::{Job, Renderer};
+use litpt::render_loop::{Convergence, Interrupt, Limits, Stop};
 use litpt::sampler::sobol::{ScrambledNet, scramble_key};
 use litpt::sampler::{IndependentSampler, frame, generator};
 use litpt::scene::{Mesh, Scene};
@@ -753,12 +757,9 @@ fn a_lying_cache_does_not_change_the_mean_of_furrows() {
 // ------------------------------------------------------------ Honest errors
 
 impl Stage {
-    /// An image of so many samples, in scrambles of `replicate`.
-    fn gather(&self, seed: u64, replicate: u64, samples: u64) -> Film {
-        let (width, height) = self.resolution;
-        let film = Film::new(width, height).with_replicates(replicate);
-        let mut film = film.with_shared_tiles();
-        let mut gather = Gather {
+    /// A renderer that has learnt nothing yet.
+    fn renderer(&self, seed: u64) -> Gather<'_> {
+        Gather {
             scene: &self.scene,
             intersector: &self.bvh,
             camera: &self.camera,
@@ -769,10 +770,147 @@ impl Stage {
             training: 1 << 16,
             correction: Some(Correction::default()),
             learnt: None,
-        };
-        gather.pass(&mut film, samples, &|_| true);
+        }
+    }
+
+    /// A film without a sample.
+    fn film(&self, replicate: u64) -> Film {
+        let (width, height) = self.resolution;
+        let film = Film::new(width, height).with_replicates(replicate);
+        film.with_shared_tiles()
+    }
+
+    /// An image of so many samples, in scrambles of `replicate`.
+    fn gather(&self, seed: u64, replicate: u64, samples: u64) -> Film {
+        let mut film = self.film(replicate);
+        self.renderer(seed).pass(&mut film, samples, &|_| true);
         film
     }
+}
+
+// ------------------------------------------------------ Stops while it learns
+
+// The scout, the rounds of training, the solution, the pilot and the
+// allocation ask whether to go on. A thread traces no more than a batch of
+// 64 paths, with eight rays each, or a scramble of a tile, afterwards.
+#[test]
+fn few_rays_are_traced_after_learning_is_told_to_stop() {
+    let stage = Stage::room((32, 24));
+    let film = stage.film(4);
+    let mut stops = 0;
+    for calls in [0, 1, 2, 5, 40, 200, 1000, 1500, u64::MAX] {
+        let mut gather = stage.renderer(3);
+        let (left, late) = (AtomicU64::new(calls), AtomicU64::new(0));
+        let watch = |rays| {
+            let less = |n: u64| n.checked_sub(1);
+            let goes_on = left.fetch_update(Relaxed, Relaxed, less).is_ok();
+            late.fetch_add(if goes_on { 0 } else { rays }, Relaxed);
+            goes_on
+        };
+        let rays = gather.learn(&film, &watch);
+        let late = late.load(Relaxed);
+        let threads = rayon::current_num_threads() as u64;
+        assert!(
+            late <= threads * (64 * 8 + 256 * 2),
+            "{late} after {calls}"
+        );
+        let stopped = left.load(Relaxed) == 0;
+        assert_eq!(gather.learnt.is_none(), stopped, "{calls}");
+        assert_eq!(rays == 0, stopped);
+        stops += u64::from(stopped);
+    }
+    assert!((5..=8).contains(&stops), "{stops} of the stops are too late");
+}
+
+// A clock that a test moves: each look at it takes a millisecond.
+#[test]
+fn a_gather_ends_in_each_stage_by_the_clock_and_by_a_signal() {
+    let stage = Stage::room((32, 24));
+    let start = Instant::now();
+    let mut reached = [0; 2];
+    for (looks, signal) in [0, 3, 50, 150, 1000, 3000]
+        .into_iter()
+        .flat_map(|looks| [(looks, None), (looks, Some(15))])
+    {
+        let (ticks, interrupt) = (AtomicU64::new(0), Interrupt::default());
+        let clock = || {
+            let now = ticks.fetch_add(1, Relaxed);
+            if let Some(signal) = signal.filter(|_| now == looks) {
+                interrupt.raise(signal);
+            }
+            start + Duration::from_millis(now)
+        };
+        let end = start + Duration::from_millis(looks + FIRST);
+        let limits = Limits {
+            deadline: Some(signal.map_or(end, |_| end + HOUR)),
+            clock: &clock,
+            ..Limits::none(&interrupt)
+        };
+        let (mut film, mut run) = (stage.film(4), Convergence::default());
+        let mut gather = stage.renderer(3);
+        let stop = run.run(
+            &mut gather,
+            &mut film,
+            &limits,
+            &|_| (),
+            &mut |_, _| (),
+        );
+        assert_eq!(stop, signal.map_or(Stop::Time, Stop::Signal));
+        // Each thread looks a few times more, and the loop itself.
+        let more = ticks.load(Relaxed) - looks;
+        assert!(more < FIRST + 200, "{more} looks after {looks}");
+        let none = film.unsampled() == film.area();
+        assert!(gather.learnt.is_some() || none);
+        reached[usize::from(none)] += 1;
+    }
+    assert!(reached[0] >= 2 && reached[1] >= 4, "{reached:?}");
+}
+
+/// Milliseconds that a first sample has in any case, and an hour.
+const FIRST: u64 = 100;
+const HOUR: Duration = Duration::from_secs(3600);
+
+// Where all rays of a tile miss the scene, none is traced.
+#[test]
+fn a_gather_traces_no_ray_in_a_tile_of_the_sky() {
+    let stage = Stage::furrows((16, 16));
+    let cache = RadianceCache::empty(Grid::around(&[]));
+    let allocation = Allocation::even(256);
+    let tile = Film::new(16, 16).tiles()[0].0;
+    // A camera that looks along the horizon, away from all triangles.
+    let view = View {
+        position: DVec3::new(0., 0., 1e4),
+        target: DVec3::new(1., 0., 1e4),
+        up: DVec3::Z,
+        fov: 30.,
+    };
+    let camera = &Camera::new(&view, 1.).unwrap();
+    let gathered = |known: &KnownPixels| {
+        let plan = Plan {
+            resolution: (16, 16),
+            window: Film::new(16, 16).window(),
+            known,
+            allocation: &allocation,
+            net: ScrambledNet::new(64),
+            seed: 5,
+            correction: None,
+        };
+        let tracer = stage.tracer(&cache);
+        let mut tracer = Tracer { camera, ..tracer };
+        (tracer.tile(&plan, tile, 0), tracer.rays)
+    };
+    let sky = Sky::new(DVec3::Z);
+    let tiles = BackgroundTiles::new(
+        camera,
+        sky,
+        (16, 16),
+        stage.scene.place(view.position).unwrap(),
+        &stage.bvh,
+    );
+    let known = KnownPixels::Background(tiles);
+    assert_eq!(known.content((0, 0)), TileContent::Sky);
+    let (values, rays) = gathered(&known);
+    assert_eq!((values, rays), (gathered(&KnownPixels::Nothing).0, 0));
 }
 
 /// The radiance of pixels, and its standard error.

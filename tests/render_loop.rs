@@ -4,13 +4,14 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
 use glam::DVec3;
 use litpt::analysis::background::KnownPixels;
 use litpt::bvh::{Bvh, Hit, Intersector};
 use litpt::camera::{Camera, View};
-use litpt::film::{Film, WORTH};
+use litpt::film::{Film, WORTH, Watch};
 use litpt::integrator::{Integrator, PathEvent, PathTracer};
 use litpt::render::{Job, Renderer};
 use litpt::render_loop::{Convergence, Interrupt, Limits, Stop};
@@ -691,4 +692,86 @@ fn a_film_of_any_size_stops_at_its_deadline() {
     assert_eq!((stop, convergence.spp), (Stop::Time, 0));
     let counts: Vec<u64> = film.counts().collect();
     assert!(counts.contains(&0) && counts.contains(&1));
+}
+
+/// A renderer that makes sixteen samples of each pixel, whatever it is asked
+/// for, and takes a tenth of a second of a clock for them.
+struct Sixteen<'a>(&'a AtomicU64, Vec<u64>);
+
+impl Renderer for Sixteen<'_> {
+    fn pass(&mut self, film: &mut Film, end: u64, _: &Watch) -> u64 {
+        self.1.push(end);
+        self.0.fetch_add(100, Relaxed);
+        film.stored_mut().iter_mut().for_each(|p| p.add_times(0.5, 16));
+        0
+    }
+}
+
+// Sixteen samples in 0.1 s are 40 in the quarter of a second of a pass.
+#[test]
+fn the_pace_is_that_of_the_samples_that_were_made() {
+    let (start, ticks) = (Instant::now(), AtomicU64::new(0));
+    let clock = || start + Duration::from_millis(ticks.load(Relaxed));
+    let interrupt = Interrupt::default();
+    let limits = Limits {
+        samples: Some(1000),
+        clock: &clock,
+        ..Limits::none(&interrupt)
+    };
+    let mut renderer = Sixteen(&ticks, vec![]);
+    let (mut film, mut run) = (Film::new(8, 8), Convergence::default());
+    run.run(&mut renderer, &mut film, &limits, &|_| (), &mut |_, _| ());
+    assert_eq!(renderer.1[..3], [1, 25, 63]);
+    assert_eq!(run.spp, 1008);
+}
+
+// The deadline is that of the program: what is written afterwards is taken
+// off, more of it as more pixels have a sample.
+#[test]
+fn time_for_writing_is_kept_in_reserve() {
+    let world = World::new();
+    let draw = Draw(|u| u);
+    for (none, all) in [(0., 0.), (2., 2.), (1., 3.), (0.5, 9.)] {
+        let (start, ticks) = (Instant::now(), AtomicU64::new(0));
+        let clock = || {
+            let now = ticks.fetch_add(1, Relaxed);
+            start + Duration::from_millis(10 * now)
+        };
+        let interrupt = Interrupt::default();
+        let limits = Limits {
+            deadline: Some(start + Duration::from_secs(10)),
+            reserve: [none, all],
+            clock: &clock,
+            ..Limits::none(&interrupt)
+        };
+        // Each tile looks at the clock some times.
+        let mut job = world.job(&Nothing, &draw, 1);
+        let size = (1024, 1024);
+        let (_, film, stop) =
+            with_threads(1, || run(&mut job, size, &limits));
+        let share = 1. - film.unsampled() as f64 / film.area() as f64;
+        let end = 10. - none - share * (all - none);
+        let now = ticks.load(Relaxed) as f64 / 100.;
+        assert_eq!(stop, Stop::Time);
+        assert!(0. < share && share < 1., "{share}");
+        assert!((now - end).abs() < 0.2, "{now} instead of {end}");
+    }
+}
+
+// Before the first pass there can be no image; a signal is the first reason.
+#[test]
+fn what_ends_the_program_before_there_is_a_sample_is_said() {
+    let now = Instant::now();
+    let soon = now + Duration::from_millis(1);
+    let why = Stop::before_rendering;
+    assert_eq!(why(None, now, None), None);
+    assert_eq!(why(None, now, Some(soon)), None);
+    assert_eq!(why(None, soon, Some(soon)), Some(Stop::Time));
+    assert_eq!(why(Some(15), soon, Some(soon)), Some(Stop::Signal(15)));
+    for doing in ["reading", "building the hierarchy", "learning"] {
+        let time = format!("no image: --time was over while {doing}");
+        assert_eq!(Stop::Time.without_image(doing), time);
+        let signal = format!("no image: signal 2 came while {doing}");
+        assert_eq!(Stop::Signal(2).without_image(doing), signal);
+    }
 }

@@ -158,11 +158,14 @@ pub fn allocate<K: Intersector>(
     // Render the scrambles of the pilot
     let rays = film.tiles().into_par_iter().map(|(tile, pixels)| {
         let mut tracer = like.with(like.cache);
-        for scramble in (0..PILOT).take_while(|_| watch(0)) {
+        let (mut scrambles, mut told) = (0..PILOT, 0);
+        while let Some(scramble) = scrambles.next()
+            && watch(tracer.rays - told)
+        {
+            told = tracer.rays;
             let values = tracer.tile(plan, tile, scramble);
             pixels.iter_mut().zip(values).for_each(|(p, v)| p.add(v));
         }
-        watch(tracer.rays);
         tracer.rays
     });
     let rays = rays.sum();
