@@ -369,7 +369,7 @@ fn load(
     let read = read_file(&bytes).map_err(|error| error.within(&file));
     drop(step);
     let (mesh, warnings) = read?;
-    // Warn of odd faces
+    // Warn of what is odd
     for warning in warnings.iter().filter(|_| !arguments.quiet) {
         progress::warn(&warning.within(&file));
     }
