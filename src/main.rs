@@ -439,9 +439,9 @@ fn load(
     }
     let read = read_file(&bytes).map_err(|error| error.within(&file));
     drop(step);
-    let (mesh, warning) = read?;
-    // Warn of odd faces
-    if let (Some(warning), false) = (warning, arguments.quiet) {
+    let (mesh, warnings) = read?;
+    // Warn of what is odd
+    for warning in warnings.iter().filter(|_| !arguments.quiet) {
         progress::warn(&warning.within(&file));
     }
     // Choose a camera if none is given

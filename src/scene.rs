@@ -18,11 +18,11 @@ pub mod polygons;
 // Name what the scene imports
 use std::borrow::Cow;
 use std::fmt;
-use std::iter::Skip;
-use std::str::SplitWhitespace;
+use std::iter::{Skip, from_fn};
+use std::str::SplitAsciiWhitespace;
 
 use glam::{BVec3, DVec3};
-use memchr::{memchr, memchr_iter, memrchr_iter};
+use memchr::{memchr, memchr2};
 use rayon::prelude::*;
 
 use self::polygons::Oddity;
@@ -32,7 +32,8 @@ use crate::numerics::{cross, exponent, power_of_two, shift};
 /// An indexed triangle mesh in the coordinates of its file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
-    /// Positions of the vertices, each finite.
+    /// Positions of the vertices, each finite; zero in place of one that
+    /// was not, which no face has.
     pub vertices: Vec<DVec3>,
     /// Three indices into `vertices` for each triangle.
     pub triangles: Vec<[u32; 3]>,
@@ -68,26 +69,18 @@ impl Mesh {
 /// Convex faces become fans of triangles around their first corner.
 ///
 /// # Errors
-/// Text that is empty, binary, malformed or without any face, vertices
-/// that are not finite, faces with fewer than three corners or with
-/// corners that do not exist, more vertices or triangles than 32 bits
-/// can count, compressed files that are damaged.
+/// Text that is empty, binary, malformed or without any face, faces with
+/// fewer than three corners or with corners that do not exist or are not
+/// finite, more vertices or triangles than 32 bits can count, compressed
+/// files that are damaged.
 pub fn read_obj(source: &[u8]) -> Result<Mesh, ObjError> {
+    Ok(read_file(source)?.0)
+}
+
+/// The same as `read_obj`, with warnings, made like errors: of faces that
+/// are no polygons, and of what is in the file but not in the mesh.
+pub fn read_file(source: &[u8]) -> Result<(Mesh, Vec<ObjError>), ObjError> {
     read_pieces(source, PIECE)
-}
-
-/// The same mesh, or error, as that of `read_obj`, whatever the number
-/// of bytes `size` after which the text is cut.
-pub fn read_pieces(source: &[u8], size: usize) -> Result<Mesh, ObjError> {
-    Ok(read(source, size)?.0)
-}
-
-/// The same as `read_obj`, with a warning, made like an error, if there
-/// are faces that are no polygons.
-pub fn read_file(
-    source: &[u8],
-) -> Result<(Mesh, Option<ObjError>), ObjError> {
-    read(source, PIECE)
 }
 
 /// The size of a piece of the text.
@@ -98,57 +91,62 @@ const PIECE: usize = 1 << 20;
 /// # Errors
 /// A zero byte, a faulty line, or no vertex.
 pub fn begins_obj(start: &[u8]) -> Result<(), ObjError> {
-    if encoding::is_encoded(start) {
+    if encoding::format(start).is_some() {
         return Ok(());
     }
+    let start = without_padding(start);
     refuse_zero(start)?;
-    let breaks = memrchr_iter(b'\n', start);
-    let mut ends = breaks.filter(|&i| !start[..i].ends_with(b"\\"));
-    let piece = &start[..ends.next().unwrap_or(0)];
+    let last = cut(start, PIECE).pop().map_or(0, <[u8]>::len);
+    let piece = &start[..start.len() - last];
     let mesh = read_piece(piece, 0, i64::MAX as usize)
         .map_err(|(line, what)| ObjError::new(line, what))?;
-    match mesh.vertices.is_empty() {
-        true => Err(ObjError::whole(&format!(
-            "no vertex in the first {} MiB",
-            start.len() >> 20
-        ))),
-        false => Ok(()),
-    }
+    let size = start.len().div_ceil(1 << 20);
+    let what = format!("no vertex in the first {size} MiB");
+    let first = mesh.vertices.first();
+    first.map(drop).ok_or_else(|| ObjError::whole(&what))
 }
 
 fn refuse_zero(source: &[u8]) -> Result<(), ObjError> {
     let Some(at) = memchr(0, source) else { return Ok(()) };
-    let line = 1 + memchr_iter(b'\n', &source[..at]).count();
+    let line = 1 + count(&source[..at]).1.line;
     let what = "a zero byte: this is a binary file, not an OBJ";
     Err(ObjError::new(line, what.to_owned()))
 }
 
-fn read(
+/// The same as `read_file`, whatever the number of bytes `size` after which
+/// the text is cut.
+pub fn read_pieces(
     source: &[u8],
     size: usize,
-) -> Result<(Mesh, Option<ObjError>), ObjError> {
-    let text = encoding::text(source);
+) -> Result<(Mesh, Vec<ObjError>), ObjError> {
+    let mut warnings = vec![];
+    let warn = &mut |what: &str| warnings.push(ObjError::whole(what));
+    let text = encoding::text(source, warn);
     let text = text.map_err(|what| ObjError::whole(&what))?;
-    let source = &text[..];
-    // Refuse empty and binary files
-    let source = source.strip_prefix(b"\xef\xbb\xbf").unwrap_or(source);
-    if source.is_empty() {
-        return Err(ObjError::whole(
-            "the file is empty; an OBJ was expected",
-        ));
+    // Refuse an empty file
+    if text.is_empty() {
+        let what = "the file is empty; an OBJ was expected";
+        return Err(ObjError::whole(what));
     }
+    let source = without_padding(&text);
     refuse_zero(source)?;
     let pieces = cut(source, size);
     // Count what comes before each piece
     let counts: Vec<_> = pieces.par_iter().map(|p| count(p)).collect();
-    let (mut vertices, mut lines) = (0, 0);
+    let (mut vertices, mut lines, mut unused, mut first) = (0, 0, 0, None);
     let mut before = Vec::with_capacity(counts.len());
-    for (more_vertices, more_lines) in counts {
+    for (more, part) in counts {
         before.push((vertices, lines));
-        vertices += more_vertices;
-        lines += more_lines;
+        first = first.or(part.first.map(|(at, word)| (lines + at, word)));
+        unused += part.unused;
+        vertices += more;
+        lines += part.line;
     }
     countable(vertices, "vertices")?;
+    warnings.extend(first.map(|(line, word)| {
+        let what = "statements that are not rendered";
+        ObjError::new(line, format!("{word}, the first of {unused} {what}"))
+    }));
     // Read each piece into a mesh
     let read = |(piece, &(first, line)): (&&[u8], &(usize, usize))| {
         read_piece(piece, first, vertices)
@@ -165,116 +163,163 @@ fn read(
     }
     let parts = parts.into_iter().map(|m| (m.vertices, m.triangles));
     let (vertices, triangles): (Vec<_>, Vec<_>) = parts.unzip();
-    let (vertices, mut triangles) =
+    let (vertices, triangles) =
         rayon::join(|| append(vertices), || append(triangles));
     countable(triangles.len(), "triangles")?;
     if triangles.is_empty() {
         return Err(ObjError::whole("no face, hence nothing to render"));
     }
+    let mut mesh = Mesh { vertices, triangles, joined };
+    warnings.extend(set_aside(source, &mut mesh)?);
     // Fill the faces, and warn of odd ones
-    let odd = polygons::fill(&vertices, &mut triangles, &mut joined);
+    let Mesh { vertices, triangles, joined } = &mut mesh;
+    let odd = polygons::fill(vertices, triangles, joined);
     countable(triangles.len(), "triangles")?;
-    let warning = odd.first().map(|&(face, _)| {
+    if let Some(&(face, _)) = odd.first() {
         let is_crossed =
             |(_, oddity): &&(u32, _)| *oddity == Oddity::Crossed;
         let crossed = odd.iter().filter(is_crossed).count();
+        let (n, bent) = (odd.len(), odd.len() - crossed);
         let what = format!(
-            "the first of {} odd faces ({} bent, {crossed} crossed); \
-             other programs may fill them differently",
-            odd.len(),
-            odd.len() - crossed
+            "the first of {n} odd faces ({bent} bent, {crossed} crossed); \
+             other programs may fill them differently"
         );
-        ObjError::new(line_of_face(source, face), what)
-    });
-    Ok((Mesh { vertices, triangles, joined }, warning))
+        let (line, _) = find(source, b"f", face as usize);
+        warnings.push(ObjError::new(line, what));
+    }
+    Ok((mesh, warnings))
 }
 
-/// The line of the statement that gives a face, counted from 0.
-fn line_of_face(source: &[u8], face: u32) -> usize {
-    let mut statements = Statements { rest: source, line: 0 };
-    let faces = statements.by_ref().filter(|text| !is_vertex(text));
-    faces.take(face as usize + 1).for_each(drop);
-    statements.line
+/// The text without zeros, marks and blanks behind it, if there is text.
+fn without_padding(source: &[u8]) -> &[u8] {
+    let pads = |c: &u8| matches!(*c, 0 | END) || c.is_ascii_whitespace();
+    let end = source.iter().rposition(|c| !pads(c));
+    &source[..end.map_or(source.len(), |last| last + 1)]
+}
+
+/// Ctrl-Z, the end of a text under CP/M and DOS.
+const END: u8 = 0x1a;
+
+/// Replaces vertices that are not finite; returns a warning of them.
+///
+/// # Errors
+/// One of them is a corner of a face.
+fn set_aside(
+    source: &[u8],
+    mesh: &mut Mesh,
+) -> Result<Option<ObjError>, ObjError> {
+    let Mesh { vertices, triangles, joined } = mesh;
+    let wrong = vertices.par_iter().positions(|p| !p.is_finite());
+    let wrong: Vec<_> = wrong.collect();
+    let Some(&first) = wrong.first() else { return Ok(None) };
+    // Refuse a face with a corner that is not finite
+    let bad = |i: &u32| !vertices[*i as usize].is_finite();
+    if let Some(t) = triangles.iter().position(|t| t.iter().any(bad)) {
+        let face = t - joined.partition_point(|&i| i as usize <= t);
+        let corner = triangles[t].into_iter().find(bad).unwrap_or_default();
+        let (line, text) = find(source, b"v", corner as usize);
+        let what = format!("a corner is not finite: line {line} is {text}");
+        return Err(ObjError::new(find(source, b"f", face).0, what));
+    }
+    wrong.iter().for_each(|&i| vertices[i] = DVec3::ZERO);
+    let (line, _) = find(source, b"v", first);
+    let what = "vertices that are not finite, and in no face";
+    let what = format!("the first of {} {what}", wrong.len());
+    Ok(Some(ObjError::new(line, what)))
+}
+
+/// The line and the text of the statement `name` with a number from 0.
+fn find(source: &[u8], name: &[u8], number: usize) -> (usize, String) {
+    let mut statements = Statements::of(source);
+    let mut all = statements.by_ref().filter(|s| s.starts_with(name));
+    let text = all.nth(number).unwrap_or_default();
+    (statements.line, String::from_utf8_lossy(&text).into_owned())
 }
 
 /// The elements of all `parts`, in order, in just enough memory.
 fn append<T>(parts: Vec<Vec<T>>) -> Vec<T> {
     let mut whole = Vec::with_capacity(parts.iter().map(Vec::len).sum());
-    for mut part in parts {
-        whole.append(&mut part);
-    }
+    parts.into_iter().for_each(|mut part| whole.append(&mut part));
     whole
 }
 
 /// Refuses more elements than an index of 32 bits can name.
 fn countable(n: usize, what: &str) -> Result<(), ObjError> {
-    match u32::try_from(n) {
-        Ok(_) => Ok(()),
-        Err(_) => Err(ObjError::whole(&format!(
-            "{n} {what}, of which only {} can be numbered",
-            u32::MAX
-        ))),
-    }
+    let most = u32::MAX;
+    let what = format!("{n} {what}, of which only {most} can be numbered");
+    u32::try_from(n).map(drop).map_err(|_| ObjError::whole(&what))
 }
 
 // Cut the text after whole statements
-/// The text in pieces, each of whole statements and, but for the last,
-/// longer than `size` bytes.
-fn cut(mut source: &[u8], size: usize) -> Vec<&[u8]> {
-    let mut pieces = Vec::new();
-    while !source.is_empty() {
-        let start = size.min(source.len());
-        let end = memchr_iter(b'\n', &source[start..])
-            .map(|newline| start + newline)
-            .find(|&newline| !continues(&source[..newline]))
-            .map_or(source.len(), |newline| newline + 1);
-        let (piece, rest) = source.split_at(end);
-        pieces.push(piece);
-        source = rest;
-    }
-    pieces
-}
-
-/// Whether the last line of `text` ends in a backslash.
-fn continues(text: &[u8]) -> bool {
-    let blank = |byte: &u8| matches!(byte, b' ' | b'\t' | b'\r' | b'\x0c');
-    text.iter().rev().find(|byte| !blank(byte)) == Some(&b'\\')
-}
-
-/// The statements that give vertices and faces, one by one.
+/// The statements of a text that give vertices and faces, one by one.
 struct Statements<'a> {
     /// What was not yet looked at.
     rest: &'a [u8],
     /// Number of lines looked at; that of the statement's last line.
     line: usize,
+    /// Statements without use; the line and the name of the first.
+    unused: usize,
+    first: Option<(usize, String)>,
 }
 
 impl<'a> Statements<'a> {
-    /// The next line, without its end and the blanks before it.
+    fn of(rest: &'a [u8]) -> Self {
+        Self { rest, line: 0, unused: 0, first: None }
+    }
+
+    /// The next line, without its end and the blanks and marks around it.
     fn line(&mut self) -> Option<&'a [u8]> {
         if self.rest.is_empty() {
             return None;
         }
-        let newline = memchr(b'\n', self.rest);
-        let end = newline.map_or(self.rest.len(), |at| at + 1);
-        let (line, rest) = self.rest.split_at(end);
-        self.rest = rest;
-        self.line += 1;
-        Some(line.trim_ascii_end())
+        let end = memchr2(b'\n', b'\r', self.rest);
+        let end = end.unwrap_or(self.rest.len());
+        let (mut line, rest) = self.rest.split_at(end);
+        let ([b'\r', b'\n', rest @ ..] | [_, rest @ ..] | rest) = rest;
+        (self.rest, self.line) = (rest, self.line + 1);
+        while let [0xef, 0xbb, 0xbf, text @ ..] | [END, text @ ..] = line {
+            line = text;
+        }
+        Some(line.trim_ascii())
     }
 
     // Join a line with its continuations
     /// The line `first` and what continues it.
-    fn join(&mut self, first: &[u8]) -> Vec<u8> {
-        let mut whole = Vec::new();
-        let mut line = first;
-        while let Some(text) = line.strip_suffix(b"\\") {
-            whole.extend_from_slice(text);
-            line = self.line().unwrap_or_default();
+    fn join(&mut self, first: &'a [u8]) -> Vec<u8> {
+        let (mut whole, mut line) = (first.to_vec(), first);
+        while line.ends_with(b"\\") && !line.contains(&b'#') {
+            while let Some(b'\\' | b' ' | b'\t') = whole.last() {
+                whole.pop();
+            }
+            if !goes_on(self.rest) {
+                break;
+            }
+            whole.push(b' ');
+            let mut lines = from_fn(|| self.line());
+            line = lines.find(|line| !line.is_empty()).unwrap_or_default();
+            whole.extend_from_slice(line);
         }
-        whole.extend_from_slice(line);
         whole
     }
+
+    // Pass a statement by
+    /// Counts a statement without use, unless it is known to have no shape.
+    fn pass_by(&mut self, statement: &[u8]) {
+        let name = statement.split(u8::is_ascii_whitespace).next();
+        let name = name.unwrap_or_default();
+        if !SILENT.split(|c| *c == b' ').any(|word| word == name) {
+            let name = String::from_utf8_lossy(&name[..name.len().min(40)]);
+            let first = || (self.line, name.into_owned());
+            self.first.get_or_insert_with(first);
+            self.unused += 1;
+        }
+    }
+}
+
+/// Whether a text begins as a line does that continues another.
+fn goes_on(text: &[u8]) -> bool {
+    let start = text.trim_ascii_start().first();
+    matches!(start, Some(b'0'..=b'9' | b'-' | b'+' | b'.' | b'\\'))
 }
 
 impl<'a> Iterator for Statements<'a> {
@@ -283,37 +328,62 @@ impl<'a> Iterator for Statements<'a> {
     fn next(&mut self) -> Option<Cow<'a, [u8]>> {
         loop {
             let line = self.line()?;
-            // Make the line a whole statement
             let whole = match line {
                 [.., b'\\'] => Cow::Owned(self.join(line)),
                 _ => Cow::Borrowed(line),
             };
-            if matters(&whole) {
-                return Some(whole);
+            let is_blank = u8::is_ascii_whitespace;
+            match &*whole {
+                [b'v' | b'f'] => return Some(whole),
+                [b'v' | b'f', c, ..] if is_blank(c) => return Some(whole),
+                [b'v', b't' | b'n', c, ..]
+                | [b'g' | b'o' | b's', c, ..]
+                    if is_blank(c) => {}
+                [] | [b'#', ..] => {}
+                _ => self.pass_by(&whole),
             }
         }
     }
 }
 
-/// Whether this is a statement `v` or `f`.
-fn matters(statement: &[u8]) -> bool {
-    match statement.trim_ascii_start() {
-        [b'v' | b'f', blank, ..] => blank.is_ascii_whitespace(),
-        [b'v' | b'f'] => true,
-        _ => false,
+/// Statements that say nothing about what faces cover.
+const SILENT: &[u8] = b"usemtl vt vn g o s mtllib vp mg lod shadow_obj \
+    trace_obj bevel c_interp d_interp maplib usemap ctech stech deg bmat \
+    step parm trim hole scrv sp end con";
+
+/// The text in pieces, each of whole statements and, but for the last,
+/// longer than `size` bytes.
+fn cut(mut source: &[u8], size: usize) -> Vec<&[u8]> {
+    let mut pieces = Vec::new();
+    while !source.is_empty() {
+        let mut rest = &source[size.min(source.len())..];
+        loop {
+            let end = memchr2(b'\n', b'\r', rest).unwrap_or(rest.len());
+            rest = rest[end..].trim_ascii_start();
+            if !goes_on(rest) {
+                break;
+            }
+        }
+        let (piece, after) = source.split_at(source.len() - rest.len());
+        pieces.push(piece);
+        source = after;
     }
+    pieces
 }
 
 // Read one piece of the text
 fn is_vertex(statement: &[u8]) -> bool {
-    statement.trim_ascii_start().first() == Some(&b'v')
+    statement.first() == Some(&b'v')
 }
 
-/// The numbers of vertices and of lines in a piece.
-fn count(piece: &[u8]) -> (usize, usize) {
-    let mut statements = Statements { rest: piece, line: 0 };
-    let all = statements.by_ref();
-    (all.filter(|text| is_vertex(text)).count(), statements.line)
+/// The number of vertices in a piece, and its statements at their end.
+fn count(piece: &[u8]) -> (usize, Statements<'_>) {
+    let mut all = Statements::of(piece);
+    let vertices = all.by_ref().filter(|text| is_vertex(text)).count();
+    // Do not count a line that the next piece has
+    let is_within = |&last| !matches!(last, b'\n' | b'\r');
+    all.line -= usize::from(piece.last().is_some_and(is_within));
+    (vertices, all)
 }
 
 /// The mesh of a piece that follows `first` of `total` vertices, or
@@ -324,38 +394,32 @@ fn read_piece(
     total: usize,
 ) -> Result<Mesh, (usize, String)> {
     let mut mesh = Mesh::default();
-    let mut statements = Statements { rest: piece, line: 0 };
+    let mut statements = Statements::of(piece);
     while let Some(text) = statements.next() {
         let vertices = [first + mesh.vertices.len(), total];
         // Read the statement, once more before its comment
-        let begun = mesh.triangles.len();
-        if let Err(what) = read_statement(&text, vertices, &mut mesh) {
-            mesh.triangles.truncate(begun);
-            mesh.joined.retain(|&i| (i as usize) < begun);
-            read_before_comment(&text, vertices, &mut mesh)
-                .unwrap_or(Err(what))
+        let begun = [mesh.triangles.len(), mesh.joined.len()];
+        if read_statement(&text, vertices, &mut mesh).is_err() {
+            mesh.triangles.truncate(begun[0]);
+            mesh.joined.truncate(begun[1]);
+            before_comment(&text)
+                .and_then(|text| read_statement(&text, vertices, &mut mesh))
                 .map_err(|what| (statements.line, what))?;
         }
     }
     Ok(mesh)
 }
 
-/// Reads a statement up to its comment; none if it has no comment.
+/// A statement without its comment, and with one blank between words.
 #[cold]
-fn read_before_comment(
-    text: &[u8],
-    [first, total]: [usize; 2],
-    mesh: &mut Mesh,
-) -> Option<Result<(), String>> {
-    let text = &text[..memchr(b'#', text)?];
-    let append = |part: Mesh| {
-        let begun = mesh.triangles.len() as u32;
-        mesh.joined.extend(part.joined.iter().map(|i| begun + i));
-        mesh.triangles.extend(part.triangles);
-        mesh.vertices.extend(part.vertices);
-    };
-    let read = read_piece(text, first, total);
-    Some(read.map(append).map_err(|(_, what)| what))
+fn before_comment(text: &[u8]) -> Result<Vec<u8>, String> {
+    let end = memchr(b'#', text).unwrap_or(text.len());
+    let words = letters(&text[..end])?.split_whitespace();
+    Ok(words.collect::<Vec<_>>().join(" ").into_bytes())
+}
+
+fn letters(text: &[u8]) -> Result<&str, String> {
+    std::str::from_utf8(text).map_err(|_| "not UTF-8 text".to_owned())
 }
 
 fn read_statement(
@@ -363,20 +427,15 @@ fn read_statement(
     vertices: [usize; 2],
     mesh: &mut Mesh,
 ) -> Result<(), String> {
-    let is_vertex = is_vertex(text);
-    let Ok(text) = std::str::from_utf8(text) else {
-        return Err("not UTF-8 text".to_owned());
-    };
-    let words = text.split_whitespace().skip(1);
-    if is_vertex {
-        mesh.vertices.push(read_vertex(words)?);
-        return Ok(());
+    let words = letters(text)?.split_ascii_whitespace().skip(1);
+    match is_vertex(text) {
+        true => read_vertex(words).map(|p| mesh.vertices.push(p)),
+        false => read_face(words, vertices, mesh),
     }
-    read_face(words, vertices, mesh)
 }
 
 // Read the numbers of a statement
-type Words<'a> = Skip<SplitWhitespace<'a>>;
+type Words<'a> = Skip<SplitAsciiWhitespace<'a>>;
 
 fn read_vertex(mut words: Words) -> Result<DVec3, String> {
     let mut position = [0.; 3];
@@ -385,11 +444,9 @@ fn read_vertex(mut words: Words) -> Result<DVec3, String> {
         let Some(word) = words.next() else {
             return Err(format!("a vertex without {axis}"));
         };
-        *value = match word.parse::<f64>() {
-            Ok(value) if value.is_finite() => value,
-            Ok(_) => return Err(format!("{axis} = {word} is not finite")),
-            Err(_) => return Err(format!("{axis} = {word} is no number")),
-        };
+        let number = word.parse::<f64>();
+        *value =
+            number.map_err(|_| format!("{axis} = {word} is no number"))?;
     }
     match words.find(|word| word.parse::<f64>().is_err()) {
         Some(word) => Err(format!("{word} is no number")),
@@ -460,7 +517,11 @@ pub struct ObjError {
 
 impl ObjError {
     fn new(line: usize, what: String) -> Self {
-        Self { line: Some(line), what }
+        let shown = |c: char| match c {
+            '"' | '\'' | '\\' => c.to_string(),
+            _ => c.escape_debug().to_string(),
+        };
+        Self { line: Some(line), what: what.chars().map(shown).collect() }
     }
 
     fn whole(what: &str) -> Self {

@@ -478,7 +478,7 @@ fn face(corners: &[[f64; 2]]) -> (Mesh, bool) {
     let numbers = (1..=corners.len()).map(|i| format!(" {i}"));
     let text = vertices + "f" + &numbers.collect::<String>() + "\n";
     let (mesh, warning) = read_file(text.as_bytes()).unwrap();
-    (mesh, warning.is_some())
+    (mesh, !warning.is_empty())
 }
 
 #[test]

@@ -50,6 +50,23 @@ fn same(odd: impl AsRef<[u8]>, plain: &str) {
     assert_eq!(triangles(&odd), triangles(&plain));
 }
 
+/// The OBJ gives the image of the triangle, and one warning of these words.
+#[track_caller]
+fn warned(bytes: impl AsRef<[u8]>, words: &str) {
+    let place = Scratch::new();
+    place.put("odd.obj", bytes.as_ref());
+    place.put("plain.obj", with(""));
+    let run = render(&place, &["-i", "odd.obj"]);
+    run.succeeded();
+    let plain = render(&place, &["-i", "plain.obj"]);
+    assert_eq!(pgm(&run.stdout), pgm(&plain.stdout));
+    let lines = run.stderr.lines().filter(|line| line.contains("warning"));
+    let lines: Vec<_> = lines.collect();
+    assert_eq!(lines.len(), 1, "{}", run.stderr);
+    assert!(lines[0].contains(words), "{}", run.stderr);
+    assert_eq!(render(&place, &["-i", "odd.obj", "-q"]).stderr, "");
+}
+
 /// The triangle's face after some more lines.
 fn with(lines: &str) -> String {
     format!("{TRIANGLE}{lines}f 1 2 3\n")
@@ -206,19 +223,22 @@ fn a_reference_after_a_slash_that_is_no_integer_is_quoted() {
 }
 
 #[test]
-fn a_vertex_that_is_not_finite_is_quoted() {
+fn a_corner_that_is_not_finite_is_quoted_with_both_lines() {
     for odd in ["NaN", "nan", "inf", "-inf", "infinity", "1e999"] {
         let lines = format!("v 0 0 0\nv 1 0 {odd}\nv 0 1 0\nf 1 2 3\n");
-        refused(lines, &[":2:", &format!("z = {odd}"), "finite"]);
-        let lines = format!("v 0 0 0\nv {odd} 0 0\nv 0 1 0\nf 1 2 3\n");
-        refused(lines, &[":2:", &format!("x = {odd}"), "finite"]);
+        refused(lines, &[":4:", &format!("line 2 is v 1 0 {odd}")]);
+        let faces = "f 3 4 5\nf 3 4 5 -4\n";
+        let lines = format!("v 0 0 0\nv {odd} 0 0\n{TRIANGLE}{faces}");
+        refused(lines, &[":7:", &format!("line 2 is v {odd} 0 0")]);
     }
 }
 
 #[test]
-fn a_vertex_that_is_not_finite_is_quoted_even_if_no_face_uses_it() {
-    refused(with("v 1 2 nan\n"), &[":4:", "z = nan", "finite"]);
-    refused(with("") + "v -inf 2 3", &[":5:", "x = -inf", "finite"]);
+fn a_vertex_that_is_not_finite_does_not_matter_if_no_face_uses_it() {
+    let words = "odd.obj:4: the first of 1 vertices that are not finite";
+    warned(with("v 1 2 nan\n"), words);
+    let words = "odd.obj:5: the first of 3 vertices that are not finite";
+    warned(with("") + "v -inf 2 3\nv 1 1e400 0\nv 0 0 inf", words);
 }
 
 #[test]
@@ -270,8 +290,41 @@ fn lines_may_end_as_they_do_on_windows() {
 }
 
 #[test]
-fn a_mark_of_byte_order_is_no_part_of_the_first_line() {
+fn lines_may_end_in_any_way_in_one_file() {
+    let plain = with("# a comment\n");
+    for ends in [["\r", "\n"], ["\r\n", "\r"], ["\r\r\n", "\n\r"]] {
+        let lines = plain.lines().zip(ends.iter().cycle());
+        let odd: String =
+            lines.map(|(line, end)| line.to_owned() + end).collect();
+        same(odd, &plain);
+    }
+    refused("#\r#\r\n#\n\r#\n\r\nv 1 2\n", &[":7:", "without z"]);
+    refused("v 1 2 3\r#\nv 1 2\rf 1 1 1", &[":3:", "without z"]);
+}
+
+#[test]
+fn a_mark_of_byte_order_is_no_part_of_a_line() {
     same(format!("\u{feff}{}", with("")), &with(""));
+    let marked = with("").replace('\n', "\n\u{feff}");
+    same(format!("\u{feff}\u{feff}{marked}"), &with(""));
+}
+
+#[test]
+fn what_fills_up_a_text_is_no_part_of_it() {
+    let end = with("").trim_end().to_owned();
+    for fill in ["\x1a", "\r\n\x1a\r\n", "\n\0", "\0\0\0", "\x1a\x1a\0\0"] {
+        same(end.clone() + fill, &with(""));
+    }
+    same(TRIANGLE.to_owned() + "\x1af 1 2 3\n\x1a", &with(""));
+    refused(with("\0\n"), &[":4:", "binary"]);
+    refused([0; 99], &[":1:", "binary"]);
+}
+
+#[test]
+fn no_message_has_a_character_that_steers_a_terminal() {
+    refused(with("f 1 2 3\x1b[7m\n"), &[":4: corner 3\\u{1b}[7m is"]);
+    refused(with("v 1 2 \u{feff}3\n"), &[":4: z = \\u{feff}3 is"]);
+    warned(with("\x07\u{202e} 1\n"), "odd.obj:4: \\u{7}\\u{202e}, the");
 }
 
 #[test]
@@ -279,9 +332,30 @@ fn a_backslash_continues_a_line() {
     let odd = "v -9 \\\n-9 0\nv 9 -8 \\\n \\\n0\nv -1 7 0\nf 1 \\\n2 3\n";
     same(odd, &with(""));
     same(odd.replace('\n', "\r\n"), &with(""));
-    same(format!("# comment \\\nf 7 7 7\n{odd}"), &with(""));
+    same(odd.replace('\n', "\r"), &with(""));
+    same(odd.replace('\n', "\r\r\n"), &with(""));
+    same(odd.replace(" \\\n", "\\\n"), &with(""));
+    same(odd.trim_end().to_owned() + " \\ ", &with(""));
+    same("v -9 -9\\\n0\nv 9 -8 0\nv -1 7 0\nf 1 2\\\\\n3", &with(""));
     let wrong = odd.replace("2 3", "2 \\\n 9");
     refused(wrong, &["9", "3 vertices"]);
+}
+
+#[test]
+fn a_backslash_behind_a_name_joins_nothing() {
+    for name in ["# c:", "g a", "o a\\", "usemtl a", "mtllib a.mtl ", "s 1"]
+    {
+        for end in ["\n", " \t\n", "\r\n", "\r", "\n\n"] {
+            let line = format!("{name}\\{end}");
+            same(format!("{line}{TRIANGLE}{line}f 1 2 3\n"), &with(""));
+        }
+    }
+    let vertices = TRIANGLE.replace('\n', " # c:\\\n");
+    same(format!("{vertices}f 1 2 3"), &with(""));
+    same(TRIANGLE.replace('\n', " \\\n") + "f 1 2 3", &with(""));
+    same(format!("{TRIANGLE}vt 0 0 \\\n0\nvn 0\\\nf 1 2 3"), &with(""));
+    let words = "odd.obj:5: 3, the first of 1 ";
+    warned(format!("{TRIANGLE}# f 1 2 \\\n3\nf 1 2 3\n"), words);
 }
 
 #[test]
@@ -290,10 +364,25 @@ fn blanks_may_be_tabs_and_stand_before_a_statement() {
 }
 
 #[test]
-fn lines_points_curves_and_names_are_ignored() {
-    let odd = "l 1 2 3\np 1\ncurv 0 1 1 2\nsurf 0 1 0 1 1 2 3\nend\n\
-               o\ng\ng a b\ns off\nvp 1\nfoo bar\n# f 7 8 9\n";
+fn names_are_ignored() {
+    let odd = "end\no\ng\ng a b\ns off\nvp 1\nparm u 0 \\\n 1\n# f 7 8 9\n";
     same(with(odd), &with(""));
+}
+
+#[test]
+fn statements_that_are_not_rendered_are_counted() {
+    let shapes = "g a\nl 1 2 \\\n3\np 1\ncurv 0 1 1 2\nsurf 0 1 1 2 3\n";
+    warned(
+        with(shapes),
+        "odd.obj:6: l, the first of 4 statements that are",
+    );
+    for line in ["vertex 1 2 3", "F 1 2 3", "3", "call a.obj", "\u{e9}"] {
+        let word = line.split(' ').next().unwrap();
+        let words = format!("odd.obj:4: {word}, the first of 2 statements");
+        warned(with(&format!("{line}\n{line}\n")), &words);
+    }
+    let noise = [with("").as_bytes(), b"\xff\x80\x07 1\n"].concat();
+    warned(noise, "odd.obj:5: ");
 }
 
 #[test]

@@ -9,8 +9,8 @@ mod common;
 use std::io::Write;
 
 use common::{ABOVE, Scratch, pgm};
-use flate2::{Compression, write::GzEncoder};
-use litpt::scene::{Mesh, read_obj};
+use flate2::{Compression, GzBuilder, write::GzEncoder};
+use litpt::scene::{Mesh, read_file, read_obj};
 use ruzstd::encoding::{CompressionLevel, compress_to_vec};
 
 const TEXT: &str = "# a comment é\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n\
@@ -71,8 +71,110 @@ fn a_compressed_file_that_is_cut_says_so() {
     {
         let magic = if kind == "gzip" { 2 } else { 4 };
         for end in magic..file.len() {
-            let words = format!("x: the {kind} file is cut short");
-            assert_eq!(complaint(&file[..end]), words, "{end}");
+            let words = complaint(&file[..end]);
+            let start = format!("x: the {kind} file is cut short at byte ");
+            assert!(words.starts_with(&start), "{end}: {words}");
+            assert!(words.ends_with(" in part 1, from 0 on"), "{words}");
+        }
+        let more = [&file[..], &file[..file.len() - 2]].concat();
+        let begin = file.len();
+        let place = format!(" in part 2, from {begin} on");
+        assert!(complaint(&more).ends_with(&place), "{}", complaint(&more));
+    }
+}
+
+/// A frame of zstd that decoders skip.
+fn skipped(number: u8, content: &[u8]) -> Vec<u8> {
+    let size = (content.len() as u32).to_le_bytes();
+    let magic = [0x50 + number, 0x2a, 0x4d, 0x18];
+    [&magic, &size, content].concat()
+}
+
+#[test]
+fn what_a_packer_puts_around_a_text_is_no_part_of_it() {
+    let (head, tail) = TEXT.as_bytes().split_at(40);
+    let named =
+        GzBuilder::new().filename("a b").comment("c").extra("AB\x01\0x");
+    let mut named = named.write(vec![], Compression::default());
+    named.write_all(tail).unwrap();
+    let named = named.finish().unwrap();
+    for parts in [
+        vec![gzip(b""), gzip(head), gzip(b""), named, gzip(b"")],
+        vec![gzip(TEXT.as_bytes()), vec![0; 99]],
+        vec![gzip(head), vec![0; 9], gzip(tail), vec![0]],
+        vec![skipped(0, b"abc"), zstd(head), skipped(15, b""), zstd(tail)],
+        vec![zstd(b""), zstd(TEXT.as_bytes()), zstd(b""), skipped(3, b"a")],
+        vec![zstd(TEXT.as_bytes()), vec![0; 3]],
+        vec![gzip(head), zstd(tail)],
+    ] {
+        let (mesh, warnings) = read_file(&parts.concat()).unwrap();
+        assert_eq!((mesh, warnings), (plain(), vec![]), "{parts:?}");
+    }
+    let cut = [zstd(TEXT.as_bytes()), skipped(1, b"abc")].concat();
+    for end in 1..8 {
+        let words = complaint(&cut[..cut.len() - end]);
+        assert!(
+            words.contains("zstd file is cut short at byte"),
+            "{words}"
+        );
+    }
+}
+
+#[test]
+fn what_follows_a_compressed_text_is_told() {
+    let file = gzip(TEXT.as_bytes());
+    let more = [&file[..], b"\0more"].concat();
+    let (mesh, warnings) = read_file(&more).unwrap();
+    assert_eq!(mesh, plain());
+    let begin = file.len() + 1;
+    let words = format!("x: no gzip from byte {begin} on: left out");
+    assert_eq!(warnings.len(), 1);
+    assert_eq!(warnings[0].within("x"), words);
+    let file = zstd(TEXT.as_bytes());
+    let words = complaint(&[&file[..], b"more"].concat());
+    let n = file.len();
+    let place = format!("damaged at byte {n} in part 2, from {n} on");
+    assert!(words.ends_with(&place), "{words}");
+}
+
+#[test]
+fn what_is_packed_twice_is_read_and_what_is_packed_otherwise_is_named() {
+    let twice = gzip(&zstd(TEXT.as_bytes()));
+    assert_eq!(read_obj(&twice), Ok(plain()));
+    assert_eq!(read_obj(&gzip(&gzip(TEXT.as_bytes()))), Ok(plain()));
+    let tar = [&[b'a'; 257][..], b"ustar\x0000"].concat();
+    for (file, name) in [
+        (gzip(&twice), "zstd"),
+        (b"PK\x03\x04\x14\0".to_vec(), "zip"),
+        (b"\xfd7zXZ\0".to_vec(), "xz"),
+        (b"BZh91AY&SY".to_vec(), "bzip2"),
+        (b"\x04\x22\x4d\x18".to_vec(), "lz4"),
+        (b"7z\xbc\xaf\x27\x1c".to_vec(), "7z"),
+        (tar.clone(), "tar"),
+        (gzip(&tar), "tar"),
+    ] {
+        let words = format!("x: the format is {name}: unpack it first");
+        assert_eq!(complaint(&file), words);
+    }
+}
+
+#[test]
+fn no_message_has_the_names_of_a_decoder() {
+    // A frame that needs a dictionary, and one with a window of 2 GiB.
+    let block = b"\x01\0\0";
+    let frame = |head: &[u8]| [b"\x28\xb5\x2f\xfd", head, block].concat();
+    let words = complaint(&frame(b"\x01\0\x07"));
+    assert!(words.contains("is packed with a dictionary at"), "{words}");
+    let words = complaint(&frame(b"\0\xa8"));
+    assert!(words.contains("a window of more than 128 MiB at"), "{words}");
+    for at in 4..CHECKED.len() {
+        for bit in 0..8 {
+            let mut file = CHECKED.to_vec();
+            file[at] ^= 1 << bit;
+            let Err(error) = read_obj(&file) else { continue };
+            let words = error.within("x");
+            assert!(!words.contains(['{', '_']), "{words}");
+            assert!(words.contains(" in part "), "{words}");
         }
     }
 }
@@ -115,6 +217,19 @@ fn utf_16_is_read_in_either_order() {
         let file = utf_16(TEXT, bytes);
         let words = "x: the UTF-16 text ends within a letter";
         assert_eq!(complaint(&file[..file.len() - 1]), words);
+        // One more byte of zero may be half of a letter in one order.
+        for zeros in [2, 3, 64, 99] {
+            let padded = [&file[..], &vec![0; zeros]].concat();
+            assert_eq!(read_obj(&padded), Ok(plain()));
+        }
+        let marked = utf_16(&(TEXT.to_owned() + "\x1a\r\n"), bytes);
+        assert_eq!(read_obj(&marked), Ok(plain()));
+        // Two texts, each with its mark.
+        let (head, tail) = TEXT.split_at(TEXT.find("v 1 1").unwrap());
+        for other in [u16::to_le_bytes, u16::to_be_bytes] {
+            let both = [utf_16(head, bytes), utf_16(tail, other)].concat();
+            assert_eq!(read_obj(&both), Ok(plain()));
+        }
         // Half of a pair, in a comment.
         let mut file = utf_16(&format!("#.\n{TEXT}"), bytes);
         file[4..6].copy_from_slice(&bytes(0xd800));
@@ -130,6 +245,8 @@ fn lines_may_end_in_a_carriage_return() {
     let words = "x:4: a vertex without z";
     assert_eq!(complaint(wrong.as_bytes()), words);
     assert_eq!(read_obj(&gzip(old.as_bytes())), Ok(plain()));
+    let mixed = TEXT.replace("0\n", "0\r").replace("5\n", "5\r\n");
+    assert_eq!(read_obj(mixed.as_bytes()), Ok(plain()));
 }
 
 #[test]

@@ -416,7 +416,7 @@ fn coordinates_that_are_no_numbers_are_refused_in_one_line() {
     let place = Scratch::new();
     for word in ["NaN", "inf", "-inf", "1e309"] {
         let text = format!("v 0 0 0\nv 1 0 0\nv 0 {word} 0\nf 1 2 3\n");
-        place.feed(text.as_bytes(), &["-q"]).failed(1, &["3: ", word]);
+        place.feed(text.as_bytes(), &["-q"]).failed(1, &[":4: ", word]);
         let position = format!("-p0,{word},1");
         place.run(&["-isquare.obj", &position]).failed(2, &[word]);
     }

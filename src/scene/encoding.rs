@@ -6,110 +6,140 @@
 // Software Foundation, either version 3 of the License, or (at your option)
 // any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! From the bytes of a file to a text whose lines end in newlines.
+//! From the bytes of a file to its text.
 
 use std::borrow::Cow;
-use std::error::Error;
 use std::io::{self, Read};
-use std::iter::successors;
 
-use flate2::read::MultiGzDecoder;
-use memchr::memchr;
+use flate2::bufread::GzDecoder;
 use ruzstd::decoding::StreamingDecoder;
 
 // Turn the bytes into a text
-/// The text of a file, decompressed if it begins as gzip or zstd do, in
-/// UTF-8 if it begins with a mark of UTF-16, and with newlines.
+/// The text of a file, decompressed if it begins as gzip or zstd do, and in
+/// UTF-8 if it begins with a mark of UTF-16; `warn` is told what was left
+/// out.
 ///
 /// # Errors
-/// Compressed files that are damaged or cut short, and UTF-16 that ends
-/// within a character.
-pub fn text(source: &[u8]) -> Result<Cow<'_, [u8]>, String> {
-    let bytes = match source {
-        [0x1f, 0x8b, ..] => Cow::Owned(unpack("gzip", gunzip, source)?),
-        [0x28, 0xb5, 0x2f, 0xfd, ..] => {
-            Cow::Owned(unpack("zstd", unzstd, source)?)
+/// Compressed files that are damaged or cut short, those of other formats,
+/// and UTF-16 that ends within a character.
+pub fn text<'a>(
+    source: &'a [u8],
+    warn: &mut dyn FnMut(&str),
+) -> Result<Cow<'a, [u8]>, String> {
+    let mut bytes = Cow::Borrowed(source);
+    for _ in 0..2 {
+        if let Some(kind @ ("gzip" | "zstd")) = format(&bytes) {
+            bytes = unpack(kind, &bytes, warn)?.into();
         }
-        _ => Cow::Borrowed(source),
-    };
-    // Take two bytes for a character after a mark
-    let mut text = match &*bytes {
-        [0xff, 0xfe, rest @ ..] => utf_8(rest, u16::from_le_bytes)?.into(),
-        [0xfe, 0xff, rest @ ..] => utf_8(rest, u16::from_be_bytes)?.into(),
-        _ => bytes,
-    };
-    // Let lines end in newlines
-    let has = |byte| memchr(byte, &text).is_some();
-    if !has(b'\n') && has(b'\r') {
-        let returns = text.to_mut().iter_mut().filter(|c| **c == b'\r');
-        returns.for_each(|byte| *byte = b'\n');
     }
-    Ok(text)
+    match format(&bytes) {
+        None => Ok(bytes),
+        Some("UTF-16") => Ok(utf_8(&bytes)?.into()),
+        Some(kind) => Err(format!("the format is {kind}: unpack it first")),
+    }
+}
+
+/// The format of bytes that are no plain text, by how they begin.
+pub fn format(bytes: &[u8]) -> Option<&'static str> {
+    Some(match bytes {
+        [0xff, 0xfe, ..] | [0xfe, 0xff, ..] => "UTF-16",
+        [0x1f, 0x8b, ..] => "gzip",
+        [0x28, 0xb5, 0x2f, 0xfd, ..] => "zstd",
+        [0x50..=0x5f, 0x2a, 0x4d, 0x18, ..] => "zstd",
+        [b'P', b'K', 3 | 5 | 7, ..] => "zip",
+        [0xfd, b'7', b'z', b'X', b'Z', ..] => "xz",
+        [b'B', b'Z', b'h', b'1'..=b'9', ..] => "bzip2",
+        [0x04, 0x22, 0x4d, 0x18, ..] => "lz4",
+        [b'7', b'z', 0xbc, 0xaf, ..] => "7z",
+        _ if bytes.get(257..262) == Some(b"ustar") => "tar",
+        _ => return None,
+    })
 }
 
 // Unpack a compressed file
-fn gunzip(source: &[u8], text: &mut Vec<u8>) -> io::Result<()> {
-    MultiGzDecoder::new(source).read_to_end(text).map(|_| ())
-}
-
-fn unzstd(mut source: &[u8], text: &mut Vec<u8>) -> io::Result<()> {
-    while !source.is_empty() {
-        let frame = StreamingDecoder::new(&mut source);
-        let mut frame = frame.map_err(io::Error::other)?;
-        frame.read_to_end(text)?;
-        let frame = frame.into_frame_decoder();
-        let found = frame.get_checksum_from_data();
-        if found.is_some() && found != frame.get_calculated_checksum() {
-            return Err(io::Error::other("the checksum is another"));
-        }
+/// Appends the next frame of zstd to a text, and steps over it.
+fn unzstd(rest: &mut &[u8], text: &mut Vec<u8>) -> io::Result<usize> {
+    // Skip a frame that is not for us
+    if let [0x50..=0x5f, 0x2a, 0x4d, 0x18, a, b, c, d, next @ ..] = *rest {
+        let length = u32::from_le_bytes([*a, *b, *c, *d]) as usize;
+        *rest = next.get(length..).ok_or(io::ErrorKind::UnexpectedEof)?;
+        return Ok(0);
     }
-    Ok(())
+    let frame = StreamingDecoder::new(&mut *rest);
+    let mut frame = frame.map_err(io::Error::other)?;
+    let size = frame.read_to_end(text)?;
+    let frame = frame.into_frame_decoder();
+    let found = frame.get_checksum_from_data();
+    match found.is_some() && found != frame.get_calculated_checksum() {
+        true => Err(io::Error::other("the checksum is another")),
+        false => Ok(size),
+    }
 }
 
-/// Whether bytes begin as one of the encodings does.
-pub fn is_encoded(start: &[u8]) -> bool {
-    let marks: [&[u8]; 4] =
-        [b"\x1f\x8b", b"\x28\xb5\x2f\xfd", b"\xff\xfe", b"\xfe\xff"];
-    marks.iter().any(|mark| start.starts_with(mark))
-}
-
-/// What a function unpacks, or why it cannot.
+/// What a file of this kind holds, or which part of it is faulty.
 fn unpack(
     kind: &str,
-    function: fn(&[u8], &mut Vec<u8>) -> io::Result<()>,
     source: &[u8],
+    warn: &mut dyn FnMut(&str),
 ) -> Result<Vec<u8>, String> {
-    let mut text = Vec::new();
-    match function(source, &mut text) {
-        Ok(()) => Ok(text),
-        Err(e) if is_cut(&e) => {
-            Err(format!("the {kind} file is cut short"))
+    let (mut all, mut rest) = (Vec::new(), source);
+    for part in 1.. {
+        let zeros = rest.iter().take_while(|byte| **byte == 0);
+        rest = &rest[zeros.count()..];
+        let begin = source.len() - rest.len();
+        let unpacked = match format(rest) {
+            _ if rest.is_empty() => break,
+            // Unpack the part
+            Some("gzip") => GzDecoder::new(&mut rest).read_to_end(&mut all),
+            Some("zstd") => unzstd(&mut rest, &mut all),
+            _ if kind == "zstd" => Err(io::Error::other("no frame")),
+            _ => {
+                warn(&format!("no gzip from byte {begin} on: left out"));
+                break;
+            }
+        };
+        // Tell which part is faulty
+        let at = source.len() - rest.len();
+        let place = format!("at byte {at} in part {part}, from {begin} on");
+        if let Err(e) = unpacked {
+            return Err(format!("the {kind} file {} {place}", fault(&e)));
         }
-        Err(e) => Err(format!("the {kind} file is damaged: {e}")),
     }
+    Ok(all)
 }
 
 // Tell what is wrong with it
-/// Whether a decoder wanted more bytes than there were.
-fn is_cut(error: &io::Error) -> bool {
-    let first: &(dyn Error + 'static) = error;
-    let mut chain = successors(Some(first), |&error| error.source());
-    let is_end = |e: &io::Error| e.kind() == io::ErrorKind::UnexpectedEof;
-    chain.any(|e| e.downcast_ref::<io::Error>().is_some_and(is_end))
+fn fault(error: &io::Error) -> &'static str {
+    let names = format!("{error:?}");
+    let faults = [
+        ("UnexpectedEof", "is cut short"),
+        ("checksum", "is damaged (its checksum is another)"),
+        ("DictNotProvided", "is packed with a dictionary"),
+        ("WindowSizeTooBig", "has a window of more than 128 MiB"),
+        ("OutOfMemory", "is too large for the memory"),
+    ];
+    let found = faults.iter().find(|(name, _)| names.contains(name));
+    found.map_or("is damaged", |(_, what)| what)
 }
 
 // Decode characters of two bytes
 /// The text of pairs of bytes that are UTF-16.
-fn utf_8(
-    bytes: &[u8],
-    unit: fn([u8; 2]) -> u16,
-) -> Result<Vec<u8>, String> {
+fn utf_8(bytes: &[u8]) -> Result<Vec<u8>, String> {
     let (pairs, rest) = bytes.as_chunks::<2>();
-    if !rest.is_empty() {
-        return Err("the UTF-16 text ends within a letter".to_owned());
-    }
-    let units = pairs.iter().map(|&pair| unit(pair));
+    let mut is_big = false;
+    let units = pairs.iter().map(|&[a, b]| {
+        if let [0xfe, 0xff] | [0xff, 0xfe] = [a, b] {
+            is_big = a == 0xfe;
+        }
+        u16::from_le_bytes(if is_big { [b, a] } else { [a, b] })
+    });
     let letters = char::decode_utf16(units)
         .map(|letter| letter.unwrap_or(char::REPLACEMENT_CHARACTER));
-    Ok(letters.collect::<String>().into_bytes())
+    let text = letters.collect::<String>().into_bytes();
+    let is_zero = !is_big || pairs.last() == Some(&[0, 0]);
+    match rest {
+        [] => Ok(text),
+        [0] if is_zero => Ok(text),
+        _ => Err("the UTF-16 text ends within a letter".to_owned()),
+    }
 }
