@@ -13,12 +13,12 @@
 //! position) is for the module that combines them to say.
 
 // Name what the arguments import
-use std::collections::HashSet;
 use std::env;
 use std::ffi::OsString;
 use std::io::{self, ErrorKind, IsTerminal};
 use std::iter;
 use std::num::{IntErrorKind, ParseIntError};
+use std::os::unix::ffi::{OsStrExt, OsStringExt};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
@@ -26,14 +26,16 @@ use std::time::{Duration, Instant};
 use clap::builder::Styles;
 use clap::builder::styling::{AnsiColor, Effects, Style};
 use clap::error::{ContextKind, ContextValue};
-use clap::{CommandFactory, Parser};
+use clap::parser::ValueSource;
+use clap::{ArgMatches, CommandFactory, Id, Parser};
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
 use crate::analysis::Shortcut;
 use crate::bvh::Isa;
 use crate::camera::{View, typed};
-use crate::checkpoint::RunKey;
+use crate::checkpoint::{Checkpoint, RunKey};
 use crate::film::Window;
 use crate::image::Format;
 use crate::output::{ImageTarget, OutputTarget};
@@ -44,7 +46,7 @@ use crate::shards::{Part, is_state_name};
 
 // Declare the options with their defaults
 /// Renders a Wavefront OBJ of one diffuse material under a uniform sky.
-#[derive(Debug, Parser)]
+#[derive(Clone, Debug, Parser, Serialize, Deserialize)]
 #[command(name = "pt", version, styles = STYLES,
           after_help = format!("{STATUS}\n\n{LICENCE}"))]
 #[command(args_override_self = true)]
@@ -214,14 +216,15 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE")]
     pub resume: Option<PathBuf>,
 
-    /// The words of each command that renders the image.
+    /// Where the names of files hold.
     #[arg(skip)]
-    pub commands: Vec<Vec<String>>,
+    directory: PathBuf,
     /// Images and reports of the run before it was resumed.
     #[arg(skip)]
-    replaced: HashSet<PathBuf>,
+    replaced: Vec<PathBuf>,
     /// The image that is written because none is named.
     #[arg(skip)]
+    #[serde(skip)]
     pub picture: Option<PathBuf>,
 }
 
@@ -358,31 +361,41 @@ fn parse_threads(text: &str) -> Result<usize, String> {
 }
 
 // Parse the whole command line
-/// Parses the arguments of a program; see
-/// [`Arguments::from_command_line`].
-pub fn parse_command_line<P: Parser>() -> Result<P, ExitCode> {
-    parse_words(env::args_os().skip(1))
-}
-
-fn parse_words<P: Parser>(
-    words: impl IntoIterator<Item = impl Into<OsString>>,
-) -> Result<P, ExitCode> {
-    let name = P::command().get_name().to_owned();
-    let words = words.into_iter().map(Into::into);
+/// Options all of which are replaced if one of them is given.
+const TOGETHER: [&[&str]; 4] = [
+    &["scene", "input"],
+    &["samples", "time", "error"],
+    &["output", "format"],
+    &["resume", "checkpoint", "force", "directory"],
+];
+/// Parses the arguments of a program, and says which of them are given;
+/// see [`Arguments::from_command_line`].
+pub fn parse_command_line<P: Parser>() -> Result<(P, ArgMatches), ExitCode>
+{
+    let command = P::command();
+    let name = command.get_name().to_owned();
+    let words = env::args_os().skip(1);
     let words = iter::once(name.clone().into()).chain(words);
-    P::try_parse_from(words).map_err(|error| {
+    let given = command.try_get_matches_from(words);
+    let parse = |given| Ok((P::from_arg_matches(&given)?, given));
+    given.and_then(parse).map_err(|error| {
         if error.use_stderr() {
             progress::error(&explain(&error, &name));
             return ExitCode::from(2);
         }
         match error.print() {
             Err(e) if e.kind() != ErrorKind::BrokenPipe => {
-                progress::error(&format!("cannot write: {e}"));
-                ExitCode::FAILURE
+                fail(format!("cannot write: {e}"))
             }
             _ => ExitCode::SUCCESS,
         }
     })
+}
+
+/// Says why a program ends, and with which status.
+pub fn fail(message: String) -> ExitCode {
+    progress::error(&message);
+    ExitCode::FAILURE
 }
 
 /// The one line that says what is wrong with the command line.
@@ -422,48 +435,22 @@ fn object(value: Value) -> Map<String, Value> {
 
 impl Arguments {
     // Read the command line or explain it
-    /// Parses the arguments of the process. When there is nothing to
-    /// render, because help was asked for or a value is wrong, prints what
-    /// the user should know and returns the exit status.
-    pub fn from_command_line() -> Result<Self, ExitCode> {
+    /// Parses the arguments of the process, and opens the checkpoint that
+    /// they go on from. When there is nothing to render, because help was
+    /// asked for or something is wrong, prints what the user should know and
+    /// returns the exit status.
+    pub fn from_command_line()
+    -> Result<(Self, Option<Checkpoint>), ExitCode> {
         if env::args_os().len() <= 1 && io::stdin().is_terminal() {
             let _ = Self::command().print_help();
             return Err(ExitCode::from(2));
         }
-        Self::after(&[])
-    }
-
-    /// The same after the words of other commands, without the program.
-    pub fn after(before: &[Vec<String>]) -> Result<Self, ExitCode> {
-        let typed: Vec<_> = env::args_os().skip(1).collect();
-        // Let the last of several commands decide
-        let last: Self = parse_words(&typed)?;
-        let state = last.states().next().cloned();
-        let each = before.iter().map(parse_words::<Self>);
-        let mut each = each.collect::<Result<Vec<_>, _>>()?;
-        let words = before.iter().flatten().map(OsString::from);
-        let mut all: Self = parse_words(words.chain(typed.clone()))?;
-        all.force = last.force;
-        all.replaced = each.iter().flat_map(Self::written).collect();
-        let resumed = all.resume.clone().filter(|_| !each.is_empty());
-        all.checkpoint = state.or(resumed);
-        each.push(last);
-        // Take limits and files from one command each
-        let latest = |is_set: fn(&Self) -> bool| {
-            each.iter().rev().find(|&command| is_set(command))
-        };
-        if let Some(one) = latest(Self::is_limited) {
-            (all.samples, all.time, all.error) =
-                (one.samples, one.time, one.error);
-        }
-        if let Some(one) =
-            latest(|c| c.format.is_some() || !c.output.is_empty())
-        {
-            (all.output, all.format) = (one.output.clone(), one.format);
-        }
-        if let Some(one) = latest(|c| !c.report.is_empty()) {
-            all.report = one.report.clone();
-        }
+        let (mut typed, given) = parse_command_line::<Self>()?;
+        typed.directory = env::current_dir().unwrap_or_default();
+        let begun = typed.after_those_of_a_run(&given);
+        let (mut all, resumed) = begun.map_err(fail)?;
+        let state = typed.states().next().cloned();
+        all.checkpoint = state.or(all.resume.clone());
         // Choose a file for the image
         if all.output.is_empty() && all.format.is_none() && !all.explain {
             all.picture = all.png().filter(|_| io::stdout().is_terminal());
@@ -480,9 +467,9 @@ impl Arguments {
             && !(all.output.is_empty() || on_stdout)
         {
             "--format is for standard output, the name of a file tells its own"
-        } else if each.iter().any(|one| one.states().count() > 1) {
+        } else if typed.states().count() > 1 {
             "a run has one state, which --checkpoint or one -o names"
-        } else if all.preview && !all.output.iter().any(is_png) {
+        } else if typed.preview && !all.output.iter().any(is_png) {
             "--preview needs a PNG file, as in -o a.png"
         } else {
             all.fault_of_part()
@@ -491,21 +478,78 @@ impl Arguments {
             progress::error(&format!("{fault} (see pt --help)"));
             return Err(ExitCode::from(2));
         }
-        // Take down the words of this command
-        let text = |word: &OsString| word.to_string_lossy().into_owned();
-        let mut words: Vec<_> = typed.iter().map(text).collect();
-        let scene = each.last().and_then(|last| last.scene.as_ref());
-        if let Some(scene) = scene.map(|path| text(&path.clone().into())) {
-            let place = words.iter().rposition(|word| *word == scene);
-            place.map(|place| words.remove(place));
-            words.retain(|word| word != "--");
-            words.extend(["-i".to_owned(), scene]);
+        Ok((all, resumed))
+    }
+
+    /// The options after those of the run to go on with, if there is one.
+    fn after_those_of_a_run(
+        &self,
+        given: &ArgMatches,
+    ) -> Result<(Self, Option<Checkpoint>), String> {
+        let Some(path) = &self.resume else {
+            return Ok((self.clone(), None));
+        };
+        let checkpoint = Checkpoint::of_file(path)?;
+        let mut before = Self::restore(checkpoint.options())?;
+        // Find the files of the run from here
+        let old = before.directory.clone();
+        let moved = old != self.directory;
+        for name in before.names().filter(|_| moved) {
+            *name = old.join(&name);
         }
-        if let Some(path) = &all.picture {
-            words.extend(["-o".to_owned(), text(&path.clone().into())]);
+        let written = [&before.output[..], &before.report].concat();
+        before.replaced.extend(written);
+        let (mut all, typed) = (before.save(), self.save());
+        // Replace the options that are given
+        let is_given = |id: &&str| {
+            given.value_source(id) == Some(ValueSource::CommandLine)
+        };
+        for id in given.ids().map(Id::as_str).filter(is_given) {
+            let mut groups = TOGETHER.into_iter();
+            let group = groups.find(|group| group.contains(&id));
+            for &name in group.unwrap_or(&[id]) {
+                if let Some(value) = typed.get(name) {
+                    all[name] = value.clone();
+                }
+            }
         }
-        all.commands = before.iter().cloned().chain([words]).collect();
-        Ok(all)
+        Ok((Self::restore(&all)?, Some(checkpoint)))
+    }
+
+    /// The options as a checkpoint has them.
+    pub fn save(&self) -> Value {
+        let mut saved = self.clone();
+        for name in saved.names() {
+            let bytes = name.as_os_str().as_bytes().iter();
+            let text: String = bytes.map(|&b| char::from(b)).collect();
+            *name = text.into();
+        }
+        serde_json::to_value(saved).unwrap_or_default()
+    }
+
+    /// The options that were saved.
+    ///
+    /// # Errors
+    /// The value has not all of them.
+    pub fn restore(saved: &Value) -> Result<Self, String> {
+        let mut options = Self::deserialize(saved)
+            .map_err(|e| format!("these are no options of pt: {e}"))?;
+        for name in options.names() {
+            let text = name.to_string_lossy();
+            let bytes = text.chars().map(|c| c as u8).collect();
+            *name = OsString::from_vec(bytes).into();
+        }
+        Ok(options)
+    }
+
+    /// The names of all files of a run.
+    fn names(&mut self) -> impl Iterator<Item = &mut PathBuf> {
+        let Self { scene, input, reference, .. } = self;
+        let Self { output, report, replaced, directory, .. } = self;
+        let one = [scene, input, reference].into_iter().flatten();
+        let many = [output, report, replaced].into_iter().flatten();
+        let all = one.chain(many).chain([directory]);
+        all.filter(|name| !is_dash(name))
     }
 
     // Hand the values to other modules
@@ -558,10 +602,7 @@ impl Arguments {
         (self.position, self.target) =
             (Some(view.position), Some(view.target));
         let [p, t] = [view.position, view.target].map(typed);
-        let options = ["-p", &p, "-t", &t].map(str::to_owned);
-        let said = options.join(" ");
-        self.commands.last_mut()?.extend(options);
-        Some(said)
+        Some(format!("-p {p} -t {t}"))
     }
 
     /// Whether the position of the camera or its target is known.
@@ -770,18 +811,10 @@ impl Arguments {
         }
     }
 
-    /// Whether there is any limit.
-    fn is_limited(&self) -> bool {
-        self.samples.is_some() || self.time.or(self.error).is_some()
-    }
-
-    /// The images and reports that the options name.
-    fn written(&self) -> impl Iterator<Item = PathBuf> {
-        self.output.iter().chain(&self.report).cloned()
-    }
-
     /// Whether a file may be replaced.
-    fn may_replace(&self, path: &PathBuf) -> bool {
-        self.force || self.replaced.contains(path)
+    fn may_replace(&self, path: &Path) -> bool {
+        let old = self.replaced.iter().flat_map(|old| old.canonicalize());
+        let is_own = |new| old.into_iter().any(|old| old == new);
+        self.force || path.canonicalize().is_ok_and(is_own)
     }
 }

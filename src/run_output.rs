@@ -14,9 +14,9 @@ use std::hint::black_box;
 use std::io::{self, Write};
 use std::time::{Duration, Instant};
 
-use serde_json::json;
+use serde_json::{Value, json};
 
-use crate::checkpoint::{self, Commands, RunKey};
+use crate::checkpoint::{self, RunKey};
 use crate::film::Film;
 use crate::image::Image;
 use crate::output::{Content, OutputTarget};
@@ -40,8 +40,8 @@ pub struct RunOutput {
     every: Duration,
     /// When the next checkpoint is due; never, if beyond the clock.
     next_checkpoint: Option<Instant>,
-    /// The commands, and what decides the samples.
-    commands: Commands,
+    /// The options, and what decides the samples.
+    options: Value,
     run_key: RunKey,
     /// What a report says that does not change while the run goes on.
     known: Report,
@@ -74,7 +74,7 @@ impl RunOutput {
         reports: Vec<(Kind, OutputTarget)>,
         checkpoint: Option<OutputTarget>,
         every: Duration,
-        commands: Commands,
+        options: Value,
         run_key: RunKey,
         known: Report,
     ) -> Self {
@@ -88,7 +88,7 @@ impl RunOutput {
             checkpoint,
             every,
             next_checkpoint,
-            commands,
+            options,
             run_key,
             known,
         }
@@ -154,16 +154,7 @@ impl RunOutput {
             black_box(kind.render(&report, &|| image.clone()));
         }
         if self.checkpoint.is_some() {
-            let Self { commands, run_key, known, .. } = self;
-            let out = &mut io::sink();
-            let _ = checkpoint::save(
-                commands,
-                run_key,
-                known,
-                convergence,
-                film,
-                out,
-            );
+            let _ = self.save(convergence, film, &mut io::sink());
         }
         image
     }
@@ -195,18 +186,24 @@ impl RunOutput {
         film: &Film,
         stop: Option<Stop>,
     ) -> Result<(), String> {
-        let Self { checkpoint, commands, run_key, known, .. } = self;
-        let Some(target) = checkpoint else { return Ok(()) };
-        put(target, stop, &mut |out| {
-            checkpoint::save(
-                commands,
-                run_key,
-                known,
-                convergence,
-                film,
-                out,
-            )
-        })
+        let Some(mut target) = self.checkpoint.take() else {
+            return Ok(());
+        };
+        let mut content =
+            |out: &mut dyn Write| self.save(convergence, film, out);
+        let written = put(&mut target, stop, &mut content);
+        self.checkpoint = Some(target);
+        written
+    }
+
+    fn save(
+        &self,
+        convergence: &Convergence,
+        film: &Film,
+        out: &mut dyn Write,
+    ) -> io::Result<()> {
+        let Self { options, run_key, known, .. } = self;
+        checkpoint::save(options, run_key, known, convergence, film, out)
     }
 
     // Fill in the report

@@ -11,13 +11,13 @@
 // Name what shards import
 use std::fmt;
 use std::fs::File;
-use std::io::{BufReader, Read};
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use serde_json::Value;
 
-use crate::checkpoint::{Checkpoint, Commands, RunKey, disagreement};
+use crate::checkpoint::{Checkpoint, RunKey, disagreement};
 use crate::film::{Film, Window};
 use crate::image::{Image, extension};
 use crate::render::method::Sampling;
@@ -111,7 +111,7 @@ const START: &[u8; 16] = b"litpt checkpoint";
 struct State {
     /// The name of its file.
     name: String,
-    checkpoint: Checkpoint<BufReader<File>>,
+    checkpoint: Checkpoint,
     /// The run key without what distinguishes the parts.
     run_key: RunKey,
     /// What it holds when it is whole.
@@ -141,11 +141,7 @@ impl fmt::Display for Held {
 impl State {
     fn open(path: &Path) -> Result<Self, String> {
         let name = path.display().to_string();
-        let file =
-            File::open(path).map_err(|e| format!("cannot read: {e}"));
-        let checkpoint = file
-            .and_then(|file| Checkpoint::open(BufReader::new(file)))
-            .map_err(|fault| format!("{name}: {fault}"))?;
+        let checkpoint = Checkpoint::of_file(path)?;
         let mut run_key = checkpoint.run_key().clone();
         let spp = checkpoint.convergence().spp;
         let (samples, of, band) = ((0, spp), spp, (1, 1));
@@ -346,9 +342,9 @@ impl Merged {
     pub fn image_and_report(self) -> (Image, Report) {
         let Self { film, convergence, known, run_key, missing } = self;
         let stop = missing.is_none().then_some(Stop::Samples);
-        let (never, commands) = (Duration::MAX, Commands::default());
+        let (never, options) = (Duration::MAX, Value::Null);
         let output =
-            RunOutput::new(vec![], None, never, commands, run_key, known);
+            RunOutput::new(vec![], None, never, options, run_key, known);
         let image = output.image(&convergence, &film, stop);
         (image, output.report(&convergence, &film, stop))
     }

@@ -896,7 +896,7 @@ fn an_edited_checkpoint_is_damaged_and_not_of_another_run() {
     let (convergence, mut film) = (Convergence::default(), Film::new(3, 2));
     let mut file = vec![];
     save(
-        &Commands::default(),
+        &Value::Null,
         &run_key(0),
         &Report::default(),
         &convergence,

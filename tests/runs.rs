@@ -13,7 +13,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use common::{ROOM, Run, Scratch, finish, skip};
-use litpt::checkpoint::{Commands, RunKey};
+use litpt::checkpoint::RunKey;
 use litpt::film::Film;
 use litpt::image::Image;
 use litpt::render_loop::Convergence;
@@ -782,7 +782,7 @@ fn a_report_between_two_points_says_where_the_run_stands() {
         vec![],
         None,
         Duration::MAX,
-        Commands::default(),
+        Value::Null,
         RunKey::default(),
         Report::default(),
     );

@@ -222,7 +222,7 @@ fn main() -> ExitCode {
     // A file beyond the limit of size is an error, not the end.
     let _ = flag::register(SIGXFSZ, Arc::default());
     let arguments: Arguments = match parse_command_line() {
-        Ok(arguments) => arguments,
+        Ok((arguments, _)) => arguments,
         Err(status) => return status,
     };
     run(&arguments.verb).unwrap_or_else(|message| {

@@ -12,7 +12,7 @@ use std::hint::black_box;
 use std::time::{Duration, Instant};
 
 use glam::DVec3;
-use litpt::checkpoint::{Commands, RunKey};
+use litpt::checkpoint::RunKey;
 use litpt::film::Film;
 use litpt::output::OutputTarget;
 use litpt::render_loop::{Convergence, Interrupt, Limits};
@@ -58,7 +58,7 @@ fn measure(setting: &Setting) -> Result<[f64; 4], Box<dyn Error>> {
         reports,
         None,
         never,
-        Commands::default(),
+        serde_json::Value::Null,
         RunKey::default(),
         analysis(),
     );
@@ -88,7 +88,7 @@ fn measure(setting: &Setting) -> Result<[f64; 4], Box<dyn Error>> {
         vec![],
         checkpoint,
         Duration::ZERO,
-        Commands::default(),
+        serde_json::Value::Null,
         run_key,
         analysis(),
     );
