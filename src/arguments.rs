@@ -15,16 +15,18 @@
 // Name what the arguments import
 use std::env;
 use std::ffi::OsString;
-use std::io::{self, ErrorKind, IsTerminal};
+use std::io::{self, IsTerminal};
 use std::iter;
 use std::num::{IntErrorKind, ParseIntError};
 use std::os::unix::ffi::{OsStrExt, OsStringExt};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::str::FromStr;
 use std::time::{Duration, Instant};
 
-use clap::builder::Styles;
+use anstream::{AutoStream, ColorChoice};
 use clap::builder::styling::{AnsiColor, Effects, Style};
+use clap::builder::{StyledStr, Styles};
 use clap::error::{ContextKind, ContextValue};
 use clap::parser::ValueSource;
 use clap::{ArgMatches, CommandFactory, Id, Parser};
@@ -38,7 +40,7 @@ use crate::camera::{View, typed};
 use crate::checkpoint::{Checkpoint, RunKey};
 use crate::film::Window;
 use crate::image::Format;
-use crate::output::{ImageTarget, OutputTarget};
+use crate::output::{ImageTarget, OutputTarget, descriptor};
 use crate::progress;
 use crate::render::method::Wanted;
 use crate::report::Kind;
@@ -254,13 +256,12 @@ fn parse_resolution(text: &str) -> Result<(u32, u32), String> {
     let syntax = "expected two integers around one x, as in 800x600";
     let (width, height) = text.split_once('x').ok_or(syntax)?;
     // Read one side of the resolution
-    let side = |digits: &str| match digits.parse() {
-        _ if !digits.bytes().all(|b| b.is_ascii_digit()) => {
-            Err(syntax.to_owned())
-        }
+    let side = |text| match digits(text) {
         Ok(0) => Err("an image has at least one pixel".to_owned()),
         Ok(n @ 1..=MAX_SIDE) => Ok(n),
-        Err(_) if digits.is_empty() => Err(syntax.to_owned()),
+        Err(e) if *e.kind() != IntErrorKind::PosOverflow => {
+            Err(syntax.to_owned())
+        }
         _ => Err(format!("at most {MAX_SIDE} pixels a side")),
     };
     Ok((side(width)?, side(height)?))
@@ -268,14 +269,17 @@ fn parse_resolution(text: &str) -> Result<(u32, u32), String> {
 
 const MAX_SIDE: u32 = 16384;
 
+/// An integer of digits alone.
+fn digits<N: FromStr>(text: &str) -> Result<N, N::Err> {
+    // The library would take a plus as well.
+    text.replace('+', "x").parse()
+}
+
 fn parse_crop(text: &str) -> Result<Window, String> {
     let syntax = "expected a pixel and a size, as in 100,50,64x48";
     let parts: Vec<&str> = text.split(',').collect();
     let [x, y, size] = parts[..] else { return Err(syntax.to_owned()) };
-    let number = |digits: &str| match digits.parse() {
-        Ok(n) if digits.bytes().all(|b| b.is_ascii_digit()) => Ok(n),
-        _ => Err(syntax.to_owned()),
-    };
+    let number = |text| digits(text).map_err(|_: ParseIntError| syntax);
     let corner = (number(x)?, number(y)?);
     Ok(Window { corner, size: parse_resolution(size)? })
 }
@@ -312,7 +316,7 @@ fn parse_albedo(text: &str) -> Result<f64, String> {
 }
 
 fn parse_whole(text: &str) -> Result<u64, String> {
-    text.parse().map_err(|error: ParseIntError| match error.kind() {
+    digits(text).map_err(|error: ParseIntError| match error.kind() {
         IntErrorKind::PosOverflow => {
             format!("{text} is larger than {}", u64::MAX)
         }
@@ -339,7 +343,7 @@ fn parse_range(text: &str) -> Result<(u64, u64), String> {
 
 fn parse_band(text: &str) -> Result<(u32, u32), String> {
     let (k, n) = text.split_once('/').unwrap_or_default();
-    match (k.parse(), n.parse()) {
+    match (digits(k), digits(n)) {
         (Ok(k), Ok(n)) if 0 < k && k <= n => Ok((k, n)),
         _ => Err("expected a number from 1 to N, a slash and N, as in 2/8"
             .to_owned()),
@@ -368,6 +372,7 @@ const TOGETHER: [&[&str]; 4] = [
     &["output", "format"],
     &["resume", "checkpoint", "force", "directory"],
 ];
+
 /// Parses the arguments of a program, and says which of them are given;
 /// see [`Arguments::from_command_line`].
 pub fn parse_command_line<P: Parser>() -> Result<(P, ArgMatches), ExitCode>
@@ -383,12 +388,16 @@ pub fn parse_command_line<P: Parser>() -> Result<(P, ArgMatches), ExitCode>
             progress::error(&explain(&error, &name));
             return ExitCode::from(2);
         }
-        match error.print() {
-            Err(e) if e.kind() != ErrorKind::BrokenPipe => {
-                fail(format!("cannot write: {e}"))
-            }
-            _ => ExitCode::SUCCESS,
-        }
+        print(&error.render()).map_or_else(fail, |()| ExitCode::SUCCESS)
+    })
+}
+
+/// Prints a text on standard output, on a terminal in colour.
+fn print(text: &StyledStr) -> Result<(), String> {
+    let plain = AutoStream::choice(&io::stdout()) == ColorChoice::Never;
+    OutputTarget::standard_output()?.write(&mut |out| match plain {
+        true => write!(out, "{text}"),
+        false => write!(out, "{}", text.ansi()),
     })
 }
 
@@ -423,9 +432,41 @@ fn explain(error: &clap::Error, program: &str) -> String {
     format!("{line}{meant} (see {program} --help)")
 }
 
-/// Whether a file is standard input or output.
+/// Whether a file to read is standard input.
 pub fn is_dash(path: &Path) -> bool {
     path.as_os_str() == "-"
+}
+
+/// # Errors
+/// Two names stand for one file, and it is to be written.
+pub fn tell_apart<'a>(
+    read: impl Iterator<Item = &'a Path>,
+    written: impl Iterator<Item = &'a Path>,
+) -> Result<(), String> {
+    let place = |path: &Path| {
+        // Ask for the directory of a new file
+        let new = || {
+            let directory = Path::new(".").join(path.parent()?);
+            Some(directory.canonicalize().ok()?.join(path.file_name()?))
+        };
+        let open = descriptor(path).map(|n| n.to_string().into());
+        let known = open.or_else(|| path.canonicalize().ok());
+        known.or_else(new).unwrap_or_else(|| path.to_owned())
+    };
+    let read = read.filter(|path| !is_dash(path));
+    let mut taken: Vec<_> = read.map(place).collect();
+    // Refuse a file that is named twice
+    for path in written {
+        let name = path.display();
+        if taken.contains(&place(path)) {
+            return Err(match descriptor(path) {
+                Some(1) => "standard output is named twice".to_owned(),
+                _ => format!("{name}: this file is named twice"),
+            });
+        }
+        taken.push(place(path));
+    }
+    Ok(())
 }
 
 /// The members of a value that is written as an object.
@@ -442,7 +483,7 @@ impl Arguments {
     pub fn from_command_line()
     -> Result<(Self, Option<Checkpoint>), ExitCode> {
         if env::args_os().len() <= 1 && io::stdin().is_terminal() {
-            let _ = Self::command().print_help();
+            let _ = print(&Self::command().render_help());
             return Err(ExitCode::from(2));
         }
         let (mut typed, given) = parse_command_line::<Self>()?;
@@ -457,15 +498,13 @@ impl Arguments {
             all.output.extend(all.picture.clone());
         }
         // Refuse options that do not fit together
-        let on_stdout = all.output.iter().any(|path| is_dash(path));
+        let is_open = |path| descriptor(path).is_some();
         let is_png = |path: &PathBuf| Format::of(path) == Ok(Format::Png);
         let fault = if all.every.is_some() && all.checkpoint.is_none() {
             "--every needs --checkpoint"
         } else if all.checkpoint.as_deref().is_some_and(is_dash) {
             "--checkpoint needs a file"
-        } else if all.format.is_some()
-            && !(all.output.is_empty() || on_stdout)
-        {
+        } else if all.format.is_some() && !all.pictures().any(is_open) {
             "--format is for standard output, the name of a file tells its own"
         } else if typed.states().count() > 1 {
             "a run has one state, which --checkpoint or one -o names"
@@ -490,7 +529,7 @@ impl Arguments {
             return Ok((self.clone(), None));
         };
         let checkpoint = Checkpoint::of_file(path)?;
-        let mut before = Self::restore(checkpoint.options())?;
+        let mut before = Self::restore(&checkpoint.known().options)?;
         // Find the files of the run from here
         let old = before.directory.clone();
         let moved = old != self.directory;
@@ -501,15 +540,12 @@ impl Arguments {
         before.replaced.extend(written);
         let (mut all, typed) = (before.save(), self.save());
         // Replace the options that are given
-        let is_given = |id: &&str| {
-            given.value_source(id) == Some(ValueSource::CommandLine)
-        };
-        for id in given.ids().map(Id::as_str).filter(is_given) {
-            let mut groups = TOGETHER.into_iter();
-            let group = groups.find(|group| group.contains(&id));
-            for &name in group.unwrap_or(&[id]) {
-                if let Some(value) = typed.get(name) {
-                    all[name] = value.clone();
+        for id in given.ids().map(Id::as_str) {
+            if given.value_source(id) == Some(ValueSource::CommandLine) {
+                let mut groups = TOGETHER.into_iter();
+                let group = groups.find(|group| group.contains(&id));
+                for &name in group.unwrap_or(&[id]) {
+                    all[name] = typed[name].clone();
                 }
             }
         }
@@ -544,11 +580,11 @@ impl Arguments {
 
     /// The names of all files of a run.
     fn names(&mut self) -> impl Iterator<Item = &mut PathBuf> {
-        let Self { scene, input, reference, .. } = self;
+        let Self { scene, input, reference, checkpoint, resume, .. } = self;
         let Self { output, report, replaced, directory, .. } = self;
-        let one = [scene, input, reference].into_iter().flatten();
+        let one = [scene, input, reference, checkpoint, resume];
         let many = [output, report, replaced].into_iter().flatten();
-        let all = one.chain(many).chain([directory]);
+        let all = one.into_iter().flatten().chain(many).chain([directory]);
         all.filter(|name| !is_dash(name))
     }
 
@@ -559,9 +595,11 @@ impl Arguments {
         self.checkpoint.iter().chain(named)
     }
 
-    /// The images that the options name.
-    fn pictures(&self) -> impl Iterator<Item = &PathBuf> {
-        self.output.iter().filter(|path| !is_state_name(path))
+    /// The images to write, standard output if nothing is named.
+    fn pictures(&self) -> impl Iterator<Item = &Path> {
+        let named = self.output.iter().map(PathBuf::as_path);
+        let unnamed = self.output.is_empty().then_some(Path::new("-"));
+        named.filter(|path| !is_state_name(path)).chain(unnamed)
     }
 
     /// What is wrong with the options of a part, if anything.
@@ -613,18 +651,11 @@ impl Arguments {
     /// The targets of the image, checked but untouched.
     pub fn images(&self) -> Result<Vec<ImageTarget>, String> {
         self.tell_files_apart()?;
-        if self.output.is_empty() {
-            return Ok(vec![ImageTarget::standard_output(self.format())]);
-        }
-        let check = |path: &PathBuf| match is_dash(path) {
-            true => Ok(ImageTarget::standard_output(self.format())),
-            false => ImageTarget::file(path, self.may_replace(path)),
+        let format = self.format.unwrap_or(Format::Pgm);
+        let check = |path: &Path| {
+            ImageTarget::file(path, format, self.may_replace(path))
         };
         self.pictures().map(check).collect()
-    }
-
-    fn format(&self) -> Format {
-        self.format.unwrap_or(Format::Pgm)
     }
 
     /// The PNG beside the scene.
@@ -644,41 +675,19 @@ impl Arguments {
     }
 
     fn tell_files_apart(&self) -> Result<(), String> {
-        let place = |path: &Path| {
-            // Ask for the directory of a new file
-            let new = || {
-                let directory = Path::new(".").join(path.parent()?);
-                Some(directory.canonicalize().ok()?.join(path.file_name()?))
-            };
-            let known = path.canonicalize().ok();
-            known.or_else(new).unwrap_or_else(|| path.to_owned())
-        };
-        let read = self.scene_file().into_iter();
-        let read = read.chain(self.reference.as_deref());
-        let mut taken: Vec<_> = read.map(place).collect();
-        // Refuse a file that is named twice
-        let written = self.pictures().chain(&self.report);
-        for path in written.chain(&self.checkpoint) {
-            if taken.contains(&place(path)) {
-                return Err(match is_dash(path) {
-                    true => "standard output is named twice".to_owned(),
-                    false => format!(
-                        "{}: this file is named twice",
-                        path.display()
-                    ),
-                });
-            }
-            taken.push(place(path));
+        let reference = self.reference.as_deref();
+        if self.scene_file().is_none() && reference.is_some_and(is_dash) {
+            return Err("standard input can be read once only".to_owned());
         }
-        Ok(())
+        let read = self.scene_file().into_iter().chain(reference);
+        let more = self.report.iter().chain(&self.checkpoint);
+        let written = self.pictures().chain(more.map(PathBuf::as_path));
+        tell_apart(read, written)
     }
 
     /// The reports to write, each with its target.
     pub fn reports(&self) -> Result<Vec<(Kind, OutputTarget)>, String> {
         let check = |path: &PathBuf| {
-            if is_dash(path) {
-                return Ok((Kind::Json, OutputTarget::standard_output()));
-            }
             let force = self.may_replace(path);
             Ok((Kind::of(path)?, OutputTarget::file(path, force)?))
         };

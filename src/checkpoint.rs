@@ -30,24 +30,28 @@ const MAGIC: &[u8] = b"litpt checkpoint 4\n";
 /// The second line.
 #[derive(Serialize, Deserialize)]
 struct Header<'a> {
-    /// The options of the program.
-    options: Cow<'a, Value>,
-    /// What decides the samples.
-    run_key: Cow<'a, RunKey>,
-    /// What was known before the first sample.
-    known: Cow<'a, Report>,
+    known: Cow<'a, Known>,
     convergence: Cow<'a, Convergence>,
+}
+
+/// What is known of a run before its first sample.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct Known {
+    /// The options of the program.
+    pub options: Value,
+    /// What decides the samples.
+    pub run_key: RunKey,
+    /// What a report says that does not change while the run goes on.
+    pub report: Report,
 }
 
 /// Names and values of all that decides the samples of a run.
 pub type RunKey = Map<String, Value>;
 
 // Write the state of a run
-/// Writes a checkpoint of a run with these options.
+/// Writes a checkpoint.
 pub fn save(
-    options: &Value,
-    run_key: &RunKey,
-    known: &Report,
+    known: &Known,
     convergence: &Convergence,
     film: &Film,
     out: &mut dyn Write,
@@ -56,8 +60,6 @@ pub fn save(
     out.write_all(MAGIC)?;
     // Write the run key and convergence
     let header = Header {
-        options: Cow::Borrowed(options),
-        run_key: Cow::Borrowed(run_key),
         known: Cow::Borrowed(known),
         convergence: Cow::Borrowed(convergence),
     };
@@ -145,18 +147,8 @@ impl<R: BufRead + Seek> Checkpoint<R> {
         Ok(Self { header, sums: file })
     }
 
-    /// What decides the samples of its run.
-    pub fn run_key(&self) -> &RunKey {
-        &self.header.run_key
-    }
-
-    /// The options of its run.
-    pub fn options(&self) -> &Value {
-        &self.header.options
-    }
-
-    /// What a report says of its run.
-    pub fn known(&self) -> &Report {
+    /// What was known of its run.
+    pub fn known(&self) -> &Known {
         &self.header.known
     }
 
@@ -176,7 +168,7 @@ impl<R: BufRead + Seek> Checkpoint<R> {
         run_key: &RunKey,
         film: &mut Film,
     ) -> Result<Convergence, String> {
-        let theirs = &self.header.run_key;
+        let theirs = &self.header.known.run_key;
         if let Some((name, [theirs, ours])) = disagreement(theirs, run_key)
         {
             return Err(format!(

@@ -23,7 +23,7 @@ use litpt::analysis::{Finding, Inquiry, SceneAnalysis};
 use litpt::arguments::{Arguments, fail};
 use litpt::bvh::{Bvh, Quality, too_small};
 use litpt::camera::Camera;
-use litpt::checkpoint::{Checkpoint, RunKey};
+use litpt::checkpoint::{Checkpoint, Known, RunKey};
 use litpt::compare::disagreements;
 use litpt::film::{Film, Window};
 use litpt::image::{Format, Image};
@@ -468,7 +468,7 @@ fn explain(
     lines += &format!("{:13}{why}\n", "method");
     let parts = analysis.parts(arguments.isa(), method);
     lines += &format!("{:13}{parts}\n", "intersector");
-    let out = OutputTarget::standard_output();
+    let out = OutputTarget::standard_output()?;
     out.write(&mut |out| out.write_all(lines.as_bytes()))?;
     Ok(Stop::Samples)
 }
@@ -493,7 +493,7 @@ impl<'a> Run<'a> {
         start: Instant,
         arguments: &'a Arguments,
         files: &mut Files,
-        known: Report,
+        report: Report,
     ) -> Result<Self, String> {
         // Take the film of a checkpoint or a new one
         let mut convergence = Convergence::default();
@@ -519,10 +519,8 @@ impl<'a> Run<'a> {
                 .unwrap_or(Duration::MAX);
         let (reports, checkpoint) =
             (mem::take(&mut files.reports), files.checkpoint.take());
-        let options = arguments.save();
-        let output = RunOutput::new(
-            reports, checkpoint, every, options, run_key, known,
-        );
+        let known = Known { options: arguments.save(), run_key, report };
+        let output = RunOutput::new(reports, checkpoint, every, known);
         let images = mem::take(&mut files.images);
         let paths = convergence.spp.saturating_mul(film.area());
         let bar = Bar::new(!arguments.quiet, paths, start, arguments.time);
@@ -541,7 +539,7 @@ fn sampling(
 ) -> (Sampling, Option<Choice>) {
     // Find the method that is asked for
     let (seed, (_, analysis)) = (arguments.seed, what);
-    let saved = files.resumed.as_ref().map(|saved| saved.run_key());
+    let saved = files.resumed.as_ref().map(|saved| &saved.known().run_key);
     let begun = saved.and_then(|key| key.get("method")?.as_str());
     let method = match analysis.is_black || analysis.known.is_all() {
         true => Some(Method::Reference),

@@ -15,11 +15,10 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use common::{ROOM, Run, Scratch, finish};
-use litpt::checkpoint::{Checkpoint, RunKey, save};
+use litpt::checkpoint::{Checkpoint, Known, RunKey, save};
 use litpt::film::Film;
 use litpt::image::Image;
 use litpt::render_loop::Convergence;
-use litpt::report::Report;
 use serde_json::{Value, json};
 
 // --------------------------------------------------------------- The library
@@ -47,18 +46,14 @@ fn state() -> (Convergence, Film) {
     (serde_json::from_value(convergence).unwrap(), film)
 }
 
+fn known() -> Known {
+    Known { run_key: run_key(), ..Known::default() }
+}
+
 fn saved() -> Vec<u8> {
     let (convergence, film) = state();
     let mut bytes = vec![];
-    save(
-        &Value::Null,
-        &run_key(),
-        &Report::default(),
-        &convergence,
-        &film,
-        &mut bytes,
-    )
-    .unwrap();
+    save(&known(), &convergence, &film, &mut bytes).unwrap();
     bytes
 }
 
@@ -156,25 +151,10 @@ fn a_disk_that_is_full_is_an_error_and_no_panic() {
     let (convergence, film) = state();
     let size = saved().len();
     for room in [0, 10, 25, 500, size - 33, size - 32, size - 1] {
-        let written = save(
-            &Value::Null,
-            &run_key(),
-            &Report::default(),
-            &convergence,
-            &film,
-            &mut Full(room),
-        );
+        let written = save(&known(), &convergence, &film, &mut Full(room));
         assert!(written.is_err(), "{room}");
     }
-    save(
-        &Value::Null,
-        &run_key(),
-        &Report::default(),
-        &convergence,
-        &film,
-        &mut Full(size),
-    )
-    .unwrap();
+    save(&known(), &convergence, &film, &mut Full(size)).unwrap();
 }
 
 // --------------------------------------------------------------- The command
@@ -495,36 +475,30 @@ fn the_same_command_may_be_resumed_whatever_names_the_scene() {
 fn a_run_is_resumed_whatever_its_files_are_called() {
     let place = Scratch::new();
     let whole = place.render(&["-d9x7", "-n3", "--format=pfm"]);
-    let long = [&[b'x'; 251], &b".pfm"[..]].concat();
-    for name in [
-        &b"3"[..],
-        b"9x7",
-        b"-n",
-        b"--",
-        b"-f.pfm",
-        b" [a]\n*.pfm",
-        b"\xe9.pfm",
-        b"\xc3\xa9.pfm",
-        &long,
-    ] {
-        let [scenes, images] = ["scenes", "images"].map(|directory| {
-            std::fs::create_dir_all(place.path(directory)).unwrap();
-            place.path(directory)
-        });
-        let named = name.ends_with(b".pfm");
-        let image = images.join(OsStr::from_bytes(name));
-        let image = if named { image } else { "a.pfm".into() };
-        std::fs::write(scenes.join(OsStr::from_bytes(name)), ROOM).unwrap();
-        let first = ["-d9x7", "-q", "-f", "--checkpoint=../c", "-o"];
-        let first = first.map(OsStr::new);
-        let names = [image.as_os_str(), "--".as_ref()];
-        let scene = [OsStr::from_bytes(name)];
-        let mut run = place.pt(&[&first[..], &names, &scene].concat());
-        run.current_dir(scenes);
+    let names = ["3", "9x7", "-n", "--", " [a]\n*", "\u{e9}"];
+    let names = names.map(str::as_bytes);
+    let directories = ["scenes", "images", "states"];
+    let [scenes, images, states] =
+        directories.map(|directory| place.path(directory));
+    for directory in [&scenes, &images, &states] {
+        std::fs::create_dir(directory).unwrap();
+    }
+    for name in names.into_iter().chain([&[0xe9][..], &[b'x'; 251]]) {
+        let called = |extension: &[u8]| {
+            OsStr::from_bytes(&[name, extension].concat()).to_owned()
+        };
+        let (scene, state) = (called(b""), states.join(called(b".ck")));
+        std::fs::write(scenes.join(&scene), ROOM).unwrap();
+        let image = images.join(called(b".pfm"));
+        let first = ["-d9x7", "-q", "--checkpoint"].map(OsStr::new);
+        let files = [state.as_os_str(), "-o".as_ref(), image.as_ref()];
+        let all = [&first[..], &files, &["--".as_ref(), &scene]].concat();
+        let mut run = place.pt(&all);
+        run.current_dir(&scenes);
         finish(run.spawn().unwrap()).succeeded();
-        place.run(&["-n3", "--resume=c"]).succeeded();
-        let image = place.path("scenes").join(image);
-        assert!(std::fs::read(image).unwrap() == whole, "{name:?}");
+        let on = ["-n3".as_ref(), "--resume".as_ref(), state.as_os_str()];
+        place.run(&on).succeeded();
+        assert!(std::fs::read(image).unwrap() == whole, "{scene:?}");
     }
 }
 
@@ -548,7 +522,7 @@ fn what_is_saved_of_the_options_is_what_they_mean() {
         let words = [words, "-qf --checkpoint=c"].join(" ");
         let words: Vec<_> = words.split_whitespace().collect();
         place.run(&words).succeeded();
-        header(&place.path("c")).unwrap()["options"].take()
+        header(&place.path("c")).unwrap()["known"]["options"].take()
     };
     let one = saved("-i room.obj -n 2 -d 9x7 -t 0,1,0.25 -o -");
     let same = "--target=0,1,.25 --input=room.obj -n1 -o- -d9x7 --spp 2";
@@ -558,7 +532,7 @@ fn what_is_saved_of_the_options_is_what_they_mean() {
     // An option that was not typed is replaced by one that is.
     let on = ["--resume=c", "-j1", "-n3", "-F70", "--every=9"];
     place.run(&on).succeeded();
-    let options = &header(&place.path("c")).unwrap()["options"];
+    let options = &header(&place.path("c")).unwrap()["known"]["options"];
     assert_eq!(options["target"], json!([0., 1., 0.5]));
     assert_eq!(
         (&options["threads"], &options["samples"]),

@@ -13,11 +13,10 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use common::{ROOM, Run, Scratch, finish, skip};
-use litpt::checkpoint::RunKey;
+use litpt::checkpoint::Known;
 use litpt::film::Film;
 use litpt::image::Image;
 use litpt::render_loop::Convergence;
-use litpt::report::Report;
 use litpt::run_output::RunOutput;
 use serde_json::Value;
 
@@ -778,14 +777,8 @@ fn a_checkpoint_that_holds_enough_is_worth_a_warning() {
 
 #[test]
 fn a_report_between_two_points_says_where_the_run_stands() {
-    let run_output = RunOutput::new(
-        vec![],
-        None,
-        Duration::MAX,
-        Value::Null,
-        RunKey::default(),
-        Report::default(),
-    );
+    let run_output =
+        RunOutput::new(vec![], None, Duration::MAX, Known::default());
     let mut film = Film::new(2, 1);
     for pixel in film.stored_mut() {
         [0., 1., 0.5].into_iter().for_each(|weight| pixel.add(weight));
