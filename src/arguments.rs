@@ -234,8 +234,8 @@ pub struct Arguments {
 const STATUS: &str = "\
 Exit status: 0 if the image is written, even if --time or --spp ended the run
 before --error was reached; 1 if something failed; 2 if the command line is
-wrong; 128 + N if signal N ended the run. Once rendering has begun, a signal
-leaves an image.";
+wrong; 128 + N if signal N ended the run. Once rendering has begun, SIGINT,
+SIGTERM, SIGHUP, SIGXCPU, SIGUSR1 and SIGUSR2 leave an image.";
 
 /// What ends the help of each program.
 pub const LICENCE: &str = "\
