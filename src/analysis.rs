@@ -29,7 +29,7 @@ use interior::{is_inside, lets_out};
 
 // List the shortcuts
 /// What may make work superfluous.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Shortcut {
     /// The camera is inside a closed surface: the image is black.
     Dark,

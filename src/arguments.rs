@@ -13,30 +13,34 @@
 //! position) is for the module that combines them to say.
 
 // Name what the arguments import
-use std::collections::HashSet;
 use std::env;
 use std::ffi::OsString;
-use std::io::{self, ErrorKind, IsTerminal};
+use std::io::{self, IsTerminal};
 use std::iter;
 use std::num::{IntErrorKind, ParseIntError};
+use std::os::unix::ffi::{OsStrExt, OsStringExt};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::str::FromStr;
 use std::time::{Duration, Instant};
 
-use clap::builder::Styles;
+use anstream::{AutoStream, ColorChoice};
 use clap::builder::styling::{AnsiColor, Effects, Style};
+use clap::builder::{StyledStr, Styles};
 use clap::error::{ContextKind, ContextValue};
-use clap::{CommandFactory, Parser};
+use clap::parser::ValueSource;
+use clap::{ArgMatches, CommandFactory, Id, Parser};
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
 use crate::analysis::Shortcut;
 use crate::bvh::Isa;
 use crate::camera::{View, typed};
-use crate::checkpoint::RunKey;
+use crate::checkpoint::{Checkpoint, RunKey};
 use crate::film::Window;
 use crate::image::Format;
-use crate::output::{ImageTarget, OutputTarget};
+use crate::output::{ImageTarget, OutputTarget, descriptor};
 use crate::progress;
 use crate::render::method::Wanted;
 use crate::report::Kind;
@@ -44,7 +48,7 @@ use crate::shards::{Part, is_state_name};
 
 // Declare the options with their defaults
 /// Renders a Wavefront OBJ of one diffuse material under a uniform sky.
-#[derive(Debug, Parser)]
+#[derive(Clone, Debug, Parser, Serialize, Deserialize)]
 #[command(name = "pt", version, styles = STYLES,
           after_help = format!("{STATUS}\n\n{LICENCE}"))]
 #[command(args_override_self = true)]
@@ -214,14 +218,15 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE")]
     pub resume: Option<PathBuf>,
 
-    /// The words of each command that renders the image.
+    /// Where the names of files hold.
     #[arg(skip)]
-    pub commands: Vec<Vec<String>>,
+    directory: PathBuf,
     /// Images and reports of the run before it was resumed.
     #[arg(skip)]
-    replaced: HashSet<PathBuf>,
+    replaced: Vec<PathBuf>,
     /// The image that is written because none is named.
     #[arg(skip)]
+    #[serde(skip)]
     pub picture: Option<PathBuf>,
 }
 
@@ -229,8 +234,8 @@ pub struct Arguments {
 const STATUS: &str = "\
 Exit status: 0 if the image is written, even if --time or --spp ended the run
 before --error was reached; 1 if something failed; 2 if the command line is
-wrong; 128 + N if signal N ended the run. Once rendering has begun, a signal
-leaves an image.";
+wrong; 128 + N if signal N ended the run. Once rendering has begun, SIGINT,
+SIGTERM, SIGHUP, SIGXCPU, SIGUSR1 and SIGUSR2 leave an image.";
 
 /// What ends the help of each program.
 pub const LICENCE: &str = "\
@@ -251,13 +256,12 @@ fn parse_resolution(text: &str) -> Result<(u32, u32), String> {
     let syntax = "expected two integers around one x, as in 800x600";
     let (width, height) = text.split_once('x').ok_or(syntax)?;
     // Read one side of the resolution
-    let side = |digits: &str| match digits.parse() {
-        _ if !digits.bytes().all(|b| b.is_ascii_digit()) => {
-            Err(syntax.to_owned())
-        }
+    let side = |text| match digits(text) {
         Ok(0) => Err("an image has at least one pixel".to_owned()),
         Ok(n @ 1..=MAX_SIDE) => Ok(n),
-        Err(_) if digits.is_empty() => Err(syntax.to_owned()),
+        Err(e) if *e.kind() != IntErrorKind::PosOverflow => {
+            Err(syntax.to_owned())
+        }
         _ => Err(format!("at most {MAX_SIDE} pixels a side")),
     };
     Ok((side(width)?, side(height)?))
@@ -265,14 +269,17 @@ fn parse_resolution(text: &str) -> Result<(u32, u32), String> {
 
 const MAX_SIDE: u32 = 16384;
 
+/// An integer of digits alone.
+fn digits<N: FromStr>(text: &str) -> Result<N, N::Err> {
+    // The library would take a plus as well.
+    text.replace('+', "x").parse()
+}
+
 fn parse_crop(text: &str) -> Result<Window, String> {
     let syntax = "expected a pixel and a size, as in 100,50,64x48";
     let parts: Vec<&str> = text.split(',').collect();
     let [x, y, size] = parts[..] else { return Err(syntax.to_owned()) };
-    let number = |digits: &str| match digits.parse() {
-        Ok(n) if digits.bytes().all(|b| b.is_ascii_digit()) => Ok(n),
-        _ => Err(syntax.to_owned()),
-    };
+    let number = |text| digits(text).map_err(|_: ParseIntError| syntax);
     let corner = (number(x)?, number(y)?);
     Ok(Window { corner, size: parse_resolution(size)? })
 }
@@ -309,7 +316,7 @@ fn parse_albedo(text: &str) -> Result<f64, String> {
 }
 
 fn parse_whole(text: &str) -> Result<u64, String> {
-    text.parse().map_err(|error: ParseIntError| match error.kind() {
+    digits(text).map_err(|error: ParseIntError| match error.kind() {
         IntErrorKind::PosOverflow => {
             format!("{text} is larger than {}", u64::MAX)
         }
@@ -336,7 +343,7 @@ fn parse_range(text: &str) -> Result<(u64, u64), String> {
 
 fn parse_band(text: &str) -> Result<(u32, u32), String> {
     let (k, n) = text.split_once('/').unwrap_or_default();
-    match (k.parse(), n.parse()) {
+    match (digits(k), digits(n)) {
         (Ok(k), Ok(n)) if 0 < k && k <= n => Ok((k, n)),
         _ => Err("expected a number from 1 to N, a slash and N, as in 2/8"
             .to_owned()),
@@ -358,31 +365,46 @@ fn parse_threads(text: &str) -> Result<usize, String> {
 }
 
 // Parse the whole command line
-/// Parses the arguments of a program; see
-/// [`Arguments::from_command_line`].
-pub fn parse_command_line<P: Parser>() -> Result<P, ExitCode> {
-    parse_words(env::args_os().skip(1))
-}
+/// Options all of which are replaced if one of them is given.
+const TOGETHER: [&[&str]; 4] = [
+    &["scene", "input"],
+    &["samples", "time", "error"],
+    &["output", "format"],
+    &["resume", "checkpoint", "force", "directory"],
+];
 
-fn parse_words<P: Parser>(
-    words: impl IntoIterator<Item = impl Into<OsString>>,
-) -> Result<P, ExitCode> {
-    let name = P::command().get_name().to_owned();
-    let words = words.into_iter().map(Into::into);
+/// Parses the arguments of a program, and says which of them are given;
+/// see [`Arguments::from_command_line`].
+pub fn parse_command_line<P: Parser>() -> Result<(P, ArgMatches), ExitCode>
+{
+    let command = P::command();
+    let name = command.get_name().to_owned();
+    let words = env::args_os().skip(1);
     let words = iter::once(name.clone().into()).chain(words);
-    P::try_parse_from(words).map_err(|error| {
+    let given = command.try_get_matches_from(words);
+    let parse = |given| Ok((P::from_arg_matches(&given)?, given));
+    given.and_then(parse).map_err(|error| {
         if error.use_stderr() {
             progress::error(&explain(&error, &name));
             return ExitCode::from(2);
         }
-        match error.print() {
-            Err(e) if e.kind() != ErrorKind::BrokenPipe => {
-                progress::error(&format!("cannot write: {e}"));
-                ExitCode::FAILURE
-            }
-            _ => ExitCode::SUCCESS,
-        }
+        print(&error.render()).map_or_else(fail, |()| ExitCode::SUCCESS)
     })
+}
+
+/// Prints a text on standard output, on a terminal in colour.
+fn print(text: &StyledStr) -> Result<(), String> {
+    let plain = AutoStream::choice(&io::stdout()) == ColorChoice::Never;
+    OutputTarget::standard_output()?.write(&mut |out| match plain {
+        true => write!(out, "{text}"),
+        false => write!(out, "{}", text.ansi()),
+    })
+}
+
+/// Says why a program ends, and with which status.
+pub fn fail(message: String) -> ExitCode {
+    progress::error(&message);
+    ExitCode::FAILURE
 }
 
 /// The one line that says what is wrong with the command line.
@@ -410,9 +432,41 @@ fn explain(error: &clap::Error, program: &str) -> String {
     format!("{line}{meant} (see {program} --help)")
 }
 
-/// Whether a file is standard input or output.
+/// Whether a file to read is standard input.
 pub fn is_dash(path: &Path) -> bool {
     path.as_os_str() == "-"
+}
+
+/// # Errors
+/// Two names stand for one file, and it is to be written.
+pub fn tell_apart<'a>(
+    read: impl Iterator<Item = &'a Path>,
+    written: impl Iterator<Item = &'a Path>,
+) -> Result<(), String> {
+    let place = |path: &Path| {
+        // Ask for the directory of a new file
+        let new = || {
+            let directory = Path::new(".").join(path.parent()?);
+            Some(directory.canonicalize().ok()?.join(path.file_name()?))
+        };
+        let open = descriptor(path).map(|n| n.to_string().into());
+        let known = open.or_else(|| path.canonicalize().ok());
+        known.or_else(new).unwrap_or_else(|| path.to_owned())
+    };
+    let read = read.filter(|path| !is_dash(path));
+    let mut taken: Vec<_> = read.map(place).collect();
+    // Refuse a file that is named twice
+    for path in written {
+        let name = path.display();
+        if taken.contains(&place(path)) {
+            return Err(match descriptor(path) {
+                Some(1) => "standard output is named twice".to_owned(),
+                _ => format!("{name}: this file is named twice"),
+            });
+        }
+        taken.push(place(path));
+    }
+    Ok(())
 }
 
 /// The members of a value that is written as an object.
@@ -422,67 +476,39 @@ fn object(value: Value) -> Map<String, Value> {
 
 impl Arguments {
     // Read the command line or explain it
-    /// Parses the arguments of the process. When there is nothing to
-    /// render, because help was asked for or a value is wrong, prints what
-    /// the user should know and returns the exit status.
-    pub fn from_command_line() -> Result<Self, ExitCode> {
+    /// Parses the arguments of the process, and opens the checkpoint that
+    /// they go on from. When there is nothing to render, because help was
+    /// asked for or something is wrong, prints what the user should know and
+    /// returns the exit status.
+    pub fn from_command_line()
+    -> Result<(Self, Option<Checkpoint>), ExitCode> {
         if env::args_os().len() <= 1 && io::stdin().is_terminal() {
-            let _ = Self::command().print_help();
+            let _ = print(&Self::command().render_help());
             return Err(ExitCode::from(2));
         }
-        Self::after(&[])
-    }
-
-    /// The same after the words of other commands, without the program.
-    pub fn after(before: &[Vec<String>]) -> Result<Self, ExitCode> {
-        let typed: Vec<_> = env::args_os().skip(1).collect();
-        // Let the last of several commands decide
-        let last: Self = parse_words(&typed)?;
-        let state = last.states().next().cloned();
-        let each = before.iter().map(parse_words::<Self>);
-        let mut each = each.collect::<Result<Vec<_>, _>>()?;
-        let words = before.iter().flatten().map(OsString::from);
-        let mut all: Self = parse_words(words.chain(typed.clone()))?;
-        all.force = last.force;
-        all.replaced = each.iter().flat_map(Self::written).collect();
-        let resumed = all.resume.clone().filter(|_| !each.is_empty());
-        all.checkpoint = state.or(resumed);
-        each.push(last);
-        // Take limits and files from one command each
-        let latest = |is_set: fn(&Self) -> bool| {
-            each.iter().rev().find(|&command| is_set(command))
-        };
-        if let Some(one) = latest(Self::is_limited) {
-            (all.samples, all.time, all.error) =
-                (one.samples, one.time, one.error);
-        }
-        if let Some(one) =
-            latest(|c| c.format.is_some() || !c.output.is_empty())
-        {
-            (all.output, all.format) = (one.output.clone(), one.format);
-        }
-        if let Some(one) = latest(|c| !c.report.is_empty()) {
-            all.report = one.report.clone();
-        }
+        let (mut typed, given) = parse_command_line::<Self>()?;
+        typed.directory = env::current_dir().unwrap_or_default();
+        let begun = typed.after_those_of_a_run(&given);
+        let (mut all, resumed) = begun.map_err(fail)?;
+        let state = typed.states().next().cloned();
+        all.checkpoint = state.or(all.resume.clone());
         // Choose a file for the image
         if all.output.is_empty() && all.format.is_none() && !all.explain {
             all.picture = all.png().filter(|_| io::stdout().is_terminal());
             all.output.extend(all.picture.clone());
         }
         // Refuse options that do not fit together
-        let on_stdout = all.output.iter().any(|path| is_dash(path));
+        let is_open = |path| descriptor(path).is_some();
         let is_png = |path: &PathBuf| Format::of(path) == Ok(Format::Png);
         let fault = if all.every.is_some() && all.checkpoint.is_none() {
             "--every needs --checkpoint"
         } else if all.checkpoint.as_deref().is_some_and(is_dash) {
             "--checkpoint needs a file"
-        } else if all.format.is_some()
-            && !(all.output.is_empty() || on_stdout)
-        {
+        } else if all.format.is_some() && !all.pictures().any(is_open) {
             "--format is for standard output, the name of a file tells its own"
-        } else if each.iter().any(|one| one.states().count() > 1) {
+        } else if typed.states().count() > 1 {
             "a run has one state, which --checkpoint or one -o names"
-        } else if all.preview && !all.output.iter().any(is_png) {
+        } else if typed.preview && !all.output.iter().any(is_png) {
             "--preview needs a PNG file, as in -o a.png"
         } else {
             all.fault_of_part()
@@ -491,21 +517,75 @@ impl Arguments {
             progress::error(&format!("{fault} (see pt --help)"));
             return Err(ExitCode::from(2));
         }
-        // Take down the words of this command
-        let text = |word: &OsString| word.to_string_lossy().into_owned();
-        let mut words: Vec<_> = typed.iter().map(text).collect();
-        let scene = each.last().and_then(|last| last.scene.as_ref());
-        if let Some(scene) = scene.map(|path| text(&path.clone().into())) {
-            let place = words.iter().rposition(|word| *word == scene);
-            place.map(|place| words.remove(place));
-            words.retain(|word| word != "--");
-            words.extend(["-i".to_owned(), scene]);
+        Ok((all, resumed))
+    }
+
+    /// The options after those of the run to go on with, if there is one.
+    fn after_those_of_a_run(
+        &self,
+        given: &ArgMatches,
+    ) -> Result<(Self, Option<Checkpoint>), String> {
+        let Some(path) = &self.resume else {
+            return Ok((self.clone(), None));
+        };
+        let checkpoint = Checkpoint::of_file(path)?;
+        let mut before = Self::restore(&checkpoint.known().options)?;
+        // Find the files of the run from here
+        let old = before.directory.clone();
+        let moved = old != self.directory;
+        for name in before.names().filter(|_| moved) {
+            *name = old.join(&name);
         }
-        if let Some(path) = &all.picture {
-            words.extend(["-o".to_owned(), text(&path.clone().into())]);
+        let written = [&before.output[..], &before.report].concat();
+        before.replaced.extend(written);
+        let (mut all, typed) = (before.save(), self.save());
+        // Replace the options that are given
+        for id in given.ids().map(Id::as_str) {
+            if given.value_source(id) == Some(ValueSource::CommandLine) {
+                let mut groups = TOGETHER.into_iter();
+                let group = groups.find(|group| group.contains(&id));
+                for &name in group.unwrap_or(&[id]) {
+                    all[name] = typed[name].clone();
+                }
+            }
         }
-        all.commands = before.iter().cloned().chain([words]).collect();
-        Ok(all)
+        Ok((Self::restore(&all)?, Some(checkpoint)))
+    }
+
+    /// The options as a checkpoint has them.
+    pub fn save(&self) -> Value {
+        let mut saved = self.clone();
+        for name in saved.names() {
+            let bytes = name.as_os_str().as_bytes().iter();
+            let text: String = bytes.map(|&b| char::from(b)).collect();
+            *name = text.into();
+        }
+        serde_json::to_value(saved).unwrap_or_default()
+    }
+
+    /// The options that were saved.
+    ///
+    /// # Errors
+    /// The value has not all of them.
+    pub fn restore(saved: &Value) -> Result<Self, String> {
+        let mut options = Self::deserialize(saved)
+            .map_err(|e| format!("these are no options of pt: {e}"))?;
+        for name in options.names() {
+            let text = name.to_string_lossy();
+            let bytes = text.chars().map(|c| c as u8).collect();
+            *name = OsString::from_vec(bytes).into();
+        }
+        Ok(options)
+    }
+
+    /// The names of all files of a run.
+    fn names(&mut self) -> impl Iterator<Item = &mut PathBuf> {
+        let Self { scene, input, reference, checkpoint, resume, .. } = self;
+        let Self { output, report, replaced, directory, .. } = self;
+        let one = [scene, input, reference, checkpoint, resume];
+        let many = [output, report, replaced].into_iter().flatten();
+        let all = one.into_iter().flatten().chain(many).chain([directory]);
+        all.filter(|name| !is_dash(name))
     }
 
     // Hand the values to other modules
@@ -515,9 +595,11 @@ impl Arguments {
         self.checkpoint.iter().chain(named)
     }
 
-    /// The images that the options name.
-    fn pictures(&self) -> impl Iterator<Item = &PathBuf> {
-        self.output.iter().filter(|path| !is_state_name(path))
+    /// The images to write, standard output if nothing is named.
+    fn pictures(&self) -> impl Iterator<Item = &Path> {
+        let named = self.output.iter().map(PathBuf::as_path);
+        let unnamed = self.output.is_empty().then_some(Path::new("-"));
+        named.filter(|path| !is_state_name(path)).chain(unnamed)
     }
 
     /// What is wrong with the options of a part, if anything.
@@ -558,10 +640,7 @@ impl Arguments {
         (self.position, self.target) =
             (Some(view.position), Some(view.target));
         let [p, t] = [view.position, view.target].map(typed);
-        let options = ["-p", &p, "-t", &t].map(str::to_owned);
-        let said = options.join(" ");
-        self.commands.last_mut()?.extend(options);
-        Some(said)
+        Some(format!("-p {p} -t {t}"))
     }
 
     /// Whether the position of the camera or its target is known.
@@ -572,18 +651,11 @@ impl Arguments {
     /// The targets of the image, checked but untouched.
     pub fn images(&self) -> Result<Vec<ImageTarget>, String> {
         self.tell_files_apart()?;
-        if self.output.is_empty() {
-            return Ok(vec![ImageTarget::standard_output(self.format())]);
-        }
-        let check = |path: &PathBuf| match is_dash(path) {
-            true => Ok(ImageTarget::standard_output(self.format())),
-            false => ImageTarget::file(path, self.may_replace(path)),
+        let format = self.format.unwrap_or(Format::Pgm);
+        let check = |path: &Path| {
+            ImageTarget::file(path, format, self.may_replace(path))
         };
         self.pictures().map(check).collect()
-    }
-
-    fn format(&self) -> Format {
-        self.format.unwrap_or(Format::Pgm)
     }
 
     /// The PNG beside the scene.
@@ -603,41 +675,19 @@ impl Arguments {
     }
 
     fn tell_files_apart(&self) -> Result<(), String> {
-        let place = |path: &Path| {
-            // Ask for the directory of a new file
-            let new = || {
-                let directory = Path::new(".").join(path.parent()?);
-                Some(directory.canonicalize().ok()?.join(path.file_name()?))
-            };
-            let known = path.canonicalize().ok();
-            known.or_else(new).unwrap_or_else(|| path.to_owned())
-        };
-        let read = self.scene_file().into_iter();
-        let read = read.chain(self.reference.as_deref());
-        let mut taken: Vec<_> = read.map(place).collect();
-        // Refuse a file that is named twice
-        let written = self.pictures().chain(&self.report);
-        for path in written.chain(&self.checkpoint) {
-            if taken.contains(&place(path)) {
-                return Err(match is_dash(path) {
-                    true => "standard output is named twice".to_owned(),
-                    false => format!(
-                        "{}: this file is named twice",
-                        path.display()
-                    ),
-                });
-            }
-            taken.push(place(path));
+        let reference = self.reference.as_deref();
+        if self.scene_file().is_none() && reference.is_some_and(is_dash) {
+            return Err("standard input can be read once only".to_owned());
         }
-        Ok(())
+        let read = self.scene_file().into_iter().chain(reference);
+        let more = self.report.iter().chain(&self.checkpoint);
+        let written = self.pictures().chain(more.map(PathBuf::as_path));
+        tell_apart(read, written)
     }
 
     /// The reports to write, each with its target.
     pub fn reports(&self) -> Result<Vec<(Kind, OutputTarget)>, String> {
         let check = |path: &PathBuf| {
-            if is_dash(path) {
-                return Ok((Kind::Json, OutputTarget::standard_output()));
-            }
             let force = self.may_replace(path);
             Ok((Kind::of(path)?, OutputTarget::file(path, force)?))
         };
@@ -770,18 +820,10 @@ impl Arguments {
         }
     }
 
-    /// Whether there is any limit.
-    fn is_limited(&self) -> bool {
-        self.samples.is_some() || self.time.or(self.error).is_some()
-    }
-
-    /// The images and reports that the options name.
-    fn written(&self) -> impl Iterator<Item = PathBuf> {
-        self.output.iter().chain(&self.report).cloned()
-    }
-
     /// Whether a file may be replaced.
-    fn may_replace(&self, path: &PathBuf) -> bool {
-        self.force || self.replaced.contains(path)
+    fn may_replace(&self, path: &Path) -> bool {
+        let old = self.replaced.iter().flat_map(|old| old.canonicalize());
+        let is_own = |new| old.into_iter().any(|old| old == new);
+        self.force || path.canonicalize().is_ok_and(is_own)
     }
 }

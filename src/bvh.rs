@@ -35,6 +35,7 @@ use std::str::FromStr;
 use std::{fmt, io};
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 use crate::scene::{Ray, Scene, Triangle, Triangles};
 use triangle::Leaf;
@@ -42,7 +43,7 @@ use wide::Wide;
 
 // Name the sets of instructions
 /// Sets of instructions with which a hierarchy can be traversed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Isa {
     /// Sixteen boxes at a time.
     Avx512,

@@ -10,7 +10,9 @@
 
 // Name what the checkpoint imports
 use std::borrow::Cow;
-use std::io::{self, BufRead, Read, Seek, SeekFrom, Write};
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
+use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
@@ -23,37 +25,33 @@ use crate::statistics::Accumulator;
 
 // Say what stands before the sums
 /// The first line of a checkpoint; its number changes with the layout.
-const MAGIC: &[u8] = b"litpt checkpoint 3\n";
+const MAGIC: &[u8] = b"litpt checkpoint 4\n";
 
 /// The second line.
 #[derive(Serialize, Deserialize)]
 struct Header<'a> {
-    commands: Cow<'a, Commands>,
-    /// What decides the samples.
-    run_key: Cow<'a, RunKey>,
-    /// What was known before the first sample.
-    known: Cow<'a, Report>,
+    known: Cow<'a, Known>,
     convergence: Cow<'a, Convergence>,
 }
 
-/// The commands that have rendered an image.
+/// What is known of a run before its first sample.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub struct Commands {
-    /// Where they were given.
-    pub directory: String,
-    /// The words of each, without the program.
-    pub words: Vec<Vec<String>>,
+pub struct Known {
+    /// The options of the program.
+    pub options: Value,
+    /// What decides the samples.
+    pub run_key: RunKey,
+    /// What a report says that does not change while the run goes on.
+    pub report: Report,
 }
 
 /// Names and values of all that decides the samples of a run.
 pub type RunKey = Map<String, Value>;
 
 // Write the state of a run
-/// Writes a checkpoint of what the commands have rendered.
+/// Writes a checkpoint.
 pub fn save(
-    commands: &Commands,
-    run_key: &RunKey,
-    known: &Report,
+    known: &Known,
     convergence: &Convergence,
     film: &Film,
     out: &mut dyn Write,
@@ -62,8 +60,6 @@ pub fn save(
     out.write_all(MAGIC)?;
     // Write the run key and convergence
     let header = Header {
-        commands: Cow::Borrowed(commands),
-        run_key: Cow::Borrowed(run_key),
         known: Cow::Borrowed(known),
         convergence: Cow::Borrowed(convergence),
     };
@@ -130,7 +126,7 @@ fn unreadable(error: io::Error) -> String {
 
 // Take the state of a run back
 /// A checkpoint that is whole.
-pub struct Checkpoint<R> {
+pub struct Checkpoint<R = BufReader<File>> {
     header: Header<'static>,
     /// The file from the first sum on.
     sums: R,
@@ -151,18 +147,8 @@ impl<R: BufRead + Seek> Checkpoint<R> {
         Ok(Self { header, sums: file })
     }
 
-    /// What decides the samples of its run.
-    pub fn run_key(&self) -> &RunKey {
-        &self.header.run_key
-    }
-
-    /// The commands that have rendered a part of it.
-    pub fn commands(&self) -> &Commands {
-        &self.header.commands
-    }
-
-    /// What a report says of its run.
-    pub fn known(&self) -> &Report {
+    /// What was known of its run.
+    pub fn known(&self) -> &Known {
         &self.header.known
     }
 
@@ -182,7 +168,7 @@ impl<R: BufRead + Seek> Checkpoint<R> {
         run_key: &RunKey,
         film: &mut Film,
     ) -> Result<Convergence, String> {
-        let theirs = &self.header.run_key;
+        let theirs = &self.header.known.run_key;
         if let Some((name, [theirs, ours])) = disagreement(theirs, run_key)
         {
             return Err(format!(
@@ -201,6 +187,19 @@ impl<R: BufRead + Seek> Checkpoint<R> {
         fill(film.stored_mut())?;
         fill(film.tile_means_mut())?;
         Ok(self.header.convergence.into_owned())
+    }
+}
+
+impl Checkpoint {
+    /// Opens the checkpoint in a file, which the message names.
+    ///
+    /// # Errors
+    /// Those of [`Checkpoint::open`], or the file cannot be read.
+    pub fn of_file(path: &Path) -> Result<Self, String> {
+        File::open(path)
+            .map_err(unreadable)
+            .and_then(|file| Self::open(BufReader::new(file)))
+            .map_err(|fault| format!("{}: {fault}", path.display()))
     }
 }
 

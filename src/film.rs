@@ -19,6 +19,7 @@ use bytemuck::{Zeroable, zeroed_vec};
 use rand::RngExt;
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use crate::statistics::Accumulator;
 
@@ -40,7 +41,7 @@ pub struct Tile {
 }
 
 /// A rectangle of pixels of an image.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Window {
     /// Column and row of its first pixel in the image.
     pub corner: (u32, u32),

@@ -26,8 +26,9 @@ use std::path::Path;
 pub use data::{Image, Means, Note, REPLICATE};
 
 // Choose among the image formats
+#[derive(clap::ValueEnum, serde::Serialize, serde::Deserialize)]
 /// How an image becomes bytes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
     /// Plain portable greymap of 256 levels
     Pgm,

@@ -10,10 +10,9 @@
 
 // Name what the program imports
 use std::alloc::{GlobalAlloc, Layout, System};
-use std::env;
 use std::fs::{self, File};
 use std::hint::black_box;
-use std::io::{self, BufReader, Read};
+use std::io::{self, Read};
 use std::mem;
 use std::path::Path;
 use std::process::{self, ExitCode};
@@ -22,10 +21,10 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use litpt::analysis::{Finding, Inquiry, SceneAnalysis, Shortcut};
-use litpt::arguments::Arguments;
+use litpt::arguments::{Arguments, fail};
 use litpt::bvh::{Bvh, Quality, too_small};
 use litpt::camera::Camera;
-use litpt::checkpoint::{Checkpoint, Commands, RunKey};
+use litpt::checkpoint::{Checkpoint, Known, RunKey};
 use litpt::compare::disagreements;
 use litpt::film::{self, Film, Window};
 use litpt::image::{Format, Image, Means};
@@ -60,18 +59,13 @@ fn lead() -> ExitCode {
     #[cfg(target_env = "gnu")]
     give_arrays_back();
     let typed = Arguments::from_command_line();
-    match typed.and_then(resume).and_then(|(mut arguments, resumed)| {
+    match typed.and_then(|(mut arguments, resumed)| {
         run(&mut arguments, resumed).map_err(fail)
     }) {
         // Turn the outcome into a status
         Ok(stop) => ExitCode::from(status(stop, 0)),
         Err(status) => status,
     }
-}
-
-fn fail(message: String) -> ExitCode {
-    progress::error(&message);
-    ExitCode::FAILURE
 }
 
 // Say that memory is lacking
@@ -125,38 +119,9 @@ fn give_arrays_back() {
 }
 
 // Run the whole program once
-/// A checkpoint that is open.
-type Resumed = Checkpoint<BufReader<File>>;
-
-/// The arguments of a run, and the checkpoint that it goes on from.
-fn resume(
-    typed: Arguments,
-) -> Result<(Arguments, Option<Resumed>), ExitCode> {
-    let Some(path) = &typed.resume else { return Ok((typed, None)) };
-    let resumed = open_checkpoint(path).map_err(fail)?;
-    let Commands { directory, words } = resumed.commands();
-    if *directory == here() {
-        return Ok((Arguments::after(words)?, Some(resumed)));
-    }
-    match typed.scene.as_ref().or(typed.input.as_ref()) {
-        Some(_) => Ok((typed, Some(resumed))),
-        None => Err(fail(format!(
-            "{}: its run was begun in {directory}; resume it there, or \
-             type all of its options",
-            path.display()
-        ))),
-    }
-}
-
-/// The directory in which names of files hold.
-fn here() -> String {
-    let here = env::current_dir().unwrap_or_default();
-    here.to_string_lossy().into_owned()
-}
-
 fn run(
     arguments: &mut Arguments,
-    resumed: Option<Resumed>,
+    resumed: Option<Checkpoint>,
 ) -> Result<Stop, String> {
     let start = Instant::now();
     let interrupt = Interrupt::listen()
@@ -168,11 +133,9 @@ fn run(
     }
     let (window, band) = (arguments.window()?, arguments.band()?);
     let mut files = Files::check(arguments, resumed)?;
-    // Tell the other ranks the commands
+    // Tell the other ranks the options
     #[cfg(feature = "mpi")]
-    if let [before @ .., _] = &arguments.commands[..] {
-        mpi::tell_value(&before);
-    }
+    mpi::tell_value(&arguments.save());
     start_threads(arguments)?;
     let (mut scene, mut known) = load(arguments, &files)?;
     let camera = camera(arguments)?;
@@ -308,14 +271,14 @@ struct Files {
     images: Vec<ImageTarget>,
     reports: Vec<(Kind, OutputTarget)>,
     checkpoint: Option<OutputTarget>,
-    resumed: Option<Resumed>,
+    resumed: Option<Checkpoint>,
     reference: Option<Image>,
 }
 
 impl Files {
     fn check(
         arguments: &Arguments,
-        resumed: Option<Resumed>,
+        resumed: Option<Checkpoint>,
     ) -> Result<Self, String> {
         let reference = arguments.reference.as_deref();
         Ok(Self {
@@ -339,13 +302,6 @@ impl Files {
             || self.resumed.is_some()
             || self.reference.is_some()
     }
-}
-
-fn open_checkpoint(path: &Path) -> Result<Resumed, String> {
-    File::open(path)
-        .map_err(|e| format!("cannot read: {e}"))
-        .and_then(|file| Checkpoint::open(BufReader::new(file)))
-        .map_err(|fault| format!("{}: {fault}", path.display()))
 }
 
 fn read_reference(
@@ -603,7 +559,7 @@ fn explain(
     let parts = format!("{method}{rays}");
     let parts = analysis.parts(arguments.isa(), parts);
     lines += &format!("{:13}{parts}\n", "intersector");
-    let out = OutputTarget::standard_output();
+    let out = OutputTarget::standard_output()?;
     out.write(&mut |out| out.write_all(lines.as_bytes()))?;
     Ok(Stop::Samples)
 }
@@ -628,7 +584,7 @@ impl<'a> Run<'a> {
         start: Instant,
         arguments: &'a Arguments,
         files: &mut Files,
-        known: Report,
+        report: Report,
     ) -> Result<Self, String> {
         // Take the film of a checkpoint or a new one
         let mut convergence = Convergence::default();
@@ -654,11 +610,8 @@ impl<'a> Run<'a> {
                 .unwrap_or(Duration::MAX);
         let (reports, checkpoint) =
             (mem::take(&mut files.reports), files.checkpoint.take());
-        let words = arguments.commands.clone();
-        let commands = Commands { directory: here(), words };
-        let output = RunOutput::new(
-            reports, checkpoint, every, commands, run_key, known,
-        );
+        let known = Known { options: arguments.save(), run_key, report };
+        let output = RunOutput::new(reports, checkpoint, every, known);
         let images = mem::take(&mut files.images);
         let bar = Bar::new(!arguments.quiet, start, arguments.time);
         Ok(Self { arguments, job, film, convergence, images, output, bar })
@@ -676,7 +629,7 @@ fn sampling(
 ) -> (Sampling, Option<Choice>) {
     // Find the method that is asked for
     let (seed, (_, analysis)) = (arguments.seed, what);
-    let saved = files.resumed.as_ref().map(|saved| saved.run_key());
+    let saved = files.resumed.as_ref().map(|saved| &saved.known().run_key);
     let begun = saved.and_then(|key| key.get("method")?.as_str());
     let known = analysis.known.is_all().then_some(Method::Reference);
     let begun = begun.and_then(|method| method.parse().ok());
@@ -915,9 +868,8 @@ impl Run<'_> {
 #[cfg(feature = "mpi")]
 fn serve() -> Result<(), String> {
     let _ = Interrupt::listen();
-    let Some(before) = mpi::hear_value::<Vec<_>>()? else { return Ok(()) };
-    let arguments = Arguments::after(&before);
-    let mut arguments = arguments.map_err(|_| "wrong options")?;
+    let Some(options) = mpi::hear_value()? else { return Ok(()) };
+    let mut arguments = Arguments::restore(&options)?;
     arguments.quiet = true;
     let window = arguments.window()?;
     start_threads(&arguments)?;

@@ -10,12 +10,14 @@
 //! nothing is lost.
 
 // Name what the output imports
-use std::env;
-use std::ffi::OsString;
-use std::fmt;
-use std::fs::{File, OpenOptions};
+use std::ffi::OsStr;
+use std::fs::{File, OpenOptions, Permissions};
 use std::io::{self, BufWriter, ErrorKind, Write};
+use std::mem::ManuallyDrop;
+use std::os::fd::{AsRawFd, FromRawFd, RawFd};
+use std::os::unix::{ffi::OsStrExt, fs::PermissionsExt};
 use std::path::{Path, PathBuf};
+use std::{env, fmt};
 
 use tempfile::NamedTempFile;
 
@@ -28,23 +30,56 @@ pub struct OutputTarget(Kind);
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Kind {
-    StandardOutput,
+    /// A descriptor that was open when the program began.
+    Open(RawFd),
     /// A device or a pipe, written to directly.
     Device(PathBuf),
     /// A file, replaced only if `force` is set.
-    File {
-        path: PathBuf,
-        force: bool,
-    },
+    File { path: PathBuf, force: bool },
+}
+
+/// The name of an open descriptor, for people.
+fn name(number: RawFd) -> String {
+    match number {
+        1 => "standard output".to_owned(),
+        number => format!("/dev/fd/{number}"),
+    }
+}
+
+/// Called when the program is loaded.
+#[used]
+#[cfg_attr(target_os = "linux", unsafe(link_section = ".init_array"))]
+static BEFORE_MAIN: extern "C" fn() = keep_the_place;
+
+/// Keeps the place of a standard output that is closed.
+extern "C" fn keep_the_place() {
+    // SAFETY: the calls take numbers and a constant text.
+    let closed = || unsafe { libc::fcntl(1, libc::F_GETFD) } < 0;
+    let null = c"/dev/null".as_ptr();
+    // The first number that is free may be that of standard input.
+    while closed() && unsafe { libc::open(null, libc::O_RDONLY) } >= 0 {}
+}
+
+/// The number of the open descriptor that a name stands for, 1 for `-`.
+pub fn descriptor(path: &Path) -> Option<RawFd> {
+    if path.as_os_str() == "-" {
+        return Some(1);
+    }
+    let all = Path::new("/dev/fd").canonicalize().ok()?;
+    // Of links in a circle there is no metadata.
+    path.metadata().ok()?;
+    let mut path = path.to_owned();
+    while directory(&path).canonicalize().ok()? != all {
+        path = directory(&path).join(path.read_link().ok()?);
+    }
+    path.file_name()?.to_str()?.parse().ok()
 }
 
 /// A temporary file in the directory of `path`.
 fn temporary(path: &Path) -> Result<NamedTempFile, String> {
     let mut builder = tempfile::Builder::new();
     // Let the user's mask decide the mode
-    #[cfg(unix)]
-    builder
-        .permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    builder.permissions(Permissions::from_mode(0o666));
     builder.prefix(".pt-").tempfile_in(directory(path)).map_err(|e| {
         let (name, error) = (path.display(), e.to_string());
         let cause = error.split(" at path").next().unwrap_or_default();
@@ -57,6 +92,29 @@ fn directory(path: &Path) -> &Path {
     match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
+    }
+}
+
+/// A descriptor that is waited for.
+struct Patient(ManuallyDrop<File>);
+
+impl Write for Patient {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let (fd, events) = (self.0.as_raw_fd(), libc::POLLOUT);
+        let mut room = libc::pollfd { fd, events, revents: 0 };
+        loop {
+            match self.0.write(bytes) {
+                Err(e) if e.kind() == ErrorKind::WouldBlock => {
+                    // SAFETY: the set is that of one descriptor.
+                    unsafe { libc::poll(&mut room, 1, -1) };
+                }
+                done => return done,
+            }
+        }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
     }
 }
 
@@ -118,11 +176,13 @@ fn name_file(
 /// Keeps a complete file that could not be named; returns its place.
 fn keep(file: NamedTempFile, path: &Path) -> PathBuf {
     let hidden = file.path().to_owned();
-    let letters = hidden.to_string_lossy();
-    let letters = letters.rsplit("-").next().unwrap_or_default();
-    let mut name = OsString::from(format!("kept-{letters}-"));
-    name.push(path.file_name().unwrap_or_default());
-    let clear = hidden.with_file_name(name);
+    let [own, wanted] = [&hidden, path]
+        .map(|path| path.file_name().unwrap_or_default().as_bytes());
+    let letters = own.strip_prefix(b".pt").unwrap_or_default();
+    let room = 255 - "kept-XXXXXX-".len();
+    let end = &wanted[wanted.len().saturating_sub(room)..];
+    let name = [b"kept", letters, b"-", end].concat();
+    let clear = hidden.with_file_name(OsStr::from_bytes(&name));
     match file.persist_noclobber(&clear) {
         Ok(_) => clear,
         Err(e) => e.file.keep().map_or(hidden, |(_, path)| path),
@@ -132,16 +192,32 @@ fn keep(file: NamedTempFile, path: &Path) -> PathBuf {
 impl OutputTarget {
     // Check the target before the work
     /// The standard output.
-    pub fn standard_output() -> Self {
-        Self(Kind::StandardOutput)
+    ///
+    /// # Errors
+    /// It is closed, or open for reading only.
+    pub fn standard_output() -> Result<Self, String> {
+        Self::open(1)
     }
 
-    /// The file `path`, or the device or pipe of that name.
+    fn open(number: RawFd) -> Result<Self, String> {
+        // SAFETY: the call asks for flags, and fails if nothing is open.
+        let flags = unsafe { libc::fcntl(number, libc::F_GETFL) };
+        match flags & libc::O_ACCMODE {
+            libc::O_WRONLY | libc::O_RDWR => Ok(Self(Kind::Open(number))),
+            _ => Err(format!("{}: not open for writing", name(number))),
+        }
+    }
+
+    /// The file `path`, or the descriptor, the device or the pipe of that
+    /// name.
     ///
     /// # Errors
     /// The file exists and `force` is not set, or nothing can be created in
-    /// its directory.
+    /// its directory; or those of [`OutputTarget::standard_output`].
     pub fn file(path: &Path, force: bool) -> Result<Self, String> {
+        if let Some(number) = descriptor(path) {
+            return Self::open(number);
+        }
         // Refuse names that cannot be written
         let name = path.display();
         match path.metadata() {
@@ -153,6 +229,9 @@ impl OutputTarget {
             }
             Err(_) if path.is_symlink() => {
                 return Err(format!("{name}: is a link to nothing"));
+            }
+            Err(e) if e.kind() != ErrorKind::NotFound => {
+                return Err(failure(name, e));
             }
             _ => (),
         }
@@ -175,11 +254,14 @@ impl OutputTarget {
     /// finished is kept where the message says.
     pub fn write(&self, content: &mut Content) -> Result<(), String> {
         match &self.0 {
-            Kind::StandardOutput => {
-                // Write to standard output
-                match fill(content, io::stdout().lock()).map(drop) {
+            Kind::Open(number) => {
+                // Write to an open descriptor
+                // SAFETY: nobody closes it, and this handle does not either.
+                let file = unsafe { File::from_raw_fd(*number) };
+                let out = Patient(ManuallyDrop::new(file));
+                match fill(content, out).map(drop) {
                     Err(e) if e.kind() == ErrorKind::BrokenPipe => Ok(()),
-                    done => done.map_err(|e| failure("standard output", e)),
+                    done => done.map_err(|e| failure(name(*number), e)),
                 }
             }
             Kind::Device(path) => {
@@ -238,17 +320,18 @@ pub struct ImageTarget {
 }
 
 impl ImageTarget {
-    /// The standard output.
-    pub fn standard_output(format: Format) -> Self {
-        Self { target: OutputTarget::standard_output(), format }
-    }
-
-    /// The file `path`, in the format of its extension.
+    /// The file `path`, in the format of its extension, or the
+    /// descriptor of that name, in the `usual` one.
     ///
     /// # Errors
     /// The extension is unknown, and those of [`OutputTarget::file`].
-    pub fn file(path: &Path, force: bool) -> Result<Self, String> {
-        let format = Format::of(path)?;
+    pub fn file(
+        path: &Path,
+        usual: Format,
+        force: bool,
+    ) -> Result<Self, String> {
+        let is_open = descriptor(path).is_some();
+        let format = if is_open { usual } else { Format::of(path)? };
         Ok(Self { target: OutputTarget::file(path, force)?, format })
     }
 

@@ -10,15 +10,14 @@
 //! reached, and the curve of error against time.
 
 // Name what the render loop imports
-use std::fmt;
-use std::fs;
-use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
+use std::{fmt, io, mem, ptr};
 
 use serde::{Deserialize, Serialize};
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1, SIGUSR2};
+use signal_hook::consts::{SIGXCPU, SIGXFSZ};
 use signal_hook::flag;
 
 use crate::film::Film;
@@ -403,25 +402,23 @@ fn next_step(spp: u64) -> u64 {
 pub struct Interrupt(Arc<AtomicUsize>);
 
 impl Interrupt {
-    /// Begins to listen for SIGINT, SIGTERM and SIGHUP, unless they are
-    /// ignored; the second of them ends the program at once.
+    /// Begins to listen for SIGINT, SIGTERM and SIGHUP, of which the second
+    /// ends the program at once, and for warnings; each unless it is
+    /// ignored.
     pub fn listen() -> io::Result<Self> {
         let interrupt = Self::default();
         let again = Arc::new(AtomicBool::new(false));
         // A file beyond the limit of size is an error, not the end.
         flag::register(SIGXFSZ, Arc::default())?;
-        let ignored = ignored_signals();
-        let heard = |signal: &i32| (ignored >> (signal - 1)) & 1 == 0;
-        let ends = [SIGINT, SIGTERM, SIGHUP].into_iter();
-        for signal in ends.filter(heard) {
+        let ends = [SIGINT, SIGTERM, SIGHUP];
+        let all = ends.into_iter().chain([SIGXCPU, SIGUSR1, SIGUSR2]);
+        for signal in all.filter(|&signal| !is_ignored(signal)) {
             // Register what a signal does
-            let status = 128 + signal;
-            flag::register_conditional_shutdown(
-                signal,
-                status,
-                again.clone(),
-            )?;
-            flag::register(signal, again.clone())?;
+            if ends.contains(&signal) {
+                let shut_down = flag::register_conditional_shutdown;
+                shut_down(signal, 128 + signal, again.clone())?;
+                flag::register(signal, again.clone())?;
+            }
             let place = interrupt.0.clone();
             flag::register_usize(signal, place, signal as usize)?;
         }
@@ -443,11 +440,12 @@ impl Interrupt {
     }
 }
 
-/// The set of the signals that this process ignores; signal k is bit k - 1.
-fn ignored_signals() -> u64 {
-    let status = fs::read_to_string("/proc/self/status");
-    let status = status.unwrap_or_default();
-    let digits = status.lines().find_map(|l| l.strip_prefix("SigIgn:"));
-    let digits = digits.unwrap_or_default().trim();
-    u64::from_str_radix(digits, 16).unwrap_or(0)
+/// Whether this process ignores a signal.
+fn is_ignored(signal: i32) -> bool {
+    // SAFETY: zeros are an action, and the call replaces it by another.
+    unsafe {
+        let mut action: libc::sigaction = mem::zeroed();
+        libc::sigaction(signal, ptr::null(), &mut action) == 0
+            && action.sa_sigaction == libc::SIG_IGN
+    }
 }

@@ -24,6 +24,7 @@ use std::path::Path;
 use serde::Serialize;
 
 use crate::image::{Image, extension};
+use crate::output::descriptor;
 use crate::render_loop::CurvePoint;
 pub use result::{Fit, Report, SceneFile, as_typed};
 
@@ -46,10 +47,12 @@ impl Kind {
     /// # Errors
     /// The extension belongs to no kind.
     pub fn of(path: &Path) -> Result<Self, String> {
+        let device = || path.metadata().is_ok_and(|there| !there.is_file());
         match extension(path).as_deref() {
             Some("json") => Ok(Kind::Json),
             Some("csv") => Ok(Kind::Csv),
             Some("html") => Ok(Kind::Html),
+            _ if descriptor(path).is_some() || device() => Ok(Kind::Json),
             _ => Err(format!(
                 "{}: unknown kind of report; name it .json, .csv or .html",
                 path.display()

@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::json;
 
-use crate::checkpoint::{self, Commands, RunKey};
+use crate::checkpoint::{Known, RunKey, save};
 use crate::film::Film;
 use crate::image::Image;
 use crate::output::{Content, OutputTarget};
@@ -40,11 +40,7 @@ pub struct RunOutput {
     every: Duration,
     /// When the next checkpoint is due; never, if beyond the clock.
     next_checkpoint: Option<Instant>,
-    /// The commands, and what decides the samples.
-    commands: Commands,
-    run_key: RunKey,
-    /// What a report says that does not change while the run goes on.
-    known: Report,
+    known: Known,
 }
 
 /// Writes a file for the last time, or for the time being.
@@ -74,9 +70,7 @@ impl RunOutput {
         reports: Vec<(Kind, OutputTarget)>,
         checkpoint: Option<OutputTarget>,
         every: Duration,
-        commands: Commands,
-        run_key: RunKey,
-        known: Report,
+        known: Known,
     ) -> Self {
         let next_report = Instant::now();
         let next_checkpoint = next_report.checked_add(every);
@@ -88,8 +82,6 @@ impl RunOutput {
             checkpoint,
             every,
             next_checkpoint,
-            commands,
-            run_key,
             known,
         }
     }
@@ -156,16 +148,7 @@ impl RunOutput {
             black_box(kind.render(&report, &image));
         }
         if self.checkpoint.is_some() {
-            let Self { commands, run_key, known, .. } = self;
-            let out = &mut io::sink();
-            let _ = checkpoint::save(
-                commands,
-                run_key,
-                known,
-                convergence,
-                film,
-                out,
-            );
+            let _ = save(&self.known, convergence, film, &mut io::sink());
         }
         image
     }
@@ -197,18 +180,9 @@ impl RunOutput {
         film: &Film,
         stop: Option<Stop>,
     ) -> Result<(), String> {
-        let Self { checkpoint, commands, run_key, known, .. } = self;
+        let Self { checkpoint, known, .. } = self;
         let Some(target) = checkpoint else { return Ok(()) };
-        put(target, stop, &mut |out| {
-            checkpoint::save(
-                commands,
-                run_key,
-                known,
-                convergence,
-                film,
-                out,
-            )
-        })
+        put(target, stop, &mut |out| save(known, convergence, film, out))
     }
 
     // Fill in the report
@@ -221,7 +195,7 @@ impl RunOutput {
     ) -> Report {
         let mut now = convergence.clone();
         now.record(film, None);
-        let mut report = self.known.clone();
+        let mut report = self.known.report.clone();
         report.render_seconds = now.seconds;
         report.rays = now.rays;
         report.stopped = stop.map(|stop| stop.name().to_owned());
@@ -247,20 +221,20 @@ impl RunOutput {
         film: &Film,
         stop: Option<Stop>,
     ) -> Image {
+        let Known { report, run_key, .. } = &self.known;
         let known = json!({
             // List what is known about a run
-            "scene": self.known.scene.file,
+            "scene": report.scene.file,
             "spp": convergence.spp,
             "rays": convergence.rays,
-            "load_seconds": self.known.load_seconds,
-            "build_seconds": self.known.build_seconds,
+            "load_seconds": report.load_seconds,
+            "build_seconds": report.build_seconds,
             "render_seconds": convergence.seconds,
             "stopped": stop.map_or("not yet", Stop::name),
         });
         let known = known.as_object().into_iter().flatten();
-        let settings =
-            self.known.settings.iter().filter(|(_, v)| !v.is_null());
-        let all = settings.chain(&self.run_key).chain(known);
+        let settings = report.settings.iter().filter(|(_, v)| !v.is_null());
+        let all = settings.chain(run_key).chain(known);
         let all = all.map(|(name, value)| (name.clone(), value.clone()));
         Image::new(film, attributes(&all.collect()))
     }

@@ -11,13 +11,13 @@
 // Name what shards import
 use std::fmt;
 use std::fs::File;
-use std::io::{BufReader, Read};
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use serde_json::Value;
 
-use crate::checkpoint::{Checkpoint, Commands, RunKey, disagreement};
+use crate::checkpoint::{Checkpoint, Known, RunKey, disagreement};
 use crate::film::{Film, Window};
 use crate::image::{Image, extension};
 use crate::render::method::Sampling;
@@ -111,7 +111,7 @@ const START: &[u8; 16] = b"litpt checkpoint";
 struct State {
     /// The name of its file.
     name: String,
-    checkpoint: Checkpoint<BufReader<File>>,
+    checkpoint: Checkpoint,
     /// The run key without what distinguishes the parts.
     run_key: RunKey,
     /// What it holds when it is whole.
@@ -141,12 +141,8 @@ impl fmt::Display for Held {
 impl State {
     fn open(path: &Path) -> Result<Self, String> {
         let name = path.display().to_string();
-        let file =
-            File::open(path).map_err(|e| format!("cannot read: {e}"));
-        let checkpoint = file
-            .and_then(|file| Checkpoint::open(BufReader::new(file)))
-            .map_err(|fault| format!("{name}: {fault}"))?;
-        let mut run_key = checkpoint.run_key().clone();
+        let checkpoint = Checkpoint::of_file(path)?;
+        let mut run_key = checkpoint.known().run_key.clone();
         let spp = checkpoint.convergence().spp;
         let (samples, of, band) = ((0, spp), spp, (1, 1));
         let part = Part::take(&mut run_key);
@@ -217,9 +213,7 @@ pub struct Merged {
     pub film: Film,
     /// What the parts have cost; its curve has one point.
     pub convergence: Convergence,
-    /// What a report says of the run.
-    known: Report,
-    run_key: RunKey,
+    known: Known,
     /// The samples that no state holds, in words.
     pub missing: Option<String>,
 }
@@ -242,8 +236,7 @@ pub fn merge(files: &[PathBuf]) -> Result<Merged, String> {
 struct Sum {
     /// The name of the first file.
     first: String,
-    run_key: RunKey,
-    known: Report,
+    known: Known,
     film: Film,
     convergence: Convergence,
     of: u64,
@@ -255,12 +248,13 @@ struct Sum {
 
 impl Sum {
     fn begin(state: &State) -> Self {
-        let (load_seconds, build_seconds) = (0., 0.);
-        let known = state.checkpoint.known().clone();
+        let mut known = state.checkpoint.known().clone();
+        known.run_key = state.run_key.clone();
+        known.report.load_seconds = 0.;
+        known.report.build_seconds = 0.;
         Self {
             first: state.name.clone(),
-            run_key: state.run_key.clone(),
-            known: Report { load_seconds, build_seconds, ..known },
+            known,
             film: state.layout.film(state.layout.window),
             convergence: Convergence::default(),
             of: state.of,
@@ -273,9 +267,9 @@ impl Sum {
     fn add(&mut self, state: State) -> Result<(), String> {
         let State { name, checkpoint, run_key, held, layout, band, .. } =
             state;
-        if let Some((what, [a, b])) = disagreement(&self.run_key, &run_key)
+        let Self { first, known, .. } = self;
+        if let Some((what, [a, b])) = disagreement(&known.run_key, &run_key)
         {
-            let first = &self.first;
             return Err(format!(
                 "{first} and {name} are not of one run: {what} is {a} and {b}"
             ));
@@ -287,8 +281,8 @@ impl Sum {
         }
         self.parts.push((name.clone(), held));
         // Take the sums and the costs of a state
-        let key = checkpoint.run_key().clone();
-        self.known.join(checkpoint.known());
+        let key = checkpoint.known().run_key.clone();
+        self.known.report.join(&checkpoint.known().report);
         let mut part = layout.film(band);
         let done = checkpoint
             .resume(&key, &mut part)
@@ -304,19 +298,19 @@ impl Sum {
 
     // Finish the sum
     fn finish(self) -> Merged {
-        let Self { run_key, mut known, film, mut convergence, .. } = self;
+        let Self { mut known, film, mut convergence, .. } = self;
         convergence.spp = film.samples();
         convergence.record(&film, None);
         let missing = missing(film.window(), self.of, &self.held);
-        let settings = &mut known.settings;
+        let settings = &mut known.report.settings;
         settings.retain(|name, _| name != SAMPLES && name != TILES);
         settings.insert("spp".into(), self.of.into());
         if let Some(missing) = &missing {
             settings.insert("missing".into(), missing.as_str().into());
         }
-        let Report { scene, settings, left_out, .. } = known;
-        let Report { load_seconds, build_seconds, .. } = known;
-        let known = Report {
+        let Report { scene, settings, left_out, .. } = known.report;
+        let Report { load_seconds, build_seconds, .. } = known.report;
+        known.report = Report {
             scene,
             settings,
             left_out,
@@ -324,7 +318,7 @@ impl Sum {
             build_seconds,
             ..Report::begin("ptimg")
         };
-        Merged { film, convergence, known, run_key, missing }
+        Merged { film, convergence, known, missing }
     }
 }
 
@@ -344,11 +338,9 @@ impl Report {
 impl Merged {
     /// The image of the run, and its report.
     pub fn image_and_report(self) -> (Image, Report) {
-        let Self { film, convergence, known, run_key, missing } = self;
+        let Self { film, convergence, known, missing } = self;
         let stop = missing.is_none().then_some(Stop::Samples);
-        let (never, commands) = (Duration::MAX, Commands::default());
-        let output =
-            RunOutput::new(vec![], None, never, commands, run_key, known);
+        let output = RunOutput::new(vec![], None, Duration::MAX, known);
         let image = output.image(&convergence, &film, stop);
         (image, output.report(&convergence, &film, stop))
     }

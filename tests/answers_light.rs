@@ -29,7 +29,7 @@ use litpt::gather::guide::{self, BINS, Guide, bin, direction};
 use litpt::gather::training::train;
 use litpt::gather::{Allocation, Correction, Plan, Tracer};
 use litpt::output::OutputTarget;
-use litpt::report::{Fit, Report};
+use litpt::report::Fit;
 use litpt::sampler::sobol::{ScrambledNet, to_unit};
 use litpt::{bvh::*, film::*, image::*, render::*};
 use litpt::{camera::*, checkpoint::*, render_loop::*};
@@ -891,15 +891,8 @@ fn an_edited_checkpoint_is_damaged_and_not_of_another_run() {
     };
     let (convergence, mut film) = (Convergence::default(), Film::new(3, 2));
     let mut file = vec![];
-    save(
-        &Commands::default(),
-        &run_key(0),
-        &Report::default(),
-        &convergence,
-        &film,
-        &mut file,
-    )
-    .unwrap();
+    let known = Known { run_key: run_key(0), ..Known::default() };
+    save(&known, &convergence, &film, &mut file).unwrap();
     let line = file[19..].iter().position(|&b| b == b'\n').unwrap() + 1;
     assert_eq!(file.len(), 19 + line + 64 * 6 + 32);
     let mut ask = |file: &[u8]| {

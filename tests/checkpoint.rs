@@ -6,18 +6,19 @@
 
 mod common;
 
+use std::ffi::OsStr;
 use std::io::Cursor;
+use std::os::unix::ffi::OsStrExt;
 use std::path::PathBuf;
 use std::process::Child;
 use std::thread;
 use std::time::{Duration, Instant};
 
 use common::{ROOM, Run, Scratch, finish};
-use litpt::checkpoint::{Checkpoint, Commands, RunKey, save};
+use litpt::checkpoint::{Checkpoint, Known, RunKey, save};
 use litpt::film::Film;
 use litpt::image::Image;
 use litpt::render_loop::Convergence;
-use litpt::report::Report;
 use serde_json::{Value, json};
 
 // --------------------------------------------------------------- The library
@@ -45,18 +46,14 @@ fn state() -> (Convergence, Film) {
     (serde_json::from_value(convergence).unwrap(), film)
 }
 
+fn known() -> Known {
+    Known { run_key: run_key(), ..Known::default() }
+}
+
 fn saved() -> Vec<u8> {
     let (convergence, film) = state();
     let mut bytes = vec![];
-    save(
-        &Commands::default(),
-        &run_key(),
-        &Report::default(),
-        &convergence,
-        &film,
-        &mut bytes,
-    )
-    .unwrap();
+    save(&known(), &convergence, &film, &mut bytes).unwrap();
     bytes
 }
 
@@ -154,25 +151,10 @@ fn a_disk_that_is_full_is_an_error_and_no_panic() {
     let (convergence, film) = state();
     let size = saved().len();
     for room in [0, 10, 25, 500, size - 33, size - 32, size - 1] {
-        let written = save(
-            &Commands::default(),
-            &run_key(),
-            &Report::default(),
-            &convergence,
-            &film,
-            &mut Full(room),
-        );
+        let written = save(&known(), &convergence, &film, &mut Full(room));
         assert!(written.is_err(), "{room}");
     }
-    save(
-        &Commands::default(),
-        &run_key(),
-        &Report::default(),
-        &convergence,
-        &film,
-        &mut Full(size),
-    )
-    .unwrap();
+    save(&known(), &convergence, &film, &mut Full(size)).unwrap();
 }
 
 // --------------------------------------------------------------- The command
@@ -210,12 +192,16 @@ fn wait_until(child: &mut Child, what: &str, done: impl Fn() -> bool) {
     }
 }
 
-/// The samples in a checkpoint; none if there is no such file.
-fn saved_spp(path: &PathBuf) -> Option<u64> {
+/// The second line of a checkpoint; none if there is no such file.
+fn header(path: &PathBuf) -> Option<Value> {
     let bytes = std::fs::read(path).ok()?;
     let line = bytes.split(|&byte| byte == b'\n').nth(1)?;
-    let header: Value = serde_json::from_slice(line).unwrap();
-    header["convergence"]["spp"].as_u64()
+    Some(serde_json::from_slice(line).unwrap())
+}
+
+/// The samples in a checkpoint; none if there is no such file.
+fn saved_spp(path: &PathBuf) -> Option<u64> {
+    header(path)?["convergence"]["spp"].as_u64()
 }
 
 /// Starts a run without an end, and kills it as soon as it has saved more
@@ -314,7 +300,7 @@ fn left_alone(
 #[test]
 fn what_is_no_checkpoint_is_refused_before_the_scene_is_read() {
     let place = Scratch::new();
-    place.put("c", "litpt checkpoint 3\nand more");
+    place.put("c", "litpt checkpoint 4\nand more");
     let fault = "c: is damaged: its checksum is wrong";
     pt(&place, &["-imissing.obj", "--resume", "c"]).failed(1, &[fault]);
     // Neither is a file without an end read to its end.
@@ -444,7 +430,7 @@ fn a_resumed_run_keeps_away_from_the_files_of_others() {
     place.run(&["--resume", "copy", "-n2"]).succeeded();
     assert!(place.get("c") == saved);
     assert_eq!(saved_spp(&place.path("copy")), Some(2));
-    // Elsewhere the names of files mean something else.
+    // Elsewhere the names of files mean what they meant.
     std::fs::create_dir(place.path("other")).unwrap();
     let elsewhere = |words: &[&str]| {
         let mut command =
@@ -452,10 +438,17 @@ fn a_resumed_run_keeps_away_from_the_files_of_others() {
         command.current_dir(place.path("other"));
         finish(command.spawn().unwrap())
     };
-    elsewhere(&["-n3"]).failed(1, &["../c: its run was begun in"]);
+    elsewhere(&["-n3"]).succeeded();
     let typed = ["../room.obj", "-d9x7", "-n3", "-q", "-o", "-"];
     elsewhere(&typed).succeeded();
+    elsewhere(&["-n3", "-o", "../a.pfm"]).succeeded();
     assert_eq!(std::fs::read_dir(place.path("other")).unwrap().count(), 0);
+    let image = |n| place.render(&["-d9x7", n, "--format=pfm"]);
+    assert!(place.get("a.pfm") == image("-n3"));
+    elsewhere(&["-n3", "-o", "b.pfm"]).succeeded();
+    place.run(&["--resume", "c", "-n4"]).succeeded();
+    assert!(place.get("other/b.pfm") == image("-n4"));
+    assert_eq!(place.get("b.pfm"), b"old");
 }
 
 #[test]
@@ -476,4 +469,73 @@ fn the_same_command_may_be_resumed_whatever_names_the_scene() {
         let whole = ["-d9x7", "-n3", "-q", "room.obj"];
         assert!(alone.stdout == place.run(&whole).stdout, "{scene:?}");
     }
+}
+
+#[test]
+fn a_run_is_resumed_whatever_its_files_are_called() {
+    let place = Scratch::new();
+    let whole = place.render(&["-d9x7", "-n3", "--format=pfm"]);
+    let names = ["3", "9x7", "-n", "--", " [a]\n*", "\u{e9}"];
+    let names = names.map(str::as_bytes);
+    let directories = ["scenes", "images", "states"];
+    let [scenes, images, states] =
+        directories.map(|directory| place.path(directory));
+    for directory in [&scenes, &images, &states] {
+        std::fs::create_dir(directory).unwrap();
+    }
+    for name in names.into_iter().chain([&[0xe9][..], &[b'x'; 251]]) {
+        let called = |extension: &[u8]| {
+            OsStr::from_bytes(&[name, extension].concat()).to_owned()
+        };
+        let (scene, state) = (called(b""), states.join(called(b".ck")));
+        std::fs::write(scenes.join(&scene), ROOM).unwrap();
+        let image = images.join(called(b".pfm"));
+        let first = ["-d9x7", "-q", "--checkpoint"].map(OsStr::new);
+        let files = [state.as_os_str(), "-o".as_ref(), image.as_ref()];
+        let all = [&first[..], &files, &["--".as_ref(), &scene]].concat();
+        let mut run = place.pt(&all);
+        run.current_dir(&scenes);
+        finish(run.spawn().unwrap()).succeeded();
+        let on = ["-n3".as_ref(), "--resume".as_ref(), state.as_os_str()];
+        place.run(&on).succeeded();
+        assert!(std::fs::read(image).unwrap() == whole, "{scene:?}");
+    }
+}
+
+#[test]
+fn a_scene_on_standard_input_is_there_again_when_the_run_goes_on() {
+    let place = Scratch::new();
+    let whole = place.render(&["-d9x7", "-n3"]);
+    for scene in ["-", "-i-", "-d9x7"] {
+        let first = ["-d9x7", "-qf", "-o-", "--checkpoint=c", scene];
+        place.feed(ROOM.as_bytes(), &first).succeeded();
+        let on = place.feed(ROOM.as_bytes(), &["-n3", "--resume=c"]);
+        on.succeeded();
+        assert!(on.stdout == whole, "{scene}");
+    }
+}
+
+#[test]
+fn what_is_saved_of_the_options_is_what_they_mean() {
+    let place = Scratch::new();
+    let saved = |words: &str| {
+        let words = [words, "-qf --checkpoint=c"].join(" ");
+        let words: Vec<_> = words.split_whitespace().collect();
+        place.run(&words).succeeded();
+        header(&place.path("c")).unwrap()["known"]["options"].take()
+    };
+    let one = saved("-i room.obj -n 2 -d 9x7 -t 0,1,0.25 -o -");
+    let same = "--target=0,1,.25 --input=room.obj -n1 -o- -d9x7 --spp 2";
+    assert_eq!(one, saved(same));
+    assert_ne!(one, saved("-i room.obj -n 2 -d 9x7 -t 0,1,0.5 -o -"));
+    assert_eq!(one["samples"], 2);
+    // An option that was not typed is replaced by one that is.
+    let on = ["--resume=c", "-j1", "-n3", "-F70", "--every=9"];
+    place.run(&on).succeeded();
+    let options = &header(&place.path("c")).unwrap()["known"]["options"];
+    assert_eq!(options["target"], json!([0., 1., 0.5]));
+    assert_eq!(
+        (&options["threads"], &options["samples"]),
+        (&json!(1), &json!(3))
+    );
 }

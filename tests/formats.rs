@@ -667,7 +667,7 @@ fn the_extension_tells_the_format() {
 fn an_image_target_writes_the_format_of_its_name() {
     let files = Files::new();
     let path = files.path("image.exr");
-    let place = ImageTarget::file(&path, false).unwrap();
+    let place = ImageTarget::file(&path, Format::Pgm, false).unwrap();
     assert!(!path.exists());
     place.write(&image()).unwrap();
     assert_eq!(Image::read(&path), Ok(image()));

@@ -172,7 +172,8 @@ fn a_resolution_may_be_as_large_as_16384_on_either_side() {
 
 #[test]
 fn the_number_of_samples_is_a_positive_integer() {
-    let wrong = ["0", "1.5", "1e3", "abc", "99999999999999999999", ""];
+    let wrong =
+        ["0", "1.5", "1e3", "abc", "99999999999999999999", "+3", ""];
     refused("-n", "--spp", &wrong);
     refused("-n", "--spp", &["-3"]);
 }
@@ -245,13 +246,13 @@ fn an_albedo_lies_between_0_and_1() {
 
 #[test]
 fn a_number_of_threads_is_a_positive_integer() {
-    refused("-j", "--threads", &["0", "1.5", "all", "4097", ""]);
+    refused("-j", "--threads", &["0", "1.5", "all", "4097", "+2", ""]);
     refused("-j", "--threads", &["-1"]);
 }
 
 #[test]
 fn a_seed_is_an_integer_of_64_bits() {
-    let wrong = ["18446744073709551616", "1.5", "x", ""];
+    let wrong = ["18446744073709551616", "1.5", "x", "+1", ""];
     refused("-s", "--seed", &wrong);
     refused("-s", "--seed", &["-1"]);
     let place = Scratch::new();
@@ -341,9 +342,26 @@ fn a_dash_is_standard_input_or_output() {
     let report: serde_json::Value =
         serde_json::from_slice(&report).unwrap();
     assert_eq!(report["settings"]["resolution"][0], 9);
-    let twice = ["-o", "-", "--report", "-", "room.obj"];
-    place.run(&twice).failed(1, &["standard output is named twice"]);
+    for twice in [
+        ["-o", "-", "--report", "-"],
+        ["-o", "/dev/stdout", "--report", "-"],
+        ["-o", "/dev/fd/1", "-o", "-"],
+        ["--report", "/proc/self/fd/1", "-f", "-q"],
+        ["-o", "/dev/stdout", "--checkpoint", "/dev/fd/1"],
+    ] {
+        let run = place.run(&[&twice[..], &["room.obj"]].concat());
+        run.failed(1, &["standard output is named twice"]);
+    }
     place.holds_only(&["a.pgm"]);
+    // The image and the reference have one name, and are not the same.
+    place.run(&["-d9x7", "-s1", "-otruth.pfm", "room.obj"]).succeeded();
+    let reference = ["-d9x7", "--reference=-", "-o-", "--format=pfm"];
+    let known = [&reference[..], &["room.obj"]].concat();
+    let known = place.feed(&place.get("truth.pfm"), &known);
+    known.succeeded();
+    assert!(known.stdout == image);
+    let both = place.feed(ROOM.as_bytes(), &reference);
+    both.failed(1, &["standard input can be read once only"]);
 }
 
 // ------------------------------------------- A camera that is not given
@@ -560,9 +578,15 @@ fn a_crop_has_the_pixels_of_the_whole_image() {
 #[test]
 fn a_crop_lies_within_the_image_and_belongs_to_a_checkpoint() {
     let place = Scratch::new();
-    for wrong in
-        ["1,2", "1,2,3", "1,2,3x4x5", "-1,2,3x4", "1,2,0x4", "a,2,3x4"]
-    {
+    for wrong in [
+        "1,2",
+        "1,2,3",
+        "1,2,3x4x5",
+        "-1,2,3x4",
+        "1,2,0x4",
+        "a,2,3x4",
+        "+1,2,3x4",
+    ] {
         let wrong = ["-i", "room.obj", "--crop", wrong];
         place.run(&wrong).failed(2, &["--crop"]);
     }

@@ -7,7 +7,8 @@
 mod common;
 
 use std::fs::{self, File, OpenOptions};
-use std::io::{self, BufRead, BufReader, Cursor, Write};
+use std::io::{self, BufRead, BufReader, Cursor, Read, Write};
+use std::os::fd::AsRawFd;
 use std::os::unix::fs::{FileTypeExt, PermissionsExt, symlink};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -85,21 +86,32 @@ fn an_existing_file_is_replaced_with_force() {
 
 #[test]
 fn a_file_created_during_the_render_is_left_untouched_without_force() {
-    let place = Scratch::new();
-    let child = start_reading(&place, &["-o", "image.pgm", "-n2"]);
-    place.holds_only(&[]);
-    let date = put_old(&place, "image.pgm");
-    let run = send_room(child);
-    run.failed(1, &["image.pgm", "-f", "kept as ", "/kept-"]);
-    assert_eq!(place.get("image.pgm"), b"old");
-    assert_eq!(modified(&place, "image.pgm"), date);
-    // The finished image is beside it, under the name that is said.
-    let names = place.names();
-    let kept = names.iter().find(|name| name.starts_with("kept-"));
-    let kept = kept.unwrap();
-    place.holds_only(&["image.pgm", kept]);
-    assert!(run.stderr.contains(kept) && kept.ends_with("-image.pgm"));
-    assert_eq!(place.get(kept), place.render(&SMALL[2..]));
+    let long = ["n".repeat(251), ".pgm".to_owned()].concat();
+    for image in ["image.pgm", &long] {
+        let place = Scratch::new();
+        let child = start_reading(&place, &["-o", image, "-n2"]);
+        place.holds_only(&[]);
+        let date = put_old(&place, image);
+        let run = send_room(child);
+        run.failed(1, &[image, "-f", "kept as ", "/kept-"]);
+        assert_eq!(place.get(image), b"old");
+        assert_eq!(modified(&place, image), date);
+        // The finished image is beside it, under the name that is said.
+        let names = place.names();
+        let kept = names.iter().find(|name| name.starts_with("kept-"));
+        let kept = kept.unwrap();
+        place.holds_only(&[kept, image]);
+        assert!(run.stderr.contains(kept) && kept.ends_with(".pgm"));
+        assert!(kept.ends_with("-image.pgm") || kept.len() == 255);
+        assert_eq!(place.get(kept), place.render(&SMALL[2..]));
+    }
+}
+
+#[test]
+fn a_name_that_is_too_long_is_reported_before_the_scene_is_read() {
+    let long = ["n".repeat(252), ".pgm".to_owned()].concat();
+    let run = Scratch::new().run(&["-i", "missing.obj", "-o", &long]);
+    run.failed(1, &[&long, "File name too long"]);
 }
 
 #[test]
@@ -286,6 +298,121 @@ fn the_name_of_standard_output_may_stand_for_a_pipe() {
     let run = write(&place, &["-f", "-o", "stdout"]);
     run.succeeded();
     assert_eq!(run.stdout, place.render(&SMALL[2..]));
+}
+
+/// Runs a script of the shell, in which `pt` renders the room.
+fn shell(place: &Scratch, script: &str) -> Run {
+    const PROGRAMS: &str = r#"
+        pt() { "$PT" -q -p0,0,0 -i room.obj -d9x7 -n2 "$@"; }
+        ptimg() { "$PTIMG" "$@"; }
+    "#;
+    let mut command = place.command("sh");
+    command.env("PT", env!("CARGO_BIN_EXE_pt"));
+    command.env("PTIMG", env!("CARGO_BIN_EXE_ptimg"));
+    let script = [PROGRAMS, script].concat();
+    finish(command.args(["-c", &script]).spawn().unwrap())
+}
+
+/// The shell's log keeps what is before the image and gets what is after.
+#[test]
+fn what_the_shell_has_opened_is_written_and_not_replaced() {
+    let place = Scratch::new();
+    shell(&place, "pt -o a.pgm -o a.exr").succeeded();
+    let text = |name| String::from_utf8(place.get(name)).unwrap();
+    let image = text("a.pgm");
+    symlink("/proc/self/fd/1", place.path("link")).unwrap();
+    for name in ["-", "/dev/stdout", "/dev/fd/1", "/proc/self/fd/1", "link"]
+    {
+        for command in [
+            "pt -o",
+            "pt -f -o",
+            "pt -f --format=pgm -o",
+            "ptimg tonemap a.exr -o",
+            "ptimg tonemap a.exr --format=pgm -fo",
+        ] {
+            let command = format!("{command} {name}");
+            let group = format!("{{ echo 1; {command}; echo 2; }} > log");
+            shell(&place, &group).succeeded();
+            assert!(text("log") == format!("1\n{image}2\n"), "{command}");
+            shell(&place, &format!("{command} >> log")).succeeded();
+            let both = format!("1\n{image}2\n{image}");
+            assert!(text("log") == both, "{command}");
+        }
+    }
+    // So are descriptors of other numbers.
+    let files = "-o /dev/fd/5 --report /dev/fd/3 --checkpoint /dev/fd/4";
+    let run = format!("pt {files} 5>&1 3>> log 4> c | cat > b.pgm");
+    shell(&place, &run).succeeded();
+    assert!(text("b.pgm") == image);
+    let log = text("log");
+    let (_, report) = log.split_once('{').unwrap();
+    assert!(log.starts_with("1\n") && report.contains("\"curve\""));
+    let on = ["--resume=c", "-o-", "--report=r.json", "--checkpoint=d"];
+    let on = place.run(&on);
+    assert!(on.stdout == image.as_bytes());
+    // What cannot be written is refused before the scene is read.
+    for (closed, fault) in [
+        ("/dev/fd/3 3< a.pgm", "/dev/fd/3: not open for writing"),
+        ("/dev/fd/7", "/dev/fd/7: "),
+        ("- < a.pgm 1<&0", "standard output: not open for writing"),
+    ] {
+        let run = format!("pt -f -i none.obj -o {closed}");
+        shell(&place, &run).failed(1, &[fault]);
+    }
+}
+
+#[test]
+fn a_closed_standard_output_is_an_error_if_it_is_wanted() {
+    let place = Scratch::new();
+    shell(&place, "pt -o a.exr; pt -s1 -o b.exr").succeeded();
+    for command in [
+        "pt",
+        "pt --format=exr -o -",
+        "pt -o /dev/stdout",
+        "pt --explain",
+        "pt --help",
+        "pt --version",
+        "pt -o c.pgm --report -",
+        "ptimg --help",
+        "ptimg info a.exr",
+        "ptimg tonemap a.exr -o -",
+        "ptimg stderr a.exr -fo c.pgm",
+        "ptimg merge a.exr b.exr -o -",
+        "ptimg diff a.exr b.exr",
+    ] {
+        for others in ["", "<&-", "2>err <&-"] {
+            let run = shell(&place, &format!("{command} >&- {others}"));
+            assert!(run.status > Some(0), "{command}: {}", run.stderr);
+        }
+        let said = String::from_utf8(place.get("err")).unwrap();
+        let fault = "standard output: not open for writing";
+        assert!(said.contains(fault), "{command}: {said}");
+    }
+    // It concerns nobody else, and neither do the other two.
+    shell(&place, "pt -fo c.pgm >&-").succeeded();
+    shell(&place, "pt -fo d.pgm >&- 2>&- <&-").succeeded();
+    assert!(place.get("c.pgm") == place.get("d.pgm"));
+    shell(&place, "pt > /dev/null && pt 1<> /dev/null").succeeded();
+}
+
+#[test]
+fn an_output_that_does_not_block_gets_all_bytes() {
+    let place = Scratch::new();
+    let image = ["-iroom.obj", "-d300x200", "--format=pfm"];
+    let whole = place.run(&image).stdout;
+    let (mut reader, writer) = io::pipe().unwrap();
+    let fd = writer.as_raw_fd();
+    // SAFETY: the descriptor is open.
+    let done = unsafe { libc::fcntl(fd, libc::F_SETFL, libc::O_NONBLOCK) };
+    assert_eq!(done, 0);
+    let mut command = place.pt(&image);
+    let child = command.stdout(writer).spawn().unwrap();
+    drop(command);
+    thread::sleep(Duration::from_millis(500));
+    let mut bytes = vec![];
+    reader.read_to_end(&mut bytes).unwrap();
+    finish(child).succeeded();
+    assert!(bytes == whole, "{} of {} bytes", bytes.len(), whole.len());
 }
 
 #[test]

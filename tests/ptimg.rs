@@ -13,7 +13,7 @@ use std::io::Write;
 use common::{Run, Scratch, finish, pgm};
 use exr::math::Vec2;
 use exr::prelude::{AnyChannel, AnyChannels, FlatSamples, WritableImage};
-use litpt::image::Image;
+use litpt::image::{Format, Image};
 use litpt::output::ImageTarget;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -49,7 +49,8 @@ fn put(place: &Scratch, name: &str, seed: u64, p: f64) -> Image {
 }
 
 fn write(place: &Scratch, name: &str, image: &Image) {
-    let place = ImageTarget::file(&place.path(name), true).unwrap();
+    let place =
+        ImageTarget::file(&place.path(name), Format::Exr, true).unwrap();
     place.write(image).unwrap();
 }
 
@@ -724,7 +725,7 @@ fn a_run_is_not_overwritten_by_what_is_made_of_it() {
     let files = renders(&place);
     let before = place.get(&files[0]);
     let merge = ["merge", &files[0], &files[1], "-f", "-o", &files[0]];
-    run(&place, &merge).failed(1, &[&files[0], "is one of the runs"]);
+    run(&place, &merge).failed(1, &[&files[0], "is named twice"]);
     assert!(place.get(&files[0]) == before);
 }
 

@@ -13,11 +13,10 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use common::{ROOM, Run, Scratch, finish, skip};
-use litpt::checkpoint::{Commands, RunKey};
+use litpt::checkpoint::Known;
 use litpt::film::Film;
 use litpt::image::Image;
 use litpt::render_loop::Convergence;
-use litpt::report::Report;
 use litpt::run_output::RunOutput;
 use serde_json::Value;
 
@@ -272,7 +271,9 @@ fn start(place: &Scratch, least: u64, arguments: &[&str]) -> Child {
 
 #[test]
 fn a_signal_ends_the_run_with_its_image_and_report() {
-    for (name, status) in [("INT", 130), ("TERM", 143), ("HUP", 129)] {
+    let ends = [("INT", 130), ("TERM", 143), ("HUP", 129)];
+    let warnings = [("XCPU", 152), ("USR1", 138), ("USR2", 140)];
+    for (name, status) in [ends, warnings].concat() {
         let place = Scratch::new();
         let child = start(&place, 6, &["--checkpoint=c"]);
         signal(name, &child);
@@ -298,14 +299,53 @@ v -1 -1 -1\nv 1 -1 -1\nv 1 1 -1\nv -1 1 -1\n\
 v -1 -1 1\nv 1 -1 1\nv 1 1 1\nv -1 1 1\n\
 f 1 2 3 4\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n";
 
-/// Whether a program on Linux catches SIGINT, SIGTERM and SIGHUP.
+/// Whether a program on Linux catches all signals that end a run.
 fn listens(id: u32) -> bool {
     let status = format!("/proc/{id}/status");
     let status = fs::read_to_string(status).unwrap_or_default();
     let caught = status.lines().find_map(|l| l.strip_prefix("SigCgt:"));
     let caught = u64::from_str_radix(caught.unwrap_or("0").trim(), 16);
-    let all = 1 | 1 << 1 | 1 << 14;
+    let all = [1, 2, 10, 12, 15, 24]
+        .iter()
+        .map(|signal| 1 << (signal - 1))
+        .sum::<u64>();
     caught.is_ok_and(|mask| mask & all == all)
+}
+
+/// A run of the box, when it listens to signals. Tracing stops at once, but
+/// so large an image is summarised and written for a while.
+fn slow_to_write(place: &Scratch) -> Child {
+    let scene = ["-q", "-ibox.obj", "-d2048x2048", "-n2", "--keep-all"];
+    let files = ["--checkpoint=c", "--every=0.001"];
+    let all = [&scene[..], &FILES[..], &files].concat();
+    let mut child = place.pt(&all).spawn().unwrap();
+    let id = child.id();
+    wait_until(&mut child, "handler", || listens(id));
+    child
+}
+
+#[test]
+fn a_warning_may_come_again_and_is_not_the_first_of_two_signals() {
+    if fs::metadata("/proc/self/status").is_err() {
+        return skip("the system does not tell which signals are caught");
+    }
+    let place = Scratch::new();
+    place.put("box.obj", BOX);
+    let mut child = slow_to_write(&place);
+    for name in ["USR1", "TERM"] {
+        signal(name, &child);
+        thread::sleep(Duration::from_millis(200));
+    }
+    let start = Instant::now();
+    while child.try_wait().unwrap().is_none() {
+        signal("XCPU", &child);
+        assert!(start.elapsed() < Duration::from_secs(60));
+    }
+    let status = finish(child).status.unwrap();
+    assert!([138, 143, 152].contains(&status), "{status}");
+    Image::read(&place.path("a.exr")).unwrap();
+    assert_eq!(json(&place, "r.json")["stopped"], "signal");
+    place.holds_only(&["a.exr", "a.pfm", "box.obj", "c", "r.json"]);
 }
 
 #[test]
@@ -321,14 +361,7 @@ fn a_second_signal_ends_the_program_at_once() {
         ("TERM", "TERM", [143, 143]),
         ("INT", "TERM", [130, 143]),
     ] {
-        // Tracing stops at once, but so large an image is summarised and
-        // written for a while.
-        let scene = ["-q", "-ibox.obj", "-d2048x2048", "-n2", "--keep-all"];
-        let files = ["--checkpoint=c", "--every=0.001"];
-        let all = [&scene[..], &FILES[..], &files].concat();
-        let mut child = place.pt(&all).spawn().unwrap();
-        let id = child.id();
-        wait_until(&mut child, "handler", || listens(id));
+        let mut child = slow_to_write(&place);
         signal(first, &child);
         let start = Instant::now();
         while child.try_wait().unwrap().is_none() {
@@ -356,9 +389,6 @@ fn a_second_signal_ends_the_program_at_once() {
 
 #[test]
 fn a_signal_that_is_ignored_from_the_start_stays_ignored() {
-    if fs::metadata("/proc/self/status").is_err() {
-        return skip("the system does not tell which signals are ignored");
-    }
     let place = Scratch::new();
     let plain = place.pt(&[&SCENE[..], &FILES, &["-n1000000000"]].concat());
     // As nohup does.
@@ -780,14 +810,8 @@ fn a_checkpoint_that_holds_enough_is_worth_a_warning() {
 
 #[test]
 fn a_report_between_two_points_says_where_the_run_stands() {
-    let run_output = RunOutput::new(
-        vec![],
-        None,
-        Duration::MAX,
-        Commands::default(),
-        RunKey::default(),
-        Report::default(),
-    );
+    let run_output =
+        RunOutput::new(vec![], None, Duration::MAX, Known::default());
     let mut film = Film::new(2, 1);
     for pixel in film.stored_mut() {
         [0., 1., 0.5].into_iter().for_each(|weight| pixel.add(weight));

@@ -384,7 +384,7 @@ fn states_and_images_are_not_mixed_and_not_overwritten() {
     again.failed(1, &["d.exr: the file exists"]);
     for written in ["-oa.litpt", "--report=b.ck"] {
         let over = [&states[..], &["-f", "-oe.exr", written]].concat();
-        merge(&place, &over).failed(1, &["is one of the runs"]);
+        merge(&place, &over).failed(1, &["is named twice"]);
     }
     for option in ["--partial", "--report=r.json"] {
         let images = ["c.exr", "d.exr", "-oe.exr", option];
@@ -430,6 +430,10 @@ fn options_of_parts_that_do_not_fit_are_refused() {
         (&["--tiles=5/4", "-n8"], "2/8"),
         (&["--tiles=5", "-n8"], "2/8"),
         (&["--tiles=1/2/3", "-n8"], "2/8"),
+        (&["--tiles=+1/2", "-n8"], "2/8"),
+        (&["--tiles=1/+2", "-n8"], "2/8"),
+        (&["--samples=+0..2", "-n8"], "16..32"),
+        (&["--samples=0..+2", "-n8"], "16..32"),
         (&["--tiles=1/2", "-n8", "--reference=a.exr"], "--reference"),
         (&["-oa.litpt", "-ob.litpt"], "one state"),
         (&["-oa.litpt", "--checkpoint=b"], "one state"),

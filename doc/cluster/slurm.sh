@@ -17,7 +17,7 @@
 #SBATCH --job-name=pt
 #SBATCH --cpus-per-task=8
 #SBATCH --time=4:00:00
-#SBATCH --signal=B:TERM@60
+#SBATCH --signal=B:USR1@60
 #SBATCH --requeue
 #SBATCH --open-mode=append
 set -eu

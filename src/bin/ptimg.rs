@@ -18,7 +18,7 @@ use clap::{Args, Parser, Subcommand};
 use serde::Serialize;
 
 use litpt::arguments::{
-    LICENCE, STYLES, is_dash, parse_command_line, parse_real,
+    LICENCE, STYLES, is_dash, parse_command_line, parse_real, tell_apart,
 };
 use litpt::compare::display::{self, Curve};
 use litpt::compare::merge::{Run, merge};
@@ -26,7 +26,7 @@ use litpt::compare::{
     Difference, Dispersion, FEW, Scale, compare, disagreements,
 };
 use litpt::image::{Format, Image};
-use litpt::output::{ImageTarget, OutputTarget};
+use litpt::output::{ImageTarget, OutputTarget, descriptor};
 use litpt::progress;
 use litpt::report::Kind;
 use litpt::shards;
@@ -204,16 +204,13 @@ fn target(
     force: bool,
     usual: Format,
 ) -> Result<ImageTarget, String> {
-    match (is_dash(path), format) {
-        (true, _) => {
-            Ok(ImageTarget::standard_output(format.unwrap_or(usual)))
-        }
-        (false, None) => ImageTarget::file(path, force),
-        (false, Some(_)) => Err(format!(
+    match (descriptor(path), format) {
+        (None, Some(_)) => Err(format!(
             "{}: --format is for standard output; the name of a file \
              tells its format",
             path.display()
         )),
+        _ => ImageTarget::file(path, format.unwrap_or(usual), force),
     }
 }
 
@@ -222,7 +219,7 @@ fn main() -> ExitCode {
     // A file beyond the limit of size is an error, not the end.
     let _ = flag::register(SIGXFSZ, Arc::default());
     let arguments: Arguments = match parse_command_line() {
-        Ok(arguments) => arguments,
+        Ok((arguments, _)) => arguments,
         Err(status) => return status,
     };
     run(&arguments.verb).unwrap_or_else(|message| {
@@ -255,7 +252,7 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
         }
         Verb::Diff { a, b, output, format, force, quiet } => {
             // Check the map before the comparison
-            if output.as_deref().is_some_and(is_dash) && !quiet {
+            if output.as_deref().and_then(descriptor) == Some(1) && !quiet {
                 return Err("a map on standard output needs -q".to_owned());
             }
             let map = output.as_ref();
@@ -270,15 +267,9 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
 impl Merge {
     fn run(&self) -> Result<(), String> {
         // Refuse to overwrite what is merged
-        let place = |path: &PathBuf| path.canonicalize().ok();
+        let files = self.files.iter().map(PathBuf::as_path);
         let written = self.output.iter().chain(&self.report);
-        let written: Vec<_> = written.filter_map(place).collect();
-        let same = |file| {
-            place(file).is_some_and(|place| written.contains(&place))
-        };
-        if let Some(file) = self.files.iter().find(|file| same(file)) {
-            return Err(format!("{}: is one of the runs", file.display()));
-        }
+        tell_apart(files, written.map(PathBuf::as_path))?;
         let is_state = |file: &&PathBuf| shards::is_state(file);
         let state = self.files.iter().find(is_state);
         let image = self.files.iter().find(|file| !is_state(file));
@@ -384,16 +375,16 @@ fn show_errors(
         false => "standard error",
     };
     let line = format!("white is a {what} of {white:.4e}");
-    match is_dash(&output.output) {
-        true => progress::inform(&line),
-        false => say(&line)?,
+    match descriptor(&output.output) {
+        Some(1) => progress::inform(&line),
+        _ => say(&line)?,
     }
     Ok(())
 }
 
 /// Prints lines on standard output, unless the reader has closed the pipe.
 fn say(lines: &str) -> Result<(), String> {
-    OutputTarget::standard_output()
+    OutputTarget::standard_output()?
         .write(&mut |out| writeln!(out, "{lines}"))
 }
 

@@ -71,7 +71,7 @@ impl FromStr for Method {
 
 // Ask for a method or none
 /// The method that is asked for; none if a pilot is to choose one.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Wanted(pub Option<Method>);
 
 impl fmt::Display for Wanted {

@@ -12,11 +12,11 @@ use std::hint::black_box;
 use std::time::{Duration, Instant};
 
 use glam::DVec3;
-use litpt::checkpoint::{Commands, RunKey};
+use litpt::checkpoint::Known;
 use litpt::film::Film;
 use litpt::output::OutputTarget;
 use litpt::render_loop::{Convergence, Interrupt, Limits};
-use litpt::report::{Kind, Report};
+use litpt::report::Kind;
 use litpt::run_output::RunOutput;
 use litpt::statistics::Accumulator;
 use litpt_book::closed_forms::Setting;
@@ -52,16 +52,8 @@ fn measure(setting: &Setting) -> Result<[f64; 4], Box<dyn Error>> {
         (Kind::Csv, place("a.csv")?),
         (Kind::Html, place("a.html")?),
     ];
-    let never = Duration::MAX;
-    let analysis = Report::default;
-    let mut run_output = RunOutput::new(
-        reports,
-        None,
-        never,
-        Commands::default(),
-        RunKey::default(),
-        analysis(),
-    );
+    let (never, known) = (Duration::MAX, Known::default);
+    let mut run_output = RunOutput::new(reports, None, never, known());
     let interrupt = Interrupt::default();
     let limits =
         Limits { samples: Some(SAMPLES), ..Limits::none(&interrupt) };
@@ -79,15 +71,8 @@ fn measure(setting: &Setting) -> Result<[f64; 4], Box<dyn Error>> {
     let paths = (film.area() * SAMPLES) as f64;
     let weights = paths * weight() / rayon::current_num_threads() as f64;
     let checkpoint = Some(place("a.checkpoint")?);
-    let run_key = RunKey::default();
-    let mut run_output = RunOutput::new(
-        vec![],
-        checkpoint,
-        Duration::ZERO,
-        Commands::default(),
-        run_key,
-        analysis(),
-    );
+    let now = Duration::ZERO;
+    let mut run_output = RunOutput::new(vec![], checkpoint, now, known());
     let save = || run_output.after(&convergence, &film);
     let checkpoint = seconds(save).expect("a checkpoint can be written");
     let percent = 100. / convergence.seconds;
