@@ -13,9 +13,12 @@
 //! called as `noweb`, it is what its first argument says.
 
 use std::ffi::{OsStr, OsString};
-use std::io::{self, BufWriter};
+use std::io::{self, BufReader, BufWriter, Read, Write};
 use std::path::Path;
 use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::sleep;
+use std::time::Duration;
 
 use crate::filter::Pipeline;
 use crate::web::Chunk;
@@ -68,15 +71,73 @@ const COMMANDS: &[Command] = &[
     ),
 ];
 
+// Open the standard streams
+/// Standard output was closed when the program was started, or open for
+/// reading alone.
+static CLOSED: AtomicBool = AtomicBool::new(false);
+
+extern "C" fn look_at_output() {
+    // SAFETY: it reads the flags of a descriptor, which may be closed, and
+    // touches no memory.
+    let flags = unsafe { libc::fcntl(1, libc::F_GETFL) };
+    let closed = flags == -1 || flags & libc::O_ACCMODE == libc::O_RDONLY;
+    CLOSED.store(closed, Ordering::Relaxed);
+}
+
+// SAFETY: the section lists functions of this type, which the loader calls
+// once; this one needs nothing of the runtime of Rust.
+#[used]
+#[cfg_attr(not(target_os = "macos"), unsafe(link_section = ".init_array"))]
+#[cfg_attr(
+    target_os = "macos",
+    unsafe(link_section = "__DATA,__mod_init_func")
+)]
+static LOOK: extern "C" fn() = look_at_output;
+
+/// A stream that waits until there is room or input; true if it is closed.
+struct Patient<S>(S, bool);
+
+fn patiently<T>(mut act: impl FnMut() -> io::Result<T>) -> io::Result<T> {
+    loop {
+        match act() {
+            Err(e) if e.kind() == io::ErrorKind::WouldBlock => {
+                sleep(Duration::from_millis(1));
+            }
+            result => return result,
+        }
+    }
+}
+
+impl<R: Read> Read for Patient<R> {
+    fn read(&mut self, space: &mut [u8]) -> io::Result<usize> {
+        patiently(|| self.0.read(space))
+    }
+}
+
+impl<W: Write> Write for Patient<W> {
+    fn write(&mut self, text: &[u8]) -> io::Result<usize> {
+        match self.1 {
+            true => Err(io::Error::from_raw_os_error(libc::EBADF)),
+            false => patiently(|| self.0.write(text)),
+        }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        patiently(|| self.0.flush())
+    }
+}
+
 // Choose the command
 /// The whole program: finds its name, its streams and its status.
 pub fn main() -> ExitCode {
     let mut args = std::env::args_os();
     let called = args.next().unwrap_or_default();
     let args: Vec<OsString> = args.collect();
-    let mut input = io::stdin().lock();
-    let mut output = BufWriter::new(io::stdout().lock());
-    let mut errors = io::stderr().lock();
+    let closed = CLOSED.load(Ordering::Relaxed);
+    let mut input = BufReader::new(Patient(io::stdin().lock(), false));
+    let output = Patient(io::stdout().lock(), closed);
+    let mut output = BufWriter::new(output);
+    let mut errors = Patient(io::stderr().lock(), false);
     let mut streams = Streams {
         input: &mut input,
         output: &mut output,

@@ -11,6 +11,10 @@
 mod common;
 
 use std::fs;
+use std::io::Read;
+use std::os::fd::OwnedFd;
+use std::os::unix::net::UnixStream;
+use std::process::Command;
 use std::time::{Duration, SystemTime};
 
 use common::{Outcome, Scratch, noweb, run, shell};
@@ -424,6 +428,58 @@ fn a_chapter_that_the_master_does_not_include_is_named() {
     assert_eq!(outcome.status, 2);
     let said = "book.nw does not include chapters/b.nw";
     assert!(outcome.stderr().contains(said), "{}", outcome.stderr());
+}
+
+#[test]
+fn a_closed_output_is_an_error_if_there_is_something_to_say() {
+    let scratch = project();
+    let closed = |line: &str| {
+        let line = format!("'{}' {line}", noweb().display());
+        shell(&line, scratch.path(), scratch.path())
+    };
+    let said = "error: cannot write: Bad file descriptor";
+    for command in common::names() {
+        let outcome = closed(&format!("{command} --help >&-"));
+        assert_eq!(outcome.status, 1, "{command}");
+        assert!(outcome.stderr().starts_with(said), "{command}");
+    }
+    for line in [
+        "--version",
+        "notangle -Ra.mk chapters/a.nw",
+        "noroots chapters/a.nw",
+        "noweave chapters/a.nw",
+        "map chapters/a.nw -- echo x",
+    ] {
+        for way in [">&-", "<&- >&-", "1</dev/null"] {
+            let outcome = closed(&format!("{line} {way}"));
+            assert_eq!(outcome.status, 1, "{line} {way}");
+            assert!(outcome.stderr().contains("cannot write: Bad file"));
+        }
+        assert_eq!(closed(&format!("{line} 1<>/dev/null")).status, 0);
+    }
+    assert_eq!(closed("tangle chapters/a.nw >&-").status, 0);
+    assert_eq!(closed("map chapters/a.nw -- true >&-").status, 0);
+}
+
+#[test]
+fn an_output_that_does_not_wait_gets_all_bytes() {
+    let scratch = project();
+    let text = "a line of some length\n".repeat(40_000);
+    scratch.write("big.nw", "<<*>>=\n".to_owned() + &text);
+    let (mut ours, theirs) = UnixStream::pair().expect("two ends");
+    theirs.set_nonblocking(true).expect("an end that does not wait");
+    let mut command = Command::new(noweb());
+    let command = command.args(["notangle", "big.nw"]);
+    let command = command.current_dir(scratch.path());
+    let mut child =
+        command.stdout(OwnedFd::from(theirs)).spawn().expect("a command");
+    // Its last end here must be closed, or we would wait for ever.
+    *command = Command::new("true");
+    std::thread::sleep(Duration::from_millis(300));
+    let mut read = String::new();
+    ours.read_to_string(&mut read).expect("the text");
+    assert!(read == text, "{} bytes of {}", read.len(), text.len());
+    assert!(child.wait().expect("an end").success());
 }
 
 #[test]
