@@ -20,6 +20,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::sleep;
 use std::time::Duration;
 
+use crate::diagnostic::shown;
 use crate::filter::Pipeline;
 use crate::web::Chunk;
 use crate::{Streams, cpif, map, markup, project, tangle, untangle};
@@ -39,36 +40,16 @@ const COMMANDS: &[Command] = &[
     ("notangle", tangle::run, "extract one chunk, expanded", NOTANGLE),
     ("noroots", run_noroots, "list the chunks that none uses", MARKUP),
     ("markup", markup::run, "turn a web into a stream", MARKUP),
-    (
-        "unmarkup",
-        markup::run_unmarkup,
-        "turn a stream into a web",
-        "[FILE...]",
-    ),
+    ("unmarkup", markup::unmarkup, "turn a stream into a web", "[FILE...]"),
     ("nt", tangle::run_nt, "extract a chunk from a stream", NT),
     ("cpif", cpif::run, "copy to files that differ", CPIF),
     // List the commands that weave
     ("noweave", noweave::run, "weave chapters into a document", NOWEAVE),
-    (
-        "finduses",
-        finduses::run,
-        "mark the uses of identifiers",
-        "[-noquote]",
-    ),
-    (
-        "rustindex",
-        rust_index::run,
-        "find the items of Rust and their uses",
-        "",
-    ),
+    ("finduses", finduses::run, "mark uses of identifiers", "[-noquote]"),
+    ("rustindex", rust_index::run, "find items of Rust and uses", ""),
     ("noidx", noidx::run, "resolve cross-references", "[-delay]"),
     ("totex", totex::run, "turn a stream into LaTeX", TOTEX),
-    (
-        "split_scope",
-        split_scope::run,
-        "turn a stream into LaTeX files",
-        SPLIT,
-    ),
+    ("split_scope", split_scope::run, "write LaTeX, file by file", SPLIT),
 ];
 
 // Open the standard streams
@@ -158,8 +139,7 @@ pub fn run(name: &OsStr, args: &[OsString], streams: &mut Streams) -> u8 {
         [first, rest @ ..] => match find(first) {
             Some(command) => run_command(command, rest, streams),
             None => {
-                let text = format!("unknown command {}", first.display());
-                streams.misused(text)
+                streams.misused(format!("unknown command {}", shown(first)))
             }
         },
         [] => streams.misused("which command?".into()),
@@ -190,7 +170,6 @@ fn find(name: &OsStr) -> Option<&'static Command> {
 }
 
 // Print the help
-
 const NOWEAVE: &str = "[OPTION...] [FILE...]
 
   -n, -delay      write no preamble, or the author's own first line
@@ -209,6 +188,7 @@ const TOTEX: &str = "[-delay] [-noindex] [-no-gen-comment] [-texnames]";
 const SPLIT: &str = "[-o DIR] [OPTION OF TOTEX...]
 
   -o DIR          where the files go [.]";
+
 fn help() -> String {
     let mut text = String::from("usage: noweb COMMAND [ARGUMENT...]\n\n");
     for (name, _, purpose, _) in COMMANDS {

@@ -17,6 +17,7 @@ use std::collections::HashSet;
 use std::ffi::OsString;
 
 use crate::Streams;
+use crate::diagnostic::shown;
 use crate::stream::{self, Mark, Outcome};
 
 // Recognise the words of a set
@@ -118,11 +119,7 @@ fn put(out: &mut Vec<u8>, parts: &[&[u8]]) {
 }
 
 /// Announces with `@index use` every use of a word in the code.
-pub fn mark_uses(
-    stream: &[u8],
-    words: &Recogniser,
-    quotes: bool,
-) -> Vec<u8> {
+pub fn mark_uses(stream: &[u8], set: &Recogniser, quotes: bool) -> Vec<u8> {
     let mut out = Vec::new();
     let mut code = false;
     for line in stream::lines(stream) {
@@ -136,7 +133,7 @@ pub fn mark_uses(
         // Mark a text or copy the line
         match Mark::read(line) {
             Some(Mark { keyword: b"text", .. }) if code => {
-                words.mark_line(line, &mut out);
+                set.mark_line(line, &mut out);
             }
             _ => put(&mut out, &[line]),
         }
@@ -158,7 +155,7 @@ pub fn declared(stream: &[u8]) -> impl Iterator<Item = &[u8]> {
 /// `finduses [-noquote]`, a filter over the stream.
 pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
     if let Some(arg) = args.iter().find(|arg| *arg != "-noquote") {
-        let what = format!("unknown option {}", arg.display());
+        let what = format!("unknown option {}", shown(arg));
         return Outcome::failure("finduses", 2, &what).deliver(streams);
     }
     let quotes = args.is_empty();

@@ -16,7 +16,10 @@
 use std::ffi::OsString;
 
 use crate::Streams;
-use crate::diagnostic::{Diagnostic, Level, Place, Source};
+use crate::diagnostic::{
+    Diagnostic, Faults, Level, Place, Source, text_of,
+};
+use crate::stream::{Mark, lines};
 
 // Define the tokens of the stream
 /// What a chunk holds.
@@ -154,7 +157,7 @@ pub fn mark_up(
     source: &Source,
     file: u32,
     tab: usize,
-) -> (Vec<Lexeme>, Vec<Diagnostic>) {
+) -> (Vec<Lexeme>, Faults) {
     let place = Place { file, line: 0, column: 1 };
     let mut lexer = Lexer { place, tab, ..Lexer::default() };
     lexer.emit(Token::File(source.name.clone()), 0);
@@ -260,10 +263,7 @@ impl Lexer {
             self.faults.push((place, fault));
         }
     }
-}
 
-// Scan a line of prose or code
-impl Lexer {
     // Take one step along a line
     fn scan(&mut self, ended: bool) {
         self.text_at = self.at;
@@ -395,7 +395,10 @@ pub fn write_stream(lexemes: &[Lexeme]) -> Vec<u8> {
 }
 
 fn write_token(token: &Token, out: &mut Vec<u8>) {
-    let numbered = |kind, n| format!("{kind} {n}").into_bytes();
+    let numbered = |kind: &Kind, n| {
+        let kind = if *kind == Kind::Docs { "docs" } else { "code" };
+        format!("{kind} {n}").into_bytes()
+    };
     let (keyword, value): (_, &[u8]) = match token {
         Token::Begin(kind, n) => ("@begin ", &numbered(kind, n)),
         Token::End(kind, n) => ("@end ", &numbered(kind, n)),
@@ -414,17 +417,11 @@ fn write_token(token: &Token, out: &mut Vec<u8>) {
     out.extend(value);
 }
 
-impl std::fmt::Display for Kind {
-    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-        f.write_str(if *self == Kind::Docs { "docs" } else { "code" })
-    }
-}
-
 /// The token of a line of the stream, if its keyword is one of ours.
 pub fn parse_token(line: &[u8]) -> Option<Token> {
-    let line = line.strip_prefix(b"@")?;
-    let (keyword, value) = split_word(line);
-    Some(match keyword {
+    let mark = Mark::read(line)?;
+    let (value, inner) = (mark.text(), mark.inner());
+    Some(match mark.keyword {
         b"file" => Token::File(value.to_vec()),
         b"text" => Token::Text(value.to_vec()),
         b"defn" => Token::Defn(value.to_vec()),
@@ -432,32 +429,21 @@ pub fn parse_token(line: &[u8]) -> Option<Token> {
         b"nl" => Token::Newline,
         b"quote" => Token::Quote,
         b"endquote" => Token::EndQuote,
-        b"begin" => numbered(value, Token::Begin)?,
-        b"end" => numbered(value, Token::End)?,
+        b"begin" => numbered(inner, Token::Begin)?,
+        b"end" => numbered(inner, Token::End)?,
         // Recognise a line of the index
-        b"index" => match split_word(value) {
-            (b"defn", name) => Token::Ident(name.to_vec()),
-            (b"nl", _) => Token::EndIdents,
+        b"index" => match inner.keyword {
+            b"defn" => Token::Ident(inner.text().to_vec()),
+            b"nl" => Token::EndIdents,
             _ => return None,
         },
         _ => return None,
     })
 }
 
-pub fn split_word(text: &[u8]) -> (&[u8], &[u8]) {
-    match text.iter().position(|b| *b == b' ') {
-        Some(space) => (&text[..space], &text[space + 1..]),
-        None => (text, b""),
-    }
-}
-
-fn numbered(
-    value: &[u8],
-    token: fn(Kind, usize) -> Token,
-) -> Option<Token> {
-    let (kind, number) = split_word(value);
-    let number = std::str::from_utf8(number).ok()?.parse().unwrap_or(0);
-    match kind {
+fn numbered(mark: Mark, token: fn(Kind, usize) -> Token) -> Option<Token> {
+    let number = text_of(mark.text()).parse().unwrap_or(0);
+    match mark.keyword {
         b"docs" => Some(token(Kind::Docs, number)),
         b"code" => Some(token(Kind::Code, number)),
         _ => None,
@@ -617,7 +603,7 @@ pub fn mark_files(
     files: &[OsString],
     tab: usize,
     streams: &mut Streams,
-) -> (Vec<u8>, Vec<Diagnostic>) {
+) -> (Vec<u8>, Faults) {
     let (mut stream, mut faults) = (Vec::new(), Vec::new());
     for file in files {
         // Mark up a file at the end of the stream
@@ -639,9 +625,7 @@ pub fn mark_files(
 }
 
 /// Tab stops, files (standard input if none) and complaints.
-pub fn read_arguments(
-    args: &[OsString],
-) -> (usize, Vec<OsString>, Vec<Diagnostic>) {
+pub fn read_arguments(args: &[OsString]) -> (usize, Vec<OsString>, Faults) {
     let mut tab = 8;
     let mut faults = Vec::new();
     let is_option = |arg: &&OsString| {
@@ -664,7 +648,7 @@ pub fn read_arguments(
 
 /// The distance of the tab stops that `-t` or `-tN` asks for.
 pub fn parse_tab(option: &[u8]) -> Result<usize, String> {
-    let shown = String::from_utf8_lossy(option);
+    let shown = text_of(option);
     let Some(number) = option.strip_prefix(b"-t") else {
         return Err(format!("unknown option {shown}"));
     };
@@ -678,19 +662,11 @@ pub fn parse_tab(option: &[u8]) -> Result<usize, String> {
 }
 
 /// The command `unmarkup [file...]`: a web from its stream.
-pub fn run_unmarkup(args: &[OsString], streams: &mut Streams) -> u8 {
+pub fn unmarkup(args: &[OsString], streams: &mut Streams) -> u8 {
     let files = if args.is_empty() { &["-".into()] } else { args };
-    let mut faults = Vec::new();
-    let mut tokens = Vec::new();
-    for file in files {
-        match streams.read(file) {
-            Ok(stream) => {
-                let lines = stream.text.split(|b| *b == b'\n');
-                tokens.extend(lines.filter_map(parse_token));
-            }
-            Err(fault) => faults.push(fault),
-        }
-    }
+    let (read, faults) = streams.sources(files);
+    let lines = read.iter().flat_map(|read| lines(&read.text));
+    let tokens: Vec<Token> = lines.filter_map(parse_token).collect();
     let result = streams.output.write_all(&unmark(&tokens));
     streams.conclude(result, &faults)
 }

@@ -18,6 +18,7 @@ use std::collections::{HashMap, HashSet};
 use std::ffi::OsString;
 
 use crate::Streams;
+use crate::diagnostic::shown;
 use crate::stream::{self, Codes, Mark, Outcome, base62};
 
 // Remember where names are mentioned
@@ -229,7 +230,7 @@ impl<'a> Resolver<'a> {
     fn define(&mut self, name: &'a [u8], line: &[u8]) {
         self.chunk = Some(name);
         let Some(item) = self.web.chunks.get(name) else { return };
-        self.refer_to(item);
+        self.put(&[b"@xref ref ", anchor(Some(item))]);
         self.copy(line);
         let (labels, uses) = (item.labels(true), item.labels(false));
         let earlier = self.written.entry(name).or_default();
@@ -258,10 +259,6 @@ impl<'a> Resolver<'a> {
         self.copy(line);
     }
 
-    fn refer_to(&mut self, item: &Item) {
-        self.put(&[b"@xref ref ", anchor(Some(item))]);
-    }
-
     fn list(&mut self, kind: &str, item: &str, labels: &[&str]) {
         if labels.is_empty() {
             return;
@@ -283,8 +280,9 @@ impl<'a> Resolver<'a> {
             b"use" => {
                 self.used.insert(mark.text());
                 let item = self.web.identifiers.get(mark.text());
-                let item = item.filter(|item| item.anchor().is_some());
-                item.inspect(|item| self.refer_to(item));
+                if let Some(label) = item.and_then(Item::anchor) {
+                    self.put(&[b"@xref ref ", label.as_bytes()]);
+                }
             }
             // Resolve a mark of the index of Rust
             b"link" => {
@@ -372,7 +370,9 @@ impl<'a> Resolver<'a> {
     // List all chunks and identifiers
     fn list_chunks(&mut self) {
         self.copy(b"@xref beginchunks");
-        for (name, item) in self.web.in_order(&self.web.chunks) {
+        let chunks = &self.web.chunks;
+        for name in self.web.sorted(chunks.keys().copied().collect()) {
+            let item = &chunks[name];
             self.list_item("@xref chunk", name, item, &item.mentions);
         }
         self.copy(b"@xref endchunks");
@@ -380,7 +380,9 @@ impl<'a> Resolver<'a> {
 
     fn list_index(&mut self) {
         self.copy(b"@index beginindex");
-        for (name, item) in self.web.in_order(&self.web.identifiers) {
+        let words = &self.web.identifiers;
+        for name in self.web.sorted(words.keys().copied().collect()) {
+            let item = &words[name];
             let mentions = item.pure_mentions();
             self.list_item("@index entry", name, item, &mentions);
         }
@@ -408,24 +410,6 @@ fn anchor(item: Option<&Item>) -> &[u8] {
     item.and_then(Item::anchor).unwrap_or("nw@notdef").as_bytes()
 }
 
-impl<'a> Resolver<'a> {
-    fn new(web: &'a Findings<'a>) -> Resolver<'a> {
-        Resolver {
-            web,
-            out: Vec::new(),
-            written: HashMap::new(),
-            chunk: None,
-            defined: HashSet::new(),
-            used: HashSet::new(),
-            // Begin with no list written
-            closed: false,
-            // Begin with no names of a chapter
-            chapter_defines: HashSet::new(),
-            chapter_uses: HashSet::new(),
-        }
-    }
-}
-
 // Sort names as an index does
 fn sort_key(name: &[u8]) -> Vec<u8> {
     [&name.to_ascii_lowercase(), &b"\n"[..], name].concat()
@@ -438,16 +422,6 @@ impl<'a> Findings<'a> {
         names
     }
 
-    fn in_order<'i>(
-        &self,
-        items: &'i HashMap<&'a [u8], Item>,
-    ) -> Vec<(&'a [u8], &'i Item)> {
-        let mut items: Vec<_> =
-            items.iter().map(|(n, i)| (*n, i)).collect();
-        items.sort_by_cached_key(|(name, _)| self.sort_key(name));
-        items
-    }
-
     // Sort a key by what is shown of it
     fn sort_key(&self, name: &'a [u8]) -> Vec<u8> {
         match self.shown.get(name) {
@@ -458,7 +432,6 @@ impl<'a> Findings<'a> {
 }
 
 // Run noidx as a command
-
 /// Resolves the cross-references of a stream.
 pub fn cross_reference(stream: &[u8], delay: bool) -> Outcome {
     let file = "standard input?".to_string();
@@ -466,7 +439,19 @@ pub fn cross_reference(stream: &[u8], delay: bool) -> Outcome {
     let lines = stream::trimmed_lines(stream);
     lines.for_each(|line| collector.read(line));
     let Collector { web, lines, .. } = collector;
-    let mut resolver = Resolver::new(&web);
+    let mut resolver = Resolver {
+        web: &web,
+        out: Vec::new(),
+        written: HashMap::new(),
+        chunk: None,
+        defined: HashSet::new(),
+        used: HashSet::new(),
+        // Begin with no list written
+        closed: false,
+        // Begin with no names of a chapter
+        chapter_defines: HashSet::new(),
+        chapter_uses: HashSet::new(),
+    };
     // Write until the stream is broken
     let last = lines.iter().rposition(|line| line.starts_with(b"@begin "));
     for (number, line) in lines.iter().enumerate() {
@@ -486,7 +471,7 @@ pub fn cross_reference(stream: &[u8], delay: bool) -> Outcome {
 /// `noidx [-delay]`, a filter over the stream.
 pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
     if let Some(arg) = args.iter().find(|arg| *arg != "-delay") {
-        let what = format!("unknown argument {arg:?}");
+        let what = format!("unknown argument \"{}\"", shown(arg));
         return Outcome::failure("noidx", 1, &what).deliver(streams);
     }
     let delay = !args.is_empty();

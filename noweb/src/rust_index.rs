@@ -14,13 +14,16 @@
 //! places in this module are the number of a line and a byte of its text.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
 use std::ops::Range;
+use std::os::unix::ffi::OsStrExt;
 
 use proc_macro2::LexError;
 
 use crate::Streams;
-use crate::diagnostic::{Diagnostic, Level, Place, Position};
+use crate::diagnostic::{
+    Diagnostic, Faults, Level, Place, Position, bytes_of, shown, text_of,
+};
 use crate::finduses::Recogniser;
 use crate::markup::parse_token;
 use crate::rust_names::{File, Kind, Names, Token, is_keyword, tokens};
@@ -135,7 +138,7 @@ struct Notes<'s, 'n> {
     notes: BTreeMap<(usize, usize), (usize, Note<'n>)>,
     /// The lines of the stream that are known to be Rust.
     rust: HashSet<usize>,
-    faults: Vec<Diagnostic>,
+    faults: Faults,
 }
 
 impl<'n> Notes<'_, 'n> {
@@ -187,8 +190,7 @@ impl<'n> Notes<'_, 'n> {
             }
         }
         let column = (column + start) as u32;
-        let file = String::from_utf8_lossy(file).into_owned();
-        Position { file, line, column, excerpt: None }
+        Position { file: text_of(file), line, column, excerpt: None }
     }
 }
 // Note what the program defines and uses
@@ -199,7 +201,7 @@ fn sources(web: &Web) -> Vec<(String, Text)> {
         let name = &chunk.name[..];
         let root = name.ends_with(b".rs") && !web.uses.contains_key(name);
         if root && text.expand(web, name, &mut Vec::new()).is_some() {
-            files.push((String::from_utf8_lossy(name).into_owned(), text));
+            files.push((text_of(name), text));
         }
     }
     files
@@ -234,8 +236,9 @@ impl<'n> Notes<'_, 'n> {
 /// what its manifest says, or else what its directory is called.
 fn library(path: &str) -> Option<String> {
     let dir = path.strip_suffix("src/lib.rs")?;
-    let manifest = std::fs::read_to_string(format!("{dir}Cargo.toml"));
-    let manifest = manifest.unwrap_or_default();
+    let manifest = bytes_of(&format!("{dir}Cargo.toml"));
+    let manifest = std::fs::read(OsStr::from_bytes(&manifest));
+    let manifest = text_of(&manifest.unwrap_or_default());
     let package = manifest.lines().skip_while(|l| *l != "[package]");
     let mut names = package.filter_map(|l| l.strip_prefix("name = "));
     let name = names.next().map(|name| name.trim().trim_matches('"'));
@@ -328,7 +331,7 @@ struct Writer<'w> {
     notes: &'w Notes<'w, 'w>,
     index: &'w Index<'w>,
     /// The modules that are files, by their paths.
-    files: HashMap<&'w [u8], &'w str>,
+    files: HashMap<Vec<u8>, &'w str>,
     /// The words that only `%def` lists.
     words: Recogniser,
     out: Vec<u8>,
@@ -424,13 +427,13 @@ impl<'w> Writer<'w> {
         };
         let mark = marks[usize::from(self.index.listed.contains(path))];
         if self.index.defined.contains(path) {
-            self.put(&[format!("@index {mark} {path}").as_bytes()]);
+            self.put(&[&bytes_of(&format!("@index {mark} {path}"))]);
         }
     }
 }
 // Run rustindex as a command
 /// Marks in a stream what a Rust program defines and uses.
-pub fn index(stream: &[u8]) -> (Vec<u8>, Vec<Diagnostic>) {
+pub fn index(stream: &[u8]) -> (Vec<u8>, Faults) {
     let lines: Vec<&[u8]> = stream::lines(stream).collect();
     let mut notes = Notes { lines: &lines, ..Notes::default() };
     let (mut texts, mut files) = (Vec::new(), Vec::new());
@@ -451,7 +454,7 @@ pub fn index(stream: &[u8]) -> (Vec<u8>, Vec<Diagnostic>) {
     // Make a writer for the stream
     let modules = names.modules.iter();
     let modules =
-        modules.map(|(n, module)| (files[*n].path.as_bytes(), &module[..]));
+        modules.map(|(n, module)| (bytes_of(&files[*n].path), &module[..]));
     let listed =
         lines.iter().filter_map(|l| l.strip_prefix(b"@index defn "));
     let mut writer = Writer {
@@ -459,7 +462,7 @@ pub fn index(stream: &[u8]) -> (Vec<u8>, Vec<Diagnostic>) {
         index: &index,
         files: modules.collect(),
         words: Recogniser::new(listed.filter(|word| !index.has(word))),
-        out: index.declarations().into_bytes(),
+        out: bytes_of(&index.declarations()),
         code: false,
         quote: false,
         root: None,
@@ -474,7 +477,7 @@ pub fn index(stream: &[u8]) -> (Vec<u8>, Vec<Diagnostic>) {
 /// The stage `rustindex`, a filter over the stream.
 pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
     if let Some(arg) = args.first() {
-        let what = format!("unknown argument {}", arg.display());
+        let what = format!("unknown argument {}", shown(arg));
         return Outcome::failure("rustindex", 2, &what).deliver(streams);
     }
     stream::filter(streams, |input| {
@@ -485,7 +488,7 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
         }
         let (text, faults) = index(input);
         let messages = faults.iter().map(Diagnostic::to_string);
-        let messages = messages.collect::<String>().into_bytes();
+        let messages = bytes_of(&messages.collect::<String>());
         Outcome { text, messages, status: 0 }
     })
 }

@@ -132,6 +132,7 @@ pub struct Place<'a> {
     owner: Option<String>,
 }
 
+#[derive(Default)]
 pub struct Names<'a> {
     pub files: &'a [File<'a>],
     /// The path of the module that each file is.
@@ -150,14 +151,7 @@ impl<'a> Names<'a> {
         files: &'a [File<'a>],
         library: impl Fn(&str) -> Option<String>,
     ) -> Self {
-        let mut names = Self {
-            files,
-            modules: HashMap::new(),
-            sites: Vec::new(),
-            bodies: Vec::new(),
-            meanings: HashMap::new(),
-            implementations: Vec::new(),
-        };
+        let mut names = Self { files, ..Self::default() };
         // Take roots of crates first, then stray files
         let mut numbers: Vec<usize> = (0..files.len()).collect();
         let roots = ["lib.rs", "main.rs"];

@@ -99,16 +99,12 @@ struct Reader<'n, 'u> {
 impl Reader<'_, '_> {
     /// Records what each beginning of a path means, if its kind fits; the
     /// whole path is the last of them.
-    fn record(
-        &mut self,
-        path: &[usize],
-        fits: impl Fn(Kind, bool) -> bool,
-    ) {
+    fn record(&mut self, path: &[usize], fit: impl Fn(Kind, bool) -> bool) {
         let names = path.iter().map(|at| self.tokens[*at].text);
         let names: Vec<_> = names.collect();
         for (at, end) in path.iter().zip(1..) {
             let item = self.names.find(self.place, &names[..end]);
-            let item = item.filter(|(_, k)| fits(*k, end == path.len()));
+            let item = item.filter(|(_, k)| fit(*k, end == path.len()));
             let spot = (self.place.file, *at);
             self.uses.extend(item.map(|item| (spot, item)));
         }

@@ -20,7 +20,8 @@ use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
 use crate::Streams;
-use crate::cpif;
+use crate::cpif::copy_if;
+use crate::diagnostic::{shown, text_of};
 use crate::stream::{self, Outcome};
 use crate::totex::{self, Memory, Options};
 
@@ -60,9 +61,9 @@ fn check_names(pieces: &[Part]) -> Result<(), String> {
             // Refuse two sources with one name
             return Err(format!(
                 "{} and {} would both be written to {}.tex",
-                String::from_utf8_lossy(other),
-                String::from_utf8_lossy(piece.source),
-                String::from_utf8_lossy(stem),
+                text_of(other),
+                text_of(piece.source),
+                text_of(stem),
             ));
         }
     }
@@ -157,7 +158,7 @@ fn with_source(options: &Options, source: &[u8]) -> Options {
 // Run split_scope as a command
 fn write_pages(pages: &[Page], dir: &Path) -> Result<(), String> {
     let cannot = |path: &Path, error: std::io::Error| {
-        format!("cannot write {}: {error}", path.display())
+        format!("cannot write {}: {error}", shown(path))
     };
     if pages.is_empty() {
         return Err("the stream names no file".into());
@@ -166,7 +167,7 @@ fn write_pages(pages: &[Page], dir: &Path) -> Result<(), String> {
     // Write each page that has changed
     for page in pages {
         let path = dir.join(OsStr::from_bytes(&page.name));
-        cpif::update(&path, &page.tex).map_err(|e| cannot(&path, e))?;
+        copy_if(&path, &page.tex, false).map_err(|e| cannot(&path, e))?;
     }
     Ok(())
 }

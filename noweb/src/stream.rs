@@ -14,9 +14,9 @@
 //! ourselves, are strings.
 
 use std::collections::HashMap;
-use std::io;
 
 use crate::Streams;
+use crate::diagnostic::bytes_of;
 
 // Split a stream into its lines
 pub fn lines(stream: &[u8]) -> impl Iterator<Item = &[u8]> {
@@ -39,7 +39,7 @@ pub fn fatal(stream: &[u8]) -> Option<&[u8]> {
 
 // Read one mark of the stream
 /// A line of the stream that begins with `@`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Mark<'a> {
     pub keyword: &'a [u8],
     /// What follows the space after the keyword; none without a space.
@@ -138,13 +138,13 @@ impl Outcome {
 
     /// The failure of a last stage, told to the person.
     pub fn complaint(stage: &str, status: u8, message: &str) -> Outcome {
-        let messages = format!("{stage}: {message}\n").into_bytes();
+        let messages = bytes_of(&format!("{stage}: {message}\n"));
         Outcome { text: Vec::new(), messages, status }
     }
 
     // Tell of a failure in the stream
     pub fn failure(stage: &str, status: u8, message: &str) -> Outcome {
-        let text = format!("@fatal {stage} {message}\n").into_bytes();
+        let text = bytes_of(&format!("@fatal {stage} {message}\n"));
         Outcome { text, ..Outcome::complaint(stage, status, message) }
     }
 
@@ -152,13 +152,7 @@ impl Outcome {
     pub fn deliver(&self, streams: &mut Streams) -> u8 {
         let _ = streams.errors.write_all(&self.messages);
         let written = streams.output.write_all(&self.text);
-        match written.and_then(|()| streams.output.flush()) {
-            Err(e) if e.kind() != io::ErrorKind::BrokenPipe => {
-                let _ = writeln!(streams.errors, "cannot write: {e}");
-                1
-            }
-            _ => self.status,
-        }
+        self.status.max(streams.conclude(written, &[]))
     }
 }
 

@@ -17,7 +17,9 @@ use std::collections::HashSet;
 use std::ffi::OsString;
 
 use crate::Streams;
-use crate::diagnostic::{Diagnostic, Level, Place, status};
+use crate::diagnostic::{
+    Diagnostic, Faults, Level, Place, checked, status, text_of,
+};
 use crate::filter::{self, Failure, Pipeline};
 use crate::markup::parse_tab;
 use crate::web::{Piece, Web, quoted};
@@ -49,9 +51,8 @@ impl Tangled {
         let to = self.map.partition_point(|s| s.line <= line);
         &self.map[from..to]
     }
-}
 
-impl Tangled {
+    // Find where a place comes from
     /// Where a line and a column (in bytes, from 1) come from.
     pub fn origin(&self, line: u32, column: u32) -> Option<Place> {
         let here = self.segments(line);
@@ -96,7 +97,7 @@ pub fn tangle(
     web: &Web,
     roots: &[impl AsRef<[u8]>],
     layout: &Layout,
-) -> Result<Tangled, Vec<Diagnostic>> {
+) -> Result<Tangled, Faults> {
     let mut expander = Expander::new(web, layout);
     for root in roots.iter().map(AsRef::as_ref) {
         let Some(chunk) = web.find(root) else {
@@ -105,10 +106,7 @@ pub fn tangle(
         };
         expander.expand(chunk);
     }
-    match expander.faults.is_empty() {
-        true => Ok(expander.tangled),
-        false => Err(expander.faults),
-    }
+    checked(expander.tangled, expander.faults)
 }
 
 struct StackFrame {
@@ -133,7 +131,7 @@ struct Expander<'a> {
     // Remember what line directives said
     /// The file and the line that the reader of the output believes in.
     said: Option<(u32, u32)>,
-    faults: Vec<Diagnostic>,
+    faults: Faults,
     reported: HashSet<Place>,
 }
 
@@ -183,13 +181,8 @@ impl<'a> Expander<'a> {
     fn enter(&mut self, chunk: usize, column: usize, used: Option<Place>) {
         self.active[chunk] = true;
         let indent = column;
-        self.stack.push(StackFrame {
-            chunk,
-            next: 0,
-            indent,
-            column,
-            used,
-        });
+        let frame = StackFrame { chunk, next: 0, indent, column, used };
+        self.stack.push(frame);
     }
 
     fn push(&mut self, text: &[u8]) {
@@ -271,10 +264,7 @@ impl<'a> Expander<'a> {
             Some(chunk) => self.report_cycle(chunk, place),
         }
     }
-}
 
-// Report uses that cannot be expanded
-impl Expander<'_> {
     // Report one way to fail
     fn report_undefined(&mut self, name: &[u8], place: Place, alone: bool) {
         let mut fault = self.web.undefined_use(name, place);
@@ -320,17 +310,7 @@ impl Expander<'_> {
         }
         self.faults.push(fault);
     }
-}
 
-fn looks_like_code(name: &[u8]) -> bool {
-    let odd = |b: &u8| b"<>:;=&|(){},".contains(b);
-    name.trim_ascii().len() < name.len()
-        || !name.contains(&b' ')
-        || name.iter().any(odd)
-}
-
-// Write a line directive
-impl Expander<'_> {
     // Write directives where they are needed
     fn direct(&mut self, place: Place, heads_chunk: bool) {
         if self.said == Some((place.file, place.line)) {
@@ -351,8 +331,37 @@ impl Expander<'_> {
             self.push(&indentation(column, self.layout.tab));
         }
     }
+
+    // Write the name above its chunk
+    fn is_alone(&self, after: &[(Piece, Place)]) -> bool {
+        let ends = after.iter().find_map(|(piece, _)| match piece {
+            Piece::Text(text) if text.trim_ascii().is_empty() => None,
+            piece => Some(*piece == Piece::Newline),
+        });
+        let line = &self.tangled.text[self.line_start..];
+        ends.unwrap_or(true) && line.trim_ascii().is_empty()
+    }
+
+    fn write_name(&mut self, name: &[u8], place: Place) {
+        let Some(comment) = self.layout.comment else { return };
+        let blank = self.tangled.text[self.line_start..].to_vec();
+        self.mark(place);
+        self.push(comment.as_bytes());
+        self.push(&spoken_name(name));
+        self.push(b"\n");
+        self.push(&blank);
+    }
 }
 
+// Report uses that cannot be expanded
+fn looks_like_code(name: &[u8]) -> bool {
+    let odd = |b: &u8| b"<>:;=&|(){},".contains(b);
+    name.trim_ascii().len() < name.len()
+        || !name.contains(&b' ')
+        || name.iter().any(odd)
+}
+
+// Write a line directive
 /// A line directive, or what follows a percent sign and means nothing.
 fn format_directive(
     format: &[u8],
@@ -378,8 +387,7 @@ fn format_directive(
             [b'L', ..] => (shifted(1, &b'0'), 1),
             [b'+', n @ b'0'..=b'9', b'L', ..] => (shifted(1, n), 3),
             [b'-', n @ b'0'..=b'9', b'L', ..] => (shifted(-1, n), 3),
-            [bad, ..] => return Err(char::from(*bad).into()),
-            [] => return Err(String::new()),
+            bad => return Err(text_of(bad.get(..1).unwrap_or_default())),
         };
         out.extend(text);
         rest = &after[length..];
@@ -388,29 +396,6 @@ fn format_directive(
 }
 
 // Write the name of a chunk
-impl Expander<'_> {
-    fn is_alone(&self, after: &[(Piece, Place)]) -> bool {
-        let blank = |(piece, _): &&(Piece, Place)| match piece {
-            Piece::Text(text) => text.trim_ascii().is_empty(),
-            Piece::Newline | Piece::Use(_) => false,
-        };
-        let next = after.iter().find(|piece| !blank(piece));
-        let ends = next.is_none_or(|(next, _)| *next == Piece::Newline);
-        let line = &self.tangled.text[self.line_start..];
-        ends && line.trim_ascii().is_empty()
-    }
-
-    // Write the name above its chunk
-    fn write_name(&mut self, name: &[u8], place: Place) {
-        let Some(comment) = self.layout.comment else { return };
-        let blank = self.tangled.text[self.line_start..].to_vec();
-        self.mark(place);
-        self.push(comment.as_bytes());
-        self.push(&spoken_name(name));
-        self.push(b"\n");
-        self.push(&blank);
-    }
-}
 
 fn spoken_name(name: &[u8]) -> Vec<u8> {
     let (mut spoken, mut rest) = (Vec::new(), name);
@@ -436,7 +421,7 @@ struct Request {
     keeps_tabs: bool,
     pipeline: Pipeline,
     files: Vec<OsString>,
-    faults: Vec<Diagnostic>,
+    faults: Faults,
 }
 
 impl Request {
@@ -472,14 +457,13 @@ impl Request {
         match option {
             [b'-', b'R', root @ ..] => self.roots.push(root.to_vec()),
             [b'-', b'L', format @ ..] => {
-                // Switch line directives on
+                // Switch on what `-L` asks for
                 let usual = b"#line %L \"%F\"%N";
                 let format = if format.is_empty() { usual } else { format };
                 if let Err(bad) = format_directive(format, b"", 0) {
-                    let format = String::from_utf8_lossy(format);
                     let text =
                         format!("Bad format sequence ``%{bad}'' in -L");
-                    self.complain(Level::Error, text + &format);
+                    self.complain(Level::Error, text + &text_of(format));
                 }
                 self.layout.directive = Some(format.to_vec());
                 self.layout.tab = 0;
@@ -489,7 +473,7 @@ impl Request {
                 Err(text) => self.complain(Level::Error, text),
             },
             _ => {
-                let option = String::from_utf8_lossy(option);
+                let option = text_of(option);
                 let text = format!("Ignoring unknown option {option}");
                 self.complain(Level::Warning, text);
             }

@@ -262,10 +262,7 @@ impl<'a> Converter<'a> {
     }
 
     fn typeset(&self, name: &[u8]) -> Vec<u8> {
-        match self.options.tex_names {
-            true => name_text(name, ""),
-            false => name_text(name, NAME),
-        }
+        name_text(name, if self.options.tex_names { "" } else { NAME })
     }
 
     /// The name of a chunk, and the tag of the place it refers to.
@@ -577,19 +574,14 @@ pub fn to_tex<'a>(
     *memory = converter.memory;
     // Withhold the text of a broken stream
     let Converter { out, messages, broken, .. } = converter;
-    match broken {
-        false => Outcome { text: out, messages, status: 0 },
-        true => Outcome { text: Vec::new(), messages, status: 1 },
-    }
+    let (text, status) = if broken { (Vec::new(), 1) } else { (out, 0) };
+    Outcome { text, messages, status }
 }
 
 impl Options {
     pub fn read(args: &[OsString]) -> Options {
         let has = |option: &str| args.iter().any(|arg| arg == option);
-        let comment = match has("-no-gen-comment") {
-            true => &b""[..],
-            false => COMMENT,
-        };
+        let comment = if has("-no-gen-comment") { b"" } else { COMMENT };
         Options {
             delay: has("-delay"),
             index: !has("-noindex"),

@@ -27,7 +27,10 @@ use similar::{Algorithm, DiffTag, capture_diff_slices};
 
 use crate::Streams;
 use crate::cpif::replace;
-use crate::diagnostic::{Diagnostic, Level, Place, Position, Source};
+use crate::diagnostic::{
+    Diagnostic, Faults, Level, Place, Position, Source, bytes_of, checked,
+    shown, text_of,
+};
 use crate::markup::{Kind, Token, unmark};
 use crate::project::{
     Expansion, Project, expand_sources, hash, is_edited, parse, tab_stops,
@@ -71,7 +74,7 @@ fn similar(a: &[u8], b: &[u8]) -> bool {
 type Edited = BTreeMap<PathBuf, Vec<u8>>;
 
 impl Project {
-    fn edited(&self, now: &Expansion) -> Result<Edited, Vec<Diagnostic>> {
+    fn edited(&self, now: &Expansion) -> Result<Edited, Faults> {
         let record = self.read_record();
         let (mut edited, mut faults) = (Edited::new(), Vec::new());
         for (path, tangled) in &now.files {
@@ -85,7 +88,7 @@ impl Project {
             }
             edited.insert(path.clone(), text);
         }
-        if faults.is_empty() { Ok(edited) } else { Err(faults) }
+        checked(edited, faults)
     }
 }
 
@@ -296,8 +299,7 @@ impl<'a> Carrier<'a> {
         let places = (above..below).filter_map(|line| {
             let place = self.segments(line).last()?.place;
             let source = &self.sources[place.file as usize];
-            let name = String::from_utf8_lossy(&source.name);
-            Some(format!("{name}:{}", place.line))
+            Some(format!("{}:{}", text_of(&source.name), place.line))
         });
         let mut places: Vec<String> = places.take(4).collect();
         places.dedup();
@@ -311,7 +313,7 @@ const OUTSIDE: &str = "this edit is not in the text of one chunk";
 const AMBIGUOUS: &str = "this edit may belong to either of two places";
 
 fn edit_fault(path: &Path, line: usize, text: &str) -> Diagnostic {
-    let (file, line) = (path.display().to_string(), line as u32 + 1);
+    let (file, line) = (shown(path), line as u32 + 1);
     let position = Position { file, line, column: 1, excerpt: None };
     Diagnostic::new(Level::Error, Some(position), text)
 }
@@ -342,7 +344,7 @@ fn escape(text: &[u8]) -> Vec<u8> {
 fn carry_all(
     now: &Expansion,
     edited: &Edited,
-) -> Result<Vec<Splice>, Vec<Diagnostic>> {
+) -> Result<Vec<Splice>, Faults> {
     let (mut splices, mut faults) = (Vec::new(), Vec::new());
     for (path, tangled) in &now.files {
         let Some(text) = edited.get(path) else { continue };
@@ -362,7 +364,7 @@ fn carry_all(
             above = hunk.0.end;
         }
     }
-    if faults.is_empty() { Ok(splices) } else { Err(faults) }
+    checked(splices, faults)
 }
 
 /// The chapters with all splices made.
@@ -388,7 +390,7 @@ fn prove(
     old: &Expansion,
     new: &Expansion,
     edited: &Edited,
-) -> Result<(), Vec<Diagnostic>> {
+) -> Result<(), Faults> {
     let mut faults = Vec::new();
     for (path, before) in &old.files {
         let edit = edited.get(path);
@@ -406,14 +408,14 @@ fn prove(
             faults.push(edit_fault(path, line.start, text).with_help(help));
         }
     }
-    if faults.is_empty() { Ok(()) } else { Err(faults) }
+    checked((), faults)
 }
 
 fn changes(old: &[Source], new: &[Source]) -> Vec<String> {
     let mut changes = Vec::new();
     for (old, new) in old.iter().zip(new) {
         let (a, b) = (lines_of(&old.text), lines_of(&new.text));
-        let name = String::from_utf8_lossy(&old.name);
+        let name = text_of(&old.name);
         for (a, b) in hunks(&a, &b) {
             let line = b.start + 1;
             let (gone, come) = (a.len(), b.len());
@@ -428,10 +430,7 @@ impl Project {
     /// Carries all edits of files back to the chapters; tells what changed.
     ///
     /// With `check` nothing is written.
-    pub fn untangle(
-        &self,
-        check: bool,
-    ) -> Result<Vec<String>, Vec<Diagnostic>> {
+    pub fn untangle(&self, check: bool) -> Result<Vec<String>, Faults> {
         let old = self.expand()?;
         self.removals(&old.files, &self.read_record())?;
         let edited = self.edited(&old)?;
@@ -488,7 +487,7 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
     };
     let lines = changes.iter().map(|line| format!("{line}\n"));
     let text: String = lines.collect();
-    let result = streams.output.write_all(text.as_bytes());
+    let result = streams.output.write_all(&bytes_of(&text));
     let failed = !faults.is_empty() || check && !changes.is_empty();
     streams.conclude(result, &faults).max(u8::from(failed)).min(1)
 }

@@ -254,7 +254,7 @@ fn a_line_of_three_portions_has_three_places() {
     let project = project("stretches", LIST);
     project.tangle().unwrap();
     let atlas = Atlas::read(&[project]);
-    let file = atlas.find(Path::new("src/list.rs")).unwrap();
+    let file = atlas.find(b"src/list.rs").unwrap().1;
     let line = |n| atlas.origin(file, n, 5).unwrap().line;
     assert_eq!([1, 2, 3, 4, 5, 6].map(line), [2, 3, 6, 10, 11, 4]);
 }
@@ -268,7 +268,7 @@ fn a_file_is_stale_if_its_text_would_be_another() {
     for (web, fresh) in [(rose, false), (longer, true)] {
         fs::write(project.dir.join("a.nw"), web).unwrap();
         let atlas = Atlas::read(std::slice::from_ref(&project));
-        let file = atlas.find(Path::new("src/list.rs")).unwrap();
+        let file = atlas.find(b"src/list.rs").unwrap().1;
         assert_eq!(file.fresh, fresh);
     }
 }
@@ -567,7 +567,7 @@ fn names_are_one_line_in_twenty_four() {
     let (bare, named) = (own_source(false), own_source(true));
     let names = named.len() - bare.len();
     let share = names as f64 / named.len() as f64;
-    assert_eq!(names, 23);
+    assert_eq!(names, 24);
     assert!((0.04..0.045).contains(&share), "{share}");
 }
 

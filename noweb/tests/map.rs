@@ -10,8 +10,10 @@
 
 mod common;
 
+use std::ffi::OsStr;
 use std::fs;
 use std::io::{BufRead, BufReader, Write};
+use std::os::unix::ffi::OsStrExt;
 use std::process::{Command, Stdio};
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
@@ -239,7 +241,7 @@ proptest! {
         };
         let atlas = Atlas::read(std::slice::from_ref(&project));
         for (path, tangled) in project.expand().expect("files").files {
-            let file = atlas.find(&path).expect("the file");
+            let (_, file) = atlas.find(path.as_os_str().as_bytes()).expect("the file");
             let text = String::from_utf8(tangled.text).expect("UTF-8");
             for (line, number) in text.lines().zip(1..) {
                 let blank = line.len() - line.trim_start().len();
@@ -316,6 +318,41 @@ fn a_path_with_a_dot_is_found_by_its_end_if_there_is_only_one() {
     let wanted =
         "at chapters/a.nw:6:1 at ./src/lib.rs:1:1 at chapters/a.nw:2:1";
     assert_eq!(translated(&scratch, text), wanted);
+}
+
+#[test]
+fn a_path_with_blanks_colons_and_any_bytes_is_found() {
+    let scratch = Scratch::new();
+    let master = b"\\title{Caf\xe9}\r\n\\include{a b\xe9}\r\n".to_vec();
+    scratch.write("my dir: (x)/book.nw", master);
+    let dir = scratch.path().join("my dir: (x)");
+    let chapter = OsStr::from_bytes(b"chapters/a b\xe9.nw");
+    fs::create_dir(dir.join("chapters")).expect("a directory");
+    let web =
+        b"\xe9\n<<src/a:1 \xe9>>=\n<<src/a:1[\xe9].c>>=\n\xe9 \xb0 x\n";
+    fs::write(dir.join(chapter), web).expect("a chapter");
+    let there = [
+        dir.canonicalize().expect("a path").as_os_str().as_bytes(),
+        b"/src/a:1[\xe9].c:1",
+    ]
+    .concat();
+    let text =
+        [b"(src/a:1[\xe9].c:1:5): ", &there[..], b":1 \xe9\n"].concat();
+    let mut noweb = Command::new(noweb());
+    noweb.current_dir(&dir);
+    let mut tangle = Command::new(noweb.get_program());
+    tangle.args(["tangle", "book.nw"]).arg(chapter).current_dir(&dir);
+    assert!(tangle.status().expect("a command").success());
+    noweb.args(["map", "book.nw", "--", "printf", "%s"]);
+    let output = noweb.arg(OsStr::from_bytes(&text)).output();
+    let output = output.expect("a command");
+    let wanted =
+        b"(chapters/a b\xe9.nw:4:5): chapters/a b\xe9.nw:4:1 \xe9\n";
+    assert_eq!(
+        output.stdout.escape_ascii().to_string(),
+        wanted.escape_ascii().to_string()
+    );
+    assert_eq!(output.stderr, b"");
 }
 
 #[test]

@@ -10,9 +10,11 @@
 
 mod common;
 
+use std::ffi::OsStr;
 use std::fs;
 use std::io::Read;
 use std::os::fd::OwnedFd;
+use std::os::unix::ffi::OsStrExt;
 use std::os::unix::net::UnixStream;
 use std::process::Command;
 use std::time::{Duration, SystemTime};
@@ -428,6 +430,54 @@ fn a_chapter_that_the_master_does_not_include_is_named() {
     assert_eq!(outcome.status, 2);
     let said = "book.nw does not include chapters/b.nw";
     assert!(outcome.stderr().contains(said), "{}", outcome.stderr());
+}
+
+/// A text in Latin-1.
+fn latin(text: &str) -> Vec<u8> {
+    text.chars().map(|c| c as u8).collect()
+}
+
+#[test]
+fn bytes_of_any_encoding_and_long_names_pass_through() {
+    let scratch = Scratch::new();
+    let long = "l".repeat(251) + ".txt";
+    let web = "<<dé/a[1].txt>>=\né <<é b>>\né\n<<é b>>=\ncé\n<<é>>=\n";
+    let web = format!("{web}<<{long}>>=\n1\n");
+    scratch.write("in", latin(&web));
+    // Runs a line in Latin-1, in which N is our program.
+    let says = |line: &str, parts: &[&str]| {
+        let line = line.replace('N', &noweb().display().to_string());
+        let mut sh = Command::new("sh");
+        sh.arg("-c").arg(OsStr::from_bytes(&latin(&line)));
+        let said = sh.current_dir(scratch.path()).output().expect("sh");
+        let said = [said.stdout, said.stderr].concat();
+        let said = said.escape_ascii().to_string();
+        for part in parts {
+            let part = latin(part).escape_ascii().to_string();
+            assert!(said.contains(&part), "{part} is not in {said}");
+        }
+    };
+    let warned =
+        "é a.nw:6:3: warning: chunk <<é>> is never used\n  <<é>>=\n";
+    says(
+        "cp in 'é a.nw'; N tangle 'é a.nw'; cat d*/*",
+        &[warned, "é cé\n"],
+    );
+    assert_eq!(scratch.read(&long), "1\n");
+    says("ls -A", &[".tangled\nd"]);
+    says(
+        "echo x | tee -a d*/*; N tangle 'é a.nw'; N untangle 'é a.nw' é",
+        &["dé/a[1].txt:3:1: error: this", " é a.nw:3\n", "cannot read é: "],
+    );
+    says("N untangle 'é a.nw'", &["é a.nw:4: -0 +1 lines\n"]);
+    says(
+        "N noweave -v -index -autodefs rust -option éo -filter cat 'é a.nw'",
+        &["rkup 'é a.nw'\n", "\\noweboptions{éo}", "\\moddef{dé/a"],
+    );
+    says(
+        "N finduses é; N notangle -Ré 'é b'",
+        &["option é\n", "file é b:"],
+    );
 }
 
 #[test]
