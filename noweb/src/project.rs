@@ -107,23 +107,6 @@ pub fn is_file_name(name: &[u8]) -> bool {
         && path.components().all(inside)
 }
 
-/// The distance of tab stops in a file of this name, or 0 for no tabs.
-pub fn tab_stops(path: &Path) -> usize {
-    let tabbed = path.file_name().is_some_and(|name| name == "Makefile")
-        || path.extension().is_some_and(|e| e == "mk");
-    if tabbed { 8 } else { 0 }
-}
-
-/// What begins a comment in a file of this name.
-pub(crate) fn comment_leader(path: &Path) -> Option<&'static str> {
-    match path.extension().and_then(OsStr::to_str) {
-        Some("rs") => Some("// "),
-        None | Some("sh" | "toml" | "mk" | "py" | "awk") => Some("# "),
-        Some("vim") => Some("\" "),
-        Some(_) => None,
-    }
-}
-
 // Keep a record of what was tangled
 /// For every tangled file the hash of its text.
 pub type Record = BTreeMap<PathBuf, u64>;
@@ -226,8 +209,8 @@ pub fn expand_sources(sources: Vec<Source>) -> Result<Expansion, Faults> {
             continue;
         }
         let path = Path::new(OsStr::from_bytes(name));
-        let (tab, comment) = (tab_stops(path), comment_leader(path));
-        let layout = Layout { tab, comment, directive: None };
+        let rust = name.ends_with(b".rs");
+        let layout = Layout { rust, ..Layout::default() };
         match tangle(&web, &[name], &layout) {
             Ok(mut tangled) => {
                 // Put the returns back

@@ -67,13 +67,13 @@ impl Tangled {
 // Define how a text is laid out
 #[derive(Clone, Debug, Default)]
 pub struct Layout {
-    /// Distance of tab stops in the output; 0 for no tabs.
-    pub tab: usize,
+    /// Distance of tab stops in the output, 0 for no tabs; if there is
+    /// none, the tabs before a use are copied.
+    pub tab: Option<usize>,
     /// The format of line directives, if there are to be any.
     pub directive: Option<Vec<u8>>,
-    /// What begins a comment that carries the name of a chunk, if names
-    /// are to be written before the uses that stand alone on a line.
-    pub comment: Option<&'static str>,
+    /// The text is Rust, where the names of chunks become comments.
+    pub rust: bool,
 }
 
 // Measure a text in columns
@@ -84,7 +84,7 @@ fn column_after(text: &[u8], column: usize, tab: usize) -> usize {
     })
 }
 
-pub(crate) fn indentation(width: usize, tab: usize) -> Vec<u8> {
+fn indentation(width: usize, tab: usize) -> Vec<u8> {
     let tabs = if tab > 1 { width / tab } else { 0 };
     let mut blank = vec![b'\t'; tabs];
     blank.resize(tabs + width - tabs * tab, b' ');
@@ -131,6 +131,9 @@ struct Expander<'a> {
     // Remember what line directives said
     /// The file and the line that the reader of the output believes in.
     said: Option<(u32, u32)>,
+    /// White space as wide as what the line of the source has before.
+    blank: Vec<u8>,
+    reader: Reader,
     faults: Faults,
     reported: HashSet<Place>,
 }
@@ -147,6 +150,8 @@ impl<'a> Expander<'a> {
             stack: Vec::new(),
             active: vec![false; web.chunks.len()],
             said: None,
+            blank: Vec::new(),
+            reader: Reader::default(),
             faults: Vec::new(),
             reported: HashSet::new(),
         }
@@ -171,6 +176,7 @@ impl<'a> Expander<'a> {
                 }
                 None => {
                     self.active[frame.chunk] = false;
+                    self.blank.truncate(frame.indent);
                     self.stack.pop();
                 }
             }
@@ -180,6 +186,7 @@ impl<'a> Expander<'a> {
 
     fn enter(&mut self, chunk: usize, column: usize, used: Option<Place>) {
         self.active[chunk] = true;
+        self.blank.resize(column, b' ');
         let indent = column;
         let frame = StackFrame { chunk, next: 0, indent, column, used };
         self.stack.push(frame);
@@ -214,8 +221,11 @@ impl<'a> Expander<'a> {
         }
         self.mark(place);
         self.push(text);
-        let tab = self.layout.tab;
+        let tab = self.layout.tab.unwrap_or(0);
         if let Some(frame) = self.stack.last_mut() {
+            let blank = |b: &u8| if *b == b'\t' { b'\t' } else { b' ' };
+            self.blank.resize(frame.column, b' ');
+            self.blank.extend(text.iter().map(blank));
             frame.column = column_after(text, frame.column, tab);
         }
     }
@@ -224,7 +234,10 @@ impl<'a> Expander<'a> {
         let Some(frame) = self.stack.last_mut() else { return };
         if frame.column == 0 {
             frame.column = frame.indent;
-            let blank = indentation(frame.indent, self.layout.tab);
+            let blank = match self.layout.tab {
+                Some(tab) => indentation(frame.indent, tab),
+                None => self.blank[..frame.indent].to_vec(),
+            };
             self.push(&blank);
         }
     }
@@ -250,7 +263,7 @@ impl<'a> Expander<'a> {
         let Some(frame) = self.stack.last_mut() else { return };
         let column = frame.column;
         // Advance the column by the width of the use
-        let tab = self.layout.tab;
+        let tab = self.layout.tab.unwrap_or(0);
         frame.column = column_after(name, frame.column + 2, tab) + 2;
         match self.web.find(name) {
             Some(chunk) if !self.active[chunk] => {
@@ -328,7 +341,7 @@ impl<'a> Expander<'a> {
         let directive = format_directive(format, name, place.line);
         self.push(&directive.unwrap_or_default());
         if !heads_chunk {
-            self.push(&indentation(column, self.layout.tab));
+            self.push(&indentation(column, self.layout.tab.unwrap_or(0)));
         }
     }
 
@@ -343,13 +356,17 @@ impl<'a> Expander<'a> {
     }
 
     fn write_name(&mut self, name: &[u8], place: Place) {
-        let Some(comment) = self.layout.comment else { return };
-        let blank = self.tangled.text[self.line_start..].to_vec();
-        self.mark(place);
-        self.push(comment.as_bytes());
-        self.push(&spoken_name(name));
-        self.push(b"\n");
-        self.push(&blank);
+        let text = &self.tangled.text;
+        let blank = text[self.line_start..].to_vec();
+        let named = self.layout.rust && std::str::from_utf8(name).is_ok();
+        if named && !blank.is_empty() && self.reader.is_in_body(text) {
+            self.mark(place);
+            self.push(&[b"// ", &spoken_name(name)[..], b"\n"].concat());
+            self.push(&blank);
+        } else {
+            let map = &mut self.tangled.map;
+            map.truncate(map.partition_point(|s| s.line < self.line));
+        }
     }
 }
 
@@ -396,6 +413,111 @@ fn format_directive(
 }
 
 // Write the name of a chunk
+/// What surrounds a place of a program in Rust.
+#[derive(Clone, Copy, Default, PartialEq, Eq)]
+enum Inside {
+    #[default]
+    Items,
+    /// Behind the word `fn`, before the body.
+    Header,
+    Body,
+    Macro,
+}
+
+/// How far a program in Rust was read, and what is there.
+#[derive(Default)]
+struct Reader {
+    at: usize,
+    place: Inside,
+    /// The places of the brackets that are open.
+    open: Vec<Inside>,
+    /// The first byte of the token before.
+    last: u8,
+}
+
+impl Reader {
+    fn is_in_body(&mut self, text: &[u8]) -> bool {
+        while let Some(length) = token_length(&text[self.at..]) {
+            self.take(&text[self.at..][..length]);
+            self.at += length;
+        }
+        self.at == text.len() && self.place == Inside::Body
+    }
+
+    fn take(&mut self, token: &[u8]) {
+        use Inside::{Body, Header, Items, Macro};
+        self.place = match (token, self.place) {
+            // Enter a bracket
+            (b"{" | b"(" | b"[", place) => {
+                let body = token == b"{" && place == Header;
+                self.open.push(if body { Items } else { place });
+                match place {
+                    _ if self.last == b'!' => Macro,
+                    Header if body => Body,
+                    Header => Items,
+                    _ => place,
+                }
+            }
+            (b"}" | b")" | b"]", _) => self.open.pop().unwrap_or_default(),
+            (b"fn", Items) => Header,
+            (b";", Header) => Items,
+            (_, place) => place,
+        };
+        if !token[0].is_ascii_whitespace() {
+            self.last = token[0];
+        }
+    }
+}
+
+/// The length of the word, literal, comment or other byte that a text in
+/// Rust begins with; none if its end is missing.
+fn token_length(text: &[u8]) -> Option<usize> {
+    text.first()?;
+    let word =
+        |b: &&u8| b.is_ascii_alphanumeric() || **b == b'_' || **b > 0x7f;
+    let (word, rest) = text.split_at(text.iter().take_while(word).count());
+    let behind = |from: usize, end: &[u8]| {
+        let mut found = text.get(from..)?.windows(end.len());
+        Some(from + found.position(|w| w == end)? + end.len())
+    };
+    let signs = rest.iter().take_while(|b| **b == b'#').count();
+    match (word, rest) {
+        (b"r" | b"br" | b"cr", _) if rest.get(signs) == Some(&b'"') => {
+            let end = [b"\"", &rest[..signs]].concat();
+            behind(word.len() + signs + 1, &end)
+        }
+        (b"", [b'"', ..] | [b'\'', b'\\', ..]) => closed(text),
+        // Measure a character, a comment or a word
+        (b"", [b'\'', rest @ ..]) => {
+            let more =
+                rest.iter().skip(1).take_while(|b| **b & 0xc0 == 0x80);
+            let end = 1 + more.count();
+            Some(if rest.get(end) == Some(&b'\'') { end + 2 } else { 1 })
+        }
+        (b"", [b'/', b'/', ..]) => behind(0, b"\n"),
+        (b"", [b'/', b'*', ..]) => {
+            let (mut depth, mut at) = (1, 2);
+            while depth > 0 {
+                match text.get(at..at + 2)? {
+                    b"/*" => (depth, at) = (depth + 1, at + 2),
+                    b"*/" => (depth, at) = (depth - 1, at + 2),
+                    _ => at += 1,
+                }
+            }
+            Some(at)
+        }
+        _ => Some(word.len().max(1)),
+    }
+}
+
+/// The length of a literal in which there may be escapes.
+fn closed(text: &[u8]) -> Option<usize> {
+    let mut at = 1;
+    while *text.get(at)? != text[0] {
+        at += if text[at] == b'\\' { 2 } else { 1 };
+    }
+    Some(at + 1)
+}
 
 fn spoken_name(name: &[u8]) -> Vec<u8> {
     let (mut spoken, mut rest) = (Vec::new(), name);
@@ -466,10 +588,10 @@ impl Request {
                     self.complain(Level::Error, text + &text_of(format));
                 }
                 self.layout.directive = Some(format.to_vec());
-                self.layout.tab = 0;
+                self.layout.tab = Some(0);
             }
             [b'-', b't', ..] => match parse_tab(option) {
-                Ok(tab) => self.layout.tab = tab,
+                Ok(tab) => self.layout.tab = Some(tab),
                 Err(text) => self.complain(Level::Error, text),
             },
             _ => {
@@ -502,7 +624,8 @@ fn write_roots(
     request: Request,
     streams: &mut Streams,
 ) -> u8 {
-    let Request { mut roots, layout, mut faults, .. } = request;
+    let Request { mut roots, mut layout, mut faults, .. } = request;
+    layout.tab.get_or_insert(0);
     // Give up unless there is a web
     let web = match web {
         Ok(web) => web,

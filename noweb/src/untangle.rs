@@ -33,9 +33,9 @@ use crate::diagnostic::{
 };
 use crate::markup::{Kind, Token, unmark};
 use crate::project::{
-    Expansion, Project, expand_sources, hash, is_edited, parse, tab_stops,
+    Expansion, Project, expand_sources, hash, is_edited, parse,
 };
-use crate::tangle::{Layout, Segment, Tangled, indentation, tangle};
+use crate::tangle::{Layout, Segment, Tangled, tangle};
 use crate::web::Web;
 
 // Find where two lists differ
@@ -193,11 +193,12 @@ impl<'a> Carrier<'a> {
         let source = &self.sources[spot.file as usize];
         let start = source.start(spot.line)?;
         let end = source.start(spot.below(count).line);
-        let blank = indentation(spot.indent, tab_stops(self.path));
         let mut text = Vec::new();
         for line in &self.new[new.clone()] {
-            let bare = line.strip_prefix(&blank[..]);
-            let bare = bare.or(line.is_empty().then_some(line))?;
+            let (blank, bare) = line.split_at(spot.indent.min(line.len()));
+            if !blank.trim_ascii().is_empty() {
+                return None;
+            }
             text.extend(quote(bare));
             text.push(b'\n');
         }

@@ -395,7 +395,7 @@ fn positions_in_a_stale_file_stay_and_it_is_said_once() {
     scratch.write("src/main.rs", format!("// edited\n{text}"));
     let mut filter = filter(&scratch);
     let line = b"src/main.rs:1:1 src/other.rs:1:1";
-    let wanted = b"src/main.rs:1:1 chapters/a.nw:33:1".to_vec();
+    let wanted = b"src/main.rs:1:1 chapters/a.nw:23:1".to_vec();
     assert_eq!(filter.translate(line, 0), wanted);
     filter.translate(line, 1);
     let text = "src/main.rs is not what its chapters give";
@@ -529,7 +529,7 @@ fn two_webs_are_two_programs() {
     scratch.write("tool/book.nw", "\\include{t}\n");
     let tangle = ["tangle", "--record", "r", "tool/chapters/t.nw"];
     assert_eq!(run(&scratch, &tangle).status, 0);
-    let line = "src/main.rs:1:1 tool/src/t.rs:2:1 ./src/t.rs:2";
+    let line = "src/main.rs:1:1 tool/src/t.rs:1:1 ./src/t.rs:1";
     let masters = ["book.nw", "tool/book.nw"];
     let echo = ["--", "echo", line];
     let args = [&["map"], &masters[..], &echo[..]].concat();
@@ -550,7 +550,7 @@ fn the_status_of_a_command_is_ours_and_so_are_its_streams() {
         shell("echo src/main.rs:1; echo src/other.rs:1 >&2; exit 7");
     assert_eq!(outcome.status, 7);
     assert_eq!(outcome.stdout(), "chapters/a.nw:3\n");
-    assert_eq!(outcome.stderr(), "chapters/a.nw:33\n");
+    assert_eq!(outcome.stderr(), "chapters/a.nw:23\n");
     assert_eq!(shell("kill -9 $$").status, 137);
     assert_eq!(shell("printf src/main.rs:1").stdout(), "chapters/a.nw:3");
     let missing = run(&scratch, &["map", "chapters/a.nw", "--", "./no"]);
@@ -611,10 +611,10 @@ fn a_failing_test_and_its_backtrace_name_the_chapter() {
     }
     let warning = "\
 warning: unused variable: `unused`
-     --> chapters/a.nw:21:5
-      |
-   21 |     let unused = 3;
-      |         ^^^^^^ help: if this is intentional, prefix it with an \
+    --> chapters/a.nw:21:5
+     |
+  21 |     let unused = 3;
+     |         ^^^^^^ help: if this is intentional, prefix it with an \
                    underscore: `_unused`
 ";
     assert_eq!(stderr.matches(warning).count(), 1, "{stderr}");

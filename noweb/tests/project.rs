@@ -54,7 +54,6 @@ all:
 ";
 
 const MAIN: &str = "\
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 // Free software.
 
@@ -168,7 +167,7 @@ fn an_edit_by_hand_is_refused_with_its_chapter_line() {
     assert_eq!(outcome.status, 1);
     assert_eq!(
         outcome.stderr(),
-        "src/main.rs:9:10: error: this file was edited by hand since it \
+        "src/main.rs:8:10: error: this file was edited by hand since it \
          was tangled\n      count_by_hand();\n           ^\n  \
          help: the line comes from chapters/a.nw:16\n  help: `noweb \
          untangle' carries the edit there\n  help: delete src/main.rs to \
@@ -430,6 +429,62 @@ fn a_chapter_that_the_master_does_not_include_is_named() {
     assert_eq!(outcome.status, 2);
     let said = "book.nw does not include chapters/b.nw";
     assert!(outcome.stderr().contains(said), "{}", outcome.stderr());
+}
+
+#[test]
+fn names_are_comments_only_in_the_bodies_of_functions() {
+    let scratch = Scratch::new();
+    for (before, after, named) in [
+        ("fn f() {", "}", true),
+        ("fn f() -> [fn() -> u8; 2]\nwhere\n  u8: X<'a>,\n{", "}", true),
+        ("impl S {\n  fn f(\n    x: u8,\n  ) {\n    m!(x);", "}\n}", true),
+        ("fn f() {\n  a::<'b>('\"', b'\\'', '\u{e9}', '}');", "}", true),
+        (
+            "fn f() {\n  r#\"\"}\"#; // }\"\n  /* /* */ \" */ call(",
+            ")\n}",
+            true,
+        ),
+        ("fn f() {}", "", false),
+        ("struct S {", "}", false),
+        ("impl S {\n  const A: u8 = 1;\n  fn f() {}", "}", false),
+        ("trait T {\n  fn f();\n  type U = [", "];\n}", false),
+        ("fn f() {\n  a = \"\\\"", "\";\n}", false),
+        ("fn f() {\n  a = br##\"\\\"#", "\"##;\n}", false),
+        ("fn f() {\n  a = '{'; /* /* */", "*/\n}", false),
+        ("fn f() {\n  m! {\n    {", "}\n  }\n}", false),
+    ] {
+        let body = format!("{before}\n    <<Do it>>\n{after}\n");
+        let web = format!("<<a.rs>>=\n{body}<<Do it>>=\nx\n\ny\n");
+        scratch.write("a.nw", web);
+        let outcome = run(scratch.path(), &["tangle", "a.nw"]);
+        assert_eq!(outcome.status, 0, "{}", outcome.stderr());
+        let name = if named { "// Do it\n    x" } else { "x" };
+        let done = body.replace("<<Do it>>", &format!("{name}\n\n    y"));
+        assert_eq!(scratch.read("a.rs"), done);
+    }
+    scratch.write(
+        "a.nw",
+        b"<<a.rs>>=\nfn f() {\n  <<\xe9>>\n}\n<<\xe9>>=\nx\n",
+    );
+    assert_eq!(run(scratch.path(), &["tangle", "a.nw"]).status, 0);
+    assert_eq!(scratch.read("a.rs"), "fn f() {\n  x\n}\n");
+}
+
+#[test]
+fn no_other_text_gets_names_and_tabs_are_copied() {
+    let scratch = Scratch::new();
+    let names = "run a.sh a.py a.toml a.vim a.awk Makefile GNUmakefile \
+                 a.mak a.mk a.go a.tex";
+    for name in names.split_whitespace() {
+        let body = "all:\n\t<<Do it>>\n  \t x = <<Do it>>;\n<<Do it>>\n";
+        let web = format!("<<b/{name}>>=\n{body}<<Do it>>=\na\n\n\tb\n");
+        scratch.write("a.nw", web);
+        let outcome = run(scratch.path(), &["tangle", "a.nw"]);
+        assert_eq!(outcome.status, 0, "{name}: {}", outcome.stderr());
+        let done = "all:\n\ta\n\n\t\tb\n  \t x = a\n\n  \t     \tb;\n\
+                    a\n\n\tb\n";
+        assert_eq!(scratch.read(&format!("b/{name}")), done, "{name}");
+    }
 }
 
 /// A text in Latin-1.
