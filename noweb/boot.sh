@@ -1,7 +1,6 @@
 #!/bin/sh
 # Tangle the tool with itself, and install what proves itself.
 #
-# Licensed under the GNU all-permissive notice
 # Copyright (C) 2026 litpt contributors
 #
 # Copying and distribution of this file, with or without modification, are
@@ -18,7 +17,6 @@ cargo=${CARGO:-cargo}
 boot=${BUILD_DIR:-build}/boot
 export CARGO_TARGET_DIR="$PWD/$boot/target"
 
-# Stop with a reason, changing nothing
 fail() {
   echo "boot: $1; noweb/ is as it was" >&2
   exit 1
@@ -29,7 +27,6 @@ for chapter; do
   test -r "$chapter" || fail "cannot read $chapter"
 done
 
-# Tangle one stage of the tool
 # tangle BINARY STAGE: a crate of its own, in a workspace of its own
 tangle() {
   stage=$boot/$2
@@ -49,7 +46,6 @@ tangle() {
     { cat "$stage/messages" >&2 && fail "$2 does not tangle"; }
 }
 
-# Build one stage of the tool
 # build STAGE: its binary is $boot/STAGE/noweb.bin
 build() {
   (cd "$boot/$1" && "$CARGO_TARGET_DIR/../stage0.bin" map ${chapters%% *} -- \
@@ -63,7 +59,6 @@ agree() {
   diff -r -q "$boot/$1/noweb" "$boot/$2/noweb" >/dev/null
 }
 
-# Repeat until two stages agree
 chapters=$*
 $cargo build -q --profile tool --manifest-path noweb/Cargo.toml ||
   fail "the installed tool does not compile"
@@ -80,7 +75,6 @@ if ! agree stage1 stage2; then
   last=stage2
 fi
 
-# Test the last stage and install it
 (cd "$boot/$last" && $cargo test -q -p noweb --test golden) ||
   fail "$last fails its tests"
 "$boot/$last/noweb.bin" tangle --record noweb/.tangled \

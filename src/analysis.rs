@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -13,7 +12,6 @@
 pub mod background;
 pub mod interior;
 
-// Name what the analysis imports
 use std::fmt;
 use std::str::FromStr;
 
@@ -27,7 +25,6 @@ use crate::sky::Sky;
 use background::{BackgroundTiles, KnownPixels};
 use interior::{is_inside, lets_out};
 
-// List the shortcuts
 /// What may make work superfluous.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Shortcut {
@@ -64,7 +61,6 @@ impl FromStr for Shortcut {
     }
 }
 
-// Hold what has been found
 /// What has been found about one shortcut.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Finding {
@@ -91,7 +87,6 @@ pub struct SceneAnalysis {
     pub is_black: bool,
 }
 
-// Look for each shortcut in turn
 /// What is asked about a scene.
 pub struct Inquiry<'a> {
     /// The camera of the image.
@@ -142,7 +137,6 @@ impl SceneAnalysis {
         analysis
     }
 
-    // Tell what has been found
     /// What was left out of the image or its work, in words.
     pub fn left_out(&self) -> impl Iterator<Item = &Finding> {
         self.findings.iter().filter(|finding| finding.holds)
@@ -159,7 +153,6 @@ impl SceneAnalysis {
         self.findings.push(Finding { fact, holds, why, saves });
     }
 
-    // Tell what the scene has left out
     fn tell_of_the_scene(&mut self, scene: &Scene, intersector: &Bvh) {
         let (flat, copies) = scene.left_out();
         let words = [
@@ -185,7 +178,6 @@ impl SceneAnalysis {
         }
     }
 
-    // Look for a closed surface around the camera
     fn look_for_dark(
         &mut self,
         scene: &Scene,
@@ -221,7 +213,6 @@ impl SceneAnalysis {
         self.tell(Shortcut::Dark.name(), dark == Ok(true), why, saves);
     }
 
-    // Look for tiles that see no triangle
     fn look_for_background(
         &mut self,
         scene: &Scene,
@@ -264,7 +255,6 @@ impl SceneAnalysis {
         }
     }
 
-    // See whether anything is reflected
     fn look_for_black(&mut self, albedo: f64) {
         self.is_black = albedo == 0.;
         let why = match self.is_black {
@@ -279,7 +269,6 @@ impl SceneAnalysis {
         self.tell(name, self.is_black, why.to_owned(), saves);
     }
 
-    // End a run of which all is known
     /// The intersector and the integrator that are needed, in words.
     pub fn parts(&self, isa: Isa, method: impl fmt::Display) -> String {
         match self.known.is_all() {

@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -12,7 +11,6 @@
 //! are valid together (a camera needs a target that is not its own
 //! position) is for the module that combines them to say.
 
-// Name what the arguments import
 use std::env;
 use std::ffi::OsString;
 use std::io::{self, IsTerminal};
@@ -46,14 +44,12 @@ use crate::render::method::Wanted;
 use crate::report::Kind;
 use crate::shards::{Part, is_state_name};
 
-// Declare the options with their defaults
 /// Renders a Wavefront OBJ of one diffuse material under a uniform sky.
 #[derive(Clone, Debug, Parser, Serialize, Deserialize)]
 #[command(name = "pt", version, styles = STYLES,
           after_help = format!("{STATUS}\n\n{LICENCE}"))]
 #[command(args_override_self = true)]
 pub struct Arguments {
-    // Declare the options of the image
     /// Resolution of the image in pixels, each at most 16384
     #[arg(short = 'd', long, visible_alias = "definition",
           value_name = "WIDTHxHEIGHT",
@@ -97,7 +93,6 @@ pub struct Arguments {
     #[arg(long, value_name = "RMSE",
           value_parser = parse_positive, allow_hyphen_values = true)]
     pub error: Option<f64>,
-    // Declare the options of the camera
     /// Position of the camera [default: outside of the scene, or
     /// 0,0,0 with -t]
     #[arg(short, long, value_name = "X,Y,Z",
@@ -119,7 +114,6 @@ pub struct Arguments {
     #[arg(short = 'F', long, value_name = "DEGREES", default_value = "70",
           value_parser = parse_fov, allow_hyphen_values = true)]
     pub fov: f64,
-    // Declare the options of the scene
     /// Albedo of every surface, between 0 and 1
     #[arg(short = 'r', long, visible_alias = "reflectivity",
           value_name = "ALBEDO", default_value = "1",
@@ -133,7 +127,6 @@ pub struct Arguments {
     /// The scene, as FILE alone
     #[arg(short, long, value_name = "FILE", overrides_with = "scene")]
     pub input: Option<PathBuf>,
-    // Declare the options of the run
     /// Image to write, .pgm, .png, .pfm or .exr, or the state of the run,
     /// .litpt, as --checkpoint does; may be repeated [default: -, standard
     /// output, or on a terminal a PNG beside the scene]
@@ -195,7 +188,6 @@ pub struct Arguments {
     /// Say what can be left out, and why, and render nothing
     #[arg(long)]
     pub explain: bool,
-    // Declare the options of the records
     /// Report of error against time, .json, .csv or .html; may be repeated
     #[arg(long, value_name = "FILE")]
     pub report: Vec<PathBuf>,
@@ -251,7 +243,6 @@ pub const STYLES: Styles = Styles::styled()
     .usage(Style::new().effects(Effects::BOLD))
     .literal(Style::new().effects(Effects::BOLD));
 
-// Parse the values with exact syntax
 fn parse_resolution(text: &str) -> Result<(u32, u32), String> {
     let syntax = "expected two integers around one x, as in 800x600";
     let (width, height) = text.split_once('x').ok_or(syntax)?;
@@ -364,7 +355,6 @@ fn parse_threads(text: &str) -> Result<usize, String> {
     }
 }
 
-// Parse the whole command line
 /// Options all of which are replaced if one of them is given.
 const TOGETHER: [&[&str]; 4] = [
     &["scene", "input"],
@@ -475,7 +465,6 @@ fn object(value: Value) -> Map<String, Value> {
 }
 
 impl Arguments {
-    // Read the command line or explain it
     /// Parses the arguments of the process, and opens the checkpoint that
     /// they go on from. When there is nothing to render, because help was
     /// asked for or something is wrong, prints what the user should know and
@@ -588,7 +577,6 @@ impl Arguments {
         all.filter(|name| !is_dash(name))
     }
 
-    // Hand the values to other modules
     /// The names of the state of the run, of which there should be one.
     fn states(&self) -> impl Iterator<Item = &PathBuf> {
         let named = self.output.iter().filter(|path| is_state_name(path));

@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -12,7 +11,6 @@
 //! coordinates: boxes are single precision, while corners, rays, hits
 //! and the test of a triangle are double precision.
 
-// List the parts of an intersector
 pub mod anatomy;
 #[cfg(target_arch = "x86_64")]
 mod avx2;
@@ -30,7 +28,6 @@ pub use intersector::{BEAM, Dispatch, Hit, Intersector};
 pub use spawn::too_small;
 pub use wide::Quality;
 
-// Name what the hierarchy imports
 use std::str::FromStr;
 use std::{fmt, io};
 
@@ -41,7 +38,6 @@ use crate::scene::{Ray, Scene, Triangle, Triangles};
 use triangle::Leaf;
 use wide::Wide;
 
-// Name the sets of instructions
 /// Sets of instructions with which a hierarchy can be traversed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Isa {
@@ -57,7 +53,6 @@ impl Isa {
     /// All, from the fastest to the slowest.
     pub const ALL: [Self; 3] = [Self::Avx512, Self::Avx2, Self::Portable];
 
-    // Ask the processor for a set
     /// Whether this processor has the instructions.
     pub fn is_available(self) -> bool {
         match self {
@@ -102,7 +97,6 @@ impl FromStr for Isa {
     }
 }
 
-// Choose the traversal for a processor
 /// Why there is no hierarchy.
 #[derive(Debug)]
 pub enum BuildError {
@@ -159,7 +153,6 @@ macro_rules! with_traverser {
 }
 
 impl Bvh {
-    // Build a hierarchy for a long render
     /// The hierarchy of a scene for a long render on this processor.
     ///
     /// # Errors
@@ -168,7 +161,6 @@ impl Bvh {
         Self::with(scene, Quality::Medium, Isa::best())
     }
 
-    // Build with a quality and instructions
     /// The hierarchy of a scene, built with care `quality`, on all
     /// threads, for the instructions `isa`.
     ///
@@ -183,7 +175,6 @@ impl Bvh {
         Self::of(scene.indexed().clone(), quality, isa, &|_| ())
     }
 
-    // Build a hierarchy that uses its triangles up
     /// The same of `triangles` in the coordinates of a scene. Their memory
     /// is given back part by part. How many are in the hierarchy by now
     /// is told to `placed`.
@@ -222,7 +213,6 @@ impl Bvh {
     }
 }
 
-// Answer with the chosen traversal
 impl Bvh {
     /// The face of the file, from 0, that a `Hit::primitive` is part of.
     pub fn face(&self, primitive: u32) -> u32 {

@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -10,14 +9,12 @@
 //!
 //! Image coordinates run over [0, 1) x [0, 1), from the top left.
 
-// Name what the camera imports
 use std::{array, fmt};
 
 use glam::DVec3;
 
 use crate::numerics::{cross, normalise, power_of_two};
 
-// Describe a view in the user's terms
 /// Where a camera stands and where it looks, in the file's coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
@@ -31,7 +28,6 @@ pub struct View {
     pub fov: f64,
 }
 
-// Turn a view into three axes
 /// The axes of a view, scaled to the image plane.
 #[derive(Clone, Copy, Debug)]
 pub struct Camera {
@@ -81,7 +77,6 @@ impl Camera {
         })
     }
 
-    // Give the direction of a point
     /// The direction of the point (`x`, `y`) of the image, of length one.
     #[inline(always)]
     pub fn direction(&self, x: f64, y: f64) -> DVec3 {
@@ -119,7 +114,6 @@ fn difference(a: DVec3, b: DVec3) -> DVec3 {
 /// The image plane is no farther than 2^200.
 const FARTHEST: f64 = power_of_two(200);
 
-// Stand outside of a scene
 impl View {
     /// The view with the same up axis and field of view that shows the box
     /// between two corners, if there is one.
@@ -162,7 +156,6 @@ impl View {
     }
 }
 
-// Explain why a view is impossible
 /// Why a view has no camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ViewError {
@@ -170,7 +163,6 @@ pub enum ViewError {
     Infinite(DVec3),
     /// The target, which is also the position.
     Target(DVec3),
-    // Hold two vectors that are parallel
     /// The up axis is zero or parallel to the direction of view.
     Up {
         /// The up axis.

@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -8,7 +7,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The state of a run in a file, from which it can go on.
 
-// Name what the checkpoint imports
 use std::borrow::Cow;
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
@@ -23,7 +21,6 @@ use crate::render_loop::Convergence;
 use crate::report::Report;
 use crate::statistics::Accumulator;
 
-// Say what stands before the sums
 /// The first line of a checkpoint; its number changes with the layout.
 const MAGIC: &[u8] = b"litpt checkpoint 4\n";
 
@@ -48,7 +45,6 @@ pub struct Known {
 /// Names and values of all that decides the samples of a run.
 pub type RunKey = Map<String, Value>;
 
-// Write the state of a run
 /// Writes a checkpoint.
 pub fn save(
     known: &Known,
@@ -90,7 +86,6 @@ impl Write for Checked<'_> {
     }
 }
 
-// Recognise a checkpoint that is whole
 /// The size of a checksum in bytes.
 const CHECKSUM: u64 = 32;
 
@@ -124,7 +119,6 @@ fn unreadable(error: io::Error) -> String {
     format!("cannot read: {error}")
 }
 
-// Take the state of a run back
 /// A checkpoint that is whole.
 pub struct Checkpoint<R = BufReader<File>> {
     header: Header<'static>,
@@ -157,7 +151,6 @@ impl<R: BufRead + Seek> Checkpoint<R> {
         &self.header.convergence
     }
 
-    // Go on from the sums
     /// Fills the `film`, and returns the convergence so far.
     ///
     /// # Errors

@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -16,7 +15,6 @@
 pub mod display;
 pub mod merge;
 
-// Name what the comparison imports
 use std::collections::BTreeMap;
 use std::f64::consts::SQRT_2;
 use std::ops::Range;
@@ -26,7 +24,6 @@ use statrs::function::beta::beta_reg;
 use crate::film::SIDE;
 use crate::image::Image;
 
-// Measure how far two estimates differ
 /// The difference of two estimates, or the sum of several.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Gap {
@@ -49,7 +46,6 @@ impl Gap {
         self.pixels += other.pixels;
     }
 
-    // Judge a difference by its variance
     /// The difference in standard errors; infinite if it should be zero.
     pub fn z(&self) -> f64 {
         match self.difference {
@@ -133,7 +129,6 @@ fn part(image: &Image, i: usize, pixels: u32) -> Estimate {
     }
 }
 
-// Cut an image into blocks
 /// The blocks of one size that an image is cut into.
 #[derive(Clone, Copy)]
 struct Blocks {
@@ -146,7 +141,6 @@ struct Blocks {
 }
 
 impl Blocks {
-    // Lay blocks over two images
     fn new(a: &Image, b: &Image, side: u32) -> Self {
         let (x, y) = match a.tile_errors.is_some() {
             true => a.corner(),
@@ -156,7 +150,6 @@ impl Blocks {
         Self { size, side, lack }
     }
 
-    // Number the blocks
     /// The number of blocks in a row.
     fn columns(&self) -> usize {
         (self.size.0 + self.lack.0).div_ceil(self.side) as usize
@@ -173,7 +166,6 @@ impl Blocks {
         y * self.columns() + x
     }
 
-    // Find the pixels of a block
     /// The columns and the rows of a block of this number.
     fn range(&self, block: usize) -> [Range<u32>; 2] {
         let along = |k: usize, lack: u32, end: u32| {
@@ -197,7 +189,6 @@ impl Blocks {
     }
 }
 
-// Share the false alarms among tests
 /// Probability that two images of the same radiances are called
 /// inconsistent.
 pub const FALSE_ALARMS: f64 = 0.01;
@@ -215,7 +206,6 @@ fn sidak(all: f64, tests: usize) -> f64 {
     -libm::expm1(libm::log1p(-all) / tests as f64)
 }
 
-// Test the blocks of one size
 /// What the tests of blocks of one size found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scale {
@@ -280,7 +270,6 @@ fn test(
     scale
 }
 
-// Test the errors themselves
 /// How large the differences are, compared with the stated errors.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Dispersion {
@@ -327,7 +316,6 @@ fn dispersion(
     Dispersion { ratio, z, pixels, failed }
 }
 
-// Tell whether two images show the same
 /// What is known about an image: names and values.
 type Attributes = BTreeMap<String, String>;
 
@@ -373,7 +361,6 @@ pub fn disagreements(a: &Attributes, b: &Attributes) -> Vec<String> {
     }
 }
 
-// State what distinguishes two images
 /// What distinguishes one image from another.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Difference {
@@ -386,7 +373,6 @@ pub struct Difference {
     pub relative_mse: f64,
     /// The sum of the differences of all pixels with a known error.
     pub sum: Gap,
-    // Keep what the tests have found
     /// Number of pixels whose error is unknown.
     pub unknown: usize,
     /// Number of pixels of known error with fewer than [`FEW`]
@@ -408,7 +394,6 @@ impl Difference {
     }
 }
 
-// Compare two images as a whole
 /// Compares two images of independent random numbers.
 ///
 /// # Errors
@@ -466,7 +451,6 @@ pub fn compare(a: &Image, b: &Image) -> Result<Difference, String> {
     })
 }
 
-// Measure distances of two images
 /// Keeps the relative error of dark pixels finite.
 const EPSILON: f64 = 1e-2;
 

@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -23,7 +22,6 @@ use serde::{Deserialize, Serialize};
 
 use crate::statistics::Accumulator;
 
-// Lay the tiles out in memory
 /// Width and height of a tile in pixels.
 pub const SIDE: u32 = 16;
 
@@ -57,7 +55,6 @@ impl fmt::Display for Window {
     }
 }
 
-// Hold the accumulators of a window
 /// An image in the making, or a part of it: one accumulator per pixel.
 #[derive(Clone, Debug)]
 pub struct Film {
@@ -85,7 +82,6 @@ impl Film {
         Self::cropped((width, height), window)
     }
 
-    // Lay out the tiles of a window
     /// The film of a window that lies within an image of this `resolution`.
     pub fn cropped(resolution: (u32, u32), window: Window) -> Self {
         let ((left, top), (columns, rows)) = window.cells();
@@ -162,13 +158,11 @@ impl Window {
     }
 }
 
-// Name what watches the work
 /// Watches the work on a film: called, from any thread, with what is done,
 /// as the paths that a finished tile has taken, and with 0 in between.
 /// Answers whether to go on.
 pub type Watch<'a> = dyn Fn(u64) -> bool + Sync + 'a;
 
-// Find a pixel in its tile
 impl Film {
     /// The tiles, each with its pixels row by row.
     pub fn tiles(&mut self) -> Vec<(Tile, &mut [Accumulator])> {
@@ -180,7 +174,6 @@ impl Film {
         parts
     }
 
-    // Look a pixel up
     /// The pixel of column `x` and row `y` of the image, in the window.
     pub fn pixel(&self, x: u32, y: u32) -> &Accumulator {
         let tile = &self.tiles[self.place(x, y)];
@@ -250,7 +243,6 @@ impl Film {
         rows.flat_map(|y| self.strips(y)).flatten()
     }
 
-    // Go along a row tile by tile
     /// The pixels of row `y` of the image, those of each tile together.
     fn strips(&self, y: u32) -> impl Iterator<Item = &[Accumulator]> {
         let ((_, top), (columns, _)) = self.window.cells();
@@ -284,7 +276,6 @@ impl Film {
         self.rows().map(|pixel| pixel.count() * self.replicate)
     }
 
-    // Lend the pixels as they are stored
     /// The pixels in the order in which they are stored.
     pub fn stored(&self) -> &[Accumulator] {
         &self.pixels
@@ -296,7 +287,6 @@ impl Film {
     }
 }
 
-// Look at the means row by row
 /// The means of the pixels of a film.
 pub struct Means<'a> {
     film: &'a Film,
@@ -323,7 +313,6 @@ impl<'a> Means<'a> {
         self.film
     }
 
-    // Write a row of means
     /// Writes those of row `y` of the window; not a number where there is no
     /// sample.
     pub fn row(&self, y: u32, mut means: &mut [f64]) {
@@ -350,7 +339,6 @@ impl<'a> Means<'a> {
     }
 }
 
-// Count the samples
 impl Film {
     /// The samples that every pixel has at least.
     pub fn samples(&self) -> u64 {
@@ -366,7 +354,6 @@ impl Film {
         empty.map(|tile| u64::from(tile.size.0 * tile.size.1)).sum()
     }
 
-    // Take one value for each replicate
     /// The same film, whose accumulators take one value for so many samples.
     /// It must be empty.
     pub fn with_replicates(self, samples: u64) -> Self {
@@ -429,7 +416,6 @@ impl Film {
         self.first
     }
 
-    // Merge the film of a part
     /// Takes the samples of a film of some of its tiles into account.
     pub fn merge(&mut self, part: &Self) {
         for (number, tile) in part.tiles.iter().enumerate() {
@@ -459,7 +445,6 @@ impl Film {
     }
 }
 
-// Order the tiles along the curve
 /// The number of cells that Hilbert's curve visits before the cell
 /// (`x`, `y`) of a grid of `side` by `side`, a power of two.
 fn along_curve(side: u32, mut x: u32, mut y: u32) -> u64 {
@@ -514,7 +499,6 @@ fn ask_for_large_pages<T>(array: &[T]) {
     }
 }
 
-// Summarise the image in a few numbers
 /// What is known about an image as a whole.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Summary {
@@ -595,7 +579,6 @@ impl Film {
     }
 }
 
-// Estimate the errors of all pixels
 /// How far a pixel looks for neighbours, in pixels.
 const REACH: u32 = 2;
 
@@ -613,7 +596,6 @@ impl Film {
         self.places().map(error).collect()
     }
 
-    // Compute the variances row by row
     /// The variances of the values of the pixels, row by row.
     pub fn variances(&self) -> Vec<f64> {
         self.places().map(|(x, y)| self.at(x, y).variance()).collect()
@@ -626,7 +608,6 @@ impl Film {
         (0..self.pixels.len()).into_par_iter().map(place)
     }
 
-    // Find a pixel from the corner of the window
     /// The pixel at a place.
     fn at(&self, x: u32, y: u32) -> &Accumulator {
         self.pixel(self.window.corner.0 + x, self.window.corner.1 + y)
@@ -637,7 +618,6 @@ impl Film {
         y as usize * self.width() as usize + x as usize
     }
 
-    // Combine the variance with the neighbours'
     /// The standard error of the pixel at a place, given all variances.
     fn error(&self, variances: &[f64], worth: f64, x: u32, y: u32) -> f64 {
         let n = self.at(x, y).count() as f64;
@@ -651,7 +631,6 @@ impl Film {
         (variance / n.max(1.)).sqrt()
     }
 
-    // Average the variances around a pixel
     /// The mean of the finite variances within `REACH` of a place, without
     /// its own; none if there are none.
     fn around(&self, variances: &[f64], x: u32, y: u32) -> Option<f64> {
@@ -676,7 +655,6 @@ impl Film {
     }
 }
 
-// Share the errors of the tiles among their pixels
 impl Film {
     /// The standard error with which each pixel counts in a sum over whole
     /// tiles, row by row from the top left: that of the mean of its tile

@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -13,7 +12,6 @@ pub mod correction;
 pub mod guide;
 pub mod training;
 
-// Name what the gather imports
 use rand::RngExt;
 
 use crate::analysis::background::{KnownPixels, TileContent};
@@ -27,7 +25,6 @@ use crate::sky::Sky;
 use cache::{Cell, RadianceCache, UNSEEN};
 use guide::{Guide, bin, direction};
 
-// Hold what a gather needs
 /// Traces rays, and knows the scene and the cache.
 pub struct Tracer<'a, K> {
     /// The triangles, and where rays enter them.
@@ -90,9 +87,7 @@ impl Sample {
     }
 }
 
-// Shoot a guided ray
 impl<K: Intersector> Tracer<'_, K> {
-    // Trace a ray in the direction of a guide
     /// Traces the ray that leaves `x` in the direction that the guide gives to
     /// a uniform point of the square, in units of 2^-32.
     #[inline]
@@ -121,7 +116,6 @@ impl<K: Intersector> Tracer<'_, K> {
         Shot { weight, bin, end: hit.map_or_else(sky, End::Hit) }
     }
 
-    // Find a cell near a hit
     /// One of the four cells around a hit, at random: `u` is uniform over
     /// the square.
     #[inline]
@@ -135,7 +129,6 @@ impl<K: Intersector> Tracer<'_, K> {
         Tracer { cache, rays: 0, ..*self }
     }
 
-    // Look through the camera
     /// The first hit of the ray of the camera through (`x`, `y`) of the
     /// image, or the radiance of the sky behind it.
     #[inline]
@@ -150,7 +143,6 @@ impl<K: Intersector> Tracer<'_, K> {
     }
 }
 
-// Gather one tile
 /// How the samples are distributed over a window, row by row.
 pub struct Allocation {
     /// The samples of each pixel in a scramble; at least one.

@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -19,13 +18,11 @@ mod pgm;
 mod png;
 pub(crate) mod srgb;
 
-// Name what the image imports
 use std::io::{self, Read, Write};
 use std::path::Path;
 
 pub use data::{Image, Means, Note, REPLICATE};
 
-// Choose among the image formats
 #[derive(clap::ValueEnum, serde::Serialize, serde::Deserialize)]
 /// How an image becomes bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -55,7 +52,6 @@ impl Format {
         }
     }
 
-    // Tell the format from the extension
     /// The format of a file of this name.
     ///
     /// # Errors
@@ -80,7 +76,6 @@ pub fn extension(path: &Path) -> Option<String> {
     Some(extension.to_ascii_lowercase())
 }
 
-// Read an image back
 const NEITHER: &str = "it is neither EXR, PFM, PNG nor PGM";
 
 impl Image {
@@ -92,7 +87,6 @@ impl Image {
         Self::read_noting(path, &mut |_| ())
     }
 
-    // Read a file and tell what was made of it
     /// Reads a file, or standard input if its name is `-`; `note` is told,
     /// in a line, of what is not as [`Image`] has it.
     ///
@@ -116,7 +110,6 @@ impl Image {
             .map_err(|fault| format!("{name}: {fault}"))
     }
 
-    // Decode the bytes of any image
     /// Reads an image from the bytes of its file; `note` is told of what is
     /// not as [`Image`] has it.
     ///
@@ -137,7 +130,6 @@ impl Image {
         image?.sifted(note)
     }
 
-    // Leave out what is not a number
     fn sifted(mut self, note: Note) -> Result<Self, String> {
         let width = self.width as usize;
         let mut lost = Vec::new();

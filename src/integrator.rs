@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -8,7 +7,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Random variables whose mean is the radiance along a ray.
 
-// Name what the integrators import
 use glam::DVec3;
 
 use crate::bvh::{BEAM, Hit, Intersector};
@@ -16,7 +14,6 @@ use crate::sampler::{Sampler, cosine_direction, dimension, happens};
 use crate::scene::Ray;
 use crate::sky::Sky;
 
-// Say what an integrator gives
 /// What a path does at the end of a ray.
 #[derive(Clone, Copy, Debug)]
 pub enum PathEvent {
@@ -48,7 +45,6 @@ pub trait Integrator: Sync {
         sampler: &mut impl Sampler,
     ) -> PathEvent;
 
-    // Count what ends and learn from it
     /// Counts a path that has ended, with the rays that it has traced and
     /// its contribution.
     fn count(
@@ -79,7 +75,6 @@ pub trait RayQuery: Sized {
         from: Option<u32>,
     ) -> Option<Self>;
 
-    // Ask about the first rays of paths
     /// Asks about rays that leave no triangle; any of them may be missing.
     fn ask_all<K: Intersector>(
         intersector: &K,
@@ -100,7 +95,6 @@ impl RayQuery for Hit {
         intersector.first_hit(ray, from)
     }
 
-    // Ask for the first hits of paths
     #[inline(always)]
     fn ask_all<K: Intersector>(
         intersector: &K,
@@ -163,7 +157,6 @@ impl<E: Integrator> Integrator for &E {
     }
 }
 
-// Hold the parameters of the path tracer
 /// The integrator of the chapter's algorithm: a path meets roulette below
 /// the throughput `FAINT`, and from `MANY_BOUNCES` bounces on.
 #[derive(Clone, Copy, Debug)]
@@ -219,7 +212,6 @@ impl RayQuery for Occluded {
 }
 
 impl Integrator for DirectSky {
-    // End a path at its first surface
     type Path = DVec3;
     type RayQuery = Occluded;
     type Sums = u64;
@@ -248,7 +240,6 @@ impl Integrator for DirectSky {
     }
 }
 
-// Subtract what the sky would give
 /// The path tracer with the sky above its first reflection as a control
 /// variate (Owen 2013, section 8.9).
 #[derive(Clone, Copy, Debug)]
@@ -290,7 +281,6 @@ impl Integrator for ControlledPathTracer {
         ControlledPath { path: self.paths.begin(direction), control: 0. }
     }
 
-    // Go on, and control the first reflection
     #[inline(always)]
     fn go_on(
         &self,
@@ -312,7 +302,6 @@ impl Integrator for ControlledPathTracer {
     }
 }
 
-// Name the kind of the samples
 /// Changes whenever the code that decides what a sample is does.
 const SAMPLE_VERSION: u32 = 4;
 
@@ -326,7 +315,6 @@ pub fn identity() -> String {
 }
 
 impl Integrator for PathTracer {
-    // Follow a path from hit to hit
     type Path = PathState;
     type RayQuery = Hit;
     type Sums = u64;

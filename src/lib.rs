@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -13,7 +12,6 @@
 //! Lengths are in the scene's own unit; radiance is relative to the
 //! radiance of the sky, and therefore lies between 0 and 1.
 //!
-// Show the library at work
 //! ```
 //! use glam::DVec3;
 //! use litpt::analysis::background::KnownPixels;
@@ -45,7 +43,6 @@
 // No bit of an image shall depend on the C library of a machine.
 #![warn(clippy::disallowed_methods)]
 
-// List the modules of the library
 pub mod analysis;
 pub mod arguments;
 pub mod bvh;

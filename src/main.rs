@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -8,7 +7,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The command `pt`: parse the arguments, render, report.
 
-// Name what the program imports
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::fs::{self, File};
 use std::hint::black_box;
@@ -43,7 +41,6 @@ use litpt::sky::Sky;
 use rayon::ThreadPoolBuilder;
 use sha2::{Digest, Sha256};
 
-// Begin alone or as one of several ranks
 #[cfg(not(feature = "mpi"))]
 fn main() -> ExitCode {
     lead()
@@ -68,7 +65,6 @@ fn lead() -> ExitCode {
     }
 }
 
-// Say that memory is lacking
 /// The system's allocator, which ends the program where there is no memory.
 struct Allocator;
 
@@ -118,7 +114,6 @@ fn give_arrays_back() {
     unsafe { libc::mallopt(libc::M_MMAP_THRESHOLD, 1 << 18) };
 }
 
-// Run the whole program once
 fn run(
     arguments: &mut Arguments,
     resumed: Option<Checkpoint>,
@@ -259,7 +254,6 @@ impl Stage {
     }
 }
 
-// Prepare the camera and the files
 fn camera(arguments: &Arguments) -> Result<Camera, String> {
     let (width, height) = arguments.resolution;
     let aspect = f64::from(width) / f64::from(height);
@@ -292,7 +286,6 @@ impl Files {
         })
     }
 
-    // Decide whether the scene is hashed
     /// Whether a file will name the scene by its hash.
     fn name_the_scene(&self) -> bool {
         let exr = |image: &ImageTarget| image.format() == Format::Exr;
@@ -369,7 +362,6 @@ fn start_threads(arguments: &Arguments) -> Result<(), String> {
     pool.build_global().map_err(|e| format!("cannot start threads: {e}"))
 }
 
-// Load the scene and name it
 fn load(
     arguments: &mut Arguments,
     files: &Files,
@@ -438,7 +430,6 @@ fn read_pipe(pipe: &mut dyn Read, bytes: &mut Vec<u8>) -> io::Result<()> {
 /// So many bytes of an OBJ have a vertex.
 const START: u64 = 1 << 26;
 
-// Analyse the scene and build the hierarchy
 fn inquire<'a>(
     arguments: &Arguments,
     camera: &'a Camera,
@@ -564,7 +555,6 @@ fn explain(
     Ok(Stop::Samples)
 }
 
-// Take up a run or begin one
 /// A run of the program: what has been rendered, and who is told.
 struct Run<'a> {
     arguments: &'a Arguments,
@@ -699,7 +689,6 @@ fn run_key(
     key
 }
 
-// Render until a limit is reached
 impl Run<'_> {
     fn render(
         &mut self,
@@ -738,7 +727,6 @@ impl Run<'_> {
         stop
     }
 
-    // Go on until the limits are reached
     fn go_on(&mut self, limits: &Limits) -> Stop {
         let Self { arguments, job, film, convergence, .. } = self;
         let Self { images, output, bar, .. } = self;
@@ -778,7 +766,6 @@ impl Run<'_> {
         convergence.run(&mut **job, film, limits, &advance, &mut after)
     }
 
-    // Keep time for writing in reserve
     fn reserve(&self, deadline: Instant) -> [f64; 2] {
         let Self { film, convergence, images, output, .. } = self;
         let (width, height) =
@@ -806,7 +793,6 @@ impl Run<'_> {
         [none.min(most), all.max(none).min(most)]
     }
 
-    // Answer a signal
     fn answer(&self, interrupt: Interrupt) {
         let (bar, quiet) = (self.bar.clone(), self.arguments.quiet);
         thread::spawn(move || {
@@ -824,7 +810,6 @@ impl Run<'_> {
 
 const SECOND: Duration = Duration::from_secs(1);
 
-// Write the image and the summary
 /// Whether an image has room for errors and counts.
 fn is_exr(images: &[ImageTarget]) -> bool {
     images.iter().any(|target| target.format() == Format::Exr)
@@ -864,7 +849,6 @@ impl Run<'_> {
     }
 }
 
-// Follow another rank
 #[cfg(feature = "mpi")]
 fn serve() -> Result<(), String> {
     let _ = Interrupt::listen();

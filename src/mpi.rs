@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -11,7 +10,6 @@
 //! Rank 0 leads: it has the film and hands out pieces of each pass. The
 //! others follow: they render pieces and send the sums back.
 
-// Name what ranks import
 use std::process::{self, ExitCode};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::{self, Receiver, Sender};
@@ -31,7 +29,6 @@ use crate::render::method::Sampling;
 use crate::render::{Renderer, Share};
 use crate::statistics::Accumulator;
 
-// Begin and end as one of several ranks
 /// Runs `lead` as rank 0, or `serve` as one of the others.
 pub fn run(
     lead: impl FnOnce() -> ExitCode,
@@ -87,7 +84,6 @@ fn dismiss(status: ExitCode) -> ExitCode {
     status
 }
 
-// Send and receive messages
 /// What rank 0 may ask for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Order {
@@ -102,7 +98,6 @@ enum Order {
 }
 
 impl Order {
-    // Turn an order into numbers
     fn to_words(self) -> [u64; 7] {
         let with =
             |kind, [a, b, c, d, e, f]: [u64; 6]| [kind, a, b, c, d, e, f];
@@ -114,7 +109,6 @@ impl Order {
         }
     }
 
-    // Turn numbers into an order
     fn from_words([kind, words @ ..]: [u64; 7]) -> Self {
         match kind {
             0 => Order::Listen(words[0]),
@@ -221,7 +215,6 @@ fn answer() -> Option<(usize, Vec<u8>)> {
     Some((status.source_rank() as usize, bytes))
 }
 
-// Divide a pass into pieces
 /// Samples of some tiles that one rank renders.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Piece {
@@ -242,7 +235,6 @@ impl Piece {
         area(self.window) * self.samples
     }
 
-    // Pack a piece into numbers
     fn to_words(self) -> [u64; 6] {
         let Self { window: Window { corner, size }, .. } = self;
         let [x, y, w, h] =
@@ -256,7 +248,6 @@ impl Piece {
         Self { window, first, samples }
     }
 
-    // Halve a piece
     /// Two pieces that make up this one, if there are.
     fn halves(self, replicate: u64) -> Option<[Self; 2]> {
         let values = self.samples / replicate;
@@ -318,7 +309,6 @@ fn edge(from: u32, size: u32) -> Option<u32> {
     edges.into_iter().find(|&at| from < at && at < from + size)
 }
 
-// Hand out the pieces of a pass
 /// The pieces of a pass that no rank has got.
 struct Schedule {
     /// The next one is the last.
@@ -332,7 +322,6 @@ struct Schedule {
 }
 
 impl Schedule {
-    // List what a film lacks
     /// All that takes a film to so many samples.
     fn new(film: &Film, end: u64, ranks: u64) -> Self {
         let mut pieces = vec![];
@@ -342,7 +331,6 @@ impl Schedule {
         Self { pieces, left, least, ranks, replicate: film.replicate() }
     }
 
-    // Take the next piece
     /// The next piece; it is smaller, the less is left.
     fn take(&mut self) -> Option<Piece> {
         let mut piece = self.pieces.pop()?;
@@ -399,7 +387,6 @@ fn samples_at(film: &Film, (x, y): (u32, u32)) -> u64 {
     film.pixel(x, y).count() * film.replicate()
 }
 
-// Collect the sums of pieces
 /// The sums of a piece, and what they have cost.
 struct Part {
     piece: Piece,
@@ -420,7 +407,6 @@ struct Spent {
 }
 
 impl Part {
-    // Render a piece
     /// Renders a piece, unless `watch` stops it.
     fn render(
         piece: Piece,
@@ -436,7 +422,6 @@ impl Part {
         Self { piece, film, spent }
     }
 
-    // Pack the sums of a piece into bytes
     fn to_bytes(&self) -> Vec<u8> {
         let Spent { rays, nanoseconds, processor, .. } = self.spent;
         let words = self.piece.to_words().into_iter();
@@ -479,7 +464,6 @@ struct Collector<'a> {
 }
 
 impl Collector<'_> {
-    // Merge a part when it is its turn
     /// Takes a part of a rank, and returns the paths that it has.
     fn add(&mut self, rank: usize, part: Part) -> u64 {
         // Add what a part has cost
@@ -508,7 +492,6 @@ impl Collector<'_> {
     }
 }
 
-// Lead the other ranks through a pass
 /// A renderer on all ranks.
 struct Leader<'a> {
     own: Box<dyn Renderer + 'a>,
@@ -577,7 +560,6 @@ impl Renderer for Leader<'_> {
         spent.iter().map(|(_, spent)| spent.rays).sum()
     }
 
-    // Answer for the render loop
     fn shares(&self) -> &[Share] {
         &self.shares
     }
@@ -643,7 +625,6 @@ fn hand_out(
     }
 }
 
-// Follow the leader
 /// Renders pieces for rank 0 until there is nothing more to do.
 pub fn serve(renderer: &mut dyn Renderer, frame: &Frame) {
     let stop = AtomicBool::new(false);
@@ -680,7 +661,6 @@ fn exchange(
     }
 }
 
-// Read the time of the processors
 /// The nanoseconds that all threads of this process have computed.
 fn processor_time() -> u64 {
     let status = fs::read_to_string("/proc/self/stat").unwrap_or_default();
@@ -691,7 +671,6 @@ fn processor_time() -> u64 {
     ticks.sum::<u64>() * 10_000_000
 }
 
-// Test the pieces of a pass
 #[cfg(test)]
 #[path = "../tests/units/mpi.rs"]
 mod tests;

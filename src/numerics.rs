@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -10,7 +9,6 @@
 
 use glam::DVec3;
 
-// Scale by exact powers of two
 /// The exponent `e` of `x`, with 2^e <= |x| < 2^(e+1); -1075 for zero.
 pub fn exponent(x: f64) -> i32 {
     let digits = x.to_bits() & ((1 << 52) - 1);
@@ -44,7 +42,6 @@ pub fn normalise(v: DVec3) -> DVec3 {
     shift(v, -exponent(v.abs().max_element()))
 }
 
-// Multiply two vectors without cancellation
 /// `a * b - c * d` to 1.5 units in the last place (Jeannerod, Louvet
 /// and Muller 2013, theorem 5.1, after Kahan).
 #[inline(always)]
@@ -63,7 +60,6 @@ pub fn cross(u: DVec3, v: DVec3) -> DVec3 {
     )
 }
 
-// Place a point on the circle
 /// The point (cos 2πu, sin 2πu), for `u` in [0, 1], with an absolute
 /// error below 4e-16.
 #[inline(always)]

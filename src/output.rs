@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -9,7 +8,6 @@
 //! Targets of files: checked before the work, and written such that
 //! nothing is lost.
 
-// Name what the output imports
 use std::ffi::OsStr;
 use std::fs::{File, OpenOptions, Permissions};
 use std::io::{self, BufWriter, ErrorKind, Write};
@@ -23,7 +21,6 @@ use tempfile::NamedTempFile;
 
 use crate::image::{Format, Means};
 
-// Say where a file goes
 /// Where a file goes: checked, and not yet touched.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct OutputTarget(Kind);
@@ -190,7 +187,6 @@ fn keep(file: NamedTempFile, path: &Path) -> PathBuf {
 }
 
 impl OutputTarget {
-    // Check the target before the work
     /// The standard output.
     ///
     /// # Errors
@@ -245,7 +241,6 @@ impl OutputTarget {
         }
     }
 
-    // Write what the content gives
     /// Writes what `content` gives.
     ///
     /// # Errors
@@ -311,7 +306,6 @@ impl OutputTarget {
     }
 }
 
-// Say where an image goes
 /// Where an image goes, and in which format.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ImageTarget {
@@ -335,7 +329,6 @@ impl ImageTarget {
         Ok(Self { target: OutputTarget::file(path, force)?, format })
     }
 
-    // Tell the format and write the image
     /// The format of the image.
     pub fn format(&self) -> Format {
         self.format

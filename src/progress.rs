@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -8,7 +7,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! What the user reads on standard error.
 
-// Name what the progress imports
 use std::fmt;
 use std::io::Write;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -17,7 +15,6 @@ use std::time::{Duration, Instant};
 use anstyle::{AnsiColor, Effects, Style};
 use indicatif::{HumanDuration, ProgressBar, ProgressState, ProgressStyle};
 
-// Print messages with their marks
 const GREEN: Style = AnsiColor::Green.on_default().effects(Effects::BOLD);
 const RED: Style = AnsiColor::Red.on_default().effects(Effects::BOLD);
 const YELLOW: Style = AnsiColor::Yellow.on_default().effects(Effects::BOLD);
@@ -42,7 +39,6 @@ pub fn error(message: &str) {
     print(RED, "error:", message);
 }
 
-// Compute what the bar shows
 /// How much of a run is done, as the bar shows it.
 #[derive(Clone, Debug, Default)]
 pub struct Progress {
@@ -58,7 +54,6 @@ pub struct Progress {
 }
 
 impl Progress {
-    // Take in how far the run has come
     /// Nothing is done; the program may have a limit of its time, in
     /// seconds.
     pub fn within(limit: Option<f64>) -> Self {
@@ -82,7 +77,6 @@ impl Progress {
         self.seconds = seconds;
     }
 
-    // Put the progress into words
     /// The percentage, with a bar of so many places before it.
     pub fn bar(&self, places: usize) -> String {
         let done = self.percent as usize * places / 100;
@@ -113,7 +107,6 @@ impl Progress {
     }
 }
 
-// Show a bar while rendering
 /// A bar on the terminal, or nothing.
 #[derive(Clone)]
 pub struct Bar {
@@ -122,7 +115,6 @@ pub struct Bar {
 }
 
 impl Bar {
-    // Begin a bar where a run stands
     /// The bar of a program that began at `start` and may have a limit of
     /// its time, in seconds.
     pub fn new(visible: bool, start: Instant, limit: Option<f64>) -> Self {
@@ -136,7 +128,6 @@ impl Bar {
         Self { bar, progress }
     }
 
-    // Move the bar and take it away
     /// Advances by a number of paths; any thread may call it.
     pub fn advance(&self, paths: u64) {
         self.bar.inc(paths);
@@ -218,7 +209,6 @@ pub fn metric(x: f64) -> String {
     }
 }
 
-// Show what is done before
 /// A line on the terminal, or nothing, until it is dropped.
 pub struct Step(ProgressBar);
 

@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -12,7 +11,6 @@ pub mod choice;
 pub mod gather;
 pub mod method;
 
-// Name what the render imports
 use std::array;
 use std::ops::Range;
 
@@ -28,7 +26,6 @@ use crate::sampler::{IndependentSampler, Sampler, within};
 use crate::scene::{Ray, Scene};
 use crate::statistics::Accumulator;
 
-// Name what a render needs
 /// What to render, and how.
 pub struct Job<'a, K, E, S = IndependentSampler> {
     /// The triangles.
@@ -48,7 +45,6 @@ pub struct Job<'a, K, E, S = IndependentSampler> {
 /// Pieces of work that each thread should find in an image.
 const PIECES: usize = 32;
 
-// Let the intersector choose its traversal
 /// A pass that waits for its intersector.
 struct Pass<'a, 'b, K, E, S> {
     job: &'b Job<'a, K, E, S>,
@@ -143,7 +139,6 @@ impl<K: Intersector, E: Integrator, S: Sampler> Renderer
     }
 }
 
-// Keep a path that is under way
 /// Paths that a thread has under way.
 const IN_FLIGHT: usize = 4;
 
@@ -163,7 +158,6 @@ struct PathInFlight<P, S> {
 }
 
 impl<K: Intersector, E: Integrator, S: Sampler> Job<'_, K, E, S> {
-    // Take all tiles to a sample
     /// Takes all tiles to so many samples, with the intersector as it is.
     fn sweep(&self, film: &mut Film, end: u64, watch: &Watch) -> E::Sums {
         let resolution = film.resolution();
@@ -234,7 +228,6 @@ impl<K: Intersector, E: Integrator, S: Sampler> Job<'_, K, E, S> {
         })
     }
 
-    // Take one tile further or leave it
     /// Adds values to the pixels of a tile, given their numbers; none, with
     /// the pixels as they were, if the pass is stopped.
     fn fill(
@@ -270,7 +263,6 @@ impl<K: Intersector, E: Integrator, S: Sampler> Job<'_, K, E, S> {
         finished.then_some(sums)
     }
 
-    // Trace the samples of a tile
     /// Adds samples to the pixels of a tile; whether it was not stopped.
     fn trace(
         &self,
@@ -343,7 +335,6 @@ impl<K: Intersector, E: Integrator, S: Sampler> Job<'_, K, E, S> {
         }
     }
 
-    // Begin a batch of paths
     /// Begins the paths of a batch, each the number of a pixel in its tile and
     /// of a sample, and takes them up to their first hits; those that are over
     /// are added to their pixels.

@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -9,7 +8,6 @@
 //! The render loop: passes over the film until a limit is
 //! reached, and the curve of error against time.
 
-// Name what the render loop imports
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
@@ -23,7 +21,6 @@ use signal_hook::flag;
 use crate::film::Film;
 use crate::render::{Renderer, Share};
 
-// Say when a run stops
 /// When a run stops, and what it is compared with.
 pub struct Limits<'a> {
     /// At most so many samples of each pixel.
@@ -114,7 +111,6 @@ impl Stop {
     }
 }
 
-// Hold what a run has done
 /// One point of the curve of error against time.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CurvePoint {
@@ -198,7 +194,6 @@ fn true_error(film: &Film, truth: &[f64]) -> f64 {
 const DECISIVE: f64 = 1000.;
 
 impl Convergence {
-    // Run until a limit is reached
     /// Goes on with a run until a limit is reached. Calls `advance`, from
     /// any thread, with the work that is done, and `after` when a pass has
     /// ended.
@@ -265,7 +260,6 @@ impl Convergence {
         }
     }
 
-    // Choose the end of the next pass
     /// Where the next pass ends, of at most so many seconds, and where the
     /// next step is due.
     fn next(&self, limits: &Limits, area: u64, slice: f64) -> (u64, u64) {
@@ -314,7 +308,6 @@ impl Convergence {
         ((v + root) / (2. * e)).ceil().max(least) as u64
     }
 
-    // Decide whether a limit is reached
     /// Why the run should stop now, if it should; the first sample has time
     /// until `first`.
     fn stop(
@@ -353,7 +346,6 @@ impl Convergence {
             && step.rmse.is_some_and(enough)
     }
 
-    // Record a step of the curve
     /// Records a point, if there has been a pass since the last one.
     pub fn record(&mut self, film: &Film, reference: Option<&[f64]>) {
         let last = self.steps.last();
@@ -380,7 +372,6 @@ impl Convergence {
     }
 }
 
-// Space the steps evenly by their logarithm
 /// The first number of samples after `spp` at which a step is
 /// recorded.
 fn next_step(spp: u64) -> u64 {
@@ -396,7 +387,6 @@ fn next_step(spp: u64) -> u64 {
     }
 }
 
-// Listen for signals
 /// Remembers the signal that asks the run to end.
 #[derive(Clone, Default)]
 pub struct Interrupt(Arc<AtomicUsize>);
@@ -425,7 +415,6 @@ impl Interrupt {
         Ok(interrupt)
     }
 
-    // Tell which signal has arrived
     /// Has the run end as if a signal had arrived.
     pub fn raise(&self, signal: i32) {
         self.0.store(signal as usize, Ordering::Relaxed);

@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -18,7 +17,6 @@ mod origin;
 mod plot;
 mod result;
 
-// Name what the report imports
 use std::path::Path;
 
 use serde::Serialize;
@@ -28,7 +26,6 @@ use crate::output::descriptor;
 use crate::render_loop::CurvePoint;
 pub use result::{Fit, Report, SceneFile, as_typed};
 
-// Choose the kind of a report
 /// How a report becomes text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
@@ -41,7 +38,6 @@ pub enum Kind {
 }
 
 impl Kind {
-    // Tell the kind from the extension
     /// The kind of report that a file of this name holds.
     ///
     /// # Errors
@@ -94,7 +90,6 @@ fn json(report: &Report) -> String {
     text.expect("the keys of a report are strings") + "\n"
 }
 
-// Write the curve as a table
 /// A header, and a row for each point; what is not known is empty.
 fn csv(curve: &[CurvePoint]) -> String {
     let mut text =

@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -8,7 +7,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Reports and checkpoints, kept up to date while a run goes on.
 
-// Name what the run output imports
 use std::collections::BTreeMap;
 use std::hint::black_box;
 use std::io::{self, Write};
@@ -23,17 +21,14 @@ use crate::output::{Content, OutputTarget};
 use crate::render_loop::{Convergence, Stop};
 use crate::report::{Kind, Report, as_typed};
 
-// Hold what the files need
 /// The files that a run keeps up to date.
 pub struct RunOutput {
-    // Hold the state of the reports
     /// The reports and their targets.
     reports: Vec<(Kind, OutputTarget)>,
     /// When the next report may be written.
     next_report: Instant,
     /// The seconds of the run when the last one was written.
     reported: f64,
-    // Hold the state of the checkpoint
     /// Where the checkpoint goes.
     checkpoint: Option<OutputTarget>,
     /// Time between two checkpoints.
@@ -55,7 +50,6 @@ fn put(
     }
 }
 
-// Show a value as text
 /// The names and values of a run as the attributes of its image.
 pub fn attributes(known: &RunKey) -> BTreeMap<String, String> {
     let text =
@@ -64,7 +58,6 @@ pub fn attributes(known: &RunKey) -> BTreeMap<String, String> {
 }
 
 impl RunOutput {
-    // Begin the output of a run
     /// The files of a run that is about to begin.
     pub fn new(
         reports: Vec<(Kind, OutputTarget)>,
@@ -86,7 +79,6 @@ impl RunOutput {
         }
     }
 
-    // Write what is due after a pass
     /// Writes what is due when a pass has ended.
     ///
     /// # Errors
@@ -117,7 +109,6 @@ impl RunOutput {
         reported.and(saved)
     }
 
-    // Write all files a last time
     /// Writes all files when the run has stopped.
     ///
     /// # Errors
@@ -153,7 +144,6 @@ impl RunOutput {
         image
     }
 
-    // Write the reports
     fn write_reports(
         &mut self,
         convergence: &Convergence,
@@ -173,7 +163,6 @@ impl RunOutput {
         written
     }
 
-    // Write the checkpoint
     fn write_checkpoint(
         &mut self,
         convergence: &Convergence,
@@ -185,7 +174,6 @@ impl RunOutput {
         put(target, stop, &mut |out| save(known, convergence, film, out))
     }
 
-    // Fill in the report
     /// The report of the run so far.
     pub fn report(
         &self,
@@ -213,7 +201,6 @@ impl RunOutput {
         report
     }
 
-    // Fill in the image
     /// The image on the film, with all that is known about it.
     pub fn image(
         &self,
@@ -223,7 +210,6 @@ impl RunOutput {
     ) -> Image {
         let Known { report, run_key, .. } = &self.known;
         let known = json!({
-            // List what is known about a run
             "scene": report.scene.file,
             "spp": convergence.spp,
             "rays": convergence.rays,

@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -10,7 +9,6 @@
 
 pub mod sobol;
 
-// Name what the sampling imports
 use std::ops::Range;
 
 use glam::DVec3;
@@ -19,7 +17,6 @@ use rand_pcg::Pcg64;
 
 use crate::numerics::sincos_turns;
 
-// Say what a sampler gives
 /// The numbers of one sample of a pixel, asked for by their dimension.
 /// They are a function of the seed, the pixel, the sample and the dimension
 /// alone.
@@ -42,7 +39,6 @@ pub trait Sampler: Clone + Send + Sync {
     fn get_2d(&mut self, dimension: u64) -> [f64; 2];
 }
 
-// Number the dimensions of a path
 /// The dimensions of a path; 0 and 1 are those of the point in the pixel.
 pub mod dimension {
     /// That of Russian roulette at a bounce, counted from 0.
@@ -58,7 +54,6 @@ pub mod dimension {
     }
 }
 
-// Give each path its own generator
 /// The generator of sample `n` of pixel `i`, for a seed.
 pub fn generator(seed: u64, i: u64, n: u64) -> Pcg64 {
     let high = split_mix(seed ^ split_mix(i ^ split_mix(n)));
@@ -75,7 +70,6 @@ pub fn split_mix(x: u64) -> u64 {
     x ^ (x >> 31)
 }
 
-// Draw independent numbers
 /// Independent numbers from a generator for each path.
 #[derive(Clone, Debug)]
 pub struct IndependentSampler {
@@ -92,7 +86,6 @@ impl IndependentSampler {
         Self::of_path(seed, 0, 0)
     }
 
-    // Make the sampler of one path
     #[inline(always)]
     fn of_path(seed: u64, pixel: u64, index: u64) -> Self {
         Self {
@@ -103,7 +96,6 @@ impl IndependentSampler {
         }
     }
 
-    // Check the order of dimensions
     /// Panics, in debug builds, if one of the dimensions has been passed.
     #[inline(always)]
     fn pass(&mut self, dimensions: Range<u64>) {
@@ -137,7 +129,6 @@ impl Sampler for IndependentSampler {
         [self.random.random(), self.random.random()]
     }
 
-    // Draw one or two numbers
     #[inline(always)]
     fn get_1d(&mut self, dimension: u64) -> f64 {
         self.pass(dimension..dimension + 1);
@@ -151,7 +142,6 @@ impl Sampler for IndependentSampler {
     }
 }
 
-// Decide something by chance
 /// Whether an event of this probability happens, given a number uniform
 /// over [0, 1).
 #[inline(always)]
@@ -159,7 +149,6 @@ pub fn happens(probability: f64, u: f64) -> bool {
     u < probability
 }
 
-// Choose a point of a pixel
 /// The coordinate in (i/n, (i+1)/n), strictly between the ends, that a
 /// uniform random number chooses in column or row `i` of `n` <= 65536.
 #[inline(always)]
@@ -169,7 +158,6 @@ pub fn within(i: u32, n: u32, random: u32) -> f64 {
     (f64::from(i) + offset) / f64::from(n)
 }
 
-// Choose a direction around a normal
 /// A direction around the unit vector `normal`, with density cos/π,
 /// from two numbers uniform over [0, 1).
 #[inline(always)]
@@ -180,7 +168,6 @@ pub fn cosine_direction(normal: DVec3, r: f64, turn: f64) -> DVec3 {
     across * r.sqrt() + normal * (1. - r).sqrt()
 }
 
-// Build a frame around a normal
 /// Two unit vectors that form an orthonormal frame with the unit
 /// vector `n` (Duff et al. 2017, listing 3).
 #[inline(always)]

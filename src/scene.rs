@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -15,7 +14,6 @@
 pub mod encoding;
 pub mod polygons;
 
-// Name what the scene imports
 use std::borrow::Cow;
 use std::fmt;
 use std::iter::{Skip, from_fn};
@@ -28,7 +26,6 @@ use rayon::prelude::*;
 use self::polygons::Oddity;
 use crate::numerics::{cross, exponent, power_of_two, shift};
 
-// Represent a mesh as it was read
 /// An indexed triangle mesh in the coordinates of its file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
@@ -63,7 +60,6 @@ impl Mesh {
     }
 }
 
-// Read the text of an OBJ
 /// Reads the mesh that the bytes `source` of a Wavefront OBJ describe,
 /// which may be compressed.
 /// Convex faces become fans of triangles around their first corner.
@@ -250,7 +246,6 @@ fn countable(n: usize, what: &str) -> Result<(), ObjError> {
     u32::try_from(n).map(drop).map_err(|_| ObjError::whole(&what))
 }
 
-// Cut the text after whole statements
 /// The statements of a text that give vertices and faces, one by one.
 struct Statements<'a> {
     /// What was not yet looked at.
@@ -283,7 +278,6 @@ impl<'a> Statements<'a> {
         Some(line.trim_ascii())
     }
 
-    // Join a line with its continuations
     /// The line `first` and what continues it.
     fn join(&mut self, first: &'a [u8]) -> Vec<u8> {
         let (mut whole, mut line) = (first.to_vec(), first);
@@ -302,7 +296,6 @@ impl<'a> Statements<'a> {
         whole
     }
 
-    // Pass a statement by
     /// Counts a statement without use, unless it is known to have no shape.
     fn pass_by(&mut self, statement: &[u8]) {
         let name = statement.split(u8::is_ascii_whitespace).next();
@@ -371,7 +364,6 @@ fn cut(mut source: &[u8], size: usize) -> Vec<&[u8]> {
     pieces
 }
 
-// Read one piece of the text
 fn is_vertex(statement: &[u8]) -> bool {
     statement.first() == Some(&b'v')
 }
@@ -434,7 +426,6 @@ fn read_statement(
     }
 }
 
-// Read the numbers of a statement
 type Words<'a> = Skip<SplitAsciiWhitespace<'a>>;
 
 fn read_vertex(mut words: Words) -> Result<DVec3, String> {
@@ -505,7 +496,6 @@ fn read_corner(
     }
 }
 
-// Say what is wrong, and where
 /// Why a text is not the OBJ of a mesh.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ObjError {
@@ -545,7 +535,6 @@ impl fmt::Display for ObjError {
 
 impl std::error::Error for ObjError {}
 
-// Bring the scene to the origin
 /// The map from the coordinates of the file to those of the scene.
 #[derive(Clone, Copy, Debug)]
 pub struct Frame {
@@ -576,7 +565,6 @@ impl Frame {
         whole + shift(lost, self.exponent - k)
     }
 
-    // Ask whether a place is rounded
     /// Along which axes the map rounds the place of `p`.
     fn rounds(&self, p: DVec3) -> BVec3 {
         let p = p * self.part;
@@ -587,7 +575,6 @@ impl Frame {
             | lost(scaled, self.half, place).cmpne(DVec3::ZERO)
     }
 
-    // Place a point however far away
     /// Where the point `p` of the file lies in the scene, in units of
     /// 2^`k`; and `k`, which is 0 up to a distance of 2^`FAR`.
     fn place_afar(&self, p: DVec3) -> (DVec3, i32) {
@@ -643,7 +630,6 @@ pub struct Triangles {
 }
 
 impl Triangles {
-    // Ask for single triangles
     /// How many.
     pub fn len(&self) -> usize {
         self.corners.len()
@@ -672,7 +658,6 @@ impl Triangles {
         Self { vertices: triangles.as_flattened().to_vec(), corners, faces }
     }
 
-    // Leave some triangles out
     /// Takes those triangles out of which `is_out` is true, given their
     /// number; returns their faces.
     fn leave_out(&mut self, is_out: impl Fn(usize) -> bool) -> Vec<u32> {
@@ -761,7 +746,6 @@ impl Scene {
         Self { frame, bounds, triangles, flat, copies }
     }
 
-    // Hand out the triangles of a scene
     /// The triangles that have an area, in the order of the mesh, without
     /// copies.
     pub fn triangles(&self) -> Vec<Triangle> {
@@ -779,7 +763,6 @@ impl Scene {
         std::mem::take(&mut self.triangles)
     }
 
-    // Leave triangles out of the scene
     /// The faces, from 0, of the triangles that were left out because they
     /// have no area, and because others have the same corners.
     pub fn left_out(&self) -> (&[u32], &[u32]) {
@@ -794,7 +777,6 @@ impl Scene {
         nearby.then_some(placed)
     }
 
-    // Move a distant ray to the scene
     /// Where rays that start at a point of the file enter the scene.
     pub fn entrance(&self, position: DVec3) -> Entrance {
         let (origin, k) = self.frame.place_afar(position);
@@ -927,7 +909,6 @@ fn is_between(point: DVec3, [low, high]: [DVec3; 2]) -> bool {
     (point.cmpge(low) & point.cmple(high)).all()
 }
 
-// Test what no file of sensible size can
 #[cfg(test)]
 mod tests {
     use super::countable;

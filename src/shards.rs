@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -8,7 +7,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Parts of one run, and how their states are merged.
 
-// Name what shards import
 use std::fmt;
 use std::fs::File;
 use std::io::Read;
@@ -25,7 +23,6 @@ use crate::render_loop::{Convergence, Stop};
 use crate::report::Report;
 use crate::run_output::RunOutput;
 
-// Describe a part of a run
 /// A part of a run: some of its samples, in one band of its window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Part {
@@ -51,7 +48,6 @@ impl Part {
         self.samples.1 - self.samples.0
     }
 
-    // Write a part into the run key
     /// Its entries in the run key, as in `0..8 of 16` and `1/4`.
     pub fn entries(&self) -> RunKey {
         let Self { samples: (from, to), of, band: (k, n) } = self;
@@ -88,7 +84,6 @@ fn numbers(text: &str) -> Option<Vec<u64>> {
     digits.map(|digits| digits.parse().ok()).collect()
 }
 
-// Tell the state of a run from an image
 /// Whether a file of this name is to hold the state of a run.
 pub fn is_state_name(path: &Path) -> bool {
     extension(path).as_deref() == Some("litpt")
@@ -106,7 +101,6 @@ pub fn is_state(path: &Path) -> bool {
 /// The beginning of a state of any version.
 const START: &[u8; 16] = b"litpt checkpoint";
 
-// Open the state of a part
 /// The state of a part of a run.
 struct State {
     /// The name of its file.
@@ -206,7 +200,6 @@ impl Held {
     }
 }
 
-// Add the states of parts
 /// What the states of parts add up to.
 pub struct Merged {
     /// The sums of the whole window.
@@ -263,7 +256,6 @@ impl Sum {
         }
     }
 
-    // Add the state of one part
     fn add(&mut self, state: State) -> Result<(), String> {
         let State { name, checkpoint, run_key, held, layout, band, .. } =
             state;
@@ -296,7 +288,6 @@ impl Sum {
         Ok(())
     }
 
-    // Finish the sum
     fn finish(self) -> Merged {
         let Self { mut known, film, mut convergence, .. } = self;
         convergence.spp = film.samples();
@@ -346,7 +337,6 @@ impl Merged {
     }
 }
 
-// List what no state holds
 /// The samples of a run that are not held, in words; none if all are.
 fn missing(window: Window, of: u64, held: &[Held]) -> Option<String> {
     let mut gaps: Vec<Held> = vec![];

@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -18,7 +17,6 @@ pub struct Sky {
 }
 
 impl Sky {
-    // Choose the axis nearest to up
     /// The sky whose zenith is the coordinate axis nearest to `up`.
     pub fn new(up: DVec3) -> Self {
         let size = up.abs();
@@ -30,13 +28,11 @@ impl Sky {
         Self { zenith: axis * axis.dot(up).signum() }
     }
 
-    // Tell the radiance of a direction
     /// The radiance that arrives from `direction`, if nothing is in the way.
     pub fn radiance(&self, direction: DVec3) -> f64 {
         if self.zenith.dot(direction) > 0. { 1. } else { 0. }
     }
 
-    // Tell how much of it a surface sees
     /// The share of sky in the hemisphere around the unit vector `normal`,
     /// weighted by the cosine: in [0, 1].
     pub fn share(&self, normal: DVec3) -> f64 {

@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -10,7 +9,6 @@
 
 use bytemuck::Zeroable;
 
-// Hold three sums of values
 /// Count, sum and sum of squares of the values so far. A value is cut
 /// to a multiple of 2^-88 and nothing else is rounded: the same values in
 /// any order, and divided in any manner among accumulators that are
@@ -26,7 +24,6 @@ pub struct Accumulator {
 }
 
 impl Accumulator {
-    // Take one more value into account
     /// Takes one more value into account; it lies in (-2^39, 2^39). A value
     /// outside, or NaN, makes the error infinite.
     #[inline]
@@ -59,7 +56,6 @@ impl Accumulator {
         }
     }
 
-    // Merge with the values of another
     /// Takes the same value into account `count` times.
     pub fn add_times(&mut self, value: f64, mut count: u64) {
         let mut power = Self::default();
@@ -84,7 +80,6 @@ impl Accumulator {
         }
     }
 
-    // Report the mean and its error
     /// The number of values.
     pub fn count(&self) -> u64 {
         self.count
@@ -142,7 +137,6 @@ impl Accumulator {
         (self.variance() / self.count.max(1) as f64).sqrt()
     }
 
-    // Store the accumulator as bytes
     /// The state as 64 bytes: count, sum and squares, in little endian.
     pub fn to_bytes(&self) -> [u8; 64] {
         let mut bytes = [0; 64];
@@ -168,7 +162,6 @@ impl Accumulator {
     }
 }
 
-// Add and multiply numbers of many digits
 /// The number of units in 1, 2^88, and the bound of values, 2^39.
 const UNITS: f64 = (1u128 << 88) as f64;
 const LARGE: f64 = (1u64 << 39) as f64;

@@ -1,4 +1,3 @@
-# Licensed under the GNU all-permissive notice
 # Copyright (C) 2026 litpt contributors
 #
 # Copying and distribution of this file, with or without modification, are
@@ -12,7 +11,6 @@
 
 FNR == 1 { finish_chunk(); start = 0 }
 /^\\(part|include)[{]/ && FILENAME !~ /chapters/ {
-    # Note which chapter is in which part
     word = $0
     gsub(/^[^{]*[{]|[}].*/, "", word)
     tool = FILENAME ~ /^noweb/
@@ -26,7 +24,6 @@ FNR == 1 { finish_chunk(); start = 0 }
     of[(tool ? "noweb/" : "") "chapters/" word ".nw"] = part
 }
 FILENAME ~ /chapters\/.*\.nw$/ {
-    # Count a line of a chapter
     part = of[FILENAME]
     if (/^<<.+>>=[ \t]*$/) {
         finish_chunk()
@@ -41,7 +38,6 @@ FILENAME ~ /chapters\/.*\.nw$/ {
     }
 }
 FILENAME ~ /\.rs$/ {
-    # Count a line of a program
     if (FILENAME ~ /(^|\/)tests\//) {
         tests += /#\[test\]/
         next
@@ -54,7 +50,6 @@ FILENAME ~ /\.rs$/ {
         start = 1
         size = 0
     }
-    # Follow the function to its end
     if (start) {
         size += NF > 0
         last = $0 == indent "}" || size == 1 && /}$/
@@ -65,7 +60,6 @@ FILENAME ~ /\.rs$/ {
     }
 }
 END {
-    # Write what was counted
     for (i = 1; i <= count; i++) {
         row(order[i], order[i])
         words["book"] += words[order[i]]
@@ -73,7 +67,6 @@ END {
     }
     print "\\midrule" > parts
     row("book", "both books")
-    # Write a macro for each number
     define("bookwords", grouped(words["book"]))
     define("bookcode", grouped(sum["book"]))
     define("bookchunks", grouped(number["book"]))
@@ -87,7 +80,6 @@ END {
     }
 }
 
-# Summarise sizes by their frequencies
 function add(kind, size) {
     frequency[kind, size]++
     number[kind]++

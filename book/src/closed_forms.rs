@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -12,7 +11,6 @@
 //! diffuse on both sides. Meshes have coordinates that are exact in
 //! single precision, except those of circles and spheres.
 
-// Name what the closed forms import
 use std::error::Error;
 use std::f64::consts::PI;
 use std::iter;
@@ -31,7 +29,6 @@ use litpt::scene::{Mesh, Scene};
 use litpt::sky::Sky;
 use litpt::statistics::Accumulator;
 
-// Hold a scene with its radiance
 /// A view of a scene, and the radiance that it shows.
 pub struct ClosedForm {
     /// What the book calls it, in LaTeX.
@@ -160,13 +157,11 @@ impl Outcome {
     }
 }
 
-// Look at one point of a scene
 /// The view from `from` towards `to`, `fov` degrees wide.
 pub fn look(from: DVec3, to: DVec3, fov: f64) -> View {
     View { position: from, target: to, up: DVec3::Y, fov }
 }
 
-// Join rows of points into a sheet
 /// The surface between the neighbouring points of neighbouring rows.
 fn sheet(rows: &[Vec<DVec3>]) -> Mesh {
     let columns = rows.first().map_or(0, Vec::len) as u32;
@@ -183,14 +178,12 @@ fn sheet(rows: &[Vec<DVec3>]) -> Mesh {
     Mesh { vertices: rows.concat(), triangles, joined: vec![] }
 }
 
-// Make a plane without an end
 /// A horizontal square of two triangles, at height 0.
 pub fn plane() -> Mesh {
     let row = |y| vec![DVec3::new(-1000., y, 0.), DVec3::new(1000., y, 0.)];
     sheet(&[row(-1000.), row(1000.)])
 }
 
-// Make a body of five slopes
 /// The corners of a horizontal square around the z axis, from half its
 /// width and its height.
 fn square(&(half, z): &(f64, f64)) -> Vec<DVec3> {
@@ -206,7 +199,6 @@ fn gem() -> Mesh {
     sheet(&half_and_height.each_ref().map(square))
 }
 
-// Make a sphere with an opening
 /// The radiance of a cavity of albedo `rho`, from every point of
 /// whose wall a reflection escapes to the sky with probability `f`: of
 /// a sphere that is open over the fraction `f` of its area.
@@ -239,7 +231,6 @@ pub fn cavity(f: f64, rings: u32) -> Mesh {
     bowl(f, rings, |_, _| 1.)
 }
 
-// Make planes that cross
 /// Two planes through the y axis, one through `s` and the other through
 /// `t`, that reach 2^40 times as far.
 fn crossing(s: DVec3, t: DVec3) -> Mesh {
@@ -251,7 +242,6 @@ fn crossing(s: DVec3, t: DVec3) -> Mesh {
     sheet(&iter::once(0.).chain(sizes).map(row).collect::<Vec<_>>())
 }
 
-// Make a trough of narrow facets
 /// The radiance at the angle `theta` from the bottom of an endless
 /// circular trough that reaches to the angle `a` on both sides.
 pub fn trough_radiance(rho: f64, a: f64, theta: f64) -> f64 {
@@ -277,7 +267,6 @@ fn trough(a: f64) -> Mesh {
     sheet(&(0..=FACETS).map(row).collect::<Vec<_>>())
 }
 
-// Make a room with a skylight
 /// The share of the directions from `point`, distributed as the cosine
 /// with `normal`, that go through a polygon in front of the surface
 /// (Lambert 1760).
@@ -310,7 +299,6 @@ fn room() -> Mesh {
     sheet(&[middle, floor, lid, window()])
 }
 
-// Render one pixel of a scene
 /// A scene with a camera in it, ready to be rendered.
 pub struct Setting {
     scene: Scene,

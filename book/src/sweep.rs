@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -13,7 +12,6 @@
 
 use std::io::{self, Write};
 
-// Represent a closed solid by triangles
 /// A point or vector: x, y (up), z, in metres.
 pub type Point = [f64; 3];
 
@@ -32,7 +30,6 @@ pub struct Solid {
 }
 
 impl Solid {
-    // Add a vertex or find it
     fn vertex(&mut self, p: Point) -> u32 {
         let known = self.vertices.iter().position(|&v| v == p);
         known.unwrap_or_else(|| {
@@ -41,7 +38,6 @@ impl Solid {
         }) as u32
     }
 
-    // Add a convex face
     /// Adds a convex face, anticlockwise seen from outside.
     pub fn face(&mut self, corners: &[Point]) {
         let found = corners.iter().map(|&p| self.vertex(p));
@@ -54,7 +50,6 @@ impl Solid {
         }
     }
 
-    // Move every vertex alike
     /// The solid after a rotation or translation.
     pub fn moved(mut self, motion: impl Fn(Point) -> Point) -> Self {
         for p in &mut self.vertices {
@@ -64,7 +59,6 @@ impl Solid {
     }
 }
 
-// Turn a point by quarter turns
 /// A point after some quarter turns about the y axis.
 pub fn turned([x, y, z]: Point, quarters: usize) -> Point {
     match quarters % 4 {
@@ -75,7 +69,6 @@ pub fn turned([x, y, z]: Point, quarters: usize) -> Point {
     }
 }
 
-// Draw a semicircle by bisecting angles
 /// The middle of the arc between two unit vectors.
 fn bisect(a: Flat, b: Flat) -> Flat {
     let [x, y] = [a[0] + b[0], a[1] + b[1]];
@@ -96,7 +89,6 @@ pub fn semicircle(steps: usize) -> Vec<Flat> {
     arc
 }
 
-// Sweep a section into a solid
 /// Rings of points joined to a tube, with a triangulation of their section
 /// on both ends, or none if the path closes.
 pub fn sweep(rings: &[Vec<Point>], cap: &[[usize; 3]]) -> Solid {
@@ -128,7 +120,6 @@ pub fn block(x: [f64; 2], y: [f64; 2], z: [f64; 2]) -> Solid {
     sweep(&z.map(|z| ring(z).to_vec()), &fan(4))
 }
 
-// Turn a profile on the lathe
 /// A surface of revolution with pairs of radius and height.
 pub fn lathe(profile: &[Flat], sides: usize) -> Solid {
     let half = semicircle(sides / 2);
@@ -144,7 +135,6 @@ pub fn lathe(profile: &[Flat], sides: usize) -> Solid {
     sweep(&rings, &fan(circle.len()))
 }
 
-// Write the solids as an OBJ
 /// Writes solids as a Wavefront OBJ, one object each, five decimals.
 ///
 /// # Errors

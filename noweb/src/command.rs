@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -13,17 +12,19 @@
 //! called as `noweb`, it is what its first argument says.
 
 use std::ffi::{OsStr, OsString};
-use std::io::{self, BufWriter};
+use std::io::{self, BufReader, BufWriter, Read, Write};
 use std::path::Path;
 use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::sleep;
+use std::time::Duration;
 
+use crate::diagnostic::shown;
 use crate::filter::Pipeline;
 use crate::web::Chunk;
 use crate::{Streams, cpif, map, markup, project, tangle, untangle};
-// Use the modules that weave
 use crate::{finduses, noidx, noweave, rust_index, split_scope, totex};
 
-// List the commands
 /// A command: its name, what runs it, what it does, and its arguments.
 type Command = (&'static str, Runner, &'static str, &'static str);
 
@@ -36,47 +37,82 @@ const COMMANDS: &[Command] = &[
     ("notangle", tangle::run, "extract one chunk, expanded", NOTANGLE),
     ("noroots", run_noroots, "list the chunks that none uses", MARKUP),
     ("markup", markup::run, "turn a web into a stream", MARKUP),
-    (
-        "unmarkup",
-        markup::run_unmarkup,
-        "turn a stream into a web",
-        "[FILE...]",
-    ),
+    ("unmarkup", markup::unmarkup, "turn a stream into a web", "[FILE...]"),
     ("nt", tangle::run_nt, "extract a chunk from a stream", NT),
     ("cpif", cpif::run, "copy to files that differ", CPIF),
-    // List the commands that weave
     ("noweave", noweave::run, "weave chapters into a document", NOWEAVE),
-    (
-        "finduses",
-        finduses::run,
-        "mark the uses of identifiers",
-        "[-noquote]",
-    ),
-    (
-        "rustindex",
-        rust_index::run,
-        "find the items of Rust and their uses",
-        "",
-    ),
+    ("finduses", finduses::run, "mark uses of identifiers", "[-noquote]"),
+    ("rustindex", rust_index::run, "find items of Rust and uses", ""),
     ("noidx", noidx::run, "resolve cross-references", "[-delay]"),
     ("totex", totex::run, "turn a stream into LaTeX", TOTEX),
-    (
-        "split_scope",
-        split_scope::run,
-        "turn a stream into LaTeX files",
-        SPLIT,
-    ),
+    ("split_scope", split_scope::run, "write LaTeX, file by file", SPLIT),
 ];
 
-// Choose the command
+/// Standard output was closed when the program was started, or open for
+/// reading alone.
+static CLOSED: AtomicBool = AtomicBool::new(false);
+
+extern "C" fn look_at_output() {
+    // SAFETY: it reads the flags of a descriptor, which may be closed, and
+    // touches no memory.
+    let flags = unsafe { libc::fcntl(1, libc::F_GETFL) };
+    let closed = flags == -1 || flags & libc::O_ACCMODE == libc::O_RDONLY;
+    CLOSED.store(closed, Ordering::Relaxed);
+}
+
+// SAFETY: the section lists functions of this type, which the loader calls
+// once; this one needs nothing of the runtime of Rust.
+#[used]
+#[cfg_attr(not(target_os = "macos"), unsafe(link_section = ".init_array"))]
+#[cfg_attr(
+    target_os = "macos",
+    unsafe(link_section = "__DATA,__mod_init_func")
+)]
+static LOOK: extern "C" fn() = look_at_output;
+
+/// A stream that waits until there is room or input; true if it is closed.
+struct Patient<S>(S, bool);
+
+fn patiently<T>(mut act: impl FnMut() -> io::Result<T>) -> io::Result<T> {
+    loop {
+        match act() {
+            Err(e) if e.kind() == io::ErrorKind::WouldBlock => {
+                sleep(Duration::from_millis(1));
+            }
+            result => return result,
+        }
+    }
+}
+
+impl<R: Read> Read for Patient<R> {
+    fn read(&mut self, space: &mut [u8]) -> io::Result<usize> {
+        patiently(|| self.0.read(space))
+    }
+}
+
+impl<W: Write> Write for Patient<W> {
+    fn write(&mut self, text: &[u8]) -> io::Result<usize> {
+        match self.1 {
+            true => Err(io::Error::from_raw_os_error(libc::EBADF)),
+            false => patiently(|| self.0.write(text)),
+        }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        patiently(|| self.0.flush())
+    }
+}
+
 /// The whole program: finds its name, its streams and its status.
 pub fn main() -> ExitCode {
     let mut args = std::env::args_os();
     let called = args.next().unwrap_or_default();
     let args: Vec<OsString> = args.collect();
-    let mut input = io::stdin().lock();
-    let mut output = BufWriter::new(io::stdout().lock());
-    let mut errors = io::stderr().lock();
+    let closed = CLOSED.load(Ordering::Relaxed);
+    let mut input = BufReader::new(Patient(io::stdin().lock(), false));
+    let output = Patient(io::stdout().lock(), closed);
+    let mut output = BufWriter::new(output);
+    let mut errors = Patient(io::stderr().lock(), false);
     let mut streams = Streams {
         input: &mut input,
         output: &mut output,
@@ -97,8 +133,7 @@ pub fn run(name: &OsStr, args: &[OsString], streams: &mut Streams) -> u8 {
         [first, rest @ ..] => match find(first) {
             Some(command) => run_command(command, rest, streams),
             None => {
-                let text = format!("unknown command {}", first.display());
-                streams.misused(text)
+                streams.misused(format!("unknown command {}", shown(first)))
             }
         },
         [] => streams.misused("which command?".into()),
@@ -128,8 +163,6 @@ fn find(name: &OsStr) -> Option<&'static Command> {
     COMMANDS.iter().find(|(known, ..)| name == *known)
 }
 
-// Print the help
-
 const NOWEAVE: &str = "[OPTION...] [FILE...]
 
   -n, -delay      write no preamble, or the author's own first line
@@ -148,6 +181,7 @@ const TOTEX: &str = "[-delay] [-noindex] [-no-gen-comment] [-texnames]";
 const SPLIT: &str = "[-o DIR] [OPTION OF TOTEX...]
 
   -o DIR          where the files go [.]";
+
 fn help() -> String {
     let mut text = String::from("usage: noweb COMMAND [ARGUMENT...]\n\n");
     for (name, _, purpose, _) in COMMANDS {
@@ -201,7 +235,6 @@ const NOTANGLE: &str = "[OPTION...] [FILE...]
   -filter COMMAND    send the stream through a command of the shell
   -markup COMMAND    read the files with this command";
 
-// Run the command that lists roots
 /// The command `noroots [-t[N]] [file...]`.
 fn run_noroots(args: &[OsString], streams: &mut Streams) -> u8 {
     let (tab, files, mut faults) = markup::read_arguments(args);

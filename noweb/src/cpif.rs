@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -12,16 +11,15 @@
 //! A reader of the file sees the old text or the new one and nothing in
 //! between, and a full disk leaves the old one.
 
-use std::ffi::{OsStr, OsString};
+use std::ffi::OsString;
 use std::fs::{self, File};
 use std::io::{self, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::SystemTime;
 
 use crate::Streams;
-use crate::diagnostic::Diagnostic;
+use crate::diagnostic::{Diagnostic, Faults};
 
-// Replace a file as a whole
 /// Writes a file as a whole or not at all; `time` is that of its last
 /// change, if not now.
 /// A device or a pipe is written to; a symbolic link is followed. An
@@ -38,7 +36,8 @@ pub fn replace(
         let mut device = File::options().write(true).open(&target)?;
         return device.write_all(text);
     }
-    let temporary = temporary_beside(&target);
+    let temporary = format!(".noweb-{}.tmp", std::process::id());
+    let temporary = target.with_file_name(temporary);
     let permissions = old.map(|old| old.permissions());
     let written = fill(&temporary, text, time, permissions)
         .and_then(|()| fs::rename(&temporary, &target));
@@ -47,13 +46,6 @@ pub fn replace(
         let _ = fs::remove_file(&temporary);
     }
     written
-}
-
-fn temporary_beside(path: &Path) -> PathBuf {
-    let mut name = OsString::from(".");
-    name.push(path.file_name().unwrap_or(OsStr::new("noweb")));
-    name.push(format!(".{}.tmp", std::process::id()));
-    path.with_file_name(name)
 }
 
 fn fill(
@@ -70,12 +62,8 @@ fn fill(
     time.map_or(Ok(()), |time| file.set_modified(time))
 }
 
-// Replace a file if it differs
-pub fn update(path: &Path, text: &[u8]) -> io::Result<()> {
-    copy_if(path, text, false)
-}
-
-fn copy_if(path: &Path, text: &[u8], wanted: bool) -> io::Result<()> {
+/// Writes a file that does not exist, or whose being the same is wanted.
+pub fn copy_if(path: &Path, text: &[u8], wanted: bool) -> io::Result<()> {
     let same = fs::read(path).ok().map(|old| old == text);
     if same == Some(!wanted) {
         return Ok(());
@@ -83,7 +71,6 @@ fn copy_if(path: &Path, text: &[u8], wanted: bool) -> io::Result<()> {
     replace(path, text, None)
 }
 
-// Run the command that copies if different
 /// The command `cpif [-eq | -ne] file...`: standard input to each file
 /// that does not exist, or that differs (`-eq`: is the same).
 pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
@@ -108,6 +95,5 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
         let copied = copy_if(Path::new(file), &text, wanted);
         copied.err().map(|e| Diagnostic::failure("write", file, &e))
     });
-    let faults: Vec<Diagnostic> = faults.collect();
-    streams.conclude(Ok(()), &faults).min(1)
+    streams.conclude(Ok(()), &faults.collect::<Faults>()).min(1)
 }

@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -12,11 +11,37 @@
 //! Lines and columns count from 1. A [`Place`] counts columns in bytes,
 //! as the lexer does; a [`Position`] is for people and counts characters.
 
+use std::ffi::OsStr;
 use std::fmt;
 use std::io;
-use std::path::Path;
 
-// Define a place and a source
+const BYTE: u32 = 0x0010_ff00;
+
+/// Text for a message; a byte that is not UTF-8 is one character.
+pub fn text_of(bytes: &[u8]) -> String {
+    let mut text = String::new();
+    for chunk in bytes.utf8_chunks() {
+        let lone = |byte: &u8| char::from_u32(BYTE + u32::from(*byte));
+        text += chunk.valid();
+        text.extend(chunk.invalid().iter().filter_map(lone));
+    }
+    text
+}
+
+/// The bytes that a message is made of.
+pub fn bytes_of(text: &str) -> Vec<u8> {
+    let bytes = |c: char| match u32::from(c) {
+        code if code < BYTE + 0x80 => c.to_string().into_bytes(),
+        code => vec![code as u8],
+    };
+    text.chars().flat_map(bytes).collect()
+}
+
+/// A path or an argument, for a message.
+pub fn shown(name: impl AsRef<OsStr>) -> String {
+    text_of(name.as_ref().as_encoded_bytes())
+}
+
 /// A byte of a source.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Place {
@@ -43,11 +68,7 @@ impl Source {
         let starts = std::iter::once(0).chain(starts).collect();
         Self { name, text, starts }
     }
-}
 
-// Find a line of the source
-impl Source {
-    // Find lines and positions
     pub fn start(&self, number: u32) -> Option<usize> {
         let index = (number as usize).checked_sub(1)?;
         self.starts.get(index).copied()
@@ -62,31 +83,25 @@ impl Source {
 
     pub fn position(&self, place: Place) -> Position {
         let line = self.line(place.line).filter(|l| !l.is_empty());
-        let before = place.column.saturating_sub(1) as usize;
-        let continues = |b: &&u8| **b & 0xc0 == 0x80;
-        let inside = line.map_or(0, |l| {
-            l[..before.min(l.len())].iter().filter(continues).count()
-        });
+        let end = place.column.saturating_sub(1) as usize;
+        let before = line.map_or(&b""[..], |l| l.get(..end).unwrap_or(l));
+        let inside = before.len() - text_of(before).chars().count();
         Position {
-            file: String::from_utf8_lossy(&self.name).into_owned(),
+            file: text_of(&self.name),
             line: place.line,
-            column: place.column - (inside as u32).min(place.column),
-            excerpt: line.map(|l| String::from_utf8_lossy(l).into()),
+            column: place.column - inside as u32,
+            excerpt: line.map(text_of),
         }
     }
 
     /// The column in bytes of a column in characters, both from 1.
     pub fn byte_column(&self, line: u32, column: u32) -> u32 {
-        let line = self.line(line).unwrap_or(b"");
-        let begins = |(_, b): &(usize, &u8)| **b & 0xc0 != 0x80;
-        let starts = line.iter().enumerate().filter(begins).map(|(i, _)| i);
-        let mut starts = starts.chain([line.len()]);
-        let before = column.saturating_sub(1) as usize;
-        starts.nth(before).unwrap_or(line.len()) as u32 + 1
+        let line = text_of(self.line(line).unwrap_or_default());
+        let before = line.chars().take(column.saturating_sub(1) as usize);
+        bytes_of(&before.collect::<String>()).len() as u32 + 1
     }
 }
 
-// Define a diagnostic and its levels
 /// How bad it is; as a number, the exit status that it leads to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Level {
@@ -138,13 +153,20 @@ impl Diagnostic {
     /// What to say of a file that could not be read, written or removed.
     pub fn failure(
         action: &str,
-        path: impl AsRef<Path>,
+        path: impl AsRef<OsStr>,
         error: &io::Error,
     ) -> Self {
-        let path = path.as_ref().display();
-        let text = format!("cannot {action} {path}: {error}");
+        let text = format!("cannot {action} {}: {error}", shown(path));
         Self::new(Level::Error, None, text)
     }
+}
+
+/// What is wrong, in order.
+pub type Faults = Vec<Diagnostic>;
+
+/// A value, if nothing is wrong.
+pub fn checked<T>(value: T, faults: Faults) -> Result<T, Faults> {
+    if faults.is_empty() { Ok(value) } else { Err(faults) }
 }
 
 /// The exit status that a list of diagnostics leads to.
@@ -152,18 +174,10 @@ pub fn status(diagnostics: &[Diagnostic]) -> u8 {
     diagnostics.iter().map(|d| d.level as u8).max().unwrap_or(0)
 }
 
-// Print a diagnostic for a person
 impl fmt::Display for Position {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         let file = if self.file.is_empty() { "-" } else { &self.file };
         write!(f, "{file}:{}:{}", self.line, self.column)
-    }
-}
-
-impl fmt::Display for Level {
-    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        let warning = *self == Level::Warning;
-        f.write_str(if warning { "warning" } else { "error" })
     }
 }
 
@@ -172,7 +186,9 @@ impl fmt::Display for Diagnostic {
         if let Some(position) = &self.position {
             write!(f, "{position}: ")?;
         }
-        writeln!(f, "{}: {}", self.level, visible(&self.text))?;
+        let warning = self.level == Level::Warning;
+        let level = if warning { "warning" } else { "error" };
+        writeln!(f, "{level}: {}", visible(&self.text))?;
         // Show the line and point into it
         if let Some(position) = &self.position
             && let Some(line) = &position.excerpt

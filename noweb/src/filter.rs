@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -14,17 +13,19 @@
 
 use std::ffi::{OsStr, OsString};
 use std::io::{self, Write};
+use std::os::unix::ffi::{OsStrExt, OsStringExt};
 use std::path::PathBuf;
 use std::process::{Command, Output, Stdio};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use crate::Streams;
-use crate::diagnostic::{Diagnostic, Level, status};
+use crate::diagnostic::{
+    Diagnostic, Faults, Level, checked, shown, status,
+};
 use crate::markup::mark_files;
 use crate::stream::fatal;
 use crate::web::Web;
 
-// Define a pipeline and its failure
 #[derive(Clone, Debug, Default)]
 pub struct Pipeline {
     pub markup: Option<OsString>,
@@ -34,18 +35,17 @@ pub struct Pipeline {
 
 #[derive(Clone, Debug)]
 pub struct Failure {
-    pub faults: Vec<Diagnostic>,
+    pub faults: Faults,
     /// The exit status that noweb would give.
     pub status: u8,
 }
 
-impl From<Vec<Diagnostic>> for Failure {
-    fn from(faults: Vec<Diagnostic>) -> Self {
+impl From<Faults> for Failure {
+    fn from(faults: Faults) -> Self {
         Self { faults, status: 1 }
     }
 }
 
-// Run the stages before the last
 impl Pipeline {
     /// The web of some files, `-` being standard input.
     pub fn read_web(
@@ -56,29 +56,35 @@ impl Pipeline {
     ) -> Result<Web, Failure> {
         // Stay inside the process if possible
         if self.markup.is_none() && self.filters.is_empty() {
-            let sources = read_sources(files, streams)?;
-            let (web, faults) = Web::read(sources, tab);
-            return if faults.is_empty() {
-                Ok(web)
-            } else {
-                Err(faults.into())
-            };
+            let (sources, faults) = streams.sources(files);
+            let (web, faults) = Web::read(checked(sources, faults)?, tab);
+            return Ok(checked(web, faults)?);
         }
-        let stream = self.stream(files, tab, streams)?;
+        let path = StagePath::new().map_err(|e| cannot("prepare", &e))?;
+        let mut stream = match &self.markup {
+            // Run a foreign parser on the files
+            Some(markup) => {
+                let mut command = markup.clone();
+                command.push(if tab == 0 { " -t" } else { "" });
+                files.iter().for_each(|file| command.push(quoted(file)));
+                let mut input = Vec::new();
+                if files.iter().any(|file| file == "-") {
+                    let read = streams.input.read_to_end(&mut input);
+                    read.map_err(|e| cannot("read standard input", &e))?;
+                }
+                run_shell(&command, &input, &path, streams)?
+            }
+            // Mark up the files in this process
+            None => {
+                let (stream, faults) = mark_files(files, tab, streams);
+                checked(stream, faults)?
+            }
+        };
+        for filter in &self.filters {
+            stream = run_shell(filter, &stream, &path, streams)?;
+        }
         parse(&stream)
     }
-}
-
-fn read_sources(
-    files: &[OsString],
-    streams: &mut Streams,
-) -> Result<Vec<crate::diagnostic::Source>, Failure> {
-    let read: Vec<_> = files.iter().map(|f| streams.read(f)).collect();
-    if read.iter().all(Result::is_ok) {
-        return Ok(read.into_iter().flatten().collect());
-    }
-    let faults = read.into_iter().filter_map(Result::err);
-    Err(faults.collect::<Vec<_>>().into())
 }
 
 pub fn read_stream(streams: &mut Streams) -> Result<Web, Failure> {
@@ -95,60 +101,18 @@ fn parse(stream: &[u8]) -> Result<Web, Failure> {
     if status == 0 { Ok(web) } else { Err(Failure { faults, status }) }
 }
 
-impl Pipeline {
-    pub fn stream(
-        &self,
-        files: &[OsString],
-        tab: usize,
-        streams: &mut Streams,
-    ) -> Result<Vec<u8>, Failure> {
-        let path = StagePath::new().map_err(|e| cannot("prepare", &e))?;
-        let mut stream = match &self.markup {
-            // Run a foreign parser on the files
-            Some(markup) => {
-                let command = with_arguments(markup, files, tab);
-                let mut input = Vec::new();
-                if files.iter().any(|file| file == "-") {
-                    let read = streams.input.read_to_end(&mut input);
-                    read.map_err(|e| cannot("read standard input", &e))?;
-                }
-                run_shell(&command, &input, &path, streams)?
-            }
-            // Mark up the files in this process
-            None => match mark_files(files, tab, streams) {
-                (stream, faults) if faults.is_empty() => stream,
-                (_, faults) => return Err(faults.into()),
-            },
-        };
-        for filter in &self.filters {
-            stream = run_shell(filter, &stream, &path, streams)?;
-        }
-        Ok(stream)
-    }
-}
-
 fn cannot(action: &str, error: &io::Error) -> Failure {
     let text = format!("cannot {action}: {error}");
     vec![Diagnostic::new(Level::Error, None, text)].into()
 }
 
-fn with_arguments(
-    markup: &OsStr,
-    files: &[OsString],
-    tab: usize,
-) -> OsString {
-    let mut command = markup.to_owned();
-    if tab == 0 {
-        command.push(" -t");
-    }
-    for file in files {
-        let text = file.to_string_lossy().replace('\'', "'\\''");
-        command.push(format!(" '{text}'"));
-    }
-    command
+/// An argument as a word that the shell does not look into.
+pub fn quoted(arg: &OsStr) -> OsString {
+    let parts: Vec<&[u8]> = arg.as_bytes().split(|b| *b == b'\'').collect();
+    let word = parts.join(&b"'\\''"[..]);
+    OsString::from_vec([b" '", &word[..], b"'"].concat())
 }
 
-// Run a shell command on a text
 /// What a shell command writes when it reads a text.
 ///
 /// Its complaints go to the error stream. A failure of the command is a
@@ -159,7 +123,7 @@ pub fn run_shell(
     path: &StagePath,
     streams: &mut Streams,
 ) -> Result<Vec<u8>, Failure> {
-    let action = format!("run {}", command.display());
+    let action = format!("run {}", shown(command));
     let output = converse(command, input, path);
     let output = output.map_err(|e| cannot(&action, &e))?;
     // There is nobody left to tell if this fails.
@@ -167,7 +131,7 @@ pub fn run_shell(
     if output.status.success() {
         return Ok(output.stdout);
     }
-    let (command, status) = (command.display(), output.status);
+    let (command, status) = (shown(command), output.status);
     let text = format!("the filter `{command}' failed ({status})");
     Err(vec![Diagnostic::new(Level::Error, None, text)].into())
 }
@@ -193,7 +157,6 @@ fn converse(
     })
 }
 
-// Let shell commands find our stages
 /// A directory in which our stages have their names, for as long as it
 /// lives, and a search path that ends in it.
 #[derive(Debug)]
@@ -203,8 +166,8 @@ pub struct StagePath {
 }
 
 /// The stages of a pipeline.
-const STAGES: &str =
-    "cpif finduses markup noidx noroots nt rustindex totex unmarkup";
+const STAGES: &str = "cpif finduses markup noidx noroots nt rustindex \
+    split_scope totex unmarkup";
 
 impl StagePath {
     pub fn new() -> io::Result<Self> {

@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -17,9 +16,9 @@ use std::collections::HashSet;
 use std::ffi::OsString;
 
 use crate::Streams;
+use crate::diagnostic::shown;
 use crate::stream::{self, Mark, Outcome};
 
-// Recognise the words of a set
 /// A set of words, and of the prefixes of the words.
 #[derive(Default)]
 pub struct Recogniser {
@@ -56,7 +55,6 @@ impl Recogniser {
     }
 }
 
-// Decide whether a match is whole
 #[derive(PartialEq, Eq)]
 enum Class {
     Name,
@@ -78,7 +76,6 @@ fn joined(left: u8, right: u8) -> bool {
     class(left) == class(right) && class(left) != Class::Separator
 }
 
-// Mark the uses in a stream
 const TEXT: &[u8] = b"@text ";
 
 impl Recogniser {
@@ -118,11 +115,7 @@ fn put(out: &mut Vec<u8>, parts: &[&[u8]]) {
 }
 
 /// Announces with `@index use` every use of a word in the code.
-pub fn mark_uses(
-    stream: &[u8],
-    words: &Recogniser,
-    quotes: bool,
-) -> Vec<u8> {
+pub fn mark_uses(stream: &[u8], set: &Recogniser, quotes: bool) -> Vec<u8> {
     let mut out = Vec::new();
     let mut code = false;
     for line in stream::lines(stream) {
@@ -136,7 +129,7 @@ pub fn mark_uses(
         // Mark a text or copy the line
         match Mark::read(line) {
             Some(Mark { keyword: b"text", .. }) if code => {
-                words.mark_line(line, &mut out);
+                set.mark_line(line, &mut out);
             }
             _ => put(&mut out, &[line]),
         }
@@ -144,7 +137,6 @@ pub fn mark_uses(
     out
 }
 
-// Run finduses as a command
 /// The identifiers that a stream declares.
 pub fn declared(stream: &[u8]) -> impl Iterator<Item = &[u8]> {
     stream::lines(stream)
@@ -158,7 +150,7 @@ pub fn declared(stream: &[u8]) -> impl Iterator<Item = &[u8]> {
 /// `finduses [-noquote]`, a filter over the stream.
 pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
     if let Some(arg) = args.iter().find(|arg| *arg != "-noquote") {
-        let what = format!("unknown option {}", arg.display());
+        let what = format!("unknown option {}", shown(arg));
         return Outcome::failure("finduses", 2, &what).deliver(streams);
     }
     let quotes = args.is_empty();

@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -32,7 +31,7 @@ pub mod locate;
 pub mod map;
 #[cfg(feature = "commands")]
 pub mod untangle;
-// List the modules that weave
+
 #[cfg(feature = "commands")]
 pub mod finduses;
 #[cfg(feature = "commands")]
@@ -51,11 +50,12 @@ pub mod stream;
 #[cfg(feature = "commands")]
 pub mod totex;
 
-// Define the streams of a command
-use std::ffi::OsStr;
+use std::ffi::{OsStr, OsString};
 use std::io::{self, BufRead, Write};
 
-use diagnostic::{Diagnostic, Level, Source, status};
+use diagnostic::{
+    Diagnostic, Faults, Level, Source, bytes_of, shown, status,
+};
 
 /// The three streams of a command.
 pub struct Streams<'a> {
@@ -65,7 +65,6 @@ pub struct Streams<'a> {
 }
 
 impl Streams<'_> {
-    // Read the files and conclude
     pub fn read(&mut self, file: &OsStr) -> Result<Source, Diagnostic> {
         let mut text = Vec::new();
         let (name, result) = if file == "-" {
@@ -75,11 +74,19 @@ impl Streams<'_> {
             (file.as_encoded_bytes(), read)
         };
         result.map_err(|error| {
-            let file = file.display();
-            let text = format!("couldn't open file {file}: {error}");
+            let text =
+                format!("couldn't open file {}: {error}", shown(file));
             Diagnostic::new(Level::Error, None, text)
         })?;
         Ok(Source::new(name.to_vec(), text))
+    }
+
+    /// Reads some files, and tells of all that cannot be read.
+    pub fn sources(&mut self, files: &[OsString]) -> (Vec<Source>, Faults) {
+        let read = files.iter().map(|file| self.read(file));
+        let (good, bad): (Vec<_>, Vec<_>) = read.partition(Result::is_ok);
+        let bad = bad.into_iter().filter_map(Result::err);
+        (good.into_iter().flatten().collect(), bad.collect())
     }
 
     /// Prints the diagnostics and gives the exit status.
@@ -90,7 +97,7 @@ impl Streams<'_> {
     ) -> u8 {
         for fault in faults {
             // There is nobody left to tell if this fails.
-            let _ = write!(self.errors, "{fault}");
+            let _ = self.errors.write_all(&bytes_of(&fault.to_string()));
         }
         match result.and_then(|()| self.output.flush()) {
             Err(e) if e.kind() != io::ErrorKind::BrokenPipe => {

@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -13,7 +12,9 @@
 //! they are said to be characters.
 
 use std::collections::BTreeMap;
+use std::ffi::OsStr;
 use std::fs;
+use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
 use crate::diagnostic::{Position, Source};
@@ -21,7 +22,6 @@ use crate::project::Project;
 use crate::tangle::Tangled;
 use crate::web::Web;
 
-// Define an atlas of the program
 /// The programs of some webs in memory, and the chapters they come from.
 #[derive(Default)]
 pub struct Atlas {
@@ -38,7 +38,6 @@ pub struct TangledFile {
     pub fresh: bool,
 }
 
-// Read the program and find files
 impl Atlas {
     /// The programs of those projects that can be tangled.
     pub fn read(projects: &[Project]) -> Self {
@@ -47,7 +46,7 @@ impl Atlas {
             // Errors in chapters are told by the command that tangles.
             let Ok(program) = project.expand() else { continue };
             let dir = project.dir.join(".");
-            atlas.dir = fs::canonicalize(&dir).unwrap_or(dir);
+            atlas.dir = fs::canonicalize(&dir).unwrap_or(dir).join("");
             for (path, tangled) in program.files {
                 // Add a file of the program
                 let disk = fs::read(atlas.dir.join(&path));
@@ -62,20 +61,29 @@ impl Atlas {
         atlas
     }
 
-    // Find a file and a position
-    /// The file of a program that a path means, if that is clear.
-    pub fn find(&self, path: &Path) -> Option<&TangledFile> {
-        if let Ok(path) = path.strip_prefix(&self.dir) {
-            return self.files.get(path);
-        }
-        let Ok(path) = path.strip_prefix(".") else {
-            return self.files.get(path);
-        };
+    /// The file of a program whose path a text ends with, if that is clear,
+    /// and where the path begins.
+    pub fn find(&self, text: &[u8]) -> Option<(usize, &TangledFile)> {
+        let dir = self.dir.as_os_str().as_bytes();
+        let known = self.files.iter().filter_map(|(path, file)| {
+            let before = text.strip_suffix(path.as_os_str().as_bytes())?;
+            let before = before.strip_suffix(dir).unwrap_or(before);
+            let start = before.len();
+            (path_start(before) == start).then_some((start, file))
+        });
+        let first = known.min_by_key(|(start, _)| *start);
+        first.or_else(|| self.find_end(text))
+    }
+
+    fn find_end(&self, text: &[u8]) -> Option<(usize, &TangledFile)> {
+        let start = path_start(text);
+        let path = Path::new(OsStr::from_bytes(&text[start..]));
+        let path = path.strip_prefix(".").ok()?;
         // Look for the only file with this end
         let mut ending =
             self.files.iter().filter(|(p, _)| p.ends_with(path));
         let (_, file) = ending.next()?;
-        ending.next().is_none().then_some(file)
+        ending.next().is_none().then_some((start, file))
     }
 
     /// Where a position of a file comes from; columns count characters.
@@ -88,5 +96,34 @@ impl Atlas {
         let column = file.source.byte_column(line, column);
         let place = file.tangled.origin(line, column)?;
         self.webs[file.web].position(place)
+    }
+}
+
+/// Where the path begins that a text ends with, if it is an ordinary one.
+pub fn path_start(text: &[u8]) -> usize {
+    let inside = |b: &u8| {
+        b.is_ascii_alphanumeric() || b"_-+./~".contains(b) || *b >= 0x80
+    };
+    let path = text.iter().rev().take_while(|b| inside(b)).count();
+    let start = text.len() - path;
+    let near = start.saturating_sub(24);
+    let colour = text[near..].iter().rposition(|b| *b == 0x1b);
+    let colour = colour.map(|escape| near + escape);
+    start.max(colour.map_or(0, |escape| escape + margin(&text[escape..])))
+}
+
+pub fn margin(line: &[u8]) -> usize {
+    let mut at = 0;
+    loop {
+        at += match &line[at..] {
+            [b' ', ..] => 1,
+            [0x1b, rest @ ..] => {
+                match rest.iter().position(u8::is_ascii_alphabetic) {
+                    Some(end) => end + 2,
+                    None => return at,
+                }
+            }
+            _ => return at,
+        };
     }
 }

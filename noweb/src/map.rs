@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -15,27 +14,27 @@
 use std::collections::BTreeSet;
 use std::ffi::{OsStr, OsString};
 use std::io::{self, BufRead, BufReader, IsTerminal, Read, Write};
-use std::os::unix::ffi::OsStrExt;
 use std::os::unix::process::ExitStatusExt;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::sync::mpsc;
 
 use crate::Streams;
-use crate::diagnostic::{Diagnostic, Level, Position};
-use crate::locate::Atlas;
+use crate::diagnostic::{
+    Diagnostic, Faults, Level, Position, bytes_of, shown, text_of,
+};
+use crate::locate::{Atlas, margin, path_start};
 use crate::project::{Project, included};
 
-// Translate one line
 #[derive(Default)]
 pub struct Filter {
     projects: Vec<Project>,
     atlas: Option<Atlas>,
-    /// For each stream the file whose lines the compiler shows.
-    shown: [Option<PathBuf>; 2],
+    /// For each stream the path of the file whose lines are shown.
+    shown: [Option<Vec<u8>>; 2],
     /// The stale files that were spoken of.
-    stale: BTreeSet<PathBuf>,
-    pub warnings: Vec<Diagnostic>,
+    stale: BTreeSet<Vec<u8>>,
+    pub warnings: Faults,
 }
 
 impl Filter {
@@ -43,7 +42,6 @@ impl Filter {
         Self { projects, ..Self::default() }
     }
 
-    // Translate a line of a stream
     /// Translates a line of one of two streams.
     pub fn translate(&mut self, line: &[u8], stream: usize) -> Vec<u8> {
         let (text, path) = self.replace(line);
@@ -60,9 +58,8 @@ impl Filter {
         }
     }
 
-    // Replace the positions in a text
     /// Replaces the positions in a text; gives the path of the last.
-    fn replace(&mut self, text: &[u8]) -> (Vec<u8>, Option<PathBuf>) {
+    fn replace(&mut self, text: &[u8]) -> (Vec<u8>, Option<Vec<u8>>) {
         let (mut out, mut last) = (Vec::new(), None);
         let (mut copied, mut next) = (0, 0);
         while let Some(found) = text[next..].iter().position(|b| *b == b':')
@@ -75,17 +72,16 @@ impl Filter {
                 Some(b':') => number(text, end + 1),
                 _ => None,
             };
-            let start = copied + path_start(&text[copied..colon]);
             // Replace the position if its file is tangled
-            let path = Path::new(OsStr::from_bytes(&text[start..colon]));
+            let before = &text[copied..colon];
             let (asked, end) = column.unwrap_or((1, end));
-            if let Some(at) = self.locate(path, line, asked) {
-                out.extend(&text[copied..start]);
-                out.extend(format!("{}:{}", at.file, at.line).bytes());
+            if let Some((start, at)) = self.locate(before, line, asked) {
+                out.extend(&before[..start]);
+                out.extend(bytes_of(&format!("{}:{}", at.file, at.line)));
                 if column.is_some() {
                     out.extend(format!(":{}", at.column).bytes());
                 }
-                last = Some(path.to_owned());
+                last = Some(before[start..].to_vec());
                 (copied, next) = (end, end);
             }
         }
@@ -93,31 +89,31 @@ impl Filter {
         (out, last)
     }
 
-    // Translate a single position
+    /// Where the path begins that a text ends with, and what it stands for.
     fn locate(
         &mut self,
-        path: &Path,
+        text: &[u8],
         line: u32,
         column: u32,
-    ) -> Option<Position> {
-        if path.extension().is_none() && path.components().count() < 2 {
+    ) -> Option<(usize, Position)> {
+        if !text[path_start(text)..].iter().any(|b| b"/.".contains(b)) {
             return None;
         }
         let projects = &self.projects;
         let atlas = self.atlas.get_or_insert_with(|| Atlas::read(projects));
-        let file = atlas.find(path)?;
+        let (start, file) = atlas.find(text)?;
         if !file.fresh {
-            if self.stale.insert(path.to_owned()) {
+            let path = &text[start..];
+            if self.stale.insert(path.to_vec()) {
                 self.warnings.push(stale_file(path));
             }
             return None;
         }
-        atlas.origin(file, line, column)
+        Some((start, atlas.origin(file, line, column)?))
     }
 
-    // Number the margin anew
     /// Widens the margin of a message, and numbers its line anew.
-    fn renumber(&mut self, path: &Path, text: &[u8], at: usize) -> Vec<u8> {
+    fn renumber(&mut self, path: &[u8], text: &[u8], at: usize) -> Vec<u8> {
         let (before, rest) = text.split_at(at);
         let bar = |end: &usize| {
             let rest = &text[*end..];
@@ -126,7 +122,8 @@ impl Filter {
         };
         let number = number(text, at).filter(|(_, end)| bar(end));
         if let Some((line, end)) = number {
-            let here = self.locate(path, line, 1).map_or(line, |p| p.line);
+            let here = self.locate(path, line, 1);
+            let here = here.map_or(line, |(_, at)| at.line);
             let number = format!("{here:>0$}", end - at + WIDER);
             return [before, number.as_bytes(), &text[end..]].concat();
         }
@@ -139,7 +136,6 @@ impl Filter {
 
 const WIDER: usize = 3;
 
-// Find a number or a path
 /// The number that begins at an offset, and where it ends.
 fn number(text: &[u8], from: usize) -> Option<(u32, usize)> {
     let digits = text[from..].iter().take_while(|b| b.is_ascii_digit());
@@ -148,43 +144,13 @@ fn number(text: &[u8], from: usize) -> Option<(u32, usize)> {
     Some((digits.parse().ok()?, end))
 }
 
-/// Where the path begins that a text ends with.
-fn path_start(text: &[u8]) -> usize {
-    let inside = |b: &u8| {
-        b.is_ascii_alphanumeric() || b"_-+./~".contains(b) || *b >= 0x80
-    };
-    let path = text.iter().rev().take_while(|b| inside(b)).count();
-    let start = text.len() - path;
-    let near = start.saturating_sub(24);
-    let colour = text[near..].iter().rposition(|b| *b == 0x1b);
-    let colour = colour.map(|escape| near + escape);
-    start.max(colour.map_or(0, |escape| escape + margin(&text[escape..])))
-}
-
-fn stale_file(path: &Path) -> Diagnostic {
-    let shown = path.display();
-    let text = format!("{shown} is not what its chapters give");
+fn stale_file(path: &[u8]) -> Diagnostic {
+    let path = text_of(path);
+    let text = format!("{path} is not what its chapters give");
     Diagnostic::new(Level::Warning, None, text)
         .with_help("tangle, or bring an edit home with noweb untangle")
 }
 
-fn margin(line: &[u8]) -> usize {
-    let mut at = 0;
-    loop {
-        at += match &line[at..] {
-            [b' ', ..] => 1,
-            [0x1b, rest @ ..] => {
-                match rest.iter().position(u8::is_ascii_alphabetic) {
-                    Some(end) => end + 2,
-                    None => return at,
-                }
-            }
-            _ => return at,
-        };
-    }
-}
-
-// Run a command and filter its output
 /// Translates what a command writes, and gives its status.
 fn follow(
     mut child: Child,
@@ -198,7 +164,7 @@ fn follow(
         let text = filter.translate(&line, from);
         // Write the line to its stream
         for warning in filter.warnings.drain(..) {
-            write!(streams.errors, "{warning}")?;
+            streams.errors.write_all(&bytes_of(&warning.to_string()))?;
         }
         let stream: &mut dyn Write =
             if from == 0 { streams.output } else { streams.errors };
@@ -228,10 +194,7 @@ fn start(name: &OsStr, args: &[OsString]) -> io::Result<Child> {
 
 type Sender = mpsc::Sender<(usize, Vec<u8>)>;
 
-fn pump<P>(pipe: Option<P>, from: usize, to: Sender)
-where
-    P: Read + Send + 'static,
-{
+fn pump(pipe: Option<impl Read + Send + 'static>, from: usize, to: Sender) {
     std::thread::spawn(move || {
         let Some(pipe) = pipe else { return };
         let (mut pipe, mut line) = (BufReader::new(pipe), Vec::new());
@@ -243,7 +206,6 @@ where
     });
 }
 
-// Run the command that is a filter
 /// The command `noweb map master... -- command...`.
 pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
     let dashes = args.iter().position(|arg| arg == "--");
@@ -261,7 +223,7 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
     let child = match start(name, rest) {
         Ok(child) => child,
         Err(error) => {
-            streams.misused(format!("{}: {error}", name.display()));
+            streams.misused(format!("{}: {error}", shown(name)));
             return 127;
         }
     };

@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -16,9 +15,11 @@
 use std::ffi::OsString;
 
 use crate::Streams;
-use crate::diagnostic::{Diagnostic, Level, Place, Source};
+use crate::diagnostic::{
+    Diagnostic, Faults, Level, Place, Source, text_of,
+};
+use crate::stream::{Mark, lines};
 
-// Define the tokens of the stream
 /// What a chunk holds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Kind {
@@ -37,7 +38,6 @@ pub enum Token {
     Text(Vec<u8>),
     /// More of the same text, after an escape that the lexer took out.
     More(Vec<u8>),
-    // List the tokens without much text
     Newline,
     /// The name that a code chunk defines.
     Defn(Vec<u8>),
@@ -53,7 +53,6 @@ pub enum Token {
 /// A token and where it begins.
 pub type Lexeme = (Token, Place);
 
-// Expand the tabs of a line
 #[derive(Default)]
 struct Line {
     bytes: Vec<u8>,
@@ -86,7 +85,6 @@ fn expand_tabs(line: &[u8], tab: usize) -> Line {
     Line { bytes, columns }
 }
 
-// Recognise the lines that begin chunks
 fn is_space(byte: &u8) -> bool {
     byte.is_ascii_whitespace() || *byte == 0x0b
 }
@@ -120,7 +118,6 @@ fn listed_identifiers(line: &[u8]) -> Option<Vec<&[u8]>> {
     Some(list.split(is_space).filter(|i| !i.is_empty()).collect())
 }
 
-// Find where a use ends
 /// The length of the name that a use has, judged from the text after
 /// its opening; or else the length of what is only text.
 fn use_end(text: &[u8], quoting: bool) -> Result<usize, usize> {
@@ -148,13 +145,12 @@ fn count(text: &[u8], byte: u8) -> usize {
     text.iter().take_while(|b| **b == byte).count()
 }
 
-// Mark up a source line by line
 /// The tokens of a source, and what is wrong with it.
 pub fn mark_up(
     source: &Source,
     file: u32,
     tab: usize,
-) -> (Vec<Lexeme>, Vec<Diagnostic>) {
+) -> (Vec<Lexeme>, Faults) {
     let place = Place { file, line: 0, column: 1 };
     let mut lexer = Lexer { place, tab, ..Lexer::default() };
     lexer.emit(Token::File(source.name.clone()), 0);
@@ -188,7 +184,6 @@ struct Lexer {
     /// The line that is scanned, and how far.
     line: Line,
     at: usize,
-    // Keep where the text began
     text_at: usize,
     /// It continues a text that was emitted already.
     glued: bool,
@@ -197,7 +192,6 @@ struct Lexer {
 }
 
 impl Lexer {
-    // Mark up lines and chunks
     fn place_at(&self, at: usize) -> Place {
         Place { column: self.line.column(at), ..self.place }
     }
@@ -260,11 +254,7 @@ impl Lexer {
             self.faults.push((place, fault));
         }
     }
-}
 
-// Scan a line of prose or code
-impl Lexer {
-    // Take one step along a line
     fn scan(&mut self, ended: bool) {
         self.text_at = self.at;
         if self.line.bytes[self.at..].starts_with(b"@@") {
@@ -380,7 +370,6 @@ impl Lexer {
     }
 }
 
-// Write the tokens as a stream
 /// The tokens in the documented form of noweb.
 pub fn write_stream(lexemes: &[Lexeme]) -> Vec<u8> {
     let mut out = Vec::new();
@@ -395,7 +384,10 @@ pub fn write_stream(lexemes: &[Lexeme]) -> Vec<u8> {
 }
 
 fn write_token(token: &Token, out: &mut Vec<u8>) {
-    let numbered = |kind, n| format!("{kind} {n}").into_bytes();
+    let numbered = |kind: &Kind, n| {
+        let kind = if *kind == Kind::Docs { "docs" } else { "code" };
+        format!("{kind} {n}").into_bytes()
+    };
     let (keyword, value): (_, &[u8]) = match token {
         Token::Begin(kind, n) => ("@begin ", &numbered(kind, n)),
         Token::End(kind, n) => ("@end ", &numbered(kind, n)),
@@ -414,17 +406,11 @@ fn write_token(token: &Token, out: &mut Vec<u8>) {
     out.extend(value);
 }
 
-impl std::fmt::Display for Kind {
-    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-        f.write_str(if *self == Kind::Docs { "docs" } else { "code" })
-    }
-}
-
 /// The token of a line of the stream, if its keyword is one of ours.
 pub fn parse_token(line: &[u8]) -> Option<Token> {
-    let line = line.strip_prefix(b"@")?;
-    let (keyword, value) = split_word(line);
-    Some(match keyword {
+    let mark = Mark::read(line)?;
+    let (value, inner) = (mark.text(), mark.inner());
+    Some(match mark.keyword {
         b"file" => Token::File(value.to_vec()),
         b"text" => Token::Text(value.to_vec()),
         b"defn" => Token::Defn(value.to_vec()),
@@ -432,39 +418,27 @@ pub fn parse_token(line: &[u8]) -> Option<Token> {
         b"nl" => Token::Newline,
         b"quote" => Token::Quote,
         b"endquote" => Token::EndQuote,
-        b"begin" => numbered(value, Token::Begin)?,
-        b"end" => numbered(value, Token::End)?,
+        b"begin" => numbered(inner, Token::Begin)?,
+        b"end" => numbered(inner, Token::End)?,
         // Recognise a line of the index
-        b"index" => match split_word(value) {
-            (b"defn", name) => Token::Ident(name.to_vec()),
-            (b"nl", _) => Token::EndIdents,
+        b"index" => match inner.keyword {
+            b"defn" => Token::Ident(inner.text().to_vec()),
+            b"nl" => Token::EndIdents,
             _ => return None,
         },
         _ => return None,
     })
 }
 
-pub fn split_word(text: &[u8]) -> (&[u8], &[u8]) {
-    match text.iter().position(|b| *b == b' ') {
-        Some(space) => (&text[..space], &text[space + 1..]),
-        None => (text, b""),
-    }
-}
-
-fn numbered(
-    value: &[u8],
-    token: fn(Kind, usize) -> Token,
-) -> Option<Token> {
-    let (kind, number) = split_word(value);
-    let number = std::str::from_utf8(number).ok()?.parse().unwrap_or(0);
-    match kind {
+fn numbered(mark: Mark, token: fn(Kind, usize) -> Token) -> Option<Token> {
+    let number = text_of(mark.text()).parse().unwrap_or(0);
+    match mark.keyword {
         b"docs" => Some(token(Kind::Docs, number)),
         b"code" => Some(token(Kind::Code, number)),
         _ => None,
     }
 }
 
-// Turn a stream back into a web
 /// The text of a web from its tokens: the inverse of [`mark_up`].
 pub fn unmark(tokens: &[Token]) -> Vec<u8> {
     let mut unmarker = Unmarker::default();
@@ -488,7 +462,6 @@ struct Unmarker {
 }
 
 impl Unmarker {
-    // Write what each token stands for
     fn write(&mut self, token: &Token, next: Option<&Token>) {
         match token {
             Token::Begin(kind, number) => self.begin(*kind, *number),
@@ -600,7 +573,6 @@ fn needs_doubling(body: &[u8], fresh: bool) -> bool {
     body.starts_with(b"@@") || body == b"@" || fresh && begins_docs(body)
 }
 
-// Run the command that marks up
 /// The command `markup [-t[N]] [file...]`.
 pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
     let (tab, files, mut faults) = read_arguments(args);
@@ -617,7 +589,7 @@ pub fn mark_files(
     files: &[OsString],
     tab: usize,
     streams: &mut Streams,
-) -> (Vec<u8>, Vec<Diagnostic>) {
+) -> (Vec<u8>, Faults) {
     let (mut stream, mut faults) = (Vec::new(), Vec::new());
     for file in files {
         // Mark up a file at the end of the stream
@@ -639,9 +611,7 @@ pub fn mark_files(
 }
 
 /// Tab stops, files (standard input if none) and complaints.
-pub fn read_arguments(
-    args: &[OsString],
-) -> (usize, Vec<OsString>, Vec<Diagnostic>) {
+pub fn read_arguments(args: &[OsString]) -> (usize, Vec<OsString>, Faults) {
     let mut tab = 8;
     let mut faults = Vec::new();
     let is_option = |arg: &&OsString| {
@@ -664,7 +634,7 @@ pub fn read_arguments(
 
 /// The distance of the tab stops that `-t` or `-tN` asks for.
 pub fn parse_tab(option: &[u8]) -> Result<usize, String> {
-    let shown = String::from_utf8_lossy(option);
+    let shown = text_of(option);
     let Some(number) = option.strip_prefix(b"-t") else {
         return Err(format!("unknown option {shown}"));
     };
@@ -678,19 +648,11 @@ pub fn parse_tab(option: &[u8]) -> Result<usize, String> {
 }
 
 /// The command `unmarkup [file...]`: a web from its stream.
-pub fn run_unmarkup(args: &[OsString], streams: &mut Streams) -> u8 {
+pub fn unmarkup(args: &[OsString], streams: &mut Streams) -> u8 {
     let files = if args.is_empty() { &["-".into()] } else { args };
-    let mut faults = Vec::new();
-    let mut tokens = Vec::new();
-    for file in files {
-        match streams.read(file) {
-            Ok(stream) => {
-                let lines = stream.text.split(|b| *b == b'\n');
-                tokens.extend(lines.filter_map(parse_token));
-            }
-            Err(fault) => faults.push(fault),
-        }
-    }
+    let (read, faults) = streams.sources(files);
+    let lines = read.iter().flat_map(|read| lines(&read.text));
+    let tokens: Vec<Token> = lines.filter_map(parse_token).collect();
     let result = streams.output.write_all(&unmark(&tokens));
     streams.conclude(result, &faults)
 }

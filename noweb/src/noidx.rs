@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -18,9 +17,9 @@ use std::collections::{HashMap, HashSet};
 use std::ffi::OsString;
 
 use crate::Streams;
+use crate::diagnostic::shown;
 use crate::stream::{self, Codes, Mark, Outcome, base62};
 
-// Remember where names are mentioned
 #[derive(Default)]
 struct Item {
     /// Labels of chunks, and whether they define it.
@@ -28,7 +27,6 @@ struct Item {
 }
 
 impl Item {
-    // Mention a place and list the places
     fn mention(&mut self, label: &str, defined: bool) {
         let mention = (label.to_string(), defined);
         if self.mentions.last() != Some(&mention) {
@@ -62,12 +60,10 @@ impl Item {
 struct Findings<'a> {
     chunks: HashMap<&'a [u8], Item>,
     identifiers: HashMap<&'a [u8], Item>,
-    // Remember what the index of Rust tells
     shown: HashMap<&'a [u8], &'a [u8]>,
     targets: HashMap<&'a [u8], String>,
 }
 
-// Collect the labels of the web
 #[derive(Default)]
 struct Collector<'a> {
     web: Findings<'a>,
@@ -77,7 +73,6 @@ struct Collector<'a> {
     /// How often each file has defined each chunk.
     defined: HashMap<String, u64>,
     prose_labels: u64,
-    // Keep the state of the chunk
     code: bool,
     label: String,
     /// Where references to the current chunk lead.
@@ -93,7 +88,6 @@ impl<'a> Collector<'a> {
         }
     }
 
-    // Note what a mark tells
     fn note(&mut self, mark: Mark<'a>) {
         match mark.keyword {
             b"file" => self.file = self.codes.of(mark.text()),
@@ -110,7 +104,6 @@ impl<'a> Collector<'a> {
         self.code = chunk.keyword == b"code";
     }
 
-    // Label a definition or use
     fn define(&mut self, name: &'a [u8]) {
         let place = format!("{}-{}", self.file, self.codes.of(name));
         let times = self.defined.entry(place.clone()).or_default();
@@ -135,7 +128,6 @@ impl<'a> Collector<'a> {
         self.insert(label);
     }
 
-    // Note what happens to an identifier
     fn note_identifier(&mut self, mark: Mark<'a>) {
         match mark.keyword {
             b"defn" | b"localdefn" => self.define_identifier(mark.text()),
@@ -181,7 +173,6 @@ impl<'a> Collector<'a> {
     }
 }
 
-// Write the resolved stream out
 struct Resolver<'a> {
     web: &'a Findings<'a>,
     out: Vec<u8>,
@@ -189,9 +180,7 @@ struct Resolver<'a> {
     chunk: Option<&'a [u8]>,
     defined: HashSet<&'a [u8]>,
     used: HashSet<&'a [u8]>,
-    // Keep the state of the lists
     closed: bool,
-    // Keep the names of the chapter
     /// The identifiers that the chapter defines and uses so far.
     chapter_defines: HashSet<&'a [u8]>,
     chapter_uses: HashSet<&'a [u8]>,
@@ -215,7 +204,6 @@ impl<'a> Resolver<'a> {
         }
     }
 
-    // Write lines behind the output
     fn copy(&mut self, line: &[u8]) {
         self.put(&[line]);
     }
@@ -225,11 +213,10 @@ impl<'a> Resolver<'a> {
         self.out.push(b'\n');
     }
 
-    // Resolve what a chunk refers to
     fn define(&mut self, name: &'a [u8], line: &[u8]) {
         self.chunk = Some(name);
         let Some(item) = self.web.chunks.get(name) else { return };
-        self.refer_to(item);
+        self.put(&[b"@xref ref ", anchor(Some(item))]);
         self.copy(line);
         let (labels, uses) = (item.labels(true), item.labels(false));
         let earlier = self.written.entry(name).or_default();
@@ -258,10 +245,6 @@ impl<'a> Resolver<'a> {
         self.copy(line);
     }
 
-    fn refer_to(&mut self, item: &Item) {
-        self.put(&[b"@xref ref ", anchor(Some(item))]);
-    }
-
     fn list(&mut self, kind: &str, item: &str, labels: &[&str]) {
         if labels.is_empty() {
             return;
@@ -274,7 +257,6 @@ impl<'a> Resolver<'a> {
         self.put(&[b"@xref end", kind.as_bytes()]);
     }
 
-    // List the identifiers of a chunk
     fn index(&mut self, mark: Mark<'a>, line: &[u8]) {
         match mark.keyword {
             b"defn" | b"localdefn" => {
@@ -283,8 +265,9 @@ impl<'a> Resolver<'a> {
             b"use" => {
                 self.used.insert(mark.text());
                 let item = self.web.identifiers.get(mark.text());
-                let item = item.filter(|item| item.anchor().is_some());
-                item.inspect(|item| self.refer_to(item));
+                if let Some(label) = item.and_then(Item::anchor) {
+                    self.put(&[b"@xref ref ", label.as_bytes()]);
+                }
             }
             // Resolve a mark of the index of Rust
             b"link" => {
@@ -352,7 +335,6 @@ impl<'a> Resolver<'a> {
         self.copy(b"@index endmini");
     }
 
-    // Put the lists where they belong
     fn begin(&mut self, line: &[u8]) {
         self.copy(line);
         self.chunk = None;
@@ -369,10 +351,11 @@ impl<'a> Resolver<'a> {
         }
     }
 
-    // List all chunks and identifiers
     fn list_chunks(&mut self) {
         self.copy(b"@xref beginchunks");
-        for (name, item) in self.web.in_order(&self.web.chunks) {
+        let chunks = &self.web.chunks;
+        for name in self.web.sorted(chunks.keys().copied().collect()) {
+            let item = &chunks[name];
             self.list_item("@xref chunk", name, item, &item.mentions);
         }
         self.copy(b"@xref endchunks");
@@ -380,7 +363,9 @@ impl<'a> Resolver<'a> {
 
     fn list_index(&mut self) {
         self.copy(b"@index beginindex");
-        for (name, item) in self.web.in_order(&self.web.identifiers) {
+        let words = &self.web.identifiers;
+        for name in self.web.sorted(words.keys().copied().collect()) {
+            let item = &words[name];
             let mentions = item.pure_mentions();
             self.list_item("@index entry", name, item, &mentions);
         }
@@ -408,25 +393,6 @@ fn anchor(item: Option<&Item>) -> &[u8] {
     item.and_then(Item::anchor).unwrap_or("nw@notdef").as_bytes()
 }
 
-impl<'a> Resolver<'a> {
-    fn new(web: &'a Findings<'a>) -> Resolver<'a> {
-        Resolver {
-            web,
-            out: Vec::new(),
-            written: HashMap::new(),
-            chunk: None,
-            defined: HashSet::new(),
-            used: HashSet::new(),
-            // Begin with no list written
-            closed: false,
-            // Begin with no names of a chapter
-            chapter_defines: HashSet::new(),
-            chapter_uses: HashSet::new(),
-        }
-    }
-}
-
-// Sort names as an index does
 fn sort_key(name: &[u8]) -> Vec<u8> {
     [&name.to_ascii_lowercase(), &b"\n"[..], name].concat()
 }
@@ -438,17 +404,6 @@ impl<'a> Findings<'a> {
         names
     }
 
-    fn in_order<'i>(
-        &self,
-        items: &'i HashMap<&'a [u8], Item>,
-    ) -> Vec<(&'a [u8], &'i Item)> {
-        let mut items: Vec<_> =
-            items.iter().map(|(n, i)| (*n, i)).collect();
-        items.sort_by_cached_key(|(name, _)| self.sort_key(name));
-        items
-    }
-
-    // Sort a key by what is shown of it
     fn sort_key(&self, name: &'a [u8]) -> Vec<u8> {
         match self.shown.get(name) {
             Some(shown) => [&sort_key(shown), name].concat(),
@@ -457,8 +412,6 @@ impl<'a> Findings<'a> {
     }
 }
 
-// Run noidx as a command
-
 /// Resolves the cross-references of a stream.
 pub fn cross_reference(stream: &[u8], delay: bool) -> Outcome {
     let file = "standard input?".to_string();
@@ -466,7 +419,19 @@ pub fn cross_reference(stream: &[u8], delay: bool) -> Outcome {
     let lines = stream::trimmed_lines(stream);
     lines.for_each(|line| collector.read(line));
     let Collector { web, lines, .. } = collector;
-    let mut resolver = Resolver::new(&web);
+    let mut resolver = Resolver {
+        web: &web,
+        out: Vec::new(),
+        written: HashMap::new(),
+        chunk: None,
+        defined: HashSet::new(),
+        used: HashSet::new(),
+        // Begin with no list written
+        closed: false,
+        // Begin with no names of a chapter
+        chapter_defines: HashSet::new(),
+        chapter_uses: HashSet::new(),
+    };
     // Write until the stream is broken
     let last = lines.iter().rposition(|line| line.starts_with(b"@begin "));
     for (number, line) in lines.iter().enumerate() {
@@ -486,7 +451,7 @@ pub fn cross_reference(stream: &[u8], delay: bool) -> Outcome {
 /// `noidx [-delay]`, a filter over the stream.
 pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
     if let Some(arg) = args.iter().find(|arg| *arg != "-delay") {
-        let what = format!("unknown argument {arg:?}");
+        let what = format!("unknown argument \"{}\"", shown(arg));
         return Outcome::failure("noidx", 1, &what).deliver(streams);
     }
     let delay = !args.is_empty();

@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -13,19 +12,19 @@
 //! process, the others by the shell. If any stage fails, nothing is
 //! written.
 
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
 
-use crate::filter::{StagePath, run_shell};
+use crate::diagnostic::{bytes_of, shown};
+use crate::filter::{StagePath, quoted, run_shell};
 use crate::stream::Outcome;
 use crate::{
     Streams, finduses, markup, noidx, rust_index, split_scope, totex,
 };
 
-// Describe the pipeline of a document
 struct Weaving {
     stages: Vec<Stage>,
-    /// The line before the stream for the back end, if there is one.
-    header: Option<String>,
+    /// The options of the style file, if the document gets a preamble.
+    header: Option<OsString>,
     reads_input: bool,
     verbose: bool,
 }
@@ -41,16 +40,12 @@ impl Stage {
         Self { command: command.into(), args: Vec::new() }
     }
 
-    fn line(&self) -> String {
-        let mut line = self.command.to_string_lossy().into_owned();
-        for arg in &self.args {
-            let arg = arg.to_string_lossy().replace('\'', "'\\''");
-            line += &format!(" '{arg}'");
-        }
+    fn line(&self) -> OsString {
+        let mut line = self.command.clone();
+        self.args.iter().for_each(|arg| line.push(quoted(arg)));
         line
     }
 }
-// Read the command line of noweave
 #[derive(Default)]
 struct Request {
     markup: Option<OsString>,
@@ -59,7 +54,7 @@ struct Request {
     filters: Vec<Stage>,
     backend: Option<OsString>,
     bare: bool,
-    options: Vec<String>,
+    options: Vec<OsString>,
     delay: bool,
     references: bool,
     index: bool,
@@ -96,7 +91,7 @@ impl Request {
         arg: OsString,
         rest: &mut impl Iterator<Item = OsString>,
     ) -> Result<(), String> {
-        let option = arg.to_string_lossy().into_owned();
+        let option = shown(&arg);
         let mut next = || {
             let what = || format!("{option} needs an argument");
             rest.next().ok_or_else(what)
@@ -114,7 +109,7 @@ impl Request {
                 let stages = ["finduses", "noidx"].map(Stage::new);
                 self.filters.extend(stages);
             }
-            "-autodefs" => match &next()?.to_string_lossy()[..] {
+            "-autodefs" => match &shown(next()?)[..] {
                 "rust" => self.autodefs = true,
                 other => {
                     let what = "we know rust alone";
@@ -136,34 +131,23 @@ impl Request {
             "-n" => self.bare = true,
             "-latex" => {}
             "-delay" => (self.delay, self.bare) = (true, true),
-            "-option" => {
-                let option = next()?.to_string_lossy().into_owned();
-                self.options.push(option);
-            }
+            "-option" => self.options.push(next()?),
             "-texnames" => self.tex_names = true,
             "-v" => self.verbose = true,
             tab if tab.starts_with("-t") => self.tabs.push(arg),
             _ => {
-                return Err(format!(
-                    "Unrecognized option '{option}'\n{USAGE}"
-                ));
+                return Err(format!("Unrecognized option '{option}'"));
             }
         }
         Ok(())
     }
 }
-
-const USAGE: &str = "usage: noweave [-latex | -n | -delay] \
-    [-x | -index]\n    [-autodefs rust] \
-    [-filter COMMAND]... [-markup COMMAND] [-backend COMMAND]\n    \
-    [-texnames] [-option OPTION]... [-t | -tN] [-v] [FILE]...";
-// Turn what was asked into a plan
 impl Request {
     fn plan(self) -> Weaving {
         let reads_input =
             self.files.is_empty() || self.files.iter().any(|f| f == "-");
         let options = self.backend_options();
-        let header = format!("@header latex {}\n", self.options.join(","));
+        let header = self.options.join(OsStr::new(","));
         let header = (!self.bare).then_some(header);
         let command = self.markup.unwrap_or("markup".into());
         let args = [self.tabs, self.files].concat();
@@ -183,18 +167,17 @@ impl Request {
     }
 
     fn backend_options(&self) -> Vec<OsString> {
-        let is_xref = |o: &&String| *o == "shortxref" || *o == "longxref";
+        let is_xref = |o: &&OsString| *o == "shortxref" || *o == "longxref";
         let xref = self.options.iter().rfind(is_xref);
         let options = [
             (!self.index).then(|| "-noindex".to_string()),
             self.delay.then(|| "-delay".to_string()),
-            xref.map(|option| format!("-{option}")),
+            xref.map(|option| format!("-{}", shown(option))),
             self.tex_names.then(|| "-texnames".to_string()),
         ];
         options.into_iter().flatten().map(OsString::from).collect()
     }
 }
-// Run the stages one after another
 impl Weaving {
     /// The document, or the status if a stage fails.
     fn document(&self, streams: &mut Streams) -> Result<Vec<u8>, u8> {
@@ -205,13 +188,15 @@ impl Weaving {
         }
         for (number, stage) in self.stages.iter().enumerate() {
             if self.verbose {
-                let _ = writeln!(streams.errors, "{}", stage.line());
+                let line = bytes_of(&(shown(stage.line()) + "\n"));
+                let _ = streams.errors.write_all(&line);
             }
             if number + 1 == self.stages.len()
                 && let Some(header) = &self.header
             {
-                let trailer = b"@trailer latex\n";
-                stream = [header.as_bytes(), &stream, trailer].concat();
+                let (head, tail) = (b"@header latex ", b"@trailer latex\n");
+                let header = header.as_encoded_bytes();
+                stream = [head, header, b"\n", &stream, tail].concat();
             }
             stream = stage.run(&stream, streams)?;
         }
@@ -256,8 +241,7 @@ impl Stage {
         // Run a foreign stage in the shell
         let path = StagePath::new();
         let path = path.map_err(|e| tell(streams, &e.to_string()))?;
-        let line = OsString::from(self.line());
-        run_shell(&line, input, &path, streams).map_err(|failure| {
+        run_shell(&self.line(), input, &path, streams).map_err(|failure| {
             streams.conclude(Ok(()), &failure.faults);
             1
         })
@@ -275,7 +259,6 @@ impl Stage {
         Some((*run, words.chain(self.args.iter().cloned()).collect()))
     }
 }
-// Run noweave as a command
 /// `noweave [OPTION]... [FILE]...`: weaves a document.
 pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
     let weaving = match Request::read(args) {

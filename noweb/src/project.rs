@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -23,12 +22,14 @@ use std::path::{Component, Path, PathBuf};
 use std::time::SystemTime;
 
 use crate::Streams;
-use crate::cpif::{self, replace};
-use crate::diagnostic::{Diagnostic, Level, Place, Position, Source};
+use crate::cpif::{copy_if, replace};
+use crate::diagnostic::{
+    Diagnostic, Faults, Level, Place, Position, Source, checked, shown,
+};
+use crate::stream::lines;
 use crate::tangle::{Layout, Tangled, tangle};
 use crate::web::{Piece, Web};
 
-// Say what is tangled where
 #[derive(Clone, Debug, Default)]
 pub struct Project {
     /// The directory that all other paths are relative to.
@@ -41,13 +42,15 @@ pub struct Project {
 
 /// A master and, in their order, the chapters that it includes.
 pub fn included(dir: &Path, master: &Path) -> io::Result<Vec<PathBuf>> {
-    let text = fs::read_to_string(dir.join(master))?;
+    let text = fs::read(dir.join(master))?;
     let beside = master.with_file_name("chapters");
-    let chapter = |line: &str| {
-        let name = line.strip_prefix(r"\include{")?.split_once('}')?.0;
-        Some(beside.join(format!("{name}.nw")))
+    let chapter = |line: &[u8]| {
+        let name = line.strip_prefix(br"\include{")?;
+        let end = name.iter().position(|b| *b == b'}')?;
+        let name = [&name[..end], b".nw"].concat();
+        Some(beside.join(OsStr::from_bytes(&name)))
     };
-    let chapters = text.lines().filter_map(chapter);
+    let chapters = lines(&text).filter_map(chapter);
     let chapters: Vec<PathBuf> =
         std::iter::once(master.to_owned()).chain(chapters).collect();
     // Refuse chapters that are not included
@@ -57,7 +60,7 @@ pub fn included(dir: &Path, master: &Path) -> io::Result<Vec<PathBuf>> {
         let hidden = name.as_bytes().starts_with(b".");
         let is_chapter = path.extension().is_some_and(|e| e == "nw");
         if is_chapter && !hidden && !chapters.contains(&path) {
-            let (path, master) = (path.display(), master.display());
+            let (path, master) = (shown(path), shown(master));
             let text = format!("{master} does not include {path}");
             return Err(io::Error::other(text));
         }
@@ -79,7 +82,7 @@ pub struct Output {
 pub struct Plan {
     pub outputs: Vec<Output>,
     pub removed: Vec<PathBuf>,
-    pub warnings: Vec<Diagnostic>,
+    pub warnings: Faults,
     /// What was tangled last; after tangling, what was tangled now.
     pub record: Record,
 }
@@ -90,7 +93,6 @@ pub struct Expansion {
     pub files: Vec<(PathBuf, Tangled)>,
 }
 
-// Recognise the chunks that are files
 /// Is the name of a chunk the path of a file?
 /// It has a slash or a dot, no space, and leads nowhere outside.
 pub fn is_file_name(name: &[u8]) -> bool {
@@ -102,24 +104,6 @@ pub fn is_file_name(name: &[u8]) -> bool {
         && path.components().all(inside)
 }
 
-/// The distance of tab stops in a file of this name, or 0 for no tabs.
-pub fn tab_stops(path: &Path) -> usize {
-    let tabbed = path.file_name().is_some_and(|name| name == "Makefile")
-        || path.extension().is_some_and(|e| e == "mk");
-    if tabbed { 8 } else { 0 }
-}
-
-/// What begins a comment in a file of this name.
-pub(crate) fn comment_leader(path: &Path) -> Option<&'static str> {
-    match path.extension().and_then(OsStr::to_str) {
-        Some("rs") => Some("// "),
-        None | Some("sh" | "toml" | "mk" | "py" | "awk") => Some("# "),
-        Some("vim") => Some("\" "),
-        Some(_) => None,
-    }
-}
-
-// Keep a record of what was tangled
 /// For every tangled file the hash of its text.
 pub type Record = BTreeMap<PathBuf, u64>;
 
@@ -151,11 +135,9 @@ fn format_record(record: &Record) -> Vec<u8> {
     text
 }
 
-// Plan what to write
 impl Project {
-    // Plan one step after the other
     /// What there is to write, without writing it.
-    pub fn plan(&self) -> Result<Plan, Vec<Diagnostic>> {
+    pub fn plan(&self) -> Result<Plan, Faults> {
         let Expansion { web, files } = self.expand()?;
         let record = self.read_record();
         let removed = self.removals(&files, &record)?;
@@ -170,14 +152,11 @@ impl Project {
             outputs.push(Output { path, tangled, changed });
         }
         let warnings = web.unused(is_file_name);
-        match faults.is_empty() {
-            true => Ok(Plan { outputs, removed, warnings, record }),
-            false => Err(faults),
-        }
+        checked(Plan { outputs, removed, warnings, record }, faults)
     }
 
     /// The files that the chapters define, without a look at the files.
-    pub fn expand(&self) -> Result<Expansion, Vec<Diagnostic>> {
+    pub fn expand(&self) -> Result<Expansion, Faults> {
         let (mut sources, mut faults) = (Vec::new(), Vec::new());
         for chapter in &self.chapters {
             let name = chapter.as_os_str().as_bytes().to_vec();
@@ -188,10 +167,7 @@ impl Project {
                 }
             }
         }
-        match faults.is_empty() {
-            true => expand_sources(sources),
-            false => Err(faults),
-        }
+        checked(sources, faults).and_then(expand_sources)
     }
 
     pub fn read_record(&self) -> Record {
@@ -204,22 +180,19 @@ impl Project {
         &self,
         files: &[(PathBuf, Tangled)],
         record: &Record,
-    ) -> Result<Vec<PathBuf>, Vec<Diagnostic>> {
+    ) -> Result<Vec<PathBuf>, Faults> {
         let gone = |path: &&PathBuf| files.iter().all(|(p, _)| p != *path);
         let gone = record.keys().filter(gone).cloned();
         let (edited, rest): (Vec<_>, _) = gone.partition(|path| {
             let disk = fs::read(self.dir.join(path)).unwrap_or_default();
             is_edited(&disk, b"", record.get(path))
         });
-        let orphans = edited.iter().map(|path| orphan(path));
-        if edited.is_empty() { Ok(rest) } else { Err(orphans.collect()) }
+        checked(rest, edited.iter().map(|path| orphan(path)).collect())
     }
 }
 
 /// The files that some sources define, without looking at the disk.
-pub fn expand_sources(
-    sources: Vec<Source>,
-) -> Result<Expansion, Vec<Diagnostic>> {
+pub fn expand_sources(sources: Vec<Source>) -> Result<Expansion, Faults> {
     let (mut web, mut faults) = Web::read(sources, 0);
     web.drop_returns();
     let mut files = Vec::new();
@@ -230,32 +203,27 @@ pub fn expand_sources(
             continue;
         }
         let path = Path::new(OsStr::from_bytes(name));
-        let (tab, comment) = (tab_stops(path), comment_leader(path));
-        let layout = Layout { tab, comment, directive: None };
+        let rust = name.ends_with(b".rs");
+        let layout = Layout { rust, ..Layout::default() };
         match tangle(&web, &[name], &layout) {
             Ok(mut tangled) => {
                 // Put the returns back
-                let head =
-                    web.sources.get(chunk.definitions[0].file as usize);
-                let head =
-                    head.and_then(|s| s.line(chunk.definitions[0].line));
-                if head.is_some_and(|line| line.ends_with(b"\r")) {
-                    let lines =
-                        tangled.text.split_inclusive(|b| *b == b'\n');
-                    let bare =
-                        lines.map(|l| l.strip_suffix(b"\n").unwrap_or(l));
-                    tangled.text =
-                        bare.flat_map(|l| [l, b"\r\n"].concat()).collect();
+                let head = chunk.definitions[0];
+                let source = &web.sources[head.file as usize];
+                if source
+                    .line(head.line)
+                    .is_some_and(|l| l.ends_with(b"\r"))
+                {
+                    let lines = tangled.text.split(|b| *b == b'\n');
+                    let lines: Vec<_> = lines.collect();
+                    tangled.text = lines.join(&b"\r\n"[..]);
                 }
                 files.push((path.to_owned(), tangled));
             }
             Err(more) => faults.extend(more),
         }
     }
-    match faults.is_empty() {
-        true => Ok(Expansion { web, files }),
-        false => Err(faults),
-    }
+    checked(Expansion { web, files }, faults)
 }
 
 impl Web {
@@ -264,11 +232,8 @@ impl Web {
             let mut ends = true;
             for (piece, _) in chunk.pieces.iter_mut().rev() {
                 // Drop a return if the line ends
-                match piece {
-                    Piece::Text(text) if ends && text.ends_with(b"\r") => {
-                        text.pop();
-                    }
-                    _ => (),
+                if ends && let Piece::Text(text) = piece {
+                    text.pop_if(|last| *last == b'\r');
                 }
                 ends = *piece == Piece::Newline;
             }
@@ -277,13 +242,12 @@ impl Web {
 }
 
 fn orphan(path: &Path) -> Diagnostic {
-    let shown = path.display();
-    let text = format!("no chunk defines {shown}, an edited file");
-    let help = format!("move the edit to a chapter, or delete {shown}");
+    let path = shown(path);
+    let text = format!("no chunk defines {path}, an edited file");
+    let help = format!("move the edit to a chapter, or delete {path}");
     Diagnostic::new(Level::Error, None, text).with_help(help)
 }
 
-// Refuse to lose an edit
 /// Does a file hold an edit? Not if it is the text, or has the hash of
 /// what was tangled last.
 pub fn is_edited(disk: &[u8], text: &[u8], last: Option<&u64>) -> bool {
@@ -313,7 +277,7 @@ fn refuse(
     }
     fault
         .with_help("`noweb untangle' carries the edit there")
-        .with_help(format!("delete {} to drop the edit", path.display()))
+        .with_help(format!("delete {} to drop the edit", shown(path)))
 }
 
 fn first_difference(a: &[u8], b: &[u8]) -> (u32, u32) {
@@ -325,15 +289,13 @@ fn first_difference(a: &[u8], b: &[u8]) -> (u32, u32) {
     (line as u32, column as u32 + 1)
 }
 
-// Carry out the plan
 impl Project {
-    // Write files, record and all
     /// Tangles what is out of date and returns what was planned.
-    pub fn tangle(&self) -> Result<Plan, Vec<Diagnostic>> {
+    pub fn tangle(&self) -> Result<Plan, Faults> {
         let mut plan = self.plan()?;
         let result = self.write(&mut plan);
         let text = format_record(&plan.record);
-        let recorded = cpif::update(&self.dir.join(&self.record), &text)
+        let recorded = copy_if(&self.dir.join(&self.record), &text, false)
             .map_err(|e| Diagnostic::failure("write", &self.record, &e));
         result.and(recorded).map_err(|fault| vec![fault])?;
         Ok(plan)
@@ -382,7 +344,6 @@ impl Project {
     }
 }
 
-// Run the command that tangles a project
 /// The command `noweb tangle [-C dir] [--record file] [--check]
 /// chapter...`.
 pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
@@ -400,13 +361,13 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
     u8::from(failed)
 }
 
-fn report_stale(plan: Plan) -> (Vec<Diagnostic>, bool) {
+fn report_stale(plan: Plan) -> (Faults, bool) {
     let changed = plan.outputs.iter().filter(|output| output.changed);
     let changed = changed.map(|output| &output.path);
     let stale: Vec<&PathBuf> = changed.chain(&plan.removed).collect();
     let mut faults = plan.warnings;
     for path in &stale {
-        let text = format!("{} is out of date", path.display());
+        let text = format!("{} is out of date", shown(path));
         faults.push(Diagnostic::new(Level::Error, None, text));
     }
     (faults, !stale.is_empty())
@@ -421,7 +382,7 @@ pub fn parse(args: &[OsString]) -> Result<(Project, bool), String> {
     while let Some(arg) = args.next() {
         // Take an option or a chapter
         let mut value = || {
-            let missing = || format!("{} needs a value", arg.display());
+            let missing = || format!("{} needs a value", shown(arg));
             args.next().map(PathBuf::from).ok_or_else(missing)
         };
         match arg.as_encoded_bytes() {
@@ -429,7 +390,7 @@ pub fn parse(args: &[OsString]) -> Result<(Project, bool), String> {
             b"--record" => project.record = value()?,
             b"--check" => check = true,
             [b'-', ..] => {
-                return Err(format!("unknown option {}", arg.display()));
+                return Err(format!("unknown option {}", shown(arg)));
             }
             _ => project.chapters.push(arg.into()),
         }

@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -14,13 +13,16 @@
 //! places in this module are the number of a line and a byte of its text.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
 use std::ops::Range;
+use std::os::unix::ffi::OsStrExt;
 
 use proc_macro2::LexError;
 
 use crate::Streams;
-use crate::diagnostic::{Diagnostic, Level, Place, Position};
+use crate::diagnostic::{
+    Diagnostic, Faults, Level, Place, Position, bytes_of, shown, text_of,
+};
 use crate::finduses::Recogniser;
 use crate::markup::parse_token;
 use crate::rust_names::{File, Kind, Names, Token, is_keyword, tokens};
@@ -28,7 +30,6 @@ use crate::rust_uses::uses;
 use crate::stream::{self, Mark, Outcome};
 use crate::web::{Piece, Web};
 
-// Tangle the program out of the stream
 /// The text of a file, and the lines of the stream that it is made of.
 #[derive(Default)]
 struct Text {
@@ -89,7 +90,6 @@ fn web(lines: &[&[u8]]) -> Web {
         .filter_map(|(text, line)| Some((parse_token(text)?, place(line))));
     Web::from_lexemes(lexemes.collect())
 }
-// Tell keywords and comments apart
 /// What each word and each comment of a file is; `items` tells the words
 /// that are items by the numbers of their tokens.
 fn words<'n>(
@@ -116,7 +116,6 @@ fn words<'n>(
     notes.push((done..source.len(), Note::Comment));
     notes
 }
-// Keep what was found in the stream
 /// What a part of a line is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Note<'n> {
@@ -135,7 +134,7 @@ struct Notes<'s, 'n> {
     notes: BTreeMap<(usize, usize), (usize, Note<'n>)>,
     /// The lines of the stream that are known to be Rust.
     rust: HashSet<usize>,
-    faults: Vec<Diagnostic>,
+    faults: Faults,
 }
 
 impl<'n> Notes<'_, 'n> {
@@ -187,11 +186,9 @@ impl<'n> Notes<'_, 'n> {
             }
         }
         let column = (column + start) as u32;
-        let file = String::from_utf8_lossy(file).into_owned();
-        Position { file, line, column, excerpt: None }
+        Position { file: text_of(file), line, column, excerpt: None }
     }
 }
-// Note what the program defines and uses
 fn sources(web: &Web) -> Vec<(String, Text)> {
     let mut files = Vec::new();
     for chunk in &web.chunks {
@@ -199,7 +196,7 @@ fn sources(web: &Web) -> Vec<(String, Text)> {
         let name = &chunk.name[..];
         let root = name.ends_with(b".rs") && !web.uses.contains_key(name);
         if root && text.expand(web, name, &mut Vec::new()).is_some() {
-            files.push((String::from_utf8_lossy(name).into_owned(), text));
+            files.push((text_of(name), text));
         }
     }
     files
@@ -234,15 +231,15 @@ impl<'n> Notes<'_, 'n> {
 /// what its manifest says, or else what its directory is called.
 fn library(path: &str) -> Option<String> {
     let dir = path.strip_suffix("src/lib.rs")?;
-    let manifest = std::fs::read_to_string(format!("{dir}Cargo.toml"));
-    let manifest = manifest.unwrap_or_default();
+    let manifest = bytes_of(&format!("{dir}Cargo.toml"));
+    let manifest = std::fs::read(OsStr::from_bytes(&manifest));
+    let manifest = text_of(&manifest.unwrap_or_default());
     let package = manifest.lines().skip_while(|l| *l != "[package]");
     let mut names = package.filter_map(|l| l.strip_prefix("name = "));
     let name = names.next().map(|name| name.trim().trim_matches('"'));
     let name = name.or(dir.trim_end_matches('/').rsplit('/').next())?;
     Some(name.replace('-', "_"))
 }
-// Tell which items are defined in the stream
 #[derive(Default)]
 struct Index<'n> {
     defined: HashSet<&'n str>,
@@ -322,13 +319,12 @@ impl<'n> Index<'n> {
 fn last(path: &str) -> &str {
     path.rsplit("::").next().unwrap_or(path)
 }
-// Write the stream with its marks
 /// The stream that goes out, and where we are in the one that came in.
 struct Writer<'w> {
     notes: &'w Notes<'w, 'w>,
     index: &'w Index<'w>,
     /// The modules that are files, by their paths.
-    files: HashMap<&'w [u8], &'w str>,
+    files: HashMap<Vec<u8>, &'w str>,
     /// The words that only `%def` lists.
     words: Recogniser,
     out: Vec<u8>,
@@ -424,13 +420,12 @@ impl<'w> Writer<'w> {
         };
         let mark = marks[usize::from(self.index.listed.contains(path))];
         if self.index.defined.contains(path) {
-            self.put(&[format!("@index {mark} {path}").as_bytes()]);
+            self.put(&[&bytes_of(&format!("@index {mark} {path}"))]);
         }
     }
 }
-// Run rustindex as a command
 /// Marks in a stream what a Rust program defines and uses.
-pub fn index(stream: &[u8]) -> (Vec<u8>, Vec<Diagnostic>) {
+pub fn index(stream: &[u8]) -> (Vec<u8>, Faults) {
     let lines: Vec<&[u8]> = stream::lines(stream).collect();
     let mut notes = Notes { lines: &lines, ..Notes::default() };
     let (mut texts, mut files) = (Vec::new(), Vec::new());
@@ -451,7 +446,7 @@ pub fn index(stream: &[u8]) -> (Vec<u8>, Vec<Diagnostic>) {
     // Make a writer for the stream
     let modules = names.modules.iter();
     let modules =
-        modules.map(|(n, module)| (files[*n].path.as_bytes(), &module[..]));
+        modules.map(|(n, module)| (bytes_of(&files[*n].path), &module[..]));
     let listed =
         lines.iter().filter_map(|l| l.strip_prefix(b"@index defn "));
     let mut writer = Writer {
@@ -459,7 +454,7 @@ pub fn index(stream: &[u8]) -> (Vec<u8>, Vec<Diagnostic>) {
         index: &index,
         files: modules.collect(),
         words: Recogniser::new(listed.filter(|word| !index.has(word))),
-        out: index.declarations().into_bytes(),
+        out: bytes_of(&index.declarations()),
         code: false,
         quote: false,
         root: None,
@@ -474,7 +469,7 @@ pub fn index(stream: &[u8]) -> (Vec<u8>, Vec<Diagnostic>) {
 /// The stage `rustindex`, a filter over the stream.
 pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
     if let Some(arg) = args.first() {
-        let what = format!("unknown argument {}", arg.display());
+        let what = format!("unknown argument {}", shown(arg));
         return Outcome::failure("rustindex", 2, &what).deliver(streams);
     }
     stream::filter(streams, |input| {
@@ -485,7 +480,7 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
         }
         let (text, faults) = index(input);
         let messages = faults.iter().map(Diagnostic::to_string);
-        let messages = messages.collect::<String>().into_bytes();
+        let messages = bytes_of(&messages.collect::<String>());
         Outcome { text, messages, status: 0 }
     })
 }

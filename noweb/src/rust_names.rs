@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -18,7 +17,6 @@ use std::ops::Range;
 
 use proc_macro2::{LexError, TokenStream, TokenTree};
 
-// Lay the tokens of a file in a row
 pub struct Token<'s> {
     pub text: &'s str,
     /// Its bytes in the source.
@@ -83,7 +81,6 @@ const KEYWORDS: &str = "_ abstract as async await become box break const \
 pub fn is_keyword(word: &str) -> bool {
     KEYWORDS.split(' ').any(|keyword| keyword == word)
 }
-// Define the items of a program
 /// What sort of thing an item is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
@@ -132,6 +129,7 @@ pub struct Place<'a> {
     owner: Option<String>,
 }
 
+#[derive(Default)]
 pub struct Names<'a> {
     pub files: &'a [File<'a>],
     /// The path of the module that each file is.
@@ -142,7 +140,6 @@ pub struct Names<'a> {
     meanings: HashMap<String, Meaning>,
     implementations: Vec<(Place<'a>, usize)>,
 }
-// Read the crates of a program
 impl<'a> Names<'a> {
     /// The items of some files; `library` tells for the path of the root
     /// of a library what others call the crate.
@@ -150,14 +147,7 @@ impl<'a> Names<'a> {
         files: &'a [File<'a>],
         library: impl Fn(&str) -> Option<String>,
     ) -> Self {
-        let mut names = Self {
-            files,
-            modules: HashMap::new(),
-            sites: Vec::new(),
-            bodies: Vec::new(),
-            meanings: HashMap::new(),
-            implementations: Vec::new(),
-        };
+        let mut names = Self { files, ..Self::default() };
         // Take roots of crates first, then stray files
         let mut numbers: Vec<usize> = (0..files.len()).collect();
         let roots = ["lib.rs", "main.rs"];
@@ -191,7 +181,6 @@ impl<'a> Names<'a> {
         self.read_items(&place, 2..self.files[file].tokens.len() - 2);
     }
 }
-// Read the items of a module
 /// The kind and the name of the item that the token `at` begins.
 pub fn declaration(tokens: &[Token], at: usize) -> Option<(Kind, usize)> {
     let (kind, name) = match tokens[at].text {
@@ -337,7 +326,6 @@ impl<'a> Names<'a> {
         }
     }
 }
-// Take an import apart
 /// The tokens of an imported path, and of the name that it gets.
 pub type Import = (Vec<usize>, usize);
 
@@ -388,7 +376,6 @@ impl<'a> Names<'a> {
         end
     }
 }
-// Attach members to their types
 impl<'a> Names<'a> {
     /// Reads an implementation, all items of modules being known.
     fn implement(&mut self, mut place: Place<'a>, start: usize) {
@@ -458,7 +445,6 @@ pub fn path_at(tokens: &[Token], mut at: usize) -> Vec<usize> {
 pub fn colons(tokens: &[Token], at: usize) -> bool {
     tokens[at].text == ":" && tokens[at + 1].text == ":"
 }
-// Find what a path means
 /// How many imports may lead on to imports.
 const PATIENCE: usize = 8;
 

@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -21,7 +20,6 @@ use crate::rust_names::{
     is_keyword, parameters, path_at,
 };
 
-// Find what an item declares inside
 #[derive(Default)]
 struct Taken<'s> {
     /// Names of items, and of parameters of types.
@@ -66,7 +64,6 @@ fn is_first(tokens: &[Token], at: usize) -> bool {
     let field = before == "." && earlier != ".";
     tokens[at].word && !field && before != "'" && !colons(tokens, at - 2)
 }
-// Look for the uses in a program
 pub type Use<'n> = (Spot, Item<'n>);
 
 pub fn uses<'n>(names: &'n Names) -> Vec<Use<'n>> {
@@ -99,16 +96,12 @@ struct Reader<'n, 'u> {
 impl Reader<'_, '_> {
     /// Records what each beginning of a path means, if its kind fits; the
     /// whole path is the last of them.
-    fn record(
-        &mut self,
-        path: &[usize],
-        fits: impl Fn(Kind, bool) -> bool,
-    ) {
+    fn record(&mut self, path: &[usize], fit: impl Fn(Kind, bool) -> bool) {
         let names = path.iter().map(|at| self.tokens[*at].text);
         let names: Vec<_> = names.collect();
         for (at, end) in path.iter().zip(1..) {
             let item = self.names.find(self.place, &names[..end]);
-            let item = item.filter(|(_, k)| fits(*k, end == path.len()));
+            let item = item.filter(|(_, k)| fit(*k, end == path.len()));
             let spot = (self.place.file, *at);
             self.uses.extend(item.map(|item| (spot, item)));
         }

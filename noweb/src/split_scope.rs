@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -20,11 +19,11 @@ use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
 use crate::Streams;
-use crate::cpif;
+use crate::cpif::copy_if;
+use crate::diagnostic::{shown, text_of};
 use crate::stream::{self, Outcome};
 use crate::totex::{self, Memory, Options};
 
-// Cut the stream at each file
 struct Part<'a> {
     source: &'a [u8],
     lines: &'a [&'a [u8]],
@@ -60,16 +59,15 @@ fn check_names(pieces: &[Part]) -> Result<(), String> {
             // Refuse two sources with one name
             return Err(format!(
                 "{} and {} would both be written to {}.tex",
-                String::from_utf8_lossy(other),
-                String::from_utf8_lossy(piece.source),
-                String::from_utf8_lossy(stem),
+                text_of(other),
+                text_of(piece.source),
+                text_of(stem),
             ));
         }
     }
     Ok(())
 }
 
-// Move the lists where they are asked
 /// Whether a line of prose begins by asking for one of the lists.
 fn asks_for_lists(line: &[u8]) -> bool {
     let Some(text) = line.strip_prefix(b"@text ") else { return false };
@@ -116,7 +114,6 @@ fn settle_lists(lines: &mut Vec<&[u8]>) {
     lines.splice(place..place, taken);
 }
 
-// Convert the pieces one after another
 pub struct Page {
     pub name: Vec<u8>,
     pub tex: Vec<u8>,
@@ -154,10 +151,9 @@ fn with_source(options: &Options, source: &[u8]) -> Options {
     options
 }
 
-// Run split_scope as a command
 fn write_pages(pages: &[Page], dir: &Path) -> Result<(), String> {
     let cannot = |path: &Path, error: std::io::Error| {
-        format!("cannot write {}: {error}", path.display())
+        format!("cannot write {}: {error}", shown(path))
     };
     if pages.is_empty() {
         return Err("the stream names no file".into());
@@ -166,7 +162,7 @@ fn write_pages(pages: &[Page], dir: &Path) -> Result<(), String> {
     // Write each page that has changed
     for page in pages {
         let path = dir.join(OsStr::from_bytes(&page.name));
-        cpif::update(&path, &page.tex).map_err(|e| cannot(&path, e))?;
+        copy_if(&path, &page.tex, false).map_err(|e| cannot(&path, e))?;
     }
     Ok(())
 }

@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -14,11 +13,10 @@
 //! ourselves, are strings.
 
 use std::collections::HashMap;
-use std::io;
 
 use crate::Streams;
+use crate::diagnostic::bytes_of;
 
-// Split a stream into its lines
 pub fn lines(stream: &[u8]) -> impl Iterator<Item = &[u8]> {
     stream
         .split_inclusive(|&byte| byte == b'\n')
@@ -37,9 +35,8 @@ pub fn fatal(stream: &[u8]) -> Option<&[u8]> {
     lines(stream).find(|line| line.starts_with(b"@fatal "))
 }
 
-// Read one mark of the stream
 /// A line of the stream that begins with `@`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Mark<'a> {
     pub keyword: &'a [u8],
     /// What follows the space after the keyword; none without a space.
@@ -51,7 +48,6 @@ impl<'a> Mark<'a> {
         line.strip_prefix(b"@").map(Mark::split)
     }
 
-    // Take a mark's words apart
     fn split(words: &'a [u8]) -> Mark<'a> {
         match words.iter().position(|&byte| byte == b' ') {
             Some(at) => Mark {
@@ -72,7 +68,6 @@ impl<'a> Mark<'a> {
     }
 }
 
-// Give names short unique codes
 /// Writes a number in base 62: the digits, then A to Z, then a to z.
 pub fn base62(number: u64) -> String {
     const DIGITS: &[u8; 62] = b"0123456789\
@@ -121,7 +116,6 @@ impl Codes {
     }
 }
 
-// Run a stage as a filter
 /// What a stage has to say when it has read its whole input.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub struct Outcome {
@@ -138,27 +132,19 @@ impl Outcome {
 
     /// The failure of a last stage, told to the person.
     pub fn complaint(stage: &str, status: u8, message: &str) -> Outcome {
-        let messages = format!("{stage}: {message}\n").into_bytes();
+        let messages = bytes_of(&format!("{stage}: {message}\n"));
         Outcome { text: Vec::new(), messages, status }
     }
 
-    // Tell of a failure in the stream
     pub fn failure(stage: &str, status: u8, message: &str) -> Outcome {
-        let text = format!("@fatal {stage} {message}\n").into_bytes();
+        let text = bytes_of(&format!("@fatal {stage} {message}\n"));
         Outcome { text, ..Outcome::complaint(stage, status, message) }
     }
 
-    // Deliver what a stage has made
     pub fn deliver(&self, streams: &mut Streams) -> u8 {
         let _ = streams.errors.write_all(&self.messages);
         let written = streams.output.write_all(&self.text);
-        match written.and_then(|()| streams.output.flush()) {
-            Err(e) if e.kind() != io::ErrorKind::BrokenPipe => {
-                let _ = writeln!(streams.errors, "cannot write: {e}");
-                1
-            }
-            _ => self.status,
-        }
+        self.status.max(streams.conclude(written, &[]))
     }
 }
 

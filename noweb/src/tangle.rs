@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -17,12 +16,13 @@ use std::collections::HashSet;
 use std::ffi::OsString;
 
 use crate::Streams;
-use crate::diagnostic::{Diagnostic, Level, Place, status};
+use crate::diagnostic::{
+    Diagnostic, Faults, Level, Place, checked, status, text_of,
+};
 use crate::filter::{self, Failure, Pipeline};
 use crate::markup::parse_tab;
 use crate::web::{Piece, Web, quoted};
 
-// Define what a tangled text is
 /// A stretch of tangled text that comes from one place.
 /// It lasts to the next segment, and never beyond the end of its line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -49,9 +49,7 @@ impl Tangled {
         let to = self.map.partition_point(|s| s.line <= line);
         &self.map[from..to]
     }
-}
 
-impl Tangled {
     /// Where a line and a column (in bytes, from 1) come from.
     pub fn origin(&self, line: u32, column: u32) -> Option<Place> {
         let here = self.segments(line);
@@ -63,19 +61,17 @@ impl Tangled {
     }
 }
 
-// Define how a text is laid out
 #[derive(Clone, Debug, Default)]
 pub struct Layout {
-    /// Distance of tab stops in the output; 0 for no tabs.
-    pub tab: usize,
+    /// Distance of tab stops in the output, 0 for no tabs; if there is
+    /// none, the tabs before a use are copied.
+    pub tab: Option<usize>,
     /// The format of line directives, if there are to be any.
     pub directive: Option<Vec<u8>>,
-    /// What begins a comment that carries the name of a chunk, if names
-    /// are to be written before the uses that stand alone on a line.
-    pub comment: Option<&'static str>,
+    /// The text is Rust, where the names of chunks become comments.
+    pub rust: bool,
 }
 
-// Measure a text in columns
 fn column_after(text: &[u8], column: usize, tab: usize) -> usize {
     text.iter().fold(column, |column, byte| match byte {
         b'\t' if tab > 0 => (column / tab + 1) * tab,
@@ -83,20 +79,19 @@ fn column_after(text: &[u8], column: usize, tab: usize) -> usize {
     })
 }
 
-pub(crate) fn indentation(width: usize, tab: usize) -> Vec<u8> {
+fn indentation(width: usize, tab: usize) -> Vec<u8> {
     let tabs = if tab > 1 { width / tab } else { 0 };
     let mut blank = vec![b'\t'; tabs];
     blank.resize(tabs + width - tabs * tab, b' ');
     blank
 }
 
-// Expand the roots of a web
 /// The text of some roots, one after the other.
 pub fn tangle(
     web: &Web,
     roots: &[impl AsRef<[u8]>],
     layout: &Layout,
-) -> Result<Tangled, Vec<Diagnostic>> {
+) -> Result<Tangled, Faults> {
     let mut expander = Expander::new(web, layout);
     for root in roots.iter().map(AsRef::as_ref) {
         let Some(chunk) = web.find(root) else {
@@ -105,10 +100,7 @@ pub fn tangle(
         };
         expander.expand(chunk);
     }
-    match expander.faults.is_empty() {
-        true => Ok(expander.tangled),
-        false => Err(expander.faults),
-    }
+    checked(expander.tangled, expander.faults)
 }
 
 struct StackFrame {
@@ -130,15 +122,16 @@ struct Expander<'a> {
     line_start: usize,
     stack: Vec<StackFrame>,
     active: Vec<bool>,
-    // Remember what line directives said
     /// The file and the line that the reader of the output believes in.
     said: Option<(u32, u32)>,
-    faults: Vec<Diagnostic>,
+    /// White space as wide as what the line of the source has before.
+    blank: Vec<u8>,
+    reader: Reader,
+    faults: Faults,
     reported: HashSet<Place>,
 }
 
 impl<'a> Expander<'a> {
-    // Take one step of an expansion
     fn new(web: &'a Web, layout: &'a Layout) -> Self {
         Self {
             web,
@@ -149,6 +142,8 @@ impl<'a> Expander<'a> {
             stack: Vec::new(),
             active: vec![false; web.chunks.len()],
             said: None,
+            blank: Vec::new(),
+            reader: Reader::default(),
             faults: Vec::new(),
             reported: HashSet::new(),
         }
@@ -173,6 +168,7 @@ impl<'a> Expander<'a> {
                 }
                 None => {
                     self.active[frame.chunk] = false;
+                    self.blank.truncate(frame.indent);
                     self.stack.pop();
                 }
             }
@@ -182,14 +178,10 @@ impl<'a> Expander<'a> {
 
     fn enter(&mut self, chunk: usize, column: usize, used: Option<Place>) {
         self.active[chunk] = true;
+        self.blank.resize(column, b' ');
         let indent = column;
-        self.stack.push(StackFrame {
-            chunk,
-            next: 0,
-            indent,
-            column,
-            used,
-        });
+        let frame = StackFrame { chunk, next: 0, indent, column, used };
+        self.stack.push(frame);
     }
 
     fn push(&mut self, text: &[u8]) {
@@ -221,8 +213,11 @@ impl<'a> Expander<'a> {
         }
         self.mark(place);
         self.push(text);
-        let tab = self.layout.tab;
+        let tab = self.layout.tab.unwrap_or(0);
         if let Some(frame) = self.stack.last_mut() {
+            let blank = |b: &u8| if *b == b'\t' { b'\t' } else { b' ' };
+            self.blank.resize(frame.column, b' ');
+            self.blank.extend(text.iter().map(blank));
             frame.column = column_after(text, frame.column, tab);
         }
     }
@@ -231,7 +226,10 @@ impl<'a> Expander<'a> {
         let Some(frame) = self.stack.last_mut() else { return };
         if frame.column == 0 {
             frame.column = frame.indent;
-            let blank = indentation(frame.indent, self.layout.tab);
+            let blank = match self.layout.tab {
+                Some(tab) => indentation(frame.indent, tab),
+                None => self.blank[..frame.indent].to_vec(),
+            };
             self.push(&blank);
         }
     }
@@ -257,7 +255,7 @@ impl<'a> Expander<'a> {
         let Some(frame) = self.stack.last_mut() else { return };
         let column = frame.column;
         // Advance the column by the width of the use
-        let tab = self.layout.tab;
+        let tab = self.layout.tab.unwrap_or(0);
         frame.column = column_after(name, frame.column + 2, tab) + 2;
         match self.web.find(name) {
             Some(chunk) if !self.active[chunk] => {
@@ -271,11 +269,7 @@ impl<'a> Expander<'a> {
             Some(chunk) => self.report_cycle(chunk, place),
         }
     }
-}
 
-// Report uses that cannot be expanded
-impl Expander<'_> {
-    // Report one way to fail
     fn report_undefined(&mut self, name: &[u8], place: Place, alone: bool) {
         let mut fault = self.web.undefined_use(name, place);
         if fault.help.is_empty() && !alone && looks_like_code(name) {
@@ -320,18 +314,7 @@ impl Expander<'_> {
         }
         self.faults.push(fault);
     }
-}
 
-fn looks_like_code(name: &[u8]) -> bool {
-    let odd = |b: &u8| b"<>:;=&|(){},".contains(b);
-    name.trim_ascii().len() < name.len()
-        || !name.contains(&b' ')
-        || name.iter().any(odd)
-}
-
-// Write a line directive
-impl Expander<'_> {
-    // Write directives where they are needed
     fn direct(&mut self, place: Place, heads_chunk: bool) {
         if self.said == Some((place.file, place.line)) {
             return;
@@ -348,9 +331,39 @@ impl Expander<'_> {
         let directive = format_directive(format, name, place.line);
         self.push(&directive.unwrap_or_default());
         if !heads_chunk {
-            self.push(&indentation(column, self.layout.tab));
+            self.push(&indentation(column, self.layout.tab.unwrap_or(0)));
         }
     }
+
+    fn is_alone(&self, after: &[(Piece, Place)]) -> bool {
+        let ends = after.iter().find_map(|(piece, _)| match piece {
+            Piece::Text(text) if text.trim_ascii().is_empty() => None,
+            piece => Some(*piece == Piece::Newline),
+        });
+        let line = &self.tangled.text[self.line_start..];
+        ends.unwrap_or(true) && line.trim_ascii().is_empty()
+    }
+
+    fn write_name(&mut self, name: &[u8], place: Place) {
+        let text = &self.tangled.text;
+        let blank = text[self.line_start..].to_vec();
+        let named = self.layout.rust && std::str::from_utf8(name).is_ok();
+        if named && !blank.is_empty() && self.reader.is_in_body(text) {
+            self.mark(place);
+            self.push(&[b"// ", &spoken_name(name)[..], b"\n"].concat());
+            self.push(&blank);
+        } else {
+            let map = &mut self.tangled.map;
+            map.truncate(map.partition_point(|s| s.line < self.line));
+        }
+    }
+}
+
+fn looks_like_code(name: &[u8]) -> bool {
+    let odd = |b: &u8| b"<>:;=&|(){},".contains(b);
+    name.trim_ascii().len() < name.len()
+        || !name.contains(&b' ')
+        || name.iter().any(odd)
 }
 
 /// A line directive, or what follows a percent sign and means nothing.
@@ -378,8 +391,7 @@ fn format_directive(
             [b'L', ..] => (shifted(1, &b'0'), 1),
             [b'+', n @ b'0'..=b'9', b'L', ..] => (shifted(1, n), 3),
             [b'-', n @ b'0'..=b'9', b'L', ..] => (shifted(-1, n), 3),
-            [bad, ..] => return Err(char::from(*bad).into()),
-            [] => return Err(String::new()),
+            bad => return Err(text_of(bad.get(..1).unwrap_or_default())),
         };
         out.extend(text);
         rest = &after[length..];
@@ -387,29 +399,110 @@ fn format_directive(
     Ok(out)
 }
 
-// Write the name of a chunk
-impl Expander<'_> {
-    fn is_alone(&self, after: &[(Piece, Place)]) -> bool {
-        let blank = |(piece, _): &&(Piece, Place)| match piece {
-            Piece::Text(text) => text.trim_ascii().is_empty(),
-            Piece::Newline | Piece::Use(_) => false,
-        };
-        let next = after.iter().find(|piece| !blank(piece));
-        let ends = next.is_none_or(|(next, _)| *next == Piece::Newline);
-        let line = &self.tangled.text[self.line_start..];
-        ends && line.trim_ascii().is_empty()
+/// What surrounds a place of a program in Rust.
+#[derive(Clone, Copy, Default, PartialEq, Eq)]
+enum Inside {
+    #[default]
+    Items,
+    /// Behind the word `fn`, before the body.
+    Header,
+    Body,
+    Macro,
+}
+
+/// How far a program in Rust was read, and what is there.
+#[derive(Default)]
+struct Reader {
+    at: usize,
+    place: Inside,
+    /// The places of the brackets that are open.
+    open: Vec<Inside>,
+    /// The first byte of the token before.
+    last: u8,
+}
+
+impl Reader {
+    fn is_in_body(&mut self, text: &[u8]) -> bool {
+        while let Some(length) = token_length(&text[self.at..]) {
+            self.take(&text[self.at..][..length]);
+            self.at += length;
+        }
+        self.at == text.len() && self.place == Inside::Body
     }
 
-    // Write the name above its chunk
-    fn write_name(&mut self, name: &[u8], place: Place) {
-        let Some(comment) = self.layout.comment else { return };
-        let blank = self.tangled.text[self.line_start..].to_vec();
-        self.mark(place);
-        self.push(comment.as_bytes());
-        self.push(&spoken_name(name));
-        self.push(b"\n");
-        self.push(&blank);
+    fn take(&mut self, token: &[u8]) {
+        use Inside::{Body, Header, Items, Macro};
+        self.place = match (token, self.place) {
+            // Enter a bracket
+            (b"{" | b"(" | b"[", place) => {
+                let body = token == b"{" && place == Header;
+                self.open.push(if body { Items } else { place });
+                match place {
+                    _ if self.last == b'!' => Macro,
+                    Header if body => Body,
+                    Header => Items,
+                    _ => place,
+                }
+            }
+            (b"}" | b")" | b"]", _) => self.open.pop().unwrap_or_default(),
+            (b"fn", Items) => Header,
+            (b";", Header) => Items,
+            (_, place) => place,
+        };
+        if !token[0].is_ascii_whitespace() {
+            self.last = token[0];
+        }
     }
+}
+
+/// The length of the word, literal, comment or other byte that a text in
+/// Rust begins with; none if its end is missing.
+fn token_length(text: &[u8]) -> Option<usize> {
+    text.first()?;
+    let word =
+        |b: &&u8| b.is_ascii_alphanumeric() || **b == b'_' || **b > 0x7f;
+    let (word, rest) = text.split_at(text.iter().take_while(word).count());
+    let behind = |from: usize, end: &[u8]| {
+        let mut found = text.get(from..)?.windows(end.len());
+        Some(from + found.position(|w| w == end)? + end.len())
+    };
+    let signs = rest.iter().take_while(|b| **b == b'#').count();
+    match (word, rest) {
+        (b"r" | b"br" | b"cr", _) if rest.get(signs) == Some(&b'"') => {
+            let end = [b"\"", &rest[..signs]].concat();
+            behind(word.len() + signs + 1, &end)
+        }
+        (b"", [b'"', ..] | [b'\'', b'\\', ..]) => closed(text),
+        // Measure a character, a comment or a word
+        (b"", [b'\'', rest @ ..]) => {
+            let more =
+                rest.iter().skip(1).take_while(|b| **b & 0xc0 == 0x80);
+            let end = 1 + more.count();
+            Some(if rest.get(end) == Some(&b'\'') { end + 2 } else { 1 })
+        }
+        (b"", [b'/', b'/', ..]) => behind(0, b"\n"),
+        (b"", [b'/', b'*', ..]) => {
+            let (mut depth, mut at) = (1, 2);
+            while depth > 0 {
+                match text.get(at..at + 2)? {
+                    b"/*" => (depth, at) = (depth + 1, at + 2),
+                    b"*/" => (depth, at) = (depth - 1, at + 2),
+                    _ => at += 1,
+                }
+            }
+            Some(at)
+        }
+        _ => Some(word.len().max(1)),
+    }
+}
+
+/// The length of a literal in which there may be escapes.
+fn closed(text: &[u8]) -> Option<usize> {
+    let mut at = 1;
+    while *text.get(at)? != text[0] {
+        at += if text[at] == b'\\' { 2 } else { 1 };
+    }
+    Some(at + 1)
 }
 
 fn spoken_name(name: &[u8]) -> Vec<u8> {
@@ -427,7 +520,6 @@ fn spoken_name(name: &[u8]) -> Vec<u8> {
     spoken
 }
 
-// Run the command that tangles
 #[derive(Default)]
 struct Request {
     roots: Vec<Vec<u8>>,
@@ -436,11 +528,10 @@ struct Request {
     keeps_tabs: bool,
     pipeline: Pipeline,
     files: Vec<OsString>,
-    faults: Vec<Diagnostic>,
+    faults: Faults,
 }
 
 impl Request {
-    // Read the arguments of `notangle`
     fn parse(args: &[OsString]) -> Self {
         let mut request = Self::default();
         let mut args = args.iter();
@@ -472,24 +563,23 @@ impl Request {
         match option {
             [b'-', b'R', root @ ..] => self.roots.push(root.to_vec()),
             [b'-', b'L', format @ ..] => {
-                // Switch line directives on
+                // Switch on what `-L` asks for
                 let usual = b"#line %L \"%F\"%N";
                 let format = if format.is_empty() { usual } else { format };
                 if let Err(bad) = format_directive(format, b"", 0) {
-                    let format = String::from_utf8_lossy(format);
                     let text =
                         format!("Bad format sequence ``%{bad}'' in -L");
-                    self.complain(Level::Error, text + &format);
+                    self.complain(Level::Error, text + &text_of(format));
                 }
                 self.layout.directive = Some(format.to_vec());
-                self.layout.tab = 0;
+                self.layout.tab = Some(0);
             }
             [b'-', b't', ..] => match parse_tab(option) {
-                Ok(tab) => self.layout.tab = tab,
+                Ok(tab) => self.layout.tab = Some(tab),
                 Err(text) => self.complain(Level::Error, text),
             },
             _ => {
-                let option = String::from_utf8_lossy(option);
+                let option = text_of(option);
                 let text = format!("Ignoring unknown option {option}");
                 self.complain(Level::Warning, text);
             }
@@ -518,7 +608,8 @@ fn write_roots(
     request: Request,
     streams: &mut Streams,
 ) -> u8 {
-    let Request { mut roots, layout, mut faults, .. } = request;
+    let Request { mut roots, mut layout, mut faults, .. } = request;
+    layout.tab.get_or_insert(0);
     // Give up unless there is a web
     let web = match web {
         Ok(web) => web,

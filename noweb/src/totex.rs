@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -19,7 +18,6 @@ use std::ffi::OsString;
 use crate::Streams;
 use crate::stream::{self, Mark, Outcome};
 
-// Choose how the stream is converted
 #[derive(Clone, Default)]
 pub struct Options {
     /// Hold macros back until the first chunk of prose has ended.
@@ -32,7 +30,6 @@ pub struct Options {
     pub tex_names: bool,
 }
 
-// Convert a stream line by line
 #[derive(Default)]
 struct Converter<'a> {
     options: Options,
@@ -41,7 +38,6 @@ struct Converter<'a> {
     messages: Vec<u8>,
     warned: HashSet<Vec<u8>>,
     broken: bool,
-    // Keep the state of the line
     code: bool,
     quoting: bool,
     blank: bool,
@@ -52,10 +48,8 @@ struct Converter<'a> {
     reference: Option<&'a [u8]>,
     /// Where the identifier that comes next is defined.
     link: Option<&'a [u8]>,
-    // Remember how the next text is set
     /// Whether the next text is a keyword or a comment.
     style: Option<&'a [u8]>,
-    // Keep the state of the definition
     chunk: &'a [u8],
     /// The label of the definition, for index entries of its uses.
     place: Option<&'a [u8]>,
@@ -72,7 +66,6 @@ struct Converter<'a> {
 pub struct Memory<'a> {
     defined: HashSet<&'a [u8]>,
     users: HashMap<&'a [u8], Vec<&'a [u8]>>,
-    // Remember the names of the keys
     shown: HashMap<&'a [u8], &'a [u8]>,
 }
 
@@ -113,7 +106,6 @@ impl<'a> Converter<'a> {
         }
     }
 
-    // Write text and ends of lines
     fn text(&mut self, text: &[u8]) {
         self.blank &= text.is_empty();
         let link = self.link.take().filter(|_| self.options.index);
@@ -175,7 +167,6 @@ impl<'a> Converter<'a> {
         self.put(&[&comment, b"\n"]);
     }
 
-    // Begin and end a chunk
     fn begin(&mut self, chunk: Mark<'a>) {
         match (chunk.keyword, chunk.argument) {
             // Begin a chunk of code
@@ -252,7 +243,6 @@ impl<'a> Converter<'a> {
         self.put(&[b"}"]);
     }
 
-    // Write the names of chunks
     /// A name that noweb would show without any conversion.
     fn shown(&self, name: &[u8]) -> Vec<u8> {
         match self.options.tex_names {
@@ -262,10 +252,7 @@ impl<'a> Converter<'a> {
     }
 
     fn typeset(&self, name: &[u8]) -> Vec<u8> {
-        match self.options.tex_names {
-            true => name_text(name, ""),
-            false => name_text(name, NAME),
-        }
+        name_text(name, if self.options.tex_names { "" } else { NAME })
     }
 
     /// The name of a chunk, and the tag of the place it refers to.
@@ -304,7 +291,6 @@ impl<'a> Converter<'a> {
         self.put(&[b"\\LA{}", &shown, b"\\RA{}"]);
     }
 
-    // Take up cross-references
     fn reference(&mut self, mark: Mark<'a>) {
         match (mark.keyword, mark.argument) {
             // Remember a label for later
@@ -338,7 +324,6 @@ impl<'a> Converter<'a> {
         }
     }
 
-    // Take up the index
     fn index(&mut self, mark: Mark<'a>) {
         match (mark.keyword, mark.argument) {
             (b"nl", None) => {
@@ -444,7 +429,6 @@ impl<'a> Converter<'a> {
         [b"{", &shown[..], b"}{", &key[..], b"}"].concat()
     }
 
-    // Report a mark without a meaning
     fn warn(&mut self, family: &[u8], mark: Mark) {
         let tag = [family, mark.keyword].concat();
         if self.warned.insert(tag.clone()) {
@@ -472,7 +456,6 @@ impl Converter<'_> {
         }
     }
 
-    // Convert the end of the document
     fn trailer(&mut self, kind: Mark) {
         if kind.keyword != b"latex" {
             return self.warn(b"trailer ", kind);
@@ -482,7 +465,6 @@ impl Converter<'_> {
     }
 }
 
-// Escape text for each of its places
 /// Text of a line of code, where only `{`, `}` and `\` are special.
 const CODE: &str = r"\\\|{\{|}\}";
 
@@ -559,7 +541,6 @@ fn tag(label: &[u8]) -> Vec<u8> {
     [b"{\\nwtagstyle{}\\subpageref{", label, b"}}"].concat()
 }
 
-// Run totex as a command
 /// Converts the lines of a stream to LaTeX.
 pub fn to_tex<'a>(
     lines: impl Iterator<Item = &'a [u8]>,
@@ -577,19 +558,14 @@ pub fn to_tex<'a>(
     *memory = converter.memory;
     // Withhold the text of a broken stream
     let Converter { out, messages, broken, .. } = converter;
-    match broken {
-        false => Outcome { text: out, messages, status: 0 },
-        true => Outcome { text: Vec::new(), messages, status: 1 },
-    }
+    let (text, status) = if broken { (Vec::new(), 1) } else { (out, 0) };
+    Outcome { text, messages, status }
 }
 
 impl Options {
     pub fn read(args: &[OsString]) -> Options {
         let has = |option: &str| args.iter().any(|arg| arg == option);
-        let comment = match has("-no-gen-comment") {
-            true => &b""[..],
-            false => COMMENT,
-        };
+        let comment = if has("-no-gen-comment") { b"" } else { COMMENT };
         Options {
             delay: has("-delay"),
             index: !has("-noindex"),

@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -14,7 +13,6 @@
 //! written. Lines of lists count from 0, as indices, and lines of files
 //! from 1.
 
-// Import what carrying edits needs
 use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::fs;
@@ -27,15 +25,17 @@ use similar::{Algorithm, DiffTag, capture_diff_slices};
 
 use crate::Streams;
 use crate::cpif::replace;
-use crate::diagnostic::{Diagnostic, Level, Place, Position, Source};
+use crate::diagnostic::{
+    Diagnostic, Faults, Level, Place, Position, Source, bytes_of, checked,
+    shown, text_of,
+};
 use crate::markup::{Kind, Token, unmark};
 use crate::project::{
-    Expansion, Project, expand_sources, hash, is_edited, parse, tab_stops,
+    Expansion, Project, expand_sources, hash, is_edited, parse,
 };
-use crate::tangle::{Layout, Segment, Tangled, indentation, tangle};
+use crate::tangle::{Layout, Segment, Tangled, tangle};
 use crate::web::Web;
 
-// Find where two lists differ
 /// What stands in an old list, and what stands there in the new one.
 type Hunk = (Range<usize>, Range<usize>);
 
@@ -66,12 +66,11 @@ fn similar(a: &[u8], b: &[u8]) -> bool {
     2 * changed <= a.len() + b.len()
 }
 
-// Find the files that were edited
 /// What stands on the disk, for every edited file.
 type Edited = BTreeMap<PathBuf, Vec<u8>>;
 
 impl Project {
-    fn edited(&self, now: &Expansion) -> Result<Edited, Vec<Diagnostic>> {
+    fn edited(&self, now: &Expansion) -> Result<Edited, Faults> {
         let record = self.read_record();
         let (mut edited, mut faults) = (Edited::new(), Vec::new());
         for (path, tangled) in &now.files {
@@ -85,7 +84,7 @@ impl Project {
             }
             edited.insert(path.clone(), text);
         }
-        if faults.is_empty() { Ok(edited) } else { Err(faults) }
+        checked(edited, faults)
     }
 }
 
@@ -97,7 +96,6 @@ fn changed_twice(path: &Path, now: &[u8], disk: &[u8]) -> Diagnostic {
         .with_help("undo one of the two, and make it again afterwards")
 }
 
-// Say where lines come from
 /// A line of a chapter, and what tangling indents it by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Spot {
@@ -125,7 +123,6 @@ struct Splice {
     text: Vec<u8>,
 }
 
-// Carry the edits of one file
 /// One edited file, and what the chapters give for it.
 struct Carrier<'a> {
     sources: &'a [Source],
@@ -136,7 +133,6 @@ struct Carrier<'a> {
 }
 
 impl<'a> Carrier<'a> {
-    // Find where a line comes from
     fn segments(&self, line: usize) -> &'a [Segment] {
         self.tangled.segments(line as u32 + 1)
     }
@@ -179,7 +175,6 @@ impl<'a> Carrier<'a> {
             .then_some(first)
     }
 
-    // Put lines into a chapter
     /// Puts new lines in the place of some lines of a chapter.
     fn replace(
         &self,
@@ -190,11 +185,12 @@ impl<'a> Carrier<'a> {
         let source = &self.sources[spot.file as usize];
         let start = source.start(spot.line)?;
         let end = source.start(spot.below(count).line);
-        let blank = indentation(spot.indent, tab_stops(self.path));
         let mut text = Vec::new();
         for line in &self.new[new.clone()] {
-            let bare = line.strip_prefix(&blank[..]);
-            let bare = bare.or(line.is_empty().then_some(line))?;
+            let (blank, bare) = line.split_at(spot.indent.min(line.len()));
+            if !blank.trim_ascii().is_empty() {
+                return None;
+            }
             text.extend(quote(bare));
             text.push(b'\n');
         }
@@ -202,7 +198,6 @@ impl<'a> Carrier<'a> {
         Some(Splice { file: spot.file, range, text })
     }
 
-    // Carry one hunk to a chapter
     /// The splices of one hunk, if there is one way to make them.
     fn carry(
         &self,
@@ -288,7 +283,6 @@ impl<'a> Carrier<'a> {
         (old.len() == new.len()).then_some(splices)
     }
 
-    // Refuse to carry a hunk
     /// What to say of a hunk that is not carried.
     fn refuse(&self, (old, new): &Hunk, text: &str) -> Diagnostic {
         let below = old.end.max((old.start + 1).min(self.old.len()));
@@ -296,8 +290,7 @@ impl<'a> Carrier<'a> {
         let places = (above..below).filter_map(|line| {
             let place = self.segments(line).last()?.place;
             let source = &self.sources[place.file as usize];
-            let name = String::from_utf8_lossy(&source.name);
-            Some(format!("{name}:{}", place.line))
+            Some(format!("{}:{}", text_of(&source.name), place.line))
         });
         let mut places: Vec<String> = places.take(4).collect();
         places.dedup();
@@ -311,12 +304,11 @@ const OUTSIDE: &str = "this edit is not in the text of one chunk";
 const AMBIGUOUS: &str = "this edit may belong to either of two places";
 
 fn edit_fault(path: &Path, line: usize, text: &str) -> Diagnostic {
-    let (file, line) = (path.display().to_string(), line as u32 + 1);
+    let (file, line) = (shown(path), line as u32 + 1);
     let position = Position { file, line, column: 1, excerpt: None };
     Diagnostic::new(Level::Error, Some(position), text)
 }
 
-// Translate a line into the language of chunks
 /// A web that consists of one line of code.
 fn web_of(line: &[u8]) -> Web {
     let chapter = [b"<<*>>=\n", line, b"\n"].concat();
@@ -338,11 +330,10 @@ fn escape(text: &[u8]) -> Vec<u8> {
     unmark(&tokens).split_off(b"<<*>>=\n".len())
 }
 
-// Change the chapters in memory
 fn carry_all(
     now: &Expansion,
     edited: &Edited,
-) -> Result<Vec<Splice>, Vec<Diagnostic>> {
+) -> Result<Vec<Splice>, Faults> {
     let (mut splices, mut faults) = (Vec::new(), Vec::new());
     for (path, tangled) in &now.files {
         let Some(text) = edited.get(path) else { continue };
@@ -362,7 +353,7 @@ fn carry_all(
             above = hunk.0.end;
         }
     }
-    if faults.is_empty() { Ok(splices) } else { Err(faults) }
+    checked(splices, faults)
 }
 
 /// The chapters with all splices made.
@@ -382,13 +373,12 @@ fn apply(sources: &[Source], mut splices: Vec<Splice>) -> Vec<Source> {
     named.map(|(s, text)| Source::new(s.name.clone(), text)).collect()
 }
 
-// Prove that the chapters give the files
 /// Checks that every file is as edited, or as it was.
 fn prove(
     old: &Expansion,
     new: &Expansion,
     edited: &Edited,
-) -> Result<(), Vec<Diagnostic>> {
+) -> Result<(), Faults> {
     let mut faults = Vec::new();
     for (path, before) in &old.files {
         let edit = edited.get(path);
@@ -406,14 +396,14 @@ fn prove(
             faults.push(edit_fault(path, line.start, text).with_help(help));
         }
     }
-    if faults.is_empty() { Ok(()) } else { Err(faults) }
+    checked((), faults)
 }
 
 fn changes(old: &[Source], new: &[Source]) -> Vec<String> {
     let mut changes = Vec::new();
     for (old, new) in old.iter().zip(new) {
         let (a, b) = (lines_of(&old.text), lines_of(&new.text));
-        let name = String::from_utf8_lossy(&old.name);
+        let name = text_of(&old.name);
         for (a, b) in hunks(&a, &b) {
             let line = b.start + 1;
             let (gone, come) = (a.len(), b.len());
@@ -423,15 +413,11 @@ fn changes(old: &[Source], new: &[Source]) -> Vec<String> {
     changes
 }
 
-// Untangle a project
 impl Project {
     /// Carries all edits of files back to the chapters; tells what changed.
     ///
     /// With `check` nothing is written.
-    pub fn untangle(
-        &self,
-        check: bool,
-    ) -> Result<Vec<String>, Vec<Diagnostic>> {
+    pub fn untangle(&self, check: bool) -> Result<Vec<String>, Faults> {
         let old = self.expand()?;
         self.removals(&old.files, &self.read_record())?;
         let edited = self.edited(&old)?;
@@ -449,7 +435,6 @@ impl Project {
         Ok(changes(before, after))
     }
 
-    // Write the chapters that have changed
     fn write_chapters(
         &self,
         old: &[Source],
@@ -474,7 +459,6 @@ impl Project {
     }
 }
 
-// Run the command that untangles
 /// The command `noweb untangle [-C dir] [--record file] [--check]
 /// chapter...`.
 pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
@@ -488,7 +472,7 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
     };
     let lines = changes.iter().map(|line| format!("{line}\n"));
     let text: String = lines.collect();
-    let result = streams.output.write_all(text.as_bytes());
+    let result = streams.output.write_all(&bytes_of(&text));
     let failed = !faults.is_empty() || check && !changes.is_empty();
     streams.conclude(result, &faults).max(u8::from(failed)).min(1)
 }

@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -13,14 +12,15 @@
 //! The newline that ends the last of them is not part of the chunk.
 
 use std::collections::HashMap;
+use std::ffi::OsStr;
+use std::os::unix::ffi::OsStrExt;
 
-use crate::diagnostic::{Diagnostic, Level, Place, Position, Source};
-use crate::markup::{
-    Kind, Lexeme, Token, mark_up, parse_token, split_word,
+use crate::diagnostic::{
+    Diagnostic, Faults, Level, Place, Position, Source, text_of,
 };
-use crate::stream::lines;
+use crate::markup::{Kind, Lexeme, Token, mark_up, parse_token};
+use crate::stream::{Mark, lines};
 
-// Define the chunks of a web
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Piece {
     Text(Vec<u8>),
@@ -58,16 +58,9 @@ impl Web {
         let source = self.sources.get(place.file as usize)?;
         Some(source.position(place))
     }
-}
 
-// Gather the chunks from tokens
-impl Web {
-    // Turn tokens into chunks
     /// Reads sources; `tab` is the distance of tab stops, or 0.
-    pub fn read(
-        sources: Vec<Source>,
-        tab: usize,
-    ) -> (Self, Vec<Diagnostic>) {
+    pub fn read(sources: Vec<Source>, tab: usize) -> (Self, Faults) {
         let (mut lexemes, mut faults) = (Vec::new(), Vec::new());
         for (source, file) in sources.iter().zip(0..) {
             let (more, complaints) = mark_up(source, file, tab);
@@ -129,12 +122,9 @@ impl Web {
             }
         }
     }
-}
 
-// Gather the tokens from a stream
-impl Web {
     /// Reads a stream that filters may have changed.
-    pub fn read_stream(stream: &[u8]) -> (Self, Vec<Diagnostic>) {
+    pub fn read_stream(stream: &[u8]) -> (Self, Faults) {
         let mut reader = StreamReader::default();
         let read = lines(stream).try_for_each(|l| reader.read_line(l));
         if let Err(text) = read.and_then(|()| reader.finish()) {
@@ -142,6 +132,83 @@ impl Web {
         }
         let StreamReader { sources, lexemes, faults, .. } = reader;
         (Self { sources, ..Self::from_lexemes(lexemes) }, faults)
+    }
+
+    /// The chunk whose name is nearest to one that none has, if any is near.
+    pub fn nearest(&self, name: &[u8]) -> Option<&Chunk> {
+        let limit = name.len() / 3;
+        let long = |c: &&Chunk| c.name.len().abs_diff(name.len()) <= limit;
+        let close = self.chunks.iter().filter(long);
+        let near = close.map(|c| (edit_distance(&c.name, name), c));
+        let (distance, found) = near.min_by_key(|(d, _)| *d)?;
+        (0 < limit && distance <= limit).then_some(found)
+    }
+
+    /// Chunks that are lost: never used, or in a cycle that no root reaches.
+    ///
+    /// What `is_root` takes for one, and the default root, need no use.
+    pub fn unused(&self, is_root: impl Fn(&[u8]) -> bool) -> Faults {
+        let used = |c: &Chunk| self.uses.contains_key(&c.name);
+        let mut marked = vec![false; self.chunks.len()];
+        let tops = (0..marked.len()).filter(|n| !used(&self.chunks[*n]));
+        tops.for_each(|top| self.mark_below(top, &mut marked));
+        let mut faults = Vec::new();
+        for (index, chunk) in self.chunks.iter().enumerate() {
+            let name = quoted(&chunk.name);
+            if !used(chunk) && chunk.name != b"*" && !is_root(&chunk.name) {
+                let text = format!("chunk {name} is never used");
+                faults.push(self.warn(chunk, text));
+            } else if used(chunk) && !marked[index] {
+                // Report the chunk if it marks itself
+                self.mark_below(index, &mut marked);
+                if marked[index] {
+                    let text =
+                        format!("no root reaches {name}, in a cycle");
+                    faults.push(self.warn(chunk, text));
+                }
+            }
+        }
+        faults
+    }
+
+    fn warn(&self, chunk: &Chunk, text: String) -> Diagnostic {
+        let position = self.position(chunk.definitions[0]);
+        Diagnostic::new(Level::Warning, position, text)
+    }
+
+    fn mark_below(&self, chunk: usize, marked: &mut [bool]) {
+        let mut waiting = vec![chunk];
+        while let Some(chunk) = waiting.pop() {
+            for (piece, _) in &self.chunks[chunk].pieces {
+                let Piece::Use(name) = piece else { continue };
+                let Some(used) = self.find(name) else { continue };
+                if !std::mem::replace(&mut marked[used], true) {
+                    waiting.push(used);
+                }
+            }
+        }
+    }
+
+    /// Names that end in dots, which WEB would have completed.
+    pub fn dotted(&self) -> Faults {
+        let dotted = |c: &&Chunk| c.name.ends_with(b"...");
+        let report = |c: &Chunk| {
+            let name = quoted(&c.name);
+            self.warn(c, format!("{name} isn't completed as in web"))
+        };
+        self.chunks.iter().filter(dotted).map(report).collect()
+    }
+
+    /// One use of a name that is not defined.
+    pub fn undefined_use(&self, name: &[u8], place: Place) -> Diagnostic {
+        let text = format!("undefined chunk name: {}", quoted(name));
+        let position = self.position(place);
+        let mut fault = Diagnostic::new(Level::Error, position, text);
+        if let Some(near) = self.nearest(name) {
+            let name = quoted(&near.name);
+            fault = fault.with_help(format!("there is a chunk {name}"));
+        }
+        fault
     }
 }
 
@@ -151,7 +218,7 @@ struct StreamReader {
     place: Place,
     stage: Expected,
     lexemes: Vec<Lexeme>,
-    faults: Vec<Diagnostic>,
+    faults: Faults,
 }
 
 /// What the rules of the stream allow next.
@@ -165,7 +232,6 @@ enum Expected {
 }
 
 impl StreamReader {
-    // Read the lines of the stream
     fn read_line(&mut self, line: &[u8]) -> Result<(), &'static str> {
         use Expected::{Inside, Named, Nameless, Outside};
         let token = parse_token(line);
@@ -215,15 +281,19 @@ impl StreamReader {
     }
 
     fn take_other(&mut self, line: &[u8]) {
-        let (keyword, value) = split_word(line);
-        if keyword == b"@line" {
-            let number = std::str::from_utf8(value).unwrap_or("");
-            let number = number.parse().unwrap_or(1u32);
-            self.place.line = number.saturating_sub(1);
-        } else if self.stage == Expected::Inside && !is_extra(keyword) {
-            let line = String::from_utf8_lossy(line);
-            let text = format!("botched code chunk `{line}'");
-            self.complain(Level::Error, text);
+        let mark = Mark::read(line).unwrap_or_default();
+        match mark.keyword {
+            b"line" => {
+                let number = text_of(mark.text()).parse().unwrap_or(1u32);
+                self.place.line = number.saturating_sub(1);
+            }
+            b"index" | b"style" => {}
+            _ if self.stage != Expected::Inside => {}
+            _ => {
+                let text =
+                    format!("botched code chunk `{}'", text_of(line));
+                self.complain(Level::Error, text);
+            }
         }
     }
 
@@ -239,29 +309,10 @@ impl StreamReader {
     }
 }
 
-fn is_extra(keyword: &[u8]) -> bool {
-    matches!(keyword, b"@index" | b"@style")
-}
-
 fn open_again(name: &[u8]) -> Source {
-    let path = String::from_utf8_lossy(name).into_owned();
-    let text = std::fs::read(path).unwrap_or_default();
+    let text = std::fs::read(OsStr::from_bytes(name));
+    let text = text.unwrap_or_default();
     Source::new(name.to_vec(), text)
-}
-
-// Find the nearest defined name
-impl Web {
-    /// The chunk whose name is nearest to one that none has, if any is near.
-    pub fn nearest(&self, name: &[u8]) -> Option<&Chunk> {
-        let limit = name.len() / 3;
-        let close = self
-            .chunks
-            .iter()
-            .filter(|chunk| chunk.name.len().abs_diff(name.len()) <= limit);
-        let near = close.map(|c| (edit_distance(&c.name, name), c));
-        let (distance, found) = near.min_by_key(|(d, _)| *d)?;
-        (0 < limit && distance <= limit).then_some(found)
-    }
 }
 
 fn edit_distance(a: &[u8], b: &[u8]) -> usize {
@@ -278,80 +329,6 @@ fn edit_distance(a: &[u8], b: &[u8]) -> usize {
     row[b.len()]
 }
 
-// Report what looks wrong in a web
-impl Web {
-    // Look for chunks that are astray
-    /// Chunks that are lost: never used, or in a cycle that no root reaches.
-    ///
-    /// What `is_root` takes for one, and the default root, need no use.
-    pub fn unused(
-        &self,
-        is_root: impl Fn(&[u8]) -> bool,
-    ) -> Vec<Diagnostic> {
-        let used = |c: &Chunk| self.uses.contains_key(&c.name);
-        let mut marked = vec![false; self.chunks.len()];
-        let tops = (0..marked.len()).filter(|n| !used(&self.chunks[*n]));
-        tops.for_each(|top| self.mark_below(top, &mut marked));
-        let mut faults = Vec::new();
-        for (index, chunk) in self.chunks.iter().enumerate() {
-            let name = quoted(&chunk.name);
-            if !used(chunk) && chunk.name != b"*" && !is_root(&chunk.name) {
-                let text = format!("chunk {name} is never used");
-                faults.push(self.warn(chunk, text));
-            } else if used(chunk) && !marked[index] {
-                // Report the chunk if it marks itself
-                self.mark_below(index, &mut marked);
-                if marked[index] {
-                    let text =
-                        format!("no root reaches {name}, in a cycle");
-                    faults.push(self.warn(chunk, text));
-                }
-            }
-        }
-        faults
-    }
-
-    fn warn(&self, chunk: &Chunk, text: String) -> Diagnostic {
-        let position = self.position(chunk.definitions[0]);
-        Diagnostic::new(Level::Warning, position, text)
-    }
-
-    fn mark_below(&self, chunk: usize, marked: &mut [bool]) {
-        let mut waiting = vec![chunk];
-        while let Some(chunk) = waiting.pop() {
-            for (piece, _) in &self.chunks[chunk].pieces {
-                let Piece::Use(name) = piece else { continue };
-                let Some(used) = self.find(name) else { continue };
-                if !std::mem::replace(&mut marked[used], true) {
-                    waiting.push(used);
-                }
-            }
-        }
-    }
-
-    /// Names that end in dots, which WEB would have completed.
-    pub fn dotted(&self) -> Vec<Diagnostic> {
-        let dotted = |c: &&Chunk| c.name.ends_with(b"...");
-        let report = |c: &Chunk| {
-            let name = quoted(&c.name);
-            self.warn(c, format!("{name} isn't completed as in web"))
-        };
-        self.chunks.iter().filter(dotted).map(report).collect()
-    }
-
-    /// One use of a name that is not defined.
-    pub fn undefined_use(&self, name: &[u8], place: Place) -> Diagnostic {
-        let text = format!("undefined chunk name: {}", quoted(name));
-        let position = self.position(place);
-        let mut fault = Diagnostic::new(Level::Error, position, text);
-        if let Some(near) = self.nearest(name) {
-            let name = quoted(&near.name);
-            fault = fault.with_help(format!("there is a chunk {name}"));
-        }
-        fault
-    }
-}
-
 pub fn quoted(name: &[u8]) -> String {
-    format!("<<{}>>", String::from_utf8_lossy(name))
+    format!("<<{}>>", text_of(name))
 }

@@ -10,8 +10,10 @@
 
 mod common;
 
+use std::ffi::OsStr;
 use std::fs;
 use std::io::{BufRead, BufReader, Write};
+use std::os::unix::ffi::OsStrExt;
 use std::process::{Command, Stdio};
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
@@ -239,7 +241,7 @@ proptest! {
         };
         let atlas = Atlas::read(std::slice::from_ref(&project));
         for (path, tangled) in project.expand().expect("files").files {
-            let file = atlas.find(&path).expect("the file");
+            let (_, file) = atlas.find(path.as_os_str().as_bytes()).expect("the file");
             let text = String::from_utf8(tangled.text).expect("UTF-8");
             for (line, number) in text.lines().zip(1..) {
                 let blank = line.len() - line.trim_start().len();
@@ -319,6 +321,41 @@ fn a_path_with_a_dot_is_found_by_its_end_if_there_is_only_one() {
 }
 
 #[test]
+fn a_path_with_blanks_colons_and_any_bytes_is_found() {
+    let scratch = Scratch::new();
+    let master = b"\\title{Caf\xe9}\r\n\\include{a b\xe9}\r\n".to_vec();
+    scratch.write("my dir: (x)/book.nw", master);
+    let dir = scratch.path().join("my dir: (x)");
+    let chapter = OsStr::from_bytes(b"chapters/a b\xe9.nw");
+    fs::create_dir(dir.join("chapters")).expect("a directory");
+    let web =
+        b"\xe9\n<<src/a:1 \xe9>>=\n<<src/a:1[\xe9].c>>=\n\xe9 \xb0 x\n";
+    fs::write(dir.join(chapter), web).expect("a chapter");
+    let there = [
+        dir.canonicalize().expect("a path").as_os_str().as_bytes(),
+        b"/src/a:1[\xe9].c:1",
+    ]
+    .concat();
+    let text =
+        [b"(src/a:1[\xe9].c:1:5): ", &there[..], b":1 \xe9\n"].concat();
+    let mut noweb = Command::new(noweb());
+    noweb.current_dir(&dir);
+    let mut tangle = Command::new(noweb.get_program());
+    tangle.args(["tangle", "book.nw"]).arg(chapter).current_dir(&dir);
+    assert!(tangle.status().expect("a command").success());
+    noweb.args(["map", "book.nw", "--", "printf", "%s"]);
+    let output = noweb.arg(OsStr::from_bytes(&text)).output();
+    let output = output.expect("a command");
+    let wanted =
+        b"(chapters/a b\xe9.nw:4:5): chapters/a b\xe9.nw:4:1 \xe9\n";
+    assert_eq!(
+        output.stdout.escape_ascii().to_string(),
+        wanted.escape_ascii().to_string()
+    );
+    assert_eq!(output.stderr, b"");
+}
+
+#[test]
 fn a_full_disk_is_not_the_fault_of_the_command() {
     let scratch = project();
     let full = std::fs::File::options().write(true).open("/dev/full");
@@ -358,7 +395,7 @@ fn positions_in_a_stale_file_stay_and_it_is_said_once() {
     scratch.write("src/main.rs", format!("// edited\n{text}"));
     let mut filter = filter(&scratch);
     let line = b"src/main.rs:1:1 src/other.rs:1:1";
-    let wanted = b"src/main.rs:1:1 chapters/a.nw:33:1".to_vec();
+    let wanted = b"src/main.rs:1:1 chapters/a.nw:23:1".to_vec();
     assert_eq!(filter.translate(line, 0), wanted);
     filter.translate(line, 1);
     let text = "src/main.rs is not what its chapters give";
@@ -492,7 +529,7 @@ fn two_webs_are_two_programs() {
     scratch.write("tool/book.nw", "\\include{t}\n");
     let tangle = ["tangle", "--record", "r", "tool/chapters/t.nw"];
     assert_eq!(run(&scratch, &tangle).status, 0);
-    let line = "src/main.rs:1:1 tool/src/t.rs:2:1 ./src/t.rs:2";
+    let line = "src/main.rs:1:1 tool/src/t.rs:1:1 ./src/t.rs:1";
     let masters = ["book.nw", "tool/book.nw"];
     let echo = ["--", "echo", line];
     let args = [&["map"], &masters[..], &echo[..]].concat();
@@ -513,7 +550,7 @@ fn the_status_of_a_command_is_ours_and_so_are_its_streams() {
         shell("echo src/main.rs:1; echo src/other.rs:1 >&2; exit 7");
     assert_eq!(outcome.status, 7);
     assert_eq!(outcome.stdout(), "chapters/a.nw:3\n");
-    assert_eq!(outcome.stderr(), "chapters/a.nw:33\n");
+    assert_eq!(outcome.stderr(), "chapters/a.nw:23\n");
     assert_eq!(shell("kill -9 $$").status, 137);
     assert_eq!(shell("printf src/main.rs:1").stdout(), "chapters/a.nw:3");
     let missing = run(&scratch, &["map", "chapters/a.nw", "--", "./no"]);
@@ -574,10 +611,10 @@ fn a_failing_test_and_its_backtrace_name_the_chapter() {
     }
     let warning = "\
 warning: unused variable: `unused`
-     --> chapters/a.nw:21:5
-      |
-   21 |     let unused = 3;
-      |         ^^^^^^ help: if this is intentional, prefix it with an \
+    --> chapters/a.nw:21:5
+     |
+  21 |     let unused = 3;
+     |         ^^^^^^ help: if this is intentional, prefix it with an \
                    underscore: `_unused`
 ";
     assert_eq!(stderr.matches(warning).count(), 1, "{stderr}");

@@ -10,7 +10,13 @@
 
 mod common;
 
+use std::ffi::OsStr;
 use std::fs;
+use std::io::Read;
+use std::os::fd::OwnedFd;
+use std::os::unix::ffi::OsStrExt;
+use std::os::unix::net::UnixStream;
+use std::process::Command;
 use std::time::{Duration, SystemTime};
 
 use common::{Outcome, Scratch, noweb, run, shell};
@@ -48,7 +54,6 @@ all:
 ";
 
 const MAIN: &str = "\
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 // Free software.
 
@@ -162,7 +167,7 @@ fn an_edit_by_hand_is_refused_with_its_chapter_line() {
     assert_eq!(outcome.status, 1);
     assert_eq!(
         outcome.stderr(),
-        "src/main.rs:9:10: error: this file was edited by hand since it \
+        "src/main.rs:8:10: error: this file was edited by hand since it \
          was tangled\n      count_by_hand();\n           ^\n  \
          help: the line comes from chapters/a.nw:16\n  help: `noweb \
          untangle' carries the edit there\n  help: delete src/main.rs to \
@@ -424,6 +429,162 @@ fn a_chapter_that_the_master_does_not_include_is_named() {
     assert_eq!(outcome.status, 2);
     let said = "book.nw does not include chapters/b.nw";
     assert!(outcome.stderr().contains(said), "{}", outcome.stderr());
+}
+
+#[test]
+fn names_are_comments_only_in_the_bodies_of_functions() {
+    let scratch = Scratch::new();
+    for (before, after, named) in [
+        ("fn f() {", "}", true),
+        ("fn f() -> [fn() -> u8; 2]\nwhere\n  u8: X<'a>,\n{", "}", true),
+        ("impl S {\n  fn f(\n    x: u8,\n  ) {\n    m!(x);", "}\n}", true),
+        ("fn f() {\n  a::<'b>('\"', b'\\'', '\u{e9}', '}');", "}", true),
+        (
+            "fn f() {\n  r#\"\"}\"#; // }\"\n  /* /* */ \" */ call(",
+            ")\n}",
+            true,
+        ),
+        ("fn f() {}", "", false),
+        ("struct S {", "}", false),
+        ("impl S {\n  const A: u8 = 1;\n  fn f() {}", "}", false),
+        ("trait T {\n  fn f();\n  type U = [", "];\n}", false),
+        ("fn f() {\n  a = \"\\\"", "\";\n}", false),
+        ("fn f() {\n  a = br##\"\\\"#", "\"##;\n}", false),
+        ("fn f() {\n  a = '{'; /* /* */", "*/\n}", false),
+        ("fn f() {\n  m! {\n    {", "}\n  }\n}", false),
+    ] {
+        let body = format!("{before}\n    <<Do it>>\n{after}\n");
+        let web = format!("<<a.rs>>=\n{body}<<Do it>>=\nx\n\ny\n");
+        scratch.write("a.nw", web);
+        let outcome = run(scratch.path(), &["tangle", "a.nw"]);
+        assert_eq!(outcome.status, 0, "{}", outcome.stderr());
+        let name = if named { "// Do it\n    x" } else { "x" };
+        let done = body.replace("<<Do it>>", &format!("{name}\n\n    y"));
+        assert_eq!(scratch.read("a.rs"), done);
+    }
+    scratch.write(
+        "a.nw",
+        b"<<a.rs>>=\nfn f() {\n  <<\xe9>>\n}\n<<\xe9>>=\nx\n",
+    );
+    assert_eq!(run(scratch.path(), &["tangle", "a.nw"]).status, 0);
+    assert_eq!(scratch.read("a.rs"), "fn f() {\n  x\n}\n");
+}
+
+#[test]
+fn no_other_text_gets_names_and_tabs_are_copied() {
+    let scratch = Scratch::new();
+    let names = "run a.sh a.py a.toml a.vim a.awk Makefile GNUmakefile \
+                 a.mak a.mk a.go a.tex";
+    for name in names.split_whitespace() {
+        let body = "all:\n\t<<Do it>>\n  \t x = <<Do it>>;\n<<Do it>>\n";
+        let web = format!("<<b/{name}>>=\n{body}<<Do it>>=\na\n\n\tb\n");
+        scratch.write("a.nw", web);
+        let outcome = run(scratch.path(), &["tangle", "a.nw"]);
+        assert_eq!(outcome.status, 0, "{name}: {}", outcome.stderr());
+        let done = "all:\n\ta\n\n\t\tb\n  \t x = a\n\n  \t     \tb;\n\
+                    a\n\n\tb\n";
+        assert_eq!(scratch.read(&format!("b/{name}")), done, "{name}");
+    }
+}
+
+/// A text in Latin-1.
+fn latin(text: &str) -> Vec<u8> {
+    text.chars().map(|c| c as u8).collect()
+}
+
+#[test]
+fn bytes_of_any_encoding_and_long_names_pass_through() {
+    let scratch = Scratch::new();
+    let long = "l".repeat(251) + ".txt";
+    let web = "<<dé/a[1].txt>>=\né <<é b>>\né\n<<é b>>=\ncé\n<<é>>=\n";
+    let web = format!("{web}<<{long}>>=\n1\n");
+    scratch.write("in", latin(&web));
+    // Runs a line in Latin-1, in which N is our program.
+    let says = |line: &str, parts: &[&str]| {
+        let line = line.replace('N', &noweb().display().to_string());
+        let mut sh = Command::new("sh");
+        sh.arg("-c").arg(OsStr::from_bytes(&latin(&line)));
+        let said = sh.current_dir(scratch.path()).output().expect("sh");
+        let said = [said.stdout, said.stderr].concat();
+        let said = said.escape_ascii().to_string();
+        for part in parts {
+            let part = latin(part).escape_ascii().to_string();
+            assert!(said.contains(&part), "{part} is not in {said}");
+        }
+    };
+    let warned =
+        "é a.nw:6:3: warning: chunk <<é>> is never used\n  <<é>>=\n";
+    says(
+        "cp in 'é a.nw'; N tangle 'é a.nw'; cat d*/*",
+        &[warned, "é cé\n"],
+    );
+    assert_eq!(scratch.read(&long), "1\n");
+    says("ls -A", &[".tangled\nd"]);
+    says(
+        "echo x | tee -a d*/*; N tangle 'é a.nw'; N untangle 'é a.nw' é",
+        &["dé/a[1].txt:3:1: error: this", " é a.nw:3\n", "cannot read é: "],
+    );
+    says("N untangle 'é a.nw'", &["é a.nw:4: -0 +1 lines\n"]);
+    says(
+        "N noweave -v -index -autodefs rust -option éo -filter cat 'é a.nw'",
+        &["rkup 'é a.nw'\n", "\\noweboptions{éo}", "\\moddef{dé/a"],
+    );
+    says(
+        "N finduses é; N notangle -Ré 'é b'",
+        &["option é\n", "file é b:"],
+    );
+}
+
+#[test]
+fn a_closed_output_is_an_error_if_there_is_something_to_say() {
+    let scratch = project();
+    let closed = |line: &str| {
+        let line = format!("'{}' {line}", noweb().display());
+        shell(&line, scratch.path(), scratch.path())
+    };
+    let said = "error: cannot write: Bad file descriptor";
+    for command in common::names() {
+        let outcome = closed(&format!("{command} --help >&-"));
+        assert_eq!(outcome.status, 1, "{command}");
+        assert!(outcome.stderr().starts_with(said), "{command}");
+    }
+    for line in [
+        "--version",
+        "notangle -Ra.mk chapters/a.nw",
+        "noroots chapters/a.nw",
+        "noweave chapters/a.nw",
+        "map chapters/a.nw -- echo x",
+    ] {
+        for way in [">&-", "<&- >&-", "1</dev/null"] {
+            let outcome = closed(&format!("{line} {way}"));
+            assert_eq!(outcome.status, 1, "{line} {way}");
+            assert!(outcome.stderr().contains("cannot write: Bad file"));
+        }
+        assert_eq!(closed(&format!("{line} 1<>/dev/null")).status, 0);
+    }
+    assert_eq!(closed("tangle chapters/a.nw >&-").status, 0);
+    assert_eq!(closed("map chapters/a.nw -- true >&-").status, 0);
+}
+
+#[test]
+fn an_output_that_does_not_wait_gets_all_bytes() {
+    let scratch = project();
+    let text = "a line of some length\n".repeat(40_000);
+    scratch.write("big.nw", "<<*>>=\n".to_owned() + &text);
+    let (mut ours, theirs) = UnixStream::pair().expect("two ends");
+    theirs.set_nonblocking(true).expect("an end that does not wait");
+    let mut command = Command::new(noweb());
+    let command = command.args(["notangle", "big.nw"]);
+    let command = command.current_dir(scratch.path());
+    let mut child =
+        command.stdout(OwnedFd::from(theirs)).spawn().expect("a command");
+    // Its last end here must be closed, or we would wait for ever.
+    *command = Command::new("true");
+    std::thread::sleep(Duration::from_millis(300));
+    let mut read = String::new();
+    ours.read_to_string(&mut read).expect("the text");
+    assert!(read == text, "{} bytes of {}", read.len(), text.len());
+    assert!(child.wait().expect("an end").success());
 }
 
 #[test]

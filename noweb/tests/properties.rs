@@ -247,17 +247,24 @@ proptest! {
     #[test]
     fn names_are_comments_and_change_nothing_else(web in webs()) {
         let source = source(&web);
-        let plain = tangle_source(&source, &Layout::default()).text;
-        let comment = Some("// ");
-        let layout = Layout { comment, ..Layout::default() };
+        let layout = Layout { rust: true, ..Layout::default() };
         let named = tangle_source(&source, &layout).text;
+        let named = String::from_utf8(named).expect("UTF-8");
+        prop_assert!(!named.contains("// "), "outside of functions");
+        // The same within the body of a function
+        let first = format!("<<{}>>", name(0));
+        let source = format!("{source}<<r>>=\nfn f() {{\n  {first}\n}}\n");
+        let (web, _) = Web::read(vec![Source::new(vec![], source.into())], 8);
+        let plain = tangle(&web, &[b"r"], &Layout::default());
+        let named = tangle(&web, &[b"r"], &layout).expect("a program").text;
         let lines = named.split_inclusive(|b| *b == b'\n');
         let without: Vec<u8> = lines
             .filter(|line| !line.trim_ascii_start().starts_with(b"// "))
             .flatten()
             .copied()
             .collect();
-        prop_assert_eq!(without, plain);
+        prop_assert!(named.len() > without.len());
+        prop_assert_eq!(without, plain.expect("a program").text);
     }
 
     #[test]

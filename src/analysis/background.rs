@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -8,7 +7,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Tiles of an image in which no triangle can be seen.
 
-// Name what the background imports
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -18,7 +16,6 @@ use crate::film::SIDE;
 use crate::numerics::cross;
 use crate::sky::Sky;
 
-// Say what is known of tiles
 /// What is known of a tile before it is rendered.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum TileContent {
@@ -61,7 +58,6 @@ impl KnownPixels {
         }
     }
 
-    // Tell whether all samples are known
     /// Whether each sample of the image is known.
     pub fn is_all(&self) -> bool {
         let is_constant =
@@ -74,7 +70,6 @@ impl KnownPixels {
     }
 }
 
-// Find the tiles that see nothing
 /// The rays of a tile.
 struct Pyramid {
     tip: DVec3,
@@ -94,7 +89,6 @@ impl Pyramid {
         self.inwards.iter().any(beyond)
     }
 
-    // Ask the hierarchy for a triangle inside
     /// Whether a triangle may be inside.
     fn sees(&self, intersector: &Bvh) -> bool {
         intersector.any_triangle(
@@ -170,7 +164,6 @@ impl BackgroundTiles {
         Self { columns, tiles: places.map(content).collect() }
     }
 
-    // Count the tiles of the background
     /// How many tiles there are, how many of them see no triangle, and how
     /// many pixels those have in an image of this width and height.
     pub fn count(

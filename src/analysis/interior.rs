@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -10,7 +9,6 @@
 //!
 //! That is decided by exact predicates.
 
-// Name what the interior imports
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -23,7 +21,6 @@ use crate::numerics::cross;
 use crate::sampler::cosine_direction;
 use crate::scene::{Ray, Scene, Triangle, scattered};
 
-// Look for a path that gets out
 /// Whether some path from the camera leaves the scene; then no closed
 /// surface is around it.
 pub fn lets_out(
@@ -63,7 +60,6 @@ fn leaves(
     false
 }
 
-// Tell triangles above a point exactly
 /// Whether a line from a point in the direction of the first axis crosses
 /// the edge from `a` to `b`, seen along the third.
 fn is_crossed(a: DVec3, b: DVec3, point: DVec3) -> bool {
@@ -126,7 +122,6 @@ fn is_touched([a, b, c]: [DVec3; 3], point: DVec3) -> bool {
 /// Closer than this counts as touching: 2^-20.
 const SLACK: f64 = 1. / (1 << 20) as f64;
 
-// Ask whether the camera may be enclosed
 /// The numbers of the triangles above a point; or else that of one so
 /// close that it cannot be told on which side of it the point is.
 pub fn above(
@@ -144,7 +139,6 @@ pub fn above(
     Ok(above.map(|hit| hit.1).collect())
 }
 
-// Divide a scene into parts
 /// The triangles of a scene in parts that hang together by edges.
 pub struct Parts {
     /// The part of each triangle, named by the number of one of its
@@ -193,7 +187,6 @@ impl Parts {
         Self { part, closed }
     }
 
-    // Ask whether a part encloses a point
     /// Whether a closed part has an odd number of the triangles `above` a
     /// point, which is therefore inside.
     pub fn enclose(&self, above: &[u32]) -> bool {

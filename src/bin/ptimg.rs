@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -8,7 +7,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The command `ptimg`: show, compare and merge the images of `pt`.
 
-// Name what the companion imports
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -33,7 +31,6 @@ use litpt::shards;
 use signal_hook::consts::SIGXFSZ;
 use signal_hook::flag;
 
-// Declare the verbs of the companion
 /// Shows, compares and merges images: .exr and .pfm, as pt writes them,
 /// and of other programs .png and .pgm too; - is standard input or output.
 #[derive(Debug, Parser)]
@@ -46,7 +43,6 @@ pub struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Verb {
-    // Declare the verb info
     /// Print the size, the channels, the run and the error of images
     Info {
         /// Images to read
@@ -57,7 +53,6 @@ enum Verb {
         #[arg(long)]
         json: bool,
     },
-    // Declare the verb tonemap
     /// Make an image for the screen
     Tonemap {
         /// Image to read
@@ -76,7 +71,6 @@ enum Verb {
         #[arg(short, long, value_name = "CURVE", default_value = "clamp")]
         tonemap: Curve,
     },
-    // Declare the verb diff
     /// Test whether chance alone explains the difference of two images:
     /// the status is 0 if so, 1 if not (wrong once in 100 pairs), and 2 if
     /// they cannot be compared
@@ -88,7 +82,6 @@ enum Verb {
         /// Image to test against; taken as exact if it says no errors
         #[arg(value_name = "B")]
         b: PathBuf,
-        // Declare the options of a comparison
         /// Map of the differences in standard errors, as numbers (.exr,
         /// .pfm) or as grey levels (.png, .pgm) from -5 to 5; - with -q
         #[arg(short, long, value_name = "FILE")]
@@ -111,11 +104,9 @@ enum Verb {
         #[arg(short, long)]
         quiet: bool,
     },
-    // Declare the verb merge
     /// Merge independent runs of the same scene, or states of parts of one
     /// run, as if they had been one
     Merge(Merge),
-    // Declare the verb stderr
     /// Show the standard error of each pixel as grey
     Stderr {
         /// Image to read
@@ -146,7 +137,6 @@ struct Merge {
     #[arg(long, value_name = "FORMAT", hide_possible_values = true)]
     format: Option<Format>,
 
-    // Declare what is done with states
     /// Report of the run whose parts are merged, .json, .csv or .html; may
     /// be repeated
     #[arg(long, value_name = "FILE")]
@@ -177,7 +167,6 @@ struct Output {
 }
 
 impl Output {
-    // Check the target of the output
     /// The target of an image in one of the given formats.
     ///
     /// # Errors
@@ -214,7 +203,6 @@ fn target(
     }
 }
 
-// Do what the verb says
 fn main() -> ExitCode {
     // A file beyond the limit of size is an error, not the end.
     let _ = flag::register(SIGXFSZ, Arc::default());
@@ -284,7 +272,6 @@ impl Merge {
         }
     }
 
-    // Merge images or states
     /// The targets of the image, which is in one of the given formats.
     fn targets(
         &self,
@@ -388,7 +375,6 @@ fn say(lines: &str) -> Result<(), String> {
         .write(&mut |out| writeln!(out, "{lines}"))
 }
 
-// Tell what an image holds
 fn inform(files: &[PathBuf], json: bool) -> Result<(), String> {
     for (name, image) in read_all(files)? {
         let summary = Summary::of(name, image);
@@ -407,7 +393,6 @@ struct Summary {
     file: String,
     width: u32,
     height: u32,
-    // Hold the summary of an image
     channels: Vec<&'static str>,
     /// Mean radiance of all pixels that are finite numbers.
     mean: Option<f64>,
@@ -419,7 +404,6 @@ struct Summary {
     unknown_errors: usize,
     /// Number of pixels without a mean.
     not_finite: usize,
-    // Hold the extremes of an image
     least: Option<f64>,
     greatest: Option<f64>,
     samples: Option<(f64, f64)>,
@@ -427,7 +411,6 @@ struct Summary {
 }
 
 impl Summary {
-    // Summarise an image
     fn of(file: String, image: Image) -> Self {
         let known = |i: &usize| image.means[*i].is_finite();
         let pixels: Vec<usize> =
@@ -469,7 +452,6 @@ impl Summary {
         }
     }
 
-    // Describe an image in lines
     /// The lines that describe an image.
     fn describe(&self) -> String {
         let Self { file, width, height, .. } = self;
@@ -531,7 +513,6 @@ fn channels(image: &Image) -> Vec<&'static str> {
     [Some("Y"), errors, samples, shared].into_iter().flatten().collect()
 }
 
-// Tell what distinguishes two images
 fn diff(
     a: &Path,
     b: &Path,

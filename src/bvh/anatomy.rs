@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -8,7 +7,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Records what one traversal sees, for the figures of the book.
 
-// Name what the anatomy imports
 use std::{array, io};
 
 use glam::Vec3;
@@ -24,7 +22,6 @@ use super::triangle::{
 use super::wide::{Node, Quality, Wide};
 use crate::scene::{Ray, Scene};
 
-// Record the traversal of a ray
 /// A hierarchy whose traversals are recorded, with sixteen children.
 pub struct Anatomy(Wide<16>);
 
@@ -130,7 +127,6 @@ impl Anatomy {
         (steps, hit(wide, ray, from, &search))
     }
 
-    // Find the node and leaf to draw
     /// The boxes of the root's children, near to far, and whether a ray
     /// enters them.
     pub fn root(&self, ray: &Ray) -> Vec<(bool, [Vec3; 2])> {

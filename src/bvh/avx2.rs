@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -10,7 +9,6 @@
 //!
 //! Each function does what its portable namesake does.
 
-// Name what the eight lanes import
 use std::arch::x86_64::*;
 
 use super::beam;
@@ -24,7 +22,6 @@ use crate::scene::Ray;
 /// A hierarchy on a processor that has the instructions.
 pub struct Traverser(Wide<8>);
 
-// Ask the processor for AVX2
 /// Whether this processor has the instructions of this module.
 pub fn is_available() -> bool {
     is_x86_feature_detected!("avx2")
@@ -46,7 +43,6 @@ impl Traverser {
     }
 }
 
-// Walk with AVX2 instructions
 impl Intersector for Traverser {
     #[inline]
     fn first_hit(&self, ray: &Ray, from: Option<u32>) -> Option<Hit> {
@@ -199,7 +195,6 @@ fn first_hits(
     }
 }
 
-// Enter eight boxes at once
 /// Which boxes of a node the ray enters before its t_max.
 ///
 /// # Safety
@@ -232,13 +227,11 @@ pub unsafe fn enter(
     Entered { mask: _mm256_movemask_ps(met) as u32, near, far }
 }
 
-// Pack eight lanes by a table
 /// For each mask, the permutation that moves its lanes to the front.
 const PACK: [[u32; 8]; 256] = {
     let mut table = [[0; 8]; 256];
     let mut mask = 0;
     while mask < 256 {
-        // Write down the lanes of a mask
         let (mut lane, mut place) = (0, 0);
         while lane < 8 {
             if mask >> lane & 1 != 0 {
@@ -297,7 +290,6 @@ fn load(numbers: &[u32; 8]) -> __m256i {
     unsafe { _mm256_loadu_si256(numbers.as_ptr().cast()) }
 }
 
-// Meet four triangles at once
 /// The triangles of a leaf that a ray meets up to the distance `limit`,
 /// as a mask, and their distances; none if the ray passes one of them
 /// closely. Lanes that meet the ray beyond may or may not be in the mask.

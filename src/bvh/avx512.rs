@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -10,7 +9,6 @@
 //!
 //! Each function does what its portable namesake does.
 
-// Name what the sixteen lanes import
 use std::arch::x86_64::*;
 
 use super::avx2;
@@ -25,7 +23,6 @@ use crate::scene::Ray;
 /// A hierarchy on a processor that has the instructions.
 pub struct Traverser(Wide<16>);
 
-// Ask the processor for AVX-512
 /// Whether this processor has the instructions of this module.
 pub fn is_available() -> bool {
     avx2::is_available()
@@ -45,7 +42,6 @@ impl Traverser {
     }
 }
 
-// Walk with AVX-512 instructions
 impl Intersector for Traverser {
     #[inline]
     fn first_hit(&self, ray: &Ray, from: Option<u32>) -> Option<Hit> {
@@ -214,7 +210,6 @@ fn first_hits(
     }
 }
 
-// Enter sixteen boxes at once
 /// Which boxes of a node the ray enters before its t_max.
 ///
 /// # Safety
@@ -250,7 +245,6 @@ pub unsafe fn enter(
     Entered { mask: mask.into(), near, far }
 }
 
-// Compress sixteen lanes
 /// Pushes the children entered from far to near; returns the nearest.
 ///
 /// # Safety

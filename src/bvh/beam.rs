@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -8,7 +7,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The traversal of rays that start side by side in similar directions.
 
-// Name what the beam imports
 use std::array;
 
 use bytemuck::Pod;
@@ -25,7 +23,6 @@ use super::triangle::{
 use super::wide::{Node, Wide};
 use crate::scene::Ray;
 
-// Keep rays lane by lane
 /// Rays that are in the same octant, lane by lane, and planes around them.
 struct Beam {
     /// As in `Slabs`.
@@ -36,7 +33,6 @@ struct Beam {
     t_max: [f32; BEAM],
     /// Those of the first ray, whose rows and octant are those of all.
     slabs: Slabs,
-    // Say where a beam begins and ends
     /// Below and above along two axes.
     sides: [[Side; 2]; 2],
     /// The row of the planes by which rays leave along the third, the sign
@@ -53,7 +49,6 @@ struct Side {
     bound: f32,
 }
 
-// Enclose the rays of a beam
 impl Beam {
     /// That of no rays, with room for those like `first`.
     #[inline(always)]
@@ -69,7 +64,6 @@ impl Beam {
         }
     }
 
-    // Take the rays of a beam in
     /// Encloses the rays; none if they are too different.
     #[inline(always)]
     fn enclose(
@@ -144,7 +138,6 @@ impl Beam {
 /// The greatest slope of a ray of a beam.
 const STEEPEST: f64 = 1.25;
 
-// Look at a node with a beam
 impl Beam {
     /// Which boxes of a node the beam enters.
     #[inline(always)]
@@ -163,7 +156,6 @@ impl Beam {
         (0..N).map(|i| u32::from(room[i] >= 0.) << i).sum()
     }
 
-    // Compare one box with all rays
     /// Which rays enter the box in a lane of a node.
     #[inline(always)]
     fn active<const N: usize>(&self, node: &Node<N>, lane: usize) -> u32 {
@@ -184,7 +176,6 @@ impl Beam {
     }
 }
 
-// Look at a leaf with one ray of a beam
 /// The search of one ray of a beam.
 struct RaySearch<'a> {
     search: Search<'a>,
@@ -200,7 +191,6 @@ impl<'a> RaySearch<'a> {
         Self { search, shear: Shear::new(ray), margins }
     }
 
-    // Take the triangles of a leaf for one ray
     /// The end of the ray after the leaf of `count` triangles at unit
     /// `first`; none if anything is doubtful.
     ///
@@ -232,7 +222,6 @@ impl<'a> RaySearch<'a> {
     }
 }
 
-// Traverse with a beam
 /// The first hits of rays that leave no triangle, each the same as by
 /// `first_hit`.
 ///
@@ -312,7 +301,6 @@ where
     })
 }
 
-// Compare a beam with its rays
 #[cfg(test)]
 #[path = "../../tests/units/beam.rs"]
 mod tests;

@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -18,7 +17,6 @@ use bytemuck::Pod;
 use memmap2::Advice;
 use memmap2::{MmapMut, MmapOptions};
 
-// Map an array of zeros
 /// An array that begins at a large page.
 pub struct Pages<T> {
     /// Where in the map the elements are.
@@ -59,7 +57,6 @@ impl<T: Pod> Pages<T> {
     }
 }
 
-// See the bytes as elements
 impl<T: Pod> Deref for Pages<T> {
     type Target = [T];
 
@@ -78,7 +75,6 @@ impl<T: Pod> DerefMut for Pages<T> {
     }
 }
 
-// Test the large pages
 #[cfg(test)]
 #[path = "../../tests/units/huge_pages.rs"]
 mod tests;

@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -12,7 +11,6 @@ use glam::DVec3;
 
 use crate::scene::Ray;
 
-// Say what an intersector answers
 /// Where a ray meets the scene first.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
@@ -31,7 +29,6 @@ pub trait Intersector: Sync + Sized {
     /// leaves.
     fn first_hit(&self, ray: &Ray, from: Option<u32>) -> Option<Hit>;
 
-    // Ask for the hits of a beam
     /// The first hits of rays that leave no triangle, place by place: the same
     /// as with `first_hit`, and perhaps faster. Any of the rays may be missing.
     fn first_hits(
@@ -42,14 +39,12 @@ pub trait Intersector: Sync + Sized {
         rays.each_ref().map(|ray| ray.as_ref().and_then(hit))
     }
 
-    // Ask only whether a ray is blocked
     /// Whether `ray` meets any triangle other than `from`: the same as
     /// `first_hit(ray, from).is_some()`, and perhaps faster.
     fn is_occluded(&self, ray: &Ray, from: Option<u32>) -> bool {
         self.first_hit(ray, from).is_some()
     }
 
-    // Ask only whether a triangle is visible
     /// Whether `ray` meets the triangle `target` first: the same as if
     /// `first_hit(ray, from)` were on it, and perhaps faster.
     fn is_visible(
@@ -62,7 +57,6 @@ pub trait Intersector: Sync + Sized {
         hit.is_some_and(|hit| hit.primitive == target)
     }
 
-    // Let an intersector choose its copy
     /// Does `work` with the intersector that answers fastest for this one.
     fn dispatch<W: Dispatch>(&self, work: W) -> W::Output {
         work.with(self)

@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -11,7 +10,6 @@
 //! The point is on the same side of all triangles as the ray that found
 //! it, and not nearer to any of them than the errors of the next ray.
 
-// Name what the origin imports
 use std::f64::consts::FRAC_1_SQRT_2;
 
 use bytemuck::Pod;
@@ -27,7 +25,6 @@ use super::wide::{Node, Wide};
 use crate::numerics::cross;
 use crate::scene::{Ray, Triangle, Triangles};
 
-// Say how far from a surface is safe
 /// Other triangles this close to a hit make it doubtful, times `clear`.
 const CLOSE_BY: f64 = 4.;
 
@@ -52,7 +49,6 @@ fn twice_close_by(size: f64) -> f64 {
 /// 2^-38.
 const AHEAD: f64 = 1. / (1u64 << 38) as f64;
 
-// Make the search's result a hit
 /// The hit of `ray`, which left the triangle `left`, on the nearest one.
 #[inline(always)]
 pub fn hit<const N: usize>(
@@ -116,7 +112,6 @@ fn has_not_risen(
     normal.dot(met - a).abs() <= limit * normal.length()
 }
 
-// Settle a doubtful hit
 /// A hit that may be too close to other triangles.
 struct Arrival<'a> {
     ray: &'a Ray,
@@ -151,7 +146,6 @@ impl Arrival<'_> {
         close.then(|| self.offset(wide, &shear, met))
     }
 
-    // Ask whether others are close to the hit
     /// Where others may be close to the hit.
     fn around(&self, met: DVec3) -> Around {
         Around { point: met, part: AROUND, least: self.own }
@@ -216,7 +210,6 @@ impl Arrival<'_> {
         self.around(met).any(wide, self.ray, &asked)
     }
 
-    // Ask how closely a triangle is passed
     /// Whether the ray passes a triangle, with this normal, more closely than
     /// `close_by`, near its point `met`.
     fn passes(
@@ -232,7 +225,6 @@ impl Arrival<'_> {
         !is_beside(flat, normal, met, FRAC_1_SQRT_2 * close_by)
     }
 
-    // Find the way back to a safe point
     /// A safe point of the ray, not far before the hit.
     fn offset<const N: usize>(
         &self,
@@ -256,7 +248,6 @@ impl Arrival<'_> {
         origin
     }
 
-    // Ask whether a point is safe
     /// Whether a point of the ray is before all triangles that the ray
     /// meets, and apart from the others.
     fn is_safe<const N: usize>(
@@ -296,7 +287,6 @@ impl Arrival<'_> {
     }
 }
 
-// Visit the triangles around a point
 /// The surroundings of a point of a ray.
 struct Around {
     point: DVec3,
@@ -329,7 +319,6 @@ impl Around {
         })
     }
 
-    // See whether a triangle is around the point
     /// The size of a triangle around the point.
     fn holds(&self, corners: &Triangle, ray: &Ray) -> Option<f64> {
         let &[a, b, c] = corners;
@@ -345,7 +334,6 @@ impl Around {
         seen(corners, ray.origin).max(seen(corners, self.point))
     }
 
-    // See whether a ray passes by a box
     /// Whether the line of the ray passes by a box as closely as by a
     /// triangle that matters.
     fn comes_near(&self, low: DVec3, high: DVec3, ray: &Ray) -> bool {
@@ -357,7 +345,6 @@ impl Around {
     }
 }
 
-// Tell a point from a triangle
 /// Whether a plane that is perpendicular to that of a triangle or to the
 /// way from a corner is between the triangle and a point, and `clear`
 /// from the point.
@@ -381,8 +368,6 @@ fn is_beside(
     triples.into_iter().any(off_edge) || triples.into_iter().any(off_corner)
 }
 
-// Count triangles that are too small
-
 /// How many triangles are so small, beside the largest or the extent of
 /// the scene, that the precision of a double limits how they are lit.
 pub fn too_small(triangles: &Triangles) -> usize {
@@ -405,7 +390,6 @@ pub fn too_small(triangles: &Triangles) -> usize {
 /// the largest: 2^7.
 const FINEST: f64 = 128.;
 
-// Test the planes beside a triangle
 #[cfg(test)]
 #[path = "../../tests/units/spawn.rs"]
 mod tests;

@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -12,7 +11,6 @@
 //! so that rounding cannot hide a triangle: each triangle that the exact
 //! test finds up to the end of the ray is tested, whatever the tree.
 
-// Name what the traversal imports
 use std::array;
 use std::mem::MaybeUninit;
 
@@ -28,7 +26,6 @@ use super::triangle::{
 use super::wide::{Node, STACK, Wide};
 use crate::scene::Ray;
 
-// Prepare a ray for boxes
 /// A ray in single precision, prepared for the planes of boxes.
 pub struct Slabs {
     /// 1/d of each axis, neither zero nor infinite.
@@ -61,7 +58,6 @@ impl Slabs {
         Self { inverse, entry: start, exit: start, enter, leave, shift }
     }
 
-    // Move planes apart for distant rays
     /// For the boxes of any region.
     #[inline(always)]
     pub fn new(ray: &Ray, region: &Region) -> Self {
@@ -105,7 +101,6 @@ pub fn is_within_bounds(ray: &Ray) -> bool {
     (within(ray.origin) & within(ray.direction)).all()
 }
 
-// Keep the children to come
 /// Room for children that wait.
 pub struct Waiting {
     children: [MaybeUninit<u32>; STACK],
@@ -141,7 +136,6 @@ impl<'a> Stack<'a> {
         self.length
     }
 
-    // Put one child on the stack
     /// Puts a child on the stack.
     ///
     /// # Safety
@@ -158,7 +152,6 @@ impl<'a> Stack<'a> {
         }
     }
 
-    // Store vectors on the stack
     /// Where the next `N` children and their distances go.
     ///
     /// # Safety
@@ -184,7 +177,6 @@ impl<'a> Stack<'a> {
         self.length += count;
     }
 
-    // Fetch the child that comes next
     /// Lets the cache fetch the child that is taken next.
     #[inline(always)]
     pub fn fetch<const N: usize>(&self, wide: &Wide<N>)
@@ -213,7 +205,6 @@ impl<'a> Stack<'a> {
         }
     }
 
-    // Take the next child within t_max
     /// Takes off children up to the first that begins within `t_max`.
     #[inline(always)]
     pub fn pop(&mut self, t_max: f32) -> Option<u32> {
@@ -232,7 +223,6 @@ impl<'a> Stack<'a> {
     }
 }
 
-// Walk from the root
 /// The children of a node whose boxes a ray enters.
 pub struct Entered<V> {
     /// Bit i stands for the child in slot i.
@@ -362,7 +352,6 @@ pub fn look<'a>(
     met
 }
 
-// Hasten where nothing is doubtful
 /// The same as `traverse`; none if the hierarchy has gates but is not
 /// `GATED`, or the other way round, or if anything is doubtful. With
 /// `ANY`, the search ends as soon as another triangle than the target,
@@ -498,7 +487,6 @@ where
 /// it is doubtful which they are.
 pub type Met = Option<(u32, [f64; LANES])>;
 
-// Look at one node portably
 /// Which boxes of `node` a ray enters before `t_max`, where `distance`
 /// is that of a plane, given 1/d and o/d.
 #[inline(always)]
@@ -548,7 +536,6 @@ pub unsafe fn push<const N: usize>(
     node.children[next]
 }
 
-// Answer with the portable form
 /// A hierarchy that is traversed with what every processor has.
 pub struct Traverser(pub Wide<8>);
 
@@ -557,7 +544,6 @@ impl Traverser {
         &self.0
     }
 
-    // Search with the portable functions
     fn search<const ANY: bool>(
         &self,
         ray: &Ray,
@@ -604,7 +590,6 @@ impl Intersector for Traverser {
     }
 }
 
-// Compare the instructions with the portable form
 #[cfg(all(test, target_arch = "x86_64"))]
 #[path = "../../tests/units/traversal.rs"]
 mod tests;

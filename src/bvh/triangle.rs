@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -11,14 +10,12 @@
 //! The answers depend on the ray and the triangle alone, and are the
 //! same on every processor.
 
-// Name what the triangles import
 use glam::{DVec3, Vec3Swizzles};
 
 use super::huge_pages::Pages;
 use crate::numerics::{cross, difference_of_products};
 use crate::scene::{Ray, Triangle};
 
-// Make a ray the z axis
 /// A change of coordinates that makes a ray the z axis (Woop, Benthin
 /// and Wald 2013, section 3).
 #[derive(Clone, Copy, Debug)]
@@ -66,7 +63,6 @@ fn flush(x: f64, least: f64) -> f64 {
     if x.abs() < least { 0. } else { x }
 }
 
-// Measure what is small beside lengths
 /// What is small beside the lengths from which it is computed.
 #[derive(Clone, Copy, Debug)]
 pub struct Margins {
@@ -137,7 +133,6 @@ pub struct Region {
 }
 
 impl Region {
-    // Make a region of its corners
     /// That of no triangles.
     pub const NONE: Self = Self {
         zero: DVec3::ZERO,
@@ -160,7 +155,6 @@ impl Region {
         (point - self.zero).abs().max_element() - self.reach
     }
 
-    // Choose margins for a whole region
     /// What is small for rays from a point to triangles of the region.
     #[inline(always)]
     pub fn margins(&self, point: DVec3) -> Margins {
@@ -184,7 +178,6 @@ impl Region {
 /// How much larger margins are beyond gates, at most: 2^20.
 const WARY: f64 = (1 << 20) as f64;
 
-// Keep four triangles side by side
 /// Triangles in a leaf at most.
 pub const LANES: usize = 4;
 
@@ -231,7 +224,6 @@ pub struct Leaves {
 }
 
 impl Leaves {
-    // Find a leaf without a check
     /// The leaf of `count` triangles at unit `first`.
     ///
     /// # Safety
@@ -244,7 +236,6 @@ impl Leaves {
         Leaf { words, count, lanes: (1 << count) - 1 }
     }
 
-    // Find a triangle by its slot
     /// The leaf of a triangle, and its lane.
     #[inline(always)]
     pub fn find(&self, slot: u32) -> (Leaf<'_>, u32) {
@@ -303,7 +294,6 @@ pub struct Leaf<'a> {
     pub lanes: u32,
 }
 
-// Read one corner
 /// A corner of the first of `count` lanes, that begins in this run.
 #[inline(always)]
 fn corner(runs: &[u32], count: usize, run: usize) -> DVec3 {
@@ -324,7 +314,6 @@ impl Leaf<'_> {
         f64::from_bits(u64::from(high) << 32 | u64::from(low))
     }
 
-    // Read the corners of one triangle
     /// The corners of the triangle in a lane.
     #[inline(always)]
     pub fn triangle(&self, lane: u32) -> Triangle {
@@ -343,7 +332,6 @@ impl Leaf<'_> {
         self.words[lane as usize] & !(3 << 30)
     }
 
-    // Test the four triangles
     /// The lanes that a ray meets, as a mask, with the distances; lanes that
     /// it passes close by from bit `LANES` on, with where that begins. What
     /// the distance of another lane says is not specified.
@@ -435,7 +423,6 @@ pub enum TriangleTest {
     Apart,
 }
 
-// Keep the nearest triangle so far
 /// The nearest triangle so far.
 #[derive(Clone, Copy)]
 pub struct Search<'a> {
@@ -459,7 +446,6 @@ pub struct Search<'a> {
 }
 
 impl<'a> Search<'a> {
-    // Begin without a nearest triangle
     /// A search that has met nothing, for a ray that left the first slot;
     /// the second is offered ahead. The size is that of the outermost
     /// margins.
@@ -483,7 +469,6 @@ impl<'a> Search<'a> {
         }
     }
 
-    // Take a triangle that is nearer
     /// The leaf of `count` triangles at unit `first`, without the one
     /// that the ray left, and the one that was offered ahead.
     ///
@@ -571,7 +556,6 @@ impl<'a> Search<'a> {
         self.leaves.triangle(self.slot)
     }
 
-    // See whether a gate leads to something
     /// Whether the ray may come near triangles of a region, before the
     /// nearest so far.
     #[inline(always)]
@@ -594,7 +578,6 @@ impl<'a> Search<'a> {
     }
 }
 
-// Decide where the distances do not
 /// Whether the triangle in `slot` comes before another, if there is one.
 #[cold]
 #[inline(never)]
@@ -607,7 +590,6 @@ fn is_before(leaves: &Leaves, slot: u32, other: u32) -> bool {
     other == NONE || key(slot) < key(other)
 }
 
-// Tell what lies behind the ray
 /// Whether a ray that meets the triangle in a lane at this distance starts
 /// beyond it.
 #[cold]

@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -12,7 +11,6 @@
 //! and padded. Node 0 is the root. Every other node and every leaf is
 //! the child of exactly one node, or what one gate leads to.
 
-// Name what the wide hierarchy imports
 use std::{fmt, io, mem};
 
 use bytemuck::{Pod, Zeroable};
@@ -31,7 +29,6 @@ use super::triangle::{
 };
 use crate::scene::{Triangle, Triangles};
 
-// Choose how thoroughly to build
 /// How much work to put into a hierarchy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quality {
@@ -79,7 +76,6 @@ impl Quality {
     }
 }
 
-// Lay out a wide node
 /// The boxes of up to `N` children, lane by lane.
 #[repr(C, align(64))]
 #[derive(Clone, Copy, Debug)]
@@ -94,7 +90,6 @@ pub struct Node<const N: usize> {
 }
 
 impl<const N: usize> Node<N> {
-    // Begin without children
     /// No children at all.
     pub const EMPTY: Self = {
         let (above, below) = (f32::INFINITY, f32::NEG_INFINITY);
@@ -106,7 +101,6 @@ impl<const N: usize> Node<N> {
         }
     };
 
-    // Put a child into a lane
     fn set(&mut self, lane: usize, bounds: &Aabb, child: u32) {
         for axis in 0..3 {
             self.planes[axis][lane] = bounds.min[axis];
@@ -125,7 +119,6 @@ impl<const N: usize> Node<N> {
         (corner(0), corner(3))
     }
 
-    // Order the children by octant
     /// Fills `order` from the boxes.
     fn sort(&mut self) {
         for octant in 0..8 {
@@ -179,7 +172,6 @@ impl<const N: usize> Node<N> {
     }
 }
 
-// Put triangles into boxes
 /// The corners of a triangle, as numbers of vertices, and its face.
 type Corners = ([u32; 3], u32);
 
@@ -233,7 +225,6 @@ impl Group<'_> {
     }
 }
 
-// Build the binary tree
 /// A binary tree over the triangles, one in each leaf. Node 0 is the
 /// root; the second child of a node follows its first.
 fn binary(group: &Group, quality: Quality) -> Vec<Bvh2Node> {
@@ -380,7 +371,6 @@ fn crowd(nodes: &[Bvh2Node]) -> f32 {
 /// From so many boxes on that a ray meets, less of a tree is improved.
 const CROWDED: f32 = 200.;
 
-// Cut the tree at least cost
 /// The least costs of a subtree, as a wide tree or several.
 struct Forest<const N: usize> {
     /// C(i, k) at k - 1.
@@ -397,7 +387,6 @@ impl<const N: usize> Forest<N> {
         Self { costs: [area; N], most: 1, count }
     }
 
-    // Join the forests of two children
     /// The forest of a node of the given area from those of its children,
     /// and how it is cut.
     fn join(left: &Self, right: &Self, area: f32) -> (Self, Choices) {
@@ -494,7 +483,6 @@ fn area(node: &Bvh2Node) -> f32 {
     e.x * e.y + e.y * e.z + e.z * e.x
 }
 
-// Number the nodes and leaves
 /// Which nodes of a binary tree become nodes and leaves of a wide one.
 #[derive(Default)]
 struct Plan {
@@ -543,7 +531,6 @@ impl Plan {
         plan
     }
 
-    // Add the children of a node
     /// The node with a `root`, whose children are the next to be added.
     fn before_children(&self, root: u32) -> Planned {
         let first_node = self.nodes.len() as u32;
@@ -622,7 +609,6 @@ impl Plan {
     }
 }
 
-// Balance a tree that is too deep
 /// A tree of least depth over the same leaves in the same order.
 fn balance(tree: &[Bvh2Node]) -> Vec<Bvh2Node> {
     let leaves = leaves(tree, 0);
@@ -670,7 +656,6 @@ fn leaves(tree: &[Bvh2Node], i: usize) -> Vec<Bvh2Node> {
     leaves
 }
 
-// Cut small clusters off
 /// Subtrees of triangles that are smaller than this part of a region are
 /// built anew,
 const SMALL: f32 = 1. / 262144.;
@@ -753,7 +738,6 @@ fn cut_off(
 /// Ways through gates that there can be.
 const WAYS: usize = (1 << 29) - GATES as usize;
 
-// Fill the nodes and leaves
 /// Scenes with more triangles are built in parts,
 const LARGE: usize = 1 << 17;
 
@@ -812,7 +796,6 @@ impl<const N: usize> Wide<N>
 where
     Node<N>: Pod,
 {
-    // Build the wide hierarchy
     /// Builds the tree of triangles, on all threads, and tells `placed`
     /// how many are in it by now.
     ///
@@ -998,7 +981,6 @@ struct First {
 }
 
 impl<'a> Part<'a> {
-    // Make the tree of a part
     /// Builds the tree over a group of triangles, with so many levels above
     /// and up to `most` gates.
     fn new<const N: usize>(
@@ -1027,7 +1009,6 @@ impl<'a> Part<'a> {
         self.tree.first().map_or(Aabb::empty(), |root| *root.aabb())
     }
 
-    // Fill the nodes of a part
     /// The nodes.
     fn nodes<const N: usize>(
         &self,
@@ -1076,7 +1057,6 @@ impl<'a> Part<'a> {
         gather(&self.tree, root, &mut [0; LANES], 0)
     }
 
-    // Fill the leaves of a part
     /// Writes the leaves, without the gates.
     fn leaves(&self, words: &mut [u32]) {
         let mut rest = words;
@@ -1140,7 +1120,6 @@ fn gather(
     gather(tree, node.first_index + 1, numbers, count)
 }
 
-// Ask other questions than rays do
 impl<const N: usize> Wide<N>
 where
     Node<N>: Pod,
@@ -1157,7 +1136,6 @@ where
         self.any_below((0, self.region), within, enters, asked)
     }
 
-    // Descend into the boxes that matter
     fn any_below(
         &self,
         (child, region): (u32, Region),
@@ -1197,7 +1175,6 @@ where
         })
     }
 
-    // List all triangles leaf by leaf
     /// All triangles, each with its slot.
     pub fn triangles(&self) -> impl Iterator<Item = (u32, Triangle)> {
         let children = self.nodes.iter().flat_map(|node| node.children);
@@ -1212,7 +1189,6 @@ where
     }
 }
 
-// Test the wide hierarchy's invariants
 #[cfg(test)]
 #[path = "../../tests/units/wide.rs"]
 mod tests;

@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -12,7 +11,6 @@ use super::Difference;
 use crate::image::Image;
 use crate::image::srgb::radiance;
 
-// Bend the radiances to the screen
 /// How radiances brighter than white are treated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Curve {
@@ -42,7 +40,6 @@ pub fn tonemap(image: &Image, exposure: f64, curve: Curve) -> Image {
     plain(image, means)
 }
 
-// Show the standard errors as grey
 /// The standard errors, or their ratio to the means, as grey levels,
 /// and the value that is shown as white.
 ///
@@ -73,7 +70,6 @@ pub fn errors(
     Ok((plain(image, means), white))
 }
 
-// Make a large image smaller
 /// The image, averaged over squares if a side is longer than `most`
 /// pixels; an error is the root of the mean square of its square.
 pub fn shrink(image: &Image, most: u32) -> Image {
@@ -107,7 +103,6 @@ fn averages(values: &[f64], image: &Image, side: u32) -> Vec<f64> {
     means
 }
 
-// Show the signs of the differences
 /// The number of standard errors that are shown as white.
 pub const WHITE: f64 = 5.;
 

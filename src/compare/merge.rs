@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -14,7 +13,6 @@ use super::{Blocks, SUBJECT, differing, same_size};
 use crate::film::SIDE;
 use crate::image::{Image, REPLICATE};
 
-// Merge the images pixel by pixel
 /// An image with the name of its file.
 pub type Run = (String, Image);
 
@@ -78,7 +76,6 @@ pub fn merge(runs: &[Run]) -> Result<Image, String> {
 /// Mean, error and independent values.
 type Part = (f64, f64, f64);
 
-// Take what one run knows of the pixel
 /// What one run knows of pixel `i`.
 fn part((_, run): &Run, i: usize) -> Part {
     let errors = run.errors.as_ref();
@@ -136,7 +133,6 @@ fn scaled_means((_, image): &Run) -> Vec<f64> {
     (0..image.means.len()).map(scaled).collect()
 }
 
-// Merge what is known about the runs
 /// Attributes that add up.
 const SUMS: [&str; 5] =
     ["spp", "rays", "load_seconds", "build_seconds", "render_seconds"];

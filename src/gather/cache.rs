@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -9,7 +8,6 @@
 //! A cache of the radiance that leaves the surfaces, with guides: learnt
 //! from recorded reflections.
 
-// Name what the cache imports
 use std::ops::Range;
 
 use glam::DVec3;
@@ -20,7 +18,6 @@ use crate::bvh::Hit;
 use crate::film::Watch;
 use crate::numerics::{exponent, power_of_two};
 
-// Number the cells of space
 /// Levels of cells; the cubes of each have half the side of the next.
 pub const LEVELS: usize = 5;
 
@@ -110,7 +107,6 @@ impl Grid {
     }
 }
 
-// Record a reflection
 /// Where a reflected ray arrived.
 pub const SKY: u64 = u64::MAX;
 pub const DARKNESS: u64 = u64::MAX - 1;
@@ -136,7 +132,6 @@ impl Record {
     }
 }
 
-// Hold what a cell knows
 /// What is known of the surfaces in a cell.
 #[derive(Clone, Copy, Debug)]
 pub struct Cell {
@@ -157,7 +152,6 @@ const NO_GUIDE: u32 = u32::MAX;
 pub const UNSEEN: Cell =
     Cell { mark: 0, value: 0., error: 1., guide: NO_GUIDE };
 
-// Hold the cache
 /// The cells and guides of a scene.
 pub struct RadianceCache {
     grid: Grid,
@@ -168,7 +162,6 @@ pub struct RadianceCache {
     pub doubt: f32,
 }
 
-// Look a cell up
 impl RadianceCache {
     /// A cache that knows nothing.
     pub fn empty(grid: Grid) -> Self {
@@ -186,7 +179,6 @@ impl RadianceCache {
         &self.grid
     }
 
-    // Find a name in the table
     /// The entry of a name, or the free one where it belongs; and its mark.
     #[inline]
     fn slot(&self, name: u64) -> (usize, u32) {
@@ -200,7 +192,6 @@ impl RadianceCache {
         (slot, mark)
     }
 
-    // Find the finest cell of a place
     /// The finest cell there is that holds the finest cell `name`.
     #[inline]
     pub fn at(&self, name: u64) -> &Cell {
@@ -226,7 +217,6 @@ impl RadianceCache {
     }
 }
 
-// Sort the records into cells
 /// The cells of all levels, with the records of each.
 struct Cells {
     /// The number of the first cell of each level, and of all.
@@ -282,7 +272,6 @@ impl Cells {
         }
     }
 
-    // Number the cells of a level
     /// The numbers of the cells of a level.
     fn level(&self, level: usize) -> Range<usize> {
         self.offsets[level]..self.offsets[level + 1]
@@ -302,7 +291,6 @@ fn coarser(name: u64, levels: usize) -> u64 {
     (name - cube + ((levels as u64) << 60)) | (cube >> (3 * levels))
 }
 
-// Solve for the radiance of the cells
 /// How many records the value of the coarser cell is worth.
 const WORTH: f32 = 12.;
 
@@ -376,7 +364,6 @@ fn is_settled(before: &[f32], now: &[f32]) -> bool {
     change <= 1e-6 * size
 }
 
-// Estimate the error of each cell
 /// The expected error of the value of each cell: positive. A coarser one
 /// stands for places without a record, and may be wrong by all it says.
 fn errors(
@@ -419,7 +406,6 @@ fn errors(
     cells.level(0).map(error).chain(coarser).collect()
 }
 
-// Make the guides
 /// Records that a cell with a guide of its own has at least.
 const ENOUGH: f32 = 1000.;
 
@@ -493,7 +479,6 @@ fn smooth(bins: &[f32; BINS]) -> [f32; BINS] {
     })
 }
 
-// Learn a cache from records
 /// The ends of records that are no cells.
 const END_IN_SKY: u32 = u32::MAX;
 const END_IN_DARKNESS: u32 = u32::MAX - 1;

@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -8,7 +7,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The correction of a cache's error, shared among neighbouring samples.
 
-// Name what the correction imports
 use std::f64::consts::PI;
 
 use glam::DVec3;
@@ -22,7 +20,6 @@ use crate::integrator::{MANY_BOUNCES, onward};
 use crate::sampler::sobol::ScrambledNet;
 use crate::scene::Ray;
 
-// Draw the places to correct
 impl<K: Intersector> Tracer<'_, K> {
     /// Adds the corrections of the samples of a tile to the sums of its
     /// pixels.
@@ -73,7 +70,6 @@ fn draws(next: &mut f64, reached: f64, step: f64) -> f64 {
     draws
 }
 
-// Share an error among samples
 impl<K: Intersector> Tracer<'_, K> {
     /// Shares the error of what sample `k` has met among all samples of
     /// its group that see the place.
@@ -134,7 +130,6 @@ fn form(x: &Hit, y: &Hit) -> (f64, DVec3) {
     (near * far / (PI * square * square), to / square.sqrt())
 }
 
-// Gather at a point
 /// The end of a ray of a gather, which may be corrected.
 struct Candidate {
     hit: Hit,
@@ -198,7 +193,6 @@ impl<K: Intersector> Tracer<'_, K> {
     }
 }
 
-// Estimate the error of the cache at a point
 impl<K: Intersector> Tracer<'_, K> {
     /// An unbiased estimate of the radiance at `x`.
     fn radiance(

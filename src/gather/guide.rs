@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -9,14 +8,12 @@
 //! Directions drawn where light was seen before: path guiding with a
 //! histogram over the square of cosine sampling.
 
-// Name what guiding imports
 use std::array;
 
 use glam::DVec3;
 
 use crate::numerics::sincos_turns;
 
-// Map the square to the hemisphere
 /// The direction around the unit vector `normal` that belongs to a point
 /// of [0, 1)^2: uniform points give the density cos/π (Shirley and Chiu
 /// 1997).
@@ -64,7 +61,6 @@ pub fn bin([u, v]: [f64; 2]) -> usize {
     side(u) * SIDE + side(v)
 }
 
-// Hold a histogram of directions
 /// Bins along one side of the square, and all of them.
 pub const SIDE: usize = 16;
 pub const BINS: usize = SIDE * SIDE;
@@ -111,7 +107,6 @@ fn invert(starts: &[u16; SIDE], u: u32) -> (usize, f64) {
 }
 
 impl Guide {
-    // Make a histogram that can be inverted
     /// The density that is proportional to `bins`, none of them negative,
     /// except for a part `DEFENCE` that is uniform; none if all are zero.
     pub fn new(bins: &[f32; BINS]) -> Option<Self> {
@@ -127,7 +122,6 @@ impl Guide {
         Some(Self { rows, columns })
     }
 
-    // Tell the density of a bin
     /// The density in a bin: positive, with mean 1 over the square.
     #[inline]
     pub fn density(&self, bin: usize) -> f64 {
@@ -137,7 +131,6 @@ impl Guide {
         row * column * (BINS as f64 / 65536. / 65536.)
     }
 
-    // Draw a point from the histogram
     /// The point of the square that belongs to a uniform one, whose
     /// coordinates are multiples of 2^-32; and its bin.
     #[inline]

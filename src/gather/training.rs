@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -8,7 +7,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Learns a cache from paths, and the samples of pixels from a pilot.
 
-// Name what training imports
 use std::mem::take;
 
 use glam::DVec3;
@@ -21,7 +19,6 @@ use crate::bvh::{Hit, Intersector};
 use crate::film::{Film, Watch};
 use crate::sampler::generator;
 
-// Follow paths and record them
 /// Reflections of a training path.
 const REFLECTIONS: usize = 7;
 
@@ -89,7 +86,6 @@ impl<K: Intersector> Tracer<'_, K> {
 /// Numbers the generators of training; those of tiles are smaller.
 const TRAINING: u64 = u64::MAX;
 
-// Train a cache
 /// Pieces of a round, each of which a thread traces by itself.
 const PIECES: u64 = 64;
 
@@ -141,7 +137,6 @@ pub fn train<K: Intersector>(
     (cache, traced)
 }
 
-// Allocate the samples
 /// Samples of each pixel in the pilot.
 pub const PILOT: u64 = 8;
 

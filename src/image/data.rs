@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -8,7 +7,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! An image in memory.
 
-// Name what the data import
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
@@ -16,7 +14,6 @@ use rayon::prelude::*;
 
 use crate::film::{self, Film, WORTH};
 
-// Hold what the files can carry
 /// A finished image in memory: what its file formats can carry. Row by
 /// row from the top left.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,7 +24,6 @@ pub struct Image {
     pub height: u32,
     /// Mean radiance of each pixel.
     pub means: Vec<f64>,
-    // Keep what other programs do not know
     /// Standard error of each mean, infinite where unknown; none if the
     /// file does not say.
     pub errors: Option<Vec<f64>>,
@@ -42,7 +38,6 @@ pub struct Image {
     pub attributes: BTreeMap<String, String>,
 }
 
-// Make an image from a film
 impl Image {
     /// The means on a film, and nothing else.
     pub fn of_means(film: &Film) -> Self {
@@ -94,7 +89,6 @@ impl Image {
         Some(samples[i] / self.replicate())
     }
 
-    // Find the first pixel in the whole image
     /// Column and row of its first pixel in the image of which it is a part.
     pub fn corner(&self) -> (u32, u32) {
         let crop = self.attributes.get("crop");
@@ -173,7 +167,6 @@ impl Image {
     }
 }
 
-// Judge what a header promises
 /// Whether a file of `bytes` bytes can hold `size` bytes of pixels,
 /// compressed, and the memory has room for them.
 pub fn room(size: u128, bytes: usize) -> bool {

@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -9,7 +8,6 @@
 //! OpenEXR: channels `Y`, `stderr.Y`, `samples.Y` and, if pixels share random
 //! numbers, `tile_stderr.Y`; and attributes.
 
-// Name what the format EXR imports
 use std::collections::BTreeMap;
 use std::io::{self, Cursor, Write};
 
@@ -27,7 +25,6 @@ use sha2::{Digest, Sha256};
 use super::data::{Image, Note, room};
 use super::srgb::{COLOURS, mean};
 
-// Write the channels and attributes
 /// Writes all that the image holds.
 pub fn write(image: &Image, out: &mut dyn Write) -> io::Result<()> {
     let size = (image.width as usize, image.height as usize);
@@ -84,7 +81,6 @@ fn attribute((name, value): (&String, &String)) -> (Text, AttributeValue) {
     (name, AttributeValue::Text(text(value)))
 }
 
-// Put the attributes in order
 /// Sorts the attributes in the header of a file of one part by name.
 fn sort_attributes(file: &mut [u8]) {
     let mut rest = &file[8..];
@@ -110,7 +106,6 @@ fn attribute_length(header: &[u8]) -> Option<usize> {
     Some(size_at + 4 + u32::from_le_bytes(*size) as usize)
 }
 
-// Compute the checksum of what is kept
 /// The attribute that holds the checksum.
 const CHECKSUM: &str = "checksum";
 
@@ -141,7 +136,6 @@ fn checksum(image: &Image) -> String {
     sum.finalize().into_iter().map(hex).collect()
 }
 
-// Read the channels and attributes
 /// Reads the first layer of a file that has the channel `Y` or colours;
 /// `bytes` is the whole file. `note` is told of colours, and of windows
 /// that differ.

@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -15,7 +14,6 @@ use rayon::prelude::*;
 use super::data::Means;
 use super::srgb::level;
 
-// Go through an image by rows of squares
 /// Width and height of a square in pixels.
 const SIDE: usize = 16;
 
@@ -38,7 +36,6 @@ fn by_squares(
     Ok(())
 }
 
-// Fill the gaps of a grid
 /// The mean of each square, row by row, or of what is around it; empty if
 /// there are no gaps.
 fn fill(image: &dyn Means) -> io::Result<Vec<f64>> {

@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -15,7 +14,6 @@ use super::data::{Image, Means, Note};
 use super::pgm::{raster, word};
 use super::srgb::{COLOURS, mean};
 
-// Write a portable float map
 /// Writes the means, as numbers of least significant byte first.
 pub fn write(image: &dyn Means, out: &mut dyn Write) -> io::Result<()> {
     let (width, height) = image.size();
@@ -29,7 +27,6 @@ pub fn write(image: &dyn Means, out: &mut dyn Write) -> io::Result<()> {
     Ok(())
 }
 
-// Read a portable float map
 /// Reads a map of one number per pixel, or of three or four, whose
 /// luminance is taken; `bytes` is the whole file. `note` is told of
 /// colours, and of bytes after the numbers.

@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -73,7 +72,6 @@ pub fn read(bytes: &[u8], note: Note) -> Result<Image, String> {
     Ok(Image::plain(frame.width, frame.height, means))
 }
 
-// Find the curve of a PNG file
 /// The exponent of the levels, 1 if they are proportional to radiance;
 /// none if their curve is that of sRGB. `bytes` is the whole file.
 fn gamma(info: &Info, bytes: &[u8], note: Note) -> Option<f64> {

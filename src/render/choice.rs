@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -8,7 +7,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Chooses a method from what a few paths tell.
 
-// Name what the choice imports
 use std::fmt;
 use std::time::Instant;
 
@@ -25,7 +23,6 @@ use crate::integrator::{Integrator, PathEvent, PathTracer};
 use crate::sampler::{IndependentSampler, Sampler, generator, within};
 use crate::scene::Scene;
 
-// Follow a few paths
 /// What a few paths tell of those of an image: means over its pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Pilot {
@@ -185,7 +182,6 @@ impl Trial<'_, '_> {
     }
 }
 
-// Foresee the time of a method
 impl Pilot {
     /// How much of the sky a control variate best subtracts, in [0, 1].
     pub fn control(&self) -> f64 {
@@ -254,7 +250,6 @@ impl Pilot {
     }
 }
 
-// Choose the quickest method
 /// What a pilot has found, and what follows.
 #[derive(Clone, Debug)]
 pub struct Choice {

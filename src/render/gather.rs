@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -24,7 +23,6 @@ use crate::scene::Scene;
 use crate::sky::Sky;
 use crate::statistics::Accumulator;
 
-// Render by gathering
 /// Renders by gathering, with what a training has learnt.
 pub struct Gather<'a> {
     /// The triangles, and where rays enter them.
@@ -57,7 +55,6 @@ pub struct Learnt {
     pub allocation: Allocation,
 }
 
-// Learn in the first pass
 impl Renderer for Gather<'_> {
     fn learn(&mut self, film: &Film, watch: &Watch) -> u64 {
         if self.learnt.is_some() {

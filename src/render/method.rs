@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -8,7 +7,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Methods of sampling an image, and the renderer of each.
 
-// Name what the methods import
 use std::fmt;
 use std::str::FromStr;
 
@@ -29,7 +27,6 @@ use crate::sampler::sobol::SobolSampler;
 use crate::sampler::{IndependentSampler, Sampler};
 use crate::scene::Scene;
 
-// Name the methods
 /// How samples are made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Method {
@@ -69,7 +66,6 @@ impl FromStr for Method {
     }
 }
 
-// Ask for a method or none
 /// The method that is asked for; none if a pilot is to choose one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Wanted(pub Option<Method>);
@@ -97,7 +93,6 @@ impl FromStr for Wanted {
 /// The name for no method.
 const AUTO: &str = "auto";
 
-// Decide how an image is sampled
 /// What decides the samples of an image, beside the scene and the view.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Sampling {
@@ -146,7 +141,6 @@ impl Sampling {
         Self { method, seed, replicate, training, control: 0 }
     }
 
-    // Make the film of a method
     /// A film for these samples, without one.
     pub fn film(&self, resolution: (u32, u32), window: Window) -> Film {
         let film = Film::cropped(resolution, window);
@@ -174,7 +168,6 @@ impl Sampling {
     }
 }
 
-// Bound what is learnt and placed together
 /// Changes whenever the code that decides what a gather is does.
 const GATHER_VERSION: u32 = 4;
 
@@ -190,7 +183,6 @@ const RAYS: u64 = 5;
 const LEAST: u64 = 1 << 16;
 const LARGEST: u64 = 1 << 22;
 
-// Choose the renderer of a method
 /// The renderer of a scene with this intersector, for what its analysis
 /// has found to be needed.
 pub fn renderer<'a>(

@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -8,7 +7,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! A page for people: one file that needs nothing else.
 
-// Name what the page imports
 use base64::prelude::{BASE64_STANDARD, Engine};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use serde_json::Value;
@@ -20,7 +18,6 @@ use crate::image::{Format, Image};
 use crate::render::Share;
 use crate::render_loop::CurvePoint;
 
-// Lay out the page
 /// The page of a run and its image.
 pub fn page(report: &Report, image: &Image) -> String {
     let scene = printable(&report.scene.file);
@@ -28,7 +25,6 @@ pub fn page(report: &Report, image: &Image) -> String {
     let markup = html! {
         (DOCTYPE)
         html lang="en-GB" {
-            // Write the head of the page
             head {
                 meta charset="utf-8";
                 meta name="viewport" content="width=device-width";
@@ -39,7 +35,6 @@ pub fn page(report: &Report, image: &Image) -> String {
                 h1 { (scene) }
                 p { "Run " (report.verdict()) "." }
                 div { (pictures(report, image)) }
-                // Tabulate the summary
                 table {
                     @for (name, text) in report.summary(pixels).into_iter().skip(1) {
                         tr { th { (name) } td { (printable(&text)) } }
@@ -48,7 +43,6 @@ pub fn page(report: &Report, image: &Image) -> String {
                         tr { th { "slope" } td { (slopes) } }
                     }
                 }
-                // Tabulate what was set
                 table {
                     @for (name, text) in [
                         ("command", &report.command),
@@ -134,7 +128,6 @@ fn pictures(report: &Report, image: &Image) -> Markup {
         }
     });
     html! {
-        // Show the plot and its legend
         @if let Some(plot) = plot(&report.curve) {
             figure {
                 (plot)
@@ -158,7 +151,6 @@ fn pictures(report: &Report, image: &Image) -> Markup {
     }
 }
 
-// Show an image on the page
 /// The largest width and height of an image on the page, in pixels.
 const LARGEST: u32 = 800;
 
@@ -175,7 +167,6 @@ fn picture(image: &Image, shows: &str) -> Markup {
     html! { img src=(address) alt=(shows) style=(width); }
 }
 
-// Show the points of the curve
 /// A setting as it is typed, with its unit.
 fn value_of(name: &str, value: &Value) -> String {
     let unit = match name {
@@ -205,7 +196,6 @@ fn points(curve: &[CurvePoint]) -> Markup {
             }
             @for point in curve {
                 tr {
-                    // Show one point
                     td { (point.spp) }
                     td { (known(Some(point.seconds), 3)) }
                     @if several { td { (known(point.processor_seconds, 2)) } }

@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -32,7 +31,6 @@ impl Report {
     }
 }
 
-// Quote a word for a shell
 /// A word as a shell has to be given it.
 fn quoted(word: &str) -> String {
     let harmless =
@@ -43,7 +41,6 @@ fn quoted(word: &str) -> String {
     }
 }
 
-// Name the processor
 fn processor() -> String {
     let file = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let name = file.lines().find_map(|line| {

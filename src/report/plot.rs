@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -14,7 +13,6 @@ use maud::{Markup, html};
 use super::result::drawable;
 use crate::render_loop::CurvePoint;
 
-// Cover values by decades of an axis
 /// A logarithmic axis, by the exponents of its ends and its length.
 struct Axis(f64, f64, f64);
 
@@ -40,7 +38,6 @@ impl Axis {
     }
 }
 
-// Draw the curve within its axes
 const WIDTH: f64 = 400.;
 const HEIGHT: f64 = 260.;
 
@@ -79,7 +76,6 @@ pub fn plot(curve: &[CurvePoint]) -> Option<Markup> {
         (time, last.1 * (last.0 / time).sqrt())
     });
     Some(html! {
-        // Draw the frame and what is in it
         svg viewBox="-70 -10 490 310" role="img" fill="none"
             aria-label="Error against time" stroke="currentColor" {
             (grid(&x, &y))
@@ -115,7 +111,6 @@ fn grid(x: &Axis, y: &Axis) -> Markup {
             line y1=(y) y2=(y) x2=(WIDTH) stroke-opacity="0.3" {}
             (label(-6., y + 5., "end", n))
         }
-        // Name what the axes measure
         g fill="currentColor" stroke="none" text-anchor="middle"
             font-size="13" {
             text x=(WIDTH / 2.) y=(HEIGHT + 36.) { "rendering time / s" }

@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -8,7 +7,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! What is known of a run, and what follows from it.
 
-// Name what the result imports
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
@@ -17,7 +15,6 @@ use crate::progress::metric;
 use crate::render::Share;
 use crate::render_loop::CurvePoint;
 
-// Describe a run and its result
 /// The file of a scene.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SceneFile {
@@ -32,7 +29,6 @@ pub struct SceneFile {
 /// What is known of a run, at its end or while it goes on.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Report {
-    // Hold what was rendered and how
     /// Name and version of the program.
     pub program: String,
     /// The command line, as a shell takes it.
@@ -47,7 +43,6 @@ pub struct Report {
     pub settings: Map<String, Value>,
     /// What was left out because the scene does not need it, and why.
     pub left_out: Vec<Finding>,
-    // Hold what the run has cost
     /// Seconds to read the scene.
     pub load_seconds: f64,
     /// Seconds to find what the scene does not need, and to build the
@@ -60,7 +55,6 @@ pub struct Report {
     /// What each rank has done, if there are several.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub ranks: Vec<Share>,
-    // Hold how good the image is
     /// Samples that each pixel has at least.
     pub spp: u64,
     /// Mean radiance of the image.
@@ -99,7 +93,6 @@ fn shared(ranks: &[Share]) -> Option<String> {
     ))
 }
 
-// Summarise the run in a few lines
 impl Report {
     /// What a person wants to know of a run of so many pixels: a table
     /// of names and what is said of them.
@@ -228,7 +221,6 @@ pub fn as_typed(value: &Value) -> String {
     }
 }
 
-// Fit a line to the curve
 /// A straight line through the logarithms of points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fit {

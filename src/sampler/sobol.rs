@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -9,10 +8,8 @@
 //! Randomised quasi-Monte Carlo: points that fill the cube evenly, and
 //! scrambles of them that are independent.
 
-// Name what the nets import
 use super::{Sampler, dimension, split_mix};
 
-// Multiply in the field of four elements
 /// The product in the field of four elements: 0, 1, w = 2 and w + 1 = 3,
 /// where w * w = w + 1. The sum is the exclusive or.
 const fn times(a: u32, b: u32) -> u32 {
@@ -20,7 +17,6 @@ const fn times(a: u32, b: u32) -> u32 {
     product ^ ((product >> 2) * 7)
 }
 
-// Write down a generator matrix
 /// Column `c` of the generator matrix of a dimension, its first digit in
 /// the highest bit.
 const fn column(dimension: u32, c: u32) -> u32 {
@@ -44,7 +40,6 @@ const fn digits(dimension: u32, element: u32) -> u32 {
     (one ^ (dimension & w)) << 1 | w
 }
 
-// Tabulate sums of columns
 /// Digits of an index or of a coordinate that are treated together.
 const CHUNK: u32 = 6;
 
@@ -74,7 +69,6 @@ const fn sums() -> [[[[u32; 2]; 2]; 1 << CHUNK]; CHUNKS] {
     sums
 }
 
-// Scramble six digits by one word
 /// Which of three digits to flip: by the seven bits that a tree of three
 /// levels has, and by the digits.
 static FLIPS: [[u8; 8]; 128] = flips();
@@ -104,7 +98,6 @@ fn flip(tree: u64, digits: u32) -> u32 {
     three(tree, high) << 3 | three(tree >> (7 + 7 * high), low)
 }
 
-// Give the points of a scramble
 /// The key of a scramble, from its number and that of a pixel.
 pub fn scramble_key(seed: u64, pixel: u64, scramble: u64) -> u64 {
     split_mix(seed ^ split_mix(pixel ^ split_mix(scramble)))
@@ -140,7 +133,6 @@ impl ScrambledNet {
         Self { chunks: points.ilog2().div_ceil(CHUNK) }
     }
 
-    // Give a pair of a point
     /// The first or second pair (0 or 1) of coordinates of point `i`, as
     /// multiples of 2^-32, before any scrambling.
     #[inline(always)]
@@ -174,7 +166,6 @@ impl ScrambledNet {
         ]
     }
 
-    // Scramble a coordinate
     /// A coordinate with the digits of all chunks scrambled, and with the
     /// digits after them.
     #[inline(always)]
@@ -197,7 +188,6 @@ pub fn to_unit(x: u32) -> f64 {
     (f64::from(x) + 0.5) / (1u64 << 32) as f64
 }
 
-// Place the samples of a pixel by nets
 /// Scrambled nets for the point in the pixel and the first direction,
 /// independent numbers for all else.
 #[derive(Clone, Debug)]
@@ -226,7 +216,6 @@ impl SobolSampler {
         Self { seed, log_points, net, key: 0, i: 0, path: 0 }
     }
 
-    // Give the number of a later dimension
     /// A word for a dimension, independent of all others.
     #[inline(always)]
     fn independent(&self, dimension: u64) -> u64 {
@@ -253,7 +242,6 @@ impl Sampler for SobolSampler {
         self.net.pair(self.key, self.i, 0)
     }
 
-    // Draw one or two numbers of a net
     #[inline(always)]
     fn get_1d(&mut self, dimension: u64) -> f64 {
         (self.independent(dimension) >> 11) as f64 / (1u64 << 53) as f64

@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -14,7 +13,6 @@ use std::io::{self, Read};
 use flate2::bufread::GzDecoder;
 use ruzstd::decoding::StreamingDecoder;
 
-// Turn the bytes into a text
 /// The text of a file, decompressed if it begins as gzip or zstd do, and in
 /// UTF-8 if it begins with a mark of UTF-16; `warn` is told what was left
 /// out.
@@ -56,7 +54,6 @@ pub fn format(bytes: &[u8]) -> Option<&'static str> {
     })
 }
 
-// Unpack a compressed file
 /// Appends the next frame of zstd to a text, and steps over it.
 fn unzstd(rest: &mut &[u8], text: &mut Vec<u8>) -> io::Result<usize> {
     // Skip a frame that is not for us
@@ -108,7 +105,6 @@ fn unpack(
     Ok(all)
 }
 
-// Tell what is wrong with it
 fn fault(error: &io::Error) -> &'static str {
     let names = format!("{error:?}");
     let faults = [
@@ -122,7 +118,6 @@ fn fault(error: &io::Error) -> &'static str {
     found.map_or("is damaged", |(_, what)| what)
 }
 
-// Decode characters of two bytes
 /// The text of pairs of bytes that are UTF-16.
 fn utf_8(bytes: &[u8]) -> Result<Vec<u8>, String> {
     let (pairs, rest) = bytes.as_chunks::<2>();

@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -18,7 +17,6 @@ use spade::{
 
 use crate::numerics::{cross, exponent, shift};
 
-// Fill all faces of a mesh
 /// Replaces the fans that do not fill their faces; returns the numbers
 /// of the faces that are odd, from 0.
 pub fn fill(
@@ -81,7 +79,6 @@ fn replace(
     (all, all_joined)
 }
 
-// Judge the fan of a face
 /// Whether the fan is that of a quadrilateral that is nearly flat and
 /// has its first diagonal inside.
 fn is_plain(fan: &[[u32; 3]], vertices: &[DVec3]) -> bool {
@@ -179,7 +176,6 @@ fn has_seam(sides: &[DVec3]) -> bool {
     sides.windows(2).any(is_flat) || inner.contains(&zero)
 }
 
-// Fill the outline of a face
 /// Triangles between the corners of an outline, which cover where it
 /// winds; none if the outline crosses itself.
 fn triangulate(

@@ -1,4 +1,3 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
 //
 // This program is free software: you can redistribute it and/or modify it
@@ -10,11 +9,9 @@
 //! without one. Takes the options of pt for a scene and its view, and prints
 //! a CSV.
 
-// Name what the ablation imports
 use std::fs;
 
 use clap::Parser;
-// Name what of pt is taken apart
 use litpt::analysis::background::KnownPixels;
 use litpt::arguments::Arguments;
 use litpt::bvh::Bvh;
@@ -35,7 +32,6 @@ use rayon::prelude::*;
 
 use super::Done;
 
-// Say which parts there are
 /// What can be left out; the first is nothing, the last is everything.
 const PARTS: [&str; 12] = [
     "nothing",
@@ -87,7 +83,6 @@ impl Learnt {
         }
     }
 
-    // Leave a part out
     /// The estimator without one of its parts.
     fn without(&self, part: &str) -> Estimator<'_> {
         let whole = self.whole();
@@ -127,7 +122,6 @@ impl Learnt {
         }
     }
 
-    // Weigh a part
     /// The bytes that a part takes for images of this area, at most; none if
     /// they are but few.
     fn bytes(&self, part: &str, replicate: u64) -> Option<usize> {
@@ -151,7 +145,6 @@ impl Learnt {
     }
 }
 
-// Learn all that is needed
 /// A scene, its view, and how its samples are made.
 struct Stage<'a> {
     scene: &'a Scene,
@@ -190,7 +183,6 @@ impl Stage<'_> {
         sampling.film(size, Window { corner: (0, 0), size })
     }
 
-    // Trace with a cache
     fn tracer<'a>(&'a self, cache: &'a RadianceCache) -> Tracer<'a, Bvh> {
         let &Self { scene, intersector, sky, albedo, .. } = self;
         let camera = &self.camera;
@@ -245,7 +237,6 @@ impl Stage<'_> {
     }
 }
 
-// Render without a part
 /// A run: its image and its rays per sample, with what it had to learn.
 struct Run {
     film: Film,
@@ -266,7 +257,6 @@ impl Stage<'_> {
         }
     }
 
-    // Render so many scrambles
     /// Renders scrambles with what was learnt, and without a part.
     fn gather(
         &self,
@@ -297,7 +287,6 @@ impl Stage<'_> {
         Run { film, rays }
     }
 
-    // Render by paths
     /// Renders by paths in nets.
     fn trace(&self, seed: u64) -> Run {
         let sampling = self.sampling(Method::Sobol, seed);
@@ -317,7 +306,6 @@ impl Stage<'_> {
     }
 }
 
-// Compare a part with the whole
 /// What some runs have in common.
 struct Outcome {
     rays: f64,
@@ -374,7 +362,6 @@ fn without_it(all: &[Outcome], one: usize) -> (f64, f64) {
     (sum / weights, 1. / weights)
 }
 
-// Print the rows of a scene
 impl Stage<'_> {
     /// A run without a part, with what run `i` has learnt.
     fn without(&self, learnt: &Learnt, part: usize, i: u64) -> Run {

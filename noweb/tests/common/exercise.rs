@@ -38,8 +38,8 @@ fn expand_all(web: &Web) {
     let directive = Some(b"#line %L \"%F\"%N".to_vec());
     let layouts = [
         Layout::default(),
-        Layout { tab: 8, comment: Some("// "), ..Layout::default() },
-        Layout { directive, ..Layout::default() },
+        Layout { tab: Some(8), rust: true, ..Layout::default() },
+        Layout { directive, rust: true, ..Layout::default() },
     ];
     if web.chunks.iter().map(|chunk| chunk.pieces.len()).sum::<usize>()
         > 4000

@@ -1,4 +1,3 @@
-" Licensed under the GNU all-permissive notice (vim)
 " Copyright (C) 2026 litpt contributors
 "
 " Copying and distribution of this file, with or without modification, are
@@ -6,12 +5,10 @@
 " this notice are preserved. This file is offered as-is, without any
 " warranty.
 " SPDX-License-Identifier: FSFAP
-" Know a definition, a use and prose
 let s:head = '^<<\zs.*\ze>>=\s*$'
 let s:prose = '^@\%(\s\|$\)'
 let s:use = '@\@1<!<<\zs\%(\[\[.\{-}\]\]\|.\)\{-}\ze>>'
 
-" Find the files of the web
 function! noweb#Root() abort
   let master = findfile('litpt.nw', escape(expand('%:p:h'), ' ,') . ';')
   return empty(master) ? '' : fnamemodify(master, ':p:h')
@@ -33,7 +30,6 @@ function! noweb#Files() abort
   return index(files, here) < 0 ? files + [here] : files
 endfunction
 
-" Read a file as it stands
 function! s:Lines(path) abort
   if bufloaded(a:path)
     return getbufline(bufnr(a:path), 1, '$')
@@ -47,7 +43,6 @@ function! s:Stamp(path) abort
         \ : [0, getftime(a:path)]
 endfunction
 
-" Collect the places of a file
 let s:known = {}
 
 function! s:Know(path) abort
@@ -59,7 +54,6 @@ function! s:Know(path) abort
   return s:known[a:path]
 endfunction
 
-" Find the lines that matter
 function! s:Matter(lines) abort
   let found = []
   for pattern in ['^@', '<<']
@@ -72,7 +66,6 @@ function! s:Matter(lines) abort
   return uniq(sort(found, 'n'))
 endfunction
 
-" Go through the lines that matter
 function! s:Scan(path, lines) abort
   let known = {'places': [], 'users': {}}
   let [inside, head] = ['', 0]
@@ -95,7 +88,6 @@ function! s:Scan(path, lines) abort
   return known
 endfunction
 
-" Add the uses on a line of code
 function! s:AddUses(known, path, number, line, inside) abort
   let [name, from, to] = matchstrpos(a:line, s:use)
   while from >= 0
@@ -107,7 +99,6 @@ function! s:AddUses(known, path, number, line, inside) abort
   endwhile
 endfunction
 
-" Collect the places of the whole web
 function! noweb#Places() abort
   let places = []
   for path in noweb#Files()
@@ -129,7 +120,6 @@ function! s:PlacesNamed(name) abort
   return found
 endfunction
 
-" Tell the language of each chunk
 function! noweb#Languages(usual) abort
   let [users, answer] = [{}, {}]
   for path in noweb#Files()
@@ -148,7 +138,6 @@ function! noweb#Languages(usual) abort
   return answer
 endfunction
 
-" Tell the language of a file name
 let s:languages = {'rs': 'rust', 'py': 'python', 'mk': 'make',
       \ 'h': 'c', 'md': 'markdown', 'sty': 'tex', 'Makefile': 'make'}
 
@@ -162,7 +151,6 @@ function! s:LanguageOf(path, usual) abort
   return empty(s:languages[key]) ? a:usual : s:languages[key]
 endfunction
 
-" Find what stands under the cursor
 function! s:NameUnderCursor() abort
   let [line, column, end] = [getline('.'), col('.'), 0]
   while 1
@@ -176,7 +164,6 @@ function! s:NameUnderCursor() abort
   endwhile
 endfunction
 
-" Answer questions for tags
 function! noweb#Tags(pattern, flags, info) abort
   let name = a:flags =~# 'c' ? s:NameUnderCursor()
         \ : get(a:info, 'user_data', '')
@@ -191,7 +178,6 @@ function! noweb#Tags(pattern, flags, info) abort
         \ 'kind': place.role[0]}})
 endfunction
 
-" List the places of a chunk
 function! noweb#List(name) abort
   let name = empty(a:name) ? s:NameUnderCursor() : a:name
   let found = s:PlacesNamed(name)
@@ -212,7 +198,6 @@ function! noweb#Names(start, line, position) abort
   return filter(uniq(sort(names)), {_, name -> stridx(name, a:start) == 0})
 endfunction
 
-" Complete the name of a chunk
 function! noweb#Complete(findstart, base) abort
   if a:findstart
     let before = strpart(getline('.'), 0, col('.') - 1)
@@ -228,7 +213,6 @@ function! noweb#Complete(findstart, base) abort
         \ {_, name -> {'word': name . close, 'abbr': name}})
 endfunction
 
-" Move from chunk to chunk
 function! noweb#Move(flags) abort
   for step in range(v:count1)
     if !search(s:head, a:flags . (step ? '' : 's'))
@@ -237,7 +221,6 @@ function! noweb#Move(flags) abort
   endfor
 endfunction
 
-" Fold chunks
 function! noweb#Fold(number) abort
   let line = getline(a:number)
   return line =~# s:head ? '>1' : line =~# s:prose ? '0' : '='
@@ -249,7 +232,6 @@ function! noweb#FoldText() abort
         \ . (size == 1 ? ' line ' : ' lines ')
 endfunction
 
-" Keep the errors that have a place
 function! noweb#KeepPlaces() abort
   let compiler = get(b:, 'current_compiler', get(g:, 'current_compiler', ''))
   let places = filter(getqflist(),

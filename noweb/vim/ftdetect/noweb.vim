@@ -1,4 +1,3 @@
-" Licensed under the GNU all-permissive notice (vim)
 " Copyright (C) 2026 litpt contributors
 "
 " Copying and distribution of this file, with or without modification, are

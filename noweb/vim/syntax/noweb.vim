@@ -1,4 +1,3 @@
-" Licensed under the GNU all-permissive notice (vim)
 " Copyright (C) 2026 litpt contributors
 "
 " Copying and distribution of this file, with or without modification, are
@@ -10,7 +9,6 @@ if exists('b:current_syntax')
   finish
 endif
 
-" Load the syntax of the prose
 execute 'runtime! syntax/' . get(g:, 'noweb_backend', 'tex') . '.vim'
 unlet! b:current_syntax
 syntax cluster nowebInProse contains=nowebQuote,nowebEscape
@@ -18,7 +16,6 @@ for s:group in ['Fold', 'Match', 'Style', 'Bold', 'Ital', 'Cmd', 'MathZone']
   execute 'syntax cluster tex' . s:group . 'Group add=@nowebInProse'
 endfor
 
-" Paint chunks in one language
 let s:starts = []
 syntax cluster nowebAnyCode contains=nowebUse
 
@@ -36,7 +33,6 @@ function! s:PaintChunks(language, names) abort
         \ 'keepend contains=nowebUse,@' . code
 endfunction
 
-" Paint each chunk in its language
 let s:language = get(g:, 'noweb_language', 'rust')
 let b:noweb_languages = noweb#Languages(s:language)
 call s:PaintChunks(s:language, '.*')
@@ -45,7 +41,6 @@ for [s:other, s:names] in items(b:noweb_languages)
         \ {_, name -> escape(name, '\/')}), '\|') . '\m\)')
 endfor
 
-" Begin to paint at an end of a chunk
 syntax sync clear
 syntax sync match nowebSync grouphere NONE /^@\%(\s\|$\)/
 for s:start in s:starts
@@ -53,7 +48,6 @@ for s:start in s:starts
 endfor
 syntax sync maxlines=1000
 
-" Paint quoted code and uses
 execute 'syntax region nowebQuote matchgroup=nowebBracket'
       \ 'start=/@\@1<!\[\[/ end=/\]\]\]\@!/ keepend'
       \ 'contains=nowebUse,@nowebCode_' . s:language
@@ -62,7 +56,6 @@ syntax match nowebUse /@\@1<!<<.\{-}>>/
 syntax match nowebEscape /@<<\|@>>\|@\[\[\|@\]\]\|^@@/
       \ containedin=@nowebAnyCode
 
-" Choose colours by their meaning
 highlight default link nowebDefinition Identifier
 highlight default link nowebUse Identifier
 highlight default link nowebBracket Delimiter
