@@ -118,6 +118,7 @@ fn run(
     arguments: &mut Arguments,
     resumed: Option<Checkpoint>,
 ) -> Result<Stop, String> {
+    // Watch the time from the start
     let start = Instant::now();
     let interrupt = Interrupt::listen()
         .map_err(|e| format!("cannot listen for signals: {e}"))?;
@@ -632,17 +633,14 @@ fn sampling(
     let left = |end: Instant| end.saturating_duration_since(Instant::now());
     let left = arguments.deadline(start).map(|end| left(end).as_secs_f64());
     let limits = (samples, arguments.error, left);
-    let choice = match method {
-        None => choose(scene, what, (window, seed), limits, None),
-        Some(Method::Sobol) if saved.is_none() => {
-            choose(scene, what, (window, seed), limits, method)
-        }
-        Some(Method::Gather) if saved.is_none() && left.is_some() => {
-            choose(scene, what, (window, seed), limits, method)
-        }
-        Some(_) => None,
+    let asks = match method {
+        None => true,
+        Some(Method::Reference) => false,
+        Some(Method::Sobol) => saved.is_none(),
+        Some(Method::Gather) => saved.is_none() && left.is_some(),
     };
-    if let Some(choice) = choice {
+    let choose = || choose(scene, what, (window, seed), limits, method);
+    if let Some(choice) = asks.then(choose).flatten() {
         // Warn if it is not the method that is asked for
         let chosen = choice.sampling.method;
         if let (Some(wanted), false) = (method, arguments.quiet)

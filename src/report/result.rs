@@ -107,6 +107,7 @@ impl Report {
         let against = against.map_or(String::new(), |rmse| {
             format!(", {} from the reference", known(Some(rmse), 6))
         });
+        // Say what becomes of pixels without a sample
         let image = match self.spp {
             0 => format!(
                 "{} of {pixels} pixels have no sample: they are filled from \
