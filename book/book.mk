@@ -89,7 +89,7 @@ $(SESSION)-use.txt: $(SCRIPTS)/session.sh $(BUILD_DIR)/pt
 	sh $< use $(@D) $(BUILD_DIR)
 
 # The numbers in what they have said, and those of tables made with the book.
-SAID = info same other seeds few single pair joined long white files
+SAID = info same other seeds few single pair white files
 $(BUILT)/said.tex: $(SCRIPTS)/said.awk $(BUILD_DIR)/examples.stamp \
   $(BUILT)/calibration.stamp
 	awk -f $< $(SAID:%=$(BUILD_DIR)/examples/%.txt) $(@D)/stopping.tex \

@@ -13,7 +13,6 @@
 //! numbers.
 
 pub mod display;
-pub mod merge;
 
 use std::collections::BTreeMap;
 use std::f64::consts::SQRT_2;
@@ -320,7 +319,7 @@ fn dispersion(
 type Attributes = BTreeMap<String, String>;
 
 /// Attributes that decide which radiances an image estimates.
-pub const SUBJECT: [&str; 8] = [
+const SUBJECT: [&str; 8] = [
     "scene_sha256",
     "resolution",
     "crop",
@@ -331,21 +330,17 @@ pub const SUBJECT: [&str; 8] = [
     "albedo",
 ];
 
-/// The attributes of these names whose values differ, in words.
-fn differing<'a>(
-    names: impl Iterator<Item = &'a &'static str>,
-    a: &Attributes,
-    b: &Attributes,
-) -> Vec<String> {
-    let differ = |name: &&&str| a.get(**name) != b.get(**name);
+/// The attributes of the subject whose values differ, in words.
+fn differing(a: &Attributes, b: &Attributes) -> Vec<String> {
+    let differ = |name: &&str| a.get(*name) != b.get(*name);
     let show = |name: &str, of: &Attributes| match of.get(name) {
         Some(hash) if name == SUBJECT[0] => hash.chars().take(12).collect(),
         value => value.cloned().unwrap_or_else(|| "none".to_owned()),
     };
-    let tell = |name| {
+    let tell = |name: &str| {
         format!("{name} {} against {}", show(name, a), show(name, b))
     };
-    names.filter(differ).map(|&name| tell(name)).collect()
+    SUBJECT.into_iter().filter(differ).map(tell).collect()
 }
 
 /// What differs of the scenes and views of two images, as in `fov 70.0
@@ -357,7 +352,7 @@ pub fn disagreements(a: &Attributes, b: &Attributes) -> Vec<String> {
     };
     match silent(a) || silent(b) {
         true => Vec::new(),
-        false => differing(SUBJECT.iter(), a, b),
+        false => differing(a, b),
     }
 }
 

@@ -21,7 +21,7 @@ pub(crate) mod srgb;
 use std::io::{self, Read, Write};
 use std::path::Path;
 
-pub use data::{Image, Means, Note, REPLICATE};
+pub use data::{Image, Means, Note};
 
 #[derive(clap::ValueEnum, serde::Serialize, serde::Deserialize)]
 /// How an image becomes bytes.

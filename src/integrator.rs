@@ -31,9 +31,6 @@ pub trait Integrator: Sync {
     /// What it needs to know of the end of a ray.
     type RayQuery: RayQuery;
 
-    /// What it counts of the paths that have ended.
-    type Sums: Sums;
-
     /// A path whose first ray has this direction.
     fn begin(&self, direction: DVec3) -> Self::Path;
 
@@ -44,26 +41,6 @@ pub trait Integrator: Sync {
         hit: Option<Self::RayQuery>,
         sampler: &mut impl Sampler,
     ) -> PathEvent;
-
-    /// Counts a path that has ended, with the rays that it has traced and
-    /// its contribution.
-    fn count(
-        &self,
-        path: &Self::Path,
-        rays: u64,
-        contribution: f64,
-        sums: &mut Self::Sums,
-    );
-
-    /// The samples of each pixel up to which it does not change.
-    fn lesson(&self) -> u64 {
-        u64::MAX
-    }
-
-    /// Takes the sums of more paths; each pixel has at least so many
-    /// samples. If these are those of the lesson, there is another lesson
-    /// afterwards, with more samples.
-    fn learn(&mut self, _: &Self::Sums, _samples: u64) {}
 }
 
 /// What there is to know of the end of a ray that has met something.
@@ -104,46 +81,14 @@ impl RayQuery for Hit {
     }
 }
 
-/// Integers that are added up over paths, in any order.
-pub trait Sums: Default + Send {
-    /// Adds those of other paths.
-    fn merge(&mut self, other: &Self);
-
-    /// The rays that were traced.
-    fn rays(&self) -> u64;
-}
-
-/// The number of rays alone.
-impl Sums for u64 {
-    fn merge(&mut self, other: &Self) {
-        *self += other;
-    }
-
-    fn rays(&self) -> u64 {
-        *self
-    }
-}
-
-/// A borrowed integrator is one, which does not learn.
+/// A borrowed integrator is one.
 impl<E: Integrator> Integrator for &E {
     type Path = E::Path;
     type RayQuery = E::RayQuery;
-    type Sums = E::Sums;
 
     #[inline(always)]
     fn begin(&self, direction: DVec3) -> Self::Path {
         (**self).begin(direction)
-    }
-
-    #[inline(always)]
-    fn count(
-        &self,
-        path: &Self::Path,
-        rays: u64,
-        contribution: f64,
-        sums: &mut Self::Sums,
-    ) {
-        (**self).count(path, rays, contribution, sums);
     }
 
     #[inline(always)]
@@ -214,12 +159,6 @@ impl RayQuery for Occluded {
 impl Integrator for DirectSky {
     type Path = DVec3;
     type RayQuery = Occluded;
-    type Sums = u64;
-
-    #[inline(always)]
-    fn count(&self, _: &DVec3, rays: u64, _: f64, sums: &mut u64) {
-        *sums += rays;
-    }
 
     #[inline(always)]
     fn begin(&self, direction: DVec3) -> DVec3 {
@@ -269,12 +208,6 @@ impl PathTracer {
 impl Integrator for ControlledPathTracer {
     type Path = ControlledPath;
     type RayQuery = Hit;
-    type Sums = u64;
-
-    #[inline(always)]
-    fn count(&self, _: &ControlledPath, rays: u64, _: f64, sums: &mut u64) {
-        *sums += rays;
-    }
 
     #[inline(always)]
     fn begin(&self, direction: DVec3) -> ControlledPath {
@@ -317,12 +250,6 @@ pub fn identity() -> String {
 impl Integrator for PathTracer {
     type Path = PathState;
     type RayQuery = Hit;
-    type Sums = u64;
-
-    #[inline(always)]
-    fn count(&self, _: &PathState, rays: u64, _: f64, sums: &mut u64) {
-        *sums += rays;
-    }
 
     #[inline(always)]
     fn begin(&self, direction: DVec3) -> PathState {

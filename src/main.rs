@@ -324,10 +324,8 @@ fn read_reference(
         refuse_others(path, &image, arguments, None)?;
     }
     // Warn of a reference with our seed
-    let seeds = image.attributes.get("seed");
     let ours = arguments.seed.to_string();
-    let shared = |seeds: &String| seeds.split(',').any(|seed| seed == ours);
-    if !arguments.quiet && seeds.is_some_and(shared) {
+    if !arguments.quiet && image.attributes.get("seed") == Some(&ours) {
         progress::warn(
             "the reference has the seed of this run: its true errors are \
              larger than they will seem (choose another seed with -s)",

@@ -21,7 +21,7 @@ use crate::analysis::background::{KnownPixels, TileContent};
 use crate::bvh::{BEAM, Dispatch, Intersector};
 use crate::camera::Camera;
 use crate::film::{Film, Tile, Watch};
-use crate::integrator::{Integrator, PathEvent, RayQuery, Sums};
+use crate::integrator::{Integrator, PathEvent, RayQuery};
 use crate::sampler::{IndependentSampler, Sampler, within};
 use crate::scene::{Ray, Scene};
 use crate::statistics::Accumulator;
@@ -54,9 +54,9 @@ struct Pass<'a, 'b, K, E, S> {
 }
 
 impl<K, E: Integrator, S: Sampler> Dispatch for Pass<'_, '_, K, E, S> {
-    type Output = E::Sums;
+    type Output = u64;
 
-    fn with<L: Intersector>(self, intersector: &L) -> E::Sums {
+    fn with<L: Intersector>(self, intersector: &L) -> u64 {
         let &Job { scene, camera, ref integrator, known, .. } = self.job;
         let sampler = self.job.sampler.clone();
         let job =
@@ -123,19 +123,8 @@ impl<K: Intersector, E: Integrator, S: Sampler> Renderer
             self.sampler.replicate(),
             "replicates"
         );
-        let mut rays = 0;
-        loop {
-            // Render up to the next lesson
-            let goal = end.min(self.integrator.lesson());
-            let pass = Pass { job: self, film, end: goal, watch };
-            let sums = self.intersector.dispatch(pass);
-            rays += sums.rays();
-            let samples = film.samples();
-            self.integrator.learn(&sums, samples);
-            if samples < goal || goal == end {
-                return rays;
-            }
-        }
+        let pass = Pass { job: self, film, end, watch };
+        self.intersector.dispatch(pass)
     }
 }
 
@@ -151,15 +140,14 @@ struct PathInFlight<P, S> {
     ray: Ray,
     /// The triangle that it leaves.
     from: u32,
-    /// How many rays it has traced.
-    rays: u64,
     /// The pixel in its tile.
     pixel: u32,
 }
 
 impl<K: Intersector, E: Integrator, S: Sampler> Job<'_, K, E, S> {
-    /// Takes all tiles to so many samples, with the intersector as it is.
-    fn sweep(&self, film: &mut Film, end: u64, watch: &Watch) -> E::Sums {
+    /// Takes all tiles to so many samples, with the intersector as it is;
+    /// returns the number of rays.
+    fn sweep(&self, film: &mut Film, end: u64, watch: &Watch) -> u64 {
         let resolution = film.resolution();
         let first = film.first() / self.sampler.replicate();
         let tiles = film.tiles();
@@ -169,18 +157,18 @@ impl<K: Intersector, E: Integrator, S: Sampler> Job<'_, K, E, S> {
             let end = first + end.div_ceil(self.sampler.replicate());
             let values = first + pixels[0].count()..end;
             if values.is_empty() || !watch(0) {
-                return E::Sums::default();
+                return 0;
             }
             let count = values.end - values.start;
             let paths = (count * self.sampler.replicate())
                 .saturating_mul(pixels.len() as u64);
             let content = self.known.content(tile.corner);
-            let sums = match ((parts as u64).min(count), content) {
+            let rays = match ((parts as u64).min(count), content) {
                 (_, TileContent::Constant(sample)) => {
                     pixels
                         .iter_mut()
                         .for_each(|p| p.add_times(sample, count));
-                    Some(E::Sums::default())
+                    Some(0)
                 }
                 (0 | 1, _) => {
                     self.fill(tile, pixels, resolution, &values, watch)
@@ -197,39 +185,34 @@ impl<K: Intersector, E: Integrator, S: Sampler> Job<'_, K, E, S> {
                         let mut own =
                             vec![Accumulator::default(); pixels.len()];
                         let range = cut(k)..cut(k + 1);
-                        let sums = self.fill(
+                        let rays = self.fill(
                             tile, &mut own, resolution, &range, watch,
                         );
-                        sums.map(|sums| (own, sums))
+                        rays.map(|rays| (own, rays))
                     };
                     let done: Option<Vec<_>> =
                         (0..parts).into_par_iter().map(render).collect();
                     done.map(|done| {
                         // Merge the parts into the pixels
-                        let mut sums = E::Sums::default();
-                        for (own, more) in &done {
-                            sums.merge(more);
+                        for (own, _) in &done {
                             let both = pixels.iter_mut().zip(own);
                             both.for_each(|(pixel, own)| pixel.merge(own));
                         }
-                        sums
+                        done.iter().map(|(_, rays)| rays).sum()
                     })
                 }
             };
-            if sums.is_some() {
+            if rays.is_some() {
                 watch(paths);
             }
-            sums.unwrap_or_default()
+            rays.unwrap_or(0)
         };
-        let sums = tiles.into_par_iter().with_max_len(1).map(render);
-        sums.reduce(E::Sums::default, |mut sums, more| {
-            sums.merge(&more);
-            sums
-        })
+        tiles.into_par_iter().with_max_len(1).map(render).sum()
     }
 
-    /// Adds values to the pixels of a tile, given their numbers; none, with
-    /// the pixels as they were, if the pass is stopped.
+    /// Adds values to the pixels of a tile, given their numbers, and returns
+    /// the number of rays; none, with the pixels as they were, if the pass is
+    /// stopped.
     fn fill(
         &self,
         tile: Tile,
@@ -237,33 +220,33 @@ impl<K: Intersector, E: Integrator, S: Sampler> Job<'_, K, E, S> {
         resolution: (u32, u32),
         values: &Range<u64>,
         watch: &Watch,
-    ) -> Option<E::Sums> {
+    ) -> Option<u64> {
         let before = pixels.to_vec();
-        let mut sums = E::Sums::default();
-        let mut trace = |pixels: &mut [Accumulator], samples| {
-            self.trace(tile, pixels, resolution, samples, watch, &mut sums)
+        let trace = |pixels: &mut [Accumulator], samples| {
+            self.trace(tile, pixels, resolution, samples, watch)
         };
         // Add the samples or the means of replicates
-        let mut replicate = |pixels: &mut [Accumulator], value| {
+        let replicate = |value| {
             let mut own = vec![Accumulator::default(); pixels.len()];
             let first = value * self.sampler.replicate();
-            let finished =
+            let rays =
                 trace(&mut own, first..first + self.sampler.replicate());
             let means = own.iter().map(Accumulator::mean);
             pixels.iter_mut().zip(means).for_each(|(p, mean)| p.add(mean));
-            finished
+            rays
         };
-        let finished = match self.sampler.replicate() {
+        let rays = match self.sampler.replicate() {
             1 => trace(pixels, values.clone()),
-            _ => values.clone().all(|value| replicate(pixels, value)),
+            _ => values.clone().map(replicate).sum(),
         };
-        if !finished {
+        if rays.is_none() {
             pixels.copy_from_slice(&before);
         }
-        finished.then_some(sums)
+        rays
     }
 
-    /// Adds samples to the pixels of a tile; whether it was not stopped.
+    /// Adds samples to the pixels of a tile; returns the number of rays, or
+    /// none if it was stopped.
     fn trace(
         &self,
         tile: Tile,
@@ -271,22 +254,20 @@ impl<K: Intersector, E: Integrator, S: Sampler> Job<'_, K, E, S> {
         resolution: (u32, u32),
         samples: Range<u64>,
         watch: &Watch,
-        sums: &mut E::Sums,
-    ) -> bool {
+    ) -> Option<u64> {
         // List the paths of the tile
         let each = move |pixel| samples.clone().map(move |n| (pixel, n));
         let mut to_begin =
             (0..pixels.len() as u32).flat_map(each).peekable();
         let mut begun = Vec::with_capacity(BEAM);
         let mut under_way = Vec::with_capacity(IN_FLIGHT);
-        let mut turns = 0u64;
+        let (mut rays, mut turns) = (0, 0u64);
         loop {
             // Put begun paths under way
             if begun.is_empty() && to_begin.peek().is_some() {
                 let batch = to_begin.by_ref().take(BEAM);
-                self.begin(
-                    &mut begun, batch, tile, pixels, resolution, sums,
-                );
+                rays +=
+                    self.begin(&mut begun, batch, tile, pixels, resolution);
             }
             while under_way.len() < IN_FLIGHT
                 && let Some(flight) = begun.pop()
@@ -294,16 +275,16 @@ impl<K: Intersector, E: Integrator, S: Sampler> Job<'_, K, E, S> {
                 under_way.push(flight);
             }
             if under_way.is_empty() && to_begin.peek().is_none() {
-                return true;
+                return Some(rays);
             }
             // Stop in the midst of a tile
             turns += 1;
             if turns.is_multiple_of(256) && !watch(0) {
-                return false;
+                return None;
             }
             // Take each path one ray further
             under_way.retain_mut(|flight| {
-                flight.rays += 1;
+                rays += 1;
                 let PathInFlight { path, sampler, ray, from, .. } = flight;
                 let answer =
                     E::RayQuery::ask(self.intersector, ray, Some(*from));
@@ -312,16 +293,8 @@ impl<K: Intersector, E: Integrator, S: Sampler> Job<'_, K, E, S> {
                         (*ray, *from) = (next, left);
                         return true;
                     }
-                    // End a path that was under way
                     PathEvent::Terminate(contribution) => {
                         pixels[flight.pixel as usize].add(contribution);
-                        let PathInFlight { path, rays, .. } = flight;
-                        self.integrator.count(
-                            path,
-                            *rays,
-                            contribution,
-                            sums,
-                        );
                     }
                 }
                 // Give its place to the next path
@@ -337,7 +310,7 @@ impl<K: Intersector, E: Integrator, S: Sampler> Job<'_, K, E, S> {
 
     /// Begins the paths of a batch, each the number of a pixel in its tile and
     /// of a sample, and takes them up to their first hits; those that are over
-    /// are added to their pixels.
+    /// are added to their pixels. Returns the number of rays.
     #[inline(always)]
     fn begin(
         &self,
@@ -346,8 +319,7 @@ impl<K: Intersector, E: Integrator, S: Sampler> Job<'_, K, E, S> {
         tile: Tile,
         pixels: &mut [Accumulator],
         resolution: (u32, u32),
-        sums: &mut E::Sums,
-    ) {
+    ) -> u64 {
         // Choose a point of the image for each path
         let (width, height) = resolution;
         let (mut across, mut down) = ([0.; BEAM], [0.; BEAM]);
@@ -380,24 +352,17 @@ impl<K: Intersector, E: Integrator, S: Sampler> Job<'_, K, E, S> {
             };
             let mut path = self.integrator.begin(directions[i]);
             let answer = answers[i].take();
-            let rays = u64::from(rays[i].is_some());
             match self.integrator.go_on(&mut path, answer, &mut sampler) {
                 PathEvent::Scatter(ray, from) => {
-                    let flight = PathInFlight {
-                        path,
-                        sampler,
-                        ray,
-                        from,
-                        rays,
-                        pixel,
-                    };
+                    let flight =
+                        PathInFlight { path, sampler, ray, from, pixel };
                     begun.push(flight);
                 }
                 PathEvent::Terminate(contribution) => {
                     pixels[pixel as usize].add(contribution);
-                    self.integrator.count(&path, rays, contribution, sums);
                 }
             }
         }
+        rays.iter().flatten().count() as u64
     }
 }

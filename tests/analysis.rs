@@ -403,11 +403,13 @@ fn what_is_left_out_decides_nothing_about_a_sample() {
     run(&["-n9", "--resume=c", "-ob.pfm"]).succeeded();
     run(&["-n9", "--keep-all", "-oc.pfm"]).succeeded();
     assert_eq!(place.get("b.pfm"), place.get("c.pfm"));
-    run(&["-n9", "--keep=background", "-od.exr"]).succeeded();
-    run(&["-n9", "-s1", "-oe.exr"]).succeeded();
-    let merge = ["merge", "-of.exr", "d.exr", "e.exr"];
+    let some = ["-n9", "--samples=0..4", "--keep=background"];
+    run(&[&some[..], &["-od.litpt"]].concat()).succeeded();
+    run(&["-n9", "--samples=4..9", "-oe.litpt"]).succeeded();
+    let merge = ["merge", "-of.pfm", "d.litpt", "e.litpt"];
     let mut merge_both = place.command(env!("CARGO_BIN_EXE_ptimg"));
     assert!(merge_both.args(merge).status().unwrap().success());
+    assert_eq!(place.get("f.pfm"), place.get("c.pfm"));
 }
 
 // A path in a black scene has one ray instead of two, by whichever method.

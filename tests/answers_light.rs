@@ -33,7 +33,7 @@ use litpt::report::Fit;
 use litpt::sampler::sobol::{ScrambledNet, to_unit};
 use litpt::{bvh::*, film::*, image::*, render::*};
 use litpt::{camera::*, checkpoint::*, render_loop::*};
-use litpt::{compare::compare, compare::merge::merge, integrator::*};
+use litpt::{compare::compare, integrator::*};
 use litpt::{sampler::*, scene::*, sky::*, statistics::*};
 use litpt_book::closed_forms::*;
 use litpt_book::settings;
@@ -190,17 +190,6 @@ struct Gather {
 impl Integrator for Gather {
     type Path = (f64, f64, u64);
     type RayQuery = Hit;
-    type Sums = u64;
-
-    fn count(
-        &self,
-        _: &(f64, f64, u64),
-        rays: u64,
-        _: f64,
-        sums: &mut u64,
-    ) {
-        *sums += rays;
-    }
 
     fn begin(&self, _: DVec3) -> (f64, f64, u64) {
         (1., 0., 0)
@@ -991,19 +980,6 @@ fn a_bias_that_is_everywhere_shows_in_the_mean_alone() {
     assert_eq!(failed(3.84e-4), [0, 0, 0]);
     assert_eq!(failed(3.87e-4), [0, 0, 1]);
     assert_eq!(failed(0.39)[0], 0);
-}
-
-#[test]
-fn runs_that_differ_have_more_error_than_each_of_them_says() {
-    // Give a night its own seed
-    let night = |seed: &str, mean| {
-        let mut run = image(1, vec![mean], Some(0.1), Some(4.));
-        run.attributes.insert("seed".to_owned(), seed.to_owned());
-        (seed.to_owned(), run)
-    };
-    let both = merge(&[night("1", 0.5), night("2", 0.3)]).unwrap();
-    near(both.means[0], 0.4, 1e-12);
-    near(both.errors.unwrap()[0], 0.0756, 5e-5);
 }
 
 #[test]

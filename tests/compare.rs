@@ -1,16 +1,14 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-//! Comparing and joining images: what is called chance, and what is
-//! not (chapter "Comparing and joining images").
+//! Comparing images: what is called chance, and what is
+//! not (chapter "Comparing images").
 
 use std::collections::BTreeMap;
 
 use litpt::compare::display::{Curve, WHITE, errors, tonemap, z_map};
-use litpt::compare::merge::merge;
 use litpt::compare::{
-    Difference, Dispersion, FALSE_ALARMS, FEW, SUBJECT, compare,
-    disagreements,
+    Difference, Dispersion, FALSE_ALARMS, FEW, compare, disagreements,
 };
 use litpt::image::Image;
 use litpt::statistics::Accumulator;
@@ -309,63 +307,17 @@ fn the_distances_are_those_of_their_definitions() {
     assert!((difference.relative_mse - relative).abs() < 1e-12);
 }
 
-/// A run with what is known about it.
-fn run(image: Image, attributes: &[(&str, &str)]) -> (String, Image) {
-    let own = |&(name, value): &(&str, &str)| (name.into(), value.into());
-    let attributes = attributes.iter().map(own).collect();
-    let name = "run.exr".to_owned();
-    (name, Image { attributes, ..image })
-}
-
-#[test]
-fn merged_runs_are_what_one_run_would_have_been() {
-    let mut random = Random::seed_from_u64(9);
-    let weights: Vec<f64> = (0..100).map(|_| path(&mut random)).collect();
-    let mut all = weights.iter();
-    let mut part = |n| render((1, 1), n, |_, _| *all.next().unwrap());
-    let mut parts = [part(1), part(40), part(59)];
-    parts[0].errors = Some(vec![f64::INFINITY]);
-    let seeds = ["1", "2", "3"].map(|seed| [("seed", seed)]);
-    let runs = parts.into_iter().zip(&seeds);
-    let runs: Vec<_> = runs.map(|(part, seed)| run(part, seed)).collect();
-    let joint = merge(&runs).unwrap();
-    let mut all = weights.iter();
-    let whole = render((1, 1), 100, |_, _| *all.next().unwrap());
-    assert_eq!(joint.samples, Some(vec![100.]));
-    assert!((joint.means[0] - whole.means[0]).abs() < 1e-14);
-    let error = |image: &Image| image.errors.as_ref().unwrap()[0];
-    assert!((error(&joint) / error(&whole) - 1.).abs() < 1e-13);
-    assert_eq!(joint.attributes["seed"], "1,2,3");
-}
-
-#[test]
-fn two_single_samples_have_an_error_together() {
-    let one = |mean, seed| {
-        run(row(&[(mean, f64::INFINITY)], 1.), &[("seed", seed)])
-    };
-    let joint = merge(&[one(0., "1"), one(1., "2")]).unwrap();
-    assert_eq!((joint.means[0], joint.errors.unwrap()[0]), (0.5, 0.5));
-}
-
-#[test]
-fn runs_that_share_a_seed_are_not_merged() {
-    let of = |seed| run(row(&[(0., 1.)], 9.), &[("seed", seed)]);
-    let message = merge(&[of("3"), of("3")]).unwrap_err();
-    assert!(message.contains("seed 3"), "{message}");
-    assert!(merge(&[of("1,2"), of("3,2")]).is_err());
-    assert!(merge(&[of("1,2"), of("12")]).is_ok());
-    let unknown = run(row(&[(0., 1.)], 9.), &[]);
-    let message = merge(&[of("1"), unknown]).unwrap_err();
-    assert!(message.contains("seed is unknown"), "{message}");
-}
-
 #[test]
 fn all_that_differs_is_named() {
-    let of = |view: &[(&str, &str)]| run(row(&[(0., 1.)], 9.), view).1;
+    let of = |view: &[(&str, &str)]| -> BTreeMap<String, String> {
+        view.iter()
+            .map(|&(name, value)| (name.into(), value.into()))
+            .collect()
+    };
     let hash = "0123456789abcdef".repeat(4);
     let one = of(&[("fov", "70.0"), ("seed", "1"), ("crop", "0,0,1x1")]);
     let two = of(&[("fov", "70.5"), ("scene_sha256", &hash)]);
-    let found = disagreements(&one.attributes, &two.attributes);
+    let found = disagreements(&one, &two);
     let expected = [
         "scene_sha256 none against 0123456789ab",
         "crop 0,0,1x1 against none",
@@ -373,63 +325,7 @@ fn all_that_differs_is_named() {
     ];
     assert_eq!(found, expected);
     let foreign = of(&[("seed", "1")]);
-    assert!(disagreements(&one.attributes, &foreign.attributes).is_empty());
-}
-
-#[test]
-fn runs_of_different_images_are_not_merged() {
-    let of = |seed, fov| {
-        run(row(&[(0., 1.)], 9.), &[("seed", seed), ("fov", fov)])
-    };
-    let message = merge(&[of("1", "70"), of("2", "60")]).unwrap_err();
-    assert!(message.contains("fov 70 against 60"), "{message}");
-    for name in
-        SUBJECT.into_iter().chain(["version", "integrator", "replicate"])
-    {
-        let of = |seed, value| {
-            let attributes = [("seed", seed), (name, value)];
-            run(row(&[(0., 1.)], 9.), &attributes)
-        };
-        let message = merge(&[of("1", "one"), of("2", "two")]).unwrap_err();
-        let words = format!("{name} one against two");
-        assert!(message.contains(&words), "{message}");
-        assert!(merge(&[of("1", "one"), of("2", "one")]).is_ok());
-    }
-    let silent = run(row(&[(0., 1.)], 9.), &[("seed", "2")]);
-    let message = merge(&[of("1", "70"), silent.clone()]).unwrap_err();
-    assert!(message.contains("fov 70 against none"), "{message}");
-    assert!(merge(&[silent.clone(), of("1", "70")]).is_err());
-    let small = run(row(&[(0., 1.); 2], 9.), &[("seed", "1")]);
-    assert!(merge(&[small, silent.clone()]).is_err());
-    let bare = run(reference(&[0.]), &[("seed", "1")]);
-    let message = merge(&[silent, bare]).unwrap_err();
-    assert!(message.contains("lacks"), "{message}");
-}
-
-#[test]
-fn what_describes_the_run_is_added_or_left_out() {
-    let of = |seed, rays, seconds, stopped| {
-        let attributes = [
-            ("seed", seed),
-            ("rays", rays),
-            ("render_seconds", seconds),
-            ("stopped", stopped),
-            ("version", "0.1.0"),
-        ];
-        run(row(&[(0., 1.)], 9.), &attributes)
-    };
-    let runs =
-        [of("1", "100", "1.25", "end"), of("2", "23", "0.5", "time")];
-    let joint = merge(&runs).unwrap().attributes;
-    let joint: Vec<_> =
-        joint.iter().map(|(n, v)| (n.as_str(), v.as_str())).collect();
-    let expected = [
-        ("rays", "123"),
-        ("render_seconds", "1.750"),
-        ("seed", "1,2"),
-        ("version", "0.1.0"),
-    ];
-    assert_eq!(joint, expected);
+    assert!(disagreements(&one, &foreign).is_empty());
 }
 
 #[test]
@@ -611,54 +507,4 @@ fn the_dispersion_of_shared_pixels_is_judged_by_tiles() {
         let bare = Image { tile_errors: None, ..a };
         assert!(compare(&bare, &b).unwrap().dispersion.failed);
     }
-}
-
-/// Of a tile of 2x2 pixels, whose mean is that of four.
-#[test]
-fn merged_tiles_have_the_errors_of_one_run() {
-    let mut random = Random::seed_from_u64(11);
-    let values: Vec<[f64; 4]> =
-        (0..13).map(|_| [(); 4].map(|()| normal(&mut random))).collect();
-    let of = |values: &[[f64; 4]], seed: &str| {
-        let mut tile = Accumulator::default();
-        values.iter().for_each(|v| tile.add(v.iter().sum::<f64>() / 4.));
-        let pixels = [0, 1, 2, 3].map(|i| {
-            let mut pixel = Accumulator::default();
-            values.iter().for_each(|v| pixel.add(v[i]));
-            (pixel.mean(), pixel.standard_error())
-        });
-        let n = 8. * values.len() as f64;
-        let image = Image {
-            width: 2,
-            height: 2,
-            tile_errors: Some(vec![2. * tile.standard_error(); 4]),
-            ..row(&pixels, n)
-        };
-        run(image, &[("seed", seed), ("replicate", "8")])
-    };
-    let parts = [&values[..4], &values[4..5], &values[5..]];
-    let runs: Vec<_> =
-        parts.iter().zip(["1", "2", "3"]).map(|(v, s)| of(v, s)).collect();
-    let joint = merge(&runs).unwrap();
-    let (_, whole) = of(&values, "1");
-    assert_eq!(joint.samples, whole.samples);
-    let pairs = [
-        (joint.errors.unwrap(), whole.errors.unwrap()),
-        (joint.tile_errors.unwrap(), whole.tile_errors.unwrap()),
-    ];
-    for (joint, whole) in pairs {
-        for (joint, whole) in joint.iter().zip(whole) {
-            assert!((joint / whole - 1.).abs() < 1e-12);
-        }
-    }
-    let mut bare = runs;
-    bare[1].1.tile_errors = None;
-    bare[1].0 = "bare.exr".to_owned();
-    let message = merge(&bare).unwrap_err();
-    let words =
-        "bare.exr: it lacks the channel tile_stderr.Y, which run.exr";
-    assert!(message.contains(words), "{message}");
-    bare[0].1.tile_errors = None;
-    let message = merge(&bare).unwrap_err();
-    assert!(message.contains("run.exr: it lacks the channel"), "{message}");
 }

@@ -13,7 +13,7 @@ use litpt::analysis::background::KnownPixels;
 use litpt::bvh::{Bvh, Hit, Intersector, Isa, Quality};
 use litpt::camera::{Camera, View};
 use litpt::film::{Film, SIDE, Summary, Tile, Window};
-use litpt::integrator::{Integrator, PathEvent, PathTracer, Sums};
+use litpt::integrator::{Integrator, PathEvent, PathTracer};
 use litpt::render::{Job, Renderer};
 use litpt::sampler::{IndependentSampler, Sampler, dimension};
 use litpt::scene::Scene;
@@ -344,18 +344,19 @@ fn a_stopped_pass_leaves_tiles_with_their_first_samples() {
         setting.job(4).pass(&mut film, n, &|_| true);
         film
     };
-    let whole = plain(7);
+    let mut whole = Film::new(size.0, size.1);
+    let all_rays = setting.job(4).pass(&mut whole, 7, &|_| true);
     for threads in [1, 2, 7] {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
         pool.build().unwrap().install(|| {
-            let mut film = Film::new(size.0, size.1);
+            let (mut film, mut rays) = (Film::new(size.0, size.1), 0);
             for (end, calls) in [(4, 21), (7, 30), (7, 17), (7, 0)] {
                 let left = AtomicU64::new(calls);
                 let watch = |_| {
                     let less = |n: u64| n.checked_sub(1);
                     left.fetch_update(Relaxed, Relaxed, less).is_ok()
                 };
-                setting.job(4).pass(&mut film, end, &watch);
+                rays += setting.job(4).pass(&mut film, end, &watch);
                 assert!(film.samples() < end);
                 first_samples(&film, &plain);
                 for (_, pixels) in film.tiles() {
@@ -365,8 +366,9 @@ fn a_stopped_pass_leaves_tiles_with_their_first_samples() {
             }
             let different: HashSet<u64> = film.counts().collect();
             assert!(different.len() > 1, "{different:?}");
-            setting.job(4).pass(&mut film, 7, &|_| true);
+            rays += setting.job(4).pass(&mut film, 7, &|_| true);
             assert_eq!(film.stored(), whole.stored());
+            assert_eq!(rays, all_rays);
         });
     }
 }
@@ -532,13 +534,8 @@ struct Distance;
 impl Integrator for Distance {
     type Path = ();
     type RayQuery = Hit;
-    type Sums = u64;
 
     fn begin(&self, _: DVec3) {}
-
-    fn count(&self, _: &(), rays: u64, _: f64, sums: &mut u64) {
-        *sums += rays;
-    }
 
     fn go_on(
         &self,
@@ -606,115 +603,5 @@ fn passes_end_with_whole_replicates() {
     let other = means(blocks::<Hidden<Stratified>>(64));
     for (a, b) in one.iter().zip(&other) {
         assert!((a - b).abs() < 1e-15);
-    }
-}
-
-// ---------------------------------------------------------------- Learning
-
-/// Sums of light, in units of 2^-32, and of rays.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Light {
-    rays: u64,
-    light: u64,
-    paths: u64,
-}
-
-impl Sums for Light {
-    fn merge(&mut self, other: &Self) {
-        self.rays += other.rays;
-        self.light += other.light;
-        self.paths += other.paths;
-    }
-
-    fn rays(&self) -> u64 {
-        self.rays
-    }
-}
-
-/// An integrator whose samples depend on the mean of those before, as it was
-/// at the last lesson.
-struct Learner {
-    sums: Light,
-    mean: f64,
-    lesson: u64,
-    lessons: Vec<(u64, Light)>,
-}
-
-impl Integrator for Learner {
-    type Path = ();
-    type RayQuery = Hit;
-    type Sums = Light;
-
-    fn begin(&self, _: DVec3) {}
-
-    fn count(&self, _: &(), rays: u64, light: f64, sums: &mut Light) {
-        sums.rays += rays;
-        sums.light += (light * (1u64 << 32) as f64) as u64;
-        sums.paths += 1;
-    }
-
-    fn go_on(
-        &self,
-        _: &mut (),
-        _: Option<Hit>,
-        sampler: &mut impl Sampler,
-    ) -> PathEvent {
-        let [x, y] = sampler.get_2d(dimension::direction(0));
-        PathEvent::Terminate(x * x + y * y + self.mean * (1.5 - x - y) / 2.)
-    }
-
-    fn lesson(&self) -> u64 {
-        self.lesson
-    }
-
-    fn learn(&mut self, sums: &Light, samples: u64) {
-        self.sums.merge(sums);
-        if samples == self.lesson {
-            let unit = (1u64 << 32) as f64;
-            self.mean = self.sums.light as f64 / unit;
-            self.mean /= self.sums.paths as f64;
-            self.lessons.push((samples, self.sums));
-            self.lesson *= 4;
-        }
-    }
-}
-
-#[test]
-fn what_is_learnt_depends_neither_on_threads_nor_on_passes() {
-    let setting = sphere();
-    let render = |threads, passes: &[u64], stopped: bool| {
-        let Job { scene, intersector, camera, known, sampler, .. } =
-            setting.job(2);
-        let sums = Light::default();
-        let integrator =
-            Learner { sums, mean: 0., lesson: 2, lessons: vec![] };
-        let mut job =
-            Job { scene, intersector, camera, integrator, known, sampler };
-        let mut film = Film::new(50, 40);
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
-        pool.build().unwrap().install(|| {
-            for &end in passes {
-                let left = AtomicU64::new(9);
-                let less = |n: u64| n.checked_sub(1);
-                let watch =
-                    |_| left.fetch_update(Relaxed, Relaxed, less).is_ok();
-                if stopped {
-                    job.pass(&mut film, end, &watch);
-                }
-                job.pass(&mut film, end, &|_| true);
-            }
-        });
-        (film.stored().to_vec(), job.integrator.lessons)
-    };
-    let once = render(1, &[40], false);
-    let lessons: Vec<u64> = once.1.iter().map(|lesson| lesson.0).collect();
-    assert_eq!(lessons, [2, 8, 32]);
-    for (samples, sums) in &once.1 {
-        assert_eq!(sums.paths, 50 * 40 * samples);
-    }
-    for threads in [1, 2, 7] {
-        assert!(render(threads, &[40], false) == once);
-        assert!(render(threads, &[1, 7, 9, 31, 40], false) == once);
-        assert!(render(threads, &[5, 20, 40], true) == once);
     }
 }

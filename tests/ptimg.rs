@@ -104,7 +104,7 @@ fn report_summary_and_info_print_the_same_errors() {
 }
 
 #[test]
-fn gathers_are_told_compared_and_merged_by_their_tiles() {
+fn gathers_are_told_and_compared_by_their_tiles() {
     let place = Scratch::new();
     let gather = |name: &str, options: &[&str]| {
         let method = ["--integrator", "gather", "-n16", "-q"];
@@ -131,15 +131,6 @@ fn gathers_are_told_compared_and_merged_by_their_tiles() {
         }
     }
     run(&place, &["diff", "a.exr", "b.exr"]).succeeded();
-    let merge = ["merge", "a.exr", "b.exr", "-o", "both.exr"];
-    run(&place, &merge).succeeded();
-    let both = Image::read(&place.path("both.exr")).unwrap();
-    let a = Image::read(&place.path("a.exr")).unwrap();
-    let sum = |errors: Option<Vec<f64>>| -> f64 {
-        errors.unwrap().iter().map(|e| e * e).sum()
-    };
-    let ratio = sum(both.tile_errors) / sum(a.tile_errors);
-    assert!((0.25..1.).contains(&ratio), "{ratio}");
 }
 
 #[test]
@@ -243,7 +234,7 @@ fn a_reference_without_errors_is_taken_as_exact() {
 #[test]
 fn images_of_one_seed_are_compared_with_a_warning() {
     let place = Scratch::new();
-    let image = put(&place, "a.exr", 0, 0.5);
+    put(&place, "a.exr", 0, 0.5);
     put(&place, "b.exr", 0, 0.6);
     for (other, status) in [("a.exr", 0), ("b.exr", 1)] {
         let run = run(&place, &["diff", "a.exr", other]);
@@ -252,11 +243,6 @@ fn images_of_one_seed_are_compared_with_a_warning() {
         assert!(run.stderr.starts_with(warning), "{}", run.stderr);
         assert_eq!(run.stderr.lines().count(), 1, "{}", run.stderr);
     }
-    let joined = [("seed".to_owned(), "3,0".to_owned())];
-    let joined = Image { attributes: joined.into(), ..image };
-    write(&place, "c.exr", &joined);
-    let run = run(&place, &["diff", "c.exr", "a.exr"]);
-    assert!(run.stderr.contains("seed 0"), "{}", run.stderr);
 }
 
 #[test]
@@ -321,9 +307,6 @@ fn images_of_different_things_are_named_as_such() {
         let line = text(&diff).lines().next().unwrap();
         let said = line.strip_prefix("they show different things: ");
         assert!(said.is_some_and(|s| s.contains(name)), "{name}: {line}");
-        let merge = ["merge", &files[0], file, "-o", "joint.exr"];
-        run(&place, &merge)
-            .failed(1, &[file, name, "not runs of one image"]);
         let size: &[&str] = match name {
             "crop" => &["-d40x30"],
             _ => &["-d40x30", "-n1", "-q"],
@@ -334,34 +317,6 @@ fn images_of_different_things_are_named_as_such() {
     }
     let same = ["-iroom.obj", "-r0.7", "-s9", "-d40x30", "--reference"];
     place.run(&[&same[..], &[&files[0]]].concat()).succeeded();
-}
-
-/// Runs of one image that differ in all else.
-#[test]
-fn runs_that_stopped_at_other_times_are_merged() {
-    let place = Scratch::new();
-    place.put("copy.obj", common::ROOM);
-    let runs: [&[&str]; 5] = [
-        &["-n4", "-iroom.obj"],
-        &["-n9", "-icopy.obj", "--keep-all", "-j1"],
-        &["--time", "0.05", "-iroom.obj", "--isa", "portable"],
-        &["--error", "0.2", "-iroom.obj", "--keep", "background"],
-        &["-n2", "-iroom.obj", "--reference", "0.exr", "--report", "r.csv"],
-    ];
-    for (i, options) in runs.into_iter().enumerate() {
-        let (seed, file) = (format!("-s{i}"), format!("{i}.exr"));
-        let method = ["--integrator", "reference"];
-        let common = ["-q", "-d40x30", &seed, "-o", &file];
-        place.run(&[&common[..], &method, options].concat()).succeeded();
-    }
-    let merge = ["merge", "0.exr", "1.exr", "2.exr", "3.exr", "4.exr"];
-    let merge = run(&place, &[&merge[..], &["-o", "joint.exr"]].concat());
-    merge.succeeded();
-    let joint = Image::read(&place.path("joint.exr")).unwrap();
-    assert_eq!(joint.attributes["seed"], "0,1,2,3,4");
-    let count = joint.samples.unwrap()[0];
-    assert_eq!(joint.attributes["spp"], count.to_string());
-    assert!(count >= 4. + 9. + 1. + 1. + 2., "{count}");
 }
 
 #[test]
@@ -385,29 +340,30 @@ fn the_map_of_a_diff_holds_z_or_grey_levels() {
     }
 }
 
+/// Alone, beside a state, and from standard input.
 #[test]
-fn merged_runs_have_the_error_of_both() {
+fn images_are_not_merged() {
     let place = Scratch::new();
     put(&place, "a.exr", 1, 0.5);
-    put(&place, "b.exr", 2, 0.5);
-    let files = ["merge", "a.exr", "b.exr", "-o", "c.exr"];
-    run(&place, &files).succeeded();
-    let joint = Image::read(&place.path("c.exr")).unwrap();
-    assert_eq!(joint.samples.unwrap()[0], 128.);
-    let error = |m: f64| f64::sqrt(m * (1. - m) / 127.);
-    let errors = joint.errors.unwrap();
-    for (mean, found) in joint.means.iter().zip(errors) {
-        assert!((error(*mean) / found - 1.).abs() < 1e-6);
+    write(&place, "b.png", &put(&place, "b.exr", 2, 0.5));
+    let part = ["-q", "room.obj", "-d8x8", "-n2", "--samples", "0..1"];
+    place.run(&[&part[..], &["-o", "a.litpt"]].concat()).succeeded();
+    for (files, named) in [
+        (["a.exr", "b.exr"], "a.exr"),
+        (["a.litpt", "b.png"], "b.png"),
+        (["-", "a.litpt"], "-"),
+    ] {
+        let merge = [&["merge"], &files[..], &["-o", "c.exr"]].concat();
+        let words = format!("{named}: merge adds the states of a run");
+        let words = [&words, "pt -o a.litpt", "--checkpoint", "not images"];
+        run(&place, &merge).failed(1, &words);
     }
-    assert_eq!(joint.attributes["seed"], "1,2");
-    run(&place, &files).failed(1, &["c.exr", "-f"]);
-    run(&place, &[&files[..], &["-f"]].concat()).succeeded();
-    let again = ["merge", "a.exr", "c.exr", "-o", "d.exr"];
-    run(&place, &again).failed(1, &["c.exr", "seed 1", "a.exr"]);
-    let grey = ["merge", "a.exr", "b.exr", "-o", "d.png"];
-    run(&place, &grey).failed(1, &["d.png", ".exr"]);
-    run(&place, &["merge", "a.exr", "-o", "d.exr"]).failed(2, &["only 1"]);
-    assert!(!place.path("d.exr").exists());
+    let merge = |files: &[&str]| {
+        run(&place, &[&["merge", "-oc.exr"], files].concat())
+    };
+    merge(&["a.litpt", "none.exr"]).failed(1, &["none.exr: cannot read"]);
+    merge(&["a.litpt"]).failed(2, &["only 1"]);
+    assert!(!place.path("c.exr").exists());
 }
 
 /// Runs `ptimg` with `input` on its standard input.
@@ -441,18 +397,20 @@ fn a_dash_is_standard_output_in_the_format_asked_for() {
     let place = Scratch::new();
     put(&place, "a.exr", 1, 0.5);
     put(&place, "b.exr", 2, 0.5);
+    for (samples, state) in [("0..1", "a.litpt"), ("1..2", "b.litpt")] {
+        let part = ["-q", "room.obj", "-d8x8", "-n2", "--samples", samples];
+        place.run(&[&part[..], &["-o", state]].concat()).succeeded();
+    }
     let verbs: [&[&str]; 4] = [
         &["tonemap", "a.exr"],
         &["stderr", "a.exr"],
-        &["merge", "a.exr", "b.exr"],
+        &["merge", "a.litpt", "b.litpt"],
         &["diff", "-q", "a.exr", "b.exr"],
     ];
     for verb in verbs {
-        for (format, usual) in [("pgm", true), ("png", false)] {
-            let (format, file) = match verb[0] {
-                "merge" => ("exr", "file.exr".to_owned()),
-                _ => (format, format!("file.{format}")),
-            };
+        let usual = if verb[0] == "merge" { "exr" } else { "pgm" };
+        for (format, usual) in [(usual, true), ("png", false)] {
+            let file = format!("file.{format}");
             let named = [verb, &["-f", "-o", &file]].concat();
             run(&place, &named).succeeded();
             let option = ["-o", "-", "--format", format];
@@ -467,8 +425,6 @@ fn a_dash_is_standard_output_in_the_format_asked_for() {
     assert!(shown.stderr.contains("white is a standard error"));
     let map = ["diff", "a.exr", "b.exr", "-o", "-"];
     run(&place, &map).failed(2, &["map", "-q"]);
-    let grey = ["merge", "a.exr", "b.exr", "-o", "-", "--format", "png"];
-    run(&place, &grey).failed(1, &["-: this image", ".exr"]);
     let file = ["tonemap", "a.exr", "-o", "t.png", "--format", "pgm"];
     run(&place, &file).failed(1, &["t.png", "--format"]);
 }
@@ -502,12 +458,6 @@ fn what_was_made_of_a_file_is_said_on_standard_error() {
     assert!(!text(&diff).contains("NaN"), "{}", text(&diff));
     let quiet = run(&place, &["diff", "-q", "b.exr", "c.exr"]);
     assert!(quiet.stderr.is_empty(), "{}", quiet.stderr);
-    run(&place, &["merge", "b.exr", "c.exr", "-o", "d.exr"]).succeeded();
-    let joint = Image::read(&place.path("d.exr")).unwrap();
-    let whole = Image::read(&place.path("c.exr")).unwrap();
-    assert!((joint.means[41] - whole.means[41]).abs() < 1e-6);
-    let counts = joint.samples.unwrap();
-    assert_eq!((counts[40], counts[41]), (128., 64.));
     let reference = ["-iroom.obj", "-d40x30", "--reference", "b.exr"];
     let refused = place.run(&[&reference[..], &["-q"]].concat());
     refused.failed(1, &["b.exr", "first at 1,1; a reference needs"]);
@@ -654,14 +604,9 @@ fn the_windows_of_an_image_are_told_by_every_verb() {
     assert!(text(&diff).contains("not tested: 1199 pixels"), "{diff:?}");
     let (.., levels) = pgm(&place.get("c.pgm"));
     assert!(levels[..3] == [0, 187, 0], "{:?}", &levels[..3]);
-    for arguments in [
-        &["stderr", "c.exr", "-o", "e.pgm"][..],
-        &["merge", "a.exr", "c.exr", "-o", "m.exr"],
-    ] {
-        let run = run(&place, arguments);
-        assert_eq!(run.status, Some(1));
-        assert!(run.stderr.contains(windows), "{}", run.stderr);
-    }
+    let bare = run(&place, &["stderr", "c.exr", "-o", "e.pgm"]);
+    assert_eq!(bare.status, Some(1));
+    assert!(bare.stderr.contains(windows), "{}", bare.stderr);
     let reference = ["-iroom.obj", "-d40x30", "--reference", "c.exr"];
     let refused = place.run(&reference);
     refused.failed(1, &[windows, "a reference needs"]);
@@ -717,16 +662,6 @@ fn a_reader_who_has_seen_enough_is_no_error() {
     command.args(["info", "a.exr"]).stdout(writer);
     assert_eq!(finish(command.spawn().unwrap()).status, Some(0));
     assert!(fs::metadata(place.path("a.exr")).is_ok());
-}
-
-#[test]
-fn a_run_is_not_overwritten_by_what_is_made_of_it() {
-    let place = Scratch::new();
-    let files = renders(&place);
-    let before = place.get(&files[0]);
-    let merge = ["merge", &files[0], &files[1], "-f", "-o", &files[0]];
-    run(&place, &merge).failed(1, &[&files[0], "is named twice"]);
-    assert!(place.get(&files[0]) == before);
 }
 
 #[test]

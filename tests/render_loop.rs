@@ -38,11 +38,6 @@ impl<F: Fn(f64) -> f64 + Sync> Integrator for Draw<F> {
     /// The rays so far.
     type Path = u32;
     type RayQuery = Hit;
-    type Sums = u64;
-
-    fn count(&self, _: &u32, rays: u64, _: f64, sums: &mut u64) {
-        *sums += rays;
-    }
 
     fn begin(&self, _: DVec3) -> u32 {
         0

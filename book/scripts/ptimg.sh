@@ -40,21 +40,15 @@ ask other.txt diff one.exr other.exr
 # The same seed, and walls that reflect more.
 render again.exr 1 0.808
 ask seeds.txt diff one.exr again.exr 2> ../seeds.log
-# Fewer samples, and one.
+# Fewer samples, one, and two.
 render few.exr 1 0.8 16
 render fewer.exr 2 0.8 16
 ask few.txt diff few.exr fewer.exr
 render single.exr 1 0.8 1
-render second.exr 2 0.8 1
 ask single.txt info single.exr
 grep -E '^  (mean radiance|pixels of unknown)' ../single.txt > ../unknown.txt
-"$build/ptimg" merge -f -o pair.exr single.exr second.exr > ../pair.log
+render pair.exr 1 0.8 2
 ask pair.txt info pair.exr
-# Two runs joined, and one that is as long.
-"$build/ptimg" merge -f -o joined.exr one.exr two.exr > ../joined.log
-ask joined.txt info joined.exr
-render long.exr 3 0.8 128
-ask long.txt info long.exr
 # A picture of the errors, and the sizes of files.
 ask white.txt stderr -f -o errors.png one.exr
 "$build/ptimg" tonemap -f -o one.pgm one.exr > ../tonemap.log

@@ -34,7 +34,6 @@ struct Limited {
 impl Integrator for Limited {
     type Path = (PathState, u64);
     type RayQuery = Hit;
-    type Sums = u64;
 
     fn begin(&self, direction: DVec3) -> Self::Path {
         (self.tracer.begin(direction), 0)
@@ -52,10 +51,6 @@ impl Integrator for Limited {
             true => PathEvent::Terminate(0.),
             false => event,
         }
-    }
-
-    fn count(&self, _: &Self::Path, rays: u64, _: f64, sums: &mut u64) {
-        *sums += rays;
     }
 }
 

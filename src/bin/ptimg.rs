@@ -5,7 +5,7 @@
 // Software Foundation, either version 3 of the License, or (at your option)
 // any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The command `ptimg`: show, compare and merge the images of `pt`.
+//! The command `ptimg`: show and compare images, and add states.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -19,7 +19,6 @@ use litpt::arguments::{
     LICENCE, STYLES, is_dash, parse_command_line, parse_real, tell_apart,
 };
 use litpt::compare::display::{self, Curve};
-use litpt::compare::merge::{Run, merge};
 use litpt::compare::{
     Difference, Dispersion, FEW, Scale, compare, disagreements,
 };
@@ -31,8 +30,9 @@ use litpt::shards;
 use signal_hook::consts::SIGXFSZ;
 use signal_hook::flag;
 
-/// Shows, compares and merges images: .exr and .pfm, as pt writes them,
-/// and of other programs .png and .pgm too; - is standard input or output.
+/// Shows and compares images, and merges states of parts of a run. Images
+/// are .exr and .pfm, as pt writes them, and of other programs .png and
+/// .pgm too; - is standard input or output.
 #[derive(Debug, Parser)]
 #[command(name = "ptimg", version, after_help = LICENCE, styles = STYLES)]
 #[command(arg_required_else_help = false)]
@@ -104,8 +104,7 @@ enum Verb {
         #[arg(short, long)]
         quiet: bool,
     },
-    /// Merge independent runs of the same scene, or states of parts of one
-    /// run, as if they had been one
+    /// Merge states of parts of one run to the image of the whole
     Merge(Merge),
     /// Show the standard error of each pixel as grey
     Stderr {
@@ -124,12 +123,12 @@ enum Verb {
 
 #[derive(Debug, Args)]
 struct Merge {
-    /// Images of different seeds, or states of parts of a run
+    /// States of parts of a run, of pt -o a.litpt or --checkpoint
     #[arg(value_name = "FILE", required = true, num_args = 2..)]
     files: Vec<PathBuf>,
 
-    /// Image to write, .exr, of states also .pgm, .png or .pfm; may be
-    /// repeated; - is standard output
+    /// Image to write, .exr, .pfm, .png or .pgm; may be repeated; - is
+    /// standard output
     #[arg(short, long, value_name = "OUT", required = true)]
     output: Vec<PathBuf>,
 
@@ -167,21 +166,20 @@ struct Output {
 }
 
 impl Output {
-    /// The target of an image in one of the given formats.
+    /// The target of an image of grey levels.
     ///
     /// # Errors
     /// The format is another, or the target cannot be written.
-    fn target(&self, formats: &[Format]) -> Result<ImageTarget, String> {
+    fn target(&self) -> Result<ImageTarget, String> {
         let target =
-            target(&self.output, self.format, self.force, formats[0])?;
-        if formats.contains(&target.format()) {
-            return Ok(target);
+            target(&self.output, self.format, self.force, GREY[0])?;
+        match GREY.contains(&target.format()) {
+            true => Ok(target),
+            false => Err(format!(
+                "{}: this image is written as .pgm or .png",
+                self.output.display()
+            )),
         }
-        // Name the formats that make sense
-        let name = |f: &Format| format!(".{f:?}").to_ascii_lowercase();
-        let names: Vec<_> = formats.iter().map(name).collect();
-        let (path, names) = (self.output.display(), names.join(" or "));
-        Err(format!("{path}: this image is written as {names}"))
     }
 }
 
@@ -221,15 +219,12 @@ fn main() -> ExitCode {
 
 const GREY: [Format; 2] = [Format::Pgm, Format::Png];
 
-const ALL: [Format; 4] =
-    [Format::Exr, Format::Pfm, Format::Png, Format::Pgm];
-
 fn run(verb: &Verb) -> Result<ExitCode, String> {
     match verb {
         Verb::Info { files, json } => inform(files, *json)?,
         Verb::Tonemap { input, output, exposure, tonemap } => {
             // Show the radiances on a screen
-            let target = output.target(&GREY)?;
+            let target = output.target()?;
             let image = read(input)?;
             let grey = display::tonemap(&image, *exposure, *tonemap);
             target.write(&grey)?;
@@ -258,50 +253,30 @@ impl Merge {
         let files = self.files.iter().map(PathBuf::as_path);
         let written = self.output.iter().chain(&self.report);
         tell_apart(files, written.map(PathBuf::as_path))?;
-        let is_state = |file: &&PathBuf| shards::is_state(file);
-        let state = self.files.iter().find(is_state);
-        let image = self.files.iter().find(|file| !is_state(file));
-        match (image, state) {
-            (Some(image), Some(state)) => Err(format!(
-                "{} is an image, and {} the state of a run",
-                image.display(),
-                state.display()
-            )),
-            (Some(_), None) => self.merge_images(),
-            (None, _) => self.merge_states(),
-        }
-    }
-
-    /// The targets of the image, which is in one of the given formats.
-    fn targets(
-        &self,
-        formats: &[Format],
-    ) -> Result<Vec<ImageTarget>, String> {
-        let (format, force) = (self.format, self.force);
-        let target = |output: &PathBuf| {
-            let output = output.clone();
-            Output { output, format, force }.target(formats)
+        // Refuse what is no state
+        let is_other = |file: &&PathBuf| {
+            (is_dash(file) || file.exists()) && !shards::is_state(file)
         };
-        self.output.iter().map(target).collect()
-    }
-
-    fn merge_images(&self) -> Result<(), String> {
-        if !self.report.is_empty() || self.partial {
-            return Err("--report and --partial are for states".to_owned());
+        if let Some(file) = self.files.iter().find(is_other) {
+            return Err(format!(
+                "{}: merge adds the states of a run, files that `pt -o a.litpt` \
+                 or --checkpoint writes, not images",
+                file.display()
+            ));
         }
-        let targets = self.targets(&[Format::Exr])?;
-        let image = merge(&read_all(&self.files)?)?;
-        targets.iter().try_for_each(|target| target.write(&image))
-    }
-
-    fn merge_states(&self) -> Result<(), String> {
-        let targets = self.targets(&ALL)?;
+        // Check the targets of image and report
+        let (format, force) = (self.format, self.force);
+        let image =
+            |path: &PathBuf| target(path, format, force, Format::Exr);
+        let images = self.output.iter().map(image);
+        let images = images.collect::<Result<Vec<_>, String>>()?;
         let report = |path: &PathBuf| {
-            Ok((Kind::of(path)?, OutputTarget::file(path, self.force)?))
+            Ok((Kind::of(path)?, OutputTarget::file(path, force)?))
         };
         let reports = self.report.iter().map(report);
         let reports = reports.collect::<Result<Vec<_>, String>>()?;
         let merged = shards::merge(&self.files)?;
+        // Name the parts that are missing
         if let Some(missing) = &merged.missing {
             let missing = format!("parts are missing: {missing}");
             match self.partial {
@@ -311,7 +286,7 @@ impl Merge {
         }
         // Write what was merged
         let (image, report) = merged.image_and_report();
-        for target in targets {
+        for target in images {
             target.write(&image)?;
         }
         for (kind, target) in reports {
@@ -320,14 +295,6 @@ impl Merge {
         }
         Ok(())
     }
-}
-
-/// Reads the images, each with the name of its file.
-fn read_all(files: &[PathBuf]) -> Result<Vec<Run>, String> {
-    read_once(files.iter().map(PathBuf::as_path))?;
-    let read =
-        |path: &PathBuf| Ok((path.display().to_string(), read(path)?));
-    files.iter().map(read).collect()
 }
 
 /// Reads an image and warns of what is not as it should be.
@@ -351,7 +318,7 @@ fn show_errors(
     output: &Output,
     relative: bool,
 ) -> Result<(), String> {
-    let target = output.target(&GREY)?;
+    let target = output.target()?;
     let image = read(input)?;
     let (grey, white) = display::errors(&image, relative)
         .map_err(|fault| format!("{}: {fault}", input.display()))?;
@@ -376,8 +343,9 @@ fn say(lines: &str) -> Result<(), String> {
 }
 
 fn inform(files: &[PathBuf], json: bool) -> Result<(), String> {
-    for (name, image) in read_all(files)? {
-        let summary = Summary::of(name, image);
+    read_once(files.iter().map(PathBuf::as_path))?;
+    for path in files {
+        let summary = Summary::of(path.display().to_string(), read(path)?);
         say(&match json {
             true => serde_json::to_string(&summary)
                 .map_err(|error| error.to_string())?,
@@ -563,15 +531,14 @@ fn diff(
     })
 }
 
-/// A seed that two images of the same scene share; merged images
-/// have several.
-fn common_seed<'a>(a: &'a Image, b: &Image) -> Option<&'a str> {
+/// The seed that two images of the same scene share.
+fn common_seed<'a>(a: &'a Image, b: &Image) -> Option<&'a String> {
     let of = |name| a.attributes.get(name).zip(b.attributes.get(name));
     if of("scene_sha256").is_some_and(|(a, b)| a != b) {
         return None;
     }
     let (a, b) = of("seed")?;
-    a.split(',').find(|seed| b.split(',').any(|other| other == *seed))
+    (a == b).then_some(a)
 }
 
 /// The lines that explain a comparison.

@@ -72,12 +72,12 @@ fn list(film: &Film, values: impl Iterator<Item = f64>) -> Vec<f64> {
 }
 
 /// The attribute that says how many samples are one value.
-pub const REPLICATE: &str = "replicate";
+const REPLICATE: &str = "replicate";
 
 impl Image {
     /// The number of samples whose mean is one independent value; 1 if the
     /// file does not say.
-    pub fn replicate(&self) -> f64 {
+    fn replicate(&self) -> f64 {
         let number = self.attributes.get(REPLICATE);
         let number = number.and_then(|text| text.parse::<u64>().ok());
         number.map_or(1., |samples| samples.max(1) as f64)

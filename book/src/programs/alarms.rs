@@ -3,7 +3,7 @@
 
 //! How often two images of the same radiances are called inconsistent,
 //! for kinds of weights and numbers of samples: prints the rows of
-//! the table in the chapter "Comparing and joining images"; "make measure"
+//! the table in the chapter "Comparing images"; "make measure"
 //! records them.
 
 use std::collections::BTreeMap;

@@ -469,11 +469,6 @@ const P: f64 = 0.05;
 impl Integrator for Coin {
     type Path = ();
     type RayQuery = Hit;
-    type Sums = u64;
-
-    fn count(&self, _: &(), rays: u64, _: f64, sums: &mut u64) {
-        *sums += rays;
-    }
 
     fn begin(&self, _: DVec3) {}
 

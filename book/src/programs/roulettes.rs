@@ -53,11 +53,6 @@ struct Path {
 impl Integrator for Rule {
     type Path = Path;
     type RayQuery = Hit;
-    type Sums = u64;
-
-    fn count(&self, _: &Path, rays: u64, _: f64, sums: &mut u64) {
-        *sums += rays;
-    }
 
     fn begin(&self, direction: DVec3) -> Path {
         Path { throughput: 1., count: 0, direction }

@@ -4,7 +4,7 @@
 //! From which z on two images of 320 x 240 pixels are called
 //! inconsistent, by the scale on which they differ: found by bisection
 //! with images that differ in one pixel, in one block, or everywhere.
-//! Prints a table of the chapter "Comparing and joining images"; "make
+//! Prints a table of the chapter "Comparing images"; "make
 //! measure" records it.
 
 use std::collections::BTreeMap;
