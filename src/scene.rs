@@ -67,8 +67,8 @@ impl Mesh {
 /// # Errors
 /// Text that is empty, binary, malformed or without any face, faces with
 /// fewer than three corners or with corners that do not exist or are not
-/// finite, more vertices or triangles than 32 bits can count, compressed
-/// files that are damaged.
+/// finite, more vertices than 32 bits can count or triangles than 30,
+/// compressed files that are damaged.
 pub fn read_obj(source: &[u8]) -> Result<Mesh, ObjError> {
     Ok(read_file(source)?.0)
 }
@@ -138,7 +138,7 @@ pub fn read_pieces(
         vertices += more;
         lines += part.line;
     }
-    countable(vertices, "vertices")?;
+    countable(vertices, "vertices", u32::MAX)?;
     warnings.extend(first.map(|(line, word)| {
         let what = "statements that are not rendered";
         ObjError::new(line, format!("{word}, the first of {unused} {what}"))
@@ -161,7 +161,7 @@ pub fn read_pieces(
     let (vertices, triangles): (Vec<_>, Vec<_>) = parts.unzip();
     let (vertices, triangles) =
         rayon::join(|| append(vertices), || append(triangles));
-    countable(triangles.len(), "triangles")?;
+    countable(triangles.len(), "triangles", MOST)?;
     if triangles.is_empty() {
         return Err(ObjError::whole("no face, hence nothing to render"));
     }
@@ -170,7 +170,7 @@ pub fn read_pieces(
     // Fill the faces, and warn of odd ones
     let Mesh { vertices, triangles, joined } = &mut mesh;
     let odd = polygons::fill(vertices, triangles, joined);
-    countable(triangles.len(), "triangles")?;
+    countable(triangles.len(), "triangles", MOST)?;
     if let Some(&(face, _)) = odd.first() {
         let is_crossed =
             |(_, oddity): &&(u32, _)| *oddity == Oddity::Crossed;
@@ -239,12 +239,15 @@ fn append<T>(parts: Vec<Vec<T>>) -> Vec<T> {
     whole
 }
 
-/// Refuses more elements than an index of 32 bits can name.
-fn countable(n: usize, what: &str) -> Result<(), ObjError> {
-    let most = u32::MAX;
+/// Refuses more elements than can be named.
+fn countable(n: usize, what: &str, most: u32) -> Result<(), ObjError> {
     let what = format!("{n} {what}, of which only {most} can be numbered");
-    u32::try_from(n).map(drop).map_err(|_| ObjError::whole(&what))
+    let is_few = n as u64 <= u64::from(most);
+    is_few.then_some(()).ok_or_else(|| ObjError::whole(&what))
 }
+
+/// Triangles at most: a leaf has 30 bits for the number of a face.
+const MOST: u32 = 1 << 30;
 
 /// The statements of a text that give vertices and faces, one by one.
 struct Statements<'a> {
@@ -911,14 +914,15 @@ fn is_between(point: DVec3, [low, high]: [DVec3; 2]) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::countable;
+    use super::{MOST, countable};
 
     #[test]
-    fn more_than_32_bits_can_number_is_refused() {
-        let most = u32::MAX as usize;
+    fn more_than_can_be_numbered_is_refused() {
+        let most = MOST as usize;
+        let countable = |n, what| countable(n, what, MOST);
         assert_eq!(countable(most, "vertices"), Ok(()));
         let error = countable(most + 1, "vertices").unwrap_err();
-        let words = "x: 4294967296 vertices, of which only 4294967295 \
+        let words = "x: 1073741825 vertices, of which only 1073741824 \
                      can be numbered";
         assert_eq!(error.within("x"), words);
     }
