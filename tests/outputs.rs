@@ -365,6 +365,9 @@ fn what_the_shell_has_opened_is_written_and_not_replaced() {
 fn a_closed_standard_output_is_an_error_if_it_is_wanted() {
     let place = Scratch::new();
     shell(&place, "pt -o a.exr; pt -s1 -o b.exr").succeeded();
+    let parts = "pt -n2 --samples 0..1 -o a.litpt; \
+                 pt -n2 --samples 1..2 -o b.litpt";
+    shell(&place, parts).succeeded();
     for command in [
         "pt",
         "pt --format=exr -o -",
@@ -377,7 +380,7 @@ fn a_closed_standard_output_is_an_error_if_it_is_wanted() {
         "ptimg info a.exr",
         "ptimg tonemap a.exr -o -",
         "ptimg stderr a.exr -fo c.pgm",
-        "ptimg merge a.exr b.exr -o -",
+        "ptimg merge a.litpt b.litpt -o -",
         "ptimg diff a.exr b.exr",
     ] {
         for others in ["", "<&-", "2>err <&-"] {

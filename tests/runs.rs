@@ -317,10 +317,13 @@ fn listens(id: u32) -> bool {
 fn slow_to_write(place: &Scratch) -> Child {
     let scene = ["-q", "-ibox.obj", "-d2048x2048", "-n2", "--keep-all"];
     let files = ["--checkpoint=c", "--every=0.001"];
-    let all = [&scene[..], &FILES[..], &files].concat();
+    let more = [&files[..], &["--integrator=reference"]].concat();
+    let all = [&scene[..], &FILES[..], &more].concat();
     let mut child = place.pt(&all).spawn().unwrap();
     let id = child.id();
     wait_until(&mut child, "handler", || listens(id));
+    // A box is read and built in some milliseconds.
+    thread::sleep(Duration::from_millis(500));
     child
 }
 
@@ -687,7 +690,7 @@ fn a_reference_that_cannot_be_used_is_named_before_the_scene_is_read() {
         unfit(name, "23x17", name);
     }
     unfit("short.pfm", "23x17", "bytes of pixels");
-    unfit("long.pfm", "23x17", "bytes of pixels");
+    unfit("long.pfm", "23x17", "its last 1 bytes are ignored");
     unfit("nan.pfm", "23x17", "not finite numbers: 1, the first at 22,0");
     unfit("colour.pfm", "23x17", "colour");
     unfit("levels.pgm", "23x17", "grey levels");
