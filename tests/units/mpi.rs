@@ -35,9 +35,14 @@ fn fill(film: &mut Film, end: u64, mut most: usize) {
     let replicate = film.replicate();
     let first = film.first() / replicate;
     let end = end.div_ceil(replicate);
-    let shared = !film.tile_means().is_empty();
-    let mut means = vec![0; film.tile_means().len()];
-    for (number, (tile, pixels)) in film.tiles().into_iter().enumerate() {
+    let tiles = match film.tile_means().is_empty() {
+        true => film.tiles().into_iter().map(|(t, p)| (t, p, None)).collect(),
+        false => {
+            let tiles = film.shared_tiles().into_iter();
+            tiles.map(|(t, p, mean)| (t, p, Some(mean))).collect::<Vec<_>>()
+        }
+    };
+    for (tile, pixels, mut mean) in tiles {
         for k in pixels[0].count()..end {
             if most == 0 {
                 break;
@@ -48,14 +53,10 @@ fn fill(film: &mut Film, end: u64, mut most: usize) {
                 let y = tile.corner.1 + i / tile.size.0;
                 pixel.add(value((x, y), first + k));
             }
-            if shared {
-                means[number] += 1;
+            if let Some(mean) = &mut mean {
+                mean.add(k as f64);
             }
         }
-    }
-    for (mean, n) in film.tile_means_mut().iter_mut().zip(means) {
-        let first = mean.count();
-        (first..first + n).for_each(|k| mean.add(k as f64));
     }
 }
 
