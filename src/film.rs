@@ -139,6 +139,18 @@ impl Window {
 }
 
 impl Window {
+    /// The number of pixels.
+    pub fn area(&self) -> usize {
+        self.size.0 as usize * self.size.1 as usize
+    }
+
+    /// At most so many of its rows, from row `first` on.
+    pub fn rows(&self, first: u32, most: u32) -> Self {
+        let (corner, size) = (self.corner, self.size);
+        let height = most.min(size.1 - first);
+        Self { corner: (corner.0, corner.1 + first), size: (size.0, height) }
+    }
+
     /// The number of rows of tiles that it touches.
     pub fn tile_rows(&self) -> u32 {
         self.cells().1.1
@@ -183,9 +195,13 @@ impl Film {
 
     /// The place in memory of the tile that holds a pixel.
     fn place(&self, x: u32, y: u32) -> usize {
+        self.places[self.cell(x / SIDE, y / SIDE)] as usize
+    }
+
+    /// The number of the cell of a column and a row of the image.
+    fn cell(&self, column: u32, row: u32) -> usize {
         let ((left, top), (columns, _)) = self.window.cells();
-        let cell = (y / SIDE - top) * columns + x / SIDE - left;
-        self.places[cell as usize] as usize
+        ((row - top) * columns + column - left) as usize
     }
 }
 
@@ -256,14 +272,11 @@ impl Film {
         })
     }
 
-    /// The means of the pixels, row by row from the top left; not a number
-    /// where there is no sample.
-    pub fn image(&self) -> Vec<f64> {
-        let (mut image, means) =
-            (zeroed(self.pixels.len()), Means::of(self));
-        let rows = image.par_chunks_mut(self.width() as usize);
-        rows.zip(0..self.height()).for_each(|(row, y)| means.row(y, row));
-        image
+    /// A value of each pixel, row by row from the top left.
+    pub fn list(&self, of: impl Fn(&Accumulator) -> f64 + Sync) -> Vec<f64> {
+        let rows = self.window.corner.1..self.window.end().1;
+        let row = |y| self.strips(y).flatten().map(&of);
+        rows.into_par_iter().flat_map_iter(row).collect()
     }
 
     /// The means of the pixels, row by row from the top left.
@@ -287,14 +300,15 @@ impl Film {
     }
 }
 
-/// The means of the pixels of a film.
-pub struct Means<'a> {
+/// The pixels of a film, as they are read when it is written: by windows
+/// within its own.
+pub struct Pixels<'a> {
     film: &'a Film,
     /// Whether each tile has a sample, by row and column.
     sampled: Vec<bool>,
 }
 
-impl<'a> Means<'a> {
+impl<'a> Pixels<'a> {
     /// Those of a film.
     pub fn of(film: &'a Film) -> Self {
         let start = |place: &u32| film.tiles[*place as usize].start;
@@ -303,39 +317,67 @@ impl<'a> Means<'a> {
         Self { film, sampled: sampled.collect() }
     }
 
-    /// Whether a pixel has no sample.
-    pub fn has_gaps(&self) -> bool {
-        self.sampled.contains(&false)
-    }
-
     /// The film.
     pub fn film(&self) -> &Film {
         self.film
     }
 
-    /// Writes those of row `y` of the window; not a number where there is no
+    /// Whether all pixels of a window have a sample, and whether none has.
+    pub fn sampled(&self, window: Window) -> [bool; 2] {
+        let ((left, top), (columns, rows)) = window.cells();
+        let row = |y| {
+            let first = self.film.cell(left, top + y);
+            &self.sampled[first..first + columns as usize]
+        };
+        let mut rows = (0..rows).map(row);
+        let all = rows.clone().flatten().all(|&sampled| sampled);
+        [all, !rows.any(|row| row.contains(&true))]
+    }
+
+    /// Writes a value of each pixel of a window, row by row: `none` without a
     /// sample.
-    pub fn row(&self, y: u32, mut means: &mut [f64]) {
-        let Window { corner, size } = self.film.window;
-        let ((left, top), (columns, _)) = self.film.window.cells();
-        let y = corner.1 + y;
-        let first = (y / SIDE - top) * columns;
-        for column in 0..columns {
-            let start = ((left + column) * SIDE).max(corner.0);
-            let end = ((left + column + 1) * SIDE).min(corner.0 + size.0);
-            let own = means.split_off_mut(..(end - start) as usize);
-            let own = own.unwrap_or_default();
-            match self.sampled[(first + column) as usize] {
-                false => own.fill(f64::NAN),
-                true => {
-                    let pixels =
-                        (start..end).map(|x| self.film.pixel(x, y));
-                    own.iter_mut().zip(pixels).for_each(|(mean, pixel)| {
-                        *mean = pixel.mean();
-                    });
+    pub fn fill(
+        &self,
+        window: Window,
+        none: f64,
+        of: impl Fn(usize, &Accumulator) -> f64,
+        mut values: &mut [f64],
+    ) {
+        let Film { tiles, places, pixels, .. } = self.film;
+        for y in window.corner.1..window.end().1 {
+            let mut x = window.corner.0;
+            while x < window.end().0 {
+                let cell = self.film.cell(x / SIDE, y / SIDE);
+                let end = ((x / SIDE + 1) * SIDE).min(window.end().0);
+                let own = values.split_off_mut(..(end - x) as usize);
+                let own = own.unwrap_or_default();
+                match self.sampled[cell] {
+                    false => own.fill(none),
+                    true => {
+                        // Read a strip of a tile
+                        let place = places[cell] as usize;
+                        let Tile { corner, size, start, .. } = tiles[place];
+                        let at = (y - corner.1) * size.0 + x - corner.0;
+                        let pixels = &pixels[start + at as usize..];
+                        let pairs = own.iter_mut().zip(pixels);
+                        pairs.for_each(|(value, pixel)| *value = of(place, pixel));
+                    }
                 }
+                x = end;
             }
         }
+    }
+
+    /// The same as a list.
+    pub fn values(
+        &self,
+        window: Window,
+        none: f64,
+        of: impl Fn(usize, &Accumulator) -> f64,
+    ) -> Vec<f64> {
+        let mut values = vec![none; window.area()];
+        self.fill(window, none, of, &mut values);
+        values
     }
 }
 
@@ -520,18 +562,23 @@ impl Film {
         if self.samples() < 2 * self.replicate {
             return self.summary_of_few();
         }
-        let variances = self.variances();
-        let rows = (0..self.height()).into_par_iter().map(|y| {
-            // Sum over the pixels of a row
-            let (mut mean, mut squares, mut constant) = (0., 0., 0);
-            for x in 0..self.width() {
-                let error = self.error(&variances, WORTH, x, y);
-                mean += self.at(x, y).mean();
-                squares += error * error;
-                let variance = variances[self.number(x, y)];
-                constant += u64::from(variance == 0.);
-            }
-            (mean, squares, constant)
+        let pixels = Pixels::of(self);
+        let tops = (0..self.height()).into_par_iter();
+        let rows = tops.step_by(SIDE as usize).flat_map_iter(|top| {
+            let band = self.window.rows(top, SIDE);
+            let variances = pixels.variances(band);
+            let rows = band.corner.1..band.end().1;
+            rows.map(move |y| {
+                // Sum over the pixels of a row
+                let (mut mean, mut squares, mut constant) = (0., 0., 0);
+                for x in band.corner.0..band.end().0 {
+                    let error = self.error(&variances, WORTH, x, y);
+                    mean += self.pixel(x, y).mean();
+                    squares += error * error;
+                    constant += u64::from(variances.at(x, y) == 0.);
+                }
+                (mean, squares, constant)
+            })
         });
         let sums: Vec<(f64, f64, u64)> = rows.collect();
         // Add the sums of all rows
@@ -585,63 +632,67 @@ const REACH: u32 = 2;
 /// How many samples the variance of the neighbours is worth.
 pub const WORTH: f64 = 4.;
 
-impl Film {
-    /// The standard errors of the pixels, row by row from the top left;
-    /// infinite where unknown. The variance that a pixel has seen is
-    /// combined with that of its neighbours, which counts as `worth`
-    /// values ([`WORTH`]; 0 leaves the neighbours out).
-    pub fn errors(&self, worth: f64) -> Vec<f64> {
-        let variances = self.variances();
-        let error = |(x, y)| self.error(&variances, worth, x, y);
-        self.places().map(error).collect()
+/// The variances of the values of the pixels of a window.
+struct Variances {
+    window: Window,
+    values: Vec<f64>,
+}
+
+impl Pixels<'_> {
+    /// Those of a window, and of the pixels within `REACH` of it.
+    fn variances(&self, window: Window) -> Variances {
+        let Window { corner: (left, top), size } = self.film.window;
+        let grow = |first: u32, end: u32, from: u32, length: u32| {
+            let start = first.saturating_sub(REACH).max(from);
+            (start, (end + REACH).min(from + length) - start)
+        };
+        let (corner, end) = (window.corner, window.end());
+        let (x, width) = grow(corner.0, end.0, left, size.0);
+        let (y, height) = grow(corner.1, end.1, top, size.1);
+        let window = Window { corner: (x, y), size: (width, height) };
+        let of = |_, pixel: &Accumulator| pixel.variance();
+        Variances { window, values: self.values(window, f64::INFINITY, of) }
     }
 
-    /// The variances of the values of the pixels, row by row.
-    pub fn variances(&self) -> Vec<f64> {
-        self.places().map(|(x, y)| self.at(x, y).variance()).collect()
+    /// The standard errors of the pixels of a window, row by row; infinite
+    /// where unknown. The variance that a pixel has seen is combined with that
+    /// of its neighbours, which counts as `worth` values ([`WORTH`]; 0 leaves
+    /// the neighbours out).
+    pub fn errors(&self, worth: f64, window: Window) -> Vec<f64> {
+        let variances = self.variances(window);
+        let (columns, rows) = (window.corner.0..window.end().0,
+            window.corner.1..window.end().1);
+        let row = |y| columns.clone().map(move |x| (x, y));
+        let error = |(x, y)| self.film.error(&variances, worth, x, y);
+        rows.flat_map(row).map(error).collect()
+    }
+}
+
+impl Variances {
+    /// That of a pixel.
+    fn at(&self, x: u32, y: u32) -> f64 {
+        self.values[self.number(x, y)]
     }
 
-    /// The columns and rows of all pixels from the corner of the window.
-    fn places(&self) -> impl IndexedParallelIterator<Item = (u32, u32)> {
-        let width = self.width() as usize;
-        let place = move |i| ((i % width) as u32, (i / width) as u32);
-        (0..self.pixels.len()).into_par_iter().map(place)
-    }
-
-    /// The pixel at a place.
-    fn at(&self, x: u32, y: u32) -> &Accumulator {
-        self.pixel(self.window.corner.0 + x, self.window.corner.1 + y)
-    }
-
-    /// The number of a place, row by row.
+    /// The number of a pixel.
     fn number(&self, x: u32, y: u32) -> usize {
-        y as usize * self.width() as usize + x as usize
+        let Window { corner, size } = self.window;
+        (y - corner.1) as usize * size.0 as usize + (x - corner.0) as usize
     }
 
-    /// The standard error of the pixel at a place, given all variances.
-    fn error(&self, variances: &[f64], worth: f64, x: u32, y: u32) -> f64 {
-        let n = self.at(x, y).count() as f64;
-        let own = variances[self.number(x, y)];
-        let variance = match self.around(variances, x, y) {
-            Some(v) if own.is_finite() => {
-                ((n - 1.) * own + worth * v) / (n - 1. + worth)
-            }
-            _ => own,
-        };
-        (variance / n.max(1.)).sqrt()
-    }
-
-    /// The mean of the finite variances within `REACH` of a place, without
+    /// The mean of the finite variances within `REACH` of a pixel, without
     /// its own; none if there are none.
-    fn around(&self, variances: &[f64], x: u32, y: u32) -> Option<f64> {
-        let near = |at: u32, end: u32| {
-            at.saturating_sub(REACH)..(at + REACH + 1).min(end)
+    fn around(&self, x: u32, y: u32) -> Option<f64> {
+        let Window { corner, .. } = self.window;
+        let near = |at: u32, first: u32, end: u32| {
+            at.saturating_sub(REACH).max(first)..(at + REACH + 1).min(end)
         };
+        let end = self.window.end();
         let (mut sum, mut count) = (0., 0.);
-        let columns = near(x, self.width());
-        for row in near(y, self.height()) {
+        let columns = near(x, corner.0, end.0);
+        for row in near(y, corner.1, end.1) {
             let first = self.number(columns.start, row);
-            let variances = &variances[first..first + columns.len()];
+            let variances = &self.values[first..first + columns.len()];
             for (column, variance) in columns.clone().zip(variances) {
                 // Count the variance of one neighbour
                 let counts =
@@ -656,20 +707,39 @@ impl Film {
 }
 
 impl Film {
-    /// The standard error with which each pixel counts in a sum over whole
-    /// tiles, row by row from the top left: that of the mean of its tile
+    /// The errors of [`Pixels::errors`] for the whole film.
+    pub fn errors(&self, worth: f64) -> Vec<f64> {
+        Pixels::of(self).errors(worth, self.window)
+    }
+
+    /// The standard error of a pixel, given the variances around it.
+    fn error(&self, variances: &Variances, worth: f64, x: u32, y: u32)
+        -> f64 {
+        let own = variances.at(x, y);
+        if !own.is_finite() {
+            return own;
+        }
+        let n = self.pixel(x, y).count() as f64;
+        let variance = match variances.around(x, y) {
+            Some(v) => ((n - 1.) * own + worth * v) / (n - 1. + worth),
+            None => own,
+        };
+        (variance / n).sqrt()
+    }
+}
+
+impl Pixels<'_> {
+    /// The standard error with which each pixel of a window counts in a sum
+    /// over whole tiles, row by row: that of the mean of its tile
     /// times the root of the number of its pixels; infinite where unknown.
     /// None if the pixels are independent.
-    pub fn tile_errors(&self) -> Option<Vec<f64>> {
-        let tiles = self.tiles.iter().zip(&self.tile_means);
-        let error = |(tile, mean): (&Tile, &Accumulator)| {
-            let area = f64::from(tile.size.0 * tile.size.1);
-            area.sqrt() * mean.standard_error()
+    pub fn tile_errors(&self, window: Window) -> Option<Vec<f64>> {
+        let Film { tiles, tile_means, .. } = self.film;
+        let error = |place: usize, _: &Accumulator| {
+            let area = tiles[place].size.0 * tiles[place].size.1;
+            f64::from(area).sqrt() * tile_means[place].standard_error()
         };
-        let errors: Vec<f64> = tiles.map(error).collect();
-        let (left, top) = self.window.corner;
-        let of = |(x, y)| errors[self.place(left + x, top + y)];
-        let shared = !self.tile_means.is_empty();
-        shared.then(|| self.places().map(of).collect())
+        let shared = !tile_means.is_empty();
+        shared.then(|| self.values(window, f64::INFINITY, error))
     }
 }

@@ -21,7 +21,7 @@ pub(crate) mod srgb;
 use std::io::{self, Read, Write};
 use std::path::Path;
 
-pub use data::{Image, Means, Note};
+pub use data::{Image, Note, Picture, Source};
 
 #[derive(clap::ValueEnum, serde::Serialize, serde::Deserialize)]
 /// How an image becomes bytes.
@@ -41,14 +41,14 @@ impl Format {
     /// Writes the bytes of an image.
     pub fn write(
         self,
-        image: &dyn Means,
+        image: &dyn Source,
         out: &mut dyn Write,
     ) -> io::Result<()> {
         match self {
             Format::Pgm => pgm::write(image, out),
             Format::Png => png::write(image, out),
             Format::Pfm => pfm::write(image, out),
-            Format::Exr => exr::write(&image.as_image(), out),
+            Format::Exr => exr::write(image, out),
         }
     }
 

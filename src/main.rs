@@ -8,6 +8,7 @@
 //! The command `pt`: parse the arguments, render, report.
 
 use std::alloc::{GlobalAlloc, Layout, System};
+use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::hint::black_box;
 use std::io::{self, Read};
@@ -24,8 +25,8 @@ use litpt::bvh::{Bvh, Quality, too_small};
 use litpt::camera::Camera;
 use litpt::checkpoint::{Checkpoint, Known, RunKey};
 use litpt::compare::disagreements;
-use litpt::film::{self, Film, Window};
-use litpt::image::{Format, Image, Means};
+use litpt::film::{Film, Window};
+use litpt::image::{Format, Image, Picture};
 #[cfg(feature = "mpi")]
 use litpt::mpi;
 use litpt::output::{ImageTarget, OutputTarget};
@@ -749,9 +750,9 @@ impl Run<'_> {
             let now = Instant::now();
             if arguments.preview && now >= next {
                 let files = images.iter_mut();
-                let means = film::Means::of(film);
+                let image = Picture::new(film, BTreeMap::new());
                 for target in files.filter(|t| t.format() == Format::Png) {
-                    written = written.and(target.rewrite(&means));
+                    written = written.and(target.rewrite(&image));
                 }
                 next = Instant::now() + (10 * now.elapsed()).max(SECOND);
             }
@@ -771,13 +772,8 @@ impl Run<'_> {
         let rehearse = |trial: &Film| {
             let began = Instant::now();
             black_box(trial.summary());
-            let image = output.rehearse(convergence, trial, is_exr(images));
-            let means = film::Means::of(trial);
-            let image: &dyn Means = match &image {
-                Some(image) => image,
-                None => &means,
-            };
-            images.iter().for_each(|target| target.rehearse(image));
+            let image = output.rehearse(convergence, trial);
+            images.iter().for_each(|target| target.rehearse(&image));
             began.elapsed().as_secs_f64()
         };
         rehearse(&noise);
@@ -806,25 +802,14 @@ impl Run<'_> {
 
 const SECOND: Duration = Duration::from_secs(1);
 
-/// Whether an image has room for errors and counts.
-fn is_exr(images: &[ImageTarget]) -> bool {
-    images.iter().any(|target| target.format() == Format::Exr)
-}
-
 impl Run<'_> {
     fn write(&mut self, stop: Stop) -> Result<(), String> {
         let Self { film, convergence, images, output, .. } = self;
         // Write the images
-        let image = is_exr(images)
-            .then(|| output.image(convergence, film, Some(stop)));
-        let means = film::Means::of(film);
-        let image: &dyn Means = match &image {
-            Some(image) => image,
-            None => &means,
-        };
-        let images = images.iter();
+        let image = output.picture(convergence, film, Some(stop));
+        let targets = images.iter();
         let mut written: Vec<_> =
-            images.map(|target| target.write(image)).collect();
+            targets.map(|target| target.write(&image)).collect();
         written.push(output.close(convergence, film, stop));
         let failures = written.into_iter().filter_map(Result::err);
         let failures: Vec<_> = failures.collect();

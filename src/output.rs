@@ -19,7 +19,7 @@ use std::{env, fmt};
 
 use tempfile::NamedTempFile;
 
-use crate::image::{Format, Means};
+use crate::image::{Format, Source};
 
 /// Where a file goes: checked, and not yet touched.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -338,7 +338,7 @@ impl ImageTarget {
     ///
     /// # Errors
     /// Those of [`OutputTarget::write`].
-    pub fn write(&self, image: &dyn Means) -> Result<(), String> {
+    pub fn write(&self, image: &dyn Source) -> Result<(), String> {
         self.target.write(&mut |out| self.format.write(image, out))
     }
 
@@ -346,12 +346,12 @@ impl ImageTarget {
     ///
     /// # Errors
     /// Those of [`OutputTarget::rewrite`].
-    pub fn rewrite(&mut self, image: &dyn Means) -> Result<(), String> {
+    pub fn rewrite(&mut self, image: &dyn Source) -> Result<(), String> {
         self.target.rewrite(&mut |out| self.format.write(image, out))
     }
 
     /// Takes the time of [`ImageTarget::write`], and writes nothing.
-    pub fn rehearse(&self, image: &dyn Means) {
+    pub fn rehearse(&self, image: &dyn Source) {
         let _ = self.format.write(image, &mut io::sink());
     }
 }

@@ -16,7 +16,7 @@ use serde_json::json;
 
 use crate::checkpoint::{Known, RunKey, save};
 use crate::film::Film;
-use crate::image::Image;
+use crate::image::Picture;
 use crate::output::{Content, OutputTarget};
 use crate::render_loop::{Convergence, Stop};
 use crate::report::{Kind, Report, as_typed};
@@ -126,22 +126,20 @@ impl RunOutput {
 
     /// Takes the time that [`RunOutput::close`] will take, and writes nothing;
     /// returns the image.
-    pub fn rehearse(
+    pub fn rehearse<'f>(
         &self,
         convergence: &Convergence,
-        film: &Film,
-        is_exr: bool,
-    ) -> Option<Image> {
-        let image = is_exr.then(|| self.image(convergence, film, None));
+        film: &'f Film,
+    ) -> Picture<'f> {
         let report = self.report(convergence, film, None);
         for (kind, _) in &self.reports {
-            let image = || self.image(convergence, film, None);
+            let image = || self.picture(convergence, film, None).image();
             black_box(kind.render(&report, &image));
         }
         if self.checkpoint.is_some() {
             let _ = save(&self.known, convergence, film, &mut io::sink());
         }
-        image
+        self.picture(convergence, film, None)
     }
 
     fn write_reports(
@@ -151,7 +149,7 @@ impl RunOutput {
         stop: Option<Stop>,
     ) -> Result<(), String> {
         let report = self.report(convergence, film, stop);
-        let image = || self.image(convergence, film, stop);
+        let image = || self.picture(convergence, film, stop).image();
         let text = |(kind, _): &(Kind, _)| kind.render(&report, &image);
         let texts: Vec<_> = self.reports.iter().map(text).collect();
         let mut written = Ok(());
@@ -202,12 +200,12 @@ impl RunOutput {
     }
 
     /// The image on the film, with all that is known about it.
-    pub fn image(
+    pub fn picture<'f>(
         &self,
         convergence: &Convergence,
-        film: &Film,
+        film: &'f Film,
         stop: Option<Stop>,
-    ) -> Image {
+    ) -> Picture<'f> {
         let Known { report, run_key, .. } = &self.known;
         let known = json!({
             "scene": report.scene.file,
@@ -222,6 +220,6 @@ impl RunOutput {
         let settings = report.settings.iter().filter(|(_, v)| !v.is_null());
         let all = settings.chain(run_key).chain(known);
         let all = all.map(|(name, value)| (name.clone(), value.clone()));
-        Image::new(film, attributes(&all.collect()))
+        Picture::new(film, attributes(&all.collect()))
     }
 }

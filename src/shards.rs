@@ -332,7 +332,7 @@ impl Merged {
         let Self { film, convergence, known, missing } = self;
         let stop = missing.is_none().then_some(Stop::Samples);
         let output = RunOutput::new(vec![], None, Duration::MAX, known);
-        let image = output.image(&convergence, &film, stop);
+        let image = output.picture(&convergence, &film, stop).image();
         (image, output.report(&convergence, &film, stop))
     }
 }

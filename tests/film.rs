@@ -4,7 +4,7 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-use std::collections::HashSet;
+use std::collections::{BTreeMap, HashSet};
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
@@ -12,7 +12,8 @@ use glam::DVec3;
 use litpt::analysis::background::KnownPixels;
 use litpt::bvh::{Bvh, Hit, Intersector, Isa, Quality};
 use litpt::camera::{Camera, View};
-use litpt::film::{Film, SIDE, Summary, Tile, Window};
+use litpt::film::{Film, Pixels, SIDE, Summary, Tile, Window};
+use litpt::image::Image;
 use litpt::integrator::{Integrator, PathEvent, PathTracer};
 use litpt::render::{Job, Renderer};
 use litpt::sampler::{IndependentSampler, Sampler, dimension};
@@ -94,7 +95,7 @@ fn a_pixel_without_a_sample_has_no_mean() {
     pixels.iter_mut().for_each(|pixel| pixel.add(0.25));
     let (left, top) = tile.corner;
     let own = (left..left + tile.size.0, top..top + tile.size.1);
-    for (i, mean) in film.image().into_iter().enumerate() {
+    for (i, mean) in Image::new(&film, BTreeMap::new()).means.into_iter().enumerate() {
         let (x, y) = (17 + i as u32 % 40, 3 + i as u32 / 40);
         match own.0.contains(&x) && own.1.contains(&y) {
             true => assert_eq!(mean, 0.25),
@@ -281,6 +282,10 @@ fn a_window_has_the_samples_of_the_whole_image() {
 
 /// The squares of the errors of tiles add up to the variance of the sum over
 /// the image, and each pixel has that of its tile.
+fn errors_of(film: &Film) -> Option<Vec<f64>> {
+    Pixels::of(film).tile_errors(film.window())
+}
+
 #[test]
 fn the_errors_of_tiles_are_those_of_the_mean_of_the_image() {
     for (corner, size) in
@@ -288,9 +293,9 @@ fn the_errors_of_tiles_are_those_of_the_mean_of_the_image() {
     {
         let window = Window { corner, size };
         let film = Film::cropped((60, 40), window);
-        assert_eq!(film.tile_errors(), None);
+        assert_eq!(errors_of(&film), None);
         let mut film = film.with_shared_tiles();
-        let unknown = film.tile_errors().unwrap();
+        let unknown = errors_of(&film).unwrap();
         assert!(unknown.iter().all(|error| error.is_infinite()));
         for pixel in film.stored_mut() {
             (0..2).for_each(|_| pixel.add(1.));
@@ -301,7 +306,7 @@ fn the_errors_of_tiles_are_those_of_the_mean_of_the_image() {
             mean.add(0.);
             mean.add(2. * (k as f64 + 1.));
         }
-        let errors = film.tile_errors().unwrap();
+        let errors = errors_of(&film).unwrap();
         let squares: f64 = errors.iter().map(|e| e * e).sum();
         let sum = film.summary().mean_stderr * film.area() as f64;
         assert!((squares / (sum * sum) - 1.).abs() < 1e-12);

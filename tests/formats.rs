@@ -17,8 +17,8 @@ use exr::prelude::{
     AnyChannel, AnyChannels, Encoding, FlatSamples, Image as ExrImage,
     Layer, SmallVec, WritableImage, f16,
 };
-use litpt::film::Film;
-use litpt::image::{Format, Image};
+use litpt::film::{self, Film, WORTH};
+use litpt::image::{Format, Image, Picture};
 use litpt::output::{ImageTarget, OutputTarget};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -161,6 +161,46 @@ fn the_same_image_is_the_same_exr_file() {
     let image = Image { attributes, ..image() };
     let first = bytes(Format::Exr, &image);
     assert!((0..5).all(|_| bytes(Format::Exr, &image) == first));
+}
+
+/// A film is written block by block, most of which may be gaps.
+#[test]
+fn an_exr_file_of_a_film_is_that_of_its_image() {
+    let window = film::Window { corner: (9, 20), size: (300, 150) };
+    for gaps in [true, false] {
+        let film = Film::cropped((400, 400), window);
+        let mut film = film.with_replicates(4).with_shared_tiles();
+        let tiles = film.shared_tiles().into_iter().enumerate();
+        for (i, (_, pixels, mean)) in tiles.filter(|t| !gaps || t.0 < 9) {
+            for k in 0..2 + i % 3 {
+                let values = (0..).map(|n| f64::from(n * n % 7 + k as u32));
+                let pixels = pixels.iter_mut().zip(values);
+                pixels.for_each(|(pixel, value)| pixel.add(value));
+                mean.add((i * k) as f64);
+            }
+        }
+        let image = Image::new(&film, BTreeMap::new());
+        let mut written = vec![];
+        let picture = Picture::new(&film, BTreeMap::new());
+        Format::Exr.write(&picture, &mut written).unwrap();
+        assert!(written == bytes(Format::Exr, &image));
+        let read = decode(&written).unwrap();
+        let rounded = |x: &f64| f64::from(*x as f32);
+        let same = |a: &[f64], b: &[f64]| {
+            let bits = |x: f64| x.to_bits();
+            let a = a.iter().map(rounded).map(bits);
+            a.eq(b.iter().copied().map(bits))
+        };
+        let lists = |i: &Image| {
+            let Image { means, errors, samples, tile_errors, .. } = i.clone();
+            [Some(means), errors, samples, tile_errors].map(Option::unwrap)
+        };
+        for (a, b) in lists(&image).iter().zip(lists(&read)) {
+            assert!(same(a, &b));
+        }
+        assert_eq!(image.errors.unwrap(), film.errors(WORTH));
+        assert_eq!(read.attributes, image.attributes);
+    }
 }
 
 #[test]

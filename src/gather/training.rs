@@ -18,6 +18,7 @@ use super::{Allocation, End, Plan, Shot, Tracer};
 use crate::bvh::{Hit, Intersector};
 use crate::film::{Film, Watch};
 use crate::sampler::generator;
+use crate::statistics::Accumulator;
 
 /// Reflections of a training path.
 const REFLECTIONS: usize = 7;
@@ -165,7 +166,7 @@ pub fn allocate<K: Intersector>(
     });
     let rays = rays.sum();
     // Estimate the radiance of the pixels roughly
-    let means = film.image();
+    let means = film.list(Accumulator::mean);
     let mean_radiance = average(&means);
     let least = if mean_radiance > 0. { 0.1 * mean_radiance } else { 1. };
     let scale: Vec<f64> = means.iter().map(|m| m.max(least)).collect();
@@ -186,7 +187,7 @@ fn average(numbers: &[f64]) -> f64 {
 /// About the standard deviations of the pixels, row by row; not all of them
 /// if `watch` stops it.
 fn deviations(film: &Film, scale: &[f64], watch: &Watch) -> Vec<f64> {
-    let variances = &film.variances();
+    let variances = &film.list(Accumulator::variance);
     let squares: Vec<f64> = scale.iter().map(|s| s * s).collect();
     let common = 0.5 * average(variances) / average(&squares);
     let (width, height) = (film.width() as usize, film.height() as usize);

@@ -7,12 +7,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! An image in memory.
 
-use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
-use crate::film::{self, Film, WORTH};
+use crate::film::{Film, Pixels, WORTH, Window};
+use crate::statistics::Accumulator;
 
 /// A finished image in memory: what its file formats can carry. Row by
 /// row from the top left.
@@ -39,14 +39,45 @@ pub struct Image {
 }
 
 impl Image {
-    /// The means on a film, and nothing else.
-    pub fn of_means(film: &Film) -> Self {
-        Self::plain(film.width(), film.height(), film.image())
-    }
-
     /// What a film has gathered, with what is known about its run.
+    pub fn new(film: &Film, attributes: BTreeMap<String, String>) -> Self {
+        Picture::new(film, attributes).image()
+    }
+}
+
+/// Gives an image by parts. Pixels are counted from its top left.
+pub trait Source: Sync {
+    /// Width and height in pixels.
+    fn size(&self) -> (u32, u32);
+
+    /// Writes the means of row `y`; not a number where there is none.
+    fn row(&self, y: u32, means: &mut [f64]);
+
+    /// What a window holds, without attributes.
+    fn part(&self, window: Window) -> Image;
+
+    /// Whether all pixels of a window have a sample, and whether none has.
+    fn sampled(&self, window: Window) -> [bool; 2];
+
+    /// What is known about the run.
+    fn attributes(&self) -> &BTreeMap<String, String>;
+
+    /// All of it.
+    fn window(&self) -> Window {
+        Window { corner: (0, 0), size: self.size() }
+    }
+}
+
+/// The image on a film, with what is known about its run.
+pub struct Picture<'a> {
+    pixels: Pixels<'a>,
+    attributes: BTreeMap<String, String>,
+}
+
+impl<'a> Picture<'a> {
+    /// That of a film and these attributes.
     pub fn new(
-        film: &Film,
+        film: &'a Film,
         mut attributes: BTreeMap<String, String>,
     ) -> Self {
         // State how many samples are one value
@@ -54,21 +85,54 @@ impl Image {
             let value = film.replicate().to_string();
             attributes.insert(REPLICATE.to_owned(), value);
         }
-        Self {
-            errors: Some(film.errors(WORTH)),
-            samples: Some(list(film, film.counts().map(|n| n as f64))),
-            tile_errors: film.tile_errors(),
-            attributes,
-            ..Self::of_means(film)
-        }
+        Self { pixels: Pixels::of(film), attributes }
+    }
+
+    /// All of it, in memory.
+    pub fn image(self) -> Image {
+        let image = self.part(self.window());
+        Image { attributes: self.attributes, ..image }
+    }
+
+    /// A window of the picture as one of the film.
+    fn on_film(&self, Window { corner, size }: Window) -> Window {
+        let (x, y) = self.pixels.film().window().corner;
+        Window { corner: (x + corner.0, y + corner.1), size }
     }
 }
 
-/// A value for each pixel of a film.
-fn list(film: &Film, values: impl Iterator<Item = f64>) -> Vec<f64> {
-    let mut list = Vec::with_capacity(film.area() as usize);
-    list.extend(values);
-    list
+impl Source for Picture<'_> {
+    fn size(&self) -> (u32, u32) {
+        self.pixels.film().window().size
+    }
+
+    fn row(&self, y: u32, means: &mut [f64]) {
+        let row = Window { corner: (0, y), size: (self.size().0, 1) };
+        let mean = |_, pixel: &Accumulator| pixel.mean();
+        self.pixels.fill(self.on_film(row), f64::NAN, mean, means);
+    }
+
+    fn part(&self, window: Window) -> Image {
+        let (pixels, on_film) = (&self.pixels, self.on_film(window));
+        let each = pixels.film().replicate();
+        let mean = |_, pixel: &Accumulator| pixel.mean();
+        let count = |_, p: &Accumulator| (p.count() * each) as f64;
+        let means = pixels.values(on_film, f64::NAN, mean);
+        Image {
+            errors: Some(pixels.errors(WORTH, on_film)),
+            samples: Some(pixels.values(on_film, 0., count)),
+            tile_errors: pixels.tile_errors(on_film),
+            ..Image::plain(window.size.0, window.size.1, means)
+        }
+    }
+
+    fn sampled(&self, window: Window) -> [bool; 2] {
+        self.pixels.sampled(self.on_film(window))
+    }
+
+    fn attributes(&self) -> &BTreeMap<String, String> {
+        &self.attributes
+    }
 }
 
 /// The attribute that says how many samples are one value.
@@ -99,41 +163,7 @@ impl Image {
     }
 }
 
-/// Has the means of the pixels of an image.
-pub trait Means: Sync {
-    /// Width and height in pixels.
-    fn size(&self) -> (u32, u32);
-
-    /// Writes the means of row `y`, counted from the top; not a number
-    /// where there is none.
-    fn row(&self, y: u32, means: &mut [f64]);
-
-    /// Whether there is a pixel without a mean.
-    fn has_gaps(&self) -> bool;
-
-    /// The whole image.
-    fn as_image(&self) -> Cow<'_, Image>;
-}
-
-impl Means for film::Means<'_> {
-    fn size(&self) -> (u32, u32) {
-        (self.film().width(), self.film().height())
-    }
-
-    fn row(&self, y: u32, means: &mut [f64]) {
-        self.row(y, means);
-    }
-
-    fn has_gaps(&self) -> bool {
-        self.has_gaps()
-    }
-
-    fn as_image(&self) -> Cow<'_, Image> {
-        Cow::Owned(Image::of_means(self.film()))
-    }
-}
-
-impl Means for Image {
+impl Source for Image {
     fn size(&self) -> (u32, u32) {
         (self.width, self.height)
     }
@@ -143,12 +173,30 @@ impl Means for Image {
         means.copy_from_slice(&self.means[start..start + means.len()]);
     }
 
-    fn has_gaps(&self) -> bool {
-        self.means.par_iter().any(|mean| mean.is_nan())
+    fn part(&self, window: Window) -> Image {
+        let Window { corner: (x, y), size: (width, height) } = window;
+        let row = |y: u32| {
+            let first = y as usize * self.width as usize + x as usize;
+            first..first + width as usize
+        };
+        let part = |list: &Vec<f64>| {
+            let rows = (y..y + height).flat_map(|y| &list[row(y)]);
+            rows.copied().collect()
+        };
+        Image {
+            errors: self.errors.as_ref().map(part),
+            samples: self.samples.as_ref().map(part),
+            tile_errors: self.tile_errors.as_ref().map(part),
+            ..Image::plain(width, height, part(&self.means))
+        }
     }
 
-    fn as_image(&self) -> Cow<'_, Image> {
-        Cow::Borrowed(self)
+    fn sampled(&self, _: Window) -> [bool; 2] {
+        [self.means.par_iter().all(|mean| !mean.is_nan()), false]
+    }
+
+    fn attributes(&self) -> &BTreeMap<String, String> {
+        &self.attributes
     }
 }
 

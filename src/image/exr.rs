@@ -10,62 +10,147 @@
 
 use std::collections::BTreeMap;
 use std::io::{self, Cursor, Write};
+use std::sync::OnceLock;
 
-use exr::math::Vec2;
-use exr::meta::MetaData;
-use exr::meta::attribute::{AttributeValue, LineOrder, Text};
-use exr::meta::header::LayerAttributes;
-use exr::prelude::{
-    AnyChannel, AnyChannels, Blocks, Compression, Encoding, FlatSamples,
-    Image as ExrImage, Layer, Sample, SmallVec,
+use bytemuck::cast_slice;
+use exr::block::chunk::{Chunk, CompressedBlock};
+use exr::block::writer::ChunksWriter;
+use exr::block::{
+    BlockIndex, UncompressedBlock, enumerate_ordered_header_block_indices,
 };
-use exr::prelude::{ReadChannels, ReadLayers, WritableImage};
+use exr::error::Error;
+use exr::math::{RoundingMode, Vec2};
+use exr::meta::attribute::{
+    AttributeValue, ChannelDescription, LevelMode, LineOrder, SampleType,
+    Text, TileDescription,
+};
+use exr::meta::header::{Header, LayerAttributes};
+use exr::meta::{BlockDescription, MetaData};
+use exr::prelude::{Compression, ReadChannels, ReadLayers, Sample};
+use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
-use super::data::{Image, Note, room};
+use super::data::{Image, Note, Source, room};
 use super::srgb::{COLOURS, mean};
+use crate::film::Window;
 
 /// Writes all that the image holds.
-pub fn write(image: &Image, out: &mut dyn Write) -> io::Result<()> {
-    let size = (image.width as usize, image.height as usize);
-    let checksum = (&CHECKSUM.to_owned(), &checksum(image));
-    let all = image.attributes.iter().chain([checksum]);
-    let other = all.map(attribute).collect();
-    let layer = LayerAttributes { other, ..LayerAttributes::default() };
-    // Compress sixteen rows at a time
-    let encoding = Encoding {
-        compression: Compression::ZIP16,
-        blocks: Blocks::ScanLines,
-        line_order: LineOrder::Increasing,
-    };
-    let channels = AnyChannels::sort(channels(image));
-    let layer = Layer::new(size, layer, encoding, channels);
-    // Encode the layer in memory
-    let mut bytes = Vec::new();
-    ExrImage::from_layer(layer)
-        .write()
-        .non_parallel()
-        .to_buffered(Cursor::new(&mut bytes))
-        .map_err(io::Error::other)?;
-    sort_attributes(&mut bytes);
+pub fn write(image: &dyn Source, out: &mut dyn Write) -> io::Result<()> {
+    let (mut file, mut hashes) = (Cursor::new(vec![]), vec![]);
+    let headers = [header(image)].into_iter().collect();
+    exr::block::write(&mut file, headers, true, |meta, writer| {
+        let blocks = enumerate_ordered_header_block_indices(&meta.headers);
+        let (blocks, gap) = (Vec::from_iter(blocks), OnceLock::new());
+        for blocks in blocks.chunks(BATCH) {
+            let compress = |&(number, index)| {
+                let done = compress(image, index, &meta.headers, &gap);
+                done.map(|(chunk, hash)| (number, chunk, hash))
+            };
+            let chunks = blocks.par_iter().map(compress);
+            for (number, chunk, hash) in chunks.collect::<Result<Vec<_>, Error>>()? {
+                writer.write_chunk(number, chunk)?;
+                hashes.push(hash);
+            }
+        }
+        Ok(())
+    })
+    .map_err(io::Error::other)?;
+    let mut bytes = file.into_inner();
+    finish_attributes(&mut bytes, &checksum(image, &hashes));
     out.write_all(&bytes)
 }
 
-/// The channels that the image fills.
-fn channels(image: &Image) -> SmallVec<[AnyChannel<FlatSamples>; 4]> {
-    let real = |name: &str, values: &Vec<f64>| {
-        let values = values.iter().map(|&value| value as f32).collect();
-        AnyChannel::new(name, FlatSamples::F32(values))
-    };
-    let whole = |name: &str, values: &Vec<f64>| {
-        let values = values.iter().map(|&value| value as u32).collect();
-        AnyChannel::new(name, FlatSamples::U32(values))
-    };
-    let errors = image.errors.as_ref().map(|e| real(ERROR, e));
-    let samples = image.samples.as_ref().map(|n| whole(SAMPLES, n));
-    let shared = image.tile_errors.as_ref().map(|e| real(SHARED, e));
-    let means = Some(real(MEAN, &image.means));
-    [means, errors, samples, shared].into_iter().flatten().collect()
+/// A block and its checksum; all that are `gap` are copied from the first.
+fn compress(
+    image: &dyn Source,
+    index: BlockIndex,
+    headers: &[Header],
+    gap: &OnceLock<(Chunk, Hash)>,
+) -> Result<(Chunk, Hash), Error> {
+    let window = window(index);
+    let is_gap =
+        window.area() == TILE * TILE && image.sampled(window)[1];
+    if let (true, Some((chunk, hash))) = (is_gap, gap.get()) {
+        let mut chunk = chunk.clone();
+        if let CompressedBlock::Tile(tile) = &mut chunk.compressed_block {
+            let place = index.pixel_position / Vec2(TILE, TILE);
+            tile.coordinates.tile_index = place;
+        }
+        return Ok((chunk, *hash));
+    }
+    let bits = bits(&image.part(window));
+    let data = cast_slice(&bits).to_vec();
+    let block = UncompressedBlock { index, data };
+    let new = (block.compress_to_chunk(headers)?, hash(&bits));
+    Ok(if is_gap { gap.get_or_init(|| new).clone() } else { new })
+}
+
+/// Width and height of a block in pixels.
+const TILE: usize = 64;
+
+/// Blocks that are in memory at a time before they are compressed.
+const BATCH: usize = 256;
+
+/// The first pixel.
+const PIXEL: Window = Window { corner: (0, 0), size: (1, 1) };
+
+/// The window of a block.
+fn window(block: BlockIndex) -> Window {
+    let [corner, size] = [block.pixel_position, block.pixel_size];
+    let pair = |Vec2(x, y)| (x as u32, y as u32);
+    Window { corner: pair(corner), size: pair(size) }
+}
+
+/// What stands before the blocks.
+fn header(image: &dyn Source) -> Header {
+    let (width, height) = image.size();
+    let pixel = image.part(PIXEL);
+    let channels = channels(&pixel).into_iter();
+    let channels = channels.map(|(name, kind, _)| {
+        ChannelDescription::named(name, kind)
+    });
+    let tiles = BlockDescription::Tiles(TileDescription {
+        tile_size: Vec2(TILE, TILE),
+        level_mode: LevelMode::Singular,
+        rounding_mode: RoundingMode::Down,
+    });
+    let checksum = (&CHECKSUM.to_owned(), &"0".repeat(64));
+    let all = image.attributes().iter().chain([checksum]);
+    let other = all.map(attribute).collect();
+    let layer = LayerAttributes { other, ..LayerAttributes::default() };
+    let size = Vec2(width as usize, height as usize);
+    Header::new(Text::default(), size, channels.collect())
+        .with_encoding(Compression::ZIP16, tiles, LineOrder::Increasing)
+        .with_attributes(layer)
+}
+
+/// The channels that the image fills, by name.
+fn channels(image: &Image) -> Vec<(&'static str, SampleType, &[f64])> {
+    let Image { means, errors, samples, tile_errors, .. } = image;
+    let all = [
+        (MEAN, SampleType::F32, Some(means)),
+        (SAMPLES, SampleType::U32, samples.as_ref()),
+        (ERROR, SampleType::F32, errors.as_ref()),
+        (SHARED, SampleType::F32, tile_errors.as_ref()),
+    ];
+    let all = all.into_iter();
+    all.filter_map(|(name, kind, v)| Some((name, kind, &v?[..]))).collect()
+}
+
+/// The numbers of a part of an image as they are in a block.
+fn bits(part: &Image) -> Vec<u32> {
+    let (channels, width) = (channels(part), part.width as usize);
+    let mut bits = Vec::with_capacity(channels.len() * part.means.len());
+    for first in (0..part.means.len()).step_by(width) {
+        for (_, kind, values) in &channels {
+            let row = values[first..first + width].iter();
+            match kind {
+                SampleType::U32 => bits.extend(row.map(|&n| n as u32)),
+                _ => bits.extend(row.map(|&x| (x as f32).to_bits())),
+            }
+        }
+    }
+    bits
 }
 
 const MEAN: &str = "Y";
@@ -81,12 +166,19 @@ fn attribute((name, value): (&String, &String)) -> (Text, AttributeValue) {
     (name, AttributeValue::Text(text(value)))
 }
 
-/// Sorts the attributes in the header of a file of one part by name.
-fn sort_attributes(file: &mut [u8]) {
+/// Sorts the attributes in the header of a file of one part by name, and
+/// fills in the checksum.
+fn finish_attributes(file: &mut [u8], checksum: &str) {
     let mut rest = &file[8..];
     let mut attributes = Vec::new();
+    let name = format!("{PREFIX}{CHECKSUM}\0");
     while let Some(length) = attribute_length(rest) {
         let (attribute, others) = rest.split_at(length);
+        let mut attribute = attribute.to_vec();
+        if attribute.starts_with(name.as_bytes()) {
+            attribute.truncate(length - checksum.len());
+            attribute.extend_from_slice(checksum.as_bytes());
+        }
         attributes.push(attribute);
         rest = others;
     }
@@ -109,24 +201,19 @@ fn attribute_length(header: &[u8]) -> Option<usize> {
 /// The attribute that holds the checksum.
 const CHECKSUM: &str = "checksum";
 
-/// SHA-256 of all that a file brings back, in hexadecimal digits.
-fn checksum(image: &Image) -> String {
+type Hash = [u8; 32];
+
+/// SHA-256 of all that a file brings back, in hexadecimal digits, given
+/// those of its blocks.
+fn checksum(image: &dyn Source, blocks: &[Hash]) -> String {
     let mut sum = Sha256::new();
-    // Add the size and the channels to the checksum
-    sum.update(image.width.to_le_bytes());
-    sum.update(image.height.to_le_bytes());
-    for channel in channels(image) {
-        sum.update(channel.name.as_slice());
-        match &channel.sample_data {
-            FlatSamples::U32(values) => {
-                values.iter().for_each(|n| sum.update(n.to_le_bytes()));
-            }
-            others => others
-                .values_as_f32()
-                .for_each(|x| sum.update(x.to_le_bytes())),
-        }
-    }
-    for (name, value) in &image.attributes {
+    let (width, height) = image.size();
+    sum.update(width.to_le_bytes());
+    sum.update(height.to_le_bytes());
+    let pixel = image.part(PIXEL);
+    channels(&pixel).iter().for_each(|(name, ..)| sum.update(name));
+    sum.update(blocks.as_flattened());
+    for (name, value) in image.attributes() {
         for text in [name, value] {
             sum.update((text.len() as u64).to_le_bytes());
             sum.update(text);
@@ -134,6 +221,26 @@ fn checksum(image: &Image) -> String {
     }
     let hex = |byte: u8| format!("{byte:02x}");
     sum.finalize().into_iter().map(hex).collect()
+}
+
+/// That of the numbers of a block.
+fn hash(bits: &[u32]) -> Hash {
+    let bytes: Vec<_> = bits.iter().map(|word| word.to_le_bytes()).collect();
+    Sha256::digest(bytes.as_flattened()).into()
+}
+
+/// The checksum of an image in memory.
+fn checksum_of(image: &Image) -> String {
+    let (columns, rows) = (0..image.width, 0..image.height);
+    let corners = rows.step_by(TILE).flat_map(|y| {
+        columns.clone().step_by(TILE).map(move |x| (x, y))
+    });
+    let size = |at: u32, end: u32| (end - at).min(TILE as u32);
+    let hashes = Vec::from_iter(corners).into_par_iter().map(|(x, y)| {
+        let size = (size(x, image.width), size(y, image.height));
+        hash(&bits(&image.part(Window { corner: (x, y), size })))
+    });
+    checksum(image, &hashes.collect::<Vec<_>>())
 }
 
 /// Reads the first layer of a file that has the channel `Y` or colours;
@@ -216,12 +323,12 @@ pub fn read(bytes: &[u8], note: Note) -> Result<Image, String> {
     };
     // Compare the checksum with the stated one
     let wrong = match stated {
-        Some(stated) => data != display || stated != checksum(&image),
+        Some(stated) => data != display || stated != checksum_of(&image),
         None => !image.attributes.is_empty(),
     };
     if wrong {
         return Err("its checksum is wrong: it is damaged, or another \
-                    program has changed it"
+                    program or version has written it"
             .to_owned());
     }
     Ok(image)

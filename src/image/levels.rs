@@ -11,7 +11,7 @@ use std::io;
 
 use rayon::prelude::*;
 
-use super::data::Means;
+use super::data::Source;
 use super::srgb::level;
 
 /// Width and height of a square in pixels.
@@ -20,7 +20,7 @@ const SIDE: usize = 16;
 /// Hands the means of the rows of each row of squares to `work`, of which
 /// one in `step` is enough.
 fn by_squares(
-    image: &dyn Means,
+    image: &dyn Source,
     step: usize,
     mut work: impl FnMut(&[f64]) -> io::Result<()>,
 ) -> io::Result<()> {
@@ -38,8 +38,8 @@ fn by_squares(
 
 /// The mean of each square, row by row, or of what is around it; empty if
 /// there are no gaps.
-fn fill(image: &dyn Means) -> io::Result<Vec<f64>> {
-    if !image.has_gaps() {
+fn fill(image: &dyn Source) -> io::Result<Vec<f64>> {
+    if image.sampled(image.window())[0] {
         return Ok(vec![]);
     }
     let width = image.size().0 as usize;
@@ -85,7 +85,7 @@ fn fill_gaps(squares: &mut [(f64, f64)], columns: usize) {
 /// Hands the levels of the pixels, encoded by the sRGB curve, to `write`,
 /// some rows at a time; `white` is the highest level.
 pub fn levels(
-    image: &dyn Means,
+    image: &dyn Source,
     white: u16,
     mut write: impl FnMut(&[u16]) -> io::Result<()>,
 ) -> io::Result<()> {

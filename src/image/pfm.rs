@@ -10,12 +10,12 @@
 
 use std::io::{self, Write};
 
-use super::data::{Image, Means, Note};
+use super::data::{Image, Note, Source};
 use super::pgm::{raster, word};
 use super::srgb::{COLOURS, mean};
 
 /// Writes the means, as numbers of least significant byte first.
-pub fn write(image: &dyn Means, out: &mut dyn Write) -> io::Result<()> {
+pub fn write(image: &dyn Source, out: &mut dyn Write) -> io::Result<()> {
     let (width, height) = image.size();
     write!(out, "Pf\n{width} {height}\n-1.0\n")?;
     let mut means = vec![0.; width as usize];

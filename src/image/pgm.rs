@@ -9,12 +9,12 @@
 
 use std::io::{self, Write};
 
-use super::data::{Image, Means, Note};
+use super::data::{Image, Note, Source};
 use super::levels::levels;
 use super::srgb::{LEVELS, radiance, whole};
 
 /// Writes the means as 256 levels, encoded by the sRGB curve.
-pub fn write(image: &dyn Means, out: &mut dyn Write) -> io::Result<()> {
+pub fn write(image: &dyn Source, out: &mut dyn Write) -> io::Result<()> {
     let (width, height) = image.size();
     writeln!(out, "P2 {width} {height}\n255")?;
     let words = Vec::from_iter((0..256).map(|level| format!("{level}\n")));

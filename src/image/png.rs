@@ -12,12 +12,12 @@ use std::io::{self, Cursor, Write};
 use png::{BitDepth, ColorType, Compression, Decoder, Encoder, Info};
 use png::{SrgbRenderingIntent, Transformations};
 
-use super::data::{Image, Means, Note, room};
+use super::data::{Image, Note, Source, room};
 use super::levels::levels;
 use super::srgb::{LEVELS, mean, radiance, whole};
 
 /// Writes the means as 65536 levels, encoded by the sRGB curve.
-pub fn write(image: &dyn Means, out: &mut dyn Write) -> io::Result<()> {
+pub fn write(image: &dyn Source, out: &mut dyn Write) -> io::Result<()> {
     let (width, height) = image.size();
     let mut encoder = Encoder::new(out, width, height);
     // Declare grey levels of the sRGB curve
