@@ -10,6 +10,8 @@
 
 use std::io::{self, Write};
 
+use rayon::prelude::*;
+
 use super::data::{Image, Note, Source};
 use super::pgm::{raster, word};
 use super::srgb::{COLOURS, mean};
@@ -18,11 +20,15 @@ use super::srgb::{COLOURS, mean};
 pub fn write(image: &dyn Source, out: &mut dyn Write) -> io::Result<()> {
     let (width, height) = image.size();
     write!(out, "Pf\n{width} {height}\n-1.0\n")?;
-    let mut means = vec![0.; width as usize];
-    for y in (0..height).rev() {
-        image.row(y, &mut means);
-        let bytes = means.iter().map(|&mean| (mean as f32).to_le_bytes());
-        out.write_all(bytes.collect::<Vec<_>>().as_flattened())?;
+    for rows in Vec::from_iter((0..height).rev()).chunks(16) {
+        let rows = rows.par_iter().map(|&y| {
+            let mut means = vec![0.; width as usize];
+            image.row(y, &mut means);
+            let bytes = means.iter().map(|&x| (x as f32).to_le_bytes());
+            bytes.collect::<Vec<_>>()
+        });
+        let rows: Vec<_> = rows.collect();
+        rows.iter().try_for_each(|row| out.write_all(row.as_flattened()))?;
     }
     Ok(())
 }

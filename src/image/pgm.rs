@@ -9,6 +9,8 @@
 
 use std::io::{self, Write};
 
+use rayon::prelude::*;
+
 use super::data::{Image, Note, Source};
 use super::levels::levels;
 use super::srgb::{LEVELS, radiance, whole};
@@ -18,12 +20,15 @@ pub fn write(image: &dyn Source, out: &mut dyn Write) -> io::Result<()> {
     let (width, height) = image.size();
     writeln!(out, "P2 {width} {height}\n255")?;
     let words = Vec::from_iter((0..256).map(|level| format!("{level}\n")));
-    let mut text = Vec::new();
     levels(image, 255, |levels| {
-        text.clear();
-        let words = levels.iter().map(|&level| &words[usize::from(level)]);
-        words.for_each(|word| text.extend_from_slice(word.as_bytes()));
-        out.write_all(&text)
+        let rows = levels.par_chunks(width as usize).map(|row| {
+            let mut text = Vec::with_capacity(4 * row.len());
+            let words = row.iter().map(|&level| &words[usize::from(level)]);
+            words.for_each(|word| text.extend_from_slice(word.as_bytes()));
+            text
+        });
+        let rows: Vec<_> = rows.collect();
+        rows.iter().try_for_each(|text| out.write_all(text))
     })
 }
 
