@@ -148,7 +148,10 @@ impl Window {
     pub fn rows(&self, first: u32, most: u32) -> Self {
         let (corner, size) = (self.corner, self.size);
         let height = most.min(size.1 - first);
-        Self { corner: (corner.0, corner.1 + first), size: (size.0, height) }
+        Self {
+            corner: (corner.0, corner.1 + first),
+            size: (size.0, height),
+        }
     }
 
     /// The number of rows of tiles that it touches.
@@ -273,7 +276,10 @@ impl Film {
     }
 
     /// A value of each pixel, row by row from the top left.
-    pub fn list(&self, of: impl Fn(&Accumulator) -> f64 + Sync) -> Vec<f64> {
+    pub fn list(
+        &self,
+        of: impl Fn(&Accumulator) -> f64 + Sync,
+    ) -> Vec<f64> {
         let rows = self.window.corner.1..self.window.end().1;
         let row = |y| self.strips(y).flatten().map(&of);
         rows.into_par_iter().flat_map_iter(row).collect()
@@ -360,7 +366,9 @@ impl<'a> Pixels<'a> {
                         let at = (y - corner.1) * size.0 + x - corner.0;
                         let pixels = &pixels[start + at as usize..];
                         let pairs = own.iter_mut().zip(pixels);
-                        pairs.for_each(|(value, pixel)| *value = of(place, pixel));
+                        pairs.for_each(|(value, pixel)| {
+                            *value = of(place, pixel)
+                        });
                     }
                 }
                 x = end;
@@ -660,8 +668,10 @@ impl Pixels<'_> {
     /// the neighbours out).
     pub fn errors(&self, worth: f64, window: Window) -> Vec<f64> {
         let variances = self.variances(window);
-        let (columns, rows) = (window.corner.0..window.end().0,
-            window.corner.1..window.end().1);
+        let (columns, rows) = (
+            window.corner.0..window.end().0,
+            window.corner.1..window.end().1,
+        );
         let row = |y| columns.clone().map(move |x| (x, y));
         let error = |(x, y)| self.film.error(&variances, worth, x, y);
         rows.flat_map(row).map(error).collect()
@@ -713,8 +723,13 @@ impl Film {
     }
 
     /// The standard error of a pixel, given the variances around it.
-    fn error(&self, variances: &Variances, worth: f64, x: u32, y: u32)
-        -> f64 {
+    fn error(
+        &self,
+        variances: &Variances,
+        worth: f64,
+        x: u32,
+        y: u32,
+    ) -> f64 {
         let own = variances.at(x, y);
         if !own.is_finite() {
             return own;

@@ -53,8 +53,6 @@ pub mod film;
 pub mod gather;
 pub mod image;
 pub mod integrator;
-#[cfg(feature = "mpi")]
-pub mod mpi;
 pub mod numerics;
 pub mod output;
 pub mod progress;
@@ -64,6 +62,7 @@ pub mod report;
 pub mod run_output;
 pub mod sampler;
 pub mod scene;
+pub mod session;
 pub mod shards;
 pub mod sky;
 pub mod statistics;

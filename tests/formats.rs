@@ -192,7 +192,8 @@ fn an_exr_file_of_a_film_is_that_of_its_image() {
             a.eq(b.iter().copied().map(bits))
         };
         let lists = |i: &Image| {
-            let Image { means, errors, samples, tile_errors, .. } = i.clone();
+            let Image { means, errors, samples, tile_errors, .. } =
+                i.clone();
             [Some(means), errors, samples, tile_errors].map(Option::unwrap)
         };
         for (a, b) in lists(&image).iter().zip(lists(&read)) {
