@@ -13,6 +13,8 @@
 //! The pixels of a tile hold the same samples, from the first on.
 
 use std::fmt;
+use std::num::{IntErrorKind, ParseIntError};
+use std::str::FromStr;
 
 use bytemuck::{Zeroable, zeroed_vec};
 use rand::RngExt;
@@ -40,6 +42,7 @@ pub struct Tile {
 
 /// A rectangle of pixels of an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(into = "String", try_from = "String")]
 pub struct Window {
     /// Column and row of its first pixel in the image.
     pub corner: (u32, u32),
@@ -53,6 +56,60 @@ impl fmt::Display for Window {
         let Self { corner: (x, y), size: (width, height) } = self;
         write!(out, "{x},{y},{width}x{height}")
     }
+}
+
+impl FromStr for Window {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let syntax = "expected a pixel and a size, as in 100,50,64x48";
+        let parts: Vec<&str> = text.split(',').collect();
+        let [x, y, size] = parts[..] else { return Err(syntax.to_owned()) };
+        let number = |text| digits(text).map_err(|_: ParseIntError| syntax);
+        let corner = (number(x)?, number(y)?);
+        Ok(Self { corner, size: parse_size(size)? })
+    }
+}
+
+impl From<Window> for String {
+    fn from(window: Window) -> Self {
+        window.to_string()
+    }
+}
+
+impl TryFrom<String> for Window {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        text.parse()
+    }
+}
+
+/// Reads a width and a height, as in 800x600.
+///
+/// # Errors
+/// The text is another, or a side is out of range.
+pub fn parse_size(text: &str) -> Result<(u32, u32), String> {
+    let syntax = "expected two integers around one x, as in 800x600";
+    let (width, height) = text.split_once('x').ok_or(syntax)?;
+    // Read one side of a size
+    let side = |text| match digits(text) {
+        Ok(0) => Err("an image has at least one pixel".to_owned()),
+        Ok(n @ 1..=MAX_SIDE) => Ok(n),
+        Err(e) if *e.kind() != IntErrorKind::PosOverflow => {
+            Err(syntax.to_owned())
+        }
+        _ => Err(format!("at most {MAX_SIDE} pixels a side")),
+    };
+    Ok((side(width)?, side(height)?))
+}
+
+const MAX_SIDE: u32 = 16384;
+
+/// An integer of digits alone.
+pub fn digits<N: FromStr>(text: &str) -> Result<N, N::Err> {
+    // The library would take a plus as well.
+    text.replace('+', "x").parse()
 }
 
 /// An image in the making, or a part of it: one accumulator per pixel.

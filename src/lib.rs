@@ -59,6 +59,7 @@ pub mod progress;
 pub mod render;
 pub mod render_loop;
 pub mod report;
+pub mod run_key;
 pub mod run_output;
 pub mod sampler;
 pub mod scene;

@@ -27,7 +27,7 @@ use crate::analysis::{Finding, Inquiry, SceneAnalysis, Shortcut};
 use crate::arguments::{Arguments, fail};
 use crate::bvh::{Bvh, Quality, too_small};
 use crate::camera::Camera;
-use crate::checkpoint::{Checkpoint, Known, RunKey};
+use crate::checkpoint::{Checkpoint, Known};
 use crate::compare::disagreements;
 use crate::film::{Film, Window};
 use crate::image::{Format, Image, Picture};
@@ -38,6 +38,7 @@ use crate::render::choice::{Choice, choose};
 use crate::render::method::{Method, Sampling, renderer};
 use crate::render_loop::{Convergence, Interrupt, Limits, Stop, Work};
 use crate::report::{Kind, Report, SceneFile};
+use crate::run_key::{RunKey, entries};
 use crate::run_output::{RunOutput, attributes};
 use crate::scene::{Scene, begins_obj, read_file};
 use crate::sky::Sky;
@@ -124,9 +125,9 @@ fn run(
         camera(arguments)?;
     }
     let (window, band) = (arguments.window()?, arguments.band()?);
+    start_threads(arguments)?;
     let mut files = Files::check(arguments, resumed)?;
     tell(ranks, &arguments.save());
-    start_threads(arguments)?;
     let (mut scene, mut known) = load(arguments, &files, ranks)?;
     let camera = camera(arguments)?;
     let kept = kept(arguments);
@@ -149,7 +150,6 @@ fn run(
         let choice = choice.to_string();
         known.settings.insert("choice".into(), choice.into());
     }
-    let mut run_key = run_key(arguments, &sampling, &known.scene.sha256);
     let film = sampling.film(arguments.resolution, band);
     // Say which part of the run is rendered
     let part = arguments.part(sampling.replicate);
@@ -157,8 +157,7 @@ fn run(
     let film = film.as_part(window, first);
     if let Some(part) = part {
         known.settings.insert("spp".into(), part.count().into());
-        known.settings.extend(part.entries());
-        run_key.extend(part.entries());
+        known.settings.extend(entries(&part));
         if part.count() == 0 && !arguments.quiet {
             progress::warn(&format!(
                 "the part has no sample: {} are placed together",
@@ -166,6 +165,15 @@ fn run(
             ));
         }
     }
+    // Collect all that decides the samples
+    let run_key = RunKey {
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        integrator: sampling.identity(),
+        scene_sha256: known.scene.sha256.clone(),
+        subject: arguments.subject(),
+        sampling,
+        part,
+    };
     let job = renderer(scene.0, &bvh, &inquiry, &analysis, &sampling);
     tell(ranks, &sampling);
     let resolution = arguments.resolution;
@@ -332,7 +340,7 @@ fn refuse_others(
     scene: Option<&String>,
 ) -> Result<(), String> {
     let theirs = &image.attributes;
-    let mut ours = attributes(&arguments.run_key());
+    let mut ours = attributes(&entries(&arguments.subject()));
     let scene = scene.or_else(|| theirs.get("scene_sha256"));
     ours.extend(scene.map(|hash| ("scene_sha256".into(), hash.clone())));
     match disagreements(theirs, &ours).join(", ") {
@@ -606,10 +614,10 @@ fn sampling(
 ) -> (Sampling, Option<Choice>) {
     // Find the method that is asked for
     let (seed, (_, analysis)) = (arguments.seed, what);
-    let saved = files.resumed.as_ref().map(|saved| &saved.known().run_key);
-    let begun = saved.and_then(|key| key.get("method")?.as_str());
+    let saved =
+        files.resumed.as_ref().map(|saved| saved.known().run_key.sampling);
     let known = analysis.known.is_all().then_some(Method::Reference);
-    let begun = begun.and_then(|method| method.parse().ok());
+    let begun = saved.map(|saved| saved.method);
     let method = arguments.integrator.0.or(begun).or(known);
     let area = u64::from(window.size.0) * u64::from(window.size.1);
     let timed = arguments
@@ -640,11 +648,9 @@ fn sampling(
         return (choice.sampling, Some(choice));
     }
     let method = method.unwrap_or(Method::Reference);
-    let mut sampling = Sampling::new(method, seed, samples, area);
-    let number = |name| saved?.get(name)?.as_u64();
-    sampling.replicate = number("replicate").unwrap_or(sampling.replicate);
-    sampling.training = number("training").unwrap_or(sampling.training);
-    sampling.control = number("sky_control").unwrap_or(sampling.control);
+    let new = Sampling::new(method, seed, samples, area);
+    let sampling =
+        saved.map_or(new, |saved| Sampling { method, seed, ..saved });
     (sampling, None)
 }
 
@@ -653,25 +659,6 @@ const SLOW: f64 = 1e6;
 
 /// Rays that a sample of a gather is guessed to have.
 const GATHER: f64 = 5.;
-
-/// All that decides the samples of a run.
-fn run_key(
-    arguments: &Arguments,
-    sampling: &Sampling,
-    sha256: &str,
-) -> RunKey {
-    let mut key = arguments.run_key();
-    key.insert("version".into(), env!("CARGO_PKG_VERSION").into());
-    key.insert("integrator".into(), sampling.identity().into());
-    key.insert("method".into(), sampling.method.to_string().into());
-    if sampling.method != Method::Reference {
-        key.insert("replicate".into(), sampling.replicate.into());
-        key.insert("training".into(), sampling.training.into());
-        key.insert("sky_control".into(), sampling.control.into());
-    }
-    key.insert("scene_sha256".into(), sha256.into());
-    key
-}
 
 impl Run<'_> {
     fn render(

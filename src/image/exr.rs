@@ -83,7 +83,10 @@ fn compress(
     let data = cast_slice(&bits).to_vec();
     let block = UncompressedBlock { index, data };
     let new = (block.compress_to_chunk(headers)?, hash(&bits));
-    Ok(if is_gap { gap.get_or_init(|| new).clone() } else { new })
+    if is_gap {
+        let _ = gap.set(new.clone());
+    }
+    Ok(new)
 }
 
 /// Width and height of a block in pixels.

@@ -12,7 +12,6 @@ use std::hint::black_box;
 use std::time::{Duration, Instant};
 
 use glam::DVec3;
-use litpt::checkpoint::Known;
 use litpt::film::Film;
 use litpt::output::OutputTarget;
 use litpt::render_loop::{Convergence, Interrupt, Limits};
@@ -21,6 +20,7 @@ use litpt::run_output::RunOutput;
 use litpt::statistics::Accumulator;
 use litpt_book::closed_forms::Setting;
 use litpt_book::courtyard::{mesh, view};
+use litpt_book::settings;
 
 use super::{Done, median};
 
@@ -52,8 +52,8 @@ fn measure(setting: &Setting) -> Result<[f64; 4], Box<dyn Error>> {
         (Kind::Csv, place("a.csv")?),
         (Kind::Html, place("a.html")?),
     ];
-    let (never, known) = (Duration::MAX, Known::default);
-    let mut run_output = RunOutput::new(reports, None, never, known());
+    let (never, known) = (Duration::MAX, settings::known(0));
+    let mut run_output = RunOutput::new(reports, None, never, known);
     let interrupt = Interrupt::default();
     let limits =
         Limits { samples: Some(SAMPLES), ..Limits::none(&interrupt) };
@@ -72,7 +72,8 @@ fn measure(setting: &Setting) -> Result<[f64; 4], Box<dyn Error>> {
     let weights = paths * weight() / rayon::current_num_threads() as f64;
     let checkpoint = Some(place("a.checkpoint")?);
     let now = Duration::ZERO;
-    let mut run_output = RunOutput::new(vec![], checkpoint, now, known());
+    let mut run_output =
+        RunOutput::new(vec![], checkpoint, now, settings::known(0));
     let save = || run_output.after(&convergence, &film);
     let checkpoint = seconds(save).expect("a checkpoint can be written");
     let percent = 100. / convergence.seconds;
