@@ -323,7 +323,7 @@ fn slow_to_write(place: &Scratch) -> Child {
     let id = child.id();
     wait_until(&mut child, "handler", || listens(id));
     // A box is read and built in some milliseconds.
-    thread::sleep(Duration::from_millis(500));
+    thread::sleep(Duration::from_millis(1000));
     child
 }
 
