@@ -530,13 +530,9 @@ fn explain(
     choice: Option<Choice>,
 ) -> Result<Stop, String> {
     let mut lines = String::new();
-    for Finding { fact, holds, why, saves } in &analysis.findings {
-        let (sign, would) = match holds {
-            true => ("left out", "saves"),
-            false => ("-", "would save"),
-        };
+    for Finding { fact, holds, why } in &analysis.findings {
+        let sign = if *holds { "left out" } else { "-" };
         lines += &format!("{fact:13}{sign:10}{why}\n");
-        lines += &format!("{:23}{would} {saves}\n", "");
     }
     let why = choice.map_or(method.to_string(), |why| why.to_string());
     lines += &format!("{:13}{why}\n", "method");
