@@ -16,7 +16,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::{self, Receiver, Sender};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
-use std::{array, fs, iter, panic, thread};
+use std::{array, iter, panic, thread};
 
 use litpt::film::{Film, SIDE, Watch, Window};
 use litpt::progress;
@@ -662,12 +662,11 @@ fn exchange(
 
 /// The nanoseconds that all threads of this process have computed.
 fn processor_time() -> u64 {
-    let status = fs::read_to_string("/proc/self/stat").unwrap_or_default();
-    // The name of the program, in parentheses, may have blanks.
-    let fields = status.rsplit(')').next().unwrap_or_default();
-    let ticks = fields.split_whitespace().skip(11).take(2);
-    let ticks = ticks.filter_map(|field| field.parse::<u64>().ok());
-    ticks.sum::<u64>() * 10_000_000
+    let mut time = libc::timespec { tv_sec: 0, tv_nsec: 0 };
+    let clock = libc::CLOCK_PROCESS_CPUTIME_ID;
+    // SAFETY: the time is written, and nothing else.
+    unsafe { libc::clock_gettime(clock, &mut time) };
+    time.tv_sec as u64 * 1_000_000_000 + time.tv_nsec as u64
 }
 
 #[cfg(test)]
