@@ -142,7 +142,7 @@ impl Bar {
         unit: &'static str,
         known: String,
     ) {
-        let mut progress = of(&self.progress);
+        let mut progress = locked(&self.progress);
         let is_new = progress.unit != unit;
         (progress.expected, progress.unit) = (all, unit);
         drop(progress);
@@ -158,7 +158,7 @@ impl Bar {
 
     /// Says that the run has been asked to stop.
     pub fn stop(&self) {
-        of(&self.progress).stopping = true;
+        locked(&self.progress).stopping = true;
     }
 
     /// Takes the bar away while something else is printed.
@@ -173,7 +173,7 @@ impl Bar {
 }
 
 /// What is shown, for this thread alone.
-fn of(progress: &Mutex<Progress>) -> MutexGuard<'_, Progress> {
+fn locked(progress: &Mutex<Progress>) -> MutexGuard<'_, Progress> {
     progress.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
@@ -183,15 +183,15 @@ fn style(progress: &Arc<Mutex<Progress>>, start: Instant) -> ProgressStyle {
     let [shown, told, unit] = [0; 3].map(|_| progress.clone());
     // Draw the bar, the time and the rate
     let done = move |state: &ProgressState, out: &mut dyn fmt::Write| {
-        let mut progress = of(&shown);
+        let mut progress = locked(&shown);
         progress.update(state.pos(), start.elapsed().as_secs_f64());
         let _ = write!(out, "{}", progress.bar(14));
     };
     let time = move |state: &ProgressState, out: &mut dyn fmt::Write| {
-        let _ = write!(out, "{}", of(&told).time(state.eta()));
+        let _ = write!(out, "{}", locked(&told).time(state.eta()));
     };
     let rate = move |state: &ProgressState, out: &mut dyn fmt::Write| {
-        let (rate, unit) = (metric(state.per_sec()), of(&unit).unit);
+        let (rate, unit) = (metric(state.per_sec()), locked(&unit).unit);
         let _ = write!(out, "{rate}{unit}/s");
     };
     style

@@ -82,7 +82,7 @@ pub trait Renderer {
 
     /// About how many rays it will learn from, for a film of so many
     /// pixels.
-    fn lesson_rays(&self, _area: u64) -> u64 {
+    fn training_rays(&self, _area: u64) -> u64 {
         0
     }
 

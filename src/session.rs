@@ -704,7 +704,7 @@ impl Run<'_> {
             let paths = convergence.spp.saturating_mul(area);
             bar.expect(paths, all, "paths", convergence.to_string());
         };
-        match job.lesson_rays(area) {
+        match job.training_rays(area) {
             0 => expect(convergence),
             rays => bar.expect(0, Some(rays), "rays", "learning, ".into()),
         }

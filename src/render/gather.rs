@@ -66,7 +66,7 @@ impl Renderer for Gather<'_> {
         rays.unwrap_or(0)
     }
 
-    fn lesson_rays(&self, area: u64) -> u64 {
+    fn training_rays(&self, area: u64) -> u64 {
         self.training + area.saturating_mul(2 * PILOT)
     }
 
