@@ -17,7 +17,6 @@ mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
 mod beam;
-mod huge_pages;
 mod intersector;
 mod spawn;
 mod traversal;

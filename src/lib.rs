@@ -53,6 +53,7 @@ pub mod film;
 pub mod gather;
 pub mod image;
 pub mod integrator;
+pub mod memory;
 #[cfg(feature = "mpi")]
 pub mod mpi;
 pub mod numerics;

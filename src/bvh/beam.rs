@@ -9,7 +9,6 @@
 
 use std::array;
 
-use bytemuck::Pod;
 
 use super::intersector::{BEAM, Hit};
 use super::spawn::hit;
@@ -233,10 +232,7 @@ pub unsafe fn first_hits<'a, const N: usize>(
     rays: &[Option<Ray>; BEAM],
     meet: impl Fn(Leaf<'a>, &Shear, (f64, &Margins)) -> Met,
     first_hit: impl Fn(&Ray) -> Option<Hit>,
-) -> [Option<Hit>; BEAM]
-where
-    Node<N>: Pod,
-{
+) -> [Option<Hit>; BEAM] {
     // Leave rays that are no beam alone
     let alone = |ray: &Option<Ray>| ray.as_ref().and_then(&first_hit);
     let Some(first) = rays.iter().flatten().next() else {

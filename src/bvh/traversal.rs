@@ -14,7 +14,6 @@
 use std::array;
 use std::mem::MaybeUninit;
 
-use bytemuck::Pod;
 use glam::DVec3;
 
 use super::intersector::{Hit, Intersector};
@@ -179,10 +178,7 @@ impl<'a> Stack<'a> {
 
     /// Lets the cache fetch the child that is taken next.
     #[inline(always)]
-    pub fn fetch<const N: usize>(&self, wide: &Wide<N>)
-    where
-        Node<N>: Pod,
-    {
+    pub fn fetch<const N: usize>(&self, wide: &Wide<N>) {
         #[cfg(target_arch = "x86_64")]
         if self.length > 0 {
             use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
@@ -247,10 +243,7 @@ pub unsafe fn traverse<'a, const N: usize, const ANY: bool, V>(
     enter: impl Fn(&Node<N>, &Slabs, f32) -> Entered<V>,
     push: impl Fn(&Node<N>, u32, &Entered<V>, &mut Stack) -> u32,
     meet: impl Fn(Leaf<'a>, &Shear, (f64, &Margins)) -> (u32, [f64; LANES]),
-) -> Search<'a>
-where
-    Node<N>: Pod,
-{
+) -> Search<'a> {
     let nodes: &[Node<N>] = &wide.nodes;
     let mut region = wide.region;
     let mut margins = region.margins(ray.origin);
@@ -373,10 +366,7 @@ pub unsafe fn hasten<
     enter: impl Fn(&Node<N>, &Slabs, f32) -> Entered<V>,
     push: impl Fn(&Node<N>, u32, &Entered<V>, &mut Stack) -> u32,
     meet: impl Fn(Leaf<'a>, &Shear, (f64, &Margins)) -> Met,
-) -> Option<Search<'a>>
-where
-    Node<N>: Pod,
-{
+) -> Option<Search<'a>> {
     // Leave rays to the first form
     let is_gated = !wide.gates.is_empty();
     if is_gated != GATED || !is_within_bounds(ray) {

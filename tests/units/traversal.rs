@@ -11,7 +11,6 @@ use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-use super::super::huge_pages::Pages;
 use super::super::triangle::{Leaves, units, write};
 use super::super::{avx2, avx512};
 use super::*;
@@ -337,7 +336,7 @@ fn random_leaf(random: &mut Random) -> (Leaves, usize) {
     let mut triangle = |i| (i, [corner(), corner(), corner()]);
     let triangles: Vec<_> = (0..count as u32).map(&mut triangle).collect();
     let room = UNIT * units(count) as usize;
-    let mut words = Pages::zeroed(room).expect("memory");
+    let mut words = vec![0; room];
     write(&mut words, &triangles);
     (Leaves { words }, count)
 }
