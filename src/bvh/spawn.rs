@@ -20,7 +20,7 @@ use super::triangle::{
     Leaf, NONE, Search, Shear, TriangleTest, clear, is_met, near, seen,
     size,
 };
-use super::wide::{Node, Wide};
+use super::wide::Wide;
 use crate::numerics::cross;
 use crate::scene::{Ray, Triangle, Triangles};
 

@@ -998,7 +998,8 @@ impl<'a> Part<'a> {
     ) -> io::Result<Vec<Node<N>>> {
         let pairs = self.plan.nodes.par_windows(2);
         let mut nodes = reserved(pairs.len())?;
-        let node = |pair: &[Planned]| self.node([&pair[0], &pair[1]], first);
+        let node =
+            |pair: &[Planned]| self.node([&pair[0], &pair[1]], first);
         pairs.map(node).collect_into_vec(&mut nodes);
         Ok(nodes)
     }
