@@ -32,6 +32,7 @@ impl Kernel<8> for Avx2 {
     }
 
     #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+    #[inline(never)]
     unsafe fn enable<R>(work: impl FnOnce() -> R) -> R {
         work()
     }
@@ -193,6 +194,7 @@ impl Kernel<16> for Avx512 {
     #[target_feature(
         enable = "avx512f,avx512vl,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt"
     )]
+    #[inline(never)]
     unsafe fn enable<R>(work: impl FnOnce() -> R) -> R {
         work()
     }

@@ -517,7 +517,7 @@ impl<const N: usize> Kernel<N> for Portable {
         true
     }
 
-    #[inline(always)]
+    #[inline(never)]
     unsafe fn enable<R>(work: impl FnOnce() -> R) -> R {
         work()
     }

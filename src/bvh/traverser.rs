@@ -38,6 +38,7 @@ impl<K: Kernel<N>, const N: usize> Traverser<K, N> {
     }
 
     /// Does `work` with the instructions.
+    #[inline(always)]
     fn enable<R>(&self, work: impl FnOnce() -> R) -> R {
         // SAFETY: a traverser exists only where its instructions do.
         unsafe { K::enable(work) }
@@ -56,31 +57,34 @@ impl<K: Kernel<N>, const N: usize> Traverser<K, N> {
         unsafe { walk::<K, N, ANY, true, false>(&self.wide, ray, slots) }
     }
 
-    /// The same through gates, or where something is doubtful.
-    #[cold]
-    #[inline(never)]
-    fn fall_back<'a, const ANY: bool>(
+    /// The answer of a search through gates, or where something is doubtful.
+    #[inline(always)]
+    fn search_again<'a, const ANY: bool, R>(
         &'a self,
         ray: &'a Ray,
-        (from, target): (Option<u32>, u32),
-    ) -> Search<'a> {
-        let Self { wide, .. } = self;
-        let found = self.enable(|| {
+        slots: (Option<u32>, u32),
+        answer: impl FnOnce(&Search) -> R,
+    ) -> R {
+        self.enable(|| {
             // SAFETY: as above.
-            unsafe {
-                match walk::<K, N, ANY, true, true>(
-                    wide,
-                    ray,
-                    (from, target),
-                ) {
-                    None => walk::<K, N, false, false, true>(
-                        wide,
-                        ray,
-                        (from, NONE),
-                    ),
-                    found => found,
-                }
-            }
+            let found = unsafe {
+                walk::<K, N, ANY, true, true>(&self.wide, ray, slots)
+            };
+            answer(&found.unwrap_or_else(|| self.fall_back(ray, slots.0)))
+        })
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn fall_back<'a>(
+        &'a self,
+        ray: &'a Ray,
+        from: Option<u32>,
+    ) -> Search<'a> {
+        let slots = (from, NONE);
+        // SAFETY: as above.
+        let found = self.enable(|| unsafe {
+            walk::<K, N, false, false, true>(&self.wide, ray, slots)
         });
         found.expect("only the fast path gives up")
     }
@@ -90,12 +94,12 @@ impl<K: Kernel<N>, const N: usize> Intersector for Traverser<K, N> {
     #[inline]
     fn first_hit(&self, ray: &Ray, from: Option<u32>) -> Option<Hit> {
         self.enable(move || {
-            let Self { wide, .. } = self;
-            match self.search::<false>(ray, (from, NONE)) {
+            let (wide, slots) = (&self.wide, (from, NONE));
+            match self.search::<false>(ray, slots) {
                 Some(search) => hit(wide, ray, from, &search),
                 None => {
-                    let search = self.fall_back::<false>(ray, (from, NONE));
-                    hit(wide, ray, from, &search)
+                    let hit = |s: &Search| hit(wide, ray, from, s);
+                    self.search_again::<false, _>(ray, slots, hit)
                 }
             }
         })
@@ -118,7 +122,8 @@ impl<K: Kernel<N>, const N: usize> Intersector for Traverser<K, N> {
             let search = self.search::<true>(ray, slots);
             search.map(|search| search.slot)
         });
-        let again = || self.fall_back::<true>(ray, slots).slot;
+        let again =
+            || self.search_again::<true, _>(ray, slots, |found| found.slot);
         slot.unwrap_or_else(again) == target
     }
 
