@@ -12,15 +12,13 @@
 //! and the test of a triangle are double precision.
 
 pub mod anatomy;
-#[cfg(target_arch = "x86_64")]
-mod avx2;
-#[cfg(target_arch = "x86_64")]
-mod avx512;
 mod beam;
-mod huge_pages;
 mod intersector;
+#[cfg(target_arch = "x86_64")]
+mod kernels;
 mod spawn;
 mod traversal;
+mod traverser;
 mod triangle;
 mod wide;
 
@@ -35,8 +33,11 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use crate::scene::{Ray, Scene, Triangle, Triangles};
+#[cfg(target_arch = "x86_64")]
+use kernels::{Avx2, Avx512};
+use traversal::{Kernel, Portable};
+use traverser::Traverser;
 use triangle::Leaf;
-use wide::Wide;
 
 /// Sets of instructions with which a hierarchy can be traversed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -57,9 +58,9 @@ impl Isa {
     pub fn is_available(self) -> bool {
         match self {
             #[cfg(target_arch = "x86_64")]
-            Self::Avx512 => avx512::is_available(),
+            Self::Avx512 => Avx512::is_available(),
             #[cfg(target_arch = "x86_64")]
-            Self::Avx2 => avx2::is_available(),
+            Self::Avx2 => Avx2::is_available(),
             #[cfg(not(target_arch = "x86_64"))]
             Self::Avx512 | Self::Avx2 => false,
             Self::Portable => true,
@@ -134,10 +135,10 @@ pub struct Bvh {
 
 enum Form {
     #[cfg(target_arch = "x86_64")]
-    Avx512(avx512::Traverser),
+    Avx512(Traverser<Avx512, 16>),
     #[cfg(target_arch = "x86_64")]
-    Avx2(avx2::Traverser),
-    Portable(traversal::Traverser),
+    Avx2(Traverser<Avx2, 8>),
+    Portable(Traverser<Portable, 8>),
 }
 
 macro_rules! with_traverser {
@@ -191,25 +192,21 @@ impl Bvh {
         if !isa.is_available() {
             return Err(BuildError::NoInstructions(isa));
         }
-        let missing = BuildError::NoInstructions(isa);
         let form = match isa {
             // Build for vectors of sixteen and eight
             #[cfg(target_arch = "x86_64")]
             Isa::Avx512 => {
-                let wide = Wide::new(triangles, quality, placed)?;
-                avx512::Traverser::new(wide).map(Form::Avx512)
+                Form::Avx512(Traverser::new(triangles, quality, placed)?)
             }
             #[cfg(target_arch = "x86_64")]
             Isa::Avx2 => {
-                let wide = Wide::new(triangles, quality, placed)?;
-                avx2::Traverser::new(wide).map(Form::Avx2)
+                Form::Avx2(Traverser::new(triangles, quality, placed)?)
             }
             _ => {
-                let wide = Wide::new(triangles, quality, placed)?;
-                Some(Form::Portable(traversal::Traverser(wide)))
+                Form::Portable(Traverser::new(triangles, quality, placed)?)
             }
         };
-        form.map(|form| Self { form }).ok_or(missing)
+        Ok(Self { form })
     }
 }
 
@@ -217,7 +214,7 @@ impl Bvh {
     /// The face of the file, from 0, that a `Hit::primitive` is part of.
     pub fn face(&self, primitive: u32) -> u32 {
         with_traverser!(self, traverser => {
-            traverser.wide().leaves.face(primitive)
+            traverser.wide.leaves.face(primitive)
         })
     }
 
@@ -231,7 +228,7 @@ impl Bvh {
     ) -> bool {
         let asked = |_: &Leaf, _, corners: &_| asked(corners);
         with_traverser!(self, traverser => {
-            traverser.wide().any([DVec3::MIN, DVec3::MAX], &enters, &asked)
+            traverser.wide.any([DVec3::MIN, DVec3::MAX], &enters, &asked)
         })
     }
 
@@ -240,7 +237,7 @@ impl Bvh {
         &self,
     ) -> Box<dyn Iterator<Item = (u32, Triangle)> + '_> {
         with_traverser!(self, traverser => {
-            let all = traverser.wide().triangles();
+            let all = traverser.wide.triangles();
             Box::new(all.map(|(slot, corners)| (self.face(slot), corners)))
         })
     }

@@ -16,12 +16,12 @@ use std::fmt;
 use std::num::{IntErrorKind, ParseIntError};
 use std::str::FromStr;
 
-use bytemuck::{Zeroable, zeroed_vec};
 use rand::RngExt;
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use crate::memory::zeroed;
 use crate::statistics::Accumulator;
 
 /// Width and height of a tile in pixels.
@@ -164,7 +164,7 @@ impl Film {
             tiles.push(Tile { corner, size, start, rank: rank as u32 });
             start += (size.0 * size.1) as usize;
         }
-        let pixels = zeroed(start);
+        let pixels = zeroed(start).expect("memory for a film");
         Self {
             resolution,
             window,
@@ -581,29 +581,6 @@ fn scattered(n: usize) -> impl Iterator<Item = usize> {
     let bits = all.end.trailing_zeros();
     let reversed = move |i: usize| i.reverse_bits().rotate_left(bits);
     all.map(reversed).filter(move |&i| i < n)
-}
-
-/// An array of zeros, of which the system gives a part when it is used.
-pub fn zeroed<T: Zeroable>(length: usize) -> Vec<T> {
-    let array = zeroed_vec(length);
-    #[cfg(target_os = "linux")]
-    ask_for_large_pages(&array);
-    array
-}
-
-/// Asks the system for pages of two megabytes, which it may refuse.
-#[cfg(target_os = "linux")]
-fn ask_for_large_pages<T>(array: &[T]) {
-    const LARGE: usize = 1 << 21;
-    let range = array.as_ptr_range();
-    let start = (range.start as usize).next_multiple_of(LARGE);
-    let length = (range.end as usize).saturating_sub(start);
-    if length >= 4 * LARGE {
-        let start = range.start.cast_mut().with_addr(start).cast();
-        // SAFETY: an advice on pages that lie within the array, which
-        // changes none of its bytes.
-        unsafe { libc::madvise(start, length, libc::MADV_HUGEPAGE) };
-    }
 }
 
 /// What is known about an image as a whole.

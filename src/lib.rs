@@ -53,6 +53,7 @@ pub mod film;
 pub mod gather;
 pub mod image;
 pub mod integrator;
+pub mod memory;
 pub mod numerics;
 pub mod output;
 pub mod progress;

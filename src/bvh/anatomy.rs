@@ -14,10 +14,10 @@ use glam::Vec3;
 use super::intersector::Hit;
 use super::spawn::hit;
 use super::traversal::{
-    Slabs, Stack, Waiting, distance, enter, look, push,
+    Kernel, Portable, RaySearch, Slabs, Stack, Waiting, distance, enter,
 };
 use super::triangle::{
-    GATES, LANES, LEAF, NONE, Search, Shear, UNIT, near, slots, units,
+    GATES, LANES, LEAF, NONE, Shear, UNIT, slots, units,
 };
 use super::wide::{Node, Quality, Wide};
 use crate::scene::{Ray, Scene};
@@ -73,11 +73,8 @@ impl Anatomy {
     ) -> (Vec<Step>, Option<Hit>) {
         let Self(wide) = self;
         // Walk and note each step
-        let mut margins = wide.region.margins(ray.origin);
         let mut slabs = Slabs::new(ray, &wide.region);
-        let shear = Shear::new(ray);
-        let mut search =
-            Search::new(&wide.leaves, (from, NONE), margins.size);
+        let mut search = RaySearch::new(wide, ray, (from, NONE));
         let (mut waiting, mut steps) = (Waiting::new(), vec![]);
         let mut stack = Stack::new(&mut waiting);
         let mut next = Some(0);
@@ -87,44 +84,36 @@ impl Anatomy {
                 // Go through a gate without a step
                 let way = wide.gates[(first - GATES) as usize];
                 slabs = Slabs::new(ray, &way.region);
-                margins = way.region.beyond_gate(ray.origin, search.root);
-                margins.near = margins.near.max(near(search.size));
+                search.go_to(&way.region);
                 if way.node.is_some() {
                     // SAFETY: no hierarchy is so deep that one is not left.
                     unsafe { stack.push(child + 1, 0.) };
                 }
-                let pop = || stack.pop(search.limit(&margins) as f32);
-                next = way.node.or_else(pop);
+                next = way.node.or_else(|| stack.pop(search.t_max()));
                 continue;
             }
             // Look at one child and choose the next
-            let t_max = search.limit(&margins) as f32;
             let (mask, nearest) = if child & LEAF == 0 {
                 let node = &wide.nodes[child as usize];
-                let met = enter(node, &slabs, t_max, distance);
+                let met = enter(node, &slabs, search.t_max(), distance);
                 let any = met.mask != 0;
                 // SAFETY: no hierarchy is so deep that less than 16 are left.
-                let push =
-                    || unsafe { push(node, slabs.shift, &met, &mut stack) };
+                let push = || unsafe {
+                    Portable::push(node, slabs.shift, &met, &mut stack)
+                };
                 (met.mask, any.then(push))
             } else {
                 // SAFETY: children with the bit LEAF are leaves that are there.
-                let leaf = unsafe { search.leaf(first, count) };
-                let query = (ray, &shear, &margins);
-                let met = look(
-                    &mut search,
-                    (first, leaf),
-                    query,
-                    |leaf, shear, _| leaf.meet(shear, &margins),
-                );
-                (met & ((1 << LANES) - 1), None)
+                let met = unsafe {
+                    search.look::<Portable, 16, false>((first, count))
+                };
+                (met.unwrap_or(0) & ((1 << LANES) - 1), None)
             };
-            next = nearest
-                .or_else(|| stack.pop(search.limit(&margins) as f32));
-            let (waiting, t_max) = (stack.length(), search.distance);
+            next = nearest.or_else(|| stack.pop(search.t_max()));
+            let (waiting, t_max) = (stack.length(), search.search.distance);
             steps.push(Step { child, mask, waiting, t_max });
         }
-        (steps, hit(wide, ray, from, &search))
+        (steps, hit(wide, ray, from, &search.search))
     }
 
     /// The boxes of the root's children, near to far, and whether a ray

@@ -9,17 +9,13 @@
 
 use std::array;
 
-use bytemuck::Pod;
-
 use super::intersector::{BEAM, Hit};
 use super::spawn::hit;
 use super::traversal::{
-    Met, ROUGH, Slabs, Stack, Waiting, distance, is_within_bounds,
+    Kernel, ROUGH, RaySearch, Slabs, Stack, Waiting, distance,
+    is_within_bounds,
 };
-use super::triangle::{
-    GATES, LANES, LEAF, Leaf, Leaves, Margins, NONE, Region, Search, Shear,
-    slot, slots,
-};
+use super::triangle::{LEAF, NONE, Region, slots};
 use super::wide::{Node, Wide};
 use crate::scene::Ray;
 
@@ -176,67 +172,17 @@ impl Beam {
     }
 }
 
-/// The search of one ray of a beam.
-struct RaySearch<'a> {
-    search: Search<'a>,
-    shear: Shear,
-    margins: Margins,
-}
-
-impl<'a> RaySearch<'a> {
-    #[inline(always)]
-    fn new(leaves: &'a Leaves, ray: &Ray, region: &Region) -> Self {
-        let margins = region.margins(ray.origin);
-        let search = Search::new(leaves, (None, NONE), margins.size);
-        Self { search, shear: Shear::new(ray), margins }
-    }
-
-    /// The end of the ray after the leaf of `count` triangles at unit
-    /// `first`; none if anything is doubtful.
-    ///
-    /// # Safety
-    /// The leaf is there, and what `meet` asks for holds.
-    #[inline(always)]
-    unsafe fn look(
-        &mut self,
-        (first, count): (u32, usize),
-        meet: &impl Fn(Leaf<'a>, &Shear, (f64, &Margins)) -> Met,
-    ) -> Option<f32> {
-        let Self { search, shear, margins } = self;
-        if first >= GATES {
-            return None;
-        }
-        // SAFETY: it is there, says the caller.
-        let leaf = unsafe { search.leaf(first, count) };
-        let limit = search.limit(margins);
-        let (mut left, distances) = meet(leaf, shear, (limit, margins))?;
-        // Take each lane of the mask
-        while left != 0 {
-            let lane = left.trailing_zeros();
-            let distance = distances[lane as usize % LANES];
-            let place = slot(first, lane);
-            search.take(place, distance, margins)?;
-            left &= left - 1;
-        }
-        Some(search.limit(margins) as f32)
-    }
-}
-
 /// The first hits of rays that leave no triangle, each the same as by
 /// `first_hit`.
 ///
 /// # Safety
-/// What `meet` asks for holds.
+/// The processor has the instructions of `K`.
 #[inline(always)]
-pub unsafe fn first_hits<'a, const N: usize>(
-    wide: &'a Wide<N>,
+pub unsafe fn first_hits<K: Kernel<N>, const N: usize>(
+    wide: &Wide<N>,
     rays: &[Option<Ray>; BEAM],
-    meet: impl Fn(Leaf<'a>, &Shear, (f64, &Margins)) -> Met,
     first_hit: impl Fn(&Ray) -> Option<Hit>,
-) -> [Option<Hit>; BEAM]
-where
-    Node<N>: Pod,
-{
+) -> [Option<Hit>; BEAM] {
     // Leave rays that are no beam alone
     let alone = |ray: &Option<Ray>| ray.as_ref().and_then(&first_hit);
     let Some(first) = rays.iter().flatten().next() else {
@@ -282,12 +228,14 @@ where
                 // Show a leaf to an active ray
                 if let Some(ray) = &rays[i] {
                     let search = searches[i].get_or_insert_with(|| {
-                        RaySearch::new(&wide.leaves, ray, &wide.region)
+                        RaySearch::new(wide, ray, (None, NONE))
                     });
-                    // SAFETY: children with the bit LEAF are leaves or gates.
-                    let t_max = unsafe { search.look(slots(child), &meet) };
-                    doubtful |= u32::from(t_max.is_none()) << i;
-                    beam.t_max[i] = t_max.unwrap_or(-1.);
+                    // SAFETY: without gates, children with the bit LEAF are leaves; the
+                    // processor has the instructions, says the caller.
+                    let met =
+                        unsafe { search.look::<K, N, true>(slots(child)) };
+                    doubtful |= u32::from(met.is_none()) << i;
+                    beam.t_max[i] = met.map_or(-1., |_| search.t_max());
                 }
                 active &= active - 1;
             }

@@ -12,7 +12,6 @@
 
 use std::f64::consts::FRAC_1_SQRT_2;
 
-use bytemuck::Pod;
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -21,7 +20,7 @@ use super::triangle::{
     Leaf, NONE, Search, Shear, TriangleTest, clear, is_met, near, seen,
     size,
 };
-use super::wide::{Node, Wide};
+use super::wide::Wide;
 use crate::numerics::cross;
 use crate::scene::{Ray, Triangle, Triangles};
 
@@ -56,10 +55,7 @@ pub fn hit<const N: usize>(
     ray: &Ray,
     left: Option<u32>,
     search: &Search,
-) -> Option<Hit>
-where
-    Node<N>: Pod,
-{
+) -> Option<Hit> {
     let (distance, primitive) = (search.distance, search.slot);
     if primitive == NONE {
         return None;
@@ -134,10 +130,7 @@ impl Arrival<'_> {
         wide: &Wide<N>,
         met: DVec3,
         deep: bool,
-    ) -> Option<DVec3>
-    where
-        Node<N>: Pod,
-    {
+    ) -> Option<DVec3> {
         let shear = Shear::new(self.ray);
         let left = self.left.map(|left| wide.leaves.triangle(left));
         let close = deep
@@ -165,10 +158,7 @@ impl Arrival<'_> {
         wide: &Wide<N>,
         shear: &Shear,
         met: DVec3,
-    ) -> bool
-    where
-        Node<N>: Pod,
-    {
+    ) -> bool {
         let gap = |at: f64| at - self.distance;
         let asked = |leaf: &Leaf, place, corners: &Triangle, size: f64| {
             let (lane, slot) = place;
@@ -231,10 +221,7 @@ impl Arrival<'_> {
         wide: &Wide<N>,
         shear: &Shear,
         met: DVec3,
-    ) -> DVec3
-    where
-        Node<N>: Pod,
-    {
+    ) -> DVec3 {
         let Ray { origin, direction } = *self.ray;
         let least = clear(size(self.distance, met));
         let mut back = (2. * least).max(clear(self.own));
@@ -255,10 +242,7 @@ impl Arrival<'_> {
         wide: &Wide<N>,
         shear: &Shear,
         point: DVec3,
-    ) -> bool
-    where
-        Node<N>: Pod,
-    {
+    ) -> bool {
         let is_in_the_way = |leaf: &Leaf,
                              place,
                              corners: &Triangle,
@@ -304,10 +288,7 @@ impl Around {
         wide: &Wide<N>,
         ray: &Ray,
         asked: &impl Fn(&Leaf, (usize, u32), &Triangle, f64) -> bool,
-    ) -> bool
-    where
-        Node<N>: Pod,
-    {
+    ) -> bool {
         let far = self.point.abs() + 2. * (self.point - ray.origin).abs();
         let away = self.part * far.max_element();
         let away = away.max(twice_close_by(self.least));

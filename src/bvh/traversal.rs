@@ -14,11 +14,8 @@
 use std::array;
 use std::mem::MaybeUninit;
 
-use bytemuck::Pod;
 use glam::DVec3;
 
-use super::intersector::{Hit, Intersector};
-use super::spawn::hit;
 use super::triangle::{
     GATES, LANES, LEAF, Leaf, Margins, NONE, Region, Search, Shear,
     TriangleTest, UNIT, near, slot, slots,
@@ -179,10 +176,7 @@ impl<'a> Stack<'a> {
 
     /// Lets the cache fetch the child that is taken next.
     #[inline(always)]
-    pub fn fetch<const N: usize>(&self, wide: &Wide<N>)
-    where
-        Node<N>: Pod,
-    {
+    pub fn fetch<const N: usize>(&self, wide: &Wide<N>) {
         #[cfg(target_arch = "x86_64")]
         if self.length > 0 {
             use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
@@ -234,46 +228,190 @@ pub struct Entered<V> {
     pub far: V,
 }
 
-/// The nearest of the triangles that `ray` meets, other than the first of
-/// the slots, or any with `ANY`.
+/// The instructions for nodes of `N` children.
+pub trait Kernel<const N: usize>: Sync + Sized {
+    /// A number for each child of a node.
+    type Vector;
+
+    /// Whether this processor has the instructions.
+    fn is_available() -> bool;
+
+    /// Does `work` with the instructions.
+    ///
+    /// # Safety
+    /// The processor has them.
+    unsafe fn enable<R>(work: impl FnOnce() -> R) -> R;
+
+    /// Which boxes of a node the ray of `slabs` enters before `t_max`.
+    ///
+    /// # Safety
+    /// The processor has the instructions.
+    unsafe fn enter(
+        node: &Node<N>,
+        slabs: &Slabs,
+        t_max: f32,
+    ) -> Entered<Self::Vector>;
+
+    /// Pushes the children entered from far to near; returns the nearest.
+    ///
+    /// # Safety
+    /// The processor has the instructions, no more than `STACK - N` children
+    /// wait, and one at least was entered.
+    unsafe fn push(
+        node: &Node<N>,
+        shift: u32,
+        entered: &Entered<Self::Vector>,
+        stack: &mut Stack,
+    ) -> u32;
+
+    /// The triangles of a leaf that a ray meets up to the distance `limit`.
+    /// Lanes that meet the ray beyond may or may not be in the mask.
+    ///
+    /// # Safety
+    /// The processor has the instructions, and the leaf is one of `Leaves`.
+    unsafe fn meet(
+        leaf: Leaf,
+        shear: &Shear,
+        limit: (f64, &Margins),
+    ) -> Met;
+}
+
+/// The lanes of a leaf that are met, as a mask, and the distances; none if
+/// the ray passes one of the triangles closely.
+pub type Met = Option<(u32, [f64; LANES])>;
+
+/// The search for the nearest of the triangles that a ray meets.
+pub struct RaySearch<'a> {
+    pub ray: &'a Ray,
+    pub shear: Shear,
+    pub margins: Margins,
+    pub search: Search<'a>,
+}
+
+impl<'a> RaySearch<'a> {
+    /// One that has met nothing, for a ray that left the first slot; the
+    /// second is offered ahead.
+    #[inline(always)]
+    pub fn new<const N: usize>(
+        wide: &'a Wide<N>,
+        ray: &'a Ray,
+        slots: (Option<u32>, u32),
+    ) -> Self {
+        let margins = wide.region.margins(ray.origin);
+        let search = Search::new(&wide.leaves, slots, margins.size);
+        Self { ray, shear: Shear::new(ray), margins, search }
+    }
+
+    /// The end of the ray, as boxes are compared with it.
+    #[inline(always)]
+    pub fn t_max(&self) -> f32 {
+        self.search.limit(&self.margins) as f32
+    }
+
+    /// Takes the triangles of a leaf that the ray meets, of `count` at unit
+    /// `first`; their mask. With `FAST`, none if anything is doubtful.
+    ///
+    /// # Safety
+    /// The leaf is there, and the processor has the instructions of `K`.
+    #[inline(always)]
+    pub unsafe fn look<K: Kernel<N>, const N: usize, const FAST: bool>(
+        &mut self,
+        (first, count): (u32, usize),
+    ) -> Option<u32> {
+        let Self { ray, shear, margins, search } = self;
+        let limit = search.limit(margins);
+        // SAFETY: it is there, says the caller.
+        let leaf = unsafe { search.leaf(first, count) };
+        // SAFETY: it is one of `Leaves`; the rest says the caller.
+        let met = unsafe { K::meet(leaf, shear, (limit, margins)) };
+        let (mask, distances) = match met {
+            None if FAST => return None,
+            _ => met.unwrap_or_else(|| leaf.meet(shear, margins)),
+        };
+        let mut left = mask;
+        while left != 0 {
+            // Take or offer one lane of the mask
+            let lane = left.trailing_zeros();
+            let distance = distances[lane as usize % LANES];
+            if FAST {
+                search.take(slot(first, lane), distance, margins)?;
+            } else {
+                search.offer((first, leaf), lane, distance, (ray, margins));
+            }
+            left &= left - 1;
+        }
+        Some(mask)
+    }
+
+    /// Takes the margins of a region beyond a gate, or around one.
+    #[inline(always)]
+    pub fn go_to(&mut self, region: &Region) {
+        let Self { ray, margins, search, .. } = self;
+        *margins = region.beyond_gate(ray.origin, search.root);
+        margins.near = margins.near.max(near(search.size));
+    }
+}
+
+/// The nearest of the triangles that a ray meets, other than the first of
+/// the slots. With `ANY`, the search ends as soon as another triangle than
+/// the second is the nearest. With `FAST`, none if anything is doubtful, or
+/// unless there are gates if `GATED` and none if not.
 ///
 /// # Safety
-/// What is asked of the functions holds.
+/// The processor has the instructions of `K`.
 #[inline(always)]
-pub unsafe fn traverse<'a, const N: usize, const ANY: bool, V>(
+pub unsafe fn walk<
+    'a,
+    K: Kernel<N>,
+    const N: usize,
+    const ANY: bool,
+    const FAST: bool,
+    const GATED: bool,
+>(
     wide: &'a Wide<N>,
-    ray: &Ray,
-    pair: (Option<u32>, u32),
-    enter: impl Fn(&Node<N>, &Slabs, f32) -> Entered<V>,
-    push: impl Fn(&Node<N>, u32, &Entered<V>, &mut Stack) -> u32,
-    meet: impl Fn(Leaf<'a>, &Shear, (f64, &Margins)) -> (u32, [f64; LANES]),
-) -> Search<'a>
-where
-    Node<N>: Pod,
-{
-    let nodes: &[Node<N>] = &wide.nodes;
-    let mut region = wide.region;
-    let mut margins = region.margins(ray.origin);
-    let mut search = Search::new(&wide.leaves, pair, margins.size);
+    ray: &'a Ray,
+    (from, target): (Option<u32>, u32),
+) -> Option<Search<'a>> {
+    if FAST && GATED == wide.gates.is_empty() {
+        return None;
+    }
+    let mut search = RaySearch::new(wide, ray, (from, target));
     // Let no ray start out of bounds
     if !is_within_bounds(ray) {
-        return search;
+        return Some(search.search);
+    }
+    // Offer the target first
+    if ANY && target != NONE {
+        if from == Some(target) {
+            return Some(search.search);
+        }
+        let RaySearch { shear, margins, search, .. } = &mut search;
+        let (leaf, lane) = wide.leaves.find(target);
+        match leaf.test(lane as usize, shear, margins.size) {
+            TriangleTest::Through(at) if at > -margins.near => {
+                search.take(target, at, margins)?;
+            }
+            TriangleTest::Beside(_) => return None,
+            _ => return Some(*search),
+        }
     }
     // Prepare to start at the root
-    let shear = Shear::new(ray);
+    let mut region = wide.region;
     let mut waiting = Waiting::new();
     let mut stack = Stack::new(&mut waiting);
     let mut child = 0;
     'walk: loop {
         let slabs = Slabs::new(ray, &region);
-        let mut t_max = search.limit(&margins) as f32;
+        let mut t_max = search.t_max();
         // Go from nodes to leaves
         let gate = loop {
             while child & LEAF == 0 {
                 // Choose among the children entered
                 // SAFETY: children without the bit LEAF are numbers of nodes.
-                let node = unsafe { nodes.get_unchecked(child as usize) };
-                let entered = enter(node, &slabs, t_max);
+                let node =
+                    unsafe { wide.nodes.get_unchecked(child as usize) };
+                // SAFETY: the caller has asked for the instructions.
+                let entered = unsafe { K::enter(node, &slabs, t_max) };
                 child = if entered.mask == 0 {
                     match stack.pop(t_max) {
                         Some(waiting) => waiting,
@@ -281,181 +419,35 @@ where
                     }
                 } else {
                     let shift = slabs.shift;
-                    let next = push(node, shift, &entered, &mut stack);
+                    // SAFETY: as above; no hierarchy is so deep that less than `N` are
+                    // left on the stack.
+                    let next = unsafe {
+                        K::push(node, shift, &entered, &mut stack)
+                    };
                     stack.fetch(wide);
                     next
                 };
             }
             // Offer the leaf's triangles and go on
             let (first, count) = slots(child);
-            if first >= GATES {
-                // Leave the region if the gate leads to something
-                let gate = &wide.gates[(first - GATES) as usize];
-                if gate.node.is_none() || search.enters(&gate.region, ray) {
-                    break gate;
-                }
-            } else {
-                // Offer the triangles of a leaf
-                // SAFETY: children with the bit LEAF are leaves that are there.
-                let leaf = unsafe { search.leaf(first, count) };
-                let query = (ray, &shear, &margins);
-                if look(&mut search, (first, leaf), query, &meet) != 0 {
-                    if ANY && search.slot != NONE {
-                        break 'walk;
-                    }
-                    t_max = search.limit(&margins) as f32;
-                }
-            }
-            match stack.pop(t_max) {
-                Some(waiting) => child = waiting,
-                None => break 'walk,
-            }
-        };
-        // Go through a gate
-        region = gate.region;
-        margins = region.beyond_gate(ray.origin, search.root);
-        margins.near = margins.near.max(near(search.size));
-        child = match gate.node {
-            Some(inner) => {
-                search.pass(&region, &margins);
-                // SAFETY: no hierarchy is so deep that one is not left.
-                unsafe { stack.push(child + 1, 0.) };
-                inner
-            }
-            None => match stack.pop(search.limit(&margins) as f32) {
-                Some(waiting) => waiting,
-                None => break 'walk,
-            },
-        };
-    }
-    search
-}
-
-/// Offers the triangles of a leaf that the ray meets; their mask.
-#[inline(always)]
-pub fn look<'a>(
-    search: &mut Search<'a>,
-    (first, leaf): (u32, Leaf<'a>),
-    (ray, shear, margins): (&Ray, &Shear, &Margins),
-    meet: impl Fn(Leaf<'a>, &Shear, (f64, &Margins)) -> (u32, [f64; LANES]),
-) -> u32 {
-    let limit = search.limit(margins);
-    let (met, distances) = meet(leaf, shear, (limit, margins));
-    // Offer each lane of the mask
-    let mut left = met;
-    while left != 0 {
-        let lane = left.trailing_zeros();
-        let distance = distances[lane as usize % LANES];
-        search.offer((first, leaf), lane, distance, (ray, margins));
-        left &= left - 1;
-    }
-    met
-}
-
-/// The same as `traverse`; none if the hierarchy has gates but is not
-/// `GATED`, or the other way round, or if anything is doubtful. With
-/// `ANY`, the search ends as soon as another triangle than the target,
-/// the second of the slots, is the nearest.
-///
-/// # Safety
-/// What is asked of the functions holds.
-#[inline(always)]
-pub unsafe fn hasten<
-    'a,
-    const N: usize,
-    const ANY: bool,
-    const GATED: bool,
-    V,
->(
-    wide: &'a Wide<N>,
-    ray: &Ray,
-    pair: (Option<u32>, u32),
-    enter: impl Fn(&Node<N>, &Slabs, f32) -> Entered<V>,
-    push: impl Fn(&Node<N>, u32, &Entered<V>, &mut Stack) -> u32,
-    meet: impl Fn(Leaf<'a>, &Shear, (f64, &Margins)) -> Met,
-) -> Option<Search<'a>>
-where
-    Node<N>: Pod,
-{
-    // Leave rays to the first form
-    let is_gated = !wide.gates.is_empty();
-    if is_gated != GATED || !is_within_bounds(ray) {
-        return None;
-    }
-    let nodes: &[Node<N>] = &wide.nodes;
-    let mut region = wide.region;
-    let mut margins = region.margins(ray.origin);
-    let mut search = Search::new(&wide.leaves, pair, margins.size);
-    // Prepare to start at the root
-    let shear = Shear::new(ray);
-    let mut waiting = Waiting::new();
-    let mut stack = Stack::new(&mut waiting);
-    let mut child = 0;
-    // Offer the target first
-    let (from, target) = pair;
-    if ANY && target != NONE {
-        if from == Some(target) {
-            return Some(search);
-        }
-        let (leaf, lane) = wide.leaves.find(target);
-        match leaf.test(lane as usize, &shear, margins.size) {
-            TriangleTest::Through(at) if at > -margins.near => {
-                search.take(target, at, &margins)?;
-            }
-            TriangleTest::Beside(_) => return None,
-            _ => return Some(search),
-        }
-    }
-    'walk: loop {
-        let slabs = Slabs::new(ray, &region);
-        let mut t_max = search.limit(&margins) as f32;
-        // Walk where nothing is doubtful
-        let gate = loop {
-            while child & LEAF == 0 {
-                // Choose among the children entered
-                // SAFETY: children without the bit LEAF are numbers of nodes.
-                let node = unsafe { nodes.get_unchecked(child as usize) };
-                let entered = enter(node, &slabs, t_max);
-                child = if entered.mask == 0 {
-                    match stack.pop(t_max) {
-                        Some(waiting) => waiting,
-                        None => break 'walk,
-                    }
-                } else {
-                    let shift = slabs.shift;
-                    let next = push(node, shift, &entered, &mut stack);
-                    stack.fetch(wide);
-                    next
-                };
-            }
-            let (first, count) = slots(child);
             if GATED && first >= GATES {
                 // Leave the region if the gate leads to something
                 let gate = &wide.gates[(first - GATES) as usize];
-                if gate.node.is_none() || search.enters(&gate.region, ray) {
+                if gate.node.is_none()
+                    || search.search.enters(&gate.region, ray)
+                {
                     break gate;
                 }
             } else {
-                // Take the triangles of a leaf
-                // SAFETY: children with the bit LEAF below the gates are leaves.
-                let leaf = unsafe { search.leaf(first, count) };
-                let limit = search.limit(&margins);
-                let (mut left, distances) =
-                    meet(leaf, &shear, (limit, &margins))?;
-                if left != 0 {
-                    let margins = &margins;
-                    // Take each lane of the mask
-                    while left != 0 {
-                        let lane = left.trailing_zeros();
-                        let distance = distances[lane as usize % LANES];
-                        let place = slot(first, lane);
-                        search.take(place, distance, margins)?;
-                        left &= left - 1;
-                    }
-                    if ANY && search.slot != target {
+                // SAFETY: as above; children with the bit LEAF below the gates
+                // are leaves that are there.
+                let met =
+                    unsafe { search.look::<K, N, FAST>((first, count))? };
+                if met != 0 {
+                    if ANY && search.search.slot != target {
                         break 'walk;
                     }
-                    t_max = search.limit(margins) as f32;
+                    t_max = search.t_max();
                 }
             }
             match stack.pop(t_max) {
@@ -465,27 +457,22 @@ where
         };
         // Go through a gate
         region = gate.region;
-        margins = region.beyond_gate(ray.origin, search.root);
-        margins.near = margins.near.max(near(search.size));
+        search.go_to(&region);
         child = match gate.node {
             Some(inner) => {
-                search.pass(&region, &margins);
+                search.search.pass(&region, &search.margins);
                 // SAFETY: no hierarchy is so deep that one is not left.
                 unsafe { stack.push(child + 1, 0.) };
                 inner
             }
-            None => match stack.pop(search.limit(&margins) as f32) {
+            None => match stack.pop(search.t_max()) {
                 Some(waiting) => waiting,
                 None => break 'walk,
             },
         };
     }
-    Some(search)
+    Some(search.search)
 }
-
-/// The lanes of a leaf that are met, as a mask, and the distances; none if
-/// it is doubtful which they are.
-pub type Met = Option<(u32, [f64; LANES])>;
 
 /// Which boxes of `node` a ray enters before `t_max`, where `distance`
 /// is that of a plane, given 1/d and o/d.
@@ -514,79 +501,63 @@ pub fn enter<const N: usize>(
     Entered { mask: (0..N).map(bit).sum(), near, far }
 }
 
-/// Pushes the children entered from far to near; returns the nearest.
-///
-/// # Safety
-/// The stack has room for `N` children.
-pub unsafe fn push<const N: usize>(
-    node: &Node<N>,
-    shift: u32,
-    entered: &Entered<[f32; N]>,
-    stack: &mut Stack,
-) -> u32 {
-    let slots = node.order.iter();
-    let slots = slots.map(|order| (order >> shift) as usize & (N - 1));
-    let mut met = slots.filter(|slot| entered.mask >> slot & 1 != 0);
-    let mut next = met.next().unwrap_or(0);
-    for slot in met {
-        // SAFETY: fewer than `N` children are pushed.
-        unsafe { stack.push(node.children[next], entered.near[next]) };
-        next = slot;
-    }
-    node.children[next]
-}
-
-/// A hierarchy that is traversed with what every processor has.
-pub struct Traverser(pub Wide<8>);
-
-impl Traverser {
-    pub fn wide(&self) -> &Wide<8> {
-        &self.0
-    }
-
-    fn search<const ANY: bool>(
-        &self,
-        ray: &Ray,
-        slots: (Option<u32>, u32),
-    ) -> Search<'_> {
-        // SAFETY: no hierarchy is so deep that less than 8 are left on the
-        // stack.
-        unsafe {
-            traverse::<8, ANY, [f32; 8]>(
-                &self.0,
-                ray,
-                slots,
-                |node, slabs, t_max| enter(node, slabs, t_max, distance),
-                |node, shift, met, stack| push(node, shift, met, stack),
-                |leaf, shear, (_, margins)| leaf.meet(shear, margins),
-            )
-        }
-    }
-}
-
 /// The distance of the plane `b`, with two roundings.
 #[inline(always)]
 pub fn distance(b: f32, inverse: f32, start: f32) -> f32 {
     b * inverse - start
 }
 
-impl Intersector for Traverser {
-    fn first_hit(&self, ray: &Ray, from: Option<u32>) -> Option<Hit> {
-        let search = self.search::<false>(ray, (from, NONE));
-        hit(&self.0, ray, from, &search)
+/// What every processor has.
+pub struct Portable;
+
+impl<const N: usize> Kernel<N> for Portable {
+    type Vector = [f32; N];
+
+    fn is_available() -> bool {
+        true
     }
 
-    fn is_occluded(&self, ray: &Ray, from: Option<u32>) -> bool {
-        self.search::<true>(ray, (from, NONE)).slot != NONE
+    #[inline(never)]
+    unsafe fn enable<R>(work: impl FnOnce() -> R) -> R {
+        work()
     }
 
-    fn is_visible(
-        &self,
-        ray: &Ray,
-        from: Option<u32>,
-        target: u32,
-    ) -> bool {
-        self.search::<false>(ray, (from, NONE)).slot == target
+    #[inline(always)]
+    unsafe fn enter(
+        node: &Node<N>,
+        slabs: &Slabs,
+        t_max: f32,
+    ) -> Entered<[f32; N]> {
+        enter(node, slabs, t_max, distance)
+    }
+
+    #[inline(always)]
+    unsafe fn push(
+        node: &Node<N>,
+        shift: u32,
+        entered: &Entered<[f32; N]>,
+        stack: &mut Stack,
+    ) -> u32 {
+        let slots = node.order.iter();
+        let slots = slots.map(|order| (order >> shift) as usize & (N - 1));
+        let mut met = slots.filter(|slot| entered.mask >> slot & 1 != 0);
+        let mut next = met.next().unwrap_or(0);
+        for slot in met {
+            // SAFETY: fewer than `N` children are pushed.
+            unsafe { stack.push(node.children[next], entered.near[next]) };
+            next = slot;
+        }
+        node.children[next]
+    }
+
+    #[inline(never)]
+    unsafe fn meet(
+        leaf: Leaf,
+        shear: &Shear,
+        (_, margins): (f64, &Margins),
+    ) -> Met {
+        let (mask, distances) = leaf.meet(shear, margins);
+        (mask >> LANES == 0).then_some((mask, distances))
     }
 }
 

@@ -12,7 +12,6 @@
 
 use glam::{DVec3, Vec3Swizzles};
 
-use super::huge_pages::Pages;
 use crate::numerics::{cross, difference_of_products};
 use crate::scene::{Ray, Triangle};
 
@@ -220,7 +219,7 @@ pub fn slot(first: u32, lane: u32) -> u32 {
 
 /// All leaves of a hierarchy, one after the other.
 pub struct Leaves {
-    pub words: Pages<u32>,
+    pub words: Vec<u32>,
 }
 
 impl Leaves {

@@ -13,7 +13,6 @@
 
 use std::{fmt, io, mem};
 
-use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::node::Bvh2Node;
@@ -22,11 +21,11 @@ use obvhs::bvh2::{Bvh2, DEFAULT_MAX_STACK_DEPTH};
 use obvhs::ploc::morton::morton_encode_u64_unorm;
 use rayon::prelude::*;
 
-use super::huge_pages::Pages;
 use super::triangle::{
     GATES, Gate, LANES, LEAF, Leaf, Leaves, Region, UNIT, leaf, slot,
     slots, units, write,
 };
+use crate::memory::{reserved, zeroed};
 use crate::scene::{Triangle, Triangles};
 
 /// How much work to put into a hierarchy.
@@ -145,13 +144,6 @@ impl<const N: usize> Node<N> {
         along(0) + along(1) + along(2)
     }
 }
-
-// SAFETY: each is 8 N numbers of four bytes, for which all bits are
-// valid, zeros among them; 32 N bytes are a multiple of 64 for these
-// two N, so that `repr(C, align(64))` adds no padding.
-unsafe impl<const N: usize> Zeroable for Node<N> {}
-unsafe impl Pod for Node<8> {}
-unsafe impl Pod for Node<16> {}
 
 const _: () = assert!(size_of::<Node<8>>() == 256);
 const _: () = assert!(size_of::<Node<16>>() == 512);
@@ -784,7 +776,7 @@ fn widest(points: impl Iterator<Item = DVec3>) -> usize {
 /// A tree with up to `N` children a node and four triangles a leaf.
 pub struct Wide<const N: usize> {
     /// Node 0 is the root. The numbers in `children` are valid.
-    pub nodes: Pages<Node<N>>,
+    pub nodes: Vec<Node<N>>,
     pub leaves: Leaves,
     /// Each with the way back after it.
     pub gates: Vec<Gate>,
@@ -792,10 +784,7 @@ pub struct Wide<const N: usize> {
     pub region: Region,
 }
 
-impl<const N: usize> Wide<N>
-where
-    Node<N>: Pod,
-{
+impl<const N: usize> Wide<N> {
     /// Builds the tree of triangles, on all threads, and tells `placed`
     /// how many are in it by now.
     ///
@@ -837,7 +826,7 @@ where
             quality,
             nodes: vec![],
             next: tops as u32,
-            words: Pages::zeroed(room)?,
+            words: zeroed(room)?,
             units: 0,
             gates: vec![],
             ways: 0,
@@ -861,7 +850,7 @@ where
         }
         // Join the roots of the parts
         if parts > 1 {
-            built.nodes.insert(0, Pages::zeroed(tops)?);
+            built.nodes.insert(0, vec![Node::EMPTY; tops]);
         }
         while roots.len() > 1 {
             let first = (roots.len() / N - 1) / (N - 1);
@@ -889,17 +878,13 @@ where
 
 /// The elements of all parts in one array; a part is given back when it
 /// is copied.
-fn joined<T: Pod>(mut parts: Vec<Pages<T>>) -> io::Result<Pages<T>> {
+fn joined<T: Copy>(mut parts: Vec<Vec<T>>) -> io::Result<Vec<T>> {
     if parts.len() == 1 {
         return Ok(parts.remove(0));
     }
-    let mut all = Pages::zeroed(parts.iter().map(|p| p.len()).sum())?;
-    // Copy the nodes part by part
-    let mut end = 0;
+    let mut all = reserved(parts.iter().map(Vec::len).sum())?;
     for part in parts {
-        let start = end;
-        end += part.len();
-        all[start..end].copy_from_slice(&part);
+        all.extend_from_slice(&part);
     }
     Ok(all)
 }
@@ -908,11 +893,11 @@ fn joined<T: Pod>(mut parts: Vec<Pages<T>>) -> io::Result<Pages<T>> {
 struct Built<const N: usize> {
     quality: Quality,
     /// The nodes of each.
-    nodes: Vec<Pages<Node<N>>>,
+    nodes: Vec<Vec<Node<N>>>,
     /// The number of the node that comes next.
     next: u32,
     /// The leaves, with room for as many as there may be.
-    words: Pages<u32>,
+    words: Vec<u32>,
     /// How many units of them are filled.
     units: u32,
     gates: Vec<Gate>,
@@ -920,10 +905,7 @@ struct Built<const N: usize> {
     ways: usize,
 }
 
-impl<const N: usize> Built<N>
-where
-    Node<N>: Pod,
-{
+impl<const N: usize> Built<N> {
     /// Fills the nodes and leaves of a part, and those of the trees
     /// beyond its gates.
     fn add(&mut self, part: Part) -> io::Result<()> {
@@ -1013,15 +995,12 @@ impl<'a> Part<'a> {
     fn nodes<const N: usize>(
         &self,
         first: &First,
-    ) -> io::Result<Pages<Node<N>>>
-    where
-        Node<N>: Pod,
-    {
+    ) -> io::Result<Vec<Node<N>>> {
         let pairs = self.plan.nodes.par_windows(2);
-        let mut nodes: Pages<Node<N>> = Pages::zeroed(pairs.len())?;
-        nodes.par_iter_mut().zip(pairs).for_each(|(place, pair)| {
-            *place = self.node([&pair[0], &pair[1]], first);
-        });
+        let mut nodes = reserved(pairs.len())?;
+        let node =
+            |pair: &[Planned]| self.node([&pair[0], &pair[1]], first);
+        pairs.map(node).collect_into_vec(&mut nodes);
         Ok(nodes)
     }
 
@@ -1120,10 +1099,7 @@ fn gather(
     gather(tree, node.first_index + 1, numbers, count)
 }
 
-impl<const N: usize> Wide<N>
-where
-    Node<N>: Pod,
-{
+impl<const N: usize> Wide<N> {
     /// Whether `asked` is true of a triangle, given its leaf, lane and
     /// slot, and its corners. Looks only into boxes that meet the one
     /// between two corners, and of which `enters` is true, given theirs.

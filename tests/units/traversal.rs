@@ -11,9 +11,8 @@ use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-use super::super::huge_pages::Pages;
+use super::super::kernels::{Avx2, Avx512};
 use super::super::triangle::{Leaves, units, write};
-use super::super::{avx2, avx512};
 use super::*;
 
 const CASES: usize = 1_000_000;
@@ -200,12 +199,12 @@ fn reach(random: &mut Random) -> f32 {
 
 #[test]
 fn eight_boxes_are_entered_as_one_by_one() {
-    if !avx2::is_available() {
+    if !Avx2::is_available() {
         return eprintln!("note: skipped, no AVX2");
     }
     // SAFETY: the processor has been asked; a register is eight numbers.
     compare_looks::<8>(|node, slabs, reach| unsafe {
-        let Entered { mask, near, far } = avx2::enter(node, slabs, reach);
+        let Entered { mask, near, far } = Avx2::enter(node, slabs, reach);
         let (near, far) = (
             transmute::<__m256, [f32; 8]>(near),
             transmute::<__m256, [f32; 8]>(far),
@@ -216,12 +215,12 @@ fn eight_boxes_are_entered_as_one_by_one() {
 
 #[test]
 fn sixteen_boxes_are_entered_as_one_by_one() {
-    if !avx512::is_available() {
+    if !Avx512::is_available() {
         return eprintln!("note: skipped, no AVX-512");
     }
     // SAFETY: as above, with sixteen.
     compare_looks::<16>(|node, slabs, reach| unsafe {
-        let Entered { mask, near, far } = avx512::enter(node, slabs, reach);
+        let Entered { mask, near, far } = Avx512::enter(node, slabs, reach);
         let (near, far) = (
             transmute::<__m512, [f32; 16]>(near),
             transmute::<__m512, [f32; 16]>(far),
@@ -288,7 +287,8 @@ fn compare_pushes<const N: usize>(
         let mut stack = random_stack::<N>(&mut one, &mut random.clone());
         let mut found = random_stack::<N>(&mut other, &mut random);
         // SAFETY: there is room for N more.
-        let expected = unsafe { push(&node, shift, &entered, &mut stack) };
+        let expected =
+            unsafe { Portable::push(&node, shift, &entered, &mut stack) };
         let next = pushes(&node, shift, entered, &mut found);
         assert_eq!(next, expected, "{shift} {node:?}");
         assert_eq!(waiting(found), waiting(stack));
@@ -297,7 +297,7 @@ fn compare_pushes<const N: usize>(
 
 #[test]
 fn eight_children_are_pushed_as_one_by_one() {
-    if !avx2::is_available() {
+    if !Avx2::is_available() {
         return eprintln!("note: skipped, no AVX2");
     }
     // SAFETY: the processor has been asked; a register is eight numbers.
@@ -308,13 +308,13 @@ fn eight_children_are_pushed_as_one_by_one() {
             transmute::<[f32; 8], __m256>(far),
         );
         let entered = Entered { mask, near, far };
-        avx2::push(node, shift, &entered, stack)
+        Avx2::push(node, shift, &entered, stack)
     });
 }
 
 #[test]
 fn sixteen_children_are_pushed_as_one_by_one() {
-    if !avx512::is_available() {
+    if !Avx512::is_available() {
         return eprintln!("note: skipped, no AVX-512");
     }
     // SAFETY: as above, with sixteen.
@@ -325,7 +325,7 @@ fn sixteen_children_are_pushed_as_one_by_one() {
             transmute::<[f32; 16], __m512>(far),
         );
         let entered = Entered { mask, near, far };
-        avx512::push(node, shift, &entered, stack)
+        Avx512::push(node, shift, &entered, stack)
     });
 }
 
@@ -337,7 +337,7 @@ fn random_leaf(random: &mut Random) -> (Leaves, usize) {
     let mut triangle = |i| (i, [corner(), corner(), corner()]);
     let triangles: Vec<_> = (0..count as u32).map(&mut triangle).collect();
     let room = UNIT * units(count) as usize;
-    let mut words = Pages::zeroed(room).expect("memory");
+    let mut words = vec![0; room];
     write(&mut words, &triangles);
     (Leaves { words }, count)
 }
@@ -361,7 +361,7 @@ fn ray_at(leaf: Leaf, random: &mut Random) -> Ray {
 
 #[test]
 fn four_triangles_are_met_as_one_by_one() {
-    if !avx2::is_available() {
+    if !Avx2::is_available() {
         return eprintln!("note: skipped, no AVX2");
     }
     let mut random = Random::seed_from_u64(6);
@@ -383,7 +383,7 @@ fn four_triangles_are_met_as_one_by_one() {
         };
         let expected = within(leaf.meet(&shear, &margins));
         // SAFETY: the processor has been asked.
-        let found = unsafe { avx2::meet(leaf, &shear, (limit, &margins)) };
+        let found = unsafe { Avx2::meet(leaf, &shear, (limit, &margins)) };
         let Some(found) = found.map(within) else { continue };
         assert_eq!(found, expected, "{:?} {ray:?}", leaf.words);
         met += found.len();

@@ -58,19 +58,13 @@ fn scenes() -> impl Iterator<Item = Scene> {
     sizes.into_iter().map(soup).chain([nested(2000), clusters()])
 }
 
-fn wide<const N: usize>(scene: &Scene) -> Wide<N>
-where
-    Node<N>: Pod,
-{
+fn wide<const N: usize>(scene: &Scene) -> Wide<N> {
     Wide::new(scene.indexed().clone(), Quality::Fast, &|_| ())
         .expect("memory for a test")
 }
 
 // Test that each triangle has a lane
-fn check_lanes<const N: usize>(scene: &Scene)
-where
-    Node<N>: Pod,
-{
+fn check_lanes<const N: usize>(scene: &Scene) {
     let wide = wide::<N>(scene);
     let triangles = scene.triangles();
     let mut seen = vec![0; triangles.len()];
@@ -93,10 +87,7 @@ where
 }
 
 /// The first unit and the count of each leaf, gates excepted.
-fn leaf_children<const N: usize>(wide: &Wide<N>) -> Vec<(u32, usize)>
-where
-    Node<N>: Pod,
-{
+fn leaf_children<const N: usize>(wide: &Wide<N>) -> Vec<(u32, usize)> {
     let children = wide.nodes.iter().flat_map(|node| node.children);
     let leaves = children.filter(|child| child & LEAF != 0).map(slots);
     leaves.filter(|leaf| leaf.0 < GATES).collect()
@@ -111,10 +102,7 @@ fn each_triangle_is_in_one_lane_of_one_leaf() {
 }
 
 // Test that each child has a parent
-fn check_children<const N: usize>(scene: &Scene)
-where
-    Node<N>: Pod,
-{
+fn check_children<const N: usize>(scene: &Scene) {
     let wide = wide::<N>(scene);
     let mut nodes = vec![0; wide.nodes.len()];
     nodes[0] = 1;
@@ -178,10 +166,7 @@ fn check_box<const N: usize>(
     child: u32,
     region: Region,
     outer: Option<&Aabb>,
-) -> Vec<Triangle>
-where
-    Node<N>: Pod,
-{
+) -> Vec<Triangle> {
     let inside = |inner: &Aabb| outer.is_none_or(|o| holds(o, inner));
     if child & LEAF == 0 {
         let node = &wide.nodes[child as usize];
@@ -207,10 +192,7 @@ where
     triangles
 }
 
-fn check_boxes<const N: usize>(scene: &Scene)
-where
-    Node<N>: Pod,
-{
+fn check_boxes<const N: usize>(scene: &Scene) {
     let wide = wide::<N>(scene);
     for node in &*wide.nodes {
         let empty = (0..N).filter(|&i| node.planes[0][i].is_infinite());
@@ -230,10 +212,7 @@ fn a_box_holds_the_padded_boxes_of_all_that_is_below() {
     }
 }
 
-fn check_levels<const N: usize>()
-where
-    Node<N>: Pod,
-{
+fn check_levels<const N: usize>() {
     let triangles = soup(3000).indexed().clone();
     let count = triangles.len();
     for above in 0..3 {
@@ -292,10 +271,7 @@ fn clusters_within_clusters_are_regions_of_their_own() {
 }
 
 // Test that orders are permutations
-fn check_orders<const N: usize>(scene: &Scene)
-where
-    Node<N>: Pod,
-{
+fn check_orders<const N: usize>(scene: &Scene) {
     for node in &*wide::<N>(scene).nodes {
         for octant in 0..8 {
             let lanes =
@@ -404,10 +380,7 @@ fn no_cut_costs_less_than_ours() {
 }
 
 // Test that deep trees are balanced
-fn levels<const N: usize>(wide: &Wide<N>) -> usize
-where
-    Node<N>: Pod,
-{
+fn levels<const N: usize>(wide: &Wide<N>) -> usize {
     let mut levels = vec![1; wide.nodes.len()];
     for (i, node) in wide.nodes.iter().enumerate() {
         for &child in
@@ -427,10 +400,7 @@ where
     levels.into_iter().max().unwrap_or(0)
 }
 
-fn check_depth<const N: usize>()
-where
-    Node<N>: Pod,
-{
+fn check_depth<const N: usize>() {
     let scene = nested(2000);
     let deep = chain(&scene);
     let plan = Plan::new::<N>(&deep);
