@@ -18,7 +18,7 @@ LOST := $(filter-out $(WEB) $(TOOL_WEB),$(wildcard chapters/*.nw noweb/chapters/
 
 # What is measured or installed is a Release.
 ifneq ($(filter measure stability% ablation start bench% mixtures install \
-  efficiency choice parts roofline unbiased mpi scaling, \
+  efficiency choice parts unbiased mpi scaling, \
   $(MAKECMDGOALS)),)
 override BUILD_TYPE = Release
 endif
@@ -67,7 +67,7 @@ help:
 	@echo 'make untangle  carry edits made under src/ back into the chapters'
 	@echo 'make watch   tangle and check whenever a chapter is saved (needs entr)'
 	@echo 'make chunk   list the root chunks; CHUNK="..." shows one chunk, expanded'
-	@echo 'make measure repeat the measurements that the book prints'
+	@echo 'make measure repeat how long the tool translates places'
 	@echo 'make stability  stiff and extreme cases, ten minutes; stability-full: hours'
 	@echo 'make ablation  what is saved by leaving out what a scene does not need'
 	@echo 'make bench   measure pt beside Embree; BENCH_SCENES="..." restricts it'
@@ -75,7 +75,6 @@ help:
 	@echo 'make efficiency  in which time pt reaches the error of Embree, some hours'
 	@echo 'make choice  what each method gains, and what a pilot foresees'
 	@echo 'make parts   what each part of a gather is worth, half an hour'
-	@echo 'make roofline  what the traversal of a ray reads, and its time'
 	@echo 'make unbiased  compare the means of two integrators, scene by scene'
 	@echo 'make scaling ranks here and, foreseen, on a cluster, a minute (needs MPI)'
 	@echo 'make start   measure what pt weighs before it does anything'

@@ -23,12 +23,9 @@ TABLES := $(BUILD_DIR)/examples.stamp \
   $(addprefix $(BUILD_DIR)/examples/session-,get.txt use.txt) $(addprefix $(BUILT)/,measured.tex \
   numbers.stamp turnaround.tex closed-forms.tex \
   calibration.stamp anatomy.stamp curve.csv counted.tex said.tex layers.tex \
-  nets.stamp scrambles.tex padding.tex pixels.csv \
-  qualities.tex leaks.tex origins.tex roulettes.tex stability.tex \
-  stability-full.tex ablation.tex layouts.tex \
-  abreast.tex beams.tex divisions.tex traversal.tex bench.tex efficiency.tex worth.tex gains.tex scaling.tex sizes.csv \
-  start.tex repeats.csv roofline.tex accumulators.tex accounting.tex alarms.tex \
-  thresholds.tex triangulations.tex ring.tex mixtures.tex \
+  nets.stamp stability.tex \
+  stability-full.tex ablation.tex traversal.tex bench.tex efficiency.tex worth.tex gains.tex scaling.tex sizes.csv \
+  start.tex mixtures.tex \
   mixtures-ball.csv)
 
 # ---- made with the book
@@ -44,9 +41,6 @@ $(BUILD_DIR)/figures/courtyard.png $(BUILD_DIR)/figures/courtyard.json &: \
 
 $(BUILT)/closed-forms.tex: $(BOOK) | $(BUILT)
 	$(BOOK) closed_forms > $@
-
-$(BUILT)/ring.tex: $(BOOK) | $(BUILT)
-	$(BOOK) ring > $@
 
 $(addprefix $(BUILT)/,anatomy.stamp calibration.stamp nets.stamp): \
   $(BUILT)/%.stamp: $(BOOK) | $(BUILT)
@@ -172,12 +166,7 @@ $(BUILT)/%.csv: $(MEASURED)/%.csv | $(BUILT)
 	grep -v '^#' $< > $@
 
 .PHONY: measure stability stability-full ablation start fuzz unbiased
-measure: $(BOOK) $(BUILD_DIR)/courtyard.obj
-	for part in qualities repeats leaks origins roulettes accumulators \
-	  accounting alarms loading thresholds scrambles padding pixels; do \
-	  $(RECORD) $$part $(BOOK) $$part $(BUILD_DIR)/courtyard.obj || exit 1; done
-	$(RECORD) triangulations $(CARGO) run --release -p litpt-book \
-	  --features polygons --bin polygons
+measure:
 	$(RECORD) translation $(CARGO) run --release -p noweb --example positions \
 	  litpt.nw
 
@@ -301,13 +290,6 @@ bench-traversal: bench-tools $(BOOK) $(call AND_VIEWS,$(COMPARED))
 	$(RECORD) traversal sh -c 'for scene in $(COMPARED); do \
 	  $(BOOK) traversal -i $$scene.obj $$(cat $$scene.view) -r 0.8 \
 	    -d 400x300 || exit 1; done | awk "!/^scene,/ || !head++"'
-
-# What the traversal of a ray reads, and how long it takes: seven minutes.
-.PHONY: roofline
-roofline: $(BOOK) $(call AND_VIEWS,$(COMPARED))
-	$(RECORD) roofline sh -c 'for scene in $(COMPARED); do \
-	  $(BOOK) roofline -i $$scene.obj $$(cat $$scene.view) -r 0.8 \
-	    || exit 1; done | awk "!/^scene,/ || !head++"'
 
 BESIDE_PEER = python3 $(SCRIPTS)/measure.py $(1) $(BUILD_DIR)/pt \
   $$(ls $(BENCH)/embree_pt 2> /dev/null) $(2)
@@ -507,13 +489,11 @@ $(GEOMETRY) $(GEOMETRY_TABLES) &: $(BOOK) | $(BUILD_DIR)/figures $(BUILT)
 
 # Rows of recorded tables that the book does not print: those whose fields,
 # with the name of the group in front, match.
-LEFT_OUT_layouts = ^(bytes as the|leaves of up to three|prefetch|the same)
 LEFT_OUT_stability = ^(icosphere [1-5]|all.*10.[36]|cavity.*scaled.*200|plane.*(e-30|e30),)
 LEFT_OUT_stability-full = ^icosphere [1-5]
 LEFT_OUT_mixtures = ^(ball,(100|1e4|1e8|1e10|1e11)|aside,(1e3|1e7|1e10)|(rim|sunk|cube),1e5|hair,1e4),
 LEFT_OUT_traversal = ,(litpt|Embree|Embree robust),1,
-LEFT_OUT_triangulations = ^(collinear|bridge|slanted|on a line),
-SHORTENED = layouts stability stability-full mixtures traversal triangulations
+SHORTENED = stability stability-full mixtures traversal
 $(SHORTENED:%=$(BUILT)/%.tex): $(BUILT)/%.tex: $(MEASURED)/%.csv \
   $(SCRIPTS)/table.awk | $(BUILT)
 	awk -F , -v out='$(LEFT_OUT_$*)' '/^#/ { print; next } \
@@ -540,14 +520,6 @@ $(BUILT)/bounces.tex $(filter $(BUILD_DIR)/figures/bounces-%,$(FIGURES)) &: \
 	$(BOOK) bounces $(BUILD_DIR)/figures > $(BUILT)/bounces.tex
 TABLES += $(BUILT)/bounces.tex
 
-# The gains of padding for nets of 64 points, scene by scene.
-TABLES += $(BUILT)/padding-64.csv
-$(BUILT)/padding-64.csv: $(MEASURED)/padding.csv | $(BUILT)
-	awk -F , '/^[^#]/ && $$1 != "scene" { if ($$1 != "") scene++; \
-	    if ($$3 == 64) gains[scene] = gains[scene] "," $$5 } \
-	  END { print "scene,independent,pairs,nets,sobol"; \
-	    for (i = 1; i <= scene; i++) print i - 1 gains[i] }' $< > $@
-
 # The first screen of a report, set from its parts.
 PAGE := $(BUILD_DIR)/figures/report-image.png $(BUILD_DIR)/figures/report-error.png
 PAGE_TABLES := $(addprefix $(BUILT)/report-,curve.tex captions.tex facts.tex head.tex)
@@ -565,8 +537,7 @@ $(PAGE) $(PAGE_TABLES) &: $(BUILD_DIR)/pt $(BUILD_DIR)/courtyard.obj \
 
 # ---- the program: figures
 
-TABLES += $(addprefix $(BUILT)/,scaling.csv roofline.csv sidak.tex \
-  scrambles-sizes.tex)
+TABLES += $(addprefix $(BUILT)/,scaling.csv sidak.tex)
 
 # From which |z| one of m tests fails, for two probabilities of a false alarm.
 $(BUILT)/sidak.tex: $(SCRIPTS)/sidak.py | $(BUILT)

@@ -7,7 +7,7 @@
 
 use std::error::Error;
 
-use super::{Done, median};
+use super::Done;
 use litpt::analysis::Shortcut;
 use litpt_book::settings::{Setting, all, named};
 use rayon::ThreadPoolBuilder;
@@ -94,4 +94,10 @@ fn samples(rounds: usize) -> Result<(), Box<dyn Error>> {
          {after:.3},{gain:.2},{rays:.2},{rays:.2}"
     );
     Ok(())
+}
+
+/// The middle of some numbers.
+fn median(mut numbers: Vec<f64>) -> f64 {
+    numbers.sort_by(f64::total_cmp);
+    numbers.get(numbers.len() / 2).copied().unwrap_or(f64::NAN)
 }
