@@ -24,7 +24,7 @@ TABLES := $(BUILD_DIR)/examples.stamp \
   numbers.stamp turnaround.tex closed-forms.tex \
   calibration.stamp anatomy.stamp curve.csv counted.tex said.tex layers.tex \
   nets.stamp stability.tex \
-  stability-full.tex ablation.tex traversal.tex bench.tex efficiency.tex worth.tex gains.tex scaling.tex sizes.csv \
+  ablation.tex traversal.tex bench.tex efficiency.tex worth.tex gains.tex scaling.tex sizes.csv \
   start.tex mixtures.tex \
   mixtures-ball.csv)
 
@@ -391,22 +391,6 @@ $(BUILT)/mixtures-ball.csv: $(MEASURED)/mixtures.csv | $(BUILT)
 	  $$1 == "ball" { print $$2, $$3 + 0 ? $$3 : "nan", $$5 + 0 ? $$5 : "nan", \
 	    off($$6), off($$8) }' $< $< > $@
 
-# The pictures of the ball, and those of an earlier program in at most a minute:
-# the pt of commit e1e8bf3 made those of doc/figures.
-BALLS = 1e3 1e5 1e6 1e7
-BALL = -i $(BENCH)/ball-$(1).obj $$(cat $(BENCH)/ball-$(1).view) -r 0.8 \
-  -d 160x120 -n 64 -f
-FIGURES += $(BALLS:%=$(BUILD_DIR)/figures/ball-%.png)
-
-$(BUILD_DIR)/figures/ball-%.png: $(BENCH)/ball-%.obj $(BENCH)/ball-%.view \
-  $(BUILD_DIR)/pt | $(BUILD_DIR)/figures
-	$(BUILD_DIR)/pt $(call BALL,$*) -o $@
-
-.PHONY: mixtures-before
-mixtures-before: $(call AND_VIEWS,$(BALLS:%=$(BENCH)/ball-%))
-	for r in $(BALLS); do $(BEFORE) $(call BALL,$$r) --time 60 \
-	  -o doc/figures/ball-$$r-before.png || exit 1; done
-
 # ---- samples and errors
 
 # The courtyard by two methods, with few and many samples. The white of all
@@ -490,10 +474,9 @@ $(GEOMETRY) $(GEOMETRY_TABLES) &: $(BOOK) | $(BUILD_DIR)/figures $(BUILT)
 # Rows of recorded tables that the book does not print: those whose fields,
 # with the name of the group in front, match.
 LEFT_OUT_stability = ^(icosphere [1-5]|all.*10.[36]|cavity.*scaled.*200|plane.*(e-30|e30),)
-LEFT_OUT_stability-full = ^icosphere [1-5]
 LEFT_OUT_mixtures = ^(ball,(100|1e4|1e8|1e10|1e11)|aside,(1e3|1e7|1e10)|(rim|sunk|cube),1e5|hair,1e4),
 LEFT_OUT_traversal = ,(litpt|Embree|Embree robust),1,
-SHORTENED = stability stability-full mixtures traversal
+SHORTENED = stability mixtures traversal
 $(SHORTENED:%=$(BUILT)/%.tex): $(BUILT)/%.tex: $(MEASURED)/%.csv \
   $(SCRIPTS)/table.awk | $(BUILT)
 	awk -F , -v out='$(LEFT_OUT_$*)' '/^#/ { print; next } \
