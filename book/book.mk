@@ -14,8 +14,7 @@ RECORD := sh $(SCRIPTS)/record
 LEARNT := $(addprefix $(BUILD_DIR)/figures/learnt-,$(addsuffix .png, \
   cache truth wrong claimed light guide cosine guided gather paths counts \
   even uneven))
-LEARNT_TABLES := $(addprefix $(BUILT)/,learnt.tex learnt-scatter.csv \
-  learnt-variances.csv learnt-course.csv learnt-rays.csv)
+LEARNT_TABLES := $(addprefix $(BUILT)/,learnt.tex learnt-variances.csv)
 FIGURES := $(BUILD_DIR)/figures/courtyard.png $(LEARNT)
 # The tool's book needs no program but the tool.
 TOOL_TABLES := $(addprefix $(BUILT)/,measured.tex editor.tex translation.tex)
@@ -115,7 +114,6 @@ $(BUILT)/measured.tex: $(SCRIPTS)/measured.awk $(wildcard $(MEASURED)/*.csv) \
 	awk -f $^ > $@
 
 COLUMNS_bench = 8
-COLUMNS_traversal = 6
 COLUMNS_mixtures = 8
 $(BUILT)/%.tex: $(MEASURED)/%.csv $(SCRIPTS)/table.awk | $(BUILT)
 	awk -v most=$(COLUMNS_$*) -v machine=$(@D)/$*-machine.tex \
@@ -127,40 +125,8 @@ $(BUILT)/efficiency.tex: $(MEASURED)/efficiency.csv $(SCRIPTS)/efficiency.awk \
 	awk -v machine=$(@D)/efficiency-machine.tex \
 	  -v curves=$(@D)/efficiency-curves.tex -f $(SCRIPTS)/efficiency.awk $< > $@
 
-# The chunks of each part of a gather; a minus takes those of another away.
-define PART_CHUNKS
-guides,,src/gather/guide.rs
-guides,,Make the guides
-cache,,src/gather/cache.rs
-cache,-,Make the guides
-cache,,Follow paths and record them
-cache,,Train a cache
-allocation,,Allocate the samples
-sharing,,Share an error among samples
-nets,,src/sampler/sobol.rs
-second gather,,Gather at a point
-many paths,,Choose the ends to correct
-correction,,src/gather/correction.rs
-everything,,src/gather.rs
-everything,,src/gather/guide.rs
-everything,,src/gather/cache.rs
-everything,,src/gather/training.rs
-everything,,src/gather/correction.rs
-everything,,src/render/gather.rs
-endef
-export PART_CHUNKS
-
-# Lines without blank ones and comments. A mended sentence changes none.
-$(BUILT)/parts-lines.csv: src/.tangled $(NOWEB) | $(BUILT)
-	@echo "$$PART_CHUNKS" | while IFS=, read -r part sign chunk; do \
-	  $(NOWEB) notangle -R"$$chunk" $(WEB) > $@.chunk || exit 1; \
-	  echo "$$part,$$sign$$(grep -cv '^ *\(//.*\)*$$' $@.chunk)"; done > $@
-	@rm $@.chunk
-
-$(BUILT)/worth.tex: $(BUILT)/parts-lines.csv $(MEASURED)/parts.csv \
-  $(SCRIPTS)/parts.awk
-	awk -v machine=$(@D)/worth-machine.tex -f $(SCRIPTS)/parts.awk \
-	  $(wordlist 1,2,$^) > $@
+$(BUILT)/worth.tex: $(MEASURED)/parts.csv $(SCRIPTS)/parts.awk
+	awk -v machine=$(@D)/worth-machine.tex -f $(SCRIPTS)/parts.awk $< > $@
 
 $(BUILT)/%.csv: $(MEASURED)/%.csv | $(BUILT)
 	grep -v '^#' $< > $@
@@ -457,14 +423,11 @@ $(PICTURED:%=$(BUILD_DIR)/figures/scene-%.png): $(BUILD_DIR)/figures/scene-%.png
 
 # ---- geometry: figures
 
-# Edges, vertices, boxes, cuts, tiles, a section and closed forms: half a
-# minute.
+# Edges, vertices, boxes, tiles and closed forms.
 GEOMETRY := $(addprefix $(BUILD_DIR)/figures/geometry-,$(addsuffix .png, \
   edge-single edge-double edge-exact vertex-single vertex-ours court \
-  boxes-2 boxes-3 looks tiles-statue tiles-field section-counts \
-  section-inside form-0 form-1 form-2 form-3 form-4 form-5))
-GEOMETRY_TABLES := $(addprefix $(BUILT)/,geometry.tex geometry-boxes.tex \
-  geometry-forms.tex geometry-cuts-courtyard.csv geometry-cuts-statue.csv)
+  boxes-2 boxes-3 tiles-statue tiles-field))
+GEOMETRY_TABLES := $(addprefix $(BUILT)/,geometry.tex geometry-boxes.tex)
 FIGURES += $(GEOMETRY)
 TABLES += $(GEOMETRY_TABLES)
 
