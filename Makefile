@@ -17,8 +17,8 @@ TOOL_WEB := noweb/noweb.nw $(TOOL_CHAPTERS)
 LOST := $(filter-out $(WEB) $(TOOL_WEB),$(wildcard chapters/*.nw noweb/chapters/*.nw))
 
 # What is measured or installed is a Release.
-ifneq ($(filter measure stability% ablation start bench% mixtures install \
-  efficiency choice parts unbiased mpi scaling, \
+ifneq ($(filter measure stability% ablation bench% mixtures install \
+  efficiency choice parts unbiased mpi, \
   $(MAKECMDGOALS)),)
 override BUILD_TYPE = Release
 endif
@@ -76,8 +76,6 @@ help:
 	@echo 'make choice  what each method gains, and what a pilot foresees'
 	@echo 'make parts   what each part of a gather is worth, half an hour'
 	@echo 'make unbiased  compare the means of two integrators, scene by scene'
-	@echo 'make scaling ranks here and, foreseen, on a cluster, a minute (needs MPI)'
-	@echo 'make start   measure what pt weighs before it does anything'
 	@echo 'make fuzz    random scenes, cameras, options and mixtures of scales, a minute'
 	@echo 'make clean   remove what was built'
 
@@ -236,7 +234,7 @@ pdf: check-tex $(VOLUMES:%=$(BUILD_DIR)/%.pdf) $(BUILD_DIR)/noweb.pdf
 
 # The books on the web, from what has been woven for the PDF.
 LUNR = /usr/share/javascript/lunr/lunr.min.js
-WEB_SCRIPTS := $(addprefix $(SCRIPTS)/,web.py web_play.py web_program.py \
+WEB_SCRIPTS := $(addprefix $(SCRIPTS)/,web.py web_program.py \
   web_reader.py)
 # $(call MAKE_SITE,WEB,RECORD,TEX_DIRECTORY,SITE)
 define MAKE_SITE
@@ -247,7 +245,7 @@ define MAKE_SITE
   ENCFONTS=doc: python3 $(SCRIPTS)/web.py $(NOWEB) $(1) $(2) $(3) $(4)
 endef
 
-html: pdf $(PLAYED) $(WEB_SCRIPTS) doc/web.css doc/web.js
+html: pdf $(WEB_SCRIPTS) doc/web.css doc/web.js
 	@command -v pandoc > /dev/null && command -v pdftocairo > /dev/null && \
 	  test -e $(LUNR) || { \
 	  echo 'error: make html needs pandoc, pdftocairo and lunr; install them by' >&2; \

@@ -19,12 +19,12 @@ FIGURES := $(BUILD_DIR)/figures/courtyard.png $(LEARNT)
 # The tool's book needs no program but the tool.
 TOOL_TABLES := $(addprefix $(BUILT)/,measured.tex editor.tex translation.tex)
 TABLES := $(BUILD_DIR)/examples.stamp \
-  $(addprefix $(BUILD_DIR)/examples/session-,get.txt use.txt) $(addprefix $(BUILT)/,measured.tex \
-  numbers.stamp turnaround.tex closed-forms.tex \
-  calibration.stamp anatomy.stamp curve.csv counted.tex said.tex layers.tex \
+  $(BUILD_DIR)/examples/session.txt $(addprefix $(BUILT)/,measured.tex \
+  turnaround.tex closed-forms.tex \
+  calibration.stamp anatomy.stamp curve.csv said.tex layers.tex \
   nets.stamp stability.tex \
-  ablation.tex traversal.tex bench.tex efficiency.tex worth.tex gains.tex scaling.tex sizes.csv \
-  start.tex mixtures.tex \
+  ablation.tex traversal.tex bench.tex efficiency.tex worth.tex gains.tex sizes.csv \
+  mixtures.tex \
   mixtures-ball.csv)
 
 # ---- made with the book
@@ -71,15 +71,9 @@ $(BUILD_DIR)/examples.stamp: $(NOWEB) $(BUILD_DIR)/pt $(BUILD_DIR)/ptimg \
 	@sh $(SCRIPTS)/ptimg.sh $(BUILD_DIR) $(BUILD_DIR)/examples
 	@touch $@
 
-# A terminal session: cloned and compiled when what says how has changed, and
-# used when the program has.
-SESSION := $(BUILD_DIR)/examples/session
-$(SESSION)-get.txt: $(SCRIPTS)/session.sh Makefile config.mk Cargo.toml \
-  Cargo.lock build.rs
-	sh $< get $(@D)
-
-$(SESSION)-use.txt: $(SCRIPTS)/session.sh $(BUILD_DIR)/pt
-	sh $< use $(@D) $(BUILD_DIR)
+# A terminal session.
+$(BUILD_DIR)/examples/session.txt: $(SCRIPTS)/session.sh $(BUILD_DIR)/pt
+	sh $< $(@D) $(BUILD_DIR)
 
 # The numbers in what they have said, and those of tables made with the book.
 SAID = info same other seeds few single pair white files
@@ -88,21 +82,9 @@ $(BUILT)/said.tex: $(SCRIPTS)/said.awk $(BUILD_DIR)/examples.stamp \
 	awk -f $< $(SAID:%=$(BUILD_DIR)/examples/%.txt) $(@D)/stopping.tex \
 	  $(@D)/unseen.tex > $@
 
-# What the text says about the courtyard and its image.
-$(BUILT)/counted.tex: $(SCRIPTS)/counted.awk $(BUILD_DIR)/courtyard.obj \
-  $(BUILD_DIR)/figures/courtyard.json | $(BUILT)
-	awk -f $^ > $@
-
 # The layers of the modules, as the test of imports has them.
 $(BUILT)/layers.tex: $(SCRIPTS)/layers.awk tests/layers.txt | $(BUILT)
 	awk -f $^ > $@
-
-# What the books say of themselves: how much of what is in them.
-$(BUILT)/numbers.stamp: $(WEB) $(TOOL_WEB) src/.tangled | $(BUILT)
-	@LC_ALL=C awk -v parts=$(@D)/parts.tex -f $(SCRIPTS)/numbers.awk \
-	  $(WEB) $(TOOL_WEB) $(wildcard src/*.rs src/*/*.rs noweb/src/*.rs \
-	    tests/*.rs tests/*/*.rs book/tests/*.rs noweb/tests/*.rs) > $(@D)/numbers.tex
-	@touch $@
 
 # ---- recorded
 
@@ -131,7 +113,7 @@ $(BUILT)/worth.tex: $(MEASURED)/parts.csv $(SCRIPTS)/parts.awk
 $(BUILT)/%.csv: $(MEASURED)/%.csv | $(BUILT)
 	grep -v '^#' $< > $@
 
-.PHONY: measure stability stability-full ablation start fuzz unbiased
+.PHONY: measure stability stability-full ablation fuzz unbiased
 measure:
 	$(RECORD) translation $(CARGO) run --release -p noweb --example positions \
 	  litpt.nw
@@ -160,18 +142,6 @@ stability-full: $(BOOK)
 ablation: $(BOOK)
 	$(RECORD) ablation $(BOOK) ablation 5
 
-# Ranks here and, as far as can be foreseen, on a cluster: a minute.
-.PHONY: scaling
-scaling: $(BUILD_DIR)/pt-mpi $(BUILD_DIR)/courtyard.obj
-	$(RECORD) scaling python3 $(SCRIPTS)/scaling.py $(BUILD_DIR)/pt-mpi \
-	  $(BUILD_DIR)/courtyard.obj $(CAMERA)
-
-# What the program weighs before it does anything, and what a triangle and a
-# pixel add.
-start: bench-tools $(BOOK)
-	$(RECORD) start python3 $(SCRIPTS)/start.py $(BUILD_DIR)/pt $(BOOK) \
-	  $$(ls $(BENCH)/embree_pt 2> /dev/null)
-
 # Whether two integrators have the same means in some twenty scenes.
 UNBIASED = reference reference
 unbiased: $(BOOK)
@@ -188,9 +158,8 @@ fuzz:
 
 # ---- pt beside Embree
 
-# What is measured: traversal alone, whole renders, one scene in several
-# sizes, and images of several sizes. "make bench" does all five in half
-# an hour, and each has a target of its own. KITCHEN=FILE adds the scene of
+# What is measured: traversal alone, whole renders, and one scene in several
+# sizes. "make bench" does all three in half an hour, and each has a target of its own. KITCHEN=FILE adds the scene of
 # that OBJ (or .obj.zst), which is not ours to give away, BENCH_LARGE=1 ten
 # million triangles. A run that is restricted replaces the tables of a whole
 # one.
@@ -208,13 +177,12 @@ AND_VIEWS = $(foreach scene,$(1),$(scene).obj $(scene).view)
 PEER ?= ../shared/peers/embree_pt.cpp
 EMBREE = /usr/include/embree3/rtcore.h
 
-.PHONY: bench bench-traversal bench-peer bench-avx2 bench-sizes bench-shapes \
-  bench-tools
+.PHONY: bench bench-traversal bench-peer bench-sizes bench-tools
 bench:
-	@for part in traversal peer avx2 sizes shapes; do \
+	@for part in traversal peer sizes; do \
 	  $(MAKE) --no-print-directory bench-$$part || exit 1; done
 	@python3 $(SCRIPTS)/measure.py show \
-	  $(patsubst %,$(MEASURED)/%.csv,traversal bench avx2 sizes shapes)
+	  $(patsubst %,$(MEASURED)/%.csv,traversal bench sizes)
 
 # field-1000 is the field with 1000 triangles.
 $(BENCH)/%.obj $(BENCH)/%.view: book/src/programs/scenes.rs \
@@ -263,21 +231,8 @@ BESIDE_PEER = python3 $(SCRIPTS)/measure.py $(1) $(BUILD_DIR)/pt \
 bench-peer: bench-tools $(call AND_VIEWS,$(COMPARED))
 	$(RECORD) bench $(call BESIDE_PEER,peer,$(COMPARED))
 
-# The peer limited to AVX2 as well; and our rate with the rays of a gather.
-bench-avx2: bench-tools $(call AND_VIEWS,$(COMPARED))
-	@if test -e $(BENCH)/embree_pt; then \
-	  sed 's/rtcNewDevice(nullptr)/rtcNewDevice("isa=avx2")/' '$(PEER)' | \
-	    g++ -O3 -march=native -fopenmp -x c++ - \
-	      -o $(BENCH)/embree_pt_avx2 -lembree3; \
-	fi
-	$(RECORD) avx2 python3 $(SCRIPTS)/measure.py avx2 $(BUILD_DIR)/pt \
-	  $$(ls $(BENCH)/embree_pt_avx2 2> /dev/null) $(COMPARED)
-
 bench-sizes: bench-tools $(call AND_VIEWS,$(SIZED))
 	$(RECORD) sizes $(call BESIDE_PEER,sizes,$(SIZED))
-
-bench-shapes: bench-tools $(call AND_VIEWS,$(BENCH)/courtyard)
-	$(RECORD) shapes $(call BESIDE_PEER,shapes,$(BENCH)/courtyard)
 
 # In which time pt reaches the error of the peer. After the @ stands the albedo
 # if it is not 0.8. The references take some four hours on an idle machine and
@@ -362,37 +317,19 @@ $(BUILT)/mixtures-ball.csv: $(MEASURED)/mixtures.csv | $(BUILT)
 # The courtyard by two methods, with few and many samples. The white of all
 # images of errors is the error WHITE.
 SAMPLED = $(foreach method,reference gather,$(addprefix $(method)-,1 16 256))
-RECORDED = reference-4096 gather-4096
-SHOWN = $(SAMPLED) $(RECORDED)
-ERRORS = $(filter-out %-1,$(SHOWN))
+ERRORS = $(filter-out %-1,$(SAMPLED))
 WHITE = 0.3
-# Those that the web shows besides.
-BETWEEN = $(foreach method,reference gather,$(addprefix $(method)-,4 64))
-PLAYED = $(BETWEEN:%=$(BUILD_DIR)/figures/samples-%.png) \
-  $(BETWEEN:%=$(BUILT)/rmse-%.tex)
-FIGURES += $(SHOWN:%=$(BUILD_DIR)/figures/samples-%.png) \
+FIGURES += $(SAMPLED:%=$(BUILD_DIR)/figures/samples-%.png) \
   $(ERRORS:%=$(BUILD_DIR)/figures/errors-%.png)
 TABLES += $(ERRORS:%=$(BUILT)/rmse-%.tex)
 
-$(patsubst %,$(BUILD_DIR)/figures/samples-%.exr,$(SAMPLED) $(BETWEEN)): \
+$(patsubst %,$(BUILD_DIR)/figures/samples-%.exr,$(SAMPLED)): \
   $(BUILD_DIR)/figures/samples-%.exr: $(BUILD_DIR)/pt \
   $(BUILD_DIR)/courtyard.obj | $(BUILD_DIR)/figures
 	$(BUILD_DIR)/pt $(CAMERA) -d 128x96 -r 0.8 -q -f \
 	  --integrator $(subst -, -n ,$*) -i $(BUILD_DIR)/courtyard.obj -o $@
 
-# Those of most samples take minutes, and are recorded.
-$(RECORDED:%=$(BUILD_DIR)/figures/samples-%.exr): \
-  $(BUILD_DIR)/figures/%: doc/figures/% | $(BUILD_DIR)/figures
-	cp $< $@
-
-.PHONY: samples
-samples: $(BUILD_DIR)/pt $(BUILD_DIR)/courtyard.obj
-	for method in reference gather; do \
-	  $(BUILD_DIR)/pt $(CAMERA) -d 128x96 -r 0.8 -q -f --integrator $$method \
-	    -n 4096 -i $(BUILD_DIR)/courtyard.obj \
-	    -o doc/figures/samples-$$method-4096.exr || exit 1; done
-
-$(patsubst %,$(BUILD_DIR)/figures/samples-%.png,$(SHOWN) $(BETWEEN)): \
+$(patsubst %,$(BUILD_DIR)/figures/samples-%.png,$(SAMPLED)): \
   %.png: %.exr $(BUILD_DIR)/ptimg
 	$(BUILD_DIR)/ptimg tonemap -f -o $@ $<
 
@@ -403,7 +340,7 @@ $(ERRORS:%=$(BUILD_DIR)/figures/errors-%.png): $(BUILD_DIR)/figures/errors-%.png
 	stops=$$(echo $$said | awk '{ print log($$NF / $(WHITE)) / log(2) }') && \
 	$(BUILD_DIR)/ptimg tonemap -f -e $$stops -o $@ $@ 2> /dev/null
 
-$(patsubst %,$(BUILT)/rmse-%.tex,$(ERRORS) $(BETWEEN)): $(BUILT)/rmse-%.tex: \
+$(patsubst %,$(BUILT)/rmse-%.tex,$(ERRORS)): $(BUILT)/rmse-%.tex: \
   $(BUILD_DIR)/figures/samples-%.exr $(BUILD_DIR)/ptimg | $(BUILT)
 	$(BUILD_DIR)/ptimg info $< | awk '/^ *rmse:/ { printf "%.4f%%\n", $$2 }' > $@
 
@@ -465,29 +402,6 @@ $(BUILT)/bounces.tex $(filter $(BUILD_DIR)/figures/bounces-%,$(FIGURES)) &: \
   $(BOOK) | $(BUILT) $(BUILD_DIR)/figures
 	$(BOOK) bounces $(BUILD_DIR)/figures > $(BUILT)/bounces.tex
 TABLES += $(BUILT)/bounces.tex
-
-# The first screen of a report, set from its parts.
-PAGE := $(BUILD_DIR)/figures/report-image.png $(BUILD_DIR)/figures/report-error.png
-PAGE_TABLES := $(addprefix $(BUILT)/report-,curve.tex captions.tex facts.tex head.tex)
-FIGURES += $(PAGE)
-TABLES += $(PAGE_TABLES)
-$(PAGE) $(PAGE_TABLES) &: $(BUILD_DIR)/pt $(BUILD_DIR)/courtyard.obj \
-  $(BUILT)/curve.csv $(SCRIPTS)/page.py
-	$(BUILD_DIR)/pt $(CAMERA) -d 96x72 -n 125 -r 0.8 -q -f \
-	  --integrator reference -i $(BUILD_DIR)/courtyard.obj \
-	  -o $(BUILD_DIR)/figures/report.exr \
-	  --reference $(BUILD_DIR)/figures/truth.exr \
-	  --report $(BUILD_DIR)/figures/report.html
-	python3 $(SCRIPTS)/page.py $(BUILD_DIR)/figures/report.html \
-	  $(BUILD_DIR)/figures $(BUILT)
-
-# ---- the program: figures
-
-TABLES += $(addprefix $(BUILT)/,scaling.csv sidak.tex)
-
-# From which |z| one of m tests fails, for two probabilities of a false alarm.
-$(BUILT)/sidak.tex: $(SCRIPTS)/sidak.py | $(BUILT)
-	python3 $< > $@
 
 # ---- the gather: figures
 

@@ -19,7 +19,6 @@ BEGIN {
   rows["mixtures"] = "mixture number"
   rows["parts"] = "scene part"
   rows["shortcuts"] = "scene shortcut"
-  rows["shapes"] = "width samples"
   rows["traversal"] = "scene contender threads"
 }
 FNR == 1 { table = FILENAME; gsub(/.*\/|[.]csv$/, "", table); head = 0 }

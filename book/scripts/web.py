@@ -9,17 +9,9 @@ site has the numbers of the PDF; OUT has web.css already, and the scripts. Prose
 goes through pandoc, formulas become MathML, chunks are set by this program, and
 the figures that LaTeX draws are compiled to SVG by one more run of pdflatex.
 NOWEB, the tool, says where each line of the files of RECORD comes from
-(web_program.py); what a reader looks things up by is in web_reader.py, and what
-a reader plays with in web_play.py. TEXINPUTS must be that of the book. Links
-that lead nowhere, formulas that pandoc cannot read, numbers that are missing and
+(web_program.py); what a reader looks things up by is in web_reader.py.
+TEXINPUTS must be that of the book. Links that lead nowhere, formulas that pandoc cannot read, numbers that are missing and
 files that differ when tangled from what a page shows are faults.
-
-Two programs that know more of TeX were tried on one chapter, on positions, of
-the tool's book. LaTeXML 0.8.7 takes 52 s of processor time without litpt.sty and
-gives up there, at 101 errors and 36 unknown macros; with it, it still reads
-expl3 after 81 s. tex4ht works in DVI mode, where litpt.sty's primitives of PDF
-stop it; without them it makes the chapter in 3 s, but no chunk is preformatted,
-so that code cannot be copied. This program makes all eleven chapters in 2.4 s.
 
 Copyright (C) 2026 litpt contributors
 Copying and distribution of this file, with or without modification, are
@@ -33,7 +25,6 @@ import re
 import subprocess
 import sys
 
-import web_play
 import web_program
 import web_reader
 
@@ -137,7 +128,7 @@ def chunk_label(label):
 
 
 def read_measured():
-    for name in ['measured.tex', 'said.tex', 'counted.tex', 'learnt.tex',
+    for name in ['measured.tex', 'said.tex', 'learnt.tex',
                  'geometry.tex', 'chance.tex', 'bounces.tex']:
         for m in re.finditer(
                 r'\\nwmeasured\{(.*?)\}\{(.*?)\}\{(.*?)\}\{(.*?)\}%',
@@ -401,8 +392,7 @@ class Chapter:
     def figure(self, m):
         alt = web_reader.alternative(m[0])
         return re.sub(r'<(?:img|embed) src="([^"]*)"[^>]*>', lambda img:
-                      f'<img src="{img[1]}" alt="{alt}">', m[0]
-                      ) + web_play.play(m[1], PATHS, OUT)
+                      f'<img src="{img[1]}" alt="{alt}">', m[0])
 
     def words(self, s):
         s = expand(s, 'InputIfFileExists', 3,
