@@ -22,9 +22,7 @@ use litpt::analysis::background::{
     BackgroundTiles, KnownPixels, TileContent,
 };
 use litpt::analysis::interior::*;
-use litpt::gather::cache::{
-    Cell, Grid, LEVELS, RadianceCache, Record, SKY,
-};
+use litpt::gather::cache::{Grid, RadianceCache, Record, SKY};
 use litpt::gather::guide::{self, BINS, Guide, bin, direction};
 use litpt::gather::training::train;
 use litpt::gather::{Allocation, Correction, Plan, Tracer};
@@ -837,32 +835,6 @@ fn an_edited_checkpoint_is_damaged_and_not_of_another_run() {
     let digit = file.windows(7).position(|w| w == b"\"seed\":");
     file[digit.unwrap() + 7] = b'3';
     assert_eq!(ask(&file), "is damaged: its checksum is wrong");
-}
-
-/// How old a page is at most when the run is killed after ten minutes.
-fn largest_lag(takes: f64) -> f64 {
-    let mut largest = 0f64;
-    for phase in 0..11_000 {
-        let mut now = f64::from(phase) * 1e-2;
-        let (mut page, mut next) = (0., 0.);
-        loop {
-            // End a pass, and write a page if it is due
-            now += 0.25;
-            let begun = now;
-            let due = now > 1.1 * page && now >= next;
-            if due {
-                now += takes;
-            }
-            if now > 600. {
-                break;
-            }
-            if due {
-                (page, next) = (begun, now + 100. * takes);
-            }
-        }
-        largest = largest.max(600. - page);
-    }
-    largest
 }
 
 #[test]

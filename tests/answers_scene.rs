@@ -12,9 +12,7 @@
 mod common;
 
 // Name what the answers up to sampling import
-use std::collections::BTreeSet;
 use std::f64::consts::FRAC_PI_2;
-use std::fs;
 use std::io::Write;
 
 use common::{ROOM, Scratch};
@@ -23,12 +21,12 @@ use glam::{DVec3, Vec3};
 use litpt::bvh::{Bvh, Hit, Intersector, Isa, Quality};
 use litpt::camera::{Camera, View};
 use litpt::film::Film;
-use litpt::numerics::{cross, exponent, normalise, power_of_two, shift};
+use litpt::numerics::{cross, power_of_two};
 use litpt::render::Renderer;
 use litpt::sampler::sobol::{ScrambledNet, scramble_key, to_unit};
 use litpt::sampler::{cosine_direction, generator, happens, within};
 use litpt::scene::{
-    Mesh, Ray, Scene, Triangle, Triangles, read_file, read_obj, scattered,
+    Mesh, Ray, Scene, Triangle, Triangles, read_file, read_obj,
 };
 use litpt::sky::Sky;
 use litpt::statistics::Accumulator;
@@ -48,17 +46,6 @@ fn near(mean: f64, expected: f64, variance: f64, n: u32) {
 }
 
 // Answer the exercises of the introduction
-/// The modules that the source of a module names.
-fn named_by(module: &str) -> BTreeSet<String> {
-    let path = format!("{}/src/{module}.rs", env!("CARGO_MANIFEST_DIR"));
-    let text = fs::read_to_string(path).unwrap();
-    let names = text.split("crate::").skip(1).map(|rest| {
-        let end = rest.find(|c: char| !c.is_alphanumeric() && c != '_');
-        rest[..end.unwrap()].to_owned()
-    });
-    names.collect()
-}
-
 /// What a path weighs between walls of albedo `rho` that see the
 /// sky with probability `s`.
 fn weight(rho: f64, s: f64, random: &mut Pcg64) -> f64 {
@@ -247,13 +234,6 @@ fn gzip(text: &[u8]) -> Vec<u8> {
     let mut encoder = GzEncoder::new(vec![], Compression::best());
     encoder.write_all(text).unwrap();
     encoder.finish().unwrap()
-}
-
-/// The beginning of a block of zstd, before its bytes.
-fn block(is_last: bool, kind: u32, length: usize) -> [u8; 3] {
-    let head = u32::from(is_last) | kind << 1 | (length as u32) << 3;
-    let [a, b, c, _] = head.to_le_bytes();
-    [a, b, c]
 }
 
 /// The checksum of gzip.
