@@ -123,14 +123,14 @@ bin: $(BUILD_DIR)/pt $(BUILD_DIR)/ptimg
 # The program on many processes. It needs an MPI library, and libclang to read
 # its headers: apt-get install libopenmpi-dev openmpi-bin libclang-dev.
 $(BUILD_DIR)/pt-mpi: $(SOURCES)
-	$(MAP) $(CARGO) build --profile $(PROFILE_$(BUILD_TYPE)) --features mpi --bin pt
-	@cp $(COMPILED)/pt $@.new && mv $@.new $@
+	$(MAP) $(CARGO) build --profile $(PROFILE_$(BUILD_TYPE)) -p litpt-mpi
+	@cp $(COMPILED)/pt-mpi $@.new && mv $@.new $@
 
 mpi: $(BUILD_DIR)/pt-mpi
 
 test-mpi: $(NOWEB)
-	$(MAP) $(CARGO) clippy --all-targets --features mpi -- -D warnings
-	$(MAP) $(CARGO) test --features mpi --lib --test mpi
+	$(MAP) $(CARGO) clippy -p litpt-mpi --all-targets -- -D warnings
+	$(MAP) $(CARGO) test -p litpt-mpi
 
 # The program of the book's own crate, which is not installed.
 BOOK := $(BUILD_DIR)/litpt-book
@@ -257,9 +257,10 @@ html: pdf $(WEB_SCRIPTS) doc/web.css doc/web.js
 # ---- is everything as it should be?
 
 test: $(NOWEB)
-	$(MAP) $(CARGO) test --workspace
+	$(MAP) $(CARGO) test --workspace --exclude litpt-mpi
 
-CLIPPY = $(CARGO) clippy --workspace --all-targets -- -D warnings
+CLIPPY = $(CARGO) clippy --workspace --exclude litpt-mpi \
+  --all-targets -- -D warnings
 clippy: $(NOWEB)
 	$(MAP) $(CLIPPY)
 

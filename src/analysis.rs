@@ -71,8 +71,6 @@ pub struct Finding {
     pub holds: bool,
     /// What was found, for people.
     pub why: String,
-    /// What it saves, or would save if it held, for people.
-    pub saves: String,
 }
 
 /// All that has been found about a scene, and what the renderer takes
@@ -112,16 +110,11 @@ impl SceneAnalysis {
         let (findings, known) = (vec![], KnownPixels::Nothing);
         let mut analysis = Self { findings, known, is_black: false };
         let wanted = |shortcut| !inquiry.kept.contains(&shortcut);
-        analysis.tell_of_the_scene(scene, intersector);
+        analysis.tell_of_the_scene(scene);
         // Look for the shortcuts that are wanted
         for kept in inquiry.kept {
             let why = "kept, and not looked for".to_owned();
-            analysis.tell(
-                kept.name(),
-                false,
-                why,
-                "an unknown part".to_owned(),
-            );
+            analysis.tell(kept.name(), false, why);
         }
         if wanted(Shortcut::Dark) {
             analysis.look_for_dark(scene, intersector, inquiry.camera);
@@ -142,18 +135,12 @@ impl SceneAnalysis {
         self.findings.iter().filter(|finding| finding.holds)
     }
 
-    fn tell(
-        &mut self,
-        name: &str,
-        holds: bool,
-        why: String,
-        saves: String,
-    ) {
+    fn tell(&mut self, name: &str, holds: bool, why: String) {
         let fact = name.to_owned();
-        self.findings.push(Finding { fact, holds, why, saves });
+        self.findings.push(Finding { fact, holds, why });
     }
 
-    fn tell_of_the_scene(&mut self, scene: &Scene, intersector: &Bvh) {
+    fn tell_of_the_scene(&mut self, scene: &Scene) {
         let (flat, copies) = scene.left_out();
         let words = [
             ("flat", flat, "without area"),
@@ -164,17 +151,7 @@ impl SceneAnalysis {
             if let Some(face) = faces.first() {
                 why += &format!(", the first in face {}", face + 1);
             }
-            // Count what is saved of the triangles
-            let saves = match faces.len() {
-                0 => "nothing".to_owned(),
-                n => {
-                    let kept = intersector.triangles().count();
-                    let all = kept + flat.len() + copies.len();
-                    let share = 100. * n as f64 / all as f64;
-                    format!("{n} of {all} triangles ({share:.1} %)")
-                }
-            };
-            self.tell(name, !faces.is_empty(), why, saves);
+            self.tell(name, !faces.is_empty(), why);
         }
     }
 
@@ -209,8 +186,7 @@ impl SceneAnalysis {
             Ok(false) => "no closed surface around the camera".to_owned(),
             Err(face) => format!("the camera is on face {}", face + 1),
         };
-        let saves = "all rays".to_owned();
-        self.tell(Shortcut::Dark.name(), dark == Ok(true), why, saves);
+        self.tell(Shortcut::Dark.name(), dark == Ok(true), why);
     }
 
     fn look_for_background(
@@ -235,21 +211,11 @@ impl SceneAnalysis {
             }
             _ => format!(
                 "{empty} of {count} tiles of the image see no triangle: no \
-                 ray is traced there"
+                 ray is traced in {pixels} of {} pixels",
+                u64::from(resolution.0) * u64::from(resolution.1)
             ),
         };
-        // Count the rays that empty tiles save
-        let all = u64::from(resolution.0) * u64::from(resolution.1);
-        let share = 100. * pixels as f64 / all as f64;
-        let saves = match empty {
-            0 => "one ray a sample in each pixel of such a tile".to_owned(),
-            _ if empty == count => "all rays".to_owned(),
-            _ => format!(
-                "at most one ray a sample in {pixels} of {all} pixels \
-                 ({share:.1} %)"
-            ),
-        };
-        self.tell(Shortcut::Background.name(), empty > 0, why, saves);
+        self.tell(Shortcut::Background.name(), empty > 0, why);
         if empty > 0 {
             self.known = KnownPixels::Background(tiles);
         }
@@ -264,9 +230,8 @@ impl SceneAnalysis {
             }
             false => "surfaces reflect",
         };
-        let saves = "no ray, but time: any hit ends a ray".to_owned();
         let name = Shortcut::Black.name();
-        self.tell(name, self.is_black, why.to_owned(), saves);
+        self.tell(name, self.is_black, why.to_owned());
     }
 
     /// The intersector and the integrator that are needed, in words.

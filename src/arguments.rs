@@ -19,7 +19,6 @@ use std::num::{IntErrorKind, ParseIntError};
 use std::os::unix::ffi::{OsStrExt, OsStringExt};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::str::FromStr;
 use std::time::{Duration, Instant};
 
 use anstream::{AutoStream, ColorChoice};
@@ -35,14 +34,15 @@ use serde_json::{Map, Value, json};
 use crate::analysis::Shortcut;
 use crate::bvh::Isa;
 use crate::camera::{View, typed};
-use crate::checkpoint::{Checkpoint, RunKey};
-use crate::film::Window;
+use crate::checkpoint::Checkpoint;
+use crate::film::{Window, digits, parse_size};
 use crate::image::Format;
 use crate::output::{ImageTarget, OutputTarget, descriptor};
 use crate::progress;
 use crate::render::method::Wanted;
 use crate::report::Kind;
-use crate::shards::{Part, is_state_name};
+use crate::run_key::{Part, Subject, entries};
+use crate::shards::is_state_name;
 
 /// Renders a Wavefront OBJ of one diffuse material under a uniform sky.
 #[derive(Clone, Debug, Parser, Serialize, Deserialize)]
@@ -53,14 +53,17 @@ pub struct Arguments {
     /// Resolution of the image in pixels, each at most 16384
     #[arg(short = 'd', long, visible_alias = "definition",
           value_name = "WIDTHxHEIGHT",
-          default_value = "320x240", value_parser = parse_resolution,
+          default_value = "320x240", value_parser = parse_size,
           allow_hyphen_values = true)]
     pub resolution: (u32, u32),
 
     /// Render only this part: the column and row of its first pixel, and its
     /// size, as in 100,50,64x48
-    #[arg(long, value_name = "X,Y,WIDTHxHEIGHT", value_parser = parse_crop,
-          allow_hyphen_values = true)]
+    #[arg(
+        long,
+        value_name = "X,Y,WIDTHxHEIGHT",
+        allow_hyphen_values = true
+    )]
     pub crop: Option<Window>,
 
     /// Samples (paths) per pixel [default: 1]; an upper bound with
@@ -242,38 +245,6 @@ pub const STYLES: Styles = Styles::styled()
     .header(Style::new().effects(Effects::BOLD))
     .usage(Style::new().effects(Effects::BOLD))
     .literal(Style::new().effects(Effects::BOLD));
-
-fn parse_resolution(text: &str) -> Result<(u32, u32), String> {
-    let syntax = "expected two integers around one x, as in 800x600";
-    let (width, height) = text.split_once('x').ok_or(syntax)?;
-    // Read one side of the resolution
-    let side = |text| match digits(text) {
-        Ok(0) => Err("an image has at least one pixel".to_owned()),
-        Ok(n @ 1..=MAX_SIDE) => Ok(n),
-        Err(e) if *e.kind() != IntErrorKind::PosOverflow => {
-            Err(syntax.to_owned())
-        }
-        _ => Err(format!("at most {MAX_SIDE} pixels a side")),
-    };
-    Ok((side(width)?, side(height)?))
-}
-
-const MAX_SIDE: u32 = 16384;
-
-/// An integer of digits alone.
-fn digits<N: FromStr>(text: &str) -> Result<N, N::Err> {
-    // The library would take a plus as well.
-    text.replace('+', "x").parse()
-}
-
-fn parse_crop(text: &str) -> Result<Window, String> {
-    let syntax = "expected a pixel and a size, as in 100,50,64x48";
-    let parts: Vec<&str> = text.split(',').collect();
-    let [x, y, size] = parts[..] else { return Err(syntax.to_owned()) };
-    let number = |text| digits(text).map_err(|_: ParseIntError| syntax);
-    let corner = (number(x)?, number(y)?);
-    Ok(Window { corner, size: parse_resolution(size)? })
-}
 
 /// Parses a finite real number.
 pub fn parse_real(text: &str) -> Result<f64, String> {
@@ -457,11 +428,6 @@ pub fn tell_apart<'a>(
         taken.push(place(path));
     }
     Ok(())
-}
-
-/// The members of a value that is written as an object.
-fn object(value: Value) -> Map<String, Value> {
-    value.as_object().cloned().unwrap_or_default()
 }
 
 impl Arguments {
@@ -757,30 +723,18 @@ impl Arguments {
         part.or(self.samples())
     }
 
-    /// The options that decide the samples, by name.
-    pub fn run_key(&self) -> RunKey {
-        let (width, height) = self.resolution;
-        let view = self.view();
-        let mut key = object(json!({
-            "resolution": [width, height],
-            "position": view.position.to_array(),
-            "target": view.target.to_array(),
-            "up": view.up.to_array(),
-            "fov": view.fov,
-            "albedo": self.albedo,
-            "seed": self.seed,
-        }));
-        if let Some(window) = self.crop {
-            key.insert("crop".into(), window.to_string().into());
-        }
-        key
+    /// What the image shows.
+    pub fn subject(&self) -> Subject {
+        let &Self { resolution, crop, albedo, .. } = self;
+        Subject { resolution, crop, view: self.view(), albedo }
     }
 
     /// The options that describe the run, by name, for the report.
     pub fn settings(&self) -> Map<String, Value> {
-        let mut settings = self.run_key();
+        let mut settings = entries(&self.subject());
         let reference = self.reference.as_ref();
-        settings.extend(object(json!({
+        settings.extend(entries(&json!({
+            "seed": self.seed,
             "spp": self.samples(),
             "time": self.time,
             "error": self.error,

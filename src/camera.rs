@@ -12,11 +12,12 @@
 use std::{array, fmt};
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 use crate::numerics::{cross, normalise, power_of_two};
 
 /// Where a camera stands and where it looks, in the file's coordinates.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct View {
     /// Position of the pinhole.
     pub position: DVec3,

@@ -13,12 +13,13 @@ use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
-use serde_json::{Map, Value};
+use serde_json::Value;
 use sha2::{Digest, Sha256};
 
 use crate::film::Film;
 use crate::render_loop::Convergence;
 use crate::report::Report;
+use crate::run_key::RunKey;
 use crate::statistics::Accumulator;
 
 /// The first line of a checkpoint; its number changes with the layout.
@@ -32,7 +33,7 @@ struct Header<'a> {
 }
 
 /// What is known of a run before its first sample.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Known {
     /// The options of the program.
     pub options: Value,
@@ -41,9 +42,6 @@ pub struct Known {
     /// What a report says that does not change while the run goes on.
     pub report: Report,
 }
-
-/// Names and values of all that decides the samples of a run.
-pub type RunKey = Map<String, Value>;
 
 /// Writes a checkpoint.
 pub fn save(
@@ -162,8 +160,7 @@ impl<R: BufRead + Seek> Checkpoint<R> {
         film: &mut Film,
     ) -> Result<Convergence, String> {
         let theirs = &self.header.known.run_key;
-        if let Some((name, [theirs, ours])) = disagreement(theirs, run_key)
-        {
+        if let Some((name, [theirs, ours])) = theirs.disagreement(run_key) {
             return Err(format!(
                 "belongs to another run: its {name} is {theirs}, not {ours}"
             ));
@@ -194,17 +191,4 @@ impl Checkpoint {
             .and_then(|file| Self::open(BufReader::new(file)))
             .map_err(|fault| format!("{}: {fault}", path.display()))
     }
-}
-
-/// The first entry in which two run keys differ, and its values.
-pub fn disagreement(
-    a: &RunKey,
-    b: &RunKey,
-) -> Option<(String, [String; 2])> {
-    let mut names = a.keys().chain(b.keys());
-    let name = names.find(|&name| a.get(name) != b.get(name))?;
-    let show = |key: &RunKey| {
-        key.get(name).map_or("nothing".to_owned(), Value::to_string)
-    };
-    Some((name.clone(), [show(a), show(b)]))
 }

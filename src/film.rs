@@ -13,6 +13,8 @@
 //! The pixels of a tile hold the same samples, from the first on.
 
 use std::fmt;
+use std::num::{IntErrorKind, ParseIntError};
+use std::str::FromStr;
 
 use bytemuck::{Zeroable, zeroed_vec};
 use rand::RngExt;
@@ -40,6 +42,7 @@ pub struct Tile {
 
 /// A rectangle of pixels of an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(into = "String", try_from = "String")]
 pub struct Window {
     /// Column and row of its first pixel in the image.
     pub corner: (u32, u32),
@@ -53,6 +56,60 @@ impl fmt::Display for Window {
         let Self { corner: (x, y), size: (width, height) } = self;
         write!(out, "{x},{y},{width}x{height}")
     }
+}
+
+impl FromStr for Window {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let syntax = "expected a pixel and a size, as in 100,50,64x48";
+        let parts: Vec<&str> = text.split(',').collect();
+        let [x, y, size] = parts[..] else { return Err(syntax.to_owned()) };
+        let number = |text| digits(text).map_err(|_: ParseIntError| syntax);
+        let corner = (number(x)?, number(y)?);
+        Ok(Self { corner, size: parse_size(size)? })
+    }
+}
+
+impl From<Window> for String {
+    fn from(window: Window) -> Self {
+        window.to_string()
+    }
+}
+
+impl TryFrom<String> for Window {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        text.parse()
+    }
+}
+
+/// Reads a width and a height, as in 800x600.
+///
+/// # Errors
+/// The text is another, or a side is out of range.
+pub fn parse_size(text: &str) -> Result<(u32, u32), String> {
+    let syntax = "expected two integers around one x, as in 800x600";
+    let (width, height) = text.split_once('x').ok_or(syntax)?;
+    // Read one side of a size
+    let side = |text| match digits(text) {
+        Ok(0) => Err("an image has at least one pixel".to_owned()),
+        Ok(n @ 1..=MAX_SIDE) => Ok(n),
+        Err(e) if *e.kind() != IntErrorKind::PosOverflow => {
+            Err(syntax.to_owned())
+        }
+        _ => Err(format!("at most {MAX_SIDE} pixels a side")),
+    };
+    Ok((side(width)?, side(height)?))
+}
+
+const MAX_SIDE: u32 = 16384;
+
+/// An integer of digits alone.
+pub fn digits<N: FromStr>(text: &str) -> Result<N, N::Err> {
+    // The library would take a plus as well.
+    text.replace('+', "x").parse()
 }
 
 /// An image in the making, or a part of it: one accumulator per pixel.
@@ -148,7 +205,10 @@ impl Window {
     pub fn rows(&self, first: u32, most: u32) -> Self {
         let (corner, size) = (self.corner, self.size);
         let height = most.min(size.1 - first);
-        Self { corner: (corner.0, corner.1 + first), size: (size.0, height) }
+        Self {
+            corner: (corner.0, corner.1 + first),
+            size: (size.0, height),
+        }
     }
 
     /// The number of rows of tiles that it touches.
@@ -273,7 +333,10 @@ impl Film {
     }
 
     /// A value of each pixel, row by row from the top left.
-    pub fn list(&self, of: impl Fn(&Accumulator) -> f64 + Sync) -> Vec<f64> {
+    pub fn list(
+        &self,
+        of: impl Fn(&Accumulator) -> f64 + Sync,
+    ) -> Vec<f64> {
         let rows = self.window.corner.1..self.window.end().1;
         let row = |y| self.strips(y).flatten().map(&of);
         rows.into_par_iter().flat_map_iter(row).collect()
@@ -360,7 +423,9 @@ impl<'a> Pixels<'a> {
                         let at = (y - corner.1) * size.0 + x - corner.0;
                         let pixels = &pixels[start + at as usize..];
                         let pairs = own.iter_mut().zip(pixels);
-                        pairs.for_each(|(value, pixel)| *value = of(place, pixel));
+                        pairs.for_each(|(value, pixel)| {
+                            *value = of(place, pixel)
+                        });
                     }
                 }
                 x = end;
@@ -660,8 +725,10 @@ impl Pixels<'_> {
     /// the neighbours out).
     pub fn errors(&self, worth: f64, window: Window) -> Vec<f64> {
         let variances = self.variances(window);
-        let (columns, rows) = (window.corner.0..window.end().0,
-            window.corner.1..window.end().1);
+        let (columns, rows) = (
+            window.corner.0..window.end().0,
+            window.corner.1..window.end().1,
+        );
         let row = |y| columns.clone().map(move |x| (x, y));
         let error = |(x, y)| self.film.error(&variances, worth, x, y);
         rows.flat_map(row).map(error).collect()
@@ -713,8 +780,13 @@ impl Film {
     }
 
     /// The standard error of a pixel, given the variances around it.
-    fn error(&self, variances: &Variances, worth: f64, x: u32, y: u32)
-        -> f64 {
+    fn error(
+        &self,
+        variances: &Variances,
+        worth: f64,
+        x: u32,
+        y: u32,
+    ) -> f64 {
         let own = variances.at(x, y);
         if !own.is_finite() {
             return own;

@@ -12,14 +12,15 @@ use std::hint::black_box;
 use std::io::{self, Write};
 use std::time::{Duration, Instant};
 
-use serde_json::json;
+use serde_json::{Map, Value, json};
 
-use crate::checkpoint::{Known, RunKey, save};
+use crate::checkpoint::{Known, save};
 use crate::film::Film;
 use crate::image::Picture;
 use crate::output::{Content, OutputTarget};
 use crate::render_loop::{Convergence, Stop};
 use crate::report::{Kind, Report, as_typed};
+use crate::run_key::entries;
 
 /// The files that a run keeps up to date.
 pub struct RunOutput {
@@ -51,7 +52,7 @@ fn put(
 }
 
 /// The names and values of a run as the attributes of its image.
-pub fn attributes(known: &RunKey) -> BTreeMap<String, String> {
+pub fn attributes(known: &Map<String, Value>) -> BTreeMap<String, String> {
     let text =
         |(name, value): (&String, _)| (name.clone(), as_typed(value));
     known.iter().map(text).collect()
@@ -218,7 +219,8 @@ impl RunOutput {
         });
         let known = known.as_object().into_iter().flatten();
         let settings = report.settings.iter().filter(|(_, v)| !v.is_null());
-        let all = settings.chain(run_key).chain(known);
+        let run_key = entries(run_key);
+        let all = settings.chain(&run_key).chain(known);
         let all = all.map(|(name, value)| (name.clone(), value.clone()));
         Picture::new(film, attributes(&all.collect()))
     }

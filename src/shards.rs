@@ -15,74 +15,13 @@ use std::time::Duration;
 
 use serde_json::Value;
 
-use crate::checkpoint::{Checkpoint, Known, RunKey, disagreement};
+use crate::checkpoint::{Checkpoint, Known};
 use crate::film::{Film, Window};
 use crate::image::{Image, extension};
-use crate::render::method::Sampling;
 use crate::render_loop::{Convergence, Stop};
 use crate::report::Report;
+use crate::run_key::{Part, RunKey, SAMPLES, TILES};
 use crate::run_output::RunOutput;
-
-/// A part of a run: some of its samples, in one band of its window.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Part {
-    /// Its first sample, and the one after its last.
-    pub samples: (u64, u64),
-    /// The number of samples of the whole run.
-    pub of: u64,
-    /// The number of its band, from 1, and how many bands there are.
-    pub band: (u32, u32),
-}
-
-impl Part {
-    /// The same in whole replicates of so many samples.
-    pub fn rounded(self, replicate: u64) -> Self {
-        let up = |n: u64| n.div_ceil(replicate).saturating_mul(replicate);
-        let (from, to) = self.samples;
-        let (samples, of) = ((up(from), up(to)), up(self.of));
-        Self { samples, of, ..self }
-    }
-
-    /// The number of its samples.
-    pub fn count(&self) -> u64 {
-        self.samples.1 - self.samples.0
-    }
-
-    /// Its entries in the run key, as in `0..8 of 16` and `1/4`.
-    pub fn entries(&self) -> RunKey {
-        let Self { samples: (from, to), of, band: (k, n) } = self;
-        let samples = format!("{from}..{to} of {of}");
-        let tiles = format!("{k}/{n}");
-        let entries = [(SAMPLES, samples), (TILES, tiles)];
-        let entry =
-            |(name, text): (&str, String)| (name.into(), text.into());
-        entries.map(entry).into_iter().collect()
-    }
-
-    /// Takes its entries out of the run key; none if it has none.
-    fn take(key: &mut RunKey) -> Option<Self> {
-        let mut numbers = |name| numbers(key.remove(name)?.as_str()?);
-        let (samples, tiles) = (numbers(SAMPLES), numbers(TILES));
-        let (&[from, to, of], &[k, n]) = (&samples?[..], &tiles?[..])
-        else {
-            return None;
-        };
-        key.insert("spp".into(), of.into());
-        let band = (k as u32, n as u32);
-        Some(Self { samples: (from, to), of, band })
-    }
-}
-
-/// The names of the entries, which are those of the options.
-const SAMPLES: &str = "samples";
-const TILES: &str = "tiles";
-
-/// The numbers in a text, whatever is between them.
-fn numbers(text: &str) -> Option<Vec<u64>> {
-    let digits = text.split(|c: char| !c.is_ascii_digit());
-    let digits = digits.filter(|digits| !digits.is_empty());
-    digits.map(|digits| digits.parse().ok()).collect()
-}
 
 /// Whether a file of this name is to hold the state of a run.
 pub fn is_state_name(path: &Path) -> bool {
@@ -108,11 +47,12 @@ struct State {
     checkpoint: Checkpoint,
     /// The run key without what distinguishes the parts.
     run_key: RunKey,
+    /// The samples that its run was asked for, if it is a part.
+    spp: Option<u64>,
     /// What it holds when it is whole.
     held: Held,
     /// The number of samples of the whole run.
     of: u64,
-    layout: Layout,
     /// The window of the part.
     band: Window,
 }
@@ -139,53 +79,14 @@ impl State {
         let mut run_key = checkpoint.known().run_key.clone();
         let spp = checkpoint.convergence().spp;
         let (samples, of, band) = ((0, spp), spp, (1, 1));
-        let part = Part::take(&mut run_key);
+        let part = run_key.part.take();
+        let spp = part.map(|part| part.of);
         let part = part.unwrap_or(Part { samples, of, band });
-        let layout = Layout::read(&run_key)
-            .ok_or_else(|| format!("{name}: is not a checkpoint of pt"))?;
-        let band = layout.window.band(part.band);
+        let band = run_key.subject.window().band(part.band);
         let rows = (band.corner.1, band.end().1);
         let (held, of) = (Held { rows, samples: part.samples }, part.of);
-        Ok(Self { name, checkpoint, run_key, held, of, layout, band })
+        Ok(Self { name, checkpoint, run_key, spp, held, of, band })
     }
-}
-
-/// What decides the size of the films of a run.
-struct Layout {
-    resolution: (u32, u32),
-    /// The window of the run.
-    window: Window,
-    sampling: Sampling,
-}
-
-impl Layout {
-    /// Reads it from a run key.
-    fn read(key: &RunKey) -> Option<Self> {
-        let sides = key.get("resolution")?.as_array()?;
-        let mut sides = sides.iter().map(|n| Some(n.as_u64()? as u32));
-        let resolution = (sides.next()??, sides.next()??);
-        let window = match key.get("crop") {
-            Some(crop) => window(crop.as_str()?)?,
-            None => Window { corner: (0, 0), size: resolution },
-        };
-        let method = key.get("method")?.as_str()?.parse().ok()?;
-        let mut sampling = Sampling::new(method, 0, None, 0);
-        let replicate = key.get("replicate").and_then(Value::as_u64);
-        sampling.replicate = replicate.unwrap_or(1);
-        Some(Self { resolution, window, sampling })
-    }
-
-    /// An empty film of a window.
-    fn film(&self, window: Window) -> Film {
-        self.sampling.film(self.resolution, window)
-    }
-}
-
-/// The window that is written in the run key.
-fn window(crop: &str) -> Option<Window> {
-    let [x, y, width, height] = numbers(crop)?[..] else { return None };
-    let [x, y, width, height] = [x, y, width, height].map(|n| n as u32);
-    Some(Window { corner: (x, y), size: (width, height) })
 }
 
 impl Held {
@@ -232,6 +133,7 @@ struct Sum {
     known: Known,
     film: Film,
     convergence: Convergence,
+    spp: Option<u64>,
     of: u64,
     /// What each file should hold.
     parts: Vec<(String, Held)>,
@@ -248,8 +150,9 @@ impl Sum {
         Self {
             first: state.name.clone(),
             known,
-            film: state.layout.film(state.layout.window),
+            film: state.run_key.film(state.run_key.subject.window()),
             convergence: Convergence::default(),
+            spp: state.spp,
             of: state.of,
             parts: vec![],
             held: vec![],
@@ -257,11 +160,15 @@ impl Sum {
     }
 
     fn add(&mut self, state: State) -> Result<(), String> {
-        let State { name, checkpoint, run_key, held, layout, band, .. } =
+        let State { name, checkpoint, run_key, spp, held, band, .. } =
             state;
         let Self { first, known, .. } = self;
-        if let Some((what, [a, b])) = disagreement(&known.run_key, &run_key)
-        {
+        let asked =
+            |n: Option<u64>| n.map_or("nothing".into(), |n| n.to_string());
+        let differs = (spp != self.spp).then(|| [self.spp, spp].map(asked));
+        let differs = differs.map(|both| ("spp".to_owned(), both));
+        let key = known.run_key.disagreement(&run_key);
+        if let Some((what, [a, b])) = key.or(differs) {
             return Err(format!(
                 "{first} and {name} are not of one run: {what} is {a} and {b}"
             ));
@@ -275,7 +182,7 @@ impl Sum {
         // Take the sums and the costs of a state
         let key = checkpoint.known().run_key.clone();
         self.known.report.join(&checkpoint.known().report);
-        let mut part = layout.film(band);
+        let mut part = run_key.film(band);
         let done = checkpoint
             .resume(&key, &mut part)
             .map_err(|fault| format!("{name}: {fault}"))?;

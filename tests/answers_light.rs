@@ -36,7 +36,6 @@ use litpt::{sampler::*, scene::*, sky::*, statistics::*};
 use litpt_book::closed_forms::*;
 use litpt_book::settings;
 use rand::{Rng, RngExt};
-use serde_json::Value;
 
 // Share a few tools among answers
 /// A number is within some distance of what is printed.
@@ -816,18 +815,16 @@ fn a_plane_is_believed_to_have_no_noise_after_35_samples() {
 
 #[test]
 fn an_edited_checkpoint_is_damaged_and_not_of_another_run() {
-    let run_key = |seed: u64| {
-        RunKey::from_iter([("seed".to_owned(), Value::from(seed))])
-    };
     let (convergence, mut film) = (Convergence::default(), Film::new(3, 2));
     let mut file = vec![];
-    let known = Known { run_key: run_key(0), ..Known::default() };
+    let [known, meant] = [0, 3].map(settings::known);
     save(&known, &convergence, &film, &mut file).unwrap();
     let line = file[19..].iter().position(|&b| b == b'\n').unwrap() + 1;
     assert_eq!(file.len(), 19 + line + 64 * 6 + 32);
     let mut ask = |file: &[u8]| {
         let saved = Checkpoint::open(Cursor::new(file));
-        let resumed = saved.and_then(|s| s.resume(&run_key(3), &mut film));
+        let resumed =
+            saved.and_then(|s| s.resume(&meant.run_key, &mut film));
         resumed.unwrap_err()
     };
     assert!(ask(&file).ends_with("its seed is 0, not 3"));

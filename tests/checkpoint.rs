@@ -15,18 +15,34 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use common::{ROOM, Run, Scratch, finish};
-use litpt::checkpoint::{Checkpoint, Known, RunKey, save};
+use litpt::checkpoint::{Checkpoint, Known, save};
 use litpt::film::Film;
 use litpt::image::Image;
 use litpt::render_loop::Convergence;
+use litpt::report::Report;
+use litpt::run_key::RunKey;
 use serde_json::{Value, json};
 
 // --------------------------------------------------------------- The library
 
+fn run_key_with(changes: Value) -> RunKey {
+    let mut key = json!({
+        "version": "0", "integrator": "i", "scene_sha256": "ab",
+        "resolution": [5, 3], "position": [0.5, -1e9, 3.],
+        "target": [0., 0., 0.], "up": [0., 0., 1.], "fov": 0.1,
+        "albedo": 0.5, "method": "sobol", "seed": 7, "replicate": 4,
+        "training": 0, "sky_control": 90,
+    });
+    for (name, value) in changes.as_object().unwrap() {
+        key[name] = value.clone();
+    }
+    let read: RunKey = serde_json::from_value(key.clone()).unwrap();
+    assert_eq!(serde_json::to_value(&read).unwrap(), key);
+    read
+}
+
 fn run_key() -> RunKey {
-    let analysis =
-        json!({ "seed": 7, "fov": 0.1, "position": [0.5, -1e9, 3.] });
-    analysis.as_object().unwrap().clone()
+    run_key_with(json!({}))
 }
 
 /// A course and an image whose numbers are all different.
@@ -47,7 +63,8 @@ fn state() -> (Convergence, Film) {
 }
 
 fn known() -> Known {
-    Known { run_key: run_key(), ..Known::default() }
+    let (options, report) = (Value::Null, Report::default());
+    Known { options, run_key: run_key(), report }
 }
 
 fn saved() -> Vec<u8> {
@@ -111,9 +128,8 @@ fn every_length_but_the_right_one_is_refused() {
 
 #[test]
 fn a_fact_that_differs_is_named_with_both_values() {
-    let refused_for = |name: &str, value: Value| {
-        let mut other = run_key();
-        other.insert(name.to_owned(), value);
+    let refused_for = |changes: Value| {
+        let other = run_key_with(changes);
         let mut film = Film::new(5, 3);
         let file = Cursor::new(saved());
         resume(&other, &mut film, file).unwrap_err()
@@ -122,17 +138,18 @@ fn a_fact_that_differs_is_named_with_both_values() {
         ("seed", json!(8), ["7", "8"]),
         ("fov", json!(0.1f64.next_up()), ["0.1,", "0.10000000000000002"]),
         ("position", json!([0.5, 1e9, 3.]), ["-1000000000.0", ",1000"]),
-        ("up", json!(1), ["nothing", "1"]),
+        ("crop", json!("1,1,2x2"), ["nothing", "1,1,2x2"]),
     ] {
-        let fault = refused_for(name, value);
+        let fault = refused_for(json!({ name: value }));
         assert!(fault.contains(&format!("its {name} is")), "{fault}");
         assert!(words.iter().all(|w| fault.contains(w)), "{fault}");
     }
-    let mut fewer = run_key();
-    fewer.remove("seed");
-    let file = Cursor::new(saved());
-    let fault = resume(&fewer, &mut Film::new(5, 3), file).unwrap_err();
-    assert!(fault.contains("its seed is 7, not nothing"), "{fault}");
+    let part = json!({ "samples": "4..8 of 16", "tiles": "2/3" });
+    let fault = refused_for(part);
+    assert!(
+        fault.contains("its samples is nothing, not \"4..8"),
+        "{fault}"
+    );
 }
 
 #[test]

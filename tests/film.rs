@@ -95,7 +95,9 @@ fn a_pixel_without_a_sample_has_no_mean() {
     pixels.iter_mut().for_each(|pixel| pixel.add(0.25));
     let (left, top) = tile.corner;
     let own = (left..left + tile.size.0, top..top + tile.size.1);
-    for (i, mean) in Image::new(&film, BTreeMap::new()).means.into_iter().enumerate() {
+    for (i, mean) in
+        Image::new(&film, BTreeMap::new()).means.into_iter().enumerate()
+    {
         let (x, y) = (17 + i as u32 % 40, 3 + i as u32 / 40);
         match own.0.contains(&x) && own.1.contains(&y) {
             true => assert_eq!(mean, 0.25),

@@ -167,7 +167,8 @@ fn the_same_image_is_the_same_exr_file() {
 #[test]
 fn an_exr_file_of_a_film_is_that_of_its_image() {
     let window = film::Window { corner: (9, 20), size: (300, 150) };
-    for gaps in [true, false] {
+    // Threads may meet the first gap at the same time.
+    for gaps in [true; 9].into_iter().chain([false]) {
         let film = Film::cropped((400, 400), window);
         let mut film = film.with_replicates(4).with_shared_tiles();
         let tiles = film.shared_tiles().into_iter().enumerate();
@@ -192,7 +193,8 @@ fn an_exr_file_of_a_film_is_that_of_its_image() {
             a.eq(b.iter().copied().map(bits))
         };
         let lists = |i: &Image| {
-            let Image { means, errors, samples, tile_errors, .. } = i.clone();
+            let Image { means, errors, samples, tile_errors, .. } =
+                i.clone();
             [Some(means), errors, samples, tile_errors].map(Option::unwrap)
         };
         for (a, b) in lists(&image).iter().zip(lists(&read)) {

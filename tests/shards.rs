@@ -14,7 +14,8 @@ use std::time::{Duration, Instant};
 use common::{Run, Scratch, finish};
 use litpt::film::Window;
 use litpt::image::Image;
-use litpt::shards::{self, Part};
+use litpt::run_key::Part;
+use litpt::shards;
 use serde_json::Value;
 
 /// A view of four rows of tiles, the last of them cut off.

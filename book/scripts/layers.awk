@@ -9,7 +9,9 @@
 # usage: awk -f book/scripts/layers.awk tests/layers.txt > layers.tex
 
 function chapter(module) {
-    return module == "main" ? "program" : module
+    if (module == "main" || module == "session")
+        return "program"
+    return module == "run_key" ? "checkpoint" : module
 }
 
 {

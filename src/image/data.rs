@@ -156,10 +156,8 @@ impl Image {
     /// Column and row of its first pixel in the image of which it is a part.
     pub fn corner(&self) -> (u32, u32) {
         let crop = self.attributes.get("crop");
-        let numbers = crop.into_iter().flat_map(|crop| crop.split(','));
-        let mut numbers = numbers.map_while(|text| text.parse().ok());
-        let mut next = || numbers.next().unwrap_or(0);
-        (next(), next())
+        let window = crop.and_then(|crop| crop.parse::<Window>().ok());
+        window.map_or((0, 0), |window| window.corner)
     }
 }
 

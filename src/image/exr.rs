@@ -47,7 +47,9 @@ pub fn write(image: &dyn Source, out: &mut dyn Write) -> io::Result<()> {
                 done.map(|(chunk, hash)| (number, chunk, hash))
             };
             let chunks = blocks.par_iter().map(compress);
-            for (number, chunk, hash) in chunks.collect::<Result<Vec<_>, Error>>()? {
+            for (number, chunk, hash) in
+                chunks.collect::<Result<Vec<_>, Error>>()?
+            {
                 writer.write_chunk(number, chunk)?;
                 hashes.push(hash);
             }
@@ -68,8 +70,7 @@ fn compress(
     gap: &OnceLock<(Chunk, Hash)>,
 ) -> Result<(Chunk, Hash), Error> {
     let window = window(index);
-    let is_gap =
-        window.area() == TILE * TILE && image.sampled(window)[1];
+    let is_gap = window.area() == TILE * TILE && image.sampled(window)[1];
     if let (true, Some((chunk, hash))) = (is_gap, gap.get()) {
         let mut chunk = chunk.clone();
         if let CompressedBlock::Tile(tile) = &mut chunk.compressed_block {
@@ -82,7 +83,10 @@ fn compress(
     let data = cast_slice(&bits).to_vec();
     let block = UncompressedBlock { index, data };
     let new = (block.compress_to_chunk(headers)?, hash(&bits));
-    Ok(if is_gap { gap.get_or_init(|| new).clone() } else { new })
+    if is_gap {
+        let _ = gap.set(new.clone());
+    }
+    Ok(new)
 }
 
 /// Width and height of a block in pixels.
@@ -106,9 +110,8 @@ fn header(image: &dyn Source) -> Header {
     let (width, height) = image.size();
     let pixel = image.part(PIXEL);
     let channels = channels(&pixel).into_iter();
-    let channels = channels.map(|(name, kind, _)| {
-        ChannelDescription::named(name, kind)
-    });
+    let channels = channels
+        .map(|(name, kind, _)| ChannelDescription::named(name, kind));
     let tiles = BlockDescription::Tiles(TileDescription {
         tile_size: Vec2(TILE, TILE),
         level_mode: LevelMode::Singular,
@@ -225,16 +228,17 @@ fn checksum(image: &dyn Source, blocks: &[Hash]) -> String {
 
 /// That of the numbers of a block.
 fn hash(bits: &[u32]) -> Hash {
-    let bytes: Vec<_> = bits.iter().map(|word| word.to_le_bytes()).collect();
+    let bytes: Vec<_> =
+        bits.iter().map(|word| word.to_le_bytes()).collect();
     Sha256::digest(bytes.as_flattened()).into()
 }
 
 /// The checksum of an image in memory.
 fn checksum_of(image: &Image) -> String {
     let (columns, rows) = (0..image.width, 0..image.height);
-    let corners = rows.step_by(TILE).flat_map(|y| {
-        columns.clone().step_by(TILE).map(move |x| (x, y))
-    });
+    let corners = rows
+        .step_by(TILE)
+        .flat_map(|y| columns.clone().step_by(TILE).map(move |x| (x, y)));
     let size = |at: u32, end: u32| (end - at).min(TILE as u32);
     let hashes = Vec::from_iter(corners).into_par_iter().map(|(x, y)| {
         let size = (size(x, image.width), size(y, image.height));

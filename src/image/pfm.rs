@@ -28,7 +28,8 @@ pub fn write(image: &dyn Source, out: &mut dyn Write) -> io::Result<()> {
             bytes.collect::<Vec<_>>()
         });
         let rows: Vec<_> = rows.collect();
-        rows.iter().try_for_each(|row| out.write_all(row.as_flattened()))?;
+        rows.iter()
+            .try_for_each(|row| out.write_all(row.as_flattened()))?;
     }
     Ok(())
 }

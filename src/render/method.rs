@@ -29,6 +29,7 @@ use crate::scene::Scene;
 
 /// How samples are made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Method {
     /// Paths of independent random numbers.
     Reference,
@@ -105,6 +106,7 @@ pub struct Sampling {
     /// At most about as many rays train the cache of a gather.
     pub training: u64,
     /// How much of the sky paths in nets subtract, in per cent.
+    #[serde(rename = "sky_control")]
     pub control: u64,
 }
 

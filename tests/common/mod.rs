@@ -31,6 +31,15 @@ v -1e6 -1e6 0\nv 1e6 -1e6 0\nv 1e6 1e6 0\nv -1e6 1e6 0\nf 1 2 3 4\n";
 /// The camera that sees nothing but the `SQUARE`.
 pub const ABOVE: [&str; 4] = ["-p0,0,2", "-t0,0,0", "-u0,0.1,1", "-F40"];
 
+/// The program, of this package or that of many processes.
+const PT: &str = match (
+    option_env!("CARGO_BIN_EXE_pt"),
+    option_env!("CARGO_BIN_EXE_pt-mpi"),
+) {
+    (Some(program), _) | (_, Some(program)) => program,
+    _ => "pt",
+};
+
 /// No run of these tests takes longer, unless it hangs.
 const PATIENCE: Duration = Duration::from_secs(120);
 
@@ -88,7 +97,7 @@ impl Scratch {
     /// The command `pt` with the camera at the origin, as the reference
     /// has it, unless the arguments say otherwise.
     pub fn pt<S: AsRef<OsStr>>(&self, arguments: &[S]) -> Command {
-        let mut command = self.command(env!("CARGO_BIN_EXE_pt"));
+        let mut command = self.command(PT);
         command.arg("-p0,0,0").args(arguments);
         command
     }

@@ -4,7 +4,7 @@
 //! Pieces cover a pass, and their sums come together in any order.
 
 use super::*;
-use crate::render::method::Method;
+use litpt::render::method::{Method, Sampling};
 
 const RESOLUTION: (u32, u32) = (150, 70);
 
@@ -36,7 +36,9 @@ fn fill(film: &mut Film, end: u64, mut most: usize) {
     let first = film.first() / replicate;
     let end = end.div_ceil(replicate);
     let tiles = match film.tile_means().is_empty() {
-        true => film.tiles().into_iter().map(|(t, p)| (t, p, None)).collect(),
+        true => {
+            film.tiles().into_iter().map(|(t, p)| (t, p, None)).collect()
+        }
         false => {
             let tiles = film.shared_tiles().into_iter();
             tiles.map(|(t, p, mean)| (t, p, Some(mean))).collect::<Vec<_>>()

@@ -5,7 +5,8 @@
 // Software Foundation, either version 3 of the License, or (at your option)
 // any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! One run on many processes, which send each other messages.
+//! The command `pt-mpi`: one run on many processes, which send each other
+//! messages.
 //!
 //! Rank 0 leads: it has the film and hands out pieces of each pass. The
 //! others follow: they render pieces and send the sums back.
@@ -15,26 +16,48 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::{self, Receiver, Sender};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
-use std::{array, fs, iter, panic, thread};
+use std::{array, iter, panic, thread};
 
-use ::mpi::topology::SimpleCommunicator;
-use ::mpi::traits::*;
-use ::mpi::{Rank, Threading};
-use serde::Serialize;
-use serde::de::DeserializeOwned;
+use litpt::film::{Film, SIDE, Watch, Window};
+use litpt::progress;
+use litpt::render::{Renderer, Share};
+use litpt::session::{self, Frame, Ranks};
+use litpt::statistics::Accumulator;
+use mpi::topology::SimpleCommunicator;
+use mpi::traits::*;
+use mpi::{Rank, Threading};
 
-use crate::film::{Film, SIDE, Watch, Window};
-use crate::progress;
-use crate::render::method::Sampling;
-use crate::render::{Renderer, Share};
-use crate::statistics::Accumulator;
+/// The processes that MPI has started.
+struct World;
 
-/// Runs `lead` as rank 0, or `serve` as one of the others.
-pub fn run(
-    lead: impl FnOnce() -> ExitCode,
-    serve: impl FnOnce() -> Result<(), String>,
-) -> ExitCode {
-    let begun = ::mpi::initialize_with_threading(Threading::Serialized);
+impl Ranks for World {
+    fn count(&self) -> u32 {
+        ranks() as u32
+    }
+
+    fn tell(&self, bytes: &mut [u8]) {
+        tell(bytes);
+    }
+
+    fn hear(&self) -> Option<Vec<u8>> {
+        hear()
+    }
+
+    fn lead<'a>(
+        &self,
+        own: Box<dyn Renderer + 'a>,
+        frame: Frame,
+    ) -> Box<dyn Renderer + 'a> {
+        lead(own, frame)
+    }
+
+    fn serve(&self, renderer: &mut dyn Renderer, frame: &Frame) {
+        serve(renderer, frame);
+    }
+}
+
+fn main() -> ExitCode {
+    let begun = mpi::initialize_with_threading(Threading::Serialized);
     let Some((_universe, Threading::Serialized | Threading::Multiple)) =
         begun
     else {
@@ -43,16 +66,15 @@ pub fn run(
     };
     abort_on_panic();
     match world().rank() {
-        0 => dismiss(lead()),
-        rank => follow(rank, serve),
+        0 => shutdown(session::lead(&World)),
+        rank => follow(rank),
     }
 }
 
-fn follow(
-    rank: Rank,
-    serve: impl FnOnce() -> Result<(), String>,
-) -> ExitCode {
-    let Err(message) = serve() else { return ExitCode::SUCCESS };
+fn follow(rank: Rank) -> ExitCode {
+    let Err(message) = session::follow(&World) else {
+        return ExitCode::SUCCESS;
+    };
     if next_order() != Order::End {
         progress::error(&format!("rank {rank}: {message}"));
         world().abort(1);
@@ -69,11 +91,11 @@ fn abort_on_panic() {
 }
 
 /// How long rank 0 waits for answers when it is asked to stop.
-const PATIENCE: Duration = Duration::from_millis(250);
+const GRACE: Duration = Duration::from_millis(250);
 
 /// Ends the run of the other ranks.
-fn dismiss(status: ExitCode) -> ExitCode {
-    let mut late = LATE.load(Ordering::Relaxed);
+fn shutdown(status: ExitCode) -> ExitCode {
+    let mut late = OUTSTANDING.load(Ordering::Relaxed);
     while late > 0 {
         match answer() {
             Some(_) => late -= 1,
@@ -128,7 +150,7 @@ fn world() -> SimpleCommunicator {
 }
 
 /// The number of ranks.
-pub fn ranks() -> i32 {
+fn ranks() -> i32 {
     world().size()
 }
 
@@ -155,7 +177,7 @@ fn pending_order() -> Option<Order> {
 fn report(bytes: &[u8]) {
     let world = world();
     let leader = world.process_at_rank(0);
-    ::mpi::request::scope(|scope| {
+    mpi::request::scope(|scope| {
         let mut request = leader.immediate_send(scope, bytes);
         while let Err(pending) = request.test() {
             request = pending;
@@ -175,7 +197,7 @@ fn send_all(order: Order) {
 }
 
 /// Tells all other ranks something, which they [`hear`].
-pub fn tell(bytes: &mut [u8]) {
+fn tell(bytes: &mut [u8]) {
     if ranks() > 1 {
         send_all(Order::Listen(bytes.len() as u64));
         broadcast(bytes);
@@ -183,23 +205,11 @@ pub fn tell(bytes: &mut [u8]) {
 }
 
 /// What rank 0 tells; none if there is nothing more to do.
-pub fn hear() -> Option<Vec<u8>> {
+fn hear() -> Option<Vec<u8>> {
     let Order::Listen(length) = next_order() else { return None };
     let mut bytes = vec![0; length as usize];
     broadcast(&mut bytes);
     Some(bytes)
-}
-
-/// Tells a value.
-pub fn tell_value(value: &impl Serialize) {
-    let text = serde_json::to_vec(value);
-    tell(&mut text.expect("the keys are strings"));
-}
-
-/// Hears a value.
-pub fn hear_value<T: DeserializeOwned>() -> Result<Option<T>, String> {
-    let value = hear().map(|bytes| serde_json::from_slice(&bytes));
-    value.transpose().map_err(|_| "another version of pt leads".into())
 }
 
 fn broadcast(bytes: &mut [u8]) {
@@ -271,17 +281,6 @@ impl Piece {
 
 fn area(window: Window) -> u64 {
     u64::from(window.size.0) * u64::from(window.size.1)
-}
-
-/// What the films of all pieces of a run have in common.
-#[derive(Clone, Copy, Debug)]
-pub struct Frame {
-    /// Width and height of the whole image.
-    pub resolution: (u32, u32),
-    /// The window of the run.
-    pub whole: Window,
-    /// How samples are made.
-    pub sampling: Sampling,
 }
 
 /// Two windows of whole tiles that make up this one, if there are.
@@ -504,7 +503,7 @@ struct Leader<'a> {
 }
 
 /// The renderer of rank 0, for a run of all ranks.
-pub fn lead<'a>(
+fn lead<'a>(
     own: Box<dyn Renderer + 'a>,
     frame: Frame,
 ) -> Box<dyn Renderer + 'a> {
@@ -528,7 +527,7 @@ impl Renderer for Leader<'_> {
         let busy = thread::scope(|scope| {
             let hand_out =
                 || hand_out(&schedule, &collector, &frame, watch);
-            let office = scope.spawn(hand_out);
+            let progress = scope.spawn(hand_out);
             // Render pieces until none is left
             while watch(0) {
                 let Some(piece) = locked(&schedule).take() else { break };
@@ -536,7 +535,7 @@ impl Renderer for Leader<'_> {
                 let part = Part::render(piece, &frame, own, watch);
                 locked(&collector).add(0, part);
             }
-            office.join().unwrap_or_default()
+            progress.join().unwrap_or_default()
         });
         let spent = locked(&collector).spent.clone();
         // Count what each rank has done
@@ -575,7 +574,7 @@ fn locked<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 /// Answers that are still to come at the end of a run.
-static LATE: AtomicUsize = AtomicUsize::new(0);
+static OUTSTANDING: AtomicUsize = AtomicUsize::new(0);
 
 /// Gives pieces to the other ranks and takes their sums, until all is
 /// done or `watch` stops it; returns the time that the sums have taken.
@@ -606,9 +605,9 @@ fn hand_out(
         }
         // Return if no answer is to come
         let late = asked.iter().sum();
-        let is_over = |since: Instant| since.elapsed() > PATIENCE;
+        let is_over = |since: Instant| since.elapsed() > GRACE;
         if late == 0 || stopped.is_some_and(is_over) {
-            LATE.store(late, Ordering::Relaxed);
+            OUTSTANDING.store(late, Ordering::Relaxed);
             return busy;
         }
         // Take the sums of a piece
@@ -626,7 +625,7 @@ fn hand_out(
 }
 
 /// Renders pieces for rank 0 until there is nothing more to do.
-pub fn serve(renderer: &mut dyn Renderer, frame: &Frame) {
+fn serve(renderer: &mut dyn Renderer, frame: &Frame) {
     let stop = AtomicBool::new(false);
     let (pieces, todo) = mpsc::channel();
     let (done, parts) = mpsc::channel();
@@ -663,14 +662,13 @@ fn exchange(
 
 /// The nanoseconds that all threads of this process have computed.
 fn processor_time() -> u64 {
-    let status = fs::read_to_string("/proc/self/stat").unwrap_or_default();
-    // The name of the program, in parentheses, may have blanks.
-    let fields = status.rsplit(')').next().unwrap_or_default();
-    let ticks = fields.split_whitespace().skip(11).take(2);
-    let ticks = ticks.filter_map(|field| field.parse::<u64>().ok());
-    ticks.sum::<u64>() * 10_000_000
+    let mut time = libc::timespec { tv_sec: 0, tv_nsec: 0 };
+    let clock = libc::CLOCK_PROCESS_CPUTIME_ID;
+    // SAFETY: the time is written, and nothing else.
+    unsafe { libc::clock_gettime(clock, &mut time) };
+    time.tv_sec as u64 * 1_000_000_000 + time.tv_nsec as u64
 }
 
 #[cfg(test)]
-#[path = "../tests/units/mpi.rs"]
+#[path = "../tests/units/pieces.rs"]
 mod tests;

@@ -4,8 +4,7 @@
 //! Several ranks render what one process does, and what is left when one
 //! of them dies. These tests are skipped where there is no `mpirun`.
 
-#![cfg(feature = "mpi")]
-
+#[path = "../../tests/common/mod.rs"]
 mod common;
 
 use std::fs;
@@ -16,6 +15,7 @@ use std::time::{Duration, Instant};
 
 use common::{Run, Scratch, finish, skip};
 use litpt::image::Image;
+use litpt::shards::merge;
 use serde_json::Value;
 
 const SCENE: [&str; 6] =
@@ -32,7 +32,7 @@ fn ranks(place: &Scratch, n: usize, arguments: &[&str]) -> Option<Command> {
     command.env("OMPI_ALLOW_RUN_AS_ROOT", "1");
     command.env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1");
     command.args(["--oversubscribe", "--bind-to", "none", "-n"]);
-    command.arg(n.to_string()).arg(env!("CARGO_BIN_EXE_pt"));
+    command.arg(n.to_string()).arg(env!("CARGO_BIN_EXE_pt-mpi"));
     command.arg("-p0,0,0").args(SCENE).args(arguments);
     Some(command)
 }
@@ -116,10 +116,16 @@ fn ranks_render_a_part_of_a_run() {
         let Some(run) = run(&place, 3, &part) else { return };
         run.succeeded();
     }
-    let mut merge = place.command(env!("CARGO_BIN_EXE_ptimg"));
-    merge.args(["merge", "a.litpt", "b.litpt", "c.litpt", "-ob.pfm"]);
-    finish(merge.spawn().unwrap()).succeeded();
-    assert!(place.get("a.pfm") == place.get("b.pfm"));
+    let parts = ["a.litpt", "b.litpt", "c.litpt"].map(|n| place.path(n));
+    let (image, _) = merge(&parts).unwrap().image_and_report();
+    assert!(
+        Image::read(&place.path("a.pfm")).unwrap().means
+            == image
+                .means
+                .iter()
+                .map(|&x| f64::from(x as f32))
+                .collect::<Vec<_>>()
+    );
 }
 
 #[test]
@@ -202,7 +208,7 @@ fn processes(place: &Scratch) -> Vec<i32> {
         let Ok(id) = name.parse::<i32>() else { continue };
         let Ok(program) = fs::read_link(path.join("exe")) else { continue };
         let at = fs::read_link(path.join("cwd")).ok();
-        let pt = Path::new(env!("CARGO_BIN_EXE_pt"));
+        let pt = Path::new(env!("CARGO_BIN_EXE_pt-mpi"));
         if at.as_deref() == Some(&here) && program == pt {
             let words = fs::read(path.join("environ")).unwrap_or_default();
             let words = String::from_utf8_lossy(&words).into_owned();
