@@ -17,8 +17,8 @@ TOOL_WEB := noweb/noweb.nw $(TOOL_CHAPTERS)
 LOST := $(filter-out $(WEB) $(TOOL_WEB),$(wildcard chapters/*.nw noweb/chapters/*.nw))
 
 # What is measured or installed is a Release.
-ifneq ($(filter measure stability% ablation start bench% mixtures install \
-  efficiency choice parts roofline unbiased mpi scaling, \
+ifneq ($(filter measure stability% ablation bench% mixtures install \
+  efficiency choice parts unbiased mpi, \
   $(MAKECMDGOALS)),)
 override BUILD_TYPE = Release
 endif
@@ -67,7 +67,7 @@ help:
 	@echo 'make untangle  carry edits made under src/ back into the chapters'
 	@echo 'make watch   tangle and check whenever a chapter is saved (needs entr)'
 	@echo 'make chunk   list the root chunks; CHUNK="..." shows one chunk, expanded'
-	@echo 'make measure repeat the measurements that the book prints'
+	@echo 'make measure repeat how long the tool translates places'
 	@echo 'make stability  stiff and extreme cases, ten minutes; stability-full: hours'
 	@echo 'make ablation  what is saved by leaving out what a scene does not need'
 	@echo 'make bench   measure pt beside Embree; BENCH_SCENES="..." restricts it'
@@ -75,10 +75,7 @@ help:
 	@echo 'make efficiency  in which time pt reaches the error of Embree, some hours'
 	@echo 'make choice  what each method gains, and what a pilot foresees'
 	@echo 'make parts   what each part of a gather is worth, half an hour'
-	@echo 'make roofline  what the traversal of a ray reads, and its time'
 	@echo 'make unbiased  compare the means of two integrators, scene by scene'
-	@echo 'make scaling ranks here and, foreseen, on a cluster, a minute (needs MPI)'
-	@echo 'make start   measure what pt weighs before it does anything'
 	@echo 'make fuzz    random scenes, cameras, options and mixtures of scales, a minute'
 	@echo 'make clean   remove what was built'
 
@@ -248,7 +245,7 @@ define MAKE_SITE
   ENCFONTS=doc: python3 $(SCRIPTS)/web.py $(NOWEB) $(1) $(2) $(3) $(4)
 endef
 
-html: pdf $(PLAYED) $(WEB_SCRIPTS) doc/web.css doc/web.js
+html: pdf $(WEB_SCRIPTS) doc/web.css doc/web.js
 	@command -v pandoc > /dev/null && command -v pdftocairo > /dev/null && \
 	  test -e $(LUNR) || { \
 	  echo 'error: make html needs pandoc, pdftocairo and lunr; install them by' >&2; \

@@ -14,21 +14,17 @@ RECORD := sh $(SCRIPTS)/record
 LEARNT := $(addprefix $(BUILD_DIR)/figures/learnt-,$(addsuffix .png, \
   cache truth wrong claimed light guide cosine guided gather paths counts \
   even uneven))
-LEARNT_TABLES := $(addprefix $(BUILT)/,learnt.tex learnt-scatter.csv \
-  learnt-variances.csv learnt-course.csv learnt-rays.csv)
+LEARNT_TABLES := $(addprefix $(BUILT)/,learnt.tex learnt-variances.csv)
 FIGURES := $(BUILD_DIR)/figures/courtyard.png $(LEARNT)
 # The tool's book needs no program but the tool.
 TOOL_TABLES := $(addprefix $(BUILT)/,measured.tex editor.tex translation.tex)
 TABLES := $(BUILD_DIR)/examples.stamp \
-  $(addprefix $(BUILD_DIR)/examples/session-,get.txt use.txt) $(addprefix $(BUILT)/,measured.tex \
-  numbers.stamp turnaround.tex closed-forms.tex \
-  calibration.stamp anatomy.stamp curve.csv counted.tex said.tex layers.tex \
-  nets.stamp scrambles.tex padding.tex pixels.csv \
-  qualities.tex leaks.tex origins.tex roulettes.tex stability.tex \
-  stability-full.tex ablation.tex layouts.tex \
-  abreast.tex beams.tex divisions.tex traversal.tex bench.tex efficiency.tex worth.tex gains.tex scaling.tex sizes.csv \
-  start.tex repeats.csv roofline.tex accumulators.tex accounting.tex alarms.tex \
-  thresholds.tex triangulations.tex ring.tex mixtures.tex \
+  $(BUILD_DIR)/examples/session.txt $(addprefix $(BUILT)/,measured.tex \
+  turnaround.tex closed-forms.tex \
+  calibration.stamp anatomy.stamp curve.csv said.tex layers.tex \
+  nets.stamp stability.tex \
+  ablation.tex traversal.tex bench.tex efficiency.tex worth.tex gains.tex sizes.csv \
+  mixtures.tex \
   mixtures-ball.csv)
 
 # ---- made with the book
@@ -44,9 +40,6 @@ $(BUILD_DIR)/figures/courtyard.png $(BUILD_DIR)/figures/courtyard.json &: \
 
 $(BUILT)/closed-forms.tex: $(BOOK) | $(BUILT)
 	$(BOOK) closed_forms > $@
-
-$(BUILT)/ring.tex: $(BOOK) | $(BUILT)
-	$(BOOK) ring > $@
 
 $(addprefix $(BUILT)/,anatomy.stamp calibration.stamp nets.stamp): \
   $(BUILT)/%.stamp: $(BOOK) | $(BUILT)
@@ -78,15 +71,9 @@ $(BUILD_DIR)/examples.stamp: $(NOWEB) $(BUILD_DIR)/pt $(BUILD_DIR)/ptimg \
 	@sh $(SCRIPTS)/ptimg.sh $(BUILD_DIR) $(BUILD_DIR)/examples
 	@touch $@
 
-# A terminal session: cloned and compiled when what says how has changed, and
-# used when the program has.
-SESSION := $(BUILD_DIR)/examples/session
-$(SESSION)-get.txt: $(SCRIPTS)/session.sh Makefile config.mk Cargo.toml \
-  Cargo.lock build.rs
-	sh $< get $(@D)
-
-$(SESSION)-use.txt: $(SCRIPTS)/session.sh $(BUILD_DIR)/pt
-	sh $< use $(@D) $(BUILD_DIR)
+# A terminal session.
+$(BUILD_DIR)/examples/session.txt: $(SCRIPTS)/session.sh $(BUILD_DIR)/pt
+	sh $< $(@D) $(BUILD_DIR)
 
 # The numbers in what they have said, and those of tables made with the book.
 SAID = info same other seeds few single pair white files
@@ -95,21 +82,9 @@ $(BUILT)/said.tex: $(SCRIPTS)/said.awk $(BUILD_DIR)/examples.stamp \
 	awk -f $< $(SAID:%=$(BUILD_DIR)/examples/%.txt) $(@D)/stopping.tex \
 	  $(@D)/unseen.tex > $@
 
-# What the text says about the courtyard and its image.
-$(BUILT)/counted.tex: $(SCRIPTS)/counted.awk $(BUILD_DIR)/courtyard.obj \
-  $(BUILD_DIR)/figures/courtyard.json | $(BUILT)
-	awk -f $^ > $@
-
 # The layers of the modules, as the test of imports has them.
 $(BUILT)/layers.tex: $(SCRIPTS)/layers.awk tests/layers.txt | $(BUILT)
 	awk -f $^ > $@
-
-# What the books say of themselves: how much of what is in them.
-$(BUILT)/numbers.stamp: $(WEB) $(TOOL_WEB) src/.tangled | $(BUILT)
-	@LC_ALL=C awk -v parts=$(@D)/parts.tex -f $(SCRIPTS)/numbers.awk \
-	  $(WEB) $(TOOL_WEB) $(wildcard src/*.rs src/*/*.rs noweb/src/*.rs \
-	    tests/*.rs tests/*/*.rs book/tests/*.rs noweb/tests/*.rs) > $(@D)/numbers.tex
-	@touch $@
 
 # ---- recorded
 
@@ -121,7 +96,6 @@ $(BUILT)/measured.tex: $(SCRIPTS)/measured.awk $(wildcard $(MEASURED)/*.csv) \
 	awk -f $^ > $@
 
 COLUMNS_bench = 8
-COLUMNS_traversal = 6
 COLUMNS_mixtures = 8
 $(BUILT)/%.tex: $(MEASURED)/%.csv $(SCRIPTS)/table.awk | $(BUILT)
 	awk -v most=$(COLUMNS_$*) -v machine=$(@D)/$*-machine.tex \
@@ -133,51 +107,14 @@ $(BUILT)/efficiency.tex: $(MEASURED)/efficiency.csv $(SCRIPTS)/efficiency.awk \
 	awk -v machine=$(@D)/efficiency-machine.tex \
 	  -v curves=$(@D)/efficiency-curves.tex -f $(SCRIPTS)/efficiency.awk $< > $@
 
-# The chunks of each part of a gather; a minus takes those of another away.
-define PART_CHUNKS
-guides,,src/gather/guide.rs
-guides,,Make the guides
-cache,,src/gather/cache.rs
-cache,-,Make the guides
-cache,,Follow paths and record them
-cache,,Train a cache
-allocation,,Allocate the samples
-sharing,,Share an error among samples
-nets,,src/sampler/sobol.rs
-second gather,,Gather at a point
-many paths,,Choose the ends to correct
-correction,,src/gather/correction.rs
-everything,,src/gather.rs
-everything,,src/gather/guide.rs
-everything,,src/gather/cache.rs
-everything,,src/gather/training.rs
-everything,,src/gather/correction.rs
-everything,,src/render/gather.rs
-endef
-export PART_CHUNKS
-
-# Lines without blank ones and comments. A mended sentence changes none.
-$(BUILT)/parts-lines.csv: src/.tangled $(NOWEB) | $(BUILT)
-	@echo "$$PART_CHUNKS" | while IFS=, read -r part sign chunk; do \
-	  $(NOWEB) notangle -R"$$chunk" $(WEB) > $@.chunk || exit 1; \
-	  echo "$$part,$$sign$$(grep -cv '^ *\(//.*\)*$$' $@.chunk)"; done > $@
-	@rm $@.chunk
-
-$(BUILT)/worth.tex: $(BUILT)/parts-lines.csv $(MEASURED)/parts.csv \
-  $(SCRIPTS)/parts.awk
-	awk -v machine=$(@D)/worth-machine.tex -f $(SCRIPTS)/parts.awk \
-	  $(wordlist 1,2,$^) > $@
+$(BUILT)/worth.tex: $(MEASURED)/parts.csv $(SCRIPTS)/parts.awk
+	awk -v machine=$(@D)/worth-machine.tex -f $(SCRIPTS)/parts.awk $< > $@
 
 $(BUILT)/%.csv: $(MEASURED)/%.csv | $(BUILT)
 	grep -v '^#' $< > $@
 
-.PHONY: measure stability stability-full ablation start fuzz unbiased
-measure: $(BOOK) $(BUILD_DIR)/courtyard.obj
-	for part in qualities repeats leaks origins roulettes accumulators \
-	  accounting alarms loading thresholds scrambles padding pixels; do \
-	  $(RECORD) $$part $(BOOK) $$part $(BUILD_DIR)/courtyard.obj || exit 1; done
-	$(RECORD) triangulations $(CARGO) run --release -p litpt-book \
-	  --features polygons --bin polygons
+.PHONY: measure stability stability-full ablation fuzz unbiased
+measure:
 	$(RECORD) translation $(CARGO) run --release -p noweb --example positions \
 	  litpt.nw
 
@@ -205,18 +142,6 @@ stability-full: $(BOOK)
 ablation: $(BOOK)
 	$(RECORD) ablation $(BOOK) ablation 5
 
-# Ranks here and, as far as can be foreseen, on a cluster: a minute.
-.PHONY: scaling
-scaling: $(BUILD_DIR)/pt-mpi $(BUILD_DIR)/courtyard.obj
-	$(RECORD) scaling python3 $(SCRIPTS)/scaling.py $(BUILD_DIR)/pt-mpi \
-	  $(BUILD_DIR)/courtyard.obj $(CAMERA)
-
-# What the program weighs before it does anything, and what a triangle and a
-# pixel add.
-start: bench-tools $(BOOK)
-	$(RECORD) start python3 $(SCRIPTS)/start.py $(BUILD_DIR)/pt $(BOOK) \
-	  $$(ls $(BENCH)/embree_pt 2> /dev/null)
-
 # Whether two integrators have the same means in some twenty scenes.
 UNBIASED = reference reference
 unbiased: $(BOOK)
@@ -233,9 +158,8 @@ fuzz:
 
 # ---- pt beside Embree
 
-# What is measured: traversal alone, whole renders, one scene in several
-# sizes, and images of several sizes. "make bench" does all five in half
-# an hour, and each has a target of its own. KITCHEN=FILE adds the scene of
+# What is measured: traversal alone, whole renders, and one scene in several
+# sizes. "make bench" does all three in half an hour, and each has a target of its own. KITCHEN=FILE adds the scene of
 # that OBJ (or .obj.zst), which is not ours to give away, BENCH_LARGE=1 ten
 # million triangles. A run that is restricted replaces the tables of a whole
 # one.
@@ -253,13 +177,12 @@ AND_VIEWS = $(foreach scene,$(1),$(scene).obj $(scene).view)
 PEER ?= ../shared/peers/embree_pt.cpp
 EMBREE = /usr/include/embree3/rtcore.h
 
-.PHONY: bench bench-traversal bench-peer bench-avx2 bench-sizes bench-shapes \
-  bench-tools
+.PHONY: bench bench-traversal bench-peer bench-sizes bench-tools
 bench:
-	@for part in traversal peer avx2 sizes shapes; do \
+	@for part in traversal peer sizes; do \
 	  $(MAKE) --no-print-directory bench-$$part || exit 1; done
 	@python3 $(SCRIPTS)/measure.py show \
-	  $(patsubst %,$(MEASURED)/%.csv,traversal bench avx2 sizes shapes)
+	  $(patsubst %,$(MEASURED)/%.csv,traversal bench sizes)
 
 # field-1000 is the field with 1000 triangles.
 $(BENCH)/%.obj $(BENCH)/%.view: book/src/programs/scenes.rs \
@@ -302,34 +225,14 @@ bench-traversal: bench-tools $(BOOK) $(call AND_VIEWS,$(COMPARED))
 	  $(BOOK) traversal -i $$scene.obj $$(cat $$scene.view) -r 0.8 \
 	    -d 400x300 || exit 1; done | awk "!/^scene,/ || !head++"'
 
-# What the traversal of a ray reads, and how long it takes: seven minutes.
-.PHONY: roofline
-roofline: $(BOOK) $(call AND_VIEWS,$(COMPARED))
-	$(RECORD) roofline sh -c 'for scene in $(COMPARED); do \
-	  $(BOOK) roofline -i $$scene.obj $$(cat $$scene.view) -r 0.8 \
-	    || exit 1; done | awk "!/^scene,/ || !head++"'
-
 BESIDE_PEER = python3 $(SCRIPTS)/measure.py $(1) $(BUILD_DIR)/pt \
   $$(ls $(BENCH)/embree_pt 2> /dev/null) $(2)
 
 bench-peer: bench-tools $(call AND_VIEWS,$(COMPARED))
 	$(RECORD) bench $(call BESIDE_PEER,peer,$(COMPARED))
 
-# The peer limited to AVX2 as well; and our rate with the rays of a gather.
-bench-avx2: bench-tools $(call AND_VIEWS,$(COMPARED))
-	@if test -e $(BENCH)/embree_pt; then \
-	  sed 's/rtcNewDevice(nullptr)/rtcNewDevice("isa=avx2")/' '$(PEER)' | \
-	    g++ -O3 -march=native -fopenmp -x c++ - \
-	      -o $(BENCH)/embree_pt_avx2 -lembree3; \
-	fi
-	$(RECORD) avx2 python3 $(SCRIPTS)/measure.py avx2 $(BUILD_DIR)/pt \
-	  $$(ls $(BENCH)/embree_pt_avx2 2> /dev/null) $(COMPARED)
-
 bench-sizes: bench-tools $(call AND_VIEWS,$(SIZED))
 	$(RECORD) sizes $(call BESIDE_PEER,sizes,$(SIZED))
-
-bench-shapes: bench-tools $(call AND_VIEWS,$(BENCH)/courtyard)
-	$(RECORD) shapes $(call BESIDE_PEER,shapes,$(BENCH)/courtyard)
 
 # In which time pt reaches the error of the peer. After the @ stands the albedo
 # if it is not 0.8. The references take some four hours on an idle machine and
@@ -409,58 +312,24 @@ $(BUILT)/mixtures-ball.csv: $(MEASURED)/mixtures.csv | $(BUILT)
 	  $$1 == "ball" { print $$2, $$3 + 0 ? $$3 : "nan", $$5 + 0 ? $$5 : "nan", \
 	    off($$6), off($$8) }' $< $< > $@
 
-# The pictures of the ball, and those of an earlier program in at most a minute:
-# the pt of commit e1e8bf3 made those of doc/figures.
-BALLS = 1e3 1e5 1e6 1e7
-BALL = -i $(BENCH)/ball-$(1).obj $$(cat $(BENCH)/ball-$(1).view) -r 0.8 \
-  -d 160x120 -n 64 -f
-FIGURES += $(BALLS:%=$(BUILD_DIR)/figures/ball-%.png)
-
-$(BUILD_DIR)/figures/ball-%.png: $(BENCH)/ball-%.obj $(BENCH)/ball-%.view \
-  $(BUILD_DIR)/pt | $(BUILD_DIR)/figures
-	$(BUILD_DIR)/pt $(call BALL,$*) -o $@
-
-.PHONY: mixtures-before
-mixtures-before: $(call AND_VIEWS,$(BALLS:%=$(BENCH)/ball-%))
-	for r in $(BALLS); do $(BEFORE) $(call BALL,$$r) --time 60 \
-	  -o doc/figures/ball-$$r-before.png || exit 1; done
-
 # ---- samples and errors
 
 # The courtyard by two methods, with few and many samples. The white of all
 # images of errors is the error WHITE.
 SAMPLED = $(foreach method,reference gather,$(addprefix $(method)-,1 16 256))
-RECORDED = reference-4096 gather-4096
-SHOWN = $(SAMPLED) $(RECORDED)
-ERRORS = $(filter-out %-1,$(SHOWN))
+ERRORS = $(filter-out %-1,$(SAMPLED))
 WHITE = 0.3
-# Those that the web shows besides.
-BETWEEN = $(foreach method,reference gather,$(addprefix $(method)-,4 64))
-PLAYED = $(BETWEEN:%=$(BUILD_DIR)/figures/samples-%.png) \
-  $(BETWEEN:%=$(BUILT)/rmse-%.tex)
-FIGURES += $(SHOWN:%=$(BUILD_DIR)/figures/samples-%.png) \
+FIGURES += $(SAMPLED:%=$(BUILD_DIR)/figures/samples-%.png) \
   $(ERRORS:%=$(BUILD_DIR)/figures/errors-%.png)
 TABLES += $(ERRORS:%=$(BUILT)/rmse-%.tex)
 
-$(patsubst %,$(BUILD_DIR)/figures/samples-%.exr,$(SAMPLED) $(BETWEEN)): \
+$(patsubst %,$(BUILD_DIR)/figures/samples-%.exr,$(SAMPLED)): \
   $(BUILD_DIR)/figures/samples-%.exr: $(BUILD_DIR)/pt \
   $(BUILD_DIR)/courtyard.obj | $(BUILD_DIR)/figures
 	$(BUILD_DIR)/pt $(CAMERA) -d 128x96 -r 0.8 -q -f \
 	  --integrator $(subst -, -n ,$*) -i $(BUILD_DIR)/courtyard.obj -o $@
 
-# Those of most samples take minutes, and are recorded.
-$(RECORDED:%=$(BUILD_DIR)/figures/samples-%.exr): \
-  $(BUILD_DIR)/figures/%: doc/figures/% | $(BUILD_DIR)/figures
-	cp $< $@
-
-.PHONY: samples
-samples: $(BUILD_DIR)/pt $(BUILD_DIR)/courtyard.obj
-	for method in reference gather; do \
-	  $(BUILD_DIR)/pt $(CAMERA) -d 128x96 -r 0.8 -q -f --integrator $$method \
-	    -n 4096 -i $(BUILD_DIR)/courtyard.obj \
-	    -o doc/figures/samples-$$method-4096.exr || exit 1; done
-
-$(patsubst %,$(BUILD_DIR)/figures/samples-%.png,$(SHOWN) $(BETWEEN)): \
+$(patsubst %,$(BUILD_DIR)/figures/samples-%.png,$(SAMPLED)): \
   %.png: %.exr $(BUILD_DIR)/ptimg
 	$(BUILD_DIR)/ptimg tonemap -f -o $@ $<
 
@@ -471,7 +340,7 @@ $(ERRORS:%=$(BUILD_DIR)/figures/errors-%.png): $(BUILD_DIR)/figures/errors-%.png
 	stops=$$(echo $$said | awk '{ print log($$NF / $(WHITE)) / log(2) }') && \
 	$(BUILD_DIR)/ptimg tonemap -f -e $$stops -o $@ $@ 2> /dev/null
 
-$(patsubst %,$(BUILT)/rmse-%.tex,$(ERRORS) $(BETWEEN)): $(BUILT)/rmse-%.tex: \
+$(patsubst %,$(BUILT)/rmse-%.tex,$(ERRORS)): $(BUILT)/rmse-%.tex: \
   $(BUILD_DIR)/figures/samples-%.exr $(BUILD_DIR)/ptimg | $(BUILT)
 	$(BUILD_DIR)/ptimg info $< | awk '/^ *rmse:/ { printf "%.4f%%\n", $$2 }' > $@
 
@@ -491,14 +360,11 @@ $(PICTURED:%=$(BUILD_DIR)/figures/scene-%.png): $(BUILD_DIR)/figures/scene-%.png
 
 # ---- geometry: figures
 
-# Edges, vertices, boxes, cuts, tiles, a section and closed forms: half a
-# minute.
+# Edges, vertices, boxes, tiles and closed forms.
 GEOMETRY := $(addprefix $(BUILD_DIR)/figures/geometry-,$(addsuffix .png, \
   edge-single edge-double edge-exact vertex-single vertex-ours court \
-  boxes-2 boxes-3 looks tiles-statue tiles-field section-counts \
-  section-inside form-0 form-1 form-2 form-3 form-4 form-5))
-GEOMETRY_TABLES := $(addprefix $(BUILT)/,geometry.tex geometry-boxes.tex \
-  geometry-forms.tex geometry-cuts-courtyard.csv geometry-cuts-statue.csv)
+  boxes-2 boxes-3 tiles-statue tiles-field))
+GEOMETRY_TABLES := $(addprefix $(BUILT)/,geometry.tex geometry-boxes.tex)
 FIGURES += $(GEOMETRY)
 TABLES += $(GEOMETRY_TABLES)
 
@@ -507,13 +373,10 @@ $(GEOMETRY) $(GEOMETRY_TABLES) &: $(BOOK) | $(BUILD_DIR)/figures $(BUILT)
 
 # Rows of recorded tables that the book does not print: those whose fields,
 # with the name of the group in front, match.
-LEFT_OUT_layouts = ^(bytes as the|leaves of up to three|prefetch|the same)
 LEFT_OUT_stability = ^(icosphere [1-5]|all.*10.[36]|cavity.*scaled.*200|plane.*(e-30|e30),)
-LEFT_OUT_stability-full = ^icosphere [1-5]
 LEFT_OUT_mixtures = ^(ball,(100|1e4|1e8|1e10|1e11)|aside,(1e3|1e7|1e10)|(rim|sunk|cube),1e5|hair,1e4),
 LEFT_OUT_traversal = ,(litpt|Embree|Embree robust),1,
-LEFT_OUT_triangulations = ^(collinear|bridge|slanted|on a line),
-SHORTENED = layouts stability stability-full mixtures traversal triangulations
+SHORTENED = stability mixtures traversal
 $(SHORTENED:%=$(BUILT)/%.tex): $(BUILT)/%.tex: $(MEASURED)/%.csv \
   $(SCRIPTS)/table.awk | $(BUILT)
 	awk -F , -v out='$(LEFT_OUT_$*)' '/^#/ { print; next } \
@@ -539,38 +402,6 @@ $(BUILT)/bounces.tex $(filter $(BUILD_DIR)/figures/bounces-%,$(FIGURES)) &: \
   $(BOOK) | $(BUILT) $(BUILD_DIR)/figures
 	$(BOOK) bounces $(BUILD_DIR)/figures > $(BUILT)/bounces.tex
 TABLES += $(BUILT)/bounces.tex
-
-# The gains of padding for nets of 64 points, scene by scene.
-TABLES += $(BUILT)/padding-64.csv
-$(BUILT)/padding-64.csv: $(MEASURED)/padding.csv | $(BUILT)
-	awk -F , '/^[^#]/ && $$1 != "scene" { if ($$1 != "") scene++; \
-	    if ($$3 == 64) gains[scene] = gains[scene] "," $$5 } \
-	  END { print "scene,independent,pairs,nets,sobol"; \
-	    for (i = 1; i <= scene; i++) print i - 1 gains[i] }' $< > $@
-
-# The first screen of a report, set from its parts.
-PAGE := $(BUILD_DIR)/figures/report-image.png $(BUILD_DIR)/figures/report-error.png
-PAGE_TABLES := $(addprefix $(BUILT)/report-,curve.tex captions.tex facts.tex head.tex)
-FIGURES += $(PAGE)
-TABLES += $(PAGE_TABLES)
-$(PAGE) $(PAGE_TABLES) &: $(BUILD_DIR)/pt $(BUILD_DIR)/courtyard.obj \
-  $(BUILT)/curve.csv $(SCRIPTS)/page.py
-	$(BUILD_DIR)/pt $(CAMERA) -d 96x72 -n 125 -r 0.8 -q -f \
-	  --integrator reference -i $(BUILD_DIR)/courtyard.obj \
-	  -o $(BUILD_DIR)/figures/report.exr \
-	  --reference $(BUILD_DIR)/figures/truth.exr \
-	  --report $(BUILD_DIR)/figures/report.html
-	python3 $(SCRIPTS)/page.py $(BUILD_DIR)/figures/report.html \
-	  $(BUILD_DIR)/figures $(BUILT)
-
-# ---- the program: figures
-
-TABLES += $(addprefix $(BUILT)/,scaling.csv roofline.csv sidak.tex \
-  scrambles-sizes.tex)
-
-# From which |z| one of m tests fails, for two probabilities of a false alarm.
-$(BUILT)/sidak.tex: $(SCRIPTS)/sidak.py | $(BUILT)
-	python3 $< > $@
 
 # ---- the gather: figures
 

@@ -22,9 +22,7 @@ use litpt::analysis::background::{
     BackgroundTiles, KnownPixels, TileContent,
 };
 use litpt::analysis::interior::*;
-use litpt::gather::cache::{
-    Cell, Grid, LEVELS, RadianceCache, Record, SKY,
-};
+use litpt::gather::cache::{Grid, RadianceCache, Record, SKY};
 use litpt::gather::guide::{self, BINS, Guide, bin, direction};
 use litpt::gather::training::train;
 use litpt::gather::{Allocation, Correction, Plan, Tracer};
@@ -335,27 +333,6 @@ fn an_iteration_that_has_settled_may_be_far_from_its_limit() {
     near(1. - 0.999f64.powi(300), 0.259, 5e-4);
 }
 
-#[test]
-fn a_cache_takes_less_than_four_hundred_megabytes() {
-    const RAYS: u64 = 1 << 22;
-    let cells = |level: u32| RAYS.min(6 * (128u64 >> level).pow(3));
-    let cells: u64 = (0..LEVELS as u32).map(cells).sum();
-    assert_eq!(cells, 5_991_424);
-    let entries = (2 * cells + 1).next_power_of_two();
-    let guides = LEVELS as u64 * (RAYS / 1000);
-    let [record, cell, guide] =
-        [size_of::<Record>(), size_of::<Cell>(), size_of::<Guide>()];
-    assert_eq!([record, cell, guide], [24, 16, 544]);
-    let megabytes = [
-        (RAYS * record as u64, 100.7),
-        (entries * cell as u64, 268.4),
-        (guides * guide as u64, 11.4),
-    ];
-    for (bytes, printed) in megabytes {
-        near(bytes as f64 / 1e6, printed, 0.05);
-    }
-}
-
 /// A cache that says the same of all places within a unit of the origin.
 fn believer(value: f32) -> RadianceCache {
     let far = [DVec3::splat(-1e6), DVec3::splat(1e6)];
@@ -586,21 +563,6 @@ fn weights_up_to_256_can_be_added_until_the_count_is_full() {
     assert_eq!(full(257.).1, f64::INFINITY);
 }
 
-// Answer the exercises on the image
-#[test]
-fn the_curve_jumps_where_quarters_are_missing() {
-    // List the tiles along the curve
-    let corners = |mut film: Film| {
-        film.stored_mut()[0].add(1.);
-        let tiles = film.tiles().into_iter();
-        let corner = |(x, y)| (x / SIDE, y / SIDE);
-        tiles.map(|(tile, _)| corner(tile.corner)).collect::<Vec<_>>()
-    };
-    assert_eq!(corners(Film::new(64, 64))[13], (2, 1));
-    let small = [(0, 0), (1, 0), (1, 1), (0, 1), (2, 1), (2, 0)];
-    assert_eq!(corners(Film::new(48, 32)), small);
-}
-
 #[test]
 fn a_pixel_that_has_seen_nothing_is_believed_with_time() {
     // State the error of a blind pixel
@@ -615,18 +577,6 @@ fn a_pixel_that_has_seen_nothing_is_believed_with_time() {
     };
     near(stated(16), 0.0363, 5e-5);
     near(stated(64), 0.0094, 5e-5);
-}
-
-// Answer the exercises on images and files
-#[test]
-fn a_map_of_two_pixels_can_be_written_by_hand() {
-    let image = image(1, vec![0.5, 1.], None, None);
-    let mut bytes = vec![];
-    Format::Pfm.write(&image, &mut bytes).unwrap();
-    near(f64::from(f32::from_bits(0x803f)) * 1e41, 4.6, 0.05);
-    near(f64::from(f32::from_bits(0x3f)) * 1e44, 8.8, 0.05);
-    let numbers = b"\x00\x00\x80\x3f\x00\x00\x00\x3f";
-    assert_eq!(bytes, [&b"Pf\n1 2\n-1.0\n"[..], numbers].concat());
 }
 
 #[test]
@@ -658,15 +608,6 @@ fn a_symbolic_link_leads_to_the_new_file_and_a_hard_link_to_the_old() {
     let [latest, monday, copy] =
         ["latest", "monday", "copy"].map(|name| place.get(name));
     assert_eq!([latest, monday, copy], [b"new", b"new", b"old"]);
-}
-
-// Answer the exercises on the render
-#[test]
-fn thirty_threads_divide_the_realisations_of_475_tiles() {
-    let tiles = Film::new(400, 300).tiles().len();
-    assert_eq!(tiles, 475);
-    near(8. / tiles as f64, 0.017, 5e-4);
-    assert_eq!([32 * 29 / tiles, 32 * 30 / tiles], [1, 2]);
 }
 
 #[test]
@@ -891,39 +832,6 @@ fn an_edited_checkpoint_is_damaged_and_not_of_another_run() {
     let digit = file.windows(7).position(|w| w == b"\"seed\":");
     file[digit.unwrap() + 7] = b'3';
     assert_eq!(ask(&file), "is damaged: its checksum is wrong");
-}
-
-#[test]
-fn a_page_lags_by_a_tenth_or_by_what_it_costs() {
-    let (cheap, dear) = (largest_lag(0.02), largest_lag(1.));
-    assert!(54. < cheap && cheap < 55., "{cheap}");
-    assert!(101. < dear && dear <= 102.25, "{dear}");
-}
-
-/// How old a page is at most when the run is killed after ten minutes.
-fn largest_lag(takes: f64) -> f64 {
-    let mut largest = 0f64;
-    for phase in 0..11_000 {
-        let mut now = f64::from(phase) * 1e-2;
-        let (mut page, mut next) = (0., 0.);
-        loop {
-            // End a pass, and write a page if it is due
-            now += 0.25;
-            let begun = now;
-            let due = now > 1.1 * page && now >= next;
-            if due {
-                now += takes;
-            }
-            if now > 600. {
-                break;
-            }
-            if due {
-                (page, next) = (begun, now + 100. * takes);
-            }
-        }
-        largest = largest.max(600. - page);
-    }
-    largest
 }
 
 #[test]

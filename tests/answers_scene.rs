@@ -12,9 +12,7 @@
 mod common;
 
 // Name what the answers up to sampling import
-use std::collections::BTreeSet;
 use std::f64::consts::FRAC_PI_2;
-use std::fs;
 use std::io::Write;
 
 use common::{ROOM, Scratch};
@@ -23,12 +21,12 @@ use glam::{DVec3, Vec3};
 use litpt::bvh::{Bvh, Hit, Intersector, Isa, Quality};
 use litpt::camera::{Camera, View};
 use litpt::film::Film;
-use litpt::numerics::{cross, exponent, normalise, power_of_two, shift};
+use litpt::numerics::{cross, power_of_two};
 use litpt::render::Renderer;
 use litpt::sampler::sobol::{ScrambledNet, scramble_key, to_unit};
 use litpt::sampler::{cosine_direction, generator, happens, within};
 use litpt::scene::{
-    Mesh, Ray, Scene, Triangle, Triangles, read_file, read_obj, scattered,
+    Mesh, Ray, Scene, Triangle, Triangles, read_file, read_obj,
 };
 use litpt::sky::Sky;
 use litpt::statistics::Accumulator;
@@ -48,40 +46,6 @@ fn near(mean: f64, expected: f64, variance: f64, n: u32) {
 }
 
 // Answer the exercises of the introduction
-/// The modules that the source of a module names.
-fn named_by(module: &str) -> BTreeSet<String> {
-    let path = format!("{}/src/{module}.rs", env!("CARGO_MANIFEST_DIR"));
-    let text = fs::read_to_string(path).unwrap();
-    let names = text.split("crate::").skip(1).map(|rest| {
-        let end = rest.find(|c: char| !c.is_alphanumeric() && c != '_');
-        rest[..end.unwrap()].to_owned()
-    });
-    names.collect()
-}
-
-#[test]
-fn no_module_reaches_back() {
-    let names = |module| Vec::from_iter(named_by(module)).join(" ");
-    assert_eq!(names("integrator"), "bvh sampler scene sky");
-    assert_eq!(names("bvh"), "scene");
-    assert_eq!(names("scene"), "numerics");
-    assert_eq!(names("film"), "statistics");
-    assert_eq!(names("sky"), "");
-}
-
-#[test]
-fn portions_of_a_chunk_follow_each_other() {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/src/lib.rs");
-    let library = fs::read_to_string(path).unwrap();
-    // Find the seam of the first two portions
-    let lines: Vec<&str> = library.lines().collect();
-    let seam = lines.windows(2).filter(|pair| {
-        pair[0].ends_with("f 1 2 3 4\\n\";")
-            && pair[1].starts_with("//! let scene = Scene::new")
-    });
-    assert_eq!(seam.count(), 1);
-}
-
 /// What a path weighs between walls of albedo `rho` that see the
 /// sky with probability `s`.
 fn weight(rho: f64, s: f64, random: &mut Pcg64) -> f64 {
@@ -106,21 +70,6 @@ fn most_light_of_a_gallery_was_reflected_more_than_once() {
     let mut random = generator(1, 0, 0);
     let sum: f64 = (0..n).map(|_| weight(rho, s, &mut random)).sum();
     near(sum / f64::from(n), radiance, variance, n);
-}
-
-// Answer the exercises on the program
-#[test]
-fn the_peak_of_a_run_may_be_its_picture() {
-    let (triangles, pixels) = (4_000_000, 1920 * 1080);
-    let accumulator = size_of::<Accumulator>();
-    assert_eq!((accumulator, size_of::<Triangle>()), (64, 72));
-    let rendering = 62 * triangles + accumulator * pixels;
-    let building = 76 * triangles;
-    let writing = rendering + 24 * pixels;
-    let enough = 88 * pixels / (76 - 62);
-    let quantities = [building, rendering, writing, enough];
-    let millions = quantities.map(|n| (n as f64 / 1e6).round());
-    assert_eq!(millions, [304., 381., 430., 13.]);
 }
 
 #[test]
@@ -241,20 +190,6 @@ fn one_of_five_options_changes_an_image() {
     }
 }
 
-// Answer the exercises on numbers
-#[test]
-fn exponents_found_by_hand_are_those_of_the_program() {
-    let smallest = f64::from_bits(1);
-    for (x, e) in [(6.5, 2), (0.1, -4), (smallest, -1074), (0., -1075)] {
-        assert_eq!(exponent(x), e);
-    }
-    let tamed = normalise(DVec3::new(3., -20., 0.));
-    assert_eq!(tamed, DVec3::new(0.1875, -1.25, 0.));
-    assert_eq!(power_of_two(-1074), f64::MIN_POSITIVE);
-    assert_eq!(shift(DVec3::X, -1074).x, smallest);
-    assert_eq!(shift(DVec3::X * smallest, 1074).x, 1.);
-}
-
 #[test]
 fn nearly_parallel_vectors_have_a_cross_product() {
     let epsilon = power_of_two(-30);
@@ -299,34 +234,6 @@ fn gzip(text: &[u8]) -> Vec<u8> {
     let mut encoder = GzEncoder::new(vec![], Compression::best());
     encoder.write_all(text).unwrap();
     encoder.finish().unwrap()
-}
-
-/// The beginning of a block of zstd, before its bytes.
-fn block(is_last: bool, kind: u32, length: usize) -> [u8; 3] {
-    let head = u32::from(is_last) | kind << 1 | (length as u32) << 3;
-    let [a, b, c, _] = head.to_le_bytes();
-    [a, b, c]
-}
-
-#[test]
-fn thirteen_million_lines_fit_into_five_hundred_bytes() {
-    let blanks = vec![b' '; 10_000_000];
-    let ratio = blanks.len() as f64 / gzip(&blanks).len() as f64;
-    assert!(ratio > 0.97 * 1032. && ratio <= 1032., "{ratio}");
-    let mut frame = vec![0x28, 0xb5, 0x2f, 0xfd, 0, 0x38];
-    for _ in 0..100 {
-        frame.extend(block(false, 1, 1 << 17));
-        frame.push(b'\n');
-    }
-    frame.extend(block(true, 0, TRIANGLE.len()));
-    frame.extend(TRIANGLE.as_bytes());
-    assert!(frame.len() < 500);
-    assert_eq!(read_obj(&frame), read_obj(TRIANGLE.as_bytes()));
-    // All lines are there
-    frame.truncate(frame.len() - 2);
-    frame.extend(b"x\n");
-    let words = read_obj(&frame).unwrap_err().within("x");
-    assert!(words.starts_with("x:13107204: "), "{words}");
 }
 
 /// The checksum of gzip.
@@ -452,22 +359,6 @@ fn tenths_of_metres_move_by_nanometres_far_away() {
     assert!(mesh.vertices.iter().all(single));
 }
 
-#[test]
-fn few_keys_are_equal_by_chance() {
-    let pairs = |n: f64, bits: i32| n * (n - 1.) / 2. * power_of_two(-bits);
-    assert_eq!(pairs(5e6, 35).round(), 364.);
-    assert_eq!((pairs(5e6, 20) / 1e6).round(), 12.);
-    assert_eq!(pairs(power_of_two(20), 35).round(), 16.);
-    // Count equal keys on a grid
-    let digit = |i: u32, k: u32| f64::from(i >> (7 * k) & 127);
-    let corner = |i| DVec3::new(digit(i, 0), digit(i, 1), digit(i, 2));
-    let key = |i| scattered(&corner(i)) >> 29;
-    let mut keys: Vec<u64> = (0..1 << 20).map(key).collect();
-    keys.sort_unstable();
-    let equal = keys.windows(2).filter(|pair| pair[0] == pair[1]);
-    assert!((2..=40).contains(&equal.count()));
-}
-
 // Answer the exercises on polygons
 /// A face with these corners in a plane, and whether it is odd.
 fn face(corners: &[[f64; 2]]) -> (Mesh, bool) {
@@ -559,15 +450,6 @@ fn the_top_left_corner_is_to_the_left_and_up() {
     assert!(camera.direction(0., 0.).abs_diff_eq(corner, 1e-15));
     let edge = DVec3::new(0., 1., 1.) / 2f64.sqrt();
     assert!(camera.direction(0.5, 0.).abs_diff_eq(edge, 1e-15));
-}
-
-#[test]
-fn a_horizontal_field_of_90_degrees_is_a_vertical_one_of_59() {
-    let fov = 2. * libm::atan(9. / 16.).to_degrees();
-    assert!((fov - 58.72).abs() < 0.005);
-    let left = camera(fov, 16. / 9.).direction(0., 0.5);
-    let expected = DVec3::new(-1., 1., 0.) / 2f64.sqrt();
-    assert!(left.abs_diff_eq(expected, 1e-15));
 }
 
 /// The solid angle per area of the image around a point.
@@ -745,19 +627,6 @@ fn a_chain_costs_more_than_a_balanced_tree() {
     assert!(near(cost(&[8, 7, 6, 5, 4, 3, 2]), 5.94));
     assert!(near(cost(&[8]), 2.41));
     assert_eq!(2. * half_area(4), 18.);
-}
-
-#[test]
-fn forty_seven_realisations_repay_a_medium_hierarchy() {
-    let rays = f64::from(640 * 480 * 3);
-    let quality =
-        |n: u32| Quality::expecting(1_000_000, f64::from(n) * rays);
-    assert_eq!(quality(46), Quality::Fast);
-    assert_eq!(quality(47), Quality::Medium);
-    assert_eq!(quality(1452), Quality::Medium);
-    assert_eq!(quality(1453), Quality::Thorough);
-    let lost = f64::from(60 - 46) * rays * 5.85e-9;
-    assert!((lost - 0.08).abs() < 0.005);
 }
 
 /// The least inner area of a forest of at most `most` wide trees with

@@ -293,3 +293,28 @@ fn the_program_reads_compressed_files_and_pipes() {
         run.failed(1, &["standard input: the ", " "]);
     }
 }
+
+/// The beginning of a block of zstd, before its bytes.
+fn block(is_last: bool, kind: u32, length: usize) -> [u8; 3] {
+    let head = u32::from(is_last) | kind << 1 | (length as u32) << 3;
+    let [a, b, c, _] = head.to_le_bytes();
+    [a, b, c]
+}
+
+#[test]
+fn a_few_bytes_of_zstd_may_be_millions_of_lines() {
+    let triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+    let mut frame = vec![0x28, 0xb5, 0x2f, 0xfd, 0, 0x38];
+    for _ in 0..100 {
+        frame.extend(block(false, 1, 1 << 17));
+        frame.push(b'\n');
+    }
+    frame.extend(block(true, 0, triangle.len()));
+    frame.extend(triangle.as_bytes());
+    assert!(frame.len() < 500);
+    assert_eq!(read_obj(&frame), read_obj(triangle.as_bytes()));
+    frame.truncate(frame.len() - 2);
+    frame.extend(b"x\n");
+    let words = complaint(&frame);
+    assert!(words.starts_with("x:13107204: "), "{words}");
+}

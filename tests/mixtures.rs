@@ -216,13 +216,12 @@ fn mixtures_of_scales_are_met_as_in_twice_the_precision() {
     let seeds: Vec<_> = (1..=110).chain([1585, 4661]).collect();
     let cases = seeds.into_par_iter().map(try_all);
     cases.collect::<Vec<_>>().into_iter().for_each(|seen| all.add(seen));
-    let scales::Seen { times, certain, inside, excused } = all;
+    let scales::Seen { rays, certain, inside, excused } = all;
     let counts = format!(
-        "{} rays, {certain} certain, {inside} inside, {excused} excused",
-        times.len()
+        "{rays} rays, {certain} certain, {inside} inside, {excused} excused"
     );
     // Where several answers are allowed, a wrong one may be among them.
-    assert!(2 * certain > times.len(), "{counts}");
+    assert!(2 * certain > rays, "{counts}");
     // A leak at one point of a thousand would go unnoticed with a probability
     // of 0.05, and so few paths are given up.
     assert!(inside >= 3000 && 1000 * excused <= inside, "{counts}");

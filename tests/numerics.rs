@@ -7,7 +7,7 @@ use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 
 use glam::DVec3;
 use litpt::numerics::{
-    cross, exponent, normalise, power_of_two, sincos_turns,
+    cross, exponent, normalise, power_of_two, shift, sincos_turns,
 };
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -76,6 +76,10 @@ fn powers_of_two_are_exact_over_the_normal_range() {
     assert_eq!(exponent(f64::MIN_POSITIVE / 2.), -1023);
     assert_eq!(exponent(f64::MIN_POSITIVE * 0.75), -1023);
     assert_eq!(power_of_two(5000), power_of_two(1023));
+    assert_eq!(power_of_two(-1074), f64::MIN_POSITIVE);
+    let smallest = f64::from_bits(1);
+    assert_eq!(shift(DVec3::X, -1074).x, smallest);
+    assert_eq!(shift(DVec3::X * smallest, 1074).x, 1.);
 }
 
 #[test]

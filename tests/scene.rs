@@ -7,7 +7,9 @@ use std::collections::BTreeSet;
 
 use glam::DVec3;
 use litpt::camera::{Camera, View, ViewError};
-use litpt::scene::{Mesh, Scene, read_file, read_obj, read_pieces};
+use litpt::scene::{
+    Mesh, Scene, read_file, read_obj, read_pieces, scattered,
+};
 
 const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
 
@@ -511,4 +513,17 @@ fn impossible_views_are_refused_without_a_tolerance() {
     // Up leans towards x, so x is up and the right of the image is -z.
     let right = camera.direction(1., 0.5) - camera.direction(0., 0.5);
     assert!((right.normalize() + DVec3::Z).length() < 1e-9, "{right}");
+}
+
+/// Poisson's distribution of mean 16 is outside of the range with a
+/// probability of 2e-6.
+#[test]
+fn keys_of_a_grid_are_equal_by_chance_only() {
+    let digit = |i: u32, k: u32| f64::from(i >> (7 * k) & 127);
+    let corner = |i| DVec3::new(digit(i, 0), digit(i, 1), digit(i, 2));
+    let key = |i| scattered(&corner(i)) >> 29;
+    let mut keys: Vec<u64> = (0..1 << 20).map(key).collect();
+    keys.sort_unstable();
+    let equal = keys.windows(2).filter(|pair| pair[0] == pair[1]);
+    assert!((2..=40).contains(&equal.count()));
 }

@@ -1,24 +1,21 @@
 #!/usr/bin/env python3
 """Does the book print the code that is compiled?
 
-usage: check-pdf.py VOLUME.pdf... CHAPTER.nw... [--compile ROOT]
+usage: check-pdf.py VOLUME.pdf... CHAPTER.nw...
 
 Extracts the text of the volumes with pdftotext and looks for every line of
 every chunk of the chapters, in order, below the head of its chunk; white space is
-left out of the comparison, and so are the head and the foot of a page. With
---compile, puts the root chunk ROOT together from the text of the PDF alone and
-compiles it as a library with rustc. Fails when a line is missing or differs.
+left out of the comparison, and so are the head and the foot of a page. Fails
+when a line is missing or differs.
 
 Copyright (C) 2026 litpt contributors
 Copying and distribution of this file, with or without modification, are
 permitted in any medium without royalty provided the copyright notice and this
 notice are preserved. This file is offered as-is, without any warranty.
 """
-import os
 import re
 import subprocess
 import sys
-import tempfile
 
 LABEL = r'\s\d+(?:[a-z]|\.\d+)'
 USE = re.compile(rf'⟨((?:(?!⟩).)*){LABEL}⟩')
@@ -114,9 +111,9 @@ def find_row(lines, starts, at, want):
 
 
 def compare(lines, starts, chapters):
-    """Follows the chapters through the book; code by name, counts, faults."""
+    """Follows the chapters through the book; names, a count, and faults."""
     heads = [head for at in range(len(lines)) if (head := head_at(lines, at))]
-    codes, faults, count, next_head = {}, [], 0, 0
+    names, faults, count, next_head = set(), [], 0, 0
     for path in chapters:
         for name, start, body in chunks_of(path):
             want = plain(name)
@@ -136,48 +133,20 @@ def compare(lines, starts, chapters):
                                   f'{line.strip()}\n    the book has: '
                                   f'{"".join(lines[at:at + 1])}')
                     break
-                row, at = row
-                codes.setdefault(want, []).append(row)
-    return codes, count, faults
-
-
-def assemble(codes, name):
-    """The text of a chunk, put together from the lines of the book."""
-    return '\n'.join(USE.sub(
-        lambda m: assemble(codes, plain(m.group(1))), row)
-        for row in codes.get(name, []))
-
-
-def compile_root(codes, root):
-    """Compiles a root chunk put together from the book; rustc's status."""
-    with tempfile.TemporaryDirectory() as scratch:
-        source = os.path.join(scratch, 'root.rs')
-        with open(source, 'w', encoding='utf-8') as out:
-            out.write(assemble(codes, plain(root)))
-        return subprocess.run(
-            ['rustc', '--edition', '2024', '--crate-type', 'lib', '--emit',
-             'metadata', '-A', 'warnings', '-o', os.path.join(scratch, 'root'),
-             source]).returncode
+                at = row[1]
+                names.add(want)
+    return names, count, faults
 
 
 def main(arguments):
-    root = None
-    if '--compile' in arguments:
-        at = arguments.index('--compile')
-        root = arguments[at + 1]
-        del arguments[at:at + 2]
     if len(arguments) < 2:
         sys.exit(__doc__)
     volumes = [name for name in arguments if name.endswith('.pdf')]
-    codes, count, faults = compare(*book_lines(volumes), arguments[len(volumes):])
-    print(f'{count} lines of code of {len(codes)} chunks in the book as in the '
+    names, count, faults = compare(*book_lines(volumes), arguments[len(volumes):])
+    print(f'{count} lines of code of {len(names)} chunks in the book as in the '
           f'chapters, {len(faults)} chunks differ')
     for fault in faults[:20]:
         print(fault)
-    if root and not faults:
-        if compile_root(codes, root):
-            sys.exit(f'{root}, copied out of the book, does not compile')
-        print(f'{root}, copied out of the book, compiles')
     sys.exit(1 if faults else 0)
 
 

@@ -2,9 +2,7 @@
 """Measures pt from end to end, beside a peer, and prints a CSV.
 
 usage: measure.py peer PT [PEER] SCENE...   rates, load, memory of both
-       measure.py avx2 PT [PEER] SCENE...   rates with AVX2; that of a gather
        measure.py sizes PT [PEER] SCENE...  the same scene in several sizes
-       measure.py shapes PT SCENE...        images of several sizes
        measure.py mixtures PT [PEER] SCENE...  rates and means of mixtures
        measure.py error PT [PEER] SCENE     error of the image against time
        measure.py show FILE.csv...          a table for the eye
@@ -98,7 +96,6 @@ class Programs:
 
     def __init__(self, pt, peer, folder):
         self.pt, self.peer, self.folder = pt, peer, folder
-        self.options = ['--integrator', 'reference']
 
     def ours(self, scene, processors, n, seed, definition=(WIDTH, HEIGHT),
              limit=None, out=None):
@@ -107,7 +104,7 @@ class Programs:
         return run(
             [self.pt, '--keep-all', '-i', scene + '.obj', *view,
              '-r', str(ALBEDO), '-d', '{}x{}'.format(*definition),
-             *self.options,
+             '--integrator', 'reference',
              '-n', str(n), '-s', str(seed), '-j', str(len(processors)),
              '-o', out, '-f'], processors, PT, math.prod(definition), limit)
 
@@ -181,23 +178,6 @@ def peer_row(programs, scene, threads):
             *(cell(x, 6) for x in means), cell(z, 1), len(rounds)]
 
 
-def avx2(programs, scenes):
-    print('scene,ours_mrays,peer_mrays,ratio,gather_mrays')
-    for scene in scenes:
-        programs.options = ['--integrator', 'reference', '--isa', 'avx2']
-        rounds = programs.rounds(scene, 2)
-        row = [middle(rounds, 0, 'mrays')]
-        if programs.peer:
-            row += [middle(rounds, 1, 'mrays'), ratio(rounds, 'mrays')]
-        programs.options, programs.peer, peer = (
-            ['--integrator', 'gather'], None, programs.peer)
-        row += [math.nan] * (3 - len(row))
-        row += [middle(programs.rounds(scene, 2), 0, 'mrays')]
-        programs.peer = peer
-        print(os.path.basename(scene), *(cell(x, 2) for x in row), sep=',',
-              flush=True)
-
-
 def cell(x, digits):
     return '' if math.isnan(x) else f'{x:.{digits}f}'
 
@@ -231,26 +211,6 @@ def sizes(programs, scenes):
         print(triangles, f'{load:.3f}', f'{build:.3f}', f'{mrays:.2f}',
               f'{peak:.0f}', f'{peak * 1e6 / triangles:.0f}', *theirs,
               sep=',', flush=True)
-
-
-SHAPES = [(w, 3 * w // 4, 1_000_000 * 4 // (3 * w * w) or 1)
-          for w in (4, 20, 100, 400, 1000)] + [
-              (WIDTH, HEIGHT, n) for n in (1, 4, 64, 256)]
-
-
-def shapes(programs, scenes):
-    print('scene,width,height,samples,million_rays_per_second')
-    processors = sorted(os.sched_getaffinity(0))[:2]
-    for scene in scenes:
-        name = os.path.basename(scene)
-        rates = {shape: [] for shape in SHAPES}
-        for seed in range(1, FEWEST + 1):
-            say(f'{name}, images of {len(SHAPES)} kinds, round {seed}')
-            for (*definition, n), rate in rates.items():
-                run = programs.ours(scene, processors, n, seed, definition)
-                rate.append(run['mrays'])
-        for shape, rate in rates.items():
-            print(name, *shape, f'{median(rate):.2f}', sep=',', flush=True)
 
 
 def mixture_runs(programs, scenes):
@@ -365,7 +325,7 @@ def main():
     verb, arguments = sys.argv[1:2], sys.argv[2:]
     if verb == ['show']:
         return [show(path) for path in arguments]
-    verbs = {'peer': peer, 'avx2': avx2, 'sizes': sizes, 'shapes': shapes,
+    verbs = {'peer': peer, 'sizes': sizes,
              'mixtures': mixtures, 'error': error}
     measure = verbs.get(''.join(verb))
     if not measure or not arguments:

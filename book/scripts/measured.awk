@@ -17,15 +17,8 @@ BEGIN {
   rows["efficiency"] = "scene albedo peer_samples"
   rows["gains"] = "scene albedo samples"
   rows["mixtures"] = "mixture number"
-  rows["leaks"] = "surface rays number"
-  rows["loading"] = "text reader threads"
-  rows["triangulations"] = "polygons library"
   rows["parts"] = "scene part"
-  rows["padding"] = "scene way points"
-  rows["qualities"] = "quality instructions"
-  rows["roulettes"] = "scene rule"
   rows["shortcuts"] = "scene shortcut"
-  rows["shapes"] = "width samples"
   rows["traversal"] = "scene contender threads"
 }
 FNR == 1 { table = FILENAME; gsub(/.*\/|[.]csv$/, "", table); head = 0 }

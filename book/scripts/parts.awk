@@ -5,14 +5,11 @@
 # permitted in any medium without royalty provided the copyright notice and
 # this notice are preserved. This file is offered as-is, without any warranty.
 #
-# usage: awk -v machine=FILE.tex -f parts.awk LINES.csv PARTS.csv
+# usage: awk -v machine=FILE.tex -f parts.awk PARTS.csv
 #
-# LINES.csv has a part and a number of lines, to be added up, in each row. The
-# table has a row for each part and two columns for each scene.
+# The table has a row for each part and two columns for each scene.
 
 BEGIN { FS = "," }
-FNR == 1 { files++ }
-files == 1 { lines[$1] += $2; next }
 /^#/ { sub(/^# */, ""); print $0 "%" > machine; next }
 !head++ { for (i = 1; i <= NF; i++) at[$i] = i; next }
 {
@@ -26,18 +23,18 @@ files == 1 { lines[$1] += $2; next }
   if (z > largest[part]) largest[part] = z
 }
 END {
-  printf "\\begin{tabular}{lrr*{%d}{rr}r}\n\\toprule\n& &", columns
+  printf "\\begin{tabular}{lr*{%d}{rr}r}\n\\toprule\n&", columns
   for (i = 1; i <= columns; i++)
     printf " & \\multicolumn{2}{c}{%s}", scenes[i]
   printf " \\\\\n"
   for (i = 1; i <= columns; i++)
-    printf "\\cmidrule(lr){%d-%d}", 2 * i + 2, 2 * i + 3
-  printf "\nwithout & lines & [MB]"
+    printf "\\cmidrule(lr){%d-%d}", 2 * i + 1, 2 * i + 2
+  printf "\nwithout & [MB]"
   for (i = 1; i <= columns; i++) printf " & cost & rays"
   printf " & $|z|$ \\\\\n\\midrule\n"
   for (k = 1; k <= rows; k++) {
     part = parts[k]
-    printf "%s & %s & %s", part, lines[part],
+    printf "%s & %s", part,
       bytes[part] ? sprintf("%.1f", bytes[part] / 1e6) : ""
     for (i = 1; i <= columns; i++)
       printf " & %s & %s", short(cost[part, scenes[i]]),

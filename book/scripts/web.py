@@ -14,13 +14,6 @@ a reader plays with in web_play.py. TEXINPUTS must be that of the book. Links
 that lead nowhere, formulas that pandoc cannot read, numbers that are missing and
 files that differ when tangled from what a page shows are faults.
 
-Two programs that know more of TeX were tried on one chapter, on positions, of
-the tool's book. LaTeXML 0.8.7 takes 52 s of processor time without litpt.sty and
-gives up there, at 101 errors and 36 unknown macros; with it, it still reads
-expl3 after 81 s. tex4ht works in DVI mode, where litpt.sty's primitives of PDF
-stop it; without them it makes the chapter in 3 s, but no chunk is preformatted,
-so that code cannot be copied. This program makes all eleven chapters in 2.4 s.
-
 Copyright (C) 2026 litpt contributors
 Copying and distribution of this file, with or without modification, are
 permitted in any medium without royalty provided the copyright notice and this
@@ -137,7 +130,7 @@ def chunk_label(label):
 
 
 def read_measured():
-    for name in ['measured.tex', 'said.tex', 'counted.tex', 'learnt.tex',
+    for name in ['measured.tex', 'said.tex', 'learnt.tex',
                  'geometry.tex', 'chance.tex', 'bounces.tex']:
         for m in re.finditer(
                 r'\\nwmeasured\{(.*?)\}\{(.*?)\}\{(.*?)\}\{(.*?)\}%',

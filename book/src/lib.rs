@@ -15,6 +15,5 @@ pub mod interiors;
 pub mod mixtures;
 pub mod paths;
 pub mod settings;
-pub mod single;
 pub mod solids;
 pub mod sweep;

@@ -10,9 +10,6 @@
 
 // Name the parts as modules
 mod ablation;
-mod accounting;
-mod accumulators;
-mod alarms;
 mod anatomy;
 mod bounces;
 mod calibration;
@@ -20,24 +17,12 @@ mod chance;
 mod closed_forms;
 mod fuzz;
 mod geometry;
-mod leaks;
 mod learnt;
-mod loading;
 mod manuals;
 mod nets;
-mod origins;
-mod padding;
 mod parts;
-mod pixels;
-mod qualities;
-mod repeats;
-mod ring;
-mod roofline;
-mod roulettes;
 mod scenes;
-mod scrambles;
 mod stability;
-mod thresholds;
 mod traversal;
 mod unbiased;
 
@@ -58,11 +43,8 @@ pub type Done = Result<(), Box<dyn Error>>;
 type Part = (&'static str, fn(&[String]) -> Done);
 
 /// All parts.
-pub const ALL: [Part; 32] = [
+pub const ALL: [Part; 17] = [
     ("ablation", ablation::run),
-    ("accounting", accounting::run),
-    ("accumulators", accumulators::run),
-    ("alarms", alarms::run),
     ("anatomy", anatomy::run),
     ("bounces", bounces::run),
     ("calibration", calibration::run),
@@ -71,24 +53,12 @@ pub const ALL: [Part; 32] = [
     ("courtyard", courtyard),
     ("fuzz", fuzz::run),
     ("geometry", geometry::run),
-    ("leaks", leaks::run),
     ("learnt", learnt::run),
-    ("loading", loading::run),
     ("manuals", manuals::run),
     ("nets", nets::run),
-    ("origins", origins::run),
-    ("padding", padding::run),
     ("parts", parts::run),
-    ("pixels", pixels::run),
-    ("qualities", qualities::run),
-    ("repeats", repeats::run),
-    ("ring", ring::run),
-    ("roofline", roofline::run),
-    ("roulettes", roulettes::run),
     ("scenes", scenes::run),
-    ("scrambles", scrambles::run),
     ("stability", stability::run),
-    ("thresholds", thresholds::run),
     ("traversal", traversal::run),
     ("unbiased", unbiased::run),
 ];
@@ -105,10 +75,4 @@ pub fn draw(path: &Path, width: u32, means: Vec<f64>) -> Done {
     let height = means.len() as u32 / width;
     let image = Image::plain(width, height, means);
     Ok(Format::Png.write(&image, &mut File::create(path)?)?)
-}
-
-/// The middle of some numbers.
-pub fn median(mut numbers: Vec<f64>) -> f64 {
-    numbers.sort_by(f64::total_cmp);
-    numbers.get(numbers.len() / 2).copied().unwrap_or(f64::NAN)
 }

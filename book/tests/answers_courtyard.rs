@@ -21,21 +21,6 @@ fn of_kind(kind: &str) -> Vec<Solid> {
     solids
 }
 
-// Answer about the solids of the court
-#[test]
-fn columns_have_as_many_triangles_as_their_profile_says() {
-    let columns = of_kind("column");
-    let count = |triangles: usize| {
-        let same = |s: &&Solid| s.triangles.len() == triangles;
-        columns.iter().filter(same).count()
-    };
-    let turned = |s: usize, p: usize| 2 * s * (p - 1) + 2 * (s - 2);
-    assert_eq!([turned(32, 18), turned(16, 12)], [1148, 380]);
-    assert_eq!([count(1148), count(380)], [16, 36]);
-    let all: usize = columns.iter().map(|s| s.triangles.len()).sum();
-    assert_eq!(all, 32_048);
-}
-
 #[test]
 fn nine_solids_go_around_the_court() {
     let (mut balls, mut tori) = (0, 0);

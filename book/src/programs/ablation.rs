@@ -5,12 +5,9 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-use std::error::Error;
-
-use super::{Done, median};
+use super::Done;
 use litpt::analysis::Shortcut;
-use litpt_book::settings::{Setting, all, named};
-use rayon::ThreadPoolBuilder;
+use litpt_book::settings::{Setting, all};
 
 const DEFINITION: (u32, u32) = (160, 120);
 
@@ -35,7 +32,7 @@ pub fn run(arguments: &[String]) -> Done {
             row(&setting, "all", &Shortcut::ALL, work, rounds);
         }
     }
-    samples(rounds)
+    Ok(())
 }
 
 /// Samples of each pixel that take three seconds with nothing left out.
@@ -72,26 +69,8 @@ fn row(
     );
 }
 
-/// Prints what it saves to divide the samples of one pixel among
-/// threads.
-fn samples(rounds: usize) -> Result<(), Box<dyn Error>> {
-    let setting = named("courtyard");
-    let one = ThreadPoolBuilder::new().num_threads(1).build()?;
-    let (n, mut rays) = (100_000, 0);
-    let mut seconds = [vec![], vec![]];
-    for _ in 0..rounds {
-        let render = || setting.render(&[], (1, 1), n, 0);
-        let (alone, divided) = (one.install(render), render());
-        rays = divided.rays;
-        for (all, outcome) in seconds.iter_mut().zip([alone, divided]) {
-            all.push(outcome.seconds[1]);
-        }
-    }
-    let [before, after] = seconds.map(median);
-    let (gain, rays) = (before / after, rays as f64 / 1e6);
-    println!(
-        "courtyard; one pixel,threads,{before:.3},\
-         {after:.3},{gain:.2},{rays:.2},{rays:.2}"
-    );
-    Ok(())
+/// The middle of some numbers.
+fn median(mut numbers: Vec<f64>) -> f64 {
+    numbers.sort_by(f64::total_cmp);
+    numbers.get(numbers.len() / 2).copied().unwrap_or(f64::NAN)
 }

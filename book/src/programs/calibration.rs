@@ -23,15 +23,13 @@ use litpt::integrator::{Integrator, PathEvent, PathTracer};
 use litpt::render::choice::choose;
 use litpt::render::method::{Method, Sampling, renderer};
 use litpt::render::{Job, Renderer};
-use litpt::render_loop::{Convergence, CurvePoint, Interrupt, Limits};
-use litpt::report::Fit;
-use litpt::sampler::sobol::SobolSampler;
+use litpt::render_loop::{Convergence, Interrupt, Limits};
 use litpt::sampler::{IndependentSampler, Sampler, dimension, generator};
 use litpt::scene::{Mesh, Scene};
 use litpt::statistics::Accumulator;
 use litpt_book::closed_forms::{Setting, cavity, cavity_radiance};
+use litpt_book::courtyard;
 use litpt_book::interiors::Interior;
-use litpt_book::{courtyard, settings};
 use rand::RngExt;
 use rayon::prelude::*;
 
@@ -42,15 +40,11 @@ pub fn run(arguments: &[String]) -> Done {
     let directory = arguments.first();
     let directory = directory.ok_or("usage: calibration DIRECTORY")?;
     let cases = cases()?;
-    let [coverage, means, histogram] =
-        coverage(cases.iter().chain([&room()?]))?;
+    let [coverage, means] = coverage(cases.iter().chain([&room()?]))?;
     let tables = [
         ("coverage.tex", coverage),
         ("means.tex", means),
-        ("histogram.csv", histogram),
-        ("replicates.tex", replicates(&cases)?),
         ("unseen.tex", unseen(&cases)?),
-        ("slopes.tex", slopes(&cases)?),
         ("stopping.tex", stopping()?),
     ];
     for (name, rows) in tables {
@@ -195,9 +189,8 @@ const ROWS: [(Method, u64, u64); 6] = [
 
 fn coverage<'a>(
     cases: impl Iterator<Item = &'a Case>,
-) -> Result<[String; 3], fmt::Error> {
+) -> Result<[String; 2], fmt::Error> {
     let (mut rows, mut means) = (String::new(), Means::default());
-    let mut histogram = Histogram::default();
     for case in cases {
         write!(means.rows, "{}", case.name)?;
         for (method, n, seeds) in ROWS {
@@ -215,8 +208,6 @@ fn coverage<'a>(
                 _ => " & ".to_owned(),
             };
             writeln!(rows, r"{way} & {n} & {} \\", covered(&z))?;
-            let scene = name.replace(' ', "-");
-            histogram.columns.push((format!("{scene}-{method}-{n}"), z));
             if n == 16 {
                 // Print the columns of the means
                 let summaries = images.iter().map(Film::summary);
@@ -238,7 +229,7 @@ fn coverage<'a>(
         means.add(z)?;
     }
     writeln!(means.rows, r" \\")?;
-    Ok([rows, means.rows, histogram.csv()?])
+    Ok([rows, means.rows])
 }
 
 /// By how many standard errors the pixels miss the truth, of those that
@@ -266,31 +257,6 @@ fn covered(z: &[f64]) -> String {
     };
     let (one, two, three) = (share(1.), share(1.96), share(3.));
     format!("{:.3} & {one:.1} & {two:.1} & {three:.2}", deviation(z))
-}
-
-/// Values of z, column by column, with their names.
-#[derive(Default)]
-struct Histogram {
-    columns: Vec<(String, Vec<f64>)>,
-}
-
-impl Histogram {
-    /// The density of each column in bins of half a unit.
-    fn csv(&self) -> Result<String, fmt::Error> {
-        let mut rows = "z".to_owned();
-        for (name, _) in &self.columns {
-            write!(rows, ",{name}")?;
-        }
-        for middle in (-9..=9).map(|halves| f64::from(halves) / 2.) {
-            write!(rows, "\n{middle}")?;
-            for (_, z) in &self.columns {
-                let is_near = |z: &&f64| (**z - middle).abs() < 0.25;
-                let near = z.iter().filter(is_near).count();
-                write!(rows, ",{}", near as f64 / (0.5 * z.len() as f64))?;
-            }
-        }
-        Ok(rows + "\n")
-    }
 }
 
 /// By how many standard errors the means of images miss the truth.
@@ -325,69 +291,6 @@ impl Means {
     }
 }
 
-// Tabulate how many replicates there should be
-/// A ball on a plane, with a truth by large nets.
-fn ball() -> Result<Case, Box<dyn Error>> {
-    let ball = settings::named("object on a plane");
-    let setting = set(&ball.mesh, ball.rho, DVec3::Z, &ball.view)?;
-    let film = nets(&setting, 99, 8192, 16);
-    Ok(Case::measured("ball on a plane", setting, &film))
-}
-
-/// An image of `n` samples in so many replicates.
-fn nets(setting: &Setting, seed: u64, n: u64, replicates: u64) -> Film {
-    let Job { scene, intersector, camera, integrator, known, .. } =
-        setting.job(seed);
-    let sampler = SobolSampler::new(seed, n / replicates);
-    let mut job =
-        Job { scene, intersector, camera, integrator, known, sampler };
-    let film = Film::new(WIDTH, HEIGHT);
-    let mut film = film.with_replicates(n / replicates);
-    job.pass(&mut film, n, &|_| true);
-    film
-}
-
-/// How many replicates are tried.
-const NUMBERS: [u64; 5] = [2, 4, 8, 16, 32];
-
-fn replicates(cases: &[Case]) -> Result<String, Box<dyn Error>> {
-    let mut rows = String::new();
-    let names = ["narrow cavity", "courtyard"];
-    let known = cases.iter().filter(|case| names.contains(&case.name));
-    for case in known.chain([&ball()?]) {
-        let tried = NUMBERS.map(|r| (r, Tried::new(case, r)));
-        let unit = tried.iter().find(|(r, _)| *r == 16);
-        let unit = unit.map_or(1., |(_, sixteen)| sixteen.square);
-        for (r, Tried { z, square }) in &tried {
-            let name = if *r == 2 { case.name } else { "" };
-            let (covered, square) = (covered(z), square / unit);
-            writeln!(rows, r"{name} & {r} & {covered} & {square:.2} \\")?;
-        }
-    }
-    Ok(rows)
-}
-
-/// Eight images of 64 samples: z of the pixels, and the mean square error.
-struct Tried {
-    z: Vec<f64>,
-    square: f64,
-}
-
-impl Tried {
-    fn new(case: &Case, replicates: u64) -> Self {
-        let Case { setting, truth, .. } = case;
-        let (mut z, mut square) = (vec![], 0.);
-        for seed in 1..=8 {
-            let image = nets(setting, seed, 64, replicates);
-            z.extend(deviations(&image, truth, WORTH));
-            for (mean, (exact, unsure)) in image.means().zip(truth) {
-                square += (mean - exact).powi(2) - unsure * unsure;
-            }
-        }
-        Self { z, square }
-    }
-}
-
 // Tabulate what a pixel has not seen
 fn unseen(cases: &[Case]) -> Result<String, fmt::Error> {
     let mut rows = String::new();
@@ -414,48 +317,6 @@ fn unseen(cases: &[Case]) -> Result<String, fmt::Error> {
             }
             writeln!(rows, r" \\")?;
         }
-    }
-    Ok(rows)
-}
-
-// Tabulate how the error falls
-fn slopes(cases: &[Case]) -> Result<String, fmt::Error> {
-    let mut rows = String::new();
-    for Case { name, setting, truth, .. } in cases {
-        let truth: Vec<f64> = truth.iter().map(|t| t.0).collect();
-        // Stop after a thousand samples
-        let interrupt = Interrupt::default();
-        let limits = Limits {
-            samples: Some(1000),
-            reference: Some(&truth),
-            ..Limits::none(&interrupt)
-        };
-        let mut film = Film::new(WIDTH, HEIGHT);
-        let mut convergence = Convergence::default();
-        let mut job = setting.job(1);
-        convergence.run(
-            &mut job,
-            &mut film,
-            &limits,
-            &|_| (),
-            &mut |_, _| (),
-        );
-        // Print a row of slopes
-        let slope = |error: fn(&CurvePoint) -> Option<f64>| {
-            let steps =
-                convergence.steps.iter().filter(|step| step.spp >= 8);
-            let points =
-                steps.filter_map(|s| Some((s.spp as f64, error(s)?)));
-            match Fit::of(&points.collect::<Vec<_>>()) {
-                Some(Fit { slope, stderr }) => {
-                    format!(r"${slope:.3}\pm{stderr:.3}$")
-                }
-                None => "---".to_owned(),
-            }
-        };
-        let (estimated, real) =
-            (slope(|s| s.rmse), slope(|s| s.rmse_reference));
-        writeln!(rows, r"{name} & {estimated} & {real} \\")?;
     }
     Ok(rows)
 }

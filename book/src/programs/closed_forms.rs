@@ -12,7 +12,7 @@ use litpt_book::closed_forms::{Outcome, RHOS, closed_forms};
 
 use super::Done;
 
-pub const SAMPLES: u64 = 20_000;
+const SAMPLES: u64 = 20_000;
 
 pub fn run(_: &[String]) -> Done {
     for (form, seed) in closed_forms().iter().zip((0..).step_by(10)) {

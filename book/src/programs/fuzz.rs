@@ -11,7 +11,6 @@
 
 mod mixtures;
 
-use std::fmt::Write as _;
 use std::panic::{AssertUnwindSafe, UnwindSafe, catch_unwind};
 use std::process::exit;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -27,7 +26,7 @@ use litpt::integrator::PathTracer;
 use litpt::render::method::{Sampling, renderer};
 use litpt::render::{Job, Renderer};
 use litpt::sampler::IndependentSampler;
-use litpt::scene::{Mesh, Scene, read_obj};
+use litpt::scene::{Mesh, Scene};
 use litpt::sky::Sky;
 use litpt_book::solids;
 use rand::{RngExt, SeedableRng};
@@ -51,13 +50,12 @@ pub fn run(arguments: &[String]) -> Done {
     let end = Instant::now() + Duration::from_secs(seconds);
     let only_mixtures = arguments.get(2).is_some_and(|w| w == "mixtures");
     let (mut seed, mut findings) = (first, 0);
-    let mut times = Times::default();
+    let mut seen = Seen::default();
     loop {
         println!("{seed}");
         CURRENT.store(seed, Ordering::Relaxed);
         let mixture = || {
-            let seen = mixtures::Case::new(seed)?.try_all()?;
-            times.add(seed, seen);
+            seen.add(mixtures::Case::new(seed)?.try_all()?);
             Ok(())
         };
         let mut found = vec![attempt(AssertUnwindSafe(mixture))];
@@ -78,7 +76,11 @@ pub fn run(arguments: &[String]) -> Done {
         }
     }
     let cases = seed - first;
-    times.report();
+    let Seen { rays, certain, inside, excused } = seen;
+    eprintln!(
+        "{rays} rays in mixtures of scales: {certain} certain, {inside} \
+         inside, {excused} excused"
+    );
     eprintln!("{cases} cases from seed {first} on, {findings} findings");
     if findings > 0 { Err("there are findings".into()) } else { Ok(()) }
 }
@@ -91,48 +93,6 @@ fn attempt(
         Ok(Ok(())) => None,
         Ok(Err(finding)) => Some(finding),
         Err(_) => Some("a panic".to_owned()),
-    }
-}
-
-/// How long rays take in mixtures of scales.
-#[derive(Default)]
-struct Times {
-    /// Of all cases.
-    all: Seen,
-    /// The mean of each case with its seed.
-    cases: Vec<(u32, u64)>,
-}
-
-impl Times {
-    fn add(&mut self, seed: u64, seen: Seen) {
-        let sum: u64 = seen.times.iter().map(|&time| u64::from(time)).sum();
-        let mean = sum / seen.times.len().max(1) as u64;
-        self.cases.push((mean as u32, seed));
-        self.all.add(seen);
-    }
-
-    /// Says which cases take more than 100 times as long as the median.
-    fn report(mut self) {
-        let Seen { mut times, certain, inside, excused } = self.all;
-        times.sort_unstable();
-        self.cases.sort_unstable();
-        let (Some(most), Some(last)) = (times.last(), self.cases.last())
-        else {
-            return;
-        };
-        let part = |p: f64| (p * (times.len() - 1) as f64) as usize;
-        let [median, high] = [0.5, 0.99].map(|p| times[part(p)]);
-        eprintln!(
-            "{} rays in mixtures of scales: {certain} certain, {inside} inside, \
-             {excused} excused; median {median} ns, 99 % {high} ns, most \
-             {most} ns; the slowest case {} ns a ray",
-            times.len(),
-            last.0
-        );
-        let slow = self.cases.iter().filter(|c| c.0 > 100 * median);
-        for (time, seed) in slow {
-            eprintln!("SLOW {seed}: {time} ns a ray");
-        }
     }
 }
 
@@ -156,8 +116,6 @@ fn watch() {
 /// What is tried.
 struct Case {
     mesh: Mesh,
-    /// The mesh as text, and whether it has a word that is to be refused.
-    text: Option<(String, bool)>,
     view: View,
     albedo: f64,
     resolution: (u32, u32),
@@ -193,10 +151,7 @@ impl Case {
             false => resolution,
         };
         let small = resolution.0 * resolution.1 < 1000 && count < 3000;
-        let text = (count < 5000 && random.chance(0.25))
-            .then(|| random.text(&mesh));
         Self {
-            text,
             view,
             albedo,
             resolution,
@@ -223,22 +178,6 @@ impl Case {
 
     /// Renders in all ways; the finding if something is wrong.
     fn try_all(&self) -> Result<(), String> {
-        if let Some((text, is_bad)) = &self.text {
-            match (read_obj(text.as_bytes()), is_bad) {
-                (Ok(_), true) => return Err("bad text was read".into()),
-                (Err(error), true) => return refused(&error),
-                (Err(error), false) if self.mesh.triangles.is_empty() => {
-                    return refused(&error);
-                }
-                (Err(error), false) => {
-                    return Err(format!("good text was refused: {error}"));
-                }
-                (Ok(mesh), false) if !same(&mesh, &self.mesh) => {
-                    return Err("the text was read as another mesh".into());
-                }
-                (Ok(_), false) => {}
-            }
-        }
         let aspect =
             f64::from(self.resolution.0) / f64::from(self.resolution.1);
         let camera = match Camera::new(&self.view, aspect) {
@@ -450,14 +389,6 @@ fn is_finite(view: &View) -> bool {
         && target.is_finite()
         && up.is_finite()
         && fov.is_finite()
-}
-
-fn same(a: &Mesh, b: &Mesh) -> bool {
-    let bits = |mesh: &Mesh| -> Vec<u64> {
-        let numbers = mesh.vertices.iter().flat_map(|v| v.to_array());
-        numbers.map(f64::to_bits).collect()
-    };
-    a.triangles == b.triangles && bits(a) == bits(b)
 }
 
 // ---------------------------------------------------- What chance may choose
@@ -707,40 +638,6 @@ impl Random {
             let at = self.point();
             [0; 3].map(|_| at + size * self.point())
         }))
-    }
-
-    /// The mesh as an OBJ, and whether a word was put in that is to be
-    /// refused.
-    fn text(&mut self, mesh: &Mesh) -> (String, bool) {
-        let count = mesh.vertices.len() as u64;
-        let bad =
-            (count > 0 && self.chance(0.3)).then(|| self.below(count));
-        let words = ["NaN", "inf", "-inf", "1e999", "-1e309", "one", ""];
-        let mut text = String::from("# fuzz\n");
-        for (i, v) in (0..).zip(&mesh.vertices) {
-            let _ = match (bad == Some(i), i % 2) {
-                (true, _) => {
-                    writeln!(text, "v 1 2 {}", self.choose(&words))
-                }
-                (false, 0) => {
-                    writeln!(text, "v {:e} {:?} {}", v.x, v.y, v.z)
-                }
-                _ => writeln!(text, "v  {:?}\t{:e} {:?} 1", v.x, v.y, v.z),
-            };
-        }
-        for [a, b, c] in &mesh.triangles {
-            let _ = match a % 2 {
-                0 => writeln!(text, "f {} {} {}", a + 1, b + 1, c + 1),
-                _ => writeln!(
-                    text,
-                    "f {}/1 {}//2 -{}",
-                    a + 1,
-                    b + 1,
-                    count - u64::from(*c)
-                ),
-            };
-        }
-        (text, bad.is_some())
     }
 }
 

@@ -1,7 +1,6 @@
 // Figures for the chapters on geometry and tests: triangles at one edge, and
-// at one vertex, as single precision sees them; boxes of a hierarchy, the
-// cost of cutting a scene, and what a ray looks into; tiles that see nothing,
-// a section through closed solids, and scenes of known radiance.
+// at one vertex, as single precision sees them; boxes of a hierarchy, and
+// tiles that see nothing.
 // "geometry.tex" has the numbers of the text.
 //
 // usage: geometry FIGURES TABLES

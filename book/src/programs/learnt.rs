@@ -1,10 +1,9 @@
 // What a gather learns, and what it makes of it. Of the courtyard: the cache
 // beside what it approximates, and its errors; the light that arrives at a
 // place, over the hemisphere, the guide there, and directions drawn with it
-// and without; the light that rays meet there beside what the cache says of
-// it. Of the back room: images by paths and by a gather with as many rays, and
+// and without. Of the back room: images by paths and by a gather with as many rays, and
 // the samples and errors of its pixels. Of three scenes: the variances of a
-// ray, the errors of caches that learnt longer, and what rays are used for. "learnt.tex" has the numbers of the text.
+// ray. "learnt.tex" has the numbers of the text.
 //
 // usage: learnt FIGURES TABLES
 //
@@ -14,23 +13,21 @@
 use std::error::Error;
 use std::fmt::Write as _;
 use std::fs;
-use std::ops::RangeInclusive;
 use std::path::Path;
 
 use litpt::analysis::background::KnownPixels;
 use litpt::bvh::{Bvh, Hit};
 use litpt::camera::{Camera, View};
-use litpt::film::{Film, Window};
+use litpt::film::Film;
 use litpt::gather::cache::{Grid, RadianceCache};
 use litpt::gather::guide::{BINS, Guide, SIDE, bin};
 use litpt::gather::training::train;
 use litpt::gather::{Allocation, Correction, End, Tracer};
 use litpt::integrator::PathTracer;
 use litpt::render::gather::{Gather, Learnt};
-use litpt::render::method::{Method, Sampling};
 use litpt::render::{Job, Renderer};
 use litpt::sampler::sobol::{ScrambledNet, scramble_key, to_unit};
-use litpt::sampler::{IndependentSampler, generator, split_mix};
+use litpt::sampler::{IndependentSampler, generator};
 use litpt::scene::{Mesh, Scene};
 use litpt::sky::Sky;
 use litpt_book::courtyard;
@@ -72,9 +69,6 @@ const DRAWN: u32 = 256;
 /// The difference of radiance that is white.
 const WHITE: f64 = 0.15;
 
-/// Strata along the side of the square for the scatter of its values.
-const STRATA: u32 = 32;
-
 /// Places where the variances of a ray are computed.
 const PLACES: u32 = 64;
 
@@ -82,79 +76,24 @@ const PLACES: u32 = 64;
 /// cache leaves of it.
 const VARIANCES: [&str; 4] = ["path", "guided", "left", "leftguided"];
 
-/// What rays are for.
-const USES: [&str; 5] =
-    ["training", "pilot", "gather", "correction", "path"];
-
-/// Logarithms of the rays of trainings whose caches are compared, and the
-/// places where they are.
-const TRAININGS: RangeInclusive<u32> = 16..=20;
-const COMPARED: usize = 2048;
-
-/// Samples of a pixel whose rays are counted.
-const COUNTED: [u64; 3] = [4, 16, 64];
-
 pub fn run(arguments: &[String]) -> Done {
     let [figures, tables] = arguments else {
         return Err("usage: learnt FIGURES TABLES".into());
     };
     let (figures, tables) = (Path::new(figures), Path::new(tables));
-    let mut numbers = learn(figures, tables)?;
+    let mut numbers = learn(figures)?;
     render(figures, &mut numbers)?;
     let mut variances = format!("scene,{}\n", VARIANCES.join(","));
-    let mut rays = format!("run,{}\n", USES.join(","));
-    let mut courses = vec![];
     for name in ["courtyard", "backroom", "corridor"] {
-        let stage = Stage::named(name)?;
-        let row = stage.variances()?;
-        add(&mut variances, &mut numbers, name, VARIANCES, row)?;
-        let course = stage.course()?;
-        let fall = course[0][0] / course[course.len() - 1][0];
-        number(&mut numbers, name, "fall", &format!("{fall:.1}"))?;
-        let first = course[0][1] / course[0][0];
-        number(&mut numbers, name, "first", &format!("{first:.2}"))?;
-        courses.push(course);
-        for samples in COUNTED {
-            let (name, row) =
-                (format!("{name} {samples}"), stage.rays(samples));
-            add(&mut rays, &mut numbers, &name, USES, row)?;
+        let row = Stage::named(name)?.variances()?;
+        let row = row.map(|value| format!("{value:.4}"));
+        for (column, value) in VARIANCES.iter().zip(&row) {
+            number(&mut numbers, name, column, value)?;
         }
+        writeln!(variances, "{name},{}", row.join(","))?;
     }
     fs::write(tables.join("learnt.tex"), numbers)?;
-    fs::write(tables.join("learnt-course.csv"), beside(&courses)?)?;
-    fs::write(tables.join("learnt-variances.csv"), variances)?;
-    Ok(fs::write(tables.join("learnt-rays.csv"), rays)?)
-}
-
-/// The table of the courses of three scenes.
-fn beside(courses: &[Vec<[f64; 2]>]) -> Result<String, Box<dyn Error>> {
-    let mut csv = String::from(
-        "rays,courtyard,courtyardclaimed,backroom,backroomclaimed,\
-         corridor,corridorclaimed\n",
-    );
-    for (i, log) in TRAININGS.enumerate() {
-        write!(csv, "{}", 1 << log)?;
-        for [error, claimed] in courses.iter().map(|course| course[i]) {
-            write!(csv, ",{error:.4},{claimed:.4}")?;
-        }
-        writeln!(csv)?;
-    }
-    Ok(csv)
-}
-
-/// Adds a row to a table, and its entries to the numbers of the text.
-fn add<const N: usize>(
-    table: &mut String,
-    numbers: &mut String,
-    name: &str,
-    columns: [&str; N],
-    row: [f64; N],
-) -> Done {
-    let row = row.map(|value| format!("{value:.4}"));
-    for (column, value) in columns.iter().zip(&row) {
-        number(numbers, name, column, value)?;
-    }
-    Ok(writeln!(table, "{name},{}", row.join(","))?)
+    Ok(fs::write(tables.join("learnt-variances.csv"), variances)?)
 }
 
 /// A number of the text.
@@ -164,7 +103,7 @@ fn number(out: &mut String, row: &str, column: &str, value: &str) -> Done {
 }
 
 /// Draws what is learnt of the courtyard; returns numbers of the text.
-fn learn(figures: &Path, tables: &Path) -> Result<String, Box<dyn Error>> {
+fn learn(figures: &Path) -> Result<String, Box<dyn Error>> {
     let yard = Stage::named("courtyard")?;
     let cache = yard.train();
     let mut out = String::new();
@@ -184,7 +123,6 @@ fn learn(figures: &Path, tables: &Path) -> Result<String, Box<dyn Error>> {
         picture(figures, name, DISC, drawn)?;
         number(&mut out, name, "bright", &bright.to_string())?;
     }
-    yard.scatter(tables, &cache, &place, &mut out)?;
     Ok(out)
 }
 
@@ -386,87 +324,6 @@ impl Stage {
         })
     }
 
-    /// Tabulates what rays from the place meet: the radiance of surfaces,
-    /// and what the cache says of it.
-    fn scatter(
-        &self,
-        tables: &Path,
-        cache: &RadianceCache,
-        place: &Hit,
-        out: &mut String,
-    ) -> Done {
-        let mut tracer = self.tracer(cache);
-        let mut random = generator(3, 0, 0);
-        let mut csv = String::from("cache,light\n");
-        let mut met = vec![];
-        for i in 0..STRATA * STRATA {
-            let at = [i / STRATA, i % STRATA];
-            let at = at.map(|k| (k << 27) | (random.random::<u32>() >> 5));
-            if let End::Hit(hit) = tracer.shoot(place, None, at).end {
-                let light =
-                    gathered(&mut tracer, &hit, GATHERED, u64::from(i));
-                let near = |_| {
-                    let u = [random.random(), random.random()];
-                    f64::from(tracer.near(&hit, u).value)
-                };
-                let known = (0..32).map(near).sum::<f64>() / 32.;
-                writeln!(csv, "{known:.4},{light:.4}")?;
-                met.push([known, light]);
-            }
-        }
-        fs::write(tables.join("learnt-scatter.csv"), csv)?;
-        let n = met.len() as f64;
-        let mean = |k: usize| met.iter().map(|p| p[k]).sum::<f64>() / n;
-        let means = [mean(0), mean(1)];
-        let moment = |j: usize, k: usize| {
-            let product =
-                |p: &[f64; 2]| (p[j] - means[j]) * (p[k] - means[k]);
-            met.iter().map(product).sum::<f64>() / n
-        };
-        let (xx, xy, yy) = (moment(0, 0), moment(0, 1), moment(1, 1));
-        let line = |x: f64| means[1] + xy / xx * (x - means[0]);
-        for (column, value) in [
-            ("slope", xy / xx),
-            ("correlation", xy / (xx * yy).sqrt()),
-            ("start", line(0.)),
-            ("end", line(0.4)),
-        ] {
-            number(out, "scatter", column, &format!("{value:.3}"))?;
-        }
-        Ok(())
-    }
-
-    /// The mean errors of caches after trainings of different lengths, and what
-    /// their cells say of them, relative to the mean radiance.
-    fn course(&self) -> Result<Vec<[f64; 2]>, Box<dyn Error>> {
-        let best = self.train();
-        let mut random = generator(7, 0, 0);
-        let mut hits = vec![];
-        while hits.len() < COMPARED {
-            let at = [random.random(), random.random()];
-            hits.extend(self.place(at, &best));
-        }
-        let truths = hits.par_iter().enumerate().map(|(i, hit)| {
-            gathered(&mut self.tracer(&best), hit, GATHERED, i as u64)
-        });
-        let truths: Vec<f64> = truths.collect();
-        let mean = truths.iter().sum::<f64>() / COMPARED as f64;
-        let nothing = RadianceCache::empty(Grid::around(&[]));
-        let errors = TRAININGS.map(|log| {
-            let (cache, _) =
-                train(&self.tracer(&nothing), 1 << log, 0, &|_| true);
-            let (mut wrong, mut claimed) = (0., 0.);
-            for (hit, truth) in hits.iter().zip(&truths) {
-                let name = cache.grid().name(hit.point, hit.normal);
-                let cell = cache.at(name);
-                wrong += (f64::from(cell.value) - truth).abs();
-                claimed += f64::from(cell.error);
-            }
-            [wrong, claimed].map(|sum: f64| sum / COMPARED as f64 / mean)
-        });
-        Ok(errors.collect())
-    }
-
     /// The variances of one ray, added up over places, relative to the
     /// squares of the means: of the light by cosine sampling and by a guide, and of
     /// what the cache leaves of it by the same.
@@ -521,35 +378,6 @@ impl Stage {
             variance(&left, 2),
             light[0] * light[0],
         ]
-    }
-
-    /// The rays of a sample, by what they are for, and those of a path.
-    fn rays(&self, samples: u64) -> [f64; 5] {
-        let (width, height) = RESOLUTION;
-        let area = u64::from(width) * u64::from(height);
-        let sampling =
-            Sampling::new(Method::Gather, 0, Some(samples), area);
-        let size = RESOLUTION;
-        let film = sampling.film(size, Window { corner: (0, 0), size });
-        let mut gather = self.gather(sampling.training);
-        let learning = gather.pass(&mut film.clone(), 0, &|_| true);
-        let nothing = RadianceCache::empty(Grid::around(&[]));
-        let tracer = self.tracer(&nothing);
-        let (_, training) =
-            train(&tracer, sampling.training, split_mix(0), &|_| true);
-        let all = gather.pass(&mut film.clone(), samples, &|_| true);
-        gather.correction = None;
-        let gathered = gather.pass(&mut film.clone(), samples, &|_| true);
-        let mut paths = Film::new(width, height);
-        let (followed, path) = self.trace(1, &mut paths);
-        let counts = [
-            training,
-            learning - training,
-            gathered,
-            all - gathered,
-            path * samples / followed,
-        ];
-        counts.map(|n| n as f64 / (samples * area) as f64)
     }
 }
 

@@ -1,13 +1,9 @@
-// Copyright (C) 2026 litpt contributors
+// What each part of a gather is worth: renders a scene with all of them and
+// without one. Takes the options of pt for a scene and its view, and prints
+// a CSV.
 //
-// This program is free software: you can redistribute it and/or modify it
-// under the terms of the GNU General Public License as published by the Free
-// Software Foundation, either version 3 of the License, or (at your option)
-// any later version. It comes with NO WARRANTY: see COPYING for details.
+// Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! What each part of a gather is worth: renders a scene with all of them and
-//! without one. Takes the options of pt for a scene and its view, and prints
-//! a CSV.
 
 use std::fs;
 
@@ -94,7 +90,6 @@ impl Learnt {
         match part {
             "guides" => Estimator { cache: &self.unguided, ..whole },
             "nets" => Estimator { net: ScrambledNet::new(1), ..whole },
-            // Leave out what is learnt
             "cache" => Estimator {
                 cache: &self.empty,
                 learning: self.pilot,
@@ -110,7 +105,6 @@ impl Learnt {
                 learning: self.haste + self.pilot,
                 ..whole
             },
-            // Leave a part of the correction out
             "sharing" => changed(Correction { group: 1, ..default }),
             "second ray" => changed(Correction { branches: 1, ..default }),
             "many paths" => changed(Correction { paths: 1, ..default }),
@@ -202,7 +196,6 @@ impl Stage<'_> {
         let (cache, training) = train(&tracer, rays, seed, &|_| true);
         let (hasty, haste) = train(&tracer, rays / 10, seed, &|_| true);
         let film = self.film(&sampling);
-        // Send out the pilot
         let uncorrected = Estimator {
             cache: &cache,
             allocation: &Allocation::even(film.area()),
@@ -218,7 +211,6 @@ impl Stage<'_> {
             film.replicate(),
             &|_| true,
         );
-        // Put together what was learnt
         let counts = vec![film.replicate() as u32; film.area() as usize];
         let even = Allocation { counts, scale: allocation.scale.clone() };
         let unguided = cache.without_guides();
@@ -386,7 +378,6 @@ pub fn run(arguments: &[String]) -> Done {
     let input = arguments.input.as_ref().ok_or("name a scene: -i FILE")?;
     let scene = Scene::new(&read_obj(&fs::read(input)?)?);
     let intersector = Bvh::new(&scene)?;
-    // Set the stage of the arguments
     let view = arguments.view();
     let (width, height) = arguments.resolution;
     let aspect = f64::from(width) / f64::from(height);
@@ -399,7 +390,6 @@ pub fn run(arguments: &[String]) -> Done {
         resolution: arguments.resolution,
         samples: arguments.samples().unwrap_or(SAMPLES),
     };
-    // Run each part several times
     let replicate = stage.sampling(Method::Gather, 0).replicate;
     let mut runs = PARTS.map(|_| vec![]);
     let mut bytes = PARTS.map(|_| None);
@@ -414,7 +404,6 @@ pub fn run(arguments: &[String]) -> Done {
     println!("scene,part,bytes,rays,claimed,error,cost,z");
     let name = input.file_stem().unwrap_or_default().to_string_lossy();
     for (part, (bytes, outcome)) in bytes.iter().zip(&all).enumerate() {
-        // Print the row of a part
         let cost = |o: &Outcome| o.variance * o.rays;
         let error =
             |variance: f64| (variance / stage.samples as f64).sqrt();

@@ -1,9 +1,7 @@
-// Stability in one table: what is exact, what pt gives, and what a rival
-// gives, which is in single precision throughout; prints a CSV
-// for "make stability". The arguments are the number of rays in each closed
-// surface, "leaks" for nothing but those, or "planes" for the same over large
-// planes, and how many rows to skip, for a run that goes on with another.
-// Fails if a case fails.
+// Stability in one table: what is exact, and what pt gives; prints a CSV for
+// "make stability". The arguments are the number of rays in each closed
+// surface, "leaks" for nothing but those, and how many rows to skip, for a run
+// that goes on with another. Fails if a case fails.
 //
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
@@ -25,12 +23,9 @@ use litpt_book::closed_forms::{
     Outcome, Setting, cavity, cavity_radiance, closed_forms, look, pixel,
     plane,
 };
-use litpt_book::escapes::{Inside, Outside, uniform};
+use litpt_book::escapes::{Inside, Outside};
 use litpt_book::mixtures::Mixture;
-use litpt_book::single::SinglePrecision;
 use litpt_book::solids;
-use rand::SeedableRng;
-use rand_pcg::Pcg64Mcg;
 use rayon::ThreadPoolBuilder;
 use rayon::prelude::*;
 
@@ -57,12 +52,12 @@ pub fn run(arguments: &[String]) -> Done {
     let only = arguments.next().map(String::as_str);
     let skipped: usize = arguments.next().map_or(Ok(0), |s| s.parse())?;
     if skipped == 0 {
-        println!("case,exact,pt,rival,verdict");
+        println!("case,exact,pt,verdict");
     }
     let failed = match only {
         None => {
             closed(rays, 0)?
-                + over_planes(rays, None)?
+                + over_planes(rays)?
                 + moved()?
                 + alike()?
                 + means()?
@@ -70,7 +65,6 @@ pub fn run(arguments: &[String]) -> Done {
                 + mixed()?
         }
         Some("leaks") => closed(rays, skipped)?,
-        Some("planes") => over_planes(rays, Some(skipped))?,
         Some(other) => return Err(format!("no cases {other}").into()),
     };
     match failed {
@@ -80,15 +74,9 @@ pub fn run(arguments: &[String]) -> Done {
 }
 
 /// Prints a row; 1 if it is one of a failure.
-fn row(
-    case: &str,
-    exact: &str,
-    ours: &str,
-    theirs: &str,
-    passed: bool,
-) -> u32 {
+fn row(case: &str, exact: &str, ours: &str, passed: bool) -> u32 {
     let verdict = if passed { "pass" } else { "fail" };
-    println!("{case},{exact},{ours},{theirs},{verdict}");
+    println!("{case},{exact},{ours},{verdict}");
     u32::from(!passed)
 }
 
@@ -105,114 +93,58 @@ fn closed(rays: f64, skipped: usize) -> Result<u32, Box<dyn Error>> {
     let number = PIECES * BOUNCES * paths;
     let mut failed = 0;
     for solid in solids::all().into_iter().skip(skipped) {
-        // The rival is to show that it leaks, not how rarely.
-        let few = paths.div_ceil(100).max(100.min(paths));
-        let [ours, theirs] = leaks(&solid, paths, few)?;
-        let count = solid.own().len();
-        let case = format!("{} ({count})", solid.name);
+        let leaks = through(&solid, INSIDE, paths)?;
+        let case = format!("{} ({})", solid.name, solid.own().len());
         let exact = format!("0 of {:.0e}", number as f64);
-        let theirs =
-            format!("{theirs} of {:.0e}", (PIECES * BOUNCES * few) as f64);
-        failed += row(&case, &exact, &ours.to_string(), &theirs, ours == 0);
+        failed += row(&case, &exact, &leaks.to_string(), leaks == 0);
     }
     Ok(failed)
 }
 
-/// Escapes of so many paths from a solid: ours, and the rival's of
-/// fewer.
-fn leaks(
+/// How many paths go through the surface of a solid, of so many from inside,
+/// or of those from outside that have as many rays.
+fn through(
     solid: &solids::Solid,
+    side: &str,
     paths: u64,
-    few: u64,
-) -> Result<[u64; 2], Box<dyn Error>> {
+) -> Result<u64, Box<dyn Error>> {
     let bvh = &Bvh::new(&solid.scene)?;
-    let corners = solid.scene.triangles().into_iter();
-    let corners: Vec<_> =
-        corners.map(|t| t.map(|corner| corner.as_vec3())).collect();
-    let single = SinglePrecision::new(&corners);
-    let bounces = BOUNCES;
-    let ours =
-        |seed| bvh.dispatch(Inside { solid, bvh, seed, paths, bounces });
-    let theirs = |i| {
-        let mut random = Pcg64Mcg::seed_from_u64(i);
-        let escapes = (0..few).filter(|n| {
-            // Not those next to the surface, which single precision puts
-            // outside.
-            let at = (i + n) as usize % solid.cameras.len().min(3);
-            let direction = uniform(&mut random);
-            let from = solid.cameras[at];
-            single.escapes(from, direction, BOUNCES, &mut random)
-        });
-        escapes.count() as u64
+    let (rays, bounces) = (paths * BOUNCES, BOUNCES);
+    let piece = |seed| match side {
+        INSIDE => bvh.dispatch(Inside { solid, bvh, seed, paths, bounces }),
+        _ => bvh.dispatch(Outside { solid, seed, rays }),
     };
-    let pieces = || (0..PIECES).into_par_iter();
-    Ok([pieces().map(ours).sum(), pieces().map(theirs).sum()])
+    Ok((0..PIECES).into_par_iter().map(piece).sum())
 }
 
 // ---- closed surfaces over large planes
 
 /// On which side of the surface paths begin, and how high above the plane it
 /// is: from a narrow gap below it paths would hardly find out.
-const SIDES: [(&str, f64); 2] = [("inside", 4.), ("outside", 4096.)];
+const SIDES: [(&str, f64); 2] = [(INSIDE, 4.), ("outside", 4096.)];
+const INSIDE: &str = "inside";
 
-/// A side, the exponent of how much larger a plane is, and a solid.
-type Above<'a> = ((&'static str, f64), i32, &'a solids::Solid);
-
-/// Rows of so many rays: one of each solid, but for those `skipped`, or, if
-/// that is none, of all solids together.
-fn over_planes(
-    rays: f64,
-    skipped: Option<usize>,
-) -> Result<u32, Box<dyn Error>> {
+/// Rows of so many rays for all solids together.
+fn over_planes(rays: f64) -> Result<u32, Box<dyn Error>> {
     let solids = solids::all();
-    let sides = || SIDES.into_iter();
-    let rows =
-        [3, 6, 9].into_iter().flat_map(|e| sides().map(move |s| (s, e)));
-    let rows =
-        rows.flat_map(|(s, e)| solids.iter().map(move |o| (s, e, o)));
-    let rows: Vec<Above> = rows.skip(skipped.unwrap_or(0)).collect();
-    let together = skipped.map_or(solids.len(), |_| 1);
+    let n = solids.len() as u64;
+    let paths = number_of_paths(rays / n as f64);
+    let exact =
+        format!("0 of {:.0e}", (PIECES * BOUNCES * paths * n) as f64);
     let mut failed = 0;
-    for row in rows.chunks(together) {
-        failed += over_plane(rays, row)?;
+    for exponent in [3, 6, 9] {
+        for (side, gap) in SIDES {
+            let mut leaks = 0;
+            for solid in &solids {
+                let above = solid.over(10f64.powi(exponent), gap);
+                leaks += through(&above, side, paths)?;
+            }
+            let case =
+                format!("all {n} solids; {side}; over $10^{exponent}$");
+            failed += row(&case, &exact, &leaks.to_string(), leaks == 0);
+        }
     }
     Ok(failed)
-}
-
-/// A row of one solid or several.
-fn over_plane(rays: f64, all: &[Above]) -> Result<u32, Box<dyn Error>> {
-    let ((side, _), exponent, solid) = all[0];
-    let what = match all.len() {
-        1 => format!("{} ({})", solid.name, solid.own().len()),
-        n => format!("all {n} solids"),
-    };
-    let paths = number_of_paths(rays / all.len() as f64);
-    let mut leaks = 0;
-    for above in all {
-        leaks += through(above, paths)?;
-    }
-    let rays = PIECES * BOUNCES * paths * all.len() as u64;
-    let case = format!("{what}; {side}; over $10^{exponent}$");
-    let exact = format!("0 of {:.0e}", rays as f64);
-    Ok(row(&case, &exact, &leaks.to_string(), "", leaks == 0))
-}
-
-/// How many paths go through the surface of a solid, of so many from inside,
-/// or of those from outside that have as many rays.
-fn through(
-    &((side, gap), exponent, solid): &Above,
-    paths: u64,
-) -> Result<u64, Box<dyn Error>> {
-    let solid = &solid.over(10f64.powi(exponent), gap);
-    let bvh = &Bvh::new(&solid.scene)?;
-    let (rays, bounces) = (paths * BOUNCES, BOUNCES);
-    let piece = |seed| match side {
-        "inside" => {
-            bvh.dispatch(Inside { solid, bvh, seed, paths, bounces })
-        }
-        _ => bvh.dispatch(Outside { solid, seed, rays }),
-    };
-    Ok((0..PIECES).into_par_iter().map(piece).sum())
 }
 
 // ---- places and scales
@@ -244,12 +176,10 @@ fn moved() -> Result<u32, Box<dyn Error>> {
         mesh.vertices.iter_mut().for_each(|v| *v = place(*v));
         let view = (place(o), place(target));
         let ours = pixel(&mesh, 0.9, &look(view.0, view.1, 20.), n)?;
-        let theirs = single(&mesh, 0.9, view, n);
         failed += row(
             &format!(r"cavity $f=0.1$; $\rho=0.9$; {what}"),
             &format!("{:.6}", still.mean()),
             &format!("{:.6}", ours.mean()),
-            &theirs.map_or(NONE.to_owned(), |m| format!("{:.6}", m.mean())),
             ours == still,
         );
     }
@@ -259,13 +189,10 @@ fn moved() -> Result<u32, Box<dyn Error>> {
         mesh.vertices.iter_mut().for_each(|v| *v = place(*v));
         let view = (place(o), place(p));
         let ours = pixel(&mesh, 0.9, &look(view.0, view.1, 20.), n)?;
-        let theirs = single(&mesh, 0.9, view, n);
         failed += row(
             &format!("closed icosphere 5; moved by {shift:e}"),
             "0",
             &ours.mean().to_string(),
-            &theirs
-                .map_or(NONE.to_owned(), |m| format!("{:.2e}", m.mean())),
             ours.mean() == 0. && ours.variance() == 0.,
         );
     }
@@ -307,30 +234,9 @@ fn alike() -> Result<u32, Box<dyn Error>> {
         "instructions and threads: equal images",
         &images.to_string(),
         &equal.to_string(),
-        "",
         images == equal,
     ))
 }
-
-/// The mean of the rival, if it can hold the scene at all.
-fn single(
-    mesh: &Mesh,
-    rho: f64,
-    view: (DVec3, DVec3),
-    n: u64,
-) -> Option<Accumulator> {
-    let rounded = |i: &u32| mesh.vertices[*i as usize].as_vec3();
-    let triangles: Vec<_> =
-        mesh.triangles.iter().map(|t| t.each_ref().map(rounded)).collect();
-    let finite =
-        triangles.iter().flatten().all(|corner| corner.is_finite());
-    let mean =
-        || SinglePrecision::new(&triangles).mean(rho, DVec3::Z, view, n);
-    finite.then(mean)
-}
-
-/// What is printed for no answer.
-const NONE: &str = "overflow";
 
 // ---- means that are known
 
@@ -382,7 +288,6 @@ fn known() -> Result<u32, Box<dyn Error>> {
         "closed forms: those without variance",
         &certain.to_string(),
         &exact.to_string(),
-        "",
         certain == exact,
     );
     // Of 100 values, one exceeds 4.42 with a probability of 0.001.
@@ -391,7 +296,6 @@ fn known() -> Result<u32, Box<dyn Error>> {
             &format!("closed forms: largest $|z|$ of {count}"),
             "",
             &format!("{worst:.2}"),
-            "",
             count <= 100 && worst <= 4.42,
         ))
 }
@@ -405,8 +309,6 @@ fn mean(
     exact: f64,
 ) -> Result<u32, Box<dyn Error>> {
     let ours = pixel(mesh, rho, &look(view.0, view.1, 20.), SAMPLES)?;
-    let n = SAMPLES / 10;
-    let theirs = single(mesh, rho, view, n);
     let said = |pixel: &Accumulator| match pixel.standard_error() {
         0. => format!("{:.6}", pixel.mean()),
         error => {
@@ -416,13 +318,7 @@ fn mean(
     };
     let off = (ours.mean() - exact).abs();
     let passed = off <= SIDAK * ours.standard_error();
-    Ok(row(
-        case,
-        &format!("{exact:.6}"),
-        &said(&ours),
-        &theirs.map_or(NONE.to_owned(), |m| said(&m)),
-        passed,
-    ))
+    Ok(row(case, &format!("{exact:.6}"), &said(&ours), passed))
 }
 
 // ---- mixtures of scales
@@ -461,7 +357,6 @@ fn mixed() -> Result<u32, Box<dyn Error>> {
             &format!("{name} against {smaller}"),
             &format!("{:.6}", expected.summary().mean),
             &format!("{:.6} ({worst:.1} SE)", ours.summary().mean),
-            "",
             pixels.map(z).all(|z| z <= SIDAK_OF_PIXELS),
         );
     }
@@ -471,7 +366,6 @@ fn mixed() -> Result<u32, Box<dyn Error>> {
             "utm 5.6e6 against utm 0",
             &format!("{:.6}", expected.summary().mean),
             &format!("{:.6}", ours.summary().mean),
-            "",
             ours.stored() == expected.stored(),
         ))
 }

@@ -3,9 +3,6 @@
 // options of pt for a scene and its view, and prints a CSV:
 //   scene,triangles,contender,threads  what was measured
 //   million_rays_per_second,ratio      each chunk's best time; ours by theirs
-//   median_rays_per_second,median_ratio  the median round, in millions
-//   other_hits,lone_hits               per million rays: the intersectors hit
-//                                      different triangles; only one hits
 // Embree answers with a distance in single precision, and our intersector with a
 // point and a unit normal in double precision. Both leave out the triangle
 // from which a ray starts; for Embree this is a filter.
@@ -68,22 +65,16 @@ pub fn run(arguments: &[String]) -> Done {
     drop(mesh);
     let intersector = Bvh::with(&scene, Quality::Thorough, Isa::best())?;
     let walk = record(&scene, &intersector, &arguments)?;
-    let number = |step: &Step| {
-        let hit = intersector.first_hit(&step.ray, step.from);
-        hit.map_or(NONE, |hit| hit.primitive)
-    };
     let mut contenders = vec![Contender {
         name: "litpt",
         trace: Box::new(|range| {
             intersector.dispatch(Stretch(&walk[range]))
         }),
-        disagreement: None,
     }];
     // SAFETY: loading Embree runs its initialisers, which have no conditions.
     match unsafe { Library::new("libembree3.so.3") } {
         Ok(library) => {
-            let hits: Vec<_> = walk.iter().map(number).collect();
-            contenders.extend(rivals(library, &scene, &walk, &hits)?);
+            contenders.extend(rivals(library, &scene, &walk)?);
         }
         Err(_) => eprintln!(
             "traversal: Embree is left out: libembree3.so.3 was not found \
@@ -94,8 +85,7 @@ pub fn run(arguments: &[String]) -> Done {
     let name = file.file_stem().unwrap_or_default().to_string_lossy();
     let prefix = format!("{name},{triangles}");
     println!(
-        "scene,triangles,contender,threads,million_rays_per_second,ratio,\
-         median_rays_per_second,median_ratio,other_hits,lone_hits"
+        "scene,triangles,contender,threads,million_rays_per_second,ratio"
     );
     for threads in THREADS {
         print_rows(&prefix, threads, &contenders);
@@ -144,30 +134,17 @@ type Trace<'a> = Box<dyn Fn(Range<usize>) -> u64 + Sync + 'a>;
 struct Contender<'a> {
     name: &'static str,
     trace: Trace<'a>,
-    /// Rays that it answers otherwise than ours: triangle, hit or miss.
-    disagreement: Option<[usize; 2]>,
 }
 
 /// Seconds of one contender: for each thread, for each round, the chunks.
 type Seconds = Vec<Vec<Vec<f64>>>;
 
 fn print_rows(prefix: &str, threads: usize, contenders: &[Contender]) {
-    let all: Vec<_> = measure(threads, contenders)
-        .into_iter()
-        .map(|seconds| [best(&seconds), median_round(&seconds)])
-        .collect();
-    for (contender, rates) in contenders.iter().zip(&all) {
-        let [best, median] = *rates;
-        let [ratio, median_ratio] = [all[0][0] / best, all[0][1] / median];
-        let per_million = |n: usize| format!("{}", n * 1_000_000 / RAYS);
-        let [other, lone] = contender
-            .disagreement
-            .map_or_else(Default::default, |both| both.map(per_million));
-        println!(
-            "{prefix},{},{threads},{best:.2},{ratio:.3},{median:.2},\
-             {median_ratio:.3},{other},{lone}",
-            contender.name
-        );
+    let measured = measure(threads, contenders);
+    let all: Vec<_> = measured.iter().map(best).collect();
+    for (Contender { name, .. }, best) in contenders.iter().zip(&all) {
+        let ratio = all[0] / best;
+        println!("{prefix},{name},{threads},{best:.2},{ratio:.3}");
     }
 }
 
@@ -213,24 +190,8 @@ fn best(seconds: &Seconds) -> f64 {
             |c| rounds.iter().map(|r: &Vec<f64>| r[c]).reduce(f64::min);
         chunks.filter_map(least).sum::<f64>()
     };
-    rate(seconds.iter().map(least).collect(), seconds)
-}
-
-/// Million rays per second of the median round.
-fn median_round(seconds: &Seconds) -> f64 {
-    let middle = |rounds: &Vec<Vec<f64>>| {
-        let mut sums: Vec<f64> =
-            rounds.iter().map(|chunks| chunks.iter().sum()).collect();
-        sums.sort_by(f64::total_cmp);
-        sums[sums.len() / 2]
-    };
-    rate(seconds.iter().map(middle).collect(), seconds)
-}
-
-/// The sum of the threads' rates, each of which took some time.
-fn rate(times: Vec<f64>, seconds: &Seconds) -> f64 {
     let rays = (seconds[0][0].len() * CHUNK) as f64;
-    times.iter().map(|time| rays / time * 1e-6).sum()
+    seconds.iter().map(|rounds| rays / least(rounds) * 1e-6).sum()
 }
 
 // ---- Embree 3
@@ -390,12 +351,11 @@ struct Rounded {
     from: u32,
 }
 
-/// Embree, fast and robust, on the rays of a walk, on which we have `hits`.
+/// Embree, fast and robust, on the rays of a walk.
 fn rivals<'a>(
     library: Library,
     scene: &Scene,
     walk: &[Step],
-    hits: &[u32],
 ) -> Result<Vec<Contender<'a>>, Box<dyn Error>> {
     let library = Box::leak(Box::new(library));
     let fast = Embree::new(library, scene, CONTEXT_FILTER)?;
@@ -403,12 +363,11 @@ fn rivals<'a>(
     let rays = Arc::new(rounded(walk, &robust));
     let both = [("Embree", fast), ("Embree robust", robust)];
     let contender = |(name, embree): (_, Embree)| {
-        let disagreement = Some(disagreement(hits, &rays, &embree));
         let rays = Arc::clone(&rays);
         let number = move |ray: &Rounded| u64::from(embree.first_hit(ray));
         let trace: Trace =
             Box::new(move |range| rays[range].iter().map(&number).sum());
-        Contender { name, trace, disagreement }
+        Contender { name, trace }
     };
     Ok(both.into_iter().map(contender).collect())
 }
@@ -426,29 +385,4 @@ fn rounded(walk: &[Step], embree: &Embree) -> Vec<Rounded> {
         ray
     };
     walk.iter().map(round).collect()
-}
-
-/// On how many rays Embree hits another triangle, and on how many only one of
-/// the two hits at all. Numbers mean the same triangle if most rays say so.
-fn disagreement(
-    hits: &[u32],
-    rays: &[Rounded],
-    embree: &Embree,
-) -> [usize; 2] {
-    let mut lone = 0;
-    let mut pairs = vec![];
-    for (&ours, ray) in hits.iter().zip(rays) {
-        match (ours, embree.first_hit(ray)) {
-            (NONE, NONE) => (),
-            (NONE, _) | (_, NONE) => lone += 1,
-            pair => pairs.push(pair),
-        }
-    }
-    pairs.sort_unstable();
-    let deviants = |same: &[(u32, u32)]| {
-        let runs = same.chunk_by(|a, b| a == b).map(<[_]>::len);
-        same.len() - runs.max().unwrap_or(0)
-    };
-    let other = pairs.chunk_by(|a, b| a.0 == b.0).map(deviants).sum();
-    [other, lone]
 }

@@ -17,7 +17,6 @@ mod twofold;
 
 use std::ops::Range;
 use std::sync::OnceLock;
-use std::time::Instant;
 
 use glam::{DMat3, DQuat, DVec3};
 use litpt::bvh::{Bvh, Hit, Intersector, Isa, Quality};
@@ -33,8 +32,7 @@ use twofold::{Cut, U, cut, gap};
 /// What a case has seen.
 #[derive(Default)]
 pub struct Seen {
-    /// Nanoseconds of each ray, the least of three tries.
-    pub times: Vec<u32>,
+    pub rays: usize,
     /// Rays whose first hit was the only one that is allowed.
     pub certain: usize,
     /// Points of paths inside a closed solid.
@@ -45,7 +43,7 @@ pub struct Seen {
 
 impl Seen {
     pub fn add(&mut self, other: Self) {
-        self.times.extend(other.times);
+        self.rays += other.rays;
         self.certain += other.certain;
         self.inside += other.inside;
         self.excused += other.excused;
@@ -205,7 +203,7 @@ impl Case {
                 return Err(format!("{ray:?} {left:?}: {name}: occluded?"));
             }
             if i == 0 {
-                seen.times.push(nanoseconds(bvh, ray, from[0]));
+                seen.rays += 1;
                 first = hit;
             }
             let place = |i: usize, hit: Hit| {
@@ -403,16 +401,6 @@ impl Case {
             _ => cosine_direction(hit.normal, r, turn),
         })
     }
-}
-
-/// Nanoseconds of a ray, the least of three tries.
-fn nanoseconds(bvh: &Bvh, ray: &Ray, from: Option<u32>) -> u32 {
-    let times = (0..3).map(|_| {
-        let start = Instant::now();
-        std::hint::black_box(bvh.first_hit(ray, from));
-        start.elapsed().as_nanos() as u32
-    });
-    times.min().unwrap_or_default()
 }
 
 /// One hierarchy for each set of instructions, and two with the triangles in

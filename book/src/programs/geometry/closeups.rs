@@ -3,14 +3,13 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use litpt::analysis::interior::above;
 use litpt::bvh::{Bvh, Intersector};
 use litpt::scene::{Ray, Scene, Triangle};
 use litpt_book::solids::icosphere;
 
 use super::super::Done;
-use super::super::leaks::{moller_trumbore, single};
 use super::{Out, grey};
 
 /// Pixels along each side.
@@ -102,9 +101,10 @@ fn vertex(out: &mut Out) -> Done {
     let mut lost = 0;
     let singles = (0..SIDE * SIDE).map(|i| {
         let test = |&k: &u32| {
-            moller_trumbore(&ray(i), &single(triangles[k as usize]))
+            let corners = triangles[k as usize].map(|p| p.as_vec3());
+            is_met(&ray(i), corners)
         };
-        let place = around.iter().position(|k| test(k).is_some());
+        let place = around.iter().position(test);
         lost += usize::from(place.is_none());
         place.map_or(1., level)
     });
@@ -129,4 +129,17 @@ fn vertex(out: &mut Out) -> Done {
     let all = f64::from(SIDE * SIDE);
     out.number("vertex", "single", 100. * lost as f64 / all)?;
     out.number("vertex", "ours", 100. * missed as f64 / all)
+}
+
+/// Möller and Trumbore (1997), in single precision.
+fn is_met(ray: &Ray, [a, b, c]: [Vec3; 3]) -> bool {
+    let (o, d) = (ray.origin.as_vec3(), ray.direction.as_vec3());
+    let (e1, e2) = (b - a, c - a);
+    let p = d.cross(e2);
+    let inverse = 1. / e1.dot(p);
+    let s = o - a;
+    let u = s.dot(p) * inverse;
+    let q = s.cross(e1);
+    let v = d.dot(q) * inverse;
+    u >= 0. && v >= 0. && u + v <= 1. && e2.dot(q) * inverse > 0.
 }

@@ -1,4 +1,4 @@
-// Boxes of a hierarchy, what rays look into, and what cuts cost.
+// Boxes of a hierarchy.
 //
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
@@ -8,12 +8,11 @@ use std::collections::{HashMap, HashSet};
 use std::fmt::Write as _;
 
 use glam::DVec3;
-use litpt::bvh::anatomy::Anatomy;
 use litpt::bvh::{Bvh, Isa, Quality};
-use litpt::scene::{Scene, Triangle};
+use litpt::scene::Triangle;
 use litpt_book::courtyard;
 
-use super::super::{Done, scenes};
+use super::super::Done;
 use super::{Out, Stage, grey, shade};
 
 pub fn draw(out: &mut Out) -> Done {
@@ -22,12 +21,7 @@ pub fn draw(out: &mut Out) -> Done {
         Stage::new(&courtyard::mesh(), &courtyard::view(), size)?;
     // The same tree on each machine.
     court.bvh = Bvh::with(&court.scene, Quality::Medium, Isa::Portable)?;
-    boxes(&court, out)?;
-    looks(&court, out)?;
-    let courtyard = cuts(&court.scene)?;
-    out.table("geometry-cuts-courtyard.csv", &courtyard)?;
-    let statue = cuts(&Scene::new(&scenes::statue(300_000)))?;
-    out.table("geometry-cuts-statue.csv", &statue)
+    boxes(&court, out)
 }
 
 /// Two corners of a box, as bits.
@@ -161,102 +155,4 @@ fn frames(court: &Stage, boxes: &[(DVec3, DVec3)]) -> String {
         }
     }
     tex
-}
-
-/// Looks that are white in the picture.
-const MOST: f64 = 25.;
-
-/// How many nodes and leaves the first ray of each pixel looks into.
-fn looks(court: &Stage, out: &mut Out) -> Done {
-    let anatomy = Anatomy::new(&court.scene, Quality::Medium)?;
-    let counts = court.pixels(|ray, hit| {
-        let steps = ray.map_or(0, |ray| anatomy.walk(&ray, None).0.len());
-        (steps as f64, hit.is_some())
-    });
-    let mean = |all: Vec<f64>| {
-        let sum: f64 = all.iter().sum();
-        sum / all.len() as f64
-    };
-    let of = |wanted: bool| {
-        let some = counts.iter().filter(|c| c.1 == wanted);
-        mean(some.map(|c| c.0).collect())
-    };
-    let most = counts.iter().map(|c| c.0).fold(0., f64::max);
-    out.number("looks", "white", MOST)?;
-    out.number("looks", "most", most)?;
-    out.number("looks", "hit", of(true))?;
-    out.number("looks", "sky", of(false))?;
-    let levels = counts.iter().map(|c| grey((c.0 / MOST).min(1.)));
-    out.picture("looks", court.size.0, levels.collect())
-}
-
-/// Places along the scene at which a cut is tried.
-const PLACES: usize = 100;
-
-/// The cost of cutting the triangles of a scene in two, along each axis: the
-/// triangles below the boxes that a ray enters, as a share of all; and where
-/// each axis has half of the triangles on either side.
-fn cuts(scene: &Scene) -> Result<String, std::fmt::Error> {
-    let triangles = scene.triangles();
-    let costs = [0, 1, 2].map(|axis| costs(&triangles, axis));
-    let mut rows = "place,x,y,z,medianx,mediany,medianz".to_owned();
-    for i in 1..PLACES {
-        let place = i as f64 / PLACES as f64;
-        write!(rows, "\n{place}")?;
-        for (costs, _) in &costs {
-            write!(rows, ",{:.4}", costs[i])?;
-        }
-        for (costs, median) in &costs {
-            match *median == i {
-                true => write!(rows, ",{:.4}", costs[i])?,
-                false => write!(rows, ",nan")?,
-            }
-        }
-    }
-    Ok(rows + "\n")
-}
-
-/// Half the area of the box around triangles.
-fn area(corners: [DVec3; 2]) -> f64 {
-    let e = (corners[1] - corners[0]).max(DVec3::ZERO);
-    e.x * e.y + e.y * e.z + e.z * e.x
-}
-
-/// The cost of a cut at each place, and the place of the median.
-fn costs(triangles: &[Triangle], axis: usize) -> (Vec<f64>, usize) {
-    let none = [DVec3::INFINITY, DVec3::NEG_INFINITY];
-    let join =
-        |[a, b]: [DVec3; 2], [c, d]: [DVec3; 2]| [a.min(c), b.max(d)];
-    let around = |t: &Triangle| {
-        let [a, b, c] = *t;
-        [a.min(b).min(c), a.max(b).max(c)]
-    };
-    let all = triangles.iter().map(around).fold(none, join);
-    let (low, length) = (all[0][axis], (all[1] - all[0])[axis]);
-    let mut bins = vec![(none, 0usize); PLACES];
-    for t in triangles {
-        let own = around(t);
-        let middle = 0.5 * (own[0] + own[1])[axis];
-        let bin = ((middle - low) / length * PLACES as f64) as usize;
-        let bin = &mut bins[bin.min(PLACES - 1)];
-        *bin = (join(bin.0, own), bin.1 + 1);
-    }
-    let side = |bins: &mut dyn Iterator<Item = &([DVec3; 2], usize)>| {
-        let sum = |a: ([DVec3; 2], usize), b: &([DVec3; 2], usize)| {
-            (join(a.0, b.0), a.1 + b.1)
-        };
-        let (corners, count) = bins.fold((none, 0), sum);
-        (if count == 0 { 0. } else { area(corners) }, count)
-    };
-    let whole = area(all) * triangles.len() as f64;
-    let cost = |i: usize| {
-        let left = side(&mut bins[..i].iter());
-        let right = side(&mut bins[i..].iter());
-        (left.0 * left.1 as f64 + right.0 * right.1 as f64) / whole
-    };
-    let half = |i: &usize| {
-        bins[..*i].iter().map(|b| b.1).sum::<usize>() * 2 >= triangles.len()
-    };
-    let median = (1..PLACES).find(half).unwrap_or(1);
-    ((0..PLACES).map(cost).collect(), median)
 }
