@@ -175,6 +175,7 @@ fn run(
         part,
     };
     let job = renderer(scene.0, &bvh, &inquiry, &analysis, &sampling);
+    // Share the job with other processes
     tell(ranks, &sampling);
     let resolution = arguments.resolution;
     let frame = Frame { resolution, whole: window, sampling };
