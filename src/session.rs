@@ -150,10 +150,10 @@ fn run(
         let choice = choice.to_string();
         known.settings.insert("choice".into(), choice.into());
     }
-    let film = sampling.film(arguments.resolution, band);
     // Say which part of the run is rendered
     let part = arguments.part(sampling.replicate);
     let first = part.map_or(0, |part| part.samples.0);
+    let film = sampling.film(arguments.resolution, band);
     let film = film.as_part(window, first);
     if let Some(part) = part {
         known.settings.insert("spp".into(), part.count().into());
