@@ -343,9 +343,11 @@ fn reinhard_s_curve_makes_the_brightest_pixel_white() {
     let black = row(&[(0., 1.)], 9.);
     assert_eq!(tonemap(&black, 2., Curve::Reinhard).means, [0.]);
     // A gap stays one, which the file of levels fills.
-    let gap = Image::plain(2, 1, vec![f64::NAN, 0.25]);
+    let other = Image::plain(2, 1, vec![f64::NAN, 0.25]);
+    let gap = Image { samples: Some(vec![0., 1.]), ..other.clone() };
     for curve in [Curve::Clamp, Curve::Reinhard] {
         assert!(tonemap(&gap, 1., curve).means[0].is_nan());
+        assert_eq!(tonemap(&other, 1., curve).means[0], 0.);
     }
 }
 

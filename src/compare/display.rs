@@ -29,7 +29,11 @@ fn plain(image: &Image, means: Vec<f64>) -> Image {
 /// The image, made brighter by `exposure` stops, as a screen shows it.
 pub fn tonemap(image: &Image, exposure: f64, curve: Curve) -> Image {
     let scale = libm::exp2(exposure);
-    let expose = |&mean: &f64| (mean * scale).clamp(0., f64::INFINITY);
+    let outside = image.samples.is_none();
+    let expose = |&mean: &f64| match mean.is_nan() && outside {
+        true => 0.,
+        false => (mean * scale).clamp(0., f64::INFINITY),
+    };
     let mut means: Vec<f64> = image.means.iter().map(expose).collect();
     let white = means.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
     if curve == Curve::Reinhard {
