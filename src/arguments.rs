@@ -86,7 +86,9 @@ pub struct Arguments {
           allow_hyphen_values = true)]
     pub tiles: Option<(u32, u32)>,
 
-    /// Stop within so many seconds from the start of the program
+    /// Stop within so many seconds from the start of the program; pixels
+    /// without a sample are then filled from around them in .pgm and .png, and
+    /// NaN in .pfm and .exr
     #[arg(long, value_name = "SECONDS",
           value_parser = parse_positive, allow_hyphen_values = true)]
     pub time: Option<f64>,
