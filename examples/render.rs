@@ -28,7 +28,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         View { position, target: DVec3::ZERO, up: DVec3::Z, fov: 60. };
     let camera = &Camera::new(&view, 4. / 3.)?;
     let sky = Sky::new(view.up);
-    let integrator = &PathTracer { albedo: 0.8, sky };
+    let integrator = PathTracer::new(0.8, sky);
     let known = &KnownPixels::Nothing;
     let sampler = IndependentSampler::new(0);
     let mut job =

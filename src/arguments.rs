@@ -39,7 +39,7 @@ use crate::film::{Window, digits, parse_size};
 use crate::image::Format;
 use crate::output::{ImageTarget, OutputTarget, descriptor};
 use crate::progress;
-use crate::render::method::Wanted;
+use crate::render::choose::Wanted;
 use crate::report::Kind;
 use crate::run_key::{Part, Subject, entries};
 use crate::shards::is_state_name;

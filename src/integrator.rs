@@ -7,10 +7,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Random variables whose mean is the radiance along a ray.
 
+pub mod gather;
+
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 use crate::bvh::{BEAM, Hit, Intersector};
-use crate::sampler::{Sampler, cosine_direction, dimension, happens};
+use crate::film::{Film, Watch};
+use crate::sampler::{Sampler, cosine_direction, dimension};
 use crate::scene::Ray;
 use crate::sky::Sky;
 
@@ -35,7 +39,7 @@ pub trait Integrator: Sync {
     fn begin(&self, direction: DVec3) -> Self::Path;
 
     /// Takes a path on from the end of its ray: a hit, or the sky.
-    fn go_on(
+    fn advance(
         &self,
         path: &mut Self::Path,
         hit: Option<Self::RayQuery>,
@@ -81,25 +85,53 @@ impl RayQuery for Hit {
     }
 }
 
-/// A borrowed integrator is one.
-impl<E: Integrator> Integrator for &E {
-    type Path = E::Path;
-    type RayQuery = E::RayQuery;
+/// Something that adds samples to a film.
+pub trait Renderer {
+    /// Takes each tile of `film` on from its own samples to `end` samples
+    /// of each pixel, or to the next whole number of replicates, unless
+    /// `watch` stops it; returns the number of rays traced. A renderer
+    /// that learns has one film, and makes all its samples.
+    fn pass(&mut self, film: &mut Film, end: u64, watch: &Watch) -> u64;
 
-    #[inline(always)]
-    fn begin(&self, direction: DVec3) -> Self::Path {
-        (**self).begin(direction)
+    /// Learns what it needs to know before the first pass over `film`,
+    /// unless `watch`, which is told how many rays were traced, stops it;
+    /// returns the number of all these rays.
+    fn learn(&mut self, _film: &Film, _watch: &Watch) -> u64 {
+        0
     }
 
-    #[inline(always)]
-    fn go_on(
-        &self,
-        path: &mut Self::Path,
-        hit: Option<Self::RayQuery>,
-        sampler: &mut impl Sampler,
-    ) -> PathEvent {
-        (**self).go_on(path, hit, sampler)
+    /// About how many rays it will learn from, for a film of so many
+    /// pixels.
+    fn training_rays(&self, _area: u64) -> u64 {
+        0
     }
+
+    /// What each rank has done so far; nothing if there is one process.
+    fn shares(&self) -> &[Share] {
+        &[]
+    }
+
+    /// Seconds that a pass should take at least, for what it costs.
+    fn least_seconds(&self) -> f64 {
+        0.
+    }
+}
+
+/// What one rank of a run has done.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Share {
+    /// Paths, that is samples of single pixels.
+    pub paths: u64,
+    /// Seconds in which it rendered.
+    pub render_seconds: f64,
+    /// Seconds of the passes in which it did not.
+    pub wait_seconds: f64,
+    /// Seconds that all its threads have computed.
+    pub processor_seconds: f64,
+    /// Bytes of the sums that it has sent to rank 0.
+    pub sent_bytes: u64,
+    /// Seconds in which rank 0 has received such sums and added them.
+    pub collect_seconds: f64,
 }
 
 /// The integrator of the chapter's algorithm: a path meets roulette below
@@ -110,10 +142,28 @@ pub struct PathTracer {
     pub albedo: f64,
     /// The only light.
     pub sky: Sky,
+    /// How much of the sky above the first reflection is subtracted as a
+    /// control variate (Owen 2013, section 8.9), in [0, 1].
+    pub control: f64,
 }
 
 const FAINT: f64 = 0.1;
 pub const MANY_BOUNCES: u64 = 1000;
+
+impl PathTracer {
+    /// Without a control variate.
+    pub fn new(albedo: f64, sky: Sky) -> Self {
+        Self { albedo, sky, control: 0. }
+    }
+
+    /// What a surface reflects of the sky if nothing is in the way, less
+    /// what it reflects from this direction: the mean is zero.
+    #[inline(always)]
+    pub fn control_variate(&self, normal: DVec3, direction: DVec3) -> f64 {
+        let Self { albedo, sky, .. } = self;
+        albedo * (sky.share(normal) - sky.radiance(direction))
+    }
+}
 
 /// A path of the path tracer.
 #[derive(Clone, Copy, Debug)]
@@ -123,6 +173,8 @@ pub struct PathState {
     count: u64,
     /// Where its ray goes.
     direction: DVec3,
+    /// What the control variate adds to its contribution.
+    control: f64,
 }
 
 /// The probability that a path of `n` bounces makes another one,
@@ -130,9 +182,60 @@ pub struct PathState {
 /// (`MANY_BOUNCES`/n)^(3/2).
 #[cold]
 #[inline(never)]
-pub fn onward(n: u64) -> f64 {
+pub fn survival(n: u64) -> f64 {
     let ratio = n as f64 / (n + 1) as f64;
     ratio * ratio.sqrt()
+}
+
+impl Integrator for PathTracer {
+    type Path = PathState;
+    type RayQuery = Hit;
+
+    #[inline(always)]
+    fn begin(&self, direction: DVec3) -> PathState {
+        PathState { throughput: 1., count: 0, direction, control: 0. }
+    }
+
+    #[inline(always)]
+    fn advance(
+        &self,
+        path: &mut PathState,
+        hit: Option<Hit>,
+        sampler: &mut impl Sampler,
+    ) -> PathEvent {
+        let Some(hit) = hit else {
+            let light = path.throughput * self.sky.radiance(path.direction);
+            return PathEvent::Terminate(light + path.control);
+        };
+        // Weaken the path or play roulette
+        if path.throughput < FAINT {
+            let u = sampler.get_1d(dimension::roulette(path.count));
+            if u >= self.albedo {
+                return PathEvent::Terminate(path.control);
+            }
+        } else {
+            path.throughput *= self.albedo;
+            if path.count >= MANY_BOUNCES {
+                // End a long path or strengthen it
+                let probability = survival(path.count);
+                let u = sampler.get_1d(dimension::roulette(path.count));
+                if u >= probability {
+                    return PathEvent::Terminate(path.control);
+                }
+                path.throughput /= probability;
+            }
+        }
+        // Leave the surface in a random direction
+        let [r, turn] = sampler.get_2d(dimension::direction(path.count));
+        path.direction = cosine_direction(hit.normal, r, turn);
+        if path.count == 0 && self.control > 0. {
+            let variate = self.control_variate(hit.normal, path.direction);
+            path.control = self.control * variate;
+        }
+        path.count += 1;
+        let ray = Ray { origin: hit.point, direction: path.direction };
+        PathEvent::Scatter(ray, hit.primitive)
+    }
 }
 
 /// The radiance of a scene that reflects nothing: that of the sky.
@@ -166,7 +269,7 @@ impl Integrator for DirectSky {
     }
 
     #[inline(always)]
-    fn go_on(
+    fn advance(
         &self,
         direction: &mut DVec3,
         blocked: Option<Occluded>,
@@ -176,62 +279,6 @@ impl Integrator for DirectSky {
             Some(Occluded) => 0.,
             None => self.sky.radiance(*direction),
         })
-    }
-}
-
-/// The path tracer with the sky above its first reflection as a control
-/// variate (Owen 2013, section 8.9).
-#[derive(Clone, Copy, Debug)]
-pub struct ControlledPathTracer {
-    /// Whose paths they are.
-    pub paths: PathTracer,
-    /// How much of the sky is subtracted, in [0, 1].
-    pub control: f64,
-}
-
-/// A path, and what the control variate adds to its contribution.
-pub struct ControlledPath {
-    path: PathState,
-    control: f64,
-}
-
-impl PathTracer {
-    /// What a surface reflects of the sky if nothing is in the way, less
-    /// what it reflects from this direction: the mean is zero.
-    #[inline(always)]
-    pub fn control(&self, normal: DVec3, direction: DVec3) -> f64 {
-        let Self { albedo, sky } = self;
-        albedo * (sky.share(normal) - sky.radiance(direction))
-    }
-}
-
-impl Integrator for ControlledPathTracer {
-    type Path = ControlledPath;
-    type RayQuery = Hit;
-
-    #[inline(always)]
-    fn begin(&self, direction: DVec3) -> ControlledPath {
-        ControlledPath { path: self.paths.begin(direction), control: 0. }
-    }
-
-    #[inline(always)]
-    fn go_on(
-        &self,
-        controlled: &mut ControlledPath,
-        hit: Option<Hit>,
-        sampler: &mut impl Sampler,
-    ) -> PathEvent {
-        let ControlledPath { path, control } = controlled;
-        let first = hit.filter(|_| path.count == 0);
-        let event = self.paths.go_on(path, hit, sampler);
-        if let Some(hit) = first {
-            let around = self.paths.control(hit.normal, path.direction);
-            *control = self.control * around;
-        }
-        match event {
-            PathEvent::Terminate(x) => PathEvent::Terminate(x + *control),
-            PathEvent::Scatter(..) => event,
-        }
     }
 }
 
@@ -245,51 +292,4 @@ pub fn identity() -> String {
         "samples {SAMPLE_VERSION}, path tracer with \
          roulette below {FAINT} and from {MANY_BOUNCES} bounces"
     )
-}
-
-impl Integrator for PathTracer {
-    type Path = PathState;
-    type RayQuery = Hit;
-
-    #[inline(always)]
-    fn begin(&self, direction: DVec3) -> PathState {
-        PathState { throughput: 1., count: 0, direction }
-    }
-
-    #[inline(always)]
-    fn go_on(
-        &self,
-        path: &mut PathState,
-        hit: Option<Hit>,
-        sampler: &mut impl Sampler,
-    ) -> PathEvent {
-        let Some(hit) = hit else {
-            let light = self.sky.radiance(path.direction);
-            return PathEvent::Terminate(path.throughput * light);
-        };
-        // Weaken the path or play roulette
-        if path.throughput < FAINT {
-            let u = sampler.get_1d(dimension::roulette(path.count));
-            if !happens(self.albedo, u) {
-                return PathEvent::Terminate(0.);
-            }
-        } else {
-            path.throughput *= self.albedo;
-            if path.count >= MANY_BOUNCES {
-                // End a long path or strengthen it
-                let probability = onward(path.count);
-                let u = sampler.get_1d(dimension::roulette(path.count));
-                if !happens(probability, u) {
-                    return PathEvent::Terminate(0.);
-                }
-                path.throughput /= probability;
-            }
-        }
-        // Leave the surface in a random direction
-        let [r, turn] = sampler.get_2d(dimension::direction(path.count));
-        path.count += 1;
-        path.direction = cosine_direction(hit.normal, r, turn);
-        let ray = Ray { origin: hit.point, direction: path.direction };
-        PathEvent::Scatter(ray, hit.primitive)
-    }
 }

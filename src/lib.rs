@@ -25,7 +25,7 @@
 //!                   up: DVec3::Y, fov: 70. };
 //! let camera = Camera::new(&view, 4. / 3.)?;
 //! let sky = Sky::new(DVec3::Z);
-//! let integrator = PathTracer { albedo: 0.5, sky };
+//! let integrator = PathTracer::new(0.5, sky);
 //! let intersector = Bvh::new(&scene)?;
 //!
 //! let mut job = Job {
@@ -50,7 +50,6 @@ pub mod camera;
 pub mod checkpoint;
 pub mod compare;
 pub mod film;
-pub mod gather;
 pub mod image;
 pub mod integrator;
 pub mod memory;

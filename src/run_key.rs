@@ -12,7 +12,7 @@ use serde_json::{Map, Value};
 
 use crate::camera::View;
 use crate::film::{Film, Window};
-use crate::render::method::Sampling;
+use crate::render::choose::Sampling;
 
 /// All that decides the samples of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

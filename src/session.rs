@@ -34,8 +34,9 @@ use crate::image::{Format, Image, Picture};
 use crate::output::{ImageTarget, OutputTarget};
 use crate::progress::{self, Bar, Step};
 use crate::render::Renderer;
-use crate::render::choice::{Choice, choose};
-use crate::render::method::{Method, Sampling, renderer};
+use crate::render::choose::{
+    Choice, Method, Request, Sampling, Setup, expected_rays,
+};
 use crate::render_loop::{Convergence, Interrupt, Limits, Stop, Work};
 use crate::report::{Kind, Report, SceneFile};
 use crate::run_key::{RunKey, entries};
@@ -135,11 +136,15 @@ fn run(
     stage.set(Some("building the hierarchy"));
     let (analysis, bvh) =
         build(&mut scene, &inquiry, arguments, ranks, &mut known)?;
-    let scene = (&scene, &bvh);
-    let what = (&inquiry, &analysis);
+    let setup = Setup {
+        scene: &scene,
+        intersector: &bvh,
+        inquiry: &inquiry,
+        analysis: &analysis,
+    };
     stage.set(Some("choosing a method"));
     let (sampling, choice) =
-        sampling(arguments, scene, what, (window, start), &files);
+        sampling(arguments, &setup, window, start, &files);
     if arguments.explain {
         return explain(&analysis, arguments, sampling.method, choice);
     }
@@ -174,7 +179,7 @@ fn run(
         sampling,
         part,
     };
-    let job = renderer(scene.0, &bvh, &inquiry, &analysis, &sampling);
+    let job = setup.renderer(&sampling);
     // Share the job with other processes
     tell(ranks, &sampling);
     let resolution = arguments.resolution;
@@ -465,8 +470,12 @@ fn build(
     let began = Instant::now();
     let position = inquiry.camera.position;
     let is_inside = scene.entrance(position).is_inside;
-    let path = expected_path(arguments.albedo, is_inside);
-    let rays = expected_rays(arguments, path)? / f64::from(ranks.count());
+    let (width, height) = arguments.band()?.size;
+    let area = f64::from(width) * f64::from(height);
+    let paths = arguments.goal(1).map(|n| n as f64 * area);
+    let (albedo, time) = (arguments.albedo, arguments.time);
+    let rays = expected_rays(albedo, is_inside, paths, time);
+    let rays = rays / f64::from(ranks.count());
     let triangles = scene.take_triangles();
     let quality = Quality::expecting(triangles.len(), rays);
     // Warn of triangles that are too small
@@ -495,33 +504,6 @@ fn build(
     known.build_seconds = began.elapsed().as_secs_f64();
     Ok((analysis, bvh))
 }
-
-/// A guess of how many rays a path has, from within the box around a
-/// scene or from outside.
-fn expected_path(albedo: f64, is_within: bool) -> f64 {
-    match is_within {
-        true => (1. / (1. - albedo)).min(LONG),
-        false => 1. + albedo,
-    }
-}
-
-/// A guess of how many rays will be traced of the part of the image that is
-/// rendered, of which a path has so many.
-fn expected_rays(arguments: &Arguments, path: f64) -> Result<f64, String> {
-    let (width, height) = arguments.band()?.size;
-    let area = f64::from(width) * f64::from(height);
-    let paths = arguments.goal(1).map(|n| n as f64 * area);
-    let timed = arguments.time.or(paths.is_none().then_some(60.));
-    let rate = RATE * rayon::current_num_threads() as f64;
-    let timed = timed.map_or(f64::INFINITY, |time| time * rate);
-    Ok(paths.map_or(timed, |paths| timed.min(paths * path)))
-}
-
-/// Rays that a path is guessed to have at most.
-const LONG: f64 = 10.;
-
-/// Rays per second that a thread is guessed to trace.
-const RATE: f64 = 4e6;
 
 /// Tells what can be left out, and what the rest is made of.
 fn explain(
@@ -600,62 +582,41 @@ impl<'a> Run<'a> {
     }
 }
 
-/// How the samples are made: as in the checkpoint, if there is one. And what
-/// a pilot has found, if it has chosen.
+/// How the samples are made, and what a pilot has found, if it has chosen.
 fn sampling(
     arguments: &Arguments,
-    scene: (&Scene, &Bvh),
-    what: (&Inquiry, &SceneAnalysis),
-    (window, start): (Window, Instant),
+    setup: &Setup,
+    window: Window,
+    start: Instant,
     files: &Files,
 ) -> (Sampling, Option<Choice>) {
-    // Find the method that is asked for
-    let (seed, (_, analysis)) = (arguments.seed, what);
     let saved =
         files.resumed.as_ref().map(|saved| saved.known().run_key.sampling);
-    let known = analysis.known.is_all().then_some(Method::Reference);
-    let begun = saved.map(|saved| saved.method);
-    let method = arguments.integrator.0.or(begun).or(known);
-    let area = u64::from(window.size.0) * u64::from(window.size.1);
-    let timed = arguments
-        .time
-        .map(|time| (time * SLOW / GATHER / area as f64).ceil() as u64);
-    let samples = arguments.samples().into_iter().chain(timed).min();
     let left = |end: Instant| end.saturating_duration_since(Instant::now());
     let left = arguments.deadline(start).map(|end| left(end).as_secs_f64());
-    let limits = (samples, arguments.error, left);
-    let asks = match method {
-        None => true,
-        Some(Method::Reference) => false,
-        Some(Method::Sobol) => saved.is_none(),
-        Some(Method::Gather) => saved.is_none() && left.is_some(),
+    let request = Request {
+        method: arguments.integrator.0,
+        seed: arguments.seed,
+        window,
+        samples: arguments.samples(),
+        error: arguments.error,
+        time: arguments.time,
+        left,
     };
-    let choose = || choose(scene, what, (window, seed), limits, method);
-    if let Some(choice) = asks.then(choose).flatten() {
-        // Warn if it is not the method that is asked for
-        let chosen = choice.sampling.method;
-        if let (Some(wanted), false) = (method, arguments.quiet)
-            && wanted != chosen
-        {
-            progress::warn(&format!(
-                "--time leaves too little for a first sample of each pixel \
-                 by {wanted}: the method is {chosen}"
-            ));
-        }
-        return (choice.sampling, Some(choice));
+    let (sampling, choice) = setup.decide(&request, saved);
+    // Warn if it is not the method that is asked for
+    let (wanted, chosen) = (request.method, sampling.method);
+    let wanted = wanted.or(saved.map(|saved| saved.method));
+    if let Some(wanted) = wanted.filter(|&wanted| wanted != chosen)
+        && !arguments.quiet
+    {
+        progress::warn(&format!(
+            "--time leaves too little for a first sample of each pixel \
+             by {wanted}: the method is {chosen}"
+        ));
     }
-    let method = method.unwrap_or(Method::Reference);
-    let new = Sampling::new(method, seed, samples, area);
-    let sampling =
-        saved.map_or(new, |saved| Sampling { method, seed, ..saved });
-    (sampling, None)
+    (sampling, choice)
 }
-
-/// Rays per second that a slow thread is guessed to trace.
-const SLOW: f64 = 1e6;
-
-/// Rays that a sample of a gather is guessed to have.
-const GATHER: f64 = 5.;
 
 impl Run<'_> {
     fn render(
@@ -841,7 +802,13 @@ pub fn follow(ranks: &dyn Ranks) -> Result<(), String> {
     let (analysis, bvh) =
         build(&mut scene, &inquiry, &arguments, ranks, known)?;
     let Some(sampling) = hear(ranks)? else { return Ok(()) };
-    let mut job = renderer(&scene, &bvh, &inquiry, &analysis, &sampling);
+    let setup = Setup {
+        scene: &scene,
+        intersector: &bvh,
+        inquiry: &inquiry,
+        analysis: &analysis,
+    };
+    let mut job = setup.renderer(&sampling);
     let resolution = arguments.resolution;
     let frame = Frame { resolution, whole: window, sampling };
     ranks.serve(&mut *job, &frame);

@@ -12,7 +12,7 @@ use litpt::analysis::background::{KnownPixels, TileContent};
 use litpt::analysis::{SceneAnalysis, Shortcut};
 use litpt::camera::View;
 use litpt::image::Image;
-use litpt::render::method::Sampling;
+use litpt::render::choose::Sampling;
 use litpt_book::closed_forms::cavity;
 use litpt_book::settings::{Setting, all, named};
 

@@ -22,10 +22,11 @@ use litpt::analysis::background::{
     BackgroundTiles, KnownPixels, TileContent,
 };
 use litpt::analysis::interior::*;
-use litpt::gather::cache::{Grid, RadianceCache, Record, SKY};
-use litpt::gather::guide::{self, BINS, Guide, bin, direction};
-use litpt::gather::training::train;
-use litpt::gather::{Allocation, Correction, Plan, Tracer};
+use litpt::integrator::gather::cache::{Grid, RadianceCache, Record, SKY};
+use litpt::integrator::gather::correction::Correction;
+use litpt::integrator::gather::guide::{self, BINS, Guide, bin, direction};
+use litpt::integrator::gather::training::train;
+use litpt::integrator::gather::{Allocation, Plan, Tracer};
 use litpt::output::OutputTarget;
 use litpt::report::Fit;
 use litpt::sampler::sobol::{ScrambledNet, to_unit};
@@ -68,7 +69,7 @@ impl Later {
     fn job(
         setting: &Setting,
         first: u64,
-    ) -> Job<'_, Bvh, &PathTracer, Self> {
+    ) -> Job<'_, Bvh, PathTracer, Self> {
         let Job { scene, intersector, camera, integrator, known, sampler } =
             setting.job(1);
         let sampler = Self(sampler, first);
@@ -193,7 +194,7 @@ impl Integrator for Gather {
     }
 
     // Gather light from hit to hit
-    fn go_on(
+    fn advance(
         &self,
         (weight, light, bounces): &mut (f64, f64, u64),
         hit: Option<Hit>,
@@ -367,7 +368,7 @@ fn gather(
         resolution: film.resolution(),
         window: film.window(),
         known,
-        allocation: &Allocation::even(film.area()),
+        allocation: &Allocation::even(1, film.area()),
         net: ScrambledNet::new(1),
         seed: 4,
         correction,
@@ -481,7 +482,7 @@ fn room_of_step(step: Option<f64>) -> (f64, f64) {
     let like =
         Tracer { scene, intersector, camera, sky, albedo, cache, rays: 0 };
     let (cache, _) = train(&like, 1 << 17, 9, &|_| true);
-    let mut tracer = like.with(&cache);
+    let mut tracer = Tracer { cache: &cache, rays: 0, ..like };
     let mut film = Film::new(16, 16);
     let tile = film.tiles()[0].0;
     let allocation =

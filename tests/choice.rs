@@ -14,8 +14,7 @@ use litpt::bvh::Bvh;
 use litpt::camera::Camera;
 use litpt::film::{Film, Window};
 use litpt::render::Renderer;
-use litpt::render::choice::{Choice, choose};
-use litpt::render::method::Method;
+use litpt::render::choose::{Choice, Method, Request, Setup};
 use litpt::scene::{Mesh, Scene};
 use litpt::sky::Sky;
 use litpt_book::closed_forms::{Setting, cavity, look};
@@ -61,7 +60,17 @@ fn chosen_of(
     let bvh = &Bvh::new(scene).unwrap();
     let analysis = &SceneAnalysis::find(scene, bvh, inquiry);
     let window = Window { corner: (0, 0), size: SIZE };
-    choose((scene, bvh), (inquiry, analysis), (window, 7), limits, wanted)
+    let (samples, error, left) = limits;
+    let setup = Setup { scene, intersector: bvh, inquiry, analysis };
+    setup.choose(&Request {
+        method: wanted,
+        seed: 7,
+        window,
+        samples,
+        error,
+        time: None,
+        left,
+    })
 }
 
 const INSIDE: (DVec3, DVec3) = (DVec3::ZERO, DVec3::new(0.3, 0.2, -1.));

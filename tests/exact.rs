@@ -159,12 +159,12 @@ fn without_a_scene_the_sky_is_one_above_and_zero_below() {
         let target = if up.x == 0. { DVec3::X } else { DVec3::Y };
         let view = View { position: DVec3::ZERO, target, up, fov: 70. };
         let camera = Camera::new(&view, 4. / 3.).unwrap();
-        let integrator = PathTracer { albedo: 0.5, sky: Sky::new(up) };
+        let integrator = PathTracer::new(0.5, Sky::new(up));
         let mut job = Job {
             scene: &scene,
             intersector: &intersector,
             camera: &camera,
-            integrator: &integrator,
+            integrator,
             known: &KnownPixels::Nothing,
             sampler: IndependentSampler::new(0),
         };

@@ -64,12 +64,12 @@ fn sized(
         Bvh::with(&scene, Quality::Fast, Isa::best()).unwrap();
     let aspect = f64::from(width) / f64::from(height);
     let camera = Camera::new(view, aspect).unwrap();
-    let integrator = PathTracer { albedo: rho, sky: Sky::new(view.up) };
+    let integrator = PathTracer::new(rho, Sky::new(view.up));
     let mut job = Job {
         scene: &scene,
         intersector: &intersector,
         camera: &camera,
-        integrator: &integrator,
+        integrator,
         known: &KnownPixels::Nothing,
         sampler: IndependentSampler::new(seed),
     };

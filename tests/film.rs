@@ -125,12 +125,12 @@ fn render(
         fov: 100.,
     };
     let camera = Camera::new(&view, 1.5).unwrap();
-    let integrator = PathTracer { albedo: 0.8, sky: Sky::new(DVec3::Z) };
+    let integrator = PathTracer::new(0.8, Sky::new(DVec3::Z));
     let mut job = Job {
         scene: &scene,
         intersector: &intersector,
         camera: &camera,
-        integrator: &integrator,
+        integrator,
         known: &KnownPixels::Nothing,
         sampler: IndependentSampler::new(9),
     };
@@ -182,7 +182,7 @@ fn progress_counts_every_path_once() {
         scene: &scene,
         intersector: &intersector,
         camera: &Camera::new(&view, 1.).unwrap(),
-        integrator: &PathTracer { albedo: 0.5, sky: Sky::new(DVec3::Z) },
+        integrator: PathTracer::new(0.5, Sky::new(DVec3::Z)),
         known: &KnownPixels::Nothing,
         sampler: IndependentSampler::new(0),
     };
@@ -218,7 +218,7 @@ fn a_kernel_can_be_written_by_somebody_else() {
         scene: &scene,
         intersector: &Nothing,
         camera: &Camera::new(&view, 1.).unwrap(),
-        integrator: &PathTracer { albedo: 0.5, sky: Sky::new(DVec3::Z) },
+        integrator: PathTracer::new(0.5, Sky::new(DVec3::Z)),
         known: &KnownPixels::Nothing,
         sampler: IndependentSampler::new(0),
     };
@@ -402,7 +402,7 @@ fn few_rays_are_traced_after_a_pass_is_told_to_stop() {
     let setting = sphere();
     let Job { scene, camera, known, sampler, .. } = setting.job(1);
     let sky = Sky::new(DVec3::Z);
-    let integrator = &PathTracer { albedo: 1., sky };
+    let integrator = PathTracer::new(1., sky);
     for (size, end) in [((16, 16), 1000), ((300, 200), 5), ((1, 1), 90_000)]
     {
         for threads in [1, 4] {
@@ -544,7 +544,7 @@ impl Integrator for Distance {
 
     fn begin(&self, _: DVec3) {}
 
-    fn go_on(
+    fn advance(
         &self,
         _: &mut (),
         _: Option<Hit>,

@@ -23,14 +23,17 @@ use litpt::bvh::{Bvh, Isa};
 use litpt::camera::{Camera, View};
 use litpt::compare::compare;
 use litpt::film::{Film, Tile, WORTH};
-use litpt::gather::cache::{
-    Cell, DARKNESS, Grid, LEVELS, RadianceCache, Record, SKY,
-};
-use litpt::gather::guide::{BINS, Guide, SIDE, bin, direction, main_axis};
-use litpt::gather::{Allocation, Correction, End, Plan, Tracer};
 use litpt::image::Image;
 use litpt::integrator::PathTracer;
-use litpt::render::gather::Gather;
+use litpt::integrator::gather::cache::{
+    Cell, DARKNESS, Grid, LEVELS, RadianceCache, Record, SKY,
+};
+use litpt::integrator::gather::correction::Correction;
+use litpt::integrator::gather::guide::{
+    BINS, Guide, SIDE, bin, direction, main_axis,
+};
+use litpt::integrator::gather::render::Gather;
+use litpt::integrator::gather::{Allocation, End, Plan, Tracer};
 use litpt::render::{Job, Renderer};
 use litpt::render_loop::{Convergence, Interrupt, Limits, Stop};
 use litpt::sampler::sobol::{ScrambledNet, scramble_key};
@@ -383,7 +386,7 @@ fn the_names_of_coarser_cells_nest() {
 
 /// The finest cell there is at a place.
 fn at(cache: &RadianceCache, p: DVec3, normal: DVec3) -> Cell {
-    *cache.at(cache.grid().name(p, normal))
+    *cache.at(cache.grid.name(p, normal))
 }
 
 /// So many records of one value, from a cell.
@@ -496,7 +499,7 @@ fn a_cell_nearby_is_drawn_with_its_bilinear_weight() {
             for j in 0..PARTS {
                 for k in 0..PARTS {
                     let u = [middle(j), middle(k)];
-                    let name = grid.near(p, normal, u);
+                    let name = grid.name_around(p, normal, u);
                     *weights.entry(name).or_default() +=
                         1. / f64::from(PARTS * PARTS);
                 }
@@ -607,7 +610,7 @@ impl Stage {
             scene: &self.scene,
             intersector: &self.bvh,
             camera: &self.camera,
-            integrator: PathTracer { albedo: self.albedo, sky: self.sky },
+            integrator: PathTracer::new(self.albedo, self.sky),
             known: &KnownPixels::Nothing,
             sampler: IndependentSampler::new(21),
         };
@@ -885,7 +888,7 @@ const HOUR: Duration = Duration::from_secs(3600);
 fn a_gather_traces_no_ray_in_a_tile_of_the_sky() {
     let stage = Stage::furrows((16, 16));
     let cache = RadianceCache::empty(Grid::around(&[]));
-    let allocation = Allocation::even(256);
+    let allocation = Allocation::even(1, 256);
     let tile = Film::new(16, 16).tiles()[0].0;
     // A camera that looks along the horizon, away from all triangles.
     let view = View {

@@ -32,6 +32,7 @@ impl Intersector for Nothing {
 
 /// The weight that a function makes of a number uniform over [0, 1), after
 /// three rays.
+#[derive(Clone, Copy)]
 struct Draw<F>(F);
 
 impl<F: Fn(f64) -> f64 + Sync> Integrator for Draw<F> {
@@ -43,7 +44,7 @@ impl<F: Fn(f64) -> f64 + Sync> Integrator for Draw<F> {
         0
     }
 
-    fn go_on(
+    fn advance(
         &self,
         rays: &mut u32,
         _: Option<Hit>,
@@ -78,12 +79,12 @@ impl World {
         Self { scene, camera: Camera::new(&view, 1.).unwrap() }
     }
 
-    fn job<'a, K, E>(
+    fn job<'a, K, E: Copy>(
         &'a self,
         intersector: &'a K,
-        integrator: &'a E,
+        &integrator: &E,
         seed: u64,
-    ) -> Job<'a, K, &'a E> {
+    ) -> Job<'a, K, E> {
         let World { scene, camera } = self;
         Job {
             scene,
@@ -251,7 +252,7 @@ fn the_summary_averages_the_squares_of_the_errors_that_pixels_state() {
 fn a_single_pixel_is_the_same_for_any_number_of_threads_and_passes() {
     let world = World::new();
     let intersector = Bvh::new(&world.scene).unwrap();
-    let integrator = PathTracer { albedo: 0.8, sky: Sky::new(DVec3::Z) };
+    let integrator = PathTracer::new(0.8, Sky::new(DVec3::Z));
     let mut job = world.job(&intersector, &integrator, 5);
     for size in [(1, 1), (3, 2), (17, 1)] {
         let mut render = |threads, passes: &[u64]| {

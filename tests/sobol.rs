@@ -5,7 +5,7 @@
 
 use glam::DVec3;
 use litpt::film::Film;
-use litpt::integrator::{ControlledPathTracer, Integrator};
+use litpt::integrator::{Integrator, PathTracer};
 use litpt::render::{Job, Renderer};
 use litpt::sampler::sobol::{
     ScrambledNet, SobolSampler, scramble_key, to_unit,
@@ -455,8 +455,8 @@ fn the_sky_is_a_control_variate_whose_mean_is_known() {
     let image = |mesh: &Mesh, control| {
         let setting = Setting::new(mesh, (rho, DVec3::Z), &above, 1.5);
         let setting = setting.unwrap();
-        let paths = *setting.job(0).integrator;
-        let integrator = ControlledPathTracer { paths, control };
+        let paths = setting.job(0).integrator;
+        let integrator = PathTracer { control, ..paths };
         render(&setting, integrator, IndependentSampler::new(2))
     };
     let [mean, _, variance] =

@@ -21,14 +21,14 @@ fn path(
     n: u64,
     mut leaves: impl FnMut(u64) -> bool,
 ) -> (f64, u64) {
-    let integrator = PathTracer { albedo: rho, sky: Sky::new(DVec3::Z) };
+    let integrator = PathTracer::new(rho, Sky::new(DVec3::Z));
     let wall = Hit { point: DVec3::ZERO, normal: DVec3::Z, primitive: 0 };
     let mut sampler = IndependentSampler::new(1).start(0, n);
     let mut path = integrator.begin(DVec3::Z);
     let mut rays = 1;
     loop {
         let hit = (rays == 1 || !leaves(rays - 1)).then_some(wall);
-        match integrator.go_on(&mut path, hit, &mut sampler) {
+        match integrator.advance(&mut path, hit, &mut sampler) {
             PathEvent::Scatter(..) => rays += 1,
             PathEvent::Terminate(weight) => return (weight, rays),
         }

@@ -316,13 +316,14 @@ impl Setting {
         let scene = Scene::new(mesh);
         let intersector = Bvh::new(&scene)?;
         let sky = Sky::new(up);
-        let integrator = PathTracer { albedo: rho, sky };
+        let integrator = PathTracer::new(rho, sky);
         Ok(Self { scene, intersector, camera, integrator })
     }
 
     /// The job that renders it.
-    pub fn job(&self, seed: u64) -> Job<'_, Bvh, &PathTracer> {
-        let Self { scene, intersector, camera, integrator } = self;
+    pub fn job(&self, seed: u64) -> Job<'_, Bvh, PathTracer> {
+        let &Self { ref scene, ref intersector, ref camera, integrator } =
+            self;
         let known = &KnownPixels::Nothing;
         let sampler = IndependentSampler::new(seed);
         Job { scene, intersector, camera, integrator, known, sampler }

@@ -31,7 +31,7 @@ pub fn record<K: Intersector>(
             rays.push((ray, from));
             let hit = intersector.first_hit(&ray, from);
             from = hit.map(|hit| hit.primitive);
-            next = match integrator.go_on(&mut path, hit, &mut sampler) {
+            next = match integrator.advance(&mut path, hit, &mut sampler) {
                 PathEvent::Scatter(ray, _) => Some(ray),
                 PathEvent::Terminate(_) => None,
             };

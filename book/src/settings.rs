@@ -13,7 +13,7 @@ use litpt::bvh::{Bvh, Isa, Quality};
 use litpt::camera::{Camera, View};
 use litpt::checkpoint::Known;
 use litpt::film::{Film, Window};
-use litpt::render::method::{Sampling, renderer};
+use litpt::render::choose::{Sampling, Setup};
 use litpt::report::Report;
 use litpt::run_key::{RunKey, Subject};
 use litpt::scene::{Mesh, Scene};
@@ -82,8 +82,13 @@ impl Setting {
         let window = Window { corner: (0, 0), size: resolution };
         let mut film = sampling.film(resolution, window);
         let start = Instant::now();
-        let mut renderer =
-            renderer(&scene, &intersector, &inquiry, &analysis, sampling);
+        let setup = Setup {
+            scene: &scene,
+            intersector: &intersector,
+            inquiry: &inquiry,
+            analysis: &analysis,
+        };
+        let mut renderer = setup.renderer(sampling);
         let rays = renderer.pass(&mut film, n, &|_| true);
         let seconds = [found, start.elapsed().as_secs_f64()];
         drop(renderer);

@@ -39,13 +39,13 @@ impl Integrator for Limited {
         (self.tracer.begin(direction), 0)
     }
 
-    fn go_on(
+    fn advance(
         &self,
         (path, reflections): &mut Self::Path,
         hit: Option<Hit>,
         sampler: &mut impl Sampler,
     ) -> PathEvent {
-        let event = self.tracer.go_on(path, hit, sampler);
+        let event = self.tracer.advance(path, hit, sampler);
         *reflections += u64::from(matches!(event, PathEvent::Scatter(..)));
         match *reflections > self.most {
             true => PathEvent::Terminate(0.),
@@ -59,7 +59,7 @@ fn mean(mesh: &Mesh, view: &View, most: u64, n: u64) -> f64 {
     let scene = &Scene::new(mesh);
     let intersector = &Bvh::new(scene).unwrap();
     let camera = &Camera::new(view, 4. / 3.).unwrap();
-    let tracer = PathTracer { albedo: 1., sky: Sky::new(view.up) };
+    let tracer = PathTracer::new(1., Sky::new(view.up));
     let integrator = Limited { tracer, most };
     let known = &KnownPixels::Nothing;
     let sampler = IndependentSampler::new(0);

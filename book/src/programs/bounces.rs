@@ -99,7 +99,7 @@ pub fn follow(setting: &Setting, pixel: u32, n: u64) -> (usize, f64) {
     loop {
         let hit = next.and_then(|ray| intersector.first_hit(&ray, from));
         from = hit.map(|hit| hit.primitive);
-        match integrator.go_on(&mut path, hit, &mut sampler) {
+        match integrator.advance(&mut path, hit, &mut sampler) {
             PathEvent::Scatter(ray, _) => next = Some(ray),
             PathEvent::Terminate(light) => return (bounces, light),
         }

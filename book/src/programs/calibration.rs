@@ -20,8 +20,7 @@ use litpt::bvh::{Bvh, Hit};
 use litpt::camera::{Camera, View};
 use litpt::film::{Film, Summary, WORTH, Window};
 use litpt::integrator::{Integrator, PathEvent, PathTracer};
-use litpt::render::choice::choose;
-use litpt::render::method::{Method, Sampling, renderer};
+use litpt::render::choose::{Method, Request, Sampling, Setup};
 use litpt::render::{Job, Renderer};
 use litpt::render_loop::{Convergence, Interrupt, Limits};
 use litpt::sampler::{IndependentSampler, Sampler, dimension, generator};
@@ -146,24 +145,28 @@ fn image(setting: &Setting, method: Method, seed: u64, n: u64) -> Film {
     // Know nothing of the image beforehand
     let Job { scene, intersector, camera, integrator, .. } =
         setting.job(seed);
-    let &PathTracer { albedo, sky } = integrator;
+    let &PathTracer { albedo, sky, .. } = integrator;
     let inquiry = Inquiry { camera, sky, albedo, resolution, kept: &[] };
     let known = KnownPixels::Nothing;
     let analysis =
         SceneAnalysis { findings: vec![], known, is_black: false };
     let window = Window { corner: (0, 0), size: resolution };
     // Sample as a run of this method does
-    let choice = choose(
-        (scene, intersector),
-        (&inquiry, &analysis),
-        (window, seed),
-        (Some(n), None, None),
-        Some(method),
-    );
+    let (inquiry, analysis) = (&inquiry, &analysis);
+    let setup = Setup { scene, intersector, inquiry, analysis };
+    let request = Request {
+        method: Some(method),
+        seed,
+        window,
+        samples: Some(n),
+        error: None,
+        time: None,
+        left: None,
+    };
+    let choice = setup.choose(&request);
     let sampling = Sampling::new(method, seed, Some(n), area);
     let sampling = choice.map_or(sampling, |choice| choice.sampling);
-    let mut renderer =
-        renderer(scene, intersector, &inquiry, &analysis, &sampling);
+    let mut renderer = setup.renderer(&sampling);
     let mut film = sampling.film(resolution, window);
     renderer.pass(&mut film, n, &|_| true);
     film
@@ -334,7 +337,7 @@ impl Integrator for Coin {
     fn begin(&self, _: DVec3) {}
 
     // Throw the coin and end
-    fn go_on(
+    fn advance(
         &self,
         _: &mut (),
         _: Option<Hit>,

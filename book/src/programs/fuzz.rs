@@ -23,7 +23,7 @@ use litpt::bvh::{Bvh, Isa, Quality};
 use litpt::camera::{Camera, View};
 use litpt::film::Film;
 use litpt::integrator::PathTracer;
-use litpt::render::method::{Sampling, renderer};
+use litpt::render::choose::{Sampling, Setup};
 use litpt::render::{Job, Renderer};
 use litpt::sampler::IndependentSampler;
 use litpt::scene::{Mesh, Scene};
@@ -228,12 +228,12 @@ impl Case {
         let intersector = Bvh::with(scene, quality, isa)
             .map_err(|error| error.to_string())?;
         let integrator =
-            PathTracer { albedo: self.albedo, sky: Sky::new(self.view.up) };
+            PathTracer::new(self.albedo, Sky::new(self.view.up));
         let mut job = Job {
             scene,
             intersector: &intersector,
             camera,
-            integrator: &integrator,
+            integrator,
             known: &KnownPixels::Nothing,
             sampler: IndependentSampler::new(0),
         };

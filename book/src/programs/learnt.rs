@@ -19,12 +19,13 @@ use litpt::analysis::background::KnownPixels;
 use litpt::bvh::{Bvh, Hit};
 use litpt::camera::{Camera, View};
 use litpt::film::Film;
-use litpt::gather::cache::{Grid, RadianceCache};
-use litpt::gather::guide::{BINS, Guide, SIDE, bin};
-use litpt::gather::training::train;
-use litpt::gather::{Allocation, Correction, End, Tracer};
 use litpt::integrator::PathTracer;
-use litpt::render::gather::{Gather, Learnt};
+use litpt::integrator::gather::cache::{Grid, RadianceCache};
+use litpt::integrator::gather::correction::Correction;
+use litpt::integrator::gather::guide::{BINS, Guide, SIDE, bin};
+use litpt::integrator::gather::render::{Gather, Learnt};
+use litpt::integrator::gather::training::train;
+use litpt::integrator::gather::{Allocation, End, Tracer};
 use litpt::render::{Job, Renderer};
 use litpt::sampler::sobol::{ScrambledNet, scramble_key, to_unit};
 use litpt::sampler::{IndependentSampler, generator};
@@ -109,7 +110,7 @@ fn learn(figures: &Path) -> Result<String, Box<dyn Error>> {
     let mut out = String::new();
     yard.compare(figures, &cache, &mut out)?;
     let place = yard.place(PLACE, &cache).ok_or("no surface there")?;
-    let name = cache.grid().name(place.point, place.normal);
+    let name = cache.grid.name(place.point, place.normal);
     let guide = cache.guide(cache.at(name)).ok_or("no guide there")?;
     let light = yard.light(&cache, &place);
     picture(figures, "light", DISC, light.clone())?;
@@ -231,7 +232,7 @@ impl Stage {
             scene: &self.scene,
             intersector: &self.bvh,
             camera: &self.camera,
-            integrator: PathTracer { albedo: RHO, sky: self.sky },
+            integrator: PathTracer::new(RHO, self.sky),
             known: &KnownPixels::Nothing,
             sampler: IndependentSampler::new(1),
         };
@@ -277,7 +278,7 @@ impl Stage {
             match tracer.look(x, y) {
                 End::Sky(radiance) => [radiance, radiance, 0., 0.],
                 End::Hit(hit) => {
-                    let name = cache.grid().name(hit.point, hit.normal);
+                    let name = cache.grid.name(hit.point, hit.normal);
                     let cell = cache.at(name);
                     let stream = u64::from(i);
                     let truth =
@@ -346,7 +347,7 @@ impl Stage {
     fn at(&self, cache: &RadianceCache, place: &Hit, i: usize) -> [f64; 5] {
         let mut tracer = self.tracer(cache);
         let mut random = generator(5, i as u64, 0);
-        let name = cache.grid().name(place.point, place.normal);
+        let name = cache.grid.name(place.point, place.normal);
         let guide = cache.guide(cache.at(name));
         let (mut light, mut left) = ([0.; 3], [0.; 3]);
         for b in 0..BINS as u32 {
@@ -357,7 +358,8 @@ impl Stage {
                 End::Sky(radiance) => [radiance; 2],
                 End::Hit(hit) => {
                     let u = [random.random(), random.random()];
-                    let known = f64::from(tracer.near(&hit, u).value);
+                    let known =
+                        f64::from(tracer.cell_around(&hit, u).value);
                     [gathered(&mut tracer, &hit, ROUGHLY, stream), known]
                 }
             };
@@ -390,7 +392,7 @@ fn gathered(
     stream: u64,
 ) -> f64 {
     let cache = tracer.cache;
-    let name = cache.grid().name(hit.point, hit.normal);
+    let name = cache.grid.name(hit.point, hit.normal);
     let guide = cache.guide(cache.at(name));
     let net = ScrambledNet::new(u64::from(rays));
     let mut random = generator(2, stream, 0);
@@ -402,7 +404,7 @@ fn gathered(
             End::Sky(radiance) => radiance,
             End::Hit(hit) => {
                 let near = [random.random(), random.random()];
-                f64::from(tracer.near(&hit, near).value)
+                f64::from(tracer.cell_around(&hit, near).value)
             }
         };
         sum += shot.weight * arriving;

@@ -13,11 +13,12 @@ use litpt::arguments::Arguments;
 use litpt::bvh::Bvh;
 use litpt::camera::Camera;
 use litpt::film::{Film, Tile, Window};
-use litpt::gather::cache::{Grid, RadianceCache, Record};
-use litpt::gather::training::{allocate, train};
-use litpt::gather::{Allocation, Correction, Plan, Sample, Tracer};
 use litpt::integrator::PathTracer;
-use litpt::render::method::{Method, Sampling};
+use litpt::integrator::gather::cache::{Grid, RadianceCache, Record};
+use litpt::integrator::gather::correction::Correction;
+use litpt::integrator::gather::training::{allocate, train};
+use litpt::integrator::gather::{Allocation, Plan, Sample, Tracer};
+use litpt::render::choose::{Method, Sampling};
 use litpt::render::{Job, Renderer};
 use litpt::sampler::sobol::{ScrambledNet, SobolSampler};
 use litpt::sampler::split_mix;
@@ -198,7 +199,7 @@ impl Stage<'_> {
         let film = self.film(&sampling);
         let uncorrected = Estimator {
             cache: &cache,
-            allocation: &Allocation::even(film.area()),
+            allocation: &Allocation::even(1, film.area()),
             correction: None,
             net: ScrambledNet::new(64),
             learning: 0,
@@ -214,7 +215,7 @@ impl Stage<'_> {
         let counts = vec![film.replicate() as u32; film.area() as usize];
         let even = Allocation { counts, scale: allocation.scale.clone() };
         let unguided = cache.without_guides();
-        let empty = RadianceCache::empty(*cache.grid());
+        let empty = RadianceCache::empty(cache.grid);
         Learnt {
             cache,
             training,
@@ -288,7 +289,7 @@ impl Stage<'_> {
             scene,
             intersector,
             camera: &self.camera,
-            integrator: PathTracer { albedo, sky },
+            integrator: PathTracer::new(albedo, sky),
             known: &KnownPixels::Nothing,
             sampler: SobolSampler::new(seed, sampling.replicate),
         };

@@ -205,7 +205,7 @@ fn alike() -> Result<u32, Box<dyn Error>> {
     let scene = Scene::new(&cavity(0.1, 16));
     let view = look(DVec3::ZERO, DVec3::new(0.3, 0.2, -1.), 70.);
     let camera = Camera::new(&view, 1.)?;
-    let integrator = PathTracer { albedo: 0.9, sky: Sky::new(DVec3::Z) };
+    let integrator = PathTracer::new(0.9, Sky::new(DVec3::Z));
     let render = |isa, threads| -> Result<Film, Box<dyn Error>> {
         let intersector = Bvh::with(&scene, Quality::Medium, isa)?;
         let pool = ThreadPoolBuilder::new().num_threads(threads).build()?;
@@ -213,7 +213,7 @@ fn alike() -> Result<u32, Box<dyn Error>> {
             scene: &scene,
             intersector: &intersector,
             camera: &camera,
-            integrator: &integrator,
+            integrator,
             known: &KnownPixels::Nothing,
             sampler: IndependentSampler::new(1),
         };

@@ -19,8 +19,7 @@ use litpt::film::{Film, Window};
 use litpt::integrator::PathTracer;
 use litpt::numerics::power_of_two;
 use litpt::render::Job;
-use litpt::render::choice::choose;
-use litpt::render::method::{Method, Sampling};
+use litpt::render::choose::{Method, Request, Sampling, Setup};
 use litpt::scene::Mesh;
 use litpt_book::closed_forms::{self, cavity, closed_forms, look, plane};
 use litpt_book::interiors::Interior;
@@ -67,20 +66,23 @@ fn control(setting: &Setting, method: Method, n: u64) -> u64 {
     );
     let Ok(set) = set else { return 0 };
     let Job { scene, intersector, camera, integrator, .. } = set.job(0);
-    let &PathTracer { albedo, sky } = integrator;
+    let &PathTracer { albedo, sky, .. } = integrator;
     let (resolution, kept) = (RESOLUTION, &[][..]);
     let inquiry = &Inquiry { camera, sky, albedo, resolution, kept };
     let known = KnownPixels::Nothing;
     let analysis =
         &SceneAnalysis { findings: vec![], known, is_black: false };
     let window = Window { corner: (0, 0), size: RESOLUTION };
-    let choice = choose(
-        (scene, intersector),
-        (inquiry, analysis),
-        (window, 0),
-        (Some(n), None, None),
-        Some(method),
-    );
+    let setup = Setup { scene, intersector, inquiry, analysis };
+    let choice = setup.choose(&Request {
+        method: Some(method),
+        seed: 0,
+        window,
+        samples: Some(n),
+        error: None,
+        time: None,
+        left: None,
+    });
     choice.map_or(0, |choice| choice.sampling.control)
 }
 

@@ -4,7 +4,7 @@
 //! Pieces cover a pass, and their sums come together in any order.
 
 use super::*;
-use litpt::render::method::{Method, Sampling};
+use litpt::render::choose::{Method, Sampling};
 
 const RESOLUTION: (u32, u32) = (150, 70);
 

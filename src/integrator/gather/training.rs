@@ -8,6 +8,7 @@
 //! Learns a cache from paths, and the samples of pixels from a pilot.
 
 use std::mem::take;
+use std::ops::Range;
 
 use glam::DVec3;
 use rand::RngExt;
@@ -26,6 +27,9 @@ const REFLECTIONS: usize = 7;
 /// Paths that are followed side by side.
 const ABREAST: u64 = 64;
 
+/// Numbers the generators of training; those of tiles are smaller.
+const TRAINING: u64 = u64::MAX;
+
 impl<K: Intersector> Tracer<'_, K> {
     /// The records of paths of about so many rays, those of a piece of the
     /// training; `visit` is told each point that reflects. Fewer if `watch`,
@@ -40,7 +44,7 @@ impl<K: Intersector> Tracer<'_, K> {
     ) -> Vec<Record> {
         let mut random = generator(seed, TRAINING, piece);
         let mut records = Vec::with_capacity(rays as usize);
-        let grid = *self.cache.grid();
+        let grid = self.cache.grid;
         let (mut paths, mut told) = (0, 0);
         while paths + self.rays < rays && watch(self.rays - told) {
             told = self.rays;
@@ -72,7 +76,7 @@ impl<K: Intersector> Tracer<'_, K> {
                         End::Hit(hit) => {
                             hits.push(hit);
                             let u = [random.random(), random.random()];
-                            grid.near(hit.point, hit.normal, u)
+                            grid.name_around(hit.point, hit.normal, u)
                         }
                     };
                     let (weight, bin) = (weight as f32, bin as u16);
@@ -84,16 +88,13 @@ impl<K: Intersector> Tracer<'_, K> {
     }
 }
 
-/// Numbers the generators of training; those of tiles are smaller.
-const TRAINING: u64 = u64::MAX;
-
 /// Pieces of a round, each of which a thread traces by itself.
 const PIECES: u64 = 64;
 
 /// The part of the rays that each round traces, in per cent.
 const ROUNDS: [u64; 3] = [15, 25, 60];
 
-/// By how much the last round must be expected to reduce the doubt.
+/// By how much the last round must be expected to reduce the error.
 const LEAST_FALL: f32 = 0.028;
 
 /// Learns a cache from at most about so many rays; returns it and the rays.
@@ -106,19 +107,18 @@ pub fn train<K: Intersector>(
 ) -> (RadianceCache, u64) {
     // Choose the grid after a first look
     let empty = RadianceCache::empty(Grid::around(&[]));
-    let mut scout = like.with(&empty);
+    let mut scout = Tracer { cache: &empty, rays: 0, ..*like };
     let mut points = vec![];
     let visit = |point| points.push(point);
     scout.explore(rays.min(10_000), seed, u64::MAX, visit, watch);
-    let grid = Grid::around(&points);
-    let mut cache = RadianceCache::empty(grid);
+    let mut cache = RadianceCache::empty(Grid::around(&points));
     let (mut records, mut traced) = (vec![], scout.rays);
     for (round, percent) in (0..).zip(ROUNDS) {
         // Trace the pieces of a round
         let share = rays * percent / 100 / PIECES;
         let pieces = round * PIECES..(round + 1) * PIECES;
         let explore = |piece| {
-            let mut tracer = like.with(&cache);
+            let mut tracer = Tracer { cache: &cache, rays: 0, ..*like };
             let records = tracer.explore(share, seed, piece, |_| (), watch);
             (records, tracer.rays)
         };
@@ -127,11 +127,10 @@ pub fn train<K: Intersector>(
             records.extend(more);
             traced += rays;
         }
-        let albedo = like.albedo as f32;
-        let before = cache.doubt;
-        cache = cache.learn(&mut records, albedo, watch);
-        let falls = cache.doubt * (1. - cache.doubt / before);
-        if round == 1 && falls < LEAST_FALL {
+        let before = cache.relative_error;
+        cache = cache.learn(&mut records, like.albedo as f32, watch);
+        let now = cache.relative_error;
+        if round == 1 && now * (1. - now / before) < LEAST_FALL {
             break;
         }
     }
@@ -139,7 +138,7 @@ pub fn train<K: Intersector>(
 }
 
 /// Samples of each pixel in the pilot.
-pub const PILOT: u64 = 8;
+pub const PILOT_SAMPLES: u64 = 8;
 
 /// Samples for each pixel, `mean` on average, in proportion to the standard
 /// deviation that a pilot finds on the empty `film`; and its rays. If
@@ -153,8 +152,8 @@ pub fn allocate<K: Intersector>(
 ) -> (Allocation, u64) {
     // Render the scrambles of the pilot
     let rays = film.tiles().into_par_iter().map(|(tile, pixels)| {
-        let mut tracer = like.with(like.cache);
-        let (mut scrambles, mut told) = (0..PILOT, 0);
+        let mut tracer = Tracer { rays: 0, ..*like };
+        let (mut scrambles, mut told) = (0..PILOT_SAMPLES, 0);
         while let Some(scramble) = scrambles.next()
             && watch(tracer.rays - told)
         {
@@ -165,10 +164,9 @@ pub fn allocate<K: Intersector>(
         tracer.rays
     });
     let rays = rays.sum();
-    // Estimate the radiance of the pixels roughly
     let means = film.list(Accumulator::mean);
-    let mean_radiance = average(&means);
-    let least = if mean_radiance > 0. { 0.1 * mean_radiance } else { 1. };
+    let middle = average(&means);
+    let least = if middle > 0. { 0.1 * middle } else { 1. };
     let scale: Vec<f64> = means.iter().map(|m| m.max(least)).collect();
     let deviations = deviations(&film, &scale, watch);
     let middle = average(&deviations).max(f64::MIN_POSITIVE);
@@ -191,22 +189,21 @@ fn deviations(film: &Film, scale: &[f64], watch: &Watch) -> Vec<f64> {
     let squares: Vec<f64> = scale.iter().map(|s| s * s).collect();
     let common = 0.5 * average(variances) / average(&squares);
     let (width, height) = (film.width() as usize, film.height() as usize);
+    let neighbours = |at: usize, end: usize| -> Range<usize> {
+        at.saturating_sub(1)..(at + 2).min(end)
+    };
     let deviation = |i: usize| {
-        let rows = around(i / width, height);
-        let columns = around(i % width, width);
-        let near = rows.flat_map(|y| {
-            columns.clone().map(move |x| variances[y * width + x])
-        });
-        let near: Vec<f64> = near.collect();
-        let own = 0.5 * variances[i] + 0.5 * average(&near);
+        let (mut sum, mut count) = (0., 0.);
+        for y in neighbours(i / width, height) {
+            for x in neighbours(i % width, width) {
+                sum += variances[y * width + x];
+                count += 1.;
+            }
+        }
+        let own = 0.5 * variances[i] + 0.5 * (sum / count);
         (own + common * squares[i]).sqrt()
     };
     let rows = (0..height).into_par_iter().filter(|_| watch(0));
     let pixels = rows.map(|y| y * width..(y + 1) * width);
     pixels.flat_map_iter(|row| row.map(deviation)).collect()
-}
-
-/// A place and its neighbours, as far as they lie before the end.
-fn around(at: usize, end: usize) -> std::ops::Range<usize> {
-    at.saturating_sub(1)..(at + 2).min(end)
 }

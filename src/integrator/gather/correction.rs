@@ -14,11 +14,32 @@ use rand::RngExt;
 use rand_pcg::Pcg64;
 
 use super::cache::{Cell, UNSEEN};
-use super::{Correction, End, Plan, Sample, Tracer};
+use super::{End, Plan, Sample, Tracer};
 use crate::bvh::{Hit, Intersector};
-use crate::integrator::{MANY_BOUNCES, onward};
+use crate::integrator::{MANY_BOUNCES, survival};
 use crate::sampler::sobol::ScrambledNet;
 use crate::scene::Ray;
+
+/// How much is corrected, and with how many rays.
+#[derive(Clone, Copy, Debug)]
+pub struct Correction {
+    /// Samples that share corrections.
+    pub group: usize,
+    /// The importance for which one correction is drawn.
+    pub step: f64,
+    /// Rays of the gather at a point whose error is estimated.
+    pub gathers: u32,
+    /// Paths that go on from them.
+    pub paths: u32,
+    /// Rays of each gather along such a path.
+    pub branches: u32,
+}
+
+impl Default for Correction {
+    fn default() -> Self {
+        Self { group: 128, step: 15., gathers: 16, paths: 16, branches: 2 }
+    }
+}
 
 impl<K: Intersector> Tracer<'_, K> {
     /// Adds the corrections of the samples of a tile to the sums of its
@@ -33,44 +54,30 @@ impl<K: Intersector> Tracer<'_, K> {
         let Some(correction) = &plan.correction else { return };
         // Put the samples in groups of neighbours
         let mut order: Vec<_> = (0..samples.len()).collect();
-        let grid = self.cache.grid();
-        order.sort_by_cached_key(|&i| grid.place(&samples[i].hit));
+        let grid = &self.cache.grid;
+        order.sort_by_cached_key(|&i| grid.order(&samples[i].hit));
         let groups = samples.len().div_ceil(correction.group).max(1);
         let length = samples.len().div_ceil(groups).max(1);
-        let mut seen = vec![];
+        let numbers = &mut Numbers { net: &plan.net, random };
         for group in order.chunks(length) {
-            let mut next = random.random::<f64>() * correction.step;
+            let mut next = numbers.random.random::<f64>() * correction.step;
             let mut reached = 0.;
             for &k in group {
-                // Count the draws of a sample
                 let Sample { weight, scale, ref end, .. } = samples[k];
                 let Some((y, cell)) = end else { continue };
                 let expected = f64::from(cell.error);
                 reached += self.albedo * weight * expected / scale;
                 let draws = draws(&mut next, reached, correction.step);
-                // Correct what a sample has met
                 if draws > 0. {
-                    let known = f64::from(cell.value);
-                    let error = self
-                        .radiance(correction, y, cell, &plan.net, random)
-                        - known;
+                    let found = self.radiance(correction, y, cell, numbers);
+                    let error = found - f64::from(cell.value);
                     let share = draws * correction.step * error / expected;
-                    self.share(samples, group, k, share, &mut seen, sums);
+                    self.share(samples, group, k, share, sums);
                 }
             }
         }
     }
-}
 
-/// How many points from `next` on, `step` apart, lie below `reached`;
-/// moves `next` behind them.
-fn draws(next: &mut f64, reached: f64, step: f64) -> f64 {
-    let draws = ((reached - *next) / step).ceil().max(0.);
-    *next += draws * step;
-    draws
-}
-
-impl<K: Intersector> Tracer<'_, K> {
     /// Shares the error of what sample `k` has met among all samples of
     /// its group that see the place.
     fn share(
@@ -79,33 +86,26 @@ impl<K: Intersector> Tracer<'_, K> {
         group: &[usize],
         k: usize,
         share: f64,
-        seen: &mut Vec<f64>,
         sums: &mut [f64],
     ) {
         let Some((y, _)) = &samples[k].end else { return };
-        seen.clear();
-        let mut density = 0.;
-        for &i in group {
-            // Add the density with which a sample finds the place
-            let x = &samples[i];
-            let (form, direction) = form(&x.hit, y);
-            let visible =
-                form > 0. && (i == k || self.sees(&x.hit, y, direction));
-            seen.push(if visible { form } else { 0. });
-            if visible {
-                density += form / x.scale;
-            }
-        }
-        // Give each sample its share
+        let factor = |&i: &usize| {
+            let x = &samples[i].hit;
+            let (factor, direction) = form_factor(x, y);
+            let seen =
+                factor > 0. && (i == k || self.sees(x, y, direction));
+            if seen { factor } else { 0. }
+        };
+        let factors: Vec<f64> = group.iter().map(factor).collect();
+        let seen = || group.iter().map(|&i| &samples[i]).zip(&factors);
+        let density: f64 = seen().map(|(x, f)| f / x.scale).sum();
         if density > 0. {
-            for (&i, form) in group.iter().zip(seen) {
-                sums[samples[i].pixel as usize] += share * *form / density;
+            for (x, factor) in seen() {
+                sums[x.pixel as usize] += share * *factor / density;
             }
         }
     }
-}
 
-impl<K: Intersector> Tracer<'_, K> {
     /// Whether the ray from `x` in this direction meets the triangle of `y`.
     fn sees(&mut self, x: &Hit, y: &Hit, direction: DVec3) -> bool {
         if x.primitive == y.primitive {
@@ -116,45 +116,36 @@ impl<K: Intersector> Tracer<'_, K> {
         let from = Some(x.primitive);
         self.intersector.is_visible(&ray, from, y.primitive)
     }
-}
 
-/// The density with which cosine sampling at `x` finds `y`, per unit of
-/// area around `y`; zero if one faces away. And the direction.
-fn form(x: &Hit, y: &Hit) -> (f64, DVec3) {
-    let to = y.point - x.point;
-    let square = to.length_squared();
-    let (near, far) = (x.normal.dot(to), -y.normal.dot(to));
-    if !(near > 0. && far > 0.) {
-        return (0., to);
+    /// An unbiased estimate of the radiance at `x`.
+    fn radiance(
+        &mut self,
+        correction: &Correction,
+        x: &Hit,
+        cell: &Cell,
+        numbers: &mut Numbers,
+    ) -> f64 {
+        let (mut ends, mut others) = (vec![], vec![]);
+        let &Correction { gathers, paths, branches, .. } = correction;
+        let mut sum =
+            self.gather(x, cell, gathers, paths, numbers, &mut ends);
+        for Candidate { hit, cell, weight, .. } in ends {
+            sum += weight
+                * self.error(branches, hit, cell, numbers, &mut others);
+        }
+        self.albedo * sum
     }
-    (near * far / (PI * square * square), to / square.sqrt())
-}
 
-/// The end of a ray of a gather, which may be corrected.
-struct Candidate {
-    hit: Hit,
-    cell: Cell,
-    /// With which its radiance counts in the gather.
-    weight: f64,
-    importance: f64,
-}
-
-impl Candidate {
-    fn new(hit: Hit, weight: f64) -> Self {
-        Self { hit, cell: UNSEEN, weight, importance: 0. }
-    }
-}
-
-impl<K: Intersector> Tracer<'_, K> {
     /// The mean of what comes from rays that leave `x`, as far as the cache
     /// knows it. Fills in which of their ends to correct: `paths` of them,
     /// each with the weight of its correction.
     fn gather(
         &mut self,
-        (x, cell): (&Hit, &Cell),
-        (rays, paths): (u32, u32),
-        net: &ScrambledNet,
-        random: &mut Pcg64,
+        x: &Hit,
+        cell: &Cell,
+        rays: u32,
+        paths: u32,
+        Numbers { net, random }: &mut Numbers,
         ends: &mut Vec<Candidate>,
     ) -> f64 {
         let (mut sum, mut total) = (0., 0.);
@@ -164,15 +155,18 @@ impl<K: Intersector> Tracer<'_, K> {
             let u = net.pair(key, n, 0);
             let shot = self.shoot(x, self.cache.guide(cell), u);
             let weight = shot.weight / f64::from(rays);
+            let (cell, importance) = (UNSEEN, 0.);
             match shot.end {
                 End::Sky(radiance) => sum += weight * radiance,
-                End::Hit(hit) => ends.push(Candidate::new(hit, weight)),
+                End::Hit(hit) => {
+                    ends.push(Candidate { hit, cell, weight, importance });
+                }
             }
         }
         // Look up what each ray has met
         for end in &mut *ends {
             let u = [random.random(), random.random()];
-            end.cell = self.near(&end.hit, u);
+            end.cell = self.cell_around(&end.hit, u);
             let Cell { value, error, .. } = end.cell;
             sum += end.weight * f64::from(value);
             let size = f64::from(value.abs() + error);
@@ -191,67 +185,71 @@ impl<K: Intersector> Tracer<'_, K> {
         });
         sum
     }
-}
 
-impl<K: Intersector> Tracer<'_, K> {
-    /// An unbiased estimate of the radiance at `x`.
-    fn radiance(
-        &mut self,
-        correction: &Correction,
-        x: &Hit,
-        cell: &Cell,
-        net: &ScrambledNet,
-        random: &mut Pcg64,
-    ) -> f64 {
-        let (mut ends, mut others) = (vec![], vec![]);
-        let &Correction { gathers, paths, branches, .. } = correction;
-        let rays = (gathers, paths);
-        let mut sum = self.gather((x, cell), rays, net, random, &mut ends);
-        for Candidate { hit, cell, weight, .. } in ends {
-            let error = (hit, cell);
-            sum += weight
-                * self.error(branches, error, net, random, &mut others);
-        }
-        self.albedo * sum
-    }
-}
-
-impl<K: Intersector> Tracer<'_, K> {
     /// An unbiased estimate of the error of a cell's value at `y`.
     fn error(
         &mut self,
         branches: u32,
-        (mut y, mut cell): (Hit, Cell),
-        net: &ScrambledNet,
-        random: &mut Pcg64,
+        mut y: Hit,
+        mut cell: Cell,
+        numbers: &mut Numbers,
         ends: &mut Vec<Candidate>,
     ) -> f64 {
         let (mut throughput, mut error) = (1., 0.);
         for bounce in 0.. {
             error -= throughput * f64::from(cell.value);
-            let rays = (branches, 1);
-            let sum = self.gather((&y, &cell), rays, net, random, ends);
+            let sum = self.gather(&y, &cell, branches, 1, numbers, ends);
             error += throughput * self.albedo * sum;
             let Some(end) = ends.pop() else { break };
             throughput *= self.albedo * end.weight;
-            // Let a faint path survive by chance
-            let survival = survival(throughput, bounce);
-            if random.random::<f64>() >= survival {
+            // Let a weak path survive by chance
+            let long =
+                if bounce < MANY_BOUNCES { 1. } else { survival(bounce) };
+            let probability = (throughput / WEAK).min(1.) * long;
+            if numbers.random.random::<f64>() >= probability {
                 break;
             }
-            throughput /= survival;
+            throughput /= probability;
             (y, cell) = (end.hit, end.cell);
         }
         error
     }
 }
 
-/// The probability that a path of this throughput goes on.
-fn survival(throughput: f64, bounce: u64) -> f64 {
-    let faint = (throughput / FAINT).min(1.);
-    let long = if bounce < MANY_BOUNCES { 1. } else { onward(bounce) };
-    faint * long
+/// How many points from `next` on, `step` apart, lie below `reached`;
+/// moves `next` behind them.
+fn draws(next: &mut f64, reached: f64, step: f64) -> f64 {
+    let draws = ((reached - *next) / step).ceil().max(0.);
+    *next += draws * step;
+    draws
 }
 
-/// The throughput below which roulette ends paths.
-const FAINT: f64 = 0.2;
+/// The density with which cosine sampling at `x` finds `y`, per unit of
+/// area around `y`; zero if one faces away. And the direction.
+fn form_factor(x: &Hit, y: &Hit) -> (f64, DVec3) {
+    let to = y.point - x.point;
+    let square = to.length_squared();
+    let (here, there) = (x.normal.dot(to), -y.normal.dot(to));
+    if !(here > 0. && there > 0.) {
+        return (0., to);
+    }
+    (here * there / (PI * square * square), to / square.sqrt())
+}
+
+/// Where the random numbers of corrections come from.
+struct Numbers<'a> {
+    net: &'a ScrambledNet,
+    random: &'a mut Pcg64,
+}
+
+/// The end of a ray of a gather, which may be corrected.
+struct Candidate {
+    hit: Hit,
+    cell: Cell,
+    /// With which its radiance counts in the gather.
+    weight: f64,
+    importance: f64,
+}
+
+/// The throughput below which roulette ends paths of corrections.
+const WEAK: f64 = 0.2;

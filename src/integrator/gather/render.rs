@@ -9,14 +9,15 @@
 
 use rayon::prelude::*;
 
-use super::Renderer;
+use super::cache::{Grid, RadianceCache};
+use super::correction::Correction;
+use super::training::{PILOT_SAMPLES, allocate, train};
+use super::{Allocation, Plan, Tracer};
 use crate::analysis::background::KnownPixels;
 use crate::bvh::{Bvh, Dispatch, Intersector};
 use crate::camera::Camera;
 use crate::film::{Film, Tile, Watch};
-use crate::gather::cache::{Grid, RadianceCache};
-use crate::gather::training::{PILOT, allocate, train};
-use crate::gather::{Allocation, Correction, Plan, Tracer};
+use crate::integrator::Renderer;
 use crate::sampler::sobol::ScrambledNet;
 use crate::sampler::split_mix;
 use crate::scene::Scene;
@@ -67,38 +68,34 @@ impl Renderer for Gather<'_> {
     }
 
     fn training_rays(&self, area: u64) -> u64 {
-        self.training + area.saturating_mul(2 * PILOT)
+        self.training + area.saturating_mul(2 * PILOT_SAMPLES)
     }
 
     fn pass(&mut self, film: &mut Film, end: u64, watch: &Watch) -> u64 {
         let rays = self.learn(film, &|_| watch(0));
-        match &self.learnt {
-            Some(learnt) => {
-                let pass = Pass { gather: self, learnt, film, end, watch };
-                rays + self.intersector.dispatch(pass)
-            }
-            None => rays,
-        }
+        let Some(learnt) = &self.learnt else { return rays };
+        let pass = Pass { gather: self, learnt, film, end, watch };
+        rays + self.intersector.dispatch(pass)
     }
 }
 
-impl<'a> Gather<'a> {
+impl Gather<'_> {
     /// A tracer with a cache.
-    fn tracer<'b, K>(
-        &'b self,
-        intersector: &'b K,
-        cache: &'b RadianceCache,
-    ) -> Tracer<'b, K> {
+    pub fn tracer<'a, K>(
+        &'a self,
+        intersector: &'a K,
+        cache: &'a RadianceCache,
+    ) -> Tracer<'a, K> {
         let &Self { scene, camera, sky, albedo, .. } = self;
         Tracer { scene, intersector, camera, sky, albedo, cache, rays: 0 }
     }
 
     /// A plan for the whole window of a film's run.
-    fn plan<'b>(
-        &'b self,
+    pub fn plan<'a>(
+        &'a self,
         film: &Film,
-        allocation: &'b Allocation,
-    ) -> Plan<'b> {
+        allocation: &'a Allocation,
+    ) -> Plan<'a> {
         let most = allocation.counts.iter().max().copied().unwrap_or(1);
         let points = u64::from(most).max(64).next_power_of_two();
         Plan {
@@ -114,13 +111,13 @@ impl<'a> Gather<'a> {
 }
 
 /// Learning that waits for its intersector.
-struct Learn<'a, 'b> {
-    gather: &'b Gather<'a>,
-    film: &'b Film,
-    watch: &'b Watch<'b>,
+struct Learn<'a> {
+    gather: &'a Gather<'a>,
+    film: &'a Film,
+    watch: &'a Watch<'a>,
 }
 
-impl Dispatch for Learn<'_, '_> {
+impl Dispatch for Learn<'_> {
     type Output = Option<(Learnt, u64)>;
 
     fn with<K: Intersector>(self, intersector: &K) -> Self::Output {
@@ -134,9 +131,9 @@ impl Dispatch for Learn<'_, '_> {
         }
         let tracer = gather.tracer(intersector, &cache);
         let (mean, film) = (film.replicate(), film.blank());
-        let pilot = Allocation::even(film.area());
-        let plan =
-            Plan { correction: None, seed, ..gather.plan(&film, &pilot) };
+        let pilot = Allocation::even(1, film.area());
+        let plan = gather.plan(&film, &pilot);
+        let plan = Plan { correction: None, seed, ..plan };
         let (allocation, traced) =
             allocate(&tracer, &plan, film, mean, watch);
         let learnt = Learnt { cache, allocation };
@@ -145,15 +142,15 @@ impl Dispatch for Learn<'_, '_> {
 }
 
 /// A pass that waits for its intersector.
-struct Pass<'a, 'b> {
-    gather: &'b Gather<'a>,
-    learnt: &'b Learnt,
-    film: &'b mut Film,
+struct Pass<'a> {
+    gather: &'a Gather<'a>,
+    learnt: &'a Learnt,
+    film: &'a mut Film,
     end: u64,
-    watch: &'b Watch<'b>,
+    watch: &'a Watch<'a>,
 }
 
-impl Dispatch for Pass<'_, '_> {
+impl Dispatch for Pass<'_> {
     type Output = u64;
 
     fn with<K: Intersector>(self, intersector: &K) -> u64 {
@@ -163,7 +160,7 @@ impl Dispatch for Pass<'_, '_> {
         let replicate = film.replicate();
         let first = film.first() / replicate;
         let end = end.div_ceil(replicate);
-        // Render a tile and sum its rays
+        // Render a tile and count its rays
         let render =
             |(tile, pixels, mean): (Tile, &mut [Accumulator], &mut _)| {
                 let mut tracer = gather.tracer(intersector, cache);

@@ -10,6 +10,7 @@
 pub mod cache;
 pub mod correction;
 pub mod guide;
+pub mod render;
 pub mod training;
 
 use rand::RngExt;
@@ -23,6 +24,7 @@ use crate::sampler::{generator, within};
 use crate::scene::{Ray, Scene};
 use crate::sky::Sky;
 use cache::{Cell, RadianceCache, UNSEEN};
+use correction::Correction;
 use guide::{Guide, bin, direction};
 
 /// Traces rays, and knows the scene and the cache.
@@ -63,28 +65,66 @@ pub struct Shot {
     pub end: End,
 }
 
+/// How the samples are distributed over a window, row by row.
+pub struct Allocation {
+    /// The samples of each pixel in a scramble; at least one.
+    pub counts: Vec<u32>,
+    /// About the radiance of each pixel; positive.
+    pub scale: Vec<f64>,
+}
+
+/// What decides the samples of an image, beside the tracer.
+pub struct Plan<'a> {
+    /// Width and height of the image.
+    pub resolution: (u32, u32),
+    /// The part of it that is rendered.
+    pub window: Window,
+    /// What is known of it beforehand.
+    pub known: &'a KnownPixels,
+    /// How the samples are distributed over the window.
+    pub allocation: &'a Allocation,
+    /// The points of the scrambles.
+    pub net: ScrambledNet,
+    /// Chooses all random numbers.
+    pub seed: u64,
+    /// How much is corrected; none leaves the error of the cache.
+    pub correction: Option<Correction>,
+}
+
+impl Allocation {
+    /// So many samples for each of so many pixels.
+    pub fn even(count: u32, area: u64) -> Self {
+        let area = area as usize;
+        Self { counts: vec![count; area], scale: vec![1.; area] }
+    }
+}
+
+impl Plan<'_> {
+    /// Column and row of a pixel of a tile in the image, and its number in
+    /// the window.
+    fn place(&self, tile: Tile, pixel: u32) -> (u32, u32, usize) {
+        let x = tile.corner.0 + pixel % tile.size.0;
+        let y = tile.corner.1 + pixel / tile.size.0;
+        let (left, top) = self.window.corner;
+        let row = (y - top) as usize * self.window.size.0 as usize;
+        (x, y, row + (x - left) as usize)
+    }
+}
+
 /// A sample that gathers: where it looks, and what its ray has found.
 pub struct Sample {
     /// The first hit of the path.
     pub hit: Hit,
-    /// The guide there.
-    pub cell: Cell,
     /// The pixel in its tile.
     pub pixel: u32,
     /// About the radiance of the pixel; positive.
     pub scale: f64,
     /// The weight of the direction of the gather.
     pub weight: f64,
-    /// What the gather has hit, if anything, and a cell near it.
+    /// What the gather has hit, if anything, and a cell around it.
     pub end: Option<(Hit, Cell)>,
     /// The point of the square from which the gather is drawn.
     u: [u32; 2],
-}
-
-impl Sample {
-    fn new(hit: Hit, pixel: u32, scale: f64, u: [u32; 2]) -> Self {
-        Self { hit, cell: UNSEEN, pixel, scale, weight: 1., end: None, u }
-    }
 }
 
 impl<K: Intersector> Tracer<'_, K> {
@@ -119,14 +159,9 @@ impl<K: Intersector> Tracer<'_, K> {
     /// One of the four cells around a hit, at random: `u` is uniform over
     /// the square.
     #[inline]
-    pub fn near(&self, hit: &Hit, u: [f64; 2]) -> Cell {
-        let grid = self.cache.grid();
-        *self.cache.at(grid.near(hit.point, hit.normal, u))
-    }
-
-    /// The same with another cache, which has traced no ray.
-    pub fn with<'b>(&'b self, cache: &'b RadianceCache) -> Tracer<'b, K> {
-        Tracer { cache, rays: 0, ..*self }
+    pub fn cell_around(&self, hit: &Hit, u: [f64; 2]) -> Cell {
+        let grid = &self.cache.grid;
+        *self.cache.at(grid.name_around(hit.point, hit.normal, u))
     }
 
     /// The first hit of the ray of the camera through (`x`, `y`) of the
@@ -141,78 +176,7 @@ impl<K: Intersector> Tracer<'_, K> {
         let sky = || End::Sky(self.sky.radiance(direction));
         hit.map_or_else(sky, End::Hit)
     }
-}
 
-/// How the samples are distributed over a window, row by row.
-pub struct Allocation {
-    /// The samples of each pixel in a scramble; at least one.
-    pub counts: Vec<u32>,
-    /// About the radiance of each pixel; positive.
-    pub scale: Vec<f64>,
-}
-
-impl Allocation {
-    /// One sample for each of so many pixels.
-    pub fn even(area: u64) -> Self {
-        Self {
-            counts: vec![1; area as usize],
-            scale: vec![1.; area as usize],
-        }
-    }
-}
-
-/// How much is corrected, and with how many rays.
-#[derive(Clone, Copy, Debug)]
-pub struct Correction {
-    /// Samples that share corrections.
-    pub group: usize,
-    /// The importance for which one correction is drawn.
-    pub step: f64,
-    /// Rays of the gather at a point whose error is estimated.
-    pub gathers: u32,
-    /// Paths that go on from them.
-    pub paths: u32,
-    /// Rays of each gather along such a path.
-    pub branches: u32,
-}
-
-impl Default for Correction {
-    fn default() -> Self {
-        Self { group: 128, step: 15., gathers: 16, paths: 16, branches: 2 }
-    }
-}
-
-/// What decides the samples of an image, beside the tracer.
-pub struct Plan<'a> {
-    /// Width and height of the image.
-    pub resolution: (u32, u32),
-    /// The part of it that is rendered.
-    pub window: Window,
-    /// What is known of it beforehand.
-    pub known: &'a KnownPixels,
-    /// How the samples are distributed over the window.
-    pub allocation: &'a Allocation,
-    /// The points of the scrambles.
-    pub net: ScrambledNet,
-    /// Chooses all random numbers.
-    pub seed: u64,
-    /// How much is corrected; none leaves the error of the cache.
-    pub correction: Option<Correction>,
-}
-
-impl Plan<'_> {
-    /// Column and row of a pixel of a tile in the image, and its number in
-    /// the window.
-    fn place(&self, tile: Tile, pixel: u32) -> (u32, u32, usize) {
-        let x = tile.corner.0 + pixel % tile.size.0;
-        let y = tile.corner.1 + pixel / tile.size.0;
-        let (left, top) = self.window.corner;
-        let row = (y - top) as usize * self.window.size.0 as usize;
-        (x, y, row + (x - left) as usize)
-    }
-}
-
-impl<K: Intersector> Tracer<'_, K> {
     /// The means of the pixels of a tile in a scramble.
     pub fn tile(
         &mut self,
@@ -248,22 +212,30 @@ impl<K: Intersector> Tracer<'_, K> {
                 match first {
                     End::Sky(radiance) => sums[pixel as usize] += radiance,
                     End::Hit(hit) => {
+                        // Add a sample that gathers
                         let u = plan.net.pair(key, n, 1);
                         let scale = plan.allocation.scale[number];
-                        samples.push(Sample::new(hit, pixel, scale, u));
+                        let (weight, end) = (1., None);
+                        samples.push(Sample {
+                            hit,
+                            pixel,
+                            scale,
+                            weight,
+                            end,
+                            u,
+                        });
                     }
                 }
             }
         }
-        // Find the cells of all samples
-        let cache = self.cache;
-        for Sample { hit, cell, .. } in &mut samples {
-            *cell = *cache.at(cache.grid().name(hit.point, hit.normal));
-        }
         // Gather at all samples
-        for sample in &mut samples {
-            let guide = cache.guide(&sample.cell);
-            let shot = self.shoot(&sample.hit, guide, sample.u);
+        let cache = self.cache;
+        let cell = |Sample { hit, .. }: &Sample| {
+            *cache.at(cache.grid.name(hit.point, hit.normal))
+        };
+        let cells: Vec<Cell> = samples.iter().map(cell).collect();
+        for (sample, cell) in samples.iter_mut().zip(&cells) {
+            let shot = self.shoot(&sample.hit, cache.guide(cell), sample.u);
             sample.weight = shot.weight;
             match shot.end {
                 End::Sky(radiance) => {
@@ -276,7 +248,8 @@ impl<K: Intersector> Tracer<'_, K> {
         // Look up what the gathers have met
         for Sample { pixel, weight, end, .. } in &mut samples {
             if let Some((hit, cell)) = end {
-                *cell = self.near(hit, [random.random(), random.random()]);
+                let u = [random.random(), random.random()];
+                *cell = self.cell_around(hit, u);
                 let radiance =
                     self.albedo * *weight * f64::from(cell.value);
                 sums[*pixel as usize] += radiance;
