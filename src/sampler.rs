@@ -142,13 +142,6 @@ impl Sampler for IndependentSampler {
     }
 }
 
-/// Whether an event of this probability happens, given a number uniform
-/// over [0, 1).
-#[inline(always)]
-pub fn happens(probability: f64, u: f64) -> bool {
-    u < probability
-}
-
 /// The coordinate in (i/n, (i+1)/n), strictly between the ends, that a
 /// uniform random number chooses in column or row `i` of `n` <= 65536.
 #[inline(always)]

@@ -13,7 +13,7 @@ mod common;
 
 // Name what the answers import
 use std::collections::HashSet;
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 use std::io::Cursor;
 use std::ops::Range;
 
@@ -24,7 +24,7 @@ use litpt::analysis::background::{
 use litpt::analysis::interior::*;
 use litpt::integrator::gather::cache::{Grid, RadianceCache, Record, SKY};
 use litpt::integrator::gather::correction::Correction;
-use litpt::integrator::gather::guide::{self, BINS, Guide, bin, direction};
+use litpt::integrator::gather::guide::{BINS, Guide, bin};
 use litpt::integrator::gather::training::train;
 use litpt::integrator::gather::{Allocation, Plan, Tracer};
 use litpt::output::OutputTarget;
@@ -36,7 +36,7 @@ use litpt::{compare::compare, integrator::*};
 use litpt::{sampler::*, scene::*, sky::*, statistics::*};
 use litpt_book::closed_forms::*;
 use litpt_book::settings;
-use rand::{Rng, RngExt};
+use rand::RngExt;
 
 // Share a few tools among answers
 /// A number is within some distance of what is printed.
@@ -144,128 +144,6 @@ fn a_path_of_half_reflectivity_brings_one_of_five_weights() {
     near(rays as f64 / 20_000., 6., 0.05);
 }
 
-/// The weight of a path that leaves with probability `f` at each bounce,
-/// and goes on with the chance `survival` from the twentieth bounce on.
-fn stiff(f: f64, survival: fn(f64) -> f64, random: &mut impl Rng) -> f64 {
-    let (mut weight, mut n) = (1., 1);
-    while !happens(f, random.random()) {
-        if n >= 20 {
-            let chance = survival(f64::from(n));
-            if !happens(chance, random.random()) {
-                return 0.;
-            }
-            weight /= chance;
-        }
-        n += 1;
-    }
-    weight
-}
-
-#[test]
-fn a_constant_chance_loses_the_light_of_long_paths_and_says_nothing() {
-    // Average the weights of stiff paths
-    let run = |survival| {
-        let mut random = generator(2, 0, 0);
-        let mut sum = Accumulator::default();
-        (0..100_000)
-            .for_each(|_| sum.add(stiff(0.002, survival, &mut random)));
-        (sum.mean(), sum.standard_error())
-    };
-    let (halved, claim) = run(|_| 0.5);
-    near(1. - 0.998f64.powi(37), 0.07, 0.005);
-    assert!(halved < 0.2 && (1. - halved) / claim > 30., "{claim}");
-    let (mean, error) = run(|n| (n / (n + 1.)).powf(1.5));
-    near(error, 0.04, 0.01);
-    near(mean, 1., 4. * error);
-}
-
-/// Adds the sky's light at each hit, of which a share `f` is sky.
-struct Gather {
-    rho: f64,
-    f: f64,
-}
-
-impl Integrator for Gather {
-    type Path = (f64, f64, u64);
-    type RayQuery = Hit;
-
-    fn begin(&self, _: DVec3) -> (f64, f64, u64) {
-        (1., 0., 0)
-    }
-
-    // Gather light from hit to hit
-    fn advance(
-        &self,
-        (weight, light, bounces): &mut (f64, f64, u64),
-        hit: Option<Hit>,
-        sampler: &mut impl Sampler,
-    ) -> PathEvent {
-        let Some(hit) = hit else { return PathEvent::Terminate(*light) };
-        *weight *= self.rho;
-        *light += *weight * self.f;
-        let [r, turn] = sampler.get_2d(dimension::direction(*bounces));
-        *bounces += 1;
-        let direction = cosine_direction(hit.normal, r, turn);
-        PathEvent::Scatter(
-            Ray { origin: hit.point, direction },
-            hit.primitive,
-        )
-    }
-}
-
-#[test]
-fn gathering_at_every_hit_pays_where_few_hits_matter() {
-    for (rho, mean, found, gathered) in
-        [(0.5, 1. / 3., 0.0317, 0.0079), (0.9, 9. / 11., 0.0113, 0.228)]
-    {
-        let setting = sphere(0.5, rho, 128);
-        // Weigh with the other estimator
-        let Job { scene, intersector, camera, known, sampler, .. } =
-            setting.job(1);
-        let integrator = Gather { rho, f: 0.5 };
-        let mut job =
-            Job { scene, intersector, camera, integrator, known, sampler };
-        let own = weigh(&mut job, 20_000);
-        let reference = weigh(&mut setting.job(1), 20_000);
-        near(reference.variance() / found, 1., 0.1);
-        near(own.variance() / gathered, 1., 0.1);
-        near(own.mean(), mean, 4.5 * own.standard_error());
-    }
-}
-
-// Answer the exercises on gathering
-#[test]
-fn a_bin_at_the_edge_is_four_times_as_large_as_one_in_the_middle() {
-    // Cut a bin in the middle into small squares
-    let side = |i: u32| (f64::from(i) + 0.5) / 512.;
-    let (mut middle, first) = (0., 8 * guide::SIDE + 8);
-    for (i, j) in (256..288).flat_map(|i| (256..288).map(move |j| (i, j))) {
-        let at = [side(i), side(j)];
-        assert_eq!(bin(at), first);
-        middle += PI / direction(DVec3::Z, at).z / 512. / 512.;
-    }
-    near(middle, 0.0123, 1e-4);
-    // Count uniform directions at the edge
-    let (mut edge, mut highest) = ((HashSet::new(), 0), 0f64);
-    let mut random = generator(6, 0, 0);
-    for _ in 0..100_000 {
-        let (z, turn) =
-            (random.random::<f64>(), TAU * random.random::<f64>());
-        let r = (1. - z * z).sqrt();
-        let towards = DVec3::new(r * turn.cos(), r * turn.sin(), z);
-        let b = bin(on_square(towards));
-        let place = [b / guide::SIDE, b % guide::SIDE];
-        if place.iter().any(|&i| i == 0 || i == guide::SIDE - 1) {
-            edge.0.insert(b);
-            edge.1 += 1;
-            highest = highest.max(z);
-        }
-    }
-    assert_eq!(edge.0.len(), 60);
-    near(TAU * f64::from(edge.1) / 1e5 / 60., 0.0507, 8e-4);
-    near(highest.asin().to_degrees(), 29., 0.1);
-}
-
 /// The variance of the weight of a ray of a guide, or of cosine sampling,
 /// when these bins have the radiance 1 and the others 0.
 fn window_variance(guide: Option<&Guide>, bins: Range<usize>) -> f64 {
@@ -309,29 +187,6 @@ fn roots_of_mean_squares_are_the_best_density_of_two_bins() {
     near(second([0.5, 1.]), 0.3125, 1e-12);
     let others = (1..100).map(|i| second([f64::from(i) / 100., 1.]));
     near(others.fold(1., f64::min), 0.3125, 1e-12);
-}
-
-/// The value of a cell, of whose records so many go to itself for each
-/// that goes to the sky.
-fn settled(to_itself: usize) -> f64 {
-    let grid = Grid::around(&[]);
-    let (p, normal) = (DVec3::splat(0.5), DVec3::Z);
-    let from = grid.name(p, normal);
-    let sky = Record { from, to: SKY, weight: 1., bin: 0 };
-    let mut records = vec![sky];
-    records.resize(1 + to_itself, Record { to: from, ..sky });
-    let cache =
-        RadianceCache::empty(grid).learn(&mut records, 1., &|_| true);
-    f64::from(cache.at(from).value)
-}
-
-#[test]
-fn an_iteration_that_has_settled_may_be_far_from_its_limit() {
-    near(settled(1), 0.999, 5e-4);
-    near(settled(99), 0.910, 5e-4);
-    near(settled(999), 0.259, 5e-4);
-    near(1. - 0.99f64.powi(240), 0.910, 5e-4);
-    near(1. - 0.999f64.powi(300), 0.259, 5e-4);
 }
 
 /// A cache that says the same of all places within a unit of the origin.
@@ -402,35 +257,6 @@ fn a_believed_cache_passes_on_two_thirds_of_its_error() {
 }
 
 #[test]
-fn a_true_cache_halves_the_variance_of_a_cavity_and_saves_two_rays_of_three()
- {
-    let setting = sphere(0.2, 0.8, 128);
-    let (sum, _) = gather(&setting, 0.8, &believer(4. / 9.), None, 4000);
-    near(sum.variance(), 0.0316, 1e-3);
-    let paths = weigh(&mut setting.job(1), 64_000);
-    near(paths.variance(), 0.0648, 3e-3);
-}
-
-#[test]
-fn a_close_connection_is_noisy_with_its_own_density_alone() {
-    // The plane in rings around the foot of the point at height h
-    let h = 0.01f64;
-    let form = |h: f64, s: f64| h * h / PI / (h * h + s * s).powi(2);
-    let (mut alone, mut mean, mut both) = (0., 0., 0.);
-    for k in -60_000..60_000 {
-        let [s, t] = [k, k + 1].map(|k| libm::exp(f64::from(k) * 2e-4));
-        let (ring, middle) = (PI * (t * t - s * s), (s * t).sqrt());
-        let (one, other) = (form(h, middle), form(1., middle));
-        mean += ring * one;
-        alone += ring * one * one / other;
-        both += ring * one * one / (one + other);
-    }
-    near(mean, 1., 1e-3);
-    near(alone, 3334., 1.);
-    near(both, 0.984, 1e-3);
-}
-
-#[test]
 fn own_rays_make_a_histogram_darker() {
     // All four outcomes of two coins
     let mut mean = 0.;
@@ -444,30 +270,6 @@ fn own_rays_make_a_histogram_darker() {
             rays.iter().map(|&ray| 0.5 / density(ray)).sum::<f64>() / 4.;
     }
     near(mean, 5. / 6., 1e-12);
-}
-
-#[test]
-fn a_pilot_of_eight_costs_nine_per_cent() {
-    for (m, cost) in [(4, 1.273), (8, 1.086)] {
-        // The roots of estimated variances, and one over them
-        let mut random = generator(5, m, 0);
-        let (mut roots, mut inverse) = (0., 0.);
-        for _ in 0..100_000 {
-            let mut pilot = Accumulator::default();
-            for _ in 0..m {
-                let six = |_| random.random::<f64>();
-                let normal = (0..12).map(six).sum::<f64>() - 6.;
-                pilot.add(normal);
-            }
-            let root = pilot.variance().sqrt();
-            roots += root;
-            inverse += 1. / root;
-        }
-        near(roots * inverse / 1e10, cost, 0.01);
-        let half = (m - 1) as f64 / 2.;
-        let gamma = libm::tgamma(half + 0.5) * libm::tgamma(half - 0.5);
-        near(gamma / libm::tgamma(half).powi(2), cost, 6e-4);
-    }
 }
 
 /// The variance of the pixels of a room with a window, and the rays of a
@@ -1019,7 +821,7 @@ fn the_natural_rule_loses_its_light_in_two_samples() {
         let (mut pixel, mut random) =
             (Accumulator::default(), generator(7, seed, 0));
         while pixel.count() < 2 || pixel.standard_error() > 0.02 {
-            let weight = happens(0.05, random.random());
+            let weight = random.random::<f64>() < 0.05;
             pixel.add(f64::from(u8::from(weight)));
         }
         mean.add(pixel.mean());
@@ -1027,22 +829,6 @@ fn the_natural_rule_loses_its_light_in_two_samples() {
     }
     near(f64::from(at_once) / 2e4, 0.905, 0.01);
     near(mean.mean(), 0.0073, 0.002);
-}
-
-/// The point of the square that [`direction`] takes to `towards`, around the
-/// z axis: the other way through the map.
-fn on_square(towards: DVec3) -> [f64; 2] {
-    // The tangent at the z axis is the x axis, the bitangent the y axis.
-    let DVec3 { x, y, .. } = towards;
-    let radius = x.hypot(y).min(1.);
-    let (a, b) = if x.abs() > y.abs() {
-        let a = radius.copysign(x);
-        (a, a * (y / x).atan() * 4. / PI)
-    } else {
-        let b = radius.copysign(y);
-        (b * (x / y).atan() * 4. / PI, b)
-    };
-    [a, b].map(|c| 0.5 * c + 0.5)
 }
 
 // Answer the exercises on the time to an error

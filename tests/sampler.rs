@@ -9,13 +9,11 @@ use glam::DVec3;
 use litpt::numerics::sincos_turns;
 use litpt::sampler::{
     IndependentSampler, Sampler, cosine_direction, dimension, frame,
-    generator, happens, within,
+    generator, within,
 };
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
-use statrs::distribution::{
-    Binomial, ChiSquared, ContinuousCDF, DiscreteCDF,
-};
+use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 /// Samples for each test of a distribution.
 const SAMPLES: u32 = 1_000_000;
@@ -222,40 +220,6 @@ fn no_direction_lies_in_its_surface_or_below() {
                 assert!((across - sine2).abs() < 2e-15);
             }
         }
-    }
-}
-
-#[test]
-fn events_happen_with_their_probability() {
-    for rho in [0.1, 0.5, 0.9] {
-        let mut random = generator(5, 0, 0);
-        let mut count = || u64::from(happens(rho, random.random()));
-        let count: u64 = (0..SAMPLES).map(|_| count()).sum();
-        let law = Binomial::new(rho, u64::from(SAMPLES)).unwrap();
-        let p = 2. * law.cdf(count).min(law.sf(count - 1));
-        assert!(p > significance(), "{rho}: {count}, p = {p:e}");
-    }
-}
-
-#[test]
-fn extreme_probabilities_are_decided_to_the_last_bit() {
-    let step = 0.5f64.powi(53);
-    let last = 1. - step;
-    // The probability, a random number, and whether it happens.
-    for (probability, number, expected) in [
-        (0., 0., false),
-        (0., last, false),
-        (5e-324, 0., true),
-        (5e-324, step, false),
-        (0.5, 0.5 - step, true),
-        (0.5, 0.5, false),
-        (last, last - step, true),
-        (last, last, false),
-        (1., 0., true),
-        (1., last, true),
-    ] {
-        let found = happens(probability, number);
-        assert_eq!(found, expected, "{probability:e}, {number:e}");
     }
 }
 

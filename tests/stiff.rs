@@ -7,7 +7,7 @@
 use glam::DVec3;
 use litpt::bvh::Hit;
 use litpt::integrator::{Integrator, PathEvent, PathTracer};
-use litpt::sampler::{IndependentSampler, Sampler, generator, happens};
+use litpt::sampler::{IndependentSampler, Sampler, generator};
 use litpt::sky::Sky;
 use litpt::statistics::Accumulator;
 use litpt_book::closed_forms::{cavity, cavity_radiance, look, pixel};
@@ -82,7 +82,7 @@ fn means_variances_and_rays_of_stiff_cavities_are_as_derived() {
         for i in 0..n {
             let mut doors = generator(2, 0, i);
             let (weight, length) =
-                path(rho, i, |_| happens(f, doors.random()));
+                path(rho, i, |_| doors.random::<f64>() < f);
             sums.add(weight);
             lengths += length;
         }
