@@ -13,7 +13,6 @@ mod common;
 
 // Name what the answers import
 use std::collections::HashSet;
-use std::f64::consts::PI;
 use std::io::Cursor;
 use std::ops::Range;
 

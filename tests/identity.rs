@@ -6,14 +6,22 @@
 mod common;
 
 use common::Scratch;
-use litpt::integrator::identity;
+use litpt::render::choose::{Method, Sampling};
 use sha2::{Digest, Sha256};
 
-/// The identity, and the hash of the images below that belongs to it.
-const KNOWN: (&str, &str) = (
-    "samples 4, path tracer with roulette below 0.1 and from 1000 bounces",
-    "78a4e05c50384933a5bbc42490aee90cac9f4f6bb7d6e992a221849f61801586",
-);
+/// The identities, and the hash of the images below that belongs to each.
+const KNOWN: [(&str, &str); 3] = [
+    (
+        "samples 4, path tracer with roulette below 0.1 and from 1000 bounces",
+        "78a4e05c50384933a5bbc42490aee90cac9f4f6bb7d6e992a221849f61801586",
+    ),
+    (
+        "samples 4, path tracer with roulette below 0.1 and from 1000 \
+         bounces, controlled nets of 2",
+        "?",
+    ),
+    ("gather 4, nets of 1, training with 65536 rays", "?"),
+];
 
 /// A closed white box, in which a path takes a thousand bounces.
 const BOX: &str = "\
@@ -25,27 +33,32 @@ f 1 2 3 4\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n";
 fn the_bits_of_samples_change_with_their_version_only() {
     let place = Scratch::new();
     place.put("box.obj", BOX);
-    let mut hash = Sha256::new();
-    // The path tracer, with all and with nothing left out, faint paths,
-    // the sky alone, and paths that are ended after many bounces.
-    for options in [
-        &["-iroom.obj", "-r0.7", "-n9"][..],
-        &["-iroom.obj", "-r0.7", "-n9", "--keep-all"],
-        &["-iroom.obj", "-r0.2", "-n9", "-s7", "--keep-all"],
-        &["-iroom.obj", "-r0", "-n9"],
-        &["-isquare.obj", "-p0,0,2", "-n9"],
-        &["-ibox.obj", "-n2", "--keep-all"],
-    ] {
-        let run = place
-            .run(&[&["-q", "-d7x5", "--format=pfm"], options].concat());
-        run.succeeded();
-        hash.update(&run.stdout);
+    for (method, known) in Method::ALL.into_iter().zip(KNOWN) {
+        let mut hash = Sha256::new();
+        // With all and with nothing left out, faint paths, the sky alone,
+        // and paths that are ended after many bounces.
+        for options in [
+            &["-iroom.obj", "-r0.7", "-n9"][..],
+            &["-iroom.obj", "-r0.7", "-n9", "--keep-all"],
+            &["-iroom.obj", "-r0.2", "-n9", "-s7", "--keep-all"],
+            &["-iroom.obj", "-r0", "-n9"],
+            &["-isquare.obj", "-p0,0,2", "-n9"],
+            &["-ibox.obj", "-n2", "--keep-all"],
+        ] {
+            let method = format!("--integrator={method}");
+            let format = ["-q", "-d7x5", "--format=pfm", &method];
+            let run = place.run(&[&format, options].concat());
+            run.succeeded();
+            hash.update(&run.stdout);
+        }
+        let hash = hash.finalize();
+        let hash: String =
+            hash.iter().map(|byte| format!("{byte:02x}")).collect();
+        let identity = Sampling::new(method, 0, Some(9), 35).identity();
+        assert_eq!(
+            (&*identity, &*hash),
+            known,
+            "if a sample is another now, raise its version, and record both"
+        );
     }
-    let hash: String =
-        hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect();
-    assert_eq!(
-        (identity().as_str(), hash.as_str()),
-        KNOWN,
-        "if a sample is another now, raise SAMPLE_VERSION, and record both"
-    );
 }

@@ -1,6 +1,6 @@
 // What chance does to a mean, for the chapters "Light and chance" and
-// "Statistics": directions of the cosine lobe, means that run, and the means of a
-// pixel with their errors. The tables go to a directory, numbers of the text to
+// "Statistics": directions of the cosine lobe, and the means of a pixel with
+// their errors. The tables go to a directory, numbers of the text to
 // standard output.
 //
 // usage: chance TABLES
@@ -28,10 +28,6 @@ use super::bounces::{RESOLUTION, courtyard, follow};
 /// Directions that are drawn.
 const DIRECTIONS: usize = 300;
 
-/// Means that run, each by a seed, and their last number of samples.
-const SEEDS: u64 = 5;
-const LAST: u64 = 10_000;
-
 /// Paths of a pixel, and the sizes of the groups that they are divided into.
 const PATHS: u64 = 1 << 19;
 const SIZES: [usize; 6] = [4, 8, 16, 64, 256, 1024];
@@ -44,7 +40,6 @@ pub fn run(arguments: &[String]) -> Done {
     let tables =
         Path::new(arguments.first().ok_or("usage: chance TABLES")?);
     fs::write(tables.join("lobe.csv"), lobe()?)?;
-    fs::write(tables.join("running.csv"), running()?)?;
     let room = Interior::named("backroom").ok_or("no such room")?;
     let sky = (0.8, DVec3::Y);
     let room = Setting::new(&room.mesh(), sky, &room.view, 4. / 3.)?;
@@ -63,44 +58,6 @@ fn lobe() -> Result<String, std::fmt::Error> {
         let (r, turn) = (random.random(), random.random());
         let DVec3 { x, y, z } = cosine_direction(DVec3::Z, r, turn);
         writeln!(out, "{x:.4},{y:.4},{z:.4}")?;
-    }
-    Ok(out)
-}
-
-/// Estimates of the integral of 2cc over [0, 1] with the densities 1, 2c and
-/// 2(1 - c) of c, from numbers uniform over [0, 1).
-const ESTIMATES: [fn(f64) -> f64; 3] =
-    [|r| 2. * r * r, |r| r.sqrt(), |r| (1. - r.sqrt()).powi(2) / r.sqrt()];
-
-/// Their means, by the number of samples and the seed.
-fn running() -> Result<String, std::fmt::Error> {
-    let mut random: Vec<_> =
-        (0..3 * SEEDS).map(|stream| generator(0, stream, 3)).collect();
-    let mut sums = [0.; 3 * SEEDS as usize];
-    let mut out = String::from("n");
-    for (density, seed) in
-        (0..3).flat_map(|d| (0..SEEDS).map(move |s| (d, s)))
-    {
-        write!(out, ",{}{seed}", ["a", "b", "c"][density])?;
-    }
-    writeln!(out)?;
-    let mut next = 1;
-    for n in 1..=LAST {
-        for (k, (sum, random)) in
-            sums.iter_mut().zip(&mut random).enumerate()
-        {
-            // In (0, 1]: the last estimate divides by its root.
-            let r = 1. - random.random::<f64>();
-            *sum += ESTIMATES[k / SEEDS as usize](r);
-        }
-        if n == next || n == LAST {
-            write!(out, "{n}")?;
-            for sum in sums {
-                write!(out, ",{:.4}", sum / n as f64)?;
-            }
-            writeln!(out)?;
-            next = (1.1 * n as f64).ceil() as u64;
-        }
     }
     Ok(out)
 }
