@@ -4,8 +4,10 @@
 //! Gathering (chapters "Guiding" to "Training"): guides, the cache and its
 //! names, caches that lie, the errors that a gather states, and the command.
 
+mod chance;
 mod common;
 
+use chance::Chance;
 use std::collections::BTreeMap;
 use std::fs;
 use std::process::Child;
@@ -33,7 +35,7 @@ use litpt::integrator::gather::guide::{
     BINS, Guide, SIDE, bin, direction, main_axis,
 };
 use litpt::integrator::gather::render::Gather;
-use litpt::integrator::gather::{Allocation, End, Plan, Tracer};
+use litpt::integrator::gather::{Allocation, End, Tracer};
 use litpt::render::{Job, Renderer};
 use litpt::render_loop::{Convergence, Interrupt, Limits, Stop};
 use litpt::sampler::sobol::{ScrambledNet, scramble_key};
@@ -47,37 +49,12 @@ use rand::{Rng, RngExt};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 use serde_json::Value;
-use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};
+use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 /// Comparisons with a distribution in this file, which together give a false
 /// alarm with one percent of all seeds (Šidák): of guides and of normals, of
 /// 24 pixels and their mean for seven lies in two scenes, and of images.
-const COMPARISONS: i32 = 8 + 17 + 25 * 7 * 2 + 2;
-
-/// The probability below which one of them fails.
-fn significance() -> f64 {
-    1. - 0.99f64.powf(1. / f64::from(COMPARISONS))
-}
-
-/// Demands that a number could be drawn from the normal distribution.
-#[track_caller]
-fn assert_normal(z: f64, what: &str) {
-    let p = 2. * Normal::standard().sf(z.abs());
-    assert!(p > significance(), "{what}: z = {z}");
-}
-
-/// Demands that cells of these probabilities could be hit so often (χ²).
-#[track_caller]
-fn assert_distributed(cells: &[u32], parts: &[f64], what: &str) {
-    let n = f64::from(cells.iter().sum::<u32>());
-    let square = |(&c, &part): (&u32, &f64)| {
-        assert!(n * part >= 5., "{what}: too few for {part}");
-        (f64::from(c) - n * part).powi(2) / (n * part)
-    };
-    let chi2: f64 = cells.iter().zip(parts).map(square).sum();
-    let p = ChiSquared::new(cells.len() as f64 - 1.).unwrap().sf(chi2);
-    assert!(p > significance(), "{what}: chi2 = {chi2}, p = {p:e}");
-}
+const CHANCE: Chance = Chance(8 + 17 + 25 * 7 * 2 + 2);
 
 fn point(random: &mut impl Rng) -> [f64; 2] {
     [random.random(), random.random()]
@@ -173,8 +150,7 @@ fn a_guide_sends_points_into_its_bins_in_proportion_to_their_density() {
             cells[4 * b + 2 * u + v] += 1;
         }
         let part = |c: usize| guide.density(c / 4) / (4 * BINS) as f64;
-        let parts: Vec<_> = (0..4 * BINS).map(part).collect();
-        assert_distributed(&cells, &parts, &format!("guide {g}"));
+        CHANCE.distributed(&cells, part, &format!("guide {g}"));
     }
 }
 
@@ -281,7 +257,7 @@ fn uniform_points_become_directions_of_cosine_density() {
                 [square, turn].map(|u| ((u * 16.) as usize).min(15));
             cells[16 * i + j] += 1;
         }
-        assert_distributed(&cells, &[1. / 256.; 256], &normal.to_string());
+        CHANCE.uniform(&cells, &normal.to_string());
     }
 }
 
@@ -416,45 +392,6 @@ fn a_place_without_records_has_the_cell_of_the_next_level() {
     }
 }
 
-#[test]
-fn a_cache_does_not_depend_on_the_order_of_threads() {
-    let grid = Grid::around(&along(0, 640.));
-    let mut random = generator(11, 0, 0);
-    let mut place = || {
-        let mut one = || 50. * (random.random::<f64>() - 0.5);
-        grid.name(DVec3::new(one(), one(), one()), DVec3::Z)
-    };
-    let record = |i: u32| Record {
-        from: place(),
-        to: if i.is_multiple_of(3) { SKY } else { place() },
-        weight: 1. / (1 + i % 5) as f32,
-        bin: (i % 256) as u16,
-    };
-    let records: Vec<_> = (0..20_000).map(record).collect();
-    let learn = |threads| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
-        let learn = || {
-            RadianceCache::empty(grid).learn(
-                &mut records.clone(),
-                0.9,
-                &|_| true,
-            )
-        };
-        pool.build().unwrap().install(learn)
-    };
-    let (one, many) = (learn(1), learn(5));
-    let mut random = generator(12, 0, 0);
-    for _ in 0..1000 {
-        let mut any = || 60. * (random.random::<f64>() - 0.5);
-        let p = DVec3::new(any(), any(), any());
-        let [a, b] = [&one, &many].map(|cache| {
-            let cell = at(cache, p, DVec3::Z);
-            format!("{cell:?} {:?}", cache.guide(&cell))
-        });
-        assert!(a == b, "{p}");
-    }
-}
-
 /// The names of the four cells around a place, in the plane across the main
 /// axis of the normal, with their bilinear weights from the distances to
 /// their centres.
@@ -574,15 +511,7 @@ impl Stage {
     }
 
     fn tracer<'a>(&'a self, cache: &'a RadianceCache) -> Tracer<'a, Bvh> {
-        Tracer {
-            scene: &self.scene,
-            intersector: &self.bvh,
-            camera: &self.camera,
-            sky: self.sky,
-            albedo: self.albedo,
-            cache,
-            rays: 0,
-        }
+        self.renderer(0).tracer(&self.bvh, cache)
     }
 
     /// Points of its surfaces, with their normals, as paths meet them.
@@ -694,15 +623,9 @@ fn gathered(
     // Pixels have 1, 2, 3, 5 samples.
     let counts = (0..area).map(|i| [1, 2, 3, 5][i % 4]).collect();
     let scale = (0..area).map(|i| [0.1, 1., 3.][i % 3]).collect();
-    let plan = Plan {
-        resolution: stage.resolution,
-        window: film.window(),
-        known: &KnownPixels::Nothing,
-        allocation: &Allocation { counts, scale },
-        net: ScrambledNet::new(64),
-        seed: 23,
-        correction,
-    };
+    let allocation = Allocation { counts, scale };
+    let gather = Gather { correction, ..stage.renderer(23) };
+    let plan = gather.plan(&film, &allocation);
     assert_eq!(tiles.len(), 1, "one tile");
     let images: Vec<Vec<f64>> = (0..scrambles)
         .into_par_iter()
@@ -733,9 +656,9 @@ fn assert_unmoved(
     for (name, cache) in lies(stage) {
         let (found, whole) =
             gathered(stage, &cache, Some(FRUGAL), scrambles);
-        assert_normal(z(&whole, mean), &format!("{name}, the mean"));
+        CHANCE.normal(z(&whole, mean), &format!("{name}, the mean"));
         for (i, (found, &truth)) in found.iter().zip(pixels).enumerate() {
-            assert_normal(z(found, truth), &format!("{name}, pixel {i}"));
+            CHANCE.normal(z(found, truth), &format!("{name}, pixel {i}"));
         }
         let (_, believed) = gathered(stage, &cache, None, scrambles);
         let z = z(&believed, mean);
@@ -899,17 +822,9 @@ fn a_gather_traces_no_ray_in_a_tile_of_the_sky() {
     };
     let camera = &Camera::new(&view, 1.).unwrap();
     let gathered = |known: &KnownPixels| {
-        let plan = Plan {
-            resolution: (16, 16),
-            window: Film::new(16, 16).window(),
-            known,
-            allocation: &allocation,
-            net: ScrambledNet::new(64),
-            seed: 5,
-            correction: None,
-        };
-        let tracer = stage.tracer(&cache);
-        let mut tracer = Tracer { camera, ..tracer };
+        let gather = Gather { known, camera, ..stage.renderer(5) };
+        let plan = gather.plan(&Film::new(16, 16), &allocation);
+        let mut tracer = gather.tracer(&stage.bvh, &cache);
         (tracer.tile(&plan, tile, 0), tracer.rays)
     };
     let sky = Sky::new(DVec3::Z);
@@ -996,8 +911,11 @@ fn the_error_of_the_mean_of_an_image_is_as_large_as_stated() {
         independent += square / (pixels + unsure);
     }
     let chi2 = ChiSquared::new(SEEDS.into()).unwrap();
-    assert!(chi2.sf(shared * 13. / 15.) > significance(), "{shared}");
-    assert!(chi2.cdf(shared) > significance(), "{shared}");
+    assert!(
+        chi2.sf(shared * 13. / 15.) > CHANCE.significance(),
+        "{shared}"
+    );
+    assert!(chi2.cdf(shared) > CHANCE.significance(), "{shared}");
     assert!(chi2.sf(independent * 13. / 15.) < 1e-9, "{independent}");
 }
 

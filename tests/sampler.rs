@@ -3,6 +3,9 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
+mod chance;
+
+use chance::Chance;
 use std::f64::consts::TAU;
 
 use glam::DVec3;
@@ -13,7 +16,6 @@ use litpt::sampler::{
 };
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
-use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 /// Samples for each test of a distribution.
 const SAMPLES: u32 = 1_000_000;
@@ -26,24 +28,9 @@ const DIMENSIONS: usize = 41;
 /// alarm with one percent of all seeds (Šidák): of single numbers, points and
 /// events; of all dimensions and pairs of dimensions, twice; and of the
 /// dimensions of related samples.
-const COMPARISONS: usize =
-    20 + 2 * DIMENSIONS * (DIMENSIONS + 1) / 2 + RELATED.len() * DIMENSIONS;
-
-/// The probability below which one of them fails.
-fn significance() -> f64 {
-    1. - 0.99f64.powf(1. / COMPARISONS as f64)
-}
-
-/// Demands that cells of equal probability were hit equally often (χ²).
-fn assert_uniform(cells: &[u32], what: &str) {
-    let n: u32 = cells.iter().sum();
-    let expected = f64::from(n) / cells.len() as f64;
-    assert!(expected >= 5.);
-    let square = |&c: &u32| (f64::from(c) - expected).powi(2) / expected;
-    let chi2: f64 = cells.iter().map(square).sum();
-    let p = ChiSquared::new(cells.len() as f64 - 1.).unwrap().sf(chi2);
-    assert!(p > significance(), "{what}: chi2 = {chi2}, p = {p:e}");
-}
+const CHANCE: Chance = Chance(
+    20 + 2 * DIMENSIONS * (DIMENSIONS + 1) / 2 + RELATED.len() * DIMENSIONS,
+);
 
 /// The cell of `x`, from [0, 1), in a row of `n`.
 fn cell(x: f64, n: usize) -> usize {
@@ -102,9 +89,9 @@ fn the_numbers_of_a_path_are_uniform_alone_in_pairs_and_in_triples() {
         let plane = cell(x, 40) * 40 + cell(y, 40);
         triples[plane * 40 + cell(z, 40)] += 1;
     }
-    assert_uniform(&alone, "numbers");
-    assert_uniform(&pairs, "pairs");
-    assert_uniform(&triples, "triples");
+    CHANCE.uniform(&alone, "numbers");
+    CHANCE.uniform(&pairs, "pairs");
+    CHANCE.uniform(&triples, "triples");
 }
 
 #[test]
@@ -116,7 +103,7 @@ fn points_are_uniform_over_their_pixel() {
             let x = within(i, n, random.random());
             cells[cell(x * f64::from(n) - f64::from(i), 1000)] += 1;
         }
-        assert_uniform(&cells, &format!("pixel {i} of {n}"));
+        CHANCE.uniform(&cells, &format!("pixel {i} of {n}"));
     }
 }
 
@@ -149,7 +136,7 @@ fn points_of_the_circle_are_uniform_over_its_sectors() {
         assert!((x * x + y * y - 1.).abs() < 1e-15);
         sectors[cell(turns(x, y), 800)] += 1;
     }
-    assert_uniform(&sectors, "circle");
+    CHANCE.uniform(&sectors, "circle");
 }
 
 #[test]
@@ -201,7 +188,7 @@ fn directions_have_the_density_of_the_cosine() {
             let row = ((sine2 * rows as f64) as usize).min(rows - 1);
             cells[row * columns + column] += 1;
         }
-        assert_uniform(&cells, &format!("directions around {normal}"));
+        CHANCE.uniform(&cells, &format!("directions around {normal}"));
     }
 }
 
@@ -259,14 +246,14 @@ fn each_dimension_is_uniform_alone_and_with_each_other() {
         for d in 0..DIMENSIONS {
             let mut alone = [0; 16];
             paths.iter().for_each(|path| alone[path[d] as usize] += 1);
-            assert_uniform(&alone, &format!("{what}: dimension {d}"));
+            CHANCE.uniform(&alone, &format!("{what}: dimension {d}"));
             for e in 0..d {
                 let mut both = [0; 256];
                 for path in &paths {
                     both[path[d] as usize * 16 + path[e] as usize] += 1;
                 }
                 let what = format!("{what}: dimensions {d} and {e}");
-                assert_uniform(&both, &what);
+                CHANCE.uniform(&both, &what);
             }
         }
     }
@@ -313,7 +300,7 @@ fn related_samples_are_independent_in_each_dimension() {
             }
         }
         for (d, counts) in counts.iter().enumerate() {
-            assert_uniform(counts, &format!("{what}, dimension {d}"));
+            CHANCE.uniform(counts, &format!("{what}, dimension {d}"));
         }
     }
 }

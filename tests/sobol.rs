@@ -3,6 +3,9 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
+mod chance;
+
+use chance::Chance;
 use glam::DVec3;
 use litpt::film::Film;
 use litpt::integrator::{Integrator, PathTracer};
@@ -13,35 +16,12 @@ use litpt::sampler::sobol::{
 use litpt::sampler::{IndependentSampler, Sampler, dimension};
 use litpt::scene::Mesh;
 use litpt_book::closed_forms::{Setting, look};
-use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};
 
 /// Comparisons with a distribution in this file, which together give a false
 /// alarm with one percent of all seeds (Šidák): of digits, of two coordinates,
 /// of related samples, of means and variances over scrambles, and of images.
-const COMPARISONS: i32 =
-    4 * 3 + 12 + 14 * RELATED.len() as i32 + 3 + 4 + 4 * 3 + 2 + 2;
-
-/// The probability below which one of them fails.
-fn significance() -> f64 {
-    1. - 0.99f64.powf(1. / f64::from(COMPARISONS))
-}
-
-/// Demands that cells of equal probability were hit equally often (χ²).
-fn assert_uniform(cells: &[u32], what: &str) {
-    let n: u32 = cells.iter().sum();
-    let expected = f64::from(n) / cells.len() as f64;
-    assert!(expected >= 5.);
-    let square = |&c: &u32| (f64::from(c) - expected).powi(2) / expected;
-    let chi2: f64 = cells.iter().map(square).sum();
-    let p = ChiSquared::new(cells.len() as f64 - 1.).unwrap().sf(chi2);
-    assert!(p > significance(), "{what}: chi2 = {chi2}, p = {p:e}");
-}
-
-/// Demands that a number could be drawn from the normal distribution.
-fn assert_normal(z: f64, what: &str) {
-    let p = 2. * Normal::standard().sf(z.abs());
-    assert!(p > significance(), "{what}: z = {z}");
-}
+const CHANCE: Chance =
+    Chance(4 * 3 + 12 + 14 * RELATED.len() + 3 + 4 + 4 * 3 + 2 + 2);
 
 /// All four coordinates of a point.
 fn point(net: &ScrambledNet, key: u64, i: u32) -> [u32; 4] {
@@ -200,7 +180,7 @@ fn each_point_is_uniform_over_its_first_and_last_digits() {
         for (what, cells) in
             [("first", first), ("middle", middle), ("last", last)]
         {
-            assert_uniform(&cells, &format!("{what} of {i} of {points}"));
+            CHANCE.uniform(&cells, &format!("{what} of {i} of {points}"));
         }
     }
 }
@@ -221,7 +201,7 @@ fn the_coordinates_of_a_point_are_independent_of_each_other() {
         }
     }
     for cells in first.into_iter().chain(last) {
-        assert_uniform(&cells, "two coordinates");
+        CHANCE.uniform(&cells, "two coordinates");
     }
 }
 
@@ -276,7 +256,7 @@ fn samples_of_different_scrambles_are_independent_in_each_dimension() {
             }
         }
         for (d, counts) in counts.iter().enumerate() {
-            assert_uniform(counts, &format!("{what}, dimension {d}"));
+            CHANCE.uniform(counts, &format!("{what}, dimension {d}"));
         }
     }
 }
@@ -292,7 +272,7 @@ fn later_dimensions_are_independent_within_a_scramble() {
         }
     }
     for counts in counts {
-        assert_uniform(&counts, "a later dimension");
+        CHANCE.uniform(&counts, "a later dimension");
     }
 }
 
@@ -355,7 +335,7 @@ fn means_over_scrambles_are_unbiased() {
         let squares =
             values.iter().map(|v| (v - mean).powi(2)).sum::<f64>();
         let error = (squares / (N - 1) as f64 / N as f64).sqrt();
-        assert_normal((mean - 1. / 6.) / error, "mean of x²y");
+        CHANCE.normal((mean - 1. / 6.) / error, "mean of x²y");
     }
 }
 
@@ -384,7 +364,7 @@ fn the_coordinates_of_a_net_are_independent_within_their_strata() {
         let spread = ((2. - 1.2 / f64::from(n)) / N as f64).sqrt();
         for (d, square) in squares.into_iter().enumerate() {
             let what = format!("coordinate {d} of {n} points");
-            assert_normal((square - 1.) / spread, &what);
+            CHANCE.normal((square - 1.) / spread, &what);
         }
     }
 }
@@ -440,7 +420,7 @@ fn the_path_tracer_finds_known_radiances_with_smaller_errors() {
             render(&setting, paths, IndependentSampler::new(1));
         let [mean, error, variance] =
             render(&setting, paths, SobolSampler::new(1, 64));
-        assert_normal((mean - exact) / error, "mean of an image");
+        CHANCE.normal((mean - exact) / error, "mean of an image");
         assert!(gain * variance < plain, "{variance} of {plain}");
     }
 }
@@ -466,6 +446,6 @@ fn the_sky_is_a_control_variate_whose_mean_is_known() {
     for control in [0.5, 1.] {
         let corner = sheets(&[[1., 0.], [0., 1.]]);
         let [mean, error, _] = image(&corner, control);
-        assert_normal((mean - rho / (2. - rho)) / error, "control");
+        CHANCE.normal((mean - rho / (2. - rho)) / error, "control");
     }
 }

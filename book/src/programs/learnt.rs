@@ -215,15 +215,7 @@ impl Stage {
     }
 
     fn tracer<'a>(&'a self, cache: &'a RadianceCache) -> Tracer<'a, Bvh> {
-        Tracer {
-            scene: &self.scene,
-            intersector: &self.bvh,
-            camera: &self.camera,
-            sky: self.sky,
-            albedo: RHO,
-            cache,
-            rays: 0,
-        }
+        self.gather(0).tracer(&self.bvh, cache)
     }
 
     /// Renders by paths of at least so many rays; samples and rays.

@@ -79,23 +79,29 @@ impl Renderer for Gather<'_> {
     }
 }
 
-impl Gather<'_> {
+impl<'g> Gather<'g> {
     /// A tracer with a cache.
     pub fn tracer<'a, K>(
-        &'a self,
+        &self,
         intersector: &'a K,
         cache: &'a RadianceCache,
-    ) -> Tracer<'a, K> {
+    ) -> Tracer<'a, K>
+    where
+        'g: 'a,
+    {
         let &Self { scene, camera, sky, albedo, .. } = self;
         Tracer { scene, intersector, camera, sky, albedo, cache, rays: 0 }
     }
 
     /// A plan for the whole window of a film's run.
     pub fn plan<'a>(
-        &'a self,
+        &self,
         film: &Film,
         allocation: &'a Allocation,
-    ) -> Plan<'a> {
+    ) -> Plan<'a>
+    where
+        'g: 'a,
+    {
         let most = allocation.counts.iter().max().copied().unwrap_or(1);
         let points = u64::from(most).max(64).next_power_of_two();
         Plan {
