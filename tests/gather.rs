@@ -23,7 +23,6 @@ use litpt::analysis::background::{
 };
 use litpt::bvh::{Bvh, Isa};
 use litpt::camera::{Camera, View};
-use litpt::compare::compare;
 use litpt::film::{Film, Tile, WORTH};
 use litpt::image::Image;
 use litpt::integrator::PathTracer;
@@ -917,39 +916,6 @@ fn the_error_of_the_mean_of_an_image_is_as_large_as_stated() {
     );
     assert!(chi2.cdf(shared) > CHANCE.significance(), "{shared}");
     assert!(chi2.sf(independent * 13. / 15.) < 1e-9, "{independent}");
-}
-
-// Two gathers of 16 scrambles are called inconsistent in one of a hundred
-// pairs; more than 4 of 40 are so with one of twenty thousand seeds. If pixels are
-// taken to be independent, more than half of all pairs are. If all errors are
-// stated as half of what they are, all nine tiles say so.
-#[test]
-fn gathers_of_different_seeds_are_consistent() {
-    const PAIRS: u64 = 40;
-    let stage = Stage::room((48, 48));
-    let image = |seed| {
-        Image::new(&stage.gather(300 + seed, 4, 64), BTreeMap::new())
-    };
-    let (mut alarms, mut independent, mut small) = (0, 0, 0);
-    for n in 0..PAIRS {
-        let pair = [image(2 * n), image(2 * n + 1)];
-        let inconsistent = |[a, b]: &[Image; 2]| {
-            u32::from(!compare(a, b).unwrap().consistent())
-        };
-        alarms += inconsistent(&pair);
-        let half = |mut image: Image| {
-            let errors = [&mut image.errors, &mut image.tile_errors];
-            let errors = errors.into_iter().flatten().flatten();
-            errors.for_each(|error| *error /= 2.);
-            image
-        };
-        small += inconsistent(&pair.clone().map(half));
-        let bare = pair.map(|i| Image { tile_errors: None, ..i });
-        independent += inconsistent(&bare);
-    }
-    assert!(alarms <= 4, "{alarms} false alarms of {PAIRS} pairs");
-    assert!(independent > 10, "{independent} without tiles");
-    assert!(small > 30, "{small} with errors that are too small");
 }
 
 // -------------------------------------------------------------- The command

@@ -9,7 +9,6 @@ use chance::Chance;
 use std::f64::consts::TAU;
 
 use glam::DVec3;
-use litpt::numerics::sincos_turns;
 use litpt::sampler::{
     IndependentSampler, Sampler, cosine_direction, dimension, frame,
     generator, within,
@@ -77,24 +76,6 @@ fn frames_are_orthonormal_near_the_poles_as_well() {
 }
 
 #[test]
-fn the_numbers_of_a_path_are_uniform_alone_in_pairs_and_in_triples() {
-    let mut random = generator(1, 2, 3);
-    let mut alone = vec![0; 1000];
-    let mut pairs = vec![0; 100 * 100];
-    let mut triples = vec![0; 40 * 40 * 40];
-    for _ in 0..SAMPLES {
-        let [x, y, z]: [f64; 3] = random.random();
-        alone[cell(x, 1000)] += 1;
-        pairs[cell(x, 100) * 100 + cell(y, 100)] += 1;
-        let plane = cell(x, 40) * 40 + cell(y, 40);
-        triples[plane * 40 + cell(z, 40)] += 1;
-    }
-    CHANCE.uniform(&alone, "numbers");
-    CHANCE.uniform(&pairs, "pairs");
-    CHANCE.uniform(&triples, "triples");
-}
-
-#[test]
 fn points_are_uniform_over_their_pixel() {
     for (i, n) in [(0, 1), (3, 7), (16383, 16384)] {
         let mut random = generator(1, u64::from(i), 0);
@@ -123,37 +104,6 @@ fn no_point_of_a_pixel_lies_on_its_edges() {
 fn turns(x: f64, y: f64) -> f64 {
     let turn = (y.atan2(x) / TAU).rem_euclid(1.);
     if turn < 1. { turn } else { 0. }
-}
-
-// 800 sectors: eighths of the circle, where its formula changes, are among
-// their ends.
-#[test]
-fn points_of_the_circle_are_uniform_over_its_sectors() {
-    let mut random = generator(4, 0, 0);
-    let mut sectors = vec![0; 800];
-    for _ in 0..SAMPLES {
-        let (x, y) = sincos_turns(random.random());
-        assert!((x * x + y * y - 1.).abs() < 1e-15);
-        sectors[cell(turns(x, y), 800)] += 1;
-    }
-    CHANCE.uniform(&sectors, "circle");
-}
-
-#[test]
-fn quarters_of_the_circle_are_exact_and_eighths_join() {
-    let quarters = [(1., 0.), (0., 1.), (-1., 0.), (0., -1.), (1., 0.)];
-    for (i, point) in quarters.into_iter().enumerate() {
-        assert_eq!(sincos_turns(i as f64 / 4.), point);
-    }
-    for eighth in 0..8 {
-        let u = f64::from(eighth) / 8.;
-        for u in [u.next_down().max(0.), u, u.next_up()] {
-            let (x, y) = sincos_turns(u);
-            let (sine, cosine) = (u * TAU).sin_cos();
-            // The rounding of the angle itself is up to 4.5e-16.
-            assert!((x - cosine).abs().max((y - sine).abs()) < 1e-15);
-        }
-    }
 }
 
 #[test]
