@@ -37,7 +37,7 @@ NOWEB_SOURCES := Cargo.toml noweb/Cargo.toml $(wildcard noweb/src/*.rs)
 MAP = $(NOWEB) map litpt.nw noweb/noweb.nw --
 
 SOURCES := src/.tangled $(NOWEB_SOURCES) config.mk build.rs \
-  $(wildcard Cargo.lock src/*.rs src/*/*.rs)
+  $(wildcard Cargo.lock src/*.rs src/*/*.rs src/*/*/*.rs)
 
 # The view of the courtyard.
 CAMERA = -p 12.2,2.4,1.3 -t -12.6,6,-1.2 -u 0,1,0 -F 70

@@ -41,7 +41,7 @@ pub struct Job<'a, K, E, S = IndependentSampler> {
 }
 
 /// Pieces of work that each thread should find in an image.
-const PIECES: usize = 32;
+const PIECES_PER_THREAD: usize = 32;
 
 impl<K: Intersector, E: Integrator, S: Sampler> Renderer
     for Job<'_, K, E, S>
@@ -75,7 +75,8 @@ impl<K: Intersector, E: Integrator, S: Sampler> Dispatch
         let first = film.first() / replicate;
         let end = first + end.div_ceil(replicate);
         let tiles = film.tiles();
-        let parts = PIECES * rayon::current_num_threads() / tiles.len();
+        let parts =
+            PIECES_PER_THREAD * rayon::current_num_threads() / tiles.len();
         let render = |(tile, pixels): (Tile, &mut [Accumulator])| {
             let values = first + pixels[0].count()..end;
             work.add(tile, pixels, values, parts as u64).unwrap_or(0)

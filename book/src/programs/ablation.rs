@@ -21,14 +21,14 @@ pub fn run(arguments: &[String]) -> Done {
         eprintln!("ablation: {}", setting.name);
         let work = work(&setting);
         let found = setting.render(&[], DEFINITION, work, 0).left_out;
-        let held: Vec<_> = Shortcut::ALL
+        let shortcuts: Vec<_> = Shortcut::ALL
             .into_iter()
             .filter(|shortcut| found.iter().any(|f| f == shortcut.name()))
             .collect();
-        for shortcut in &held {
+        for shortcut in &shortcuts {
             row(&setting, shortcut.name(), &[*shortcut], work, rounds);
         }
-        if held.len() != 1 {
+        if shortcuts.len() != 1 {
             row(&setting, "all", &Shortcut::ALL, work, rounds);
         }
     }

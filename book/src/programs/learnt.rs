@@ -1,9 +1,8 @@
 // What a gather learns, and what it makes of it. Of the courtyard: the cache
 // beside what it approximates, and its errors; the light that arrives at a
 // place, over the hemisphere, the guide there, and directions drawn with it
-// and without. Of the back room: images by paths and by a gather with as many rays, and
-// the samples and errors of its pixels. Of three scenes: the variances of a
-// ray. "learnt.tex" has the numbers of the text.
+// and without. Of the back room: images by paths and by a gather with as many
+// rays. "learnt.tex" has the numbers of the text.
 //
 // usage: learnt FIGURES TABLES
 //
@@ -22,10 +21,10 @@ use litpt::film::Film;
 use litpt::integrator::PathTracer;
 use litpt::integrator::gather::cache::{Grid, RadianceCache};
 use litpt::integrator::gather::correction::Correction;
-use litpt::integrator::gather::guide::{BINS, Guide, SIDE, bin};
-use litpt::integrator::gather::render::{Gather, Learnt};
+use litpt::integrator::gather::guide::{BINS, Guide, bin};
+use litpt::integrator::gather::render::Gather;
 use litpt::integrator::gather::training::train;
-use litpt::integrator::gather::{Allocation, End, Tracer};
+use litpt::integrator::gather::{End, Tracer};
 use litpt::render::{Job, Renderer};
 use litpt::sampler::sobol::{ScrambledNet, scramble_key, to_unit};
 use litpt::sampler::{IndependentSampler, generator};
@@ -70,13 +69,6 @@ const DRAWN: u32 = 256;
 /// The difference of radiance that is white.
 const WHITE: f64 = 0.15;
 
-/// Places where the variances of a ray are computed.
-const PLACES: u32 = 64;
-
-/// What is sampled: the light, by the cosine and by a guide, and what the
-/// cache leaves of it.
-const VARIANCES: [&str; 4] = ["path", "guided", "left", "leftguided"];
-
 pub fn run(arguments: &[String]) -> Done {
     let [figures, tables] = arguments else {
         return Err("usage: learnt FIGURES TABLES".into());
@@ -84,17 +76,7 @@ pub fn run(arguments: &[String]) -> Done {
     let (figures, tables) = (Path::new(figures), Path::new(tables));
     let mut numbers = learn(figures)?;
     render(figures, &mut numbers)?;
-    let mut variances = format!("scene,{}\n", VARIANCES.join(","));
-    for name in ["courtyard", "backroom", "corridor"] {
-        let row = Stage::named(name)?.variances()?;
-        let row = row.map(|value| format!("{value:.4}"));
-        for (column, value) in VARIANCES.iter().zip(&row) {
-            number(&mut numbers, name, column, value)?;
-        }
-        writeln!(variances, "{name},{}", row.join(","))?;
-    }
-    fs::write(tables.join("learnt.tex"), numbers)?;
-    Ok(fs::write(tables.join("learnt-variances.csv"), variances)?)
+    Ok(fs::write(tables.join("learnt.tex"), numbers)?)
 }
 
 /// A number of the text.
@@ -127,39 +109,15 @@ fn learn(figures: &Path) -> Result<String, Box<dyn Error>> {
     Ok(out)
 }
 
-/// Draws the back room by paths and by a gather, where its samples are, and
-/// the errors with them and with as many in each pixel.
+/// Draws the back room by paths and by a gather.
 fn render(figures: &Path, out: &mut String) -> Done {
     let room = Stage::named("backroom")?;
     let mut gather = room.gather(TRAINING);
-    let empty = Film::new(RESOLUTION.0, RESOLUTION.1);
-    let empty = empty.with_replicates(TOGETHER).with_shared_tiles();
-    let mut film = empty.clone();
+    let film = Film::new(RESOLUTION.0, RESOLUTION.1);
+    let mut film = film.with_replicates(TOGETHER).with_shared_tiles();
     let rays = gather.pass(&mut film, SAMPLES, &|_| true);
-    let Learnt { cache, allocation } =
-        gather.learnt.take().ok_or("nothing was learnt")?;
     let mut paths = Film::new(RESOLUTION.0, RESOLUTION.1);
     let (samples, traced) = room.trace(rays, &mut paths);
-    let Allocation { counts, scale } = allocation;
-    let most = counts.iter().max().copied().unwrap_or(1);
-    let least = counts.iter().min().copied().unwrap_or(1);
-    let shares = counts.iter().map(|&n| f64::from(n) / f64::from(most));
-    picture(figures, "counts", RESOLUTION.0, shares.collect())?;
-    let mean = |n: u32| format!("{:.1}", f64::from(n) / TOGETHER as f64);
-    number(out, "counts", "most", &mean(most))?;
-    number(out, "counts", "least", &mean(least))?;
-    let counts = vec![TOGETHER as u32; counts.len()];
-    let allocation = Allocation { counts, scale };
-    gather.learnt = Some(Learnt { cache, allocation });
-    let mut even = empty;
-    gather.pass(&mut even, SAMPLES, &|_| true);
-    let white = 2. * even.summary().rmse;
-    for (name, film) in [("uneven", &film), ("even", &even)] {
-        let errors = film.errors(4.).into_iter().map(|e| grey(e / white));
-        picture(figures, name, RESOLUTION.0, errors.collect())?;
-        let error = format!("{:.5}", film.summary().rmse);
-        number(out, name, "error", &error)?;
-    }
     for (way, film, samples, rays) in [
         ("gather", &film, SAMPLES, rays),
         ("paths", &paths, samples, traced),
@@ -317,62 +275,6 @@ impl Stage {
         })
     }
 
-    /// The variances of one ray, added up over places, relative to the
-    /// squares of the means: of the light by cosine sampling and by a guide, and of
-    /// what the cache leaves of it by the same.
-    fn variances(&self) -> Result<[f64; 4], Box<dyn Error>> {
-        let cache = self.train();
-        let mut random = generator(4, 0, 0);
-        let mut places = vec![];
-        while places.len() < PLACES as usize {
-            let at = [random.random(), random.random()];
-            places.extend(self.place(at, &cache));
-        }
-        let places = places.into_par_iter().enumerate();
-        let rows = places.map(|(i, place)| self.at(&cache, &place, i));
-        let rows: Vec<[f64; 5]> = rows.collect();
-        let sum = |k: usize| rows.iter().map(|row| row[k]).sum::<f64>();
-        Ok([0, 1, 2, 3].map(|k| sum(k) / sum(4)))
-    }
-
-    /// The four variances at a place, and the square of the mean.
-    fn at(&self, cache: &RadianceCache, place: &Hit, i: usize) -> [f64; 5] {
-        let mut tracer = self.tracer(cache);
-        let mut random = generator(5, i as u64, 0);
-        let name = cache.grid.name(place.point, place.normal);
-        let guide = cache.guide(cache.at(name));
-        let (mut light, mut left) = ([0.; 3], [0.; 3]);
-        for b in 0..BINS as u32 {
-            let at = [b / SIDE as u32, b % SIDE as u32];
-            let at = at.map(|k| (k << 28) | (random.random::<u32>() >> 4));
-            let stream = (i * BINS) as u64 + u64::from(b);
-            let [all, known] = match tracer.shoot(place, None, at).end {
-                End::Sky(radiance) => [radiance; 2],
-                End::Hit(hit) => {
-                    let u = [random.random(), random.random()];
-                    let known =
-                        f64::from(tracer.cell_around(&hit, u).value);
-                    [gathered(&mut tracer, &hit, ROUGHLY, stream), known]
-                }
-            };
-            let density = guide.map_or(1., |g| g.density(b as usize));
-            let part = 1. / BINS as f64;
-            for (sums, f) in [(&mut light, all), (&mut left, all - known)] {
-                sums[0] += part * f;
-                sums[1] += part * f * f;
-                sums[2] += part * f * f / density;
-            }
-        }
-        let variance =
-            |sums: &[f64; 3], k: usize| sums[k] - sums[0] * sums[0];
-        [
-            variance(&light, 1),
-            variance(&light, 2),
-            variance(&left, 1),
-            variance(&left, 2),
-            light[0] * light[0],
-        ]
-    }
 }
 
 /// The radiance that leaves a hit, from so many rays into the cache; by the
