@@ -22,10 +22,9 @@ use litpt::analysis::background::{
 };
 use litpt::analysis::interior::*;
 use litpt::integrator::gather::cache::{Grid, RadianceCache, Record, SKY};
-use litpt::integrator::gather::correction::Correction;
 use litpt::integrator::gather::guide::{BINS, Guide, bin};
 use litpt::integrator::gather::training::train;
-use litpt::integrator::gather::{Allocation, Plan, Tracer};
+use litpt::integrator::gather::{Allocation, Correction, Plan, Tracer};
 use litpt::output::OutputTarget;
 use litpt::report::Fit;
 use litpt::sampler::sobol::{ScrambledNet, to_unit};

@@ -29,12 +29,11 @@ use litpt::integrator::PathTracer;
 use litpt::integrator::gather::cache::{
     Cell, DARKNESS, Grid, LEVELS, RadianceCache, Record, SKY,
 };
-use litpt::integrator::gather::correction::Correction;
 use litpt::integrator::gather::guide::{
     BINS, Guide, SIDE, bin, direction, main_axis,
 };
 use litpt::integrator::gather::render::Gather;
-use litpt::integrator::gather::{Allocation, End, Tracer};
+use litpt::integrator::gather::{Allocation, Correction, End, Tracer};
 use litpt::render::{Job, Renderer};
 use litpt::render_loop::{Convergence, Interrupt, Limits, Stop};
 use litpt::sampler::sobol::{ScrambledNet, scramble_key};

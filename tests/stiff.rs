@@ -39,7 +39,7 @@ fn path(
 #[test]
 fn means_of_stiff_cavities_are_right() {
     let rhos = [0.9, 0.99, 0.999, 1. - 1e-4, 1. - 1e-6, 1.];
-    let fs = [0.5, 0.1, 0.01, 1e-3, 1e-4];
+    let fs = [0.5, 0.1, 0.01, 1e-3, 1e-4f64];
     let cells = rhos.iter().flat_map(|&rho| fs.map(|f| (rho, f)));
     let cells: Vec<_> = cells.collect();
     cells.par_iter().for_each(|&(rho, f)| {

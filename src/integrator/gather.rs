@@ -24,7 +24,6 @@ use crate::sampler::{generator, within};
 use crate::scene::{Ray, Scene};
 use crate::sky::Sky;
 use cache::{Cell, RadianceCache, UNSEEN};
-use correction::Correction;
 use guide::{Guide, bin, direction};
 
 /// Traces rays, and knows the scene and the cache.
@@ -108,6 +107,27 @@ impl Plan<'_> {
         let (left, top) = self.window.corner;
         let row = (y - top) as usize * self.window.size.0 as usize;
         (x, y, row + (x - left) as usize)
+    }
+}
+
+/// How much is corrected, and with how many rays.
+#[derive(Clone, Copy, Debug)]
+pub struct Correction {
+    /// Samples that share corrections.
+    pub group: usize,
+    /// The importance for which one correction is drawn.
+    pub step: f64,
+    /// Rays of the gather at a point whose error is estimated.
+    pub gathers: u32,
+    /// Paths that go on from them.
+    pub paths: u32,
+    /// Rays of each gather along such a path.
+    pub branches: u32,
+}
+
+impl Default for Correction {
+    fn default() -> Self {
+        Self { group: 128, step: 15., gathers: 16, paths: 16, branches: 2 }
     }
 }
 

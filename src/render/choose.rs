@@ -21,7 +21,7 @@ use crate::analysis::background::TileContent;
 use crate::analysis::{Inquiry, SceneAnalysis};
 use crate::bvh::{Bvh, Dispatch, Intersector};
 use crate::film::{Film, Window};
-use crate::integrator::gather::correction::Correction;
+use crate::integrator::gather::Correction;
 use crate::integrator::gather::render::Gather;
 use crate::integrator::gather::training::PILOT_SAMPLES;
 use crate::integrator::{

@@ -20,11 +20,10 @@ use litpt::camera::{Camera, View};
 use litpt::film::Film;
 use litpt::integrator::PathTracer;
 use litpt::integrator::gather::cache::{Grid, RadianceCache};
-use litpt::integrator::gather::correction::Correction;
 use litpt::integrator::gather::guide::{BINS, Guide, bin};
 use litpt::integrator::gather::render::Gather;
 use litpt::integrator::gather::training::train;
-use litpt::integrator::gather::{End, Tracer};
+use litpt::integrator::gather::{Correction, End, Tracer};
 use litpt::render::{Job, Renderer};
 use litpt::sampler::sobol::{ScrambledNet, scramble_key, to_unit};
 use litpt::sampler::{IndependentSampler, generator};
@@ -274,7 +273,6 @@ impl Stage {
             }
         })
     }
-
 }
 
 /// The radiance that leaves a hit, from so many rays into the cache; by the

@@ -15,9 +15,10 @@ use litpt::camera::Camera;
 use litpt::film::{Film, Tile, Window};
 use litpt::integrator::PathTracer;
 use litpt::integrator::gather::cache::{Grid, RadianceCache, Record};
-use litpt::integrator::gather::correction::Correction;
 use litpt::integrator::gather::training::{allocate, train};
-use litpt::integrator::gather::{Allocation, Plan, Sample, Tracer};
+use litpt::integrator::gather::{
+    Allocation, Correction, Plan, Sample, Tracer,
+};
 use litpt::render::choose::{Method, Sampling};
 use litpt::render::{Job, Renderer};
 use litpt::sampler::sobol::{ScrambledNet, SobolSampler};

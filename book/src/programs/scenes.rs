@@ -17,6 +17,7 @@ use std::error::Error;
 use std::io::{self, BufWriter, Write};
 
 use glam::DVec3;
+use litpt::sampler::split_mix;
 use litpt::scene::Mesh;
 use litpt_book::interiors::Interior;
 use litpt_book::mixtures::Mixture;
@@ -74,14 +75,6 @@ fn mixture(words: &[&str]) -> Result<Mixture, Box<dyn Error>> {
 }
 
 // ---- noise
-
-/// The output function of SplitMix64.
-fn split_mix(x: u64) -> u64 {
-    let x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    x ^ (x >> 31)
-}
 
 /// Three numbers in [-1, 1) that belong to a point of the integer grid.
 fn random(at: DVec3, seed: u64) -> DVec3 {

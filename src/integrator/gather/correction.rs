@@ -14,32 +14,11 @@ use rand::RngExt;
 use rand_pcg::Pcg64;
 
 use super::cache::{Cell, UNSEEN};
-use super::{End, Plan, Sample, Tracer};
+use super::{Correction, End, Plan, Sample, Tracer};
 use crate::bvh::{Hit, Intersector};
 use crate::integrator::{MANY_BOUNCES, survival};
 use crate::sampler::sobol::ScrambledNet;
 use crate::scene::Ray;
-
-/// How much is corrected, and with how many rays.
-#[derive(Clone, Copy, Debug)]
-pub struct Correction {
-    /// Samples that share corrections.
-    pub group: usize,
-    /// The importance for which one correction is drawn.
-    pub step: f64,
-    /// Rays of the gather at a point whose error is estimated.
-    pub gathers: u32,
-    /// Paths that go on from them.
-    pub paths: u32,
-    /// Rays of each gather along such a path.
-    pub branches: u32,
-}
-
-impl Default for Correction {
-    fn default() -> Self {
-        Self { group: 128, step: 15., gathers: 16, paths: 16, branches: 2 }
-    }
-}
 
 impl<K: Intersector> Tracer<'_, K> {
     /// Adds the corrections of the samples of a tile to the sums of its

@@ -10,9 +10,8 @@
 use rayon::prelude::*;
 
 use super::cache::{Grid, RadianceCache};
-use super::correction::Correction;
 use super::training::{PILOT_SAMPLES, allocate, train};
-use super::{Allocation, Plan, Tracer};
+use super::{Allocation, Correction, Plan, Tracer};
 use crate::analysis::background::KnownPixels;
 use crate::bvh::{Bvh, Dispatch, Intersector};
 use crate::camera::Camera;
