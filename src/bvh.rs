@@ -11,7 +11,6 @@
 //! coordinates: boxes are single precision, while corners, rays, hits
 //! and the test of a triangle are double precision.
 
-pub mod anatomy;
 mod beam;
 mod intersector;
 #[cfg(target_arch = "x86_64")]
@@ -159,7 +158,7 @@ impl Bvh {
     /// # Errors
     /// Too little memory, or too many triangles; 2^26 always fit.
     pub fn new(scene: &Scene) -> Result<Self, BuildError> {
-        Self::with(scene, Quality::Medium, Isa::best())
+        Self::with(scene, Quality::Thorough, Isa::best())
     }
 
     /// The hierarchy of a scene, built with care `quality`, on all

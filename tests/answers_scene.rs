@@ -504,7 +504,7 @@ fn an_overcast_sky_gives_seven_ninths() {
 fn intersector(triangles: &[Triangle]) -> Bvh {
     let faces = (0..triangles.len() as u32).collect();
     let triangles = Triangles::apart(triangles, faces);
-    Bvh::of(triangles, Quality::Medium, Isa::Portable, &|_| ()).unwrap()
+    Bvh::of(triangles, Quality::Fast, Isa::Portable, &|_| ()).unwrap()
 }
 
 #[test]

@@ -110,7 +110,7 @@ fn a_triangle_is_never_met_twice_in_a_row() {
 /// The same hierarchy in all forms that this processor can walk.
 fn all_forms(scene: &Scene) -> Vec<Bvh> {
     let isas = Isa::ALL.into_iter().filter(|isa| isa.is_available());
-    let qualities = [Quality::Fast, Quality::Medium, Quality::Thorough];
+    let qualities = [Quality::Fast, Quality::Thorough];
     isas.flat_map(|isa| qualities.map(|quality| (quality, isa)))
         .map(|(quality, isa)| Bvh::with(scene, quality, isa).unwrap())
         .collect()

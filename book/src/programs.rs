@@ -10,7 +10,6 @@
 
 // Name the parts as modules
 mod ablation;
-mod anatomy;
 mod bounces;
 mod calibration;
 mod chance;
@@ -45,7 +44,6 @@ type Part = (&'static str, fn(&[String]) -> Done);
 /// All parts.
 pub const ALL: [Part; 17] = [
     ("ablation", ablation::run),
-    ("anatomy", anatomy::run),
     ("bounces", bounces::run),
     ("calibration", calibration::run),
     ("chance", chance::run),

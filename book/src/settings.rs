@@ -73,7 +73,7 @@ impl Setting {
             resolution,
             kept,
         };
-        let intersector = Bvh::with(&scene, Quality::Medium, Isa::best());
+        let intersector = Bvh::with(&scene, Quality::Thorough, Isa::best());
         let intersector = intersector.expect("a hierarchy");
         let mut analysis =
             SceneAnalysis::find(&scene, &intersector, &inquiry);

@@ -128,11 +128,6 @@ impl<'a> Stack<'a> {
         Self { waiting, length: 0 }
     }
 
-    /// How many children wait.
-    pub fn length(&self) -> usize {
-        self.length
-    }
-
     /// Puts a child on the stack.
     ///
     /// # Safety

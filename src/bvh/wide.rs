@@ -33,25 +33,17 @@ use crate::scene::{Triangle, Triangles};
 pub enum Quality {
     /// Six neighbours looked at, one improvement of 2 % of the nodes.
     Fast,
-    /// Fourteen neighbours, improvements of 5 % and 10 % of the nodes.
-    Medium,
     /// Fourteen neighbours, two improvements of all nodes.
     Thorough,
 }
 
-/// Each quality with the nanoseconds it takes to build per triangle, and
-/// then per ray.
-const PRICES: [(Quality, f64, f64); 3] = [
-    (Quality::Fast, 400., 1.07 * 130.),
-    (Quality::Medium, 650., 1.025 * 130.),
-    (Quality::Thorough, 5000., 130.),
-];
+/// A thorough hierarchy pays from so many rays per triangle on.
+const REPAID: f64 = 500.;
 
 impl fmt::Display for Quality {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         f.write_str(match self {
             Self::Fast => "fast",
-            Self::Medium => "medium",
             Self::Thorough => "thorough",
         })
     }
@@ -62,16 +54,10 @@ impl Quality {
     /// triangles and following `rays` rays through it takes the
     /// shortest time together.
     pub fn expecting(triangles: usize, rays: f64) -> Self {
-        // Let the rays repay the builder
-        let [mut best, others @ ..] = PRICES;
-        for other in others {
-            let loss = triangles as f64 * (other.1 - best.1);
-            let gain = rays * (best.2 - other.2);
-            if gain > loss {
-                best = other;
-            }
+        match rays > REPAID * triangles as f64 {
+            true => Self::Thorough,
+            false => Self::Fast,
         }
-        best.0
     }
 }
 
@@ -223,7 +209,6 @@ fn binary(group: &Group, quality: Quality) -> Vec<Bvh2Node> {
     // Turn the quality into numbers
     let (reach, early, parts): (_, _, &[f32]) = match quality {
         Quality::Fast => (6, 2, &[0.02]),
-        Quality::Medium => (14, 3, &[0.05, 0.1]),
         Quality::Thorough => (14, 1, &[1., 1.]),
     };
     // Begin with a leaf per triangle

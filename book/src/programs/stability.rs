@@ -207,7 +207,7 @@ fn alike() -> Result<u32, Box<dyn Error>> {
     let camera = Camera::new(&view, 1.)?;
     let integrator = PathTracer::new(0.9, Sky::new(DVec3::Z));
     let render = |isa, threads| -> Result<Film, Box<dyn Error>> {
-        let intersector = Bvh::with(&scene, Quality::Medium, isa)?;
+        let intersector = Bvh::with(&scene, Quality::Fast, isa)?;
         let pool = ThreadPoolBuilder::new().num_threads(threads).build()?;
         let mut job = Job {
             scene: &scene,

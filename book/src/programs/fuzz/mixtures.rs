@@ -411,7 +411,7 @@ fn bvhs(
 ) -> Result<Vec<(String, Bvh)>, String> {
     let isas = Isa::ALL.into_iter().filter(|isa| isa.is_available());
     let mut ways: Vec<_> =
-        isas.map(|isa| (isa, Quality::Medium, false)).collect();
+        isas.map(|isa| (isa, Quality::Fast, false)).collect();
     ways.push((Isa::best(), Quality::Thorough, true));
     ways.push((Isa::Portable, Quality::Fast, true));
     let build = |(isa, quality, mixed): (Isa, Quality, bool)| {

@@ -20,7 +20,7 @@ pub fn draw(out: &mut Out) -> Done {
     let mut court =
         Stage::new(&courtyard::mesh(), &courtyard::view(), size)?;
     // The same tree on each machine.
-    court.bvh = Bvh::with(&court.scene, Quality::Medium, Isa::Portable)?;
+    court.bvh = Bvh::with(&court.scene, Quality::Thorough, Isa::Portable)?;
     boxes(&court, out)
 }
 
