@@ -9,7 +9,7 @@
 
 use super::Difference;
 use crate::image::Image;
-use crate::image::srgb::radiance;
+use crate::image::levels::radiance;
 
 /// How radiances brighter than white are treated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
