@@ -81,7 +81,7 @@ fn tail(z: f64, freedom: f64) -> f64 {
         let a = freedom - 0.5;
         let b = 48. * a * a;
         let y = a * libm::log1p(z * z / freedom);
-        let w = (((-0.4 * y - 3.3) * y - 24.) * y - 85.5) * y;
+        let w = ((-0.4 * y - 3.3) * y - 24.) * y - 85.5;
         let w = w / (0.8 * y * y + 100. + b) + y + 3.;
         normal = (w / b + 1.) * y.sqrt();
     }
