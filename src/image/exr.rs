@@ -292,9 +292,11 @@ pub fn read(bytes: &[u8], note: Note) -> Result<Image, String> {
     };
     let attributes = layer.attributes.other.iter().filter_map(ours);
     let mut attributes: BTreeMap<_, _> = attributes.collect();
-    let intact = match attributes.remove(CHECKSUM) {
-        Some(stated) => checksum(bytes).is_some_and(|c| c.1 == stated),
-        None => attributes.is_empty(),
+    let intact = match (attributes.remove(CHECKSUM), checksum(bytes)) {
+        (Some(stated), Some((_, sum))) => stated == sum,
+        (stated, sum) => {
+            (stated, sum) == (None, None) && attributes.is_empty()
+        }
     };
     if !intact {
         note(
