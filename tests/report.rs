@@ -98,17 +98,12 @@ fn with_page<T>(report: &Report, work: impl Fn(&Document) -> T) -> T {
 /// The page as XML: without its first line, and with its void elements
 /// closed.
 fn as_xml(page: &str) -> String {
-    let mut text = page.replacen("<!DOCTYPE html>", "", 1);
-    for name in ["<meta ", "<img "] {
-        let mut from = 0;
-        while let Some(start) = text[from..].find(name) {
-            let end =
-                from + start + text[from + start..].find('>').unwrap();
-            text.insert(end, '/');
-            from = end;
-        }
-    }
-    text
+    let page = page.replacen("<!DOCTYPE html>", "", 1);
+    let close = |part: &str| match part.split(' ').next() {
+        Some("meta" | "img") => part.replacen('>', "/>", 1),
+        _ => part.to_owned(),
+    };
+    page.split('<').map(close).collect::<Vec<_>>().join("<")
 }
 
 fn named<'a>(
@@ -218,17 +213,13 @@ fn every_row_of_csv_has_all_columns_and_all_digits() {
     let mut lines = csv.lines();
     let header = "spp,seconds,rays,rmse,mean,mean_stderr,rmse_reference";
     assert_eq!(lines.next(), Some(header));
-    for (line, step) in lines.zip(&report.curve) {
-        let cells: Vec<_> = line.split(',').collect();
-        assert_eq!(cells.len(), 7, "{line}");
-        let known = |cell: &str| cell.parse::<f64>().ok();
-        assert_eq!(cells[0].parse(), Ok(step.spp));
-        assert_eq!(known(cells[1]), Some(step.seconds));
-        assert_eq!(cells[2].parse(), Ok(step.rays));
-        assert_eq!(known(cells[3]), step.rmse);
-        assert_eq!(known(cells[4]), Some(step.mean));
-        assert_eq!(known(cells[5]), step.mean_stderr);
-        assert_eq!(known(cells[6]), step.rmse_reference);
+    for (line, point) in lines.zip(&report.curve) {
+        let CurvePoint { spp, seconds, rays, rmse, mean, .. } = *point;
+        let cells = line.split(',').map(|cell| cell.parse().ok());
+        let first = [spp as f64, seconds, rays as f64].map(Some);
+        let errors = [point.mean_stderr, point.rmse_reference];
+        let all = [&first[..], &[rmse, Some(mean)], &errors].concat();
+        assert_eq!(cells.collect::<Vec<Option<f64>>>(), all);
     }
 }
 
@@ -587,58 +578,32 @@ fn the_page_says_in_words_how_the_run_went() {
 
 #[test]
 fn the_verdict_says_why_the_run_stopped_and_whether_it_met_its_targets() {
-    let verdict = |stopped: &str, rmse, settings| {
-        let mut report = ordinary();
-        report.stopped = Some(stopped.to_owned());
-        report.rmse = rmse;
-        let Value::Object(settings) = settings else { unreachable!() };
-        report.settings = settings;
-        report.verdict()
-    };
-    let none = || json!({ "spp": null, "error": null });
-    let error = || json!({ "spp": null, "error": 0.001 });
-    for (stopped, rmse, settings, said) in [
-        ("time", Some(0.1), none(), "stopped by time"),
-        ("signal", None, none(), "stopped by a signal"),
-        (
-            "samples",
-            Some(0.1),
-            json!({ "spp": 64 }),
-            "stopped by samples; 64 of 64 spp",
-        ),
-        (
-            "signal",
-            Some(0.1),
-            json!({ "spp": 100 }),
-            "stopped by a signal; 64 of 100 spp",
-        ),
-        (
-            "time",
-            Some(0.0031),
-            error(),
-            "stopped by time; error 0.003100, target 0.001 not reached",
-        ),
-        (
-            "time",
-            None,
-            error(),
-            "stopped by time; error unknown, target 0.001 not reached",
-        ),
-        (
-            "error",
-            Some(0.00099),
-            error(),
-            "stopped by error; error 0.000990, target 0.001 reached",
-        ),
+    let none = Value::Null;
+    let (target, reached) = (json!(0.001), "target 0.001 reached");
+    for (stopped, rmse, spp, error, said) in [
+        ("time", Some(0.1), &none, &none, ""),
+        ("samples", Some(0.1), &json!(64), &none, "64 of 64 spp"),
+        ("signal", Some(0.1), &json!(100), &none, "64 of 100 spp"),
+        ("time", Some(0.0031), &none, &target, "error 0.003100, "),
+        ("time", None, &none, &target, "error unknown, "),
+        ("error", Some(0.00099), &none, &target, "error 0.000990, "),
         // Of an image that is known.
-        (
-            "samples",
-            Some(0.),
-            error(),
-            "stopped by samples; error 0.000000, target 0.001 reached",
-        ),
+        ("samples", Some(0.), &none, &target, "error 0.000000, "),
     ] {
-        assert_eq!(verdict(stopped, rmse, settings), said);
+        let mut report = ordinary();
+        let settings = [("spp", spp), ("error", error)];
+        let settings = settings.map(|(k, v)| (k.to_owned(), v.clone()));
+        report.settings = settings.into_iter().collect();
+        (report.stopped, report.rmse) = (Some(stopped.to_owned()), rmse);
+        let small = rmse.is_some_and(|rmse| rmse < 0.001);
+        let met = if small { reached } else { "target 0.001 not reached" };
+        let stopped = stopped.replace("signal", "a signal");
+        let said = match error {
+            Value::Null if said.is_empty() => String::new(),
+            Value::Null => format!("; {said}"),
+            _ => format!("; {said}{met}"),
+        };
+        assert_eq!(report.verdict(), format!("stopped by {stopped}{said}"));
     }
     assert!(ordinary().verdict().starts_with("goes on"));
 }
