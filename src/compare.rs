@@ -16,9 +16,6 @@ pub mod display;
 
 use std::collections::BTreeMap;
 use std::f64::consts::SQRT_2;
-use std::ops::Range;
-
-use statrs::function::beta::beta_reg;
 
 use crate::film::SIDE;
 use crate::image::Image;
@@ -77,33 +74,39 @@ impl Gap {
 }
 
 /// The probability that chance alone makes |z| at least as large, with
-/// so many degrees of freedom.
+/// so many degrees of freedom (Hill 1970, algorithm 395).
 fn tail(z: f64, freedom: f64) -> f64 {
-    if z.is_infinite() {
-        return 0.;
+    let mut normal = z.abs();
+    if normal.is_finite() && freedom.is_finite() {
+        let a = freedom - 0.5;
+        let b = 48. * a * a;
+        let y = a * libm::log1p(z * z / freedom);
+        let w = ((-0.4 * y - 3.3) * y - 24.) * y - 85.5;
+        let w = w / (0.8 * y * y + 100. + b) + y + 3.;
+        normal = (w / b + 1.) * y.sqrt();
     }
-    if freedom.is_finite() {
-        let x = freedom / (freedom + z * z);
-        return beta_reg(freedom / 2., 0.5, x);
-    }
-    libm::erfc(z.abs() / SQRT_2)
+    libm::erfc(normal / SQRT_2)
 }
 
 /// A mean, its squared standard error, and the degrees of freedom of
 /// the latter.
 type Estimate = (f64, f64, f64);
 
-/// What an image knows of pixel `i`.
-fn estimate(image: &Image, i: usize) -> Estimate {
-    let error = image.errors.as_ref().map_or(0., |errors| errors[i]);
-    let count = image.values(i);
-    let freedom = count.map_or(f64::INFINITY, |n| f64::max(n - 1., 1.));
-    (image.means[i], error * error, freedom)
+/// What an image knows of pixel `i`, by itself or as a part of a `tile` of
+/// so many pixels.
+fn estimate(image: &Image, i: usize, tile: Option<u32>) -> Estimate {
+    let freedom =
+        image.values(i).map_or(f64::INFINITY, |n| f64::max(n - 1., 1.));
+    let (errors, pixels) = match (&image.tile_errors, tile) {
+        (Some(errors), Some(pixels)) => (Some(errors), pixels.into()),
+        _ => (image.errors.as_ref(), 1.),
+    };
+    let error = errors.map_or(0., |errors| errors[i]);
+    (image.means[i], error * error, freedom / pixels)
 }
 
 /// How far two estimates of a pixel differ; none if an error is unknown.
 fn gap(estimates: [Estimate; 2]) -> Option<Gap> {
-    // Find the difference beyond rounding
     let [(a, ..), (b, ..)] = estimates;
     let rounding = f64::from(f32::EPSILON) * a.abs().max(b.abs());
     let difference = if (a - b).abs() <= rounding { 0. } else { a - b };
@@ -116,75 +119,46 @@ fn gap(estimates: [Estimate; 2]) -> Option<Gap> {
     known.then_some(gap)
 }
 
-/// What an image knows of pixel `i` as a part of its tile of so many pixels.
-fn part(image: &Image, i: usize, pixels: u32) -> Estimate {
-    let (mean, variance, freedom) = estimate(image, i);
-    match &image.tile_errors {
-        Some(errors) => {
-            let variance = errors[i] * errors[i];
-            (mean, variance, freedom / f64::from(pixels))
-        }
-        None => (mean, variance, freedom),
-    }
-}
-
-/// The blocks of one size that an image is cut into.
-#[derive(Clone, Copy)]
+/// The blocks of one size that an image is cut into, row by row.
 struct Blocks {
-    /// Width and height of the image.
-    size: (u32, u32),
-    /// Width and height of a block.
+    /// Width of the image.
+    width: usize,
+    /// Width and height of a block, unless the image ends before.
     side: u32,
-    /// Columns and rows that the first block lacks.
-    lack: (u32, u32),
+    /// The number of the block of each pixel.
+    of: Vec<u32>,
+    /// The first pixel of each block, and how many it has.
+    blocks: Vec<(usize, u32)>,
 }
 
 impl Blocks {
-    fn new(a: &Image, b: &Image, side: u32) -> Self {
-        let (x, y) = match a.tile_errors.is_some() {
-            true => a.corner(),
-            false => b.corner(),
-        };
-        let (size, lack) = ((a.width, a.height), (x % side, y % side));
-        Self { size, side, lack }
+    /// Cuts an image, of whose first pixel the place in a larger one is
+    /// known.
+    fn new(image: &Image, (left, top): (u32, u32), side: u32) -> Self {
+        let pixels = image.means.len();
+        let (width, size) = (image.width as usize, side as usize);
+        let [left, top] = [left, top].map(|n| (n % side) as usize);
+        let columns = (width + left).div_ceil(size);
+        let (mut of, mut blocks) = (Vec::with_capacity(pixels), vec![]);
+        for i in 0..pixels {
+            let (x, y) = (i % width + left, i / width + top);
+            let block = y / size * columns + x / size;
+            if block == blocks.len() {
+                blocks.push((i, 0));
+            }
+            blocks[block].1 += 1;
+            of.push(block as u32);
+        }
+        Self { width, side, of, blocks }
     }
 
-    /// The number of blocks in a row.
-    fn columns(&self) -> usize {
-        (self.size.0 + self.lack.0).div_ceil(self.side) as usize
-    }
-
-    /// The number of the block that holds pixel `i`, row by row.
-    fn of(&self, i: usize) -> usize {
-        let width = self.size.0 as usize;
-        let along = |at: usize, lack: u32| {
-            (at + lack as usize) / self.side as usize
-        };
-        let (x, y) =
-            (along(i % width, self.lack.0), along(i / width, self.lack.1));
-        y * self.columns() + x
-    }
-
-    /// The columns and the rows of a block of this number.
-    fn range(&self, block: usize) -> [Range<u32>; 2] {
-        let along = |k: usize, lack: u32, end: u32| {
-            let first = k as u64 * u64::from(self.side);
-            let at = |x: u64| {
-                x.saturating_sub(lack.into()).min(end.into()) as u32
-            };
-            at(first)..at(first + u64::from(self.side))
-        };
-        let (x, y) = (block % self.columns(), block / self.columns());
-        [
-            along(x, self.lack.0, self.size.0),
-            along(y, self.lack.1, self.size.1),
-        ]
-    }
-
-    /// The number of pixels in the block that holds pixel `i`.
-    fn area(&self, i: usize) -> u32 {
-        let [columns, rows] = self.range(self.of(i));
-        columns.len() as u32 * rows.len() as u32
+    /// The sums of the gaps over the blocks.
+    fn sums(&self, gaps: &[Option<Gap>]) -> Vec<Gap> {
+        let mut sums = vec![Gap::default(); self.blocks.len()];
+        for (gap, &block) in gaps.iter().zip(&self.of) {
+            gap.iter().for_each(|gap| sums[block as usize].add(gap));
+        }
+        sums
     }
 }
 
@@ -224,46 +198,29 @@ pub struct Scale {
 /// not with each other in one pixel of 2^31.
 pub const FEW: f64 = 16.;
 
-/// Whether the pixel `i` of an image has enough samples.
-fn enough(image: &Image, i: usize) -> bool {
-    image.values(i).is_none_or(|values| values >= FEW)
-}
-
-/// The sums of the gaps over blocks, row by row.
-fn sums(gaps: &[Option<Gap>], blocks: &Blocks) -> Vec<Gap> {
-    let mut sums: Vec<Gap> = Vec::new();
-    for (i, gap) in gaps.iter().enumerate() {
-        let block = blocks.of(i);
-        sums.resize(sums.len().max(block + 1), Gap::default());
-        if let Some(gap) = gap {
-            sums[block].add(gap);
-        }
-    }
-    sums
-}
-
 /// Tests the blocks of one size against those `around` them; `claims`
 /// says that both images state their errors.
 fn test(
     gaps: &[Option<Gap>],
-    (blocks, around): (Blocks, Blocks),
+    [blocks, around]: [&Blocks; 2],
     claims: bool,
 ) -> Scale {
-    let own = sums(gaps, &blocks);
-    let others = sums(gaps, &around);
+    let (own, others) = (blocks.sums(gaps), around.sums(gaps));
     let tested = own.iter().filter(|block| block.pixels > 0).count();
     let level = sidak(sidak(FALSE_ALARMS, TESTS), tested.max(1));
     let side = blocks.side;
     let mut scale = Scale { side, tested, failed: 0, largest: (0., 0, 0) };
-    // Judge each block by the larger of two errors
-    for (i, block) in own.iter().enumerate().filter(|(_, b)| b.pixels > 0) {
-        let [x, y] = blocks.range(i).map(|pixels| pixels.start);
-        let first = y as usize * blocks.size.0 as usize + x as usize;
-        let z = block.z_among(&others[around.of(first)], claims);
-        let failed = tail(z, block.freedom()) < level;
-        scale.failed += usize::from(failed);
-        if z.abs() > scale.largest.0.abs() {
-            scale.largest = (z, x, y);
+    for (block, &(first, _)) in own.iter().zip(&blocks.blocks) {
+        if block.pixels > 0 {
+            // Judge a block by the larger of two errors
+            let others = &others[around.of[first] as usize];
+            let z = block.z_among(others, claims);
+            let failed = tail(z, block.freedom()) < level;
+            scale.failed += usize::from(failed);
+            if z.abs() > scale.largest.0.abs() {
+                let (x, y) = (first % blocks.width, first / blocks.width);
+                scale.largest = (z, x as u32, y as u32);
+            }
         }
     }
     scale
@@ -291,21 +248,19 @@ fn dispersion(
     blocks: &Blocks,
     clusters: &Blocks,
 ) -> Dispersion {
-    let sums = sums(gaps, blocks);
-    let mut excesses: Vec<f64> = Vec::new();
+    let sums = blocks.sums(gaps);
+    let mut excesses = vec![0.; clusters.blocks.len()];
     let (mut squared, mut pixels) = (0., 0);
-    // Sum over the pixels of noisy blocks
     for (i, gap) in gaps.iter().enumerate() {
-        let block = &sums[blocks.of(i)];
+        let block = &sums[blocks.of[i] as usize];
         let unit = block.variance / block.pixels as f64;
         let Some(gap) = gap.filter(|_| unit > 0.) else { continue };
         let square = gap.difference * gap.difference / unit;
-        let cluster = clusters.of(i);
-        excesses.resize(excesses.len().max(cluster + 1), 0.);
-        excesses[cluster] += square - gap.variance / unit;
+        excesses[clusters.of[i] as usize] += square - gap.variance / unit;
         squared += square;
         pixels += 1;
     }
+    // Judge the sum of the excesses
     let excess: f64 = excesses.iter().sum();
     let squares: f64 = excesses.iter().map(|x| x * x).sum();
     let z = excess / squares.sqrt().max(f64::MIN_POSITIVE);
@@ -314,9 +269,6 @@ fn dispersion(
     let ratio = f64::sqrt(squared / f64::max(squared - excess, 0.));
     Dispersion { ratio, z, pixels, failed }
 }
-
-/// What is known about an image: names and values.
-type Attributes = BTreeMap<String, String>;
 
 /// Attributes that decide which radiances an image estimates.
 const SUBJECT: [&str; 8] = [
@@ -330,30 +282,28 @@ const SUBJECT: [&str; 8] = [
     "albedo",
 ];
 
-/// The attributes of the subject whose values differ, in words.
-fn differing(a: &Attributes, b: &Attributes) -> Vec<String> {
-    let differ = |name: &&str| a.get(*name) != b.get(*name);
-    let show = |name: &str, of: &Attributes| match of.get(name) {
-        Some(hash) if name == SUBJECT[0] => hash.chars().take(12).collect(),
-        value => value.cloned().unwrap_or_else(|| "none".to_owned()),
-    };
-    let tell = |name: &str| {
-        format!("{name} {} against {}", show(name, a), show(name, b))
-    };
-    SUBJECT.into_iter().filter(differ).map(tell).collect()
-}
-
 /// What differs of the scenes and views of two images, as in `fov 70.0
 /// against 60.0`, from their attributes; nothing if one of them does
 /// not say.
-pub fn disagreements(a: &Attributes, b: &Attributes) -> Vec<String> {
-    let silent = |of: &Attributes| {
-        SUBJECT.iter().all(|name| !of.contains_key(*name))
+pub fn disagreements(
+    a: &BTreeMap<String, String>,
+    b: &BTreeMap<String, String>,
+) -> Vec<String> {
+    let says = |of: &BTreeMap<String, String>| {
+        SUBJECT.iter().any(|name| of.contains_key(*name))
     };
-    match silent(a) || silent(b) {
-        true => Vec::new(),
-        false => differing(a, b),
-    }
+    let both = says(a) && says(b);
+    let differ = |name: &&str| both && a.get(*name) != b.get(*name);
+    let tell = |name: &str| {
+        let [a, b] = [a, b].map(|of| match of.get(name) {
+            Some(hash) if name == SUBJECT[0] => {
+                hash.get(..12).unwrap_or(hash)
+            }
+            value => value.map_or("none", String::as_str),
+        });
+        format!("{name} {a} against {b}")
+    };
+    SUBJECT.into_iter().filter(differ).map(tell).collect()
 }
 
 /// What distinguishes one image from another.
@@ -395,16 +345,23 @@ impl Difference {
 /// They differ in size, or no pixel has a known error; but images that
 /// do not say their errors may be identical.
 pub fn compare(a: &Image, b: &Image) -> Result<Difference, String> {
-    same_size(a, b)?;
-    let [pixel, block, film] = SIDES.map(|side| Blocks::new(a, b, side));
+    if (a.width, a.height) != (b.width, b.height) {
+        return Err(format!(
+            "one has {}x{} pixels, the other {}x{}",
+            a.width, a.height, b.width, b.height
+        ));
+    }
     // Collect the gaps of all pixels
-    let own = |i| gap([estimate(a, i), estimate(b, i)]);
-    let of_tile = |i| {
-        let pixels = block.area(i);
-        gap([part(a, i, pixels), part(b, i, pixels)])
-    };
-    let gaps: Vec<_> = (0..a.means.len()).map(own).collect();
-    let parts: Vec<_> = (0..a.means.len()).map(of_tile).collect();
+    let corner = if a.tile_errors.is_some() { a } else { b }.corner();
+    let [pixel, block, film] =
+        SIDES.map(|side| Blocks::new(a, corner, side));
+    let gap_of =
+        |i, tile| gap([a, b].map(|image| estimate(image, i, tile)));
+    let area = |i: usize| block.blocks[block.of[i] as usize].1;
+    let pixels = 0..a.means.len();
+    let gaps: Vec<_> = pixels.clone().map(|i| gap_of(i, None)).collect();
+    let parts: Vec<_> =
+        pixels.clone().map(|i| gap_of(i, Some(area(i)))).collect();
     let mut sum = Gap::default();
     parts.iter().flatten().for_each(|gap| sum.add(gap));
     // Tell whether there is anything to test
@@ -419,21 +376,22 @@ pub fn compare(a: &Image, b: &Image) -> Result<Difference, String> {
     }
     // Test each scale against the next
     let claims = a.errors.is_some() && b.errors.is_some();
-    let enough = |i| enough(a, i) && enough(b, i);
-    let single: Vec<_> =
-        (0..gaps.len()).map(|i| gaps[i].filter(|_| enough(i))).collect();
+    let enough =
+        |image: &Image, i| image.values(i).is_none_or(|n| n >= FEW);
+    let single =
+        |i: usize| gaps[i].filter(|_| enough(a, i) && enough(b, i));
+    let single: Vec<_> = pixels.map(single).collect();
     let scales = [
-        test(&single, (pixel, block), claims),
-        test(&parts, (block, film), claims),
-        test(&parts, (film, film), claims),
+        test(&single, [&pixel, &block], claims),
+        test(&parts, [&block, &film], claims),
+        test(&parts, [&film, &film], claims),
     ];
-    // Test the errors by independent clusters
     let independent = a.tile_errors.is_none() && b.tile_errors.is_none();
-    let clusters = if independent { pixel } else { block };
-    let dispersion = dispersion(&gaps, &block, &clusters);
+    let clusters = if independent { &pixel } else { &block };
     let known = gaps.iter().flatten().count();
     let (rmse, relative_mse) = distances(a, b);
     Ok(Difference {
+        // Fill in the difference
         identical,
         rmse,
         relative_mse,
@@ -441,36 +399,20 @@ pub fn compare(a: &Image, b: &Image) -> Result<Difference, String> {
         unknown: gaps.len() - known,
         few: known - scales[0].tested,
         scales,
-        dispersion,
+        dispersion: dispersion(&gaps, &block, clusters),
         z: gaps.iter().map(|g| g.map_or(0., |g| g.z())).collect(),
     })
 }
 
-/// Keeps the relative error of dark pixels finite.
-const EPSILON: f64 = 1e-2;
-
 /// Root mean square difference, and mean square relative difference.
 fn distances(a: &Image, b: &Image) -> (f64, f64) {
-    let (mut squares, mut relative) = (0., 0.);
-    let mut n = 0.;
+    let (mut squares, mut relative, mut n) = (0., 0., 0.);
     let pairs = a.means.iter().zip(&b.means);
     for (a, b) in pairs.filter(|(a, b)| (*a - *b).is_finite()) {
         let square = (a - b) * (a - b);
         squares += square;
-        relative += square / (b * b + EPSILON);
+        relative += square / (b * b + 1e-2);
         n += 1.;
     }
     (f64::sqrt(squares / n), relative / n)
-}
-
-/// # Errors
-/// The images differ in size.
-fn same_size(a: &Image, b: &Image) -> Result<(), String> {
-    match (a.width, a.height) == (b.width, b.height) {
-        true => Ok(()),
-        false => Err(format!(
-            "one has {}x{} pixels, the other {}x{}",
-            a.width, a.height, b.width, b.height
-        )),
-    }
 }

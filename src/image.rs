@@ -12,20 +12,28 @@
 
 mod data;
 mod exr;
-mod levels;
-mod pfm;
-mod pgm;
+pub(crate) mod levels;
 mod png;
-pub(crate) mod srgb;
+mod pnm;
 
 use std::io::{self, Read, Write};
 use std::path::Path;
 
+use clap::ValueEnum;
+
 pub use data::{Image, Note, Picture, Source};
 
-#[derive(clap::ValueEnum, serde::Serialize, serde::Deserialize)]
 /// How an image becomes bytes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(
+    ValueEnum,
+    serde::Serialize,
+    serde::Deserialize,
+    Clone,
+    Copy,
+    Debug,
+    PartialEq,
+    Eq,
+)]
 pub enum Format {
     /// Plain portable greymap of 256 levels
     Pgm,
@@ -45,9 +53,9 @@ impl Format {
         out: &mut dyn Write,
     ) -> io::Result<()> {
         match self {
-            Format::Pgm => pgm::write(image, out),
+            Format::Pgm => pnm::write_levels(image, out),
             Format::Png => png::write(image, out),
-            Format::Pfm => pfm::write(image, out),
+            Format::Pfm => pnm::write_numbers(image, out),
             Format::Exr => exr::write(image, out),
         }
     }
@@ -57,16 +65,13 @@ impl Format {
     /// # Errors
     /// The extension belongs to no format.
     pub fn of(path: &Path) -> Result<Self, String> {
-        match extension(path).as_deref() {
-            Some("pgm") | None => Ok(Format::Pgm),
-            Some("png") => Ok(Format::Png),
-            Some("pfm") => Ok(Format::Pfm),
-            Some("exr") => Ok(Format::Exr),
-            Some(_) => Err(format!(
+        let Some(name) = extension(path) else { return Ok(Format::Pgm) };
+        Self::from_str(&name, false).map_err(|_| {
+            format!(
                 "{}: unknown kind of image; name it .pgm, .png, .pfm or .exr",
                 path.display()
-            )),
-        }
+            )
+        })
     }
 }
 
@@ -94,18 +99,15 @@ impl Image {
     /// The file cannot be read, and those of [`Image::decode`]; the
     /// message names the file and the fault.
     pub fn read_noting(path: &Path, note: Note) -> Result<Self, String> {
-        let mut bytes = Vec::new();
-        let (name, read) = match path.to_str() {
-            Some("-") => {
-                let read = io::stdin().read_to_end(&mut bytes).map(drop);
-                ("standard input".to_owned(), read)
-            }
-            _ => {
-                let read = std::fs::read(path).map(|read| bytes = read);
-                (path.display().to_string(), read)
-            }
+        let (name, bytes) = if path.as_os_str() == "-" {
+            let mut bytes = vec![];
+            let read = io::stdin().read_to_end(&mut bytes);
+            ("standard input".to_owned(), read.map(|_| bytes))
+        } else {
+            (path.display().to_string(), std::fs::read(path))
         };
-        read.map_err(|error| format!("{name}: cannot read: {error}"))?;
+        let bytes: Vec<u8> = bytes
+            .map_err(|error| format!("{name}: cannot read: {error}"))?;
         Self::decode(&bytes, &mut |text| note(&format!("{name}: {text}")))
             .map_err(|fault| format!("{name}: {fault}"))
     }
@@ -118,10 +120,9 @@ impl Image {
     pub fn decode(bytes: &[u8], note: Note) -> Result<Self, String> {
         let image = match bytes.get(..2) {
             Some([0x76, 0x2f]) => exr::read(bytes, note),
-            Some(b"Pf" | b"PF") => pfm::read(bytes, note),
-            Some(b"P2" | b"P5") => pgm::read(bytes, note),
+            Some(b"Pf" | b"PF") => pnm::read_numbers(bytes, note),
+            Some(b"P2" | b"P5") => pnm::read_levels(bytes, note),
             Some(b"\x89P") => png::read(bytes, note),
-            // Name the sisters of the greymap
             Some(b"P1" | b"P4") => Err(format!("{NEITHER}, but PBM")),
             Some(b"P3" | b"P6") => Err(format!("{NEITHER}, but PPM")),
             Some(b"P7") => Err(format!("{NEITHER}, but PAM")),
@@ -131,40 +132,38 @@ impl Image {
     }
 
     fn sifted(mut self, note: Note) -> Result<Self, String> {
-        let width = self.width as usize;
-        let mut lost = Vec::new();
-        for (i, mean) in self.means.iter_mut().enumerate() {
-            let errors = [&mut self.errors, &mut self.tile_errors];
-            let errors = errors.map(|e| e.as_mut().map(|e| &mut e[i]));
-            let count =
-                self.samples.as_mut().map(|samples| &mut samples[i]);
+        let (width, mut lost) = (self.width as usize, vec![]);
+        for i in 0..self.means.len() {
+            let mut lists = [
+                &mut self.errors,
+                &mut self.tile_errors,
+                &mut self.samples,
+            ];
+            let numbers = lists.each_ref().map(|list| match list {
+                Some(list) => list[i],
+                None => 0.,
+            });
             // Refuse a negative error or count
-            let (x, y) = (i % width, i / width);
-            let errors_and_count =
-                errors.iter().flatten().map(|e| ("standard error", **e));
-            for (what, value) in
-                errors_and_count.chain(count.iter().map(|n| ("count", **n)))
-            {
-                if value < 0. {
-                    return Err(format!(
-                        "the {what} of the pixel {x},{y} is {value}"
-                    ));
-                }
+            if let Some(value) = numbers.iter().find(|value| **value < 0.) {
+                let (x, y) = (i % width, i / width);
+                return Err(format!(
+                    "the standard error or count of the pixel {x},{y} is {value}"
+                ));
             }
-            let known = mean.is_finite()
-                && errors.iter().flatten().all(|error| !error.is_nan())
-                && count.as_ref().is_none_or(|count| count.is_finite());
-            if !known {
-                *mean = f64::NAN;
-                let errors = errors.into_iter().flatten();
-                errors.for_each(|error| *error = f64::INFINITY);
-                count.into_iter().for_each(|count| *count = 0.);
-                lost.push(i);
+            let [error, shared, count] = numbers;
+            let is_nan = error.is_nan() || shared.is_nan();
+            if !is_nan && self.means[i].is_finite() && count.is_finite() {
+                continue;
             }
+            let unknown = [f64::INFINITY, f64::INFINITY, 0.];
+            for (list, value) in lists.iter_mut().zip(unknown) {
+                list.iter_mut().for_each(|list| list[i] = value);
+            }
+            self.means[i] = f64::NAN;
+            lost.push((i % width, i / width));
         }
         // Tell how many pixels are no numbers
-        if let Some(first) = lost.first() {
-            let (x, y) = (first % width, first / width);
+        if let Some((x, y)) = lost.first() {
             note(&format!(
                 "pixels that are not finite numbers: {}, the first at {x},{y}",
                 lost.len()

@@ -13,7 +13,6 @@
 //! null in JSON, an empty field in CSV, and a word for people.
 
 mod html;
-mod origin;
 mod plot;
 mod result;
 
@@ -92,21 +91,17 @@ fn json(report: &Report) -> String {
 
 /// A header, and a row for each point; what is not known is empty.
 fn csv(curve: &[CurvePoint]) -> String {
-    let mut text =
-        "spp,seconds,rays,rmse,mean,mean_stderr,rmse_reference\n"
-            .to_owned();
-    for point in curve {
+    let header = "spp,seconds,rays,rmse,mean,mean_stderr,rmse_reference\n";
+    let cell = |x: Option<f64>| {
+        let finite = x.filter(|x| x.is_finite());
+        finite.map_or(String::new(), |x| format!("{x:?}"))
+    };
+    let rows = curve.iter().map(|point| {
         let CurvePoint { spp, seconds, rays, rmse, .. } = *point;
         let CurvePoint { mean, mean_stderr, rmse_reference, .. } = *point;
         let last = [rmse, Some(mean), mean_stderr, rmse_reference];
-        let seconds = cell(Some(seconds));
         let last = last.map(cell).join(",");
-        text += &format!("{spp},{seconds},{rays},{last}\n");
-    }
-    text
-}
-
-fn cell(x: Option<f64>) -> String {
-    let finite = x.filter(|x| x.is_finite());
-    finite.map_or(String::new(), |x| format!("{x:?}"))
+        format!("{spp},{seconds:?},{rays},{last}\n")
+    });
+    header.to_owned() + &rows.collect::<String>()
 }

@@ -9,7 +9,6 @@ use std::path::Path;
 
 use base64::prelude::{BASE64_STANDARD, Engine};
 use litpt::image::Image;
-use litpt::render::Share;
 use litpt::render_loop::CurvePoint;
 use litpt::report::{Fit, Kind, Report, SceneFile};
 use rand::{RngExt, SeedableRng};
@@ -51,7 +50,6 @@ fn report(curve: Vec<CurvePoint>) -> Report {
             triangles: 6,
         },
         settings,
-        left_out: vec![],
         spp: last.map_or(0, |point| point.spp),
         load_seconds: 0.125,
         build_seconds: 0.25,
@@ -60,11 +58,8 @@ fn report(curve: Vec<CurvePoint>) -> Report {
         mean: last.map_or(f64::NAN, |point| point.mean),
         mean_stderr: last.and_then(|point| point.mean_stderr),
         rmse: last.and_then(|point| point.rmse),
-        constant_pixels: 0,
-        unsampled_pixels: 0,
-        ranks: vec![],
-        stopped: None,
         curve,
+        ..Report::default()
     }
 }
 
@@ -81,15 +76,9 @@ fn image(width: u32, height: u32) -> Image {
         1 => f64::INFINITY,
         _ => 1e-4 * f64::from(1 + i % 50),
     };
-    Image {
-        width,
-        height,
-        means: pixels.clone().map(|i| f64::from(i % 2)).collect(),
-        errors: Some(pixels.map(error).collect()),
-        samples: None,
-        tile_errors: None,
-        attributes: Default::default(),
-    }
+    let means = pixels.clone().map(|i| f64::from(i % 2)).collect();
+    let errors = Some(pixels.map(error).collect());
+    Image { errors, ..Image::plain(width, height, means) }
 }
 
 fn json_of(report: &Report) -> Value {
@@ -101,20 +90,20 @@ fn html_of(report: &Report) -> String {
     Kind::Html.render(report, &|| image(12, 8))
 }
 
+/// Hands the page of a report to a function, as XML.
+fn with_page<T>(report: &Report, work: impl Fn(&Document) -> T) -> T {
+    work(&Document::parse(&as_xml(&html_of(report))).unwrap())
+}
+
 /// The page as XML: without its first line, and with its void elements
 /// closed.
 fn as_xml(page: &str) -> String {
-    let mut text = page.replacen("<!DOCTYPE html>", "", 1);
-    for name in ["<meta ", "<img "] {
-        let mut from = 0;
-        while let Some(start) = text[from..].find(name) {
-            let end =
-                from + start + text[from + start..].find('>').unwrap();
-            text.insert(end, '/');
-            from = end;
-        }
-    }
-    text
+    let page = page.replacen("<!DOCTYPE html>", "", 1);
+    let close = |part: &str| match part.split(' ').next() {
+        Some("meta" | "img") => part.replacen('>', "/>", 1),
+        _ => part.to_owned(),
+    };
+    page.split('<').map(close).collect::<Vec<_>>().join("<")
 }
 
 fn named<'a>(
@@ -154,30 +143,23 @@ fn the_extension_chooses_the_kind() {
 
 #[test]
 fn json_holds_what_is_known() {
-    let report = ordinary();
+    let mut report = ordinary();
     let json = json_of(&report);
-    assert_eq!(json["scene"]["file"], "room.obj");
-    assert_eq!(json["scene"]["sha256"], "00ff");
-    assert_eq!(json["scene"]["triangles"], 6);
+    assert_eq!(
+        json["scene"],
+        json!({ "file": "room.obj", "sha256": "00ff", "triangles": 6 })
+    );
     assert_eq!(json["settings"]["albedo"], 0.8);
     assert_eq!(json["load_seconds"], 0.125);
     assert_eq!(json["build_seconds"], 0.25);
     assert_eq!(json["stopped"], Value::Null);
-    let curve: Vec<CurvePoint> =
-        serde_json::from_value(json["curve"].clone()).unwrap();
-    assert_eq!(curve, report.curve);
-}
-
-#[test]
-fn a_point_has_a_reference_error_only_if_there_is_a_reference() {
-    let mut report = ordinary();
-    let json = json_of(&report);
     assert!(json["curve"][3].get("rmse_reference").is_none());
     let column = "<th>rmse against reference</th>";
     assert!(!html_of(&report).contains(column));
     report.curve[3].rmse_reference = Some(0.125);
-    let json = json_of(&report);
-    assert_eq!(json["curve"][3]["rmse_reference"], 0.125);
+    let curve = json_of(&report)["curve"].clone();
+    let curve: Vec<CurvePoint> = serde_json::from_value(curve).unwrap();
+    assert_eq!(curve, report.curve);
     let page = html_of(&report);
     assert!(page.contains(column) && page.contains("<td>0.125000</td>"));
 }
@@ -189,9 +171,10 @@ fn what_is_not_finite_is_null_in_json_and_empty_in_csv() {
     report.curve[0].mean_stderr = Some(f64::NAN);
     report.rmse = Some(f64::INFINITY);
     let json = json_of(&report);
-    assert_eq!(json["rmse"], Value::Null);
-    assert_eq!(json["curve"][0]["rmse"], Value::Null);
-    assert_eq!(json["curve"][0]["mean_stderr"], Value::Null);
+    let point = &json["curve"][0];
+    for value in [&json["rmse"], &point["rmse"], &point["mean_stderr"]] {
+        assert_eq!(*value, Value::Null);
+    }
     let csv = Kind::Csv.render(&report, &|| image(12, 8));
     assert_eq!(csv.lines().nth(1), Some("2,0.06,2000,,0.25,,"));
     let page = html_of(&report);
@@ -228,30 +211,15 @@ fn every_row_of_csv_has_all_columns_and_all_digits() {
     report.curve[4].rmse_reference = Some(0.1 + 0.2);
     let csv = Kind::Csv.render(&report, &|| image(12, 8));
     let mut lines = csv.lines();
-    let header: Vec<_> = lines.next().unwrap().split(',').collect();
-    assert_eq!(
-        header,
-        [
-            "spp",
-            "seconds",
-            "rays",
-            "rmse",
-            "mean",
-            "mean_stderr",
-            "rmse_reference"
-        ]
-    );
-    for (line, step) in lines.zip(&report.curve) {
-        let cells: Vec<_> = line.split(',').collect();
-        assert_eq!(cells.len(), header.len(), "{line}");
-        let known = |cell: &str| cell.parse::<f64>().ok();
-        assert_eq!(cells[0].parse(), Ok(step.spp));
-        assert_eq!(known(cells[1]), Some(step.seconds));
-        assert_eq!(cells[2].parse(), Ok(step.rays));
-        assert_eq!(known(cells[3]), step.rmse);
-        assert_eq!(known(cells[4]), Some(step.mean));
-        assert_eq!(known(cells[5]), step.mean_stderr);
-        assert_eq!(known(cells[6]), step.rmse_reference);
+    let header = "spp,seconds,rays,rmse,mean,mean_stderr,rmse_reference";
+    assert_eq!(lines.next(), Some(header));
+    for (line, point) in lines.zip(&report.curve) {
+        let CurvePoint { spp, seconds, rays, rmse, mean, .. } = *point;
+        let cells = line.split(',').map(|cell| cell.parse().ok());
+        let first = [spp as f64, seconds, rays as f64].map(Some);
+        let errors = [point.mean_stderr, point.rmse_reference];
+        let all = [&first[..], &[rmse, Some(mean)], &errors].concat();
+        assert_eq!(cells.collect::<Vec<Option<f64>>>(), all);
     }
 }
 
@@ -343,14 +311,16 @@ fn the_drawing_shows_each_point_within_its_frame() {
     let mut report = ordinary();
     report.curve[5].rmse_reference = Some(0.3);
     report.curve[6].rmse_reference = Some(0.2);
-    let page = as_xml(&html_of(&report));
-    let page = Document::parse(&page).unwrap();
     // The guide, the truth, and what is estimated.
-    let lines: Vec<_> = named(&page, "polyline").map(places).collect();
+    let (lines, frame) = with_page(&report, |page| {
+        let lines = named(page, "polyline").map(places);
+        let frame = named(page, "svg").nth(1).unwrap();
+        let size = ["width", "height"].map(|side| number(frame, side));
+        (lines.collect::<Vec<_>>(), size)
+    });
     let lengths: Vec<_> = lines.iter().map(Vec::len).collect();
     assert_eq!(lengths, [2, 2, 6]);
-    let frame = named(&page, "svg").nth(1).unwrap();
-    let (width, height) = (number(frame, "width"), number(frame, "height"));
+    let [width, height] = frame;
     for (x, y) in lines[1].iter().chain(&lines[2]) {
         assert!((0. ..=width).contains(x) && (0. ..=height).contains(y));
     }
@@ -363,18 +333,18 @@ fn the_drawing_shows_each_point_within_its_frame() {
 
 #[test]
 fn the_guide_passes_through_points_that_keep_to_the_theory() {
-    let page = as_xml(&html_of(&ordinary()));
-    let page = Document::parse(&page).unwrap();
-    let guide = named(&page, "polyline").next().map(places).unwrap();
+    let (guide, points) = with_page(&ordinary(), |page| {
+        let guide = named(page, "polyline").next().map(places).unwrap();
+        let place = |disc| (number(disc, "cx"), number(disc, "cy"));
+        let points = named(page, "circle").map(place);
+        (guide, points.collect::<Vec<_>>())
+    });
     let (from, to) = (guide[0], guide[1]);
     let slope = (to.1 - from.1) / (to.0 - from.0);
-    let mut points = 0;
-    for disc in named(&page, "circle") {
-        let (x, y) = (number(disc, "cx"), number(disc, "cy"));
+    for (x, y) in &points {
         assert!((from.1 + slope * (x - from.0) - y).abs() < 0.3);
-        points += 1;
     }
-    assert_eq!(points, 6);
+    assert_eq!(points.len(), 6);
 }
 
 #[test]
@@ -386,11 +356,11 @@ fn every_decade_of_either_axis_has_its_label() {
                 let rmse = Some(0.2 / (seconds / first).sqrt());
                 CurvePoint { seconds, rmse, ..point(8) }
             });
-            let page = as_xml(&html_of(&report(curve.collect())));
-            let page = Document::parse(&page).unwrap();
-            let exponents: Vec<i32> = named(&page, "tspan")
-                .map(|n| n.text().unwrap().parse().unwrap())
-                .collect();
+            let curve = report(curve.collect());
+            let exponents: Vec<i32> = with_page(&curve, |page| {
+                let texts = named(page, "tspan").map(|n| n.text().unwrap());
+                texts.map(|text| text.parse().unwrap()).collect()
+            });
             let ends = exponents.iter().position(|&n| n == -1);
             assert!(ends.is_some(), "0.1 to 1 for an error of 0.2");
             let first = first.log10().floor() as i32;
@@ -489,19 +459,17 @@ fn images(page: &str) -> Vec<(u32, u32, Vec<u16>)> {
 #[test]
 fn the_page_shows_the_image_and_its_errors() {
     let image = || Image {
-        width: 3,
-        height: 1,
-        means: vec![0., 1., 0.5],
         errors: Some(vec![0., 0.02, 0.01]),
-        samples: None,
-        tile_errors: None,
-        attributes: Default::default(),
+        ..Image::plain(3, 1, vec![0., 1., 0.5])
     };
     let page = Kind::Html.render(&ordinary(), &image);
     let shown = images(&page);
     assert_eq!(shown[0], (3, 1, vec![0, 65535, 48191]));
     assert_eq!(shown[1], (3, 1, vec![0, 65535, 48191]));
     assert!(page.contains("White is 0.020000 or more"));
+    let plain = || Image { errors: None, ..image() };
+    let page = Kind::Html.render(&ordinary(), &plain);
+    assert_eq!(images(&page).len(), 1);
 }
 
 /// An image that is white all over is told from the page by its frame, and
@@ -566,14 +534,10 @@ fn settings_on_the_page_have_the_form_that_is_typed_and_a_unit() {
 
 #[test]
 fn a_large_image_is_averaged_as_radiance() {
+    let means = (0..2000 * 7).map(|i| f64::from(i % 2000 % 3 / 2));
     let image = || Image {
-        width: 2000,
-        height: 7,
-        means: (0..2000 * 7).map(|i| f64::from(i % 2000 % 3 / 2)).collect(),
         errors: Some(vec![0.5; 2000 * 7]),
-        samples: None,
-        tile_errors: None,
-        attributes: Default::default(),
+        ..Image::plain(2000, 7, means.clone().collect())
     };
     let page = Kind::Html.render(&ordinary(), &image);
     let shown = images(&page);
@@ -586,13 +550,6 @@ fn a_large_image_is_averaged_as_radiance() {
 }
 
 #[test]
-fn without_errors_the_page_has_no_map() {
-    let plain = || Image { errors: None, ..image(12, 8) };
-    let page = Kind::Html.render(&ordinary(), &plain);
-    assert_eq!(images(&page).len(), 1);
-}
-
-#[test]
 fn the_page_says_in_words_how_the_run_went() {
     let mut report = ordinary();
     report.mean = 0.43124;
@@ -602,9 +559,7 @@ fn the_page_says_in_words_how_the_run_went() {
     report.stopped = Some("time".to_owned());
     report.settings.insert("spp".to_owned(), json!(200));
     report.settings.insert("error".to_owned(), json!(0.01));
-    let page = as_xml(&html_of(&report));
-    let page = Document::parse(&page).unwrap();
-    let text = words(&page);
+    let text = with_page(&report, words);
     for phrase in [
         "6 triangles, load 0.125 s, build 0.250 s",
         "1.920 s, 64000 rays, 33.33 krays/s (reference)",
@@ -622,91 +577,33 @@ fn the_page_says_in_words_how_the_run_went() {
 }
 
 #[test]
-fn the_page_says_what_each_rank_has_done() {
-    let share = |paths, wait_seconds| Share {
-        paths,
-        render_seconds: 1.,
-        wait_seconds,
-        processor_seconds: 1.5,
-        ..Share::default()
-    };
-    let mut report = ordinary();
-    assert!(report.summary(96).iter().all(|line| line.0 != "ranks"));
-    let alone = Kind::Html.render(&report, &|| image(12, 8));
-    report.ranks = vec![share(300, 0.), share(100, 0.5)];
-    for point in &mut report.curve {
-        point.processor_seconds = Some(2. * point.seconds);
-    }
-    let summary = report.summary(96);
-    let line = summary.iter().find(|line| line.0 == "ranks").unwrap();
-    assert_eq!(
-        line.1,
-        "2, each with 25.0 to 75.0 % of the paths, waiting 20.0 % of the \
-         time; 3.00 s of processors"
-    );
-    let page = Kind::Html.render(&report, &|| image(12, 8));
-    for text in ["<td>300</td>", "seconds of processors", "1.5 3"] {
-        assert!(page.contains(text), "no {text}");
-    }
-    assert!(
-        !alone.contains("waiting") && !alone.contains("of processors<")
-    );
-}
-
-#[test]
 fn the_verdict_says_why_the_run_stopped_and_whether_it_met_its_targets() {
-    let verdict = |stopped: &str, rmse, settings| {
-        let mut report = ordinary();
-        report.stopped = Some(stopped.to_owned());
-        report.rmse = rmse;
-        let Value::Object(settings) = settings else { unreachable!() };
-        report.settings = settings;
-        report.verdict()
-    };
-    let none = || json!({ "spp": null, "error": null });
-    let error = || json!({ "spp": null, "error": 0.001 });
-    for (stopped, rmse, settings, said) in [
-        ("time", Some(0.1), none(), "stopped by time"),
-        ("signal", None, none(), "stopped by a signal"),
-        (
-            "samples",
-            Some(0.1),
-            json!({ "spp": 64 }),
-            "stopped by samples; 64 of 64 spp",
-        ),
-        (
-            "signal",
-            Some(0.1),
-            json!({ "spp": 100 }),
-            "stopped by a signal; 64 of 100 spp",
-        ),
-        (
-            "time",
-            Some(0.0031),
-            error(),
-            "stopped by time; error 0.003100, target 0.001 not reached",
-        ),
-        (
-            "time",
-            None,
-            error(),
-            "stopped by time; error unknown, target 0.001 not reached",
-        ),
-        (
-            "error",
-            Some(0.00099),
-            error(),
-            "stopped by error; error 0.000990, target 0.001 reached",
-        ),
+    let none = Value::Null;
+    let (target, reached) = (json!(0.001), "target 0.001 reached");
+    for (stopped, rmse, spp, error, said) in [
+        ("time", Some(0.1), &none, &none, ""),
+        ("samples", Some(0.1), &json!(64), &none, "64 of 64 spp"),
+        ("signal", Some(0.1), &json!(100), &none, "64 of 100 spp"),
+        ("time", Some(0.0031), &none, &target, "error 0.003100, "),
+        ("time", None, &none, &target, "error unknown, "),
+        ("error", Some(0.00099), &none, &target, "error 0.000990, "),
         // Of an image that is known.
-        (
-            "samples",
-            Some(0.),
-            error(),
-            "stopped by samples; error 0.000000, target 0.001 reached",
-        ),
+        ("samples", Some(0.), &none, &target, "error 0.000000, "),
     ] {
-        assert_eq!(verdict(stopped, rmse, settings), said);
+        let mut report = ordinary();
+        let settings = [("spp", spp), ("error", error)];
+        let settings = settings.map(|(k, v)| (k.to_owned(), v.clone()));
+        report.settings = settings.into_iter().collect();
+        (report.stopped, report.rmse) = (Some(stopped.to_owned()), rmse);
+        let small = rmse.is_some_and(|rmse| rmse < 0.001);
+        let met = if small { reached } else { "target 0.001 not reached" };
+        let stopped = stopped.replace("signal", "a signal");
+        let said = match error {
+            Value::Null if said.is_empty() => String::new(),
+            Value::Null => format!("; {said}"),
+            _ => format!("; {said}{met}"),
+        };
+        assert_eq!(report.verdict(), format!("stopped by {stopped}{said}"));
     }
     assert!(ordinary().verdict().starts_with("goes on"));
 }

@@ -53,14 +53,15 @@ enum Verb {
         #[arg(long)]
         json: bool,
     },
-    /// Make an image for the screen
+    /// Make an image for the screen, .png or .pgm
+    #[command(mut_arg("output", |output| output.required(true)))]
     Tonemap {
         /// Image to read
         #[arg(value_name = "IN")]
         input: PathBuf,
 
         #[command(flatten)]
-        output: Output,
+        to: Output,
 
         /// Stops by which the image is made brighter
         #[arg(short, long, value_name = "STOPS", default_value = "0",
@@ -74,6 +75,10 @@ enum Verb {
     /// Test whether chance alone explains the difference of two images:
     /// the status is 0 if so, 1 if not (wrong once in 100 pairs), and 2 if
     /// they cannot be compared
+    #[command(mut_arg("output", |output| output.help(
+        "Map of the differences in standard errors, as numbers (.exr, .pfm) \
+         or as grey levels (.png, .pgm) from -5 to 5; - with -q"
+    )))]
     Diff {
         /// Image to test
         #[arg(value_name = "A")]
@@ -82,38 +87,26 @@ enum Verb {
         /// Image to test against; taken as exact if it says no errors
         #[arg(value_name = "B")]
         b: PathBuf,
-        /// Map of the differences in standard errors, as numbers (.exr,
-        /// .pfm) or as grey levels (.png, .pgm) from -5 to 5; - with -q
-        #[arg(short, long, value_name = "FILE")]
-        output: Option<PathBuf>,
 
-        /// Format of a map on standard output: pgm, png, pfm or exr
-        #[arg(
-            long,
-            value_name = "FORMAT",
-            hide_possible_values = true,
-            requires = "output"
-        )]
-        format: Option<Format>,
-
-        /// Overwrite the map if it exists
-        #[arg(short, long)]
-        force: bool,
+        #[command(flatten)]
+        to: Output,
 
         /// Print nothing but errors
         #[arg(short, long)]
         quiet: bool,
     },
     /// Merge states of parts of one run to the image of the whole
+    #[command(mut_arg("output", |output| output.required(true)))]
     Merge(Merge),
-    /// Show the standard error of each pixel as grey
+    /// Show the standard error of each pixel as grey, in .png or .pgm
+    #[command(mut_arg("output", |output| output.required(true)))]
     Stderr {
         /// Image to read
         #[arg(value_name = "IN")]
         input: PathBuf,
 
         #[command(flatten)]
-        output: Output,
+        to: Output,
 
         /// Show the errors relative to the means
         #[arg(short, long)]
@@ -127,14 +120,8 @@ struct Merge {
     #[arg(value_name = "FILE", required = true, num_args = 2..)]
     files: Vec<PathBuf>,
 
-    /// Image to write, .exr, .pfm, .png or .pgm; may be repeated; - is
-    /// standard output
-    #[arg(short, long, value_name = "OUT", required = true)]
-    output: Vec<PathBuf>,
-
-    /// Format on standard output [default: exr]
-    #[arg(long, value_name = "FORMAT", hide_possible_values = true)]
-    format: Option<Format>,
+    #[command(flatten)]
+    to: Output,
 
     /// Report of the run whose parts are merged, .json, .csv or .html; may
     /// be repeated
@@ -144,60 +131,57 @@ struct Merge {
     /// Merge what there is, even if parts of the run are missing
     #[arg(long)]
     partial: bool,
+}
+
+#[derive(Debug, Args)]
+struct Output {
+    /// Image to write; may be repeated; - is standard output
+    #[arg(short, long, value_name = "OUT")]
+    output: Vec<PathBuf>,
+
+    /// Format on standard output [default: exr of a merge, else pgm]
+    #[arg(long, value_name = "FORMAT", hide_possible_values = true)]
+    format: Option<Format>,
 
     /// Overwrite files that exist
     #[arg(short, long)]
     force: bool,
 }
 
-#[derive(Debug, Args)]
-struct Output {
-    /// Image to write, .pgm or .png; - is standard output
-    #[arg(short, long, value_name = "OUT")]
-    output: PathBuf,
-
-    /// Format on standard output, pgm or png [default: pgm]
-    #[arg(long, value_name = "FORMAT", hide_possible_values = true)]
-    format: Option<Format>,
-
-    /// Overwrite the image if it exists
-    #[arg(short, long)]
-    force: bool,
-}
-
 impl Output {
-    /// The target of an image of grey levels.
-    ///
-    /// # Errors
-    /// The format is another, or the target cannot be written.
-    fn target(&self) -> Result<ImageTarget, String> {
-        let target =
-            target(&self.output, self.format, self.force, GREY[0])?;
-        match GREY.contains(&target.format()) {
-            true => Ok(target),
-            false => Err(format!(
+    /// The targets of an image, which on standard output has the format
+    /// that was asked for, or the usual one.
+    fn targets(&self, usual: Format) -> Result<Vec<ImageTarget>, String> {
+        let target = |path: &PathBuf| match (descriptor(path), self.format)
+        {
+            (None, Some(_)) => Err(format!(
+                "{}: --format is for standard output; the name of a file \
+                 tells its format",
+                path.display()
+            )),
+            (_, format) => {
+                ImageTarget::file(path, format.unwrap_or(usual), self.force)
+            }
+        };
+        self.output.iter().map(target).collect()
+    }
+
+    /// The targets of an image of grey levels.
+    fn grey_targets(&self) -> Result<Vec<ImageTarget>, String> {
+        let targets = self.targets(Format::Pgm)?;
+        let numbers = targets.iter().position(|target| !is_grey(target));
+        match numbers {
+            None => Ok(targets),
+            Some(at) => Err(format!(
                 "{}: this image is written as .pgm or .png",
-                self.output.display()
+                self.output[at].display()
             )),
         }
     }
-}
 
-/// The target of an image, which on standard output has the format that
-/// was asked for, or the usual one.
-fn target(
-    path: &Path,
-    format: Option<Format>,
-    force: bool,
-    usual: Format,
-) -> Result<ImageTarget, String> {
-    match (descriptor(path), format) {
-        (None, Some(_)) => Err(format!(
-            "{}: --format is for standard output; the name of a file \
-             tells its format",
-            path.display()
-        )),
-        _ => ImageTarget::file(path, format.unwrap_or(usual), force),
+    /// Whether something goes to standard output.
+    fn is_standard(&self) -> bool {
+        self.output.iter().any(|path| descriptor(path) == Some(1))
     }
 }
 
@@ -217,41 +201,53 @@ fn main() -> ExitCode {
     })
 }
 
-const GREY: [Format; 2] = [Format::Pgm, Format::Png];
-
 fn run(verb: &Verb) -> Result<ExitCode, String> {
     match verb {
         Verb::Info { files, json } => inform(files, *json)?,
-        Verb::Tonemap { input, output, exposure, tonemap } => {
-            // Show the radiances on a screen
-            let target = output.target()?;
+        Verb::Tonemap { input, to, exposure, tonemap } => {
+            let targets = to.grey_targets()?;
             let image = read(input)?;
             let grey = display::tonemap(&image, *exposure, *tonemap);
-            target.write(&grey)?;
+            write(&targets, &grey)?;
         }
         Verb::Merge(merge) => merge.run()?,
-        Verb::Stderr { input, output, relative } => {
-            show_errors(input, output, *relative)?;
+        Verb::Stderr { input, to, relative } => {
+            // Show the standard errors
+            let targets = to.grey_targets()?;
+            let image = read(input)?;
+            let (grey, white) = display::errors(&image, *relative)
+                .map_err(|fault| format!("{}: {fault}", input.display()))?;
+            write(&targets, &grey)?;
+            let what = if *relative { "relative " } else { "" };
+            let line =
+                format!("white is a {what}standard error of {white:.4e}");
+            match to.is_standard() {
+                true => progress::inform(&line),
+                false => say(&line)?,
+            }
         }
-        Verb::Diff { a, b, output, format, force, quiet } => {
-            // Check the map before the comparison
-            if output.as_deref().and_then(descriptor) == Some(1) && !quiet {
+        Verb::Diff { a, b, to, quiet } => {
+            if to.is_standard() && !quiet {
                 return Err("a map on standard output needs -q".to_owned());
             }
-            let map = output.as_ref();
-            let map =
-                map.map(|path| target(path, *format, *force, Format::Pgm));
-            return diff(a, b, map.transpose()?, *quiet);
+            return diff([a, b], &to.targets(Format::Pgm)?, *quiet);
         }
     }
     Ok(ExitCode::SUCCESS)
 }
 
+fn is_grey(target: &ImageTarget) -> bool {
+    [Format::Pgm, Format::Png].contains(&target.format())
+}
+
+fn write(targets: &[ImageTarget], image: &Image) -> Result<(), String> {
+    targets.iter().try_for_each(|target| target.write(image))
+}
+
 impl Merge {
     fn run(&self) -> Result<(), String> {
-        // Refuse to overwrite what is merged
         let files = self.files.iter().map(PathBuf::as_path);
-        let written = self.output.iter().chain(&self.report);
+        let written = self.to.output.iter().chain(&self.report);
         tell_apart(files, written.map(PathBuf::as_path))?;
         // Refuse what is no state
         let is_other = |file: &&PathBuf| {
@@ -264,14 +260,9 @@ impl Merge {
                 file.display()
             ));
         }
-        // Check the targets of image and report
-        let (format, force) = (self.format, self.force);
-        let image =
-            |path: &PathBuf| target(path, format, force, Format::Exr);
-        let images = self.output.iter().map(image);
-        let images = images.collect::<Result<Vec<_>, String>>()?;
+        let images = self.to.targets(Format::Exr)?;
         let report = |path: &PathBuf| {
-            Ok((Kind::of(path)?, OutputTarget::file(path, force)?))
+            Ok((Kind::of(path)?, OutputTarget::file(path, self.to.force)?))
         };
         let reports = self.report.iter().map(report);
         let reports = reports.collect::<Result<Vec<_>, String>>()?;
@@ -286,9 +277,7 @@ impl Merge {
         }
         // Write what was merged
         let (image, report) = merged.image_and_report();
-        for target in images {
-            target.write(&image)?;
-        }
+        write(&images, &image)?;
         for (kind, target) in reports {
             let text = kind.render(&report, &|| image.clone());
             target.write(&mut |out| out.write_all(text.as_bytes()))?;
@@ -305,35 +294,12 @@ fn read(path: &Path) -> Result<Image, String> {
 /// # Errors
 /// Standard input is named twice.
 fn read_once<'a>(
-    files: impl Iterator<Item = &'a Path>,
+    files: impl Iterator<Item = &'a PathBuf>,
 ) -> Result<(), String> {
     match files.filter(|path| is_dash(path)).count() {
         0 | 1 => Ok(()),
         _ => Err("standard input can be read once only".to_owned()),
     }
-}
-
-fn show_errors(
-    input: &Path,
-    output: &Output,
-    relative: bool,
-) -> Result<(), String> {
-    let target = output.target()?;
-    let image = read(input)?;
-    let (grey, white) = display::errors(&image, relative)
-        .map_err(|fault| format!("{}: {fault}", input.display()))?;
-    target.write(&grey)?;
-    // Tell what white stands for
-    let what = match relative {
-        true => "relative standard error",
-        false => "standard error",
-    };
-    let line = format!("white is a {what} of {white:.4e}");
-    match descriptor(&output.output) {
-        Some(1) => progress::inform(&line),
-        _ => say(&line)?,
-    }
-    Ok(())
 }
 
 /// Prints lines on standard output, unless the reader has closed the pipe.
@@ -343,13 +309,13 @@ fn say(lines: &str) -> Result<(), String> {
 }
 
 fn inform(files: &[PathBuf], json: bool) -> Result<(), String> {
-    read_once(files.iter().map(PathBuf::as_path))?;
+    read_once(files.iter())?;
     for path in files {
-        let summary = Summary::of(path.display().to_string(), read(path)?);
+        let info = Info::of(path.display().to_string(), read(path)?);
         say(&match json {
-            true => serde_json::to_string(&summary)
+            true => serde_json::to_string(&info)
                 .map_err(|error| error.to_string())?,
-            false => summary.describe(),
+            false => info.describe(),
         })?;
     }
     Ok(())
@@ -357,7 +323,7 @@ fn inform(files: &[PathBuf], json: bool) -> Result<(), String> {
 
 /// What there is to know of an image.
 #[derive(Serialize)]
-struct Summary {
+struct Info {
     file: String,
     width: u32,
     height: u32,
@@ -378,37 +344,36 @@ struct Summary {
     attributes: BTreeMap<String, String>,
 }
 
-impl Summary {
+impl Info {
     fn of(file: String, image: Image) -> Self {
-        let known = |i: &usize| image.means[*i].is_finite();
-        let pixels: Vec<usize> =
-            (0..image.means.len()).filter(known).collect();
-        let means: Vec<f64> =
-            pixels.iter().map(|&i| image.means[i]).collect();
-        let errors = image.errors.as_ref();
-        let errors: Option<Vec<f64>> = errors
-            .map(|errors| pixels.iter().map(|&i| errors[i]).collect());
-        let shared = image.tile_errors.as_ref();
-        // Sum the means and their errors
+        let Image { width, height, means, errors, tile_errors, .. } =
+            &image;
+        let known = |i: &usize| means[*i].is_finite();
+        let pixels: Vec<_> = (0..means.len()).filter(known).collect();
+        let all = |list: &[f64]| pixels.iter().map(|&i| list[i]).collect();
+        let means: Vec<f64> = all(means);
         let n = means.len() as f64;
-        let mean = means.iter().sum::<f64>() / n;
-        let unknown = errors.iter().flatten().filter(|e| e.is_infinite());
+        // Sum the squares of the errors
+        let squares = |list: &Option<Vec<f64>>| -> Option<f64> {
+            let squares: Vec<f64> = all(list.as_ref()?);
+            Some(squares.iter().map(|error| error * error).sum())
+        };
+        let errors_known: Option<Vec<f64>> = errors.as_deref().map(all);
+        let unknown =
+            errors_known.iter().flatten().filter(|e| e.is_infinite());
         let unknown_errors = unknown.count();
-        let squares = errors.filter(|_| unknown_errors == 0 && n > 0.);
-        let squares = squares.map(|e| e.iter().map(|e| e * e).sum::<f64>());
-        let shared = shared.map(|errors| {
-            pixels.iter().map(|&i| errors[i] * errors[i]).sum::<f64>()
-        });
+        let shared = squares(tile_errors);
+        let squares =
+            squares(errors).filter(|_| unknown_errors == 0 && n > 0.);
         let of_mean = squares.map(|squares| shared.unwrap_or(squares));
         let of_mean = of_mean.filter(|squares| squares.is_finite());
         let (least, greatest) = range(&means).unzip();
         Self {
             file,
-            width: image.width,
-            height: image.height,
-            // Fill in the summary of an image
+            width: *width,
+            height: *height,
             channels: channels(&image),
-            mean: (n > 0.).then_some(mean),
+            mean: (n > 0.).then(|| means.iter().sum::<f64>() / n),
             mean_stderr: of_mean.map(|squares| squares.sqrt() / n),
             rmse: squares.map(|squares| (squares / n).sqrt()),
             unknown_errors,
@@ -422,49 +387,43 @@ impl Summary {
 
     /// The lines that describe an image.
     fn describe(&self) -> String {
-        let Self { file, width, height, .. } = self;
-        let mut lines = vec![
-            format!("{file}: {width}x{height} pixels"),
-            format!("channels: {}", self.channels.join(", ")),
-        ];
-        // Tell the mean as well as it is known
-        if let Some(mean) = self.mean {
-            lines.push(match self.mean_stderr {
-                Some(error) => {
-                    format!("mean radiance: {mean:.6} ± {error:.6}")
-                }
-                None if self.unknown_errors > 0 => {
-                    format!("mean radiance: {mean:.6}, error unknown")
-                }
-                None => format!("mean radiance: {mean:.6}"),
-            });
-        }
-        lines.extend(self.rmse.map(|rmse| format!("rmse: {rmse:.6}")));
-        // Tell the pixels that are not known
-        for (what, count) in [
-            ("of unknown error", self.unknown_errors),
-            ("that are not finite numbers", self.not_finite),
-        ] {
-            if count > 0 {
-                lines.push(format!("pixels {what}: {count}"));
+        let &Self { width, height, mean, rmse, .. } = self;
+        let count = |n: usize| (n > 0).then(|| n.to_string());
+        // Tell the mean and the samples
+        let mean = mean.map(|mean| match self.mean_stderr {
+            Some(error) => format!("{mean:.6} ± {error:.6}"),
+            None if self.unknown_errors > 0 => {
+                format!("{mean:.6}, error unknown")
             }
-        }
-        if let Some((least, most)) = self.least.zip(self.greatest) {
-            lines
-                .push(format!("least and greatest: {least:.6}, {most:.6}"));
-        }
-        // Describe the samples and the run
-        if let Some((least, most)) = self.samples {
-            lines.push(match least == most {
-                true => format!("samples per pixel: {least}"),
-                false => format!("samples per pixel: {least} to {most}"),
+            None => format!("{mean:.6}"),
+        });
+        let samples =
+            self.samples.map(|(least, most)| match least == most {
+                true => least.to_string(),
+                false => format!("{least} to {most}"),
             });
-        }
-        let attributes = self.attributes.iter();
-        lines.extend(
-            attributes.map(|(name, value)| format!("{name}: {value}")),
-        );
-        lines.join("\n  ")
+        let extremes = self.least.zip(self.greatest);
+        let lines = [
+            ("channels", Some(self.channels.join(", "))),
+            ("mean radiance", mean),
+            ("rmse", rmse.map(|rmse| format!("{rmse:.6}"))),
+            ("pixels of unknown error", count(self.unknown_errors)),
+            ("pixels that are not finite numbers", count(self.not_finite)),
+            (
+                "least and greatest",
+                extremes.map(|(a, b)| format!("{a:.6}, {b:.6}")),
+            ),
+            ("samples per pixel", samples),
+        ];
+        let lines = lines
+            .into_iter()
+            .filter_map(|(name, text)| Some((name, text?)));
+        let own = self.attributes.iter();
+        let own = own.map(|(name, text)| (&name[..], text.clone()));
+        let first = format!("{}: {width}x{height} pixels", self.file);
+        lines.chain(own).fold(first, |text, (name, value)| {
+            text + &format!("\n  {name}: {value}")
+        })
     }
 }
 
@@ -482,25 +441,24 @@ fn channels(image: &Image) -> Vec<&'static str> {
 }
 
 fn diff(
-    a: &Path,
-    b: &Path,
-    map: Option<ImageTarget>,
+    files: [&PathBuf; 2],
+    maps: &[ImageTarget],
     quiet: bool,
 ) -> Result<ExitCode, String> {
-    read_once([a, b].into_iter())?;
+    read_once(files.into_iter())?;
     let note = &mut |line: &str| {
         if !quiet {
             progress::warn(line);
         }
     };
-    let first = Image::read_noting(a, note)?;
-    let second = Image::read_noting(b, note)?;
+    let [first, second] = files.map(|path| Image::read_noting(path, note));
+    let (first, second) = (first?, second?);
     let difference = compare(&first, &second).map_err(|fault| {
-        format!("{} and {}: {fault}", a.display(), b.display())
+        let [a, b] = files.map(|path| path.display());
+        format!("{a} and {b}: {fault}")
     })?;
-    if let Some(map) = map {
-        let grey = GREY.contains(&map.format());
-        map.write(&display::z_map(&first, &difference, grey))?;
+    for map in maps {
+        map.write(&display::z_map(&first, &difference, is_grey(map)))?;
     }
     if !quiet {
         // Say what the comparison takes for granted
@@ -510,13 +468,21 @@ fn diff(
             let differing = differing.join(", ");
             say(&format!("they show different things: {differing}"))?;
         }
-        for (path, image) in [(a, &first), (b, &second)] {
+        for (path, image) in files.iter().zip([&first, &second]) {
             if image.errors.is_none() {
                 let name = path.display();
                 say(&format!("{name}: no errors; it is taken as exact"))?;
             }
         }
-        if let Some(seed) = common_seed(&first, &second) {
+        let of = |name| {
+            let [a, b] =
+                [&first, &second].map(|image| image.attributes.get(name));
+            a.zip(b)
+        };
+        let same_scene = of("scene_sha256").is_none_or(|(a, b)| a == b);
+        if let Some((seed, _)) =
+            of("seed").filter(|(a, b)| a == b && same_scene)
+        {
             progress::warn(&format!(
                 "both images come from seed {seed}: they share random \
                  numbers, and may agree better than independent ones would"
@@ -524,21 +490,7 @@ fn diff(
         }
         say(&explain(&difference))?;
     }
-    // Answer by the status
-    Ok(match difference.consistent() {
-        true => ExitCode::SUCCESS,
-        false => ExitCode::from(1),
-    })
-}
-
-/// The seed that two images of the same scene share.
-fn common_seed<'a>(a: &'a Image, b: &Image) -> Option<&'a String> {
-    let of = |name| a.attributes.get(name).zip(b.attributes.get(name));
-    if of("scene_sha256").is_some_and(|(a, b)| a != b) {
-        return None;
-    }
-    let (a, b) = of("seed")?;
-    (a == b).then_some(a)
+    Ok(ExitCode::from(u8::from(!difference.consistent())))
 }
 
 /// The lines that explain a comparison.
@@ -546,41 +498,61 @@ fn explain(difference: &Difference) -> String {
     if difference.identical {
         return "identical: all pixels have the same values".to_owned();
     }
-    // Tell the distances and the mean difference
     let &Difference { rmse, relative_mse, sum, .. } = difference;
-    let n = sum.pixels as f64;
+    let (n, z) = (sum.pixels as f64, sum.z());
     let (mean, error) = (sum.difference / n, sum.variance.sqrt() / n);
-    let z = sum.z();
     let mut lines = vec![
         format!("root mean square difference: {rmse:.6}"),
         format!("relative mean square difference: {relative_mse:.6}"),
         format!("mean difference: {mean:.6} ± {error:.6} (z = {z:.2})"),
     ];
-    lines.extend(difference.scales.iter().map(explain_scale));
+    let mut failed = vec![];
+    // Tell what the tests have found
+    for &Scale { side, tested, failed: n, largest: (z, x, y) } in
+        &difference.scales
+    {
+        let name = match side {
+            1 => "pixels".to_owned(),
+            u32::MAX => "image".to_owned(),
+            side => format!("blocks of {side}x{side}"),
+        };
+        let z = z.abs();
+        lines.push(match (tested, n) {
+            (0, _) => format!("{name}: not tested"),
+            (1, 0) => format!("{name}: |z| {z:.2}, not beyond chance"),
+            (1, _) => format!("{name}: |z| {z:.2}, beyond chance"),
+            _ => format!(
+                "{name}: {tested} tested, largest |z| {z:.2} at {x},{y}, \
+                 {n} beyond chance"
+            ),
+        });
+        failed.extend((n > 0).then_some(name));
+    }
     // Tell whether the errors are plausible
-    let Dispersion { ratio, z, failed, pixels } = difference.dispersion;
+    let Dispersion { ratio, z, failed: beyond, pixels } =
+        difference.dispersion;
     if pixels > 0 {
-        let verdict = if failed { "beyond" } else { "no more than" };
+        let verdict = if beyond { "beyond" } else { "no more than" };
         lines.push(format!(
             "errors: differences {ratio:.3} times as large \
              (z = {z:.2}), {verdict} chance"
         ));
     }
+    failed.extend(beyond.then(|| "errors".to_owned()));
     // Name the pixels that were left out
-    let Difference { unknown, few, .. } = difference;
-    if *unknown > 0 {
+    let &Difference { unknown, few, .. } = difference;
+    if unknown > 0 {
         lines
             .push(format!("not tested: {unknown} pixels of unknown error"));
     }
-    if *few > 0 {
+    if few > 0 {
         lines.push(format!(
             "not tested one by one: {few} pixels of fewer than {FEW} \
              independent samples"
         ));
     }
     // Conclude with the verdict in words
-    let failed: Vec<_> = failed_tests(difference).collect();
-    lines.push(match difference.consistent() {
+    lines.push(match failed.is_empty() {
         true => {
             "consistent: chance alone may explain the difference".into()
         }
@@ -591,34 +563,4 @@ fn explain(difference: &Difference) -> String {
         ),
     });
     lines.join("\n")
-}
-
-fn explain_scale(scale: &Scale) -> String {
-    let &Scale { side, tested, failed, largest: (z, x, y) } = scale;
-    let (name, z) = (name(side), z.abs());
-    match (tested, failed) {
-        (0, _) => format!("{name}: not tested"),
-        (1, 0) => format!("{name}: |z| {z:.2}, not beyond chance"),
-        (1, _) => format!("{name}: |z| {z:.2}, beyond chance"),
-        _ => format!(
-            "{name}: {tested} tested, largest |z| {z:.2} at {x},{y}, \
-             {failed} beyond chance"
-        ),
-    }
-}
-
-/// The names of the tests that failed.
-fn failed_tests(difference: &Difference) -> impl Iterator<Item = String> {
-    let scales = difference.scales.iter().filter(|s| s.failed > 0);
-    let errors = difference.dispersion.failed.then(|| "errors".to_owned());
-    scales.map(|scale| name(scale.side)).chain(errors)
-}
-
-/// The name of the test of blocks of this size.
-fn name(side: u32) -> String {
-    match side {
-        1 => "pixels".to_owned(),
-        u32::MAX => "image".to_owned(),
-        side => format!("blocks of {side}x{side}"),
-    }
 }

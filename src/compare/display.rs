@@ -7,9 +7,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Images that are made for looking.
 
-use super::Difference;
+use super::{Blocks, Difference};
 use crate::image::Image;
-use crate::image::srgb::radiance;
+use crate::image::levels::radiance;
 
 /// How radiances brighter than white are treated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -19,11 +19,6 @@ pub enum Curve {
     /// Bend the scale so that the brightest pixel is white (Reinhard et
     /// al. 2002)
     Reinhard,
-}
-
-/// An image of these means, of the size of another, without more.
-fn plain(image: &Image, means: Vec<f64>) -> Image {
-    Image::plain(image.width, image.height, means)
 }
 
 /// The image, made brighter by `exposure` stops, as a screen shows it.
@@ -41,7 +36,7 @@ pub fn tonemap(image: &Image, exposure: f64, curve: Curve) -> Image {
             *mean *= (1. + *mean / white / white) / (1. + *mean);
         }
     }
-    plain(image, means)
+    Image::plain(image.width, image.height, means)
 }
 
 /// The standard errors, or their ratio to the means, as grey levels,
@@ -55,7 +50,6 @@ pub fn errors(
 ) -> Result<(Image, f64), String> {
     let errors = image.errors.as_ref();
     let errors = errors.ok_or("it has no channel stderr.Y")?;
-    // Take the errors as they are or relative
     let value = |(&error, &mean): (&f64, &f64)| match (relative, error) {
         (true, error) if error > 0. => error / mean.abs(),
         _ => error,
@@ -63,48 +57,36 @@ pub fn errors(
     let values = errors.iter().zip(&image.means).map(value);
     let values: Vec<f64> = values.collect();
     // Find the value to show as white
-    let finite = |value: &f64| value.is_finite();
-    let mut known: Vec<f64> =
-        values.iter().copied().filter(finite).collect();
+    let mut known = values.clone();
+    known.retain(|value| value.is_finite());
     known.sort_by(f64::total_cmp);
     let last = known.len().checked_sub(1).ok_or("no error is known")?;
     let white = known[(last as f64 * 0.999).ceil() as usize];
     let grey = |value: f64| value / white.max(f64::MIN_POSITIVE);
     let means = values.into_iter().map(|v| grey(v).min(1.)).collect();
-    Ok((plain(image, means), white))
+    Ok((Image::plain(image.width, image.height, means), white))
 }
 
 /// The image, averaged over squares if a side is longer than `most`
 /// pixels; an error is the root of the mean square of its square.
 pub fn shrink(image: &Image, most: u32) -> Image {
     let side = image.width.max(image.height).div_ceil(most);
-    let width = image.width.div_ceil(side);
-    let height = image.height.div_ceil(side);
+    let squares = Blocks::new(image, (0, 0), side);
+    let averages = |values: &mut dyn Iterator<Item = f64>| -> Vec<f64> {
+        let mut sums = vec![0.; squares.blocks.len()];
+        let places = squares.of.iter().map(|&square| square as usize);
+        places.zip(values).for_each(|(at, value)| sums[at] += value);
+        let areas = squares.blocks.iter().map(|&(_, area)| area);
+        sums.iter().zip(areas).map(|(s, n)| s / f64::from(n)).collect()
+    };
     let errors = image.errors.as_ref().map(|errors| {
-        let squares: Vec<f64> = errors.iter().map(|e| e * e).collect();
-        let mean = averages(&squares, image, side);
-        mean.into_iter().map(f64::sqrt).collect()
+        let squares = averages(&mut errors.iter().map(|e| e * e));
+        squares.into_iter().map(f64::sqrt).collect()
     });
-    let means = averages(&image.means, image, side);
-    Image { width, height, errors, ..plain(image, means) }
-}
-
-/// The means of an image's values over squares, row by row.
-fn averages(values: &[f64], image: &Image, side: u32) -> Vec<f64> {
-    let (width, side) = (image.width as usize, side as usize);
-    let columns = width.div_ceil(side);
-    let mut means = vec![];
-    for rows in values.chunks(side * width) {
-        let mut sums = vec![0.; columns];
-        for row in rows.chunks(width) {
-            for (sum, part) in sums.iter_mut().zip(row.chunks(side)) {
-                let area = part.len() * (rows.len() / width);
-                *sum += part.iter().sum::<f64>() / area as f64;
-            }
-        }
-        means.extend(sums);
-    }
-    means
+    let means = averages(&mut image.means.iter().copied());
+    let [width, height] =
+        [image.width, image.height].map(|n| n.div_ceil(side));
+    Image { errors, ..Image::plain(width, height, means) }
 }
 
 /// The number of standard errors that are shown as white.
@@ -117,5 +99,5 @@ pub fn z_map(image: &Image, difference: &Difference, grey: bool) -> Image {
         true => radiance((0.5 + z / (2. * WHITE)).clamp(0., 1.)),
         false => z.clamp(-largest, largest),
     });
-    plain(image, means.collect())
+    Image::plain(image.width, image.height, means.collect())
 }

@@ -16,7 +16,7 @@ use crate::statistics::Accumulator;
 
 /// A finished image in memory: what its file formats can carry. Row by
 /// row from the top left.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Image {
     /// Width in pixels.
     pub width: u32,
@@ -42,6 +42,26 @@ impl Image {
     /// What a film has gathered, with what is known about its run.
     pub fn new(film: &Film, attributes: BTreeMap<String, String>) -> Self {
         Picture::new(film, attributes).image()
+    }
+
+    /// An image of these means, of which nothing else is known.
+    pub fn plain(width: u32, height: u32, means: Vec<f64>) -> Self {
+        Self { width, height, means, ..Self::default() }
+    }
+
+    /// The independent values of pixel `i`; none if the file does not say.
+    pub fn values(&self, i: usize) -> Option<f64> {
+        let number = self.attributes.get(REPLICATE);
+        let number = number.and_then(|text| text.parse::<u64>().ok());
+        let each = number.map_or(1., |samples| samples.max(1) as f64);
+        Some(self.samples.as_ref()?[i] / each)
+    }
+
+    /// Column and row of its first pixel in the image of which it is a part.
+    pub fn corner(&self) -> (u32, u32) {
+        let crop = self.attributes.get("crop");
+        let window = crop.and_then(|crop| crop.parse::<Window>().ok());
+        window.map_or((0, 0), |window| window.corner)
     }
 }
 
@@ -80,7 +100,6 @@ impl<'a> Picture<'a> {
         film: &'a Film,
         mut attributes: BTreeMap<String, String>,
     ) -> Self {
-        // State how many samples are one value
         if film.replicate() != 1 {
             let value = film.replicate().to_string();
             attributes.insert(REPLICATE.to_owned(), value);
@@ -100,6 +119,9 @@ impl<'a> Picture<'a> {
         Window { corner: (x + corner.0, y + corner.1), size }
     }
 }
+
+/// The attribute that says how many samples are one value.
+const REPLICATE: &str = "replicate";
 
 impl Source for Picture<'_> {
     fn size(&self) -> (u32, u32) {
@@ -135,32 +157,6 @@ impl Source for Picture<'_> {
     }
 }
 
-/// The attribute that says how many samples are one value.
-const REPLICATE: &str = "replicate";
-
-impl Image {
-    /// The number of samples whose mean is one independent value; 1 if the
-    /// file does not say.
-    fn replicate(&self) -> f64 {
-        let number = self.attributes.get(REPLICATE);
-        let number = number.and_then(|text| text.parse::<u64>().ok());
-        number.map_or(1., |samples| samples.max(1) as f64)
-    }
-
-    /// The independent values of pixel `i`; none if the file does not say.
-    pub fn values(&self, i: usize) -> Option<f64> {
-        let samples = self.samples.as_ref()?;
-        Some(samples[i] / self.replicate())
-    }
-
-    /// Column and row of its first pixel in the image of which it is a part.
-    pub fn corner(&self) -> (u32, u32) {
-        let crop = self.attributes.get("crop");
-        let window = crop.and_then(|crop| crop.parse::<Window>().ok());
-        window.map_or((0, 0), |window| window.corner)
-    }
-}
-
 impl Source for Image {
     fn size(&self) -> (u32, u32) {
         (self.width, self.height)
@@ -173,13 +169,11 @@ impl Source for Image {
 
     fn part(&self, window: Window) -> Image {
         let Window { corner: (x, y), size: (width, height) } = window;
-        let row = |y: u32| {
-            let first = y as usize * self.width as usize + x as usize;
-            first..first + width as usize
-        };
         let part = |list: &Vec<f64>| {
-            let rows = (y..y + height).flat_map(|y| &list[row(y)]);
-            rows.copied().collect()
+            let rows = list.chunks(self.width as usize);
+            let rows = rows.skip(y as usize).take(height as usize);
+            let columns = x as usize..(x + width) as usize;
+            rows.flat_map(|row| &row[columns.clone()]).copied().collect()
         };
         Image {
             errors: self.errors.as_ref().map(part),
@@ -195,21 +189,6 @@ impl Source for Image {
 
     fn attributes(&self) -> &BTreeMap<String, String> {
         &self.attributes
-    }
-}
-
-impl Image {
-    /// An image of these means, of which nothing else is known.
-    pub fn plain(width: u32, height: u32, means: Vec<f64>) -> Self {
-        Self {
-            width,
-            height,
-            means,
-            errors: None,
-            samples: None,
-            tile_errors: None,
-            attributes: BTreeMap::new(),
-        }
     }
 }
 

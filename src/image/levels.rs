@@ -5,14 +5,53 @@
 // Software Foundation, either version 3 of the License, or (at your option)
 // any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The grey levels of an image, with its gaps filled.
+//! From radiance to the grey levels of a screen, and back.
 
 use std::io;
 
 use rayon::prelude::*;
 
 use super::data::Source;
-use super::srgb::level;
+
+/// The level of a radiance when `white` is the highest level, by the
+/// curve of sRGB (IEC 61966-2-1).
+pub fn level(radiance: f64, white: u16) -> u16 {
+    let encoded = match radiance <= 0.0031308 {
+        true => 12.92 * radiance,
+        false => 1. + 1.055 * (libm::pow(radiance, 1. / 2.4) - 1.),
+    };
+    (encoded.clamp(0., 1.) * f64::from(white)).floor() as u16
+}
+
+/// The radiance that is encoded as `encoded`, both in [0, 1].
+pub fn radiance(encoded: f64) -> f64 {
+    match encoded <= 0.04045 {
+        true => encoded / 12.92,
+        false => libm::pow((encoded + 0.055) / 1.055, 2.4),
+    }
+}
+
+/// The mean of a pixel: of red, green and blue the luminance (Rec. ITU-R
+/// BT.709). Its last number may be its opacity.
+pub fn mean(pixel: &[f64]) -> f64 {
+    match *pixel {
+        [r, g, b, ..] => 0.2126 * r + 0.7152 * g + 0.0722 * b,
+        _ => pixel[0],
+    }
+}
+
+/// The level that is written as these bytes, the most significant first.
+pub fn whole(bytes: &[u8]) -> u32 {
+    bytes.iter().fold(0, |sum, &byte| 256 * sum + u32::from(byte))
+}
+
+/// What a reader is told of a file that has colours.
+pub const COLOURS: &str = "it has colours, of which the luminance is \
+     taken (0.2126 R + 0.7152 G + 0.0722 B)";
+
+/// What a reader is told of levels, before their curve.
+pub const LEVELS: &str = "it holds grey levels, or colours, of which the \
+     luminance is taken; they are read by";
 
 /// Width and height of a square in pixels.
 const SIDE: usize = 16;
@@ -47,13 +86,10 @@ fn fill(image: &dyn Source) -> io::Result<Vec<f64>> {
     let mut squares = vec![];
     by_squares(image, 4, |means| {
         let sums = (0..columns).into_par_iter().map(|k| {
-            let rows = means.chunks(width);
-            let rows = rows.map(|row| &row[k * SIDE..]);
+            let rows = means.chunks(width).map(|row| &row[k * SIDE..]);
             let own = rows.flat_map(|row| row.iter().take(SIDE));
             own.filter(|mean| !mean.is_nan())
-                .fold((0., 0.), |(sum, count), mean| {
-                    (sum + mean, count + 1.)
-                })
+                .fold((0., 0.), |(sum, n), mean| (sum + mean, n + 1.))
         });
         squares.par_extend(sums);
         Ok(())
@@ -101,16 +137,11 @@ pub fn levels(
         rows.for_each(|(levels, means)| {
             let squares = levels.chunks_mut(SIDE).zip(means.chunks(SIDE));
             for (k, (levels, means)) in squares.enumerate() {
-                let gaps =
-                    means.iter().filter(|mean| mean.is_nan()).count();
-                if gaps > 0 {
-                    levels.fill(fill[k]);
-                }
-                let known = levels.iter_mut().zip(means);
-                if gaps < means.len() {
-                    known
-                        .filter(|(_, mean)| !mean.is_nan())
-                        .for_each(|(own, &mean)| *own = level(mean, white));
+                for (own, &mean) in levels.iter_mut().zip(means) {
+                    *own = match mean.is_nan() {
+                        true => fill[k],
+                        false => level(mean, white),
+                    };
                 }
             }
         });

@@ -13,36 +13,28 @@ use png::{BitDepth, ColorType, Compression, Decoder, Encoder, Info};
 use png::{SrgbRenderingIntent, Transformations};
 
 use super::data::{Image, Note, Source, room};
-use super::levels::levels;
-use super::srgb::{LEVELS, mean, radiance, whole};
+use super::levels::{LEVELS, levels, mean, radiance, whole};
 
 /// Writes the means as 65536 levels, encoded by the sRGB curve.
 pub fn write(image: &dyn Source, out: &mut dyn Write) -> io::Result<()> {
     let (width, height) = image.size();
     let mut encoder = Encoder::new(out, width, height);
-    // Declare grey levels of the sRGB curve
     encoder.set_color(ColorType::Grayscale);
     encoder.set_depth(BitDepth::Sixteen);
     encoder.set_source_srgb(SrgbRenderingIntent::RelativeColorimetric);
-    if width * height > LARGE {
+    if width * height > 1 << 22 {
         encoder.set_compression(Compression::Fast);
     }
     let mut writer = encoder.write_header()?;
     let mut stream = writer.stream_writer_with_size(1 << 20)?;
-    let mut bytes = Vec::new();
     levels(image, u16::MAX, |levels| {
-        bytes.resize(levels.len(), [0; 2]);
-        let pairs = bytes.iter_mut().zip(levels);
-        pairs.for_each(|(pair, level)| *pair = level.to_be_bytes());
-        stream.write_all(bytes.as_flattened())
+        let pairs = levels.iter().map(|level| level.to_be_bytes());
+        stream.write_all(pairs.collect::<Vec<_>>().as_flattened())
     })?;
     stream.finish()?;
     writer.finish()?;
     Ok(())
 }
-
-/// Pixels of an image from which on speed counts more than size.
-const LARGE: u32 = 1 << 22;
 
 /// Reads the levels back; `bytes` is the whole file. `note` is told of
 /// their curve.
@@ -95,10 +87,9 @@ fn gamma(info: &Info, bytes: &[u8], note: Note) -> Option<f64> {
             b"gAMA" => gamma.is_some(),
             _ => true,
         };
+        let name = data.split(|b| !(b' '..=b'~').contains(b)).next();
+        let name = name.unwrap_or_default().escape_ascii();
         if !understood {
-            // Name a chunk that is ignored
-            let name = data.split(|b| !(b' '..=b'~').contains(b)).next();
-            let name = name.unwrap_or_default().escape_ascii();
             let kind = kind.escape_ascii();
             let text = format!("its chunk {kind} is ignored: {name}");
             note(text.trim_end_matches(": "));
@@ -110,9 +101,8 @@ fn gamma(info: &Info, bytes: &[u8], note: Note) -> Option<f64> {
         (None, None) => gamma,
         _ => None,
     };
-    note(&match gamma {
-        Some(gamma) => format!("{LEVELS} a gamma of {gamma}"),
-        None => format!("{LEVELS} the sRGB curve"),
-    });
+    let curve = gamma.map(|gamma| format!("a gamma of {gamma}"));
+    let curve = curve.unwrap_or_else(|| "the sRGB curve".to_owned());
+    note(&format!("{LEVELS} {curve}"));
     gamma
 }

@@ -15,13 +15,26 @@ use super::plot::plot;
 use super::result::{Fit, Report, as_typed, known, with_error};
 use crate::compare::display::{self, shrink};
 use crate::image::{Format, Image};
-use crate::render::Share;
 use crate::render_loop::CurvePoint;
 
 /// The page of a run and its image.
 pub fn page(report: &Report, image: &Image) -> String {
     let scene = printable(&report.scene.file);
     let pixels = u64::from(image.width) * u64::from(image.height);
+    let mut summary = report.summary(pixels);
+    summary.extend(slopes(report).map(|slopes| ("slope", slopes)));
+    // List what was set
+    let origin = [
+        ("command", &report.command),
+        ("date", &report.date),
+        ("program", &report.program),
+        ("processor", &report.processor),
+        ("SHA-256", &report.scene.sha256),
+    ];
+    let origin = origin.map(|(name, text)| (name, text.clone()));
+    let settings = report.settings.iter();
+    let settings =
+        settings.map(|(name, value)| (&name[..], value_of(name, value)));
     let markup = html! {
         (DOCTYPE)
         html lang="en-GB" {
@@ -35,34 +48,30 @@ pub fn page(report: &Report, image: &Image) -> String {
                 h1 { (scene) }
                 p { "Run " (report.verdict()) "." }
                 div { (pictures(report, image)) }
-                table {
-                    @for (name, text) in report.summary(pixels).into_iter().skip(1) {
-                        tr { th { (name) } td { (printable(&text)) } }
-                    }
-                    @if let Some(slopes) = slopes(report) {
-                        tr { th { "slope" } td { (slopes) } }
-                    }
-                }
-                table {
-                    @for (name, text) in [
-                        ("command", &report.command),
-                        ("date", &report.date),
-                        ("program", &report.program),
-                        ("processor", &report.processor),
-                        ("SHA-256", &report.scene.sha256),
-                    ] {
-                        tr { th { (name) } td { (printable(text)) } }
-                    }
-                    @for (name, value) in &report.settings {
-                        tr { th { (printable(name)) } td { (value_of(name, value)) } }
-                    }
-                }
+                (table(summary.into_iter().skip(1)))
+                (table(origin.into_iter().chain(settings)))
                 (points(&report.curve))
-                @if !report.ranks.is_empty() { (shares(&report.ranks)) }
             }
         }
     };
     markup.into_string() + "\n"
+}
+
+/// A table of names and what is said of them.
+fn table<'a>(rows: impl Iterator<Item = (&'a str, String)>) -> Markup {
+    html! {
+        table {
+            @for (name, text) in rows {
+                tr { th { (printable(name)) } td { (printable(&text)) } }
+            }
+        }
+    }
+}
+
+/// A text with what no page may contain replaced.
+fn printable(text: &str) -> String {
+    let never = |c: char| c.is_control() || "\u{fffe}\u{ffff}".contains(c);
+    text.replace(never, "\u{fffd}")
 }
 
 const STYLE: &str = "
@@ -85,14 +94,6 @@ th, td { padding: 0.15rem 1rem 0.15rem 0; text-align: left;
   vertical-align: top; border-bottom: 1px solid #8886 }
 th:first-child { min-width: 5.75rem }
 ";
-
-/// A text with what no page may contain replaced.
-fn printable(text: &str) -> String {
-    let never = ['\u{fffe}', '\u{ffff}'];
-    let allowed = |c: char| !c.is_control() && !never.contains(&c);
-    let shown = |c: char| if allowed(c) { c } else { '\u{fffd}' };
-    text.chars().map(shown).collect()
-}
 
 fn slopes(report: &Report) -> Option<String> {
     let slope = |spent| {
@@ -117,24 +118,14 @@ fn pictures(report: &Report, image: &Image) -> Markup {
     let range = range.join(" to ");
     let image = shrink(image, LARGEST);
     let map = display::errors(&image, false).ok();
-    // Say which error is white
-    let mut errors = image.errors.iter().flatten();
-    let exact = errors.all(|&error| error == 0.);
-    let map = map.map(|(map, white)| match exact {
-        true => (map, "It is zero in all of them.".to_owned()),
-        false => {
-            let white = known(Some(white), 6);
-            (map, format!("White is {white} or more, or unknown."))
-        }
-    });
+    let exact = image.errors.iter().flatten().all(|&error| error == 0.);
     html! {
         @if let Some(plot) = plot(&report.curve) {
             figure {
                 (plot)
-                figcaption { "The error against time: estimated (solid), against \
-                    the reference if there is one (dashed), against the seconds of all \
-                    processors if there are several ranks (dotted), and a slope of \
-                    -1/2 through the last point (wide)." }
+                figcaption { "The error against time: estimated (solid), \
+                    against the reference if there is one (dashed), and a \
+                    slope of -1/2 through the last point (wide)." }
             }
         }
         figure {
@@ -145,7 +136,11 @@ fn pictures(report: &Report, image: &Image) -> Markup {
         @if let Some((map, white)) = map {
             figure {
                 (picture(&map, "A map of the standard error"))
-                figcaption { "The standard error of each pixel. " (white) }
+                figcaption { "The standard error of each pixel. "
+                    @if exact { "It is zero in all of them." }
+                    @else { "White is " (known(Some(white), 6))
+                        " or more, or unknown." }
+                }
             }
         }
     }
@@ -161,7 +156,6 @@ fn picture(image: &Image, shows: &str) -> Markup {
     written.expect("memory takes all bytes");
     let text = BASE64_STANDARD.encode(bytes);
     let address = format!("data:image/png;base64,{text}");
-    // Keep a tall image on the screen
     let ratio = f64::from(image.width) / f64::from(image.height);
     let width = format!("width: min(100%, {:.3}vh)", 70. * ratio);
     html! { img src=(address) alt=(shows) style=(width); }
@@ -169,28 +163,20 @@ fn picture(image: &Image, shows: &str) -> Markup {
 
 /// A setting as it is typed, with its unit.
 fn value_of(name: &str, value: &Value) -> String {
-    let unit = match name {
-        "fov" => "\u{b0}",
-        "time" => " s",
-        _ => "",
-    };
-    match value {
-        Value::Null => "none".to_owned(),
-        value => printable(&as_typed(value)) + unit,
+    match (name, value) {
+        (_, Value::Null) => "none".to_owned(),
+        ("fov", value) => as_typed(value) + "\u{b0}",
+        ("time", value) => as_typed(value) + " s",
+        (_, value) => as_typed(value),
     }
 }
 
 fn points(curve: &[CurvePoint]) -> Markup {
-    let compared = |point: &CurvePoint| point.rmse_reference.is_some();
-    let compared = curve.iter().any(compared);
-    let several = |point: &CurvePoint| point.processor_seconds.is_some();
-    let several = curve.iter().any(several);
+    let compared = curve.iter().any(|point| point.rmse_reference.is_some());
     html! {
         table {
             tr {
-                th { "spp" } th { "seconds" }
-                @if several { th { "seconds of processors" } }
-                th { "rays" } th { "rmse" }
+                th { "spp" } th { "seconds" } th { "rays" } th { "rmse" }
                 @if compared { th { "rmse against reference" } }
                 th { "mean radiance" }
             }
@@ -198,31 +184,10 @@ fn points(curve: &[CurvePoint]) -> Markup {
                 tr {
                     td { (point.spp) }
                     td { (known(Some(point.seconds), 3)) }
-                    @if several { td { (known(point.processor_seconds, 2)) } }
                     td { (point.rays) }
                     td { (known(point.rmse, 6)) }
                     @if compared { td { (known(point.rmse_reference, 6)) } }
                     td { (with_error(point.mean, point.mean_stderr)) }
-                }
-            }
-        }
-    }
-}
-
-fn shares(ranks: &[Share]) -> Markup {
-    html! {
-        table {
-            tr {
-                th { "rank" } th { "paths" } th { "seconds rendering" }
-                th { "waiting" } th { "of processors" }
-            }
-            @for (rank, share) in ranks.iter().enumerate() {
-                tr {
-                    td { (rank) }
-                    td { (share.paths) }
-                    td { (known(Some(share.render_seconds), 3)) }
-                    td { (known(Some(share.wait_seconds), 3)) }
-                    td { (known(Some(share.processor_seconds), 2)) }
                 }
             }
         }

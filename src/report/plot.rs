@@ -18,8 +18,11 @@ struct Axis(f64, f64, f64);
 
 impl Axis {
     /// The axis that covers positive values by whole decades.
-    fn over(values: &[f64], length: f64) -> Self {
-        let logs = values.iter().map(|&x| libm::log10(x));
+    fn over(
+        values: impl Iterator<Item = f64> + Clone,
+        length: f64,
+    ) -> Self {
+        let logs = values.map(libm::log10);
         let low = logs.clone().fold(f64::INFINITY, f64::min).floor();
         let high = logs.fold(f64::NEG_INFINITY, f64::max).ceil();
         Self(low, high.max(low + 1.), length)
@@ -32,9 +35,10 @@ impl Axis {
         (place * 10.).round() / 10.
     }
 
-    /// The exponents of all powers of ten on the axis.
-    fn decades(&self) -> impl Iterator<Item = i32> {
-        self.0 as i32..=self.1 as i32
+    /// The powers of ten on the axis, by their exponents and places.
+    fn decades(&self) -> impl Iterator<Item = (i32, f64)> {
+        let exponents = self.0 as i32..=self.1 as i32;
+        exponents.map(|n| (n, self.place(libm::exp10(n.into()))))
     }
 }
 
@@ -47,29 +51,20 @@ pub fn plot(curve: &[CurvePoint]) -> Option<Markup> {
     let points = |error: fn(&CurvePoint) -> Option<f64>| {
         let point = |p: &CurvePoint| Some((p.seconds, error(p)?));
         let points = curve.iter().filter_map(point);
-        points
-            .filter(|p| drawable(p.0) && drawable(p.1))
-            .collect::<Vec<_>>()
+        Vec::from_iter(points.filter(|p| drawable(p.0) && drawable(p.1)))
     };
     let estimated = points(|point| point.rmse);
     let truth = points(|point| point.rmse_reference);
-    let spent = |p: &CurvePoint| Some((p.processor_seconds?, p.rmse?));
-    let spent: Vec<_> = curve.iter().filter_map(spent).collect();
-    let spent =
-        spent.into_iter().filter(|p| drawable(p.0) && drawable(p.1));
-    let spent: Vec<_> = spent.collect();
-    let all = [&estimated[..], &truth[..], &spent[..]].concat();
     let last = *estimated.last().or(truth.last())?;
-    let (x, y): (Vec<f64>, Vec<f64>) = all.into_iter().unzip();
-    let (x, y) = (Axis::over(&x, WIDTH), Axis::over(&y, HEIGHT));
+    let all = estimated.iter().chain(&truth);
+    let x = Axis::over(all.clone().map(|p| p.0), WIDTH);
+    let y = Axis::over(all.map(|p| p.1), HEIGHT);
     // Turn points into the ends of lines
-    let place = |(t, e): (f64, f64)| (x.place(t), HEIGHT - y.place(e));
+    let place = |&(t, e): &(f64, f64)| (x.place(t), HEIGHT - y.place(e));
     let line = |points: &[(f64, f64)]| {
-        let pair = |&point| {
-            let (x, y) = place(point);
-            format!("{x:.1},{y:.1}")
-        };
-        points.iter().map(pair).collect::<Vec<_>>().join(" ")
+        let ends = points.iter().map(place);
+        let ends = ends.map(|(x, y)| format!("{x:.1},{y:.1}"));
+        ends.collect::<Vec<_>>().join(" ")
     };
     let guide = [x.0, x.1].map(|exponent| {
         let time = libm::exp10(exponent);
@@ -78,47 +73,34 @@ pub fn plot(curve: &[CurvePoint]) -> Option<Markup> {
     Some(html! {
         svg viewBox="-70 -10 490 310" role="img" fill="none"
             aria-label="Error against time" stroke="currentColor" {
-            (grid(&x, &y))
+            rect width=(WIDTH) height=(HEIGHT) {}
+            @for (n, x) in x.decades() {
+                line x1=(x) x2=(x) y2=(HEIGHT) stroke-opacity="0.3" {}
+                (label(x, HEIGHT + 18., "middle", n))
+            }
+            @for (n, y) in y.decades().map(|(n, y)| (n, HEIGHT - y)) {
+                line y1=(y) y2=(y) x2=(WIDTH) stroke-opacity="0.3" {}
+                (label(-6., y + 5., "end", n))
+            }
+            g fill="currentColor" stroke="none" text-anchor="middle"
+                font-size="13" {
+                text x=(WIDTH / 2.) y=(HEIGHT + 36.) { "rendering time / s" }
+                text x=(-HEIGHT / 2.) y="-44" transform="rotate(-90)" {
+                    "rmse / radiance of the sky"
+                }
+            }
             svg width=(WIDTH) height=(HEIGHT) {
                 polyline points=(line(&guide)) stroke-width="4"
                     stroke-opacity="0.3" {}
                 polyline points=(line(&truth)) stroke-width="1.5"
                     stroke-dasharray="6 4" {}
-                @if !spent.is_empty() {
-                    polyline points=(line(&spent)) stroke-width="1.5"
-                        stroke-dasharray="1.5 3" {}
-                }
                 polyline points=(line(&estimated)) stroke-width="1.5" {}
-                @for (x, y) in estimated.iter().map(|&p| place(p)) {
+                @for (x, y) in estimated.iter().map(place) {
                     circle cx=(x) cy=(y) r="3" fill="currentColor" {}
                 }
             }
         }
     })
-}
-
-/// The lines and labels of two axes, and the frame around them.
-fn grid(x: &Axis, y: &Axis) -> Markup {
-    html! {
-        rect width=(WIDTH) height=(HEIGHT) {}
-        @for n in x.decades() {
-            @let x = x.place(libm::exp10(f64::from(n)));
-            line x1=(x) x2=(x) y2=(HEIGHT) stroke-opacity="0.3" {}
-            (label(x, HEIGHT + 18., "middle", n))
-        }
-        @for n in y.decades() {
-            @let y = HEIGHT - y.place(libm::exp10(f64::from(n)));
-            line y1=(y) y2=(y) x2=(WIDTH) stroke-opacity="0.3" {}
-            (label(-6., y + 5., "end", n))
-        }
-        g fill="currentColor" stroke="none" text-anchor="middle"
-            font-size="13" {
-            text x=(WIDTH / 2.) y=(HEIGHT + 36.) { "rendering time / s" }
-            text x=(-HEIGHT / 2.) y="-44" transform="rotate(-90)" {
-                "rmse / radiance of the sky"
-            }
-        }
-    }
 }
 
 /// A power of ten, written at a place.

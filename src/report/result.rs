@@ -7,6 +7,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! What is known of a run, and what follows from it.
 
+use std::env;
+use std::fs;
+use std::time::SystemTime;
+
+use humantime::format_rfc3339_seconds;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
@@ -75,53 +80,44 @@ pub struct Report {
     pub curve: Vec<CurvePoint>,
 }
 
-/// How the ranks have shared the work; none if there is one process.
-fn shared(ranks: &[Share]) -> Option<String> {
-    let sum = |part: fn(&Share) -> f64| ranks.iter().map(part).sum::<f64>();
-    let paths = sum(|share| share.paths as f64).max(1.);
-    let shares = ranks.iter().map(|s| 100. * s.paths as f64 / paths);
-    let least = shares.clone().reduce(f64::min)?;
-    let most = shares.fold(0., f64::max);
-    let wait = sum(|share| share.wait_seconds);
-    let all = wait + sum(|share| share.render_seconds);
-    Some(format!(
-        "{}, each with {least:.1} to {most:.1} % of the paths, waiting \
-         {:.1} % of the time; {:.2} s of processors",
-        ranks.len(),
-        100. * wait / all.max(1e-9),
-        sum(|share| share.processor_seconds)
-    ))
+impl Report {
+    /// The report of this process of a program, of which nothing else is
+    /// known yet.
+    pub fn begin(program: &str) -> Self {
+        let words = env::args_os();
+        let words = words.map(|word| quoted(&word.to_string_lossy()));
+        let file = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+        let name = file.lines().find(|line| line.starts_with("model name"));
+        let name = name.and_then(|line| Some(line.split_once(": ")?.1));
+        Self {
+            program: format!("{program} {}", env!("CARGO_PKG_VERSION")),
+            command: words.collect::<Vec<_>>().join(" "),
+            date: format_rfc3339_seconds(SystemTime::now()).to_string(),
+            processor: name.unwrap_or(env::consts::ARCH).to_owned(),
+            ..Self::default()
+        }
+    }
+}
+
+/// A word as a shell has to be given it.
+fn quoted(word: &str) -> String {
+    let harmless =
+        |c: char| c.is_ascii_alphanumeric() || "-_./,:=+@".contains(c);
+    match !word.is_empty() && word.chars().all(harmless) {
+        true => word.to_owned(),
+        false => format!("'{}'", word.replace('\'', r"'\''")),
+    }
 }
 
 impl Report {
     /// What a person wants to know of a run of so many pixels: a table
     /// of names and what is said of them.
     pub fn summary(&self, pixels: u64) -> Vec<(&'static str, String)> {
-        let mut lines = vec![("run", self.verdict())];
-        // Say how exact the image is and what it cost
-        let mean = with_error(self.mean, self.mean_stderr);
-        let rmse = |rmse| format!(", rmse {}", known(Some(rmse), 6));
-        let rmse = self.rmse.map_or(String::new(), rmse);
-        let against =
-            self.curve.last().and_then(|last| last.rmse_reference);
-        let against = against.map_or(String::new(), |rmse| {
-            format!(", {} from the reference", known(Some(rmse), 6))
-        });
-        // Say what becomes of pixels without a sample
-        let image = match self.spp {
-            0 => format!(
-                "{} of {pixels} pixels have no sample: they are filled from \
-                 those around them in .png and .pgm, and nan in .pfm and .exr",
-                self.unsampled_pixels
-            ),
-            spp => {
-                format!("{spp} spp, mean radiance {mean}{rmse}{against}")
-            }
-        };
-        let (seconds, rays) = (self.render_seconds, self.rays);
-        let speed = metric(rays as f64 / seconds.max(1e-9));
         let said = |name| self.settings.get(name).and_then(Value::as_str);
         let integrator = said("integrator").unwrap_or("reference");
+        // Say what the run has cost
+        let (seconds, rays) = (self.render_seconds, self.rays);
+        let speed = metric(rays as f64 / seconds.max(1e-9));
         let render = format!(
             "{seconds:.3} s, {rays} rays, {speed}rays/s ({integrator})"
         );
@@ -133,25 +129,18 @@ impl Report {
             self.build_seconds,
             bvh.collect::<Vec<_>>().join(", ")
         );
-        lines.extend([
-            ("image", image),
+        let mut lines = vec![
+            ("run", self.verdict()),
+            ("image", self.quality(pixels)),
             ("render", render),
             ("scene", scene),
-        ]);
-        // Say how the ranks have shared the work
-        if let Some(ranks) = shared(&self.ranks) {
-            lines.push(("ranks", ranks));
-        }
-        if let (Some(why), true) =
-            (said("choice"), integrator != "reference")
-        {
-            lines.push(("method", why.to_owned()));
-        }
-        for finding in &self.left_out {
-            let Finding { fact, why, .. } = finding;
+        ];
+        // Say what was chosen and left out
+        let why = said("choice").filter(|_| integrator != "reference");
+        lines.extend(why.map(|why| ("method", why.to_owned())));
+        for Finding { fact, why, .. } in &self.left_out {
             lines.push(("left out", format!("{fact}: {why}")));
         }
-        // Say whose errors rest on neighbours
         let constant = self.constant_pixels;
         if 0 < constant && constant < pixels {
             let pixels = format!(
@@ -161,6 +150,27 @@ impl Report {
             lines.push(("pixels", pixels));
         }
         lines
+    }
+
+    /// How exact the image of so many pixels is.
+    fn quality(&self, pixels: u64) -> String {
+        if self.spp == 0 {
+            return format!(
+                "{} of {pixels} pixels have no sample: they are filled from \
+                 those around them in .png and .pgm, and nan in .pfm and .exr",
+                self.unsampled_pixels
+            );
+        }
+        let mean = with_error(self.mean, self.mean_stderr);
+        let mut text = format!("{} spp, mean radiance {mean}", self.spp);
+        if self.rmse.is_some() {
+            text += &format!(", rmse {}", known(self.rmse, 6));
+        }
+        let last = self.curve.last().and_then(|last| last.rmse_reference);
+        if last.is_some() {
+            text += &format!(", {} from the reference", known(last, 6));
+        }
+        text
     }
 }
 
@@ -213,10 +223,9 @@ pub fn as_typed(value: &Value) -> String {
         Value::String(text) => text.clone(),
         Value::Array(parts) => {
             let numbers = parts.iter().all(Value::is_number);
-            let size = numbers && parts.len() == 2;
-            let sign = if size { "x" } else { "," };
-            let parts: Vec<String> = parts.iter().map(as_typed).collect();
-            parts.join(sign)
+            let sign = if numbers && parts.len() == 2 { "x" } else { "," };
+            let parts = parts.iter().map(as_typed);
+            parts.collect::<Vec<_>>().join(sign)
         }
         other => other.to_string(),
     }
@@ -251,8 +260,7 @@ impl Fit {
         // Divide by the spread of the points
         let slope = sum(&|x, y| x * y) / spread;
         let scatter = sum(&|x, y| (y - slope * x) * (y - slope * x));
-        let freedom = n - 2.;
-        let stderr = (scatter / freedom / spread).sqrt();
+        let stderr = (scatter / (n - 2.) / spread).sqrt();
         Some(Self { slope, stderr })
     }
 }

@@ -5,18 +5,21 @@
 // Software Foundation, either version 3 of the License, or (at your option)
 // any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The portable greymap.
+//! The portable maps: of grey levels, PGM, and of 32-bit numbers, PFM, with
+//! the bottom row first.
 
 use std::io::{self, Write};
 
 use rayon::prelude::*;
 
 use super::data::{Image, Note, Source};
-use super::levels::levels;
-use super::srgb::{LEVELS, radiance, whole};
+use super::levels::{COLOURS, LEVELS, levels, mean, radiance, whole};
 
 /// Writes the means as 256 levels, encoded by the sRGB curve.
-pub fn write(image: &dyn Source, out: &mut dyn Write) -> io::Result<()> {
+pub fn write_levels(
+    image: &dyn Source,
+    out: &mut dyn Write,
+) -> io::Result<()> {
     let (width, height) = image.size();
     writeln!(out, "P2 {width} {height}\n255")?;
     let words = Vec::from_iter((0..256).map(|level| format!("{level}\n")));
@@ -32,15 +35,15 @@ pub fn write(image: &dyn Source, out: &mut dyn Write) -> io::Result<()> {
     })
 }
 
-/// Reads the levels back; `bytes` is the whole file. `note` is told of
-/// their curve, and of bytes after them.
+/// Reads levels; `bytes` is the whole file. `note` is told of their curve,
+/// and of bytes after them.
 ///
 /// # Errors
 /// The header is damaged, or there are fewer levels than it says, or
 /// more in the plain variant.
-pub fn read(mut bytes: &[u8], note: Note) -> Result<Image, String> {
-    let plain = word(&mut bytes) == Some(b"P2");
-    let mut next = || number(word(&mut bytes)?);
+pub fn read_levels(mut bytes: &[u8], note: Note) -> Result<Image, String> {
+    let plain = word(&mut bytes) == Some("P2");
+    let mut next = || word(&mut bytes)?.parse::<u32>().ok();
     let [Some(width @ 1..), Some(height @ 1..), Some(white @ 1..=65535)] =
         [next(), next(), next()]
     else {
@@ -50,8 +53,8 @@ pub fn read(mut bytes: &[u8], note: Note) -> Result<Image, String> {
     // Take the levels of a greymap
     let levels: Vec<u32> = if plain {
         let words = std::iter::from_fn(|| word(&mut bytes));
-        let levels: Option<_> = words.map(number).collect();
-        levels.ok_or("one of its levels is no number")?
+        let levels: Result<Vec<_>, _> = words.map(str::parse).collect();
+        levels.map_err(|_| "one of its levels is no number")?
     } else {
         let size = if white > 255 { 2 } else { 1 };
         let levels = raster(bytes, size as u128 * promised, note)?;
@@ -68,8 +71,9 @@ pub fn read(mut bytes: &[u8], note: Note) -> Result<Image, String> {
     Ok(Image::plain(width, height, means.collect()))
 }
 
-/// Takes the next word, past white space and comments.
-pub fn word<'a>(bytes: &mut &'a [u8]) -> Option<&'a [u8]> {
+/// Takes the next word, past white space and comments; U+FFFD if it is no
+/// text.
+fn word<'a>(bytes: &mut &'a [u8]) -> Option<&'a str> {
     *bytes = bytes.trim_ascii_start();
     while let Some(comment) = bytes.strip_prefix(b"#") {
         let end = comment.iter().position(|&byte| byte == b'\n')?;
@@ -79,11 +83,8 @@ pub fn word<'a>(bytes: &mut &'a [u8]) -> Option<&'a [u8]> {
     let end = bytes.iter().position(ends);
     let (word, rest) = bytes.split_at(end.unwrap_or(bytes.len()));
     *bytes = rest;
-    (!word.is_empty()).then_some(word)
-}
-
-fn number(word: &[u8]) -> Option<u32> {
-    std::str::from_utf8(word).ok()?.parse().ok()
+    let text = str::from_utf8(word).unwrap_or("\u{fffd}");
+    (!word.is_empty()).then_some(text)
 }
 
 /// The bytes of the pixels, as many as promised, of what is left after
@@ -91,7 +92,7 @@ fn number(word: &[u8]) -> Option<u32> {
 ///
 /// # Errors
 /// There are fewer.
-pub fn raster<'a>(
+fn raster<'a>(
     rest: &'a [u8],
     promised: u128,
     note: Note,
@@ -116,4 +117,63 @@ pub fn raster<'a>(
         note(&format!("its last {} bytes are ignored", others.len()));
     }
     Ok(data)
+}
+
+/// Writes the means, as numbers of least significant byte first.
+pub fn write_numbers(
+    image: &dyn Source,
+    out: &mut dyn Write,
+) -> io::Result<()> {
+    let (width, height) = image.size();
+    write!(out, "Pf\n{width} {height}\n-1.0\n")?;
+    for rows in Vec::from_iter((0..height).rev()).chunks(16) {
+        let rows = rows.par_iter().map(|&y| {
+            let mut means = vec![0.; width as usize];
+            image.row(y, &mut means);
+            let bytes = means.iter().map(|&x| (x as f32).to_le_bytes());
+            bytes.collect::<Vec<_>>()
+        });
+        for row in rows.collect::<Vec<_>>() {
+            out.write_all(row.as_flattened())?;
+        }
+    }
+    Ok(())
+}
+
+/// Reads a map of one number per pixel, or of three or four, whose
+/// luminance is taken; `bytes` is the whole file. `note` is told of
+/// colours, and of bytes after the numbers.
+///
+/// # Errors
+/// The header is not that of such a map, or there are fewer numbers than
+/// it says.
+pub fn read_numbers(mut bytes: &[u8], note: Note) -> Result<Image, String> {
+    let mut next = || word(&mut bytes).ok_or("its header is damaged");
+    let (kind, width, height, scale) = (next()?, next()?, next()?, next()?);
+    // Take the size and the unit from the header
+    let kinds = ["Pf", "", "PF", "PF4"];
+    let at = kinds.iter().position(|other| *other == kind);
+    let channels = 1 + at.ok_or(format!("its kind is {kind}, not PF"))?;
+    let side = |text: &str| text.parse().ok().filter(|&n: &u32| n > 0);
+    let size = side(width).zip(side(height));
+    let (width, height) =
+        size.ok_or(format!("its size is {width} by {height}"))?;
+    let unit = scale.parse().ok().filter(|s: &f32| s.is_normal());
+    let unit = unit.ok_or(format!("its scale is {scale}"))?;
+    // Turn the rows of the map upside down
+    let promised = u128::from(width) * u128::from(height);
+    let promised = 4 * channels as u128 * promised;
+    let words = raster(bytes, promised, note)?.as_chunks().0;
+    let number = |&word: &[u8; 4]| match unit < 0. {
+        true => f32::from_le_bytes(word),
+        false => f32::from_be_bytes(word),
+    };
+    let number = |word| f64::from(number(word)) * f64::from(unit.abs());
+    let numbers: Vec<f64> = words.iter().map(number).collect();
+    let means: Vec<f64> = numbers.chunks(channels).map(mean).collect();
+    let means = means.rchunks(width as usize).flatten().copied().collect();
+    if channels > 1 {
+        note(COLOURS);
+    }
+    Ok(Image::plain(width, height, means))
 }
