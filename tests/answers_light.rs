@@ -4,7 +4,7 @@
 //! Answers to the book's exercises on paths, errors, images and runs, with
 //! each number that their text states.
 
-mod common;
+use crate::common;
 
 use glam::DVec3;
 use litpt::analysis::background::{

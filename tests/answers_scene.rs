@@ -4,8 +4,6 @@
 //! Answers to the book's exercises on scenes, geometry and sampling, one
 //! test for each.
 
-mod common;
-
 use glam::DVec3;
 use litpt::bvh::{Bvh, Intersector, Isa, Quality};
 use litpt::camera::{Camera, View};
@@ -14,7 +12,6 @@ use litpt::sampler::sobol::ScrambledNet;
 use litpt::sampler::{cosine_direction, generator};
 use litpt::scene::{Mesh, Ray, Scene, Triangle, Triangles, read_file};
 use litpt::sky::Sky;
-use litpt_book::closed_forms::{look, pixel};
 use rand::RngExt;
 
 /// Demands that a mean of `n` samples of this variance is near

@@ -4,7 +4,7 @@
 //! Gathering (chapters "Guiding" to "Training"): guides, the cache and its
 //! names, caches that lie, the errors that a gather states, and the command.
 
-mod common;
+use crate::common;
 
 use std::collections::BTreeMap;
 use std::fs;
