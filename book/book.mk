@@ -122,8 +122,8 @@ measure:
 # gives and what single precision gives. It is written even if a case fails;
 # then the target fails.
 stability: $(BOOK)
-	$(CARGO) test --release $(addprefix --test ,leaks extremes mixtures stiff \
-	  sampler exact traversal)
+	$(CARGO) test --release --test all leaks:: extremes:: mixtures:: stiff:: \
+	  sampler:: exact:: traversal::
 	$(RECORD) stability $(BOOK) stability 3e7
 
 # The escapes of 10^9 paths of four rays from each closed surface. It takes

@@ -4,7 +4,7 @@
 //! What is left out changes no bit of an image; and a shortcut that does not
 //! hold is found out.
 
-mod common;
+use crate::common;
 
 use common::{ROOM, Scratch};
 use glam::DVec3;

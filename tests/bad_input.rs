@@ -3,7 +3,7 @@
 
 //! What `pt` does with an OBJ that is odd, and with one that is wrong.
 
-mod common;
+use crate::common;
 
 use std::fs;
 use std::os::unix::fs::PermissionsExt;

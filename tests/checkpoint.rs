@@ -4,7 +4,7 @@
 //! A run that is killed goes on as if nothing had happened, and what is no
 //! checkpoint of it is refused and left alone (chapter "The checkpoint").
 
-mod common;
+use crate::common;
 
 use std::ffi::OsStr;
 use std::io::Cursor;

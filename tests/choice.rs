@@ -3,7 +3,7 @@
 
 //! The pilot and the choice (chapter "Choosing a method").
 
-mod common;
+use crate::common;
 
 use std::collections::BTreeMap;
 

@@ -4,7 +4,7 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-mod common;
+use crate::common;
 
 use std::time::{Duration, Instant};
 

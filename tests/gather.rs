@@ -4,8 +4,7 @@
 //! Gathering (chapters "Guiding" to "Training"): guides, the cache and its
 //! names, caches that lie, the errors that a gather states, and the command.
 
-mod chance;
-mod common;
+use crate::{chance, common};
 
 use chance::Chance;
 use std::collections::BTreeMap;

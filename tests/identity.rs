@@ -3,7 +3,7 @@
 
 //! The identity of a sample changes whenever a sample does.
 
-mod common;
+use crate::common;
 
 use common::Scratch;
 use litpt::render::choose::{Method, Sampling};

@@ -3,7 +3,7 @@
 
 //! What the user of `pt` reads on standard error.
 
-mod common;
+use crate::common;
 
 use std::process::Command;
 use std::time::Duration;

@@ -3,7 +3,7 @@
 
 //! The options of `pt`: defaults, forms, wrong values, help, reproducibility.
 
-mod common;
+use crate::common;
 
 use std::ffi::OsStr;
 use std::io;

@@ -4,7 +4,7 @@
 //! Where `pt` puts the image, what its bytes are, and that no accident
 //! loses a file.
 
-mod common;
+use crate::common;
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufRead, BufReader, Cursor, Read, Write};

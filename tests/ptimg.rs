@@ -4,7 +4,7 @@
 //! The command `ptimg`: what it answers, and how it ends (chapter "The
 //! companion ptimg").
 
-mod common;
+use crate::common;
 
 use std::fs;
 use std::io::Write;

@@ -4,7 +4,7 @@
 //! The limits of a run, its reports, its reference and its formats, and
 //! what signals and full disks do to it.
 
-mod common;
+use crate::common;
 
 use std::fs;
 use std::io::Write;

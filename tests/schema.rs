@@ -3,7 +3,7 @@
 
 //! Reports of `pt` in JSON, held against their schema and it against them.
 
-mod common;
+use crate::common;
 
 use std::collections::BTreeSet;
 use std::process::Command;

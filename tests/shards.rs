@@ -4,7 +4,7 @@
 //! Parts of a run add up to the bytes of one run, and what is no part of it
 //! is refused (chapter "Shards").
 
-mod common;
+use crate::common;
 
 use std::fs;
 use std::path::PathBuf;

@@ -3,7 +3,7 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-mod chance;
+use crate::chance;
 
 use chance::Chance;
 use glam::DVec3;

@@ -11,7 +11,7 @@
 //! With LITPT_NOWEB_ORACLE=1 in the environment its absence is a failure;
 //! otherwise these tests pass without looking when it is absent.
 
-mod common;
+use crate::common;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -162,6 +162,4 @@ fn fails(file: &str, dir: &Path, ours: &Path) -> bool {
     shell(&format!("markup {file}"), dir, ours).status != 0
 }
 
-#[allow(dead_code)] // Each test program uses its own part of this.
-#[path = "common/exercise.rs"]
-mod exercise;
+use crate::exercise;

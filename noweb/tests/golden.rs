@@ -11,7 +11,7 @@
 //! `tests/record.sh` makes the recordings. Where ours differs on purpose,
 //! a case holds what ours does, and why.
 
-mod common;
+use crate::common;
 
 use common::{Case, Outcome, difference, links, shell};
 

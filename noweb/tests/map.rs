@@ -8,7 +8,7 @@
 
 //! Positions of the program, translated into positions of the chapters.
 
-mod common;
+use crate::common;
 
 use std::ffi::OsStr;
 use std::fs;

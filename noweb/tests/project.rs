@@ -8,7 +8,7 @@
 
 //! Tangling all files of a program, and refusing to lose anyone's work.
 
-mod common;
+use crate::common;
 
 use std::ffi::OsStr;
 use std::fs;

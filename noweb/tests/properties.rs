@@ -9,8 +9,7 @@
 //! What holds for every web: an independent model of tangling, the way
 //! back from the stream, and that no input panics.
 
-#[path = "common/exercise.rs"]
-mod exercise;
+use crate::exercise;
 
 use std::path::Path;
 

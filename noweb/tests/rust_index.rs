@@ -8,7 +8,7 @@
 
 //! What the index of Rust links, and above all what it does not.
 
-mod common;
+use crate::common;
 
 use common::{Scratch, run};
 use noweb::diagnostic::Source;

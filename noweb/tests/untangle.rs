@@ -8,7 +8,7 @@
 
 //! Edits of tangled files come home to the chapters, or are refused.
 
-mod common;
+use crate::common;
 
 use std::fs;
 

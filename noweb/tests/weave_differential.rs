@@ -12,7 +12,7 @@
 //! Both read the same input, which the real stages have made. Without
 //! noweb there is nothing to compare, unless LITPT_NOWEB_ORACLE demands it.
 
-mod common;
+use crate::common;
 
 use std::fs;
 use std::path::{Path, PathBuf};

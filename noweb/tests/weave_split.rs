@@ -8,7 +8,7 @@
 
 //! The split back end, foreign filters, and what LaTeX makes of names.
 
-mod common;
+use crate::common;
 
 use std::fs;
 use std::path::Path;

@@ -8,11 +8,7 @@
 
 //! No stage of weaving panics, whatever stream it is given.
 
-mod common;
-
-#[path = "common/exercise.rs"]
-#[allow(dead_code)]
-mod exercise;
+use crate::{common, exercise};
 
 use std::ffi::OsString;
 

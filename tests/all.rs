@@ -1,0 +1,57 @@
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+//! All tests of the renderer in one program, which is linked once:
+//! `cargo test --test all film::` runs those of `tests/film.rs`.
+
+mod analysis;
+mod answers_light;
+mod answers_scene;
+mod bad_input;
+mod bvh;
+mod chance;
+mod checkpoint;
+mod choice;
+mod common;
+mod compare;
+mod encodings;
+mod exact;
+mod extremes;
+mod film;
+mod formats;
+mod gather;
+mod identity;
+mod layers;
+mod leaks;
+mod messages;
+mod mixtures;
+mod numerics;
+mod options;
+mod outputs;
+mod polygons;
+mod ptimg;
+mod render_loop;
+mod report;
+mod runs;
+mod sampler;
+mod scene;
+mod schema;
+mod shards;
+mod sobol;
+mod statistics;
+mod stiff;
+mod traversal;
+mod wide;
+
+/// A file that is no module here would not be run.
+#[test]
+fn each_file_of_tests_is_run() {
+    let all = include_str!("all.rs");
+    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/tests");
+    for entry in std::fs::read_dir(root).unwrap() {
+        let name = entry.unwrap().file_name().into_string().unwrap();
+        let Some(name) = name.strip_suffix(".rs") else { continue };
+        let known = all.contains(&format!("\nmod {name};\n"));
+        assert!(known || ["all", "allocation"].contains(&name), "{name}");
+    }
+}
