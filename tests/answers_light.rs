@@ -133,7 +133,7 @@ fn gather(
         resolution: film.resolution(),
         window: film.window(),
         known,
-        allocation: &Allocation::even(film.area()),
+        allocation: &Allocation::even(1, film.area()),
         net: ScrambledNet::new(1),
         seed: 4,
         correction,
@@ -188,7 +188,7 @@ fn room_of_step(step: Option<f64>) -> (f64, f64) {
     let like =
         Tracer { scene, intersector, camera, sky, albedo, cache, rays: 0 };
     let (cache, _) = train(&like, 1 << 17, 9, &|_| true);
-    let mut tracer = like.with(&cache);
+    let mut tracer = Tracer { cache: &cache, rays: 0, ..like };
     let mut film = Film::new(16, 16);
     let tile = film.tiles()[0].0;
     let allocation =
