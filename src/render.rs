@@ -23,14 +23,14 @@ use crate::camera::Camera;
 use crate::film::{Film, Tile, Watch};
 use crate::integrator::{Integrator, PathEvent, RayQuery};
 use crate::sampler::{IndependentSampler, Sampler, within};
-use crate::scene::{Ray, Scene};
+use crate::scene::{Entrance, Ray};
 use crate::statistics::Accumulator;
 
 /// What to render, and how.
 pub struct Job<'a, K, E, S = IndependentSampler> {
-    /// The triangles.
-    pub scene: &'a Scene,
-    /// Finds hits in `scene`.
+    /// Where rays of the camera enter the scene.
+    pub entrance: Entrance,
+    /// Finds hits in the scene.
     pub intersector: &'a K,
     /// Where the rays start.
     pub camera: &'a Camera,
@@ -57,10 +57,16 @@ impl<K, E: Integrator, S: Sampler> Dispatch for Pass<'_, '_, K, E, S> {
     type Output = u64;
 
     fn with<L: Intersector>(self, intersector: &L) -> u64 {
-        let &Job { scene, camera, ref integrator, known, .. } = self.job;
+        let &Job { entrance, camera, ref integrator, known, .. } = self.job;
         let sampler = self.job.sampler.clone();
-        let job =
-            Job { scene, intersector, camera, integrator, known, sampler };
+        let job = Job {
+            entrance,
+            intersector,
+            camera,
+            integrator,
+            known,
+            sampler,
+        };
         job.sweep(self.film, self.end, self.watch)
     }
 }
@@ -339,9 +345,8 @@ impl<K: Intersector, E: Integrator, S: Sampler> Job<'_, K, E, S> {
         // Send the first rays of the batch
         let directions = self.camera.directions(&across, &down);
         let sees_sky = self.known.content(tile.corner) == TileContent::Sky;
-        let entrance = self.scene.entrance(self.camera.position);
         let rays = array::from_fn(|i| match started[i] {
-            Some(_) if !sees_sky => entrance.enter(directions[i]),
+            Some(_) if !sees_sky => self.entrance.enter(directions[i]),
             _ => None,
         });
         let mut answers = E::RayQuery::ask_all(self.intersector, &rays);

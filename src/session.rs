@@ -128,18 +128,17 @@ fn run(
     start_threads(arguments)?;
     let mut files = Files::check(arguments, resumed)?;
     tell(ranks, &arguments.save());
-    let (mut scene, mut known) = load(arguments, &files, ranks)?;
+    let (scene, mut known) = load(arguments, &files, ranks)?;
     let camera = camera(arguments)?;
     let kept = kept(arguments);
-    let inquiry = inquire(arguments, &camera, &kept);
+    let inquiry = inquire(arguments, &camera, &scene, &kept);
     stage.set(Some("building the hierarchy"));
     let (analysis, bvh) =
-        build(&mut scene, &inquiry, arguments, ranks, &mut known)?;
-    let scene = (&scene, &bvh);
+        build(scene, &inquiry, arguments, ranks, &mut known)?;
     let what = (&inquiry, &analysis);
     stage.set(Some("choosing a method"));
     let (sampling, choice) =
-        sampling(arguments, scene, what, (window, start), &files);
+        sampling(arguments, &bvh, what, (window, start), &files);
     if arguments.explain {
         return explain(&analysis, arguments, sampling.method, choice);
     }
@@ -174,7 +173,7 @@ fn run(
         sampling,
         part,
     };
-    let job = renderer(scene.0, &bvh, &inquiry, &analysis, &sampling);
+    let job = renderer(&bvh, &inquiry, &analysis, &sampling);
     // Share the job with other processes
     tell(ranks, &sampling);
     let resolution = arguments.resolution;
@@ -430,10 +429,12 @@ const START: u64 = 1 << 26;
 fn inquire<'a>(
     arguments: &Arguments,
     camera: &'a Camera,
+    scene: &Scene,
     kept: &'a [Shortcut],
 ) -> Inquiry<'a> {
     Inquiry {
         camera,
+        entrance: scene.frame.entrance(camera.position),
         sky: Sky::new(arguments.up),
         albedo: arguments.albedo,
         resolution: arguments.resolution,
@@ -456,18 +457,17 @@ fn kept(arguments: &Arguments) -> Vec<Shortcut> {
 const TILE: f64 = 3e-6;
 
 fn build(
-    scene: &mut Scene,
+    scene: Scene,
     inquiry: &Inquiry,
     arguments: &Arguments,
     ranks: &dyn Ranks,
     known: &mut Report,
 ) -> Result<(SceneAnalysis, Bvh), String> {
     let began = Instant::now();
-    let position = inquiry.camera.position;
-    let is_inside = scene.entrance(position).is_inside;
+    let is_inside = inquiry.entrance.is_inside;
     let path = expected_path(arguments.albedo, is_inside);
     let rays = expected_rays(arguments, path)? / f64::from(ranks.count());
-    let triangles = scene.take_triangles();
+    let Scene { triangles, left_out, .. } = scene;
     let quality = Quality::expecting(triangles.len(), rays);
     // Warn of triangles that are too small
     let count = too_small(&triangles);
@@ -486,7 +486,7 @@ fn build(
     let bvh = Bvh::of(triangles, quality, arguments.isa(), &placed);
     let bvh = bvh.map_err(|e| e.to_string())?;
     drop(step);
-    let analysis = SceneAnalysis::find(scene, &bvh, inquiry);
+    let analysis = SceneAnalysis::find(&left_out, &bvh, inquiry);
     // Report what was found and built
     known.left_out = analysis.left_out().cloned().collect();
     let threads = rayon::current_num_threads();
@@ -604,7 +604,7 @@ impl<'a> Run<'a> {
 /// a pilot has found, if it has chosen.
 fn sampling(
     arguments: &Arguments,
-    scene: (&Scene, &Bvh),
+    bvh: &Bvh,
     what: (&Inquiry, &SceneAnalysis),
     (window, start): (Window, Instant),
     files: &Files,
@@ -630,7 +630,7 @@ fn sampling(
         Some(Method::Sobol) => saved.is_none(),
         Some(Method::Gather) => saved.is_none() && left.is_some(),
     };
-    let choose = || choose(scene, what, (window, seed), limits, method);
+    let choose = || choose(bvh, what, (window, seed), limits, method);
     if let Some(choice) = asks.then(choose).flatten() {
         // Warn if it is not the method that is asked for
         let chosen = choice.sampling.method;
@@ -833,15 +833,14 @@ pub fn follow(ranks: &dyn Ranks) -> Result<(), String> {
     let (mesh, _) = read?;
     drop(bytes);
     arguments.stand_outside(mesh.corners());
-    let mut scene = Scene::of(mesh);
+    let scene = Scene::of(mesh);
     let camera = camera(&arguments)?;
     let kept = kept(&arguments);
-    let inquiry = inquire(&arguments, &camera, &kept);
+    let inquiry = inquire(&arguments, &camera, &scene, &kept);
     let known = &mut Report::default();
-    let (analysis, bvh) =
-        build(&mut scene, &inquiry, &arguments, ranks, known)?;
+    let (analysis, bvh) = build(scene, &inquiry, &arguments, ranks, known)?;
     let Some(sampling) = hear(ranks)? else { return Ok(()) };
-    let mut job = renderer(&scene, &bvh, &inquiry, &analysis, &sampling);
+    let mut job = renderer(&bvh, &inquiry, &analysis, &sampling);
     let resolution = arguments.resolution;
     let frame = Frame { resolution, whole: window, sampling };
     ranks.serve(&mut *job, &frame);

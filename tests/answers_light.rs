@@ -69,10 +69,16 @@ impl Later {
         setting: &Setting,
         first: u64,
     ) -> Job<'_, Bvh, &PathTracer, Self> {
-        let Job { scene, intersector, camera, integrator, known, sampler } =
-            setting.job(1);
+        let Job {
+            entrance,
+            intersector,
+            camera,
+            integrator,
+            known,
+            sampler,
+        } = setting.job(1);
         let sampler = Self(sampler, first);
-        Job { scene, intersector, camera, integrator, known, sampler }
+        Job { entrance, intersector, camera, integrator, known, sampler }
     }
 }
 
@@ -219,11 +225,17 @@ fn gathering_at_every_hit_pays_where_few_hits_matter() {
     {
         let setting = sphere(0.5, rho, 128);
         // Weigh with the other estimator
-        let Job { scene, intersector, camera, known, sampler, .. } =
+        let Job { entrance, intersector, camera, known, sampler, .. } =
             setting.job(1);
         let integrator = Gather { rho, f: 0.5 };
-        let mut job =
-            Job { scene, intersector, camera, integrator, known, sampler };
+        let mut job = Job {
+            entrance,
+            intersector,
+            camera,
+            integrator,
+            known,
+            sampler,
+        };
         let own = weigh(&mut job, 20_000);
         let reference = weigh(&mut setting.job(1), 20_000);
         near(reference.variance() / found, 1., 0.1);
@@ -357,10 +369,17 @@ fn gather(
     correction: Option<Correction>,
     scrambles: u64,
 ) -> (Accumulator, f64) {
-    let Job { scene, intersector, camera, known, .. } = setting.job(1);
+    let Job { entrance, intersector, camera, known, .. } = setting.job(1);
     let sky = Sky::new(DVec3::Z);
-    let mut tracer =
-        Tracer { scene, intersector, camera, sky, albedo, cache, rays: 0 };
+    let mut tracer = Tracer {
+        entrance,
+        intersector,
+        camera,
+        sky,
+        albedo,
+        cache,
+        rays: 0,
+    };
     let mut film = Film::new(4, 4);
     let tile = film.tiles()[0].0;
     let plan = Plan {
@@ -475,11 +494,18 @@ fn room_of_step(step: Option<f64>) -> (f64, f64) {
     let room = settings::named("room with a window");
     let sky = (room.rho, DVec3::Z);
     let setting = Setting::new(&room.mesh, sky, &room.view, 1.).unwrap();
-    let Job { scene, intersector, camera, known, .. } = setting.job(1);
+    let Job { entrance, intersector, camera, known, .. } = setting.job(1);
     let (sky, albedo) = (Sky::new(DVec3::Z), room.rho);
     let cache = &RadianceCache::empty(Grid::around(&[]));
-    let like =
-        Tracer { scene, intersector, camera, sky, albedo, cache, rays: 0 };
+    let like = Tracer {
+        entrance,
+        intersector,
+        camera,
+        sky,
+        albedo,
+        cache,
+        rays: 0,
+    };
     let (cache, _) = train(&like, 1 << 17, 9, &|_| true);
     let mut tracer = like.with(&cache);
     let mut film = Film::new(16, 16);
@@ -986,7 +1012,10 @@ fn far_away_single_precision_has_two_of_nine_places() {
     mesh.vertices.iter_mut().for_each(|v| *v *= 0.125);
     let here = Scene::new(&mesh);
     mesh.vertices.iter_mut().for_each(|v| *v += 1e7);
-    assert_eq!(Scene::new(&mesh).triangles(), here.triangles());
+    assert_eq!(
+        Scene::new(&mesh).triangles.to_vec(),
+        here.triangles.to_vec()
+    );
 }
 
 // Answer the exercises on honest errors

@@ -301,7 +301,7 @@ fn a_hall_of_300_metres_is_scaled_by_32() {
     let hall =
         Mesh { vertices, triangles: vec![[0, 1, 2]], joined: vec![] };
     let scene = Scene::new(&hall);
-    let corner = scene.triangles()[0][1];
+    let corner = scene.triangles.get(0)[1];
     assert_eq!(corner, DVec3::new(4800., 640., 192.));
     let metres = (corner.x.next_up() - corner.x) / 32.;
     assert_eq!(metres, power_of_two(-45));
@@ -336,7 +336,7 @@ fn ten_million_metres_away_the_room_is_the_same() {
 /// The coordinates of all corners in the scene.
 fn placed(text: &str) -> Vec<[f64; 3]> {
     let scene = Scene::new(&read_obj(text.as_bytes()).unwrap());
-    let triangles = scene.triangles();
+    let triangles = scene.triangles.to_vec();
     let corners = triangles.as_flattened().iter();
     corners.map(|corner| (*corner - triangles[0][0]).to_array()).collect()
 }
@@ -421,7 +421,7 @@ fn a_pentagram_is_drawn_with_two_of_its_gaps() {
     let drawn = (0..n).filter(|_| {
         let mut number = || 2. * random.random::<f64>() - 1.;
         let origin = DVec3::new(number(), number(), 1.);
-        let ray = scene.enter(origin, -DVec3::Z);
+        let ray = scene.frame.entrance(origin).enter(-DVec3::Z);
         ray.is_some_and(|ray| bvh.is_occluded(&ray, None))
     });
     let share: f64 = 1.6246 / 4.;
@@ -733,12 +733,12 @@ fn a_hit_is_less_than_an_atom_before_the_wall() {
     let hall = Mesh { vertices, triangles, joined: vec![] };
     let scene = Scene::new(&hall);
     // Measure the height of a hit in metres
-    let middle = scene.place(DVec3::ZERO).unwrap();
+    let middle = scene.frame.entrance(DVec3::ZERO).place().unwrap();
     let direction = DVec3::new(1., 0.01, 0.02).normalize();
     let ray = Ray { origin: middle, direction };
-    let bvh = intersector(&scene.triangles());
+    let bvh = intersector(&scene.triangles.to_vec());
     let hit = bvh.first_hit(&ray, None).unwrap();
-    let wall = scene.place(DVec3::splat(50.)).unwrap();
+    let wall = scene.frame.entrance(DVec3::splat(50.)).place().unwrap();
     let metres = (wall.x - hit.point.x) / 128.;
     assert!((metres / 4.0e-13 - 1.).abs() < 0.01, "{metres:e}");
     // Compute what the answer says of other lengths

@@ -86,7 +86,7 @@ impl World {
     ) -> Job<'a, K, &'a E> {
         let World { scene, camera } = self;
         Job {
-            scene,
+            entrance: scene.frame.entrance(camera.position),
             intersector,
             camera,
             integrator,

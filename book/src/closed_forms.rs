@@ -21,7 +21,7 @@ use litpt::integrator::PathTracer;
 use litpt::numerics::{power_of_two, sincos_turns};
 use litpt::render::{Job, Renderer};
 use litpt::sampler::IndependentSampler;
-use litpt::scene::{Mesh, Scene};
+use litpt::scene::{Entrance, Mesh, Scene};
 use litpt::sky::Sky;
 use litpt::statistics::Accumulator;
 
@@ -297,7 +297,7 @@ fn room() -> Mesh {
 
 /// A scene with a camera in it, ready to be rendered.
 pub struct Setting {
-    scene: Scene,
+    entrance: Entrance,
     intersector: Bvh,
     camera: Camera,
     integrator: PathTracer,
@@ -317,15 +317,17 @@ impl Setting {
         let intersector = Bvh::new(&scene)?;
         let sky = Sky::new(up);
         let integrator = PathTracer { albedo: rho, sky };
-        Ok(Self { scene, intersector, camera, integrator })
+        let entrance = scene.frame.entrance(view.position);
+        Ok(Self { entrance, intersector, camera, integrator })
     }
 
     /// The job that renders it.
     pub fn job(&self, seed: u64) -> Job<'_, Bvh, &PathTracer> {
-        let Self { scene, intersector, camera, integrator } = self;
+        let &Self { entrance, ref intersector, .. } = self;
+        let Self { camera, integrator, .. } = self;
         let known = &KnownPixels::Nothing;
         let sampler = IndependentSampler::new(seed);
-        Job { scene, intersector, camera, integrator, known, sampler }
+        Job { entrance, intersector, camera, integrator, known, sampler }
     }
 }
 

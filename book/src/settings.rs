@@ -68,6 +68,7 @@ impl Setting {
         let start = Instant::now();
         let inquiry = Inquiry {
             camera: &camera,
+            entrance: scene.frame.entrance(camera.position),
             sky: Sky::new(self.view.up),
             albedo: self.rho,
             resolution,
@@ -76,14 +77,14 @@ impl Setting {
         let intersector = Bvh::with(&scene, Quality::Medium, Isa::best());
         let intersector = intersector.expect("a hierarchy");
         let mut analysis =
-            SceneAnalysis::find(&scene, &intersector, &inquiry);
+            SceneAnalysis::find(&scene.left_out, &intersector, &inquiry);
         lie(&mut analysis);
         let found = start.elapsed().as_secs_f64();
         let window = Window { corner: (0, 0), size: resolution };
         let mut film = sampling.film(resolution, window);
         let start = Instant::now();
         let mut renderer =
-            renderer(&scene, &intersector, &inquiry, &analysis, sampling);
+            renderer(&intersector, &inquiry, &analysis, sampling);
         let rays = renderer.pass(&mut film, n, &|_| true);
         let seconds = [found, start.elapsed().as_secs_f64()];
         drop(renderer);

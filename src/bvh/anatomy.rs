@@ -61,7 +61,7 @@ impl Anatomy {
     /// # Errors
     /// Too little memory.
     pub fn new(scene: &Scene, quality: Quality) -> io::Result<Self> {
-        Wide::new(scene.indexed().clone(), quality, &|_| ()).map(Self)
+        Wide::new(scene.triangles.clone(), quality, &|_| ()).map(Self)
     }
 
     /// What a ray that left a triangle looks at, in this order; and its

@@ -21,7 +21,6 @@ use crate::film::Window;
 use crate::gather::training;
 use crate::integrator::{Integrator, PathEvent, PathTracer};
 use crate::sampler::{IndependentSampler, Sampler, generator, within};
-use crate::scene::Scene;
 
 /// What a few paths tell of those of an image: means over its pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -47,7 +46,6 @@ pub struct Pilot {
 
 /// A pilot that waits for its intersector.
 struct Trial<'a, 'b> {
-    scene: &'a Scene,
     inquiry: &'b Inquiry<'a>,
     analysis: &'b SceneAnalysis,
     /// The part of the image that is rendered.
@@ -142,7 +140,8 @@ impl Trial<'_, '_> {
         (x, y): (u32, u32),
         n: u64,
     ) -> [Path; 2] {
-        let &Inquiry { camera, sky, albedo, resolution, .. } = self.inquiry;
+        let &Inquiry { entrance, camera, sky, albedo, resolution, .. } =
+            self.inquiry;
         let integrator = PathTracer { albedo, sky };
         let number = |k| IndependentSampler::new(PILOT).start(n, k);
         let mut sampler = number(0);
@@ -151,7 +150,7 @@ impl Trial<'_, '_> {
         let direction = camera.direction(u, within(y, resolution.1, v));
         // Trace the ray of the camera
         let mut path = integrator.begin(direction);
-        let ray = self.scene.enter(camera.position, direction);
+        let ray = entrance.enter(direction);
         let hit = ray.and_then(|ray| intersector.first_hit(&ray, None));
         let rays = u64::from(hit.is_some());
         let event = integrator.go_on(&mut path, hit, &mut sampler);
@@ -295,7 +294,7 @@ impl fmt::Display for Choice {
 /// pixel a sample in the `seconds` that are left is not chosen, even if it
 /// is wanted.
 pub fn choose(
-    (scene, intersector): (&Scene, &Bvh),
+    intersector: &Bvh,
     (inquiry, analysis): (&Inquiry, &SceneAnalysis),
     (window, seed): (Window, u64),
     (samples, error, seconds): (Option<u64>, Option<f64>, Option<f64>),
@@ -304,7 +303,7 @@ pub fn choose(
     let area = u64::from(window.size.0) * u64::from(window.size.1);
     let paths = samples.unwrap_or(MANY).saturating_mul(area);
     let pixels = (paths / 200).min(4096);
-    let trial = Trial { scene, inquiry, analysis, window, pixels };
+    let trial = Trial { inquiry, analysis, window, pixels };
     let began = Instant::now();
     let pilot = (pixels >= 64).then(|| intersector.dispatch(trial))?;
     let pace = began.elapsed().as_secs_f64() / (4 * pixels) as f64;

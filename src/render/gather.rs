@@ -19,15 +19,15 @@ use crate::gather::training::{PILOT, allocate, train};
 use crate::gather::{Allocation, Correction, Plan, Tracer};
 use crate::sampler::sobol::ScrambledNet;
 use crate::sampler::split_mix;
-use crate::scene::Scene;
+use crate::scene::Entrance;
 use crate::sky::Sky;
 use crate::statistics::Accumulator;
 
 /// Renders by gathering, with what a training has learnt.
 pub struct Gather<'a> {
-    /// The triangles, and where rays enter them.
-    pub scene: &'a Scene,
-    /// Finds hits in `scene`.
+    /// Where rays of the camera enter the scene.
+    pub entrance: Entrance,
+    /// Finds hits in the scene.
     pub intersector: &'a Bvh,
     /// Where paths start.
     pub camera: &'a Camera,
@@ -89,8 +89,16 @@ impl<'a> Gather<'a> {
         intersector: &'b K,
         cache: &'b RadianceCache,
     ) -> Tracer<'b, K> {
-        let &Self { scene, camera, sky, albedo, .. } = self;
-        Tracer { scene, intersector, camera, sky, albedo, cache, rays: 0 }
+        let &Self { entrance, camera, sky, albedo, .. } = self;
+        Tracer {
+            entrance,
+            intersector,
+            camera,
+            sky,
+            albedo,
+            cache,
+            rays: 0,
+        }
     }
 
     /// A plan for the whole window of a film's run.

@@ -25,7 +25,7 @@ use crate::integrator::{
 };
 use crate::sampler::sobol::SobolSampler;
 use crate::sampler::{IndependentSampler, Sampler};
-use crate::scene::Scene;
+use crate::scene::Entrance;
 
 /// How samples are made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -188,20 +188,19 @@ const LARGEST: u64 = 1 << 22;
 /// The renderer of a scene with this intersector, for what its analysis
 /// has found to be needed.
 pub fn renderer<'a>(
-    scene: &'a Scene,
     intersector: &'a Bvh,
     inquiry: &Inquiry<'a>,
     analysis: &'a SceneAnalysis,
     sampling: &Sampling,
 ) -> Box<dyn Renderer + 'a> {
-    let &Inquiry { camera, sky, albedo, .. } = inquiry;
+    let &Inquiry { entrance, camera, sky, albedo, .. } = inquiry;
     let &Sampling { seed, replicate, training, .. } = sampling;
     let known = &analysis.known;
     let independent = IndependentSampler::new(seed);
     let nets = SobolSampler::new(seed, replicate);
     let paths = PathTracer { albedo, sky };
     let direct = DirectSky { sky };
-    let scene = (scene, intersector, camera, known);
+    let scene = (entrance, intersector, camera, known);
     match sampling.method {
         Method::Reference if analysis.is_black => {
             job(scene, direct, independent)
@@ -213,11 +212,11 @@ pub fn renderer<'a>(
             job(scene, ControlledPathTracer { paths, control }, nets)
         }
         Method::Gather => {
-            let (scene, intersector, camera, known) = scene;
+            let (entrance, intersector, camera, known) = scene;
             let (correction, learnt) = (Some(Correction::default()), None);
             // Box the renderer that gathers
             Box::new(Gather {
-                scene,
+                entrance,
                 intersector,
                 camera,
                 sky,
@@ -234,10 +233,17 @@ pub fn renderer<'a>(
 
 /// The renderer of paths.
 fn job<'a>(
-    scene: (&'a Scene, &'a Bvh, &'a Camera, &'a KnownPixels),
+    scene: (Entrance, &'a Bvh, &'a Camera, &'a KnownPixels),
     integrator: impl Integrator + 'a,
     sampler: impl Sampler + 'a,
 ) -> Box<dyn Renderer + 'a> {
-    let (scene, intersector, camera, known) = scene;
-    Box::new(Job { scene, intersector, camera, integrator, known, sampler })
+    let (entrance, intersector, camera, known) = scene;
+    Box::new(Job {
+        entrance,
+        intersector,
+        camera,
+        integrator,
+        known,
+        sampler,
+    })
 }

@@ -25,7 +25,8 @@ pub fn run(arguments: &[String]) -> Done {
     let scene = Scene::new(&mesh());
     // Take the ray in the middle
     let ahead = view().target - view().position;
-    let ray = scene.enter(view().position, ahead.normalize());
+    let ray =
+        scene.frame.entrance(view().position).enter(ahead.normalize());
     let ray = ray.ok_or("the view passes the courtyard by")?;
     let anatomy = Anatomy::new(&scene, Quality::Medium)?;
     let (steps, _) = anatomy.walk(&ray, None);

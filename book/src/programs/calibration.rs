@@ -144,17 +144,19 @@ fn image(setting: &Setting, method: Method, seed: u64, n: u64) -> Film {
     let resolution = (WIDTH, HEIGHT);
     let area = u64::from(WIDTH * HEIGHT);
     // Know nothing of the image beforehand
-    let Job { scene, intersector, camera, integrator, .. } =
+    let Job { entrance, intersector, camera, integrator, .. } =
         setting.job(seed);
     let &PathTracer { albedo, sky } = integrator;
-    let inquiry = Inquiry { camera, sky, albedo, resolution, kept: &[] };
+    let kept = &[];
+    let inquiry =
+        Inquiry { camera, entrance, sky, albedo, resolution, kept };
     let known = KnownPixels::Nothing;
     let analysis =
         SceneAnalysis { findings: vec![], known, is_black: false };
     let window = Window { corner: (0, 0), size: resolution };
     // Sample as a run of this method does
     let choice = choose(
-        (scene, intersector),
+        intersector,
         (&inquiry, &analysis),
         (window, seed),
         (Some(n), None, None),
@@ -163,7 +165,7 @@ fn image(setting: &Setting, method: Method, seed: u64, n: u64) -> Film {
     let sampling = Sampling::new(method, seed, Some(n), area);
     let sampling = choice.map_or(sampling, |choice| choice.sampling);
     let mut renderer =
-        renderer(scene, intersector, &inquiry, &analysis, &sampling);
+        renderer(intersector, &inquiry, &analysis, &sampling);
     let mut film = sampling.film(resolution, window);
     renderer.pass(&mut film, n, &|_| true);
     film
@@ -378,7 +380,7 @@ fn stopped(seed: u64, error: f64, side: u32) -> (f64, u64) {
     let Ok(camera) = Camera::new(&view, 1.) else { return (0., 0) };
     // Make a job of throwing coins
     let mut job = Job {
-        scene: &scene,
+        entrance: scene.frame.entrance(view.position),
         intersector: &intersector,
         camera: &camera,
         integrator: &Coin,

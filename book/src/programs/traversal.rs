@@ -115,7 +115,7 @@ fn record<K: Intersector>(
         PathTracer { albedo: arguments.albedo, sky: Sky::new(view.up) };
     let seed = arguments.seed;
     let rays = paths::record(
-        scene,
+        &scene.frame.entrance(view.position),
         intersector,
         &camera,
         &integrator,
@@ -281,7 +281,7 @@ impl Embree {
         scene: &Scene,
         flags: i32,
     ) -> Result<Self, Box<dyn Error>> {
-        let triangles = scene.triangles();
+        let triangles = scene.triangles.to_vec();
         let count = triangles.len();
         // SAFETY: the types are those of rtcore.h, the buffers are as long
         // as is said, and nothing is used after it was given away.

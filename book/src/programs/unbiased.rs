@@ -66,16 +66,17 @@ fn control(setting: &Setting, method: Method, n: u64) -> u64 {
         aspect,
     );
     let Ok(set) = set else { return 0 };
-    let Job { scene, intersector, camera, integrator, .. } = set.job(0);
+    let Job { entrance, intersector, camera, integrator, .. } = set.job(0);
     let &PathTracer { albedo, sky } = integrator;
     let (resolution, kept) = (RESOLUTION, &[][..]);
-    let inquiry = &Inquiry { camera, sky, albedo, resolution, kept };
+    let inquiry =
+        &Inquiry { camera, entrance, sky, albedo, resolution, kept };
     let known = KnownPixels::Nothing;
     let analysis =
         &SceneAnalysis { findings: vec![], known, is_black: false };
     let window = Window { corner: (0, 0), size: RESOLUTION };
     let choice = choose(
-        (scene, intersector),
+        intersector,
         (inquiry, analysis),
         (window, 0),
         (Some(n), None, None),
