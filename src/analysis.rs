@@ -20,7 +20,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::bvh::{Bvh, Isa};
 use crate::camera::Camera;
-use crate::scene::Scene;
+use crate::scene::Entrance;
 use crate::sky::Sky;
 use background::{BackgroundTiles, KnownPixels};
 use interior::{is_inside, lets_out};
@@ -30,22 +30,22 @@ use interior::{is_inside, lets_out};
 pub enum Shortcut {
     /// The camera is inside a closed surface: the image is black.
     Dark,
-    /// Some tiles see no triangle: their rays need not be traced.
-    Background,
     /// Nothing is reflected: it only counts whether a ray is blocked.
     Black,
+    /// Some tiles see no triangle: their rays need not be traced.
+    Background,
 }
 
 impl Shortcut {
     /// All of them.
-    pub const ALL: [Self; 3] = [Self::Dark, Self::Background, Self::Black];
+    pub const ALL: [Self; 3] = [Self::Dark, Self::Black, Self::Background];
 
     /// The name that options and reports have for it.
     pub fn name(self) -> &'static str {
         match self {
             Self::Dark => "dark",
-            Self::Background => "background",
             Self::Black => "black",
+            Self::Background => "background",
         }
     }
 }
@@ -89,6 +89,8 @@ pub struct SceneAnalysis {
 pub struct Inquiry<'a> {
     /// The camera of the image.
     pub camera: &'a Camera,
+    /// Where its rays enter the scene.
+    pub entrance: Entrance,
     /// The only light.
     pub sky: Sky,
     /// Albedo of every surface.
@@ -101,33 +103,38 @@ pub struct Inquiry<'a> {
 
 impl SceneAnalysis {
     /// Looks for all shortcuts but those that are kept. The intersector
-    /// is that of the scene.
+    /// is that of the scene, which has left out the faces `left_out`.
     pub fn find(
-        scene: &Scene,
+        left_out: &[Vec<u32>; 2],
         intersector: &Bvh,
         inquiry: &Inquiry,
     ) -> Self {
-        let (findings, known) = (vec![], KnownPixels::Nothing);
-        let mut analysis = Self { findings, known, is_black: false };
-        let wanted = |shortcut| !inquiry.kept.contains(&shortcut);
-        analysis.tell_of_the_scene(scene);
-        // Look for the shortcuts that are wanted
-        for kept in inquiry.kept {
-            let why = "kept, and not looked for".to_owned();
-            analysis.tell(kept.name(), false, why);
+        let findings = of_the_scene(left_out);
+        let known = KnownPixels::Nothing;
+        let mut all = Self { findings, known, is_black: false };
+        for shortcut in Shortcut::ALL {
+            // Look for one shortcut if it is wanted
+            let found = match shortcut {
+                kept if inquiry.kept.contains(&kept) => {
+                    Some((false, "kept, and not looked for".to_owned()))
+                }
+                _ if all.known.is_all() => None,
+                Shortcut::Dark => {
+                    Some(all.look_for_dark(intersector, inquiry))
+                }
+                Shortcut::Black => Some(all.look_for_black(inquiry.albedo)),
+                Shortcut::Background => {
+                    all.look_for_background(intersector, inquiry)
+                }
+            };
+            let tell = |(holds, why)| all.tell(shortcut.name(), holds, why);
+            found.map(tell);
         }
-        if wanted(Shortcut::Dark) {
-            analysis.look_for_dark(scene, intersector, inquiry.camera);
-        }
-        if !analysis.known.is_all() {
-            if wanted(Shortcut::Black) {
-                analysis.look_for_black(inquiry.albedo);
-            }
-            if wanted(Shortcut::Background) {
-                analysis.look_for_background(scene, intersector, inquiry);
-            }
-        }
-        analysis
+        all
+    }
+
+    fn tell(&mut self, fact: &str, holds: bool, why: String) {
+        self.findings.push(Finding { fact: fact.to_owned(), holds, why });
     }
 
     /// What was left out of the image or its work, in words.
@@ -135,34 +142,14 @@ impl SceneAnalysis {
         self.findings.iter().filter(|finding| finding.holds)
     }
 
-    fn tell(&mut self, name: &str, holds: bool, why: String) {
-        let fact = name.to_owned();
-        self.findings.push(Finding { fact, holds, why });
-    }
-
-    fn tell_of_the_scene(&mut self, scene: &Scene) {
-        let (flat, copies) = scene.left_out();
-        let words = [
-            ("flat", flat, "without area"),
-            ("copies", copies, "that have the corners of another"),
-        ];
-        for (name, faces, which) in words {
-            let mut why = format!("{} triangles {which}", faces.len());
-            if let Some(face) = faces.first() {
-                why += &format!(", the first in face {}", face + 1);
-            }
-            self.tell(name, !faces.is_empty(), why);
-        }
-    }
-
     fn look_for_dark(
         &mut self,
-        scene: &Scene,
         intersector: &Bvh,
-        camera: &Camera,
-    ) {
-        let dark = match scene.place(camera.position) {
-            Some(_) if lets_out(scene, intersector, camera) => Ok(false),
+        &Inquiry { camera, ref entrance, .. }: &Inquiry,
+    ) -> (bool, String) {
+        let is_out = |_: &_| !lets_out(entrance, intersector, camera);
+        let dark = match entrance.place().filter(is_out) {
+            None => Ok(false),
             Some(place) => {
                 // Ask the triangles whether they enclose the camera
                 let mut all: Vec<_> = intersector.triangles().collect();
@@ -171,32 +158,46 @@ impl SceneAnalysis {
                     all.into_iter().unzip();
                 is_inside(&triangles, place).map_err(|i| faces[i as usize])
             }
-            None => Ok(false),
         };
-        // Say whether a closed surface is around it
-        if dark == Ok(true) {
-            self.known = KnownPixels::Dark;
-        }
-        let why = match dark {
-            Ok(true) => {
-                "closed around the camera: no ray can reach the sky, \
-                         and the image is exactly 0"
-                    .to_owned()
+        match dark {
+            Ok(true) => self.known = KnownPixels::Dark,
+            Err(face) => {
+                return (
+                    false,
+                    format!("the camera is on face {}", face + 1),
+                );
             }
-            Ok(false) => "no closed surface around the camera".to_owned(),
-            Err(face) => format!("the camera is on face {}", face + 1),
+            Ok(false) => {}
+        }
+        let why = match self.known.is_all() {
+            true => {
+                "closed around the camera: no ray can reach the sky, \
+                 and the image is exactly 0"
+            }
+            false => "no closed surface around the camera",
         };
-        self.tell(Shortcut::Dark.name(), dark == Ok(true), why);
+        (self.known.is_all(), why.to_owned())
+    }
+
+    fn look_for_black(&mut self, albedo: f64) -> (bool, String) {
+        self.is_black = albedo == 0.;
+        let why = match self.is_black {
+            true => {
+                "nothing is reflected: a ray only asks whether it is \
+                 blocked"
+            }
+            false => "surfaces reflect",
+        };
+        (self.is_black, why.to_owned())
     }
 
     fn look_for_background(
         &mut self,
-        scene: &Scene,
         intersector: &Bvh,
         inquiry: &Inquiry,
-    ) {
+    ) -> Option<(bool, String)> {
         let &Inquiry { camera, sky, resolution, .. } = inquiry;
-        let Some(tip) = scene.place(camera.position) else { return };
+        let tip = inquiry.entrance.place()?;
         let tiles =
             BackgroundTiles::new(camera, sky, resolution, tip, intersector);
         let (count, empty, pixels) = tiles.count(resolution);
@@ -215,23 +216,10 @@ impl SceneAnalysis {
                 u64::from(resolution.0) * u64::from(resolution.1)
             ),
         };
-        self.tell(Shortcut::Background.name(), empty > 0, why);
         if empty > 0 {
             self.known = KnownPixels::Background(tiles);
         }
-    }
-
-    fn look_for_black(&mut self, albedo: f64) {
-        self.is_black = albedo == 0.;
-        let why = match self.is_black {
-            true => {
-                "nothing is reflected: a ray only asks whether it is \
-                 blocked"
-            }
-            false => "surfaces reflect",
-        };
-        let name = Shortcut::Black.name();
-        self.tell(name, self.is_black, why.to_owned());
+        Some((empty > 0, why))
     }
 
     /// The intersector and the integrator that are needed, in words.
@@ -246,4 +234,20 @@ impl SceneAnalysis {
     pub fn samples(&self, asked: Option<u64>) -> Option<u64> {
         asked.or(self.known.is_all().then_some(2))
     }
+}
+
+/// What is told of the faces that the scene has left out.
+fn of_the_scene([flat, copies]: &[Vec<u32>; 2]) -> Vec<Finding> {
+    let words = [
+        ("flat", flat, "without area"),
+        ("copies", copies, "that have the corners of another"),
+    ];
+    let finding = |(fact, faces, which): (&str, &Vec<u32>, &str)| {
+        let first = faces.first().map(|face| face + 1);
+        let first = first.map(|n| format!(", the first in face {n}"));
+        let why = format!("{} triangles {which}", faces.len());
+        let why = why + &first.unwrap_or_default();
+        Finding { fact: fact.to_owned(), holds: !faces.is_empty(), why }
+    };
+    words.map(finding).into()
 }

@@ -172,7 +172,7 @@ impl Bvh {
         quality: Quality,
         isa: Isa,
     ) -> Result<Self, BuildError> {
-        Self::of(scene.indexed().clone(), quality, isa, &|_| ())
+        Self::of(scene.triangles.clone(), quality, isa, &|_| ())
     }
 
     /// The same of `triangles` in the coordinates of a scene. Their memory

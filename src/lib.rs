@@ -29,7 +29,8 @@
 //! let intersector = Bvh::new(&scene)?;
 //!
 //! let mut job = Job {
-//!     scene: &scene, intersector: &intersector, camera: &camera,
+//!     entrance: scene.frame.entrance(view.position),
+//!     intersector: &intersector, camera: &camera,
 //!     integrator: &integrator, known: &KnownPixels::Nothing,
 //!     sampler: IndependentSampler::new(0),
 //! };

@@ -21,14 +21,14 @@ use crate::film::{Film, Tile, Watch};
 use crate::integrator::{Integrator, PathEvent, RayQuery};
 pub use crate::integrator::{Renderer, Share};
 use crate::sampler::{IndependentSampler, Sampler, within};
-use crate::scene::{Ray, Scene};
+use crate::scene::{Entrance, Ray};
 use crate::statistics::Accumulator;
 
 /// What to render, and how.
 pub struct Job<'a, K, E, S = IndependentSampler> {
-    /// The triangles.
-    pub scene: &'a Scene,
-    /// Finds hits in `scene`.
+    /// Where rays of the camera enter the scene.
+    pub entrance: Entrance,
+    /// Finds hits in the scene.
     pub intersector: &'a K,
     /// Where the rays start.
     pub camera: &'a Camera,
@@ -271,7 +271,7 @@ where
         let sees_sky = known.content(tile.corner) == TileContent::Sky;
         let entrance = scene.entrance(camera.position);
         let rays = array::from_fn(|i| match started[i] {
-            Some(_) if !sees_sky => entrance.enter(directions[i]),
+            Some(_) if !sees_sky => self.entrance.enter(directions[i]),
             _ => None,
         });
         let mut answers = E::RayQuery::ask_all(self.intersector, &rays);

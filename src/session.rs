@@ -129,10 +129,10 @@ fn run(
     start_threads(arguments)?;
     let mut files = Files::check(arguments, resumed)?;
     tell(ranks, &arguments.save());
-    let (mut scene, mut known) = load(arguments, &files, ranks)?;
+    let (scene, mut known) = load(arguments, &files, ranks)?;
     let camera = camera(arguments)?;
     let kept = kept(arguments);
-    let inquiry = inquire(arguments, &camera, &kept);
+    let inquiry = inquire(arguments, &camera, &scene, &kept);
     stage.set(Some("building the hierarchy"));
     let (analysis, bvh) =
         build(&mut scene, &inquiry, arguments, ranks, &mut known)?;
@@ -435,10 +435,12 @@ const START: u64 = 1 << 26;
 fn inquire<'a>(
     arguments: &Arguments,
     camera: &'a Camera,
+    scene: &Scene,
     kept: &'a [Shortcut],
 ) -> Inquiry<'a> {
     Inquiry {
         camera,
+        entrance: scene.frame.entrance(camera.position),
         sky: Sky::new(arguments.up),
         albedo: arguments.albedo,
         resolution: arguments.resolution,
@@ -461,7 +463,7 @@ fn kept(arguments: &Arguments) -> Vec<Shortcut> {
 const TILE: f64 = 3e-6;
 
 fn build(
-    scene: &mut Scene,
+    scene: Scene,
     inquiry: &Inquiry,
     arguments: &Arguments,
     ranks: &dyn Ranks,
@@ -495,7 +497,7 @@ fn build(
     let bvh = Bvh::of(triangles, quality, arguments.isa(), &placed);
     let bvh = bvh.map_err(|e| e.to_string())?;
     drop(step);
-    let analysis = SceneAnalysis::find(scene, &bvh, inquiry);
+    let analysis = SceneAnalysis::find(&left_out, &bvh, inquiry);
     // Report what was found and built
     known.left_out = analysis.left_out().cloned().collect();
     let threads = rayon::current_num_threads();
@@ -794,13 +796,12 @@ pub fn follow(ranks: &dyn Ranks) -> Result<(), String> {
     let (mesh, _) = read?;
     drop(bytes);
     arguments.stand_outside(mesh.corners());
-    let mut scene = Scene::of(mesh);
+    let scene = Scene::of(mesh);
     let camera = camera(&arguments)?;
     let kept = kept(&arguments);
-    let inquiry = inquire(&arguments, &camera, &kept);
+    let inquiry = inquire(&arguments, &camera, &scene, &kept);
     let known = &mut Report::default();
-    let (analysis, bvh) =
-        build(&mut scene, &inquiry, &arguments, ranks, known)?;
+    let (analysis, bvh) = build(scene, &inquiry, &arguments, ranks, known)?;
     let Some(sampling) = hear(ranks)? else { return Ok(()) };
     let setup = Setup {
         scene: &scene,

@@ -123,10 +123,17 @@ fn gather(
     correction: Option<Correction>,
     scrambles: u64,
 ) -> (Accumulator, f64) {
-    let Job { scene, intersector, camera, known, .. } = setting.job(1);
+    let Job { entrance, intersector, camera, known, .. } = setting.job(1);
     let sky = Sky::new(DVec3::Z);
-    let mut tracer =
-        Tracer { scene, intersector, camera, sky, albedo, cache, rays: 0 };
+    let mut tracer = Tracer {
+        entrance,
+        intersector,
+        camera,
+        sky,
+        albedo,
+        cache,
+        rays: 0,
+    };
     let mut film = Film::new(4, 4);
     let tile = film.tiles()[0].0;
     let plan = Plan {
@@ -182,11 +189,18 @@ fn room_of_step(step: Option<f64>) -> (f64, f64) {
     let room = settings::named("room with a window");
     let sky = (room.rho, DVec3::Z);
     let setting = Setting::new(&room.mesh, sky, &room.view, 1.).unwrap();
-    let Job { scene, intersector, camera, known, .. } = setting.job(1);
+    let Job { entrance, intersector, camera, known, .. } = setting.job(1);
     let (sky, albedo) = (Sky::new(DVec3::Z), room.rho);
     let cache = &RadianceCache::empty(Grid::around(&[]));
-    let like =
-        Tracer { scene, intersector, camera, sky, albedo, cache, rays: 0 };
+    let like = Tracer {
+        entrance,
+        intersector,
+        camera,
+        sky,
+        albedo,
+        cache,
+        rays: 0,
+    };
     let (cache, _) = train(&like, 1 << 17, 9, &|_| true);
     let mut tracer = Tracer { cache: &cache, rays: 0, ..like };
     let mut film = Film::new(16, 16);

@@ -50,7 +50,7 @@ fn a_hall_of_300_metres_is_scaled_by_32() {
     let hall =
         Mesh { vertices, triangles: vec![[0, 1, 2]], joined: vec![] };
     let scene = Scene::new(&hall);
-    let corner = scene.triangles()[0][1];
+    let corner = scene.triangles.get(0)[1];
     assert_eq!(corner, DVec3::new(4800., 640., 192.));
     let metres = (corner.x.next_up() - corner.x) / 32.;
     assert_eq!(metres, power_of_two(-45));
@@ -197,12 +197,12 @@ fn a_hit_is_less_than_an_atom_before_the_wall() {
     let hall = Mesh { vertices, triangles, joined: vec![] };
     let scene = Scene::new(&hall);
     // Measure the height of a hit in metres
-    let middle = scene.place(DVec3::ZERO).unwrap();
+    let middle = scene.frame.entrance(DVec3::ZERO).place().unwrap();
     let direction = DVec3::new(1., 0.01, 0.02).normalize();
     let ray = Ray { origin: middle, direction };
-    let bvh = intersector(&scene.triangles());
+    let bvh = intersector(&scene.triangles.to_vec());
     let hit = bvh.first_hit(&ray, None).unwrap();
-    let wall = scene.place(DVec3::splat(50.)).unwrap();
+    let wall = scene.frame.entrance(DVec3::splat(50.)).place().unwrap();
     let metres = (wall.x - hit.point.x) / 128.;
     assert!((metres / 4.0e-13 - 1.).abs() < 0.01, "{metres:e}");
 }

@@ -18,7 +18,7 @@ use rand_pcg::Pcg64;
 /// of each edge, in double precision.
 fn nearest(scene: &Scene, ray: &Ray) -> Option<(f64, DVec3)> {
     let mut nearest: Option<(f64, DVec3)> = None;
-    for t in scene.triangles() {
+    for t in scene.triangles.to_vec() {
         let [a, b, c] = t.map(|corner| corner - ray.origin);
         let normal = (b - a).cross(c - a);
         let distance = normal.dot(a) / normal.dot(ray.direction);
@@ -247,7 +247,7 @@ fn rays_through_edges_and_vertices_of_a_closed_mesh_are_stopped() {
     let scene = Scene::new(&cavity(0., 24));
     let intersector = Bvh::new(&scene).unwrap();
     let mut random = Pcg64::seed_from_u64(4);
-    for t in scene.triangles() {
+    for t in scene.triangles.to_vec() {
         let [a, b, _] = t;
         for s in [0., 0.5, random.random::<f64>()] {
             let aim = a + (b - a) * s;
@@ -275,7 +275,7 @@ fn triangles_without_area_are_never_hit() {
         joined: vec![],
     };
     let scene = Scene::new(&mesh);
-    assert!(scene.triangles().is_empty());
+    assert!(scene.triangles.is_empty());
     let intersector = Bvh::new(&scene).unwrap();
     let mut random = Pcg64::seed_from_u64(2);
     for _ in 0..1000 {
@@ -309,7 +309,7 @@ fn a_hit_knows_its_face_in_the_file() {
     }
     let mesh = litpt::scene::read_obj(text.as_bytes()).unwrap();
     let scene = Scene::new(&mesh);
-    let (flat, copies) = scene.left_out();
+    let [flat, copies] = &scene.left_out;
     assert_eq!((flat.len(), copies.len()), (100, 75));
     assert_eq!((flat[0], copies[0]), (0, 2));
     let mut face = 0;
@@ -330,7 +330,8 @@ fn a_hit_knows_its_face_in_the_file() {
                 DVec3::new(f64::from(x) + dx, f64::from(y) + dy, 50.)
             };
             let ask = |at| {
-                let ray = scene.enter(at, -DVec3::Z).unwrap();
+                let ray =
+                    scene.frame.entrance(at).enter(-DVec3::Z).unwrap();
                 bvh.face(bvh.first_hit(&ray, None).unwrap().primitive)
             };
             // The first half belongs to the copy that came first, if any.
@@ -339,7 +340,7 @@ fn a_hit_knows_its_face_in_the_file() {
         }
         let mut all: Vec<_> = bvh.triangles().map(|one| one.0).collect();
         all.sort_unstable();
-        assert_eq!(all, scene.indexed().faces);
+        assert_eq!(all, scene.triangles.faces);
     }
 }
 

@@ -55,10 +55,12 @@ fn chosen_of(
     let aspect = f64::from(SIZE.0) / f64::from(SIZE.1);
     let camera = &Camera::new(&look(from, at, 70.), aspect).unwrap();
     let (sky, resolution, kept) = (Sky::new(DVec3::Z), SIZE, &[][..]);
-    let inquiry = &Inquiry { camera, sky, albedo, resolution, kept };
     let scene = &Scene::new(mesh);
+    let entrance = scene.frame.entrance(from);
+    let inquiry =
+        &Inquiry { camera, entrance, sky, albedo, resolution, kept };
     let bvh = &Bvh::new(scene).unwrap();
-    let analysis = &SceneAnalysis::find(scene, bvh, inquiry);
+    let analysis = &SceneAnalysis::find(&scene.left_out, bvh, inquiry);
     let window = Window { corner: (0, 0), size: SIZE };
     let (samples, error, left) = limits;
     let setup = Setup { scene, intersector: bvh, inquiry, analysis };

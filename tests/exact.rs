@@ -161,7 +161,7 @@ fn without_a_scene_the_sky_is_one_above_and_zero_below() {
         let camera = Camera::new(&view, 4. / 3.).unwrap();
         let integrator = PathTracer::new(0.5, Sky::new(up));
         let mut job = Job {
-            scene: &scene,
+            entrance: scene.frame.entrance(camera.position),
             intersector: &intersector,
             camera: &camera,
             integrator,

@@ -66,7 +66,7 @@ fn sized(
     let camera = Camera::new(view, aspect).unwrap();
     let integrator = PathTracer::new(rho, Sky::new(view.up));
     let mut job = Job {
-        scene: &scene,
+        entrance: scene.frame.entrance(camera.position),
         intersector: &intersector,
         camera: &camera,
         integrator,
@@ -114,7 +114,7 @@ fn minus_zero_is_zero() {
     let (plain, other) = (read(common::ROOM), read(&negative));
     let scenes = [Scene::new(&plain), Scene::new(&other)];
     let bits = scenes.each_ref().map(|scene| {
-        let triangles = scene.triangles();
+        let triangles = scene.triangles.to_vec();
         let corners = triangles.as_flattened().iter();
         let bits = corners.map(|p| p.to_array().map(f64::to_bits));
         bits.collect::<Vec<_>>()
@@ -126,7 +126,7 @@ fn minus_zero_is_zero() {
     let more: Vec<_> = flat.vertices.iter().map(below).collect();
     flat.vertices.extend(more);
     flat.triangles.extend([[4, 5, 6], [7, 6, 4]]);
-    assert_eq!(Scene::new(&flat).triangles().len(), 2);
+    assert_eq!(Scene::new(&flat).triangles.to_vec().len(), 2);
     let zero = DVec3::splat(-0.);
     for position in [DVec3::ZERO, zero] {
         let film = render(&other, &View { position, ..room() }, 0.5);
@@ -232,7 +232,10 @@ fn a_million_copies_of_a_triangle_are_one() {
     let ways = [[a, b, c], [b, c, a], [c, a, b], [c, b, a], [a, c, b]];
     many.triangles.extend(ways.iter().cycle().take(1_000_000));
     let scene = quickly(|| Scene::new(&many));
-    assert_eq!(scene.triangles(), Scene::new(&single).triangles());
+    assert_eq!(
+        scene.triangles.to_vec(),
+        Scene::new(&single).triangles.to_vec()
+    );
     let film = quickly(|| render(&many, &room(), 0.5));
     assert!(film.stored() == render(&single, &room(), 0.5).stored());
 }
@@ -248,7 +251,10 @@ fn of_copies_the_first_stays_where_it_is() {
         vec![a, turned(a), b, c, a, turned(b), d, turned(d), c];
     let scene = Scene::new(&mesh);
     mesh.triangles = vec![a, b, c, d];
-    assert_eq!(scene.triangles(), Scene::new(&mesh).triangles());
+    assert_eq!(
+        scene.triangles.to_vec(),
+        Scene::new(&mesh).triangles.to_vec()
+    );
 }
 
 /// `n` triangles, the k-th made by `corners`.
@@ -267,7 +273,7 @@ fn triangles_around_each_other_are_sorted_quickly() {
     });
     for quality in [Quality::Fast, Quality::Thorough] {
         let scene = Scene::new(&mesh);
-        assert_eq!(scene.triangles().len(), 100_000);
+        assert_eq!(scene.triangles.len(), 100_000);
         quickly(|| Bvh::with(&scene, quality, Isa::best())).unwrap();
     }
 }
@@ -457,7 +463,10 @@ fn assert_alike(mesh: &Mesh, view: &View, offsets: &[DVec3]) {
                 *vertex = (*vertex + offset) * scale;
             }
             let scenes = [Scene::new(mesh), Scene::new(&other)];
-            assert_eq!(scenes[0].triangles(), scenes[1].triangles());
+            assert_eq!(
+                scenes[0].triangles.to_vec(),
+                scenes[1].triangles.to_vec()
+            );
             let there = moved(mesh, view, |v| (v + offset) * scale);
             assert!(here.stored() == there.stored(), "{offset}, 2^{k}");
         }

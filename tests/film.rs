@@ -127,7 +127,7 @@ fn render(
     let camera = Camera::new(&view, 1.5).unwrap();
     let integrator = PathTracer::new(0.8, Sky::new(DVec3::Z));
     let mut job = Job {
-        scene: &scene,
+        entrance: scene.frame.entrance(camera.position),
         intersector: &intersector,
         camera: &camera,
         integrator,
@@ -179,7 +179,7 @@ fn progress_counts_every_path_once() {
         fov: 60.,
     };
     let mut job = Job {
-        scene: &scene,
+        entrance: scene.frame.entrance(view.position),
         intersector: &intersector,
         camera: &Camera::new(&view, 1.).unwrap(),
         integrator: PathTracer::new(0.5, Sky::new(DVec3::Z)),
@@ -215,7 +215,7 @@ fn a_kernel_can_be_written_by_somebody_else() {
         fov: 60.,
     };
     let mut job = Job {
-        scene: &scene,
+        entrance: scene.frame.entrance(view.position),
         intersector: &Nothing,
         camera: &Camera::new(&view, 1.).unwrap(),
         integrator: PathTracer::new(0.5, Sky::new(DVec3::Z)),
@@ -231,7 +231,12 @@ fn a_kernel_can_be_written_by_somebody_else() {
         View { position: 9. * DVec3::Z, target: 10. * DVec3::Z, ..view };
     let camera = Camera::new(&away, 1.).unwrap();
     let mut film = Film::new(3, 3);
-    let rays = Job { camera: &camera, ..job }.pass(&mut film, 2, &|_| true);
+    let entrance = scene.frame.entrance(away.position);
+    let rays = Job { camera: &camera, entrance, ..job }.pass(
+        &mut film,
+        2,
+        &|_| true,
+    );
     assert_eq!((rays, film.summary().mean), (0, 1.));
 }
 
@@ -400,7 +405,7 @@ fn few_rays_are_traced_after_a_pass_is_told_to_stop() {
         }
     }
     let setting = sphere();
-    let Job { scene, camera, known, sampler, .. } = setting.job(1);
+    let Job { entrance, camera, known, sampler, .. } = setting.job(1);
     let sky = Sky::new(DVec3::Z);
     let integrator = PathTracer::new(1., sky);
     for (size, end) in [((16, 16), 1000), ((300, 200), 5), ((1, 1), 90_000)]
@@ -419,7 +424,7 @@ fn few_rays_are_traced_after_a_pass_is_told_to_stop() {
             };
             let sampler = sampler.clone();
             let mut job = Job {
-                scene,
+                entrance,
                 intersector,
                 camera,
                 integrator,
@@ -558,12 +563,12 @@ impl Integrator for Distance {
 /// A film of 64 by 64 pixels after so many samples.
 fn blocks<B: Block>(samples: u64) -> Film {
     let setting = sphere();
-    let Job { scene, intersector, camera, known, sampler, .. } =
+    let Job { entrance, intersector, camera, known, sampler, .. } =
         setting.job(11);
     let sampler: Blocks<B> = Blocks(sampler, 0, Default::default());
     let integrator = Distance;
     let mut job =
-        Job { scene, intersector, camera, integrator, known, sampler };
+        Job { entrance, intersector, camera, integrator, known, sampler };
     let mut film = Film::new(64, 64).with_replicates(B::TOLD);
     job.pass(&mut film, samples / 3, &|_| true);
     job.pass(&mut film, samples, &|_| true);

@@ -533,7 +533,7 @@ impl Stage {
     fn reference(&self, samples: u64) -> Film {
         let mut film = Film::new(self.resolution.0, self.resolution.1);
         let mut job = Job {
-            scene: &self.scene,
+            entrance: self.scene.frame.entrance(self.camera.position),
             intersector: &self.bvh,
             camera: &self.camera,
             integrator: PathTracer::new(self.albedo, self.sky),
@@ -683,7 +683,7 @@ impl Stage {
     /// A renderer that has learnt nothing yet.
     fn renderer(&self, seed: u64) -> Gather<'_> {
         Gather {
-            scene: &self.scene,
+            entrance: self.scene.frame.entrance(self.camera.position),
             intersector: &self.bvh,
             camera: &self.camera,
             sky: self.sky,
@@ -829,7 +829,7 @@ fn a_gather_traces_no_ray_in_a_tile_of_the_sky() {
         camera,
         sky,
         (16, 16),
-        stage.scene.place(view.position).unwrap(),
+        stage.scene.frame.entrance(view.position).place().unwrap(),
         &stage.bvh,
     );
     let known = KnownPixels::Background(tiles);

@@ -110,7 +110,7 @@ fn is_settled(triangles: &[[DVec3; 3]], ray: &Ray, hit: &Hit) -> bool {
 #[test]
 fn hits_are_inside_and_clear_of_all_triangles() {
     let all = solids::all().into_iter();
-    let small = |solid: &Solid| solid.scene.triangles().len() < 1500;
+    let small = |solid: &Solid| solid.scene.triangles.len() < 1500;
     for Solid { name, scene, cameras, .. } in all.filter(small) {
         let intersector = Bvh::new(&scene).unwrap();
         let triangles = rounded(&scene);
@@ -165,14 +165,14 @@ fn a_ray_beside_a_wall_stays_on_its_side() {
         joined: vec![],
     };
     let scene = Scene::new(&mesh);
-    let wall = scene.triangles()[1][0].x;
+    let wall = scene.triangles.get(1)[0].x;
     for isa in Isa::ALL.into_iter().filter(|isa| isa.is_available()) {
         let intersector = Bvh::with(&scene, Quality::Fast, isa).unwrap();
         for exponent in 25..60 {
             for side in [-1., 1.] {
                 let x = wall + side * 2f64.powi(-exponent);
                 let start = at(x + side * 800., 0., 1000.);
-                let floor = scene.triangles()[0][0].z;
+                let floor = scene.triangles.get(0)[0].z;
                 let aim = at(x, 0., floor);
                 let direction = (aim - start).normalize();
                 let ray = Ray { origin: start, direction };

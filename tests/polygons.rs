@@ -248,7 +248,9 @@ fn no_ray_passes_where_a_corner_lies_on_a_side() {
         assert_eq!(warnings, [], "{faces}");
         let scene = Scene::new(&mesh);
         let bvh = Bvh::new(&scene).unwrap();
-        let [p, q] = [p, q].map(|[x, y]| scene.place(place(x, y)).unwrap());
+        let [p, q] = [p, q].map(|[x, y]| {
+            scene.frame.entrance(place(x, y)).place().unwrap()
+        });
         let passed = (0..100_000).filter(|_| {
             let mut number = || 2. * random.random::<f64>() - 1.;
             let aim = p.lerp(q, 0.5 + 0.499 * number());

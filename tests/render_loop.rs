@@ -87,7 +87,7 @@ impl World {
     ) -> Job<'a, K, E> {
         let World { scene, camera } = self;
         Job {
-            scene,
+            entrance: scene.frame.entrance(camera.position),
             intersector,
             camera,
             integrator,

@@ -342,7 +342,7 @@ fn a_text_reads_the_same_on_any_number_of_threads() {
     let read = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
         let both = || {
-            let scene = |(mesh, _)| Scene::new(&mesh).triangles();
+            let scene = |(mesh, _)| Scene::new(&mesh).triangles.to_vec();
             let right = read_pieces(text.as_bytes(), 40).map(scene);
             (right, read_pieces(wrong.as_bytes(), 40).unwrap_err())
         };
@@ -385,8 +385,10 @@ fn a_stray_vertex_does_not_change_the_scene() {
     let scene =
         |text: &str| Scene::new(&read_obj(text.as_bytes()).unwrap());
     let (stray, plain) = (scene(&stray), scene(&plain));
-    assert_eq!(stray.triangles(), plain.triangles());
-    let ray = |scene: &Scene| scene.enter(DVec3::splat(9.), -DVec3::ONE);
+    assert_eq!(stray.triangles.to_vec(), plain.triangles.to_vec());
+    let ray = |scene: &Scene| {
+        scene.frame.entrance(DVec3::splat(9.)).enter(-DVec3::ONE)
+    };
     assert_eq!(ray(&stray).unwrap().origin, ray(&plain).unwrap().origin);
 }
 
@@ -406,8 +408,11 @@ fn the_triangles_with_area_keep_their_order() {
     let good: Vec<_> = [0, 2, 4].map(|i| mesh.triangles[i]).into();
     let rest = Mesh { triangles: good, ..mesh.clone() };
     let scene = Scene::new(&mesh);
-    assert_eq!(scene.triangles(), Scene::new(&rest).triangles());
-    assert_eq!(scene.triangles().len(), 3);
+    assert_eq!(
+        scene.triangles.to_vec(),
+        Scene::new(&rest).triangles.to_vec()
+    );
+    assert_eq!(scene.triangles.len(), 3);
 }
 
 #[test]
@@ -415,7 +420,7 @@ fn the_order_of_zeros_does_not_decide_the_sign_of_the_box() {
     let corner = |faces: &str| {
         let text = format!("v 1 0 -0\nv 0 1 0\nv 0 0 0\n{faces}");
         let scene = Scene::new(&read_obj(text.as_bytes()).unwrap());
-        let triangles = scene.triangles();
+        let triangles = scene.triangles.to_vec();
         let mut corners = triangles.as_flattened().iter();
         let far = corners.find(|p| p.x > p.y && p.x > 0.);
         far.unwrap().to_array().map(f64::to_bits)
@@ -440,14 +445,18 @@ fn a_scene_does_not_change_when_it_is_moved_or_scaled_exactly() {
             }
             let there = Scene::new(&moved);
             assert_eq!(
-                there.triangles(),
-                here.triangles(),
+                there.triangles.to_vec(),
+                here.triangles.to_vec(),
                 "{scale} {shift}"
             );
             let (from, at) =
                 (DVec3::new(9., 9., 9.), -DVec3::ONE.normalize());
-            let ray = here.enter(from, at).unwrap();
-            let same = there.enter((from + shift) * scale, at).unwrap();
+            let ray = here.frame.entrance(from).enter(at).unwrap();
+            let same = there
+                .frame
+                .entrance((from + shift) * scale)
+                .enter(at)
+                .unwrap();
             assert_eq!(ray.origin, same.origin);
         }
     }
@@ -458,19 +467,25 @@ fn a_distant_ray_enters_the_scene_or_passes_it_by() {
     let text = "v -1 -1 -1\nv 1 1 1\nv 1 -1 0\nf 1 2 3\n";
     let scene = Scene::new(&read_obj(text.as_bytes()).unwrap());
     let far = DVec3::new(1e9, 0.5, 0.5);
-    let ray = scene.enter(far, -DVec3::X).unwrap();
+    let ray = scene.frame.entrance(far).enter(-DVec3::X).unwrap();
     // The scene has half extents of 2^12; its box is one unit larger.
     assert_eq!(ray.origin, DVec3::new(4097., 2048., 2048.));
-    assert!(scene.enter(far, DVec3::X).is_none());
+    assert!(scene.frame.entrance(far).enter(DVec3::X).is_none());
     assert!(
-        scene.enter(far, DVec3::new(-1., 1., 0.).normalize()).is_none()
+        scene
+            .frame
+            .entrance(far)
+            .enter(DVec3::new(-1., 1., 0.).normalize())
+            .is_none()
     );
-    let inside = scene.enter(DVec3::ZERO, DVec3::Y).unwrap();
+    let inside = scene.frame.entrance(DVec3::ZERO).enter(DVec3::Y).unwrap();
     assert_eq!(inside.origin, DVec3::ZERO);
     // A ray in the plane of a face of the box, from a corner.
     let beside = DVec3::new(-9., 1. + 1. / 4096., 0.);
-    assert!(scene.enter(beside, DVec3::X).is_some());
-    assert!(scene.enter(beside + DVec3::Y, DVec3::X).is_none());
+    assert!(scene.frame.entrance(beside).enter(DVec3::X).is_some());
+    assert!(
+        scene.frame.entrance(beside + DVec3::Y).enter(DVec3::X).is_none()
+    );
 }
 
 fn view() -> View {

@@ -318,11 +318,11 @@ fn render<S: Sampler>(
     integrator: impl Integrator,
     sampler: S,
 ) -> [f64; 3] {
-    let Job { scene, intersector, camera, known, .. } = setting.job(0);
+    let Job { entrance, intersector, camera, known, .. } = setting.job(0);
     let replicate = sampler.replicate();
     let mut film = Film::new(24, 16).with_replicates(replicate);
     let mut job =
-        Job { scene, intersector, camera, integrator, known, sampler };
+        Job { entrance, intersector, camera, integrator, known, sampler };
     job.pass(&mut film, 1024, &|_| true);
     let pixels = film.rows().count() as f64;
     let mean = film.means().sum::<f64>() / pixels;

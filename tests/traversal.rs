@@ -126,7 +126,7 @@ fn one_triangle() -> Mesh {
 /// A point of the scene: a vertex, a point of an edge or of a triangle, the
 /// middle, or any.
 fn place(scene: &Scene, random: &mut Pcg64) -> DVec3 {
-    let triangles = scene.triangles();
+    let triangles = scene.triangles.to_vec();
     let anywhere = 4096. * vector(random);
     if triangles.is_empty() {
         return anywhere;
@@ -220,7 +220,7 @@ fn all_instructions_answer_a_million_rays_with_the_same_bits() {
                 assert_eq!(blocked, expected.is_some(), "{i}: {ray:?}");
             }
         }
-        match scene.triangles().len() {
+        match scene.triangles.len() {
             0 => assert_eq!(hits, 0),
             _ => assert!(hits > RAYS / 20, "{i}: {hits}"),
         }
@@ -268,7 +268,7 @@ fn rays_of_a_beam_are_answered_as_if_alone() {
                     hits += usize::from(hit.is_some());
                 }
             }
-            match scene.triangles().len() {
+            match scene.triangles.len() {
                 0 => assert_eq!(hits, 0),
                 _ => assert!(hits > 10_000, "{isa}: {hits}"),
             }
@@ -352,7 +352,7 @@ fn what_is_visible_is_what_a_ray_meets_first() {
         let scene = Scene::new(&mesh);
         for isa in Isa::ALL.into_iter().filter(|isa| isa.is_available()) {
             let bvh = Bvh::with(&scene, Quality::Fast, isa).unwrap();
-            let all: Vec<_> = scene.triangles();
+            let all: Vec<_> = scene.triangles.to_vec();
             let mut random = Pcg64::seed_from_u64(8);
             let mut last = None;
             for i in 0..20_000 {

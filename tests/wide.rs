@@ -48,7 +48,7 @@ fn nested(n: u32) -> Scene {
 /// side of each edge.
 fn nearest(scene: &Scene, ray: &Ray) -> f64 {
     let mut nearest = f64::INFINITY;
-    for t in scene.triangles() {
+    for t in scene.triangles.to_vec() {
         let [a, b, c] = t.map(|corner| corner - ray.origin);
         let normal = (b - a).cross(c - a);
         let distance = normal.dot(a) / normal.dot(ray.direction);

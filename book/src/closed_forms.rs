@@ -21,7 +21,7 @@ use litpt::integrator::PathTracer;
 use litpt::numerics::{power_of_two, sincos_turns};
 use litpt::render::{Job, Renderer};
 use litpt::sampler::IndependentSampler;
-use litpt::scene::{Mesh, Scene};
+use litpt::scene::{Entrance, Mesh, Scene};
 use litpt::sky::Sky;
 use litpt::statistics::Accumulator;
 
@@ -297,7 +297,7 @@ fn room() -> Mesh {
 
 /// A scene with a camera in it, ready to be rendered.
 pub struct Setting {
-    scene: Scene,
+    entrance: Entrance,
     intersector: Bvh,
     camera: Camera,
     integrator: PathTracer,
@@ -326,7 +326,7 @@ impl Setting {
             self;
         let known = &KnownPixels::Nothing;
         let sampler = IndependentSampler::new(seed);
-        Job { scene, intersector, camera, integrator, known, sampler }
+        Job { entrance, intersector, camera, integrator, known, sampler }
     }
 }
 

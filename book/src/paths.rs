@@ -7,12 +7,12 @@ use litpt::bvh::Intersector;
 use litpt::camera::Camera;
 use litpt::integrator::{Integrator, PathEvent, PathTracer};
 use litpt::sampler::{IndependentSampler, Sampler};
-use litpt::scene::{Ray, Scene};
+use litpt::scene::{Entrance, Ray};
 
 /// At least `count` rays of paths through random points of the image, path by
 /// path, each with the triangle from which it starts.
 pub fn record<K: Intersector>(
-    scene: &Scene,
+    entrance: &Entrance,
     intersector: &K,
     camera: &Camera,
     integrator: &PathTracer,
@@ -25,7 +25,7 @@ pub fn record<K: Intersector>(
         let [x, y] = sampler.get_2d(0);
         let direction = camera.direction(x, y);
         let mut path = integrator.begin(direction);
-        let mut next = scene.enter(camera.position, direction);
+        let mut next = entrance.enter(direction);
         let mut from = None;
         while let Some(ray) = next {
             rays.push((ray, from));

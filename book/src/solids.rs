@@ -33,16 +33,16 @@ impl Solid {
 
     /// Its own triangles.
     pub fn own(&self) -> Vec<Triangle> {
-        let all = self.scene.indexed();
+        let all = &self.scene.triangles;
         let faces = all.faces.iter();
-        let all = faces.zip(all.iter());
+        let all = faces.zip(all.to_vec());
         all.filter(|(face, _)| **face < self.faces).map(|t| t.1).collect()
     }
 
     /// It, so far above a horizontal square whose half sides are 4096 times
     /// `ratio`, which is about as many times its own size.
     pub fn over(&self, ratio: f64, gap: f64) -> Self {
-        let own = self.scene.indexed();
+        let own = &self.scene.triangles;
         let lowest = own.vertices.iter().map(|p| p.z).fold(0., f64::min);
         let corner = |x: f64, y: f64| {
             let [x, y] = [x, y].map(|x| 4096. * ratio * x);
@@ -59,7 +59,9 @@ impl Solid {
         let faces = own.corners.len() as u32;
         let scene =
             Scene::new(&Mesh { vertices, triangles, joined: vec![] });
-        let place = |&p: &DVec3| scene.place(p).expect("a point inside");
+        let place = |&p: &DVec3| {
+            scene.frame.entrance(p).place().expect("a point inside")
+        };
         let cameras = self.cameras.iter().map(place).collect();
         let name = format!("{} over {ratio:e}", self.name);
         Self { name, scene, faces, cameras }
@@ -101,7 +103,12 @@ fn solid(name: &str, mesh: Mesh, inside: &[DVec3]) -> Solid {
     let triangles: Vec<_> = rounded(&scene);
     let mut cameras = vec![];
     for &o in inside {
-        let o = scene.enter(o, DVec3::X).expect("a point inside").origin;
+        let o = scene
+            .frame
+            .entrance(o)
+            .enter(DVec3::X)
+            .expect("a point inside")
+            .origin;
         let near = |t: &&[DVec3; 3]| {
             t.iter().map(|p| (p - o).length()).fold(0., f64::max)
         };
@@ -119,7 +126,7 @@ fn solid(name: &str, mesh: Mesh, inside: &[DVec3]) -> Solid {
 }
 
 pub fn rounded(scene: &Scene) -> Vec<[DVec3; 3]> {
-    scene.triangles()
+    scene.triangles.to_vec()
 }
 
 /// How many times the surface goes around a point: the sum of the solid
@@ -376,7 +383,9 @@ fn courtyard() -> Solid {
     }
     let scene = Scene::new(&mesh);
     let faces = mesh.triangles.len() as u32;
-    let place = |p| scene.enter(p, DVec3::X).expect("a middle").origin;
+    let place = |p| {
+        scene.frame.entrance(p).enter(DVec3::X).expect("a middle").origin
+    };
     let cameras = middles.into_iter().map(place).collect();
     let name = "solids of the courtyard".to_owned();
     Solid { name, scene, faces, cameras }

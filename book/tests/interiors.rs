@@ -62,9 +62,10 @@ fn mean(mesh: &Mesh, view: &View, most: u64, n: u64) -> f64 {
     let tracer = PathTracer::new(1., Sky::new(view.up));
     let integrator = Limited { tracer, most };
     let known = &KnownPixels::Nothing;
+    let entrance = scene.frame.entrance(view.position);
     let sampler = IndependentSampler::new(0);
     let mut film = Film::new(16, 12);
-    Job { scene, intersector, camera, integrator, known, sampler }.pass(
+    Job { entrance, intersector, camera, integrator, known, sampler }.pass(
         &mut film,
         n,
         &|_| true,

@@ -107,33 +107,30 @@ impl Pyramid {
 }
 
 impl BackgroundTiles {
-    /// The tiles of an image of this `resolution` that see no triangle
+    /// The tiles of an image of this width and height that see no triangle
     /// of an intersector from the point `tip`, where the camera is among
     /// them.
     pub fn new(
         camera: &Camera,
         sky: Sky,
-        resolution: (u32, u32),
+        (width, height): (u32, u32),
         tip: DVec3,
         intersector: &Bvh,
     ) -> Self {
-        let (columns, rows) =
-            (resolution.0.div_ceil(SIDE), resolution.1.div_ceil(SIDE));
+        let (columns, rows) = (width.div_ceil(SIDE), height.div_ceil(SIDE));
         let size = tip.abs().max_element() + 16384.;
         let margin = size / (1u64 << 46) as f64;
         let content = |place: u32| {
             // Find what one tile can see
             let (x, y) = (place % columns * SIDE, place / columns * SIDE);
             // Send rays through the corners of the tile
-            let (width, height) = resolution;
             let (right, bottom) =
                 ((x + SIDE).min(width), (y + SIDE).min(height));
             let corners =
                 [(x, y), (right, y), (right, bottom), (x, bottom)];
             let corners = corners.map(|(x, y)| {
-                let (x, y) = (f64::from(x), f64::from(y));
-                camera
-                    .direction(x / f64::from(width), y / f64::from(height))
+                let across = f64::from(x) / f64::from(width);
+                camera.direction(across, f64::from(y) / f64::from(height))
             });
             let [a, b, c, d] = corners;
             let middle = camera.direction(0.5, 0.5);

@@ -9,6 +9,8 @@
 //!
 //! That is decided by exact predicates.
 
+use std::collections::HashSet;
+
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -19,19 +21,19 @@ use crate::bvh::{Hit, Intersector};
 use crate::camera::Camera;
 use crate::numerics::cross;
 use crate::sampler::cosine_direction;
-use crate::scene::{Ray, Scene, Triangle, scattered};
+use crate::scene::{Entrance, Ray, Triangle, scattered};
 
 /// Whether some path from the camera leaves the scene; then no closed
 /// surface is around it.
 pub fn lets_out(
-    scene: &Scene,
+    entrance: &Entrance,
     intersector: &impl Intersector,
     camera: &Camera,
 ) -> bool {
     (0..PATHS).any(|n| {
         let mut random = Pcg64::seed_from_u64(n);
         let direction = camera.direction(random.random(), random.random());
-        let first = scene.enter(camera.position, direction);
+        let first = entrance.enter(direction);
         leaves(first, intersector, &mut random)
     })
 }
@@ -67,45 +69,29 @@ fn is_crossed(a: DVec3, b: DVec3, point: DVec3) -> bool {
         return false;
     }
     let (low, high) = if a.y < b.y { (a, b) } else { (b, a) };
-    let flat = |DVec3 { x, y, .. }: DVec3| Coord { x, y };
     orient2d(flat(low), flat(high), flat(point)) >= 0.
 }
 
-/// How a triangle lies to a point.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Place {
-    /// Neither above nor below it.
-    Beside,
-    Above,
-    Below,
-    /// So close that it cannot be told.
-    Touching,
+/// A point as it is seen along the third axis.
+fn flat(DVec3 { x, y, .. }: DVec3) -> Coord<f64> {
+    Coord { x, y }
 }
 
-impl Place {
-    fn of(triangle: &Triangle, point: DVec3) -> Self {
-        let [a, b, c] = *triangle;
-        if is_touched([a, b, c], point) {
-            return Self::Touching;
-        }
-        let edges = [(a, b), (b, c), (c, a)];
-        let crossed = edges.map(|(a, b)| is_crossed(a, b, point));
-        if crossed.into_iter().fold(false, |odd, one| odd ^ one) {
-            // Compare the height of the triangle
-            let flat = |DVec3 { x, y, .. }: DVec3| Coord { x, y };
-            let turn = orient2d(flat(a), flat(b), flat(c));
-            let coord = |DVec3 { x, y, z }: DVec3| Coord3D { x, y, z };
-            let [a, b, c] = [a, b, c].map(coord);
-            // Positive for a point below a triangle that turns to the left.
-            let below = orient3d(a, b, c, coord(point)) * turn.signum();
-            return match below {
-                _ if below > 0. => Self::Above,
-                _ if below < 0. => Self::Below,
-                _ => Self::Touching,
-            };
-        }
-        Self::Beside
+/// How a triangle lies to a point: positive above it, negative below, zero
+/// so close that it cannot be told; none if it is neither above nor below.
+fn height(&[a, b, c]: &Triangle, point: DVec3) -> Option<f64> {
+    if is_touched([a, b, c], point) {
+        return Some(0.);
     }
+    let edges = [(a, b), (b, c), (c, a)];
+    let crossed = |&(a, b): &(DVec3, DVec3)| is_crossed(a, b, point);
+    let is_in = edges.into_iter().filter(crossed).count() % 2 == 1;
+    is_in.then(|| {
+        let turn = orient2d(flat(a), flat(b), flat(c));
+        let coord = |DVec3 { x, y, z }: DVec3| Coord3D { x, y, z };
+        let [a, b, c, p] = [a, b, c, point].map(coord);
+        orient3d(a, b, c, p) * turn.signum()
+    })
 }
 
 /// Whether a point is hardly away from a triangle, or on it.
@@ -129,75 +115,13 @@ pub fn above(
     point: DVec3,
 ) -> Result<Vec<u32>, u32> {
     let numbers = (0..triangles.len() as u32).into_par_iter();
-    let place = |i| (Place::of(&triangles[i as usize], point), i);
-    let hits = numbers.map(place);
-    let hits: Vec<_> = hits.filter(|hit| hit.0 != Place::Beside).collect();
-    if let Some(hit) = hits.iter().find(|hit| hit.0 == Place::Touching) {
-        return Err(hit.1);
+    let height = |i| Some((height(&triangles[i as usize], point)?, i));
+    let heights: Vec<_> = numbers.filter_map(height).collect();
+    if let Some(&(_, i)) = heights.iter().find(|height| height.0 == 0.) {
+        return Err(i);
     }
-    let above = hits.into_iter().filter(|hit| hit.0 == Place::Above);
-    Ok(above.map(|hit| hit.1).collect())
-}
-
-/// The triangles of a scene in parts that hang together by edges.
-pub struct Parts {
-    /// The part of each triangle, named by the number of one of its
-    /// triangles.
-    part: Vec<u32>,
-    /// Whether the part of that name is closed.
-    closed: Vec<bool>,
-}
-
-impl Parts {
-    pub fn new(triangles: &[Triangle]) -> Self {
-        let mut edges = edges(triangles);
-        edges.par_sort_unstable();
-        let mut part: Vec<_> = (0..triangles.len() as u32).collect();
-        let mut closed = vec![true; triangles.len()];
-        let mut open = vec![];
-        for equal in edges.chunk_by(|a, b| a.0 == b.0) {
-            // Unite the triangles of equal edges
-            // Find the ends of an edge
-            let ends = |edge: &(u64, u32)| {
-                let [a, b, c] = triangles[edge.1 as usize / 4];
-                let (p, q) = [(a, b), (b, c), (c, a)][edge.1 as usize % 4];
-                let (p, q) = (p.to_array(), q.to_array());
-                if p < q { (p, q) } else { (q, p) }
-            };
-            let first = equal[0].1 / 4;
-            let alike =
-                equal.iter().all(|edge| ends(edge) == ends(&equal[0]));
-            if !alike || equal.len() % 2 != 0 {
-                open.extend(equal.iter().map(|edge| edge.1 / 4));
-            }
-            if alike {
-                equal
-                    .iter()
-                    .for_each(|edge| unite(&mut part, first, edge.1 / 4));
-            }
-        }
-        // Name each part by one triangle
-        for i in 0..part.len() as u32 {
-            let name = find(&mut part, i);
-            part[i as usize] = name;
-        }
-        for i in open {
-            closed[part[i as usize] as usize] = false;
-        }
-        Self { part, closed }
-    }
-
-    /// Whether a closed part has an odd number of the triangles `above` a
-    /// point, which is therefore inside.
-    pub fn enclose(&self, above: &[u32]) -> bool {
-        let name = |&i: &u32| self.part[i as usize];
-        let mut names: Vec<_> = above.iter().map(name).collect();
-        names.sort_unstable();
-        let mut parts = names.chunk_by(|a, b| a == b);
-        parts.any(|same| {
-            same.len() % 2 == 1 && self.closed[same[0] as usize]
-        })
-    }
+    let above = heights.into_iter().filter(|height| height.0 > 0.);
+    Ok(above.map(|(_, i)| i).collect())
 }
 
 /// The edges of all triangles: a number, the triangle, and which of its
@@ -211,7 +135,10 @@ fn edges(triangles: &[Triangle]) -> Vec<(u64, u32)> {
             .into_iter()
             .zip((0..3).map(number))
     };
-    (0..triangles.len()).into_par_iter().flat_map_iter(edge).collect()
+    let all = (0..triangles.len()).into_par_iter();
+    let mut edges: Vec<_> = all.flat_map_iter(edge).collect();
+    edges.par_sort_unstable();
+    edges
 }
 
 /// The triangle that stands for the part of `i`.
@@ -224,12 +151,6 @@ fn find(part: &mut [u32], mut i: u32) -> u32 {
     i
 }
 
-/// Makes the parts of two triangles one.
-fn unite(part: &mut [u32], a: u32, b: u32) {
-    let (a, b) = (find(part, a), find(part, b));
-    part[a.max(b) as usize] = a.min(b);
-}
-
 /// Whether a closed surface of `triangles` is around a point.
 ///
 /// # Errors
@@ -239,5 +160,34 @@ pub fn is_inside(
     point: DVec3,
 ) -> Result<bool, u32> {
     let above = above(triangles, point)?;
-    Ok(!above.is_empty() && Parts::new(triangles).enclose(&above))
+    if above.is_empty() {
+        return Ok(false);
+    }
+    let mut part: Vec<_> = (0..triangles.len() as u32).collect();
+    let (part, mut open) = (&mut part[..], vec![]);
+    for equal in edges(triangles).chunk_by(|a, b| a.0 == b.0) {
+        // Unite the triangles of equal edges
+        let first = equal[0].1 / 4;
+        // Find the ends of an edge
+        let ends = |edge: &(u64, u32)| {
+            let [a, b, c] = triangles[edge.1 as usize / 4];
+            let (p, q) = [(a, b), (b, c), (c, a)][edge.1 as usize % 4];
+            let (p, q) = (p.to_array(), q.to_array());
+            if p < q { (p, q) } else { (q, p) }
+        };
+        let alike = equal.iter().all(|edge| ends(edge) == ends(&equal[0]));
+        if !alike || equal.len() % 2 != 0 {
+            open.extend(equal.iter().map(|edge| edge.1 / 4));
+        }
+        for edge in equal.iter().filter(|_| alike) {
+            let (a, b) = (find(part, first), find(part, edge.1 / 4));
+            part[a.max(b) as usize] = a.min(b);
+        }
+    }
+    let open = open.into_iter().map(|i| find(part, i));
+    let open: HashSet<_> = open.collect();
+    let names = above.into_iter().map(|i| find(part, i));
+    let mut names: Vec<_> = names.filter(|i| !open.contains(i)).collect();
+    names.sort_unstable();
+    Ok(names.chunk_by(|a, b| a == b).any(|same| same.len() % 2 == 1))
 }

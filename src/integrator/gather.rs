@@ -21,7 +21,7 @@ use crate::camera::Camera;
 use crate::film::{Tile, Window};
 use crate::sampler::sobol::{ScrambledNet, scramble_key, to_unit};
 use crate::sampler::{generator, within};
-use crate::scene::{Ray, Scene};
+use crate::scene::{Entrance, Ray};
 use crate::sky::Sky;
 use cache::{Cell, RadianceCache, UNSEEN};
 use guide::{Guide, bin, direction};
@@ -29,8 +29,8 @@ use guide::{Guide, bin, direction};
 /// Traces rays, and knows the scene and the cache.
 pub struct Tracer<'a, K> {
     /// The triangles, and where rays enter them.
-    pub scene: &'a Scene,
-    /// Finds hits in `scene`.
+    pub entrance: Entrance,
+    /// Finds hits in the scene.
     pub intersector: &'a K,
     /// Where paths start.
     pub camera: &'a Camera,
@@ -189,7 +189,7 @@ impl<K: Intersector> Tracer<'_, K> {
     #[inline]
     pub fn look(&mut self, x: f64, y: f64) -> End {
         let direction = self.camera.direction(x, y);
-        let ray = self.scene.enter(self.camera.position, direction);
+        let ray = self.entrance.enter(direction);
         self.rays += u64::from(ray.is_some());
         let hit =
             ray.and_then(|ray| self.intersector.first_hit(&ray, None));

@@ -59,20 +59,20 @@ fn scenes() -> impl Iterator<Item = Scene> {
 }
 
 fn wide<const N: usize>(scene: &Scene) -> Wide<N> {
-    Wide::new(scene.indexed().clone(), Quality::Fast, &|_| ())
+    Wide::new(scene.triangles.clone(), Quality::Fast, &|_| ())
         .expect("memory for a test")
 }
 
 // Test that each triangle has a lane
 fn check_lanes<const N: usize>(scene: &Scene) {
     let wide = wide::<N>(scene);
-    let triangles = scene.triangles();
+    let triangles = scene.triangles.to_vec();
     let mut seen = vec![0; triangles.len()];
     for (first, count) in leaf_children(&wide) {
         for lane in 0..count as u32 {
             // SAFETY: the child is a leaf.
             let leaf = unsafe { wide.leaves.leaf(first, count) };
-            let faces = &scene.indexed().faces;
+            let faces = &scene.triangles.faces;
             let number = faces.binary_search(&leaf.face(lane));
             let number = number.expect("a face of the scene");
             seen[number] += 1;
@@ -201,7 +201,7 @@ fn check_boxes<const N: usize>(scene: &Scene) {
         }
     }
     let all = check_box(&wide, 0, wide.region, None);
-    assert_eq!(all.len(), scene.triangles().len());
+    assert_eq!(all.len(), scene.triangles.len());
 }
 
 #[test]
@@ -213,7 +213,7 @@ fn a_box_holds_the_padded_boxes_of_all_that_is_below() {
 }
 
 fn check_levels<const N: usize>() {
-    let triangles = soup(3000).indexed().clone();
+    let triangles = soup(3000).triangles;
     let count = triangles.len();
     for above in 0..3 {
         let triangles = triangles.clone();
@@ -413,7 +413,7 @@ fn check_depth<const N: usize>() {
 /// A tree with one triangle on one side of each node, and all that come
 /// after it on the other.
 fn chain(scene: &Scene) -> Vec<Bvh2Node> {
-    let Triangles { vertices, corners, .. } = scene.indexed();
+    let Triangles { vertices, corners, .. } = &scene.triangles;
     let corners: Vec<_> = corners.iter().map(|&c| (c, 0)).collect();
     let region = region(vertices, &corners);
     let count = corners.len();

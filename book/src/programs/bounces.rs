@@ -85,7 +85,7 @@ fn terms_of(setting: &Setting, pixel: u32) -> Vec<f64> {
 
 /// The bounces of sample `n` of a pixel, and its contribution.
 pub fn follow(setting: &Setting, pixel: u32, n: u64) -> (usize, f64) {
-    let Job { scene, intersector, camera, integrator, sampler, .. } =
+    let Job { entrance, intersector, camera, integrator, sampler, .. } =
         setting.job(1);
     let (width, height) = RESOLUTION;
     let mut sampler = sampler.start(u64::from(pixel), n);
@@ -94,7 +94,7 @@ pub fn follow(setting: &Setting, pixel: u32, n: u64) -> (usize, f64) {
     let y = within(pixel / width, height, y);
     let direction = camera.direction(x, y);
     let mut path = integrator.begin(direction);
-    let mut next = scene.enter(camera.position, direction);
+    let mut next = entrance.enter(direction);
     let (mut from, mut bounces) = (None, 0);
     loop {
         let hit = next.and_then(|ray| intersector.first_hit(&ray, from));

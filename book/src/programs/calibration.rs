@@ -143,7 +143,7 @@ fn image(setting: &Setting, method: Method, seed: u64, n: u64) -> Film {
     let resolution = (WIDTH, HEIGHT);
     let area = u64::from(WIDTH * HEIGHT);
     // Know nothing of the image beforehand
-    let Job { scene, intersector, camera, integrator, .. } =
+    let Job { entrance, intersector, camera, integrator, .. } =
         setting.job(seed);
     let &PathTracer { albedo, sky, .. } = integrator;
     let inquiry = Inquiry { camera, sky, albedo, resolution, kept: &[] };
@@ -381,7 +381,7 @@ fn stopped(seed: u64, error: f64, side: u32) -> (f64, u64) {
     let Ok(camera) = Camera::new(&view, 1.) else { return (0., 0) };
     // Make a job of throwing coins
     let mut job = Job {
-        scene: &scene,
+        entrance: scene.frame.entrance(view.position),
         intersector: &intersector,
         camera: &camera,
         integrator: &Coin,

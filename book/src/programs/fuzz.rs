@@ -230,7 +230,7 @@ impl Case {
         let integrator =
             PathTracer::new(self.albedo, Sky::new(self.view.up));
         let mut job = Job {
-            scene,
+            entrance: scene.frame.entrance(camera.position),
             intersector: &intersector,
             camera,
             integrator,
@@ -278,21 +278,21 @@ impl Case {
         camera: &Camera,
         film: &Film,
     ) -> Result<(), String> {
-        let mut scene = Scene::new(&self.mesh);
+        let Scene { frame, triangles, left_out } = Scene::new(&self.mesh);
         let inquiry = Inquiry {
             camera,
+            entrance: frame.entrance(camera.position),
             sky: Sky::new(self.view.up),
             albedo: self.albedo,
             resolution: self.resolution,
             kept: &[],
         };
-        let triangles = scene.take_triangles();
         let intersector =
             Bvh::of(triangles, self.quality, Isa::best(), &|_| ())
                 .map_err(|error| error.to_string())?;
-        let analysis = SceneAnalysis::find(&scene, &intersector, &inquiry);
+        let analysis =
+            SceneAnalysis::find(&left_out, &intersector, &inquiry);
         let mut renderer = renderer(
-            &scene,
             &intersector,
             &inquiry,
             &analysis,

@@ -98,11 +98,12 @@ impl Stage {
         make: impl Fn(Option<Ray>, Option<Hit>) -> T + Sync,
     ) -> Vec<T> {
         let (width, height) = self.size;
+        let entrance = self.scene.frame.entrance(self.camera.position);
         let pixel = |i: u32| {
             let x = (f64::from(i % width) + 0.5) / f64::from(width);
             let y = (f64::from(i / width) + 0.5) / f64::from(height);
             let direction = self.camera.direction(x, y);
-            let ray = self.scene.enter(self.camera.position, direction);
+            let ray = entrance.enter(direction);
             let hit = ray.and_then(|ray| self.bvh.first_hit(&ray, None));
             make(ray, hit)
         };

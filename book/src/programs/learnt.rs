@@ -158,7 +158,7 @@ impl Stage {
 
     fn gather(&self, training: u64) -> Gather<'_> {
         Gather {
-            scene: &self.scene,
+            entrance: self.scene.frame.entrance(self.camera.position),
             intersector: &self.bvh,
             camera: &self.camera,
             sky: self.sky,
@@ -178,7 +178,7 @@ impl Stage {
     /// Renders by paths of at least so many rays; samples and rays.
     fn trace(&self, rays: u64, film: &mut Film) -> (u64, u64) {
         let mut job = Job {
-            scene: &self.scene,
+            entrance: self.scene.frame.entrance(self.camera.position),
             intersector: &self.bvh,
             camera: &self.camera,
             integrator: PathTracer::new(RHO, self.sky),

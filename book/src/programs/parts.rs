@@ -23,7 +23,7 @@ use litpt::render::choose::{Method, Sampling};
 use litpt::render::{Job, Renderer};
 use litpt::sampler::sobol::{ScrambledNet, SobolSampler};
 use litpt::sampler::split_mix;
-use litpt::scene::{Scene, read_obj};
+use litpt::scene::{Entrance, Scene, read_obj};
 use litpt::sky::Sky;
 use litpt::statistics::Accumulator;
 use rayon::prelude::*;
@@ -143,7 +143,7 @@ impl Learnt {
 
 /// A scene, its view, and how its samples are made.
 struct Stage<'a> {
-    scene: &'a Scene,
+    entrance: Entrance,
     intersector: &'a Bvh,
     camera: Camera,
     sky: Sky,
@@ -180,9 +180,17 @@ impl Stage<'_> {
     }
 
     fn tracer<'a>(&'a self, cache: &'a RadianceCache) -> Tracer<'a, Bvh> {
-        let &Self { scene, intersector, sky, albedo, .. } = self;
+        let &Self { entrance, intersector, sky, albedo, .. } = self;
         let camera = &self.camera;
-        Tracer { scene, intersector, camera, sky, albedo, cache, rays: 0 }
+        Tracer {
+            entrance,
+            intersector,
+            camera,
+            sky,
+            albedo,
+            cache,
+            rays: 0,
+        }
     }
 }
 
@@ -285,9 +293,9 @@ impl Stage<'_> {
     fn trace(&self, seed: u64) -> Run {
         let sampling = self.sampling(Method::Sobol, seed);
         let mut film = self.film(&sampling);
-        let &Self { scene, intersector, sky, albedo, .. } = self;
+        let &Self { entrance, intersector, sky, albedo, .. } = self;
         let mut job = Job {
-            scene,
+            entrance,
             intersector,
             camera: &self.camera,
             integrator: PathTracer::new(albedo, sky),

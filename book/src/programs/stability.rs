@@ -210,7 +210,7 @@ fn alike() -> Result<u32, Box<dyn Error>> {
         let intersector = Bvh::with(&scene, Quality::Fast, isa)?;
         let pool = ThreadPoolBuilder::new().num_threads(threads).build()?;
         let mut job = Job {
-            scene: &scene,
+            entrance: scene.frame.entrance(camera.position),
             intersector: &intersector,
             camera: &camera,
             integrator,

@@ -114,7 +114,7 @@ fn record<K: Intersector>(
     let integrator = PathTracer::new(arguments.albedo, Sky::new(view.up));
     let seed = arguments.seed;
     let rays = paths::record(
-        scene,
+        &scene.frame.entrance(view.position),
         intersector,
         &camera,
         &integrator,
@@ -280,7 +280,7 @@ impl Embree {
         scene: &Scene,
         flags: i32,
     ) -> Result<Self, Box<dyn Error>> {
-        let triangles = scene.triangles();
+        let triangles = scene.triangles.to_vec();
         let count = triangles.len();
         // SAFETY: the types are those of rtcore.h, the buffers are as long
         // as is said, and nothing is used after it was given away.

@@ -68,7 +68,8 @@ fn control(setting: &Setting, method: Method, n: u64) -> u64 {
     let Job { scene, intersector, camera, integrator, .. } = set.job(0);
     let &PathTracer { albedo, sky, .. } = integrator;
     let (resolution, kept) = (RESOLUTION, &[][..]);
-    let inquiry = &Inquiry { camera, sky, albedo, resolution, kept };
+    let inquiry =
+        &Inquiry { camera, entrance, sky, albedo, resolution, kept };
     let known = KnownPixels::Nothing;
     let analysis =
         &SceneAnalysis { findings: vec![], known, is_black: false };

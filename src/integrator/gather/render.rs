@@ -19,15 +19,15 @@ use crate::film::{Film, Tile, Watch};
 use crate::integrator::Renderer;
 use crate::sampler::sobol::ScrambledNet;
 use crate::sampler::split_mix;
-use crate::scene::Scene;
+use crate::scene::Entrance;
 use crate::sky::Sky;
 use crate::statistics::Accumulator;
 
 /// Renders by gathering, with what a training has learnt.
 pub struct Gather<'a> {
-    /// The triangles, and where rays enter them.
-    pub scene: &'a Scene,
-    /// Finds hits in `scene`.
+    /// Where rays of the camera enter the scene.
+    pub entrance: Entrance,
+    /// Finds hits in the scene.
     pub intersector: &'a Bvh,
     /// Where paths start.
     pub camera: &'a Camera,

@@ -94,7 +94,7 @@ impl Case {
             objects.push(object);
         }
         let scene = Scene::new(&mesh);
-        let all = scene.indexed();
+        let all = &scene.triangles;
         let mut triangles: Vec<_> = mesh
             .triangles
             .iter()
@@ -108,8 +108,8 @@ impl Case {
         for object in &mut objects {
             let own = object.triangles.clone();
             let flat = |face: &u32| own.contains(&(*face as usize));
-            object.is_closed &= !scene.left_out().0.iter().any(flat);
-            let place = |p: &DVec3| scene.place(*p);
+            object.is_closed &= !scene.left_out[0].iter().any(flat);
+            let place = |p: &DVec3| scene.frame.entrance(*p).place();
             object.inside =
                 object.inside.iter().filter_map(place).collect();
             let size = |p: &Placed| p.middle.length() + p.radius;
@@ -139,7 +139,7 @@ impl Case {
     /// A finding.
     pub fn try_all(mut self) -> Result<Seen, String> {
         let mut seen = Seen::default();
-        if self.scene.indexed().is_empty() {
+        if self.scene.triangles.is_empty() {
             return Ok(seen);
         }
         for _ in 0..100 {
@@ -415,7 +415,7 @@ fn bvhs(
     ways.push((Isa::best(), Quality::Thorough, true));
     ways.push((Isa::Portable, Quality::Fast, true));
     let build = |(isa, quality, mixed): (Isa, Quality, bool)| {
-        let all = scene.indexed();
+        let all = &scene.triangles;
         let mut order: Vec<_> = (0..all.len()).collect();
         if mixed {
             order.shuffle(&mut random.0);
@@ -689,12 +689,12 @@ fn closed() -> &'static [Closed] {
     static ALL: OnceLock<Vec<Closed>> = OnceLock::new();
     ALL.get_or_init(|| {
         let all = solids::all().into_iter().filter(|solid| {
-            let is_small = solid.scene.indexed().len() < 1300;
+            let is_small = solid.scene.triangles.len() < 1300;
             is_small && !solid.has_cracks()
         });
         let shrink = |p: &DVec3| *p / 4096.;
         all.map(|solid| {
-            let all = solid.scene.indexed();
+            let all = &solid.scene.triangles;
             let mesh = Mesh {
                 vertices: all.vertices.iter().map(shrink).collect(),
                 triangles: all.corners.clone(),

@@ -83,7 +83,7 @@ const STEP: f64 = 5e-9;
 fn vertex(out: &mut Out) -> Done {
     let scene = Scene::new(&icosphere(4));
     let bvh = Bvh::new(&scene)?;
-    let triangles = scene.triangles();
+    let triangles = scene.triangles.to_vec();
     let corner = triangles[700][0];
     let has = |t: &Triangle| t.contains(&corner);
     let around: Vec<u32> = (0..triangles.len() as u32)

@@ -114,7 +114,12 @@ fn frames(court: &Stage, boxes: &[(DVec3, DVec3)]) -> String {
         d / d.dot(ahead) - ahead
     };
     let (right, down) = (aside(1., 0.5), aside(0.5, 1.));
-    let eye = court.scene.place(camera.position).unwrap_or_default();
+    let eye = court
+        .scene
+        .frame
+        .entrance(camera.position)
+        .place()
+        .unwrap_or_default();
     let near = 1.;
     let mut tex = String::new();
     let mut line = |a: DVec3, b: DVec3| {

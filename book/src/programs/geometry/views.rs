@@ -31,7 +31,7 @@ pub fn draw(out: &mut Out) -> Done {
     for (name, mesh, view) in pictures {
         let stage = Stage::new(&mesh, &view, (320, 240))?;
         let sky = Sky::new(view.up);
-        let tip = stage.scene.place(view.position);
+        let tip = stage.scene.frame.entrance(view.position).place();
         let tip = tip.ok_or("the camera is far away")?;
         let (camera, size) = (&stage.camera, stage.size);
         let tiles =
