@@ -251,7 +251,7 @@ where
         tile: Tile,
         pixels: &mut [Accumulator],
     ) -> u64 {
-        let Job { scene, camera, known, integrator, .. } = self.job;
+        let Job { entrance, camera, known, integrator, .. } = self.job;
         // Choose a point of the image for each path
         let (width, height) = self.resolution;
         let (mut across, mut down) = ([0.; BEAM], [0.; BEAM]);
@@ -269,9 +269,8 @@ where
         // Send the first rays of the batch
         let directions = camera.directions(&across, &down);
         let sees_sky = known.content(tile.corner) == TileContent::Sky;
-        let entrance = scene.entrance(camera.position);
         let rays = array::from_fn(|i| match started[i] {
-            Some(_) if !sees_sky => self.entrance.enter(directions[i]),
+            Some(_) if !sees_sky => entrance.enter(directions[i]),
             _ => None,
         });
         let mut answers = E::RayQuery::ask_all(self.intersector, &rays);

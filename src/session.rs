@@ -135,9 +135,8 @@ fn run(
     let inquiry = inquire(arguments, &camera, &scene, &kept);
     stage.set(Some("building the hierarchy"));
     let (analysis, bvh) =
-        build(&mut scene, &inquiry, arguments, ranks, &mut known)?;
+        build(scene, &inquiry, arguments, ranks, &mut known)?;
     let setup = Setup {
-        scene: &scene,
         intersector: &bvh,
         inquiry: &inquiry,
         analysis: &analysis,
@@ -470,15 +469,14 @@ fn build(
     known: &mut Report,
 ) -> Result<(SceneAnalysis, Bvh), String> {
     let began = Instant::now();
-    let position = inquiry.camera.position;
-    let is_inside = scene.entrance(position).is_inside;
+    let is_inside = inquiry.entrance.is_inside;
     let (width, height) = arguments.band()?.size;
     let area = f64::from(width) * f64::from(height);
     let paths = arguments.goal(1).map(|n| n as f64 * area);
     let (albedo, time) = (arguments.albedo, arguments.time);
     let rays = expected_rays(albedo, is_inside, paths, time);
     let rays = rays / f64::from(ranks.count());
-    let triangles = scene.take_triangles();
+    let Scene { triangles, left_out, .. } = scene;
     let quality = Quality::expecting(triangles.len(), rays);
     // Warn of triangles that are too small
     let count = too_small(&triangles);
@@ -804,7 +802,6 @@ pub fn follow(ranks: &dyn Ranks) -> Result<(), String> {
     let (analysis, bvh) = build(scene, &inquiry, &arguments, ranks, known)?;
     let Some(sampling) = hear(ranks)? else { return Ok(()) };
     let setup = Setup {
-        scene: &scene,
         intersector: &bvh,
         inquiry: &inquiry,
         analysis: &analysis,

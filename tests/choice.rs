@@ -63,7 +63,7 @@ fn chosen_of(
     let analysis = &SceneAnalysis::find(&scene.left_out, bvh, inquiry);
     let window = Window { corner: (0, 0), size: SIZE };
     let (samples, error, left) = limits;
-    let setup = Setup { scene, intersector: bvh, inquiry, analysis };
+    let setup = Setup { intersector: bvh, inquiry, analysis };
     setup.choose(&Request {
         method: wanted,
         seed: 7,

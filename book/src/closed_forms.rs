@@ -317,12 +317,13 @@ impl Setting {
         let intersector = Bvh::new(&scene)?;
         let sky = Sky::new(up);
         let integrator = PathTracer::new(rho, sky);
-        Ok(Self { scene, intersector, camera, integrator })
+        let entrance = scene.frame.entrance(view.position);
+        Ok(Self { entrance, intersector, camera, integrator })
     }
 
     /// The job that renders it.
     pub fn job(&self, seed: u64) -> Job<'_, Bvh, PathTracer> {
-        let &Self { ref scene, ref intersector, ref camera, integrator } =
+        let &Self { entrance, ref intersector, ref camera, integrator } =
             self;
         let known = &KnownPixels::Nothing;
         let sampler = IndependentSampler::new(seed);

@@ -84,7 +84,6 @@ impl Setting {
         let mut film = sampling.film(resolution, window);
         let start = Instant::now();
         let setup = Setup {
-            scene: &scene,
             intersector: &intersector,
             inquiry: &inquiry,
             analysis: &analysis,

@@ -28,7 +28,7 @@ use guide::{Guide, bin, direction};
 
 /// Traces rays, and knows the scene and the cache.
 pub struct Tracer<'a, K> {
-    /// The triangles, and where rays enter them.
+    /// Where rays of the camera enter the scene.
     pub entrance: Entrance,
     /// Finds hits in the scene.
     pub intersector: &'a K,

@@ -29,7 +29,6 @@ use crate::integrator::{
 };
 use crate::sampler::sobol::SobolSampler;
 use crate::sampler::{IndependentSampler, Sampler, generator, within};
-use crate::scene::Scene;
 
 /// How samples are made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -167,9 +166,7 @@ const GATHER_VERSION: u32 = 4;
 /// A scene that is ready to be rendered.
 #[derive(Clone, Copy)]
 pub struct Setup<'a> {
-    /// The triangles.
-    pub scene: &'a Scene,
-    /// Finds hits in `scene`.
+    /// Finds hits in the scene.
     pub intersector: &'a Bvh,
     /// The view, and what is asked about it.
     pub inquiry: &'a Inquiry<'a>,
@@ -180,7 +177,7 @@ pub struct Setup<'a> {
 impl<'a> Setup<'a> {
     /// The renderer of a method.
     pub fn renderer(&self, sampling: &Sampling) -> Box<dyn Renderer + 'a> {
-        let &Inquiry { camera, sky, albedo, .. } = self.inquiry;
+        let &Inquiry { entrance, camera, sky, albedo, .. } = self.inquiry;
         let &Sampling { seed, replicate, training, .. } = sampling;
         let independent = IndependentSampler::new(seed);
         let nets = SobolSampler::new(seed, replicate);
@@ -195,7 +192,7 @@ impl<'a> Setup<'a> {
                 self.job(PathTracer { control, ..paths }, nets)
             }
             (Method::Gather, _) => Box::new(Gather {
-                scene: self.scene,
+                entrance,
                 intersector: self.intersector,
                 camera,
                 sky,
@@ -215,10 +212,10 @@ impl<'a> Setup<'a> {
         integrator: impl Integrator + 'a,
         sampler: impl Sampler + 'a,
     ) -> Box<dyn Renderer + 'a> {
-        let &Self { scene, intersector, inquiry, analysis } = self;
+        let &Self { intersector, inquiry, analysis } = self;
         let (camera, known) = (inquiry.camera, &analysis.known);
         Box::new(Job {
-            scene,
+            entrance: inquiry.entrance,
             intersector,
             camera,
             integrator,
@@ -426,8 +423,8 @@ impl Trial<'_> {
         (x, y): (u32, u32),
         n: u64,
     ) -> [Path; 2] {
-        let Setup { scene, inquiry, .. } = self.setup;
-        let &Inquiry { camera, sky, albedo, resolution, .. } = *inquiry;
+        let &Inquiry { entrance, camera, sky, albedo, resolution, .. } =
+            self.setup.inquiry;
         let integrator = PathTracer::new(albedo, sky);
         let number = |k| IndependentSampler::new(PILOT).start(n, k);
         let mut sampler = number(0);
@@ -436,7 +433,7 @@ impl Trial<'_> {
         let direction = camera.direction(u, within(y, resolution.1, v));
         // Trace the ray of the camera
         let mut path = integrator.begin(direction);
-        let ray = scene.enter(camera.position, direction);
+        let ray = entrance.enter(direction);
         let hit = ray.and_then(|ray| intersector.first_hit(&ray, None));
         let event = integrator.advance(&mut path, hit, &mut sampler);
         let control = match (hit, event) {

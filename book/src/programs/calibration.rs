@@ -146,14 +146,14 @@ fn image(setting: &Setting, method: Method, seed: u64, n: u64) -> Film {
     let Job { entrance, intersector, camera, integrator, .. } =
         setting.job(seed);
     let &PathTracer { albedo, sky, .. } = integrator;
-    let inquiry = Inquiry { camera, sky, albedo, resolution, kept: &[] };
+    let inquiry = Inquiry { camera, entrance, sky, albedo, resolution, kept: &[] };
     let known = KnownPixels::Nothing;
     let analysis =
         SceneAnalysis { findings: vec![], known, is_black: false };
     let window = Window { corner: (0, 0), size: resolution };
     // Sample as a run of this method does
     let (inquiry, analysis) = (&inquiry, &analysis);
-    let setup = Setup { scene, intersector, inquiry, analysis };
+    let setup = Setup { intersector, inquiry, analysis };
     let request = Request {
         method: Some(method),
         seed,

@@ -65,7 +65,7 @@ fn control(setting: &Setting, method: Method, n: u64) -> u64 {
         aspect,
     );
     let Ok(set) = set else { return 0 };
-    let Job { scene, intersector, camera, integrator, .. } = set.job(0);
+    let Job { entrance, intersector, camera, integrator, .. } = set.job(0);
     let &PathTracer { albedo, sky, .. } = integrator;
     let (resolution, kept) = (RESOLUTION, &[][..]);
     let inquiry =
@@ -74,7 +74,7 @@ fn control(setting: &Setting, method: Method, n: u64) -> u64 {
     let analysis =
         &SceneAnalysis { findings: vec![], known, is_black: false };
     let window = Window { corner: (0, 0), size: RESOLUTION };
-    let setup = Setup { scene, intersector, inquiry, analysis };
+    let setup = Setup { intersector, inquiry, analysis };
     let choice = setup.choose(&Request {
         method: Some(method),
         seed: 0,

@@ -88,8 +88,8 @@ impl<'g> Gather<'g> {
     where
         'g: 'a,
     {
-        let &Self { scene, camera, sky, albedo, .. } = self;
-        Tracer { scene, intersector, camera, sky, albedo, cache, rays: 0 }
+        let &Self { entrance, camera, sky, albedo, .. } = self;
+        Tracer { entrance, intersector, camera, sky, albedo, cache, rays: 0 }
     }
 
     /// A plan for the whole window of a film's run.
