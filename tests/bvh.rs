@@ -88,25 +88,6 @@ fn the_hierarchy_finds_what_a_loop_over_all_triangles_finds() {
     }
 }
 
-#[test]
-fn a_triangle_is_never_met_twice_in_a_row() {
-    let scene = Scene::new(&soup(50, 20.));
-    let intersector = Bvh::new(&scene).unwrap();
-    let mut random = Pcg64::seed_from_u64(6);
-    for _ in 0..2000 {
-        let direction = random_direction(&mut random);
-        let ray = Ray { origin: DVec3::ZERO, direction };
-        let Some(first) = intersector.first_hit(&ray, None) else {
-            continue;
-        };
-        let onward = Ray { origin: first.point, direction };
-        let from = Some(first.primitive);
-        if let Some(second) = intersector.first_hit(&onward, from) {
-            assert_ne!(second.primitive, first.primitive);
-        }
-    }
-}
-
 /// The same hierarchy in all forms that this processor can walk.
 fn all_forms(scene: &Scene) -> Vec<Bvh> {
     let isas = Isa::ALL.into_iter().filter(|isa| isa.is_available());

@@ -9,14 +9,14 @@
 
 use std::array;
 
-use super::intersector::{BEAM, Hit};
 use super::spawn::hit;
 use super::traversal::{
-    Kernel, ROUGH, RaySearch, Slabs, Stack, Waiting, distance,
-    is_within_bounds,
+    Kernel, ROUGH, Slabs, Stack, Waiting, distance, is_within_bounds, look,
+    prepare,
 };
 use super::triangle::{LEAF, NONE, Region, slots};
 use super::wide::{Node, Wide};
+use super::{BEAM, Hit};
 use crate::scene::Ray;
 
 /// Rays that are in the same octant, lane by lane, and planes around them.
@@ -197,7 +197,7 @@ pub unsafe fn first_hits<K: Kernel<N>, const N: usize>(
         return rays.each_ref().map(alone);
     }
     // Begin the searches of a beam
-    let mut searches: [Option<RaySearch>; BEAM] = [const { None }; BEAM];
+    let mut searches = [const { None }; BEAM];
     let mut doubtful = 0;
     let mut waiting = Waiting::new();
     let mut stack = Stack::new(&mut waiting);
@@ -227,15 +227,19 @@ pub unsafe fn first_hits<K: Kernel<N>, const N: usize>(
                 let i = active.trailing_zeros() as usize % BEAM;
                 // Show a leaf to an active ray
                 if let Some(ray) = &rays[i] {
-                    let search = searches[i].get_or_insert_with(|| {
-                        RaySearch::new(wide, ray, (None, NONE))
-                    });
+                    let (search, shear, margins) = searches[i]
+                        .get_or_insert_with(|| {
+                            prepare(wide, ray, (None, NONE))
+                        });
+                    let (ways, leaf) = ((&*shear, &*margins), slots(child));
                     // SAFETY: without gates, children with the bit LEAF are leaves; the
                     // processor has the instructions, says the caller.
-                    let met =
-                        unsafe { search.look::<K, N, true>(slots(child)) };
+                    let met = unsafe {
+                        look::<K, N, true>(search, ray, ways, leaf)
+                    };
                     doubtful |= u32::from(met.is_none()) << i;
-                    beam.t_max[i] = met.map_or(-1., |_| search.t_max());
+                    beam.t_max[i] =
+                        met.map_or(-1., |_| search.limit(margins) as f32);
                 }
                 active &= active - 1;
             }
@@ -244,7 +248,7 @@ pub unsafe fn first_hits<K: Kernel<N>, const N: usize>(
     // Make hits of the searches of a beam
     array::from_fn(|i| match (&rays[i], &searches[i]) {
         (ray, _) if doubtful >> i & 1 != 0 => alone(ray),
-        (Some(ray), Some(of)) => hit(wide, ray, None, &of.search),
+        (Some(ray), Some((of, ..))) => hit(wide, ray, None, of),
         _ => None,
     })
 }

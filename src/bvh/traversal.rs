@@ -11,17 +11,21 @@
 //! so that rounding cannot hide a triangle: each triangle that the exact
 //! test finds up to the end of the ray is tested, whatever the tree.
 
-use std::array;
+use std::marker::PhantomData;
 use std::mem::MaybeUninit;
+use std::{array, io};
 
 use glam::DVec3;
 
+use super::beam::first_hits;
+use super::spawn::hit;
 use super::triangle::{
     GATES, LANES, LEAF, Leaf, Margins, NONE, Region, Search, Shear,
     TriangleTest, UNIT, near, slot, slots,
 };
-use super::wide::{Node, STACK, Wide};
-use crate::scene::Ray;
+use super::wide::{Node, Quality, STACK, Wide};
+use super::{BEAM, Hit, Intersector};
+use crate::scene::{Ray, Triangles};
 
 /// A ray in single precision, prepared for the planes of boxes.
 pub struct Slabs {
@@ -275,76 +279,18 @@ pub trait Kernel<const N: usize>: Sync + Sized {
 /// the ray passes one of the triangles closely.
 pub type Met = Option<(u32, [f64; LANES])>;
 
-/// The search for the nearest of the triangles that a ray meets.
-pub struct RaySearch<'a> {
-    pub ray: &'a Ray,
-    pub shear: Shear,
-    pub margins: Margins,
-    pub search: Search<'a>,
-}
-
-impl<'a> RaySearch<'a> {
-    /// One that has met nothing, for a ray that left the first slot; the
-    /// second is offered ahead.
-    #[inline(always)]
-    pub fn new<const N: usize>(
-        wide: &'a Wide<N>,
-        ray: &'a Ray,
-        slots: (Option<u32>, u32),
-    ) -> Self {
-        let margins = wide.region.margins(ray.origin);
-        let search = Search::new(&wide.leaves, slots, margins.size);
-        Self { ray, shear: Shear::new(ray), margins, search }
-    }
-
-    /// The end of the ray, as boxes are compared with it.
-    #[inline(always)]
-    pub fn t_max(&self) -> f32 {
-        self.search.limit(&self.margins) as f32
-    }
-
-    /// Takes the triangles of a leaf that the ray meets, of `count` at unit
-    /// `first`; their mask. With `FAST`, none if anything is doubtful.
-    ///
-    /// # Safety
-    /// The leaf is there, and the processor has the instructions of `K`.
-    #[inline(always)]
-    pub unsafe fn look<K: Kernel<N>, const N: usize, const FAST: bool>(
-        &mut self,
-        (first, count): (u32, usize),
-    ) -> Option<u32> {
-        let Self { ray, shear, margins, search } = self;
-        let limit = search.limit(margins);
-        // SAFETY: it is there, says the caller.
-        let leaf = unsafe { search.leaf(first, count) };
-        // SAFETY: it is one of `Leaves`; the rest says the caller.
-        let met = unsafe { K::meet(leaf, shear, (limit, margins)) };
-        let (mask, distances) = match met {
-            None if FAST => return None,
-            _ => met.unwrap_or_else(|| leaf.meet(shear, margins)),
-        };
-        let mut left = mask;
-        while left != 0 {
-            // Take or offer one lane of the mask
-            let lane = left.trailing_zeros();
-            let distance = distances[lane as usize % LANES];
-            if FAST {
-                search.take(slot(first, lane), distance, margins)?;
-            } else {
-                search.offer((first, leaf), lane, distance, (ray, margins));
-            }
-            left &= left - 1;
-        }
-        Some(mask)
-    }
-
-    /// Takes the margins of a region beyond a gate, or around one.
-    #[inline(always)]
-    pub fn go_to(&mut self, region: &Region) {
-        let Self { ray, margins, search, .. } = self;
-        *margins = region.beyond_gate(ray.origin, search.root);
-        margins.near = margins.near.max(near(search.size));
-    }
+/// What a ray needs to look for the nearest triangle: a search that has met
+/// nothing, for a ray that left the first slot, while the second is offered
+/// ahead; the ray made the z axis; and what is small.
+#[inline(always)]
+pub fn prepare<'a, const N: usize>(
+    wide: &'a Wide<N>,
+    ray: &Ray,
+    slots: (Option<u32>, u32),
+) -> (Search<'a>, Shear, Margins) {
+    let margins = wide.region.margins(ray.origin);
+    let search = Search::new(&wide.leaves, slots, margins.size);
+    (search, Shear::new(ray), margins)
 }
 
 /// The nearest of the triangles that a ray meets, other than the first of
@@ -370,24 +316,24 @@ pub unsafe fn walk<
     if FAST && GATED == wide.gates.is_empty() {
         return None;
     }
-    let mut search = RaySearch::new(wide, ray, (from, target));
+    let (mut search, shear, mut margins) =
+        prepare(wide, ray, (from, target));
     // Let no ray start out of bounds
     if !is_within_bounds(ray) {
-        return Some(search.search);
+        return Some(search);
     }
     // Offer the target first
     if ANY && target != NONE {
         if from == Some(target) {
-            return Some(search.search);
+            return Some(search);
         }
-        let RaySearch { shear, margins, search, .. } = &mut search;
         let (leaf, lane) = wide.leaves.find(target);
-        match leaf.test(lane as usize, shear, margins.size) {
+        match leaf.test(lane as usize, &shear, margins.size) {
             TriangleTest::Through(at) if at > -margins.near => {
-                search.take(target, at, margins)?;
+                search.take(target, at, &margins)?;
             }
             TriangleTest::Beside(_) => return None,
-            _ => return Some(*search),
+            _ => return Some(search),
         }
     }
     // Prepare to start at the root
@@ -397,7 +343,7 @@ pub unsafe fn walk<
     let mut child = 0;
     'walk: loop {
         let slabs = Slabs::new(ray, &region);
-        let mut t_max = search.t_max();
+        let mut t_max = search.limit(&margins) as f32;
         // Go from nodes to leaves
         let gate = loop {
             while child & LEAF == 0 {
@@ -428,21 +374,26 @@ pub unsafe fn walk<
             if GATED && first >= GATES {
                 // Leave the region if the gate leads to something
                 let gate = &wide.gates[(first - GATES) as usize];
-                if gate.node.is_none()
-                    || search.search.enters(&gate.region, ray)
-                {
+                if gate.node.is_none() || search.enters(&gate.region, ray) {
                     break gate;
                 }
             } else {
                 // SAFETY: as above; children with the bit LEAF below the gates
                 // are leaves that are there.
-                let met =
-                    unsafe { search.look::<K, N, FAST>((first, count))? };
+                let met = unsafe {
+                    let ways = (&shear, &margins);
+                    look::<K, N, FAST>(
+                        &mut search,
+                        ray,
+                        ways,
+                        (first, count),
+                    )?
+                };
                 if met != 0 {
-                    if ANY && search.search.slot != target {
+                    if ANY && search.slot != target {
                         break 'walk;
                     }
-                    t_max = search.t_max();
+                    t_max = search.limit(&margins) as f32;
                 }
             }
             match stack.pop(t_max) {
@@ -452,21 +403,58 @@ pub unsafe fn walk<
         };
         // Go through a gate
         region = gate.region;
-        search.go_to(&region);
+        margins = region.beyond_gate(ray.origin, search.root);
+        margins.near = margins.near.max(near(search.size));
         child = match gate.node {
             Some(inner) => {
-                search.search.pass(&region, &search.margins);
+                search.pass(&region, &margins);
                 // SAFETY: no hierarchy is so deep that one is not left.
                 unsafe { stack.push(child + 1, 0.) };
                 inner
             }
-            None => match stack.pop(search.t_max()) {
+            None => match stack.pop(search.limit(&margins) as f32) {
                 Some(waiting) => waiting,
                 None => break 'walk,
             },
         };
     }
-    Some(search.search)
+    Some(search)
+}
+
+/// Takes the triangles of a leaf that the ray meets, of `count` at unit
+/// `first`; their mask. With `FAST`, none if anything is doubtful.
+///
+/// # Safety
+/// The leaf is there, and the processor has the instructions of `K`.
+#[inline(always)]
+pub unsafe fn look<K: Kernel<N>, const N: usize, const FAST: bool>(
+    search: &mut Search,
+    ray: &Ray,
+    (shear, margins): (&Shear, &Margins),
+    (first, count): (u32, usize),
+) -> Option<u32> {
+    let limit = search.limit(margins);
+    // SAFETY: it is there, says the caller.
+    let leaf = unsafe { search.leaf(first, count) };
+    // SAFETY: it is one of `Leaves`; the rest says the caller.
+    let met = unsafe { K::meet(leaf, shear, (limit, margins)) };
+    let (mask, distances) = match met {
+        None if FAST => return None,
+        _ => met.unwrap_or_else(|| leaf.meet(shear, margins)),
+    };
+    let mut left = mask;
+    while left != 0 {
+        // Take or offer one lane of the mask
+        let lane = left.trailing_zeros();
+        let distance = distances[lane as usize % LANES];
+        if FAST {
+            search.take(slot(first, lane), distance, margins)?;
+        } else {
+            search.offer((first, leaf), lane, distance, (ray, margins));
+        }
+        left &= left - 1;
+    }
+    Some(mask)
 }
 
 /// Which boxes of `node` a ray enters before `t_max`, where `distance`
@@ -553,6 +541,106 @@ impl<const N: usize> Kernel<N> for Portable {
     ) -> Met {
         let (mask, distances) = leaf.meet(shear, margins);
         (mask >> LANES == 0).then_some((mask, distances))
+    }
+}
+
+/// A hierarchy on a processor that has the instructions `K`.
+pub struct Traverser<K, const N: usize> {
+    pub wide: Wide<N>,
+    kernel: PhantomData<K>,
+}
+
+impl<K: Kernel<N>, const N: usize> Traverser<K, N> {
+    /// Builds the hierarchy of triangles, see [`Wide::new`]. The processor
+    /// must have the instructions.
+    pub fn new(
+        triangles: Triangles,
+        quality: Quality,
+        placed: &dyn Fn(usize),
+    ) -> io::Result<Self> {
+        assert!(K::is_available());
+        let wide = Wide::new(triangles, quality, placed);
+        let wide = wide.map_err(|error| {
+            let text = format!("no room for the hierarchy: {error}");
+            io::Error::new(error.kind(), text)
+        })?;
+        Ok(Self { wide, kernel: PhantomData })
+    }
+
+    /// The answer to what a ray that left the first of the slots meets: the
+    /// nearest triangle, or with `ANY` what decides whether that is the second.
+    #[inline(always)]
+    fn ask<'a, const ANY: bool, R>(
+        &'a self,
+        ray: &'a Ray,
+        slots: (Option<u32>, u32),
+        answer: impl Fn(&Search) -> R,
+    ) -> R {
+        let wide = &self.wide;
+        let fast = || {
+            // SAFETY: a traverser exists only where its instructions do.
+            let found =
+                unsafe { walk::<K, N, ANY, true, false>(wide, ray, slots) };
+            found.map(|search| answer(&search))
+        };
+        let again = || {
+            // SAFETY: as above.
+            let found =
+                unsafe { walk::<K, N, ANY, true, true>(wide, ray, slots) };
+            answer(&found.unwrap_or_else(|| self.fall_back(ray, slots.0)))
+        };
+        // SAFETY: as above.
+        let found = unsafe { K::enable(fast) };
+        // SAFETY: as above.
+        found.unwrap_or_else(|| unsafe { K::enable(again) })
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn fall_back<'a>(
+        &'a self,
+        ray: &'a Ray,
+        from: Option<u32>,
+    ) -> Search<'a> {
+        let (wide, slots) = (&self.wide, (from, NONE));
+        // SAFETY: as above.
+        let found = unsafe {
+            K::enable(|| walk::<K, N, false, false, true>(wide, ray, slots))
+        };
+        found.expect("only the fast path gives up")
+    }
+}
+
+impl<K: Kernel<N>, const N: usize> Intersector for Traverser<K, N> {
+    #[inline]
+    fn first_hit(&self, ray: &Ray, from: Option<u32>) -> Option<Hit> {
+        let hit = |search: &Search| hit(&self.wide, ray, from, search);
+        self.ask::<false, _>(ray, (from, NONE), hit)
+    }
+
+    #[inline]
+    fn is_occluded(&self, ray: &Ray, from: Option<u32>) -> bool {
+        !self.is_visible(ray, from, NONE)
+    }
+
+    #[inline]
+    fn is_visible(
+        &self,
+        ray: &Ray,
+        from: Option<u32>,
+        target: u32,
+    ) -> bool {
+        let slot = |search: &Search| search.slot;
+        self.ask::<true, _>(ray, (from, target), slot) == target
+    }
+
+    fn first_hits(
+        &self,
+        rays: &[Option<Ray>; BEAM],
+    ) -> [Option<Hit>; BEAM] {
+        let alone = |ray: &Ray| self.first_hit(ray, None);
+        // SAFETY: as above.
+        unsafe { K::enable(|| first_hits::<K, N>(&self.wide, rays, alone)) }
     }
 }
 

@@ -13,10 +13,12 @@ pub mod guide;
 pub mod render;
 pub mod training;
 
+use std::array;
+
 use rand::RngExt;
 
 use crate::analysis::background::{KnownPixels, TileContent};
-use crate::bvh::{Hit, Intersector};
+use crate::bvh::{BEAM, Hit, Intersector};
 use crate::camera::Camera;
 use crate::film::{Tile, Window};
 use crate::sampler::sobol::{ScrambledNet, scramble_key, to_unit};
@@ -214,6 +216,7 @@ impl<K: Intersector> Tracer<'_, K> {
         let mut sums = vec![0.; area as usize];
         let mut samples = vec![];
         // Look through all pixels
+        let mut looks = vec![];
         for pixel in 0..area {
             let (x, y, number) = plan.place(tile, pixel);
             let (width, height) = plan.resolution;
@@ -222,28 +225,35 @@ impl<K: Intersector> Tracer<'_, K> {
             for n in 0..plan.allocation.counts[number] {
                 let [u, v] = plan.net.pair(key, n, 0);
                 let (u, v) = (within(x, width, u), within(y, height, v));
-                let first = match content {
-                    TileContent::Sky => {
-                        let direction = self.camera.direction(u, v);
-                        End::Sky(self.sky.radiance(direction))
-                    }
-                    _ => self.look(u, v),
-                };
-                match first {
-                    End::Sky(radiance) => sums[pixel as usize] += radiance,
-                    End::Hit(hit) => {
-                        // Add a sample that gathers
-                        let u = plan.net.pair(key, n, 1);
-                        let scale = plan.allocation.scale[number];
+                let scale = plan.allocation.scale[number];
+                let second = plan.net.pair(key, n, 1);
+                looks.push((
+                    self.camera.direction(u, v),
+                    pixel,
+                    scale,
+                    second,
+                ));
+            }
+        }
+        // Send the first rays in beams
+        let is_sky = content == TileContent::Sky;
+        for batch in looks.chunks(BEAM) {
+            let rays = array::from_fn(|i| match batch.get(i) {
+                Some(look) if !is_sky => self.entrance.enter(look.0),
+                _ => None,
+            });
+            self.rays += rays.iter().flatten().count() as u64;
+            let hits = self.intersector.first_hits(&rays);
+            for (&(direction, pixel, scale, u), hit) in
+                batch.iter().zip(hits)
+            {
+                match hit {
+                    Some(hit) => {
                         let (weight, end) = (1., None);
-                        samples.push(Sample {
-                            hit,
-                            pixel,
-                            scale,
-                            weight,
-                            end,
-                            u,
-                        });
+                        samples.push(Sample { hit, pixel, scale, weight, end, u })
+                    }
+                    None => {
+                        sums[pixel as usize] += self.sky.radiance(direction)
                     }
                 }
             }

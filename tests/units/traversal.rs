@@ -4,8 +4,7 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-use std::arch::x86_64::{__m256, __m512};
-use std::mem::transmute;
+use std::mem::transmute_copy;
 
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
@@ -15,7 +14,7 @@ use super::super::kernels::{Avx2, Avx512};
 use super::super::triangle::{Leaves, units, write};
 use super::*;
 
-const CASES: usize = 1_000_000;
+const CASES: usize = 200_000;
 
 // Make rays and nodes by chance
 type Random = Pcg64;
@@ -171,22 +170,11 @@ fn fused(b: f32, inverse: f32, start: f32) -> f32 {
 }
 
 // Test a look at one node
-/// Compares with the portable form what `look` finds in a node: the
-/// boxes entered.
-fn compare_looks<const N: usize>(
-    look: impl Fn(&Node<N>, &Slabs, f32) -> Entered<[f32; N]>,
-) {
-    let mut random = Random::seed_from_u64(2);
-    for _ in 0..CASES {
-        let node = random_node::<N>(&mut random);
-        let slabs = Slabs::new(&random_ray(&mut random), &region(0.5));
-        let reach = reach(&mut random);
-        let expected = enter(&node, &slabs, reach, fused);
-        let found = look(&node, &slabs, reach);
-        assert_eq!(found.mask, expected.mask, "{node:?}");
-        assert_eq!(found.near, expected.near);
-        assert_eq!(found.far, expected.far);
-    }
+/// The numbers of a vector, or the vector of some numbers.
+fn lanes<A: Copy, B: Copy>(a: A) -> B {
+    assert_eq!(size_of::<A>(), size_of::<B>());
+    // SAFETY: both are as many numbers of four bytes, any of which is valid.
+    unsafe { transmute_copy(&a) }
 }
 
 fn reach(random: &mut Random) -> f32 {
@@ -197,36 +185,20 @@ fn reach(random: &mut Random) -> f32 {
     }
 }
 
-#[test]
-fn eight_boxes_are_entered_as_one_by_one() {
-    if !Avx2::is_available() {
-        return eprintln!("note: skipped, no AVX2");
+/// Compares with the portable form which boxes of a node are entered.
+fn compare_looks<K: Kernel<N, Vector: Copy>, const N: usize>() {
+    let mut random = Random::seed_from_u64(2);
+    for _ in 0..CASES {
+        let node = random_node::<N>(&mut random);
+        let slabs = Slabs::new(&random_ray(&mut random), &region(0.5));
+        let reach = reach(&mut random);
+        let expected = enter(&node, &slabs, reach, fused);
+        // SAFETY: the processor has been asked.
+        let found = unsafe { K::enter(&node, &slabs, reach) };
+        assert_eq!(found.mask, expected.mask, "{node:?}");
+        assert_eq!(lanes::<_, [f32; N]>(found.near), expected.near);
+        assert_eq!(lanes::<_, [f32; N]>(found.far), expected.far);
     }
-    // SAFETY: the processor has been asked; a register is eight numbers.
-    compare_looks::<8>(|node, slabs, reach| unsafe {
-        let Entered { mask, near, far } = Avx2::enter(node, slabs, reach);
-        let (near, far) = (
-            transmute::<__m256, [f32; 8]>(near),
-            transmute::<__m256, [f32; 8]>(far),
-        );
-        Entered { mask, near, far }
-    });
-}
-
-#[test]
-fn sixteen_boxes_are_entered_as_one_by_one() {
-    if !Avx512::is_available() {
-        return eprintln!("note: skipped, no AVX-512");
-    }
-    // SAFETY: as above, with sixteen.
-    compare_looks::<16>(|node, slabs, reach| unsafe {
-        let Entered { mask, near, far } = Avx512::enter(node, slabs, reach);
-        let (near, far) = (
-            transmute::<__m512, [f32; 16]>(near),
-            transmute::<__m512, [f32; 16]>(far),
-        );
-        Entered { mask, near, far }
-    });
 }
 
 // Test the order of the children
@@ -273,60 +245,42 @@ fn waiting(mut stack: Stack) -> Vec<(u32, u32)> {
     waiting
 }
 
-/// Compares with the portable form what `pushes` leaves on the stack
-/// and returns.
-fn compare_pushes<const N: usize>(
-    pushes: impl Fn(&Node<N>, u32, Entered<[f32; N]>, &mut Stack) -> u32,
-) {
+/// Compares with the portable form what a push leaves on the stack and
+/// returns.
+fn compare_pushes<K: Kernel<N, Vector: Copy>, const N: usize>() {
     let mut random = Random::seed_from_u64(4);
     for _ in 0..CASES {
         let node = random_node::<N>(&mut random);
         let shift = 4 * random.random_range(0..8);
-        let entered = random_entered(&mut random);
+        let entered = random_entered::<N>(&mut random);
         let (mut one, mut other) = (Waiting::new(), Waiting::new());
         let mut stack = random_stack::<N>(&mut one, &mut random.clone());
         let mut found = random_stack::<N>(&mut other, &mut random);
-        // SAFETY: there is room for N more.
-        let expected =
-            unsafe { Portable::push(&node, shift, &entered, &mut stack) };
-        let next = pushes(&node, shift, entered, &mut found);
+        let Entered { mask, near, far } = entered;
+        let (near, far) = (lanes(near), lanes(far));
+        let vectors = Entered { mask, near, far };
+        // SAFETY: there is room for N more, and the processor was asked.
+        let (expected, next) = unsafe {
+            (
+                Portable::push(&node, shift, &entered, &mut stack),
+                K::push(&node, shift, &vectors, &mut found),
+            )
+        };
         assert_eq!(next, expected, "{shift} {node:?}");
         assert_eq!(waiting(found), waiting(stack));
     }
 }
 
 #[test]
-fn eight_children_are_pushed_as_one_by_one() {
-    if !Avx2::is_available() {
-        return eprintln!("note: skipped, no AVX2");
+fn boxes_are_entered_and_children_pushed_as_one_by_one() {
+    if Avx2::is_available() {
+        compare_looks::<Avx2, 8>();
+        compare_pushes::<Avx2, 8>();
     }
-    // SAFETY: the processor has been asked; a register is eight numbers.
-    compare_pushes::<8>(|node, shift, entered, stack| unsafe {
-        let Entered { mask, near, far } = entered;
-        let (near, far) = (
-            transmute::<[f32; 8], __m256>(near),
-            transmute::<[f32; 8], __m256>(far),
-        );
-        let entered = Entered { mask, near, far };
-        Avx2::push(node, shift, &entered, stack)
-    });
-}
-
-#[test]
-fn sixteen_children_are_pushed_as_one_by_one() {
-    if !Avx512::is_available() {
-        return eprintln!("note: skipped, no AVX-512");
+    if Avx512::is_available() {
+        compare_looks::<Avx512, 16>();
+        compare_pushes::<Avx512, 16>();
     }
-    // SAFETY: as above, with sixteen.
-    compare_pushes::<16>(|node, shift, entered, stack| unsafe {
-        let Entered { mask, near, far } = entered;
-        let (near, far) = (
-            transmute::<[f32; 16], __m512>(near),
-            transmute::<[f32; 16], __m512>(far),
-        );
-        let entered = Entered { mask, near, far };
-        Avx512::push(node, shift, &entered, stack)
-    });
 }
 
 // Test the four lanes of a leaf

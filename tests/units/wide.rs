@@ -64,11 +64,10 @@ fn wide<const N: usize>(scene: &Scene) -> Wide<N> {
 }
 
 // Test that each triangle has a lane
-fn check_lanes<const N: usize>(scene: &Scene) {
-    let wide = wide::<N>(scene);
+fn check_lanes<const N: usize>(scene: &Scene, wide: &Wide<N>) {
     let triangles = scene.triangles.to_vec();
     let mut seen = vec![0; triangles.len()];
-    for (first, count) in leaf_children(&wide) {
+    for (first, count) in leaf_children(wide) {
         for lane in 0..count as u32 {
             // SAFETY: the child is a leaf.
             let leaf = unsafe { wide.leaves.leaf(first, count) };
@@ -93,17 +92,8 @@ fn leaf_children<const N: usize>(wide: &Wide<N>) -> Vec<(u32, usize)> {
     leaves.filter(|leaf| leaf.0 < GATES).collect()
 }
 
-#[test]
-fn each_triangle_is_in_one_lane_of_one_leaf() {
-    for scene in scenes() {
-        check_lanes::<8>(&scene);
-        check_lanes::<16>(&scene);
-    }
-}
-
 // Test that each child has a parent
-fn check_children<const N: usize>(scene: &Scene) {
-    let wide = wide::<N>(scene);
+fn check_children<const N: usize>(wide: &Wide<N>) {
     let mut nodes = vec![0; wide.nodes.len()];
     nodes[0] = 1;
     let mut ways = vec![0; wide.gates.len()];
@@ -111,7 +101,7 @@ fn check_children<const N: usize>(scene: &Scene) {
         assert_eq!(way.node.is_some(), i % 2 == 0);
         way.node.into_iter().for_each(|root| nodes[root as usize] += 1);
     }
-    for node in &*wide.nodes {
+    for node in &wide.nodes {
         for (lane, &child) in node.children.iter().enumerate() {
             let occupied = node.planes[0][lane].is_finite();
             if child & LEAF == 0 {
@@ -131,14 +121,6 @@ fn check_children<const N: usize>(scene: &Scene) {
     assert!(nodes.iter().all(|&parents| parents == 1));
     assert!(ways.iter().step_by(2).all(|&parents| parents == 1));
     assert!(ways.iter().skip(1).step_by(2).all(|&parents| parents == 0));
-}
-
-#[test]
-fn each_node_is_the_child_of_one_node_and_each_leaf_has_slots() {
-    for scene in scenes() {
-        check_children::<8>(&scene);
-        check_children::<16>(&scene);
-    }
 }
 
 // Test that boxes hold their content
@@ -192,24 +174,15 @@ fn check_box<const N: usize>(
     triangles
 }
 
-fn check_boxes<const N: usize>(scene: &Scene) {
-    let wide = wide::<N>(scene);
-    for node in &*wide.nodes {
+fn check_boxes<const N: usize>(scene: &Scene, wide: &Wide<N>) {
+    for node in &wide.nodes {
         let empty = (0..N).filter(|&i| node.planes[0][i].is_infinite());
         for i in empty {
             assert_eq!(lane(node, i).max, Vec3A::NEG_INFINITY);
         }
     }
-    let all = check_box(&wide, 0, wide.region, None);
+    let all = check_box(wide, 0, wide.region, None);
     assert_eq!(all.len(), scene.triangles.len());
-}
-
-#[test]
-fn a_box_holds_the_padded_boxes_of_all_that_is_below() {
-    for scene in scenes() {
-        check_boxes::<8>(&scene);
-        check_boxes::<16>(&scene);
-    }
 }
 
 fn check_levels<const N: usize>() {
@@ -271,8 +244,8 @@ fn clusters_within_clusters_are_regions_of_their_own() {
 }
 
 // Test that orders are permutations
-fn check_orders<const N: usize>(scene: &Scene) {
-    for node in &*wide::<N>(scene).nodes {
+fn check_orders<const N: usize>(wide: &Wide<N>) {
+    for node in &wide.nodes {
         for octant in 0..8 {
             let lanes =
                 node.order.map(|o| (o >> (4 * octant) & 15) as usize);
@@ -292,11 +265,19 @@ fn check_orders<const N: usize>(scene: &Scene) {
     }
 }
 
+fn check<const N: usize>(scene: &Scene) {
+    let wide = wide::<N>(scene);
+    check_lanes(scene, &wide);
+    check_children(&wide);
+    check_boxes(scene, &wide);
+    check_orders(&wide);
+}
+
 #[test]
-fn each_octant_orders_all_lanes_from_far_to_near() {
+fn a_hierarchy_holds_each_triangle_once_in_padded_boxes_in_order() {
     for scene in scenes() {
-        check_orders::<8>(&scene);
-        check_orders::<16>(&scene);
+        check::<8>(&scene);
+        check::<16>(&scene);
     }
 }
 
