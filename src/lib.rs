@@ -30,7 +30,7 @@
 //!
 //! let mut job = Job {
 //!     scene: &scene, intersector: &intersector, camera: &camera,
-//!     integrator: &integrator, known: &KnownPixels::Nothing,
+//!     integrator, known: &KnownPixels::Nothing,
 //!     sampler: IndependentSampler::new(0),
 //! };
 //! let mut film = Film::new(4, 3);
