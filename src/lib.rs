@@ -31,7 +31,7 @@
 //! let mut job = Job {
 //!     entrance: scene.frame.entrance(view.position),
 //!     intersector: &intersector, camera: &camera,
-//!     integrator: &integrator, known: &KnownPixels::Nothing,
+//!     integrator, known: &KnownPixels::Nothing,
 //!     sampler: IndependentSampler::new(0),
 //! };
 //! let mut film = Film::new(4, 3);

@@ -24,7 +24,6 @@ use litpt::bvh::{Bvh, Isa};
 use litpt::camera::{Camera, View};
 use litpt::film::{Film, Tile, WORTH};
 use litpt::image::Image;
-use litpt::integrator::PathTracer;
 use litpt::integrator::gather::cache::{
     Cell, DARKNESS, Grid, LEVELS, RadianceCache, Record, SKY,
 };
@@ -36,11 +35,11 @@ use litpt::integrator::gather::{Allocation, Correction, End, Tracer};
 use litpt::render::{Job, Renderer};
 use litpt::render_loop::{Convergence, Interrupt, Limits, Stop};
 use litpt::sampler::sobol::{ScrambledNet, scramble_key};
-use litpt::sampler::{IndependentSampler, frame, generator};
-use litpt::scene::{Mesh, Scene};
+use litpt::sampler::{frame, generator};
+use litpt::scene::Mesh;
 use litpt::sky::Sky;
 use litpt::statistics::Accumulator;
-use litpt_book::closed_forms::{cavity, cavity_radiance, look};
+use litpt_book::closed_forms::{Setting, cavity, cavity_radiance, look};
 use litpt_book::settings;
 use rand::{Rng, RngExt};
 use rand_pcg::Pcg64;
@@ -447,11 +446,7 @@ fn a_cell_nearby_is_drawn_with_its_bilinear_weight() {
 
 /// A scene with a camera, to be rendered by any method.
 struct Stage {
-    scene: Scene,
-    bvh: Bvh,
-    camera: Camera,
-    sky: Sky,
-    albedo: f64,
+    setting: Setting,
     resolution: (u32, u32),
 }
 
@@ -463,11 +458,8 @@ impl Stage {
         resolution: (u32, u32),
     ) -> Self {
         let aspect = f64::from(resolution.0) / f64::from(resolution.1);
-        let camera = Camera::new(view, aspect).unwrap();
-        let scene = Scene::new(mesh);
-        let bvh = Bvh::new(&scene).unwrap();
-        let sky = Sky::new(DVec3::Z);
-        Self { scene, bvh, camera, sky, albedo, resolution }
+        let setting = Setting::new(mesh, (albedo, DVec3::Z), view, aspect);
+        Self { setting: setting.unwrap(), resolution }
     }
 
     /// Inside a sphere that is open at the top, where all that is seen has
@@ -508,7 +500,7 @@ impl Stage {
     }
 
     fn tracer<'a>(&'a self, cache: &'a RadianceCache) -> Tracer<'a, Bvh> {
-        self.renderer(0).tracer(&self.bvh, cache)
+        self.renderer(0).tracer(self.setting.job(0).intersector, cache)
     }
 
     /// Points of its surfaces, with their normals, as paths meet them.
@@ -532,15 +524,7 @@ impl Stage {
     /// The image of the path tracer.
     fn reference(&self, samples: u64) -> Film {
         let mut film = Film::new(self.resolution.0, self.resolution.1);
-        let mut job = Job {
-            entrance: self.scene.frame.entrance(self.camera.position),
-            intersector: &self.bvh,
-            camera: &self.camera,
-            integrator: PathTracer::new(self.albedo, self.sky),
-            known: &KnownPixels::Nothing,
-            sampler: IndependentSampler::new(21),
-        };
-        job.pass(&mut film, samples, &|_| true);
+        self.setting.job(21).pass(&mut film, samples, &|_| true);
         film
     }
 }
@@ -682,13 +666,15 @@ fn a_lying_cache_does_not_change_the_mean_of_furrows() {
 impl Stage {
     /// A renderer that has learnt nothing yet.
     fn renderer(&self, seed: u64) -> Gather<'_> {
+        let Job { entrance, intersector, camera, integrator, known, .. } =
+            self.setting.job(0);
         Gather {
-            entrance: self.scene.frame.entrance(self.camera.position),
-            intersector: &self.bvh,
-            camera: &self.camera,
-            sky: self.sky,
-            albedo: self.albedo,
-            known: &KnownPixels::Nothing,
+            entrance,
+            intersector,
+            camera,
+            sky: integrator.sky,
+            albedo: integrator.albedo,
+            known,
             seed,
             training: 1 << 16,
             correction: Some(Correction::default()),
@@ -821,7 +807,7 @@ fn a_gather_traces_no_ray_in_a_tile_of_the_sky() {
     let gathered = |known: &KnownPixels| {
         let gather = Gather { known, camera, ..stage.renderer(5) };
         let plan = gather.plan(&Film::new(16, 16), &allocation);
-        let mut tracer = gather.tracer(&stage.bvh, &cache);
+        let mut tracer = gather.tracer(gather.intersector, &cache);
         (tracer.tile(&plan, tile, 0), tracer.rays)
     };
     let sky = Sky::new(DVec3::Z);
@@ -829,8 +815,8 @@ fn a_gather_traces_no_ray_in_a_tile_of_the_sky() {
         camera,
         sky,
         (16, 16),
-        stage.scene.frame.entrance(view.position).place().unwrap(),
-        &stage.bvh,
+        stage.setting.job(0).entrance.place().unwrap(),
+        stage.setting.job(0).intersector,
     );
     let known = KnownPixels::Background(tiles);
     assert_eq!(known.content((0, 0)), TileContent::Sky);

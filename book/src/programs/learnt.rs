@@ -14,21 +14,17 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
-use litpt::analysis::background::KnownPixels;
 use litpt::bvh::{Bvh, Hit};
-use litpt::camera::{Camera, View};
 use litpt::film::Film;
-use litpt::integrator::PathTracer;
 use litpt::integrator::gather::cache::{Grid, RadianceCache};
 use litpt::integrator::gather::guide::{BINS, Guide, bin};
 use litpt::integrator::gather::render::Gather;
 use litpt::integrator::gather::training::train;
 use litpt::integrator::gather::{Correction, End, Tracer};
 use litpt::render::{Job, Renderer};
+use litpt::sampler::generator;
 use litpt::sampler::sobol::{ScrambledNet, scramble_key, to_unit};
-use litpt::sampler::{IndependentSampler, generator};
-use litpt::scene::{Mesh, Scene};
-use litpt::sky::Sky;
+use litpt_book::closed_forms::Setting;
 use litpt_book::courtyard;
 use litpt_book::interiors::Interior;
 use rand::RngExt;
@@ -132,38 +128,28 @@ fn render(figures: &Path, out: &mut String) -> Done {
 }
 
 /// A scene with a camera in it.
-struct Stage {
-    scene: Scene,
-    bvh: Bvh,
-    camera: Camera,
-    sky: Sky,
-}
+struct Stage(Setting);
 
 impl Stage {
     fn named(name: &str) -> Result<Self, Box<dyn Error>> {
-        if name == "courtyard" {
-            return Self::new(&courtyard::mesh(), &courtyard::view());
-        }
-        let interior = Interior::named(name).ok_or("no such scene")?;
-        Self::new(&interior.mesh(), &interior.view)
-    }
-
-    fn new(mesh: &Mesh, view: &View) -> Result<Self, Box<dyn Error>> {
-        let scene = Scene::new(mesh);
-        let bvh = Bvh::new(&scene)?;
+        let (mesh, view) = match Interior::named(name) {
+            Some(interior) => (interior.mesh(), interior.view),
+            None => (courtyard::mesh(), courtyard::view()),
+        };
         let aspect = f64::from(RESOLUTION.0) / f64::from(RESOLUTION.1);
-        let camera = Camera::new(view, aspect)?;
-        Ok(Self { scene, bvh, camera, sky: Sky::new(view.up) })
+        Setting::new(&mesh, (RHO, view.up), &view, aspect).map(Self)
     }
 
     fn gather(&self, training: u64) -> Gather<'_> {
+        let Job { entrance, intersector, camera, integrator, known, .. } =
+            self.0.job(0);
         Gather {
-            entrance: self.scene.frame.entrance(self.camera.position),
-            intersector: &self.bvh,
-            camera: &self.camera,
-            sky: self.sky,
+            entrance,
+            intersector,
+            camera,
+            sky: integrator.sky,
             albedo: RHO,
-            known: &KnownPixels::Nothing,
+            known,
             seed: 0,
             training,
             correction: Some(Correction::default()),
@@ -172,19 +158,12 @@ impl Stage {
     }
 
     fn tracer<'a>(&'a self, cache: &'a RadianceCache) -> Tracer<'a, Bvh> {
-        self.gather(0).tracer(&self.bvh, cache)
+        self.gather(0).tracer(self.0.job(0).intersector, cache)
     }
 
     /// Renders by paths of at least so many rays; samples and rays.
     fn trace(&self, rays: u64, film: &mut Film) -> (u64, u64) {
-        let mut job = Job {
-            entrance: self.scene.frame.entrance(self.camera.position),
-            intersector: &self.bvh,
-            camera: &self.camera,
-            integrator: PathTracer::new(RHO, self.sky),
-            known: &KnownPixels::Nothing,
-            sampler: IndependentSampler::new(1),
-        };
+        let mut job = self.0.job(1);
         let (mut samples, mut traced) = (0, 0);
         while traced < rays {
             samples += 1;
