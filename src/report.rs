@@ -23,7 +23,7 @@ use serde::Serialize;
 use crate::image::{Image, extension};
 use crate::output::descriptor;
 use crate::render_loop::CurvePoint;
-pub use result::{Fit, Report, SceneFile, as_typed};
+pub use result::{Report, SceneFile, as_typed, slope};
 
 /// How a report becomes text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -79,11 +79,10 @@ struct Complete<'a> {
 }
 
 fn json(report: &Report) -> String {
-    let slope = |spent| Some(report.slope(spent)?.slope);
     let complete = Complete {
         report,
-        slope_seconds: slope(|point| point.seconds),
-        slope_spp: slope(|point| point.spp as f64),
+        slope_seconds: report.slope(|point| point.seconds),
+        slope_spp: report.slope(|point| point.spp as f64),
     };
     let text = serde_json::to_string_pretty(&complete);
     text.expect("the keys of a report are strings") + "\n"

@@ -9,8 +9,6 @@
 
 use std::collections::BTreeMap;
 
-use rayon::prelude::*;
-
 use crate::film::{Film, Pixels, WORTH, Window};
 use crate::statistics::Accumulator;
 
@@ -76,8 +74,11 @@ pub trait Source: Sync {
     /// What a window holds, without attributes.
     fn part(&self, window: Window) -> Image;
 
-    /// Whether all pixels of a window have a sample, and whether none has.
-    fn sampled(&self, window: Window) -> [bool; 2];
+    /// Whether all pixels of a window surely have a sample, and whether
+    /// none has.
+    fn sampled(&self, _: Window) -> [bool; 2] {
+        [false; 2]
+    }
 
     /// What is known about the run.
     fn attributes(&self) -> &BTreeMap<String, String>;
@@ -181,10 +182,6 @@ impl Source for Image {
             tile_errors: self.tile_errors.as_ref().map(part),
             ..Image::plain(width, height, part(&self.means))
         }
-    }
-
-    fn sampled(&self, _: Window) -> [bool; 2] {
-        [self.means.par_iter().all(|mean| !mean.is_nan()), false]
     }
 
     fn attributes(&self) -> &BTreeMap<String, String> {

@@ -301,7 +301,7 @@ pub fn read(bytes: &[u8], note: Note) -> Result<Image, String> {
     if !intact {
         note(
             "its checksum is wrong: it was changed after pt wrote it, by \
-             damage or by another program",
+             damage or by another program or version",
         );
     }
     let side = |n| u32::try_from(n).map_err(|_| "it is too large");

@@ -25,13 +25,11 @@ pub fn write_levels(
     let words = Vec::from_iter((0..256).map(|level| format!("{level}\n")));
     levels(image, 255, |levels| {
         let rows = levels.par_chunks(width as usize).map(|row| {
-            let mut text = Vec::with_capacity(4 * row.len());
             let words = row.iter().map(|&level| &words[usize::from(level)]);
-            words.for_each(|word| text.extend_from_slice(word.as_bytes()));
-            text
+            words.map(String::as_str).collect()
         });
-        let rows: Vec<_> = rows.collect();
-        rows.iter().try_for_each(|text| out.write_all(text))
+        let rows: Vec<String> = rows.collect();
+        rows.iter().try_for_each(|text| out.write_all(text.as_bytes()))
     })
 }
 

@@ -12,7 +12,7 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 use serde_json::Value;
 
 use super::plot::plot;
-use super::result::{Fit, Report, as_typed, known, with_error};
+use super::result::{Report, as_typed, known, with_error};
 use crate::compare::display::{self, shrink};
 use crate::image::{Format, Image};
 use crate::render_loop::CurvePoint;
@@ -96,15 +96,10 @@ th:first-child { min-width: 5.75rem }
 ";
 
 fn slopes(report: &Report) -> Option<String> {
-    let slope = |spent| {
-        let Fit { slope, stderr } = report.slope(spent)?;
-        let error = (stderr * 1e3).ceil().max(1.) / 1e3;
-        Some(format!("{slope:.3} \u{b1} {error:.3}"))
-    };
-    let seconds = slope(|point| point.seconds)?;
-    let spp = slope(|point| point.spp as f64)?;
+    let seconds = report.slope(|point| point.seconds)?;
+    let spp = report.slope(|point| point.spp as f64)?;
     Some(format!(
-        "{seconds} against seconds, {spp} against samples, on \
+        "{seconds:.3} against seconds, {spp:.3} against samples, on \
          logarithmic axes; independent samples give -0.5"
     ))
 }

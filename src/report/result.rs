@@ -231,38 +231,17 @@ pub fn as_typed(value: &Value) -> String {
     }
 }
 
-/// A straight line through the logarithms of points.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Fit {
-    /// The exponent of the power law.
-    pub slope: f64,
-    /// The standard error of the slope, from the scatter of the points.
-    pub stderr: f64,
-}
-
-impl Fit {
-    /// The least-squares fit to points (x, y), all positive; none for
-    /// fewer than three, or if they are too close to each other in x.
-    pub fn of(points: &[(f64, f64)]) -> Option<Self> {
-        // Sum a term of the deviations
-        let log = |p: &(f64, f64)| (libm::log(p.0), libm::log(p.1));
-        let n = points.len() as f64;
-        let x = points.iter().map(|p| log(p).0).sum::<f64>() / n;
-        let y = points.iter().map(|p| log(p).1).sum::<f64>() / n;
-        let sum = |term: &dyn Fn(f64, f64) -> f64| -> f64 {
-            let deviations = points.iter().map(log);
-            deviations.map(|p| term(p.0 - x, p.1 - y)).sum()
-        };
-        let spread = sum(&|x, _| x * x);
-        if points.len() < 3 || spread < 1e-9 {
-            return None;
-        }
-        // Divide by the spread of the points
-        let slope = sum(&|x, y| x * y) / spread;
-        let scatter = sum(&|x, y| (y - slope * x) * (y - slope * x));
-        let stderr = (scatter / (n - 2.) / spread).sqrt();
-        Some(Self { slope, stderr })
-    }
+/// The slope of the line through the logarithms of points (x, y), all
+/// positive, by least squares; none for fewer than three, or if they are
+/// too close to each other in x.
+pub fn slope(points: &[(f64, f64)]) -> Option<f64> {
+    let n = points.len() as f64;
+    let logs = points.iter().map(|p| (libm::log(p.0), libm::log(p.1)));
+    let x = logs.clone().map(|p| p.0).sum::<f64>() / n;
+    let y = logs.clone().map(|p| p.1).sum::<f64>() / n;
+    let spread: f64 = logs.clone().map(|p| (p.0 - x) * (p.0 - x)).sum();
+    let product: f64 = logs.map(|p| (p.0 - x) * (p.1 - y)).sum();
+    (points.len() >= 3 && spread >= 1e-9).then(|| product / spread)
 }
 
 /// Points of fewer samples are left out of fits.
@@ -276,13 +255,13 @@ pub fn drawable(x: f64) -> bool {
 impl Report {
     /// The slope of the estimated error against what a point has spent,
     /// in logarithms.
-    pub fn slope(&self, spent: fn(&CurvePoint) -> f64) -> Option<Fit> {
+    pub fn slope(&self, spent: fn(&CurvePoint) -> f64) -> Option<f64> {
         let point = |point: &CurvePoint| {
             let (x, error) = (spent(point), point.rmse?);
             let valid = drawable(x) && drawable(error);
             (valid && point.spp >= FEWEST).then_some((x, error))
         };
         let points = self.curve.iter().filter_map(point);
-        Fit::of(&points.collect::<Vec<_>>())
+        slope(&points.collect::<Vec<_>>())
     }
 }
