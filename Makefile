@@ -18,7 +18,7 @@ LOST := $(filter-out $(WEB) $(TOOL_WEB),$(wildcard chapters/*.nw noweb/chapters/
 
 # What is measured or installed is a Release.
 ifneq ($(filter measure stability% ablation bench% mixtures install \
-  efficiency choice parts unbiased mpi, \
+  efficiency choice parts mpi, \
   $(MAKECMDGOALS)),)
 override BUILD_TYPE = Release
 endif
@@ -75,7 +75,6 @@ help:
 	@echo 'make efficiency  in which time pt reaches the error of Embree, some hours'
 	@echo 'make choice  what each method gains, and what a pilot foresees'
 	@echo 'make parts   what each part of a gather is worth, half an hour'
-	@echo 'make unbiased  compare the means of two integrators, scene by scene'
 	@echo 'make fuzz    random scenes, cameras, options and mixtures of scales, a minute'
 	@echo 'make clean   remove what was built'
 
