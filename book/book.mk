@@ -145,9 +145,9 @@ ablation: $(BOOK)
 # case that was tried last, which is to blame if the process dies.
 FUZZ_SECONDS = 60
 fuzz:
-	$(CARGO) build --profile checked -p litpt-book
+	$(CARGO) build -p litpt-book
 	@mkdir -p $(BUILD_DIR)
-	$(CARGO_TARGET_DIR)/checked/litpt-book fuzz $(FUZZ_SECONDS) \
+	$(CARGO_TARGET_DIR)/debug/litpt-book fuzz $(FUZZ_SECONDS) \
 	  > $(BUILD_DIR)/fuzz.log || { tail -n 1 $(BUILD_DIR)/fuzz.log; exit 1; }
 
 # ---- pt beside Embree
