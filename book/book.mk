@@ -75,12 +75,11 @@ $(BUILD_DIR)/examples.stamp: $(NOWEB) $(BUILD_DIR)/pt $(BUILD_DIR)/ptimg \
 $(BUILD_DIR)/examples/session.txt: $(SCRIPTS)/session.sh $(BUILD_DIR)/pt
 	sh $< $(@D) $(BUILD_DIR)
 
-# The numbers in what they have said, and those of tables made with the book.
+# The numbers in what they have said.
 SAID = info same other seeds few single pair white files
 $(BUILT)/said.tex: $(SCRIPTS)/said.awk $(BUILD_DIR)/examples.stamp \
-  $(BUILT)/calibration.stamp
-	awk -f $< $(SAID:%=$(BUILD_DIR)/examples/%.txt) $(@D)/stopping.tex \
-	  $(@D)/unseen.tex > $@
+  | $(BUILT)
+	awk -f $< $(SAID:%=$(BUILD_DIR)/examples/%.txt) > $@
 
 # The layers of the modules, as the test of imports has them.
 $(BUILT)/layers.tex: $(SCRIPTS)/layers.awk tests/layers.txt | $(BUILT)
@@ -113,7 +112,7 @@ $(BUILT)/worth.tex: $(MEASURED)/parts.csv $(SCRIPTS)/parts.awk
 $(BUILT)/%.csv: $(MEASURED)/%.csv | $(BUILT)
 	grep -v '^#' $< > $@
 
-.PHONY: measure stability stability-full ablation fuzz unbiased
+.PHONY: measure stability stability-full ablation fuzz
 measure:
 	$(RECORD) translation $(CARGO) run --release -p noweb --example positions \
 	  litpt.nw
@@ -142,18 +141,13 @@ stability-full: $(BOOK)
 ablation: $(BOOK)
 	$(RECORD) ablation $(BOOK) ablation 5
 
-# Whether two integrators have the same means in some twenty scenes.
-UNBIASED = reference reference
-unbiased: $(BOOK)
-	$(BOOK) unbiased $(UNBIASED)
-
 # Random scenes, cameras and options, with all checks on. The log names the
 # case that was tried last, which is to blame if the process dies.
 FUZZ_SECONDS = 60
 fuzz:
-	$(CARGO) build --profile checked -p litpt-book
+	$(CARGO) build -p litpt-book
 	@mkdir -p $(BUILD_DIR)
-	$(CARGO_TARGET_DIR)/checked/litpt-book fuzz $(FUZZ_SECONDS) \
+	$(CARGO_TARGET_DIR)/debug/litpt-book fuzz $(FUZZ_SECONDS) \
 	  > $(BUILD_DIR)/fuzz.log || { tail -n 1 $(BUILD_DIR)/fuzz.log; exit 1; }
 
 # ---- pt beside Embree

@@ -75,7 +75,7 @@ if ! agree stage1 stage2; then
   last=stage2
 fi
 
-(cd "$boot/$last" && $cargo test -q -p noweb --test golden) ||
+(cd "$boot/$last" && $cargo test -q -p noweb --test all golden::) ||
   fail "$last fails its tests"
 "$boot/$last/noweb.bin" tangle --record noweb/.tangled \
   $chapters 2>"$boot/messages" ||

@@ -7,7 +7,7 @@
 # warranty.
 # SPDX-License-Identifier: FSFAP
 #
-# usage: awk -f book/scripts/said.awk ANSWER.txt... stopping.tex unseen.tex
+# usage: awk -f book/scripts/said.awk ANSWER.txt...
 #
 # The numbers of what programs have said while the book was made, for
 # \measured in its text. A line "mean radiance: 0.3632 ± 0.0003" of info.txt
@@ -18,21 +18,6 @@ BEGIN { NUMBER = "-?[0-9]+([.][0-9]+)?(e[-+]?[0-9]+)?" }
 
 FNR == 1 { table = FILENAME; gsub(/.*\/|[.][a-z]*$/, "", table) }
 
-table == "stopping" {
-    # "natural, $P=1$ & 0.02 & 13 & $-0.04268\pm0.00037$ & ..."
-    split($0, field, " & ")
-    row = field[1] "/" field[2]
-    put("samples", field[3])
-    put("bias", first(field[4]))
-    next
-}
-table == "unseen" {
-    # "courtyard & 4 & 0.0 & 9.00 & ..."
-    split($0, field, " & ")
-    row = field[1] "/" field[2]
-    put("bare", field[4])
-    next
-}
 /^white is / {
     row = "white"
     put("value", first($0))

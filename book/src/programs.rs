@@ -23,7 +23,6 @@ mod parts;
 mod scenes;
 mod stability;
 mod traversal;
-mod unbiased;
 
 use std::error::Error;
 use std::fs::File;
@@ -42,7 +41,7 @@ pub type Done = Result<(), Box<dyn Error>>;
 type Part = (&'static str, fn(&[String]) -> Done);
 
 /// All parts.
-pub const ALL: [Part; 17] = [
+pub const ALL: [Part; 16] = [
     ("ablation", ablation::run),
     ("bounces", bounces::run),
     ("calibration", calibration::run),
@@ -58,7 +57,6 @@ pub const ALL: [Part; 17] = [
     ("scenes", scenes::run),
     ("stability", stability::run),
     ("traversal", traversal::run),
-    ("unbiased", unbiased::run),
 ];
 
 /// Writes the courtyard as an OBJ.

@@ -3,7 +3,6 @@
 
 //! All tests of the book's programs in one program, which is linked once.
 
-mod answers_courtyard;
 mod calibration;
 mod courtyard;
 mod interiors;

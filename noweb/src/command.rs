@@ -38,7 +38,7 @@ const COMMANDS: &[Command] = &[
     ("noroots", run_noroots, "list the chunks that none uses", MARKUP),
     ("markup", markup::run, "turn a web into a stream", MARKUP),
     ("unmarkup", markup::unmarkup, "turn a stream into a web", "[FILE...]"),
-    ("nt", tangle::run_nt, "extract a chunk from a stream", NT),
+    ("nt", tangle::run_nt, "extract a chunk from a stream", NOTANGLE),
     ("cpif", cpif::run, "copy to files that differ", CPIF),
     ("noweave", noweave::run, "weave chapters into a document", NOWEAVE),
     ("finduses", finduses::run, "mark uses of identifiers", "[-noquote]"),
@@ -218,13 +218,6 @@ const CPIF: &str = "[-ne | -eq] FILE...
 
   -ne             write the files that differ from standard input
   -eq             write those that do not";
-
-const NT: &str = "[-Rname...] [-Lformat] [-tN]
-
-  -Rname          extract the chunk of this name [*]
-  -Lformat        mark where lines come from: %F the file, %L the line,
-                  %N a newline, %% a percent sign
-  -tN             indent with tabs of N columns";
 
 const NOTANGLE: &str = "[OPTION...] [FILE...]
 

@@ -15,39 +15,26 @@
 //! [`locate`] and [`map`] lead from the program back to the chapters.
 //! Text is bytes throughout, for the prose may be in any encoding.
 
+pub mod command;
 pub mod cpif;
 pub mod diagnostic;
 pub mod filter;
+pub mod locate;
+pub mod map;
 pub mod markup;
 pub mod project;
 pub mod tangle;
+pub mod untangle;
 pub mod web;
 
-#[cfg(feature = "commands")]
-pub mod command;
-#[cfg(feature = "commands")]
-pub mod locate;
-#[cfg(feature = "commands")]
-pub mod map;
-#[cfg(feature = "commands")]
-pub mod untangle;
-
-#[cfg(feature = "commands")]
 pub mod finduses;
-#[cfg(feature = "commands")]
 pub mod noidx;
-#[cfg(feature = "commands")]
 pub mod noweave;
-#[cfg(feature = "commands")]
 pub mod rust_index;
-#[cfg(feature = "commands")]
 pub mod rust_names;
-#[cfg(feature = "commands")]
 pub mod rust_uses;
-#[cfg(feature = "commands")]
 pub mod split_scope;
 pub mod stream;
-#[cfg(feature = "commands")]
 pub mod totex;
 
 use std::ffi::{OsStr, OsString};

@@ -18,7 +18,7 @@ use std::ffi::OsString;
 
 use crate::Streams;
 use crate::diagnostic::shown;
-use crate::stream::{self, Codes, Mark, Outcome, base62};
+use crate::stream::{self, Mark, Outcome, base62, code};
 
 #[derive(Default)]
 struct Item {
@@ -68,7 +68,6 @@ struct Findings<'a> {
 struct Collector<'a> {
     web: Findings<'a>,
     lines: Vec<Cow<'a, [u8]>>,
-    codes: Codes,
     file: String,
     /// How often each file has defined each chunk.
     defined: HashMap<String, u64>,
@@ -90,7 +89,7 @@ impl<'a> Collector<'a> {
 
     fn note(&mut self, mark: Mark<'a>) {
         match mark.keyword {
-            b"file" => self.file = self.codes.of(mark.text()),
+            b"file" => self.file = code(mark.text()),
             b"begin" => self.begin(mark.inner()),
             b"end" => self.anchor = None,
             b"defn" => self.define(mark.text()),
@@ -105,7 +104,7 @@ impl<'a> Collector<'a> {
     }
 
     fn define(&mut self, name: &'a [u8]) {
-        let place = format!("{}-{}", self.file, self.codes.of(name));
+        let place = format!("{}-{}", self.file, code(name));
         let times = self.defined.entry(place.clone()).or_default();
         *times += 1;
         self.label = format!("NW{place}-{}", base62(*times));
@@ -177,7 +176,6 @@ struct Resolver<'a> {
     web: &'a Findings<'a>,
     out: Vec<u8>,
     written: HashMap<&'a [u8], usize>,
-    chunk: Option<&'a [u8]>,
     defined: HashSet<&'a [u8]>,
     used: HashSet<&'a [u8]>,
     closed: bool,
@@ -214,7 +212,6 @@ impl<'a> Resolver<'a> {
     }
 
     fn define(&mut self, name: &'a [u8], line: &[u8]) {
-        self.chunk = Some(name);
         let Some(item) = self.web.chunks.get(name) else { return };
         self.put(&[b"@xref ref ", anchor(Some(item))]);
         self.copy(line);
@@ -337,7 +334,6 @@ impl<'a> Resolver<'a> {
 
     fn begin(&mut self, line: &[u8]) {
         self.copy(line);
-        self.chunk = None;
         self.defined.clear();
         self.used.clear();
     }
@@ -423,7 +419,6 @@ pub fn cross_reference(stream: &[u8], delay: bool) -> Outcome {
         web: &web,
         out: Vec::new(),
         written: HashMap::new(),
-        chunk: None,
         defined: HashSet::new(),
         used: HashSet::new(),
         // Begin with no list written

@@ -21,14 +21,6 @@ use crate::{
     Streams, finduses, markup, noidx, rust_index, split_scope, totex,
 };
 
-struct Weaving {
-    stages: Vec<Stage>,
-    /// The options of the style file, if the document gets a preamble.
-    header: Option<OsString>,
-    reads_input: bool,
-    verbose: bool,
-}
-
 /// A shell command, and arguments that the shell shall not look into.
 struct Stage {
     command: OsString,
@@ -36,10 +28,6 @@ struct Stage {
 }
 
 impl Stage {
-    fn new(command: impl Into<OsString>) -> Self {
-        Self { command: command.into(), args: Vec::new() }
-    }
-
     fn line(&self) -> OsString {
         let mut line = self.command.clone();
         self.args.iter().for_each(|arg| line.push(quoted(arg)));
@@ -51,7 +39,8 @@ struct Request {
     markup: Option<OsString>,
     tabs: Vec<OsString>,
     files: Vec<OsString>,
-    filters: Vec<Stage>,
+    /// Shell commands that the stream goes through in turn.
+    filters: Vec<OsString>,
     backend: Option<OsString>,
     bare: bool,
     options: Vec<OsString>,
@@ -99,15 +88,15 @@ impl Request {
         match &option[..] {
             "-markup" => self.markup = Some(next()?),
             "-backend" => self.backend = Some(next()?),
-            "-filter" => self.filters.push(Stage::new(next()?)),
+            "-filter" => self.filters.push(next()?),
             "-x" => {
                 self.references = true;
-                self.filters.push(Stage::new("noidx"));
+                self.filters.push("noidx".into());
             }
             "-index" => {
                 self.index = true;
-                let stages = ["finduses", "noidx"].map(Stage::new);
-                self.filters.extend(stages);
+                let stages = ["finduses", "noidx"];
+                self.filters.extend(stages.map(OsString::from));
             }
             "-autodefs" => match &shown(next()?)[..] {
                 "rust" => self.autodefs = true,
@@ -116,18 +105,7 @@ impl Request {
                     return Err(format!("-autodefs {other}: {what}"));
                 }
             },
-            _ => return self.take_layout(arg, &option, next),
-        }
-        Ok(())
-    }
-
-    fn take_layout(
-        &mut self,
-        arg: OsString,
-        option: &str,
-        mut next: impl FnMut() -> Result<OsString, String>,
-    ) -> Result<(), String> {
-        match option {
+            // Take an option about the document
             "-n" => self.bare = true,
             "-latex" => {}
             "-delay" => (self.delay, self.bare) = (true, true),
@@ -143,27 +121,21 @@ impl Request {
     }
 }
 impl Request {
-    fn plan(self) -> Weaving {
-        let reads_input =
-            self.files.is_empty() || self.files.iter().any(|f| f == "-");
-        let options = self.backend_options();
-        let header = self.options.join(OsStr::new(","));
-        let header = (!self.bare).then_some(header);
-        let command = self.markup.unwrap_or("markup".into());
-        let args = [self.tabs, self.files].concat();
+    fn stages(&self) -> Vec<Stage> {
+        let command = self.markup.clone().unwrap_or("markup".into());
+        let args = [&self.tabs[..], &self.files].concat();
         let mut stages = vec![Stage { command, args }];
-        for mut filter in self.filters {
-            if filter.command == "finduses" && self.autodefs {
-                filter.command = "rustindex".into();
-            } else if filter.command == "noidx" && self.delay {
-                filter.command = "noidx -delay".into();
-            }
-            stages.push(filter);
+        for filter in &self.filters {
+            let name = match filter.to_str() {
+                Some("finduses") if self.autodefs => "rustindex".into(),
+                Some("noidx") if self.delay => "noidx -delay".into(),
+                _ => filter.clone(),
+            };
+            stages.push(Stage { command: name, args: Vec::new() });
         }
-        let command = self.backend.unwrap_or("totex".into());
-        stages.push(Stage { command, args: options });
-        let verbose = self.verbose;
-        Weaving { stages, header, reads_input, verbose }
+        let command = self.backend.clone().unwrap_or("totex".into());
+        stages.push(Stage { command, args: self.backend_options() });
+        stages
     }
 
     fn backend_options(&self) -> Vec<OsString> {
@@ -178,25 +150,25 @@ impl Request {
         options.into_iter().flatten().map(OsString::from).collect()
     }
 }
-impl Weaving {
+impl Request {
     /// The document, or the status if a stage fails.
     fn document(&self, streams: &mut Streams) -> Result<Vec<u8>, u8> {
         let mut stream = Vec::new();
-        if self.reads_input {
+        if self.files.is_empty() || self.files.iter().any(|f| f == "-") {
             let read = streams.input.read_to_end(&mut stream);
             read.map_err(|e| tell(streams, &format!("cannot read: {e}")))?;
         }
-        for (number, stage) in self.stages.iter().enumerate() {
+        let stages = self.stages();
+        for (number, stage) in (1..).zip(&stages) {
             if self.verbose {
                 let line = bytes_of(&(shown(stage.line()) + "\n"));
                 let _ = streams.errors.write_all(&line);
             }
-            if number + 1 == self.stages.len()
-                && let Some(header) = &self.header
-            {
+            if number == stages.len() && !self.bare {
                 let (head, tail) = (b"@header latex ", b"@trailer latex\n");
-                let header = header.as_encoded_bytes();
-                stream = [head, header, b"\n", &stream, tail].concat();
+                let options = self.options.join(OsStr::new(","));
+                let options = options.as_encoded_bytes();
+                stream = [head, options, b"\n", &stream, tail].concat();
             }
             stream = stage.run(&stream, streams)?;
         }
@@ -261,12 +233,11 @@ impl Stage {
 }
 /// `noweave [OPTION]... [FILE]...`: weaves a document.
 pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
-    let weaving = match Request::read(args) {
-        Ok(request) => request.plan(),
-        Err(what) => return tell(streams, &what),
-    };
-    match weaving.document(streams) {
-        Ok(text) => Outcome::done(text).deliver(streams),
-        Err(status) => status,
+    match Request::read(args) {
+        Ok(request) => match request.document(streams) {
+            Ok(text) => Outcome::done(text).deliver(streams),
+            Err(status) => status,
+        },
+        Err(what) => tell(streams, &what),
     }
 }

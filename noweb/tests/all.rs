@@ -3,7 +3,6 @@
 
 //! All tests of the tool in one program, which is linked once.
 
-mod answers;
 mod common;
 mod differential;
 #[path = "common/exercise.rs"]

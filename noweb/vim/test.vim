@@ -166,15 +166,6 @@ function! Test_all_places_of_a_chunk_are_listed() abort
   call assert_match('No name', execute('Chunk'))
 endfunction
 
-function! Test_the_roots_are_listed_by_the_answer() abort
-  edit chapters/one.nw
-  source $LITPT_VIM/answers/roots.vim
-  Roots
-  call assert_equal(['src/one.rs', 'Makefile', 'run.sh'],
-        \ map(getloclist(0), 'v:val.text'))
-  lclose
-endfunction
-
 function! Test_names_are_completed() abort
   edit chapters/one.nw
   call append(5, '')

@@ -1,14 +1,8 @@
-// Licensed under the GPL, version 3 or later
 // Copyright (C) 2026 litpt contributors
-//
-// This program is free software: you can redistribute it and/or modify it
-// under the terms of the GNU General Public License as published by the Free
-// Software Foundation, either version 3 of the License, or (at your option)
-// any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
+
 //! Prints the tables of the book on errors, as LaTeX rows.
 
-// Name what the calibration imports
 use std::error::Error;
 use std::fmt::{self, Write};
 use std::path::Path;
@@ -16,43 +10,30 @@ use std::path::Path;
 use glam::DVec3;
 use litpt::analysis::background::KnownPixels;
 use litpt::analysis::{Inquiry, SceneAnalysis};
-use litpt::bvh::{Bvh, Hit};
-use litpt::camera::{Camera, View};
+use litpt::camera::View;
 use litpt::film::{Film, Summary, WORTH, Window};
-use litpt::integrator::{Integrator, PathEvent, PathTracer};
+use litpt::integrator::PathTracer;
 use litpt::render::choose::{Method, Request, Sampling, Setup};
 use litpt::render::{Job, Renderer};
-use litpt::render_loop::{Convergence, Interrupt, Limits};
-use litpt::sampler::{IndependentSampler, Sampler, dimension, generator};
-use litpt::scene::{Mesh, Scene};
-use litpt::statistics::Accumulator;
+use litpt::scene::Mesh;
 use litpt_book::closed_forms::{Setting, cavity, cavity_radiance};
 use litpt_book::courtyard;
 use litpt_book::interiors::Interior;
-use rand::RngExt;
-use rayon::prelude::*;
 
 use super::Done;
 
-// Write one file for each table
 pub fn run(arguments: &[String]) -> Done {
     let directory = arguments.first();
     let directory = directory.ok_or("usage: calibration DIRECTORY")?;
     let cases = cases()?;
     let [coverage, means] = coverage(cases.iter().chain([&room()?]))?;
-    let tables = [
-        ("coverage.tex", coverage),
-        ("means.tex", means),
-        ("unseen.tex", unseen(&cases)?),
-        ("stopping.tex", stopping()?),
-    ];
+    let tables = [("coverage.tex", coverage), ("means.tex", means)];
     for (name, rows) in tables {
         std::fs::write(Path::new(directory).join(name), rows)?;
     }
     Ok(())
 }
 
-// Choose four scenes to try
 const WIDTH: u32 = 32;
 const HEIGHT: u32 = 24;
 
@@ -65,7 +46,6 @@ struct Case {
     mean: (f64, f64),
 }
 
-// Make a case of what is known
 impl Case {
     /// Each pixel has the same radiance, which is known.
     fn known(name: &'static str, setting: Setting, radiance: f64) -> Self {
@@ -137,7 +117,6 @@ fn corner() -> Mesh {
     }
 }
 
-// Render a case by a method
 /// An image of `n` samples.
 fn image(setting: &Setting, method: Method, seed: u64, n: u64) -> Film {
     let resolution = (WIDTH, HEIGHT);
@@ -172,7 +151,6 @@ fn image(setting: &Setting, method: Method, seed: u64, n: u64) -> Film {
     film
 }
 
-// Tabulate how often the truth is covered
 fn room() -> Result<Case, Box<dyn Error>> {
     let room = Interior::named("backroom").ok_or("no such room")?;
     let setting = set(&room.mesh(), 0.8, DVec3::Y, &room.view)?;
@@ -202,7 +180,7 @@ fn coverage<'a>(
             let seeds = 1..=seeds;
             let images = seeds.map(|seed| image(setting, method, seed, n));
             let images: Vec<_> = images.collect();
-            let z = images.iter().flat_map(|i| deviations(i, truth, WORTH));
+            let z = images.iter().flat_map(|i| deviations(i, truth));
             let z: Vec<f64> = z.collect();
             // Print a row of coverage
             let way = match (n, method) {
@@ -237,8 +215,8 @@ fn coverage<'a>(
 
 /// By how many standard errors the pixels miss the truth, of those that
 /// miss it at all.
-fn deviations(film: &Film, truth: &[(f64, f64)], worth: f64) -> Vec<f64> {
-    let errors = film.errors(worth);
+fn deviations(film: &Film, truth: &[(f64, f64)]) -> Vec<f64> {
+    let errors = film.errors(WORTH);
     let pixels = film.means().zip(errors).zip(truth);
     let deviations = pixels.map(|((mean, error), (exact, unsure))| {
         (mean - exact) / (error * error + unsure * unsure).sqrt()
@@ -292,130 +270,4 @@ impl Means {
         let unsure = deviation / (2. * k).sqrt();
         write!(self.rows, r" & ${deviation:.2}\pm{unsure:.2}$")
     }
-}
-
-// Tabulate what a pixel has not seen
-fn unseen(cases: &[Case]) -> Result<String, fmt::Error> {
-    let mut rows = String::new();
-    for Case { name, setting, truth, .. } in cases {
-        let mut images = [(); 4].map(|_| Film::new(WIDTH, HEIGHT));
-        for n in [4, 16, 64] {
-            for (seed, film) in (1..).zip(&mut images) {
-                setting.job(seed).pass(film, n, &|_| true);
-            }
-            // Print a row on the unseen
-            write!(rows, "{name} & {n}")?;
-            for worth in [0., 1., 2., 4., 8.] {
-                let z =
-                    images.iter().flat_map(|i| deviations(i, truth, worth));
-                let (z, blind): (Vec<f64>, Vec<f64>) =
-                    z.partition(|z| z.is_finite());
-                // Print the share of blind pixels
-                if worth == 0. {
-                    let pixels = z.len() + blind.len();
-                    let share = 100. * blind.len() as f64 / pixels as f64;
-                    write!(rows, " & {share:.1}")?;
-                }
-                write!(rows, " & {:.2}", deviation(&z))?;
-            }
-            writeln!(rows, r" \\")?;
-        }
-    }
-    Ok(rows)
-}
-
-// Tabulate what the limit of error does
-/// Contributes 1 with probability `P`, else 0.
-struct Coin;
-
-const P: f64 = 0.05;
-
-impl Integrator for Coin {
-    type Path = ();
-    type RayQuery = Hit;
-
-    fn begin(&self, _: DVec3) {}
-
-    // Throw the coin and end
-    fn advance(
-        &self,
-        _: &mut (),
-        _: Option<Hit>,
-        sampler: &mut impl Sampler,
-    ) -> PathEvent {
-        let u = sampler.get_1d(dimension::roulette(0));
-        PathEvent::Terminate(f64::from(u < P))
-    }
-}
-
-fn stopping() -> Result<String, fmt::Error> {
-    let mut rows = String::new();
-    // Stop by the natural rule
-    let naive = |seed| {
-        let (mut pixel, mut n) = (Accumulator::default(), 0);
-        while n < 2 || pixel.standard_error() > 0.02 {
-            let mut random = generator(seed, 0, n);
-            pixel.add(f64::from(random.random::<f64>() < P));
-            n += 1;
-        }
-        (pixel.mean(), n)
-    };
-    row(&mut rows, "natural, $P=1$", 0.02, 1, naive)?;
-    let settings = [(0.02, 1), (0.005, 1), (0.02, 8)];
-    for (error, side) in settings {
-        let name = format!("ours, $P={}$", side * side);
-        let run = |seed| stopped(seed, error, side);
-        row(&mut rows, &name, error, side, run)?;
-    }
-    Ok(rows)
-}
-
-/// The mean of a run of coins that is stopped by its error, and its
-/// number of samples.
-fn stopped(seed: u64, error: f64, side: u32) -> (f64, u64) {
-    let nothing =
-        Mesh { vertices: vec![], triangles: vec![], joined: vec![] };
-    let scene = Scene::new(&nothing);
-    let Ok(intersector) = Bvh::new(&scene) else { return (0., 0) };
-    let view = look([0.; 3], [0., 1., 0.], DVec3::Z, 70.);
-    let Ok(camera) = Camera::new(&view, 1.) else { return (0., 0) };
-    // Make a job of throwing coins
-    let mut job = Job {
-        entrance: scene.frame.entrance(view.position),
-        intersector: &intersector,
-        camera: &camera,
-        integrator: &Coin,
-        known: &KnownPixels::Nothing,
-        sampler: IndependentSampler::new(seed),
-    };
-    // Stop at the error alone
-    let interrupt = Interrupt::default();
-    let limits = Limits { error: Some(error), ..Limits::none(&interrupt) };
-    let mut film = Film::new(side, side);
-    let mut convergence = Convergence::default();
-    convergence.run(&mut job, &mut film, &limits, &|_| (), &mut |_, _| ());
-    (film.summary().mean, convergence.spp)
-}
-
-fn row(
-    rows: &mut String,
-    name: &str,
-    error: f64,
-    side: u32,
-    run: impl Fn(u64) -> (f64, u64) + Send + Sync,
-) -> fmt::Result {
-    const RUNS: u64 = 20_000;
-    let runs: Vec<_> = (0..RUNS).into_par_iter().map(run).collect();
-    let mut means = Accumulator::default();
-    runs.iter().for_each(|&(mean, _)| means.add(mean));
-    let n = runs.iter().map(|&(_, n)| n).sum::<u64>() as f64 / RUNS as f64;
-    // Print the bias of the runs
-    let bias = means.mean() - P;
-    let stated = (P * (1. - P) / n).sqrt() / f64::from(side);
-    writeln!(
-        rows,
-        r"{name} & {error} & {n:.0} & ${bias:+.5}\pm{:.5}$ & ${:+.3}$ \\",
-        means.standard_error(),
-        bias / stated
-    )
 }

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 
 //! Random scenes, cameras and settings, for a number of seconds: `fuzz
-//! [SECONDS [SEED [mixtures]]]`, built with all checks (`--profile checked`).
+//! [SECONDS [SEED [mixtures]]]`, built with all checks (the profile `dev`).
 //!
 //! Each seed is a case, and is printed before it is tried; so the last one
 //! is to blame if the process dies. With 0 SECONDS the one case SEED is
