@@ -166,7 +166,7 @@ pub fn allocate<K: Intersector>(
     });
     let rays = rays.sum();
     // Estimate the radiance of the pixels roughly
-    let means = film.list(Accumulator::mean);
+    let means = film.means().collect::<Vec<_>>();
     let mean_radiance = average(&means);
     let least = if mean_radiance > 0. { 0.1 * mean_radiance } else { 1. };
     let scale: Vec<f64> = means.iter().map(|m| m.max(least)).collect();
@@ -187,10 +187,12 @@ fn average(numbers: &[f64]) -> f64 {
 /// About the standard deviations of the pixels, row by row; not all of them
 /// if `watch` stops it.
 fn deviations(film: &Film, scale: &[f64], watch: &Watch) -> Vec<f64> {
-    let variances = &film.list(Accumulator::variance);
+    let variances =
+        &film.rows().map(Accumulator::variance).collect::<Vec<_>>();
     let squares: Vec<f64> = scale.iter().map(|s| s * s).collect();
     let common = 0.5 * average(variances) / average(&squares);
-    let (width, height) = (film.width() as usize, film.height() as usize);
+    let (width, height) = film.window().size;
+    let (width, height) = (width as usize, height as usize);
     let deviation = |i: usize| {
         let rows = around(i / width, height);
         let columns = around(i % width, width);
