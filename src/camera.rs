@@ -9,7 +9,7 @@
 //!
 //! Image coordinates run over [0, 1) x [0, 1), from the top left.
 
-use std::{array, fmt};
+use std::array;
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -45,27 +45,40 @@ impl Camera {
     /// # Errors
     /// A vector that is not finite, a target at the position, an up axis
     /// along the view, a field of view out of range.
-    pub fn new(view: &View, aspect: f64) -> Result<Self, ViewError> {
+    pub fn new(view: &View, aspect: f64) -> Result<Self, String> {
         let &View { position, target, up, fov } = view;
-        // Refuse an impossible field of view
         if !(fov > 0. && fov < 180.) {
-            return Err(ViewError::FieldOfView(fov));
+            return Err(format!(
+                "the field of view {fov} is not strictly between 0 and \
+                 180 degrees (-F)"
+            ));
         }
         // Refuse vectors that are not finite
-        if let Some(vector) =
-            [position, target, up].into_iter().find(|v| !v.is_finite())
-        {
-            return Err(ViewError::Infinite(vector));
+        let mut vectors = [position, target, up].into_iter();
+        if let Some(vector) = vectors.find(|v| !v.is_finite()) {
+            return Err(format!(
+                "the camera's vector {} is not finite (-p, -t, -u)",
+                typed(vector)
+            ));
         }
         // Find the directions ahead and right
         let view = difference(target, position);
         if view == DVec3::ZERO {
-            return Err(ViewError::Target(target));
+            return Err(format!(
+                "the camera's target is its own position {}; move \
+                 one of them (-p, -t)",
+                typed(target)
+            ));
         }
         let ahead = normalise(view);
         let right = normalise(cross(ahead, normalise(up)));
         if right == DVec3::ZERO {
-            return Err(ViewError::Up { up, ahead: view });
+            return Err(format!(
+                "the camera's up axis {} is zero or parallel to the \
+                 view {}; choose another one (-u)",
+                typed(up),
+                typed(view)
+            ));
         }
         // Scale the axes to the image
         let tangent = libm::tan(0.5 * fov.to_radians());
@@ -104,6 +117,11 @@ impl Camera {
     }
 }
 
+/// A vector as it is typed.
+pub fn typed(v: DVec3) -> String {
+    format!("{},{},{}", v.x, v.y, v.z)
+}
+
 /// `a - b`, or half of it where that overflows.
 fn difference(a: DVec3, b: DVec3) -> DVec3 {
     match a - b {
@@ -130,11 +148,9 @@ impl View {
         away[(up + 1) % 3] = 1.5;
         away[up] = self.up[up].signum();
         let position = target + (high - low).max_element() * away;
-        let camera =
-            Camera::new(&Self { position, target, ..*self }, aspect)
-                .ok()?;
-        // Step back until all corners are seen
-        let Camera { right, down, ahead, .. } = camera;
+        let view = Self { position, target, ..*self };
+        let Camera { right, down, ahead, .. } =
+            Camera::new(&view, aspect).ok()?;
         let distances = (0..8).map(|k| {
             let is_high = [1, 2, 4].map(|bit| k & bit != 0);
             let corner = DVec3::select(is_high.into(), high, low) - target;
@@ -155,63 +171,4 @@ impl View {
         let view = Self { position, target, ..*self };
         Camera::new(&view, aspect).is_ok().then_some(view)
     }
-}
-
-/// Why a view has no camera.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum ViewError {
-    /// The position, target or up axis, which is not finite.
-    Infinite(DVec3),
-    /// The target, which is also the position.
-    Target(DVec3),
-    /// The up axis is zero or parallel to the direction of view.
-    Up {
-        /// The up axis.
-        up: DVec3,
-        /// The vector from the position to the target.
-        ahead: DVec3,
-    },
-    /// The field of view in degrees is out of range.
-    FieldOfView(f64),
-}
-
-impl std::error::Error for ViewError {}
-
-impl fmt::Display for ViewError {
-    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        match *self {
-            // Name a vector that is not finite
-            Self::Infinite(v) => write!(
-                f,
-                "the camera's vector {} is not finite (-p, -t, -u)",
-                typed(v)
-            ),
-            // Name a target that is the position
-            Self::Target(at) => write!(
-                f,
-                "the camera's target is its own position {}; move \
-                 one of them (-p, -t)",
-                typed(at)
-            ),
-            // Name an axis along the view
-            Self::Up { up, ahead } => write!(
-                f,
-                "the camera's up axis {} is zero or parallel to the \
-                 view {}; choose another one (-u)",
-                typed(up),
-                typed(ahead)
-            ),
-            // Name a field of view out of range
-            Self::FieldOfView(fov) => write!(
-                f,
-                "the field of view {fov} is not strictly between 0 and \
-                 180 degrees (-F)"
-            ),
-        }
-    }
-}
-
-/// A vector as it is typed.
-pub fn typed(v: DVec3) -> String {
-    format!("{},{},{}", v.x, v.y, v.z)
 }

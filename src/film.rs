@@ -39,6 +39,12 @@ pub struct Tile {
     /// Its number along the curve.
     rank: u32,
 }
+impl Tile {
+    /// Number of its pixels.
+    pub fn area(&self) -> usize {
+        (self.size.0 * self.size.1) as usize
+    }
+}
 
 /// A rectangle of pixels of an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -132,6 +138,75 @@ pub struct Film {
     tile_means: Vec<Accumulator>,
 }
 
+impl Window {
+    /// The column and row after its last ones.
+    pub fn end(&self) -> (u32, u32) {
+        (self.corner.0 + self.size.0, self.corner.1 + self.size.1)
+    }
+
+    /// The first cell of the grid that it touches, and how many columns
+    /// and rows of cells.
+    fn cells(&self) -> ((u32, u32), (u32, u32)) {
+        let (left, top) = (self.corner.0 / SIDE, self.corner.1 / SIDE);
+        let (right, bottom) = self.end();
+        let columns = right.div_ceil(SIDE) - left;
+        ((left, top), (columns, bottom.div_ceil(SIDE) - top))
+    }
+
+    /// This and the pixels that are at most so many columns and rows away,
+    /// as far as they lie `within` another window.
+    fn grown(&self, reach: u32, within: Self) -> Self {
+        let grow = |at: u32, size: u32, first: u32, length: u32| {
+            let start = at.saturating_sub(reach).max(first);
+            (start, (at + size + reach).min(first + length) - start)
+        };
+        let Self { corner: (x, y), size: (width, height) } = *self;
+        let Self { corner: (left, top), size } = within;
+        let (x, width) = grow(x, width, left, size.0);
+        let (y, height) = grow(y, height, top, size.1);
+        Self { corner: (x, y), size: (width, height) }
+    }
+}
+impl Window {
+    /// The number of pixels.
+    pub fn area(&self) -> usize {
+        self.size.0 as usize * self.size.1 as usize
+    }
+
+    /// At most so many of its rows, from row `first` on.
+    pub fn rows(&self, first: u32, most: u32) -> Self {
+        let (corner, size) = (self.corner, self.size);
+        let height = most.min(size.1 - first);
+        Self {
+            corner: (corner.0, corner.1 + first),
+            size: (size.0, height),
+        }
+    }
+
+    /// The number of rows of tiles that it touches.
+    pub fn tile_rows(&self) -> u32 {
+        self.cells().1.1
+    }
+
+    /// The `k`-th of `n` bands; `k` is from 1 to `n`, which is at most
+    /// `tile_rows`.
+    pub fn band(&self, (k, n): (u32, u32)) -> Self {
+        let ((_, top), (_, rows)) = self.cells();
+        let edge = |k| {
+            let row = top + (u64::from(rows) * k / u64::from(n)) as u32;
+            (row * SIDE).clamp(self.corner.1, self.end().1)
+        };
+        let (from, to) = (edge(u64::from(k) - 1), edge(u64::from(k)));
+        let (corner, size) = (self.corner.0, self.size.0);
+        Self { corner: (corner, from), size: (size, to - from) }
+    }
+}
+
+/// Watches the work on a film: called, from any thread, with what is done,
+/// as the paths that a finished tile has taken, and with 0 in between.
+/// Answers whether to go on.
+pub type Watch<'a> = dyn Fn(u64) -> bool + Sync + 'a;
+
 impl Film {
     /// The film of a whole image of at least one pixel, without a sample.
     pub fn new(width: u32, height: u32) -> Self {
@@ -177,69 +252,12 @@ impl Film {
             tile_means: vec![],
         }
     }
-}
 
-impl Window {
-    /// The column and row after its last ones.
-    pub fn end(&self) -> (u32, u32) {
-        (self.corner.0 + self.size.0, self.corner.1 + self.size.1)
-    }
-
-    /// The first cell of the grid that it touches, and how many columns
-    /// and rows of cells.
-    fn cells(&self) -> ((u32, u32), (u32, u32)) {
-        let (left, top) = (self.corner.0 / SIDE, self.corner.1 / SIDE);
-        let (right, bottom) = self.end();
-        let columns = right.div_ceil(SIDE) - left;
-        ((left, top), (columns, bottom.div_ceil(SIDE) - top))
-    }
-}
-
-impl Window {
-    /// The number of pixels.
-    pub fn area(&self) -> usize {
-        self.size.0 as usize * self.size.1 as usize
-    }
-
-    /// At most so many of its rows, from row `first` on.
-    pub fn rows(&self, first: u32, most: u32) -> Self {
-        let (corner, size) = (self.corner, self.size);
-        let height = most.min(size.1 - first);
-        Self {
-            corner: (corner.0, corner.1 + first),
-            size: (size.0, height),
-        }
-    }
-
-    /// The number of rows of tiles that it touches.
-    pub fn tile_rows(&self) -> u32 {
-        self.cells().1.1
-    }
-
-    /// The `k`-th of `n` bands; `k` is from 1 to `n`, which is at most
-    /// `tile_rows`.
-    pub fn band(&self, (k, n): (u32, u32)) -> Self {
-        let ((_, top), (_, rows)) = self.cells();
-        let edge = |k| {
-            let row = top + (u64::from(rows) * k / u64::from(n)) as u32;
-            (row * SIDE).clamp(self.corner.1, self.end().1)
-        };
-        let (from, to) = (edge(u64::from(k) - 1), edge(u64::from(k)));
-        let (corner, size) = (self.corner.0, self.size.0);
-        Self { corner: (corner, from), size: (size, to - from) }
-    }
-}
-
-/// Watches the work on a film: called, from any thread, with what is done,
-/// as the paths that a finished tile has taken, and with 0 in between.
-/// Answers whether to go on.
-pub type Watch<'a> = dyn Fn(u64) -> bool + Sync + 'a;
-
-impl Film {
     /// The tiles, each with its pixels row by row.
     pub fn tiles(&mut self) -> Vec<(Tile, &mut [Accumulator])> {
         let begun = self.pixels[0].count() > 0;
-        let mut parts = cut(&self.tiles, &mut self.pixels);
+        let mut parts: Vec<_> =
+            cut(&self.tiles, &mut self.pixels).collect();
         if begun {
             parts.sort_unstable_by_key(|(tile, _)| tile.rank);
         }
@@ -263,33 +281,6 @@ impl Film {
         let ((left, top), (columns, _)) = self.window.cells();
         ((row - top) * columns + column - left) as usize
     }
-}
-
-/// Cuts the pixels into those of each tile.
-fn cut<'a>(
-    tiles: &[Tile],
-    mut rest: &'a mut [Accumulator],
-) -> Vec<(Tile, &'a mut [Accumulator])> {
-    let mut parts = Vec::with_capacity(tiles.len());
-    for &tile in tiles {
-        let length = (tile.size.0 * tile.size.1) as usize;
-        let (pixels, others) = rest.split_at_mut(length);
-        parts.push((tile, pixels));
-        rest = others;
-    }
-    parts
-}
-
-impl Film {
-    /// Width of the window in pixels.
-    pub fn width(&self) -> u32 {
-        self.window.size.0
-    }
-
-    /// Height of the window in pixels.
-    pub fn height(&self) -> u32 {
-        self.window.size.1
-    }
 
     /// Number of pixels.
     pub fn area(&self) -> u64 {
@@ -310,36 +301,33 @@ impl Film {
     pub fn resolution(&self) -> (u32, u32) {
         self.resolution
     }
-}
 
-impl Film {
+    /// The pixels, row by row from the top left.
     /// The pixels, row by row from the top left.
     pub fn rows(&self) -> impl Iterator<Item = &Accumulator> {
         let rows = self.window.corner.1..self.window.end().1;
-        rows.flat_map(|y| self.strips(y)).flatten()
+        let strips = rows.flat_map(|y| self.strips(self.window, y));
+        strips.flat_map(|(_, strip)| strip)
     }
 
-    /// The pixels of row `y` of the image, those of each tile together.
-    fn strips(&self, y: u32) -> impl Iterator<Item = &[Accumulator]> {
-        let ((_, top), (columns, _)) = self.window.cells();
-        let first = ((y / SIDE - top) * columns) as usize;
-        let places = &self.places[first..first + columns as usize];
-        places.iter().map(move |&place| {
-            let Tile { corner, size, start, .. } =
-                self.tiles[place as usize];
-            let start = start + ((y - corner.1) * size.0) as usize;
-            &self.pixels[start..start + size.0 as usize]
-        })
-    }
-
-    /// A value of each pixel, row by row from the top left.
-    pub fn list(
+    /// The pixels of row `y` of the image that lie in a window, those of each
+    /// tile together, with the number of its cell.
+    fn strips(
         &self,
-        of: impl Fn(&Accumulator) -> f64 + Sync,
-    ) -> Vec<f64> {
-        let rows = self.window.corner.1..self.window.end().1;
-        let row = |y| self.strips(y).flatten().map(&of);
-        rows.into_par_iter().flat_map_iter(row).collect()
+        window: Window,
+        y: u32,
+    ) -> impl Iterator<Item = (usize, &[Accumulator])> {
+        let ((left, _), (columns, _)) = window.cells();
+        (left..left + columns).map(move |column| {
+            let cell = self.cell(column, y / SIDE);
+            let place = self.places[cell] as usize;
+            let Tile { corner, size, start, .. } = self.tiles[place];
+            let x = corner.0.max(window.corner.0);
+            let length = (corner.0 + size.0).min(window.end().0) - x;
+            let at =
+                start + ((y - corner.1) * size.0 + x - corner.0) as usize;
+            (cell, &self.pixels[at..at + length as usize])
+        })
     }
 
     /// The means of the pixels, row by row from the top left.
@@ -361,92 +349,7 @@ impl Film {
     pub fn stored_mut(&mut self) -> &mut [Accumulator] {
         &mut self.pixels
     }
-}
 
-/// The pixels of a film, as they are read when it is written: by windows
-/// within its own.
-pub struct Pixels<'a> {
-    film: &'a Film,
-    /// Whether each tile has a sample, by row and column.
-    sampled: Vec<bool>,
-}
-
-impl<'a> Pixels<'a> {
-    /// Those of a film.
-    pub fn of(film: &'a Film) -> Self {
-        let start = |place: &u32| film.tiles[*place as usize].start;
-        let starts = film.places.iter().map(start);
-        let sampled = starts.map(|at| film.pixels[at].count() > 0);
-        Self { film, sampled: sampled.collect() }
-    }
-
-    /// The film.
-    pub fn film(&self) -> &Film {
-        self.film
-    }
-
-    /// Whether all pixels of a window have a sample, and whether none has.
-    pub fn sampled(&self, window: Window) -> [bool; 2] {
-        let ((left, top), (columns, rows)) = window.cells();
-        let row = |y| {
-            let first = self.film.cell(left, top + y);
-            &self.sampled[first..first + columns as usize]
-        };
-        let mut rows = (0..rows).map(row);
-        let all = rows.clone().flatten().all(|&sampled| sampled);
-        [all, !rows.any(|row| row.contains(&true))]
-    }
-
-    /// Writes a value of each pixel of a window, row by row: `none` without a
-    /// sample.
-    pub fn fill(
-        &self,
-        window: Window,
-        none: f64,
-        of: impl Fn(usize, &Accumulator) -> f64,
-        mut values: &mut [f64],
-    ) {
-        let Film { tiles, places, pixels, .. } = self.film;
-        for y in window.corner.1..window.end().1 {
-            let mut x = window.corner.0;
-            while x < window.end().0 {
-                let cell = self.film.cell(x / SIDE, y / SIDE);
-                let end = ((x / SIDE + 1) * SIDE).min(window.end().0);
-                let own = values.split_off_mut(..(end - x) as usize);
-                let own = own.unwrap_or_default();
-                match self.sampled[cell] {
-                    false => own.fill(none),
-                    true => {
-                        // Read a strip of a tile
-                        let place = places[cell] as usize;
-                        let Tile { corner, size, start, .. } = tiles[place];
-                        let at = (y - corner.1) * size.0 + x - corner.0;
-                        let pixels = &pixels[start + at as usize..];
-                        let pairs = own.iter_mut().zip(pixels);
-                        pairs.for_each(|(value, pixel)| {
-                            *value = of(place, pixel)
-                        });
-                    }
-                }
-                x = end;
-            }
-        }
-    }
-
-    /// The same as a list.
-    pub fn values(
-        &self,
-        window: Window,
-        none: f64,
-        of: impl Fn(usize, &Accumulator) -> f64,
-    ) -> Vec<f64> {
-        let mut values = vec![none; window.area()];
-        self.fill(window, none, of, &mut values);
-        values
-    }
-}
-
-impl Film {
     /// The samples that every pixel has at least.
     pub fn samples(&self) -> u64 {
         let count = |tile: &Tile| self.pixels[tile.start].count();
@@ -458,7 +361,7 @@ impl Film {
     pub fn unsampled(&self) -> u64 {
         let is_empty = |t: &&Tile| self.pixels[t.start].count() == 0;
         let empty = self.tiles.iter().filter(is_empty);
-        empty.map(|tile| u64::from(tile.size.0 * tile.size.1)).sum()
+        empty.map(|tile| tile.area() as u64).sum()
     }
 
     /// The same film, whose accumulators take one value for so many samples.
@@ -495,18 +398,15 @@ impl Film {
     ) -> Vec<(Tile, &mut [Accumulator], &mut Accumulator)> {
         let begun = self.pixels[0].count() > 0;
         let Self { tiles, pixels, tile_means, .. } = self;
-        let parts = cut(tiles, pixels).into_iter().zip(tile_means);
-        let parts =
-            parts.map(|((tile, pixels), mean)| (tile, pixels, mean));
+        let parts = cut(tiles, pixels).zip(tile_means);
+        let parts = parts.map(|((tile, own), mean)| (tile, own, mean));
         let mut parts: Vec<_> = parts.collect();
         if begun {
             parts.sort_unstable_by_key(|(tile, ..)| tile.rank);
         }
         parts
     }
-}
 
-impl Film {
     /// The same film as a part of a run that renders this window: its
     /// samples follow so many others of each pixel. It must be empty.
     pub fn as_part(self, whole: Window, first: u64) -> Self {
@@ -530,17 +430,14 @@ impl Film {
             let Tile { start, size, .. } = self.tiles[place];
             assert_eq!(size, tile.size, "the tile at {:?}", tile.corner);
             let own = &mut self.pixels[start..];
-            let more =
-                &part.pixels[tile.start..][..(size.0 * size.1) as usize];
+            let more = &part.pixels[tile.start..][..tile.area()];
             own.iter_mut().zip(more).for_each(|(p, q)| p.merge(q));
             if let Some(mean) = part.tile_means.get(number) {
                 self.tile_means[place].merge(mean);
             }
         }
     }
-}
 
-impl Film {
     /// A film with two random samples in each pixel.
     pub fn noise(width: u32, height: u32) -> Self {
         let mut film = Self::new(width, height);
@@ -549,6 +446,146 @@ impl Film {
             (0..2).for_each(|_| pixel.add(random.random()));
         }
         film
+    }
+
+    /// Summarises the image, with the errors that [`Film::errors`] gives
+    /// for [`WORTH`].
+    pub fn summary(&self) -> Summary {
+        let few = self.samples() < 2 * self.replicate;
+        let pixels = Pixels::of(self);
+        let tops = (0..self.window.size.1).into_par_iter();
+        let rows = tops.step_by(SIDE as usize).flat_map_iter(|top| {
+            let band = self.window.rows(top, SIDE);
+            // Sum over the pixels of each row
+            let errors = (!few).then(|| pixels.errors(WORTH, band));
+            let mut errors = errors.unwrap_or_default().into_iter();
+            let is_sampled = |(cell, _): &(usize, _)| pixels.sampled[*cell];
+            let rows = band.corner.1..band.end().1;
+            let sums = rows.map(|y| {
+                let strips = self.strips(band, y).filter(is_sampled);
+                let pixels = strips.flat_map(|(_, strip)| strip);
+                pixels.fold(
+                    [0.; 4],
+                    |[mean, count, squares, constant], pixel| {
+                        let square =
+                            errors.next().unwrap_or_default().powi(2);
+                        let alike = !few && pixel.variance() == 0.;
+                        let constant =
+                            constant + f64::from(u8::from(alike));
+                        [
+                            mean + pixel.mean(),
+                            count + 1.,
+                            squares + square,
+                            constant,
+                        ]
+                    },
+                )
+            });
+            sums.collect::<Vec<_>>()
+        });
+        let rows: Vec<[f64; 4]> = rows.collect();
+        // Add the sums of all rows
+        let total = |i: usize| rows.iter().map(|row| row[i]).sum::<f64>();
+        let squares = if few { f64::INFINITY } else { total(2) };
+        let of_tile = |(tile, mean): (&Tile, &Accumulator)| {
+            (tile.area() as f64 * mean.standard_error()).powi(2)
+        };
+        let all_squares = match self.tile_means.is_empty() {
+            true => squares,
+            false => {
+                self.tiles.iter().zip(&self.tile_means).map(of_tile).sum()
+            }
+        };
+        let n = self.area() as f64;
+        Summary {
+            mean: total(0) / total(1).max(1.),
+            mean_stderr: all_squares.sqrt() / n,
+            rmse: (squares / n).sqrt(),
+            constant: total(3) as u64,
+        }
+    }
+
+    /// The errors of [`Pixels::errors`] for the whole film.
+    pub fn errors(&self, worth: f64) -> Vec<f64> {
+        Pixels::of(self).errors(worth, self.window)
+    }
+}
+
+/// Cuts the pixels into those of each tile.
+fn cut<'a>(
+    tiles: &'a [Tile],
+    mut rest: &'a mut [Accumulator],
+) -> impl Iterator<Item = (Tile, &'a mut [Accumulator])> {
+    tiles.iter().map(move |&tile| {
+        let own = rest.split_off_mut(..tile.area());
+        (tile, own.unwrap_or_default())
+    })
+}
+
+/// The pixels of a film, as they are read when it is written: by windows
+/// within its own.
+pub struct Pixels<'a> {
+    /// The film.
+    pub film: &'a Film,
+    /// Whether each tile has a sample, by row and column.
+    sampled: Vec<bool>,
+}
+
+impl<'a> Pixels<'a> {
+    /// Those of a film.
+    pub fn of(film: &'a Film) -> Self {
+        let start = |place: &u32| film.tiles[*place as usize].start;
+        let starts = film.places.iter().map(start);
+        let sampled = starts.map(|at| film.pixels[at].count() > 0);
+        Self { film, sampled: sampled.collect() }
+    }
+
+    /// Whether all pixels of a window have a sample, and whether none has.
+    pub fn sampled(&self, window: Window) -> [bool; 2] {
+        let ((left, top), (columns, rows)) = window.cells();
+        let row = |y| {
+            let first = self.film.cell(left, top + y);
+            &self.sampled[first..first + columns as usize]
+        };
+        let mut rows = (0..rows).map(row);
+        let all = rows.clone().flatten().all(|&sampled| sampled);
+        [all, !rows.any(|row| row.contains(&true))]
+    }
+
+    /// Writes a value of each pixel of a window, row by row: `none` without a
+    /// sample.
+    pub fn fill(
+        &self,
+        window: Window,
+        none: f64,
+        of: impl Fn(usize, &Accumulator) -> f64,
+        mut values: &mut [f64],
+    ) {
+        let rows = window.corner.1..window.end().1;
+        for (cell, strip) in rows.flat_map(|y| self.film.strips(window, y))
+        {
+            let own = values.split_off_mut(..strip.len());
+            let own = own.unwrap_or_default();
+            if !self.sampled[cell] {
+                own.fill(none);
+                continue;
+            }
+            let place = self.film.places[cell] as usize;
+            let pairs = own.iter_mut().zip(strip);
+            pairs.for_each(|(value, pixel)| *value = of(place, pixel));
+        }
+    }
+
+    /// The same as a list.
+    pub fn values(
+        &self,
+        window: Window,
+        none: f64,
+        of: impl Fn(usize, &Accumulator) -> f64,
+    ) -> Vec<f64> {
+        let mut values = vec![none; window.area()];
+        self.fill(window, none, of, &mut values);
+        values
     }
 }
 
@@ -561,14 +598,11 @@ fn along_curve(side: u32, mut x: u32, mut y: u32) -> u64 {
         let (right, lower) = (x & s > 0, y & s > 0);
         let before = (3 * u64::from(right)) ^ u64::from(lower);
         cells += before * u64::from(s) * u64::from(s);
-        // Turn the quarter upright
-        (x, y) = (x & (s - 1), y & (s - 1));
-        if !lower {
-            if right {
-                (x, y) = (s - 1 - x, s - 1 - y);
-            }
-            (x, y) = (y, x);
-        }
+        (x, y) = match (right, lower) {
+            (_, true) => (x, y),
+            (false, _) => (y, x),
+            (true, _) => (!y, !x),
+        };
         s /= 2;
     }
     cells
@@ -597,187 +631,63 @@ pub struct Summary {
     pub constant: u64,
 }
 
-impl Film {
-    /// Summarises the image, with the errors that [`Film::errors`] gives
-    /// for [`WORTH`].
-    pub fn summary(&self) -> Summary {
-        if self.samples() < 2 * self.replicate {
-            return self.summary_of_few();
-        }
-        let pixels = Pixels::of(self);
-        let tops = (0..self.height()).into_par_iter();
-        let rows = tops.step_by(SIDE as usize).flat_map_iter(|top| {
-            let band = self.window.rows(top, SIDE);
-            let variances = pixels.variances(band);
-            let rows = band.corner.1..band.end().1;
-            rows.map(move |y| {
-                // Sum over the pixels of a row
-                let (mut mean, mut squares, mut constant) = (0., 0., 0);
-                for x in band.corner.0..band.end().0 {
-                    let error = self.error(&variances, WORTH, x, y);
-                    mean += self.pixel(x, y).mean();
-                    squares += error * error;
-                    constant += u64::from(variances.at(x, y) == 0.);
-                }
-                (mean, squares, constant)
-            })
-        });
-        let sums: Vec<(f64, f64, u64)> = rows.collect();
-        // Add the sums of all rows
-        let mean: f64 = sums.iter().map(|sum| sum.0).sum();
-        let squares: f64 = sums.iter().map(|sum| sum.1).sum();
-        let of_tile = |(tile, mean): (&Tile, &Accumulator)| {
-            let area = f64::from(tile.size.0 * tile.size.1);
-            (area * mean.standard_error()).powi(2)
-        };
-        let all_squares = match self.tile_means.is_empty() {
-            true => squares,
-            false => {
-                self.tiles.iter().zip(&self.tile_means).map(of_tile).sum()
-            }
-        };
-        let n = self.area() as f64;
-        Summary {
-            mean: mean / n,
-            mean_stderr: all_squares.sqrt() / n,
-            rmse: (squares / n).sqrt(),
-            constant: sums.iter().map(|sum| sum.2).sum(),
-        }
-    }
-}
-
-impl Film {
-    /// The summary if a pixel has fewer than two values.
-    fn summary_of_few(&self) -> Summary {
-        let rows = self.window.corner.1..self.window.end().1;
-        let sums = rows.into_par_iter().map(|y| {
-            let strips = self.strips(y).filter(|s| s[0].count() > 0);
-            strips.flatten().fold((0., 0.), |(sum, count), pixel| {
-                (sum + pixel.mean(), count + 1.)
-            })
-        });
-        let sums: Vec<(f64, f64)> = sums.collect();
-        let sum: f64 = sums.iter().map(|row| row.0).sum();
-        let count: f64 = sums.iter().map(|row| row.1).sum();
-        Summary {
-            mean: sum / count.max(1.),
-            mean_stderr: f64::INFINITY,
-            rmse: f64::INFINITY,
-            constant: 0,
-        }
-    }
-}
-
 /// How far a pixel looks for neighbours, in pixels.
 const REACH: u32 = 2;
 
 /// How many samples the variance of the neighbours is worth.
 pub const WORTH: f64 = 4.;
 
-/// The variances of the values of the pixels of a window.
-struct Variances {
-    window: Window,
-    values: Vec<f64>,
-}
-
 impl Pixels<'_> {
-    /// Those of a window, and of the pixels within `REACH` of it.
-    fn variances(&self, window: Window) -> Variances {
-        let Window { corner: (left, top), size } = self.film.window;
-        let grow = |first: u32, end: u32, from: u32, length: u32| {
-            let start = first.saturating_sub(REACH).max(from);
-            (start, (end + REACH).min(from + length) - start)
-        };
-        let (corner, end) = (window.corner, window.end());
-        let (x, width) = grow(corner.0, end.0, left, size.0);
-        let (y, height) = grow(corner.1, end.1, top, size.1);
-        let window = Window { corner: (x, y), size: (width, height) };
-        let of = |_, pixel: &Accumulator| pixel.variance();
-        Variances { window, values: self.values(window, f64::INFINITY, of) }
-    }
-
     /// The standard errors of the pixels of a window, row by row; infinite
     /// where unknown. The variance that a pixel has seen is combined with that
     /// of its neighbours, which counts as `worth` values ([`WORTH`]; 0 leaves
     /// the neighbours out).
     pub fn errors(&self, worth: f64, window: Window) -> Vec<f64> {
-        let variances = self.variances(window);
-        let (columns, rows) = (
-            window.corner.0..window.end().0,
-            window.corner.1..window.end().1,
-        );
+        let all = window.grown(REACH, self.film.window);
+        let of = |_, pixel: &Accumulator| pixel.variance();
+        let variances = self.values(all, f64::INFINITY, of);
+        let number = |x: u32, y: u32| {
+            let row = (y - all.corner.1) as usize * all.size.0 as usize;
+            row + (x - all.corner.0) as usize
+        };
+        let error = |(x, y)| {
+            // Compute the error of a pixel
+            let own = variances[number(x, y)];
+            if !own.is_finite() {
+                return own;
+            }
+            let (mut sum, mut count) = (0., 0.);
+            let near =
+                Window { corner: (x, y), size: (1, 1) }.grown(REACH, all);
+            for row in near.corner.1..near.end().1 {
+                let first = number(near.corner.0, row);
+                let variances =
+                    &variances[first..first + near.size.0 as usize];
+                for (column, variance) in (near.corner.0..).zip(variances) {
+                    // Count the variance of one neighbour
+                    let counts =
+                        variance.is_finite() & ((column, row) != (x, y));
+                    let (value, one) =
+                        if counts { (*variance, 1.) } else { (0., 0.) };
+                    (sum, count) = (sum + value, count + one);
+                }
+            }
+            let n = self.film.pixel(x, y).count() as f64;
+            let variance = match count > 0. {
+                true => {
+                    ((n - 1.) * own + worth * (sum / count))
+                        / (n - 1. + worth)
+                }
+                false => own,
+            };
+            (variance / n).sqrt()
+        };
+        let rows = window.corner.1..window.end().1;
+        let columns = window.corner.0..window.end().0;
         let row = |y| columns.clone().map(move |x| (x, y));
-        let error = |(x, y)| self.film.error(&variances, worth, x, y);
         rows.flat_map(row).map(error).collect()
     }
-}
 
-impl Variances {
-    /// That of a pixel.
-    fn at(&self, x: u32, y: u32) -> f64 {
-        self.values[self.number(x, y)]
-    }
-
-    /// The number of a pixel.
-    fn number(&self, x: u32, y: u32) -> usize {
-        let Window { corner, size } = self.window;
-        (y - corner.1) as usize * size.0 as usize + (x - corner.0) as usize
-    }
-
-    /// The mean of the finite variances within `REACH` of a pixel, without
-    /// its own; none if there are none.
-    fn around(&self, x: u32, y: u32) -> Option<f64> {
-        let Window { corner, .. } = self.window;
-        let near = |at: u32, first: u32, end: u32| {
-            at.saturating_sub(REACH).max(first)..(at + REACH + 1).min(end)
-        };
-        let end = self.window.end();
-        let (mut sum, mut count) = (0., 0.);
-        let columns = near(x, corner.0, end.0);
-        for row in near(y, corner.1, end.1) {
-            let first = self.number(columns.start, row);
-            let variances = &self.values[first..first + columns.len()];
-            for (column, variance) in columns.clone().zip(variances) {
-                // Count the variance of one neighbour
-                let counts =
-                    variance.is_finite() & ((column, row) != (x, y));
-                let (value, one) =
-                    if counts { (*variance, 1.) } else { (0., 0.) };
-                (sum, count) = (sum + value, count + one);
-            }
-        }
-        (count > 0.).then_some(sum / count)
-    }
-}
-
-impl Film {
-    /// The errors of [`Pixels::errors`] for the whole film.
-    pub fn errors(&self, worth: f64) -> Vec<f64> {
-        Pixels::of(self).errors(worth, self.window)
-    }
-
-    /// The standard error of a pixel, given the variances around it.
-    fn error(
-        &self,
-        variances: &Variances,
-        worth: f64,
-        x: u32,
-        y: u32,
-    ) -> f64 {
-        let own = variances.at(x, y);
-        if !own.is_finite() {
-            return own;
-        }
-        let n = self.pixel(x, y).count() as f64;
-        let variance = match variances.around(x, y) {
-            Some(v) => ((n - 1.) * own + worth * v) / (n - 1. + worth),
-            None => own,
-        };
-        (variance / n).sqrt()
-    }
-}
-
-impl Pixels<'_> {
     /// The standard error with which each pixel of a window counts in a sum
     /// over whole tiles, row by row: that of the mean of its tile
     /// times the root of the number of its pixels; infinite where unknown.
@@ -785,8 +695,8 @@ impl Pixels<'_> {
     pub fn tile_errors(&self, window: Window) -> Option<Vec<f64>> {
         let Film { tiles, tile_means, .. } = self.film;
         let error = |place: usize, _: &Accumulator| {
-            let area = tiles[place].size.0 * tiles[place].size.1;
-            f64::from(area).sqrt() * tile_means[place].standard_error()
+            let root = (tiles[place].area() as f64).sqrt();
+            root * tile_means[place].standard_error()
         };
         let shared = !tile_means.is_empty();
         shared.then(|| self.values(window, f64::INFINITY, error))

@@ -7,6 +7,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Floating-point operations that are exact, or the same everywhere.
 
+use std::f64::consts::FRAC_PI_2;
+
 use glam::DVec3;
 
 /// The exponent `e` of `x`, with 2^e <= |x| < 2^(e+1); -1075 for zero.
@@ -20,13 +22,10 @@ pub fn exponent(x: f64) -> i32 {
 
 /// The number 2^`e`, with `e` clamped to the normal range [-1022, 1023].
 pub const fn power_of_two(e: i32) -> f64 {
-    let e = match e {
-        ..-1022 => -1022,
-        1024.. => 1023,
-        e => e,
-    };
-    let biased = (e + 1023) as u64;
-    f64::from_bits(biased << 52)
+    // A number has its exponent, plus 1023, in the bits after the sign.
+    let least = if e > -1022 { e } else { -1022 };
+    let e = if least < 1023 { least } else { 1023 };
+    f64::from_bits(((e + 1023) as u64) << 52)
 }
 
 /// `v` times 2^`e`, exactly unless the result leaves the normal range.
@@ -96,5 +95,3 @@ const fn reciprocal_factorials<const N: usize>(offset: u64) -> [f64; N] {
 fn polynomial<const N: usize>(coefficients: &[f64; N], x: f64) -> f64 {
     coefficients.iter().rev().fold(0., |sum, c| sum * x + c)
 }
-
-use std::f64::consts::FRAC_PI_2;

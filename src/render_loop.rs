@@ -18,7 +18,7 @@ use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1, SIGUSR2};
 use signal_hook::consts::{SIGXCPU, SIGXFSZ};
 use signal_hook::flag;
 
-use crate::film::Film;
+use crate::film::{Film, Summary};
 use crate::render::{Renderer, Share};
 
 /// When a run stops, and what it is compared with.
@@ -97,9 +97,7 @@ impl Stop {
             _ => format!("no image: --time was over while {doing}"),
         }
     }
-}
 
-impl Stop {
     /// The word that the report has for it.
     pub fn name(self) -> &'static str {
         match self {
@@ -211,9 +209,8 @@ impl Convergence {
         let (area, first) = (film.area(), start + FIRST);
         let goes_on = |paths: u64| {
             let end = limits.end(paths as f64 / area as f64);
-            let over =
-                end.is_some_and(|end| (limits.clock)() >= end.max(first));
-            limits.interrupt.signal().is_none() && !over
+            let over = |end: Instant| (limits.clock)() >= end.max(first);
+            limits.interrupt.signal().is_none() && !end.is_some_and(over)
         };
         let taken = AtomicU64::new(self.spp.saturating_mul(area));
         let watch = |paths| {
@@ -242,16 +239,15 @@ impl Convergence {
             self.rays += renderer.pass(film, end, &watch);
             let now = (limits.clock)();
             let more = film.samples() - self.spp;
-            self.pace =
-                Some((now - began).as_secs_f64() / more.max(1) as f64);
+            let pace = (now - began).as_secs_f64() / more.max(1) as f64;
+            self.pace = Some(pace);
             self.spp += more;
             self.seconds = before + (now - start).as_secs_f64();
-            // Ask what each rank has done
             self.ranks = renderer.shares().to_vec();
             if !self.ranks.is_empty() {
-                let more =
+                let all =
                     self.ranks.iter().map(|share| share.processor_seconds);
-                self.processor_seconds = Some(spent + more.sum::<f64>());
+                self.processor_seconds = Some(spent + all.sum::<f64>());
             }
             if self.spp >= due {
                 self.record(film, limits.reference);
@@ -278,8 +274,8 @@ impl Convergence {
             let left = end.saturating_duration_since((limits.clock)());
             seconds = seconds.min(left.as_secs_f64());
         }
-        let pace = self.pace.map(|pace| (seconds / pace) as u64);
-        (due.min(self.spp.saturating_add(pace.unwrap_or(1).max(1))), due)
+        let pace = self.pace.map_or(1, |pace| (seconds / pace) as u64);
+        (due.min(self.spp.saturating_add(pace.max(1))), due)
     }
 
     /// The samples after which the run is expected to stop, if its time
@@ -300,7 +296,6 @@ impl Convergence {
             let open = self.spp < least as u64;
             return if open { least as u64 } else { u64::MAX };
         };
-        // Solve for the number to come
         // A square that vanishes would make the quotient 0 / 0.
         let e = (error * error).max(f64::MIN_POSITIVE);
         let v = n * rmse * rmse;
@@ -337,37 +332,36 @@ impl Convergence {
 
     /// Whether the error is known to be small enough.
     fn reaches(&self, error: f64, area: u64) -> bool {
-        let Some(step) = self.steps.last() else { return false };
         let paths = self.spp as f64 * area as f64;
         let unseen = 3. / (paths * self.spp as f64);
         let enough = |rmse| rmse * rmse + unseen <= error * error;
-        step.spp == self.spp
-            && paths >= DECISIVE
-            && step.rmse.is_some_and(enough)
+        let step = self.steps.last().filter(|step| step.spp == self.spp);
+        let rmse = step.and_then(|step| step.rmse);
+        paths >= DECISIVE && rmse.is_some_and(enough)
     }
 
     /// Records a point, if there has been a pass since the last one.
     pub fn record(&mut self, film: &Film, reference: Option<&[f64]>) {
+        let &mut Self { spp, seconds, rays, processor_seconds, .. } = self;
         let last = self.steps.last();
         let last = last.map_or((0, 0.), |point| (point.spp, point.seconds));
-        if (self.spp, self.seconds) == last {
+        if (spp, seconds) == last {
             return;
         }
-        let summary = film.summary();
-        self.constant = summary.constant;
-        // Add a step to the curve
+        let Summary { mean, mean_stderr, rmse, constant } = film.summary();
+        self.constant = constant;
         let finite = |x: f64| x.is_finite().then_some(x);
         self.steps.push(CurvePoint {
-            spp: self.spp,
-            seconds: self.seconds,
-            rays: self.rays,
-            rmse: finite(summary.rmse),
-            mean: summary.mean,
-            mean_stderr: finite(summary.mean_stderr),
+            spp,
+            seconds,
+            rays,
+            rmse: finite(rmse),
+            mean,
+            mean_stderr: finite(mean_stderr),
             rmse_reference: reference
-                .filter(|_| self.spp > 0)
+                .filter(|_| spp > 0)
                 .map(|truth| true_error(film, truth)),
-            processor_seconds: self.processor_seconds,
+            processor_seconds,
         });
     }
 }
@@ -377,11 +371,9 @@ impl Convergence {
 fn next_step(spp: u64) -> u64 {
     let mut scale = 1u128;
     loop {
-        for tenths in [10, 16, 25, 40, 63] {
-            let step = (tenths * scale + 5) / 10;
-            if step > u128::from(spp) {
-                return step.min(u128::from(u64::MAX)) as u64;
-            }
+        let steps = [10, 16, 25, 40, 63].map(|n| (n * scale + 5) / 10);
+        if let Some(step) = steps.into_iter().find(|&n| n > spp.into()) {
+            return step.min(u64::MAX.into()) as u64;
         }
         scale *= 10;
     }
@@ -422,10 +414,8 @@ impl Interrupt {
 
     /// The signal that has arrived, if any.
     pub fn signal(&self) -> Option<i32> {
-        match self.0.load(Ordering::Relaxed) {
-            0 => None,
-            signal => Some(signal as i32),
-        }
+        let signal = self.0.load(Ordering::Relaxed) as i32;
+        (signal != 0).then_some(signal)
     }
 }
 

@@ -697,8 +697,8 @@ impl Run<'_> {
 
     fn reserve(&self, deadline: Instant) -> [f64; 2] {
         let Self { film, convergence, images, output, .. } = self;
-        let (width, height) =
-            (film.width().min(256), film.height().min(256));
+        let (width, height) = film.window().size;
+        let (width, height) = (width.min(256), height.min(256));
         let (noise, empty) =
             (Film::noise(width, height), Film::new(width, height));
         let rehearse = |trial: &Film| {

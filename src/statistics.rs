@@ -7,13 +7,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The mean of many values, and its error.
 
-use bytemuck::Zeroable;
+use bytemuck::{Pod, Zeroable, cast};
 
 /// Count, sum and sum of squares of the values so far. A value is cut
 /// to a multiple of 2^-88 and nothing else is rounded: the same values in
 /// any order, and divided in any manner among accumulators that are
 /// merged, give the same bits.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Zeroable)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
 pub struct Accumulator {
     count: u64,
     /// The sum of the values in units of 2^-88, lowest digit first, as
@@ -29,9 +30,7 @@ impl Accumulator {
     #[inline]
     pub fn add(&mut self, value: f64) {
         self.count += 1;
-        // Refuse a value out of range
-        let is_small = -LARGE < value && value < LARGE;
-        if !is_small {
+        if !(-LARGE < value && value < LARGE) {
             self.squares = [u64::MAX; 4];
             return;
         }
@@ -45,12 +44,9 @@ impl Accumulator {
         let (h, l) = (u128::from(high), u128::from(low));
         let middle = 2 * h * l + ((l * l) >> 64);
         let upper = h * h + (middle >> 64);
-        let square = [
-            (l * l) as u64,
-            middle as u64,
-            upper as u64,
-            (upper >> 64) as u64,
-        ];
+        let [low, middle, upper, top] =
+            [l * l, middle, upper, upper >> 64].map(|digit| digit as u64);
+        let square = [low, middle, upper, top];
         if accumulate(&mut self.squares, &square) {
             self.squares = [u64::MAX; 4];
         }
@@ -65,6 +61,7 @@ impl Accumulator {
                 self.merge(&power);
             }
             count /= 2;
+            // Twice 2^63 values would be more than the count can hold.
             if count > 0 {
                 power.merge(&{ power });
             }
@@ -84,7 +81,6 @@ impl Accumulator {
     pub fn count(&self) -> u64 {
         self.count
     }
-
     /// The magnitude of the sum, and whether it is negative.
     fn magnitude(&self) -> ([u64; 3], bool) {
         let is_negative = self.sum[2] >> 63 == 1;
@@ -116,13 +112,12 @@ impl Accumulator {
         if self.count < 2 || self.squares == [u64::MAX; 4] {
             return f64::INFINITY;
         }
-        // Form the difference of the sums
+        // The square of the sum is subtracted digit by digit.
         let mut difference = [0u64; 5];
         difference[..4].copy_from_slice(&self.squares);
         scale(&mut difference, self.count);
         let (sum, _) = self.magnitude();
         for (i, digit) in sum.into_iter().enumerate() {
-            // Subtract one digit's share of the square
             let mut share = [0; 5];
             share[i..i + 3].copy_from_slice(&sum);
             scale(&mut share, digit);
@@ -132,33 +127,19 @@ impl Accumulator {
         to_f64(&difference) / UNITS / UNITS / (n * (n - 1.))
     }
 
-    /// The standard error of the mean.
+    /// The standard error of the mean; infinite where the variance is.
     pub fn standard_error(&self) -> f64 {
         (self.variance() / self.count.max(1) as f64).sqrt()
     }
 
     /// The state as 64 bytes: count, sum and squares, in little endian.
     pub fn to_bytes(&self) -> [u8; 64] {
-        let mut bytes = [0; 64];
-        let words = [self.count].into_iter().chain(self.sum);
-        let words = words.chain(self.squares);
-        for (place, word) in bytes.chunks_exact_mut(8).zip(words) {
-            place.copy_from_slice(&word.to_le_bytes());
-        }
-        bytes
+        cast(cast::<_, [u64; 8]>(*self).map(u64::to_le))
     }
 
     /// The accumulator that [`to_bytes`](Self::to_bytes) stored.
     pub fn from_bytes(bytes: &[u8; 64]) -> Self {
-        let word = |i: usize| {
-            let place = &bytes[8 * i..8 * i + 8];
-            place.iter().rev().fold(0, |w, &b| (w << 8) | u64::from(b))
-        };
-        Self {
-            count: word(0),
-            sum: [word(1), word(2), word(3)],
-            squares: [word(4), word(5), word(6), word(7)],
-        }
+        cast(cast::<_, [u64; 8]>(*bytes).map(u64::from_le))
     }
 }
 

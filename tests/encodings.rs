@@ -238,18 +238,6 @@ fn utf_16_is_read_in_either_order() {
 }
 
 #[test]
-fn lines_may_end_in_a_carriage_return() {
-    let old = TEXT.replace('\n', "\r");
-    assert_eq!(read_obj(old.as_bytes()), Ok(plain()));
-    let wrong = old.replace("v 1 1 0", "v 1 1");
-    let words = "x:4: a vertex without z";
-    assert_eq!(complaint(wrong.as_bytes()), words);
-    assert_eq!(read_obj(&gzip(old.as_bytes())), Ok(plain()));
-    let mixed = TEXT.replace("0\n", "0\r").replace("5\n", "5\r\n");
-    assert_eq!(read_obj(mixed.as_bytes()), Ok(plain()));
-}
-
-#[test]
 fn a_comment_may_follow_the_numbers() {
     for comment in [" # x", "# f 1 2 3", " #1", "#", "\t# é 4 5"] {
         let text = TEXT.replace("0\n", &format!("0{comment}\n"));

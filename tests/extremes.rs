@@ -12,7 +12,7 @@ use common::{ABOVE, Scratch, pgm};
 use glam::DVec3;
 use litpt::analysis::background::KnownPixels;
 use litpt::bvh::{Bvh, Isa, Quality};
-use litpt::camera::{Camera, View, ViewError};
+use litpt::camera::{Camera, View};
 use litpt::film::{Film, WORTH};
 use litpt::integrator::PathTracer;
 use litpt::render::{Job, Renderer};
@@ -134,21 +134,6 @@ fn minus_zero_is_zero() {
     }
 }
 
-#[test]
-fn a_huge_ground_under_a_small_camera_reflects_its_share() {
-    let mut mesh = square(1e9);
-    // An object of a millimetre, out of sight.
-    let far = DVec3::new(1., 1., 1e-3);
-    mesh.vertices.extend([
-        far,
-        far + DVec3::X * 1e-3,
-        far + DVec3::Y * 1e-3,
-    ]);
-    mesh.triangles.push([4, 5, 6]);
-    let film = render(&mesh, &above(2e-3), 0.7);
-    assert_all(&film, 0.7, "ground");
-}
-
 // The object's underside sees the ground alone, which sees the sky but for
 // the object; without the object there would be the sky.
 #[test]
@@ -167,22 +152,11 @@ fn a_small_object_on_a_huge_ground_is_seen() {
         up: DVec3::Z,
         fov: 5.,
     };
+    // The ground beside it reflects its share.
+    assert_all(&render(&mesh, &above(2e-3), 0.7), 0.7, "ground");
     let film = render(&mesh, &view, 0.7);
     let bright = 0.7 * 0.7;
     assert!(film.means().all(|mean| mean > 0. && mean <= bright));
-}
-
-#[test]
-fn triangles_without_area_change_nothing() {
-    let plain = read_obj(common::ROOM.as_bytes()).unwrap();
-    let mut more = plain.clone();
-    let points = [DVec3::splat(1e-310), DVec3::ZERO, DVec3::splat(0.1)];
-    more.vertices.extend(points);
-    let n = plain.vertices.len() as u32;
-    more.triangles.insert(0, [n, n, n]);
-    more.triangles.extend([[n, n + 1, n + 2], [0, 1, 0], [3, 2, 2]]);
-    let [a, b] = [plain, more].map(|mesh| render(&mesh, &room(), 0.5));
-    assert!(a.stored() == b.stored());
 }
 
 #[test]
@@ -267,26 +241,17 @@ fn collect(n: u32, corners: impl Fn(f64) -> [DVec3; 3]) -> Mesh {
 }
 
 #[test]
-fn triangles_around_each_other_are_sorted_quickly() {
-    let mesh = collect(100_000, |k| {
-        [DVec3::ZERO, DVec3::X * (k + 1.), DVec3::Y * (k + 1.)]
-    });
-    for quality in [Quality::Fast, Quality::Thorough] {
-        let scene = Scene::new(&mesh);
-        assert_eq!(scene.triangles.len(), 100_000);
-        quickly(|| Bvh::with(&scene, quality, Isa::best())).unwrap();
+fn triangles_around_each_other_and_in_a_row_are_sorted_quickly() {
+    let around =
+        |k| [DVec3::ZERO, DVec3::X * (k + 1.), DVec3::Y * (k + 1.)];
+    let in_a_row = |k| [0., 1., 2.].map(|y| DVec3::new(k + y % 2., y, 0.));
+    for mesh in [collect(100_000, around), collect(120_000, in_a_row)] {
+        for quality in [Quality::Fast, Quality::Thorough] {
+            let scene = Scene::new(&mesh);
+            assert!(scene.triangles.len() >= 100_000);
+            quickly(|| Bvh::with(&scene, quality, Isa::best())).unwrap();
+        }
     }
-}
-
-#[test]
-fn equal_triangles_in_a_row_are_sorted_quickly() {
-    let mesh = collect(120_000, |k| {
-        let at = DVec3::X * k;
-        [at, at + DVec3::X, at + DVec3::Z]
-    });
-    let scene = Scene::new(&mesh);
-    let build = || Bvh::with(&scene, Quality::Fast, Isa::best());
-    quickly(build).unwrap();
 }
 
 // ----------------------------------------------------------------- Cameras
@@ -383,8 +348,7 @@ fn a_view_that_is_not_finite_is_refused() {
             ];
             for view in views {
                 let error = Camera::new(&view, 1.).unwrap_err();
-                assert!(matches!(error, ViewError::Infinite(_)));
-                assert!(error.to_string().contains("is not finite"));
+                assert!(error.contains("is not finite"));
             }
         }
     }
@@ -414,17 +378,6 @@ fn one_realisation_and_a_trillion_within_a_time_give_the_image() {
         let (_, _, levels) = pgm(&run.stdout);
         // The encoding of one half.
         assert_eq!(levels, [187; 12], "{more:?}");
-    }
-}
-
-#[test]
-fn coordinates_that_are_no_numbers_are_refused_in_one_line() {
-    let place = Scratch::new();
-    for word in ["NaN", "inf", "-inf", "1e309"] {
-        let text = format!("v 0 0 0\nv 1 0 0\nv 0 {word} 0\nf 1 2 3\n");
-        place.feed(text.as_bytes(), &["-q"]).failed(1, &[":4: ", word]);
-        let position = format!("-p0,{word},1");
-        place.run(&["-isquare.obj", &position]).failed(2, &[word]);
     }
 }
 

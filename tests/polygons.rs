@@ -10,7 +10,6 @@ use std::f64::consts::TAU;
 use std::fmt::Write;
 use std::time::Instant;
 
-use common::{ABOVE, Scratch};
 use glam::DVec3;
 use litpt::bvh::{Bvh, Intersector};
 use litpt::numerics::cross;
@@ -354,27 +353,6 @@ fn odd_faces_are_counted_with_the_line_of_the_first() {
     assert_eq!(mesh.triangles, fan(5));
     let found = warning(pentagram).unwrap();
     assert!(found.starts_with("x:6: the first of 1 odd faces (0 bent, 1"));
-}
-
-#[test]
-fn the_program_warns_of_odd_faces_once_unless_it_is_quiet() {
-    let place = Scratch::new();
-    let crossed = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n\
-                   f 1 3 2 4\nf 1 3 2 4\n";
-    place.put("odd.obj", crossed);
-    let run = |more: &[&str]| {
-        let input = ["-d8x6", "-n1", "-i", "odd.obj"];
-        place.run(&[&ABOVE[..], &input, more].concat())
-    };
-    let loud = run(&[]);
-    loud.succeeded();
-    let lines: Vec<_> =
-        loud.stderr.lines().filter(|l| l.contains("odd faces")).collect();
-    assert_eq!(lines.len(), 1, "{}", loud.stderr);
-    assert!(lines[0].contains("warning: odd.obj:5: the first of 2 odd"));
-    let quiet = run(&["-q"]);
-    quiet.succeeded();
-    assert_eq!(quiet.stderr, "");
 }
 
 #[test]

@@ -6,7 +6,7 @@
 use std::collections::BTreeSet;
 
 use glam::DVec3;
-use litpt::camera::{Camera, View, ViewError};
+use litpt::camera::{Camera, View};
 use litpt::scene::{
     Mesh, Scene, read_file, read_obj, read_pieces, scattered,
 };
@@ -394,25 +394,18 @@ fn a_stray_vertex_does_not_change_the_scene() {
 
 #[test]
 fn the_triangles_with_area_keep_their_order() {
-    let mesh = Mesh {
-        vertices: vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z],
-        triangles: vec![
-            [0, 1, 2],
-            [1, 1, 2],
-            [0, 2, 3],
-            [3, 0, 3],
-            [1, 2, 3],
-        ],
-        joined: vec![],
-    };
-    let good: Vec<_> = [0, 2, 4].map(|i| mesh.triangles[i]).into();
-    let rest = Mesh { triangles: good, ..mesh.clone() };
-    let scene = Scene::new(&mesh);
-    assert_eq!(
-        scene.triangles.to_vec(),
-        Scene::new(&rest).triangles.to_vec()
-    );
-    assert_eq!(scene.triangles.len(), 3);
+    let tiny = [DVec3::splat(1e-310), DVec3::splat(0.1)];
+    let corners = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
+    let (vertices, joined) = ([&corners[..], &tiny].concat(), vec![]);
+    let good = vec![[0, 1, 2], [0, 2, 3], [1, 2, 3]];
+    let mut all = good.clone();
+    all.splice(1..1, [[1, 1, 2], [4, 0, 5], [4, 4, 4]]);
+    all.insert(5, [3, 0, 3]);
+    let [some, all] = [good, all].map(|triangles| {
+        let (vertices, joined) = (vertices.clone(), joined.clone());
+        Scene::new(&Mesh { vertices, triangles, joined }).triangles.to_vec()
+    });
+    assert_eq!((all.len(), all), (3, some));
 }
 
 #[test]
@@ -432,37 +425,6 @@ fn the_order_of_zeros_does_not_decide_the_sign_of_the_box() {
 }
 
 #[test]
-fn a_scene_does_not_change_when_it_is_moved_or_scaled_exactly() {
-    let text = "v 0 0 0\nv 1 0 0.25\nv 0.5 3 0\nv -1 2 7\nf 1 2 3 4\n";
-    let mesh = read_obj(text.as_bytes()).unwrap();
-    let here = Scene::new(&mesh);
-    let offset = DVec3::new(2f64.powi(40), -2f64.powi(38), 12345.);
-    for scale in [1., 2f64.powi(-200), 2f64.powi(200)] {
-        for shift in [DVec3::ZERO, offset] {
-            let mut moved = mesh.clone();
-            for v in &mut moved.vertices {
-                *v = (*v + shift) * scale;
-            }
-            let there = Scene::new(&moved);
-            assert_eq!(
-                there.triangles.to_vec(),
-                here.triangles.to_vec(),
-                "{scale} {shift}"
-            );
-            let (from, at) =
-                (DVec3::new(9., 9., 9.), -DVec3::ONE.normalize());
-            let ray = here.frame.entrance(from).enter(at).unwrap();
-            let same = there
-                .frame
-                .entrance((from + shift) * scale)
-                .enter(at)
-                .unwrap();
-            assert_eq!(ray.origin, same.origin);
-        }
-    }
-}
-
-#[test]
 fn a_distant_ray_enters_the_scene_or_passes_it_by() {
     let text = "v -1 -1 -1\nv 1 1 1\nv 1 -1 0\nf 1 2 3\n";
     let scene = Scene::new(&read_obj(text.as_bytes()).unwrap());
@@ -470,14 +432,10 @@ fn a_distant_ray_enters_the_scene_or_passes_it_by() {
     let ray = scene.frame.entrance(far).enter(-DVec3::X).unwrap();
     // The scene has half extents of 2^12; its box is one unit larger.
     assert_eq!(ray.origin, DVec3::new(4097., 2048., 2048.));
-    assert!(scene.frame.entrance(far).enter(DVec3::X).is_none());
-    assert!(
-        scene
-            .frame
-            .entrance(far)
-            .enter(DVec3::new(-1., 1., 0.).normalize())
-            .is_none()
-    );
+    let entrance = scene.frame.entrance(far);
+    assert!(entrance.enter(DVec3::X).is_none());
+    let aside = DVec3::new(-1., 1., 0.).normalize();
+    assert!(entrance.enter(aside).is_none());
     let inside = scene.frame.entrance(DVec3::ZERO).enter(DVec3::Y).unwrap();
     assert_eq!(inside.origin, DVec3::ZERO);
     // A ray in the plane of a face of the box, from a corner.
@@ -508,20 +466,18 @@ fn the_corners_of_the_image_are_where_the_field_of_view_puts_them() {
 
 #[test]
 fn impossible_views_are_refused_without_a_tolerance() {
-    let bad = View { target: view().position, ..view() };
-    assert_eq!(
-        Camera::new(&bad, 1.).unwrap_err(),
-        ViewError::Target(view().position)
-    );
+    let refused = |bad: View, why: &str| {
+        let error = Camera::new(&bad, 1.).unwrap_err();
+        assert!(error.contains(why), "{error}");
+    };
+    let target = view().position;
+    refused(View { target, ..view() }, "target is its own position");
     for up in [DVec3::Y, DVec3::Y * -1e-300, DVec3::Y * 1e300, DVec3::ZERO]
     {
-        let bad = View { up, ..view() };
-        assert!(matches!(Camera::new(&bad, 1.), Err(ViewError::Up { .. })));
+        refused(View { up, ..view() }, "is zero or parallel to the view");
     }
     for fov in [0., 180., -1., f64::NAN] {
-        let bad = View { fov, ..view() };
-        let error = Camera::new(&bad, 1.).unwrap_err();
-        assert!(matches!(error, ViewError::FieldOfView(_)));
+        refused(View { fov, ..view() }, "is not strictly between");
     }
     let close = View { up: DVec3::new(1e-12, 1., 0.), ..view() };
     let camera = Camera::new(&close, 1.).unwrap();

@@ -22,60 +22,24 @@ fn small_samples_have_the_variance_of_the_textbook() {
     assert!(
         (sum.standard_error() / (38. / 12f64).sqrt() - 1.).abs() < 2e-15
     );
-}
-
-#[test]
-fn one_weight_leaves_its_error_unknown() {
-    assert_eq!(
-        accumulate([0.3].into_iter()).standard_error(),
-        f64::INFINITY
-    );
-    assert_eq!(Accumulator::default().standard_error(), f64::INFINITY);
-}
-
-#[test]
-fn equal_weights_have_no_variance_at_all() {
-    for weight in [0.1, 1. / 3., 0.8f64.powi(9), 1.] {
-        let sum = accumulate(std::iter::repeat_n(weight, 10_000_000));
-        assert_eq!((sum.mean(), sum.variance()), (weight, 0.));
+    // One weight leaves its error unknown.
+    let one = accumulate([0.3].into_iter());
+    for sum in [one, Accumulator::default()] {
+        assert_eq!(sum.standard_error(), f64::INFINITY);
     }
 }
 
-#[test]
-fn tiny_deviations_are_not_lost() {
-    // 1 ± 1e-9 in turn: the variance is 1e-18 n / (n - 1).
-    let n = 1_000_000;
-    let weights = (0..n).map(|i| 1. + 1e-9 * f64::from(i % 2 * 2 - 1));
-    let variance = accumulate(weights).variance();
-    assert!((variance / 1e-18 - 1.).abs() < 0.01, "{variance}");
-}
-
-/// `n` times the same weight, by doubling: 30 merges make 10^9 of one.
+/// `n` times the same weight: 30 merges make 10^9 of one.
 fn repeated(weight: f64, n: u64) -> Accumulator {
-    let (mut sum, mut power) =
-        (Accumulator::default(), accumulate([weight].into_iter()));
-    for bit in 0..64 - n.leading_zeros() {
-        if n >> bit & 1 == 1 {
-            sum.merge(&power);
-        }
-        let twice = power;
-        power.merge(&twice);
-    }
+    let mut sum = Accumulator::default();
+    sum.add_times(weight, n);
     sum
-}
-
-#[test]
-fn merging_is_the_same_as_adding_to_the_last_bit() {
-    for weight in [0.1, 1. / 3., 7e8, 3e-21] {
-        let one_by_one = accumulate(std::iter::repeat_n(weight, 1_234_567));
-        assert_eq!(repeated(weight, 1_234_567), one_by_one);
-    }
 }
 
 #[test]
 fn adding_a_weight_many_times_is_adding_it_one_by_one() {
     for weight in [0., 0.1, 1. / 3., 1., 7e8, 3e-21, -1.] {
-        for n in [0, 1, 2, 3, 4, 7, 1000, 65_537] {
+        for n in [0, 1, 2, 3, 4, 7, 1000, 1_234_567] {
             let one_by_one = accumulate(std::iter::repeat_n(weight, n));
             let mut sum = Accumulator::default();
             sum.add_times(weight, n as u64);
@@ -192,17 +156,6 @@ fn mean_and_variance_agree_with_exact_arithmetic() {
             assert!(ulps(sum.variance(), variance) <= 2);
         }
     }
-}
-
-#[test]
-fn tiny_weights_keep_four_digits() {
-    let weights = (0..1000).map(|i| 1e-20 * (1. + f64::from(i % 7) / 10.));
-    let (mut mean, mut square) = (0., 0.);
-    weights.clone().for_each(|w| mean += w / 1000.);
-    weights.clone().for_each(|w| square += (w - mean).powi(2) / 999.);
-    let sum = accumulate(weights);
-    assert!((sum.mean() / mean - 1.).abs() < 1e-4);
-    assert!((sum.variance() / square - 1.).abs() < 1e-4);
 }
 
 #[test]

@@ -116,7 +116,7 @@ impl<'a> Picture<'a> {
 
     /// A window of the picture as one of the film.
     fn on_film(&self, Window { corner, size }: Window) -> Window {
-        let (x, y) = self.pixels.film().window().corner;
+        let (x, y) = self.pixels.film.window().corner;
         Window { corner: (x + corner.0, y + corner.1), size }
     }
 }
@@ -126,7 +126,7 @@ const REPLICATE: &str = "replicate";
 
 impl Source for Picture<'_> {
     fn size(&self) -> (u32, u32) {
-        self.pixels.film().window().size
+        self.pixels.film.window().size
     }
 
     fn row(&self, y: u32, means: &mut [f64]) {
@@ -137,7 +137,7 @@ impl Source for Picture<'_> {
 
     fn part(&self, window: Window) -> Image {
         let (pixels, on_film) = (&self.pixels, self.on_film(window));
-        let each = pixels.film().replicate();
+        let each = pixels.film.replicate();
         let mean = |_, pixel: &Accumulator| pixel.mean();
         let count = |_, p: &Accumulator| (p.count() * each) as f64;
         let means = pixels.values(on_film, f64::NAN, mean);

@@ -95,12 +95,10 @@ fn unpack(
                 break;
             }
         };
-        // Tell which part is faulty
         let at = source.len() - rest.len();
         let place = format!("at byte {at} in part {part}, from {begin} on");
-        if let Err(e) = unpacked {
-            return Err(format!("the {kind} file {} {place}", fault(&e)));
-        }
+        let faulty = |e| format!("the {kind} file {} {place}", fault(&e));
+        unpacked.map_err(faulty)?;
     }
     Ok(all)
 }

@@ -164,7 +164,7 @@ pub fn allocate<K: Intersector>(
         tracer.rays
     });
     let rays = rays.sum();
-    let means = film.list(Accumulator::mean);
+    let means = film.means().collect::<Vec<_>>();
     let middle = average(&means);
     let least = if middle > 0. { 0.1 * middle } else { 1. };
     let scale: Vec<f64> = means.iter().map(|m| m.max(least)).collect();
@@ -185,10 +185,12 @@ fn average(numbers: &[f64]) -> f64 {
 /// About the standard deviations of the pixels, row by row; not all of them
 /// if `watch` stops it.
 fn deviations(film: &Film, scale: &[f64], watch: &Watch) -> Vec<f64> {
-    let variances = &film.list(Accumulator::variance);
+    let variances =
+        &film.rows().map(Accumulator::variance).collect::<Vec<_>>();
     let squares: Vec<f64> = scale.iter().map(|s| s * s).collect();
     let common = 0.5 * average(variances) / average(&squares);
-    let (width, height) = (film.width() as usize, film.height() as usize);
+    let (width, height) = film.window().size;
+    let (width, height) = (width as usize, height as usize);
     let neighbours = |at: usize, end: usize| -> Range<usize> {
         at.saturating_sub(1)..(at + 2).min(end)
     };
