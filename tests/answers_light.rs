@@ -30,7 +30,7 @@ use litpt::output::OutputTarget;
 use litpt::report::Fit;
 use litpt::sampler::sobol::{ScrambledNet, to_unit};
 use litpt::{bvh::*, film::*, image::*, render::*};
-use litpt::{camera::*, checkpoint::*, render_loop::*};
+use litpt::{camera::*, render_loop::*, state::checkpoint::*};
 use litpt::{compare::compare, integrator::*};
 use litpt::{sampler::*, scene::*, sky::*, statistics::*};
 use litpt_book::closed_forms::*;
