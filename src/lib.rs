@@ -45,26 +45,24 @@
 #![warn(clippy::disallowed_methods)]
 
 pub mod analysis;
-pub mod arguments;
 pub mod bvh;
 pub mod camera;
-pub mod checkpoint;
 pub mod compare;
 pub mod film;
 pub mod image;
 pub mod integrator;
 pub mod memory;
 pub mod numerics;
+pub mod options;
 pub mod output;
 pub mod progress;
 pub mod render;
 pub mod render_loop;
 pub mod report;
-pub mod run_key;
 pub mod run_output;
 pub mod sampler;
 pub mod scene;
 pub mod session;
-pub mod shards;
 pub mod sky;
+pub mod state;
 pub mod statistics;

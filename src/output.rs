@@ -349,9 +349,34 @@ impl ImageTarget {
     pub fn rewrite(&mut self, image: &dyn Source) -> Result<(), String> {
         self.target.rewrite(&mut |out| self.format.write(image, out))
     }
+}
 
-    /// Takes the time of [`ImageTarget::write`], and writes nothing.
-    pub fn rehearse(&self, image: &dyn Source) {
-        let _ = self.format.write(image, &mut io::sink());
+/// # Errors
+/// Two names stand for one file, and it is to be written.
+pub fn tell_apart<'a>(
+    read: impl Iterator<Item = &'a Path>,
+    written: impl Iterator<Item = &'a Path>,
+) -> Result<(), String> {
+    let place = |path: &Path| {
+        let new = || {
+            let directory = directory(path).canonicalize().ok()?;
+            Some(directory.join(path.file_name()?))
+        };
+        let open = descriptor(path).map(|n| n.to_string().into());
+        let known = open.or_else(|| path.canonicalize().ok());
+        known.or_else(new).unwrap_or_else(|| path.to_owned())
+    };
+    let read = read.filter(|path| path.as_os_str() != "-");
+    let mut taken: Vec<_> = read.map(place).collect();
+    for path in written {
+        let (name, place) = (path.display(), place(path));
+        if taken.contains(&place) {
+            return Err(match descriptor(path) {
+                Some(1) => "standard output is named twice".to_owned(),
+                _ => format!("{name}: this file is named twice"),
+            });
+        }
+        taken.push(place);
     }
+    Ok(())
 }

@@ -5,132 +5,121 @@
 // Software Foundation, either version 3 of the License, or (at your option)
 // any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
+
 //! What the user reads on standard error.
 
 use std::fmt;
 use std::io::Write;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use anstyle::{AnsiColor, Effects, Style};
+use anstyle::{AnsiColor, Effects};
 use indicatif::{HumanDuration, ProgressBar, ProgressState, ProgressStyle};
 
-const GREEN: Style = AnsiColor::Green.on_default().effects(Effects::BOLD);
-const RED: Style = AnsiColor::Red.on_default().effects(Effects::BOLD);
-const YELLOW: Style = AnsiColor::Yellow.on_default().effects(Effects::BOLD);
-
-fn print(style: Style, mark: &str, message: &str) {
+fn print(colour: AnsiColor, mark: &str, message: &str) {
+    let style = colour.on_default().effects(Effects::BOLD);
     let mut stderr = anstream::stderr();
     let _ = writeln!(stderr, "{style}{mark}{style:#} {message}");
 }
 
 /// Tells the user something that is good to know.
 pub fn inform(message: &str) {
-    print(GREEN, ">", message);
+    print(AnsiColor::Green, ">", message);
 }
 
 /// Tells the user that something may not be what it seems.
 pub fn warn(message: &str) {
-    print(YELLOW, "warning:", message);
+    print(AnsiColor::Yellow, "warning:", message);
 }
 
 /// Tells the user why the program stops.
 pub fn error(message: &str) {
-    print(RED, "error:", message);
+    print(AnsiColor::Red, "error:", message);
 }
 
-/// How much of a run is done, as the bar shows it.
-#[derive(Clone, Debug, Default)]
-pub struct Progress {
-    limit: Option<f64>,
-    /// Paths that there will be, if that can be foreseen.
-    pub expected: Option<u64>,
-    /// What is counted, as in `paths`.
-    pub unit: &'static str,
-    /// Whether the run has been asked to stop.
-    pub stopping: bool,
-    percent: u64,
-    seconds: f64,
+/// How much of a run is done, in per cent: the share of the paths that are
+/// expected, or that of the seconds to which it is limited, whichever is
+/// larger.
+pub fn percent(
+    (paths, expected): (u64, Option<u64>),
+    (seconds, limit): (f64, Option<f64>),
+) -> usize {
+    let of_paths =
+        expected.map_or(0., |n| 100. * paths as f64 / n.max(1) as f64);
+    let of_time = limit.map_or(0., |limit| 100. * seconds / limit);
+    of_paths.max(of_time).min(100.) as usize
 }
 
-impl Progress {
-    /// Nothing is done; the program may have a limit of its time, in
-    /// seconds.
-    pub fn within(limit: Option<f64>) -> Self {
-        Self { limit, ..Self::default() }
-    }
+/// A bar of so many places.
+pub fn bar(percent: usize, places: usize) -> String {
+    let done = percent * places / 100;
+    let arrow = if done < places { ">" } else { "" };
+    let bar = "=".repeat(done) + arrow;
+    format!("[{bar:places$}] {percent}%")
+}
 
-    /// Takes in the number of paths that there are by now, and the seconds
-    /// that have passed since the program began.
-    pub fn update(&mut self, paths: u64, seconds: f64) {
-        if self.stopping {
-            return;
+/// The seconds that have passed, with their limit or the time that remains,
+/// if that is known.
+pub fn time(
+    (seconds, limit): (f64, Option<f64>),
+    remains: Option<Duration>,
+) -> String {
+    let passed = HumanDuration(Duration::from_secs_f64(seconds));
+    match (limit, remains.map(HumanDuration)) {
+        (Some(limit), _) => {
+            format!("{} s of {limit} s", seconds.min(limit).floor())
         }
-        let of_paths = |expected: u64| {
-            let expected = u128::from(expected.max(1));
-            (u128::from(paths) * 100 / expected) as u64
-        };
-        let of_paths = self.expected.map_or(0, of_paths);
-        let of_time = |limit: f64| (100. * seconds / limit) as u64;
-        let of_time = self.limit.map_or(0, of_time);
-        self.percent = of_paths.max(of_time).min(100);
-        self.seconds = seconds;
+        (None, Some(more)) => format!("{passed:#} passed, {more:#} to go"),
+        (None, None) => format!("{passed:#} passed"),
     }
+}
 
-    /// The percentage, with a bar of so many places before it.
-    pub fn bar(&self, places: usize) -> String {
-        let done = self.percent as usize * places / 100;
-        let mut bar = "=".repeat(done);
-        if done < places {
-            bar.push('>');
-        }
-        format!("[{bar:places$}] {}%", self.percent)
-    }
+/// A line on the terminal, or nothing.
+fn line(visible: bool, style: ProgressStyle) -> ProgressBar {
+    let line = match visible {
+        true => ProgressBar::no_length(),
+        false => ProgressBar::hidden(),
+    };
+    line.set_style(style);
+    line.enable_steady_tick(Duration::from_millis(250));
+    line
+}
 
-    /// The time that has passed, with its limit or, if paths are expected,
-    /// the time that remains.
-    pub fn time(&self, remains: Duration) -> String {
-        let passed = Duration::from_secs_f64(self.seconds);
-        let passed = HumanDuration(passed);
-        match (self.limit, self.expected) {
-            _ if self.stopping => "stopping".to_owned(),
-            (Some(limit), _) => {
-                let seconds = self.seconds.min(limit).floor();
-                format!("{seconds} s of {limit} s")
-            }
-            (None, Some(_)) => {
-                let remains = HumanDuration(remains);
-                format!("{passed:#} passed, {remains:#} to go")
-            }
-            (None, None) => format!("{passed:#} passed"),
-        }
-    }
+fn style(template: &str) -> ProgressStyle {
+    let style = ProgressStyle::with_template(template);
+    style.unwrap_or_else(|_| ProgressStyle::default_bar())
 }
 
 /// A bar on the terminal, or nothing.
 #[derive(Clone)]
-pub struct Bar {
-    bar: ProgressBar,
-    progress: Arc<Mutex<Progress>>,
-}
+pub struct Bar(ProgressBar);
 
 impl Bar {
     /// The bar of a program that began at `start` and may have a limit of
     /// its time, in seconds.
     pub fn new(visible: bool, start: Instant, limit: Option<f64>) -> Self {
-        let bar = match visible {
-            true => ProgressBar::no_length(),
-            false => ProgressBar::hidden(),
+        type Out<'a> = &'a mut dyn fmt::Write;
+        let clock = move || (start.elapsed().as_secs_f64(), limit);
+        let done = move |state: &ProgressState, out: Out| {
+            let percent = percent((state.pos(), state.len()), clock());
+            let _ = out.write_str(&bar(percent, 14));
         };
-        let progress = Arc::new(Mutex::new(Progress::within(limit)));
-        bar.set_style(style(&progress, start));
-        bar.enable_steady_tick(Duration::from_millis(250));
-        Self { bar, progress }
+        let time = move |state: &ProgressState, out: Out| {
+            let remains = state.len().map(|_| state.eta());
+            let _ = out.write_str(&time(clock(), remains));
+        };
+        let rate = |state: &ProgressState, out: Out| {
+            let _ = out.write_str(&metric(state.per_sec()));
+        };
+        let style = style("{done} {msg}{time}, {rate}{prefix}/s")
+            .with_key("done", done)
+            .with_key("time", time)
+            .with_key("rate", rate);
+        Self(line(visible, style))
     }
 
     /// Advances by a number of paths; any thread may call it.
     pub fn advance(&self, paths: u64) {
-        self.bar.inc(paths);
+        self.0.inc(paths);
     }
 
     /// Says how many paths there are and will be, if that can be foreseen, or
@@ -142,62 +131,36 @@ impl Bar {
         unit: &'static str,
         known: String,
     ) {
-        let mut progress = locked(&self.progress);
-        let is_new = progress.unit != unit;
-        (progress.expected, progress.unit) = (all, unit);
-        drop(progress);
-        if let Some(all) = all {
-            self.bar.set_length(all);
+        match all {
+            Some(all) => self.0.set_length(all),
+            None => self.0.unset_length(),
         }
-        if is_new {
-            self.bar.set_position(done);
-            self.bar.reset_eta();
+        if self.0.prefix() != unit {
+            self.0.set_prefix(unit);
+            self.0.set_position(done);
+            self.0.reset_eta();
         }
-        self.bar.set_message(known);
+        self.0.set_message(known);
     }
 
     /// Says that the run has been asked to stop.
-    pub fn stop(&self) {
-        locked(&self.progress).stopping = true;
+    pub fn stop(&self, quiet: bool) {
+        self.0.set_style(style("stopping"));
+        if !quiet {
+            let line = "finishing; a second signal aborts";
+            self.suspend(|| inform(line));
+        }
     }
 
     /// Takes the bar away while something else is printed.
     pub fn suspend(&self, print: impl FnOnce()) {
-        self.bar.suspend(print);
+        self.0.suspend(print);
     }
 
     /// Removes the bar.
     pub fn finish(&self) {
-        self.bar.finish_and_clear();
+        self.0.finish_and_clear();
     }
-}
-
-/// What is shown, for this thread alone.
-fn locked(progress: &Mutex<Progress>) -> MutexGuard<'_, Progress> {
-    progress.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-fn style(progress: &Arc<Mutex<Progress>>, start: Instant) -> ProgressStyle {
-    let style = ProgressStyle::with_template("{done} {msg}{time}, {rate}");
-    let style = style.unwrap_or_else(|_| ProgressStyle::default_bar());
-    let [shown, told, unit] = [0; 3].map(|_| progress.clone());
-    // Draw the bar, the time and the rate
-    let done = move |state: &ProgressState, out: &mut dyn fmt::Write| {
-        let mut progress = locked(&shown);
-        progress.update(state.pos(), start.elapsed().as_secs_f64());
-        let _ = write!(out, "{}", progress.bar(14));
-    };
-    let time = move |state: &ProgressState, out: &mut dyn fmt::Write| {
-        let _ = write!(out, "{}", locked(&told).time(state.eta()));
-    };
-    let rate = move |state: &ProgressState, out: &mut dyn fmt::Write| {
-        let (rate, unit) = (metric(state.per_sec()), locked(&unit).unit);
-        let _ = write!(out, "{rate}{unit}/s");
-    };
-    style
-        .with_key("done", done)
-        .with_key("time", time)
-        .with_key("rate", rate)
 }
 
 /// A number to two decimals with a metric prefix, as in `1.25 M`.
@@ -209,27 +172,20 @@ pub fn metric(x: f64) -> String {
     }
 }
 
-/// A line on the terminal, or nothing, until it is dropped.
+/// What is done before a render, on a line of the terminal until it is
+/// dropped.
 pub struct Step(ProgressBar);
 
 impl Step {
     /// Says `what` is done; `total` is how much of it there is.
     pub fn new(visible: bool, what: String, total: Option<u64>) -> Self {
-        let bar = match visible {
-            true => ProgressBar::new(total.unwrap_or_default()),
-            false => ProgressBar::hidden(),
+        let step = match total {
+            Some(_) => line(visible, style("{msg}: {percent}%, {elapsed}")),
+            None => line(visible, style("{msg}: {elapsed}")),
         };
-        let template = match total {
-            Some(_) => "{msg}: {percent}%, {elapsed}",
-            None => "{msg}: {elapsed}",
-        };
-        let style = ProgressStyle::with_template(template);
-        bar.set_style(
-            style.unwrap_or_else(|_| ProgressStyle::default_bar()),
-        );
-        bar.set_message(what);
-        bar.enable_steady_tick(Duration::from_millis(250));
-        Self(bar)
+        step.set_length(total.unwrap_or_default());
+        step.set_message(what);
+        Self(step)
     }
 
     /// Says how much is done by now.

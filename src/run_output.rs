@@ -5,38 +5,48 @@
 // Software Foundation, either version 3 of the License, or (at your option)
 // any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Reports and checkpoints, kept up to date while a run goes on.
+
+//! The files of a run, kept up to date while it goes on.
 
 use std::collections::BTreeMap;
-use std::hint::black_box;
-use std::io::{self, Write};
+use std::io::Write;
 use std::time::{Duration, Instant};
 
+use serde::Deserialize;
 use serde_json::{Map, Value, json};
 
-use crate::checkpoint::{Known, save};
 use crate::film::Film;
-use crate::image::Picture;
-use crate::output::{Content, OutputTarget};
+use crate::image::{Format, Image, Picture};
+use crate::output::{Content, ImageTarget, OutputTarget};
 use crate::render_loop::{Convergence, Stop};
 use crate::report::{Kind, Report, as_typed};
-use crate::run_key::entries;
+use crate::state::checkpoint::{Known, save};
+use crate::state::key::{RunKey, entries};
+use crate::state::shards::Merged;
 
-/// The files that a run keeps up to date.
+/// Where the files of a run go.
+#[derive(Default)]
+pub struct Targets {
+    pub images: Vec<ImageTarget>,
+    pub reports: Vec<(Kind, OutputTarget)>,
+    pub checkpoint: Option<OutputTarget>,
+}
+
+/// The files of a run, and what is known of it beforehand.
 pub struct RunOutput {
-    /// The reports and their targets.
-    reports: Vec<(Kind, OutputTarget)>,
+    targets: Targets,
     /// When the next report may be written.
     next_report: Instant,
     /// The seconds of the run when the last one was written.
     reported: f64,
-    /// Where the checkpoint goes.
-    checkpoint: Option<OutputTarget>,
     /// Time between two checkpoints.
     every: Duration,
     /// When the next checkpoint is due; never, if beyond the clock.
     next_checkpoint: Option<Instant>,
+    /// When the next preview is due, if there is one.
+    next_preview: Option<Instant>,
     known: Known,
+    report: Report,
 }
 
 /// Writes a file for the last time, or for the time being.
@@ -51,6 +61,8 @@ fn put(
     }
 }
 
+const SECOND: Duration = Duration::from_secs(1);
+
 /// The names and values of a run as the attributes of its image.
 pub fn attributes(known: &Map<String, Value>) -> BTreeMap<String, String> {
     let text =
@@ -59,24 +71,27 @@ pub fn attributes(known: &Map<String, Value>) -> BTreeMap<String, String> {
 }
 
 impl RunOutput {
-    /// The files of a run that is about to begin.
+    /// The files of a run that is about to begin, with a checkpoint each so
+    /// many seconds, and previews if they are wanted.
     pub fn new(
-        reports: Vec<(Kind, OutputTarget)>,
-        checkpoint: Option<OutputTarget>,
-        every: Duration,
-        known: Known,
+        targets: Targets,
+        (every, preview): (f64, bool),
+        (run_key, options): (RunKey, Value),
+        report: Report,
     ) -> Self {
-        let next_report = Instant::now();
-        let next_checkpoint = next_report.checked_add(every);
-        // Begin with nothing written
+        let now = Instant::now();
+        let every =
+            Duration::try_from_secs_f64(every).unwrap_or(Duration::MAX);
+        let value = serde_json::to_value(&report).unwrap_or_default();
         Self {
-            reports,
-            next_report,
+            targets,
+            next_report: now,
             reported: 0.,
-            checkpoint,
             every,
-            next_checkpoint,
-            known,
+            next_checkpoint: now.checked_add(every),
+            next_preview: preview.then_some(now),
+            known: Known { run_key, options, report: value },
+            report,
         }
     }
 
@@ -91,29 +106,41 @@ impl RunOutput {
         film: &Film,
     ) -> Result<(), String> {
         let now = Instant::now();
-        let (mut reported, mut saved) = (Ok(()), Ok(()));
+        let mut written = Ok(());
         // Write the reports if they are due
         let last = convergence.steps.last();
         let recorded =
             last.is_some_and(|point| point.spp == convergence.spp);
         let due = recorded || convergence.seconds > 1.1 * self.reported;
-        if due && now >= self.next_report && !self.reports.is_empty() {
-            reported = self.write_reports(convergence, film, None);
+        if due && now >= self.next_report {
+            written = self.write_reports(convergence, film, None);
             self.reported = convergence.seconds;
             self.next_report = Instant::now() + 100 * now.elapsed();
         }
         // Write the checkpoint if it is due
         if self.next_checkpoint.is_some_and(|time| now >= time) {
-            saved = self.write_checkpoint(convergence, film, None);
+            let saved = self.write_checkpoint(convergence, film, None);
+            written = written.and(saved);
             self.next_checkpoint = Instant::now().checked_add(self.every);
         }
-        reported.and(saved)
+        // Show the image so far
+        let began = Instant::now();
+        if self.next_preview.is_some_and(|time| began >= time) {
+            let image = Picture::new(film, BTreeMap::new());
+            let images = self.targets.images.iter_mut();
+            for target in images.filter(|t| t.format() == Format::Png) {
+                written = written.and(target.rewrite(&image));
+            }
+            let pause = (10 * began.elapsed()).max(SECOND);
+            self.next_preview = Some(Instant::now() + pause);
+        }
+        written
     }
 
     /// Writes all files when the run has stopped.
     ///
     /// # Errors
-    /// A file cannot be written; the others are.
+    /// Files cannot be written; the others are.
     pub fn close(
         &mut self,
         convergence: &Convergence,
@@ -121,26 +148,34 @@ impl RunOutput {
         stop: Stop,
     ) -> Result<(), String> {
         let stop = Some(stop);
-        let saved = self.write_checkpoint(convergence, film, stop);
-        self.write_reports(convergence, film, stop).and(saved)
+        let image = self.picture(convergence, film, stop);
+        let targets = self.targets.images.iter();
+        let mut written: Vec<_> =
+            targets.map(|target| target.write(&image)).collect();
+        written.push(self.write_checkpoint(convergence, film, stop));
+        written.push(self.write_reports(convergence, film, stop));
+        let failures = written.into_iter().filter_map(Result::err);
+        let failures: Vec<_> = failures.collect();
+        match failures.is_empty() {
+            true => Ok(()),
+            false => Err(failures.join("; ")),
+        }
     }
 
-    /// Takes the time that [`RunOutput::close`] will take, and writes nothing;
-    /// returns the image.
-    pub fn rehearse<'f>(
-        &self,
-        convergence: &Convergence,
-        film: &'f Film,
-    ) -> Picture<'f> {
-        let report = self.report(convergence, film, None);
-        for (kind, _) in &self.reports {
-            let image = || self.picture(convergence, film, None).image();
-            black_box(kind.render(&report, &image));
-        }
-        if self.checkpoint.is_some() {
-            let _ = save(&self.known, convergence, film, &mut io::sink());
-        }
-        self.picture(convergence, film, None)
+    /// A guess of the seconds that [`RunOutput::close`] takes for so many
+    /// pixels.
+    pub fn seconds(&self, pixels: u64) -> f64 {
+        let Targets { images, reports, checkpoint } = &self.targets;
+        let images = images.iter().map(|image| match image.format() {
+            Format::Png | Format::Exr => ENCODED,
+            Format::Pgm | Format::Pfm => PLAIN,
+        });
+        let pages = reports.iter().filter(|(kind, _)| *kind == Kind::Html);
+        let nanoseconds = SUMMARY
+            + images.sum::<f64>()
+            + ENCODED * pages.count() as f64
+            + SAVED * f64::from(u8::from(checkpoint.is_some()));
+        1e-9 * nanoseconds * pixels as f64
     }
 
     fn write_reports(
@@ -149,12 +184,17 @@ impl RunOutput {
         film: &Film,
         stop: Option<Stop>,
     ) -> Result<(), String> {
+        if self.targets.reports.is_empty() {
+            return Ok(());
+        }
         let report = self.report(convergence, film, stop);
         let image = || self.picture(convergence, film, stop).image();
         let text = |(kind, _): &(Kind, _)| kind.render(&report, &image);
-        let texts: Vec<_> = self.reports.iter().map(text).collect();
+        let texts: Vec<_> = self.targets.reports.iter().map(text).collect();
         let mut written = Ok(());
-        for ((_, target), text) in self.reports.iter_mut().zip(texts) {
+        for ((_, target), text) in
+            self.targets.reports.iter_mut().zip(texts)
+        {
             let mut content =
                 |out: &mut dyn Write| out.write_all(text.as_bytes());
             written = written.and(put(target, stop, &mut content));
@@ -168,8 +208,8 @@ impl RunOutput {
         film: &Film,
         stop: Option<Stop>,
     ) -> Result<(), String> {
-        let Self { checkpoint, known, .. } = self;
-        let Some(target) = checkpoint else { return Ok(()) };
+        let Self { targets, known, .. } = self;
+        let Some(target) = &mut targets.checkpoint else { return Ok(()) };
         put(target, stop, &mut |out| save(known, convergence, film, out))
     }
 
@@ -182,22 +222,21 @@ impl RunOutput {
     ) -> Report {
         let mut now = convergence.clone();
         now.record(film, None);
-        let mut report = self.known.report.clone();
-        report.render_seconds = now.seconds;
-        report.rays = now.rays;
-        report.stopped = stop.map(|stop| stop.name().to_owned());
-        report.spp = now.spp;
-        report.constant_pixels = now.constant;
-        report.unsampled_pixels = film.unsampled();
-        report.ranks = now.ranks.clone();
-        // Fill in what the last point knows
-        if let Some(last) = now.steps.last() {
-            report.mean = last.mean;
-            report.mean_stderr = last.mean_stderr;
-            report.rmse = last.rmse;
+        let last = now.steps.last();
+        Report {
+            render_seconds: now.seconds,
+            rays: now.rays,
+            stopped: stop.map(|stop| stop.name().to_owned()),
+            spp: now.spp,
+            constant_pixels: now.constant,
+            unsampled_pixels: film.unsampled(),
+            mean: last.map_or(0., |last| last.mean),
+            mean_stderr: last.and_then(|last| last.mean_stderr),
+            rmse: last.and_then(|last| last.rmse),
+            ranks: now.ranks,
+            curve: now.steps,
+            ..self.report.clone()
         }
-        report.curve = now.steps;
-        report
     }
 
     /// The image on the film, with all that is known about it.
@@ -207,21 +246,66 @@ impl RunOutput {
         film: &'f Film,
         stop: Option<Stop>,
     ) -> Picture<'f> {
-        let Known { report, run_key, .. } = &self.known;
+        let Report { scene, settings, .. } = &self.report;
         let known = json!({
-            "scene": report.scene.file,
+            "scene": scene.file,
             "spp": convergence.spp,
             "rays": convergence.rays,
-            "load_seconds": report.load_seconds,
-            "build_seconds": report.build_seconds,
+            "load_seconds": self.report.load_seconds,
+            "build_seconds": self.report.build_seconds,
             "render_seconds": convergence.seconds,
             "stopped": stop.map_or("not yet", Stop::name),
         });
-        let known = known.as_object().into_iter().flatten();
-        let settings = report.settings.iter().filter(|(_, v)| !v.is_null());
-        let run_key = entries(run_key);
-        let all = settings.chain(&run_key).chain(known);
-        let all = all.map(|(name, value)| (name.clone(), value.clone()));
-        Picture::new(film, attributes(&all.collect()))
+        let mut all = settings.clone();
+        all.retain(|_, value| !value.is_null());
+        all.extend(entries(&self.known.run_key));
+        all.extend(entries(&known));
+        Picture::new(film, attributes(&all))
     }
+}
+
+/// Nanoseconds for a pixel: of the summary; of an image that is compressed,
+/// or is not; of a checkpoint.
+const SUMMARY: f64 = 20.;
+const ENCODED: f64 = 100.;
+const PLAIN: f64 = 20.;
+const SAVED: f64 = 200.;
+
+/// The image and the report of a merged run.
+pub fn conclude(merged: Merged) -> (Image, Report) {
+    let Merged { run_key, film, convergence, reports, missing, .. } =
+        merged;
+    let parts = reports.iter().map(Report::deserialize);
+    let mut parts = parts.map(Result::unwrap_or_default);
+    let first = parts.next().unwrap_or_default();
+    let Report { scene, left_out, mut settings, .. } = first;
+    let Report { mut load_seconds, mut build_seconds, .. } = first;
+    for part in parts {
+        load_seconds += part.load_seconds;
+        build_seconds += part.build_seconds;
+        for (name, value) in &mut settings {
+            if part.settings.get(name) != Some(value) {
+                *value = Value::Null;
+            }
+        }
+    }
+    // Describe the whole run
+    settings.remove("part");
+    let asked = merged.spp.unwrap_or(convergence.spp);
+    settings.insert("spp".into(), asked.into());
+    settings.extend(missing.clone().map(|m| ("missing".into(), m.into())));
+    let report = Report {
+        scene,
+        settings,
+        left_out,
+        load_seconds,
+        build_seconds,
+        ..Report::begin("ptimg")
+    };
+    let stop = missing.is_none().then_some(Stop::Samples);
+    let known = (run_key, Value::Null);
+    let output =
+        RunOutput::new(Targets::default(), (0., false), known, report);
+    let image = output.picture(&convergence, &film, stop).image();
+    (image, output.report(&convergence, &film, stop))
 }

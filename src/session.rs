@@ -5,33 +5,34 @@
 // Software Foundation, either version 3 of the License, or (at your option)
 // any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! A run of the program, from its arguments to its files.
+//! A run of the program, from its words to its files.
 
-use std::collections::BTreeMap;
+use std::env;
 use std::fs::{self, File};
-use std::hint::black_box;
-use std::io::{self, Read};
-use std::mem;
-use std::path::Path;
+use std::io::{self, IsTerminal, Read};
+use std::path::{Path, PathBuf};
 use std::process::{self, ExitCode};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::mpsc::{self, RecvTimeoutError, Sender};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use anstream::{AutoStream, ColorChoice};
+use clap::CommandFactory;
+use clap::builder::StyledStr;
 use rayon::ThreadPoolBuilder;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+use serde_json::{Map, Value, json};
 use sha2::{Digest, Sha256};
 
 use crate::analysis::{Finding, Inquiry, SceneAnalysis, Shortcut};
-use crate::arguments::{Arguments, fail};
 use crate::bvh::{Bvh, Quality, too_small};
-use crate::camera::Camera;
-use crate::checkpoint::{Checkpoint, Known};
+use crate::camera::{Camera, View, typed};
 use crate::compare::disagreements;
 use crate::film::{Film, Window};
-use crate::image::{Format, Image, Picture};
-use crate::output::{ImageTarget, OutputTarget};
+use crate::image::{Format, Image};
+use crate::options::{Error, Options};
+use crate::output::{ImageTarget, OutputTarget, descriptor, tell_apart};
 use crate::progress::{self, Bar, Step};
 use crate::render::Renderer;
 use crate::render::choose::{
@@ -39,10 +40,11 @@ use crate::render::choose::{
 };
 use crate::render_loop::{Convergence, Interrupt, Limits, Stop, Work};
 use crate::report::{Kind, Report, SceneFile};
-use crate::run_key::{RunKey, entries};
-use crate::run_output::{RunOutput, attributes};
+use crate::run_output::{RunOutput, Targets, attributes};
 use crate::scene::{Scene, begins_obj, read_file};
 use crate::sky::Sky;
+use crate::state::checkpoint::Checkpoint;
+use crate::state::key::{RunKey, Subject, entries};
 
 /// The processes that render one image, as each of them sees them.
 pub trait Ranks {
@@ -63,13 +65,13 @@ pub trait Ranks {
     fn lead<'a>(
         &self,
         own: Box<dyn Renderer + 'a>,
-        _: Frame,
+        _: &'a RunKey,
     ) -> Box<dyn Renderer + 'a> {
         own
     }
 
     /// Renders for the leader until there is nothing more to do.
-    fn serve(&self, _: &mut dyn Renderer, _: &Frame) {}
+    fn serve(&self, _: &mut dyn Renderer, _: &RunKey) {}
 }
 
 /// One process.
@@ -77,29 +79,51 @@ pub struct Alone;
 
 impl Ranks for Alone {}
 
-/// What the films of all parts of a run have in common.
-#[derive(Clone, Copy, Debug)]
-pub struct Frame {
-    /// Width and height of the whole image.
-    pub resolution: (u32, u32),
-    /// The window of the run.
-    pub whole: Window,
-    /// How samples are made.
-    pub sampling: Sampling,
-}
-
-/// Runs the program with the arguments of the process, which leads `ranks`;
+/// Runs the program with the words of the process, which leads `ranks`;
 /// returns its exit status.
 pub fn lead(ranks: &dyn Ranks) -> ExitCode {
     #[cfg(target_env = "gnu")]
     give_arrays_back();
-    let typed = Arguments::from_command_line();
-    match typed.and_then(|(mut arguments, resumed)| {
-        run(&mut arguments, resumed, ranks).map_err(fail)
-    }) {
-        // Turn the outcome into a status
+    let start = Instant::now();
+    if env::args_os().len() <= 1 && io::stdin().is_terminal() {
+        let _ = print(&Options::command().render_help());
+        return ExitCode::from(2);
+    }
+    let typed = Options::parse(env::args_os());
+    match typed.and_then(|typed| run(typed, start, ranks)) {
         Ok(stop) => ExitCode::from(status(stop, 0)),
-        Err(status) => status,
+        Err(error) => fail(error),
+    }
+}
+
+/// Says why a program ends, and with which status.
+pub fn fail(error: Error) -> ExitCode {
+    let (message, status) = match error {
+        Error::Help(text) => match print(&text) {
+            Ok(()) => return ExitCode::SUCCESS,
+            Err(message) => (message, 1),
+        },
+        Error::Usage(message) => (message, 2),
+        Error::Failure(message) => (message, 1),
+    };
+    progress::error(&message);
+    ExitCode::from(status)
+}
+
+/// Prints a text on standard output, on a terminal in colour.
+fn print(text: &StyledStr) -> Result<(), String> {
+    let plain = AutoStream::choice(&io::stdout()) == ColorChoice::Never;
+    OutputTarget::standard_output()?.write(&mut |out| match plain {
+        true => write!(out, "{text}"),
+        false => write!(out, "{}", text.ansi()),
+    })
+}
+
+/// The exit status of a stop, which is `other` if it is no signal.
+fn status(stop: Stop, other: u8) -> u8 {
+    match stop {
+        Stop::Signal(signal) => 128 + signal as u8,
+        _ => other,
     }
 }
 
@@ -112,198 +136,221 @@ fn give_arrays_back() {
 }
 
 fn run(
-    arguments: &mut Arguments,
-    resumed: Option<Checkpoint>,
+    typed: Options,
+    start: Instant,
     ranks: &dyn Ranks,
-) -> Result<Stop, String> {
-    // Watch the time from the start
-    let start = Instant::now();
+) -> Result<Stop, Error> {
+    let (mut options, resumed) = take_up(typed)?;
+    let picture = picture(&mut options);
+    let options = &options;
     let interrupt = Interrupt::listen()
         .map_err(|e| format!("cannot listen for signals: {e}"))?;
-    let stage = Stage::watched(&interrupt, latest(arguments, start));
-    // Check the camera if it is given
-    if arguments.has_camera() {
-        camera(arguments)?;
+    let stage = watch(&interrupt, latest(options, start), options.quiet);
+    let enter = |doing| _ = stage.send(doing);
+    if options.has_camera() {
+        camera(options.resolution, &options.view())?;
     }
-    let (window, band) = (arguments.window()?, arguments.band()?);
-    start_threads(arguments)?;
-    let mut files = Files::check(arguments, resumed)?;
-    tell(ranks, &arguments.save());
-    let (scene, mut known) = load(arguments, &files, ranks)?;
-    let camera = camera(arguments)?;
-    let kept = kept(arguments);
-    let inquiry = inquire(arguments, &camera, &scene, &kept);
-    stage.set(Some("building the hierarchy"));
-    let (analysis, bvh) =
-        build(scene, &inquiry, arguments, ranks, &mut known)?;
+    start_threads(options)?;
+    let files = Files::check(options)?;
+    let saved = options.save(&env::current_dir().unwrap_or_default());
+    tell(ranks, &saved);
+    let (scene, subject, mut report) = load(options, &files, ranks)?;
+    let camera = camera(subject.resolution, &subject.view)?;
+    let kept = kept(options);
+    let inquiry = inquire(&subject, &camera, &scene, &kept);
+    enter(Doing::Preparing("building the hierarchy"));
+    let (analysis, bvh, quality) =
+        build(scene, &inquiry, options, ranks, &mut report)?;
+    enter(Doing::Preparing("choosing a method"));
+    let begun = resumed.as_ref().map(|saved| saved.known.run_key.sampling);
     let setup = Setup {
         intersector: &bvh,
         inquiry: &inquiry,
         analysis: &analysis,
     };
-    stage.set(Some("choosing a method"));
-    let (sampling, choice) =
-        sampling(arguments, &setup, window, start, &files);
-    if arguments.explain {
-        return explain(&analysis, arguments, sampling.method, choice);
-    }
-    // Report the method
-    let method = sampling.method.to_string();
-    known.settings.insert("integrator".into(), method.into());
-    if let Some(choice) = choice {
-        let choice = choice.to_string();
-        known.settings.insert("choice".into(), choice.into());
-    }
-    // Say which part of the run is rendered
-    let part = arguments.part(sampling.replicate);
-    let first = part.map_or(0, |part| part.samples.0);
-    let film = sampling.film(arguments.resolution, band);
-    let film = film.as_part(window, first);
-    if let Some(part) = part {
-        known.settings.insert("spp".into(), part.count().into());
-        known.settings.extend(entries(&part));
-        if part.count() == 0 && !arguments.quiet {
-            progress::warn(&format!(
-                "the part has no sample: {} are placed together",
-                sampling.replicate
-            ));
-        }
+    let (sampling, choice) = sampling(options, &setup, start, begun);
+    if options.explain {
+        return explain(&analysis, options, sampling.method, choice);
     }
     // Collect all that decides the samples
     let run_key = RunKey {
         version: env!("CARGO_PKG_VERSION").to_owned(),
         integrator: sampling.identity(),
-        scene_sha256: known.scene.sha256.clone(),
-        subject: arguments.subject(),
+        scene_sha256: report.scene.sha256.clone(),
+        subject,
         sampling,
-        part,
+        part: options.part(sampling.replicate),
     };
+    report.settings = settings(options, &run_key, quality, choice);
+    tell(ranks, &run_key);
     let job = setup.renderer(&sampling);
-    // Share the job with other processes
-    tell(ranks, &sampling);
-    let resolution = arguments.resolution;
-    let frame = Frame { resolution, whole: window, sampling };
-    let mut job = ranks.lead(job, frame);
-    let mut run = Run::begin(
-        &mut *job, film, run_key, start, arguments, &mut files, known,
-    )?;
-    stage.set(None);
-    let stop = run.render(start, &interrupt, &analysis, &files);
-    // End without an image if there is no sample
-    let is_over = matches!(stop, Stop::Time | Stop::Signal(_));
-    if is_over && run.film.unsampled() == run.film.area() {
-        let message = stop.without_image(match sampling.method {
-            Method::Gather => "learning",
-            _ => "rendering",
-        });
-        return match stop {
-            Stop::Signal(_) => {
-                progress::error(&message);
-                Ok(stop)
-            }
-            _ => Err(message),
-        };
-    }
-    run.write(stop)?;
+    let mut job = ranks.lead(job, &run_key);
+    let goal = options.goal(sampling.replicate);
+    let (film, convergence) = begin(options, &run_key, goal, resumed)?;
+    // Prepare the files of the run
+    let often = (options.every.unwrap_or(60.), options.preview);
+    let known = (run_key.clone(), saved);
+    let output = RunOutput::new(files.targets, often, known, report);
+    let bar = Bar::new(!options.quiet, start, options.time);
+    enter(Doing::Rendering(bar.clone()));
+    let mut run =
+        Run { options, job: &mut *job, film, convergence, output, bar };
+    let reference = files.reference.as_ref();
+    let samples = analysis.samples(goal);
+    let stop = run.render(start, samples, &interrupt, reference);
+    run.end(stop, sampling.method, picture.as_deref())?;
     Ok(stop)
 }
 
+/// The options of a run, and where it has been saved if it goes on.
+fn take_up(typed: Options) -> Result<(Options, Option<Checkpoint>), Error> {
+    let Some(path) = &typed.resume else { return Ok((typed, None)) };
+    let saved = Checkpoint::of_file(path)?;
+    Ok((typed.after(&saved.known.options)?, Some(saved)))
+}
+
+/// The PNG beside the scene, which is the image if none is named and
+/// standard output is a terminal.
+fn picture(options: &mut Options) -> Option<PathBuf> {
+    let is_named = !options.output.is_empty() || options.format.is_some();
+    if is_named || options.explain || !io::stdout().is_terminal() {
+        return None;
+    }
+    let mut path = options.scene_file()?.to_owned();
+    if path.extension().is_some_and(|e| e == "gz" || e == "zst") {
+        path.set_extension("");
+    }
+    path.set_extension("png");
+    options.output.push(path.clone());
+    Some(path)
+}
+
 /// The time at which the program ends even if it has no sample.
-fn latest(arguments: &Arguments, start: Instant) -> Option<Instant> {
-    let time = arguments.time.filter(|_| !arguments.explain)?;
+fn latest(options: &Options, start: Instant) -> Option<Instant> {
+    let time = options.time.filter(|_| !options.explain)?;
     let more = Duration::try_from_secs_f64((0.025 * time).max(0.5));
-    arguments.deadline(start)?.checked_add(more.ok()?)
+    options.deadline(start)?.checked_add(more.ok()?)
 }
 
-/// The exit status of a stop, which is `other` if it is no signal.
-fn status(stop: Stop, other: u8) -> u8 {
-    match stop {
-        Stop::Signal(signal) => 128 + signal as u8,
-        _ => other,
-    }
+/// What the program does, for the thread that watches it.
+enum Doing {
+    /// Something before the first pass.
+    Preparing(&'static str),
+    /// It renders, and shows this bar.
+    Rendering(Bar),
 }
 
-/// What is done before the first pass; none afterwards.
-struct Stage(Arc<Mutex<Option<&'static str>>>);
-
-impl Stage {
-    /// The first stage. A thread ends the program if a signal comes before
-    /// the first pass, or the time `end`.
-    fn watched(interrupt: &Interrupt, end: Option<Instant>) -> Self {
-        let stage = Self(Arc::new(Mutex::new(Some("reading"))));
-        let (own, interrupt) = (Self(stage.0.clone()), interrupt.clone());
-        thread::spawn(move || {
-            loop {
-                thread::sleep(Duration::from_millis(50));
-                let stage = own.get();
-                let Some(doing) = *stage else { return };
-                let (signal, now) = (interrupt.signal(), Instant::now());
-                if let Some(stop) = Stop::before_rendering(signal, now, end)
-                {
-                    progress::error(&stop.without_image(doing));
-                    process::exit(status(stop, 1).into());
-                }
+/// Starts a thread that ends the program if a signal comes before the first
+/// pass, or the time `end`, and answers a signal that comes later; tells it
+/// what is done.
+fn watch(
+    interrupt: &Interrupt,
+    end: Option<Instant>,
+    quiet: bool,
+) -> Sender<Doing> {
+    let (sender, told) = mpsc::channel();
+    let interrupt = interrupt.clone();
+    thread::spawn(move || {
+        let mut doing = Doing::Preparing("reading");
+        loop {
+            match told.recv_timeout(Duration::from_millis(50)) {
+                Ok(next) => doing = next,
+                Err(RecvTimeoutError::Disconnected) => return,
+                Err(RecvTimeoutError::Timeout) => (),
             }
-        });
-        stage
-    }
-
-    fn get(&self) -> MutexGuard<'_, Option<&'static str>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    fn set(&self, stage: Option<&'static str>) {
-        *self.get() = stage;
-    }
+            let signal = interrupt.signal();
+            match &doing {
+                Doing::Preparing(what) => {
+                    let now = Instant::now();
+                    let stop = Stop::before_rendering(signal, now, end);
+                    if let Some(stop) = stop {
+                        progress::error(&stop.without_image(what));
+                        process::exit(status(stop, 1).into());
+                    }
+                }
+                Doing::Rendering(bar) if signal.is_some() => {
+                    return bar.stop(quiet);
+                }
+                Doing::Rendering(_) => (),
+            }
+        }
+    });
+    sender
 }
 
-fn camera(arguments: &Arguments) -> Result<Camera, String> {
-    let (width, height) = arguments.resolution;
-    let aspect = f64::from(width) / f64::from(height);
-    Camera::new(&arguments.view(), aspect).map_err(|e| e.to_string())
+fn camera(resolution: (u32, u32), view: &View) -> Result<Camera, String> {
+    let aspect = f64::from(resolution.0) / f64::from(resolution.1);
+    Camera::new(view, aspect).map_err(|e| e.to_string())
 }
 
 /// The files of a run beside the scene: checked, and not yet written.
 struct Files {
-    images: Vec<ImageTarget>,
-    reports: Vec<(Kind, OutputTarget)>,
-    checkpoint: Option<OutputTarget>,
-    resumed: Option<Checkpoint>,
+    targets: Targets,
     reference: Option<Image>,
 }
 
 impl Files {
-    fn check(
-        arguments: &Arguments,
-        resumed: Option<Checkpoint>,
-    ) -> Result<Self, String> {
-        let reference = arguments.reference.as_deref();
+    fn check(options: &Options) -> Result<Self, String> {
+        // Refuse files that are named twice
+        let reference = options.reference.as_deref();
+        let (scene, dash) = (options.scene_file(), Path::new("-"));
+        if scene.is_none() && reference == Some(dash) {
+            return Err("standard input can be read once only".to_owned());
+        }
+        let more = options.report.iter().chain(&options.checkpoint);
+        let written = options.images().chain(more.map(PathBuf::as_path));
+        tell_apart(scene.into_iter().chain(reference), written)?;
+        // Decide which files may be replaced
+        let force = |path: &Path| {
+            let old = options.replaced.iter().map(|old| old.canonicalize());
+            let is_own = |new| old.flatten().any(|old| old == new);
+            options.force || path.canonicalize().is_ok_and(is_own)
+        };
+        let is_open = |path| descriptor(path).is_some();
+        if options.format.is_some() && !options.images().any(is_open) {
+            return Err("--format is for standard output".to_owned());
+        }
+        let format = options.format.unwrap_or(Format::Pgm);
+        let image = |path| ImageTarget::file(path, format, force(path));
+        let report = |path: &PathBuf| {
+            let target = OutputTarget::file(path, force(path))?;
+            Ok((Kind::of(path)?, target))
+        };
+        let checkpoint = |path: &PathBuf| {
+            let same = options.checkpoint == options.resume;
+            OutputTarget::file(path, same || force(path))
+        };
+        let checkpoint = options.checkpoint.as_ref().map(checkpoint);
+        let reference = reference.map(|path| read_reference(path, options));
         Ok(Self {
-            images: arguments.images()?,
-            reports: arguments.reports()?,
-            checkpoint: arguments.checkpoint()?,
-            resumed,
-            reference: reference
-                .map(|path| read_reference(path, arguments))
-                .transpose()?,
+            targets: Targets {
+                images: options
+                    .images()
+                    .map(image)
+                    .collect::<Result<_, _>>()?,
+                reports: options
+                    .report
+                    .iter()
+                    .map(report)
+                    .collect::<Result<_, String>>()?,
+                checkpoint: checkpoint.transpose()?,
+            },
+            reference: reference.transpose()?,
         })
     }
 
     /// Whether a file will name the scene by its hash.
     fn name_the_scene(&self) -> bool {
+        let Targets { images, reports, checkpoint } = &self.targets;
         let exr = |image: &ImageTarget| image.format() == Format::Exr;
-        self.images.iter().any(exr)
-            || !self.reports.is_empty()
-            || self.checkpoint.is_some()
-            || self.resumed.is_some()
+        images.iter().any(exr)
+            || !reports.is_empty()
+            || checkpoint.is_some()
             || self.reference.is_some()
     }
 }
 
-fn read_reference(
-    path: &Path,
-    arguments: &Arguments,
-) -> Result<Image, String> {
+fn read_reference(path: &Path, options: &Options) -> Result<Image, String> {
     // Read an image that needs no note
     let mut faults = Vec::new();
     let note = &mut |fault: &str| faults.push(fault.to_owned());
@@ -313,7 +360,7 @@ fn read_reference(
             "{fault}; a reference needs the radiance of each pixel"
         ));
     }
-    let (width, height) = arguments.window()?.size;
+    let (width, height) = options.window().size;
     if (image.width, image.height) != (width, height) {
         return Err(format!(
             "{}: is {}x{} pixels large, and the image {width}x{height}",
@@ -322,12 +369,9 @@ fn read_reference(
             image.height
         ));
     }
-    if arguments.has_camera() {
-        refuse_others(path, &image, arguments, None)?;
-    }
     // Warn of a reference with our seed
-    let ours = arguments.seed.to_string();
-    if !arguments.quiet && image.attributes.get("seed") == Some(&ours) {
+    let ours = options.seed.to_string();
+    if !options.quiet && image.attributes.get("seed") == Some(&ours) {
         progress::warn(
             "the reference has the seed of this run: its true errors are \
              larger than they will seem (choose another seed with -s)",
@@ -336,53 +380,25 @@ fn read_reference(
     Ok(image)
 }
 
-/// # Errors
-/// The reference says that it shows another view or another scene.
-fn refuse_others(
-    path: &Path,
-    image: &Image,
-    arguments: &Arguments,
-    scene: Option<&String>,
-) -> Result<(), String> {
-    let theirs = &image.attributes;
-    let mut ours = attributes(&entries(&arguments.subject()));
-    let scene = scene.or_else(|| theirs.get("scene_sha256"));
-    ours.extend(scene.map(|hash| ("scene_sha256".into(), hash.clone())));
-    match disagreements(theirs, &ours).join(", ") {
-        same if same.is_empty() => Ok(()),
-        differing => Err(format!(
-            "{}: shows something else than this run: {differing}",
-            path.display()
-        )),
-    }
-}
-
-fn start_threads(arguments: &Arguments) -> Result<(), String> {
-    let threads = arguments.threads.unwrap_or(0);
+fn start_threads(options: &Options) -> Result<(), String> {
+    let threads = options.threads.unwrap_or(0) as usize;
     let pool = ThreadPoolBuilder::new().num_threads(threads);
     pool.build_global().map_err(|e| format!("cannot start threads: {e}"))
 }
 
+/// The scene, what is shown of it, and a report that begins.
 fn load(
-    arguments: &mut Arguments,
+    options: &Options,
     files: &Files,
     ranks: &dyn Ranks,
-) -> Result<(Scene, Report), String> {
+) -> Result<(Scene, Subject, Report), String> {
     let began = Instant::now();
-    let file = arguments.input_name();
-    let step = Step::new(!arguments.quiet, format!("reading {file}"), None);
-    // Read the bytes of the mesh
-    let mut bytes = Vec::new();
-    let read = match arguments.scene_file() {
-        Some(path) if path.is_file() => {
-            fs::read(path).map(|content| bytes = content)
-        }
-        Some(path) => File::open(path)
-            .and_then(|mut pipe| read_pipe(&mut pipe, &mut bytes)),
-        None => read_pipe(&mut io::stdin(), &mut bytes),
-    };
-    read.map_err(|e| format!("{file}: cannot read: {e}"))?;
+    let file = options.input_name();
+    let step = Step::new(!options.quiet, format!("reading {file}"), None);
+    let mut bytes = read(options.scene_file())
+        .map_err(|e| format!("{file}: cannot read: {e}"))?;
     ranks.tell(&mut bytes);
+    // Refuse what goes on without being an OBJ
     if bytes.len() as u64 == START {
         begins_obj(&bytes).map_err(|error| error.within(&file))?;
     }
@@ -390,49 +406,90 @@ fn load(
     drop(step);
     let (mesh, warnings) = read?;
     // Warn of what is odd
-    for warning in warnings.iter().filter(|_| !arguments.quiet) {
+    for warning in warnings.iter().filter(|_| !options.quiet) {
         progress::warn(&warning.within(&file));
     }
-    // Choose a camera if none is given
-    let chosen = arguments.stand_outside(mesh.corners());
-    if let (Some(options), false) = (chosen, arguments.quiet) {
+    let subject = subject(options, mesh.corners());
+    // Say where the camera stands
+    if !options.has_camera() && !options.quiet {
+        let View { position, target, .. } = subject.view;
+        let [p, t] = [position, target].map(typed);
+        let options = format!("-p {p} -t {t}");
         progress::inform(&format!("the camera stands outside: {options}"));
     }
     // Hash the bytes if a file will name them
     let hash = files.name_the_scene().then(|| Sha256::digest(&bytes));
     let hex = |byte: u8| format!("{byte:02x}");
     let sha256: String = hash.into_iter().flatten().map(hex).collect();
-    if let (Some(path), Some(image)) =
-        (&arguments.reference, &files.reference)
-    {
-        refuse_others(path, image, arguments, Some(&sha256))?;
-    }
     drop(bytes);
+    if let Some(image) = &files.reference {
+        refuse_others(options, image, &subject, &sha256)?;
+    }
     let triangles = mesh.triangles.len() as u64;
     let scene = Scene::of(mesh);
-    let known = Report {
+    let report = Report {
         scene: SceneFile { file, sha256, triangles },
-        settings: arguments.settings(),
         load_seconds: began.elapsed().as_secs_f64(),
         ..Report::begin("pt")
     };
-    Ok((scene, known))
+    Ok((scene, subject, report))
 }
 
-/// Reads to the end, but no more than `START` bytes if they begin no OBJ.
-fn read_pipe(pipe: &mut dyn Read, bytes: &mut Vec<u8>) -> io::Result<()> {
-    pipe.take(START).read_to_end(bytes)?;
-    if bytes.len() as u64 == START && begins_obj(bytes).is_ok() {
-        pipe.read_to_end(bytes)?;
+/// The bytes of a file or of standard input. Of a pipe, no more than `START`
+/// if they begin no OBJ.
+fn read(path: Option<&Path>) -> io::Result<Vec<u8>> {
+    let mut pipe: Box<dyn Read> = match path {
+        Some(path) if path.is_file() => return fs::read(path),
+        Some(path) => Box::new(File::open(path)?),
+        None => Box::new(io::stdin()),
+    };
+    let mut bytes = Vec::new();
+    pipe.by_ref().take(START).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 == START && begins_obj(&bytes).is_ok() {
+        pipe.read_to_end(&mut bytes)?;
     }
-    Ok(())
+    Ok(bytes)
 }
 
 /// So many bytes of an OBJ have a vertex.
 const START: u64 = 1 << 26;
 
+/// What is shown of a scene between two corners.
+fn subject(options: &Options, corners: [glam::DVec3; 2]) -> Subject {
+    let &Options { resolution, crop, albedo, .. } = options;
+    let aspect = f64::from(resolution.0) / f64::from(resolution.1);
+    let typed = options.view();
+    let outside = match options.has_camera() {
+        true => None,
+        false => typed.outside(corners, aspect),
+    };
+    let view = outside.unwrap_or(typed);
+    Subject { resolution, crop, view, albedo }
+}
+
+/// # Errors
+/// The reference says that it shows another view or another scene.
+fn refuse_others(
+    options: &Options,
+    image: &Image,
+    subject: &Subject,
+    sha256: &str,
+) -> Result<(), String> {
+    let mut ours = attributes(&entries(subject));
+    ours.insert("scene_sha256".into(), sha256.into());
+    let differing = disagreements(&image.attributes, &ours).join(", ");
+    let path = options.reference.as_deref().unwrap_or(Path::new("-"));
+    match differing.is_empty() {
+        true => Ok(()),
+        false => Err(format!(
+            "{}: shows something else than this run: {differing}",
+            path.display()
+        )),
+    }
+}
+
 fn inquire<'a>(
-    arguments: &Arguments,
+    subject: &Subject,
     camera: &'a Camera,
     scene: &Scene,
     kept: &'a [Shortcut],
@@ -440,22 +497,24 @@ fn inquire<'a>(
     Inquiry {
         camera,
         entrance: scene.frame.entrance(camera.position),
-        sky: Sky::new(arguments.up),
-        albedo: arguments.albedo,
-        resolution: arguments.resolution,
+        sky: Sky::new(subject.view.up),
+        albedo: subject.albedo,
+        resolution: subject.resolution,
         kept,
     }
 }
 
 /// The shortcuts that are not looked for.
-fn kept(arguments: &Arguments) -> Vec<Shortcut> {
-    let (width, height) = arguments.resolution;
+fn kept(options: &Options) -> Vec<Shortcut> {
+    if options.keep_all {
+        return Shortcut::ALL.to_vec();
+    }
+    let (width, height) = options.resolution;
     let tiles = f64::from(width) * f64::from(height) / 256.;
     let seconds = tiles * TILE / rayon::current_num_threads() as f64;
-    let time = arguments.time.filter(|_| !arguments.explain);
+    let time = options.time.filter(|_| !options.explain);
     let slow = time.is_some_and(|time| seconds > 0.05 * time);
-    let slow = slow.then_some(Shortcut::Background);
-    arguments.kept().iter().copied().chain(slow).collect()
+    slow.then_some(Shortcut::Background).into_iter().collect()
 }
 
 /// Seconds in which a thread looks for the background of a tile, about.
@@ -464,23 +523,22 @@ const TILE: f64 = 3e-6;
 fn build(
     scene: Scene,
     inquiry: &Inquiry,
-    arguments: &Arguments,
+    options: &Options,
     ranks: &dyn Ranks,
     known: &mut Report,
-) -> Result<(SceneAnalysis, Bvh), String> {
+) -> Result<(SceneAnalysis, Bvh, Quality), String> {
     let began = Instant::now();
     let is_inside = inquiry.entrance.is_inside;
-    let (width, height) = arguments.band()?.size;
+    let (width, height) = options.band().size;
     let area = f64::from(width) * f64::from(height);
-    let paths = arguments.goal(1).map(|n| n as f64 * area);
-    let (albedo, time) = (arguments.albedo, arguments.time);
-    let rays = expected_rays(albedo, is_inside, paths, time);
+    let paths = options.goal(1).map(|n| n as f64 * area);
+    let rays = expected_rays(options.albedo, is_inside, paths, options.time);
     let rays = rays / f64::from(ranks.count());
     let Scene { triangles, left_out, .. } = scene;
     let quality = Quality::expecting(triangles.len(), rays);
     // Warn of triangles that are too small
     let count = too_small(&triangles);
-    if count > 0 && !arguments.quiet {
+    if count > 0 && !options.quiet {
         progress::warn(&format!(
             "{count} of {} triangles are smaller than 2^-40 of the largest, \
              or 2^-43 of the scene: close to larger ones the light may be wrong",
@@ -490,28 +548,24 @@ fn build(
     // Build the hierarchy and show how far it is
     let what = "building the hierarchy".to_owned();
     let all = Some(triangles.len() as u64);
-    let step = Step::new(!arguments.quiet, what, all);
+    let step = Step::new(!options.quiet, what, all);
     let placed = |count: usize| step.reach(count as u64);
-    let bvh = Bvh::of(triangles, quality, arguments.isa(), &placed);
+    let bvh = Bvh::of(triangles, quality, options.isa(), &placed);
     let bvh = bvh.map_err(|e| e.to_string())?;
     drop(step);
     let analysis = SceneAnalysis::find(&left_out, &bvh, inquiry);
-    // Report what was found and built
     known.left_out = analysis.left_out().cloned().collect();
-    let threads = rayon::current_num_threads();
-    known.settings.insert("threads".into(), threads.into());
-    known.settings.insert("hierarchy".into(), quality.to_string().into());
     known.build_seconds = began.elapsed().as_secs_f64();
-    Ok((analysis, bvh))
+    Ok((analysis, bvh, quality))
 }
 
 /// Tells what can be left out, and what the rest is made of.
 fn explain(
     analysis: &SceneAnalysis,
-    arguments: &Arguments,
+    options: &Options,
     method: Method,
     choice: Option<Choice>,
-) -> Result<Stop, String> {
+) -> Result<Stop, Error> {
     let mut lines = String::new();
     for Finding { fact, holds, why } in &analysis.findings {
         let sign = if *holds { "left out" } else { "-" };
@@ -522,85 +576,30 @@ fn explain(
     let one = analysis.is_black && method != Method::Gather;
     let rays = if one { ", one ray a path, for any hit" } else { "" };
     let parts = format!("{method}{rays}");
-    let parts = analysis.parts(arguments.isa(), parts);
+    let parts = analysis.parts(options.isa(), parts);
     lines += &format!("{:13}{parts}\n", "intersector");
     let out = OutputTarget::standard_output()?;
     out.write(&mut |out| out.write_all(lines.as_bytes()))?;
     Ok(Stop::Samples)
 }
 
-/// A run of the program: what has been rendered, and who is told.
-struct Run<'a> {
-    arguments: &'a Arguments,
-    job: &'a mut (dyn Renderer + 'a),
-    film: Film,
-    convergence: Convergence,
-    images: Vec<ImageTarget>,
-    output: RunOutput,
-    bar: Bar,
-}
-
-impl<'a> Run<'a> {
-    fn begin(
-        job: &'a mut (dyn Renderer + 'a),
-        mut film: Film,
-        run_key: RunKey,
-        start: Instant,
-        arguments: &'a Arguments,
-        files: &mut Files,
-        report: Report,
-    ) -> Result<Self, String> {
-        // Take the film of a checkpoint or a new one
-        let mut convergence = Convergence::default();
-        if let (Some(saved), Some(path)) =
-            (files.resumed.take(), &arguments.resume)
-        {
-            let name = path.display();
-            convergence = saved
-                .resume(&run_key, &mut film)
-                .map_err(|fault| format!("{name}: {fault}"))?;
-            // Warn if there is nothing left to do
-            let spp = convergence.spp;
-            if arguments.goal(film.replicate()).is_some_and(|n| spp >= n)
-                && !arguments.quiet
-            {
-                progress::warn(&format!(
-                    "{name}: holds {spp} samples already (ask for more with -n)"
-                ));
-            }
-        }
-        let every =
-            Duration::try_from_secs_f64(arguments.every.unwrap_or(60.))
-                .unwrap_or(Duration::MAX);
-        let (reports, checkpoint) =
-            (mem::take(&mut files.reports), files.checkpoint.take());
-        let known = Known { options: arguments.save(), run_key, report };
-        let output = RunOutput::new(reports, checkpoint, every, known);
-        let images = mem::take(&mut files.images);
-        let bar = Bar::new(!arguments.quiet, start, arguments.time);
-        Ok(Self { arguments, job, film, convergence, images, output, bar })
-    }
-}
-
-/// How the samples are made, and what a pilot has found, if it has chosen.
+/// How the samples are made: as in the checkpoint, if there is one. And what
+/// a pilot has found, if it has chosen.
 fn sampling(
-    arguments: &Arguments,
+    options: &Options,
     setup: &Setup,
-    window: Window,
     start: Instant,
-    files: &Files,
+    saved: Option<Sampling>,
 ) -> (Sampling, Option<Choice>) {
-    let saved =
-        files.resumed.as_ref().map(|saved| saved.known().run_key.sampling);
     let left = |end: Instant| end.saturating_duration_since(Instant::now());
-    let left = arguments.deadline(start).map(|end| left(end).as_secs_f64());
+    let left = options.deadline(start).map(|end| left(end).as_secs_f64());
     let request = Request {
-        method: arguments.integrator.0,
-        seed: arguments.seed,
-        window,
-        samples: arguments.samples(),
-        error: arguments.error,
-        time: arguments.time,
+        method: options.integrator.0,
+        seed: options.seed,
+        window: options.window(),
+        samples: options.samples(),
+        error: options.error,
+        time: options.time,
         left,
     };
     let (sampling, choice) = setup.decide(&request, saved);
@@ -608,7 +607,7 @@ fn sampling(
     let (wanted, chosen) = (request.method, sampling.method);
     let wanted = wanted.or(saved.map(|saved| saved.method));
     if let Some(wanted) = wanted.filter(|&wanted| wanted != chosen)
-        && !arguments.quiet
+        && !options.quiet
     {
         progress::warn(&format!(
             "--time leaves too little for a first sample of each pixel \
@@ -618,50 +617,104 @@ fn sampling(
     (sampling, choice)
 }
 
+/// What describes the run, by name, for the report.
+fn settings(
+    options: &Options,
+    run_key: &RunKey,
+    quality: Quality,
+    choice: Option<Choice>,
+) -> Map<String, Value> {
+    let reference = options.reference.as_ref();
+    let RunKey { subject, sampling, part, .. } = run_key;
+    let mut settings = entries(subject);
+    settings.extend(entries(&json!({
+        "seed": sampling.seed,
+        "spp": part.map_or(options.samples(), |part| Some(part.count())),
+        "time": options.time,
+        "error": options.error,
+        "reference": reference.map(|path| path.display().to_string()),
+        "isa": options.isa().to_string(),
+        "threads": rayon::current_num_threads(),
+        "hierarchy": quality.to_string(),
+        "integrator": sampling.method.to_string(),
+    })));
+    let choice = choice.map(|choice| choice.to_string().into());
+    settings.extend(choice.map(|choice| ("choice".into(), choice)));
+    settings.extend(part.map(|part| ("part".into(), json!(part))));
+    settings
+}
+
+/// The film of a run and what it has done: nothing yet, or what is saved.
+fn begin(
+    options: &Options,
+    run_key: &RunKey,
+    goal: Option<u64>,
+    resumed: Option<Checkpoint>,
+) -> Result<(Film, Convergence), String> {
+    let (mut film, mut convergence) =
+        (run_key.film(), Convergence::default());
+    let warn = |message: String| {
+        if !options.quiet {
+            progress::warn(&message);
+        }
+    };
+    if run_key.part.is_some() && goal == Some(0) {
+        let together = film.replicate();
+        warn(format!(
+            "the part has no sample: {together} are placed together"
+        ));
+    }
+    if let (Some(saved), Some(path)) = (resumed, &options.resume) {
+        let name = path.display();
+        convergence = saved
+            .resume(run_key, &mut film)
+            .map_err(|fault| format!("{name}: {fault}"))?;
+        let spp = convergence.spp;
+        if goal.is_some_and(|n| spp >= n) {
+            warn(format!(
+                "{name}: holds {spp} samples already (ask for more with -n)"
+            ));
+        }
+    }
+    Ok((film, convergence))
+}
+
+/// A run of the program: what has been rendered, and who is told.
+struct Run<'a> {
+    options: &'a Options,
+    job: &'a mut (dyn Renderer + 'a),
+    film: Film,
+    convergence: Convergence,
+    output: RunOutput,
+    bar: Bar,
+}
+
 impl Run<'_> {
     fn render(
         &mut self,
         start: Instant,
+        samples: Option<u64>,
         interrupt: &Interrupt,
-        analysis: &SceneAnalysis,
-        files: &Files,
+        reference: Option<&Image>,
     ) -> Stop {
-        let reference = files.reference.as_ref();
-        let goal = self.arguments.goal(self.film.replicate());
-        let deadline = self.arguments.deadline(start);
+        let Self { options, job, film, convergence, output, bar } = self;
+        let (now, area) = (Instant::now(), film.area());
+        // Collect the limits
+        let deadline = options.deadline(start);
+        let left = deadline.map(|end| end.saturating_duration_since(now));
+        let most = left.map_or(0., |left| 0.5 * left.as_secs_f64());
         let limits = Limits {
-            samples: analysis.samples(goal),
+            samples,
             deadline,
-            reserve: deadline.map_or([0.; 2], |end| self.reserve(end)),
+            reserve: [output.seconds(area).min(most); 2],
             clock: &Instant::now,
-            error: self.arguments.error,
+            error: options.error,
             interrupt,
             reference: reference.map(|image| &image.means[..]),
         };
-        let late = deadline.is_some_and(|end| Instant::now() > end);
-        self.answer(interrupt.clone());
-        let stop = self.go_on(&limits);
-        self.bar.finish();
-        // Warn if there was no time
-        let none = self.convergence.spp == 0;
-        let slow = match late {
-            true => "to load and to build",
-            false => "one sample of each pixel",
-        };
-        if (late || none && stop == Stop::Time) && !self.arguments.quiet {
-            progress::warn(&format!(
-                "{slow} took longer than --time allows"
-            ));
-        }
-        stop
-    }
-
-    fn go_on(&mut self, limits: &Limits) -> Stop {
-        let Self { arguments, job, film, convergence, .. } = self;
-        let Self { images, output, bar, .. } = self;
-        let area = film.area();
+        // Keep the bar up to date
         let expect = |convergence: &Convergence| {
-            let spp = convergence.expected(limits, area);
+            let spp = convergence.expected(&limits, area);
             let all = spp.map(|spp| spp.saturating_mul(area));
             let paths = convergence.spp.saturating_mul(area);
             bar.expect(paths, all, "paths", convergence.to_string());
@@ -670,93 +723,64 @@ impl Run<'_> {
             0 => expect(convergence),
             rays => bar.expect(0, Some(rays), "rays", "learning, ".into()),
         }
-        let advance = |work| match (limits.interrupt.signal(), work) {
-            (None, Work::Learning(n) | Work::Paths(n)) => bar.advance(n),
-            (Some(_), _) => bar.stop(),
+        let advance = |work| match work {
+            Work::Learning(n) | Work::Paths(n) => bar.advance(n),
         };
-        let mut next = Instant::now();
         let mut after = |convergence: &Convergence, film: &Film| {
             expect(convergence);
-            let mut written = output.after(convergence, film);
-            // Show the image so far
-            let now = Instant::now();
-            if arguments.preview && now >= next {
-                let files = images.iter_mut();
-                let image = Picture::new(film, BTreeMap::new());
-                for target in files.filter(|t| t.format() == Format::Png) {
-                    written = written.and(target.rewrite(&image));
-                }
-                next = Instant::now() + (10 * now.elapsed()).max(SECOND);
-            }
-            if let (Err(message), false) = (written, arguments.quiet) {
+            let written = output.after(convergence, film);
+            if let (Err(message), false) = (written, options.quiet) {
                 bar.suspend(|| progress::warn(&message));
             }
         };
-        convergence.run(&mut **job, film, limits, &advance, &mut after)
-    }
-
-    fn reserve(&self, deadline: Instant) -> [f64; 2] {
-        let Self { film, convergence, images, output, .. } = self;
-        let (width, height) = film.window().size;
-        let (width, height) = (width.min(256), height.min(256));
-        let (noise, empty) =
-            (Film::noise(width, height), Film::new(width, height));
-        let rehearse = |trial: &Film| {
-            let began = Instant::now();
-            black_box(trial.summary());
-            let image = output.rehearse(convergence, trial);
-            images.iter().for_each(|target| target.rehearse(&image));
-            began.elapsed().as_secs_f64()
-        };
-        rehearse(&noise);
-        let ratio = film.area() as f64 / noise.area() as f64;
-        let left = deadline.saturating_duration_since(Instant::now());
-        let most = 0.5 * left.as_secs_f64();
-        let [none, all] =
-            [&empty, &noise].map(|film| ratio * rehearse(film));
-        [none.min(most), all.max(none).min(most)]
-    }
-
-    fn answer(&self, interrupt: Interrupt) {
-        let (bar, quiet) = (self.bar.clone(), self.arguments.quiet);
-        thread::spawn(move || {
-            while interrupt.signal().is_none() {
-                thread::sleep(Duration::from_millis(50));
-            }
-            bar.stop();
-            if !quiet {
-                let line = "finishing; a second signal aborts";
-                bar.suspend(|| progress::inform(line));
-            }
-        });
-    }
-}
-
-const SECOND: Duration = Duration::from_secs(1);
-
-impl Run<'_> {
-    fn write(&mut self, stop: Stop) -> Result<(), String> {
-        let Self { film, convergence, images, output, .. } = self;
-        // Write the images
-        let image = output.picture(convergence, film, Some(stop));
-        let targets = images.iter();
-        let mut written: Vec<_> =
-            targets.map(|target| target.write(&image)).collect();
-        written.push(output.close(convergence, film, stop));
-        let failures = written.into_iter().filter_map(Result::err);
-        let failures: Vec<_> = failures.collect();
-        if !failures.is_empty() {
-            return Err(failures.join("; "));
+        let stop = convergence
+            .run(&mut **job, film, &limits, &advance, &mut after);
+        bar.finish();
+        // Warn if there was no time
+        let late = deadline.is_some_and(|end| now > end);
+        let none = convergence.spp == 0 && stop == Stop::Time;
+        if (late || none) && !options.quiet {
+            let slow = match late {
+                true => "to load and to build",
+                false => "one sample of each pixel",
+            };
+            progress::warn(&format!(
+                "{slow} took longer than --time allows"
+            ));
         }
-        if !self.arguments.quiet {
-            let report = output.report(convergence, film, Some(stop));
-            for (name, text) in report.summary(film.area()) {
-                progress::inform(&format!("{name:10}{text}"));
+        stop
+    }
+
+    /// Writes the files and the summary, if there is a sample.
+    fn end(
+        &mut self,
+        stop: Stop,
+        method: Method,
+        picture: Option<&Path>,
+    ) -> Result<(), String> {
+        let Self { options, film, convergence, output, .. } = self;
+        // End without an image if there is no sample
+        let is_over = matches!(stop, Stop::Time | Stop::Signal(_));
+        if is_over && film.unsampled() == film.area() {
+            let message = stop.without_image(match method {
+                Method::Gather => "learning",
+                _ => "rendering",
+            });
+            if stop == Stop::Time {
+                return Err(message);
             }
-            if let Some(path) = &self.arguments.picture {
-                let name = path.display();
-                progress::inform(&format!("{:10}{name}", "file"));
-            }
+            progress::error(&message);
+            return Ok(());
+        }
+        output.close(convergence, film, stop)?;
+        if options.quiet {
+            return Ok(());
+        }
+        let report = output.report(convergence, film, Some(stop));
+        let file = picture.map(|path| ("file", path.display().to_string()));
+        let lines = report.summary(film.area()).into_iter().chain(file);
+        for (name, text) in lines {
+            progress::inform(&format!("{name:10}{text}"));
         }
         Ok(())
     }
@@ -783,32 +807,29 @@ fn hear<T: DeserializeOwned>(
 pub fn follow(ranks: &dyn Ranks) -> Result<(), String> {
     let _ = Interrupt::listen();
     let Some(options) = hear(ranks)? else { return Ok(()) };
-    let mut arguments = Arguments::restore(&options)?;
-    arguments.quiet = true;
-    let window = arguments.window()?;
-    start_threads(&arguments)?;
-    // Hear the scene
+    let mut options = Options::restore(&options)?;
+    options.quiet = true;
+    start_threads(&options)?;
     let Some(bytes) = ranks.hear() else { return Ok(()) };
-    let file = arguments.input_name();
+    let file = options.input_name();
     let read = read_file(&bytes).map_err(|error| error.within(&file));
     let (mesh, _) = read?;
     drop(bytes);
-    arguments.stand_outside(mesh.corners());
+    let subject = subject(&options, mesh.corners());
     let scene = Scene::of(mesh);
-    let camera = camera(&arguments)?;
-    let kept = kept(&arguments);
-    let inquiry = inquire(&arguments, &camera, &scene, &kept);
-    let known = &mut Report::default();
-    let (analysis, bvh) = build(scene, &inquiry, &arguments, ranks, known)?;
-    let Some(sampling) = hear(ranks)? else { return Ok(()) };
+    let camera = camera(subject.resolution, &subject.view)?;
+    let kept = kept(&options);
+    let inquiry = inquire(&subject, &camera, &scene, &kept);
+    let report = &mut Report::default();
+    let (analysis, bvh, _) =
+        build(scene, &inquiry, &options, ranks, report)?;
+    let Some(run_key) = hear::<RunKey>(ranks)? else { return Ok(()) };
     let setup = Setup {
         intersector: &bvh,
         inquiry: &inquiry,
         analysis: &analysis,
     };
-    let mut job = setup.renderer(&sampling);
-    let resolution = arguments.resolution;
-    let frame = Frame { resolution, whole: window, sampling };
-    ranks.serve(&mut *job, &frame);
+    let mut job = setup.renderer(&run_key.sampling);
+    ranks.serve(&mut *job, &run_key);
     Ok(())
 }

@@ -6,21 +6,15 @@
 
 use crate::common;
 
-use std::ffi::OsStr;
 use std::io::Cursor;
-use std::os::unix::ffi::OsStrExt;
 use std::path::PathBuf;
-use std::process::Child;
-use std::thread;
-use std::time::{Duration, Instant};
 
-use common::{ROOM, Run, Scratch, finish};
-use litpt::checkpoint::{Checkpoint, Known, save};
+use common::{ROOM, Run, Scratch, finish, wait_until};
 use litpt::film::Film;
 use litpt::image::Image;
 use litpt::render_loop::Convergence;
-use litpt::report::Report;
-use litpt::run_key::RunKey;
+use litpt::state::checkpoint::{Checkpoint, Known, save};
+use litpt::state::key::RunKey;
 use serde_json::{Value, json};
 
 // --------------------------------------------------------------- The library
@@ -63,7 +57,7 @@ fn state() -> (Convergence, Film) {
 }
 
 fn known() -> Known {
-    let (options, report) = (Value::Null, Report::default());
+    let (options, report) = (Value::Null, Value::Null);
     Known { options, run_key: run_key(), report }
 }
 
@@ -144,12 +138,9 @@ fn a_fact_that_differs_is_named_with_both_values() {
         assert!(fault.contains(&format!("its {name} is")), "{fault}");
         assert!(words.iter().all(|w| fault.contains(w)), "{fault}");
     }
-    let part = json!({ "samples": "4..8 of 16", "tiles": "2/3" });
-    let fault = refused_for(part);
-    assert!(
-        fault.contains("its samples is nothing, not \"4..8"),
-        "{fault}"
-    );
+    let part = json!({ "samples": [4, 8], "of": 16, "band": [2, 3] });
+    let fault = refused_for(json!({ "part": part }));
+    assert!(fault.contains("its part is nothing, not {"), "{fault}");
 }
 
 #[test]
@@ -197,16 +188,6 @@ fn pt(place: &Scratch, arguments: &[&str]) -> Run {
     all.retain(|one| !replaced(one));
     all.extend(arguments);
     place.run(&all)
-}
-
-/// Waits until a file of a running program is as it should be.
-fn wait_until(child: &mut Child, what: &str, done: impl Fn() -> bool) {
-    let start = Instant::now();
-    while !done() {
-        assert!(child.try_wait().unwrap().is_none(), "ended, no {what}");
-        assert!(start.elapsed() < Duration::from_secs(60), "no {what}");
-        thread::sleep(Duration::from_millis(1));
-    }
 }
 
 /// The second line of a checkpoint; none if there is no such file.
@@ -299,81 +280,45 @@ fn a_run_that_has_ended_may_go_on_to_another_limit() {
 /// Resumes from `name`, which must be refused: the message names the file
 /// and holds the `words`, and nothing is changed or written.
 #[track_caller]
-fn left_alone(
-    place: &Scratch,
-    name: &str,
-    options: &[&str],
-    words: &[&str],
-) {
-    let (before, names) = (place.get(name), place.names());
-    let files = ["-f", "-n9", "-o", "a.pgm", "--report", "r.json"];
-    let checkpoint = ["--checkpoint", name, "--resume", name];
-    let run = pt(place, &[&files[..], &checkpoint, options].concat());
-    run.failed(1, &[&[name], words].concat());
-    assert_eq!(place.get(name), before);
-    assert_eq!(place.names(), names);
-}
-
+/// The message names the file and the fault; nothing is changed or written,
+/// and the scene is not read.
 #[test]
-fn what_is_no_checkpoint_is_refused_before_the_scene_is_read() {
-    let place = Scratch::new();
-    place.put("c", "litpt checkpoint 4\nand more");
-    let fault = "c: is damaged: its checksum is wrong";
-    pt(&place, &["-imissing.obj", "--resume", "c"]).failed(1, &[fault]);
-    // Neither is a file without an end read to its end.
-    let fault = "is not a checkpoint";
-    pt(&place, &["--resume", "/dev/zero"]).failed(1, &[fault]);
-}
-
-#[test]
-fn a_damaged_checkpoint_is_refused_and_left_alone() {
+fn what_cannot_be_resumed_is_refused_and_left_alone() {
     let place = Scratch::new();
     pt(&place, &["-n2", "-o", "/dev/null", "-f", "--checkpoint", "c"])
         .succeeded();
     let whole = place.get("c");
-    let size = whole.len();
-    for length in [0, 5, 19, 20, 300, 5000, size - 32, size - 1] {
-        place.put("c", &whole[..length]);
-        let magic = length < 19;
-        let word = if magic { "is not a checkpoint" } else { "is damaged" };
-        left_alone(&place, "c", &[], &[word]);
-    }
-    for place_of_bit in [0, 18, 19, 40, 700, size / 2, size - 33, size - 1]
-    {
-        let mut bytes = whole.clone();
-        bytes[place_of_bit] ^= 4;
-        place.put("c", bytes);
-        left_alone(&place, "c", &[], &[]);
-    }
-    for other in ["", ROOM, "litpt checkpoint 1\n", "P2 1 1\n255\n0\n"] {
-        place.put("c", other);
-        left_alone(&place, "c", &[], &["is not a checkpoint"]);
-    }
-    place.put("c", whole);
-    let run = ["-o", "a.pgm", "-n3", "--checkpoint", "c", "--resume", "c"];
-    pt(&place, &run).succeeded();
-}
-
-#[test]
-fn the_checkpoint_of_another_run_is_refused_with_the_fact_that_differs() {
-    let place = Scratch::new();
-    pt(&place, &["-n2", "-o", "/dev/null", "-f", "--checkpoint", "c"])
-        .succeeded();
-    for (option, fact) in [
-        ("-s1", "seed is 0, not 1"),
-        ("-r0.8", "albedo is 0.7, not 0.8"),
-        ("-d17x23", "resolution is [23,17], not [17,23]"),
-        ("-d23x18", "resolution"),
-        ("-p0,0,0.1", "position"),
-        ("-t0,1,0.1", "target"),
-        ("-u0,0.1,1", "up"),
-        ("-F71", "fov"),
-        ("-isquare.obj", "scene_sha256"),
-    ] {
-        left_alone(&place, "c", &[option], &["another run", fact]);
-    }
     place.put("other.obj", [ROOM, "# a word\n"].concat());
-    left_alone(&place, "c", &["-iother.obj"], &["scene_sha256"]);
+    let left_alone = |bytes: &[u8], option: &str, words: &[&str]| {
+        place.put("c", bytes);
+        let names = place.names();
+        let files = ["-f", "-n9", "-o", "a.pgm", "--report", "r.json"];
+        let resume = ["--checkpoint", "c", "--resume", "c", option];
+        let run = pt(&place, &[&files[..], &resume].concat());
+        run.failed(1, &[&["c: "], words].concat());
+        assert!(place.get("c") == bytes && place.names() == names);
+    };
+    let missing = "-imissing.obj";
+    let mut damaged = whole.clone();
+    damaged[700] ^= 4;
+    left_alone(&damaged, missing, &["is damaged: its checksum is wrong"]);
+    left_alone(&whole[..5000], missing, &["is damaged"]);
+    for other in ["", ROOM, "litpt checkpoint 1\n", "P2 1 1\n255\n0\n"] {
+        left_alone(other.as_bytes(), missing, &["is not a checkpoint"]);
+    }
+    for (option, fact) in [
+        ("-s1", "another run: its seed is 0, not 1"),
+        ("-d17x23", "resolution is [23,17], not [17,23]"),
+        ("-isquare.obj", "scene_sha256"),
+        ("-iother.obj", "scene_sha256"),
+    ] {
+        left_alone(&whole, option, &[fact]);
+    }
+    // Neither is a file without an end read to its end.
+    let fault = "is not a checkpoint";
+    pt(&place, &["--resume", "/dev/zero"]).failed(1, &[fault]);
+    let fault = ["d: cannot read", "No such file"];
+    pt(&place, &[missing, "--resume", "d"]).failed(1, &fault);
 }
 
 #[test]
@@ -391,23 +336,6 @@ fn a_checkpoint_that_exists_is_refused_before_the_scene_is_read() {
 }
 
 #[test]
-fn a_checkpoint_that_is_missing_is_reported_before_the_scene_is_read() {
-    let place = Scratch::new();
-    let run = pt(&place, &["-imissing.obj", "--resume", "c"]);
-    run.failed(1, &["c: cannot read", "No such file"]);
-    place.holds_only(&[]);
-}
-
-#[test]
-fn a_checkpoint_may_not_take_the_name_of_the_scene() {
-    let place = Scratch::new();
-    let files = ["-f", "--checkpoint=room.obj", "-oa.pgm"];
-    pt(&place, &files).failed(1, &["named twice"]);
-    place.holds_only(&[]);
-    assert_eq!(place.get("room.obj"), ROOM.as_bytes());
-}
-
-#[test]
 fn a_checkpoint_alone_says_how_to_go_on() {
     let place = Scratch::new();
     killed_after(&place, 5, &[&ALL[..], &["--report", "r.json"]].concat());
@@ -418,9 +346,7 @@ fn a_checkpoint_alone_says_how_to_go_on() {
         |words: &[&str]| place.run(&[&["--resume", "c"], words].concat());
     on(&[&n]).succeeded();
     same_as_uninterrupted(&place, &[&n]);
-    let report = place.get("r.json");
-    let report: Value = serde_json::from_slice(&report).unwrap();
-    assert_eq!(report["settings"]["spp"], spp + 10);
+    assert_eq!(place.json("r.json")["settings"]["spp"], spp + 10);
     // It has saved itself; other files are not replaced.
     assert_eq!(saved_spp(&place.path("c")), Some(spp + 10));
     place.put("b.pgm", "old");
@@ -469,57 +395,6 @@ fn a_resumed_run_keeps_away_from_the_files_of_others() {
 }
 
 #[test]
-fn the_same_command_may_be_resumed_whatever_names_the_scene() {
-    let place = Scratch::new();
-    for (i, scene) in
-        [&["room.obj"][..], &["-i", "room.obj"], &["--", "room.obj"]]
-            .into_iter()
-            .enumerate()
-    {
-        let c = format!("c{i}");
-        let first = ["-d9x7", "-q", "-o", "-", "--checkpoint", &c];
-        place.run(&[&first[..], scene].concat()).succeeded();
-        let on = ["-n3", "-j1", "--resume", &c];
-        let alone = place.run(&on);
-        alone.succeeded();
-        place.run(&[&on[..], scene].concat()).succeeded();
-        let whole = ["-d9x7", "-n3", "-q", "room.obj"];
-        assert!(alone.stdout == place.run(&whole).stdout, "{scene:?}");
-    }
-}
-
-#[test]
-fn a_run_is_resumed_whatever_its_files_are_called() {
-    let place = Scratch::new();
-    let whole = place.render(&["-d9x7", "-n3", "--format=pfm"]);
-    let names = ["3", "9x7", "-n", "--", " [a]\n*", "\u{e9}"];
-    let names = names.map(str::as_bytes);
-    let directories = ["scenes", "images", "states"];
-    let [scenes, images, states] =
-        directories.map(|directory| place.path(directory));
-    for directory in [&scenes, &images, &states] {
-        std::fs::create_dir(directory).unwrap();
-    }
-    for name in names.into_iter().chain([&[0xe9][..], &[b'x'; 251]]) {
-        let called = |extension: &[u8]| {
-            OsStr::from_bytes(&[name, extension].concat()).to_owned()
-        };
-        let (scene, state) = (called(b""), states.join(called(b".ck")));
-        std::fs::write(scenes.join(&scene), ROOM).unwrap();
-        let image = images.join(called(b".pfm"));
-        let first = ["-d9x7", "-q", "--checkpoint"].map(OsStr::new);
-        let files = [state.as_os_str(), "-o".as_ref(), image.as_ref()];
-        let all = [&first[..], &files, &["--".as_ref(), &scene]].concat();
-        let mut run = place.pt(&all);
-        run.current_dir(&scenes);
-        finish(run.spawn().unwrap()).succeeded();
-        let on = ["-n3".as_ref(), "--resume".as_ref(), state.as_os_str()];
-        place.run(&on).succeeded();
-        assert!(std::fs::read(image).unwrap() == whole, "{scene:?}");
-    }
-}
-
-#[test]
 fn a_scene_on_standard_input_is_there_again_when_the_run_goes_on() {
     let place = Scratch::new();
     let whole = place.render(&["-d9x7", "-n3"]);
@@ -530,29 +405,4 @@ fn a_scene_on_standard_input_is_there_again_when_the_run_goes_on() {
         on.succeeded();
         assert!(on.stdout == whole, "{scene}");
     }
-}
-
-#[test]
-fn what_is_saved_of_the_options_is_what_they_mean() {
-    let place = Scratch::new();
-    let saved = |words: &str| {
-        let words = [words, "-qf --checkpoint=c"].join(" ");
-        let words: Vec<_> = words.split_whitespace().collect();
-        place.run(&words).succeeded();
-        header(&place.path("c")).unwrap()["known"]["options"].take()
-    };
-    let one = saved("-i room.obj -n 2 -d 9x7 -t 0,1,0.25 -o -");
-    let same = "--target=0,1,.25 --input=room.obj -n1 -o- -d9x7 --spp 2";
-    assert_eq!(one, saved(same));
-    assert_ne!(one, saved("-i room.obj -n 2 -d 9x7 -t 0,1,0.5 -o -"));
-    assert_eq!(one["samples"], 2);
-    // An option that was not typed is replaced by one that is.
-    let on = ["--resume=c", "-j1", "-n3", "-F70", "--every=9"];
-    place.run(&on).succeeded();
-    let options = &header(&place.path("c")).unwrap()["known"]["options"];
-    assert_eq!(options["target"], json!([0., 1., 0.5]));
-    assert_eq!(
-        (&options["threads"], &options["samples"]),
-        (&json!(1), &json!(3))
-    );
 }

@@ -9,7 +9,7 @@ use std::process::Command;
 use std::time::Duration;
 
 use litpt::bvh::Isa;
-use litpt::progress::Progress;
+use litpt::progress;
 
 use common::{ABOVE, Run, Scratch, finish, skip};
 
@@ -216,58 +216,32 @@ fn a_bar_ends_with_the_run_that_a_signal_ends() {
 }
 
 /// What is shown after a number of paths and seconds.
-fn shown(progress: &mut Progress, paths: u64, seconds: f64) -> String {
-    progress.update(paths, seconds);
-    let time = progress.time(Duration::from_secs(7));
-    format!("{} {time}", progress.bar(8))
-}
-
 #[test]
-fn progress_is_the_share_of_the_paths_once_they_are_foreseen() {
-    let mut run = Progress::within(None);
-    assert_eq!(shown(&mut run, 0, 0.), "[>       ] 0% 0s passed");
-    assert_eq!(shown(&mut run, 500, 3.), "[>       ] 0% 3s passed");
-    run.expected = Some(1000);
-    let half = "[====>   ] 50% 3s passed, 7s to go";
-    assert_eq!(shown(&mut run, 500, 3.), half);
-    // The end is farther than it seemed.
-    run.expected = Some(5000);
-    let less = "[=>      ] 20% 3s passed, 7s to go";
-    assert_eq!(shown(&mut run, 1000, 3.), less);
-    let more = "[====>   ] 59% 9s passed, 7s to go";
-    assert_eq!(shown(&mut run, 2999, 9.), more);
-    let nearly = "[=======>] 99% 9s passed, 7s to go";
-    assert_eq!(shown(&mut run, 4999, 9.), nearly);
-    let all = "[========] 100% 9s passed, 7s to go";
-    assert_eq!(shown(&mut run, 5000, 9.), all);
-    assert_eq!(shown(&mut run, 6000, 9.), all);
-    let mut much = Progress::within(None);
-    much.expected = Some(u64::MAX);
-    assert!(shown(&mut much, u64::MAX / 2, 1.).contains("] 49%"));
-}
-
-#[test]
-fn progress_with_a_limit_of_time_is_the_time_or_what_is_nearer_its_end() {
-    let mut run = Progress::within(Some(30.));
-    assert_eq!(shown(&mut run, 0, 0.), "[>       ] 0% 0 s of 30 s");
-    assert_eq!(shown(&mut run, 9, 12.9), "[===>    ] 43% 12 s of 30 s");
-    run.expected = Some(1000);
-    assert_eq!(shown(&mut run, 9, 12.9), "[===>    ] 43% 12 s of 30 s");
-    assert_eq!(shown(&mut run, 750, 13.), "[======> ] 75% 13 s of 30 s");
-    assert_eq!(shown(&mut run, 760, 31.), "[========] 100% 30 s of 30 s");
-    let mut short = Progress::within(Some(0.5));
-    assert!(shown(&mut short, 0, 0.1).ends_with("0 s of 0.5 s"));
-}
-
-#[test]
-fn progress_does_not_run_on_when_the_run_is_to_stop() {
-    let mut run = Progress::within(Some(30.));
-    assert_eq!(shown(&mut run, 9, 12.), "[===>    ] 40% 12 s of 30 s");
-    run.stopping = true;
-    let stopping = "[===>    ] 40% stopping";
-    assert_eq!(shown(&mut run, 99, 20.), stopping);
-    run.expected = Some(100);
-    assert_eq!(shown(&mut run, 99, 29.), stopping);
+fn progress_is_the_larger_share_of_paths_and_time() {
+    let (none, all, some) = (None, Some(1000), Some(30.));
+    let many = Some(u64::MAX);
+    for (paths, seconds, line) in [
+        ((500, none), (3., None), "[>       ] 0% 3s passed"),
+        ((0, all), (0., None), "[>       ] 0% 0s passed, 7s to go"),
+        ((500, all), (3., None), "[====>   ] 50% 3s passed, 7s to go"),
+        ((599, all), (9., None), "[====>   ] 59% 9s passed, 7s to go"),
+        ((999, all), (9., None), "[=======>] 99% 9s passed, 7s to go"),
+        ((1000, all), (9., None), "[========] 100% 9s passed, 7s to go"),
+        ((6000, all), (9., None), "[========] 100% 9s passed, 7s to go"),
+        ((5, Some(0)), (9., None), "[========] 100% 9s passed, 7s to go"),
+        ((1 << 62, many), (1., None), "[==>     ] 25% 1s passed, 7s to go"),
+        ((0, none), (0., some), "[>       ] 0% 0 s of 30 s"),
+        ((9, none), (12.9, some), "[===>    ] 43% 12 s of 30 s"),
+        ((9, all), (12.9, some), "[===>    ] 43% 12 s of 30 s"),
+        ((750, all), (13., some), "[======> ] 75% 13 s of 30 s"),
+        ((760, all), (31., some), "[========] 100% 30 s of 30 s"),
+        ((0, none), (0.1, Some(0.5)), "[=>      ] 20% 0 s of 0.5 s"),
+    ] {
+        let bar = progress::bar(progress::percent(paths, seconds), 8);
+        let remains = paths.1.map(|_| Duration::from_secs(7));
+        let time = progress::time(seconds, remains);
+        assert_eq!(format!("{bar} {time}"), line);
+    }
 }
 
 #[test]

@@ -14,13 +14,43 @@ use std::time::Duration;
 use glam::DVec3;
 use litpt::bvh::Isa;
 use litpt::camera::{Camera, View};
+use litpt::options::{Error, Options};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
 use common::{ABOVE, ROOM, Scratch, finish, pgm};
 
+// ------------------------------------------------------- Words and options
+
+fn parse(words: &[&str]) -> Result<Options, Error> {
+    Options::parse([&["pt"], words].concat())
+}
+
+#[track_caller]
+fn parsed(words: &[&str]) -> Options {
+    parse(words).unwrap_or_else(|error| panic!("{words:?}: {error:?}"))
+}
+
+/// Wrong usage, which is told in one line with each of the texts.
+#[track_caller]
+fn refused(words: &[&str], texts: &[&str]) {
+    let Err(Error::Usage(line)) = parse(words) else {
+        panic!("{words:?} are accepted");
+    };
+    assert_eq!(line.lines().count(), 1, "{line}");
+    assert!(line.ends_with(" (see pt --help)"), "{line}");
+    for text in texts {
+        assert!(line.contains(text), "no {text} in: {line}");
+    }
+}
+
+/// What is as the other would be in a checkpoint.
+fn saved(words: &[&str]) -> String {
+    parsed(words).save("/".as_ref()).to_string()
+}
+
 /// Each option that has a value and a default: its short form, its long
-/// form, the default, and a value that gives another image.
+/// form, the default, and another value.
 const DEFAULTS: [[&str; 4]; 8] = [
     ["-d", "--resolution", "320x240", "321x240"],
     ["-n", "--spp", "1", "2"],
@@ -33,136 +63,312 @@ const DEFAULTS: [[&str; 4]; 8] = [
 ];
 
 #[test]
-fn the_names_of_the_reference_are_understood() {
-    let place = Scratch::new();
-    for (name, alias, value) in [
-        ("--resolution", "--definition", "9x7"),
-        ("--spp", "--realisations", "3"),
-        ("--albedo", "--reflectivity", "0.5"),
+fn a_default_given_explicitly_changes_nothing() {
+    let meant = |words: &[&str]| {
+        let options = parsed(&[&["-p0,0,0"], words].concat());
+        let mut other = options.clone();
+        (other.samples, other.target) = (options.samples(), None);
+        (other.save("/".as_ref()), options.view())
+    };
+    let typed = meant(&[]);
+    for [short, long, default, other] in DEFAULTS {
+        let option = format!("{long}={default}");
+        assert!(meant(&[short, default]) == typed, "{short}");
+        assert!(meant(&[long, default]) == typed, "{long}");
+        assert!(meant(&[&option]) == typed, "{option}");
+        assert!(meant(&[short, other]) != typed, "{other}");
+    }
+    for (alias, name, value) in [
+        ("--definition", "--resolution", "9x7"),
+        ("--realisations", "--spp", "3"),
+        ("--reflectivity", "--albedo", "0.5"),
     ] {
-        let film = place.render(&[alias, value]);
-        assert!(film == place.render(&[name, value]), "{alias}");
-        let help = place.run(&["-h"]).stdout;
-        assert!(String::from_utf8(help).unwrap().contains(alias));
+        assert_eq!(saved(&[alias, value]), saved(&[name, value]));
     }
 }
 
-/// Wrong usage of one option: refused before anything is read or written.
-#[track_caller]
-fn refused(option: &str, long: &str, values: &[&str]) {
-    let place = Scratch::new();
-    for value in values {
-        let named = [long, &format!("'{value}'")];
-        let output = ["-i", "room.obj", "-o", "image.pgm"];
-        let separate = [&output[..], &[option, value]].concat();
-        place.run(&separate).failed(2, &named);
-        let joined = format!("{long}={value}");
-        let joined = [&output[..], &[joined.as_str()]].concat();
-        if !value.is_empty() {
-            place.run(&joined).failed(2, &named);
+/// Values of an option that are refused, for the reason that is told.
+#[test]
+fn a_value_that_is_almost_right_is_refused() {
+    let table = [
+        (
+            "-d --resolution",
+            "800x600x3|0x5|5x0|16385x1|800|x|8x|x6|8X6|8x6 ",
+            "",
+        ),
+        (
+            "-d --resolution",
+            "8 x 6|8.0x6|8e2x6|+8x6|8x+6|0x10x4||-1x2|1x-2",
+            "",
+        ),
+        (
+            "--crop",
+            "1,2|1,2,3|1,2,3x4x5|-1,2,3x4|1,2,0x4|a,2,3x4|+1,2,3x4",
+            "",
+        ),
+        ("-n --spp", "0|-3", ""),
+        ("-n -s -j", "1.5|1e3|abc|+3||-1", "in digits"),
+        ("-n -s -j", "18446744073709551616", "is larger than"),
+        ("--samples", "4..4|4..3|4|0..x|..4|+0..2|0..+2", "as in 16..32"),
+        ("--tiles", "0/4|5/4|5|1/2/3|+1/2|1/+2", "as in 2/8"),
+        ("-p -t -u", "1,2|1,2,3,4|-1,-2", "three reals"),
+        ("-p -t -u", "1,2,|1 2 3|1, 2,3|a,b,c|1,,3|-|", "a real number"),
+        ("-p -t -u", "nan,0,0|0,inf,0|0,0,-inf|1e999,0,0", "finite"),
+        ("-F -r --time --error", "nan|inf|1e999", "finite"),
+        ("-F -r --time --error", "a||0,5|50%", "a real number"),
+        ("-F --fov", "0|180|-10|1e3", "strictly between 0 and 180"),
+        ("-r --albedo", "-0.1|1.1", "between 0 and 1"),
+        ("--time --error --every", "0|-1", "greater than zero"),
+        ("-j --threads", "0|4097", "between 1 and 4096"),
+        ("--isa", "sse|AVX2", ""),
+        ("--integrator", "path|AUTO", "reference, sobol or gather"),
+    ];
+    for (options, values, reason) in table {
+        for option in options.split(' ') {
+            for value in values.split('|') {
+                let quoted = format!("'{value}'");
+                refused(&[option, value], &[&quoted, reason]);
+                let joined = format!("{option}={value}");
+                if option.starts_with("--") && !value.is_empty() {
+                    refused(&[&joined], &[&quoted, reason]);
+                }
+            }
         }
     }
+    refused(&["-d", "16385x1"], &["at most 16384 pixels a side"]);
+    refused(&["-n", "abc"], &["'abc' is not a whole number in digits"]);
+    refused(&["-n0"], &["a pixel needs at least one sample"]);
+}
+
+#[test]
+fn a_value_at_the_end_of_its_range_is_accepted() {
+    for words in [
+        ["-d16384x1", "-d1x16384"],
+        ["-F1e-9", "-F179.999"],
+        ["-r0", "-r1"],
+        ["-s0", "-s18446744073709551615"],
+        ["-n1", "-n18446744073709551615"],
+        ["-j1", "-j4096"],
+        ["--time=1e-300", "--error=1e300"],
+    ] {
+        parsed(&words);
+    }
+}
+
+#[test]
+fn a_vector_may_begin_with_a_minus_sign() {
+    let joined =
+        ["--position=-1,-2,-.5", "--target=-2,1,-1", "--up=-1,0,9"];
+    let separate = ["-p", "-1,-2,-.5", "-t", "-2,1,-1", "-u", "-1,0,9"];
+    assert_eq!(saved(&joined), saved(&separate));
+    let position = DVec3::new(-1., -2., -0.5);
+    assert_eq!(parsed(&joined).position, Some(position));
+}
+
+#[test]
+fn options_that_do_not_fit_together_are_refused() {
+    let need = "--samples and --tiles need -n";
+    for (words, text) in [
+        (&["--samples=0..4"][..], need),
+        (&["--tiles=1/2"], need),
+        (&["--samples=0..4", "-n8", "--time=1"], need),
+        (&["--tiles=1/2", "-n8", "--error=1"], need),
+        (&["--samples=0..9", "-n8"], "--samples ends after"),
+        (&["--tiles=1/2", "-n8", "--reference=a.exr"], "--reference"),
+        (&["-d40x50", "-n8", "--tiles=5/5"], "4 rows of tiles"),
+        (&["-oa.litpt", "-ob.litpt"], "a run has one state"),
+        (&["-oa.litpt", "--checkpoint=b"], "a run has one state"),
+        (&["--every", "5"], "--every needs --checkpoint"),
+        (&["--checkpoint", "-"], "--checkpoint needs a file"),
+        (&["--preview", "-o", "a.pfm"], "--preview needs a PNG file"),
+        (&["-d9x7", "--crop=9,0,1x1"], "--crop 9,0,1x1: does not lie"),
+        (&["-d9x7", "--crop=0,7,1x1"], "the image of 9x7 pixels"),
+        (&["-d9x7", "--crop=8,0,2x1"], "--crop"),
+        (&["-d9x7", "--crop=4294967295,0,9x1"], "--crop"),
+    ] {
+        refused(words, &[text]);
+    }
+}
+
+#[test]
+fn what_is_no_option_or_has_no_value_is_named() {
+    for wrong in ["-z", "--nonsense"] {
+        refused(&["-i", "room.obj", wrong], &[wrong]);
+    }
+    let valued = DEFAULTS.map(|[short, long, ..]| [short, long]);
+    let others =
+        [["-i", "--input"], ["-o", "--output"], ["-j", "--threads"]];
+    for [short, long] in valued.into_iter().chain(others) {
+        refused(&["-q", short], &[long]);
+        refused(&["-q", long], &[long]);
+    }
+    refused(&["-o", "-q"], &["--output"]);
+    refused(&["--albdo", "1"], &["--albdo", "a similar", "'--albedo'"]);
+    refused(&["--format", "pgn"], &["'pgn'", "a similar", "'pgm'"]);
+}
+
+#[test]
+fn of_an_option_given_twice_the_last_value_counts() {
+    let twice = ["-d9x7", "-n2", "-n", "3", "-q", "-q", "-f", "-f"];
+    assert_eq!(saved(&twice), saved(&["-d9x7", "-n3", "-qf"]));
+    for (words, name) in [
+        (&["a.obj"][..], Some("a.obj")),
+        (&["b.obj", "-i", "a.obj"], Some("a.obj")),
+        (&["--input=b.obj", "a.obj"], Some("a.obj")),
+        (&["-"], None),
+        (&["-i-"], None),
+        (&[], None),
+    ] {
+        let scene = parsed(words);
+        assert_eq!(scene.scene_file(), name.map(AsRef::as_ref));
+    }
+}
+
+/// What is typed comes after the options of the run that goes on; those that
+/// belong together are replaced together.
+#[test]
+fn a_resumed_run_has_the_options_of_both_commands() {
+    let typed = ["-n9", "--error=1", "-oa.pfm", "-oa.png", "-fq", "b.obj"];
+    let typed = [&typed[..], &["--checkpoint=c", "--report=r.csv"]];
+    let before = parsed(&typed.concat()).save("/there".as_ref());
+    let after = |words: &[&str]| {
+        let words = [&["--resume=d"], words].concat();
+        parsed(&words).after(&before).unwrap()
+    };
+    let alone = after(&[]);
+    assert_eq!((alone.samples, alone.error), (Some(9), Some(1.)));
+    assert_eq!(alone.checkpoint, Some("d".into()));
+    assert_eq!(alone.scene_file(), Some("/there/b.obj".as_ref()));
+    let old = ["/there/a.pfm", "/there/a.png", "/there/r.csv"];
+    assert_eq!(alone.replaced, old.map(AsRef::<std::path::Path>::as_ref));
+    assert!(alone.quiet && !alone.force);
+    let more = after(&["--time=2", "-of", "-ic.obj", "--checkpoint=e"]);
+    let limits = (more.samples, more.error, more.time);
+    assert_eq!(limits, (None, None, Some(2.)));
+    assert_eq!(more.output, [std::path::PathBuf::from("f")]);
+    assert_eq!(more.scene_file(), Some("c.obj".as_ref()));
+    assert_eq!(more.checkpoint, Some("e".into()));
+    let preview = parsed(&["--resume=d", "--preview", "-ob.pfm"]);
+    assert!(matches!(preview.after(&before), Err(Error::Usage(_))));
+    let none = parsed(&["--resume=d"]).after(&serde_json::json!(3));
+    assert!(matches!(none, Err(Error::Failure(_))));
+}
+
+#[test]
+fn a_name_of_a_file_need_not_be_a_text() {
+    let name = OsStr::from_bytes(b"\xff.obj");
+    let typed = Options::parse([OsStr::new("pt"), name]).unwrap();
+    let saved = typed.save("/".as_ref());
+    let again = Options::restore(&saved).unwrap();
+    assert_eq!(again.scene.unwrap(), std::path::Path::new("/").join(name));
+    for name in ["3", "-n", "--", " [a]\n*"] {
+        let saved = parsed(&["--", name]).save("/".as_ref());
+        let again = Options::restore(&saved).unwrap();
+        assert_eq!(
+            again.scene.unwrap(),
+            std::path::Path::new("/").join(name)
+        );
+    }
+    let place = Scratch::new();
+    std::fs::write(place.path("").join(name), ROOM).unwrap();
+    place.run(&[OsStr::new("-d9x7"), name]).succeeded();
+}
+
+// --------------------------------------------------------------- The help
+
+#[test]
+fn the_help_lists_every_option_with_its_default_and_the_licence() {
+    let place = Scratch::new();
+    let help = place.run(&["-h"]);
+    help.succeeded();
+    assert!(help.stderr.is_empty());
+    assert_eq!(place.run(&["--help"]).stdout, help.stdout);
+    let help = String::from_utf8(help.stdout).unwrap();
+    assert!(!help.contains('\x1b'));
+    let lists = |short: &str, long: &str, default: &str| {
+        let option = format!("{short}, {long}");
+        let found = |line: &&str| line.trim_start().starts_with(&option);
+        let line = help.lines().find(found).expect(&option);
+        assert!(line.contains(default), "{line}");
+    };
+    for [short, long, default, _] in DEFAULTS {
+        match long {
+            "--position" | "--target" => lists(short, long, "[default: "),
+            _ => lists(short, long, &format!("[default: {default}]")),
+        }
+    }
+    lists("-o", "--output", "[default: -, standard output");
+    lists("-j", "--threads", "[default: all cores]");
+    for [short, long] in [
+        ["-f", "--force"],
+        ["-q", "--quiet"],
+        ["-h", "--help"],
+        ["-V", "--version"],
+    ] {
+        lists(short, long, "");
+    }
+    for text in [
+        "[default: standard input, as is -]",
+        "definition",
+        "realisations",
+        "reflectivity",
+        "Usage: pt",
+        "Exit status: 0",
+        "Copyright (C) 2026 litpt contributors",
+        "GNU GPL version 3 or later",
+        "NO WARRANTY",
+    ] {
+        assert!(help.contains(text), "{text}");
+    }
+}
+
+#[test]
+fn the_version_is_that_of_the_package() {
+    let place = Scratch::new();
+    let version = concat!("pt ", env!("CARGO_PKG_VERSION"), "\n");
+    for option in ["-V", "--version"] {
+        let run = place.run(&[option]);
+        run.succeeded();
+        assert_eq!(String::from_utf8(run.stdout).unwrap(), version);
+        assert!(run.stderr.is_empty());
+    }
+}
+
+#[test]
+fn help_that_nobody_reads_is_no_error() {
+    let place = Scratch::new();
+    let (reader, writer) = io::pipe().unwrap();
+    drop(reader);
+    let mut command = place.pt(&["-h"]);
+    command.stdout(Stdio::from(writer));
+    let run = finish(command.spawn().unwrap());
+    assert_eq!((run.status, run.stderr.as_str()), (Some(0), ""));
+}
+
+#[test]
+fn wrong_usage_ends_with_status_2_before_anything_is_done() {
+    let place = Scratch::new();
+    let run = ["-i", "missing.obj", "-o", "image.pgm", "-n0"];
+    place.run(&run).failed(2, &["'0'", "--spp"]);
     place.holds_only(&[]);
 }
 
+// -------------------------------------------------------------- The images
+
 #[test]
-fn a_default_given_explicitly_changes_nothing() {
+fn the_options_reach_the_image() {
     let place = Scratch::new();
     let film = place.render(&[]);
     assert_eq!(pgm(&film).0, 320);
-    for [short, long, default, other] in DEFAULTS {
-        let option = format!("{long}={default}");
+    for [short, _, default, other] in DEFAULTS {
         assert!(place.render(&[short, default]) == film, "{short}");
-        assert!(place.render(&[long, default]) == film, "{long}");
-        assert!(place.render(&[&option]) == film, "{option}");
         assert!(place.render(&[short, other]) != film, "{other}");
     }
-}
-
-#[test]
-fn the_instructions_change_nothing_but_the_summary() {
-    let place = Scratch::new();
-    let film = place.render(&["-n3"]);
-    for isa in Isa::ALL.map(|isa| isa.to_string()) {
-        let run = place.run(&["-i", "room.obj", "-n3", "--isa", &isa]);
-        if isa.parse::<Isa>().unwrap().is_available() {
-            run.succeeded();
-            assert!(run.stdout == film, "{isa}");
-            assert!(run.stderr.contains(&format!(", {isa})")), "{isa}");
-        } else {
-            run.failed(1, &[&isa, "instructions"]);
-        }
+    let scene = [&ABOVE[..], &["-i", "square.obj", "-d2x2"]].concat();
+    for (rho, level) in [("0", 0), ("0.002", 6), ("0.5", 187)] {
+        let run = place.run(&[&scene[..], &["-r", rho]].concat());
+        assert_eq!(pgm(&run.stdout), (2, 2, vec![level; 4]), "{rho}");
     }
-    refused("--isa", "--isa", &["sse", "AVX2"]);
-}
-
-#[test]
-fn the_input_is_a_file_or_standard_input() {
-    let place = Scratch::new();
-    let film = place.render(&["-d9x7"]);
-    let fed = place.feed(ROOM.as_bytes(), &["-d9x7"]);
-    fed.succeeded();
-    assert_eq!(fed.stdout, film);
-    let long = place.run(&["--input", "room.obj", "-d9x7"]);
-    assert_eq!(long.stdout, film);
-}
-
-#[test]
-fn the_output_is_a_file_or_standard_output() {
-    let place = Scratch::new();
-    let film = place.render(&["-d9x7"]);
-    assert!(place.render_to(&["-o", "short.pgm"]).stdout.is_empty());
-    place.render_to(&["--output", "long.pgm"]);
-    place.render_to(&["--output", "long.pgm", "--force", "--quiet"]);
-    place.render_to(&["-o", "long.pgm", "-fq"]);
-    assert_eq!(place.get("short.pgm"), film);
-    assert_eq!(place.get("long.pgm"), film);
-}
-
-impl Scratch {
-    fn render_to(&self, output: &[&str]) -> common::Run {
-        let scene = ["-i", "room.obj", "-d9x7"];
-        let run = self.run(&[&scene[..], output].concat());
-        run.succeeded();
-        run
-    }
-}
-
-#[test]
-fn a_resolution_is_two_integers_around_one_x() {
-    let wrong = [
-        "800x600x3",
-        "0x5",
-        "5x0",
-        "16385x1",
-        "1x16385",
-        "99999999999999999999x1",
-        "800",
-        "x",
-        "8x",
-        "x6",
-        "8X6",
-        "8x6 ",
-        " 8x6",
-        "8 x 6",
-        "8.0x6",
-        "8e2x6",
-        "+8x6",
-        "8x+6",
-        "0x10x4",
-        "",
-    ];
-    refused("-d", "--resolution", &wrong);
-    refused("-d", "--resolution", &["-1x2", "1x-2"]);
-    for large in ["16385x1", "1x99999999999999999999"] {
-        let said = ["at most 16384 pixels a side"];
-        Scratch::new().run(&["-d", large]).failed(2, &said);
-    }
-}
-
-#[test]
-fn a_resolution_may_be_as_large_as_16384_on_either_side() {
-    let place = Scratch::new();
     for side in ["16384x1", "1x16384"] {
         let (width, height, levels) = pgm(&place.render(&["-d", side]));
         assert_eq!(format!("{width}x{height}"), side);
@@ -171,11 +377,36 @@ fn a_resolution_may_be_as_large_as_16384_on_either_side() {
 }
 
 #[test]
-fn the_number_of_samples_is_a_positive_integer() {
-    let wrong =
-        ["0", "1.5", "1e3", "abc", "99999999999999999999", "+3", ""];
-    refused("-n", "--spp", &wrong);
-    refused("-n", "--spp", &["-3"]);
+fn neither_instructions_nor_threads_change_the_image() {
+    let place = Scratch::new();
+    let small = ["-d70x50", "-n5", "-r0.8"];
+    let film = place.render(&small);
+    for threads in ["-j1", "-j2", "-j7"] {
+        let again = place.render(&[&small[..], &[threads]].concat());
+        assert!(again == film, "{threads}");
+    }
+    for isa in Isa::ALL.map(|isa| isa.to_string()) {
+        let words = ["-i", "room.obj", "--isa", &isa];
+        let run = place.run(&[&words[..], &small].concat());
+        if isa.parse::<Isa>().unwrap().is_available() {
+            run.succeeded();
+            assert!(run.stdout == film, "{isa}");
+            assert!(run.stderr.contains(&format!(", {isa})")), "{isa}");
+        } else {
+            run.failed(1, &[&isa, "instructions"]);
+        }
+    }
+}
+
+#[test]
+fn a_seed_gives_its_own_image_and_always_the_same() {
+    let place = Scratch::new();
+    let seeds = ["-s0", "-s1", "-s2", "-s18446744073709551615"];
+    let images = seeds.map(|seed| place.render(&["-d32x24", seed]));
+    for (i, seed) in seeds.iter().enumerate() {
+        assert!(place.render(&["-d32x24", seed]) == images[i]);
+        assert!(images[..i].iter().all(|film| *film != images[i]));
+    }
 }
 
 #[test]
@@ -189,142 +420,6 @@ fn the_largest_number_of_samples_starts_to_render() {
     child.kill().unwrap();
     let run = finish(child);
     assert!(ended.is_none() && run.stderr.is_empty(), "{}", run.stderr);
-}
-
-#[test]
-fn a_vector_is_three_finite_reals_around_two_commas() {
-    let wrong = [
-        "1,2",
-        "1,2,3,4",
-        "1,2,",
-        "1 2 3",
-        "1, 2,3",
-        "a,b,c",
-        "nan,0,0",
-        "0,inf,0",
-        "0,0,-inf",
-        "1e999,0,0",
-        "1,,3",
-        "-",
-        "-1,-2",
-        "",
-    ];
-    refused("-p", "--position", &wrong);
-    refused("-t", "--target", &wrong);
-    refused("-u", "--up", &wrong);
-}
-
-#[test]
-fn a_vector_may_begin_with_a_minus_sign() {
-    let place = Scratch::new();
-    let joined =
-        ["--position=-1,-2,-.5", "--target=-2,1,-1", "--up=-1,0,9"];
-    let separate = ["-p", "-1,-2,-.5", "-t", "-2,1,-1", "-u", "-1,0,9"];
-    let size = ["-d9x7"];
-    let film = place.render(&[&size[..], &joined].concat());
-    assert_eq!(place.render(&[&size[..], &separate].concat()), film);
-    assert_ne!(place.render(&size), film);
-}
-
-#[test]
-fn a_field_of_view_lies_strictly_between_0_and_180() {
-    let wrong = ["0", "180", "-10", "1e3", "nan", "inf", "70,", "wide", ""];
-    refused("-F", "--fov", &wrong);
-    let place = Scratch::new();
-    place.render(&["-d2x2", "-F", "1e-9"]);
-    place.render(&["-d2x2", "-F", "179.999"]);
-}
-
-#[test]
-fn an_albedo_lies_between_0_and_1() {
-    let wrong = ["-0.1", "1.1", "nan", "inf", "50%", "0,5", ""];
-    refused("-r", "--albedo", &wrong);
-    let place = Scratch::new();
-    place.render(&["-d2x2", "-r", "0"]);
-    place.render(&["-d2x2", "-r", "1"]);
-}
-
-#[test]
-fn a_number_of_threads_is_a_positive_integer() {
-    refused("-j", "--threads", &["0", "1.5", "all", "4097", "+2", ""]);
-    refused("-j", "--threads", &["-1"]);
-}
-
-#[test]
-fn a_seed_is_an_integer_of_64_bits() {
-    let wrong = ["18446744073709551616", "1.5", "x", "+1", ""];
-    refused("-s", "--seed", &wrong);
-    refused("-s", "--seed", &["-1"]);
-    let place = Scratch::new();
-    place.render(&["-d2x2", "-s", "18446744073709551615"]);
-}
-
-#[test]
-fn an_option_that_does_not_exist_is_named() {
-    let place = Scratch::new();
-    for wrong in ["-z", "--nonsense"] {
-        place.run(&["-i", "room.obj", wrong]).failed(2, &[wrong]);
-    }
-}
-
-#[test]
-fn a_missing_value_is_reported_with_its_option() {
-    let place = Scratch::new();
-    let valued = DEFAULTS.map(|[short, long, ..]| [short, long]);
-    let others =
-        [["-i", "--input"], ["-o", "--output"], ["-j", "--threads"]];
-    for [short, long] in valued.into_iter().chain(others) {
-        place.run(&["-q", short]).failed(2, &[long]);
-        place.run(&["-q", long]).failed(2, &[long]);
-    }
-}
-
-#[test]
-fn of_an_option_given_twice_the_last_value_counts() {
-    let place = Scratch::new();
-    let twice = ["-d9x7", "-n2", "-n", "3", "-q", "-q", "-f", "-f"];
-    assert!(place.render(&twice) == place.render(&["-d9x7", "-n3"]));
-}
-
-#[test]
-fn what_was_probably_meant_is_named() {
-    let place = Scratch::new();
-    place.run(&["--albdo", "1"]).failed(2, &["--albdo", "mean --albedo?"]);
-    let format = ["-i", "room.obj", "--format", "pgn"];
-    place.run(&format).failed(2, &["'pgn'", "mean pgm?"]);
-}
-
-#[test]
-fn a_number_that_is_none_is_said_to_be_none() {
-    let place = Scratch::new();
-    for option in ["-n", "-s", "-j"] {
-        let words = ["'abc' is not a whole number in digits"];
-        place.run(&[option, "abc"]).failed(2, &words);
-        let large = "18446744073709551616";
-        place.run(&[option, large]).failed(2, &[large, "is larger than"]);
-    }
-}
-
-#[test]
-fn a_scene_may_be_named_without_an_option() {
-    let place = Scratch::new();
-    let image = place.render(&["-d9x7"]);
-    for names in [
-        &["room.obj"][..],
-        &["nothing.obj", "-i", "room.obj"],
-        &["-i", "nothing.obj", "room.obj"],
-    ] {
-        let run = place.run(&[&["-d9x7"], names].concat());
-        run.succeeded();
-        assert!(run.stdout == image, "{names:?}");
-    }
-    place.run(&["nothing.obj"]).failed(1, &["nothing.obj: cannot read"]);
-    // A name need not be a text.
-    let name = OsStr::from_bytes(b"\xff.obj");
-    std::fs::write(place.path("").join(name), ROOM).unwrap();
-    let run = place.run(&[OsStr::new("-d9x7"), name]);
-    run.succeeded();
-    assert!(run.stdout == image);
 }
 
 #[test]
@@ -364,7 +459,7 @@ fn a_dash_is_standard_input_or_output() {
     both.failed(1, &["standard input can be read once only"]);
 }
 
-// ------------------------------------------- A camera that is not given
+// -------------------------------------------------------------- The camera
 
 #[test]
 fn a_camera_that_is_not_given_is_told_and_can_be_typed() {
@@ -427,127 +522,21 @@ fn a_view_from_outside_shows_the_whole_box() {
 }
 
 #[test]
-fn the_help_lists_every_option_with_its_default_and_the_licence() {
-    let place = Scratch::new();
-    let help = place.run(&["-h"]);
-    help.succeeded();
-    assert!(help.stderr.is_empty());
-    assert_eq!(place.run(&["--help"]).stdout, help.stdout);
-    let help = String::from_utf8(help.stdout).unwrap();
-    assert!(!help.contains('\x1b'));
-    let lists = |short: &str, long: &str, default: &str| {
-        let option = format!("{short}, {long}");
-        let found = |line: &&str| line.trim_start().starts_with(&option);
-        let line = help.lines().find(found).expect(&option);
-        assert!(line.contains(default), "{line}");
-    };
-    for [short, long, default, _] in DEFAULTS {
-        match long {
-            "--position" | "--target" => lists(short, long, "[default: "),
-            _ => lists(short, long, &format!("[default: {default}]")),
-        }
-    }
-    assert!(help.contains("[default: standard input, as is -]"));
-    lists("-o", "--output", "[default: -, standard output");
-    lists("-j", "--threads", "[default: all cores]");
-    for [short, long] in [
-        ["-f", "--force"],
-        ["-q", "--quiet"],
-        ["-h", "--help"],
-        ["-V", "--version"],
-    ] {
-        lists(short, long, "");
-    }
-    assert!(help.contains("Usage: pt"));
-    assert!(help.contains("Copyright (C) 2026 litpt contributors"));
-    assert!(help.contains("GNU GPL version 3 or later"));
-    assert!(help.contains("NO WARRANTY"));
-}
-
-#[test]
-fn the_version_is_that_of_the_package() {
-    let place = Scratch::new();
-    let version = concat!("pt ", env!("CARGO_PKG_VERSION"), "\n");
-    for option in ["-V", "--version"] {
-        let run = place.run(&[option]);
-        run.succeeded();
-        assert_eq!(String::from_utf8(run.stdout).unwrap(), version);
-        assert!(run.stderr.is_empty());
-    }
-}
-
-#[test]
-fn help_that_nobody_reads_is_no_error() {
-    let place = Scratch::new();
-    let (reader, writer) = io::pipe().unwrap();
-    drop(reader);
-    let mut command = place.pt(&["-h"]);
-    command.stdout(Stdio::from(writer));
-    let run = finish(command.spawn().unwrap());
-    assert_eq!((run.status, run.stderr.as_str()), (Some(0), ""));
-}
-
-#[test]
-fn a_camera_at_its_own_target_is_reported_with_the_point() {
-    let place = Scratch::new();
-    let view = ["-p", "1,2.5,-3", "-t", "1,2.5,-3", "-o", "image.pgm"];
-    let run = place.run(&[&view[..], &["-i", "room.obj"]].concat());
-    run.failed(1, &["1,2.5,-3", "-p", "-t"]);
-    place.holds_only(&[]);
-}
-
-#[test]
-fn an_up_axis_along_the_view_is_reported_with_both_vectors() {
-    let place = Scratch::new();
-    for up in ["-2,-4,6", "1,2,-3", "0,0,0"] {
-        let view = ["-p", "1,1,1", "-t", "2,3,-2", "-u", up];
-        let files = ["-i", "room.obj", "-o", "image.pgm"];
-        let run = place.run(&[&view[..], &files].concat());
-        run.failed(1, &[up, "1,2,-3", "-u"]);
-    }
-    place.holds_only(&[]);
-}
-
-#[test]
 fn an_impossible_camera_is_reported_before_the_scene_is_read() {
     let place = Scratch::new();
-    let run = place.run(&["-t", "0,0,0", "-i", "missing.obj"]);
-    run.failed(1, &["target"]);
-}
-
-#[test]
-fn the_number_of_threads_does_not_change_the_image() {
-    let place = Scratch::new();
-    let small = ["-d70x50", "-n5", "-r0.8"];
-    let film = place.render(&small);
-    for threads in ["-j1", "-j2", "-j7"] {
-        let again = place.render(&[&small[..], &[threads]].concat());
-        assert!(again == film, "{threads}");
+    let fails = |view: &[&str], words: &[&str]| {
+        let files = ["-i", "missing.obj", "-o", "image.pgm"];
+        place.run(&[view, &files].concat()).failed(1, words);
+    };
+    fails(&["-t", "0,0,0"], &["target"]);
+    let same = ["-p", "1,2.5,-3", "-t", "1,2.5,-3"];
+    fails(&same, &["1,2.5,-3", "-p", "-t"]);
+    for up in ["-2,-4,6", "1,2,-3", "0,0,0"] {
+        let view = ["-p", "1,1,1", "-t", "2,3,-2", "-u", up];
+        fails(&view, &[up, "1,2,-3", "-u"]);
     }
+    place.holds_only(&[]);
 }
-
-#[test]
-fn a_seed_gives_its_own_image_and_always_the_same() {
-    let place = Scratch::new();
-    let seeds = ["-s0", "-s1", "-s2", "-s18446744073709551615"];
-    let images = seeds.map(|seed| place.render(&["-d32x24", seed]));
-    for (i, seed) in seeds.iter().enumerate() {
-        assert!(place.render(&["-d32x24", seed]) == images[i]);
-        assert!(images[..i].iter().all(|film| *film != images[i]));
-    }
-}
-
-#[test]
-fn the_options_of_the_model_reach_the_image() {
-    let place = Scratch::new();
-    let scene = [&ABOVE[..], &["-i", "square.obj", "-d2x2"]].concat();
-    for (rho, level) in [("0", 0), ("0.002", 6), ("0.5", 187)] {
-        let run = place.run(&[&scene[..], &["-r", rho]].concat());
-        assert_eq!(pgm(&run.stdout), (2, 2, vec![level; 4]), "{rho}");
-    }
-}
-
-// ------------------------------------------------------- A part of an image
 
 #[test]
 fn a_crop_has_the_pixels_of_the_whole_image() {
@@ -573,32 +562,4 @@ fn a_crop_has_the_pixels_of_the_whole_image() {
             assert_eq!(*mean, whole[row * width + column], "{crop:?} {i}");
         }
     }
-}
-
-#[test]
-fn a_crop_lies_within_the_image_and_belongs_to_a_checkpoint() {
-    let place = Scratch::new();
-    for wrong in [
-        "1,2",
-        "1,2,3",
-        "1,2,3x4x5",
-        "-1,2,3x4",
-        "1,2,0x4",
-        "a,2,3x4",
-        "+1,2,3x4",
-    ] {
-        let wrong = ["-i", "room.obj", "--crop", wrong];
-        place.run(&wrong).failed(2, &["--crop"]);
-    }
-    for wrong in ["9,0,1x1", "0,7,1x1", "8,0,2x1", "4294967295,0,9x1"] {
-        let wrong = ["-i", "missing.obj", "-d9x7", "--crop", wrong];
-        place.run(&wrong).failed(1, &["--crop", "9x7"]);
-    }
-    let scene = ["-i", "room.obj", "-d9x7", "-f", "-o", "a.pfm"];
-    let saved = ["--crop=1,2,3x3", "--checkpoint=c"];
-    place.run(&[&scene[..], &saved].concat()).succeeded();
-    let on = ["--resume=c", "-n2", "--crop=1,2,3x3"];
-    place.run(&[&scene[..], &on].concat()).succeeded();
-    let other = ["--resume=c", "--crop=2,2,3x3"];
-    place.run(&[&scene[..], &other].concat()).failed(1, &["crop"]);
 }

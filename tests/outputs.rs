@@ -67,12 +67,40 @@ fn an_existing_file_is_left_untouched_without_force() {
     place.holds_only(&["image.pgm"]);
 }
 
+/// The name and the fault are told before the scene is read, and nothing is
+/// written.
 #[test]
-fn an_existing_file_is_reported_before_the_scene_is_read() {
+fn an_output_that_cannot_be_written_is_refused_at_once() {
     let place = Scratch::new();
-    put_old(&place, "image.pgm");
-    let run = place.run(&["-i", "missing.obj", "-o", "image.pgm"]);
-    run.failed(1, &["image.pgm", "-f"]);
+    put_old(&place, "old.png");
+    fs::create_dir(place.path("folder.pgm")).unwrap();
+    symlink("nothing.pgm", place.path("link.pgm")).unwrap();
+    let long = ["n".repeat(252), ".pgm".to_owned()].concat();
+    let names = place.names();
+    for (name, words) in [
+        (&long[..], "File name too long"),
+        ("none/image.pgm", "No such file or directory"),
+        ("room.obj/image.pgm", "Not a directory"),
+        ("folder.pgm", "is a directory"),
+        (".", "is a directory"),
+        ("/", "is a directory"),
+        ("image.jpg", ".pgm, .png"),
+        ("image.pgm.gz", ".pgm, .png"),
+        ("image.pgmx", ".pgm, .png"),
+        ("link.pgm", "is a link to nothing"),
+        ("first.pgm", "named twice"),
+    ] {
+        for force in ["-q", "-f"] {
+            let files = [force, "-ofirst.pgm", "-o", name];
+            let run = [&["-i", "missing.obj"], &files[..]].concat();
+            let run = place.run(&run);
+            run.failed(1, &[name, words]);
+            assert!(!run.stderr.contains(".pt-"), "{}", run.stderr);
+        }
+    }
+    let second = ["-i", "missing.obj", "-onew.pgm", "-oold.png"];
+    place.run(&second).failed(1, &["old.png", "-f"]);
+    assert_eq!(place.names(), names);
 }
 
 #[test]
@@ -105,13 +133,6 @@ fn a_file_created_during_the_render_is_left_untouched_without_force() {
         assert!(kept.ends_with("-image.pgm") || kept.len() == 255);
         assert_eq!(place.get(kept), place.render(&SMALL[2..]));
     }
-}
-
-#[test]
-fn a_name_that_is_too_long_is_reported_before_the_scene_is_read() {
-    let long = ["n".repeat(252), ".pgm".to_owned()].concat();
-    let run = Scratch::new().run(&["-i", "missing.obj", "-o", &long]);
-    run.failed(1, &[&long, "File name too long"]);
 }
 
 #[test]
@@ -158,32 +179,6 @@ fn an_image_appears_only_when_it_is_whole() {
 }
 
 #[test]
-fn a_missing_directory_is_reported_before_the_scene_is_read() {
-    let place = Scratch::new();
-    let run = place.run(&["-i", "missing.obj", "-o", "none/image.pgm"]);
-    run.failed(1, &["none/image.pgm", "No such file or directory"]);
-    place.holds_only(&[]);
-}
-
-#[test]
-fn a_directory_is_no_place_for_the_bytes_of_an_image() {
-    let place = Scratch::new();
-    fs::create_dir(place.path("folder.pgm")).unwrap();
-    for output in ["folder.pgm", ".", "/"] {
-        write(&place, &["-o", output]).failed(1, &["directory"]);
-        write(&place, &["-f", "-o", output]).failed(1, &["directory"]);
-    }
-    place.holds_only(&["folder.pgm"]);
-}
-
-#[test]
-fn a_file_is_no_directory() {
-    let place = Scratch::new();
-    let run = write(&place, &["-f", "-o", "room.obj/image.pgm"]);
-    run.failed(1, &["room.obj/image.pgm", "Not a directory"]);
-}
-
-#[test]
 fn a_directory_that_is_closed_to_us_is_reported_before_the_render() {
     let place = Scratch::new();
     let closed = place.path("closed");
@@ -203,24 +198,6 @@ fn a_directory_that_is_closed_to_us_is_reported_before_the_render() {
         let arguments = ["-i", "missing.obj", force, "-o", &film];
         place.run(&arguments).failed(1, &[&film]);
     }
-}
-
-#[test]
-fn an_unknown_extension_is_refused_before_the_scene_is_read() {
-    let place = Scratch::new();
-    for name in ["image.jpg", "image.pgm.gz", "image.pgmx"] {
-        let run = place.run(&["-i", "missing.obj", "-o", name]);
-        run.failed(1, &[name, ".pgm", ".png"]);
-    }
-    place.holds_only(&[]);
-}
-
-#[test]
-fn an_extension_may_be_in_capitals() {
-    let place = Scratch::new();
-    write(&place, &["-o", "a.PGM", "-o", "a.Png"]).succeeded();
-    assert_eq!(pgm(&place.get("a.PGM")).0, 9);
-    assert!(place.get("a.Png").starts_with(b"\x89PNG"));
 }
 
 /// The device `null` or `full`. Where this user could lose the system's
@@ -243,33 +220,27 @@ fn device(place: &Scratch, name: &str) -> Option<String> {
     there.then_some(path)
 }
 
-fn is_device(path: &str) -> bool {
-    fs::metadata(path).unwrap().file_type().is_char_device()
-}
-
 #[test]
-fn a_full_device_is_an_error() {
+fn a_device_needs_no_force_and_stays_a_device() {
     let place = Scratch::new();
+    let Some(null) = device(&place, "null") else { return };
     let Some(full) = device(&place, "full") else { return };
-    let run = write(&place, &["-f", "-o", &full]);
-    run.failed(1, &["full: ", "No space left"]);
-    assert!(is_device(&full));
-}
-
-#[test]
-fn a_device_needs_no_force() {
-    let place = Scratch::new();
-    let Some(null) = device(&place, "null") else { return };
-    write(&place, &["-o", &null]).succeeded();
-    assert!(is_device(&null));
-}
-
-#[test]
-fn a_device_stays_a_device_with_force() {
-    let place = Scratch::new();
-    let Some(null) = device(&place, "null") else { return };
-    write(&place, &["-f", "-o", &null]).succeeded();
-    assert!(is_device(&null));
+    for force in ["-q", "-f"] {
+        write(&place, &["-o", &null, force]).succeeded();
+        let run = write(&place, &["-o", &full, "-oa.pgm", "-f"]);
+        run.failed(1, &["full: ", "No space left"]);
+        assert_eq!(place.get("a.pgm"), place.render(&SMALL[2..]));
+    }
+    for path in [null, full] {
+        let kind = fs::metadata(path).unwrap().file_type();
+        assert!(kind.is_char_device());
+    }
+    for words in [&SMALL[..], &["--help"]] {
+        let full = OpenOptions::new().write(true).open("/dev/full");
+        let mut command = place.pt(words);
+        let run = finish(command.stdout(full.unwrap()).spawn().unwrap());
+        run.failed(1, &["standard output: cannot write: No space left"]);
+    }
 }
 
 #[test]
@@ -285,19 +256,6 @@ fn a_named_pipe_carries_the_image_and_stays_a_pipe() {
     write(&place, &["-f", "-o", "pipe.pgm"]).succeeded();
     assert!(fs::metadata(&pipe).unwrap().file_type().is_fifo());
     assert_eq!(reader.join().unwrap(), place.render(&SMALL[2..]));
-}
-
-#[test]
-fn the_name_of_standard_output_may_stand_for_a_pipe() {
-    if !Path::new("/proc/self/fd/1").exists() {
-        return skip("standard output has no name");
-    }
-    let place = Scratch::new();
-    // What /dev/stdout is, where a regression does no harm.
-    symlink("/proc/self/fd/1", place.path("stdout")).unwrap();
-    let run = write(&place, &["-f", "-o", "stdout"]);
-    run.succeeded();
-    assert_eq!(run.stdout, place.render(&SMALL[2..]));
 }
 
 /// Runs a script of the shell, in which `pt` renders the room.
@@ -470,45 +428,13 @@ fn a_write_that_stops_half_way_leaves_the_old_file_whole() {
     let place = Scratch::new();
     let date = put_old(&place, "old.pgm");
     for output in ["-foold.pgm", "-onew.pgm", "-onew.png"] {
-        write_64_blocks(&place, output)
-            .failed(1, &["cannot write", "File too large"]);
+        let run = write_64_blocks(&place, output);
+        run.failed(1, &["cannot write", "File too large"]);
+        assert!(!run.stderr.contains(".pt-"), "{}", run.stderr);
         assert_eq!(place.get("old.pgm"), b"old");
         assert_eq!(modified(&place, "old.pgm"), date);
         place.holds_only(&["old.pgm"]);
     }
-}
-
-#[test]
-fn the_name_of_a_temporary_file_is_nothing_to_the_user() {
-    let place = Scratch::new();
-    let missing = write(&place, &["-o", "none/image.pgm"]);
-    let large = write_64_blocks(&place, "-oimage.pgm");
-    for run in [missing, large] {
-        run.failed(1, &["image.pgm"]);
-        assert!(!run.stderr.contains(".pt-"), "{}", run.stderr);
-    }
-}
-
-#[test]
-fn a_full_standard_output_is_an_error() {
-    let Ok(full) = OpenOptions::new().write(true).open("/dev/full") else {
-        return skip("there is no /dev/full");
-    };
-    let place = Scratch::new();
-    let mut command = place.pt(&SMALL);
-    let run = finish(command.stdout(full).spawn().unwrap());
-    run.failed(1, &["standard output", "No space left"]);
-}
-
-#[test]
-fn help_that_cannot_be_written_is_an_error() {
-    let Ok(full) = OpenOptions::new().write(true).open("/dev/full") else {
-        return skip("there is no /dev/full");
-    };
-    let place = Scratch::new();
-    let mut command = place.pt(&["--help"]);
-    let run = finish(command.stdout(full).spawn().unwrap());
-    run.failed(1, &["cannot write: No space left"]);
 }
 
 #[test]
@@ -522,16 +448,6 @@ fn a_reader_who_has_seen_enough_is_no_error() {
     drop(reader);
     let run = finish(child);
     assert_eq!(line, "P2 320 240\n");
-    assert_eq!((run.status, run.stderr.as_str()), (Some(0), ""));
-}
-
-#[test]
-fn a_pipe_that_nobody_reads_is_no_error() {
-    let place = Scratch::new();
-    let (reader, writer) = io::pipe().unwrap();
-    drop(reader);
-    let mut command = place.pt(&[&["-q"], &SMALL[..]].concat());
-    let run = finish(command.stdout(writer).spawn().unwrap());
     assert_eq!((run.status, run.stderr.as_str()), (Some(0), ""));
 }
 
@@ -551,24 +467,13 @@ fn force_replaces_the_file_behind_a_link_and_keeps_the_link() {
 }
 
 #[test]
-fn a_link_to_nothing_is_reported_before_the_scene_is_read() {
-    let place = Scratch::new();
-    symlink("nothing.pgm", place.path("link.pgm")).unwrap();
-    for force in ["-q", "-f"] {
-        let arguments = ["-i", "missing.obj", force, "-o", "link.pgm"];
-        place.run(&arguments).failed(1, &["link.pgm"]);
-    }
-    place.holds_only(&["link.pgm"]);
-}
-
-#[test]
 fn two_outputs_hold_the_same_image_in_two_formats() {
     let place = Scratch::new();
-    let output = ["-o", "a.pgm", "-o", "a.png"];
+    let output = ["-o", "a.PGM", "-o", "a.Png"];
     let scene = ["-i", "room.obj", "-d37x21", "-n9", "-r0.7"];
     place.run(&[&scene[..], &output].concat()).succeeded();
-    let (width, height, coarse) = pgm(&place.get("a.pgm"));
-    let (size, fine) = png(&place.get("a.png"));
+    let (width, height, coarse) = pgm(&place.get("a.PGM"));
+    let (size, fine) = png(&place.get("a.Png"));
     assert_eq!(size, (width, height));
     // 65535 = 255 * 257: 257 fine levels make a coarse one.
     let rounded: Vec<u16> = fine.iter().map(|level| level / 257).collect();
@@ -594,16 +499,6 @@ fn png(bytes: &[u8]) -> ((u32, u32), Vec<u16>) {
 }
 
 #[test]
-fn the_second_output_is_checked_before_the_first_is_written() {
-    let place = Scratch::new();
-    put_old(&place, "old.png");
-    let run = write(&place, &["-o", "new.pgm", "-o", "old.png"]);
-    run.failed(1, &["old.png", "-f"]);
-    assert_eq!(place.get("old.png"), b"old");
-    place.holds_only(&["old.png"]);
-}
-
-#[test]
 fn a_new_file_has_the_permissions_that_the_user_wants() {
     let place = Scratch::new();
     for (mask, mode) in
@@ -618,15 +513,6 @@ fn a_new_file_has_the_permissions_that_the_user_wants() {
         assert_eq!(metadata.permissions().mode() & 0o7777, mode, "{mask}");
         fs::remove_file(place.path("image.pgm")).unwrap();
     }
-}
-
-#[test]
-fn a_plain_pgm_has_a_header_and_one_level_per_line() {
-    let place = Scratch::new();
-    let bytes = place.render(&["-d5x3", "-n7"]);
-    assert!(bytes.starts_with(b"P2 5 3\n255\n"));
-    let (width, height, levels) = pgm(&bytes);
-    assert_eq!((width, height, levels.len()), (5, 3, 15));
 }
 
 #[test]
@@ -671,26 +557,6 @@ fn the_bare_sky_is_the_highest_level_of_both_formats() {
     place.run(&run).succeeded();
     assert!(pgm(&place.get("a.pgm")).2.iter().all(|&l| l == 255));
     assert!(png(&place.get("a.png")).1.iter().all(|&l| l == 65535));
-}
-
-#[test]
-fn the_same_output_twice_is_refused_before_the_scene_is_read() {
-    let place = Scratch::new();
-    for force in ["-q", "-f"] {
-        let output = [force, "-o", "a.pgm", "-o", "a.pgm"];
-        let run =
-            place.run(&[&["-i", "missing.obj"], &output[..]].concat());
-        run.failed(1, &["a.pgm", "twice"]);
-    }
-    place.holds_only(&[]);
-}
-
-#[test]
-fn an_output_that_fails_does_not_keep_the_others_from_being_written() {
-    let place = Scratch::new();
-    let output = ["-f", "-o", "/dev/full", "-o", "a.pgm"];
-    write(&place, &output).failed(1, &["/dev/full"]);
-    assert_eq!(place.get("a.pgm"), place.render(&SMALL[2..]));
 }
 
 #[test]

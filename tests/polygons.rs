@@ -3,8 +3,6 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-use crate::common;
-
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 use std::fmt::Write;

@@ -9,9 +9,7 @@
 # usage: awk -f book/scripts/layers.awk tests/layers.txt > layers.tex
 
 function chapter(module) {
-    if (module == "main" || module == "session")
-        return "program"
-    return module == "run_key" ? "checkpoint" : module
+    return module == "main" || module == "session" ? "program" : module
 }
 
 {

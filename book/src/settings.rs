@@ -11,13 +11,12 @@ use glam::DVec3;
 use litpt::analysis::{Inquiry, SceneAnalysis, Shortcut};
 use litpt::bvh::{Bvh, Isa, Quality};
 use litpt::camera::{Camera, View};
-use litpt::checkpoint::Known;
 use litpt::film::{Film, Window};
 use litpt::render::choose::{Sampling, Setup};
-use litpt::report::Report;
-use litpt::run_key::{RunKey, Subject};
 use litpt::scene::{Mesh, Scene};
 use litpt::sky::Sky;
+use litpt::state::checkpoint::Known;
+use litpt::state::key::{RunKey, Subject};
 use serde_json::Value;
 
 /// A scene, a view of it, and the albedo of its surfaces.
@@ -303,5 +302,5 @@ pub fn known(seed: u64) -> Known {
         sampling: Sampling::reference(seed),
         part: None,
     };
-    Known { options: Value::Null, run_key, report: Report::default() }
+    Known { options: Value::Null, run_key, report: Value::Null }
 }

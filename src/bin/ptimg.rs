@@ -8,6 +8,7 @@
 //! The command `ptimg`: show and compare images, and add states.
 
 use std::collections::BTreeMap;
+use std::env;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -15,18 +16,18 @@ use std::sync::Arc;
 use clap::{Args, Parser, Subcommand};
 use serde::Serialize;
 
-use litpt::arguments::{
-    LICENCE, STYLES, is_dash, parse_command_line, parse_real, tell_apart,
-};
 use litpt::compare::display::{self, Curve};
 use litpt::compare::{
     Difference, Dispersion, FEW, Scale, compare, disagreements,
 };
 use litpt::image::{Format, Image};
-use litpt::output::{ImageTarget, OutputTarget, descriptor};
+use litpt::options::{LICENCE, STYLES, is_dash, parse_real, parse_words};
+use litpt::output::{ImageTarget, OutputTarget, descriptor, tell_apart};
 use litpt::progress;
 use litpt::report::Kind;
-use litpt::shards;
+use litpt::run_output::conclude;
+use litpt::session::fail;
+use litpt::state::shards;
 use signal_hook::consts::SIGXFSZ;
 use signal_hook::flag;
 
@@ -188,9 +189,9 @@ impl Output {
 fn main() -> ExitCode {
     // A file beyond the limit of size is an error, not the end.
     let _ = flag::register(SIGXFSZ, Arc::default());
-    let arguments: Arguments = match parse_command_line() {
+    let arguments: Arguments = match parse_words(env::args_os()) {
         Ok((arguments, _)) => arguments,
-        Err(status) => return status,
+        Err(error) => return fail(error),
     };
     run(&arguments.verb).unwrap_or_else(|message| {
         progress::error(&message);

@@ -28,6 +28,12 @@ v -1 0 1\nv 3 0 1\nv 3 6 1\nv -1 6 1\nf -4 -3 -2 -1\n";
 pub const SQUARE: &str = "\
 v -1e6 -1e6 0\nv 1e6 -1e6 0\nv 1e6 1e6 0\nv -1e6 1e6 0\nf 1 2 3 4\n";
 
+/// A closed box, in which a white path takes a thousand bounces.
+pub const BOX: &str = "\
+v -1 -1 -1\nv 1 -1 -1\nv 1 1 -1\nv -1 1 -1\n\
+v -1 -1 1\nv 1 -1 1\nv 1 1 1\nv -1 1 1\n\
+f 1 2 3 4\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n";
+
 /// The camera that sees nothing but the `SQUARE`.
 pub const ABOVE: [&str; 4] = ["-p0,0,2", "-t0,0,0", "-u0,0.1,1", "-F40"];
 
@@ -60,6 +66,11 @@ impl Scratch {
 
     pub fn put(&self, name: &str, bytes: impl AsRef<[u8]>) {
         fs::write(self.path(name), bytes).unwrap();
+    }
+
+    /// A file of JSON.
+    pub fn json(&self, name: &str) -> serde_json::Value {
+        serde_json::from_slice(&self.get(name)).unwrap()
     }
 
     pub fn get(&self, name: &str) -> Vec<u8> {
@@ -163,6 +174,24 @@ fn collect(
         }
         bytes
     })
+}
+
+/// Waits until a running program has come as far as the test needs it.
+pub fn wait_until(child: &mut Child, what: &str, done: impl Fn() -> bool) {
+    let start = Instant::now();
+    while !done() {
+        assert!(child.try_wait().unwrap().is_none(), "ended, no {what}");
+        assert!(start.elapsed() < PATIENCE, "no {what}");
+        thread::sleep(Duration::from_millis(1));
+    }
+}
+
+/// Sends a signal, which fails if the program has ended.
+pub fn signal(name: &str, child: &Child) {
+    let script = format!("kill -{name} {}", child.id());
+    let mut command = Command::new("sh");
+    let status = command.args(["-c", &script]).stderr(Stdio::null());
+    let _ = status.status().unwrap();
 }
 
 impl Run {

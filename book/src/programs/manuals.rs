@@ -28,10 +28,8 @@ const SHELLS: [(Shell, &str, &str); 3] = [
 pub fn run(arguments: &[String]) -> Done {
     let directory = arguments.first().ok_or("usage: manuals DIRECTORY")?;
     let share = Path::new(directory);
-    let commands = [
-        litpt::arguments::Arguments::command(),
-        ptimg::Arguments::command(),
-    ];
+    let commands =
+        [litpt::options::Options::command(), ptimg::Arguments::command()];
     for command in commands {
         for (shell, before, after) in SHELLS {
             let name = command.get_name();

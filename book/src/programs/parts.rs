@@ -7,18 +7,12 @@
 
 use std::fs;
 
-use clap::Parser;
 use litpt::analysis::background::KnownPixels;
-use litpt::arguments::Arguments;
 use litpt::bvh::Bvh;
 use litpt::camera::Camera;
 use litpt::film::{Film, Tile, Window};
 use litpt::integrator::PathTracer;
-use litpt::integrator::gather::cache::{Grid, RadianceCache, Record};
-use litpt::integrator::gather::training::{allocate, train};
-use litpt::integrator::gather::{
-    Allocation, Correction, Plan, Sample, Tracer,
-};
+use litpt::options::Options;
 use litpt::render::choose::{Method, Sampling};
 use litpt::render::{Job, Renderer};
 use litpt::sampler::sobol::{ScrambledNet, SobolSampler};
@@ -384,7 +378,8 @@ impl Stage<'_> {
 pub fn run(arguments: &[String]) -> Done {
     let name = std::iter::once("parts");
     let words = name.chain(arguments.iter().map(String::as_str));
-    let arguments = Arguments::parse_from(words);
+    let parsed = Options::parse(words);
+    let arguments = parsed.map_err(|error| format!("{error:?}"))?;
     let input = arguments.input.as_ref().ok_or("name a scene: -i FILE")?;
     let scene = Scene::new(&read_obj(&fs::read(input)?)?);
     let intersector = Bvh::new(&scene)?;

@@ -19,13 +19,12 @@ use std::ptr::null_mut;
 use std::sync::{Arc, Barrier};
 use std::time::Instant;
 
-use clap::Parser;
 use glam::DVec3;
 use libloading::Library;
-use litpt::arguments::Arguments;
 use litpt::bvh::{Bvh, Dispatch, Intersector, Isa, Quality};
 use litpt::camera::Camera;
 use litpt::integrator::PathTracer;
+use litpt::options::Options;
 use litpt::scene::{Ray, Scene, read_obj};
 use litpt::sky::Sky;
 use litpt_book::paths;
@@ -58,7 +57,8 @@ impl Dispatch for Stretch<'_> {
 pub fn run(arguments: &[String]) -> Done {
     let name = std::iter::once("traversal");
     let words = name.chain(arguments.iter().map(String::as_str));
-    let arguments = Arguments::parse_from(words);
+    let parsed = Options::parse(words);
+    let arguments = parsed.map_err(|error| format!("{error:?}"))?;
     let input = arguments.input.as_ref().ok_or("name a scene: -i FILE")?;
     let mesh = read_obj(&fs::read(input)?)?;
     let (scene, triangles) = (Scene::new(&mesh), mesh.triangles.len());
@@ -105,7 +105,7 @@ struct Step {
 fn record<K: Intersector>(
     scene: &Scene,
     intersector: &K,
-    arguments: &Arguments,
+    arguments: &Options,
 ) -> Result<Vec<Step>, Box<dyn Error>> {
     let view = arguments.view();
     let (width, height) = arguments.resolution;

@@ -4,15 +4,12 @@
 //! Pieces cover a pass, and their sums come together in any order.
 
 use super::*;
+use glam::DVec3;
+use litpt::camera::View;
 use litpt::render::choose::{Method, Sampling};
+use litpt::state::key::Subject;
 
 const RESOLUTION: (u32, u32) = (150, 70);
-
-fn frame(method: Method, replicate: u64, whole: Window) -> Frame {
-    let sampling = Sampling::new(method, 0, None, 0);
-    let sampling = Sampling { replicate, ..sampling };
-    Frame { resolution: RESOLUTION, whole, sampling }
-}
 
 const WINDOWS: [Window; 4] = [
     Window { corner: (0, 0), size: RESOLUTION },
@@ -21,8 +18,27 @@ const WINDOWS: [Window; 4] = [
     Window { corner: (3, 64), size: (1, 1) },
 ];
 
-fn methods() -> [(Method, u64); 3] {
-    [(Method::Reference, 1), (Method::Sobol, 8), (Method::Gather, 4)]
+fn run_key(case: usize) -> RunKey {
+    let (method, replicate) = [
+        (Method::Reference, 1),
+        (Method::Sobol, 8),
+        (Method::Gather, 4),
+    ][case % 3];
+    let sampling = Sampling::new(method, 0, None, 0);
+    let (position, target, up) = (DVec3::ZERO, DVec3::Y, DVec3::Z);
+    RunKey {
+        version: String::new(),
+        integrator: String::new(),
+        scene_sha256: String::new(),
+        subject: Subject {
+            resolution: RESOLUTION,
+            crop: Some(WINDOWS[case % 4]),
+            view: View { position, target, up, fov: 70. },
+            albedo: 1.,
+        },
+        sampling: Sampling { replicate, ..sampling },
+        part: None,
+    }
 }
 
 /// The value of a replicate of a pixel, the same wherever it is rendered.
@@ -32,20 +48,9 @@ fn value((x, y): (u32, u32), k: u64) -> f64 {
 
 /// Takes the tiles of a film to so many samples, up to `most` values in all.
 fn fill(film: &mut Film, end: u64, mut most: usize) {
-    let replicate = film.replicate();
-    let first = film.first() / replicate;
-    let end = end.div_ceil(replicate);
-    let tiles = match film.tile_means().is_empty() {
-        true => {
-            film.tiles().into_iter().map(|(t, p)| (t, p, None)).collect()
-        }
-        false => {
-            let tiles = film.shared_tiles().into_iter();
-            tiles.map(|(t, p, mean)| (t, p, Some(mean))).collect::<Vec<_>>()
-        }
-    };
-    for (tile, pixels, mut mean) in tiles {
-        for k in pixels[0].count()..end {
+    let (first, replicate) = (film.first(), film.replicate());
+    for (tile, pixels) in film.tiles() {
+        for k in pixels[0].count()..end.div_ceil(replicate) {
             if most == 0 {
                 break;
             }
@@ -53,10 +58,7 @@ fn fill(film: &mut Film, end: u64, mut most: usize) {
             for (i, pixel) in (0..).zip(&mut *pixels) {
                 let x = tile.corner.0 + i % tile.size.0;
                 let y = tile.corner.1 + i / tile.size.0;
-                pixel.add(value((x, y), first + k));
-            }
-            if let Some(mean) = &mut mean {
-                mean.add(k as f64);
+                pixel.add(value((x, y), first / replicate + k));
             }
         }
     }
@@ -68,83 +70,47 @@ fn random(state: &mut u64, n: usize) -> usize {
     (*state >> 33) as usize % n
 }
 
+/// Some tiles have samples already, as after an interrupt; the pieces are
+/// finished, begun or not begun, and come back in any order. What they leave
+/// has no gap: each tile has the first of its samples, all of them if no
+/// piece was stopped.
 #[test]
 fn pieces_in_any_order_make_the_film_of_one_pass() {
-    let mut state = 1;
-    for (case, window) in (0..160).zip(WINDOWS.into_iter().cycle()) {
-        let (method, replicate) = methods()[case % 3];
-        let frame = frame(method, replicate, window);
-        let whole = Piece { window, first: 0, samples: 0 };
-        // Some tiles have samples already, as after an interrupt.
-        let mut film = whole.film(&frame);
+    let state = &mut 1;
+    for case in 0..320 {
+        let (run_key, stopped) = (run_key(case), case >= 160);
+        let mut film = run_key.film();
+        let replicate = film.replicate();
         fill(&mut film, 20, case % 7 * 10);
         let mut expected = film.clone();
-        let end = 1 + random(&mut state, 90) as u64;
+        let end = 1 + random(state, 90) as u64;
         fill(&mut expected, end, usize::MAX);
-        let ranks = 1 + random(&mut state, 9) as u64;
+        let ranks = 1 + random(state, 9) as u64;
         let mut schedule = Schedule::new(&film, end, ranks);
-        let (most, mut pieces) = (schedule.left / (4 * ranks), vec![]);
-        while let Some(piece) = schedule.take() {
-            let is_least = piece.halves(replicate).is_none();
-            let most = most.max(schedule.least);
-            assert!(is_least || piece.paths() <= most, "{piece:?}");
-            assert_eq!(Piece::from_words(piece.to_words()), piece);
-            pieces.push(piece);
-        }
-        assert_eq!(schedule.left, 0);
-        let mut collector = Collector {
-            film: &mut film,
-            waiting: vec![],
-            spent: vec![Default::default(); 1],
-        };
-        let mut paths = 0;
-        while !pieces.is_empty() {
-            let k = random(&mut state, pieces.len());
-            let piece = pieces.swap_remove(k);
-            let mut part = piece.film(&frame);
-            fill(&mut part, piece.samples, usize::MAX);
-            let spent = Spent::default();
-            let part = Part { piece, film: part, spent };
-            let part = Part::from_bytes(&part.to_bytes(), &frame);
-            assert_eq!(collector.add(0, part), piece.paths());
-            paths += piece.paths();
-        }
-        assert!(collector.waiting.is_empty());
-        assert_eq!(collector.spent[0].0, paths);
-        assert_eq!(film.stored(), expected.stored(), "case {case}");
-        let counts = film.tile_means().iter().map(Accumulator::count);
-        let others = expected.tile_means().iter().map(Accumulator::count);
-        assert!(counts.eq(others));
-    }
-}
-
-/// What a stopped pass leaves has no gap: each tile has the first of its
-/// samples, as a run that goes on expects.
-#[test]
-fn a_stopped_pass_leaves_the_first_samples_of_each_tile() {
-    let mut state = 2;
-    for (case, window) in (0..160).zip(WINDOWS.into_iter().cycle()) {
-        let (method, replicate) = methods()[case % 3];
-        let frame = frame(method, replicate, window);
-        let mut film = Piece { window, first: 0, samples: 0 }.film(&frame);
-        let mut schedule = Schedule::new(&film, 100, 3);
+        let most = (schedule.left / (4 * ranks)).max(schedule.least);
         let mut pieces: Vec<_> =
             iter::from_fn(|| schedule.take()).collect();
-        let mut collector = Collector {
-            film: &mut film,
-            waiting: vec![],
-            spent: vec![Default::default(); 1],
-        };
-        // Each piece is finished, or begun, or not begun.
+        let is_least = |piece: &Piece| piece.halves(replicate).is_none();
+        assert!(pieces.iter().all(|p| is_least(p) || p.paths() <= most));
+        assert_eq!(schedule.left, 0);
+        let paths: u64 = pieces.iter().map(Piece::paths).sum();
+        let mut shares = [Share::default()];
+        let mut collector = Collector::new(&mut film, &mut shares);
         while !pieces.is_empty() {
-            let k = random(&mut state, pieces.len());
+            let k = random(state, pieces.len());
             let piece = pieces.swap_remove(k);
-            let mut part = piece.film(&frame);
-            let most = [usize::MAX, 3, 0][random(&mut state, 3)];
-            fill(&mut part, piece.samples, most);
-            let spent = Spent::default();
-            collector.add(0, Part { piece, film: part, spent });
+            let mut film = piece.film(&run_key);
+            let most = [usize::MAX, 3, 0][random(state, 3)];
+            let most = if stopped { most } else { usize::MAX };
+            fill(&mut film, piece.samples, most);
+            let share = Share { paths: piece.paths(), ..Share::default() };
+            let part = Part { piece, film, rays: 7, share };
+            let part = Part::from_bytes(&part.to_bytes(), &run_key);
+            collector.add(0, part.unwrap());
         }
+        assert!(stopped || collector.waiting.is_empty());
+        assert_eq!(shares[0].paths, paths);
+        assert!(stopped || film.stored() == expected.stored());
         for (tile, pixels) in film.tiles() {
             let mut expected = Accumulator::default();
             for k in 0..pixels[0].count() {

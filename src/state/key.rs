@@ -30,7 +30,7 @@ pub struct RunKey {
     #[serde(flatten)]
     pub sampling: Sampling,
     /// The part of the run that is rendered, unless it is all of it.
-    #[serde(flatten)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub part: Option<Part>,
 }
 
@@ -49,46 +49,8 @@ pub struct Subject {
     pub albedo: f64,
 }
 
-impl RunKey {
-    /// The first entry in which two keys differ, and its values.
-    pub fn disagreement(
-        &self,
-        other: &Self,
-    ) -> Option<(String, [String; 2])> {
-        let (a, b) = (entries(self), entries(other));
-        let mut names = a.keys().chain(b.keys());
-        let name = names.find(|&name| a.get(name) != b.get(name))?;
-        let show = |key: &Map<String, Value>| {
-            key.get(name).map_or("nothing".to_owned(), Value::to_string)
-        };
-        Some((name.clone(), [show(&a), show(&b)]))
-    }
-
-    /// An empty film of a window of the image.
-    pub fn film(&self, window: Window) -> Film {
-        self.sampling.film(self.subject.resolution, window)
-    }
-}
-
-impl Subject {
-    /// The window that is rendered.
-    pub fn window(&self) -> Window {
-        let whole = Window { corner: (0, 0), size: self.resolution };
-        self.crop.unwrap_or(whole)
-    }
-}
-
-/// The names and values of what is written as an object.
-pub fn entries(value: &impl Serialize) -> Map<String, Value> {
-    match serde_json::to_value(value) {
-        Ok(Value::Object(entries)) => entries,
-        _ => Map::new(),
-    }
-}
-
 /// A part of a run: some of its samples, in one band of its window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(into = "Texts", try_from = "Texts")]
 pub struct Part {
     /// Its first sample, and the one after its last.
     pub samples: (u64, u64),
@@ -113,43 +75,52 @@ impl Part {
     }
 }
 
-/// A part as it is written.
-#[derive(Serialize, Deserialize)]
-struct Texts {
-    samples: String,
-    tiles: String,
-}
+impl RunKey {
+    /// The first entry in which two keys differ, and its values.
+    pub fn disagreement(
+        &self,
+        other: &Self,
+    ) -> Option<(String, [String; 2])> {
+        let (a, b) = (entries(self), entries(other));
+        let mut names = a.keys().chain(b.keys());
+        let name = names.find(|&name| a.get(name) != b.get(name))?;
+        let show = |key: &Map<String, Value>| {
+            key.get(name).map_or("nothing".to_owned(), Value::to_string)
+        };
+        Some((name.clone(), [show(&a), show(&b)]))
+    }
 
-/// The names of the texts, which are those of the options.
-pub const SAMPLES: &str = "samples";
-pub const TILES: &str = "tiles";
+    /// The window of the run, and the band of it that is rendered.
+    pub fn windows(&self) -> [Window; 2] {
+        let Subject { resolution, crop, .. } = self.subject;
+        let window = whole_window(resolution, crop);
+        let band = self.part.map_or((1, 1), |part| part.band);
+        [window, window.band(band)]
+    }
 
-impl From<Part> for Texts {
-    fn from(part: Part) -> Self {
-        let Part { samples: (from, to), of, band: (k, n) } = part;
-        let samples = format!("{from}..{to} of {of}");
-        Self { samples, tiles: format!("{k}/{n}") }
+    /// An empty film for what is rendered.
+    pub fn film(&self) -> Film {
+        let first = self.part.map_or(0, |part| part.samples.0);
+        self.film_of(self.windows()[1], first)
+    }
+
+    /// An empty film of a part of the window, for samples that follow so many
+    /// others.
+    pub fn film_of(&self, window: Window, first: u64) -> Film {
+        let film = self.sampling.film(self.subject.resolution, window);
+        film.as_part(self.windows()[0], first)
     }
 }
 
-impl TryFrom<Texts> for Part {
-    type Error = &'static str;
-
-    fn try_from(texts: Texts) -> Result<Self, Self::Error> {
-        let (samples, band) =
-            (numbers(&texts.samples), numbers(&texts.tiles));
-        match (&samples[..], &band[..]) {
-            (&[from, to, of], &[k, n]) => {
-                let band = (k as u32, n as u32);
-                Ok(Self { samples: (from, to), of, band })
-            }
-            _ => Err("it is no part of a run"),
-        }
+/// The names and values of what is written as an object.
+pub fn entries(value: &impl Serialize) -> Map<String, Value> {
+    match serde_json::to_value(value) {
+        Ok(Value::Object(entries)) => entries,
+        _ => Map::new(),
     }
 }
 
-/// The numbers in a text, whatever is between them.
-fn numbers(text: &str) -> Vec<u64> {
-    let digits = text.split(|c: char| !c.is_ascii_digit());
-    digits.filter_map(|digits| digits.parse().ok()).collect()
+/// The window that is rendered: the whole image, if there is no crop.
+pub fn whole_window(size: (u32, u32), crop: Option<Window>) -> Window {
+    crop.unwrap_or(Window { corner: (0, 0), size })
 }

@@ -5,9 +5,9 @@
 // Software Foundation, either version 3 of the License, or (at your option)
 // any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
+
 //! The state of a run in a file, from which it can go on.
 
-use std::borrow::Cow;
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::path::Path;
@@ -18,29 +18,28 @@ use sha2::{Digest, Sha256};
 
 use crate::film::Film;
 use crate::render_loop::Convergence;
-use crate::report::Report;
-use crate::run_key::RunKey;
+use crate::state::key::RunKey;
 use crate::statistics::Accumulator;
 
 /// The first line of a checkpoint; its number changes with the layout.
-const MAGIC: &[u8] = b"litpt checkpoint 4\n";
+const MAGIC: &[u8] = b"litpt checkpoint 5\n";
 
-/// The second line.
+/// The second line, as it is written or read.
 #[derive(Serialize, Deserialize)]
-struct Header<'a> {
-    known: Cow<'a, Known>,
-    convergence: Cow<'a, Convergence>,
+struct Header<K, C> {
+    known: K,
+    convergence: C,
 }
 
 /// What is known of a run before its first sample.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Known {
-    /// The options of the program.
-    pub options: Value,
     /// What decides the samples.
     pub run_key: RunKey,
+    /// The options of the program.
+    pub options: Value,
     /// What a report says that does not change while the run goes on.
-    pub report: Report,
+    pub report: Value,
 }
 
 /// Writes a checkpoint.
@@ -52,12 +51,7 @@ pub fn save(
 ) -> io::Result<()> {
     let mut out = Checked { out, checksum: Sha256::new() };
     out.write_all(MAGIC)?;
-    // Write the run key and convergence
-    let header = Header {
-        known: Cow::Borrowed(known),
-        convergence: Cow::Borrowed(convergence),
-    };
-    serde_json::to_writer(&mut out, &header)?;
+    serde_json::to_writer(&mut out, &Header { known, convergence })?;
     out.write_all(b"\n")?;
     for sums in film.stored().iter().chain(film.tile_means()) {
         out.write_all(&sums.to_bytes())?;
@@ -97,7 +91,6 @@ fn recognise(file: &mut (impl BufRead + Seek)) -> Result<(), String> {
         return Err("is not a checkpoint of this version of pt".into());
     }
     // Compare the checksum with the content
-    // Compute the checksum of the content
     let length = file.seek(SeekFrom::End(0)).map_err(unreadable)?;
     file.rewind().map_err(unreadable)?;
     let mut sink =
@@ -119,7 +112,10 @@ fn unreadable(error: io::Error) -> String {
 
 /// A checkpoint that is whole.
 pub struct Checkpoint<R = BufReader<File>> {
-    header: Header<'static>,
+    /// What was known of its run.
+    pub known: Known,
+    /// What has been done of it.
+    pub convergence: Convergence,
     /// The file from the first sum on.
     sums: R,
 }
@@ -131,22 +127,12 @@ impl<R: BufRead + Seek> Checkpoint<R> {
     /// The file is no checkpoint, or is damaged.
     pub fn open(mut file: R) -> Result<Self, String> {
         recognise(&mut file)?;
-        // Read the run key and convergence
         let mut line = vec![];
         file.read_until(b'\n', &mut line).map_err(unreadable)?;
-        let header: Header = serde_json::from_slice(&line)
+        let header = serde_json::from_slice(&line)
             .map_err(|e| format!("is not a checkpoint of pt: {e}"))?;
-        Ok(Self { header, sums: file })
-    }
-
-    /// What was known of its run.
-    pub fn known(&self) -> &Known {
-        &self.header.known
-    }
-
-    /// What has been done of it.
-    pub fn convergence(&self) -> &Convergence {
-        &self.header.convergence
+        let Header { known, convergence } = header;
+        Ok(Self { known, convergence, sums: file })
     }
 
     /// Fills the `film`, and returns the convergence so far.
@@ -159,24 +145,31 @@ impl<R: BufRead + Seek> Checkpoint<R> {
         run_key: &RunKey,
         film: &mut Film,
     ) -> Result<Convergence, String> {
-        let theirs = &self.header.known.run_key;
-        if let Some((name, [theirs, ours])) = theirs.disagreement(run_key) {
+        let differs = self.known.run_key.disagreement(run_key);
+        if let Some((name, [theirs, ours])) = differs {
             return Err(format!(
                 "belongs to another run: its {name} is {theirs}, not {ours}"
             ));
         }
-        // Fill the image with its sums
+        self.fill(film)?;
+        Ok(self.convergence)
+    }
+
+    /// Fills a film of the size that the run key tells.
+    ///
+    /// # Errors
+    /// The file cannot be read.
+    pub fn fill(&mut self, film: &mut Film) -> Result<(), String> {
         let mut fill = |all: &mut [Accumulator]| {
             all.iter_mut().try_for_each(|sums| {
                 let mut bytes = [0; 64];
                 self.sums.read_exact(&mut bytes).map_err(unreadable)?;
                 *sums = Accumulator::from_bytes(&bytes);
-                Ok::<(), String>(())
+                Ok(())
             })
         };
         fill(film.stored_mut())?;
-        fill(film.tile_means_mut())?;
-        Ok(self.header.convergence.into_owned())
+        fill(film.tile_means_mut())
     }
 }
 
