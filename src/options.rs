@@ -31,7 +31,7 @@ use crate::bvh::Isa;
 use crate::camera::View;
 use crate::film::{Window, digits, parse_size};
 use crate::image::Format;
-use crate::render::method::Wanted;
+use crate::render::choose::Wanted;
 use crate::state::key::{Part, whole_window};
 use crate::state::shards::is_state_name;
 

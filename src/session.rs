@@ -29,7 +29,7 @@ use crate::analysis::{Finding, Inquiry, SceneAnalysis, Shortcut};
 use crate::bvh::{Bvh, Quality, too_small};
 use crate::camera::{Camera, View, typed};
 use crate::compare::disagreements;
-use crate::film::{Film, Window};
+use crate::film::Film;
 use crate::image::{Format, Image};
 use crate::options::{Error, Options};
 use crate::output::{ImageTarget, OutputTarget, descriptor, tell_apart};
@@ -163,11 +163,8 @@ fn run(
         build(scene, &inquiry, options, ranks, &mut report)?;
     enter(Doing::Preparing("choosing a method"));
     let begun = resumed.as_ref().map(|saved| saved.known.run_key.sampling);
-    let setup = Setup {
-        intersector: &bvh,
-        inquiry: &inquiry,
-        analysis: &analysis,
-    };
+    let setup =
+        Setup { intersector: &bvh, inquiry: &inquiry, analysis: &analysis };
     let (sampling, choice) = sampling(options, &setup, start, begun);
     if options.explain {
         return explain(&analysis, options, sampling.method, choice);
@@ -532,7 +529,8 @@ fn build(
     let (width, height) = options.band().size;
     let area = f64::from(width) * f64::from(height);
     let paths = options.goal(1).map(|n| n as f64 * area);
-    let rays = expected_rays(options.albedo, is_inside, paths, options.time);
+    let rays =
+        expected_rays(options.albedo, is_inside, paths, options.time);
     let rays = rays / f64::from(ranks.count());
     let Scene { triangles, left_out, .. } = scene;
     let quality = Quality::expecting(triangles.len(), rays);
@@ -824,11 +822,8 @@ pub fn follow(ranks: &dyn Ranks) -> Result<(), String> {
     let (analysis, bvh, _) =
         build(scene, &inquiry, &options, ranks, report)?;
     let Some(run_key) = hear::<RunKey>(ranks)? else { return Ok(()) };
-    let setup = Setup {
-        intersector: &bvh,
-        inquiry: &inquiry,
-        analysis: &analysis,
-    };
+    let setup =
+        Setup { intersector: &bvh, inquiry: &inquiry, analysis: &analysis };
     let mut job = setup.renderer(&run_key.sampling);
     ranks.serve(&mut *job, &run_key);
     Ok(())

@@ -666,8 +666,9 @@ fn a_lying_cache_does_not_change_the_mean_of_furrows() {
 impl Stage {
     /// A renderer that has learnt nothing yet.
     fn renderer(&self, seed: u64) -> Gather<'_> {
-        let Job { entrance, intersector, camera, integrator, known, .. } =
-            self.setting.job(0);
+        let Job {
+            entrance, intersector, camera, integrator, known, ..
+        } = self.setting.job(0);
         Gather {
             entrance,
             intersector,

@@ -66,11 +66,11 @@ fn world() -> Setting {
 
 /// What the integrator makes of the inside of that sphere, which it does not
 /// see.
-fn job<'a, E>(
+fn job<'a, E: Copy>(
     world: &'a Setting,
-    integrator: &'a E,
+    &integrator: &E,
     seed: u64,
-) -> Job<'a, Nothing, &'a E> {
+) -> Job<'a, Nothing, E> {
     let Job { entrance, camera, known, sampler, .. } = world.job(seed);
     let intersector = &Nothing;
     Job { entrance, intersector, camera, integrator, known, sampler }

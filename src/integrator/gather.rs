@@ -250,7 +250,14 @@ impl<K: Intersector> Tracer<'_, K> {
                 match hit {
                     Some(hit) => {
                         let (weight, end) = (1., None);
-                        samples.push(Sample { hit, pixel, scale, weight, end, u })
+                        samples.push(Sample {
+                            hit,
+                            pixel,
+                            scale,
+                            weight,
+                            end,
+                            u,
+                        })
                     }
                     None => {
                         sums[pixel as usize] += self.sky.radiance(direction)

@@ -125,7 +125,8 @@ fn image(setting: &Setting, method: Method, seed: u64, n: u64) -> Film {
     let Job { entrance, intersector, camera, integrator, .. } =
         setting.job(seed);
     let &PathTracer { albedo, sky, .. } = integrator;
-    let inquiry = Inquiry { camera, entrance, sky, albedo, resolution, kept: &[] };
+    let inquiry =
+        Inquiry { camera, entrance, sky, albedo, resolution, kept: &[] };
     let known = KnownPixels::Nothing;
     let analysis =
         SceneAnalysis { findings: vec![], known, is_black: false };

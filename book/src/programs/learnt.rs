@@ -141,8 +141,9 @@ impl Stage {
     }
 
     fn gather(&self, training: u64) -> Gather<'_> {
-        let Job { entrance, intersector, camera, integrator, known, .. } =
-            self.0.job(0);
+        let Job {
+            entrance, intersector, camera, integrator, known, ..
+        } = self.0.job(0);
         Gather {
             entrance,
             intersector,

@@ -89,7 +89,15 @@ impl<'g> Gather<'g> {
         'g: 'a,
     {
         let &Self { entrance, camera, sky, albedo, .. } = self;
-        Tracer { entrance, intersector, camera, sky, albedo, cache, rays: 0 }
+        Tracer {
+            entrance,
+            intersector,
+            camera,
+            sky,
+            albedo,
+            cache,
+            rays: 0,
+        }
     }
 
     /// A plan for the whole window of a film's run.
