@@ -21,7 +21,7 @@ TOOL_TABLES := $(addprefix $(BUILT)/,measured.tex editor.tex translation.tex)
 TABLES := $(BUILD_DIR)/examples.stamp \
   $(BUILD_DIR)/examples/session.txt $(addprefix $(BUILT)/,measured.tex \
   turnaround.tex closed-forms.tex \
-  calibration.stamp anatomy.stamp curve.csv said.tex layers.tex \
+  calibration.stamp curve.csv said.tex layers.tex \
   nets.stamp stability.tex \
   ablation.tex traversal.tex bench.tex efficiency.tex worth.tex gains.tex sizes.csv \
   mixtures.tex \
@@ -41,7 +41,7 @@ $(BUILD_DIR)/figures/courtyard.png $(BUILD_DIR)/figures/courtyard.json &: \
 $(BUILT)/closed-forms.tex: $(BOOK) | $(BUILT)
 	$(BOOK) closed_forms > $@
 
-$(addprefix $(BUILT)/,anatomy.stamp calibration.stamp nets.stamp): \
+$(addprefix $(BUILT)/,calibration.stamp nets.stamp): \
   $(BUILT)/%.stamp: $(BOOK) | $(BUILT)
 	$(BOOK) $* $(@D)
 	@touch $@
@@ -354,11 +354,11 @@ $(PICTURED:%=$(BUILD_DIR)/figures/scene-%.png): $(BUILD_DIR)/figures/scene-%.png
 
 # ---- geometry: figures
 
-# Edges, vertices, boxes, tiles and closed forms.
+# Edges, vertices, tiles and closed forms.
 GEOMETRY := $(addprefix $(BUILD_DIR)/figures/geometry-,$(addsuffix .png, \
-  edge-single edge-double edge-exact vertex-single vertex-ours court \
-  boxes-2 boxes-3 tiles-statue tiles-field))
-GEOMETRY_TABLES := $(addprefix $(BUILT)/,geometry.tex geometry-boxes.tex)
+  edge-single edge-double edge-exact vertex-single vertex-ours \
+  tiles-statue tiles-field))
+GEOMETRY_TABLES := $(BUILT)/geometry.tex
 FIGURES += $(GEOMETRY)
 TABLES += $(GEOMETRY_TABLES)
 

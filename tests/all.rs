@@ -41,7 +41,6 @@ mod sobol;
 mod statistics;
 mod stiff;
 mod traversal;
-mod wide;
 
 /// A file that is no module here would not be run.
 #[test]

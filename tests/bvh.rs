@@ -363,3 +363,58 @@ fn triangles_are_too_small_below_the_limit_and_not_at_it() {
     stray.vertices.push(DVec3::splat(2f64.powi(44)));
     assert_eq!(too_small(&stray), 0);
 }
+
+#[test]
+fn few_rays_want_a_fast_build_and_many_a_thorough_one() {
+    for triangles in [1, 1000, 10_000_000] {
+        let expecting = |rays| Quality::expecting(triangles, rays);
+        assert_eq!(expecting(0.), Quality::Fast);
+        assert_eq!(expecting(499. * triangles as f64), Quality::Fast);
+        assert_eq!(expecting(501. * triangles as f64), Quality::Thorough);
+        assert_eq!(expecting(f64::INFINITY), Quality::Thorough);
+    }
+}
+
+/// Triangles around each other, each smaller by 3 %.
+fn nested(n: u32) -> Scene {
+    let corners = [DVec3::X, DVec3::Y, DVec3::NEG_ONE];
+    let scale = |i: u32| 0.97f64.powi(i as i32);
+    Scene::new(&Mesh {
+        vertices: (0..n)
+            .flat_map(|i| corners.map(|corner| corner * scale(i)))
+            .collect(),
+        triangles: (0..n).map(|i| [0, 1, 2].map(|k| 3 * i + k)).collect(),
+        joined: vec![],
+    })
+}
+
+#[test]
+fn nested_triangles_are_all_found_and_in_order() {
+    let scene = nested(2000);
+    let mut random = Pcg64::seed_from_u64(3);
+    let mut point = || random_direction(&mut random);
+    let rays: Vec<Ray> = (0..2000)
+        .map(|i| {
+            // Half of the rays aim at the centre, where all are.
+            let origin = point() * 4000.;
+            let aim = point() * if i % 2 == 0 { 1. } else { 4096. };
+            Ray { origin, direction: (aim - origin).normalize() }
+        })
+        .collect();
+    let expected: Vec<_> = rays
+        .iter()
+        .map(|ray| nearest(&scene, ray).map(|(distance, _)| distance))
+        .collect();
+    assert!(expected.iter().flatten().count() > 200);
+    for isa in Isa::ALL.into_iter().filter(|isa| isa.is_available()) {
+        let intersector = Bvh::with(&scene, Quality::Fast, isa)
+            .expect("available instructions");
+        for (ray, &expected) in rays.iter().zip(&expected) {
+            let hit = intersector.first_hit(ray, None);
+            let found = hit.map(|hit| (hit.point - ray.origin).length());
+            assert_eq!(found.is_some(), expected.is_some(), "{ray:?}");
+            let pair = found.zip(expected);
+            assert!(pair.is_none_or(|(a, b)| (a - b).abs() < 1e-6));
+        }
+    }
+}

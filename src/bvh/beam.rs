@@ -111,7 +111,7 @@ impl Beam {
         for (k, u) in others.into_iter().enumerate() {
             for end in [0, 1] {
                 let slope = slopes[k][end];
-                if slope.abs() > STEEPEST {
+                if slope.abs() > MOST_SLOPE {
                     return None;
                 }
                 let Slabs { enter, leave, .. } = self.slabs;
@@ -132,7 +132,7 @@ impl Beam {
 }
 
 /// The greatest slope of a ray of a beam.
-const STEEPEST: f64 = 1.25;
+const MOST_SLOPE: f64 = 1.25;
 
 impl Beam {
     /// Which boxes of a node the beam enters.

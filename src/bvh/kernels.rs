@@ -16,6 +16,27 @@ use super::traversal::{Entered, Kernel, Met, Slabs, Stack};
 use super::triangle::{LANES, Leaf, Margins, Shear};
 use super::wide::Node;
 
+/// Where a ray enters and leaves the boxes of a node, in these instructions.
+macro_rules! interval {
+    ($node:ident, $slabs:ident, $t_max:ident, $load:ident, $set:ident,
+     $fmsub:ident, $max:ident, $min:ident) => {{
+        let plane = |start: &[f32; 3], axis: usize, row: usize| {
+            // SAFETY: the rows of slabs are below 6; each is `N` numbers.
+            let row = unsafe { $node.planes.get_unchecked(row) };
+            let planes = unsafe { $load(row.as_ptr()) };
+            $fmsub(planes, $set($slabs.inverse[axis]), $set(start[axis]))
+        };
+        let enter = |axis| plane(&$slabs.entry, axis, $slabs.enter[axis]);
+        let leave = |axis| plane(&$slabs.exit, axis, $slabs.leave[axis]);
+        let near = $max(enter(0), enter(1));
+        let far = $min(leave(0), leave(1));
+        (
+            $max(near, $max(enter(2), $set(0.))),
+            $min(far, $min(leave(2), $set($t_max))),
+        )
+    }};
+}
+
 /// Eight lanes.
 pub struct Avx2;
 
@@ -44,23 +65,16 @@ impl Kernel<8> for Avx2 {
         slabs: &Slabs,
         t_max: f32,
     ) -> Entered<__m256> {
-        // Give the distances of eight planes
-        let plane = |start: &[f32; 3], axis: usize, row: usize| {
-            // SAFETY: the rows of slabs are below 6; each is 8 numbers.
-            let row = unsafe { node.planes.get_unchecked(row) };
-            let planes = unsafe { _mm256_loadu_ps(row.as_ptr()) };
-            let inverse = _mm256_set1_ps(slabs.inverse[axis]);
-            let start = _mm256_set1_ps(start[axis]);
-            _mm256_fmsub_ps(planes, inverse, start)
-        };
-        let mut near = _mm256_setzero_ps();
-        let mut far = _mm256_set1_ps(t_max);
-        for axis in 0..3 {
-            let enter = plane(&slabs.entry, axis, slabs.enter[axis]);
-            let leave = plane(&slabs.exit, axis, slabs.leave[axis]);
-            near = _mm256_max_ps(enter, near);
-            far = _mm256_min_ps(leave, far);
-        }
+        let (near, far) = interval!(
+            node,
+            slabs,
+            t_max,
+            _mm256_loadu_ps,
+            _mm256_set1_ps,
+            _mm256_fmsub_ps,
+            _mm256_max_ps,
+            _mm256_min_ps
+        );
         let met = _mm256_cmp_ps::<_CMP_LE_OQ>(near, far);
         Entered { mask: _mm256_movemask_ps(met) as u32, near, far }
     }
@@ -206,27 +220,15 @@ impl Kernel<16> for Avx512 {
         slabs: &Slabs,
         t_max: f32,
     ) -> Entered<__m512> {
-        // Give the distances of sixteen planes
-        let plane = |start: &[f32; 3], axis: usize, row: usize| {
-            // SAFETY: as above; each is 16 numbers.
-            let row = unsafe { node.planes.get_unchecked(row) };
-            let planes = unsafe { _mm512_loadu_ps(row.as_ptr()) };
-            let inverse = _mm512_set1_ps(slabs.inverse[axis]);
-            let start = _mm512_set1_ps(start[axis]);
-            _mm512_fmsub_ps(planes, inverse, start)
-        };
-        let enter =
-            |axis: usize| plane(&slabs.entry, axis, slabs.enter[axis]);
-        let leave =
-            |axis: usize| plane(&slabs.exit, axis, slabs.leave[axis]);
-        // Take the last entry and first exit
-        let near = _mm512_max_ps(
-            _mm512_max_ps(enter(0), enter(1)),
-            _mm512_max_ps(enter(2), _mm512_setzero_ps()),
-        );
-        let far = _mm512_min_ps(
-            _mm512_min_ps(leave(0), leave(1)),
-            _mm512_min_ps(leave(2), _mm512_set1_ps(t_max)),
+        let (near, far) = interval!(
+            node,
+            slabs,
+            t_max,
+            _mm512_loadu_ps,
+            _mm512_set1_ps,
+            _mm512_fmsub_ps,
+            _mm512_max_ps,
+            _mm512_min_ps
         );
         let mask = _mm512_cmp_ps_mask::<_CMP_LE_OQ>(near, far);
         Entered { mask: mask.into(), near, far }

@@ -33,7 +33,7 @@ const SHORT: f64 = 1. / (1u64 << 17) as f64;
 
 /// Part of its factors by which an ordinary triple product may be wrong,
 /// at most: 2^-47.
-const SLOPPY: f64 = 1. / (1u64 << 47) as f64;
+const PRODUCT_ERROR: f64 = 1. / (1u64 << 47) as f64;
 
 /// How far from a hit a triangle may be to be around it, as part of the
 /// size: 2^-33.
@@ -169,7 +169,8 @@ impl Arrival<'_> {
             let (u, v, w) = (b - a, c - a, met - a);
             let across = u.cross(v);
             let largest = |v: DVec3| v.abs().max_element();
-            let error = largest(u) * largest(v) * largest(w) * SLOPPY;
+            let error =
+                largest(u) * largest(v) * largest(w) * PRODUCT_ERROR;
             let limit = 2. * close_by * across.abs().element_sum();
             if across.dot(w).abs() > limit + error {
                 return false;

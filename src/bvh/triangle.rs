@@ -169,13 +169,13 @@ impl Region {
     /// The same beyond a gate, given the size of the outermost margins.
     #[inline(always)]
     pub fn beyond_gate(&self, point: DVec3, root: f64) -> Margins {
-        let size = WARY * self.margins(point).size;
+        let size = COARSER * self.margins(point).size;
         Margins::new(size.min(root), 2. * self.reach)
     }
 }
 
 /// How much larger margins are beyond gates, at most: 2^20.
-const WARY: f64 = (1 << 20) as f64;
+const COARSER: f64 = (1 << 20) as f64;
 
 /// Triangles in a leaf at most.
 pub const LANES: usize = 4;
@@ -426,8 +426,11 @@ pub enum TriangleTest {
 #[derive(Clone, Copy)]
 pub struct Search<'a> {
     pub leaves: &'a Leaves,
-    /// The slot that the ray left and one that has been offered, or `NONE`.
-    without: [u32; 2],
+    /// The slot that the ray left, or `NONE`,
+    left: u32,
+    /// and one that was offered ahead, or `NONE`: leaves are tested without
+    /// both.
+    offered: u32,
     /// How far the nearest triangle is, or infinity.
     pub distance: f64,
     /// The size of the margins where it was found.
@@ -451,13 +454,14 @@ impl<'a> Search<'a> {
     #[inline(always)]
     pub fn new(
         leaves: &'a Leaves,
-        (from, ahead): (Option<u32>, u32),
+        (from, offered): (Option<u32>, u32),
         root: f64,
     ) -> Self {
         let distance = f64::INFINITY;
         Self {
             leaves,
-            without: [from.unwrap_or(NONE), ahead],
+            left: from.unwrap_or(NONE),
+            offered,
             distance,
             size: 0.,
             root,
@@ -477,7 +481,7 @@ impl<'a> Search<'a> {
     pub unsafe fn leaf(&self, first: u32, count: usize) -> Leaf<'a> {
         // SAFETY: it is there, says the caller.
         let mut leaf = unsafe { self.leaves.leaf(first, count) };
-        for without in self.without {
+        for without in [self.left, self.offered] {
             let lane = without.wrapping_sub(slot(first, 0));
             leaf.lanes &= !(u32::from(lane < LANES as u32) << (lane & 3));
         }
@@ -560,7 +564,7 @@ impl<'a> Search<'a> {
     #[inline(always)]
     pub fn enters(&self, region: &Region, ray: &Ray) -> bool {
         let middle = region.zero - ray.origin;
-        let half = region.reach + ASIDE * self.root;
+        let half = region.reach + CLEARANCE * self.root;
         let (along, near) = (middle.dot(ray.direction), near(self.root));
         is_met(middle, DVec3::splat(half), ray.direction)
             && along - DIAGONAL * half <= self.distance + near
@@ -604,7 +608,7 @@ fn is_behind(leaf: Leaf, lane: u32, ray: &Ray, distance: f64) -> bool {
 
 /// A ray this far from a region, times the size, passes no triangle of
 /// it closely: 2^-44.
-const ASIDE: f64 = 1. / (1u64 << 44) as f64;
+const CLEARANCE: f64 = 1. / (1u64 << 44) as f64;
 
 /// More than half the diagonal of a cube whose side is 2.
 const DIAGONAL: f64 = 1.75;

@@ -221,7 +221,7 @@ fn binary(group: &Group, quality: Quality) -> Vec<Bvh2Node> {
     });
     let mut tree = join(nodes, reach, early);
     // Improve the binary tree
-    let share = (CROWDED / crowd(&tree.nodes)).min(1.);
+    let share = (MOST_BOXES / expected_boxes(&tree.nodes)).min(1.);
     if tree.max_depth <= DEFAULT_MAX_STACK_DEPTH {
         let mut optimizer = ReinsertionOptimizer::default();
         for &part in parts {
@@ -340,13 +340,13 @@ fn choose(clusters: &[Bvh2Node], reach: usize, partners: &mut [u32]) {
 
 /// How many boxes of a tree a ray that meets the root is expected to
 /// meet: the sum of the surface area heuristic.
-fn crowd(nodes: &[Bvh2Node]) -> f32 {
+fn expected_boxes(nodes: &[Bvh2Node]) -> f32 {
     let sum: f32 = nodes.iter().map(area).sum();
     sum / nodes.first().map_or(1., area)
 }
 
 /// From so many boxes on that a ray meets, less of a tree is improved.
-const CROWDED: f32 = 200.;
+const MOST_BOXES: f32 = 200.;
 
 /// The least costs of a subtree, as a wide tree or several.
 struct Forest<const N: usize> {
@@ -366,27 +366,27 @@ impl<const N: usize> Forest<N> {
 
     /// The forest of a node of the given area from those of its children,
     /// and how it is cut.
-    fn join(left: &Self, right: &Self, area: f32) -> (Self, Choices) {
+    fn join(left: &Self, right: &Self, area: f32) -> (Self, Choices<N>) {
         let most = (left.most + right.most).min(N);
         let mut costs = [f32::INFINITY; N];
-        let mut choices = Choices(0);
+        let mut choices = [0; N];
         // Try forests of two trees and more
         for k in 2..=most {
             let (cost, trees) = Self::split(left, right, k);
             costs[k - 1] = cost;
-            choices.set(k, trees);
+            choices[k - 1] = trees as u8;
         }
         costs[0] = area + costs[most - 1];
         let count = left.count + right.count;
         if count <= LANES {
             costs[0] = area;
-            choices.set(1, 1);
+            choices[0] = 1;
         }
         // Let no more trees cost more
         for k in 2..=N {
             if costs[k - 2] <= costs[k - 1] {
                 costs[k - 1] = costs[k - 2];
-                choices.set(k, 0);
+                choices[k - 1] = 0;
             }
         }
         (Self { costs, most, count }, choices)
@@ -406,31 +406,14 @@ impl<const N: usize> Forest<N> {
     }
 }
 
-/// The choices for one node of the binary tree, four bits for each k.
-#[derive(Clone, Copy)]
-struct Choices(u64);
-
-impl Choices {
-    const LEAF: Self = Self(1);
-
-    fn set(&mut self, k: usize, trees: usize) {
-        let shift = 4 * (k - 1);
-        self.0 = self.0 & !(15 << shift) | (trees as u64) << shift;
-    }
-
-    fn get(self, k: usize) -> usize {
-        (self.0 >> (4 * (k - 1)) & 15) as usize
-    }
-
-    fn is_leaf(self) -> bool {
-        self.get(1) == 1
-    }
-}
+/// The choices for one node of the binary tree, that for k at k - 1.
+type Choices<const N: usize> = [u8; N];
 
 /// How each node of a binary tree is best cut, for wide nodes of up to
 /// `N` children.
-fn cut<const N: usize>(tree: &[Bvh2Node]) -> Vec<Choices> {
-    let mut choices = vec![Choices::LEAF; tree.len()];
+fn cut<const N: usize>(tree: &[Bvh2Node]) -> Vec<Choices<N>> {
+    let leaf = std::array::from_fn(|k| u8::from(k == 0));
+    let mut choices = vec![leaf; tree.len()];
     let mut forests: Vec<Forest<N>> = vec![];
     let root = (!tree.is_empty()).then_some((0, false));
     let mut todo = Vec::from_iter(root);
@@ -500,7 +483,7 @@ impl Plan {
             }
             let root = plan.nodes[next].root;
             plan.nodes[next] = plan.before_children(root);
-            plan.add_children::<N>(tree, &choices, root);
+            plan.add_children(tree, &choices, root);
             next += 1;
         }
         plan.nodes.push(plan.before_children(0));
@@ -517,12 +500,12 @@ impl Plan {
     fn add_children<const N: usize>(
         &mut self,
         tree: &[Bvh2Node],
-        choices: &[Choices],
+        choices: &[Choices<N>],
         root: u32,
     ) {
         match choices.get(root as usize) {
             None => (),
-            Some(choice) if choice.is_leaf() => {
+            Some(choice) if choice[0] == 1 => {
                 self.add_leaf(tree, root);
             }
             Some(_) => self.split(tree, choices, root, N),
@@ -530,35 +513,35 @@ impl Plan {
     }
 
     /// Adds the forest of at most `k` > 1 trees without the node `i`.
-    fn split(
+    fn split<const N: usize>(
         &mut self,
         tree: &[Bvh2Node],
-        choices: &[Choices],
+        choices: &[Choices<N>],
         i: u32,
         mut k: usize,
     ) {
         let choice = choices[i as usize];
-        while k > 2 && choice.get(k) == 0 {
+        while k > 2 && choice[k - 1] == 0 {
             k -= 1;
         }
-        let trees = choice.get(k).max(1);
+        let trees = usize::from(choice[k - 1].max(1));
         let first = tree[i as usize].first_index;
         self.add(tree, choices, first, trees);
         self.add(tree, choices, first + 1, k - trees);
     }
 
     /// Adds the forest of at most `k` trees for the node `i`.
-    fn add(
+    fn add<const N: usize>(
         &mut self,
         tree: &[Bvh2Node],
-        choices: &[Choices],
+        choices: &[Choices<N>],
         i: u32,
         k: usize,
     ) {
         let choice = choices[i as usize];
-        if (2..=k).any(|k| choice.get(k) != 0) {
+        if choice[1..k].iter().any(|&trees| trees != 0) {
             self.split(tree, choices, i, k);
-        } else if choice.is_leaf() {
+        } else if choice[0] == 1 {
             self.add_leaf(tree, i);
         } else {
             self.nodes.push(Planned { root: i, ..Planned::default() });

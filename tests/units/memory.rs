@@ -1,4 +1,4 @@
-// Large arrays (chapter "Large arrays").
+// Large arrays (chapter "A wide hierarchy").
 //
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later

@@ -1,6 +1,5 @@
 // Figures for the chapters on geometry and tests: triangles at one edge, and
-// at one vertex, as single precision sees them; boxes of a hierarchy, and
-// tiles that see nothing.
+// at one vertex, as single precision sees them; and tiles that see nothing.
 // "geometry.tex" has the numbers of the text.
 //
 // usage: geometry FIGURES TABLES
@@ -9,7 +8,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 
 mod closeups;
-mod hierarchy;
 mod views;
 
 use std::error::Error;
@@ -29,21 +27,16 @@ pub fn run(arguments: &[String]) -> Done {
     let [figures, tables] = arguments else {
         return Err("usage: geometry FIGURES TABLES".into());
     };
-    let mut out = Out {
-        figures: Path::new(figures),
-        tables: Path::new(tables),
-        numbers: String::new(),
-    };
+    let mut out =
+        Out { figures: Path::new(figures), numbers: String::new() };
     closeups::draw(&mut out)?;
-    hierarchy::draw(&mut out)?;
     views::draw(&mut out)?;
-    out.table("geometry.tex", &out.numbers)
+    Ok(fs::write(Path::new(tables).join("geometry.tex"), &out.numbers)?)
 }
 
-/// Where figures, tables and numbers go.
+/// Where figures go, and the numbers of the text.
 struct Out<'a> {
     figures: &'a Path,
-    tables: &'a Path,
     numbers: String,
 }
 
@@ -52,10 +45,6 @@ impl Out<'_> {
     fn picture(&self, name: &str, width: u32, means: Vec<f64>) -> Done {
         let path = self.figures.join(format!("geometry-{name}.png"));
         draw(&path, width, means)
-    }
-
-    fn table(&self, name: &str, text: &str) -> Done {
-        Ok(fs::write(self.tables.join(name), text)?)
     }
 
     /// Keeps a number for the text, with two decimal places at most.
