@@ -648,7 +648,7 @@ fn a_shortcut_is_tried_by_not_taking_it() {
             .succeeded();
         place.get(name)
     };
-    let whole = render("whole.pfm", &["--keep=background"]);
+    let whole = render("whole.pfm", &["--keep-all"]);
     assert_eq!(render("less.pfm", &[]), whole);
 }
 

@@ -5,7 +5,7 @@
 
 mod common;
 
-use common::Scratch;
+use common::{BOX, Scratch};
 use litpt::integrator::identity;
 use sha2::{Digest, Sha256};
 
@@ -14,12 +14,6 @@ const KNOWN: (&str, &str) = (
     "samples 4, path tracer with roulette below 0.1 and from 1000 bounces",
     "78a4e05c50384933a5bbc42490aee90cac9f4f6bb7d6e992a221849f61801586",
 );
-
-/// A closed white box, in which a path takes a thousand bounces.
-const BOX: &str = "\
-v -1 -1 -1\nv 1 -1 -1\nv 1 1 -1\nv -1 1 -1\n\
-v -1 -1 1\nv 1 -1 1\nv 1 1 1\nv -1 1 1\n\
-f 1 2 3 4\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n";
 
 #[test]
 fn the_bits_of_samples_change_with_their_version_only() {

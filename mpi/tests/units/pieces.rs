@@ -19,11 +19,9 @@ const WINDOWS: [Window; 4] = [
 ];
 
 fn run_key(case: usize) -> RunKey {
-    let (method, replicate) = [
-        (Method::Reference, 1),
-        (Method::Sobol, 8),
-        (Method::Gather, 4),
-    ][case % 3];
+    let (method, replicate) =
+        [(Method::Reference, 1), (Method::Sobol, 8), (Method::Gather, 4)]
+            [case % 3];
     let sampling = Sampling::new(method, 0, None, 0);
     let (position, target, up) = (DVec3::ZERO, DVec3::Y, DVec3::Z);
     RunKey {
