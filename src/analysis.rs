@@ -13,7 +13,6 @@ pub mod background;
 pub mod interior;
 
 use std::fmt;
-use std::str::FromStr;
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -40,24 +39,13 @@ impl Shortcut {
     /// All of them.
     pub const ALL: [Self; 3] = [Self::Dark, Self::Black, Self::Background];
 
-    /// The name that options and reports have for it.
+    /// The name that reports have for it.
     pub fn name(self) -> &'static str {
         match self {
             Self::Dark => "dark",
             Self::Black => "black",
             Self::Background => "background",
         }
-    }
-}
-
-impl FromStr for Shortcut {
-    type Err = String;
-
-    fn from_str(name: &str) -> Result<Self, String> {
-        let all = Self::ALL.into_iter();
-        let named = all.clone().find(|shortcut| shortcut.name() == name);
-        let names: Vec<_> = all.map(Self::name).collect();
-        named.ok_or_else(|| format!("expected {}", names.join(", ")))
     }
 }
 

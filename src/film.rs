@@ -16,8 +16,6 @@ use std::fmt;
 use std::num::{IntErrorKind, ParseIntError};
 use std::str::FromStr;
 
-use rand::RngExt;
-use rand_pcg::Pcg64;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -436,16 +434,6 @@ impl Film {
                 self.tile_means[place].merge(mean);
             }
         }
-    }
-
-    /// A film with two random samples in each pixel.
-    pub fn noise(width: u32, height: u32) -> Self {
-        let mut film = Self::new(width, height);
-        let mut random = Pcg64::new(0, 0);
-        for pixel in &mut film.pixels {
-            (0..2).for_each(|_| pixel.add(random.random()));
-        }
-        film
     }
 
     /// Summarises the image, with the errors that [`Film::errors`] gives

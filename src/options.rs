@@ -457,58 +457,47 @@ impl Options {
 
     /// The options, if they fit together.
     fn checked(self) -> Result<Self, Error> {
-        let Self { range, tiles, samples, checkpoint, .. } = &self;
+        let &Self { range, tiles, samples, resolution, .. } = &self;
+        let checkpoint = self.checkpoint.as_deref();
         let part = range.is_some() || tiles.is_some();
         let limited = self.time.is_some() || self.error.is_some();
         let is_png = |path: &PathBuf| Format::of(path) == Ok(Format::Png);
         // Describe a part that is not within the image
-        let (window, (width, height)) = (self.window(), self.resolution);
+        let (window, (width, height)) = (self.window(), resolution);
         let Window { corner: (x, y), size: (w, h) } = window;
         let fits = |at, n, side| at < side && n <= side - at;
+        let is_within = fits(x, w, width) && fits(y, h, height);
         let outside = format!(
             "--crop {window}: does not lie within the image of \
              {width}x{height} pixels"
         );
-        let ((k, n), rows) = (tiles.unwrap_or((1, 1)), window.tile_rows());
+        let (k, n) = tiles.unwrap_or((1, 1));
+        let rows = if is_within { window.tile_rows() } else { 0 };
         let bands = format!(
             "--tiles {k}/{n}: the image has {rows} rows of tiles, and not \
              more bands"
         );
-        let faults = [
-            (!(fits(x, w, width) && fits(y, h, height)), &outside[..]),
-            (n > rows, &bands),
-            (
-                self.every.is_some() && checkpoint.is_none(),
-                "--every needs --checkpoint",
-            ),
-            (
-                checkpoint.as_deref().is_some_and(is_dash),
-                "--checkpoint needs a file",
-            ),
-            (
-                self.preview && !self.output.iter().any(is_png),
-                "--preview needs a PNG file, as in -o a.png",
-            ),
-            (
-                part && (samples.is_none() || limited),
-                "--samples and --tiles need -n, the samples of the whole run, \
-                 and neither --time nor --error",
-            ),
-            (
-                range.is_some_and(|(_, end)| Some(end) > *samples),
-                "--samples ends after the samples of the whole run, which \
-                 are -n",
-            ),
-            (
-                tiles.is_some() && self.reference.is_some(),
-                "--tiles renders a part of the image, and --reference needs \
-                 all of it",
-            ),
-        ];
-        if let Some((_, fault)) = faults.iter().find(|(holds, _)| *holds) {
-            return Err(usage(fault, "pt"));
-        }
-        Ok(self)
+        let fault = if self.every.is_some() && checkpoint.is_none() {
+            "--every needs --checkpoint"
+        } else if checkpoint.is_some_and(is_dash) {
+            "--checkpoint needs a file"
+        } else if self.preview && !self.output.iter().any(is_png) {
+            "--preview needs a PNG file, as in -o a.png"
+        } else if part && (samples.is_none() || limited) {
+            "--samples and --tiles need -n, the samples of the whole run, and \
+             neither --time nor --error"
+        } else if range.is_some_and(|(_, end)| Some(end) > samples) {
+            "--samples ends after the samples of the whole run, which are -n"
+        } else if tiles.is_some() && self.reference.is_some() {
+            "--tiles renders a part of the image, and --reference needs all of it"
+        } else if !is_within {
+            &outside
+        } else if n > rows {
+            &bands
+        } else {
+            return Ok(self);
+        };
+        Err(usage(fault, "pt"))
     }
 
     /// The images to write, standard output if nothing is named.

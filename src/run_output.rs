@@ -163,19 +163,20 @@ impl RunOutput {
     }
 
     /// A guess of the seconds that [`RunOutput::close`] takes for so many
-    /// pixels.
-    pub fn seconds(&self, pixels: u64) -> f64 {
+    /// pixels, if none of them has a sample and if all have.
+    pub fn seconds(&self, pixels: u64) -> [f64; 2] {
         let Targets { images, reports, checkpoint } = &self.targets;
         let images = images.iter().map(|image| match image.format() {
-            Format::Png | Format::Exr => ENCODED,
-            Format::Pgm | Format::Pfm => PLAIN,
+            Format::Pgm => PGM,
+            Format::Png => PNG,
+            Format::Pfm => PFM,
+            Format::Exr => EXR,
         });
         let pages = reports.iter().filter(|(kind, _)| *kind == Kind::Html);
-        let nanoseconds = SUMMARY
-            + images.sum::<f64>()
-            + ENCODED * pages.count() as f64
-            + SAVED * f64::from(u8::from(checkpoint.is_some()));
-        1e-9 * nanoseconds * pixels as f64
+        let pages = pages.map(|_| PAGE);
+        let saved = if checkpoint.is_some() { STATE } else { 0. };
+        let all = saved + SUMMARY + images.chain(pages).sum::<f64>();
+        [saved, all].map(|nanoseconds| 1e-9 * nanoseconds * pixels as f64)
     }
 
     fn write_reports(
@@ -264,12 +265,15 @@ impl RunOutput {
     }
 }
 
-/// Nanoseconds for a pixel: of the summary; of an image that is compressed,
-/// or is not; of a checkpoint.
-const SUMMARY: f64 = 20.;
-const ENCODED: f64 = 100.;
-const PLAIN: f64 = 20.;
-const SAVED: f64 = 200.;
+/// Nanoseconds for a pixel: of the summary, of a checkpoint, of images, and
+/// of a page with one.
+const SUMMARY: f64 = 130.;
+const STATE: f64 = 70.;
+const PGM: f64 = 120.;
+const PNG: f64 = 200.;
+const PFM: f64 = 50.;
+const EXR: f64 = 420.;
+const PAGE: f64 = 350.;
 
 /// The image and the report of a merged run.
 pub fn conclude(merged: Merged) -> (Image, Report) {

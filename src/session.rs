@@ -31,9 +31,10 @@ use crate::camera::{Camera, View, typed};
 use crate::compare::disagreements;
 use crate::film::Film;
 use crate::image::{Format, Image};
+use crate::memory::zeroed;
 use crate::options::{Error, Options};
 use crate::output::{ImageTarget, OutputTarget, descriptor, tell_apart};
-use crate::progress::{self, Bar, Step};
+use crate::progress::{self, Bar, Step, metric};
 use crate::render::Renderer;
 use crate::render::choose::{
     Choice, Method, Request, Sampling, Setup, expected_rays,
@@ -45,6 +46,7 @@ use crate::scene::{Scene, begins_obj, read_file};
 use crate::sky::Sky;
 use crate::state::checkpoint::Checkpoint;
 use crate::state::key::{RunKey, Subject, entries};
+use crate::statistics::Accumulator;
 
 /// The processes that render one image, as each of them sees them.
 pub trait Ranks {
@@ -649,6 +651,13 @@ fn begin(
     goal: Option<u64>,
     resumed: Option<Checkpoint>,
 ) -> Result<(Film, Convergence), String> {
+    // Ask for the memory of the film
+    let (width, height) = run_key.windows()[1].size;
+    let pixels = width as usize * height as usize;
+    zeroed::<Accumulator>(pixels).map_err(|_| {
+        let bytes = metric(64. * pixels as f64);
+        format!("too little memory: {bytes}B more are needed")
+    })?;
     let (mut film, mut convergence) =
         (run_key.film(), Convergence::default());
     let warn = |message: String| {
@@ -704,7 +713,7 @@ impl Run<'_> {
         let limits = Limits {
             samples,
             deadline,
-            reserve: [output.seconds(area).min(most); 2],
+            reserve: output.seconds(area).map(|seconds| seconds.min(most)),
             clock: &Instant::now,
             error: options.error,
             interrupt,

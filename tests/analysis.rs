@@ -6,7 +6,7 @@
 
 use crate::common;
 
-use common::{ROOM, Scratch};
+use common::{BOX, ROOM, Scratch};
 use glam::DVec3;
 use litpt::analysis::background::{KnownPixels, TileContent};
 use litpt::analysis::{SceneAnalysis, Shortcut};
@@ -221,12 +221,6 @@ fn tiles_see_what_is_in_view_in_extreme_fields_of_view() {
 
 // ---- the program
 
-/// A closed box around the default camera.
-const BOX: &str = "\
-v -1 -1 -1\nv 1 -1 -1\nv 1 1 -1\nv -1 1 -1\n\
-v -1 -1 1\nv 1 -1 1\nv 1 1 1\nv -1 1 1\n\
-f 1 2 3 4\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n";
-
 /// The summary and the image of a run in the box.
 fn in_the_box(arguments: &[&str]) -> (String, Vec<u8>) {
     let place = Scratch::new();
@@ -245,12 +239,10 @@ fn a_closed_box_is_dark_without_a_ray_and_the_summary_says_why() {
         "{said}"
     );
     assert!(said.contains(" s, 0 rays,"), "{said}");
-    for keep in [&["--keep-all"][..], &["--keep", "dark"]] {
-        let (said, kept) = in_the_box(keep);
-        assert!(!said.contains("dark:"), "{said}");
-        assert!(!said.contains(" s, 0 rays,"), "{said}");
-        assert_eq!(kept, film);
-    }
+    let (said, kept) = in_the_box(&["--keep-all"]);
+    assert!(!said.contains("dark:"), "{said}");
+    assert!(!said.contains(" s, 0 rays,"), "{said}");
+    assert_eq!(kept, film);
 }
 
 #[test]
@@ -331,7 +323,7 @@ fn an_explanation_says_what_is_left_out_and_why() {
     let away = ["-p0,-6,1", "-t0,-9,9"];
     says("background", &away, "left out", "no triangle can be seen");
     says("background", &["-p0,-1.5,0"], "-", "triangles may be seen");
-    says("dark", &["--keep=dark"], "-", "kept, and not looked for");
+    says("dark", &["--keep-all"], "-", "kept, and not looked for");
 }
 
 #[test]
@@ -387,7 +379,7 @@ fn what_is_left_out_decides_nothing_about_a_sample() {
     run(&["-n9", "--resume=c", "-ob.pfm"]).succeeded();
     run(&["-n9", "--keep-all", "-oc.pfm"]).succeeded();
     assert_eq!(place.get("b.pfm"), place.get("c.pfm"));
-    let some = ["-n9", "--samples=0..4", "--keep=background"];
+    let some = ["-n9", "--samples=0..4", "--keep-all"];
     run(&[&some[..], &["-od.litpt"]].concat()).succeeded();
     run(&["-n9", "--samples=4..9", "-oe.litpt"]).succeeded();
     let merge = ["merge", "-of.pfm", "d.litpt", "e.litpt"];
@@ -411,7 +403,7 @@ fn black_surfaces_change_neither_the_method_nor_the_image() {
             let said = |name: &str| image.attributes[name].clone();
             (place.get("a.pfm"), said("method"), said("rays"))
         };
-        let (less, whole) = (image("-q"), image("--keep=black"));
+        let (less, whole) = (image("-q"), image("--keep-all"));
         assert!((&less.0, &less.1) == (&whole.0, &whole.1), "{method}");
         let rays = |text: &str| text.parse::<u64>().unwrap();
         assert!(rays(&less.2) <= rays(&whole.2));

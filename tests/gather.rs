@@ -15,7 +15,7 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use common::{Run, Scratch, finish};
+use common::{BOX, Run, Scratch, finish};
 use glam::DVec3;
 use litpt::analysis::background::{
     BackgroundTiles, KnownPixels, TileContent,
@@ -1060,12 +1060,6 @@ fn a_gather_stops_at_its_time_and_at_its_error() {
     let rmse = (squares / (23. * 17.)).sqrt();
     assert!((rmse / report["rmse"].as_f64().unwrap() - 1.).abs() < 1e-5);
 }
-
-/// A closed box around the camera.
-const BOX: &str = "\
-v -1 -1 -1\nv 1 -1 -1\nv 1 1 -1\nv -1 1 -1\n\
-v -1 -1 1\nv 1 -1 1\nv 1 1 1\nv -1 1 1\n\
-f 1 2 3 4\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n";
 
 /// A triangle in front of the camera, and one behind it.
 const AHEAD: &str = "v -1 4 -1\nv 1 4 -1\nv 0 4.3 1\nf 1 2 3\n";

@@ -5,7 +5,7 @@
 
 use crate::common;
 
-use common::Scratch;
+use common::{BOX, Scratch};
 use litpt::render::choose::{Method, Sampling};
 use sha2::{Digest, Sha256};
 
@@ -22,12 +22,6 @@ const KNOWN: [(&str, &str); 3] = [
     ),
     ("gather 4, nets of 1, training with 65536 rays", "?"),
 ];
-
-/// A closed white box, in which a path takes a thousand bounces.
-const BOX: &str = "\
-v -1 -1 -1\nv 1 -1 -1\nv 1 1 -1\nv -1 1 -1\n\
-v -1 -1 1\nv 1 -1 1\nv 1 1 1\nv -1 1 1\n\
-f 1 2 3 4\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n";
 
 #[test]
 fn the_bits_of_samples_change_with_their_version_only() {

@@ -277,7 +277,7 @@ impl Merge {
             }
         }
         // Write what was merged
-        let (image, report) = merged.image_and_report();
+        let (image, report) = conclude(merged);
         write(&images, &image)?;
         for (kind, target) in reports {
             let text = kind.render(&report, &|| image.clone());
