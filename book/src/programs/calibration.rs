@@ -145,7 +145,7 @@ fn image(setting: &Setting, method: Method, seed: u64, n: u64) -> Film {
     // Know nothing of the image beforehand
     let Job { scene, intersector, camera, integrator, .. } =
         setting.job(seed);
-    let &PathTracer { albedo, sky, .. } = integrator;
+    let PathTracer { albedo, sky, .. } = integrator;
     let inquiry = Inquiry { camera, sky, albedo, resolution, kept: &[] };
     let known = KnownPixels::Nothing;
     let analysis =
@@ -384,7 +384,7 @@ fn stopped(seed: u64, error: f64, side: u32) -> (f64, u64) {
         scene: &scene,
         intersector: &intersector,
         camera: &camera,
-        integrator: &Coin,
+        integrator: Coin,
         known: &KnownPixels::Nothing,
         sampler: IndependentSampler::new(seed),
     };

@@ -291,13 +291,13 @@ impl Case {
             Bvh::of(triangles, self.quality, Isa::best(), &|_| ())
                 .map_err(|error| error.to_string())?;
         let analysis = SceneAnalysis::find(&scene, &intersector, &inquiry);
-        let mut renderer = renderer(
-            &scene,
-            &intersector,
-            &inquiry,
-            &analysis,
-            &Sampling::reference(0),
-        );
+        let setup = Setup {
+            scene: &scene,
+            intersector: &intersector,
+            inquiry: &inquiry,
+            analysis: &analysis,
+        };
+        let mut renderer = setup.renderer(&Sampling::reference(0));
         let mut simple = Film::new(self.resolution.0, self.resolution.1);
         let rays = renderer.pass(&mut simple, self.samples, &|_| true);
         self.judge(&simple, rays.max(1001))?;

@@ -9,7 +9,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 
 use std::f64::consts::SQRT_2;
-use std::str::FromStr;
 
 use glam::DVec3;
 use litpt::analysis::background::KnownPixels;
@@ -19,7 +18,7 @@ use litpt::film::{Film, Window};
 use litpt::integrator::PathTracer;
 use litpt::numerics::power_of_two;
 use litpt::render::Job;
-use litpt::render::choose::{Method, Request, Sampling, Setup};
+use litpt::render::choose::{Method, Request, Sampling, Setup, Wanted};
 use litpt::scene::Mesh;
 use litpt_book::closed_forms::{self, cavity, closed_forms, look, plane};
 use litpt_book::interiors::Interior;
@@ -66,7 +65,7 @@ fn control(setting: &Setting, method: Method, n: u64) -> u64 {
     );
     let Ok(set) = set else { return 0 };
     let Job { scene, intersector, camera, integrator, .. } = set.job(0);
-    let &PathTracer { albedo, sky, .. } = integrator;
+    let PathTracer { albedo, sky, .. } = integrator;
     let (resolution, kept) = (RESOLUTION, &[][..]);
     let inquiry = &Inquiry { camera, sky, albedo, resolution, kept };
     let known = KnownPixels::Nothing;
@@ -88,8 +87,10 @@ fn control(setting: &Setting, method: Method, n: u64) -> u64 {
 
 pub fn run(arguments: &[String]) -> Done {
     let word = |i: usize| arguments.get(i).map(String::as_str);
-    let method =
-        |i| word(i).map_or(Ok(Method::Reference), Method::from_str);
+    let method = |i| {
+        let wanted = word(i).map_or(Ok(Wanted(None)), str::parse::<Wanted>);
+        wanted.map(|wanted| wanted.0.unwrap_or(Method::Reference))
+    };
     let (first, second) = (method(0)?, method(1)?);
     let n = word(2).map_or(Ok(SAMPLES), str::parse)?;
     let scenes = scenes()?;
