@@ -49,8 +49,8 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 /// Comparisons with a distribution in this file, which together give a false
 /// alarm with one percent of all seeds (Šidák): of guides and of normals, of
-/// 24 pixels and their mean for seven lies in two scenes, and of images.
-const CHANCE: Chance = Chance(8 + 17 + 25 * 7 * 2 + 2);
+/// 24 pixels and their mean for five lies in two scenes, and of images.
+const CHANCE: Chance = Chance(8 + 17 + 25 * 5 * 2 + 2);
 
 fn point(random: &mut impl Rng) -> [f64; 2] {
     [random.random(), random.random()]
@@ -574,11 +574,6 @@ fn lies(stage: &Stage) -> Vec<(&'static str, RadianceCache)> {
         ("zero", lie(stage, 1., |_| 0.)),
         ("ten times", lie(stage, 1., |_| 4.)),
         ("negative", lie(stage, 1., |_| -2.)),
-        ("negative in places", lie(stage, 0.2, |_| -2.)),
-        (
-            "zero or four",
-            lie(stage, 0.7, |r| 4. * f32::from(r.random::<bool>())),
-        ),
         ("random", lie(stage, 0.7, |r| 6. * r.random::<f32>() - 2.)),
     ]
 }
@@ -748,7 +743,7 @@ fn a_gather_ends_in_each_stage_by_the_clock_and_by_a_signal() {
     let stage = Stage::room((32, 24));
     let start = Instant::now();
     let mut reached = [0; 2];
-    for (looks, signal) in [0, 3, 50, 150, 1000, 3000]
+    for (looks, signal) in [3, 150, 1000, 3000]
         .into_iter()
         .flat_map(|looks| [(looks, None), (looks, Some(15))])
     {
@@ -882,7 +877,7 @@ fn the_errors_of_pixels_are_as_large_as_stated() {
 // makes their squares larger by at most 15/13.
 #[test]
 fn the_error_of_the_mean_of_an_image_is_as_large_as_stated() {
-    const SEEDS: u32 = 40;
+    const SEEDS: u32 = 24;
     let (stage, truth) = room();
     let (mut shared, mut independent) = (0., 0.);
     for seed in 0..SEEDS {

@@ -18,7 +18,7 @@ const KNOWN: [(&str, &str); 3] = [
     (
         "samples 4, path tracer with roulette below 0.1 and from 1000 \
          bounces, controlled nets of 2",
-        "?",
+        "caa054c3c6496ac6a92e826ef9a82c7387603e149a9f6309f4d385430da961ad",
     ),
     ("gather 4, nets of 1, training with 65536 rays", "?"),
 ];

@@ -292,12 +292,12 @@ impl Case {
                 .map_err(|error| error.to_string())?;
         let analysis =
             SceneAnalysis::find(&left_out, &intersector, &inquiry);
-        let mut renderer = renderer(
-            &intersector,
-            &inquiry,
-            &analysis,
-            &Sampling::reference(0),
-        );
+        let setup = Setup {
+            intersector: &intersector,
+            inquiry: &inquiry,
+            analysis: &analysis,
+        };
+        let mut renderer = setup.renderer(&Sampling::reference(0));
         let mut simple = Film::new(self.resolution.0, self.resolution.1);
         let rays = renderer.pass(&mut simple, self.samples, &|_| true);
         self.judge(&simple, rays.max(1001))?;
