@@ -283,12 +283,9 @@ pub fn read(bytes: &[u8], note: Note) -> Result<Image, String> {
     // Compare the checksum with the stated one
     let text =
         |text: &Text| String::from_utf8_lossy(text.as_slice()).into_owned();
-    let ours = |(name, value): (&Text, &AttributeValue)| match value {
-        AttributeValue::Text(value) => {
-            let name = text(name).strip_prefix(PREFIX)?.to_owned();
-            Some((name, text(value)))
-        }
-        _ => None,
+    let ours = |(name, value): (&Text, &AttributeValue)| {
+        let AttributeValue::Text(value) = value else { return None };
+        Some((text(name).strip_prefix(PREFIX)?.to_owned(), text(value)))
     };
     let attributes = layer.attributes.other.iter().filter_map(ours);
     let mut attributes: BTreeMap<_, _> = attributes.collect();
@@ -304,10 +301,9 @@ pub fn read(bytes: &[u8], note: Note) -> Result<Image, String> {
              damage or by another program or version",
         );
     }
-    let side = |n| u32::try_from(n).map_err(|_| "it is too large");
     Ok(Image {
-        width: side(display.size.width())?,
-        height: side(display.size.height())?,
+        width: display.size.0 as u32,
+        height: display.size.1 as u32,
         means,
         errors: values(ERROR),
         samples: values(SAMPLES),

@@ -68,9 +68,9 @@ pub fn read(bytes: &[u8], note: Note) -> Result<Image, String> {
 /// none if their curve is that of sRGB. `bytes` is the whole file.
 fn gamma(info: &Info, bytes: &[u8], note: Note) -> Option<f64> {
     let coded = info.coding_independent_code_points;
-    let full = coded.filter(|c| c.is_video_full_range_image);
-    let coded = full.map(|c| c.transfer_function);
-    let coded = coded.filter(|c| matches!(c, 8 | 13));
+    let coded = coded.filter(|c| c.is_video_full_range_image);
+    let coded =
+        coded.map(|c| c.transfer_function).filter(|c| [8, 13].contains(c));
     let gamma = info.gama_chunk.map(|g| f64::from(g.into_scaled()) / 1e5);
     let gamma = gamma.filter(|gamma| (0.01..=100.).contains(gamma));
     // Tell which chunks are ignored
