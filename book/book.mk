@@ -17,7 +17,7 @@ LEARNT := $(addprefix $(BUILD_DIR)/figures/learnt-,$(addsuffix .png, \
 LEARNT_TABLES := $(addprefix $(BUILT)/,learnt.tex learnt-variances.csv)
 FIGURES := $(BUILD_DIR)/figures/courtyard.png $(LEARNT)
 # The tool's book needs no program but the tool.
-TOOL_TABLES := $(addprefix $(BUILT)/,measured.tex editor.tex translation.tex)
+TOOL_TABLES := $(addprefix $(BUILT)/,measured.tex translation.tex)
 TABLES := $(BUILD_DIR)/examples.stamp \
   $(BUILD_DIR)/examples/session.txt $(addprefix $(BUILT)/,measured.tex \
   turnaround.tex closed-forms.tex \

@@ -5,10 +5,15 @@
 " this notice are preserved. This file is offered as-is, without any
 " warranty.
 " SPDX-License-Identifier: FSFAP
+"
+" How the five files work together is said in noweb/chapters/vim.nw.
+
+" Know a definition, a use and prose
 let s:head = '^<<\zs.*\ze>>=\s*$'
 let s:prose = '^@\%(\s\|$\)'
 let s:use = '@\@1<!<<\zs\%(\[\[.\{-}\]\]\|.\)\{-}\ze>>'
 
+" Find the files of the web
 function! noweb#Root() abort
   let master = findfile('litpt.nw', escape(expand('%:p:h'), ' ,') . ';')
   return empty(master) ? '' : fnamemodify(master, ':p:h')
@@ -30,6 +35,7 @@ function! noweb#Files() abort
   return index(files, here) < 0 ? files + [here] : files
 endfunction
 
+" Read a file as it stands
 function! s:Lines(path) abort
   if bufloaded(a:path)
     return getbufline(bufnr(a:path), 1, '$')
@@ -43,6 +49,7 @@ function! s:Stamp(path) abort
         \ : [0, getftime(a:path)]
 endfunction
 
+" Collect the places of a file
 let s:known = {}
 
 function! s:Know(path) abort
@@ -54,6 +61,7 @@ function! s:Know(path) abort
   return s:known[a:path]
 endfunction
 
+" Find the lines that matter
 function! s:Matter(lines) abort
   let found = []
   for pattern in ['^@', '<<']
@@ -66,6 +74,7 @@ function! s:Matter(lines) abort
   return uniq(sort(found, 'n'))
 endfunction
 
+" Go through the lines that matter
 function! s:Scan(path, lines) abort
   let known = {'places': [], 'users': {}}
   let [inside, head] = ['', 0]
@@ -88,6 +97,7 @@ function! s:Scan(path, lines) abort
   return known
 endfunction
 
+" Add the uses on a line of code
 function! s:AddUses(known, path, number, line, inside) abort
   let [name, from, to] = matchstrpos(a:line, s:use)
   while from >= 0
@@ -99,6 +109,7 @@ function! s:AddUses(known, path, number, line, inside) abort
   endwhile
 endfunction
 
+" Collect the places of the whole web
 function! noweb#Places() abort
   let places = []
   for path in noweb#Files()
@@ -120,6 +131,7 @@ function! s:PlacesNamed(name) abort
   return found
 endfunction
 
+" Tell the language of each chunk
 function! noweb#Languages(usual) abort
   let [users, answer] = [{}, {}]
   for path in noweb#Files()
@@ -138,6 +150,7 @@ function! noweb#Languages(usual) abort
   return answer
 endfunction
 
+" Tell the language of a file name
 let s:languages = {'rs': 'rust', 'py': 'python', 'mk': 'make',
       \ 'h': 'c', 'md': 'markdown', 'sty': 'tex', 'Makefile': 'make'}
 
@@ -151,6 +164,7 @@ function! s:LanguageOf(path, usual) abort
   return empty(s:languages[key]) ? a:usual : s:languages[key]
 endfunction
 
+" Find what stands under the cursor
 function! s:NameUnderCursor() abort
   let [line, column, end] = [getline('.'), col('.'), 0]
   while 1
@@ -164,6 +178,7 @@ function! s:NameUnderCursor() abort
   endwhile
 endfunction
 
+" Answer questions for tags
 function! noweb#Tags(pattern, flags, info) abort
   let name = a:flags =~# 'c' ? s:NameUnderCursor()
         \ : get(a:info, 'user_data', '')
@@ -178,6 +193,7 @@ function! noweb#Tags(pattern, flags, info) abort
         \ 'kind': place.role[0]}})
 endfunction
 
+" List the places of a chunk
 function! noweb#List(name) abort
   let name = empty(a:name) ? s:NameUnderCursor() : a:name
   let found = s:PlacesNamed(name)
@@ -198,6 +214,7 @@ function! noweb#Names(start, line, position) abort
   return filter(uniq(sort(names)), {_, name -> stridx(name, a:start) == 0})
 endfunction
 
+" Complete the name of a chunk
 function! noweb#Complete(findstart, base) abort
   if a:findstart
     let before = strpart(getline('.'), 0, col('.') - 1)
@@ -213,6 +230,7 @@ function! noweb#Complete(findstart, base) abort
         \ {_, name -> {'word': name . close, 'abbr': name}})
 endfunction
 
+" Move from chunk to chunk
 function! noweb#Move(flags) abort
   for step in range(v:count1)
     if !search(s:head, a:flags . (step ? '' : 's'))
@@ -221,6 +239,7 @@ function! noweb#Move(flags) abort
   endfor
 endfunction
 
+" Fold chunks
 function! noweb#Fold(number) abort
   let line = getline(a:number)
   return line =~# s:head ? '>1' : line =~# s:prose ? '0' : '='
@@ -232,6 +251,7 @@ function! noweb#FoldText() abort
         \ . (size == 1 ? ' line ' : ' lines ')
 endfunction
 
+" Keep the errors that have a place
 function! noweb#KeepPlaces() abort
   let compiler = get(b:, 'current_compiler', get(g:, 'current_compiler', ''))
   let places = filter(getqflist(),

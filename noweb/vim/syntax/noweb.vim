@@ -5,10 +5,14 @@
 " this notice are preserved. This file is offered as-is, without any
 " warranty.
 " SPDX-License-Identifier: FSFAP
+"
+" How the five files work together is said in noweb/chapters/vim.nw.
+
 if exists('b:current_syntax')
   finish
 endif
 
+" Load the syntax of the prose
 execute 'runtime! syntax/' . get(g:, 'noweb_backend', 'tex') . '.vim'
 unlet! b:current_syntax
 syntax cluster nowebInProse contains=nowebQuote,nowebEscape
@@ -16,6 +20,7 @@ for s:group in ['Fold', 'Match', 'Style', 'Bold', 'Ital', 'Cmd', 'MathZone']
   execute 'syntax cluster tex' . s:group . 'Group add=@nowebInProse'
 endfor
 
+" Paint chunks in one language
 let s:starts = []
 syntax cluster nowebAnyCode contains=nowebUse
 
@@ -33,6 +38,7 @@ function! s:PaintChunks(language, names) abort
         \ 'keepend contains=nowebUse,@' . code
 endfunction
 
+" Paint each chunk in its language
 let s:language = get(g:, 'noweb_language', 'rust')
 let b:noweb_languages = noweb#Languages(s:language)
 call s:PaintChunks(s:language, '.*')
@@ -41,6 +47,7 @@ for [s:other, s:names] in items(b:noweb_languages)
         \ {_, name -> escape(name, '\/')}), '\|') . '\m\)')
 endfor
 
+" Begin to paint at an end of a chunk
 syntax sync clear
 syntax sync match nowebSync grouphere NONE /^@\%(\s\|$\)/
 for s:start in s:starts
@@ -48,6 +55,7 @@ for s:start in s:starts
 endfor
 syntax sync maxlines=1000
 
+" Paint quoted code and uses
 execute 'syntax region nowebQuote matchgroup=nowebBracket'
       \ 'start=/@\@1<!\[\[/ end=/\]\]\]\@!/ keepend'
       \ 'contains=nowebUse,@nowebCode_' . s:language
@@ -56,6 +64,7 @@ syntax match nowebUse /@\@1<!<<.\{-}>>/
 syntax match nowebEscape /@<<\|@>>\|@\[\[\|@\]\]\|^@@/
       \ containedin=@nowebAnyCode
 
+" Choose colours by their meaning
 highlight default link nowebDefinition Identifier
 highlight default link nowebUse Identifier
 highlight default link nowebBracket Delimiter
