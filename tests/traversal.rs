@@ -158,12 +158,6 @@ fn all_instructions_answer_rays_with_the_same_bits() {
             |isa: Isa| Bvh::with(&scene, Quality::Thorough, isa).ok();
         let intersectors: Vec<_> =
             Isa::ALL.into_iter().filter_map(with).collect();
-        if intersectors.len() < Isa::ALL.len() {
-            eprintln!(
-                "note: only {} sets of instructions",
-                intersectors.len()
-            );
-        }
         let (portable, others) = intersectors.split_last().unwrap();
         let mut random = Pcg64::seed_from_u64(i as u64);
         let mut hits = 0;

@@ -18,8 +18,8 @@ use super::wide::Node;
 
 /// Where a ray enters and leaves the boxes of a node, in these instructions.
 macro_rules! interval {
-    ($node:ident, $slabs:ident, $t_max:ident, $load:ident, $set:ident,
-     $fmsub:ident, $max:ident, $min:ident) => {{
+    ($node:ident $slabs:ident $t_max:ident,
+     $load:ident $set:ident $fmsub:ident $max:ident $min:ident) => {{
         let plane = |start: &[f32; 3], axis: usize, row: usize| {
             // SAFETY: the rows of slabs are below 6; each is `N` numbers.
             let row = unsafe { $node.planes.get_unchecked(row) };
@@ -65,16 +65,8 @@ impl Kernel<8> for Avx2 {
         slabs: &Slabs,
         t_max: f32,
     ) -> Entered<__m256> {
-        let (near, far) = interval!(
-            node,
-            slabs,
-            t_max,
-            _mm256_loadu_ps,
-            _mm256_set1_ps,
-            _mm256_fmsub_ps,
-            _mm256_max_ps,
-            _mm256_min_ps
-        );
+        let (near, far) = interval!(node slabs t_max, _mm256_loadu_ps
+            _mm256_set1_ps _mm256_fmsub_ps _mm256_max_ps _mm256_min_ps);
         let met = _mm256_cmp_ps::<_CMP_LE_OQ>(near, far);
         Entered { mask: _mm256_movemask_ps(met) as u32, near, far }
     }
@@ -220,16 +212,8 @@ impl Kernel<16> for Avx512 {
         slabs: &Slabs,
         t_max: f32,
     ) -> Entered<__m512> {
-        let (near, far) = interval!(
-            node,
-            slabs,
-            t_max,
-            _mm512_loadu_ps,
-            _mm512_set1_ps,
-            _mm512_fmsub_ps,
-            _mm512_max_ps,
-            _mm512_min_ps
-        );
+        let (near, far) = interval!(node slabs t_max, _mm512_loadu_ps
+            _mm512_set1_ps _mm512_fmsub_ps _mm512_max_ps _mm512_min_ps);
         let mask = _mm512_cmp_ps_mask::<_CMP_LE_OQ>(near, far);
         Entered { mask: mask.into(), near, far }
     }

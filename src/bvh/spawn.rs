@@ -85,8 +85,9 @@ pub fn hit<const N: usize>(
         && (low - away).cmple(met).all()
         && met.cmple(high + away).all();
     if search.near_tie <= limit || short || deep || unseen {
-        let arrival = Arrival { ray, distance, own, primitive, left };
-        if let Some(safe) = arrival.settle(wide, met, deep) {
+        let arrival =
+            Arrival { wide, ray, distance, met, own, primitive, left };
+        if let Some(safe) = arrival.settle(deep) {
             point = safe;
         }
     }
@@ -109,9 +110,12 @@ fn has_not_risen(
 }
 
 /// A hit that may be too close to other triangles.
-struct Arrival<'a> {
+struct Arrival<'a, const N: usize> {
+    wide: &'a Wide<N>,
     ray: &'a Ray,
     distance: f64,
+    /// Where the ray meets it.
+    met: DVec3,
     /// The size of the triangle that is hit.
     own: f64,
     /// The slot of the triangle that is hit.
@@ -120,45 +124,35 @@ struct Arrival<'a> {
     left: Option<u32>,
 }
 
-impl Arrival<'_> {
-    /// A safe point, if the hit at `met` is too close to others, or too
-    /// `deep`.
+impl<const N: usize> Arrival<'_, N> {
+    /// A safe point, if the hit is too close to others, or too `deep`.
     #[cold]
     #[inline(never)]
-    fn settle<const N: usize>(
-        &self,
-        wide: &Wide<N>,
-        met: DVec3,
-        deep: bool,
-    ) -> Option<DVec3> {
+    fn settle(&self, deep: bool) -> Option<DVec3> {
         let shear = Shear::new(self.ray);
-        let left = self.left.map(|left| wide.leaves.triangle(left));
+        let left = self.left.map(|left| self.wide.leaves.triangle(left));
         let close = deep
-            || left.is_some_and(|left| self.is_low(&left, met))
-            || self.is_close(wide, &shear, met);
-        close.then(|| self.offset(wide, &shear, met))
+            || left.is_some_and(|left| self.is_low(&left))
+            || self.is_close(&shear);
+        close.then(|| self.offset(&shear))
     }
 
     /// Where others may be close to the hit.
-    fn around(&self, met: DVec3) -> Around {
-        Around { point: met, part: AROUND, least: self.own }
+    fn around(&self) -> Around {
+        Around { point: self.met, part: AROUND, least: self.own }
     }
 
     /// Whether the hit is around the triangle that the ray left, and close to
     /// its plane.
-    fn is_low(&self, left: &Triangle, met: DVec3) -> bool {
-        self.around(met).holds(left, self.ray).is_some()
-            && has_not_risen(left, self.ray, met, self.own)
+    fn is_low(&self, left: &Triangle) -> bool {
+        self.around().holds(left, self.ray).is_some()
+            && has_not_risen(left, self.ray, self.met, self.own)
     }
 
     /// Whether a triangle other than that of the hit and that which the ray
     /// left may be close to the hit.
-    fn is_close<const N: usize>(
-        &self,
-        wide: &Wide<N>,
-        shear: &Shear,
-        met: DVec3,
-    ) -> bool {
+    fn is_close(&self, shear: &Shear) -> bool {
+        let met = self.met;
         let gap = |at: f64| at - self.distance;
         let asked = |leaf: &Leaf, place, corners: &Triangle, size: f64| {
             let (lane, slot) = place;
@@ -193,42 +187,36 @@ impl Arrival<'_> {
                 TriangleTest::Beside(at) => {
                     at.iter().any(|&at| gap(at) <= near)
                         && at.iter().any(|&at| gap(at) >= -near)
-                        && self.passes(corners, normal, met, close_by)
+                        && self.passes(corners, normal, close_by)
                 }
                 TriangleTest::Apart => false,
             }
         };
-        self.around(met).any(wide, self.ray, &asked)
+        self.around().any(self.wide, self.ray, &asked)
     }
 
     /// Whether the ray passes a triangle, with this normal, more closely than
-    /// `close_by`, near its point `met`.
+    /// `close_by`, near the hit.
     fn passes(
         &self,
         corners: &Triangle,
         normal: DVec3,
-        met: DVec3,
         close_by: f64,
     ) -> bool {
-        let direction = self.ray.direction;
+        let (direction, met) = (self.ray.direction, self.met);
         let flat = corners.map(|p| p - direction * direction.dot(p - met));
         let normal = direction * normal.dot(direction).signum();
         !is_beside(flat, normal, met, FRAC_1_SQRT_2 * close_by)
     }
 
     /// A safe point of the ray, not far before the hit.
-    fn offset<const N: usize>(
-        &self,
-        wide: &Wide<N>,
-        shear: &Shear,
-        met: DVec3,
-    ) -> DVec3 {
+    fn offset(&self, shear: &Shear) -> DVec3 {
         let Ray { origin, direction } = *self.ray;
-        let least = clear(size(self.distance, met));
+        let least = clear(size(self.distance, self.met));
         let mut back = (2. * least).max(clear(self.own));
         while back < self.distance {
             let point = origin + direction * (self.distance - back);
-            if self.is_safe(wide, shear, point) {
+            if self.is_safe(shear, point) {
                 return point;
             }
             back *= 4.;
@@ -238,16 +226,8 @@ impl Arrival<'_> {
 
     /// Whether a point of the ray is before all triangles that the ray
     /// meets, and apart from the others.
-    fn is_safe<const N: usize>(
-        &self,
-        wide: &Wide<N>,
-        shear: &Shear,
-        point: DVec3,
-    ) -> bool {
-        let is_in_the_way = |leaf: &Leaf,
-                             place,
-                             corners: &Triangle,
-                             size| {
+    fn is_safe(&self, shear: &Shear, point: DVec3) -> bool {
+        let asked = |leaf: &Leaf, place, corners: &Triangle, size| {
             let (lane, _) = place;
             let &[a, b, c] = corners;
             let clear = clear(size);
@@ -268,7 +248,7 @@ impl Arrival<'_> {
             }
         };
         let around = Around { point, part: AHEAD, least: 0. };
-        !around.any(wide, self.ray, &is_in_the_way)
+        !around.any(self.wide, self.ray, &asked)
     }
 }
 

@@ -45,9 +45,9 @@ pub struct Slabs {
 }
 
 impl Slabs {
-    /// For the boxes of a region in which the ray starts.
+    /// For the boxes of a region.
     #[inline(always)]
-    pub fn within(ray: &Ray, region: &Region) -> Self {
+    pub fn new(ray: &Ray, region: &Region) -> Self {
         let direction = ray.direction.as_vec3().to_array();
         let origin = (ray.origin - region.zero).as_vec3().to_array();
         let inverse = direction.map(|d| 1. / steep(d));
@@ -56,21 +56,16 @@ impl Slabs {
         let enter = array::from_fn(|i| i + 3 * (1 - up[i]));
         let leave = array::from_fn(|i| i + 3 * up[i]);
         let shift = 4 * (up[0] | up[1] << 1 | up[2] << 2) as u32;
-        Self { inverse, entry: start, exit: start, enter, leave, shift }
-    }
-
-    /// For the boxes of any region.
-    #[inline(always)]
-    pub fn new(ray: &Ray, region: &Region) -> Self {
-        let mut slabs = Self::within(ray, region);
+        let (mut entry, mut exit) = (start, start);
+        // Move planes apart for distant rays
         let beyond = region.beyond(ray.origin);
         if beyond > 0. {
             let margin = (beyond * ROUGH) as f32;
-            let aside = slabs.inverse.map(|r| margin * r.abs());
-            slabs.entry = array::from_fn(|i| slabs.entry[i] + aside[i]);
-            slabs.exit = array::from_fn(|i| slabs.exit[i] - aside[i]);
+            let aside = inverse.map(|r| margin * r.abs());
+            entry = array::from_fn(|i| start[i] + aside[i]);
+            exit = array::from_fn(|i| start[i] - aside[i]);
         }
-        slabs
+        Self { inverse, entry, exit, enter, leave, shift }
     }
 }
 

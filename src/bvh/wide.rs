@@ -160,13 +160,16 @@ struct Group<'a> {
     region: Region,
 }
 
+/// The extreme corners of the box of points.
+fn corners_of(points: impl Iterator<Item = DVec3>) -> (DVec3, DVec3) {
+    let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    points.fold(none, |(low, high), p| (low.min(p), high.max(p)))
+}
+
 /// The region of triangles.
 fn region(vertices: &[DVec3], corners: &[Corners]) -> Region {
     let points = corners.iter().flat_map(|(three, _)| three);
-    let points = points.map(|&k| vertices[k as usize]);
-    let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-    let (low, high) =
-        points.fold(none, |(low, high), p| (low.min(p), high.max(p)));
+    let (low, high) = corners_of(points.map(|&k| vertices[k as usize]));
     match low.x > high.x {
         true => Region::NONE,
         false => Region::between(low, high),
@@ -718,7 +721,9 @@ fn halve<'a>(
         let [a, b, c] = corners.map(|k| vertices[k as usize]);
         a.min(b).min(c) + a.max(b).max(c)
     };
-    let axis = widest(corners.iter().map(|(three, _)| twice_middle(three)));
+    let middles = corners.iter().map(|(three, _)| twice_middle(three));
+    let (low, high) = corners_of(middles);
+    let axis = (high - low).max_position();
     let half = corners.len() / 2;
     corners.select_nth_unstable_by(half, |(i, _), (j, _)| {
         let [p, q] = [i, j].map(|three| twice_middle(three)[axis]);
@@ -731,14 +736,6 @@ fn halve<'a>(
     );
     groups.extend(others);
     groups
-}
-
-/// The axis in which points are spread most.
-fn widest(points: impl Iterator<Item = DVec3>) -> usize {
-    let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-    let (low, high) =
-        points.fold(none, |(low, high), p| (low.min(p), high.max(p)));
-    (high - low).max_position()
 }
 
 /// A tree with up to `N` children a node and four triangles a leaf.
@@ -809,7 +806,10 @@ impl<const N: usize> Wide<N> {
             });
             let some: io::Result<Vec<_>> = some.collect();
             for part in some? {
-                roots.push((part.bounds(), built.next));
+                let root = part.tree.first();
+                let bounds =
+                    root.map_or(Aabb::empty(), |root| *root.aabb());
+                roots.push((bounds, built.next));
                 built.ways += ways;
                 count += part.group.corners.len();
                 built.add(part)?;
@@ -879,20 +879,16 @@ impl<const N: usize> Built<N> {
     fn add(&mut self, part: Part) -> io::Result<()> {
         // Fill the nodes and leaves of a part
         let gate = self.gates.len();
-        let first = First {
-            node: self.next,
-            unit: self.units,
-            gate: GATES + gate as u32,
-        };
-        self.units = first
-            .unit
+        let unit = self.units;
+        self.units = unit
             .checked_add(part.plan.units)
             .filter(|&units| units < GATES)
             .ok_or_else(|| io::Error::other("too many triangles"))?;
-        let nodes = part.nodes::<N>(&first)?;
+        let first = (self.next, unit, GATES + gate as u32);
+        let nodes = part.nodes::<N>(first)?;
         self.next += nodes.len() as u32;
         self.nodes.push(nodes);
-        let range = UNIT * first.unit as usize..UNIT * self.units as usize;
+        let range = UNIT * unit as usize..UNIT * self.units as usize;
         part.leaves(&mut self.words[range]);
         // Build what is beyond the gates
         let Part { group, levels, beyond, .. } = part;
@@ -923,13 +919,6 @@ struct Part<'a> {
     beyond: Vec<Vec<Corners>>,
 }
 
-/// The numbers with which a part begins.
-struct First {
-    node: u32,
-    unit: u32,
-    gate: u32,
-}
-
 impl<'a> Part<'a> {
     /// Builds the tree over a group of triangles, with so many levels above
     /// and up to `most` gates.
@@ -954,15 +943,10 @@ impl<'a> Part<'a> {
         Ok(Self { group, tree, plan, levels, beyond })
     }
 
-    /// Its box; an empty one around no triangles.
-    fn bounds(&self) -> Aabb {
-        self.tree.first().map_or(Aabb::empty(), |root| *root.aabb())
-    }
-
-    /// The nodes.
+    /// The nodes, given the numbers of the first node, unit and gate.
     fn nodes<const N: usize>(
         &self,
-        first: &First,
+        first: (u32, u32, u32),
     ) -> io::Result<Vec<Node<N>>> {
         let pairs = self.plan.nodes.par_windows(2);
         let mut nodes = reserved(pairs.len())?;
@@ -976,18 +960,21 @@ impl<'a> Part<'a> {
     fn node<const N: usize>(
         &self,
         [this, next]: [&Planned; 2],
-        first: &First,
+        first: (u32, u32, u32),
     ) -> Node<N> {
         // Count off the children of this node
         let Plan { nodes, leaves, .. } = &self.plan;
-        let nodes = (this.first_node..next.first_node).map(|number| {
-            (nodes[number as usize].root, first.node + number)
-        });
+        let (node, unit, gate) = first;
+        let nodes = (this.first_node..next.first_node)
+            .map(|number| (nodes[number as usize].root, node + number));
         let range = this.first_leaf as usize..next.first_leaf as usize;
-        let leaves = leaves[range].iter().map(|&(root, unit)| {
-            let child = match gate(&self.tree[root as usize]) {
-                Some(gate) => leaf(first.gate + 2 * gate, 1),
-                None => leaf(first.unit + unit, self.count(root)),
+        let leaves = leaves[range].iter().map(|&(root, own)| {
+            let child = match self::gate(&self.tree[root as usize]) {
+                Some(own) => leaf(gate + 2 * own, 1),
+                None => {
+                    let numbers = &mut [0; LANES];
+                    leaf(unit + own, gather(&self.tree, root, numbers, 0))
+                }
             };
             (root, child)
         });
@@ -997,11 +984,6 @@ impl<'a> Part<'a> {
         }
         node.sort();
         node
-    }
-
-    /// How many triangles a leaf has.
-    fn count(&self, root: u32) -> usize {
-        gather(&self.tree, root, &mut [0; LANES], 0)
     }
 
     /// Writes the leaves, without the gates.
