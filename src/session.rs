@@ -145,6 +145,7 @@ fn run(
     let (mut options, resumed) = take_up(typed)?;
     let picture = picture(&mut options);
     let options = &options;
+    // Watch for signals from the start
     let interrupt = Interrupt::listen()
         .map_err(|e| format!("cannot listen for signals: {e}"))?;
     let stage = watch(&interrupt, latest(options, start), options.quiet);
@@ -164,6 +165,7 @@ fn run(
     let (analysis, bvh, quality) =
         build(scene, &inquiry, options, ranks, &mut report)?;
     enter(Doing::Preparing("choosing a method"));
+    // Choose how samples are made
     let begun = resumed.as_ref().map(|saved| saved.known.run_key.sampling);
     let setup =
         Setup { intersector: &bvh, inquiry: &inquiry, analysis: &analysis };
@@ -190,6 +192,7 @@ fn run(
     let often = (options.every.unwrap_or(60.), options.preview);
     let known = (run_key.clone(), saved);
     let output = RunOutput::new(files.targets, often, known, report);
+    // Render what was prepared
     let bar = Bar::new(!options.quiet, start, options.time);
     enter(Doing::Rendering(bar.clone()));
     let mut run =

@@ -463,7 +463,7 @@ struct Leader<'a> {
 impl Renderer for Leader<'_> {
     fn pass(&mut self, film: &mut Film, end: u64, watch: &Watch) -> u64 {
         let Self { own, run_key, shares, before, least } = self;
-        let began = Instant::now();
+        let (began, run_key) = (Instant::now(), *run_key);
         let ranks = shares.len() as u64;
         let done = |share: &Share| share.render_seconds;
         let rendered: Vec<f64> = shares.iter().map(done).collect();
