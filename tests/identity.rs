@@ -20,7 +20,10 @@ const KNOWN: [(&str, &str); 3] = [
          bounces, controlled nets of 2",
         "caa054c3c6496ac6a92e826ef9a82c7387603e149a9f6309f4d385430da961ad",
     ),
-    ("gather 4, nets of 1, training with 65536 rays", "?"),
+    (
+        "gather 4, nets of 1, training with 65536 rays",
+        "ec6ed3b6356a7debe5f1386de0da15a8bd03b27096ffdd930104782bda2acf1d",
+    ),
 ];
 
 #[test]

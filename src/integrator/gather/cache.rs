@@ -374,8 +374,11 @@ impl Equations<'_> {
     fn sums(&self, f: impl Fn(usize) -> f32 + Sync) -> Vec<f32> {
         let cells = &self.cells;
         let finest = cells.level(0).into_par_iter();
-        let mut sums: Vec<f32> =
-            finest.map(|c| cells.range(c).map(&f).sum()).collect();
+        let sum = |c: usize| {
+            let records = cells.records[c].clone();
+            records.map(|i| f(i as usize)).sum()
+        };
+        let mut sums: Vec<f32> = finest.map(sum).collect();
         sums.resize(cells.names.len(), 0.);
         for (c, &parent) in cells.parents.iter().enumerate() {
             sums[parent as usize] += sums[c];
