@@ -115,14 +115,12 @@ impl SceneAnalysis {
                     all.look_for_background(intersector, inquiry)
                 }
             };
-            let tell = |(holds, why)| all.tell(shortcut.name(), holds, why);
-            found.map(tell);
+            if let Some((holds, why)) = found {
+                let fact = shortcut.name().to_owned();
+                all.findings.push(Finding { fact, holds, why });
+            }
         }
         all
-    }
-
-    fn tell(&mut self, fact: &str, holds: bool, why: String) {
-        self.findings.push(Finding { fact: fact.to_owned(), holds, why });
     }
 
     /// What was left out of the image or its work, in words.
@@ -139,7 +137,6 @@ impl SceneAnalysis {
         let dark = match entrance.place().filter(is_out) {
             None => Ok(false),
             Some(place) => {
-                // Ask the triangles whether they enclose the camera
                 let mut all: Vec<_> = intersector.triangles().collect();
                 all.par_sort_by_key(|&(face, _)| face);
                 let (faces, triangles): (Vec<_>, Vec<_>) =
@@ -147,24 +144,21 @@ impl SceneAnalysis {
                 is_inside(&triangles, place).map_err(|i| faces[i as usize])
             }
         };
-        match dark {
-            Ok(true) => self.known = KnownPixels::Dark,
-            Err(face) => {
-                return (
-                    false,
-                    format!("the camera is on face {}", face + 1),
-                );
-            }
-            Ok(false) => {}
+        if dark == Ok(true) {
+            self.known = KnownPixels::Dark;
         }
-        let why = match self.known.is_all() {
-            true => {
+        let why = match dark {
+            Ok(true) => {
                 "closed around the camera: no ray can reach the sky, \
                  and the image is exactly 0"
             }
-            false => "no closed surface around the camera",
+            Ok(false) => "no closed surface around the camera",
+            Err(face) => {
+                let face = face + 1;
+                return (false, format!("the camera is on face {face}"));
+            }
         };
-        (self.known.is_all(), why.to_owned())
+        (dark == Ok(true), why.to_owned())
     }
 
     fn look_for_black(&mut self, albedo: f64) -> (bool, String) {

@@ -53,7 +53,6 @@ impl Camera {
                  180 degrees (-F)"
             ));
         }
-        // Refuse vectors that are not finite
         let mut vectors = [position, target, up].into_iter();
         if let Some(vector) = vectors.find(|v| !v.is_finite()) {
             return Err(format!(
@@ -142,7 +141,6 @@ impl View {
         aspect: f64,
     ) -> Option<Self> {
         let target = 0.5 * low + 0.5 * high;
-        // Look from above past an edge
         let up = self.up.abs().max_position();
         let mut away = DVec3::splat(1.);
         away[(up + 1) % 3] = 1.5;

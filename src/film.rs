@@ -136,6 +136,11 @@ pub struct Film {
     tile_means: Vec<Accumulator>,
 }
 
+/// Watches the work on a film: called, from any thread, with what is done,
+/// as the paths that a finished tile has taken, and with 0 in between.
+/// Answers whether to go on.
+pub type Watch<'a> = dyn Fn(u64) -> bool + Sync + 'a;
+
 impl Window {
     /// The column and row after its last ones.
     pub fn end(&self) -> (u32, u32) {
@@ -200,11 +205,6 @@ impl Window {
     }
 }
 
-/// Watches the work on a film: called, from any thread, with what is done,
-/// as the paths that a finished tile has taken, and with 0 in between.
-/// Answers whether to go on.
-pub type Watch<'a> = dyn Fn(u64) -> bool + Sync + 'a;
-
 impl Film {
     /// The film of a whole image of at least one pixel, without a sample.
     pub fn new(width: u32, height: u32) -> Self {
@@ -215,13 +215,11 @@ impl Film {
     /// The film of a window that lies within an image of this `resolution`.
     pub fn cropped(resolution: (u32, u32), window: Window) -> Self {
         let ((left, top), (columns, rows)) = window.cells();
-        // Sort the cells along the curve
         let side = columns.max(rows).next_power_of_two();
         let cells =
             (0..rows).flat_map(|y| (0..columns).map(move |x| (x, y)));
         let mut cells: Vec<_> = cells.collect();
         cells.par_sort_by_cached_key(|&(x, y)| along_curve(side, x, y));
-        // Lay a tile in each cell
         let mut places = vec![0; cells.len()];
         let mut tiles = Vec::with_capacity(cells.len());
         let mut start = 0;

@@ -38,6 +38,7 @@ pub fn page(report: &Report, image: &Image) -> String {
     let markup = html! {
         (DOCTYPE)
         html lang="en-GB" {
+            // Write the head of the page
             head {
                 meta charset="utf-8";
                 meta name="viewport" content="width=device-width";
@@ -123,6 +124,7 @@ fn pictures(report: &Report, image: &Image) -> Markup {
                     slope of -1/2 through the last point (wide)." }
             }
         }
+        // Show the image and the map of its error
         figure {
             (picture(&image, "The rendered image"))
             figcaption { "The image, " (size) ", radiance from " (range)
@@ -177,6 +179,7 @@ fn points(curve: &[CurvePoint]) -> Markup {
             }
             @for point in curve {
                 tr {
+                    // Show one point
                     td { (point.spp) }
                     td { (known(Some(point.seconds), 3)) }
                     td { (point.rays) }

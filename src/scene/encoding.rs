@@ -56,7 +56,6 @@ pub fn format(bytes: &[u8]) -> Option<&'static str> {
 
 /// Appends the next frame of zstd to a text, and steps over it.
 fn unzstd(rest: &mut &[u8], text: &mut Vec<u8>) -> io::Result<usize> {
-    // Skip a frame that is not for us
     if let [0x50..=0x5f, 0x2a, 0x4d, 0x18, a, b, c, d, next @ ..] = *rest {
         let length = u32::from_le_bytes([*a, *b, *c, *d]) as usize;
         *rest = next.get(length..).ok_or(io::ErrorKind::UnexpectedEof)?;
@@ -86,7 +85,6 @@ fn unpack(
         let begin = source.len() - rest.len();
         let unpacked = match format(rest) {
             _ if rest.is_empty() => break,
-            // Unpack the part
             Some("gzip") => GzDecoder::new(&mut rest).read_to_end(&mut all),
             Some("zstd") => unzstd(&mut rest, &mut all),
             _ if kind == "zstd" => Err(io::Error::other("no frame")),

@@ -156,7 +156,6 @@ fn set_aside(
     let wrong = vertices.par_iter().positions(|p| !p.is_finite());
     let wrong: Vec<_> = wrong.collect();
     let Some(&first) = wrong.first() else { return Ok(None) };
-    // Refuse a face with a corner that is not finite
     let bad = |i: &u32| !vertices[*i as usize].is_finite();
     if let Some(t) = triangles.iter().position(|t| t.iter().any(bad)) {
         let face = t - joined.partition_point(|&i| i as usize <= t);
@@ -425,7 +424,6 @@ fn read_face(
 ) -> Result<(), String> {
     let (mut n, mut fan) = (0, [0; 3]);
     for word in words {
-        // Move the fan on to the next corner
         let corner = read_corner(word, vertices)?;
         fan = [if n == 0 { corner } else { fan[0] }, fan[2], corner];
         n += 1;

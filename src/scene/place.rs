@@ -40,7 +40,6 @@ impl Frame {
         let is_small = longest < power_of_two(-900)
             && reach.max_element() < power_of_two(-800);
         let part = if is_small { 1. } else { 0.5 };
-        // Scale the frame by its largest coordinate
         let extent = high * part - low * part;
         let size = DVec3::select(moved, extent, 2. * (reach * part));
         let exponent = match size.max_element() {
@@ -130,7 +129,6 @@ impl Entrance {
         if self.is_inside {
             return Some(Ray { origin, direction });
         }
-        // Find where a ray is in the box of the scene
         let up = direction.signum().cmpgt(DVec3::ZERO);
         let near = DVec3::select(up, low, high);
         let far = DVec3::select(up, high, low);

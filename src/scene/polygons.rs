@@ -32,7 +32,6 @@ pub fn fill(
     };
     let groups = joined.par_chunk_by(|a, b| a + 1 == *b);
     let judged: Vec<_> = groups.filter_map(look).collect();
-    // Collect the odd faces and the new triangles
     let (mut odd, mut new) = (vec![], vec![]);
     for (first, count, (cut, oddity)) in judged {
         let before = || joined.partition_point(|&i| i < first) as u32;
@@ -59,24 +58,22 @@ type New = (usize, usize, Vec<[u32; 3]>);
 
 fn replace(
     triangles: &[[u32; 3]],
-    mut joined: &[u32],
+    joined: &[u32],
     new: &[New],
 ) -> (Vec<[u32; 3]>, Vec<u32>) {
-    let (mut all, mut all_joined, mut from) = (vec![], vec![], 0);
+    let mut is_joined = vec![false; triangles.len()];
+    joined.iter().for_each(|&i| is_joined[i as usize] = true);
+    let (mut all, mut flags, mut from) = (vec![], vec![], 0);
     let end = (triangles.len(), 0, vec![]);
     for (first, count, cut) in new.iter().chain([&end]) {
-        // Copy the faces before the new one
-        let before = joined.partition_point(|&i| (i as usize) < *first);
-        let before = &joined[..before];
-        let moved = |&i: &u32| (i as usize + all.len() - from) as u32;
-        all_joined.extend(before.iter().map(moved));
         all.extend(&triangles[from..*first]);
-        all_joined.extend((1..cut.len()).map(|i| (all.len() + i) as u32));
+        flags.extend(&is_joined[from..*first]);
+        flags.extend((0..cut.len()).map(|i| i > 0));
         all.extend(cut);
-        joined = &joined[before.len() + count.saturating_sub(1)..];
         from = first + count;
     }
-    (all, all_joined)
+    let numbers = (0..).zip(flags).filter(|(_, joined)| *joined);
+    (all, numbers.map(|(i, _)| i).collect())
 }
 
 /// Whether the fan is that of a quadrilateral that is nearly flat and
@@ -114,7 +111,6 @@ fn judge(
     let scale = -exponent(far.fold(0., f64::max));
     let scaled = corners.iter().map(|i| shift(place(i), scale));
     let points: Vec<_> = scaled.collect();
-    // Judge the points of the face
     let sides: Vec<_> = points.iter().map(|&p| p - points[0]).collect();
     let areas = sides.windows(2).map(|q| q[0].cross(q[1]));
     let normal: DVec3 = areas.clone().sum();
@@ -224,7 +220,6 @@ fn triangulate(
             steps[side.rev().index()] -= 1;
         }
     }
-    // Collect the triangles where the outline winds
     let mut seen = vec![false; cdt.num_all_faces()];
     let hull = cdt.convex_hull().map(|side| (side.fix().rev(), 0));
     let mut waiting: Vec<_> = hull.collect();
@@ -236,7 +231,6 @@ fn triangulate(
         };
         seen[face.fix().index()] = true;
         let winding = right + steps[side.index()];
-        // Add the triangle if the outline winds around it
         let [a, b, c] = face.vertices().map(|v| numbers[v.fix().index()]);
         if winding != 0 {
             triangles.push(if winding > 0 { [a, b, c] } else { [a, c, b] });
