@@ -209,6 +209,7 @@ impl RunOutput {
     ) -> Picture<'f> {
         let Known { report, run_key, .. } = &self.known;
         let known = json!({
+            // List what is known about a run
             "scene": report.scene.file,
             "spp": convergence.spp,
             "rays": convergence.rays,

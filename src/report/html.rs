@@ -25,6 +25,7 @@ pub fn page(report: &Report, image: &Image) -> String {
     let markup = html! {
         (DOCTYPE)
         html lang="en-GB" {
+            // Write the head of the page
             head {
                 meta charset="utf-8";
                 meta name="viewport" content="width=device-width";
@@ -35,6 +36,7 @@ pub fn page(report: &Report, image: &Image) -> String {
                 h1 { (scene) }
                 p { "Run " (report.verdict()) "." }
                 div { (pictures(report, image)) }
+                // Tabulate the summary
                 table {
                     @for (name, text) in report.summary(pixels).into_iter().skip(1) {
                         tr { th { (name) } td { (printable(&text)) } }
@@ -43,6 +45,7 @@ pub fn page(report: &Report, image: &Image) -> String {
                         tr { th { "slope" } td { (slopes) } }
                     }
                 }
+                // Tabulate what was set
                 table {
                     @for (name, text) in [
                         ("command", &report.command),
@@ -128,6 +131,7 @@ fn pictures(report: &Report, image: &Image) -> Markup {
         }
     });
     html! {
+        // Show the plot and its legend
         @if let Some(plot) = plot(&report.curve) {
             figure {
                 (plot)
@@ -196,6 +200,7 @@ fn points(curve: &[CurvePoint]) -> Markup {
             }
             @for point in curve {
                 tr {
+                    // Show one point
                     td { (point.spp) }
                     td { (known(Some(point.seconds), 3)) }
                     @if several { td { (known(point.processor_seconds, 2)) } }

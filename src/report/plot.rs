@@ -76,6 +76,7 @@ pub fn plot(curve: &[CurvePoint]) -> Option<Markup> {
         (time, last.1 * (last.0 / time).sqrt())
     });
     Some(html! {
+        // Draw the frame and what is in it
         svg viewBox="-70 -10 490 310" role="img" fill="none"
             aria-label="Error against time" stroke="currentColor" {
             (grid(&x, &y))
@@ -111,6 +112,7 @@ fn grid(x: &Axis, y: &Axis) -> Markup {
             line y1=(y) y2=(y) x2=(WIDTH) stroke-opacity="0.3" {}
             (label(-6., y + 5., "end", n))
         }
+        // Name what the axes measure
         g fill="currentColor" stroke="none" text-anchor="middle"
             font-size="13" {
             text x=(WIDTH / 2.) y=(HEIGHT + 36.) { "rendering time / s" }
