@@ -205,24 +205,7 @@ fn checksum(file: &[u8]) -> Option<(Range<usize>, String)> {
 /// # Errors
 /// The file is damaged, or it has neither in full size.
 pub fn read(bytes: &[u8], note: Note) -> Result<Image, String> {
-    // Refuse a header that promises too many pixels
-    let fault = |error: Error| error.to_string();
-    let meta = MetaData::read_from_buffered(bytes, false).map_err(fault)?;
-    for header in &meta.headers {
-        let display = header.shared_attributes.display_window.size;
-        let pixel = header.channels.bytes_per_pixel;
-        let windows = [(header.layer_size, pixel, 1), (display, 8, 8)];
-        for (Vec2(width, height), pixel, factor) in windows {
-            let size = width as u128 * height as u128 * pixel as u128;
-            if !room(size, factor * bytes.len()) {
-                return Err(format!(
-                    "its header says a window of {width} by {height} pixels, \
-                     which a file of {} bytes cannot have",
-                    bytes.len()
-                ));
-            }
-        }
-    }
+    refuse_lies(bytes)?;
     // Decode the first layer of the file
     let film = exr::prelude::read()
         .no_deep_data()
@@ -232,7 +215,7 @@ pub fn read(bytes: &[u8], note: Note) -> Result<Image, String> {
         .all_attributes()
         .non_parallel()
         .from_buffered(Cursor::new(bytes))
-        .map_err(fault)?;
+        .map_err(|error| error.to_string())?;
     let layer = film.layer_data;
     // Lay the data window over the display window
     let data = layer.absolute_bounds();
@@ -280,14 +263,53 @@ pub fn read(bytes: &[u8], note: Note) -> Result<Image, String> {
         let names = Vec::from_iter(names).join(", ");
         format!("it has neither a channel Y nor R, G and B, but {names}")
     })?;
-    // Compare the checksum with the stated one
+    Ok(Image {
+        width: display.size.0 as u32,
+        height: display.size.1 as u32,
+        means,
+        errors: values(ERROR),
+        samples: values(SAMPLES),
+        tile_errors: values(SHARED),
+        attributes: attributes(&layer.attributes, bytes, note),
+    })
+}
+
+/// Refuses a header that promises more pixels than the file can hold.
+fn refuse_lies(bytes: &[u8]) -> Result<(), String> {
+    let meta = MetaData::read_from_buffered(bytes, false)
+        .map_err(|error| error.to_string())?;
+    for header in &meta.headers {
+        let display = header.shared_attributes.display_window.size;
+        let pixel = header.channels.bytes_per_pixel;
+        let windows = [(header.layer_size, pixel, 1), (display, 8, 8)];
+        for (Vec2(width, height), pixel, factor) in windows {
+            let size = width as u128 * height as u128 * pixel as u128;
+            if !room(size, factor * bytes.len()) {
+                return Err(format!(
+                    "its header says a window of {width} by {height} pixels, \
+                     which a file of {} bytes cannot have",
+                    bytes.len()
+                ));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Our attributes among those of a layer; `note` is told if the file is not
+/// as it was written.
+fn attributes(
+    layer: &LayerAttributes,
+    bytes: &[u8],
+    note: Note,
+) -> BTreeMap<String, String> {
     let text =
         |text: &Text| String::from_utf8_lossy(text.as_slice()).into_owned();
     let ours = |(name, value): (&Text, &AttributeValue)| {
         let AttributeValue::Text(value) = value else { return None };
         Some((text(name).strip_prefix(PREFIX)?.to_owned(), text(value)))
     };
-    let attributes = layer.attributes.other.iter().filter_map(ours);
+    let attributes = layer.other.iter().filter_map(ours);
     let mut attributes: BTreeMap<_, _> = attributes.collect();
     let intact = match (attributes.remove(CHECKSUM), checksum(bytes)) {
         (Some(stated), Some((_, sum))) => stated == sum,
@@ -301,13 +323,5 @@ pub fn read(bytes: &[u8], note: Note) -> Result<Image, String> {
              damage or by another program or version",
         );
     }
-    Ok(Image {
-        width: display.size.0 as u32,
-        height: display.size.1 as u32,
-        means,
-        errors: values(ERROR),
-        samples: values(SAMPLES),
-        tile_errors: values(SHARED),
-        attributes,
-    })
+    attributes
 }
