@@ -18,7 +18,7 @@ use std::ffi::OsString;
 
 use crate::Streams;
 use crate::diagnostic::shown;
-use crate::stream::{self, Mark, Outcome, base62, code};
+use crate::stream::{self, Codes, Mark, Outcome, base62};
 
 #[derive(Default)]
 struct Item {
@@ -68,6 +68,7 @@ struct Findings<'a> {
 struct Collector<'a> {
     web: Findings<'a>,
     lines: Vec<Cow<'a, [u8]>>,
+    codes: Codes,
     file: String,
     /// How often each file has defined each chunk.
     defined: HashMap<String, u64>,
@@ -89,7 +90,7 @@ impl<'a> Collector<'a> {
 
     fn note(&mut self, mark: Mark<'a>) {
         match mark.keyword {
-            b"file" => self.file = code(mark.text()),
+            b"file" => self.file = self.codes.of(mark.text()),
             b"begin" => self.begin(mark.inner()),
             b"end" => self.anchor = None,
             b"defn" => self.define(mark.text()),
@@ -104,7 +105,7 @@ impl<'a> Collector<'a> {
     }
 
     fn define(&mut self, name: &'a [u8]) {
-        let place = format!("{}-{}", self.file, code(name));
+        let place = format!("{}-{}", self.file, self.codes.of(name));
         let times = self.defined.entry(place.clone()).or_default();
         *times += 1;
         self.label = format!("NW{place}-{}", base62(*times));

@@ -12,6 +12,8 @@
 //! never `str`: chapters may be in any encoding. Only labels, which we make
 //! ourselves, are strings.
 
+use std::collections::HashMap;
+
 use crate::Streams;
 use crate::diagnostic::bytes_of;
 
@@ -89,9 +91,29 @@ fn remainder(byte: u8) -> u32 {
         .fold(0, |sum, bit| sum ^ (0xf500_0000 >> bit))
 }
 
-/// The code of a name, in base 62.
-pub fn code(name: &[u8]) -> String {
-    base62(crc(name).into())
+#[derive(Default)]
+pub struct Codes {
+    known: HashMap<Vec<u8>, String>,
+    taken: HashMap<u32, u64>,
+}
+
+impl Codes {
+    /// The code of a name, in base 62.
+    pub fn of(&mut self, name: &[u8]) -> String {
+        if let Some(code) = self.known.get(name) {
+            return code.clone();
+        }
+        // Make a code that no name has
+        let sum = crc(name);
+        let times = self.taken.entry(sum).or_default();
+        *times += 1;
+        let mut code = base62(sum.into());
+        if *times > 1 {
+            code = format!("{code}.{}", base62(*times));
+        }
+        self.known.insert(name.to_vec(), code.clone());
+        code
+    }
 }
 
 /// What a stage has to say when it has read its whole input.
