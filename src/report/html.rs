@@ -38,7 +38,6 @@ pub fn page(report: &Report, image: &Image) -> String {
     let markup = html! {
         (DOCTYPE)
         html lang="en-GB" {
-            // Write the head of the page
             head {
                 meta charset="utf-8";
                 meta name="viewport" content="width=device-width";
@@ -124,7 +123,6 @@ fn pictures(report: &Report, image: &Image) -> Markup {
                     slope of -1/2 through the last point (wide)." }
             }
         }
-        // Show the image and the map of its error
         figure {
             (picture(&image, "The rendered image"))
             figcaption { "The image, " (size) ", radiance from " (range)
@@ -179,7 +177,6 @@ fn points(curve: &[CurvePoint]) -> Markup {
             }
             @for point in curve {
                 tr {
-                    // Show one point
                     td { (point.spp) }
                     td { (known(Some(point.seconds), 3)) }
                     td { (point.rays) }

@@ -71,10 +71,8 @@ pub fn plot(curve: &[CurvePoint]) -> Option<Markup> {
         (time, last.1 * (last.0 / time).sqrt())
     });
     Some(html! {
-        // Draw the frame and what is in it
         svg viewBox="-70 -10 490 310" role="img" fill="none"
             aria-label="Error against time" stroke="currentColor" {
-            // Draw the axes
             rect width=(WIDTH) height=(HEIGHT) {}
             @for (n, x) in x.decades() {
                 line x1=(x) x2=(x) y2=(HEIGHT) stroke-opacity="0.3" {}
