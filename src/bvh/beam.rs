@@ -9,6 +9,7 @@
 
 use std::array;
 
+use super::intersector::{BEAM, Hit};
 use super::spawn::hit;
 use super::traversal::{
     Kernel, ROUGH, Slabs, Stack, Waiting, distance, is_within_bounds, look,
@@ -16,7 +17,6 @@ use super::traversal::{
 };
 use super::triangle::{LEAF, NONE, Region, slots};
 use super::wide::{Node, Wide};
-use super::{BEAM, Hit};
 use crate::scene::Ray;
 
 /// Rays that are in the same octant, lane by lane, and planes around them.

@@ -15,7 +15,7 @@ use std::f64::consts::FRAC_1_SQRT_2;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::Hit;
+use super::intersector::Hit;
 use super::triangle::{
     Leaf, NONE, Search, Shear, TriangleTest, clear, is_met, near, seen,
     size,

@@ -11,21 +11,17 @@
 //! so that rounding cannot hide a triangle: each triangle that the exact
 //! test finds up to the end of the ray is tested, whatever the tree.
 
-use std::marker::PhantomData;
+use std::array;
 use std::mem::MaybeUninit;
-use std::{array, io};
 
 use glam::DVec3;
 
-use super::beam::first_hits;
-use super::spawn::hit;
 use super::triangle::{
     GATES, LANES, LEAF, Leaf, Margins, NONE, Region, Search, Shear,
     TriangleTest, UNIT, near, slot, slots,
 };
-use super::wide::{Node, Quality, STACK, Wide};
-use super::{BEAM, Hit, Intersector};
-use crate::scene::{Ray, Triangles};
+use super::wide::{Node, STACK, Wide};
+use crate::scene::Ray;
 
 /// A ray in single precision, prepared for the planes of boxes.
 pub struct Slabs {
@@ -536,106 +532,6 @@ impl<const N: usize> Kernel<N> for Portable {
     ) -> Met {
         let (mask, distances) = leaf.meet(shear, margins);
         (mask >> LANES == 0).then_some((mask, distances))
-    }
-}
-
-/// A hierarchy on a processor that has the instructions `K`.
-pub struct Traverser<K, const N: usize> {
-    pub wide: Wide<N>,
-    kernel: PhantomData<K>,
-}
-
-impl<K: Kernel<N>, const N: usize> Traverser<K, N> {
-    /// Builds the hierarchy of triangles, see [`Wide::new`]. The processor
-    /// must have the instructions.
-    pub fn new(
-        triangles: Triangles,
-        quality: Quality,
-        placed: &dyn Fn(usize),
-    ) -> io::Result<Self> {
-        assert!(K::is_available());
-        let wide = Wide::new(triangles, quality, placed);
-        let wide = wide.map_err(|error| {
-            let text = format!("no room for the hierarchy: {error}");
-            io::Error::new(error.kind(), text)
-        })?;
-        Ok(Self { wide, kernel: PhantomData })
-    }
-
-    /// The answer to what a ray that left the first of the slots meets: the
-    /// nearest triangle, or with `ANY` what decides whether that is the second.
-    #[inline(always)]
-    fn ask<'a, const ANY: bool, R>(
-        &'a self,
-        ray: &'a Ray,
-        slots: (Option<u32>, u32),
-        answer: impl Fn(&Search) -> R,
-    ) -> R {
-        let wide = &self.wide;
-        let fast = || {
-            // SAFETY: a traverser exists only where its instructions do.
-            let found =
-                unsafe { walk::<K, N, ANY, true, false>(wide, ray, slots) };
-            found.map(|search| answer(&search))
-        };
-        let again = || {
-            // SAFETY: as above.
-            let found =
-                unsafe { walk::<K, N, ANY, true, true>(wide, ray, slots) };
-            answer(&found.unwrap_or_else(|| self.fall_back(ray, slots.0)))
-        };
-        // SAFETY: as above.
-        let found = unsafe { K::enable(fast) };
-        // SAFETY: as above.
-        found.unwrap_or_else(|| unsafe { K::enable(again) })
-    }
-
-    #[cold]
-    #[inline(never)]
-    fn fall_back<'a>(
-        &'a self,
-        ray: &'a Ray,
-        from: Option<u32>,
-    ) -> Search<'a> {
-        let (wide, slots) = (&self.wide, (from, NONE));
-        // SAFETY: as above.
-        let found = unsafe {
-            K::enable(|| walk::<K, N, false, false, true>(wide, ray, slots))
-        };
-        found.expect("only the fast path gives up")
-    }
-}
-
-impl<K: Kernel<N>, const N: usize> Intersector for Traverser<K, N> {
-    #[inline]
-    fn first_hit(&self, ray: &Ray, from: Option<u32>) -> Option<Hit> {
-        let hit = |search: &Search| hit(&self.wide, ray, from, search);
-        self.ask::<false, _>(ray, (from, NONE), hit)
-    }
-
-    #[inline]
-    fn is_occluded(&self, ray: &Ray, from: Option<u32>) -> bool {
-        !self.is_visible(ray, from, NONE)
-    }
-
-    #[inline]
-    fn is_visible(
-        &self,
-        ray: &Ray,
-        from: Option<u32>,
-        target: u32,
-    ) -> bool {
-        let slot = |search: &Search| search.slot;
-        self.ask::<true, _>(ray, (from, target), slot) == target
-    }
-
-    fn first_hits(
-        &self,
-        rays: &[Option<Ray>; BEAM],
-    ) -> [Option<Hit>; BEAM] {
-        let alone = |ray: &Ray| self.first_hit(ray, None);
-        // SAFETY: as above.
-        unsafe { K::enable(|| first_hits::<K, N>(&self.wide, rays, alone)) }
     }
 }
 
