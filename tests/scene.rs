@@ -394,9 +394,9 @@ fn a_stray_vertex_does_not_change_the_scene() {
 
 #[test]
 fn the_triangles_with_area_keep_their_order() {
-    let tiny = [DVec3::splat(1e-310), DVec3::splat(0.1)];
+    let in_line = [DVec3::splat(0.25), DVec3::splat(0.5)];
     let corners = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
-    let (vertices, joined) = ([&corners[..], &tiny].concat(), vec![]);
+    let (vertices, joined) = ([&corners[..], &in_line].concat(), vec![]);
     let good = vec![[0, 1, 2], [0, 2, 3], [1, 2, 3]];
     let mut all = good.clone();
     all.splice(1..1, [[1, 1, 2], [4, 0, 5], [4, 4, 4]]);

@@ -16,8 +16,9 @@ use glam::DVec3;
 use memchr::{memchr, memchr2};
 use rayon::prelude::*;
 
-use super::polygons::Oddity;
-use super::{Mesh, encoding, polygons};
+use super::encoding;
+use super::mesh::Mesh;
+use super::polygons::{self, Oddity};
 
 /// Reads the mesh that the bytes `source` of a Wavefront OBJ describe,
 /// which may be compressed.
