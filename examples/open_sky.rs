@@ -21,13 +21,14 @@ fn main() -> Result<(), Box<dyn Error>> {
     let point = DVec3::new(x.parse()?, y.parse()?, z.parse()?);
     let scene = Scene::new(&read_obj(&std::fs::read(path)?)?);
     let intersector = Bvh::new(&scene)?;
+    let entrance = scene.frame.entrance(point);
     // A spiral of directions, evenly over the hemisphere around z.
     let is_open = |i: &u32| {
         let up = (f64::from(*i) + 0.5) / f64::from(RAYS);
         let (a, b) = sincos_turns((f64::from(*i) * 0.618_034).fract());
         let across = (1. - up * up).sqrt();
         let direction = DVec3::new(across * a, across * b, up);
-        let ray = scene.enter(point, direction);
+        let ray = entrance.enter(direction);
         !ray.is_some_and(|ray| intersector.is_occluded(&ray, None))
     };
     let open = (0..RAYS).filter(is_open).count();

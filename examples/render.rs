@@ -27,12 +27,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     let view =
         View { position, target: DVec3::ZERO, up: DVec3::Z, fov: 60. };
     let camera = &Camera::new(&view, 4. / 3.)?;
+    let entrance = scene.frame.entrance(position);
     let sky = Sky::new(view.up);
     let integrator = PathTracer::new(0.8, sky);
     let known = &KnownPixels::Nothing;
     let sampler = IndependentSampler::new(0);
     let mut job =
-        Job { scene, intersector, camera, integrator, known, sampler };
+        Job { entrance, intersector, camera, integrator, known, sampler };
     let mut film = Film::new(320, 240);
     job.pass(&mut film, 64, &|_| true);
     let image = Image::new(&film, BTreeMap::new());

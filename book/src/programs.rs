@@ -41,7 +41,7 @@ pub type Done = Result<(), Box<dyn Error>>;
 type Part = (&'static str, fn(&[String]) -> Done);
 
 /// All parts.
-pub const ALL: [Part; 16] = [
+pub const ALL: [Part; 15] = [
     ("ablation", ablation::run),
     ("bounces", bounces::run),
     ("calibration", calibration::run),

@@ -14,7 +14,7 @@ use litpt::camera::View;
 use litpt::film::{Film, Summary, WORTH, Window};
 use litpt::integrator::PathTracer;
 use litpt::render::choose::{Method, Request, Sampling, Setup};
-use litpt::render::{Job, Renderer};
+use litpt::render::Job;
 use litpt::scene::Mesh;
 use litpt_book::closed_forms::{Setting, cavity, cavity_radiance};
 use litpt_book::courtyard;
@@ -124,7 +124,7 @@ fn image(setting: &Setting, method: Method, seed: u64, n: u64) -> Film {
     // Know nothing of the image beforehand
     let Job { entrance, intersector, camera, integrator, .. } =
         setting.job(seed);
-    let &PathTracer { albedo, sky, .. } = integrator;
+    let PathTracer { albedo, sky, .. } = integrator;
     let inquiry =
         Inquiry { camera, entrance, sky, albedo, resolution, kept: &[] };
     let known = KnownPixels::Nothing;

@@ -12,6 +12,11 @@ use litpt::bvh::Bvh;
 use litpt::camera::Camera;
 use litpt::film::{Film, Tile, Window};
 use litpt::integrator::PathTracer;
+use litpt::integrator::gather::cache::{Grid, RadianceCache, Record};
+use litpt::integrator::gather::training::{allocate, train};
+use litpt::integrator::gather::{
+    Allocation, Correction, Plan, Sample, Tracer,
+};
 use litpt::options::Options;
 use litpt::render::choose::{Method, Sampling};
 use litpt::render::{Job, Renderer};
@@ -387,7 +392,7 @@ pub fn run(arguments: &[String]) -> Done {
     let (width, height) = arguments.resolution;
     let aspect = f64::from(width) / f64::from(height);
     let stage = Stage {
-        scene: &scene,
+        entrance: scene.frame.entrance(view.position),
         intersector: &intersector,
         camera: Camera::new(&view, aspect)?,
         sky: Sky::new(view.up),
