@@ -52,12 +52,6 @@ impl Kernel<8> for Avx2 {
             && is_x86_feature_detected!("popcnt")
     }
 
-    #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-    #[inline(never)]
-    unsafe fn enable<R>(work: impl FnOnce() -> R) -> R {
-        work()
-    }
-
     #[target_feature(enable = "avx2,fma")]
     #[inline]
     unsafe fn enter(
@@ -195,14 +189,6 @@ impl Kernel<16> for Avx512 {
             && is_x86_feature_detected!("avx512f")
             && is_x86_feature_detected!("avx512vl")
             && is_x86_feature_detected!("avx512dq")
-    }
-
-    #[target_feature(
-        enable = "avx512f,avx512vl,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt"
-    )]
-    #[inline(never)]
-    unsafe fn enable<R>(work: impl FnOnce() -> R) -> R {
-        work()
     }
 
     #[target_feature(enable = "avx512f")]

@@ -226,12 +226,6 @@ pub trait Kernel<const N: usize>: Sync + Sized {
     /// Whether this processor has the instructions.
     fn is_available() -> bool;
 
-    /// Does `work` with the instructions.
-    ///
-    /// # Safety
-    /// The processor has them.
-    unsafe fn enable<R>(work: impl FnOnce() -> R) -> R;
-
     /// Which boxes of a node the ray of `slabs` enters before `t_max`.
     ///
     /// # Safety
@@ -489,11 +483,6 @@ impl<const N: usize> Kernel<N> for Portable {
 
     fn is_available() -> bool {
         true
-    }
-
-    #[inline(never)]
-    unsafe fn enable<R>(work: impl FnOnce() -> R) -> R {
-        work()
     }
 
     #[inline(always)]

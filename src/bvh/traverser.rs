@@ -10,13 +10,143 @@
 use std::io;
 use std::marker::PhantomData;
 
-use super::beam::first_hits;
+use super::beam;
 use super::intersector::{BEAM, Hit, Intersector};
+#[cfg(target_arch = "x86_64")]
+use super::kernels::{Avx2, Avx512};
 use super::spawn::hit;
-use super::traversal::{Kernel, walk};
+use super::traversal::{Kernel, Portable, walk};
 use super::triangle::{NONE, Search};
 use super::wide::{Quality, Wide};
 use crate::scene::{Ray, Triangles};
+
+/// Whole walks with the instructions of a kernel.
+pub trait Walks<const N: usize>: Kernel<N> {
+    /// The first hit of a ray that has left a triangle.
+    ///
+    /// # Safety
+    /// The processor has the instructions.
+    unsafe fn first_hit(
+        wide: &Wide<N>,
+        ray: &Ray,
+        from: Option<u32>,
+    ) -> Option<Hit>;
+
+    /// The slot of the nearest triangle, or `NONE`, if that is the second of
+    /// the slots; else that of any that is in the way.
+    ///
+    /// # Safety
+    /// The processor has the instructions.
+    unsafe fn visible(
+        wide: &Wide<N>,
+        ray: &Ray,
+        slots: (Option<u32>, u32),
+    ) -> u32;
+
+    /// The first hits of a beam, see `beam::first_hits`.
+    ///
+    /// # Safety
+    /// The processor has the instructions.
+    unsafe fn first_hits(
+        wide: &Wide<N>,
+        rays: &[Option<Ray>; BEAM],
+    ) -> [Option<Hit>; BEAM];
+
+    /// What the fast path without gates leaves: the nearest triangle, or with
+    /// `ANY` any, see `walk`.
+    ///
+    /// # Safety
+    /// The processor has the instructions.
+    unsafe fn again<'a, const ANY: bool>(
+        wide: &'a Wide<N>,
+        ray: &'a Ray,
+        slots: (Option<u32>, u32),
+    ) -> Search<'a>;
+}
+
+macro_rules! walks {
+    ($kernel:ident, $n:tt, {$($of:tt)*} $($features:literal)?) => {
+        impl<$($of)*> Walks<$n> for $kernel {
+            $(#[target_feature(enable = $features)])?
+            #[inline(never)]
+            unsafe fn first_hit(
+                wide: &Wide<$n>,
+                ray: &Ray,
+                from: Option<u32>,
+            ) -> Option<Hit> {
+                let slots = (from, NONE);
+                // SAFETY: the caller says that the instructions are there.
+                unsafe {
+                    match walk::<Self, $n, false, true, false>(
+                        wide, ray, slots,
+                    ) {
+                        Some(search) => hit(wide, ray, from, &search),
+                        None => {
+                            let search =
+                                Self::again::<false>(wide, ray, slots);
+                            hit(wide, ray, from, &search)
+                        }
+                    }
+                }
+            }
+
+            $(#[target_feature(enable = $features)])?
+            #[inline(never)]
+            unsafe fn visible(
+                wide: &Wide<$n>,
+                ray: &Ray,
+                slots: (Option<u32>, u32),
+            ) -> u32 {
+                // SAFETY: as above.
+                unsafe {
+                    match walk::<Self, $n, true, true, false>(wide, ray, slots) {
+                        Some(search) => search.slot,
+                        None => Self::again::<true>(wide, ray, slots).slot,
+                    }
+                }
+            }
+
+            $(#[target_feature(enable = $features)])?
+            #[inline(never)]
+            unsafe fn first_hits(
+                wide: &Wide<$n>,
+                rays: &[Option<Ray>; BEAM],
+            ) -> [Option<Hit>; BEAM] {
+                // SAFETY: as above.
+                let alone = |ray: &Ray| unsafe { Self::first_hit(wide, ray, None) };
+                // SAFETY: as above.
+                unsafe { beam::first_hits::<Self, $n>(wide, rays, alone) }
+            }
+
+            $(#[target_feature(enable = $features)])?
+            #[inline(never)]
+            unsafe fn again<'a, const ANY: bool>(
+                wide: &'a Wide<$n>,
+                ray: &'a Ray,
+                slots: (Option<u32>, u32),
+            ) -> Search<'a> {
+                // SAFETY: as above.
+                unsafe {
+                    if let Some(search) =
+                        walk::<Self, $n, ANY, true, true>(wide, ray, slots)
+                    {
+                        return search;
+                    }
+                    let slots = (slots.0, NONE);
+                    walk::<Self, $n, false, false, true>(wide, ray, slots)
+                        .expect("only the fast path gives up")
+                }
+            }
+        }
+    };
+}
+
+walks!(Portable, N, { const N: usize });
+#[cfg(target_arch = "x86_64")]
+walks!(Avx2, 8, {} "avx2,fma,bmi1,bmi2,lzcnt,popcnt");
+#[cfg(target_arch = "x86_64")]
+walks!(Avx512, 16, {}
+    "avx512f,avx512vl,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt");
 
 /// A hierarchy on a processor that has the instructions `K`.
 pub struct Traverser<K, const N: usize> {
@@ -24,7 +154,7 @@ pub struct Traverser<K, const N: usize> {
     kernel: PhantomData<K>,
 }
 
-impl<K: Kernel<N>, const N: usize> Traverser<K, N> {
+impl<K: Walks<N>, const N: usize> Traverser<K, N> {
     /// Builds the hierarchy of triangles, see [`Wide::new`]. The processor
     /// must have the instructions.
     pub fn new(
@@ -40,56 +170,13 @@ impl<K: Kernel<N>, const N: usize> Traverser<K, N> {
         })?;
         Ok(Self { wide, kernel: PhantomData })
     }
-
-    /// The answer to what a ray that left the first of the slots meets: the
-    /// nearest triangle, or with `ANY` what decides whether that is the second.
-    #[inline(always)]
-    fn ask<'a, const ANY: bool, R>(
-        &'a self,
-        ray: &'a Ray,
-        slots: (Option<u32>, u32),
-        answer: impl Fn(&Search) -> R,
-    ) -> R {
-        let wide = &self.wide;
-        let fast = || {
-            // SAFETY: a traverser exists only where its instructions do.
-            let found =
-                unsafe { walk::<K, N, ANY, true, false>(wide, ray, slots) };
-            found.map(|search| answer(&search))
-        };
-        let again = || {
-            // SAFETY: as above.
-            let found =
-                unsafe { walk::<K, N, ANY, true, true>(wide, ray, slots) };
-            answer(&found.unwrap_or_else(|| self.fall_back(ray, slots.0)))
-        };
-        // SAFETY: as above.
-        let found = unsafe { K::enable(fast) };
-        // SAFETY: as above.
-        found.unwrap_or_else(|| unsafe { K::enable(again) })
-    }
-
-    #[cold]
-    #[inline(never)]
-    fn fall_back<'a>(
-        &'a self,
-        ray: &'a Ray,
-        from: Option<u32>,
-    ) -> Search<'a> {
-        let (wide, slots) = (&self.wide, (from, NONE));
-        // SAFETY: as above.
-        let found = unsafe {
-            K::enable(|| walk::<K, N, false, false, true>(wide, ray, slots))
-        };
-        found.expect("only the fast path gives up")
-    }
 }
 
-impl<K: Kernel<N>, const N: usize> Intersector for Traverser<K, N> {
+impl<K: Walks<N>, const N: usize> Intersector for Traverser<K, N> {
     #[inline]
     fn first_hit(&self, ray: &Ray, from: Option<u32>) -> Option<Hit> {
-        let hit = |search: &Search| hit(&self.wide, ray, from, search);
-        self.ask::<false, _>(ray, (from, NONE), hit)
+        // SAFETY: a traverser exists only where its instructions do.
+        unsafe { K::first_hit(&self.wide, ray, from) }
     }
 
     #[inline]
@@ -104,16 +191,15 @@ impl<K: Kernel<N>, const N: usize> Intersector for Traverser<K, N> {
         from: Option<u32>,
         target: u32,
     ) -> bool {
-        let slot = |search: &Search| search.slot;
-        self.ask::<true, _>(ray, (from, target), slot) == target
+        // SAFETY: as above.
+        unsafe { K::visible(&self.wide, ray, (from, target)) == target }
     }
 
     fn first_hits(
         &self,
         rays: &[Option<Ray>; BEAM],
     ) -> [Option<Hit>; BEAM] {
-        let alone = |ray: &Ray| self.first_hit(ray, None);
         // SAFETY: as above.
-        unsafe { K::enable(|| first_hits::<K, N>(&self.wide, rays, alone)) }
+        unsafe { K::first_hits(&self.wide, rays) }
     }
 }
