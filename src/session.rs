@@ -292,12 +292,14 @@ struct Files {
 }
 
 impl Files {
-    fn check(options: &Options) -> Result<Self, String> {
+    fn check(options: &Options) -> Result<Self, Error> {
         // Refuse files that are named twice
         let reference = options.reference.as_deref();
         let (scene, dash) = (options.scene_file(), Path::new("-"));
         if scene.is_none() && reference == Some(dash) {
-            return Err("standard input can be read once only".to_owned());
+            return Err("standard input can be read once only"
+                .to_owned()
+                .into());
         }
         let more = options.report.iter().chain(&options.checkpoint);
         let written = options.images().chain(more.map(PathBuf::as_path));
@@ -310,7 +312,8 @@ impl Files {
         };
         let is_open = |path| descriptor(path).is_some();
         if options.format.is_some() && !options.images().any(is_open) {
-            return Err("--format is for standard output".to_owned());
+            let fault = "--format is for standard output (see pt --help)";
+            return Err(Error::Usage(fault.to_owned()));
         }
         let format = options.format.unwrap_or(Format::Pgm);
         let image = |path| ImageTarget::file(path, format, force(path));
@@ -329,7 +332,7 @@ impl Files {
                 images: options
                     .images()
                     .map(image)
-                    .collect::<Result<_, _>>()?,
+                    .collect::<Result<_, String>>()?,
                 reports: options
                     .report
                     .iter()

@@ -403,7 +403,7 @@ fn black_surfaces_change_neither_the_method_nor_the_image() {
 #[test]
 fn a_part_of_an_image_expects_the_rays_of_that_part() {
     let place = Scratch::new();
-    let mesh = cavity(0.1, 64);
+    let mesh = cavity(0.1, 32);
     let vertices = mesh.vertices.iter();
     let vertices = vertices.map(|p| format!("v {} {} {}\n", p.x, p.y, p.z));
     let faces = mesh.triangles.iter().map(|face| {
