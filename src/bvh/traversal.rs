@@ -299,23 +299,14 @@ pub unsafe fn walk<
     }
     let (mut search, shear, mut margins) =
         prepare(wide, ray, (from, target));
-    // Let no ray start out of bounds
-    if !is_within_bounds(ray) {
+    // End at once out of bounds or at the target
+    if !is_within_bounds(ray)
+        || ANY
+            && target != NONE
+            && (from == Some(target)
+                || is_missed(&mut search, target, &shear, &margins)?)
+    {
         return Some(search);
-    }
-    // Offer the target first
-    if ANY && target != NONE {
-        if from == Some(target) {
-            return Some(search);
-        }
-        let (leaf, lane) = wide.leaves.find(target);
-        match leaf.test(lane as usize, &shear, margins.size) {
-            TriangleTest::Through(at) if at > -margins.near => {
-                search.take(target, at, &margins)?;
-            }
-            TriangleTest::Beside(_) => return None,
-            _ => return Some(search),
-        }
     }
     // Prepare to start at the root
     let mut region = wide.region;
@@ -329,46 +320,28 @@ pub unsafe fn walk<
         let gate = loop {
             while child & LEAF == 0 {
                 // Choose among the children entered
-                // SAFETY: children without the bit LEAF are numbers of nodes.
-                let node =
-                    unsafe { wide.nodes.get_unchecked(child as usize) };
-                // SAFETY: the caller has asked for the instructions.
-                let entered = unsafe { K::enter(node, &slabs, t_max) };
-                child = if entered.mask == 0 {
-                    match stack.pop(t_max) {
-                        Some(waiting) => waiting,
-                        None => break 'walk,
-                    }
-                } else {
-                    let shift = slabs.shift;
-                    // SAFETY: as above; no hierarchy is so deep that less than `N` are
-                    // left on the stack.
-                    let next = unsafe {
-                        K::push(node, shift, &entered, &mut stack)
-                    };
-                    stack.fetch(wide);
-                    next
+                // SAFETY: children without the bit LEAF are numbers of nodes, and no
+                // hierarchy is so deep that less than `N` are left on the stack.
+                let next = unsafe {
+                    step::<K, N>(wide, child, &slabs, t_max, &mut stack)
                 };
+                let Some(next) = next else { break 'walk };
+                child = next;
             }
             // Offer the leaf's triangles and go on
-            let (first, count) = slots(child);
-            if GATED && first >= GATES {
+            let place = slots(child);
+            if GATED && place.0 >= GATES {
                 // Leave the region if the gate leads to something
-                let gate = &wide.gates[(first - GATES) as usize];
+                let gate = &wide.gates[(place.0 - GATES) as usize];
                 if gate.node.is_none() || search.enters(&gate.region, ray) {
                     break gate;
                 }
             } else {
+                let ways = (&shear, &margins);
                 // SAFETY: as above; children with the bit LEAF below the gates
                 // are leaves that are there.
                 let met = unsafe {
-                    let ways = (&shear, &margins);
-                    look::<K, N, FAST>(
-                        &mut search,
-                        ray,
-                        ways,
-                        (first, count),
-                    )?
+                    look::<K, N, FAST>(&mut search, ray, ways, place)?
                 };
                 if met != 0 {
                     if ANY && search.slot != target {
@@ -377,10 +350,8 @@ pub unsafe fn walk<
                     t_max = search.limit(&margins) as f32;
                 }
             }
-            match stack.pop(t_max) {
-                Some(waiting) => child = waiting,
-                None => break 'walk,
-            }
+            let Some(next) = stack.pop(t_max) else { break 'walk };
+            child = next;
         };
         // Go through a gate
         region = gate.region;
@@ -400,6 +371,32 @@ pub unsafe fn walk<
         };
     }
     Some(search)
+}
+
+/// The child to go on with from a node, if any; others wait on the stack.
+///
+/// # Safety
+/// The processor has the instructions of `K`, `number` is that of a node,
+/// and no more than `STACK - N` children wait.
+#[inline(always)]
+unsafe fn step<K: Kernel<N>, const N: usize>(
+    wide: &Wide<N>,
+    number: u32,
+    slabs: &Slabs,
+    t_max: f32,
+    stack: &mut Stack,
+) -> Option<u32> {
+    // SAFETY: the caller says so.
+    unsafe {
+        let node = wide.nodes.get_unchecked(number as usize);
+        let entered = K::enter(node, slabs, t_max);
+        if entered.mask == 0 {
+            return stack.pop(t_max);
+        }
+        let next = K::push(node, slabs.shift, &entered, stack);
+        stack.fetch(wide);
+        Some(next)
+    }
 }
 
 /// Takes the triangles of a leaf that the ray meets, of `count` at unit
@@ -436,6 +433,26 @@ pub unsafe fn look<K: Kernel<N>, const N: usize, const FAST: bool>(
         left &= left - 1;
     }
     Some(mask)
+}
+
+/// Offers a triangle ahead of the walk: whether the ray misses it; none if
+/// that is doubtful.
+#[inline(always)]
+fn is_missed(
+    search: &mut Search,
+    target: u32,
+    shear: &Shear,
+    margins: &Margins,
+) -> Option<bool> {
+    let (leaf, lane) = search.leaves.find(target);
+    match leaf.test(lane as usize, shear, margins.size) {
+        TriangleTest::Through(at) if at > -margins.near => {
+            search.take(target, at, margins)?;
+            Some(false)
+        }
+        TriangleTest::Beside(_) => None,
+        _ => Some(true),
+    }
 }
 
 /// Which boxes of `node` a ray enters before `t_max`, where `distance`

@@ -195,25 +195,17 @@ impl<K: Intersector> Tracer<'_, K> {
         hit.map_or_else(sky, End::Hit)
     }
 
-    /// The means of the pixels of a tile in a scramble.
-    pub fn tile(
+    /// The samples of a tile that gather; the others show the sky.
+    fn begin(
         &mut self,
         plan: &Plan,
         tile: Tile,
         scramble: u64,
-    ) -> Vec<f64> {
-        let area = tile.size.0 * tile.size.1;
-        let content = plan.known.content(tile.corner);
-        if let TileContent::Constant(value) = content {
-            return vec![value; area as usize];
-        }
-        let stream = tile_number(tile.corner);
-        let mut random = generator(plan.seed, stream, scramble);
-        let mut sums = vec![0.; area as usize];
-        let mut samples = vec![];
-        // Look through all pixels
+        sums: &mut [f64],
+    ) -> Vec<Sample> {
         let mut looks = vec![];
-        for pixel in 0..area {
+        // Draw all samples of a tile
+        for pixel in 0..tile.size.0 * tile.size.1 {
             let (x, y, number) = plan.place(tile, pixel);
             let (width, height) = plan.resolution;
             let i = u64::from(y) * u64::from(width) + u64::from(x);
@@ -231,8 +223,9 @@ impl<K: Intersector> Tracer<'_, K> {
                 ));
             }
         }
+        let is_sky = plan.known.content(tile.corner) == TileContent::Sky;
+        let mut samples = vec![];
         // Send the first rays in beams
-        let is_sky = content == TileContent::Sky;
         for batch in looks.chunks(BEAM) {
             let rays = array::from_fn(|i| match batch.get(i) {
                 Some(look) if !is_sky => self.entrance.enter(look.0),
@@ -261,6 +254,26 @@ impl<K: Intersector> Tracer<'_, K> {
                 }
             }
         }
+        samples
+    }
+
+    /// The means of the pixels of a tile in a scramble.
+    pub fn tile(
+        &mut self,
+        plan: &Plan,
+        tile: Tile,
+        scramble: u64,
+    ) -> Vec<f64> {
+        let area = tile.size.0 * tile.size.1;
+        if let TileContent::Constant(value) =
+            plan.known.content(tile.corner)
+        {
+            return vec![value; area as usize];
+        }
+        let stream = tile_number(tile.corner);
+        let mut random = generator(plan.seed, stream, scramble);
+        let mut sums = vec![0.; area as usize];
+        let mut samples = self.begin(plan, tile, scramble, &mut sums);
         // Gather at all samples
         let cache = self.cache;
         let cell = |Sample { hit, .. }: &Sample| {
