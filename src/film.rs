@@ -33,6 +33,7 @@ pub struct Tile {
     /// Its number along the curve.
     rank: u32,
 }
+
 impl Tile {
     /// Number of its pixels.
     pub fn area(&self) -> usize {
@@ -166,6 +167,7 @@ impl Window {
         Self { corner: (x, y), size: (width, height) }
     }
 }
+
 impl Window {
     /// The number of pixels.
     pub fn area(&self) -> usize {
@@ -294,7 +296,6 @@ impl Film {
         self.resolution
     }
 
-    /// The pixels, row by row from the top left.
     /// The pixels, row by row from the top left.
     pub fn rows(&self) -> impl Iterator<Item = &Accumulator> {
         let rows = self.window.corner.1..self.window.end().1;

@@ -166,6 +166,7 @@ fn copies(triangles: &Triangles) -> Vec<bool> {
 
 /// One more than the greatest number of a triangle in a key.
 const NUMBERS: u64 = 1 << 29;
+
 /// A number that depends on all bits of a corner.
 pub fn scattered(corner: &DVec3) -> u64 {
     let [x, y, z] = corner.to_array().map(f64::to_bits);

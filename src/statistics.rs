@@ -77,6 +77,7 @@ impl Accumulator {
     pub fn count(&self) -> u64 {
         self.count
     }
+
     /// The magnitude of the sum, and whether it is negative.
     fn magnitude(&self) -> ([u64; 3], bool) {
         let is_negative = self.sum[2] >> 63 == 1;

@@ -173,13 +173,13 @@ fn region(vertices: &[DVec3], corners: &[Corners]) -> Region {
 }
 
 /// By how much the boxes of a region are enlarged on all sides: 2^-20 of
-/// its reach,
+/// its reach.
 const PADDING: f64 = 1. / (1 << 20) as f64;
 
-/// and 2^-48 of the coordinates of its middle,
+/// More of it, as a part of the coordinates of its middle: 2^-48.
 const PLACE: f64 = 1. / (1u64 << 48) as f64;
 
-/// and 2^-120, since single precision is coarse where it ends.
+/// More of it: 2^-120, since single precision is coarse where it ends.
 const FLOOR: f64 = 1. / (1u128 << 120) as f64;
 
 impl Group<'_> {

@@ -319,9 +319,9 @@ pub struct Pilot {
     pub first: f64,
     /// The variance that comes from all later decisions.
     pub later: f64,
-    /// The variance of the control variate of a path,
+    /// The variance of the control variate of a path.
     pub spread: f64,
-    /// and its covariance with the contribution.
+    /// The covariance of the control variate with the contribution.
     pub covariance: f64,
     /// The rays of a path; none if it meets no surface.
     pub rays: f64,
@@ -579,9 +579,9 @@ pub struct Request {
     pub samples: Option<u64>,
     /// The error of the image.
     pub error: Option<f64>,
-    /// Seconds of the run,
+    /// Seconds of the run.
     pub time: Option<f64>,
-    /// and those that are left.
+    /// Seconds that are left of them.
     pub left: Option<f64>,
 }
 
