@@ -674,7 +674,7 @@ fn standard_output_has_the_bytes_of_the_file_in_each_format() {
 fn a_format_is_for_standard_output_only() {
     let place = Scratch::new();
     let both = ["-i", "none.obj", "--format=exr", "-o", "a.pgm"];
-    place.run(&both).failed(1, &["--format", "standard output"]);
+    place.run(&both).failed(2, &["--format", "standard output"]);
 }
 
 #[test]
