@@ -7,8 +7,7 @@
 //! in the middle of the court, whose long sides run along x. Every solid is
 //! closed, and shares neither a vertex nor a plane of contact with another:
 //! where solids meet, they interpenetrate by a centimetre or more. The
-//! appendix "A courtyard to render" tells what is built, and prints the
-//! builders of solids from which everything here is made.
+//! chapter "A courtyard to render" tells what is built.
 
 use glam::DVec3;
 use litpt::camera::View;
