@@ -1,9 +1,5 @@
+// Tangled from noweb/chapters/tangle.nw; edit there.
 // Copyright (C) 2026 litpt contributors
-//
-// This program is free software: you can redistribute it and/or modify it
-// under the terms of the GNU General Public License as published by the Free
-// Software Foundation, either version 3 of the License, or (at your option)
-// any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
 
 //! Expansion of root chunks into program text, with its position map.
