@@ -263,7 +263,7 @@ CHUNK = re.compile(
     r'\\nwmargintag\{.*?\}\}\}\\moddef\{(.*?)~\{\\nwtagstyle\{\}\\subpageref'
     r'\{([^}]*)\}\}\}\\(plus)?endmoddef\\nwstartdeflinemarkup'
     r'(.*?)\\nwenddeflinemarkup\n(.*?)'
-    r'\\nwendcode\{\}\\nwbegindocs\{\d+\}\\nwdocspar', re.S)
+    r'\\nwendcode\{\}(?:\\nwbegindocs\{\d+\}\\nwdocspar)?', re.S)
 FOOTER = re.compile(r'^\\(nwused|nwnotused|nwoutput|nwalsodefined|'
                     r'nwidentdefs|nwidentuses)\{', re.M)
 
