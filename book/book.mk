@@ -12,9 +12,8 @@ RECORD := sh $(SCRIPTS)/record
 
 # The figures and tables that the books read.
 LEARNT := $(addprefix $(BUILD_DIR)/figures/learnt-,$(addsuffix .png, \
-  cache truth wrong claimed light guide cosine guided gather paths counts \
-  even uneven))
-LEARNT_TABLES := $(addprefix $(BUILT)/,learnt.tex learnt-variances.csv)
+  cache truth wrong claimed light guide cosine guided gather paths))
+LEARNT_TABLES := $(BUILT)/learnt.tex
 FIGURES := $(BUILD_DIR)/figures/courtyard.png $(LEARNT)
 # The tool's book needs no program but the tool.
 TOOL_TABLES := $(addprefix $(BUILT)/,measured.tex translation.tex)
@@ -385,10 +384,9 @@ $(SHORTENED:%=$(BUILT)/%.tex): $(BUILT)/%.tex: $(MEASURED)/%.csv \
 # number of reflections; and the numbers of the text.
 FIGURES += $(foreach kind,term sum,$(foreach k,1 2 3 4, \
   $(BUILD_DIR)/figures/bounces-$(kind)-$(k).png))
-TABLES += $(addprefix $(BUILT)/,chance.tex lobe.csv running.csv spread.csv \
-  covered.csv)
+TABLES += $(addprefix $(BUILT)/,chance.tex lobe.csv spread.csv covered.csv)
 
-$(addprefix $(BUILT)/,chance.tex lobe.csv running.csv spread.csv covered.csv) &: \
+$(addprefix $(BUILT)/,chance.tex lobe.csv spread.csv covered.csv) &: \
   $(BOOK) | $(BUILT)
 	$(BOOK) chance $(@D) > $(BUILT)/chance.tex
 
