@@ -13,6 +13,8 @@ pub mod display;
 use std::collections::BTreeMap;
 use std::f64::consts::SQRT_2;
 
+use statrs::function::beta::beta_reg;
+
 use crate::film::SIDE;
 use crate::image::Image;
 
@@ -70,18 +72,13 @@ impl Gap {
 }
 
 /// The probability that chance alone makes |z| at least as large, with
-/// so many degrees of freedom (Hill 1970, algorithm 395).
+/// so many degrees of freedom.
 fn tail(z: f64, freedom: f64) -> f64 {
-    let mut normal = z.abs();
-    if normal.is_finite() && freedom.is_finite() {
-        let a = freedom - 0.5;
-        let b = 48. * a * a;
-        let y = a * libm::log1p(z * z / freedom);
-        let w = ((-0.4 * y - 3.3) * y - 24.) * y - 85.5;
-        let w = w / (0.8 * y * y + 100. + b) + y + 3.;
-        normal = (w / b + 1.) * y.sqrt();
+    if freedom.is_finite() {
+        let x = freedom / (freedom + z * z);
+        return beta_reg(freedom / 2., 0.5, x);
     }
-    libm::erfc(normal / SQRT_2)
+    libm::erfc(z.abs() / SQRT_2)
 }
 
 /// A mean, its squared standard error, and the degrees of freedom of

@@ -5,6 +5,7 @@
 //! not (chapter "Comparing images").
 
 use std::collections::BTreeMap;
+use std::f64::consts::FRAC_PI_2;
 
 use litpt::compare::display::{Curve, WHITE, errors, tonemap, z_map};
 use litpt::compare::{
@@ -107,6 +108,15 @@ fn the_thresholds_are_those_of_student_and_of_the_normal_distribution() {
         compare(&a, &reference(&[0.])).unwrap().consistent()
     };
     assert!(many(3.0222) && !many(3.0223));
+    // With one degree of freedom, p = 1 - 2 atan(z) / pi.
+    let few = |z| {
+        let a = row(&[(z, 1.)], 2.);
+        failures(&compare(&a, &reference(&[0.])).unwrap())
+    };
+    let level = -f64::exp_m1(0.99f64.ln() / 4.);
+    let z = (FRAC_PI_2 * level).tan().recip();
+    assert_eq!(few(z * 0.9999), [0; 3]);
+    assert_eq!(few(z * 1.0001), [0, 1, 1]);
 }
 
 /// With the probability 0.01 of an alarm, 1000 pairs give more than 23
