@@ -273,6 +273,8 @@ elif ! test -e $(BUILD_DIR)/$(lastword $(1)).pdf; then \
   python3 book/scripts/check-floats.py $(2); \
 else \
   python3 book/scripts/check-floats.py --build $(BUILD_DIR) $(2) && \
+  for volume in $(1); do \
+    python3 book/scripts/check-archive.py $(BUILD_DIR)/$$volume.pdf || exit 1; done && \
   { ! command -v pdftotext > /dev/null || \
     python3 book/scripts/check-pdf.py $(1:%=$(BUILD_DIR)/%.pdf) $(3); }; fi
 endef
