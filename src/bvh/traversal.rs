@@ -450,7 +450,6 @@ fn is_missed(
             search.take(target, at, margins)?;
             Some(false)
         }
-        TriangleTest::Beside(_) => None,
         _ => Some(true),
     }
 }
