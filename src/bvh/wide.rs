@@ -7,7 +7,7 @@
 //! and padded. Node 0 is the root. Every other node and every leaf is
 //! the child of exactly one node, or what one gate leads to.
 
-use std::{fmt, io, mem};
+use std::{fmt, io, iter};
 
 use glam::{DVec3, Vec3, Vec3A};
 use obvhs::aabb::Aabb;
@@ -21,7 +21,7 @@ use super::triangle::{
     GATES, Gate, LANES, LEAF, Leaf, Leaves, Region, UNIT, leaf, slot,
     slots, units, write,
 };
-use crate::memory::{reserved, zeroed};
+use crate::memory::reserved;
 use crate::scene::{Triangle, Triangles};
 
 /// How much work to put into a hierarchy.
@@ -90,14 +90,10 @@ impl<const N: usize> Node<N> {
         self.children[lane] = child;
     }
 
-    /// The extreme corners of the box in a lane.
-    fn bounds(&self, lane: usize) -> (DVec3, DVec3) {
-        let corner = |row: usize| {
-            let [x, y, z] =
-                [0, 1, 2].map(|axis| self.planes[row + axis][lane]);
-            DVec3::new(x.into(), y.into(), z.into())
-        };
-        (corner(0), corner(3))
+    /// The box in a lane.
+    fn bounds(&self, lane: usize) -> Aabb {
+        let [a, b, c, d, e, f] = self.planes.map(|row| row[lane]);
+        Aabb::new(Vec3A::new(a, b, c), Vec3A::new(d, e, f))
     }
 
     /// Fills `order` from the boxes.
@@ -150,9 +146,10 @@ impl<const N: usize> Node<N> {
 type Corners = ([u32; 3], u32);
 
 /// Some triangles of a scene, and the region around them.
+#[derive(Clone, Copy)]
 struct Group<'a> {
     vertices: &'a [DVec3],
-    corners: Vec<Corners>,
+    corners: &'a [Corners],
     region: Region,
 }
 
@@ -310,13 +307,15 @@ fn merge(nodes: &mut [Bvh2Node], count: usize, partners: &[u32]) -> usize {
 }
 
 /// For each cluster that one, up to `reach` places away, with which its
-/// union has the least area.
+/// union has the least area; itself if there is none.
 fn choose(clusters: &[Bvh2Node], reach: usize, partners: &mut [u32]) {
     let stretch = clusters.len().div_ceil(64).max(1024);
     let stretches = partners.par_chunks_mut(stretch).enumerate();
     stretches.for_each(|(k, partners)| {
         let start = k * stretch;
         let end = start + partners.len();
+        let own = start as u32..end as u32;
+        partners.iter_mut().zip(own).for_each(|(place, i)| *place = i);
         let mut best = vec![f32::INFINITY; partners.len()];
         // Compare each cluster with those after it
         for i in start.saturating_sub(reach)..end {
@@ -346,6 +345,13 @@ fn expected_boxes(nodes: &[Bvh2Node]) -> f32 {
 
 /// From so many boxes on that a ray meets, less of a tree is improved.
 const MOST_BOXES: f32 = 200.;
+
+/// A tree of least depth over the same leaves in the same order.
+fn balance(tree: &[Bvh2Node]) -> Vec<Bvh2Node> {
+    let mut nodes: Vec<_> = leaves(tree, 0).collect();
+    nodes.resize(2 * nodes.len() - 1, Bvh2Node::default());
+    join(nodes, 0, 0).nodes
+}
 
 /// The least costs of a subtree, as a wide tree or several.
 struct Forest<const N: usize> {
@@ -383,7 +389,7 @@ impl<const N: usize> Forest<N> {
         }
         // Let no more trees cost more
         for k in 2..=N {
-            if costs[k - 2] <= costs[k - 1] {
+            if costs[k - 2] < costs[k - 1] {
                 costs[k - 1] = costs[k - 2];
                 choices[k - 1] = 0;
             }
@@ -436,183 +442,28 @@ fn cut<const N: usize>(tree: &[Bvh2Node]) -> Vec<Choices<N>> {
     choices
 }
 
+/// Adds the roots of the least forest of at most `k` trees that
+/// represents the subtree of node `i`.
+fn add_forest<const N: usize>(
+    tree: &[Bvh2Node],
+    choices: &[Choices<N>],
+    (i, k): (u32, usize),
+    roots: &mut Vec<u32>,
+) {
+    let choice = &choices[i as usize];
+    let Some(k) = (2..=k).rev().find(|k| choice[k - 1] != 0) else {
+        return roots.push(i);
+    };
+    let (left, trees) = (tree[i as usize].first_index, choice[k - 1]);
+    let trees = usize::from(trees);
+    add_forest(tree, choices, (left, trees), roots);
+    add_forest(tree, choices, (left + 1, k - trees), roots);
+}
+
 /// Half the surface area of a node's box.
 fn area(node: &Bvh2Node) -> f32 {
     let e = node.max - node.min;
     e.x * e.y + e.y * e.z + e.z * e.x
-}
-
-/// Which nodes of a binary tree become nodes and leaves of a wide one.
-#[derive(Default)]
-struct Plan {
-    /// The wide nodes in the order of their numbers, and one more that
-    /// marks the end.
-    nodes: Vec<Planned>,
-    /// The binary nodes that become leaves or gates, each with its first
-    /// unit, and one more that marks the end.
-    leaves: Vec<(u32, u32)>,
-    /// How many units the leaves take.
-    units: u32,
-    /// The number of nodes on the longest way from the root.
-    levels: usize,
-}
-
-/// A wide node before it has its children.
-#[derive(Clone, Copy, Default)]
-struct Planned {
-    /// The binary node that it stands for.
-    root: u32,
-    /// Numbers of the first node and the first leaf below it.
-    first_node: u32,
-    first_leaf: u32,
-}
-
-impl Plan {
-    fn new<const N: usize>(tree: &[Bvh2Node]) -> Self {
-        let mut plan = Self::default();
-        plan.nodes.push(Planned::default());
-        let choices = cut::<N>(tree);
-        // Go through the nodes level by level
-        let mut next = 0;
-        let mut level_end = 0;
-        while next < plan.nodes.len() {
-            if next == level_end {
-                plan.levels += 1;
-                level_end = plan.nodes.len();
-            }
-            let root = plan.nodes[next].root;
-            plan.nodes[next] = plan.before_children(root);
-            plan.add_children(tree, &choices, root);
-            next += 1;
-        }
-        plan.nodes.push(plan.before_children(0));
-        plan.leaves.push((0, plan.units));
-        plan
-    }
-
-    /// The node with a `root`, whose children are the next to be added.
-    fn before_children(&self, root: u32) -> Planned {
-        let first_node = self.nodes.len() as u32;
-        Planned { root, first_node, first_leaf: self.leaves.len() as u32 }
-    }
-
-    fn add_children<const N: usize>(
-        &mut self,
-        tree: &[Bvh2Node],
-        choices: &[Choices<N>],
-        root: u32,
-    ) {
-        match choices.get(root as usize) {
-            None => (),
-            Some(choice) if choice[0] == 1 => {
-                self.add_leaf(tree, root);
-            }
-            Some(_) => self.split(tree, choices, root, N),
-        }
-    }
-
-    /// Adds the forest of at most `k` > 1 trees without the node `i`.
-    fn split<const N: usize>(
-        &mut self,
-        tree: &[Bvh2Node],
-        choices: &[Choices<N>],
-        i: u32,
-        mut k: usize,
-    ) {
-        let choice = choices[i as usize];
-        while k > 2 && choice[k - 1] == 0 {
-            k -= 1;
-        }
-        let trees = usize::from(choice[k - 1].max(1));
-        let first = tree[i as usize].first_index;
-        self.add(tree, choices, first, trees);
-        self.add(tree, choices, first + 1, k - trees);
-    }
-
-    /// Adds the forest of at most `k` trees for the node `i`.
-    fn add<const N: usize>(
-        &mut self,
-        tree: &[Bvh2Node],
-        choices: &[Choices<N>],
-        i: u32,
-        k: usize,
-    ) {
-        let choice = choices[i as usize];
-        if choice[1..k].iter().any(|&trees| trees != 0) {
-            self.split(tree, choices, i, k);
-        } else if choice[0] == 1 {
-            self.add_leaf(tree, i);
-        } else {
-            self.nodes.push(Planned { root: i, ..Planned::default() });
-        }
-    }
-
-    /// Makes the node `i` a leaf, with units for its triangles, or a gate.
-    fn add_leaf(&mut self, tree: &[Bvh2Node], i: u32) {
-        self.leaves.push((i, self.units));
-        if gate(&tree[i as usize]).is_none() {
-            let count = gather(tree, i, &mut [0; LANES], 0);
-            self.units += units(count);
-        }
-    }
-}
-
-/// Children that the stack of a traversal holds.
-pub const STACK: usize = 1024;
-
-impl Plan {
-    /// Whether the stack of a traversal is sure to suffice, with so many
-    /// levels above.
-    fn fits<const N: usize>(&self, above: usize) -> bool {
-        N * (self.levels + above) + N <= STACK
-    }
-}
-
-/// A tree of least depth over the same leaves in the same order.
-fn balance(tree: &[Bvh2Node]) -> Vec<Bvh2Node> {
-    let leaves = leaves(tree, 0);
-    let mut balanced = vec![Bvh2Node::default()];
-    let mut todo = vec![(0, leaves.as_slice())];
-    while let Some((i, leaves)) = todo.pop() {
-        // Halve the leaves below one node
-        if let [leaf] = leaves {
-            balanced[i] = *leaf;
-            continue;
-        }
-        let first = balanced.len();
-        balanced[i].make_inner(first as u32);
-        balanced.extend([Bvh2Node::default(); 2]);
-        let (left, right) = leaves.split_at(leaves.len() / 2);
-        todo.extend([(first, left), (first + 1, right)]);
-    }
-    enclose(&mut balanced);
-    balanced
-}
-
-/// Computes the boxes of inner nodes, whose children come after them.
-fn enclose(tree: &mut [Bvh2Node]) {
-    for i in (0..tree.len()).rev() {
-        if !tree[i].is_leaf() {
-            let first = tree[i].first_index as usize;
-            let bounds = tree[first].aabb().union(tree[first + 1].aabb());
-            tree[i].set_aabb(bounds);
-        }
-    }
-}
-
-/// The leaves below node `i` from left to right.
-fn leaves(tree: &[Bvh2Node], i: usize) -> Vec<Bvh2Node> {
-    let mut leaves = vec![];
-    let mut todo = vec![i];
-    while let Some(i) = todo.pop() {
-        let node = tree[i];
-        let first = node.first_index as usize;
-        match node.is_leaf() {
-            true => leaves.push(node),
-            false => todo.extend([first + 1, first]),
-        }
-    }
-    leaves
 }
 
 /// Subtrees of triangles that are smaller than this part of a region are
@@ -633,32 +484,6 @@ fn gate(node: &Bvh2Node) -> Option<u32> {
     node.is_leaf().then(|| node.first_index.checked_sub(CUT))?
 }
 
-fn extent(node: &Bvh2Node) -> f32 {
-    node.aabb().diagonal().max_element()
-}
-
-/// The longest side of the boxes of triangles below each node.
-fn longest(tree: &[Bvh2Node]) -> Vec<f32> {
-    let mut order = Vec::from_iter((!tree.is_empty()).then_some(0));
-    let mut next = 0;
-    while let Some(&i) = order.get(next) {
-        if !tree[i].is_leaf() {
-            let first = tree[i].first_index as usize;
-            order.extend([first, first + 1]);
-        }
-        next += 1;
-    }
-    let mut longest = vec![0f32; tree.len()];
-    for &i in order.iter().rev() {
-        let first = tree[i].first_index as usize;
-        longest[i] = match tree[i].is_leaf() {
-            true => extent(&tree[i]),
-            false => longest[first].max(longest[first + 1]),
-        };
-    }
-    longest
-}
-
 /// Cuts up to `most` subtrees off that are small beside the region;
 /// returns their triangles.
 fn cut_off(
@@ -667,28 +492,26 @@ fn cut_off(
     most: usize,
 ) -> Vec<Vec<Corners>> {
     let side = 2. * group.region.reach as f32;
-    let longest = longest(tree);
-    let is_large = |i: usize, node: &Bvh2Node| {
-        longest[i] >= SMALL * side || extent(node) >= COMPACT * side
-    };
+    let extent = |node: &Bvh2Node| node.aabb().diagonal().max_element();
     let mut groups = vec![];
     let mut todo = Vec::from_iter((!tree.is_empty()).then_some(0));
     while let Some(i) = todo.pop() {
-        let node = tree[i];
-        let first = node.first_index as usize;
+        let node = tree[i as usize];
         if node.is_leaf() || groups.len() == most {
             continue;
-        } else if is_large(i, &node) {
-            todo.extend([first + 1, first]);
+        }
+        // Put a gate in the place of a small subtree
+        let small = |leaf: Bvh2Node| extent(&leaf) < SMALL * side;
+        if extent(&node) >= COMPACT * side || !leaves(tree, i).all(small) {
+            todo.extend([node.first_index + 1, node.first_index]);
             continue;
         }
-        // Put a gate in the place of a subtree
-        let below = leaves(tree, i);
+        let below = leaves(tree, i).map(|leaf| leaf.first_index as usize);
+        let below: Vec<_> = below.map(|i| group.corners[i]).collect();
         if below.len() > FEW {
             let number = CUT + groups.len() as u32;
-            let own = below.iter().map(|leaf| leaf.first_index as usize);
-            groups.push(own.map(|i| group.corners[i]).collect());
-            tree[i] = Bvh2Node::new(*node.aabb(), 1, number);
+            tree[i as usize] = Bvh2Node::new(*node.aabb(), 1, number);
+            groups.push(below);
         }
     }
     groups
@@ -697,6 +520,225 @@ fn cut_off(
 /// Ways through gates that there can be.
 const WAYS: usize = (1 << 29) - GATES as usize;
 
+/// A tree with up to `N` children a node and four triangles a leaf.
+pub struct Wide<const N: usize> {
+    /// Node 0 is the root. The numbers in `children` are valid.
+    pub nodes: Vec<Node<N>>,
+    /// The triangles.
+    pub leaves: Leaves,
+    /// Each with the way back after it.
+    pub gates: Vec<Gate>,
+    /// That of all triangles.
+    pub region: Region,
+}
+
+impl<const N: usize> Wide<N> {
+    /// No nodes, with room for those of so many triangles.
+    fn empty(count: usize, region: Region) -> io::Result<Self> {
+        let nodes = reserved(2 * count / N)?;
+        let words = reserved(UNIT * units(1) as usize * count)?;
+        let (leaves, gates) = (Leaves { words }, vec![]);
+        Ok(Self { nodes, leaves, gates, region })
+    }
+
+    /// The nodes and leaves of a group, cut from its binary tree, and how
+    /// many levels of nodes there are.
+    fn fill(group: &Group, tree: &[Bvh2Node]) -> io::Result<(Self, usize)> {
+        let mut wide = Self::empty(group.corners.len(), group.region)?;
+        let choices = cut::<N>(tree);
+        let (mut queue, mut levels) = (vec![(0, 1)], 1);
+        while let Some(&(root, level)) = queue.get(wide.nodes.len()) {
+            levels = level;
+            // Write the node above the forest below a root
+            let mut children = vec![];
+            if !tree.is_empty() {
+                add_forest(tree, &choices, (root, N), &mut children);
+            }
+            let mut node = Node::EMPTY;
+            for (lane, i) in children.into_iter().enumerate() {
+                let child = if choices[i as usize][0] == 1 {
+                    wide.add_leaf(group, tree, i)
+                } else {
+                    queue.push((i, level + 1));
+                    queue.len() as u32 - 1
+                };
+                node.set(lane, tree[i as usize].aabb(), child);
+            }
+            node.sort();
+            wide.nodes.push(node);
+        }
+        Ok((wide, levels))
+    }
+
+    /// Writes the triangles below a node of the binary tree into a leaf,
+    /// unless there is a gate. Returns the number of the child.
+    fn add_leaf(
+        &mut self,
+        group: &Group,
+        tree: &[Bvh2Node],
+        i: u32,
+    ) -> u32 {
+        if let Some(number) = gate(&tree[i as usize]) {
+            return leaf(GATES + 2 * number, 1);
+        }
+        let own = leaves(tree, i).map(|leaf| {
+            let face = group.corners[leaf.first_index as usize].1;
+            (face, group.triangle(leaf.first_index))
+        });
+        let mut own: Vec<_> = own.collect();
+        own.sort_unstable_by_key(|(face, corners)| {
+            (*face, corners.map(|p| p.to_array().map(f64::to_bits)))
+        });
+        let words = &mut self.leaves.words;
+        let start = words.len();
+        words.resize(start + UNIT * units(own.len()) as usize, 0);
+        write(&mut words[start..], &own);
+        leaf((start / UNIT) as u32, own.len())
+    }
+
+    /// The tree of a group, under so many levels of nodes, with room for so
+    /// many ways through gates.
+    fn of(
+        group: &Group,
+        quality: Quality,
+        mut above: usize,
+        ways: usize,
+    ) -> io::Result<Self> {
+        let mut tree = binary(group, quality);
+        let beyond = cut_off(group, &mut tree, ways / 2);
+        let (mut wide, mut levels) = Self::fill(group, &tree)?;
+        // Balance the tree if it does not fit the stack
+        let fits = |levels| N * (above + levels) + N <= STACK;
+        if !fits(levels) {
+            (wide, levels) = Self::fill(group, &balance(&tree))?;
+        }
+        if !fits(levels) {
+            return Err(io::Error::other("clusters are nested too deeply"));
+        }
+        above += levels;
+        drop(tree);
+        // Build what is beyond the gates
+        let back = Gate { region: group.region, node: None };
+        wide.gates.resize(2 * beyond.len(), back);
+        for (number, corners) in beyond.iter().enumerate() {
+            let region = region(group.vertices, corners);
+            let inner = Group { corners, region, ..*group };
+            let left = ways - wide.gates.len();
+            let inner = Self::of(&inner, quality, above, left)?;
+            let node = Some(wide.append(inner)?);
+            wide.gates[2 * number] = Gate { region, node };
+        }
+        Ok(wide)
+    }
+
+    /// Adds the nodes, leaves and gates of another tree; the number of its
+    /// root.
+    fn append(&mut self, mut other: Self) -> io::Result<u32> {
+        let (node, gate) =
+            (self.nodes.len() as u32, self.gates.len() as u32);
+        let words = [&self.leaves, &other.leaves].map(|l| l.words.len());
+        let [unit, more] = words.map(|words| words / UNIT);
+        if unit + more > GATES as usize {
+            return Err(io::Error::other("too many triangles"));
+        }
+        // Shift the numbers of another tree
+        let children = other.nodes.iter_mut().flat_map(|n| &mut n.children);
+        for child in children.filter(|child| **child != 0) {
+            *child += match slots(*child).0 {
+                _ if *child & LEAF == 0 => node,
+                first if first < GATES => unit as u32,
+                _ => gate,
+            };
+        }
+        let roots =
+            other.gates.iter_mut().filter_map(|gate| gate.node.as_mut());
+        roots.for_each(|root| *root += node);
+        self.nodes.append(&mut other.nodes);
+        self.leaves.words.append(&mut other.leaves.words);
+        self.gates.append(&mut other.gates);
+        Ok(node)
+    }
+
+    /// Builds the tree of triangles, on all threads, and tells `placed`
+    /// how many are in it by now.
+    ///
+    /// # Errors
+    /// The system has not enough memory, or there are too many triangles.
+    pub fn new(
+        triangles: Triangles,
+        quality: Quality,
+        placed: &dyn Fn(usize),
+    ) -> io::Result<Self> {
+        let mut above = usize::from(triangles.len() > LARGE);
+        while triangles.len() > PART * N.pow(above as u32) {
+            above += 1;
+        }
+        Self::under(triangles, quality, above, placed)
+    }
+
+    /// The same in parts, under so many levels of nodes.
+    fn under(
+        triangles: Triangles,
+        quality: Quality,
+        above: usize,
+        placed: &dyn Fn(usize),
+    ) -> io::Result<Self> {
+        let Triangles { vertices, corners, faces } = triangles;
+        let mut corners: Vec<_> = corners.into_iter().zip(faces).collect();
+        let region = region(&vertices, &corners);
+        let mut wide = Self::empty(corners.len(), region)?;
+        let parts = N.pow(above as u32);
+        let tops = (parts - 1) / (N - 1);
+        wide.nodes.resize(tops, Node::EMPTY);
+        let mut roots: Vec<_> = (1..tops as u32).collect();
+        // Build as many parts at a time as there are threads
+        let mut count = 0;
+        let groups = halve(&vertices, &mut corners, parts);
+        for some in groups.chunks(rayon::current_num_threads()) {
+            let built = some.par_iter().map(|corners| {
+                let group = Group { vertices: &vertices, corners, region };
+                Self::of(&group, quality, above, WAYS / parts)
+            });
+            let built: io::Result<Vec<_>> = built.collect();
+            for (part, corners) in built?.into_iter().zip(some) {
+                roots.push(wide.append(part)?);
+                count += corners.len();
+                placed(count);
+            }
+        }
+        // Put the nodes above the parts
+        for number in (0..tops).rev() {
+            let mut node = Node::EMPTY;
+            let children = &roots[number * N..][..N];
+            for (lane, &child) in children.iter().enumerate() {
+                let below = &wide.nodes[child as usize];
+                let boxes = (0..N).map(|lane| below.bounds(lane));
+                let bounds =
+                    boxes.fold(Aabb::empty(), |all, own| all.union(&own));
+                node.set(lane, &bounds, child);
+            }
+            node.sort();
+            wide.nodes[number] = node;
+        }
+        Ok(wide)
+    }
+}
+
+/// The leaves below node `i` from left to right.
+fn leaves(tree: &[Bvh2Node], i: u32) -> impl Iterator<Item = Bvh2Node> {
+    let mut todo = vec![i];
+    iter::from_fn(move || {
+        let mut node = tree[todo.pop()? as usize];
+        while !node.is_leaf() {
+            todo.push(node.first_index + 1);
+            node = tree[node.first_index as usize];
+        }
+        Some(node)
+    })
+}
+
+/// Children that the stack of a traversal holds.
+pub const STACK: usize = 1024;
 /// Scenes with more triangles are built in parts,
 const LARGE: usize = 1 << 17;
 
@@ -732,317 +774,6 @@ fn halve<'a>(
     );
     groups.extend(others);
     groups
-}
-
-/// A tree with up to `N` children a node and four triangles a leaf.
-pub struct Wide<const N: usize> {
-    /// Node 0 is the root. The numbers in `children` are valid.
-    pub nodes: Vec<Node<N>>,
-    pub leaves: Leaves,
-    /// Each with the way back after it.
-    pub gates: Vec<Gate>,
-    /// That of all triangles.
-    pub region: Region,
-}
-
-impl<const N: usize> Wide<N> {
-    /// Builds the tree of triangles, on all threads, and tells `placed`
-    /// how many are in it by now.
-    ///
-    /// # Errors
-    /// The system has not enough memory, or there are too many triangles.
-    pub fn new(
-        triangles: Triangles,
-        quality: Quality,
-        placed: &dyn Fn(usize),
-    ) -> io::Result<Self> {
-        let mut above = usize::from(triangles.len() > LARGE);
-        while triangles.len() > PART * N.pow(above as u32) {
-            above += 1;
-        }
-        Self::under(triangles, quality, above, placed)
-    }
-
-    /// The same in parts, under so many levels of nodes.
-    fn under(
-        triangles: Triangles,
-        quality: Quality,
-        above: usize,
-        placed: &dyn Fn(usize),
-    ) -> io::Result<Self> {
-        let Triangles { vertices, corners, faces } = triangles;
-        let mut corners: Vec<_> = corners.into_iter().zip(faces).collect();
-        let region = region(&vertices, &corners);
-        let room = UNIT * units(1) as usize * corners.len();
-        // Divide the triangles into groups
-        let parts = N.pow(above as u32);
-        let groups = halve(&vertices, &mut corners, parts);
-        let groups = groups.into_par_iter().map(|group| group.to_vec());
-        let mut groups: Vec<_> = groups.collect();
-        drop(corners);
-        // Begin with nothing built
-        let tops = (parts - 1) / (N - 1);
-        let ways = WAYS / parts;
-        let mut built = Built {
-            quality,
-            nodes: vec![],
-            next: tops as u32,
-            words: zeroed(room)?,
-            units: 0,
-            gates: vec![],
-            ways: 0,
-        };
-        // Build as many parts at a time as there are threads
-        let (mut roots, mut count) = (vec![], 0);
-        for some in groups.chunks_mut(rayon::current_num_threads()) {
-            let some = some.par_iter_mut().map(|corners| {
-                let corners = mem::take(corners);
-                let group = Group { vertices: &vertices, corners, region };
-                Part::new::<N>(group, quality, above, ways / 2)
-            });
-            let some: io::Result<Vec<_>> = some.collect();
-            for part in some? {
-                let root = part.tree.first();
-                let bounds =
-                    root.map_or(Aabb::empty(), |root| *root.aabb());
-                roots.push((bounds, built.next));
-                built.ways += ways;
-                count += part.group.corners.len();
-                built.add(part)?;
-                placed(count);
-            }
-        }
-        // Join the roots of the parts
-        if parts > 1 {
-            built.nodes.insert(0, vec![Node::EMPTY; tops]);
-        }
-        while roots.len() > 1 {
-            let first = (roots.len() / N - 1) / (N - 1);
-            let mut above = vec![];
-            for (children, number) in roots.chunks(N).zip(first..) {
-                // Put a node above its children
-                let node = &mut built.nodes[0][number];
-                *node = Node::EMPTY;
-                let mut bounds = Aabb::empty();
-                for (lane, (part, child)) in children.iter().enumerate() {
-                    node.set(lane, part, *child);
-                    bounds = bounds.union(part);
-                }
-                node.sort();
-                above.push((bounds, number as u32));
-            }
-            roots = above;
-        }
-        let Built { nodes, words, gates, .. } = built;
-        drop(vertices);
-        let leaves = Leaves { words };
-        Ok(Self { nodes: joined(nodes)?, leaves, gates, region })
-    }
-}
-
-/// The elements of all parts in one array; a part is given back when it
-/// is copied.
-fn joined<T: Copy>(mut parts: Vec<Vec<T>>) -> io::Result<Vec<T>> {
-    if parts.len() == 1 {
-        return Ok(parts.remove(0));
-    }
-    let mut all = reserved(parts.iter().map(Vec::len).sum())?;
-    for part in parts {
-        all.extend_from_slice(&part);
-    }
-    Ok(all)
-}
-
-/// The parts of a hierarchy that have been built.
-struct Built<const N: usize> {
-    quality: Quality,
-    /// The nodes of each.
-    nodes: Vec<Vec<Node<N>>>,
-    /// The number of the node that comes next.
-    next: u32,
-    /// The leaves, with room for as many as there may be.
-    words: Vec<u32>,
-    /// How many units of them are filled.
-    units: u32,
-    gates: Vec<Gate>,
-    /// How many ways through gates there may be up to now.
-    ways: usize,
-}
-
-impl<const N: usize> Built<N> {
-    /// Fills the nodes and leaves of a part, and those of the trees
-    /// beyond its gates.
-    fn add(&mut self, part: Part) -> io::Result<()> {
-        // Fill the nodes and leaves of a part
-        let gate = self.gates.len();
-        let unit = self.units;
-        self.units = unit
-            .checked_add(part.plan.units)
-            .filter(|&units| units < GATES)
-            .ok_or_else(|| io::Error::other("too many triangles"))?;
-        let first = (self.next, unit, GATES + gate as u32);
-        let nodes = part.nodes::<N>(first)?;
-        self.next += nodes.len() as u32;
-        self.nodes.push(nodes);
-        let range = UNIT * unit as usize..UNIT * self.units as usize;
-        part.leaves(&mut self.words[range]);
-        // Build what is beyond the gates
-        let Part { group, levels, beyond, .. } = part;
-        let Group { vertices, region, .. } = group;
-        let back = Gate { region, node: None };
-        self.gates.resize(gate + 2 * beyond.len(), back);
-        for (number, corners) in beyond.into_iter().enumerate() {
-            let region = self::region(vertices, &corners);
-            let node = Some(self.next);
-            self.gates[gate + 2 * number] = Gate { region, node };
-            let group = Group { vertices, corners, region };
-            let most = (self.ways - self.gates.len()) / 2;
-            self.add(Part::new::<N>(group, self.quality, levels, most)?)?;
-        }
-        Ok(())
-    }
-}
-
-/// A group with its tree, ready to become nodes and leaves.
-struct Part<'a> {
-    group: Group<'a>,
-    tree: Vec<Bvh2Node>,
-    plan: Plan,
-    /// The number of nodes on the longest way to its leaves, with those
-    /// above.
-    levels: usize,
-    /// The triangles beyond each gate.
-    beyond: Vec<Vec<Corners>>,
-}
-
-impl<'a> Part<'a> {
-    /// Builds the tree over a group of triangles, with so many levels above
-    /// and up to `most` gates.
-    fn new<const N: usize>(
-        group: Group<'a>,
-        quality: Quality,
-        above: usize,
-        most: usize,
-    ) -> io::Result<Self> {
-        let mut tree = binary(&group, quality);
-        let beyond = cut_off(&group, &mut tree, most);
-        // Plan for the size of the stack
-        let mut plan = Plan::new::<N>(&tree);
-        if !plan.fits::<N>(above) {
-            tree = balance(&tree);
-            plan = Plan::new::<N>(&tree);
-        }
-        if !plan.fits::<N>(above) {
-            return Err(io::Error::other("clusters are nested too deeply"));
-        }
-        let levels = above + plan.levels;
-        Ok(Self { group, tree, plan, levels, beyond })
-    }
-
-    /// The nodes, given the numbers of the first node, unit and gate.
-    fn nodes<const N: usize>(
-        &self,
-        first: (u32, u32, u32),
-    ) -> io::Result<Vec<Node<N>>> {
-        let pairs = self.plan.nodes.par_windows(2);
-        let mut nodes = reserved(pairs.len())?;
-        let node =
-            |pair: &[Planned]| self.node([&pair[0], &pair[1]], first);
-        pairs.map(node).collect_into_vec(&mut nodes);
-        Ok(nodes)
-    }
-
-    /// The node `this`; `next` follows it.
-    fn node<const N: usize>(
-        &self,
-        [this, next]: [&Planned; 2],
-        first: (u32, u32, u32),
-    ) -> Node<N> {
-        // Count off the children of this node
-        let Plan { nodes, leaves, .. } = &self.plan;
-        let (node, unit, gate) = first;
-        let nodes = (this.first_node..next.first_node)
-            .map(|number| (nodes[number as usize].root, node + number));
-        let range = this.first_leaf as usize..next.first_leaf as usize;
-        let leaves = leaves[range].iter().map(|&(root, own)| {
-            let child = match self::gate(&self.tree[root as usize]) {
-                Some(own) => leaf(gate + 2 * own, 1),
-                None => {
-                    let numbers = &mut [0; LANES];
-                    leaf(unit + own, gather(&self.tree, root, numbers, 0))
-                }
-            };
-            (root, child)
-        });
-        let mut node = Node::EMPTY;
-        for (lane, (root, child)) in nodes.chain(leaves).enumerate() {
-            node.set(lane, self.tree[root as usize].aabb(), child);
-        }
-        node.sort();
-        node
-    }
-
-    /// Writes the leaves, without the gates.
-    fn leaves(&self, words: &mut [u32]) {
-        let mut rest = words;
-        let leaves = &self.plan.leaves;
-        // Cut off a room for each stretch of leaves
-        let starts = (0..leaves.len() - 1).step_by(STRETCH);
-        let stretches = starts.map(|start| {
-            let end = (start + STRETCH).min(leaves.len() - 1);
-            let length = UNIT * (leaves[end].1 - leaves[start].1) as usize;
-            let (own, others) = mem::take(&mut rest).split_at_mut(length);
-            rest = others;
-            (&leaves[start..=end], own)
-        });
-        let stretches: Vec<_> = stretches.collect();
-        stretches.into_par_iter().for_each(|(leaves, words)| {
-            for pair in leaves.windows(2) {
-                let [(root, first), (_, end)] = [pair[0], pair[1]];
-                let [first, end] = [first, end]
-                    .map(|unit| UNIT * (unit - leaves[0].1) as usize);
-                if first < end {
-                    self.write(root, &mut words[first..end]);
-                }
-            }
-        });
-    }
-
-    /// Writes the triangles of a leaf, in an order that does not depend on
-    /// the tree.
-    fn write(&self, root: u32, words: &mut [u32]) {
-        let mut numbers = [0; LANES];
-        let count = gather(&self.tree, root, &mut numbers, 0);
-        let corners = &self.group.corners;
-        let mut own = [(0, [DVec3::ZERO; 3]); LANES];
-        for (own, &i) in own.iter_mut().zip(&numbers[..count]) {
-            *own = (corners[i as usize].1, self.group.triangle(i));
-        }
-        own[..count].sort_unstable_by_key(|(face, corners)| {
-            (*face, corners.map(|p| p.to_array().map(f64::to_bits)))
-        });
-        write(words, &own[..count]);
-    }
-}
-
-/// How many leaves are filled by one thread without asking for more.
-const STRETCH: usize = 256;
-
-/// Writes the triangles below node `i` from `count` on; returns where
-/// they end.
-fn gather(
-    tree: &[Bvh2Node],
-    i: u32,
-    numbers: &mut [u32; LANES],
-    count: usize,
-) -> usize {
-    let node = &tree[i as usize];
-    if node.is_leaf() {
-        numbers[count] = node.first_index;
-        return count + 1;
-    }
-    let count = gather(tree, node.first_index, numbers, count);
-    gather(tree, node.first_index + 1, numbers, count)
 }
 
 impl<const N: usize> Wide<N> {
@@ -1090,9 +821,11 @@ impl<const N: usize> Wide<N> {
             within.map(|corner| finite((corner - region.zero).as_vec3()));
         let meets = node.meets(low, high);
         (0..N).filter(|&lane| meets[lane]).any(|lane| {
-            let (low, high) = node.bounds(lane);
+            let Aabb { min, max } = node.bounds(lane);
             let below = (node.children[lane], region);
-            enters(low + region.zero, high + region.zero)
+            let [low, high] =
+                [min, max].map(|v| v.as_dvec3() + region.zero);
+            enters(low, high)
                 && self.any_below(below, within, enters, asked)
         })
     }

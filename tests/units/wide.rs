@@ -67,29 +67,23 @@ fn wide<const N: usize>(scene: &Scene) -> Wide<N> {
 fn check_lanes<const N: usize>(scene: &Scene, wide: &Wide<N>) {
     let triangles = scene.triangles.to_vec();
     let mut seen = vec![0; triangles.len()];
-    for (first, count) in leaf_children(wide) {
-        for lane in 0..count as u32 {
-            // SAFETY: the child is a leaf.
-            let leaf = unsafe { wide.leaves.leaf(first, count) };
-            let faces = &scene.triangles.faces;
-            let number = faces.binary_search(&leaf.face(lane));
-            let number = number.expect("a face of the scene");
-            seen[number] += 1;
-            let corners = leaf.triangle(lane);
-            assert_eq!(corners, triangles[number]);
-            let slot = slot(first, lane);
-            assert_eq!(wide.leaves.triangle(slot), corners);
-            assert_eq!(wide.leaves.face(slot), leaf.face(lane));
-        }
+    for (slot, corners) in wide.triangles() {
+        let face = wide.leaves.face(slot);
+        let number = scene.triangles.faces.binary_search(&face);
+        let number = number.expect("a face of the scene");
+        seen[number] += 1;
+        assert_eq!(corners, triangles[number]);
+        assert_eq!(wide.leaves.triangle(slot), corners);
     }
     assert!(seen.iter().all(|&times| times == 1));
 }
 
-/// The first unit and the count of each leaf, gates excepted.
-fn leaf_children<const N: usize>(wide: &Wide<N>) -> Vec<(u32, usize)> {
-    let children = wide.nodes.iter().flat_map(|node| node.children);
-    let leaves = children.filter(|child| child & LEAF != 0).map(slots);
-    leaves.filter(|leaf| leaf.0 < GATES).collect()
+/// The lanes with a child.
+fn occupied<const N: usize>(
+    node: &Node<N>,
+) -> impl Iterator<Item = (usize, u32)> {
+    let lanes = node.children.into_iter().enumerate();
+    lanes.filter(|&(lane, _)| node.planes[0][lane].is_finite())
 }
 
 // Test that each child has a parent
@@ -102,17 +96,16 @@ fn check_children<const N: usize>(wide: &Wide<N>) {
         way.node.into_iter().for_each(|root| nodes[root as usize] += 1);
     }
     for node in &wide.nodes {
-        for (lane, &child) in node.children.iter().enumerate() {
-            let occupied = node.planes[0][lane].is_finite();
+        assert!(node.children.iter().all(|&child| {
+            child & LEAF != 0 || (child as usize) < nodes.len()
+        }));
+        for (_, child) in occupied(node) {
+            let (first, count) = slots(child);
             if child & LEAF == 0 {
-                nodes[child as usize] += i32::from(occupied);
+                nodes[child as usize] += 1;
+            } else if first >= GATES {
+                ways[(first - GATES) as usize] += 1;
             } else {
-                let (first, count) = slots(child);
-                assert!(occupied && count <= LANES);
-                if first >= GATES {
-                    ways[(first - GATES) as usize] += 1;
-                    continue;
-                }
                 let end = UNIT * (first + units(count)) as usize;
                 assert!(end <= wide.leaves.words.len());
             }
@@ -124,11 +117,6 @@ fn check_children<const N: usize>(wide: &Wide<N>) {
 }
 
 // Test that boxes hold their content
-fn lane<const N: usize>(node: &Node<N>, lane: usize) -> Aabb {
-    let [a, b, c, d, e, f] = node.planes.map(|lanes| lanes[lane]);
-    Aabb::new(Vec3A::new(a, b, c), Vec3A::new(d, e, f))
-}
-
 fn holds(outer: &Aabb, inner: &Aabb) -> bool {
     outer.min.cmple(inner.min).all() && outer.max.cmpge(inner.max).all()
 }
@@ -136,8 +124,7 @@ fn holds(outer: &Aabb, inner: &Aabb) -> bool {
 /// The box of a triangle, counted from the middle of a region, with its
 /// padding.
 fn padded(triangle: &Triangle, region: Region) -> Aabb {
-    let corners = [([0, 1, 2], 0)];
-    let (vertices, corners) = (&triangle[..], corners.to_vec());
+    let (vertices, corners) = (&triangle[..], &[([0, 1, 2], 0)][..]);
     *Group { vertices, corners, region }.single(0).aabb()
 }
 
@@ -152,11 +139,10 @@ fn check_box<const N: usize>(
     let inside = |inner: &Aabb| outer.is_none_or(|o| holds(o, inner));
     if child & LEAF == 0 {
         let node = &wide.nodes[child as usize];
-        let lanes = (0..N).filter(|&i| node.planes[0][i].is_finite());
-        let below = lanes.flat_map(|i| {
-            let own = lane(node, i);
+        let below = occupied(node).flat_map(|(lane, child)| {
+            let own = node.bounds(lane);
             assert!(inside(&own));
-            check_box(wide, node.children[i], region, Some(&own))
+            check_box(wide, child, region, Some(&own))
         });
         return below.collect();
     }
@@ -178,7 +164,7 @@ fn check_boxes<const N: usize>(scene: &Scene, wide: &Wide<N>) {
     for node in &wide.nodes {
         let empty = (0..N).filter(|&i| node.planes[0][i].is_infinite());
         for i in empty {
-            assert_eq!(lane(node, i).max, Vec3A::NEG_INFINITY);
+            assert_eq!(node.bounds(i).max, Vec3A::NEG_INFINITY);
         }
     }
     let all = check_box(wide, 0, wide.region, None);
@@ -195,12 +181,7 @@ fn check_levels<const N: usize>() {
                 .expect("memory for a test");
         let all = check_box(&wide, 0, wide.region, None);
         assert_eq!(all.len(), count);
-        let children = wide.nodes.iter().flat_map(|node| node.children);
-        let mut nodes: Vec<_> =
-            children.filter(|child| child & LEAF == 0).collect();
-        nodes.retain(|&child| child != 0);
-        nodes.sort_unstable();
-        assert!(nodes.into_iter().eq(1..wide.nodes.len() as u32));
+        check_children(&wide);
     }
 }
 
@@ -253,7 +234,7 @@ fn check_orders<const N: usize>(wide: &Wide<N>) {
             sorted.sort_unstable();
             assert!(sorted.into_iter().eq(0..N));
             let far = lanes.map(|i| {
-                let (bounds, infinity) = (lane(node, i), f32::INFINITY);
+                let (bounds, infinity) = (node.bounds(i), f32::INFINITY);
                 let corner = [0, 1, 2].map(|axis| {
                     let up = octant >> axis & 1 == 1;
                     if up { bounds.min[axis] } else { -bounds.max[axis] }
@@ -282,6 +263,17 @@ fn a_hierarchy_holds_each_triangle_once_in_padded_boxes_in_order() {
 }
 
 // Test the cut against all cuts
+/// Computes the boxes of inner nodes, whose children come after them.
+fn enclose(tree: &mut [Bvh2Node]) {
+    for i in (0..tree.len()).rev() {
+        if !tree[i].is_leaf() {
+            let first = tree[i].first_index as usize;
+            let bounds = tree[first].aabb().union(tree[first + 1].aabb());
+            tree[i].set_aabb(bounds);
+        }
+    }
+}
+
 /// A random binary tree.
 fn random_tree(leaves: usize, random: &mut Pcg64) -> Vec<Bvh2Node> {
     let mut tree = vec![Bvh2Node::default()];
@@ -318,9 +310,10 @@ fn representations(tree: &[Bvh2Node], i: usize) -> Vec<Vec<usize>> {
     all
 }
 
-/// The least cost of node `i` as one wide tree, by trying all.
+/// The least cost of what is below a wide root, by trying all.
 fn least<const N: usize>(tree: &[Bvh2Node]) -> f32 {
     let mut costs = vec![0.; tree.len()];
+    let mut least = 0.;
     for i in (0..tree.len()).rev() {
         let all = representations(tree, i);
         let triangles = all.iter().map(Vec::len).max().unwrap_or(0);
@@ -328,26 +321,25 @@ fn least<const N: usize>(tree: &[Bvh2Node]) -> f32 {
             .iter()
             .filter(|roots| (2..=N).contains(&roots.len()))
             .map(|roots| roots.iter().map(|&root| costs[root]).sum())
-            .reduce(f32::min);
-        let leaf = if triangles <= 4 { 0. } else { f32::INFINITY };
-        costs[i] = area(&tree[i]) + leaf.min(below.unwrap_or(leaf));
+            .fold(f32::INFINITY, f32::min);
+        let own = area(&tree[i]);
+        (costs[i], least) = match triangles <= LANES {
+            true => (own, below.min(own)),
+            false => (own + below, below),
+        };
     }
-    costs[0]
+    least
 }
 
 fn check_cut<const N: usize>(leaves: usize, random: &mut Pcg64) {
     let tree = random_tree(leaves, random);
-    let plan = Plan::new::<N>(&tree);
-    let nodes = plan.nodes[..plan.nodes.len() - 1].iter().map(|n| n.root);
-    let all: Vec<u32> = nodes
-        .chain(plan.leaves[..plan.leaves.len() - 1].iter().map(|l| l.0))
-        .collect();
-    let mut cost =
-        all.iter().map(|&i| area(&tree[i as usize])).sum::<f32>();
-    if leaves <= 4 {
-        cost /= 2.; // The root has a node of its own and is a leaf, too.
-    }
-    let least = least::<N>(&tree);
+    let (vertices, corners) = (&[DVec3::ZERO][..], &[([0; 3], 0)][..]);
+    let group = Group { vertices, corners, region: Region::NONE };
+    let (wide, _) = Wide::<N>::fill(&group, &tree).unwrap();
+    let boxes = wide.nodes.iter().flat_map(|node| {
+        occupied(node).map(|(lane, _)| node.bounds(lane).half_area())
+    });
+    let (cost, least) = (boxes.sum::<f32>(), least::<N>(&tree));
     assert!((cost - least).abs() < 1e-5 * least, "{cost} {least}");
 }
 
@@ -364,18 +356,17 @@ fn no_cut_costs_less_than_ours() {
 fn levels<const N: usize>(wide: &Wide<N>) -> usize {
     let mut levels = vec![1; wide.nodes.len()];
     for (i, node) in wide.nodes.iter().enumerate() {
-        for &child in
-            node.children.iter().filter(|&&c| c & LEAF == 0 && c > 0)
-        {
-            levels[child as usize] = levels[i] + 1;
-        }
-        let gates = node.children.iter().filter(|&&c| c & LEAF != 0);
-        for (first, _) in gates.map(|&c| slots(c)) {
-            if first >= GATES {
+        for (_, child) in occupied(node) {
+            let (first, _) = slots(child);
+            let below = if child & LEAF == 0 {
+                child
+            } else if first >= GATES {
                 let way = wide.gates[(first - GATES) as usize];
-                let root = way.node.expect("a way in");
-                levels[root as usize] = levels[i] + 1;
-            }
+                way.node.expect("a way in")
+            } else {
+                continue;
+            };
+            levels[below as usize] = levels[i] + 1;
         }
     }
     levels.into_iter().max().unwrap_or(0)
@@ -383,27 +374,29 @@ fn levels<const N: usize>(wide: &Wide<N>) -> usize {
 
 fn check_depth<const N: usize>() {
     let scene = nested(2000);
-    let deep = chain(&scene);
-    let plan = Plan::new::<N>(&deep);
-    assert!(!plan.fits::<N>(0), "{}", plan.levels);
-    assert!(Plan::new::<N>(&balance(&deep)).fits::<N>(0));
+    let Triangles { vertices, corners, .. } = &scene.triangles;
+    let corners: Vec<_> = corners.iter().map(|&c| (c, 0)).collect();
+    let region = region(vertices, &corners);
+    let group = Group { vertices, corners: &corners, region };
+    let deep = chain(&group);
+    let fits = |tree: &[Bvh2Node]| {
+        let (_, levels) = Wide::<N>::fill(&group, tree).unwrap();
+        N * levels + N <= STACK
+    };
+    assert!(!fits(&deep));
+    assert!(fits(&balance(&deep)));
     let wide = wide::<N>(&scene);
     assert!(N * levels(&wide) + N <= STACK);
 }
 
 /// A tree with one triangle on one side of each node, and all that come
 /// after it on the other.
-fn chain(scene: &Scene) -> Vec<Bvh2Node> {
-    let Triangles { vertices, corners, .. } = &scene.triangles;
-    let corners: Vec<_> = corners.iter().map(|&c| (c, 0)).collect();
-    let region = region(vertices, &corners);
-    let count = corners.len();
-    let group = Group { vertices, corners, region };
+fn chain(group: &Group) -> Vec<Bvh2Node> {
     let mut tree = vec![Bvh2Node::default()];
-    for i in 0..count as u32 {
+    for i in 0..group.corners.len() {
         let last = tree.len() - 1;
-        let leaf = group.single(i);
-        if i as usize + 1 == count {
+        let leaf = group.single(i as u32);
+        if i + 1 == group.corners.len() {
             tree[last] = leaf;
         } else {
             tree[last].make_inner(last as u32 + 1);
