@@ -302,6 +302,7 @@ fn usage(fault: impl Display, program: &str) -> Error {
 pub fn parse_words<P: Parser>(
     words: impl IntoIterator<Item = impl Into<OsString>>,
 ) -> Result<(P, ArgMatches), Error> {
+    // Allow for numbers below zero
     let command = P::command().mut_args(|arg| {
         let is_file =
             arg.get_value_names().is_none_or(|names| names[0] == "FILE");
@@ -354,6 +355,7 @@ impl Options {
         words: impl IntoIterator<Item = impl Into<OsString>>,
     ) -> Result<Self, Error> {
         let (mut typed, given) = parse_words::<Self>(words)?;
+        // Note which options are given
         let is_given = |id: &&Id| {
             given.value_source(id.as_str())
                 == Some(ValueSource::CommandLine)
@@ -538,13 +540,11 @@ impl Options {
     /// The part of a run whose samples are placed together in these numbers;
     /// none if all of it is rendered.
     pub fn part(&self, replicate: u64) -> Option<Part> {
-        if self.range.is_none() && self.tiles.is_none() {
-            return None;
-        }
-        let of = self.samples?;
-        let samples = self.range.unwrap_or((0, of));
-        let band = self.tiles.unwrap_or((1, 1));
-        Some(Part { samples, of, band }.rounded(replicate))
+        let (range, tiles, of) = (self.range, self.tiles, self.samples?);
+        let is_part = range.is_some() || tiles.is_some();
+        let samples = range.unwrap_or((0, of));
+        let part = Part { samples, of, band: tiles.unwrap_or((1, 1)) };
+        is_part.then(|| part.rounded(replicate))
     }
 
     /// The number of samples to render here, if it is limited.

@@ -149,8 +149,10 @@ fn run(
     // Watch for signals from the start
     let interrupt = Interrupt::listen()
         .map_err(|e| format!("cannot listen for signals: {e}"))?;
-    let stage = watch(&interrupt, latest(options, start));
+    let deadline = options.deadline(start);
+    let stage = watch(&interrupt, latest(options, deadline));
     let enter = |doing, bar| _ = stage.send((doing, bar));
+    // Check what needs no scene
     if options.has_camera() {
         camera(options.resolution, &options.view())?;
     }
@@ -158,6 +160,7 @@ fn run(
     let (targets, reference) = open_files(options)?;
     let saved = options.save(&env::current_dir().unwrap_or_default());
     tell(ranks, &saved);
+    // Load the scene and prepare it
     let (scene, subject, mut report) =
         load(options, &targets, reference.as_ref(), ranks)?;
     let camera = camera(subject.resolution, &subject.view)?;
@@ -171,7 +174,7 @@ fn run(
     let begun = resumed.as_ref().map(|saved| saved.known.run_key.sampling);
     let setup =
         Setup { intersector: &bvh, inquiry: &inquiry, analysis: &analysis };
-    let (sampling, choice) = sampling(options, &setup, start, begun);
+    let (sampling, choice) = sampling(options, &setup, deadline, begun);
     if options.explain {
         return explain(&analysis, options, sampling.method, choice);
     }
@@ -195,9 +198,7 @@ fn run(
     let known = (run_key.clone(), saved);
     let mut output = RunOutput::new(targets, often, known, report);
     // Collect the limits
-    let deadline = options.deadline(start);
-    let left = |end: Instant| end.saturating_duration_since(Instant::now());
-    let most = deadline.map_or(0., |end| 0.5 * left(end).as_secs_f64());
+    let most = deadline.map_or(0., |end| 0.5 * seconds_to(end));
     let seconds = output.seconds(run.0.area());
     let limits = Limits {
         samples: analysis.samples(goal),
@@ -239,10 +240,10 @@ fn picture(options: &mut Options) -> Option<PathBuf> {
 }
 
 /// The time at which the program ends even if it has no sample.
-fn latest(options: &Options, start: Instant) -> Option<Instant> {
+fn latest(options: &Options, deadline: Option<Instant>) -> Option<Instant> {
     let time = options.time.filter(|_| !options.explain)?;
     let more = Duration::try_from_secs_f64((0.025 * time).max(0.5));
-    options.deadline(start)?.checked_add(more.ok()?)
+    deadline?.checked_add(more.ok()?)
 }
 
 /// What the program does, and its bar when it renders.
@@ -417,6 +418,7 @@ fn load(
             ));
         }
     }
+    // Begin a report of the scene
     let triangles = mesh.triangles.len() as u64;
     let scene = Scene::of(mesh);
     let report = Report {
@@ -543,6 +545,7 @@ fn explain(
         let sign = if *holds { "left out" } else { "-" };
         lines += &format!("{fact:13}{sign:10}{why}\n");
     }
+    // Name the parts that do the rest
     let why = choice.map_or(method.to_string(), |why| why.to_string());
     let one = analysis.is_black && method != Method::Gather;
     let rays = if one { ", one ray a path, for any hit" } else { "" };
@@ -560,11 +563,9 @@ fn explain(
 fn sampling(
     options: &Options,
     setup: &Setup,
-    start: Instant,
+    deadline: Option<Instant>,
     saved: Option<Sampling>,
 ) -> (Sampling, Option<Choice>) {
-    let left = |end: Instant| end.saturating_duration_since(Instant::now());
-    let left = options.deadline(start).map(|end| left(end).as_secs_f64());
     let request = Request {
         method: options.integrator.0,
         seed: options.seed,
@@ -572,7 +573,7 @@ fn sampling(
         samples: options.samples(),
         error: options.error,
         time: options.time,
-        left,
+        left: deadline.map(seconds_to),
     };
     let (sampling, choice) = setup.decide(&request, saved);
     // Warn if it is not the method that is asked for
@@ -585,6 +586,11 @@ fn sampling(
         ));
     }
     (sampling, choice)
+}
+
+/// The seconds from now to a time, which may be over.
+fn seconds_to(end: Instant) -> f64 {
+    end.saturating_duration_since(Instant::now()).as_secs_f64()
 }
 
 /// What describes the run, by name, for the report.
@@ -630,12 +636,14 @@ fn film_so_far(
     })?;
     let (mut film, mut convergence) =
         (run_key.film(), Convergence::default());
+    // Warn of a part without a sample
     if run_key.part.is_some() && goal == Some(0) {
         let together = film.replicate();
         progress::warn(&format!(
             "the part has no sample: {together} are placed together"
         ));
     }
+    // Go on from a checkpoint
     if let (Some(saved), Some(path)) = (resumed, &options.resume) {
         let name = path.display();
         convergence = saved
@@ -675,6 +683,7 @@ fn render(
         0 => show(convergence),
         rays => expect(bar, (0, Some(rays)), "rays", "learning, ".into()),
     }
+    // Write files between two passes
     let mut after = |convergence: &Convergence, film: &Film| {
         show(convergence);
         if let Err(message) = output.after(convergence, film) {
@@ -721,6 +730,7 @@ fn end(
     if progress::is_quiet() {
         return Ok(());
     }
+    // Print the summary
     let report = output.report(convergence, film, Some(stop));
     let file = picture.map(|path| ("file", path.display().to_string()));
     let lines = report.summary(film.area()).into_iter().chain(file);
@@ -754,6 +764,7 @@ pub fn follow(ranks: &dyn Ranks) -> Result<(), String> {
     let options = Options::restore(&options)?;
     progress::hush();
     start_threads(&options)?;
+    // Hear the scene
     let Some(bytes) = ranks.hear() else { return Ok(()) };
     let file = options.input_name();
     let read = read_file(&bytes).map_err(|error| error.within(&file));
@@ -761,6 +772,7 @@ pub fn follow(ranks: &dyn Ranks) -> Result<(), String> {
     drop(bytes);
     let subject = subject(&options, mesh.corners());
     let scene = Scene::of(mesh);
+    // Prepare the scene as rank 0 does
     let camera = camera(subject.resolution, &subject.view)?;
     let kept = kept(&options);
     let inquiry = inquire(&subject, &camera, &scene, &kept);
