@@ -502,8 +502,7 @@ fn build(
 ) -> Result<(SceneAnalysis, Bvh, Quality), String> {
     let began = Instant::now();
     let is_inside = inquiry.entrance.is_inside;
-    let (width, height) = options.band().size;
-    let area = f64::from(width) * f64::from(height);
+    let area = options.band().area() as f64;
     let paths = options.goal(1).map(|n| n as f64 * area);
     let rays =
         expected_rays(options.albedo, is_inside, paths, options.time);
@@ -628,8 +627,7 @@ fn film_so_far(
     resumed: Option<Checkpoint>,
 ) -> Result<(Film, Convergence), String> {
     // Ask for the memory of the film
-    let (width, height) = run_key.windows()[1].size;
-    let pixels = width as usize * height as usize;
+    let pixels = run_key.windows()[1].area();
     zeroed::<Accumulator>(pixels).map_err(|_| {
         let bytes = metric(64. * pixels as f64);
         format!("too little memory: {bytes}B more are needed")
