@@ -49,6 +49,7 @@ impl Camera {
                  180 degrees (-F)"
             ));
         }
+        // Refuse what is not finite
         let mut vectors = [position, target, up].into_iter();
         if let Some(vector) = vectors.find(|v| !v.is_finite()) {
             return Err(format!(
@@ -57,7 +58,10 @@ impl Camera {
             ));
         }
         // Find the directions ahead and right
-        let view = difference(target, position);
+        let view = match target - position {
+            whole if whole.is_finite() => whole,
+            _ => 0.5 * target - 0.5 * position,
+        };
         if view == DVec3::ZERO {
             return Err(format!(
                 "the camera's target is its own position {}; move \
@@ -117,14 +121,6 @@ pub fn typed(v: DVec3) -> String {
     format!("{},{},{}", v.x, v.y, v.z)
 }
 
-/// `a - b`, or half of it where that overflows.
-fn difference(a: DVec3, b: DVec3) -> DVec3 {
-    match a - b {
-        whole if whole.is_finite() => whole,
-        _ => 0.5 * a - 0.5 * b,
-    }
-}
-
 /// The image plane is no farther than 2^200.
 const FARTHEST: f64 = power_of_two(200);
 
@@ -136,6 +132,7 @@ impl View {
         [low, high]: [DVec3; 2],
         aspect: f64,
     ) -> Option<Self> {
+        // Look at the middle of the box
         let target = 0.5 * low + 0.5 * high;
         let up = self.up.abs().max_position();
         let mut away = DVec3::splat(1.);

@@ -3,13 +3,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The command line of `pt`: options, defaults and checks.
 //!
-//! Words go in; options or an error come out. Nothing here looks at the
-//! process, the terminal or a file, and nothing is printed.
+//! Words go in; options or an error come out. Nothing here reads a file, and
+//! nothing is printed.
 
 use std::ffi::OsString;
 use std::fmt::Display;
-use std::num::IntErrorKind;
-use std::ops::RangeInclusive;
+use std::num::{IntErrorKind, ParseIntError};
 use std::os::unix::ffi::{OsStrExt, OsStringExt};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -27,6 +26,7 @@ use crate::bvh::Isa;
 use crate::camera::View;
 use crate::film::{Window, digits, parse_size};
 use crate::image::Format;
+use crate::output::descriptor;
 use crate::render::choose::Wanted;
 use crate::state::key::{Part, whole_window};
 use crate::state::shards::is_state_name;
@@ -52,7 +52,8 @@ pub struct Options {
     /// --time or --error
     #[arg(short = 'n', long = "spp",
           visible_alias = "realisations",
-          value_name = "N", value_parser = whole(1..=u64::MAX, SAMPLES))]
+          value_name = "N",
+          value_parser = only(parse_whole, |&n| n > 0, SAMPLES))]
     pub samples: Option<u64>,
 
     /// Render only the samples A to B - 1 of the N of --spp: a part of a run
@@ -69,13 +70,13 @@ pub struct Options {
     /// without a sample are then filled from around them in .pgm and .png, and
     /// NaN in .pfm and .exr
     #[arg(long, value_name = "SECONDS",
-          value_parser = real(|x| x > 0., POSITIVE))]
+          value_parser = only(parse_real, |&x| x > 0., POSITIVE))]
     pub time: Option<f64>,
 
     /// Stop when the root mean square error of the pixels, whose unit is the
     /// radiance of the sky, is at most this
     #[arg(long, value_name = "RMSE",
-          value_parser = real(|x| x > 0., POSITIVE))]
+          value_parser = only(parse_real, |&x| x > 0., POSITIVE))]
     pub error: Option<f64>,
     /// Position of the camera [default: outside of the scene, or
     /// 0,0,0 with -t]
@@ -94,12 +95,12 @@ pub struct Options {
 
     /// Vertical field of view in degrees, strictly between 0 and 180
     #[arg(short = 'F', long, value_name = "DEGREES", default_value = "70",
-          value_parser = real(|x| x > 0. && x < 180., ANGLE))]
+          value_parser = only(parse_real, |&x| x > 0. && x < 180., ANGLE))]
     pub fov: f64,
     /// Albedo of every surface, between 0 and 1
     #[arg(short = 'r', long, visible_alias = "reflectivity",
           value_name = "ALBEDO", default_value = "1",
-          value_parser = real(|x| (0. ..=1.).contains(&x), ALBEDO))]
+          value_parser = only(parse_real, |x| (0. ..=1.).contains(x), ALBEDO))]
     pub albedo: f64,
 
     /// Wavefront OBJ, also .gz or .zst [default: standard input, as is -]
@@ -135,7 +136,7 @@ pub struct Options {
 
     /// Number of threads; the image does not depend on it [default: all cores]
     #[arg(short = 'j', long, value_name = "N",
-          value_parser = whole(1..=4096, THREADS))]
+          value_parser = only(parse_whole, |n| (1..=4096).contains(n), THREADS))]
     pub threads: Option<u64>,
 
     /// How samples are made: reference, paths of independent numbers; sobol,
@@ -173,7 +174,7 @@ pub struct Options {
 
     /// Time between two checkpoints [default: 60]
     #[arg(long, value_name = "SECONDS",
-          value_parser = real(|x| x > 0., POSITIVE))]
+          value_parser = only(parse_real, |&x| x > 0., POSITIVE))]
     pub every: Option<f64>,
 
     /// Checkpoint to go on from, with the options of its run; others may be
@@ -228,13 +229,14 @@ fn parse_vector(text: &str) -> Result<DVec3, String> {
     }
 }
 
-/// A parser of the reals of a range, which is `expected` in words.
-fn real(
-    is_valid: fn(f64) -> bool,
+/// A parser of the values that are valid, which are `expected` in words.
+fn only<T>(
+    parse: fn(&str) -> Result<T, String>,
+    is_valid: fn(&T) -> bool,
     expected: &'static str,
-) -> impl Fn(&str) -> Result<f64, String> + Clone {
-    move |text| match parse_real(text)? {
-        real if is_valid(real) => Ok(real),
+) -> impl Fn(&str) -> Result<T, String> + Clone {
+    move |text| match parse(text)? {
+        value if is_valid(&value) => Ok(value),
         _ => Err(expected.to_owned()),
     }
 }
@@ -242,32 +244,17 @@ fn real(
 const ANGLE: &str = "expected an angle strictly between 0 and 180";
 const ALBEDO: &str = "expected an albedo between 0 and 1";
 const POSITIVE: &str = "expected a number greater than zero";
-
-fn parse_whole(text: &str) -> Result<u64, String> {
-    let largest = u64::MAX;
-    digits(text).map_err(|error: std::num::ParseIntError| {
-        match error.kind() {
-            IntErrorKind::PosOverflow => {
-                format!("{text} is larger than {largest}")
-            }
-            _ => format!("'{text}' is not a whole number in digits"),
-        }
-    })
-}
-
-/// A parser of the whole numbers of a range.
-fn whole(
-    range: RangeInclusive<u64>,
-    expected: &'static str,
-) -> impl Fn(&str) -> Result<u64, String> + Clone {
-    move |text| match parse_whole(text)? {
-        n if range.contains(&n) => Ok(n),
-        _ => Err(expected.to_owned()),
-    }
-}
-
 const SAMPLES: &str = "a pixel needs at least one sample";
 const THREADS: &str = "expected an integer between 1 and 4096";
+
+fn parse_whole(text: &str) -> Result<u64, String> {
+    digits(text).map_err(|error: ParseIntError| match error.kind() {
+        IntErrorKind::PosOverflow => {
+            format!("{text} is larger than {}", u64::MAX)
+        }
+        _ => format!("'{text}' is not a whole number in digits"),
+    })
+}
 
 /// Two whole numbers around a sign.
 fn pair<N: FromStr>(text: &str, sign: &str) -> Option<(N, N)> {
@@ -315,6 +302,7 @@ fn usage(fault: impl Display, program: &str) -> Error {
 pub fn parse_words<P: Parser>(
     words: impl IntoIterator<Item = impl Into<OsString>>,
 ) -> Result<(P, ArgMatches), Error> {
+    // Allow for numbers below zero
     let command = P::command().mut_args(|arg| {
         let is_file =
             arg.get_value_names().is_none_or(|names| names[0] == "FILE");
@@ -367,6 +355,7 @@ impl Options {
         words: impl IntoIterator<Item = impl Into<OsString>>,
     ) -> Result<Self, Error> {
         let (mut typed, given) = parse_words::<Self>(words)?;
+        // Note which options are given
         let is_given = |id: &&Id| {
             given.value_source(id.as_str())
                 == Some(ValueSource::CommandLine)
@@ -375,14 +364,14 @@ impl Options {
             given.ids().filter(is_given).map(Id::to_string).collect();
         // Find the one state of the run
         let named = typed.output.iter().filter(|path| is_state_name(path));
-        let states: Vec<_> =
-            typed.checkpoint.iter().chain(named).cloned().collect();
-        if states.len() > 1 {
+        let mut states = typed.checkpoint.iter().chain(named);
+        let state = states.next().cloned();
+        if states.next().is_some() {
             let fault =
                 "a run has one state, which --checkpoint or one -o names";
             return Err(usage(fault, "pt"));
         }
-        typed.checkpoint = states.into_iter().next();
+        typed.checkpoint = state;
         match typed.resume {
             None => typed.checked(),
             Some(_) => Ok(typed),
@@ -409,7 +398,6 @@ impl Options {
         }
         let mut all = Self::restore(&all)?;
         all.checkpoint = all.checkpoint.or(all.resume.clone());
-        all.given = self.given.clone();
         all.checked()
     }
 
@@ -458,6 +446,7 @@ impl Options {
         let part = range.is_some() || tiles.is_some();
         let limited = self.time.is_some() || self.error.is_some();
         let is_png = |path: &PathBuf| Format::of(path) == Ok(Format::Png);
+        let is_open = |path| descriptor(path).is_some();
         // Describe a part that is not within the image
         let (window, (width, height)) = (self.window(), resolution);
         let Window { corner: (x, y), size: (w, h) } = window;
@@ -477,6 +466,8 @@ impl Options {
             "--every needs --checkpoint"
         } else if checkpoint.is_some_and(is_dash) {
             "--checkpoint needs a file"
+        } else if self.format.is_some() && !self.images().any(is_open) {
+            "--format is for standard output"
         } else if self.preview && !self.output.iter().any(is_png) {
             "--preview needs a PNG file, as in -o a.png"
         } else if part && (samples.is_none() || limited) {
@@ -549,13 +540,11 @@ impl Options {
     /// The part of a run whose samples are placed together in these numbers;
     /// none if all of it is rendered.
     pub fn part(&self, replicate: u64) -> Option<Part> {
-        if self.range.is_none() && self.tiles.is_none() {
-            return None;
-        }
-        let of = self.samples?;
-        let samples = self.range.unwrap_or((0, of));
-        let band = self.tiles.unwrap_or((1, 1));
-        Some(Part { samples, of, band }.rounded(replicate))
+        let (range, tiles, of) = (self.range, self.tiles, self.samples?);
+        let is_part = range.is_some() || tiles.is_some();
+        let samples = range.unwrap_or((0, of));
+        let part = Part { samples, of, band: tiles.unwrap_or((1, 1)) };
+        is_part.then(|| part.rounded(replicate))
     }
 
     /// The number of samples to render here, if it is limited.

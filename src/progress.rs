@@ -6,10 +6,12 @@
 
 use std::fmt;
 use std::io::Write;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use anstyle::{AnsiColor, Effects};
-use indicatif::{HumanDuration, ProgressBar, ProgressState, ProgressStyle};
+pub use indicatif::ProgressBar;
+use indicatif::{HumanDuration, ProgressState, ProgressStyle};
 
 fn print(colour: AnsiColor, mark: &str, message: &str) {
     let style = colour.on_default().effects(Effects::BOLD);
@@ -17,14 +19,31 @@ fn print(colour: AnsiColor, mark: &str, message: &str) {
     let _ = writeln!(stderr, "{style}{mark}{style:#} {message}");
 }
 
+/// Whether nothing but errors is printed.
+static QUIET: AtomicBool = AtomicBool::new(false);
+
+/// From now on nothing but errors is printed, and no line is drawn.
+pub fn hush() {
+    QUIET.store(true, Ordering::Relaxed);
+}
+
+/// Whether the program has been hushed.
+pub fn is_quiet() -> bool {
+    QUIET.load(Ordering::Relaxed)
+}
+
 /// Tells the user something that is good to know.
 pub fn inform(message: &str) {
-    print(AnsiColor::Green, ">", message);
+    if !is_quiet() {
+        print(AnsiColor::Green, ">", message);
+    }
 }
 
 /// Tells the user that something may not be what it seems.
 pub fn warn(message: &str) {
-    print(AnsiColor::Yellow, "warning:", message);
+    if !is_quiet() {
+        print(AnsiColor::Yellow, "warning:", message);
+    }
 }
 
 /// Tells the user why the program stops.
@@ -69,11 +88,11 @@ pub fn time(
     }
 }
 
-/// A line on the terminal, or nothing.
-fn line(visible: bool, style: ProgressStyle) -> ProgressBar {
-    let line = match visible {
-        true => ProgressBar::no_length(),
-        false => ProgressBar::hidden(),
+/// A line on the terminal until it is dropped, or none in a quiet program.
+fn line(style: ProgressStyle) -> ProgressBar {
+    let line = match is_quiet() {
+        true => ProgressBar::hidden(),
+        false => ProgressBar::no_length(),
     };
     line.set_style(style);
     line.enable_steady_tick(Duration::from_millis(250));
@@ -85,78 +104,48 @@ fn style(template: &str) -> ProgressStyle {
     style.unwrap_or_else(|_| ProgressStyle::default_bar())
 }
 
-/// A bar on the terminal, or nothing.
-#[derive(Clone)]
-pub struct Bar(ProgressBar);
+/// The bar of a program that began at `start` and may have a limit of its
+/// time, in seconds.
+pub fn render_bar(start: Instant, limit: Option<f64>) -> ProgressBar {
+    type Out<'a> = &'a mut dyn fmt::Write;
+    let clock = move || (start.elapsed().as_secs_f64(), limit);
+    let done = move |state: &ProgressState, out: Out| {
+        let percent = percent((state.pos(), state.len()), clock());
+        let _ = out.write_str(&bar(percent, 14));
+    };
+    let pace = move |state: &ProgressState, out: Out| {
+        let remains = state.len().map(|_| state.eta());
+        let (time, rate) = (time(clock(), remains), state.per_sec());
+        let _ = write!(out, "{time}, {}", metric(rate));
+    };
+    let style = style("{done} {msg}{pace}{prefix}/s");
+    line(style.with_key("done", done).with_key("pace", pace))
+}
 
-impl Bar {
-    /// The bar of a program that began at `start` and may have a limit of
-    /// its time, in seconds.
-    pub fn new(visible: bool, start: Instant, limit: Option<f64>) -> Self {
-        type Out<'a> = &'a mut dyn fmt::Write;
-        let clock = move || (start.elapsed().as_secs_f64(), limit);
-        let done = move |state: &ProgressState, out: Out| {
-            let percent = percent((state.pos(), state.len()), clock());
-            let _ = out.write_str(&bar(percent, 14));
-        };
-        let time = move |state: &ProgressState, out: Out| {
-            let remains = state.len().map(|_| state.eta());
-            let _ = out.write_str(&time(clock(), remains));
-        };
-        let rate = |state: &ProgressState, out: Out| {
-            let _ = out.write_str(&metric(state.per_sec()));
-        };
-        let style = style("{done} {msg}{time}, {rate}{prefix}/s")
-            .with_key("done", done)
-            .with_key("time", time)
-            .with_key("rate", rate);
-        Self(line(visible, style))
+/// Has a bar say how much of a `unit` there is and will be, if that can be
+/// foreseen, and what is known by now.
+pub fn expect(
+    bar: &ProgressBar,
+    (done, all): (u64, Option<u64>),
+    unit: &'static str,
+    known: String,
+) {
+    match all {
+        Some(all) => bar.set_length(all),
+        None => bar.unset_length(),
     }
+    if bar.prefix() != unit {
+        bar.set_prefix(unit);
+        bar.set_position(done);
+        bar.reset_eta();
+    }
+    bar.set_message(known);
+}
 
-    /// Advances by a number of paths; any thread may call it.
-    pub fn advance(&self, paths: u64) {
-        self.0.inc(paths);
-    }
-
-    /// Says how many paths there are and will be, if that can be foreseen, or
-    /// how much of another `unit`, and what is known by now.
-    pub fn expect(
-        &self,
-        done: u64,
-        all: Option<u64>,
-        unit: &'static str,
-        known: String,
-    ) {
-        match all {
-            Some(all) => self.0.set_length(all),
-            None => self.0.unset_length(),
-        }
-        if self.0.prefix() != unit {
-            self.0.set_prefix(unit);
-            self.0.set_position(done);
-            self.0.reset_eta();
-        }
-        self.0.set_message(known);
-    }
-
-    /// Says that the run has been asked to stop.
-    pub fn stop(&self, quiet: bool) {
-        self.0.set_style(style("stopping"));
-        if !quiet {
-            let line = "finishing; a second signal aborts";
-            self.suspend(|| inform(line));
-        }
-    }
-
-    /// Takes the bar away while something else is printed.
-    pub fn suspend(&self, print: impl FnOnce()) {
-        self.0.suspend(print);
-    }
-
-    /// Removes the bar.
-    pub fn finish(&self) {
-        self.0.finish_and_clear();
-    }
+/// Says that the run has been asked to stop.
+pub fn answer(bar: &ProgressBar) {
+    bar.set_style(style("stopping"));
+    bar.suspend(|| inform("finishing; a second signal aborts"));
 }
 
 /// A number to two decimals with a metric prefix, as in `1.25 M`.
@@ -168,30 +157,13 @@ pub fn metric(x: f64) -> String {
     }
 }
 
-/// What is done before a render, on a line of the terminal until it is
-/// dropped.
-pub struct Step(ProgressBar);
-
-impl Step {
-    /// Says `what` is done; `total` is how much of it there is.
-    pub fn new(visible: bool, what: String, total: Option<u64>) -> Self {
-        let step = match total {
-            Some(_) => line(visible, style("{msg}: {percent}%, {elapsed}")),
-            None => line(visible, style("{msg}: {elapsed}")),
-        };
-        step.set_length(total.unwrap_or_default());
-        step.set_message(what);
-        Self(step)
-    }
-
-    /// Says how much is done by now.
-    pub fn reach(&self, done: u64) {
-        self.0.set_position(done);
-    }
-}
-
-impl Drop for Step {
-    fn drop(&mut self) {
-        self.0.finish_and_clear();
-    }
+/// A line that says what is done before a render; `total` is how much of it
+/// there is.
+pub fn step(what: String, total: Option<u64>) -> ProgressBar {
+    let step = line(style(match total {
+        Some(_) => "{msg}: {percent}%, {elapsed}",
+        None => "{msg}: {elapsed}",
+    }));
+    step.set_length(total.unwrap_or_default());
+    step.with_message(what)
 }

@@ -7,7 +7,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
-use std::{fmt, io, mem, ptr};
+use std::{io, mem, ptr};
 
 use serde::{Deserialize, Serialize};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1, SIGUSR2};
@@ -73,17 +73,6 @@ pub enum Stop {
 }
 
 impl Stop {
-    /// Why the program ends now if it has no sample yet: a signal, or that
-    /// the time is over, after `end`.
-    pub fn before_rendering(
-        signal: Option<i32>,
-        now: Instant,
-        end: Option<Instant>,
-    ) -> Option<Self> {
-        let over = end.is_some_and(|end| now >= end);
-        signal.map(Stop::Signal).or(over.then_some(Stop::Time))
-    }
-
     /// That there is no image because of this, while something was done.
     pub fn without_image(self, doing: &str) -> String {
         match self {
@@ -152,30 +141,12 @@ pub struct Convergence {
     pace: Option<f64>,
 }
 
-/// Some work that was done.
-pub enum Work {
-    /// So many rays, from which a renderer learns.
-    Learning(u64),
-    /// So many paths.
-    Paths(u64),
-}
-
 /// The time that the first sample has in any case.
 const FIRST: Duration = Duration::from_millis(100);
 
 /// The longest time of a pass of more than one sample, in seconds, unless
 /// it costs too much.
 const SLICE: f64 = 0.25;
-
-impl fmt::Display for Convergence {
-    fn fmt(&self, out: &mut fmt::Formatter) -> fmt::Result {
-        write!(out, "{} spp, ", self.spp)?;
-        match self.steps.last().and_then(|step| step.rmse) {
-            Some(rmse) => write!(out, "rmse {rmse:.2e}, "),
-            None => Ok(()),
-        }
-    }
-}
 
 /// The root mean square difference of an image from the truth.
 fn true_error(film: &Film, truth: &[f64]) -> f64 {
@@ -189,14 +160,14 @@ const DECISIVE: f64 = 1000.;
 
 impl Convergence {
     /// Goes on with a run until a limit is reached. Calls `advance`, from
-    /// any thread, with the work that is done, and `after` when a pass has
-    /// ended.
+    /// any thread, with the number of paths that are done, or of rays while
+    /// the renderer learns, and `after` when a pass has ended.
     pub fn run(
         &mut self,
         renderer: &mut dyn Renderer,
         film: &mut Film,
         limits: &Limits,
-        advance: &(dyn Fn(Work) + Sync),
+        advance: &(dyn Fn(u64) + Sync),
         after: &mut impl FnMut(&Self, &Film),
     ) -> Stop {
         let (start, before) = ((limits.clock)(), self.seconds);
@@ -210,12 +181,12 @@ impl Convergence {
         };
         let taken = AtomicU64::new(self.spp.saturating_mul(area));
         let watch = |paths| {
-            advance(Work::Paths(paths));
+            advance(paths);
             goes_on(taken.fetch_add(paths, Ordering::Relaxed) + paths)
         };
         // Learn before the first pass
         let rays = renderer.learn(film, &|rays| {
-            advance(Work::Learning(rays));
+            advance(rays);
             goes_on(0)
         });
         self.rays += rays;
@@ -274,11 +245,15 @@ impl Convergence {
         (due.min(self.spp.saturating_add(pace.max(1))), due)
     }
 
+    /// The error at the last step, if it is known.
+    pub fn rmse(&self) -> Option<f64> {
+        self.steps.last()?.rmse
+    }
+
     /// The samples after which the run is expected to stop, if its time
     /// is not over before; none if that cannot be foreseen.
     pub fn expected(&self, limits: &Limits, area: u64) -> Option<u64> {
-        let known = self.steps.last().and_then(|step| step.rmse);
-        let error = known.and(limits.error);
+        let error = self.rmse().and(limits.error);
         let error = error.map(|error| self.needed(error, area));
         let all = [limits.samples, error].into_iter().flatten();
         all.min().map(|spp| spp.max(self.spp))
@@ -377,7 +352,7 @@ fn next_step(spp: u64) -> u64 {
 
 /// Remembers the signal that asks the run to end.
 #[derive(Clone, Default)]
-pub struct Interrupt(Arc<AtomicUsize>);
+pub struct Interrupt(pub Arc<AtomicUsize>);
 
 impl Interrupt {
     /// Begins to listen for SIGINT, SIGTERM and SIGHUP, of which the second
@@ -401,11 +376,6 @@ impl Interrupt {
             flag::register_usize(signal, place, signal as usize)?;
         }
         Ok(interrupt)
-    }
-
-    /// Has the run end as if a signal had arrived.
-    pub fn raise(&self, signal: i32) {
-        self.0.store(signal as usize, Ordering::Relaxed);
     }
 
     /// The signal that has arrived, if any.

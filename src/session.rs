@@ -29,13 +29,15 @@ use crate::film::Film;
 use crate::image::{Format, Image};
 use crate::memory::zeroed;
 use crate::options::{Error, Options};
-use crate::output::{ImageTarget, OutputTarget, descriptor, tell_apart};
-use crate::progress::{self, Bar, Step, metric};
+use crate::output::{ImageTarget, OutputTarget, tell_apart};
+use crate::progress::{
+    self, ProgressBar, expect, metric, render_bar, step,
+};
 use crate::render::Renderer;
 use crate::render::choose::{
     Choice, Method, Request, Sampling, Setup, expected_rays,
 };
-use crate::render_loop::{Convergence, Interrupt, Limits, Stop, Work};
+use crate::render_loop::{Convergence, Interrupt, Limits, Stop};
 use crate::report::{Kind, Report, SceneFile};
 use crate::run_output::{RunOutput, Targets, attributes};
 use crate::scene::{Scene, begins_obj, read_file};
@@ -139,33 +141,40 @@ fn run(
     ranks: &dyn Ranks,
 ) -> Result<Stop, Error> {
     let (mut options, resumed) = take_up(typed)?;
+    if options.quiet {
+        progress::hush();
+    }
     let picture = picture(&mut options);
     let options = &options;
     // Watch for signals from the start
     let interrupt = Interrupt::listen()
         .map_err(|e| format!("cannot listen for signals: {e}"))?;
-    let stage = watch(&interrupt, latest(options, start), options.quiet);
-    let enter = |doing| _ = stage.send(doing);
+    let deadline = options.deadline(start);
+    let stage = watch(&interrupt, latest(options, deadline));
+    let enter = |doing, bar| _ = stage.send((doing, bar));
+    // Check what needs no scene
     if options.has_camera() {
         camera(options.resolution, &options.view())?;
     }
     start_threads(options)?;
-    let files = Files::check(options)?;
+    let (targets, reference) = open_files(options)?;
     let saved = options.save(&env::current_dir().unwrap_or_default());
     tell(ranks, &saved);
-    let (scene, subject, mut report) = load(options, &files, ranks)?;
+    // Load the scene and prepare it
+    let (scene, subject, mut report) =
+        load(options, &targets, reference.as_ref(), ranks)?;
     let camera = camera(subject.resolution, &subject.view)?;
     let kept = kept(options);
     let inquiry = inquire(&subject, &camera, &scene, &kept);
-    enter(Doing::Preparing("building the hierarchy"));
+    enter("building the hierarchy", None);
     let (analysis, bvh, quality) =
         build(scene, &inquiry, options, ranks, &mut report)?;
-    enter(Doing::Preparing("choosing a method"));
+    enter("choosing a method", None);
     // Choose how samples are made
     let begun = resumed.as_ref().map(|saved| saved.known.run_key.sampling);
     let setup =
         Setup { intersector: &bvh, inquiry: &inquiry, analysis: &analysis };
-    let (sampling, choice) = sampling(options, &setup, start, begun);
+    let (sampling, choice) = sampling(options, &setup, deadline, begun);
     if options.explain {
         return explain(&analysis, options, sampling.method, choice);
     }
@@ -183,20 +192,27 @@ fn run(
     let job = setup.renderer(&sampling);
     let mut job = ranks.lead(job, &run_key);
     let goal = options.goal(sampling.replicate);
-    let (film, convergence) = begin(options, &run_key, goal, resumed)?;
+    let mut run = film_so_far(options, &run_key, goal, resumed)?;
     // Prepare the files of the run
     let often = (options.every.unwrap_or(60.), options.preview);
     let known = (run_key.clone(), saved);
-    let output = RunOutput::new(files.targets, often, known, report);
+    let mut output = RunOutput::new(targets, often, known, report);
+    // Collect the limits
+    let most = deadline.map_or(0., |end| 0.5 * seconds_to(end));
+    let seconds = output.seconds(run.0.area());
+    let limits = Limits {
+        samples: analysis.samples(goal),
+        deadline,
+        reserve: seconds.map(|seconds| seconds.min(most)),
+        error: options.error,
+        reference: reference.as_ref().map(|image| &image.means[..]),
+        ..Limits::none(&interrupt)
+    };
     // Render what was prepared
-    let bar = Bar::new(!options.quiet, start, options.time);
-    enter(Doing::Rendering(bar.clone()));
-    let mut run =
-        Run { options, job: &mut *job, film, convergence, output, bar };
-    let reference = files.reference.as_ref();
-    let samples = analysis.samples(goal);
-    let stop = run.render(start, samples, &interrupt, reference);
-    run.end(stop, sampling.method, picture.as_deref())?;
+    let bar = render_bar(start, options.time);
+    enter("rendering", Some(bar.clone()));
+    let stop = render(&mut *job, &mut run, &limits, &mut output, &bar);
+    end(&run, &mut output, stop, sampling.method, picture.as_deref())?;
     Ok(stop)
 }
 
@@ -224,52 +240,41 @@ fn picture(options: &mut Options) -> Option<PathBuf> {
 }
 
 /// The time at which the program ends even if it has no sample.
-fn latest(options: &Options, start: Instant) -> Option<Instant> {
+fn latest(options: &Options, deadline: Option<Instant>) -> Option<Instant> {
     let time = options.time.filter(|_| !options.explain)?;
     let more = Duration::try_from_secs_f64((0.025 * time).max(0.5));
-    options.deadline(start)?.checked_add(more.ok()?)
+    deadline?.checked_add(more.ok()?)
 }
 
-/// What the program does, for the thread that watches it.
-enum Doing {
-    /// Something before the first pass.
-    Preparing(&'static str),
-    /// It renders, and shows this bar.
-    Rendering(Bar),
-}
+/// What the program does, and its bar when it renders.
+type Doing = (&'static str, Option<ProgressBar>);
 
 /// Starts a thread that ends the program if a signal comes before the first
 /// pass, or the time `end`, and answers a signal that comes later; tells it
 /// what is done.
-fn watch(
-    interrupt: &Interrupt,
-    end: Option<Instant>,
-    quiet: bool,
-) -> Sender<Doing> {
+fn watch(interrupt: &Interrupt, end: Option<Instant>) -> Sender<Doing> {
     let (sender, told) = mpsc::channel();
     let interrupt = interrupt.clone();
     thread::spawn(move || {
-        let mut doing = Doing::Preparing("reading");
+        let mut doing: Doing = ("reading", None);
         loop {
             match told.recv_timeout(Duration::from_millis(50)) {
                 Ok(next) => doing = next,
                 Err(RecvTimeoutError::Disconnected) => return,
                 Err(RecvTimeoutError::Timeout) => (),
             }
-            let signal = interrupt.signal();
-            match &doing {
-                Doing::Preparing(what) => {
-                    let now = Instant::now();
-                    let stop = Stop::before_rendering(signal, now, end);
-                    if let Some(stop) = stop {
-                        progress::error(&stop.without_image(what));
-                        process::exit(status(stop, 1).into());
-                    }
+            // Answer a signal, or the end of the time
+            let signal = interrupt.signal().map(Stop::Signal);
+            let over = end.is_some_and(|end| Instant::now() >= end);
+            match (&doing, signal.or(over.then_some(Stop::Time))) {
+                ((what, None), Some(stop)) => {
+                    progress::error(&stop.without_image(what));
+                    process::exit(status(stop, 1).into());
                 }
-                Doing::Rendering(bar) if signal.is_some() => {
-                    return bar.stop(quiet);
+                ((_, Some(bar)), Some(Stop::Signal(_))) => {
+                    return progress::answer(bar);
                 }
-                Doing::Rendering(_) => (),
+                _ => (),
             }
         }
     });
@@ -278,77 +283,49 @@ fn watch(
 
 fn camera(resolution: (u32, u32), view: &View) -> Result<Camera, String> {
     let aspect = f64::from(resolution.0) / f64::from(resolution.1);
-    Camera::new(view, aspect).map_err(|e| e.to_string())
+    Camera::new(view, aspect)
 }
 
-/// The files of a run beside the scene: checked, and not yet written.
-struct Files {
-    targets: Targets,
-    reference: Option<Image>,
-}
-
-impl Files {
-    fn check(options: &Options) -> Result<Self, Error> {
-        // Refuse files that are named twice
-        let reference = options.reference.as_deref();
-        let (scene, dash) = (options.scene_file(), Path::new("-"));
-        if scene.is_none() && reference == Some(dash) {
-            return Err("standard input can be read once only"
-                .to_owned()
-                .into());
-        }
-        let more = options.report.iter().chain(&options.checkpoint);
-        let written = options.images().chain(more.map(PathBuf::as_path));
-        tell_apart(scene.into_iter().chain(reference), written)?;
-        // Decide which files may be replaced
-        let force = |path: &Path| {
-            let old = options.replaced.iter().map(|old| old.canonicalize());
-            let is_own = |new| old.flatten().any(|old| old == new);
-            options.force || path.canonicalize().is_ok_and(is_own)
-        };
-        let is_open = |path| descriptor(path).is_some();
-        if options.format.is_some() && !options.images().any(is_open) {
-            let fault = "--format is for standard output (see pt --help)";
-            return Err(Error::Usage(fault.to_owned()));
-        }
-        let format = options.format.unwrap_or(Format::Pgm);
-        let image = |path| ImageTarget::file(path, format, force(path));
-        let report = |path: &PathBuf| {
-            let target = OutputTarget::file(path, force(path))?;
-            Ok((Kind::of(path)?, target))
-        };
-        let checkpoint = |path: &PathBuf| {
-            let same = options.checkpoint == options.resume;
-            OutputTarget::file(path, same || force(path))
-        };
-        let checkpoint = options.checkpoint.as_ref().map(checkpoint);
-        let reference = reference.map(|path| read_reference(path, options));
-        Ok(Self {
-            targets: Targets {
-                images: options
-                    .images()
-                    .map(image)
-                    .collect::<Result<_, String>>()?,
-                reports: options
-                    .report
-                    .iter()
-                    .map(report)
-                    .collect::<Result<_, String>>()?,
-                checkpoint: checkpoint.transpose()?,
-            },
-            reference: reference.transpose()?,
-        })
+/// The files that a run will write, none of them touched yet, and its
+/// reference.
+fn open_files(
+    options: &Options,
+) -> Result<(Targets, Option<Image>), String> {
+    // Refuse files that are named twice
+    let reference = options.reference.as_deref();
+    let (scene, dash) = (options.scene_file(), Path::new("-"));
+    if scene.is_none() && reference == Some(dash) {
+        return Err("standard input can be read once only".to_owned());
     }
-
-    /// Whether a file will name the scene by its hash.
-    fn name_the_scene(&self) -> bool {
-        let Targets { images, reports, checkpoint } = &self.targets;
-        let exr = |image: &ImageTarget| image.format() == Format::Exr;
-        images.iter().any(exr)
-            || !reports.is_empty()
-            || checkpoint.is_some()
-            || self.reference.is_some()
-    }
+    let more = options.report.iter().chain(&options.checkpoint);
+    let written = options.images().chain(more.map(PathBuf::as_path));
+    tell_apart(scene.into_iter().chain(reference), written)?;
+    // Decide which files may be replaced
+    let force = |path: &Path| {
+        let old = options.replaced.iter().map(|old| old.canonicalize());
+        let is_own = |new| old.flatten().any(|old| old == new);
+        options.force || path.canonicalize().is_ok_and(is_own)
+    };
+    let format = options.format.unwrap_or(Format::Pgm);
+    let image = |path| ImageTarget::file(path, format, force(path));
+    let report = |path: &PathBuf| {
+        let target = OutputTarget::file(path, force(path))?;
+        Ok((Kind::of(path)?, target))
+    };
+    let checkpoint = |path: &PathBuf| {
+        let same = options.checkpoint == options.resume;
+        OutputTarget::file(path, same || force(path))
+    };
+    let images = options.images().map(image);
+    let reports = options.report.iter().map(report);
+    let checkpoint = options.checkpoint.as_ref().map(checkpoint);
+    let targets = Targets {
+        images: images.collect::<Result<_, String>>()?,
+        reports: reports.collect::<Result<_, String>>()?,
+        checkpoint: checkpoint.transpose()?,
+    };
+    let reference = reference.map(|path| read_reference(path, options));
+    Ok((targets, reference.transpose()?))
 }
 
 fn read_reference(path: &Path, options: &Options) -> Result<Image, String> {
@@ -372,7 +349,7 @@ fn read_reference(path: &Path, options: &Options) -> Result<Image, String> {
     }
     // Warn of a reference with our seed
     let ours = options.seed.to_string();
-    if !options.quiet && image.attributes.get("seed") == Some(&ours) {
+    if image.attributes.get("seed") == Some(&ours) {
         progress::warn(
             "the reference has the seed of this run: its true errors are \
              larger than they will seem (choose another seed with -s)",
@@ -390,12 +367,13 @@ fn start_threads(options: &Options) -> Result<(), String> {
 /// The scene, what is shown of it, and a report that begins.
 fn load(
     options: &Options,
-    files: &Files,
+    targets: &Targets,
+    reference: Option<&Image>,
     ranks: &dyn Ranks,
 ) -> Result<(Scene, Subject, Report), String> {
     let began = Instant::now();
     let file = options.input_name();
-    let step = Step::new(!options.quiet, format!("reading {file}"), None);
+    let step = step(format!("reading {file}"), None);
     let mut bytes = read(options.scene_file())
         .map_err(|e| format!("{file}: cannot read: {e}"))?;
     ranks.tell(&mut bytes);
@@ -407,25 +385,40 @@ fn load(
     drop(step);
     let (mesh, warnings) = read?;
     // Warn of what is odd
-    for warning in warnings.iter().filter(|_| !options.quiet) {
+    for warning in warnings {
         progress::warn(&warning.within(&file));
     }
     let subject = subject(options, mesh.corners());
     // Say where the camera stands
-    if !options.has_camera() && !options.quiet {
+    if !options.has_camera() {
         let View { position, target, .. } = subject.view;
         let [p, t] = [position, target].map(typed);
         let options = format!("-p {p} -t {t}");
         progress::inform(&format!("the camera stands outside: {options}"));
     }
     // Hash the bytes if a file will name them
-    let hash = files.name_the_scene().then(|| Sha256::digest(&bytes));
+    let exr = |image: &ImageTarget| image.format() == Format::Exr;
+    let is_named = targets.images.iter().any(exr)
+        || !targets.reports.is_empty()
+        || targets.checkpoint.is_some()
+        || reference.is_some();
+    let hash = is_named.then(|| Sha256::digest(&bytes));
     let hex = |byte: u8| format!("{byte:02x}");
     let sha256: String = hash.into_iter().flatten().map(hex).collect();
     drop(bytes);
-    if let Some(image) = &files.reference {
-        refuse_others(options, image, &subject, &sha256)?;
+    // Refuse a reference of something else
+    if let (Some(image), Some(path)) = (reference, &options.reference) {
+        let mut ours = attributes(&entries(&subject));
+        ours.insert("scene_sha256".into(), sha256.clone());
+        let differing = disagreements(&image.attributes, &ours).join(", ");
+        if !differing.is_empty() {
+            return Err(format!(
+                "{}: shows something else than this run: {differing}",
+                path.display()
+            ));
+        }
     }
+    // Begin a report of the scene
     let triangles = mesh.triangles.len() as u64;
     let scene = Scene::of(mesh);
     let report = Report {
@@ -466,27 +459,6 @@ fn subject(options: &Options, corners: [glam::DVec3; 2]) -> Subject {
     };
     let view = outside.unwrap_or(typed);
     Subject { resolution, crop, view, albedo }
-}
-
-/// # Errors
-/// The reference says that it shows another view or another scene.
-fn refuse_others(
-    options: &Options,
-    image: &Image,
-    subject: &Subject,
-    sha256: &str,
-) -> Result<(), String> {
-    let mut ours = attributes(&entries(subject));
-    ours.insert("scene_sha256".into(), sha256.into());
-    let differing = disagreements(&image.attributes, &ours).join(", ");
-    let path = options.reference.as_deref().unwrap_or(Path::new("-"));
-    match differing.is_empty() {
-        true => Ok(()),
-        false => Err(format!(
-            "{}: shows something else than this run: {differing}",
-            path.display()
-        )),
-    }
 }
 
 fn inquire<'a>(
@@ -530,8 +502,7 @@ fn build(
 ) -> Result<(SceneAnalysis, Bvh, Quality), String> {
     let began = Instant::now();
     let is_inside = inquiry.entrance.is_inside;
-    let (width, height) = options.band().size;
-    let area = f64::from(width) * f64::from(height);
+    let area = options.band().area() as f64;
     let paths = options.goal(1).map(|n| n as f64 * area);
     let rays =
         expected_rays(options.albedo, is_inside, paths, options.time);
@@ -540,7 +511,7 @@ fn build(
     let quality = Quality::expecting(triangles.len(), rays);
     // Warn of triangles that are too small
     let count = too_small(&triangles);
-    if count > 0 && !options.quiet {
+    if count > 0 {
         progress::warn(&format!(
             "{count} of {} triangles are smaller than 2^-40 of the largest, \
              or 2^-43 of the scene: close to larger ones the light may be wrong",
@@ -550,8 +521,8 @@ fn build(
     // Build the hierarchy and show how far it is
     let what = "building the hierarchy".to_owned();
     let all = Some(triangles.len() as u64);
-    let step = Step::new(!options.quiet, what, all);
-    let placed = |count: usize| step.reach(count as u64);
+    let step = step(what, all);
+    let placed = |count: usize| step.set_position(count as u64);
     let bvh = Bvh::of(triangles, quality, options.isa(), &placed);
     let bvh = bvh.map_err(|e| e.to_string())?;
     drop(step);
@@ -573,13 +544,14 @@ fn explain(
         let sign = if *holds { "left out" } else { "-" };
         lines += &format!("{fact:13}{sign:10}{why}\n");
     }
+    // Name the parts that do the rest
     let why = choice.map_or(method.to_string(), |why| why.to_string());
-    lines += &format!("{:13}{why}\n", "method");
     let one = analysis.is_black && method != Method::Gather;
     let rays = if one { ", one ray a path, for any hit" } else { "" };
-    let parts = format!("{method}{rays}");
-    let parts = analysis.parts(options.isa(), parts);
-    lines += &format!("{:13}{parts}\n", "intersector");
+    let parts = analysis.parts(options.isa(), format!("{method}{rays}"));
+    for (name, text) in [("method", why), ("intersector", parts)] {
+        lines += &format!("{name:13}{text}\n");
+    }
     let out = OutputTarget::standard_output()?;
     out.write(&mut |out| out.write_all(lines.as_bytes()))?;
     Ok(Stop::Samples)
@@ -590,11 +562,9 @@ fn explain(
 fn sampling(
     options: &Options,
     setup: &Setup,
-    start: Instant,
+    deadline: Option<Instant>,
     saved: Option<Sampling>,
 ) -> (Sampling, Option<Choice>) {
-    let left = |end: Instant| end.saturating_duration_since(Instant::now());
-    let left = options.deadline(start).map(|end| left(end).as_secs_f64());
     let request = Request {
         method: options.integrator.0,
         seed: options.seed,
@@ -602,21 +572,24 @@ fn sampling(
         samples: options.samples(),
         error: options.error,
         time: options.time,
-        left,
+        left: deadline.map(seconds_to),
     };
     let (sampling, choice) = setup.decide(&request, saved);
     // Warn if it is not the method that is asked for
     let (wanted, chosen) = (request.method, sampling.method);
     let wanted = wanted.or(saved.map(|saved| saved.method));
-    if let Some(wanted) = wanted.filter(|&wanted| wanted != chosen)
-        && !options.quiet
-    {
+    if let Some(wanted) = wanted.filter(|&wanted| wanted != chosen) {
         progress::warn(&format!(
             "--time leaves too little for a first sample of each pixel \
              by {wanted}: the method is {chosen}"
         ));
     }
     (sampling, choice)
+}
+
+/// The seconds from now to a time, which may be over.
+fn seconds_to(end: Instant) -> f64 {
+    end.saturating_duration_since(Instant::now()).as_secs_f64()
 }
 
 /// What describes the run, by name, for the report.
@@ -647,32 +620,28 @@ fn settings(
 }
 
 /// The film of a run and what it has done: nothing yet, or what is saved.
-fn begin(
+fn film_so_far(
     options: &Options,
     run_key: &RunKey,
     goal: Option<u64>,
     resumed: Option<Checkpoint>,
 ) -> Result<(Film, Convergence), String> {
     // Ask for the memory of the film
-    let (width, height) = run_key.windows()[1].size;
-    let pixels = width as usize * height as usize;
+    let pixels = run_key.windows()[1].area();
     zeroed::<Accumulator>(pixels).map_err(|_| {
         let bytes = metric(64. * pixels as f64);
         format!("too little memory: {bytes}B more are needed")
     })?;
     let (mut film, mut convergence) =
         (run_key.film(), Convergence::default());
-    let warn = |message: String| {
-        if !options.quiet {
-            progress::warn(&message);
-        }
-    };
+    // Warn of a part without a sample
     if run_key.part.is_some() && goal == Some(0) {
         let together = film.replicate();
-        warn(format!(
+        progress::warn(&format!(
             "the part has no sample: {together} are placed together"
         ));
     }
+    // Go on from a checkpoint
     if let (Some(saved), Some(path)) = (resumed, &options.resume) {
         let name = path.display();
         convergence = saved
@@ -680,7 +649,7 @@ fn begin(
             .map_err(|fault| format!("{name}: {fault}"))?;
         let spp = convergence.spp;
         if goal.is_some_and(|n| spp >= n) {
-            warn(format!(
+            progress::warn(&format!(
                 "{name}: holds {spp} samples already (ask for more with -n)"
             ));
         }
@@ -688,111 +657,85 @@ fn begin(
     Ok((film, convergence))
 }
 
-/// A run of the program: what has been rendered, and who is told.
-struct Run<'a> {
-    options: &'a Options,
-    job: &'a mut (dyn Renderer + 'a),
-    film: Film,
-    convergence: Convergence,
-    output: RunOutput,
-    bar: Bar,
+/// Renders until a limit is reached, and keeps files and bar up to date.
+fn render(
+    job: &mut dyn Renderer,
+    (film, convergence): &mut (Film, Convergence),
+    limits: &Limits,
+    output: &mut RunOutput,
+    bar: &ProgressBar,
+) -> Stop {
+    let (began, area) = (Instant::now(), film.area());
+    // Keep the bar up to date
+    let show = |convergence: &Convergence| {
+        let spp = convergence.expected(limits, area);
+        let all = spp.map(|spp| spp.saturating_mul(area));
+        let paths = convergence.spp.saturating_mul(area);
+        let rmse =
+            convergence.rmse().map(|rmse| format!("rmse {rmse:.2e}, "));
+        let rmse = rmse.unwrap_or_default();
+        let known = format!("{} spp, {rmse}", convergence.spp);
+        expect(bar, (paths, all), "paths", known);
+    };
+    match job.training_rays(area) {
+        0 => show(convergence),
+        rays => expect(bar, (0, Some(rays)), "rays", "learning, ".into()),
+    }
+    // Write files between two passes
+    let mut after = |convergence: &Convergence, film: &Film| {
+        show(convergence);
+        if let Err(message) = output.after(convergence, film) {
+            bar.suspend(|| progress::warn(&message));
+        }
+    };
+    let advance = |n| bar.inc(n);
+    let stop = convergence.run(job, film, limits, &advance, &mut after);
+    bar.finish_and_clear();
+    // Warn if there was no time
+    let late = limits.deadline.is_some_and(|end| began > end);
+    if late || (convergence.spp == 0 && stop == Stop::Time) {
+        let slow = match late {
+            true => "to load and to build",
+            false => "one sample of each pixel",
+        };
+        progress::warn(&format!("{slow} took longer than --time allows"));
+    }
+    stop
 }
 
-impl Run<'_> {
-    fn render(
-        &mut self,
-        start: Instant,
-        samples: Option<u64>,
-        interrupt: &Interrupt,
-        reference: Option<&Image>,
-    ) -> Stop {
-        let Self { options, job, film, convergence, output, bar } = self;
-        let (now, area) = (Instant::now(), film.area());
-        // Collect the limits
-        let deadline = options.deadline(start);
-        let left = deadline.map(|end| end.saturating_duration_since(now));
-        let most = left.map_or(0., |left| 0.5 * left.as_secs_f64());
-        let limits = Limits {
-            samples,
-            deadline,
-            reserve: output.seconds(area).map(|seconds| seconds.min(most)),
-            clock: &Instant::now,
-            error: options.error,
-            interrupt,
-            reference: reference.map(|image| &image.means[..]),
-        };
-        // Keep the bar up to date
-        let expect = |convergence: &Convergence| {
-            let spp = convergence.expected(&limits, area);
-            let all = spp.map(|spp| spp.saturating_mul(area));
-            let paths = convergence.spp.saturating_mul(area);
-            bar.expect(paths, all, "paths", convergence.to_string());
-        };
-        match job.training_rays(area) {
-            0 => expect(convergence),
-            rays => bar.expect(0, Some(rays), "rays", "learning, ".into()),
+/// Writes the files and the summary, if there is a sample.
+fn end(
+    (film, convergence): &(Film, Convergence),
+    output: &mut RunOutput,
+    stop: Stop,
+    method: Method,
+    picture: Option<&Path>,
+) -> Result<(), String> {
+    // End without an image if there is no sample
+    let is_over = matches!(stop, Stop::Time | Stop::Signal(_));
+    if is_over && film.unsampled() == film.area() {
+        let message = stop.without_image(match method {
+            Method::Gather => "learning",
+            _ => "rendering",
+        });
+        if stop == Stop::Time {
+            return Err(message);
         }
-        let advance = |work| match work {
-            Work::Learning(n) | Work::Paths(n) => bar.advance(n),
-        };
-        let mut after = |convergence: &Convergence, film: &Film| {
-            expect(convergence);
-            let written = output.after(convergence, film);
-            if let (Err(message), false) = (written, options.quiet) {
-                bar.suspend(|| progress::warn(&message));
-            }
-        };
-        let stop = convergence
-            .run(&mut **job, film, &limits, &advance, &mut after);
-        bar.finish();
-        // Warn if there was no time
-        let late = deadline.is_some_and(|end| now > end);
-        let none = convergence.spp == 0 && stop == Stop::Time;
-        if (late || none) && !options.quiet {
-            let slow = match late {
-                true => "to load and to build",
-                false => "one sample of each pixel",
-            };
-            progress::warn(&format!(
-                "{slow} took longer than --time allows"
-            ));
-        }
-        stop
+        progress::error(&message);
+        return Ok(());
     }
-
-    /// Writes the files and the summary, if there is a sample.
-    fn end(
-        &mut self,
-        stop: Stop,
-        method: Method,
-        picture: Option<&Path>,
-    ) -> Result<(), String> {
-        let Self { options, film, convergence, output, .. } = self;
-        // End without an image if there is no sample
-        let is_over = matches!(stop, Stop::Time | Stop::Signal(_));
-        if is_over && film.unsampled() == film.area() {
-            let message = stop.without_image(match method {
-                Method::Gather => "learning",
-                _ => "rendering",
-            });
-            if stop == Stop::Time {
-                return Err(message);
-            }
-            progress::error(&message);
-            return Ok(());
-        }
-        output.close(convergence, film, stop)?;
-        if options.quiet {
-            return Ok(());
-        }
-        let report = output.report(convergence, film, Some(stop));
-        let file = picture.map(|path| ("file", path.display().to_string()));
-        let lines = report.summary(film.area()).into_iter().chain(file);
-        for (name, text) in lines {
-            progress::inform(&format!("{name:10}{text}"));
-        }
-        Ok(())
+    output.close(convergence, film, stop)?;
+    if progress::is_quiet() {
+        return Ok(());
     }
+    // Print the summary
+    let report = output.report(convergence, film, Some(stop));
+    let file = picture.map(|path| ("file", path.display().to_string()));
+    let lines = report.summary(film.area()).into_iter().chain(file);
+    for (name, text) in lines {
+        progress::inform(&format!("{name:10}{text}"));
+    }
+    Ok(())
 }
 
 /// Tells other ranks a value.
@@ -816,9 +759,10 @@ fn hear<T: DeserializeOwned>(
 pub fn follow(ranks: &dyn Ranks) -> Result<(), String> {
     let _ = Interrupt::listen();
     let Some(options) = hear(ranks)? else { return Ok(()) };
-    let mut options = Options::restore(&options)?;
-    options.quiet = true;
+    let options = Options::restore(&options)?;
+    progress::hush();
     start_threads(&options)?;
+    // Hear the scene
     let Some(bytes) = ranks.hear() else { return Ok(()) };
     let file = options.input_name();
     let read = read_file(&bytes).map_err(|error| error.within(&file));
@@ -826,6 +770,7 @@ pub fn follow(ranks: &dyn Ranks) -> Result<(), String> {
     drop(bytes);
     let subject = subject(&options, mesh.corners());
     let scene = Scene::of(mesh);
+    // Prepare the scene as rank 0 does
     let camera = camera(subject.resolution, &subject.view)?;
     let kept = kept(&options);
     let inquiry = inquire(&subject, &camera, &scene, &kept);

@@ -5,7 +5,6 @@
 
 use crate::common;
 
-use std::process::Command;
 use std::time::Duration;
 
 use litpt::bvh::Isa;
@@ -13,24 +12,13 @@ use litpt::progress;
 
 use common::{ABOVE, Run, Scratch, finish, skip};
 
-/// Runs `pt` on a terminal; its output and its messages come as one text.
-/// None where there is no program `script` to make a terminal.
-fn on_a_terminal(
-    arguments: &str,
-    prepare: impl Fn(&mut Command),
-) -> Option<String> {
-    on_the_terminal_of(&Scratch::new(), arguments, prepare)
-}
-
-fn on_the_terminal_of(
-    place: &Scratch,
-    arguments: &str,
-    prepare: impl Fn(&mut Command),
-) -> Option<String> {
-    let line = format!("'{}' {arguments}", env!("CARGO_BIN_EXE_pt"));
+/// Runs a line of the shell, in which `$PT` is `pt`, on a terminal; its output
+/// and its messages come as one text. None where there is no program `script`
+/// to make a terminal.
+fn on_a_terminal(place: &Scratch, line: &str) -> Option<String> {
     let mut command = place.command("script");
-    command.args(["-qec", &line, "/dev/null"]);
-    prepare(&mut command);
+    command.env("PT", env!("CARGO_BIN_EXE_pt"));
+    command.args(["-qec", line, "/dev/null"]);
     let Ok(child) = command.spawn() else {
         skip("there is no program script");
         return None;
@@ -137,19 +125,8 @@ fn a_quiet_run_says_nothing() {
     assert_eq!(summary(&["--quiet", "-o", "image.png"]).stderr, "");
 }
 
-/// About a second of rendering, long enough for a bar to be drawn.
-const LONG: &str = "-i room.obj -o image.pgm -d 128x96 -n 200 -j 1";
-
-#[test]
-fn a_terminal_shows_a_bar_with_a_percentage_and_then_removes_it() {
-    let Some(text) = on_a_terminal(LONG, |_| ()) else { return };
-    let words = ["% ", "passed", "to go", "paths/s", "["];
-    assert!(words.iter().all(|word| text.contains(word)), "{text:?}");
-    let after = text.rsplit("paths/s").next().unwrap();
-    assert!(after.contains("stopped by samples"), "{text:?}");
-    let erased = after.split('>').next().unwrap();
-    assert!(erased.contains("\x1b[2K"), "{text:?}");
-}
+/// A render that lasts as long as its limits say.
+const LONG: &str = "$PT -i room.obj -o image.pgm -f -d 128x96 -j 1";
 
 /// The percentages of the bars in a text, in their order.
 fn percentages(text: &str) -> Vec<u32> {
@@ -159,31 +136,37 @@ fn percentages(text: &str) -> Vec<u32> {
 }
 
 #[test]
-fn a_bar_begins_at_zero_and_never_goes_back() {
-    let limits = [
+fn a_bar_begins_at_zero_and_never_goes_back_and_is_then_removed() {
+    let place = Scratch::new();
+    for (limit, time) in [
         ("-n 200", "to go"),
         ("--time 2", " s of 2 s, "),
         ("--error 0.02 --time 20", " s of 20 s, "),
         ("--error 0.02", "to go"),
-    ];
-    for (limit, time) in limits {
-        let run = "-i room.obj -o image.pgm -d 128x96 -j 1";
-        let run = format!("{run} {limit}");
-        let Some(text) = on_a_terminal(&run, |_| ()) else { return };
-        let shown = percentages(&text);
-        assert!(text.contains(time), "{limit}: {text:?}");
+    ] {
+        let run = on_a_terminal(&place, &format!("{LONG} {limit}"));
+        let Some(text) = run else { return };
+        let (bars, after) = text.rsplit_once("paths/s").unwrap();
+        assert!(bars.contains(time), "{limit}: {text:?}");
+        assert!(bars.contains('['), "{limit}: {text:?}");
+        let shown = percentages(bars);
         assert!(shown.len() > 3, "{limit}: {text:?}");
         assert!(shown.is_sorted(), "{limit}: {shown:?}");
         let first = if limit == "--time 2" { 50 } else { 1 };
         assert!(shown[0] < first, "{limit}: {shown:?}");
+        let (erased, summary) = after.split_once('>').unwrap();
+        assert!(erased.contains("\x1b[2K"), "{text:?}");
+        assert!(summary.contains("stopped by "), "{text:?}");
     }
 }
 
 #[test]
 fn a_bar_ends_with_the_run_that_a_signal_ends() {
-    let run = "-i room.obj -o image.pgm -d 640x480 --time 60 & \
-               sleep 1; kill -TERM $!; wait $!; echo status $?";
-    let Some(text) = on_a_terminal(run, |_| ()) else { return };
+    let run = format!(
+        "{LONG} --time 60 & sleep 1; kill -TERM $!; wait $!; echo status $?"
+    );
+    let run = on_a_terminal(&Scratch::new(), &run);
+    let Some(text) = run else { return };
     let (bars, rest) = text.split_once("stopped by a signal").unwrap();
     assert!(!percentages(bars).is_empty(), "{text:?}");
     assert!(percentages(rest).is_empty(), "{text:?}");
@@ -220,39 +203,30 @@ fn progress_is_the_larger_share_of_paths_and_time() {
 }
 
 #[test]
-fn a_terminal_shows_a_green_mark_and_a_red_error() {
-    let small = "-i room.obj -o image.pgm -d 4x3";
-    let Some(text) = on_a_terminal(small, |_| ()) else { return };
-    let mark = text.split(" run ").next().unwrap();
-    assert!(mark.contains("\x1b[32m") && mark.contains('>'), "{text:?}");
-    let text = on_a_terminal("-n 0", |_| ()).unwrap();
-    let mark = text.split("error:").next().unwrap();
-    assert!(mark.contains("\x1b[31m"), "{text:?}");
-}
-
-#[test]
-fn no_color_removes_colours_from_a_terminal() {
-    let plain = |command: &mut Command| {
-        command.env("NO_COLOR", "1");
-    };
-    let small = "-i room.obj -o image.pgm -d 4x3";
-    for arguments in [small, "-n 0", "-h", LONG] {
-        let Some(text) = on_a_terminal(arguments, plain) else { return };
-        assert!(!text.is_empty() && !coloured(&text), "{text:?}");
+fn a_terminal_shows_a_green_mark_and_a_red_error_unless_it_has_no_colour() {
+    let place = Scratch::new();
+    for (words, message, colour) in [
+        ("room.obj -o a.pgm -f -n 200 -d 128x96", " run ", "\x1b[32m"),
+        ("-n 0", "error:", "\x1b[31m"),
+        ("-h", "Usage:", "\x1b[1m"),
+    ] {
+        let line = format!("$PT {words}");
+        let run = on_a_terminal(&place, &line);
+        let Some(text) = run else { return };
+        let (mark, _) = text.split_once(message).unwrap();
+        assert!(mark.contains(colour), "{text:?}");
+        let run = on_a_terminal(&place, &format!("NO_COLOR=1 {line}"));
+        let text = run.unwrap();
+        assert!(text.contains(message) && !coloured(&text), "{text:?}");
     }
-}
-
-#[test]
-fn a_quiet_run_says_nothing_on_a_terminal() {
-    let quiet = format!("-q {LONG}");
-    let Some(text) = on_a_terminal(&quiet, |_| ()) else { return };
-    assert_eq!(text, "");
+    let quiet = on_a_terminal(&place, &format!("{LONG} -q -n 200"));
+    assert_eq!(quiet.unwrap(), "");
 }
 
 #[test]
 fn on_a_terminal_the_image_goes_to_a_file_beside_the_scene() {
     let place = Scratch::new();
-    let run = |words| on_the_terminal_of(&place, words, |_| ());
+    let run = |words| on_a_terminal(&place, &format!("$PT {words}"));
     let Some(text) = run("-p0,0,0 -d9x7 room.obj") else { return };
     assert!(text.contains("file      room.png"), "{text}");
     place.holds_only(&["room.png"]);
@@ -276,9 +250,8 @@ fn on_a_terminal_the_image_goes_to_a_file_beside_the_scene() {
 
 #[test]
 fn alone_on_a_terminal_it_prints_the_help() {
-    let Some(text) = on_a_terminal("; echo status $?", |_| ()) else {
-        return;
-    };
+    let run = on_a_terminal(&Scratch::new(), "$PT; echo status $?");
+    let Some(text) = run else { return };
     assert!(text.contains("Usage:"), "{text}");
     assert!(text.contains("status 2"), "{text}");
 }

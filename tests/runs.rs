@@ -12,7 +12,7 @@ use std::process::{Child, Command, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use common::{BOX, ROOM, Run, Scratch, finish, signal, skip, wait_until};
+use common::{BOX, Run, Scratch, finish, signal, skip, wait_until};
 use litpt::film::Film;
 use litpt::image::Image;
 use litpt::render_loop::Convergence;
@@ -96,127 +96,66 @@ const FILES: [&str; 6] =
 
 // ---------------------------------------------------------------- The limits
 
-/// Runs `pt`, and returns the seconds of processor time that it used.
-fn processor_seconds(place: &Scratch, arguments: &[&str]) -> f64 {
-    let mut command = place.command("sh");
-    command.args(["-c", r#""$0" "$@" || exit 1; times"#]);
-    command.arg(env!("CARGO_BIN_EXE_pt")).args(SCENE).args(arguments);
-    let run = finish(command.spawn().unwrap());
-    run.succeeded();
-    // The second line has the children: "0m0.970s 0m0.012s".
-    let text = String::from_utf8(run.stdout).unwrap();
-    let times = text.lines().nth(1).unwrap().split_whitespace();
-    let seconds = |time: &str| -> f64 {
-        let (minutes, seconds) = time.split_once('m').unwrap();
-        let seconds = seconds.trim_end_matches('s');
-        60. * minutes.parse::<f64>().unwrap()
-            + seconds.parse::<f64>().unwrap()
-    };
-    times.map(seconds).sum()
-}
-
 /// Other programs can only make the run use less of the processor, and
 /// last longer: they cannot break either bound.
 #[test]
 fn a_time_limit_ends_the_run_in_time_with_image_and_report() {
     let place = Scratch::new();
     let start = Instant::now();
-    let limit = [&FILES[..], &["--time=1", "-j1"]].concat();
-    let used = processor_seconds(&place, &limit);
+    let run = [&SCENE[..], &FILES, &["--time=1.7", "-j1"]].concat();
+    place.within("-t 2", &run).succeeded();
     let wall = start.elapsed().as_secs_f64();
-    assert!(used < 1.2, "{used} seconds of the processor");
-    assert!(wall > 0.7, "{wall} seconds by the clock");
+    assert!(wall > 1.2, "{wall} seconds by the clock");
     let report = place.json("r.json");
     assert_eq!(report["stopped"], "time");
     assert!(spp(&report) > 1 && report["rmse"].as_f64() > Some(0.));
-    assert_eq!(report["settings"]["time"], 1.);
+    assert_eq!(report["settings"]["time"], 1.7);
     assert_eq!(report["settings"]["spp"], Value::Null);
-    let own: f64 = ["load_seconds", "build_seconds", "render_seconds"]
-        .map(|part| report[part].as_f64().unwrap())
-        .iter()
-        .sum();
-    assert!(own <= wall && place.path("a.exr").exists());
+    let own = ["load_seconds", "build_seconds", "render_seconds"]
+        .map(|part| report[part].as_f64().unwrap());
+    assert!(own.iter().sum::<f64>() <= wall);
+    assert!(place.path("a.exr").exists());
 }
 
 #[test]
 fn there_is_always_time_for_one_sample() {
     let place = Scratch::new();
-    pt(&place, &[&FILES[..], &["--time=1e-9"]].concat()).succeeded();
+    let most = ["-n18446744073709551615", "--time=1e-9"];
+    let short = [&SCENE[..], &FILES, &most].concat();
+    assert_eq!(place.run(&short).stderr, "");
     let report = complete(&place, "time");
     assert_eq!((spp(&report), steps(&report).len()), (1, 1));
     assert_eq!(report["rmse"], Value::Null);
     assert_eq!(report["mean_stderr"], Value::Null);
-}
-
-#[test]
-fn a_time_that_is_too_short_is_worth_a_warning() {
-    let short = ["-i", "room.obj", "-d4x4", "--time=1e-9"];
-    let run = Scratch::new().run(&short);
+    let run = place.run(&[&short[1..], &["-f"]].concat());
     run.succeeded();
-    assert!(run.stderr.contains("warning"), "{}", run.stderr);
-    assert!(run.stderr.contains("longer than --time"), "{}", run.stderr);
-    let quiet = Scratch::new().run(&[&short[..], &["-q"]].concat());
-    assert_eq!(quiet.stderr, "");
+    let warning = "warning: to load and to build took longer than --time";
+    assert!(run.stderr.contains(warning), "{}", run.stderr);
 }
 
 #[test]
 fn the_number_of_samples_bounds_a_run_with_other_limits() {
     for (limits, n) in [
-        (&["-n13", "--time=1000"][..], 13),
-        (&["-n13", "--time=1e300"], 13),
-        (&["-n13", "--error=1e-9"], 13),
+        (&["-n13", "--time=1e300"][..], 13),
+        (&["-n13", "--error=1e-9", "--time=1000"], 13),
         (&[], 1),
     ] {
         let place = Scratch::new();
         pt(&place, &[&FILES[..], limits].concat()).succeeded();
         let report = complete(&place, "samples");
-        assert_eq!(
-            (spp(&report), &report["settings"]["spp"]),
-            (n, &n.into())
-        );
+        assert_eq!(report["settings"]["spp"], n);
+        assert_eq!(spp(&report), n);
     }
 }
 
 #[test]
 fn an_error_limit_is_kept_and_said() {
     let place = Scratch::new();
-    for (limit, error) in [("--error=0.1", 0.1), ("--error=0.023", 0.023)] {
-        let others = ["-f", "-n1000000", "--time=1000", limit];
-        pt(&place, &[&FILES[..], &others].concat()).succeeded();
-        let report = complete(&place, "error");
-        let rmse = report["rmse"].as_f64().unwrap();
-        assert!(rmse <= error && rmse > 0.8 * error, "{error}: {rmse}");
-        assert_eq!(report["settings"]["error"], error);
-        let before = &steps(&report)[..steps(&report).len() - 1];
-        let before = before.iter().filter(|step| step["spp"] != 1);
-        let rmse = |step: &Value| step["rmse"].as_f64().unwrap();
-        assert!(before.map(rmse).all(|rmse| rmse > error));
-    }
-}
-
-#[test]
-fn a_report_has_at_least_four_points_in_a_decade() {
-    let place = Scratch::new();
-    pt(&place, &[&FILES[..], &["-n1000"]].concat()).succeeded();
-    let report = complete(&place, "samples");
-    for decade in [1, 10, 100] {
-        let within = |step: &&Value| {
-            let spp = step["spp"].as_u64().unwrap();
-            decade < spp && spp <= 10 * decade
-        };
-        assert!(steps(&report).iter().filter(within).count() >= 4);
-    }
-    for pair in steps(&report).windows(2) {
-        for key in ["spp", "seconds", "rays"] {
-            let number = |i: usize| pair[i][key].as_f64().unwrap();
-            assert!(number(1) >= number(0), "{key}: {pair:?}");
-        }
-    }
-    for step in &steps(&report)[1..] {
-        for key in ["rmse", "mean", "mean_stderr"] {
-            assert!(step[key].as_f64() > Some(0.), "{key}: {step}");
-        }
-    }
+    let limits = ["-n1000000", "--time=1000", "--error=0.023"];
+    pt(&place, &[&FILES[..], &limits].concat()).succeeded();
+    let report = complete(&place, "error");
+    assert!(report["rmse"].as_f64() <= Some(0.023));
+    assert_eq!(report["settings"]["error"], 0.023);
 }
 
 // --------------------------------------------------------------- The signals
@@ -272,7 +211,13 @@ fn listens(id: u32) -> bool {
 
 /// A run of the box, when it listens to signals. Tracing stops at once, but
 /// so large an image is summarised and written for a while.
-fn slow_to_write(place: &Scratch) -> Child {
+/// None where the system does not tell which signals are caught.
+fn slow_to_write(place: &Scratch) -> Option<Child> {
+    if fs::metadata("/proc/self/status").is_err() {
+        skip("the system does not tell which signals are caught");
+        return None;
+    }
+    place.put("box.obj", BOX);
     let scene = ["-q", "-ibox.obj", "-d2048x2048", "-n2", "--keep-all"];
     let files = ["--checkpoint=c", "--every=0.001"];
     let more = [&files[..], &["--integrator=reference"]].concat();
@@ -282,17 +227,13 @@ fn slow_to_write(place: &Scratch) -> Child {
     wait_until(&mut child, "handler", || listens(id));
     // A box is read and built in some milliseconds.
     thread::sleep(Duration::from_millis(1000));
-    child
+    Some(child)
 }
 
 #[test]
 fn a_warning_may_come_again_and_is_not_the_first_of_two_signals() {
-    if fs::metadata("/proc/self/status").is_err() {
-        return skip("the system does not tell which signals are caught");
-    }
     let place = Scratch::new();
-    place.put("box.obj", BOX);
-    let mut child = slow_to_write(&place);
+    let Some(mut child) = slow_to_write(&place) else { return };
     for name in ["USR1", "TERM"] {
         signal(name, &child);
         thread::sleep(Duration::from_millis(200));
@@ -311,18 +252,14 @@ fn a_warning_may_come_again_and_is_not_the_first_of_two_signals() {
 
 #[test]
 fn a_second_signal_ends_the_program_at_once() {
-    if fs::metadata("/proc/self/status").is_err() {
-        return skip("the system does not tell which signals are caught");
-    }
     let place = Scratch::new();
-    place.put("box.obj", BOX);
     // Of two different signals that arrive together, either may be first.
     for (first, second, ends) in [
         ("INT", "INT", [130, 130]),
         ("TERM", "TERM", [143, 143]),
         ("INT", "TERM", [130, 143]),
     ] {
-        let mut child = slow_to_write(&place);
+        let Some(mut child) = slow_to_write(&place) else { return };
         signal(first, &child);
         let start = Instant::now();
         while child.try_wait().unwrap().is_none() {
@@ -378,10 +315,8 @@ fn a_signal_and_the_time_stop_within_the_first_sample() {
     let all = [&scene[..], &FILES, &more].concat();
     let short = [&all[..], &["--time=1", "-d1024x768", "-f"]].concat();
     for timed in [false, true] {
-        let mut child = match timed {
-            true => place.pt(&short).spawn().unwrap(),
-            false => place.pt(&all).spawn().unwrap(),
-        };
+        let words = if timed { &short } else { &all };
+        let mut child = place.pt(words).spawn().unwrap();
         let id = child.id();
         if !timed {
             wait_until(&mut child, "handler", || listens(id));
@@ -450,7 +385,6 @@ fn a_report_that_cannot_be_written_is_refused_before_the_scene_is_read() {
     for (report, words) in [
         ("r.json", "the file exists; overwrite it with -f"),
         ("r", ".json, .csv or .html"),
-        ("r.txt", ".json, .csv or .html"),
         ("r.json.gz", ".json, .csv or .html"),
     ] {
         let report = ["-imissing.obj", "-oa.pgm", "--report", report];
@@ -469,7 +403,6 @@ fn no_file_may_serve_two_purposes() {
     for files in [
         ["--report=r.json", "--report=r.json", "-f"],
         ["-or.json", "--checkpoint=r.json", "-q"],
-        ["--checkpoint=r.json", "--report=r.json", "-f"],
         ["--reference=r.json", "--report=r.json", "-f"],
         ["--checkpoint=./r.json", "--report=r.json", "-f"],
         ["-or.json", "--checkpoint=.//r.json", "-q"],
@@ -496,15 +429,6 @@ fn each_of_several_reports_is_written() {
     place.holds_only(&["a.exr", "a.pfm", "r.json", "s.json", "t.csv"]);
 }
 
-/// Runs `pt` where no file may be larger than so many blocks.
-fn pt_within(place: &Scratch, blocks: u32, arguments: &[&str]) -> Run {
-    let script = format!(r#"ulimit -f {blocks}; exec "$0" "$@""#);
-    let mut command = place.command("sh");
-    command.args(["-c", &script, env!("CARGO_BIN_EXE_pt")]);
-    command.arg("-p0,0,0").args(arguments);
-    finish(command.spawn().unwrap())
-}
-
 /// Warnings before the end, one error at the end, and each of the names
 /// of the files that could not be written in a warning.
 #[track_caller]
@@ -529,7 +453,7 @@ fn a_checkpoint_that_does_not_fit_costs_neither_image_nor_report() {
     let files = ["-oa.pgm", "--report=r.json", "--checkpoint=c"];
     let run = ["-n6", "--every=1e-9"];
     let run = [&scene[..], &files, &run].concat();
-    warned(&pt_within(&place, 64, &run), &["c"]);
+    warned(&place.within("-f 64", &run), &["c"]);
     let report = place.json("r.json");
     assert_eq!(
         (spp(&report), report["stopped"].as_str()),
@@ -543,7 +467,7 @@ fn a_checkpoint_that_does_not_fit_costs_neither_image_nor_report() {
     place.run(&[&scene[..], &shorter].concat()).succeeded();
     let old = place.get("c");
     let resume = [&run[..], &["-f", "--resume=c"]].concat();
-    warned(&pt_within(&place, 64, &resume), &["c"]);
+    warned(&place.within("-f 64", &resume), &["c"]);
     assert_eq!(place.get("c"), old);
     assert_eq!(place.get("a.pgm"), whole);
     place.holds_only(&["a.pgm", "b.pgm", "c", "r.json"]);
@@ -555,7 +479,7 @@ fn a_report_that_does_not_fit_costs_neither_image_nor_run() {
     let scene = ["-iroom.obj", "-d9x7", "-n40"];
     let files = ["-oa.pgm", "--report=r.json", "--checkpoint=c"];
     let run = [&scene[..], &files, &["--every=1e-9"]].concat();
-    warned(&pt_within(&place, 1, &run), &["r.json", "c"]);
+    warned(&place.within("-f 1", &run), &["r.json", "c"]);
     assert_eq!(place.get("a.pgm"), place.run(&scene).stdout);
     place.holds_only(&["a.pgm"]);
 }
@@ -583,10 +507,6 @@ fn every_point_says_its_true_error_against_the_reference() {
         let expected = (squares.sum::<f64>() / (23. * 17.)).sqrt();
         let last = &steps(&report)[steps(&report).len() - 1];
         assert!((error(last) / expected - 1.).abs() < 1e-5);
-        // The estimate agrees with the truth, to some of its own error.
-        let rmse = last["rmse"].as_f64().unwrap();
-        let both = rmse * (1f64 + 50. / 300.).sqrt();
-        assert!((expected / both - 1.).abs() < 0.15, "{expected} {both}");
     }
     pt(&place, &[&FILES[..], &["-f", "-n3"]].concat()).succeeded();
     let report = place.json("r.json");
@@ -613,24 +533,13 @@ fn a_reference_with_the_seed_of_the_run_is_worth_a_warning() {
 #[test]
 fn a_reference_that_cannot_be_used_is_named_before_the_scene_is_read() {
     let place = Scratch::new();
-    let whole = ["-otruth.exr", "-otruth.pfm", "-olevels.pgm"];
-    pt(&place, &[&whole[..], &["-olevels.png"]].concat()).succeeded();
-    let (exr, pfm) = (place.get("truth.exr"), place.get("truth.pfm"));
-    let mut nan = pfm.clone();
+    let whole = ["-otruth.exr", "-otruth.pfm", "-olevels.png"];
+    pt(&place, &whole).succeeded();
+    let (exr, mut nan) = (place.get("truth.exr"), place.get("truth.pfm"));
     let end = nan.len();
     nan[end - 4..].copy_from_slice(&f32::NAN.to_le_bytes());
-    for (name, bytes) in [
-        ("short.exr", &exr[..exr.len() / 2]),
-        ("head.exr", &exr[..100]),
-        ("short.pfm", &pfm[..end - 1]),
-        ("long.pfm", &[&pfm[..], b"\n"].concat()),
-        ("nan.pfm", &nan),
-        ("colour.pfm", &[b"PF", &pfm[2..]].concat()),
-        ("empty.exr", &[]),
-        ("words.pfm", ROOM.as_bytes()),
-    ] {
-        place.put(name, bytes);
-    }
+    place.put("nan.pfm", nan);
+    place.put("short.exr", &exr[..exr.len() / 2]);
     let names = place.names();
     let unfit = |name: &str, size: &str, word: &str| {
         let reference = format!("--reference={name}");
@@ -642,14 +551,8 @@ fn a_reference_that_cannot_be_used_is_named_before_the_scene_is_read() {
     for name in ["truth.exr", "truth.pfm"] {
         unfit(name, "17x23", "is 23x17 pixels large, and the image 17x23");
     }
-    for name in ["short.exr", "head.exr", "empty.exr", "words.pfm"] {
-        unfit(name, "23x17", name);
-    }
-    unfit("short.pfm", "23x17", "bytes of pixels");
-    unfit("long.pfm", "23x17", "its last 1 bytes are ignored");
+    unfit("short.exr", "23x17", "short.exr");
     unfit("nan.pfm", "23x17", "not finite numbers: 1, the first at 22,0");
-    unfit("colour.pfm", "23x17", "colour");
-    unfit("levels.pgm", "23x17", "grey levels");
     unfit("levels.png", "23x17", "grey levels");
     unfit("none.exr", "23x17", "cannot read");
 }
@@ -659,34 +562,18 @@ fn a_reference_that_cannot_be_used_is_named_before_the_scene_is_read() {
 #[test]
 fn standard_output_has_the_bytes_of_the_file_in_each_format() {
     let place = Scratch::new();
+    let files = ["-n5", "-oa.pgm", "-oa.png", "-oa.pfm", "-oa.exr"];
+    pt(&place, &files).succeeded();
+    let shown =
+        |format: &str| pt(&place, &["-n5", "--format", format]).stdout;
     for format in ["pgm", "png", "pfm"] {
-        let (option, file) =
-            (format!("--format={format}"), format!("-oa.{format}"));
-        let run = pt(&place, &["-n5", &option]);
-        run.succeeded();
-        pt(&place, &["-n5", &file]).succeeded();
-        let bytes = place.get(&format!("a.{format}"));
-        assert!(run.stdout == bytes, "{format}");
+        let file = place.get(&format!("a.{format}"));
+        assert!(shown(format) == file, "{format}");
     }
-}
-
-#[test]
-fn a_format_is_for_standard_output_only() {
-    let place = Scratch::new();
-    let both = ["-i", "none.obj", "--format=exr", "-o", "a.pgm"];
-    place.run(&both).failed(2, &["--format", "standard output"]);
-}
-
-#[test]
-fn an_exr_is_the_same_on_standard_output_except_for_its_times() {
-    let place = Scratch::new();
-    pt(&place, &["-n5", "-oa.exr", "-oa.pfm"]).succeeded();
     let pfm = Image::read(&place.path("a.pfm")).unwrap();
-    let run = pt(&place, &["-n5", "--format=exr"]);
-    run.succeeded();
-    place.put("b.exr", run.stdout);
-    let [one, other] = ["a.exr", "b.exr"].map(|name| {
-        let mut image = Image::read(&place.path(name)).unwrap();
+    // An EXR has the times of its run.
+    let [one, other] = [place.get("a.exr"), shown("exr")].map(|bytes| {
+        let mut image = Image::decode(&bytes, &mut |_| ()).unwrap();
         let timed = ["load_seconds", "build_seconds", "render_seconds"];
         for name in timed {
             let seconds = image.attributes.remove(name).unwrap();
@@ -714,7 +601,7 @@ fn an_exr_is_the_same_on_standard_output_except_for_its_times() {
 fn each_file_that_cannot_be_written_is_named() {
     let place = Scratch::new();
     let files = ["-iroom.obj", "-n2", "-d512x384", "-oa.pgm", "-ob.pfm"];
-    pt_within(&place, 64, &files).failed(1, &["a.pgm", "b.pfm"]);
+    place.within("-f 64", &files).failed(1, &["a.pgm", "b.pfm"]);
     place.holds_only(&[]);
 }
 

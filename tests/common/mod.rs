@@ -118,6 +118,14 @@ impl Scratch {
         finish(self.pt(arguments).spawn().unwrap())
     }
 
+    /// Runs `pt` under a limit of the shell.
+    pub fn within(&self, limit: &str, arguments: &[&str]) -> Run {
+        let script = format!(r#"ulimit {limit}; exec "$0" "$@""#);
+        let mut command = self.command("sh");
+        command.args(["-c", &script, PT, "-p0,0,0"]).args(arguments);
+        finish(command.spawn().unwrap())
+    }
+
     /// Runs `pt` with `input` on its standard input.
     pub fn feed(&self, input: &[u8], arguments: &[&str]) -> Run {
         let mut command = self.pt(arguments);
