@@ -118,26 +118,16 @@ fn believer(value: f32) -> RadianceCache {
 /// a correction, or the means of its one tile; and the rays of a sample.
 fn gather(
     setting: &Setting,
-    albedo: f64,
     cache: &RadianceCache,
     correction: Option<Correction>,
     scrambles: u64,
 ) -> (Accumulator, f64) {
-    let Job { entrance, intersector, camera, known, .. } = setting.job(1);
-    let sky = Sky::new(DVec3::Z);
-    let mut tracer = Tracer {
-        entrance,
-        intersector,
-        camera,
-        sky,
-        albedo,
-        cache,
-        rays: 0,
-    };
+    let Job { intersector, known, .. } = setting.job(1);
+    let inquiry = setting.inquiry((4, 4));
+    let mut tracer = Tracer { inquiry, intersector, cache, rays: 0 };
     let mut film = Film::new(4, 4);
     let tile = film.tiles()[0].0;
     let plan = Plan {
-        resolution: film.resolution(),
         window: film.window(),
         known,
         allocation: &Allocation::even(1, film.area()),
@@ -164,10 +154,10 @@ fn a_believed_cache_passes_on_two_thirds_of_its_error() {
     let all = Correction { step: 1., ..Correction::default() };
     for (says, image) in [(1., 0.8), (0., 0.16), (4. / 9., 4. / 9.)] {
         let cache = believer(says);
-        let (sum, rays) = gather(&setting, 0.8, &cache, None, 2000);
+        let (sum, rays) = gather(&setting, &cache, None, 2000);
         near(sum.mean(), image, 5. * sum.standard_error() + 5e-4);
         near(rays, 2., 0.);
-        let (sum, _) = gather(&setting, 0.8, &cache, Some(all), 1000);
+        let (sum, _) = gather(&setting, &cache, Some(all), 1000);
         near(sum.mean(), 4. / 9., 5. * sum.standard_error() + 5e-4);
         assert!(sum.standard_error() < 0.02, "{}", sum.standard_error());
     }
@@ -177,7 +167,7 @@ fn a_believed_cache_passes_on_two_thirds_of_its_error() {
 fn a_true_cache_halves_the_variance_of_a_cavity_and_saves_two_rays_of_three()
  {
     let setting = sphere(0.2, 0.8, 128);
-    let (sum, _) = gather(&setting, 0.8, &believer(4. / 9.), None, 4000);
+    let (sum, _) = gather(&setting, &believer(4. / 9.), None, 4000);
     near(sum.variance(), 0.0316, 1e-3);
     let paths = weigh(&mut setting.job(1), 64_000);
     near(paths.variance(), 0.0648, 3e-3);
@@ -189,18 +179,10 @@ fn room_of_step(step: Option<f64>) -> (f64, f64) {
     let room = settings::named("room with a window");
     let sky = (room.rho, DVec3::Z);
     let setting = Setting::new(&room.mesh, sky, &room.view, 1.).unwrap();
-    let Job { entrance, intersector, camera, known, .. } = setting.job(1);
-    let (sky, albedo) = (Sky::new(DVec3::Z), room.rho);
+    let Job { intersector, known, .. } = setting.job(1);
+    let inquiry = setting.inquiry((16, 16));
     let cache = &RadianceCache::empty(Grid::around(&[]));
-    let like = Tracer {
-        entrance,
-        intersector,
-        camera,
-        sky,
-        albedo,
-        cache,
-        rays: 0,
-    };
+    let like = Tracer { inquiry, intersector, cache, rays: 0 };
     let (cache, _) = train(&like, 1 << 17, 9, &|_| true);
     let mut tracer = Tracer { cache: &cache, rays: 0, ..like };
     let mut film = Film::new(16, 16);
@@ -208,7 +190,6 @@ fn room_of_step(step: Option<f64>) -> (f64, f64) {
     let allocation =
         &Allocation { counts: vec![4; 256], scale: vec![0.42; 256] };
     let plan = Plan {
-        resolution: film.resolution(),
         window: film.window(),
         known,
         allocation,

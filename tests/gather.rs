@@ -17,6 +17,7 @@ use std::time::{Duration, Instant};
 
 use common::{BOX, Run, Scratch, finish};
 use glam::DVec3;
+use litpt::analysis::Inquiry;
 use litpt::analysis::background::{
     BackgroundTiles, KnownPixels, TileContent,
 };
@@ -500,7 +501,9 @@ impl Stage {
     }
 
     fn tracer<'a>(&'a self, cache: &'a RadianceCache) -> Tracer<'a, Bvh> {
-        self.renderer(0).tracer(self.setting.job(0).intersector, cache)
+        let Job { intersector, .. } = self.setting.job(0);
+        let inquiry = self.setting.inquiry(self.resolution);
+        Tracer { inquiry, intersector, cache, rays: 0 }
     }
 
     /// Points of its surfaces, with their normals, as paths meet them.
@@ -661,15 +664,10 @@ fn a_lying_cache_does_not_change_the_mean_of_furrows() {
 impl Stage {
     /// A renderer that has learnt nothing yet.
     fn renderer(&self, seed: u64) -> Gather<'_> {
-        let Job {
-            entrance, intersector, camera, integrator, known, ..
-        } = self.setting.job(0);
+        let Job { intersector, known, .. } = self.setting.job(0);
         Gather {
-            entrance,
+            inquiry: self.setting.inquiry(self.resolution),
             intersector,
-            camera,
-            sky: integrator.sky,
-            albedo: integrator.albedo,
             known,
             seed,
             training: 1 << 16,
@@ -801,7 +799,9 @@ fn a_gather_traces_no_ray_in_a_tile_of_the_sky() {
     };
     let camera = &Camera::new(&view, 1.).unwrap();
     let gathered = |known: &KnownPixels| {
-        let gather = Gather { known, camera, ..stage.renderer(5) };
+        let gather = stage.renderer(5);
+        let inquiry = Inquiry { camera, ..gather.inquiry };
+        let gather = Gather { known, inquiry, ..gather };
         let plan = gather.plan(&Film::new(16, 16), &allocation);
         let mut tracer = gather.tracer(gather.intersector, &cache);
         (tracer.tile(&plan, tile, 0), tracer.rays)

@@ -13,6 +13,7 @@ use std::iter;
 
 use glam::DVec3;
 
+use litpt::analysis::Inquiry;
 use litpt::analysis::background::KnownPixels;
 use litpt::bvh::Bvh;
 use litpt::camera::{Camera, View};
@@ -319,6 +320,13 @@ impl Setting {
         let integrator = PathTracer::new(rho, sky);
         let entrance = scene.frame.entrance(view.position);
         Ok(Self { entrance, intersector, camera, integrator })
+    }
+
+    /// What is asked about it, for an image of this width and height.
+    pub fn inquiry(&self, resolution: (u32, u32)) -> Inquiry<'_> {
+        let &Self { entrance, ref camera, integrator, .. } = self;
+        let PathTracer { albedo, sky, .. } = integrator;
+        Inquiry { camera, entrance, sky, albedo, resolution, kept: &[] }
     }
 
     /// The job that renders it.

@@ -13,29 +13,22 @@ use std::array;
 
 use rand::RngExt;
 
+use crate::analysis::Inquiry;
 use crate::analysis::background::{KnownPixels, TileContent};
 use crate::bvh::{BEAM, Hit, Intersector};
-use crate::camera::Camera;
 use crate::film::{Tile, Window};
 use crate::sampler::sobol::{ScrambledNet, scramble_key, to_unit};
 use crate::sampler::{generator, within};
-use crate::scene::{Entrance, Ray};
-use crate::sky::Sky;
+use crate::scene::Ray;
 use cache::{Cell, RadianceCache, UNSEEN};
 use guide::{Guide, bin, direction};
 
 /// Traces rays, and knows the scene and the cache.
 pub struct Tracer<'a, K> {
-    /// Where rays of the camera enter the scene.
-    pub entrance: Entrance,
+    /// The view of the scene, and its light.
+    pub inquiry: Inquiry<'a>,
     /// Finds hits in the scene.
     pub intersector: &'a K,
-    /// Where paths start.
-    pub camera: &'a Camera,
-    /// The only light.
-    pub sky: Sky,
-    /// Albedo of every surface, in [0, 1].
-    pub albedo: f64,
     /// Chooses directions, and approximates the radiance.
     pub cache: &'a RadianceCache,
     /// The number of rays traced so far.
@@ -72,9 +65,7 @@ pub struct Allocation {
 
 /// What decides the samples of an image, beside the tracer.
 pub struct Plan<'a> {
-    /// Width and height of the image.
-    pub resolution: (u32, u32),
-    /// The part of it that is rendered.
+    /// The part of the image that is rendered.
     pub window: Window,
     /// What is known of it beforehand.
     pub known: &'a KnownPixels,
@@ -170,7 +161,7 @@ impl<K: Intersector> Tracer<'_, K> {
         let ray = Ray { origin: x.point, direction };
         self.rays += 1;
         let hit = self.intersector.first_hit(&ray, Some(x.primitive));
-        let sky = || End::Sky(self.sky.radiance(direction));
+        let sky = || End::Sky(self.inquiry.sky.radiance(direction));
         Shot { weight, bin, end: hit.map_or_else(sky, End::Hit) }
     }
 
@@ -186,12 +177,13 @@ impl<K: Intersector> Tracer<'_, K> {
     /// image, or the radiance of the sky behind it.
     #[inline]
     pub fn look(&mut self, x: f64, y: f64) -> End {
-        let direction = self.camera.direction(x, y);
-        let ray = self.entrance.enter(direction);
+        let Inquiry { camera, entrance, sky, .. } = self.inquiry;
+        let direction = camera.direction(x, y);
+        let ray = entrance.enter(direction);
         self.rays += u64::from(ray.is_some());
         let hit =
             ray.and_then(|ray| self.intersector.first_hit(&ray, None));
-        let sky = || End::Sky(self.sky.radiance(direction));
+        let sky = || End::Sky(sky.radiance(direction));
         hit.map_or_else(sky, End::Hit)
     }
 
@@ -207,7 +199,7 @@ impl<K: Intersector> Tracer<'_, K> {
         // Draw all samples of a tile
         for pixel in 0..tile.size.0 * tile.size.1 {
             let (x, y, number) = plan.place(tile, pixel);
-            let (width, height) = plan.resolution;
+            let (width, height) = self.inquiry.resolution;
             let i = u64::from(y) * u64::from(width) + u64::from(x);
             let key = scramble_key(plan.seed, i, scramble);
             for n in 0..plan.allocation.counts[number] {
@@ -215,12 +207,8 @@ impl<K: Intersector> Tracer<'_, K> {
                 let (u, v) = (within(x, width, u), within(y, height, v));
                 let scale = plan.allocation.scale[number];
                 let second = plan.net.pair(key, n, 1);
-                looks.push((
-                    self.camera.direction(u, v),
-                    pixel,
-                    scale,
-                    second,
-                ));
+                let direction = self.inquiry.camera.direction(u, v);
+                looks.push((direction, pixel, scale, second));
             }
         }
         let is_sky = plan.known.content(tile.corner) == TileContent::Sky;
@@ -228,7 +216,9 @@ impl<K: Intersector> Tracer<'_, K> {
         // Send the first rays in beams
         for batch in looks.chunks(BEAM) {
             let rays = array::from_fn(|i| match batch.get(i) {
-                Some(look) if !is_sky => self.entrance.enter(look.0),
+                Some(look) if !is_sky => {
+                    self.inquiry.entrance.enter(look.0)
+                }
                 _ => None,
             });
             self.rays += rays.iter().flatten().count() as u64;
@@ -249,7 +239,8 @@ impl<K: Intersector> Tracer<'_, K> {
                         })
                     }
                     None => {
-                        sums[pixel as usize] += self.sky.radiance(direction)
+                        let radiance = self.inquiry.sky.radiance(direction);
+                        sums[pixel as usize] += radiance;
                     }
                 }
             }
@@ -275,7 +266,7 @@ impl<K: Intersector> Tracer<'_, K> {
         let mut sums = vec![0.; area as usize];
         let mut samples = self.begin(plan, tile, scramble, &mut sums);
         // Gather at all samples
-        let cache = self.cache;
+        let (cache, albedo) = (self.cache, self.inquiry.albedo);
         let cell = |Sample { hit, .. }: &Sample| {
             *cache.at(cache.grid.name(hit.point, hit.normal))
         };
@@ -285,7 +276,7 @@ impl<K: Intersector> Tracer<'_, K> {
             sample.weight = shot.weight;
             match shot.end {
                 End::Sky(radiance) => {
-                    let radiance = self.albedo * shot.weight * radiance;
+                    let radiance = albedo * shot.weight * radiance;
                     sums[sample.pixel as usize] += radiance;
                 }
                 End::Hit(hit) => sample.end = Some((hit, UNSEEN)),
@@ -296,8 +287,7 @@ impl<K: Intersector> Tracer<'_, K> {
             if let Some((hit, cell)) = end {
                 let u = [random.random(), random.random()];
                 *cell = self.cell_around(hit, u);
-                let radiance =
-                    self.albedo * *weight * f64::from(cell.value);
+                let radiance = albedo * *weight * f64::from(cell.value);
                 sums[*pixel as usize] += radiance;
             }
         }

@@ -20,9 +20,7 @@ use crate::film::{Film, Window};
 use crate::integrator::gather::Correction;
 use crate::integrator::gather::render::Gather;
 use crate::integrator::gather::training::PILOT_SAMPLES;
-use crate::integrator::{
-    DirectSky, Integrator, PathEvent, PathTracer, identity,
-};
+use crate::integrator::{Integrator, PathEvent, PathTracer, identity};
 use crate::sampler::sobol::SobolSampler;
 use crate::sampler::{IndependentSampler, Sampler, generator, within};
 
@@ -173,27 +171,22 @@ pub struct Setup<'a> {
 impl<'a> Setup<'a> {
     /// The renderer of a method.
     pub fn renderer(&self, sampling: &Sampling) -> Box<dyn Renderer + 'a> {
-        let &Inquiry { entrance, camera, sky, albedo, .. } = self.inquiry;
+        let &Self { intersector, inquiry, analysis } = self;
         let &Sampling { seed, replicate, training, .. } = sampling;
-        let independent = IndependentSampler::new(seed);
-        let nets = SobolSampler::new(seed, replicate);
-        let paths = PathTracer::new(albedo, sky);
-        let direct = DirectSky { sky };
-        match (sampling.method, self.analysis.is_black) {
-            (Method::Reference, true) => self.job(direct, independent),
-            (Method::Reference, false) => self.job(paths, independent),
-            (Method::Sobol, true) => self.job(direct, nets),
-            (Method::Sobol, false) => {
-                let control = sampling.control as f64 / 100.;
-                self.job(PathTracer { control, ..paths }, nets)
+        let mut paths = PathTracer::new(inquiry.albedo, inquiry.sky);
+        paths.is_black = analysis.is_black;
+        match sampling.method {
+            Method::Reference => {
+                self.job(paths, IndependentSampler::new(seed))
             }
-            (Method::Gather, _) => Box::new(Gather {
-                entrance,
-                intersector: self.intersector,
-                camera,
-                sky,
-                albedo,
-                known: &self.analysis.known,
+            Method::Sobol => {
+                paths.control = sampling.control as f64 / 100.;
+                self.job(paths, SobolSampler::new(seed, replicate))
+            }
+            Method::Gather => Box::new(Gather {
+                inquiry: *inquiry,
+                intersector,
+                known: &analysis.known,
                 seed,
                 training,
                 correction: Some(Correction::default()),
@@ -205,13 +198,14 @@ impl<'a> Setup<'a> {
     /// The renderer of paths.
     fn job(
         &self,
-        integrator: impl Integrator + 'a,
+        integrator: PathTracer,
         sampler: impl Sampler + 'a,
     ) -> Box<dyn Renderer + 'a> {
         let &Self { intersector, inquiry, analysis } = self;
-        let (camera, known) = (inquiry.camera, &analysis.known);
+        let (known, camera) = (&analysis.known, inquiry.camera);
+        let entrance = inquiry.entrance;
         Box::new(Job {
-            entrance: inquiry.entrance,
+            entrance,
             intersector,
             camera,
             integrator,

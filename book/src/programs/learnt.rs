@@ -141,15 +141,10 @@ impl Stage {
     }
 
     fn gather(&self, training: u64) -> Gather<'_> {
-        let Job {
-            entrance, intersector, camera, integrator, known, ..
-        } = self.0.job(0);
+        let Job { intersector, known, .. } = self.0.job(0);
         Gather {
-            entrance,
+            inquiry: self.0.inquiry(RESOLUTION),
             intersector,
-            camera,
-            sky: integrator.sky,
-            albedo: RHO,
             known,
             seed: 0,
             training,
@@ -159,7 +154,9 @@ impl Stage {
     }
 
     fn tracer<'a>(&'a self, cache: &'a RadianceCache) -> Tracer<'a, Bvh> {
-        self.gather(0).tracer(self.0.job(0).intersector, cache)
+        let Job { intersector, .. } = self.0.job(0);
+        let inquiry = self.0.inquiry(RESOLUTION);
+        Tracer { inquiry, intersector, cache, rays: 0 }
     }
 
     /// Renders by paths of at least so many rays; samples and rays.

@@ -9,9 +9,7 @@ use std::fs;
 
 use litpt::analysis::background::KnownPixels;
 use litpt::bvh::Bvh;
-use litpt::camera::Camera;
 use litpt::film::{Film, Tile, Window};
-use litpt::integrator::PathTracer;
 use litpt::integrator::gather::cache::{Grid, RadianceCache, Record};
 use litpt::integrator::gather::training::{allocate, train};
 use litpt::integrator::gather::{
@@ -22,9 +20,9 @@ use litpt::render::choose::{Method, Sampling};
 use litpt::render::{Job, Renderer};
 use litpt::sampler::sobol::{ScrambledNet, SobolSampler};
 use litpt::sampler::split_mix;
-use litpt::scene::{Entrance, Scene, read_obj};
-use litpt::sky::Sky;
+use litpt::scene::read_obj;
 use litpt::statistics::Accumulator;
+use litpt_book::closed_forms::Setting;
 use rayon::prelude::*;
 
 use super::Done;
@@ -141,12 +139,8 @@ impl Learnt {
 }
 
 /// A scene, its view, and how its samples are made.
-struct Stage<'a> {
-    entrance: Entrance,
-    intersector: &'a Bvh,
-    camera: Camera,
-    sky: Sky,
-    albedo: f64,
+struct Stage {
+    setting: Setting,
     resolution: (u32, u32),
     samples: u64,
 }
@@ -165,7 +159,7 @@ struct Learnt {
     pilot: u64,
 }
 
-impl Stage<'_> {
+impl Stage {
     /// How a method samples, with a seed.
     fn sampling(&self, method: Method, seed: u64) -> Sampling {
         let area = u64::from(self.resolution.0 * self.resolution.1);
@@ -179,21 +173,13 @@ impl Stage<'_> {
     }
 
     fn tracer<'a>(&'a self, cache: &'a RadianceCache) -> Tracer<'a, Bvh> {
-        let &Self { entrance, intersector, sky, albedo, .. } = self;
-        let camera = &self.camera;
-        Tracer {
-            entrance,
-            intersector,
-            camera,
-            sky,
-            albedo,
-            cache,
-            rays: 0,
-        }
+        let inquiry = self.setting.inquiry(self.resolution);
+        let Job { intersector, .. } = self.setting.job(0);
+        Tracer { inquiry, intersector, cache, rays: 0 }
     }
 }
 
-impl Stage<'_> {
+impl Stage {
     /// Learns twice, as a run with this seed does, and with a tenth of the
     /// rays.
     fn learn(&self, seed: u64) -> Learnt {
@@ -244,12 +230,10 @@ struct Run {
     rays: f64,
 }
 
-impl Stage<'_> {
+impl Stage {
     fn plan<'a>(&self, estimator: &Estimator<'a>, seed: u64) -> Plan<'a> {
-        let resolution = self.resolution;
         Plan {
-            resolution,
-            window: Window { corner: (0, 0), size: resolution },
+            window: Window { corner: (0, 0), size: self.resolution },
             known: &KnownPixels::Nothing,
             allocation: estimator.allocation,
             net: estimator.net,
@@ -292,14 +276,17 @@ impl Stage<'_> {
     fn trace(&self, seed: u64) -> Run {
         let sampling = self.sampling(Method::Sobol, seed);
         let mut film = self.film(&sampling);
-        let &Self { entrance, intersector, sky, albedo, .. } = self;
+        let Job {
+            entrance, intersector, camera, integrator, known, ..
+        } = self.setting.job(0);
+        let sampler = SobolSampler::new(seed, sampling.replicate);
         let mut job = Job {
             entrance,
             intersector,
-            camera: &self.camera,
-            integrator: PathTracer::new(albedo, sky),
-            known: &KnownPixels::Nothing,
-            sampler: SobolSampler::new(seed, sampling.replicate),
+            camera,
+            integrator,
+            known,
+            sampler,
         };
         let traced = job.pass(&mut film, self.samples, &|_| true);
         let samples = self.samples * film.area();
@@ -363,7 +350,7 @@ fn without_it(all: &[Outcome], one: usize) -> (f64, f64) {
     (sum / weights, 1. / weights)
 }
 
-impl Stage<'_> {
+impl Stage {
     /// A run without a part, with what run `i` has learnt.
     fn without(&self, learnt: &Learnt, part: usize, i: u64) -> Run {
         let seed = (part as u64 + 1) * RUNS + i;
@@ -386,17 +373,16 @@ pub fn run(arguments: &[String]) -> Done {
     let parsed = Options::parse(words);
     let arguments = parsed.map_err(|error| format!("{error:?}"))?;
     let input = arguments.input.as_ref().ok_or("name a scene: -i FILE")?;
-    let scene = Scene::new(&read_obj(&fs::read(input)?)?);
-    let intersector = Bvh::new(&scene)?;
-    let view = arguments.view();
+    let (mesh, view) = (read_obj(&fs::read(input)?)?, arguments.view());
     let (width, height) = arguments.resolution;
     let aspect = f64::from(width) / f64::from(height);
     let stage = Stage {
-        entrance: scene.frame.entrance(view.position),
-        intersector: &intersector,
-        camera: Camera::new(&view, aspect)?,
-        sky: Sky::new(view.up),
-        albedo: arguments.albedo,
+        setting: Setting::new(
+            &mesh,
+            (arguments.albedo, view.up),
+            &view,
+            aspect,
+        )?,
         resolution: arguments.resolution,
         samples: arguments.samples().unwrap_or(SAMPLES),
     };

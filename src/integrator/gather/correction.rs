@@ -41,7 +41,7 @@ impl<K: Intersector> Tracer<'_, K> {
                 let Sample { weight, scale, ref end, .. } = samples[k];
                 let Some((y, cell)) = end else { continue };
                 let expected = f64::from(cell.error);
-                reached += self.albedo * weight * expected / scale;
+                reached += self.inquiry.albedo * weight * expected / scale;
                 let draws = draws(&mut next, reached, correction.step);
                 if draws > 0. {
                     let found = self.radiance(correction, y, cell, numbers);
@@ -108,7 +108,7 @@ impl<K: Intersector> Tracer<'_, K> {
             sum += weight
                 * self.error(branches, hit, cell, numbers, &mut others);
         }
-        self.albedo * sum
+        self.inquiry.albedo * sum
     }
 
     /// The mean of what comes from rays that leave `x`, as far as the cache
@@ -174,9 +174,9 @@ impl<K: Intersector> Tracer<'_, K> {
         for bounce in 0.. {
             error -= throughput * f64::from(cell.value);
             let sum = self.gather(&y, &cell, branches, 1, numbers, ends);
-            error += throughput * self.albedo * sum;
+            error += throughput * self.inquiry.albedo * sum;
             let Some(end) = ends.pop() else { break };
-            throughput *= self.albedo * end.weight;
+            throughput *= self.inquiry.albedo * end.weight;
             // Let a weak path survive by chance
             let long =
                 if bounce < MANY_BOUNCES { 1. } else { survival(bounce) };

@@ -8,29 +8,21 @@ use rayon::prelude::*;
 use super::cache::{Grid, RadianceCache};
 use super::training::{PILOT_SAMPLES, allocate, train};
 use super::{Allocation, Correction, Plan, Tracer};
+use crate::analysis::Inquiry;
 use crate::analysis::background::KnownPixels;
 use crate::bvh::{Bvh, Dispatch, Intersector};
-use crate::camera::Camera;
 use crate::film::{Film, Tile, Watch};
 use crate::integrator::Renderer;
 use crate::sampler::sobol::ScrambledNet;
 use crate::sampler::split_mix;
-use crate::scene::Entrance;
-use crate::sky::Sky;
 use crate::statistics::Accumulator;
 
 /// Renders by gathering, with what a training has learnt.
 pub struct Gather<'a> {
-    /// Where rays of the camera enter the scene.
-    pub entrance: Entrance,
+    /// The view of the scene, and its light.
+    pub inquiry: Inquiry<'a>,
     /// Finds hits in the scene.
     pub intersector: &'a Bvh,
-    /// Where paths start.
-    pub camera: &'a Camera,
-    /// The only light.
-    pub sky: Sky,
-    /// Albedo of every surface.
-    pub albedo: f64,
     /// What is known of the image beforehand.
     pub known: &'a KnownPixels,
     /// Chooses all random numbers.
@@ -74,41 +66,25 @@ impl Renderer for Gather<'_> {
     }
 }
 
-impl<'g> Gather<'g> {
+impl Gather<'_> {
     /// A tracer with a cache.
     pub fn tracer<'a, K>(
-        &self,
+        &'a self,
         intersector: &'a K,
         cache: &'a RadianceCache,
-    ) -> Tracer<'a, K>
-    where
-        'g: 'a,
-    {
-        let &Self { entrance, camera, sky, albedo, .. } = self;
-        Tracer {
-            entrance,
-            intersector,
-            camera,
-            sky,
-            albedo,
-            cache,
-            rays: 0,
-        }
+    ) -> Tracer<'a, K> {
+        Tracer { inquiry: self.inquiry, intersector, cache, rays: 0 }
     }
 
     /// A plan for the whole window of a film's run.
     pub fn plan<'a>(
-        &self,
+        &'a self,
         film: &Film,
         allocation: &'a Allocation,
-    ) -> Plan<'a>
-    where
-        'g: 'a,
-    {
+    ) -> Plan<'a> {
         let most = allocation.counts.iter().max().copied().unwrap_or(1);
         let points = u64::from(most).max(64).next_power_of_two();
         Plan {
-            resolution: film.resolution(),
             window: film.whole(),
             known: self.known,
             allocation,

@@ -124,7 +124,8 @@ pub fn train<K: Intersector>(
             traced += rays;
         }
         let before = cache.relative_error;
-        cache = cache.learn(&mut records, like.albedo as f32, watch);
+        cache =
+            cache.learn(&mut records, like.inquiry.albedo as f32, watch);
         let now = cache.relative_error;
         if round == 1 && now * (1. - now / before) < LEAST_FALL {
             break;
