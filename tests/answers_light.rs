@@ -12,9 +12,9 @@ use litpt::analysis::background::{
 };
 use litpt::analysis::interior::*;
 use litpt::integrator::gather::cache::{Grid, RadianceCache, Record, SKY};
+use litpt::integrator::gather::render::Gather;
 use litpt::integrator::gather::training::train;
-use litpt::integrator::gather::{Allocation, Correction, Plan, Tracer};
-use litpt::sampler::sobol::ScrambledNet;
+use litpt::integrator::gather::{Allocation, Correction, Tracer};
 use litpt::{bvh::*, film::*, image::*, render::*};
 use litpt::{camera::*, render_loop::*};
 use litpt::{compare::compare, integrator::*};
@@ -122,22 +122,16 @@ fn gather(
     correction: Option<Correction>,
     scrambles: u64,
 ) -> (Accumulator, f64) {
-    let Job { intersector, known, .. } = setting.job(1);
-    let inquiry = setting.inquiry((4, 4));
-    let mut tracer = Tracer { inquiry, intersector, cache, rays: 0 };
     let mut film = Film::new(4, 4);
     let tile = film.tiles()[0].0;
-    let plan = Plan {
-        window: film.window(),
-        known,
-        allocation: &Allocation::even(1, film.area()),
-        net: ScrambledNet::new(1),
-        seed: 4,
-        correction,
-    };
+    let gather = &Gather { seed: 4, correction, ..setting.gather((4, 4)) };
+    let allocation = &Allocation::even(film.window());
+    let intersector = gather.intersector;
+    let mut tracer =
+        Tracer { gather, intersector, cache, allocation, rays: 0 };
     let mut sum = Accumulator::default();
     for scramble in 0..scrambles {
-        let pixels = tracer.tile(&plan, tile, scramble);
+        let pixels = tracer.tile(tile, scramble);
         match correction {
             Some(_) => sum.add(pixels.iter().sum::<f64>() / 16.),
             None => pixels.into_iter().for_each(|value| sum.add(value)),
@@ -179,28 +173,24 @@ fn room_of_step(step: Option<f64>) -> (f64, f64) {
     let room = settings::named("room with a window");
     let sky = (room.rho, DVec3::Z);
     let setting = Setting::new(&room.mesh, sky, &room.view, 1.).unwrap();
-    let Job { intersector, known, .. } = setting.job(1);
-    let inquiry = setting.inquiry((16, 16));
-    let cache = &RadianceCache::empty(Grid::around(&[]));
-    let like = Tracer { inquiry, intersector, cache, rays: 0 };
-    let (cache, _) = train(&like, 1 << 17, 9, &|_| true);
-    let mut tracer = Tracer { cache: &cache, rays: 0, ..like };
     let mut film = Film::new(16, 16);
     let tile = film.tiles()[0].0;
-    let allocation =
-        &Allocation { counts: vec![4; 256], scale: vec![0.42; 256] };
-    let plan = Plan {
-        window: film.window(),
-        known,
-        allocation,
-        net: ScrambledNet::new(4),
-        seed: 4,
-        correction: step
-            .map(|step| Correction { step, ..Correction::default() }),
-    };
+    let (counts, scale) = (vec![4; 256], vec![0.42; 256]);
+    let allocation = &Allocation::new(film.window(), counts, scale);
+    let default = setting.gather((16, 16));
+    let intersector = default.intersector;
+    let cache = &RadianceCache::empty(Grid::around(&[]));
+    let gather = &Gather { seed: 9, training: 1 << 17, ..default };
+    let like = Tracer { gather, intersector, cache, allocation, rays: 0 };
+    let (cache, _) = train(&like, &|_| true);
+    let correction =
+        step.map(|step| Correction { step, ..Correction::default() });
+    let gather =
+        &Gather { seed: 4, correction, ..setting.gather((16, 16)) };
+    let mut tracer = Tracer { gather, cache: &cache, ..like };
     let mut pixels = vec![Accumulator::default(); 256];
     for scramble in 0..100 {
-        let values = tracer.tile(&plan, tile, scramble);
+        let values = tracer.tile(tile, scramble);
         pixels.iter_mut().zip(values).for_each(|(p, v)| p.add(v));
     }
     let sum: f64 = pixels.iter().map(Accumulator::variance).sum();

@@ -19,6 +19,8 @@ use litpt::bvh::Bvh;
 use litpt::camera::{Camera, View};
 use litpt::film::Film;
 use litpt::integrator::PathTracer;
+use litpt::integrator::gather::Correction;
+use litpt::integrator::gather::render::Gather;
 use litpt::numerics::{power_of_two, sincos_turns};
 use litpt::render::{Job, Renderer};
 use litpt::sampler::IndependentSampler;
@@ -327,6 +329,19 @@ impl Setting {
         let &Self { entrance, ref camera, integrator, .. } = self;
         let PathTracer { albedo, sky, .. } = integrator;
         Inquiry { camera, entrance, sky, albedo, resolution, kept: &[] }
+    }
+
+    /// A gather that renders it, of the seed 0.
+    pub fn gather(&self, resolution: (u32, u32)) -> Gather<'_> {
+        Gather {
+            inquiry: self.inquiry(resolution),
+            intersector: &self.intersector,
+            known: &KnownPixels::Nothing,
+            seed: 0,
+            training: 1 << 16,
+            correction: Some(Correction::default()),
+            learnt: None,
+        }
     }
 
     /// The job that renders it.

@@ -7,14 +7,12 @@
 
 use std::fs;
 
-use litpt::analysis::background::KnownPixels;
 use litpt::bvh::Bvh;
 use litpt::film::{Film, Tile, Window};
 use litpt::integrator::gather::cache::{Grid, RadianceCache, Record};
+use litpt::integrator::gather::render::Gather;
 use litpt::integrator::gather::training::{allocate, train};
-use litpt::integrator::gather::{
-    Allocation, Correction, Plan, Sample, Tracer,
-};
+use litpt::integrator::gather::{Allocation, Correction, Sample, Tracer};
 use litpt::options::Options;
 use litpt::render::choose::{Method, Sampling};
 use litpt::render::{Job, Renderer};
@@ -53,12 +51,11 @@ const RUNS: u64 = 3;
 const TILE: usize = 256;
 
 /// What makes the samples of a run.
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 struct Estimator<'a> {
     cache: &'a RadianceCache,
-    allocation: &'a Allocation,
+    allocation: Allocation,
     correction: Option<Correction>,
-    net: ScrambledNet,
     /// The rays by which all this was learnt.
     learning: u64,
 }
@@ -67,13 +64,10 @@ impl Learnt {
     /// The whole estimator.
     fn whole(&self) -> Estimator<'_> {
         let Self { cache, allocation, training, pilot, .. } = self;
-        let counts = allocation.counts.iter();
-        let most = u64::from(counts.max().copied().unwrap_or(1));
         Estimator {
             cache,
-            allocation,
+            allocation: allocation.clone(),
             correction: Some(Correction::default()),
-            net: ScrambledNet::new(most.max(64).next_power_of_two()),
             learning: training + pilot,
         }
     }
@@ -83,19 +77,23 @@ impl Learnt {
         let whole = self.whole();
         let changed = |correction| Estimator {
             correction: Some(correction),
-            ..whole
+            ..whole.clone()
         };
         let default = Correction::default();
         match part {
             "guides" => Estimator { cache: &self.unguided, ..whole },
-            "nets" => Estimator { net: ScrambledNet::new(1), ..whole },
+            "nets" => {
+                let net = ScrambledNet::new(1);
+                let allocation = Allocation { net, ..whole.allocation };
+                Estimator { allocation, ..whole }
+            }
             "cache" => Estimator {
                 cache: &self.empty,
                 learning: self.pilot,
                 ..whole
             },
             "allocation" => Estimator {
-                allocation: &self.even,
+                allocation: self.even.clone(),
                 learning: self.training,
                 ..whole
             },
@@ -119,7 +117,7 @@ impl Learnt {
     /// they are but few.
     fn bytes(&self, part: &str, replicate: u64) -> Option<usize> {
         let [table, guides] = self.cache.bytes();
-        let Allocation { counts, scale } = &self.allocation;
+        let Allocation { counts, scale, .. } = &self.allocation;
         match part {
             "guides" => Some(guides),
             "cache" => {
@@ -172,10 +170,9 @@ impl Stage {
         sampling.film(size, Window { corner: (0, 0), size })
     }
 
-    fn tracer<'a>(&'a self, cache: &'a RadianceCache) -> Tracer<'a, Bvh> {
-        let inquiry = self.setting.inquiry(self.resolution);
-        let Job { intersector, .. } = self.setting.job(0);
-        Tracer { inquiry, intersector, cache, rays: 0 }
+    /// A renderer that has learnt nothing.
+    fn renderer(&self, seed: u64) -> Gather<'_> {
+        Gather { seed, ..self.setting.gather(self.resolution) }
     }
 }
 
@@ -184,30 +181,21 @@ impl Stage {
     /// rays.
     fn learn(&self, seed: u64) -> Learnt {
         let sampling = self.sampling(Method::Gather, seed);
-        let seed = split_mix(seed);
-        let nothing = RadianceCache::empty(Grid::around(&[]));
-        let tracer = self.tracer(&nothing);
-        let rays = sampling.training;
-        let (cache, training) = train(&tracer, rays, seed, &|_| true);
-        let (hasty, haste) = train(&tracer, rays / 10, seed, &|_| true);
-        let film = self.film(&sampling);
-        let uncorrected = Estimator {
-            cache: &cache,
-            allocation: &Allocation::even(1, film.area()),
-            correction: None,
-            net: ScrambledNet::new(64),
-            learning: 0,
+        let (seed, film) = (split_mix(seed), self.film(&sampling));
+        let nothing = &RadianceCache::empty(Grid::around(&[]));
+        let one = &Allocation::even(film.window());
+        let trained = |training| {
+            let gather = &Gather { training, ..self.renderer(seed) };
+            train(&tracer(gather, nothing, one), &|_| true)
         };
-        let plan = self.plan(&uncorrected, seed);
-        let (allocation, pilot) = allocate(
-            &self.tracer(&cache),
-            &plan,
-            film.blank(),
-            film.replicate(),
-            &|_| true,
-        );
+        let rays = sampling.training;
+        let (cache, training) = trained(rays);
+        let (hasty, haste) = trained(rays / 10);
+        let gather = &Gather { correction: None, ..self.renderer(seed) };
+        let like = tracer(gather, &cache, one);
+        let (allocation, pilot) = allocate(&like, &film, &|_| true);
         let counts = vec![film.replicate() as u32; film.area() as usize];
-        let even = Allocation { counts, scale: allocation.scale.clone() };
+        let even = Allocation { counts, ..allocation.clone() };
         let unguided = cache.without_guides();
         let empty = RadianceCache::empty(cache.grid);
         Learnt {
@@ -224,6 +212,15 @@ impl Stage {
     }
 }
 
+fn tracer<'a>(
+    gather: &'a Gather<'a>,
+    cache: &'a RadianceCache,
+    allocation: &'a Allocation,
+) -> Tracer<'a, Bvh> {
+    let intersector = gather.intersector;
+    Tracer { gather, intersector, cache, allocation, rays: 0 }
+}
+
 /// A run: its image and its rays per sample, with what it had to learn.
 struct Run {
     film: Film,
@@ -231,17 +228,6 @@ struct Run {
 }
 
 impl Stage {
-    fn plan<'a>(&self, estimator: &Estimator<'a>, seed: u64) -> Plan<'a> {
-        Plan {
-            window: Window { corner: (0, 0), size: self.resolution },
-            known: &KnownPixels::Nothing,
-            allocation: estimator.allocation,
-            net: estimator.net,
-            seed,
-            correction: estimator.correction,
-        }
-    }
-
     /// Renders scrambles with what was learnt, and without a part.
     fn gather(
         &self,
@@ -250,12 +236,13 @@ impl Stage {
         scrambles: u64,
     ) -> Run {
         let mut film = self.film(&self.sampling(Method::Gather, seed));
-        let plan = self.plan(without, seed);
+        let &Estimator { cache, ref allocation, correction, .. } = without;
+        let gather = &Gather { correction, ..self.renderer(seed) };
         let render =
             |(tile, pixels, mean): (Tile, &mut [Accumulator], &mut _)| {
-                let mut tracer = self.tracer(without.cache);
+                let mut tracer = tracer(gather, cache, allocation);
                 for scramble in 0..scrambles {
-                    let values = tracer.tile(&plan, tile, scramble);
+                    let values = tracer.tile(tile, scramble);
                     let sum: f64 = values.iter().sum();
                     Accumulator::add(mean, sum / values.len() as f64);
                     let both = pixels.iter_mut().zip(values);
