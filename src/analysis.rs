@@ -70,6 +70,7 @@ pub struct SceneAnalysis {
 }
 
 /// What is asked about a scene.
+#[derive(Clone, Copy)]
 pub struct Inquiry<'a> {
     /// The camera of the image.
     pub camera: &'a Camera,

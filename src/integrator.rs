@@ -8,7 +8,7 @@ pub mod gather;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use crate::bvh::{BEAM, Hit, Intersector};
+use crate::bvh::Hit;
 use crate::film::{Film, Watch};
 use crate::sampler::{Sampler, cosine_direction, dimension};
 use crate::scene::Ray;
@@ -28,9 +28,6 @@ pub trait Integrator: Sync {
     /// What a path remembers from one hit to the next.
     type Path;
 
-    /// What it needs to know of the end of a ray.
-    type RayQuery: RayQuery;
-
     /// A path whose first ray has this direction.
     fn begin(&self, direction: DVec3) -> Self::Path;
 
@@ -38,46 +35,13 @@ pub trait Integrator: Sync {
     fn advance(
         &self,
         path: &mut Self::Path,
-        hit: Option<Self::RayQuery>,
+        hit: Option<Hit>,
         sampler: &mut impl Sampler,
     ) -> PathEvent;
-}
 
-/// What there is to know of the end of a ray that has met something.
-pub trait RayQuery: Sized {
-    /// Asks an intersector about a ray that leaves the triangle `from`.
-    fn ask<K: Intersector>(
-        intersector: &K,
-        ray: &Ray,
-        from: Option<u32>,
-    ) -> Option<Self>;
-
-    /// Asks about rays that leave no triangle; any of them may be missing.
-    fn ask_all<K: Intersector>(
-        intersector: &K,
-        rays: &[Option<Ray>; BEAM],
-    ) -> [Option<Self>; BEAM] {
-        let ask = |ray| Self::ask(intersector, ray, None);
-        rays.each_ref().map(|ray| ray.as_ref().and_then(ask))
-    }
-}
-
-impl RayQuery for Hit {
-    #[inline(always)]
-    fn ask<K: Intersector>(
-        intersector: &K,
-        ray: &Ray,
-        from: Option<u32>,
-    ) -> Option<Self> {
-        intersector.first_hit(ray, from)
-    }
-
-    #[inline(always)]
-    fn ask_all<K: Intersector>(
-        intersector: &K,
-        rays: &[Option<Ray>; BEAM],
-    ) -> [Option<Self>; BEAM] {
-        intersector.first_hits(rays)
+    /// Whether each path ends at its first hit, whichever that is.
+    fn is_black(&self) -> bool {
+        false
     }
 }
 
@@ -141,15 +105,21 @@ pub struct PathTracer {
     /// How much of the sky above the first reflection is subtracted as a
     /// control variate (Owen 2013, section 8.9), in [0, 1].
     pub control: f64,
+    /// Whether a path ends at its first surface, which reflects nothing.
+    pub is_black: bool,
 }
 
+/// The throughput below which roulette decides: that of the path tracer on
+/// Embree, for the same lengths of paths.
 const FAINT: f64 = 0.1;
+
+/// Bounces from which on a path ends by chance, rare in ordinary scenes.
 pub const MANY_BOUNCES: u64 = 1000;
 
 impl PathTracer {
-    /// Without a control variate.
+    /// Without a control variate; the scene may reflect.
     pub fn new(albedo: f64, sky: Sky) -> Self {
-        Self { albedo, sky, control: 0. }
+        Self { albedo, sky, control: 0., is_black: false }
     }
 
     /// What a surface reflects of the sky if nothing is in the way, less
@@ -185,7 +155,6 @@ pub fn survival(n: u64) -> f64 {
 
 impl Integrator for PathTracer {
     type Path = PathState;
-    type RayQuery = Hit;
 
     #[inline(always)]
     fn begin(&self, direction: DVec3) -> PathState {
@@ -203,6 +172,10 @@ impl Integrator for PathTracer {
             let light = path.throughput * self.sky.radiance(path.direction);
             return PathEvent::Terminate(light + path.control);
         };
+        // End a path where nothing is reflected
+        if self.is_black {
+            return PathEvent::Terminate(0.);
+        }
         // Weaken the path or play roulette
         if path.throughput < FAINT {
             let u = sampler.get_1d(dimension::roulette(path.count));
@@ -232,49 +205,9 @@ impl Integrator for PathTracer {
         let ray = Ray { origin: hit.point, direction: path.direction };
         PathEvent::Scatter(ray, hit.primitive)
     }
-}
 
-/// The radiance of a scene that reflects nothing: that of the sky.
-#[derive(Clone, Copy, Debug)]
-pub struct DirectSky {
-    /// The only light.
-    pub sky: Sky,
-}
-
-/// A ray is blocked, it does not matter by what.
-pub struct Occluded;
-
-impl RayQuery for Occluded {
-    #[inline(always)]
-    fn ask<K: Intersector>(
-        intersector: &K,
-        ray: &Ray,
-        from: Option<u32>,
-    ) -> Option<Self> {
-        intersector.is_occluded(ray, from).then_some(Self)
-    }
-}
-
-impl Integrator for DirectSky {
-    type Path = DVec3;
-    type RayQuery = Occluded;
-
-    #[inline(always)]
-    fn begin(&self, direction: DVec3) -> DVec3 {
-        direction
-    }
-
-    #[inline(always)]
-    fn advance(
-        &self,
-        direction: &mut DVec3,
-        blocked: Option<Occluded>,
-        _: &mut impl Sampler,
-    ) -> PathEvent {
-        PathEvent::Terminate(match blocked {
-            Some(Occluded) => 0.,
-            None => self.sky.radiance(*direction),
-        })
+    fn is_black(&self) -> bool {
+        self.is_black
     }
 }
 

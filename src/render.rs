@@ -11,10 +11,10 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use crate::analysis::background::{KnownPixels, TileContent};
-use crate::bvh::{BEAM, Dispatch, Intersector};
+use crate::bvh::{BEAM, Dispatch, Hit, Intersector};
 use crate::camera::Camera;
 use crate::film::{Film, Tile, Watch};
-use crate::integrator::{Integrator, PathEvent, RayQuery};
+use crate::integrator::{Integrator, PathEvent};
 pub use crate::integrator::{Renderer, Share};
 use crate::sampler::{IndependentSampler, Sampler, within};
 use crate::scene::{Entrance, Ray};
@@ -110,6 +110,13 @@ struct PathInFlight<P, S> {
     from: u32,
     /// The pixel in its tile.
     pixel: u32,
+}
+
+/// Some hit of a ray that meets anything.
+fn blocked(intersector: &impl Intersector, ray: &Ray) -> Option<Hit> {
+    let &Ray { origin: point, direction: normal } = ray;
+    let hit = Hit { point, normal, primitive: 0 };
+    intersector.is_occluded(ray, None).then_some(hit)
 }
 
 impl<K, L, E, S> Tiles<'_, K, L, E, S>
@@ -220,9 +227,8 @@ where
             under_way.retain_mut(|flight| {
                 rays += 1;
                 let PathInFlight { path, sampler, ray, from, .. } = flight;
-                let answer =
-                    E::RayQuery::ask(self.intersector, ray, Some(*from));
-                match self.job.integrator.advance(path, answer, sampler) {
+                let hit = self.intersector.first_hit(ray, Some(*from));
+                match self.job.integrator.advance(path, hit, sampler) {
                     PathEvent::Scatter(next, left) => {
                         (*ray, *from) = (next, left);
                         return true;
@@ -269,15 +275,17 @@ where
             Some(_) if !sees_sky => entrance.enter(directions[i]),
             _ => None,
         });
-        let mut answers = E::RayQuery::ask_all(self.intersector, &rays);
+        let hits = match integrator.is_black() {
+            true => rays.map(|ray| blocked(self.intersector, &ray?)),
+            false => self.intersector.first_hits(&rays),
+        };
         for i in 0..BEAM {
             // Take a path on from the end of its first ray
             let Some((pixel, mut sampler)) = started[i].take() else {
                 break;
             };
             let mut path = integrator.begin(directions[i]);
-            let answer = answers[i].take();
-            match integrator.advance(&mut path, answer, &mut sampler) {
+            match integrator.advance(&mut path, hits[i], &mut sampler) {
                 PathEvent::Scatter(ray, from) => {
                     let flight =
                         PathInFlight { path, sampler, ray, from, pixel };

@@ -12,7 +12,7 @@ use litpt::analysis::background::{KnownPixels, TileContent};
 use litpt::analysis::{SceneAnalysis, Shortcut};
 use litpt::camera::View;
 use litpt::image::Image;
-use litpt::render::choose::Sampling;
+use litpt::render::choose::{Method, Sampling};
 use litpt_book::closed_forms::cavity;
 use litpt_book::settings::{Setting, all, named};
 
@@ -55,7 +55,7 @@ fn work_is_left_out_without_a_trace_by_each_shortcut() {
 
 /// The samples of the reference.
 fn plain() -> Sampling {
-    Sampling::reference(1)
+    Sampling::new(Method::Reference, 1, None, 1)
 }
 
 /// A lie about what is known changes the image.

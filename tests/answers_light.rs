@@ -12,9 +12,9 @@ use litpt::analysis::background::{
 };
 use litpt::analysis::interior::*;
 use litpt::integrator::gather::cache::{Grid, RadianceCache, Record, SKY};
+use litpt::integrator::gather::render::Gather;
 use litpt::integrator::gather::training::train;
-use litpt::integrator::gather::{Allocation, Correction, Plan, Tracer};
-use litpt::sampler::sobol::ScrambledNet;
+use litpt::integrator::gather::{Allocation, Correction, Tracer};
 use litpt::{bvh::*, film::*, image::*, render::*};
 use litpt::{camera::*, render_loop::*};
 use litpt::{compare::compare, integrator::*};
@@ -118,36 +118,20 @@ fn believer(value: f32) -> RadianceCache {
 /// a correction, or the means of its one tile; and the rays of a sample.
 fn gather(
     setting: &Setting,
-    albedo: f64,
     cache: &RadianceCache,
     correction: Option<Correction>,
     scrambles: u64,
 ) -> (Accumulator, f64) {
-    let Job { entrance, intersector, camera, known, .. } = setting.job(1);
-    let sky = Sky::new(DVec3::Z);
-    let mut tracer = Tracer {
-        entrance,
-        intersector,
-        camera,
-        sky,
-        albedo,
-        cache,
-        rays: 0,
-    };
     let mut film = Film::new(4, 4);
     let tile = film.tiles()[0].0;
-    let plan = Plan {
-        resolution: film.resolution(),
-        window: film.window(),
-        known,
-        allocation: &Allocation::even(1, film.area()),
-        net: ScrambledNet::new(1),
-        seed: 4,
-        correction,
-    };
+    let gather = &Gather { seed: 4, correction, ..setting.gather((4, 4)) };
+    let allocation = &Allocation::even(film.window());
+    let intersector = gather.intersector;
+    let mut tracer =
+        Tracer { gather, intersector, cache, allocation, rays: 0 };
     let mut sum = Accumulator::default();
     for scramble in 0..scrambles {
-        let pixels = tracer.tile(&plan, tile, scramble);
+        let pixels = tracer.tile(tile, scramble);
         match correction {
             Some(_) => sum.add(pixels.iter().sum::<f64>() / 16.),
             None => pixels.into_iter().for_each(|value| sum.add(value)),
@@ -164,10 +148,10 @@ fn a_believed_cache_passes_on_two_thirds_of_its_error() {
     let all = Correction { step: 1., ..Correction::default() };
     for (says, image) in [(1., 0.8), (0., 0.16), (4. / 9., 4. / 9.)] {
         let cache = believer(says);
-        let (sum, rays) = gather(&setting, 0.8, &cache, None, 2000);
+        let (sum, rays) = gather(&setting, &cache, None, 2000);
         near(sum.mean(), image, 5. * sum.standard_error() + 5e-4);
         near(rays, 2., 0.);
-        let (sum, _) = gather(&setting, 0.8, &cache, Some(all), 1000);
+        let (sum, _) = gather(&setting, &cache, Some(all), 1000);
         near(sum.mean(), 4. / 9., 5. * sum.standard_error() + 5e-4);
         assert!(sum.standard_error() < 0.02, "{}", sum.standard_error());
     }
@@ -177,7 +161,7 @@ fn a_believed_cache_passes_on_two_thirds_of_its_error() {
 fn a_true_cache_halves_the_variance_of_a_cavity_and_saves_two_rays_of_three()
  {
     let setting = sphere(0.2, 0.8, 128);
-    let (sum, _) = gather(&setting, 0.8, &believer(4. / 9.), None, 4000);
+    let (sum, _) = gather(&setting, &believer(4. / 9.), None, 4000);
     near(sum.variance(), 0.0316, 1e-3);
     let paths = weigh(&mut setting.job(1), 64_000);
     near(paths.variance(), 0.0648, 3e-3);
@@ -189,37 +173,24 @@ fn room_of_step(step: Option<f64>) -> (f64, f64) {
     let room = settings::named("room with a window");
     let sky = (room.rho, DVec3::Z);
     let setting = Setting::new(&room.mesh, sky, &room.view, 1.).unwrap();
-    let Job { entrance, intersector, camera, known, .. } = setting.job(1);
-    let (sky, albedo) = (Sky::new(DVec3::Z), room.rho);
-    let cache = &RadianceCache::empty(Grid::around(&[]));
-    let like = Tracer {
-        entrance,
-        intersector,
-        camera,
-        sky,
-        albedo,
-        cache,
-        rays: 0,
-    };
-    let (cache, _) = train(&like, 1 << 17, 9, &|_| true);
-    let mut tracer = Tracer { cache: &cache, rays: 0, ..like };
     let mut film = Film::new(16, 16);
     let tile = film.tiles()[0].0;
-    let allocation =
-        &Allocation { counts: vec![4; 256], scale: vec![0.42; 256] };
-    let plan = Plan {
-        resolution: film.resolution(),
-        window: film.window(),
-        known,
-        allocation,
-        net: ScrambledNet::new(4),
-        seed: 4,
-        correction: step
-            .map(|step| Correction { step, ..Correction::default() }),
-    };
+    let (counts, scale) = (vec![4; 256], vec![0.42; 256]);
+    let allocation = &Allocation::new(film.window(), counts, scale);
+    let default = setting.gather((16, 16));
+    let intersector = default.intersector;
+    let cache = &RadianceCache::empty(Grid::around(&[]));
+    let gather = &Gather { seed: 9, training: 1 << 17, ..default };
+    let like = Tracer { gather, intersector, cache, allocation, rays: 0 };
+    let (cache, _) = train(&like, &|_| true);
+    let correction =
+        step.map(|step| Correction { step, ..Correction::default() });
+    let gather =
+        &Gather { seed: 4, correction, ..setting.gather((16, 16)) };
+    let mut tracer = Tracer { gather, cache: &cache, ..like };
     let mut pixels = vec![Accumulator::default(); 256];
     for scramble in 0..100 {
-        let values = tracer.tile(&plan, tile, scramble);
+        let values = tracer.tile(tile, scramble);
         pixels.iter_mut().zip(values).for_each(|(p, v)| p.add(v));
     }
     let sum: f64 = pixels.iter().map(Accumulator::variance).sum();

@@ -418,7 +418,6 @@ struct Distance;
 
 impl Integrator for Distance {
     type Path = ();
-    type RayQuery = Hit;
 
     fn begin(&self, _: DVec3) {}
 

@@ -17,6 +17,7 @@ use std::time::{Duration, Instant};
 
 use common::{BOX, Run, Scratch, finish};
 use glam::DVec3;
+use litpt::analysis::Inquiry;
 use litpt::analysis::background::{
     BackgroundTiles, KnownPixels, TileContent,
 };
@@ -32,7 +33,7 @@ use litpt::integrator::gather::guide::{
 };
 use litpt::integrator::gather::render::Gather;
 use litpt::integrator::gather::{Allocation, Correction, End, Tracer};
-use litpt::render::{Job, Renderer};
+use litpt::render::Renderer;
 use litpt::render_loop::{Convergence, Interrupt, Limits, Stop};
 use litpt::sampler::sobol::{ScrambledNet, scramble_key};
 use litpt::sampler::{frame, generator};
@@ -499,14 +500,16 @@ impl Stage {
         Self::new(&mesh, &view, 0.8, resolution)
     }
 
-    fn tracer<'a>(&'a self, cache: &'a RadianceCache) -> Tracer<'a, Bvh> {
-        self.renderer(0).tracer(self.setting.job(0).intersector, cache)
+    /// A renderer that has learnt nothing yet.
+    fn gather(&self, seed: u64) -> Gather<'_> {
+        Gather { seed, ..self.setting.gather(self.resolution) }
     }
 
     /// Points of its surfaces, with their normals, as paths meet them.
     fn surface(&self, count: usize) -> Vec<(DVec3, DVec3)> {
-        let empty = RadianceCache::empty(Grid::around(&[]));
-        let mut tracer = self.tracer(&empty);
+        let cache = &RadianceCache::empty(Grid::around(&[]));
+        let (gather, allocation) = (&self.gather(0), &even(&self.film(1)));
+        let mut tracer = tracer(gather, cache, allocation);
         let mut random = generator(20, 0, 0);
         let mut points = vec![];
         while points.len() < count {
@@ -527,6 +530,19 @@ impl Stage {
         self.setting.job(21).pass(&mut film, samples, &|_| true);
         film
     }
+}
+
+fn tracer<'a>(
+    gather: &'a Gather<'a>,
+    cache: &'a RadianceCache,
+    allocation: &'a Allocation,
+) -> Tracer<'a, Bvh> {
+    let intersector = gather.intersector;
+    Tracer { gather, intersector, cache, allocation, rays: 0 }
+}
+
+fn even(film: &Film) -> Allocation {
+    Allocation::even(film.window())
 }
 
 /// A cache of what somebody says. The cells of a part of its surfaces have
@@ -599,13 +615,12 @@ fn gathered(
     // Pixels have 1, 2, 3, 5 samples.
     let counts = (0..area).map(|i| [1, 2, 3, 5][i % 4]).collect();
     let scale = (0..area).map(|i| [0.1, 1., 3.][i % 3]).collect();
-    let allocation = Allocation { counts, scale };
-    let gather = Gather { correction, ..stage.renderer(23) };
-    let plan = gather.plan(&film, &allocation);
+    let allocation = Allocation::new(film.window(), counts, scale);
+    let gather = Gather { correction, ..stage.gather(23) };
     assert_eq!(tiles.len(), 1, "one tile");
     let images: Vec<Vec<f64>> = (0..scrambles)
         .into_par_iter()
-        .map(|n| stage.tracer(cache).tile(&plan, tiles[0], n))
+        .map(|n| tracer(&gather, cache, &allocation).tile(tiles[0], n))
         .collect();
     let mut pixels = vec![Accumulator::default(); area];
     let mut whole = Accumulator::default();
@@ -659,25 +674,6 @@ fn a_lying_cache_does_not_change_the_mean_of_furrows() {
 // ------------------------------------------------------------ Honest errors
 
 impl Stage {
-    /// A renderer that has learnt nothing yet.
-    fn renderer(&self, seed: u64) -> Gather<'_> {
-        let Job {
-            entrance, intersector, camera, integrator, known, ..
-        } = self.setting.job(0);
-        Gather {
-            entrance,
-            intersector,
-            camera,
-            sky: integrator.sky,
-            albedo: integrator.albedo,
-            known,
-            seed,
-            training: 1 << 16,
-            correction: Some(Correction::default()),
-            learnt: None,
-        }
-    }
-
     /// A film without a sample.
     fn film(&self, replicate: u64) -> Film {
         let (width, height) = self.resolution;
@@ -686,9 +682,9 @@ impl Stage {
     }
 
     /// An image of so many samples, in scrambles of `replicate`.
-    fn gather(&self, seed: u64, replicate: u64, samples: u64) -> Film {
+    fn image(&self, seed: u64, replicate: u64, samples: u64) -> Film {
         let mut film = self.film(replicate);
-        self.renderer(seed).pass(&mut film, samples, &|_| true);
+        self.gather(seed).pass(&mut film, samples, &|_| true);
         film
     }
 }
@@ -704,7 +700,7 @@ fn few_rays_are_traced_after_learning_is_told_to_stop() {
     let film = stage.film(4);
     let looks = AtomicU64::new(0);
     stage
-        .renderer(3)
+        .gather(3)
         .learn(&film, &|_| looks.fetch_add(1, Relaxed) < u64::MAX);
     // The allocation looks once for each row, and before it the pilot.
     let last = [45, 35, 10].map(|more| looks.load(Relaxed) - more);
@@ -714,7 +710,7 @@ fn few_rays_are_traced_after_learning_is_told_to_stop() {
         .chain(last)
         .chain([u64::MAX])
     {
-        let mut gather = stage.renderer(3);
+        let mut gather = stage.gather(3);
         let (left, late) = (AtomicU64::new(calls), AtomicU64::new(0));
         let watch = |rays| {
             let less = |n: u64| n.checked_sub(1);
@@ -762,7 +758,7 @@ fn a_gather_ends_in_each_stage_by_the_clock_and_by_a_signal() {
             ..Limits::none(&interrupt)
         };
         let (mut film, mut run) = (stage.film(4), Convergence::default());
-        let mut gather = stage.renderer(3);
+        let mut gather = stage.gather(3);
         let stop = run.run(
             &mut gather,
             &mut film,
@@ -790,8 +786,8 @@ const HOUR: Duration = Duration::from_secs(3600);
 fn a_gather_traces_no_ray_in_a_tile_of_the_sky() {
     let stage = Stage::furrows((16, 16));
     let cache = RadianceCache::empty(Grid::around(&[]));
-    let allocation = Allocation::even(1, 256);
-    let tile = Film::new(16, 16).tiles()[0].0;
+    let mut film = Film::new(16, 16);
+    let (allocation, tile) = (even(&film), film.tiles()[0].0);
     // A camera that looks along the horizon, away from all triangles.
     let view = View {
         position: DVec3::new(0., 0., 1e4),
@@ -801,10 +797,11 @@ fn a_gather_traces_no_ray_in_a_tile_of_the_sky() {
     };
     let camera = &Camera::new(&view, 1.).unwrap();
     let gathered = |known: &KnownPixels| {
-        let gather = Gather { known, camera, ..stage.renderer(5) };
-        let plan = gather.plan(&Film::new(16, 16), &allocation);
-        let mut tracer = gather.tracer(gather.intersector, &cache);
-        (tracer.tile(&plan, tile, 0), tracer.rays)
+        let gather = stage.gather(5);
+        let inquiry = Inquiry { camera, ..gather.inquiry };
+        let gather = Gather { known, inquiry, ..gather };
+        let mut tracer = tracer(&gather, &cache, &allocation);
+        (tracer.tile(tile, 0), tracer.rays)
     };
     let sky = Sky::new(DVec3::Z);
     let tiles = BackgroundTiles::new(
@@ -866,7 +863,7 @@ fn honesty(film: &Film, truth: &Truth) -> f64 {
 fn the_errors_of_pixels_are_as_large_as_stated() {
     let (stage, truth) = room();
     let images = (0..10)
-        .map(|seed| honesty(&stage.gather(100 + seed, 16, 256), truth));
+        .map(|seed| honesty(&stage.image(100 + seed, 16, 256), truth));
     let deviation = (images.sum::<f64>() / 10.).sqrt();
     assert!((0.95..1.05).contains(&deviation), "{deviation}");
 }
@@ -881,7 +878,7 @@ fn the_error_of_the_mean_of_an_image_is_as_large_as_stated() {
     let (stage, truth) = room();
     let (mut shared, mut independent) = (0., 0.);
     for seed in 0..SEEDS {
-        let film = stage.gather(200 + u64::from(seed), 4, 64);
+        let film = stage.image(200 + u64::from(seed), 4, 64);
         let summary = film.summary();
         let square = (summary.mean - truth.mean.0).powi(2);
         let unsure = truth.mean.1.powi(2);

@@ -36,7 +36,6 @@ struct Draw<F>(F);
 impl<F: Fn(f64) -> f64 + Sync> Integrator for Draw<F> {
     /// The rays so far.
     type Path = u32;
-    type RayQuery = Hit;
 
     fn begin(&self, _: DVec3) -> u32 {
         0

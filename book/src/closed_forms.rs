@@ -13,11 +13,14 @@ use std::iter;
 
 use glam::DVec3;
 
+use litpt::analysis::Inquiry;
 use litpt::analysis::background::KnownPixels;
 use litpt::bvh::Bvh;
 use litpt::camera::{Camera, View};
 use litpt::film::Film;
 use litpt::integrator::PathTracer;
+use litpt::integrator::gather::Correction;
+use litpt::integrator::gather::render::Gather;
 use litpt::numerics::{power_of_two, sincos_turns};
 use litpt::render::{Job, Renderer};
 use litpt::sampler::IndependentSampler;
@@ -319,6 +322,26 @@ impl Setting {
         let integrator = PathTracer::new(rho, sky);
         let entrance = scene.frame.entrance(view.position);
         Ok(Self { entrance, intersector, camera, integrator })
+    }
+
+    /// What is asked about it, for an image of this width and height.
+    pub fn inquiry(&self, resolution: (u32, u32)) -> Inquiry<'_> {
+        let &Self { entrance, ref camera, integrator, .. } = self;
+        let PathTracer { albedo, sky, .. } = integrator;
+        Inquiry { camera, entrance, sky, albedo, resolution, kept: &[] }
+    }
+
+    /// A gather that renders it, of the seed 0.
+    pub fn gather(&self, resolution: (u32, u32)) -> Gather<'_> {
+        Gather {
+            inquiry: self.inquiry(resolution),
+            intersector: &self.intersector,
+            known: &KnownPixels::Nothing,
+            seed: 0,
+            training: 1 << 16,
+            correction: Some(Correction::default()),
+            learnt: None,
+        }
     }
 
     /// The job that renders it.

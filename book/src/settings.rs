@@ -12,7 +12,7 @@ use litpt::analysis::{Inquiry, SceneAnalysis, Shortcut};
 use litpt::bvh::{Bvh, Isa, Quality};
 use litpt::camera::{Camera, View};
 use litpt::film::{Film, Window};
-use litpt::render::choose::{Sampling, Setup};
+use litpt::render::choose::{Method, Sampling, Setup};
 use litpt::scene::{Mesh, Scene};
 use litpt::sky::Sky;
 use litpt::state::checkpoint::Known;
@@ -47,7 +47,7 @@ impl Setting {
         n: u64,
         seed: u64,
     ) -> Outcome {
-        let sampling = Sampling::reference(seed);
+        let sampling = Sampling::new(Method::Reference, seed, None, 1);
         self.render_with(kept, resolution, n, &sampling, |_| ())
     }
 
@@ -299,7 +299,7 @@ pub fn known(seed: u64) -> Known {
             view: View { position, target, up, fov: 70. },
             albedo: 1.,
         },
-        sampling: Sampling::reference(seed),
+        sampling: Sampling::new(Method::Reference, seed, None, 1),
         part: None,
     };
     Known { options: Value::Null, run_key, report: Value::Null }

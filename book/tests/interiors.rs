@@ -33,7 +33,6 @@ struct Limited {
 
 impl Integrator for Limited {
     type Path = (PathState, u64);
-    type RayQuery = Hit;
 
     fn begin(&self, direction: DVec3) -> Self::Path {
         (self.tracer.begin(direction), 0)

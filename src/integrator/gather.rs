@@ -13,31 +13,27 @@ use std::array;
 
 use rand::RngExt;
 
-use crate::analysis::background::{KnownPixels, TileContent};
+use crate::analysis::Inquiry;
+use crate::analysis::background::TileContent;
 use crate::bvh::{BEAM, Hit, Intersector};
-use crate::camera::Camera;
 use crate::film::{Tile, Window};
 use crate::sampler::sobol::{ScrambledNet, scramble_key, to_unit};
 use crate::sampler::{generator, within};
-use crate::scene::{Entrance, Ray};
-use crate::sky::Sky;
+use crate::scene::Ray;
 use cache::{Cell, RadianceCache, UNSEEN};
 use guide::{Guide, bin, direction};
+use render::Gather;
 
-/// Traces rays, and knows the scene and the cache.
+/// Traces rays, and knows what decides the samples of an image.
 pub struct Tracer<'a, K> {
-    /// Where rays of the camera enter the scene.
-    pub entrance: Entrance,
+    /// The scene and its view, and how much is corrected.
+    pub gather: &'a Gather<'a>,
     /// Finds hits in the scene.
     pub intersector: &'a K,
-    /// Where paths start.
-    pub camera: &'a Camera,
-    /// The only light.
-    pub sky: Sky,
-    /// Albedo of every surface, in [0, 1].
-    pub albedo: f64,
     /// Chooses directions, and approximates the radiance.
     pub cache: &'a RadianceCache,
+    /// How the samples are distributed.
+    pub allocation: &'a Allocation,
     /// The number of rays traced so far.
     pub rays: u64,
 }
@@ -63,40 +59,33 @@ pub struct Shot {
 }
 
 /// How the samples are distributed over a window, row by row.
+#[derive(Clone)]
 pub struct Allocation {
+    /// The part of the image that is rendered.
+    pub window: Window,
     /// The samples of each pixel in a scramble; at least one.
     pub counts: Vec<u32>,
     /// About the radiance of each pixel; positive.
     pub scale: Vec<f64>,
-}
-
-/// What decides the samples of an image, beside the tracer.
-pub struct Plan<'a> {
-    /// Width and height of the image.
-    pub resolution: (u32, u32),
-    /// The part of it that is rendered.
-    pub window: Window,
-    /// What is known of it beforehand.
-    pub known: &'a KnownPixels,
-    /// How the samples are distributed over the window.
-    pub allocation: &'a Allocation,
-    /// The points of the scrambles.
+    /// The points of a scramble, enough for the pixel with most samples.
     pub net: ScrambledNet,
-    /// Chooses all random numbers.
-    pub seed: u64,
-    /// How much is corrected; none leaves the error of the cache.
-    pub correction: Option<Correction>,
 }
 
 impl Allocation {
-    /// So many samples for each of so many pixels.
-    pub fn even(count: u32, area: u64) -> Self {
-        let area = area as usize;
-        Self { counts: vec![count; area], scale: vec![1.; area] }
+    /// These samples of the pixels of a window, and radiances.
+    pub fn new(window: Window, counts: Vec<u32>, scale: Vec<f64>) -> Self {
+        let most = counts.iter().max().copied().unwrap_or(1);
+        let points = u64::from(most).max(64).next_power_of_two();
+        let net = ScrambledNet::new(points);
+        Self { window, counts, scale, net }
     }
-}
 
-impl Plan<'_> {
+    /// One sample for each pixel.
+    pub fn even(window: Window) -> Self {
+        let area = window.area();
+        Self::new(window, vec![1; area], vec![1.; area])
+    }
+
     /// Column and row of a pixel of a tile in the image, and its number in
     /// the window.
     fn place(&self, tile: Tile, pixel: u32) -> (u32, u32, usize) {
@@ -170,7 +159,7 @@ impl<K: Intersector> Tracer<'_, K> {
         let ray = Ray { origin: x.point, direction };
         self.rays += 1;
         let hit = self.intersector.first_hit(&ray, Some(x.primitive));
-        let sky = || End::Sky(self.sky.radiance(direction));
+        let sky = || End::Sky(self.gather.inquiry.sky.radiance(direction));
         Shot { weight, bin, end: hit.map_or_else(sky, End::Hit) }
     }
 
@@ -186,49 +175,50 @@ impl<K: Intersector> Tracer<'_, K> {
     /// image, or the radiance of the sky behind it.
     #[inline]
     pub fn look(&mut self, x: f64, y: f64) -> End {
-        let direction = self.camera.direction(x, y);
-        let ray = self.entrance.enter(direction);
+        let Inquiry { camera, entrance, sky, .. } = self.gather.inquiry;
+        let direction = camera.direction(x, y);
+        let ray = entrance.enter(direction);
         self.rays += u64::from(ray.is_some());
         let hit =
             ray.and_then(|ray| self.intersector.first_hit(&ray, None));
-        let sky = || End::Sky(self.sky.radiance(direction));
+        let sky = || End::Sky(sky.radiance(direction));
         hit.map_or_else(sky, End::Hit)
     }
 
     /// The samples of a tile that gather; the others show the sky.
     fn begin(
         &mut self,
-        plan: &Plan,
         tile: Tile,
         scramble: u64,
         sums: &mut [f64],
     ) -> Vec<Sample> {
+        let &Gather { inquiry, known, seed, .. } = self.gather;
         let mut looks = vec![];
         // Draw all samples of a tile
         for pixel in 0..tile.size.0 * tile.size.1 {
-            let (x, y, number) = plan.place(tile, pixel);
-            let (width, height) = plan.resolution;
+            let Allocation { counts, scale, net, .. } = self.allocation;
+            let (x, y, number) = self.allocation.place(tile, pixel);
+            let (width, height) = inquiry.resolution;
             let i = u64::from(y) * u64::from(width) + u64::from(x);
-            let key = scramble_key(plan.seed, i, scramble);
-            for n in 0..plan.allocation.counts[number] {
-                let [u, v] = plan.net.pair(key, n, 0);
+            let key = scramble_key(seed, i, scramble);
+            for n in 0..counts[number] {
+                let [u, v] = net.pair(key, n, 0);
                 let (u, v) = (within(x, width, u), within(y, height, v));
-                let scale = plan.allocation.scale[number];
-                let second = plan.net.pair(key, n, 1);
+                let direction = inquiry.camera.direction(u, v);
                 looks.push((
-                    self.camera.direction(u, v),
+                    direction,
                     pixel,
-                    scale,
-                    second,
+                    scale[number],
+                    net.pair(key, n, 1),
                 ));
             }
         }
-        let is_sky = plan.known.content(tile.corner) == TileContent::Sky;
+        let is_sky = known.content(tile.corner) == TileContent::Sky;
         let mut samples = vec![];
         // Send the first rays in beams
         for batch in looks.chunks(BEAM) {
             let rays = array::from_fn(|i| match batch.get(i) {
-                Some(look) if !is_sky => self.entrance.enter(look.0),
+                Some(look) if !is_sky => inquiry.entrance.enter(look.0),
                 _ => None,
             });
             self.rays += rays.iter().flatten().count() as u64;
@@ -249,7 +239,8 @@ impl<K: Intersector> Tracer<'_, K> {
                         })
                     }
                     None => {
-                        sums[pixel as usize] += self.sky.radiance(direction)
+                        sums[pixel as usize] +=
+                            inquiry.sky.radiance(direction)
                     }
                 }
             }
@@ -258,24 +249,18 @@ impl<K: Intersector> Tracer<'_, K> {
     }
 
     /// The means of the pixels of a tile in a scramble.
-    pub fn tile(
-        &mut self,
-        plan: &Plan,
-        tile: Tile,
-        scramble: u64,
-    ) -> Vec<f64> {
+    pub fn tile(&mut self, tile: Tile, scramble: u64) -> Vec<f64> {
         let area = tile.size.0 * tile.size.1;
-        if let TileContent::Constant(value) =
-            plan.known.content(tile.corner)
-        {
+        let &Gather { known, seed, .. } = self.gather;
+        if let TileContent::Constant(value) = known.content(tile.corner) {
             return vec![value; area as usize];
         }
         let stream = tile_number(tile.corner);
-        let mut random = generator(plan.seed, stream, scramble);
+        let mut random = generator(seed, stream, scramble);
         let mut sums = vec![0.; area as usize];
-        let mut samples = self.begin(plan, tile, scramble, &mut sums);
+        let mut samples = self.begin(tile, scramble, &mut sums);
         // Gather at all samples
-        let cache = self.cache;
+        let (cache, albedo) = (self.cache, self.gather.inquiry.albedo);
         let cell = |Sample { hit, .. }: &Sample| {
             *cache.at(cache.grid.name(hit.point, hit.normal))
         };
@@ -285,7 +270,7 @@ impl<K: Intersector> Tracer<'_, K> {
             sample.weight = shot.weight;
             match shot.end {
                 End::Sky(radiance) => {
-                    let radiance = self.albedo * shot.weight * radiance;
+                    let radiance = albedo * shot.weight * radiance;
                     sums[sample.pixel as usize] += radiance;
                 }
                 End::Hit(hit) => sample.end = Some((hit, UNSEEN)),
@@ -296,15 +281,14 @@ impl<K: Intersector> Tracer<'_, K> {
             if let Some((hit, cell)) = end {
                 let u = [random.random(), random.random()];
                 *cell = self.cell_around(hit, u);
-                let radiance =
-                    self.albedo * *weight * f64::from(cell.value);
+                let radiance = albedo * *weight * f64::from(cell.value);
                 sums[*pixel as usize] += radiance;
             }
         }
-        self.correct(plan, &samples, &mut random, &mut sums);
+        self.correct(&samples, &mut random, &mut sums);
         for (pixel, sum) in (0..area).zip(&mut sums) {
-            let (_, _, number) = plan.place(tile, pixel);
-            *sum /= f64::from(plan.allocation.counts[number]);
+            let (_, _, number) = self.allocation.place(tile, pixel);
+            *sum /= f64::from(self.allocation.counts[number]);
         }
         sums
     }

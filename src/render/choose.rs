@@ -8,6 +8,7 @@ use std::fmt;
 use std::str::FromStr;
 use std::time::Instant;
 
+use bytemuck::{Pod, Zeroable, cast};
 use rand::RngExt;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -20,9 +21,7 @@ use crate::film::{Film, Window};
 use crate::integrator::gather::Correction;
 use crate::integrator::gather::render::Gather;
 use crate::integrator::gather::training::PILOT_SAMPLES;
-use crate::integrator::{
-    DirectSky, Integrator, PathEvent, PathTracer, identity,
-};
+use crate::integrator::{Integrator, PathEvent, PathTracer, identity};
 use crate::sampler::sobol::SobolSampler;
 use crate::sampler::{IndependentSampler, Sampler, generator, within};
 
@@ -71,12 +70,14 @@ impl FromStr for Wanted {
     type Err = String;
 
     fn from_str(name: &str) -> Result<Self, String> {
-        let methods = Method::ALL.into_iter().map(Some);
-        let mut all = [None].into_iter().chain(methods).map(Self);
-        all.find(|wanted| wanted.to_string() == name).ok_or_else(|| {
-            let [first, second, third] = Method::ALL;
-            format!("expected auto, {first}, {second} or {third}")
-        })
+        let [first, second, third] = Method::ALL;
+        let mut all = Method::ALL.into_iter();
+        match all.find(|method| method.to_string() == name) {
+            None if name != "auto" => {
+                Err(format!("expected auto, {first}, {second} or {third}"))
+            }
+            method => Ok(Self(method)),
+        }
     }
 }
 
@@ -97,11 +98,6 @@ pub struct Sampling {
 }
 
 impl Sampling {
-    /// The reference.
-    pub fn reference(seed: u64) -> Self {
-        Self::new(Method::Reference, seed, None, 1)
-    }
-
     /// For `samples` of each of `area` pixels, if that is known.
     pub fn new(
         method: Method,
@@ -173,27 +169,22 @@ pub struct Setup<'a> {
 impl<'a> Setup<'a> {
     /// The renderer of a method.
     pub fn renderer(&self, sampling: &Sampling) -> Box<dyn Renderer + 'a> {
-        let &Inquiry { entrance, camera, sky, albedo, .. } = self.inquiry;
+        let &Self { intersector, inquiry, analysis } = self;
         let &Sampling { seed, replicate, training, .. } = sampling;
-        let independent = IndependentSampler::new(seed);
-        let nets = SobolSampler::new(seed, replicate);
-        let paths = PathTracer::new(albedo, sky);
-        let direct = DirectSky { sky };
-        match (sampling.method, self.analysis.is_black) {
-            (Method::Reference, true) => self.job(direct, independent),
-            (Method::Reference, false) => self.job(paths, independent),
-            (Method::Sobol, true) => self.job(direct, nets),
-            (Method::Sobol, false) => {
-                let control = sampling.control as f64 / 100.;
-                self.job(PathTracer { control, ..paths }, nets)
+        let mut paths = PathTracer::new(inquiry.albedo, inquiry.sky);
+        paths.is_black = analysis.is_black;
+        match sampling.method {
+            Method::Reference => {
+                self.job(paths, IndependentSampler::new(seed))
             }
-            (Method::Gather, _) => Box::new(Gather {
-                entrance,
-                intersector: self.intersector,
-                camera,
-                sky,
-                albedo,
-                known: &self.analysis.known,
+            Method::Sobol => {
+                paths.control = sampling.control as f64 / 100.;
+                self.job(paths, SobolSampler::new(seed, replicate))
+            }
+            Method::Gather => Box::new(Gather {
+                inquiry: *inquiry,
+                intersector,
+                known: &analysis.known,
                 seed,
                 training,
                 correction: Some(Correction::default()),
@@ -205,13 +196,14 @@ impl<'a> Setup<'a> {
     /// The renderer of paths.
     fn job(
         &self,
-        integrator: impl Integrator + 'a,
+        integrator: PathTracer,
         sampler: impl Sampler + 'a,
     ) -> Box<dyn Renderer + 'a> {
         let &Self { intersector, inquiry, analysis } = self;
-        let (camera, known) = (inquiry.camera, &analysis.known);
+        let (known, camera) = (&analysis.known, inquiry.camera);
+        let entrance = inquiry.entrance;
         Box::new(Job {
-            entrance: inquiry.entrance,
+            entrance,
             intersector,
             camera,
             integrator,
@@ -272,8 +264,7 @@ impl<'a> Setup<'a> {
             true => reference / cost.max(1e-3 * reference),
             false => 1.,
         };
-        let gains =
-            methods.map(|(s, cost)| (s.method, gain(cost))).to_vec();
+        let gains = methods.map(|(s, cost)| (s.method, gain(cost)));
         Some(Choice { pilot, sampling, gains })
     }
 
@@ -310,7 +301,8 @@ impl<'a> Setup<'a> {
 }
 
 /// What a few paths tell of those of an image: means over its pixels.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
 pub struct Pilot {
     /// The square of the radiance of a pixel.
     pub square: f64,
@@ -346,24 +338,13 @@ impl Dispatch for Trial<'_> {
     fn with<K: Intersector>(self, intersector: &K) -> Pilot {
         let pixels = (0..self.pixels).into_par_iter();
         let pixels = pixels.map(|n| self.pixel(intersector, n));
-        let pixels: Vec<[f64; 8]> = pixels.collect();
-        let means: [f64; 8] = array::from_fn(|term| {
+        let pixels: Vec<[f64; 8]> = pixels.map(cast).collect();
+        let mean = |term: usize| {
             let sum: f64 = pixels.iter().map(|pixel| pixel[term]).sum();
             sum / pixels.len() as f64
-        });
-        let [square, first, later, spread, covariance, ..] = means;
-        let [.., rays, first_rays, indirect] = means;
-        let first = first.max(0.);
-        Pilot {
-            square,
-            first,
-            later,
-            spread,
-            covariance,
-            rays,
-            first_rays,
-            indirect,
-        }
+        };
+        let mean: Pilot = cast(array::from_fn::<f64, 8, _>(mean));
+        Pilot { first: mean.first.max(0.), ..mean }
     }
 }
 
@@ -372,20 +353,20 @@ const PILOT: u64 = u64::MAX - 1;
 
 impl Trial<'_> {
     /// The terms that one pixel adds to the means.
-    fn pixel<K: Intersector>(&self, intersector: &K, n: u64) -> [f64; 8] {
+    fn pixel<K: Intersector>(&self, intersector: &K, n: u64) -> Pilot {
         let mut random = generator(0, PILOT, n);
         let Window { corner: (left, top), size } = self.window;
         let x = left + random.random_range(0..size.0);
         let y = top + random.random_range(0..size.1);
         let known = &self.setup.analysis.known;
         if known.content((x, y)) != TileContent::Scene {
-            return [0.; 8];
+            return Pilot::default();
         }
         let twins = |n| self.twins(intersector, (x, y), n);
         let [[a, b], [c, d]] = [2 * n, 2 * n + 1].map(twins);
         let all = [a, b, c, d];
         if all.iter().all(|path| path.rays == 0) {
-            return [0.; 8];
+            return Pilot::default();
         }
         // Compare the four paths of a pixel
         let apart = |p: &[Path], q: &[Path]| {
@@ -397,18 +378,18 @@ impl Trial<'_> {
         let mean =
             |part: fn(&Path) -> f64| all.iter().map(part).sum::<f64>() / 4.;
         let later = (apart(&[a], &[b]) + apart(&[c], &[d])) / 2.;
-        let (first, second) = (a.value + b.value, c.value + d.value);
+        let (one, other) = (a.value + b.value, c.value + d.value);
         let control = a.control - c.control;
-        [
-            first * second / 4.,
-            apart(&[a, b], &[c, d]) - later,
+        Pilot {
+            square: one * other / 4.,
+            first: apart(&[a, b], &[c, d]) - later,
             later,
-            0.5 * control * control,
-            0.25 * (first - c.value - d.value) * control,
-            mean(|path| path.rays as f64),
-            mean(|path| path.rays.min(2) as f64),
-            mean(|path| f64::from(path.rays > 2)),
-        ]
+            spread: 0.5 * control * control,
+            covariance: 0.25 * (one - c.value - d.value) * control,
+            rays: mean(|path| path.rays as f64),
+            first_rays: mean(|path| path.rays.min(2) as f64),
+            indirect: mean(|path| f64::from(path.rays > 2)),
+        }
     }
 
     /// Two paths that share their point in a pixel and their first
@@ -545,7 +526,7 @@ pub struct Choice {
     pub sampling: Sampling,
     /// Of each method, the time of the reference over its own, for the same
     /// error.
-    pub gains: Vec<(Method, f64)>,
+    pub gains: [(Method, f64); 3],
 }
 
 impl fmt::Display for Choice {
@@ -588,7 +569,7 @@ pub struct Request {
 impl Request {
     /// The number of pixels.
     fn area(&self) -> u64 {
-        u64::from(self.window.size.0) * u64::from(self.window.size.1)
+        self.window.area() as u64
     }
 
     /// Samples of each pixel at most, as many as a thread of a quarter of the

@@ -8,11 +8,10 @@ use std::fmt::{self, Write};
 use std::path::Path;
 
 use glam::DVec3;
+use litpt::analysis::SceneAnalysis;
 use litpt::analysis::background::KnownPixels;
-use litpt::analysis::{Inquiry, SceneAnalysis};
 use litpt::camera::View;
 use litpt::film::{Film, Summary, WORTH, Window};
-use litpt::integrator::PathTracer;
 use litpt::render::Job;
 use litpt::render::choose::{Method, Request, Sampling, Setup};
 use litpt::scene::Mesh;
@@ -122,11 +121,8 @@ fn image(setting: &Setting, method: Method, seed: u64, n: u64) -> Film {
     let resolution = (WIDTH, HEIGHT);
     let area = u64::from(WIDTH * HEIGHT);
     // Know nothing of the image beforehand
-    let Job { entrance, intersector, camera, integrator, .. } =
-        setting.job(seed);
-    let PathTracer { albedo, sky, .. } = integrator;
-    let inquiry =
-        Inquiry { camera, entrance, sky, albedo, resolution, kept: &[] };
+    let Job { intersector, .. } = setting.job(seed);
+    let inquiry = setting.inquiry(resolution);
     let known = KnownPixels::Nothing;
     let analysis =
         SceneAnalysis { findings: vec![], known, is_black: false };

@@ -23,7 +23,7 @@ use litpt::bvh::{Bvh, Isa, Quality};
 use litpt::camera::{Camera, View};
 use litpt::film::Film;
 use litpt::integrator::PathTracer;
-use litpt::render::choose::{Sampling, Setup};
+use litpt::render::choose::{Method, Sampling, Setup};
 use litpt::render::{Job, Renderer};
 use litpt::sampler::IndependentSampler;
 use litpt::scene::{Mesh, Scene};
@@ -297,7 +297,8 @@ impl Case {
             inquiry: &inquiry,
             analysis: &analysis,
         };
-        let mut renderer = setup.renderer(&Sampling::reference(0));
+        let mut renderer =
+            setup.renderer(&Sampling::new(Method::Reference, 0, None, 1));
         let mut simple = Film::new(self.resolution.0, self.resolution.1);
         let rays = renderer.pass(&mut simple, self.samples, &|_| true);
         self.judge(&simple, rays.max(1001))?;

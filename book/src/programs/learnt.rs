@@ -15,13 +15,13 @@ use std::fs;
 use std::path::Path;
 
 use litpt::bvh::{Bvh, Hit};
-use litpt::film::Film;
+use litpt::film::{Film, Window};
 use litpt::integrator::gather::cache::{Grid, RadianceCache};
 use litpt::integrator::gather::guide::{BINS, Guide, bin};
 use litpt::integrator::gather::render::Gather;
 use litpt::integrator::gather::training::train;
-use litpt::integrator::gather::{Correction, End, Tracer};
-use litpt::render::{Job, Renderer};
+use litpt::integrator::gather::{Allocation, End, Tracer};
+use litpt::render::Renderer;
 use litpt::sampler::generator;
 use litpt::sampler::sobol::{ScrambledNet, scramble_key, to_unit};
 use litpt_book::closed_forms::Setting;
@@ -83,13 +83,26 @@ fn number(out: &mut String, row: &str, column: &str, value: &str) -> Done {
 /// Draws what is learnt of the courtyard; returns numbers of the text.
 fn learn(figures: &Path) -> Result<String, Box<dyn Error>> {
     let yard = Stage::named("courtyard")?;
-    let cache = yard.train();
+    // Learn by many rays
+    let gather =
+        &Gather { training: TRAINING, ..yard.0.gather(RESOLUTION) };
+    let intersector = gather.intersector;
+    let window = Window { corner: (0, 0), size: RESOLUTION };
+    let allocation = &Allocation::even(window);
+    let cache = &RadianceCache::empty(Grid::around(&[]));
+    let like = Tracer { gather, intersector, cache, allocation, rays: 0 };
+    let cache = &train(&like, &|_| true).0;
+    let like = &Tracer { cache, ..like };
+    // Draw what is learnt
     let mut out = String::new();
-    yard.compare(figures, &cache, &mut out)?;
-    let place = yard.place(PLACE, &cache).ok_or("no surface there")?;
+    compare(figures, like, &mut out)?;
+    let end = Tracer { ..*like }.look(PLACE[0], PLACE[1]);
+    let End::Hit(place) = end else {
+        return Err("no surface there".into());
+    };
     let name = cache.grid.name(place.point, place.normal);
     let guide = cache.guide(cache.at(name)).ok_or("no guide there")?;
-    let light = yard.light(&cache, &place);
+    let light = light(like, &place);
     picture(figures, "light", DISC, light.clone())?;
     let most = (0..BINS).map(|b| guide.density(b)).fold(0., f64::max);
     let density = |p| guide.density(bin(p)) / most;
@@ -107,7 +120,8 @@ fn learn(figures: &Path) -> Result<String, Box<dyn Error>> {
 /// Draws the back room by paths and by a gather.
 fn render(figures: &Path, out: &mut String) -> Done {
     let room = Stage::named("backroom")?;
-    let mut gather = room.gather(TRAINING);
+    let gather = room.0.gather(RESOLUTION);
+    let mut gather = Gather { training: TRAINING, ..gather };
     let film = Film::new(RESOLUTION.0, RESOLUTION.1);
     let mut film = film.with_replicates(TOGETHER).with_shared_tiles();
     let rays = gather.pass(&mut film, SAMPLES, &|_| true);
@@ -140,28 +154,6 @@ impl Stage {
         Setting::new(&mesh, (RHO, view.up), &view, aspect).map(Self)
     }
 
-    fn gather(&self, training: u64) -> Gather<'_> {
-        let Job {
-            entrance, intersector, camera, integrator, known, ..
-        } = self.0.job(0);
-        Gather {
-            entrance,
-            intersector,
-            camera,
-            sky: integrator.sky,
-            albedo: RHO,
-            known,
-            seed: 0,
-            training,
-            correction: Some(Correction::default()),
-            learnt: None,
-        }
-    }
-
-    fn tracer<'a>(&'a self, cache: &'a RadianceCache) -> Tracer<'a, Bvh> {
-        self.gather(0).tracer(self.0.job(0).intersector, cache)
-    }
-
     /// Renders by paths of at least so many rays; samples and rays.
     fn trace(&self, rays: u64, film: &mut Film) -> (u64, u64) {
         let mut job = self.0.job(1);
@@ -172,87 +164,63 @@ impl Stage {
         }
         (samples, traced)
     }
+}
 
-    /// What is learnt by `TRAINING` rays.
-    fn train(&self) -> RadianceCache {
-        let nothing = RadianceCache::empty(Grid::around(&[]));
-        train(&self.tracer(&nothing), TRAINING, 0, &|_| true).0
-    }
-
-    /// What the camera sees at a place of the image.
-    fn place(
-        &self,
-        [x, y]: [f64; 2],
-        cache: &RadianceCache,
-    ) -> Option<Hit> {
-        match self.tracer(cache).look(x, y) {
-            End::Hit(hit) => Some(hit),
-            End::Sky(_) => None,
-        }
-    }
-
-    /// Draws the values of the cells in the middles of the pixels, the
-    /// radiance there, how much both differ, and what the cells say of it.
-    fn compare(
-        &self,
-        figures: &Path,
-        cache: &RadianceCache,
-        out: &mut String,
-    ) -> Done {
-        let (width, height) = RESOLUTION;
-        let pixels = (0..width * height).into_par_iter().map(|i| {
-            let x = (f64::from(i % width) + 0.5) / f64::from(width);
-            let y = (f64::from(i / width) + 0.5) / f64::from(height);
-            let mut tracer = self.tracer(cache);
-            match tracer.look(x, y) {
-                End::Sky(radiance) => [radiance, radiance, 0., 0.],
-                End::Hit(hit) => {
-                    let name = cache.grid.name(hit.point, hit.normal);
-                    let cell = cache.at(name);
-                    let stream = u64::from(i);
-                    let truth =
-                        gathered(&mut tracer, &hit, GATHERED, stream);
-                    let value = f64::from(cell.value);
-                    let wrong = (value - truth).abs();
-                    [value, truth, wrong, f64::from(cell.error)]
-                }
+/// Draws the values of the cells in the middles of the pixels, the
+/// radiance there, how much both differ, and what the cells say of it.
+fn compare(figures: &Path, like: &Tracer<Bvh>, out: &mut String) -> Done {
+    let (width, height) = RESOLUTION;
+    let pixels = (0..width * height).into_par_iter().map(|i| {
+        let x = (f64::from(i % width) + 0.5) / f64::from(width);
+        let y = (f64::from(i / width) + 0.5) / f64::from(height);
+        let mut tracer = Tracer { ..*like };
+        match tracer.look(x, y) {
+            End::Sky(radiance) => [radiance, radiance, 0., 0.],
+            End::Hit(hit) => {
+                let name = like.cache.grid.name(hit.point, hit.normal);
+                let cell = like.cache.at(name);
+                let stream = u64::from(i);
+                let truth = gathered(&mut tracer, &hit, GATHERED, stream);
+                let value = f64::from(cell.value);
+                let wrong = (value - truth).abs();
+                [value, truth, wrong, f64::from(cell.error)]
             }
-        });
-        let pixels: Vec<[f64; 4]> = pixels.collect();
-        let all = |k: usize| pixels.iter().map(move |p| p[k]);
-        let hits = || pixels.iter().filter(|p| p[3] > 0.);
-        let n = hits().count() as f64;
-        let truth = hits().map(|p| p[1]).sum::<f64>() / n;
-        for (k, name) in [(2, "wrong"), (3, "claimed")] {
-            let greys = all(k).map(|d| grey(d / WHITE));
-            picture(figures, name, width, greys.collect())?;
-            let square = hits().map(|p| p[k] * p[k]).sum::<f64>() / n;
-            let share = 100. * square.sqrt() / truth;
-            number(out, name, "share", &format!("{share:.0}"))?;
         }
-        let off = hits().map(|p| p[0] - p[1]).sum::<f64>() / n / truth;
-        number(out, "cache", "off", &format!("{:.1}", 100. * off.abs()))?;
-        picture(figures, "truth", width, all(1).collect())?;
-        let mut cached: Vec<f64> = all(0).collect();
-        cross_out(&mut cached);
-        picture(figures, "cache", width, cached)
+    });
+    let pixels: Vec<[f64; 4]> = pixels.collect();
+    let all = |k: usize| pixels.iter().map(move |p| p[k]);
+    let hits = || pixels.iter().filter(|p| p[3] > 0.);
+    let n = hits().count() as f64;
+    let truth = hits().map(|p| p[1]).sum::<f64>() / n;
+    for (k, name) in [(2, "wrong"), (3, "claimed")] {
+        let greys = all(k).map(|d| grey(d / WHITE));
+        picture(figures, name, width, greys.collect())?;
+        let square = hits().map(|p| p[k] * p[k]).sum::<f64>() / n;
+        let share = 100. * square.sqrt() / truth;
+        number(out, name, "share", &format!("{share:.0}"))?;
     }
+    let off = hits().map(|p| p[0] - p[1]).sum::<f64>() / n / truth;
+    number(out, "cache", "off", &format!("{:.1}", 100. * off.abs()))?;
+    picture(figures, "truth", width, all(1).collect())?;
+    let mut cached: Vec<f64> = all(0).collect();
+    cross_out(&mut cached);
+    picture(figures, "cache", width, cached)
+}
 
-    /// The light that arrives at the place, over the disc: what a ray
-    /// meets there has the radiance that many more rays gather.
-    fn light(&self, cache: &RadianceCache, place: &Hit) -> Vec<f64> {
-        disc(|point| {
-            let at = point.map(|u| (u * 4294967296.) as u32);
-            let mut tracer = self.tracer(cache);
-            match tracer.shoot(place, None, at).end {
-                End::Sky(radiance) => radiance,
-                End::Hit(hit) => {
-                    let stream = u64::from(at[0]) << 32 | u64::from(at[1]);
-                    gathered(&mut tracer, &hit, ROUGHLY, stream)
-                }
+/// The light that arrives at the place, over the disc: what a ray
+/// meets there has the radiance that many more rays gather.
+fn light(like: &Tracer<Bvh>, place: &Hit) -> Vec<f64> {
+    disc(|point| {
+        let at = point.map(|u| (u * 4294967296.) as u32);
+        let mut tracer = Tracer { ..*like };
+        match tracer.shoot(place, None, at).end {
+            End::Sky(radiance) => radiance,
+            End::Hit(hit) => {
+                let stream = u64::from(at[0]) << 32 | u64::from(at[1]);
+                gathered(&mut tracer, &hit, ROUGHLY, stream)
             }
-        })
-    }
+        }
+    })
 }
 
 /// The radiance that leaves a hit, from so many rays into the cache; by the

@@ -7,24 +7,20 @@
 
 use std::fs;
 
-use litpt::analysis::background::KnownPixels;
 use litpt::bvh::Bvh;
-use litpt::camera::Camera;
 use litpt::film::{Film, Tile, Window};
-use litpt::integrator::PathTracer;
 use litpt::integrator::gather::cache::{Grid, RadianceCache, Record};
+use litpt::integrator::gather::render::Gather;
 use litpt::integrator::gather::training::{allocate, train};
-use litpt::integrator::gather::{
-    Allocation, Correction, Plan, Sample, Tracer,
-};
+use litpt::integrator::gather::{Allocation, Correction, Sample, Tracer};
 use litpt::options::Options;
 use litpt::render::choose::{Method, Sampling};
 use litpt::render::{Job, Renderer};
 use litpt::sampler::sobol::{ScrambledNet, SobolSampler};
 use litpt::sampler::split_mix;
-use litpt::scene::{Entrance, Scene, read_obj};
-use litpt::sky::Sky;
+use litpt::scene::read_obj;
 use litpt::statistics::Accumulator;
+use litpt_book::closed_forms::Setting;
 use rayon::prelude::*;
 
 use super::Done;
@@ -55,12 +51,11 @@ const RUNS: u64 = 3;
 const TILE: usize = 256;
 
 /// What makes the samples of a run.
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 struct Estimator<'a> {
     cache: &'a RadianceCache,
-    allocation: &'a Allocation,
+    allocation: Allocation,
     correction: Option<Correction>,
-    net: ScrambledNet,
     /// The rays by which all this was learnt.
     learning: u64,
 }
@@ -69,13 +64,10 @@ impl Learnt {
     /// The whole estimator.
     fn whole(&self) -> Estimator<'_> {
         let Self { cache, allocation, training, pilot, .. } = self;
-        let counts = allocation.counts.iter();
-        let most = u64::from(counts.max().copied().unwrap_or(1));
         Estimator {
             cache,
-            allocation,
+            allocation: allocation.clone(),
             correction: Some(Correction::default()),
-            net: ScrambledNet::new(most.max(64).next_power_of_two()),
             learning: training + pilot,
         }
     }
@@ -85,19 +77,23 @@ impl Learnt {
         let whole = self.whole();
         let changed = |correction| Estimator {
             correction: Some(correction),
-            ..whole
+            ..whole.clone()
         };
         let default = Correction::default();
         match part {
             "guides" => Estimator { cache: &self.unguided, ..whole },
-            "nets" => Estimator { net: ScrambledNet::new(1), ..whole },
+            "nets" => {
+                let net = ScrambledNet::new(1);
+                let allocation = Allocation { net, ..whole.allocation };
+                Estimator { allocation, ..whole }
+            }
             "cache" => Estimator {
                 cache: &self.empty,
                 learning: self.pilot,
                 ..whole
             },
             "allocation" => Estimator {
-                allocation: &self.even,
+                allocation: self.even.clone(),
                 learning: self.training,
                 ..whole
             },
@@ -121,7 +117,7 @@ impl Learnt {
     /// they are but few.
     fn bytes(&self, part: &str, replicate: u64) -> Option<usize> {
         let [table, guides] = self.cache.bytes();
-        let Allocation { counts, scale } = &self.allocation;
+        let Allocation { counts, scale, .. } = &self.allocation;
         match part {
             "guides" => Some(guides),
             "cache" => {
@@ -141,12 +137,8 @@ impl Learnt {
 }
 
 /// A scene, its view, and how its samples are made.
-struct Stage<'a> {
-    entrance: Entrance,
-    intersector: &'a Bvh,
-    camera: Camera,
-    sky: Sky,
-    albedo: f64,
+struct Stage {
+    setting: Setting,
     resolution: (u32, u32),
     samples: u64,
 }
@@ -165,7 +157,7 @@ struct Learnt {
     pilot: u64,
 }
 
-impl Stage<'_> {
+impl Stage {
     /// How a method samples, with a seed.
     fn sampling(&self, method: Method, seed: u64) -> Sampling {
         let area = u64::from(self.resolution.0 * self.resolution.1);
@@ -178,50 +170,32 @@ impl Stage<'_> {
         sampling.film(size, Window { corner: (0, 0), size })
     }
 
-    fn tracer<'a>(&'a self, cache: &'a RadianceCache) -> Tracer<'a, Bvh> {
-        let &Self { entrance, intersector, sky, albedo, .. } = self;
-        let camera = &self.camera;
-        Tracer {
-            entrance,
-            intersector,
-            camera,
-            sky,
-            albedo,
-            cache,
-            rays: 0,
-        }
+    /// A renderer that has learnt nothing.
+    fn renderer(&self, seed: u64) -> Gather<'_> {
+        Gather { seed, ..self.setting.gather(self.resolution) }
     }
 }
 
-impl Stage<'_> {
+impl Stage {
     /// Learns twice, as a run with this seed does, and with a tenth of the
     /// rays.
     fn learn(&self, seed: u64) -> Learnt {
         let sampling = self.sampling(Method::Gather, seed);
-        let seed = split_mix(seed);
-        let nothing = RadianceCache::empty(Grid::around(&[]));
-        let tracer = self.tracer(&nothing);
-        let rays = sampling.training;
-        let (cache, training) = train(&tracer, rays, seed, &|_| true);
-        let (hasty, haste) = train(&tracer, rays / 10, seed, &|_| true);
-        let film = self.film(&sampling);
-        let uncorrected = Estimator {
-            cache: &cache,
-            allocation: &Allocation::even(1, film.area()),
-            correction: None,
-            net: ScrambledNet::new(64),
-            learning: 0,
+        let (seed, film) = (split_mix(seed), self.film(&sampling));
+        let nothing = &RadianceCache::empty(Grid::around(&[]));
+        let one = &Allocation::even(film.window());
+        let trained = |training| {
+            let gather = &Gather { training, ..self.renderer(seed) };
+            train(&tracer(gather, nothing, one), &|_| true)
         };
-        let plan = self.plan(&uncorrected, seed);
-        let (allocation, pilot) = allocate(
-            &self.tracer(&cache),
-            &plan,
-            film.blank(),
-            film.replicate(),
-            &|_| true,
-        );
+        let rays = sampling.training;
+        let (cache, training) = trained(rays);
+        let (hasty, haste) = trained(rays / 10);
+        let gather = &Gather { correction: None, ..self.renderer(seed) };
+        let like = tracer(gather, &cache, one);
+        let (allocation, pilot) = allocate(&like, &film, &|_| true);
         let counts = vec![film.replicate() as u32; film.area() as usize];
-        let even = Allocation { counts, scale: allocation.scale.clone() };
+        let even = Allocation { counts, ..allocation.clone() };
         let unguided = cache.without_guides();
         let empty = RadianceCache::empty(cache.grid);
         Learnt {
@@ -238,26 +212,22 @@ impl Stage<'_> {
     }
 }
 
+fn tracer<'a>(
+    gather: &'a Gather<'a>,
+    cache: &'a RadianceCache,
+    allocation: &'a Allocation,
+) -> Tracer<'a, Bvh> {
+    let intersector = gather.intersector;
+    Tracer { gather, intersector, cache, allocation, rays: 0 }
+}
+
 /// A run: its image and its rays per sample, with what it had to learn.
 struct Run {
     film: Film,
     rays: f64,
 }
 
-impl Stage<'_> {
-    fn plan<'a>(&self, estimator: &Estimator<'a>, seed: u64) -> Plan<'a> {
-        let resolution = self.resolution;
-        Plan {
-            resolution,
-            window: Window { corner: (0, 0), size: resolution },
-            known: &KnownPixels::Nothing,
-            allocation: estimator.allocation,
-            net: estimator.net,
-            seed,
-            correction: estimator.correction,
-        }
-    }
-
+impl Stage {
     /// Renders scrambles with what was learnt, and without a part.
     fn gather(
         &self,
@@ -266,12 +236,13 @@ impl Stage<'_> {
         scrambles: u64,
     ) -> Run {
         let mut film = self.film(&self.sampling(Method::Gather, seed));
-        let plan = self.plan(without, seed);
+        let &Estimator { cache, ref allocation, correction, .. } = without;
+        let gather = &Gather { correction, ..self.renderer(seed) };
         let render =
             |(tile, pixels, mean): (Tile, &mut [Accumulator], &mut _)| {
-                let mut tracer = self.tracer(without.cache);
+                let mut tracer = tracer(gather, cache, allocation);
                 for scramble in 0..scrambles {
-                    let values = tracer.tile(&plan, tile, scramble);
+                    let values = tracer.tile(tile, scramble);
                     let sum: f64 = values.iter().sum();
                     Accumulator::add(mean, sum / values.len() as f64);
                     let both = pixels.iter_mut().zip(values);
@@ -292,14 +263,17 @@ impl Stage<'_> {
     fn trace(&self, seed: u64) -> Run {
         let sampling = self.sampling(Method::Sobol, seed);
         let mut film = self.film(&sampling);
-        let &Self { entrance, intersector, sky, albedo, .. } = self;
+        let Job {
+            entrance, intersector, camera, integrator, known, ..
+        } = self.setting.job(0);
+        let sampler = SobolSampler::new(seed, sampling.replicate);
         let mut job = Job {
             entrance,
             intersector,
-            camera: &self.camera,
-            integrator: PathTracer::new(albedo, sky),
-            known: &KnownPixels::Nothing,
-            sampler: SobolSampler::new(seed, sampling.replicate),
+            camera,
+            integrator,
+            known,
+            sampler,
         };
         let traced = job.pass(&mut film, self.samples, &|_| true);
         let samples = self.samples * film.area();
@@ -363,7 +337,7 @@ fn without_it(all: &[Outcome], one: usize) -> (f64, f64) {
     (sum / weights, 1. / weights)
 }
 
-impl Stage<'_> {
+impl Stage {
     /// A run without a part, with what run `i` has learnt.
     fn without(&self, learnt: &Learnt, part: usize, i: u64) -> Run {
         let seed = (part as u64 + 1) * RUNS + i;
@@ -386,17 +360,16 @@ pub fn run(arguments: &[String]) -> Done {
     let parsed = Options::parse(words);
     let arguments = parsed.map_err(|error| format!("{error:?}"))?;
     let input = arguments.input.as_ref().ok_or("name a scene: -i FILE")?;
-    let scene = Scene::new(&read_obj(&fs::read(input)?)?);
-    let intersector = Bvh::new(&scene)?;
-    let view = arguments.view();
+    let (mesh, view) = (read_obj(&fs::read(input)?)?, arguments.view());
     let (width, height) = arguments.resolution;
     let aspect = f64::from(width) / f64::from(height);
     let stage = Stage {
-        entrance: scene.frame.entrance(view.position),
-        intersector: &intersector,
-        camera: Camera::new(&view, aspect)?,
-        sky: Sky::new(view.up),
-        albedo: arguments.albedo,
+        setting: Setting::new(
+            &mesh,
+            (arguments.albedo, view.up),
+            &view,
+            aspect,
+        )?,
         resolution: arguments.resolution,
         samples: arguments.samples().unwrap_or(SAMPLES),
     };

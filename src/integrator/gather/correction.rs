@@ -10,10 +10,9 @@ use rand::RngExt;
 use rand_pcg::Pcg64;
 
 use super::cache::{Cell, UNSEEN};
-use super::{Correction, End, Plan, Sample, Tracer};
+use super::{Correction, End, Sample, Tracer};
 use crate::bvh::{Hit, Intersector};
 use crate::integrator::{MANY_BOUNCES, survival};
-use crate::sampler::sobol::ScrambledNet;
 use crate::scene::Ray;
 
 impl<K: Intersector> Tracer<'_, K> {
@@ -21,30 +20,29 @@ impl<K: Intersector> Tracer<'_, K> {
     /// pixels.
     pub fn correct(
         &mut self,
-        plan: &Plan,
         samples: &[Sample],
         random: &mut Pcg64,
         sums: &mut [f64],
     ) {
-        let Some(correction) = &plan.correction else { return };
+        let Some(correction) = &self.gather.correction else { return };
         // Put the samples in groups of neighbours
         let mut order: Vec<_> = (0..samples.len()).collect();
         let grid = &self.cache.grid;
         order.sort_by_cached_key(|&i| grid.order(&samples[i].hit));
         let groups = samples.len().div_ceil(correction.group).max(1);
         let length = samples.len().div_ceil(groups).max(1);
-        let numbers = &mut Numbers { net: &plan.net, random };
         for group in order.chunks(length) {
-            let mut next = numbers.random.random::<f64>() * correction.step;
+            let mut next = random.random::<f64>() * correction.step;
             let mut reached = 0.;
             for &k in group {
                 let Sample { weight, scale, ref end, .. } = samples[k];
                 let Some((y, cell)) = end else { continue };
                 let expected = f64::from(cell.error);
-                reached += self.albedo * weight * expected / scale;
+                reached +=
+                    self.gather.inquiry.albedo * weight * expected / scale;
                 let draws = draws(&mut next, reached, correction.step);
                 if draws > 0. {
-                    let found = self.radiance(correction, y, cell, numbers);
+                    let found = self.radiance(correction, y, cell, random);
                     let error = found - f64::from(cell.value);
                     let share = draws * correction.step * error / expected;
                     self.share(samples, group, k, share, sums);
@@ -98,17 +96,17 @@ impl<K: Intersector> Tracer<'_, K> {
         correction: &Correction,
         x: &Hit,
         cell: &Cell,
-        numbers: &mut Numbers,
+        random: &mut Pcg64,
     ) -> f64 {
         let (mut ends, mut others) = (vec![], vec![]);
         let &Correction { gathers, paths, branches, .. } = correction;
         let mut sum =
-            self.gather(x, cell, gathers, paths, numbers, &mut ends);
+            self.gather(x, cell, gathers, paths, random, &mut ends);
         for Candidate { hit, cell, weight, .. } in ends {
             sum += weight
-                * self.error(branches, hit, cell, numbers, &mut others);
+                * self.error(branches, hit, cell, random, &mut others);
         }
-        self.albedo * sum
+        self.gather.inquiry.albedo * sum
     }
 
     /// The mean of what comes from rays that leave `x`, as far as the cache
@@ -120,11 +118,11 @@ impl<K: Intersector> Tracer<'_, K> {
         cell: &Cell,
         rays: u32,
         paths: u32,
-        Numbers { net, random }: &mut Numbers,
+        random: &mut Pcg64,
         ends: &mut Vec<Candidate>,
     ) -> f64 {
         let (mut sum, mut total) = (0., 0.);
-        let key = random.random();
+        let (net, key) = (self.allocation.net, random.random());
         ends.clear();
         for n in 0..rays {
             let u = net.pair(key, n, 0);
@@ -167,21 +165,21 @@ impl<K: Intersector> Tracer<'_, K> {
         branches: u32,
         mut y: Hit,
         mut cell: Cell,
-        numbers: &mut Numbers,
+        random: &mut Pcg64,
         ends: &mut Vec<Candidate>,
     ) -> f64 {
         let (mut throughput, mut error) = (1., 0.);
         for bounce in 0.. {
             error -= throughput * f64::from(cell.value);
-            let sum = self.gather(&y, &cell, branches, 1, numbers, ends);
-            error += throughput * self.albedo * sum;
+            let sum = self.gather(&y, &cell, branches, 1, random, ends);
+            error += throughput * self.gather.inquiry.albedo * sum;
             let Some(end) = ends.pop() else { break };
-            throughput *= self.albedo * end.weight;
+            throughput *= self.gather.inquiry.albedo * end.weight;
             // Let a weak path survive by chance
             let long =
                 if bounce < MANY_BOUNCES { 1. } else { survival(bounce) };
             let probability = (throughput / WEAK).min(1.) * long;
-            if numbers.random.random::<f64>() >= probability {
+            if random.random::<f64>() >= probability {
                 break;
             }
             throughput /= probability;
@@ -209,12 +207,6 @@ fn form_factor(x: &Hit, y: &Hit) -> (f64, DVec3) {
         return (0., to);
     }
     (here * there / (PI * square * square), to / square.sqrt())
-}
-
-/// Where the random numbers of corrections come from.
-struct Numbers<'a> {
-    net: &'a ScrambledNet,
-    random: &'a mut Pcg64,
 }
 
 /// The end of a ray of a gather, which may be corrected.

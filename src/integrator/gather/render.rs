@@ -7,30 +7,21 @@ use rayon::prelude::*;
 
 use super::cache::{Grid, RadianceCache};
 use super::training::{PILOT_SAMPLES, allocate, train};
-use super::{Allocation, Correction, Plan, Tracer};
+use super::{Allocation, Correction, Tracer};
+use crate::analysis::Inquiry;
 use crate::analysis::background::KnownPixels;
 use crate::bvh::{Bvh, Dispatch, Intersector};
-use crate::camera::Camera;
 use crate::film::{Film, Tile, Watch};
 use crate::integrator::Renderer;
-use crate::sampler::sobol::ScrambledNet;
 use crate::sampler::split_mix;
-use crate::scene::Entrance;
-use crate::sky::Sky;
 use crate::statistics::Accumulator;
 
 /// Renders by gathering, with what a training has learnt.
 pub struct Gather<'a> {
-    /// Where rays of the camera enter the scene.
-    pub entrance: Entrance,
+    /// The view of the scene, and its light.
+    pub inquiry: Inquiry<'a>,
     /// Finds hits in the scene.
     pub intersector: &'a Bvh,
-    /// Where paths start.
-    pub camera: &'a Camera,
-    /// The only light.
-    pub sky: Sky,
-    /// Albedo of every surface.
-    pub albedo: f64,
     /// What is known of the image beforehand.
     pub known: &'a KnownPixels,
     /// Chooses all random numbers.
@@ -74,51 +65,6 @@ impl Renderer for Gather<'_> {
     }
 }
 
-impl<'g> Gather<'g> {
-    /// A tracer with a cache.
-    pub fn tracer<'a, K>(
-        &self,
-        intersector: &'a K,
-        cache: &'a RadianceCache,
-    ) -> Tracer<'a, K>
-    where
-        'g: 'a,
-    {
-        let &Self { entrance, camera, sky, albedo, .. } = self;
-        Tracer {
-            entrance,
-            intersector,
-            camera,
-            sky,
-            albedo,
-            cache,
-            rays: 0,
-        }
-    }
-
-    /// A plan for the whole window of a film's run.
-    pub fn plan<'a>(
-        &self,
-        film: &Film,
-        allocation: &'a Allocation,
-    ) -> Plan<'a>
-    where
-        'g: 'a,
-    {
-        let most = allocation.counts.iter().max().copied().unwrap_or(1);
-        let points = u64::from(most).max(64).next_power_of_two();
-        Plan {
-            resolution: film.resolution(),
-            window: film.whole(),
-            known: self.known,
-            allocation,
-            net: ScrambledNet::new(points),
-            seed: self.seed,
-            correction: self.correction,
-        }
-    }
-}
-
 /// Learning that waits for its intersector.
 struct Learn<'a> {
     gather: &'a Gather<'a>,
@@ -132,19 +78,18 @@ impl Dispatch for Learn<'_> {
     fn with<K: Intersector>(self, intersector: &K) -> Self::Output {
         let Self { gather, film, watch } = self;
         let seed = split_mix(gather.seed);
-        let nothing = RadianceCache::empty(Grid::around(&[]));
-        let tracer = gather.tracer(intersector, &nothing);
-        let (cache, rays) = train(&tracer, gather.training, seed, watch);
+        let cache = &RadianceCache::empty(Grid::around(&[]));
+        let gather =
+            &Gather { seed, correction: None, learnt: None, ..*gather };
+        let allocation = &Allocation::even(film.whole());
+        let like =
+            Tracer { gather, intersector, cache, allocation, rays: 0 };
+        let (cache, rays) = train(&like, watch);
         if !watch(0) {
             return None;
         }
-        let tracer = gather.tracer(intersector, &cache);
-        let (mean, film) = (film.replicate(), film.blank());
-        let pilot = Allocation::even(1, film.area());
-        let plan = gather.plan(&film, &pilot);
-        let plan = Plan { correction: None, seed, ..plan };
-        let (allocation, traced) =
-            allocate(&tracer, &plan, film, mean, watch);
+        let like = Tracer { cache: &cache, ..like };
+        let (allocation, traced) = allocate(&like, film, watch);
         let learnt = Learnt { cache, allocation };
         watch(0).then_some((learnt, rays + traced))
     }
@@ -165,19 +110,20 @@ impl Dispatch for Pass<'_> {
     fn with<K: Intersector>(self, intersector: &K) -> u64 {
         let Self { gather, learnt, film, end, watch } = self;
         let Learnt { cache, allocation } = learnt;
-        let plan = gather.plan(film, allocation);
+        let like =
+            Tracer { gather, intersector, cache, allocation, rays: 0 };
         let replicate = film.replicate();
         let first = film.first() / replicate;
         let end = end.div_ceil(replicate);
         // Render a tile and count its rays
         let render =
             |(tile, pixels, mean): (Tile, &mut [Accumulator], &mut _)| {
-                let mut tracer = gather.tracer(intersector, cache);
+                let mut tracer = Tracer { ..like };
                 for scramble in pixels[0].count()..end {
                     if !watch(0) {
                         break;
                     }
-                    let values = tracer.tile(&plan, tile, first + scramble);
+                    let values = tracer.tile(tile, first + scramble);
                     let sum: f64 = values.iter().sum();
                     Accumulator::add(mean, sum / values.len() as f64);
                     pixels

@@ -11,7 +11,8 @@ use rand::RngExt;
 use rayon::prelude::*;
 
 use super::cache::{DARKNESS, Grid, RadianceCache, Record, SKY};
-use super::{Allocation, End, Plan, Shot, Tracer};
+use super::render::Gather;
+use super::{Allocation, End, Shot, Tracer};
 use crate::bvh::{Hit, Intersector};
 use crate::film::{Film, Watch};
 use crate::sampler::generator;
@@ -93,17 +94,15 @@ const ROUNDS: [u64; 3] = [15, 25, 60];
 /// By how much the last round must be expected to reduce the error.
 const LEAST_FALL: f32 = 0.028;
 
-/// Learns a cache from at most about so many rays; returns it and the rays.
-/// If `watch`, which is told the rays, stops it, the cache is of no use.
+/// Learns a cache with tracers like this one; returns it and the rays. If
+/// `watch`, which is told the rays, stops it, the cache is of no use.
 pub fn train<K: Intersector>(
     like: &Tracer<K>,
-    rays: u64,
-    seed: u64,
     watch: &Watch,
 ) -> (RadianceCache, u64) {
+    let &Gather { inquiry, seed, training: rays, .. } = like.gather;
     // Choose the grid after a first look
-    let empty = RadianceCache::empty(Grid::around(&[]));
-    let mut scout = Tracer { cache: &empty, rays: 0, ..*like };
+    let mut scout = Tracer { rays: 0, ..*like };
     let mut points = vec![];
     let visit = |point| points.push(point);
     scout.explore(rays.min(10_000), seed, u64::MAX, visit, watch);
@@ -124,7 +123,7 @@ pub fn train<K: Intersector>(
             traced += rays;
         }
         let before = cache.relative_error;
-        cache = cache.learn(&mut records, like.albedo as f32, watch);
+        cache = cache.learn(&mut records, inquiry.albedo as f32, watch);
         let now = cache.relative_error;
         if round == 1 && now * (1. - now / before) < LEAST_FALL {
             break;
@@ -136,16 +135,16 @@ pub fn train<K: Intersector>(
 /// Samples of each pixel in the pilot.
 pub const PILOT_SAMPLES: u64 = 8;
 
-/// Samples for each pixel, `mean` on average, in proportion to the standard
-/// deviation that a pilot finds on the empty `film`; and its rays. If
-/// `watch`, which is told the rays, stops it, they are of no use.
+/// Samples for each pixel of the window of a film's run, one replicate on
+/// average, in proportion to the standard deviation that a pilot finds; and
+/// its rays. If `watch`, which is told the rays, stops it, they are of no
+/// use.
 pub fn allocate<K: Intersector>(
     like: &Tracer<K>,
-    plan: &Plan,
-    mut film: Film,
-    mean: u64,
+    film: &Film,
     watch: &Watch,
 ) -> (Allocation, u64) {
+    let (mean, mut film) = (film.replicate(), film.blank());
     // Render the scrambles of the pilot
     let rays = film.tiles().into_par_iter().map(|(tile, pixels)| {
         let mut tracer = Tracer { rays: 0, ..*like };
@@ -154,7 +153,7 @@ pub fn allocate<K: Intersector>(
             && watch(tracer.rays - told)
         {
             told = tracer.rays;
-            let values = tracer.tile(plan, tile, scramble);
+            let values = tracer.tile(tile, scramble);
             pixels.iter_mut().zip(values).for_each(|(p, v)| p.add(v));
         }
         tracer.rays
@@ -171,7 +170,7 @@ pub fn allocate<K: Intersector>(
         (share * mean as f64).round().max(1.) as u32
     };
     let counts = deviations.iter().map(count).collect();
-    (Allocation { counts, scale }, rays)
+    (Allocation::new(film.window(), counts, scale), rays)
 }
 
 fn average(numbers: &[f64]) -> f64 {
