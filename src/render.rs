@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use crate::analysis::background::{KnownPixels, TileContent};
 use crate::bvh::{BEAM, Dispatch, Intersector};
 use crate::camera::Camera;
-use crate::film::{Film, Tile, Watch};
+use crate::film::{Film, Part, Tile, Watch};
 use crate::integrator::{Integrator, PathEvent, RayQuery};
 pub use crate::integrator::{Renderer, Share};
 use crate::sampler::{IndependentSampler, Sampler, within};
@@ -44,7 +44,7 @@ impl<K: Intersector, E: Integrator, S: Sampler> Renderer
 {
     fn pass(&mut self, film: &mut Film, end: u64, watch: &Watch) -> u64 {
         let replicate = self.sampler.replicate();
-        assert_eq!(film.replicate(), replicate, "replicates");
+        assert_eq!(film.replicate, replicate, "replicates");
         let pass = Pass { job: self, film, end, watch };
         self.intersector.dispatch(pass)
     }
@@ -65,15 +65,15 @@ impl<K: Intersector, E: Integrator, S: Sampler> Dispatch
 
     fn with<L: Intersector>(self, intersector: &L) -> u64 {
         let Self { job, film, end, watch } = self;
-        let resolution = film.resolution();
+        let resolution = film.resolution;
         let work = Tiles { job, intersector, resolution, watch };
         let replicate = job.sampler.replicate();
-        let first = film.first() / replicate;
+        let first = film.first / replicate;
         let end = first + end.div_ceil(replicate);
         let tiles = film.tiles();
         let parts =
             PIECES_PER_THREAD * rayon::current_num_threads() / tiles.len();
-        let render = |(tile, pixels): (Tile, &mut [Accumulator])| {
+        let render = |(tile, pixels, _): Part| {
             let values = first + pixels[0].count()..end;
             work.add(tile, pixels, values, parts as u64).unwrap_or(0)
         };

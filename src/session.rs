@@ -668,7 +668,7 @@ fn begin(
         }
     };
     if run_key.part.is_some() && goal == Some(0) {
-        let together = film.replicate();
+        let together = film.replicate;
         warn(format!(
             "the part has no sample: {together} are placed together"
         ));

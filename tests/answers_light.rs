@@ -137,8 +137,8 @@ fn gather(
     let mut film = Film::new(4, 4);
     let tile = film.tiles()[0].0;
     let plan = Plan {
-        resolution: film.resolution(),
-        window: film.window(),
+        resolution: film.resolution,
+        window: film.window,
         known,
         allocation: &Allocation::even(1, film.area()),
         net: ScrambledNet::new(1),
@@ -208,8 +208,8 @@ fn room_of_step(step: Option<f64>) -> (f64, f64) {
     let allocation =
         &Allocation { counts: vec![4; 256], scale: vec![0.42; 256] };
     let plan = Plan {
-        resolution: film.resolution(),
-        window: film.window(),
+        resolution: film.resolution,
+        window: film.window,
         known,
         allocation,
         net: ScrambledNet::new(4),
@@ -253,7 +253,7 @@ fn a_pixel_that_has_seen_nothing_is_believed_with_time() {
     // State the error of a blind pixel
     let stated = |n: u64| {
         let mut film = Film::new(5, 5);
-        for (pixel, i) in film.stored_mut().iter_mut().zip(0..) {
+        for (pixel, i) in film.pixels.iter_mut().zip(0..) {
             let ones = if i < 12 { n / 4 } else { 0 };
             pixel.add_times(1., ones);
             pixel.add_times(0., n - ones);

@@ -118,13 +118,14 @@ fn an_exr_file_of_a_film_is_that_of_its_image() {
     for gaps in [true; 9].into_iter().chain([false]) {
         let film = Film::cropped((400, 400), window);
         let mut film = film.with_replicates(4).with_shared_tiles();
-        let tiles = film.shared_tiles().into_iter().enumerate();
-        for (i, (_, pixels, mean)) in tiles.filter(|t| !gaps || t.0 < 9) {
+        let tiles = film.tiles().into_iter().enumerate();
+        for (i, (_, pixels, mut mean)) in tiles.filter(|t| !gaps || t.0 < 9)
+        {
             for k in 0..2 + i % 3 {
                 let values = (0..).map(|n| f64::from(n * n % 7 + k as u32));
                 let pixels = pixels.iter_mut().zip(values);
                 pixels.for_each(|(pixel, value)| pixel.add(value));
-                mean.add((i * k) as f64);
+                mean.as_mut().unwrap().add((i * k) as f64);
             }
         }
         let image = Image::new(&film, BTreeMap::new());
@@ -658,7 +659,7 @@ fn a_device_receives_the_last_state_alone() {
 #[test]
 fn pixels_without_a_sample_are_filled_in_levels_and_no_numbers_elsewhere() {
     let mut film = Film::new(70, 50);
-    for (tile, pixels) in film.tiles() {
+    for (tile, pixels, _) in film.tiles() {
         let value = match tile.corner {
             (0, 0) => 0.25,
             (48, 32) => 1.,

@@ -72,9 +72,10 @@ fn compress(
     headers: &[Header],
     gap: &OnceLock<Chunk>,
 ) -> Result<Chunk, Error> {
-    let [corner, size] = [index.pixel_position, index.pixel_size]
+    let [(x, y), size] = [index.pixel_position, index.pixel_size]
         .map(|Vec2(x, y)| (x as u32, y as u32));
-    let window = Window { corner, size };
+    let (left, top) = image.window().corner;
+    let window = Window { corner: (left + x, top + y), size };
     let is_gap = window.area() == TILE * TILE && image.sampled(window)[1];
     if let (true, Some(chunk)) = (is_gap, gap.get()) {
         // Copy a gap to its place
@@ -96,8 +97,8 @@ fn compress(
 
 /// What stands before the blocks.
 fn header(image: &dyn Source) -> Header {
-    let (width, height) = image.size();
-    let pixel = image.part(Window { corner: (0, 0), size: (1, 1) });
+    let (width, height) = image.window().size;
+    let pixel = image.part(Window { size: (1, 1), ..image.window() });
     let channels = channels(&pixel).into_iter();
     let channels = channels
         .map(|(name, kind, _)| ChannelDescription::named(name, kind));

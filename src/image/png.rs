@@ -13,7 +13,7 @@ use super::levels::{LEVELS, levels, mean, radiance, whole};
 
 /// Writes the means as 65536 levels, encoded by the sRGB curve.
 pub fn write(image: &dyn Source, out: &mut dyn Write) -> io::Result<()> {
-    let (width, height) = image.size();
+    let (width, height) = image.window().size;
     let mut encoder = Encoder::new(out, width, height);
     encoder.set_color(ColorType::Grayscale);
     encoder.set_depth(BitDepth::Sixteen);

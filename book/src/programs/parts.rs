@@ -10,7 +10,7 @@ use std::fs;
 use litpt::analysis::background::KnownPixels;
 use litpt::bvh::Bvh;
 use litpt::camera::Camera;
-use litpt::film::{Film, Tile, Window};
+use litpt::film::{Film, Part, Window};
 use litpt::integrator::PathTracer;
 use litpt::integrator::gather::cache::{Grid, RadianceCache, Record};
 use litpt::integrator::gather::training::{allocate, train};
@@ -217,10 +217,10 @@ impl Stage<'_> {
             &self.tracer(&cache),
             &plan,
             film.blank(),
-            film.replicate(),
+            film.replicate,
             &|_| true,
         );
-        let counts = vec![film.replicate() as u32; film.area() as usize];
+        let counts = vec![film.replicate as u32; film.area() as usize];
         let even = Allocation { counts, scale: allocation.scale.clone() };
         let unguided = cache.without_guides();
         let empty = RadianceCache::empty(cache.grid);
@@ -267,21 +267,22 @@ impl Stage<'_> {
     ) -> Run {
         let mut film = self.film(&self.sampling(Method::Gather, seed));
         let plan = self.plan(without, seed);
-        let render =
-            |(tile, pixels, mean): (Tile, &mut [Accumulator], &mut _)| {
-                let mut tracer = self.tracer(without.cache);
-                for scramble in 0..scrambles {
-                    let values = tracer.tile(&plan, tile, scramble);
+        let render = |(tile, pixels, mut mean): Part| {
+            let mut tracer = self.tracer(without.cache);
+            for scramble in 0..scrambles {
+                let values = tracer.tile(&plan, tile, scramble);
+                if let Some(mean) = &mut mean {
                     let sum: f64 = values.iter().sum();
-                    Accumulator::add(mean, sum / values.len() as f64);
-                    let both = pixels.iter_mut().zip(values);
-                    both.for_each(|(pixel, value)| pixel.add(value));
+                    mean.add(sum / values.len() as f64);
                 }
-                tracer.rays
-            };
-        let tiles = film.shared_tiles().into_par_iter().with_max_len(1);
+                let both = pixels.iter_mut().zip(values);
+                both.for_each(|(pixel, value)| pixel.add(value));
+            }
+            tracer.rays
+        };
+        let tiles = film.tiles().into_par_iter().with_max_len(1);
         let traced: u64 = tiles.map(render).sum();
-        let per_pixel = (scrambles * film.replicate()) as f64;
+        let per_pixel = (scrambles * film.replicate) as f64;
         let each = traced as f64 / per_pixel;
         let learning = without.learning as f64 / self.samples as f64;
         let rays = (each + learning) / film.area() as f64;

@@ -11,13 +11,12 @@ use super::{Allocation, Correction, Plan, Tracer};
 use crate::analysis::background::KnownPixels;
 use crate::bvh::{Bvh, Dispatch, Intersector};
 use crate::camera::Camera;
-use crate::film::{Film, Tile, Watch};
+use crate::film::{Film, Part, Watch};
 use crate::integrator::Renderer;
 use crate::sampler::sobol::ScrambledNet;
 use crate::sampler::split_mix;
 use crate::scene::Entrance;
 use crate::sky::Sky;
-use crate::statistics::Accumulator;
 
 /// Renders by gathering, with what a training has learnt.
 pub struct Gather<'a> {
@@ -108,8 +107,8 @@ impl<'g> Gather<'g> {
         let most = allocation.counts.iter().max().copied().unwrap_or(1);
         let points = u64::from(most).max(64).next_power_of_two();
         Plan {
-            resolution: film.resolution(),
-            window: film.whole(),
+            resolution: film.resolution,
+            window: film.whole,
             known: self.known,
             allocation,
             net: ScrambledNet::new(points),
@@ -139,7 +138,7 @@ impl Dispatch for Learn<'_> {
             return None;
         }
         let tracer = gather.tracer(intersector, &cache);
-        let (mean, film) = (film.replicate(), film.blank());
+        let (mean, film) = (film.replicate, film.blank());
         let pilot = Allocation::even(1, film.area());
         let plan = gather.plan(&film, &pilot);
         let plan = Plan { correction: None, seed, ..plan };
@@ -166,29 +165,28 @@ impl Dispatch for Pass<'_> {
         let Self { gather, learnt, film, end, watch } = self;
         let Learnt { cache, allocation } = learnt;
         let plan = gather.plan(film, allocation);
-        let replicate = film.replicate();
-        let first = film.first() / replicate;
+        let replicate = film.replicate;
+        let first = film.first / replicate;
         let end = end.div_ceil(replicate);
         // Render a tile and count its rays
-        let render =
-            |(tile, pixels, mean): (Tile, &mut [Accumulator], &mut _)| {
-                let mut tracer = gather.tracer(intersector, cache);
-                for scramble in pixels[0].count()..end {
-                    if !watch(0) {
-                        break;
-                    }
-                    let values = tracer.tile(&plan, tile, first + scramble);
-                    let sum: f64 = values.iter().sum();
-                    Accumulator::add(mean, sum / values.len() as f64);
-                    pixels
-                        .iter_mut()
-                        .zip(values)
-                        .for_each(|(p, v)| p.add(v));
-                    watch(replicate * pixels.len() as u64);
+        let render = |(tile, pixels, mut mean): Part| {
+            let mut tracer = gather.tracer(intersector, cache);
+            for scramble in pixels[0].count()..end {
+                if !watch(0) {
+                    break;
                 }
-                tracer.rays
-            };
-        let tiles = film.shared_tiles().into_par_iter();
+                let values = tracer.tile(&plan, tile, first + scramble);
+                if let Some(mean) = &mut mean {
+                    mean.add(
+                        values.iter().sum::<f64>() / values.len() as f64,
+                    );
+                }
+                pixels.iter_mut().zip(values).for_each(|(p, v)| p.add(v));
+                watch(replicate * pixels.len() as u64);
+            }
+            tracer.rays
+        };
+        let tiles = film.tiles().into_par_iter();
         tiles.with_max_len(1).map(render).sum()
     }
 }
