@@ -152,14 +152,14 @@ impl Window {
     /// This and the pixels that are at most so many columns and rows away,
     /// as far as they lie `within` another window.
     fn grown(&self, reach: u32, within: Self) -> Self {
-        let grow = |at: u32, size: u32, first: u32, length: u32| {
+        let grow = |at: u32, end: u32, first: u32, last: u32| {
             let start = at.saturating_sub(reach).max(first);
-            (start, (at + size + reach).min(first + length) - start)
+            (start, (end + reach).min(last) - start)
         };
-        let Self { corner: (x, y), size: (width, height) } = *self;
-        let Self { corner: (left, top), size } = within;
-        let (x, width) = grow(x, width, left, size.0);
-        let (y, height) = grow(y, height, top, size.1);
+        let ((x, y), (left, top)) = (self.corner, within.corner);
+        let [ends, limits] = [self.end(), within.end()];
+        let (x, width) = grow(x, ends.0, left, limits.0);
+        let (y, height) = grow(y, ends.1, top, limits.1);
         Self { corner: (x, y), size: (width, height) }
     }
 }
@@ -221,11 +221,9 @@ impl Film {
             let (x, y) = cells[rank];
             // Append the tile of one cell
             places[(y * columns + x) as usize] = place as u32;
-            let (x, y) = ((left + x) * SIDE, (top + y) * SIDE);
-            let corner = (x.max(window.corner.0), y.max(window.corner.1));
-            let (right, bottom) = window.end();
-            let end = (right.min(x + SIDE), bottom.min(y + SIDE));
-            let size = (end.0 - corner.0, end.1 - corner.1);
+            let corner = ((left + x) * SIDE, (top + y) * SIDE);
+            let cell = Window { corner, size: (SIDE, SIDE) };
+            let Window { corner, size } = cell.grown(0, window);
             tiles.push(Tile { corner, size, start, rank: rank as u32 });
             start += (size.0 * size.1) as usize;
         }

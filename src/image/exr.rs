@@ -99,8 +99,8 @@ fn compress(
 fn header(image: &dyn Source) -> Header {
     let (width, height) = image.window().size;
     let pixel = image.part(Window { size: (1, 1), ..image.window() });
-    let channels = channels(&pixel).into_iter();
-    let channels = channels
+    let channels = pixel
+        .channels()
         .map(|(name, kind, _)| ChannelDescription::named(name, kind));
     let tiles = BlockDescription::Tiles(TileDescription {
         tile_size: Vec2(TILE, TILE),
@@ -122,25 +122,28 @@ const ERROR: &str = "stderr.Y";
 const SAMPLES: &str = "samples.Y";
 const SHARED: &str = "tile_stderr.Y";
 
-/// The channels that the image fills, by name.
-fn channels(image: &Image) -> Vec<(&'static str, SampleType, &[f64])> {
-    let Image { means, errors, samples, tile_errors, .. } = image;
-    let all = [
-        (MEAN, SampleType::F32, Some(means)),
-        (SAMPLES, SampleType::U32, samples.as_ref()),
-        (ERROR, SampleType::F32, errors.as_ref()),
-        (SHARED, SampleType::F32, tile_errors.as_ref()),
-    ];
-    let all = all.into_iter();
-    all.filter_map(|(name, kind, v)| Some((name, kind, &v?[..]))).collect()
+impl Image {
+    /// The channels that it fills: name, type in the file, and numbers.
+    pub fn channels(
+        &self,
+    ) -> impl Iterator<Item = (&'static str, SampleType, &[f64])> {
+        let Self { means, errors, samples, tile_errors, .. } = self;
+        let all = [
+            (MEAN, SampleType::F32, Some(means)),
+            (SAMPLES, SampleType::U32, samples.as_ref()),
+            (ERROR, SampleType::F32, errors.as_ref()),
+            (SHARED, SampleType::F32, tile_errors.as_ref()),
+        ];
+        let all = all.into_iter();
+        all.filter_map(|(name, kind, v)| Some((name, kind, &v?[..])))
+    }
 }
 
 /// The numbers of a part of an image as they are in a block.
 fn bits(part: &Image) -> Vec<u32> {
-    let (channels, width) = (channels(part), part.width as usize);
-    let mut bits = Vec::with_capacity(channels.len() * part.means.len());
+    let (mut bits, width) = (vec![], part.width as usize);
     for first in (0..part.means.len()).step_by(width) {
-        for (_, kind, values) in &channels {
+        for (_, kind, values) in part.channels() {
             let row = values[first..first + width].iter();
             match kind {
                 SampleType::U32 => bits.extend(row.map(|&n| n as u32)),
