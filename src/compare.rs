@@ -81,32 +81,24 @@ fn tail(z: f64, freedom: f64) -> f64 {
     libm::erfc(z.abs() / SQRT_2)
 }
 
-/// A mean, its squared standard error, and the degrees of freedom of
-/// the latter.
-type Estimate = (f64, f64, f64);
-
-/// What an image knows of pixel `i`, by itself or as a part of a `tile` of
-/// so many pixels.
-fn estimate(image: &Image, i: usize, tile: Option<u32>) -> Estimate {
-    let freedom =
-        image.values(i).map_or(f64::INFINITY, |n| f64::max(n - 1., 1.));
-    let (errors, pixels) = match (&image.tile_errors, tile) {
-        (Some(errors), Some(pixels)) => (Some(errors), pixels.into()),
-        _ => (image.errors.as_ref(), 1.),
-    };
-    let error = errors.map_or(0., |errors| errors[i]);
-    (image.means[i], error * error, freedom / pixels)
-}
-
-/// How far two estimates of a pixel differ; none if an error is unknown.
-fn gap(estimates: [Estimate; 2]) -> Option<Gap> {
-    let [(a, ..), (b, ..)] = estimates;
+/// How far the estimates of pixel `i` differ, by itself or as a part of a
+/// `tile` of so many pixels; none if an error is unknown.
+fn gap(images: [&Image; 2], i: usize, tile: Option<u32>) -> Option<Gap> {
+    let [a, b] = images.map(|image| image.means[i]);
     let rounding = f64::from(f32::EPSILON) * a.abs().max(b.abs());
     let difference = if (a - b).abs() <= rounding { 0. } else { a - b };
     let mut gap = Gap { difference, pixels: 1, ..Gap::default() };
-    for (_, variance, freedom) in estimates {
+    for image in images {
+        // Add the variance of one estimate
+        let freedom =
+            image.values(i).map_or(f64::INFINITY, |n| f64::max(n - 1., 1.));
+        let (errors, pixels) = match (&image.tile_errors, tile) {
+            (Some(errors), Some(pixels)) => (Some(errors), pixels.into()),
+            _ => (image.errors.as_ref(), 1.),
+        };
+        let variance = errors.map_or(0., |errors| errors[i] * errors[i]);
         gap.variance += variance;
-        gap.fourth += variance * variance / freedom;
+        gap.fourth += variance * variance / (freedom / pixels);
     }
     let known = gap.variance.is_finite() && difference.is_finite();
     known.then_some(gap)
@@ -132,6 +124,7 @@ impl Blocks {
         let (width, size) = (image.width as usize, side as usize);
         let [left, top] = [left, top].map(|n| (n % side) as usize);
         let columns = (width + left).div_ceil(size);
+        // Number the blocks
         let (mut of, mut blocks) = (Vec::with_capacity(pixels), vec![]);
         for i in 0..pixels {
             let (x, y) = (i % width + left, i / width + top);
@@ -287,6 +280,7 @@ pub fn disagreements(
     };
     let both = says(a) && says(b);
     let differ = |name: &&str| both && a.get(*name) != b.get(*name);
+    // Tell how an attribute differs
     let tell = |name: &str| {
         let [a, b] = [a, b].map(|of| match of.get(name) {
             Some(hash) if name == SUBJECT[0] => {
@@ -338,6 +332,7 @@ impl Difference {
 /// They differ in size, or no pixel has a known error; but images that
 /// do not say their errors may be identical.
 pub fn compare(a: &Image, b: &Image) -> Result<Difference, String> {
+    // Refuse two sizes
     if (a.width, a.height) != (b.width, b.height) {
         return Err(format!(
             "one has {}x{} pixels, the other {}x{}",
@@ -348,13 +343,11 @@ pub fn compare(a: &Image, b: &Image) -> Result<Difference, String> {
     let corner = if a.tile_errors.is_some() { a } else { b }.corner();
     let [pixel, block, film] =
         SIDES.map(|side| Blocks::new(a, corner, side));
-    let gap_of =
-        |i, tile| gap([a, b].map(|image| estimate(image, i, tile)));
     let area = |i: usize| block.blocks[block.of[i] as usize].1;
     let pixels = 0..a.means.len();
-    let gaps: Vec<_> = pixels.clone().map(|i| gap_of(i, None)).collect();
-    let parts: Vec<_> =
-        pixels.clone().map(|i| gap_of(i, Some(area(i)))).collect();
+    let part = |i| gap([a, b], i, Some(area(i)));
+    let parts: Vec<_> = pixels.clone().map(part).collect();
+    let gaps: Vec<_> = pixels.map(|i| gap([a, b], i, None)).collect();
     let mut sum = Gap::default();
     parts.iter().flatten().for_each(|gap| sum.add(gap));
     // Tell whether there is anything to test
@@ -370,10 +363,11 @@ pub fn compare(a: &Image, b: &Image) -> Result<Difference, String> {
     // Test each scale against the next
     let claims = a.errors.is_some() && b.errors.is_some();
     let enough =
-        |image: &Image, i| image.values(i).is_none_or(|n| n >= FEW);
-    let single =
-        |i: usize| gaps[i].filter(|_| enough(a, i) && enough(b, i));
-    let single: Vec<_> = pixels.map(single).collect();
+        |i, image: &&Image| image.values(i).is_none_or(|n| n >= FEW);
+    let single = |(i, gap): (usize, &Option<Gap>)| {
+        gap.filter(|_| [a, b].iter().all(|image| enough(i, image)))
+    };
+    let single: Vec<_> = gaps.iter().enumerate().map(single).collect();
     let scales = [
         test(&single, [&pixel, &block], claims),
         test(&parts, [&block, &film], claims),

@@ -227,6 +227,7 @@ impl Film {
             tiles.push(Tile { corner, size, start, rank: rank as u32 });
             start += (size.0 * size.1) as usize;
         }
+        // Make a film of these tiles
         let pixels = zeroed(start).expect("memory for a film");
         Self {
             resolution,
@@ -415,6 +416,7 @@ impl Film {
             let sums = rows.map(|y| {
                 let strips = self.strips(band, y).filter(is_sampled);
                 let pixels = strips.flat_map(|(_, strip)| strip);
+                // Add the pixels of a row
                 pixels.fold(
                     [0.; 4],
                     |[mean, count, squares, constant], pixel| {

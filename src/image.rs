@@ -157,6 +157,7 @@ impl Image {
                 place(first)
             ));
         }
+        // Give the lost pixels no numbers
         for i in lost {
             self.means[i] = f64::NAN;
             let errors = [&mut self.errors, &mut self.tile_errors];

@@ -243,44 +243,33 @@ fn images_of_one_seed_are_compared_with_a_warning_unless_scenes_differ() {
     }
 }
 
-/// The options that decide what an image shows, each with another value
-/// than the one before it, and what each is called in a file.
-const OTHERS: [(&[&str], &str); 7] = [
-    (&["-p0,0,0.5"], "position"),
-    (&["-t0,1,0.1"], "target"),
-    (&["-u0,0.1,1"], "up"),
-    (&["-F70.5"], "fov"),
-    (&["-r0.8"], "albedo"),
-    (&["-iroom2.obj"], "scene_sha256"),
-    (&["-d48x36", "--crop=4,3,40x30"], "crop"),
-];
-
 #[test]
 fn images_of_different_things_are_named_as_such() {
     let place = Scratch::new();
     place.put("room2.obj", common::ROOM.replace("v 5 5", "v 4 4"));
-    let own = ["-iroom.obj", "-d40x30", "-r0.7", "-n16", "-q", "-f", "-o"];
-    place.run(&[&own[..], &["one.exr", "-s0"]].concat()).succeeded();
-    for (i, (other, name)) in OTHERS.into_iter().enumerate() {
-        let mut options = own.to_vec();
-        options.retain(|own| {
-            !other.iter().any(|other| own[..2] == other[..2])
-        });
-        let seed = format!("-s{}", i + 1);
-        options.extend(["two.exr", &seed]);
-        place.run(&[&options[..], other].concat()).succeeded();
-        let diff = run(&place, &["diff", "one.exr", "two.exr"]);
-        let text = String::from_utf8(diff.stdout).unwrap();
-        let line = text.lines().next().unwrap();
-        let said = line.strip_prefix("they show different things: ");
-        assert!(said.is_some_and(|s| s.contains(name)), "{name}: {line}");
-        let reference = ["three.exr", "-s9", "--reference", "two.exr"];
-        let refused = place.run(&[&own[..], &reference].concat());
-        let words = ["two.exr", name, "something else than this run"];
-        refused.failed(1, &words);
-    }
-    let same = ["three.exr", "-s9", "--reference", "one.exr"];
-    place.run(&[&own[..], &same].concat()).succeeded();
+    let render = |view: &str, output: &[&str]| {
+        let view = view.split(' ').chain(["-n16", "-q", "-f"]);
+        let arguments: Vec<_> =
+            view.chain(output.iter().copied()).collect();
+        place.run(&arguments)
+    };
+    let one = "-iroom.obj -d40x30 -r0.7";
+    let two = "-iroom2.obj -d48x36 --crop=4,3,40x30 -p0,0,0.5 -t0,1,0.1 \
+               -u0,0.1,1 -F70.5 -r0.8";
+    render(one, &["-s1", "-oone.exr"]).succeeded();
+    render(two, &["-s2", "-otwo.exr"]).succeeded();
+    let diff = run(&place, &["diff", "one.exr", "two.exr"]);
+    let text = String::from_utf8(diff.stdout).unwrap();
+    let line = text.lines().next().unwrap();
+    let said = line.strip_prefix("they show different things: ").unwrap();
+    let named = said.split(", ").map(|one| one.split(' ').next().unwrap());
+    let names =
+        "scene_sha256 resolution crop position target up fov albedo";
+    assert_eq!(named.collect::<Vec<_>>().join(" "), names);
+    let refused = render(one, &["-othree.exr", "--reference", "two.exr"]);
+    refused.failed(1, &["two.exr", said, "something else than this run"]);
+    let same = ["-s9", "-othree.exr", "--reference", "one.exr"];
+    render(one, &same).succeeded();
 }
 
 #[test]

@@ -219,6 +219,7 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
             }
         }
         Verb::Diff { a, b, to, quiet } => {
+            // Answer with the status of a test
             if to.is_standard() && !quiet {
                 return Err("a map on standard output needs -q".to_owned());
             }
@@ -464,6 +465,7 @@ fn explain(difference: &Difference) -> String {
             side => format!("blocks of {side}x{side}"),
         };
         let z = z.abs();
+        // Describe a scale
         lines.push(match (tested, n) {
             (0, _) => format!("{name}: not tested"),
             (1, 0) => format!("{name}: |z| {z:.2}, not beyond chance"),

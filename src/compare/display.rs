@@ -68,6 +68,7 @@ pub fn errors(
 pub fn shrink(image: &Image, most: u32) -> Image {
     let side = image.width.max(image.height).div_ceil(most);
     let squares = Blocks::new(image, (0, 0), side);
+    // Average over the squares
     let averages = |values: &mut dyn Iterator<Item = f64>| -> Vec<f64> {
         let mut sums = vec![0.; squares.blocks.len()];
         let places = squares.of.iter().map(|&square| square as usize);

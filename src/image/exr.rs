@@ -39,19 +39,17 @@ pub fn write(image: &dyn Source, out: &mut dyn Write) -> io::Result<()> {
     exr::block::write(&mut file, headers, true, |meta, writer| {
         let blocks = enumerate_ordered_header_block_indices(&meta.headers);
         let (blocks, gap) = (Vec::from_iter(blocks), OnceLock::new());
-        for blocks in blocks.chunks(BATCH) {
-            let compress = |&(number, index)| {
-                let done = compress(image, index, &meta.headers, &gap);
-                done.map(|chunk| (number, chunk))
-            };
-            let chunks = blocks.par_iter().map(compress);
-            for (number, chunk) in
-                chunks.collect::<Result<Vec<_>, Error>>()?
-            {
-                writer.write_chunk(number, chunk)?;
-            }
-        }
-        Ok(())
+        // Compress some blocks and write them
+        blocks.chunks(BATCH).try_for_each(|blocks| {
+            let chunks: Vec<Result<Chunk, Error>> = blocks
+                .par_iter()
+                .map(|&(_, at)| compress(image, at, &meta.headers, &gap))
+                .collect();
+            let mut chunks = blocks.iter().zip(chunks);
+            chunks.try_for_each(|(&(number, _), chunk)| {
+                writer.write_chunk(number, chunk?)
+            })
+        })
     })
     .map_err(io::Error::other)?;
     let mut bytes = file.into_inner();
@@ -102,6 +100,7 @@ fn header(image: &dyn Source) -> Header {
     let channels = pixel
         .channels()
         .map(|(name, kind, _)| ChannelDescription::named(name, kind));
+    // Say how large the blocks are
     let tiles = BlockDescription::Tiles(TileDescription {
         tile_size: Vec2(TILE, TILE),
         level_mode: LevelMode::Singular,
@@ -159,8 +158,7 @@ const PREFIX: &str = "litpt:";
 
 fn attribute((name, value): (&String, &String)) -> (Text, AttributeValue) {
     let text = |text: &str| Text::from_slice_unchecked(text.as_bytes());
-    let name = text(&format!("{PREFIX}{name}"));
-    (name, AttributeValue::Text(text(value)))
+    (text(&format!("{PREFIX}{name}")), AttributeValue::Text(text(value)))
 }
 
 /// Sorts the attributes in the header of a file of one part by name, and
@@ -284,6 +282,7 @@ fn refuse_lies(bytes: &[u8]) -> Result<(), String> {
         let windows = [(header.layer_size, pixel, 1), (display, 8, 8)];
         for (Vec2(width, height), pixel, factor) in windows {
             let size = width as u128 * height as u128 * pixel as u128;
+            // Refuse a window without room
             if !room(size, factor * bytes.len()) {
                 return Err(format!(
                     "its header says a window of {width} by {height} pixels, \
@@ -311,13 +310,11 @@ fn attributes(
     };
     let attributes = layer.other.iter().filter_map(ours);
     let mut attributes: BTreeMap<_, _> = attributes.collect();
-    let intact = match (attributes.remove(CHECKSUM), checksum(bytes)) {
-        (Some(stated), Some((_, sum))) => stated == sum,
-        (stated, sum) => {
-            (stated, sum) == (None, None) && attributes.is_empty()
-        }
-    };
-    if !intact {
+    // Warn of a checksum that is wrong
+    let stated = attributes.remove(CHECKSUM);
+    let sum = checksum(bytes).map(|(_, sum)| sum);
+    let lost = stated.is_none() && !attributes.is_empty();
+    if stated != sum || lost {
         note(
             "its checksum is wrong: it was changed after pt wrote it, by \
              damage or by another program or version",

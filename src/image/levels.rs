@@ -99,6 +99,7 @@ fn fill_gaps(squares: &mut [(f64, f64)], columns: usize) {
         return;
     }
     let mut larger = vec![(0., 0.); around(squares.len() - 1) + 1];
+    // Add the sums to those of larger squares
     for (i, (sum, count)) in squares.iter().enumerate() {
         let (all, number) = &mut larger[around(i)];
         (*all, *number) = (*all + sum, *number + count);
