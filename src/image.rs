@@ -17,19 +17,13 @@ use std::io::{self, Read, Write};
 use std::path::Path;
 
 use clap::ValueEnum;
+use serde::{Deserialize, Serialize};
 
 pub use data::{Image, Note, Picture, Source};
 
 /// How an image becomes bytes.
 #[derive(
-    ValueEnum,
-    serde::Serialize,
-    serde::Deserialize,
-    Clone,
-    Copy,
-    Debug,
-    PartialEq,
-    Eq,
+    ValueEnum, Serialize, Deserialize, Clone, Copy, Debug, PartialEq, Eq,
 )]
 pub enum Format {
     /// Plain portable greymap of 256 levels

@@ -112,11 +112,11 @@ fn info_says_what_the_file_holds() {
     write(&place, "a.pfm", &image);
     let info = said(&place, &["info", "a.exr", "a.pfm"], 0);
     for words in [
-        "a.exr: 40x30 pixels\n  channels: Y, stderr.Y, samples.Y\n",
+        "file: a.exr\nwidth: 40\nheight: 30\nchannels: Y, stderr.Y, samples.Y\n",
         &mean,
         "unknown_errors: 1\n",
         "samples: 64, 64\n",
-        "seed: 1\na.pfm: 40x30 pixels\n",
+        "seed: 1\nfile: a.pfm\nwidth: 40\n",
     ] {
         assert!(info.contains(words), "no {words} in {info}");
     }
@@ -327,7 +327,10 @@ fn a_dash_is_standard_input_whatever_its_format() {
         write(&place, name, &image);
         let info = feed(&place, &place.get(name), &["info", "-"]);
         info.succeeded();
-        assert!(info.stdout.starts_with(b"-: 40x30 pixels\n"), "{info:?}");
+        assert!(
+            info.stdout.starts_with(b"file: -\nwidth: 40\n"),
+            "{info:?}"
+        );
         let diff = ["diff", "-q", "a.exr", "-"];
         let status = feed(&place, &place.get(name), &diff).status;
         assert!(status.is_some_and(|status| status < 2), "{name}");
@@ -388,10 +391,14 @@ fn what_was_made_of_a_file_is_said_on_standard_error() {
                   window 0,0,40x30";
     for (arguments, warning, words) in [
         (&["info", "a.png"][..], "a.png: it holds grey levels", "mean: "),
-        (&["info", "b.exr"], lost, "\n  not_finite: 2\n"),
+        (&["info", "b.exr"], lost, "\nnot_finite: 2\n"),
         (&["diff", "b.exr", "c.exr"], lost, "pixels: 1198 tested"),
         (&["diff", "b.exr", "c.exr"], lost, "\nnot tested: 2 pixels"),
-        (&["info", "d.exr"], window, "d.exr: 40x30 pixels"),
+        (
+            &["info", "d.exr"],
+            window,
+            "file: d.exr\nwidth: 40\nheight: 30\n",
+        ),
         (&["info", "d.exr"], window, "mean: 0.5\n"),
         (&["diff", "c.exr", "d.exr"], window, "not tested: 1199 pixels"),
         (&["diff", "d.exr", "d.exr"], window, "identical"),

@@ -9,7 +9,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 
 use clap::{Args, Parser, Subcommand};
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 
 use litpt::compare::display::{self, Curve};
 use litpt::compare::{
@@ -305,30 +305,19 @@ fn inform(files: &[PathBuf], json: bool) -> Result<(), String> {
     read_once(files.iter())?;
     for path in files {
         let image = read(path)?;
-        let facts = facts(&image);
-        let Image { width, height, attributes, .. } = image;
-        let name = path.display().to_string();
+        let facts = facts(path, &image);
         say(&match json {
-            true => {
-                // Put the facts into JSON
-                let mut all = Map::from_iter(facts);
-                all.insert("file".to_owned(), name.into());
-                all.insert("width".to_owned(), width.into());
-                all.insert("height".to_owned(), height.into());
-                all.insert("attributes".to_owned(), json!(attributes));
-                Value::Object(all).to_string()
-            }
+            true => Value::from_iter(facts).to_string(),
             false => {
                 // Put the facts into lines
-                let first = format!("{name}: {width}x{height} pixels");
-                let own = attributes
-                    .into_iter()
-                    .map(|(name, v)| (name, v.into()));
+                let own = image.attributes.iter();
+                let own = own.map(|(name, text)| (&name[..], json!(text)));
+                let known = facts.into_iter().chain(own);
                 let known =
-                    facts.into_iter().filter(|(_, value)| !value.is_null());
-                known.chain(own).fold(first, |text, (name, value)| {
-                    format!("{text}\n  {name}: {}", words(&value))
-                })
+                    known.filter(|(_, v)| !v.is_null() && !v.is_object());
+                let lines =
+                    known.map(|(name, v)| format!("{name}: {}", words(&v)));
+                lines.collect::<Vec<_>>().join("\n")
             }
         })?;
     }
@@ -337,7 +326,7 @@ fn inform(files: &[PathBuf], json: bool) -> Result<(), String> {
 
 /// What there is to know of an image, each by its name. The sums are those
 /// of pixels whose means are finite numbers.
-fn facts(image: &Image) -> [(String, Value); 9] {
+fn facts(path: &Path, image: &Image) -> [(&'static str, Value); 13] {
     let all = image.means.iter().copied();
     let means: Vec<f64> = all.filter(|mean| mean.is_finite()).collect();
     let n = means.len() as f64;
@@ -357,6 +346,9 @@ fn facts(image: &Image) -> [(String, Value); 9] {
     let names = image.channels().map(|(name, ..)| name);
     let samples = image.samples.as_deref().and_then(range);
     [
+        ("file", json!(path.display().to_string())),
+        ("width", json!(image.width)),
+        ("height", json!(image.height)),
         ("channels", json!(names.collect::<Vec<_>>())),
         ("mean", json!(means.iter().sum::<f64>() / n)),
         ("mean_stderr", json!(of_mean.map(|sum| sum.sqrt() / n))),
@@ -366,8 +358,8 @@ fn facts(image: &Image) -> [(String, Value); 9] {
         ("least", json!(least)),
         ("greatest", json!(greatest)),
         ("samples", json!(samples)),
+        ("attributes", json!(image.attributes)),
     ]
-    .map(|(name, value)| (name.to_owned(), value))
 }
 
 /// A value as people read it.

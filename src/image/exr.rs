@@ -15,15 +15,15 @@ use exr::block::writer::ChunksWriter;
 use exr::block::{
     BlockIndex, UncompressedBlock, enumerate_ordered_header_block_indices,
 };
-use exr::error::Error;
-use exr::math::{RoundingMode, Vec2};
-use exr::meta::attribute::{
-    AttributeValue, ChannelDescription, LevelMode, LineOrder, SampleType,
-    Text, TileDescription,
+use exr::math::RoundingMode;
+use exr::meta::BlockDescription;
+use exr::meta::attribute::LevelMode;
+use exr::meta::header::Header;
+use exr::prelude::{
+    AttributeValue, ChannelDescription, Compression, Error,
+    LayerAttributes, LineOrder, MetaData, ReadChannels, ReadLayers, Sample,
+    SampleType, Text, TileDescription, Vec2,
 };
-use exr::meta::header::{Header, LayerAttributes};
-use exr::meta::{BlockDescription, MetaData};
-use exr::prelude::{Compression, ReadChannels, ReadLayers, Sample};
 use flate2::Crc;
 use memchr::memmem;
 use rayon::prelude::*;
