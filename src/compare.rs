@@ -108,8 +108,6 @@ fn gap(images: [&Image; 2], i: usize, tile: Option<u32>) -> Option<Gap> {
 struct Blocks {
     /// Width of the image.
     width: usize,
-    /// Width and height of a block, unless the image ends before.
-    side: u32,
     /// The number of the block of each pixel.
     of: Vec<u32>,
     /// The first pixel of each block, and how many it has.
@@ -135,7 +133,7 @@ impl Blocks {
             blocks[block].1 += 1;
             of.push(block as u32);
         }
-        Self { width, side, of, blocks }
+        Self { width, of, blocks }
     }
 
     /// The sums of the gaps over the blocks.
@@ -168,8 +166,6 @@ fn sidak(all: f64, tests: usize) -> f64 {
 /// What the tests of blocks of one size found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scale {
-    /// Width and height of a block, unless the image ends before.
-    pub side: u32,
     /// Number of blocks that were tested.
     pub tested: usize,
     /// Number of blocks whose difference is no chance.
@@ -194,8 +190,7 @@ fn test(
     let (own, others) = (blocks.sums(gaps), around.sums(gaps));
     let tested = own.iter().filter(|block| block.pixels > 0).count();
     let level = sidak(sidak(FALSE_ALARMS, TESTS), tested.max(1));
-    let side = blocks.side;
-    let mut scale = Scale { side, tested, failed: 0, largest: (0., 0, 0) };
+    let mut scale = Scale { tested, failed: 0, largest: (0., 0, 0) };
     for (block, &(first, _)) in own.iter().zip(&blocks.blocks) {
         if block.pixels > 0 {
             // Judge a block by the larger of two errors

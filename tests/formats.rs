@@ -348,7 +348,7 @@ fn levels_of_a_png_file_have_the_curve_that_it_says() {
         (&[srgb, (b"gAMA", linear)], curve, "sRGB curve"),
         (&[(b"gAMA", usual)], power, "a gamma of 0.45455"),
         (&[(b"gAMA", linear)], level, "a gamma of 1"),
-        (&[(b"gAMA", none)], curve, "its chunk gAMA is ignored"),
+        (&[(b"gAMA", none)], curve, "sRGB curve"),
         (&[(b"gAMA", huge)], curve, "its chunk gAMA is ignored"),
         (&[(b"iCCP", profile)], curve, "its chunk iCCP is ignored"),
         (

@@ -98,7 +98,7 @@ fn info_says_what_the_file_holds() {
     }
     let known = json!({
         "file": "a.exr", "width": 40, "height": 30,
-        "channels": ["Y", "stderr.Y", "samples.Y"],
+        "channels": ["Y", "samples.Y", "stderr.Y"],
         "samples": [64., 64.],
         "attributes": { "fov": "70", "seed": "1" },
         "unknown_errors": 0, "not_finite": 0,
@@ -112,7 +112,7 @@ fn info_says_what_the_file_holds() {
     write(&place, "a.pfm", &image);
     let info = said(&place, &["info", "a.exr", "a.pfm"], 0);
     for words in [
-        "file: a.exr\nwidth: 40\nheight: 30\nchannels: Y, stderr.Y, samples.Y\n",
+        "file: a.exr\nwidth: 40\nheight: 30\nchannels: Y, samples.Y, stderr.Y\n",
         &mean,
         "unknown_errors: 1\n",
         "samples: 64, 64\n",
@@ -267,7 +267,10 @@ fn images_of_different_things_are_named_as_such() {
         "scene_sha256 resolution crop position target up fov albedo";
     assert_eq!(named.collect::<Vec<_>>().join(" "), names);
     let refused = render(one, &["-othree.exr", "--reference", "two.exr"]);
-    refused.failed(1, &["two.exr", said, "something else than this run"]);
+    refused.failed(
+        1,
+        &["two.exr: shows something else", "crop 4,3,40x30 against"],
+    );
     let same = ["-s9", "-othree.exr", "--reference", "one.exr"];
     render(one, &same).succeeded();
 }

@@ -15,6 +15,7 @@ use litpt::compare::display::{self, Curve};
 use litpt::compare::{
     Difference, Dispersion, FEW, Scale, compare, disagreements,
 };
+use litpt::film::SIDE;
 use litpt::image::{Format, Image};
 use litpt::options::{LICENCE, STYLES, is_dash, parse_real, parse_words};
 use litpt::output::{ImageTarget, OutputTarget, descriptor, tell_apart};
@@ -448,16 +449,12 @@ fn explain(difference: &Difference) -> String {
     ];
     let mut failed = vec![];
     // Tell what the tests have found
-    for &Scale { side, tested, failed: n, largest: (z, x, y) } in
-        &difference.scales
-    {
-        let name = match side {
-            1 => "pixels".to_owned(),
-            u32::MAX => "image".to_owned(),
-            side => format!("blocks of {side}x{side}"),
-        };
-        let z = z.abs();
+    let blocks = format!("blocks of {SIDE}x{SIDE}");
+    let names = ["pixels", &blocks, "image"];
+    for (name, scale) in names.into_iter().zip(&difference.scales) {
         // Describe a scale
+        let &Scale { tested, failed: n, largest: (z, x, y) } = scale;
+        let z = z.abs();
         lines.push(match (tested, n) {
             (0, _) => format!("{name}: not tested"),
             (1, 0) => format!("{name}: |z| {z:.2}, not beyond chance"),
@@ -479,19 +476,20 @@ fn explain(difference: &Difference) -> String {
              (z = {z:.2}), {verdict} chance"
         ));
     }
-    failed.extend(beyond.then(|| "errors".to_owned()));
+    failed.extend(beyond.then_some("errors"));
     // Name the pixels that were left out
     let &Difference { unknown, few, .. } = difference;
-    if unknown > 0 {
-        lines
-            .push(format!("not tested: {unknown} pixels of unknown error"));
-    }
-    if few > 0 {
-        lines.push(format!(
+    lines.extend(
+        (unknown > 0).then(|| {
+            format!("not tested: {unknown} pixels of unknown error")
+        }),
+    );
+    lines.extend((few > 0).then(|| {
+        format!(
             "not tested one by one: {few} pixels of fewer than {FEW} \
              independent samples"
-        ));
-    }
+        )
+    }));
     // Conclude with the verdict in words
     lines.push(match failed.is_empty() {
         true => {
