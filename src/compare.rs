@@ -233,6 +233,7 @@ fn dispersion(
     let mut excesses = vec![0.; clusters.blocks.len()];
     let (mut squared, mut pixels) = (0., 0);
     for (i, gap) in gaps.iter().enumerate() {
+        // Count the square of a noisy pixel
         let block = &sums[blocks.of[i] as usize];
         let unit = block.variance / block.pixels as f64;
         let Some(gap) = gap.filter(|_| unit > 0.) else { continue };
@@ -390,6 +391,7 @@ pub fn compare(a: &Image, b: &Image) -> Result<Difference, String> {
 fn distances(a: &Image, b: &Image) -> (f64, f64) {
     let (mut squares, mut relative, mut n) = (0., 0., 0.);
     let pairs = a.means.iter().zip(&b.means);
+    // Add the squares of a difference
     for (a, b) in pairs.filter(|(a, b)| (*a - *b).is_finite()) {
         let square = (a - b) * (a - b);
         squares += square;

@@ -337,6 +337,7 @@ impl Film {
     ) -> Vec<f64> {
         let mut values = Vec::with_capacity(window.area());
         let rows = window.corner.1..window.end().1;
+        // Append the values of a strip
         for (place, strip) in rows.flat_map(|y| self.strips(window, y)) {
             match self.is_sampled(place) {
                 true => values.extend(strip.iter().map(|p| of(place, p))),
@@ -521,6 +522,7 @@ impl Film {
         let all = window.grown(REACH, self.window);
         let of = |_, pixel: &Accumulator| pixel.variance();
         let variances = self.values(all, f64::INFINITY, of);
+        // Number the pixels of the frame
         let number = |x: u32, y: u32| {
             let row = (y - all.corner.1) as usize * all.size.0 as usize;
             row + (x - all.corner.0) as usize
@@ -548,6 +550,7 @@ impl Film {
                 }
             }
             let n = self.pixel(x, y).count() as f64;
+            // Combine its variance with that of its neighbours
             let variance = match count > 0. {
                 true => {
                     ((n - 1.) * own + worth * (sum / count))

@@ -6,7 +6,6 @@
 
 use crate::common;
 
-use std::fs;
 use std::io::Write;
 use std::process::Stdio;
 
@@ -154,30 +153,55 @@ fn a_report_and_info_say_the_same_errors_of_gathers_too() {
     said(&place, &["diff", "a.exr", "b.exr"], 0);
 }
 
+/// The last words are those of the last line, the verdict.
 #[test]
-fn the_status_and_the_last_line_of_a_diff_are_its_verdict() {
+fn a_diff_answers_by_its_status_and_in_words() {
     let place = Scratch::new();
-    put(&place, "a.exr", 1, 0.5);
+    let mut image = put(&place, "a.exr", 1, 0.5);
     put(&place, "same.exr", 2, 0.5);
     put(&place, "other.exr", 2, 0.52);
-    let mut image = put(&place, "bold.exr", 2, 0.5);
-    image.errors.iter_mut().flatten().for_each(|error| *error *= 0.7);
-    write(&place, "bold.exr", &image);
-    let image = "(failed: blocks of 16x16, image)";
-    for (other, status, words, failed) in [
-        ("same.exr", 0, "blocks of 16x16: 6 tested", ""),
-        ("other.exr", 1, "pixels: 1200 tested", image),
-        ("bold.exr", 1, "errors: differences 1.", "(failed: errors)"),
+    put(&place, "twin.exr", 1, 0.6);
+    let mut bold = put(&place, "bold.exr", 2, 0.5);
+    bold.errors.iter_mut().flatten().for_each(|error| *error *= 0.7);
+    write(&place, "bold.exr", &bold);
+    let exact = Image { means: vec![0.5; 1200], ..image.clone() };
+    write(&place, "b.pfm", &exact);
+    write(&place, "c.pfm", &exact);
+    for (name, hash) in [("c.exr", "aa"), ("d.exr", "bb"), ("e.exr", "aa")]
+    {
+        image.attributes.insert("scene_sha256".into(), hash.into());
+        write(&place, name, &image);
+    }
+    let seed = "warning: both images come from seed 1: ";
+    let image = "inconsistent: chance alone does not explain the difference \
+                 (failed: blocks of 16x16, image)";
+    for (a, b, status, warning, words) in [
+        ("a.exr", "same.exr", 0, "", &["6 tested", "consistent: "][..]),
+        ("a.exr", "other.exr", 1, "", &["pixels: 1200 tested", image]),
+        ("a.exr", "bold.exr", 1, "", &["times as", "(failed: errors)"]),
+        (
+            "a.exr",
+            "b.pfm",
+            0,
+            "",
+            &["b.pfm: no errors; it is taken as", ""],
+        ),
+        ("b.pfm", "c.pfm", 0, "", &["identical: all pixels have the same"]),
+        ("a.exr", "a.exr", 0, seed, &["consistent: "]),
+        ("a.exr", "twin.exr", 1, seed, &["inconsistent: "]),
+        ("c.exr", "d.exr", 0, "", &["scene_sha256 aa against bb", ""]),
+        ("c.exr", "e.exr", 0, seed, &["consistent: "]),
     ] {
-        let text = said(&place, &["diff", "a.exr", other], status);
-        assert!(text.contains(words), "{text}");
-        let line = text.lines().last().unwrap();
-        let verdict = ["consistent", "inconsistent"][status as usize];
-        assert!(line.starts_with(verdict) && line.ends_with(failed));
-        assert_eq!(
-            said(&place, &["diff", "-q", "a.exr", other], status),
-            ""
-        );
+        let diff = run(&place, &["diff", a, b]);
+        assert_eq!(diff.status, Some(status), "{a} {b}");
+        let lines = diff.stderr.lines().count();
+        assert_eq!(lines, usize::from(!warning.is_empty()));
+        assert!(diff.stderr.starts_with(warning), "{}", diff.stderr);
+        let text = String::from_utf8(diff.stdout).unwrap();
+        assert!(words.iter().all(|words| text.contains(words)), "{text}");
+        let last = text.lines().last().unwrap();
+        assert!(last.contains(words[words.len() - 1]), "{last}");
+        assert_eq!(said(&place, &["diff", "-q", a, b], status), "");
     }
 }
 
@@ -198,48 +222,6 @@ fn a_comparison_that_cannot_be_made_has_status_2() {
         (&["a.exr", "b.exr", "-o", "a.pfm"], &["a.pfm", "-f"]),
     ] {
         run(&place, &[&["diff"], files].concat()).failed(2, words);
-    }
-}
-
-#[test]
-fn references_without_errors_are_exact_and_may_be_identical() {
-    let place = Scratch::new();
-    let image = put(&place, "a.exr", 1, 0.5);
-    let means = vec![0.5; image.means.len()];
-    write(&place, "b.pfm", &Image { means, ..image });
-    let exact = said(&place, &["diff", "a.exr", "b.pfm"], 0);
-    assert!(exact.starts_with("b.pfm: no errors; it is taken as exact"));
-    fs::copy(place.path("b.pfm"), place.path("c.pfm")).unwrap();
-    let same = said(&place, &["diff", "b.pfm", "c.pfm", "-o", "z.exr"], 0);
-    let identical = "\nidentical: all pixels have the same values\n";
-    assert!(same.ends_with(identical), "{same}");
-    let z = Image::read(&place.path("z.exr")).unwrap().means;
-    assert_eq!(z, [0.; 1200]);
-}
-
-#[test]
-fn images_of_one_seed_are_compared_with_a_warning_unless_scenes_differ() {
-    let place = Scratch::new();
-    let mut image = put(&place, "a.exr", 0, 0.5);
-    put(&place, "b.exr", 0, 0.6);
-    for (name, hash) in [("c.exr", "aa"), ("d.exr", "bb"), ("e.exr", "aa")]
-    {
-        let hash = ("scene_sha256".to_owned(), hash.to_owned());
-        image.attributes.extend([hash]);
-        write(&place, name, &image);
-    }
-    for (a, b, status, warnings) in [
-        ("a.exr", "a.exr", 0, 1),
-        ("a.exr", "b.exr", 1, 1),
-        ("c.exr", "d.exr", 0, 0),
-        ("c.exr", "e.exr", 0, 1),
-    ] {
-        let diff = run(&place, &["diff", a, b]);
-        assert_eq!(diff.status, Some(status));
-        let warning = "warning: both images come from seed 0: ";
-        let found = diff.stderr.matches(warning).count();
-        let lines = diff.stderr.lines().count();
-        assert_eq!([found, lines], [warnings; 2], "{}", diff.stderr);
     }
 }
 

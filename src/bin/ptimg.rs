@@ -185,6 +185,7 @@ fn main() -> ExitCode {
         Ok((arguments, _)) => arguments,
         Err(error) => return fail(error),
     };
+    // Report a fault by message and status
     run(&arguments.verb).unwrap_or_else(|message| {
         progress::error(&message);
         match arguments.verb {
@@ -197,6 +198,7 @@ fn main() -> ExitCode {
 fn run(verb: &Verb) -> Result<ExitCode, String> {
     match verb {
         Verb::Info { files, json } => inform(files, *json)?,
+        // Make an image for the screen
         Verb::Tonemap { input, to, exposure, tonemap } => {
             let targets = to.grey_targets()?;
             let image = read(input)?;
@@ -255,6 +257,7 @@ impl Merge {
             ));
         }
         let images = self.to.targets(Format::Exr)?;
+        // Find the targets of the reports
         let report = |path: &PathBuf| {
             Ok((Kind::of(path)?, OutputTarget::file(path, self.to.force)?))
         };
@@ -389,6 +392,7 @@ fn diff(
     quiet: bool,
 ) -> Result<ExitCode, String> {
     read_once(files.into_iter())?;
+    // Read both images
     let note = &mut |line: &str| {
         if !quiet {
             progress::warn(line);
@@ -400,6 +404,7 @@ fn diff(
         let [a, b] = files.map(|path| path.display());
         format!("{a} and {b}: {fault}")
     })?;
+    // Write the maps
     for map in maps {
         map.write(&display::z_map(&first, &difference, is_grey(map)))?;
     }

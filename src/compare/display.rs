@@ -27,6 +27,7 @@ pub fn tonemap(image: &Image, exposure: f64, curve: Curve) -> Image {
     };
     let mut means: Vec<f64> = image.means.iter().map(expose).collect();
     let white = means.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
+    // Bend the scale
     if curve == Curve::Reinhard {
         for mean in &mut means {
             *mean *= (1. + *mean / white / white) / (1. + *mean);
@@ -46,6 +47,7 @@ pub fn errors(
 ) -> Result<(Image, f64), String> {
     let errors = image.errors.as_ref();
     let errors = errors.ok_or("it has no channel stderr.Y")?;
+    // Divide the errors by the means
     let value = |(&error, &mean): (&f64, &f64)| match (relative, error) {
         (true, error) if error > 0. => error / mean.abs(),
         _ => error,

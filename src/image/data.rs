@@ -100,6 +100,7 @@ impl<'a> Picture<'a> {
         film: &'a Film,
         mut attributes: BTreeMap<String, String>,
     ) -> Self {
+        // Tell how many samples are one value
         if film.replicate != 1 {
             let value = film.replicate.to_string();
             attributes.insert(REPLICATE.to_owned(), value);

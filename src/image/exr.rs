@@ -75,6 +75,7 @@ fn compress(
     let (left, top) = image.window().corner;
     let window = Window { corner: (left + x, top + y), size };
     let is_gap = window.area() == TILE * TILE && image.sampled(window)[1];
+    // Take the first gap for another
     if let (true, Some(chunk)) = (is_gap, gap.get()) {
         // Copy a gap to its place
         let mut chunk = chunk.clone();
@@ -143,6 +144,7 @@ fn bits(part: &Image) -> Vec<u32> {
     let (mut bits, width) = (vec![], part.width as usize);
     for first in (0..part.means.len()).step_by(width) {
         for (_, kind, values) in part.channels() {
+            // Convert a row of a channel
             let row = values[first..first + width].iter();
             match kind {
                 SampleType::U32 => bits.extend(row.map(|&n| n as u32)),
@@ -302,6 +304,7 @@ fn attributes(
     bytes: &[u8],
     note: Note,
 ) -> BTreeMap<String, String> {
+    // Pick our attributes
     let text =
         |text: &Text| String::from_utf8_lossy(text.as_slice()).into_owned();
     let ours = |(name, value): (&Text, &AttributeValue)| {

@@ -78,6 +78,7 @@ fn fill(image: &dyn Source) -> io::Result<Vec<f64>> {
     let columns = width.div_ceil(SIDE);
     let mut squares = vec![];
     by_squares(image, 4, |means| {
+        // Sum the means of each square
         let sums = (0..columns).into_par_iter().map(|k| {
             let rows = means.chunks(width).map(|row| &row[k * SIDE..]);
             let own = rows.flat_map(|row| row.iter().take(SIDE));

@@ -38,6 +38,7 @@ pub fn write_levels(
 pub fn read_levels(mut bytes: &[u8], note: Note) -> Result<Image, String> {
     let plain = word(&mut bytes) == Some("P2");
     let mut next = || word(&mut bytes)?.parse::<u32>().ok();
+    // Take the size and the white of a greymap
     let [Some(width @ 1..), Some(height @ 1..), Some(white @ 1..=65535)] =
         [next(), next(), next()]
     else {
@@ -103,6 +104,7 @@ fn raster<'a>(
         _ => 1,
     };
     let data = rest.get(start..).unwrap_or_default();
+    // Take what was promised
     let (data, others) = data.split_at_checked(size).ok_or_else(|| {
         let held = data.len();
         format!("it has {held} bytes of pixels; its header says {promised}")
