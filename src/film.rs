@@ -162,9 +162,7 @@ impl Window {
         let (y, height) = grow(y, ends.1, top, limits.1);
         Self { corner: (x, y), size: (width, height) }
     }
-}
 
-impl Window {
     /// The number of pixels.
     pub fn area(&self) -> usize {
         self.size.0 as usize * self.size.1 as usize
@@ -172,12 +170,9 @@ impl Window {
 
     /// At most so many of its rows, from row `first` on.
     pub fn rows(&self, first: u32, most: u32) -> Self {
-        let (corner, size) = (self.corner, self.size);
-        let height = most.min(size.1 - first);
-        Self {
-            corner: (corner.0, corner.1 + first),
-            size: (size.0, height),
-        }
+        let ((left, top), (width, height)) = (self.corner, self.size);
+        let size = (width, most.min(height - first));
+        Self { corner: (left, top + first), size }
     }
 
     /// The number of rows of tiles that it touches.
@@ -194,8 +189,7 @@ impl Window {
             (row * SIDE).clamp(self.corner.1, self.end().1)
         };
         let (from, to) = (edge(u64::from(k) - 1), edge(u64::from(k)));
-        let (corner, size) = (self.corner.0, self.size.0);
-        Self { corner: (corner, from), size: (size, to - from) }
+        self.rows(from - self.corner.1, to - from)
     }
 }
 
@@ -210,9 +204,8 @@ impl Film {
     pub fn cropped(resolution: (u32, u32), window: Window) -> Self {
         let ((left, top), (columns, rows)) = window.cells();
         let side = columns.max(rows).next_power_of_two();
-        let cells =
-            (0..rows).flat_map(|y| (0..columns).map(move |x| (x, y)));
-        let mut cells: Vec<_> = cells.collect();
+        let row = |y| (0..columns).map(move |x| (x, y));
+        let mut cells = Vec::from_iter((0..rows).flat_map(row));
         cells.par_sort_by_cached_key(|&(x, y)| along_curve(side, x, y));
         let mut places = vec![0; cells.len()];
         let mut tiles = Vec::with_capacity(cells.len());
