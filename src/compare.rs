@@ -81,32 +81,24 @@ fn tail(z: f64, freedom: f64) -> f64 {
     libm::erfc(z.abs() / SQRT_2)
 }
 
-/// A mean, its squared standard error, and the degrees of freedom of
-/// the latter.
-type Estimate = (f64, f64, f64);
-
-/// What an image knows of pixel `i`, by itself or as a part of a `tile` of
-/// so many pixels.
-fn estimate(image: &Image, i: usize, tile: Option<u32>) -> Estimate {
-    let freedom =
-        image.values(i).map_or(f64::INFINITY, |n| f64::max(n - 1., 1.));
-    let (errors, pixels) = match (&image.tile_errors, tile) {
-        (Some(errors), Some(pixels)) => (Some(errors), pixels.into()),
-        _ => (image.errors.as_ref(), 1.),
-    };
-    let error = errors.map_or(0., |errors| errors[i]);
-    (image.means[i], error * error, freedom / pixels)
-}
-
-/// How far two estimates of a pixel differ; none if an error is unknown.
-fn gap(estimates: [Estimate; 2]) -> Option<Gap> {
-    let [(a, ..), (b, ..)] = estimates;
+/// How far the estimates of pixel `i` differ, by itself or as a part of a
+/// `tile` of so many pixels; none if an error is unknown.
+fn gap(images: [&Image; 2], i: usize, tile: Option<u32>) -> Option<Gap> {
+    let [a, b] = images.map(|image| image.means[i]);
     let rounding = f64::from(f32::EPSILON) * a.abs().max(b.abs());
     let difference = if (a - b).abs() <= rounding { 0. } else { a - b };
     let mut gap = Gap { difference, pixels: 1, ..Gap::default() };
-    for (_, variance, freedom) in estimates {
+    for image in images {
+        // Add the variance of one estimate
+        let freedom =
+            image.values(i).map_or(f64::INFINITY, |n| f64::max(n - 1., 1.));
+        let (errors, pixels) = match (&image.tile_errors, tile) {
+            (Some(errors), Some(pixels)) => (Some(errors), pixels.into()),
+            _ => (image.errors.as_ref(), 1.),
+        };
+        let variance = errors.map_or(0., |errors| errors[i] * errors[i]);
         gap.variance += variance;
-        gap.fourth += variance * variance / freedom;
+        gap.fourth += variance * variance / (freedom / pixels);
     }
     let known = gap.variance.is_finite() && difference.is_finite();
     known.then_some(gap)
@@ -116,8 +108,6 @@ fn gap(estimates: [Estimate; 2]) -> Option<Gap> {
 struct Blocks {
     /// Width of the image.
     width: usize,
-    /// Width and height of a block, unless the image ends before.
-    side: u32,
     /// The number of the block of each pixel.
     of: Vec<u32>,
     /// The first pixel of each block, and how many it has.
@@ -132,6 +122,7 @@ impl Blocks {
         let (width, size) = (image.width as usize, side as usize);
         let [left, top] = [left, top].map(|n| (n % side) as usize);
         let columns = (width + left).div_ceil(size);
+        // Number the blocks
         let (mut of, mut blocks) = (Vec::with_capacity(pixels), vec![]);
         for i in 0..pixels {
             let (x, y) = (i % width + left, i / width + top);
@@ -142,7 +133,7 @@ impl Blocks {
             blocks[block].1 += 1;
             of.push(block as u32);
         }
-        Self { width, side, of, blocks }
+        Self { width, of, blocks }
     }
 
     /// The sums of the gaps over the blocks.
@@ -175,8 +166,6 @@ fn sidak(all: f64, tests: usize) -> f64 {
 /// What the tests of blocks of one size found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scale {
-    /// Width and height of a block, unless the image ends before.
-    pub side: u32,
     /// Number of blocks that were tested.
     pub tested: usize,
     /// Number of blocks whose difference is no chance.
@@ -201,8 +190,7 @@ fn test(
     let (own, others) = (blocks.sums(gaps), around.sums(gaps));
     let tested = own.iter().filter(|block| block.pixels > 0).count();
     let level = sidak(sidak(FALSE_ALARMS, TESTS), tested.max(1));
-    let side = blocks.side;
-    let mut scale = Scale { side, tested, failed: 0, largest: (0., 0, 0) };
+    let mut scale = Scale { tested, failed: 0, largest: (0., 0, 0) };
     for (block, &(first, _)) in own.iter().zip(&blocks.blocks) {
         if block.pixels > 0 {
             // Judge a block by the larger of two errors
@@ -245,6 +233,7 @@ fn dispersion(
     let mut excesses = vec![0.; clusters.blocks.len()];
     let (mut squared, mut pixels) = (0., 0);
     for (i, gap) in gaps.iter().enumerate() {
+        // Count the square of a noisy pixel
         let block = &sums[blocks.of[i] as usize];
         let unit = block.variance / block.pixels as f64;
         let Some(gap) = gap.filter(|_| unit > 0.) else { continue };
@@ -287,6 +276,7 @@ pub fn disagreements(
     };
     let both = says(a) && says(b);
     let differ = |name: &&str| both && a.get(*name) != b.get(*name);
+    // Tell how an attribute differs
     let tell = |name: &str| {
         let [a, b] = [a, b].map(|of| match of.get(name) {
             Some(hash) if name == SUBJECT[0] => {
@@ -338,6 +328,7 @@ impl Difference {
 /// They differ in size, or no pixel has a known error; but images that
 /// do not say their errors may be identical.
 pub fn compare(a: &Image, b: &Image) -> Result<Difference, String> {
+    // Refuse two sizes
     if (a.width, a.height) != (b.width, b.height) {
         return Err(format!(
             "one has {}x{} pixels, the other {}x{}",
@@ -348,13 +339,11 @@ pub fn compare(a: &Image, b: &Image) -> Result<Difference, String> {
     let corner = if a.tile_errors.is_some() { a } else { b }.corner();
     let [pixel, block, film] =
         SIDES.map(|side| Blocks::new(a, corner, side));
-    let gap_of =
-        |i, tile| gap([a, b].map(|image| estimate(image, i, tile)));
     let area = |i: usize| block.blocks[block.of[i] as usize].1;
     let pixels = 0..a.means.len();
-    let gaps: Vec<_> = pixels.clone().map(|i| gap_of(i, None)).collect();
-    let parts: Vec<_> =
-        pixels.clone().map(|i| gap_of(i, Some(area(i)))).collect();
+    let part = |i| gap([a, b], i, Some(area(i)));
+    let parts: Vec<_> = pixels.clone().map(part).collect();
+    let gaps: Vec<_> = pixels.map(|i| gap([a, b], i, None)).collect();
     let mut sum = Gap::default();
     parts.iter().flatten().for_each(|gap| sum.add(gap));
     // Tell whether there is anything to test
@@ -370,10 +359,11 @@ pub fn compare(a: &Image, b: &Image) -> Result<Difference, String> {
     // Test each scale against the next
     let claims = a.errors.is_some() && b.errors.is_some();
     let enough =
-        |image: &Image, i| image.values(i).is_none_or(|n| n >= FEW);
-    let single =
-        |i: usize| gaps[i].filter(|_| enough(a, i) && enough(b, i));
-    let single: Vec<_> = pixels.map(single).collect();
+        |i, image: &&Image| image.values(i).is_none_or(|n| n >= FEW);
+    let single = |(i, gap): (usize, &Option<Gap>)| {
+        gap.filter(|_| [a, b].iter().all(|image| enough(i, image)))
+    };
+    let single: Vec<_> = gaps.iter().enumerate().map(single).collect();
     let scales = [
         test(&single, [&pixel, &block], claims),
         test(&parts, [&block, &film], claims),
@@ -401,6 +391,7 @@ pub fn compare(a: &Image, b: &Image) -> Result<Difference, String> {
 fn distances(a: &Image, b: &Image) -> (f64, f64) {
     let (mut squares, mut relative, mut n) = (0., 0., 0.);
     let pairs = a.means.iter().zip(&b.means);
+    // Add the squares of a difference
     for (a, b) in pairs.filter(|(a, b)| (*a - *b).is_finite()) {
         let square = (a - b) * (a - b);
         squares += square;

@@ -9,7 +9,7 @@
 //! The pixels of a tile hold the same samples, from the first on.
 
 use std::fmt;
-use std::num::{IntErrorKind, ParseIntError};
+use std::num::ParseIntError;
 use std::str::FromStr;
 
 use rayon::prelude::*;
@@ -59,10 +59,10 @@ impl fmt::Display for Window {
     }
 }
 
-impl FromStr for Window {
-    type Err = String;
+impl TryFrom<String> for Window {
+    type Error = String;
 
-    fn from_str(text: &str) -> Result<Self, String> {
+    fn try_from(text: String) -> Result<Self, String> {
         let syntax = "expected a pixel and a size, as in 100,50,64x48";
         let parts: Vec<&str> = text.split(',').collect();
         let [x, y, size] = parts[..] else { return Err(syntax.to_owned()) };
@@ -78,33 +78,22 @@ impl From<Window> for String {
     }
 }
 
-impl TryFrom<String> for Window {
-    type Error = String;
-
-    fn try_from(text: String) -> Result<Self, String> {
-        text.parse()
-    }
-}
-
 /// Reads a width and a height, as in 800x600.
 ///
 /// # Errors
 /// The text is another, or a side is out of range.
 pub fn parse_size(text: &str) -> Result<(u32, u32), String> {
-    let syntax = "expected two integers around one x, as in 800x600";
-    let (width, height) = text.split_once('x').ok_or(syntax)?;
-    // Read one side of a size
-    let side = |text| match digits(text) {
-        Ok(0) => Err("an image has at least one pixel".to_owned()),
-        Ok(n @ 1..=MAX_SIDE) => Ok(n),
-        Err(e) if *e.kind() != IntErrorKind::PosOverflow => {
-            Err(syntax.to_owned())
-        }
-        _ => Err(format!("at most {MAX_SIDE} pixels a side")),
-    };
-    Ok((side(width)?, side(height)?))
+    let side =
+        |text| digits(text).ok().filter(|n| (1..=MAX_SIDE).contains(n));
+    let size = text.split_once('x');
+    let size = size.and_then(|(w, h)| side(w).zip(side(h)));
+    size.ok_or(format!(
+        "expected two positive integers around one x, as in 800x600, \
+         at most {MAX_SIDE} pixels a side"
+    ))
 }
 
+/// The most pixels that an image is wide or high.
 const MAX_SIDE: u32 = 16384;
 
 /// An integer of digits alone.
@@ -113,24 +102,31 @@ pub fn digits<N: FromStr>(text: &str) -> Result<N, N::Err> {
     text.replace('+', "x").parse()
 }
 
+/// A tile with its pixels, row by row, and its mean, if the film has one.
+pub type Part<'a> =
+    (Tile, &'a mut [Accumulator], Option<&'a mut Accumulator>);
+
 /// An image in the making, or a part of it: one accumulator per pixel.
 #[derive(Clone, Debug)]
 pub struct Film {
     /// Width and height of the whole image.
-    resolution: (u32, u32),
-    window: Window,
-    /// The window of the run of which this film is a part.
-    whole: Window,
-    /// The samples of each pixel that come before those of this film.
-    first: u64,
+    pub resolution: (u32, u32),
+    /// The pixels that it holds.
+    pub window: Window,
+    /// The window of its run.
+    pub whole: Window,
+    /// The samples of each pixel that come before its own.
+    pub first: u64,
     /// The number of samples whose mean is one value of an accumulator.
-    replicate: u64,
+    pub replicate: u64,
     tiles: Vec<Tile>,
     /// The place of each tile in `tiles`, by row and column.
     places: Vec<u32>,
-    pixels: Vec<Accumulator>,
-    /// The means of each tile, if its pixels share random numbers.
-    tile_means: Vec<Accumulator>,
+    /// The pixels in the order in which they are stored: tile by tile, each
+    /// row by row.
+    pub pixels: Vec<Accumulator>,
+    /// The means of each tile, if its pixels share random numbers; else none.
+    pub tile_means: Vec<Accumulator>,
 }
 
 /// Watches the work on a film: called, from any thread, with what is done,
@@ -156,19 +152,17 @@ impl Window {
     /// This and the pixels that are at most so many columns and rows away,
     /// as far as they lie `within` another window.
     fn grown(&self, reach: u32, within: Self) -> Self {
-        let grow = |at: u32, size: u32, first: u32, length: u32| {
+        let grow = |at: u32, end: u32, first: u32, last: u32| {
             let start = at.saturating_sub(reach).max(first);
-            (start, (at + size + reach).min(first + length) - start)
+            (start, (end + reach).min(last) - start)
         };
-        let Self { corner: (x, y), size: (width, height) } = *self;
-        let Self { corner: (left, top), size } = within;
-        let (x, width) = grow(x, width, left, size.0);
-        let (y, height) = grow(y, height, top, size.1);
+        let ((x, y), (left, top)) = (self.corner, within.corner);
+        let [ends, limits] = [self.end(), within.end()];
+        let (x, width) = grow(x, ends.0, left, limits.0);
+        let (y, height) = grow(y, ends.1, top, limits.1);
         Self { corner: (x, y), size: (width, height) }
     }
-}
 
-impl Window {
     /// The number of pixels.
     pub fn area(&self) -> usize {
         self.size.0 as usize * self.size.1 as usize
@@ -176,12 +170,9 @@ impl Window {
 
     /// At most so many of its rows, from row `first` on.
     pub fn rows(&self, first: u32, most: u32) -> Self {
-        let (corner, size) = (self.corner, self.size);
-        let height = most.min(size.1 - first);
-        Self {
-            corner: (corner.0, corner.1 + first),
-            size: (size.0, height),
-        }
+        let ((left, top), (width, height)) = (self.corner, self.size);
+        let size = (width, most.min(height - first));
+        Self { corner: (left, top + first), size }
     }
 
     /// The number of rows of tiles that it touches.
@@ -198,8 +189,7 @@ impl Window {
             (row * SIDE).clamp(self.corner.1, self.end().1)
         };
         let (from, to) = (edge(u64::from(k) - 1), edge(u64::from(k)));
-        let (corner, size) = (self.corner.0, self.size.0);
-        Self { corner: (corner, from), size: (size, to - from) }
+        self.rows(from - self.corner.1, to - from)
     }
 }
 
@@ -214,9 +204,8 @@ impl Film {
     pub fn cropped(resolution: (u32, u32), window: Window) -> Self {
         let ((left, top), (columns, rows)) = window.cells();
         let side = columns.max(rows).next_power_of_two();
-        let cells =
-            (0..rows).flat_map(|y| (0..columns).map(move |x| (x, y)));
-        let mut cells: Vec<_> = cells.collect();
+        let row = |y| (0..columns).map(move |x| (x, y));
+        let mut cells = Vec::from_iter((0..rows).flat_map(row));
         cells.par_sort_by_cached_key(|&(x, y)| along_curve(side, x, y));
         let mut places = vec![0; cells.len()];
         let mut tiles = Vec::with_capacity(cells.len());
@@ -225,14 +214,13 @@ impl Film {
             let (x, y) = cells[rank];
             // Append the tile of one cell
             places[(y * columns + x) as usize] = place as u32;
-            let (x, y) = ((left + x) * SIDE, (top + y) * SIDE);
-            let corner = (x.max(window.corner.0), y.max(window.corner.1));
-            let (right, bottom) = window.end();
-            let end = (right.min(x + SIDE), bottom.min(y + SIDE));
-            let size = (end.0 - corner.0, end.1 - corner.1);
+            let corner = ((left + x) * SIDE, (top + y) * SIDE);
+            let cell = Window { corner, size: (SIDE, SIDE) };
+            let Window { corner, size } = cell.grown(0, window);
             tiles.push(Tile { corner, size, start, rank: rank as u32 });
             start += (size.0 * size.1) as usize;
         }
+        // Make a film of these tiles
         let pixels = zeroed(start).expect("memory for a film");
         Self {
             resolution,
@@ -247,13 +235,18 @@ impl Film {
         }
     }
 
-    /// The tiles, each with its pixels row by row.
-    pub fn tiles(&mut self) -> Vec<(Tile, &mut [Accumulator])> {
+    /// The tiles in the order in which they are rendered.
+    pub fn tiles(&mut self) -> Vec<Part<'_>> {
         let begun = self.pixels[0].count() > 0;
-        let mut parts: Vec<_> =
-            cut(&self.tiles, &mut self.pixels).collect();
+        let mut rest = &mut self.pixels[..];
+        let mut means = self.tile_means.iter_mut();
+        let part = |&tile: &Tile| {
+            let own = rest.split_off_mut(..tile.area());
+            (tile, own.unwrap_or_default(), means.next())
+        };
+        let mut parts: Vec<_> = self.tiles.iter().map(part).collect();
         if begun {
-            parts.sort_unstable_by_key(|(tile, _)| tile.rank);
+            parts.sort_unstable_by_key(|(tile, ..)| tile.rank);
         }
         parts
     }
@@ -267,13 +260,9 @@ impl Film {
 
     /// The place in memory of the tile that holds a pixel.
     fn place(&self, x: u32, y: u32) -> usize {
-        self.places[self.cell(x / SIDE, y / SIDE)] as usize
-    }
-
-    /// The number of the cell of a column and a row of the image.
-    fn cell(&self, column: u32, row: u32) -> usize {
         let ((left, top), (columns, _)) = self.window.cells();
-        ((row - top) * columns + column - left) as usize
+        let cell = (y / SIDE - top) * columns + x / SIDE - left;
+        self.places[cell as usize] as usize
     }
 
     /// Number of pixels.
@@ -281,19 +270,9 @@ impl Film {
         self.pixels.len() as u64
     }
 
-    /// The pixels that it holds.
-    pub fn window(&self) -> Window {
-        self.window
-    }
-
     /// A film of the whole window of its run without a sample.
     pub fn blank(&self) -> Self {
         Self::cropped(self.resolution, self.whole)
-    }
-
-    /// Width and height of the whole image.
-    pub fn resolution(&self) -> (u32, u32) {
-        self.resolution
     }
 
     /// The pixels, row by row from the top left.
@@ -304,7 +283,7 @@ impl Film {
     }
 
     /// The pixels of row `y` of the image that lie in a window, those of each
-    /// tile together, with the number of its cell.
+    /// tile together, with the place of the tile.
     fn strips(
         &self,
         window: Window,
@@ -312,14 +291,13 @@ impl Film {
     ) -> impl Iterator<Item = (usize, &[Accumulator])> {
         let ((left, _), (columns, _)) = window.cells();
         (left..left + columns).map(move |column| {
-            let cell = self.cell(column, y / SIDE);
-            let place = self.places[cell] as usize;
+            let place = self.place(column * SIDE, y);
             let Tile { corner, size, start, .. } = self.tiles[place];
             let x = corner.0.max(window.corner.0);
             let length = (corner.0 + size.0).min(window.end().0) - x;
             let at =
                 start + ((y - corner.1) * size.0 + x - corner.0) as usize;
-            (cell, &self.pixels[at..at + length as usize])
+            (place, &self.pixels[at..at + length as usize])
         })
     }
 
@@ -328,19 +306,50 @@ impl Film {
         self.rows().map(Accumulator::mean)
     }
 
-    /// The samples of the pixels, row by row from the top left.
-    pub fn counts(&self) -> impl Iterator<Item = u64> {
-        self.rows().map(|pixel| pixel.count() * self.replicate)
+    /// Whether the tile of this place has a sample.
+    fn is_sampled(&self, place: usize) -> bool {
+        self.pixels[self.tiles[place].start].count() > 0
     }
 
-    /// The pixels in the order in which they are stored.
-    pub fn stored(&self) -> &[Accumulator] {
-        &self.pixels
+    /// Whether all pixels of a window have a sample, and whether none has.
+    pub fn sampled(&self, window: Window) -> [bool; 2] {
+        let ((left, top), (columns, rows)) = window.cells();
+        let row = |y| (left..left + columns).map(move |x| (x, y));
+        let place = |(x, y)| self.place(x * SIDE, y * SIDE);
+        let mut places = (top..top + rows).flat_map(row).map(place);
+        let all = places.clone().all(|place| self.is_sampled(place));
+        [all, !places.any(|place| self.is_sampled(place))]
     }
 
-    /// The same, to be changed.
-    pub fn stored_mut(&mut self) -> &mut [Accumulator] {
-        &mut self.pixels
+    /// A value of each pixel of a window, row by row: `none` without a sample.
+    fn values(
+        &self,
+        window: Window,
+        none: f64,
+        of: impl Fn(usize, &Accumulator) -> f64,
+    ) -> Vec<f64> {
+        let mut values = Vec::with_capacity(window.area());
+        let rows = window.corner.1..window.end().1;
+        // Append the values of a strip
+        for (place, strip) in rows.flat_map(|y| self.strips(window, y)) {
+            match self.is_sampled(place) {
+                true => values.extend(strip.iter().map(|p| of(place, p))),
+                false => values.resize(values.len() + strip.len(), none),
+            }
+        }
+        values
+    }
+
+    /// The means of a window, row by row; not a number without a sample.
+    pub fn means_of(&self, window: Window) -> Vec<f64> {
+        self.values(window, f64::NAN, |_, pixel| pixel.mean())
+    }
+
+    /// The samples of the pixels of a window, row by row.
+    pub fn counts_of(&self, window: Window) -> Vec<f64> {
+        let count =
+            |_, p: &Accumulator| (p.count() * self.replicate) as f64;
+        self.values(window, 0., count)
     }
 
     /// The samples that every pixel has at least.
@@ -363,57 +372,11 @@ impl Film {
         Self { replicate: samples, ..self }
     }
 
-    /// The number of samples whose mean is one value.
-    pub fn replicate(&self) -> u64 {
-        self.replicate
-    }
-
     /// The same film, whose pixels share random numbers within a tile. It must
     /// be empty.
     pub fn with_shared_tiles(mut self) -> Self {
         self.tile_means = vec![Accumulator::default(); self.tiles.len()];
         self
-    }
-
-    /// The means of the tiles, if they share random numbers; else none.
-    pub fn tile_means(&self) -> &[Accumulator] {
-        &self.tile_means
-    }
-
-    /// The same, to be changed.
-    pub fn tile_means_mut(&mut self) -> &mut [Accumulator] {
-        &mut self.tile_means
-    }
-
-    /// The tiles of a film of shared tiles, each with its pixels and its means.
-    pub fn shared_tiles(
-        &mut self,
-    ) -> Vec<(Tile, &mut [Accumulator], &mut Accumulator)> {
-        let begun = self.pixels[0].count() > 0;
-        let Self { tiles, pixels, tile_means, .. } = self;
-        let parts = cut(tiles, pixels).zip(tile_means);
-        let parts = parts.map(|((tile, own), mean)| (tile, own, mean));
-        let mut parts: Vec<_> = parts.collect();
-        if begun {
-            parts.sort_unstable_by_key(|(tile, ..)| tile.rank);
-        }
-        parts
-    }
-
-    /// The same film as a part of a run that renders this window: its
-    /// samples follow so many others of each pixel. It must be empty.
-    pub fn as_part(self, whole: Window, first: u64) -> Self {
-        Self { whole, first, ..self }
-    }
-
-    /// The window of its run.
-    pub fn whole(&self) -> Window {
-        self.whole
-    }
-
-    /// The samples of each pixel that come before its own.
-    pub fn first(&self) -> u64 {
-        self.first
     }
 
     /// Takes the samples of a film of some of its tiles into account.
@@ -435,18 +398,19 @@ impl Film {
     /// for [`WORTH`].
     pub fn summary(&self) -> Summary {
         let few = self.samples() < 2 * self.replicate;
-        let pixels = Pixels::of(self);
         let tops = (0..self.window.size.1).into_par_iter();
         let rows = tops.step_by(SIDE as usize).flat_map_iter(|top| {
             let band = self.window.rows(top, SIDE);
             // Sum over the pixels of each row
-            let errors = (!few).then(|| pixels.errors(WORTH, band));
+            let errors = (!few).then(|| self.errors_of(WORTH, band));
             let mut errors = errors.unwrap_or_default().into_iter();
-            let is_sampled = |(cell, _): &(usize, _)| pixels.sampled[*cell];
+            let is_sampled =
+                |(place, _): &(usize, _)| self.is_sampled(*place);
             let rows = band.corner.1..band.end().1;
             let sums = rows.map(|y| {
                 let strips = self.strips(band, y).filter(is_sampled);
                 let pixels = strips.flat_map(|(_, strip)| strip);
+                // Add the pixels of a row
                 pixels.fold(
                     [0.; 4],
                     |[mean, count, squares, constant], pixel| {
@@ -488,87 +452,9 @@ impl Film {
         }
     }
 
-    /// The errors of [`Pixels::errors`] for the whole film.
+    /// The errors of [`Film::errors_of`] for the whole film.
     pub fn errors(&self, worth: f64) -> Vec<f64> {
-        Pixels::of(self).errors(worth, self.window)
-    }
-}
-
-/// Cuts the pixels into those of each tile.
-fn cut<'a>(
-    tiles: &'a [Tile],
-    mut rest: &'a mut [Accumulator],
-) -> impl Iterator<Item = (Tile, &'a mut [Accumulator])> {
-    tiles.iter().map(move |&tile| {
-        let own = rest.split_off_mut(..tile.area());
-        (tile, own.unwrap_or_default())
-    })
-}
-
-/// The pixels of a film, as they are read when it is written: by windows
-/// within its own.
-pub struct Pixels<'a> {
-    /// The film.
-    pub film: &'a Film,
-    /// Whether each tile has a sample, by row and column.
-    sampled: Vec<bool>,
-}
-
-impl<'a> Pixels<'a> {
-    /// Those of a film.
-    pub fn of(film: &'a Film) -> Self {
-        let start = |place: &u32| film.tiles[*place as usize].start;
-        let starts = film.places.iter().map(start);
-        let sampled = starts.map(|at| film.pixels[at].count() > 0);
-        Self { film, sampled: sampled.collect() }
-    }
-
-    /// Whether all pixels of a window have a sample, and whether none has.
-    pub fn sampled(&self, window: Window) -> [bool; 2] {
-        let ((left, top), (columns, rows)) = window.cells();
-        let row = |y| {
-            let first = self.film.cell(left, top + y);
-            &self.sampled[first..first + columns as usize]
-        };
-        let mut rows = (0..rows).map(row);
-        let all = rows.clone().flatten().all(|&sampled| sampled);
-        [all, !rows.any(|row| row.contains(&true))]
-    }
-
-    /// Writes a value of each pixel of a window, row by row: `none` without a
-    /// sample.
-    pub fn fill(
-        &self,
-        window: Window,
-        none: f64,
-        of: impl Fn(usize, &Accumulator) -> f64,
-        mut values: &mut [f64],
-    ) {
-        let rows = window.corner.1..window.end().1;
-        for (cell, strip) in rows.flat_map(|y| self.film.strips(window, y))
-        {
-            let own = values.split_off_mut(..strip.len());
-            let own = own.unwrap_or_default();
-            if !self.sampled[cell] {
-                own.fill(none);
-                continue;
-            }
-            let place = self.film.places[cell] as usize;
-            let pairs = own.iter_mut().zip(strip);
-            pairs.for_each(|(value, pixel)| *value = of(place, pixel));
-        }
-    }
-
-    /// The same as a list.
-    pub fn values(
-        &self,
-        window: Window,
-        none: f64,
-        of: impl Fn(usize, &Accumulator) -> f64,
-    ) -> Vec<f64> {
-        let mut values = vec![none; window.area()];
-        self.fill(window, none, of, &mut values);
-        values
+        self.errors_of(worth, self.window)
     }
 }
 
@@ -620,15 +506,16 @@ const REACH: u32 = 2;
 /// How many samples the variance of the neighbours is worth.
 pub const WORTH: f64 = 4.;
 
-impl Pixels<'_> {
+impl Film {
     /// The standard errors of the pixels of a window, row by row; infinite
     /// where unknown. The variance that a pixel has seen is combined with that
     /// of its neighbours, which counts as `worth` values ([`WORTH`]; 0 leaves
     /// the neighbours out).
-    pub fn errors(&self, worth: f64, window: Window) -> Vec<f64> {
-        let all = window.grown(REACH, self.film.window);
+    pub fn errors_of(&self, worth: f64, window: Window) -> Vec<f64> {
+        let all = window.grown(REACH, self.window);
         let of = |_, pixel: &Accumulator| pixel.variance();
         let variances = self.values(all, f64::INFINITY, of);
+        // Number the pixels of the frame
         let number = |x: u32, y: u32| {
             let row = (y - all.corner.1) as usize * all.size.0 as usize;
             row + (x - all.corner.0) as usize
@@ -655,7 +542,8 @@ impl Pixels<'_> {
                     (sum, count) = (sum + value, count + one);
                 }
             }
-            let n = self.film.pixel(x, y).count() as f64;
+            let n = self.pixel(x, y).count() as f64;
+            // Combine its variance with that of its neighbours
             let variance = match count > 0. {
                 true => {
                     ((n - 1.) * own + worth * (sum / count))
@@ -676,7 +564,7 @@ impl Pixels<'_> {
     /// times the root of the number of its pixels; infinite where unknown.
     /// None if the pixels are independent.
     pub fn tile_errors(&self, window: Window) -> Option<Vec<f64>> {
-        let Film { tiles, tile_means, .. } = self.film;
+        let Self { tiles, tile_means, .. } = self;
         let error = |place: usize, _: &Accumulator| {
             let root = (tiles[place].area() as f64).sqrt();
             root * tile_means[place].standard_error()

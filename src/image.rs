@@ -12,23 +12,18 @@ pub(crate) mod levels;
 mod png;
 mod pnm;
 
+use std::f64::INFINITY;
 use std::io::{self, Read, Write};
 use std::path::Path;
 
 use clap::ValueEnum;
+use serde::{Deserialize, Serialize};
 
 pub use data::{Image, Note, Picture, Source};
 
 /// How an image becomes bytes.
 #[derive(
-    ValueEnum,
-    serde::Serialize,
-    serde::Deserialize,
-    Clone,
-    Copy,
-    Debug,
-    PartialEq,
-    Eq,
+    ValueEnum, Serialize, Deserialize, Clone, Copy, Debug, PartialEq, Eq,
 )]
 pub enum Format {
     /// Plain portable greymap of 256 levels
@@ -119,51 +114,52 @@ impl Image {
             Some(b"Pf" | b"PF") => pnm::read_numbers(bytes, note),
             Some(b"P2" | b"P5") => pnm::read_levels(bytes, note),
             Some(b"\x89P") => png::read(bytes, note),
-            Some(b"P1" | b"P4") => Err(format!("{NEITHER}, but PBM")),
-            Some(b"P3" | b"P6") => Err(format!("{NEITHER}, but PPM")),
-            Some(b"P7") => Err(format!("{NEITHER}, but PAM")),
+            Some(b"P1" | b"P3" | b"P4" | b"P6" | b"P7") => {
+                Err(format!("{NEITHER}, but PBM, PPM or PAM"))
+            }
             _ => Err(NEITHER.to_owned()),
         };
         image?.sifted(note)
     }
 
     fn sifted(mut self, note: Note) -> Result<Self, String> {
-        let (width, mut lost) = (self.width as usize, vec![]);
-        for i in 0..self.means.len() {
-            let mut lists = [
-                &mut self.errors,
-                &mut self.tile_errors,
-                &mut self.samples,
-            ];
-            let numbers = lists.each_ref().map(|list| match list {
-                Some(list) => list[i],
-                None => 0.,
-            });
-            // Refuse a negative error or count
-            if let Some(value) = numbers.iter().find(|value| **value < 0.) {
-                let (x, y) = (i % width, i / width);
-                return Err(format!(
-                    "the standard error or count of the pixel {x},{y} is {value}"
-                ));
+        let width = self.width as usize;
+        let place = |i: usize| format!("{},{}", i % width, i / width);
+        // Find the pixels that are no numbers
+        let finite = self.means.iter().map(|mean| mean.is_finite());
+        let mut known: Vec<bool> = finite.collect();
+        let errors =
+            [&self.errors, &self.tile_errors].map(|list| (list, INFINITY));
+        for (list, most) in
+            errors.into_iter().chain([(&self.samples, f64::MAX)])
+        {
+            for (i, &value) in list.iter().flatten().enumerate() {
+                if value < 0. {
+                    return Err(format!(
+                        "the standard error or count of the pixel {} is {value}",
+                        place(i)
+                    ));
+                }
+                known[i] &= value <= most;
             }
-            let [error, shared, count] = numbers;
-            let is_nan = error.is_nan() || shared.is_nan();
-            if !is_nan && self.means[i].is_finite() && count.is_finite() {
-                continue;
-            }
-            let unknown = [f64::INFINITY, f64::INFINITY, 0.];
-            for (list, value) in lists.iter_mut().zip(unknown) {
-                list.iter_mut().for_each(|list| list[i] = value);
-            }
-            self.means[i] = f64::NAN;
-            lost.push((i % width, i / width));
         }
-        // Tell how many pixels are no numbers
-        if let Some((x, y)) = lost.first() {
+        let lost = Vec::from_iter((0..known.len()).filter(|&i| !known[i]));
+        if let Some(&first) = lost.first() {
             note(&format!(
-                "pixels that are not finite numbers: {}, the first at {x},{y}",
-                lost.len()
+                "pixels that are not finite numbers: {}, the first at {}",
+                lost.len(),
+                place(first)
             ));
+        }
+        // Give the lost pixels no numbers
+        for i in lost {
+            self.means[i] = f64::NAN;
+            let errors = [&mut self.errors, &mut self.tile_errors];
+            errors
+                .into_iter()
+                .flatten()
+                .for_each(|list| list[i] = INFINITY);
+            self.samples.iter_mut().for_each(|list| list[i] = 0.);
         }
         Ok(self)
     }

@@ -45,7 +45,8 @@ pub struct Options {
 
     /// Render only this part: the column and row of its first pixel, and its
     /// size, as in 100,50,64x48
-    #[arg(long, value_name = "X,Y,WIDTHxHEIGHT")]
+    #[arg(long, value_name = "X,Y,WIDTHxHEIGHT",
+          value_parser = |text: &str| Window::try_from(text.to_owned()))]
     pub crop: Option<Window>,
 
     /// Samples (paths) per pixel [default: 1]; an upper bound with

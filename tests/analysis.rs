@@ -23,7 +23,7 @@ fn is_same(setting: &Setting, resolution: (u32, u32), n: u64) -> bool {
     let whole = setting.render(&Shortcut::ALL, resolution, n, 1);
     let less = setting.render(&[], resolution, n, 1);
     assert!(less.rays <= whole.rays, "{}", setting.name);
-    less.film.stored() == whole.film.stored()
+    less.film.pixels == whole.film.pixels
 }
 
 #[test]
@@ -38,7 +38,7 @@ fn work_is_left_out_without_a_trace_by_each_shortcut() {
             for kept in [&[shortcut][..], &others, &[]] {
                 let less = setting.render(kept, SMALL, 16, 1);
                 assert!(
-                    less.film.stored() == whole.film.stored(),
+                    less.film.pixels == whole.film.pixels,
                     "{} without {kept:?}: {:?}",
                     setting.name,
                     less.left_out
@@ -65,7 +65,7 @@ fn is_found_out(
 ) -> bool {
     let lied = setting.render_with(&[], SMALL, 16, &plain(), lie).film;
     let truth = setting.render(&Shortcut::ALL, SMALL, 16, 1).film;
-    lied.stored() != truth.stored()
+    lied.pixels != truth.pixels
 }
 
 #[test]

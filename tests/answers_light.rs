@@ -125,7 +125,7 @@ fn gather(
     let mut film = Film::new(4, 4);
     let tile = film.tiles()[0].0;
     let gather = &Gather { seed: 4, correction, ..setting.gather((4, 4)) };
-    let allocation = &Allocation::even(film.window());
+    let allocation = &Allocation::even(film.window);
     let intersector = gather.intersector;
     let mut tracer =
         Tracer { gather, intersector, cache, allocation, rays: 0 };
@@ -176,7 +176,7 @@ fn room_of_step(step: Option<f64>) -> (f64, f64) {
     let mut film = Film::new(16, 16);
     let tile = film.tiles()[0].0;
     let (counts, scale) = (vec![4; 256], vec![0.42; 256]);
-    let allocation = &Allocation::new(film.window(), counts, scale);
+    let allocation = &Allocation::new(film.window, counts, scale);
     let default = setting.gather((16, 16));
     let intersector = default.intersector;
     let cache = &RadianceCache::empty(Grid::around(&[]));
@@ -224,7 +224,7 @@ fn a_pixel_that_has_seen_nothing_is_believed_with_time() {
     // State the error of a blind pixel
     let stated = |n: u64| {
         let mut film = Film::new(5, 5);
-        for (pixel, i) in film.stored_mut().iter_mut().zip(0..) {
+        for (pixel, i) in film.pixels.iter_mut().zip(0..) {
             let ones = if i < 12 { n / 4 } else { 0 };
             pixel.add_times(1., ones);
             pixel.add_times(0., n - ones);

@@ -50,7 +50,7 @@ fn state() -> (Convergence, Film) {
         "steps": [step(1, Value::Null), step(2, json!(0.1 + 0.2))],
     });
     let mut film = Film::new(5, 3);
-    for (pixel, i) in film.stored_mut().iter_mut().zip(0..) {
+    for (pixel, i) in film.pixels.iter_mut().zip(0..) {
         (0..i).for_each(|n| pixel.add(0.7f64.powi(i) + f64::from(n)));
     }
     (serde_json::from_value(convergence).unwrap(), film)
@@ -88,7 +88,7 @@ fn what_is_saved_comes_back_to_the_last_bit() {
     let mut again = Film::new(5, 3);
     let found = resume(&run_key(), &mut again, Cursor::new(saved()));
     assert_eq!(found, Ok(convergence));
-    assert_eq!(again.stored(), film.stored());
+    assert_eq!(again.pixels, film.pixels);
 }
 
 #[test]

@@ -10,13 +10,14 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use glam::DVec3;
 use litpt::bvh::{Bvh, Hit, Intersector, Isa, Quality};
 use litpt::camera::View;
-use litpt::film::{Film, Pixels, SIDE, Summary, Tile, Window};
+use litpt::film::{Film, SIDE, Summary, Tile, Window};
 use litpt::image::Image;
 use litpt::integrator::{Integrator, PathEvent, PathTracer};
 use litpt::render::{Job, Renderer};
 use litpt::sampler::{IndependentSampler, Sampler, dimension};
 use litpt::scene::{Ray, Scene};
 use litpt::sky::Sky;
+use litpt::statistics::Accumulator;
 use litpt_book::closed_forms::{Setting, cavity, look};
 
 #[test]
@@ -25,7 +26,7 @@ fn each_pixel_belongs_to_one_tile_and_is_found_there() {
     {
         let mut film = Film::new(width, height);
         let mut seen = HashSet::new();
-        for (tile, pixels) in film.tiles() {
+        for (tile, pixels, _) in film.tiles() {
             assert!(tile.size.0 <= SIDE && tile.size.1 <= SIDE);
             for (i, pixel) in (0..).zip(pixels) {
                 let x = tile.corner.0 + i % tile.size.0;
@@ -50,9 +51,9 @@ fn each_pixel_belongs_to_one_tile_and_is_found_there() {
 fn the_curve_steps_to_adjacent_tiles() {
     for tiles in [1, 2, 4, 8, 32] {
         let mut film = Film::new(tiles * SIDE, tiles * SIDE);
-        film.stored_mut()[0].add(1.);
+        film.pixels[0].add(1.);
         let corners: Vec<(u32, u32)> =
-            film.tiles().iter().map(|(tile, _)| tile.corner).collect();
+            film.tiles().iter().map(|(tile, ..)| tile.corner).collect();
         assert_eq!(corners[0], (0, 0));
         let last = corners[corners.len() - 1];
         assert_eq!(last, ((tiles - 1) * SIDE, 0));
@@ -72,7 +73,7 @@ fn the_first_pass_is_scattered_over_the_image() {
     let block = |tile: &Tile| {
         (tile.corner.0 / (8 * SIDE), tile.corner.1 / (8 * SIDE))
     };
-    let blocks = tiles[..64].iter().map(|(tile, _)| block(tile));
+    let blocks = tiles[..64].iter().map(|(tile, ..)| block(tile));
     assert_eq!(blocks.collect::<HashSet<_>>().len(), 64);
 }
 
@@ -80,7 +81,7 @@ fn the_first_pass_is_scattered_over_the_image() {
 fn a_pixel_without_a_sample_has_no_mean() {
     let window = Window { corner: (17, 3), size: (40, 30) };
     let mut film = Film::cropped((60, 40), window);
-    let (tile, pixels) = film.tiles().swap_remove(2);
+    let (tile, pixels, _) = film.tiles().swap_remove(2);
     pixels.iter_mut().for_each(|pixel| pixel.add(0.25));
     let (left, top) = tile.corner;
     let own = (left..left + tile.size.0, top..top + tile.size.1);
@@ -156,37 +157,15 @@ fn progress_counts_every_path_once() {
 }
 
 #[test]
-fn a_kernel_can_be_written_by_somebody_else() {
-    struct Nothing;
-    impl Intersector for Nothing {
-        fn first_hit(&self, _: &Ray, _: Option<u32>) -> Option<Hit> {
-            None
-        }
-    }
-    // A path that never touches the scene's box asks for no ray.
-    for (from, expected) in [(0., (18, 1., 0.)), (9., (0, 1., 0.))] {
-        let up = |z: f64| z * DVec3::Z;
-        let view =
-            View { up: DVec3::Y, ..look(up(from), up(from + 1.), 60.) };
-        let sky = (0.5, DVec3::Z);
-        let setting =
-            Setting::new(&cavity(0.3, 8), sky, &view, 1.).unwrap();
-        let Job { entrance, camera, integrator, known, sampler, .. } =
-            setting.job(0);
-        let intersector = &Nothing;
-        let mut film = Film::new(3, 3);
-        let rays = Job {
-            entrance,
-            intersector,
-            camera,
-            integrator,
-            known,
-            sampler,
-        }
-        .pass(&mut film, 2, &|_| true);
-        let Summary { mean, mean_stderr, .. } = film.summary();
-        assert_eq!((rays, mean, mean_stderr), expected);
-    }
+fn a_path_that_never_touches_the_box_of_the_scene_asks_for_no_ray() {
+    let (from, to) = (9. * DVec3::Z, 10. * DVec3::Z);
+    let view = View { up: DVec3::Y, ..look(from, to, 60.) };
+    let sky = (0.5, DVec3::Z);
+    let setting = Setting::new(&cavity(0.3, 8), sky, &view, 1.).unwrap();
+    let mut film = Film::new(3, 3);
+    let rays = setting.job(0).pass(&mut film, 2, &|_| true);
+    let Summary { mean, mean_stderr, .. } = film.summary();
+    assert_eq!((rays, mean, mean_stderr), (0, 1., 0.));
 }
 
 // ----------------------------------------------------- A part of an image
@@ -203,8 +182,8 @@ fn a_window_has_the_samples_of_the_whole_image() {
         let window = Window { corner, size };
         let mut part = Film::cropped(resolution, window);
         setting.job(9).pass(&mut part, 3, &|_| true);
-        assert_eq!(part.window().size, size);
-        assert_eq!(part.resolution(), resolution);
+        assert_eq!(part.window.size, size);
+        assert_eq!(part.resolution, resolution);
         let mut rows = part.rows();
         for y in corner.1..corner.1 + size.1 {
             for x in corner.0..corner.0 + size.0 {
@@ -217,9 +196,9 @@ fn a_window_has_the_samples_of_the_whole_image() {
         // Tiles lie in the cells of the whole image.
         let tiles = part.tiles();
         let area: u32 =
-            tiles.iter().map(|(t, _)| t.size.0 * t.size.1).sum();
+            tiles.iter().map(|(t, ..)| t.size.0 * t.size.1).sum();
         assert_eq!(area, size.0 * size.1);
-        for (tile, _) in tiles {
+        for (tile, ..) in tiles {
             let last = (
                 tile.corner.0 + tile.size.0 - 1,
                 tile.corner.1 + tile.size.1 - 1,
@@ -232,10 +211,6 @@ fn a_window_has_the_samples_of_the_whole_image() {
 
 /// The squares of the errors of tiles add up to the variance of the sum over
 /// the image, and each pixel has that of its tile.
-fn errors_of(film: &Film) -> Option<Vec<f64>> {
-    Pixels::of(film).tile_errors(film.window())
-}
-
 #[test]
 fn the_errors_of_tiles_are_those_of_the_mean_of_the_image() {
     for (corner, size) in
@@ -243,20 +218,20 @@ fn the_errors_of_tiles_are_those_of_the_mean_of_the_image() {
     {
         let window = Window { corner, size };
         let film = Film::cropped((60, 40), window);
-        assert_eq!(errors_of(&film), None);
+        assert_eq!(film.tile_errors(window), None);
         let mut film = film.with_shared_tiles();
-        let unknown = errors_of(&film).unwrap();
+        let unknown = film.tile_errors(window).unwrap();
         assert!(unknown.iter().all(|error| error.is_infinite()));
-        for pixel in film.stored_mut() {
+        for pixel in &mut film.pixels {
             (0..2).for_each(|_| pixel.add(1.));
         }
-        for (k, (_, _, mean)) in film.shared_tiles().into_iter().enumerate()
-        {
+        for (k, (_, _, mean)) in film.tiles().into_iter().enumerate() {
             // The standard error is k + 1.
+            let mean = mean.unwrap();
             mean.add(0.);
             mean.add(2. * (k as f64 + 1.));
         }
-        let errors = errors_of(&film).unwrap();
+        let errors = film.tile_errors(window).unwrap();
         let squares: f64 = errors.iter().map(|e| e * e).sum();
         let sum = film.summary().mean_stderr * film.area() as f64;
         assert!((squares / (sum * sum) - 1.).abs() < 1e-12);
@@ -280,12 +255,12 @@ fn the_errors_of_tiles_are_those_of_the_mean_of_the_image() {
 /// Demands that each pixel has the samples that it has in `plain`, which
 /// renders a whole film.
 fn first_samples(film: &Film, plain: &dyn Fn(u64) -> Film) {
-    let counts: HashSet<u64> = film.counts().collect();
+    let counts: HashSet<u64> =
+        film.rows().map(Accumulator::count).collect();
     for n in counts {
         let plain = plain(n);
-        let pairs = film.rows().zip(plain.rows()).zip(film.counts());
-        for ((pixel, expected), count) in pairs {
-            assert!(count != n || pixel == expected);
+        for (pixel, expected) in film.rows().zip(plain.rows()) {
+            assert!(pixel.count() != n || pixel == expected);
         }
     }
 }
@@ -314,15 +289,16 @@ fn a_stopped_pass_leaves_tiles_with_their_first_samples() {
                 rays += setting.job(4).pass(&mut film, end, &watch);
                 assert!(film.samples() < end);
                 first_samples(&film, &plain);
-                for (_, pixels) in film.tiles() {
+                for (_, pixels, _) in film.tiles() {
                     let n = pixels[0].count();
                     assert!(pixels.iter().all(|p| p.count() == n));
                 }
             }
-            let different: HashSet<u64> = film.counts().collect();
+            let different: HashSet<u64> =
+                film.rows().map(Accumulator::count).collect();
             assert!(different.len() > 1, "{different:?}");
             rays += setting.job(4).pass(&mut film, 7, &|_| true);
-            assert_eq!(film.stored(), whole.stored());
+            assert_eq!(film.pixels, whole.pixels);
             assert_eq!(rays, all_rays);
         });
     }
@@ -474,7 +450,6 @@ fn passes_end_with_whole_replicates() {
     for (asked, there) in [(1, 16), (16, 16), (17, 32), (33, 48)] {
         let film = strata(16, asked);
         assert_eq!(film.samples(), there);
-        assert!(film.counts().all(|count| count == there));
         assert!(film.rows().all(|pixel| pixel.count() == there / 16));
     }
     let [one, other] = [strata(16, 64), strata(1, 64)];

@@ -9,6 +9,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::io::{Cursor, Error, Write};
 
+use crate::common::pgm;
 use exr::math::Vec2;
 use exr::meta::attribute::{AttributeValue, IntegerBounds};
 use exr::meta::header::{ImageAttributes, LayerAttributes};
@@ -19,6 +20,7 @@ use exr::prelude::{
 use litpt::film::{self, Film, WORTH};
 use litpt::image::{Format, Image, Picture};
 use litpt::output::{ImageTarget, OutputTarget};
+use png::{BitDepth, ColorType};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
@@ -118,13 +120,14 @@ fn an_exr_file_of_a_film_is_that_of_its_image() {
     for gaps in [true; 9].into_iter().chain([false]) {
         let film = Film::cropped((400, 400), window);
         let mut film = film.with_replicates(4).with_shared_tiles();
-        let tiles = film.shared_tiles().into_iter().enumerate();
-        for (i, (_, pixels, mean)) in tiles.filter(|t| !gaps || t.0 < 9) {
+        let tiles = film.tiles().into_iter().enumerate();
+        for (i, (_, pixels, mut mean)) in tiles.filter(|t| !gaps || t.0 < 9)
+        {
             for k in 0..2 + i % 3 {
                 let values = (0..).map(|n| f64::from(n * n % 7 + k as u32));
                 let pixels = pixels.iter_mut().zip(values);
                 pixels.for_each(|(pixel, value)| pixel.add(value));
-                mean.add((i * k) as f64);
+                mean.as_mut().unwrap().add((i * k) as f64);
             }
         }
         let image = Image::new(&film, BTreeMap::new());
@@ -132,17 +135,8 @@ fn an_exr_file_of_a_film_is_that_of_its_image() {
         let picture = Picture::new(&film, BTreeMap::new());
         Format::Exr.write(&picture, &mut written).unwrap();
         assert!(written == bytes(Format::Exr, &image));
-        let read = decode(&written).unwrap();
-        let bits = |image: &Image| {
-            let Image { means, errors, samples, tile_errors, .. } =
-                image.clone();
-            let lists = [errors, samples, tile_errors].map(Option::unwrap);
-            let all = lists.into_iter().flatten().chain(means);
-            Vec::from_iter(all.map(|x| (x as f32).to_bits()))
-        };
-        assert!(bits(&read) == bits(&image));
         assert_eq!(image.errors.unwrap(), film.errors(WORTH));
-        assert_eq!(read.attributes, image.attributes);
+        assert_eq!(image.attributes["replicate"], "4");
     }
 }
 
@@ -219,17 +213,11 @@ fn float_maps_are_read_in_all_their_forms() {
 
 #[test]
 fn files_of_other_kinds_are_refused_with_the_reason() {
-    for (kind, name) in [
-        ("P1", "PBM"),
-        ("P3", "PPM"),
-        ("P4", "PBM"),
-        ("P6", "PPM"),
-        ("P7", "PAM"),
-    ] {
-        refuse(&pfm(kind, &[1.]), &[", but ", name]);
+    for kind in ["P1", "P3", "P4", "P6", "P7"] {
+        refuse(&pfm(kind, &[1.]), &["nor PGM, but PBM, PPM or PAM"]);
     }
     let jpeg = b"\xff\xd8\xff\xe0\0\x10JFIF\0";
-    for other in [&b"v 0 0 0"[..], b"", b"P3 1 1 255 1 2 3", jpeg] {
+    for other in [&b"v 0 0 0"[..], b"", jpeg] {
         refuse(other, &["neither EXR, PFM, PNG nor PGM"]);
     }
     let place = tempfile::tempdir().unwrap();
@@ -307,10 +295,9 @@ fn grey_levels_of_other_programs_are_radiances_of_the_srgb_curve() {
 /// Levels may look like line ends and comments.
 #[test]
 fn what_follows_the_levels_is_ignored_and_said() {
-    let header = b"P5 3 1 255\n";
     for levels in [b"\n\n\n", b"#\n3", b" \n\r"] {
         let expected = levels.map(|level| radiance(level as f64 / 255.));
-        let whole = [&header[..], levels].concat();
+        let whole = [b"P5 3 1 255\n", &levels[..]].concat();
         for more in [&b""[..], b"\n", &whole] {
             let (image, notes) = noted(&[&whole, more].concat());
             close(&image.means, &expected);
@@ -320,18 +307,26 @@ fn what_follows_the_levels_is_ignored_and_said() {
     }
 }
 
-/// A grey PNG file of 8x8 pixels of 16 bits and of level one half, with
-/// these chunks.
-fn half(chunks: &[(&[u8; 4], &[u8])]) -> Vec<u8> {
+/// A PNG file of so many pixels, with these chunks.
+fn png(
+    (kind, depth): (ColorType, BitDepth),
+    (width, height): (u32, u32),
+    chunks: &[(&[u8; 4], &[u8])],
+    data: &[u8],
+) -> Vec<u8> {
     let mut bytes = vec![];
-    let mut encoder = png::Encoder::new(&mut bytes, 8, 8);
-    encoder.set_depth(png::BitDepth::Sixteen);
+    let mut encoder = png::Encoder::new(&mut bytes, width, height);
+    encoder.set_color(kind);
+    encoder.set_depth(depth);
+    if kind == ColorType::Indexed {
+        encoder.set_palette(&[255, 0, 0, 0, 0, 51]);
+    }
     let mut writer = encoder.write_header().unwrap();
     for (kind, data) in chunks {
         let kind = png::chunk::ChunkType(**kind);
         writer.write_chunk(kind, data).unwrap();
     }
-    writer.write_image_data(&[128, 0].repeat(64)).unwrap();
+    writer.write_image_data(data).unwrap();
     writer.finish().unwrap();
     bytes
 }
@@ -348,48 +343,37 @@ fn levels_of_a_png_file_have_the_curve_that_it_says() {
     let level = 32768. / 65535.;
     let (curve, power) = (radiance(level), level.powf(1. / 0.45455));
     type Chunks<'a> = &'a [(&'a [u8; 4], &'a [u8])];
-    let files: [(Chunks, f64, &str); 13] = [
+    let files: [(Chunks, f64, &str); 12] = [
         (&[], curve, "sRGB curve"),
         (&[srgb, (b"gAMA", linear)], curve, "sRGB curve"),
         (&[(b"gAMA", usual)], power, "a gamma of 0.45455"),
         (&[(b"gAMA", linear)], level, "a gamma of 1"),
-        (&[(b"gAMA", none)], curve, "its chunk gAMA is ignored"),
+        (&[(b"gAMA", none)], curve, "sRGB curve"),
         (&[(b"gAMA", huge)], curve, "its chunk gAMA is ignored"),
-        (&[(b"gAMA", b"\0")], curve, "its chunk gAMA is ignored"),
-        (&[(b"iCCP", profile)], curve, "iCCP is ignored: A profile"),
-        (&[(b"iCCP", profile), (b"gAMA", linear)], level, "A profile"),
+        (&[(b"iCCP", profile)], curve, "its chunk iCCP is ignored"),
+        (
+            &[(b"iCCP", profile), (b"gAMA", linear)],
+            level,
+            "iCCP is ignored",
+        ),
         (&[(b"cICP", straight), srgb], level, "a gamma of 1"),
         (&[(b"cICP", curved), (b"gAMA", linear)], curve, "sRGB curve"),
         (&[(b"cICP", &coded(16))], curve, "its chunk cICP is ignored"),
         (&[(b"tEXt", b"a\0gAMA"), srgb], curve, "sRGB curve"),
     ];
     for (chunks, expected, words) in files {
-        let (image, notes) = noted(&half(chunks));
+        let half = [128, 0].repeat(64);
+        let grey = (ColorType::Grayscale, BitDepth::Sixteen);
+        let (image, notes) = noted(&png(grey, (8, 8), chunks, &half));
         close(&image.means, &[expected; 64]);
         assert!(notes.contains(words), "{words:?} not in {notes}");
-        let ignored = words.contains("ignored") || words == "A profile";
+        let ignored = words.contains("ignored");
         assert_eq!(notes.contains("ignored"), ignored, "{notes}");
     }
 }
 
-/// A PNG file of two pixels.
-fn png(kind: png::ColorType, depth: png::BitDepth, data: &[u8]) -> Vec<u8> {
-    let mut bytes = vec![];
-    let mut encoder = png::Encoder::new(&mut bytes, 2, 1);
-    encoder.set_color(kind);
-    encoder.set_depth(depth);
-    if kind == png::ColorType::Indexed {
-        encoder.set_palette(&[255, 0, 0, 0, 0, 51]);
-    }
-    let mut writer = encoder.write_header().unwrap();
-    writer.write_image_data(data).unwrap();
-    writer.finish().unwrap();
-    bytes
-}
-
 #[test]
 fn png_files_of_all_kinds_are_read() {
-    use png::{BitDepth, ColorType};
     let written = bytes(Format::Png, &image());
     let clamped = image().means.into_iter().map(|mean| mean.min(1.));
     for (read, mean) in decode(&written).unwrap().means.iter().zip(clamped)
@@ -414,7 +398,7 @@ fn png_files_of_all_kinds_are_read() {
         (ColorType::Indexed, BitDepth::Eight, &[0, 1], colours),
         (ColorType::Rgba, BitDepth::Eight, &red_and_blue, colours),
     ] {
-        let (image, notes) = noted(&png(kind, depth, data));
+        let (image, notes) = noted(&png((kind, depth), (2, 1), &[], data));
         close(&image.means, &expected);
         assert!(notes.contains("sRGB curve"), "{notes}");
     }
@@ -432,9 +416,10 @@ fn part(
     (position, size): Window,
     name: &str,
 ) -> Layer<AnyChannels<FlatSamples>> {
-    let pixels = (0..size.1).flat_map(|y| (0..size.0).map(move |x| (x, y)));
-    let value = |(x, y)| at(position.0 + x as i32, position.1 + y as i32);
-    let values = pixels.map(value).map(|value| value as f32).collect();
+    let rows = (position.1..).take(size.1);
+    let columns = (position.0..).take(size.0);
+    let pixels = rows.flat_map(|y| columns.clone().map(move |x| at(x, y)));
+    let values = pixels.map(|value| value as f32).collect();
     let channel = AnyChannel::new("Y", FlatSamples::F32(values));
     let channels = AnyChannels::sort(SmallVec::from_vec(vec![channel]));
     let named = LayerAttributes::named(name);
@@ -522,31 +507,28 @@ fn pixels_that_are_no_numbers_are_counted_and_left_out() {
         assert_eq!(lost, [false, true, false, true]);
         assert!(notes.contains("numbers: 2, the first at 1,0"), "{notes}");
     }
+    for (k, value) in [(0, f64::NAN), (1, f64::NAN), (1, -1.), (0, -1.)] {
+        let odd = Some(vec![0.5, 0.5, 0.5, 0.5, value, 0.5]);
+        let mut image = images()[k].clone();
+        let list = [&mut image.errors, &mut image.tile_errors];
+        *list.into_iter().nth(k).unwrap() = odd;
+        let file = bytes(Format::Exr, &image);
+        if value < 0. {
+            refuse(&file, &["standard error", "pixel 1,1 is -1"]);
+            continue;
+        }
+        let (read, notes) = noted(&file);
+        assert!(notes.contains("numbers: 1, the first at 1,1"), "{notes}");
+        assert!(read.means[4].is_nan());
+        assert_eq!(read.errors.unwrap()[4], f64::INFINITY);
+        assert_eq!(read.samples.unwrap()[4], 0.);
+    }
     let nothing = FlatSamples::F32(vec![4., f32::NAN]);
     let means = FlatSamples::F32(vec![1.; 2]);
-    let file = foreign(&[("Y", means), ("samples.Y", nothing)]);
-    let (read, notes) = noted(&file);
+    let (read, _) =
+        noted(&foreign(&[("Y", means), ("samples.Y", nothing)]));
     assert!(read.means[0] == 1. && read.means[1].is_nan());
     assert_eq!(read.samples, Some(vec![4., 0.]));
-    assert!(notes.contains("numbers: 1, the first at 1,0"), "{notes}");
-    let unknown = Some(vec![f64::NAN, 0.5, 0.5, 0.5, 0.5, 0.5]);
-    let unknown = Image { tile_errors: unknown, ..image() };
-    let (read, notes) = noted(&bytes(Format::Exr, &unknown));
-    assert!(notes.contains("not finite numbers: 1"), "{notes}");
-    assert!(read.means[0].is_nan());
-    assert_eq!(read.tile_errors.unwrap()[..2], [f64::INFINITY, 0.5]);
-}
-
-#[test]
-fn negative_errors_are_refused_with_their_pixel() {
-    let negative = Some(vec![0., 0., 0., 0., -1., 0.]);
-    for image in [
-        Image { errors: negative.clone(), ..image() },
-        Image { tile_errors: negative.clone(), ..image() },
-    ] {
-        let words = ["standard error", "pixel 1,1 is -1"];
-        refuse(&bytes(Format::Exr, &image), &words);
-    }
 }
 
 #[test]
@@ -658,7 +640,7 @@ fn a_device_receives_the_last_state_alone() {
 #[test]
 fn pixels_without_a_sample_are_filled_in_levels_and_no_numbers_elsewhere() {
     let mut film = Film::new(70, 50);
-    for (tile, pixels) in film.tiles() {
+    for (tile, pixels, _) in film.tiles() {
         let value = match tile.corner {
             (0, 0) => 0.25,
             (48, 32) => 1.,
@@ -667,27 +649,20 @@ fn pixels_without_a_sample_are_filled_in_levels_and_no_numbers_elsewhere() {
         pixels.iter_mut().for_each(|pixel| pixel.add(value));
     }
     let expected = |x: usize, y: usize| match (x / 32, y / 32) {
-        (0, 0) => [136, 35198],
-        (1, 1) => [255, 65535],
-        _ => [207, 53239],
+        (0, 0) => (0.25, 136),
+        (1, 1) => (1., 255),
+        _ => (0.625, 207),
     };
     let image = Image::new(&film, BTreeMap::new());
-    let text = String::from_utf8(bytes(Format::Pgm, &image)).unwrap();
-    let levels = text.lines().skip(2).map(|line| line.parse().unwrap());
-    let levels: Vec<i32> = levels.collect();
-    let png = bytes(Format::Png, &image);
-    let mut png = png::Decoder::new(Cursor::new(png)).read_info().unwrap();
-    let mut fine = vec![0; png.output_buffer_size().unwrap()];
-    png.next_frame(&mut fine).unwrap();
-    let fine = fine.as_chunks::<2>().0;
+    let (.., levels) = pgm(&bytes(Format::Pgm, &image));
+    let fine = decode(&bytes(Format::Png, &image)).unwrap().means;
     let pfm = decode(&bytes(Format::Pfm, &image)).unwrap();
     let (exr, said) = noted(&bytes(Format::Exr, &image));
     for i in 0..3500 {
         let (x, y) = (i % 70, i / 70);
-        let [coarse, exact] = expected(x, y);
-        assert_eq!(levels[i], coarse, "{x},{y}");
-        let fine = i32::from(u16::from_be_bytes(fine[i]));
-        assert!((fine - exact).abs() <= 1, "{fine} at {x},{y}");
+        let (exact, level) = expected(x, y);
+        assert_eq!(levels[i], level, "{x},{y}");
+        assert!((fine[i] - exact).abs() < 4e-5, "{} at {x},{y}", fine[i]);
         let known = (x < 16 && y < 16)
             || (48..64).contains(&x) && (32..48).contains(&y);
         assert_eq!(pfm.means[i].is_nan(), !known);

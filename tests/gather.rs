@@ -542,7 +542,7 @@ fn tracer<'a>(
 }
 
 fn even(film: &Film) -> Allocation {
-    Allocation::even(film.window())
+    Allocation::even(film.window)
 }
 
 /// A cache of what somebody says. The cells of a part of its surfaces have
@@ -615,7 +615,7 @@ fn gathered(
     // Pixels have 1, 2, 3, 5 samples.
     let counts = (0..area).map(|i| [1, 2, 3, 5][i % 4]).collect();
     let scale = (0..area).map(|i| [0.1, 1., 3.][i % 3]).collect();
-    let allocation = Allocation::new(film.window(), counts, scale);
+    let allocation = Allocation::new(film.window, counts, scale);
     let gather = Gather { correction, ..stage.gather(23) };
     assert_eq!(tiles.len(), 1, "one tile");
     let images: Vec<Vec<f64>> = (0..scrambles)

@@ -6,7 +6,6 @@
 
 use crate::common;
 
-use std::fs;
 use std::io::Write;
 use std::process::Stdio;
 
@@ -39,11 +38,6 @@ fn json_of(place: &Scratch, arguments: &[&str]) -> Value {
     serde_json::from_str(&said(place, arguments, 0)).unwrap()
 }
 
-/// The report in a file.
-fn report(place: &Scratch, name: &str) -> Value {
-    serde_json::from_slice(&place.get(name)).unwrap()
-}
-
 /// Writes an image of 40x30 pixels whose weights are 0 or 1, white with
 /// the probability `p`.
 fn put(place: &Scratch, name: &str, seed: u64, p: f64) -> Image {
@@ -72,14 +66,11 @@ fn write(place: &Scratch, name: &str, image: &Image) {
     place.write(image).unwrap();
 }
 
-/// Renders the two parts of a run to `a.litpt` and `b.litpt`, with reports.
+/// Renders the two parts of a run to `a.litpt` and `b.litpt`.
 fn put_parts(place: &Scratch) {
-    for (samples, name) in [("0..1", "a"), ("1..2", "b")] {
-        let files =
-            [format!("-o{name}.litpt"), format!("--report={name}.json")];
+    for (samples, file) in [("0..1", "-oa.litpt"), ("1..2", "-ob.litpt")] {
         let part = ["-q", "room.obj", "-d8x8", "-n2", "--samples", samples];
-        let files = files.each_ref().map(String::as_str);
-        place.run(&[&part[..], &files].concat()).succeeded();
+        place.run(&[&part[..], &[file]].concat()).succeeded();
     }
 }
 
@@ -87,7 +78,6 @@ fn put_parts(place: &Scratch) {
 fn info_says_what_the_file_holds() {
     let place = Scratch::new();
     let mut image = put(&place, "a.exr", 1, 0.5);
-    let info = said(&place, &["info", "a.exr"], 0);
     let json = json_of(&place, &["info", "--json", "a.exr"]);
     let n = image.means.len() as f64;
     let mean = image.means.iter().sum::<f64>() / n;
@@ -95,53 +85,46 @@ fn info_says_what_the_file_holds() {
     let most = image.means.iter().copied().reduce(f64::max).unwrap();
     let errors = image.errors.as_mut().unwrap();
     let squares: f64 = errors.iter().map(|e| e * e).sum();
-    let (error, rmse) = (squares.sqrt() / n, (squares / n).sqrt());
-    for words in [
-        "a.exr: 40x30 pixels\n".to_owned(),
-        "channels: Y, stderr.Y, samples.Y\n".to_owned(),
-        format!("mean radiance: {mean:.6} ± {error:.6}\n"),
-        format!("rmse: {rmse:.6}\n"),
-        format!("least and greatest: {least:.6}, {most:.6}\n"),
-        "samples per pixel: 64\n".to_owned(),
-        "seed: 1\n".to_owned(),
-    ] {
-        assert!(info.contains(&words), "no {words} in {info}");
-    }
     for (key, expected) in [
         ("mean", mean),
-        ("mean_stderr", error),
-        ("rmse", rmse),
+        ("mean_stderr", squares.sqrt() / n),
+        ("rmse", (squares / n).sqrt()),
         ("least", least),
         ("greatest", most),
     ] {
         let found = json[key].as_f64().unwrap();
         assert!((found / expected - 1.).abs() < 1e-6, "{key}: {found}");
     }
-    for (key, expected) in [
-        ("file", json!("a.exr")),
-        ("width", json!(40)),
-        ("height", json!(30)),
-        ("channels", json!(["Y", "stderr.Y", "samples.Y"])),
-        ("samples", json!([64., 64.])),
-        ("attributes", json!({ "fov": "70", "seed": "1" })),
-        ("unknown_errors", json!(0)),
-        ("not_finite", json!(0)),
-    ] {
-        assert_eq!(json[key], expected, "{key}");
+    let known = json!({
+        "file": "a.exr", "width": 40, "height": 30,
+        "channels": ["Y", "samples.Y", "stderr.Y"],
+        "samples": [64., 64.],
+        "attributes": { "fov": "70", "seed": "1" },
+        "unknown_errors": 0, "not_finite": 0,
+    });
+    for (key, expected) in known.as_object().unwrap() {
+        assert_eq!(json[key], *expected, "{key}");
     }
+    let mean = format!("mean: {}\n", (1e6 * mean).round() / 1e6);
     errors[7] = f64::INFINITY;
     write(&place, "a.exr", &image);
     write(&place, "a.pfm", &image);
     let info = said(&place, &["info", "a.exr", "a.pfm"], 0);
-    assert!(info.contains("error unknown"));
-    assert!(info.contains("pixels of unknown error: 1\n"));
-    assert!(info.contains("a.pfm: 40x30 pixels\n"));
+    for words in [
+        "file: a.exr\nwidth: 40\nheight: 30\nchannels: Y, samples.Y, stderr.Y\n",
+        &mean,
+        "unknown_errors: 1\n",
+        "samples: 64, 64\n",
+        "seed: 1\nfile: a.pfm\nwidth: 40\n",
+    ] {
+        assert!(info.contains(words), "no {words} in {info}");
+    }
+    assert!(!info.contains("rmse") && !info.contains("mean_stderr"));
     let json = said(&place, &["info", "--json", "a.exr", "a.pfm"], 0);
     assert_eq!(json.lines().count(), 2);
     let json: Value =
         serde_json::from_str(json.lines().next().unwrap()).unwrap();
     assert!(json["rmse"].is_null() && json["mean_stderr"].is_null());
-    assert_eq!(json["unknown_errors"], 1);
 }
 
 #[test]
@@ -157,7 +140,7 @@ fn a_report_and_info_say_the_same_errors_of_gathers_too() {
         let view = ["-iroom.obj", "-r0.7", "-d40x23", "--crop", crop];
         let files = ["-o", name, "--report", "r.json"];
         place.run(&[&view[..], &method, &files].concat()).succeeded();
-        let report = report(&place, "r.json");
+        let report = place.json("r.json");
         let info = json_of(&place, &["info", "--json", name]);
         let shared = info["channels"][3] == "tile_stderr.Y";
         assert_eq!(shared, method[1] == "gather");
@@ -170,30 +153,55 @@ fn a_report_and_info_say_the_same_errors_of_gathers_too() {
     said(&place, &["diff", "a.exr", "b.exr"], 0);
 }
 
+/// The last words are those of the last line, the verdict.
 #[test]
-fn the_status_and_the_last_line_of_a_diff_are_its_verdict() {
+fn a_diff_answers_by_its_status_and_in_words() {
     let place = Scratch::new();
-    put(&place, "a.exr", 1, 0.5);
+    let mut image = put(&place, "a.exr", 1, 0.5);
     put(&place, "same.exr", 2, 0.5);
     put(&place, "other.exr", 2, 0.52);
-    let mut image = put(&place, "bold.exr", 2, 0.5);
-    image.errors.iter_mut().flatten().for_each(|error| *error *= 0.7);
-    write(&place, "bold.exr", &image);
-    let image = "(failed: blocks of 16x16, image)";
-    for (other, status, words, failed) in [
-        ("same.exr", 0, "blocks of 16x16: 6 tested", ""),
-        ("other.exr", 1, "pixels: 1200 tested", image),
-        ("bold.exr", 1, "errors: differences 1.", "(failed: errors)"),
+    put(&place, "twin.exr", 1, 0.6);
+    let mut bold = put(&place, "bold.exr", 2, 0.5);
+    bold.errors.iter_mut().flatten().for_each(|error| *error *= 0.7);
+    write(&place, "bold.exr", &bold);
+    let exact = Image { means: vec![0.5; 1200], ..image.clone() };
+    write(&place, "b.pfm", &exact);
+    write(&place, "c.pfm", &exact);
+    for (name, hash) in [("c.exr", "aa"), ("d.exr", "bb"), ("e.exr", "aa")]
+    {
+        image.attributes.insert("scene_sha256".into(), hash.into());
+        write(&place, name, &image);
+    }
+    let seed = "warning: both images come from seed 1: ";
+    let image = "inconsistent: chance alone does not explain the difference \
+                 (failed: blocks of 16x16, image)";
+    for (a, b, status, warning, words) in [
+        ("a.exr", "same.exr", 0, "", &["6 tested", "consistent: "][..]),
+        ("a.exr", "other.exr", 1, "", &["pixels: 1200 tested", image]),
+        ("a.exr", "bold.exr", 1, "", &["times as", "(failed: errors)"]),
+        (
+            "a.exr",
+            "b.pfm",
+            0,
+            "",
+            &["b.pfm: no errors; it is taken as", ""],
+        ),
+        ("b.pfm", "c.pfm", 0, "", &["identical: all pixels have the same"]),
+        ("a.exr", "a.exr", 0, seed, &["consistent: "]),
+        ("a.exr", "twin.exr", 1, seed, &["inconsistent: "]),
+        ("c.exr", "d.exr", 0, "", &["scene_sha256 aa against bb", ""]),
+        ("c.exr", "e.exr", 0, seed, &["consistent: "]),
     ] {
-        let text = said(&place, &["diff", "a.exr", other], status);
-        assert!(text.contains(words), "{text}");
-        let line = text.lines().last().unwrap();
-        let verdict = ["consistent", "inconsistent"][status as usize];
-        assert!(line.starts_with(verdict) && line.ends_with(failed));
-        assert_eq!(
-            said(&place, &["diff", "-q", "a.exr", other], status),
-            ""
-        );
+        let diff = run(&place, &["diff", a, b]);
+        assert_eq!(diff.status, Some(status), "{a} {b}");
+        let lines = diff.stderr.lines().count();
+        assert_eq!(lines, usize::from(!warning.is_empty()));
+        assert!(diff.stderr.starts_with(warning), "{}", diff.stderr);
+        let text = String::from_utf8(diff.stdout).unwrap();
+        assert!(words.iter().all(|words| text.contains(words)), "{text}");
+        let last = text.lines().last().unwrap();
+        assert!(last.contains(words[words.len() - 1]), "{last}");
+        assert_eq!(said(&place, &["diff", "-q", a, b], status), "");
     }
 }
 
@@ -218,85 +226,35 @@ fn a_comparison_that_cannot_be_made_has_status_2() {
 }
 
 #[test]
-fn references_without_errors_are_exact_and_may_be_identical() {
-    let place = Scratch::new();
-    let image = put(&place, "a.exr", 1, 0.5);
-    let means = vec![0.5; image.means.len()];
-    write(&place, "b.pfm", &Image { means, ..image });
-    let exact = said(&place, &["diff", "a.exr", "b.pfm"], 0);
-    assert!(exact.starts_with("b.pfm: no errors; it is taken as exact"));
-    fs::copy(place.path("b.pfm"), place.path("c.pfm")).unwrap();
-    let same = said(&place, &["diff", "b.pfm", "c.pfm", "-o", "z.exr"], 0);
-    let identical = "\nidentical: all pixels have the same values\n";
-    assert!(same.ends_with(identical), "{same}");
-    let z = Image::read(&place.path("z.exr")).unwrap().means;
-    assert_eq!(z, [0.; 1200]);
-}
-
-#[test]
-fn images_of_one_seed_are_compared_with_a_warning_unless_scenes_differ() {
-    let place = Scratch::new();
-    let mut image = put(&place, "a.exr", 0, 0.5);
-    put(&place, "b.exr", 0, 0.6);
-    for (name, hash) in [("c.exr", "aa"), ("d.exr", "bb"), ("e.exr", "aa")]
-    {
-        let hash = ("scene_sha256".to_owned(), hash.to_owned());
-        image.attributes.extend([hash]);
-        write(&place, name, &image);
-    }
-    for (a, b, status, warnings) in [
-        ("a.exr", "a.exr", 0, 1),
-        ("a.exr", "b.exr", 1, 1),
-        ("c.exr", "d.exr", 0, 0),
-        ("c.exr", "e.exr", 0, 1),
-    ] {
-        let diff = run(&place, &["diff", a, b]);
-        assert_eq!(diff.status, Some(status));
-        let warning = "warning: both images come from seed 0: ";
-        let found = diff.stderr.matches(warning).count();
-        let lines = diff.stderr.lines().count();
-        assert_eq!([found, lines], [warnings; 2], "{}", diff.stderr);
-    }
-}
-
-/// The options that decide what an image shows, each with another value
-/// than the one before it, and what each is called in a file.
-const OTHERS: [(&[&str], &str); 7] = [
-    (&["-p0,0,0.5"], "position"),
-    (&["-t0,1,0.1"], "target"),
-    (&["-u0,0.1,1"], "up"),
-    (&["-F70.5"], "fov"),
-    (&["-r0.8"], "albedo"),
-    (&["-iroom2.obj"], "scene_sha256"),
-    (&["-d48x36", "--crop=4,3,40x30"], "crop"),
-];
-
-#[test]
 fn images_of_different_things_are_named_as_such() {
     let place = Scratch::new();
     place.put("room2.obj", common::ROOM.replace("v 5 5", "v 4 4"));
-    let own = ["-iroom.obj", "-d40x30", "-r0.7", "-n16", "-q", "-f", "-o"];
-    place.run(&[&own[..], &["one.exr", "-s0"]].concat()).succeeded();
-    for (i, (other, name)) in OTHERS.into_iter().enumerate() {
-        let mut options = own.to_vec();
-        options.retain(|own| {
-            !other.iter().any(|other| own[..2] == other[..2])
-        });
-        let seed = format!("-s{}", i + 1);
-        options.extend(["two.exr", &seed]);
-        place.run(&[&options[..], other].concat()).succeeded();
-        let diff = run(&place, &["diff", "one.exr", "two.exr"]);
-        let text = String::from_utf8(diff.stdout).unwrap();
-        let line = text.lines().next().unwrap();
-        let said = line.strip_prefix("they show different things: ");
-        assert!(said.is_some_and(|s| s.contains(name)), "{name}: {line}");
-        let reference = ["three.exr", "-s9", "--reference", "two.exr"];
-        let refused = place.run(&[&own[..], &reference].concat());
-        let words = ["two.exr", name, "something else than this run"];
-        refused.failed(1, &words);
-    }
-    let same = ["three.exr", "-s9", "--reference", "one.exr"];
-    place.run(&[&own[..], &same].concat()).succeeded();
+    let render = |view: &str, output: &[&str]| {
+        let view = view.split(' ').chain(["-n16", "-q", "-f"]);
+        let arguments: Vec<_> =
+            view.chain(output.iter().copied()).collect();
+        place.run(&arguments)
+    };
+    let one = "-iroom.obj -d40x30 -r0.7";
+    let two = "-iroom2.obj -d48x36 --crop=4,3,40x30 -p0,0,0.5 -t0,1,0.1 \
+               -u0,0.1,1 -F70.5 -r0.8";
+    render(one, &["-s1", "-oone.exr"]).succeeded();
+    render(two, &["-s2", "-otwo.exr"]).succeeded();
+    let diff = run(&place, &["diff", "one.exr", "two.exr"]);
+    let text = String::from_utf8(diff.stdout).unwrap();
+    let line = text.lines().next().unwrap();
+    let said = line.strip_prefix("they show different things: ").unwrap();
+    let named = said.split(", ").map(|one| one.split(' ').next().unwrap());
+    let names =
+        "scene_sha256 resolution crop position target up fov albedo";
+    assert_eq!(named.collect::<Vec<_>>().join(" "), names);
+    let refused = render(one, &["-othree.exr", "--reference", "two.exr"]);
+    refused.failed(
+        1,
+        &["two.exr: shows something else", "crop 4,3,40x30 against"],
+    );
+    let same = ["-s9", "-othree.exr", "--reference", "one.exr"];
+    render(one, &same).succeeded();
 }
 
 #[test]
@@ -319,41 +277,22 @@ fn the_map_of_a_diff_holds_z_or_grey_levels() {
     }
 }
 
-/// Alone, beside a state, and from standard input.
+/// A test of states has one beside an image.
 #[test]
 fn images_are_not_merged() {
     let place = Scratch::new();
     put(&place, "a.exr", 1, 0.5);
-    write(&place, "b.png", &put(&place, "b.exr", 2, 0.5));
-    put_parts(&place);
-    let merge = |files: &[&str]| {
-        run(&place, &[&["merge", "-oc.exr"], files].concat())
-    };
-    for (files, named) in [
-        (["a.exr", "b.exr"], "a.exr"),
-        (["a.litpt", "b.png"], "b.png"),
-        (["-", "a.litpt"], "-"),
+    put(&place, "b.exr", 2, 0.5);
+    for (files, status, words) in [
+        (&["a.exr", "b.exr"][..], 1, "a.exr: merge adds the states"),
+        (&["-", "a.litpt"], 1, "-: merge adds the states of a run"),
+        (&["a.litpt", "none.exr"], 1, "a.litpt: cannot read"),
+        (&["a.litpt"], 2, "only 1"),
     ] {
-        let words = format!("{named}: merge adds the states of a run");
-        let words = [&words, "pt -o a.litpt", "--checkpoint", "not images"];
-        merge(&files).failed(1, &words);
+        let merge = [&["merge", "-oc.exr"], files].concat();
+        run(&place, &merge).failed(status, &[words]);
     }
-    merge(&["a.litpt", "none.exr"]).failed(1, &["none.exr: cannot read"]);
-    merge(&["a.litpt"]).failed(2, &["only 1"]);
     assert!(!place.path("c.exr").exists());
-}
-
-#[test]
-fn a_report_names_the_program_that_wrote_it() {
-    let place = Scratch::new();
-    put_parts(&place);
-    let merge = ["merge", "a.litpt", "b.litpt", "-o", "m.exr"];
-    said(&place, &[&merge[..], &["--report", "m.json"]].concat(), 0);
-    let version = env!("CARGO_PKG_VERSION");
-    for (name, program) in [("a.json", "pt"), ("m.json", "ptimg")] {
-        let program = format!("{program} {version}");
-        assert_eq!(report(&place, name)["program"], program);
-    }
 }
 
 /// Runs `ptimg` with `input` on its standard input.
@@ -373,7 +312,10 @@ fn a_dash_is_standard_input_whatever_its_format() {
         write(&place, name, &image);
         let info = feed(&place, &place.get(name), &["info", "-"]);
         info.succeeded();
-        assert!(info.stdout.starts_with(b"-: 40x30 pixels\n"), "{info:?}");
+        assert!(
+            info.stdout.starts_with(b"file: -\nwidth: 40\n"),
+            "{info:?}"
+        );
         let diff = ["diff", "-q", "a.exr", "-"];
         let status = feed(&place, &place.get(name), &diff).status;
         assert!(status.is_some_and(|status| status < 2), "{name}");
@@ -406,6 +348,11 @@ fn a_dash_is_standard_output_in_the_format_asked_for() {
         }
     }
     assert!(!place.path("-").exists());
+    // The report of a merge names the program that wrote it.
+    let merge = ["merge", "a.litpt", "b.litpt", "-om.exr"];
+    said(&place, &[&merge[..], &["--report", "m.json"]].concat(), 0);
+    let program = format!("ptimg {}", env!("CARGO_PKG_VERSION"));
+    assert_eq!(place.json("m.json")["program"], program);
     let shown = run(&place, &["stderr", "a.exr", "-o", "-"]);
     assert!(shown.stderr.contains("white is a standard error"));
     let map = ["diff", "a.exr", "b.exr", "-o", "-"];
@@ -417,46 +364,49 @@ fn a_dash_is_standard_output_in_the_format_asked_for() {
 #[test]
 fn what_was_made_of_a_file_is_said_on_standard_error() {
     let place = Scratch::new();
-    let image = put(&place, "a.exr", 1, 0.5);
+    let mut image = put(&place, "a.exr", 1, 0.5);
     write(&place, "a.png", &image);
-    let mut changed = place.get("a.exr");
-    let fov = b"litpt:fov\0string\0\x02\0\0\0";
-    let at = changed.windows(fov.len()).position(|w| w == fov).unwrap();
-    changed[at + fov.len()] ^= 1;
-    place.put("d.exr", changed);
-    let mut broken = image.clone();
-    (broken.means[41], broken.means[50]) = (f64::NAN, f64::NAN);
-    write(&place, "b.exr", &broken);
+    (image.means[41], image.means[50]) = (f64::NAN, f64::NAN);
+    write(&place, "b.exr", &image);
+    put(&place, "c.exr", 3, 0.5);
+    put_crop(&place, "d.exr");
     let lost =
         "b.exr: pixels that are not finite numbers: 2, the first at 1,1";
-    for (name, warning) in [
-        ("a.png", "a.png: it holds grey levels"),
-        ("b.exr", lost),
-        ("d.exr", "d.exr: its checksum is wrong: it was changed after pt"),
+    let window = "d.exr: its data window 1,0,1x1 is not its display \
+                  window 0,0,40x30";
+    for (arguments, warning, words) in [
+        (&["info", "a.png"][..], "a.png: it holds grey levels", "mean: "),
+        (&["info", "b.exr"], lost, "\nnot_finite: 2\n"),
+        (&["diff", "b.exr", "c.exr"], lost, "pixels: 1198 tested"),
+        (&["diff", "b.exr", "c.exr"], lost, "\nnot tested: 2 pixels"),
+        (
+            &["info", "d.exr"],
+            window,
+            "file: d.exr\nwidth: 40\nheight: 30\n",
+        ),
+        (&["info", "d.exr"], window, "mean: 0.5\n"),
+        (&["diff", "c.exr", "d.exr"], window, "not tested: 1199 pixels"),
+        (&["diff", "d.exr", "d.exr"], window, "identical"),
+        (&["tonemap", "d.exr", "-od.pgm"], window, ""),
     ] {
-        let info = run(&place, &["info", name]);
-        info.succeeded();
+        let run = run(&place, arguments);
+        run.succeeded();
         let warning = format!("warning: {warning}");
-        assert!(info.stderr.starts_with(&warning), "{}", info.stderr);
-        assert_eq!(info.stderr.lines().count(), 1, "{}", info.stderr);
-    }
-    put(&place, "c.exr", 3, 0.5);
-    let info = run(&place, &["info", "b.exr"]).stdout;
-    let diff = run(&place, &["diff", "b.exr", "c.exr"]).stdout;
-    let text = String::from_utf8([info, diff].concat()).unwrap();
-    for words in [
-        "  pixels that are not finite numbers: 2",
-        "pixels: 1198 tested",
-        "not tested: 2 pixels",
-        "\nconsistent",
-    ] {
+        assert!(run.stderr.starts_with(&warning), "{}", run.stderr);
+        let text = String::from_utf8(run.stdout).unwrap();
         assert!(text.contains(words), "no {words} in {text}");
+        assert!(!text.contains("NaN"), "{text}");
     }
-    assert!(!text.contains("NaN"), "{text}");
+    let (.., levels) = pgm(&place.get("d.pgm"));
+    assert!(levels[..3] == [0, 187, 0], "{:?}", &levels[..3]);
     said(&place, &["diff", "-q", "b.exr", "c.exr"], 0);
-    let reference = ["-iroom.obj", "-d40x30", "--reference", "b.exr", "-q"];
-    let refused = place.run(&reference);
-    refused.failed(1, &["b.exr", "first at 1,1; a reference needs"]);
+    for (file, words) in [
+        ("b.exr", &["b.exr", "first at 1,1; a reference needs"][..]),
+        ("d.exr", &[window, "a reference needs"]),
+    ] {
+        let reference = ["-iroom.obj", "-d40x30", "--reference", file];
+        place.run(&reference).failed(1, words);
+    }
 }
 
 #[test]
@@ -512,35 +462,6 @@ fn put_crop(place: &Scratch, name: &str) {
     image.attributes.display_window.size = Vec2(40, 30);
     image.layer_data.attributes.layer_position = Vec2(1, 0);
     image.write().to_file(place.path(name)).unwrap();
-}
-
-#[test]
-fn the_windows_of_an_image_are_told_by_every_verb() {
-    let place = Scratch::new();
-    put(&place, "a.exr", 1, 0.5);
-    put_crop(&place, "c.exr");
-    let windows = "c.exr: its data window 1,0,1x1 is not its display \
-                   window 0,0,40x30";
-    for (arguments, words) in [
-        (&["info", "c.exr"][..], "c.exr: 40x30 pixels"),
-        (&["info", "c.exr"], "mean radiance: 0.500000"),
-        (&["diff", "a.exr", "c.exr"], "not tested: 1199 pixels"),
-        (&["diff", "c.exr", "c.exr"], "identical"),
-        (&["tonemap", "c.exr", "-o", "c.pgm"], ""),
-    ] {
-        let run = run(&place, arguments);
-        run.succeeded();
-        assert!(run.stderr.contains(windows), "{}", run.stderr);
-        let text = String::from_utf8(run.stdout).unwrap();
-        assert!(text.contains(words), "{text}");
-    }
-    let (.., levels) = pgm(&place.get("c.pgm"));
-    assert!(levels[..3] == [0, 187, 0], "{:?}", &levels[..3]);
-    let bare = run(&place, &["stderr", "c.exr", "-o", "e.pgm"]);
-    assert_eq!(bare.status, Some(1));
-    assert!(bare.stderr.contains(windows), "{}", bare.stderr);
-    let reference = ["-iroom.obj", "-d40x30", "--reference", "c.exr"];
-    place.run(&reference).failed(1, &[windows, "a reference needs"]);
 }
 
 #[test]

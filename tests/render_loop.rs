@@ -113,7 +113,7 @@ fn image_of(
     weights: impl Fn(u32, u32) -> Vec<f64>,
 ) -> Film {
     let mut film = Film::new(width, height);
-    for (tile, pixels) in film.tiles() {
+    for (tile, pixels, _) in film.tiles() {
         for (i, pixel) in (0..).zip(pixels) {
             let x = tile.corner.0 + i % tile.size.0;
             let y = tile.corner.1 + i / tile.size.0;
@@ -218,7 +218,7 @@ fn a_single_pixel_is_the_same_for_any_number_of_threads_and_passes() {
                     job.pass(&mut film, done, &|_| true)
                 });
             }
-            (film.stored().to_vec(), rays)
+            (film.pixels.to_vec(), rays)
         };
         let alone = render(1, &[1; 500]);
         assert!(alone.0.iter().all(|pixel| pixel.count() == 500));
@@ -245,7 +245,7 @@ fn steps_are_spread_over_the_decades_and_the_last_is_the_end() {
         let limit = Limits { samples: Some(n), ..limits() };
         let (convergence, film, stop) = run(&mut job, (5, 3), &limit);
         assert_eq!((stop, convergence.spp), (Stop::Samples, n));
-        assert!(film.counts().all(|count| count == n));
+        assert!(film.rows().all(|pixel| pixel.count() == n));
         assert_eq!(convergence.rays, 15 * 3 * n);
         let mut expected: Vec<u64> =
             STEPS.into_iter().filter(|&step| step < n).collect();
@@ -296,7 +296,7 @@ fn a_deadline_ends_the_run_with_a_step() {
     let (convergence, film, stop) = run(&mut job, (4, 3), &limit);
     let steps = convergence.steps.len();
     assert_eq!((stop, convergence.spp, steps), (Stop::Time, 1, 1));
-    assert!(film.counts().all(|count| count == 1));
+    assert!(film.rows().all(|pixel| pixel.count() == 1));
     let deadline = Some(Instant::now() + Duration::from_millis(50));
     let limit = Limits { samples: None, deadline, ..limits() };
     let (convergence, _, stop) = run(&mut job, (4, 3), &limit);
@@ -446,7 +446,7 @@ fn a_course_that_is_resumed_ends_as_one_that_never_stopped() {
                 (whole.0.spp, whole.0.rays)
             );
             assert!(convergence.seconds >= saved.seconds);
-            assert_eq!(film.stored(), whole.1.stored());
+            assert_eq!(film.pixels, whole.1.pixels);
             assert_eq!(convergence.steps.len(), whole.0.steps.len());
             for (one, other) in convergence.steps.iter().zip(&whole.0.steps)
             {
@@ -490,7 +490,9 @@ fn a_run_that_is_cut_off_goes_on_from_the_count_of_each_tile() {
         left.fetch_update(Relaxed, Relaxed, less).is_ok()
     };
     let rays = job.pass(&mut film, 3, &watch);
-    assert!(film.samples() == 0 && film.counts().any(|n| n == 3));
+    assert!(
+        film.samples() == 0 && film.rows().any(|pixel| pixel.count() == 3)
+    );
     let text =
         r#"{"spp":0,"seconds":1.5,"rays":0,"constant":0,"steps":[]}"#;
     let mut convergence: Convergence = serde_json::from_str(text).unwrap();
@@ -506,7 +508,7 @@ fn a_run_that_is_cut_off_goes_on_from_the_count_of_each_tile() {
     let stop = go_on(&mut job, &mut convergence, &mut film, &limit);
     let (whole, plain, _) = run(&mut job, size, &limit);
     assert_eq!((stop, convergence.rays), (Stop::Samples, whole.rays));
-    assert!(film.stored() == plain.stored());
+    assert!(film.pixels == plain.pixels);
 }
 
 /// A renderer that makes sixteen samples of each pixel, whatever it is asked
@@ -517,7 +519,7 @@ impl Renderer for Sixteen<'_> {
     fn pass(&mut self, film: &mut Film, end: u64, _: &Watch) -> u64 {
         self.1.push(end);
         self.0.fetch_add(100, Relaxed);
-        film.stored_mut().iter_mut().for_each(|p| p.add_times(0.5, 16));
+        film.pixels.iter_mut().for_each(|p| p.add_times(0.5, 16));
         0
     }
 }

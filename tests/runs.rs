@@ -627,7 +627,7 @@ fn a_report_between_two_points_says_where_the_run_stands() {
     let (targets, begun) = (Targets::default(), Report::default());
     let run_output = RunOutput::new(targets, often, known, begun);
     let mut film = Film::new(2, 1);
-    for pixel in film.stored_mut() {
+    for pixel in &mut film.pixels {
         [0., 1., 0.5].into_iter().for_each(|weight| pixel.add(weight));
     }
     let mut convergence = Convergence::default();

@@ -46,7 +46,7 @@ render fewer.exr 2 0.8 16
 ask few.txt diff few.exr fewer.exr
 render single.exr 1 0.8 1
 ask single.txt info single.exr
-grep -E '^  (mean radiance|pixels of unknown)' ../single.txt > ../unknown.txt
+grep -E '^(mean|unknown_errors):' ../single.txt > ../unknown.txt
 render pair.exr 1 0.8 2
 ask pair.txt info pair.exr
 # A picture of the errors, and the sizes of files.

@@ -10,8 +10,8 @@
 # usage: awk -f book/scripts/said.awk ANSWER.txt...
 #
 # The numbers of what programs have said while the book was made, for
-# \measured in its text. A line "mean radiance: 0.3632 ± 0.0003" of info.txt
-# is the row "mean radiance" of the table info, with the columns value and
+# \measured in its text. A line "mean difference: 0.3632 ± 0.0003" of same.txt
+# is the row "mean difference" of the table same, with the columns value and
 # error.
 
 BEGIN { NUMBER = "-?[0-9]+([.][0-9]+)?(e[-+]?[0-9]+)?" }
@@ -22,7 +22,7 @@ FNR == 1 { table = FILENAME; gsub(/.*\/|[.][a-z]*$/, "", table) }
     row = "white"
     put("value", first($0))
 }
-/^ *[A-Za-z0-9. ]+: / {
+/^ *[A-Za-z0-9. _]+: / {
     row = text = $0
     sub(/:.*/, "", row)
     gsub(/^ +/, "", row)

@@ -287,10 +287,10 @@ impl Schedule {
     /// All that takes a film to so many samples.
     fn new(film: &Film, end: u64, ranks: u64) -> Self {
         let mut pieces = vec![];
-        lacking(film, film.window(), end, &mut pieces);
+        lacking(film, film.window, end, &mut pieces);
         let left: u64 = pieces.iter().map(Piece::paths).sum();
         let least = left / (64 * ranks);
-        Self { pieces, left, least, ranks, replicate: film.replicate() }
+        Self { pieces, left, least, ranks, replicate: film.replicate }
     }
 
     /// The next piece; it is smaller, the less is left.
@@ -311,14 +311,14 @@ impl Schedule {
 
 /// Adds what the tiles of a window lack up to so many samples.
 fn lacking(film: &Film, window: Window, end: u64, pieces: &mut Vec<Piece>) {
-    let replicate = film.replicate();
+    let replicate = film.replicate;
     let end = end.div_ceil(replicate) * replicate;
     let samples = corners(window).map(|tile| samples_at(film, tile));
     let (least, most) = samples.fold((u64::MAX, 0), |(least, most), n| {
         (least.min(n), most.max(n))
     });
     if least == most {
-        let first = film.first() + least;
+        let first = film.first + least;
         let samples = end.saturating_sub(least);
         pieces.extend((samples > 0).then_some(Piece {
             window,
@@ -346,7 +346,7 @@ fn corners(window: Window) -> impl Iterator<Item = (u32, u32)> {
 
 /// The samples of a pixel of a film.
 fn samples_at(film: &Film, (x, y): (u32, u32)) -> u64 {
-    film.pixel(x, y).count() * film.replicate()
+    film.pixel(x, y).count() * film.replicate
 }
 
 /// The sums of a piece, and what they have cost.
@@ -368,9 +368,9 @@ impl Part {
     ) -> Self {
         let (began, mut film) = (Instant::now(), piece.film(run_key));
         let rays = renderer.pass(&mut film, piece.samples, watch);
-        let paths = film.stored().iter().map(Accumulator::count);
+        let paths = film.pixels.iter().map(Accumulator::count);
         let share = Share {
-            paths: paths.sum::<u64>() * film.replicate(),
+            paths: paths.sum::<u64>() * film.replicate,
             render_seconds: began.elapsed().as_secs_f64(),
             processor_seconds: processor_seconds() - before,
             ..Share::default()
@@ -383,7 +383,7 @@ impl Part {
         let head = serde_json::to_vec(&(piece, rays, share));
         let mut bytes = head.unwrap_or_default();
         bytes.push(b'\n');
-        let sums = film.stored().iter().chain(film.tile_means());
+        let sums = film.pixels.iter().chain(&film.tile_means);
         bytes.extend(sums.flat_map(Accumulator::to_bytes));
         bytes
     }
@@ -399,8 +399,8 @@ impl Part {
         let mut fill = |all: &mut [Accumulator]| {
             all.iter_mut().zip(&mut sums).for_each(|(own, sum)| *own = sum);
         };
-        fill(film.stored_mut());
-        fill(film.tile_means_mut());
+        fill(&mut film.pixels);
+        fill(&mut film.tile_means);
         Some(Self { piece, film, rays, share })
     }
 }
@@ -441,7 +441,7 @@ impl<'a> Collector<'a> {
     /// Whether the film has all samples before those of a part.
     fn follows(&self, part: &Part) -> bool {
         let Piece { window, first, .. } = part.piece;
-        self.film.first() + samples_at(self.film, window.corner) == first
+        self.film.first + samples_at(self.film, window.corner) == first
     }
 }
 

@@ -3,19 +3,19 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The command `ptimg`: show and compare images, and add states.
 
-use std::collections::BTreeMap;
 use std::env;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 
 use clap::{Args, Parser, Subcommand};
-use serde::Serialize;
+use serde_json::{Value, json};
 
 use litpt::compare::display::{self, Curve};
 use litpt::compare::{
     Difference, Dispersion, FEW, Scale, compare, disagreements,
 };
+use litpt::film::SIDE;
 use litpt::image::{Format, Image};
 use litpt::options::{LICENCE, STYLES, is_dash, parse_real, parse_words};
 use litpt::output::{ImageTarget, OutputTarget, descriptor, tell_apart};
@@ -51,7 +51,6 @@ enum Verb {
         json: bool,
     },
     /// Make an image for the screen, .png or .pgm
-    #[command(mut_arg("output", |output| output.required(true)))]
     Tonemap {
         /// Image to read
         #[arg(value_name = "IN")]
@@ -72,7 +71,7 @@ enum Verb {
     /// Test whether chance alone explains the difference of two images:
     /// the status is 0 if so, 1 if not (wrong once in 100 pairs), and 2 if
     /// they cannot be compared
-    #[command(mut_arg("output", |output| output.help(
+    #[command(mut_arg("output", |output| output.required(false).help(
         "Map of the differences in standard errors, as numbers (.exr, .pfm) \
          or as grey levels (.png, .pgm) from -5 to 5; - with -q"
     )))]
@@ -93,10 +92,8 @@ enum Verb {
         quiet: bool,
     },
     /// Merge states of parts of one run to the image of the whole
-    #[command(mut_arg("output", |output| output.required(true)))]
     Merge(Merge),
     /// Show the standard error of each pixel as grey, in .png or .pgm
-    #[command(mut_arg("output", |output| output.required(true)))]
     Stderr {
         /// Image to read
         #[arg(value_name = "IN")]
@@ -133,7 +130,7 @@ struct Merge {
 #[derive(Debug, Args)]
 struct Output {
     /// Image to write; may be repeated; - is standard output
-    #[arg(short, long, value_name = "OUT")]
+    #[arg(short, long, value_name = "OUT", required = true)]
     output: Vec<PathBuf>,
 
     /// Format on standard output [default: exr of a merge, else pgm]
@@ -166,12 +163,11 @@ impl Output {
     /// The targets of an image of grey levels.
     fn grey_targets(&self) -> Result<Vec<ImageTarget>, String> {
         let targets = self.targets(Format::Pgm)?;
-        let numbers = targets.iter().position(|target| !is_grey(target));
-        match numbers {
+        match targets.iter().zip(&self.output).find(|(t, _)| !is_grey(t)) {
             None => Ok(targets),
-            Some(at) => Err(format!(
+            Some((_, path)) => Err(format!(
                 "{}: this image is written as .pgm or .png",
-                self.output[at].display()
+                path.display()
             )),
         }
     }
@@ -189,6 +185,7 @@ fn main() -> ExitCode {
         Ok((arguments, _)) => arguments,
         Err(error) => return fail(error),
     };
+    // Report a fault by message and status
     run(&arguments.verb).unwrap_or_else(|message| {
         progress::error(&message);
         match arguments.verb {
@@ -201,6 +198,7 @@ fn main() -> ExitCode {
 fn run(verb: &Verb) -> Result<ExitCode, String> {
     match verb {
         Verb::Info { files, json } => inform(files, *json)?,
+        // Make an image for the screen
         Verb::Tonemap { input, to, exposure, tonemap } => {
             let targets = to.grey_targets()?;
             let image = read(input)?;
@@ -224,6 +222,7 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
             }
         }
         Verb::Diff { a, b, to, quiet } => {
+            // Answer with the status of a test
             if to.is_standard() && !quiet {
                 return Err("a map on standard output needs -q".to_owned());
             }
@@ -258,6 +257,7 @@ impl Merge {
             ));
         }
         let images = self.to.targets(Format::Exr)?;
+        // Find the targets of the reports
         let report = |path: &PathBuf| {
             Ok((Kind::of(path)?, OutputTarget::file(path, self.to.force)?))
         };
@@ -308,119 +308,75 @@ fn say(lines: &str) -> Result<(), String> {
 fn inform(files: &[PathBuf], json: bool) -> Result<(), String> {
     read_once(files.iter())?;
     for path in files {
-        let info = Info::of(path.display().to_string(), read(path)?);
+        let image = read(path)?;
+        let facts = facts(path, &image);
         say(&match json {
-            true => serde_json::to_string(&info)
-                .map_err(|error| error.to_string())?,
-            false => info.describe(),
+            true => Value::from_iter(facts).to_string(),
+            false => {
+                // Put the facts into lines
+                let own = image.attributes.iter();
+                let own = own.map(|(name, text)| (&name[..], json!(text)));
+                let known = facts.into_iter().chain(own);
+                let known =
+                    known.filter(|(_, v)| !v.is_null() && !v.is_object());
+                let lines =
+                    known.map(|(name, v)| format!("{name}: {}", words(&v)));
+                lines.collect::<Vec<_>>().join("\n")
+            }
         })?;
     }
     Ok(())
 }
 
-/// What there is to know of an image.
-#[derive(Serialize)]
-struct Info {
-    file: String,
-    width: u32,
-    height: u32,
-    channels: Vec<&'static str>,
-    /// Mean radiance of all pixels that are finite numbers.
-    mean: Option<f64>,
-    /// Its standard error, and the root of the mean square of those of the
-    /// pixels.
-    mean_stderr: Option<f64>,
-    rmse: Option<f64>,
-    /// Number of pixels, of those with a mean, whose error is unknown.
-    unknown_errors: usize,
-    /// Number of pixels without a mean.
-    not_finite: usize,
-    least: Option<f64>,
-    greatest: Option<f64>,
-    samples: Option<(f64, f64)>,
-    attributes: BTreeMap<String, String>,
+/// What there is to know of an image, each by its name. The sums are those
+/// of pixels whose means are finite numbers.
+fn facts(path: &Path, image: &Image) -> [(&'static str, Value); 13] {
+    let all = image.means.iter().copied();
+    let means: Vec<f64> = all.filter(|mean| mean.is_finite()).collect();
+    let n = means.len() as f64;
+    // Sum the squares of the errors
+    let known = |list: &Vec<f64>| -> Vec<f64> {
+        let pairs = list.iter().zip(&image.means);
+        let known = pairs.filter(|(_, mean)| mean.is_finite());
+        known.map(|(&error, _)| error).collect()
+    };
+    let squares =
+        |list: &Vec<f64>| known(list).iter().map(|e| e * e).sum::<f64>();
+    let of_pixels = image.errors.as_ref().map(squares);
+    let of_mean = image.tile_errors.as_ref().map(squares).or(of_pixels);
+    let errors = image.errors.as_ref().map(known).unwrap_or_default();
+    let unknown = errors.iter().filter(|e| e.is_infinite()).count();
+    let (least, greatest) = range(&means).unzip();
+    let names = image.channels().map(|(name, ..)| name);
+    let samples = image.samples.as_deref().and_then(range);
+    [
+        ("file", json!(path.display().to_string())),
+        ("width", json!(image.width)),
+        ("height", json!(image.height)),
+        ("channels", json!(names.collect::<Vec<_>>())),
+        ("mean", json!(means.iter().sum::<f64>() / n)),
+        ("mean_stderr", json!(of_mean.map(|sum| sum.sqrt() / n))),
+        ("rmse", json!(of_pixels.map(|sum| f64::sqrt(sum / n)))),
+        ("unknown_errors", json!(unknown)),
+        ("not_finite", json!(image.means.len() - means.len())),
+        ("least", json!(least)),
+        ("greatest", json!(greatest)),
+        ("samples", json!(samples)),
+        ("attributes", json!(image.attributes)),
+    ]
 }
 
-impl Info {
-    fn of(file: String, image: Image) -> Self {
-        let Image { width, height, means, errors, tile_errors, .. } =
-            &image;
-        let known = |i: &usize| means[*i].is_finite();
-        let pixels: Vec<_> = (0..means.len()).filter(known).collect();
-        let all = |list: &[f64]| pixels.iter().map(|&i| list[i]).collect();
-        let means: Vec<f64> = all(means);
-        let n = means.len() as f64;
-        // Sum the squares of the errors
-        let squares = |list: &Option<Vec<f64>>| -> Option<f64> {
-            let squares: Vec<f64> = all(list.as_ref()?);
-            Some(squares.iter().map(|error| error * error).sum())
-        };
-        let errors_known: Option<Vec<f64>> = errors.as_deref().map(all);
-        let unknown =
-            errors_known.iter().flatten().filter(|e| e.is_infinite());
-        let unknown_errors = unknown.count();
-        let shared = squares(tile_errors);
-        let squares =
-            squares(errors).filter(|_| unknown_errors == 0 && n > 0.);
-        let of_mean = squares.map(|squares| shared.unwrap_or(squares));
-        let of_mean = of_mean.filter(|squares| squares.is_finite());
-        let (least, greatest) = range(&means).unzip();
-        Self {
-            file,
-            width: *width,
-            height: *height,
-            channels: channels(&image),
-            mean: (n > 0.).then(|| means.iter().sum::<f64>() / n),
-            mean_stderr: of_mean.map(|squares| squares.sqrt() / n),
-            rmse: squares.map(|squares| (squares / n).sqrt()),
-            unknown_errors,
-            not_finite: image.means.len() - means.len(),
-            least,
-            greatest,
-            samples: image.samples.as_deref().and_then(range),
-            attributes: image.attributes,
+/// A value as people read it.
+fn words(value: &Value) -> String {
+    match value {
+        Value::String(text) => text.clone(),
+        Value::Array(all) => {
+            all.iter().map(words).collect::<Vec<_>>().join(", ")
         }
-    }
-
-    /// The lines that describe an image.
-    fn describe(&self) -> String {
-        let &Self { width, height, mean, rmse, .. } = self;
-        let count = |n: usize| (n > 0).then(|| n.to_string());
-        // Tell the mean and the samples
-        let mean = mean.map(|mean| match self.mean_stderr {
-            Some(error) => format!("{mean:.6} ± {error:.6}"),
-            None if self.unknown_errors > 0 => {
-                format!("{mean:.6}, error unknown")
-            }
-            None => format!("{mean:.6}"),
-        });
-        let samples =
-            self.samples.map(|(least, most)| match least == most {
-                true => least.to_string(),
-                false => format!("{least} to {most}"),
-            });
-        let extremes = self.least.zip(self.greatest);
-        let lines = [
-            ("channels", Some(self.channels.join(", "))),
-            ("mean radiance", mean),
-            ("rmse", rmse.map(|rmse| format!("{rmse:.6}"))),
-            ("pixels of unknown error", count(self.unknown_errors)),
-            ("pixels that are not finite numbers", count(self.not_finite)),
-            (
-                "least and greatest",
-                extremes.map(|(a, b)| format!("{a:.6}, {b:.6}")),
-            ),
-            ("samples per pixel", samples),
-        ];
-        let lines = lines
-            .into_iter()
-            .filter_map(|(name, text)| Some((name, text?)));
-        let own = self.attributes.iter();
-        let own = own.map(|(name, text)| (&name[..], text.clone()));
-        let first = format!("{}: {width}x{height} pixels", self.file);
-        lines.chain(own).fold(first, |text, (name, value)| {
-            text + &format!("\n  {name}: {value}")
-        })
+        number => {
+            let number = number.as_f64().unwrap_or(f64::NAN);
+            ((1e6 * number).round() / 1e6).to_string()
+        }
     }
 }
 
@@ -430,19 +386,13 @@ fn range(values: &[f64]) -> Option<(f64, f64)> {
     Some((least, values.iter().copied().reduce(f64::max)?))
 }
 
-fn channels(image: &Image) -> Vec<&'static str> {
-    let errors = image.errors.as_ref().map(|_| "stderr.Y");
-    let samples = image.samples.as_ref().map(|_| "samples.Y");
-    let shared = image.tile_errors.as_ref().map(|_| "tile_stderr.Y");
-    [Some("Y"), errors, samples, shared].into_iter().flatten().collect()
-}
-
 fn diff(
     files: [&PathBuf; 2],
     maps: &[ImageTarget],
     quiet: bool,
 ) -> Result<ExitCode, String> {
     read_once(files.into_iter())?;
+    // Read both images
     let note = &mut |line: &str| {
         if !quiet {
             progress::warn(line);
@@ -454,6 +404,7 @@ fn diff(
         let [a, b] = files.map(|path| path.display());
         format!("{a} and {b}: {fault}")
     })?;
+    // Write the maps
     for map in maps {
         map.write(&display::z_map(&first, &difference, is_grey(map)))?;
     }
@@ -471,14 +422,12 @@ fn diff(
                 say(&format!("{name}: no errors; it is taken as exact"))?;
             }
         }
-        let of = |name| {
-            let [a, b] =
-                [&first, &second].map(|image| image.attributes.get(name));
-            a.zip(b)
+        let both = |name| {
+            first.attributes.get(name).zip(second.attributes.get(name))
         };
-        let same_scene = of("scene_sha256").is_none_or(|(a, b)| a == b);
-        if let Some((seed, _)) =
-            of("seed").filter(|(a, b)| a == b && same_scene)
+        if let Some((seed, other)) = both("seed")
+            && seed == other
+            && both("scene_sha256").is_none_or(|(a, b)| a == b)
         {
             progress::warn(&format!(
                 "both images come from seed {seed}: they share random \
@@ -505,14 +454,11 @@ fn explain(difference: &Difference) -> String {
     ];
     let mut failed = vec![];
     // Tell what the tests have found
-    for &Scale { side, tested, failed: n, largest: (z, x, y) } in
-        &difference.scales
-    {
-        let name = match side {
-            1 => "pixels".to_owned(),
-            u32::MAX => "image".to_owned(),
-            side => format!("blocks of {side}x{side}"),
-        };
+    let blocks = format!("blocks of {SIDE}x{SIDE}");
+    let names = ["pixels", &blocks, "image"];
+    for (name, scale) in names.into_iter().zip(&difference.scales) {
+        // Describe a scale
+        let &Scale { tested, failed: n, largest: (z, x, y) } = scale;
         let z = z.abs();
         lines.push(match (tested, n) {
             (0, _) => format!("{name}: not tested"),
@@ -535,19 +481,20 @@ fn explain(difference: &Difference) -> String {
              (z = {z:.2}), {verdict} chance"
         ));
     }
-    failed.extend(beyond.then(|| "errors".to_owned()));
+    failed.extend(beyond.then_some("errors"));
     // Name the pixels that were left out
     let &Difference { unknown, few, .. } = difference;
-    if unknown > 0 {
-        lines
-            .push(format!("not tested: {unknown} pixels of unknown error"));
-    }
-    if few > 0 {
-        lines.push(format!(
+    lines.extend(
+        (unknown > 0).then(|| {
+            format!("not tested: {unknown} pixels of unknown error")
+        }),
+    );
+    lines.extend((few > 0).then(|| {
+        format!(
             "not tested one by one: {few} pixels of fewer than {FEW} \
              independent samples"
-        ));
-    }
+        )
+    }));
     // Conclude with the verdict in words
     lines.push(match failed.is_empty() {
         true => {

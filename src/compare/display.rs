@@ -27,6 +27,7 @@ pub fn tonemap(image: &Image, exposure: f64, curve: Curve) -> Image {
     };
     let mut means: Vec<f64> = image.means.iter().map(expose).collect();
     let white = means.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
+    // Bend the scale
     if curve == Curve::Reinhard {
         for mean in &mut means {
             *mean *= (1. + *mean / white / white) / (1. + *mean);
@@ -46,6 +47,7 @@ pub fn errors(
 ) -> Result<(Image, f64), String> {
     let errors = image.errors.as_ref();
     let errors = errors.ok_or("it has no channel stderr.Y")?;
+    // Divide the errors by the means
     let value = |(&error, &mean): (&f64, &f64)| match (relative, error) {
         (true, error) if error > 0. => error / mean.abs(),
         _ => error,
@@ -68,6 +70,7 @@ pub fn errors(
 pub fn shrink(image: &Image, most: u32) -> Image {
     let side = image.width.max(image.height).div_ceil(most);
     let squares = Blocks::new(image, (0, 0), side);
+    // Average over the squares
     let averages = |values: &mut dyn Iterator<Item = f64>| -> Vec<f64> {
         let mut sums = vec![0.; squares.blocks.len()];
         let places = squares.of.iter().map(|&square| square as usize);

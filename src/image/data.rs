@@ -5,8 +5,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::film::{Film, Pixels, WORTH, Window};
-use crate::statistics::Accumulator;
+use crate::film::{Film, WORTH, Window};
 
 /// A finished image in memory: what its file formats can carry. Row by
 /// row from the top left.
@@ -54,18 +53,27 @@ impl Image {
     /// Column and row of its first pixel in the image of which it is a part.
     pub fn corner(&self) -> (u32, u32) {
         let crop = self.attributes.get("crop");
-        let window = crop.and_then(|crop| crop.parse::<Window>().ok());
+        let window = crop.and_then(|c| Window::try_from(c.clone()).ok());
         window.map_or((0, 0), |window| window.corner)
+    }
+
+    /// The numbers of a window in a list with one for each pixel.
+    fn cut(&self, list: &[f64], window: Window) -> Vec<f64> {
+        let Window { corner: (x, y), size: (width, height) } = window;
+        let rows = list.chunks(self.width as usize);
+        let rows = rows.skip(y as usize).take(height as usize);
+        let columns = x as usize..(x + width) as usize;
+        rows.flat_map(|row| &row[columns.clone()]).copied().collect()
     }
 }
 
-/// Gives an image by parts. Pixels are counted from its top left.
+/// Gives an image by parts: by windows that lie within its own.
 pub trait Source: Sync {
-    /// Width and height in pixels.
-    fn size(&self) -> (u32, u32);
+    /// Its pixels.
+    fn window(&self) -> Window;
 
-    /// Writes the means of row `y`; not a number where there is none.
-    fn row(&self, y: u32, means: &mut [f64]);
+    /// The means of a window, row by row; not a number where there is none.
+    fn means(&self, window: Window) -> Vec<f64>;
 
     /// What a window holds, without attributes.
     fn part(&self, window: Window) -> Image;
@@ -78,16 +86,11 @@ pub trait Source: Sync {
 
     /// What is known about the run.
     fn attributes(&self) -> &BTreeMap<String, String>;
-
-    /// All of it.
-    fn window(&self) -> Window {
-        Window { corner: (0, 0), size: self.size() }
-    }
 }
 
 /// The image on a film, with what is known about its run.
 pub struct Picture<'a> {
-    pixels: Pixels<'a>,
+    film: &'a Film,
     attributes: BTreeMap<String, String>,
 }
 
@@ -97,11 +100,12 @@ impl<'a> Picture<'a> {
         film: &'a Film,
         mut attributes: BTreeMap<String, String>,
     ) -> Self {
-        if film.replicate() != 1 {
-            let value = film.replicate().to_string();
+        // Tell how many samples are one value
+        if film.replicate != 1 {
+            let value = film.replicate.to_string();
             attributes.insert(REPLICATE.to_owned(), value);
         }
-        Self { pixels: Pixels::of(film), attributes }
+        Self { film, attributes }
     }
 
     /// All of it, in memory.
@@ -109,44 +113,32 @@ impl<'a> Picture<'a> {
         let image = self.part(self.window());
         Image { attributes: self.attributes, ..image }
     }
-
-    /// A window of the picture as one of the film.
-    fn on_film(&self, Window { corner, size }: Window) -> Window {
-        let (x, y) = self.pixels.film.window().corner;
-        Window { corner: (x + corner.0, y + corner.1), size }
-    }
 }
 
 /// The attribute that says how many samples are one value.
 const REPLICATE: &str = "replicate";
 
 impl Source for Picture<'_> {
-    fn size(&self) -> (u32, u32) {
-        self.pixels.film.window().size
+    fn window(&self) -> Window {
+        self.film.window
     }
 
-    fn row(&self, y: u32, means: &mut [f64]) {
-        let row = Window { corner: (0, y), size: (self.size().0, 1) };
-        let mean = |_, pixel: &Accumulator| pixel.mean();
-        self.pixels.fill(self.on_film(row), f64::NAN, mean, means);
+    fn means(&self, window: Window) -> Vec<f64> {
+        self.film.means_of(window)
     }
 
     fn part(&self, window: Window) -> Image {
-        let (pixels, on_film) = (&self.pixels, self.on_film(window));
-        let each = pixels.film.replicate();
-        let mean = |_, pixel: &Accumulator| pixel.mean();
-        let count = |_, p: &Accumulator| (p.count() * each) as f64;
-        let means = pixels.values(on_film, f64::NAN, mean);
+        let (width, height) = window.size;
         Image {
-            errors: Some(pixels.errors(WORTH, on_film)),
-            samples: Some(pixels.values(on_film, 0., count)),
-            tile_errors: pixels.tile_errors(on_film),
-            ..Image::plain(window.size.0, window.size.1, means)
+            errors: Some(self.film.errors_of(WORTH, window)),
+            samples: Some(self.film.counts_of(window)),
+            tile_errors: self.film.tile_errors(window),
+            ..Image::plain(width, height, self.means(window))
         }
     }
 
     fn sampled(&self, window: Window) -> [bool; 2] {
-        self.pixels.sampled(self.on_film(window))
+        self.film.sampled(window)
     }
 
     fn attributes(&self) -> &BTreeMap<String, String> {
@@ -155,28 +147,21 @@ impl Source for Picture<'_> {
 }
 
 impl Source for Image {
-    fn size(&self) -> (u32, u32) {
-        (self.width, self.height)
+    fn window(&self) -> Window {
+        Window { corner: (0, 0), size: (self.width, self.height) }
     }
 
-    fn row(&self, y: u32, means: &mut [f64]) {
-        let start = y as usize * means.len();
-        means.copy_from_slice(&self.means[start..start + means.len()]);
+    fn means(&self, window: Window) -> Vec<f64> {
+        self.cut(&self.means, window)
     }
 
     fn part(&self, window: Window) -> Image {
-        let Window { corner: (x, y), size: (width, height) } = window;
-        let part = |list: &Vec<f64>| {
-            let rows = list.chunks(self.width as usize);
-            let rows = rows.skip(y as usize).take(height as usize);
-            let columns = x as usize..(x + width) as usize;
-            rows.flat_map(|row| &row[columns.clone()]).copied().collect()
-        };
+        let part = |list: &Vec<f64>| self.cut(list, window);
         Image {
             errors: self.errors.as_ref().map(part),
             samples: self.samples.as_ref().map(part),
             tile_errors: self.tile_errors.as_ref().map(part),
-            ..Image::plain(width, height, part(&self.means))
+            ..Image::plain(window.size.0, window.size.1, part(&self.means))
         }
     }
 

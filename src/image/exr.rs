@@ -15,15 +15,15 @@ use exr::block::writer::ChunksWriter;
 use exr::block::{
     BlockIndex, UncompressedBlock, enumerate_ordered_header_block_indices,
 };
-use exr::error::Error;
-use exr::math::{RoundingMode, Vec2};
-use exr::meta::attribute::{
-    AttributeValue, ChannelDescription, LevelMode, LineOrder, SampleType,
-    Text, TileDescription,
+use exr::math::RoundingMode;
+use exr::meta::BlockDescription;
+use exr::meta::attribute::LevelMode;
+use exr::meta::header::Header;
+use exr::prelude::{
+    AttributeValue, ChannelDescription, Compression, Error,
+    LayerAttributes, LineOrder, MetaData, ReadChannels, ReadLayers, Sample,
+    SampleType, Text, TileDescription, Vec2,
 };
-use exr::meta::header::{Header, LayerAttributes};
-use exr::meta::{BlockDescription, MetaData};
-use exr::prelude::{Compression, ReadChannels, ReadLayers, Sample};
 use flate2::Crc;
 use memchr::memmem;
 use rayon::prelude::*;
@@ -39,19 +39,17 @@ pub fn write(image: &dyn Source, out: &mut dyn Write) -> io::Result<()> {
     exr::block::write(&mut file, headers, true, |meta, writer| {
         let blocks = enumerate_ordered_header_block_indices(&meta.headers);
         let (blocks, gap) = (Vec::from_iter(blocks), OnceLock::new());
-        for blocks in blocks.chunks(BATCH) {
-            let compress = |&(number, index)| {
-                let done = compress(image, index, &meta.headers, &gap);
-                done.map(|chunk| (number, chunk))
-            };
-            let chunks = blocks.par_iter().map(compress);
-            for (number, chunk) in
-                chunks.collect::<Result<Vec<_>, Error>>()?
-            {
-                writer.write_chunk(number, chunk)?;
-            }
-        }
-        Ok(())
+        // Compress some blocks and write them
+        blocks.chunks(BATCH).try_for_each(|blocks| {
+            let chunks: Vec<Result<Chunk, Error>> = blocks
+                .par_iter()
+                .map(|&(_, at)| compress(image, at, &meta.headers, &gap))
+                .collect();
+            let mut chunks = blocks.iter().zip(chunks);
+            chunks.try_for_each(|(&(number, _), chunk)| {
+                writer.write_chunk(number, chunk?)
+            })
+        })
     })
     .map_err(io::Error::other)?;
     let mut bytes = file.into_inner();
@@ -72,10 +70,12 @@ fn compress(
     headers: &[Header],
     gap: &OnceLock<Chunk>,
 ) -> Result<Chunk, Error> {
-    let [corner, size] = [index.pixel_position, index.pixel_size]
+    let [(x, y), size] = [index.pixel_position, index.pixel_size]
         .map(|Vec2(x, y)| (x as u32, y as u32));
-    let window = Window { corner, size };
+    let (left, top) = image.window().corner;
+    let window = Window { corner: (left + x, top + y), size };
     let is_gap = window.area() == TILE * TILE && image.sampled(window)[1];
+    // Take the first gap for another
     if let (true, Some(chunk)) = (is_gap, gap.get()) {
         // Copy a gap to its place
         let mut chunk = chunk.clone();
@@ -96,11 +96,12 @@ fn compress(
 
 /// What stands before the blocks.
 fn header(image: &dyn Source) -> Header {
-    let (width, height) = image.size();
-    let pixel = image.part(Window { corner: (0, 0), size: (1, 1) });
-    let channels = channels(&pixel).into_iter();
-    let channels = channels
+    let (width, height) = image.window().size;
+    let pixel = image.part(Window { size: (1, 1), ..image.window() });
+    let channels = pixel
+        .channels()
         .map(|(name, kind, _)| ChannelDescription::named(name, kind));
+    // Say how large the blocks are
     let tiles = BlockDescription::Tiles(TileDescription {
         tile_size: Vec2(TILE, TILE),
         level_mode: LevelMode::Singular,
@@ -121,25 +122,29 @@ const ERROR: &str = "stderr.Y";
 const SAMPLES: &str = "samples.Y";
 const SHARED: &str = "tile_stderr.Y";
 
-/// The channels that the image fills, by name.
-fn channels(image: &Image) -> Vec<(&'static str, SampleType, &[f64])> {
-    let Image { means, errors, samples, tile_errors, .. } = image;
-    let all = [
-        (MEAN, SampleType::F32, Some(means)),
-        (SAMPLES, SampleType::U32, samples.as_ref()),
-        (ERROR, SampleType::F32, errors.as_ref()),
-        (SHARED, SampleType::F32, tile_errors.as_ref()),
-    ];
-    let all = all.into_iter();
-    all.filter_map(|(name, kind, v)| Some((name, kind, &v?[..]))).collect()
+impl Image {
+    /// The channels that it fills: name, type in the file, and numbers.
+    pub fn channels(
+        &self,
+    ) -> impl Iterator<Item = (&'static str, SampleType, &[f64])> {
+        let Self { means, errors, samples, tile_errors, .. } = self;
+        let all = [
+            (MEAN, SampleType::F32, Some(means)),
+            (SAMPLES, SampleType::U32, samples.as_ref()),
+            (ERROR, SampleType::F32, errors.as_ref()),
+            (SHARED, SampleType::F32, tile_errors.as_ref()),
+        ];
+        let all = all.into_iter();
+        all.filter_map(|(name, kind, v)| Some((name, kind, &v?[..])))
+    }
 }
 
 /// The numbers of a part of an image as they are in a block.
 fn bits(part: &Image) -> Vec<u32> {
-    let (channels, width) = (channels(part), part.width as usize);
-    let mut bits = Vec::with_capacity(channels.len() * part.means.len());
+    let (mut bits, width) = (vec![], part.width as usize);
     for first in (0..part.means.len()).step_by(width) {
-        for (_, kind, values) in &channels {
+        for (_, kind, values) in part.channels() {
+            // Convert a row of a channel
             let row = values[first..first + width].iter();
             match kind {
                 SampleType::U32 => bits.extend(row.map(|&n| n as u32)),
@@ -155,8 +160,7 @@ const PREFIX: &str = "litpt:";
 
 fn attribute((name, value): (&String, &String)) -> (Text, AttributeValue) {
     let text = |text: &str| Text::from_slice_unchecked(text.as_bytes());
-    let name = text(&format!("{PREFIX}{name}"));
-    (name, AttributeValue::Text(text(value)))
+    (text(&format!("{PREFIX}{name}")), AttributeValue::Text(text(value)))
 }
 
 /// Sorts the attributes in the header of a file of one part by name, and
@@ -280,6 +284,7 @@ fn refuse_lies(bytes: &[u8]) -> Result<(), String> {
         let windows = [(header.layer_size, pixel, 1), (display, 8, 8)];
         for (Vec2(width, height), pixel, factor) in windows {
             let size = width as u128 * height as u128 * pixel as u128;
+            // Refuse a window without room
             if !room(size, factor * bytes.len()) {
                 return Err(format!(
                     "its header says a window of {width} by {height} pixels, \
@@ -299,6 +304,7 @@ fn attributes(
     bytes: &[u8],
     note: Note,
 ) -> BTreeMap<String, String> {
+    // Pick our attributes
     let text =
         |text: &Text| String::from_utf8_lossy(text.as_slice()).into_owned();
     let ours = |(name, value): (&Text, &AttributeValue)| {
@@ -307,13 +313,11 @@ fn attributes(
     };
     let attributes = layer.other.iter().filter_map(ours);
     let mut attributes: BTreeMap<_, _> = attributes.collect();
-    let intact = match (attributes.remove(CHECKSUM), checksum(bytes)) {
-        (Some(stated), Some((_, sum))) => stated == sum,
-        (stated, sum) => {
-            (stated, sum) == (None, None) && attributes.is_empty()
-        }
-    };
-    if !intact {
+    // Warn of a checksum that is wrong
+    let stated = attributes.remove(CHECKSUM);
+    let sum = checksum(bytes).map(|(_, sum)| sum);
+    let lost = stated.is_none() && !attributes.is_empty();
+    if stated != sum || lost {
         note(
             "its checksum is wrong: it was changed after pt wrote it, by \
              damage or by another program or version",

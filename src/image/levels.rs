@@ -59,16 +59,13 @@ fn by_squares(
     step: usize,
     mut work: impl FnMut(&[f64]) -> io::Result<()>,
 ) -> io::Result<()> {
-    let (width, height) = (image.size().0 as usize, image.size().1);
-    let mut means = vec![0.; SIDE * width];
-    for top in (0..height).step_by(SIDE) {
-        let rows = (height - top).min(SIDE as u32) as usize;
-        let means = &mut means[..rows.div_ceil(step) * width];
-        let rows = means.par_chunks_mut(width).enumerate();
-        rows.for_each(|(k, row)| image.row(top + (k * step) as u32, row));
-        work(means)?;
-    }
-    Ok(())
+    let window = image.window();
+    let rows = Vec::from_iter(0..window.size.1);
+    rows.chunks(SIDE).try_for_each(|rows| {
+        let rows = rows.par_iter().step_by(step);
+        let means = rows.flat_map_iter(|&y| image.means(window.rows(y, 1)));
+        work(&means.collect::<Vec<_>>())
+    })
 }
 
 /// The mean of each square, row by row, or of what is around it; empty if
@@ -77,10 +74,11 @@ fn fill(image: &dyn Source) -> io::Result<Vec<f64>> {
     if image.sampled(image.window())[0] {
         return Ok(vec![]);
     }
-    let width = image.size().0 as usize;
+    let width = image.window().size.0 as usize;
     let columns = width.div_ceil(SIDE);
     let mut squares = vec![];
     by_squares(image, 4, |means| {
+        // Sum the means of each square
         let sums = (0..columns).into_par_iter().map(|k| {
             let rows = means.chunks(width).map(|row| &row[k * SIDE..]);
             let own = rows.flat_map(|row| row.iter().take(SIDE));
@@ -102,6 +100,7 @@ fn fill_gaps(squares: &mut [(f64, f64)], columns: usize) {
         return;
     }
     let mut larger = vec![(0., 0.); around(squares.len() - 1) + 1];
+    // Add the sums to those of larger squares
     for (i, (sum, count)) in squares.iter().enumerate() {
         let (all, number) = &mut larger[around(i)];
         (*all, *number) = (*all + sum, *number + count);
@@ -121,7 +120,7 @@ pub fn levels(
     white: u16,
     mut write: impl FnMut(&[u16]) -> io::Result<()>,
 ) -> io::Result<()> {
-    let width = image.size().0 as usize;
+    let width = image.window().size.0 as usize;
     let (mut all, columns) = (vec![0; SIDE * width], width.div_ceil(SIDE));
     let fill = fill(image)?;
     let fill: Vec<_> = fill.iter().map(|&x| level(x, white)).collect();

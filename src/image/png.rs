@@ -13,7 +13,7 @@ use super::levels::{LEVELS, levels, mean, radiance, whole};
 
 /// Writes the means as 65536 levels, encoded by the sRGB curve.
 pub fn write(image: &dyn Source, out: &mut dyn Write) -> io::Result<()> {
-    let (width, height) = image.size();
+    let (width, height) = image.window().size;
     let mut encoder = Encoder::new(out, width, height);
     encoder.set_color(ColorType::Grayscale);
     encoder.set_depth(BitDepth::Sixteen);
@@ -45,7 +45,7 @@ pub fn read(bytes: &[u8], note: Note) -> Result<Image, String> {
     let size = reader.output_buffer_size();
     let size = size.filter(|&size| room(size as u128, bytes.len()));
     let mut levels = vec![0; size.ok_or("its size is a lie")?];
-    let gamma = gamma(reader.info(), bytes, note);
+    let gamma = gamma(reader.info(), note);
     let frame = reader.next_frame(&mut levels).map_err(fault)?;
     // Undo the curve for the levels of a PNG file
     let wide = frame.bit_depth == BitDepth::Sixteen;
@@ -61,36 +61,23 @@ pub fn read(bytes: &[u8], note: Note) -> Result<Image, String> {
 }
 
 /// The exponent of the levels, 1 if they are proportional to radiance;
-/// none if their curve is that of sRGB. `bytes` is the whole file.
-fn gamma(info: &Info, bytes: &[u8], note: Note) -> Option<f64> {
-    let coded = info.coding_independent_code_points;
-    let coded = coded.filter(|c| c.is_video_full_range_image);
+/// none if their curve is that of sRGB.
+fn gamma(info: &Info, note: Note) -> Option<f64> {
+    let said = info.coding_independent_code_points;
+    let coded = said.filter(|c| c.is_video_full_range_image);
     let coded =
         coded.map(|c| c.transfer_function).filter(|c| [8, 13].contains(c));
     let gamma = info.gama_chunk.map(|g| f64::from(g.into_scaled()) / 1e5);
     let gamma = gamma.filter(|gamma| (0.01..=100.).contains(gamma));
     // Tell which chunks are ignored
-    let mut rest = &bytes[8..];
-    while let Some((length, after)) = rest.split_first_chunk()
-        && let Some((kind, after)) = after.split_first_chunk()
-        && let size = u32::from_be_bytes(*length) as usize
-        && let Some((data, after)) = after.split_at_checked(size)
-        && kind != b"IDAT"
-    {
-        let understood = match kind {
-            b"cICP" | b"iCCP" => coded.is_some(),
-            b"sRGB" => info.srgb.is_some(),
-            b"gAMA" => gamma.is_some(),
-            _ => true,
-        };
-        let name = data.split(|b| !(b' '..=b'~').contains(b)).next();
-        let name = name.unwrap_or_default().escape_ascii();
-        if !understood {
-            let kind = kind.escape_ascii();
-            let text = format!("its chunk {kind} is ignored: {name}");
-            note(text.trim_end_matches(": "));
+    for (kind, is_there, is_taken) in [
+        ("cICP", said.is_some(), coded.is_some()),
+        ("iCCP", info.icc_profile.is_some(), coded.is_some()),
+        ("gAMA", info.gama_chunk.is_some(), gamma.is_some()),
+    ] {
+        if is_there && !is_taken {
+            note(&format!("its chunk {kind} is ignored"));
         }
-        rest = after.get(4..).unwrap_or_default();
     }
     let gamma = match (coded, info.srgb) {
         (Some(8), _) => Some(1.),

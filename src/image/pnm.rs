@@ -16,7 +16,7 @@ pub fn write_levels(
     image: &dyn Source,
     out: &mut dyn Write,
 ) -> io::Result<()> {
-    let (width, height) = image.size();
+    let (width, height) = image.window().size;
     writeln!(out, "P2 {width} {height}\n255")?;
     let words = Vec::from_iter((0..256).map(|level| format!("{level}\n")));
     levels(image, 255, |levels| {
@@ -38,6 +38,7 @@ pub fn write_levels(
 pub fn read_levels(mut bytes: &[u8], note: Note) -> Result<Image, String> {
     let plain = word(&mut bytes) == Some("P2");
     let mut next = || word(&mut bytes)?.parse::<u32>().ok();
+    // Take the size and the white of a greymap
     let [Some(width @ 1..), Some(height @ 1..), Some(white @ 1..=65535)] =
         [next(), next(), next()]
     else {
@@ -103,6 +104,7 @@ fn raster<'a>(
         _ => 1,
     };
     let data = rest.get(start..).unwrap_or_default();
+    // Take what was promised
     let (data, others) = data.split_at_checked(size).ok_or_else(|| {
         let held = data.len();
         format!("it has {held} bytes of pixels; its header says {promised}")
@@ -118,20 +120,16 @@ pub fn write_numbers(
     image: &dyn Source,
     out: &mut dyn Write,
 ) -> io::Result<()> {
-    let (width, height) = image.size();
+    let window = image.window();
+    let (width, height) = window.size;
     write!(out, "Pf\n{width} {height}\n-1.0\n")?;
-    for rows in Vec::from_iter((0..height).rev()).chunks(16) {
-        let rows = rows.par_iter().map(|&y| {
-            let mut means = vec![0.; width as usize];
-            image.row(y, &mut means);
-            let bytes = means.iter().map(|&x| (x as f32).to_le_bytes());
-            bytes.collect::<Vec<_>>()
-        });
-        for row in rows.collect::<Vec<_>>() {
-            out.write_all(row.as_flattened())?;
-        }
-    }
-    Ok(())
+    Vec::from_iter((0..height).rev()).chunks(16).try_for_each(|rows| {
+        let means = rows
+            .par_iter()
+            .flat_map_iter(|&y| image.means(window.rows(y, 1)));
+        let bytes = means.map(|x| (x as f32).to_le_bytes());
+        out.write_all(bytes.collect::<Vec<_>>().as_flattened())
+    })
 }
 
 /// Reads a map of one number per pixel, or of three or four, whose

@@ -49,7 +49,7 @@ pub fn save(
     out.write_all(MAGIC)?;
     serde_json::to_writer(&mut out, &Header { known, convergence })?;
     out.write_all(b"\n")?;
-    for sums in film.stored().iter().chain(film.tile_means()) {
+    for sums in film.pixels.iter().chain(&film.tile_means) {
         out.write_all(&sums.to_bytes())?;
     }
     let Checked { out, checksum } = out;
@@ -164,8 +164,8 @@ impl<R: BufRead + Seek> Checkpoint<R> {
                 Ok(())
             })
         };
-        fill(film.stored_mut())?;
-        fill(film.tile_means_mut())
+        fill(&mut film.pixels)?;
+        fill(&mut film.tile_means)
     }
 }
 

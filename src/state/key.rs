@@ -103,8 +103,9 @@ impl RunKey {
     /// An empty film of a part of the window, for samples that follow so many
     /// others.
     pub fn film_of(&self, window: Window, first: u64) -> Film {
-        let film = self.sampling.film(self.subject.resolution, window);
-        film.as_part(self.windows()[0], first)
+        let mut film = self.sampling.film(self.subject.resolution, window);
+        (film.whole, film.first) = (self.windows()[0], first);
+        film
     }
 }
 

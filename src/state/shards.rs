@@ -115,7 +115,7 @@ pub fn merge(files: &[PathBuf]) -> Result<Merged, String> {
         // Refuse samples that another state holds
         let spp = state.convergence.spp;
         let samples = part.map_or((0, spp), |part| part.samples);
-        let rows = (film.window().corner.1, film.window().end().1);
+        let rows = (film.window.corner.1, film.window.end().1);
         let whole = Held { rows, samples };
         for (other, [theirs, _]) in &held {
             if let Some(both) = theirs.common(&whole) {
@@ -140,7 +140,7 @@ pub fn merge(files: &[PathBuf]) -> Result<Merged, String> {
     merged.convergence.record(&merged.film, None);
     let held: Vec<_> = held.iter().map(|(_, [_, there])| *there).collect();
     let of = merged.spp.unwrap_or(merged.convergence.spp);
-    merged.missing = missing(merged.film.window(), of, &held);
+    merged.missing = missing(merged.film.window, of, &held);
     Ok(merged)
 }
 

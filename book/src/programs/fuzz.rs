@@ -376,7 +376,7 @@ fn refused(error: &impl std::fmt::Display) -> Result<(), String> {
 }
 
 fn compare(a: &Film, b: &Film, how: &str) -> Result<(), String> {
-    let differ = a.stored().iter().zip(b.stored());
+    let differ = a.pixels.iter().zip(&b.pixels);
     match differ.filter(|(a, b)| a != b).count() {
         0 => Ok(()),
         n => Err(format!("{how}: {n} of {} pixels differ", a.area())),

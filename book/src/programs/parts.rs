@@ -8,7 +8,7 @@
 use std::fs;
 
 use litpt::bvh::Bvh;
-use litpt::film::{Film, Tile, Window};
+use litpt::film::{Film, Part, Window};
 use litpt::integrator::gather::cache::{Grid, RadianceCache, Record};
 use litpt::integrator::gather::render::Gather;
 use litpt::integrator::gather::training::{allocate, train};
@@ -183,7 +183,7 @@ impl Stage {
         let sampling = self.sampling(Method::Gather, seed);
         let (seed, film) = (split_mix(seed), self.film(&sampling));
         let nothing = &RadianceCache::empty(Grid::around(&[]));
-        let one = &Allocation::even(film.window());
+        let one = &Allocation::even(film.window);
         let trained = |training| {
             let gather = &Gather { training, ..self.renderer(seed) };
             train(&tracer(gather, nothing, one), &|_| true)
@@ -194,7 +194,7 @@ impl Stage {
         let gather = &Gather { correction: None, ..self.renderer(seed) };
         let like = tracer(gather, &cache, one);
         let (allocation, pilot) = allocate(&like, &film, &|_| true);
-        let counts = vec![film.replicate() as u32; film.area() as usize];
+        let counts = vec![film.replicate as u32; film.area() as usize];
         let even = Allocation { counts, ..allocation.clone() };
         let unguided = cache.without_guides();
         let empty = RadianceCache::empty(cache.grid);
@@ -238,21 +238,22 @@ impl Stage {
         let mut film = self.film(&self.sampling(Method::Gather, seed));
         let &Estimator { cache, ref allocation, correction, .. } = without;
         let gather = &Gather { correction, ..self.renderer(seed) };
-        let render =
-            |(tile, pixels, mean): (Tile, &mut [Accumulator], &mut _)| {
-                let mut tracer = tracer(gather, cache, allocation);
-                for scramble in 0..scrambles {
-                    let values = tracer.tile(tile, scramble);
+        let render = |(tile, pixels, mut mean): Part| {
+            let mut tracer = tracer(gather, cache, allocation);
+            for scramble in 0..scrambles {
+                let values = tracer.tile(tile, scramble);
+                if let Some(mean) = &mut mean {
                     let sum: f64 = values.iter().sum();
-                    Accumulator::add(mean, sum / values.len() as f64);
-                    let both = pixels.iter_mut().zip(values);
-                    both.for_each(|(pixel, value)| pixel.add(value));
+                    mean.add(sum / values.len() as f64);
                 }
-                tracer.rays
-            };
-        let tiles = film.shared_tiles().into_par_iter().with_max_len(1);
+                let both = pixels.iter_mut().zip(values);
+                both.for_each(|(pixel, value)| pixel.add(value));
+            }
+            tracer.rays
+        };
+        let tiles = film.tiles().into_par_iter().with_max_len(1);
         let traced: u64 = tiles.map(render).sum();
-        let per_pixel = (scrambles * film.replicate()) as f64;
+        let per_pixel = (scrambles * film.replicate) as f64;
         let each = traced as f64 / per_pixel;
         let learning = without.learning as f64 / self.samples as f64;
         let rays = (each + learning) / film.area() as f64;

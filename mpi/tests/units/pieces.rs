@@ -46,8 +46,8 @@ fn value((x, y): (u32, u32), k: u64) -> f64 {
 
 /// Takes the tiles of a film to so many samples, up to `most` values in all.
 fn fill(film: &mut Film, end: u64, mut most: usize) {
-    let (first, replicate) = (film.first(), film.replicate());
-    for (tile, pixels) in film.tiles() {
+    let (first, replicate) = (film.first, film.replicate);
+    for (tile, pixels, _) in film.tiles() {
         for k in pixels[0].count()..end.div_ceil(replicate) {
             if most == 0 {
                 break;
@@ -78,7 +78,7 @@ fn pieces_in_any_order_make_the_film_of_one_pass() {
     for case in 0..320 {
         let (run_key, stopped) = (run_key(case), case >= 160);
         let mut film = run_key.film();
-        let replicate = film.replicate();
+        let replicate = film.replicate;
         fill(&mut film, 20, case % 7 * 10);
         let mut expected = film.clone();
         let end = 1 + random(state, 90) as u64;
@@ -108,8 +108,8 @@ fn pieces_in_any_order_make_the_film_of_one_pass() {
         }
         assert!(stopped || collector.waiting.is_empty());
         assert_eq!(shares[0].paths, paths);
-        assert!(stopped || film.stored() == expected.stored());
-        for (tile, pixels) in film.tiles() {
+        assert!(stopped || film.pixels == expected.pixels);
+        for (tile, pixels, _) in film.tiles() {
             let mut expected = Accumulator::default();
             for k in 0..pixels[0].count() {
                 expected.add(value(tile.corner, k));

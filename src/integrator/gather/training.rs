@@ -146,7 +146,7 @@ pub fn allocate<K: Intersector>(
 ) -> (Allocation, u64) {
     let (mean, mut film) = (film.replicate(), film.blank());
     // Render the scrambles of the pilot
-    let rays = film.tiles().into_par_iter().map(|(tile, pixels)| {
+    let rays = film.tiles().into_par_iter().map(|(tile, pixels, _)| {
         let mut tracer = Tracer { rays: 0, ..*like };
         let (mut scrambles, mut told) = (0..PILOT_SAMPLES, 0);
         while let Some(scramble) = scrambles.next()
@@ -184,7 +184,7 @@ fn deviations(film: &Film, scale: &[f64], watch: &Watch) -> Vec<f64> {
         &film.rows().map(Accumulator::variance).collect::<Vec<_>>();
     let squares: Vec<f64> = scale.iter().map(|s| s * s).collect();
     let common = 0.5 * average(variances) / average(&squares);
-    let (width, height) = film.window().size;
+    let (width, height) = film.window.size;
     let (width, height) = (width as usize, height as usize);
     let neighbours = |at: usize, end: usize| -> Range<usize> {
         at.saturating_sub(1)..(at + 2).min(end)
