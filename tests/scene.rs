@@ -20,7 +20,7 @@ fn triangles(text: &str) -> Vec<[DVec3; 3]> {
 }
 
 fn complaint(text: &[u8]) -> String {
-    read_obj(text).unwrap_err().within("x.obj")
+    read_file(text).unwrap_err().within("x.obj")
 }
 
 #[test]

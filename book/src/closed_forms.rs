@@ -325,7 +325,7 @@ impl Setting {
     pub fn job(&self, seed: u64) -> Job<'_, Bvh, PathTracer> {
         let &Self { entrance, ref intersector, ref camera, integrator } =
             self;
-        let known = &KnownPixels::Nothing;
+        let known = KnownPixels::NOTHING;
         let sampler = IndependentSampler::new(seed);
         Job { entrance, intersector, camera, integrator, known, sampler }
     }

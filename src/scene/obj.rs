@@ -24,8 +24,9 @@ use super::polygons::{self, Oddity};
 /// fewer than three corners or with corners that do not exist or are not
 /// finite, more vertices than 32 bits can count or triangles than 30,
 /// compressed files that are damaged.
-pub fn read_obj(source: &[u8]) -> Result<Mesh, ObjError> {
-    Ok(read_file(source)?.0)
+pub fn read_obj(source: &[u8]) -> Result<Mesh, String> {
+    let read = read_file(source);
+    read.map(|(mesh, _)| mesh).map_err(|error| error.within("OBJ"))
 }
 
 /// The same as `read_obj`, with warnings, made like errors: of faces that

@@ -127,7 +127,7 @@ fn image(setting: &Setting, method: Method, seed: u64, n: u64) -> Film {
     let PathTracer { albedo, sky, .. } = integrator;
     let inquiry =
         Inquiry { camera, entrance, sky, albedo, resolution, kept: &[] };
-    let known = KnownPixels::Nothing;
+    let known = KnownPixels::default();
     let analysis =
         SceneAnalysis { findings: vec![], known, is_black: false };
     let window = Window { corner: (0, 0), size: resolution };

@@ -250,7 +250,7 @@ impl Stage<'_> {
         Plan {
             resolution,
             window: Window { corner: (0, 0), size: resolution },
-            known: &KnownPixels::Nothing,
+            known: KnownPixels::NOTHING,
             allocation: estimator.allocation,
             net: estimator.net,
             seed,
@@ -298,7 +298,7 @@ impl Stage<'_> {
             intersector,
             camera: &self.camera,
             integrator: PathTracer::new(albedo, sky),
-            known: &KnownPixels::Nothing,
+            known: KnownPixels::NOTHING,
             sampler: SobolSampler::new(seed, sampling.replicate),
         };
         let traced = job.pass(&mut film, self.samples, &|_| true);
