@@ -343,7 +343,7 @@ impl Files {
     /// Whether a file will name the scene by its hash.
     fn name_the_scene(&self) -> bool {
         let Targets { images, reports, checkpoint } = &self.targets;
-        let exr = |image: &ImageTarget| image.format() == Format::Exr;
+        let exr = |image: &ImageTarget| image.format == Format::Exr;
         images.iter().any(exr)
             || !reports.is_empty()
             || checkpoint.is_some()
@@ -785,7 +785,7 @@ impl Run<'_> {
         if options.quiet {
             return Ok(());
         }
-        let report = output.report(convergence, film, Some(stop));
+        let report = output.report.complete(convergence, film, Some(stop));
         let file = picture.map(|path| ("file", path.display().to_string()));
         let lines = report.summary(film.area()).into_iter().chain(file);
         for (name, text) in lines {

@@ -24,19 +24,6 @@ fn complaint(text: &[u8]) -> String {
 }
 
 #[test]
-fn a_polygon_becomes_a_fan_around_its_first_corner() {
-    let (a, b) = (DVec3::ZERO, DVec3::X);
-    let (c, d) = (DVec3::new(1., 1., 0.), DVec3::Y);
-    let fan = vec![[a, b, c], [a, c, d]];
-    assert_eq!(triangles(&format!("{SQUARE}f 1 2 3 4\n")), fan);
-    assert_eq!(triangles(&format!("{SQUARE}f -4 -3 -2 -1")), fan);
-    assert_eq!(triangles(&format!("{SQUARE}f 1/7/9 2//3 3/1 4\n")), fan);
-    assert_eq!(triangles(&format!("{SQUARE}f 1 2 \\\n3 4\n")), fan);
-    let windows = format!("{SQUARE}f 1 2 3 4\n").replace('\n', "\r\n");
-    assert_eq!(triangles(&windows), fan);
-}
-
-#[test]
 fn the_pyramid_of_the_book_has_the_sides_that_the_book_says() {
     let text = "v 0 0 0\nv 2 0 0\nf 1 2 -1\nv 2 2 0\nv 0 2 0\n\
                 f 2/1 3/2 \\\n  5\nv 1 1 3\nf 3 4 5\nf -2 1 -1\n";
@@ -367,15 +354,6 @@ fn a_long_run_of_blank_lines_takes_no_more_time_than_others() {
         let (mesh, _) = read_pieces(text.as_bytes(), 1).unwrap();
         assert_eq!(mesh.triangles.last(), Some(&[0, 1, 2]));
     }
-}
-
-#[test]
-fn vertices_keep_their_order_and_need_no_face() {
-    let text = format!("v 9 9 9\n{SQUARE}f 5 4 3\nv 1 2 3\n");
-    let mesh = read_obj(text.as_bytes()).unwrap();
-    assert_eq!(mesh.vertices.len(), 6);
-    assert_eq!(mesh.vertices[5], DVec3::new(1., 2., 3.));
-    assert_eq!(mesh.triangles, [[4, 3, 2]]);
 }
 
 #[test]

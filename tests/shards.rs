@@ -18,13 +18,8 @@ use serde_json::Value;
 /// A view of four rows of tiles, the last of them cut off.
 const VIEW: [&str; 5] = ["-q", "-f", "-iroom.obj", "-d40x50", "-r0.7"];
 
-fn ptimg(place: &Scratch, arguments: &[&str]) -> Run {
-    let mut command = place.command(env!("CARGO_BIN_EXE_ptimg"));
-    finish(command.args(arguments).spawn().unwrap())
-}
-
 fn merge(place: &Scratch, arguments: &[&str]) -> Run {
-    ptimg(place, &[&["merge"], arguments].concat())
+    place.ptimg(&[&["merge"], arguments].concat())
 }
 
 fn part(place: &Scratch, name: &str, options: &[&str]) {

@@ -46,6 +46,12 @@ const PT: &str = match (
     _ => "pt",
 };
 
+/// Its companion, which is not in the package of many processes.
+const PTIMG: &str = match option_env!("CARGO_BIN_EXE_ptimg") {
+    Some(program) => program,
+    None => "ptimg",
+};
+
 /// No run of these tests takes longer, unless it hangs.
 const PATIENCE: Duration = Duration::from_secs(120);
 
@@ -116,6 +122,11 @@ impl Scratch {
     /// Runs `pt` to its end.
     pub fn run<S: AsRef<OsStr>>(&self, arguments: &[S]) -> Run {
         finish(self.pt(arguments).spawn().unwrap())
+    }
+
+    /// Runs `ptimg` to its end.
+    pub fn ptimg(&self, arguments: &[&str]) -> Run {
+        finish(self.command(PTIMG).args(arguments).spawn().unwrap())
     }
 
     /// Runs `pt` with `input` on its standard input.
