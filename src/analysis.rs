@@ -136,10 +136,10 @@ impl SceneAnalysis {
     fn look_for_dark(
         &mut self,
         intersector: &Bvh,
-        &Inquiry { camera, ref entrance, resolution, .. }: &Inquiry,
+        &Inquiry { ref entrance, resolution, .. }: &Inquiry,
     ) -> (bool, String) {
-        let is_out = |_: &_| !lets_out(entrance, intersector, camera);
-        let place = entrance.place().filter(is_out);
+        let is_shut = |_: &_| !lets_out(entrance, intersector);
+        let place = entrance.place().filter(is_shut);
         let dark = place.map_or(Ok(false), |place| {
             let mut all: Vec<_> = intersector.triangles().collect();
             all.par_sort_by_key(|&(face, _)| face);

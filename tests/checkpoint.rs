@@ -256,9 +256,6 @@ fn a_run_that_has_ended_may_go_on_to_another_limit() {
     assert_eq!(saved_spp(&place.path("e")), Some(7));
 }
 
-/// Resumes from `name`, which must be refused: the message names the file
-/// and holds the `words`, and nothing is changed or written.
-#[track_caller]
 /// The message names the file and the fault; nothing is changed or written,
 /// and the scene is not read.
 #[test]
@@ -306,9 +303,6 @@ fn a_checkpoint_that_exists_is_refused_before_the_scene_is_read() {
     place.put("c", "old");
     let files = ["-imissing.obj", "-oa.pgm", "--checkpoint", "c"];
     pt(&place, &files).failed(1, &["c: ", "-f"]);
-    let other = ["--resume", "room.obj"];
-    let fault = ["room.obj: is not a checkpoint"];
-    pt(&place, &[&files[..], &other].concat()).failed(1, &fault);
     assert_eq!(place.get("c"), b"old");
     pt(&place, &["-f", "-oa.pgm", "--checkpoint", "c"]).succeeded();
     assert_eq!(saved_spp(&place.path("c")), Some(1));

@@ -438,43 +438,6 @@ fn force_replaces_the_file_behind_a_link_and_keeps_the_link() {
     place.holds_only(&["far", "link.pgm"]);
 }
 
-#[test]
-fn two_outputs_hold_the_same_image_in_two_formats() {
-    let place = Scratch::new();
-    let output = ["-o", "a.PGM", "-o", "a.Png"];
-    let scene = ["-i", "room.obj", "-d37x21", "-n9", "-r0.7"];
-    place.run(&[&scene[..], &output].concat()).succeeded();
-    let (width, height, coarse) = pgm(&place.get("a.PGM"));
-    let (columns, rows, fine) = png(&place.get("a.Png"));
-    assert_eq!((columns, rows), (width, height));
-    // 65535 = 255 * 257: 257 fine levels make a coarse one.
-    let rounded: Vec<u16> = fine.iter().map(|level| level / 257).collect();
-    assert_eq!(rounded, coarse);
-    let mut different = fine;
-    different.sort();
-    different.dedup();
-    assert!(different.len() > 10);
-}
-
-#[test]
-fn a_file_has_the_mode_that_the_user_wants_and_keeps_it() {
-    let place = Scratch::new();
-    let mode = |script: &str| {
-        shell(&place, &format!("{script} -o image.pgm")).succeeded();
-        let there = fs::metadata(place.path("image.pgm")).unwrap();
-        there.permissions().mode() & 0o7777
-    };
-    for (mask, wanted) in
-        [("022", 0o644), ("027", 0o640), ("077", 0o600), ("0", 0o666)]
-    {
-        let new = format!("umask {mask}; rm -f image.pgm; pt");
-        assert_eq!(mode(&new), wanted, "{mask}");
-    }
-    for kept in [0o600, 0o664] {
-        assert_eq!(mode(&format!("chmod {kept:o} image.pgm; pt -f")), kept);
-    }
-}
-
 /// The width, the height and the levels of a PNG, which has one channel of
 /// 16 bits.
 pub fn png(bytes: &[u8]) -> (u32, u32, Vec<u16>) {

@@ -426,25 +426,20 @@ fn the_page_shows_the_image_and_its_errors() {
     let plain = || Image { errors: None, ..image() };
     let page = Kind::Html.render(&ordinary(), &plain);
     assert_eq!(images(&page).len(), 1);
-}
-
-/// An image that is white all over is told from the page by its frame, and
-/// from a mistake by its numbers.
-#[test]
-fn a_white_image_has_a_frame_and_says_that_it_is_white() {
+    // A white image is told from a mistake by its frame and its numbers.
+    let errors = Some(vec![0.; 96]);
     let white = || Image {
-        means: vec![1.; 96],
-        errors: Some(vec![0.; 96]),
-        ..image(12, 8)
+        errors: errors.clone(),
+        ..Image::plain(12, 8, vec![1.; 96])
     };
     let page = Kind::Html.render(&ordinary(), &white);
-    let style = page.split("</style>").next().unwrap();
-    let frame = style.split("img {").nth(1).unwrap();
-    let frame = frame.split('}').next().unwrap();
-    assert!(frame.contains("border: 1px solid"), "{frame}");
-    let said = "The image, 12x8 pixels, radiance from 1.0000 to 1.0000.";
-    assert!(page.contains(said));
-    assert!(page.contains("error of each pixel. It is zero in all"));
+    for said in [
+        "img { box-sizing: border-box; border: 1px solid",
+        "The image, 12x8 pixels, radiance from 1.0000 to 1.0000.",
+        "error of each pixel. It is zero in all",
+    ] {
+        assert!(page.contains(said), "{said}");
+    }
 }
 
 #[test]
