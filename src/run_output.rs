@@ -30,6 +30,17 @@ pub struct Targets {
     pub checkpoint: Option<OutputTarget>,
 }
 
+/// A run as it stands.
+#[derive(Clone, Copy)]
+pub struct Snapshot<'a> {
+    /// What has been done.
+    pub convergence: &'a Convergence,
+    /// The sums.
+    pub film: &'a Film,
+    /// Why the run has ended; none while it goes on.
+    pub stop: Option<Stop>,
+}
+
 /// The files of a run, and what is known of it beforehand.
 pub struct RunOutput {
     targets: Targets,
@@ -99,11 +110,8 @@ impl RunOutput {
     /// # Errors
     /// A file cannot be written, which is worth a warning: it will be tried
     /// again.
-    pub fn after(
-        &mut self,
-        convergence: &Convergence,
-        film: &Film,
-    ) -> Result<(), String> {
+    pub fn after(&mut self, snapshot: Snapshot) -> Result<(), String> {
+        let Snapshot { convergence, film, .. } = snapshot;
         let now = Instant::now();
         let mut written = Ok(());
         // Write the reports if they are due
@@ -112,13 +120,13 @@ impl RunOutput {
             last.is_some_and(|point| point.spp == convergence.spp);
         let due = recorded || convergence.seconds > 1.1 * self.reported;
         if due && now >= self.next_report {
-            written = self.write_reports(convergence, film, None);
+            written = self.write_reports(snapshot);
             self.reported = convergence.seconds;
             self.next_report = Instant::now() + 100 * now.elapsed();
         }
         // Write the checkpoint if it is due
         if self.next_checkpoint.is_some_and(|time| now >= time) {
-            let saved = self.write_checkpoint(convergence, film, None);
+            let saved = self.write_checkpoint(snapshot);
             written = written.and(saved);
             self.next_checkpoint = Instant::now().checked_add(self.every);
         }
@@ -143,22 +151,14 @@ impl RunOutput {
     ///
     /// # Errors
     /// Files cannot be written; the others are.
-    pub fn close(
-        &mut self,
-        convergence: &Convergence,
-        film: &Film,
-        stop: Stop,
-    ) -> Result<(), String> {
-        let stop = Some(stop);
+    pub fn close(&mut self, snapshot: Snapshot) -> Result<(), String> {
         let Self { targets, known, report, .. } = &*self;
-        let run_key = &known.run_key;
-        let image = picture(report, run_key, convergence, film, stop);
+        let image = picture(report, &known.run_key, snapshot);
         let images = targets.images.iter().map(|to| to.write(&image));
         let mut failures: Vec<_> = images.filter_map(Result::err).collect();
-        let state = self.write_checkpoint(convergence, film, stop);
-        let reports = self.write_reports(convergence, film, stop);
-        failures
-            .extend([state, reports].into_iter().filter_map(Result::err));
+        let state = self.write_checkpoint(snapshot);
+        let rest = [state, self.write_reports(snapshot)];
+        failures.extend(rest.into_iter().filter_map(Result::err));
         match failures.is_empty() {
             true => Ok(()),
             false => Err(failures.join("; ")),
@@ -184,36 +184,27 @@ impl RunOutput {
         [saved, all].map(|nanoseconds| 1e-9 * nanoseconds * pixels as f64)
     }
 
-    fn write_reports(
-        &mut self,
-        convergence: &Convergence,
-        film: &Film,
-        stop: Option<Stop>,
-    ) -> Result<(), String> {
+    fn write_reports(&mut self, snapshot: Snapshot) -> Result<(), String> {
         let Self { targets, known, report, .. } = self;
         if targets.reports.is_empty() {
             return Ok(());
         }
-        let now = report.complete(convergence, film, stop);
-        let image = || {
-            let run_key = &known.run_key;
-            picture(report, run_key, convergence, film, stop).image()
-        };
+        let now = report.complete(snapshot);
+        let image = || picture(report, &known.run_key, snapshot).image();
         let mut written = Ok(());
         for (kind, target) in &mut targets.reports {
             let text = kind.render(&now, &image);
             let content = &mut |out: &mut dyn Write| write!(out, "{text}");
-            written = written.and(put(target, stop, content));
+            written = written.and(put(target, snapshot.stop, content));
         }
         written
     }
 
     fn write_checkpoint(
         &mut self,
-        convergence: &Convergence,
-        film: &Film,
-        stop: Option<Stop>,
+        snapshot: Snapshot,
     ) -> Result<(), String> {
+        let Snapshot { convergence, film, stop } = snapshot;
         let Self { targets, known, .. } = self;
         let Some(target) = &mut targets.checkpoint else { return Ok(()) };
         put(target, stop, &mut |out| save(known, convergence, film, out))
@@ -223,12 +214,8 @@ impl RunOutput {
 impl Report {
     /// The report of the run so far, given that from before its first
     /// sample.
-    pub fn complete(
-        &self,
-        convergence: &Convergence,
-        film: &Film,
-        stop: Option<Stop>,
-    ) -> Self {
+    pub fn complete(&self, snapshot: Snapshot) -> Self {
+        let Snapshot { convergence, film, stop } = snapshot;
         let mut now = convergence.clone();
         now.record(film, None);
         let last = now.steps.last();
@@ -253,9 +240,7 @@ impl Report {
 fn picture<'f>(
     report: &Report,
     run_key: &RunKey,
-    convergence: &Convergence,
-    film: &'f Film,
-    stop: Option<Stop>,
+    Snapshot { convergence, film, stop }: Snapshot<'f>,
 ) -> Picture<'f> {
     let known = json!({
         "scene": report.scene.file,
@@ -298,6 +283,8 @@ pub fn conclude(merged: Merged) -> (Image, Report) {
     settings.insert("spp".into(), spp.unwrap_or(convergence.spp).into());
     settings.extend(missing.clone().map(|m| ("missing".into(), m.into())));
     let stop = missing.is_none().then_some(Stop::Samples);
-    let image = picture(&whole, &run_key, &convergence, &film, stop);
-    (image.image(), whole.complete(&convergence, &film, stop))
+    let (convergence, film) = (&convergence, &film);
+    let snapshot = Snapshot { convergence, film, stop };
+    let image = picture(&whole, &run_key, snapshot).image();
+    (image, whole.complete(snapshot))
 }

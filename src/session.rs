@@ -37,7 +37,7 @@ use crate::render::choose::{
 };
 use crate::render_loop::{Convergence, Interrupt, Limits, Stop, Work};
 use crate::report::{Kind, Report, SceneFile};
-use crate::run_output::{RunOutput, Targets, attributes};
+use crate::run_output::{RunOutput, Snapshot, Targets, attributes};
 use crate::scene::{Scene, begins_obj, read_file};
 use crate::sky::Sky;
 use crate::state::checkpoint::Checkpoint;
@@ -737,7 +737,8 @@ impl Run<'_> {
         };
         let mut after = |convergence: &Convergence, film: &Film| {
             expect(convergence);
-            let written = output.after(convergence, film);
+            let snapshot = Snapshot { convergence, film, stop: None };
+            let written = output.after(snapshot);
             if let (Err(message), false) = (written, options.quiet) {
                 bar.suspend(|| progress::warn(&message));
             }
@@ -781,11 +782,12 @@ impl Run<'_> {
             progress::error(&message);
             return Ok(());
         }
-        output.close(convergence, film, stop)?;
+        let snapshot = Snapshot { convergence, film, stop: Some(stop) };
+        output.close(snapshot)?;
         if options.quiet {
             return Ok(());
         }
-        let report = output.report.complete(convergence, film, Some(stop));
+        let report = output.report.complete(snapshot);
         let file = picture.map(|path| ("file", path.display().to_string()));
         let lines = report.summary(film.area()).into_iter().chain(file);
         for (name, text) in lines {

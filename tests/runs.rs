@@ -17,6 +17,7 @@ use litpt::film::Film;
 use litpt::image::Image;
 use litpt::render_loop::Convergence;
 use litpt::report::Report;
+use litpt::run_output::Snapshot;
 use serde_json::Value;
 
 const SCENE: [&str; 6] = [
@@ -740,7 +741,11 @@ fn a_report_between_two_points_says_where_the_run_stands() {
     let mut convergence = Convergence::default();
     (convergence.spp, convergence.rays) = (3, 17);
     convergence.seconds = 0.5;
-    let report = Report::default().complete(&convergence, &film, None);
+    let report = Report::default().complete(Snapshot {
+        convergence: &convergence,
+        film: &film,
+        stop: None,
+    });
     assert!(convergence.steps.is_empty());
     assert_eq!((report.curve.len(), report.curve[0].spp), (1, 3));
     assert_eq!((report.mean, report.rays), (0.5, 17));
