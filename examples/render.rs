@@ -30,7 +30,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let entrance = scene.frame.entrance(position);
     let sky = Sky::new(view.up);
     let integrator = PathTracer::new(0.8, sky);
-    let known = &KnownPixels::Nothing;
+    let known = KnownPixels::NOTHING;
     let sampler = IndependentSampler::new(0);
     let mut job =
         Job { entrance, intersector, camera, integrator, known, sampler };

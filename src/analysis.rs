@@ -17,7 +17,7 @@ use crate::bvh::{Bvh, Isa};
 use crate::camera::Camera;
 use crate::scene::Entrance;
 use crate::sky::Sky;
-use background::{BackgroundTiles, KnownPixels};
+use background::KnownPixels;
 use interior::{is_inside, lets_out};
 
 /// What may make work superfluous.
@@ -95,7 +95,7 @@ impl SceneAnalysis {
         inquiry: &Inquiry,
     ) -> Self {
         let findings = of_the_scene(left_out);
-        let known = KnownPixels::Nothing;
+        let known = KnownPixels::default();
         let mut all = Self { findings, known, is_black: false };
         for shortcut in Shortcut::ALL {
             // Look for one shortcut if it is wanted
@@ -107,15 +107,24 @@ impl SceneAnalysis {
                 Shortcut::Dark => {
                     Some(all.look_for_dark(intersector, inquiry))
                 }
-                Shortcut::Black => Some(all.look_for_black(inquiry.albedo)),
+                Shortcut::Black => {
+                    // See whether anything is reflected
+                    all.is_black = inquiry.albedo == 0.;
+                    let why = match all.is_black {
+                        true => {
+                            "nothing is reflected: a ray only asks whether it is blocked"
+                        }
+                        false => "surfaces reflect",
+                    };
+                    Some((all.is_black, why.to_owned()))
+                }
                 Shortcut::Background => {
                     all.look_for_background(intersector, inquiry)
                 }
             };
-            if let Some((holds, why)) = found {
-                let fact = shortcut.name().to_owned();
-                all.findings.push(Finding { fact, holds, why });
-            }
+            let fact = shortcut.name().to_owned();
+            let finding = |(holds, why)| Finding { fact, holds, why };
+            all.findings.extend(found.map(finding));
         }
         all
     }
@@ -128,46 +137,27 @@ impl SceneAnalysis {
     fn look_for_dark(
         &mut self,
         intersector: &Bvh,
-        &Inquiry { camera, ref entrance, .. }: &Inquiry,
+        &Inquiry { ref entrance, resolution, .. }: &Inquiry,
     ) -> (bool, String) {
-        let is_out = |_: &_| !lets_out(entrance, intersector, camera);
-        let dark = match entrance.place().filter(is_out) {
-            None => Ok(false),
-            Some(place) => {
-                let mut all: Vec<_> = intersector.triangles().collect();
-                all.par_sort_by_key(|&(face, _)| face);
-                let (faces, triangles): (Vec<_>, Vec<_>) =
-                    all.into_iter().unzip();
-                is_inside(&triangles, place).map_err(|i| faces[i as usize])
-            }
-        };
-        if dark == Ok(true) {
-            self.known = KnownPixels::Dark;
-        }
+        let is_shut = |_: &_| !lets_out(entrance, intersector);
+        let place = entrance.place().filter(is_shut);
+        let dark = place.map_or(Ok(false), |place| {
+            let mut all: Vec<_> = intersector.triangles().collect();
+            all.par_sort_by_key(|&(face, _)| face);
+            let (faces, triangles): (Vec<_>, Vec<_>) =
+                all.into_iter().unzip();
+            is_inside(&triangles, place).map_err(|i| faces[i as usize])
+        });
         let why = match dark {
             Ok(true) => {
-                "closed around the camera: no ray can reach the sky, \
-                 and the image is exactly 0"
+                self.known = KnownPixels::dark(resolution);
+                "closed around the camera: no ray can reach the sky, and the \
+                 image is exactly 0"
             }
             Ok(false) => "no closed surface around the camera",
-            Err(face) => {
-                let face = face + 1;
-                return (false, format!("the camera is on face {face}"));
-            }
+            Err(face) => &format!("the camera is on face {}", face + 1),
         };
         (dark == Ok(true), why.to_owned())
-    }
-
-    fn look_for_black(&mut self, albedo: f64) -> (bool, String) {
-        self.is_black = albedo == 0.;
-        let why = match self.is_black {
-            true => {
-                "nothing is reflected: a ray only asks whether it is \
-                 blocked"
-            }
-            false => "surfaces reflect",
-        };
-        (self.is_black, why.to_owned())
     }
 
     fn look_for_background(
@@ -177,28 +167,30 @@ impl SceneAnalysis {
     ) -> Option<(bool, String)> {
         let &Inquiry { camera, sky, resolution, .. } = inquiry;
         let tip = inquiry.entrance.place()?;
-        let tiles =
-            BackgroundTiles::new(camera, sky, resolution, tip, intersector);
+        let tiles = KnownPixels::background(
+            camera,
+            sky,
+            resolution,
+            tip,
+            intersector,
+        );
         let (count, empty, pixels) = tiles.count(resolution);
         // Say how many tiles are empty
         let why = match empty {
-            0 => {
-                "triangles may be seen in each tile of the image".to_owned()
-            }
+            0 => "triangles may be seen in each tile of the image",
             _ if empty == count => {
                 "no triangle can be seen: all of the image is the sky"
-                    .to_owned()
             }
-            _ => format!(
+            _ => &format!(
                 "{empty} of {count} tiles of the image see no triangle: no \
                  ray is traced in {pixels} of {} pixels",
                 u64::from(resolution.0) * u64::from(resolution.1)
             ),
         };
         if empty > 0 {
-            self.known = KnownPixels::Background(tiles);
+            self.known = tiles;
         }
-        Some((empty > 0, why))
+        Some((empty > 0, why.to_owned()))
     }
 
     /// The intersector and the integrator that are needed, in words.

@@ -27,7 +27,7 @@
 //! let mut job = Job {
 //!     entrance: scene.frame.entrance(view.position),
 //!     intersector: &intersector, camera: &camera,
-//!     integrator, known: &KnownPixels::Nothing,
+//!     integrator, known: KnownPixels::NOTHING,
 //!     sampler: IndependentSampler::new(0),
 //! };
 //! let mut film = Film::new(4, 3);

@@ -262,15 +262,12 @@ impl OutputTarget {
             }
             Kind::File { path, force } => {
                 // Write a file and keep it in any case
-                let (file, fault) = match temporary(path) {
-                    Ok(file) => (file, None),
-                    Err(fault) => {
-                        // Make the file in another directory
-                        let name = path.file_name().unwrap_or_default();
-                        let file = temporary(&env::temp_dir().join(name));
-                        (file.map_err(|_| fault.clone())?, Some(fault))
-                    }
-                };
+                let beside = temporary(path);
+                let fault = beside.as_ref().err().cloned();
+                let name = path.file_name().unwrap_or_default();
+                let elsewhere = || temporary(&env::temp_dir().join(name));
+                let file = beside
+                    .or_else(|fault| elsewhere().map_err(|_| fault))?;
                 let file = finish(file, path, content)?;
                 let named = match fault {
                     None => name_file(file, path, *force),
@@ -305,8 +302,10 @@ impl OutputTarget {
 /// Where an image goes, and in which format.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ImageTarget {
-    target: OutputTarget,
-    format: Format,
+    /// Where it goes.
+    pub target: OutputTarget,
+    /// The format, which the name of a file agrees with.
+    pub format: Format,
 }
 
 impl ImageTarget {
@@ -325,25 +324,12 @@ impl ImageTarget {
         Ok(Self { target: OutputTarget::file(path, force)?, format })
     }
 
-    /// The format of the image.
-    pub fn format(&self) -> Format {
-        self.format
-    }
-
     /// Writes the image.
     ///
     /// # Errors
     /// Those of [`OutputTarget::write`].
     pub fn write(&self, image: &dyn Source) -> Result<(), String> {
         self.target.write(&mut |out| self.format.write(image, out))
-    }
-
-    /// Writes the image for the time being; see [`OutputTarget::rewrite`].
-    ///
-    /// # Errors
-    /// Those of [`OutputTarget::rewrite`].
-    pub fn rewrite(&mut self, image: &dyn Source) -> Result<(), String> {
-        self.target.rewrite(&mut |out| self.format.write(image, out))
     }
 }
 

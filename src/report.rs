@@ -15,6 +15,7 @@ mod result;
 use std::path::Path;
 
 use serde::Serialize;
+use serde_json::{Value, json};
 
 use crate::image::{Image, extension};
 use crate::output::descriptor;
@@ -86,17 +87,15 @@ fn json(report: &Report) -> String {
 
 /// A header, and a row for each point; what is not known is empty.
 fn csv(curve: &[CurvePoint]) -> String {
-    let header = "spp,seconds,rays,rmse,mean,mean_stderr,rmse_reference\n";
-    let cell = |x: Option<f64>| {
-        let finite = x.filter(|x| x.is_finite());
-        finite.map_or(String::new(), |x| format!("{x:?}"))
+    let header = "spp,seconds,rays,rmse,mean,mean_stderr,rmse_reference";
+    let row = |point| {
+        let row = json!(point);
+        let cell = |name| row.get(name).filter(|cell| !cell.is_null());
+        let text =
+            |name| cell(name).map_or(String::new(), Value::to_string);
+        header.split(',').map(text).collect::<Vec<_>>().join(",")
     };
-    let rows = curve.iter().map(|point| {
-        let CurvePoint { spp, seconds, rays, rmse, .. } = *point;
-        let CurvePoint { mean, mean_stderr, rmse_reference, .. } = *point;
-        let last = [rmse, Some(mean), mean_stderr, rmse_reference];
-        let last = last.map(cell).join(",");
-        format!("{spp},{seconds:?},{rays},{last}\n")
-    });
-    header.to_owned() + &rows.collect::<String>()
+    let mut lines = vec![header.to_owned()];
+    lines.extend(curve.iter().map(row));
+    lines.join("\n") + "\n"
 }

@@ -21,11 +21,24 @@ use crate::state::key::{RunKey, entries};
 use crate::state::shards::Merged;
 
 /// Where the files of a run go.
-#[derive(Default)]
 pub struct Targets {
+    /// Images; a PNG may show previews.
     pub images: Vec<ImageTarget>,
+    /// Reports of each kind.
     pub reports: Vec<(Kind, OutputTarget)>,
+    /// The state of the run.
     pub checkpoint: Option<OutputTarget>,
+}
+
+/// A run as it stands.
+#[derive(Clone, Copy)]
+pub struct Snapshot<'a> {
+    /// What has been done.
+    pub convergence: &'a Convergence,
+    /// The sums.
+    pub film: &'a Film,
+    /// Why the run has ended; none while it goes on.
+    pub stop: Option<Stop>,
 }
 
 /// The files of a run, and what is known of it beforehand.
@@ -42,7 +55,8 @@ pub struct RunOutput {
     /// When the next preview is due, if there is one.
     next_preview: Option<Instant>,
     known: Known,
-    report: Report,
+    /// The report of the run before its first sample.
+    pub report: Report,
 }
 
 /// Writes a file for the last time, or for the time being.
@@ -96,11 +110,8 @@ impl RunOutput {
     /// # Errors
     /// A file cannot be written, which is worth a warning: it will be tried
     /// again.
-    pub fn after(
-        &mut self,
-        convergence: &Convergence,
-        film: &Film,
-    ) -> Result<(), String> {
+    pub fn after(&mut self, snapshot: Snapshot) -> Result<(), String> {
+        let Snapshot { convergence, film, .. } = snapshot;
         let now = Instant::now();
         let mut written = Ok(());
         // Write the reports if they are due
@@ -109,13 +120,13 @@ impl RunOutput {
             last.is_some_and(|point| point.spp == convergence.spp);
         let due = recorded || convergence.seconds > 1.1 * self.reported;
         if due && now >= self.next_report {
-            written = self.write_reports(convergence, film, None);
+            written = self.write_reports(snapshot);
             self.reported = convergence.seconds;
             self.next_report = Instant::now() + 100 * now.elapsed();
         }
         // Write the checkpoint if it is due
         if self.next_checkpoint.is_some_and(|time| now >= time) {
-            let saved = self.write_checkpoint(convergence, film, None);
+            let saved = self.write_checkpoint(snapshot);
             written = written.and(saved);
             self.next_checkpoint = Instant::now().checked_add(self.every);
         }
@@ -124,8 +135,11 @@ impl RunOutput {
         if self.next_preview.is_some_and(|time| began >= time) {
             let image = Picture::new(film, BTreeMap::new());
             let images = self.targets.images.iter_mut();
-            for target in images.filter(|t| t.format() == Format::Png) {
-                written = written.and(target.rewrite(&image));
+            for png in images.filter(|image| image.format == Format::Png) {
+                let content = &mut |out: &mut dyn Write| {
+                    Format::Png.write(&image, out)
+                };
+                written = written.and(png.target.rewrite(content));
             }
             let pause = (10 * began.elapsed()).max(SECOND);
             self.next_preview = Some(Instant::now() + pause);
@@ -137,21 +151,14 @@ impl RunOutput {
     ///
     /// # Errors
     /// Files cannot be written; the others are.
-    pub fn close(
-        &mut self,
-        convergence: &Convergence,
-        film: &Film,
-        stop: Stop,
-    ) -> Result<(), String> {
-        let stop = Some(stop);
-        let image = self.picture(convergence, film, stop);
-        let targets = self.targets.images.iter();
-        let mut written: Vec<_> =
-            targets.map(|target| target.write(&image)).collect();
-        written.push(self.write_checkpoint(convergence, film, stop));
-        written.push(self.write_reports(convergence, film, stop));
-        let failures = written.into_iter().filter_map(Result::err);
-        let failures: Vec<_> = failures.collect();
+    pub fn close(&mut self, snapshot: Snapshot) -> Result<(), String> {
+        let Self { targets, known, report, .. } = &*self;
+        let image = picture(report, &known.run_key, snapshot);
+        let images = targets.images.iter().map(|to| to.write(&image));
+        let mut failures: Vec<_> = images.filter_map(Result::err).collect();
+        let state = self.write_checkpoint(snapshot);
+        let rest = [state, self.write_reports(snapshot)];
+        failures.extend(rest.into_iter().filter_map(Result::err));
         match failures.is_empty() {
             true => Ok(()),
             false => Err(failures.join("; ")),
@@ -162,65 +169,57 @@ impl RunOutput {
     /// pixels, if none of them has a sample and if all have.
     pub fn seconds(&self, pixels: u64) -> [f64; 2] {
         let Targets { images, reports, checkpoint } = &self.targets;
-        let images = images.iter().map(|image| match image.format() {
-            Format::Pgm => PGM,
-            Format::Png => PNG,
-            Format::Pfm => PFM,
-            Format::Exr => EXR,
+        // Nanoseconds for a pixel, measured with a half more.
+        let images = images.iter().map(|image| match image.format {
+            Format::Pgm => 120.,
+            Format::Png => 200.,
+            Format::Pfm => 50.,
+            Format::Exr => 420.,
         });
         let pages = reports.iter().filter(|(kind, _)| *kind == Kind::Html);
-        let pages = pages.map(|_| PAGE);
-        let saved = if checkpoint.is_some() { STATE } else { 0. };
-        let all = saved + SUMMARY + images.chain(pages).sum::<f64>();
+        let pages = pages.map(|_| 350.);
+        let saved = if checkpoint.is_some() { 70. } else { 0. };
+        let summary = 130.;
+        let all = saved + summary + images.chain(pages).sum::<f64>();
         [saved, all].map(|nanoseconds| 1e-9 * nanoseconds * pixels as f64)
     }
 
-    fn write_reports(
-        &mut self,
-        convergence: &Convergence,
-        film: &Film,
-        stop: Option<Stop>,
-    ) -> Result<(), String> {
-        if self.targets.reports.is_empty() {
+    fn write_reports(&mut self, snapshot: Snapshot) -> Result<(), String> {
+        let Self { targets, known, report, .. } = self;
+        if targets.reports.is_empty() {
             return Ok(());
         }
-        let report = self.report(convergence, film, stop);
-        let image = || self.picture(convergence, film, stop).image();
-        let text = |(kind, _): &(Kind, _)| kind.render(&report, &image);
-        let texts: Vec<_> = self.targets.reports.iter().map(text).collect();
+        let now = report.complete(snapshot);
+        let image = || picture(report, &known.run_key, snapshot).image();
         let mut written = Ok(());
-        for ((_, target), text) in
-            self.targets.reports.iter_mut().zip(texts)
-        {
-            let mut content =
-                |out: &mut dyn Write| out.write_all(text.as_bytes());
-            written = written.and(put(target, stop, &mut content));
+        for (kind, target) in &mut targets.reports {
+            let text = kind.render(&now, &image);
+            let content = &mut |out: &mut dyn Write| write!(out, "{text}");
+            written = written.and(put(target, snapshot.stop, content));
         }
         written
     }
 
     fn write_checkpoint(
         &mut self,
-        convergence: &Convergence,
-        film: &Film,
-        stop: Option<Stop>,
+        snapshot: Snapshot,
     ) -> Result<(), String> {
+        let Snapshot { convergence, film, stop } = snapshot;
         let Self { targets, known, .. } = self;
         let Some(target) = &mut targets.checkpoint else { return Ok(()) };
         put(target, stop, &mut |out| save(known, convergence, film, out))
     }
+}
 
-    /// The report of the run so far.
-    pub fn report(
-        &self,
-        convergence: &Convergence,
-        film: &Film,
-        stop: Option<Stop>,
-    ) -> Report {
+impl Report {
+    /// The report of the run so far, given that from before its first
+    /// sample.
+    pub fn complete(&self, snapshot: Snapshot) -> Self {
+        let Snapshot { convergence, film, stop } = snapshot;
         let mut now = convergence.clone();
         now.record(film, None);
         let last = now.steps.last();
-        Report {
+        Self {
             render_seconds: now.seconds,
             rays: now.rays,
             stopped: stop.map(|stop| stop.name().to_owned()),
@@ -232,80 +231,60 @@ impl RunOutput {
             rmse: last.and_then(|last| last.rmse),
             ranks: now.ranks,
             curve: now.steps,
-            ..self.report.clone()
+            ..self.clone()
         }
-    }
-
-    /// The image on the film, with all that is known about it.
-    pub fn picture<'f>(
-        &self,
-        convergence: &Convergence,
-        film: &'f Film,
-        stop: Option<Stop>,
-    ) -> Picture<'f> {
-        let Report { scene, settings, .. } = &self.report;
-        let known = json!({
-            "scene": scene.file,
-            "spp": convergence.spp,
-            "rays": convergence.rays,
-            "load_seconds": self.report.load_seconds,
-            "build_seconds": self.report.build_seconds,
-            "render_seconds": convergence.seconds,
-            "stopped": stop.map_or("not yet", Stop::name),
-        });
-        let mut all = settings.clone();
-        all.retain(|_, value| !value.is_null());
-        all.extend(entries(&self.known.run_key));
-        all.extend(entries(&known));
-        Picture::new(film, attributes(&all))
     }
 }
 
-/// Nanoseconds for a pixel: of the summary, of a checkpoint, of images, and
-/// of a page with one.
-const SUMMARY: f64 = 130.;
-const STATE: f64 = 70.;
-const PGM: f64 = 120.;
-const PNG: f64 = 200.;
-const PFM: f64 = 50.;
-const EXR: f64 = 420.;
-const PAGE: f64 = 350.;
+/// The image on the film, with all that is known about it.
+fn picture<'f>(
+    report: &Report,
+    run_key: &RunKey,
+    Snapshot { convergence, film, stop }: Snapshot<'f>,
+) -> Picture<'f> {
+    let known = json!({
+        "scene": report.scene.file,
+        "spp": convergence.spp,
+        "rays": convergence.rays,
+        "load_seconds": report.load_seconds,
+        "build_seconds": report.build_seconds,
+        "render_seconds": convergence.seconds,
+        "stopped": stop.map_or("not yet", Stop::name),
+    });
+    let mut all = report.settings.clone();
+    all.retain(|_, value| !value.is_null());
+    all.extend(entries(run_key));
+    all.extend(entries(&known));
+    Picture::new(film, attributes(&all))
+}
 
 /// The image and the report of a merged run.
 pub fn conclude(merged: Merged) -> (Image, Report) {
-    let Merged { run_key, film, convergence, reports, missing, .. } =
+    let Merged { run_key, film, convergence, reports, missing, spp } =
         merged;
     let parts = reports.iter().map(Report::deserialize);
     let mut parts = parts.map(Result::unwrap_or_default);
+    let Report { program, command, date, processor, .. } =
+        Report::begin("ptimg");
     let first = parts.next().unwrap_or_default();
-    let Report { scene, left_out, mut settings, .. } = first;
-    let Report { mut load_seconds, mut build_seconds, .. } = first;
+    let mut whole = Report { program, command, date, processor, ..first };
     for part in parts {
-        load_seconds += part.load_seconds;
-        build_seconds += part.build_seconds;
-        for (name, value) in &mut settings {
+        whole.load_seconds += part.load_seconds;
+        whole.build_seconds += part.build_seconds;
+        for (name, value) in &mut whole.settings {
             if part.settings.get(name) != Some(value) {
                 *value = Value::Null;
             }
         }
     }
     // Describe the whole run
+    let settings = &mut whole.settings;
     settings.remove("part");
-    let asked = merged.spp.unwrap_or(convergence.spp);
-    settings.insert("spp".into(), asked.into());
+    settings.insert("spp".into(), spp.unwrap_or(convergence.spp).into());
     settings.extend(missing.clone().map(|m| ("missing".into(), m.into())));
-    let report = Report {
-        scene,
-        settings,
-        left_out,
-        load_seconds,
-        build_seconds,
-        ..Report::begin("ptimg")
-    };
     let stop = missing.is_none().then_some(Stop::Samples);
-    let known = (run_key, Value::Null);
-    let output =
-        RunOutput::new(Targets::default(), (0., false), known, report);
-    let image = output.picture(&convergence, &film, stop).image();
-    (image, output.report(&convergence, &film, stop))
+    let (convergence, film) = (&convergence, &film);
+    let snapshot = Snapshot { convergence, film, stop };
+    let image = picture(&whole, &run_key, snapshot).image();
+    (image, whole.complete(snapshot))
 }

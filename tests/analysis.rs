@@ -71,10 +71,12 @@ fn is_found_out(
 #[test]
 fn what_does_not_hold_is_found_out() {
     let room = named("room with a window");
-    assert!(is_found_out(&room, |found| found.known = KnownPixels::Dark));
+    assert!(
+        is_found_out(&room, |found| found.known = KnownPixels::dark(SMALL))
+    );
     assert!(is_found_out(&room, |found| found.is_black = true));
     let check = |found: &mut SceneAnalysis| {
-        assert!(matches!(found.known, KnownPixels::Background(_)));
+        assert!(found.known.content((0, 0)) != TileContent::Scene);
     };
     let empty = named("nothing in view");
     let empty = empty.render_with(&[], SMALL, 1, &plain(), check);
@@ -269,9 +271,7 @@ fn an_explanation_counts_what_is_saved_as_a_render_does() {
     let rays = |view: &[&str]| {
         let files = ["-n3", "-qf", "-oa.pgm", "--report=a.json"];
         place.run(&[view, &files].concat()).succeeded();
-        let json: serde_json::Value =
-            serde_json::from_slice(&place.get("a.json")).unwrap();
-        json["rays"].as_u64().unwrap()
+        place.json("a.json")["rays"].as_u64().unwrap()
     };
     for (scene, camera) in
         [("-itwo.obj", "-p0,0,0"), ("-ibox.obj", "-p0,-6,1")]
@@ -327,8 +327,7 @@ fn a_report_tells_what_was_left_out() {
     place.put("box.obj", format!("{BOX}f 1 2 3\nf 1 1 2\n"));
     let files = ["--report=a.json", "--report=a.html", "-oa.pgm", "-q"];
     place.run(&[&["-ibox.obj"], &files[..]].concat()).succeeded();
-    let json: serde_json::Value =
-        serde_json::from_slice(&place.get("a.json")).unwrap();
+    let json = place.json("a.json");
     let facts = [0, 1, 2].map(|i| json["left_out"][i]["fact"].as_str());
     assert_eq!(facts, ["flat", "copies", "dark"].map(Some));
     assert_eq!(json["scene"]["triangles"], 14);
@@ -366,8 +365,7 @@ fn what_is_left_out_decides_nothing_about_a_sample() {
     run(&[&some[..], &["-od.litpt"]].concat()).succeeded();
     run(&["-n9", "--samples=4..9", "-oe.litpt"]).succeeded();
     let merge = ["merge", "-of.pfm", "d.litpt", "e.litpt"];
-    let mut merge_both = place.command(env!("CARGO_BIN_EXE_ptimg"));
-    assert!(merge_both.args(merge).status().unwrap().success());
+    place.ptimg(&merge).succeeded();
     assert_eq!(place.get("f.pfm"), place.get("c.pfm"));
 }
 

@@ -7,9 +7,7 @@
 use crate::common;
 
 use glam::DVec3;
-use litpt::analysis::background::{
-    BackgroundTiles, KnownPixels, TileContent,
-};
+use litpt::analysis::background::{KnownPixels, TileContent};
 use litpt::analysis::interior::*;
 use litpt::integrator::gather::cache::{Grid, RadianceCache, Record, SKY};
 use litpt::integrator::gather::render::Gather;
@@ -260,7 +258,7 @@ fn below_a_common_corner_one_triangle_of_four_is_above() {
 
 /// The tiles of a square image that see none of some triangles, from the
 /// origin in the direction of the y axis, with a field of view of 90 degrees.
-fn background(up: DVec3, triangles: &[Triangle]) -> BackgroundTiles {
+fn background(up: DVec3, triangles: &[Triangle]) -> KnownPixels {
     let (position, fov) = (DVec3::ZERO, 90.);
     let view = View { position, target: DVec3::Y, up, fov };
     let camera = Camera::new(&view, 1.).unwrap();
@@ -268,14 +266,14 @@ fn background(up: DVec3, triangles: &[Triangle]) -> BackgroundTiles {
     let triangles = Triangles::apart(triangles, faces);
     let bvh =
         Bvh::of(triangles, Quality::Fast, Isa::best(), &|_| ()).unwrap();
-    BackgroundTiles::new(&camera, Sky::new(up), (64, 64), position, &bvh)
+    KnownPixels::background(&camera, Sky::new(up), (64, 64), position, &bvh)
 }
 
 #[test]
 fn a_rolled_horizon_leaves_nine_tiles_constant() {
     let angle = 30f64.to_radians();
     let up = DVec3::new(angle.sin(), 0., angle.cos());
-    let known = KnownPixels::Background(background(up, &[]));
+    let known = background(up, &[]);
     let content = |i: &u32| known.content((i % 4 * 16, i / 4 * 16));
     let sky = |i: &u32| content(i) == TileContent::Sky;
     let sky: Vec<_> = (0..16).filter(sky).collect();

@@ -165,7 +165,7 @@ fn without_a_scene_the_sky_is_one_above_and_zero_below() {
             intersector: &intersector,
             camera: &camera,
             integrator,
-            known: &KnownPixels::Nothing,
+            known: KnownPixels::NOTHING,
             sampler: IndependentSampler::new(0),
         };
         let mut film = Film::new(40, 30);

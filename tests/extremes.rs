@@ -70,7 +70,7 @@ fn sized(
         intersector: &intersector,
         camera: &camera,
         integrator,
-        known: &KnownPixels::Nothing,
+        known: KnownPixels::NOTHING,
         sampler: IndependentSampler::new(seed),
     };
     let mut film = Film::new(width, height);

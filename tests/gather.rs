@@ -18,9 +18,7 @@ use std::time::{Duration, Instant};
 use common::{BOX, Run, Scratch, finish};
 use glam::DVec3;
 use litpt::analysis::Inquiry;
-use litpt::analysis::background::{
-    BackgroundTiles, KnownPixels, TileContent,
-};
+use litpt::analysis::background::{KnownPixels, TileContent};
 use litpt::bvh::{Bvh, Isa};
 use litpt::camera::{Camera, View};
 use litpt::film::{Film, Tile, WORTH};
@@ -804,17 +802,16 @@ fn a_gather_traces_no_ray_in_a_tile_of_the_sky() {
         (tracer.tile(tile, 0), tracer.rays)
     };
     let sky = Sky::new(DVec3::Z);
-    let tiles = BackgroundTiles::new(
+    let known = KnownPixels::background(
         camera,
         sky,
         (16, 16),
         stage.setting.job(0).entrance.place().unwrap(),
         stage.setting.job(0).intersector,
     );
-    let known = KnownPixels::Background(tiles);
     assert_eq!(known.content((0, 0)), TileContent::Sky);
     let (values, rays) = gathered(&known);
-    assert_eq!((values, rays), (gathered(&KnownPixels::Nothing).0, 0));
+    assert_eq!((values, rays), (gathered(KnownPixels::NOTHING).0, 0));
 }
 
 /// The radiance of pixels, and its standard error.

@@ -15,7 +15,8 @@ use std::process::{Child, Command, Stdio};
 use std::thread;
 use std::time::{Duration, SystemTime};
 
-use common::{ABOVE, ROOM, Run, Scratch, finish, pgm, skip};
+use common::{ROOM, Run, Scratch, finish, pgm, skip};
+use litpt::image::{Format, Image};
 
 const SMALL: [&str; 4] = ["-i", "room.obj", "-d9x7", "-n2"];
 
@@ -139,16 +140,6 @@ fn an_image_whose_directory_disappears_is_kept_elsewhere() {
 }
 
 #[test]
-fn a_file_created_during_the_render_is_replaced_with_force() {
-    let place = Scratch::new();
-    let child = start_reading(&place, &["-f", "-o", "image.pgm"]);
-    put_old(&place, "image.pgm");
-    send_room(child).succeeded();
-    assert_eq!(pgm(&place.get("image.pgm")).2.len(), 63);
-    place.holds_only(&["image.pgm"]);
-}
-
-#[test]
 fn an_image_appears_only_when_it_is_whole() {
     let place = Scratch::new();
     put_old(&place, "old.pgm");
@@ -159,6 +150,13 @@ fn an_image_appears_only_when_it_is_whole() {
     finish(child);
     assert_eq!(place.get("old.pgm"), b"old");
     place.holds_only(&["old.pgm"]);
+    // A file created during the render is replaced with force.
+    let child = start_reading(&place, &output);
+    put_old(&place, "new.png");
+    send_room(child).succeeded();
+    assert_eq!(pgm(&place.get("old.pgm")).2.len(), 63);
+    assert_eq!(png(&place.get("new.png")).2.len(), 63);
+    place.holds_only(&["old.pgm", "new.png"]);
 }
 
 #[test]
@@ -245,6 +243,7 @@ fn a_named_pipe_carries_the_image_and_stays_a_pipe() {
 fn shell(place: &Scratch, script: &str) -> Run {
     const PROGRAMS: &str = r#"
         pt() { "$PT" -q -p0,0,0 -i room.obj -d9x7 -n2 "$@"; }
+        noisy() { "$PT" -q -p0,0,0 -i room.obj -d512x384 -n3 "$@"; }
         ptimg() { "$PTIMG" "$@"; }
     "#;
     let mut command = place.command("sh");
@@ -395,23 +394,13 @@ fn a_full_disk_leaves_the_old_file_whole_and_nothing_else() {
     skip("this user may not mount a small disk");
 }
 
-/// Renders a noisy image that needs more than 64 blocks in each format,
-/// where the system allows no more.
-fn write_64_blocks(place: &Scratch, output: &str) -> Run {
-    let script = r#"ulimit -f 64; exec "$0" "$@""#;
-    let mut command = place.command("sh");
-    command.args(["-c", script, env!("CARGO_BIN_EXE_pt")]);
-    command.args(["-q", "-i", "room.obj", "-p0,0,0"]);
-    command.args(["-d512x384", "-n3", output]);
-    finish(command.spawn().unwrap())
-}
-
 #[test]
 fn a_write_that_stops_half_way_leaves_the_old_file_whole() {
     let place = Scratch::new();
     let date = put_old(&place, "old.pgm");
     for output in ["-foold.pgm", "-onew.pgm", "-onew.png"] {
-        let run = write_64_blocks(&place, output);
+        // The noise needs more than 64 blocks in each format.
+        let run = shell(&place, &format!("ulimit -f 64; noisy {output}"));
         run.failed(1, &["cannot write", "File too large"]);
         assert!(!run.stderr.contains(".pt-"), "{}", run.stderr);
         assert_eq!(place.get("old.pgm"), b"old");
@@ -449,26 +438,9 @@ fn force_replaces_the_file_behind_a_link_and_keeps_the_link() {
     place.holds_only(&["far", "link.pgm"]);
 }
 
-#[test]
-fn two_outputs_hold_the_same_image_in_two_formats() {
-    let place = Scratch::new();
-    let output = ["-o", "a.PGM", "-o", "a.Png"];
-    let scene = ["-i", "room.obj", "-d37x21", "-n9", "-r0.7"];
-    place.run(&[&scene[..], &output].concat()).succeeded();
-    let (width, height, coarse) = pgm(&place.get("a.PGM"));
-    let (size, fine) = png(&place.get("a.Png"));
-    assert_eq!(size, (width, height));
-    // 65535 = 255 * 257: 257 fine levels make a coarse one.
-    let rounded: Vec<u16> = fine.iter().map(|level| level / 257).collect();
-    assert_eq!(rounded, coarse);
-    let mut different = fine;
-    different.sort();
-    different.dedup();
-    assert!(different.len() > 10);
-}
-
-/// The size and the levels of a PNG, which has one channel of 16 bits.
-fn png(bytes: &[u8]) -> ((u32, u32), Vec<u16>) {
+/// The width, the height and the levels of a PNG, which has one channel of
+/// 16 bits.
+pub fn png(bytes: &[u8]) -> (u32, u32, Vec<u16>) {
     let decoder = png::Decoder::new(Cursor::new(bytes));
     let mut reader = decoder.read_info().unwrap();
     let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
@@ -476,26 +448,9 @@ fn png(bytes: &[u8]) -> ((u32, u32), Vec<u16>) {
     assert_eq!(info.color_type, png::ColorType::Grayscale);
     assert_eq!(info.bit_depth, png::BitDepth::Sixteen);
     assert!(reader.info().srgb.is_some());
-    let level = |pair: &[u8]| u16::from_be_bytes([pair[0], pair[1]]);
-    let levels = bytes.chunks_exact(2).map(level).collect();
-    ((info.width, info.height), levels)
-}
-
-#[test]
-fn a_new_file_has_the_permissions_that_the_user_wants() {
-    let place = Scratch::new();
-    for (mask, mode) in
-        [("022", 0o644), ("027", 0o640), ("077", 0o600), ("0", 0o666)]
-    {
-        let script = format!(r#"umask {mask}; exec "$0" "$@""#);
-        let mut command = place.command("sh");
-        command.args(["-c", &script, env!("CARGO_BIN_EXE_pt")]);
-        command.args(SMALL).args(["-f", "-o", "image.pgm"]);
-        finish(command.spawn().unwrap()).succeeded();
-        let metadata = fs::metadata(place.path("image.pgm")).unwrap();
-        assert_eq!(metadata.permissions().mode() & 0o7777, mode, "{mask}");
-        fs::remove_file(place.path("image.pgm")).unwrap();
-    }
+    let levels = bytes.as_chunks().0.iter();
+    let levels = levels.map(|&pair| u16::from_be_bytes(pair)).collect();
+    (info.width, info.height, levels)
 }
 
 #[test]
@@ -513,34 +468,21 @@ fn the_rows_go_from_top_to_bottom_and_from_left_to_right() {
 
 #[test]
 fn a_level_is_the_floor_of_the_srgb_curve() {
-    let place = Scratch::new();
-    let above = [&ABOVE[..], &["-i", "square.obj", "-d1x1"]].concat();
     for rho in [0., 0.001, 0.0031, 0.0032, 0.05, 0.1, 0.5, 0.9, 1.] {
-        let rho_option = format!("-r{rho}");
-        let output = ["-f", "-o", "a.pgm", "-o", "a.png", &rho_option];
-        place.run(&[&above[..], &output].concat()).succeeded();
+        let [coarse, fine] = [Format::Pgm, Format::Png].map(|format| {
+            let mut bytes = vec![];
+            format
+                .write(&Image::plain(1, 1, vec![rho]), &mut bytes)
+                .unwrap();
+            bytes
+        });
         let curve = if rho <= 0.0031308 {
             12.92 * rho
         } else {
             1.055 * f64::powf(rho, 1. / 2.4) - 0.055
         };
         let level = |most: f64| vec![(most * curve + 1e-9).floor() as u16];
-        let (coarse, fine) = (level(255.), level(65535.));
-        assert_eq!(pgm(&place.get("a.pgm")).2, coarse, "{rho}");
-        assert_eq!(png(&place.get("a.png")).1, fine, "{rho}");
-    }
-}
-
-#[test]
-fn a_file_that_is_replaced_keeps_its_mode() {
-    let place = Scratch::new();
-    put_old(&place, "image.pgm");
-    for mode in [0o600, 0o664] {
-        let path = place.path("image.pgm");
-        fs::set_permissions(&path, fs::Permissions::from_mode(mode))
-            .unwrap();
-        write(&place, &["-f", "-o", "image.pgm"]).succeeded();
-        let now = fs::metadata(&path).unwrap().permissions().mode();
-        assert_eq!(now & 0o7777, mode);
+        assert_eq!(pgm(&coarse).2, level(255.), "{rho}");
+        assert_eq!(png(&fine).2, level(65535.), "{rho}");
     }
 }

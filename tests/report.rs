@@ -4,7 +4,8 @@
 //! Reports: what each kind holds, at every moment of a run, and that nobody
 //! can smuggle anything into them.
 
-use std::io::Cursor;
+use crate::outputs::png;
+
 use std::path::Path;
 
 use base64::prelude::{BASE64_STANDARD, Engine};
@@ -13,8 +14,6 @@ use litpt::render_loop::CurvePoint;
 use litpt::report::{Kind, Report, SceneFile, slope};
 use roxmltree::{Document, Node};
 use serde_json::{Map, Value, json};
-
-const KINDS: [Kind; 3] = [Kind::Json, Kind::Csv, Kind::Html];
 
 /// A point of the curve of a run whose error falls as theory wants.
 fn point(spp: u64) -> CurvePoint {
@@ -184,13 +183,11 @@ fn every_kind_is_valid_at_every_moment_of_a_run() {
     let all = ordinary().curve;
     for n in 0..=all.len() {
         let report = report(all[..n].to_vec());
-        let texts =
-            KINDS.map(|kind| kind.render(&report, &|| image(12, 8)));
-        let [json, csv, html] = texts;
-        let json: Value = serde_json::from_str(&json).unwrap();
+        let json = json_of(&report);
         assert_eq!(json["curve"].as_array().unwrap().len(), n);
+        let csv = Kind::Csv.render(&report, &|| image(12, 8));
         assert_eq!(csv.lines().count(), n + 1);
-        let html = as_xml(&html);
+        let html = as_xml(&html_of(&report));
         let html = Document::parse(&html).unwrap();
         let rows = named(&html, "table").last().unwrap();
         let rows = rows.descendants().filter(|n| n.has_tag_name("tr"));
@@ -410,15 +407,7 @@ fn images(page: &str) -> Vec<(u32, u32, Vec<u16>)> {
         let address = film.attribute("src").unwrap();
         let text = address.strip_prefix("data:image/png;base64,").unwrap();
         let bytes = BASE64_STANDARD.decode(text).unwrap();
-        let decoder = png::Decoder::new(Cursor::new(bytes));
-        let mut reader = decoder.read_info().unwrap();
-        let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
-        let info = reader.next_frame(&mut bytes).unwrap();
-        assert_eq!(info.color_type, png::ColorType::Grayscale);
-        assert_eq!(info.bit_depth, png::BitDepth::Sixteen);
-        let levels = bytes.as_chunks().0;
-        let levels = levels.iter().map(|&b| u16::from_be_bytes(b));
-        (info.width, info.height, levels.collect())
+        png(&bytes)
     };
     named(&page, "img").map(image).collect()
 }
@@ -437,25 +426,20 @@ fn the_page_shows_the_image_and_its_errors() {
     let plain = || Image { errors: None, ..image() };
     let page = Kind::Html.render(&ordinary(), &plain);
     assert_eq!(images(&page).len(), 1);
-}
-
-/// An image that is white all over is told from the page by its frame, and
-/// from a mistake by its numbers.
-#[test]
-fn a_white_image_has_a_frame_and_says_that_it_is_white() {
+    // A white image is told from a mistake by its frame and its numbers.
+    let errors = Some(vec![0.; 96]);
     let white = || Image {
-        means: vec![1.; 96],
-        errors: Some(vec![0.; 96]),
-        ..image(12, 8)
+        errors: errors.clone(),
+        ..Image::plain(12, 8, vec![1.; 96])
     };
     let page = Kind::Html.render(&ordinary(), &white);
-    let style = page.split("</style>").next().unwrap();
-    let frame = style.split("img {").nth(1).unwrap();
-    let frame = frame.split('}').next().unwrap();
-    assert!(frame.contains("border: 1px solid"), "{frame}");
-    let said = "The image, 12x8 pixels, radiance from 1.0000 to 1.0000.";
-    assert!(page.contains(said));
-    assert!(page.contains("error of each pixel. It is zero in all"));
+    for said in [
+        "img { box-sizing: border-box; border: 1px solid",
+        "The image, 12x8 pixels, radiance from 1.0000 to 1.0000.",
+        "error of each pixel. It is zero in all",
+    ] {
+        assert!(page.contains(said), "{said}");
+    }
 }
 
 #[test]

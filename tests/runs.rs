@@ -17,8 +17,7 @@ use litpt::film::Film;
 use litpt::image::Image;
 use litpt::render_loop::Convergence;
 use litpt::report::Report;
-use litpt::run_output::{RunOutput, Targets};
-use litpt_book::settings::known;
+use litpt::run_output::Snapshot;
 use serde_json::Value;
 
 const SCENE: [&str; 6] = [
@@ -622,10 +621,6 @@ fn a_checkpoint_that_holds_enough_is_worth_a_warning() {
 
 #[test]
 fn a_report_between_two_points_says_where_the_run_stands() {
-    let (known, often) = (known(0), (60., false));
-    let known = (known.run_key, Value::Null);
-    let (targets, begun) = (Targets::default(), Report::default());
-    let run_output = RunOutput::new(targets, often, known, begun);
     let mut film = Film::new(2, 1);
     for pixel in &mut film.pixels {
         [0., 1., 0.5].into_iter().for_each(|weight| pixel.add(weight));
@@ -633,7 +628,11 @@ fn a_report_between_two_points_says_where_the_run_stands() {
     let mut convergence = Convergence::default();
     (convergence.spp, convergence.rays) = (3, 17);
     convergence.seconds = 0.5;
-    let report = run_output.report(&convergence, &film, None);
+    let report = Report::default().complete(Snapshot {
+        convergence: &convergence,
+        film: &film,
+        stop: None,
+    });
     assert!(convergence.steps.is_empty());
     assert_eq!((report.curve.len(), report.curve[0].spp), (1, 3));
     assert_eq!((report.mean, report.rays), (0.5, 17));

@@ -5,10 +5,9 @@
 
 use crate::common;
 
-use std::process::Command;
 use std::time::{Duration, SystemTime};
 
-use common::{Scratch, finish};
+use common::Scratch;
 use litpt::image::Image;
 use litpt::render::Share;
 use litpt::render_loop::{CurvePoint, Stop};
@@ -99,7 +98,7 @@ fn reports() -> Vec<Value> {
         let render = ["-iroom.obj", "-d64x48", "-q", "-f", "-oa.exr"];
         let report = ["--report=r.json"];
         place.run(&[&render[..], &report, more].concat()).succeeded();
-        serde_json::from_slice(&place.get("r.json")).unwrap()
+        place.json("r.json")
     };
     let crop = "--crop=3,5,40x30";
     let first: Value = run(&["-n2", crop]);
@@ -118,13 +117,12 @@ fn reports() -> Vec<Value> {
         let state =
             [&state[..], &["-iroom.obj", "-q", threads, "-o", name]];
         place.run(&state.concat()).succeeded();
-        serde_json::from_slice(&place.get("r.json")).unwrap()
+        place.json("r.json")
     });
-    let mut merge = place.command(env!("CARGO_BIN_EXE_ptimg"));
-    merge.args(["merge", "a.litpt", "b.litpt", "-om.exr", "--partial"]);
-    let merge = merge.args(["-f", "--report=r.json"]).spawn().unwrap();
-    finish(merge).succeeded();
-    let merged = serde_json::from_slice(&place.get("r.json")).unwrap();
+    let merge = ["merge", "a.litpt", "b.litpt", "-om.exr", "--partial"];
+    let report = ["-f", "--report=r.json"];
+    place.ptimg(&[&merge[..], &report].concat()).succeeded();
+    let merged = place.json("r.json");
     let image = || -> Image { unreachable!("JSON has no image") };
     let begun = Kind::Json.render(&of_ranks(), &image);
     let mut begun: Value = serde_json::from_str(&begun).unwrap();
@@ -155,14 +153,13 @@ fn the_command_of_a_report_can_be_typed_again() {
     let before = SystemTime::now() - Duration::from_secs(1);
     place.run(&[&run[..], &[name]].concat()).succeeded();
     let image = place.get("a.pgm");
-    let report: Value =
-        serde_json::from_slice(&place.get("r.json")).unwrap();
+    let report = place.json("r.json");
     let date = report["date"].as_str().unwrap();
     let date = humantime::parse_rfc3339(date).unwrap();
     assert!(before < date && date <= SystemTime::now());
     assert!(!report["processor"].as_str().unwrap().is_empty());
     std::fs::remove_file(place.path("a.pgm")).unwrap();
-    let mut shell: Command = place.command("sh");
+    let mut shell = place.command("sh");
     shell.args(["-c", report["command"].as_str().unwrap()]);
     assert!(shell.status().unwrap().success());
     assert_eq!(place.get("a.pgm"), image);

@@ -18,13 +18,8 @@ use serde_json::Value;
 /// A view of four rows of tiles, the last of them cut off.
 const VIEW: [&str; 5] = ["-q", "-f", "-iroom.obj", "-d40x50", "-r0.7"];
 
-fn ptimg(place: &Scratch, arguments: &[&str]) -> Run {
-    let mut command = place.command(env!("CARGO_BIN_EXE_ptimg"));
-    finish(command.args(arguments).spawn().unwrap())
-}
-
 fn merge(place: &Scratch, arguments: &[&str]) -> Run {
-    ptimg(place, &[&["merge"], arguments].concat())
+    place.ptimg(&[&["merge"], arguments].concat())
 }
 
 fn part(place: &Scratch, name: &str, options: &[&str]) {
@@ -292,44 +287,12 @@ fn a_part_that_is_stopped_is_missing_its_rest_and_can_be_resumed() {
     }
 }
 
-/// The image of a single state comes from resuming a run that has ended.
-#[test]
-fn a_state_can_be_resumed_for_its_image() {
-    let place = Scratch::new();
-    let (whole, state) = (["-n8", "-oa.pfm"], ["-n8", "-oa.litpt"]);
-    place.run(&[&VIEW[..], &whole].concat()).succeeded();
-    part(&place, "a.litpt", &state[..1]);
-    let image = ["-q", "--resume=a.litpt", "-o", "b.pfm"];
-    place.run(&image).succeeded();
-    assert!(place.get("a.pfm") == place.get("b.pfm"));
-    // And `--checkpoint` writes the same as `-o`.
-    let other = [&VIEW[..], &["-n8", "--checkpoint=night.ck", "-oc.pfm"]];
-    place.run(&other.concat()).succeeded();
-    let fault = merge(&place, &["night.ck", "a.litpt", "-od.pfm"]);
-    fault.failed(1, &["night.ck and a.litpt both hold samples 0..8"]);
-}
-
 #[test]
 fn a_state_that_is_damaged_never_becomes_an_image() {
     let place = Scratch::new();
     part(&place, "a.litpt", &["-n8", "--samples=0..4"]);
     part(&place, "b.litpt", &["-n8", "--samples=4..8"]);
-    let files = ["a.litpt", "b.litpt"].map(|name| place.path(name));
-    assert!(shards::merge(&files).is_ok());
     let whole = place.get("b.litpt");
-    let refused = |bytes: &[u8], how: &str| {
-        place.put("b.litpt", bytes);
-        let fault = shards::merge(&files).err().expect(how);
-        assert!(fault.contains("b.litpt: is "), "{how}: {fault}");
-        assert_eq!(fault.lines().count(), 1, "{how}: {fault}");
-    };
-    for k in 0..100 {
-        let at = k * (whole.len() - 1) / 99;
-        let mut bytes = whole.clone();
-        bytes[at] ^= 1 << (k % 8);
-        refused(&bytes, &format!("flipped at {at}"));
-        refused(&whole[..at], &format!("cut off at {at}"));
-    }
     // Of another version, whatever else it holds.
     let mut older = whole.clone();
     older[17] = b'2';

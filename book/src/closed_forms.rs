@@ -336,7 +336,7 @@ impl Setting {
         Gather {
             inquiry: self.inquiry(resolution),
             intersector: &self.intersector,
-            known: &KnownPixels::Nothing,
+            known: KnownPixels::NOTHING,
             seed: 0,
             training: 1 << 16,
             correction: Some(Correction::default()),
@@ -348,7 +348,7 @@ impl Setting {
     pub fn job(&self, seed: u64) -> Job<'_, Bvh, PathTracer> {
         let &Self { entrance, ref intersector, ref camera, integrator } =
             self;
-        let known = &KnownPixels::Nothing;
+        let known = KnownPixels::NOTHING;
         let sampler = IndependentSampler::new(seed);
         Job { entrance, intersector, camera, integrator, known, sampler }
     }

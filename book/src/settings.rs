@@ -15,9 +15,6 @@ use litpt::film::{Film, Window};
 use litpt::render::choose::{Method, Sampling, Setup};
 use litpt::scene::{Mesh, Scene};
 use litpt::sky::Sky;
-use litpt::state::checkpoint::Known;
-use litpt::state::key::{RunKey, Subject};
-use serde_json::Value;
 
 /// A scene, a view of it, and the albedo of its surfaces.
 pub struct Setting {
@@ -284,23 +281,4 @@ fn chest() -> Mesh {
     add(&mut mesh, cube(), DVec3::new(0., 0., 1.5), 1.4);
     add(&mut mesh, ball(160), DVec3::new(0., 0., 1.5), 1.);
     mesh
-}
-
-/// What is known of a run of this seed of which nothing else matters.
-pub fn known(seed: u64) -> Known {
-    let (position, target, up) = (DVec3::ZERO, DVec3::Y, DVec3::Z);
-    let run_key = RunKey {
-        version: String::new(),
-        integrator: String::new(),
-        scene_sha256: String::new(),
-        subject: Subject {
-            resolution: (1, 1),
-            crop: None,
-            view: View { position, target, up, fov: 70. },
-            albedo: 1.,
-        },
-        sampling: Sampling::new(Method::Reference, seed, None, 1),
-        part: None,
-    };
-    Known { options: Value::Null, run_key, report: Value::Null }
 }

@@ -60,7 +60,7 @@ fn mean(mesh: &Mesh, view: &View, most: u64, n: u64) -> f64 {
     let camera = &Camera::new(view, 4. / 3.).unwrap();
     let tracer = PathTracer::new(1., Sky::new(view.up));
     let integrator = Limited { tracer, most };
-    let known = &KnownPixels::Nothing;
+    let known = KnownPixels::NOTHING;
     let entrance = scene.frame.entrance(view.position);
     let sampler = IndependentSampler::new(0);
     let mut film = Film::new(16, 12);

@@ -23,46 +23,37 @@ pub enum TileContent {
     Constant(f64),
 }
 
-/// What is known of all tiles of an image before the render.
+/// What is known of the tiles of an image before the render; by default
+/// nothing.
 #[derive(Default)]
-pub enum KnownPixels {
-    /// Nothing.
-    #[default]
-    Nothing,
-    /// All are black.
-    Dark,
-    /// Some tiles see no triangle.
-    Background(BackgroundTiles),
-}
-
-/// The tiles of an image, of which some see no triangle.
-pub struct BackgroundTiles {
+pub struct KnownPixels {
     columns: u32,
-    /// By row and column.
+    /// By row and column; none if nothing is known.
     tiles: Vec<TileContent>,
 }
 
 impl KnownPixels {
+    /// For a render of which nothing is known.
+    pub const NOTHING: &Self = &Self { columns: 0, tiles: vec![] };
+
     /// What is known of the tile of a pixel.
     pub fn content(&self, (x, y): (u32, u32)) -> TileContent {
-        match self {
-            Self::Nothing => TileContent::Scene,
-            Self::Dark => TileContent::Constant(0.),
-            Self::Background(BackgroundTiles { columns, tiles }) => {
-                tiles[(y / SIDE * columns + x / SIDE) as usize]
-            }
-        }
+        let tile = (y / SIDE * self.columns + x / SIDE) as usize;
+        self.tiles.get(tile).copied().unwrap_or(TileContent::Scene)
     }
 
     /// Whether each sample of the image is known.
     pub fn is_all(&self) -> bool {
         let is_constant =
             |tile: &TileContent| matches!(tile, TileContent::Constant(_));
-        match self {
-            Self::Nothing => false,
-            Self::Dark => true,
-            Self::Background(all) => all.tiles.iter().all(is_constant),
-        }
+        !self.tiles.is_empty() && self.tiles.iter().all(is_constant)
+    }
+
+    /// All of an image of this width and height is black.
+    pub fn dark((width, height): (u32, u32)) -> Self {
+        let (columns, rows) = (width.div_ceil(SIDE), height.div_ceil(SIDE));
+        let tile = TileContent::Constant(0.);
+        Self { columns, tiles: vec![tile; (columns * rows) as usize] }
     }
 }
 
@@ -102,11 +93,11 @@ impl Pyramid {
     }
 }
 
-impl BackgroundTiles {
+impl KnownPixels {
     /// The tiles of an image of this width and height that see no triangle
     /// of an intersector from the point `tip`, where the camera is among
     /// them.
-    pub fn new(
+    pub fn background(
         camera: &Camera,
         sky: Sky,
         (width, height): (u32, u32),

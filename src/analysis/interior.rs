@@ -13,50 +13,26 @@ use rand_pcg::Pcg64;
 use rayon::prelude::*;
 use robust::{Coord, Coord3D, orient2d, orient3d};
 
-use crate::bvh::{Hit, Intersector};
-use crate::camera::Camera;
+use crate::bvh::Intersector;
 use crate::numerics::cross;
-use crate::sampler::cosine_direction;
-use crate::scene::{Entrance, Ray, Triangle, scattered};
+use crate::scene::{Entrance, Triangle, scattered};
 
-/// Whether some path from the camera leaves the scene; then no closed
+/// Whether some ray from the camera leaves the scene; then no closed
 /// surface is around it.
 pub fn lets_out(
     entrance: &Entrance,
     intersector: &impl Intersector,
-    camera: &Camera,
 ) -> bool {
-    (0..PATHS).any(|n| {
-        let mut random = Pcg64::seed_from_u64(n);
-        let direction = camera.direction(random.random(), random.random());
-        let first = entrance.enter(direction);
-        leaves(first, intersector, &mut random)
+    let mut random = Pcg64::seed_from_u64(0);
+    (0..RAYS).any(|_| {
+        let direction = DVec3::from(random.random::<[f64; 3]>()) - 0.5;
+        let ray = entrance.enter(direction.normalize());
+        ray.is_none_or(|ray| !intersector.is_occluded(&ray, None))
     })
 }
 
-/// Paths that are tried, and rays of each.
-const PATHS: u64 = 256;
-const RAYS: usize = 16;
-
-/// Whether a path with this first ray leaves the scene.
-fn leaves(
-    first: Option<Ray>,
-    intersector: &impl Intersector,
-    random: &mut Pcg64,
-) -> bool {
-    let (mut ray, mut from) = (first, None);
-    for _ in 0..RAYS {
-        let hit = ray.and_then(|ray| intersector.first_hit(&ray, from));
-        let Some(Hit { point, normal, primitive }) = hit else {
-            return true;
-        };
-        let (r, turn) = (random.random(), random.random());
-        let direction = cosine_direction(normal, r, turn);
-        ray = Some(Ray { origin: point, direction });
-        from = Some(primitive);
-    }
-    false
-}
+/// Rays that are tried.
+const RAYS: usize = 4096;
 
 /// Whether a line from a point in the direction of the first axis crosses
 /// the edge from `a` to `b`, seen along the third.

@@ -233,7 +233,7 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
 }
 
 fn is_grey(target: &ImageTarget) -> bool {
-    [Format::Pgm, Format::Png].contains(&target.format())
+    [Format::Pgm, Format::Png].contains(&target.format)
 }
 
 fn write(targets: &[ImageTarget], image: &Image) -> Result<(), String> {

@@ -168,9 +168,7 @@ impl Report {
         }
         text
     }
-}
 
-impl Report {
     /// Why the run stopped, and whether its targets were met.
     pub fn verdict(&self) -> String {
         let mut text = match self.stopped.as_deref() {

@@ -112,21 +112,11 @@ fn fault(error: &io::Error) -> &'static str {
 
 /// The text of pairs of bytes that are UTF-16.
 fn utf_8(bytes: &[u8]) -> Result<Vec<u8>, String> {
-    let (pairs, rest) = bytes.as_chunks::<2>();
-    let mut is_big = false;
-    let units = pairs.iter().map(|&[a, b]| {
-        if let [0xfe, 0xff] | [0xff, 0xfe] = [a, b] {
-            is_big = a == 0xfe;
-        }
-        u16::from_le_bytes(if is_big { [b, a] } else { [a, b] })
-    });
-    let letters = char::decode_utf16(units)
-        .map(|letter| letter.unwrap_or(char::REPLACEMENT_CHARACTER));
-    let text = letters.collect::<String>().into_bytes();
-    let is_zero = !is_big || pairs.last() == Some(&[0, 0]);
-    match rest {
-        [] => Ok(text),
-        [0] if is_zero => Ok(text),
-        _ => Err("the UTF-16 text ends within a letter".to_owned()),
-    }
+    let (pairs, []) = bytes.as_chunks::<2>() else {
+        return Err("the UTF-16 text ends within a letter".to_owned());
+    };
+    let is_big = bytes.starts_with(&[0xfe]);
+    let unit = if is_big { u16::from_be_bytes } else { u16::from_le_bytes };
+    let units: Vec<u16> = pairs.iter().map(|&pair| unit(pair)).collect();
+    Ok(String::from_utf16_lossy(&units).into_bytes())
 }

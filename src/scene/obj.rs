@@ -4,17 +4,15 @@
 //! From the text of a Wavefront OBJ to a mesh.
 
 use std::borrow::Cow;
-use std::fmt;
-use std::iter::{Skip, from_fn};
-use std::str::SplitAsciiWhitespace;
+use std::iter::from_fn;
+use std::str::SplitWhitespace;
 
 use glam::DVec3;
 use memchr::{memchr, memchr2};
 use rayon::prelude::*;
 
-use super::encoding;
-use super::mesh::Mesh;
 use super::polygons::{self, Oddity};
+use super::{Mesh, encoding};
 
 /// Reads the mesh that the bytes `source` of a Wavefront OBJ describe,
 /// which may be compressed.
@@ -25,8 +23,9 @@ use super::polygons::{self, Oddity};
 /// fewer than three corners or with corners that do not exist or are not
 /// finite, more vertices than 32 bits can count or triangles than 30,
 /// compressed files that are damaged.
-pub fn read_obj(source: &[u8]) -> Result<Mesh, ObjError> {
-    Ok(read_file(source)?.0)
+pub fn read_obj(source: &[u8]) -> Result<Mesh, String> {
+    let read = read_file(source);
+    read.map(|(mesh, _)| mesh).map_err(|error| error.within("OBJ"))
 }
 
 /// The same as `read_obj`, with warnings, made like errors: of faces that
@@ -268,49 +267,26 @@ impl<'a> Iterator for Statements<'a> {
             match name.unwrap_or_default() {
                 b"v" | b"f" => return Some(whole),
                 // Pass a statement by
-                b""
-                | [b'#', ..]
-                | b"vt"
-                | b"vn"
-                | b"g"
-                | b"o"
-                | b"s"
-                | b"usemtl"
-                | b"mtllib"
-                | b"vp"
-                | b"mg"
-                | b"lod"
-                | b"shadow_obj"
-                | b"trace_obj"
-                | b"bevel"
-                | b"c_interp"
-                | b"d_interp"
-                | b"maplib"
-                | b"usemap"
-                | b"ctech"
-                | b"stech"
-                | b"deg"
-                | b"bmat"
-                | b"step"
-                | b"parm"
-                | b"trim"
-                | b"hole"
-                | b"scrv"
-                | b"sp"
-                | b"end"
-                | b"con" => {}
+                b"" | b"vt" | b"vn" | [b'#', ..] => {}
+                other
+                    if SILENT.split(' ').any(|s| s.as_bytes() == other) => {
+                }
                 other => {
-                    let name = String::from_utf8_lossy(
-                        &other[..other.len().min(40)],
-                    );
-                    let first = || (self.line, name.into_owned());
-                    self.first.get_or_insert_with(first);
+                    let name = &other[..other.len().min(40)];
+                    let name = String::from_utf8_lossy(name).into_owned();
+                    self.first.get_or_insert((self.line, name));
                     self.unused += 1;
                 }
             }
         }
     }
 }
+
+/// Statements that say how faces look or are called, or belong to a shape
+/// of which another statement is told.
+const SILENT: &str = "g o s usemtl mtllib vp mg lod shadow_obj trace_obj \
+    bevel c_interp d_interp maplib usemap ctech stech deg bmat step parm \
+    trim hole scrv sp end con";
 
 /// The text in pieces, each of whole statements and, but for the last,
 /// longer than `size` bytes.
@@ -332,14 +308,10 @@ fn cut(mut source: &[u8], size: usize) -> Vec<&[u8]> {
     pieces
 }
 
-fn is_vertex(statement: &[u8]) -> bool {
-    statement.first() == Some(&b'v')
-}
-
 /// The number of vertices in a piece, and its statements at their end.
 fn count(piece: &[u8]) -> (usize, Statements<'_>) {
     let mut all = Statements::of(piece);
-    let vertices = all.by_ref().filter(|text| is_vertex(text)).count();
+    let vertices = all.by_ref().filter(|s| s.starts_with(b"v")).count();
     // A line that the next piece has as well is counted there.
     let is_within = |&last| !matches!(last, b'\n' | b'\r');
     all.line -= usize::from(piece.last().is_some_and(is_within));
@@ -357,31 +329,10 @@ fn read_piece(
     let mut statements = Statements::of(piece);
     while let Some(text) = statements.next() {
         let vertices = [first + mesh.vertices.len(), total];
-        // Read the statement, once more before its comment
-        let begun = [mesh.triangles.len(), mesh.joined.len()];
-        if read_statement(&text, vertices, &mut mesh).is_err() {
-            mesh.triangles.truncate(begun[0]);
-            mesh.joined.truncate(begun[1]);
-            before_comment(&text)
-                .and_then(|text| read_statement(&text, vertices, &mut mesh))
-                .map_err(|what| {
-                    ObjError::new(lines + statements.line, what)
-                })?;
-        }
+        read_statement(&text, vertices, &mut mesh)
+            .map_err(|what| ObjError::new(lines + statements.line, what))?;
     }
     Ok(mesh)
-}
-
-/// A statement without its comment, and with one blank between words.
-#[cold]
-fn before_comment(text: &[u8]) -> Result<Vec<u8>, String> {
-    let end = memchr(b'#', text).unwrap_or(text.len());
-    let words = letters(&text[..end])?.split_whitespace();
-    Ok(words.collect::<Vec<_>>().join(" ").into_bytes())
-}
-
-fn letters(text: &[u8]) -> Result<&str, String> {
-    std::str::from_utf8(text).map_err(|_| "not UTF-8 text".to_owned())
 }
 
 fn read_statement(
@@ -389,23 +340,23 @@ fn read_statement(
     vertices: [usize; 2],
     mesh: &mut Mesh,
 ) -> Result<(), String> {
-    let words = letters(text)?.split_ascii_whitespace().skip(1);
-    match is_vertex(text) {
-        true => read_vertex(words).map(|p| mesh.vertices.push(p)),
-        false => read_face(words, vertices, mesh),
+    let end = memchr(b'#', text).unwrap_or(text.len());
+    let text =
+        str::from_utf8(&text[..end]).map_err(|_| "not UTF-8 text")?;
+    let mut words = text.split_whitespace();
+    match words.next() {
+        Some("v") => read_vertex(words).map(|p| mesh.vertices.push(p)),
+        _ => read_face(words, vertices, mesh),
     }
 }
 
-type Words<'a> = Skip<SplitAsciiWhitespace<'a>>;
-
-fn read_vertex(mut words: Words) -> Result<DVec3, String> {
+fn read_vertex(mut words: SplitWhitespace) -> Result<DVec3, String> {
     let mut position = [0.; 3];
     for (axis, value) in ["x", "y", "z"].iter().zip(&mut position) {
-        let word = words.next();
-        let word = word.ok_or(format!("a vertex without {axis}"))?;
-        let number = word.parse::<f64>();
-        *value =
-            number.map_err(|_| format!("{axis} = {word} is no number"))?;
+        let none = || format!("a vertex without {axis}");
+        let word = words.next().ok_or_else(none)?;
+        let wrong = |_| format!("{axis} = {word} is no number");
+        *value = word.parse().map_err(wrong)?;
     }
     match words.find(|word| word.parse::<f64>().is_err()) {
         Some(word) => Err(format!("{word} is no number")),
@@ -415,7 +366,7 @@ fn read_vertex(mut words: Words) -> Result<DVec3, String> {
 
 /// Appends the fan of the face whose corners are `words`.
 fn read_face(
-    words: Words,
+    words: SplitWhitespace,
     vertices: [usize; 2],
     mesh: &mut Mesh,
 ) -> Result<(), String> {
@@ -493,11 +444,3 @@ impl ObjError {
         }
     }
 }
-
-impl fmt::Display for ObjError {
-    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.write_str(&self.within("OBJ"))
-    }
-}
-
-impl std::error::Error for ObjError {}

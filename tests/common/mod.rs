@@ -46,6 +46,12 @@ const PT: &str = match (
     _ => "pt",
 };
 
+/// Its companion, which is not in the package of many processes.
+const PTIMG: &str = match option_env!("CARGO_BIN_EXE_ptimg") {
+    Some(program) => program,
+    None => "ptimg",
+};
+
 /// No run of these tests takes longer, unless it hangs.
 const PATIENCE: Duration = Duration::from_secs(120);
 
@@ -124,6 +130,11 @@ impl Scratch {
         let mut command = self.command("sh");
         command.args(["-c", &script, PT, "-p0,0,0"]).args(arguments);
         finish(command.spawn().unwrap())
+    }
+
+    /// Runs `ptimg` to its end.
+    pub fn ptimg(&self, arguments: &[&str]) -> Run {
+        finish(self.command(PTIMG).args(arguments).spawn().unwrap())
     }
 
     /// Runs `pt` with `input` on its standard input.

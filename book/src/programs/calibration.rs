@@ -123,7 +123,7 @@ fn image(setting: &Setting, method: Method, seed: u64, n: u64) -> Film {
     // Know nothing of the image beforehand
     let Job { intersector, .. } = setting.job(seed);
     let inquiry = setting.inquiry(resolution);
-    let known = KnownPixels::Nothing;
+    let known = KnownPixels::default();
     let analysis =
         SceneAnalysis { findings: vec![], known, is_black: false };
     let window = Window { corner: (0, 0), size: resolution };

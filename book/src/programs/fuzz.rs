@@ -234,7 +234,7 @@ impl Case {
             intersector: &intersector,
             camera,
             integrator,
-            known: &KnownPixels::Nothing,
+            known: KnownPixels::NOTHING,
             sampler: IndependentSampler::new(0),
         };
         let mut film = Film::new(self.resolution.0, self.resolution.1);

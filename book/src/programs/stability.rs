@@ -214,7 +214,7 @@ fn alike() -> Result<u32, Box<dyn Error>> {
             intersector: &intersector,
             camera: &camera,
             integrator,
-            known: &KnownPixels::Nothing,
+            known: KnownPixels::NOTHING,
             sampler: IndependentSampler::new(1),
         };
         let mut film = Film::new(64, 48);

@@ -4,9 +4,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 
 use glam::DVec3;
-use litpt::analysis::background::{
-    BackgroundTiles, KnownPixels, TileContent,
-};
+use litpt::analysis::background::{KnownPixels, TileContent};
 use litpt::camera::View;
 use litpt::sky::Sky;
 
@@ -34,12 +32,11 @@ pub fn draw(out: &mut Out) -> Done {
         let tip = stage.scene.frame.entrance(view.position).place();
         let tip = tip.ok_or("the camera is far away")?;
         let (camera, size) = (&stage.camera, stage.size);
-        let tiles =
-            BackgroundTiles::new(camera, sky, size, tip, &stage.bvh);
-        let (all, empty, _) = tiles.count(size);
+        let known =
+            KnownPixels::background(camera, sky, size, tip, &stage.bvh);
+        let (all, empty, _) = known.count(size);
         out.number(&format!("tiles {name}"), "all", all as f64)?;
         out.number(&format!("tiles {name}"), "empty", empty as f64)?;
-        let known = KnownPixels::Background(tiles);
         let lit = stage.pixels(|_, hit| {
             hit.map_or(0.6, |hit| grey(0.1 + 0.55 * shade(hit.normal)))
         });
