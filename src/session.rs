@@ -69,7 +69,7 @@ pub trait Ranks {
     }
 
     /// Renders for the leader until there is nothing more to do.
-    fn serve(&self, _: &mut dyn Renderer, _: &RunKey) {}
+    fn serve(&self, _: Box<dyn Renderer + '_>, _: &RunKey) {}
 }
 
 /// One process.
@@ -835,7 +835,7 @@ pub fn follow(ranks: &dyn Ranks) -> Result<(), String> {
     let Some(run_key) = hear::<RunKey>(ranks)? else { return Ok(()) };
     let setup =
         Setup { intersector: &bvh, inquiry: &inquiry, analysis: &analysis };
-    let mut job = setup.renderer(&run_key.sampling);
-    ranks.serve(&mut *job, &run_key);
+    let job = setup.renderer(&run_key.sampling);
+    ranks.serve(job, &run_key);
     Ok(())
 }

@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::{self, Receiver, Sender};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
-use std::{iter, panic, thread};
+use std::{panic, thread};
 
 use litpt::film::{Film, SIDE, Watch, Window};
 use litpt::progress;
@@ -34,10 +34,8 @@ impl Ranks for World {
     }
 
     fn tell(&self, bytes: &mut [u8]) {
-        if self.count() > 1 {
-            send_all(Order::Listen(bytes.len() as u64));
-            broadcast(bytes);
-        }
+        send_all(Order::Listen(bytes.len() as u64));
+        broadcast(bytes);
     }
 
     fn hear(&self) -> Option<Vec<u8>> {
@@ -55,22 +53,21 @@ impl Ranks for World {
         if self.count() == 1 {
             return own;
         }
+        let own = Worker::new(own, run_key);
         let shares = vec![Share::default(); self.count() as usize];
-        let before = processor_seconds();
-        Box::new(Leader { own, run_key, shares, before, least: 0. })
+        Box::new(Leader { own, shares, passes: 0., least: 0. })
     }
 
-    fn serve(&self, renderer: &mut dyn Renderer, run_key: &RunKey) {
+    fn serve(&self, renderer: Box<dyn Renderer + '_>, run_key: &RunKey) {
         let stop = AtomicBool::new(false);
         let (pieces, todo) = mpsc::channel();
         let (done, parts) = mpsc::channel();
-        let before = processor_seconds();
+        let mut own = Worker::new(renderer, run_key);
         thread::scope(|scope| {
             scope.spawn(|| exchange(pieces, parts, &stop));
             let watch = |_| !stop.load(Ordering::Relaxed);
             for piece in todo {
-                let piece = (piece, run_key);
-                let part = Part::render(piece, renderer, &watch, before);
+                let part = own.render(piece, &watch);
                 let _ = done.send(part.to_bytes());
             }
         });
@@ -93,10 +90,9 @@ fn main() -> ExitCode {
 }
 
 fn follow(rank: Rank) -> ExitCode {
-    let Err(message) = session::follow(&World) else {
-        return ExitCode::SUCCESS;
-    };
-    if next_order() != Order::End {
+    if let Err(message) = session::follow(&World)
+        && next_order() != Order::End
+    {
         progress::error(&format!("rank {rank}: {message}"));
         world().abort(1);
     }
@@ -211,177 +207,103 @@ struct Piece {
     samples: u64,
 }
 
-impl Piece {
-    /// An empty film for it.
-    fn film(&self, run_key: &RunKey) -> Film {
-        run_key.film_of(self.window, self.first)
-    }
-
-    fn paths(&self) -> u64 {
-        area(self.window) * self.samples
-    }
-
-    /// Two pieces that make up this one, if there are.
-    fn halves(self, replicate: u64) -> Option<[Self; 2]> {
-        let values = self.samples / replicate;
-        match halves(self.window) {
-            Some(windows) => {
-                Some(windows.map(|window| Self { window, ..self }))
-            }
-            None if values < 2 => None,
-            None => {
-                let samples = values / 2 * replicate;
-                let first = self.first + samples;
-                let rest = self.samples - samples;
-                Some([
-                    Self { samples, ..self },
-                    Self { first, samples: rest, ..self },
-                ])
-            }
-        }
-    }
-}
-
-fn area(window: Window) -> u64 {
-    u64::from(window.size.0) * u64::from(window.size.1)
-}
-
 /// Two windows of whole tiles that make up this one, if there are.
 fn halves(window: Window) -> Option<[Window; 2]> {
-    let Window { corner: (x, y), size: (width, height) } = window;
-    let (columns, rows) = (edge(x, width), edge(y, height));
-    let part = |corner, size| Window { corner, size };
-    match (columns, rows) {
-        (Some(at), rows) if width >= height || rows.is_none() => Some([
-            part((x, y), (at - x, height)),
-            part((at, y), (x + width - at, height)),
-        ]),
-        (_, Some(at)) => Some([
-            part((x, y), (width, at - y)),
-            part((x, at), (width, y + height - at)),
-        ]),
-        _ => None,
-    }
-}
-
-/// The edge of a tile next to the middle of a range.
-fn edge(from: u32, size: u32) -> Option<u32> {
-    let middle = from + size / 2;
-    let edges = [middle.next_multiple_of(SIDE), middle / SIDE * SIDE];
-    edges.into_iter().find(|&at| from < at && at < from + size)
-}
-
-/// The pieces of a pass that no rank has got.
-struct Schedule {
-    /// The next one is the last.
-    pieces: Vec<Piece>,
-    /// Paths in all of them.
-    left: u64,
-    /// Pieces of fewer paths are not divided.
-    least: u64,
-    ranks: u64,
-    replicate: u64,
-}
-
-impl Schedule {
-    /// All that takes a film to so many samples.
-    fn new(film: &Film, end: u64, ranks: u64) -> Self {
-        let mut pieces = vec![];
-        lacking(film, film.window(), end, &mut pieces);
-        let left: u64 = pieces.iter().map(Piece::paths).sum();
-        let least = left / (64 * ranks);
-        Self { pieces, left, least, ranks, replicate: film.replicate() }
-    }
-
-    /// The next piece; it is smaller, the less is left.
-    fn take(&mut self) -> Option<Piece> {
-        let mut piece = self.pieces.pop()?;
-        let most = (self.left / (4 * self.ranks)).max(self.least);
-        while piece.paths() > most {
-            let Some([half, rest]) = piece.halves(self.replicate) else {
-                break;
-            };
-            self.pieces.push(rest);
-            piece = half;
-        }
-        self.left -= piece.paths();
-        Some(piece)
-    }
-}
-
-/// Adds what the tiles of a window lack up to so many samples.
-fn lacking(film: &Film, window: Window, end: u64, pieces: &mut Vec<Piece>) {
-    let replicate = film.replicate();
-    let end = end.div_ceil(replicate) * replicate;
-    let samples = corners(window).map(|tile| samples_at(film, tile));
-    let (least, most) = samples.fold((u64::MAX, 0), |(least, most), n| {
-        (least.min(n), most.max(n))
-    });
-    if least == most {
-        let first = film.first() + least;
-        let samples = end.saturating_sub(least);
-        pieces.extend((samples > 0).then_some(Piece {
-            window,
-            first,
-            samples,
-        }));
-    } else if let Some(windows) = halves(window) {
-        for half in windows {
-            lacking(film, half, end, pieces);
-        }
+    let turn = |Window { corner: (x, y), size: (width, height) }| Window {
+        corner: (y, x),
+        size: (height, width),
+    };
+    let bands = |w: Window| [(1, 2), (2, 2)].map(|band| w.band(band));
+    let turned = turn(window);
+    match (turned.tile_rows(), window.tile_rows()) {
+        (1, 1) => None,
+        (columns, rows) if columns < rows => Some(bands(window)),
+        _ => Some(bands(turned).map(turn)),
     }
 }
 
 /// The first pixel of each tile of a window.
-fn corners(window: Window) -> impl Iterator<Item = (u32, u32)> {
-    let (right, bottom) = window.end();
-    let starts = |from: u32, end: u32| {
-        iter::successors(Some(from), |at| Some((at / SIDE + 1) * SIDE))
-            .take_while(move |&at| at < end)
+fn corners(window: Window) -> impl Iterator<Item = (u32, u32)> + Clone {
+    let ((left, top), (right, bottom)) = (window.corner, window.end());
+    let edges = |from: u32, end: u32| {
+        let cells = from / SIDE..end.div_ceil(SIDE);
+        cells.map(move |k| from.max(k * SIDE))
     };
-    let (x, y) = window.corner;
-    starts(y, bottom)
-        .flat_map(move |y| starts(x, right).map(move |x| (x, y)))
+    let (columns, rows) = (edges(left, right), edges(top, bottom));
+    rows.flat_map(move |y| columns.clone().map(move |x| (x, y)))
 }
 
-/// The samples of a pixel of a film.
-fn samples_at(film: &Film, (x, y): (u32, u32)) -> u64 {
-    film.pixel(x, y).count() * film.replicate()
+/// A pass over a film: what no rank has got of it, and what has come back.
+struct Pass<'a> {
+    film: &'a mut Film,
+    /// The samples of each pixel at its end.
+    end: u64,
+    /// What no rank has got; the last one is the next.
+    windows: Vec<Window>,
+    /// Pixels in all of them.
+    left: u64,
+    /// The rays of what has come back.
+    rays: u64,
+    /// What each rank has done.
+    shares: &'a mut [Share],
 }
 
-/// The sums of a piece, and what they have cost.
+impl<'a> Pass<'a> {
+    fn new(film: &'a mut Film, end: u64, shares: &'a mut [Share]) -> Self {
+        let (windows, left) = (vec![film.window()], film.area());
+        Self { film, end, windows, left, rays: 0, shares }
+    }
+
+    /// The largest piece in pixels; it is smaller, the less is left.
+    fn most(&self) -> usize {
+        let rest = self.left.max(self.film.area() / 16) as usize;
+        rest / (4 * self.shares.len())
+    }
+
+    fn take(&mut self) -> Option<Piece> {
+        let most = self.most();
+        while let Some(window) = self.windows.pop() {
+            // Halve the window if it is too large or its tiles differ
+            let counts =
+                corners(window).map(|(x, y)| self.film.pixel(x, y).count());
+            let least = counts.clone().min().unwrap_or_default();
+            if (window.area() > most || counts.max() > Some(least))
+                && let Some([half, rest]) = halves(window)
+            {
+                self.windows.extend([rest, half]);
+                continue;
+            }
+            let has = least * self.film.replicate();
+            self.left -= window.area() as u64;
+            let first = self.film.first() + has;
+            if let samples @ 1.. = self.end.saturating_sub(has) {
+                return Some(Piece { window, first, samples });
+            }
+        }
+        None
+    }
+
+    /// Takes what a rank has rendered.
+    fn add(&mut self, rank: usize, part: Part) {
+        self.film.merge(&part.film);
+        self.rays += part.rays;
+        self.shares[rank] = part.share;
+    }
+}
+
+/// The sums of a piece, and what its rank has done so far.
 struct Part {
-    piece: Piece,
     film: Film,
+    /// The rays of this piece.
     rays: u64,
     share: Share,
 }
 
 impl Part {
-    /// Renders a piece, unless `watch` stops it, in a process that had computed
-    /// for so many seconds before.
-    fn render(
-        (piece, run_key): (Piece, &RunKey),
-        renderer: &mut dyn Renderer,
-        watch: &Watch,
-        before: f64,
-    ) -> Self {
-        let (began, mut film) = (Instant::now(), piece.film(run_key));
-        let rays = renderer.pass(&mut film, piece.samples, watch);
-        let paths = film.stored().iter().map(Accumulator::count);
-        let share = Share {
-            paths: paths.sum::<u64>() * film.replicate(),
-            render_seconds: began.elapsed().as_secs_f64(),
-            processor_seconds: processor_seconds() - before,
-            ..Share::default()
-        };
-        Self { piece, film, rays, share }
-    }
-
     fn to_bytes(&self) -> Vec<u8> {
-        let Self { piece, film, rays, share } = self;
-        let head = serde_json::to_vec(&(piece, rays, share));
-        let mut bytes = head.unwrap_or_default();
+        let Self { film, rays, share } = self;
+        let head = (film.window(), film.first(), rays, share);
+        let mut bytes = serde_json::to_vec(&head).unwrap_or_default();
         bytes.push(b'\n');
         let sums = film.stored().iter().chain(film.tile_means());
         bytes.extend(sums.flat_map(Accumulator::to_bytes));
@@ -390,10 +312,9 @@ impl Part {
 
     fn from_bytes(bytes: &[u8], run_key: &RunKey) -> Option<Self> {
         let end = bytes.iter().position(|&byte| byte == b'\n')?;
-        let head = serde_json::from_slice(&bytes[..end]);
-        let (piece, rays, mut share): (Piece, _, Share) = head.ok()?;
-        share.sent_bytes = bytes.len() as u64;
-        let mut film = piece.film(run_key);
+        let head = serde_json::from_slice(&bytes[..end]).ok()?;
+        let (window, first, rays, share) = head;
+        let mut film = run_key.film_of(window, first);
         let (sums, _) = bytes[end + 1..].as_chunks();
         let mut sums = sums.iter().map(Accumulator::from_bytes);
         let mut fill = |all: &mut [Accumulator]| {
@@ -401,96 +322,72 @@ impl Part {
         };
         fill(film.stored_mut());
         fill(film.tile_means_mut());
-        Some(Self { piece, film, rays, share })
+        Some(Self { film, rays, share })
     }
 }
 
-/// The film of a pass, and what all ranks have spent on it.
-struct Collector<'a> {
-    film: &'a mut Film,
-    /// Parts that samples are missing before.
-    waiting: Vec<Part>,
-    /// The rays of all parts.
-    rays: u64,
-    /// What each rank has done.
-    shares: &'a mut [Share],
+/// What renders the pieces of one rank.
+struct Worker<'a> {
+    renderer: Box<dyn Renderer + 'a>,
+    run_key: &'a RunKey,
+    /// What it has done.
+    share: Share,
+    /// The processor time before that.
+    before: f64,
 }
 
-impl<'a> Collector<'a> {
-    fn new(film: &'a mut Film, shares: &'a mut [Share]) -> Self {
-        Self { film, waiting: vec![], rays: 0, shares }
+impl<'a> Worker<'a> {
+    fn new(renderer: Box<dyn Renderer + 'a>, run_key: &'a RunKey) -> Self {
+        let before = processor_seconds();
+        Self { renderer, run_key, share: Share::default(), before }
     }
 
-    /// Takes a part of a rank.
-    fn add(&mut self, rank: usize, part: Part) {
-        let share = &mut self.shares[rank];
-        share.paths += part.share.paths;
-        share.render_seconds += part.share.render_seconds;
-        share.sent_bytes += part.share.sent_bytes;
-        share.processor_seconds = part.share.processor_seconds;
-        self.rays += part.rays;
-        self.waiting.push(part);
-        while let Some(k) =
-            self.waiting.iter().position(|w| self.follows(w))
-        {
-            let part = self.waiting.swap_remove(k);
-            self.film.merge(&part.film);
-        }
-    }
-
-    /// Whether the film has all samples before those of a part.
-    fn follows(&self, part: &Part) -> bool {
-        let Piece { window, first, .. } = part.piece;
-        self.film.first() + samples_at(self.film, window.corner) == first
+    /// Renders a piece, unless `watch` stops it.
+    fn render(&mut self, piece: Piece, watch: &Watch) -> Part {
+        let began = Instant::now();
+        let mut film = self.run_key.film_of(piece.window, piece.first);
+        let rays = self.renderer.pass(&mut film, piece.samples, watch);
+        self.share.paths += film.counts().sum::<u64>();
+        self.share.render_seconds += began.elapsed().as_secs_f64();
+        self.share.processor_seconds = processor_seconds() - self.before;
+        Part { film, rays, share: self.share.clone() }
     }
 }
 
 /// A renderer on all ranks.
 struct Leader<'a> {
-    own: Box<dyn Renderer + 'a>,
-    run_key: &'a RunKey,
+    own: Worker<'a>,
     shares: Vec<Share>,
-    /// The processor time before the first pass.
-    before: f64,
+    /// Seconds of all passes.
+    passes: f64,
     /// Seconds below which a pass is too short.
     least: f64,
 }
 
 impl Renderer for Leader<'_> {
     fn pass(&mut self, film: &mut Film, end: u64, watch: &Watch) -> u64 {
-        let Self { own, run_key, shares, before, least } = self;
-        let (began, run_key) = (Instant::now(), *run_key);
-        let ranks = shares.len() as u64;
-        let done = |share: &Share| share.render_seconds;
-        let rendered: Vec<f64> = shares.iter().map(done).collect();
-        let schedule = Mutex::new(Schedule::new(film, end, ranks));
-        let collector = Mutex::new(Collector::new(film, shares));
+        let (began, own) = (Instant::now(), &mut self.own);
+        let run_key = own.run_key;
+        let pass = Mutex::new(Pass::new(film, end, &mut self.shares));
         let busy = thread::scope(|scope| {
-            let hand_out =
-                || hand_out(&schedule, &collector, run_key, watch);
-            let progress = scope.spawn(hand_out);
+            let busy = scope.spawn(|| hand_out(&pass, run_key, watch));
             // Render pieces until none is left
             while watch(0) {
-                let Some(piece) = locked(&schedule).take() else { break };
-                let part = Part::render(
-                    (piece, run_key),
-                    &mut **own,
-                    watch,
-                    *before,
-                );
-                locked(&collector).add(0, part);
+                let Some(piece) = locked(&pass).take() else { break };
+                let part = own.render(piece, watch);
+                locked(&pass).add(0, part);
             }
-            progress.join().unwrap_or_default().as_secs_f64()
+            busy.join().unwrap_or_default().as_secs_f64()
         });
-        let rays = locked(&collector).rays;
-        drop(collector);
+        let rays = pass.into_inner().map_or(0, |pass| pass.rays);
         // Tell how long each rank has waited
-        let wall = began.elapsed().as_secs_f64();
-        *least = 8. * busy;
-        shares[0].collect_seconds += busy;
-        for (share, before) in shares.iter_mut().zip(rendered) {
-            let waited = wall - (share.render_seconds - before);
-            share.wait_seconds += waited.max(0.);
+        self.least = 8. * busy;
+        self.own.share.collect_seconds += busy;
+        self.shares[0] = self.own.share.clone();
+        self.passes += began.elapsed().as_secs_f64();
+        for share in &mut self.shares {
+            share.wait_seconds =
+                (self.passes - share.render_seconds).max(0.);
         }
         rays
     }
@@ -515,8 +412,7 @@ static OUTSTANDING: AtomicUsize = AtomicUsize::new(0);
 /// Gives pieces to the other ranks and takes their sums, until all is
 /// done or `watch` stops it; returns the time that the sums have taken.
 fn hand_out(
-    schedule: &Mutex<Schedule>,
-    collector: &Mutex<Collector>,
+    pass: &Mutex<Pass>,
     run_key: &RunKey,
     watch: &Watch,
 ) -> Duration {
@@ -527,9 +423,7 @@ fn hand_out(
             // Give each rank two pieces
             for (rank, asked) in asked.iter_mut().enumerate().skip(1) {
                 while *asked < 2 {
-                    let Some(piece) = locked(schedule).take() else {
-                        break;
-                    };
+                    let Some(piece) = locked(pass).take() else { break };
                     send(rank as Rank, Order::Render(piece));
                     *asked += 1;
                 }
@@ -553,9 +447,12 @@ fn hand_out(
             continue;
         };
         asked[rank] -= 1;
-        if let Some(part) = Part::from_bytes(&bytes, run_key) {
-            watch(part.share.paths);
-            locked(collector).add(rank, part);
+        if let Some(mut part) = Part::from_bytes(&bytes, run_key) {
+            let mut pass = locked(pass);
+            let before = &pass.shares[rank];
+            part.share.sent_bytes = before.sent_bytes + bytes.len() as u64;
+            watch(part.share.paths - before.paths);
+            pass.add(rank, part);
         }
         busy += began.elapsed();
     }
