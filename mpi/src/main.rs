@@ -260,6 +260,7 @@ impl<'a> Pass<'a> {
         rest / (4 * self.shares.len())
     }
 
+    /// The next piece, if there is one.
     fn take(&mut self) -> Option<Piece> {
         let most = self.most();
         while let Some(window) = self.windows.pop() {
