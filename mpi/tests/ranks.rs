@@ -2,18 +2,17 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 
 //! Several ranks render what one process does, and what is left when one
-//! of them dies. These tests are skipped where there is no `mpirun`.
+//! of them dies.
 
 #[path = "../../tests/common/mod.rs"]
 mod common;
 
 use std::fs;
-use std::path::Path;
 use std::process::{Child, Command};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use common::{Run, Scratch, finish, skip, wait_until};
+use common::{Run, Scratch, finish, wait_until};
 use litpt::image::Image;
 use litpt::run_output::conclude;
 use litpt::state::checkpoint::Checkpoint;
@@ -22,12 +21,8 @@ use litpt::state::shards::merge;
 const SCENE: [&str; 6] =
     ["-q", "-f", "-iroom.obj", "-d70x50", "-r0.7", "-j1"];
 
-/// The command `pt` on so many ranks; none if there is no `mpirun`.
-fn ranks(place: &Scratch, n: usize, arguments: &[&str]) -> Option<Command> {
-    if Command::new("mpirun").arg("--version").output().is_err() {
-        skip("there is no mpirun");
-        return None;
-    }
+/// The command `pt` on so many ranks.
+fn ranks(place: &Scratch, n: usize, arguments: &[&str]) -> Command {
     let mut command = place.command("mpirun");
     // What is named in the environment is left to the tests.
     command.env("OMPI_ALLOW_RUN_AS_ROOT", "1");
@@ -35,15 +30,22 @@ fn ranks(place: &Scratch, n: usize, arguments: &[&str]) -> Option<Command> {
     command.args(["--oversubscribe", "--bind-to", "none", "-n"]);
     command.arg(n.to_string()).arg(env!("CARGO_BIN_EXE_pt-mpi"));
     command.arg("-p0,0,0").args(SCENE).args(arguments);
-    Some(command)
+    command
 }
 
-fn run(place: &Scratch, n: usize, arguments: &[&str]) -> Option<Run> {
-    Some(finish(ranks(place, n, arguments)?.spawn().unwrap()))
+/// Its run to the end, with the scene on standard input.
+fn run(place: &Scratch, n: usize, arguments: &[&str]) -> Run {
+    let mut command = ranks(place, n, arguments);
+    let input = fs::File::open(place.path("room.obj")).unwrap();
+    finish(command.stdin(input).spawn().unwrap())
 }
 
 fn alone(place: &Scratch, arguments: &[&str]) {
     place.run(&[&SCENE[..], arguments].concat()).succeeded();
+}
+
+fn same(place: &Scratch, what: &str) {
+    assert!(place.get("a.pfm") == place.get("b.pfm"), "{what}");
 }
 
 /// The image of one process is that of several ranks, whose numbers of
@@ -64,13 +66,12 @@ fn ranks_render_the_image_of_one_process() {
         let place = Scratch::new();
         alone(&place, &[arguments, &["-oa.pfm"]].concat());
         for &n in numbers {
-            let out = ["-ob.pfm", "--report=r.json"];
+            let out = ["-i-", "-ob.pfm", "--report=r.json"];
             let all = [arguments, &out].concat();
-            let Some(run) = run(&place, n, &all) else { return };
+            let run = run(&place, n, &all);
             run.succeeded();
             assert_eq!(run.stderr, "");
-            let same = place.get("b.pfm") == place.get("a.pfm");
-            assert!(same, "{arguments:?}: {n} ranks");
+            same(&place, &format!("{arguments:?}: {n} ranks"));
             let report = place.json("r.json");
             let Some(shares) = report["ranks"].as_array() else {
                 assert_eq!(n, 1, "no shares of ranks");
@@ -94,8 +95,7 @@ fn ranks_render_a_part_of_a_run() {
     for (band, name) in [("1/2", "b.litpt"), ("2/2", "c.litpt")] {
         let tiles = format!("--tiles={band}");
         let part = ["-n64", "--samples=32..64", &tiles, "-o", name];
-        let Some(run) = run(&place, 3, &part) else { return };
-        run.succeeded();
+        run(&place, 3, &part).succeeded();
     }
     let parts = ["a.litpt", "b.litpt", "c.litpt"].map(|n| place.path(n));
     let (image, _) = conclude(merge(&parts).unwrap());
@@ -105,23 +105,11 @@ fn ranks_render_a_part_of_a_run() {
 }
 
 #[test]
-fn a_scene_comes_from_the_standard_input_of_rank_0() {
-    let place = Scratch::new();
-    alone(&place, &["-n4", "-oa.pfm"]);
-    let input = fs::File::open(place.path("room.obj")).unwrap();
-    let arguments = ["-i-", "-n4", "-ob.pfm"];
-    let Some(mut command) = ranks(&place, 3, &arguments) else { return };
-    finish(command.stdin(input).spawn().unwrap()).succeeded();
-    assert!(place.get("a.pfm") == place.get("b.pfm"));
-}
-
-#[test]
 fn a_time_limit_ends_all_ranks() {
     let place = Scratch::new();
     let limit = ["--time=2", "-oa.pfm", "--report=r.json"];
     let start = Instant::now();
-    let Some(run) = run(&place, 3, &limit) else { return };
-    run.succeeded();
+    run(&place, 3, &limit).succeeded();
     assert!(start.elapsed() < Duration::from_secs(30));
     let report = place.json("r.json");
     assert_eq!(report["stopped"], "time");
@@ -135,57 +123,40 @@ fn a_time_limit_ends_all_ranks() {
 fn what_is_wrong_is_said_once() {
     let place = Scratch::new();
     place.put("bad.obj", "v 1 2\n");
-    for arguments in [&["-ibad.obj", "-oa.pfm"][..], &["-inone.obj"]] {
-        let Some(run) = run(&place, 3, arguments) else { return };
+    for (arguments, message) in [
+        (["-ibad.obj", "-oa.pfm"], "bad.obj:1:"),
+        (["-inone.obj", "-oa.pfm"], "No such file"),
+        (["-n4", "-o/dev/full"], "No space left"),
+    ] {
+        let run = run(&place, 3, &arguments);
         assert_eq!(run.status, Some(1), "{}", run.stderr);
         assert_eq!(run.stderr.matches("error:").count(), 1);
-    }
-    let full = Path::new("/dev/full");
-    if full.exists() {
-        let arguments = ["-n4", "-o", "/dev/full", "-oa.pfm"];
-        let run = run(&place, 3, &arguments).unwrap();
-        assert_eq!(run.status, Some(1), "{}", run.stderr);
-        assert!(run.stderr.contains("No space left"), "{}", run.stderr);
-        alone(&place, &["-n4", "-ob.pfm"]);
-        assert!(place.get("a.pfm") == place.get("b.pfm"));
+        assert!(run.stderr.contains(message), "{}", run.stderr);
     }
 }
 
 /// The processes of the ranks, in their order.
-fn processes(place: &Scratch) -> Vec<i32> {
-    let here = fs::canonicalize(place.path("")).unwrap();
-    let mut found = vec![];
-    for entry in fs::read_dir("/proc").unwrap() {
-        let path = entry.unwrap().path();
-        let name = path.file_name().unwrap().to_string_lossy().into_owned();
-        let Ok(id) = name.parse::<i32>() else { continue };
-        let link = |name| fs::read_link(path.join(name)).ok();
-        let pt = Path::new(env!("CARGO_BIN_EXE_pt-mpi"));
-        if link("cwd").as_ref() == Some(&here)
-            && link("exe").as_deref() == Some(pt)
-        {
-            let words = fs::read(path.join("environ")).unwrap_or_default();
-            let words = String::from_utf8_lossy(&words).into_owned();
-            let rank = words.split('\0').find_map(|word| {
-                word.strip_prefix("OMPI_COMM_WORLD_RANK=")?.parse().ok()
-            });
-            found.push((rank.unwrap_or(0), id));
-        }
-    }
-    found.sort();
-    found.into_iter().map(|(_, id): (usize, i32)| id).collect()
+fn processes(run: &Child) -> Vec<u32> {
+    let id = run.id();
+    let children = format!("/proc/{id}/task/{id}/children");
+    let children = fs::read_to_string(children).unwrap();
+    children.split_whitespace().map(|id| id.parse().unwrap()).collect()
+}
+
+fn is_running(process: &u32) -> bool {
+    fs::read_link(format!("/proc/{process}/exe")).is_ok()
 }
 
 /// A run of three ranks that has saved its state at least once.
-fn under_way(place: &Scratch) -> Option<Child> {
+fn under_way(place: &Scratch) -> Child {
     let saved = ["--checkpoint=c.ck", "--every=0.2", "-n1000000000"];
     let arguments = [&saved[..], &["-oa.pfm", "--integrator=reference"]];
-    let mut command = ranks(place, 3, &arguments.concat())?;
+    let mut command = ranks(place, 3, &arguments.concat());
     let mut child = command.spawn().unwrap();
     let state = place.path("c.ck");
     wait_until(&mut child, "checkpoint", || state.exists());
     thread::sleep(Duration::from_millis(300));
-    Some(child)
+    child
 }
 
 /// The state that is left is whole, and goes on to the image of one run,
@@ -198,10 +169,10 @@ fn goes_on(place: &Scratch) {
     let method = "--integrator=reference";
     alone(place, &[&n, "-ob.pfm", method]);
     let more = [&n, "--resume=c.ck", "-oa.pfm", method];
-    run(place, 2, &more).unwrap().succeeded();
-    assert!(place.get("a.pfm") == place.get("b.pfm"), "other bytes");
+    run(place, 2, &more).succeeded();
+    same(place, "resumed");
     alone(place, &[&n, "--resume=d.ck", "-oa.pfm", method]);
-    assert!(place.get("a.pfm") == place.get("b.pfm"), "other bytes");
+    same(place, "resumed");
 }
 
 /// A rank that is killed, and an interrupt, of rank 0 or of all.
@@ -215,10 +186,10 @@ fn a_run_that_is_ended_by_force_goes_on() {
         ("-INT", None),
     ] {
         let place = Scratch::new();
-        let Some(child) = under_way(&place) else { return };
-        let ranks = processes(&place);
+        let child = under_way(&place);
+        let ranks = processes(&child);
         assert_eq!(ranks.len(), 3);
-        let id = rank.map_or(child.id() as i32, |rank: usize| ranks[rank]);
+        let id = rank.map_or(child.id(), |rank: usize| ranks[rank]);
         let mut kill = Command::new("kill");
         let kill = kill.arg(name).arg(id.to_string()).status();
         assert!(kill.unwrap().success());
@@ -234,7 +205,7 @@ fn a_run_that_is_ended_by_force_goes_on() {
         }
         // All ranks are gone soon.
         let start = Instant::now();
-        while !processes(&place).is_empty() {
+        while ranks.iter().any(is_running) {
             assert!(start.elapsed() < Duration::from_secs(30), "remain");
             thread::sleep(Duration::from_millis(20));
         }

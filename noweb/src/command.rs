@@ -8,17 +8,16 @@
 //! called as `noweb`, it is what its first argument says.
 
 use std::ffi::{OsStr, OsString};
-use std::io::{self, BufReader, BufWriter, Read, Write};
+use std::io::{self, BufReader, BufWriter, Write};
 use std::path::Path;
 use std::process::ExitCode;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::sleep;
 use std::time::Duration;
 
 use crate::diagnostic::shown;
-use crate::filter::Pipeline;
+use crate::filter::read_web;
 use crate::web::Chunk;
-use crate::{Streams, cpif, map, markup, project, tangle, untangle};
+use crate::{Streams, map, markup, project, tangle, untangle};
 use crate::{finduses, noidx, noweave, rust_index, split_scope, totex};
 
 /// A command: its name, what runs it, what it does, and its arguments.
@@ -33,9 +32,7 @@ const COMMANDS: &[Command] = &[
     ("notangle", tangle::run, "extract one chunk, expanded", NOTANGLE),
     ("noroots", run_noroots, "list the chunks that none uses", MARKUP),
     ("markup", markup::run, "turn a web into a stream", MARKUP),
-    ("unmarkup", markup::unmarkup, "turn a stream into a web", "[FILE...]"),
     ("nt", tangle::run_nt, "extract a chunk from a stream", NOTANGLE),
-    ("cpif", cpif::run, "copy to files that differ", CPIF),
     ("noweave", noweave::run, "weave chapters into a document", NOWEAVE),
     ("finduses", finduses::run, "mark uses of identifiers", "[-noquote]"),
     ("rustindex", rust_index::run, "find items of Rust and uses", ""),
@@ -44,30 +41,8 @@ const COMMANDS: &[Command] = &[
     ("split_scope", split_scope::run, "write LaTeX, file by file", SPLIT),
 ];
 
-/// Standard output was closed when the program was started, or open for
-/// reading alone.
-static CLOSED: AtomicBool = AtomicBool::new(false);
-
-extern "C" fn look_at_output() {
-    // SAFETY: it reads the flags of a descriptor, which may be closed, and
-    // touches no memory.
-    let flags = unsafe { libc::fcntl(1, libc::F_GETFL) };
-    let closed = flags == -1 || flags & libc::O_ACCMODE == libc::O_RDONLY;
-    CLOSED.store(closed, Ordering::Relaxed);
-}
-
-// SAFETY: the section lists functions of this type, which the loader calls
-// once; this one needs nothing of the runtime of Rust.
-#[used]
-#[cfg_attr(not(target_os = "macos"), unsafe(link_section = ".init_array"))]
-#[cfg_attr(
-    target_os = "macos",
-    unsafe(link_section = "__DATA,__mod_init_func")
-)]
-static LOOK: extern "C" fn() = look_at_output;
-
-/// A stream that waits until there is room or input; true if it is closed.
-struct Patient<S>(S, bool);
+/// An output that waits until there is room.
+struct Patient<S>(S);
 
 fn patiently<T>(mut act: impl FnMut() -> io::Result<T>) -> io::Result<T> {
     loop {
@@ -80,18 +55,9 @@ fn patiently<T>(mut act: impl FnMut() -> io::Result<T>) -> io::Result<T> {
     }
 }
 
-impl<R: Read> Read for Patient<R> {
-    fn read(&mut self, space: &mut [u8]) -> io::Result<usize> {
-        patiently(|| self.0.read(space))
-    }
-}
-
 impl<W: Write> Write for Patient<W> {
     fn write(&mut self, text: &[u8]) -> io::Result<usize> {
-        match self.1 {
-            true => Err(io::Error::from_raw_os_error(libc::EBADF)),
-            false => patiently(|| self.0.write(text)),
-        }
+        patiently(|| self.0.write(text))
     }
 
     fn flush(&mut self) -> io::Result<()> {
@@ -104,11 +70,9 @@ pub fn main() -> ExitCode {
     let mut args = std::env::args_os();
     let called = args.next().unwrap_or_default();
     let args: Vec<OsString> = args.collect();
-    let closed = CLOSED.load(Ordering::Relaxed);
-    let mut input = BufReader::new(Patient(io::stdin().lock(), false));
-    let output = Patient(io::stdout().lock(), closed);
-    let mut output = BufWriter::new(output);
-    let mut errors = Patient(io::stderr().lock(), false);
+    let mut input = BufReader::new(io::stdin().lock());
+    let mut output = BufWriter::new(Patient(io::stdout().lock()));
+    let mut errors = Patient(io::stderr().lock());
     let mut streams = Streams {
         input: &mut input,
         output: &mut output,
@@ -165,7 +129,6 @@ const NOWEAVE: &str = "[OPTION...] [FILE...]
   -x, -index      cross-reference chunks, or identifiers as well
   -autodefs rust  find what a Rust program defines
   -filter COMMAND    send the stream through a command of the shell
-  -markup COMMAND    read the files with this command
   -backend COMMAND   write the document with this command
   -option NAME    an option of the style file
   -texnames       the names of chunks are LaTeX
@@ -210,25 +173,19 @@ const MARKUP: &str = "[-t | -tN] [FILE...]
 
   -t, -tN         keep tabs, or expand them at every N columns [-t8]";
 
-const CPIF: &str = "[-ne | -eq] FILE...
-
-  -ne             write the files that differ from standard input
-  -eq             write those that do not";
-
 const NOTANGLE: &str = "[OPTION...] [FILE...]
 
   -Rname          extract the chunk of this name [*]
   -Lformat        mark where lines come from: %F the file, %L the line,
                   %N a newline, %% a percent sign
   -tN             keep tabs, and indent with tabs of N columns
-  -filter COMMAND    send the stream through a command of the shell
-  -markup COMMAND    read the files with this command";
+  -filter COMMAND    send the stream through a command of the shell";
 
 /// The command `noroots [-t[N]] [file...]`.
 fn run_noroots(args: &[OsString], streams: &mut Streams) -> u8 {
     let (tab, files, mut faults) = markup::read_arguments(args);
     let mut list = Vec::new();
-    match Pipeline::default().read_web(&files, tab, streams) {
+    match read_web(&files, &[], tab, streams) {
         Ok(web) if faults.is_empty() => {
             let root = |c: &&Chunk| !web.uses.contains_key(&c.name);
             for chunk in web.chunks.iter().filter(root) {

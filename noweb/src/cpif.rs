@@ -7,14 +7,10 @@
 //! A reader of the file sees the old text or the new one and nothing in
 //! between, and a full disk leaves the old one.
 
-use std::ffi::OsString;
 use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::Path;
 use std::time::SystemTime;
-
-use crate::Streams;
-use crate::diagnostic::{Diagnostic, Faults};
 
 /// Writes a file as a whole or not at all; `time` is that of its last
 /// change, if not now.
@@ -58,38 +54,10 @@ fn fill(
     time.map_or(Ok(()), |time| file.set_modified(time))
 }
 
-/// Writes a file that does not exist, or whose being the same is wanted.
-pub fn copy_if(path: &Path, text: &[u8], wanted: bool) -> io::Result<()> {
-    let same = fs::read(path).ok().map(|old| old == text);
-    if same == Some(!wanted) {
-        return Ok(());
+/// Writes a file unless it has this text.
+pub fn copy_if(path: &Path, text: &[u8]) -> io::Result<()> {
+    match fs::read(path).is_ok_and(|old| old == text) {
+        true => Ok(()),
+        false => replace(path, text, None),
     }
-    replace(path, text, None)
-}
-
-/// The command `cpif [-eq | -ne] file...`: standard input to each file
-/// that does not exist, or that differs (`-eq`: is the same).
-pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
-    let (wanted, files) = match args {
-        [op, files @ ..] if op == "-eq" => (true, files),
-        [op, files @ ..] if op == "-ne" => (false, files),
-        files => (false, files),
-    };
-    let first = args.first().map_or(&b""[..], |a| a.as_encoded_bytes());
-    let unknown = args.len() == files.len() && first.starts_with(b"-");
-    // Explain the usage and stop
-    if files.is_empty() || unknown {
-        // Nobody is left to tell if standard error is closed.
-        let _ = writeln!(streams.errors, "Usage: cpif [ -eq -ne ] file...");
-        return 2;
-    }
-    let text = match streams.read("-".as_ref()) {
-        Ok(source) => source.text,
-        Err(fault) => return streams.conclude(Ok(()), &[fault]).min(1),
-    };
-    let faults = files.iter().filter_map(|file| {
-        let copied = copy_if(Path::new(file), &text, wanted);
-        copied.err().map(|e| Diagnostic::failure("write", file, &e))
-    });
-    streams.conclude(Ok(()), &faults.collect::<Faults>()).min(1)
 }

@@ -2,7 +2,7 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-//! Foreign parsers and filters: shell commands in the pipeline.
+//! Foreign filters: shell commands in the pipeline.
 //!
 //! Without any, the pipeline stays inside the process and every token has
 //! its exact place. With some, the stream goes through their processes.
@@ -10,24 +10,15 @@
 use std::ffi::{OsStr, OsString};
 use std::io::{self, Write};
 use std::os::unix::ffi::{OsStrExt, OsStringExt};
-use std::path::PathBuf;
 use std::process::{Command, Output, Stdio};
-use std::time::{SystemTime, UNIX_EPOCH};
 
 use crate::Streams;
 use crate::diagnostic::{
     Diagnostic, Faults, Level, checked, shown, status,
 };
 use crate::markup::mark_files;
-use crate::stream::fatal;
+use crate::stream::broken;
 use crate::web::Web;
-
-#[derive(Clone, Debug, Default)]
-pub struct Pipeline {
-    pub markup: Option<OsString>,
-    /// Shell commands that the stream goes through in turn.
-    pub filters: Vec<OsString>,
-}
 
 #[derive(Clone, Debug)]
 pub struct Failure {
@@ -42,45 +33,25 @@ impl From<Faults> for Failure {
     }
 }
 
-impl Pipeline {
-    /// The web of some files, `-` being standard input.
-    pub fn read_web(
-        &self,
-        files: &[OsString],
-        tab: usize,
-        streams: &mut Streams,
-    ) -> Result<Web, Failure> {
-        // Stay inside the process if possible
-        if self.markup.is_none() && self.filters.is_empty() {
-            let (sources, faults) = streams.sources(files);
-            let (web, faults) = Web::read(checked(sources, faults)?, tab);
-            return Ok(checked(web, faults)?);
-        }
-        let path = StagePath::new().map_err(|e| cannot("prepare", &e))?;
-        let mut stream = match &self.markup {
-            // Run a foreign parser on the files
-            Some(markup) => {
-                let mut command = markup.clone();
-                command.push(if tab == 0 { " -t" } else { "" });
-                files.iter().for_each(|file| command.push(quoted(file)));
-                let mut input = Vec::new();
-                if files.iter().any(|file| file == "-") {
-                    let read = streams.input.read_to_end(&mut input);
-                    read.map_err(|e| cannot("read standard input", &e))?;
-                }
-                run_shell(&command, &input, &path, streams)?
-            }
-            // Mark up the files in this process
-            None => {
-                let (stream, faults) = mark_files(files, tab, streams);
-                checked(stream, faults)?
-            }
-        };
-        for filter in &self.filters {
-            stream = run_shell(filter, &stream, &path, streams)?;
-        }
-        parse(&stream)
+/// The web of some files, `-` being standard input, whose stream goes
+/// through some shell commands in turn.
+pub fn read_web(
+    files: &[OsString],
+    filters: &[OsString],
+    tab: usize,
+    streams: &mut Streams,
+) -> Result<Web, Failure> {
+    if filters.is_empty() {
+        let (sources, faults) = streams.sources(files);
+        let (web, faults) = Web::read(checked(sources, faults)?, tab);
+        return Ok(checked(web, faults)?);
     }
+    let (stream, faults) = mark_files(files, tab, streams);
+    let mut stream = checked(stream, faults)?;
+    for filter in filters {
+        stream = run_shell(filter, &stream, streams)?;
+    }
+    parse(&stream)
 }
 
 pub fn read_stream(streams: &mut Streams) -> Result<Web, Failure> {
@@ -89,7 +60,7 @@ pub fn read_stream(streams: &mut Streams) -> Result<Web, Failure> {
 }
 
 fn parse(stream: &[u8]) -> Result<Web, Failure> {
-    if fatal(stream).is_some() {
+    if broken(stream).is_some() {
         return Err(Vec::new().into());
     }
     let (web, faults) = Web::read_stream(stream);
@@ -116,11 +87,10 @@ pub fn quoted(arg: &OsStr) -> OsString {
 pub fn run_shell(
     command: &OsStr,
     input: &[u8],
-    path: &StagePath,
     streams: &mut Streams,
 ) -> Result<Vec<u8>, Failure> {
     let action = format!("run {}", shown(command));
-    let output = converse(command, input, path);
+    let output = converse(command, input);
     let output = output.map_err(|e| cannot(&action, &e))?;
     // There is nobody left to tell if this fails.
     let _ = streams.errors.write_all(&output.stderr);
@@ -132,15 +102,10 @@ pub fn run_shell(
     Err(vec![Diagnostic::new(Level::Error, None, text)].into())
 }
 
-fn converse(
-    command: &OsStr,
-    input: &[u8],
-    path: &StagePath,
-) -> io::Result<Output> {
+fn converse(command: &OsStr, input: &[u8]) -> io::Result<Output> {
     let mut child = Command::new("sh")
         .arg("-c")
         .arg(command)
-        .env("PATH", &path.search)
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
@@ -151,43 +116,4 @@ fn converse(
         scope.spawn(|| stdin.map(|mut pipe| pipe.write_all(input)));
         child.wait_with_output()
     })
-}
-
-/// A directory in which our stages have their names, for as long as it
-/// lives, and a search path that ends in it.
-#[derive(Debug)]
-pub struct StagePath {
-    dir: PathBuf,
-    search: OsString,
-}
-
-/// The stages of a pipeline.
-const STAGES: &str = "cpif finduses markup noidx noroots nt rustindex \
-    split_scope totex unmarkup";
-
-impl StagePath {
-    pub fn new() -> io::Result<Self> {
-        let program = std::env::current_exe()?;
-        // Make a directory of a new name
-        let time = SystemTime::now().duration_since(UNIX_EPOCH);
-        let time = time.map_or(0, |time| time.as_nanos());
-        let name = format!("noweb-{}-{time}", std::process::id());
-        let dir = std::env::temp_dir().join(name);
-        std::fs::create_dir(&dir)?;
-        let mut search = std::env::var_os("PATH").unwrap_or_default();
-        search.push(":");
-        search.push(&dir);
-        let path = Self { dir, search };
-        for stage in STAGES.split(' ') {
-            std::os::unix::fs::symlink(&program, path.dir.join(stage))?;
-        }
-        Ok(path)
-    }
-}
-
-impl Drop for StagePath {
-    fn drop(&mut self) {
-        // What stays behind is a few links in a temporary directory.
-        let _ = std::fs::remove_dir_all(&self.dir);
-    }
 }

@@ -150,14 +150,10 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
         return Outcome::failure("finduses", 2, &what).deliver(streams);
     }
     let quotes = args.is_empty();
-    stream::filter(streams, |input| find_uses(input, quotes))
-}
-
-fn find_uses(stream: &[u8], quotes: bool) -> Outcome {
-    if let Some(fatal) = stream::fatal(stream) {
-        let text = [fatal, b"\n"].concat();
-        return Outcome { text, status: 1, ..Outcome::default() };
-    }
-    let words = Recogniser::new(declared(stream));
-    Outcome::done(mark_uses(stream, &words, quotes))
+    stream::filter(streams, |input| {
+        stream::broken(input).unwrap_or_else(|| {
+            let words = Recogniser::new(declared(input));
+            Outcome::done(mark_uses(input, &words, quotes))
+        })
+    })
 }

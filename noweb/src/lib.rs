@@ -49,14 +49,13 @@ pub struct Streams<'a> {
 
 impl Streams<'_> {
     pub fn read(&mut self, file: &OsStr) -> Result<Source, Diagnostic> {
-        let mut text = Vec::new();
-        let (name, result) = if file == "-" {
-            (&b""[..], self.input.read_to_end(&mut text).map(|_| ()))
+        let (name, read) = if file == "-" {
+            let mut text = Vec::new();
+            (&b""[..], self.input.read_to_end(&mut text).map(|_| text))
         } else {
-            let read = std::fs::read(file).map(|read| text = read);
-            (file.as_encoded_bytes(), read)
+            (file.as_encoded_bytes(), std::fs::read(file))
         };
-        result.map_err(|error| {
+        let text = read.map_err(|error| {
             let text =
                 format!("couldn't open file {}: {error}", shown(file));
             Diagnostic::new(Level::Error, None, text)

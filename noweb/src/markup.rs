@@ -14,7 +14,7 @@ use crate::Streams;
 use crate::diagnostic::{
     Diagnostic, Faults, Level, Place, Source, text_of,
 };
-use crate::stream::{Mark, lines};
+use crate::stream::Mark;
 
 /// What a chunk holds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -85,7 +85,7 @@ fn is_space(byte: &u8) -> bool {
     byte.is_ascii_whitespace() || *byte == 0x0b
 }
 
-fn begins_docs(line: &[u8]) -> bool {
+pub fn begins_docs(line: &[u8]) -> bool {
     line.first() == Some(&b'@') && line.get(1).is_none_or(is_space)
 }
 
@@ -435,140 +435,6 @@ fn numbered(mark: Mark, token: fn(Kind, usize) -> Token) -> Option<Token> {
     }
 }
 
-/// The text of a web from its tokens: the inverse of [`mark_up`].
-pub fn unmark(tokens: &[Token]) -> Vec<u8> {
-    let mut unmarker = Unmarker::default();
-    for (i, token) in tokens.iter().enumerate() {
-        unmarker.write(token, tokens.get(i + 1));
-        unmarker.after_quote = *token == Token::EndQuote;
-    }
-    unmarker.out
-}
-
-#[derive(Default)]
-struct Unmarker {
-    out: Vec<u8>,
-    code: bool,
-    quoting: bool,
-    after_quote: bool,
-    /// Prose began whose `@` is not written yet.
-    marker: bool,
-    identifiers: Vec<Vec<u8>>,
-    listed: bool,
-}
-
-impl Unmarker {
-    fn write(&mut self, token: &Token, next: Option<&Token>) {
-        match token {
-            Token::Begin(kind, number) => self.begin(*kind, *number),
-            Token::Text(text) | Token::More(text) => {
-                self.write_text(text, next)
-            }
-            Token::Newline => self.put(&[b"\n"]),
-            Token::Defn(name) => self.put(&[b"<<", name, b">>="]),
-            Token::Use(name) => self.put(&[b"<<", name, b">>"]),
-            Token::Ident(name) => self.identifiers.push(name.clone()),
-            Token::EndIdents => self.list_identifiers(),
-            Token::Quote | Token::EndQuote => {
-                self.quoting = *token == Token::Quote;
-                self.put(&[if self.quoting { b"[[" } else { b"]]" }]);
-            }
-            Token::File(_) | Token::End(..) => (),
-        }
-    }
-
-    fn begin(&mut self, kind: Kind, number: usize) {
-        self.code = kind == Kind::Code;
-        self.quoting = false;
-        let first = number == 0 && self.out.is_empty();
-        self.marker = !self.code && !self.listed && !first;
-        self.listed = false;
-    }
-
-    fn put(&mut self, pieces: &[&[u8]]) {
-        let text = pieces.concat();
-        if std::mem::take(&mut self.marker) {
-            self.out.extend(match &text[..] {
-                b"\n" => &b"@"[..],
-                list if list.starts_with(b"%def ") => b"@\x0b",
-                _ => b"@ ",
-            });
-        }
-        self.out.extend(text);
-    }
-
-    fn list_identifiers(&mut self) {
-        let names = std::mem::take(&mut self.identifiers).join(&b' ');
-        self.put(&[b"@ %def ", &names, b"\n"]);
-        self.listed = self.code;
-    }
-
-    fn write_text(&mut self, text: &[u8], next: Option<&Token>) {
-        if text.is_empty() {
-            return;
-        }
-        let fresh = self.out.last().is_none_or(|b| *b == b'\n');
-        let mut body = if self.is_raw_use(text, fresh, next) {
-            text.to_vec()
-        } else {
-            self.escape(text)
-        };
-        if (fresh || self.marker) && needs_doubling(&body, fresh) {
-            body.insert(0, b'@');
-        }
-        self.put(&[&body]);
-    }
-
-    /// Brackets that opened no use, in code, and needed no escape.
-    fn is_raw_use(
-        &self,
-        text: &[u8],
-        fresh: bool,
-        next: Option<&Token>,
-    ) -> bool {
-        let Some(rest) = text.strip_prefix(b"<<") else { return false };
-        let definition = fresh && defined_name(text).is_some();
-        let mut rest = rest.to_vec();
-        match next {
-            Some(Token::EndQuote) => rest.extend(b"]]"),
-            Some(Token::Newline) | None => (),
-            Some(_) => return false,
-        }
-        let open = use_end(&rest, self.quoting).is_err();
-        (self.code || self.quoting) && !definition && open
-    }
-
-    fn escape(&self, text: &[u8]) -> Vec<u8> {
-        let prose = !self.code && !self.quoting;
-        let mut out = Vec::new();
-        let mut at = 0;
-        while at < text.len() {
-            let pair = text[at..].get(..2).unwrap_or(b"");
-            let after_at = out.last() == Some(&b'@');
-            let after_quote = at == 0 && self.after_quote;
-            let odd = count(&text[at..], text[at]) % 2 == 1;
-            // Decide whether a pair is escaped
-            let (escaped, length) = match pair {
-                b"<<" | b"[[" if odd => (false, 1),
-                b"<<" => (true, 2),
-                b">>" => (after_at, 2),
-                b"[[" if prose => (true, 2),
-                b"]]" if prose => (after_at || after_quote, 2),
-                _ => (false, 1),
-            };
-            out.extend(escaped.then_some(b'@'));
-            out.extend(&text[at..at + length]);
-            at += length;
-        }
-        out
-    }
-}
-
-/// Would the lexer take the `@` that begins the line for its own?
-fn needs_doubling(body: &[u8], fresh: bool) -> bool {
-    body.starts_with(b"@@") || body == b"@" || fresh && begins_docs(body)
-}
-
 /// The command `markup [-t[N]] [file...]`.
 pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
     let (tab, files, mut faults) = read_arguments(args);
@@ -641,14 +507,4 @@ pub fn parse_tab(option: &[u8]) -> Result<usize, String> {
     }
     let digits = std::str::from_utf8(&number[..length]).unwrap_or("");
     digits.parse().map_err(|_| format!("ill-formed option {shown}"))
-}
-
-/// The command `unmarkup [file...]`: a web from its stream.
-pub fn unmarkup(args: &[OsString], streams: &mut Streams) -> u8 {
-    let files = if args.is_empty() { &["-".into()] } else { args };
-    let (read, faults) = streams.sources(files);
-    let lines = read.iter().flat_map(|read| lines(&read.text));
-    let tokens: Vec<Token> = lines.filter_map(parse_token).collect();
-    let result = streams.output.write_all(&unmark(&tokens));
-    streams.conclude(result, &faults)
 }

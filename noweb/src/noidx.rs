@@ -87,17 +87,13 @@ impl<'a> Collector<'a> {
     fn note(&mut self, mark: Mark<'a>) {
         match mark.keyword {
             b"file" => self.file = self.codes.of(mark.text()),
-            b"begin" => self.begin(mark.inner()),
+            b"begin" => self.code = mark.inner().keyword == b"code",
             b"end" => self.anchor = None,
             b"defn" => self.define(mark.text()),
             b"use" if self.code => self.use_chunk(mark.text()),
             b"index" => self.note_identifier(mark.inner()),
             _ => {}
         }
-    }
-
-    fn begin(&mut self, chunk: Mark<'a>) {
-        self.code = chunk.keyword == b"code";
     }
 
     fn define(&mut self, name: &'a [u8]) {

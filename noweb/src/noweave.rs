@@ -11,7 +11,7 @@
 use std::ffi::{OsStr, OsString};
 
 use crate::diagnostic::{bytes_of, shown};
-use crate::filter::{StagePath, quoted, run_shell};
+use crate::filter::{quoted, run_shell};
 use crate::stream::Outcome;
 use crate::{
     Streams, finduses, markup, noidx, rust_index, split_scope, totex,
@@ -32,7 +32,6 @@ impl Stage {
 }
 #[derive(Default)]
 struct Request {
-    markup: Option<OsString>,
     tabs: Vec<OsString>,
     files: Vec<OsString>,
     /// Shell commands that the stream goes through in turn.
@@ -82,7 +81,6 @@ impl Request {
             rest.next().ok_or_else(what)
         };
         match &option[..] {
-            "-markup" => self.markup = Some(next()?),
             "-backend" => self.backend = Some(next()?),
             "-filter" => self.filters.push(next()?),
             "-x" => {
@@ -118,9 +116,8 @@ impl Request {
 }
 impl Request {
     fn stages(&self) -> Vec<Stage> {
-        let command = self.markup.clone().unwrap_or("markup".into());
         let args = [&self.tabs[..], &self.files].concat();
-        let mut stages = vec![Stage { command, args }];
+        let mut stages = vec![Stage { command: "markup".into(), args }];
         for filter in &self.filters {
             let name = match filter.to_str() {
                 Some("finduses") if self.autodefs => "rustindex".into(),
@@ -207,9 +204,7 @@ impl Stage {
             return if status == 0 { Ok(output) } else { Err(1) };
         }
         // Run a foreign stage in the shell
-        let path = StagePath::new();
-        let path = path.map_err(|e| tell(streams, &e.to_string()))?;
-        run_shell(&self.line(), input, &path, streams).map_err(|failure| {
+        run_shell(&self.line(), input, streams).map_err(|failure| {
             streams.conclude(Ok(()), &failure.faults);
             1
         })

@@ -291,7 +291,7 @@ impl Project {
         let mut plan = self.plan()?;
         let result = self.write(&mut plan);
         let text = format_record(&plan.record);
-        let recorded = copy_if(&self.dir.join(&self.record), &text, false)
+        let recorded = copy_if(&self.dir.join(&self.record), &text)
             .map_err(|e| Diagnostic::failure("write", &self.record, &e));
         result.and(recorded).map_err(|fault| vec![fault])?;
         Ok(plan)

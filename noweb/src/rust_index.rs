@@ -17,7 +17,7 @@ use proc_macro2::LexError;
 
 use crate::Streams;
 use crate::diagnostic::{
-    Diagnostic, Faults, Level, Place, Position, bytes_of, shown, text_of,
+    Diagnostic, Faults, Level, Place, bytes_of, shown, text_of,
 };
 use crate::finduses::Recogniser;
 use crate::markup::parse_token;
@@ -155,34 +155,11 @@ impl<'n> Notes<'_, 'n> {
         }
     }
 
-    fn complain(&mut self, path: &str, text: &Text, error: &LexError) {
-        let at = error.span().byte_range().start;
-        let place = text.places(&(at..at + 1)).into_iter().next();
-        let position =
-            place.map(|(line, range)| self.position(line, range.start));
+    fn complain(&mut self, path: &str, error: &LexError) {
         let what = format!("{path} is no Rust: {error}");
         let help = "its identifiers are those of the %def lines alone";
-        let fault = Diagnostic::new(Level::Warning, position, what);
+        let fault = Diagnostic::new(Level::Warning, None, what);
         self.faults.push(fault.with_help(help));
-    }
-
-    /// The place in its chapter, for people.
-    fn position(&self, number: usize, start: usize) -> Position {
-        let (mut file, mut line, mut column) = (&b""[..], 1, 1);
-        let marks = self.lines[..number].iter();
-        for mark in marks.filter_map(|line| Mark::read(line)) {
-            // Count lines and columns
-            match mark.keyword {
-                b"file" => (file, line) = (mark.text(), 1),
-                b"nl" => (line, column) = (line + 1, 1),
-                b"index" if mark.text() == b"nl" => line += 1,
-                b"text" => column += mark.text().len(),
-                b"use" => column += mark.text().len() + "<<>>".len(),
-                _ => {}
-            }
-        }
-        let column = (column + start) as u32;
-        Position { file: text_of(file), line, column, excerpt: None }
     }
 }
 fn sources(web: &Web) -> Vec<(String, Text)> {
@@ -433,7 +410,7 @@ pub fn index(stream: &[u8]) -> (Vec<u8>, Faults) {
                 files.push(File { path: path.clone(), tokens });
                 texts.push(text);
             }
-            Err(error) => notes.complain(path, text, &error),
+            Err(error) => notes.complain(path, &error),
         }
     }
     let names = Names::new(&files, library);
@@ -470,9 +447,8 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
     }
     stream::filter(streams, |input| {
         // Pass on that the stream is broken
-        if let Some(fatal) = stream::fatal(input) {
-            let text = [fatal, b"\n"].concat();
-            return Outcome { text, status: 1, ..Outcome::default() };
+        if let Some(broken) = stream::broken(input) {
+            return broken;
         }
         let (text, faults) = index(input);
         let messages = faults.iter().map(Diagnostic::to_string);

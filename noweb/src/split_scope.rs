@@ -158,7 +158,7 @@ fn write_pages(pages: &[Page], dir: &Path) -> Result<(), String> {
     // Write each page that has changed
     for page in pages {
         let path = dir.join(OsStr::from_bytes(&page.name));
-        copy_if(&path, &page.tex, false).map_err(|e| cannot(&path, e))?;
+        copy_if(&path, &page.tex).map_err(|e| cannot(&path, e))?;
     }
     Ok(())
 }
@@ -178,7 +178,7 @@ pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
 }
 
 fn split_into(dir: &Path, stream: &[u8], options: &Options) -> Outcome {
-    if stream::fatal(stream).is_some() {
+    if stream::broken(stream).is_some() {
         return Outcome { status: 1, ..Outcome::default() };
     }
     let written = split(stream, options).and_then(|(pages, messages)| {

@@ -27,8 +27,11 @@ pub fn trimmed_lines(stream: &[u8]) -> impl Iterator<Item = &[u8]> {
     })
 }
 
-pub fn fatal(stream: &[u8]) -> Option<&[u8]> {
-    lines(stream).find(|line| line.starts_with(b"@fatal "))
+/// What a stage makes of a stream that an earlier one has given up.
+pub fn broken(stream: &[u8]) -> Option<Outcome> {
+    let fatal = lines(stream).find(|line| line.starts_with(b"@fatal "))?;
+    let text = [fatal, b"\n"].concat();
+    Some(Outcome { text, status: 1, ..Outcome::default() })
 }
 
 /// A line of the stream that begins with `@`.
@@ -87,28 +90,23 @@ fn remainder(byte: u8) -> u32 {
         .fold(0, |sum, bit| sum ^ (0xf500_0000 >> bit))
 }
 
+/// For each code the names that have it, in the order of their coming.
 #[derive(Default)]
-pub struct Codes {
-    known: HashMap<Vec<u8>, String>,
-    taken: HashMap<u32, u64>,
-}
+pub struct Codes(HashMap<u32, Vec<Vec<u8>>>);
 
 impl Codes {
     /// The code of a name, in base 62.
     pub fn of(&mut self, name: &[u8]) -> String {
-        if let Some(code) = self.known.get(name) {
-            return code.clone();
-        }
-        // Make a code that no name has
         let sum = crc(name);
-        let times = self.taken.entry(sum).or_default();
-        *times += 1;
-        let mut code = base62(sum.into());
-        if *times > 1 {
-            code = format!("{code}.{}", base62(*times));
+        let names = self.0.entry(sum).or_default();
+        if !names.iter().any(|known| known == name) {
+            names.push(name.to_vec());
         }
-        self.known.insert(name.to_vec(), code.clone());
-        code
+        let code = base62(sum.into());
+        match names.iter().position(|known| known == name) {
+            Some(n @ 1..) => format!("{code}.{}", base62(n as u64 + 1)),
+            _ => code,
+        }
     }
 }
 

@@ -15,7 +15,7 @@ use crate::Streams;
 use crate::diagnostic::{
     Diagnostic, Faults, Level, Place, checked, status, text_of,
 };
-use crate::filter::{self, Failure, Pipeline};
+use crate::filter::{self, Failure, read_web};
 use crate::markup::parse_tab;
 use crate::web::{Piece, Web, quoted};
 
@@ -512,7 +512,8 @@ struct Request {
     layout: Layout,
     /// The tabs of the sources are copied, not expanded.
     keeps_tabs: bool,
-    pipeline: Pipeline,
+    /// Shell commands that the stream goes through in turn.
+    filters: Vec<OsString>,
     files: Vec<OsString>,
     faults: Faults,
 }
@@ -523,12 +524,7 @@ impl Request {
         let mut args = args.iter();
         while let Some(arg) = args.next() {
             match arg.as_encoded_bytes() {
-                b"-filter" => {
-                    request.pipeline.filters.extend(args.next().cloned());
-                }
-                b"-markup" => {
-                    request.pipeline.markup = args.next().cloned()
-                }
+                b"-filter" => request.filters.extend(args.next().cloned()),
                 b"-t" => (),
                 // Ignore what is meant for another tool
                 b"-ml" | b"-m3" | b"-awk" | b"-icn" | b"-icon" => (),
@@ -578,14 +574,14 @@ impl Request {
 }
 
 /// The command `notangle [-Rroot...] [-L[format]] [-tN] [-filter command]
-/// [-markup command] [file...]`.
+/// [file...]`.
 pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
     let mut request = Request::parse(args);
     if request.files.is_empty() {
         request.files.push("-".into());
     }
     let tab = if request.keeps_tabs { 0 } else { 8 };
-    let web = request.pipeline.read_web(&request.files, tab, streams);
+    let web = read_web(&request.files, &request.filters, tab, streams);
     write_roots(web, request, streams)
 }
 

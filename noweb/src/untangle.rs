@@ -25,7 +25,7 @@ use crate::diagnostic::{
     Diagnostic, Faults, Level, Place, Position, Source, bytes_of, checked,
     shown, text_of,
 };
-use crate::markup::{Kind, Token, unmark};
+use crate::markup::begins_docs;
 use crate::project::{
     Expansion, Project, expand_sources, hash, is_edited, parse,
 };
@@ -319,11 +319,19 @@ fn quote(text: &[u8]) -> Vec<u8> {
 }
 
 fn escape(text: &[u8]) -> Vec<u8> {
-    let name = Token::Defn(b"*".to_vec());
-    let text_token = Token::Text(text.to_vec());
-    let begin = Token::Begin(Kind::Code, 1);
-    let tokens = [begin, name, Token::Newline, text_token];
-    unmark(&tokens).split_off(b"<<*>>=\n".len())
+    let (mut out, mut rest) = (Vec::new(), text);
+    while !rest.is_empty() {
+        let pair = rest.starts_with(b"<<")
+            || rest.starts_with(b">>") && out.last() == Some(&b'@');
+        out.extend(pair.then_some(b'@'));
+        let (done, more) = rest.split_at(1 + usize::from(pair));
+        out.extend(done);
+        rest = more;
+    }
+    if out.starts_with(b"@@") || begins_docs(&out) {
+        out.insert(0, b'@');
+    }
+    out
 }
 
 fn carry_all(

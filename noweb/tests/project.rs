@@ -536,37 +536,6 @@ fn bytes_of_any_encoding_and_long_names_pass_through() {
 }
 
 #[test]
-fn a_closed_output_is_an_error_if_there_is_something_to_say() {
-    let scratch = project();
-    let closed = |line: &str| {
-        let line = format!("'{}' {line}", noweb().display());
-        shell(&line, scratch.path(), scratch.path())
-    };
-    let said = "error: cannot write: Bad file descriptor";
-    for command in common::names() {
-        let outcome = closed(&format!("{command} --help >&-"));
-        assert_eq!(outcome.status, 1, "{command}");
-        assert!(outcome.stderr().starts_with(said), "{command}");
-    }
-    for line in [
-        "--version",
-        "notangle -Ra.mk chapters/a.nw",
-        "noroots chapters/a.nw",
-        "noweave chapters/a.nw",
-        "map chapters/a.nw -- echo x",
-    ] {
-        for way in [">&-", "<&- >&-", "1</dev/null"] {
-            let outcome = closed(&format!("{line} {way}"));
-            assert_eq!(outcome.status, 1, "{line} {way}");
-            assert!(outcome.stderr().contains("cannot write: Bad file"));
-        }
-        assert_eq!(closed(&format!("{line} 1<>/dev/null")).status, 0);
-    }
-    assert_eq!(closed("tangle chapters/a.nw >&-").status, 0);
-    assert_eq!(closed("map chapters/a.nw -- true >&-").status, 0);
-}
-
-#[test]
 fn an_output_that_does_not_wait_gets_all_bytes() {
     let scratch = project();
     let text = "a line of some length\n".repeat(40_000);
@@ -611,21 +580,6 @@ fn an_output_that_cannot_be_written_is_an_error() {
     let outcome = shell(&command, scratch.path(), scratch.path());
     assert_eq!(outcome.status, 1);
     assert!(outcome.stderr().starts_with("error: cannot write: No space"));
-}
-
-#[test]
-fn cpif_writes_through_a_link_and_to_a_device() {
-    let scratch = project();
-    scratch.write("target", "old\n");
-    let command = format!(
-        "ln -s target link; echo new | '{}' cpif link /dev/null",
-        noweb().display()
-    );
-    let outcome = shell(&command, scratch.path(), scratch.path());
-    assert_eq!((outcome.status, outcome.stderr()), (0, String::new()));
-    assert_eq!(scratch.read("target"), "new\n");
-    let link = fs::symlink_metadata(scratch.path().join("link"));
-    assert!(link.expect("the link").is_symlink());
 }
 
 #[test]

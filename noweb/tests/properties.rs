@@ -6,8 +6,8 @@
 // any later version. It comes with NO WARRANTY: see COPYING for details.
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-//! What holds for every web: an independent model of tangling, the way
-//! back from the stream, and that no input panics.
+//! What holds for every web: an independent model of tangling, and that no
+//! input panics.
 
 use crate::exercise;
 
@@ -15,7 +15,6 @@ use std::path::Path;
 
 use exercise::{Random, exercise, mutate};
 use noweb::diagnostic::Source;
-use noweb::markup::{Token, mark_up, parse_token, unmark, write_stream};
 use noweb::tangle::{Layout, Tangled, tangle};
 use noweb::web::Web;
 use proptest::prelude::*;
@@ -143,16 +142,6 @@ fn tangle_source(text: &str, layout: &Layout) -> Tangled {
     tangle(&web, &[name(0).as_bytes()], layout).expect("a program")
 }
 
-fn stream(text: &[u8]) -> Vec<u8> {
-    let source = Source::new(b"a.nw".to_vec(), text.to_vec());
-    write_stream(&mark_up(&source, 0, 0).0)
-}
-
-fn unmark_stream(stream: &[u8]) -> Vec<u8> {
-    let lines = stream.split(|b| *b == b'\n');
-    unmark(&lines.filter_map(parse_token).collect::<Vec<Token>>())
-}
-
 /// Text in which everything that means something is frequent.
 fn marked_text() -> impl Strategy<Value = Vec<u8>> {
     let tokens = vec![
@@ -187,27 +176,6 @@ fn marked_text() -> impl Strategy<Value = Vec<u8>> {
     let token = prop::sample::select(tokens);
     prop::collection::vec(token, 0..40)
         .prop_map(|tokens| (tokens.concat() + "\n").into_bytes())
-}
-
-/// Webs in the plain form that `unmark` writes.
-fn plain_web() -> impl Strategy<Value = String> {
-    let prose =
-        "([a-z.,]{1,5} |\\[\\[[a-z;]{1,4}\\]\\] |@<< |@\\[\\[ ){0,4}[a-z]";
-    let code =
-        " {0,4}[a-z;]([a-z;=]{1,4} |>> |<<[a-z]{1,3}>> |@<< ){0,4}[a-z]";
-    let chunk = (
-        prop::collection::vec(code, 0..5),
-        prop::option::of("[a-z]{1,4}( [a-z_]{1,4}){0,2}"),
-        prop::collection::vec(prose, 1..4),
-    );
-    let chunk = chunk.prop_map(|(code, names, prose)| {
-        let code: String =
-            code.iter().map(|l| l.to_owned() + "\n").collect();
-        let end = names.map_or("@\n".into(), |n| format!("@ %def {n}\n"));
-        format!("<<name>>=\n{code}{end}{}\n", prose.join("\n"))
-    });
-    prop::collection::vec(chunk, 0..4)
-        .prop_map(|chunks| "Prose.\n".to_owned() + &chunks.concat())
 }
 
 proptest! {
@@ -267,22 +235,6 @@ proptest! {
     }
 
     #[test]
-    fn a_stream_survives_the_way_back_and_forth(text in marked_text()) {
-        let once = stream(&text);
-        let web = unmark_stream(&once);
-        let twice = stream(&web);
-        let [once, twice, web] = [once, twice, web]
-            .map(|bytes| String::from_utf8_lossy(&bytes).into_owned());
-        prop_assert_eq!(once, twice, "by way of {:?}", web);
-    }
-
-    #[test]
-    fn a_plain_web_survives_the_stream(web in plain_web()) {
-        let back = unmark_stream(&stream(web.as_bytes()));
-        prop_assert_eq!(String::from_utf8_lossy(&back).into_owned(), web);
-    }
-
-    #[test]
     fn no_bytes_panic(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
         exercise(&bytes);
     }
@@ -291,23 +243,6 @@ proptest! {
     fn no_marked_text_panics(text in marked_text()) {
         exercise(&text);
     }
-}
-
-#[test]
-fn our_own_chapters_survive_the_stream() {
-    let mut count = 0;
-    for (path, text) in chapters() {
-        let back = unmark_stream(&stream(&text));
-        let difference =
-            back.split(|b| *b == b'\n').zip(1..).find(|(l, n)| {
-                text.split(|b| *b == b'\n').nth(n - 1) != Some(*l)
-            });
-        let shown =
-            difference.map(|(l, n)| (String::from_utf8_lossy(l), n));
-        assert!(back == text, "{path}: {shown:?}");
-        count += 1;
-    }
-    assert!(count >= 3, "only {count} chapters were found");
 }
 
 #[test]

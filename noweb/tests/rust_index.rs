@@ -515,9 +515,8 @@ fn a_file_that_does_not_parse_keeps_its_lists_and_is_reported() {
          <<Broken>>=\n  fn f( { count(); }\n@\n\
          <<demo/src/main.rs>>=\nfn main() { go(); }\nfn go() {}\n@\n",
     );
-    let place = warnings.split(" warning").next();
-    assert_eq!(place, Some("a.nw:7:7:"), "{warnings}");
-    assert!(warnings.contains("demo/src/lib.rs"), "{warnings}");
+    let warning = "warning: demo/src/lib.rs is no Rust";
+    assert!(warnings.starts_with(warning), "{warnings}");
     let used = marked(&out, &["@index use "]);
     let word = "count -> count";
     assert_eq!(used, [word, word, "go -> demo/src/main::go"]);

@@ -177,10 +177,6 @@ fn foreign_stages_stand_between_ours() {
     let Some(bench) = Bench::new() else { return };
     let files = format!("{EXAMPLES}/wc.nw {EXAMPLES}/primes.nw");
     let library = bench.real.display();
-    bench.compare_with(
-        &format!("noweave -x {files}"),
-        &format!("noweave -x -texnames -markup {library}/markup {files}"),
-    );
     let filters =
         format!("-filter {library}/finduses -filter {library}/noidx");
     bench.compare_with(

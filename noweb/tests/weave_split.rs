@@ -269,32 +269,9 @@ fn a_filter_in_awk_changes_what_is_woven() {
 }
 
 #[test]
-fn a_script_in_the_pipeline_finds_our_stages() {
-    let book = book();
-    book.write("stage.sh", "finduses | noidx -delay\n");
-    let dir = book.path();
-    let files = ["chapters/one.nw", "chapters/two.nw"];
-    let args = ["noweave", "-delay", "-filter", "sh stage.sh", "-backend"];
-    let args = [&args[..], &["totex;:"], &files].concat();
-    let scripted = run(dir, &args);
-    let args = [&["noweave", "-delay", "-index"][..], &files].concat();
-    let direct = run(dir, &args);
-    assert_eq!((scripted.status, scripted.stderr()), (0, String::new()));
-    // Without -index the back end is told not to index; it is not here,
-    // since the shell's colon swallows what it is told.
-    assert!(direct.stdout().starts_with("Prose that begins"));
-    let text = scripted.stdout();
-    assert!(text.contains(r"\nwidentdefs{"), "{text}");
-}
-
-#[test]
 fn file_names_with_spaces_and_quotes_are_woven() {
     let book = book();
     book.write("it's a chapter.nw", ONE);
-    let args =
-        ["noweave", "-n", "-markup", "markup;:", "it's a chapter.nw"];
-    let outside = run(book.path(), &args);
-    assert_eq!(outside.status, 0, "{}", outside.stderr());
     let inside = run(book.path(), &["noweave", "-n", "it's a chapter.nw"]);
     assert_eq!(inside.status, 0, "{}", inside.stderr());
     assert!(inside.stdout().contains("chapter.nw"));

@@ -3,6 +3,8 @@
 
 //! Pieces cover a pass, and their sums come together in any order.
 
+use std::iter;
+
 use super::*;
 use glam::DVec3;
 use litpt::camera::View;
@@ -19,10 +21,7 @@ const WINDOWS: [Window; 4] = [
 ];
 
 fn run_key(case: usize) -> RunKey {
-    let (method, replicate) =
-        [(Method::Reference, 1), (Method::Sobol, 8), (Method::Gather, 4)]
-            [case % 3];
-    let sampling = Sampling::new(method, 0, None, 0);
+    let methods = [Method::Reference, Method::Sobol, Method::Gather];
     let (position, target, up) = (DVec3::ZERO, DVec3::Y, DVec3::Z);
     RunKey {
         version: String::new(),
@@ -34,29 +33,22 @@ fn run_key(case: usize) -> RunKey {
             view: View { position, target, up, fov: 70. },
             albedo: 1.,
         },
-        sampling: Sampling { replicate, ..sampling },
+        sampling: Sampling::new(methods[case % 3], 0, None, 0),
         part: None,
     }
 }
 
-/// The value of a replicate of a pixel, the same wherever it is rendered.
-fn value((x, y): (u32, u32), k: u64) -> f64 {
-    f64::from(x) / 7. + f64::from(y) / 11. + k as f64 / 3.
-}
-
-/// Takes the tiles of a film to so many samples, up to `most` values in all.
-fn fill(film: &mut Film, end: u64, mut most: usize) {
+/// Takes some tiles of a film to so many samples: replicates that are the
+/// same wherever they are rendered.
+fn fill(film: &mut Film, end: u64, tiles: usize) {
     let (first, replicate) = (film.first, film.replicate);
-    for (tile, pixels, _) in film.tiles() {
+    for (tile, pixels) in film.tiles().into_iter().take(tiles) {
         for k in pixels[0].count()..end.div_ceil(replicate) {
-            if most == 0 {
-                break;
-            }
-            most -= 1;
+            let k = (first / replicate + k) as f64;
             for (i, pixel) in (0..).zip(&mut *pixels) {
                 let x = tile.corner.0 + i % tile.size.0;
                 let y = tile.corner.1 + i / tile.size.0;
-                pixel.add(value((x, y), first / replicate + k));
+                pixel.add(f64::from(x) / 7. + f64::from(y) / 11. + k / 3.);
             }
         }
     }
@@ -68,63 +60,35 @@ fn random(state: &mut u64, n: usize) -> usize {
     (*state >> 33) as usize % n
 }
 
-/// Some tiles have samples already, as after an interrupt; the pieces are
-/// finished, begun or not begun, and come back in any order. What they leave
-/// has no gap: each tile has the first of its samples, all of them if no
-/// piece was stopped.
+/// Some tiles have samples already, as after an interrupt; the pieces come
+/// back in any order.
 #[test]
 fn pieces_in_any_order_make_the_film_of_one_pass() {
     let state = &mut 1;
     for case in 0..320 {
-        let (run_key, stopped) = (run_key(case), case >= 160);
+        let run_key = run_key(case);
         let mut film = run_key.film();
-        let replicate = film.replicate;
-        fill(&mut film, 20, case % 7 * 10);
+        fill(&mut film, 20, case % 7);
         let mut expected = film.clone();
         let end = 1 + random(state, 90) as u64;
         fill(&mut expected, end, usize::MAX);
-        let ranks = 1 + random(state, 9) as u64;
-        let mut schedule = Schedule::new(&film, end, ranks);
-        let most = (schedule.left / (4 * ranks)).max(schedule.least);
-        let mut pieces: Vec<_> =
-            iter::from_fn(|| schedule.take()).collect();
-        let is_least = |piece: &Piece| piece.halves(replicate).is_none();
-        assert!(pieces.iter().all(|p| is_least(p) || p.paths() <= most));
-        assert_eq!(schedule.left, 0);
-        let paths: u64 = pieces.iter().map(Piece::paths).sum();
-        let mut shares = [Share::default()];
-        let mut collector = Collector::new(&mut film, &mut shares);
+        let mut shares = vec![Share::default(); 1 + random(state, 9)];
+        let mut pass = Pass::new(&mut film, end, &mut shares);
+        let most = pass.most();
+        let mut pieces: Vec<_> = iter::from_fn(|| pass.take()).collect();
+        for Piece { window, .. } in &pieces {
+            assert!(window.area() <= most || halves(*window).is_none());
+        }
+        assert_eq!(pass.left, 0);
         while !pieces.is_empty() {
             let k = random(state, pieces.len());
-            let piece = pieces.swap_remove(k);
-            let mut film = piece.film(&run_key);
-            let most = [usize::MAX, 3, 0][random(state, 3)];
-            let most = if stopped { most } else { usize::MAX };
-            fill(&mut film, piece.samples, most);
-            let share = Share { paths: piece.paths(), ..Share::default() };
-            let part = Part { piece, film, rays: 7, share };
+            let Piece { window, first, samples } = pieces.swap_remove(k);
+            let mut film = run_key.film_of(window, first);
+            fill(&mut film, samples, usize::MAX);
+            let part = Part { film, rays: 7, share: Share::default() };
             let part = Part::from_bytes(&part.to_bytes(), &run_key);
-            collector.add(0, part.unwrap());
+            pass.add(0, part.unwrap());
         }
-        assert!(stopped || collector.waiting.is_empty());
-        assert_eq!(shares[0].paths, paths);
-        assert!(stopped || film.pixels == expected.pixels);
-        for (tile, pixels, _) in film.tiles() {
-            let mut expected = Accumulator::default();
-            for k in 0..pixels[0].count() {
-                expected.add(value(tile.corner, k));
-            }
-            assert_eq!(pixels[0], expected, "case {case}");
-        }
+        assert!(film.pixels == expected.stored(), "case {case}");
     }
-}
-
-/// The answer to the exercise on pieces.
-#[test]
-fn the_first_piece_of_four_ranks_has_forty_tiles() {
-    let film = Film::new(640, 480);
-    let mut schedule = Schedule::new(&film, 1, 4);
-    let first = schedule.take().unwrap();
-    assert_eq!(first.window.size, (80, 128));
-    assert_eq!((first.paths(), schedule.least), (10240, 1200));
 }

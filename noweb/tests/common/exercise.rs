@@ -10,7 +10,7 @@
 
 use noweb::Streams;
 use noweb::diagnostic::Source;
-use noweb::markup::{Token, mark_up, parse_token, unmark, write_stream};
+use noweb::markup::{mark_up, write_stream};
 use noweb::tangle::{Layout, tangle};
 use noweb::web::Web;
 
@@ -20,15 +20,10 @@ pub fn exercise(input: &[u8]) {
         let source = Source::new(b"input".to_vec(), input.to_vec());
         let (lexemes, faults) = mark_up(&source, 0, tab);
         let stream = write_stream(&lexemes);
-        let tokens: Vec<Token> =
-            lexemes.into_iter().map(|(token, _)| token).collect();
-        unmark(&tokens);
         faults.iter().for_each(|fault| drop(fault.to_string()));
         expand_all(&Web::read(vec![source], tab).0);
         expand_all(&Web::read_stream(&stream).0);
     }
-    let lines = input.split(|b| *b == b'\n');
-    unmark(&lines.filter_map(parse_token).collect::<Vec<Token>>());
     expand_all(&Web::read_stream(input).0);
     run_all(input);
 }
@@ -60,7 +55,7 @@ fn expand_all(web: &Web) {
 
 /// Gives bytes as standard input to the commands that are pure filters.
 fn run_all(input: &[u8]) {
-    let filters = ["markup", "unmarkup", "nt", "notangle", "noroots"];
+    let filters = ["markup", "nt", "notangle", "noroots"];
     let weavers = ["finduses", "rustindex", "noidx", "totex"];
     for name in filters.iter().chain(&weavers) {
         let (mut output, mut errors) = (Vec::new(), Vec::new());
