@@ -1,0 +1,493 @@
+// Tangled from chapters/mpi.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The command `pt-mpi`: one run on many processes, which send each other
+//! messages.
+//!
+//! Rank 0 leads: it has the film and hands out pieces of each pass. The
+//! others follow: they render pieces and send the sums back.
+
+use std::process::{self, ExitCode};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::mpsc::{self, Receiver, Sender};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+use std::{panic, thread};
+
+use litpt::film::{Film, SIDE, Watch, Window};
+use litpt::progress;
+use litpt::render::{Renderer, Share};
+use litpt::session::{self, Ranks};
+use litpt::state::key::RunKey;
+use litpt::statistics::Accumulator;
+use mpi::topology::SimpleCommunicator;
+use mpi::traits::*;
+use mpi::{Rank, Threading};
+use serde::{Deserialize, Serialize};
+
+/// The processes that MPI has started.
+struct World;
+
+impl Ranks for World {
+    fn count(&self) -> u32 {
+        world().size() as u32
+    }
+
+    fn tell(&self, bytes: &mut [u8]) {
+        send_all(Order::Listen(bytes.len() as u64));
+        broadcast(bytes);
+    }
+
+    fn hear(&self) -> Option<Vec<u8>> {
+        let Order::Listen(length) = next_order() else { return None };
+        let mut bytes = vec![0; length as usize];
+        broadcast(&mut bytes);
+        Some(bytes)
+    }
+
+    fn lead<'a>(
+        &self,
+        own: Box<dyn Renderer + 'a>,
+        run_key: &'a RunKey,
+    ) -> Box<dyn Renderer + 'a> {
+        if self.count() == 1 {
+            return own;
+        }
+        let own = Worker::new(own, run_key);
+        let shares = vec![Share::default(); self.count() as usize];
+        Box::new(Leader { own, shares, passes: 0., least: 0. })
+    }
+
+    fn serve(&self, renderer: Box<dyn Renderer + '_>, run_key: &RunKey) {
+        let stop = AtomicBool::new(false);
+        let (pieces, todo) = mpsc::channel();
+        let (done, parts) = mpsc::channel();
+        let mut own = Worker::new(renderer, run_key);
+        thread::scope(|scope| {
+            scope.spawn(|| exchange(pieces, parts, &stop));
+            let watch = |_| !stop.load(Ordering::Relaxed);
+            for piece in todo {
+                let part = own.render(piece, &watch);
+                let _ = done.send(part.to_bytes());
+            }
+        });
+    }
+}
+
+fn main() -> ExitCode {
+    let begun = mpi::initialize_with_threading(Threading::Serialized);
+    let Some((_universe, Threading::Serialized | Threading::Multiple)) =
+        begun
+    else {
+        progress::error("MPI does not allow for threads");
+        return ExitCode::FAILURE;
+    };
+    abort_on_panic();
+    match world().rank() {
+        0 => shutdown(session::lead(&World)),
+        rank => follow(rank),
+    }
+}
+
+fn follow(rank: Rank) -> ExitCode {
+    if let Err(message) = session::follow(&World)
+        && next_order() != Order::End
+    {
+        progress::error(&format!("rank {rank}: {message}"));
+        world().abort(1);
+    }
+    ExitCode::SUCCESS
+}
+
+fn abort_on_panic() {
+    let report = panic::take_hook();
+    panic::set_hook(Box::new(move |what| {
+        report(what);
+        process::abort();
+    }));
+}
+
+/// How long rank 0 waits for answers when it is asked to stop.
+const GRACE: Duration = Duration::from_millis(250);
+
+/// Ends the run of the other ranks.
+fn shutdown(status: ExitCode) -> ExitCode {
+    let mut late = OUTSTANDING.load(Ordering::Relaxed);
+    while late > 0 {
+        match answer() {
+            Some(_) => late -= 1,
+            None => thread::sleep(POLL),
+        }
+    }
+    send_all(Order::End);
+    status
+}
+
+/// What rank 0 may ask for.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+enum Order {
+    /// Listen to so many bytes that are told to all.
+    Listen(u64),
+    /// Render a piece.
+    Render(Piece),
+    /// Leave what is not yet rendered.
+    Stop,
+    /// There is nothing more to do.
+    End,
+}
+
+/// The time between two looks for a message.
+const POLL: Duration = Duration::from_micros(500);
+
+/// The group of all ranks.
+fn world() -> SimpleCommunicator {
+    SimpleCommunicator::world()
+}
+
+/// The next order of rank 0.
+fn next_order() -> Order {
+    loop {
+        match pending_order() {
+            Some(order) => return order,
+            None => thread::sleep(POLL),
+        }
+    }
+}
+
+/// The next order, if it is there.
+fn pending_order() -> Option<Order> {
+    let found = world().process_at_rank(0).immediate_matched_probe();
+    let (text, _) = found?.matched_receive_vec::<u8>();
+    Some(serde_json::from_slice(&text).unwrap_or(Order::End))
+}
+
+/// Sends a message to rank 0, and does not keep a core busy meanwhile.
+fn report(bytes: &[u8]) {
+    let world = world();
+    let leader = world.process_at_rank(0);
+    mpi::request::scope(|scope| {
+        let mut request = leader.immediate_send(scope, bytes);
+        while let Err(pending) = request.test() {
+            request = pending;
+            thread::sleep(POLL / 10);
+        }
+    });
+}
+
+/// Sends an order to one rank.
+fn send(rank: Rank, order: Order) {
+    let text = serde_json::to_vec(&order).unwrap_or_default();
+    world().process_at_rank(rank).send(&text[..]);
+}
+
+/// Sends an order to all other ranks.
+fn send_all(order: Order) {
+    (1..world().size()).for_each(|rank| send(rank, order));
+}
+
+fn broadcast(bytes: &mut [u8]) {
+    let world = world();
+    let root = world.process_at_rank(0);
+    bytes.chunks_mut(1 << 30).for_each(|part| root.broadcast_into(part));
+}
+
+/// A message to rank 0 and its sender, if there is one.
+fn answer() -> Option<(usize, Vec<u8>)> {
+    let found = world().any_process().immediate_matched_probe()?;
+    let (bytes, status) = found.matched_receive_vec::<u8>();
+    Some((status.source_rank() as usize, bytes))
+}
+
+/// Samples of some tiles that one rank renders.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Piece {
+    window: Window,
+    /// The samples of each pixel before its own.
+    first: u64,
+    samples: u64,
+}
+
+/// Two windows of whole tiles that make up this one, if there are.
+fn halves(window: Window) -> Option<[Window; 2]> {
+    let turn = |Window { corner: (x, y), size: (width, height) }| Window {
+        corner: (y, x),
+        size: (height, width),
+    };
+    let bands = |w: Window| [(1, 2), (2, 2)].map(|band| w.band(band));
+    let turned = turn(window);
+    match (turned.tile_rows(), window.tile_rows()) {
+        (1, 1) => None,
+        (columns, rows) if columns < rows => Some(bands(window)),
+        _ => Some(bands(turned).map(turn)),
+    }
+}
+
+/// The first pixel of each tile of a window.
+fn corners(window: Window) -> impl Iterator<Item = (u32, u32)> + Clone {
+    let ((left, top), (right, bottom)) = (window.corner, window.end());
+    let edges = |from: u32, end: u32| {
+        let cells = from / SIDE..end.div_ceil(SIDE);
+        cells.map(move |k| from.max(k * SIDE))
+    };
+    let (columns, rows) = (edges(left, right), edges(top, bottom));
+    rows.flat_map(move |y| columns.clone().map(move |x| (x, y)))
+}
+
+/// A pass over a film: what no rank has got of it, and what has come back.
+struct Pass<'a> {
+    film: &'a mut Film,
+    /// The samples of each pixel at its end.
+    end: u64,
+    /// What no rank has got; the last one is the next.
+    windows: Vec<Window>,
+    /// Pixels in all of them.
+    left: u64,
+    /// The rays of what has come back.
+    rays: u64,
+    /// What each rank has done.
+    shares: &'a mut [Share],
+}
+
+impl<'a> Pass<'a> {
+    fn new(film: &'a mut Film, end: u64, shares: &'a mut [Share]) -> Self {
+        let (windows, left) = (vec![film.window], film.area());
+        Self { film, end, windows, left, rays: 0, shares }
+    }
+
+    /// The largest piece in pixels; it is smaller, the less is left.
+    fn most(&self) -> usize {
+        let rest = self.left.max(self.film.area() / 16) as usize;
+        rest / (4 * self.shares.len())
+    }
+
+    /// The next piece, if there is one.
+    fn take(&mut self) -> Option<Piece> {
+        let most = self.most();
+        while let Some(window) = self.windows.pop() {
+            // Halve the window if it is too large or its tiles differ
+            let counts =
+                corners(window).map(|(x, y)| self.film.pixel(x, y).count());
+            let least = counts.clone().min().unwrap_or_default();
+            if (window.area() > most || counts.max() > Some(least))
+                && let Some([half, rest]) = halves(window)
+            {
+                self.windows.extend([rest, half]);
+                continue;
+            }
+            let has = least * self.film.replicate;
+            self.left -= window.area() as u64;
+            let first = self.film.first + has;
+            if let samples @ 1.. = self.end.saturating_sub(has) {
+                return Some(Piece { window, first, samples });
+            }
+        }
+        None
+    }
+
+    /// Takes what a rank has rendered.
+    fn add(&mut self, rank: usize, part: Part) {
+        self.film.merge(&part.film);
+        self.rays += part.rays;
+        self.shares[rank] = part.share;
+    }
+}
+
+/// The sums of a piece, and what its rank has done so far.
+struct Part {
+    film: Film,
+    /// The rays of this piece.
+    rays: u64,
+    share: Share,
+}
+
+impl Part {
+    fn to_bytes(&self) -> Vec<u8> {
+        let Self { film, rays, share } = self;
+        let head = (film.window, film.first, rays, share);
+        let mut bytes = serde_json::to_vec(&head).unwrap_or_default();
+        bytes.push(b'\n');
+        let sums = film.pixels.iter().chain(&film.tile_means);
+        bytes.extend(sums.flat_map(Accumulator::to_bytes));
+        bytes
+    }
+
+    fn from_bytes(bytes: &[u8], run_key: &RunKey) -> Option<Self> {
+        let end = bytes.iter().position(|&byte| byte == b'\n')?;
+        let head = serde_json::from_slice(&bytes[..end]).ok()?;
+        let (window, first, rays, share) = head;
+        let mut film = run_key.film_of(window, first);
+        let (sums, _) = bytes[end + 1..].as_chunks();
+        let mut sums = sums.iter().map(Accumulator::from_bytes);
+        let mut fill = |all: &mut [Accumulator]| {
+            all.iter_mut().zip(&mut sums).for_each(|(own, sum)| *own = sum);
+        };
+        fill(&mut film.pixels);
+        fill(&mut film.tile_means);
+        Some(Self { film, rays, share })
+    }
+}
+
+/// What renders the pieces of one rank.
+struct Worker<'a> {
+    renderer: Box<dyn Renderer + 'a>,
+    run_key: &'a RunKey,
+    /// What it has done.
+    share: Share,
+    /// The processor time before that.
+    before: f64,
+}
+
+impl<'a> Worker<'a> {
+    fn new(renderer: Box<dyn Renderer + 'a>, run_key: &'a RunKey) -> Self {
+        let before = processor_seconds();
+        Self { renderer, run_key, share: Share::default(), before }
+    }
+
+    /// Renders a piece, unless `watch` stops it.
+    fn render(&mut self, piece: Piece, watch: &Watch) -> Part {
+        let began = Instant::now();
+        let mut film = self.run_key.film_of(piece.window, piece.first);
+        let rays = self.renderer.pass(&mut film, piece.samples, watch);
+        let values: u64 = film.pixels.iter().map(Accumulator::count).sum();
+        self.share.paths += values * film.replicate;
+        self.share.render_seconds += began.elapsed().as_secs_f64();
+        self.share.processor_seconds = processor_seconds() - self.before;
+        Part { film, rays, share: self.share.clone() }
+    }
+}
+
+/// A renderer on all ranks.
+struct Leader<'a> {
+    own: Worker<'a>,
+    shares: Vec<Share>,
+    /// Seconds of all passes.
+    passes: f64,
+    /// Seconds below which a pass is too short.
+    least: f64,
+}
+
+impl Renderer for Leader<'_> {
+    fn pass(&mut self, film: &mut Film, end: u64, watch: &Watch) -> u64 {
+        let (began, own) = (Instant::now(), &mut self.own);
+        let run_key = own.run_key;
+        let pass = Mutex::new(Pass::new(film, end, &mut self.shares));
+        let busy = thread::scope(|scope| {
+            let busy = scope.spawn(|| hand_out(&pass, run_key, watch));
+            // Render pieces until none is left
+            while watch(0) {
+                let Some(piece) = locked(&pass).take() else { break };
+                let part = own.render(piece, watch);
+                locked(&pass).add(0, part);
+            }
+            busy.join().unwrap_or_default().as_secs_f64()
+        });
+        let rays = pass.into_inner().map_or(0, |pass| pass.rays);
+        // Tell how long each rank has waited
+        self.least = 8. * busy;
+        self.own.share.collect_seconds += busy;
+        self.shares[0] = self.own.share.clone();
+        self.passes += began.elapsed().as_secs_f64();
+        for share in &mut self.shares {
+            share.wait_seconds =
+                (self.passes - share.render_seconds).max(0.);
+        }
+        rays
+    }
+
+    fn shares(&self) -> &[Share] {
+        &self.shares
+    }
+
+    fn least_seconds(&self) -> f64 {
+        self.least
+    }
+}
+
+/// What two threads share, for this one alone.
+fn locked<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
+    shared.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Answers that are still to come at the end of a run.
+static OUTSTANDING: AtomicUsize = AtomicUsize::new(0);
+
+/// Gives pieces to the other ranks and takes their sums, until all is
+/// done or `watch` stops it; returns the time that the sums have taken.
+fn hand_out(
+    pass: &Mutex<Pass>,
+    run_key: &RunKey,
+    watch: &Watch,
+) -> Duration {
+    let mut asked = vec![0; world().size() as usize];
+    let (mut stopped, mut busy) = (None, Duration::ZERO);
+    loop {
+        if stopped.is_none() {
+            // Give each rank two pieces
+            for (rank, asked) in asked.iter_mut().enumerate().skip(1) {
+                while *asked < 2 {
+                    let Some(piece) = locked(pass).take() else { break };
+                    send(rank as Rank, Order::Render(piece));
+                    *asked += 1;
+                }
+            }
+            if !watch(0) {
+                stopped = Some(Instant::now());
+                send_all(Order::Stop);
+            }
+        }
+        // Return if no answer is to come
+        let late = asked.iter().sum();
+        let is_over = |since: Instant| since.elapsed() > GRACE;
+        if late == 0 || stopped.is_some_and(is_over) {
+            OUTSTANDING.store(late, Ordering::Relaxed);
+            return busy;
+        }
+        // Take the sums of a piece
+        let began = Instant::now();
+        let Some((rank, bytes)) = answer() else {
+            thread::sleep(POLL);
+            continue;
+        };
+        asked[rank] -= 1;
+        if let Some(mut part) = Part::from_bytes(&bytes, run_key) {
+            let mut pass = locked(pass);
+            let before = &pass.shares[rank];
+            part.share.sent_bytes = before.sent_bytes + bytes.len() as u64;
+            watch(part.share.paths - before.paths);
+            pass.add(rank, part);
+        }
+        busy += began.elapsed();
+    }
+}
+
+/// Passes orders on, and sends the sums of pieces, until the end.
+fn exchange(
+    pieces: Sender<Piece>,
+    parts: Receiver<Vec<u8>>,
+    stop: &AtomicBool,
+) {
+    loop {
+        match pending_order() {
+            Some(Order::Render(piece)) => _ = pieces.send(piece),
+            Some(Order::Stop) => stop.store(true, Ordering::Relaxed),
+            Some(_) => return,
+            None => match parts.try_recv() {
+                Ok(part) => report(&part),
+                Err(_) => thread::sleep(POLL),
+            },
+        }
+    }
+}
+
+/// The seconds that all threads of this process have computed.
+fn processor_seconds() -> f64 {
+    let mut time = libc::timespec { tv_sec: 0, tv_nsec: 0 };
+    let clock = libc::CLOCK_PROCESS_CPUTIME_ID;
+    // SAFETY: the time is written, and nothing else.
+    unsafe { libc::clock_gettime(clock, &mut time) };
+    time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64
+}
+
+#[cfg(test)]
+#[path = "../tests/units/pieces.rs"]
+mod tests;

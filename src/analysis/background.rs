@@ -1,0 +1,171 @@
+// Tangled from chapters/background.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Tiles of an image in which no triangle can be seen.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use crate::bvh::Bvh;
+use crate::camera::Camera;
+use crate::film::SIDE;
+use crate::numerics::cross;
+use crate::sky::Sky;
+
+/// What is known of a tile before it is rendered.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum TileContent {
+    /// Nothing: its rays have to be traced.
+    Scene,
+    /// No ray from the camera through it meets a triangle.
+    Sky,
+    /// Each sample of each of its pixels is this number.
+    Constant(f64),
+}
+
+/// What is known of the tiles of an image before the render; by default
+/// nothing.
+#[derive(Default)]
+pub struct KnownPixels {
+    columns: u32,
+    /// By row and column; none if nothing is known.
+    tiles: Vec<TileContent>,
+}
+
+impl KnownPixels {
+    /// For a render of which nothing is known.
+    pub const NOTHING: &Self = &Self { columns: 0, tiles: vec![] };
+
+    /// What is known of the tile of a pixel.
+    pub fn content(&self, (x, y): (u32, u32)) -> TileContent {
+        let tile = (y / SIDE * self.columns + x / SIDE) as usize;
+        self.tiles.get(tile).copied().unwrap_or(TileContent::Scene)
+    }
+
+    /// Whether each sample of the image is known.
+    pub fn is_all(&self) -> bool {
+        let is_constant =
+            |tile: &TileContent| matches!(tile, TileContent::Constant(_));
+        !self.tiles.is_empty() && self.tiles.iter().all(is_constant)
+    }
+
+    /// All of an image of this width and height is black.
+    pub fn dark((width, height): (u32, u32)) -> Self {
+        let (columns, rows) = (width.div_ceil(SIDE), height.div_ceil(SIDE));
+        let tile = TileContent::Constant(0.);
+        Self { columns, tiles: vec![tile; (columns * rows) as usize] }
+    }
+}
+
+/// The rays of a tile.
+struct Pyramid {
+    tip: DVec3,
+    /// Unit vectors into the pyramid, of the planes around it; zero for a
+    /// plane that separates nothing.
+    inwards: [DVec3; 5],
+    /// How far outside counts as outside.
+    margin: f64,
+}
+
+impl Pyramid {
+    /// Whether a plane separates the pyramid from a convex body, given
+    /// how far that extends along a vector.
+    fn misses(&self, extent: impl Fn(DVec3) -> f64) -> bool {
+        let tip = self.tip;
+        let beyond = |&n: &DVec3| extent(n) - n.dot(tip) < -self.margin;
+        self.inwards.iter().any(beyond)
+    }
+
+    /// Whether a triangle may be inside.
+    fn sees(&self, intersector: &Bvh) -> bool {
+        intersector.any_triangle(
+            |low, high| {
+                !self.misses(|n| (n * low).max(n * high).element_sum())
+            },
+            |corners| {
+                let most = |n: DVec3| {
+                    let along = corners.map(|corner| n.dot(corner));
+                    along.into_iter().fold(f64::NEG_INFINITY, f64::max)
+                };
+                !self.misses(most)
+            },
+        )
+    }
+}
+
+impl KnownPixels {
+    /// The tiles of an image of this width and height that see no triangle
+    /// of an intersector from the point `tip`, where the camera is among
+    /// them.
+    pub fn background(
+        camera: &Camera,
+        sky: Sky,
+        (width, height): (u32, u32),
+        tip: DVec3,
+        intersector: &Bvh,
+    ) -> Self {
+        let (columns, rows) = (width.div_ceil(SIDE), height.div_ceil(SIDE));
+        let size = tip.abs().max_element() + 16384.;
+        let margin = size / (1u64 << 46) as f64;
+        let content = |place: u32| {
+            // Find what one tile can see
+            let (x, y) = (place % columns * SIDE, place / columns * SIDE);
+            // Send rays through the corners of the tile
+            let (right, bottom) =
+                ((x + SIDE).min(width), (y + SIDE).min(height));
+            let corners =
+                [(x, y), (right, y), (right, bottom), (x, bottom)];
+            let corners = corners.map(|(x, y)| {
+                let across = f64::from(x) / f64::from(width);
+                camera.direction(across, f64::from(y) / f64::from(height))
+            });
+            let [a, b, c, d] = corners;
+            let middle = camera.direction(0.5, 0.5);
+            let inside = a + b + c + d;
+            // Raise planes over the sides of the tile
+            let side = |(a, b)| {
+                let normal = cross(a, b).normalize_or_zero();
+                let aside = normal.dot(inside);
+                match aside.abs() < FLAT {
+                    true => DVec3::ZERO,
+                    false => normal * aside.signum(),
+                }
+            };
+            let [p, q, r, s] = [(a, b), (b, c), (c, d), (d, a)].map(side);
+            let inwards = [p, q, r, s, middle];
+            let pyramid = Pyramid { tip, inwards, margin };
+            if pyramid.sees(intersector) {
+                return TileContent::Scene;
+            }
+            // See whether the sky is constant
+            let light = corners.map(|corner| sky.radiance(corner));
+            match light.iter().all(|&other| other == light[0]) {
+                true => TileContent::Constant(light[0]),
+                false => TileContent::Sky,
+            }
+        };
+        let places = (0..columns * rows).into_par_iter();
+        Self { columns, tiles: places.map(content).collect() }
+    }
+
+    /// How many tiles there are, how many of them see no triangle, and how
+    /// many pixels those have in an image of this width and height.
+    pub fn count(
+        &self,
+        (width, height): (u32, u32),
+    ) -> (usize, usize, u64) {
+        let tiles = self.tiles.iter().zip(0..);
+        let empty = tiles.filter(|(tile, _)| **tile != TileContent::Scene);
+        let pixels = |(_, i): (&TileContent, u32)| {
+            let corner = (i % self.columns * SIDE, i / self.columns * SIDE);
+            let width = (width - corner.0).min(SIDE);
+            u64::from(width) * u64::from((height - corner.1).min(SIDE))
+        };
+        let pixels = empty.clone().map(pixels).sum();
+        (self.tiles.len(), empty.count(), pixels)
+    }
+}
+
+/// The least distance of unit vectors from a plane that tells on which
+/// side of it they are: 2^-40.
+const FLAT: f64 = 1. / (1u64 << 40) as f64;

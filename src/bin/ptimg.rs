@@ -1,0 +1,510 @@
+// Tangled from chapters/ptimg.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The command `ptimg`: show and compare images, and add states.
+
+use std::env;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::Arc;
+
+use clap::{Args, Parser, Subcommand};
+use serde_json::{Value, json};
+
+use litpt::compare::display::{self, Curve};
+use litpt::compare::{
+    Difference, Dispersion, FEW, Scale, compare, disagreements,
+};
+use litpt::film::SIDE;
+use litpt::image::{Format, Image};
+use litpt::options::{LICENCE, STYLES, is_dash, parse_real, parse_words};
+use litpt::output::{ImageTarget, OutputTarget, descriptor, tell_apart};
+use litpt::progress;
+use litpt::report::Kind;
+use litpt::run_output::conclude;
+use litpt::session::fail;
+use litpt::state::shards;
+use signal_hook::consts::SIGXFSZ;
+use signal_hook::flag;
+
+/// Shows and compares images, and merges states of parts of a run. Images
+/// are .exr and .pfm, as pt writes them, and of other programs .png and
+/// .pgm too; - is standard input or output.
+#[derive(Debug, Parser)]
+#[command(name = "ptimg", version, after_help = LICENCE, styles = STYLES)]
+#[command(arg_required_else_help = false)]
+pub struct Arguments {
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+#[derive(Debug, Subcommand)]
+enum Verb {
+    /// Print the size, the channels, the run and the error of images
+    Info {
+        /// Images to read
+        #[arg(value_name = "FILE", required = true)]
+        files: Vec<PathBuf>,
+
+        /// Print one line of JSON for each image
+        #[arg(long)]
+        json: bool,
+    },
+    /// Make an image for the screen, .png or .pgm
+    Tonemap {
+        /// Image to read
+        #[arg(value_name = "IN")]
+        input: PathBuf,
+
+        #[command(flatten)]
+        to: Output,
+
+        /// Stops by which the image is made brighter
+        #[arg(short, long, value_name = "STOPS", default_value = "0",
+              allow_hyphen_values = true, value_parser = parse_real)]
+        exposure: f64,
+
+        /// What becomes of radiances brighter than white
+        #[arg(short, long, value_name = "CURVE", default_value = "clamp")]
+        tonemap: Curve,
+    },
+    /// Test whether chance alone explains the difference of two images:
+    /// the status is 0 if so, 1 if not (wrong once in 100 pairs), and 2 if
+    /// they cannot be compared
+    #[command(mut_arg("output", |output| output.required(false).help(
+        "Map of the differences in standard errors, as numbers (.exr, .pfm) \
+         or as grey levels (.png, .pgm) from -5 to 5; - with -q"
+    )))]
+    Diff {
+        /// Image to test
+        #[arg(value_name = "A")]
+        a: PathBuf,
+
+        /// Image to test against; taken as exact if it says no errors
+        #[arg(value_name = "B")]
+        b: PathBuf,
+
+        #[command(flatten)]
+        to: Output,
+
+        /// Print nothing but errors
+        #[arg(short, long)]
+        quiet: bool,
+    },
+    /// Merge states of parts of one run to the image of the whole
+    Merge(Merge),
+    /// Show the standard error of each pixel as grey, in .png or .pgm
+    Stderr {
+        /// Image to read
+        #[arg(value_name = "IN")]
+        input: PathBuf,
+
+        #[command(flatten)]
+        to: Output,
+
+        /// Show the errors relative to the means
+        #[arg(short, long)]
+        relative: bool,
+    },
+}
+
+#[derive(Debug, Args)]
+struct Merge {
+    /// States of parts of a run, of pt -o a.litpt or --checkpoint
+    #[arg(value_name = "FILE", required = true, num_args = 2..)]
+    files: Vec<PathBuf>,
+
+    #[command(flatten)]
+    to: Output,
+
+    /// Report of the run whose parts are merged, .json, .csv or .html; may
+    /// be repeated
+    #[arg(long, value_name = "FILE")]
+    report: Vec<PathBuf>,
+
+    /// Merge what there is, even if parts of the run are missing
+    #[arg(long)]
+    partial: bool,
+}
+
+#[derive(Debug, Args)]
+struct Output {
+    /// Image to write; may be repeated; - is standard output
+    #[arg(short, long, value_name = "OUT", required = true)]
+    output: Vec<PathBuf>,
+
+    /// Format on standard output [default: exr of a merge, else pgm]
+    #[arg(long, value_name = "FORMAT", hide_possible_values = true)]
+    format: Option<Format>,
+
+    /// Overwrite files that exist
+    #[arg(short, long)]
+    force: bool,
+}
+
+impl Output {
+    /// The targets of an image, which on standard output has the format
+    /// that was asked for, or the usual one.
+    fn targets(&self, usual: Format) -> Result<Vec<ImageTarget>, String> {
+        let target = |path: &PathBuf| match (descriptor(path), self.format)
+        {
+            (None, Some(_)) => Err(format!(
+                "{}: --format is for standard output; the name of a file \
+                 tells its format",
+                path.display()
+            )),
+            (_, format) => {
+                ImageTarget::file(path, format.unwrap_or(usual), self.force)
+            }
+        };
+        self.output.iter().map(target).collect()
+    }
+
+    /// The targets of an image of grey levels.
+    fn grey_targets(&self) -> Result<Vec<ImageTarget>, String> {
+        let targets = self.targets(Format::Pgm)?;
+        match targets.iter().zip(&self.output).find(|(t, _)| !is_grey(t)) {
+            None => Ok(targets),
+            Some((_, path)) => Err(format!(
+                "{}: this image is written as .pgm or .png",
+                path.display()
+            )),
+        }
+    }
+
+    /// Whether something goes to standard output.
+    fn is_standard(&self) -> bool {
+        self.output.iter().any(|path| descriptor(path) == Some(1))
+    }
+}
+
+fn main() -> ExitCode {
+    // A file beyond the limit of size is an error, not the end.
+    let _ = flag::register(SIGXFSZ, Arc::default());
+    let arguments: Arguments = match parse_words(env::args_os()) {
+        Ok((arguments, _)) => arguments,
+        Err(error) => return fail(error),
+    };
+    // Report a fault by message and status
+    run(&arguments.verb).unwrap_or_else(|message| {
+        progress::error(&message);
+        match arguments.verb {
+            Verb::Diff { .. } => ExitCode::from(2),
+            _ => ExitCode::FAILURE,
+        }
+    })
+}
+
+fn run(verb: &Verb) -> Result<ExitCode, String> {
+    match verb {
+        Verb::Info { files, json } => inform(files, *json)?,
+        // Make an image for the screen
+        Verb::Tonemap { input, to, exposure, tonemap } => {
+            let targets = to.grey_targets()?;
+            let image = read(input)?;
+            let grey = display::tonemap(&image, *exposure, *tonemap);
+            write(&targets, &grey)?;
+        }
+        Verb::Merge(merge) => merge.run()?,
+        Verb::Stderr { input, to, relative } => {
+            // Show the standard errors
+            let targets = to.grey_targets()?;
+            let image = read(input)?;
+            let (grey, white) = display::errors(&image, *relative)
+                .map_err(|fault| format!("{}: {fault}", input.display()))?;
+            write(&targets, &grey)?;
+            let what = if *relative { "relative " } else { "" };
+            let line =
+                format!("white is a {what}standard error of {white:.4e}");
+            match to.is_standard() {
+                true => progress::inform(&line),
+                false => say(&line)?,
+            }
+        }
+        Verb::Diff { a, b, to, quiet } => {
+            // Answer with the status of a test
+            if to.is_standard() && !quiet {
+                return Err("a map on standard output needs -q".to_owned());
+            }
+            return diff([a, b], &to.targets(Format::Pgm)?, *quiet);
+        }
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn is_grey(target: &ImageTarget) -> bool {
+    [Format::Pgm, Format::Png].contains(&target.format)
+}
+
+fn write(targets: &[ImageTarget], image: &Image) -> Result<(), String> {
+    targets.iter().try_for_each(|target| target.write(image))
+}
+
+impl Merge {
+    fn run(&self) -> Result<(), String> {
+        let files = self.files.iter().map(PathBuf::as_path);
+        let written = self.to.output.iter().chain(&self.report);
+        tell_apart(files, written.map(PathBuf::as_path))?;
+        // Refuse what is no state
+        let is_other = |file: &&PathBuf| {
+            (is_dash(file) || file.exists()) && !shards::is_state(file)
+        };
+        if let Some(file) = self.files.iter().find(is_other) {
+            return Err(format!(
+                "{}: merge adds the states of a run, files that `pt -o a.litpt` \
+                 or --checkpoint writes, not images",
+                file.display()
+            ));
+        }
+        let images = self.to.targets(Format::Exr)?;
+        // Find the targets of the reports
+        let report = |path: &PathBuf| {
+            Ok((Kind::of(path)?, OutputTarget::file(path, self.to.force)?))
+        };
+        let reports = self.report.iter().map(report);
+        let reports = reports.collect::<Result<Vec<_>, String>>()?;
+        let merged = shards::merge(&self.files)?;
+        // Name the parts that are missing
+        if let Some(missing) = &merged.missing {
+            let missing = format!("parts are missing: {missing}");
+            match self.partial {
+                true => progress::warn(&missing),
+                false => return Err(format!("{missing} (see --partial)")),
+            }
+        }
+        // Write what was merged
+        let (image, report) = conclude(merged);
+        write(&images, &image)?;
+        for (kind, target) in reports {
+            let text = kind.render(&report, &|| image.clone());
+            target.write(&mut |out| out.write_all(text.as_bytes()))?;
+        }
+        Ok(())
+    }
+}
+
+/// Reads an image and warns of what is not as it should be.
+fn read(path: &Path) -> Result<Image, String> {
+    Image::read_noting(path, &mut progress::warn)
+}
+
+/// # Errors
+/// Standard input is named twice.
+fn read_once<'a>(
+    files: impl Iterator<Item = &'a PathBuf>,
+) -> Result<(), String> {
+    match files.filter(|path| is_dash(path)).count() {
+        0 | 1 => Ok(()),
+        _ => Err("standard input can be read once only".to_owned()),
+    }
+}
+
+/// Prints lines on standard output, unless the reader has closed the pipe.
+fn say(lines: &str) -> Result<(), String> {
+    OutputTarget::standard_output()?
+        .write(&mut |out| writeln!(out, "{lines}"))
+}
+
+fn inform(files: &[PathBuf], json: bool) -> Result<(), String> {
+    read_once(files.iter())?;
+    for path in files {
+        let image = read(path)?;
+        let facts = facts(path, &image);
+        say(&match json {
+            true => Value::from_iter(facts).to_string(),
+            false => {
+                // Put the facts into lines
+                let own = image.attributes.iter();
+                let own = own.map(|(name, text)| (&name[..], json!(text)));
+                let known = facts.into_iter().chain(own);
+                let known =
+                    known.filter(|(_, v)| !v.is_null() && !v.is_object());
+                let lines =
+                    known.map(|(name, v)| format!("{name}: {}", words(&v)));
+                lines.collect::<Vec<_>>().join("\n")
+            }
+        })?;
+    }
+    Ok(())
+}
+
+/// What there is to know of an image, each by its name. The sums are those
+/// of pixels whose means are finite numbers.
+fn facts(path: &Path, image: &Image) -> [(&'static str, Value); 13] {
+    let all = image.means.iter().copied();
+    let means: Vec<f64> = all.filter(|mean| mean.is_finite()).collect();
+    let n = means.len() as f64;
+    // Sum the squares of the errors
+    let known = |list: &Vec<f64>| -> Vec<f64> {
+        let pairs = list.iter().zip(&image.means);
+        let known = pairs.filter(|(_, mean)| mean.is_finite());
+        known.map(|(&error, _)| error).collect()
+    };
+    let squares =
+        |list: &Vec<f64>| known(list).iter().map(|e| e * e).sum::<f64>();
+    let of_pixels = image.errors.as_ref().map(squares);
+    let of_mean = image.tile_errors.as_ref().map(squares).or(of_pixels);
+    let errors = image.errors.as_ref().map(known).unwrap_or_default();
+    let unknown = errors.iter().filter(|e| e.is_infinite()).count();
+    let (least, greatest) = range(&means).unzip();
+    let names = image.channels().map(|(name, ..)| name);
+    let samples = image.samples.as_deref().and_then(range);
+    [
+        ("file", json!(path.display().to_string())),
+        ("width", json!(image.width)),
+        ("height", json!(image.height)),
+        ("channels", json!(names.collect::<Vec<_>>())),
+        ("mean", json!(means.iter().sum::<f64>() / n)),
+        ("mean_stderr", json!(of_mean.map(|sum| sum.sqrt() / n))),
+        ("rmse", json!(of_pixels.map(|sum| f64::sqrt(sum / n)))),
+        ("unknown_errors", json!(unknown)),
+        ("not_finite", json!(image.means.len() - means.len())),
+        ("least", json!(least)),
+        ("greatest", json!(greatest)),
+        ("samples", json!(samples)),
+        ("attributes", json!(image.attributes)),
+    ]
+}
+
+/// A value as people read it.
+fn words(value: &Value) -> String {
+    match value {
+        Value::String(text) => text.clone(),
+        Value::Array(all) => {
+            all.iter().map(words).collect::<Vec<_>>().join(", ")
+        }
+        number => {
+            let number = number.as_f64().unwrap_or(f64::NAN);
+            ((1e6 * number).round() / 1e6).to_string()
+        }
+    }
+}
+
+/// The least and the greatest of some values, if there is one.
+fn range(values: &[f64]) -> Option<(f64, f64)> {
+    let least = values.iter().copied().reduce(f64::min)?;
+    Some((least, values.iter().copied().reduce(f64::max)?))
+}
+
+fn diff(
+    files: [&PathBuf; 2],
+    maps: &[ImageTarget],
+    quiet: bool,
+) -> Result<ExitCode, String> {
+    read_once(files.into_iter())?;
+    // Read both images
+    let note = &mut |line: &str| {
+        if !quiet {
+            progress::warn(line);
+        }
+    };
+    let [first, second] = files.map(|path| Image::read_noting(path, note));
+    let (first, second) = (first?, second?);
+    let difference = compare(&first, &second).map_err(|fault| {
+        let [a, b] = files.map(|path| path.display());
+        format!("{a} and {b}: {fault}")
+    })?;
+    // Write the maps
+    for map in maps {
+        map.write(&display::z_map(&first, &difference, is_grey(map)))?;
+    }
+    if !quiet {
+        // Say what the comparison takes for granted
+        let differing =
+            disagreements(&first.attributes, &second.attributes);
+        if !differing.is_empty() {
+            let differing = differing.join(", ");
+            say(&format!("they show different things: {differing}"))?;
+        }
+        for (path, image) in files.iter().zip([&first, &second]) {
+            if image.errors.is_none() {
+                let name = path.display();
+                say(&format!("{name}: no errors; it is taken as exact"))?;
+            }
+        }
+        let both = |name| {
+            first.attributes.get(name).zip(second.attributes.get(name))
+        };
+        if let Some((seed, other)) = both("seed")
+            && seed == other
+            && both("scene_sha256").is_none_or(|(a, b)| a == b)
+        {
+            progress::warn(&format!(
+                "both images come from seed {seed}: they share random \
+                 numbers, and may agree better than independent ones would"
+            ));
+        }
+        say(&explain(&difference))?;
+    }
+    Ok(ExitCode::from(u8::from(!difference.consistent())))
+}
+
+/// The lines that explain a comparison.
+fn explain(difference: &Difference) -> String {
+    if difference.identical {
+        return "identical: all pixels have the same values".to_owned();
+    }
+    let &Difference { rmse, relative_mse, sum, .. } = difference;
+    let (n, z) = (sum.pixels as f64, sum.z());
+    let (mean, error) = (sum.difference / n, sum.variance.sqrt() / n);
+    let mut lines = vec![
+        format!("root mean square difference: {rmse:.6}"),
+        format!("relative mean square difference: {relative_mse:.6}"),
+        format!("mean difference: {mean:.6} ± {error:.6} (z = {z:.2})"),
+    ];
+    let mut failed = vec![];
+    // Tell what the tests have found
+    let blocks = format!("blocks of {SIDE}x{SIDE}");
+    let names = ["pixels", &blocks, "image"];
+    for (name, scale) in names.into_iter().zip(&difference.scales) {
+        // Describe a scale
+        let &Scale { tested, failed: n, largest: (z, x, y) } = scale;
+        let z = z.abs();
+        lines.push(match (tested, n) {
+            (0, _) => format!("{name}: not tested"),
+            (1, 0) => format!("{name}: |z| {z:.2}, not beyond chance"),
+            (1, _) => format!("{name}: |z| {z:.2}, beyond chance"),
+            _ => format!(
+                "{name}: {tested} tested, largest |z| {z:.2} at {x},{y}, \
+                 {n} beyond chance"
+            ),
+        });
+        failed.extend((n > 0).then_some(name));
+    }
+    // Tell whether the errors are plausible
+    let Dispersion { ratio, z, failed: beyond, pixels } =
+        difference.dispersion;
+    if pixels > 0 {
+        let verdict = if beyond { "beyond" } else { "no more than" };
+        lines.push(format!(
+            "errors: differences {ratio:.3} times as large \
+             (z = {z:.2}), {verdict} chance"
+        ));
+    }
+    failed.extend(beyond.then_some("errors"));
+    // Name the pixels that were left out
+    let &Difference { unknown, few, .. } = difference;
+    lines.extend(
+        (unknown > 0).then(|| {
+            format!("not tested: {unknown} pixels of unknown error")
+        }),
+    );
+    lines.extend((few > 0).then(|| {
+        format!(
+            "not tested one by one: {few} pixels of fewer than {FEW} \
+             independent samples"
+        )
+    }));
+    // Conclude with the verdict in words
+    lines.push(match failed.is_empty() {
+        true => {
+            "consistent: chance alone may explain the difference".into()
+        }
+        false => format!(
+            "inconsistent: chance alone does not explain the difference \
+             (failed: {})",
+            failed.join(", ")
+        ),
+    });
+    lines.join("\n")
+}

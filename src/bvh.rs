@@ -1,0 +1,242 @@
+// Tangled from chapters/bvh.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Finding the first triangle along a ray.
+//!
+//! An intersector answers for a whole scene. It works in the scene's
+//! coordinates: boxes are single precision, while corners, rays, hits
+//! and the test of a triangle are double precision.
+
+mod beam;
+mod intersector;
+#[cfg(target_arch = "x86_64")]
+mod kernels;
+mod spawn;
+mod traversal;
+mod traverser;
+mod triangle;
+mod wide;
+
+pub use intersector::{BEAM, Dispatch, Hit, Intersector};
+pub use spawn::too_small;
+pub use wide::Quality;
+
+use std::str::FromStr;
+use std::{fmt, io};
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use crate::scene::{Ray, Scene, Triangle, Triangles};
+#[cfg(target_arch = "x86_64")]
+use kernels::{Avx2, Avx512};
+use traversal::{Kernel, Portable};
+use traverser::Traverser;
+use triangle::Leaf;
+
+/// Sets of instructions with which a hierarchy can be traversed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Isa {
+    /// Sixteen boxes at a time.
+    Avx512,
+    /// Eight boxes at a time.
+    Avx2,
+    /// What every processor has.
+    Portable,
+}
+
+impl Isa {
+    /// All, from the fastest to the slowest.
+    pub const ALL: [Self; 3] = [Self::Avx512, Self::Avx2, Self::Portable];
+
+    /// Whether this processor has the instructions.
+    pub fn is_available(self) -> bool {
+        match self {
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512 => Avx512::is_available(),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2 => Avx2::is_available(),
+            #[cfg(not(target_arch = "x86_64"))]
+            Self::Avx512 | Self::Avx2 => false,
+            Self::Portable => true,
+        }
+    }
+
+    /// The fastest set that this processor has.
+    pub fn best() -> Self {
+        let available =
+            Self::ALL.into_iter().find(|isa| isa.is_available());
+        available.unwrap_or(Self::Portable)
+    }
+}
+
+impl fmt::Display for Isa {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str(match self {
+            Self::Avx512 => "avx512",
+            Self::Avx2 => "avx2",
+            Self::Portable => "portable",
+        })
+    }
+}
+
+impl FromStr for Isa {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        let named =
+            Self::ALL.into_iter().find(|isa| isa.to_string() == name);
+        named.ok_or_else(|| {
+            let [first, second, third] = Self::ALL;
+            format!("expected {first}, {second} or {third}")
+        })
+    }
+}
+
+/// A hierarchy over the triangles of a scene, with a traversal through it.
+pub struct Bvh {
+    form: Form,
+}
+
+enum Form {
+    #[cfg(target_arch = "x86_64")]
+    Avx512(Traverser<Avx512, 16>),
+    #[cfg(target_arch = "x86_64")]
+    Avx2(Traverser<Avx2, 8>),
+    Portable(Traverser<Portable, 8>),
+}
+
+macro_rules! with_traverser {
+    ($bvh:expr, $traverser:ident => $answer:expr) => {
+        match &$bvh.form {
+            #[cfg(target_arch = "x86_64")]
+            Form::Avx512($traverser) => $answer,
+            #[cfg(target_arch = "x86_64")]
+            Form::Avx2($traverser) => $answer,
+            Form::Portable($traverser) => $answer,
+        }
+    };
+}
+
+impl Bvh {
+    /// The hierarchy of a scene for a long render on this processor.
+    ///
+    /// # Errors
+    /// Too little memory, or too many triangles; 2^26 always fit.
+    pub fn new(scene: &Scene) -> io::Result<Self> {
+        Self::with(scene, Quality::Thorough, Isa::best())
+    }
+
+    /// The hierarchy of a scene, built with care `quality`, on all
+    /// threads, for the instructions `isa`.
+    ///
+    /// # Errors
+    /// Instructions that this processor lacks, too little memory, or too
+    /// many triangles; 2^26 always fit.
+    pub fn with(
+        scene: &Scene,
+        quality: Quality,
+        isa: Isa,
+    ) -> io::Result<Self> {
+        Self::of(scene.triangles.clone(), quality, isa, &|_| ())
+    }
+
+    /// The same of `triangles` in the coordinates of a scene. Their memory
+    /// is given back part by part. How many are in the hierarchy by now
+    /// is told to `placed`.
+    ///
+    /// # Errors
+    /// Those of [`Self::with`].
+    pub fn of(
+        triangles: Triangles,
+        quality: Quality,
+        isa: Isa,
+        placed: &dyn Fn(usize),
+    ) -> io::Result<Self> {
+        // Build for one set of instructions
+        if !isa.is_available() {
+            let lacks = "this processor lacks the instructions";
+            return Err(io::Error::other(format!("{lacks} {isa}")));
+        }
+        let form = match isa {
+            // Build for vectors of sixteen and eight
+            #[cfg(target_arch = "x86_64")]
+            Isa::Avx512 => {
+                Form::Avx512(Traverser::new(triangles, quality, placed)?)
+            }
+            #[cfg(target_arch = "x86_64")]
+            Isa::Avx2 => {
+                Form::Avx2(Traverser::new(triangles, quality, placed)?)
+            }
+            _ => {
+                Form::Portable(Traverser::new(triangles, quality, placed)?)
+            }
+        };
+        Ok(Self { form })
+    }
+}
+
+impl Bvh {
+    /// The face of the file, from 0, that a `Hit::primitive` is part of.
+    pub fn face(&self, primitive: u32) -> u32 {
+        with_traverser!(self, traverser => {
+            traverser.wide.leaves.face(primitive)
+        })
+    }
+
+    /// Whether `asked` is true of the corners of a triangle. Only boxes
+    /// of which `enters` is true, given their two extreme corners, are
+    /// looked into; they are slightly larger than what they hold.
+    pub fn any_triangle(
+        &self,
+        enters: impl Fn(DVec3, DVec3) -> bool,
+        asked: impl Fn(&[DVec3; 3]) -> bool,
+    ) -> bool {
+        let asked = |_: &Leaf, _, corners: &_| asked(corners);
+        with_traverser!(self, traverser => {
+            traverser.wide.any([DVec3::MIN, DVec3::MAX], &enters, &asked)
+        })
+    }
+
+    /// All triangles, each with its face, in the order of the hierarchy.
+    pub fn triangles(
+        &self,
+    ) -> Box<dyn Iterator<Item = (u32, Triangle)> + '_> {
+        with_traverser!(self, traverser => {
+            let all = traverser.wide.triangles();
+            Box::new(all.map(|(slot, corners)| (self.face(slot), corners)))
+        })
+    }
+}
+
+impl Intersector for Bvh {
+    fn first_hit(&self, ray: &Ray, from: Option<u32>) -> Option<Hit> {
+        with_traverser!(self, traverser => traverser.first_hit(ray, from))
+    }
+
+    fn is_occluded(&self, ray: &Ray, from: Option<u32>) -> bool {
+        with_traverser!(self, traverser => traverser.is_occluded(ray, from))
+    }
+
+    fn is_visible(
+        &self,
+        ray: &Ray,
+        from: Option<u32>,
+        target: u32,
+    ) -> bool {
+        with_traverser!(self, traverser => {
+            traverser.is_visible(ray, from, target)
+        })
+    }
+
+    fn first_hits(
+        &self,
+        rays: &[Option<Ray>; BEAM],
+    ) -> [Option<Hit>; BEAM] {
+        with_traverser!(self, traverser => traverser.first_hits(rays))
+    }
+
+    fn dispatch<W: Dispatch>(&self, work: W) -> W::Output {
+        with_traverser!(self, traverser => work.with(traverser))
+    }
+}

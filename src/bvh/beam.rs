@@ -1,0 +1,254 @@
+// Tangled from chapters/traversal.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The traversal of rays that start side by side in similar directions.
+
+use std::array;
+
+use super::intersector::{BEAM, Hit};
+use super::spawn::hit;
+use super::traversal::{
+    Kernel, ROUGH, Slabs, Stack, Waiting, distance, is_within_bounds, look,
+    prepare,
+};
+use super::triangle::{LEAF, NONE, Region, slots};
+use super::wide::{Node, Wide};
+use crate::scene::Ray;
+
+/// Rays that are in the same octant, lane by lane, and planes around them.
+struct Beam {
+    /// As in `Slabs`.
+    inverse: [[f32; BEAM]; 3],
+    entry: [[f32; BEAM]; 3],
+    exit: [[f32; BEAM]; 3],
+    /// The end of each ray, negative for rays that are missing.
+    t_max: [f32; BEAM],
+    /// Those of the first ray, whose rows and octant are those of all.
+    slabs: Slabs,
+    /// Below and above along two axes.
+    sides: [[Side; 2]; 2],
+    /// The row of the planes by which rays leave along the third, the sign
+    /// of their direction, and the least depth.
+    start: (usize, f32, f32),
+}
+
+/// A side of a beam: `a + slope * b` is at least `bound`, or at most.
+#[derive(Clone, Copy, Default)]
+struct Side {
+    /// The rows of a node's planes that are `a` and `b`.
+    rows: [usize; 2],
+    slope: f32,
+    bound: f32,
+}
+
+impl Beam {
+    /// That of no rays, with room for those like `first`.
+    #[inline(always)]
+    fn new(first: &Ray, region: &Region) -> Self {
+        Self {
+            inverse: [[1.; BEAM]; 3],
+            entry: [[0.; BEAM]; 3],
+            exit: [[0.; BEAM]; 3],
+            t_max: [-1.; BEAM],
+            slabs: Slabs::new(first, region),
+            sides: [[Side::default(); 2]; 2],
+            start: (0, 0., 0.),
+        }
+    }
+
+    /// Encloses the rays; none if they are too different.
+    #[inline(always)]
+    fn enclose(
+        &mut self,
+        rays: &[Option<Ray>; BEAM],
+        region: &Region,
+    ) -> Option<()> {
+        // Find the axis along which the beam goes
+        let first = rays.iter().flatten().next()?;
+        let w = first.direction.abs().max_position();
+        let sign = first.direction[w].signum();
+        let others = [(w + 1) % 3, (w + 2) % 3];
+        // Put the rays into lanes
+        let mut start = f64::INFINITY;
+        for (i, ray) in rays.iter().enumerate() {
+            let Some(ray) = ray else { continue };
+            let slabs = Slabs::new(ray, region);
+            let near = region.beyond(ray.origin) <= ROUGH * region.reach;
+            if !(near
+                && is_within_bounds(ray)
+                && slabs.shift == self.slabs.shift)
+            {
+                return None;
+            }
+            for k in 0..3 {
+                self.inverse[k][i] = slabs.inverse[k];
+                self.entry[k][i] = slabs.entry[k];
+                self.exit[k][i] = slabs.exit[k];
+            }
+            self.t_max[i] = f32::INFINITY;
+            start = start.min(sign * (ray.origin - region.zero)[w]);
+        }
+        // Bound the starts and the slopes
+        let mut places = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
+        let mut slopes = places;
+        for ray in rays.iter().flatten() {
+            let origin = ray.origin - region.zero;
+            let per_depth = 1. / ray.direction[w].abs();
+            for (k, u) in others.into_iter().enumerate() {
+                let slope = ray.direction[u] * per_depth;
+                let place = origin[u] + slope * (start - sign * origin[w]);
+                places[k] =
+                    [places[k][0].min(place), places[k][1].max(place)];
+                slopes[k] =
+                    [slopes[k][0].min(slope), slopes[k][1].max(slope)];
+            }
+        }
+        // Make planes of the bounds
+        for (k, u) in others.into_iter().enumerate() {
+            for end in [0, 1] {
+                let slope = slopes[k][end];
+                if slope.abs() > MOST_SLOPE {
+                    return None;
+                }
+                let Slabs { enter, leave, .. } = self.slabs;
+                let begins = (slope >= 0.) == (end == 0);
+                self.sides[end][k] = Side {
+                    rows: [
+                        u + 3 * (1 - end),
+                        if begins { enter } else { leave }[w],
+                    ],
+                    slope: (-slope * sign) as f32,
+                    bound: (places[k][end] - slope * start) as f32,
+                };
+            }
+        }
+        self.start = (self.slabs.leave[w], sign as f32, start as f32);
+        Some(())
+    }
+}
+
+/// The greatest slope of a ray of a beam.
+const MOST_SLOPE: f64 = 1.25;
+
+impl Beam {
+    /// Which boxes of a node the beam enters.
+    #[inline(always)]
+    fn enter<const N: usize>(&self, node: &Node<N>) -> u32 {
+        let (row, sign, bound) = self.start;
+        let mut room = node.planes[row].map(|b| b * sign - bound);
+        for (sides, sign) in self.sides.iter().zip([1., -1.]) {
+            for Side { rows, slope, bound } in sides {
+                let [a, b] = rows.map(|row| &node.planes[row]);
+                for i in 0..N {
+                    let side = sign * (a[i] + slope * b[i] - bound);
+                    room[i] = if side < room[i] { side } else { room[i] };
+                }
+            }
+        }
+        (0..N).map(|i| u32::from(room[i] >= 0.) << i).sum()
+    }
+
+    /// Which rays enter the box in a lane of a node.
+    #[inline(always)]
+    fn active<const N: usize>(&self, node: &Node<N>, lane: usize) -> u32 {
+        let (mut near, mut far) = ([0f32; BEAM], self.t_max);
+        for axis in 0..3 {
+            let enter = node.planes[self.slabs.enter[axis]][lane];
+            let leave = node.planes[self.slabs.leave[axis]][lane];
+            for i in 0..BEAM {
+                // Narrow the intervals of all rays
+                let inverse = self.inverse[axis][i];
+                let a = distance(enter, inverse, self.entry[axis][i]);
+                let b = distance(leave, inverse, self.exit[axis][i]);
+                near[i] = if a > near[i] { a } else { near[i] };
+                far[i] = if b < far[i] { b } else { far[i] };
+            }
+        }
+        (0..BEAM).map(|i| u32::from(near[i] <= far[i]) << i).sum()
+    }
+}
+
+/// The first hits of rays that leave no triangle, each the same as by
+/// `first_hit`.
+///
+/// # Safety
+/// The processor has the instructions of `K`.
+#[inline(always)]
+pub unsafe fn first_hits<K: Kernel<N>, const N: usize>(
+    wide: &Wide<N>,
+    rays: &[Option<Ray>; BEAM],
+    first_hit: impl Fn(&Ray) -> Option<Hit>,
+) -> [Option<Hit>; BEAM] {
+    // Leave rays that are no beam alone
+    let alone = |ray: &Option<Ray>| ray.as_ref().and_then(&first_hit);
+    let Some(first) = rays.iter().flatten().next() else {
+        return [None; BEAM];
+    };
+    let mut beam = Beam::new(first, &wide.region);
+    let has_places = wide.nodes.len() <= u32::MAX as usize / N;
+    if !wide.gates.is_empty()
+        || !has_places
+        || beam.enclose(rays, &wide.region).is_none()
+    {
+        return rays.each_ref().map(alone);
+    }
+    // Begin the searches of a beam
+    let mut searches = [const { None }; BEAM];
+    let mut doubtful = 0;
+    let mut waiting = Waiting::new();
+    let mut stack = Stack::new(&mut waiting);
+    let mut number = 0;
+    'walk: loop {
+        // Push the children that the beam enters
+        let node = &wide.nodes[number as usize];
+        let mask = beam.enter(node);
+        for order in node.order {
+            let lane = order >> beam.slabs.shift & (N as u32 - 1);
+            if mask >> lane & 1 != 0 {
+                // SAFETY: no hierarchy is so deep that less than `N` are left.
+                unsafe { stack.push(number * N as u32 + lane, 0.) };
+            }
+        }
+        // Go on to the next node with active rays
+        number = loop {
+            let Some(place) = stack.pop(0.) else { break 'walk };
+            let (number, lane) = (place as usize / N, place as usize % N);
+            let node = &wide.nodes[number];
+            let mut active = beam.active(node, lane);
+            let child = node.children[lane];
+            if active != 0 && child & LEAF == 0 {
+                break child;
+            }
+            while active != 0 {
+                let i = active.trailing_zeros() as usize % BEAM;
+                // Show a leaf to an active ray
+                if let Some(ray) = &rays[i] {
+                    let (search, shear, margins) = searches[i]
+                        .get_or_insert_with(|| {
+                            prepare(wide, ray, (None, NONE))
+                        });
+                    let (ways, leaf) = ((&*shear, &*margins), slots(child));
+                    // SAFETY: without gates, children with the bit LEAF are leaves; the
+                    // processor has the instructions, says the caller.
+                    let met = unsafe {
+                        look::<K, N, true>(search, ray, ways, leaf)
+                    };
+                    doubtful |= u32::from(met.is_none()) << i;
+                    beam.t_max[i] =
+                        met.map_or(-1., |_| search.limit(margins) as f32);
+                }
+                active &= active - 1;
+            }
+        };
+    }
+    // Make hits of the searches of a beam
+    array::from_fn(|i| match (&rays[i], &searches[i]) {
+        (ray, _) if doubtful >> i & 1 != 0 => alone(ray),
+        (Some(ray), Some((of, ..))) => hit(wide, ray, None, of),
+        _ => None,
+    })
+}
+
+#[cfg(test)]
+#[path = "../../tests/units/beam.rs"]
+mod tests;

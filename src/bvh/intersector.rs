@@ -1,0 +1,72 @@
+// Tangled from chapters/bvh.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! What an intersector answers.
+
+use glam::DVec3;
+
+use crate::scene::Ray;
+
+/// Where a ray meets the scene first.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hit {
+    /// The point, in the coordinates of the scene, from where a path
+    /// goes on: slightly off the surface, on the side of the normal.
+    pub point: DVec3,
+    /// The unit normal on the side from which the ray came.
+    pub normal: DVec3,
+    /// The triangle, by the intersector's own number.
+    pub primitive: u32,
+}
+
+/// Finds hits in one scene.
+pub trait Intersector: Sync + Sized {
+    /// The first hit of `ray` on a triangle other than `from`, which it
+    /// leaves.
+    fn first_hit(&self, ray: &Ray, from: Option<u32>) -> Option<Hit>;
+
+    /// The first hits of rays that leave no triangle, place by place: the same
+    /// as with `first_hit`, and perhaps faster. Any of the rays may be missing.
+    fn first_hits(
+        &self,
+        rays: &[Option<Ray>; BEAM],
+    ) -> [Option<Hit>; BEAM] {
+        let hit = |ray| self.first_hit(ray, None);
+        rays.each_ref().map(|ray| ray.as_ref().and_then(hit))
+    }
+
+    /// Whether `ray` meets any triangle other than `from`: the same as
+    /// `first_hit(ray, from).is_some()`, and perhaps faster.
+    fn is_occluded(&self, ray: &Ray, from: Option<u32>) -> bool {
+        self.first_hit(ray, from).is_some()
+    }
+
+    /// Whether `ray` meets the triangle `target` first: the same as if
+    /// `first_hit(ray, from)` were on it, and perhaps faster.
+    fn is_visible(
+        &self,
+        ray: &Ray,
+        from: Option<u32>,
+        target: u32,
+    ) -> bool {
+        let hit = self.first_hit(ray, from);
+        hit.is_some_and(|hit| hit.primitive == target)
+    }
+
+    /// Does `work` with the intersector that answers fastest for this one.
+    fn dispatch<W: Dispatch>(&self, work: W) -> W::Output {
+        work.with(self)
+    }
+}
+
+/// How many rays are asked about at a time.
+pub const BEAM: usize = 16;
+
+/// Something to be done with an intersector, whichever it is.
+pub trait Dispatch {
+    /// What it gives.
+    type Output;
+
+    /// Does it.
+    fn with<K: Intersector>(self, intersector: &K) -> Self::Output;
+}

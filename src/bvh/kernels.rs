@@ -1,0 +1,279 @@
+// Tangled from chapters/traversal.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The vector instructions of x86-64: AVX2, with eight boxes at a time, and
+//! AVX-512, with sixteen.
+//!
+//! Each function does what its portable namesake does.
+
+use std::arch::x86_64::*;
+
+use super::traversal::{Entered, Kernel, Met, Slabs, Stack};
+use super::triangle::{LANES, Leaf, Margins, Shear};
+use super::wide::Node;
+
+/// Where a ray enters and leaves the boxes of a node, in these instructions.
+macro_rules! interval {
+    ($node:ident $slabs:ident $t_max:ident,
+     $load:ident $set:ident $fmsub:ident $max:ident $min:ident) => {{
+        let plane = |start: &[f32; 3], axis: usize, row: usize| {
+            // SAFETY: the rows of slabs are below 6; each is `N` numbers.
+            let row = unsafe { $node.planes.get_unchecked(row) };
+            let planes = unsafe { $load(row.as_ptr()) };
+            $fmsub(planes, $set($slabs.inverse[axis]), $set(start[axis]))
+        };
+        let enter = |axis| plane(&$slabs.entry, axis, $slabs.enter[axis]);
+        let leave = |axis| plane(&$slabs.exit, axis, $slabs.leave[axis]);
+        let near = $max(enter(0), enter(1));
+        let far = $min(leave(0), leave(1));
+        (
+            $max(near, $max(enter(2), $set(0.))),
+            $min(far, $min(leave(2), $set($t_max))),
+        )
+    }};
+}
+
+/// Eight lanes.
+pub struct Avx2;
+
+impl Kernel<8> for Avx2 {
+    type Vector = __m256;
+
+    fn is_available() -> bool {
+        is_x86_feature_detected!("avx2")
+            && is_x86_feature_detected!("fma")
+            && is_x86_feature_detected!("bmi1")
+            && is_x86_feature_detected!("bmi2")
+            && is_x86_feature_detected!("lzcnt")
+            && is_x86_feature_detected!("popcnt")
+    }
+
+    #[target_feature(enable = "avx2,fma")]
+    #[inline]
+    unsafe fn enter(
+        node: &Node<8>,
+        slabs: &Slabs,
+        t_max: f32,
+    ) -> Entered<__m256> {
+        let (near, far) = interval!(node slabs t_max, _mm256_loadu_ps
+            _mm256_set1_ps _mm256_fmsub_ps _mm256_max_ps _mm256_min_ps);
+        let met = _mm256_cmp_ps::<_CMP_LE_OQ>(near, far);
+        Entered { mask: _mm256_movemask_ps(met) as u32, near, far }
+    }
+
+    #[target_feature(enable = "avx2,bmi1,lzcnt,popcnt")]
+    #[inline]
+    unsafe fn push(
+        node: &Node<8>,
+        shift: u32,
+        entered: &Entered<__m256>,
+        stack: &mut Stack,
+    ) -> u32 {
+        // Put eight lanes in the octant's order
+        let order = load8(&node.order);
+        let order =
+            _mm256_srl_epi32(order, _mm_cvtsi32_si128(shift as i32));
+        let children = load8(&node.children);
+        let children = _mm256_permutevar8x32_epi32(children, order);
+        let near = _mm256_permutevar8x32_ps(entered.near, order);
+        let far = _mm256_permutevar8x32_ps(entered.far, order);
+        let met = _mm256_cmp_ps::<_CMP_LE_OQ>(near, far);
+        let mask = _mm256_movemask_ps(met) as u32;
+        // Store all but the nearest child
+        let pack = load8(&PACK[mask as usize & 255]);
+        let near = _mm256_permutevar8x32_ps(near, pack);
+        let packed = _mm256_permutevar8x32_epi32(children, pack);
+        // SAFETY: there is room for eight, says the caller, and all but one of
+        // those in the mask are left there.
+        unsafe {
+            let (top, distances) = stack.top::<8>();
+            _mm256_storeu_si256(top.cast(), packed);
+            _mm256_storeu_ps(distances, near);
+            stack.grow(mask.count_ones() as usize - 1);
+        }
+        let last = _mm256_set1_epi32(31 - mask.leading_zeros() as i32);
+        let child = _mm256_permutevar8x32_epi32(children, last);
+        _mm256_cvtsi256_si32(child) as u32
+    }
+
+    #[target_feature(enable = "avx2,fma")]
+    #[inline]
+    unsafe fn meet(
+        leaf: Leaf,
+        shear: &Shear,
+        (limit, margins): (f64, &Margins),
+    ) -> Met {
+        // Read a coordinate of four triangles
+        let runs = leaf.words.as_ptr();
+        let at = |c: usize, i: usize| {
+            // SAFETY: there are nine runs, and four numbers of the last; the axes
+            // of a shear are below 3.
+            unsafe {
+                let first = runs.add((2 * shear.axes[i] + 1) * leaf.count);
+                _mm256_loadu_pd(first.add(c * 6 * leaf.count).cast())
+            }
+        };
+        // Shear the corners of four triangles
+        let [ox, oy, oz] = shear.origin.map(|x| _mm256_set1_pd(x));
+        let [sx, sy] = shear.slope.map(|x| _mm256_set1_pd(x));
+        let sheared = |lanes, origin, slope, z| {
+            let moved = _mm256_sub_pd(lanes, origin);
+            _mm256_sub_pd(moved, _mm256_mul_pd(slope, z))
+        };
+        let corner = |c| {
+            let z = _mm256_sub_pd(at(c, 2), oz);
+            (sheared(at(c, 0), ox, sx, z), sheared(at(c, 1), oy, sy, z), z)
+        };
+        let ((ax, ay, az), (bx, by, bz)) = (corner(0), corner(1));
+        let (cx, cy, cz) = corner(2);
+        // Compute the four triangles' edge functions
+        let edge = |a, b, c, d| {
+            let cd = _mm256_mul_pd(c, d);
+            let (rest, lost) =
+                (_mm256_fmsub_pd(a, b, cd), _mm256_fnmadd_pd(c, d, cd));
+            _mm256_add_pd(rest, lost)
+        };
+        let u = edge(cx, by, cy, bx);
+        let v = edge(ax, cy, ay, cx);
+        let w = edge(bx, ay, by, ax);
+        // Reject the triangles outside by signs
+        let inside = |margin: f64| {
+            let low = _mm256_set1_pd(-margin);
+            let high = _mm256_set1_pd(margin);
+            let above = |e| _mm256_cmp_pd::<_CMP_GE_OQ>(e, low);
+            let below = |e| _mm256_cmp_pd::<_CMP_LE_OQ>(e, high);
+            let all = |a, b, c| _mm256_and_pd(_mm256_and_pd(a, b), c);
+            _mm256_movemask_pd(_mm256_or_pd(
+                all(above(u), above(v), above(w)),
+                all(below(u), below(v), below(w)),
+            )) & leaf.lanes as i32
+        };
+        let near = inside(margins.narrow);
+        if near == 0 {
+            return Some((0, [0.; LANES]));
+        }
+        if near != inside(0.) {
+            return None;
+        }
+        // Divide for the distances
+        let sum = _mm256_add_pd(_mm256_add_pd(u, v), w);
+        let height =
+            _mm256_add_pd(_mm256_mul_pd(u, az), _mm256_mul_pd(v, bz));
+        let height = _mm256_add_pd(height, _mm256_mul_pd(w, cz));
+        let height = _mm256_div_pd(height, sum);
+        let distance = _mm256_mul_pd(height, _mm256_set1_pd(shear.stretch));
+        let least = _mm256_set1_pd(-margins.near);
+        let ahead = _mm256_cmp_pd::<_CMP_GT_OQ>(distance, least);
+        let limit = _mm256_set1_pd(limit);
+        let within = _mm256_cmp_pd::<_CMP_LE_OQ>(distance, limit);
+        let met = _mm256_movemask_pd(_mm256_and_pd(ahead, within));
+        let mut distances = [0.; LANES];
+        // SAFETY: four numbers are written.
+        unsafe { _mm256_storeu_pd(distances.as_mut_ptr(), distance) };
+        Some(((met & near) as u32, distances))
+    }
+}
+
+/// Sixteen lanes.
+pub struct Avx512;
+
+impl Kernel<16> for Avx512 {
+    type Vector = __m512;
+
+    fn is_available() -> bool {
+        Avx2::is_available()
+            && is_x86_feature_detected!("avx512f")
+            && is_x86_feature_detected!("avx512vl")
+            && is_x86_feature_detected!("avx512dq")
+    }
+
+    #[target_feature(enable = "avx512f")]
+    #[inline]
+    unsafe fn enter(
+        node: &Node<16>,
+        slabs: &Slabs,
+        t_max: f32,
+    ) -> Entered<__m512> {
+        let (near, far) = interval!(node slabs t_max, _mm512_loadu_ps
+            _mm512_set1_ps _mm512_fmsub_ps _mm512_max_ps _mm512_min_ps);
+        let mask = _mm512_cmp_ps_mask::<_CMP_LE_OQ>(near, far);
+        Entered { mask: mask.into(), near, far }
+    }
+
+    #[target_feature(enable = "avx512f,lzcnt,popcnt")]
+    #[inline]
+    unsafe fn push(
+        node: &Node<16>,
+        shift: u32,
+        entered: &Entered<__m512>,
+        stack: &mut Stack,
+    ) -> u32 {
+        // Put sixteen lanes in the octant's order
+        let order = load16(&node.order);
+        let order =
+            _mm512_srl_epi32(order, _mm_cvtsi32_si128(shift as i32));
+        let children =
+            _mm512_permutexvar_epi32(order, load16(&node.children));
+        let near = _mm512_permutexvar_ps(order, entered.near);
+        let far = _mm512_permutexvar_ps(order, entered.far);
+        let met = _mm512_cmp_ps_mask::<_CMP_LE_OQ>(near, far);
+        let mask = u32::from(met);
+        // Store all but the nearest of sixteen
+        // SAFETY: there is room for sixteen, says the caller, and all but one
+        // of those in the mask are left there.
+        unsafe {
+            let (top, distances) = stack.top::<16>();
+            let packed = _mm512_maskz_compress_epi32(met, children);
+            _mm512_storeu_si512(top.cast(), packed);
+            let near = _mm512_maskz_compress_ps(met, near);
+            _mm512_storeu_ps(distances, near);
+            stack.grow(mask.count_ones() as usize - 1);
+        }
+        let last = _mm512_set1_epi32(31 - mask.leading_zeros() as i32);
+        let child = _mm512_permutexvar_epi32(last, children);
+        _mm512_cvtsi512_si32(child) as u32
+    }
+
+    #[target_feature(enable = "avx2,fma")]
+    #[inline]
+    unsafe fn meet(
+        leaf: Leaf,
+        shear: &Shear,
+        limit: (f64, &Margins),
+    ) -> Met {
+        // SAFETY: it is one of `Leaves`, says the caller.
+        unsafe { Avx2::meet(leaf, shear, limit) }
+    }
+}
+
+#[target_feature(enable = "avx512f")]
+#[inline]
+fn load16(numbers: &[u32; 16]) -> __m512i {
+    // SAFETY: sixteen numbers are read, from any address.
+    unsafe { _mm512_loadu_si512(numbers.as_ptr().cast()) }
+}
+
+/// For each mask, the permutation that moves its lanes to the front.
+const PACK: [[u32; 8]; 256] = {
+    let mut table = [[0; 8]; 256];
+    let mut mask = 0;
+    while mask < 256 {
+        let (mut lane, mut place) = (0, 0);
+        while lane < 8 {
+            if mask >> lane & 1 != 0 {
+                table[mask][place] = lane;
+                place += 1;
+            }
+            lane += 1;
+        }
+        mask += 1;
+    }
+    table
+};
+
+#[target_feature(enable = "avx2")]
+#[inline]
+fn load8(numbers: &[u32; 8]) -> __m256i {
+    // SAFETY: eight numbers are read, from any address.
+    unsafe { _mm256_loadu_si256(numbers.as_ptr().cast()) }
+}

@@ -1,0 +1,353 @@
+// Tangled from chapters/spawn.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! From the nearest triangle to a hit, from whose point a path goes on.
+//!
+//! The point is on the same side of all triangles as the ray that found
+//! it, and not nearer to any of them than the errors of the next ray.
+
+use std::f64::consts::FRAC_1_SQRT_2;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::intersector::Hit;
+use super::triangle::{
+    Leaf, NONE, Search, Shear, TriangleTest, clear, is_met, near, seen,
+    size,
+};
+use super::wide::Wide;
+use crate::numerics::cross;
+use crate::scene::{Ray, Triangle, Triangles};
+
+/// Other triangles this close to a hit make it doubtful, times `clear`.
+const CLOSE_BY: f64 = 4.;
+
+/// A ray that is longer than this part of the size for all triangles has
+/// risen by more than 2 `CLOSE_BY`, times `clear`: 2^-17.
+const SHORT: f64 = 1. / (1u64 << 17) as f64;
+
+/// Part of its factors by which an ordinary triple product may be wrong,
+/// at most: 2^-47.
+const PRODUCT_ERROR: f64 = 1. / (1u64 << 47) as f64;
+
+/// How far from a hit a triangle may be to be around it, as part of the
+/// size: 2^-33.
+const AROUND: f64 = 1. / (1u64 << 33) as f64;
+
+/// Twice the distance that is close by for a size: 2^-44.
+fn twice_close_by(size: f64) -> f64 {
+    2. * CLOSE_BY * clear(size)
+}
+
+/// The same for a point before the hit, and those that may be in the way:
+/// 2^-38.
+const AHEAD: f64 = 1. / (1u64 << 38) as f64;
+
+/// The hit of `ray`, which left the triangle `left`, on the nearest one.
+#[inline(always)]
+pub fn hit<const N: usize>(
+    wide: &Wide<N>,
+    ray: &Ray,
+    left: Option<u32>,
+    search: &Search,
+) -> Option<Hit> {
+    let (distance, primitive) = (search.distance, search.slot);
+    if primitive == NONE {
+        return None;
+    }
+    // Find the point and the normal
+    let [a, b, c] = search.triangle();
+    let normal = cross(b - a, c - a).normalize();
+    let away = normal.dot(ray.direction) > 0.;
+    let normal = if away { -normal } else { normal };
+    // Put the point off the surface
+    let met = ray.origin + ray.direction * distance;
+    let height = normal.dot(met - a);
+    let own = seen(&[a, b, c], ray.origin);
+    let clear = clear(own);
+    let mut point = met + normal * (clear - height);
+    // Settle the point if it is doubtful
+    let short = distance <= search.root * SHORT
+        && left.is_some_and(|left| {
+            let corners = search.leaves.triangle(left);
+            has_not_risen(&corners, ray, met, own)
+        });
+    let deep = height.abs() > clear;
+    let limit = distance + near(search.root);
+    let away = 2. * AROUND * search.root;
+    let [low, high] = search.passed;
+    let unseen = own > search.least
+        && (low - away).cmple(met).all()
+        && met.cmple(high + away).all();
+    if search.near_tie <= limit || short || deep || unseen {
+        let arrival =
+            Arrival { wide, ray, distance, met, own, primitive, left };
+        if let Some(safe) = arrival.settle(deep) {
+            point = safe;
+        }
+    }
+    Some(Hit { point, normal, primitive })
+}
+
+/// Whether a point of a ray is still close to the plane of a triangle that
+/// it has left, for a size at least.
+fn has_not_risen(
+    corners: &Triangle,
+    ray: &Ray,
+    met: DVec3,
+    least: f64,
+) -> bool {
+    let &[a, b, c] = corners;
+    let normal = cross(b - a, c - a);
+    let size = seen(corners, ray.origin).max(seen(corners, met));
+    let limit = twice_close_by(size.max(least));
+    normal.dot(met - a).abs() <= limit * normal.length()
+}
+
+/// A hit that may be too close to other triangles.
+struct Arrival<'a, const N: usize> {
+    wide: &'a Wide<N>,
+    ray: &'a Ray,
+    distance: f64,
+    /// Where the ray meets it.
+    met: DVec3,
+    /// The size of the triangle that is hit.
+    own: f64,
+    /// The slot of the triangle that is hit.
+    primitive: u32,
+    /// That of the triangle which the ray left, if it left one.
+    left: Option<u32>,
+}
+
+impl<const N: usize> Arrival<'_, N> {
+    /// A safe point, if the hit is too close to others, or too `deep`.
+    #[cold]
+    #[inline(never)]
+    fn settle(&self, deep: bool) -> Option<DVec3> {
+        let shear = Shear::new(self.ray);
+        let left = self.left.map(|left| self.wide.leaves.triangle(left));
+        let close = deep
+            || left.is_some_and(|left| self.is_low(&left))
+            || self.is_close(&shear);
+        close.then(|| self.offset(&shear))
+    }
+
+    /// Where others may be close to the hit.
+    fn around(&self) -> Around {
+        Around { point: self.met, part: AROUND, least: self.own }
+    }
+
+    /// Whether the hit is around the triangle that the ray left, and close to
+    /// its plane.
+    fn is_low(&self, left: &Triangle) -> bool {
+        self.around().holds(left, self.ray).is_some()
+            && has_not_risen(left, self.ray, self.met, self.own)
+    }
+
+    /// Whether a triangle other than that of the hit and that which the ray
+    /// left may be close to the hit.
+    fn is_close(&self, shear: &Shear) -> bool {
+        let met = self.met;
+        let gap = |at: f64| at - self.distance;
+        let asked = |leaf: &Leaf, place, corners: &Triangle, size: f64| {
+            let (lane, slot) = place;
+            let &[a, b, c] = corners;
+            let size = size.max(self.own);
+            let close_by = CLOSE_BY * clear(size);
+            // Dismiss a triangle whose plane is clearly away
+            let (u, v, w) = (b - a, c - a, met - a);
+            let across = u.cross(v);
+            let largest = |v: DVec3| v.abs().max_element();
+            let error =
+                largest(u) * largest(v) * largest(w) * PRODUCT_ERROR;
+            let limit = 2. * close_by * across.abs().element_sum();
+            if across.dot(w).abs() > limit + error {
+                return false;
+            }
+            // Dismiss a triangle whose plane is not close
+            let normal = cross(b - a, c - a);
+            let height = normal.dot(met - a).abs();
+            if slot == self.primitive
+                || Some(slot) == self.left
+                || height > 2. * close_by * normal.length()
+            {
+                return false;
+            }
+            let near = near(size);
+            match leaf.test(lane, shear, size) {
+                // Compare where the ray passes the triangle
+                TriangleTest::Through(at) => {
+                    at > -near && gap(at).abs() <= near
+                }
+                TriangleTest::Beside(at) => {
+                    at.iter().any(|&at| gap(at) <= near)
+                        && at.iter().any(|&at| gap(at) >= -near)
+                        && self.passes(corners, normal, close_by)
+                }
+                TriangleTest::Apart => false,
+            }
+        };
+        self.around().any(self.wide, self.ray, &asked)
+    }
+
+    /// Whether the ray passes a triangle, with this normal, more closely than
+    /// `close_by`, near the hit.
+    fn passes(
+        &self,
+        corners: &Triangle,
+        normal: DVec3,
+        close_by: f64,
+    ) -> bool {
+        let (direction, met) = (self.ray.direction, self.met);
+        let flat = corners.map(|p| p - direction * direction.dot(p - met));
+        let normal = direction * normal.dot(direction).signum();
+        !is_beside(flat, normal, met, FRAC_1_SQRT_2 * close_by)
+    }
+
+    /// A safe point of the ray, not far before the hit.
+    fn offset(&self, shear: &Shear) -> DVec3 {
+        let Ray { origin, direction } = *self.ray;
+        let least = clear(size(self.distance, self.met));
+        let mut back = (2. * least).max(clear(self.own));
+        while back < self.distance {
+            let point = origin + direction * (self.distance - back);
+            if self.is_safe(shear, point) {
+                return point;
+            }
+            back *= 4.;
+        }
+        origin
+    }
+
+    /// Whether a point of the ray is before all triangles that the ray
+    /// meets, and apart from the others.
+    fn is_safe(&self, shear: &Shear, point: DVec3) -> bool {
+        let asked = |leaf: &Leaf, place, corners: &Triangle, size| {
+            let (lane, _) = place;
+            let &[a, b, c] = corners;
+            let clear = clear(size);
+            let normal = cross(b - a, c - a);
+            let side = -normal.dot(self.ray.direction).signum();
+            let height = side * normal.dot(point - a);
+            let limit = clear * normal.length();
+            if height >= limit {
+                return false;
+            }
+            let ahead = side * normal.dot(self.ray.origin - a) > 0.;
+            match leaf.test(lane, shear, size) {
+                TriangleTest::Through(at) if ahead && !at.is_nan() => true,
+                _ => {
+                    height > -limit
+                        && !is_beside(*corners, normal, point, clear)
+                }
+            }
+        };
+        let around = Around { point, part: AHEAD, least: 0. };
+        !around.any(self.wide, self.ray, &asked)
+    }
+}
+
+/// The surroundings of a point of a ray.
+struct Around {
+    point: DVec3,
+    /// The part of a triangle's size by which its box may be away.
+    part: f64,
+    /// Or it may be away by twice what is close by for this size.
+    least: f64,
+}
+
+impl Around {
+    /// Whether `asked` is true of a triangle around the point: of a lane
+    /// of a leaf, its slot, its corners, and their size.
+    fn any<const N: usize>(
+        &self,
+        wide: &Wide<N>,
+        ray: &Ray,
+        asked: &impl Fn(&Leaf, (usize, u32), &Triangle, f64) -> bool,
+    ) -> bool {
+        let far = self.point.abs() + 2. * (self.point - ray.origin).abs();
+        let away = self.part * far.max_element();
+        let away = away.max(twice_close_by(self.least));
+        let within = [self.point - away, self.point + away];
+        let enters = |low, high| self.comes_near(low, high, ray);
+        wide.any(within, &enters, &|leaf, place, triangle| {
+            let size = self.holds(triangle, ray);
+            size.is_some_and(|size| asked(leaf, place, triangle, size))
+        })
+    }
+
+    /// The size of a triangle around the point.
+    fn holds(&self, corners: &Triangle, ray: &Ray) -> Option<f64> {
+        let &[a, b, c] = corners;
+        let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+        let beyond = (low - self.point).max(self.point - high);
+        let size = self.size(corners, ray);
+        let away = (self.part * size).max(twice_close_by(self.least));
+        (beyond.max_element() <= away).then_some(size)
+    }
+
+    /// The size of a triangle for the ray and its point.
+    fn size(&self, corners: &Triangle, ray: &Ray) -> f64 {
+        seen(corners, ray.origin).max(seen(corners, self.point))
+    }
+
+    /// Whether the line of the ray passes by a box as closely as by a
+    /// triangle that matters.
+    fn comes_near(&self, low: DVec3, high: DVec3, ray: &Ray) -> bool {
+        let size = self.size(&[low, low, high], ray);
+        let aside = twice_close_by(size.max(self.least));
+        let half = 0.5 * (high - low) + aside;
+        let middle = 0.5 * (low + high) - ray.origin;
+        is_met(middle, half, ray.direction)
+    }
+}
+
+/// Whether a plane that is perpendicular to that of a triangle or to the
+/// way from a corner is between the triangle and a point, and `clear`
+/// from the point.
+fn is_beside(
+    [a, b, c]: Triangle,
+    normal: DVec3,
+    point: DVec3,
+    clear: f64,
+) -> bool {
+    let off_edge = |(p, q, r): (DVec3, DVec3, DVec3)| {
+        let outwards = cross(q - p, normal);
+        let third = outwards.dot(r - p).max(0.);
+        outwards.dot(point - p) - third > clear * outwards.length()
+    };
+    let off_corner = |(p, q, r): (DVec3, DVec3, DVec3)| {
+        let away = point - p;
+        let ahead = away.dot(q - p).max(away.dot(r - p));
+        ahead <= 0. && away.length() >= clear
+    };
+    let triples = [(a, b, c), (b, c, a), (c, a, b)];
+    triples.into_iter().any(off_edge) || triples.into_iter().any(off_corner)
+}
+
+/// How many triangles are so small, beside the largest or the extent of
+/// the scene, that the precision of a double limits how they are lit.
+pub fn too_small(triangles: &Triangles) -> usize {
+    let side = |[a, b, c]: Triangle| {
+        (a.max(b).max(c) - a.min(b).min(c)).max_element()
+    };
+    let sides = || {
+        let all = (0..triangles.len()).into_par_iter();
+        all.map(|i| side(triangles.get(i)))
+    };
+    let largest = sides().reduce(|| 0., f64::max);
+    let corners = triangles.corners.par_iter().flatten_iter();
+    let extent = corners.map(|&i| triangles.vertices[i as usize].abs());
+    let extent = extent.reduce(|| DVec3::ZERO, DVec3::max);
+    let clear = clear(size(largest, extent));
+    sides().filter(|&side| side < FINEST * clear).count()
+}
+
+/// The least size of a triangle, in heights at which paths go on above
+/// the largest: 2^7.
+const FINEST: f64 = 128.;
+
+#[cfg(test)]
+#[path = "../../tests/units/spawn.rs"]
+mod tests;

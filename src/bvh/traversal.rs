@@ -1,0 +1,541 @@
+// Tangled from chapters/traversal.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The traversal through a wide hierarchy, and its portable form.
+//!
+//! Boxes are compared with the ray in single precision. They are padded
+//! so that rounding cannot hide a triangle: each triangle that the exact
+//! test finds up to the end of the ray is tested, whatever the tree.
+
+use std::array;
+use std::mem::MaybeUninit;
+
+use glam::DVec3;
+
+use super::triangle::{
+    GATES, LANES, LEAF, Leaf, Margins, NONE, Region, Search, Shear,
+    TriangleTest, UNIT, near, slot, slots,
+};
+use super::wide::{Node, STACK, Wide};
+use crate::scene::Ray;
+
+/// A ray in single precision, prepared for the planes of boxes.
+pub struct Slabs {
+    /// 1/d of each axis, neither zero nor infinite.
+    pub inverse: [f32; 3],
+    /// o/d of each axis, for the planes by which the ray enters: not less.
+    pub entry: [f32; 3],
+    /// For those by which it leaves: not more.
+    pub exit: [f32; 3],
+    /// The rows of a node's planes, 0 to 5, by which the ray enters.
+    pub enter: [usize; 3],
+    /// The rows by which it leaves.
+    pub leave: [usize; 3],
+    /// Four times the octant, whose bit k says that d of axis k is not
+    /// negative.
+    pub shift: u32,
+}
+
+impl Slabs {
+    /// For the boxes of a region.
+    #[inline(always)]
+    pub fn new(ray: &Ray, region: &Region) -> Self {
+        let direction = ray.direction.as_vec3().to_array();
+        let origin = (ray.origin - region.zero).as_vec3().to_array();
+        let inverse = direction.map(|d| 1. / steep(d));
+        let start: [f32; 3] = array::from_fn(|i| origin[i] * inverse[i]);
+        let up = direction.map(|d| usize::from(d >= 0.));
+        let enter = array::from_fn(|i| i + 3 * (1 - up[i]));
+        let leave = array::from_fn(|i| i + 3 * up[i]);
+        let shift = 4 * (up[0] | up[1] << 1 | up[2] << 2) as u32;
+        let (mut entry, mut exit) = (start, start);
+        // Move planes apart for distant rays
+        let beyond = region.beyond(ray.origin);
+        if beyond > 0. {
+            let margin = (beyond * ROUGH) as f32;
+            let aside = inverse.map(|r| margin * r.abs());
+            entry = array::from_fn(|i| start[i] + aside[i]);
+            exit = array::from_fn(|i| start[i] - aside[i]);
+        }
+        Self { inverse, entry, exit, enter, leave, shift }
+    }
+}
+
+/// By which part of the distance from a region planes of its boxes may be
+/// displaced: 2^-20.
+pub const ROUGH: f64 = 1. / (1 << 20) as f64;
+
+const LEAST: f32 = f32::from_bits((127 - 60) << 23);
+
+/// The component `d` of a direction, of size `LEAST` at least.
+#[inline(always)]
+fn steep(d: f32) -> f32 {
+    match d {
+        _ if d.abs() >= LEAST => d,
+        _ if d < 0. => -LEAST,
+        _ => LEAST,
+    }
+}
+
+/// Rays with an origin or a direction that has a component of 2^64 or more
+/// meet nothing. With a direction of at least `LEAST` nothing overflows.
+const OUTER: f64 = (1u128 << 64) as f64;
+
+/// Whether a ray may meet something.
+#[inline(always)]
+pub fn is_within_bounds(ray: &Ray) -> bool {
+    let bounds = DVec3::splat(OUTER);
+    let within = |v: DVec3| v.abs().cmplt(bounds);
+    (within(ray.origin) & within(ray.direction)).all()
+}
+
+/// Room for children that wait.
+pub struct Waiting {
+    children: [MaybeUninit<u32>; STACK],
+    /// Where the ray enters their boxes.
+    distances: [MaybeUninit<f32>; STACK],
+}
+
+impl Waiting {
+    #[inline(always)]
+    pub fn new() -> Self {
+        Self {
+            children: [const { MaybeUninit::uninit() }; STACK],
+            distances: [const { MaybeUninit::uninit() }; STACK],
+        }
+    }
+}
+
+/// Children that wait, the next one last.
+pub struct Stack<'a> {
+    waiting: &'a mut Waiting,
+    /// How many wait. The elements below have been written.
+    length: usize,
+}
+
+impl<'a> Stack<'a> {
+    #[inline(always)]
+    pub fn new(waiting: &'a mut Waiting) -> Self {
+        Self { waiting, length: 0 }
+    }
+
+    /// Puts a child on the stack.
+    ///
+    /// # Safety
+    /// Less than `STACK` children wait.
+    #[inline(always)]
+    pub unsafe fn push(&mut self, child: u32, distance: f32) {
+        // SAFETY: there is room, says the caller; what `top` points to is
+        // written before it counts.
+        unsafe {
+            let (children, distances) = self.top::<1>();
+            children.write(child);
+            distances.write(distance);
+            self.grow(1);
+        }
+    }
+
+    /// Where the next `N` children and their distances go.
+    ///
+    /// # Safety
+    /// No more than `STACK - N` children wait.
+    #[inline(always)]
+    pub unsafe fn top<const N: usize>(&mut self) -> (*mut u32, *mut f32) {
+        debug_assert!(self.length + N <= STACK);
+        // SAFETY: the elements are there, says the caller.
+        unsafe {
+            (
+                self.waiting.children.as_mut_ptr().add(self.length).cast(),
+                self.waiting.distances.as_mut_ptr().add(self.length).cast(),
+            )
+        }
+    }
+
+    /// Lets `count` more children wait.
+    ///
+    /// # Safety
+    /// They have been written at `top`.
+    #[inline(always)]
+    pub unsafe fn grow(&mut self, count: usize) {
+        self.length += count;
+    }
+
+    /// Lets the cache fetch the child that is taken next.
+    #[inline(always)]
+    pub fn fetch<const N: usize>(&self, wide: &Wide<N>) {
+        #[cfg(target_arch = "x86_64")]
+        if self.length > 0 {
+            use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+            let i = self.length - 1;
+            // SAFETY: the element was below `length`, so it was written.
+            let child = unsafe {
+                self.waiting.children.get_unchecked(i).assume_init()
+            };
+            // Find the address of a child
+            let node = wide.nodes.as_ptr().wrapping_add(child as usize);
+            let words = wide.leaves.words.as_ptr();
+            let leaf = words.wrapping_add(UNIT * slots(child).0 as usize);
+            let address: *const i8 =
+                if child & LEAF == 0 { node.cast() } else { leaf.cast() };
+            for line in 0..8 {
+                let address = address.wrapping_add(64 * line);
+                // SAFETY: to fetch reads nothing, whatever the address.
+                unsafe { _mm_prefetch::<_MM_HINT_T0>(address) };
+            }
+        }
+    }
+
+    /// Takes off children up to the first that begins within `t_max`.
+    #[inline(always)]
+    pub fn pop(&mut self, t_max: f32) -> Option<u32> {
+        while self.length > 0 {
+            self.length -= 1;
+            let i = self.length;
+            let Waiting { children, distances } = &self.waiting;
+            // SAFETY: the element was below `length`, so it was written.
+            unsafe {
+                if distances.get_unchecked(i).assume_init() <= t_max {
+                    return Some(children.get_unchecked(i).assume_init());
+                }
+            }
+        }
+        None
+    }
+}
+
+/// The children of a node whose boxes a ray enters.
+pub struct Entered<V> {
+    /// Bit i stands for the child in slot i.
+    pub mask: u32,
+    /// Where the ray enters each box, not before its own start.
+    pub near: V,
+    /// Where it leaves each box, not beyond its t_max. A box is entered
+    /// if `near <= far`.
+    pub far: V,
+}
+
+/// The instructions for nodes of `N` children.
+pub trait Kernel<const N: usize>: Sync + Sized {
+    /// A number for each child of a node.
+    type Vector;
+
+    /// Whether this processor has the instructions.
+    fn is_available() -> bool;
+
+    /// Which boxes of a node the ray of `slabs` enters before `t_max`.
+    ///
+    /// # Safety
+    /// The processor has the instructions.
+    unsafe fn enter(
+        node: &Node<N>,
+        slabs: &Slabs,
+        t_max: f32,
+    ) -> Entered<Self::Vector>;
+
+    /// Pushes the children entered from far to near; returns the nearest.
+    ///
+    /// # Safety
+    /// The processor has the instructions, no more than `STACK - N` children
+    /// wait, and one at least was entered.
+    unsafe fn push(
+        node: &Node<N>,
+        shift: u32,
+        entered: &Entered<Self::Vector>,
+        stack: &mut Stack,
+    ) -> u32;
+
+    /// The triangles of a leaf that a ray meets up to the distance `limit`.
+    /// Lanes that meet the ray beyond may or may not be in the mask.
+    ///
+    /// # Safety
+    /// The processor has the instructions, and the leaf is one of `Leaves`.
+    unsafe fn meet(
+        leaf: Leaf,
+        shear: &Shear,
+        limit: (f64, &Margins),
+    ) -> Met;
+}
+
+/// The lanes of a leaf that are met, as a mask, and the distances; none if
+/// the ray passes one of the triangles closely.
+pub type Met = Option<(u32, [f64; LANES])>;
+
+/// What a ray needs to look for the nearest triangle: a search that has met
+/// nothing, for a ray that left the first slot, while the second is offered
+/// ahead; the ray made the z axis; and what is small.
+#[inline(always)]
+pub fn prepare<'a, const N: usize>(
+    wide: &'a Wide<N>,
+    ray: &Ray,
+    slots: (Option<u32>, u32),
+) -> (Search<'a>, Shear, Margins) {
+    let margins = wide.region.margins(ray.origin);
+    let search = Search::new(&wide.leaves, slots, margins.size);
+    (search, Shear::new(ray), margins)
+}
+
+/// The nearest of the triangles that a ray meets, other than the first of
+/// the slots. With `ANY`, the search ends as soon as another triangle than
+/// the second is the nearest. With `FAST`, none if anything is doubtful, or
+/// unless there are gates if `GATED` and none if not.
+///
+/// # Safety
+/// The processor has the instructions of `K`.
+#[inline(always)]
+pub unsafe fn walk<
+    'a,
+    K: Kernel<N>,
+    const N: usize,
+    const ANY: bool,
+    const FAST: bool,
+    const GATED: bool,
+>(
+    wide: &'a Wide<N>,
+    ray: &'a Ray,
+    (from, target): (Option<u32>, u32),
+) -> Option<Search<'a>> {
+    if FAST && GATED == wide.gates.is_empty() {
+        return None;
+    }
+    let (mut search, shear, mut margins) =
+        prepare(wide, ray, (from, target));
+    // End at once out of bounds or at the target
+    if !is_within_bounds(ray)
+        || ANY
+            && target != NONE
+            && (from == Some(target)
+                || is_missed(&mut search, target, &shear, &margins)?)
+    {
+        return Some(search);
+    }
+    // Prepare to start at the root
+    let mut region = wide.region;
+    let mut waiting = Waiting::new();
+    let mut stack = Stack::new(&mut waiting);
+    let mut child = 0;
+    'walk: loop {
+        let slabs = Slabs::new(ray, &region);
+        let mut t_max = search.limit(&margins) as f32;
+        // Go from nodes to leaves
+        let gate = loop {
+            while child & LEAF == 0 {
+                // Choose among the children entered
+                // SAFETY: children without the bit LEAF are numbers of nodes, and no
+                // hierarchy is so deep that less than `N` are left on the stack.
+                let next = unsafe {
+                    step::<K, N>(wide, child, &slabs, t_max, &mut stack)
+                };
+                let Some(next) = next else { break 'walk };
+                child = next;
+            }
+            // Offer the leaf's triangles and go on
+            let place = slots(child);
+            if GATED && place.0 >= GATES {
+                // Leave the region if the gate leads to something
+                let gate = &wide.gates[(place.0 - GATES) as usize];
+                if gate.node.is_none() || search.enters(&gate.region, ray) {
+                    break gate;
+                }
+            } else {
+                let ways = (&shear, &margins);
+                // SAFETY: as above; children with the bit LEAF below the gates
+                // are leaves that are there.
+                let met = unsafe {
+                    look::<K, N, FAST>(&mut search, ray, ways, place)?
+                };
+                if met != 0 {
+                    if ANY && search.slot != target {
+                        break 'walk;
+                    }
+                    t_max = search.limit(&margins) as f32;
+                }
+            }
+            let Some(next) = stack.pop(t_max) else { break 'walk };
+            child = next;
+        };
+        // Go through a gate
+        region = gate.region;
+        margins = region.beyond_gate(ray.origin, search.root);
+        margins.near = margins.near.max(near(search.size));
+        child = match gate.node {
+            Some(inner) => {
+                search.pass(&region, &margins);
+                // SAFETY: no hierarchy is so deep that one is not left.
+                unsafe { stack.push(child + 1, 0.) };
+                inner
+            }
+            None => match stack.pop(search.limit(&margins) as f32) {
+                Some(waiting) => waiting,
+                None => break 'walk,
+            },
+        };
+    }
+    Some(search)
+}
+
+/// The child to go on with from a node, if any; others wait on the stack.
+///
+/// # Safety
+/// The processor has the instructions of `K`, `number` is that of a node,
+/// and no more than `STACK - N` children wait.
+#[inline(always)]
+unsafe fn step<K: Kernel<N>, const N: usize>(
+    wide: &Wide<N>,
+    number: u32,
+    slabs: &Slabs,
+    t_max: f32,
+    stack: &mut Stack,
+) -> Option<u32> {
+    // SAFETY: the caller says so.
+    unsafe {
+        let node = wide.nodes.get_unchecked(number as usize);
+        let entered = K::enter(node, slabs, t_max);
+        if entered.mask == 0 {
+            return stack.pop(t_max);
+        }
+        let next = K::push(node, slabs.shift, &entered, stack);
+        stack.fetch(wide);
+        Some(next)
+    }
+}
+
+/// Takes the triangles of a leaf that the ray meets, of `count` at unit
+/// `first`; their mask. With `FAST`, none if anything is doubtful.
+///
+/// # Safety
+/// The leaf is there, and the processor has the instructions of `K`.
+#[inline(always)]
+pub unsafe fn look<K: Kernel<N>, const N: usize, const FAST: bool>(
+    search: &mut Search,
+    ray: &Ray,
+    (shear, margins): (&Shear, &Margins),
+    (first, count): (u32, usize),
+) -> Option<u32> {
+    let limit = search.limit(margins);
+    // SAFETY: it is there, says the caller.
+    let leaf = unsafe { search.leaf(first, count) };
+    // SAFETY: it is one of `Leaves`; the rest says the caller.
+    let met = unsafe { K::meet(leaf, shear, (limit, margins)) };
+    let (mask, distances) = match met {
+        None if FAST => return None,
+        _ => met.unwrap_or_else(|| leaf.meet(shear, margins)),
+    };
+    let mut left = mask;
+    while left != 0 {
+        // Take or offer one lane of the mask
+        let lane = left.trailing_zeros();
+        let distance = distances[lane as usize % LANES];
+        if FAST {
+            search.take(slot(first, lane), distance, margins)?;
+        } else {
+            search.offer((first, leaf), lane, distance, (ray, margins));
+        }
+        left &= left - 1;
+    }
+    Some(mask)
+}
+
+/// Offers a triangle ahead of the walk: whether the ray misses it; none if
+/// that is doubtful.
+#[inline(always)]
+fn is_missed(
+    search: &mut Search,
+    target: u32,
+    shear: &Shear,
+    margins: &Margins,
+) -> Option<bool> {
+    let (leaf, lane) = search.leaves.find(target);
+    match leaf.test(lane as usize, shear, margins.size) {
+        TriangleTest::Through(at) if at > -margins.near => {
+            search.take(target, at, margins)?;
+            Some(false)
+        }
+        _ => Some(true),
+    }
+}
+
+/// Which boxes of `node` a ray enters before `t_max`, where `distance`
+/// is that of a plane, given 1/d and o/d.
+#[inline(always)]
+pub fn enter<const N: usize>(
+    node: &Node<N>,
+    slabs: &Slabs,
+    t_max: f32,
+    distance: impl Fn(f32, f32, f32) -> f32,
+) -> Entered<[f32; N]> {
+    let (mut near, mut far) = ([0f32; N], [t_max; N]);
+    for axis in 0..3 {
+        let inverse = slabs.inverse[axis];
+        let (late, early) = (slabs.entry[axis], slabs.exit[axis]);
+        let enter = &node.planes[slabs.enter[axis]];
+        let leave = &node.planes[slabs.leave[axis]];
+        // Narrow the intervals of all boxes
+        for i in 0..N {
+            let a = distance(enter[i], inverse, late);
+            let b = distance(leave[i], inverse, early);
+            near[i] = if a > near[i] { a } else { near[i] };
+            far[i] = if b < far[i] { b } else { far[i] };
+        }
+    }
+    let bit = |i: usize| u32::from(near[i] <= far[i]) << i;
+    Entered { mask: (0..N).map(bit).sum(), near, far }
+}
+
+/// The distance of the plane `b`, with two roundings.
+#[inline(always)]
+pub fn distance(b: f32, inverse: f32, start: f32) -> f32 {
+    b * inverse - start
+}
+
+/// What every processor has.
+pub struct Portable;
+
+impl<const N: usize> Kernel<N> for Portable {
+    type Vector = [f32; N];
+
+    fn is_available() -> bool {
+        true
+    }
+
+    #[inline(always)]
+    unsafe fn enter(
+        node: &Node<N>,
+        slabs: &Slabs,
+        t_max: f32,
+    ) -> Entered<[f32; N]> {
+        enter(node, slabs, t_max, distance)
+    }
+
+    #[inline(always)]
+    unsafe fn push(
+        node: &Node<N>,
+        shift: u32,
+        entered: &Entered<[f32; N]>,
+        stack: &mut Stack,
+    ) -> u32 {
+        let slots = node.order.iter();
+        let slots = slots.map(|order| (order >> shift) as usize & (N - 1));
+        let mut met = slots.filter(|slot| entered.mask >> slot & 1 != 0);
+        let mut next = met.next().unwrap_or(0);
+        for slot in met {
+            // SAFETY: fewer than `N` children are pushed.
+            unsafe { stack.push(node.children[next], entered.near[next]) };
+            next = slot;
+        }
+        node.children[next]
+    }
+
+    #[inline(never)]
+    unsafe fn meet(
+        leaf: Leaf,
+        shear: &Shear,
+        (_, margins): (f64, &Margins),
+    ) -> Met {
+        let (mask, distances) = leaf.meet(shear, margins);
+        (mask >> LANES == 0).then_some((mask, distances))
+    }
+}
+
+#[cfg(all(test, target_arch = "x86_64"))]
+#[path = "../../tests/units/traversal.rs"]
+mod tests;

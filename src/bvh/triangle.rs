@@ -1,0 +1,619 @@
+// Tangled from chapters/bvh.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Does a ray meet a triangle?
+//!
+//! The answers depend on the ray and the triangle alone, and are the
+//! same on every processor.
+
+use glam::{DVec3, Vec3Swizzles};
+
+use crate::numerics::{cross, difference_of_products};
+use crate::scene::{Ray, Triangle};
+
+/// A change of coordinates that makes a ray the z axis (Woop, Benthin
+/// and Wald 2013, section 3).
+#[derive(Clone, Copy, Debug)]
+pub struct Shear {
+    /// Which coordinates become x, y and z; each below 3.
+    pub axes: [usize; 3],
+    /// The origin of the ray, permuted.
+    pub origin: [f64; 3],
+    /// The quotients dx/dz and dy/dz.
+    pub slope: [f64; 2],
+    /// 1/dz: distance along the ray per unit of z.
+    pub stretch: f64,
+}
+
+impl Shear {
+    #[inline(always)]
+    pub fn new(ray: &Ray) -> Self {
+        // Find the axis that becomes z
+        let size = ray.direction.abs();
+        let y = usize::from(size.y > size.x);
+        let z = if size.z > size.x.max(size.y) { 2 } else { y };
+        let axes = ROTATIONS[z];
+        let direction: &[f64; 3] = ray.direction.as_ref();
+        let origin: &[f64; 3] = ray.origin.as_ref();
+        // Divide by the component along z
+        let [x, y, z] = axes.map(|axis| direction[axis]);
+        let origin = axes.map(|axis| flush(origin[axis], SMALLEST));
+        let stretch = 1. / z;
+        let slope = [x, y].map(|d| flush(d * stretch, FLATTEST));
+        Self { axes, origin, slope, stretch }
+    }
+}
+
+const ROTATIONS: [[usize; 3]; 3] = [[1, 2, 0], [2, 0, 1], [0, 1, 2]];
+
+/// The number 2^-100.
+const SMALLEST: f64 = f64::from_bits((1023 - 100) << 52);
+
+/// The number 2^-200.
+const FLATTEST: f64 = f64::from_bits((1023 - 200) << 52);
+
+/// `x`, or zero if it is smaller than `least`.
+#[inline(always)]
+fn flush(x: f64, least: f64) -> f64 {
+    if x.abs() < least { 0. } else { x }
+}
+
+/// What is small beside the lengths from which it is computed.
+#[derive(Clone, Copy, Debug)]
+pub struct Margins {
+    /// The size of the triangles for a ray.
+    pub size: f64,
+    /// Distances along a ray that are closer are not told apart.
+    pub near: f64,
+    /// An edge function of this or more, with the wrong sign, does not
+    /// belong to a triangle that the ray passes closely.
+    pub narrow: f64,
+}
+
+/// The size of triangles up to `span` away from a point.
+#[inline(always)]
+pub fn size(span: f64, point: DVec3) -> f64 {
+    (1. + PLACE) * span + PLACE * point.abs().max_element()
+}
+
+/// The size of a triangle for rays from or to a point.
+#[inline(always)]
+pub fn seen(corners: &Triangle, point: DVec3) -> f64 {
+    let [a, b, c] = corners.map(|corner| (corner - point).abs());
+    size(a.max(b).max(c).max_element(), point)
+}
+
+/// The part of a point's coordinates that counts for a size.
+const PLACE: f64 = 0.125;
+
+/// Distances along a ray that are closer are not told apart: 2^-35.
+#[inline(always)]
+pub fn near(size: f64) -> f64 {
+    size * (1. / (1u64 << 35) as f64)
+}
+
+/// How far off its surface a hit is put, and at least how far from other
+/// triangles, by our computation: 2^-47.
+#[inline(always)]
+pub fn clear(size: f64) -> f64 {
+    size * (1. / (1u64 << 47) as f64)
+}
+
+/// How large an edge function with the wrong sign may be of a triangle
+/// with such a side, sheared, within 2^-45 of the size of the ray.
+#[inline(always)]
+pub fn narrow(size: f64, side: f64) -> f64 {
+    let part = size * (1. / (1u64 << 43) as f64);
+    part * (side + 0.25 * part)
+}
+
+impl Margins {
+    /// Those of triangles of a size in a box with sides up to `side`.
+    #[inline(always)]
+    pub fn new(size: f64, side: f64) -> Self {
+        let narrow = 2. * narrow(size, 2. * side);
+        Self { size, near: near(size), narrow }
+    }
+}
+
+/// A box that holds some triangles of a scene.
+#[derive(Clone, Copy, Debug)]
+pub struct Region {
+    /// Its middle, from where planes are counted.
+    pub zero: DVec3,
+    /// Half of its longest side.
+    pub reach: f64,
+    /// Those of rays that start within.
+    pub within: Margins,
+}
+
+impl Region {
+    /// That of no triangles.
+    pub const NONE: Self = Self {
+        zero: DVec3::ZERO,
+        reach: 0.,
+        within: Margins { size: 0., near: 0., narrow: 0. },
+    };
+
+    /// The region between two opposite corners.
+    pub fn between(low: DVec3, high: DVec3) -> Self {
+        let reach = 0.5 * (high - low).max_element();
+        let zero = 0.5 * (low + high);
+        let size = size(2. * reach, zero.abs() + reach);
+        let within = Margins::new(size, 2. * reach);
+        Self { zero, reach, within }
+    }
+
+    /// How far a point is outside, at most, or less than zero.
+    #[inline(always)]
+    pub fn beyond(&self, point: DVec3) -> f64 {
+        (point - self.zero).abs().max_element() - self.reach
+    }
+
+    /// What is small for rays from a point to triangles of the region.
+    #[inline(always)]
+    pub fn margins(&self, point: DVec3) -> Margins {
+        match self.beyond(point) {
+            beyond if beyond > 0. => {
+                let side = 2. * self.reach;
+                Margins::new(size(beyond + side, point), side)
+            }
+            _ => self.within,
+        }
+    }
+
+    /// The same beyond a gate, given the size of the outermost margins.
+    #[inline(always)]
+    pub fn beyond_gate(&self, point: DVec3, root: f64) -> Margins {
+        let size = COARSER * self.margins(point).size;
+        Margins::new(size.min(root), 2. * self.reach)
+    }
+}
+
+/// How much larger margins are beyond gates, at most: 2^20.
+const COARSER: f64 = (1 << 20) as f64;
+
+/// Triangles in a leaf at most.
+pub const LANES: usize = 4;
+
+/// No triangle.
+pub const NONE: u32 = u32::MAX;
+
+/// Words of the unit in which leaves are counted.
+pub const UNIT: usize = 4;
+
+/// Words of a triangle: nine coordinates and the face.
+const WORDS: usize = 19;
+
+/// Marks the number of a child as that of a leaf.
+pub const LEAF: u32 = 1 << 31;
+
+/// Leaves from this number on are gates.
+pub const GATES: u32 = (1 << 29) - (1 << 20);
+
+/// The units that leaves of `count` triangles take.
+pub fn units(count: usize) -> u32 {
+    (WORDS * count).max(17 * count + 2 * LANES).div_ceil(UNIT) as u32
+}
+
+/// The child that is a leaf of `count` triangles at unit `first`.
+pub fn leaf(first: u32, count: usize) -> u32 {
+    LEAF | (count as u32 - 1) << 29 | first
+}
+
+/// The first unit and the count of a child that is a leaf.
+#[inline(always)]
+pub fn slots(child: u32) -> (u32, usize) {
+    (child & ((1 << 29) - 1), (child >> 29 & 3) as usize + 1)
+}
+
+/// The slot of the triangle in a lane of the leaf at unit `first`.
+#[inline(always)]
+pub fn slot(first: u32, lane: u32) -> u32 {
+    first << 2 | lane
+}
+
+/// All leaves of a hierarchy, one after the other.
+pub struct Leaves {
+    pub words: Vec<u32>,
+}
+
+impl Leaves {
+    /// The leaf of `count` triangles at unit `first`.
+    ///
+    /// # Safety
+    /// A leaf of these triangles has been put there.
+    #[inline(always)]
+    pub unsafe fn leaf(&self, first: u32, count: usize) -> Leaf<'_> {
+        // SAFETY: the leaf is within the array, says the caller.
+        let words =
+            unsafe { self.words.get_unchecked(UNIT * first as usize..) };
+        Leaf { words, count, lanes: (1 << count) - 1 }
+    }
+
+    /// The leaf of a triangle, and its lane.
+    #[inline(always)]
+    pub fn find(&self, slot: u32) -> (Leaf<'_>, u32) {
+        let words = &self.words[UNIT * (slot >> 2) as usize..];
+        let count = (words[0] >> 30) as usize + 1;
+        (Leaf { words, count, lanes: 0 }, slot & 3)
+    }
+
+    /// The corners of the triangle in a slot.
+    #[inline(always)]
+    pub fn triangle(&self, slot: u32) -> Triangle {
+        let (leaf, lane) = self.find(slot);
+        leaf.triangle(lane)
+    }
+
+    /// The face of the triangle in a slot.
+    pub fn face(&self, slot: u32) -> u32 {
+        let (leaf, lane) = self.find(slot);
+        leaf.face(lane)
+    }
+}
+
+/// Writes the leaf of these triangles, each with its face, below 2^30.
+pub fn write(words: &mut [u32], triangles: &[(u32, Triangle)]) {
+    let count = triangles.len();
+    for (lane, &(face, triangle)) in triangles.iter().enumerate() {
+        let corners = triangle.map(|p| p.to_array());
+        for (i, x) in corners.as_flattened().iter().enumerate() {
+            let place = count + 2 * (i * count + lane);
+            words[place] = x.to_bits() as u32;
+            words[place + 1] = (x.to_bits() >> 32) as u32;
+        }
+        words[lane] = face;
+    }
+    words[0] |= (count as u32 - 1) << 30;
+}
+
+/// A way from one region to another.
+#[derive(Clone, Copy, Debug)]
+pub struct Gate {
+    pub region: Region,
+    /// The child with which the search goes on there; none if it goes back.
+    pub node: Option<u32>,
+}
+
+/// Up to four triangles.
+#[derive(Clone, Copy)]
+pub struct Leaf<'a> {
+    /// A face for each lane, the first with the count in two more bits;
+    /// then coordinate `axis` of corner `c` of a lane, in double precision,
+    /// at `2 * ((3 * c + axis) * count + lane)`.
+    pub words: &'a [u32],
+    /// How many triangles.
+    pub count: usize,
+    /// Those to be tested; bit i stands for lane i.
+    pub lanes: u32,
+}
+
+/// A corner of the first of `count` lanes, that begins in this run.
+#[inline(always)]
+fn corner(runs: &[u32], count: usize, run: usize) -> DVec3 {
+    let [x, y, z] = [run, run + 1, run + 2].map(|run| 2 * run * count);
+    let number = |place: usize| {
+        f64::from_bits(
+            u64::from(runs[place + 1]) << 32 | u64::from(runs[place]),
+        )
+    };
+    DVec3::new(number(x), number(y), number(z))
+}
+
+impl Leaf<'_> {
+    #[inline(always)]
+    fn coordinate(&self, c: usize, axis: usize, lane: usize) -> f64 {
+        let place = 2 * ((3 * c + axis) * self.count + lane) + self.count;
+        let [low, high] = [self.words[place], self.words[place + 1]];
+        f64::from_bits(u64::from(high) << 32 | u64::from(low))
+    }
+
+    /// The corners of the triangle in a lane.
+    #[inline(always)]
+    pub fn triangle(&self, lane: u32) -> Triangle {
+        let count = self.count;
+        let runs = &self.words[count + 2 * lane as usize..];
+        let runs = &runs[..16 * count + 2];
+        [
+            corner(runs, count, 0),
+            corner(runs, count, 3),
+            corner(runs, count, 6),
+        ]
+    }
+
+    /// The face of the triangle in a lane.
+    pub fn face(&self, lane: u32) -> u32 {
+        self.words[lane as usize] & !(3 << 30)
+    }
+
+    /// The lanes that a ray meets, as a mask, with the distances; lanes that
+    /// it passes close by from bit `LANES` on, with where that begins. What
+    /// the distance of another lane says is not specified.
+    #[inline(always)]
+    pub fn meet(
+        &self,
+        shear: &Shear,
+        margins: &Margins,
+    ) -> (u32, [f64; LANES]) {
+        let mut distances = [0.; LANES];
+        let mut met = 0;
+        for (lane, distance) in distances.iter_mut().enumerate() {
+            if self.lanes >> lane & 1 != 0 {
+                // Add what the ray does to this triangle
+                match self.test(lane, shear, margins.size) {
+                    TriangleTest::Through(at) if at > -margins.near => {
+                        *distance = at;
+                        met |= 1 << lane;
+                    }
+                    TriangleTest::Beside(at) => {
+                        *distance = at[0].min(at[1]).min(at[2]);
+                        met |= 1 << (lane + LANES);
+                    }
+                    _ => (),
+                }
+            }
+        }
+        (met, distances)
+    }
+
+    /// What a ray does to the triangle in a lane.
+    #[inline(always)]
+    pub fn test(
+        &self,
+        lane: usize,
+        shear: &Shear,
+        size: f64,
+    ) -> TriangleTest {
+        let [x, y, z] = self.sheared(lane, shear);
+        let u = difference_of_products(x[2], y[1], y[2], x[1]);
+        let v = difference_of_products(x[0], y[2], y[0], x[2]);
+        let w = difference_of_products(x[1], y[0], y[1], x[0]);
+        let within = |margin: f64| {
+            (u >= -margin && v >= -margin && w >= -margin)
+                || (u <= margin && v <= margin && w <= margin)
+        };
+        // Tell what the ray does by the signs
+        if within(0.) {
+            // Find the distance along the ray
+            let height = (u * z[0] + v * z[1] + w * z[2]) / (u + v + w);
+            TriangleTest::Through(height * shear.stretch)
+        } else if within(narrow(size, extent(x).max(extent(y)))) {
+            TriangleTest::Beside(z.map(|z| z * shear.stretch))
+        } else {
+            TriangleTest::Apart
+        }
+    }
+
+    /// The x, y and z of the three corners after the shear.
+    #[inline(always)]
+    pub fn sheared(&self, lane: usize, shear: &Shear) -> [[f64; 3]; 3] {
+        let moved = |c: usize, i: usize| {
+            self.coordinate(c, shear.axes[i], lane) - shear.origin[i]
+        };
+        let z = [moved(0, 2), moved(1, 2), moved(2, 2)];
+        let flat = |c: usize, i: usize| moved(c, i) - shear.slope[i] * z[c];
+        let x = [flat(0, 0), flat(1, 0), flat(2, 0)];
+        let y = [flat(0, 1), flat(1, 1), flat(2, 1)];
+        [x, y, z]
+    }
+}
+
+/// The length of the least interval that holds three numbers.
+#[inline(always)]
+fn extent([a, b, c]: [f64; 3]) -> f64 {
+    a.max(b).max(c) - a.min(b).min(c)
+}
+
+/// What a ray does to a triangle.
+#[derive(Clone, Copy, Debug)]
+pub enum TriangleTest {
+    /// Its line goes through it, at this distance, which is negative
+    /// behind the origin, and not a number if it is seen edge on.
+    Through(f64),
+    /// It passes by so closely that a small displacement could make it
+    /// go through; the distances of the corners along the ray.
+    Beside([f64; 3]),
+    /// Neither.
+    Apart,
+}
+
+/// The nearest triangle so far.
+#[derive(Clone, Copy)]
+pub struct Search<'a> {
+    pub leaves: &'a Leaves,
+    /// The slot that the ray left, or `NONE`,
+    left: u32,
+    /// and one that was offered ahead, or `NONE`: leaves are tested without
+    /// both.
+    offered: u32,
+    /// How far the nearest triangle is, or infinity.
+    pub distance: f64,
+    /// The size of the margins where it was found.
+    pub size: f64,
+    /// That of the region of all triangles.
+    pub root: f64,
+    /// That of the least margins beyond gates that the ray went through,
+    pub least: f64,
+    /// and the box around the regions there.
+    pub passed: [DVec3; 2],
+    /// Where it is kept, or `NONE`.
+    pub slot: u32,
+    /// The least distance at which something else is close to the ray.
+    pub near_tie: f64,
+}
+
+impl<'a> Search<'a> {
+    /// A search that has met nothing, for a ray that left the first slot;
+    /// the second is offered ahead. The size is that of the outermost
+    /// margins.
+    #[inline(always)]
+    pub fn new(
+        leaves: &'a Leaves,
+        (from, offered): (Option<u32>, u32),
+        root: f64,
+    ) -> Self {
+        let distance = f64::INFINITY;
+        Self {
+            leaves,
+            left: from.unwrap_or(NONE),
+            offered,
+            distance,
+            size: 0.,
+            root,
+            least: root,
+            passed: [DVec3::INFINITY, DVec3::NEG_INFINITY],
+            slot: NONE,
+            near_tie: distance,
+        }
+    }
+
+    /// The leaf of `count` triangles at unit `first`, without the one
+    /// that the ray left, and the one that was offered ahead.
+    ///
+    /// # Safety
+    /// A leaf of these triangles has been put there.
+    #[inline(always)]
+    pub unsafe fn leaf(&self, first: u32, count: usize) -> Leaf<'a> {
+        // SAFETY: it is there, says the caller.
+        let mut leaf = unsafe { self.leaves.leaf(first, count) };
+        for without in [self.left, self.offered] {
+            let lane = without.wrapping_sub(slot(first, 0));
+            leaf.lanes &= !(u32::from(lane < LANES as u32) << (lane & 3));
+        }
+        leaf
+    }
+
+    /// Up to where others may be as near as the nearest so far.
+    #[inline(always)]
+    pub fn limit(&self, margins: &Margins) -> f64 {
+        self.distance + margins.near
+    }
+
+    /// Considers the triangle in a lane of the leaf at unit `first`, which
+    /// is met at `distance`; a lane of `LANES` or more is that of a
+    /// triangle which is only passed closely.
+    #[inline(always)]
+    pub fn offer(
+        &mut self,
+        (first, leaf): (u32, Leaf),
+        lane: u32,
+        mut distance: f64,
+        (ray, margins): (&Ray, &Margins),
+    ) {
+        // Doubt the order of triangles that are close
+        let near = margins.near;
+        let beside = lane >= LANES as u32;
+        if beside
+            || (distance - self.distance).abs() <= near
+            || distance <= near
+        {
+            self.near_tie = self.near_tie.min(distance - near);
+            let behind = || is_behind(leaf, lane, ray, distance);
+            if beside || distance <= near && behind() {
+                return;
+            }
+            distance = distance.max(f64::MIN_POSITIVE);
+        }
+        // Keep the triangle if it comes first
+        let slot = slot(first, lane);
+        let equal = distance == self.distance;
+        if distance < self.distance
+            || equal && is_before(self.leaves, slot, self.slot)
+        {
+            (self.distance, self.slot) = (distance, slot);
+            self.size = margins.size;
+        }
+    }
+
+    /// Considers the triangle in a slot, which is met at `distance`; none if
+    /// it is doubtful whether that is behind the ray, or which comes first.
+    #[inline(always)]
+    pub fn take(
+        &mut self,
+        slot: u32,
+        distance: f64,
+        margins: &Margins,
+    ) -> Option<()> {
+        let near = margins.near;
+        if distance <= near || distance == self.distance {
+            return None;
+        }
+        if (distance - self.distance).abs() <= near {
+            self.near_tie = self.near_tie.min(distance - near);
+        }
+        if distance < self.distance {
+            (self.distance, self.slot) = (distance, slot);
+            self.size = margins.size;
+        }
+        Some(())
+    }
+
+    /// The corners of the nearest triangle, if there is one.
+    #[inline(always)]
+    pub fn triangle(&self) -> Triangle {
+        self.leaves.triangle(self.slot)
+    }
+
+    /// Whether the ray may come near triangles of a region, before the
+    /// nearest so far.
+    #[inline(always)]
+    pub fn enters(&self, region: &Region, ray: &Ray) -> bool {
+        let middle = region.zero - ray.origin;
+        let half = region.reach + CLEARANCE * self.root;
+        let (along, near) = (middle.dot(ray.direction), near(self.root));
+        is_met(middle, DVec3::splat(half), ray.direction)
+            && along - DIAGONAL * half <= self.distance + near
+            && along + DIAGONAL * half >= -near
+    }
+
+    /// Notes that the ray goes through a gate.
+    #[inline(always)]
+    pub fn pass(&mut self, region: &Region, margins: &Margins) {
+        let [low, high] = self.passed;
+        let (zero, reach) = (region.zero, region.reach);
+        self.passed = [low.min(zero - reach), high.max(zero + reach)];
+        self.least = self.least.min(margins.size);
+    }
+}
+
+/// Whether the triangle in `slot` comes before another, if there is one.
+#[cold]
+#[inline(never)]
+fn is_before(leaves: &Leaves, slot: u32, other: u32) -> bool {
+    let key = |slot| {
+        let corners = leaves.triangle(slot);
+        let corners = corners.map(|p| p.to_array().map(f64::to_bits));
+        (leaves.face(slot), corners)
+    };
+    other == NONE || key(slot) < key(other)
+}
+
+/// Whether a ray that meets the triangle in a lane at this distance starts
+/// beyond it.
+#[cold]
+fn is_behind(leaf: Leaf, lane: u32, ray: &Ray, distance: f64) -> bool {
+    let corners = leaf.triangle(lane);
+    if distance.abs() >= near(seen(&corners, ray.origin)) {
+        return distance < 0.;
+    }
+    let [a, b, c] = corners;
+    let normal = cross(b - a, c - a);
+    normal.dot(ray.direction) * normal.dot(ray.origin - a) >= 0.
+}
+
+/// A ray this far from a region, times the size, passes no triangle of
+/// it closely: 2^-44.
+const CLEARANCE: f64 = 1. / (1u64 << 44) as f64;
+
+/// More than half the diagonal of a cube whose side is 2.
+const DIAGONAL: f64 = 1.75;
+
+/// Whether a line through zero meets a box with this middle and these
+/// half sides.
+#[inline(always)]
+pub fn is_met(middle: DVec3, half: DVec3, direction: DVec3) -> bool {
+    let off = middle.cross(direction).abs();
+    let [h, d] = [half, direction.abs()];
+    off.cmple(h.yzx() * d.zxy() + h.zxy() * d.yzx()).all()
+}

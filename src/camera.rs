@@ -1,0 +1,165 @@
+// Tangled from chapters/camera.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! A pinhole camera: from a point of the image to a direction.
+//!
+//! Image coordinates run over [0, 1) x [0, 1), from the top left.
+
+use std::array;
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use crate::numerics::{cross, normalise, power_of_two};
+
+/// Where a camera stands and where it looks, in the file's coordinates.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct View {
+    /// Position of the pinhole.
+    pub position: DVec3,
+    /// The point in the middle of the image.
+    pub target: DVec3,
+    /// The direction that is up; not parallel to the view.
+    pub up: DVec3,
+    /// Vertical field of view in degrees, strictly between 0 and 180.
+    pub fov: f64,
+}
+
+/// The axes of a view, scaled to the image plane.
+#[derive(Clone, Copy, Debug)]
+pub struct Camera {
+    /// Position of the pinhole in the file's coordinates.
+    pub position: DVec3,
+    right: DVec3,
+    down: DVec3,
+    ahead: DVec3,
+}
+
+impl Camera {
+    /// The camera of a view, for images of the ratio width/height.
+    ///
+    /// # Errors
+    /// A vector that is not finite, a target at the position, an up axis
+    /// along the view, a field of view out of range.
+    pub fn new(view: &View, aspect: f64) -> Result<Self, String> {
+        let &View { position, target, up, fov } = view;
+        if !(fov > 0. && fov < 180.) {
+            return Err(format!(
+                "the field of view {fov} is not strictly between 0 and \
+                 180 degrees (-F)"
+            ));
+        }
+        // Refuse what is not finite
+        let mut vectors = [position, target, up].into_iter();
+        if let Some(vector) = vectors.find(|v| !v.is_finite()) {
+            return Err(format!(
+                "the camera's vector {} is not finite (-p, -t, -u)",
+                typed(vector)
+            ));
+        }
+        // Find the directions ahead and right
+        let view = match target - position {
+            whole if whole.is_finite() => whole,
+            _ => 0.5 * target - 0.5 * position,
+        };
+        if view == DVec3::ZERO {
+            return Err(format!(
+                "the camera's target is its own position {}; move \
+                 one of them (-p, -t)",
+                typed(target)
+            ));
+        }
+        let ahead = normalise(view);
+        let right = normalise(cross(ahead, normalise(up)));
+        if right == DVec3::ZERO {
+            return Err(format!(
+                "the camera's up axis {} is zero or parallel to the \
+                 view {}; choose another one (-u)",
+                typed(up),
+                typed(view)
+            ));
+        }
+        // Scale the axes to the image
+        let tangent = libm::tan(0.5 * fov.to_radians());
+        let distance = (1. / tangent).min(FARTHEST);
+        Ok(Camera {
+            position,
+            right: right.normalize() * aspect,
+            down: normalise(cross(ahead, right)).normalize(),
+            ahead: ahead.normalize() * distance,
+        })
+    }
+
+    /// The direction of the point (`x`, `y`) of the image, of length one.
+    #[inline(always)]
+    pub fn direction(&self, x: f64, y: f64) -> DVec3 {
+        let along_row = self.right * (2. * x - 1.);
+        let along_column = self.down * (2. * y - 1.);
+        (along_row + along_column + self.ahead).normalize()
+    }
+
+    /// The directions of the points with these coordinates.
+    #[inline(always)]
+    pub fn directions<const N: usize>(
+        &self,
+        x: &[f64; N],
+        y: &[f64; N],
+    ) -> [DVec3; N] {
+        let mut parts = [[0.; N]; 3];
+        for i in 0..N {
+            let direction = self.direction(x[i], y[i]);
+            for axis in 0..3 {
+                parts[axis][i] = direction[axis];
+            }
+        }
+        array::from_fn(|i| DVec3::from(parts.map(|part| part[i])))
+    }
+}
+
+/// A vector as it is typed.
+pub fn typed(v: DVec3) -> String {
+    format!("{},{},{}", v.x, v.y, v.z)
+}
+
+/// The image plane is no farther than 2^200.
+const FARTHEST: f64 = power_of_two(200);
+
+impl View {
+    /// The view with the same up axis and field of view that shows the box
+    /// between two corners, if there is one.
+    pub fn outside(
+        &self,
+        [low, high]: [DVec3; 2],
+        aspect: f64,
+    ) -> Option<Self> {
+        // Look at the middle of the box
+        let target = 0.5 * low + 0.5 * high;
+        let up = self.up.abs().max_position();
+        let mut away = DVec3::splat(1.);
+        away[(up + 1) % 3] = 1.5;
+        away[up] = self.up[up].signum();
+        let position = target + (high - low).max_element() * away;
+        let view = Self { position, target, ..*self };
+        let Camera { right, down, ahead, .. } =
+            Camera::new(&view, aspect).ok()?;
+        let distances = (0..8).map(|k| {
+            let is_high = [1, 2, 4].map(|bit| k & bit != 0);
+            let corner = DVec3::select(is_high.into(), high, low) - target;
+            let x = right.dot(corner) / (aspect * aspect);
+            let side = x.abs().max(down.dot(corner).abs());
+            side * ahead.length() - ahead.normalize().dot(corner)
+        });
+        let distance = 1.05 * distances.fold(0., f64::max);
+        // Round the view to be typed
+        let size = (high - low).max_element();
+        let digits = (3. - libm::log10(size).floor()).clamp(0., 300.);
+        let round = |x: f64| {
+            let text = format!("{x:.*}", digits as usize);
+            text.parse().unwrap_or(x)
+        };
+        let position = (target - distance * ahead.normalize()).map(round);
+        let target = target.map(round);
+        let view = Self { position, target, ..*self };
+        Camera::new(&view, aspect).is_ok().then_some(view)
+    }
+}

@@ -1,0 +1,102 @@
+// Tangled from chapters/compare.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Images that are made for looking.
+
+use super::{Blocks, Difference};
+use crate::image::Image;
+use crate::image::levels::radiance;
+
+/// How radiances brighter than white are treated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Curve {
+    /// Cut off what is brighter than white
+    Clamp,
+    /// Bend the scale so that the brightest pixel is white (Reinhard et
+    /// al. 2002)
+    Reinhard,
+}
+
+/// The image, made brighter by `exposure` stops, as a screen shows it.
+pub fn tonemap(image: &Image, exposure: f64, curve: Curve) -> Image {
+    let scale = libm::exp2(exposure);
+    let outside = image.samples.is_none();
+    let expose = |&mean: &f64| match mean.is_nan() && outside {
+        true => 0.,
+        false => (mean * scale).clamp(0., f64::INFINITY),
+    };
+    let mut means: Vec<f64> = image.means.iter().map(expose).collect();
+    let white = means.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
+    // Bend the scale
+    if curve == Curve::Reinhard {
+        for mean in &mut means {
+            *mean *= (1. + *mean / white / white) / (1. + *mean);
+        }
+    }
+    Image::plain(image.width, image.height, means)
+}
+
+/// The standard errors, or their ratio to the means, as grey levels,
+/// and the value that is shown as white.
+///
+/// # Errors
+/// The image does not say its errors, or none is known.
+pub fn errors(
+    image: &Image,
+    relative: bool,
+) -> Result<(Image, f64), String> {
+    let errors = image.errors.as_ref();
+    let errors = errors.ok_or("it has no channel stderr.Y")?;
+    // Divide the errors by the means
+    let value = |(&error, &mean): (&f64, &f64)| match (relative, error) {
+        (true, error) if error > 0. => error / mean.abs(),
+        _ => error,
+    };
+    let values = errors.iter().zip(&image.means).map(value);
+    let values: Vec<f64> = values.collect();
+    // Find the value to show as white
+    let mut known = values.clone();
+    known.retain(|value| value.is_finite());
+    known.sort_by(f64::total_cmp);
+    let last = known.len().checked_sub(1).ok_or("no error is known")?;
+    let white = known[(last as f64 * 0.999).ceil() as usize];
+    let grey = |value: f64| value / white.max(f64::MIN_POSITIVE);
+    let means = values.into_iter().map(|v| grey(v).min(1.)).collect();
+    Ok((Image::plain(image.width, image.height, means), white))
+}
+
+/// The image, averaged over squares if a side is longer than `most`
+/// pixels; an error is the root of the mean square of its square.
+pub fn shrink(image: &Image, most: u32) -> Image {
+    let side = image.width.max(image.height).div_ceil(most);
+    let squares = Blocks::new(image, (0, 0), side);
+    // Average over the squares
+    let averages = |values: &mut dyn Iterator<Item = f64>| -> Vec<f64> {
+        let mut sums = vec![0.; squares.blocks.len()];
+        let places = squares.of.iter().map(|&square| square as usize);
+        places.zip(values).for_each(|(at, value)| sums[at] += value);
+        let areas = squares.blocks.iter().map(|&(_, area)| area);
+        sums.iter().zip(areas).map(|(s, n)| s / f64::from(n)).collect()
+    };
+    let errors = image.errors.as_ref().map(|errors| {
+        let squares = averages(&mut errors.iter().map(|e| e * e));
+        squares.into_iter().map(f64::sqrt).collect()
+    });
+    let means = averages(&mut image.means.iter().copied());
+    let [width, height] =
+        [image.width, image.height].map(|n| n.div_ceil(side));
+    Image { errors, ..Image::plain(width, height, means) }
+}
+
+/// The number of standard errors that are shown as white.
+pub const WHITE: f64 = 5.;
+
+/// The z of each pixel, as numbers or as grey levels.
+pub fn z_map(image: &Image, difference: &Difference, grey: bool) -> Image {
+    let largest = f64::from(f32::MAX);
+    let means = difference.z.iter().map(|&z| match grey {
+        true => radiance((0.5 + z / (2. * WHITE)).clamp(0., 1.)),
+        false => z.clamp(-largest, largest),
+    });
+    Image::plain(image.width, image.height, means.collect())
+}

@@ -1,0 +1,575 @@
+// Tangled from chapters/film.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The sums of an image in the making, or of a part of it: a rectangle of
+//! accumulators, cut into tiles along Hilbert's curve.
+//!
+//! Pixels are counted from the top left of the whole image. Those of one
+//! tile lie together in memory, so that threads write to separate pieces.
+//! The pixels of a tile hold the same samples, from the first on.
+
+use std::fmt;
+use std::num::ParseIntError;
+use std::str::FromStr;
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::memory::zeroed;
+use crate::statistics::Accumulator;
+
+/// Width and height of a tile in pixels.
+pub const SIDE: u32 = 16;
+
+/// A rectangle of pixels that one thread renders at a time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Tile {
+    /// Column and row of its first pixel in the image.
+    pub corner: (u32, u32),
+    /// Its width and height, at most `SIDE` each.
+    pub size: (u32, u32),
+    /// Number of pixels in the tiles before it.
+    start: usize,
+    /// Its number along the curve.
+    rank: u32,
+}
+
+impl Tile {
+    /// Number of its pixels.
+    pub fn area(&self) -> usize {
+        (self.size.0 * self.size.1) as usize
+    }
+}
+
+/// A rectangle of pixels of an image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(into = "String", try_from = "String")]
+pub struct Window {
+    /// Column and row of its first pixel in the image.
+    pub corner: (u32, u32),
+    /// Its width and height in pixels, at least 1.
+    pub size: (u32, u32),
+}
+
+/// A window as it is typed: `X,Y,WxH`.
+impl fmt::Display for Window {
+    fn fmt(&self, out: &mut fmt::Formatter) -> fmt::Result {
+        let Self { corner: (x, y), size: (width, height) } = self;
+        write!(out, "{x},{y},{width}x{height}")
+    }
+}
+
+impl TryFrom<String> for Window {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        let syntax = "expected a pixel and a size, as in 100,50,64x48";
+        let parts: Vec<&str> = text.split(',').collect();
+        let [x, y, size] = parts[..] else { return Err(syntax.to_owned()) };
+        let number = |text| digits(text).map_err(|_: ParseIntError| syntax);
+        let corner = (number(x)?, number(y)?);
+        Ok(Self { corner, size: parse_size(size)? })
+    }
+}
+
+impl From<Window> for String {
+    fn from(window: Window) -> Self {
+        window.to_string()
+    }
+}
+
+/// Reads a width and a height, as in 800x600.
+///
+/// # Errors
+/// The text is another, or a side is out of range.
+pub fn parse_size(text: &str) -> Result<(u32, u32), String> {
+    let side =
+        |text| digits(text).ok().filter(|n| (1..=MAX_SIDE).contains(n));
+    let size = text.split_once('x');
+    let size = size.and_then(|(w, h)| side(w).zip(side(h)));
+    size.ok_or(format!(
+        "expected two positive integers around one x, as in 800x600, \
+         at most {MAX_SIDE} pixels a side"
+    ))
+}
+
+/// The most pixels that an image is wide or high.
+const MAX_SIDE: u32 = 16384;
+
+/// An integer of digits alone.
+pub fn digits<N: FromStr>(text: &str) -> Result<N, N::Err> {
+    // The library would take a plus as well.
+    text.replace('+', "x").parse()
+}
+
+/// A tile with its pixels, row by row, and its mean, if the film has one.
+pub type Part<'a> =
+    (Tile, &'a mut [Accumulator], Option<&'a mut Accumulator>);
+
+/// An image in the making, or a part of it: one accumulator per pixel.
+#[derive(Clone, Debug)]
+pub struct Film {
+    /// Width and height of the whole image.
+    pub resolution: (u32, u32),
+    /// The pixels that it holds.
+    pub window: Window,
+    /// The window of its run.
+    pub whole: Window,
+    /// The samples of each pixel that come before its own.
+    pub first: u64,
+    /// The number of samples whose mean is one value of an accumulator.
+    pub replicate: u64,
+    tiles: Vec<Tile>,
+    /// The place of each tile in `tiles`, by row and column.
+    places: Vec<u32>,
+    /// The pixels in the order in which they are stored: tile by tile, each
+    /// row by row.
+    pub pixels: Vec<Accumulator>,
+    /// The means of each tile, if its pixels share random numbers; else none.
+    pub tile_means: Vec<Accumulator>,
+}
+
+/// Watches the work on a film: called, from any thread, with what is done,
+/// as the paths that a finished tile has taken, and with 0 in between.
+/// Answers whether to go on.
+pub type Watch<'a> = dyn Fn(u64) -> bool + Sync + 'a;
+
+impl Window {
+    /// The column and row after its last ones.
+    pub fn end(&self) -> (u32, u32) {
+        (self.corner.0 + self.size.0, self.corner.1 + self.size.1)
+    }
+
+    /// The first cell of the grid that it touches, and how many columns
+    /// and rows of cells.
+    fn cells(&self) -> ((u32, u32), (u32, u32)) {
+        let (left, top) = (self.corner.0 / SIDE, self.corner.1 / SIDE);
+        let (right, bottom) = self.end();
+        let columns = right.div_ceil(SIDE) - left;
+        ((left, top), (columns, bottom.div_ceil(SIDE) - top))
+    }
+
+    /// This and the pixels that are at most so many columns and rows away,
+    /// as far as they lie `within` another window.
+    fn grown(&self, reach: u32, within: Self) -> Self {
+        let grow = |at: u32, end: u32, first: u32, last: u32| {
+            let start = at.saturating_sub(reach).max(first);
+            (start, (end + reach).min(last) - start)
+        };
+        let ((x, y), (left, top)) = (self.corner, within.corner);
+        let [ends, limits] = [self.end(), within.end()];
+        let (x, width) = grow(x, ends.0, left, limits.0);
+        let (y, height) = grow(y, ends.1, top, limits.1);
+        Self { corner: (x, y), size: (width, height) }
+    }
+
+    /// The number of pixels.
+    pub fn area(&self) -> usize {
+        self.size.0 as usize * self.size.1 as usize
+    }
+
+    /// At most so many of its rows, from row `first` on.
+    pub fn rows(&self, first: u32, most: u32) -> Self {
+        let ((left, top), (width, height)) = (self.corner, self.size);
+        let size = (width, most.min(height - first));
+        Self { corner: (left, top + first), size }
+    }
+
+    /// The number of rows of tiles that it touches.
+    pub fn tile_rows(&self) -> u32 {
+        self.cells().1.1
+    }
+
+    /// The `k`-th of `n` bands; `k` is from 1 to `n`, which is at most
+    /// `tile_rows`.
+    pub fn band(&self, (k, n): (u32, u32)) -> Self {
+        let ((_, top), (_, rows)) = self.cells();
+        let edge = |k| {
+            let row = top + (u64::from(rows) * k / u64::from(n)) as u32;
+            (row * SIDE).clamp(self.corner.1, self.end().1)
+        };
+        let (from, to) = (edge(u64::from(k) - 1), edge(u64::from(k)));
+        self.rows(from - self.corner.1, to - from)
+    }
+}
+
+impl Film {
+    /// The film of a whole image of at least one pixel, without a sample.
+    pub fn new(width: u32, height: u32) -> Self {
+        let window = Window { corner: (0, 0), size: (width, height) };
+        Self::cropped((width, height), window)
+    }
+
+    /// The film of a window that lies within an image of this `resolution`.
+    pub fn cropped(resolution: (u32, u32), window: Window) -> Self {
+        let ((left, top), (columns, rows)) = window.cells();
+        let side = columns.max(rows).next_power_of_two();
+        let row = |y| (0..columns).map(move |x| (x, y));
+        let mut cells = Vec::from_iter((0..rows).flat_map(row));
+        cells.par_sort_by_cached_key(|&(x, y)| along_curve(side, x, y));
+        let mut places = vec![0; cells.len()];
+        let mut tiles = Vec::with_capacity(cells.len());
+        let mut start = 0;
+        for (place, rank) in scattered(cells.len()).enumerate() {
+            let (x, y) = cells[rank];
+            // Append the tile of one cell
+            places[(y * columns + x) as usize] = place as u32;
+            let corner = ((left + x) * SIDE, (top + y) * SIDE);
+            let cell = Window { corner, size: (SIDE, SIDE) };
+            let Window { corner, size } = cell.grown(0, window);
+            tiles.push(Tile { corner, size, start, rank: rank as u32 });
+            start += (size.0 * size.1) as usize;
+        }
+        // Make a film of these tiles
+        let pixels = zeroed(start).expect("memory for a film");
+        Self {
+            resolution,
+            window,
+            whole: window,
+            first: 0,
+            replicate: 1,
+            tiles,
+            places,
+            pixels,
+            tile_means: vec![],
+        }
+    }
+
+    /// The tiles in the order in which they are rendered.
+    pub fn tiles(&mut self) -> Vec<Part<'_>> {
+        let begun = self.pixels[0].count() > 0;
+        let mut rest = &mut self.pixels[..];
+        let mut means = self.tile_means.iter_mut();
+        let part = |&tile: &Tile| {
+            let own = rest.split_off_mut(..tile.area());
+            (tile, own.unwrap_or_default(), means.next())
+        };
+        let mut parts: Vec<_> = self.tiles.iter().map(part).collect();
+        if begun {
+            parts.sort_unstable_by_key(|(tile, ..)| tile.rank);
+        }
+        parts
+    }
+
+    /// The pixel of column `x` and row `y` of the image, in the window.
+    pub fn pixel(&self, x: u32, y: u32) -> &Accumulator {
+        let tile = &self.tiles[self.place(x, y)];
+        let (column, row) = (x - tile.corner.0, y - tile.corner.1);
+        &self.pixels[tile.start + (row * tile.size.0 + column) as usize]
+    }
+
+    /// The place in memory of the tile that holds a pixel.
+    fn place(&self, x: u32, y: u32) -> usize {
+        let ((left, top), (columns, _)) = self.window.cells();
+        let cell = (y / SIDE - top) * columns + x / SIDE - left;
+        self.places[cell as usize] as usize
+    }
+
+    /// Number of pixels.
+    pub fn area(&self) -> u64 {
+        self.pixels.len() as u64
+    }
+
+    /// A film of the whole window of its run without a sample.
+    pub fn blank(&self) -> Self {
+        Self::cropped(self.resolution, self.whole)
+    }
+
+    /// The pixels, row by row from the top left.
+    pub fn rows(&self) -> impl Iterator<Item = &Accumulator> {
+        let rows = self.window.corner.1..self.window.end().1;
+        let strips = rows.flat_map(|y| self.strips(self.window, y));
+        strips.flat_map(|(_, strip)| strip)
+    }
+
+    /// The pixels of row `y` of the image that lie in a window, those of each
+    /// tile together, with the place of the tile.
+    fn strips(
+        &self,
+        window: Window,
+        y: u32,
+    ) -> impl Iterator<Item = (usize, &[Accumulator])> {
+        let ((left, _), (columns, _)) = window.cells();
+        (left..left + columns).map(move |column| {
+            let place = self.place(column * SIDE, y);
+            let Tile { corner, size, start, .. } = self.tiles[place];
+            let x = corner.0.max(window.corner.0);
+            let length = (corner.0 + size.0).min(window.end().0) - x;
+            let at =
+                start + ((y - corner.1) * size.0 + x - corner.0) as usize;
+            (place, &self.pixels[at..at + length as usize])
+        })
+    }
+
+    /// The means of the pixels, row by row from the top left.
+    pub fn means(&self) -> impl Iterator<Item = f64> {
+        self.rows().map(Accumulator::mean)
+    }
+
+    /// Whether the tile of this place has a sample.
+    fn is_sampled(&self, place: usize) -> bool {
+        self.pixels[self.tiles[place].start].count() > 0
+    }
+
+    /// Whether all pixels of a window have a sample, and whether none has.
+    pub fn sampled(&self, window: Window) -> [bool; 2] {
+        let ((left, top), (columns, rows)) = window.cells();
+        let row = |y| (left..left + columns).map(move |x| (x, y));
+        let place = |(x, y)| self.place(x * SIDE, y * SIDE);
+        let mut places = (top..top + rows).flat_map(row).map(place);
+        let all = places.clone().all(|place| self.is_sampled(place));
+        [all, !places.any(|place| self.is_sampled(place))]
+    }
+
+    /// A value of each pixel of a window, row by row: `none` without a sample.
+    fn values(
+        &self,
+        window: Window,
+        none: f64,
+        of: impl Fn(usize, &Accumulator) -> f64,
+    ) -> Vec<f64> {
+        let mut values = Vec::with_capacity(window.area());
+        let rows = window.corner.1..window.end().1;
+        // Append the values of a strip
+        for (place, strip) in rows.flat_map(|y| self.strips(window, y)) {
+            match self.is_sampled(place) {
+                true => values.extend(strip.iter().map(|p| of(place, p))),
+                false => values.resize(values.len() + strip.len(), none),
+            }
+        }
+        values
+    }
+
+    /// The means of a window, row by row; not a number without a sample.
+    pub fn means_of(&self, window: Window) -> Vec<f64> {
+        self.values(window, f64::NAN, |_, pixel| pixel.mean())
+    }
+
+    /// The samples of the pixels of a window, row by row.
+    pub fn counts_of(&self, window: Window) -> Vec<f64> {
+        let count =
+            |_, p: &Accumulator| (p.count() * self.replicate) as f64;
+        self.values(window, 0., count)
+    }
+
+    /// The samples that every pixel has at least.
+    pub fn samples(&self) -> u64 {
+        let count = |tile: &Tile| self.pixels[tile.start].count();
+        let least = self.tiles.iter().map(count).min();
+        least.unwrap_or(0) * self.replicate
+    }
+
+    /// The number of pixels without a sample.
+    pub fn unsampled(&self) -> u64 {
+        let is_empty = |t: &&Tile| self.pixels[t.start].count() == 0;
+        let empty = self.tiles.iter().filter(is_empty);
+        empty.map(|tile| tile.area() as u64).sum()
+    }
+
+    /// The same film, whose accumulators take one value for so many samples.
+    /// It must be empty.
+    pub fn with_replicates(self, samples: u64) -> Self {
+        Self { replicate: samples, ..self }
+    }
+
+    /// The same film, whose pixels share random numbers within a tile. It must
+    /// be empty.
+    pub fn with_shared_tiles(mut self) -> Self {
+        self.tile_means = vec![Accumulator::default(); self.tiles.len()];
+        self
+    }
+
+    /// Takes the samples of a film of some of its tiles into account.
+    pub fn merge(&mut self, part: &Self) {
+        for (number, tile) in part.tiles.iter().enumerate() {
+            let place = self.place(tile.corner.0, tile.corner.1);
+            let Tile { start, size, .. } = self.tiles[place];
+            assert_eq!(size, tile.size, "the tile at {:?}", tile.corner);
+            let own = &mut self.pixels[start..];
+            let more = &part.pixels[tile.start..][..tile.area()];
+            own.iter_mut().zip(more).for_each(|(p, q)| p.merge(q));
+            if let Some(mean) = part.tile_means.get(number) {
+                self.tile_means[place].merge(mean);
+            }
+        }
+    }
+
+    /// Summarises the image, with the errors that [`Film::errors`] gives
+    /// for [`WORTH`].
+    pub fn summary(&self) -> Summary {
+        let few = self.samples() < 2 * self.replicate;
+        let tops = (0..self.window.size.1).into_par_iter();
+        let rows = tops.step_by(SIDE as usize).flat_map_iter(|top| {
+            let band = self.window.rows(top, SIDE);
+            // Sum over the pixels of each row
+            let errors = (!few).then(|| self.errors_of(WORTH, band));
+            let mut errors = errors.unwrap_or_default().into_iter();
+            let is_sampled =
+                |(place, _): &(usize, _)| self.is_sampled(*place);
+            let rows = band.corner.1..band.end().1;
+            let sums = rows.map(|y| {
+                let strips = self.strips(band, y).filter(is_sampled);
+                let pixels = strips.flat_map(|(_, strip)| strip);
+                // Add the pixels of a row
+                pixels.fold(
+                    [0.; 4],
+                    |[mean, count, squares, constant], pixel| {
+                        let square =
+                            errors.next().unwrap_or_default().powi(2);
+                        let alike = !few && pixel.variance() == 0.;
+                        let constant =
+                            constant + f64::from(u8::from(alike));
+                        [
+                            mean + pixel.mean(),
+                            count + 1.,
+                            squares + square,
+                            constant,
+                        ]
+                    },
+                )
+            });
+            sums.collect::<Vec<_>>()
+        });
+        let rows: Vec<[f64; 4]> = rows.collect();
+        // Add the sums of all rows
+        let total = |i: usize| rows.iter().map(|row| row[i]).sum::<f64>();
+        let squares = if few { f64::INFINITY } else { total(2) };
+        let of_tile = |(tile, mean): (&Tile, &Accumulator)| {
+            (tile.area() as f64 * mean.standard_error()).powi(2)
+        };
+        let all_squares = match self.tile_means.is_empty() {
+            true => squares,
+            false => {
+                self.tiles.iter().zip(&self.tile_means).map(of_tile).sum()
+            }
+        };
+        let n = self.area() as f64;
+        Summary {
+            mean: total(0) / total(1).max(1.),
+            mean_stderr: all_squares.sqrt() / n,
+            rmse: (squares / n).sqrt(),
+            constant: total(3) as u64,
+        }
+    }
+
+    /// The errors of [`Film::errors_of`] for the whole film.
+    pub fn errors(&self, worth: f64) -> Vec<f64> {
+        self.errors_of(worth, self.window)
+    }
+}
+
+/// The number of cells that Hilbert's curve visits before the cell
+/// (`x`, `y`) of a grid of `side` by `side`, a power of two.
+fn along_curve(side: u32, mut x: u32, mut y: u32) -> u64 {
+    let mut cells = 0;
+    let mut s = side / 2;
+    while s > 0 {
+        let (right, lower) = (x & s > 0, y & s > 0);
+        let before = (3 * u64::from(right)) ^ u64::from(lower);
+        cells += before * u64::from(s) * u64::from(s);
+        (x, y) = match (right, lower) {
+            (_, true) => (x, y),
+            (false, _) => (y, x),
+            (true, _) => (!y, !x),
+        };
+        s /= 2;
+    }
+    cells
+}
+
+/// The numbers below `n`, such that those before any place are spread
+/// evenly (van der Corput 1935).
+fn scattered(n: usize) -> impl Iterator<Item = usize> {
+    let all = 0..n.next_power_of_two();
+    let bits = all.end.trailing_zeros();
+    let reversed = move |i: usize| i.reverse_bits().rotate_left(bits);
+    all.map(reversed).filter(move |&i| i < n)
+}
+
+/// What is known about an image as a whole.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Summary {
+    /// The mean radiance over the pixels.
+    pub mean: f64,
+    /// Its standard error; infinite while unknown.
+    pub mean_stderr: f64,
+    /// The root of the mean square standard error of the pixels;
+    /// infinite while unknown.
+    pub rmse: f64,
+    /// The number of pixels whose samples are all alike.
+    pub constant: u64,
+}
+
+/// How far a pixel looks for neighbours, in pixels.
+const REACH: u32 = 2;
+
+/// How many samples the variance of the neighbours is worth.
+pub const WORTH: f64 = 4.;
+
+impl Film {
+    /// The standard errors of the pixels of a window, row by row; infinite
+    /// where unknown. The variance that a pixel has seen is combined with that
+    /// of its neighbours, which counts as `worth` values ([`WORTH`]; 0 leaves
+    /// the neighbours out).
+    pub fn errors_of(&self, worth: f64, window: Window) -> Vec<f64> {
+        let all = window.grown(REACH, self.window);
+        let of = |_, pixel: &Accumulator| pixel.variance();
+        let variances = self.values(all, f64::INFINITY, of);
+        // Number the pixels of the frame
+        let number = |x: u32, y: u32| {
+            let row = (y - all.corner.1) as usize * all.size.0 as usize;
+            row + (x - all.corner.0) as usize
+        };
+        let error = |(x, y)| {
+            // Compute the error of a pixel
+            let own = variances[number(x, y)];
+            if !own.is_finite() {
+                return own;
+            }
+            let (mut sum, mut count) = (0., 0.);
+            let near =
+                Window { corner: (x, y), size: (1, 1) }.grown(REACH, all);
+            for row in near.corner.1..near.end().1 {
+                let first = number(near.corner.0, row);
+                let variances =
+                    &variances[first..first + near.size.0 as usize];
+                for (column, variance) in (near.corner.0..).zip(variances) {
+                    // Count the variance of one neighbour
+                    let counts =
+                        variance.is_finite() & ((column, row) != (x, y));
+                    let (value, one) =
+                        if counts { (*variance, 1.) } else { (0., 0.) };
+                    (sum, count) = (sum + value, count + one);
+                }
+            }
+            let n = self.pixel(x, y).count() as f64;
+            // Combine its variance with that of its neighbours
+            let variance = match count > 0. {
+                true => {
+                    ((n - 1.) * own + worth * (sum / count))
+                        / (n - 1. + worth)
+                }
+                false => own,
+            };
+            (variance / n).sqrt()
+        };
+        let rows = window.corner.1..window.end().1;
+        let columns = window.corner.0..window.end().0;
+        let row = |y| columns.clone().map(move |x| (x, y));
+        rows.flat_map(row).map(error).collect()
+    }
+
+    /// The standard error with which each pixel of a window counts in a sum
+    /// over whole tiles, row by row: that of the mean of its tile
+    /// times the root of the number of its pixels; infinite where unknown.
+    /// None if the pixels are independent.
+    pub fn tile_errors(&self, window: Window) -> Option<Vec<f64>> {
+        let Self { tiles, tile_means, .. } = self;
+        let error = |place: usize, _: &Accumulator| {
+            let root = (tiles[place].area() as f64).sqrt();
+            root * tile_means[place].standard_error()
+        };
+        let shared = !tile_means.is_empty();
+        shared.then(|| self.values(window, f64::INFINITY, error))
+    }
+}

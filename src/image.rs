@@ -1,0 +1,166 @@
+// Tangled from chapters/image.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! A finished image in memory, and the formats of its files.
+//!
+//! Radiance is relative to that of the sky. Rows run from the top down,
+//! each from left to right, whatever the order in a file.
+
+mod data;
+mod exr;
+pub(crate) mod levels;
+mod png;
+mod pnm;
+
+use std::f64::INFINITY;
+use std::io::{self, Read, Write};
+use std::path::Path;
+
+use clap::ValueEnum;
+use serde::{Deserialize, Serialize};
+
+pub use data::{Image, Note, Picture, Source};
+
+/// How an image becomes bytes.
+#[derive(
+    ValueEnum, Serialize, Deserialize, Clone, Copy, Debug, PartialEq, Eq,
+)]
+pub enum Format {
+    /// Plain portable greymap of 256 levels
+    Pgm,
+    /// Portable network graphic of 65536 grey levels
+    Png,
+    /// Portable float map: the mean radiance
+    Pfm,
+    /// OpenEXR: mean radiance, its standard error, and the run
+    Exr,
+}
+
+impl Format {
+    /// Writes the bytes of an image.
+    pub fn write(
+        self,
+        image: &dyn Source,
+        out: &mut dyn Write,
+    ) -> io::Result<()> {
+        match self {
+            Format::Pgm => pnm::write_levels(image, out),
+            Format::Png => png::write(image, out),
+            Format::Pfm => pnm::write_numbers(image, out),
+            Format::Exr => exr::write(image, out),
+        }
+    }
+
+    /// The format of a file of this name.
+    ///
+    /// # Errors
+    /// The extension belongs to no format.
+    pub fn of(path: &Path) -> Result<Self, String> {
+        let Some(name) = extension(path) else { return Ok(Format::Pgm) };
+        Self::from_str(&name, false).map_err(|_| {
+            format!(
+                "{}: unknown kind of image; name it .pgm, .png, .pfm or .exr",
+                path.display()
+            )
+        })
+    }
+}
+
+/// The extension of a file's name, in small letters.
+pub fn extension(path: &Path) -> Option<String> {
+    let extension = path.extension()?.to_str()?;
+    Some(extension.to_ascii_lowercase())
+}
+
+const NEITHER: &str = "it is neither EXR, PFM, PNG nor PGM";
+
+impl Image {
+    /// Reads a file of any of the formats; see [`Image::read_noting`].
+    ///
+    /// # Errors
+    /// Those of [`Image::read_noting`].
+    pub fn read(path: &Path) -> Result<Self, String> {
+        Self::read_noting(path, &mut |_| ())
+    }
+
+    /// Reads a file, or standard input if its name is `-`; `note` is told,
+    /// in a line, of what is not as [`Image`] has it.
+    ///
+    /// # Errors
+    /// The file cannot be read, and those of [`Image::decode`]; the
+    /// message names the file and the fault.
+    pub fn read_noting(path: &Path, note: Note) -> Result<Self, String> {
+        let (name, bytes) = if path.as_os_str() == "-" {
+            let mut bytes = vec![];
+            let read = io::stdin().read_to_end(&mut bytes);
+            ("standard input".to_owned(), read.map(|_| bytes))
+        } else {
+            (path.display().to_string(), std::fs::read(path))
+        };
+        let bytes: Vec<u8> = bytes
+            .map_err(|error| format!("{name}: cannot read: {error}"))?;
+        Self::decode(&bytes, &mut |text| note(&format!("{name}: {text}")))
+            .map_err(|fault| format!("{name}: {fault}"))
+    }
+
+    /// Reads an image from the bytes of its file; `note` is told of what is
+    /// not as [`Image`] has it.
+    ///
+    /// # Errors
+    /// The bytes are damaged, or of another kind of file.
+    pub fn decode(bytes: &[u8], note: Note) -> Result<Self, String> {
+        let image = match bytes.get(..2) {
+            Some([0x76, 0x2f]) => exr::read(bytes, note),
+            Some(b"Pf" | b"PF") => pnm::read_numbers(bytes, note),
+            Some(b"P2" | b"P5") => pnm::read_levels(bytes, note),
+            Some(b"\x89P") => png::read(bytes, note),
+            Some(b"P1" | b"P3" | b"P4" | b"P6" | b"P7") => {
+                Err(format!("{NEITHER}, but PBM, PPM or PAM"))
+            }
+            _ => Err(NEITHER.to_owned()),
+        };
+        image?.sifted(note)
+    }
+
+    fn sifted(mut self, note: Note) -> Result<Self, String> {
+        let width = self.width as usize;
+        let place = |i: usize| format!("{},{}", i % width, i / width);
+        // Find the pixels that are no numbers
+        let finite = self.means.iter().map(|mean| mean.is_finite());
+        let mut known: Vec<bool> = finite.collect();
+        let errors =
+            [&self.errors, &self.tile_errors].map(|list| (list, INFINITY));
+        for (list, most) in
+            errors.into_iter().chain([(&self.samples, f64::MAX)])
+        {
+            for (i, &value) in list.iter().flatten().enumerate() {
+                if value < 0. {
+                    return Err(format!(
+                        "the standard error or count of the pixel {} is {value}",
+                        place(i)
+                    ));
+                }
+                known[i] &= value <= most;
+            }
+        }
+        let lost = Vec::from_iter((0..known.len()).filter(|&i| !known[i]));
+        if let Some(&first) = lost.first() {
+            note(&format!(
+                "pixels that are not finite numbers: {}, the first at {}",
+                lost.len(),
+                place(first)
+            ));
+        }
+        // Give the lost pixels no numbers
+        for i in lost {
+            self.means[i] = f64::NAN;
+            let errors = [&mut self.errors, &mut self.tile_errors];
+            errors
+                .into_iter()
+                .flatten()
+                .for_each(|list| list[i] = INFINITY);
+            self.samples.iter_mut().for_each(|list| list[i] = 0.);
+        }
+        Ok(self)
+    }
+}

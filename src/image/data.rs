@@ -1,0 +1,182 @@
+// Tangled from chapters/image.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! An image in memory.
+
+use std::collections::BTreeMap;
+
+use crate::film::{Film, WORTH, Window};
+
+/// A finished image in memory: what its file formats can carry. Row by
+/// row from the top left.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Image {
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// Mean radiance of each pixel.
+    pub means: Vec<f64>,
+    /// Standard error of each mean, infinite where unknown; none if the
+    /// file does not say.
+    pub errors: Option<Vec<f64>>,
+    /// Samples spent on each pixel; none if the file does not say.
+    pub samples: Option<Vec<f64>>,
+    /// Standard error with which each pixel counts in a sum over whole tiles
+    /// ([`Film::tile_errors`]), infinite where unknown; none if the pixels
+    /// are independent.
+    pub tile_errors: Option<Vec<f64>>,
+    /// What is known about the run: names and values, such as `seed`
+    /// and `7`.
+    pub attributes: BTreeMap<String, String>,
+}
+
+impl Image {
+    /// What a film has gathered, with what is known about its run.
+    pub fn new(film: &Film, attributes: BTreeMap<String, String>) -> Self {
+        Picture::new(film, attributes).image()
+    }
+
+    /// An image of these means, of which nothing else is known.
+    pub fn plain(width: u32, height: u32, means: Vec<f64>) -> Self {
+        Self { width, height, means, ..Self::default() }
+    }
+
+    /// The independent values of pixel `i`; none if the file does not say.
+    pub fn values(&self, i: usize) -> Option<f64> {
+        let number = self.attributes.get(REPLICATE);
+        let number = number.and_then(|text| text.parse::<u64>().ok());
+        let each = number.map_or(1., |samples| samples.max(1) as f64);
+        Some(self.samples.as_ref()?[i] / each)
+    }
+
+    /// Column and row of its first pixel in the image of which it is a part.
+    pub fn corner(&self) -> (u32, u32) {
+        let crop = self.attributes.get("crop");
+        let window = crop.and_then(|c| Window::try_from(c.clone()).ok());
+        window.map_or((0, 0), |window| window.corner)
+    }
+
+    /// The numbers of a window in a list with one for each pixel.
+    fn cut(&self, list: &[f64], window: Window) -> Vec<f64> {
+        let Window { corner: (x, y), size: (width, height) } = window;
+        let rows = list.chunks(self.width as usize);
+        let rows = rows.skip(y as usize).take(height as usize);
+        let columns = x as usize..(x + width) as usize;
+        rows.flat_map(|row| &row[columns.clone()]).copied().collect()
+    }
+}
+
+/// Gives an image by parts: by windows that lie within its own.
+pub trait Source: Sync {
+    /// Its pixels.
+    fn window(&self) -> Window;
+
+    /// The means of a window, row by row; not a number where there is none.
+    fn means(&self, window: Window) -> Vec<f64>;
+
+    /// What a window holds, without attributes.
+    fn part(&self, window: Window) -> Image;
+
+    /// Whether all pixels of a window surely have a sample, and whether
+    /// none has.
+    fn sampled(&self, _: Window) -> [bool; 2] {
+        [false; 2]
+    }
+
+    /// What is known about the run.
+    fn attributes(&self) -> &BTreeMap<String, String>;
+}
+
+/// The image on a film, with what is known about its run.
+pub struct Picture<'a> {
+    film: &'a Film,
+    attributes: BTreeMap<String, String>,
+}
+
+impl<'a> Picture<'a> {
+    /// That of a film and these attributes.
+    pub fn new(
+        film: &'a Film,
+        mut attributes: BTreeMap<String, String>,
+    ) -> Self {
+        // Tell how many samples are one value
+        if film.replicate != 1 {
+            let value = film.replicate.to_string();
+            attributes.insert(REPLICATE.to_owned(), value);
+        }
+        Self { film, attributes }
+    }
+
+    /// All of it, in memory.
+    pub fn image(self) -> Image {
+        let image = self.part(self.window());
+        Image { attributes: self.attributes, ..image }
+    }
+}
+
+/// The attribute that says how many samples are one value.
+const REPLICATE: &str = "replicate";
+
+impl Source for Picture<'_> {
+    fn window(&self) -> Window {
+        self.film.window
+    }
+
+    fn means(&self, window: Window) -> Vec<f64> {
+        self.film.means_of(window)
+    }
+
+    fn part(&self, window: Window) -> Image {
+        let (width, height) = window.size;
+        Image {
+            errors: Some(self.film.errors_of(WORTH, window)),
+            samples: Some(self.film.counts_of(window)),
+            tile_errors: self.film.tile_errors(window),
+            ..Image::plain(width, height, self.means(window))
+        }
+    }
+
+    fn sampled(&self, window: Window) -> [bool; 2] {
+        self.film.sampled(window)
+    }
+
+    fn attributes(&self) -> &BTreeMap<String, String> {
+        &self.attributes
+    }
+}
+
+impl Source for Image {
+    fn window(&self) -> Window {
+        Window { corner: (0, 0), size: (self.width, self.height) }
+    }
+
+    fn means(&self, window: Window) -> Vec<f64> {
+        self.cut(&self.means, window)
+    }
+
+    fn part(&self, window: Window) -> Image {
+        let part = |list: &Vec<f64>| self.cut(list, window);
+        Image {
+            errors: self.errors.as_ref().map(part),
+            samples: self.samples.as_ref().map(part),
+            tile_errors: self.tile_errors.as_ref().map(part),
+            ..Image::plain(window.size.0, window.size.1, part(&self.means))
+        }
+    }
+
+    fn attributes(&self) -> &BTreeMap<String, String> {
+        &self.attributes
+    }
+}
+
+/// Whether a file of `bytes` bytes can hold `size` bytes of pixels,
+/// compressed, and the memory has room for them.
+pub fn room(size: u128, bytes: usize) -> bool {
+    size <= 8192 * bytes as u128
+        && usize::try_from(size)
+            .is_ok_and(|n| Vec::<u8>::new().try_reserve_exact(n).is_ok())
+}
+
+/// Who is told, in a line, of what was made of a file.
+pub type Note<'a> = &'a mut dyn FnMut(&str);

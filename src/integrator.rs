@@ -1,0 +1,224 @@
+// Tangled from chapters/integrator.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Random variables whose mean is the radiance along a ray.
+
+pub mod gather;
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use crate::bvh::Hit;
+use crate::film::{Film, Watch};
+use crate::sampler::{Sampler, cosine_direction, dimension};
+use crate::scene::Ray;
+use crate::sky::Sky;
+
+/// What a path does at the end of a ray.
+#[derive(Clone, Copy, Debug)]
+pub enum PathEvent {
+    /// It goes on along another ray, which leaves this triangle.
+    Scatter(Ray, u32),
+    /// It ends, and this is its contribution to the pixel.
+    Terminate(f64),
+}
+
+/// A random variable whose mean is the radiance along a ray.
+pub trait Integrator: Sync {
+    /// What a path remembers from one hit to the next.
+    type Path;
+
+    /// A path whose first ray has this direction.
+    fn begin(&self, direction: DVec3) -> Self::Path;
+
+    /// Takes a path on from the end of its ray: a hit, or the sky.
+    fn advance(
+        &self,
+        path: &mut Self::Path,
+        hit: Option<Hit>,
+        sampler: &mut impl Sampler,
+    ) -> PathEvent;
+
+    /// Whether each path ends at its first hit, whichever that is.
+    fn is_black(&self) -> bool {
+        false
+    }
+}
+
+/// Something that adds samples to a film.
+pub trait Renderer {
+    /// Takes each tile of `film` on from its own samples to `end` samples
+    /// of each pixel, or to the next whole number of replicates, unless
+    /// `watch` stops it; returns the number of rays traced. A renderer
+    /// that learns has one film, and makes all its samples.
+    fn pass(&mut self, film: &mut Film, end: u64, watch: &Watch) -> u64;
+
+    /// Learns what it needs to know before the first pass over `film`,
+    /// unless `watch`, which is told how many rays were traced, stops it;
+    /// returns the number of all these rays.
+    fn learn(&mut self, _film: &Film, _watch: &Watch) -> u64 {
+        0
+    }
+
+    /// About how many rays it will learn from, for a film of so many
+    /// pixels.
+    fn training_rays(&self, _area: u64) -> u64 {
+        0
+    }
+
+    /// What each rank has done so far; nothing if there is one process.
+    fn shares(&self) -> &[Share] {
+        &[]
+    }
+
+    /// Seconds that a pass should take at least, for what it costs.
+    fn least_seconds(&self) -> f64 {
+        0.
+    }
+}
+
+/// What one rank of a run has done.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Share {
+    /// Paths, that is samples of single pixels.
+    pub paths: u64,
+    /// Seconds in which it rendered.
+    pub render_seconds: f64,
+    /// Seconds of the passes in which it did not.
+    pub wait_seconds: f64,
+    /// Seconds that all its threads have computed.
+    pub processor_seconds: f64,
+    /// Bytes of the sums that it has sent to rank 0.
+    pub sent_bytes: u64,
+    /// Seconds in which rank 0 has received such sums and added them.
+    pub collect_seconds: f64,
+}
+
+/// The integrator of the chapter's algorithm: a path meets roulette below
+/// the throughput `FAINT`, and from `MANY_BOUNCES` bounces on.
+#[derive(Clone, Copy, Debug)]
+pub struct PathTracer {
+    /// Albedo of every surface, in [0, 1].
+    pub albedo: f64,
+    /// The only light.
+    pub sky: Sky,
+    /// How much of the sky above the first reflection is subtracted as a
+    /// control variate (Owen 2013, section 8.9), in [0, 1].
+    pub control: f64,
+    /// Whether a path ends at its first surface, which reflects nothing.
+    pub is_black: bool,
+}
+
+/// The throughput below which roulette decides: that of the path tracer on
+/// Embree, for the same lengths of paths.
+const FAINT: f64 = 0.1;
+
+/// Bounces from which on a path ends by chance, rare in ordinary scenes.
+pub const MANY_BOUNCES: u64 = 1000;
+
+impl PathTracer {
+    /// Without a control variate; the scene may reflect.
+    pub fn new(albedo: f64, sky: Sky) -> Self {
+        Self { albedo, sky, control: 0., is_black: false }
+    }
+
+    /// What a surface reflects of the sky if nothing is in the way, less
+    /// what it reflects from this direction: the mean is zero.
+    #[inline(always)]
+    pub fn control_variate(&self, normal: DVec3, direction: DVec3) -> f64 {
+        let Self { albedo, sky, .. } = self;
+        albedo * (sky.share(normal) - sky.radiance(direction))
+    }
+}
+
+/// A path of the path tracer.
+#[derive(Clone, Copy, Debug)]
+pub struct PathState {
+    throughput: f64,
+    /// How many bounces there were.
+    count: u64,
+    /// Where its ray goes.
+    direction: DVec3,
+    /// What the control variate adds to its contribution.
+    control: f64,
+}
+
+/// The probability that a path of `n` bounces makes another one,
+/// [n/(n+1)]^(3/2). That one of `MANY_BOUNCES` makes n or more is then
+/// (`MANY_BOUNCES`/n)^(3/2).
+#[cold]
+#[inline(never)]
+pub fn survival(n: u64) -> f64 {
+    let ratio = n as f64 / (n + 1) as f64;
+    ratio * ratio.sqrt()
+}
+
+impl Integrator for PathTracer {
+    type Path = PathState;
+
+    #[inline(always)]
+    fn begin(&self, direction: DVec3) -> PathState {
+        PathState { throughput: 1., count: 0, direction, control: 0. }
+    }
+
+    #[inline(always)]
+    fn advance(
+        &self,
+        path: &mut PathState,
+        hit: Option<Hit>,
+        sampler: &mut impl Sampler,
+    ) -> PathEvent {
+        let Some(hit) = hit else {
+            let light = path.throughput * self.sky.radiance(path.direction);
+            return PathEvent::Terminate(light + path.control);
+        };
+        // End a path where nothing is reflected
+        if self.is_black {
+            return PathEvent::Terminate(0.);
+        }
+        // Weaken the path or play roulette
+        if path.throughput < FAINT {
+            let u = sampler.get_1d(dimension::roulette(path.count));
+            if u >= self.albedo {
+                return PathEvent::Terminate(path.control);
+            }
+        } else {
+            path.throughput *= self.albedo;
+            if path.count >= MANY_BOUNCES {
+                // End a long path or strengthen it
+                let probability = survival(path.count);
+                let u = sampler.get_1d(dimension::roulette(path.count));
+                if u >= probability {
+                    return PathEvent::Terminate(path.control);
+                }
+                path.throughput /= probability;
+            }
+        }
+        // Leave the surface in a random direction
+        let [r, turn] = sampler.get_2d(dimension::direction(path.count));
+        path.direction = cosine_direction(hit.normal, r, turn);
+        if path.count == 0 && self.control > 0. {
+            let variate = self.control_variate(hit.normal, path.direction);
+            path.control = self.control * variate;
+        }
+        path.count += 1;
+        let ray = Ray { origin: hit.point, direction: path.direction };
+        PathEvent::Scatter(ray, hit.primitive)
+    }
+
+    fn is_black(&self) -> bool {
+        self.is_black
+    }
+}
+
+/// Changes whenever the code that decides what a sample is does.
+const SAMPLE_VERSION: u32 = 4;
+
+/// Names the integrators, their constants and the version of their
+/// samples: samples of different names are not to be mixed.
+pub fn identity() -> String {
+    format!(
+        "samples {SAMPLE_VERSION}, path tracer with \
+         roulette below {FAINT} and from {MANY_BOUNCES} bounces"
+    )
+}

@@ -1,0 +1,300 @@
+// Tangled from chapters/gather.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Final gather into a cache of radiance, and its unbiased correction.
+
+pub mod cache;
+pub mod correction;
+pub mod guide;
+pub mod render;
+pub mod training;
+
+use std::array;
+
+use rand::RngExt;
+
+use crate::analysis::Inquiry;
+use crate::analysis::background::TileContent;
+use crate::bvh::{BEAM, Hit, Intersector};
+use crate::film::{Tile, Window};
+use crate::sampler::sobol::{ScrambledNet, scramble_key, to_unit};
+use crate::sampler::{generator, within};
+use crate::scene::Ray;
+use cache::{Cell, RadianceCache, UNSEEN};
+use guide::{Guide, bin, direction};
+use render::Gather;
+
+/// Traces rays, and knows what decides the samples of an image.
+pub struct Tracer<'a, K> {
+    /// The scene and its view, and how much is corrected.
+    pub gather: &'a Gather<'a>,
+    /// Finds hits in the scene.
+    pub intersector: &'a K,
+    /// Chooses directions, and approximates the radiance.
+    pub cache: &'a RadianceCache,
+    /// How the samples are distributed.
+    pub allocation: &'a Allocation,
+    /// The number of rays traced so far.
+    pub rays: u64,
+}
+
+/// What a ray from a surface has met.
+#[derive(Clone, Copy, Debug)]
+pub enum End {
+    /// The sky, of this radiance, or what is below the horizon.
+    Sky(f64),
+    /// Another surface.
+    Hit(Hit),
+}
+
+/// A ray from a surface.
+#[derive(Clone, Copy, Debug)]
+pub struct Shot {
+    /// One over the density of its direction on the square.
+    pub weight: f64,
+    /// The bin of its direction.
+    pub bin: usize,
+    /// What it has met.
+    pub end: End,
+}
+
+/// How the samples are distributed over a window, row by row.
+#[derive(Clone)]
+pub struct Allocation {
+    /// The part of the image that is rendered.
+    pub window: Window,
+    /// The samples of each pixel in a scramble; at least one.
+    pub counts: Vec<u32>,
+    /// About the radiance of each pixel; positive.
+    pub scale: Vec<f64>,
+    /// The points of a scramble, enough for the pixel with most samples.
+    pub net: ScrambledNet,
+}
+
+impl Allocation {
+    /// These samples of the pixels of a window, and radiances.
+    pub fn new(window: Window, counts: Vec<u32>, scale: Vec<f64>) -> Self {
+        let most = counts.iter().max().copied().unwrap_or(1);
+        let points = u64::from(most).max(64).next_power_of_two();
+        let net = ScrambledNet::new(points);
+        Self { window, counts, scale, net }
+    }
+
+    /// One sample for each pixel.
+    pub fn even(window: Window) -> Self {
+        let area = window.area();
+        Self::new(window, vec![1; area], vec![1.; area])
+    }
+
+    /// Column and row of a pixel of a tile in the image, and its number in
+    /// the window.
+    fn place(&self, tile: Tile, pixel: u32) -> (u32, u32, usize) {
+        let x = tile.corner.0 + pixel % tile.size.0;
+        let y = tile.corner.1 + pixel / tile.size.0;
+        let (left, top) = self.window.corner;
+        let row = (y - top) as usize * self.window.size.0 as usize;
+        (x, y, row + (x - left) as usize)
+    }
+}
+
+/// How much is corrected, and with how many rays.
+#[derive(Clone, Copy, Debug)]
+pub struct Correction {
+    /// Samples that share corrections.
+    pub group: usize,
+    /// The importance for which one correction is drawn.
+    pub step: f64,
+    /// Rays of the gather at a point whose error is estimated.
+    pub gathers: u32,
+    /// Paths that go on from them.
+    pub paths: u32,
+    /// Rays of each gather along such a path.
+    pub branches: u32,
+}
+
+impl Default for Correction {
+    fn default() -> Self {
+        Self { group: 128, step: 15., gathers: 16, paths: 16, branches: 2 }
+    }
+}
+
+/// A sample that gathers: where it looks, and what its ray has found.
+pub struct Sample {
+    /// The first hit of the path.
+    pub hit: Hit,
+    /// The pixel in its tile.
+    pub pixel: u32,
+    /// About the radiance of the pixel; positive.
+    pub scale: f64,
+    /// The weight of the direction of the gather.
+    pub weight: f64,
+    /// What the gather has hit, if anything, and a cell around it.
+    pub end: Option<(Hit, Cell)>,
+    /// The point of the square from which the gather is drawn.
+    u: [u32; 2],
+}
+
+impl<K: Intersector> Tracer<'_, K> {
+    /// Traces the ray that leaves `x` in the direction that the guide gives to
+    /// a uniform point of the square, in units of 2^-32.
+    #[inline]
+    pub fn shoot(
+        &mut self,
+        x: &Hit,
+        guide: Option<&Guide>,
+        u: [u32; 2],
+    ) -> Shot {
+        // Choose a point of the square and its weight
+        let (point, bin, weight) = match guide {
+            Some(guide) => {
+                let (point, bin) = guide.warp(u);
+                (point, bin, 1. / guide.density(bin))
+            }
+            None => {
+                let point = u.map(to_unit);
+                (point, bin(point), 1.)
+            }
+        };
+        let direction = direction(x.normal, point);
+        let ray = Ray { origin: x.point, direction };
+        self.rays += 1;
+        let hit = self.intersector.first_hit(&ray, Some(x.primitive));
+        let sky = || End::Sky(self.gather.inquiry.sky.radiance(direction));
+        Shot { weight, bin, end: hit.map_or_else(sky, End::Hit) }
+    }
+
+    /// One of the four cells around a hit, at random: `u` is uniform over
+    /// the square.
+    #[inline]
+    pub fn cell_around(&self, hit: &Hit, u: [f64; 2]) -> Cell {
+        let grid = &self.cache.grid;
+        *self.cache.at(grid.name_around(hit.point, hit.normal, u))
+    }
+
+    /// The first hit of the ray of the camera through (`x`, `y`) of the
+    /// image, or the radiance of the sky behind it.
+    #[inline]
+    pub fn look(&mut self, x: f64, y: f64) -> End {
+        let Inquiry { camera, entrance, sky, .. } = self.gather.inquiry;
+        let direction = camera.direction(x, y);
+        let ray = entrance.enter(direction);
+        self.rays += u64::from(ray.is_some());
+        let hit =
+            ray.and_then(|ray| self.intersector.first_hit(&ray, None));
+        let sky = || End::Sky(sky.radiance(direction));
+        hit.map_or_else(sky, End::Hit)
+    }
+
+    /// The samples of a tile that gather; the others show the sky.
+    fn begin(
+        &mut self,
+        tile: Tile,
+        scramble: u64,
+        sums: &mut [f64],
+    ) -> Vec<Sample> {
+        let &Gather { inquiry, known, seed, .. } = self.gather;
+        let mut looks = vec![];
+        // Draw all samples of a tile
+        for pixel in 0..tile.size.0 * tile.size.1 {
+            let Allocation { counts, scale, net, .. } = self.allocation;
+            let (x, y, number) = self.allocation.place(tile, pixel);
+            let (width, height) = inquiry.resolution;
+            let i = u64::from(y) * u64::from(width) + u64::from(x);
+            let key = scramble_key(seed, i, scramble);
+            for n in 0..counts[number] {
+                let [u, v] = net.pair(key, n, 0);
+                let (u, v) = (within(x, width, u), within(y, height, v));
+                let direction = inquiry.camera.direction(u, v);
+                looks.push((
+                    direction,
+                    pixel,
+                    scale[number],
+                    net.pair(key, n, 1),
+                ));
+            }
+        }
+        let is_sky = known.content(tile.corner) == TileContent::Sky;
+        let mut samples = vec![];
+        // Send the first rays in beams
+        for batch in looks.chunks(BEAM) {
+            let rays = array::from_fn(|i| match batch.get(i) {
+                Some(look) if !is_sky => inquiry.entrance.enter(look.0),
+                _ => None,
+            });
+            self.rays += rays.iter().flatten().count() as u64;
+            let hits = self.intersector.first_hits(&rays);
+            for (&(direction, pixel, scale, u), hit) in
+                batch.iter().zip(hits)
+            {
+                match hit {
+                    Some(hit) => {
+                        let (weight, end) = (1., None);
+                        samples.push(Sample {
+                            hit,
+                            pixel,
+                            scale,
+                            weight,
+                            end,
+                            u,
+                        })
+                    }
+                    None => {
+                        sums[pixel as usize] +=
+                            inquiry.sky.radiance(direction)
+                    }
+                }
+            }
+        }
+        samples
+    }
+
+    /// The means of the pixels of a tile in a scramble.
+    pub fn tile(&mut self, tile: Tile, scramble: u64) -> Vec<f64> {
+        let area = tile.size.0 * tile.size.1;
+        let &Gather { known, seed, .. } = self.gather;
+        if let TileContent::Constant(value) = known.content(tile.corner) {
+            return vec![value; area as usize];
+        }
+        let stream = tile_number(tile.corner);
+        let mut random = generator(seed, stream, scramble);
+        let mut sums = vec![0.; area as usize];
+        let mut samples = self.begin(tile, scramble, &mut sums);
+        // Gather at all samples
+        let (cache, albedo) = (self.cache, self.gather.inquiry.albedo);
+        let cell = |Sample { hit, .. }: &Sample| {
+            *cache.at(cache.grid.name(hit.point, hit.normal))
+        };
+        let cells: Vec<Cell> = samples.iter().map(cell).collect();
+        for (sample, cell) in samples.iter_mut().zip(&cells) {
+            let shot = self.shoot(&sample.hit, cache.guide(cell), sample.u);
+            sample.weight = shot.weight;
+            match shot.end {
+                End::Sky(radiance) => {
+                    let radiance = albedo * shot.weight * radiance;
+                    sums[sample.pixel as usize] += radiance;
+                }
+                End::Hit(hit) => sample.end = Some((hit, UNSEEN)),
+            }
+        }
+        // Look up what the gathers have met
+        for Sample { pixel, weight, end, .. } in &mut samples {
+            if let Some((hit, cell)) = end {
+                let u = [random.random(), random.random()];
+                *cell = self.cell_around(hit, u);
+                let radiance = albedo * *weight * f64::from(cell.value);
+                sums[*pixel as usize] += radiance;
+            }
+        }
+        self.correct(&samples, &mut random, &mut sums);
+        for (pixel, sum) in (0..area).zip(&mut sums) {
+            let (_, _, number) = self.allocation.place(tile, pixel);
+            *sum /= f64::from(self.allocation.counts[number]);
+        }
+        sums
+    }
+}
+
+/// Numbers the generators of tiles; those of pixels are below 2^28.
+fn tile_number((x, y): (u32, u32)) -> u64 {
+    1 << 32 | u64::from(y) << 16 | u64::from(x)
+}

@@ -1,0 +1,529 @@
+// Tangled from chapters/cache.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! A cache of the radiance that leaves the surfaces, with guides: learnt
+//! from recorded reflections.
+
+use std::ops::Range;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::guide::{BINS, Guide, SIDE, main_axis};
+use crate::bvh::Hit;
+use crate::film::Watch;
+use crate::numerics::{exponent, power_of_two};
+
+/// Levels of cells; the cubes of each have half the side of the next.
+pub const LEVELS: usize = 5;
+
+/// The bits of a coordinate in the name of a cell.
+const BITS: u32 = 19;
+
+/// The cubes that cells are made of.
+#[derive(Clone, Copy, Debug)]
+pub struct Grid {
+    /// The least corner of all cubes.
+    low: DVec3,
+    /// The side of the smallest cubes, in units of the scene, and one over
+    /// it: powers of two.
+    side: f64,
+    cubes: f64,
+}
+
+impl Grid {
+    /// The name of the finest cell of a point and its normal.
+    #[inline]
+    pub fn name(&self, p: DVec3, normal: DVec3) -> u64 {
+        let axis = main_axis(normal);
+        let class = 2 * axis + usize::from(normal[axis] > 0.);
+        let cube = ((p - self.low) * self.cubes).to_array();
+        let most = (1u64 << BITS) - 1;
+        let [x, y, z] = cube.map(|c| spread((c as u64).min(most)));
+        (class as u64) << (3 * BITS) | x | y << 1 | z << 2
+    }
+
+    /// The name of one of the four cells around a point, at random: `u` is
+    /// uniform over the square.
+    #[inline]
+    pub fn name_around(&self, p: DVec3, normal: DVec3, u: [f64; 2]) -> u64 {
+        let axis = main_axis(normal);
+        let mut q = p;
+        for (k, u) in [(axis + 1) % 3, (axis + 2) % 3].into_iter().zip(u) {
+            q[k] += (u - 0.5) * self.side;
+        }
+        self.name(q, normal)
+    }
+
+    /// Orders hits by the class of their normals and by their place, in
+    /// cubes of a quarter of the finest cells' sides.
+    pub fn order(&self, hit: &Hit) -> u64 {
+        let (side, cubes) = (0.25 * self.side, 4. * self.cubes);
+        let reach = side * (1u64 << (BITS - 1)) as f64;
+        let low = self.low + 3. * reach;
+        Self { low, side, cubes }.name(hit.point, hit.normal)
+    }
+
+    /// The grid for points like these.
+    pub fn around(points: &[DVec3]) -> Self {
+        let ends = |k: usize| {
+            let mut all: Vec<f64> = points.iter().map(|p| p[k]).collect();
+            all.sort_unstable_by(f64::total_cmp);
+            let at = |i: usize| all.get(i).copied().unwrap_or(0.);
+            let margin = all.len() / 100;
+            [at(margin), at(all.len().saturating_sub(1 + margin))]
+        };
+        let ends = [0, 1, 2].map(ends);
+        let [low, high] = [0, 1].map(|e| DVec3::from(ends.map(|k| k[e])));
+        let longest = (high - low).max_element();
+        let side = match longest > 0. {
+            true => power_of_two(exponent(longest / 64.)),
+            false => 1.,
+        };
+        let reach = side * (1u64 << (BITS - 1)) as f64;
+        let low = 0.5 * (low + high) - reach;
+        Self { low, side, cubes: 1. / side }
+    }
+}
+
+/// The 19 bits of `x`, each followed by two zeros.
+#[inline]
+fn spread(x: u64) -> u64 {
+    let x = (x | x << 32) & 0x001f_0000_0000_ffff;
+    let x = (x | x << 16) & 0x001f_0000_ff00_00ff;
+    let x = (x | x << 8) & 0x100f_00f0_0f00_f00f;
+    let x = (x | x << 4) & 0x10c3_0c30_c30c_30c3;
+    (x | x << 2) & 0x1249_2492_4924_9249
+}
+
+/// The name of the cell so many levels above that holds a cell; the
+/// levels have different names.
+#[inline]
+fn coarser(name: u64, levels: usize) -> u64 {
+    let cube = name & ((1 << (3 * BITS)) - 1);
+    (name - cube + ((levels as u64) << 60)) | (cube >> (3 * levels))
+}
+
+/// Where a reflected ray arrived.
+pub const SKY: u64 = u64::MAX;
+pub const DARKNESS: u64 = u64::MAX - 1;
+
+/// A reflection: from one cell to another, to the sky, or to what is below
+/// the horizon.
+#[derive(Clone, Copy, Debug)]
+pub struct Record {
+    /// The cell of the surface that reflects.
+    pub from: u64,
+    /// The cell that the ray reached, [`SKY`] or [`DARKNESS`].
+    pub to: u64,
+    /// The weight of the direction: one over its density on the square.
+    pub weight: f32,
+    /// The bin of the direction.
+    pub bin: u16,
+}
+
+impl Record {
+    /// Orders records by the cell that reflects, and then by all else.
+    fn key(&self) -> (u64, u64, u16, u32) {
+        (self.from, self.to, self.bin, self.weight.to_bits())
+    }
+}
+
+/// What is known of the surfaces in a cell.
+#[derive(Clone, Copy, Debug)]
+pub struct Cell {
+    /// Bits of the hash of its name; 0 in a free entry.
+    mark: u32,
+    /// The radiance that leaves them.
+    pub value: f32,
+    /// Its expected error.
+    pub error: f32,
+    /// The number of the guide, or [`NO_GUIDE`].
+    guide: u32,
+}
+
+/// Stands for cosine sampling.
+const NO_GUIDE: u32 = u32::MAX;
+
+/// Of a place that training has not seen: no radiance exceeds the sky's.
+pub const UNSEEN: Cell =
+    Cell { mark: 0, value: 0., error: 1., guide: NO_GUIDE };
+
+/// The cells and guides of a scene.
+pub struct RadianceCache {
+    /// Names the cells.
+    pub grid: Grid,
+    /// The table; its length is a power of two.
+    cells: Vec<Cell>,
+    guides: Vec<Guide>,
+    /// The mean error that a ray meets, over the mean radiance.
+    pub relative_error: f32,
+}
+
+impl RadianceCache {
+    /// A cache that knows nothing.
+    pub fn empty(grid: Grid) -> Self {
+        let (cells, guides) = (vec![UNSEEN], vec![]);
+        Self { grid, cells, guides, relative_error: 1. }
+    }
+
+    /// The finest cell there is that holds the finest cell `name`.
+    #[inline]
+    pub fn at(&self, name: u64) -> &Cell {
+        for level in 0..LEVELS {
+            let cell = &self.cells[self.slot(coarser(name, level)).0];
+            if cell.mark != 0 {
+                return cell;
+            }
+        }
+        &UNSEEN
+    }
+
+    /// The entry of a name, or the free one where it belongs; and its mark.
+    #[inline]
+    fn slot(&self, name: u64) -> (usize, u32) {
+        let most = self.cells.len() - 1;
+        let hash = (name ^ name >> 32).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        let mark = (hash >> 32) as u32 | 1;
+        let mut slot = (hash ^ hash >> 32) as usize & most;
+        while self.cells[slot].mark != 0 && self.cells[slot].mark != mark {
+            slot = (slot + 1) & most;
+        }
+        (slot, mark)
+    }
+
+    /// The guide of a cell; none stands for cosine sampling.
+    #[inline]
+    pub fn guide(&self, cell: &Cell) -> Option<&Guide> {
+        self.guides.get(cell.guide as usize)
+    }
+
+    /// The same without guides, for those who ask what guides are worth.
+    pub fn without_guides(&self) -> Self {
+        Self { cells: self.cells.clone(), guides: vec![], ..*self }
+    }
+
+    /// The bytes of its table and of its guides.
+    pub fn bytes(&self) -> [usize; 2] {
+        [size_of_val(&*self.cells), size_of_val(&*self.guides)]
+    }
+
+    /// A cache that learns from records, which it sorts, and begins with
+    /// what this one knows; any number of threads gives the same. If `watch`
+    /// stops it, the cache is of no use.
+    pub fn learn(
+        &self,
+        records: &mut [Record],
+        albedo: f32,
+        watch: &Watch,
+    ) -> Self {
+        records.par_sort_unstable_by_key(Record::key);
+        let cells = Cells::of(records);
+        let mut cache = Self::numbering(self.grid, &cells);
+        let ends =
+            records.par_iter().map(|record| cache.end(record)).collect();
+        let known = cells.names.iter().map(|&name| self.at(name).value);
+        let known = known.collect();
+        let equations = Equations { cells, records, ends, albedo };
+        let values = equations.solve(known, watch);
+        let errors = equations.errors(&values);
+        let (guides, numbers) = equations.guides(&values);
+        for (c, &name) in equations.cells.names.iter().enumerate() {
+            let (slot, mark) = cache.slot(name);
+            let (value, error, guide) = (values[c], errors[c], numbers[c]);
+            cache.cells[slot] = Cell { mark, value, error, guide };
+        }
+        cache.guides = guides;
+        // Find the mean error that a ray meets
+        let (mut wrong, mut all) = (0f32, 0f32);
+        for (record, &end) in equations.records.iter().zip(&equations.ends)
+        {
+            all += record.weight * arriving(&values, end);
+            let error = errors.get(end as usize);
+            wrong += record.weight * error.copied().unwrap_or(0.);
+        }
+        cache.relative_error = if all > 0. { wrong / all } else { 1. };
+        cache
+    }
+
+    /// A table of these cells, which finds their numbers.
+    fn numbering(grid: Grid, cells: &Cells) -> Self {
+        let mut table = Self::empty(grid);
+        let size = (2 * cells.names.len() + 1).next_power_of_two();
+        table.cells = vec![UNSEEN; size];
+        for (number, &name) in (0..).zip(&cells.names) {
+            let (slot, mark) = table.slot(name);
+            table.cells[slot] = Cell { mark, guide: number, ..UNSEEN };
+        }
+        table
+    }
+
+    /// Where a record arrives: the number of a cell, or no cell.
+    fn end(&self, record: &Record) -> u32 {
+        match record.to {
+            SKY => END_IN_SKY,
+            DARKNESS => END_IN_DARKNESS,
+            name => match self.at(name).guide {
+                NO_GUIDE => END_IN_DARKNESS,
+                number => number,
+            },
+        }
+    }
+}
+
+/// The cells of all levels, with the records of each.
+#[derive(Default)]
+struct Cells {
+    /// The number of the first cell of each level, and of all.
+    offsets: [usize; LEVELS + 1],
+    names: Vec<u64>,
+    /// The number of the cell of the next level that holds it.
+    parents: Vec<u32>,
+    records: Vec<Range<u32>>,
+}
+
+impl Cells {
+    /// The cells of records that are sorted by `from`.
+    fn of(records: &[Record]) -> Self {
+        let (mut cells, mut start) = (Self::default(), 0);
+        for group in records.chunk_by(|a, b| a.from == b.from) {
+            let end = start + group.len() as u32;
+            cells.names.push(group[0].from);
+            cells.records.push(start..end);
+            start = end;
+        }
+        for level in 1..=LEVELS {
+            cells.offsets[level] = cells.names.len();
+            if level < LEVELS {
+                cells.add_level(level);
+            }
+        }
+        cells
+    }
+
+    /// Appends the cells of a level, which hold those of the finer one.
+    fn add_level(&mut self, level: usize) {
+        for child in self.level(level - 1) {
+            let name = coarser(self.names[child], 1);
+            let Range { start, end } = self.records[child];
+            match self.records.last_mut() {
+                Some(last) if self.names.last() == Some(&name) => {
+                    last.end = end;
+                }
+                _ => {
+                    self.names.push(name);
+                    self.records.push(start..end);
+                }
+            }
+            self.parents.push(self.names.len() as u32 - 1);
+        }
+    }
+
+    /// The numbers of the cells of a level.
+    fn level(&self, level: usize) -> Range<usize> {
+        self.offsets[level]..self.offsets[level + 1]
+    }
+
+    /// The records of a cell, and their number.
+    fn range(&self, cell: usize) -> Range<usize> {
+        let Range { start, end } = self.records[cell];
+        start as usize..end as usize
+    }
+
+    fn count(&self, cell: usize) -> f32 {
+        self.records[cell].len() as f32
+    }
+}
+
+/// The ends of records that are no cells.
+const END_IN_SKY: u32 = u32::MAX;
+const END_IN_DARKNESS: u32 = u32::MAX - 1;
+
+/// The radiance that arrives from the end of a record.
+#[inline]
+fn arriving(values: &[f32], end: u32) -> f32 {
+    match end {
+        END_IN_SKY => 1.,
+        END_IN_DARKNESS => 0.,
+        cell => values[cell as usize],
+    }
+}
+
+/// The equations for the radiance of the cells.
+struct Equations<'a> {
+    cells: Cells,
+    records: &'a [Record],
+    /// Where each record arrives.
+    ends: Vec<u32>,
+    albedo: f32,
+}
+
+impl Equations<'_> {
+    /// What record `i` reflects.
+    fn term(&self, values: &[f32], i: usize) -> f32 {
+        self.albedo
+            * self.records[i].weight
+            * arriving(values, self.ends[i])
+    }
+
+    /// The sum of a function of the records over each cell, of all levels.
+    fn sums(&self, f: impl Fn(usize) -> f32 + Sync) -> Vec<f32> {
+        let cells = &self.cells;
+        let finest = cells.level(0).into_par_iter();
+        let sum = |c: usize| {
+            let records = cells.records[c].clone();
+            records.map(|i| f(i as usize)).sum()
+        };
+        let mut sums: Vec<f32> = finest.map(sum).collect();
+        sums.resize(cells.names.len(), 0.);
+        for (c, &parent) in cells.parents.iter().enumerate() {
+            sums[parent as usize] += sums[c];
+        }
+        sums
+    }
+
+    /// The radiance of each cell, from approximate `values`; less exact if
+    /// `watch` stops it.
+    fn solve(&self, mut values: Vec<f32>, watch: &Watch) -> Vec<f32> {
+        let cells = &self.cells;
+        for _ in (0..MOST_REFLECTIONS).take_while(|_| watch(0)) {
+            let sums = self.sums(|i| self.term(&values, i));
+            let before = values.clone();
+            for c in (0..values.len()).rev() {
+                let count = cells.count(c);
+                values[c] = match cells.parents.get(c) {
+                    Some(&parent) => {
+                        (sums[c] + PRIOR * values[parent as usize])
+                            / (count + PRIOR)
+                    }
+                    None => sums[c] / count,
+                };
+            }
+            if is_settled(&before, &values) {
+                break;
+            }
+        }
+        values
+    }
+
+    /// The expected error of the value of each cell: positive. A coarser one
+    /// stands for places without a record, and may be wrong by all it says.
+    fn errors(&self, values: &[f32]) -> Vec<f32> {
+        let cells = &self.cells;
+        let first = self.sums(|i| self.term(values, i));
+        let second = self.sums(|i| self.term(values, i).powi(2));
+        let all = first[cells.level(LEVELS - 1)].iter().sum::<f32>();
+        let mean = all / self.records.len() as f32;
+        let least = if mean == 0. { 1. } else { 0.01 * mean.abs() };
+        let parent = |c: usize| cells.parents.get(c).map(|&p| p as usize);
+        let error = |c: usize| {
+            // Find the variance of the records around a cell
+            let mut wide = c;
+            while let Some(p) = parent(wide)
+                && cells.count(wide) < 8.
+            {
+                wide = p;
+            }
+            let n = cells.count(wide);
+            let square = first[wide] * first[wide] / n;
+            let variance =
+                ((second[wide] - square) / (n - 1.).max(1.)).max(0.);
+            // Add up the differences to the coarser cells
+            let (mut spread, mut part, mut wide) = (0., 0.5, c);
+            while let Some(p) = parent(wide) {
+                wide = p;
+                let difference = values[wide] - values[c];
+                spread += part * difference * difference;
+                part *= 0.5;
+            }
+            let own = values[c] / 10.;
+            let noise = variance / (cells.count(c) + PRIOR);
+            (noise + spread + own * own).sqrt().max(least)
+        };
+        let coarser = values[cells.offsets[1]..].iter();
+        let coarser = coarser.map(|value| value.abs().max(least));
+        cells.level(0).map(error).chain(coarser).collect()
+    }
+
+    /// The guides, and the number of the guide of each cell.
+    fn guides(&self, values: &[f32]) -> (Vec<Guide>, Vec<u32>) {
+        let cells = &self.cells;
+        let mut histograms: Vec<[f32; BINS]> = vec![];
+        let mut guides: Vec<Guide> = vec![];
+        let mut numbers = vec![NO_GUIDE; cells.names.len()];
+        for c in (0..cells.names.len()).rev() {
+            let parent = cells.parents.get(c).map(|&p| numbers[p as usize]);
+            numbers[c] = parent.unwrap_or(NO_GUIDE);
+            if cells.count(c) < ENOUGH {
+                continue;
+            }
+            let squares = cells.range(c).map(|i| {
+                let square = arriving(values, self.ends[i]).powi(2);
+                (self.records[i].bin, square)
+            });
+            let prior = histograms.get(numbers[c] as usize);
+            let histogram = mean_squares(squares, prior);
+            if let Some(guide) = Guide::new(&smooth(&histogram)) {
+                numbers[c] = guides.len() as u32;
+                guides.push(guide);
+                histograms.push(histogram);
+            }
+        }
+        (guides, numbers)
+    }
+}
+
+/// How many records the value of the coarser cell is worth.
+const PRIOR: f32 = 12.;
+
+/// Reflections that the solution follows at most.
+const MOST_REFLECTIONS: usize = 300;
+
+/// Whether the values have changed by less than a thousandth.
+fn is_settled(before: &[f32], now: &[f32]) -> bool {
+    let square = |x: f32| f64::from(x) * f64::from(x);
+    let change: f64 =
+        before.iter().zip(now).map(|(a, b)| square(b - a)).sum();
+    let size: f64 = now.iter().map(|b| square(*b)).sum();
+    change <= 1e-6 * size
+}
+
+/// Records that a cell with a guide of its own has at least.
+const ENOUGH: f32 = 1000.;
+
+/// The mean of the squares that fall into each bin; that of the prior, or
+/// of all, counts as one more.
+fn mean_squares(
+    squares: impl Iterator<Item = (u16, f32)>,
+    prior: Option<&[f32; BINS]>,
+) -> [f32; BINS] {
+    let (mut sums, mut counts) = ([0f32; BINS], [0f32; BINS]);
+    for (bin, square) in squares {
+        sums[usize::from(bin)] += square;
+        counts[usize::from(bin)] += 1.;
+    }
+    let all: f32 = sums.iter().sum::<f32>() / counts.iter().sum::<f32>();
+    let prior = |b: usize| prior.map_or(all, |p| p[b]);
+    std::array::from_fn(|b| (sums[b] + prior(b)) / (counts[b] + 1.))
+}
+
+/// The roots of the bins, each averaged with its neighbours first.
+fn smooth(bins: &[f32; BINS]) -> [f32; BINS] {
+    let near = |i: usize| i.saturating_sub(1)..(i + 2).min(SIDE);
+    std::array::from_fn(|b| {
+        let (row, column) = (b / SIDE, b % SIDE);
+        let (mut sum, mut weights) = (0., 0.);
+        for (i, j) in
+            near(row).flat_map(|i| near(column).map(move |j| (i, j)))
+        {
+            let weight = match (i == row, j == column) {
+                (true, true) => 6.,
+                (false, false) => 0.5,
+                _ => 1.,
+            };
+            sum += weight * bins[i * SIDE + j];
+            weights += weight;
+        }
+        f32::sqrt(sum / weights)
+    })
+}

@@ -1,0 +1,222 @@
+// Tangled from chapters/correction.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The correction of a cache's error, shared among neighbouring samples.
+
+use std::f64::consts::PI;
+
+use glam::DVec3;
+use rand::RngExt;
+use rand_pcg::Pcg64;
+
+use super::cache::{Cell, UNSEEN};
+use super::{Correction, End, Sample, Tracer};
+use crate::bvh::{Hit, Intersector};
+use crate::integrator::{MANY_BOUNCES, survival};
+use crate::scene::Ray;
+
+impl<K: Intersector> Tracer<'_, K> {
+    /// Adds the corrections of the samples of a tile to the sums of its
+    /// pixels.
+    pub fn correct(
+        &mut self,
+        samples: &[Sample],
+        random: &mut Pcg64,
+        sums: &mut [f64],
+    ) {
+        let Some(correction) = &self.gather.correction else { return };
+        // Put the samples in groups of neighbours
+        let mut order: Vec<_> = (0..samples.len()).collect();
+        let grid = &self.cache.grid;
+        order.sort_by_cached_key(|&i| grid.order(&samples[i].hit));
+        let groups = samples.len().div_ceil(correction.group).max(1);
+        let length = samples.len().div_ceil(groups).max(1);
+        for group in order.chunks(length) {
+            let mut next = random.random::<f64>() * correction.step;
+            let mut reached = 0.;
+            for &k in group {
+                let Sample { weight, scale, ref end, .. } = samples[k];
+                let Some((y, cell)) = end else { continue };
+                let expected = f64::from(cell.error);
+                reached +=
+                    self.gather.inquiry.albedo * weight * expected / scale;
+                let draws = draws(&mut next, reached, correction.step);
+                if draws > 0. {
+                    let found = self.radiance(correction, y, cell, random);
+                    let error = found - f64::from(cell.value);
+                    let share = draws * correction.step * error / expected;
+                    self.share(samples, group, k, share, sums);
+                }
+            }
+        }
+    }
+
+    /// Shares the error of what sample `k` has met among all samples of
+    /// its group that see the place.
+    fn share(
+        &mut self,
+        samples: &[Sample],
+        group: &[usize],
+        k: usize,
+        share: f64,
+        sums: &mut [f64],
+    ) {
+        let Some((y, _)) = &samples[k].end else { return };
+        let factor = |&i: &usize| {
+            let x = &samples[i].hit;
+            let (factor, direction) = form_factor(x, y);
+            let seen =
+                factor > 0. && (i == k || self.sees(x, y, direction));
+            if seen { factor } else { 0. }
+        };
+        let factors: Vec<f64> = group.iter().map(factor).collect();
+        let seen = || group.iter().map(|&i| &samples[i]).zip(&factors);
+        let density: f64 = seen().map(|(x, f)| f / x.scale).sum();
+        if density > 0. {
+            for (x, factor) in seen() {
+                sums[x.pixel as usize] += share * *factor / density;
+            }
+        }
+    }
+
+    /// Whether the ray from `x` in this direction meets the triangle of `y`.
+    fn sees(&mut self, x: &Hit, y: &Hit, direction: DVec3) -> bool {
+        if x.primitive == y.primitive {
+            return false;
+        }
+        self.rays += 1;
+        let ray = Ray { origin: x.point, direction };
+        let from = Some(x.primitive);
+        self.intersector.is_visible(&ray, from, y.primitive)
+    }
+
+    /// An unbiased estimate of the radiance at `x`.
+    fn radiance(
+        &mut self,
+        correction: &Correction,
+        x: &Hit,
+        cell: &Cell,
+        random: &mut Pcg64,
+    ) -> f64 {
+        let (mut ends, mut others) = (vec![], vec![]);
+        let &Correction { gathers, paths, branches, .. } = correction;
+        let mut sum =
+            self.gather(x, cell, gathers, paths, random, &mut ends);
+        for Candidate { hit, cell, weight, .. } in ends {
+            sum += weight
+                * self.error(branches, hit, cell, random, &mut others);
+        }
+        self.gather.inquiry.albedo * sum
+    }
+
+    /// The mean of what comes from rays that leave `x`, as far as the cache
+    /// knows it. Fills in which of their ends to correct: `paths` of them,
+    /// each with the weight of its correction.
+    fn gather(
+        &mut self,
+        x: &Hit,
+        cell: &Cell,
+        rays: u32,
+        paths: u32,
+        random: &mut Pcg64,
+        ends: &mut Vec<Candidate>,
+    ) -> f64 {
+        let (mut sum, mut total) = (0., 0.);
+        let (net, key) = (self.allocation.net, random.random());
+        ends.clear();
+        for n in 0..rays {
+            let u = net.pair(key, n, 0);
+            let shot = self.shoot(x, self.cache.guide(cell), u);
+            let weight = shot.weight / f64::from(rays);
+            let (cell, importance) = (UNSEEN, 0.);
+            match shot.end {
+                End::Sky(radiance) => sum += weight * radiance,
+                End::Hit(hit) => {
+                    ends.push(Candidate { hit, cell, weight, importance });
+                }
+            }
+        }
+        // Look up what each ray has met
+        for end in &mut *ends {
+            let u = [random.random(), random.random()];
+            end.cell = self.cell_around(&end.hit, u);
+            let Cell { value, error, .. } = end.cell;
+            sum += end.weight * f64::from(value);
+            let size = f64::from(value.abs() + error);
+            end.importance = end.weight * size.max(1e-12);
+            total += end.importance;
+        }
+        // Choose the ends to correct
+        let step = total / f64::from(paths);
+        let mut next = random.random::<f64>() * step;
+        let mut reached = 0.;
+        ends.retain_mut(|end| {
+            reached += end.importance;
+            let draws = draws(&mut next, reached, step);
+            end.weight *= draws * step / end.importance;
+            draws > 0.
+        });
+        sum
+    }
+
+    /// An unbiased estimate of the error of a cell's value at `y`.
+    fn error(
+        &mut self,
+        branches: u32,
+        mut y: Hit,
+        mut cell: Cell,
+        random: &mut Pcg64,
+        ends: &mut Vec<Candidate>,
+    ) -> f64 {
+        let (mut throughput, mut error) = (1., 0.);
+        for bounce in 0.. {
+            error -= throughput * f64::from(cell.value);
+            let sum = self.gather(&y, &cell, branches, 1, random, ends);
+            error += throughput * self.gather.inquiry.albedo * sum;
+            let Some(end) = ends.pop() else { break };
+            throughput *= self.gather.inquiry.albedo * end.weight;
+            // Let a weak path survive by chance
+            let long =
+                if bounce < MANY_BOUNCES { 1. } else { survival(bounce) };
+            let probability = (throughput / WEAK).min(1.) * long;
+            if random.random::<f64>() >= probability {
+                break;
+            }
+            throughput /= probability;
+            (y, cell) = (end.hit, end.cell);
+        }
+        error
+    }
+}
+
+/// How many points from `next` on, `step` apart, lie below `reached`;
+/// moves `next` behind them.
+fn draws(next: &mut f64, reached: f64, step: f64) -> f64 {
+    let draws = ((reached - *next) / step).ceil().max(0.);
+    *next += draws * step;
+    draws
+}
+
+/// The density with which cosine sampling at `x` finds `y`, per unit of
+/// area around `y`; zero if one faces away. And the direction.
+fn form_factor(x: &Hit, y: &Hit) -> (f64, DVec3) {
+    let to = y.point - x.point;
+    let square = to.length_squared();
+    let (here, there) = (x.normal.dot(to), -y.normal.dot(to));
+    if !(here > 0. && there > 0.) {
+        return (0., to);
+    }
+    (here * there / (PI * square * square), to / square.sqrt())
+}
+
+/// The end of a ray of a gather, which may be corrected.
+struct Candidate {
+    hit: Hit,
+    cell: Cell,
+    /// With which its radiance counts in the gather.
+    weight: f64,
+    importance: f64,
+}
+
+/// The throughput below which roulette ends paths of corrections.
+const WEAK: f64 = 0.2;

@@ -1,0 +1,138 @@
+// Tangled from chapters/training.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Renders a film by gathering.
+
+use rayon::prelude::*;
+
+use super::cache::{Grid, RadianceCache};
+use super::training::{PILOT_SAMPLES, allocate, train};
+use super::{Allocation, Correction, Tracer};
+use crate::analysis::Inquiry;
+use crate::analysis::background::KnownPixels;
+use crate::bvh::{Bvh, Dispatch, Intersector};
+use crate::film::{Film, Part, Watch};
+use crate::integrator::Renderer;
+use crate::sampler::split_mix;
+
+/// Renders by gathering, with what a training has learnt.
+pub struct Gather<'a> {
+    /// The view of the scene, and its light.
+    pub inquiry: Inquiry<'a>,
+    /// Finds hits in the scene.
+    pub intersector: &'a Bvh,
+    /// What is known of the image beforehand.
+    pub known: &'a KnownPixels,
+    /// Chooses all random numbers.
+    pub seed: u64,
+    /// At most about as many rays train the cache.
+    pub training: u64,
+    /// How much is corrected; none leaves the error of the cache.
+    pub correction: Option<Correction>,
+    /// What has been learnt, once there was a pass.
+    pub learnt: Option<Learnt>,
+}
+
+/// A cache, and how the samples are distributed.
+pub struct Learnt {
+    /// The radiance and the guides of the scene.
+    pub cache: RadianceCache,
+    /// The samples of each pixel.
+    pub allocation: Allocation,
+}
+
+impl Renderer for Gather<'_> {
+    fn learn(&mut self, film: &Film, watch: &Watch) -> u64 {
+        if self.learnt.is_some() {
+            return 0;
+        }
+        let learn = Learn { gather: self, film, watch };
+        let (learnt, rays) = self.intersector.dispatch(learn).unzip();
+        self.learnt = learnt;
+        rays.unwrap_or(0)
+    }
+
+    fn training_rays(&self, area: u64) -> u64 {
+        self.training + area.saturating_mul(2 * PILOT_SAMPLES)
+    }
+
+    fn pass(&mut self, film: &mut Film, end: u64, watch: &Watch) -> u64 {
+        let rays = self.learn(film, &|_| watch(0));
+        let Some(learnt) = &self.learnt else { return rays };
+        let pass = Pass { gather: self, learnt, film, end, watch };
+        rays + self.intersector.dispatch(pass)
+    }
+}
+
+/// Learning that waits for its intersector.
+struct Learn<'a> {
+    gather: &'a Gather<'a>,
+    film: &'a Film,
+    watch: &'a Watch<'a>,
+}
+
+impl Dispatch for Learn<'_> {
+    type Output = Option<(Learnt, u64)>;
+
+    fn with<K: Intersector>(self, intersector: &K) -> Self::Output {
+        let Self { gather, film, watch } = self;
+        let seed = split_mix(gather.seed);
+        let cache = &RadianceCache::empty(Grid::around(&[]));
+        let gather =
+            &Gather { seed, correction: None, learnt: None, ..*gather };
+        let allocation = &Allocation::even(film.whole);
+        let like =
+            Tracer { gather, intersector, cache, allocation, rays: 0 };
+        let (cache, rays) = train(&like, watch);
+        if !watch(0) {
+            return None;
+        }
+        let like = Tracer { cache: &cache, ..like };
+        let (allocation, traced) = allocate(&like, film, watch);
+        let learnt = Learnt { cache, allocation };
+        watch(0).then_some((learnt, rays + traced))
+    }
+}
+
+/// A pass that waits for its intersector.
+struct Pass<'a> {
+    gather: &'a Gather<'a>,
+    learnt: &'a Learnt,
+    film: &'a mut Film,
+    end: u64,
+    watch: &'a Watch<'a>,
+}
+
+impl Dispatch for Pass<'_> {
+    type Output = u64;
+
+    fn with<K: Intersector>(self, intersector: &K) -> u64 {
+        let Self { gather, learnt, film, end, watch } = self;
+        let Learnt { cache, allocation } = learnt;
+        let like =
+            Tracer { gather, intersector, cache, allocation, rays: 0 };
+        let replicate = film.replicate;
+        let first = film.first / replicate;
+        let end = end.div_ceil(replicate);
+        // Render a tile and count its rays
+        let render = |(tile, pixels, mut mean): Part| {
+            let mut tracer = Tracer { ..like };
+            for scramble in pixels[0].count()..end {
+                if !watch(0) {
+                    break;
+                }
+                let values = tracer.tile(tile, first + scramble);
+                if let Some(mean) = &mut mean {
+                    mean.add(
+                        values.iter().sum::<f64>() / values.len() as f64,
+                    );
+                }
+                pixels.iter_mut().zip(values).for_each(|(p, v)| p.add(v));
+                watch(replicate * pixels.len() as u64);
+            }
+            tracer.rays
+        };
+        let tiles = film.tiles().into_par_iter();
+        tiles.with_max_len(1).map(render).sum()
+    }
+}

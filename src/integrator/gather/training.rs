@@ -1,0 +1,206 @@
+// Tangled from chapters/training.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Learns a cache from paths, and the samples of pixels from a pilot.
+
+use std::mem::take;
+use std::ops::Range;
+
+use glam::DVec3;
+use rand::RngExt;
+use rayon::prelude::*;
+
+use super::cache::{DARKNESS, Grid, RadianceCache, Record, SKY};
+use super::render::Gather;
+use super::{Allocation, End, Shot, Tracer};
+use crate::bvh::{Hit, Intersector};
+use crate::film::{Film, Watch};
+use crate::sampler::generator;
+use crate::statistics::Accumulator;
+
+/// Reflections of a training path.
+const REFLECTIONS: usize = 7;
+
+/// Paths that are followed side by side.
+const ABREAST: u64 = 64;
+
+/// Numbers the generators of training; those of tiles are smaller.
+const TRAINING: u64 = u64::MAX;
+
+impl<K: Intersector> Tracer<'_, K> {
+    /// The records of paths of about so many rays, those of a piece of the
+    /// training; `visit` is told each point that reflects. Fewer if `watch`,
+    /// which is told the rays, stops it.
+    fn explore(
+        &mut self,
+        rays: u64,
+        seed: u64,
+        piece: u64,
+        mut visit: impl FnMut(DVec3),
+        watch: &Watch,
+    ) -> Vec<Record> {
+        let mut random = generator(seed, TRAINING, piece);
+        let mut records = Vec::with_capacity(rays as usize);
+        let grid = self.cache.grid;
+        let (mut paths, mut told) = (0, 0);
+        while paths + self.rays < rays && watch(self.rays - told) {
+            told = self.rays;
+            // Begin some paths
+            let begun = (0..ABREAST).filter_map(|_| {
+                match self.look(random.random(), random.random()) {
+                    End::Hit(hit) => Some(hit),
+                    End::Sky(_) => None,
+                }
+            });
+            let mut hits: Vec<_> = begun.collect();
+            paths += ABREAST;
+            for _ in 0..REFLECTIONS {
+                // Look up the cells of all hits
+                let look_up = |y: &Hit| {
+                    let from = grid.name(y.point, y.normal);
+                    (from, *self.cache.at(from))
+                };
+                let cells: Vec<_> = hits.iter().map(look_up).collect();
+                for (y, (from, cell)) in take(&mut hits).iter().zip(cells) {
+                    visit(y.point);
+                    // Record a reflection on the way
+                    let u = [random.random(), random.random()];
+                    let Shot { weight, bin, end } =
+                        self.shoot(y, self.cache.guide(&cell), u);
+                    let to = match end {
+                        End::Sky(radiance) if radiance > 0. => SKY,
+                        End::Sky(_) => DARKNESS,
+                        End::Hit(hit) => {
+                            hits.push(hit);
+                            let u = [random.random(), random.random()];
+                            grid.name_around(hit.point, hit.normal, u)
+                        }
+                    };
+                    let (weight, bin) = (weight as f32, bin as u16);
+                    records.push(Record { from, to, weight, bin });
+                }
+            }
+        }
+        records
+    }
+}
+
+/// Pieces of a round, each of which a thread traces by itself.
+const PIECES: u64 = 64;
+
+/// The part of the rays that each round traces, in per cent.
+const ROUNDS: [u64; 3] = [15, 25, 60];
+
+/// By how much the last round must be expected to reduce the error.
+const LEAST_FALL: f32 = 0.028;
+
+/// Learns a cache with tracers like this one; returns it and the rays. If
+/// `watch`, which is told the rays, stops it, the cache is of no use.
+pub fn train<K: Intersector>(
+    like: &Tracer<K>,
+    watch: &Watch,
+) -> (RadianceCache, u64) {
+    let &Gather { inquiry, seed, training: rays, .. } = like.gather;
+    // Choose the grid after a first look
+    let mut scout = Tracer { rays: 0, ..*like };
+    let mut points = vec![];
+    let visit = |point| points.push(point);
+    scout.explore(rays.min(10_000), seed, u64::MAX, visit, watch);
+    let mut cache = RadianceCache::empty(Grid::around(&points));
+    let (mut records, mut traced) = (vec![], scout.rays);
+    for (round, percent) in (0..).zip(ROUNDS) {
+        // Trace the pieces of a round
+        let share = rays * percent / 100 / PIECES;
+        let pieces = round * PIECES..(round + 1) * PIECES;
+        let explore = |piece| {
+            let mut tracer = Tracer { cache: &cache, rays: 0, ..*like };
+            let records = tracer.explore(share, seed, piece, |_| (), watch);
+            (records, tracer.rays)
+        };
+        let done: Vec<_> = pieces.into_par_iter().map(explore).collect();
+        for (more, rays) in done {
+            records.extend(more);
+            traced += rays;
+        }
+        let before = cache.relative_error;
+        cache = cache.learn(&mut records, inquiry.albedo as f32, watch);
+        let now = cache.relative_error;
+        if round == 1 && now * (1. - now / before) < LEAST_FALL {
+            break;
+        }
+    }
+    (cache, traced)
+}
+
+/// Samples of each pixel in the pilot.
+pub const PILOT_SAMPLES: u64 = 8;
+
+/// Samples for each pixel of the window of a film's run, one replicate on
+/// average, in proportion to the standard deviation that a pilot finds; and
+/// its rays. If `watch`, which is told the rays, stops it, they are of no
+/// use.
+pub fn allocate<K: Intersector>(
+    like: &Tracer<K>,
+    film: &Film,
+    watch: &Watch,
+) -> (Allocation, u64) {
+    let (mean, mut film) = (film.replicate, film.blank());
+    // Render the scrambles of the pilot
+    let rays = film.tiles().into_par_iter().map(|(tile, pixels, _)| {
+        let mut tracer = Tracer { rays: 0, ..*like };
+        let (mut scrambles, mut told) = (0..PILOT_SAMPLES, 0);
+        while let Some(scramble) = scrambles.next()
+            && watch(tracer.rays - told)
+        {
+            told = tracer.rays;
+            let values = tracer.tile(tile, scramble);
+            pixels.iter_mut().zip(values).for_each(|(p, v)| p.add(v));
+        }
+        tracer.rays
+    });
+    let rays = rays.sum();
+    let means = film.means().collect::<Vec<_>>();
+    let middle = average(&means);
+    let least = if middle > 0. { 0.1 * middle } else { 1. };
+    let scale: Vec<f64> = means.iter().map(|m| m.max(least)).collect();
+    let deviations = deviations(&film, &scale, watch);
+    let middle = average(&deviations).max(f64::MIN_POSITIVE);
+    let count = |d: &f64| {
+        let share = (d / middle).clamp(0.1, 8.);
+        (share * mean as f64).round().max(1.) as u32
+    };
+    let counts = deviations.iter().map(count).collect();
+    (Allocation::new(film.window, counts, scale), rays)
+}
+
+fn average(numbers: &[f64]) -> f64 {
+    numbers.iter().sum::<f64>() / numbers.len() as f64
+}
+
+/// About the standard deviations of the pixels, row by row; not all of them
+/// if `watch` stops it.
+fn deviations(film: &Film, scale: &[f64], watch: &Watch) -> Vec<f64> {
+    let variances =
+        &film.rows().map(Accumulator::variance).collect::<Vec<_>>();
+    let squares: Vec<f64> = scale.iter().map(|s| s * s).collect();
+    let common = 0.5 * average(variances) / average(&squares);
+    let (width, height) = film.window.size;
+    let (width, height) = (width as usize, height as usize);
+    let neighbours = |at: usize, end: usize| -> Range<usize> {
+        at.saturating_sub(1)..(at + 2).min(end)
+    };
+    let deviation = |i: usize| {
+        let (mut sum, mut count) = (0., 0.);
+        for y in neighbours(i / width, height) {
+            for x in neighbours(i % width, width) {
+                sum += variances[y * width + x];
+                count += 1.;
+            }
+        }
+        let own = 0.5 * variances[i] + 0.5 * (sum / count);
+        (own + common * squares[i]).sqrt()
+    };
+    let rows = (0..height).into_par_iter().filter(|_| watch(0));
+    let pixels = rows.map(|y| y * width..(y + 1) * width);
+    pixels.flat_map_iter(|row| row.map(deviation)).collect()
+}

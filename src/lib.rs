@@ -1,0 +1,64 @@
+// Tangled from chapters/program.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! A Monte-Carlo path tracer for one diffuse material under a
+//! uniform sky.
+//!
+//! Each module has a chapter of the book.
+//! Lengths are in the scene's own unit; radiance is relative to the
+//! radiance of the sky, and therefore lies between 0 and 1.
+//!
+//! ```
+//! use glam::DVec3;
+//! use litpt::analysis::background::KnownPixels;
+//! use litpt::{bvh::*, camera::*, film::*, integrator::*};
+//! use litpt::{render::*, sampler::*, scene::*, sky::*};
+//!
+//! let obj = "v -1e6 -1e6 0\nv 1e6 -1e6 0\nv 1e6 1e6 0\nv -1e6 1e6 0\n\
+//!            f 1 2 3 4\n";
+//! let scene = Scene::new(&read_obj(obj.as_bytes())?);
+//! let view = View { position: DVec3::new(0., 0., 2.), target: DVec3::ZERO,
+//!                   up: DVec3::Y, fov: 70. };
+//! let camera = Camera::new(&view, 4. / 3.)?;
+//! let sky = Sky::new(DVec3::Z);
+//! let integrator = PathTracer::new(0.5, sky);
+//! let intersector = Bvh::new(&scene)?;
+//!
+//! let mut job = Job {
+//!     entrance: scene.frame.entrance(view.position),
+//!     intersector: &intersector, camera: &camera,
+//!     integrator, known: KnownPixels::NOTHING,
+//!     sampler: IndependentSampler::new(0),
+//! };
+//! let mut film = Film::new(4, 3);
+//! job.pass(&mut film, 2, &|_| true);
+//! assert_eq!(film.pixel(0, 0).mean(), 0.5);
+//! assert_eq!(film.pixel(0, 0).variance(), 0.);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+// No bit of an image shall depend on the C library of a machine.
+#![warn(clippy::disallowed_methods)]
+
+pub mod analysis;
+pub mod bvh;
+pub mod camera;
+pub mod compare;
+pub mod film;
+pub mod image;
+pub mod integrator;
+pub mod memory;
+pub mod numerics;
+pub mod options;
+pub mod output;
+pub mod progress;
+pub mod render;
+pub mod render_loop;
+pub mod report;
+pub mod run_output;
+pub mod sampler;
+pub mod scene;
+pub mod session;
+pub mod sky;
+pub mod state;
+pub mod statistics;

@@ -1,0 +1,13 @@
+// Tangled from chapters/program.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+//! The command `pt`.
+
+use std::process::ExitCode;
+
+use litpt::session::{Alone, lead};
+
+fn main() -> ExitCode {
+    lead(&Alone)
+}

@@ -1,0 +1,364 @@
+// Tangled from chapters/output.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Targets of files: checked before the work, and written such that
+//! nothing is lost.
+
+use std::ffi::OsStr;
+use std::fs::{File, OpenOptions, Permissions};
+use std::io::{self, BufWriter, ErrorKind, Write};
+use std::mem::ManuallyDrop;
+use std::os::fd::{AsRawFd, FromRawFd, RawFd};
+use std::os::unix::{ffi::OsStrExt, fs::PermissionsExt};
+use std::path::{Path, PathBuf};
+use std::{env, fmt};
+
+use tempfile::NamedTempFile;
+
+use crate::image::{Format, Source};
+
+/// Where a file goes: checked, and not yet touched.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct OutputTarget(Kind);
+
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Kind {
+    /// A descriptor that was open when the program began.
+    Open(RawFd),
+    /// A device or a pipe, written to directly.
+    Device(PathBuf),
+    /// A file, replaced only if `force` is set.
+    File { path: PathBuf, force: bool },
+}
+
+/// The name of an open descriptor, for people.
+fn name(number: RawFd) -> String {
+    match number {
+        1 => "standard output".to_owned(),
+        number => format!("/dev/fd/{number}"),
+    }
+}
+
+/// Called when the program is loaded.
+#[used]
+#[cfg_attr(target_os = "linux", unsafe(link_section = ".init_array"))]
+static BEFORE_MAIN: extern "C" fn() = keep_the_place;
+
+/// Keeps the place of a standard output that is closed.
+extern "C" fn keep_the_place() {
+    // SAFETY: the calls take numbers and a constant text.
+    let closed = || unsafe { libc::fcntl(1, libc::F_GETFD) } < 0;
+    let null = c"/dev/null".as_ptr();
+    // The first number that is free may be that of standard input.
+    while closed() && unsafe { libc::open(null, libc::O_RDONLY) } >= 0 {}
+}
+
+/// The number of the open descriptor that a name stands for, 1 for `-`.
+pub fn descriptor(path: &Path) -> Option<RawFd> {
+    if path.as_os_str() == "-" {
+        return Some(1);
+    }
+    let all = Path::new("/dev/fd").canonicalize().ok()?;
+    // Of links in a circle there is no metadata.
+    path.metadata().ok()?;
+    let mut path = path.to_owned();
+    while directory(&path).canonicalize().ok()? != all {
+        path = directory(&path).join(path.read_link().ok()?);
+    }
+    path.file_name()?.to_str()?.parse().ok()
+}
+
+/// A temporary file in the directory of `path`.
+fn temporary(path: &Path) -> Result<NamedTempFile, String> {
+    let mut builder = tempfile::Builder::new();
+    // Let the user's mask decide the mode
+    builder.permissions(Permissions::from_mode(0o666));
+    builder.prefix(".pt-").tempfile_in(directory(path)).map_err(|e| {
+        let (name, error) = (path.display(), e.to_string());
+        let cause = error.split(" at path").next().unwrap_or_default();
+        format!("{name}: cannot create a file there: {cause}")
+    })
+}
+
+/// The directory in which a file has its name.
+fn directory(path: &Path) -> &Path {
+    match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    }
+}
+
+/// A descriptor that is waited for.
+struct Patient(ManuallyDrop<File>);
+
+impl Write for Patient {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let (fd, events) = (self.0.as_raw_fd(), libc::POLLOUT);
+        let mut room = libc::pollfd { fd, events, revents: 0 };
+        loop {
+            match self.0.write(bytes) {
+                Err(e) if e.kind() == ErrorKind::WouldBlock => {
+                    // SAFETY: the set is that of one descriptor.
+                    unsafe { libc::poll(&mut room, 1, -1) };
+                }
+                done => return done,
+            }
+        }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+/// Fills a file with the content and brings it to the disk.
+fn finish(
+    file: NamedTempFile,
+    path: &Path,
+    content: &mut Content,
+) -> Result<NamedTempFile, String> {
+    fill(content, file.as_file())
+        .and_then(|file| file.sync_all())
+        .map_err(|e| failure(path.display(), e))?;
+    Ok(file)
+}
+
+/// What goes to a target: a function that writes it.
+pub type Content<'a> = dyn FnMut(&mut dyn Write) -> io::Result<()> + 'a;
+
+fn fill<W: Write>(content: &mut Content, out: W) -> io::Result<W> {
+    let mut buffer = BufWriter::new(out);
+    content(&mut buffer)?;
+    buffer.into_inner().map_err(|error| error.into_error())
+}
+
+fn exists(path: &Path) -> String {
+    format!("{}: the file exists; overwrite it with -f", path.display())
+}
+
+fn failure(name: impl fmt::Display, error: io::Error) -> String {
+    format!("{name}: cannot write: {error}")
+}
+
+/// Gives a complete file its name, or returns it with the reason why
+/// not.
+fn name_file(
+    file: NamedTempFile,
+    path: &Path,
+    force: bool,
+) -> Result<(), (NamedTempFile, String)> {
+    // Keep the mode of a file that is replaced
+    if let Ok(there) = path.metadata() {
+        let _ = file.as_file().set_permissions(there.permissions());
+    }
+    let named = match force {
+        true => file.persist(path),
+        false => file.persist_noclobber(path),
+    };
+    // Bring the new name to the disk
+    if named.is_ok() {
+        let directory = File::open(directory(path));
+        let _ = directory.and_then(|directory| directory.sync_all());
+    }
+    named.map(drop).map_err(|e| match e.error.kind() {
+        ErrorKind::AlreadyExists => (e.file, exists(path)),
+        _ => (e.file, failure(path.display(), e.error)),
+    })
+}
+
+/// Keeps a complete file that could not be named; returns its place.
+fn keep(file: NamedTempFile, path: &Path) -> PathBuf {
+    let hidden = file.path().to_owned();
+    let [own, wanted] = [&hidden, path]
+        .map(|path| path.file_name().unwrap_or_default().as_bytes());
+    let letters = own.strip_prefix(b".pt").unwrap_or_default();
+    let room = 255 - "kept-XXXXXX-".len();
+    let end = &wanted[wanted.len().saturating_sub(room)..];
+    let name = [b"kept", letters, b"-", end].concat();
+    let clear = hidden.with_file_name(OsStr::from_bytes(&name));
+    match file.persist_noclobber(&clear) {
+        Ok(_) => clear,
+        Err(e) => e.file.keep().map_or(hidden, |(_, path)| path),
+    }
+}
+
+impl OutputTarget {
+    /// The standard output.
+    ///
+    /// # Errors
+    /// It is closed, or open for reading only.
+    pub fn standard_output() -> Result<Self, String> {
+        Self::open(1)
+    }
+
+    fn open(number: RawFd) -> Result<Self, String> {
+        // SAFETY: the call asks for flags, and fails if nothing is open.
+        let flags = unsafe { libc::fcntl(number, libc::F_GETFL) };
+        match flags & libc::O_ACCMODE {
+            libc::O_WRONLY | libc::O_RDWR => Ok(Self(Kind::Open(number))),
+            _ => Err(format!("{}: not open for writing", name(number))),
+        }
+    }
+
+    /// The file `path`, or the descriptor, the device or the pipe of that
+    /// name.
+    ///
+    /// # Errors
+    /// The file exists and `force` is not set, or nothing can be created in
+    /// its directory; or those of [`OutputTarget::standard_output`].
+    pub fn file(path: &Path, force: bool) -> Result<Self, String> {
+        if let Some(number) = descriptor(path) {
+            return Self::open(number);
+        }
+        // Refuse names that cannot be written
+        let name = path.display();
+        match path.metadata() {
+            Ok(there) if there.is_dir() => {
+                return Err(format!("{name}: is a directory"));
+            }
+            Ok(there) if there.is_file() && !force => {
+                return Err(exists(path));
+            }
+            Err(_) if path.is_symlink() => {
+                return Err(format!("{name}: is a link to nothing"));
+            }
+            Err(e) if e.kind() != ErrorKind::NotFound => {
+                return Err(failure(name, e));
+            }
+            _ => (),
+        }
+        let path = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+        match path.metadata() {
+            Ok(there) if !there.is_file() => Ok(Self(Kind::Device(path))),
+            _ => {
+                temporary(&path)?;
+                Ok(Self(Kind::File { path, force }))
+            }
+        }
+    }
+
+    /// Writes what `content` gives.
+    ///
+    /// # Errors
+    /// The content cannot be written whole, or the file has come to exist.
+    /// A file that was there before is then as it was, and what was
+    /// finished is kept where the message says.
+    pub fn write(&self, content: &mut Content) -> Result<(), String> {
+        match &self.0 {
+            Kind::Open(number) => {
+                // Write to an open descriptor
+                // SAFETY: nobody closes it, and this handle does not either.
+                let file = unsafe { File::from_raw_fd(*number) };
+                let out = Patient(ManuallyDrop::new(file));
+                match fill(content, out).map(drop) {
+                    Err(e) if e.kind() == ErrorKind::BrokenPipe => Ok(()),
+                    done => done.map_err(|e| failure(name(*number), e)),
+                }
+            }
+            Kind::Device(path) => {
+                let device = OpenOptions::new().write(true).open(path);
+                let done = device.and_then(|device| fill(content, device));
+                done.map(drop).map_err(|e| failure(path.display(), e))
+            }
+            Kind::File { path, force } => {
+                // Write a file and keep it in any case
+                let beside = temporary(path);
+                let fault = beside.as_ref().err().cloned();
+                let name = path.file_name().unwrap_or_default();
+                let elsewhere = || temporary(&env::temp_dir().join(name));
+                let file = beside
+                    .or_else(|fault| elsewhere().map_err(|_| fault))?;
+                let file = finish(file, path, content)?;
+                let named = match fault {
+                    None => name_file(file, path, *force),
+                    Some(fault) => Err((file, fault)),
+                };
+                named.map_err(|(file, fault)| {
+                    let kept = keep(file, path);
+                    let kept = kept.display();
+                    format!("{fault}; the new one is kept as {kept}")
+                })
+            }
+        }
+    }
+
+    /// Writes one of several states of a file: the first respects `force`,
+    /// later ones replace it. A target that is no file is left alone, since
+    /// nothing can be replaced there; it waits for [`OutputTarget::write`].
+    ///
+    /// # Errors
+    /// The content cannot be written whole, or the file has come to exist.
+    /// A file that was there before is then as it was.
+    pub fn rewrite(&mut self, content: &mut Content) -> Result<(), String> {
+        if let Kind::File { path, force } = &mut self.0 {
+            let file = finish(temporary(path)?, path, content)?;
+            name_file(file, path, *force).map_err(|(_, fault)| fault)?;
+            *force = true;
+        }
+        Ok(())
+    }
+}
+
+/// Where an image goes, and in which format.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ImageTarget {
+    /// Where it goes.
+    pub target: OutputTarget,
+    /// The format, which the name of a file agrees with.
+    pub format: Format,
+}
+
+impl ImageTarget {
+    /// The file `path`, in the format of its extension, or the
+    /// descriptor of that name, in the `usual` one.
+    ///
+    /// # Errors
+    /// The extension is unknown, and those of [`OutputTarget::file`].
+    pub fn file(
+        path: &Path,
+        usual: Format,
+        force: bool,
+    ) -> Result<Self, String> {
+        let is_open = descriptor(path).is_some();
+        let format = if is_open { usual } else { Format::of(path)? };
+        Ok(Self { target: OutputTarget::file(path, force)?, format })
+    }
+
+    /// Writes the image.
+    ///
+    /// # Errors
+    /// Those of [`OutputTarget::write`].
+    pub fn write(&self, image: &dyn Source) -> Result<(), String> {
+        self.target.write(&mut |out| self.format.write(image, out))
+    }
+}
+
+/// # Errors
+/// Two names stand for one file, and it is to be written.
+pub fn tell_apart<'a>(
+    read: impl Iterator<Item = &'a Path>,
+    written: impl Iterator<Item = &'a Path>,
+) -> Result<(), String> {
+    let place = |path: &Path| {
+        let new = || {
+            let directory = directory(path).canonicalize().ok()?;
+            Some(directory.join(path.file_name()?))
+        };
+        let open = descriptor(path).map(|n| n.to_string().into());
+        let known = open.or_else(|| path.canonicalize().ok());
+        known.or_else(new).unwrap_or_else(|| path.to_owned())
+    };
+    let read = read.filter(|path| path.as_os_str() != "-");
+    let mut taken: Vec<_> = read.map(place).collect();
+    for path in written {
+        let (name, place) = (path.display(), place(path));
+        if taken.contains(&place) {
+            return Err(match descriptor(path) {
+                Some(1) => "standard output is named twice".to_owned(),
+                _ => format!("{name}: this file is named twice"),
+            });
+        }
+        taken.push(place);
+    }
+    Ok(())
+}

@@ -1,0 +1,301 @@
+// Tangled from chapters/render.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Filling an image with samples, on all threads.
+
+pub mod choose;
+
+use std::array;
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use crate::analysis::background::{KnownPixels, TileContent};
+use crate::bvh::{BEAM, Dispatch, Hit, Intersector};
+use crate::camera::Camera;
+use crate::film::{Film, Part, Tile, Watch};
+use crate::integrator::{Integrator, PathEvent};
+pub use crate::integrator::{Renderer, Share};
+use crate::sampler::{IndependentSampler, Sampler, within};
+use crate::scene::{Entrance, Ray};
+use crate::statistics::Accumulator;
+
+/// What to render, and how.
+pub struct Job<'a, K, E, S = IndependentSampler> {
+    /// Where rays of the camera enter the scene.
+    pub entrance: Entrance,
+    /// Finds hits in the scene.
+    pub intersector: &'a K,
+    /// Where the rays start.
+    pub camera: &'a Camera,
+    /// What is averaged.
+    pub integrator: E,
+    /// What is known of the image beforehand.
+    pub known: &'a KnownPixels,
+    /// Chooses the random numbers.
+    pub sampler: S,
+}
+
+/// Pieces of work that each thread should find in an image.
+const PIECES_PER_THREAD: usize = 32;
+
+impl<K: Intersector, E: Integrator, S: Sampler> Renderer
+    for Job<'_, K, E, S>
+{
+    fn pass(&mut self, film: &mut Film, end: u64, watch: &Watch) -> u64 {
+        let replicate = self.sampler.replicate();
+        assert_eq!(film.replicate, replicate, "replicates");
+        let pass = Pass { job: self, film, end, watch };
+        self.intersector.dispatch(pass)
+    }
+}
+
+/// A pass that waits for its intersector.
+struct Pass<'a, K, E, S> {
+    job: &'a Job<'a, K, E, S>,
+    film: &'a mut Film,
+    end: u64,
+    watch: &'a Watch<'a>,
+}
+
+impl<K: Intersector, E: Integrator, S: Sampler> Dispatch
+    for Pass<'_, K, E, S>
+{
+    type Output = u64;
+
+    fn with<L: Intersector>(self, intersector: &L) -> u64 {
+        let Self { job, film, end, watch } = self;
+        let resolution = film.resolution;
+        let work = Tiles { job, intersector, resolution, watch };
+        let replicate = job.sampler.replicate();
+        let first = film.first / replicate;
+        let end = first + end.div_ceil(replicate);
+        let tiles = film.tiles();
+        let parts =
+            PIECES_PER_THREAD * rayon::current_num_threads() / tiles.len();
+        let render = |(tile, pixels, _): Part| {
+            let values = first + pixels[0].count()..end;
+            work.add(tile, pixels, values, parts as u64).unwrap_or(0)
+        };
+        tiles.into_par_iter().with_max_len(1).map(render).sum()
+    }
+}
+
+/// What the tiles of a pass have in common.
+struct Tiles<'a, K, L, E, S> {
+    job: &'a Job<'a, K, E, S>,
+    /// The traversal of the intersector of the job.
+    intersector: &'a L,
+    /// Width and height of the image.
+    resolution: (u32, u32),
+    watch: &'a Watch<'a>,
+}
+
+/// The pixels of a tile without a value.
+fn blank(tile: Tile) -> Vec<Accumulator> {
+    vec![Accumulator::default(); (tile.size.0 * tile.size.1) as usize]
+}
+
+/// Paths that a thread has under way.
+const IN_FLIGHT: usize = 4;
+
+/// A path that has left a surface.
+struct PathInFlight<P, S> {
+    /// What its integrator remembers.
+    path: P,
+    sampler: S,
+    /// Where it goes next.
+    ray: Ray,
+    /// The triangle that it leaves.
+    from: u32,
+    /// The pixel in its tile.
+    pixel: u32,
+}
+
+/// Some hit of a ray that meets anything.
+fn blocked(intersector: &impl Intersector, ray: &Ray) -> Option<Hit> {
+    let &Ray { origin: point, direction: normal } = ray;
+    let hit = Hit { point, normal, primitive: 0 };
+    intersector.is_occluded(ray, None).then_some(hit)
+}
+
+impl<K, L, E, S> Tiles<'_, K, L, E, S>
+where
+    K: Intersector,
+    L: Intersector,
+    E: Integrator,
+    S: Sampler,
+{
+    /// Adds values to the pixels of a tile, given their numbers, and returns
+    /// the number of rays; none, with the pixels as they were, if the pass is
+    /// stopped or there is nothing to do.
+    fn add(
+        &self,
+        tile: Tile,
+        pixels: &mut [Accumulator],
+        values: Range<u64>,
+        parts: u64,
+    ) -> Option<u64> {
+        if values.is_empty() || !(self.watch)(0) {
+            return None;
+        }
+        let (count, mut rays) = (values.end - values.start, 0);
+        if let TileContent::Constant(sample) =
+            self.job.known.content(tile.corner)
+        {
+            pixels.iter_mut().for_each(|p| p.add_times(sample, count));
+        } else {
+            // Render the values in parts
+            let parts = parts.clamp(1, count);
+            let cut = |k: u64| {
+                let whole = u128::from(count) * u128::from(k);
+                values.start + (whole / u128::from(parts)) as u64
+            };
+            let render = |k| self.fill(tile, cut(k)..cut(k + 1));
+            let done: Option<Vec<_>> =
+                (0..parts).into_par_iter().map(render).collect();
+            for (own, more) in done? {
+                pixels
+                    .iter_mut()
+                    .zip(&own)
+                    .for_each(|(p, own)| p.merge(own));
+                rays += more;
+            }
+        }
+        let samples = count * self.job.sampler.replicate();
+        (self.watch)(samples.saturating_mul(pixels.len() as u64));
+        Some(rays)
+    }
+
+    /// The sums of some values of the pixels of a tile, given their numbers,
+    /// and the number of rays; none if it was stopped.
+    fn fill(
+        &self,
+        tile: Tile,
+        values: Range<u64>,
+    ) -> Option<(Vec<Accumulator>, u64)> {
+        let replicate = self.job.sampler.replicate();
+        if replicate == 1 {
+            return self.trace(tile, values);
+        }
+        let (mut sums, mut rays) = (blank(tile), 0);
+        for value in values {
+            let samples = value * replicate..(value + 1) * replicate;
+            let (own, more) = self.trace(tile, samples)?;
+            sums.iter_mut()
+                .zip(&own)
+                .for_each(|(s, own)| s.add(own.mean()));
+            rays += more;
+        }
+        Some((sums, rays))
+    }
+
+    /// The sums of some samples of the pixels of a tile, and the number of
+    /// rays; none if it was stopped.
+    fn trace(
+        &self,
+        tile: Tile,
+        samples: Range<u64>,
+    ) -> Option<(Vec<Accumulator>, u64)> {
+        let mut pixels = blank(tile);
+        // List the paths of the tile
+        let each = move |pixel| samples.clone().map(move |n| (pixel, n));
+        let mut to_begin =
+            (0..pixels.len() as u32).flat_map(each).peekable();
+        let mut begun = Vec::with_capacity(BEAM);
+        let mut under_way = Vec::with_capacity(IN_FLIGHT);
+        let (mut rays, mut turns) = (0, 0u64);
+        loop {
+            // Put begun paths under way
+            if begun.is_empty() && to_begin.peek().is_some() {
+                let batch = to_begin.by_ref().take(BEAM);
+                rays += self.begin(&mut begun, batch, tile, &mut pixels);
+            }
+            while under_way.len() < IN_FLIGHT
+                && let Some(flight) = begun.pop()
+            {
+                under_way.push(flight);
+            }
+            if under_way.is_empty() && to_begin.peek().is_none() {
+                return Some((pixels, rays));
+            }
+            turns += 1;
+            if turns.is_multiple_of(256) && !(self.watch)(0) {
+                return None;
+            }
+            // Take each path one ray further
+            under_way.retain_mut(|flight| {
+                rays += 1;
+                let PathInFlight { path, sampler, ray, from, .. } = flight;
+                let hit = self.intersector.first_hit(ray, Some(*from));
+                match self.job.integrator.advance(path, hit, sampler) {
+                    PathEvent::Scatter(next, left) => {
+                        (*ray, *from) = (next, left);
+                        return true;
+                    }
+                    PathEvent::Terminate(contribution) => {
+                        pixels[flight.pixel as usize].add(contribution);
+                    }
+                }
+                begun.pop().map(|next| *flight = next).is_some()
+            });
+        }
+    }
+
+    /// Begins the paths of a batch, each the number of a pixel in its tile and
+    /// of a sample, and takes them up to their first hits; those that are over
+    /// are added to their pixels. Returns the number of rays.
+    #[inline(always)]
+    fn begin(
+        &self,
+        begun: &mut Vec<PathInFlight<E::Path, S>>,
+        mut batch: impl Iterator<Item = (u32, u64)>,
+        tile: Tile,
+        pixels: &mut [Accumulator],
+    ) -> u64 {
+        let Job { entrance, camera, known, integrator, .. } = self.job;
+        // Choose a point of the image for each path
+        let (width, height) = self.resolution;
+        let (mut across, mut down) = ([0.; BEAM], [0.; BEAM]);
+        let mut started: [_; BEAM] = array::from_fn(|i| {
+            let (pixel, n) = batch.next()?;
+            let x = tile.corner.0 + pixel % tile.size.0;
+            let y = tile.corner.1 + pixel / tile.size.0;
+            let number = u64::from(y) * u64::from(width) + u64::from(x);
+            let mut sampler = self.job.sampler.start(number, n);
+            let [u, v] = sampler.get_pixel_2d();
+            across[i] = within(x, width, u);
+            down[i] = within(y, height, v);
+            Some((pixel, sampler))
+        });
+        // Send the first rays of the batch
+        let directions = camera.directions(&across, &down);
+        let sees_sky = known.content(tile.corner) == TileContent::Sky;
+        let rays = array::from_fn(|i| match started[i] {
+            Some(_) if !sees_sky => entrance.enter(directions[i]),
+            _ => None,
+        });
+        let hits = match integrator.is_black() {
+            true => rays.map(|ray| blocked(self.intersector, &ray?)),
+            false => self.intersector.first_hits(&rays),
+        };
+        for i in 0..BEAM {
+            // Take a path on from the end of its first ray
+            let Some((pixel, mut sampler)) = started[i].take() else {
+                break;
+            };
+            let mut path = integrator.begin(directions[i]);
+            match integrator.advance(&mut path, hits[i], &mut sampler) {
+                PathEvent::Scatter(ray, from) => {
+                    let flight =
+                        PathInFlight { path, sampler, ray, from, pixel };
+                    begun.push(flight);
+                }
+                PathEvent::Terminate(contribution) => {
+                    pixels[pixel as usize].add(contribution);
+                }
+            }
+        }
+        rays.iter().flatten().count() as u64
+    }
+}

@@ -1,0 +1,609 @@
+// Tangled from chapters/choice.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Decides how many samples are made by which method.
+
+use std::array;
+use std::fmt;
+use std::str::FromStr;
+use std::time::Instant;
+
+use bytemuck::{Pod, Zeroable, cast};
+use rand::RngExt;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::{Job, Renderer};
+use crate::analysis::background::TileContent;
+use crate::analysis::{Inquiry, SceneAnalysis};
+use crate::bvh::{Bvh, Dispatch, Intersector};
+use crate::film::{Film, Window};
+use crate::integrator::gather::Correction;
+use crate::integrator::gather::render::Gather;
+use crate::integrator::gather::training::PILOT_SAMPLES;
+use crate::integrator::{Integrator, PathEvent, PathTracer, identity};
+use crate::sampler::sobol::SobolSampler;
+use crate::sampler::{IndependentSampler, Sampler, generator, within};
+
+/// How samples are made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Method {
+    /// Paths of independent random numbers.
+    Reference,
+    /// Such paths, placed by scrambled nets, with the sky as a control
+    /// variate.
+    Sobol,
+    /// A final gather into a cache of radiance, corrected.
+    Gather,
+}
+
+impl Method {
+    /// All of them; the first is the reference.
+    pub const ALL: [Self; 3] = [Self::Reference, Self::Sobol, Self::Gather];
+}
+
+impl fmt::Display for Method {
+    fn fmt(&self, out: &mut fmt::Formatter) -> fmt::Result {
+        out.write_str(match self {
+            Self::Reference => "reference",
+            Self::Sobol => "sobol",
+            Self::Gather => "gather",
+        })
+    }
+}
+
+/// The method that is asked for; none if a pilot is to choose one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Wanted(pub Option<Method>);
+
+impl fmt::Display for Wanted {
+    fn fmt(&self, out: &mut fmt::Formatter) -> fmt::Result {
+        match self.0 {
+            None => out.write_str("auto"),
+            Some(method) => method.fmt(out),
+        }
+    }
+}
+
+impl FromStr for Wanted {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        let [first, second, third] = Method::ALL;
+        let mut all = Method::ALL.into_iter();
+        match all.find(|method| method.to_string() == name) {
+            None if name != "auto" => {
+                Err(format!("expected auto, {first}, {second} or {third}"))
+            }
+            method => Ok(Self(method)),
+        }
+    }
+}
+
+/// What decides the samples of an image, beside the scene and the view.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Sampling {
+    /// How samples are made.
+    pub method: Method,
+    /// Chooses all random numbers.
+    pub seed: u64,
+    /// Samples of a pixel that are placed together, on average.
+    pub replicate: u64,
+    /// At most about as many rays train the cache of a gather.
+    pub training: u64,
+    /// How much of the sky paths in nets subtract, in per cent.
+    #[serde(rename = "sky_control")]
+    pub control: u64,
+}
+
+impl Sampling {
+    /// For `samples` of each of `area` pixels, if that is known.
+    pub fn new(
+        method: Method,
+        seed: u64,
+        samples: Option<u64>,
+        area: u64,
+    ) -> Self {
+        let together = |replicates: u64, most: u64| match samples {
+            Some(n) => 1 << (n / replicates).clamp(1, most).ilog2(),
+            None => 4,
+        };
+        let rays = samples.map_or(u64::MAX, |n| {
+            n.saturating_mul(area).saturating_mul(GATHER_RAYS)
+        });
+        let (replicate, training) = match method {
+            Method::Reference => (1, 0),
+            Method::Sobol => (together(4, 1 << 8), 0),
+            Method::Gather => {
+                (together(16, 4), (rays / 2).clamp(1 << 16, 1 << 22))
+            }
+        };
+        Self { method, seed, replicate, training, control: 0 }
+    }
+
+    /// A film for these samples, without one.
+    pub fn film(&self, resolution: (u32, u32), window: Window) -> Film {
+        let film = Film::cropped(resolution, window);
+        let film = film.with_replicates(self.replicate);
+        match self.method {
+            Method::Gather => film.with_shared_tiles(),
+            _ => film,
+        }
+    }
+
+    /// Names what decides the samples: those of different names are not to
+    /// be mixed.
+    pub fn identity(&self) -> String {
+        let Self { method, replicate, training, .. } = self;
+        match method {
+            Method::Reference => identity(),
+            Method::Sobol => {
+                format!("{}, controlled nets of {replicate}", identity())
+            }
+            Method::Gather => format!(
+                "gather {GATHER_VERSION}, nets of {replicate}, training with \
+                 {training} rays"
+            ),
+        }
+    }
+}
+
+/// Rays of a gather with its part of the correction, about.
+const GATHER_RAYS: u64 = 5;
+
+/// Changes whenever the code that decides what a gather is does.
+const GATHER_VERSION: u32 = 4;
+
+/// A scene that is ready to be rendered.
+#[derive(Clone, Copy)]
+pub struct Setup<'a> {
+    /// Finds hits in the scene.
+    pub intersector: &'a Bvh,
+    /// The view, and what is asked about it.
+    pub inquiry: &'a Inquiry<'a>,
+    /// What was found.
+    pub analysis: &'a SceneAnalysis,
+}
+
+impl<'a> Setup<'a> {
+    /// The renderer of a method.
+    pub fn renderer(&self, sampling: &Sampling) -> Box<dyn Renderer + 'a> {
+        let &Self { intersector, inquiry, analysis } = self;
+        let &Sampling { seed, replicate, training, .. } = sampling;
+        let mut paths = PathTracer::new(inquiry.albedo, inquiry.sky);
+        paths.is_black = analysis.is_black;
+        match sampling.method {
+            Method::Reference => {
+                self.job(paths, IndependentSampler::new(seed))
+            }
+            Method::Sobol => {
+                paths.control = sampling.control as f64 / 100.;
+                self.job(paths, SobolSampler::new(seed, replicate))
+            }
+            Method::Gather => Box::new(Gather {
+                inquiry: *inquiry,
+                intersector,
+                known: &analysis.known,
+                seed,
+                training,
+                correction: Some(Correction::default()),
+                learnt: None,
+            }),
+        }
+    }
+
+    /// The renderer of paths.
+    fn job(
+        &self,
+        integrator: PathTracer,
+        sampler: impl Sampler + 'a,
+    ) -> Box<dyn Renderer + 'a> {
+        let &Self { intersector, inquiry, analysis } = self;
+        let (known, camera) = (&analysis.known, inquiry.camera);
+        let entrance = inquiry.entrance;
+        Box::new(Job {
+            entrance,
+            intersector,
+            camera,
+            integrator,
+            known,
+            sampler,
+        })
+    }
+
+    /// Chooses how the samples of a request are made, or as many as have the
+    /// error that was asked for, by the method that is wanted or by any; none
+    /// if these are too few for a pilot. A method that could not give each
+    /// pixel a sample in the time that is left is not chosen, even if it is
+    /// wanted.
+    pub fn choose(&self, request: &Request) -> Option<Choice> {
+        let (area, samples) = (request.area(), request.bound());
+        let paths = samples.unwrap_or(MANY).saturating_mul(area);
+        let pixels = (paths / 200).min(4096);
+        if pixels < 64 {
+            return None;
+        }
+        let trial = Trial { setup: self, window: request.window, pixels };
+        let began = Instant::now();
+        let pilot = self.intersector.dispatch(trial);
+        let pace = began.elapsed().as_secs_f64() / (4 * pixels) as f64;
+        // Foresee the costs of all methods
+        let enough = |error: f64| {
+            ((pilot.first + pilot.later) / (error * error)).ceil() as u64
+        };
+        let bounds = samples.into_iter().chain(request.error.map(enough));
+        let samples = bounds.min().map(|n| n.max(1));
+        let albedo = self.inquiry.albedo;
+        let methods = Method::ALL.map(|method| {
+            let mut sampling =
+                Sampling::new(method, request.seed, samples, area);
+            if method == Method::Sobol {
+                sampling.control = (100. * pilot.control()).round() as u64;
+            }
+            let expected = samples.unwrap_or(MANY) as f64;
+            (sampling, pilot.cost(albedo, &sampling, expected))
+        });
+        // Choose among the methods that there is time for
+        let is_quick = |sampling: &Sampling| {
+            let paths = pilot.first_paths(albedo, sampling, area);
+            sampling.method == Method::Reference
+                || request.left.is_none_or(|left| 2. * paths * pace <= left)
+        };
+        let best = |wanted: Option<Method>| {
+            let is_wanted = |m| wanted.is_none_or(|wanted| m == wanted);
+            let those = methods.iter().filter(|(sampling, _)| {
+                is_wanted(sampling.method) && is_quick(sampling)
+            });
+            those.min_by(|s, t| s.1.total_cmp(&t.1))
+        };
+        let &(sampling, _) = best(request.method).or_else(|| best(None))?;
+        // Foresee the gains of all methods
+        let reference = methods[0].1;
+        let gain = |cost: f64| match reference > 0. {
+            true => reference / cost.max(1e-3 * reference),
+            false => 1.,
+        };
+        let gains = methods.map(|(s, cost)| (s.method, gain(cost)));
+        Some(Choice { pilot, sampling, gains })
+    }
+
+    /// How the samples are made: as in a checkpoint, if there is one. And what
+    /// a pilot has found, if it has chosen.
+    pub fn decide(
+        &self,
+        request: &Request,
+        saved: Option<Sampling>,
+    ) -> (Sampling, Option<Choice>) {
+        let known =
+            self.analysis.known.is_all().then_some(Method::Reference);
+        let begun = saved.map(|saved| saved.method);
+        let wanted = request.method.or(begun).or(known);
+        let asks = match wanted {
+            None => true,
+            Some(Method::Reference) => false,
+            Some(Method::Sobol) => saved.is_none(),
+            Some(Method::Gather) => {
+                saved.is_none() && request.left.is_some()
+            }
+        };
+        let request = Request { method: wanted, ..*request };
+        if let Some(choice) = asks.then(|| self.choose(&request)).flatten()
+        {
+            return (choice.sampling, Some(choice));
+        }
+        let method = wanted.unwrap_or(Method::Reference);
+        let (seed, samples) = (request.seed, request.bound());
+        let new = Sampling::new(method, seed, samples, request.area());
+        let kept = |saved| Sampling { method, seed, ..saved };
+        (saved.map_or(new, kept), None)
+    }
+}
+
+/// What a few paths tell of those of an image: means over its pixels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Pilot {
+    /// The square of the radiance of a pixel.
+    pub square: f64,
+    /// The variance of a path that comes from its point in the pixel and
+    /// its first direction.
+    pub first: f64,
+    /// The variance that comes from all later decisions.
+    pub later: f64,
+    /// The variance of the control variate of a path.
+    pub spread: f64,
+    /// The covariance of the control variate with the contribution.
+    pub covariance: f64,
+    /// The rays of a path; none if it meets no surface.
+    pub rays: f64,
+    /// Those of them up to the second surface.
+    pub first_rays: f64,
+    /// The share of paths that go on from a second surface.
+    pub indirect: f64,
+}
+
+/// A pilot that waits for its intersector.
+struct Trial<'a> {
+    setup: &'a Setup<'a>,
+    /// The part of the image that is rendered.
+    window: Window,
+    /// Pixels that are drawn.
+    pixels: u64,
+}
+
+impl Dispatch for Trial<'_> {
+    type Output = Pilot;
+
+    fn with<K: Intersector>(self, intersector: &K) -> Pilot {
+        let pixels = (0..self.pixels).into_par_iter();
+        let pixels = pixels.map(|n| self.pixel(intersector, n));
+        let pixels: Vec<[f64; 8]> = pixels.map(cast).collect();
+        let mean = |term: usize| {
+            let sum: f64 = pixels.iter().map(|pixel| pixel[term]).sum();
+            sum / pixels.len() as f64
+        };
+        let mean: Pilot = cast(array::from_fn::<f64, 8, _>(mean));
+        Pilot { first: mean.first.max(0.), ..mean }
+    }
+}
+
+/// Numbers the generators of the pilot.
+const PILOT: u64 = u64::MAX - 1;
+
+impl Trial<'_> {
+    /// The terms that one pixel adds to the means.
+    fn pixel<K: Intersector>(&self, intersector: &K, n: u64) -> Pilot {
+        let mut random = generator(0, PILOT, n);
+        let Window { corner: (left, top), size } = self.window;
+        let x = left + random.random_range(0..size.0);
+        let y = top + random.random_range(0..size.1);
+        let known = &self.setup.analysis.known;
+        if known.content((x, y)) != TileContent::Scene {
+            return Pilot::default();
+        }
+        let twins = |n| self.twins(intersector, (x, y), n);
+        let [[a, b], [c, d]] = [2 * n, 2 * n + 1].map(twins);
+        let all = [a, b, c, d];
+        if all.iter().all(|path| path.rays == 0) {
+            return Pilot::default();
+        }
+        // Compare the four paths of a pixel
+        let apart = |p: &[Path], q: &[Path]| {
+            let pairs =
+                p.iter().flat_map(|p| q.iter().map(move |q| (p, q)));
+            let squares = pairs.map(|(p, q)| (p.value - q.value).powi(2));
+            squares.sum::<f64>() / (2 * p.len() * q.len()) as f64
+        };
+        let mean =
+            |part: fn(&Path) -> f64| all.iter().map(part).sum::<f64>() / 4.;
+        let later = (apart(&[a], &[b]) + apart(&[c], &[d])) / 2.;
+        let (one, other) = (a.value + b.value, c.value + d.value);
+        let control = a.control - c.control;
+        Pilot {
+            square: one * other / 4.,
+            first: apart(&[a, b], &[c, d]) - later,
+            later,
+            spread: 0.5 * control * control,
+            covariance: 0.25 * (one - c.value - d.value) * control,
+            rays: mean(|path| path.rays as f64),
+            first_rays: mean(|path| path.rays.min(2) as f64),
+            indirect: mean(|path| f64::from(path.rays > 2)),
+        }
+    }
+
+    /// Two paths that share their point in a pixel and their first
+    /// direction.
+    fn twins<K: Intersector>(
+        &self,
+        intersector: &K,
+        (x, y): (u32, u32),
+        n: u64,
+    ) -> [Path; 2] {
+        let &Inquiry { entrance, camera, sky, albedo, resolution, .. } =
+            self.setup.inquiry;
+        let integrator = PathTracer::new(albedo, sky);
+        let number = |k| IndependentSampler::new(PILOT).start(n, k);
+        let mut sampler = number(0);
+        let [u, v] = sampler.get_pixel_2d();
+        let u = within(x, resolution.0, u);
+        let direction = camera.direction(u, within(y, resolution.1, v));
+        // Trace the ray of the camera
+        let mut path = integrator.begin(direction);
+        let ray = entrance.enter(direction);
+        let hit = ray.and_then(|ray| intersector.first_hit(&ray, None));
+        let event = integrator.advance(&mut path, hit, &mut sampler);
+        let control = match (hit, event) {
+            (Some(hit), PathEvent::Scatter(ray, _)) => {
+                integrator.control_variate(hit.normal, ray.direction)
+            }
+            _ => 0.,
+        };
+        // Go on twice from the first surface
+        [1, 2].map(|k| {
+            let (mut path, mut event, mut sampler) =
+                (path, event, number(k));
+            let mut rays = u64::from(hit.is_some());
+            loop {
+                match event {
+                    PathEvent::Terminate(value) => {
+                        return Path { value, rays, control };
+                    }
+                    PathEvent::Scatter(ray, from) => {
+                        rays += 1;
+                        let hit = intersector.first_hit(&ray, Some(from));
+                        event = integrator.advance(
+                            &mut path,
+                            hit,
+                            &mut sampler,
+                        );
+                    }
+                }
+            }
+        })
+    }
+}
+
+/// A path that has ended.
+#[derive(Clone, Copy)]
+struct Path {
+    value: f64,
+    rays: u64,
+    /// The control variate of its first reflection.
+    control: f64,
+}
+
+impl Pilot {
+    /// How much of the sky a control variate best subtracts, in [0, 1].
+    pub fn control(&self) -> f64 {
+        match self.spread > 0. {
+            true => (-self.covariance / self.spread).clamp(0., 1.),
+            false => 0.,
+        }
+    }
+
+    /// What it leaves of the variance of the first direction.
+    fn controlled(&self) -> f64 {
+        let control = self.control();
+        let change = 2. * control * self.covariance
+            + control * control * self.spread;
+        (self.first + change).max(0.)
+    }
+
+    /// The variance of a sample times its rays, in units of the rays of
+    /// paths, for `samples` of each pixel.
+    fn cost(&self, albedo: f64, sampling: &Sampling, samples: f64) -> f64 {
+        let &Self { square, first, later, .. } = self;
+        match sampling.method {
+            Method::Reference => (first + later) * self.rays,
+            Method::Sobol => {
+                let net = libm::pow(sampling.replicate as f64, -0.4);
+                let first = self.controlled();
+                (first * net + later) * 1.05 * self.rays
+            }
+            Method::Gather => {
+                // Foresee the cost of a gather
+                let bright = albedo * albedo;
+                let each = self.first_rays + 3. * bright * self.indirect;
+                let once = 8. * self.first_rays / samples;
+                let guided = 1.6 * first * square
+                    / (square + 0.7 * first).max(f64::MIN_POSITIVE);
+                let short = self.first_rays / self.rays.max(1e-9);
+                let left = 16. * bright * short * short * later;
+                let learnt = libm::pow(samples.min(4096.), -0.28);
+                (guided + left) * learnt * 1.7 * (each + once)
+            }
+        }
+    }
+
+    /// The work before each of `area` pixels has a sample, in paths.
+    fn first_paths(
+        &self,
+        albedo: f64,
+        sampling: &Sampling,
+        area: u64,
+    ) -> f64 {
+        let &Sampling { replicate, training, .. } = sampling;
+        let (area, replicate) = (area as f64, replicate as f64);
+        let each = self.first_rays + 3. * albedo * albedo * self.indirect;
+        match sampling.method {
+            Method::Gather => {
+                let pilot = PILOT_SAMPLES as f64 * self.first_rays;
+                let rays = area * (pilot + replicate * each);
+                (training as f64 + rays) / self.rays.max(1e-9)
+            }
+            _ => area * replicate,
+        }
+    }
+}
+
+/// What a pilot has found, and what follows.
+#[derive(Clone, Debug)]
+pub struct Choice {
+    /// What a few paths tell.
+    pub pilot: Pilot,
+    /// How samples are to be made.
+    pub sampling: Sampling,
+    /// Of each method, the time of the reference over its own, for the same
+    /// error.
+    pub gains: [(Method, f64); 3],
+}
+
+impl fmt::Display for Choice {
+    fn fmt(&self, out: &mut fmt::Formatter) -> fmt::Result {
+        let Pilot { first, later, first_rays, .. } = self.pilot;
+        let rays = 2. * self.pilot.rays / first_rays.max(1e-9);
+        let share = 100. * later / (first + later).max(f64::MIN_POSITIVE);
+        write!(
+            out,
+            "{}: a path has {rays:.1} rays, and {share:.0} % of its variance \
+             comes after its first direction; foreseen gains",
+            self.sampling.method
+        )?;
+        for (method, gain) in &self.gains {
+            write!(out, ", {method} {gain:.1}")?;
+        }
+        Ok(())
+    }
+}
+
+/// What is asked of a run.
+#[derive(Clone, Copy, Debug)]
+pub struct Request {
+    /// The method that is wanted; none if a pilot is to choose.
+    pub method: Option<Method>,
+    /// Chooses all random numbers.
+    pub seed: u64,
+    /// The part of the image that is rendered.
+    pub window: Window,
+    /// Samples of each pixel.
+    pub samples: Option<u64>,
+    /// The error of the image.
+    pub error: Option<f64>,
+    /// Seconds of the run.
+    pub time: Option<f64>,
+    /// Seconds that are left of them.
+    pub left: Option<f64>,
+}
+
+impl Request {
+    /// The number of pixels.
+    fn area(&self) -> u64 {
+        self.window.area() as u64
+    }
+
+    /// Samples of each pixel at most, as many as a thread of a quarter of the
+    /// rate gathers in the time; the same on each machine.
+    fn bound(&self) -> Option<u64> {
+        let rate = 0.25 * RATE / GATHER_RAYS as f64;
+        let timed =
+            |time: f64| (time * rate / self.area() as f64).ceil() as u64;
+        let timed = self.time.map(timed);
+        self.samples.into_iter().chain(timed).min()
+    }
+}
+
+/// Samples of a run without a limit.
+const MANY: u64 = 1 << 20;
+
+/// A guess of how many rays are traced for so many paths, in so many
+/// seconds, from within the box around a scene or from outside.
+pub fn expected_rays(
+    albedo: f64,
+    is_within: bool,
+    paths: Option<f64>,
+    time: Option<f64>,
+) -> f64 {
+    let each = match is_within {
+        true => (1. / (1. - albedo)).min(10.),
+        false => 1. + albedo,
+    };
+    let time = time.or(paths.is_none().then_some(60.));
+    let rate = RATE * rayon::current_num_threads() as f64;
+    let rays = paths.map(|paths| paths * each);
+    let timed = time.map(|time| time * rate);
+    rays.into_iter().chain(timed).fold(f64::INFINITY, f64::min)
+}
+
+/// Rays per second that a thread is guessed to trace.
+const RATE: f64 = 4e6;

@@ -1,0 +1,396 @@
+// Tangled from chapters/render_loop.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The render loop: passes over the film until a limit is
+//! reached, and the curve of error against time.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
+use std::{io, mem, ptr};
+
+use serde::{Deserialize, Serialize};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1, SIGUSR2};
+use signal_hook::consts::{SIGXCPU, SIGXFSZ};
+use signal_hook::flag;
+
+use crate::film::{Film, Summary};
+use crate::render::{Renderer, Share};
+
+/// When a run stops, and what it is compared with.
+pub struct Limits<'a> {
+    /// At most so many samples of each pixel.
+    pub samples: Option<u64>,
+    /// The time at which the program should end,
+    pub deadline: Option<Instant>,
+    /// and the seconds that it needs for that after the last sample, if no
+    /// pixel has one and if all have.
+    pub reserve: [f64; 2],
+    /// Tells the time.
+    pub clock: &'a (dyn Fn() -> Instant + Sync),
+    /// The root mean square error to reach.
+    pub error: Option<f64>,
+    /// Stops the run when a signal arrives.
+    pub interrupt: &'a Interrupt,
+    /// The radiance of each pixel, row by row from the top left.
+    pub reference: Option<&'a [f64]>,
+}
+
+impl<'a> Limits<'a> {
+    /// No limit but a signal.
+    pub fn none(interrupt: &'a Interrupt) -> Self {
+        Self {
+            samples: None,
+            deadline: None,
+            reserve: [0.; 2],
+            clock: &Instant::now,
+            error: None,
+            interrupt,
+            reference: None,
+        }
+    }
+
+    /// When rendering has to end if this share of the pixels has a sample.
+    fn end(&self, share: f64) -> Option<Instant> {
+        let [none, all] = self.reserve;
+        let reserve = none + share.min(1.) * (all - none);
+        let reserve = Duration::from_secs_f64(reserve.max(0.));
+        self.deadline.map(|end| end.checked_sub(reserve).unwrap_or(end))
+    }
+}
+
+/// Why a run has stopped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stop {
+    /// All the samples are there.
+    Samples,
+    /// The time is over.
+    Time,
+    /// The error is small enough.
+    Error,
+    /// A signal of this number has arrived.
+    Signal(i32),
+}
+
+impl Stop {
+    /// That there is no image because of this, while something was done.
+    pub fn without_image(self, doing: &str) -> String {
+        match self {
+            Stop::Signal(signal) => {
+                format!("no image: signal {signal} came while {doing}")
+            }
+            _ => format!("no image: --time was over while {doing}"),
+        }
+    }
+
+    /// The word that the report has for it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Stop::Samples => "samples",
+            Stop::Time => "time",
+            Stop::Error => "error",
+            Stop::Signal(_) => "signal",
+        }
+    }
+}
+
+/// One point of the curve of error against time.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CurvePoint {
+    /// Samples per pixel so far.
+    pub spp: u64,
+    /// Seconds of rendering so far, without load and build.
+    pub seconds: f64,
+    /// Rays traced so far.
+    pub rays: u64,
+    /// Estimated root mean square error over the pixels, if known.
+    pub rmse: Option<f64>,
+    /// Mean radiance of the image.
+    pub mean: f64,
+    /// Its standard error, if known.
+    pub mean_stderr: Option<f64>,
+    /// Root mean square difference from the reference, if there is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rmse_reference: Option<f64>,
+    /// Seconds of all processors so far, if there are several ranks.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub processor_seconds: Option<f64>,
+}
+
+/// What a run has done so far.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Convergence {
+    /// Samples that each pixel has at least.
+    pub spp: u64,
+    /// Seconds of rendering, with what is done between the passes.
+    pub seconds: f64,
+    /// Rays traced.
+    pub rays: u64,
+    /// Pixels whose samples were all alike, at the last step.
+    pub constant: u64,
+    /// The curve of error against time.
+    pub steps: Vec<CurvePoint>,
+    /// Seconds of all processors, if there are several ranks.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub processor_seconds: Option<f64>,
+    /// What each rank has done since the run was begun or resumed.
+    #[serde(skip)]
+    pub ranks: Vec<Share>,
+    /// Seconds for one sample of each pixel, at the last pass.
+    #[serde(skip)]
+    pace: Option<f64>,
+}
+
+/// The time that the first sample has in any case.
+const FIRST: Duration = Duration::from_millis(100);
+
+/// The longest time of a pass of more than one sample, in seconds, unless
+/// it costs too much.
+const SLICE: f64 = 0.25;
+
+/// The root mean square difference of an image from the truth.
+fn true_error(film: &Film, truth: &[f64]) -> f64 {
+    let differences = film.means().zip(truth).map(|(a, b)| a - b);
+    let squares: f64 = differences.map(|d| d * d).sum();
+    (squares / film.area() as f64).sqrt()
+}
+
+/// The number of paths before which no error is believed.
+const DECISIVE: f64 = 1000.;
+
+impl Convergence {
+    /// Goes on with a run until a limit is reached. Calls `advance`, from
+    /// any thread, with the number of paths that are done, or of rays while
+    /// the renderer learns, and `after` when a pass has ended.
+    pub fn run(
+        &mut self,
+        renderer: &mut dyn Renderer,
+        film: &mut Film,
+        limits: &Limits,
+        advance: &(dyn Fn(u64) + Sync),
+        after: &mut impl FnMut(&Self, &Film),
+    ) -> Stop {
+        let (start, before) = ((limits.clock)(), self.seconds);
+        let spent = self.processor_seconds.unwrap_or(0.);
+        // Watch for signals and for the end of the time
+        let (area, first) = (film.area(), start + FIRST);
+        let goes_on = |paths: u64| {
+            let end = limits.end(paths as f64 / area as f64);
+            let over = |end: Instant| (limits.clock)() >= end.max(first);
+            limits.interrupt.signal().is_none() && !end.is_some_and(over)
+        };
+        let taken = AtomicU64::new(self.spp.saturating_mul(area));
+        let watch = |paths| {
+            advance(paths);
+            goes_on(taken.fetch_add(paths, Ordering::Relaxed) + paths)
+        };
+        // Learn before the first pass
+        let rays = renderer.learn(film, &|rays| {
+            advance(rays);
+            goes_on(0)
+        });
+        self.rays += rays;
+        if rays > 0 {
+            after(self, film);
+        }
+        loop {
+            // Return when a limit is reached
+            if let Some(stop) = self.stop(limits, first, area) {
+                self.record(film, limits.reference);
+                return stop;
+            }
+            // Render one pass and look at the clock
+            let slice = renderer.least_seconds().max(SLICE);
+            let (end, due) = self.next(limits, area, slice);
+            let began = (limits.clock)();
+            self.rays += renderer.pass(film, end, &watch);
+            let now = (limits.clock)();
+            let more = film.samples() - self.spp;
+            let pace = (now - began).as_secs_f64() / more.max(1) as f64;
+            self.pace = Some(pace);
+            self.spp += more;
+            self.seconds = before + (now - start).as_secs_f64();
+            self.ranks = renderer.shares().to_vec();
+            if !self.ranks.is_empty() {
+                let all =
+                    self.ranks.iter().map(|share| share.processor_seconds);
+                self.processor_seconds = Some(spent + all.sum::<f64>());
+            }
+            if self.spp >= due {
+                self.record(film, limits.reference);
+            }
+            after(self, film);
+        }
+    }
+
+    /// Where the next pass ends, of at most so many seconds, and where the
+    /// next step is due.
+    fn next(&self, limits: &Limits, area: u64, slice: f64) -> (u64, u64) {
+        // Find when the next step is due
+        let recorded = self.steps.last().map_or(0, |step| step.spp);
+        let mut due = next_step(recorded.max(self.spp));
+        if let Some(samples) = limits.samples {
+            due = due.min(samples);
+        }
+        if let Some(error) = limits.error {
+            due = due.min(self.needed(error, area).max(self.spp + 1));
+        }
+        // Find the time for a pass
+        let mut seconds = slice;
+        if let Some(end) = limits.end(1.) {
+            let left = end.saturating_duration_since((limits.clock)());
+            seconds = seconds.min(left.as_secs_f64());
+        }
+        let pace = self.pace.map_or(1, |pace| (seconds / pace) as u64);
+        (due.min(self.spp.saturating_add(pace.max(1))), due)
+    }
+
+    /// The error at the last step, if it is known.
+    pub fn rmse(&self) -> Option<f64> {
+        self.steps.last()?.rmse
+    }
+
+    /// The samples after which the run is expected to stop, if its time
+    /// is not over before; none if that cannot be foreseen.
+    pub fn expected(&self, limits: &Limits, area: u64) -> Option<u64> {
+        let error = self.rmse().and(limits.error);
+        let error = error.map(|error| self.needed(error, area));
+        let all = [limits.samples, error].into_iter().flatten();
+        all.min().map(|spp| spp.max(self.spp))
+    }
+
+    /// The samples after which the error is expected to be reached.
+    fn needed(&self, error: f64, area: u64) -> u64 {
+        let least = (DECISIVE / area as f64).ceil().max(2.);
+        let known = |step: &CurvePoint| Some((step.spp as f64, step.rmse?));
+        let Some((n, rmse)) = self.steps.last().and_then(known) else {
+            let open = self.spp < least as u64;
+            return if open { least as u64 } else { u64::MAX };
+        };
+        // A square that vanishes would make the quotient 0 / 0.
+        let e = (error * error).max(f64::MIN_POSITIVE);
+        let v = n * rmse * rmse;
+        let root = (v * v + 12. * e / area as f64).sqrt();
+        ((v + root) / (2. * e)).ceil().max(least) as u64
+    }
+
+    /// Why the run should stop now, if it should; the first sample has time
+    /// until `first`.
+    fn stop(
+        &self,
+        limits: &Limits,
+        first: Instant,
+        area: u64,
+    ) -> Option<Stop> {
+        if limits.samples.is_some_and(|n| self.spp >= n) {
+            return Some(Stop::Samples);
+        }
+        if let Some(signal) = limits.interrupt.signal() {
+            return Some(Stop::Signal(signal));
+        }
+        if limits.error.is_some_and(|error| self.reaches(error, area)) {
+            return Some(Stop::Error);
+        }
+        // Say whether the time is over or too short
+        let pace = self.pace.filter(|&pace| pace < SLICE).unwrap_or(0.);
+        let now = (limits.clock)() + Duration::from_secs_f64(pace);
+        let is_over = |end| match self.spp {
+            0 => now >= first.max(end),
+            _ => now >= end,
+        };
+        limits.end(1.).is_some_and(is_over).then_some(Stop::Time)
+    }
+
+    /// Whether the error is known to be small enough.
+    fn reaches(&self, error: f64, area: u64) -> bool {
+        let paths = self.spp as f64 * area as f64;
+        let unseen = 3. / (paths * self.spp as f64);
+        let enough = |rmse| rmse * rmse + unseen <= error * error;
+        let step = self.steps.last().filter(|step| step.spp == self.spp);
+        let rmse = step.and_then(|step| step.rmse);
+        paths >= DECISIVE && rmse.is_some_and(enough)
+    }
+
+    /// Records a point, if there has been a pass since the last one.
+    pub fn record(&mut self, film: &Film, reference: Option<&[f64]>) {
+        let &mut Self { spp, seconds, rays, processor_seconds, .. } = self;
+        let last = self.steps.last();
+        let last = last.map_or((0, 0.), |point| (point.spp, point.seconds));
+        if (spp, seconds) == last {
+            return;
+        }
+        let Summary { mean, mean_stderr, rmse, constant } = film.summary();
+        self.constant = constant;
+        let finite = |x: f64| x.is_finite().then_some(x);
+        self.steps.push(CurvePoint {
+            spp,
+            seconds,
+            rays,
+            rmse: finite(rmse),
+            mean,
+            mean_stderr: finite(mean_stderr),
+            rmse_reference: reference
+                .filter(|_| spp > 0)
+                .map(|truth| true_error(film, truth)),
+            processor_seconds,
+        });
+    }
+}
+
+/// The first number of samples after `spp` at which a step is
+/// recorded.
+fn next_step(spp: u64) -> u64 {
+    let mut scale = 1u128;
+    loop {
+        let steps = [10, 16, 25, 40, 63].map(|n| (n * scale + 5) / 10);
+        if let Some(step) = steps.into_iter().find(|&n| n > spp.into()) {
+            return step.min(u64::MAX.into()) as u64;
+        }
+        scale *= 10;
+    }
+}
+
+/// Remembers the signal that asks the run to end.
+#[derive(Clone, Default)]
+pub struct Interrupt(pub Arc<AtomicUsize>);
+
+impl Interrupt {
+    /// Begins to listen for SIGINT, SIGTERM and SIGHUP, of which the second
+    /// ends the program at once, and for warnings; each unless it is
+    /// ignored.
+    pub fn listen() -> io::Result<Self> {
+        let interrupt = Self::default();
+        let again = Arc::new(AtomicBool::new(false));
+        // A file beyond the limit of size is an error, not the end.
+        flag::register(SIGXFSZ, Arc::default())?;
+        let ends = [SIGINT, SIGTERM, SIGHUP];
+        let all = ends.into_iter().chain([SIGXCPU, SIGUSR1, SIGUSR2]);
+        for signal in all.filter(|&signal| !is_ignored(signal)) {
+            // Register what a signal does
+            if ends.contains(&signal) {
+                let shut_down = flag::register_conditional_shutdown;
+                shut_down(signal, 128 + signal, again.clone())?;
+                flag::register(signal, again.clone())?;
+            }
+            let place = interrupt.0.clone();
+            flag::register_usize(signal, place, signal as usize)?;
+        }
+        Ok(interrupt)
+    }
+
+    /// The signal that has arrived, if any.
+    pub fn signal(&self) -> Option<i32> {
+        let signal = self.0.load(Ordering::Relaxed) as i32;
+        (signal != 0).then_some(signal)
+    }
+}
+
+/// Whether this process ignores a signal.
+fn is_ignored(signal: i32) -> bool {
+    // SAFETY: zeros are an action, and the call replaces it by another.
+    unsafe {
+        let mut action: libc::sigaction = mem::zeroed();
+        libc::sigaction(signal, ptr::null(), &mut action) == 0
+            && action.sa_sigaction == libc::SIG_IGN
+    }
+}

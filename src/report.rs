@@ -1,0 +1,101 @@
+// Tangled from chapters/report.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! What a run reports: its settings, its timings, and the curve of its
+//! error against time.
+//!
+//! Errors are absolute, in units of the sky's radiance; times are
+//! seconds of wall clock. A number that is not known is none in Rust,
+//! null in JSON, an empty field in CSV, and a word for people.
+
+mod html;
+mod plot;
+mod result;
+
+use std::path::Path;
+
+use serde::Serialize;
+use serde_json::{Value, json};
+
+use crate::image::{Image, extension};
+use crate::output::descriptor;
+use crate::render_loop::CurvePoint;
+pub use result::{Report, SceneFile, as_typed, slope};
+
+/// How a report becomes text.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Everything but the image, for programs.
+    Json,
+    /// The curve as a table with a header.
+    Csv,
+    /// One page with everything, for people.
+    Html,
+}
+
+impl Kind {
+    /// The kind of report that a file of this name holds.
+    ///
+    /// # Errors
+    /// The extension belongs to no kind.
+    pub fn of(path: &Path) -> Result<Self, String> {
+        let device = || path.metadata().is_ok_and(|there| !there.is_file());
+        match extension(path).as_deref() {
+            Some("json") => Ok(Kind::Json),
+            Some("csv") => Ok(Kind::Csv),
+            Some("html") => Ok(Kind::Html),
+            _ if descriptor(path).is_some() || device() => Ok(Kind::Json),
+            _ => Err(format!(
+                "{}: unknown kind of report; name it .json, .csv or .html",
+                path.display()
+            )),
+        }
+    }
+
+    /// The text of a report; `image` is called if the kind shows it.
+    pub fn render(
+        self,
+        report: &Report,
+        image: &dyn Fn() -> Image,
+    ) -> String {
+        match self {
+            Kind::Json => json(report),
+            Kind::Csv => csv(&report.curve),
+            Kind::Html => html::page(report, &image()),
+        }
+    }
+}
+
+/// A report and what follows from it.
+#[derive(Serialize)]
+struct Complete<'a> {
+    #[serde(flatten)]
+    report: &'a Report,
+    slope_seconds: Option<f64>,
+    slope_spp: Option<f64>,
+}
+
+fn json(report: &Report) -> String {
+    let complete = Complete {
+        report,
+        slope_seconds: report.slope(|point| point.seconds),
+        slope_spp: report.slope(|point| point.spp as f64),
+    };
+    let text = serde_json::to_string_pretty(&complete);
+    text.expect("the keys of a report are strings") + "\n"
+}
+
+/// A header, and a row for each point; what is not known is empty.
+fn csv(curve: &[CurvePoint]) -> String {
+    let header = "spp,seconds,rays,rmse,mean,mean_stderr,rmse_reference";
+    let row = |point| {
+        let row = json!(point);
+        let cell = |name| row.get(name).filter(|cell| !cell.is_null());
+        let text =
+            |name| cell(name).map_or(String::new(), Value::to_string);
+        header.split(',').map(text).collect::<Vec<_>>().join(",")
+    };
+    let mut lines = vec![header.to_owned()];
+    lines.extend(curve.iter().map(row));
+    lines.join("\n") + "\n"
+}

@@ -1,0 +1,261 @@
+// Tangled from chapters/report.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! What is known of a run, and what follows from it.
+
+use std::env;
+use std::fs;
+use std::time::SystemTime;
+
+use humantime::format_rfc3339_seconds;
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+
+use crate::analysis::Finding;
+use crate::progress::metric;
+use crate::render::Share;
+use crate::render_loop::CurvePoint;
+
+/// The file of a scene.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct SceneFile {
+    /// Its name.
+    pub file: String,
+    /// Its SHA-256 hash, in hexadecimal.
+    pub sha256: String,
+    /// The number of its triangles.
+    pub triangles: u64,
+}
+
+/// What is known of a run, at its end or while it goes on.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Report {
+    /// Name and version of the program.
+    pub program: String,
+    /// The command line, as a shell takes it.
+    pub command: String,
+    /// When the program began, in UTC, as in 2026-01-31T23:59:59Z.
+    pub date: String,
+    /// The name of the processor.
+    pub processor: String,
+    /// What was rendered.
+    pub scene: SceneFile,
+    /// Each option and its value.
+    pub settings: Map<String, Value>,
+    /// What was left out because the scene does not need it, and why.
+    pub left_out: Vec<Finding>,
+    /// Seconds to read the scene.
+    pub load_seconds: f64,
+    /// Seconds to find what the scene does not need, and to build the
+    /// hierarchy of the rest.
+    pub build_seconds: f64,
+    /// Seconds of rendering.
+    pub render_seconds: f64,
+    /// Rays traced.
+    pub rays: u64,
+    /// What each rank has done, if there are several.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub ranks: Vec<Share>,
+    /// Samples that each pixel has at least.
+    pub spp: u64,
+    /// Mean radiance of the image.
+    pub mean: f64,
+    /// Its standard error, if known.
+    pub mean_stderr: Option<f64>,
+    /// Estimated root mean square error over the pixels, if known.
+    pub rmse: Option<f64>,
+    /// Pixels whose samples were all alike: their error is not seen.
+    pub constant_pixels: u64,
+    /// Pixels without a sample, of which the means know nothing.
+    #[serde(default)]
+    pub unsampled_pixels: u64,
+    /// Why the run ended: `samples`, `time`, `error` or `signal`;
+    /// none while it goes on.
+    pub stopped: Option<String>,
+    /// The curve of error against time.
+    pub curve: Vec<CurvePoint>,
+}
+
+impl Report {
+    /// The report of this process of a program, of which nothing else is
+    /// known yet.
+    pub fn begin(program: &str) -> Self {
+        let words = env::args_os();
+        let words = words.map(|word| quoted(&word.to_string_lossy()));
+        let file = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+        let name = file.lines().find(|line| line.starts_with("model name"));
+        let name = name.and_then(|line| Some(line.split_once(": ")?.1));
+        Self {
+            program: format!("{program} {}", env!("CARGO_PKG_VERSION")),
+            command: words.collect::<Vec<_>>().join(" "),
+            date: format_rfc3339_seconds(SystemTime::now()).to_string(),
+            processor: name.unwrap_or(env::consts::ARCH).to_owned(),
+            ..Self::default()
+        }
+    }
+}
+
+/// A word as a shell has to be given it.
+fn quoted(word: &str) -> String {
+    let harmless =
+        |c: char| c.is_ascii_alphanumeric() || "-_./,:=+@".contains(c);
+    match !word.is_empty() && word.chars().all(harmless) {
+        true => word.to_owned(),
+        false => format!("'{}'", word.replace('\'', r"'\''")),
+    }
+}
+
+impl Report {
+    /// What a person wants to know of a run of so many pixels: a table
+    /// of names and what is said of them.
+    pub fn summary(&self, pixels: u64) -> Vec<(&'static str, String)> {
+        let said = |name| self.settings.get(name).and_then(Value::as_str);
+        let integrator = said("integrator").unwrap_or("reference");
+        // Say what the run has cost
+        let (seconds, rays) = (self.render_seconds, self.rays);
+        let speed = metric(rays as f64 / seconds.max(1e-9));
+        let render = format!(
+            "{seconds:.3} s, {rays} rays, {speed}rays/s ({integrator})"
+        );
+        let bvh = ["hierarchy", "isa"].into_iter().filter_map(said);
+        let scene = format!(
+            "{} triangles, load {:.3} s, build {:.3} s ({})",
+            self.scene.triangles,
+            self.load_seconds,
+            self.build_seconds,
+            bvh.collect::<Vec<_>>().join(", ")
+        );
+        let mut lines = vec![
+            ("run", self.verdict()),
+            ("image", self.quality(pixels)),
+            ("render", render),
+            ("scene", scene),
+        ];
+        // Say what was chosen and left out
+        let why = said("choice").filter(|_| integrator != "reference");
+        lines.extend(why.map(|why| ("method", why.to_owned())));
+        for Finding { fact, why, .. } in &self.left_out {
+            lines.push(("left out", format!("{fact}: {why}")));
+        }
+        let constant = self.constant_pixels;
+        if 0 < constant && constant < pixels {
+            let pixels = format!(
+                "{constant} of {pixels} saw one value only; \
+                 their errors come from their neighbours"
+            );
+            lines.push(("pixels", pixels));
+        }
+        lines
+    }
+
+    /// How exact the image of so many pixels is.
+    fn quality(&self, pixels: u64) -> String {
+        if self.spp == 0 {
+            return format!(
+                "{} of {pixels} pixels have no sample: they are filled from \
+                 those around them in .png and .pgm, and nan in .pfm and .exr",
+                self.unsampled_pixels
+            );
+        }
+        let mean = with_error(self.mean, self.mean_stderr);
+        let mut text = format!("{} spp, mean radiance {mean}", self.spp);
+        if self.rmse.is_some() {
+            text += &format!(", rmse {}", known(self.rmse, 6));
+        }
+        let last = self.curve.last().and_then(|last| last.rmse_reference);
+        if last.is_some() {
+            text += &format!(", {} from the reference", known(last, 6));
+        }
+        text
+    }
+
+    /// Why the run stopped, and whether its targets were met.
+    pub fn verdict(&self) -> String {
+        let mut text = match self.stopped.as_deref() {
+            None => return "goes on; this is what is known".to_owned(),
+            Some("signal") => "stopped by a signal".to_owned(),
+            Some(limit) => format!("stopped by {limit}"),
+        };
+        let asked = |name| self.settings.get(name)?.as_f64();
+        if let Some(spp) = asked("spp") {
+            text += &format!("; {} of {spp} spp", self.spp);
+        }
+        // Hold the error against its target
+        if let Some(target) = asked("error") {
+            let small = self.rmse.is_some_and(|rmse| rmse <= target);
+            let met = small || self.stopped.as_deref() == Some("error");
+            text += &format!(
+                "; error {}, target {target} {}",
+                known(self.rmse, 6),
+                if met { "reached" } else { "not reached" }
+            );
+        }
+        text
+    }
+}
+
+/// A number to so many decimals, or that it is unknown.
+pub fn known(x: Option<f64>, decimals: usize) -> String {
+    match x.filter(|x| x.is_finite()) {
+        Some(x) => format!("{x:.decimals$}"),
+        None => "unknown".to_owned(),
+    }
+}
+
+/// A mean with its standard error.
+pub fn with_error(mean: f64, error: Option<f64>) -> String {
+    let mean = known(Some(mean), 6);
+    match error {
+        Some(error) => format!("{mean} \u{b1} {}", known(Some(error), 6)),
+        None => format!("{mean}, error unknown"),
+    }
+}
+
+/// A value as text; a vector or a size as it is typed.
+pub fn as_typed(value: &Value) -> String {
+    match value {
+        Value::String(text) => text.clone(),
+        Value::Array(parts) => {
+            let numbers = parts.iter().all(Value::is_number);
+            let sign = if numbers && parts.len() == 2 { "x" } else { "," };
+            let parts = parts.iter().map(as_typed);
+            parts.collect::<Vec<_>>().join(sign)
+        }
+        other => other.to_string(),
+    }
+}
+
+/// The slope of the line through the logarithms of points (x, y), all
+/// positive, by least squares; none for fewer than three, or if they are
+/// too close to each other in x.
+pub fn slope(points: &[(f64, f64)]) -> Option<f64> {
+    let n = points.len() as f64;
+    let logs = points.iter().map(|p| (libm::log(p.0), libm::log(p.1)));
+    let x = logs.clone().map(|p| p.0).sum::<f64>() / n;
+    let y = logs.clone().map(|p| p.1).sum::<f64>() / n;
+    let spread: f64 = logs.clone().map(|p| (p.0 - x) * (p.0 - x)).sum();
+    let product: f64 = logs.map(|p| (p.0 - x) * (p.1 - y)).sum();
+    (points.len() >= 3 && spread >= 1e-9).then(|| product / spread)
+}
+
+/// Points of fewer samples are left out of fits.
+const FEWEST: u64 = 8;
+
+/// Whether a number has a place on a logarithmic axis.
+pub fn drawable(x: f64) -> bool {
+    x > 0. && x.is_finite()
+}
+
+impl Report {
+    /// The slope of the estimated error against what a point has spent,
+    /// in logarithms.
+    pub fn slope(&self, spent: fn(&CurvePoint) -> f64) -> Option<f64> {
+        let point = |point: &CurvePoint| {
+            let (x, error) = (spent(point), point.rmse?);
+            let valid = drawable(x) && drawable(error);
+            (valid && point.spp >= FEWEST).then_some((x, error))
+        };
+        let points = self.curve.iter().filter_map(point);
+        slope(&points.collect::<Vec<_>>())
+    }
+}

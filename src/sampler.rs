@@ -1,0 +1,170 @@
+// Tangled from chapters/sampler.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Samplers, and the directions that their numbers stand for.
+
+pub mod sobol;
+
+use std::ops::Range;
+
+use glam::DVec3;
+use rand::RngExt;
+use rand_pcg::Pcg64;
+
+use crate::numerics::sincos_turns;
+
+/// The numbers of one sample of a pixel, asked for by their dimension.
+/// They are a function of the seed, the pixel, the sample and the dimension
+/// alone.
+pub trait Sampler: Clone + Send + Sync {
+    /// The number of consecutive samples of a pixel, at least 1, that are
+    /// placed together; what is placed apart is independent.
+    fn replicate(&self) -> u64;
+
+    /// The sampler of sample `index` of a pixel, by their numbers.
+    fn start(&self, pixel: u64, index: u64) -> Self;
+
+    /// Two numbers uniform over the integers below 2^32, of the dimensions
+    /// 0 and 1: where the path crosses the pixel.
+    fn get_pixel_2d(&mut self) -> [u32; 2];
+
+    /// A number uniform over [0, 1).
+    fn get_1d(&mut self, dimension: u64) -> f64;
+
+    /// Two numbers uniform over [0, 1), of this dimension and the next.
+    fn get_2d(&mut self, dimension: u64) -> [f64; 2];
+}
+
+/// The dimensions of a path; 0 and 1 are those of the point in the pixel.
+pub mod dimension {
+    /// That of Russian roulette at a bounce, counted from 0.
+    #[inline(always)]
+    pub fn roulette(bounce: u64) -> u64 {
+        2 + 3 * bounce
+    }
+
+    /// The first of the two of the direction in which a bounce leaves.
+    #[inline(always)]
+    pub fn direction(bounce: u64) -> u64 {
+        3 + 3 * bounce
+    }
+}
+
+/// The generator of sample `n` of pixel `i`, for a seed.
+pub fn generator(seed: u64, i: u64, n: u64) -> Pcg64 {
+    let high = split_mix(seed ^ split_mix(i ^ split_mix(n)));
+    let low = split_mix(high ^ n);
+    let state = u128::from(high) << 64 | u128::from(low);
+    Pcg64::new(state, u128::from(i) << 64 | u128::from(n))
+}
+
+/// The output function of SplitMix64 (Steele, Lea and Flood 2014).
+pub fn split_mix(x: u64) -> u64 {
+    let x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    x ^ (x >> 31)
+}
+
+/// Independent numbers from a generator for each path.
+#[derive(Clone, Debug)]
+pub struct IndependentSampler {
+    seed: u64,
+    random: Pcg64,
+    /// The first dimension that has not been asked for.
+    #[cfg(debug_assertions)]
+    next: u64,
+}
+
+impl IndependentSampler {
+    /// The sampler for a seed, not started.
+    pub fn new(seed: u64) -> Self {
+        Self::of_path(seed, 0, 0)
+    }
+
+    #[inline(always)]
+    fn of_path(seed: u64, pixel: u64, index: u64) -> Self {
+        Self {
+            seed,
+            random: generator(seed, pixel, index),
+            #[cfg(debug_assertions)]
+            next: 0,
+        }
+    }
+
+    /// Panics, in debug builds, if one of the dimensions has been passed.
+    #[inline(always)]
+    fn pass(&mut self, dimensions: Range<u64>) {
+        #[cfg(debug_assertions)]
+        {
+            let Range { start, end } = dimensions;
+            assert!(
+                start >= self.next,
+                "dimension {start} is asked for late"
+            );
+            self.next = end;
+        }
+        let _ = dimensions;
+    }
+}
+
+impl Sampler for IndependentSampler {
+    #[inline(always)]
+    fn replicate(&self) -> u64 {
+        1
+    }
+
+    #[inline(always)]
+    fn start(&self, pixel: u64, index: u64) -> Self {
+        Self::of_path(self.seed, pixel, index)
+    }
+
+    #[inline(always)]
+    fn get_pixel_2d(&mut self) -> [u32; 2] {
+        self.pass(0..2);
+        [self.random.random(), self.random.random()]
+    }
+
+    #[inline(always)]
+    fn get_1d(&mut self, dimension: u64) -> f64 {
+        self.pass(dimension..dimension + 1);
+        self.random.random()
+    }
+
+    #[inline(always)]
+    fn get_2d(&mut self, dimension: u64) -> [f64; 2] {
+        self.pass(dimension..dimension + 2);
+        [self.random.random(), self.random.random()]
+    }
+}
+
+/// The coordinate in (i/n, (i+1)/n), strictly between the ends, that a
+/// uniform random number chooses in column or row `i` of `n` <= 65536.
+#[inline(always)]
+pub fn within(i: u32, n: u32, random: u32) -> f64 {
+    const STRIPE: f64 = 1. / (1u64 << 32) as f64;
+    let offset = (f64::from(random) + 0.5) * STRIPE;
+    (f64::from(i) + offset) / f64::from(n)
+}
+
+/// A direction around the unit vector `normal`, with density cos/π,
+/// from two numbers uniform over [0, 1).
+#[inline(always)]
+pub fn cosine_direction(normal: DVec3, r: f64, turn: f64) -> DVec3 {
+    let (cosine, sine) = sincos_turns(turn);
+    let (tangent, bitangent) = frame(normal);
+    let across = tangent * cosine + bitangent * sine;
+    across * r.sqrt() + normal * (1. - r).sqrt()
+}
+
+/// Two unit vectors that form an orthonormal frame with the unit
+/// vector `n` (Duff et al. 2017, listing 3).
+#[inline(always)]
+pub fn frame(n: DVec3) -> (DVec3, DVec3) {
+    let s = 1f64.copysign(n.z);
+    let a = -1. / (s + n.z);
+    let b = n.x * n.y * a;
+    let tangent = DVec3::new(1. + s * n.x * n.x * a, s * b, -s * n.x);
+    let bitangent = DVec3::new(b, s + n.y * n.y * a, -n.y);
+    (tangent, bitangent)
+}

@@ -1,0 +1,211 @@
+// Tangled from chapters/scene.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Triangles near the origin.
+//!
+//! A `Mesh` is in the coordinates of its file, in double precision.
+//! A `Scene` is the same triangles after its `Frame` has brought them near
+//! the origin, without rounding.
+
+pub mod encoding;
+pub mod obj;
+pub mod place;
+pub mod polygons;
+
+use glam::{BVec3, DVec3};
+use rayon::prelude::*;
+
+pub use self::obj::{
+    ObjError, begins_obj, read_file, read_obj, read_pieces,
+};
+pub use self::place::{EXTENT, Entrance, Frame, Ray};
+use crate::numerics::cross;
+
+/// An indexed triangle mesh in the coordinates of its file.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Mesh {
+    /// Positions of the vertices, each finite; zero in place of one that
+    /// was not, which no face has.
+    pub vertices: Vec<DVec3>,
+    /// Three indices into `vertices` for each triangle.
+    pub triangles: Vec<[u32; 3]>,
+    /// The triangles, in ascending order, that belong to the same face as
+    /// the one before.
+    pub joined: Vec<u32>,
+}
+
+impl Mesh {
+    /// The number of its face, from 0, for each triangle.
+    pub fn faces(&self) -> Vec<u32> {
+        let mut joined = self.joined.iter().copied().peekable();
+        let mut before = 0;
+        let face = |i| {
+            before += u32::from(joined.next_if_eq(&i).is_some());
+            i - before
+        };
+        (0..self.triangles.len() as u32).map(face).collect()
+    }
+
+    /// The extreme corners of the box around all triangles; zeros without
+    /// any.
+    pub fn corners(&self) -> [DVec3; 2] {
+        let used = self.triangles.par_iter().flatten_iter();
+        let used = used.map(|&i| [self.vertices[i as usize]; 2]);
+        let both =
+            |[a, b]: [DVec3; 2], [c, d]: [DVec3; 2]| [a.min(c), b.max(d)];
+        let corners = used.reduce_with(both).unwrap_or_default();
+        corners.map(|corner| corner + DVec3::ZERO)
+    }
+}
+
+/// The corners of a triangle, in the coordinates of the scene.
+pub type Triangle = [DVec3; 3];
+
+/// Triangles that share their corners, in the coordinates of the scene.
+#[derive(Clone, Debug, Default)]
+pub struct Triangles {
+    /// The corners.
+    pub vertices: Vec<DVec3>,
+    /// Three indices into `vertices` for each triangle.
+    pub corners: Vec<[u32; 3]>,
+    /// The face of each triangle in the mesh.
+    pub faces: Vec<u32>,
+}
+
+impl Triangles {
+    /// How many.
+    pub fn len(&self) -> usize {
+        self.corners.len()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.corners.is_empty()
+    }
+
+    /// The corners of a triangle.
+    #[inline(always)]
+    pub fn get(&self, i: usize) -> Triangle {
+        self.corners[i].map(|corner| self.vertices[corner as usize])
+    }
+
+    /// The corners of each.
+    pub fn to_vec(&self) -> Vec<Triangle> {
+        (0..self.len()).map(|i| self.get(i)).collect()
+    }
+
+    /// Those that share no corner, each with its face.
+    pub fn apart(triangles: &[Triangle], faces: Vec<u32>) -> Self {
+        let corner = |i: u32| [3 * i, 3 * i + 1, 3 * i + 2];
+        let corners = (0..triangles.len() as u32).map(corner).collect();
+        Self { vertices: triangles.as_flattened().to_vec(), corners, faces }
+    }
+
+    /// Takes triangles out; returns their faces.
+    fn leave_out(&mut self, out: &[bool]) -> Vec<u32> {
+        let (mut first, mut second) = (out.iter(), out.iter());
+        self.corners.retain(|_| first.next() == Some(&false));
+        let gone = |_: &mut u32| second.next() == Some(&true);
+        self.faces.extract_if(.., gone).collect()
+    }
+}
+
+fn has_area(&[a, b, c]: &Triangle) -> bool {
+    let (u, v) = (b - a, c - a);
+    u.cross(v) != DVec3::ZERO || cross(u, v) != DVec3::ZERO
+}
+
+/// Triangles near the origin, with the map that brought them there.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    /// The map.
+    pub frame: Frame,
+    /// Those that have an area, in the order of the mesh, without copies.
+    pub triangles: Triangles,
+    /// The faces, from 0, of triangles that were left out: because they have
+    /// no area, and because others have the same corners.
+    pub left_out: [Vec<u32>; 2],
+}
+
+impl Scene {
+    /// The scene of a mesh; a mesh without triangles is an empty scene.
+    pub fn new(mesh: &Mesh) -> Self {
+        Self::of(mesh.clone())
+    }
+
+    /// The same, which uses the mesh up.
+    pub fn of(mesh: Mesh) -> Self {
+        let (extremes, faces) = (mesh.corners(), mesh.faces());
+        let Mesh { vertices, triangles: corners, .. } = mesh;
+        let mut triangles = Triangles { vertices, corners, faces };
+        let moved = Frame::new(extremes, BVec3::TRUE);
+        let corners = triangles.corners.par_iter().flatten_iter();
+        let corners = corners.map(|&i| triangles.vertices[i as usize]);
+        let rounds = corners.map(|corner| moved.rounds(corner));
+        let rounds = rounds.reduce(|| BVec3::FALSE, |a, b| a | b);
+        let frame = Frame::new(extremes, !rounds);
+        // Place the vertices
+        let place = |p: &mut DVec3| {
+            let placed = frame.apply(*p, 0) + DVec3::ZERO;
+            let tiny = placed.abs().cmplt(DVec3::splat(TINY));
+            *p = DVec3::select(tiny, DVec3::ZERO, placed);
+        };
+        triangles.vertices.par_iter_mut().for_each(place);
+        let all = (0..triangles.len()).into_par_iter();
+        let flat = all.map(|i| !has_area(&triangles.get(i)));
+        let flat: Vec<bool> = flat.collect();
+        let flat = triangles.leave_out(&flat);
+        let copies = copies(&triangles);
+        let left_out = [flat, triangles.leave_out(&copies)];
+        Self { frame, triangles, left_out }
+    }
+}
+
+/// Coordinates that are smaller count as zero: 2^-100.
+const TINY: f64 = f64::from_bits((1023 - 100) << 52);
+
+/// Which triangles have the same corners as an earlier one.
+fn copies(triangles: &Triangles) -> Vec<bool> {
+    let mut is_copy = vec![false; triangles.len()];
+    // Sort the keys of the triangles
+    let key = |i: usize| {
+        let corners = triangles.get(i);
+        let sum = corners.iter().map(scattered).fold(0, u64::wrapping_add);
+        let mixed = sum.wrapping_mul(0x94d0_49bb_1331_11eb);
+        mixed & !(NUMBERS - 1) | i as u64
+    };
+    let keys = (0..triangles.len()).into_par_iter().map(key);
+    let mut keys: Vec<u64> = keys.collect();
+    keys.par_sort_unstable();
+    let groups = keys.chunk_by(|a, b| a / NUMBERS == b / NUMBERS);
+    for group in groups.filter(|group| group.len() > 1) {
+        let mut others = vec![];
+        for key in group {
+            // See whether a triangle is a copy
+            let i = (key % NUMBERS) as usize;
+            let corners = triangles.get(i);
+            let mut corners =
+                corners.map(|p| p.to_array().map(f64::to_bits));
+            corners.sort_unstable();
+            is_copy[i] = others.contains(&corners);
+            if !is_copy[i] {
+                others.push(corners);
+            }
+        }
+    }
+    is_copy
+}
+
+/// One more than the greatest number of a triangle in a key.
+const NUMBERS: u64 = 1 << 30;
+
+/// A number that depends on all bits of a corner.
+pub fn scattered(corner: &DVec3) -> u64 {
+    let [x, y, z] = corner.to_array().map(f64::to_bits);
+    let first = (x ^ y.rotate_left(32)).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    let second =
+        (y ^ z.rotate_left(32)).wrapping_mul(0xd1b5_4a32_d192_ed03);
+    let both = first ^ first >> 32 ^ second;
+    let mixed = both.wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    mixed ^ mixed >> 31
+}

@@ -1,0 +1,788 @@
+// Tangled from chapters/program.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! A run of the program, from its words to its files.
+
+use std::env;
+use std::fs::{self, File};
+use std::io::{self, IsTerminal, Read};
+use std::path::{Path, PathBuf};
+use std::process::{self, ExitCode};
+use std::sync::mpsc::{self, RecvTimeoutError, Sender};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use anstream::{AutoStream, ColorChoice};
+use clap::CommandFactory;
+use clap::builder::StyledStr;
+use rayon::ThreadPoolBuilder;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use serde_json::{Map, Value, json};
+use sha2::{Digest, Sha256};
+
+use crate::analysis::{Finding, Inquiry, SceneAnalysis, Shortcut};
+use crate::bvh::{Bvh, Quality, too_small};
+use crate::camera::{Camera, View, typed};
+use crate::compare::disagreements;
+use crate::film::Film;
+use crate::image::{Format, Image};
+use crate::memory::zeroed;
+use crate::options::{Error, Options};
+use crate::output::{ImageTarget, OutputTarget, tell_apart};
+use crate::progress::{
+    self, ProgressBar, expect, metric, render_bar, step,
+};
+use crate::render::Renderer;
+use crate::render::choose::{
+    Choice, Method, Request, Sampling, Setup, expected_rays,
+};
+use crate::render_loop::{Convergence, Interrupt, Limits, Stop};
+use crate::report::{Kind, Report, SceneFile};
+use crate::run_output::{RunOutput, Snapshot, Targets, attributes};
+use crate::scene::{Scene, begins_obj, read_file};
+use crate::sky::Sky;
+use crate::state::checkpoint::Checkpoint;
+use crate::state::key::{RunKey, Subject, entries};
+use crate::statistics::Accumulator;
+
+/// The processes that render one image, as each of them sees them.
+pub trait Ranks {
+    /// How many there are.
+    fn count(&self) -> u32 {
+        1
+    }
+
+    /// Tells the others something, which they [`hear`](Self::hear).
+    fn tell(&self, _: &mut [u8]) {}
+
+    /// What the leader tells; none if there is nothing more to do.
+    fn hear(&self) -> Option<Vec<u8>> {
+        None
+    }
+
+    /// A renderer of all of them, given that of the leader.
+    fn lead<'a>(
+        &self,
+        own: Box<dyn Renderer + 'a>,
+        _: &'a RunKey,
+    ) -> Box<dyn Renderer + 'a> {
+        own
+    }
+
+    /// Renders for the leader until there is nothing more to do.
+    fn serve(&self, _: Box<dyn Renderer + '_>, _: &RunKey) {}
+}
+
+/// One process.
+pub struct Alone;
+
+impl Ranks for Alone {}
+
+/// Runs the program with the words of the process, which leads `ranks`;
+/// returns its exit status.
+pub fn lead(ranks: &dyn Ranks) -> ExitCode {
+    #[cfg(target_env = "gnu")]
+    give_arrays_back();
+    let start = Instant::now();
+    if env::args_os().len() <= 1 && io::stdin().is_terminal() {
+        let _ = print(&Options::command().render_help());
+        return ExitCode::from(2);
+    }
+    let typed = Options::parse(env::args_os());
+    match typed.and_then(|typed| run(typed, start, ranks)) {
+        Ok(stop) => ExitCode::from(status(stop, 0)),
+        Err(error) => fail(error),
+    }
+}
+
+/// Says why a program ends, and with which status.
+pub fn fail(error: Error) -> ExitCode {
+    let (message, status) = match error {
+        Error::Help(text) => match print(&text) {
+            Ok(()) => return ExitCode::SUCCESS,
+            Err(message) => (message, 1),
+        },
+        Error::Usage(message) => (message, 2),
+        Error::Failure(message) => (message, 1),
+    };
+    progress::error(&message);
+    ExitCode::from(status)
+}
+
+/// Prints a text on standard output, on a terminal in colour.
+fn print(text: &StyledStr) -> Result<(), String> {
+    let plain = AutoStream::choice(&io::stdout()) == ColorChoice::Never;
+    OutputTarget::standard_output()?.write(&mut |out| match plain {
+        true => write!(out, "{text}"),
+        false => write!(out, "{}", text.ansi()),
+    })
+}
+
+/// The exit status of a stop, which is `other` if it is no signal.
+fn status(stop: Stop, other: u8) -> u8 {
+    match stop {
+        Stop::Signal(signal) => 128 + signal as u8,
+        _ => other,
+    }
+}
+
+/// Has the allocator give each dropped array back to the system if it is
+/// larger than a quarter of a megabyte.
+#[cfg(target_env = "gnu")]
+fn give_arrays_back() {
+    // SAFETY: a parameter of the allocator, which it may refuse.
+    unsafe { libc::mallopt(libc::M_MMAP_THRESHOLD, 1 << 18) };
+}
+
+fn run(
+    typed: Options,
+    start: Instant,
+    ranks: &dyn Ranks,
+) -> Result<Stop, Error> {
+    let (mut options, resumed) = take_up(typed)?;
+    if options.quiet {
+        progress::hush();
+    }
+    let picture = picture(&mut options);
+    let options = &options;
+    // Watch for signals from the start
+    let interrupt = Interrupt::listen()
+        .map_err(|e| format!("cannot listen for signals: {e}"))?;
+    let deadline = options.deadline(start);
+    let stage = watch(&interrupt, latest(options, deadline));
+    let enter = |doing, bar| _ = stage.send((doing, bar));
+    // Check what needs no scene
+    if options.has_camera() {
+        camera(options.resolution, &options.view())?;
+    }
+    start_threads(options)?;
+    let (targets, reference) = open_files(options)?;
+    let saved = options.save(&env::current_dir().unwrap_or_default());
+    tell(ranks, &saved);
+    // Load the scene and prepare it
+    let (scene, subject, mut report) =
+        load(options, &targets, reference.as_ref(), ranks)?;
+    let camera = camera(subject.resolution, &subject.view)?;
+    let kept = kept(options);
+    let inquiry = inquire(&subject, &camera, &scene, &kept);
+    enter("building the hierarchy", None);
+    let (analysis, bvh, quality) =
+        build(scene, &inquiry, options, ranks, &mut report)?;
+    enter("choosing a method", None);
+    // Choose how samples are made
+    let begun = resumed.as_ref().map(|saved| saved.known.run_key.sampling);
+    let setup =
+        Setup { intersector: &bvh, inquiry: &inquiry, analysis: &analysis };
+    let (sampling, choice) = sampling(options, &setup, deadline, begun);
+    if options.explain {
+        return explain(&analysis, options, sampling.method, choice);
+    }
+    // Collect all that decides the samples
+    let run_key = RunKey {
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        integrator: sampling.identity(),
+        scene_sha256: report.scene.sha256.clone(),
+        subject,
+        sampling,
+        part: options.part(sampling.replicate),
+    };
+    report.settings = settings(options, &run_key, quality, choice);
+    tell(ranks, &run_key);
+    let job = setup.renderer(&sampling);
+    let mut job = ranks.lead(job, &run_key);
+    let goal = options.goal(sampling.replicate);
+    let mut run = film_so_far(options, &run_key, goal, resumed)?;
+    // Prepare the files of the run
+    let often = (options.every.unwrap_or(60.), options.preview);
+    let known = (run_key.clone(), saved);
+    let mut output = RunOutput::new(targets, often, known, report);
+    // Collect the limits
+    let most = deadline.map_or(0., |end| 0.5 * seconds_to(end));
+    let seconds = output.seconds(run.0.area());
+    let limits = Limits {
+        samples: analysis.samples(goal),
+        deadline,
+        reserve: seconds.map(|seconds| seconds.min(most)),
+        error: options.error,
+        reference: reference.as_ref().map(|image| &image.means[..]),
+        ..Limits::none(&interrupt)
+    };
+    // Render what was prepared
+    let bar = render_bar(start, options.time);
+    enter("rendering", Some(bar.clone()));
+    let stop = render(&mut *job, &mut run, &limits, &mut output, &bar);
+    end(&run, &mut output, stop, sampling.method, picture.as_deref())?;
+    Ok(stop)
+}
+
+/// The options of a run, and where it has been saved if it goes on.
+fn take_up(typed: Options) -> Result<(Options, Option<Checkpoint>), Error> {
+    let Some(path) = &typed.resume else { return Ok((typed, None)) };
+    let saved = Checkpoint::of_file(path)?;
+    Ok((typed.after(&saved.known.options)?, Some(saved)))
+}
+
+/// The PNG beside the scene, which is the image if none is named and
+/// standard output is a terminal.
+fn picture(options: &mut Options) -> Option<PathBuf> {
+    let is_named = !options.output.is_empty() || options.format.is_some();
+    if is_named || options.explain || !io::stdout().is_terminal() {
+        return None;
+    }
+    let mut path = options.scene_file()?.to_owned();
+    if path.extension().is_some_and(|e| e == "gz" || e == "zst") {
+        path.set_extension("");
+    }
+    path.set_extension("png");
+    options.output.push(path.clone());
+    Some(path)
+}
+
+/// The time at which the program ends even if it has no sample.
+fn latest(options: &Options, deadline: Option<Instant>) -> Option<Instant> {
+    let time = options.time.filter(|_| !options.explain)?;
+    let more = Duration::try_from_secs_f64((0.025 * time).max(0.5));
+    deadline?.checked_add(more.ok()?)
+}
+
+/// What the program does, and its bar when it renders.
+type Doing = (&'static str, Option<ProgressBar>);
+
+/// Starts a thread that ends the program if a signal comes before the first
+/// pass, or the time `end`, and answers a signal that comes later; tells it
+/// what is done.
+fn watch(interrupt: &Interrupt, end: Option<Instant>) -> Sender<Doing> {
+    let (sender, told) = mpsc::channel();
+    let interrupt = interrupt.clone();
+    thread::spawn(move || {
+        let mut doing: Doing = ("reading", None);
+        loop {
+            match told.recv_timeout(Duration::from_millis(50)) {
+                Ok(next) => doing = next,
+                Err(RecvTimeoutError::Disconnected) => return,
+                Err(RecvTimeoutError::Timeout) => (),
+            }
+            // Answer a signal, or the end of the time
+            let signal = interrupt.signal().map(Stop::Signal);
+            let over = end.is_some_and(|end| Instant::now() >= end);
+            match (&doing, signal.or(over.then_some(Stop::Time))) {
+                ((what, None), Some(stop)) => {
+                    progress::error(&stop.without_image(what));
+                    process::exit(status(stop, 1).into());
+                }
+                ((_, Some(bar)), Some(Stop::Signal(_))) => {
+                    return progress::answer(bar);
+                }
+                _ => (),
+            }
+        }
+    });
+    sender
+}
+
+fn camera(resolution: (u32, u32), view: &View) -> Result<Camera, String> {
+    let aspect = f64::from(resolution.0) / f64::from(resolution.1);
+    Camera::new(view, aspect)
+}
+
+/// The files that a run will write, none of them touched yet, and its
+/// reference.
+fn open_files(
+    options: &Options,
+) -> Result<(Targets, Option<Image>), String> {
+    // Refuse files that are named twice
+    let reference = options.reference.as_deref();
+    let (scene, dash) = (options.scene_file(), Path::new("-"));
+    if scene.is_none() && reference == Some(dash) {
+        return Err("standard input can be read once only".to_owned());
+    }
+    let more = options.report.iter().chain(&options.checkpoint);
+    let written = options.images().chain(more.map(PathBuf::as_path));
+    tell_apart(scene.into_iter().chain(reference), written)?;
+    // Decide which files may be replaced
+    let force = |path: &Path| {
+        let old = options.replaced.iter().map(|old| old.canonicalize());
+        let is_own = |new| old.flatten().any(|old| old == new);
+        options.force || path.canonicalize().is_ok_and(is_own)
+    };
+    let format = options.format.unwrap_or(Format::Pgm);
+    let image = |path| ImageTarget::file(path, format, force(path));
+    let report = |path: &PathBuf| {
+        let target = OutputTarget::file(path, force(path))?;
+        Ok((Kind::of(path)?, target))
+    };
+    let checkpoint = |path: &PathBuf| {
+        let same = options.checkpoint == options.resume;
+        OutputTarget::file(path, same || force(path))
+    };
+    let images = options.images().map(image);
+    let reports = options.report.iter().map(report);
+    let checkpoint = options.checkpoint.as_ref().map(checkpoint);
+    let targets = Targets {
+        images: images.collect::<Result<_, String>>()?,
+        reports: reports.collect::<Result<_, String>>()?,
+        checkpoint: checkpoint.transpose()?,
+    };
+    let reference = reference.map(|path| read_reference(path, options));
+    Ok((targets, reference.transpose()?))
+}
+
+fn read_reference(path: &Path, options: &Options) -> Result<Image, String> {
+    // Read an image that needs no note
+    let mut faults = Vec::new();
+    let note = &mut |fault: &str| faults.push(fault.to_owned());
+    let image = Image::read_noting(path, note)?;
+    if let Some(fault) = faults.first() {
+        return Err(format!(
+            "{fault}; a reference needs the radiance of each pixel"
+        ));
+    }
+    let (width, height) = options.window().size;
+    if (image.width, image.height) != (width, height) {
+        return Err(format!(
+            "{}: is {}x{} pixels large, and the image {width}x{height}",
+            path.display(),
+            image.width,
+            image.height
+        ));
+    }
+    // Warn of a reference with our seed
+    let ours = options.seed.to_string();
+    if image.attributes.get("seed") == Some(&ours) {
+        progress::warn(
+            "the reference has the seed of this run: its true errors are \
+             larger than they will seem (choose another seed with -s)",
+        );
+    }
+    Ok(image)
+}
+
+fn start_threads(options: &Options) -> Result<(), String> {
+    let threads = options.threads.unwrap_or(0) as usize;
+    let pool = ThreadPoolBuilder::new().num_threads(threads);
+    pool.build_global().map_err(|e| format!("cannot start threads: {e}"))
+}
+
+/// The scene, what is shown of it, and a report that begins.
+fn load(
+    options: &Options,
+    targets: &Targets,
+    reference: Option<&Image>,
+    ranks: &dyn Ranks,
+) -> Result<(Scene, Subject, Report), String> {
+    let began = Instant::now();
+    let file = options.input_name();
+    let step = step(format!("reading {file}"), None);
+    let mut bytes = read(options.scene_file())
+        .map_err(|e| format!("{file}: cannot read: {e}"))?;
+    ranks.tell(&mut bytes);
+    // Refuse what goes on without being an OBJ
+    if bytes.len() as u64 == START {
+        begins_obj(&bytes).map_err(|error| error.within(&file))?;
+    }
+    let read = read_file(&bytes).map_err(|error| error.within(&file));
+    drop(step);
+    let (mesh, warnings) = read?;
+    // Warn of what is odd
+    for warning in warnings {
+        progress::warn(&warning.within(&file));
+    }
+    let subject = subject(options, mesh.corners());
+    // Say where the camera stands
+    if !options.has_camera() {
+        let View { position, target, .. } = subject.view;
+        let [p, t] = [position, target].map(typed);
+        let options = format!("-p {p} -t {t}");
+        progress::inform(&format!("the camera stands outside: {options}"));
+    }
+    // Hash the bytes if a file will name them
+    let exr = |image: &ImageTarget| image.format == Format::Exr;
+    let is_named = targets.images.iter().any(exr)
+        || !targets.reports.is_empty()
+        || targets.checkpoint.is_some()
+        || reference.is_some();
+    let hash = is_named.then(|| Sha256::digest(&bytes));
+    let hex = |byte: u8| format!("{byte:02x}");
+    let sha256: String = hash.into_iter().flatten().map(hex).collect();
+    drop(bytes);
+    // Refuse a reference of something else
+    if let (Some(image), Some(path)) = (reference, &options.reference) {
+        let mut ours = attributes(&entries(&subject));
+        ours.insert("scene_sha256".into(), sha256.clone());
+        let differing = disagreements(&image.attributes, &ours).join(", ");
+        if !differing.is_empty() {
+            return Err(format!(
+                "{}: shows something else than this run: {differing}",
+                path.display()
+            ));
+        }
+    }
+    // Begin a report of the scene
+    let triangles = mesh.triangles.len() as u64;
+    let scene = Scene::of(mesh);
+    let report = Report {
+        scene: SceneFile { file, sha256, triangles },
+        load_seconds: began.elapsed().as_secs_f64(),
+        ..Report::begin("pt")
+    };
+    Ok((scene, subject, report))
+}
+
+/// The bytes of a file or of standard input. Of a pipe, no more than `START`
+/// if they begin no OBJ.
+fn read(path: Option<&Path>) -> io::Result<Vec<u8>> {
+    let mut pipe: Box<dyn Read> = match path {
+        Some(path) if path.is_file() => return fs::read(path),
+        Some(path) => Box::new(File::open(path)?),
+        None => Box::new(io::stdin()),
+    };
+    let mut bytes = Vec::new();
+    pipe.by_ref().take(START).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 == START && begins_obj(&bytes).is_ok() {
+        pipe.read_to_end(&mut bytes)?;
+    }
+    Ok(bytes)
+}
+
+/// So many bytes of an OBJ have a vertex.
+const START: u64 = 1 << 26;
+
+/// What is shown of a scene between two corners.
+fn subject(options: &Options, corners: [glam::DVec3; 2]) -> Subject {
+    let &Options { resolution, crop, albedo, .. } = options;
+    let aspect = f64::from(resolution.0) / f64::from(resolution.1);
+    let typed = options.view();
+    let outside = match options.has_camera() {
+        true => None,
+        false => typed.outside(corners, aspect),
+    };
+    let view = outside.unwrap_or(typed);
+    Subject { resolution, crop, view, albedo }
+}
+
+fn inquire<'a>(
+    subject: &Subject,
+    camera: &'a Camera,
+    scene: &Scene,
+    kept: &'a [Shortcut],
+) -> Inquiry<'a> {
+    Inquiry {
+        camera,
+        entrance: scene.frame.entrance(camera.position),
+        sky: Sky::new(subject.view.up),
+        albedo: subject.albedo,
+        resolution: subject.resolution,
+        kept,
+    }
+}
+
+/// The shortcuts that are not looked for.
+fn kept(options: &Options) -> Vec<Shortcut> {
+    if options.keep_all {
+        return Shortcut::ALL.to_vec();
+    }
+    let (width, height) = options.resolution;
+    let tiles = f64::from(width) * f64::from(height) / 256.;
+    let seconds = tiles * TILE / rayon::current_num_threads() as f64;
+    let time = options.time.filter(|_| !options.explain);
+    let slow = time.is_some_and(|time| seconds > 0.05 * time);
+    slow.then_some(Shortcut::Background).into_iter().collect()
+}
+
+/// Seconds in which a thread looks for the background of a tile, about.
+const TILE: f64 = 3e-6;
+
+fn build(
+    scene: Scene,
+    inquiry: &Inquiry,
+    options: &Options,
+    ranks: &dyn Ranks,
+    known: &mut Report,
+) -> Result<(SceneAnalysis, Bvh, Quality), String> {
+    let began = Instant::now();
+    let is_inside = inquiry.entrance.is_inside;
+    let area = options.band().area() as f64;
+    let paths = options.goal(1).map(|n| n as f64 * area);
+    let rays =
+        expected_rays(options.albedo, is_inside, paths, options.time);
+    let rays = rays / f64::from(ranks.count());
+    let Scene { triangles, left_out, .. } = scene;
+    let quality = Quality::expecting(triangles.len(), rays);
+    // Warn of triangles that are too small
+    let count = too_small(&triangles);
+    if count > 0 {
+        progress::warn(&format!(
+            "{count} of {} triangles are smaller than 2^-40 of the largest, \
+             or 2^-43 of the scene: close to larger ones the light may be wrong",
+            triangles.len()
+        ));
+    }
+    // Build the hierarchy and show how far it is
+    let what = "building the hierarchy".to_owned();
+    let all = Some(triangles.len() as u64);
+    let step = step(what, all);
+    let placed = |count: usize| step.set_position(count as u64);
+    let bvh = Bvh::of(triangles, quality, options.isa(), &placed);
+    let bvh = bvh.map_err(|e| e.to_string())?;
+    drop(step);
+    let analysis = SceneAnalysis::find(&left_out, &bvh, inquiry);
+    known.left_out = analysis.left_out().cloned().collect();
+    known.build_seconds = began.elapsed().as_secs_f64();
+    Ok((analysis, bvh, quality))
+}
+
+/// Tells what can be left out, and what the rest is made of.
+fn explain(
+    analysis: &SceneAnalysis,
+    options: &Options,
+    method: Method,
+    choice: Option<Choice>,
+) -> Result<Stop, Error> {
+    let mut lines = String::new();
+    for Finding { fact, holds, why } in &analysis.findings {
+        let sign = if *holds { "left out" } else { "-" };
+        lines += &format!("{fact:13}{sign:10}{why}\n");
+    }
+    // Name the parts that do the rest
+    let why = choice.map_or(method.to_string(), |why| why.to_string());
+    let one = analysis.is_black && method != Method::Gather;
+    let rays = if one { ", one ray a path, for any hit" } else { "" };
+    let parts = analysis.parts(options.isa(), format!("{method}{rays}"));
+    for (name, text) in [("method", why), ("intersector", parts)] {
+        lines += &format!("{name:13}{text}\n");
+    }
+    let out = OutputTarget::standard_output()?;
+    out.write(&mut |out| out.write_all(lines.as_bytes()))?;
+    Ok(Stop::Samples)
+}
+
+/// How the samples are made: as in the checkpoint, if there is one. And what
+/// a pilot has found, if it has chosen.
+fn sampling(
+    options: &Options,
+    setup: &Setup,
+    deadline: Option<Instant>,
+    saved: Option<Sampling>,
+) -> (Sampling, Option<Choice>) {
+    let request = Request {
+        method: options.integrator.0,
+        seed: options.seed,
+        window: options.window(),
+        samples: options.samples(),
+        error: options.error,
+        time: options.time,
+        left: deadline.map(seconds_to),
+    };
+    let (sampling, choice) = setup.decide(&request, saved);
+    // Warn if it is not the method that is asked for
+    let (wanted, chosen) = (request.method, sampling.method);
+    let wanted = wanted.or(saved.map(|saved| saved.method));
+    if let Some(wanted) = wanted.filter(|&wanted| wanted != chosen) {
+        progress::warn(&format!(
+            "--time leaves too little for a first sample of each pixel \
+             by {wanted}: the method is {chosen}"
+        ));
+    }
+    (sampling, choice)
+}
+
+/// The seconds from now to a time, which may be over.
+fn seconds_to(end: Instant) -> f64 {
+    end.saturating_duration_since(Instant::now()).as_secs_f64()
+}
+
+/// What describes the run, by name, for the report.
+fn settings(
+    options: &Options,
+    run_key: &RunKey,
+    quality: Quality,
+    choice: Option<Choice>,
+) -> Map<String, Value> {
+    let reference = options.reference.as_ref();
+    let RunKey { subject, sampling, part, .. } = run_key;
+    let mut settings = entries(subject);
+    settings.extend(entries(&json!({
+        "seed": sampling.seed,
+        "spp": part.map_or(options.samples(), |part| Some(part.count())),
+        "time": options.time,
+        "error": options.error,
+        "reference": reference.map(|path| path.display().to_string()),
+        "isa": options.isa().to_string(),
+        "threads": rayon::current_num_threads(),
+        "hierarchy": quality.to_string(),
+        "integrator": sampling.method.to_string(),
+    })));
+    let choice = choice.map(|choice| choice.to_string().into());
+    settings.extend(choice.map(|choice| ("choice".into(), choice)));
+    settings.extend(part.map(|part| ("part".into(), json!(part))));
+    settings
+}
+
+/// The film of a run and what it has done: nothing yet, or what is saved.
+fn film_so_far(
+    options: &Options,
+    run_key: &RunKey,
+    goal: Option<u64>,
+    resumed: Option<Checkpoint>,
+) -> Result<(Film, Convergence), String> {
+    // Ask for the memory of the film
+    let pixels = run_key.windows()[1].area();
+    zeroed::<Accumulator>(pixels).map_err(|_| {
+        let bytes = metric(64. * pixels as f64);
+        format!("too little memory: {bytes}B more are needed")
+    })?;
+    let (mut film, mut convergence) =
+        (run_key.film(), Convergence::default());
+    // Warn of a part without a sample
+    if run_key.part.is_some() && goal == Some(0) {
+        let together = film.replicate;
+        progress::warn(&format!(
+            "the part has no sample: {together} are placed together"
+        ));
+    }
+    // Go on from a checkpoint
+    if let (Some(saved), Some(path)) = (resumed, &options.resume) {
+        let name = path.display();
+        convergence = saved
+            .resume(run_key, &mut film)
+            .map_err(|fault| format!("{name}: {fault}"))?;
+        let spp = convergence.spp;
+        if goal.is_some_and(|n| spp >= n) {
+            progress::warn(&format!(
+                "{name}: holds {spp} samples already (ask for more with -n)"
+            ));
+        }
+    }
+    Ok((film, convergence))
+}
+
+/// Renders until a limit is reached, and keeps files and bar up to date.
+fn render(
+    job: &mut dyn Renderer,
+    (film, convergence): &mut (Film, Convergence),
+    limits: &Limits,
+    output: &mut RunOutput,
+    bar: &ProgressBar,
+) -> Stop {
+    let (began, area) = (Instant::now(), film.area());
+    // Keep the bar up to date
+    let show = |convergence: &Convergence| {
+        let spp = convergence.expected(limits, area);
+        let all = spp.map(|spp| spp.saturating_mul(area));
+        let paths = convergence.spp.saturating_mul(area);
+        let rmse =
+            convergence.rmse().map(|rmse| format!("rmse {rmse:.2e}, "));
+        let rmse = rmse.unwrap_or_default();
+        let known = format!("{} spp, {rmse}", convergence.spp);
+        expect(bar, (paths, all), "paths", known);
+    };
+    match job.training_rays(area) {
+        0 => show(convergence),
+        rays => expect(bar, (0, Some(rays)), "rays", "learning, ".into()),
+    }
+    // Write files between two passes
+    let mut after = |convergence: &Convergence, film: &Film| {
+        show(convergence);
+        let snapshot = Snapshot { convergence, film, stop: None };
+        if let Err(message) = output.after(snapshot) {
+            bar.suspend(|| progress::warn(&message));
+        }
+    };
+    let advance = |n| bar.inc(n);
+    let stop = convergence.run(job, film, limits, &advance, &mut after);
+    bar.finish_and_clear();
+    // Warn if there was no time
+    let late = limits.deadline.is_some_and(|end| began > end);
+    if late || (convergence.spp == 0 && stop == Stop::Time) {
+        let slow = match late {
+            true => "to load and to build",
+            false => "one sample of each pixel",
+        };
+        progress::warn(&format!("{slow} took longer than --time allows"));
+    }
+    stop
+}
+
+/// Writes the files and the summary, if there is a sample.
+fn end(
+    (film, convergence): &(Film, Convergence),
+    output: &mut RunOutput,
+    stop: Stop,
+    method: Method,
+    picture: Option<&Path>,
+) -> Result<(), String> {
+    // End without an image if there is no sample
+    let is_over = matches!(stop, Stop::Time | Stop::Signal(_));
+    if is_over && film.unsampled() == film.area() {
+        let message = stop.without_image(match method {
+            Method::Gather => "learning",
+            _ => "rendering",
+        });
+        if stop == Stop::Time {
+            return Err(message);
+        }
+        progress::error(&message);
+        return Ok(());
+    }
+    let snapshot = Snapshot { convergence, film, stop: Some(stop) };
+    output.close(snapshot)?;
+    if progress::is_quiet() {
+        return Ok(());
+    }
+    // Print the summary
+    let report = output.report.complete(snapshot);
+    let file = picture.map(|path| ("file", path.display().to_string()));
+    let lines = report.summary(film.area()).into_iter().chain(file);
+    for (name, text) in lines {
+        progress::inform(&format!("{name:10}{text}"));
+    }
+    Ok(())
+}
+
+/// Tells other ranks a value.
+fn tell(ranks: &dyn Ranks, value: &impl Serialize) {
+    let text = serde_json::to_vec(value);
+    ranks.tell(&mut text.unwrap_or_default());
+}
+
+/// Hears a value.
+fn hear<T: DeserializeOwned>(
+    ranks: &dyn Ranks,
+) -> Result<Option<T>, String> {
+    let value = ranks.hear().map(|text| serde_json::from_slice(&text));
+    value.transpose().map_err(|_| "another version of pt leads".into())
+}
+
+/// Renders for the process that leads, until it has nothing more to do.
+///
+/// # Errors
+/// The scene cannot be rendered here.
+pub fn follow(ranks: &dyn Ranks) -> Result<(), String> {
+    let _ = Interrupt::listen();
+    let Some(options) = hear(ranks)? else { return Ok(()) };
+    let options = Options::restore(&options)?;
+    progress::hush();
+    start_threads(&options)?;
+    // Hear the scene
+    let Some(bytes) = ranks.hear() else { return Ok(()) };
+    let file = options.input_name();
+    let read = read_file(&bytes).map_err(|error| error.within(&file));
+    let (mesh, _) = read?;
+    drop(bytes);
+    let subject = subject(&options, mesh.corners());
+    let scene = Scene::of(mesh);
+    // Prepare the scene as rank 0 does
+    let camera = camera(subject.resolution, &subject.view)?;
+    let kept = kept(&options);
+    let inquiry = inquire(&subject, &camera, &scene, &kept);
+    let report = &mut Report::default();
+    let (analysis, bvh, _) =
+        build(scene, &inquiry, &options, ranks, report)?;
+    let Some(run_key) = hear::<RunKey>(ranks)? else { return Ok(()) };
+    let setup =
+        Setup { intersector: &bvh, inquiry: &inquiry, analysis: &analysis };
+    let job = setup.renderer(&run_key.sampling);
+    ranks.serve(job, &run_key);
+    Ok(())
+}

@@ -1,0 +1,183 @@
+// Tangled from chapters/state.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+//! The state of a run in a file, from which it can go on.
+
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use sha2::{Digest, Sha256};
+
+use crate::film::Film;
+use crate::render_loop::Convergence;
+use crate::state::key::RunKey;
+use crate::statistics::Accumulator;
+
+/// The first line of a checkpoint; its number changes with the layout.
+const MAGIC: &[u8] = b"litpt checkpoint 5\n";
+
+/// The second line, as it is written or read.
+#[derive(Serialize, Deserialize)]
+struct Header<K, C> {
+    known: K,
+    convergence: C,
+}
+
+/// What is known of a run before its first sample.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Known {
+    /// What decides the samples.
+    pub run_key: RunKey,
+    /// The options of the program.
+    pub options: Value,
+    /// What a report says that does not change while the run goes on.
+    pub report: Value,
+}
+
+/// Writes a checkpoint.
+pub fn save(
+    known: &Known,
+    convergence: &Convergence,
+    film: &Film,
+    out: &mut dyn Write,
+) -> io::Result<()> {
+    let mut out = Checked { out, checksum: Sha256::new() };
+    out.write_all(MAGIC)?;
+    serde_json::to_writer(&mut out, &Header { known, convergence })?;
+    out.write_all(b"\n")?;
+    for sums in film.pixels.iter().chain(&film.tile_means) {
+        out.write_all(&sums.to_bytes())?;
+    }
+    let Checked { out, checksum } = out;
+    out.write_all(&checksum.finalize())
+}
+
+/// Computes the checksum of what passes.
+struct Checked<'a> {
+    out: &'a mut dyn Write,
+    checksum: Sha256,
+}
+
+impl Write for Checked<'_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = self.out.write(bytes)?;
+        self.checksum.update(&bytes[..written]);
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.out.flush()
+    }
+}
+
+/// The size of a checksum in bytes.
+const CHECKSUM: u64 = 32;
+
+/// Reads through a checkpoint, and returns to the line of JSON.
+fn recognise(file: &mut (impl BufRead + Seek)) -> Result<(), String> {
+    // Compare the first line
+    let mut magic = vec![];
+    let mut start = file.by_ref().take(MAGIC.len() as u64);
+    start.read_to_end(&mut magic).map_err(unreadable)?;
+    if magic != MAGIC {
+        return Err("is not a checkpoint of this version of pt".into());
+    }
+    // Compare the checksum with the content
+    let length = file.seek(SeekFrom::End(0)).map_err(unreadable)?;
+    file.rewind().map_err(unreadable)?;
+    let mut sink =
+        Checked { out: &mut io::sink(), checksum: Sha256::new() };
+    let mut content = file.by_ref().take(length.saturating_sub(CHECKSUM));
+    io::copy(&mut content, &mut sink).map_err(unreadable)?;
+    let mut stored = vec![];
+    file.read_to_end(&mut stored).map_err(unreadable)?;
+    if stored[..] != sink.checksum.finalize()[..] {
+        return Err("is damaged: its checksum is wrong".into());
+    }
+    file.seek(SeekFrom::Start(MAGIC.len() as u64)).map_err(unreadable)?;
+    Ok(())
+}
+
+fn unreadable(error: io::Error) -> String {
+    format!("cannot read: {error}")
+}
+
+/// A checkpoint that is whole.
+pub struct Checkpoint<R = BufReader<File>> {
+    /// What was known of its run.
+    pub known: Known,
+    /// What has been done of it.
+    pub convergence: Convergence,
+    /// The file from the first sum on.
+    sums: R,
+}
+
+impl<R: BufRead + Seek> Checkpoint<R> {
+    /// Reads a checkpoint up to the sums.
+    ///
+    /// # Errors
+    /// The file is no checkpoint, or is damaged.
+    pub fn open(mut file: R) -> Result<Self, String> {
+        recognise(&mut file)?;
+        let mut line = vec![];
+        file.read_until(b'\n', &mut line).map_err(unreadable)?;
+        let header = serde_json::from_slice(&line)
+            .map_err(|e| format!("is not a checkpoint of pt: {e}"))?;
+        let Header { known, convergence } = header;
+        Ok(Self { known, convergence, sums: file })
+    }
+
+    /// Fills the `film`, and returns the convergence so far.
+    ///
+    /// # Errors
+    /// The checkpoint belongs to another run, or cannot be read; the
+    /// image may then be filled in part.
+    pub fn resume(
+        mut self,
+        run_key: &RunKey,
+        film: &mut Film,
+    ) -> Result<Convergence, String> {
+        let differs = self.known.run_key.disagreement(run_key);
+        if let Some((name, [theirs, ours])) = differs {
+            return Err(format!(
+                "belongs to another run: its {name} is {theirs}, not {ours}"
+            ));
+        }
+        self.fill(film)?;
+        Ok(self.convergence)
+    }
+
+    /// Fills a film of the size that the run key tells.
+    ///
+    /// # Errors
+    /// The file cannot be read.
+    pub fn fill(&mut self, film: &mut Film) -> Result<(), String> {
+        let mut fill = |all: &mut [Accumulator]| {
+            all.iter_mut().try_for_each(|sums| {
+                let mut bytes = [0; 64];
+                self.sums.read_exact(&mut bytes).map_err(unreadable)?;
+                *sums = Accumulator::from_bytes(&bytes);
+                Ok(())
+            })
+        };
+        fill(&mut film.pixels)?;
+        fill(&mut film.tile_means)
+    }
+}
+
+impl Checkpoint {
+    /// Opens the checkpoint in a file, which the message names.
+    ///
+    /// # Errors
+    /// Those of [`Checkpoint::open`], or the file cannot be read.
+    pub fn of_file(path: &Path) -> Result<Self, String> {
+        File::open(path)
+            .map_err(unreadable)
+            .and_then(|file| Self::open(BufReader::new(file)))
+            .map_err(|fault| format!("{}: {fault}", path.display()))
+    }
+}

@@ -1,0 +1,123 @@
+// Tangled from chapters/state.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! All that decides the samples of a run.
+
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+
+use crate::camera::View;
+use crate::film::{Film, Window};
+use crate::render::choose::Sampling;
+
+/// All that decides the samples of a run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RunKey {
+    /// The version of the program.
+    pub version: String,
+    /// The integrator with its constants and the version of its samples.
+    pub integrator: String,
+    /// SHA-256 of the bytes of the scene, in hexadecimal digits.
+    pub scene_sha256: String,
+    /// What is shown.
+    #[serde(flatten)]
+    pub subject: Subject,
+    /// How samples are made.
+    #[serde(flatten)]
+    pub sampling: Sampling,
+    /// The part of the run that is rendered, unless it is all of it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub part: Option<Part>,
+}
+
+/// What an image shows of a scene.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Subject {
+    /// Width and height of the whole image.
+    pub resolution: (u32, u32),
+    /// The window that is rendered, unless it is the whole image.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub crop: Option<Window>,
+    /// Where the camera stands and looks.
+    #[serde(flatten)]
+    pub view: View,
+    /// Albedo of every surface.
+    pub albedo: f64,
+}
+
+/// A part of a run: some of its samples, in one band of its window.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Part {
+    /// Its first sample, and the one after its last.
+    pub samples: (u64, u64),
+    /// The number of samples of the whole run.
+    pub of: u64,
+    /// The number of its band, from 1, and how many bands there are.
+    pub band: (u32, u32),
+}
+
+impl Part {
+    /// The same in whole replicates of so many samples.
+    pub fn rounded(self, replicate: u64) -> Self {
+        let up = |n: u64| n.div_ceil(replicate).saturating_mul(replicate);
+        let (from, to) = self.samples;
+        let (samples, of) = ((up(from), up(to)), up(self.of));
+        Self { samples, of, ..self }
+    }
+
+    /// The number of its samples.
+    pub fn count(&self) -> u64 {
+        self.samples.1 - self.samples.0
+    }
+}
+
+impl RunKey {
+    /// The first entry in which two keys differ, and its values.
+    pub fn disagreement(
+        &self,
+        other: &Self,
+    ) -> Option<(String, [String; 2])> {
+        let (a, b) = (entries(self), entries(other));
+        let mut names = a.keys().chain(b.keys());
+        let name = names.find(|&name| a.get(name) != b.get(name))?;
+        let show = |key: &Map<String, Value>| {
+            key.get(name).map_or("nothing".to_owned(), Value::to_string)
+        };
+        Some((name.clone(), [show(&a), show(&b)]))
+    }
+
+    /// The window of the run, and the band of it that is rendered.
+    pub fn windows(&self) -> [Window; 2] {
+        let Subject { resolution, crop, .. } = self.subject;
+        let window = whole_window(resolution, crop);
+        let band = self.part.map_or((1, 1), |part| part.band);
+        [window, window.band(band)]
+    }
+
+    /// An empty film for what is rendered.
+    pub fn film(&self) -> Film {
+        let first = self.part.map_or(0, |part| part.samples.0);
+        self.film_of(self.windows()[1], first)
+    }
+
+    /// An empty film of a part of the window, for samples that follow so many
+    /// others.
+    pub fn film_of(&self, window: Window, first: u64) -> Film {
+        let mut film = self.sampling.film(self.subject.resolution, window);
+        (film.whole, film.first) = (self.windows()[0], first);
+        film
+    }
+}
+
+/// The names and values of what is written as an object.
+pub fn entries(value: &impl Serialize) -> Map<String, Value> {
+    match serde_json::to_value(value) {
+        Ok(Value::Object(entries)) => entries,
+        _ => Map::new(),
+    }
+}
+
+/// The window that is rendered: the whole image, if there is no crop.
+pub fn whole_window(size: (u32, u32), crop: Option<Window>) -> Window {
+    crop.unwrap_or(Window { corner: (0, 0), size })
+}

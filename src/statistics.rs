@@ -1,0 +1,189 @@
+// Tangled from chapters/exact_sums.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The mean of many values, and its error.
+
+use bytemuck::{Pod, Zeroable, cast};
+
+/// Count, sum and sum of squares of the values so far. A value is cut
+/// to a multiple of 2^-88 and nothing else is rounded: the same values in
+/// any order, and divided in any manner among accumulators that are
+/// merged, give the same bits.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Accumulator {
+    count: u64,
+    /// The sum of the values in units of 2^-88, lowest digit first, as
+    /// two's complement.
+    sum: [u64; 3],
+    /// The sum of their squares in units of 2^-176, likewise.
+    squares: [u64; 4],
+}
+
+impl Accumulator {
+    /// Takes one more value into account; it lies in (-2^39, 2^39). A value
+    /// outside, or NaN, makes the error infinite.
+    #[inline]
+    pub fn add(&mut self, value: f64) {
+        self.count += 1;
+        if !(-LARGE < value && value < LARGE) {
+            self.squares = [u64::MAX; 4];
+            return;
+        }
+        let units = (value.abs() * UNITS) as u128;
+        let (low, high) = (units as u64, (units >> 64) as u64);
+        match value < 0. {
+            false => _ = accumulate(&mut self.sum, &[low, high, 0]),
+            true => subtract(&mut self.sum, &[low, high, 0]),
+        }
+        // Square the number of two digits
+        let (h, l) = (u128::from(high), u128::from(low));
+        let middle = 2 * h * l + ((l * l) >> 64);
+        let upper = h * h + (middle >> 64);
+        let [low, middle, upper, top] =
+            [l * l, middle, upper, upper >> 64].map(|digit| digit as u64);
+        let square = [low, middle, upper, top];
+        if accumulate(&mut self.squares, &square) {
+            self.squares = [u64::MAX; 4];
+        }
+    }
+
+    /// Takes the same value into account `count` times.
+    pub fn add_times(&mut self, value: f64, mut count: u64) {
+        let mut power = Self::default();
+        power.add(value);
+        while count > 0 {
+            if count % 2 == 1 {
+                self.merge(&power);
+            }
+            count /= 2;
+            // Twice 2^63 values would be more than the count can hold.
+            if count > 0 {
+                power.merge(&{ power });
+            }
+        }
+    }
+
+    /// Takes all the values of another accumulator into account.
+    pub fn merge(&mut self, other: &Self) {
+        self.count += other.count;
+        accumulate(&mut self.sum, &other.sum);
+        if accumulate(&mut self.squares, &other.squares) {
+            self.squares = [u64::MAX; 4];
+        }
+    }
+
+    /// The number of values.
+    pub fn count(&self) -> u64 {
+        self.count
+    }
+
+    /// The magnitude of the sum, and whether it is negative.
+    fn magnitude(&self) -> ([u64; 3], bool) {
+        let is_negative = self.sum[2] >> 63 == 1;
+        let mut magnitude = [0; 3];
+        match is_negative {
+            false => magnitude = self.sum,
+            true => subtract(&mut magnitude, &self.sum),
+        }
+        (magnitude, is_negative)
+    }
+
+    /// The mean of the values; 0 if there are none.
+    pub fn mean(&self) -> f64 {
+        let divisor = u128::from(self.count.max(1));
+        let (sum, is_negative) = self.magnitude();
+        let (mut quotient, mut rest) = (0, 0);
+        for digit in sum.into_iter().rev() {
+            let dividend = (rest << 64) | u128::from(digit);
+            quotient = (quotient << 64) | (dividend / divisor);
+            rest = dividend % divisor;
+        }
+        let mean = quotient as f64 / UNITS;
+        if is_negative { -mean } else { mean }
+    }
+
+    /// The unbiased estimate of the variance of one value; infinite when
+    /// fewer than two values leave it unknown.
+    pub fn variance(&self) -> f64 {
+        if self.count < 2 || self.squares == [u64::MAX; 4] {
+            return f64::INFINITY;
+        }
+        // The square of the sum is subtracted digit by digit.
+        let mut difference = [0u64; 5];
+        difference[..4].copy_from_slice(&self.squares);
+        scale(&mut difference, self.count);
+        let (sum, _) = self.magnitude();
+        for (i, digit) in sum.into_iter().enumerate() {
+            let mut share = [0; 5];
+            share[i..i + 3].copy_from_slice(&sum);
+            scale(&mut share, digit);
+            subtract(&mut difference, &share);
+        }
+        let n = self.count as f64;
+        to_f64(&difference) / UNITS / UNITS / (n * (n - 1.))
+    }
+
+    /// The standard error of the mean; infinite where the variance is.
+    pub fn standard_error(&self) -> f64 {
+        (self.variance() / self.count.max(1) as f64).sqrt()
+    }
+
+    /// The state as 64 bytes: count, sum and squares, in little endian.
+    pub fn to_bytes(&self) -> [u8; 64] {
+        cast(cast::<_, [u64; 8]>(*self).map(u64::to_le))
+    }
+
+    /// The accumulator that [`to_bytes`](Self::to_bytes) stored.
+    pub fn from_bytes(bytes: &[u8; 64]) -> Self {
+        cast(cast::<_, [u64; 8]>(*bytes).map(u64::from_le))
+    }
+}
+
+/// The number of units in 1, 2^88, and the bound of values, 2^39.
+const UNITS: f64 = (1u128 << 88) as f64;
+const LARGE: f64 = (1u64 << 39) as f64;
+
+/// Adds a number to a sum; tells whether the sum overflows.
+#[inline]
+fn accumulate<const N: usize>(sum: &mut [u64; N], more: &[u64; N]) -> bool {
+    let mut carry = false;
+    for (digit, more) in sum.iter_mut().zip(more) {
+        let (partial, first) = digit.overflowing_add(*more);
+        let (total, second) = partial.overflowing_add(u64::from(carry));
+        (*digit, carry) = (total, first | second);
+    }
+    carry
+}
+
+/// Multiplies a number by a digit; what overflows is lost.
+fn scale<const N: usize>(number: &mut [u64; N], factor: u64) {
+    let mut carry = 0;
+    for digit in number {
+        let product = u128::from(*digit) * u128::from(factor) + carry;
+        *digit = product as u64;
+        carry = product >> 64;
+    }
+}
+
+/// Subtracts a number from one that is not smaller.
+fn subtract<const N: usize>(number: &mut [u64; N], less: &[u64; N]) {
+    let mut borrow = false;
+    for (digit, less) in number.iter_mut().zip(less) {
+        let (partial, first) = digit.overflowing_sub(*less);
+        let (total, second) = partial.overflowing_sub(u64::from(borrow));
+        (*digit, borrow) = (total, first | second);
+    }
+}
+
+/// The nearest double, or a neighbour of it.
+fn to_f64(number: &[u64]) -> f64 {
+    let top = number.iter().rposition(|&digit| digit > 0).unwrap_or(0);
+    let below = top.saturating_sub(1);
+    let high = u128::from(number[top]) << 64;
+    let pair = match top {
+        0 => u128::from(number[0]),
+        _ => high | u128::from(number[below]),
+    };
+    (0..below).fold(pair as f64, |x, _| x * (2. * (1u64 << 63) as f64))
+}
