@@ -19,14 +19,16 @@ use crate::solids::{Solid, winding};
 /// passage 5 mm high and 8 mm wide, in which one path of 10^7 stays longer.
 const LONG: u64 = 10_000;
 
-struct Path {
+/// A path at its last point.
+pub struct Path {
     ray: Ray,
     /// The triangle that it leaves.
     from: Option<u32>,
 }
 
 impl Path {
-    fn new(origin: DVec3, direction: DVec3) -> Self {
+    /// One that starts there.
+    pub fn new(origin: DVec3, direction: DVec3) -> Self {
         Self { ray: Ray { origin, direction }, from: None }
     }
 
@@ -47,7 +49,7 @@ impl Path {
     }
 
     /// Follows one ray; whether it meets something within these triangles.
-    fn is_within<K: Intersector>(
+    pub fn is_within<K: Intersector>(
         &mut self,
         triangles: &[Triangle],
         intersector: &K,
@@ -156,35 +158,6 @@ pub fn uniform(random: &mut Pcg64Mcg) -> DVec3 {
         let d = DVec3::new(one(), one(), one());
         if (0.01..1.).contains(&d.length_squared()) {
             return d.normalize();
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::solids;
-
-    struct Within<'a>(&'a Solid, DVec3);
-
-    impl Dispatch for Within<'_> {
-        type Output = bool;
-
-        fn with<K: Intersector>(self, intersector: &K) -> bool {
-            let mut random = Pcg64Mcg::seed_from_u64(1);
-            let mut path = Path::new(self.1, DVec3::new(0.6, 0., -0.8));
-            path.is_within(&self.0.own(), intersector, &mut random)
-        }
-    }
-
-    #[test]
-    fn a_path_that_has_got_inside_is_told_from_one_outside() {
-        for solid in &solids::all() {
-            let bvh = Bvh::new(&solid.scene).unwrap();
-            let inside = solid.cameras[0];
-            assert!(bvh.dispatch(Within(solid, inside)), "{}", solid.name);
-            let above = inside + DVec3::new(-6e4, 0., 8e4);
-            assert!(!bvh.dispatch(Within(solid, above)), "{}", solid.name);
         }
     }
 }

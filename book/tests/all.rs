@@ -5,6 +5,7 @@
 
 mod calibration;
 mod courtyard;
+mod escapes;
 mod interiors;
 mod programs;
 

@@ -84,39 +84,30 @@ pub fn main() -> ExitCode {
 
 /// Runs what a name, or else the first argument, stands for.
 pub fn run(name: &OsStr, args: &[OsString], streams: &mut Streams) -> u8 {
-    if let Some(command) = find(name) {
-        return run_command(command, args, streams);
-    }
-    match args {
-        [first, ..] if asks(first, HELP) => streams.say(&help()),
-        [first, ..] if asks(first, VERSION) => streams.say(&version()),
-        [first, rest @ ..] => match find(first) {
-            Some(command) => run_command(command, rest, streams),
-            None => {
-                streams.misused(format!("unknown command {}", shown(first)))
-            }
-        },
-        [] => streams.misused("which command?".into()),
+    let (command, args) = match (find(name), args) {
+        (None, [first, rest @ ..]) if find(first).is_some() => {
+            (find(first), rest)
+        }
+        called => called,
+    };
+    match (args.first(), command) {
+        (Some(first), _) if asks(first, ["-h", "--help"]) => {
+            streams.say(&command.map_or_else(help, help_of))
+        }
+        (Some(first), _) if asks(first, ["-V", "--version"]) => {
+            streams.say(&version())
+        }
+        (_, Some((_, run, ..))) => run(args, streams),
+        // Refuse what is no command
+        (Some(first), None) => {
+            streams.misused(format!("unknown command {}", shown(first)))
+        }
+        (None, None) => streams.misused("which command?".into()),
     }
 }
-
-const HELP: [&str; 2] = ["-h", "--help"];
-const VERSION: [&str; 2] = ["-V", "--version"];
 
 fn asks(arg: &OsString, options: [&str; 2]) -> bool {
     options.iter().any(|option| arg == option)
-}
-
-fn run_command(
-    command: &Command,
-    args: &[OsString],
-    streams: &mut Streams,
-) -> u8 {
-    match args {
-        [first, ..] if asks(first, HELP) => streams.say(&help_of(command)),
-        [first, ..] if asks(first, VERSION) => streams.say(&version()),
-        _ => (command.1)(args, streams),
-    }
 }
 
 fn find(name: &OsStr) -> Option<&'static Command> {

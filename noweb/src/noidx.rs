@@ -181,7 +181,6 @@ impl<'a> Resolver<'a> {
     fn resolve(&mut self, line: &'a [u8]) {
         let Some(mark) = Mark::read(line) else { return };
         match mark.keyword {
-            b"begin" => self.begin(line),
             b"defn" => self.define(mark.text(), line),
             b"end" => self.end(mark.inner(), line),
             b"use" => self.use_chunk(mark.text(), line),
@@ -272,9 +271,9 @@ impl<'a> Resolver<'a> {
     }
 
     fn end(&mut self, chunk: Mark, line: &[u8]) {
+        let defined = std::mem::take(&mut self.defined);
+        let used = std::mem::take(&mut self.used);
         if chunk.keyword == b"code" {
-            let defined = std::mem::take(&mut self.defined);
-            let used = std::mem::take(&mut self.used);
             let used = &used - &defined;
             // Remember the names for the end of the chapter
             self.chapter_defines.extend(&defined);
@@ -323,12 +322,6 @@ impl<'a> Resolver<'a> {
             self.put(&[b"@index miniitem ", label.as_bytes(), b" ", name]);
         }
         self.copy(b"@index endmini");
-    }
-
-    fn begin(&mut self, line: &[u8]) {
-        self.copy(line);
-        self.defined.clear();
-        self.used.clear();
     }
 
     fn list_all_names(&mut self) {

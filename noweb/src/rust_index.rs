@@ -17,7 +17,7 @@ use proc_macro2::LexError;
 
 use crate::Streams;
 use crate::diagnostic::{
-    Diagnostic, Faults, Level, Place, bytes_of, shown, text_of,
+    Diagnostic, Faults, Level, Place, Position, bytes_of, shown, text_of,
 };
 use crate::finduses::Recogniser;
 use crate::markup::parse_token;
@@ -155,11 +155,30 @@ impl<'n> Notes<'_, 'n> {
         }
     }
 
-    fn complain(&mut self, path: &str, error: &LexError) {
+    fn complain(&mut self, path: &str, text: &Text, error: &LexError) {
+        let at = error.span().byte_range().start;
+        let places = text.places(&(at..at + 1));
+        let position = places.first().map(|(line, _)| self.position(*line));
         let what = format!("{path} is no Rust: {error}");
         let help = "its identifiers are those of the %def lines alone";
-        let fault = Diagnostic::new(Level::Warning, None, what);
+        let fault = Diagnostic::new(Level::Warning, position, what);
         self.faults.push(fault.with_help(help));
+    }
+
+    /// The line of its chapter, for people.
+    fn position(&self, number: usize) -> Position {
+        let (mut file, mut line) = (&b""[..], 1);
+        for mark in
+            self.lines[..number].iter().filter_map(|l| Mark::read(l))
+        {
+            match mark.keyword {
+                b"file" => (file, line) = (mark.text(), 1),
+                b"nl" => line += 1,
+                b"index" if mark.text() == b"nl" => line += 1,
+                _ => {}
+            }
+        }
+        Position { file: text_of(file), line, column: 1, excerpt: None }
     }
 }
 fn sources(web: &Web) -> Vec<(String, Text)> {
@@ -410,7 +429,7 @@ pub fn index(stream: &[u8]) -> (Vec<u8>, Faults) {
                 files.push(File { path: path.clone(), tokens });
                 texts.push(text);
             }
-            Err(error) => notes.complain(path, &error),
+            Err(error) => notes.complain(path, text, &error),
         }
     }
     let names = Names::new(&files, library);

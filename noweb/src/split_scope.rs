@@ -110,10 +110,8 @@ fn settle_lists(lines: &mut Vec<&[u8]>) {
     lines.splice(place..place, taken);
 }
 
-pub struct Page {
-    pub name: Vec<u8>,
-    pub tex: Vec<u8>,
-}
+/// The name of a file, and its text.
+pub type Page = (Vec<u8>, Vec<u8>);
 
 /// Converts a stream into files, and collects the warnings.
 pub fn split(
@@ -132,7 +130,7 @@ pub fn split(
         let converted = totex::to_tex(lines, &options, &mut memory);
         messages.extend(converted.messages);
         let name = [stem(piece.source), b".tex"].concat();
-        Page { name, tex: converted.text }
+        (name, converted.text)
     });
     Ok((pages.collect(), messages))
 }
@@ -156,9 +154,9 @@ fn write_pages(pages: &[Page], dir: &Path) -> Result<(), String> {
     }
     std::fs::create_dir_all(dir).map_err(|e| cannot(dir, e))?;
     // Write each page that has changed
-    for page in pages {
-        let path = dir.join(OsStr::from_bytes(&page.name));
-        copy_if(&path, &page.tex).map_err(|e| cannot(&path, e))?;
+    for (name, tex) in pages {
+        let path = dir.join(OsStr::from_bytes(name));
+        copy_if(&path, tex).map_err(|e| cannot(&path, e))?;
     }
     Ok(())
 }

@@ -515,7 +515,7 @@ fn a_file_that_does_not_parse_keeps_its_lists_and_is_reported() {
          <<Broken>>=\n  fn f( { count(); }\n@\n\
          <<demo/src/main.rs>>=\nfn main() { go(); }\nfn go() {}\n@\n",
     );
-    let warning = "warning: demo/src/lib.rs is no Rust";
+    let warning = "a.nw:7:1: warning: demo/src/lib.rs is no Rust";
     assert!(warnings.starts_with(warning), "{warnings}");
     let used = marked(&out, &["@index use "]);
     let word = "count -> count";
