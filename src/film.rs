@@ -311,14 +311,14 @@ impl Film {
         self.pixels[self.tiles[place].start].count() > 0
     }
 
-    /// Whether all pixels of a window have a sample, and whether none has.
-    pub fn sampled(&self, window: Window) -> [bool; 2] {
+    /// Whether all pixels of a window have a sample, or none has.
+    pub fn sampled(&self, window: Window) -> Option<bool> {
         let ((left, top), (columns, rows)) = window.cells();
         let row = |y| (left..left + columns).map(move |x| (x, y));
         let place = |(x, y)| self.place(x * SIDE, y * SIDE);
         let mut places = (top..top + rows).flat_map(row).map(place);
-        let all = places.clone().all(|place| self.is_sampled(place));
-        [all, !places.any(|place| self.is_sampled(place))]
+        let first = self.is_sampled(places.next()?);
+        places.all(|at| self.is_sampled(at) == first).then_some(first)
     }
 
     /// A value of each pixel of a window, row by row: `none` without a sample.

@@ -159,45 +159,32 @@ fn false_alarms_are_as_rare_as_promised() {
     }
 }
 
-/// Two images of fair coins.
-fn coins(seed: u64) -> [Image; 2] {
-    let mut random = Random::seed_from_u64(seed);
+/// A bias of one percent, opposite faults of two halves, and a wrong pixel.
+#[test]
+fn a_fault_is_found_on_its_scale_alone() {
+    let mut random = Random::seed_from_u64(5);
     let mut weight = |_, _| coin(0.5)(&mut random);
-    [(); 2].map(|()| render((128, 96), 64, &mut weight))
-}
-
-#[test]
-fn a_bias_of_one_percent_is_seen_by_the_mean_alone() {
-    let [a, mut b] = coins(5);
+    let [a, b] = [(); 2].map(|()| render((128, 96), 64, &mut weight));
     assert!(compare(&a, &b).unwrap().consistent());
-    b.means.iter_mut().for_each(|mean| *mean *= 1.01);
-    let difference = compare(&a, &b).unwrap();
-    assert_eq!(failures(&difference), [0, 0, 1]);
-    assert!(!difference.consistent());
-}
-
-#[test]
-fn opposite_faults_of_two_halves_are_seen_by_the_blocks() {
-    let [a, mut b] = coins(6);
-    for (i, mean) in b.means.iter_mut().enumerate() {
-        *mean += if i % 128 < 64 { 0.02 } else { -0.02 };
-    }
-    let [pixels, blocks, film] = failures(&compare(&a, &b).unwrap());
+    let changed = |change: &dyn Fn(usize, f64) -> f64| {
+        let means = b.means.iter().enumerate();
+        let means = means.map(|(i, &mean)| change(i, mean)).collect();
+        compare(&a, &Image { means, ..b.clone() }).unwrap()
+    };
+    let biased = changed(&|_, mean| 1.01 * mean);
+    assert_eq!(failures(&biased), [0, 0, 1]);
+    assert!(!biased.consistent());
+    let side = |i: usize| if i % 128 < 64 { 0.02 } else { -0.02 };
+    let halves = changed(&|i, mean| mean + side(i));
+    let [pixels, blocks, film] = failures(&halves);
     assert!(pixels == 0 && blocks > 5 && film == 0, "{blocks}");
-}
-
-#[test]
-fn a_single_wrong_pixel_is_found_at_its_place() {
-    let mut random = Random::seed_from_u64(7);
-    let mut weight = |_, _| normal(&mut random);
-    let a = render((50, 40), 64, &mut weight);
-    let mut b = render((50, 40), 64, &mut weight);
-    b.means[7 * 50 + 31] += 2.;
-    let difference = compare(&a, &b).unwrap();
-    assert_eq!(failures(&difference), [1, 0, 0]);
-    let (z, x, y) = difference.scales[0].largest;
+    let at = 7 * 128 + 31;
+    let wrong = |i| f64::from(u8::from(i == at));
+    let single = changed(&|i, mean| mean + wrong(i));
+    assert_eq!(failures(&single), [1, 0, 0]);
+    let (z, x, y) = single.scales[0].largest;
     assert!((x, y) == (31, 7) && z < -9., "{z} at {x},{y}");
-    assert!(difference.z[7 * 50 + 31] < -9.);
+    assert!(single.z[at] < -9.);
 }
 
 /// Two images of which the second states `factor` of its errors.

@@ -144,32 +144,31 @@ struct Output {
 
 impl Output {
     /// The targets of an image, which on standard output has the format
-    /// that was asked for, or the usual one.
-    fn targets(&self, usual: Format) -> Result<Vec<ImageTarget>, String> {
-        let target = |path: &PathBuf| match (descriptor(path), self.format)
-        {
-            (None, Some(_)) => Err(format!(
-                "{}: --format is for standard output; the name of a file \
-                 tells its format",
-                path.display()
-            )),
-            (_, format) => {
-                ImageTarget::file(path, format.unwrap_or(usual), self.force)
+    /// that was asked for, or the usual one; `grey` allows levels only.
+    fn targets(
+        &self,
+        usual: Format,
+        grey: bool,
+    ) -> Result<Vec<ImageTarget>, String> {
+        let target = |path: &PathBuf| {
+            // Check one target
+            let name = path.display();
+            if descriptor(path).is_none() && self.format.is_some() {
+                return Err(format!(
+                    "{name}: --format is for standard output; the name of a file \
+                     tells its format"
+                ));
+            }
+            let format = self.format.unwrap_or(usual);
+            let target = ImageTarget::file(path, format, self.force)?;
+            match grey && !is_grey(&target) {
+                true => Err(format!(
+                    "{name}: this image is written as .pgm or .png"
+                )),
+                false => Ok(target),
             }
         };
         self.output.iter().map(target).collect()
-    }
-
-    /// The targets of an image of grey levels.
-    fn grey_targets(&self) -> Result<Vec<ImageTarget>, String> {
-        let targets = self.targets(Format::Pgm)?;
-        match targets.iter().zip(&self.output).find(|(t, _)| !is_grey(t)) {
-            None => Ok(targets),
-            Some((_, path)) => Err(format!(
-                "{}: this image is written as .pgm or .png",
-                path.display()
-            )),
-        }
     }
 
     /// Whether something goes to standard output.
@@ -200,7 +199,7 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
         Verb::Info { files, json } => inform(files, *json)?,
         // Make an image for the screen
         Verb::Tonemap { input, to, exposure, tonemap } => {
-            let targets = to.grey_targets()?;
+            let targets = to.targets(Format::Pgm, true)?;
             let image = read(input)?;
             let grey = display::tonemap(&image, *exposure, *tonemap);
             write(&targets, &grey)?;
@@ -208,7 +207,7 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
         Verb::Merge(merge) => merge.run()?,
         Verb::Stderr { input, to, relative } => {
             // Show the standard errors
-            let targets = to.grey_targets()?;
+            let targets = to.targets(Format::Pgm, true)?;
             let image = read(input)?;
             let (grey, white) = display::errors(&image, *relative)
                 .map_err(|fault| format!("{}: {fault}", input.display()))?;
@@ -226,7 +225,7 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
             if to.is_standard() && !quiet {
                 return Err("a map on standard output needs -q".to_owned());
             }
-            return diff([a, b], &to.targets(Format::Pgm)?, *quiet);
+            return diff([a, b], &to.targets(Format::Pgm, false)?, *quiet);
         }
     }
     Ok(ExitCode::SUCCESS)
@@ -256,7 +255,7 @@ impl Merge {
                 file.display()
             ));
         }
-        let images = self.to.targets(Format::Exr)?;
+        let images = self.to.targets(Format::Exr, false)?;
         // Find the targets of the reports
         let report = |path: &PathBuf| {
             Ok((Kind::of(path)?, OutputTarget::file(path, self.to.force)?))

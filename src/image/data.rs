@@ -78,10 +78,10 @@ pub trait Source: Sync {
     /// What a window holds, without attributes.
     fn part(&self, window: Window) -> Image;
 
-    /// Whether all pixels of a window surely have a sample, and whether
-    /// none has.
-    fn sampled(&self, _: Window) -> [bool; 2] {
-        [false; 2]
+    /// Whether all pixels of a window have a sample, or none has; none if
+    /// this is not known.
+    fn sampled(&self, _: Window) -> Option<bool> {
+        None
     }
 
     /// What is known about the run.
@@ -137,7 +137,7 @@ impl Source for Picture<'_> {
         }
     }
 
-    fn sampled(&self, window: Window) -> [bool; 2] {
+    fn sampled(&self, window: Window) -> Option<bool> {
         self.film.sampled(window)
     }
 

@@ -74,7 +74,8 @@ fn compress(
         .map(|Vec2(x, y)| (x as u32, y as u32));
     let (left, top) = image.window().corner;
     let window = Window { corner: (left + x, top + y), size };
-    let is_gap = window.area() == TILE * TILE && image.sampled(window)[1];
+    let is_gap = window.area() == TILE * TILE
+        && image.sampled(window) == Some(false);
     // Take the first gap for another
     if let (true, Some(chunk)) = (is_gap, gap.get()) {
         // Copy a gap to its place

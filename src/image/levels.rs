@@ -71,7 +71,7 @@ fn by_squares(
 /// The mean of each square, row by row, or of what is around it; empty if
 /// there are no gaps.
 fn fill(image: &dyn Source) -> io::Result<Vec<f64>> {
-    if image.sampled(image.window())[0] {
+    if image.sampled(image.window()) == Some(true) {
         return Ok(vec![]);
     }
     let width = image.window().size.0 as usize;
