@@ -10,6 +10,7 @@ use rand::RngExt;
 use rand_pcg::Pcg64;
 
 use crate::numerics::sincos_turns;
+use sobol::to_unit;
 
 /// The numbers of one sample of a pixel, asked for by their dimension.
 /// They are a function of the seed, the pixel, the sample and the dimension
@@ -110,9 +111,7 @@ impl Sampler for IndependentSampler {
 /// uniform random number chooses in column or row `i` of `n` <= 65536.
 #[inline(always)]
 pub fn within(i: u32, n: u32, random: u32) -> f64 {
-    const STRIPE: f64 = 1. / (1u64 << 32) as f64;
-    let offset = (f64::from(random) + 0.5) * STRIPE;
-    (f64::from(i) + offset) / f64::from(n)
+    (f64::from(i) + to_unit(random)) / f64::from(n)
 }
 
 /// A direction around the unit vector `normal`, with density cos/π,

@@ -596,7 +596,7 @@ fn sampling(
     let left = |end: Instant| end.saturating_duration_since(Instant::now());
     let left = options.deadline(start).map(|end| left(end).as_secs_f64());
     let request = Request {
-        method: options.integrator.0,
+        method: options.integrator,
         seed: options.seed,
         window: options.window(),
         samples: options.samples(),

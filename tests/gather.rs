@@ -9,12 +9,11 @@ use crate::{chance, common};
 
 use chance::Chance;
 use std::collections::BTreeMap;
-use std::fs;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
-use common::{BOX, Run, Scratch, finish, signal, wait_until};
+use common::{BOX, Run, Scratch};
 use glam::DVec3;
 use litpt::analysis::Inquiry;
 use litpt::analysis::background::{
@@ -44,7 +43,6 @@ use litpt_book::settings;
 use rand::{Rng, RngExt};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
-use serde_json::Value;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 /// Comparisons with a distribution in this file, which together give a false
@@ -851,18 +849,19 @@ fn the_error_of_the_mean_of_an_image_is_as_large_as_stated() {
 
 const METHODS: [&str; 2] = ["sobol", "gather"];
 
-/// Runs `pt` on the room.
-fn pt(place: &Scratch, method: &str, options: &[&str]) -> Run {
-    let room = ["-q", "-iroom.obj", "-d23x17", "-r0.7"];
+/// Runs `pt` on the room, with options between blanks.
+fn pt(place: &Scratch, method: &str, options: &str) -> Run {
+    let room = ["-qf", "-iroom.obj", "-d23x17", "-r0.7"];
     let method = ["--integrator", method];
-    let run = place.run(&[&room[..], &method, options].concat());
+    let options: Vec<_> = options.split(' ').collect();
+    let run = place.run(&[&room[..], &method, &options].concat());
     run.succeeded();
     run
 }
 
 /// The numbers of a PFM, which has no attributes.
-fn image(place: &Scratch, method: &str, options: &[&str]) -> Vec<u8> {
-    let run = pt(place, method, &[&["--format=pfm"], options].concat());
+fn image(place: &Scratch, method: &str, options: &str) -> Vec<u8> {
+    let run = pt(place, method, &format!("--format=pfm {options}"));
     assert!(!run.stdout.is_empty());
     run.stdout
 }
@@ -870,61 +869,20 @@ fn image(place: &Scratch, method: &str, options: &[&str]) -> Vec<u8> {
 #[test]
 fn threads_and_instructions_do_not_change_a_bit_of_any_method() {
     let place = Scratch::new();
-    for method in METHODS {
-        let one = image(&place, method, &["-n64", "-j1"]);
-        for threads in ["-j2", "-j7"] {
-            let many = image(&place, method, &["-n64", threads]);
-            assert!(many == one, "{method} {threads}");
+    let available = Isa::ALL.into_iter().filter(|isa| isa.is_available());
+    let isas = available.map(|isa| format!("-n64 --isa={isa}"));
+    let others: Vec<_> =
+        isas.chain(["-n64 -j2".into(), "-n64 -j7".into()]).collect();
+    let [a, b] = METHODS.map(|method| {
+        let one = image(&place, method, "-n64 -j1");
+        for other in &others {
+            let same = image(&place, method, other) == one;
+            assert!(same, "{method} {other}");
         }
-        for isa in Isa::ALL.into_iter().filter(|isa| isa.is_available()) {
-            let option = format!("--isa={isa}");
-            let other = image(&place, method, &["-n64", &option]);
-            assert!(other == one, "{method} {option}");
-        }
-        assert!(image(&place, method, &["-n64", "-s1"]) != one);
-    }
-    let [a, b] = METHODS.map(|method| image(&place, method, &["-n64"]));
-    assert!(a != b && a != image(&place, "reference", &["-n64"]));
-}
-
-/// The samples in a checkpoint; none if there is no such file.
-fn saved_spp(place: &Scratch) -> Option<u64> {
-    let bytes = fs::read(place.path("c")).ok()?;
-    let line = bytes.split(|&byte| byte == b'\n').nth(1)?;
-    let header: Value = serde_json::from_slice(line).unwrap();
-    header["convergence"]["spp"].as_u64()
-}
-
-/// Starts a run that saves itself, and sends a signal when it has saved more
-/// than `spp` samples; returns how many there are then.
-fn stop(place: &Scratch, name: &str, spp: u64, options: &[&str]) -> u64 {
-    let saving = ["-q", "--every=0.001", "--checkpoint=c", "-o", "a.pfm"];
-    let mut command = place.pt(&[&saving[..], options].concat());
-    let mut child = command.spawn().unwrap();
-    let saved = || saved_spp(place) > Some(spp);
-    wait_until(&mut child, "checkpoint", saved);
-    signal(name, &child);
-    let run = finish(child);
-    assert_ne!(run.status, Some(0), "the run has ended before");
-    saved_spp(place).unwrap()
-}
-
-// A signal leaves tiles of different numbers of scrambles, a kill the last
-// state that was saved.
-#[test]
-fn a_run_that_was_stopped_goes_on_to_the_image_of_an_uninterrupted_one() {
-    for (method, n) in [("sobol", "-n16384"), ("gather", "-n4096")] {
-        let place = Scratch::new();
-        let room = ["-iroom.obj", "-d23x17", "-r0.7", "-j2", n];
-        let run = [&room[..], &["--integrator", method]].concat();
-        let first = stop(&place, "INT", 0, &run);
-        let on = ["-f", "--resume=c", "-j1"];
-        let second = stop(&place, "KILL", first, &[&run[..], &on].concat());
-        assert!(second > first);
-        place.run(&["--resume=c", "-j7"]).succeeded();
-        let whole = image(&place, method, &[n]);
-        assert!(place.get("a.pfm") == whole, "{method}");
-    }
+        assert!(image(&place, method, "-n64 -s1") != one);
+        one
+    });
+    assert!(a != b && a != image(&place, "reference", "-n64"));
 }
 
 #[test]
@@ -932,17 +890,16 @@ fn a_checkpoint_decides_how_many_samples_are_placed_together() {
     for method in METHODS {
         let place = Scratch::new();
         // Scrambles of 4 samples; those of 160 samples would have 8.
-        pt(&place, method, &["-n64", "-o", "a.pfm", "--checkpoint=c"]);
+        pt(&place, method, "-n64 -oa.pfm --checkpoint=c");
         place.put("d", place.get("c"));
         let on = |name: &str, n: &str| {
             place.run(&["-q", "--resume", name, n]).succeeded();
             place.get("a.pfm")
         };
         let at_once = on("c", "-n160");
-        assert_eq!(saved_spp(&place), Some(160));
         on("d", "-n98");
         assert!(on("d", "-n160") == at_once, "{method}");
-        assert!(image(&place, method, &["-n160"]) != at_once);
+        assert!(image(&place, method, "-n160") != at_once);
         // Another method or seed is another run.
         for (option, fact) in
             [("--integrator=reference", "integrator"), ("-s1", "seed")]
@@ -956,12 +913,12 @@ fn a_checkpoint_decides_how_many_samples_are_placed_together() {
 #[test]
 fn samples_are_rounded_up_to_whole_scrambles() {
     let place = Scratch::new();
-    let files = ["-f", "-o", "a.exr", "-o", "a.pfm", "--report=r.json"];
     for method in METHODS {
         // A scramble has 8 samples of 33 of paths in nets, 2 of a gather.
         let last = if method == "sobol" { 40 } else { 34 };
         for (n, there) in [("-n1", 1), ("-n3", 3), ("-n33", last)] {
-            pt(&place, method, &[&files[..], &[n]].concat());
+            let files = "-oa.exr -oa.pfm --report=r.json";
+            pt(&place, method, &format!("{files} {n}"));
             let report = place.json("r.json");
             assert_eq!(report["spp"], there, "{method} {n}");
             assert_eq!(report["mean_stderr"].is_null(), n == "-n1");
@@ -981,12 +938,11 @@ fn samples_are_rounded_up_to_whole_scrambles() {
 #[test]
 fn a_gather_stops_at_its_time_and_at_its_error() {
     let place = Scratch::new();
-    let files = ["-f", "-o", "a.exr", "--report=r.json"];
-    pt(&place, "gather", &[&files[..], &["--time=1"]].concat());
+    pt(&place, "gather", "-oa.exr --report=r.json --time=1");
     let report = place.json("r.json");
     assert_eq!(report["stopped"], "time");
     assert!(report["spp"].as_u64() > Some(0));
-    pt(&place, "gather", &[&files[..], &["--error=0.05"]].concat());
+    pt(&place, "gather", "-oa.exr --report=r.json --error=0.05");
     let report = place.json("r.json");
     assert_eq!(report["stopped"], "error");
     assert!(report["rmse"].as_f64() < Some(0.05));

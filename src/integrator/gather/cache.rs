@@ -123,13 +123,6 @@ pub struct Record {
     pub bin: u16,
 }
 
-impl Record {
-    /// Orders records by the cell that reflects, and then by all else.
-    fn key(&self) -> (u64, u64, u16, u32) {
-        (self.from, self.to, self.bin, self.weight.to_bits())
-    }
-}
-
 /// What is known of the surfaces in a cell.
 #[derive(Clone, Copy, Debug)]
 pub struct Cell {
@@ -211,7 +204,10 @@ impl RadianceCache {
         albedo: f32,
         watch: &Watch,
     ) -> Self {
-        records.par_sort_unstable_by_key(Record::key);
+        records.par_sort_unstable_by_key(|record| {
+            let &Record { from, to, weight, bin } = record;
+            (from, to, bin, weight.to_bits())
+        });
         let cells = Cells::of(records);
         let mut cache = Self::numbering(self.grid, &cells);
         let ends =
@@ -222,6 +218,7 @@ impl RadianceCache {
         let values = equations.solve(known, watch);
         let errors = equations.errors(&values);
         let (guides, numbers) = equations.guides(&values);
+        // Fill the table with what is known now
         for (c, &name) in equations.cells.names.iter().enumerate() {
             let (slot, mark) = cache.slot(name);
             let (value, error, guide) = (values[c], errors[c], numbers[c]);
