@@ -196,7 +196,9 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
             _ => None,
         });
         let hits = match integrator.is_black() {
-            true => rays.map(|ray| blocked(intersector, &ray?)),
+            true => {
+                array::from_fn(|i| blocked(intersector, rays[i].as_ref()?))
+            }
             false => intersector.first_hits(&rays),
         };
         for i in 0..BEAM {
