@@ -5,13 +5,12 @@
 
 pub mod sobol;
 
-use std::ops::Range;
-
 use glam::DVec3;
 use rand::RngExt;
 use rand_pcg::Pcg64;
 
 use crate::numerics::sincos_turns;
+use sobol::to_unit;
 
 /// The numbers of one sample of a pixel, asked for by their dimension.
 /// They are a function of the seed, the pixel, the sample and the dimension
@@ -71,40 +70,12 @@ pub fn split_mix(x: u64) -> u64 {
 pub struct IndependentSampler {
     seed: u64,
     random: Pcg64,
-    /// The first dimension that has not been asked for.
-    #[cfg(debug_assertions)]
-    next: u64,
 }
 
 impl IndependentSampler {
     /// The sampler for a seed, not started.
     pub fn new(seed: u64) -> Self {
-        Self::of_path(seed, 0, 0)
-    }
-
-    #[inline(always)]
-    fn of_path(seed: u64, pixel: u64, index: u64) -> Self {
-        Self {
-            seed,
-            random: generator(seed, pixel, index),
-            #[cfg(debug_assertions)]
-            next: 0,
-        }
-    }
-
-    /// Panics, in debug builds, if one of the dimensions has been passed.
-    #[inline(always)]
-    fn pass(&mut self, dimensions: Range<u64>) {
-        #[cfg(debug_assertions)]
-        {
-            let Range { start, end } = dimensions;
-            assert!(
-                start >= self.next,
-                "dimension {start} is asked for late"
-            );
-            self.next = end;
-        }
-        let _ = dimensions;
+        Self { seed, random: generator(seed, 0, 0) }
     }
 }
 
@@ -116,24 +87,22 @@ impl Sampler for IndependentSampler {
 
     #[inline(always)]
     fn start(&self, pixel: u64, index: u64) -> Self {
-        Self::of_path(self.seed, pixel, index)
+        let seed = self.seed;
+        Self { seed, random: generator(seed, pixel, index) }
     }
 
     #[inline(always)]
     fn get_pixel_2d(&mut self) -> [u32; 2] {
-        self.pass(0..2);
         [self.random.random(), self.random.random()]
     }
 
     #[inline(always)]
-    fn get_1d(&mut self, dimension: u64) -> f64 {
-        self.pass(dimension..dimension + 1);
+    fn get_1d(&mut self, _: u64) -> f64 {
         self.random.random()
     }
 
     #[inline(always)]
-    fn get_2d(&mut self, dimension: u64) -> [f64; 2] {
-        self.pass(dimension..dimension + 2);
+    fn get_2d(&mut self, _: u64) -> [f64; 2] {
         [self.random.random(), self.random.random()]
     }
 }
@@ -142,9 +111,7 @@ impl Sampler for IndependentSampler {
 /// uniform random number chooses in column or row `i` of `n` <= 65536.
 #[inline(always)]
 pub fn within(i: u32, n: u32, random: u32) -> f64 {
-    const STRIPE: f64 = 1. / (1u64 << 32) as f64;
-    let offset = (f64::from(random) + 0.5) * STRIPE;
-    (f64::from(i) + offset) / f64::from(n)
+    (f64::from(i) + to_unit(random)) / f64::from(n)
 }
 
 /// A direction around the unit vector `normal`, with density cos/π,

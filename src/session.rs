@@ -566,7 +566,7 @@ fn sampling(
     saved: Option<Sampling>,
 ) -> (Sampling, Option<Choice>) {
     let request = Request {
-        method: options.integrator.0,
+        method: options.integrator,
         seed: options.seed,
         window: options.window(),
         samples: options.samples(),

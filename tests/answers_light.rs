@@ -112,30 +112,43 @@ fn believer(value: f32) -> RadianceCache {
     RadianceCache::empty(grid).learn(&mut records, 1., &|_| true)
 }
 
+/// The pixels of an image of one tile in so many scrambles, the means of all,
+/// and the rays of a sample.
+fn scrambles(
+    like: &Tracer<Bvh>,
+    count: u64,
+) -> (Vec<Accumulator>, Accumulator, f64) {
+    let (mut tracer, window) = (Tracer { ..*like }, like.allocation.window);
+    let tile = Film::new(window.size.0, window.size.1).tiles()[0].0;
+    let mut pixels = vec![Accumulator::default(); window.area()];
+    let mut mean = Accumulator::default();
+    for scramble in 0..count {
+        let values = tracer.tile(tile, scramble);
+        mean.add(values.iter().sum::<f64>() / values.len() as f64);
+        pixels.iter_mut().zip(values).for_each(|(p, v)| p.add(v));
+    }
+    let samples: u32 = like.allocation.counts.iter().sum();
+    (pixels, mean, tracer.rays as f64 / f64::from(samples) / count as f64)
+}
+
 /// What a gather finds in a small image of a setting: its samples without
 /// a correction, or the means of its one tile; and the rays of a sample.
 fn gather(
     setting: &Setting,
     cache: &RadianceCache,
     correction: Option<Correction>,
-    scrambles: u64,
+    count: u64,
 ) -> (Accumulator, f64) {
-    let mut film = Film::new(4, 4);
-    let tile = film.tiles()[0].0;
     let gather = &Gather { seed: 4, correction, ..setting.gather((4, 4)) };
-    let allocation = &Allocation::even(film.window);
+    let allocation = &Allocation::even(Film::new(4, 4).window);
     let intersector = gather.intersector;
-    let mut tracer =
-        Tracer { gather, intersector, cache, allocation, rays: 0 };
-    let mut sum = Accumulator::default();
-    for scramble in 0..scrambles {
-        let pixels = tracer.tile(tile, scramble);
-        match correction {
-            Some(_) => sum.add(pixels.iter().sum::<f64>() / 16.),
-            None => pixels.into_iter().for_each(|value| sum.add(value)),
-        }
+    let like = Tracer { gather, intersector, cache, allocation, rays: 0 };
+    let (pixels, mut sum, rays) = scrambles(&like, count);
+    if correction.is_none() {
+        sum = Accumulator::default();
+        pixels.iter().for_each(|pixel| sum.merge(pixel));
     }
-    (sum, tracer.rays as f64 / (16 * scrambles) as f64)
+    (sum, rays)
 }
 
 // Five standard errors, which chance exceeds with 6e-7; and the cavity is
@@ -171,10 +184,9 @@ fn room_of_step(step: Option<f64>) -> (f64, f64) {
     let room = settings::named("room with a window");
     let sky = (room.rho, DVec3::Z);
     let setting = Setting::new(&room.mesh, sky, &room.view, 1.).unwrap();
-    let mut film = Film::new(16, 16);
-    let tile = film.tiles()[0].0;
     let (counts, scale) = (vec![4; 256], vec![0.42; 256]);
-    let allocation = &Allocation::new(film.window, counts, scale);
+    let window = Film::new(16, 16).window;
+    let allocation = &Allocation::new(window, counts, scale);
     let default = setting.gather((16, 16));
     let intersector = default.intersector;
     let cache = &RadianceCache::empty(Grid::around(&[]));
@@ -185,14 +197,10 @@ fn room_of_step(step: Option<f64>) -> (f64, f64) {
         step.map(|step| Correction { step, ..Correction::default() });
     let gather =
         &Gather { seed: 4, correction, ..setting.gather((16, 16)) };
-    let mut tracer = Tracer { gather, cache: &cache, ..like };
-    let mut pixels = vec![Accumulator::default(); 256];
-    for scramble in 0..100 {
-        let values = tracer.tile(tile, scramble);
-        pixels.iter_mut().zip(values).for_each(|(p, v)| p.add(v));
-    }
+    let like = Tracer { gather, cache: &cache, ..like };
+    let (pixels, _, rays) = scrambles(&like, 100);
     let sum: f64 = pixels.iter().map(Accumulator::variance).sum();
-    (sum / 256., tracer.rays as f64 / 1024. / 100.)
+    (sum / 256., rays)
 }
 
 // Two runs foresee the best step; others are worse by more than the parts in

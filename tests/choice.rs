@@ -9,14 +9,11 @@ use std::collections::BTreeMap;
 
 use common::Scratch;
 use glam::DVec3;
-use litpt::analysis::{Inquiry, SceneAnalysis};
-use litpt::bvh::Bvh;
-use litpt::camera::Camera;
+use litpt::analysis::SceneAnalysis;
 use litpt::film::{Film, Window};
 use litpt::render::Renderer;
 use litpt::render::choose::{Choice, Method, Request, Setup};
-use litpt::scene::{Mesh, Scene};
-use litpt::sky::Sky;
+use litpt::scene::Mesh;
 use litpt_book::closed_forms::{Setting, cavity, look};
 use serde_json::Value;
 
@@ -33,46 +30,36 @@ f 5 9 12 8\nf 10 6 7 11\n";
 /// The view of the box.
 const VIEW: [&str; 4] = ["-p-.9,-.8,0", "-t1,1,-.3", "-r0.8", "-d64x48"];
 
-/// What is chosen for so many samples in a scene of this albedo that is seen
-/// from `from`.
+/// A run of any method without a limit.
+const ANY: Request = Request {
+    method: None,
+    seed: 7,
+    window: Window { corner: (0, 0), size: SIZE },
+    samples: None,
+    error: None,
+    time: None,
+    left: None,
+};
+
+/// What is chosen for a scene of this albedo, seen from one point towards
+/// another.
 fn chosen(
     mesh: &Mesh,
     albedo: f64,
     view: (DVec3, DVec3),
-    (samples, error): (Option<u64>, Option<f64>),
+    request: Request,
 ) -> Option<Choice> {
-    chosen_of(mesh, albedo, view, (samples, error, None), None)
+    let setting = seen(mesh, albedo, view);
+    let (intersector, inquiry) =
+        (setting.job(0).intersector, &setting.inquiry(SIZE));
+    let none = &Default::default();
+    let analysis = &SceneAnalysis::find(none, intersector, inquiry);
+    Setup { intersector, inquiry, analysis }.choose(&request)
 }
 
-/// The same within so many seconds, if a method is wanted.
-fn chosen_of(
-    mesh: &Mesh,
-    albedo: f64,
-    (from, at): (DVec3, DVec3),
-    limits: (Option<u64>, Option<f64>, Option<f64>),
-    wanted: Option<Method>,
-) -> Option<Choice> {
-    let aspect = f64::from(SIZE.0) / f64::from(SIZE.1);
-    let camera = &Camera::new(&look(from, at, 70.), aspect).unwrap();
-    let (sky, resolution, kept) = (Sky::new(DVec3::Z), SIZE, &[][..]);
-    let scene = &Scene::new(mesh);
-    let entrance = scene.frame.entrance(from);
-    let inquiry =
-        &Inquiry { camera, entrance, sky, albedo, resolution, kept };
-    let bvh = &Bvh::new(scene).unwrap();
-    let analysis = &SceneAnalysis::find(&scene.left_out, bvh, inquiry);
-    let window = Window { corner: (0, 0), size: SIZE };
-    let (samples, error, left) = limits;
-    let setup = Setup { intersector: bvh, inquiry, analysis };
-    setup.choose(&Request {
-        method: wanted,
-        seed: 7,
-        window,
-        samples,
-        error,
-        time: None,
-        left,
-    })
+fn seen(mesh: &Mesh, albedo: f64, view: (DVec3, DVec3)) -> Setting {
+    let view = look(view.0, view.1, 70.);
+    Setting::new(mesh, (albedo, DVec3::Z), &view, 1.5).unwrap()
 }
 
 const INSIDE: (DVec3, DVec3) = (DVec3::ZERO, DVec3::new(0.3, 0.2, -1.));
@@ -84,12 +71,11 @@ const INSIDE: (DVec3, DVec3) = (DVec3::ZERO, DVec3::new(0.3, 0.2, -1.));
 fn a_pilot_agrees_with_a_render() {
     let (f, albedo, n) = (0.3, 0.8, 2000);
     let mesh = cavity(f, 64);
-    let pilot = chosen(&mesh, albedo, INSIDE, (Some(n), None));
-    let pilot = pilot.unwrap().pilot;
-    let view = look(INSIDE.0, INSIDE.1, 70.);
-    let setting = Setting::new(&mesh, (albedo, DVec3::Z), &view, 1.5);
+    let request = Request { samples: Some(n), ..ANY };
+    let pilot = chosen(&mesh, albedo, INSIDE, request).unwrap().pilot;
+    let setting = seen(&mesh, albedo, INSIDE);
     let mut film = Film::new(SIZE.0, SIZE.1);
-    let rays = setting.unwrap().job(3).pass(&mut film, n, &|_| true);
+    let rays = setting.job(3).pass(&mut film, n, &|_| true);
     let area = film.area() as f64;
     let mean = |values: Vec<f64>| values.iter().sum::<f64>() / area;
     let variance = mean(film.rows().map(|p| p.variance()).collect());
@@ -117,9 +103,9 @@ fn a_pilot_agrees_with_a_render() {
 #[test]
 fn what_there_is_no_time_for_is_not_chosen() {
     let mesh = cavity(0.1, 64);
-    let best = |seconds, wanted| {
-        let limits = (Some(4096), None, seconds);
-        let choice = chosen_of(&mesh, 0.9, INSIDE, limits, wanted);
+    let best = |left, method| {
+        let request = Request { method, samples: Some(4096), left, ..ANY };
+        let choice = chosen(&mesh, 0.9, INSIDE, request);
         choice.unwrap().sampling.method
     };
     assert_eq!(best(None, None), Method::Gather);
@@ -141,7 +127,11 @@ fn the_parts_of_the_variance_are_told_apart() {
         .to_vec();
     mesh.triangles = vec![[0, 1, 2], [0, 2, 3]];
     let view = (DVec3::new(-1., 0., 1.), DVec3::ZERO);
-    let choice = chosen(&mesh, 0.5, view, (Some(64), None)).unwrap();
+    let of = |n| {
+        let request = Request { samples: Some(n), ..ANY };
+        chosen(&mesh, 0.5, view, request).unwrap()
+    };
+    let choice = of(64);
     let pilot = choice.pilot;
     assert_eq!(pilot.later, 0.);
     assert_eq!(
@@ -152,14 +142,15 @@ fn the_parts_of_the_variance_are_told_apart() {
     assert_eq!(choice.sampling.method, Method::Sobol);
     assert_eq!(choice.sampling.replicate, 16);
     assert_eq!(choice.sampling.control, 100);
-    let few = chosen(&mesh, 0.5, view, (Some(9), None)).unwrap();
-    assert_eq!(few.sampling.replicate, 2);
+    assert_eq!(of(9).sampling.replicate, 2);
 }
 
 #[test]
 fn few_paths_have_no_pilot_and_a_bound_of_the_error_is_a_number() {
     let mesh = cavity(0.05, 32);
-    let choice = |n, error| chosen(&mesh, 0.9, INSIDE, (n, error));
+    let choice = |samples, error| {
+        chosen(&mesh, 0.9, INSIDE, Request { samples, error, ..ANY })
+    };
     assert!(choice(Some(8), None).is_none());
     assert!(choice(Some(9), None).is_some());
     let many = choice(Some(256), None).unwrap();
@@ -177,7 +168,7 @@ fn report(place: &Scratch, options: &[&str]) -> Value {
     place.put("box.obj", BOX);
     let files = ["box.obj", "-q", "-f", "-oa.exr", "--report=r.json"];
     place.run(&[&files[..], &VIEW, options].concat()).succeeded();
-    serde_json::from_slice(&place.get("r.json")).unwrap()
+    place.json("r.json")
 }
 
 /// The choice is the same for each seed, number of threads and set of

@@ -4,17 +4,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 
 use glam::DVec3;
-use litpt::analysis::background::KnownPixels;
-use litpt::bvh::Bvh;
-use litpt::camera::{Camera, View};
+use litpt::camera::View;
 use litpt::film::Film;
-use litpt::integrator::PathTracer;
-use litpt::render::{Job, Renderer};
-use litpt::sampler::IndependentSampler;
-use litpt::scene::{Mesh, Scene};
-use litpt::sky::Sky;
+use litpt::render::Renderer;
+use litpt::scene::Mesh;
 use litpt_book::closed_forms::{
-    cavity, cavity_radiance, closed_forms, look, pixel, plane,
+    Setting, cavity, cavity_radiance, closed_forms, look, pixel, plane,
     polygon_share, trough_radiance,
 };
 use statrs::distribution::{ContinuousCDF, Normal};
@@ -121,11 +116,21 @@ fn a_polygon_that_covers_the_sky_is_all_of_it() {
     assert!((share - 1.).abs() < 1e-15, "{share}");
 }
 
+/// Below a plane and in a black cavity it is dark, a white cavity gives back
+/// all the light that enters, and paths in a closed white one end: the first
+/// of its rings is a point, like the last.
 #[test]
-fn below_the_plane_it_is_dark() {
+fn certain_radiances_have_no_variance() {
     let below = look(-DVec3::Z, DVec3::ZERO, 20.);
-    let pixel = pixel(&plane(), 1., &below, 1000).unwrap();
-    assert_eq!((pixel.mean(), pixel.variance()), (0., 0.));
+    for (mesh, rho, view, samples, exact) in [
+        (plane(), 1., below, 1000, 0.),
+        (cavity(0.1, 64), 1., inside(), 5000, 1.),
+        (cavity(0.1, 64), 0., inside(), 5000, 0.),
+        (cavity(0., 16), 1., inside(), 20, 0.),
+    ] {
+        let pixel = pixel(&mesh, rho, &view, samples).unwrap();
+        assert_eq!((pixel.mean(), pixel.variance()), (exact, 0.));
+    }
 }
 
 // Many samples where the roulette below the throughput 0.1 decides.
@@ -138,47 +143,16 @@ fn a_narrow_cavity_is_not_biased_by_roulette() {
 }
 
 #[test]
-fn a_white_cavity_gives_back_all_the_light_that_enters() {
-    let pixel = pixel(&cavity(0.1, 64), 1., &inside(), 5000).unwrap();
-    assert_eq!((pixel.mean(), pixel.variance()), (1., 0.));
-}
-
-#[test]
-fn a_black_cavity_is_black() {
-    let pixel = pixel(&cavity(0.1, 64), 0., &inside(), 5000).unwrap();
-    assert_eq!((pixel.mean(), pixel.variance()), (0., 0.));
-}
-
-#[test]
 fn without_a_scene_the_sky_is_one_above_and_zero_below() {
-    let scene = Scene::new(&Mesh::default());
-    let intersector = Bvh::new(&scene).unwrap();
-    for up in
-        [DVec3::X, -DVec3::X, DVec3::Y, -DVec3::Y, DVec3::Z, -DVec3::Z]
-    {
+    for up in DVec3::AXES.into_iter().flat_map(|axis| [axis, -axis]) {
         let target = if up.x == 0. { DVec3::X } else { DVec3::Y };
         let view = View { position: DVec3::ZERO, target, up, fov: 70. };
-        let camera = Camera::new(&view, 4. / 3.).unwrap();
-        let integrator = PathTracer::new(0.5, Sky::new(up));
-        let mut job = Job {
-            entrance: scene.frame.entrance(camera.position),
-            intersector: &intersector,
-            camera: &camera,
-            integrator,
-            known: KnownPixels::NOTHING,
-            sampler: IndependentSampler::new(0),
-        };
+        let setting =
+            Setting::new(&Mesh::default(), (0.5, up), &view, 4. / 3.);
         let mut film = Film::new(40, 30);
-        job.pass(&mut film, 3, &|_| true);
+        setting.unwrap().job(0).pass(&mut film, 3, &|_| true);
         for (i, mean) in film.means().enumerate() {
             assert_eq!(mean, if i < 600 { 1. } else { 0. }, "{up} {i}");
         }
     }
-}
-
-#[test]
-fn a_closed_white_room_ends_and_is_dark() {
-    // The opening has no area: the first ring is a point, like the last.
-    let pixel = pixel(&cavity(0., 16), 1., &inside(), 20).unwrap();
-    assert_eq!((pixel.mean(), pixel.variance()), (0., 0.));
 }

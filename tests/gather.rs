@@ -4,18 +4,16 @@
 //! Gathering (chapters "Guiding" to "Training"): guides, the cache and its
 //! names, caches that lie, the errors that a gather states, and the command.
 
+use crate::sampler::{assert_cosine, normals};
 use crate::{chance, common};
 
 use chance::Chance;
 use std::collections::BTreeMap;
-use std::fs;
-use std::process::Child;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
-use std::thread;
 use std::time::{Duration, Instant};
 
-use common::{BOX, Run, Scratch, finish};
+use common::{BOX, Run, Scratch};
 use glam::DVec3;
 use litpt::analysis::Inquiry;
 use litpt::analysis::background::{KnownPixels, TileContent};
@@ -33,8 +31,8 @@ use litpt::integrator::gather::render::Gather;
 use litpt::integrator::gather::{Allocation, Correction, End, Tracer};
 use litpt::render::Renderer;
 use litpt::render_loop::{Convergence, Interrupt, Limits, Stop};
+use litpt::sampler::generator;
 use litpt::sampler::sobol::{ScrambledNet, scramble_key};
-use litpt::sampler::{frame, generator};
 use litpt::scene::Mesh;
 use litpt::sky::Sky;
 use litpt::statistics::Accumulator;
@@ -43,7 +41,6 @@ use litpt_book::settings;
 use rand::{Rng, RngExt};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
-use serde_json::Value;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 /// Comparisons with a distribution in this file, which together give a false
@@ -174,41 +171,6 @@ fn the_points_of_a_net_remain_stratified_in_the_rows_of_a_guide() {
     }
 }
 
-/// Unit vectors along and between the axes, with both signs; nearly so; and
-/// at random.
-fn normals() -> Vec<DVec3> {
-    let mut random = generator(5, 0, 0);
-    let mut all = vec![];
-    let signs = [-1., -1e-9, -1e-300, 0., 1e-16, 1e-4, 1.];
-    for x in signs {
-        for y in signs {
-            for z in signs {
-                all.push(DVec3::new(x, y, z));
-            }
-        }
-    }
-    for i in 0..100 {
-        let mut one = || random.random::<f64>() - 0.5;
-        let n = DVec3::new(one(), one(), one());
-        // Two axes are equally long, or differ by a rounding.
-        let tied = DVec3::new(n.y.abs().next_down(), n.y, n.z);
-        all.extend([n, DVec3::new(n.z, n.y, -n.z)]);
-        all.push(if i % 2 == 0 { tied } else { tied.zxy() });
-    }
-    all.retain(|n| n.length() > 1e-3);
-    all.into_iter().map(DVec3::normalize).collect()
-}
-
-trait Turn {
-    fn zxy(self) -> Self;
-}
-
-impl Turn for DVec3 {
-    fn zxy(self) -> Self {
-        Self::new(self.z, self.x, self.y)
-    }
-}
-
 #[test]
 fn directions_of_the_square_are_those_of_the_hemisphere() {
     let mut random = generator(6, 0, 0);
@@ -235,24 +197,12 @@ fn directions_of_the_square_are_those_of_the_hemisphere() {
 
 #[test]
 fn uniform_points_become_directions_of_cosine_density() {
-    const N: u32 = 1 << 16;
     let all = normals();
-    for (k, &normal) in (0..).zip(all.iter().step_by(all.len() / 16)) {
-        let mut random = generator(7, k, 0);
-        let (tangent, bitangent) = frame(normal);
-        let mut cells = vec![0; 256];
-        for _ in 0..N {
-            let d = direction(normal, point(&mut random));
-            let height = d.dot(normal);
-            // The square of the sine, and the turn: uniform for cos/π.
-            let square = (1. - height * height).clamp(0., 1. - 1e-12);
-            let turn = d.dot(bitangent).atan2(d.dot(tangent));
-            let turn = turn / std::f64::consts::TAU + 0.5;
-            let [i, j] =
-                [square, turn].map(|u| ((u * 16.) as usize).min(15));
-            cells[16 * i + j] += 1;
-        }
-        CHANCE.uniform(&cells, &normal.to_string());
+    for normal in all.iter().step_by(all.len() / 16) {
+        let mut random = generator(7, 0, 0);
+        assert_cosine(&CHANCE, *normal, 1 << 16, || {
+            direction(*normal, point(&mut random))
+        });
     }
 }
 
@@ -896,18 +846,19 @@ fn the_error_of_the_mean_of_an_image_is_as_large_as_stated() {
 
 const METHODS: [&str; 2] = ["sobol", "gather"];
 
-/// Runs `pt` on the room.
-fn pt(place: &Scratch, method: &str, options: &[&str]) -> Run {
-    let room = ["-q", "-iroom.obj", "-d23x17", "-r0.7"];
+/// Runs `pt` on the room, with options between blanks.
+fn pt(place: &Scratch, method: &str, options: &str) -> Run {
+    let room = ["-qf", "-iroom.obj", "-d23x17", "-r0.7"];
     let method = ["--integrator", method];
-    let run = place.run(&[&room[..], &method, options].concat());
+    let options: Vec<_> = options.split(' ').collect();
+    let run = place.run(&[&room[..], &method, &options].concat());
     run.succeeded();
     run
 }
 
 /// The numbers of a PFM, which has no attributes.
-fn image(place: &Scratch, method: &str, options: &[&str]) -> Vec<u8> {
-    let run = pt(place, method, &[&["--format=pfm"], options].concat());
+fn image(place: &Scratch, method: &str, options: &str) -> Vec<u8> {
+    let run = pt(place, method, &format!("--format=pfm {options}"));
     assert!(!run.stdout.is_empty());
     run.stdout
 }
@@ -915,67 +866,20 @@ fn image(place: &Scratch, method: &str, options: &[&str]) -> Vec<u8> {
 #[test]
 fn threads_and_instructions_do_not_change_a_bit_of_any_method() {
     let place = Scratch::new();
-    for method in METHODS {
-        let one = image(&place, method, &["-n64", "-j1"]);
-        for threads in ["-j2", "-j7"] {
-            let many = image(&place, method, &["-n64", threads]);
-            assert!(many == one, "{method} {threads}");
+    let available = Isa::ALL.into_iter().filter(|isa| isa.is_available());
+    let isas = available.map(|isa| format!("-n64 --isa={isa}"));
+    let others: Vec<_> =
+        isas.chain(["-n64 -j2".into(), "-n64 -j7".into()]).collect();
+    let [a, b] = METHODS.map(|method| {
+        let one = image(&place, method, "-n64 -j1");
+        for other in &others {
+            let same = image(&place, method, other) == one;
+            assert!(same, "{method} {other}");
         }
-        for isa in Isa::ALL.into_iter().filter(|isa| isa.is_available()) {
-            let option = format!("--isa={isa}");
-            let other = image(&place, method, &["-n64", &option]);
-            assert!(other == one, "{method} {option}");
-        }
-        assert!(image(&place, method, &["-n64", "-s1"]) != one);
-    }
-    let [a, b] = METHODS.map(|method| image(&place, method, &["-n64"]));
-    assert!(a != b && a != image(&place, "reference", &["-n64"]));
-}
-
-/// The samples in a checkpoint; none if there is no such file.
-fn saved_spp(place: &Scratch) -> Option<u64> {
-    let bytes = fs::read(place.path("c")).ok()?;
-    let line = bytes.split(|&byte| byte == b'\n').nth(1)?;
-    let header: Value = serde_json::from_slice(line).unwrap();
-    header["convergence"]["spp"].as_u64()
-}
-
-/// Starts a run that saves itself, and sends a signal when it has saved more
-/// than `spp` samples; returns how many there are then.
-fn stop(place: &Scratch, name: &str, spp: u64, options: &[&str]) -> u64 {
-    let saving = ["-q", "--every=0.001", "--checkpoint=c", "-o", "a.pfm"];
-    let mut command = place.pt(&[&saving[..], options].concat());
-    let mut child: Child = command.spawn().unwrap();
-    let start = Instant::now();
-    while saved_spp(place) <= Some(spp) {
-        assert!(child.try_wait().unwrap().is_none(), "has ended");
-        assert!(start.elapsed() < Duration::from_secs(60), "hangs");
-        thread::sleep(Duration::from_millis(1));
-    }
-    let kill = format!("kill -{name} {}", child.id());
-    let mut shell = std::process::Command::new("sh");
-    let _ = shell.args(["-c", &kill]).status().unwrap();
-    let run = finish(child);
-    assert_ne!(run.status, Some(0), "the run has ended before");
-    saved_spp(place).unwrap()
-}
-
-// A signal leaves tiles of different numbers of scrambles, a kill the last
-// state that was saved.
-#[test]
-fn a_run_that_was_stopped_goes_on_to_the_image_of_an_uninterrupted_one() {
-    for (method, n) in [("sobol", "-n16384"), ("gather", "-n4096")] {
-        let place = Scratch::new();
-        let room = ["-iroom.obj", "-d23x17", "-r0.7", "-j2", n];
-        let run = [&room[..], &["--integrator", method]].concat();
-        let first = stop(&place, "INT", 0, &run);
-        let on = ["-f", "--resume=c", "-j1"];
-        let second = stop(&place, "KILL", first, &[&run[..], &on].concat());
-        assert!(second > first);
-        place.run(&["--resume=c", "-j7"]).succeeded();
-        let whole = image(&place, method, &[n]);
-        assert!(place.get("a.pfm") == whole, "{method}");
-    }
+        assert!(image(&place, method, "-n64 -s1") != one);
+        one
+    });
+    assert!(a != b && a != image(&place, "reference", "-n64"));
 }
 
 #[test]
@@ -983,17 +887,16 @@ fn a_checkpoint_decides_how_many_samples_are_placed_together() {
     for method in METHODS {
         let place = Scratch::new();
         // Scrambles of 4 samples; those of 160 samples would have 8.
-        pt(&place, method, &["-n64", "-o", "a.pfm", "--checkpoint=c"]);
+        pt(&place, method, "-n64 -oa.pfm --checkpoint=c");
         place.put("d", place.get("c"));
         let on = |name: &str, n: &str| {
             place.run(&["-q", "--resume", name, n]).succeeded();
             place.get("a.pfm")
         };
         let at_once = on("c", "-n160");
-        assert_eq!(saved_spp(&place), Some(160));
         on("d", "-n98");
         assert!(on("d", "-n160") == at_once, "{method}");
-        assert!(image(&place, method, &["-n160"]) != at_once);
+        assert!(image(&place, method, "-n160") != at_once);
         // Another method or seed is another run.
         for (option, fact) in
             [("--integrator=reference", "integrator"), ("-s1", "seed")]
@@ -1004,20 +907,16 @@ fn a_checkpoint_decides_how_many_samples_are_placed_together() {
     }
 }
 
-fn report(place: &Scratch) -> Value {
-    serde_json::from_slice(&place.get("r.json")).unwrap()
-}
-
 #[test]
 fn samples_are_rounded_up_to_whole_scrambles() {
     let place = Scratch::new();
-    let files = ["-f", "-o", "a.exr", "-o", "a.pfm", "--report=r.json"];
     for method in METHODS {
         // A scramble has 8 samples of 33 of paths in nets, 2 of a gather.
         let last = if method == "sobol" { 40 } else { 34 };
         for (n, there) in [("-n1", 1), ("-n3", 3), ("-n33", last)] {
-            pt(&place, method, &[&files[..], &[n]].concat());
-            let report = report(&place);
+            let files = "-oa.exr -oa.pfm --report=r.json";
+            pt(&place, method, &format!("{files} {n}"));
+            let report = place.json("r.json");
             assert_eq!(report["spp"], there, "{method} {n}");
             assert_eq!(report["mean_stderr"].is_null(), n == "-n1");
             let image = Image::read(&place.path("a.exr")).unwrap();
@@ -1036,12 +935,12 @@ fn samples_are_rounded_up_to_whole_scrambles() {
 #[test]
 fn a_gather_stops_at_its_time_and_at_its_error() {
     let place = Scratch::new();
-    let files = ["-f", "-o", "a.exr", "--report=r.json"];
-    pt(&place, "gather", &[&files[..], &["--time=1"]].concat());
-    assert_eq!(report(&place)["stopped"], "time");
-    assert!(report(&place)["spp"].as_u64() > Some(0));
-    pt(&place, "gather", &[&files[..], &["--error=0.05"]].concat());
-    let report = report(&place);
+    pt(&place, "gather", "-oa.exr --report=r.json --time=1");
+    let report = place.json("r.json");
+    assert_eq!(report["stopped"], "time");
+    assert!(report["spp"].as_u64() > Some(0));
+    pt(&place, "gather", "-oa.exr --report=r.json --error=0.05");
+    let report = place.json("r.json");
     assert_eq!(report["stopped"], "error");
     assert!(report["rmse"].as_f64() < Some(0.05));
     let image = Image::read(&place.path("a.exr")).unwrap();
@@ -1060,43 +959,40 @@ fn scenes_without_light_or_surface_and_single_pixels_are_gathered() {
     place.put("box.obj", BOX);
     place.put("ahead.obj", AHEAD);
     place.put("behind.obj", BEHIND);
-    let means = |options: &[&str]| {
+    let means = |options: &str| {
         let gather = ["-q", "-f", "-o", "a.pfm", "--integrator=gather"];
-        place.run(&[&gather[..], options].concat()).succeeded();
+        let options: Vec<_> = options.split(' ').collect();
+        place.run(&[&gather[..], &options].concat()).succeeded();
         let image = Image::read(&place.path("a.pfm")).unwrap();
         assert!(image.means.iter().all(|mean| mean.is_finite()));
         image.means
     };
     // Closed and dark, whether that is known or not.
-    for options in
-        [&["-r1"][..], &["-r0.5", "--keep-all"], &["-r1", "--keep-all"]]
-    {
-        let dark =
-            means(&[&["-ibox.obj", "-d4x3", "-n2"], options].concat());
-        assert_eq!(dark, [0.; 12], "{options:?}");
+    for options in ["-r1", "-r0.5 --keep-all", "-r1 --keep-all"] {
+        let dark = means(&format!("-ibox.obj -d4x3 -n2 {options}"));
+        assert_eq!(dark, [0.; 12], "{options}");
     }
     // Half of an image without a triangle is sky.
-    for options in [&[][..], &["--keep-all"]] {
-        let sky =
-            means(&[&["-ibehind.obj", "-d4x6", "-n2"], options].concat());
+    for options in ["", " --keep-all"] {
+        let sky = means(&format!("-ibehind.obj -d4x6 -n2{options}"));
         assert_eq!(sky, [[1.; 12], [0.; 12]].concat());
     }
     // A triangle alone sees the sky above its horizon: (1 + cos) / 2 of its
     // hemisphere. Each sample is at most 1, so that the standard error of
     // independent ones is 1/128 at most, and that of a net is less.
-    let one = means(&["-iahead.obj", "-d1x1", "-F1", "-n4096", "-r1"]);
+    let one = means("-iahead.obj -d1x1 -F1 -n4096 -r1");
     let exact = 0.5 + 0.5 * 0.3 / 4.09f64.sqrt();
     assert!((one[0] - exact).abs() < 4. / 128., "{one:?} {exact}");
     // Black surfaces, single pixels and parts of an image.
     for options in [
-        &["-r0", "--keep-all"][..],
-        &["-r0"],
-        &["-d1x1", "-n16"],
-        &["-d1x1", "-n1"],
-        &["-d40x30", "--crop=5,7,20x9", "-n16"],
-        &["-d40x30", "--crop=39,29,1x1", "-n16"],
+        "-r0 --keep-all",
+        "-r0",
+        "-d1x1 -n16",
+        "-d1x1 -n1",
+        "-d40x30 --crop=5,7,20x9 -n16",
+        "-d40x30 --crop=39,29,1x1 -n16",
     ] {
-        let room = means(&[&["-iroom.obj"], options].concat());
-        assert!(room.iter().all(|mean| *mean > -0.5), "{options:?}");
+        let room = means(&format!("-iroom.obj {options}"));
+        assert!(room.iter().all(|mean| *mean > -0.5), "{options}");
     }
 }

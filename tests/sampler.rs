@@ -8,7 +8,7 @@ use crate::chance;
 use chance::Chance;
 use std::f64::consts::TAU;
 
-use glam::DVec3;
+use glam::{DVec3, Vec3Swizzles};
 use litpt::sampler::{
     IndependentSampler, Sampler, cosine_direction, dimension, frame,
     generator, within,
@@ -28,7 +28,7 @@ const DIMENSIONS: usize = 41;
 /// events; of all dimensions and pairs of dimensions, twice; and of the
 /// dimensions of related samples.
 const CHANCE: Chance = Chance(
-    20 + 2 * DIMENSIONS * (DIMENSIONS + 1) / 2 + RELATED.len() * DIMENSIONS,
+    20 + DIMENSIONS * (DIMENSIONS + 1) + 2 * RELATED.len() * DIMENSIONS,
 );
 
 /// The cell of `x`, from [0, 1), in a row of `n`.
@@ -37,24 +37,25 @@ fn cell(x: f64, n: usize) -> usize {
     (x * n as f64) as usize
 }
 
-/// Unit normals of all kinds, the poles and their neighbourhood included.
-fn normals() -> Vec<DVec3> {
+/// Unit normals of all kinds: at random, some of them with two axes that are
+/// equally long but for a rounding, and along and between the axes, or
+/// nearly so.
+pub fn normals() -> Vec<DVec3> {
     let mut random = Pcg64::seed_from_u64(7);
-    let mut normals: Vec<DVec3> = (0..1000)
-        .map(|_| {
-            let mut one = || 2. * random.random::<f64>() - 1.;
-            DVec3::new(one(), one(), one()).normalize()
-        })
-        .collect();
-    for tilt in [0., 1e-300, 1e-17, 1e-9, 1e-3] {
-        for z in [1., -1.] {
-            normals.push(DVec3::new(tilt, -tilt, z).normalize());
-        }
+    let mut all = vec![];
+    for i in 0..300 {
+        let mut one = || random.random::<f64>() - 0.5;
+        let n = DVec3::new(one(), one(), one());
+        let tied = DVec3::new(n.y.abs().next_down(), n.y, n.z);
+        all.extend([n, if i % 2 == 0 { tied } else { tied.zxy() }]);
+        all.push(DVec3::new(n.z, n.y, -n.z));
     }
-    normals.extend([DVec3::X, -DVec3::X, DVec3::Y, -DVec3::Y]);
-    normals.push(DVec3::new(0.6, 0.8, 0.));
-    normals.push(DVec3::new(0.6, 0.8, -0.));
-    normals
+    let signs = [-1., -0.75, -1e-9, -1e-300, -0., 0., 1e-17, 1e-3, 1.];
+    for (x, y) in signs.iter().flat_map(|x| signs.map(|y| (*x, y))) {
+        all.extend(signs.map(|z| DVec3::new(x, y, z)));
+    }
+    all.retain(|n| n.length() > 2e-3);
+    all.into_iter().map(DVec3::normalize).collect()
 }
 
 #[test]
@@ -106,10 +107,30 @@ fn turns(x: f64, y: f64) -> f64 {
     if turn < 1. { turn } else { 0. }
 }
 
+/// Demands that so many directions around a normal have the density of the
+/// cosine: 20 x 10 cells are equally probable, in the azimuth and in the
+/// square of the sine, as the direction itself has them.
+pub fn assert_cosine(
+    chance: &Chance,
+    normal: DVec3,
+    count: u32,
+    mut draw: impl FnMut() -> DVec3,
+) {
+    let (columns, rows) = (20, 10);
+    let (t, b) = frame(normal);
+    let mut cells = vec![0u32; columns * rows];
+    for d in (0..count).map(|_| draw()) {
+        assert!((d.length() - 1.).abs() < 1e-14 && d.dot(normal) > -1e-15);
+        let sine2 = d.dot(t).powi(2) + d.dot(b).powi(2);
+        let column = cell(turns(d.dot(t), d.dot(b)), columns);
+        let row = ((sine2 * rows as f64) as usize).min(rows - 1);
+        cells[row * columns + column] += 1;
+    }
+    chance.uniform(&cells, &format!("directions around {normal}"));
+}
+
 #[test]
 fn directions_have_the_density_of_the_cosine() {
-    // 20 x 10 cells of equal probability, 5000 directions in each.
-    let (columns, rows) = (20, 10);
     let all = normals();
     let tilted = |tilt, z| DVec3::new(tilt, -tilt, z).normalize();
     for normal in [
@@ -124,21 +145,10 @@ fn directions_have_the_density_of_the_cosine() {
         all[0],
         all[1],
     ] {
-        let (t, b) = frame(normal);
         let mut random = Pcg64::seed_from_u64(3);
-        let mut cells = vec![0u32; columns * rows];
-        for _ in 0..SAMPLES {
-            let (r, turn) = (random.random(), random.random());
-            let d = cosine_direction(normal, r, turn);
-            assert!((d.length() - 1.).abs() < 2e-15 && d.dot(normal) > 0.);
-            // P(sin² < s) = s, and the azimuth is uniform: found from the
-            // direction itself, not from the numbers that made it.
-            let sine2 = d.dot(t).powi(2) + d.dot(b).powi(2);
-            let column = cell(turns(d.dot(t), d.dot(b)), columns);
-            let row = ((sine2 * rows as f64) as usize).min(rows - 1);
-            cells[row * columns + column] += 1;
-        }
-        CHANCE.uniform(&cells, &format!("directions around {normal}"));
+        assert_cosine(&CHANCE, normal, SAMPLES, || {
+            cosine_direction(normal, random.random(), random.random())
+        });
     }
 }
 
@@ -163,11 +173,11 @@ fn no_direction_lies_in_its_surface_or_below() {
 // ------------------------------------------------------------ The dimensions
 
 /// The cells of the first dimensions of a sample, of 16 each.
-fn cells(seed: u64, pixel: u64, index: u64) -> [u8; DIMENSIONS] {
+fn cells((seed, pixel, index): Name) -> [usize; DIMENSIONS] {
     let mut sampler = IndependentSampler::new(seed).start(pixel, index);
     let mut cells = [0; DIMENSIONS];
     let [x, y] = sampler.get_pixel_2d();
-    (cells[0], cells[1]) = ((x >> 28) as u8, (y >> 28) as u8);
+    (cells[0], cells[1]) = ((x >> 28) as usize, (y >> 28) as usize);
     for bounce in 0..(DIMENSIONS as u64 - 2) / 3 {
         let roulette = dimension::roulette(bounce);
         let direction = dimension::direction(bounce);
@@ -175,7 +185,7 @@ fn cells(seed: u64, pixel: u64, index: u64) -> [u8; DIMENSIONS] {
         let [v, w] = sampler.get_2d(direction);
         let numbers = [(roulette, u), (direction, v), (direction + 1, w)];
         for (dimension, number) in numbers {
-            cells[dimension as usize] = cell(number, 16) as u8;
+            cells[dimension as usize] = cell(number, 16);
         }
     }
     cells
@@ -186,21 +196,18 @@ const PATHS: u64 = 1 << 16;
 
 #[test]
 fn each_dimension_is_uniform_alone_and_with_each_other() {
-    let of_a_pixel = |i| cells(3, 77, i);
-    let of_an_image = |i| cells(3, i, 2);
-    type Cells<'a> = &'a dyn Fn(u64) -> [u8; DIMENSIONS];
-    let all: [(&str, Cells); 2] =
-        [("a pixel", &of_a_pixel), ("an image", &of_an_image)];
-    for (what, cells) in all {
-        let paths: Vec<_> = (0..PATHS).map(cells).collect();
+    let names: [(&str, fn(u64) -> Name); 2] =
+        [("a pixel", |i| (3, 77, i)), ("an image", |i| (3, i, 2))];
+    for (what, name) in names {
+        let paths: Vec<_> = (0..PATHS).map(|i| cells(name(i))).collect();
         for d in 0..DIMENSIONS {
             let mut alone = [0; 16];
-            paths.iter().for_each(|path| alone[path[d] as usize] += 1);
+            paths.iter().for_each(|path| alone[path[d]] += 1);
             CHANCE.uniform(&alone, &format!("{what}: dimension {d}"));
             for e in 0..d {
                 let mut both = [0; 256];
                 for path in &paths {
-                    both[path[d] as usize * 16 + path[e] as usize] += 1;
+                    both[path[d] * 16 + path[e]] += 1;
                 }
                 let what = format!("{what}: dimensions {d} and {e}");
                 CHANCE.uniform(&both, &what);
@@ -210,14 +217,14 @@ fn each_dimension_is_uniform_alone_and_with_each_other() {
 }
 
 /// Seed, pixel and number of a sample.
-type Name = (u64, u64, u64);
+pub type Name = (u64, u64, u64);
 
 /// A pair of samples, by its number.
-type Pair = fn(u64) -> [Name; 2];
+pub type Pair = fn(u64) -> [Name; 2];
 
 /// Pairs of samples, by the number of the pair, that are close to each other in
 /// one respect. No sample is in two pairs of a kind.
-const RELATED: [(&str, Pair); 8] = [
+pub const RELATED: [(&str, Pair); 8] = [
     ("next sample", |i| [(0, 5, 2 * i), (0, 5, 2 * i + 1)]),
     ("next pixel", |i| [(0, 2 * i, 5), (0, 2 * i + 1, 5)]),
     ("next row", |i| {
@@ -239,20 +246,30 @@ const RELATED: [(&str, Pair); 8] = [
     }),
 ];
 
-#[test]
-fn related_samples_are_independent_in_each_dimension() {
+/// Demands that related samples, whose cells are given, are independent: in
+/// each dimension, and in each and the next.
+pub fn assert_unrelated<const N: usize>(
+    chance: &Chance,
+    cells: impl Fn(Name) -> [usize; N],
+) {
     for (what, pair) in RELATED {
-        let mut counts = vec![[0; 256]; DIMENSIONS];
+        let mut counts = vec![[0; 256]; 2 * N];
         for i in 0..PATHS {
-            let [one, other] = pair(i).map(|(s, p, n)| cells(s, p, n));
-            for (d, counts) in counts.iter_mut().enumerate() {
-                counts[one[d] as usize * 16 + other[d] as usize] += 1;
+            let [one, other] = pair(i).map(&cells);
+            for d in 0..N {
+                counts[d][one[d] * 16 + other[d]] += 1;
+                counts[N + d][one[d] * 16 + other[(d + 1) % N]] += 1;
             }
         }
         for (d, counts) in counts.iter().enumerate() {
-            CHANCE.uniform(counts, &format!("{what}, dimension {d}"));
+            chance.uniform(counts, &format!("{what}, dimension {d}"));
         }
     }
+}
+
+#[test]
+fn related_samples_are_independent_in_each_dimension() {
+    assert_unrelated(&CHANCE, cells);
 }
 
 #[test]
@@ -269,15 +286,4 @@ fn a_sampler_gives_the_same_numbers_whoever_starts_it() {
         let number: f64 = random.random();
         assert_eq!(sampler.get_1d(dimension::roulette(1)), number);
     }
-}
-
-#[test]
-#[cfg_attr(
-    debug_assertions,
-    should_panic = "dimension 3 is asked for late"
-)]
-fn debug_builds_refuse_a_dimension_that_has_passed() {
-    let mut sampler = IndependentSampler::new(0).start(0, 0);
-    sampler.get_2d(dimension::direction(0));
-    sampler.get_1d(dimension::direction(0));
 }

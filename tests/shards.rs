@@ -259,7 +259,7 @@ fn missing_parts_are_listed_and_need_a_permission() {
 /// alone, it ends as if it had not been stopped.
 #[test]
 fn a_part_that_is_stopped_is_missing_its_rest_and_can_be_resumed() {
-    for method in ["reference", "gather"] {
+    for method in ["reference", "sobol", "gather"] {
         let place = Scratch::new();
         let run = ["--integrator", method, "-n1024", "-j2"];
         place.run(&[&VIEW[..], &run, &A].concat()).succeeded();

@@ -4,6 +4,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 
 use crate::chance;
+use crate::sampler::{RELATED, assert_unrelated};
 
 use chance::Chance;
 use glam::DVec3;
@@ -156,31 +157,6 @@ fn the_coordinates_of_a_point_are_independent_of_each_other() {
     }
 }
 
-/// Seed, pixel and number of a sample.
-type Name = (u64, u64, u64);
-
-/// A pair of samples, by its number.
-type Pair = fn(u64) -> [Name; 2];
-
-/// Pairs of samples of different scrambles of 16 points that are close to
-/// each other in one respect; no sample is in two pairs of a kind.
-const RELATED: [(&str, Pair); 6] = [
-    ("next scramble", |i| [(0, 5, 32 * i), (0, 5, 32 * i + 16)]),
-    ("next pixel", |i| [(0, 2 * i, 5), (0, 2 * i + 1, 5)]),
-    ("next row", |i| {
-        let (x, y) = (i % 800, i / 800 * 2);
-        [(0, y * 800 + x, 5), (0, (y + 1) * 800 + x, 5)]
-    }),
-    ("next seed", |i| {
-        [(0, i % 256, i / 256 * 16), (1, i % 256, i / 256 * 16)]
-    }),
-    ("next of many seeds", |i| [(2 * i, 9, 0), (2 * i + 1, 9, 0)]),
-    ("pixel and scramble exchanged", |i| {
-        let (a, b) = (i % 256, 256 + i / 256);
-        [(0, a, 16 * b), (0, b, 16 * a)]
-    }),
-];
-
 /// The first numbers of a sample, of 16 values each.
 fn numbers(sampler: &SobolSampler, pixel: u64, index: u64) -> [usize; 7] {
     let mut sampler = sampler.start(pixel, index);
@@ -194,22 +170,9 @@ fn numbers(sampler: &SobolSampler, pixel: u64, index: u64) -> [usize; 7] {
 
 #[test]
 fn samples_of_different_scrambles_are_independent_in_each_dimension() {
-    for (what, pair) in RELATED {
-        let mut counts = vec![[0; 256]; 14];
-        for i in 0..SCRAMBLES {
-            let [one, other] = pair(i).map(|(seed, pixel, index)| {
-                numbers(&SobolSampler::new(seed, 16), pixel, index)
-            });
-            for d in 0..7 {
-                counts[d][one[d] * 16 + other[d]] += 1;
-                // Different dimensions, too.
-                counts[7 + d][one[d] * 16 + other[(d + 1) % 7]] += 1;
-            }
-        }
-        for (d, counts) in counts.iter().enumerate() {
-            CHANCE.uniform(counts, &format!("{what}, dimension {d}"));
-        }
-    }
+    assert_unrelated(&CHANCE, |(seed, pixel, n)| {
+        numbers(&SobolSampler::new(seed, 16), pixel, 16 * n + n % 16)
+    });
 }
 
 #[test]

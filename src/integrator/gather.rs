@@ -134,6 +134,11 @@ pub struct Sample {
     u: [u32; 2],
 }
 
+/// Numbers the generators of tiles; those of pixels are below 2^28.
+fn tile_number((x, y): (u32, u32)) -> u64 {
+    1 << 32 | u64::from(y) << 16 | u64::from(x)
+}
+
 impl<K: Intersector> Tracer<'_, K> {
     /// Traces the ray that leaves `x` in the direction that the guide gives to
     /// a uniform point of the square, in units of 2^-32.
@@ -223,26 +228,15 @@ impl<K: Intersector> Tracer<'_, K> {
             });
             self.rays += rays.iter().flatten().count() as u64;
             let hits = self.intersector.first_hits(&rays);
-            for (&(direction, pixel, scale, u), hit) in
-                batch.iter().zip(hits)
-            {
-                match hit {
-                    Some(hit) => {
-                        let (weight, end) = (1., None);
-                        samples.push(Sample {
-                            hit,
-                            pixel,
-                            scale,
-                            weight,
-                            end,
-                            u,
-                        })
-                    }
-                    None => {
-                        sums[pixel as usize] +=
-                            inquiry.sky.radiance(direction)
-                    }
-                }
+            for (&look, hit) in batch.iter().zip(hits) {
+                // Begin a sample or show the sky
+                let (direction, pixel, scale, u) = look;
+                let Some(hit) = hit else {
+                    sums[pixel as usize] += inquiry.sky.radiance(direction);
+                    continue;
+                };
+                let (weight, end) = (1., None);
+                samples.push(Sample { hit, pixel, scale, weight, end, u });
             }
         }
         samples
@@ -292,9 +286,4 @@ impl<K: Intersector> Tracer<'_, K> {
         }
         sums
     }
-}
-
-/// Numbers the generators of tiles; those of pixels are below 2^28.
-fn tile_number((x, y): (u32, u32)) -> u64 {
-    1 << 32 | u64::from(y) << 16 | u64::from(x)
 }

@@ -5,7 +5,6 @@
 
 use std::array;
 use std::fmt;
-use std::str::FromStr;
 use std::time::Instant;
 
 use bytemuck::{Pod, Zeroable, cast};
@@ -54,30 +53,20 @@ impl fmt::Display for Method {
 }
 
 /// The method that is asked for; none if a pilot is to choose one.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Wanted(pub Option<Method>);
+pub type Wanted = Option<Method>;
 
-impl fmt::Display for Wanted {
-    fn fmt(&self, out: &mut fmt::Formatter) -> fmt::Result {
-        match self.0 {
-            None => out.write_str("auto"),
-            Some(method) => method.fmt(out),
+/// Reads the name of a method, or `auto`.
+///
+/// # Errors
+/// There is no method of this name.
+pub fn parse_method(name: &str) -> Result<Wanted, String> {
+    let [first, second, third] = Method::ALL;
+    let mut all = Method::ALL.into_iter();
+    match all.find(|method| method.to_string() == name) {
+        None if name != "auto" => {
+            Err(format!("expected auto, {first}, {second} or {third}"))
         }
-    }
-}
-
-impl FromStr for Wanted {
-    type Err = String;
-
-    fn from_str(name: &str) -> Result<Self, String> {
-        let [first, second, third] = Method::ALL;
-        let mut all = Method::ALL.into_iter();
-        match all.find(|method| method.to_string() == name) {
-            None if name != "auto" => {
-                Err(format!("expected auto, {first}, {second} or {third}"))
-            }
-            method => Ok(Self(method)),
-        }
+        method => Ok(method),
     }
 }
 
@@ -251,9 +240,9 @@ impl<'a> Setup<'a> {
                 || request.left.is_none_or(|left| 2. * paths * pace <= left)
         };
         let best = |wanted: Option<Method>| {
-            let is_wanted = |m| wanted.is_none_or(|wanted| m == wanted);
             let those = methods.iter().filter(|(sampling, _)| {
-                is_wanted(sampling.method) && is_quick(sampling)
+                wanted.is_none_or(|m| m == sampling.method)
+                    && is_quick(sampling)
             });
             those.min_by(|s, t| s.1.total_cmp(&t.1))
         };
@@ -279,6 +268,7 @@ impl<'a> Setup<'a> {
             self.analysis.known.is_all().then_some(Method::Reference);
         let begun = saved.map(|saved| saved.method);
         let wanted = request.method.or(begun).or(known);
+        // Say whether a pilot is needed
         let asks = match wanted {
             None => true,
             Some(Method::Reference) => false,
@@ -425,20 +415,15 @@ impl Trial<'_> {
                 (path, event, number(k));
             let mut rays = u64::from(hit.is_some());
             loop {
-                match event {
+                let (ray, from) = match event {
                     PathEvent::Terminate(value) => {
                         return Path { value, rays, control };
                     }
-                    PathEvent::Scatter(ray, from) => {
-                        rays += 1;
-                        let hit = intersector.first_hit(&ray, Some(from));
-                        event = integrator.advance(
-                            &mut path,
-                            hit,
-                            &mut sampler,
-                        );
-                    }
-                }
+                    PathEvent::Scatter(ray, from) => (ray, from),
+                };
+                rays += 1;
+                let hit = intersector.first_hit(&ray, Some(from));
+                event = integrator.advance(&mut path, hit, &mut sampler);
             }
         })
     }

@@ -116,13 +116,13 @@ impl Learnt {
     /// The bytes that a part takes for images of this area, at most; none if
     /// they are but few.
     fn bytes(&self, part: &str, replicate: u64) -> Option<usize> {
-        let [table, guides] = self.cache.bytes();
+        let RadianceCache { cells, guides, .. } = &self.cache;
         let Allocation { counts, scale, .. } = &self.allocation;
         match part {
-            "guides" => Some(guides),
+            "guides" => Some(size_of_val(&guides[..])),
             "cache" => {
                 let records = self.training as usize * size_of::<Record>();
-                Some(table + records)
+                Some(size_of_val(&cells[..]) + records)
             }
             "allocation" => {
                 Some(size_of_val(&counts[..]) + size_of_val(&scale[..]))
@@ -196,7 +196,7 @@ impl Stage {
         let (allocation, pilot) = allocate(&like, &film, &|_| true);
         let counts = vec![film.replicate as u32; film.area() as usize];
         let even = Allocation { counts, ..allocation.clone() };
-        let unguided = cache.without_guides();
+        let unguided = RadianceCache { guides: vec![], ..cache.clone() };
         let empty = RadianceCache::empty(cache.grid);
         Learnt {
             cache,

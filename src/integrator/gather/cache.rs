@@ -104,8 +104,9 @@ fn coarser(name: u64, levels: usize) -> u64 {
     (name - cube + ((levels as u64) << 60)) | (cube >> (3 * levels))
 }
 
-/// Where a reflected ray arrived.
+/// A reflected ray arrived in the sky.
 pub const SKY: u64 = u64::MAX;
+/// A reflected ray arrived below the horizon.
 pub const DARKNESS: u64 = u64::MAX - 1;
 
 /// A reflection: from one cell to another, to the sky, or to what is below
@@ -120,13 +121,6 @@ pub struct Record {
     pub weight: f32,
     /// The bin of the direction.
     pub bin: u16,
-}
-
-impl Record {
-    /// Orders records by the cell that reflects, and then by all else.
-    fn key(&self) -> (u64, u64, u16, u32) {
-        (self.from, self.to, self.bin, self.weight.to_bits())
-    }
 }
 
 /// What is known of the surfaces in a cell.
@@ -150,12 +144,15 @@ pub const UNSEEN: Cell =
     Cell { mark: 0, value: 0., error: 1., guide: NO_GUIDE };
 
 /// The cells and guides of a scene.
+#[derive(Clone)]
 pub struct RadianceCache {
     /// Names the cells.
     pub grid: Grid,
     /// The table; its length is a power of two.
-    cells: Vec<Cell>,
-    guides: Vec<Guide>,
+    pub cells: Vec<Cell>,
+    /// Where light came from, by the numbers that cells have; without them,
+    /// all directions are sampled by the cosine.
+    pub guides: Vec<Guide>,
     /// The mean error that a ray meets, over the mean radiance.
     pub relative_error: f32,
 }
@@ -198,16 +195,6 @@ impl RadianceCache {
         self.guides.get(cell.guide as usize)
     }
 
-    /// The same without guides, for those who ask what guides are worth.
-    pub fn without_guides(&self) -> Self {
-        Self { cells: self.cells.clone(), guides: vec![], ..*self }
-    }
-
-    /// The bytes of its table and of its guides.
-    pub fn bytes(&self) -> [usize; 2] {
-        [size_of_val(&*self.cells), size_of_val(&*self.guides)]
-    }
-
     /// A cache that learns from records, which it sorts, and begins with
     /// what this one knows; any number of threads gives the same. If `watch`
     /// stops it, the cache is of no use.
@@ -217,7 +204,10 @@ impl RadianceCache {
         albedo: f32,
         watch: &Watch,
     ) -> Self {
-        records.par_sort_unstable_by_key(Record::key);
+        records.par_sort_unstable_by_key(|record| {
+            let &Record { from, to, weight, bin } = record;
+            (from, to, bin, weight.to_bits())
+        });
         let cells = Cells::of(records);
         let mut cache = Self::numbering(self.grid, &cells);
         let ends =
@@ -228,6 +218,7 @@ impl RadianceCache {
         let values = equations.solve(known, watch);
         let errors = equations.errors(&values);
         let (guides, numbers) = equations.guides(&values);
+        // Fill the table with what is known now
         for (c, &name) in equations.cells.names.iter().enumerate() {
             let (slot, mark) = cache.slot(name);
             let (value, error, guide) = (values[c], errors[c], numbers[c]);
@@ -279,43 +270,38 @@ struct Cells {
     names: Vec<u64>,
     /// The number of the cell of the next level that holds it.
     parents: Vec<u32>,
-    records: Vec<Range<u32>>,
+    records: Vec<Range<usize>>,
 }
 
 impl Cells {
     /// The cells of records that are sorted by `from`.
     fn of(records: &[Record]) -> Self {
-        let (mut cells, mut start) = (Self::default(), 0);
-        for group in records.chunk_by(|a, b| a.from == b.from) {
-            let end = start + group.len() as u32;
-            cells.names.push(group[0].from);
-            cells.records.push(start..end);
-            start = end;
+        let mut cells = Self::default();
+        for (i, record) in records.iter().enumerate() {
+            cells.add(record.from, i..i + 1);
         }
-        for level in 1..=LEVELS {
+        for level in 1..LEVELS {
             cells.offsets[level] = cells.names.len();
-            if level < LEVELS {
-                cells.add_level(level);
+            for child in cells.level(level - 1) {
+                let name = coarser(cells.names[child], 1);
+                cells.add(name, cells.records[child].clone());
+                cells.parents.push(cells.names.len() as u32 - 1);
             }
         }
+        cells.offsets[LEVELS] = cells.names.len();
         cells
     }
 
-    /// Appends the cells of a level, which hold those of the finer one.
-    fn add_level(&mut self, level: usize) {
-        for child in self.level(level - 1) {
-            let name = coarser(self.names[child], 1);
-            let Range { start, end } = self.records[child];
-            match self.records.last_mut() {
-                Some(last) if self.names.last() == Some(&name) => {
-                    last.end = end;
-                }
-                _ => {
-                    self.names.push(name);
-                    self.records.push(start..end);
-                }
+    /// Appends a cell with these records, or adds them to the last one.
+    fn add(&mut self, name: u64, records: Range<usize>) {
+        match self.records.last_mut() {
+            Some(last) if self.names.last() == Some(&name) => {
+                last.end = records.end;
             }
-            self.parents.push(self.names.len() as u32 - 1);
+            _ => {
+                self.names.push(name);
+                self.records.push(records);
+            }
         }
     }
 
@@ -324,12 +310,7 @@ impl Cells {
         self.offsets[level]..self.offsets[level + 1]
     }
 
-    /// The records of a cell, and their number.
-    fn range(&self, cell: usize) -> Range<usize> {
-        let Range { start, end } = self.records[cell];
-        start as usize..end as usize
-    }
-
+    /// The number of records of a cell.
     fn count(&self, cell: usize) -> f32 {
         self.records[cell].len() as f32
     }
@@ -370,10 +351,7 @@ impl Equations<'_> {
     fn sums(&self, f: impl Fn(usize) -> f32 + Sync) -> Vec<f32> {
         let cells = &self.cells;
         let finest = cells.level(0).into_par_iter();
-        let sum = |c: usize| {
-            let records = cells.records[c].clone();
-            records.map(|i| f(i as usize)).sum()
-        };
+        let sum = |c: usize| cells.records[c].clone().map(&f).sum();
         let mut sums: Vec<f32> = finest.map(sum).collect();
         sums.resize(cells.names.len(), 0.);
         for (c, &parent) in cells.parents.iter().enumerate() {
@@ -457,7 +435,7 @@ impl Equations<'_> {
             if cells.count(c) < ENOUGH {
                 continue;
             }
-            let squares = cells.range(c).map(|i| {
+            let squares = cells.records[c].clone().map(|i| {
                 let square = arriving(values, self.ends[i]).powi(2);
                 (self.records[i].bin, square)
             });

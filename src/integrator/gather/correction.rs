@@ -62,6 +62,7 @@ impl<K: Intersector> Tracer<'_, K> {
         sums: &mut [f64],
     ) {
         let Some((y, _)) = &samples[k].end else { return };
+        // Find the form factors of those that see the place
         let factor = |&i: &usize| {
             let x = &samples[i].hit;
             let (factor, direction) = form_factor(x, y);
@@ -124,6 +125,7 @@ impl<K: Intersector> Tracer<'_, K> {
         let (mut sum, mut total) = (0., 0.);
         let (net, key) = (self.allocation.net, random.random());
         ends.clear();
+        // Trace the rays that gather
         for n in 0..rays {
             let u = net.pair(key, n, 0);
             let shot = self.shoot(x, self.cache.guide(cell), u);

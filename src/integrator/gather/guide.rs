@@ -57,8 +57,9 @@ pub fn bin([u, v]: [f64; 2]) -> usize {
     side(u) * SIDE + side(v)
 }
 
-/// Bins along one side of the square, and all of them.
+/// Bins along one side of the square.
 pub const SIDE: usize = 16;
+/// All bins of the square.
 pub const BINS: usize = SIDE * SIDE;
 
 /// A density over the square, constant in each bin: where the rows begin,

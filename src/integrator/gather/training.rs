@@ -190,6 +190,7 @@ fn deviations(film: &Film, scale: &[f64], watch: &Watch) -> Vec<f64> {
         at.saturating_sub(1)..(at + 2).min(end)
     };
     let deviation = |i: usize| {
+        // Add up the variances around a pixel
         let (mut sum, mut count) = (0., 0.);
         for y in neighbours(i / width, height) {
             for x in neighbours(i % width, width) {
