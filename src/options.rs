@@ -27,7 +27,7 @@ use crate::camera::View;
 use crate::film::{Window, digits, parse_size};
 use crate::image::Format;
 use crate::output::descriptor;
-use crate::render::choose::Wanted;
+use crate::render::choose::{Wanted, parse_method};
 use crate::state::key::{Part, whole_window};
 use crate::state::shards::is_state_name;
 
@@ -143,7 +143,8 @@ pub struct Options {
     /// How samples are made: reference, paths of independent numbers; sobol,
     /// the same paths placed by scrambled nets; gather, into a cache of
     /// radiance that is corrected; or auto, as a pilot finds quickest
-    #[arg(long, value_name = "METHOD", default_value = "auto")]
+    #[arg(long, value_name = "METHOD", default_value = "auto",
+          value_parser = parse_method)]
     pub integrator: Wanted,
 
     /// Instructions to trace rays with, avx512, avx2 or portable; the image

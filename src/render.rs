@@ -43,57 +43,29 @@ impl<K: Intersector, E: Integrator, S: Sampler> Renderer
     for Job<'_, K, E, S>
 {
     fn pass(&mut self, film: &mut Film, end: u64, watch: &Watch) -> u64 {
-        let replicate = self.sampler.replicate();
+        let (replicate, resolution) =
+            (self.sampler.replicate(), film.resolution);
         assert_eq!(film.replicate, replicate, "replicates");
-        let pass = Pass { job: self, film, end, watch };
-        self.intersector.dispatch(pass)
-    }
-}
-
-/// A pass that waits for its intersector.
-struct Pass<'a, K, E, S> {
-    job: &'a Job<'a, K, E, S>,
-    film: &'a mut Film,
-    end: u64,
-    watch: &'a Watch<'a>,
-}
-
-impl<K: Intersector, E: Integrator, S: Sampler> Dispatch
-    for Pass<'_, K, E, S>
-{
-    type Output = u64;
-
-    fn with<L: Intersector>(self, intersector: &L) -> u64 {
-        let Self { job, film, end, watch } = self;
-        let resolution = film.resolution;
-        let work = Tiles { job, intersector, resolution, watch };
-        let replicate = job.sampler.replicate();
         let first = film.first / replicate;
         let end = first + end.div_ceil(replicate);
         let tiles = film.tiles();
         let parts =
             PIECES_PER_THREAD * rayon::current_num_threads() / tiles.len();
+        let pass = Pass { job: self, resolution, watch };
         let render = |(tile, pixels, _): Part| {
             let values = first + pixels[0].count()..end;
-            work.add(tile, pixels, values, parts as u64).unwrap_or(0)
+            pass.add(tile, pixels, values, parts as u64).unwrap_or(0)
         };
         tiles.into_par_iter().with_max_len(1).map(render).sum()
     }
 }
 
 /// What the tiles of a pass have in common.
-struct Tiles<'a, K, L, E, S> {
+struct Pass<'a, K, E, S> {
     job: &'a Job<'a, K, E, S>,
-    /// The traversal of the intersector of the job.
-    intersector: &'a L,
     /// Width and height of the image.
     resolution: (u32, u32),
     watch: &'a Watch<'a>,
-}
-
-/// The pixels of a tile without a value.
-fn blank(tile: Tile) -> Vec<Accumulator> {
-    vec![Accumulator::default(); (tile.size.0 * tile.size.1) as usize]
 }
 
 /// Paths that a thread has under way.
@@ -119,13 +91,7 @@ fn blocked(intersector: &impl Intersector, ray: &Ray) -> Option<Hit> {
     intersector.is_occluded(ray, None).then_some(hit)
 }
 
-impl<K, L, E, S> Tiles<'_, K, L, E, S>
-where
-    K: Intersector,
-    L: Intersector,
-    E: Integrator,
-    S: Sampler,
-{
+impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
     /// Adds values to the pixels of a tile, given their numbers, and returns
     /// the number of rays; none, with the pixels as they were, if the pass is
     /// stopped or there is nothing to do.
@@ -174,14 +140,19 @@ where
         tile: Tile,
         values: Range<u64>,
     ) -> Option<(Vec<Accumulator>, u64)> {
+        let trace = |samples| {
+            let intersector = self.job.intersector;
+            intersector.dispatch(Trace { pass: self, tile, samples })
+        };
         let replicate = self.job.sampler.replicate();
         if replicate == 1 {
-            return self.trace(tile, values);
+            return trace(values);
         }
-        let (mut sums, mut rays) = (blank(tile), 0);
+        let mut sums = vec![Accumulator::default(); tile.area()];
+        let mut rays = 0;
         for value in values {
-            let samples = value * replicate..(value + 1) * replicate;
-            let (own, more) = self.trace(tile, samples)?;
+            let (own, more) =
+                trace(value * replicate..(value + 1) * replicate)?;
             sums.iter_mut()
                 .zip(&own)
                 .for_each(|(s, own)| s.add(own.mean()));
@@ -190,64 +161,13 @@ where
         Some((sums, rays))
     }
 
-    /// The sums of some samples of the pixels of a tile, and the number of
-    /// rays; none if it was stopped.
-    fn trace(
-        &self,
-        tile: Tile,
-        samples: Range<u64>,
-    ) -> Option<(Vec<Accumulator>, u64)> {
-        let mut pixels = blank(tile);
-        // List the paths of the tile
-        let each = move |pixel| samples.clone().map(move |n| (pixel, n));
-        let mut to_begin =
-            (0..pixels.len() as u32).flat_map(each).peekable();
-        let mut begun = Vec::with_capacity(BEAM);
-        let mut under_way = Vec::with_capacity(IN_FLIGHT);
-        let (mut rays, mut turns) = (0, 0u64);
-        loop {
-            // Put begun paths under way
-            if begun.is_empty() && to_begin.peek().is_some() {
-                let batch = to_begin.by_ref().take(BEAM);
-                rays += self.begin(&mut begun, batch, tile, &mut pixels);
-            }
-            while under_way.len() < IN_FLIGHT
-                && let Some(flight) = begun.pop()
-            {
-                under_way.push(flight);
-            }
-            if under_way.is_empty() && to_begin.peek().is_none() {
-                return Some((pixels, rays));
-            }
-            turns += 1;
-            if turns.is_multiple_of(256) && !(self.watch)(0) {
-                return None;
-            }
-            // Take each path one ray further
-            under_way.retain_mut(|flight| {
-                rays += 1;
-                let PathInFlight { path, sampler, ray, from, .. } = flight;
-                let hit = self.intersector.first_hit(ray, Some(*from));
-                match self.job.integrator.advance(path, hit, sampler) {
-                    PathEvent::Scatter(next, left) => {
-                        (*ray, *from) = (next, left);
-                        return true;
-                    }
-                    PathEvent::Terminate(contribution) => {
-                        pixels[flight.pixel as usize].add(contribution);
-                    }
-                }
-                begun.pop().map(|next| *flight = next).is_some()
-            });
-        }
-    }
-
     /// Begins the paths of a batch, each the number of a pixel in its tile and
     /// of a sample, and takes them up to their first hits; those that are over
     /// are added to their pixels. Returns the number of rays.
     #[inline(always)]
     fn begin(
         &self,
+        intersector: &impl Intersector,
         begun: &mut Vec<PathInFlight<E::Path, S>>,
         mut batch: impl Iterator<Item = (u32, u64)>,
         tile: Tile,
@@ -276,8 +196,10 @@ where
             _ => None,
         });
         let hits = match integrator.is_black() {
-            true => rays.map(|ray| blocked(self.intersector, &ray?)),
-            false => self.intersector.first_hits(&rays),
+            true => {
+                array::from_fn(|i| blocked(intersector, rays[i].as_ref()?))
+            }
+            false => intersector.first_hits(&rays),
         };
         for i in 0..BEAM {
             // Take a path on from the end of its first ray
@@ -297,5 +219,73 @@ where
             }
         }
         rays.iter().flatten().count() as u64
+    }
+}
+
+/// Some samples of the pixels of a tile, to be traced.
+struct Trace<'a, K, E, S> {
+    pass: &'a Pass<'a, K, E, S>,
+    tile: Tile,
+    samples: Range<u64>,
+}
+
+impl<K: Intersector, E: Integrator, S: Sampler> Dispatch
+    for Trace<'_, K, E, S>
+{
+    /// The sums of the pixels, and the number of rays; none if it was
+    /// stopped.
+    type Output = Option<(Vec<Accumulator>, u64)>;
+
+    fn with<L: Intersector>(self, intersector: &L) -> Self::Output {
+        let Self { pass, tile, samples } = self;
+        let mut pixels = vec![Accumulator::default(); tile.area()];
+        // List the paths of the tile
+        let each = move |pixel| samples.clone().map(move |n| (pixel, n));
+        let mut to_begin =
+            (0..pixels.len() as u32).flat_map(each).peekable();
+        let mut begun = Vec::with_capacity(BEAM);
+        let mut under_way = Vec::with_capacity(IN_FLIGHT);
+        let (mut rays, mut turns) = (0, 0u64);
+        loop {
+            // Put begun paths under way
+            if begun.is_empty() && to_begin.peek().is_some() {
+                let batch = to_begin.by_ref().take(BEAM);
+                rays += pass.begin(
+                    intersector,
+                    &mut begun,
+                    batch,
+                    tile,
+                    &mut pixels,
+                );
+            }
+            while under_way.len() < IN_FLIGHT
+                && let Some(flight) = begun.pop()
+            {
+                under_way.push(flight);
+            }
+            if under_way.is_empty() && to_begin.peek().is_none() {
+                return Some((pixels, rays));
+            }
+            turns += 1;
+            if turns.is_multiple_of(256) && !(pass.watch)(0) {
+                return None;
+            }
+            // Take each path one ray further
+            under_way.retain_mut(|flight| {
+                rays += 1;
+                let PathInFlight { path, sampler, ray, from, .. } = flight;
+                let hit = intersector.first_hit(ray, Some(*from));
+                match pass.job.integrator.advance(path, hit, sampler) {
+                    PathEvent::Scatter(next, left) => {
+                        (*ray, *from) = (next, left);
+                        return true;
+                    }
+                    PathEvent::Terminate(contribution) => {
+                        pixels[flight.pixel as usize].add(contribution);
+                    }
+                }
+                begun.pop().map(|next| *flight = next).is_some()
+            });
+        }
     }
 }
