@@ -335,6 +335,7 @@ pub fn tell_apart<'a>(
     read: impl Iterator<Item = &'a Path>,
     written: impl Iterator<Item = &'a Path>,
 ) -> Result<(), String> {
+    // Find the one true name of a file
     let place = |path: &Path| {
         let new = || {
             let directory = directory(path).canonicalize().ok()?;

@@ -138,6 +138,7 @@ impl Scene {
         let (extremes, faces) = (mesh.corners(), mesh.faces());
         let Mesh { vertices, triangles: corners, .. } = mesh;
         let mut triangles = Triangles { vertices, corners, faces };
+        // Choose the frame that rounds no corner
         let moved = Frame::new(extremes, BVec3::TRUE);
         let corners = triangles.corners.par_iter().flatten_iter();
         let corners = corners.map(|&i| triangles.vertices[i as usize]);
