@@ -4,12 +4,11 @@
 //! Targets of files: checked before the work, and written such that
 //! nothing is lost.
 
-use std::ffi::OsStr;
 use std::fs::{File, OpenOptions, Permissions};
 use std::io::{self, BufWriter, ErrorKind, Write};
 use std::mem::ManuallyDrop;
 use std::os::fd::{AsRawFd, FromRawFd, RawFd};
-use std::os::unix::{ffi::OsStrExt, fs::PermissionsExt};
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::{env, fmt};
 
@@ -170,12 +169,9 @@ fn name_file(
 fn keep(file: NamedTempFile, path: &Path) -> PathBuf {
     let hidden = file.path().to_owned();
     let [own, wanted] = [&hidden, path]
-        .map(|path| path.file_name().unwrap_or_default().as_bytes());
-    let letters = own.strip_prefix(b".pt").unwrap_or_default();
-    let room = 255 - "kept-XXXXXX-".len();
-    let end = &wanted[wanted.len().saturating_sub(room)..];
-    let name = [b"kept", letters, b"-", end].concat();
-    let clear = hidden.with_file_name(OsStr::from_bytes(&name));
+        .map(|path| path.file_name().unwrap_or_default().display());
+    let name = format!("{own}-{wanted}").replacen(".pt", "kept", 1);
+    let clear = hidden.with_file_name(name);
     match file.persist_noclobber(&clear) {
         Ok(_) => clear,
         Err(e) => e.file.keep().map_or(hidden, |(_, path)| path),
@@ -339,6 +335,7 @@ pub fn tell_apart<'a>(
     read: impl Iterator<Item = &'a Path>,
     written: impl Iterator<Item = &'a Path>,
 ) -> Result<(), String> {
+    // Find the one true name of a file
     let place = |path: &Path| {
         let new = || {
             let directory = directory(path).canonicalize().ok()?;

@@ -14,7 +14,6 @@ mod result;
 
 use std::path::Path;
 
-use serde::Serialize;
 use serde_json::{Value, json};
 
 use crate::image::{Image, extension};
@@ -66,23 +65,12 @@ impl Kind {
     }
 }
 
-/// A report and what follows from it.
-#[derive(Serialize)]
-struct Complete<'a> {
-    #[serde(flatten)]
-    report: &'a Report,
-    slope_seconds: Option<f64>,
-    slope_spp: Option<f64>,
-}
-
 fn json(report: &Report) -> String {
-    let complete = Complete {
-        report,
-        slope_seconds: report.slope(|point| point.seconds),
-        slope_spp: report.slope(|point| point.spp as f64),
-    };
-    let text = serde_json::to_string_pretty(&complete);
-    text.expect("the keys of a report are strings") + "\n"
+    let mut all = json!(report);
+    let [seconds, spp] = report.slopes();
+    all["slope_seconds"] = json!(seconds);
+    all["slope_spp"] = json!(spp);
+    format!("{all:#}\n")
 }
 
 /// A header, and a row for each point; what is not known is empty.

@@ -8,6 +8,7 @@
 //! the origin, without rounding.
 
 pub mod encoding;
+pub mod mesh;
 pub mod obj;
 pub mod place;
 pub mod polygons;
@@ -15,48 +16,12 @@ pub mod polygons;
 use glam::{BVec3, DVec3};
 use rayon::prelude::*;
 
+pub use self::mesh::Mesh;
 pub use self::obj::{
     ObjError, begins_obj, read_file, read_obj, read_pieces,
 };
 pub use self::place::{EXTENT, Entrance, Frame, Ray};
 use crate::numerics::cross;
-
-/// An indexed triangle mesh in the coordinates of its file.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Mesh {
-    /// Positions of the vertices, each finite; zero in place of one that
-    /// was not, which no face has.
-    pub vertices: Vec<DVec3>,
-    /// Three indices into `vertices` for each triangle.
-    pub triangles: Vec<[u32; 3]>,
-    /// The triangles, in ascending order, that belong to the same face as
-    /// the one before.
-    pub joined: Vec<u32>,
-}
-
-impl Mesh {
-    /// The number of its face, from 0, for each triangle.
-    pub fn faces(&self) -> Vec<u32> {
-        let mut joined = self.joined.iter().copied().peekable();
-        let mut before = 0;
-        let face = |i| {
-            before += u32::from(joined.next_if_eq(&i).is_some());
-            i - before
-        };
-        (0..self.triangles.len() as u32).map(face).collect()
-    }
-
-    /// The extreme corners of the box around all triangles; zeros without
-    /// any.
-    pub fn corners(&self) -> [DVec3; 2] {
-        let used = self.triangles.par_iter().flatten_iter();
-        let used = used.map(|&i| [self.vertices[i as usize]; 2]);
-        let both =
-            |[a, b]: [DVec3; 2], [c, d]: [DVec3; 2]| [a.min(c), b.max(d)];
-        let corners = used.reduce_with(both).unwrap_or_default();
-        corners.map(|corner| corner + DVec3::ZERO)
-    }
-}
 
 /// The corners of a triangle, in the coordinates of the scene.
 pub type Triangle = [DVec3; 3];
@@ -138,6 +103,7 @@ impl Scene {
         let (extremes, faces) = (mesh.corners(), mesh.faces());
         let Mesh { vertices, triangles: corners, .. } = mesh;
         let mut triangles = Triangles { vertices, corners, faces };
+        // Choose the frame that rounds no corner
         let moved = Frame::new(extremes, BVec3::TRUE);
         let corners = triangles.corners.par_iter().flatten_iter();
         let corners = corners.map(|&i| triangles.vertices[i as usize]);

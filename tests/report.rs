@@ -276,12 +276,21 @@ fn the_drawing_shows_each_point_within_its_frame() {
     report.curve[5].rmse_reference = Some(0.3);
     report.curve[6].rmse_reference = Some(0.2);
     // The guide, the truth, and what is estimated.
-    let (lines, frame) = with_page(&report, |page| {
+    let (lines, discs, frame) = with_page(&report, |page| {
         let lines = named(page, "polyline").map(places);
+        let place = |disc| (number(disc, "cx"), number(disc, "cy"));
+        let discs = named(page, "circle").map(place);
         let frame = named(page, "svg").nth(1).unwrap();
         let size = ["width", "height"].map(|side| number(frame, side));
-        (lines.collect::<Vec<_>>(), size)
+        (lines.collect::<Vec<_>>(), discs.collect::<Vec<_>>(), size)
     });
+    assert_eq!(discs.len(), 6);
+    // The guide passes through points that keep to the theory.
+    let (from, to) = (lines[0][0], lines[0][1]);
+    let slope = (to.1 - from.1) / (to.0 - from.0);
+    for (x, y) in &discs {
+        assert!((from.1 + slope * (x - from.0) - y).abs() < 0.3);
+    }
     let lengths: Vec<_> = lines.iter().map(Vec::len).collect();
     assert_eq!(lengths, [2, 2, 6]);
     let [width, height] = frame;
@@ -293,22 +302,6 @@ fn the_drawing_shows_each_point_within_its_frame() {
     steps.for_each(|w| assert!(w[0].0 < w[1].0 && w[0].1 < w[1].1));
     // Errors of 0.3 and 0.2 are above those that are estimated.
     assert!(lines[1][0].1 < lines[2][4].1);
-}
-
-#[test]
-fn the_guide_passes_through_points_that_keep_to_the_theory() {
-    let (guide, points) = with_page(&ordinary(), |page| {
-        let guide = named(page, "polyline").next().map(places).unwrap();
-        let place = |disc| (number(disc, "cx"), number(disc, "cy"));
-        let points = named(page, "circle").map(place);
-        (guide, points.collect::<Vec<_>>())
-    });
-    let (from, to) = (guide[0], guide[1]);
-    let slope = (to.1 - from.1) / (to.0 - from.0);
-    for (x, y) in &points {
-        assert!((from.1 + slope * (x - from.0) - y).abs() < 0.3);
-    }
-    assert_eq!(points.len(), 6);
 }
 
 #[test]

@@ -18,7 +18,8 @@ pub fn page(report: &Report, image: &Image) -> String {
     let scene = printable(&report.scene.file);
     let pixels = u64::from(image.width) * u64::from(image.height);
     let mut summary = report.summary(pixels);
-    summary.extend(slopes(report).map(|slopes| ("slope", slopes)));
+    let [seconds, spp] = report.slopes();
+    summary.extend(seconds.zip(spp).map(tell_slopes));
     // List what was set
     let origin = [
         ("command", &report.command),
@@ -91,13 +92,12 @@ th, td { padding: 0.15rem 1rem 0.15rem 0; text-align: left;
 th:first-child { min-width: 5.75rem }
 ";
 
-fn slopes(report: &Report) -> Option<String> {
-    let seconds = report.slope(|point| point.seconds)?;
-    let spp = report.slope(|point| point.spp as f64)?;
-    Some(format!(
+fn tell_slopes((seconds, spp): (f64, f64)) -> (&'static str, String) {
+    let text = format!(
         "{seconds:.3} against seconds, {spp:.3} against samples, on \
          logarithmic axes; independent samples give -0.5"
-    ))
+    );
+    ("slope", text)
 }
 
 fn pictures(report: &Report, image: &Image) -> Markup {

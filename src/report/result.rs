@@ -247,15 +247,16 @@ pub fn drawable(x: f64) -> bool {
 }
 
 impl Report {
-    /// The slope of the estimated error against what a point has spent,
-    /// in logarithms.
-    pub fn slope(&self, spent: fn(&CurvePoint) -> f64) -> Option<f64> {
-        let point = |point: &CurvePoint| {
-            let (x, error) = (spent(point), point.rmse?);
-            let valid = drawable(x) && drawable(error);
-            (valid && point.spp >= FEWEST).then_some((x, error))
+    /// The slopes of the estimated error against seconds and against
+    /// samples, in logarithms.
+    pub fn slopes(&self) -> [Option<f64>; 2] {
+        let known = |p: &&CurvePoint| p.rmse.is_some_and(drawable);
+        let points = self.curve.iter().filter(|p| p.spp >= FEWEST);
+        let points = points.filter(known).filter(|p| drawable(p.seconds));
+        let slope_of = |spent: fn(&CurvePoint) -> f64| {
+            let point = |p: &CurvePoint| Some((spent(p), p.rmse?));
+            slope(&points.clone().filter_map(point).collect::<Vec<_>>())
         };
-        let points = self.curve.iter().filter_map(point);
-        slope(&points.collect::<Vec<_>>())
+        [slope_of(|p| p.seconds), slope_of(|p| p.spp as f64)]
     }
 }

@@ -11,8 +11,9 @@ use glam::DVec3;
 use memchr::{memchr, memchr2};
 use rayon::prelude::*;
 
+use super::encoding;
+use super::mesh::Mesh;
 use super::polygons::{self, Oddity};
-use super::{Mesh, encoding};
 
 /// Reads the mesh that the bytes `source` of a Wavefront OBJ describe,
 /// which may be compressed.

@@ -100,6 +100,7 @@ fn judge(
     fan: &[[u32; 3]],
     vertices: &[DVec3],
 ) -> (Option<Vec<[u32; 3]>>, Option<Oddity>) {
+    // Scale the corners of the face
     let corners = [fan[0][0], fan[0][1]].into_iter();
     let corners: Vec<_> = corners.chain(fan.iter().map(|t| t[2])).collect();
     let place = |&i: &u32| vertices[i as usize];
@@ -216,6 +217,7 @@ fn triangulate(
             steps[side.rev().index()] -= 1;
         }
     }
+    // Keep the triangles where the outline winds
     let mut seen = vec![false; cdt.num_all_faces()];
     let hull = cdt.convex_hull().map(|side| (side.fix().rev(), 0));
     let mut waiting: Vec<_> = hull.collect();

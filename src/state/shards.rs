@@ -135,6 +135,7 @@ pub fn merge(files: &[PathBuf]) -> Result<Merged, String> {
         let samples = (from, to.min(from + film.samples()));
         held.push((path, [whole, Held { samples, ..whole }]));
     }
+    // Say what the sum has and what it lacks
     let mut merged = sum.ok_or("there is nothing to merge")?;
     merged.convergence.spp = merged.film.samples();
     merged.convergence.record(&merged.film, None);
