@@ -55,51 +55,31 @@ fn soup(n: usize, size: f64) -> Mesh {
     mesh
 }
 
-/// Triangles around each other, each smaller by 3 %.
-fn nested(n: u32) -> Mesh {
-    let corners = [DVec3::X, DVec3::Y, DVec3::NEG_ONE];
-    let scale = |i: u32| 0.97f64.powi(i as i32);
-    let vertices = (0..n).flat_map(|i| corners.map(|p| p * scale(i)));
-    Mesh {
-        vertices: vertices.collect(),
-        triangles: (0..n).map(|i| [0, 1, 2].map(|k| 3 * i + k)).collect(),
-        joined: vec![],
-    }
-}
-
 #[test]
 fn the_hierarchy_finds_what_a_loop_over_all_triangles_finds() {
-    let one_and_more = [1, 3, 500].map(|n| soup(n, 3.));
-    let round = [cavity(0.2, 12), nested(2000)];
-    for mesh in one_and_more.into_iter().chain(round) {
+    for mesh in [soup(1, 5.), soup(3, 5.), soup(500, 2.), cavity(0.2, 12)] {
         let scene = Scene::new(&mesh);
-        let forms = all_forms(&scene);
+        let intersector = Bvh::new(&scene).unwrap();
         let mut random = Pcg64::seed_from_u64(5);
         let mut hits = 0;
-        for i in 0..3000 {
-            let origin = random_direction(&mut random) * 3500.;
-            // Half of the rays aim at the centre.
-            let apart = if i % 2 == 0 { 1. } else { 4096. };
-            let aim = random_direction(&mut random) * apart;
-            let direction = (aim - origin).normalize();
+        for _ in 0..3000 {
+            let direction = random_direction(&mut random);
+            let origin = random_direction(&mut random) * 3000.;
             let ray = Ray { origin, direction };
+            let found = intersector.first_hit(&ray, None);
             let expected = nearest(&scene, &ray);
-            hits += usize::from(expected.is_some());
-            for form in &forms {
-                let found = form.first_hit(&ray, None);
-                assert_eq!(found.is_some(), expected.is_some(), "{ray:?}");
-                let Some((hit, (distance, plane))) = found.zip(expected)
-                else {
-                    continue;
-                };
-                let Hit { point, normal, .. } = hit;
-                // A distance errs by 2^13 * 2^-53, the rounding of the scene's
-                // size, over the cosine of incidence; 1e-8 allows 1e-4.
-                let miss = (point - origin - direction * distance).length();
-                assert!(miss < 1e-8 * (1. + distance), "{ray:?}: {miss}");
-                assert!(normal.dot(direction) <= 0.);
-                assert!((normal.dot(plane).abs() - 1.).abs() < 1e-12);
-            }
+            let Some(Hit { point, normal, .. }) = found else {
+                assert!(expected.is_none(), "{ray:?}: {expected:?}");
+                continue;
+            };
+            let (distance, plane) = expected.expect("a hit that is none");
+            hits += 1;
+            // A distance errs by 2^13 * 2^-53, the rounding of the scene's
+            // size, over the cosine of incidence; 1e-8 allows 1e-4.
+            let miss = (point - origin - direction * distance).length();
+            assert!(miss < 1e-8 * (1. + distance), "{ray:?}: {miss}");
+            assert!(normal.dot(direction) <= 0.);
+            assert!((normal.dot(plane).abs() - 1.).abs() < 1e-12);
         }
         assert!(hits > 0);
     }
@@ -324,5 +304,49 @@ fn few_rays_want_a_fast_build_and_many_a_thorough_one() {
         assert_eq!(expecting(499. * triangles as f64), Quality::Fast);
         assert_eq!(expecting(501. * triangles as f64), Quality::Thorough);
         assert_eq!(expecting(f64::INFINITY), Quality::Thorough);
+    }
+}
+
+/// Triangles around each other, each smaller by 3 %.
+fn nested(n: u32) -> Scene {
+    let corners = [DVec3::X, DVec3::Y, DVec3::NEG_ONE];
+    let scale = |i: u32| 0.97f64.powi(i as i32);
+    Scene::new(&Mesh {
+        vertices: (0..n)
+            .flat_map(|i| corners.map(|corner| corner * scale(i)))
+            .collect(),
+        triangles: (0..n).map(|i| [0, 1, 2].map(|k| 3 * i + k)).collect(),
+        joined: vec![],
+    })
+}
+
+#[test]
+fn nested_triangles_are_all_found_and_in_order() {
+    let scene = nested(2000);
+    let mut random = Pcg64::seed_from_u64(3);
+    let mut point = || random_direction(&mut random);
+    let rays: Vec<Ray> = (0..2000)
+        .map(|i| {
+            // Half of the rays aim at the centre, where all are.
+            let origin = point() * 4000.;
+            let aim = point() * if i % 2 == 0 { 1. } else { 4096. };
+            Ray { origin, direction: (aim - origin).normalize() }
+        })
+        .collect();
+    let expected: Vec<_> = rays
+        .iter()
+        .map(|ray| nearest(&scene, ray).map(|(distance, _)| distance))
+        .collect();
+    assert!(expected.iter().flatten().count() > 200);
+    for isa in Isa::ALL.into_iter().filter(|isa| isa.is_available()) {
+        let intersector = Bvh::with(&scene, Quality::Fast, isa)
+            .expect("available instructions");
+        for (ray, &expected) in rays.iter().zip(&expected) {
+            let hit = intersector.first_hit(ray, None);
+            let found = hit.map(|hit| (hit.point - ray.origin).length());
+            assert_eq!(found.is_some(), expected.is_some(), "{ray:?}");
+            let pair = found.zip(expected);
+            assert!(pair.is_none_or(|(a, b)| (a - b).abs() < 1e-6));
+        }
     }
 }
