@@ -21,9 +21,9 @@ pub use intersector::{BEAM, Dispatch, Hit, Intersector};
 pub use spawn::too_small;
 pub use wide::Quality;
 
-use std::str::FromStr;
 use std::{fmt, io};
 
+use clap::ValueEnum;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -35,7 +35,9 @@ use traverser::Traverser;
 use triangle::Leaf;
 
 /// Sets of instructions with which a hierarchy can be traversed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(
+    ValueEnum, Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize,
+)]
 pub enum Isa {
     /// Sixteen boxes at a time.
     Avx512,
@@ -72,31 +74,13 @@ impl Isa {
 
 impl fmt::Display for Isa {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.write_str(match self {
-            Self::Avx512 => "avx512",
-            Self::Avx2 => "avx2",
-            Self::Portable => "portable",
-        })
-    }
-}
-
-impl FromStr for Isa {
-    type Err = String;
-
-    fn from_str(name: &str) -> Result<Self, String> {
-        let named =
-            Self::ALL.into_iter().find(|isa| isa.to_string() == name);
-        named.ok_or_else(|| {
-            let [first, second, third] = Self::ALL;
-            format!("expected {first}, {second} or {third}")
-        })
+        let value = self.to_possible_value();
+        f.write_str(value.expect("a name for each").get_name())
     }
 }
 
 /// A hierarchy over the triangles of a scene, with a traversal through it.
-pub struct Bvh {
-    form: Form,
-}
+pub struct Bvh(Form);
 
 enum Form {
     #[cfg(target_arch = "x86_64")]
@@ -108,7 +92,7 @@ enum Form {
 
 macro_rules! with_traverser {
     ($bvh:expr, $traverser:ident => $answer:expr) => {
-        match &$bvh.form {
+        match &$bvh.0 {
             #[cfg(target_arch = "x86_64")]
             Form::Avx512($traverser) => $answer,
             #[cfg(target_arch = "x86_64")]
@@ -172,7 +156,7 @@ impl Bvh {
                 Form::Portable(Traverser::new(triangles, quality, placed)?)
             }
         };
-        Ok(Self { form })
+        Ok(Self(form))
     }
 }
 
@@ -194,7 +178,9 @@ impl Bvh {
     ) -> bool {
         let asked = |_: &Leaf, _, corners: &_| asked(corners);
         with_traverser!(self, traverser => {
-            traverser.wide.any([DVec3::MIN, DVec3::MAX], &enters, &asked)
+            let wide = &traverser.wide;
+        let (all, whole) = ((0, wide.region), [DVec3::MIN, DVec3::MAX]);
+        wide.any(all, whole, &enters, &asked)
         })
     }
 

@@ -5,12 +5,9 @@
 
 use glam::DVec3;
 use litpt::bvh::{Bvh, Hit, Intersector, Isa, Quality, too_small};
-use litpt::camera::View;
-use litpt::film::Film;
-use litpt::render::Renderer;
 use litpt::sampler::cosine_direction;
 use litpt::scene::{Mesh, Ray, Scene, Triangles};
-use litpt_book::closed_forms::{Setting, cavity};
+use litpt_book::closed_forms::cavity;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -198,71 +195,6 @@ fn a_path_that_leaves_a_triangle_does_not_meet_others_in_its_plane() {
             ray = Ray { origin: hit.point, direction };
             from = Some(hit.primitive);
         }
-    }
-}
-
-#[test]
-fn a_scene_given_twice_renders_like_the_scene() {
-    let mesh = cavity(0.2, 12);
-    let mut twice = mesh.clone();
-    let again = mesh.triangles.iter().map(|&[a, b, c]| [b, c, a]);
-    twice.triangles.extend(again);
-    let view = View {
-        position: DVec3::ZERO,
-        target: DVec3::new(1., 0.2, -0.3),
-        up: DVec3::Z,
-        fov: 90.,
-    };
-    let render = |mesh: &Mesh| {
-        let setting =
-            Setting::new(mesh, (0.9, DVec3::Z), &view, 1.).unwrap();
-        let mut film = Film::new(24, 24);
-        setting.job(1).pass(&mut film, 16, &|_| true);
-        film.means().map(f64::to_bits).collect::<Vec<_>>()
-    };
-    assert_eq!(render(&mesh), render(&twice));
-}
-
-#[test]
-fn rays_through_edges_and_vertices_of_a_closed_mesh_are_stopped() {
-    let scene = Scene::new(&cavity(0., 24));
-    let intersector = Bvh::new(&scene).unwrap();
-    let mut random = Pcg64::seed_from_u64(4);
-    for t in scene.triangles.to_vec() {
-        let [a, b, _] = t;
-        for s in [0., 0.5, random.random::<f64>()] {
-            let aim = a + (b - a) * s;
-            let origin = random_direction(&mut random) * 1000.;
-            let direction = (aim - origin).normalize();
-            let ray = Ray { origin, direction };
-            assert!(intersector.first_hit(&ray, None).is_some(), "{ray:?}");
-        }
-    }
-}
-
-#[test]
-fn an_empty_scene_has_no_hit() {
-    let intersector = Bvh::new(&Scene::new(&Mesh::default())).unwrap();
-    let ray = Ray { origin: DVec3::ZERO, direction: DVec3::X };
-    assert_eq!(intersector.first_hit(&ray, None), None);
-}
-
-#[test]
-fn triangles_without_area_are_never_hit() {
-    let point = |x: f64| DVec3::new(x, 0., 0.);
-    let mesh = Mesh {
-        vertices: vec![point(-1.), point(0.), point(1.), DVec3::Y],
-        triangles: vec![[0, 1, 2], [3, 3, 3], [0, 0, 3]],
-        joined: vec![],
-    };
-    let scene = Scene::new(&mesh);
-    assert!(scene.triangles.is_empty());
-    let intersector = Bvh::new(&scene).unwrap();
-    let mut random = Pcg64::seed_from_u64(2);
-    for _ in 0..1000 {
-        let origin = random_direction(&mut random) * 5000.;
-        let ray = Ray { origin, direction: -origin.normalize() };
-        assert_eq!(intersector.first_hit(&ray, None), None);
     }
 }
 

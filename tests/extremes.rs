@@ -10,15 +10,12 @@ use std::time::{Duration, Instant};
 
 use common::{ABOVE, Scratch, pgm};
 use glam::DVec3;
-use litpt::analysis::background::KnownPixels;
 use litpt::bvh::{Bvh, Isa, Quality};
 use litpt::camera::{Camera, View};
 use litpt::film::{Film, WORTH};
-use litpt::integrator::PathTracer;
-use litpt::render::{Job, Renderer};
-use litpt::sampler::IndependentSampler;
+use litpt::render::Renderer;
 use litpt::scene::{Mesh, Scene, read_obj};
-use litpt::sky::Sky;
+use litpt_book::closed_forms::Setting;
 
 /// Two triangles: the square |x|, |y| <= half in the plane z = 0.
 fn square(half: f64) -> Mesh {
@@ -59,22 +56,10 @@ fn sized(
     samples: u64,
     seed: u64,
 ) -> Film {
-    let scene = Scene::new(mesh);
-    let intersector =
-        Bvh::with(&scene, Quality::Fast, Isa::best()).unwrap();
     let aspect = f64::from(width) / f64::from(height);
-    let camera = Camera::new(view, aspect).unwrap();
-    let integrator = PathTracer::new(rho, Sky::new(view.up));
-    let mut job = Job {
-        entrance: scene.frame.entrance(camera.position),
-        intersector: &intersector,
-        camera: &camera,
-        integrator,
-        known: KnownPixels::NOTHING,
-        sampler: IndependentSampler::new(seed),
-    };
+    let setting = Setting::new(mesh, (rho, view.up), view, aspect);
     let mut film = Film::new(width, height);
-    job.pass(&mut film, samples, &|_| true);
+    setting.unwrap().job(seed).pass(&mut film, samples, &|_| true);
     film
 }
 
@@ -257,39 +242,27 @@ fn triangles_around_each_other_and_in_a_row_are_sorted_quickly() {
 // ----------------------------------------------------------------- Cameras
 
 #[test]
-fn the_narrowest_and_the_widest_view_see_the_square() {
+fn views_at_the_ends_of_their_ranges_see_the_square() {
     let widest = f64::from_bits(180f64.to_bits() - 1);
     for fov in [5e-324, 1e-300, 1e-9, 179.999999, widest] {
-        let view = View { fov, ..above(1e-6) };
-        let film = render(&square(1e12), &view, 0.7);
-        assert_all(&film, 0.7, &format!("{fov:e}"));
+        let film = render(&square(1e12), &View { fov, ..above(1e-6) }, 0.7);
+        assert_all(&film, 0.7, &format!("fov {fov:e}"));
     }
-}
-
-#[test]
-fn images_of_one_pixel_and_of_one_long_row_see_the_square() {
-    for size in [(1, 1), (16384, 1), (1, 16384)] {
-        let film = sized(&square(1e6), &above(2.), 0.7, size, 2, 0);
-        assert_eq!(film.area(), u64::from(size.0 * size.1));
-        assert_all(&film, 0.7, &format!("{size:?}"));
-    }
-}
-
-#[test]
-fn a_view_along_up_but_for_a_trillionth_has_an_image() {
+    // Along up, but for a trillionth.
     for lean in [1e-12, 1e-15, 1e-300, 5e-324] {
         let up = DVec3::new(lean, 0., 1.);
         let film = render(&square(1e6), &View { up, ..above(2.) }, 0.7);
-        assert_all(&film, 0.7, &format!("{lean:e}"));
+        assert_all(&film, 0.7, &format!("lean {lean:e}"));
     }
-}
-
-#[test]
-fn a_target_however_far_is_seen() {
     for far in [1e300, 1e308, f64::MAX] {
         let target = -DVec3::Z * far;
         let film = render(&square(1e6), &View { target, ..above(2.) }, 0.7);
-        assert_all(&film, 0.7, &format!("{far:e}"));
+        assert_all(&film, 0.7, &format!("far {far:e}"));
+    }
+    for near in [1e-300, 1e-310, 5e-324] {
+        let target = DVec3::Z * near;
+        let view = View { position: DVec3::ZERO, target, ..above(2.) };
+        assert_all(&render(&Mesh::default(), &view, 0.7), 1., "sky");
     }
     // The difference of position and target overflows.
     let view = View { target: -DVec3::Z * f64::MAX, ..above(f64::MAX) };
@@ -299,11 +272,11 @@ fn a_target_however_far_is_seen() {
 }
 
 #[test]
-fn a_target_however_near_is_seen() {
-    for near in [1e-300, 1e-310, 5e-324] {
-        let target = DVec3::Z * near;
-        let view = View { position: DVec3::ZERO, target, ..above(2.) };
-        assert_all(&render(&Mesh::default(), &view, 0.7), 1., "sky");
+fn images_of_one_pixel_and_of_one_long_row_see_the_square() {
+    for size in [(1, 1), (16384, 1), (1, 16384)] {
+        let film = sized(&square(1e6), &above(2.), 0.7, size, 2, 0);
+        assert_eq!(film.area(), u64::from(size.0 * size.1));
+        assert_all(&film, 0.7, &format!("{size:?}"));
     }
 }
 

@@ -9,43 +9,19 @@ use litpt::bvh::{Bvh, Hit, Intersector, Isa, Quality};
 use litpt::numerics::cross;
 use litpt::sampler::cosine_direction;
 use litpt::scene::{Mesh, Ray, Scene};
+use litpt_book::escapes::Inside;
 use litpt_book::solids::{self, Solid, rounded};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use robust::{Coord3D, orient3d};
 
-/// Follows `n` paths of `bounces` bounces from the cameras, none of which may
-/// find a way out.
-fn follow(
-    intersector: &Bvh,
-    cameras: &[DVec3],
-    (n, bounces): (usize, u32),
-) {
-    let mut random = Pcg64::seed_from_u64(5);
-    for i in 0..n {
-        let origin = cameras[i % cameras.len()];
-        let any = [DVec3::X, -DVec3::X, DVec3::Z, -DVec3::Z][i / 8 % 4];
-        let mut direction =
-            cosine_direction(any, random.random(), random.random());
-        let (mut origin, mut from) = (origin, None);
-        for _ in 0..bounces {
-            let ray = Ray { origin, direction };
-            let hit = intersector.first_hit(&ray, from);
-            let hit = hit.unwrap_or_else(|| panic!("{ray:?} escapes"));
-            let (r, turn) = (random.random(), random.random());
-            direction = cosine_direction(hit.normal, r, turn);
-            origin = hit.point;
-            from = Some(hit.primitive);
-        }
-    }
-}
-
 #[test]
 fn no_path_leaves_a_closed_surface() {
-    for Solid { name, scene, cameras, .. } in solids::all() {
-        let intersector = Bvh::new(&scene).unwrap();
-        eprintln!("{name}");
-        follow(&intersector, &cameras, (5000, 20));
+    for solid in &solids::all() {
+        let bvh = &Bvh::new(&solid.scene).unwrap();
+        let (seed, paths, bounces) = (5, 5000, 20);
+        let inside = Inside { solid, bvh, seed, paths, bounces };
+        assert_eq!(bvh.dispatch(inside), 0, "{}", solid.name);
     }
 }
 

@@ -13,7 +13,11 @@ use std::fmt::Write;
 use common::Scratch;
 use glam::DVec3;
 use litpt::bvh::{Bvh, Intersector, Isa, Quality};
-use litpt::scene::{Ray, Triangle, Triangles};
+use litpt::camera::View;
+use litpt::film::{Film, Summary};
+use litpt::render::Renderer;
+use litpt::scene::{Mesh, Ray, Triangle, Triangles};
+use litpt_book::closed_forms::Setting;
 use litpt_book::escapes::{Inside, Outside};
 use litpt_book::solids;
 use rayon::prelude::*;
@@ -37,62 +41,32 @@ fn no_path_goes_through_a_closed_surface_over_a_large_plane() {
 }
 
 /// A ball of radius one at `x` on a plane from -reach to reach.
-fn ball(reach: f64, x: f64) -> String {
-    let mut text = String::new();
-    let mut face = vec![];
-    let (rings, sides) = (24, 48);
-    for i in 0..=rings {
-        for k in 0..sides {
-            let (up, around) = (f64::from(i) / 24., f64::from(k) / 24.);
-            let (sin, cos) = (up * std::f64::consts::PI).sin_cos();
-            let (y, z) = (around * std::f64::consts::PI).sin_cos();
-            let (px, py) = (sin * z, sin * y);
-            writeln!(text, "v {} {py} {}", px + x, 1. - cos).unwrap();
-            if i > 0 {
-                let [a, b] = [i * sides + k, i * sides + (k + 1) % sides];
-                face.push([a, b, b - sides, a - sides]);
-            }
-        }
-    }
-    for [a, b, c, d] in face {
-        let [a, b, c, d] = [a + 1, b + 1, c + 1, d + 1];
-        writeln!(text, "f {a} {b} {c} {d}").unwrap();
-    }
-    let r = reach;
-    write!(
-        text,
-        "v -{r} -{r} 0\nv {r} -{r} 0\nv {r} {r} 0\nv -{r} {r} 0\n"
-    )
-    .unwrap();
-    text + "f -4 -3 -2 -1\n"
+fn ball(reach: f64, x: f64) -> Mesh {
+    let mut mesh = solids::icosphere(3);
+    let first = mesh.vertices.len() as u32;
+    mesh.vertices.iter_mut().for_each(|v| *v += DVec3::new(x, 0., 1.));
+    let signs = [(-1., -1.), (1., -1.), (1., 1.), (-1., 1.)];
+    let corners = signs.map(|(x, y)| DVec3::new(x, y, 0.) * reach);
+    mesh.vertices.extend(corners);
+    let plane = [[0, 1, 2], [0, 2, 3]];
+    mesh.triangles.extend(plane.map(|t| t.map(|i| first + i)));
+    mesh
 }
 
 /// The mean radiance of a picture of the ball, and its error.
-fn picture(place: &Scratch, reach: f64, x: f64) -> [f64; 2] {
-    place.put("ball.obj", ball(reach, x));
-    let [position, target] =
-        [format!("-p{},-5,2", x), format!("-t{x},0,0.8")];
-    let output = place.run(&[
-        "-iball.obj",
-        &position,
-        &target,
-        "-u0,0,1",
-        "-d48x36",
-        "-n64",
-        "-r0.8",
-        "-F",
-        "40",
-        "-f",
-        "-ox.pfm",
-    ]);
-    output.succeeded();
-    let text = &output.stderr;
-    let after = |word: &str| {
-        let rest = &text[text.find(word).unwrap() + word.len()..];
-        let number = rest.split_whitespace().next().unwrap();
-        number.trim_end_matches(',').parse::<f64>().unwrap()
+fn picture(reach: f64, x: f64) -> [f64; 2] {
+    let view = View {
+        position: DVec3::new(x, -5., 2.),
+        target: DVec3::new(x, 0., 0.8),
+        up: DVec3::Z,
+        fov: 40.,
     };
-    [after("mean radiance "), after("± ")]
+    let white = (0.8, DVec3::Z);
+    let setting = Setting::new(&ball(reach, x), white, &view, 4. / 3.);
+    let mut film = Film::new(48, 36);
+    setting.unwrap().job(1).pass(&mut film, 64, &|_| true);
+    let Summary { mean, mean_stderr, .. } = film.summary();
+    [mean, mean_stderr]
 }
 
 /// Of 11 normal differences, one is farther off than this, times its standard
@@ -102,50 +76,57 @@ const SIDAK: f64 = 3.92;
 
 #[test]
 fn a_ball_looks_the_same_on_any_plane() {
-    let place = Scratch::new();
-    let [expected, error] = picture(&place, 1e5, 0.);
+    let [expected, error] = picture(1e5, 0.);
     for exponent in 6..=11 {
         let reach = 10f64.powi(exponent);
         for x in [0., 0.75 * reach] {
             if exponent == 11 && x > 0. {
                 continue; // The same mean, after ten seconds.
             }
-            let [mean, own] = picture(&place, reach, x);
+            let [mean, own] = picture(reach, x);
             let limit = SIDAK * error.hypot(own);
             let off = (mean - expected).abs();
-            assert!(
-                off < limit,
-                "{reach:e} {x}: {mean} {expected} {limit}"
-            );
+            assert!(off < limit, "{reach:e} {x}: {off} {limit}");
         }
     }
 }
 
-/// The triangles of the ball are 0.0922 to 0.1305 long, which is 2^-40 of what
-/// counts for the plane at reaches of 4.27e10 and 6.05e10.
+/// A triangle is too small below 2^-40 of what counts for the plane, 19/8 of
+/// its reach.
 #[test]
 fn the_user_is_warned_where_a_double_is_not_precise_enough() {
     let place = Scratch::new();
-    let warning = |reach| {
-        place.put("ball.obj", ball(reach, 0.));
-        let output = place.run(&[
-            "-iball.obj",
-            "-p0,-5,2",
-            "-d4x3",
-            "-n1",
-            "-f",
-            "-ox.pfm",
-        ]);
+    let Mesh { vertices, triangles, .. } = ball(0., 0.);
+    let sides = triangles[..triangles.len() - 2].iter().map(|t| {
+        let [a, b, c] = t.map(|i| vertices[i as usize]);
+        (a.max(b).max(c) - a.min(b).min(c)).max_element()
+    });
+    let sides: Vec<_> = sides.collect();
+    let least = sides.iter().copied().fold(f64::INFINITY, f64::min);
+    let most = sides.iter().copied().fold(0., f64::max);
+    let warning = |side: f64| {
+        let reach = side * 2f64.powi(40) * 8. / 19.;
+        let Mesh { vertices, triangles, .. } = ball(reach, 0.);
+        let mut text = String::new();
+        for DVec3 { x, y, z } in vertices {
+            writeln!(text, "v {x} {y} {z}").unwrap();
+        }
+        for [a, b, c] in triangles.iter().map(|t| t.map(|i| i + 1)) {
+            writeln!(text, "f {a} {b} {c}").unwrap();
+        }
+        place.put("ball.obj", text);
+        let camera = ["-iball.obj", "-p0,-5,2", "-d4x3", "-n1"];
+        let output = place.run(&[&camera[..], &["-f", "-ox.pfm"]].concat());
         output.succeeded();
         let words: Vec<_> = output.stderr.split_whitespace().collect();
         let is_there = words[0] == "warning:";
         is_there.then(|| [1, 3].map(|i| words[i].parse::<u32>().unwrap()))
     };
-    assert_eq!(warning(4.2e10), None);
-    let [some, _] = warning(4.6e10).unwrap();
-    let [most, all] = warning(6.2e10).unwrap();
+    assert_eq!(warning(0.99 * least), None);
+    let [some, _] = warning(1.01 * least).unwrap();
+    let [more, all] = warning(1.01 * most).unwrap();
     // All but the two of the plane.
-    assert!(0 < some && some < most && most == all - 2, "{some} {most}");
+    assert!(0 < some && some < more && more == all - 2, "{some} {more}");
 }
 
 /// A prism that stands on a floor of one triangle and leans over it, to the

@@ -3,7 +3,7 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-use std::f64::consts::{FRAC_1_SQRT_2, TAU};
+use std::f64::consts::TAU;
 
 use glam::DVec3;
 use litpt::numerics::{
@@ -22,27 +22,6 @@ fn circle_agrees_with_the_standard_library() {
         // of a radian; the documented error of circle is 4e-16.
         assert!((x - (TAU * u).cos()).abs() < 1e-15, "{u}");
         assert!((y - (TAU * u).sin()).abs() < 1e-15, "{u}");
-    }
-}
-
-#[test]
-fn eighths_of_a_turn_are_where_geometry_puts_them() {
-    let d = FRAC_1_SQRT_2;
-    let compass = [
-        (1., 0.),
-        (d, d),
-        (0., 1.),
-        (-d, d),
-        (-1., 0.),
-        (-d, -d),
-        (0., -1.),
-        (d, -d),
-        (1., 0.),
-    ];
-    for (eighth, (x, y)) in compass.into_iter().enumerate() {
-        let (cosine, sine) = sincos_turns(eighth as f64 / 8.);
-        assert!((cosine - x).abs() < 4e-16, "{eighth}: {cosine} {x}");
-        assert!((sine - y).abs() < 4e-16, "{eighth}: {sine} {y}");
     }
 }
 

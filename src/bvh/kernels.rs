@@ -8,7 +8,7 @@
 
 use std::arch::x86_64::*;
 
-use super::traversal::{Entered, Kernel, Met, Slabs, Stack};
+use super::traversal::{Kernel, Met, Slabs, Stack};
 use super::triangle::{LANES, Leaf, Margins, Shear};
 use super::wide::Node;
 
@@ -24,11 +24,11 @@ macro_rules! interval {
         };
         let enter = |axis| plane(&$slabs.entry, axis, $slabs.enter[axis]);
         let leave = |axis| plane(&$slabs.exit, axis, $slabs.leave[axis]);
-        let near = $max(enter(0), enter(1));
-        let far = $min(leave(0), leave(1));
+        let t_near = $max(enter(0), enter(1));
+        let t_far = $min(leave(0), leave(1));
         (
-            $max(near, $max(enter(2), $set(0.))),
-            $min(far, $min(leave(2), $set($t_max))),
+            $max(t_near, $max(enter(2), $set(0.))),
+            $min(t_far, $min(leave(2), $set($t_max))),
         )
     }};
 }
@@ -37,8 +37,6 @@ macro_rules! interval {
 pub struct Avx2;
 
 impl Kernel<8> for Avx2 {
-    type Vector = __m256;
-
     fn is_available() -> bool {
         is_x86_feature_detected!("avx2")
             && is_x86_feature_detected!("fma")
@@ -48,52 +46,44 @@ impl Kernel<8> for Avx2 {
             && is_x86_feature_detected!("popcnt")
     }
 
-    #[target_feature(enable = "avx2,fma")]
+    #[target_feature(enable = "avx2,fma,bmi1,lzcnt,popcnt")]
     #[inline]
     unsafe fn enter(
         node: &Node<8>,
         slabs: &Slabs,
         t_max: f32,
-    ) -> Entered<__m256> {
-        let (near, far) = interval!(node slabs t_max, _mm256_loadu_ps
-            _mm256_set1_ps _mm256_fmsub_ps _mm256_max_ps _mm256_min_ps);
-        let met = _mm256_cmp_ps::<_CMP_LE_OQ>(near, far);
-        Entered { mask: _mm256_movemask_ps(met) as u32, near, far }
-    }
-
-    #[target_feature(enable = "avx2,bmi1,lzcnt,popcnt")]
-    #[inline]
-    unsafe fn push(
-        node: &Node<8>,
-        shift: u32,
-        entered: &Entered<__m256>,
         stack: &mut Stack,
-    ) -> u32 {
-        // Put eight lanes in the octant's order
-        let order = load8(&node.order);
-        let order =
-            _mm256_srl_epi32(order, _mm_cvtsi32_si128(shift as i32));
-        let children = load8(&node.children);
-        let children = _mm256_permutevar8x32_epi32(children, order);
-        let near = _mm256_permutevar8x32_ps(entered.near, order);
-        let far = _mm256_permutevar8x32_ps(entered.far, order);
-        let met = _mm256_cmp_ps::<_CMP_LE_OQ>(near, far);
+    ) -> Option<u32> {
+        let (t_near, t_far) = interval!(node slabs t_max, _mm256_loadu_ps
+            _mm256_set1_ps _mm256_fmsub_ps _mm256_max_ps _mm256_min_ps);
+        let met = _mm256_cmp_ps::<_CMP_LE_OQ>(t_near, t_far);
+        if _mm256_movemask_ps(met) == 0 {
+            return None;
+        }
+        // Compare eight boxes in the octant's order
+        let shift = _mm_cvtsi32_si128(slabs.shift as i32);
+        let order = _mm256_srl_epi32(load8(&node.order), shift);
+        let t_near = _mm256_permutevar8x32_ps(t_near, order);
+        let t_far = _mm256_permutevar8x32_ps(t_far, order);
+        let met = _mm256_cmp_ps::<_CMP_LE_OQ>(t_near, t_far);
         let mask = _mm256_movemask_ps(met) as u32;
         // Store all but the nearest child
+        let children = load8(&node.children);
+        let children = _mm256_permutevar8x32_epi32(children, order);
         let pack = load8(&PACK[mask as usize & 255]);
-        let near = _mm256_permutevar8x32_ps(near, pack);
         let packed = _mm256_permutevar8x32_epi32(children, pack);
         // SAFETY: there is room for eight, says the caller, and all but one of
         // those in the mask are left there.
         unsafe {
             let (top, distances) = stack.top::<8>();
             _mm256_storeu_si256(top.cast(), packed);
-            _mm256_storeu_ps(distances, near);
+            let packed = _mm256_permutevar8x32_ps(t_near, pack);
+            _mm256_storeu_ps(distances, packed);
             stack.grow(mask.count_ones() as usize - 1);
         }
         let last = _mm256_set1_epi32(31 - mask.leading_zeros() as i32);
         let child = _mm256_permutevar8x32_epi32(children, last);
-        _mm256_cvtsi256_si32(child) as u32
+        Some(_mm256_cvtsi256_si32(child) as u32)
     }
 
     #[target_feature(enable = "avx2,fma")]
@@ -178,8 +168,6 @@ impl Kernel<8> for Avx2 {
 pub struct Avx512;
 
 impl Kernel<16> for Avx512 {
-    type Vector = __m512;
-
     fn is_available() -> bool {
         Avx2::is_available()
             && is_x86_feature_detected!("avx512f")
@@ -187,51 +175,42 @@ impl Kernel<16> for Avx512 {
             && is_x86_feature_detected!("avx512dq")
     }
 
-    #[target_feature(enable = "avx512f")]
+    #[target_feature(enable = "avx512f,lzcnt,popcnt")]
     #[inline]
     unsafe fn enter(
         node: &Node<16>,
         slabs: &Slabs,
         t_max: f32,
-    ) -> Entered<__m512> {
-        let (near, far) = interval!(node slabs t_max, _mm512_loadu_ps
-            _mm512_set1_ps _mm512_fmsub_ps _mm512_max_ps _mm512_min_ps);
-        let mask = _mm512_cmp_ps_mask::<_CMP_LE_OQ>(near, far);
-        Entered { mask: mask.into(), near, far }
-    }
-
-    #[target_feature(enable = "avx512f,lzcnt,popcnt")]
-    #[inline]
-    unsafe fn push(
-        node: &Node<16>,
-        shift: u32,
-        entered: &Entered<__m512>,
         stack: &mut Stack,
-    ) -> u32 {
-        // Put sixteen lanes in the octant's order
-        let order = load16(&node.order);
-        let order =
-            _mm512_srl_epi32(order, _mm_cvtsi32_si128(shift as i32));
-        let children =
-            _mm512_permutexvar_epi32(order, load16(&node.children));
-        let near = _mm512_permutexvar_ps(order, entered.near);
-        let far = _mm512_permutexvar_ps(order, entered.far);
-        let met = _mm512_cmp_ps_mask::<_CMP_LE_OQ>(near, far);
-        let mask = u32::from(met);
+    ) -> Option<u32> {
+        let (t_near, t_far) = interval!(node slabs t_max, _mm512_loadu_ps
+            _mm512_set1_ps _mm512_fmsub_ps _mm512_max_ps _mm512_min_ps);
+        if _mm512_cmp_ps_mask::<_CMP_LE_OQ>(t_near, t_far) == 0 {
+            return None;
+        }
+        // Compare sixteen boxes in the octant's order
+        let shift = _mm_cvtsi32_si128(slabs.shift as i32);
+        let order = _mm512_srl_epi32(load16(&node.order), shift);
+        let t_near = _mm512_permutexvar_ps(order, t_near);
+        let t_far = _mm512_permutexvar_ps(order, t_far);
+        let met = _mm512_cmp_ps_mask::<_CMP_LE_OQ>(t_near, t_far);
         // Store all but the nearest of sixteen
+        let children = load16(&node.children);
+        let children = _mm512_permutexvar_epi32(order, children);
+        let mask = u32::from(met);
         // SAFETY: there is room for sixteen, says the caller, and all but one
         // of those in the mask are left there.
         unsafe {
             let (top, distances) = stack.top::<16>();
             let packed = _mm512_maskz_compress_epi32(met, children);
             _mm512_storeu_si512(top.cast(), packed);
-            let near = _mm512_maskz_compress_ps(met, near);
-            _mm512_storeu_ps(distances, near);
+            let packed = _mm512_maskz_compress_ps(met, t_near);
+            _mm512_storeu_ps(distances, packed);
             stack.grow(mask.count_ones() as usize - 1);
         }
         let last = _mm512_set1_epi32(31 - mask.leading_zeros() as i32);
         let child = _mm512_permutexvar_epi32(last, children);
-        _mm512_cvtsi512_si32(child) as u32
+        Some(_mm512_cvtsi512_si32(child) as u32)
     }
 
     #[target_feature(enable = "avx2,fma")]

@@ -27,10 +27,6 @@ const CLOSE_BY: f64 = 4.;
 /// risen by more than 2 `CLOSE_BY`, times `clear`: 2^-17.
 const SHORT: f64 = 1. / (1u64 << 17) as f64;
 
-/// Part of its factors by which an ordinary triple product may be wrong,
-/// at most: 2^-47.
-const PRODUCT_ERROR: f64 = 1. / (1u64 << 47) as f64;
-
 /// How far from a hit a triangle may be to be around it, as part of the
 /// size: 2^-33.
 const AROUND: f64 = 1. / (1u64 << 33) as f64;
@@ -57,7 +53,7 @@ pub fn hit<const N: usize>(
         return None;
     }
     // Find the point and the normal
-    let [a, b, c] = search.triangle();
+    let [a, b, c] = search.leaves.triangle(primitive);
     let normal = cross(b - a, c - a).normalize();
     let away = normal.dot(ray.direction) > 0.;
     let normal = if away { -normal } else { normal };
@@ -81,8 +77,9 @@ pub fn hit<const N: usize>(
         && (low - away).cmple(met).all()
         && met.cmple(high + away).all();
     if search.near_tie <= limit || short || deep || unseen {
+        let around = Around { point: met, part: AROUND, least: own };
         let arrival =
-            Arrival { wide, ray, distance, met, own, primitive, left };
+            Arrival { wide, ray, distance, around, primitive, left };
         if let Some(safe) = arrival.settle(deep) {
             point = safe;
         }
@@ -110,10 +107,9 @@ struct Arrival<'a, const N: usize> {
     wide: &'a Wide<N>,
     ray: &'a Ray,
     distance: f64,
-    /// Where the ray meets it.
-    met: DVec3,
-    /// The size of the triangle that is hit.
-    own: f64,
+    /// Where the ray meets the triangle that is hit, and others may be
+    /// close to it; by the size of that triangle at least.
+    around: Around,
     /// The slot of the triangle that is hit.
     primitive: u32,
     /// That of the triangle which the ray left, if it left one.
@@ -126,48 +122,33 @@ impl<const N: usize> Arrival<'_, N> {
     #[inline(never)]
     fn settle(&self, deep: bool) -> Option<DVec3> {
         let shear = Shear::new(self.ray);
-        let left = self.left.map(|left| self.wide.leaves.triangle(left));
-        let close = deep
-            || left.is_some_and(|left| self.is_low(&left))
-            || self.is_close(&shear);
+        let close = deep || self.is_low() || self.is_close(&shear);
         close.then(|| self.offset(&shear))
-    }
-
-    /// Where others may be close to the hit.
-    fn around(&self) -> Around {
-        Around { point: self.met, part: AROUND, least: self.own }
     }
 
     /// Whether the hit is around the triangle that the ray left, and close to
     /// its plane.
-    fn is_low(&self, left: &Triangle) -> bool {
-        self.around().holds(left, self.ray).is_some()
-            && has_not_risen(left, self.ray, self.met, self.own)
+    fn is_low(&self) -> bool {
+        let Around { point, least, .. } = self.around;
+        self.left.is_some_and(|left| {
+            let left = self.wide.leaves.triangle(left);
+            self.around.holds(&left, self.ray).is_some()
+                && has_not_risen(&left, self.ray, point, least)
+        })
     }
 
     /// Whether a triangle other than that of the hit and that which the ray
     /// left may be close to the hit.
     fn is_close(&self, shear: &Shear) -> bool {
-        let met = self.met;
         let gap = |at: f64| at - self.distance;
         let asked = |leaf: &Leaf, place, corners: &Triangle, size: f64| {
             let (lane, slot) = place;
-            let &[a, b, c] = corners;
-            let size = size.max(self.own);
+            let size = size.max(self.around.least);
             let close_by = CLOSE_BY * clear(size);
-            // Dismiss a triangle whose plane is clearly away
-            let (u, v, w) = (b - a, c - a, met - a);
-            let across = u.cross(v);
-            let largest = |v: DVec3| v.abs().max_element();
-            let error =
-                largest(u) * largest(v) * largest(w) * PRODUCT_ERROR;
-            let limit = 2. * close_by * across.abs().element_sum();
-            if across.dot(w).abs() > limit + error {
-                return false;
-            }
             // Dismiss a triangle whose plane is not close
+            let &[a, b, c] = corners;
             let normal = cross(b - a, c - a);
-            let height = normal.dot(met - a).abs();
+            let height = normal.dot(self.around.point - a).abs();
             if slot == self.primitive
                 || Some(slot) == self.left
                 || height > 2. * close_by * normal.length()
@@ -188,7 +169,7 @@ impl<const N: usize> Arrival<'_, N> {
                 TriangleTest::Apart => false,
             }
         };
-        self.around().any(self.wide, self.ray, &asked)
+        self.around.any(self.wide, self.ray, &asked)
     }
 
     /// Whether the ray passes a triangle, with this normal, more closely than
@@ -199,7 +180,7 @@ impl<const N: usize> Arrival<'_, N> {
         normal: DVec3,
         close_by: f64,
     ) -> bool {
-        let (direction, met) = (self.ray.direction, self.met);
+        let (direction, met) = (self.ray.direction, self.around.point);
         let flat = corners.map(|p| p - direction * direction.dot(p - met));
         let normal = direction * normal.dot(direction).signum();
         !is_beside(flat, normal, met, FRAC_1_SQRT_2 * close_by)
@@ -208,8 +189,9 @@ impl<const N: usize> Arrival<'_, N> {
     /// A safe point of the ray, not far before the hit.
     fn offset(&self, shear: &Shear) -> DVec3 {
         let Ray { origin, direction } = *self.ray;
-        let least = clear(size(self.distance, self.met));
-        let mut back = (2. * least).max(clear(self.own));
+        let Around { point, least, .. } = self.around;
+        let part = clear(size(self.distance, point));
+        let mut back = (2. * part).max(clear(least));
         while back < self.distance {
             let point = origin + direction * (self.distance - back);
             if self.is_safe(shear, point) {
@@ -271,7 +253,8 @@ impl Around {
         let away = away.max(twice_close_by(self.least));
         let within = [self.point - away, self.point + away];
         let enters = |low, high| self.comes_near(low, high, ray);
-        wide.any(within, &enters, &|leaf, place, triangle| {
+        let all = (0, wide.region);
+        wide.any(all, within, &enters, &|leaf, place, triangle| {
             let size = self.holds(triangle, ray);
             size.is_some_and(|size| asked(leaf, place, triangle, size))
         })

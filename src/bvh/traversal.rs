@@ -20,6 +20,7 @@ use super::wide::{Node, STACK, Wide};
 use crate::scene::Ray;
 
 /// A ray in single precision, prepared for the planes of boxes.
+#[derive(Default)]
 pub struct Slabs {
     /// 1/d of each axis, neither zero nor infinite.
     pub inverse: [f32; 3],
@@ -203,46 +204,24 @@ impl<'a> Stack<'a> {
     }
 }
 
-/// The children of a node whose boxes a ray enters.
-pub struct Entered<V> {
-    /// Bit i stands for the child in slot i.
-    pub mask: u32,
-    /// Where the ray enters each box, not before its own start.
-    pub near: V,
-    /// Where it leaves each box, not beyond its t_max. A box is entered
-    /// if `near <= far`.
-    pub far: V,
-}
-
 /// The instructions for nodes of `N` children.
 pub trait Kernel<const N: usize>: Sync + Sized {
-    /// A number for each child of a node.
-    type Vector;
-
     /// Whether this processor has the instructions.
     fn is_available() -> bool;
 
-    /// Which boxes of a node the ray of `slabs` enters before `t_max`.
+    /// Pushes the children of a node whose boxes the ray of `slabs` enters
+    /// before `t_max`, from far to near, but returns the nearest; none if
+    /// there are none.
     ///
     /// # Safety
-    /// The processor has the instructions.
+    /// The processor has the instructions, and no more than `STACK - N`
+    /// children wait.
     unsafe fn enter(
         node: &Node<N>,
         slabs: &Slabs,
         t_max: f32,
-    ) -> Entered<Self::Vector>;
-
-    /// Pushes the children entered from far to near; returns the nearest.
-    ///
-    /// # Safety
-    /// The processor has the instructions, no more than `STACK - N` children
-    /// wait, and one at least was entered.
-    unsafe fn push(
-        node: &Node<N>,
-        shift: u32,
-        entered: &Entered<Self::Vector>,
         stack: &mut Stack,
-    ) -> u32;
+    ) -> Option<u32>;
 
     /// The triangles of a leaf that a ray meets up to the distance `limit`.
     /// Lanes that meet the ray beyond may or may not be in the mask.
@@ -291,7 +270,7 @@ pub unsafe fn walk<
     const GATED: bool,
 >(
     wide: &'a Wide<N>,
-    ray: &'a Ray,
+    ray: &Ray,
     (from, target): (Option<u32>, u32),
 ) -> Option<Search<'a>> {
     if FAST && GATED == wide.gates.is_empty() {
@@ -322,8 +301,16 @@ pub unsafe fn walk<
                 // Choose among the children entered
                 // SAFETY: children without the bit LEAF are numbers of nodes, and no
                 // hierarchy is so deep that less than `N` are left on the stack.
-                let next = unsafe {
-                    step::<K, N>(wide, child, &slabs, t_max, &mut stack)
+                let nearest = unsafe {
+                    let node = wide.nodes.get_unchecked(child as usize);
+                    K::enter(node, &slabs, t_max, &mut stack)
+                };
+                let next = match nearest {
+                    Some(_) => {
+                        stack.fetch(wide);
+                        nearest
+                    }
+                    None => stack.pop(t_max),
                 };
                 let Some(next) = next else { break 'walk };
                 child = next;
@@ -371,32 +358,6 @@ pub unsafe fn walk<
         };
     }
     Some(search)
-}
-
-/// The child to go on with from a node, if any; others wait on the stack.
-///
-/// # Safety
-/// The processor has the instructions of `K`, `number` is that of a node,
-/// and no more than `STACK - N` children wait.
-#[inline(always)]
-unsafe fn step<K: Kernel<N>, const N: usize>(
-    wide: &Wide<N>,
-    number: u32,
-    slabs: &Slabs,
-    t_max: f32,
-    stack: &mut Stack,
-) -> Option<u32> {
-    // SAFETY: the caller says so.
-    unsafe {
-        let node = wide.nodes.get_unchecked(number as usize);
-        let entered = K::enter(node, slabs, t_max);
-        if entered.mask == 0 {
-            return stack.pop(t_max);
-        }
-        let next = K::push(node, slabs.shift, &entered, stack);
-        stack.fetch(wide);
-        Some(next)
-    }
 }
 
 /// Takes the triangles of a leaf that the ray meets, of `count` at unit
@@ -454,16 +415,17 @@ fn is_missed(
     }
 }
 
-/// Which boxes of `node` a ray enters before `t_max`, where `distance`
-/// is that of a plane, given 1/d and o/d.
+/// Where a ray enters and leaves the boxes of a node, between its start
+/// and `t_max`, where `distance` is that of a plane, given 1/d and o/d.
+/// A box is entered if it is not left before.
 #[inline(always)]
-pub fn enter<const N: usize>(
+pub fn interval<const N: usize>(
     node: &Node<N>,
     slabs: &Slabs,
     t_max: f32,
     distance: impl Fn(f32, f32, f32) -> f32,
-) -> Entered<[f32; N]> {
-    let (mut near, mut far) = ([0f32; N], [t_max; N]);
+) -> ([f32; N], [f32; N]) {
+    let (mut t_near, mut t_far) = ([0f32; N], [t_max; N]);
     for axis in 0..3 {
         let inverse = slabs.inverse[axis];
         let (late, early) = (slabs.entry[axis], slabs.exit[axis]);
@@ -473,12 +435,41 @@ pub fn enter<const N: usize>(
         for i in 0..N {
             let a = distance(enter[i], inverse, late);
             let b = distance(leave[i], inverse, early);
-            near[i] = if a > near[i] { a } else { near[i] };
-            far[i] = if b < far[i] { b } else { far[i] };
+            t_near[i] = if a > t_near[i] { a } else { t_near[i] };
+            t_far[i] = if b < t_far[i] { b } else { t_far[i] };
         }
     }
-    let bit = |i: usize| u32::from(near[i] <= far[i]) << i;
-    Entered { mask: (0..N).map(bit).sum(), near, far }
+    (t_near, t_far)
+}
+
+/// Pushes the children that are entered from far to near, but returns
+/// the nearest.
+///
+/// # Safety
+/// No more than `STACK - N` children wait.
+#[inline(always)]
+pub unsafe fn push<const N: usize>(
+    node: &Node<N>,
+    shift: u32,
+    (t_near, t_far): ([f32; N], [f32; N]),
+    stack: &mut Stack,
+) -> Option<u32> {
+    let bit = |i: usize| u32::from(t_near[i] <= t_far[i]) << i;
+    let mask: u32 = (0..N).map(bit).sum();
+    if mask == 0 {
+        return None;
+    }
+    // Push from far to near
+    let slots = node.order.iter();
+    let slots = slots.map(|order| (order >> shift) as usize & (N - 1));
+    let mut met = slots.filter(|slot| mask >> slot & 1 != 0);
+    let mut next = met.next()?;
+    for slot in met {
+        // SAFETY: fewer than `N` children are pushed.
+        unsafe { stack.push(node.children[next], t_near[next]) };
+        next = slot;
+    }
+    Some(node.children[next])
 }
 
 /// The distance of the plane `b`, with two roundings.
@@ -491,8 +482,6 @@ pub fn distance(b: f32, inverse: f32, start: f32) -> f32 {
 pub struct Portable;
 
 impl<const N: usize> Kernel<N> for Portable {
-    type Vector = [f32; N];
-
     fn is_available() -> bool {
         true
     }
@@ -502,27 +491,11 @@ impl<const N: usize> Kernel<N> for Portable {
         node: &Node<N>,
         slabs: &Slabs,
         t_max: f32,
-    ) -> Entered<[f32; N]> {
-        enter(node, slabs, t_max, distance)
-    }
-
-    #[inline(always)]
-    unsafe fn push(
-        node: &Node<N>,
-        shift: u32,
-        entered: &Entered<[f32; N]>,
         stack: &mut Stack,
-    ) -> u32 {
-        let slots = node.order.iter();
-        let slots = slots.map(|order| (order >> shift) as usize & (N - 1));
-        let mut met = slots.filter(|slot| entered.mask >> slot & 1 != 0);
-        let mut next = met.next().unwrap_or(0);
-        for slot in met {
-            // SAFETY: fewer than `N` children are pushed.
-            unsafe { stack.push(node.children[next], entered.near[next]) };
-            next = slot;
-        }
-        node.children[next]
+    ) -> Option<u32> {
+        let interval = interval(node, slabs, t_max, distance);
+        // SAFETY: there is room for `N`, says the caller.
+        unsafe { push(node, slabs.shift, interval, stack) }
     }
 
     #[inline(never)]

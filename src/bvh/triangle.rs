@@ -128,13 +128,6 @@ pub struct Region {
 }
 
 impl Region {
-    /// That of no triangles.
-    pub const NONE: Self = Self {
-        zero: DVec3::ZERO,
-        reach: 0.,
-        within: Margins { size: 0., near: 0., narrow: 0. },
-    };
-
     /// The region between two opposite corners.
     pub fn between(low: DVec3, high: DVec3) -> Self {
         let reach = 0.5 * (high - low).max_element();
@@ -215,6 +208,7 @@ pub fn slot(first: u32, lane: u32) -> u32 {
 
 /// All leaves of a hierarchy, one after the other.
 pub struct Leaves {
+    /// Each as in `Leaf`, at a multiple of `UNIT`.
     pub words: Vec<u32>,
 }
 
@@ -249,7 +243,7 @@ impl Leaves {
     /// The face of the triangle in a slot.
     pub fn face(&self, slot: u32) -> u32 {
         let (leaf, lane) = self.find(slot);
-        leaf.face(lane)
+        leaf.words[lane as usize] & !(3 << 30)
     }
 }
 
@@ -271,6 +265,7 @@ pub fn write(words: &mut [u32], triangles: &[(u32, Triangle)]) {
 /// A way from one region to another.
 #[derive(Clone, Copy, Debug)]
 pub struct Gate {
+    /// The one to which it leads.
     pub region: Region,
     /// The child with which the search goes on there; none if it goes back.
     pub node: Option<u32>,
@@ -315,16 +310,7 @@ impl Leaf<'_> {
         let count = self.count;
         let runs = &self.words[count + 2 * lane as usize..];
         let runs = &runs[..16 * count + 2];
-        [
-            corner(runs, count, 0),
-            corner(runs, count, 3),
-            corner(runs, count, 6),
-        ]
-    }
-
-    /// The face of the triangle in a lane.
-    pub fn face(&self, lane: u32) -> u32 {
-        self.words[lane as usize] & !(3 << 30)
+        [0, 3, 6].map(|run| corner(runs, count, run))
     }
 
     /// The lanes that a ray meets, as a mask, with the distances; lanes that
@@ -387,7 +373,7 @@ impl Leaf<'_> {
 
     /// The x, y and z of the three corners after the shear.
     #[inline(always)]
-    pub fn sheared(&self, lane: usize, shear: &Shear) -> [[f64; 3]; 3] {
+    fn sheared(&self, lane: usize, shear: &Shear) -> [[f64; 3]; 3] {
         let moved = |c: usize, i: usize| {
             self.coordinate(c, shear.axes[i], lane) - shear.origin[i]
         };
@@ -421,6 +407,7 @@ pub enum TriangleTest {
 /// The nearest triangle so far.
 #[derive(Clone, Copy)]
 pub struct Search<'a> {
+    /// Those of the hierarchy.
     pub leaves: &'a Leaves,
     /// The slot that the ray left, or `NONE`,
     left: u32,
@@ -490,42 +477,6 @@ impl<'a> Search<'a> {
         self.distance + margins.near
     }
 
-    /// Considers the triangle in a lane of the leaf at unit `first`, which
-    /// is met at `distance`; a lane of `LANES` or more is that of a
-    /// triangle which is only passed closely.
-    #[inline(always)]
-    pub fn offer(
-        &mut self,
-        (first, leaf): (u32, Leaf),
-        lane: u32,
-        mut distance: f64,
-        (ray, margins): (&Ray, &Margins),
-    ) {
-        // Doubt the order of triangles that are close
-        let near = margins.near;
-        let beside = lane >= LANES as u32;
-        if beside
-            || (distance - self.distance).abs() <= near
-            || distance <= near
-        {
-            self.near_tie = self.near_tie.min(distance - near);
-            let behind = || is_behind(leaf, lane, ray, distance);
-            if beside || distance <= near && behind() {
-                return;
-            }
-            distance = distance.max(f64::MIN_POSITIVE);
-        }
-        // Keep the triangle if it comes first
-        let slot = slot(first, lane);
-        let equal = distance == self.distance;
-        if distance < self.distance
-            || equal && is_before(self.leaves, slot, self.slot)
-        {
-            (self.distance, self.slot) = (distance, slot);
-            self.size = margins.size;
-        }
-    }
-
     /// Considers the triangle in a slot, which is met at `distance`; none if
     /// it is doubtful whether that is behind the ray, or which comes first.
     #[inline(always)]
@@ -549,10 +500,36 @@ impl<'a> Search<'a> {
         Some(())
     }
 
-    /// The corners of the nearest triangle, if there is one.
+    /// Considers the triangle in a lane of the leaf at unit `first`, which
+    /// is met at `distance`; a lane of `LANES` or more is that of a
+    /// triangle which is only passed closely.
     #[inline(always)]
-    pub fn triangle(&self) -> Triangle {
-        self.leaves.triangle(self.slot)
+    pub fn offer(
+        &mut self,
+        (first, leaf): (u32, Leaf),
+        lane: u32,
+        distance: f64,
+        (ray, margins): (&Ray, &Margins),
+    ) {
+        let (slot, beside) = (slot(first, lane), lane >= LANES as u32);
+        if !beside && self.take(slot, distance, margins).is_some() {
+            return;
+        }
+        // Doubt the order of triangles that are close
+        let near = margins.near;
+        self.near_tie = self.near_tie.min(distance - near);
+        let behind = || is_behind(leaf, lane, ray, distance);
+        if beside || distance <= near && behind() {
+            return;
+        }
+        let distance = distance.max(f64::MIN_POSITIVE);
+        let equal = distance == self.distance;
+        if distance < self.distance
+            || equal && is_before(self.leaves, slot, self.slot)
+        {
+            (self.distance, self.slot) = (distance, slot);
+            self.size = margins.size;
+        }
     }
 
     /// Whether the ray may come near triangles of a region, before the

@@ -7,7 +7,7 @@
 //! and padded. Node 0 is the root. Every other node and every leaf is
 //! the child of exactly one node, or what one gate leads to.
 
-use std::{fmt, io, iter};
+use std::{fmt, io, iter, mem};
 
 use glam::{DVec3, Vec3, Vec3A};
 use obvhs::aabb::Aabb;
@@ -126,22 +126,6 @@ impl<const N: usize> Node<N> {
 const _: () = assert!(size_of::<Node<8>>() == 256);
 const _: () = assert!(size_of::<Node<16>>() == 512);
 
-impl<const N: usize> Node<N> {
-    /// The lanes whose boxes meet the one between two finite corners.
-    fn meets(&self, low: Vec3, high: Vec3) -> [bool; N] {
-        let mut meets = [true; N];
-        for axis in 0..3 {
-            let (low, high) = (low[axis], high[axis]);
-            let [first, last] =
-                [axis, axis + 3].map(|row| &self.planes[row]);
-            for lane in 0..N {
-                meets[lane] &= (first[lane] <= high) & (last[lane] >= low);
-            }
-        }
-        meets
-    }
-}
-
 /// The corners of a triangle, as numbers of vertices, and its face.
 type Corners = ([u32; 3], u32);
 
@@ -164,7 +148,7 @@ fn region(vertices: &[DVec3], corners: &[Corners]) -> Region {
     let points = corners.iter().flat_map(|(three, _)| three);
     let (low, high) = corners_of(points.map(|&k| vertices[k as usize]));
     match low.x > high.x {
-        true => Region::NONE,
+        true => Region::between(DVec3::ZERO, DVec3::ZERO),
         false => Region::between(low, high),
     }
 }
@@ -174,10 +158,10 @@ fn region(vertices: &[DVec3], corners: &[Corners]) -> Region {
 const PADDING: f64 = 1. / (1 << 20) as f64;
 
 /// More of it, as a part of the coordinates of its middle: 2^-48.
-const PLACE: f64 = 1. / (1u64 << 48) as f64;
+const FAR_PADDING: f64 = 1. / (1u64 << 48) as f64;
 
 /// More of it: 2^-120, since single precision is coarse where it ends.
-const FLOOR: f64 = 1. / (1u128 << 120) as f64;
+const LEAST_PADDING: f64 = 1. / (1u128 << 120) as f64;
 
 impl Group<'_> {
     fn triangle(&self, i: u32) -> Triangle {
@@ -191,7 +175,7 @@ impl Group<'_> {
         let place = |p: DVec3| Vec3A::from((p - zero).as_vec3());
         let [a, b, c] = self.triangle(i).map(place);
         let far = zero.abs().max_element();
-        let padding = PADDING * reach + PLACE * far + FLOOR;
+        let padding = PADDING * reach + FAR_PADDING * far + LEAST_PADDING;
         let padding = Vec3A::splat(padding as f32);
         let low = a.min(b).min(c) - padding;
         let high = a.max(b).max(c) + padding;
@@ -364,11 +348,6 @@ struct Forest<const N: usize> {
 }
 
 impl<const N: usize> Forest<N> {
-    /// That of a single triangle, or of a gate.
-    fn single(area: f32, count: usize) -> Self {
-        Self { costs: [area; N], most: 1, count }
-    }
-
     /// The forest of a node of the given area from those of its children,
     /// and how it is cut.
     fn join(left: &Self, right: &Self, area: f32) -> (Self, Choices<N>) {
@@ -377,9 +356,13 @@ impl<const N: usize> Forest<N> {
         let mut choices = [0; N];
         // Try forests of two trees and more
         for k in 2..=most {
-            let (cost, trees) = Self::split(left, right, k);
-            costs[k - 1] = cost;
-            choices[k - 1] = trees as u8;
+            let least = k.saturating_sub(right.most).max(1);
+            for a in least..=left.most.min(k - 1) {
+                let cost = left.costs[a - 1] + right.costs[k - a - 1];
+                if cost < costs[k - 1] {
+                    (costs[k - 1], choices[k - 1]) = (cost, a as u8);
+                }
+            }
         }
         costs[0] = area + costs[most - 1];
         let count = left.count + right.count;
@@ -395,19 +378,6 @@ impl<const N: usize> Forest<N> {
             }
         }
         (Self { costs, most, count }, choices)
-    }
-
-    /// D(i, k), and the number of trees on the left that attains it.
-    fn split(left: &Self, right: &Self, k: usize) -> (f32, usize) {
-        let mut best = (f32::INFINITY, 1);
-        for a in k.saturating_sub(right.most).max(1)..=left.most.min(k - 1)
-        {
-            let cost = left.costs[a - 1] + right.costs[k - a - 1];
-            if cost < best.0 {
-                best = (cost, a);
-            }
-        }
-        best
     }
 }
 
@@ -428,7 +398,7 @@ fn cut<const N: usize>(tree: &[Bvh2Node]) -> Vec<Choices<N>> {
         let first = node.first_index as usize;
         if node.is_leaf() {
             let count = if gate(node).is_some() { LANES } else { 1 };
-            forests.push(Forest::single(area(node), count));
+            forests.push(Forest { costs: [area(node); N], most: 1, count });
         } else if !is_second_visit {
             todo.extend([(i, true), (first + 1, false), (first, false)]);
         } else if let (Some(right), Some(left)) =
@@ -692,17 +662,23 @@ impl<const N: usize> Wide<N> {
         wide.nodes.resize(tops, Node::EMPTY);
         let mut roots: Vec<_> = (1..tops as u32).collect();
         // Build as many parts at a time as there are threads
+        let groups = halve(&vertices, &mut corners, parts).into_par_iter();
+        let mut groups: Vec<_> =
+            groups.map(|group| group.to_vec()).collect();
+        drop(corners);
         let mut count = 0;
-        let groups = halve(&vertices, &mut corners, parts);
-        for some in groups.chunks(rayon::current_num_threads()) {
-            let built = some.par_iter().map(|corners| {
+        for some in groups.chunks_mut(rayon::current_num_threads()) {
+            // Build some parts
+            let built = some.par_iter_mut().map(|corners| {
+                let corners = &mem::take(corners)[..];
                 let group = Group { vertices: &vertices, corners, region };
-                Self::of(&group, quality, above, WAYS / parts)
+                let part = Self::of(&group, quality, above, WAYS / parts)?;
+                Ok((part, corners.len()))
             });
             let built: io::Result<Vec<_>> = built.collect();
-            for (part, corners) in built?.into_iter().zip(some) {
+            for (part, triangles) in built? {
                 roots.push(wide.append(part)?);
-                count += corners.len();
+                count += triangles;
                 placed(count);
             }
         }
@@ -751,45 +727,32 @@ fn halve<'a>(
     corners: &'a mut [Corners],
     parts: usize,
 ) -> Vec<&'a mut [Corners]> {
-    if parts == 1 {
-        return vec![corners];
+    let place = |(three, _): &Corners| vertices[three[0] as usize];
+    let mut groups = vec![corners];
+    while groups.len() < parts {
+        let halves = groups.into_par_iter().flat_map_iter(|corners| {
+            // Part the triangles at their median
+            let (low, high) = corners_of(corners.iter().map(place));
+            let axis = (high - low).max_position();
+            let half = corners.len() / 2;
+            corners.select_nth_unstable_by(half, |i, j| {
+                let [p, q] = [i, j].map(|corners| place(corners)[axis]);
+                p.total_cmp(&q).then(i.cmp(j))
+            });
+            let (left, right) = corners.split_at_mut(half);
+            [left, right]
+        });
+        groups = halves.collect();
     }
-    // Part the triangles at their median
-    let twice_middle = |corners: &[u32; 3]| {
-        let [a, b, c] = corners.map(|k| vertices[k as usize]);
-        a.min(b).min(c) + a.max(b).max(c)
-    };
-    let middles = corners.iter().map(|(three, _)| twice_middle(three));
-    let (low, high) = corners_of(middles);
-    let axis = (high - low).max_position();
-    let half = corners.len() / 2;
-    corners.select_nth_unstable_by(half, |(i, _), (j, _)| {
-        let [p, q] = [i, j].map(|three| twice_middle(three)[axis]);
-        p.total_cmp(&q).then(i.cmp(j))
-    });
-    let (left, right) = corners.split_at_mut(half);
-    let (mut groups, others) = rayon::join(
-        || halve(vertices, left, parts / 2),
-        || halve(vertices, right, parts / 2),
-    );
-    groups.extend(others);
     groups
 }
 
 impl<const N: usize> Wide<N> {
-    /// Whether `asked` is true of a triangle, given its leaf, lane and
-    /// slot, and its corners. Looks only into boxes that meet the one
-    /// between two corners, and of which `enters` is true, given theirs.
+    /// Whether `asked` is true of a triangle below a child, given its leaf,
+    /// lane and slot, and its corners. Looks only into boxes that meet the
+    /// one between two corners, and of which `enters` is true, given theirs.
+    /// Below the child 0, in the region of the whole, are all triangles.
     pub fn any(
-        &self,
-        within: [DVec3; 2],
-        enters: &impl Fn(DVec3, DVec3) -> bool,
-        asked: &impl Fn(&Leaf, (usize, u32), &[DVec3; 3]) -> bool,
-    ) -> bool {
-        self.any_below((0, self.region), within, enters, asked)
-    }
-
-    fn any_below(
         &self,
         (child, region): (u32, Region),
         within: [DVec3; 2],
@@ -804,7 +767,7 @@ impl<const N: usize> Wide<N> {
                 let gate = (first - GATES) as usize;
                 let Gate { region, node } = self.gates[gate];
                 return node.is_some_and(|root| {
-                    self.any_below((root, region), within, enters, asked)
+                    self.any((root, region), within, enters, asked)
                 });
             }
             // SAFETY: leaves that are no gates are leaves that are there.
@@ -819,14 +782,16 @@ impl<const N: usize> Wide<N> {
         let finite = |v: Vec3| v.clamp(Vec3::MIN, Vec3::MAX);
         let [low, high] =
             within.map(|corner| finite((corner - region.zero).as_vec3()));
-        let meets = node.meets(low, high);
-        (0..N).filter(|&lane| meets[lane]).any(|lane| {
-            let Aabb { min, max } = node.bounds(lane);
+        let within_box = Aabb::new(low.into(), high.into());
+        (0..N).any(|lane| {
+            let own = node.bounds(lane);
+            let Aabb { min, max } = own;
             let below = (node.children[lane], region);
             let [low, high] =
                 [min, max].map(|v| v.as_dvec3() + region.zero);
-            enters(low, high)
-                && self.any_below(below, within, enters, asked)
+            own.intersect_aabb(&within_box)
+                && enters(low, high)
+                && self.any(below, within, enters, asked)
         })
     }
 

@@ -334,7 +334,8 @@ fn least<const N: usize>(tree: &[Bvh2Node]) -> f32 {
 fn check_cut<const N: usize>(leaves: usize, random: &mut Pcg64) {
     let tree = random_tree(leaves, random);
     let (vertices, corners) = (&[DVec3::ZERO][..], &[([0; 3], 0)][..]);
-    let group = Group { vertices, corners, region: Region::NONE };
+    let region = region(vertices, corners);
+    let group = Group { vertices, corners, region };
     let (wide, _) = Wide::<N>::fill(&group, &tree).unwrap();
     let boxes = wide.nodes.iter().flat_map(|node| {
         occupied(node).map(|(lane, _)| node.bounds(lane).half_area())
