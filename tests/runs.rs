@@ -129,7 +129,7 @@ fn there_is_always_time_for_one_sample() {
     assert_eq!(report["mean_stderr"], Value::Null);
     let run = place.run(&[&short[1..], &["-f"]].concat());
     run.succeeded();
-    let warning = "warning: to load and to build took longer than --time";
+    let warning = "warning: to load, to build and to make one sample";
     assert!(run.stderr.contains(warning), "{}", run.stderr);
 }
 
