@@ -225,8 +225,8 @@ fn slow_to_write(place: &Scratch) -> Option<Child> {
     let mut child = place.pt(&all).spawn().unwrap();
     let id = child.id();
     wait_until(&mut child, "handler", || listens(id));
-    // A box is read and built in some milliseconds.
-    thread::sleep(Duration::from_millis(1000));
+    // A box is read and built in some milliseconds, if nobody else works.
+    thread::sleep(Duration::from_millis(3000));
     Some(child)
 }
 
