@@ -14,8 +14,7 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::time::{Duration, Instant};
 
-use clap::builder::styling::{AnsiColor, Effects, Style};
-use clap::builder::{StyledStr, Styles};
+use clap::builder::StyledStr;
 use clap::parser::ValueSource;
 use clap::{ArgMatches, Id, Parser};
 use glam::DVec3;
@@ -33,7 +32,7 @@ use crate::state::shards::is_state_name;
 
 /// Renders a Wavefront OBJ of one diffuse material under a uniform sky.
 #[derive(Clone, Debug, Parser, Serialize, Deserialize)]
-#[command(name = "pt", version, styles = STYLES,
+#[command(name = "pt", version,
           after_help = format!("{STATUS}\n\n{LICENCE}"))]
 #[command(args_override_self = true)]
 pub struct Options {
@@ -206,13 +205,6 @@ Copyright (C) 2026 litpt contributors.
 Licence GPLv3+: GNU GPL version 3 or later. This is free software: you are
 free to change and redistribute it. There is NO WARRANTY, to the extent
 permitted by law.";
-
-/// How the help looks on a terminal.
-pub const STYLES: Styles = Styles::styled()
-    .error(AnsiColor::Red.on_default().effects(Effects::BOLD))
-    .header(Style::new().effects(Effects::BOLD))
-    .usage(Style::new().effects(Effects::BOLD))
-    .literal(Style::new().effects(Effects::BOLD));
 
 /// Parses a finite real number.
 pub fn parse_real(text: &str) -> Result<f64, String> {

@@ -695,11 +695,10 @@ fn render(
     // Warn if there was no time
     let late = limits.deadline.is_some_and(|end| began > end);
     if late || (convergence.spp == 0 && stop == Stop::Time) {
-        let slow = match late {
-            true => "to load and to build",
-            false => "one sample of each pixel",
-        };
-        progress::warn(&format!("{slow} took longer than --time allows"));
+        progress::warn(
+            "to load, to build and to make one sample of each pixel took \
+             longer than --time allows",
+        );
     }
     stop
 }

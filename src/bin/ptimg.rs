@@ -17,7 +17,7 @@ use litpt::compare::{
 };
 use litpt::film::SIDE;
 use litpt::image::{Format, Image};
-use litpt::options::{LICENCE, STYLES, is_dash, parse_real, parse_words};
+use litpt::options::{LICENCE, is_dash, parse_real, parse_words};
 use litpt::output::{ImageTarget, OutputTarget, descriptor, tell_apart};
 use litpt::progress;
 use litpt::report::Kind;
@@ -31,7 +31,7 @@ use signal_hook::flag;
 /// are .exr and .pfm, as pt writes them, and of other programs .png and
 /// .pgm too; - is standard input or output.
 #[derive(Debug, Parser)]
-#[command(name = "ptimg", version, after_help = LICENCE, styles = STYLES)]
+#[command(name = "ptimg", version, after_help = LICENCE)]
 #[command(arg_required_else_help = false)]
 pub struct Arguments {
     #[command(subcommand)]
