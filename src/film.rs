@@ -103,7 +103,7 @@ pub fn digits<N: FromStr>(text: &str) -> Result<N, N::Err> {
 }
 
 /// A tile with its pixels, row by row, and its mean, if the film has one.
-pub type Part<'a> =
+pub type FilmTile<'a> =
     (Tile, &'a mut [Accumulator], Option<&'a mut Accumulator>);
 
 /// An image in the making, or a part of it: one accumulator per pixel.
@@ -236,7 +236,7 @@ impl Film {
     }
 
     /// The tiles in the order in which they are rendered.
-    pub fn tiles(&mut self) -> Vec<Part<'_>> {
+    pub fn tiles(&mut self) -> Vec<FilmTile<'_>> {
         let begun = self.pixels[0].count() > 0;
         let mut rest = &mut self.pixels[..];
         let mut means = self.tile_means.iter_mut();

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use crate::analysis::background::{KnownPixels, TileContent};
 use crate::bvh::{BEAM, Dispatch, Hit, Intersector};
 use crate::camera::Camera;
-use crate::film::{Film, Part, Tile, Watch};
+use crate::film::{Film, FilmTile, Tile, Watch};
 use crate::integrator::{Integrator, PathEvent};
 pub use crate::integrator::{Renderer, Share};
 use crate::sampler::{IndependentSampler, Sampler, within};
@@ -52,7 +52,7 @@ impl<K: Intersector, E: Integrator, S: Sampler> Renderer
         let parts =
             PIECES_PER_THREAD * rayon::current_num_threads() / tiles.len();
         let pass = Pass { job: self, resolution, watch };
-        let render = |(tile, pixels, _): Part| {
+        let render = |(tile, pixels, _): FilmTile| {
             let values = first + pixels[0].count()..end;
             pass.add(tile, pixels, values, parts as u64).unwrap_or(0)
         };

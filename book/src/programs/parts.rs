@@ -8,7 +8,7 @@
 use std::fs;
 
 use litpt::bvh::Bvh;
-use litpt::film::{Film, Part, Window};
+use litpt::film::{Film, FilmTile, Window};
 use litpt::integrator::gather::cache::{Grid, RadianceCache, Record};
 use litpt::integrator::gather::render::Gather;
 use litpt::integrator::gather::training::{allocate, train};
@@ -238,7 +238,7 @@ impl Stage {
         let mut film = self.film(&self.sampling(Method::Gather, seed));
         let &Estimator { cache, ref allocation, correction, .. } = without;
         let gather = &Gather { correction, ..self.renderer(seed) };
-        let render = |(tile, pixels, mut mean): Part| {
+        let render = |(tile, pixels, mut mean): FilmTile| {
             let mut tracer = tracer(gather, cache, allocation);
             for scramble in 0..scrambles {
                 let values = tracer.tile(tile, scramble);

@@ -11,7 +11,7 @@ use super::{Allocation, Correction, Tracer};
 use crate::analysis::Inquiry;
 use crate::analysis::background::KnownPixels;
 use crate::bvh::{Bvh, Dispatch, Intersector};
-use crate::film::{Film, Part, Watch};
+use crate::film::{Film, FilmTile, Watch};
 use crate::integrator::Renderer;
 use crate::sampler::split_mix;
 
@@ -115,7 +115,7 @@ impl Dispatch for Pass<'_> {
         let first = film.first / replicate;
         let end = end.div_ceil(replicate);
         // Render a tile and count its rays
-        let render = |(tile, pixels, mut mean): Part| {
+        let render = |(tile, pixels, mut mean): FilmTile| {
             let mut tracer = Tracer { ..like };
             for scramble in pixels[0].count()..end {
                 if !watch(0) {
