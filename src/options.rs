@@ -148,7 +148,7 @@ pub struct Options {
 
     /// Instructions to trace rays with, avx512, avx2 or portable; the image
     /// does not depend on them [default: the fastest of this processor]
-    #[arg(long, value_name = "ISA")]
+    #[arg(long, value_name = "ISA", hide_possible_values = true)]
     pub isa: Option<Isa>,
 
     /// Print nothing but errors

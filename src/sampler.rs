@@ -10,7 +10,6 @@ use rand::RngExt;
 use rand_pcg::Pcg64;
 
 use crate::numerics::sincos_turns;
-use sobol::to_unit;
 
 /// The numbers of one sample of a pixel, asked for by their dimension.
 /// They are a function of the seed, the pixel, the sample and the dimension
@@ -105,6 +104,13 @@ impl Sampler for IndependentSampler {
     fn get_2d(&mut self, _: u64) -> [f64; 2] {
         [self.random.random(), self.random.random()]
     }
+}
+
+/// The middle of the interval of length 2^-32 that an integer stands for:
+/// in (0, 1), strictly between the ends.
+#[inline(always)]
+pub fn to_unit(x: u32) -> f64 {
+    (f64::from(x) + 0.5) / (1u64 << 32) as f64
 }
 
 /// The coordinate in (i/n, (i+1)/n), strictly between the ends, that a

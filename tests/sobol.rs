@@ -11,10 +11,8 @@ use glam::DVec3;
 use litpt::film::Film;
 use litpt::integrator::{Integrator, PathTracer};
 use litpt::render::{Job, Renderer};
-use litpt::sampler::sobol::{
-    ScrambledNet, SobolSampler, scramble_key, to_unit,
-};
-use litpt::sampler::{IndependentSampler, Sampler, dimension};
+use litpt::sampler::sobol::{ScrambledNet, SobolSampler, scramble_key};
+use litpt::sampler::{IndependentSampler, Sampler, dimension, to_unit};
 use litpt::scene::Mesh;
 use litpt_book::closed_forms::{Setting, look};
 

@@ -4,7 +4,7 @@
 //! Randomised quasi-Monte Carlo: points that fill the cube evenly, and
 //! scrambles of them that are independent.
 
-use super::{Sampler, dimension, split_mix};
+use super::{Sampler, dimension, split_mix, to_unit};
 
 /// The product in the field of four elements: 0, 1, w = 2 and w + 1 = 3,
 /// where w * w = w + 1. The sum is the exclusive or.
@@ -175,13 +175,6 @@ impl ScrambledNet {
         }
         x ^ flips ^ last >> (CHUNK * self.chunks)
     }
-}
-
-/// The middle of the interval of length 2^-32 that an integer stands for:
-/// in (0, 1), strictly between the ends.
-#[inline(always)]
-pub fn to_unit(x: u32) -> f64 {
-    (f64::from(x) + 0.5) / (1u64 << 32) as f64
 }
 
 /// Scrambled nets for the point in the pixel and the first direction,

@@ -10,8 +10,8 @@ use std::fmt::{Error, Write};
 use std::fs;
 use std::path::Path;
 
-use litpt::sampler::generator;
-use litpt::sampler::sobol::{ScrambledNet, scramble_key, to_unit};
+use litpt::sampler::sobol::{ScrambledNet, scramble_key};
+use litpt::sampler::{generator, to_unit};
 use rand::RngExt;
 
 use super::Done;
