@@ -301,16 +301,8 @@ pub unsafe fn walk<
                 // Choose among the children entered
                 // SAFETY: children without the bit LEAF are numbers of nodes, and no
                 // hierarchy is so deep that less than `N` are left on the stack.
-                let nearest = unsafe {
-                    let node = wide.nodes.get_unchecked(child as usize);
-                    K::enter(node, &slabs, t_max, &mut stack)
-                };
-                let next = match nearest {
-                    Some(_) => {
-                        stack.fetch(wide);
-                        nearest
-                    }
-                    None => stack.pop(t_max),
+                let next = unsafe {
+                    step::<K, N>(wide, child, &slabs, t_max, &mut stack)
                 };
                 let Some(next) = next else { break 'walk };
                 child = next;
@@ -358,6 +350,31 @@ pub unsafe fn walk<
         };
     }
     Some(search)
+}
+
+/// The child to go on with from a node, if any; others wait on the stack.
+///
+/// # Safety
+/// The processor has the instructions of `K`, `number` is that of a node,
+/// and no more than `STACK - N` children wait.
+#[inline(always)]
+unsafe fn step<K: Kernel<N>, const N: usize>(
+    wide: &Wide<N>,
+    number: u32,
+    slabs: &Slabs,
+    t_max: f32,
+    stack: &mut Stack,
+) -> Option<u32> {
+    // SAFETY: the caller says so.
+    let nearest = unsafe {
+        let node = wide.nodes.get_unchecked(number as usize);
+        K::enter(node, slabs, t_max, stack)
+    };
+    if nearest.is_none() {
+        return stack.pop(t_max);
+    }
+    stack.fetch(wide);
+    nearest
 }
 
 /// Takes the triangles of a leaf that the ray meets, of `count` at unit
