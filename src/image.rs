@@ -12,7 +12,6 @@ pub(crate) mod levels;
 mod png;
 mod pnm;
 
-use std::f64::INFINITY;
 use std::io::{self, Read, Write};
 use std::path::Path;
 
@@ -128,8 +127,8 @@ impl Image {
         // Find the pixels that are no numbers
         let finite = self.means.iter().map(|mean| mean.is_finite());
         let mut known: Vec<bool> = finite.collect();
-        let errors =
-            [&self.errors, &self.tile_errors].map(|list| (list, INFINITY));
+        let errors = [&self.errors, &self.tile_errors]
+            .map(|list| (list, f64::INFINITY));
         for (list, most) in
             errors.into_iter().chain([(&self.samples, f64::MAX)])
         {
@@ -158,7 +157,7 @@ impl Image {
             errors
                 .into_iter()
                 .flatten()
-                .for_each(|list| list[i] = INFINITY);
+                .for_each(|list| list[i] = f64::INFINITY);
             self.samples.iter_mut().for_each(|list| list[i] = 0.);
         }
         Ok(self)

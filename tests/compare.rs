@@ -124,13 +124,16 @@ fn coin(p: f64) -> impl Fn(&mut Random) -> f64 {
     move |random| f64::from(u8::from(random.random_bool(p)))
 }
 
+/// Draws a weight.
+type Weight<'a> = &'a dyn Fn(&mut Random) -> f64;
+
 /// With the probability 0.01 of an alarm, 1000 pairs give more than 23
 /// alarms once in ten thousand times. The last second image is exact.
 #[test]
 fn false_alarms_are_as_rare_as_promised() {
     assert_eq!(FALSE_ALARMS, 0.01);
     let (rare, tenth) = (coin(0.02), coin(0.1));
-    let weights: [(u32, u32, &dyn Fn(&mut Random) -> f64); 5] = [
+    let weights: [(u32, u32, Weight); 5] = [
         (16, 16, &normal),
         (16, 64, &path),
         (2, 2, &path),

@@ -194,9 +194,12 @@ fn cells((seed, pixel, index): Name) -> [usize; DIMENSIONS] {
 /// Samples whose cells are looked at together.
 const PATHS: u64 = 1 << 16;
 
+/// Names a sample by a number.
+type Naming = fn(u64) -> Name;
+
 #[test]
 fn each_dimension_is_uniform_alone_and_with_each_other() {
-    let names: [(&str, fn(u64) -> Name); 2] =
+    let names: [(&str, Naming); 2] =
         [("a pixel", |i| (3, 77, i)), ("an image", |i| (3, i, 2))];
     for (what, name) in names {
         let paths: Vec<_> = (0..PATHS).map(|i| cells(name(i))).collect();
