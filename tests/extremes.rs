@@ -83,7 +83,7 @@ fn minus_zero_is_zero() {
     let read = |text: &str| read_obj(text.as_bytes()).unwrap();
     let (plain, other) = (read(common::ROOM), read(&negative));
     let scenes = [Scene::new(&plain), Scene::new(&other)];
-    // That 0 and -0 differ here.
+    // Printed, 0 and -0 differ.
     let said = scenes.map(|s| format!("{:?}", s.triangles.to_vec()));
     assert_eq!(said[0], said[1]);
     // In a flat scene the zeros stay zeros, and copies copies.
@@ -154,7 +154,7 @@ fn quickly<T>(work: impl FnOnce() -> T) -> T {
 }
 
 #[test]
-fn a_million_copies_of_a_triangle_are_the_first_where_it_is() {
+fn of_a_million_copies_the_first_stays_where_it_is() {
     let single = read_obj(common::ROOM.as_bytes()).unwrap();
     let mut many = single.clone();
     let turned = |&[a, b, c]: &[u32; 3]| [[a, b, c], [c, a, b]];
@@ -173,7 +173,7 @@ fn a_million_copies_of_a_triangle_are_the_first_where_it_is() {
 #[test]
 fn triangles_around_each_other_and_in_a_row_are_sorted_quickly() {
     let around =
-        |k| [0. * DVec3::X, DVec3::X, DVec3::Y].map(|p| p * (k + 1.));
+        |k: f64| [DVec3::ZERO, DVec3::X, DVec3::Y].map(|p| p * (k + 1.));
     let in_a_row =
         |k: f64| [0., 1., 2.].map(|y| DVec3::new(k + y % 2., y, 0.));
     let numbers = |n: u32| (0..n).map(f64::from);

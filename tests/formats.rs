@@ -327,7 +327,7 @@ fn levels_of_a_png_file_have_the_curve_that_it_says() {
     let gamma = |value: u32| value.to_be_bytes();
     let (linear, usual) = (&gamma(100_000)[..], &gamma(45_455)[..]);
     let (none, huge) = (&gamma(0)[..], &gamma(u32::MAX)[..]);
-    let icc = &b"A icc\0\0\x78\x9c\x03\0\0\0\0\x01"[..];
+    let icc = &b"A profile\0\0\x78\x9c\x03\0\0\0\0\x01"[..];
     let srgb = (b"sRGB", &[0][..]);
     let coded = |transfer| [1, transfer, 0, 1];
     let (straight, curved) = (&coded(8)[..], &coded(13)[..]);

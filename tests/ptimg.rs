@@ -37,11 +37,11 @@ fn json_of(place: &Scratch, arguments: &[&str]) -> Value {
 /// the probability `p`.
 fn put(place: &Scratch, name: &str, seed: u64, p: f64) -> Image {
     let mut random = Pcg64Mcg::seed_from_u64(seed);
-    let (n, area) = (64., 1200);
+    let n = 64.;
     let mut mean = |_| {
         (0..64).map(|_| f64::from(random.random_bool(p))).sum::<f64>() / n
     };
-    let means: Vec<f64> = (0..area).map(&mut mean).collect();
+    let means: Vec<f64> = (0..1200).map(&mut mean).collect();
     let error = |m: &f64| f64::sqrt(m * (1. - m) / (n - 1.));
     let attributes = [("seed", seed.to_string()), ("fov", "70".into())];
     let own = |(name, value): (&str, String)| (name.to_owned(), value);
