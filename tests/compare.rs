@@ -4,7 +4,6 @@
 //! Comparing images: what is called chance, and what is
 //! not (chapter "Comparing images").
 
-use std::collections::BTreeMap;
 use std::f64::consts::FRAC_PI_2;
 
 use litpt::compare::display::{Curve, WHITE, errors, tonemap, z_map};
@@ -42,15 +41,9 @@ fn render(
 ) -> Image {
     let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
     let pixel = |(x, y)| {
-        let (mut mean, mut deviations) = (0., 0.);
-        for k in 1..=n {
-            let weight = weight(x, y);
-            let deviation = weight - mean;
-            mean += deviation / f64::from(k);
-            deviations += deviation * (weight - mean);
-        }
-        let n = f64::from(n);
-        (mean, f64::sqrt(deviations / n / (n - 1.)))
+        let mut sum = Accumulator::default();
+        (0..n).for_each(|_| sum.add(weight(x, y)));
+        (sum.mean(), sum.standard_error())
     };
     let pixels: Vec<_> = pixels.map(pixel).collect();
     Image { width, height, ..row(&pixels, f64::from(n)) }
@@ -92,26 +85,21 @@ fn z_and_its_degrees_of_freedom_are_those_of_welch() {
 /// computed with 15 digits by another program.
 #[test]
 fn the_thresholds_are_those_of_student_and_of_the_normal_distribution() {
-    let error = f64::sqrt(0.5);
-    let student = |z| {
-        let (a, b) = (row(&[(z, error)], 16.), row(&[(0., error)], 16.));
-        compare(&a, &b).unwrap().consistent()
-    };
-    assert!(student(3.2984) && !student(3.2985));
-    let exact = |z| {
-        let a = row(&[(z, 1.)], 16.);
-        compare(&a, &reference(&[0.])).unwrap().consistent()
-    };
-    assert!(exact(3.6220) && !exact(3.6221));
-    let many = |z| {
-        let a = Image { samples: None, ..row(&[(z, 1.)], 16.) };
-        compare(&a, &reference(&[0.])).unwrap().consistent()
-    };
-    assert!(many(3.0222) && !many(3.0223));
+    let image = |z, error| row(&[(z, error)], 16.);
+    let many = |z| Image { samples: None, ..image(z, 1.) };
+    let (half, none) = (f64::sqrt(0.5), reference(&[0.]));
+    for [least, more, other] in [
+        [image(3.2984, half), image(3.2985, half), image(0., half)],
+        [image(3.6220, 1.), image(3.6221, 1.), none.clone()],
+        [many(3.0222), many(3.0223), none.clone()],
+    ] {
+        assert!(compare(&least, &other).unwrap().consistent());
+        assert!(!compare(&more, &other).unwrap().consistent());
+    }
     // With one degree of freedom, p = 1 - 2 atan(z) / pi.
     let few = |z| {
         let a = row(&[(z, 1.)], 2.);
-        failures(&compare(&a, &reference(&[0.])).unwrap())
+        failures(&compare(&a, &none).unwrap())
     };
     let level = -f64::exp_m1(0.99f64.ln() / 4.);
     let z = (FRAC_PI_2 * level).tan().recip();
@@ -146,11 +134,7 @@ fn false_alarms_are_as_rare_as_promised() {
             let size = (24, 24);
             let a = render(size, n, |_, _| weight(&mut random));
             let b = match m {
-                0 => Image {
-                    errors: None,
-                    means: vec![0.1; 576],
-                    ..a.clone()
-                },
+                0 => Image::plain(24, 24, vec![0.1; 576]),
                 m => render(size, m, |_, _| weight(&mut random)),
             };
             !compare(&a, &b).unwrap().consistent()
@@ -276,10 +260,10 @@ fn the_distances_are_those_of_their_definitions() {
 
 #[test]
 fn all_that_differs_is_named() {
-    let of = |view: &[(&str, &str)]| -> BTreeMap<String, String> {
-        view.iter()
-            .map(|&(name, value)| (name.into(), value.into()))
-            .collect()
+    let of = |view: &[(&str, &str)]| {
+        let own =
+            |&(name, value): &(&str, &str)| (name.into(), value.into());
+        view.iter().map(own).collect()
     };
     let hash = "0123456789abcdef".repeat(4);
     let one = of(&[("fov", "70.0"), ("seed", "1"), ("crop", "0,0,1x1")]);
@@ -297,14 +281,17 @@ fn all_that_differs_is_named() {
 
 #[test]
 fn exposure_counts_in_stops_and_reinhard_s_curve_reaches_white() {
-    let image = row(&[(0.25, 1.), (-1., 1.)], 9.);
-    assert_eq!(tonemap(&image, 1., Curve::Clamp).means, [0.5, 0.]);
-    assert_eq!(tonemap(&image, -1., Curve::Clamp).means, [0.125, 0.]);
-    let image = row(&[(0.25, 1.), (1., 1.), (0., 1.)], 9.);
-    let mapped = tonemap(&image, 2., Curve::Reinhard).means;
-    assert_eq!(mapped, [(1. + 1. / 16.) / 2., 1., 0.]);
-    let black = row(&[(0., 1.)], 9.);
-    assert_eq!(tonemap(&black, 2., Curve::Reinhard).means, [0.]);
+    for (means, stops, curve, expected) in [
+        (&[0.25, -1.][..], 1., Curve::Clamp, &[0.5, 0.][..]),
+        (&[0.25, -1.], -1., Curve::Clamp, &[0.125, 0.]),
+        (&[0.25, 1., 0.], 2., Curve::Reinhard, &[17. / 32., 1., 0.]),
+        (&[0.], 2., Curve::Reinhard, &[0.]),
+    ] {
+        assert_eq!(
+            tonemap(&reference(means), stops, curve).means,
+            expected
+        );
+    }
     // A gap stays one, which the file of levels fills.
     let other = Image::plain(2, 1, vec![f64::NAN, 0.25]);
     let gap = Image { samples: Some(vec![0., 1.]), ..other.clone() };
@@ -317,9 +304,11 @@ fn exposure_counts_in_stops_and_reinhard_s_curve_reaches_white() {
 #[test]
 fn errors_are_shown_against_all_but_the_largest() {
     let mut pixels = vec![(0.5, 0.1); 2000];
-    pixels[0] = (0.5, 9.);
-    pixels[1] = (0.5, f64::INFINITY);
-    pixels[2] = (0., 0.);
+    pixels[..3].copy_from_slice(&[
+        (0.5, 9.),
+        (0.5, f64::INFINITY),
+        (0., 0.),
+    ]);
     let image = row(&pixels, 9.);
     let (grey, white) = errors(&image, false).unwrap();
     assert_eq!(white, 0.1);
@@ -463,13 +452,15 @@ fn the_dispersion_of_shared_pixels_is_judged_by_tiles() {
         let sign = |i: u32| {
             if (i + i / side).is_multiple_of(2) { 0.2 } else { -0.2 }
         };
-        let pixels: Vec<_> =
-            (0..side * side).map(|i| (sign(i), 0.1)).collect();
-        let tile_errors = Some(vec![0.1; pixels.len()]);
-        let a = row(&pixels, 1e9);
-        let a = Image { width: side, height: side, tile_errors, ..a };
-        let b = reference(&vec![0.; pixels.len()]);
-        let b = Image { width: side, height: side, ..b };
+        let area = (side * side) as usize;
+        let means = (0..side * side).map(sign).collect();
+        let a = Image {
+            errors: Some(vec![0.1; area]),
+            tile_errors: Some(vec![0.1; area]),
+            samples: Some(vec![1e9; area]),
+            ..Image::plain(side, side, means)
+        };
+        let b = Image::plain(side, side, vec![0.; area]);
         let Dispersion { ratio, z: t, failed, .. } =
             compare(&a, &b).unwrap().dispersion;
         assert!((ratio - 2.).abs() < 1e-12 && (t - z).abs() < 1e-9, "{t}");

@@ -14,7 +14,8 @@ use litpt::film::{Film, SIDE, Summary, Tile, Window};
 use litpt::image::Image;
 use litpt::integrator::{Integrator, PathEvent, PathTracer};
 use litpt::render::{Job, Renderer};
-use litpt::sampler::{IndependentSampler, Sampler, dimension};
+use litpt::sampler::sobol::SobolSampler;
+use litpt::sampler::{Sampler, dimension};
 use litpt::scene::{Ray, Scene};
 use litpt::sky::Sky;
 use litpt::statistics::Accumulator;
@@ -36,14 +37,10 @@ fn each_pixel_belongs_to_one_tile_and_is_found_there() {
             }
         }
         assert_eq!(seen.len() as u32, width * height);
-        for y in 0..height {
-            for x in 0..width {
-                let found = film.pixel(x, y).mean();
-                assert_eq!(found, f64::from(y * width + x));
-            }
+        for (i, mean) in (0..).zip(film.means()) {
+            let found = film.pixel(i % width, i / width).mean();
+            assert_eq!((found, mean), (i.into(), i.into()));
         }
-        let rows: Vec<f64> = film.means().collect();
-        assert!(rows.iter().enumerate().all(|(i, &m)| m == i as f64));
     }
 }
 
@@ -94,8 +91,7 @@ fn a_pixel_without_a_sample_has_no_mean() {
             false => assert!(mean.is_nan(), "{x},{y}"),
         }
     }
-    let area = tile.size.0 * tile.size.1;
-    assert_eq!(film.unsampled(), 1200 - u64::from(area));
+    assert_eq!(film.unsampled(), 1200 - tile.area() as u64);
     assert_eq!(film.summary().mean, 0.25);
     assert!(film.summary().rmse.is_infinite());
 }
@@ -134,9 +130,9 @@ fn render(
 fn the_image_depends_neither_on_threads_and_passes_nor_on_the_hierarchy() {
     let usual = (Quality::Fast, Isa::Portable);
     let film = render(1, &[8], usual);
-    assert_eq!(render(2, &[8], usual), film);
-    assert_eq!(render(7, &[8], usual), film);
-    assert_eq!(render(3, &[1, 5, 2], usual), film);
+    for (threads, passes) in [(2, &[8][..]), (7, &[8]), (3, &[1, 5, 2])] {
+        assert_eq!(render(threads, passes, usual), film);
+    }
     assert_ne!(render(1, &[7], usual), film);
     for isa in Isa::ALL.into_iter().filter(|isa| isa.is_available()) {
         for quality in [Quality::Fast, Quality::Thorough] {
@@ -170,41 +166,43 @@ fn a_path_that_never_touches_the_box_of_the_scene_asks_for_no_ray() {
 
 // ----------------------------------------------------- A part of an image
 
+/// All of 60 by 40 pixels, a part, and the last one.
+const WINDOWS: [Window; 3] = [
+    Window { corner: (0, 0), size: (60, 40) },
+    Window { corner: (17, 3), size: (30, 30) },
+    Window { corner: (59, 39), size: (1, 1) },
+];
+
+/// Column and row of the last pixel of a tile.
+fn last(tile: Tile) -> (u32, u32) {
+    let ((x, y), (width, height)) = (tile.corner, tile.size);
+    (x + width - 1, y + height - 1)
+}
+
 #[test]
 fn a_window_has_the_samples_of_the_whole_image() {
     let setting = sphere();
     let resolution = (60, 40);
     let mut whole = Film::new(resolution.0, resolution.1);
     setting.job(9).pass(&mut whole, 3, &|_| true);
-    for (corner, size) in
-        [((0, 0), (60, 40)), ((17, 3), (30, 30)), ((59, 39), (1, 1))]
-    {
-        let window = Window { corner, size };
+    for window @ Window { corner, size } in WINDOWS {
         let mut part = Film::cropped(resolution, window);
         setting.job(9).pass(&mut part, 3, &|_| true);
         assert_eq!(part.window.size, size);
         assert_eq!(part.resolution, resolution);
-        let mut rows = part.rows();
-        for y in corner.1..corner.1 + size.1 {
-            for x in corner.0..corner.0 + size.0 {
-                assert_eq!(rows.next(), Some(whole.pixel(x, y)));
-                assert_eq!(part.pixel(x, y), whole.pixel(x, y));
-            }
+        assert_eq!(part.rows().count(), window.area());
+        for (i, pixel) in (0..).zip(part.rows()) {
+            let (x, y) = (corner.0 + i % size.0, corner.1 + i / size.0);
+            assert_eq!(pixel, whole.pixel(x, y));
+            assert_eq!(pixel, part.pixel(x, y));
         }
-        assert!(rows.next().is_none());
-        drop(rows);
         // Tiles lie in the cells of the whole image.
         let tiles = part.tiles();
-        let area: u32 =
-            tiles.iter().map(|(t, ..)| t.size.0 * t.size.1).sum();
-        assert_eq!(area, size.0 * size.1);
+        let area: usize = tiles.iter().map(|(t, ..)| t.area()).sum();
+        assert_eq!(area, window.area());
         for (tile, ..) in tiles {
-            let last = (
-                tile.corner.0 + tile.size.0 - 1,
-                tile.corner.1 + tile.size.1 - 1,
-            );
             let cell = |(x, y): (u32, u32)| (x / SIDE, y / SIDE);
-            assert_eq!(cell(tile.corner), cell(last));
+            assert_eq!(cell(tile.corner), cell(last(tile)));
         }
     }
 }
@@ -213,10 +211,7 @@ fn a_window_has_the_samples_of_the_whole_image() {
 /// the image, and each pixel has that of its tile.
 #[test]
 fn the_errors_of_tiles_are_those_of_the_mean_of_the_image() {
-    for (corner, size) in
-        [((0, 0), (60, 40)), ((17, 3), (30, 30)), ((59, 39), (1, 1))]
-    {
-        let window = Window { corner, size };
+    for window @ Window { corner, size } in WINDOWS {
         let film = Film::cropped((60, 40), window);
         assert_eq!(film.tile_errors(window), None);
         let mut film = film.with_shared_tiles();
@@ -237,13 +232,11 @@ fn the_errors_of_tiles_are_those_of_the_mean_of_the_image() {
         assert!((squares / (sum * sum) - 1.).abs() < 1e-12);
         let tiles: Vec<Tile> = film.tiles().iter().map(|t| t.0).collect();
         for (k, tile) in tiles.into_iter().enumerate() {
-            let (x, y) =
-                (tile.corner.0 - corner.0, tile.corner.1 - corner.1);
-            let last = (x + tile.size.0 - 1, y + tile.size.1 - 1);
-            let area = f64::from(tile.size.0 * tile.size.1);
-            for (x, y) in [(x, y), last] {
+            for (x, y) in [tile.corner, last(tile)] {
+                let (x, y) = (x - corner.0, y - corner.1);
                 let error = errors[(y * size.0 + x) as usize];
-                let expected = area.sqrt() * (k as f64 + 1.);
+                let expected =
+                    (tile.area() as f64).sqrt() * (k as f64 + 1.);
                 assert!((error / expected - 1.).abs() < 1e-12);
             }
         }
@@ -251,19 +244,6 @@ fn the_errors_of_tiles_are_those_of_the_mean_of_the_image() {
 }
 
 // --------------------------------------------------------- Stopped passes
-
-/// Demands that each pixel has the samples that it has in `plain`, which
-/// renders a whole film.
-fn first_samples(film: &Film, plain: &dyn Fn(u64) -> Film) {
-    let counts: HashSet<u64> =
-        film.rows().map(Accumulator::count).collect();
-    for n in counts {
-        let plain = plain(n);
-        for (pixel, expected) in film.rows().zip(plain.rows()) {
-            assert!(pixel.count() != n || pixel == expected);
-        }
-    }
-}
 
 #[test]
 fn a_stopped_pass_leaves_tiles_with_their_first_samples() {
@@ -273,6 +253,9 @@ fn a_stopped_pass_leaves_tiles_with_their_first_samples() {
         let mut film = Film::new(size.0, size.1);
         setting.job(4).pass(&mut film, n, &|_| true);
         film
+    };
+    let counts = |film: &Film| -> HashSet<u64> {
+        film.rows().map(Accumulator::count).collect()
     };
     let mut whole = Film::new(size.0, size.1);
     let all_rays = setting.job(4).pass(&mut whole, 7, &|_| true);
@@ -288,15 +271,18 @@ fn a_stopped_pass_leaves_tiles_with_their_first_samples() {
                 };
                 rays += setting.job(4).pass(&mut film, end, &watch);
                 assert!(film.samples() < end);
-                first_samples(&film, &plain);
+                // Each pixel is that of a whole film of so many samples.
+                for n in counts(&film) {
+                    let plain = plain(n);
+                    let mut pairs = film.rows().zip(plain.rows());
+                    assert!(pairs.all(|(p, q)| p.count() != n || p == q));
+                }
                 for (_, pixels, _) in film.tiles() {
                     let n = pixels[0].count();
                     assert!(pixels.iter().all(|p| p.count() == n));
                 }
             }
-            let different: HashSet<u64> =
-                film.rows().map(Accumulator::count).collect();
-            assert!(different.len() > 1, "{different:?}");
+            assert!(counts(&film).len() > 1, "{:?}", counts(&film));
             rays += setting.job(4).pass(&mut film, 7, &|_| true);
             assert_eq!(film.pixels, whole.pixels);
             assert_eq!(rays, all_rays);
@@ -310,7 +296,8 @@ fn a_stopped_pass_leaves_tiles_with_their_first_samples() {
 // paths do not end.
 #[test]
 fn few_rays_are_traced_after_a_pass_is_told_to_stop() {
-    /// Never lets a path leave, and counts the rays.
+    /// Never lets a path leave; counts all rays, and those before it was told
+    /// to stop.
     struct Closed(AtomicU64, AtomicU64);
     impl Intersector for Closed {
         fn first_hit(&self, ray: &Ray, _: Option<u32>) -> Option<Hit> {
@@ -326,16 +313,15 @@ fn few_rays_are_traced_after_a_pass_is_told_to_stop() {
     for (size, end) in [((16, 16), 1000), ((300, 200), 5), ((1, 1), 90_000)]
     {
         for threads in [1, 4] {
-            let closed = Closed(AtomicU64::new(0), AtomicU64::new(0));
+            let closed =
+                Closed(AtomicU64::new(0), AtomicU64::new(u64::MAX));
             let intersector = &closed;
             let watch = |_| {
                 let rays = closed.0.load(Relaxed);
-                if rays < 300_000 {
-                    return true;
-                }
-                let _ =
-                    closed.1.compare_exchange(0, rays, Relaxed, Relaxed);
-                false
+                let goes_on = rays < 300_000;
+                let told = if goes_on { u64::MAX } else { rays };
+                closed.1.fetch_min(told, Relaxed);
+                goes_on
             };
             let sampler = sampler.clone();
             let mut job = Job {
@@ -352,41 +338,13 @@ fn few_rays_are_traced_after_a_pass_is_told_to_stop() {
             pool.install(|| job.pass(&mut film, end, &watch));
             let [all, then] =
                 [&closed.0, &closed.1].map(|count| count.load(Relaxed));
-            assert!(then > 0 && film.samples() < end);
+            assert!(then <= all && film.samples() < end);
             assert!(all - then <= 1100 * threads as u64, "{all} {then}");
         }
     }
 }
 
 // -------------------------------------------------------------- Replicates
-
-/// One point in each cell of a grid of 4 by 4; how many samples the film is
-/// told to depend on each other, and the number of the sample.
-#[derive(Clone)]
-struct Stratified(IndependentSampler, u64, u64);
-
-impl Sampler for Stratified {
-    fn replicate(&self) -> u64 {
-        self.1
-    }
-
-    fn start(&self, pixel: u64, index: u64) -> Self {
-        Self(self.0.start(pixel, index), self.1, index % 16)
-    }
-
-    fn get_pixel_2d(&mut self) -> [u32; 2] {
-        self.0.get_pixel_2d()
-    }
-
-    fn get_1d(&mut self, dimension: u64) -> f64 {
-        self.0.get_1d(dimension)
-    }
-
-    fn get_2d(&mut self, dimension: u64) -> [f64; 2] {
-        let ([u, v], k) = (self.0.get_2d(dimension), self.2);
-        [((k % 4) as f64 + u) / 4., ((k / 4) as f64 + v) / 4.]
-    }
-}
 
 /// The square of the distance of a point from the origin, whose mean over
 /// the unit square is 2/3.
@@ -408,29 +366,17 @@ impl Integrator for Distance {
     }
 }
 
-/// A film of 64 by 64 pixels after so many samples, which is told how many
-/// depend on each other.
-fn strata(told: u64, samples: u64) -> Film {
+/// A film of 64 by 64 pixels after so many samples in nets of 16 points.
+fn nets(samples: u64) -> Film {
     let setting = sphere();
-    let Job { entrance, intersector, camera, known, sampler, .. } =
-        setting.job(11);
-    let (sampler, integrator) = (Stratified(sampler, told, 0), Distance);
+    let Job { entrance, intersector, camera, known, .. } = setting.job(0);
+    let (sampler, integrator) = (SobolSampler::new(11, 16), Distance);
     let mut job =
         Job { entrance, intersector, camera, integrator, known, sampler };
-    let mut film = Film::new(64, 64).with_replicates(told);
+    let mut film = Film::new(64, 64).with_replicates(16);
     job.pass(&mut film, samples / 3, &|_| true);
     job.pass(&mut film, samples, &|_| true);
     film
-}
-
-/// The mean square of the true errors over that of the errors stated.
-fn honesty(film: &Film) -> f64 {
-    let (mut truth, mut stated) = (0., 0.);
-    for pixel in film.rows() {
-        truth += (pixel.mean() - 2. / 3.).powi(2);
-        stated += pixel.standard_error().powi(2);
-    }
-    truth / stated
 }
 
 // Of 4096 pixels with 16 replicates each, the ratio has a standard deviation
@@ -438,22 +384,24 @@ fn honesty(film: &Film) -> f64 {
 // five of them are 0.13 with some room.
 #[test]
 fn errors_are_honest_if_the_film_knows_what_depends_on_what() {
-    let ratio = honesty(&strata(16, 256));
+    let film = nets(256);
+    let mean = |of: &dyn Fn(&Accumulator) -> f64| {
+        film.rows().map(of).sum::<f64>() / film.area() as f64
+    };
+    let truth = mean(&|pixel| (pixel.mean() - 2. / 3.).powi(2));
+    let stated = mean(&|pixel| pixel.standard_error().powi(2));
+    let ratio = truth / stated;
     assert!((ratio - 1.).abs() < 0.13, "{ratio}");
-    // The variance within a stratum is a sixteenth of the whole or less.
-    let hidden = honesty(&strata(1, 256));
+    // That of independent samples, of variance 8/45 each.
+    let hidden = stated / (8. / 45. / 256.);
     assert!(hidden < 0.1, "{hidden}");
 }
 
 #[test]
 fn passes_end_with_whole_replicates() {
     for (asked, there) in [(1, 16), (16, 16), (17, 32), (33, 48)] {
-        let film = strata(16, asked);
+        let film = nets(asked);
         assert_eq!(film.samples(), there);
         assert!(film.rows().all(|pixel| pixel.count() == there / 16));
-    }
-    let [one, other] = [strata(16, 64), strata(1, 64)];
-    for (a, b) in one.means().zip(other.means()) {
-        assert!((a - b).abs() < 1e-15);
     }
 }

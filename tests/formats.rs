@@ -20,7 +20,8 @@ use exr::prelude::{
 use litpt::film::{self, Film, WORTH};
 use litpt::image::{Format, Image, Picture};
 use litpt::output::{ImageTarget, OutputTarget};
-use png::{BitDepth, ColorType};
+use png::BitDepth::{self, Eight, One, Sixteen};
+use png::ColorType::{self, Grayscale, GrayscaleAlpha, Indexed, Rgb, Rgba};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
@@ -35,13 +36,10 @@ fn image() -> Image {
     ];
     let own = |(name, value): (&str, &str)| (name.into(), value.into());
     Image {
-        width: 3,
-        height: 2,
-        means: vec![0., 0.25, 0.5, 0.75, 1., 1.5],
         errors: Some(vec![0., 0.125, 0.5, f64::INFINITY, 2., 0.25]),
         samples: Some(vec![4., 4., 16_777_217., 1., 4_294_967_295., 4.]),
-        tile_errors: None,
         attributes: attributes.into_iter().map(own).collect(),
+        ..Image::plain(3, 2, vec![0., 0.25, 0.5, 0.75, 1., 1.5])
     }
 }
 
@@ -149,15 +147,12 @@ fn a_flipped_bit_of_an_exr_file_is_refused_or_told() {
         for at in 0..8 * written.len() {
             written[at / 8] ^= 1 << (at % 8);
             let mut notes = String::new();
-            match Image::decode(&written, &mut |note| notes += note) {
-                Ok(_) => assert!(
-                    notes.contains("changed after pt wrote it"),
-                    "bit {at}: {notes}"
-                ),
-                Err(message) => {
-                    assert!(!message.contains('\n'), "{message}");
-                    refused += 1;
-                }
+            if Image::decode(&written, &mut |note| notes += note).is_ok() {
+                let told = notes.contains("changed after pt wrote it");
+                assert!(told, "bit {at}: {notes}");
+            } else {
+                refuse(&written, &[]);
+                refused += 1;
             }
             written[at / 8] ^= 1 << (at % 8);
         }
@@ -232,13 +227,9 @@ fn luminance([r, g, b]: [f64; 3]) -> f64 {
 
 #[test]
 fn of_colours_the_luminance_is_taken_and_said() {
+    let channels = [("R", 0.25), ("G", 0.5), ("B", 0.75), ("A", 1.)];
     let half = |x: f32| FlatSamples::F16(vec![f16::from_f32(x); 2]);
-    let file = foreign(&[
-        ("R", half(0.25)),
-        ("G", half(0.5)),
-        ("B", half(0.75)),
-        ("A", half(1.)),
-    ]);
+    let file = foreign(&channels.map(|(name, x)| (name, half(x))));
     let lower = luminance([0.25, 0.5, 0.75]);
     let upper = luminance([1., 0., 2.]);
     let values = [0.25, 0.5, 0.75, 1., 0., 2.];
@@ -318,7 +309,7 @@ fn png(
     let mut encoder = png::Encoder::new(&mut bytes, width, height);
     encoder.set_color(kind);
     encoder.set_depth(depth);
-    if kind == ColorType::Indexed {
+    if kind == Indexed {
         encoder.set_palette(&[255, 0, 0, 0, 0, 51]);
     }
     let mut writer = encoder.write_header().unwrap();
@@ -336,7 +327,7 @@ fn levels_of_a_png_file_have_the_curve_that_it_says() {
     let gamma = |value: u32| value.to_be_bytes();
     let (linear, usual) = (&gamma(100_000)[..], &gamma(45_455)[..]);
     let (none, huge) = (&gamma(0)[..], &gamma(u32::MAX)[..]);
-    let profile = &b"A profile\0\0\x78\x9c\x03\0\0\0\0\x01"[..];
+    let icc = &b"A profile\0\0\x78\x9c\x03\0\0\0\0\x01"[..];
     let srgb = (b"sRGB", &[0][..]);
     let coded = |transfer| [1, transfer, 0, 1];
     let (straight, curved) = (&coded(8)[..], &coded(13)[..]);
@@ -350,12 +341,8 @@ fn levels_of_a_png_file_have_the_curve_that_it_says() {
         (&[(b"gAMA", linear)], level, "a gamma of 1"),
         (&[(b"gAMA", none)], curve, "sRGB curve"),
         (&[(b"gAMA", huge)], curve, "its chunk gAMA is ignored"),
-        (&[(b"iCCP", profile)], curve, "its chunk iCCP is ignored"),
-        (
-            &[(b"iCCP", profile), (b"gAMA", linear)],
-            level,
-            "iCCP is ignored",
-        ),
+        (&[(b"iCCP", icc)], curve, "its chunk iCCP is ignored"),
+        (&[(b"iCCP", icc), (b"gAMA", linear)], level, "iCCP is ignored"),
         (&[(b"cICP", straight), srgb], level, "a gamma of 1"),
         (&[(b"cICP", curved), (b"gAMA", linear)], curve, "sRGB curve"),
         (&[(b"cICP", &coded(16))], curve, "its chunk cICP is ignored"),
@@ -363,7 +350,7 @@ fn levels_of_a_png_file_have_the_curve_that_it_says() {
     ];
     for (chunks, expected, words) in files {
         let half = [128, 0].repeat(64);
-        let grey = (ColorType::Grayscale, BitDepth::Sixteen);
+        let grey = (Grayscale, Sixteen);
         let (image, notes) = noted(&png(grey, (8, 8), chunks, &half));
         close(&image.means, &[expected; 64]);
         assert!(notes.contains(words), "{words:?} not in {notes}");
@@ -376,8 +363,8 @@ fn levels_of_a_png_file_have_the_curve_that_it_says() {
 fn png_files_of_all_kinds_are_read() {
     let written = bytes(Format::Png, &image());
     let clamped = image().means.into_iter().map(|mean| mean.min(1.));
-    for (read, mean) in decode(&written).unwrap().means.iter().zip(clamped)
-    {
+    let read = decode(&written).unwrap().means;
+    for (read, mean) in read.iter().zip(clamped) {
         assert!((read - mean).abs() < 1e-4, "{read} {mean}");
     }
     let fifth = radiance(0.2);
@@ -386,17 +373,12 @@ fn png_files_of_all_kinds_are_read() {
     let red_and_blue = [255, 0, 0, 7, 0, 0, 51, 255];
     let rgb = [255, 0, 0, 0, 0, 51];
     for (kind, depth, data, expected) in [
-        (ColorType::Grayscale, BitDepth::Eight, &[51, 255][..], greys),
-        (ColorType::Grayscale, BitDepth::One, &[0x40], [0., 1.]),
-        (
-            ColorType::GrayscaleAlpha,
-            BitDepth::Eight,
-            &[51, 9, 255, 255],
-            greys,
-        ),
-        (ColorType::Rgb, BitDepth::Eight, &rgb, colours),
-        (ColorType::Indexed, BitDepth::Eight, &[0, 1], colours),
-        (ColorType::Rgba, BitDepth::Eight, &red_and_blue, colours),
+        (Grayscale, Eight, &[51, 255][..], greys),
+        (Grayscale, One, &[0x40], [0., 1.]),
+        (GrayscaleAlpha, Eight, &[51, 9, 255, 255], greys),
+        (Rgb, Eight, &rgb, colours),
+        (Indexed, Eight, &[0, 1], colours),
+        (Rgba, Eight, &red_and_blue, colours),
     ] {
         let (image, notes) = noted(&png((kind, depth), (2, 1), &[], data));
         close(&image.means, &expected);
@@ -489,10 +471,8 @@ fn numbers_of_any_type_are_read_and_foreign_attributes_left_out() {
     let written = foreign(&[("Y", means), ("samples.Y", counts)]);
     assert!(written.windows(10).any(|w| w == b"other:seed"));
     let (read, notes) = noted(&written);
-    assert_eq!(
-        (read.means, read.samples),
-        (vec![1.; 2], Some(vec![9.; 2]))
-    );
+    assert_eq!(read.means, [1.; 2]);
+    assert_eq!(read.samples, Some(vec![9.; 2]));
     assert!(read.attributes.is_empty() && notes.is_empty(), "{notes}");
     let depth = foreign(&[("Z", FlatSamples::F32(vec![1.; 2]))]);
     refuse(&depth, &["neither a channel Y nor R, G", "but Z"]);
@@ -525,8 +505,8 @@ fn pixels_that_are_no_numbers_are_counted_and_left_out() {
     }
     let nothing = FlatSamples::F32(vec![4., f32::NAN]);
     let means = FlatSamples::F32(vec![1.; 2]);
-    let (read, _) =
-        noted(&foreign(&[("Y", means), ("samples.Y", nothing)]));
+    let file = foreign(&[("Y", means), ("samples.Y", nothing)]);
+    let (read, _) = noted(&file);
     assert!(read.means[0] == 1. && read.means[1].is_nan());
     assert_eq!(read.samples, Some(vec![4., 0.]));
 }
@@ -537,8 +517,7 @@ fn a_header_that_promises_more_than_the_file_holds_is_refused() {
     refuse(&pfm(huge, &[1.]), &["4 bytes", "4000000000000000000"]);
     refuse(&pfm("Pf\n4294967295 4294967295\n-1\n", &[]), &["bytes"]);
     refuse(&pfm("Pf\n1 2\n-1\n", &[1.]), &["4 bytes", "8"]);
-    for header in ["Pf\n0 1\n-1\n", "Pf\n1 1\n0\n", "Pf\n1 1\nNaN\n", "Pf"]
-    {
+    for header in ["Pf 0 1 -1\n", "Pf 1 1 0\n", "Pf 1 1 NaN\n", "Pf"] {
         refuse(&pfm(header, &[]), &[]);
     }
     for window in ["dataWindow\0box2i\0", "displayWindow\0box2i\0"] {

@@ -4,11 +4,12 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
+use crate::bvh::apart;
 use glam::DVec3;
 use litpt::bvh::{Bvh, Hit, Intersector, Isa, Quality};
 use litpt::numerics::cross;
 use litpt::sampler::cosine_direction;
-use litpt::scene::{Mesh, Ray, Scene};
+use litpt::scene::{Ray, Scene};
 use litpt_book::escapes::Inside;
 use litpt_book::solids::{self, Solid, rounded};
 use rand::{RngExt, SeedableRng};
@@ -33,10 +34,8 @@ fn distance(&[a, b, c]: &[DVec3; 3], p: DVec3) -> f64 {
     };
     // The ordinary product loses the direction of a needle.
     let n = cross(b - a, c - a);
-    let inside = [(a, b), (b, c), (c, a)]
-        .iter()
-        .all(|&(q, r)| cross(r - q, p - q).dot(n) >= 0.);
-    match inside {
+    let within = |(q, r)| cross(r - q, p - q).dot(n) >= 0.;
+    match [(a, b), (b, c), (c, a)].into_iter().all(within) {
         true => (p - a).dot(n.normalize()).abs(),
         false => segment(a, b).min(segment(b, c)).min(segment(c, a)),
     }
@@ -135,23 +134,17 @@ fn a_ray_beside_a_wall_stays_on_its_side() {
     let floor = [at(-1., -1., 0.), at(1., -1., 0.), at(0., 1., 0.)];
     // The wall goes through the floor.
     let wall = [at(0., -0.5, -0.5), at(0., 0.5, -0.5), at(0., 0., 1.)];
-    let mesh = Mesh {
-        vertices: floor.into_iter().chain(wall).collect(),
-        triangles: vec![[0, 1, 2], [3, 4, 5]],
-        joined: vec![],
-    };
-    let scene = Scene::new(&mesh);
+    let scene = Scene::new(&apart([floor, wall].into_iter()));
     let wall = scene.triangles.get(1)[0].x;
     for isa in Isa::ALL.into_iter().filter(|isa| isa.is_available()) {
         let intersector = Bvh::with(&scene, Quality::Fast, isa).unwrap();
         for exponent in 25..60 {
             for side in [-1., 1.] {
                 let x = wall + side * 2f64.powi(-exponent);
-                let start = at(x + side * 800., 0., 1000.);
+                let origin = at(x + side * 800., 0., 1000.);
                 let floor = scene.triangles.get(0)[0].z;
-                let aim = at(x, 0., floor);
-                let direction = (aim - start).normalize();
-                let ray = Ray { origin: start, direction };
+                let direction = (at(x, 0., floor) - origin).normalize();
+                let ray = Ray { origin, direction };
                 let hit = intersector.first_hit(&ray, None).unwrap();
                 let beside = (hit.point.x - wall) * side;
                 assert!(beside > 2f64.powi(-35), "{exponent} {beside:e}");
@@ -173,12 +166,7 @@ fn a_thin_triangle_just_ahead_is_met() {
     for i in 0..3000 {
         let (u, v) = (vector().normalize(), vector().normalize());
         let across = u.cross(v).normalize() / [300., 1000., 5000.][i % 3];
-        let mesh = Mesh {
-            vertices: vec![-u, u, u + across],
-            triangles: vec![[0, 1, 2]],
-            joined: vec![],
-        };
-        let scene = Scene::new(&mesh);
+        let scene = Scene::new(&apart([[-u, u, u + across]].into_iter()));
         let intersector = Bvh::new(&scene).unwrap();
         let [a, b, c] = rounded(&scene)[0];
         let normal = (b - a).cross(c - a).normalize();

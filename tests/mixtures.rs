@@ -17,7 +17,7 @@ use litpt::camera::View;
 use litpt::film::{Film, Summary};
 use litpt::render::Renderer;
 use litpt::scene::{Mesh, Ray, Triangle, Triangles};
-use litpt_book::closed_forms::Setting;
+use litpt_book::closed_forms::{Setting, look};
 use litpt_book::escapes::{Inside, Outside};
 use litpt_book::solids;
 use rayon::prelude::*;
@@ -55,12 +55,8 @@ fn ball(reach: f64, x: f64) -> Mesh {
 
 /// The mean radiance of a picture of the ball, and its error.
 fn picture(reach: f64, x: f64) -> [f64; 2] {
-    let view = View {
-        position: DVec3::new(x, -5., 2.),
-        target: DVec3::new(x, 0., 0.8),
-        up: DVec3::Z,
-        fov: 40.,
-    };
+    let (from, to) = (DVec3::new(x, -5., 2.), DVec3::new(x, 0., 0.8));
+    let view = View { up: DVec3::Z, ..look(from, to, 40.) };
     let white = (0.8, DVec3::Z);
     let setting = Setting::new(&ball(reach, x), white, &view, 4. / 3.);
     let mut film = Film::new(48, 36);
@@ -101,9 +97,8 @@ fn the_user_is_warned_where_a_double_is_not_precise_enough() {
         let [a, b, c] = t.map(|i| vertices[i as usize]);
         (a.max(b).max(c) - a.min(b).min(c)).max_element()
     });
-    let sides: Vec<_> = sides.collect();
-    let least = sides.iter().copied().fold(f64::INFINITY, f64::min);
-    let most = sides.iter().copied().fold(0., f64::max);
+    let least = sides.clone().fold(f64::INFINITY, f64::min);
+    let most = sides.fold(0., f64::max);
     let warning = |side: f64| {
         let reach = side * 2f64.powi(40) * 8. / 19.;
         let Mesh { vertices, triangles, .. } = ball(reach, 0.);

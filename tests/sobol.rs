@@ -9,7 +9,7 @@ use crate::sampler::{RELATED, assert_unrelated};
 use chance::Chance;
 use glam::DVec3;
 use litpt::film::Film;
-use litpt::integrator::{Integrator, PathTracer};
+use litpt::integrator::PathTracer;
 use litpt::render::{Job, Renderer};
 use litpt::sampler::sobol::{ScrambledNet, SobolSampler, scramble_key};
 use litpt::sampler::{IndependentSampler, Sampler, dimension, to_unit};
@@ -273,15 +273,16 @@ fn sheets(directions: &[[f64; 2]]) -> Mesh {
 }
 
 /// The mean of an image with its standard error from the replicates, and the
-/// mean variance of a replicate times its samples.
-fn render<S: Sampler>(
-    setting: &Setting,
-    integrator: impl Integrator,
-    sampler: S,
-) -> [f64; 3] {
-    let Job { entrance, intersector, camera, known, .. } = setting.job(0);
+/// mean variance of a replicate times its samples: of paths with this part of
+/// the control variate.
+fn render<S: Sampler>(mesh: &Mesh, control: f64, sampler: S) -> [f64; 3] {
+    let above = look(DVec3::new(2., 0.3, 1.5), DVec3::X, 40.);
+    let setting = Setting::new(mesh, (RHO, DVec3::Z), &above, 1.5).unwrap();
+    let Job { entrance, intersector, camera, integrator, known, .. } =
+        setting.job(0);
     let replicate = sampler.replicate();
     let mut film = Film::new(24, 16).with_replicates(replicate);
+    let integrator = PathTracer { control, ..integrator };
     let mut job =
         Job { entrance, intersector, camera, integrator, known, sampler };
     job.pass(&mut film, 1024, &|_| true);
@@ -293,22 +294,23 @@ fn render<S: Sampler>(
     [mean, error, variance * replicate as f64]
 }
 
+const RHO: f64 = 0.8;
+
+/// A slope of cosine 0.8 that sees 0.9 of the sky, and a floor and a wall; and
+/// their radiances.
+fn slope_and_corner() -> [(Mesh, f64); 2] {
+    let corner = sheets(&[[1., 0.], [0., 1.]]);
+    let slope = sheets(&[[0.8, -0.6], [-0.8, 0.6]]);
+    [(slope, RHO * 0.9), (corner, RHO / (2. - RHO))]
+}
+
 #[test]
 fn the_path_tracer_finds_known_radiances_with_smaller_errors() {
-    let rho = 0.8;
-    let above = look(DVec3::new(2., 0.3, 1.5), DVec3::X, 40.);
-    // A slope of cosine 0.8 that sees 0.9 of the sky, and a floor and a wall,
-    // with how much smaller the variance of 64 samples is at least.
-    let slope = (sheets(&[[0.8, -0.6], [-0.8, 0.6]]), rho * 0.9, 4.);
-    let corner = (sheets(&[[1., 0.], [0., 1.]]), rho / (2. - rho), 2.);
-    for (mesh, exact, gain) in [slope, corner] {
-        let setting = Setting::new(&mesh, (rho, DVec3::Z), &above, 1.5);
-        let setting = setting.unwrap();
-        let paths = setting.job(0).integrator;
-        let [_, _, plain] =
-            render(&setting, paths, IndependentSampler::new(1));
+    // How much smaller the variance of 64 samples is at least.
+    for ((mesh, exact), gain) in slope_and_corner().iter().zip([4., 2.]) {
+        let [_, _, plain] = render(mesh, 0., IndependentSampler::new(1));
         let [mean, error, variance] =
-            render(&setting, paths, SobolSampler::new(1, 64));
+            render(mesh, 0., SobolSampler::new(1, 64));
         CHANCE.normal((mean - exact) / error, "mean of an image");
         assert!(gain * variance < plain, "{variance} of {plain}");
     }
@@ -319,22 +321,14 @@ fn the_path_tracer_finds_known_radiances_with_smaller_errors() {
 /// subtracted, the mean is right.
 #[test]
 fn the_sky_is_a_control_variate_whose_mean_is_known() {
-    let rho = 0.8;
-    let above = look(DVec3::new(2., 0.3, 1.5), DVec3::X, 40.);
-    let image = |mesh: &Mesh, control| {
-        let setting = Setting::new(mesh, (rho, DVec3::Z), &above, 1.5);
-        let setting = setting.unwrap();
-        let paths = setting.job(0).integrator;
-        let integrator = PathTracer { control, ..paths };
-        render(&setting, integrator, IndependentSampler::new(2))
-    };
-    let [mean, _, variance] =
-        image(&sheets(&[[0.8, -0.6], [-0.8, 0.6]]), 1.);
-    assert!((mean - rho * 0.9).abs() < 1e-12, "{mean}");
+    let [(slope, bright), (corner, exact)] = slope_and_corner();
+    let image =
+        |mesh, control| render(mesh, control, IndependentSampler::new(2));
+    let [mean, _, variance] = image(&slope, 1.);
+    assert!((mean - bright).abs() < 1e-12, "{mean}");
     assert!(variance < 1e-20, "{variance}");
     for control in [0.5, 1.] {
-        let corner = sheets(&[[1., 0.], [0., 1.]]);
         let [mean, error, _] = image(&corner, control);
-        CHANCE.normal((mean - rho / (2. - rho)) / error, "control");
+        CHANCE.normal((mean - exact) / error, "control");
     }
 }

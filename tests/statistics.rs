@@ -213,10 +213,3 @@ fn a_borrow_passes_through_digits_that_are_equal() {
     let variance = Accumulator::from_bytes(&bytes).variance();
     assert_eq!(variance, 9. / 2. * 2f64.powi(128 - 176));
 }
-
-#[test]
-fn a_value_and_its_opposite_leave_nothing_and_count() {
-    let pair = accumulate([3.25, -3.25]);
-    assert_eq!((pair.mean(), pair.count()), (0., 2));
-    assert_eq!(pair.variance(), 2. * 3.25 * 3.25);
-}

@@ -71,9 +71,8 @@ fn moments(rho: f64, f: f64) -> ([f64; 4], [f64; 2]) {
 fn means_variances_and_rays_of_stiff_cavities_are_as_derived() {
     let rhos = [0.9, 0.99, 0.999, 1. - 1e-4, 1. - 1e-6, 1.];
     let fs = [0.5, 0.1, 0.01, 1e-3, 1e-4];
-    let cells = rhos.iter().flat_map(|&rho| fs.map(|f| (rho, f)));
-    let cells: Vec<_> = cells.collect();
-    cells.par_iter().for_each(|&(rho, f)| {
+    let cells = rhos.map(|rho| fs.map(|f| (rho, f)));
+    cells.as_flattened().par_iter().for_each(|&(rho, f)| {
         let (weight, rays) = moments(rho, f);
         let exact = cavity_radiance(rho, f);
         assert!((weight[0] / exact - 1.).abs() < 1e-9, "{rho} {f}");
@@ -90,12 +89,11 @@ fn means_variances_and_rays_of_stiff_cavities_are_as_derived() {
         // The fourth moment about the mean.
         let fourth = m4 - m1 * (4. * m3 - m1 * (6. * m2 - 3. * m1 * m1));
         let variance = m2 - m1 * m1;
+        let of_variance = fourth - variance * variance;
         let of_length = rays[1] - rays[0] * rays[0];
         let rows = [
             ("mean", sums.mean(), m1, variance),
-            ("variance", sums.variance(), variance, {
-                fourth - variance * variance
-            }),
+            ("variance", sums.variance(), variance, of_variance),
             ("rays", lengths as f64 / n as f64, rays[0], of_length),
         ];
         for (what, found, expected, spread) in rows {
@@ -128,14 +126,9 @@ fn a_path_of_n_bounces_has_grown_by_the_inverse_of_its_chance() {
 #[test]
 fn paths_in_a_closed_white_cavity_end_as_fast_as_derived() {
     let n = 4000;
-    let lengths: Vec<u64> = (0..n)
-        .into_par_iter()
-        .map(|i| {
-            let (weight, rays) = path(1., i, |_| false);
-            assert_eq!(weight, 0.);
-            rays
-        })
-        .collect();
+    let paths = (0..n).into_par_iter().map(|i| path(1., i, |_| false));
+    let (weights, lengths): (Vec<_>, Vec<_>) = paths.unzip();
+    assert!(weights.iter().all(|&weight| weight == 0.));
     assert!(lengths.iter().all(|&rays| rays > 1000));
     for quadruples in 1..4 {
         let (bound, p) = (1000 << (2 * quadruples), 8f64.powi(-quadruples));

@@ -3,6 +3,7 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
+use crate::bvh::apart;
 use glam::DVec3;
 use litpt::bvh::{BEAM, Bvh, Hit, Intersector, Isa, Quality};
 use litpt::scene::{Mesh, Ray, Scene};
@@ -26,41 +27,31 @@ fn vector(random: &mut Pcg64) -> DVec3 {
 /// Triangles anywhere; two of three lie in a plane of constant x, y or z.
 fn soup() -> Mesh {
     let mut random = Pcg64::seed_from_u64(3);
-    let mut mesh = Mesh::default();
-    for i in 0..3000u32 {
-        let centre = vector(&mut random);
-        let flat = i as usize % 9;
-        for _ in 0..3 {
+    apart((0..3000).map(|i| {
+        let (centre, flat) = (vector(&mut random), i % 9);
+        [0; 3].map(|_| {
             let mut corner = centre + 0.1 * vector(&mut random);
             if flat < 6 {
                 // Many in the same plane, so that boxes touch.
                 corner[flat % 3] = (4. * centre[flat % 3]).round() / 4.;
             }
-            mesh.vertices.push(corner);
-        }
-        mesh.triangles.push([3 * i, 3 * i + 1, 3 * i + 2]);
-    }
-    mesh
+            corner
+        })
+    }))
 }
 
 /// A soup with small ones in it, which are beyond gates.
 fn clusters() -> Mesh {
     let mut mesh = soup();
+    let at = mesh.vertices[5];
     for scale in [1e-6, 1e-8] {
-        let at = mesh.vertices[5];
         let first = mesh.vertices.len() as u32;
-        let small = soup();
-        let place = |v: DVec3| at + scale * v;
-        mesh.vertices.extend(small.vertices.into_iter().map(place));
-        let numbers = |t: [u32; 3]| t.map(|i| first + i);
-        mesh.triangles.extend(small.triangles.into_iter().map(numbers));
+        let Mesh { vertices, triangles, .. } = soup();
+        mesh.vertices.extend(vertices.iter().map(|v| at + scale * v));
+        let numbers = triangles.iter().map(|t| t.map(|i| first + i));
+        mesh.triangles.extend(numbers);
     }
     mesh
-}
-
-fn one_triangle() -> Mesh {
-    let vertices = vec![DVec3::X, DVec3::Y, DVec3::NEG_Z];
-    Mesh { vertices, triangles: vec![[0, 1, 2]], joined: vec![] }
 }
 
 /// A point of the scene: a vertex, a point of an edge or of a triangle, the
@@ -146,7 +137,7 @@ fn all_instructions_answer_rays_with_the_same_bits() {
         soup(),
         clusters(),
         cavity(0.2, 24),
-        one_triangle(),
+        apart([[DVec3::X, DVec3::Y, DVec3::NEG_Z]].into_iter()),
         Mesh::default(),
     ];
     for (i, mesh) in meshes.iter().enumerate() {
@@ -203,10 +194,9 @@ fn rays_of_a_beam_are_answered_as_if_alone() {
             for _ in 0..10_000 {
                 let rays = beam(&scene, &mut random);
                 let together = bvh.first_hits(&rays);
-                for (ray, hit) in rays.iter().zip(together) {
-                    let alone = ray
-                        .as_ref()
-                        .and_then(|ray| bvh.first_hit(ray, None));
+                for (ray, hit) in rays.into_iter().zip(together) {
+                    let alone =
+                        ray.and_then(|ray| bvh.first_hit(&ray, None));
                     assert_eq!(bits(hit), bits(alone), "{isa}: {ray:?}");
                     hits += usize::from(hit.is_some());
                 }
@@ -223,27 +213,25 @@ fn rays_of_a_beam_are_answered_as_if_alone() {
 fn a_ray_of_nonsense_meets_nothing() {
     let scene = Scene::new(&cube(3));
     let odd = [f64::NAN, f64::INFINITY, -f64::INFINITY, 1e300, -3e19];
+    let o = DVec3::ZERO;
+    let origins = odd.map(|x| [o.with_x(x), o.with_y(x), o.with_z(x)]);
     for isa in Isa::ALL.into_iter().filter(|isa| isa.is_available()) {
         let intersector = Bvh::with(&scene, Quality::Fast, isa).unwrap();
-        for (odd, axis) in
-            odd.iter().flat_map(|o| [0, 1, 2].map(|i| (*o, i)))
-        {
-            for direction in [DVec3::X, DVec3::NAN, DVec3::ZERO] {
-                let mut origin = DVec3::ZERO;
-                origin[axis] = odd;
-                let ray = Ray { origin, direction };
-                assert_eq!(intersector.first_hit(&ray, None), None);
-                let ray = Ray { origin: DVec3::ZERO, direction };
-                let hit = intersector.first_hit(&ray, None);
-                assert_eq!(hit.is_some(), direction == DVec3::X);
+        let hit = |origin, direction| {
+            let ray = Ray { origin, direction };
+            let hit = intersector.first_hit(&ray, None);
+            assert_eq!(intersector.is_occluded(&ray, None), hit.is_some());
+            hit.is_some()
+        };
+        for direction in [DVec3::X, DVec3::NAN, DVec3::ZERO] {
+            for &origin in origins.as_flattened() {
+                assert!(!hit(origin, direction), "{origin} {direction}");
             }
+            assert_eq!(hit(o, direction), direction == DVec3::X);
         }
         // Empty slots must not be entered, though 1/d is zero.
         for direction in [f64::INFINITY, 1e300, 1e39, -1e39, 1e20] {
-            let direction = DVec3::splat(direction);
-            let ray = Ray { origin: DVec3::ZERO, direction };
-            assert_eq!(intersector.first_hit(&ray, None), None);
-            assert!(!intersector.is_occluded(&ray, None));
+            assert!(!hit(o, DVec3::splat(direction)));
         }
     }
 }
@@ -256,46 +244,34 @@ fn assert_is_first(
     hit: Option<Hit>,
 ) {
     let visible = |target| intersector.is_visible(ray, from, target);
-    if let Some(from) = from {
-        assert!(!visible(from), "{ray:?}");
-    }
+    assert!(!from.is_some_and(visible), "{ray:?}");
     let Some(hit) = hit else { return };
     assert!(visible(hit.primitive), "{ray:?}");
     // Those that the ray meets behind it are not.
     let onward = Ray { origin: hit.point + 1e-9 * ray.direction, ..*ray };
-    let next = intersector.first_hit(&onward, Some(hit.primitive));
-    let expected = |next: Hit| {
-        let first = intersector.first_hit(ray, from);
-        first.is_some_and(|first| first.primitive == next.primitive)
-    };
-    if let Some(next) = next {
-        assert_eq!(visible(next.primitive), expected(next), "{ray:?}");
+    if let Some(next) = intersector.first_hit(&onward, Some(hit.primitive))
+    {
+        let expected = next.primitive == hit.primitive;
+        assert_eq!(visible(next.primitive), expected, "{ray:?}");
     }
 }
 
 /// A mesh with each triangle twice, the second time as another face, and
 /// with its corners in another order.
 fn doubled(mut mesh: Mesh) -> Mesh {
-    let again = mesh.triangles.iter().map(|&[a, b, c]| [b, c, a]);
-    let again: Vec<_> = again.collect();
-    mesh.triangles.extend(again);
+    let again = mesh.triangles.clone().into_iter();
+    mesh.triangles.extend(again.map(|[a, b, c]| [b, c, a]));
     mesh
 }
 
 #[test]
 fn what_is_visible_is_what_a_ray_meets_first() {
-    let meshes = [
-        doubled(cube(8)),
-        doubled(soup()),
-        doubled(clusters()),
-        soup(),
-        cavity(0.2, 24),
-    ];
-    for mesh in meshes {
+    let twice = [cube(8), soup(), clusters()].map(doubled);
+    for mesh in twice.into_iter().chain([soup(), cavity(0.2, 24)]) {
         let scene = Scene::new(&mesh);
         for isa in Isa::ALL.into_iter().filter(|isa| isa.is_available()) {
             let bvh = Bvh::with(&scene, Quality::Fast, isa).unwrap();
-            let all: Vec<_> = scene.triangles.to_vec();
+            let all = scene.triangles.to_vec();
             let mut random = Pcg64::seed_from_u64(8);
             let mut last = None;
             for i in 0..8_000 {
@@ -315,10 +291,9 @@ fn what_is_visible_is_what_a_ray_meets_first() {
                 let ray = Ray { origin, direction };
                 let hit = bvh.first_hit(&ray, None);
                 let first = hit.map(|hit| hit.primitive);
-                if let Some(last) = last {
-                    let visible = bvh.is_visible(&ray, None, last);
-                    assert_eq!(visible, first == Some(last), "{ray:?}");
-                }
+                let visible =
+                    last.is_some_and(|i| bvh.is_visible(&ray, None, i));
+                assert_eq!(visible, last.is_some() && first == last);
                 assert_is_first(&bvh, &ray, None, hit);
                 last = first.or(last);
             }
