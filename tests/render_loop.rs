@@ -213,12 +213,12 @@ fn a_single_pixel_is_the_same_for_any_number_of_threads_and_passes() {
         let mut render = |threads, passes: &[u64]| {
             let mut film = Film::new(size.0, size.1);
             let (mut done, mut rays) = (0, 0);
-            for n in passes {
-                done += n;
-                rays += with_threads(threads, || {
-                    job.pass(&mut film, done, &|_| true)
-                });
-            }
+            with_threads(threads, || {
+                for n in passes {
+                    done += n;
+                    rays += job.pass(&mut film, done, &|_| true);
+                }
+            });
             (film.pixels.to_vec(), rays)
         };
         let alone = render(1, &[1; 500]);
@@ -448,13 +448,10 @@ fn a_run_that_is_cut_off_goes_on_from_the_count_of_each_tile() {
         left.fetch_update(Relaxed, Relaxed, less).is_ok()
     };
     let rays = job.pass(&mut film, 3, &watch);
-    assert!(
-        film.samples() == 0 && film.rows().any(|pixel| pixel.count() == 3)
-    );
-    let text =
-        r#"{"spp":0,"seconds":1.5,"rays":0,"constant":0,"steps":[]}"#;
-    let mut convergence: Convergence = serde_json::from_str(text).unwrap();
-    convergence.rays = rays;
+    assert_eq!(film.samples(), 0);
+    assert!(film.rows().any(|pixel| pixel.count() == 3));
+    let mut convergence = Convergence::default();
+    (convergence.seconds, convergence.rays) = (1.5, rays);
     // Its error is unknown, and that is recorded.
     convergence.record(&film, None);
     let point = convergence.steps[0];
