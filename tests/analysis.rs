@@ -67,9 +67,7 @@ fn is_found_out(
 #[test]
 fn what_does_not_hold_is_found_out() {
     let room = named("room with a window");
-    assert!(
-        is_found_out(&room, |found| found.known = KnownPixels::dark(SMALL))
-    );
+    assert!(is_found_out(&room, |f| f.known = KnownPixels::dark(SMALL)));
     assert!(is_found_out(&room, |found| found.is_black = true));
     let check = |found: &mut SceneAnalysis| {
         assert!(found.known.content((0, 0)) != TileContent::Scene);

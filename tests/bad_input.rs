@@ -3,7 +3,7 @@
 
 //! What `pt` does with an OBJ that is odd, and with one that is wrong.
 
-use crate::common::{SQUARE, Scratch, finish};
+use crate::common::{ROOM, SQUARE, Scratch, finish};
 use litpt::scene::{Scene, read_file};
 
 /// A triangle that fills a part of the image.
@@ -112,6 +112,15 @@ fn too_little_memory_is_told_in_one_line() {
     let run = "room.obj -j1 -q -d16384x16384";
     let run = Scratch::new().within("-v 4000000", run);
     run.failed(1, &["too little memory: 17.18 GB more are needed"]);
+}
+
+#[test]
+fn what_comes_late_through_a_pipe_is_read() {
+    let place = Scratch::new();
+    let text = "# a word\n".repeat(1 << 21) + ROOM;
+    let fed = place.feed(text.as_bytes(), "-d9x7");
+    fed.succeeded();
+    assert!(fed.stdout == place.render("-d9x7"));
 }
 
 // ---------------------------------------------------------------- Faults
@@ -290,10 +299,8 @@ fn a_backslash_behind_a_name_joins_nothing() {
 #[test]
 fn statements_that_are_not_rendered_are_counted() {
     let shapes = "g a\nl 1 2 \\\n3\np 1\ncurv 0 1 1 2\nsurf 0 1 1 2 3\n";
-    warned(
-        with(shapes),
-        "odd.obj:6: l, the first of 4 statements that are",
-    );
+    let words = "odd.obj:6: l, the first of 4 statements that are";
+    warned(with(shapes), words);
     for line in ["vertex 1 2 3", "F 1 2 3", "3", "call a.obj", "\u{e9}"] {
         let word = line.split(' ').next().unwrap();
         let words = format!("odd.obj:4: {word}, the first of 2 statements");

@@ -141,10 +141,9 @@ fn the_extension_chooses_the_kind() {
 fn json_holds_what_is_known() {
     let mut report = ordinary();
     let json = json_of(&report);
-    assert_eq!(
-        json["scene"],
-        json!({ "file": "room.obj", "sha256": "00ff", "triangles": 6 })
-    );
+    let scene =
+        json!({ "file": "room.obj", "sha256": "00ff", "triangles": 6 });
+    assert_eq!(json["scene"], scene);
     assert_eq!(json["settings"]["albedo"], 0.8);
     assert_eq!(json["load_seconds"], 0.125);
     assert_eq!(json["build_seconds"], 0.25);
