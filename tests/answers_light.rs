@@ -325,13 +325,13 @@ fn a_plane_is_believed_to_have_no_noise_after_35_samples() {
     let limits = until(0.001, &interrupt);
     let (mut film, mut convergence) =
         (Film::new(50, 50), Convergence::default());
-    let mut job = setting.job(1);
+    let mut nothing = |_: &_, _: &_| ();
     let stop = convergence.run(
-        &mut job,
+        &mut setting.job(1),
         &mut film,
         &limits,
         &|_| (),
-        &mut |_, _| (),
+        &mut nothing,
     );
     assert_eq!((stop, convergence.spp), (Stop::Error, 35));
     assert_eq!(film.summary().rmse, 0.);

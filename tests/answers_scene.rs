@@ -4,6 +4,8 @@
 //! Answers to the book's exercises on scenes, geometry and sampling, one
 //! test for each.
 
+use crate::polygons;
+
 use glam::DVec3;
 use litpt::bvh::{Bvh, Intersector, Isa, Quality};
 use litpt::camera::{Camera, View};
@@ -12,6 +14,7 @@ use litpt::sampler::sobol::ScrambledNet;
 use litpt::sampler::{cosine_direction, generator};
 use litpt::scene::{Mesh, Ray, Scene, Triangle, Triangles, read_file};
 use litpt::sky::Sky;
+use litpt_book::solids::cube;
 use rand::RngExt;
 
 /// Demands that a mean of `n` samples of this variance is near
@@ -58,10 +61,7 @@ fn a_hall_of_300_metres_is_scaled_by_32() {
 
 /// A face with these corners in a plane, and whether it is odd.
 fn face(corners: &[[f64; 2]]) -> (Mesh, bool) {
-    let vertex = |[x, y]: &[f64; 2]| format!("v {x:?} {y:?} 0\n");
-    let vertices: String = corners.iter().map(vertex).collect();
-    let numbers = (1..=corners.len()).map(|i| format!(" {i}"));
-    let text = vertices + "f" + &numbers.collect::<String>() + "\n";
+    let text = polygons::face(&polygons::flat(corners));
     let (mesh, warning) = read_file(text.as_bytes()).unwrap();
     (mesh, !warning.is_empty())
 }
@@ -118,21 +118,6 @@ fn intersector(triangles: &[Triangle]) -> Bvh {
     Bvh::of(triangles, Quality::Fast, Isa::Portable, &|_| ()).unwrap()
 }
 
-/// The twelve triangles of a cube.
-fn cube() -> Vec<Triangle> {
-    let face = |k: usize| {
-        let corner = |x: f64, y: f64| {
-            let mut p = [x, y, [1., -1.][k / 3]];
-            p.rotate_right(k % 3);
-            3000. * DVec3::from(p)
-        };
-        let [a, b] = [corner(-1., -1.), corner(1., -1.)];
-        let [c, d] = [corner(1., 1.), corner(-1., 1.)];
-        [[a, b, c], [a, c, d]]
-    };
-    (0..6).flat_map(face).collect()
-}
-
 /// Six walls across the x axis, from `x` on, between two heights.
 fn walls(x: f64, low: f64, high: f64) -> impl Iterator<Item = Triangle> {
     (0..6).map(move |i| {
@@ -158,11 +143,8 @@ fn the_order_of_an_octant_may_be_wrong_and_the_hit_is_right() {
 
 #[test]
 fn a_hit_is_less_than_an_atom_before_the_wall() {
-    let vertices: Vec<_> =
-        cube().as_flattened().iter().map(|p| *p / 60.).collect();
-    let triangles =
-        (0..12).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
-    let hall = Mesh { vertices, triangles, joined: vec![] };
+    let mut hall = cube(1);
+    hall.vertices.iter_mut().for_each(|p| *p *= 50.);
     let scene = Scene::new(&hall);
     // Measure the height of a hit in metres
     let middle = scene.frame.entrance(DVec3::ZERO).place().unwrap();

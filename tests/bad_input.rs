@@ -3,19 +3,13 @@
 
 //! What `pt` does with an OBJ that is odd, and with one that is wrong.
 
-use crate::common;
-
-use common::{ABOVE, Run, SQUARE, Scratch, finish};
+use crate::common::{ROOM, SQUARE, Scratch, finish};
 use litpt::scene::{Scene, read_file};
 
 /// A triangle that fills a part of the image.
 const TRIANGLE: &str = "v -9 -9 0\nv 9 -8 0\nv -1 7 0\n";
 
-const SMALL: [&str; 3] = ["-d8x6", "-n3", "-r0.5"];
-
-fn render(place: &Scratch, arguments: &[&str]) -> Run {
-    place.run(&[&ABOVE[..], &SMALL, arguments].concat())
-}
+const SMALL: &str = "-d8x6 -n3 -r0.5";
 
 /// The OBJ `bytes` is refused in one line with these words.
 #[track_caller]
@@ -64,38 +58,34 @@ fn with(lines: &str) -> String {
 fn a_fault_touches_no_output() {
     let place = Scratch::new();
     place.put("scene.obj", "v 0 0 0\nf 1 1 2\n");
-    let words = ["scene.obj:2:", "2"];
-    let input = ["-i", "scene.obj"];
-    render(&place, &[&input[..], &["-o", "new.pgm"]].concat())
-        .failed(1, &words);
     place.put("old.pgm", "old");
-    render(&place, &[&input[..], &["-f", "-o", "old.pgm"]].concat())
-        .failed(1, &words);
+    for output in ["-onew.pgm", "-foold.pgm"] {
+        let run = place.line(&format!("-iscene.obj {output}"));
+        run.failed(1, &["scene.obj:2:", "2"]);
+    }
     assert_eq!(place.get("old.pgm"), b"old");
     place.holds_only(&["old.pgm", "scene.obj"]);
-    let run = place.feed(b"v 0 0 0\nf 1 1 2\n", &["-o", "image.pgm"]);
+    let run = place.feed(b"v 0 0 0\nf 1 1 2\n", "-oimage.pgm");
     run.failed(1, &["standard input:2:", "2"]);
-    place.feed(b"", &[]).failed(1, &["standard input: ", "empty"]);
+    place.feed(b"", "").failed(1, &["standard input: ", "empty"]);
 }
 
 #[test]
 fn a_warning_is_printed_once_unless_the_program_is_quiet() {
     let place = Scratch::new();
     place.put("odd.obj", with("l 1 2\nF 1 2\n"));
-    let run = render(&place, &["-i", "odd.obj"]);
-    run.succeeded();
-    let lines = run.stderr.lines().filter(|line| line.contains("warning"));
-    let lines: Vec<_> = lines.collect();
-    assert_eq!(lines.len(), 1, "{}", run.stderr);
-    assert!(lines[0].contains("odd.obj:4: l, the first of 2"));
-    assert_eq!(render(&place, &["-i", "odd.obj", "-q"]).stderr, "");
+    let said = place.done(&format!("-iodd.obj {SMALL}")).stderr;
+    assert_eq!(said.matches("warning").count(), 1, "{said}");
+    assert!(said.contains("odd.obj:4: l, the first of 2"));
+    let quiet = place.line(&format!("-iodd.obj {SMALL} -q"));
+    assert_eq!(quiet.stderr, "");
 }
 
 #[test]
 fn a_file_that_cannot_be_read_is_named() {
     let place = Scratch::new();
     for (file, word) in [("none.obj", "No such"), ("/", "directory")] {
-        let run = render(&place, &["-i", file, "-o", "image.pgm"]);
+        let run = place.line(&format!("-i {file} -oimage.pgm"));
         run.failed(1, &[&format!("{file}: cannot read"), word]);
     }
     place.holds_only(&[]);
@@ -104,9 +94,8 @@ fn a_file_that_cannot_be_read_is_named() {
 #[test]
 fn what_has_no_end_and_is_no_obj_is_refused() {
     let place = Scratch::new();
-    place
-        .run(&["-i", "/dev/zero"])
-        .failed(1, &["/dev/zero:1: a zero byte"]);
+    let zeros = place.line("-i/dev/zero");
+    zeros.failed(1, &["/dev/zero:1: a zero byte"]);
     for (text, fault) in [
         ("y", "standard input: no vertex in the first 64 MiB"),
         ("v 1 2", "standard input:1: a vertex without z"),
@@ -120,20 +109,18 @@ fn what_has_no_end_and_is_no_obj_is_refused() {
 
 #[test]
 fn too_little_memory_is_told_in_one_line() {
-    let place = Scratch::new();
-    let run = ["room.obj", "-j1", "-q", "-d16384x16384"];
-    let run = place.within("-v 4000000", &run);
+    let run = "room.obj -j1 -q -d16384x16384";
+    let run = Scratch::new().within("-v 4000000", run);
     run.failed(1, &["too little memory: 17.18 GB more are needed"]);
 }
 
 #[test]
 fn what_comes_late_through_a_pipe_is_read() {
     let place = Scratch::new();
-    let text =
-        ["# a word\n".repeat(1 << 21).as_str(), common::ROOM].concat();
-    let fed = place.feed(text.as_bytes(), &["-d9x7"]);
+    let text = "# a word\n".repeat(1 << 21) + ROOM;
+    let fed = place.feed(text.as_bytes(), "-d9x7");
     fed.succeeded();
-    assert!(fed.stdout == place.render(&["-d9x7"]));
+    assert!(fed.stdout == place.render("-d9x7"));
 }
 
 // ---------------------------------------------------------------- Faults
@@ -312,10 +299,8 @@ fn a_backslash_behind_a_name_joins_nothing() {
 #[test]
 fn statements_that_are_not_rendered_are_counted() {
     let shapes = "g a\nl 1 2 \\\n3\np 1\ncurv 0 1 1 2\nsurf 0 1 1 2 3\n";
-    warned(
-        with(shapes),
-        "odd.obj:6: l, the first of 4 statements that are",
-    );
+    let words = "odd.obj:6: l, the first of 4 statements that are";
+    warned(with(shapes), words);
     for line in ["vertex 1 2 3", "F 1 2 3", "3", "call a.obj", "\u{e9}"] {
         let word = line.split(' ').next().unwrap();
         let words = format!("odd.obj:4: {word}, the first of 2 statements");

@@ -112,25 +112,20 @@ fn every_bit_that_flips_and_every_other_length_is_noticed() {
 
 #[test]
 fn a_fact_that_differs_is_named_with_both_values() {
-    let refused_for = |changes: Value| {
-        let other = run_key_with(changes);
-        let mut film = Film::new(5, 3);
-        let file = Cursor::new(saved());
-        resume(&other, &mut film, file).unwrap_err()
-    };
+    let part = json!({ "samples": [4, 8], "of": 16, "band": [2, 3] });
     for (name, value, words) in [
         ("seed", json!(8), ["7", "8"]),
         ("fov", json!(0.1f64.next_up()), ["0.1,", "0.10000000000000002"]),
         ("position", json!([0.5, 1e9, 3.]), ["-1000000000.0", ",1000"]),
         ("crop", json!("1,1,2x2"), ["nothing", "1,1,2x2"]),
+        ("part", part, ["nothing, ", "not {"]),
     ] {
-        let fault = refused_for(json!({ name: value }));
+        let other = run_key_with(json!({ name: value }));
+        let (mut film, file) = (Film::new(5, 3), Cursor::new(saved()));
+        let fault = resume(&other, &mut film, file).unwrap_err();
         assert!(fault.contains(&format!("its {name} is")), "{fault}");
         assert!(words.iter().all(|w| fault.contains(w)), "{fault}");
     }
-    let part = json!({ "samples": [4, 8], "of": 16, "band": [2, 3] });
-    let fault = refused_for(json!({ "part": part }));
-    assert!(fault.contains("its part is nothing, not {"), "{fault}");
 }
 
 #[test]
@@ -147,27 +142,12 @@ fn a_disk_that_is_full_is_an_error_and_no_panic() {
 
 // --------------------------------------------------------------- The command
 
-const SCENE: [&str; 6] = [
-    "-q",
-    "-iroom.obj",
-    "-p0,0,0",
-    "-d23x17",
-    "-r0.7",
-    "--integrator=reference",
-];
-const ALL: [&str; 8] =
-    ["-o", "a.pgm", "-o", "a.png", "-o", "a.pfm", "-o", "a.exr"];
+const SCENE: &str = "-q -iroom.obj -d23x17 -r0.7 --integrator=reference";
+const ALL: &str = "-oa.pgm -oa.png -oa.pfm -oa.exr";
 
-/// Runs `pt` with the options of `SCENE`, as far as no other of the same
-/// letter is given.
-fn pt(place: &Scratch, arguments: &[&str]) -> Run {
-    let replaced = |one: &str| {
-        arguments.iter().any(|argument| argument.get(..2) == one.get(..2))
-    };
-    let mut all: Vec<&str> = SCENE.into();
-    all.retain(|one| !replaced(one));
-    all.extend(arguments);
-    place.run(&all)
+/// Runs `pt` with the options of `SCENE`, before others.
+fn pt(place: &Scratch, arguments: &str) -> Run {
+    place.line(&format!("{SCENE} {arguments}"))
 }
 
 /// The second line of a checkpoint; none if there is no such file.
@@ -184,9 +164,9 @@ fn saved_spp(path: &PathBuf) -> Option<u64> {
 
 /// Starts a run without an end, and kills it as soon as it has saved more
 /// than `spp` samples.
-fn killed_after(place: &Scratch, spp: u64, arguments: &[&str]) {
-    let endless = ["-n1000000000", "--every", "0.001", "--checkpoint", "c"];
-    let mut command = place.pt(&[&SCENE[..], &endless, arguments].concat());
+fn killed_after(place: &Scratch, spp: u64, arguments: &str) {
+    let endless = "-n1000000000 --every=0.001 --checkpoint=c";
+    let mut command = place.pt(&format!("{SCENE} {endless} {arguments}"));
     let mut child = command.spawn().unwrap();
     let path = place.path("c");
     wait_until(&mut child, "checkpoint", || saved_spp(&path) > Some(spp));
@@ -195,63 +175,55 @@ fn killed_after(place: &Scratch, spp: u64, arguments: &[&str]) {
 }
 
 /// Renders the four images again at one go, and compares them.
-fn same_as_uninterrupted(place: &Scratch, arguments: &[&str]) {
+fn same_as_uninterrupted(place: &Scratch, arguments: &str) {
     let names = ["a.pgm", "a.png", "a.pfm"];
-    let resumed = names.map(|name| place.get(name));
-    let numbers = Image::read(&place.path("a.exr")).unwrap();
-    pt(place, &[&["-f"], &ALL[..], arguments].concat()).succeeded();
-    for (name, resumed) in names.iter().zip(resumed) {
-        assert!(place.get(name) == resumed, "{name}");
-    }
-    let whole = Image::read(&place.path("a.exr")).unwrap();
-    assert_eq!(whole.means, numbers.means);
-    assert_eq!(whole.errors, numbers.errors);
-    assert_eq!(whole.samples, numbers.samples);
-    let (rays, spp) = ("rays", "spp");
-    assert_eq!(whole.attributes[rays], numbers.attributes[rays]);
-    assert_eq!(whole.attributes[spp], numbers.attributes[spp]);
+    let images = || {
+        let image = Image::read(&place.path("a.exr")).unwrap();
+        let Image { means, errors, samples, attributes, .. } = image;
+        let said = ["rays", "spp"].map(|name| attributes[name].clone());
+        (names.map(|name| place.get(name)), means, errors, samples, said)
+    };
+    let resumed = images();
+    pt(place, &format!("-f {ALL} {arguments}")).succeeded();
+    assert!(images() == resumed, "another image");
 }
 
 #[test]
 fn a_run_that_was_killed_twice_ends_with_the_bytes_of_an_uninterrupted_one()
 {
     let place = Scratch::new();
-    killed_after(&place, 0, &[]);
+    killed_after(&place, 0, "");
     let first = saved_spp(&place.path("c")).unwrap();
-    killed_after(&place, first, &["--resume", "c", "-j3"]);
-    let n = format!("-n{}", saved_spp(&place.path("c")).unwrap() + 7);
-    let report = ["--report", "r.json", "--resume", "c", "-j1"];
-    pt(&place, &[&ALL[..], &[&n], &report].concat()).succeeded();
+    killed_after(&place, first, "--resume=c -j3");
+    let n = saved_spp(&place.path("c")).unwrap() + 7;
+    let report = "--report=r.json --resume=c -j1";
+    pt(&place, &format!("{ALL} -n{n} {report}")).succeeded();
     let steps = |name| {
-        let report = place.json(name);
-        let mut steps = report["curve"].as_array().unwrap().clone();
-        for step in &mut steps {
+        let mut curve = place.json(name)["curve"].take();
+        for step in curve.as_array_mut().unwrap() {
             step["seconds"] = Value::Null;
         }
-        steps
+        curve
     };
-    same_as_uninterrupted(&place, &[&n, "--report", "w.json"]);
+    same_as_uninterrupted(&place, &format!("-n{n} --report=w.json"));
     assert_eq!(steps("r.json"), steps("w.json"));
 }
 
 #[test]
 fn a_run_that_has_ended_may_go_on_to_another_limit() {
     let place = Scratch::new();
-    pt(&place, &["-n7", "-o", "b.pgm", "--checkpoint", "c"]).succeeded();
+    pt(&place, "-n7 -ob.pgm --checkpoint=c").succeeded();
     assert_eq!(saved_spp(&place.path("c")), Some(7));
     place.put("e", place.get("c"));
-    pt(&place, &["-n30", "--resume", "c", "-o", "b.png"]).succeeded();
+    pt(&place, "-n30 --resume=c -ob.png").succeeded();
     place.put("c", place.get("e"));
-    let on = ["--error", "0.05", "--resume", "c", "--checkpoint", "d"];
-    pt(&place, &[&ALL[..], &on].concat()).succeeded();
+    let on = "--error=0.05 --resume=c --checkpoint=d";
+    pt(&place, &format!("{ALL} {on}")).succeeded();
     assert!(saved_spp(&place.path("d")) > Some(7));
-    // A run to that error that began anew would choose its method.
-    let anew = ["--error", "0.05", "--integrator", "reference"];
-    same_as_uninterrupted(&place, &anew);
+    same_as_uninterrupted(&place, "--error=0.05");
     // There is nothing left to do, and the image is the same.
-    let again = ["-f", "-o", "b.pfm", "-n7", "--resume", "e"];
-    pt(&place, &[&again[..], &["--checkpoint", "e"]].concat()).succeeded();
-    let whole = pt(&place, &["-n7", "--format", "pfm"]).stdout;
+    pt(&place, "-f -ob.pfm -n7 --resume=e --checkpoint=e").succeeded();
+    let whole = pt(&place, "-n7 --format=pfm").stdout;
     assert_eq!(place.get("b.pfm"), whole);
     assert_eq!(saved_spp(&place.path("e")), Some(7));
 }
@@ -261,26 +233,24 @@ fn a_run_that_has_ended_may_go_on_to_another_limit() {
 #[test]
 fn what_cannot_be_resumed_is_refused_and_left_alone() {
     let place = Scratch::new();
-    pt(&place, &["-n2", "-o", "/dev/null", "-f", "--checkpoint", "c"])
-        .succeeded();
+    pt(&place, "-n2 -o/dev/null -f --checkpoint=c").succeeded();
     let whole = place.get("c");
     place.put("other.obj", [ROOM, "# a word\n"].concat());
-    let left_alone = |bytes: &[u8], option: &str, words: &[&str]| {
+    let left_alone = |bytes: &[u8], option: &str, words: &str| {
         place.put("c", bytes);
         let names = place.names();
-        let files = ["-f", "-n9", "-o", "a.pgm", "--report", "r.json"];
-        let resume = ["--checkpoint", "c", "--resume", "c", option];
-        let run = pt(&place, &[&files[..], &resume].concat());
-        run.failed(1, &[&["c: "], words].concat());
+        let files = "-f -n9 -oa.pgm --report=r.json --checkpoint=c";
+        let run = pt(&place, &format!("{files} --resume=c {option}"));
+        run.failed(1, &["c: ", words]);
         assert!(place.get("c") == bytes && place.names() == names);
     };
     let missing = "-imissing.obj";
     let mut damaged = whole.clone();
     damaged[700] ^= 4;
-    left_alone(&damaged, missing, &["is damaged: its checksum is wrong"]);
-    left_alone(&whole[..5000], missing, &["is damaged"]);
+    left_alone(&damaged, missing, "is damaged: its checksum is wrong");
+    left_alone(&whole[..5000], missing, "is damaged");
     for other in ["", ROOM, "litpt checkpoint 1\n", "P2 1 1\n255\n0\n"] {
-        left_alone(other.as_bytes(), missing, &["is not a checkpoint"]);
+        left_alone(other.as_bytes(), missing, "is not a checkpoint");
     }
     for (option, fact) in [
         ("-s1", "another run: its seed is 0, not 1"),
@@ -288,81 +258,76 @@ fn what_cannot_be_resumed_is_refused_and_left_alone() {
         ("-isquare.obj", "scene_sha256"),
         ("-iother.obj", "scene_sha256"),
     ] {
-        left_alone(&whole, option, &[fact]);
+        left_alone(&whole, option, fact);
     }
     // Neither is a file without an end read to its end.
-    let fault = "is not a checkpoint";
-    pt(&place, &["--resume", "/dev/zero"]).failed(1, &[fault]);
-    let fault = ["d: cannot read", "No such file"];
-    pt(&place, &[missing, "--resume", "d"]).failed(1, &fault);
+    let endless = pt(&place, "--resume=/dev/zero");
+    endless.failed(1, &["is not a checkpoint"]);
+    let none = pt(&place, &format!("{missing} --resume=d"));
+    none.failed(1, &["d: cannot read", "No such file"]);
 }
 
 #[test]
 fn a_checkpoint_that_exists_is_refused_before_the_scene_is_read() {
     let place = Scratch::new();
     place.put("c", "old");
-    let files = ["-imissing.obj", "-oa.pgm", "--checkpoint", "c"];
-    pt(&place, &files).failed(1, &["c: ", "-f"]);
+    let run = "-imissing.obj -oa.pgm --checkpoint=c";
+    pt(&place, run).failed(1, &["c: ", "-f"]);
     assert_eq!(place.get("c"), b"old");
-    pt(&place, &["-f", "-oa.pgm", "--checkpoint", "c"]).succeeded();
+    pt(&place, "-f -oa.pgm --checkpoint=c").succeeded();
     assert_eq!(saved_spp(&place.path("c")), Some(1));
 }
 
 #[test]
 fn a_checkpoint_alone_says_how_to_go_on() {
     let place = Scratch::new();
-    killed_after(&place, 5, &[&ALL[..], &["--report", "r.json"]].concat());
-    let spp = saved_spp(&place.path("c")).unwrap();
-    let n = format!("-n{}", spp + 10);
+    killed_after(&place, 5, &format!("{ALL} --report=r.json"));
+    let n = saved_spp(&place.path("c")).unwrap() + 10;
     // The report of the run is replaced, and the image made.
-    let on =
-        |words: &[&str]| place.run(&[&["--resume", "c"], words].concat());
-    on(&[&n]).succeeded();
-    same_as_uninterrupted(&place, &[&n]);
-    assert_eq!(place.json("r.json")["settings"]["spp"], spp + 10);
+    let on = |words: &str| place.line(&format!("--resume=c {words}"));
+    on(&format!("-n{n}")).succeeded();
+    same_as_uninterrupted(&place, &format!("-n{n}"));
+    assert_eq!(place.json("r.json")["settings"]["spp"], n);
     // It has saved itself; other files are not replaced.
-    assert_eq!(saved_spp(&place.path("c")), Some(spp + 10));
+    assert_eq!(saved_spp(&place.path("c")), Some(n));
     place.put("b.pgm", "old");
-    on(&["-o", "b.pgm"]).failed(1, &["b.pgm", "exists"]);
+    on("-ob.pgm").failed(1, &["b.pgm", "exists"]);
     // New images and new limits take the place of the old ones.
-    on(&["-o", "b.pfm", "--error", "0.2"]).succeeded();
+    on("-ob.pfm --error=0.2").succeeded();
     let [a, b] = ["a.pfm", "b.pfm"].map(|name| place.get(name));
     assert!(a == b && place.get("b.pgm") == b"old");
-    on(&["-s1"]).failed(1, &["another run", "seed is 0, not 1"]);
+    on("-s1").failed(1, &["another run", "seed is 0, not 1"]);
 }
 
 #[test]
 fn a_resumed_run_keeps_away_from_the_files_of_others() {
     let place = Scratch::new();
-    let first = ["room.obj", "-d9x7", "-q", "-f", "--checkpoint", "c"];
-    place.run(&[&first[..], &["-o", "a.pfm"]].concat()).succeeded();
+    place.done("room.obj -d9x7 -q -f --checkpoint=c -oa.pfm");
     // To overwrite is a permission of one command.
     place.put("b.pfm", "old");
-    let on = place.run(&["--resume", "c", "-n2", "-o", "b.pfm"]);
+    let on = place.line("--resume=c -n2 -ob.pfm");
     on.failed(1, &["b.pfm: the file exists"]);
     // A copy saves itself, and not the file that it was copied from.
     let saved = place.get("c");
     place.put("copy", &saved);
-    place.run(&["--resume", "copy", "-n2"]).succeeded();
+    place.done("--resume=copy -n2");
     assert!(place.get("c") == saved);
     assert_eq!(saved_spp(&place.path("copy")), Some(2));
     // Elsewhere the names of files mean what they meant.
-    std::fs::create_dir(place.path("other")).unwrap();
-    let elsewhere = |words: &[&str]| {
-        let mut command =
-            place.pt(&[&["--resume", "../c"], words].concat());
-        command.current_dir(place.path("other"));
-        finish(command.spawn().unwrap())
+    let other = place.path("other");
+    std::fs::create_dir(&other).unwrap();
+    let elsewhere = |words: &str| {
+        let mut command = place.pt(&format!("--resume=../c {words}"));
+        finish(command.current_dir(&other).spawn().unwrap()).succeeded();
     };
-    elsewhere(&["-n3"]).succeeded();
-    let typed = ["../room.obj", "-d9x7", "-n3", "-q", "-o", "-"];
-    elsewhere(&typed).succeeded();
-    elsewhere(&["-n3", "-o", "../a.pfm"]).succeeded();
-    assert_eq!(std::fs::read_dir(place.path("other")).unwrap().count(), 0);
-    let image = |n| place.render(&["-d9x7", n, "--format=pfm"]);
+    elsewhere("-n3");
+    elsewhere("../room.obj -d9x7 -n3 -q -o-");
+    elsewhere("-n3 -o../a.pfm");
+    assert_eq!(std::fs::read_dir(&other).unwrap().count(), 0);
+    let image = |n| place.render(&format!("-d9x7 {n} --format=pfm"));
     assert!(place.get("a.pfm") == image("-n3"));
-    elsewhere(&["-n3", "-o", "b.pfm"]).succeeded();
-    place.run(&["--resume", "c", "-n4"]).succeeded();
+    elsewhere("-n3 -ob.pfm");
+    place.done("--resume=c -n4");
     assert!(place.get("other/b.pfm") == image("-n4"));
     assert_eq!(place.get("b.pfm"), b"old");
 }
@@ -370,11 +335,11 @@ fn a_resumed_run_keeps_away_from_the_files_of_others() {
 #[test]
 fn a_scene_on_standard_input_is_there_again_when_the_run_goes_on() {
     let place = Scratch::new();
-    let whole = place.render(&["-d9x7", "-n3"]);
-    for scene in ["-", "-i-", "-d9x7"] {
-        let first = ["-d9x7", "-qf", "-o-", "--checkpoint=c", scene];
+    let whole = place.render("-d9x7 -n3");
+    for scene in ["-", "-i-", ""] {
+        let first = format!("-d9x7 -qf -o- --checkpoint=c {scene}");
         place.feed(ROOM.as_bytes(), &first).succeeded();
-        let on = place.feed(ROOM.as_bytes(), &["-n3", "--resume=c"]);
+        let on = place.feed(ROOM.as_bytes(), "-n3 --resume=c");
         on.succeeded();
         assert!(on.stdout == whole, "{scene}");
     }

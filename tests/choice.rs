@@ -5,8 +5,6 @@
 
 use crate::common;
 
-use std::collections::BTreeMap;
-
 use common::Scratch;
 use glam::DVec3;
 use litpt::analysis::SceneAnalysis;
@@ -28,7 +26,7 @@ f 1 2 3 4\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n\
 f 5 9 12 8\nf 10 6 7 11\n";
 
 /// The view of the box.
-const VIEW: [&str; 4] = ["-p-.9,-.8,0", "-t1,1,-.3", "-r0.8", "-d64x48"];
+const VIEW: &str = "box.obj -p-.9,-.8,0 -t1,1,-.3 -r0.8 -d64x48";
 
 /// A run of any method without a limit.
 const ANY: Request = Request {
@@ -87,11 +85,8 @@ fn a_pilot_agrees_with_a_render() {
     let whole = pilot.first + pilot.later;
     assert!((whole - variance).abs() < 0.01, "{whole} of {variance}");
     let later = (1. - f) * albedo * albedo * variance;
-    assert!(
-        (pilot.later - later).abs() < 0.01,
-        "{} of {later}",
-        pilot.later
-    );
+    let found = pilot.later;
+    assert!((found - later).abs() < 0.01, "{found} of {later}");
     assert!((pilot.square - square).abs() < 0.04, "{}", pilot.square);
     assert!((variance - 0.0506).abs() < 0.002, "{variance}");
     // The number of rays is geometric, with a deviation of 2.8.
@@ -134,10 +129,8 @@ fn the_parts_of_the_variance_are_told_apart() {
     let choice = of(64);
     let pilot = choice.pilot;
     assert_eq!(pilot.later, 0.);
-    assert_eq!(
-        (pilot.rays, pilot.first_rays, pilot.indirect),
-        (2., 2., 0.)
-    );
+    let rays = (pilot.rays, pilot.first_rays, pilot.indirect);
+    assert_eq!(rays, (2., 2., 0.));
     assert!(pilot.first > 0.02);
     assert_eq!(choice.sampling.method, Method::Sobol);
     assert_eq!(choice.sampling.replicate, 16);
@@ -164,10 +157,10 @@ fn few_paths_have_no_pilot_and_a_bound_of_the_error_is_a_number() {
     assert_eq!(both.sampling.replicate, 1);
 }
 
-fn report(place: &Scratch, options: &[&str]) -> Value {
+fn report(place: &Scratch, options: &str) -> Value {
     place.put("box.obj", BOX);
-    let files = ["box.obj", "-q", "-f", "-oa.exr", "--report=r.json"];
-    place.run(&[&files[..], &VIEW, options].concat()).succeeded();
+    let files = "-q -f -oa.exr --report=r.json";
+    place.done(&format!("{VIEW} {files} {options}"));
     place.json("r.json")
 }
 
@@ -176,24 +169,22 @@ fn report(place: &Scratch, options: &[&str]) -> Value {
 #[test]
 fn a_choice_depends_on_the_scene_and_the_samples_alone() {
     let place = Scratch::new();
-    let mut chosen = BTreeMap::new();
-    for options in ["-s1 -j1", "-s2 -j2", "-s3 --isa=portable"] {
-        let options: Vec<_> = options.split(' ').collect();
-        let report = report(&place, &[&options[..], &["-n64"]].concat());
-        let why = report["settings"]["choice"].clone();
-        *chosen.entry(why.to_string()).or_insert(0) += 1;
+    let options = ["-s1 -j1", "-s2 -j2", "-s3 --isa=portable"];
+    let chosen = options.map(|options| {
+        let report = report(&place, &format!("{options} -n64"));
         assert_eq!(report["settings"]["integrator"], "gather");
-    }
-    assert_eq!(chosen.into_values().collect::<Vec<_>>(), [3]);
-    let image = |options: &[&str]| {
-        let format = ["--format=pfm", "-o-", "-qf", "box.obj", "-n64"];
-        place.run(&[&format[..], &VIEW, options].concat()).stdout
+        report["settings"]["choice"].clone()
+    });
+    assert!(chosen[0] == chosen[1] && chosen[0] == chosen[2]);
+    let image = |options: &str| {
+        let format = "--format=pfm -o- -qf -n64";
+        place.line(&format!("{VIEW} {format} {options}")).stdout
     };
-    let own = image(&[]);
+    let own = image("");
     assert!(own.len() > 64 * 48 * 4);
-    assert!(own == image(&["--integrator=auto"]));
-    assert!(own == image(&["--integrator=gather"]));
-    assert!(own != image(&["--integrator=reference"]));
+    assert!(own == image("--integrator=auto"));
+    assert!(own == image("--integrator=gather"));
+    assert!(own != image("--integrator=reference"));
 }
 
 #[test]
@@ -201,10 +192,7 @@ fn an_explanation_says_which_method_and_why() {
     let place = Scratch::new();
     place.put("box.obj", BOX);
     let explained = |n: &str| {
-        let options = ["box.obj", "--explain", n];
-        let run = place.run(&[&options[..], &VIEW].concat());
-        run.succeeded();
-        let text = String::from_utf8(run.stdout).unwrap();
+        let text = place.done(&format!("{VIEW} --explain {n}")).text();
         let line = text.lines().find(|line| line.starts_with("method"));
         line.unwrap().to_owned()
     };
@@ -213,8 +201,8 @@ fn an_explanation_says_which_method_and_why() {
     assert!(many.contains("% of its variance comes after"), "{many}");
     assert!(many.contains("reference 1.0, sobol"), "{many}");
     assert_eq!(explained("-n1"), "method       reference");
-    let summary = place.run(&[&["box.obj", "-n64"], &VIEW[..]].concat());
-    assert!(summary.stderr.contains("method    gather: a path has"));
+    let summary = place.line(&format!("{VIEW} -n64")).stderr;
+    assert!(summary.contains("method    gather: a path has"));
 }
 
 /// A run that goes on takes the method of its checkpoint, whatever a pilot
@@ -222,19 +210,15 @@ fn an_explanation_says_which_method_and_why() {
 #[test]
 fn a_resumed_run_keeps_its_method() {
     let place = Scratch::new();
-    report(&place, &["-n4", "--checkpoint=c"]);
-    let first = report(&place, &["-n4"]);
-    assert_eq!(first["settings"]["integrator"], "reference");
-    let more = report(&place, &["-n64", "--resume=c"]);
-    assert_eq!(more["settings"]["integrator"], "reference");
-    assert_eq!(more["spp"], 64);
-    let options = ["box.obj", "-qf", "-n64", "--resume=c", "-oa.exr"];
-    let other = ["--integrator=gather"];
-    let run = place.run(&[&options[..], &other, &VIEW].concat());
-    assert_eq!(run.status, Some(1));
-    assert!(run.stderr.contains("integrator"), "{}", run.stderr);
+    let method = |options: &str| {
+        report(&place, options)["settings"]["integrator"].take()
+    };
+    assert_eq!(method("-n4 --checkpoint=c"), "reference");
+    assert_eq!(method("-n64 --resume=c"), "reference");
+    assert_eq!(place.json("r.json")["spp"], 64);
+    let other = "-qf -n64 --resume=c -oa.exr --integrator=gather";
+    place.line(&format!("{VIEW} {other}")).failed(1, &["integrator"]);
     // And the other way round.
-    report(&place, &["-n64", "--checkpoint=d"]);
-    let more = report(&place, &["-n65", "--resume=d"]);
-    assert_eq!(more["settings"]["integrator"], "gather");
+    report(&place, "-n64 --checkpoint=d");
+    assert_eq!(method("-n65 --resume=d"), "gather");
 }

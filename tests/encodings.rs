@@ -113,10 +113,8 @@ fn what_a_packer_puts_around_a_text_is_no_part_of_it() {
     let cut = [zstd(TEXT.as_bytes()), skipped(1, b"abc")].concat();
     for end in 1..8 {
         let words = complaint(&cut[..cut.len() - end]);
-        assert!(
-            words.contains("zstd file is cut short at byte"),
-            "{words}"
-        );
+        let fault = "zstd file is cut short at byte";
+        assert!(words.contains(fault), "{words}");
     }
 }
 
@@ -249,11 +247,8 @@ fn a_comment_may_follow_the_numbers() {
 #[test]
 fn the_program_reads_compressed_files_and_pipes() {
     let place = Scratch::new();
-    let small = ["-d8x6", "-n3", "-r0.5"];
-    let render =
-        |input: &[&str]| place.run(&[&ABOVE[..], &small, input].concat());
-    place.put("plain.obj", TEXT);
-    let plain = render(&["-i", "plain.obj"]);
+    let small = format!("{} -d8x6 -n3 -r0.5", ABOVE.join(" "));
+    let plain = place.feed(TEXT.as_bytes(), &small);
     plain.succeeded();
     for (name, file) in [
         ("scene.obj.gz", gzip(TEXT.as_bytes())),
@@ -261,11 +256,9 @@ fn the_program_reads_compressed_files_and_pipes() {
         ("wide.obj", utf_16(TEXT, u16::to_le_bytes)),
     ] {
         place.put(name, &file);
-        let run = render(&["-i", name]);
-        run.succeeded();
+        let run = place.done(&format!("{small} -i {name}"));
         assert_eq!(pgm(&run.stdout), pgm(&plain.stdout));
-        let run = place.feed(&file, &small);
-        run.succeeded();
+        place.feed(&file, &small).succeeded();
         let run = place.feed(&file[..file.len() - 1], &small);
         run.failed(1, &["standard input: the ", " "]);
     }

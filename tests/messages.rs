@@ -28,19 +28,14 @@ fn on_a_terminal(place: &Scratch, line: &str) -> Option<String> {
 
 /// Whether the text holds a sequence that sets colours or weights.
 fn coloured(text: &str) -> bool {
-    let parts = text.split("\x1b[").skip(1);
-    let ends = |part: &str| {
-        part.trim_start_matches(|c: char| c.is_ascii_digit() || c == ';')
-            .starts_with('m')
-    };
-    parts.into_iter().any(ends)
+    let digits = |c: char| c.is_ascii_digit() || c == ';';
+    let mut parts = text.split("\x1b[").skip(1);
+    parts.any(|part| part.trim_start_matches(digits).starts_with('m'))
 }
 
-fn summary(arguments: &[&str]) -> Run {
-    let scene = ["-i", "square.obj", "-d4x3"];
-    let run = Scratch::new().run(&[&ABOVE[..], &scene, arguments].concat());
-    run.succeeded();
-    run
+fn summary(arguments: &str) -> Run {
+    let scene = format!("{} -isquare.obj -d4x3", ABOVE.join(" "));
+    Scratch::new().done(&format!("{scene} {arguments}"))
 }
 
 /// The number before `unit` in a text.
@@ -52,7 +47,7 @@ fn number_before(text: &str, unit: &str) -> f64 {
 
 #[test]
 fn a_summary_is_a_table_of_the_end_the_image_and_the_cost() {
-    let run = summary(&["-n5", "-r0.5"]);
+    let run = summary("-n5 -r0.5");
     let lines: Vec<&str> = run.stderr.lines().collect();
     let names = ["run", "image", "render", "scene"];
     assert_eq!(lines.len(), names.len(), "{}", run.stderr);
@@ -83,16 +78,14 @@ fn a_summary_is_a_table_of_the_end_the_image_and_the_cost() {
 #[test]
 fn an_object_seen_from_outside_has_a_fast_hierarchy() {
     let place = Scratch::new();
-    let built = |camera: &str| {
-        let view = [camera, "-t0,0.5,0", "-u0,1,0"];
-        let image = ["-iroom.obj", "-d10x10", "-n10", "-r0.8", "-f"];
-        let run = place.run(&[&image[..], &view].concat());
-        run.succeeded();
-        let (_, last) = run.stderr.rsplit_once(" s (").unwrap();
-        last.split(',').next().unwrap().to_owned()
-    };
-    assert_eq!(built("-p0,0,0.5"), "thorough");
-    assert_eq!(built("-p0,0,20"), "fast");
+    for (camera, quality) in
+        [("-p0,0,0.5", "thorough"), ("-p0,0,20", "fast")]
+    {
+        let view = format!("{camera} -t0,0.5,0 -u0,1,0");
+        let image = "-iroom.obj -d10x10 -n10 -r0.8";
+        let said = place.done(&format!("{image} {view}")).stderr;
+        assert!(said.contains(&format!(" s ({quality},")), "{said}");
+    }
 }
 
 /// One who asks for an error within too few samples is told, and has an
@@ -100,29 +93,27 @@ fn an_object_seen_from_outside_has_a_fast_hierarchy() {
 #[test]
 fn a_missed_target_is_said_and_ends_with_status_0() {
     let place = Scratch::new();
-    let run = place.run(&["-iroom.obj", "-d8x6", "-n2", "--error=1e-9"]);
-    run.succeeded();
+    let run = place.done("-iroom.obj -d8x6 -n2 --error=1e-9");
     let line = run.stderr.lines().next().unwrap();
     assert!(line.contains("stopped by samples; 2 of 2 spp; error 0."));
     assert!(line.ends_with(", target 0.000000001 not reached"), "{line}");
-    let help = String::from_utf8(place.run(&["-h"]).stdout).unwrap();
+    let help = place.line("-h").text();
     let (_, status) = help.split_once("Exit status: 0").expect("statuses");
     assert!(status.contains("before --error was reached"), "{status}");
 }
 
 #[test]
 fn a_pipe_gets_neither_colours_nor_a_bar() {
-    let run = summary(&["-n2000"]);
-    assert!(!run.stderr.contains('\x1b') && !run.stderr.contains('\r'));
-    assert!(!run.stderr.contains('%'), "{}", run.stderr);
-    let wrong = Scratch::new().run(&["-n0"]);
+    let run = summary("-n2000");
+    assert!(!run.stderr.contains(['\x1b', '\r', '%']), "{}", run.stderr);
+    let wrong = Scratch::new().line("-n0");
     assert!(!wrong.stderr.contains('\x1b'));
 }
 
 #[test]
 fn a_quiet_run_says_nothing() {
-    assert_eq!(summary(&["-q"]).stderr, "");
-    assert_eq!(summary(&["--quiet", "-o", "image.png"]).stderr, "");
+    assert_eq!(summary("-q").stderr, "");
+    assert_eq!(summary("--quiet -o image.png").stderr, "");
 }
 
 /// A render that lasts as long as its limits say.
@@ -231,7 +222,7 @@ fn on_a_terminal_the_image_goes_to_a_file_beside_the_scene() {
     assert!(text.contains("file      room.png"), "{text}");
     place.holds_only(&["room.png"]);
     let image = place.get("room.png");
-    assert!(image == place.render(&["-d9x7", "--format=png"]));
+    assert!(image == place.render("-d9x7 --format=png"));
     let again = run("-p0,0,0 -d9x7 room.obj").unwrap();
     assert!(again.contains("room.png: the file exists"), "{again}");
     // Nothing is written where nothing is rendered.
@@ -241,7 +232,7 @@ fn on_a_terminal_the_image_goes_to_a_file_beside_the_scene() {
     assert!(run(saved).unwrap().contains("file      room.png"));
     let on = run("--resume c -n3").unwrap();
     assert!(on.contains("3 of 3 spp"), "{on}");
-    let more = place.render(&["-d9x7", "--format=png", "-n3"]);
+    let more = place.render("-d9x7 --format=png -n3");
     assert!(place.get("room.png") == more);
     // Who asks for a format wants it on the terminal.
     let pgm = run("-p0,0,0 -d9x7 room.obj -q --format=pgm").unwrap();

@@ -9,7 +9,6 @@ use std::ffi::OsStr;
 use std::io;
 use std::os::unix::ffi::OsStrExt;
 use std::path::Path;
-use std::process::Stdio;
 
 use glam::DVec3;
 use litpt::bvh::Isa;
@@ -92,21 +91,11 @@ fn a_default_given_explicitly_changes_nothing() {
 #[test]
 fn a_value_that_is_almost_right_is_refused() {
     let table = [
-        (
-            "-d --resolution",
-            "800x600x3|0x5|5x0|16385x1|800|x|8x|x6|8X6|8x6 ",
-            "",
-        ),
-        (
-            "-d --resolution",
-            "8 x 6|8.0x6|8e2x6|+8x6|8x+6|0x10x4||-1x2|1x-2",
-            "",
-        ),
-        (
-            "--crop",
-            "1,2|1,2,3|1,2,3x4x5|-1,2,3x4|1,2,0x4|a,2,3x4|+1,2,3x4",
-            "",
-        ),
+        ("-d --resolution", "800x600x3|0x5|5x0|16385x1|800|x|8x|x6", ""),
+        ("-d --resolution", "8X6|8x6 |8 x 6|8.0x6|8e2x6|+8x6|8x+6", ""),
+        ("-d --resolution", "0x10x4||-1x2|1x-2", ""),
+        ("--crop", "1,2|1,2,3|1,2,3x4x5|-1,2,3x4|1,2,0x4", ""),
+        ("--crop", "a,2,3x4|+1,2,3x4", ""),
         ("-n --spp", "0|-3", ""),
         ("-n -s -j", "1.5|1e3|abc|+3||-1", "in digits"),
         ("-n -s -j", "18446744073709551616", "is larger than"),
@@ -276,39 +265,36 @@ fn a_name_of_a_file_need_not_be_a_text() {
 #[test]
 fn the_help_lists_every_option_with_its_default_and_the_licence() {
     let place = Scratch::new();
-    let help = place.run(&["-h"]);
-    help.succeeded();
-    assert!(help.stderr.is_empty());
-    assert_eq!(place.run(&["--help"]).stdout, help.stdout);
+    let run = place.done("-h");
+    assert!(run.stderr.is_empty());
+    assert_eq!(place.line("--help").stdout, run.stdout);
     let version = concat!("pt ", env!("CARGO_PKG_VERSION"), "\n");
     for option in ["-V", "--version"] {
-        assert_eq!(place.run(&[option]).stdout, version.as_bytes());
+        assert_eq!(place.line(option).text(), version);
     }
-    let help = String::from_utf8(help.stdout).unwrap();
+    let help = run.text();
     assert!(!help.contains('\x1b'));
-    let lists = |short: &str, long: &str, default: &str| {
-        let option = format!("{short}, {long}");
+    let mut listed = vec![
+        ["-o, --output", "[default: -, standard output"].map(str::to_owned),
+        ["-j, --threads", "[default: all cores]"].map(str::to_owned),
+    ];
+    for [short, long, default, _] in DEFAULTS {
+        let default = match long {
+            "--position" | "--target" => "[default: ".to_owned(),
+            _ => format!("[default: {default}]"),
+        };
+        listed.push([format!("{short}, {long}"), default]);
+    }
+    for [option, default] in listed {
         let found = |line: &&str| line.trim_start().starts_with(&option);
         let line = help.lines().find(found).expect(&option);
-        assert!(line.contains(default), "{line}");
-    };
-    for [short, long, default, _] in DEFAULTS {
-        match long {
-            "--position" | "--target" => lists(short, long, "[default: "),
-            _ => lists(short, long, &format!("[default: {default}]")),
-        }
-    }
-    lists("-o", "--output", "[default: -, standard output");
-    lists("-j", "--threads", "[default: all cores]");
-    for [short, long] in [
-        ["-f", "--force"],
-        ["-q", "--quiet"],
-        ["-h", "--help"],
-        ["-V", "--version"],
-    ] {
-        lists(short, long, "");
+        assert!(line.contains(&default), "{line}");
     }
     for text in [
+        "-f, --force",
+        "-q, --quiet",
+        "-h, --help",
+        "-V, --version",
         "[default: standard input, as is -]",
         "definition",
         "realisations",
@@ -328,17 +314,15 @@ fn help_that_nobody_reads_is_no_error() {
     let place = Scratch::new();
     let (reader, writer) = io::pipe().unwrap();
     drop(reader);
-    let mut command = place.pt(&["-h"]);
-    command.stdout(Stdio::from(writer));
-    let run = finish(command.spawn().unwrap());
+    let run = finish(place.pt("-h").stdout(writer).spawn().unwrap());
     assert_eq!((run.status, run.stderr.as_str()), (Some(0), ""));
 }
 
 #[test]
 fn wrong_usage_ends_with_status_2_before_anything_is_done() {
     let place = Scratch::new();
-    let run = ["-i", "missing.obj", "-o", "image.pgm", "-n0"];
-    place.run(&run).failed(2, &["'0'", "--spp"]);
+    let run = place.line("-imissing.obj -oimage.pgm -n0");
+    run.failed(2, &["'0'", "--spp"]);
     place.holds_only(&[]);
 }
 
@@ -347,18 +331,22 @@ fn wrong_usage_ends_with_status_2_before_anything_is_done() {
 #[test]
 fn the_options_reach_the_image() {
     let place = Scratch::new();
-    let film = place.render(&[]);
+    let film = place.render("");
     assert_eq!(pgm(&film).0, 320);
     for [short, _, _, other] in DEFAULTS {
-        assert!(place.render(&[short, other]) != film, "{other}");
+        assert!(
+            place.render(&format!("{short}{other}")) != film,
+            "{other}"
+        );
     }
-    let scene = [&ABOVE[..], &["-i", "square.obj", "-d2x2"]].concat();
-    for (rho, level) in [("0", 0), ("0.002", 6), ("0.5", 187)] {
-        let run = place.run(&[&scene[..], &["-r", rho]].concat());
+    let scene = format!("{} -isquare.obj -d2x2", ABOVE.join(" "));
+    for (rho, level) in [(0., 0), (0.002, 6), (0.5, 187)] {
+        let run = place.line(&format!("{scene} -r{rho}"));
         assert_eq!(pgm(&run.stdout), (2, 2, vec![level; 4]), "{rho}");
     }
     for side in ["16384x1", "1x16384"] {
-        let (width, height, levels) = pgm(&place.render(&["-d", side]));
+        let image = place.render(&format!("-d{side}"));
+        let (width, height, levels) = pgm(&image);
         assert_eq!(format!("{width}x{height}"), side);
         assert_eq!(levels.len(), 16384);
     }
@@ -367,22 +355,20 @@ fn the_options_reach_the_image() {
 #[test]
 fn neither_instructions_nor_threads_change_the_image() {
     let place = Scratch::new();
-    let small = ["-d70x50", "-n5", "-r0.8"];
-    let film = place.render(&small);
+    let small = "-d70x50 -n5 -r0.8";
+    let film = place.render(small);
     for threads in ["-j1", "-j2", "-j7"] {
-        let again = place.render(&[&small[..], &[threads]].concat());
+        let again = place.render(&format!("{small} {threads}"));
         assert!(again == film, "{threads}");
     }
     for isa in Isa::ALL {
-        let name = isa.to_string();
-        let words = ["-i", "room.obj", "--isa", &name];
-        let run = place.run(&[&words[..], &small].concat());
+        let run = place.line(&format!("-iroom.obj {small} --isa={isa}"));
         if isa.is_available() {
             run.succeeded();
             assert!(run.stdout == film, "{isa}");
             assert!(run.stderr.contains(&format!(", {isa})")), "{isa}");
         } else {
-            run.failed(1, &[&name, "instructions"]);
+            run.failed(1, &[&isa.to_string(), "instructions"]);
         }
     }
 }
@@ -390,37 +376,36 @@ fn neither_instructions_nor_threads_change_the_image() {
 #[test]
 fn a_dash_is_standard_input_or_output() {
     let place = Scratch::new();
-    let image = place.render(&["-d9x7", "--format=pfm"]);
+    let image = place.render("-d9x7 --format=pfm");
     for name in ["-i-", "-"] {
-        let words = ["-d9x7", "-o", "-", "--format=pfm", name];
+        let words = format!("-d9x7 -o - --format=pfm {name}");
         let run = place.feed(ROOM.as_bytes(), &words);
         run.succeeded();
         assert!(run.stdout == image);
     }
-    let report = ["-d9x7", "-oa.pgm", "--report", "-", "room.obj"];
-    let report = place.run(&report).stdout;
+    let report = place.line("-d9x7 -oa.pgm --report - room.obj").stdout;
     let report: serde_json::Value =
         serde_json::from_slice(&report).unwrap();
     assert_eq!(report["settings"]["resolution"][0], 9);
     for twice in [
-        ["-o", "-", "--report", "-"],
-        ["-o", "/dev/stdout", "--report", "-"],
-        ["-o", "/dev/fd/1", "-o", "-"],
-        ["--report", "/proc/self/fd/1", "-f", "-q"],
-        ["-o", "/dev/stdout", "--checkpoint", "/dev/fd/1"],
+        "-o - --report -",
+        "-o /dev/stdout --report -",
+        "-o /dev/fd/1 -o -",
+        "--report /proc/self/fd/1 -f -q",
+        "-o /dev/stdout --checkpoint /dev/fd/1",
     ] {
-        let run = place.run(&[&twice[..], &["room.obj"]].concat());
+        let run = place.line(&format!("{twice} room.obj"));
         run.failed(1, &["standard output is named twice"]);
     }
     place.holds_only(&["a.pgm"]);
     // The image and the reference have one name, and are not the same.
-    place.run(&["-d9x7", "-s1", "-otruth.pfm", "room.obj"]).succeeded();
-    let reference = ["-d9x7", "--reference=-", "-o-", "--format=pfm"];
-    let known = [&reference[..], &["room.obj"]].concat();
+    place.done("-d9x7 -s1 -otruth.pfm room.obj");
+    let reference = "-d9x7 --reference=- -o- --format=pfm";
+    let known = format!("{reference} room.obj");
     let known = place.feed(&place.get("truth.pfm"), &known);
     known.succeeded();
     assert!(known.stdout == image);
-    let both = place.feed(ROOM.as_bytes(), &reference);
+    let both = place.feed(ROOM.as_bytes(), reference);
     both.failed(1, &["standard input can be read once only"]);
 }
 
@@ -429,25 +414,23 @@ fn a_dash_is_standard_input_or_output() {
 #[test]
 fn a_camera_that_is_not_given_is_told_and_can_be_typed() {
     let place = Scratch::new();
-    let run = |words: &[&str]| {
+    let run = |words: &str| {
         let mut command = place.command(env!("CARGO_BIN_EXE_pt"));
-        let scene = ["room.obj", "-d9x7", "-n4", "-u", "0,0.1,1"];
-        command.args(scene).args(words);
-        finish(command.spawn().unwrap())
+        let line = format!("room.obj -d9x7 -n4 -u 0,0.1,1 {words}");
+        finish(command.args(line.split_whitespace()).spawn().unwrap())
     };
-    let chosen = run(&[]);
+    let chosen = run("");
     chosen.succeeded();
     let said = chosen.stderr.lines().next().unwrap();
     let options = said.split_once("the camera stands outside: ").unwrap().1;
-    let options: Vec<_> = options.split_whitespace().collect();
-    let typed = run(&options);
+    let typed = run(options);
     assert!(typed.stdout == chosen.stdout);
     assert!(!typed.stderr.contains("outside"));
-    assert!(run(&["-q"]).stderr.is_empty());
+    assert!(run("-q").stderr.is_empty());
     // A reference of the view that is chosen shows the same.
-    run(&["-oa.exr", "-s1"]).succeeded();
-    run(&["--reference", "a.exr"]).succeeded();
-    let other = run(&["--reference", "a.exr", "-p0,0,0"]);
+    run("-oa.exr -s1").succeeded();
+    run("--reference a.exr").succeeded();
+    let other = run("--reference a.exr -p0,0,0");
     other.failed(1, &["a.exr", "position"]);
 }
 
@@ -489,12 +472,12 @@ fn a_view_from_outside_shows_the_whole_box() {
 #[test]
 fn an_impossible_camera_is_reported_before_the_scene_is_read() {
     let place = Scratch::new();
-    let files = ["-i", "missing.obj", "-o", "image.pgm"];
     for (view, words) in [
-        (["-p1,2.5,-3", "-t1,2.5,-3"], ["1,2.5,-3", "-p"]),
-        (["-t1,2,-3", "-u-2,-4,6"], ["1,2,-3", "-u"]),
+        ("-p1,2.5,-3 -t1,2.5,-3", ["1,2.5,-3", "-p"]),
+        ("-t1,2,-3 -u-2,-4,6", ["1,2,-3", "-u"]),
     ] {
-        place.run(&[&view[..], &files].concat()).failed(1, &words);
+        let run = format!("{view} -imissing.obj -oimage.pgm");
+        place.line(&run).failed(1, &words);
     }
     place.holds_only(&[]);
 }
@@ -502,12 +485,10 @@ fn an_impossible_camera_is_reported_before_the_scene_is_read() {
 #[test]
 fn a_crop_has_the_pixels_of_the_whole_image() {
     let place = Scratch::new();
-    for words in [&["-oa.pfm"][..], &["-ob.pfm", "--crop=17,5,20x30"]] {
-        let scene = ["-i", "room.obj", "-d45x37", "-n3"];
-        place.run(&[&scene[..], words].concat()).succeeded();
-    }
-    let [whole, part] = ["a.pfm", "b.pfm"]
-        .map(|name| Image::read(&place.path(name)).unwrap());
+    let [whole, part] = ["", "--crop=17,5,20x30"].map(|crop| {
+        let words = format!("-d45x37 -n3 --format=pfm {crop}");
+        Image::decode(&place.render(&words), &mut |_| ()).unwrap()
+    });
     assert_eq!((part.width, part.height), (20, 30));
     for (i, mean) in part.means.iter().enumerate() {
         let (x, y) = (17 + i % 20, 5 + i / 20);

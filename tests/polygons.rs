@@ -5,7 +5,6 @@
 
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
-use std::fmt::Write;
 use std::time::Instant;
 
 use glam::DVec3;
@@ -16,16 +15,17 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
 /// The OBJ of one face with these corners.
-fn face(corners: &[DVec3]) -> String {
-    let mut text = String::new();
-    for p in corners {
-        writeln!(text, "v {:?} {:?} {:?}", p.x, p.y, p.z).unwrap();
-    }
-    text.push('f');
-    for i in 1..=corners.len() {
-        write!(text, " {i}").unwrap();
-    }
-    text + "\n"
+pub fn face(corners: &[DVec3]) -> String {
+    let vertex = |p: &DVec3| format!("v {:?} {:?} {:?}\n", p.x, p.y, p.z);
+    let vertices: String = corners.iter().map(vertex).collect();
+    let numbers = (1..=corners.len()).map(|i| format!(" {i}"));
+    vertices + "f" + &numbers.collect::<String>() + "\n"
+}
+
+/// Points of a plane, as numbers with blanks between them.
+fn points(text: &str) -> Vec<[f64; 2]> {
+    let numbers = text.split(' ').map(|x| x.parse().unwrap());
+    numbers.collect::<Vec<f64>>().as_chunks().0.to_vec()
 }
 
 fn read(corners: &[DVec3]) -> Mesh {
@@ -45,7 +45,7 @@ fn fan(n: u32) -> Vec<[u32; 3]> {
     (2..n).map(|i| [0, i - 1, i]).collect()
 }
 
-fn flat(points: &[[f64; 2]]) -> Vec<DVec3> {
+pub fn flat(points: &[[f64; 2]]) -> Vec<DVec3> {
     points.iter().map(|p| DVec3::new(p[0], p[1], 0.)).collect()
 }
 
@@ -193,25 +193,18 @@ fn no_ray_passes_where_a_corner_lies_on_a_side() {
     let mut random = Pcg64::seed_from_u64(1);
     for (faces, [p, q]) in SEAMS {
         // Integers, so that the corner is on the side exactly.
-        let place = |x: f64, y: f64| {
-            DVec3::new(
-                61. * x + 7. * y,
-                19. * x - 53. * y,
-                37. * x + 11. * y,
-            )
-        };
+        let (right, up) = (DVec3::new(61., 19., 37.), [7., -53., 11.]);
+        let place = |x: f64, y: f64| right * x + DVec3::from(up) * y;
         let mut text = String::new();
         for face in faces.split(',') {
-            let numbers: Vec<f64> =
-                face.split(' ').map(|x| x.parse().unwrap()).collect();
-            for pair in numbers.chunks(2) {
-                let p = place(pair[0], pair[1]);
-                writeln!(text, "v {} {} {}", p.x, p.y, p.z).unwrap();
-            }
-            let count = numbers.len() as i32 / 2;
-            text.push('f');
-            (-count..0).for_each(|i| write!(text, " {i}").unwrap());
-            text.push('\n');
+            let corners = points(face);
+            let vertex = |&[x, y]: &[f64; 2]| {
+                let p = place(x, y);
+                format!("v {} {} {}\n", p.x, p.y, p.z)
+            };
+            text.extend(corners.iter().map(vertex));
+            let back = (1..=corners.len()).rev().map(|i| format!(" -{i}"));
+            text += &format!("f{}\n", back.collect::<String>());
         }
         let (mesh, warnings) = read_file(text.as_bytes()).unwrap();
         assert_eq!(warnings, [], "{faces}");
@@ -250,28 +243,16 @@ fn a_corner_beside_a_side_in_space_does_not_divide_it() {
 fn faces_that_touch_themselves_are_filled() {
     // A hole that touches the outside at the corner (4, 2) in a side,
     // corners that are given twice, and a side that goes forth and back.
-    let touching = [
-        [4., 0.],
-        [4., 4.],
-        [0., 4.],
-        [0., 0.],
-        [4., 0.],
-        [4., 2.],
-        [1., 1.],
-        [1., 3.],
-        [4., 2.],
-    ];
-    let dart = [[2., 1.], [0., 0.], [4., 0.], [2., 3.]];
-    let twice = [dart, dart].concat();
-    let twice: Vec<_> = (0..8).map(|i| twice[i / 2]).collect();
-    let back = [&L[1..], &[[0., 0.], [1., 0.5], [0., 0.]]].concat();
-    for (outline, expected) in
-        [(&touching[..], 13.), (&twice, 4.), (&back, 3.), (&dart, 4.)]
-    {
-        let (mesh, warnings) =
-            read_file(face(&flat(outline)).as_bytes()).unwrap();
-        assert_eq!(warnings, [], "{outline:?}");
-        assert_eq!(area(&mesh), expected, "{outline:?}");
+    for (outline, expected) in [
+        ("4 0 4 4 0 4 0 0 4 0 4 2 1 1 1 3 4 2", 13.),
+        ("2 1 2 1 0 0 0 0 4 0 4 0 2 3 2 3", 4.),
+        ("2 0 2 1 1 1 1 2 0 2 0 0 1 0.5 0 0", 3.),
+        ("2 1 0 0 4 0 2 3", 4.),
+    ] {
+        let text = face(&flat(&points(outline)));
+        let (mesh, warnings) = read_file(text.as_bytes()).unwrap();
+        assert_eq!(warnings, [], "{outline}");
+        assert_eq!(area(&mesh), expected, "{outline}");
     }
 }
 
@@ -285,14 +266,12 @@ fn faces_keep_their_numbers() {
                 f 1 2 3 4\nf 6 1 3 4\n";
     let mesh = read_obj(text.as_bytes()).unwrap();
     let faces = mesh.faces();
-    let of = |face| {
-        let mine = |i: &usize| faces[*i] == face;
-        let mine: Vec<_> = (0..faces.len()).filter(mine).collect();
-        let triangles: Vec<_> =
-            mine.iter().map(|&i| mesh.triangles[i]).collect();
-        area(&Mesh { triangles, ..mesh.clone() })
-    };
-    let areas: Vec<_> = (0..6).map(of).collect();
+    let areas = [0, 1, 2, 3, 4, 5].map(|face| {
+        let mut own = mesh.clone();
+        let mut of = faces.iter();
+        own.triangles.retain(|_| of.next() == Some(&face));
+        area(&own)
+    });
     assert_eq!(areas, [16., 13., 8., 4., 16., 6.]);
     assert!(faces.is_sorted());
     assert_eq!(faces.len(), mesh.triangles.len());

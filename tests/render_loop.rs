@@ -213,12 +213,12 @@ fn a_single_pixel_is_the_same_for_any_number_of_threads_and_passes() {
         let mut render = |threads, passes: &[u64]| {
             let mut film = Film::new(size.0, size.1);
             let (mut done, mut rays) = (0, 0);
-            for n in passes {
-                done += n;
-                rays += with_threads(threads, || {
-                    job.pass(&mut film, done, &|_| true)
-                });
-            }
+            with_threads(threads, || {
+                for n in passes {
+                    done += n;
+                    rays += job.pass(&mut film, done, &|_| true);
+                }
+            });
             (film.pixels.to_vec(), rays)
         };
         let alone = render(1, &[1; 500]);
@@ -248,13 +248,12 @@ fn steps_are_spread_over_the_decades_and_the_last_is_the_end() {
         assert_eq!((stop, convergence.spp), (Stop::Samples, n));
         assert!(film.rows().all(|pixel| pixel.count() == n));
         assert_eq!(convergence.rays, 15 * 3 * n);
-        let mut expected: Vec<u64> =
-            STEPS.into_iter().filter(|&step| step < n).collect();
-        expected.push(n);
-        let found: Vec<u64> =
-            convergence.steps.iter().map(|step| step.spp).collect();
-        assert_eq!(found, expected);
-        let last = convergence.steps[convergence.steps.len() - 1];
+        let steps = &convergence.steps;
+        let expected = STEPS.into_iter().filter(|&step| step < n);
+        let found = steps.iter().map(|step| step.spp);
+        assert!(found.eq(expected.chain([n])), "{n}: {steps:?}");
+        assert!(steps.is_sorted_by_key(|step| step.seconds));
+        let last = steps[steps.len() - 1];
         assert_eq!(last.rays, convergence.rays);
         assert!(last.seconds > 0. && last.seconds <= convergence.seconds);
         let summary = film.summary();
@@ -263,8 +262,6 @@ fn steps_are_spread_over_the_decades_and_the_last_is_the_end() {
         assert_eq!((last.rmse, finite.is_some()), (finite, n > 1));
         assert_eq!(last.mean_stderr.is_some(), n > 1);
         assert_eq!(last.rmse_reference, None);
-        let times = convergence.steps.iter().map(|step| step.seconds);
-        assert!(times.is_sorted());
     }
 }
 
@@ -274,42 +271,14 @@ fn every_step_is_compared_with_the_reference() {
     let truth: Vec<f64> = (0..12).map(|i| f64::from(i) / 10.).collect();
     let limit =
         Limits { samples: Some(50), reference: Some(&truth), ..limits() };
-    let (convergence, _, _) = run(&mut job, (4, 3), &limit);
-    for step in &convergence.steps {
+    for step in run(&mut job, (4, 3), &limit).0.steps {
         let mut film = Film::new(4, 3);
         job.pass(&mut film, step.spp, &|_| true);
-        let squares: f64 = film
-            .means()
-            .zip(&truth)
-            .map(|(mean, truth)| (mean - truth).powi(2))
-            .sum();
-        let expected = (squares / 12.).sqrt();
+        let pairs = film.means().zip(&truth);
+        let squares = pairs.map(|(mean, truth)| (mean - truth).powi(2));
+        let expected = (squares.sum::<f64>() / 12.).sqrt();
         assert!(close(step.rmse_reference.unwrap(), expected));
     }
-}
-
-#[test]
-fn a_deadline_ends_the_run_with_a_step() {
-    let mut job = job(Draw(|u| u), 1);
-    // One in the past leaves time for one sample.
-    let deadline = Some(Instant::now());
-    let limit = Limits { deadline, ..limits() };
-    let (convergence, film, stop) = run(&mut job, (4, 3), &limit);
-    let steps = convergence.steps.len();
-    assert_eq!((stop, convergence.spp, steps), (Stop::Time, 1, 1));
-    assert!(film.rows().all(|pixel| pixel.count() == 1));
-    let deadline = Some(Instant::now() + Duration::from_millis(50));
-    let limit = Limits { samples: None, deadline, ..limits() };
-    let (convergence, _, stop) = run(&mut job, (4, 3), &limit);
-    assert_eq!(stop, Stop::Time);
-    assert!(convergence.spp > 10 && convergence.seconds > 0.02);
-    assert_eq!(
-        convergence.steps.last().map(|step| step.spp),
-        Some(convergence.spp)
-    );
-    let recorded = convergence.steps.iter().rev().skip(1);
-    let mut recorded = recorded.map(|step| step.spp);
-    assert!(recorded.all(|spp| STEPS.contains(&spp) || spp > 2500));
 }
 
 // ---------------------------------------------------------- Stop by an error
@@ -421,40 +390,28 @@ fn a_course_that_is_resumed_ends_as_one_that_never_stopped() {
     let mut job = job(Draw(|u| if u < 0.2 { u } else { 0. }), 3);
     let by_number = Limits { samples: Some(213), ..limits() };
     let by_error = Limits { error: Some(4e-3), ..limits() };
+    let course = |run: &Convergence| {
+        let mut steps = run.steps.clone();
+        steps.iter_mut().for_each(|step| step.seconds = 0.);
+        (run.spp, run.rays, steps)
+    };
     for limit in [by_number, by_error] {
         let mut states = vec![];
         let mut whole = (Convergence::default(), Film::new(19, 5));
-        let stop = whole.0.run(
-            &mut job,
-            &mut whole.1,
-            &limit,
-            &|_| (),
-            &mut |convergence, film| {
-                states.push((convergence.clone(), film.clone()));
-            },
-        );
+        let mut save = |convergence: &Convergence, film: &Film| {
+            states.push((convergence.clone(), film.clone()));
+        };
+        let (run, film) = (&mut whole.0, &mut whole.1);
+        let stop = run.run(&mut job, film, &limit, &|_| (), &mut save);
         assert!(states.len() > 8);
         for (saved, mut film) in states {
             // What a checkpoint keeps of a course.
             let text = serde_json::to_string(&saved).unwrap();
-            let mut convergence: Convergence =
-                serde_json::from_str(&text).unwrap();
-            let again =
-                go_on(&mut job, &mut convergence, &mut film, &limit);
-            assert_eq!(again, stop);
-            assert_eq!(
-                (convergence.spp, convergence.rays),
-                (whole.0.spp, whole.0.rays)
-            );
-            assert!(convergence.seconds >= saved.seconds);
+            let mut run: Convergence = serde_json::from_str(&text).unwrap();
+            let again = go_on(&mut job, &mut run, &mut film, &limit);
+            assert_eq!((again, course(&run)), (stop, course(&whole.0)));
+            assert!(run.seconds >= saved.seconds);
             assert_eq!(film.pixels, whole.1.pixels);
-            assert_eq!(convergence.steps.len(), whole.0.steps.len());
-            for (one, other) in convergence.steps.iter().zip(&whole.0.steps)
-            {
-                let mut one = *one;
-                one.seconds = other.seconds;
-                assert_eq!(one, *other);
-            }
         }
     }
 }
@@ -491,13 +448,10 @@ fn a_run_that_is_cut_off_goes_on_from_the_count_of_each_tile() {
         left.fetch_update(Relaxed, Relaxed, less).is_ok()
     };
     let rays = job.pass(&mut film, 3, &watch);
-    assert!(
-        film.samples() == 0 && film.rows().any(|pixel| pixel.count() == 3)
-    );
-    let text =
-        r#"{"spp":0,"seconds":1.5,"rays":0,"constant":0,"steps":[]}"#;
-    let mut convergence: Convergence = serde_json::from_str(text).unwrap();
-    convergence.rays = rays;
+    assert_eq!(film.samples(), 0);
+    assert!(film.rows().any(|pixel| pixel.count() == 3));
+    let mut convergence = Convergence::default();
+    (convergence.seconds, convergence.rays) = (1.5, rays);
     // Its error is unknown, and that is recorded.
     convergence.record(&film, None);
     let point = convergence.steps[0];

@@ -7,8 +7,7 @@
 use crate::common;
 
 use std::fs;
-use std::io::Write;
-use std::process::{Child, Command, Stdio};
+use std::process::Child;
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -18,23 +17,16 @@ use litpt::image::Image;
 use litpt::render_loop::Convergence;
 use litpt::report::Report;
 use litpt::run_output::Snapshot;
-use serde_json::Value;
+use serde_json::{Value, json};
 
-const SCENE: [&str; 6] = [
-    "-q",
-    "-iroom.obj",
-    "-p0,0,0",
-    "-d23x17",
-    "-r0.7",
-    "--integrator=reference",
-];
+const SCENE: &str = "-iroom.obj -d23x17 -r0.7 --integrator=reference";
 
-fn pt(place: &Scratch, arguments: &[&str]) -> Run {
-    place.run(&[&SCENE[..], arguments].concat())
+fn pt(place: &Scratch, arguments: &str) -> Run {
+    place.line(&format!("-q {SCENE} {arguments}"))
 }
 
-fn spawn(place: &Scratch, arguments: &[&str]) -> Child {
-    place.pt(&[&SCENE[..], arguments].concat()).spawn().unwrap()
+fn spawn(place: &Scratch, arguments: &str) -> Child {
+    place.pt(&format!("-q {SCENE} {arguments}")).spawn().unwrap()
 }
 
 fn steps(report: &Value) -> &[Value] {
@@ -54,15 +46,12 @@ fn complete(place: &Scratch, stop: &str) -> Value {
     assert_eq!(report["stopped"], stop);
     assert_eq!(report["scene"]["file"], "room.obj");
     assert_eq!(report["scene"]["triangles"], 6);
-    assert_eq!(
-        report["settings"]["resolution"],
-        serde_json::json!([23, 17])
-    );
+    assert_eq!(report["settings"]["resolution"], json!([23, 17]));
     assert_eq!(report["settings"]["albedo"], 0.7);
     for key in ["load_seconds", "build_seconds", "render_seconds"] {
         assert!(report[key].as_f64() >= Some(0.), "{key}");
     }
-    let last = &steps(&report)[steps(&report).len() - 1];
+    let last = steps(&report).last().unwrap();
     for key in ["rays", "mean", "mean_stderr", "rmse"] {
         assert_eq!(report[key], last[key], "{key}");
     }
@@ -82,7 +71,7 @@ fn assert_first_samples(place: &Scratch, means: &[f64], counts: &[f64]) {
     different.sort_by(f64::total_cmp);
     different.dedup();
     for n in different.into_iter().filter(|&n| n > 0.) {
-        let whole = pt(place, &[&format!("-n{n}"), "--format=pfm"]).stdout;
+        let whole = pt(place, &format!("-n{n} --format=pfm")).stdout;
         let whole = Image::decode(&whole, &mut |_| ()).unwrap().means;
         for (i, &count) in counts.iter().enumerate() {
             assert!(count != n || means[i] == whole[i], "another image");
@@ -90,8 +79,7 @@ fn assert_first_samples(place: &Scratch, means: &[f64], counts: &[f64]) {
     }
 }
 
-const FILES: [&str; 6] =
-    ["-o", "a.pfm", "-o", "a.exr", "--report", "r.json"];
+const FILES: &str = "-oa.pfm -oa.exr --report=r.json";
 
 // ---------------------------------------------------------------- The limits
 
@@ -101,7 +89,7 @@ const FILES: [&str; 6] =
 fn a_time_limit_ends_the_run_in_time_with_image_and_report() {
     let place = Scratch::new();
     let start = Instant::now();
-    let run = [&SCENE[..], &FILES, &["--time=1.7", "-j1"]].concat();
+    let run = format!("-q {SCENE} {FILES} --time=1.7 -j1");
     place.within("-t 2", &run).succeeded();
     let wall = start.elapsed().as_secs_f64();
     assert!(wall > 1.2, "{wall} seconds by the clock");
@@ -119,15 +107,14 @@ fn a_time_limit_ends_the_run_in_time_with_image_and_report() {
 #[test]
 fn there_is_always_time_for_one_sample() {
     let place = Scratch::new();
-    let most = ["-n18446744073709551615", "--time=1e-9"];
-    let short = [&SCENE[..], &FILES, &most].concat();
-    assert_eq!(place.run(&short).stderr, "");
+    let short =
+        format!("{SCENE} {FILES} -n18446744073709551615 --time=1e-9");
+    assert_eq!(place.line(&format!("-q {short}")).stderr, "");
     let report = complete(&place, "time");
     assert_eq!((spp(&report), steps(&report).len()), (1, 1));
     assert_eq!(report["rmse"], Value::Null);
     assert_eq!(report["mean_stderr"], Value::Null);
-    let run = place.run(&[&short[1..], &["-f"]].concat());
-    run.succeeded();
+    let run = place.done(&format!("-f {short}"));
     let warning = "warning: to load, to build and to make one sample";
     assert!(run.stderr.contains(warning), "{}", run.stderr);
 }
@@ -135,12 +122,12 @@ fn there_is_always_time_for_one_sample() {
 #[test]
 fn the_number_of_samples_bounds_a_run_with_other_limits() {
     for (limits, n) in [
-        (&["-n13", "--time=1e300"][..], 13),
-        (&["-n13", "--error=1e-9", "--time=1000"], 13),
-        (&[], 1),
+        ("-n13 --time=1e300", 13),
+        ("-n13 --error=1e-9 --time=1000", 13),
+        ("", 1),
     ] {
         let place = Scratch::new();
-        pt(&place, &[&FILES[..], limits].concat()).succeeded();
+        pt(&place, &format!("{FILES} {limits}")).succeeded();
         let report = complete(&place, "samples");
         assert_eq!(report["settings"]["spp"], n);
         assert_eq!(spp(&report), n);
@@ -150,8 +137,8 @@ fn the_number_of_samples_bounds_a_run_with_other_limits() {
 #[test]
 fn an_error_limit_is_kept_and_said() {
     let place = Scratch::new();
-    let limits = ["-n1000000", "--time=1000", "--error=0.023"];
-    pt(&place, &[&FILES[..], &limits].concat()).succeeded();
+    let limits = "-n1000000 --time=1000 --error=0.023";
+    pt(&place, &format!("{FILES} {limits}")).succeeded();
     let report = complete(&place, "error");
     assert!(report["rmse"].as_f64() <= Some(0.023));
     assert_eq!(report["settings"]["error"], 0.023);
@@ -161,9 +148,9 @@ fn an_error_limit_is_kept_and_said() {
 
 /// Starts a run without an end, and returns when its report has a step
 /// of at least so many samples.
-fn start(place: &Scratch, least: u64, arguments: &[&str]) -> Child {
-    let mut child =
-        spawn(place, &[&FILES[..], &["-n1000000000"], arguments].concat());
+fn start(place: &Scratch, least: u64, arguments: &str) -> Child {
+    let run = format!("{FILES} -n1000000000 {arguments}");
+    let mut child = spawn(place, &run);
     let path = place.path("r.json");
     wait_until(&mut child, "report", || {
         path.exists() && spp(&place.json("r.json")) >= least
@@ -177,7 +164,7 @@ fn a_signal_ends_the_run_with_its_image_and_report() {
     let warnings = [("XCPU", 152), ("USR1", 138), ("USR2", 140)];
     for (name, status) in [ends, warnings].concat() {
         let place = Scratch::new();
-        let child = start(&place, 6, &["--checkpoint=c"]);
+        let child = start(&place, 6, "--checkpoint=c");
         signal(name, &child);
         let run = finish(child);
         assert_eq!(run.status, Some(status), "{}", run.stderr);
@@ -187,11 +174,10 @@ fn a_signal_ends_the_run_with_its_image_and_report() {
         let counts = Image::read(&place.path("a.exr")).unwrap().samples;
         let most = counts.unwrap().into_iter().fold(0., f64::max) as u64;
         assert!((spp(&report)..1_000_000_000).contains(&most));
-        let n = format!("-n{}", most + 3);
-        let on = ["--resume=c", "--format=pfm", &n];
-        let on = pt(&place, &on);
+        let n = format!("-n{} --format=pfm", most + 3);
+        let on = pt(&place, &format!("--resume=c {n}"));
         on.succeeded();
-        assert!(on.stdout == pt(&place, &["--format=pfm", &n]).stdout);
+        assert!(on.stdout == pt(&place, &n).stdout);
     }
 }
 
@@ -201,11 +187,8 @@ fn listens(id: u32) -> bool {
     let status = fs::read_to_string(status).unwrap_or_default();
     let caught = status.lines().find_map(|l| l.strip_prefix("SigCgt:"));
     let caught = u64::from_str_radix(caught.unwrap_or("0").trim(), 16);
-    let all = [1, 2, 10, 12, 15, 24]
-        .iter()
-        .map(|signal| 1 << (signal - 1))
-        .sum::<u64>();
-    caught.is_ok_and(|mask| mask & all == all)
+    let all = [1, 2, 10, 12, 15, 24].map(|signal| 1 << (signal - 1));
+    caught.is_ok_and(|mask| all.iter().all(|bit| mask & bit != 0))
 }
 
 /// A run of the box, when it listens to signals. Tracing stops at once, but
@@ -217,11 +200,11 @@ fn slow_to_write(place: &Scratch) -> Option<Child> {
         return None;
     }
     place.put("box.obj", BOX);
-    let scene = ["-q", "-ibox.obj", "-d2048x2048", "-n2", "--keep-all"];
-    let files = ["--checkpoint=c", "--every=0.001"];
-    let more = [&files[..], &["--integrator=reference"]].concat();
-    let all = [&scene[..], &FILES[..], &more].concat();
-    let mut child = place.pt(&all).spawn().unwrap();
+    let run = format!(
+        "-q -ibox.obj -d2048x2048 -n2 --keep-all {FILES} --checkpoint=c \
+         --every=0.001 --integrator=reference"
+    );
+    let mut child = place.pt(&run).spawn().unwrap();
     let id = child.id();
     wait_until(&mut child, "handler", || listens(id));
     // A box is read and built in some milliseconds, if nobody else works.
@@ -287,13 +270,12 @@ fn a_second_signal_ends_the_program_at_once() {
 #[test]
 fn a_signal_that_is_ignored_from_the_start_stays_ignored() {
     let place = Scratch::new();
-    let plain = place.pt(&[&SCENE[..], &FILES, &["-n1000000000"]].concat());
+    let plain = place.pt(&format!("-q {SCENE} {FILES} -n1000000000"));
     // As nohup does.
-    let mut command = Command::new("sh");
+    let mut command = place.command("sh");
     command.args(["-c", "trap '' HUP; exec \"$@\"", "sh"]);
     command.arg(plain.get_program()).args(plain.get_args());
-    command.current_dir(plain.get_current_dir().unwrap());
-    let mut child = command.stderr(Stdio::piped()).spawn().unwrap();
+    let mut child = command.spawn().unwrap();
     let report = place.path("r.json");
     let steps = || report.exists().then(|| spp(&place.json("r.json")));
     wait_until(&mut child, "report", || steps().is_some());
@@ -309,23 +291,22 @@ fn a_signal_that_is_ignored_from_the_start_stays_ignored() {
 fn a_signal_and_the_time_stop_within_the_first_sample() {
     let place = Scratch::new();
     place.put("box.obj", BOX);
-    let scene = ["-q", "-ibox.obj", "-n2", "--keep-all"];
-    let more = ["-r.99", "--integrator=reference", "-d2048x1536"];
-    let all = [&scene[..], &FILES, &more].concat();
-    let short = [&all[..], &["--time=1", "-d1024x768", "-f"]].concat();
-    for timed in [false, true] {
-        let words = if timed { &short } else { &all };
-        let mut child = place.pt(words).spawn().unwrap();
+    let all = format!(
+        "-q -ibox.obj -n2 --keep-all {FILES} -r.99 --integrator=reference"
+    );
+    for (more, status, why) in [
+        ("-d2048x1536", 130, "signal"),
+        ("--time=1 -d1024x768 -f", 0, "time"),
+    ] {
+        let mut child = place.pt(&format!("{all} {more}")).spawn().unwrap();
         let id = child.id();
-        if !timed {
+        if why == "signal" {
             wait_until(&mut child, "handler", || listens(id));
             thread::sleep(Duration::from_millis(1000));
             signal("INT", &child);
         }
-        let run = finish(child);
-        assert_eq!(run.status, Some(if timed { 0 } else { 130 }));
+        assert_eq!(finish(child).status, Some(status));
         let report = place.json("r.json");
-        let why = if timed { "time" } else { "signal" };
         assert_eq!(report["stopped"], why);
         assert!(report["rays"].as_u64() > Some(0));
         assert_eq!((spp(&report), &report["rmse"]), (0, &Value::Null));
@@ -341,13 +322,8 @@ fn a_signal_and_the_time_stop_within_the_first_sample() {
 #[test]
 fn a_signal_while_the_scene_is_read_ends_the_program_and_leaves_nothing() {
     let place = Scratch::new();
-    let files = [&FILES[..], &["--checkpoint=c"]].concat();
-    let mut command = place.pt(&files);
-    let mut child = command.stdin(Stdio::piped()).spawn().unwrap();
-    // More than any pipe holds: the write ends when somebody reads.
-    let comment = "# nothing to see here, read on\n".repeat(1 << 16);
-    let stdin = child.stdin.as_mut().unwrap();
-    stdin.write_all(comment.as_bytes()).unwrap();
+    let command = place.pt(&format!("{FILES} --checkpoint=c"));
+    let mut child = common::keep_reading(command);
     signal("TERM", &child);
     let start = Instant::now();
     // The pipe stays open: nothing but the signal ends the program.
@@ -364,7 +340,7 @@ fn a_signal_while_the_scene_is_read_ends_the_program_and_leaves_nothing() {
 #[test]
 fn a_run_that_is_killed_leaves_a_readable_report_and_no_image() {
     let place = Scratch::new();
-    let mut child = start(&place, 10, &[]);
+    let mut child = start(&place, 10, "");
     child.kill().unwrap();
     finish(child);
     let report = place.json("r.json");
@@ -386,12 +362,12 @@ fn a_report_that_cannot_be_written_is_refused_before_the_scene_is_read() {
         ("r", ".json, .csv or .html"),
         ("r.json.gz", ".json, .csv or .html"),
     ] {
-        let report = ["-imissing.obj", "-oa.pgm", "--report", report];
-        place.run(&report).failed(1, &[report[3], words]);
+        let run = format!("-imissing.obj -oa.pgm --report {report}");
+        place.line(&run).failed(1, &[report, words]);
     }
     assert_eq!(place.get("r.json"), b"old");
     place.holds_only(&["r.json"]);
-    pt(&place, &[&FILES[..], &["-f"]].concat()).succeeded();
+    pt(&place, &format!("{FILES} -f")).succeeded();
     complete(&place, "samples");
 }
 
@@ -400,28 +376,27 @@ fn no_file_may_serve_two_purposes() {
     let place = Scratch::new();
     std::os::unix::fs::symlink("room.obj", place.path("link.pgm")).unwrap();
     for files in [
-        ["--report=r.json", "--report=r.json", "-f"],
-        ["-or.json", "--checkpoint=r.json", "-q"],
-        ["--reference=r.json", "--report=r.json", "-f"],
-        ["--checkpoint=./r.json", "--report=r.json", "-f"],
-        ["-or.json", "--checkpoint=.//r.json", "-q"],
+        "--report=r.json --report=r.json -f",
+        "-or.json --checkpoint=r.json",
+        "--reference=r.json --report=r.json -f",
+        "--checkpoint=./r.json --report=r.json -f",
+        "-or.json --checkpoint=.//r.json",
     ] {
-        place.run(&files).failed(1, &["r.json", "named twice"]);
+        place.line(files).failed(1, &["r.json", "named twice"]);
     }
-    let scene = place.get("room.obj");
     for output in ["-olink.pgm", "--checkpoint=room.obj"] {
-        let files = ["-f", "-oa.pgm", output];
-        pt(&place, &files).failed(1, &["named twice"]);
+        pt(&place, &format!("-f -oa.pgm {output}"))
+            .failed(1, &["named twice"]);
     }
-    assert_eq!(place.get("room.obj"), scene);
+    assert_eq!(place.text("room.obj"), common::ROOM);
     place.holds_only(&["link.pgm"]);
 }
 
 #[test]
 fn each_of_several_reports_is_written() {
     let place = Scratch::new();
-    let more = ["--report=s.json", "--report=t.csv", "-n5"];
-    pt(&place, &[&FILES[..], &more].concat()).succeeded();
+    let more = "--report=s.json --report=t.csv -n5";
+    pt(&place, &format!("{FILES} {more}")).succeeded();
     complete(&place, "samples");
     assert_eq!(place.get("r.json"), place.get("s.json"));
     assert!(!place.get("t.csv").is_empty());
@@ -448,24 +423,20 @@ fn warned(run: &Run, names: &[&str]) {
 #[test]
 fn a_checkpoint_that_does_not_fit_costs_neither_image_nor_report() {
     let place = Scratch::new();
-    let scene = ["-iroom.obj", "-d41x30"];
-    let files = ["-oa.pgm", "--report=r.json", "--checkpoint=c"];
-    let run = ["-n6", "--every=1e-9"];
-    let run = [&scene[..], &files, &run].concat();
+    let scene = "-iroom.obj -d41x30";
+    let files = "-oa.pgm --report=r.json --checkpoint=c";
+    let run = format!("{scene} {files} -n6 --every=1e-9");
     warned(&place.within("-f 64", &run), &["c"]);
     let report = place.json("r.json");
-    assert_eq!(
-        (spp(&report), report["stopped"].as_str()),
-        (6, Some("samples"))
-    );
-    let whole = place.run(&[&scene[..], &["-n6"]].concat()).stdout;
+    assert_eq!(spp(&report), 6);
+    assert_eq!(report["stopped"], "samples");
+    let whole = place.render("-d41x30 -n6");
     assert_eq!(place.get("a.pgm"), whole);
     place.holds_only(&["a.pgm", "r.json"]);
     // A checkpoint that was there before stays as it is.
-    let shorter = ["-n2", "-ob.pgm", "--checkpoint=c"];
-    place.run(&[&scene[..], &shorter].concat()).succeeded();
+    place.done(&format!("{scene} -n2 -ob.pgm --checkpoint=c"));
     let old = place.get("c");
-    let resume = [&run[..], &["-f", "--resume=c"]].concat();
+    let resume = format!("{run} -f --resume=c");
     warned(&place.within("-f 64", &resume), &["c"]);
     assert_eq!(place.get("c"), old);
     assert_eq!(place.get("a.pgm"), whole);
@@ -475,11 +446,10 @@ fn a_checkpoint_that_does_not_fit_costs_neither_image_nor_report() {
 #[test]
 fn a_report_that_does_not_fit_costs_neither_image_nor_run() {
     let place = Scratch::new();
-    let scene = ["-iroom.obj", "-d9x7", "-n40"];
-    let files = ["-oa.pgm", "--report=r.json", "--checkpoint=c"];
-    let run = [&scene[..], &files, &["--every=1e-9"]].concat();
+    let files = "-oa.pgm --report=r.json --checkpoint=c --every=1e-9";
+    let run = format!("-iroom.obj -d9x7 -n40 {files}");
     warned(&place.within("-f 1", &run), &["r.json", "c"]);
-    assert_eq!(place.get("a.pgm"), place.run(&scene).stdout);
+    assert_eq!(place.get("a.pgm"), place.render("-d9x7 -n40"));
     place.holds_only(&["a.pgm"]);
 }
 
@@ -488,14 +458,10 @@ fn a_report_that_does_not_fit_costs_neither_image_nor_run() {
 #[test]
 fn every_point_says_its_true_error_against_the_reference() {
     let place = Scratch::new();
-    let truth = ["-n300", "-s77", "-otruth.exr", "-otruth.pfm"];
-    pt(&place, &truth).succeeded();
+    pt(&place, "-n300 -s77 -otruth.exr -otruth.pfm").succeeded();
     for name in ["truth.exr", "truth.pfm"] {
-        let reference = format!("--reference={name}");
-        let others = ["-f", "-n50", &reference];
-        let run = pt(&place, &[&FILES[..], &others].concat());
-        run.succeeded();
-        assert_eq!(run.stderr, "");
+        let run = format!("{FILES} -f -n50 --reference={name}");
+        assert_eq!(pt(&place, &run).stderr, "");
         let report = complete(&place, "samples");
         assert_eq!(report["settings"]["reference"], name);
         let error = |step: &Value| step["rmse_reference"].as_f64().unwrap();
@@ -504,10 +470,10 @@ fn every_point_says_its_true_error_against_the_reference() {
             .map(|name| Image::read(&place.path(name)).unwrap().means);
         let squares = one.iter().zip(&other).map(|(a, b)| (a - b).powi(2));
         let expected = (squares.sum::<f64>() / (23. * 17.)).sqrt();
-        let last = &steps(&report)[steps(&report).len() - 1];
+        let last = steps(&report).last().unwrap();
         assert!((error(last) / expected - 1.).abs() < 1e-5);
     }
-    pt(&place, &[&FILES[..], &["-f", "-n3"]].concat()).succeeded();
+    pt(&place, &format!("{FILES} -f -n3")).succeeded();
     let report = place.json("r.json");
     assert!(steps(&report)[2].get("rmse_reference").is_none());
 }
@@ -515,45 +481,42 @@ fn every_point_says_its_true_error_against_the_reference() {
 #[test]
 fn a_reference_with_the_seed_of_the_run_is_worth_a_warning() {
     let place = Scratch::new();
-    pt(&place, &["-n3", "-s77", "-otruth.exr"]).succeeded();
+    pt(&place, "-n3 -s77 -otruth.exr").succeeded();
     let warnings = |seed| {
-        let files = ["-oa.pgm", "-f", "--reference=truth.exr"];
+        let files = "-oa.pgm -f --reference=truth.exr";
         // Not quiet, as warnings are no errors.
-        let run = [&SCENE[1..], &files, &["-n3", seed]].concat();
-        let run = place.run(&run);
-        run.succeeded();
+        let run = place.done(&format!("{SCENE} {files} -n3 -s{seed}"));
         let lines = run.stderr.lines();
         let of_seed = "warning: the reference has the seed";
         lines.filter(|line| line.starts_with(of_seed)).count()
     };
-    assert_eq!(["-s77", "-s7", "-s8"].map(warnings), [1, 0, 0]);
+    assert_eq!([77, 7, 8].map(warnings), [1, 0, 0]);
 }
 
 #[test]
 fn a_reference_that_cannot_be_used_is_named_before_the_scene_is_read() {
     let place = Scratch::new();
-    let whole = ["-otruth.exr", "-otruth.pfm", "-olevels.png"];
-    pt(&place, &whole).succeeded();
+    pt(&place, "-otruth.exr -otruth.pfm -olevels.png").succeeded();
     let (exr, mut nan) = (place.get("truth.exr"), place.get("truth.pfm"));
     let end = nan.len();
     nan[end - 4..].copy_from_slice(&f32::NAN.to_le_bytes());
     place.put("nan.pfm", nan);
     place.put("short.exr", &exr[..exr.len() / 2]);
     let names = place.names();
-    let unfit = |name: &str, size: &str, word: &str| {
-        let reference = format!("--reference={name}");
-        let size = format!("-d{size}");
-        let files = ["-q", "-imissing.obj", "-oa.pgm", &size, &reference];
-        place.run(&files).failed(1, &[name, word]);
+    let size = "is 23x17 pixels large, and the image 17x23";
+    for (name, width, height, word) in [
+        ("truth.exr", 17, 23, size),
+        ("truth.pfm", 17, 23, size),
+        ("short.exr", 23, 17, "short.exr"),
+        ("nan.pfm", 23, 17, "not finite numbers: 1, the first at 22,0"),
+        ("levels.png", 23, 17, "grey levels"),
+        ("none.exr", 23, 17, "cannot read"),
+    ] {
+        let files = format!("-imissing.obj -oa.pgm --reference={name}");
+        let run = format!("-q {files} -d{width}x{height}");
+        place.line(&run).failed(1, &[name, word]);
         assert_eq!(place.names(), names);
-    };
-    for name in ["truth.exr", "truth.pfm"] {
-        unfit(name, "17x23", "is 23x17 pixels large, and the image 17x23");
     }
-    unfit("short.exr", "23x17", "short.exr");
-    unfit("nan.pfm", "23x17", "not finite numbers: 1, the first at 22,0");
-    unfit("levels.png", "23x17", "grey levels");
-    unfit("none.exr", "23x17", "cannot read");
 }
 
 // --------------------------------------------------------------- The formats
@@ -561,10 +524,9 @@ fn a_reference_that_cannot_be_used_is_named_before_the_scene_is_read() {
 #[test]
 fn standard_output_has_the_bytes_of_the_file_in_each_format() {
     let place = Scratch::new();
-    let files = ["-n5", "-oa.pgm", "-oa.png", "-oa.pfm", "-oa.exr"];
-    pt(&place, &files).succeeded();
+    pt(&place, "-n5 -oa.pgm -oa.png -oa.pfm -oa.exr").succeeded();
     let shown =
-        |format: &str| pt(&place, &["-n5", "--format", format]).stdout;
+        |format: &str| pt(&place, &format!("-n5 --format {format}")).stdout;
     for format in ["pgm", "png", "pfm"] {
         let file = place.get(&format!("a.{format}"));
         assert!(shown(format) == file, "{format}");
@@ -599,24 +561,22 @@ fn standard_output_has_the_bytes_of_the_file_in_each_format() {
 #[test]
 fn each_file_that_cannot_be_written_is_named() {
     let place = Scratch::new();
-    let files = ["-iroom.obj", "-n2", "-d512x384", "-oa.pgm", "-ob.pfm"];
-    place.within("-f 64", &files).failed(1, &["a.pgm", "b.pfm"]);
+    let files = "-iroom.obj -n2 -d512x384 -oa.pgm -ob.pfm";
+    place.within("-f 64", files).failed(1, &["a.pgm", "b.pfm"]);
     place.holds_only(&[]);
 }
 
 #[test]
 fn a_checkpoint_that_holds_enough_is_worth_a_warning() {
     let place = Scratch::new();
-    let run = ["-i", "room.obj", "-d9x7", "--checkpoint=c"];
-    place.run(&[&run[..], &["-n5"]].concat()).succeeded();
-    for more in [&["--resume=c"][..], &["--resume=c", "-n4"]] {
-        let again = place.run(&[&run[..], more].concat());
-        again.succeeded();
-        assert!(again.stderr.contains("c: holds 5"), "{}", again.stderr);
+    let run = "-iroom.obj -d9x7 --checkpoint=c";
+    place.done(&format!("{run} -n5"));
+    for (n, enough) in [("", true), ("-n4", true), ("-n6", false)] {
+        let again = place.done(&format!("{run} --resume=c {n}"));
+        let said = again.stderr;
+        assert_eq!(said.contains("c: holds 5"), enough, "{said}");
+        assert_eq!(said.contains("holds"), enough, "{said}");
     }
-    let more = ["--resume=c", "-n6"];
-    let again = place.run(&[&run[..], &more].concat());
-    assert!(!again.stderr.contains("holds"), "{}", again.stderr);
 }
 
 #[test]
@@ -642,8 +602,8 @@ fn a_report_between_two_points_says_where_the_run_stands() {
 #[test]
 fn a_preview_grows_while_the_image_is_rendered() {
     let place = Scratch::new();
-    let files = ["--preview", "-oa.png", "-oa.pfm", "-n1000000000"];
-    let mut child = spawn(&place, &files);
+    let files = "--preview -oa.png -oa.pfm -n1000000000";
+    let mut child = spawn(&place, files);
     let path = place.path("a.png");
     wait_until(&mut child, "preview", || path.exists());
     let whole = |png: &[u8]| png.ends_with(b"IEND\xae\x42\x60\x82");
@@ -660,8 +620,7 @@ fn a_preview_grows_while_the_image_is_rendered() {
 fn a_signal_is_answered() {
     let place = Scratch::new();
     // To summarise so many pixels takes longer than to answer.
-    let more = ["-n1000000000", "-d1500x1500"];
-    let words = [&SCENE[1..], &FILES, &more].concat();
+    let words = format!("{SCENE} {FILES} -n1000000000 -d1500x1500");
     let mut child = place.pt(&words).spawn().unwrap();
     let started = || place.path("r.json").exists();
     wait_until(&mut child, "report", started);

@@ -94,34 +94,28 @@ fn of_ranks() -> Report {
 /// image with a reference, and that of a run before its first sample.
 fn reports() -> Vec<Value> {
     let place = Scratch::new();
-    let run = |more: &[&str]| {
-        let render = ["-iroom.obj", "-d64x48", "-q", "-f", "-oa.exr"];
-        let report = ["--report=r.json"];
-        place.run(&[&render[..], &report, more].concat()).succeeded();
+    let run = |more: &str| {
+        let files = "-q -f -iroom.obj --report=r.json";
+        place.done(&format!("{files} -d64x48 -oa.exr {more}"));
         place.json("r.json")
     };
     let crop = "--crop=3,5,40x30";
-    let first: Value = run(&["-n2", crop]);
+    let first = run(&format!("-n2 {crop}"));
     std::fs::rename(place.path("a.exr"), place.path("truth.exr")).unwrap();
-    let compare = "--reference=truth.exr";
     let rest = [
-        run(&["-n20", "-s1", crop, compare]),
-        run(&["--error=0.2", "-p0,0,90", "-t0,0,0", "-u0,1,0"]),
-        run(&["--time=0.2", "-p0,0,90", "-t0,0,99", "-u0,1,0"]),
+        run(&format!("-n20 -s1 {crop} --reference=truth.exr")),
+        run("--error=0.2 -p0,0,90 -t0,0,0 -u0,1,0"),
+        run("--time=0.2 -p0,0,90 -t0,0,99 -u0,1,0"),
     ];
-    let parts = ["a.litpt", "b.litpt"].map(|name| {
-        let range =
-            if name < "b" { "--samples=0..4" } else { "--samples=4..8" };
-        let state = ["-n8", "--tiles=1/2", "-f", range, "--report=r.json"];
-        let threads = if name < "b" { "-j1" } else { "-j2" };
-        let state =
-            [&state[..], &["-iroom.obj", "-q", threads, "-o", name]];
-        place.run(&state.concat()).succeeded();
+    let parts =
+        ["--samples=0..4 -j1 -oa.litpt", "--samples=4..8 -j2 -ob.litpt"];
+    let parts = parts.map(|part| {
+        let state = "-iroom.obj -q -f -n8 --tiles=1/2 --report=r.json";
+        place.done(&format!("{state} {part}"));
         place.json("r.json")
     });
-    let merge = ["merge", "a.litpt", "b.litpt", "-om.exr", "--partial"];
-    let report = ["-f", "--report=r.json"];
-    place.ptimg(&[&merge[..], &report].concat()).succeeded();
+    let merge = "merge a.litpt b.litpt -om.exr --partial";
+    place.ptimg(&format!("{merge} -f --report=r.json")).succeeded();
     let merged = place.json("r.json");
     let image = || -> Image { unreachable!("JSON has no image") };
     let begun = Kind::Json.render(&of_ranks(), &image);

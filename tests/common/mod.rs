@@ -83,6 +83,10 @@ impl Scratch {
         fs::read(self.path(name)).unwrap()
     }
 
+    pub fn text(&self, name: &str) -> String {
+        fs::read_to_string(self.path(name)).unwrap()
+    }
+
     /// The names of what is there, in alphabetical order.
     pub fn names(&self) -> Vec<String> {
         let entries = fs::read_dir(self.0.path()).unwrap();
@@ -112,43 +116,55 @@ impl Scratch {
     }
 
     /// The command `pt` with the camera at the origin, as the reference
-    /// has it, unless the arguments say otherwise.
-    pub fn pt<S: AsRef<OsStr>>(&self, arguments: &[S]) -> Command {
+    /// has it, unless the words of the line say otherwise.
+    pub fn pt(&self, line: &str) -> Command {
         let mut command = self.command(PT);
-        command.arg("-p0,0,0").args(arguments);
+        command.arg("-p0,0,0").args(line.split_whitespace());
         command
     }
 
     /// Runs `pt` to its end.
     pub fn run<S: AsRef<OsStr>>(&self, arguments: &[S]) -> Run {
-        finish(self.pt(arguments).spawn().unwrap())
+        finish(self.pt("").args(arguments).spawn().unwrap())
+    }
+
+    /// Runs `pt` with the words of a line.
+    pub fn line(&self, line: &str) -> Run {
+        finish(self.pt(line).spawn().unwrap())
+    }
+
+    /// Runs `pt` with the words of a line, which is a success.
+    pub fn done(&self, line: &str) -> Run {
+        let run = self.line(line);
+        run.succeeded();
+        run
     }
 
     /// Runs `pt` under a limit of the shell.
-    pub fn within(&self, limit: &str, arguments: &[&str]) -> Run {
-        let script = format!(r#"ulimit {limit}; exec "$0" "$@""#);
+    pub fn within(&self, limit: &str, arguments: &str) -> Run {
+        let run = format!("exec \"$0\" -p0,0,0 {arguments}");
+        let script = format!("ulimit {limit}; {run}");
         let mut command = self.command("sh");
-        command.args(["-c", &script, PT, "-p0,0,0"]).args(arguments);
-        finish(command.spawn().unwrap())
+        finish(command.args(["-c", &script, PT]).spawn().unwrap())
     }
 
     /// Runs `ptimg` to its end.
-    pub fn ptimg(&self, arguments: &[&str]) -> Run {
-        finish(self.command(PTIMG).args(arguments).spawn().unwrap())
+    pub fn ptimg(&self, line: &str) -> Run {
+        let mut command = self.command(PTIMG);
+        finish(command.args(line.split_whitespace()).spawn().unwrap())
     }
 
     /// Runs `pt` with `input` on its standard input.
-    pub fn feed(&self, input: &[u8], arguments: &[&str]) -> Run {
-        let mut command = self.pt(arguments);
-        let mut child = command.stdin(Stdio::piped()).spawn().unwrap();
+    pub fn feed(&self, input: &[u8], line: &str) -> Run {
+        let mut child =
+            self.pt(line).stdin(Stdio::piped()).spawn().unwrap();
         child.stdin.take().unwrap().write_all(input).unwrap();
         finish(child)
     }
 
     /// The image of the scene `room.obj` on standard output.
-    pub fn render(&self, arguments: &[&str]) -> Vec<u8> {
-        let run = self.run(&[&["-i", "room.obj"], arguments].concat());
-        run.succeeded();
+    pub fn render(&self, arguments: &str) -> Vec<u8> {
+        let run = self.done(&format!("-iroom.obj {arguments}"));
         assert!(!run.stdout.is_empty());
         run.stdout
     }
@@ -195,6 +211,16 @@ fn collect(
     })
 }
 
+/// Starts a command that reads a scene, and returns when it has begun.
+pub fn keep_reading(mut command: Command) -> Child {
+    let mut child = command.stdin(Stdio::piped()).spawn().unwrap();
+    // More than any pipe holds: the write ends when somebody reads.
+    let comment = "# nothing to see here, read on\n".repeat(1 << 16);
+    let stdin = child.stdin.as_mut().unwrap();
+    stdin.write_all(comment.as_bytes()).unwrap();
+    child
+}
+
 /// Waits until a running program has come as far as the test needs it.
 pub fn wait_until(child: &mut Child, what: &str, done: impl Fn() -> bool) {
     let start = Instant::now();
@@ -214,6 +240,11 @@ pub fn signal(name: &str, child: &Child) {
 }
 
 impl Run {
+    /// What is on standard output.
+    pub fn text(self) -> String {
+        String::from_utf8(self.stdout).unwrap()
+    }
+
     pub fn succeeded(&self) {
         assert_eq!(self.status, Some(0), "{}", self.stderr);
         assert!(!self.stderr.contains("error:"), "{}", self.stderr);
