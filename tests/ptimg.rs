@@ -18,11 +18,16 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use serde_json::{Value, json};
 
+/// Runs `ptimg` to its end.
+fn ptimg(place: &Scratch, arguments: &[&str]) -> Run {
+    place.ptimg(&arguments.join(" "))
+}
+
 /// What is said on standard output by a run that ends with `status` and
 /// without a warning.
 #[track_caller]
 fn said(place: &Scratch, arguments: &[&str], status: i32) -> String {
-    let run = place.ptimg(arguments);
+    let run = ptimg(place, arguments);
     assert_eq!(run.status, Some(status), "{}", run.stderr);
     assert!(run.stderr.is_empty(), "{}", run.stderr);
     String::from_utf8(run.stdout).unwrap()
@@ -173,7 +178,7 @@ fn a_diff_answers_by_its_status_and_in_words() {
         ("c.exr", "d.exr", 0, "", &["scene_sha256 aa against bb", ""]),
         ("c.exr", "e.exr", 0, seed, &["consistent: "]),
     ] {
-        let diff = place.ptimg(&["diff", a, b]);
+        let diff = ptimg(&place, &["diff", a, b]);
         assert_eq!(diff.status, Some(status), "{a} {b}");
         let lines = diff.stderr.lines().count();
         assert_eq!(lines, usize::from(!warning.is_empty()));
@@ -202,7 +207,7 @@ fn a_comparison_that_cannot_be_made_has_status_2() {
         (&["a.exr"], &["<B>", "ptimg --help"]),
         (&["a.exr", "b.exr", "-o", "a.pfm"], &["a.pfm", "-f"]),
     ] {
-        place.ptimg(&[&["diff"], files].concat()).failed(2, words);
+        ptimg(&place, &[&["diff"], files].concat()).failed(2, words);
     }
 }
 
@@ -218,7 +223,7 @@ fn images_of_different_things_are_named_as_such() {
     let two = "-iroom2.obj -d48x36 --crop=4,3,40x30 -p0,0,0.5 -t0,1,0.1 \
                -u0,0.1,1 -F70.5 -r0.8 -s2 -otwo.exr";
     render(two).succeeded();
-    let diff = place.ptimg(&["diff", "one.exr", "two.exr"]);
+    let diff = ptimg(&place, &["diff", "one.exr", "two.exr"]);
     let text = String::from_utf8(diff.stdout).unwrap();
     let line = text.lines().next().unwrap();
     let said = line.strip_prefix("they show different things: ").unwrap();
@@ -265,7 +270,7 @@ fn images_are_not_merged() {
         (&["a.litpt"], 2, "only 1"),
     ] {
         let merge = [&["merge", "-oc.exr"], files].concat();
-        place.ptimg(&merge).failed(status, &[words]);
+        ptimg(&place, &merge).failed(status, &[words]);
     }
     assert!(!place.path("c.exr").exists());
 }
@@ -316,8 +321,9 @@ fn a_dash_is_standard_output_in_the_format_asked_for() {
             [(usual, &["-o-"][..]), ("png", &["-o-", "--format", "png"])]
         {
             let file = format!("file.{format}");
-            place.ptimg(&[verb, &["-f", "-o", &file]].concat()).succeeded();
-            let piped = place.ptimg(&[verb, option].concat());
+            ptimg(&place, &[verb, &["-f", "-o", &file]].concat())
+                .succeeded();
+            let piped = ptimg(&place, &[verb, option].concat());
             piped.succeeded();
             assert_eq!(piped.stdout, place.get(&file), "{verb:?}");
         }
@@ -328,12 +334,12 @@ fn a_dash_is_standard_output_in_the_format_asked_for() {
     said(&place, &[&merge[..], &["--report", "m.json"]].concat(), 0);
     let program = format!("ptimg {}", env!("CARGO_PKG_VERSION"));
     assert_eq!(place.json("m.json")["program"], program);
-    let shown = place.ptimg(&["stderr", "a.exr", "-o", "-"]);
+    let shown = ptimg(&place, &["stderr", "a.exr", "-o", "-"]);
     assert!(shown.stderr.contains("white is a standard error"));
     let map = ["diff", "a.exr", "b.exr", "-o", "-"];
-    place.ptimg(&map).failed(2, &["map", "-q"]);
+    ptimg(&place, &map).failed(2, &["map", "-q"]);
     let file = ["tonemap", "a.exr", "-o", "t.png", "--format", "pgm"];
-    place.ptimg(&file).failed(1, &["t.png", "--format"]);
+    ptimg(&place, &file).failed(1, &["t.png", "--format"]);
 }
 
 #[test]
@@ -361,7 +367,7 @@ fn what_was_made_of_a_file_is_said_on_standard_error() {
         (&["diff", "d.exr", "d.exr"], window, "identical"),
         (&["tonemap", "d.exr", "-od.pgm"], window, ""),
     ] {
-        let run = place.ptimg(arguments);
+        let run = ptimg(&place, arguments);
         run.succeeded();
         let warning = format!("warning: {warning}");
         assert!(run.stderr.starts_with(&warning), "{}", run.stderr);
@@ -388,7 +394,7 @@ fn an_image_for_the_screen_has_the_levels_of_pt() {
     write(&place, "direct.png", &image);
     let tonemap = |more: &[&str]| {
         let arguments = ["tonemap", "a.exr", "-f", "-o"];
-        place.ptimg(&[&arguments[..], more].concat())
+        ptimg(&place, &[&arguments[..], more].concat())
     };
     tonemap(&["t.png"]).succeeded();
     assert_eq!(place.get("t.png"), place.get("direct.png"));
@@ -420,7 +426,7 @@ fn the_image_of_the_errors_says_what_white_is() {
     assert!(shown.starts_with("white is a relative"), "{shown:?}");
     write(&place, "b.exr", &Image { errors: None, ..image });
     let nothing = ["stderr", "b.exr", "-o", "n.pgm"];
-    place.ptimg(&nothing).failed(1, &["b.exr", "stderr.Y"]);
+    ptimg(&place, &nothing).failed(1, &["b.exr", "stderr.Y"]);
     assert!(!place.path("n.pgm").exists());
 }
 
@@ -448,12 +454,12 @@ fn help_lists_every_verb_and_its_options() {
             assert!(help.contains(word), "{word}");
         }
     }
-    place.ptimg(&["paint"]).failed(2, &["paint", "ptimg --help"]);
+    ptimg(&place, &["paint"]).failed(2, &["paint", "ptimg --help"]);
     for verb in ["tonemap a", "stderr a", "merge a b"] {
         let verb: Vec<_> = verb.split(' ').collect();
-        place.ptimg(&verb).failed(2, &["--output"]);
+        ptimg(&place, &verb).failed(2, &["--output"]);
     }
-    assert_eq!(place.ptimg(&[]).status, Some(2));
+    assert_eq!(ptimg(&place, &[]).status, Some(2));
 }
 
 #[test]
