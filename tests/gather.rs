@@ -22,13 +22,13 @@ use litpt::bvh::{Bvh, Isa};
 use litpt::camera::{Camera, View};
 use litpt::film::{Film, Tile, WORTH};
 use litpt::image::Image;
+use litpt::integrator::gather::Gather;
 use litpt::integrator::gather::cache::{
     Cell, DARKNESS, Grid, LEVELS, RadianceCache, Record, SKY,
 };
 use litpt::integrator::gather::guide::{
     BINS, Guide, SIDE, bin, direction, main_axis,
 };
-use litpt::integrator::gather::render::Gather;
 use litpt::integrator::gather::{Allocation, Correction, End, Tracer};
 use litpt::render::Renderer;
 use litpt::render_loop::{Convergence, Interrupt, Limits, Stop};

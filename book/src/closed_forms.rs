@@ -20,7 +20,7 @@ use litpt::camera::{Camera, View};
 use litpt::film::Film;
 use litpt::integrator::PathTracer;
 use litpt::integrator::gather::Correction;
-use litpt::integrator::gather::render::Gather;
+use litpt::integrator::gather::Gather;
 use litpt::numerics::{power_of_two, sincos_turns};
 use litpt::render::{Job, Renderer};
 use litpt::sampler::IndependentSampler;

@@ -14,15 +14,40 @@ use std::array;
 use rand::RngExt;
 
 use crate::analysis::Inquiry;
-use crate::analysis::background::TileContent;
-use crate::bvh::{BEAM, Hit, Intersector};
+use crate::analysis::background::{KnownPixels, TileContent};
+use crate::bvh::{BEAM, Bvh, Hit, Intersector};
 use crate::film::{Tile, Window};
 use crate::sampler::sobol::{ScrambledNet, scramble_key};
 use crate::sampler::{generator, to_unit, within};
 use crate::scene::Ray;
 use cache::{Cell, RadianceCache, UNSEEN};
 use guide::{Guide, bin, direction};
-use render::Gather;
+
+/// Renders by gathering, with what a training has learnt.
+pub struct Gather<'a> {
+    /// The view of the scene, and its light.
+    pub inquiry: Inquiry<'a>,
+    /// Finds hits in the scene.
+    pub intersector: &'a Bvh,
+    /// What is known of the image beforehand.
+    pub known: &'a KnownPixels,
+    /// Chooses all random numbers.
+    pub seed: u64,
+    /// At most about as many rays train the cache.
+    pub training: u64,
+    /// How much is corrected; none leaves the error of the cache.
+    pub correction: Option<Correction>,
+    /// What has been learnt, once there was a pass.
+    pub learnt: Option<Learnt>,
+}
+
+/// A cache, and how the samples are distributed.
+pub struct Learnt {
+    /// The radiance and the guides of the scene.
+    pub cache: RadianceCache,
+    /// The samples of each pixel.
+    pub allocation: Allocation,
+}
 
 /// Traces rays, and knows what decides the samples of an image.
 pub struct Tracer<'a, K> {

@@ -18,7 +18,7 @@ use crate::analysis::{Inquiry, SceneAnalysis};
 use crate::bvh::{Bvh, Dispatch, Intersector};
 use crate::film::{Film, Window};
 use crate::integrator::gather::Correction;
-use crate::integrator::gather::render::Gather;
+use crate::integrator::gather::Gather;
 use crate::integrator::gather::training::PILOT_SAMPLES;
 use crate::integrator::{Integrator, PathEvent, PathTracer, identity};
 use crate::sampler::sobol::SobolSampler;

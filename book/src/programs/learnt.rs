@@ -16,9 +16,9 @@ use std::path::Path;
 
 use litpt::bvh::{Bvh, Hit};
 use litpt::film::{Film, Window};
+use litpt::integrator::gather::Gather;
 use litpt::integrator::gather::cache::{Grid, RadianceCache};
 use litpt::integrator::gather::guide::{BINS, Guide, bin};
-use litpt::integrator::gather::render::Gather;
 use litpt::integrator::gather::training::train;
 use litpt::integrator::gather::{Allocation, End, Tracer};
 use litpt::render::Renderer;

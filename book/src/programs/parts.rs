@@ -9,8 +9,8 @@ use std::fs;
 
 use litpt::bvh::Bvh;
 use litpt::film::{Film, FilmTile, Window};
+use litpt::integrator::gather::Gather;
 use litpt::integrator::gather::cache::{Grid, RadianceCache, Record};
-use litpt::integrator::gather::render::Gather;
 use litpt::integrator::gather::training::{allocate, train};
 use litpt::integrator::gather::{Allocation, Correction, Sample, Tracer};
 use litpt::options::Options;

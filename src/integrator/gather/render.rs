@@ -7,39 +7,11 @@ use rayon::prelude::*;
 
 use super::cache::{Grid, RadianceCache};
 use super::training::{PILOT_SAMPLES, allocate, train};
-use super::{Allocation, Correction, Tracer};
-use crate::analysis::Inquiry;
-use crate::analysis::background::KnownPixels;
-use crate::bvh::{Bvh, Dispatch, Intersector};
+use super::{Allocation, Gather, Learnt, Tracer};
+use crate::bvh::{Dispatch, Intersector};
 use crate::film::{Film, FilmTile, Watch};
 use crate::integrator::Renderer;
 use crate::sampler::split_mix;
-
-/// Renders by gathering, with what a training has learnt.
-pub struct Gather<'a> {
-    /// The view of the scene, and its light.
-    pub inquiry: Inquiry<'a>,
-    /// Finds hits in the scene.
-    pub intersector: &'a Bvh,
-    /// What is known of the image beforehand.
-    pub known: &'a KnownPixels,
-    /// Chooses all random numbers.
-    pub seed: u64,
-    /// At most about as many rays train the cache.
-    pub training: u64,
-    /// How much is corrected; none leaves the error of the cache.
-    pub correction: Option<Correction>,
-    /// What has been learnt, once there was a pass.
-    pub learnt: Option<Learnt>,
-}
-
-/// A cache, and how the samples are distributed.
-pub struct Learnt {
-    /// The radiance and the guides of the scene.
-    pub cache: RadianceCache,
-    /// The samples of each pixel.
-    pub allocation: Allocation,
-}
 
 impl Renderer for Gather<'_> {
     fn learn(&mut self, film: &Film, watch: &Watch) -> u64 {

@@ -11,8 +11,7 @@ use rand::RngExt;
 use rayon::prelude::*;
 
 use super::cache::{DARKNESS, Grid, RadianceCache, Record, SKY};
-use super::render::Gather;
-use super::{Allocation, End, Shot, Tracer};
+use super::{Allocation, End, Gather, Shot, Tracer};
 use crate::bvh::{Hit, Intersector};
 use crate::film::{Film, Watch};
 use crate::sampler::generator;
