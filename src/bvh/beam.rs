@@ -5,8 +5,6 @@
 
 use std::array;
 
-use glam::{DVec2, DVec3};
-
 use super::intersector::{BEAM, Hit};
 use super::spawn::hit;
 use super::traversal::{
@@ -88,21 +86,24 @@ impl Beam {
             start = start.min(sign * (ray.origin - region.zero)[w]);
         }
         // Bound the starts and the slopes
-        let across = |v: DVec3| DVec2::new(v[others[0]], v[others[1]]);
-        let mut places = [DVec2::INFINITY, DVec2::NEG_INFINITY];
+        let mut places = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
         let mut slopes = places;
         for ray in rays.iter().flatten() {
             let origin = ray.origin - region.zero;
             let per_depth = 1. / ray.direction[w].abs();
-            let slope = across(ray.direction) * per_depth;
-            let place = across(origin) + slope * (start - sign * origin[w]);
-            places = [places[0].min(place), places[1].max(place)];
-            slopes = [slopes[0].min(slope), slopes[1].max(slope)];
+            for (k, u) in others.into_iter().enumerate() {
+                let slope = ray.direction[u] * per_depth;
+                let place = origin[u] + slope * (start - sign * origin[w]);
+                places[k] =
+                    [places[k][0].min(place), places[k][1].max(place)];
+                slopes[k] =
+                    [slopes[k][0].min(slope), slopes[k][1].max(slope)];
+            }
         }
         // Make planes of the bounds
         for (k, u) in others.into_iter().enumerate() {
             for end in [0, 1] {
-                let slope = slopes[end][k];
+                let slope = slopes[k][end];
                 if slope.abs() > MOST_SLOPE {
                     return None;
                 }
@@ -114,7 +115,7 @@ impl Beam {
                         if begins { enter } else { leave }[w],
                     ],
                     slope: (-slope * sign) as f32,
-                    bound: (places[end][k] - slope * start) as f32,
+                    bound: (places[k][end] - slope * start) as f32,
                 };
             }
         }

@@ -310,7 +310,11 @@ impl Leaf<'_> {
         let count = self.count;
         let runs = &self.words[count + 2 * lane as usize..];
         let runs = &runs[..16 * count + 2];
-        [0, 3, 6].map(|run| corner(runs, count, run))
+        [
+            corner(runs, count, 0),
+            corner(runs, count, 3),
+            corner(runs, count, 6),
+        ]
     }
 
     /// The lanes that a ray meets, as a mask, with the distances; lanes that
