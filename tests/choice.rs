@@ -149,12 +149,34 @@ fn few_paths_have_no_pilot_and_a_bound_of_the_error_is_a_number() {
     let many = choice(Some(256), None).unwrap();
     assert_eq!(many.sampling.method, Method::Gather);
     assert_eq!(many.sampling.replicate, 4);
-    let variance = many.pilot.first + many.pilot.later;
-    let error = (variance / 64.5).sqrt();
-    let bounded = choice(None, Some(error)).unwrap();
-    assert_eq!(bounded.sampling.replicate, 4);
-    let both = choice(Some(16), Some(error)).unwrap();
-    assert_eq!(both.sampling.replicate, 1);
+    let bounded = |samples, error| choice(samples, Some(error)).unwrap();
+    assert_eq!(bounded(None, 1e-4).sampling.replicate, 4);
+    assert_eq!(bounded(None, 0.2).sampling.replicate, 1);
+    assert_eq!(bounded(Some(16), 1e-4).sampling.replicate, 1);
+}
+
+/// A run ends soon after it has the error that was asked for, since its
+/// scrambles are made for the samples that its own method needs.
+#[test]
+fn an_error_is_met_and_not_exceeded() {
+    let place = Scratch::new();
+    for method in ["sobol", "gather"] {
+        for error in [0.02, 0.005] {
+            let name = format!("--integrator={method}");
+            let run =
+                |limit: String| report(&place, &format!("{name} {limit}"));
+            let met = run(format!("--error={error}"));
+            let last = |report: &Value| {
+                let steps = report["curve"].as_array().unwrap();
+                let last = steps.last().unwrap();
+                (last["spp"].as_u64().unwrap(), last["rmse"].as_f64())
+            };
+            let (spp, rmse) = last(&met);
+            assert!(rmse.unwrap() <= error, "{method} {rmse:?}");
+            let (_, fewer) = last(&run(format!("-n{}", spp * 2 / 3)));
+            assert!(fewer.unwrap() > error, "{method} {spp} {fewer:?}");
+        }
+    }
 }
 
 fn report(place: &Scratch, options: &str) -> Value {

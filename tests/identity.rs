@@ -21,8 +21,8 @@ const KNOWN: [(&str, &str); 3] = [
         "caa054c3c6496ac6a92e826ef9a82c7387603e149a9f6309f4d385430da961ad",
     ),
     (
-        "gather 4, nets of 1, training with 65536 rays",
-        "ec6ed3b6356a7debe5f1386de0da15a8bd03b27096ffdd930104782bda2acf1d",
+        "gather 5, nets of 1, training with 65536 rays",
+        "c26fcca8e9d2492092870241191839a56d06361f27196612c5101954b5916c97",
     ),
 ];
 

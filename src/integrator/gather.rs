@@ -139,7 +139,7 @@ pub struct Correction {
 
 impl Default for Correction {
     fn default() -> Self {
-        Self { group: 128, step: 15., gathers: 16, paths: 16, branches: 2 }
+        Self { group: 128, step: 20., gathers: 16, paths: 16, branches: 2 }
     }
 }
 

@@ -142,7 +142,7 @@ impl Sampling {
 const GATHER_RAYS: u64 = 5;
 
 /// Changes whenever the code that decides what a gather is does.
-const GATHER_VERSION: u32 = 4;
+const GATHER_VERSION: u32 = 5;
 
 /// A scene that is ready to be rendered.
 #[derive(Clone, Copy)]
@@ -218,20 +218,20 @@ impl<'a> Setup<'a> {
         let pilot = self.intersector.dispatch(trial);
         let pace = began.elapsed().as_secs_f64() / (4 * pixels) as f64;
         // Foresee the costs of all methods
-        let enough = |error: f64| {
-            ((pilot.first + pilot.later) / (error * error)).ceil() as u64
-        };
-        let bounds = samples.into_iter().chain(request.error.map(enough));
-        let samples = bounds.min().map(|n| n.max(1));
         let albedo = self.inquiry.albedo;
         let methods = Method::ALL.map(|method| {
+            let needed = |error| pilot.needed(albedo, method, area, error);
+            let enough = request.error.map(needed);
+            let samples = samples.into_iter().chain(enough).min();
             let mut sampling =
                 Sampling::new(method, request.seed, samples, area);
             if method == Method::Sobol {
                 sampling.control = (100. * pilot.control()).round() as u64;
             }
             let expected = samples.unwrap_or(MANY) as f64;
-            (sampling, pilot.cost(albedo, &sampling, expected))
+            let [variance, rays] =
+                pilot.foresee(albedo, &sampling, expected);
+            (sampling, variance * rays)
         });
         // Choose among the methods that there is time for
         let is_quick = |sampling: &Sampling| {
@@ -274,7 +274,7 @@ impl<'a> Setup<'a> {
             Some(Method::Reference) => false,
             Some(Method::Sobol) => saved.is_none(),
             Some(Method::Gather) => {
-                saved.is_none() && request.left.is_some()
+                saved.is_none() && request.left.or(request.error).is_some()
             }
         };
         let request = Request { method: wanted, ..*request };
@@ -455,30 +455,53 @@ impl Pilot {
         (self.first + change).max(0.)
     }
 
-    /// The variance of a sample times its rays, in units of the rays of
+    /// The variance of a sample and its rays, these in units of the rays of
     /// paths, for `samples` of each pixel.
-    fn cost(&self, albedo: f64, sampling: &Sampling, samples: f64) -> f64 {
-        let &Self { square, first, later, .. } = self;
+    fn foresee(
+        &self,
+        albedo: f64,
+        sampling: &Sampling,
+        samples: f64,
+    ) -> [f64; 2] {
+        let &Self { square, first, later, rays, .. } = self;
         match sampling.method {
-            Method::Reference => (first + later) * self.rays,
+            Method::Reference => [first + later, rays],
             Method::Sobol => {
                 let net = libm::pow(sampling.replicate as f64, -0.4);
-                let first = self.controlled();
-                (first * net + later) * 1.05 * self.rays
+                [self.controlled() * net + later, 1.05 * rays]
             }
             Method::Gather => {
-                // Foresee the cost of a gather
+                // Foresee the variance and the rays of a gather
                 let bright = albedo * albedo;
                 let each = self.first_rays + 3. * bright * self.indirect;
                 let once = 8. * self.first_rays / samples;
                 let guided = 1.6 * first * square
                     / (square + 0.7 * first).max(f64::MIN_POSITIVE);
-                let short = self.first_rays / self.rays.max(1e-9);
+                let short = self.first_rays / rays.max(1e-9);
                 let left = 16. * bright * short * short * later;
                 let learnt = libm::pow(samples.min(4096.), -0.28);
-                (guided + left) * learnt * 1.7 * (each + once)
+                [(guided + left) * learnt, 1.7 * (each + once)]
             }
         }
+    }
+
+    /// The samples of each of `area` pixels after which the image has an error,
+    /// up to a fifth too many.
+    fn needed(
+        &self,
+        albedo: f64,
+        method: Method,
+        area: u64,
+        error: f64,
+    ) -> u64 {
+        let is_enough = |&n: &u64| {
+            let sampling = Sampling::new(method, 0, Some(n), area);
+            let [variance, _] = self.foresee(albedo, &sampling, n as f64);
+            variance <= n as f64 * error * error
+        };
+        let quarters = (0..80).map(|k| 0.25 * f64::from(k));
+        let mut steps = quarters.map(|k| libm::exp2(k).ceil() as u64);
+        steps.find(is_enough).unwrap_or(MANY)
     }
 
     /// The work before each of `area` pixels has a sample, in paths.

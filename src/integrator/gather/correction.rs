@@ -25,14 +25,17 @@ impl<K: Intersector> Tracer<'_, K> {
         sums: &mut [f64],
     ) {
         let Some(correction) = &self.gather.correction else { return };
-        // Put the samples in groups of neighbours
+        // Put the samples in groups
         let mut order: Vec<_> = (0..samples.len()).collect();
         let grid = &self.cache.grid;
         order.sort_by_cached_key(|&i| grid.order(&samples[i].hit));
-        let groups = samples.len().div_ceil(correction.group).max(1);
-        let length = samples.len().div_ceil(groups).max(1);
-        for group in order.chunks(length) {
-            let mut next = random.random::<f64>() * correction.step;
+        let count = samples.len().div_ceil(correction.group);
+        let every =
+            |g| order.iter().skip(g).step_by(count).copied().collect();
+        let groups: Vec<Vec<usize>> = (0..count).map(every).collect();
+        for group in &groups {
+            let step = correction.step / DIVISION;
+            let mut next = random.random::<f64>() * step;
             let mut reached = 0.;
             for &k in group {
                 let Sample { weight, scale, ref end, .. } = samples[k];
@@ -40,15 +43,44 @@ impl<K: Intersector> Tracer<'_, K> {
                 let expected = f64::from(cell.error);
                 reached +=
                     self.gather.inquiry.albedo * weight * expected / scale;
-                let draws = draws(&mut next, reached, correction.step);
+                let drawn = draws(&mut next, reached, step);
+                if drawn == 0. {
+                    continue;
+                }
+                let kept = self.kept(correction, samples, group, y, random);
+                let draws = (drawn * kept + random.random::<f64>()).floor();
                 if draws > 0. {
                     let found = self.radiance(correction, y, cell, random);
                     let error = found - f64::from(cell.value);
-                    let share = draws * correction.step * error / expected;
+                    let share = draws / kept * step * error / expected;
                     self.share(samples, group, k, share, sums);
                 }
             }
         }
+    }
+
+    /// The probability with which a correction at `y` is kept: small where
+    /// many of the group see it.
+    fn kept(
+        &mut self,
+        correction: &Correction,
+        samples: &[Sample],
+        group: &[usize],
+        y: &Hit,
+        random: &mut Pcg64,
+    ) -> f64 {
+        let mut seen = 0.5;
+        for _ in 0..WITNESSES {
+            let i = group[random.random_range(0..group.len())];
+            let x = &samples[i].hit;
+            let (factor, direction) = form_factor(x, y);
+            if factor > 0. && self.sees(x, y, direction) {
+                seen += 1.;
+            }
+        }
+        let part = seen / (f64::from(WITNESSES) + 0.5);
+        let all = group.len() as f64 / correction.group as f64;
+        (1. / (DIVISION * f64::sqrt(part * all))).min(1.)
     }
 
     /// Shares the error of what sample `k` has met among all samples of
@@ -198,6 +230,12 @@ fn draws(next: &mut f64, reached: f64, step: f64) -> f64 {
     *next += draws * step;
     draws
 }
+
+/// Draws for each that is worth it where all of a group see the place.
+const DIVISION: f64 = 4.;
+
+/// Samples that are asked whether they see a place.
+const WITNESSES: u32 = 8;
 
 /// The density with which cosine sampling at `x` finds `y`, per unit of
 /// area around `y`; zero if one faces away. And the direction.
