@@ -379,7 +379,9 @@ impl Options {
     pub fn after(&self, saved: &Value) -> Result<Self, Error> {
         let mut before = Self::restore(saved)?;
         let written = [&before.output[..], &before.report].concat();
-        before.replaced.extend(written);
+        before
+            .replaced
+            .extend(written.into_iter().chain(self.resume.clone()));
         let here = Path::new("");
         let (mut all, typed) = (before.save(here), self.save(here));
         // Replace the options that are given

@@ -14,7 +14,7 @@ use std::{env, fmt};
 
 use tempfile::NamedTempFile;
 
-use crate::image::{Format, Source};
+use crate::image::Format;
 
 /// Where a file goes: checked, and not yet touched.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -295,37 +295,15 @@ impl OutputTarget {
     }
 }
 
-/// Where an image goes, and in which format.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct ImageTarget {
-    /// Where it goes.
-    pub target: OutputTarget,
-    /// The format, which the name of a file agrees with.
-    pub format: Format,
-}
-
-impl ImageTarget {
-    /// The file `path`, in the format of its extension, or the
-    /// descriptor of that name, in the `usual` one.
-    ///
-    /// # Errors
-    /// The extension is unknown, and those of [`OutputTarget::file`].
-    pub fn file(
-        path: &Path,
-        usual: Format,
-        force: bool,
-    ) -> Result<Self, String> {
-        let is_open = descriptor(path).is_some();
-        let format = if is_open { usual } else { Format::of(path)? };
-        Ok(Self { target: OutputTarget::file(path, force)?, format })
-    }
-
-    /// Writes the image.
-    ///
-    /// # Errors
-    /// Those of [`OutputTarget::write`].
-    pub fn write(&self, image: &dyn Source) -> Result<(), String> {
-        self.target.write(&mut |out| self.format.write(image, out))
+/// The format of an image of this name, which on a descriptor is the
+/// `usual` one.
+///
+/// # Errors
+/// The extension is unknown.
+pub fn format_of(path: &Path, usual: Format) -> Result<Format, String> {
+    match descriptor(path) {
+        Some(_) => Ok(usual),
+        None => Format::of(path),
     }
 }
 

@@ -60,7 +60,8 @@ impl<'a> Limits<'a> {
 }
 
 /// Why a run has stopped.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Stop {
     /// All the samples are there.
     Samples,
@@ -69,7 +70,7 @@ pub enum Stop {
     /// The error is small enough.
     Error,
     /// A signal of this number has arrived.
-    Signal(i32),
+    Signal(#[serde(skip)] i32),
 }
 
 impl Stop {
@@ -82,20 +83,12 @@ impl Stop {
             _ => format!("no image: --time was over while {doing}"),
         }
     }
-
-    /// The word that the report has for it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Stop::Samples => "samples",
-            Stop::Time => "time",
-            Stop::Error => "error",
-            Stop::Signal(_) => "signal",
-        }
-    }
 }
 
 /// One point of the curve of error against time.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize,
+)]
 pub struct CurvePoint {
     /// Samples per pixel so far.
     pub spp: u64,
@@ -123,18 +116,22 @@ pub struct Convergence {
     /// Samples that each pixel has at least.
     pub spp: u64,
     /// Seconds of rendering, with what is done between the passes.
+    #[serde(rename = "render_seconds")]
     pub seconds: f64,
     /// Rays traced.
     pub rays: u64,
-    /// Pixels whose samples were all alike, at the last step.
-    pub constant: u64,
+    /// Pixels whose samples were all alike, at the last step: their error
+    /// is not seen.
+    pub constant_pixels: u64,
     /// The curve of error against time.
-    pub steps: Vec<CurvePoint>,
+    pub curve: Vec<CurvePoint>,
+    /// Why the run has ended; none while it goes on.
+    pub stopped: Option<Stop>,
     /// Seconds of all processors, if there are several ranks.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub processor_seconds: Option<f64>,
     /// What each rank has done since the run was begun or resumed.
-    #[serde(skip)]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub ranks: Vec<Share>,
     /// Seconds for one sample of each pixel, at the last pass.
     #[serde(skip)]
@@ -170,6 +167,7 @@ impl Convergence {
         advance: &(dyn Fn(u64) + Sync),
         after: &mut impl FnMut(&Self, &Film),
     ) -> Stop {
+        (self.stopped, self.ranks) = (None, vec![]);
         let (start, before) = ((limits.clock)(), self.seconds);
         let spent = self.processor_seconds.unwrap_or(0.);
         // Watch for signals and for the end of the time
@@ -197,6 +195,7 @@ impl Convergence {
             // Return when a limit is reached
             if let Some(stop) = self.stop(limits, first, area) {
                 self.record(film, limits.reference);
+                self.stopped = Some(stop);
                 return stop;
             }
             // Render one pass and look at the clock
@@ -227,8 +226,7 @@ impl Convergence {
     /// next step is due.
     fn next(&self, limits: &Limits, area: u64, slice: f64) -> (u64, u64) {
         // Find when the next step is due
-        let recorded = self.steps.last().map_or(0, |step| step.spp);
-        let mut due = next_step(recorded.max(self.spp));
+        let mut due = next_step(self.last().spp.max(self.spp));
         if let Some(samples) = limits.samples {
             due = due.min(samples);
         }
@@ -245,15 +243,15 @@ impl Convergence {
         (due.min(self.spp.saturating_add(pace.max(1))), due)
     }
 
-    /// The error at the last step, if it is known.
-    pub fn rmse(&self) -> Option<f64> {
-        self.steps.last()?.rmse
+    /// The last step; before the first, one that knows nothing.
+    pub fn last(&self) -> CurvePoint {
+        self.curve.last().copied().unwrap_or_default()
     }
 
     /// The samples after which the run is expected to stop, if its time
     /// is not over before; none if that cannot be foreseen.
     pub fn expected(&self, limits: &Limits, area: u64) -> Option<u64> {
-        let error = self.rmse().and(limits.error);
+        let error = self.last().rmse.and(limits.error);
         let error = error.map(|error| self.needed(error, area));
         let all = [limits.samples, error].into_iter().flatten();
         all.min().map(|spp| spp.max(self.spp))
@@ -262,14 +260,14 @@ impl Convergence {
     /// The samples after which the error is expected to be reached.
     fn needed(&self, error: f64, area: u64) -> u64 {
         let least = (DECISIVE / area as f64).ceil().max(2.);
-        let known = |step: &CurvePoint| Some((step.spp as f64, step.rmse?));
-        let Some((n, rmse)) = self.steps.last().and_then(known) else {
+        let CurvePoint { spp, rmse, .. } = self.last();
+        let Some(rmse) = rmse else {
             let open = self.spp < least as u64;
             return if open { least as u64 } else { u64::MAX };
         };
         // A square that vanishes would make the quotient 0 / 0.
         let e = (error * error).max(f64::MIN_POSITIVE);
-        let v = n * rmse * rmse;
+        let v = spp as f64 * rmse * rmse;
         let root = (v * v + 12. * e / area as f64).sqrt();
         ((v + root) / (2. * e)).ceil().max(least) as u64
     }
@@ -306,23 +304,22 @@ impl Convergence {
         let paths = self.spp as f64 * area as f64;
         let unseen = 3. / (paths * self.spp as f64);
         let enough = |rmse| rmse * rmse + unseen <= error * error;
-        let step = self.steps.last().filter(|step| step.spp == self.spp);
-        let rmse = step.and_then(|step| step.rmse);
-        paths >= DECISIVE && rmse.is_some_and(enough)
+        let step = self.last();
+        let is_recent = step.spp == self.spp && paths >= DECISIVE;
+        is_recent && step.rmse.is_some_and(enough)
     }
 
     /// Records a point, if there has been a pass since the last one.
     pub fn record(&mut self, film: &Film, reference: Option<&[f64]>) {
         let &mut Self { spp, seconds, rays, processor_seconds, .. } = self;
-        let last = self.steps.last();
-        let last = last.map_or((0, 0.), |point| (point.spp, point.seconds));
-        if (spp, seconds) == last {
+        let last = self.last();
+        if (spp, seconds) == (last.spp, last.seconds) {
             return;
         }
         let Summary { mean, mean_stderr, rmse, constant } = film.summary();
-        self.constant = constant;
+        self.constant_pixels = constant;
         let finite = |x: f64| x.is_finite().then_some(x);
-        self.steps.push(CurvePoint {
+        self.curve.push(CurvePoint {
             spp,
             seconds,
             rays,

@@ -29,7 +29,7 @@ use crate::film::Film;
 use crate::image::{Format, Image};
 use crate::memory::zeroed;
 use crate::options::{Error, Options};
-use crate::output::{ImageTarget, OutputTarget, tell_apart};
+use crate::output::{OutputTarget, format_of, tell_apart};
 use crate::progress::{
     self, ProgressBar, expect, metric, render_bar, step,
 };
@@ -39,10 +39,10 @@ use crate::render::choose::{
 };
 use crate::render_loop::{Convergence, Interrupt, Limits, Stop};
 use crate::report::{Kind, Report, SceneFile};
-use crate::run_output::{RunOutput, Snapshot, Targets, attributes};
+use crate::run_output::{Product, RunOutput, attributes};
 use crate::scene::{Scene, begins_obj, read_file};
 use crate::sky::Sky;
-use crate::state::checkpoint::Checkpoint;
+use crate::state::checkpoint::{Checkpoint, Known};
 use crate::state::key::{RunKey, Subject, entries};
 use crate::statistics::Accumulator;
 
@@ -157,18 +157,22 @@ fn run(
         camera(options.resolution, &options.view())?;
     }
     start_threads(options)?;
-    let (targets, reference) = open_files(options)?;
+    let (files, reference) = open_files(options)?;
     let saved = options.save(&env::current_dir().unwrap_or_default());
     tell(ranks, &saved);
     // Load the scene and prepare it
-    let (scene, subject, mut report) =
-        load(options, &targets, reference.as_ref(), ranks)?;
-    let camera = camera(subject.resolution, &subject.view)?;
-    let kept = kept(options);
-    let inquiry = inquire(&subject, &camera, &scene, &kept);
+    let began = Instant::now();
+    let mut bytes = read(options)?;
+    ranks.tell(&mut bytes);
+    let is_named = reference.is_some() || files.iter().any(names_the_scene);
+    let (scene, subject, mut report) = load(options, bytes, is_named)?;
+    if let (Some(image), Some(path)) = (&reference, &options.reference) {
+        compare(path, image, &report)?;
+    }
+    report.load_seconds = began.elapsed().as_secs_f64();
     enter("building the hierarchy", None);
-    let (analysis, bvh, quality) =
-        build(scene, &inquiry, options, ranks, &mut report)?;
+    let (inquiry, analysis, bvh) =
+        build(scene, &subject, options, ranks, &mut report)?;
     enter("choosing a method", None);
     // Choose how samples are made
     let begun = resumed.as_ref().map(|saved| saved.known.run_key.sampling);
@@ -187,7 +191,7 @@ fn run(
         sampling,
         part: options.part(sampling.replicate),
     };
-    report.settings = settings(options, &run_key, quality, choice);
+    report.settings.extend(settings(options, &run_key, choice));
     tell(ranks, &run_key);
     let job = setup.renderer(&sampling);
     let mut job = ranks.lead(job, &run_key);
@@ -195,8 +199,9 @@ fn run(
     let mut run = film_so_far(options, &run_key, goal, resumed)?;
     // Prepare the files of the run
     let often = (options.every.unwrap_or(60.), options.preview);
-    let known = (run_key.clone(), saved);
-    let mut output = RunOutput::new(targets, often, known, report);
+    let key = run_key.clone();
+    let known = Known { run_key: key, options: saved, report };
+    let mut output = RunOutput::new(files, often, known);
     // Collect the limits
     let most = deadline.map_or(0., |end| 0.5 * seconds_to(end));
     let seconds = output.seconds(run.0.area());
@@ -290,15 +295,17 @@ fn camera(resolution: (u32, u32), view: &View) -> Result<Camera, String> {
 /// reference.
 fn open_files(
     options: &Options,
-) -> Result<(Targets, Option<Image>), String> {
+) -> Result<(Vec<(Product, OutputTarget)>, Option<Image>), String> {
     // Refuse files that are named twice
     let reference = options.reference.as_deref();
     let (scene, dash) = (options.scene_file(), Path::new("-"));
     if scene.is_none() && reference == Some(dash) {
         return Err("standard input can be read once only".to_owned());
     }
-    let more = options.report.iter().chain(&options.checkpoint);
-    let written = options.images().chain(more.map(PathBuf::as_path));
+    let reports = options.report.iter().map(PathBuf::as_path);
+    let state = options.checkpoint.as_deref().into_iter();
+    let written =
+        options.images().chain(reports.clone()).chain(state.clone());
     tell_apart(scene.into_iter().chain(reference), written)?;
     // Decide which files may be replaced
     let force = |path: &Path| {
@@ -306,26 +313,19 @@ fn open_files(
         let is_own = |new| old.flatten().any(|old| old == new);
         options.force || path.canonicalize().is_ok_and(is_own)
     };
-    let format = options.format.unwrap_or(Format::Pgm);
-    let image = |path| ImageTarget::file(path, format, force(path));
-    let report = |path: &PathBuf| {
-        let target = OutputTarget::file(path, force(path))?;
-        Ok((Kind::of(path)?, target))
+    let usual = options.format.unwrap_or(Format::Pgm);
+    let open = |product: Result<_, String>, path: &Path| {
+        Ok((product?, OutputTarget::file(path, force(path))?))
     };
-    let checkpoint = |path: &PathBuf| {
-        let same = options.checkpoint == options.resume;
-        OutputTarget::file(path, same || force(path))
-    };
-    let images = options.images().map(image);
-    let reports = options.report.iter().map(report);
-    let checkpoint = options.checkpoint.as_ref().map(checkpoint);
-    let targets = Targets {
-        images: images.collect::<Result<_, String>>()?,
-        reports: reports.collect::<Result<_, String>>()?,
-        checkpoint: checkpoint.transpose()?,
-    };
+    let image = |path| format_of(path, usual).map(Product::Image);
+    let images = options.images().map(|path| open(image(path), path));
+    let report = |path| Kind::of(path).map(Product::Report);
+    let reports = reports.map(|path| open(report(path), path));
+    let state = state.map(|path| open(Ok(Product::State), path));
+    let files = images.chain(state).chain(reports);
+    let files = files.collect::<Result<_, String>>()?;
     let reference = reference.map(|path| read_reference(path, options));
-    Ok((targets, reference.transpose()?))
+    Ok((files, reference.transpose()?))
 }
 
 fn read_reference(path: &Path, options: &Options) -> Result<Image, String> {
@@ -364,23 +364,15 @@ fn start_threads(options: &Options) -> Result<(), String> {
     pool.build_global().map_err(|e| format!("cannot start threads: {e}"))
 }
 
-/// The scene, what is shown of it, and a report that begins.
+/// The scene, what is shown of it, and a report that begins; with a hash of
+/// the bytes if a file will name them.
 fn load(
     options: &Options,
-    targets: &Targets,
-    reference: Option<&Image>,
-    ranks: &dyn Ranks,
+    bytes: Vec<u8>,
+    is_named: bool,
 ) -> Result<(Scene, Subject, Report), String> {
-    let began = Instant::now();
     let file = options.input_name();
-    let step = step(format!("reading {file}"), None);
-    let mut bytes = read(options.scene_file())
-        .map_err(|e| format!("{file}: cannot read: {e}"))?;
-    ranks.tell(&mut bytes);
-    // Refuse what goes on without being an OBJ
-    if bytes.len() as u64 == START {
-        begins_obj(&bytes).map_err(|error| error.within(&file))?;
-    }
+    let step = step(format!("parsing {file}"), None);
     let read = read_file(&bytes).map_err(|error| error.within(&file));
     drop(step);
     let (mesh, warnings) = read?;
@@ -397,50 +389,37 @@ fn load(
         progress::inform(&format!("the camera stands outside: {options}"));
     }
     // Hash the bytes if a file will name them
-    let exr = |image: &ImageTarget| image.format == Format::Exr;
-    let is_named = targets.images.iter().any(exr)
-        || !targets.reports.is_empty()
-        || targets.checkpoint.is_some()
-        || reference.is_some();
     let hash = is_named.then(|| Sha256::digest(&bytes));
     let hex = |byte: u8| format!("{byte:02x}");
     let sha256: String = hash.into_iter().flatten().map(hex).collect();
     drop(bytes);
-    // Refuse a reference of something else
-    if let (Some(image), Some(path)) = (reference, &options.reference) {
-        let mut ours = attributes(&entries(&subject));
-        ours.insert("scene_sha256".into(), sha256.clone());
-        let differing = disagreements(&image.attributes, &ours).join(", ");
-        if !differing.is_empty() {
-            return Err(format!(
-                "{}: shows something else than this run: {differing}",
-                path.display()
-            ));
-        }
-    }
     // Begin a report of the scene
     let triangles = mesh.triangles.len() as u64;
-    let scene = Scene::of(mesh);
     let report = Report {
         scene: SceneFile { file, sha256, triangles },
-        load_seconds: began.elapsed().as_secs_f64(),
+        settings: entries(&subject),
         ..Report::begin("pt")
     };
-    Ok((scene, subject, report))
+    Ok((Scene::of(mesh), subject, report))
 }
 
-/// The bytes of a file or of standard input. Of a pipe, no more than `START`
-/// if they begin no OBJ.
-fn read(path: Option<&Path>) -> io::Result<Vec<u8>> {
-    let mut pipe: Box<dyn Read> = match path {
-        Some(path) if path.is_file() => return fs::read(path),
-        Some(path) => Box::new(File::open(path)?),
+/// The bytes of a file or of standard input.
+fn read(options: &Options) -> Result<Vec<u8>, String> {
+    let file = options.input_name();
+    let _step = step(format!("reading {file}"), None);
+    let fault = |e| format!("{file}: cannot read: {e}");
+    let mut pipe: Box<dyn Read> = match options.scene_file() {
+        Some(path) if path.is_file() => {
+            return fs::read(path).map_err(fault);
+        }
+        Some(path) => Box::new(File::open(path).map_err(fault)?),
         None => Box::new(io::stdin()),
     };
     let mut bytes = Vec::new();
-    pipe.by_ref().take(START).read_to_end(&mut bytes)?;
-    if bytes.len() as u64 == START && begins_obj(&bytes).is_ok() {
-        pipe.read_to_end(&mut bytes)?;
+    pipe.by_ref().take(START).read_to_end(&mut bytes).map_err(fault)?;
+    if bytes.len() as u64 == START {
+        begins_obj(&bytes).map_err(|error| error.within(&file))?;
+        pipe.read_to_end(&mut bytes).map_err(fault)?;
     }
     Ok(bytes)
 }
@@ -461,46 +440,45 @@ fn subject(options: &Options, corners: [glam::DVec3; 2]) -> Subject {
     Subject { resolution, crop, view, albedo }
 }
 
-fn inquire<'a>(
+/// Whether a file names the scene by its hash.
+fn names_the_scene((product, _): &(Product, OutputTarget)) -> bool {
+    !matches!(product, Product::Image(format) if *format != Format::Exr)
+}
+
+/// Refuses a reference of something else.
+fn compare(
+    path: &Path,
+    reference: &Image,
+    report: &Report,
+) -> Result<(), String> {
+    let mut ours = attributes(&report.settings);
+    ours.insert("scene_sha256".into(), report.scene.sha256.clone());
+    let differing = disagreements(&reference.attributes, &ours).join(", ");
+    if differing.is_empty() {
+        return Ok(());
+    }
+    let name = path.display();
+    Err(format!("{name}: shows something else than this run: {differing}"))
+}
+
+/// What is asked about a scene, what is found, and its hierarchy.
+fn build(
+    scene: Scene,
     subject: &Subject,
-    camera: &'a Camera,
-    scene: &Scene,
-    kept: &'a [Shortcut],
-) -> Inquiry<'a> {
-    Inquiry {
+    options: &Options,
+    ranks: &dyn Ranks,
+    known: &mut Report,
+) -> Result<(Inquiry<'static>, SceneAnalysis, Bvh), String> {
+    let began = Instant::now();
+    let camera = camera(subject.resolution, &subject.view)?;
+    let inquiry = Inquiry {
         camera,
         entrance: scene.frame.entrance(camera.position),
         sky: Sky::new(subject.view.up),
         albedo: subject.albedo,
         resolution: subject.resolution,
-        kept,
-    }
-}
-
-/// The shortcuts that are not looked for.
-fn kept(options: &Options) -> Vec<Shortcut> {
-    if options.keep_all {
-        return Shortcut::ALL.to_vec();
-    }
-    let (width, height) = options.resolution;
-    let tiles = f64::from(width) * f64::from(height) / 256.;
-    let seconds = tiles * TILE / rayon::current_num_threads() as f64;
-    let time = options.time.filter(|_| !options.explain);
-    let slow = time.is_some_and(|time| seconds > 0.05 * time);
-    slow.then_some(Shortcut::Background).into_iter().collect()
-}
-
-/// Seconds in which a thread looks for the background of a tile, about.
-const TILE: f64 = 3e-6;
-
-fn build(
-    scene: Scene,
-    inquiry: &Inquiry,
-    options: &Options,
-    ranks: &dyn Ranks,
-    known: &mut Report,
-) -> Result<(SceneAnalysis, Bvh, Quality), String> {
-    let began = Instant::now();
+        kept: if options.keep_all { &Shortcut::ALL } else { &[] },
+    };
     let is_inside = inquiry.entrance.is_inside;
     let area = options.band().area() as f64;
     let paths = options.goal(1).map(|n| n as f64 * area);
@@ -526,10 +504,12 @@ fn build(
     let bvh = Bvh::of(triangles, quality, options.isa(), &placed);
     let bvh = bvh.map_err(|e| e.to_string())?;
     drop(step);
-    let analysis = SceneAnalysis::find(&left_out, &bvh, inquiry);
+    let analysis = SceneAnalysis::find(&left_out, &bvh, &inquiry);
     known.left_out = analysis.left_out().cloned().collect();
+    let quality = quality.to_string();
+    known.settings.insert("hierarchy".into(), quality.into());
     known.build_seconds = began.elapsed().as_secs_f64();
-    Ok((analysis, bvh, quality))
+    Ok((inquiry, analysis, bvh))
 }
 
 /// Tells what can be left out, and what the rest is made of.
@@ -596,13 +576,11 @@ fn seconds_to(end: Instant) -> f64 {
 fn settings(
     options: &Options,
     run_key: &RunKey,
-    quality: Quality,
     choice: Option<Choice>,
 ) -> Map<String, Value> {
     let reference = options.reference.as_ref();
-    let RunKey { subject, sampling, part, .. } = run_key;
-    let mut settings = entries(subject);
-    settings.extend(entries(&json!({
+    let RunKey { sampling, part, .. } = run_key;
+    let mut settings = entries(&json!({
         "seed": sampling.seed,
         "spp": part.map_or(options.samples(), |part| Some(part.count())),
         "time": options.time,
@@ -610,9 +588,8 @@ fn settings(
         "reference": reference.map(|path| path.display().to_string()),
         "isa": options.isa().to_string(),
         "threads": rayon::current_num_threads(),
-        "hierarchy": quality.to_string(),
         "integrator": sampling.method.to_string(),
-    })));
+    }));
     let choice = choice.map(|choice| choice.to_string().into());
     settings.extend(choice.map(|choice| ("choice".into(), choice)));
     settings.extend(part.map(|part| ("part".into(), json!(part))));
@@ -671,8 +648,8 @@ fn render(
         let spp = convergence.expected(limits, area);
         let all = spp.map(|spp| spp.saturating_mul(area));
         let paths = convergence.spp.saturating_mul(area);
-        let rmse =
-            convergence.rmse().map(|rmse| format!("rmse {rmse:.2e}, "));
+        let rmse = convergence.last().rmse;
+        let rmse = rmse.map(|rmse| format!("rmse {rmse:.2e}, "));
         let rmse = rmse.unwrap_or_default();
         let known = format!("{} spp, {rmse}", convergence.spp);
         expect(bar, (paths, all), "paths", known);
@@ -684,8 +661,9 @@ fn render(
     // Write files between two passes
     let mut after = |convergence: &Convergence, film: &Film| {
         show(convergence);
-        let snapshot = Snapshot { convergence, film, stop: None };
-        if let Err(message) = output.after(snapshot) {
+        if let Err(message) =
+            output.write(convergence, film, Some(Instant::now()))
+        {
             bar.suspend(|| progress::warn(&message));
         }
     };
@@ -724,13 +702,12 @@ fn end(
         progress::error(&message);
         return Ok(());
     }
-    let snapshot = Snapshot { convergence, film, stop: Some(stop) };
-    output.close(snapshot)?;
+    output.write(convergence, film, None)?;
     if progress::is_quiet() {
         return Ok(());
     }
     // Print the summary
-    let report = output.report.complete(snapshot);
+    let report = output.known.report.complete(film);
     let file = picture.map(|path| ("file", path.display().to_string()));
     let lines = report.summary(film.area()).into_iter().chain(file);
     for (name, text) in lines {
@@ -763,21 +740,10 @@ pub fn follow(ranks: &dyn Ranks) -> Result<(), String> {
     let options = Options::restore(&options)?;
     progress::hush();
     start_threads(&options)?;
-    // Hear the scene
     let Some(bytes) = ranks.hear() else { return Ok(()) };
-    let file = options.input_name();
-    let read = read_file(&bytes).map_err(|error| error.within(&file));
-    let (mesh, _) = read?;
-    drop(bytes);
-    let subject = subject(&options, mesh.corners());
-    let scene = Scene::of(mesh);
-    // Prepare the scene as rank 0 does
-    let camera = camera(subject.resolution, &subject.view)?;
-    let kept = kept(&options);
-    let inquiry = inquire(&subject, &camera, &scene, &kept);
-    let report = &mut Report::default();
-    let (analysis, bvh, _) =
-        build(scene, &inquiry, &options, ranks, report)?;
+    let (scene, subject, mut report) = load(&options, bytes, false)?;
+    let (inquiry, analysis, bvh) =
+        build(scene, &subject, &options, ranks, &mut report)?;
     let Some(run_key) = hear::<RunKey>(ranks)? else { return Ok(()) };
     let setup =
         Setup { intersector: &bvh, inquiry: &inquiry, analysis: &analysis };

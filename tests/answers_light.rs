@@ -309,7 +309,7 @@ fn the_end_of_a_run_is_foreseen_with_what_it_may_not_have_seen() {
         "mean": 0.5, "mean_stderr": 0.001}"#;
     let mut convergence = Convergence::default();
     convergence.spp = 16;
-    convergence.steps.push(serde_json::from_str(step).unwrap());
+    convergence.curve.push(serde_json::from_str(step).unwrap());
     assert_eq!(convergence.expected(&limits, 76_800), Some(257));
     let (v, unseen) = (0.0256f64, 12e-4f64);
     assert_eq!(((v + (v * v + unseen).sqrt()) / 2e-4).ceil(), 344.);

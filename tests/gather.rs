@@ -718,7 +718,7 @@ fn a_gather_traces_no_ray_in_a_tile_of_the_sky() {
     let camera = &Camera::new(&view, 1.).unwrap();
     let gathered = |known: &KnownPixels| {
         let gather = stage.gather(5);
-        let inquiry = Inquiry { camera, ..gather.inquiry };
+        let inquiry = Inquiry { camera: *camera, ..gather.inquiry };
         let gather = Gather { known, inquiry, ..gather };
         let mut tracer = tracer(&gather, &cache, &allocation);
         (tracer.tile(tile, 0), tracer.rays)

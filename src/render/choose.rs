@@ -44,11 +44,7 @@ impl Method {
 
 impl fmt::Display for Method {
     fn fmt(&self, out: &mut fmt::Formatter) -> fmt::Result {
-        out.write_str(match self {
-            Self::Reference => "reference",
-            Self::Sobol => "sobol",
-            Self::Gather => "gather",
-        })
+        out.write_str(&format!("{self:?}").to_lowercase())
     }
 }
 
@@ -60,11 +56,10 @@ pub type Wanted = Option<Method>;
 /// # Errors
 /// There is no method of this name.
 pub fn parse_method(name: &str) -> Result<Wanted, String> {
-    let [first, second, third] = Method::ALL;
     let mut all = Method::ALL.into_iter();
     match all.find(|method| method.to_string() == name) {
         None if name != "auto" => {
-            Err(format!("expected auto, {first}, {second} or {third}"))
+            Err("expected auto, reference, sobol or gather".to_owned())
         }
         method => Ok(method),
     }
@@ -188,15 +183,12 @@ impl<'a> Setup<'a> {
         integrator: PathTracer,
         sampler: impl Sampler + 'a,
     ) -> Box<dyn Renderer + 'a> {
-        let &Self { intersector, inquiry, analysis } = self;
-        let (known, camera) = (&analysis.known, inquiry.camera);
-        let entrance = inquiry.entrance;
         Box::new(Job {
-            entrance,
-            intersector,
-            camera,
+            entrance: self.inquiry.entrance,
+            intersector: self.intersector,
+            camera: &self.inquiry.camera,
             integrator,
-            known,
+            known: &self.analysis.known,
             sampler,
         })
     }
@@ -390,9 +382,9 @@ impl Trial<'_> {
         (x, y): (u32, u32),
         n: u64,
     ) -> [Path; 2] {
-        let &Inquiry { entrance, camera, sky, albedo, resolution, .. } =
+        let Inquiry { entrance, camera, sky, albedo, resolution, .. } =
             self.setup.inquiry;
-        let integrator = PathTracer::new(albedo, sky);
+        let integrator = PathTracer::new(*albedo, *sky);
         let number = |k| IndependentSampler::new(PILOT).start(n, k);
         let mut sampler = number(0);
         let [u, v] = sampler.get_pixel_2d();

@@ -47,7 +47,7 @@ pub fn page(report: &Report, image: &Image) -> String {
                 div { (pictures(report, image)) }
                 (table(summary.into_iter().skip(1)))
                 (table(origin.into_iter().chain(settings)))
-                (points(&report.curve))
+                (points(&report.convergence.curve))
             }
         }
     };
@@ -111,7 +111,7 @@ fn pictures(report: &Report, image: &Image) -> Markup {
     let map = display::errors(&image, false).ok();
     let exact = image.errors.iter().flatten().all(|&error| error == 0.);
     html! {
-        @if let Some(plot) = plot(&report.curve) {
+        @if let Some(plot) = plot(&report.convergence.curve) {
             figure {
                 (plot)
                 figcaption { "The error against time: estimated (solid), \
