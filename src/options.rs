@@ -498,10 +498,8 @@ impl Options {
 
     /// The name of the input, for people.
     pub fn input_name(&self) -> String {
-        match self.scene_file() {
-            Some(path) => path.display().to_string(),
-            None => "standard input".to_owned(),
-        }
+        let name = self.scene_file().map(|path| path.display().to_string());
+        name.unwrap_or("standard input".to_owned())
     }
 
     /// Whether the position of the camera or its target is known.

@@ -184,16 +184,7 @@ impl OutputTarget {
     /// # Errors
     /// It is closed, or open for reading only.
     pub fn standard_output() -> Result<Self, String> {
-        Self::open(1)
-    }
-
-    fn open(number: RawFd) -> Result<Self, String> {
-        // SAFETY: the call asks for flags, and fails if nothing is open.
-        let flags = unsafe { libc::fcntl(number, libc::F_GETFL) };
-        match flags & libc::O_ACCMODE {
-            libc::O_WRONLY | libc::O_RDWR => Ok(Self(Kind::Open(number))),
-            _ => Err(format!("{}: not open for writing", name(number))),
-        }
+        Self::file(Path::new("-"), false)
     }
 
     /// The file `path`, or the descriptor, the device or the pipe of that
@@ -204,7 +195,14 @@ impl OutputTarget {
     /// its directory; or those of [`OutputTarget::standard_output`].
     pub fn file(path: &Path, force: bool) -> Result<Self, String> {
         if let Some(number) = descriptor(path) {
-            return Self::open(number);
+            // SAFETY: the call asks for flags, and fails if nothing is open.
+            let flags = unsafe { libc::fcntl(number, libc::F_GETFL) };
+            return match flags & libc::O_ACCMODE {
+                libc::O_WRONLY | libc::O_RDWR => {
+                    Ok(Self(Kind::Open(number)))
+                }
+                _ => Err(format!("{}: not open for writing", name(number))),
+            };
         }
         // Refuse names that cannot be written
         let name = path.display();

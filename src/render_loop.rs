@@ -18,6 +18,7 @@ use crate::film::{Film, Summary};
 use crate::render::{Renderer, Share};
 
 /// When a run stops, and what it is compared with.
+#[derive(Clone, Copy, Default)]
 pub struct Limits<'a> {
     /// At most so many samples of each pixel.
     pub samples: Option<u64>,
@@ -26,28 +27,23 @@ pub struct Limits<'a> {
     /// and the seconds that it needs for that after the last sample, if no
     /// pixel has one and if all have.
     pub reserve: [f64; 2],
-    /// Tells the time.
-    pub clock: &'a (dyn Fn() -> Instant + Sync),
+    /// Tells the time; that of the system, if none.
+    pub clock: Option<&'a (dyn Fn() -> Instant + Sync)>,
     /// The root mean square error to reach.
     pub error: Option<f64>,
     /// Stops the run when a signal arrives.
-    pub interrupt: &'a Interrupt,
+    pub interrupt: Option<&'a Interrupt>,
     /// The radiance of each pixel, row by row from the top left.
     pub reference: Option<&'a [f64]>,
 }
 
-impl<'a> Limits<'a> {
-    /// No limit but a signal.
-    pub fn none(interrupt: &'a Interrupt) -> Self {
-        Self {
-            samples: None,
-            deadline: None,
-            reserve: [0.; 2],
-            clock: &Instant::now,
-            error: None,
-            interrupt,
-            reference: None,
-        }
+impl Limits<'_> {
+    fn now(&self) -> Instant {
+        self.clock.map_or_else(Instant::now, |clock| clock())
+    }
+
+    fn signal(&self) -> Option<i32> {
+        self.interrupt?.signal()
     }
 
     /// When rendering has to end if this share of the pixels has a sample.
@@ -168,14 +164,14 @@ impl Convergence {
         after: &mut impl FnMut(&Self, &Film),
     ) -> Stop {
         (self.stopped, self.ranks) = (None, vec![]);
-        let (start, before) = ((limits.clock)(), self.seconds);
+        let (start, before) = (limits.now(), self.seconds);
         let spent = self.processor_seconds.unwrap_or(0.);
         // Watch for signals and for the end of the time
         let (area, first) = (film.area(), start + FIRST);
         let goes_on = |paths: u64| {
             let end = limits.end(paths as f64 / area as f64);
-            let over = |end: Instant| (limits.clock)() >= end.max(first);
-            limits.interrupt.signal().is_none() && !end.is_some_and(over)
+            let over = |end: Instant| limits.now() >= end.max(first);
+            limits.signal().is_none() && !end.is_some_and(over)
         };
         let taken = AtomicU64::new(self.spp.saturating_mul(area));
         let watch = |paths| {
@@ -201,9 +197,9 @@ impl Convergence {
             // Render one pass and look at the clock
             let slice = renderer.least_seconds().max(SLICE);
             let (end, due) = self.next(limits, area, slice);
-            let began = (limits.clock)();
+            let began = limits.now();
             self.rays += renderer.pass(film, end, &watch);
-            let now = (limits.clock)();
+            let now = limits.now();
             let more = film.samples() - self.spp;
             let pace = (now - began).as_secs_f64() / more.max(1) as f64;
             self.pace = Some(pace);
@@ -236,7 +232,7 @@ impl Convergence {
         // Find the time for a pass
         let mut seconds = slice;
         if let Some(end) = limits.end(1.) {
-            let left = end.saturating_duration_since((limits.clock)());
+            let left = end.saturating_duration_since(limits.now());
             seconds = seconds.min(left.as_secs_f64());
         }
         let pace = self.pace.map_or(1, |pace| (seconds / pace) as u64);
@@ -283,7 +279,7 @@ impl Convergence {
         if limits.samples.is_some_and(|n| self.spp >= n) {
             return Some(Stop::Samples);
         }
-        if let Some(signal) = limits.interrupt.signal() {
+        if let Some(signal) = limits.signal() {
             return Some(Stop::Signal(signal));
         }
         if limits.error.is_some_and(|error| self.reaches(error, area)) {
@@ -291,7 +287,7 @@ impl Convergence {
         }
         // Say whether the time is over or too short
         let pace = self.pace.filter(|&pace| pace < SLICE).unwrap_or(0.);
-        let now = (limits.clock)() + Duration::from_secs_f64(pace);
+        let now = limits.now() + Duration::from_secs_f64(pace);
         let is_over = |end| match self.spp {
             0 => now >= first.max(end),
             _ => now >= end,

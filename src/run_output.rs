@@ -15,7 +15,7 @@ use crate::film::Film;
 use crate::image::{Format, Picture};
 use crate::output::OutputTarget;
 use crate::render_loop::{Convergence, Stop};
-use crate::report::{Kind, Report, as_typed};
+use crate::report::{Kind, as_typed};
 use crate::state::checkpoint::{Known, save};
 use crate::state::key::entries;
 use crate::state::shards::Merged;
@@ -52,12 +52,10 @@ pub struct RunOutput {
 
 impl RunFile {
     fn is_due(&self, now: Instant, convergence: &Convergence) -> bool {
-        let Convergence { spp, seconds, curve, .. } = convergence;
-        let recorded = curve.last().is_some_and(|last| last.spp == *spp);
-        let is_new = !matches!(self.product, Product::Report(_))
-            || recorded
-            || *seconds > 1.1 * self.seconds;
-        is_new && self.due.is_some_and(|due| now >= due)
+        let is_new = convergence.last().spp == convergence.spp
+            || convergence.seconds > 1.1 * self.seconds;
+        let is_report = matches!(self.product, Product::Report(_));
+        (is_new || !is_report) && self.due.is_some_and(|due| now >= due)
     }
 }
 
@@ -117,14 +115,12 @@ impl RunOutput {
             let began = Instant::now();
             // Write or rewrite one file
             let image = || picture(known, film);
+            let page =
+                |kind: Kind| kind.render(&report, &|| image().image());
             let content = &mut |out: &mut dyn Write| match file.product {
                 Product::Image(format) => format.write(&image(), out),
                 Product::Report(kind) => {
-                    write!(
-                        out,
-                        "{}",
-                        kind.render(&report, &|| image().image())
-                    )
+                    out.write_all(page(kind).as_bytes())
                 }
                 Product::State => save(known, film, out),
             };
@@ -195,10 +191,7 @@ fn picture<'f>(known: &Known, film: &'f Film) -> Picture<'f> {
 /// What is known of a merged run, and its film.
 pub fn conclude(merged: Merged) -> (Known, Film) {
     let Merged { mut known, film, missing, spp } = merged;
-    let Report { program, command, date, processor, .. } =
-        Report::begin("ptimg");
-    let rest = known.report;
-    let mut whole = Report { program, command, date, processor, ..rest };
+    let mut whole = known.report.by("ptimg");
     let stop = missing.is_none().then_some(Stop::Samples);
     whole.convergence.stopped = stop;
     // Describe the whole run

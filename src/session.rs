@@ -193,15 +193,13 @@ fn run(
     };
     report.settings.extend(settings(options, &run_key, choice));
     tell(ranks, &run_key);
-    let job = setup.renderer(&sampling);
-    let mut job = ranks.lead(job, &run_key);
+    let mut job = ranks.lead(setup.renderer(&sampling), &run_key);
     let goal = options.goal(sampling.replicate);
-    let mut run = film_so_far(options, &run_key, goal, resumed)?;
+    let run = film_so_far(options, &run_key, goal, resumed)?;
     // Prepare the files of the run
     let often = (options.every.unwrap_or(60.), options.preview);
-    let key = run_key.clone();
-    let known = Known { run_key: key, options: saved, report };
-    let mut output = RunOutput::new(files, often, known);
+    let known = Known { run_key: run_key.clone(), options: saved, report };
+    let output = RunOutput::new(files, often, known);
     // Collect the limits
     let most = deadline.map_or(0., |end| 0.5 * seconds_to(end));
     let seconds = output.seconds(run.0.area());
@@ -211,14 +209,13 @@ fn run(
         reserve: seconds.map(|seconds| seconds.min(most)),
         error: options.error,
         reference: reference.as_ref().map(|image| &image.means[..]),
-        ..Limits::none(&interrupt)
+        interrupt: Some(&interrupt),
+        clock: None,
     };
     // Render what was prepared
     let bar = render_bar(start, options.time);
     enter("rendering", Some(bar.clone()));
-    let stop = render(&mut *job, &mut run, &limits, &mut output, &bar);
-    end(&run, &mut output, stop, sampling.method, picture.as_deref())?;
-    Ok(stop)
+    Ok(render(&mut *job, run, &limits, output, &bar, picture.as_deref())?)
 }
 
 /// The options of a run, and where it has been saved if it goes on.
@@ -338,13 +335,11 @@ fn read_reference(path: &Path, options: &Options) -> Result<Image, String> {
             "{fault}; a reference needs the radiance of each pixel"
         ));
     }
-    let (width, height) = options.window().size;
-    if (image.width, image.height) != (width, height) {
+    let (name, (w, h)) = (path.display(), options.window().size);
+    let Image { width, height, .. } = image;
+    if (width, height) != (w, h) {
         return Err(format!(
-            "{}: is {}x{} pixels large, and the image {width}x{height}",
-            path.display(),
-            image.width,
-            image.height
+            "{name}: is {width}x{height} pixels large, and the image {w}x{h}"
         ));
     }
     // Warn of a reference with our seed
@@ -398,7 +393,7 @@ fn load(
     let report = Report {
         scene: SceneFile { file, sha256, triangles },
         settings: entries(&subject),
-        ..Report::begin("pt")
+        ..Report::default().by("pt")
     };
     Ok((Scene::of(mesh), subject, report))
 }
@@ -432,10 +427,8 @@ fn subject(options: &Options, corners: [glam::DVec3; 2]) -> Subject {
     let &Options { resolution, crop, albedo, .. } = options;
     let aspect = f64::from(resolution.0) / f64::from(resolution.1);
     let typed = options.view();
-    let outside = match options.has_camera() {
-        true => None,
-        false => typed.outside(corners, aspect),
-    };
+    let outside = typed.outside(corners, aspect);
+    let outside = outside.filter(|_| !options.has_camera());
     let view = outside.unwrap_or(typed);
     Subject { resolution, crop, view, albedo }
 }
@@ -488,18 +481,15 @@ fn build(
     let Scene { triangles, left_out, .. } = scene;
     let quality = Quality::expecting(triangles.len(), rays);
     // Warn of triangles that are too small
-    let count = too_small(&triangles);
+    let (count, all) = (too_small(&triangles), triangles.len());
     if count > 0 {
         progress::warn(&format!(
-            "{count} of {} triangles are smaller than 2^-40 of the largest, \
-             or 2^-43 of the scene: close to larger ones the light may be wrong",
-            triangles.len()
+            "{count} of {all} triangles are smaller than 2^-40 of the largest, \
+             or 2^-43 of the scene: close to larger ones the light may be wrong"
         ));
     }
     // Build the hierarchy and show how far it is
-    let what = "building the hierarchy".to_owned();
-    let all = Some(triangles.len() as u64);
-    let step = step(what, all);
+    let step = step("building the hierarchy".into(), Some(all as u64));
     let placed = |count: usize| step.set_position(count as u64);
     let bvh = Bvh::of(triangles, quality, options.isa(), &placed);
     let bvh = bvh.map_err(|e| e.to_string())?;
@@ -609,8 +599,8 @@ fn film_so_far(
         let bytes = metric(64. * pixels as f64);
         format!("too little memory: {bytes}B more are needed")
     })?;
-    let (mut film, mut convergence) =
-        (run_key.film(), Convergence::default());
+    let mut film = run_key.film();
+    let mut convergence = Convergence::default();
     // Warn of a part without a sample
     if run_key.part.is_some() && goal == Some(0) {
         let together = film.replicate;
@@ -634,41 +624,44 @@ fn film_so_far(
     Ok((film, convergence))
 }
 
-/// Renders until a limit is reached, and keeps files and bar up to date.
+/// Renders until a limit is reached, keeps files and bar up to date, and
+/// prints a summary at the end, which names the `picture`.
 fn render(
     job: &mut dyn Renderer,
-    (film, convergence): &mut (Film, Convergence),
+    (mut film, mut convergence): (Film, Convergence),
     limits: &Limits,
-    output: &mut RunOutput,
+    mut output: RunOutput,
     bar: &ProgressBar,
-) -> Stop {
+    picture: Option<&Path>,
+) -> Result<Stop, String> {
     let (began, area) = (Instant::now(), film.area());
     // Keep the bar up to date
     let show = |convergence: &Convergence| {
         let spp = convergence.expected(limits, area);
         let all = spp.map(|spp| spp.saturating_mul(area));
         let paths = convergence.spp.saturating_mul(area);
-        let rmse = convergence.last().rmse;
-        let rmse = rmse.map(|rmse| format!("rmse {rmse:.2e}, "));
-        let rmse = rmse.unwrap_or_default();
-        let known = format!("{} spp, {rmse}", convergence.spp);
+        let mut known = format!("{} spp, ", convergence.spp);
+        if let Some(rmse) = convergence.last().rmse {
+            known += &format!("rmse {rmse:.2e}, ");
+        }
         expect(bar, (paths, all), "paths", known);
     };
-    match job.training_rays(area) {
-        0 => show(convergence),
+    let training = job.training_rays(area);
+    match training {
+        0 => show(&convergence),
         rays => expect(bar, (0, Some(rays)), "rays", "learning, ".into()),
     }
     // Write files between two passes
     let mut after = |convergence: &Convergence, film: &Film| {
         show(convergence);
-        if let Err(message) =
-            output.write(convergence, film, Some(Instant::now()))
-        {
+        let written = output.write(convergence, film, Some(Instant::now()));
+        if let Err(message) = written {
             bar.suspend(|| progress::warn(&message));
         }
     };
     let advance = |n| bar.inc(n);
-    let stop = convergence.run(job, film, limits, &advance, &mut after);
+    let stop =
+        convergence.run(job, &mut film, limits, &advance, &mut after);
     bar.finish_and_clear();
     // Warn if there was no time
     let late = limits.deadline.is_some_and(|end| began > end);
@@ -678,42 +671,27 @@ fn render(
              longer than --time allows",
         );
     }
-    stop
-}
-
-/// Writes the files and the summary, if there is a sample.
-fn end(
-    (film, convergence): &(Film, Convergence),
-    output: &mut RunOutput,
-    stop: Stop,
-    method: Method,
-    picture: Option<&Path>,
-) -> Result<(), String> {
     // End without an image if there is no sample
     let is_over = matches!(stop, Stop::Time | Stop::Signal(_));
     if is_over && film.unsampled() == film.area() {
-        let message = stop.without_image(match method {
-            Method::Gather => "learning",
-            _ => "rendering",
-        });
+        let doing = if training > 0 { "learning" } else { "rendering" };
+        let message = stop.without_image(doing);
         if stop == Stop::Time {
             return Err(message);
         }
         progress::error(&message);
-        return Ok(());
+        return Ok(stop);
     }
-    output.write(convergence, film, None)?;
-    if progress::is_quiet() {
-        return Ok(());
-    }
+    output.write(&convergence, &film, None)?;
     // Print the summary
-    let report = output.known.report.complete(film);
-    let file = picture.map(|path| ("file", path.display().to_string()));
-    let lines = report.summary(film.area()).into_iter().chain(file);
-    for (name, text) in lines {
-        progress::inform(&format!("{name:10}{text}"));
+    if !progress::is_quiet() {
+        let report = output.known.report.complete(&film);
+        let file = picture.map(|path| ("file", path.display().to_string()));
+        for (name, text) in report.summary(area).into_iter().chain(file) {
+            progress::inform(&format!("{name:10}{text}"));
+        }
     }
-    Ok(())
+    Ok(stop)
 }
 
 /// Tells other ranks a value.
@@ -747,7 +725,6 @@ pub fn follow(ranks: &dyn Ranks) -> Result<(), String> {
     let Some(run_key) = hear::<RunKey>(ranks)? else { return Ok(()) };
     let setup =
         Setup { intersector: &bvh, inquiry: &inquiry, analysis: &analysis };
-    let job = setup.renderer(&run_key.sampling);
-    ranks.serve(job, &run_key);
+    ranks.serve(setup.renderer(&run_key.sampling), &run_key);
     Ok(())
 }

@@ -13,7 +13,7 @@ use litpt::bvh::{Hit, Intersector};
 use litpt::film::{Film, Summary, WORTH, Watch};
 use litpt::integrator::{Integrator, PathEvent};
 use litpt::render::{Job, Renderer};
-use litpt::render_loop::{Convergence, Interrupt, Limits, Stop};
+use litpt::render_loop::{Convergence, Limits, Stop};
 use litpt::sampler::Sampler;
 use litpt::scene::Ray;
 use litpt::statistics::Accumulator;
@@ -72,12 +72,9 @@ fn job<E>(integrator: E, seed: u64) -> Job<'static, Nothing, E> {
     Job { entrance, intersector, camera, integrator, known, sampler }
 }
 
-/// No signal comes.
-static SILENCE: LazyLock<Interrupt> = LazyLock::new(Interrupt::default);
-
 /// No limit but a number that no correct run of these tests reaches.
 fn limits() -> Limits<'static> {
-    Limits { samples: Some(50_000), ..Limits::none(&SILENCE) }
+    Limits { samples: Some(50_000), ..Limits::default() }
 }
 
 /// Goes on with a run until a limit is reached.
@@ -487,8 +484,8 @@ fn the_pace_is_that_of_the_samples_that_were_made() {
     let clock = || start + Duration::from_millis(ticks.load(Relaxed));
     let limits = Limits {
         samples: Some(1000),
-        clock: &clock,
-        ..Limits::none(&SILENCE)
+        clock: Some(&clock),
+        ..Limits::default()
     };
     let mut renderer = Sixteen(&ticks, vec![]);
     let (mut film, mut run) = (Film::new(8, 8), Convergence::default());
@@ -511,8 +508,8 @@ fn time_for_writing_is_kept_in_reserve() {
         let limits = Limits {
             deadline: Some(start + Duration::from_secs(10)),
             reserve: [none, all],
-            clock: &clock,
-            ..Limits::none(&SILENCE)
+            clock: Some(&clock),
+            ..Limits::default()
         };
         // Each tile looks at the clock some times.
         let mut job = job(draw, 1);

@@ -116,19 +116,12 @@ impl Sampling {
         }
     }
 
-    /// Names what decides the samples: those of different names are not to
-    /// be mixed.
+    /// Names the code that decides the samples: those of different names are
+    /// not to be mixed.
     pub fn identity(&self) -> String {
-        let Self { method, replicate, training, .. } = self;
-        match method {
-            Method::Reference => identity(),
-            Method::Sobol => {
-                format!("{}, controlled nets of {replicate}", identity())
-            }
-            Method::Gather => format!(
-                "gather {GATHER_VERSION}, nets of {replicate}, training with \
-                 {training} rays"
-            ),
+        match self.method {
+            Method::Gather => format!("gather {GATHER_VERSION}"),
+            _ => identity(),
         }
     }
 }

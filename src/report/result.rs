@@ -90,9 +90,8 @@ impl Report {
 }
 
 impl Report {
-    /// The report of this process of a program, of which nothing else is
-    /// known yet.
-    pub fn begin(program: &str) -> Self {
+    /// The same by this process of a program.
+    pub fn by(self, program: &str) -> Self {
         let words = env::args_os();
         let words = words.map(|word| quoted(&word.to_string_lossy()));
         let file = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
@@ -103,7 +102,7 @@ impl Report {
             command: words.collect::<Vec<_>>().join(" "),
             date: format_rfc3339_seconds(SystemTime::now()).to_string(),
             processor: name.unwrap_or(env::consts::ARCH).to_owned(),
-            ..Self::default()
+            ..self
         }
     }
 }
