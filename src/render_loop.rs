@@ -222,19 +222,16 @@ impl Convergence {
     /// next step is due.
     fn next(&self, limits: &Limits, area: u64, slice: f64) -> (u64, u64) {
         // Find when the next step is due
-        let mut due = next_step(self.last().spp.max(self.spp));
-        if let Some(samples) = limits.samples {
-            due = due.min(samples);
-        }
-        if let Some(error) = limits.error {
-            due = due.min(self.needed(error, area).max(self.spp + 1));
-        }
+        let needed = |error| self.needed(error, area).max(self.spp + 1);
+        let ends =
+            limits.samples.into_iter().chain(limits.error.map(needed));
+        let due =
+            ends.fold(next_step(self.last().spp.max(self.spp)), u64::min);
         // Find the time for a pass
-        let mut seconds = slice;
-        if let Some(end) = limits.end(1.) {
-            let left = end.saturating_duration_since(limits.now());
-            seconds = seconds.min(left.as_secs_f64());
-        }
+        let left =
+            |end: Instant| end.saturating_duration_since(limits.now());
+        let left = limits.end(1.).map(|end| left(end).as_secs_f64());
+        let seconds = left.map_or(slice, |left| slice.min(left));
         let pace = self.pace.map_or(1, |pace| (seconds / pace) as u64);
         (due.min(self.spp.saturating_add(pace.max(1))), due)
     }

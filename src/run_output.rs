@@ -190,14 +190,15 @@ fn picture<'f>(known: &Known, film: &'f Film) -> Picture<'f> {
 
 /// What is known of a merged run, and its film.
 pub fn conclude(merged: Merged) -> (Known, Film) {
-    let Merged { mut known, film, missing, spp } = merged;
+    let Merged { mut known, film, missing } = merged;
     let mut whole = known.report.by("ptimg");
     let stop = missing.is_none().then_some(Stop::Samples);
     whole.convergence.stopped = stop;
     // Describe the whole run
+    let part = known.run_key.part.take();
+    let spp = part.map_or(whole.convergence.spp, |part| part.of);
     let settings = &mut whole.settings;
     settings.remove("part");
-    let spp = spp.unwrap_or(whole.convergence.spp);
     settings.insert("spp".into(), spp.into());
     settings.extend(missing.map(|m| ("missing".into(), m.into())));
     known.report = whole;

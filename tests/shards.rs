@@ -166,7 +166,7 @@ fn states_that_are_not_parts_of_one_run_are_refused() {
         ("-d40x51", "resolution is [40,50] and [40,51]"),
         ("--crop=0,0,40x32", "crop is nothing and \"0,0,40x32\""),
         ("--integrator=sobol", "method is"),
-        ("-n9", "spp is 8 and 9"),
+        ("-n9", "part is"),
     ] {
         part(&place, "b.litpt", &format!("{run} --samples=4..8 {option}"));
         let words = ["a.litpt and b.litpt are not of one run", what];

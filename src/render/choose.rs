@@ -257,9 +257,9 @@ impl<'a> Setup<'a> {
         let asks = match wanted {
             None => true,
             Some(Method::Reference) => false,
-            Some(Method::Sobol) => saved.is_none(),
+            Some(Method::Sobol) => begun.is_none(),
             Some(Method::Gather) => {
-                saved.is_none() && request.left.is_some()
+                begun.is_none() && request.left.is_some()
             }
         };
         let request = Request { method: wanted, ..*request };

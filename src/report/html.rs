@@ -19,7 +19,14 @@ pub fn page(report: &Report, image: &Image) -> String {
     let pixels = u64::from(image.width) * u64::from(image.height);
     let mut summary = report.summary(pixels);
     let [seconds, spp] = report.slopes();
-    summary.extend(seconds.zip(spp).map(tell_slopes));
+    let tell = |(seconds, spp): (f64, f64)| {
+        let text = format!(
+            "{seconds:.3} against seconds, {spp:.3} against samples, on \
+             logarithmic axes; independent samples give -0.5"
+        );
+        ("slope", text)
+    };
+    summary.extend(seconds.zip(spp).map(tell));
     // List what was set
     let origin = [
         ("command", &report.command),
@@ -91,14 +98,6 @@ th, td { padding: 0.15rem 1rem 0.15rem 0; text-align: left;
   vertical-align: top; border-bottom: 1px solid #8886 }
 th:first-child { min-width: 5.75rem }
 ";
-
-fn tell_slopes((seconds, spp): (f64, f64)) -> (&'static str, String) {
-    let text = format!(
-        "{seconds:.3} against seconds, {spp:.3} against samples, on \
-         logarithmic axes; independent samples give -0.5"
-    );
-    ("slope", text)
-}
 
 fn pictures(report: &Report, image: &Image) -> Markup {
     // Name the size and the range of the image

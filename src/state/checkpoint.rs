@@ -148,16 +148,12 @@ impl<R: BufRead + Seek> Checkpoint<R> {
     /// # Errors
     /// The file cannot be read.
     pub fn fill(&mut self, film: &mut Film) -> Result<(), String> {
-        let mut fill = |all: &mut [Accumulator]| {
-            all.iter_mut().try_for_each(|sums| {
-                let mut bytes = [0; 64];
-                self.sums.read_exact(&mut bytes).map_err(unreadable)?;
-                *sums = Accumulator::from_bytes(&bytes);
-                Ok(())
-            })
-        };
-        fill(&mut film.pixels)?;
-        fill(&mut film.tile_means)
+        for sums in film.pixels.iter_mut().chain(&mut film.tile_means) {
+            let mut bytes = [0; 64];
+            self.sums.read_exact(&mut bytes).map_err(unreadable)?;
+            *sums = Accumulator::from_bytes(&bytes);
+        }
+        Ok(())
     }
 }
 

@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use crate::film::{Film, Window};
 use crate::image::extension;
 use crate::state::checkpoint::{Checkpoint, Known};
+use crate::state::key::Part;
 
 /// Whether a file of this name is to hold the state of a run.
 pub fn is_state_name(path: &Path) -> bool {
@@ -45,10 +46,9 @@ impl Held {
 
 /// What the states of parts add up to.
 pub struct Merged {
-    /// What is known of the whole run. The curve has one point.
+    /// What is known of the whole run. The curve has one point, and the part
+    /// is all of it, if it has parts.
     pub known: Known,
-    /// The number of samples of the whole run, if a part tells it.
-    pub spp: Option<u64>,
     /// The sums of the whole window.
     pub film: Film,
     /// The samples that no state holds, in words.
@@ -66,26 +66,17 @@ pub fn merge(files: &[PathBuf]) -> Result<Merged, String> {
     for path in files {
         let mut state = Checkpoint::of_file(path)?;
         let mut film = state.known.run_key.film();
-        let part = state.known.run_key.part.take();
+        let part = state.known.run_key.part;
+        state.known.run_key.part = part.map(Part::whole);
         let Known { run_key, report, .. } = state.known.clone();
-        let merged = sum.get_or_insert_with(|| Merged {
-            film: run_key.film(),
-            known: Known {
-                report: report.without_costs(),
-                ..state.known.clone()
-            },
-            spp: part.map(|part| part.of),
-            missing: None,
+        let merged = sum.get_or_insert_with(|| {
+            let report = report.without_costs();
+            let known = Known { report, ..state.known.clone() };
+            Merged { film: run_key.film(), known, missing: None }
         });
         // Refuse a state of another run
-        let key = merged.known.run_key.disagreement(&run_key);
-        let asked = [merged.spp, part.map(|part| part.of)];
-        let differs = (asked[0] != asked[1]).then(|| {
-            let words = asked
-                .map(|n| n.map_or("nothing".to_owned(), |n| n.to_string()));
-            ("spp".to_owned(), words)
-        });
-        if let Some((what, [a, b])) = key.or(differs) {
+        let differs = merged.known.run_key.disagreement(&run_key);
+        if let Some((what, [a, b])) = differs {
             let (first, name) = (files[0].display(), path.display());
             return Err(format!(
                 "{first} and {name} are not of one run: {what} is {a} and {b}"
@@ -118,7 +109,8 @@ pub fn merge(files: &[PathBuf]) -> Result<Merged, String> {
     convergence.spp = merged.film.samples();
     convergence.record(&merged.film, None);
     let held: Vec<_> = held.iter().map(|(_, [_, there])| *there).collect();
-    let of = merged.spp.unwrap_or(convergence.spp);
+    let part = merged.known.run_key.part;
+    let of = part.map_or(convergence.spp, |part| part.of);
     merged.missing = missing(merged.film.window, of, &held);
     Ok(merged)
 }
