@@ -472,11 +472,9 @@ fn build(
         resolution: subject.resolution,
         kept: if options.keep_all { &Shortcut::ALL } else { &[] },
     };
-    let is_inside = inquiry.entrance.is_inside;
     let area = options.band().area() as f64;
     let paths = options.goal(1).map(|n| n as f64 * area);
-    let rays =
-        expected_rays(options.albedo, is_inside, paths, options.time);
+    let rays = expected_rays(&inquiry, paths, options.time);
     let rays = rays / f64::from(ranks.count());
     let Scene { triangles, left_out, .. } = scene;
     let quality = Quality::expecting(triangles.len(), rays);

@@ -559,20 +559,18 @@ const MANY: u64 = 1 << 20;
 /// A guess of how many rays are traced for so many paths, in so many
 /// seconds, from within the box around a scene or from outside.
 pub fn expected_rays(
-    albedo: f64,
-    is_within: bool,
+    inquiry: &Inquiry,
     paths: Option<f64>,
     time: Option<f64>,
 ) -> f64 {
-    let each = match is_within {
-        true => (1. / (1. - albedo)).min(10.),
-        false => 1. + albedo,
+    let each = match inquiry.entrance.is_inside {
+        true => (1. / (1. - inquiry.albedo)).min(10.),
+        false => 1. + inquiry.albedo,
     };
     let time = time.or(paths.is_none().then_some(60.));
     let rate = RATE * rayon::current_num_threads() as f64;
-    let rays = paths.map(|paths| paths * each);
-    let timed = time.map(|time| time * rate);
-    rays.into_iter().chain(timed).fold(f64::INFINITY, f64::min)
+    let timed = time.map_or(f64::INFINITY, |time| time * rate);
+    paths.map_or(timed, |paths| timed.min(paths * each))
 }
 
 /// Rays per second that a thread is guessed to trace.

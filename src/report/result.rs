@@ -65,16 +65,6 @@ impl Report {
         now
     }
 
-    /// What it says but for the costs.
-    pub fn without_costs(&self) -> Self {
-        Self {
-            load_seconds: 0.,
-            build_seconds: 0.,
-            convergence: Convergence::default(),
-            ..self.clone()
-        }
-    }
-
     /// Adds the costs of a part, and keeps the settings that it shares.
     pub fn add(&mut self, part: &Self) {
         self.load_seconds += part.load_seconds;

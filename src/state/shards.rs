@@ -5,10 +5,12 @@
 //! Parts of one run, and how their states are merged.
 
 use std::fmt;
+use std::mem;
 use std::path::{Path, PathBuf};
 
 use crate::film::{Film, Window};
 use crate::image::extension;
+use crate::render_loop::Convergence;
 use crate::state::checkpoint::{Checkpoint, Known};
 use crate::state::key::Part;
 
@@ -70,9 +72,8 @@ pub fn merge(files: &[PathBuf]) -> Result<Merged, String> {
         state.known.run_key.part = part.map(Part::whole);
         let Known { run_key, report, .. } = state.known.clone();
         let merged = sum.get_or_insert_with(|| {
-            let report = report.without_costs();
-            let known = Known { report, ..state.known.clone() };
-            Merged { film: run_key.film(), known, missing: None }
+            let (film, known) = (run_key.film(), state.known.clone());
+            Merged { film, known, missing: None }
         });
         // Refuse a state of another run
         let differs = merged.known.run_key.disagreement(&run_key);
@@ -98,7 +99,9 @@ pub fn merge(files: &[PathBuf]) -> Result<Merged, String> {
             .fill(&mut film)
             .map_err(|fault| format!("{}: {fault}", path.display()))?;
         merged.film.merge(&film);
-        merged.known.report.add(&report);
+        if !held.is_empty() {
+            merged.known.report.add(&report);
+        }
         let (from, to) = samples;
         let samples = (from, to.min(from + film.samples()));
         held.push((path, [whole, Held { samples, ..whole }]));
@@ -106,11 +109,14 @@ pub fn merge(files: &[PathBuf]) -> Result<Merged, String> {
     // Say what the sum has and what it lacks
     let mut merged = sum.ok_or("there is nothing to merge")?;
     let convergence = &mut merged.known.report.convergence;
-    convergence.spp = merged.film.samples();
+    let Convergence { rays, seconds, .. } = mem::take(convergence);
+    let spp = merged.film.samples();
+    (convergence.spp, convergence.rays, convergence.seconds) =
+        (spp, rays, seconds);
     convergence.record(&merged.film, None);
     let held: Vec<_> = held.iter().map(|(_, [_, there])| *there).collect();
     let part = merged.known.run_key.part;
-    let of = part.map_or(convergence.spp, |part| part.of);
+    let of = part.map_or(spp, |part| part.of);
     merged.missing = missing(merged.film.window, of, &held);
     Ok(merged)
 }
