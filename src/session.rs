@@ -8,7 +8,7 @@ use std::fs::{self, File};
 use std::io::{self, IsTerminal, Read};
 use std::path::{Path, PathBuf};
 use std::process::{self, ExitCode};
-use std::sync::mpsc::{self, RecvTimeoutError, Sender};
+use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -150,11 +150,13 @@ fn run(
     let interrupt = Interrupt::listen()
         .map_err(|e| format!("cannot listen for signals: {e}"))?;
     let deadline = options.deadline(start);
-    let stage = watch(&interrupt, latest(options, deadline));
-    let enter = |doing, bar| _ = stage.send((doing, bar));
+    let stage = watch(interrupt.clone(), latest(options, deadline));
+    let enter = |doing, bar| {
+        *stage.lock().expect("no panic with the lock") = (doing, bar);
+    };
     // Check what needs no scene
     if options.has_camera() {
-        camera(options.resolution, &options.view())?;
+        Camera::new(&options.view(), aspect(options.resolution))?;
     }
     start_threads(options)?;
     let (files, reference) = open_files(options)?;
@@ -164,11 +166,9 @@ fn run(
     let began = Instant::now();
     let mut bytes = read(options)?;
     ranks.tell(&mut bytes);
-    let is_named = reference.is_some() || files.iter().any(names_the_scene);
-    let (scene, subject, mut report) = load(options, bytes, is_named)?;
-    if let (Some(image), Some(path)) = (&reference, &options.reference) {
-        compare(path, image, &report)?;
-    }
+    let is_named = files.iter().any(names_the_scene);
+    let (scene, subject, mut report) =
+        load(options, bytes, is_named, reference.as_ref())?;
     report.load_seconds = began.elapsed().as_secs_f64();
     enter("building the hierarchy", None);
     let (inquiry, analysis, bvh) =
@@ -249,26 +249,22 @@ fn latest(options: &Options, deadline: Option<Instant>) -> Option<Instant> {
 }
 
 /// What the program does, and its bar when it renders.
-type Doing = (&'static str, Option<ProgressBar>);
+type Doing = Mutex<(&'static str, Option<ProgressBar>)>;
 
 /// Starts a thread that ends the program if a signal comes before the first
-/// pass, or the time `end`, and answers a signal that comes later; tells it
-/// what is done.
-fn watch(interrupt: &Interrupt, end: Option<Instant>) -> Sender<Doing> {
-    let (sender, told) = mpsc::channel();
-    let interrupt = interrupt.clone();
+/// pass, or the time `end`, and answers a signal that comes later; returns
+/// where it looks up what is done.
+fn watch(interrupt: Interrupt, end: Option<Instant>) -> Arc<Doing> {
+    let told = Arc::new(Mutex::new(("reading", None)));
+    let doing = told.clone();
     thread::spawn(move || {
-        let mut doing: Doing = ("reading", None);
         loop {
-            match told.recv_timeout(Duration::from_millis(50)) {
-                Ok(next) => doing = next,
-                Err(RecvTimeoutError::Disconnected) => return,
-                Err(RecvTimeoutError::Timeout) => (),
-            }
+            thread::sleep(Duration::from_millis(50));
+            let doing = doing.lock().expect("no panic with the lock");
             // Answer a signal, or the end of the time
             let signal = interrupt.signal().map(Stop::Signal);
             let over = end.is_some_and(|end| Instant::now() >= end);
-            match (&doing, signal.or(over.then_some(Stop::Time))) {
+            match (&*doing, signal.or(over.then_some(Stop::Time))) {
                 ((what, None), Some(stop)) => {
                     progress::error(&stop.without_image(what));
                     process::exit(status(stop, 1).into());
@@ -280,12 +276,11 @@ fn watch(interrupt: &Interrupt, end: Option<Instant>) -> Sender<Doing> {
             }
         }
     });
-    sender
+    told
 }
 
-fn camera(resolution: (u32, u32), view: &View) -> Result<Camera, String> {
-    let aspect = f64::from(resolution.0) / f64::from(resolution.1);
-    Camera::new(view, aspect)
+fn aspect((width, height): (u32, u32)) -> f64 {
+    f64::from(width) / f64::from(height)
 }
 
 /// The files that a run will write, none of them touched yet, and its
@@ -365,6 +360,7 @@ fn load(
     options: &Options,
     bytes: Vec<u8>,
     is_named: bool,
+    reference: Option<&Image>,
 ) -> Result<(Scene, Subject, Report), String> {
     let file = options.input_name();
     let step = step(format!("parsing {file}"), None);
@@ -375,15 +371,21 @@ fn load(
     for warning in warnings {
         progress::warn(&warning.within(&file));
     }
-    let subject = subject(options, mesh.corners());
+    // Say what is shown
+    let &Options { resolution, crop, albedo, .. } = options;
+    let (typed_view, has_camera) = (options.view(), options.has_camera());
+    let outside = typed_view.outside(mesh.corners(), aspect(resolution));
+    let view = outside.filter(|_| !has_camera).unwrap_or(typed_view);
+    let subject = Subject { resolution, crop, view, albedo };
     // Say where the camera stands
-    if !options.has_camera() {
+    if !has_camera {
         let View { position, target, .. } = subject.view;
         let [p, t] = [position, target].map(typed);
         let options = format!("-p {p} -t {t}");
         progress::inform(&format!("the camera stands outside: {options}"));
     }
     // Hash the bytes if a file will name them
+    let is_named = is_named || reference.is_some();
     let hash = is_named.then(|| Sha256::digest(&bytes));
     let hex = |byte: u8| format!("{byte:02x}");
     let sha256: String = hash.into_iter().flatten().map(hex).collect();
@@ -395,6 +397,17 @@ fn load(
         settings: entries(&subject),
         ..Report::default().by("pt")
     };
+    // Refuse a reference of something else
+    if let (Some(image), Some(path)) = (reference, &options.reference) {
+        let mut ours = attributes(&report.settings);
+        ours.insert("scene_sha256".into(), report.scene.sha256.clone());
+        let differing = disagreements(&image.attributes, &ours).join(", ");
+        if !differing.is_empty() {
+            let differing =
+                format!("something else than this run: {differing}");
+            return Err(format!("{}: shows {differing}", path.display()));
+        }
+    }
     Ok((Scene::of(mesh), subject, report))
 }
 
@@ -422,36 +435,9 @@ fn read(options: &Options) -> Result<Vec<u8>, String> {
 /// So many bytes of an OBJ have a vertex.
 const START: u64 = 1 << 26;
 
-/// What is shown of a scene between two corners.
-fn subject(options: &Options, corners: [glam::DVec3; 2]) -> Subject {
-    let &Options { resolution, crop, albedo, .. } = options;
-    let aspect = f64::from(resolution.0) / f64::from(resolution.1);
-    let typed = options.view();
-    let outside = typed.outside(corners, aspect);
-    let outside = outside.filter(|_| !options.has_camera());
-    let view = outside.unwrap_or(typed);
-    Subject { resolution, crop, view, albedo }
-}
-
 /// Whether a file names the scene by its hash.
 fn names_the_scene((product, _): &(Product, OutputTarget)) -> bool {
     !matches!(product, Product::Image(format) if *format != Format::Exr)
-}
-
-/// Refuses a reference of something else.
-fn compare(
-    path: &Path,
-    reference: &Image,
-    report: &Report,
-) -> Result<(), String> {
-    let mut ours = attributes(&report.settings);
-    ours.insert("scene_sha256".into(), report.scene.sha256.clone());
-    let differing = disagreements(&reference.attributes, &ours).join(", ");
-    if differing.is_empty() {
-        return Ok(());
-    }
-    let name = path.display();
-    Err(format!("{name}: shows something else than this run: {differing}"))
 }
 
 /// What is asked about a scene, what is found, and its hierarchy.
@@ -463,7 +449,7 @@ fn build(
     known: &mut Report,
 ) -> Result<(Inquiry<'static>, SceneAnalysis, Bvh), String> {
     let began = Instant::now();
-    let camera = camera(subject.resolution, &subject.view)?;
+    let camera = Camera::new(&subject.view, aspect(subject.resolution))?;
     let inquiry = Inquiry {
         camera,
         entrance: scene.frame.entrance(camera.position),
@@ -717,7 +703,7 @@ pub fn follow(ranks: &dyn Ranks) -> Result<(), String> {
     progress::hush();
     start_threads(&options)?;
     let Some(bytes) = ranks.hear() else { return Ok(()) };
-    let (scene, subject, mut report) = load(&options, bytes, false)?;
+    let (scene, subject, mut report) = load(&options, bytes, false, None)?;
     let (inquiry, analysis, bvh) =
         build(scene, &subject, &options, ranks, &mut report)?;
     let Some(run_key) = hear::<RunKey>(ranks)? else { return Ok(()) };
