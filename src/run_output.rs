@@ -14,11 +14,10 @@ use serde_json::{Map, Value, json};
 use crate::film::Film;
 use crate::image::{Format, Picture};
 use crate::output::OutputTarget;
-use crate::render_loop::{Convergence, Stop};
+use crate::render_loop::Convergence;
 use crate::report::{Kind, as_typed};
 use crate::state::checkpoint::{Known, save};
 use crate::state::key::entries;
-use crate::state::shards::Merged;
 
 /// What a file of a run holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -186,21 +185,4 @@ fn picture<'f>(known: &Known, film: &'f Film) -> Picture<'f> {
     all.extend(entries(run_key));
     all.extend(entries(&known));
     Picture::new(film, attributes(&all))
-}
-
-/// What is known of a merged run, and its film.
-pub fn conclude(merged: Merged) -> (Known, Film) {
-    let Merged { mut known, film, missing } = merged;
-    let mut whole = known.report.by("ptimg");
-    let stop = missing.is_none().then_some(Stop::Samples);
-    whole.convergence.stopped = stop;
-    // Describe the whole run
-    let part = known.run_key.part.take();
-    let spp = part.map_or(whole.convergence.spp, |part| part.of);
-    let settings = &mut whole.settings;
-    settings.remove("part");
-    settings.insert("spp".into(), spp.into());
-    settings.extend(missing.map(|m| ("missing".into(), m.into())));
-    known.report = whole;
-    (known, film)
 }

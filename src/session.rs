@@ -392,11 +392,10 @@ fn load(
     drop(bytes);
     // Begin a report of the scene
     let triangles = mesh.triangles.len() as u64;
-    let report = Report {
-        scene: SceneFile { file, sha256, triangles },
-        settings: entries(&subject),
-        ..Report::default().by("pt")
-    };
+    let mut report = Report::default();
+    report.sign("pt");
+    report.scene = SceneFile { file, sha256, triangles };
+    report.settings = entries(&subject);
     // Refuse a reference of something else
     if let (Some(image), Some(path)) = (reference, &options.reference) {
         let mut ours = attributes(&report.settings);

@@ -86,7 +86,8 @@ fn of_ranks() -> Report {
         rmse_reference: None,
         processor_seconds: Some(seconds),
     };
-    let mut report = Report::default().by("pt");
+    let mut report = Report::default();
+    report.sign("pt");
     report.convergence.ranks = vec![Share::default(); 2];
     report.convergence.processor_seconds = Some(seconds);
     report.convergence.curve = vec![point];

@@ -14,7 +14,6 @@ use std::time::{Duration, Instant};
 
 use common::{Run, Scratch, finish, wait_until};
 use litpt::image::Image;
-use litpt::run_output::conclude;
 use litpt::state::checkpoint::Checkpoint;
 use litpt::state::shards::merge;
 
@@ -98,7 +97,7 @@ fn ranks_render_a_part_of_a_run() {
         run(&place, 3, &part).succeeded();
     }
     let parts = ["a.litpt", "b.litpt", "c.litpt"].map(|n| place.path(n));
-    let (_, film) = conclude(merge(&parts).unwrap());
+    let film = merge(&parts).unwrap().film;
     let whole = Image::read(&place.path("a.pfm")).unwrap().means;
     let means = film.means().map(|x| f64::from(x as f32));
     assert!(means.eq(whole));

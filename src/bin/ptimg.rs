@@ -22,7 +22,7 @@ use litpt::options::{LICENCE, is_dash, parse_real, parse_words};
 use litpt::output::{OutputTarget, descriptor, format_of, tell_apart};
 use litpt::progress;
 use litpt::report::Kind;
-use litpt::run_output::{Product, RunOutput, conclude};
+use litpt::run_output::{Product, RunOutput};
 use litpt::session::fail;
 use litpt::state::shards;
 use signal_hook::consts::SIGXFSZ;
@@ -270,10 +270,9 @@ impl Merge {
             }
         }
         // Write what was merged
-        let (known, film) = conclude(merged);
-        let convergence = known.report.convergence.clone();
-        let mut output = RunOutput::new(files, (60., false), known);
-        output.write(&convergence, &film, None)
+        let convergence = merged.known.report.convergence.clone();
+        let mut output = RunOutput::new(files, (60., false), merged.known);
+        output.write(&convergence, &merged.film, None)
     }
 }
 

@@ -93,15 +93,13 @@ impl Sampling {
             Some(n) => 1 << (n / replicates).clamp(1, most).ilog2(),
             None => 4,
         };
-        let rays = samples.map_or(u64::MAX, |n| {
-            n.saturating_mul(area).saturating_mul(GATHER_RAYS)
-        });
+        let rays =
+            samples.unwrap_or(u64::MAX).saturating_mul(area * GATHER_RAYS);
+        let trained = (rays / 2).clamp(1 << 16, 1 << 22);
         let (replicate, training) = match method {
             Method::Reference => (1, 0),
             Method::Sobol => (together(4, 1 << 8), 0),
-            Method::Gather => {
-                (together(16, 4), (rays / 2).clamp(1 << 16, 1 << 22))
-            }
+            Method::Gather => (together(16, 4), trained),
         };
         Self { method, seed, replicate, training, control: 0 }
     }
@@ -203,9 +201,8 @@ impl<'a> Setup<'a> {
         let pilot = self.intersector.dispatch(trial);
         let pace = began.elapsed().as_secs_f64() / (4 * pixels) as f64;
         // Foresee the costs of all methods
-        let enough = |error: f64| {
-            ((pilot.first + pilot.later) / (error * error)).ceil() as u64
-        };
+        let variance = pilot.first + pilot.later;
+        let enough = |e: f64| (variance / (e * e)).ceil() as u64;
         let bounds = samples.into_iter().chain(request.error.map(enough));
         let samples = bounds.min().map(|n| n.max(1));
         let albedo = self.inquiry.albedo;
@@ -224,11 +221,10 @@ impl<'a> Setup<'a> {
             sampling.method == Method::Reference
                 || request.left.is_none_or(|left| 2. * paths * pace <= left)
         };
-        let best = |wanted: Option<Method>| {
-            let those = methods.iter().filter(|(sampling, _)| {
-                wanted.is_none_or(|m| m == sampling.method)
-                    && is_quick(sampling)
-            });
+        let quick = methods.iter().filter(|(s, _)| is_quick(s));
+        let best = |wanted: Wanted| {
+            let fits = |s: &Sampling| wanted.is_none_or(|m| m == s.method);
+            let those = quick.clone().filter(|(s, _)| fits(s));
             those.min_by(|s, t| s.1.total_cmp(&t.1))
         };
         let &(sampling, _) = best(request.method).or_else(|| best(None))?;

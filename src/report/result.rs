@@ -80,20 +80,17 @@ impl Report {
 }
 
 impl Report {
-    /// The same by this process of a program.
-    pub fn by(self, program: &str) -> Self {
+    /// Says which process of which program makes it.
+    pub fn sign(&mut self, program: &str) {
         let words = env::args_os();
         let words = words.map(|word| quoted(&word.to_string_lossy()));
         let file = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
         let name = file.lines().find(|line| line.starts_with("model name"));
         let name = name.and_then(|line| Some(line.split_once(": ")?.1));
-        Self {
-            program: format!("{program} {}", env!("CARGO_PKG_VERSION")),
-            command: words.collect::<Vec<_>>().join(" "),
-            date: format_rfc3339_seconds(SystemTime::now()).to_string(),
-            processor: name.unwrap_or(env::consts::ARCH).to_owned(),
-            ..self
-        }
+        self.program = format!("{program} {}", env!("CARGO_PKG_VERSION"));
+        self.command = words.collect::<Vec<_>>().join(" ");
+        self.date = format_rfc3339_seconds(SystemTime::now()).to_string();
+        self.processor = name.unwrap_or(env::consts::ARCH).to_owned();
     }
 }
 

@@ -5,12 +5,12 @@
 //! Parts of one run, and how their states are merged.
 
 use std::fmt;
-use std::mem;
 use std::path::{Path, PathBuf};
 
 use crate::film::{Film, Window};
 use crate::image::extension;
-use crate::render_loop::Convergence;
+use crate::render_loop::{Convergence, Stop};
+use crate::report::Report;
 use crate::state::checkpoint::{Checkpoint, Known};
 use crate::state::key::Part;
 
@@ -48,8 +48,7 @@ impl Held {
 
 /// What the states of parts add up to.
 pub struct Merged {
-    /// What is known of the whole run. The curve has one point, and the part
-    /// is all of it, if it has parts.
+    /// What is known of the whole run; its curve has one point.
     pub known: Known,
     /// The sums of the whole window.
     pub film: Film,
@@ -108,16 +107,24 @@ pub fn merge(files: &[PathBuf]) -> Result<Merged, String> {
     }
     // Say what the sum has and what it lacks
     let mut merged = sum.ok_or("there is nothing to merge")?;
-    let convergence = &mut merged.known.report.convergence;
-    let Convergence { rays, seconds, .. } = mem::take(convergence);
-    let spp = merged.film.samples();
-    (convergence.spp, convergence.rays, convergence.seconds) =
-        (spp, rays, seconds);
-    convergence.record(&merged.film, None);
+    let Merged { known, film, .. } = &mut merged;
+    let Convergence { rays, seconds, .. } = known.report.convergence;
+    let (mut convergence, spp) = (Convergence::default(), film.samples());
+    (convergence.spp, convergence.rays) = (spp, rays);
+    convergence.seconds = seconds;
+    convergence.record(film, None);
     let held: Vec<_> = held.iter().map(|(_, [_, there])| *there).collect();
-    let part = merged.known.run_key.part;
-    let of = part.map_or(spp, |part| part.of);
-    merged.missing = missing(merged.film.window, of, &held);
+    let of = known.run_key.part.take().map_or(spp, |part| part.of);
+    let missing = missing(film.window, of, &held);
+    // Describe the whole run
+    convergence.stopped = missing.is_none().then_some(Stop::Samples);
+    let Report { settings, .. } = &mut known.report;
+    settings.remove("part");
+    settings.insert("spp".into(), of.into());
+    settings.extend(missing.clone().map(|m| ("missing".into(), m.into())));
+    known.report.convergence = convergence;
+    known.report.sign("ptimg");
+    merged.missing = missing;
     Ok(merged)
 }
 
