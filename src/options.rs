@@ -9,7 +9,7 @@
 use std::ffi::OsString;
 use std::fmt::Display;
 use std::num::{IntErrorKind, ParseIntError};
-use std::os::unix::ffi::{OsStrExt, OsStringExt};
+use std::os::unix::ffi::OsStringExt;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::time::{Duration, Instant};
@@ -396,9 +396,8 @@ impl Options {
     pub fn save(&self, directory: &Path) -> Value {
         let mut saved = self.clone();
         for name in saved.names() {
-            let full = directory.join(&name);
-            let bytes = full.as_os_str().as_bytes().iter();
-            let text: String = bytes.map(|&b| char::from(b)).collect();
+            let full = directory.join(&name).into_os_string().into_vec();
+            let text: String = full.into_iter().map(char::from).collect();
             *name = text.into();
         }
         serde_json::to_value(saved).unwrap_or_default()

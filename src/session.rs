@@ -159,7 +159,8 @@ fn run(
         Camera::new(&options.view(), aspect(options.resolution))?;
     }
     start_threads(options)?;
-    let (files, reference) = open_files(options)?;
+    let files = open_files(options)?;
+    let reference = read_reference(options)?;
     let saved = options.save(&env::current_dir().unwrap_or_default());
     tell(ranks, &saved);
     // Load the scene and prepare it
@@ -283,11 +284,10 @@ fn aspect((width, height): (u32, u32)) -> f64 {
     f64::from(width) / f64::from(height)
 }
 
-/// The files that a run will write, none of them touched yet, and its
-/// reference.
+/// The files that a run will write, none of them touched yet.
 fn open_files(
     options: &Options,
-) -> Result<(Vec<(Product, OutputTarget)>, Option<Image>), String> {
+) -> Result<Vec<(Product, OutputTarget)>, String> {
     // Refuse files that are named twice
     let reference = options.reference.as_deref();
     let (scene, dash) = (options.scene_file(), Path::new("-"));
@@ -314,13 +314,11 @@ fn open_files(
     let report = |path| Kind::of(path).map(Product::Report);
     let reports = reports.map(|path| open(report(path), path));
     let state = state.map(|path| open(Ok(Product::State), path));
-    let files = images.chain(state).chain(reports);
-    let files = files.collect::<Result<_, String>>()?;
-    let reference = reference.map(|path| read_reference(path, options));
-    Ok((files, reference.transpose()?))
+    images.chain(state).chain(reports).collect()
 }
 
-fn read_reference(path: &Path, options: &Options) -> Result<Image, String> {
+fn read_reference(options: &Options) -> Result<Option<Image>, String> {
+    let Some(path) = &options.reference else { return Ok(None) };
     // Read an image that needs no note
     let mut faults = Vec::new();
     let note = &mut |fault: &str| faults.push(fault.to_owned());
@@ -345,7 +343,7 @@ fn read_reference(path: &Path, options: &Options) -> Result<Image, String> {
              larger than they will seem (choose another seed with -s)",
         );
     }
-    Ok(image)
+    Ok(Some(image))
 }
 
 fn start_threads(options: &Options) -> Result<(), String> {
@@ -563,8 +561,8 @@ fn settings(
         "threads": rayon::current_num_threads(),
         "integrator": sampling.method.to_string(),
     }));
-    let choice = choice.map(|choice| choice.to_string().into());
-    settings.extend(choice.map(|choice| ("choice".into(), choice)));
+    settings
+        .extend(choice.map(|c| ("choice".into(), json!(c.to_string()))));
     settings.extend(part.map(|part| ("part".into(), json!(part))));
     settings
 }

@@ -18,15 +18,13 @@ pub fn page(report: &Report, image: &Image) -> String {
     let scene = printable(&report.scene.file);
     let pixels = u64::from(image.width) * u64::from(image.height);
     let mut summary = report.summary(pixels);
-    let [seconds, spp] = report.slopes();
-    let tell = |(seconds, spp): (f64, f64)| {
+    if let [Some(seconds), Some(spp)] = report.slopes() {
         let text = format!(
             "{seconds:.3} against seconds, {spp:.3} against samples, on \
              logarithmic axes; independent samples give -0.5"
         );
-        ("slope", text)
-    };
-    summary.extend(seconds.zip(spp).map(tell));
+        summary.push(("slope", text));
+    }
     // List what was set
     let origin = [
         ("command", &report.command),

@@ -65,12 +65,11 @@ impl Report {
         now
     }
 
-    /// Adds the costs of a part, and keeps the settings that it shares.
+    /// Adds the times to load and to build of a part, and keeps the settings
+    /// that both have.
     pub fn add(&mut self, part: &Self) {
         self.load_seconds += part.load_seconds;
         self.build_seconds += part.build_seconds;
-        self.convergence.rays += part.convergence.rays;
-        self.convergence.seconds += part.convergence.seconds;
         for (name, value) in &mut self.settings {
             if part.settings.get(name) != Some(value) {
                 *value = Value::Null;

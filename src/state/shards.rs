@@ -64,6 +64,7 @@ pub struct Merged {
 pub fn merge(files: &[PathBuf]) -> Result<Merged, String> {
     let mut sum: Option<Merged> = None;
     let mut held: Vec<(&Path, [Held; 2])> = vec![];
+    let mut total = Convergence::default();
     for path in files {
         let mut state = Checkpoint::of_file(path)?;
         let mut film = state.known.run_key.film();
@@ -98,6 +99,8 @@ pub fn merge(files: &[PathBuf]) -> Result<Merged, String> {
             .fill(&mut film)
             .map_err(|fault| format!("{}: {fault}", path.display()))?;
         merged.film.merge(&film);
+        total.rays += report.convergence.rays;
+        total.seconds += report.convergence.seconds;
         if !held.is_empty() {
             merged.known.report.add(&report);
         }
@@ -108,21 +111,18 @@ pub fn merge(files: &[PathBuf]) -> Result<Merged, String> {
     // Say what the sum has and what it lacks
     let mut merged = sum.ok_or("there is nothing to merge")?;
     let Merged { known, film, .. } = &mut merged;
-    let Convergence { rays, seconds, .. } = known.report.convergence;
-    let (mut convergence, spp) = (Convergence::default(), film.samples());
-    (convergence.spp, convergence.rays) = (spp, rays);
-    convergence.seconds = seconds;
-    convergence.record(film, None);
+    total.spp = film.samples();
+    total.record(film, None);
     let held: Vec<_> = held.iter().map(|(_, [_, there])| *there).collect();
-    let of = known.run_key.part.take().map_or(spp, |part| part.of);
+    let of = known.run_key.part.take().map_or(total.spp, |part| part.of);
     let missing = missing(film.window, of, &held);
     // Describe the whole run
-    convergence.stopped = missing.is_none().then_some(Stop::Samples);
+    total.stopped = missing.is_none().then_some(Stop::Samples);
     let Report { settings, .. } = &mut known.report;
     settings.remove("part");
     settings.insert("spp".into(), of.into());
     settings.extend(missing.clone().map(|m| ("missing".into(), m.into())));
-    known.report.convergence = convergence;
+    known.report.convergence = total;
     known.report.sign("ptimg");
     merged.missing = missing;
     Ok(merged)
