@@ -73,7 +73,7 @@ pub struct SceneAnalysis {
 #[derive(Clone, Copy)]
 pub struct Inquiry<'a> {
     /// The camera of the image.
-    pub camera: &'a Camera,
+    pub camera: Camera,
     /// Where its rays enter the scene.
     pub entrance: Entrance,
     /// The only light.
@@ -165,7 +165,7 @@ impl SceneAnalysis {
         intersector: &Bvh,
         inquiry: &Inquiry,
     ) -> Option<(bool, String)> {
-        let &Inquiry { camera, sky, resolution, .. } = inquiry;
+        let &Inquiry { ref camera, sky, resolution, .. } = inquiry;
         let tip = inquiry.entrance.place()?;
         let tiles = KnownPixels::background(
             camera,

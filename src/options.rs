@@ -9,7 +9,7 @@
 use std::ffi::OsString;
 use std::fmt::Display;
 use std::num::{IntErrorKind, ParseIntError};
-use std::os::unix::ffi::{OsStrExt, OsStringExt};
+use std::os::unix::ffi::OsStringExt;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::time::{Duration, Instant};
@@ -32,9 +32,8 @@ use crate::state::shards::is_state_name;
 
 /// Renders a Wavefront OBJ of one diffuse material under a uniform sky.
 #[derive(Clone, Debug, Parser, Serialize, Deserialize)]
-#[command(name = "pt", version,
+#[command(name = "pt", version, args_override_self = true,
           after_help = format!("{STATUS}\n\n{LICENCE}"))]
-#[command(args_override_self = true)]
 pub struct Options {
     /// Resolution of the image in pixels, each at most 16384
     #[arg(short = 'd', long, visible_alias = "definition",
@@ -50,8 +49,7 @@ pub struct Options {
 
     /// Samples (paths) per pixel [default: 1]; an upper bound with
     /// --time or --error
-    #[arg(short = 'n', long = "spp",
-          visible_alias = "realisations",
+    #[arg(short = 'n', long = "spp", visible_alias = "realisations",
           value_name = "N",
           value_parser = only(parse_whole, |&n| n > 0, SAMPLES))]
     pub samples: Option<u64>,
@@ -350,10 +348,8 @@ impl Options {
     ) -> Result<Self, Error> {
         let (mut typed, given) = parse_words::<Self>(words)?;
         // Note which options are given
-        let is_given = |id: &&Id| {
-            given.value_source(id.as_str())
-                == Some(ValueSource::CommandLine)
-        };
+        let here = Some(ValueSource::CommandLine);
+        let is_given = |id: &&Id| given.value_source(id.as_str()) == here;
         typed.given =
             given.ids().filter(is_given).map(Id::to_string).collect();
         // Find the one state of the run
@@ -377,11 +373,11 @@ impl Options {
     /// # Errors
     /// They do not fit together, or nothing is saved.
     pub fn after(&self, saved: &Value) -> Result<Self, Error> {
-        let mut before = Self::restore(saved)?;
-        let written = [&before.output[..], &before.report].concat();
-        before.replaced.extend(written);
-        let here = Path::new("");
-        let (mut all, typed) = (before.save(here), self.save(here));
+        let Self { output, report, mut replaced, .. } =
+            Self::restore(saved)?;
+        replaced.extend(output.into_iter().chain(report));
+        replaced.extend(self.resume.clone());
+        let (mut all, typed) = (saved.clone(), self.save(Path::new("")));
         // Replace the options that are given
         for id in self.given.iter().map(String::as_str) {
             let mut groups = TOGETHER.into_iter();
@@ -390,7 +386,7 @@ impl Options {
                 all[name] = typed[name].clone();
             }
         }
-        let mut all = Self::restore(&all)?;
+        let mut all = Self { replaced, ..Self::restore(&all)? };
         all.checkpoint = all.checkpoint.or(all.resume.clone());
         all.checked()
     }
@@ -400,9 +396,8 @@ impl Options {
     pub fn save(&self, directory: &Path) -> Value {
         let mut saved = self.clone();
         for name in saved.names() {
-            let full = directory.join(&name);
-            let bytes = full.as_os_str().as_bytes().iter();
-            let text: String = bytes.map(|&b| char::from(b)).collect();
+            let full = directory.join(&name).into_os_string().into_vec();
+            let text: String = full.into_iter().map(char::from).collect();
             *name = text.into();
         }
         serde_json::to_value(saved).unwrap_or_default()
@@ -496,10 +491,8 @@ impl Options {
 
     /// The name of the input, for people.
     pub fn input_name(&self) -> String {
-        match self.scene_file() {
-            Some(path) => path.display().to_string(),
-            None => "standard input".to_owned(),
-        }
+        let name = self.scene_file().map(|path| path.display().to_string());
+        name.unwrap_or("standard input".to_owned())
     }
 
     /// Whether the position of the camera or its target is known.

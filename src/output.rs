@@ -14,7 +14,7 @@ use std::{env, fmt};
 
 use tempfile::NamedTempFile;
 
-use crate::image::{Format, Source};
+use crate::image::Format;
 
 /// Where a file goes: checked, and not yet touched.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -184,16 +184,7 @@ impl OutputTarget {
     /// # Errors
     /// It is closed, or open for reading only.
     pub fn standard_output() -> Result<Self, String> {
-        Self::open(1)
-    }
-
-    fn open(number: RawFd) -> Result<Self, String> {
-        // SAFETY: the call asks for flags, and fails if nothing is open.
-        let flags = unsafe { libc::fcntl(number, libc::F_GETFL) };
-        match flags & libc::O_ACCMODE {
-            libc::O_WRONLY | libc::O_RDWR => Ok(Self(Kind::Open(number))),
-            _ => Err(format!("{}: not open for writing", name(number))),
-        }
+        Self::file(Path::new("-"), false)
     }
 
     /// The file `path`, or the descriptor, the device or the pipe of that
@@ -204,7 +195,14 @@ impl OutputTarget {
     /// its directory; or those of [`OutputTarget::standard_output`].
     pub fn file(path: &Path, force: bool) -> Result<Self, String> {
         if let Some(number) = descriptor(path) {
-            return Self::open(number);
+            // SAFETY: the call asks for flags, and fails if nothing is open.
+            let flags = unsafe { libc::fcntl(number, libc::F_GETFL) };
+            return match flags & libc::O_ACCMODE {
+                libc::O_WRONLY | libc::O_RDWR => {
+                    Ok(Self(Kind::Open(number)))
+                }
+                _ => Err(format!("{}: not open for writing", name(number))),
+            };
         }
         // Refuse names that cannot be written
         let name = path.display();
@@ -295,37 +293,15 @@ impl OutputTarget {
     }
 }
 
-/// Where an image goes, and in which format.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct ImageTarget {
-    /// Where it goes.
-    pub target: OutputTarget,
-    /// The format, which the name of a file agrees with.
-    pub format: Format,
-}
-
-impl ImageTarget {
-    /// The file `path`, in the format of its extension, or the
-    /// descriptor of that name, in the `usual` one.
-    ///
-    /// # Errors
-    /// The extension is unknown, and those of [`OutputTarget::file`].
-    pub fn file(
-        path: &Path,
-        usual: Format,
-        force: bool,
-    ) -> Result<Self, String> {
-        let is_open = descriptor(path).is_some();
-        let format = if is_open { usual } else { Format::of(path)? };
-        Ok(Self { target: OutputTarget::file(path, force)?, format })
-    }
-
-    /// Writes the image.
-    ///
-    /// # Errors
-    /// Those of [`OutputTarget::write`].
-    pub fn write(&self, image: &dyn Source) -> Result<(), String> {
-        self.target.write(&mut |out| self.format.write(image, out))
+/// The format of an image of this name, which on a descriptor is the
+/// `usual` one.
+///
+/// # Errors
+/// The extension is unknown.
+pub fn format_of(path: &Path, usual: Format) -> Result<Format, String> {
+    match descriptor(path) {
+        Some(_) => Ok(usual),
+        None => Format::of(path),
     }
 }
 

@@ -18,6 +18,7 @@ use crate::film::{Film, Summary};
 use crate::render::{Renderer, Share};
 
 /// When a run stops, and what it is compared with.
+#[derive(Clone, Copy, Default)]
 pub struct Limits<'a> {
     /// At most so many samples of each pixel.
     pub samples: Option<u64>,
@@ -26,28 +27,23 @@ pub struct Limits<'a> {
     /// and the seconds that it needs for that after the last sample, if no
     /// pixel has one and if all have.
     pub reserve: [f64; 2],
-    /// Tells the time.
-    pub clock: &'a (dyn Fn() -> Instant + Sync),
+    /// Tells the time; that of the system, if none.
+    pub clock: Option<&'a (dyn Fn() -> Instant + Sync)>,
     /// The root mean square error to reach.
     pub error: Option<f64>,
     /// Stops the run when a signal arrives.
-    pub interrupt: &'a Interrupt,
+    pub interrupt: Option<&'a Interrupt>,
     /// The radiance of each pixel, row by row from the top left.
     pub reference: Option<&'a [f64]>,
 }
 
-impl<'a> Limits<'a> {
-    /// No limit but a signal.
-    pub fn none(interrupt: &'a Interrupt) -> Self {
-        Self {
-            samples: None,
-            deadline: None,
-            reserve: [0.; 2],
-            clock: &Instant::now,
-            error: None,
-            interrupt,
-            reference: None,
-        }
+impl Limits<'_> {
+    fn now(&self) -> Instant {
+        self.clock.map_or_else(Instant::now, |clock| clock())
+    }
+
+    fn signal(&self) -> Option<i32> {
+        self.interrupt?.signal()
     }
 
     /// When rendering has to end if this share of the pixels has a sample.
@@ -60,7 +56,8 @@ impl<'a> Limits<'a> {
 }
 
 /// Why a run has stopped.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Stop {
     /// All the samples are there.
     Samples,
@@ -69,7 +66,7 @@ pub enum Stop {
     /// The error is small enough.
     Error,
     /// A signal of this number has arrived.
-    Signal(i32),
+    Signal(#[serde(skip)] i32),
 }
 
 impl Stop {
@@ -82,20 +79,12 @@ impl Stop {
             _ => format!("no image: --time was over while {doing}"),
         }
     }
-
-    /// The word that the report has for it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Stop::Samples => "samples",
-            Stop::Time => "time",
-            Stop::Error => "error",
-            Stop::Signal(_) => "signal",
-        }
-    }
 }
 
 /// One point of the curve of error against time.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize,
+)]
 pub struct CurvePoint {
     /// Samples per pixel so far.
     pub spp: u64,
@@ -123,18 +112,22 @@ pub struct Convergence {
     /// Samples that each pixel has at least.
     pub spp: u64,
     /// Seconds of rendering, with what is done between the passes.
+    #[serde(rename = "render_seconds")]
     pub seconds: f64,
     /// Rays traced.
     pub rays: u64,
-    /// Pixels whose samples were all alike, at the last step.
-    pub constant: u64,
+    /// Pixels whose samples were all alike, at the last step: their error
+    /// is not seen.
+    pub constant_pixels: u64,
     /// The curve of error against time.
-    pub steps: Vec<CurvePoint>,
+    pub curve: Vec<CurvePoint>,
+    /// Why the run has ended; none while it goes on.
+    pub stopped: Option<Stop>,
     /// Seconds of all processors, if there are several ranks.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub processor_seconds: Option<f64>,
     /// What each rank has done since the run was begun or resumed.
-    #[serde(skip)]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub ranks: Vec<Share>,
     /// Seconds for one sample of each pixel, at the last pass.
     #[serde(skip)]
@@ -170,14 +163,15 @@ impl Convergence {
         advance: &(dyn Fn(u64) + Sync),
         after: &mut impl FnMut(&Self, &Film),
     ) -> Stop {
-        let (start, before) = ((limits.clock)(), self.seconds);
+        (self.stopped, self.ranks) = (None, vec![]);
+        let (start, before) = (limits.now(), self.seconds);
         let spent = self.processor_seconds.unwrap_or(0.);
         // Watch for signals and for the end of the time
         let (area, first) = (film.area(), start + FIRST);
         let goes_on = |paths: u64| {
             let end = limits.end(paths as f64 / area as f64);
-            let over = |end: Instant| (limits.clock)() >= end.max(first);
-            limits.interrupt.signal().is_none() && !end.is_some_and(over)
+            let over = |end: Instant| limits.now() >= end.max(first);
+            limits.signal().is_none() && !end.is_some_and(over)
         };
         let taken = AtomicU64::new(self.spp.saturating_mul(area));
         let watch = |paths| {
@@ -197,14 +191,15 @@ impl Convergence {
             // Return when a limit is reached
             if let Some(stop) = self.stop(limits, first, area) {
                 self.record(film, limits.reference);
+                self.stopped = Some(stop);
                 return stop;
             }
             // Render one pass and look at the clock
             let slice = renderer.least_seconds().max(SLICE);
             let (end, due) = self.next(limits, area, slice);
-            let began = (limits.clock)();
+            let began = limits.now();
             self.rays += renderer.pass(film, end, &watch);
-            let now = (limits.clock)();
+            let now = limits.now();
             let more = film.samples() - self.spp;
             let pace = (now - began).as_secs_f64() / more.max(1) as f64;
             self.pace = Some(pace);
@@ -227,33 +222,29 @@ impl Convergence {
     /// next step is due.
     fn next(&self, limits: &Limits, area: u64, slice: f64) -> (u64, u64) {
         // Find when the next step is due
-        let recorded = self.steps.last().map_or(0, |step| step.spp);
-        let mut due = next_step(recorded.max(self.spp));
-        if let Some(samples) = limits.samples {
-            due = due.min(samples);
-        }
-        if let Some(error) = limits.error {
-            due = due.min(self.needed(error, area).max(self.spp + 1));
-        }
+        let needed = |error| self.needed(error, area).max(self.spp + 1);
+        let ends =
+            limits.samples.into_iter().chain(limits.error.map(needed));
+        let due =
+            ends.fold(next_step(self.last().spp.max(self.spp)), u64::min);
         // Find the time for a pass
-        let mut seconds = slice;
-        if let Some(end) = limits.end(1.) {
-            let left = end.saturating_duration_since((limits.clock)());
-            seconds = seconds.min(left.as_secs_f64());
-        }
+        let left =
+            |end: Instant| end.saturating_duration_since(limits.now());
+        let left = limits.end(1.).map(|end| left(end).as_secs_f64());
+        let seconds = left.map_or(slice, |left| slice.min(left));
         let pace = self.pace.map_or(1, |pace| (seconds / pace) as u64);
         (due.min(self.spp.saturating_add(pace.max(1))), due)
     }
 
-    /// The error at the last step, if it is known.
-    pub fn rmse(&self) -> Option<f64> {
-        self.steps.last()?.rmse
+    /// The last step; before the first, one that knows nothing.
+    pub fn last(&self) -> CurvePoint {
+        self.curve.last().copied().unwrap_or_default()
     }
 
     /// The samples after which the run is expected to stop, if its time
     /// is not over before; none if that cannot be foreseen.
     pub fn expected(&self, limits: &Limits, area: u64) -> Option<u64> {
-        let error = self.rmse().and(limits.error);
+        let error = self.last().rmse.and(limits.error);
         let error = error.map(|error| self.needed(error, area));
         let all = [limits.samples, error].into_iter().flatten();
         all.min().map(|spp| spp.max(self.spp))
@@ -262,14 +253,14 @@ impl Convergence {
     /// The samples after which the error is expected to be reached.
     fn needed(&self, error: f64, area: u64) -> u64 {
         let least = (DECISIVE / area as f64).ceil().max(2.);
-        let known = |step: &CurvePoint| Some((step.spp as f64, step.rmse?));
-        let Some((n, rmse)) = self.steps.last().and_then(known) else {
+        let CurvePoint { spp, rmse, .. } = self.last();
+        let Some(rmse) = rmse else {
             let open = self.spp < least as u64;
             return if open { least as u64 } else { u64::MAX };
         };
         // A square that vanishes would make the quotient 0 / 0.
         let e = (error * error).max(f64::MIN_POSITIVE);
-        let v = n * rmse * rmse;
+        let v = spp as f64 * rmse * rmse;
         let root = (v * v + 12. * e / area as f64).sqrt();
         ((v + root) / (2. * e)).ceil().max(least) as u64
     }
@@ -285,7 +276,7 @@ impl Convergence {
         if limits.samples.is_some_and(|n| self.spp >= n) {
             return Some(Stop::Samples);
         }
-        if let Some(signal) = limits.interrupt.signal() {
+        if let Some(signal) = limits.signal() {
             return Some(Stop::Signal(signal));
         }
         if limits.error.is_some_and(|error| self.reaches(error, area)) {
@@ -293,7 +284,7 @@ impl Convergence {
         }
         // Say whether the time is over or too short
         let pace = self.pace.filter(|&pace| pace < SLICE).unwrap_or(0.);
-        let now = (limits.clock)() + Duration::from_secs_f64(pace);
+        let now = limits.now() + Duration::from_secs_f64(pace);
         let is_over = |end| match self.spp {
             0 => now >= first.max(end),
             _ => now >= end,
@@ -306,23 +297,22 @@ impl Convergence {
         let paths = self.spp as f64 * area as f64;
         let unseen = 3. / (paths * self.spp as f64);
         let enough = |rmse| rmse * rmse + unseen <= error * error;
-        let step = self.steps.last().filter(|step| step.spp == self.spp);
-        let rmse = step.and_then(|step| step.rmse);
-        paths >= DECISIVE && rmse.is_some_and(enough)
+        let step = self.last();
+        let is_recent = step.spp == self.spp && paths >= DECISIVE;
+        is_recent && step.rmse.is_some_and(enough)
     }
 
     /// Records a point, if there has been a pass since the last one.
     pub fn record(&mut self, film: &Film, reference: Option<&[f64]>) {
         let &mut Self { spp, seconds, rays, processor_seconds, .. } = self;
-        let last = self.steps.last();
-        let last = last.map_or((0, 0.), |point| (point.spp, point.seconds));
-        if (spp, seconds) == last {
+        let last = self.last();
+        if (spp, seconds) == (last.spp, last.seconds) {
             return;
         }
         let Summary { mean, mean_stderr, rmse, constant } = film.summary();
-        self.constant = constant;
+        self.constant_pixels = constant;
         let finite = |x: f64| x.is_finite().then_some(x);
-        self.steps.push(CurvePoint {
+        self.curve.push(CurvePoint {
             spp,
             seconds,
             rays,

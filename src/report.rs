@@ -59,7 +59,7 @@ impl Kind {
     ) -> String {
         match self {
             Kind::Json => json(report),
-            Kind::Csv => csv(&report.curve),
+            Kind::Csv => csv(&report.convergence.curve),
             Kind::Html => html::page(report, &image()),
         }
     }
@@ -70,6 +70,10 @@ fn json(report: &Report) -> String {
     let [seconds, spp] = report.slopes();
     all["slope_seconds"] = json!(seconds);
     all["slope_spp"] = json!(spp);
+    let last = report.convergence.last();
+    all["mean"] = json!(last.mean);
+    all["mean_stderr"] = json!(last.mean_stderr);
+    all["rmse"] = json!(last.rmse);
     format!("{all:#}\n")
 }
 

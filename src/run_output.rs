@@ -4,70 +4,57 @@
 
 //! The files of a run, kept up to date while it goes on.
 
+use std::cell::LazyCell;
 use std::collections::BTreeMap;
 use std::io::Write;
 use std::time::{Duration, Instant};
 
-use serde::Deserialize;
 use serde_json::{Map, Value, json};
 
 use crate::film::Film;
-use crate::image::{Format, Image, Picture};
-use crate::output::{Content, ImageTarget, OutputTarget};
-use crate::render_loop::{Convergence, Stop};
-use crate::report::{Kind, Report, as_typed};
+use crate::image::{Format, Picture};
+use crate::output::OutputTarget;
+use crate::render_loop::Convergence;
+use crate::report::{Kind, as_typed};
 use crate::state::checkpoint::{Known, save};
-use crate::state::key::{RunKey, entries};
-use crate::state::shards::Merged;
+use crate::state::key::entries;
 
-/// Where the files of a run go.
-pub struct Targets {
-    /// Images; a PNG may show previews.
-    pub images: Vec<ImageTarget>,
-    /// Reports of each kind.
-    pub reports: Vec<(Kind, OutputTarget)>,
+/// What a file of a run holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Product {
+    /// The image; a PNG may show previews.
+    Image(Format),
+    /// A report of this kind.
+    Report(Kind),
     /// The state of the run.
-    pub checkpoint: Option<OutputTarget>,
+    State,
 }
 
-/// A run as it stands.
-#[derive(Clone, Copy)]
-pub struct Snapshot<'a> {
-    /// What has been done.
-    pub convergence: &'a Convergence,
-    /// The sums.
-    pub film: &'a Film,
-    /// Why the run has ended; none while it goes on.
-    pub stop: Option<Stop>,
+/// A file of a run.
+struct RunFile {
+    product: Product,
+    target: OutputTarget,
+    /// When it is written before the end; never, if beyond the clock.
+    due: Option<Instant>,
+    /// The seconds of the run when it was written last.
+    seconds: f64,
 }
 
-/// The files of a run, and what is known of it beforehand.
+/// The files of a run, and what is known of it so far.
 pub struct RunOutput {
-    targets: Targets,
-    /// When the next report may be written.
-    next_report: Instant,
-    /// The seconds of the run when the last one was written.
-    reported: f64,
+    files: Vec<RunFile>,
     /// Time between two checkpoints.
     every: Duration,
-    /// When the next checkpoint is due; never, if beyond the clock.
-    next_checkpoint: Option<Instant>,
-    /// When the next preview is due, if there is one.
-    next_preview: Option<Instant>,
-    known: Known,
-    /// The report of the run before its first sample.
-    pub report: Report,
+    /// What is known of the run, which goes into the files.
+    pub known: Known,
 }
 
-/// Writes a file for the last time, or for the time being.
-fn put(
-    target: &mut OutputTarget,
-    stop: Option<Stop>,
-    content: &mut Content,
-) -> Result<(), String> {
-    match stop {
-        Some(_) => target.write(content),
-        None => target.rewrite(content),
+impl RunFile {
+    fn is_due(&self, now: Instant, convergence: &Convergence) -> bool {
+        let is_new = convergence.last().spp == convergence.spp
+            || convergence.seconds > 1.1 * self.seconds;
+        let is_report = matches!(self.product, Product::Report(_));
+        (is_new || !is_report) && self.due.is_some_and(|due| now >= due)
     }
 }
 
@@ -84,207 +71,118 @@ impl RunOutput {
     /// The files of a run that is about to begin, with a checkpoint each so
     /// many seconds, and previews if they are wanted.
     pub fn new(
-        targets: Targets,
+        files: Vec<(Product, OutputTarget)>,
         (every, preview): (f64, bool),
-        (run_key, options): (RunKey, Value),
-        report: Report,
+        known: Known,
     ) -> Self {
         let now = Instant::now();
         let every =
             Duration::try_from_secs_f64(every).unwrap_or(Duration::MAX);
-        let value = serde_json::to_value(&report).unwrap_or_default();
-        Self {
-            targets,
-            next_report: now,
-            reported: 0.,
-            every,
-            next_checkpoint: now.checked_add(every),
-            next_preview: preview.then_some(now),
-            known: Known { run_key, options, report: value },
-            report,
-        }
+        let file = |(product, target)| {
+            let due = match product {
+                Product::State => now.checked_add(every),
+                Product::Report(_) => Some(now),
+                Product::Image(Format::Png) => preview.then_some(now),
+                Product::Image(_) => None,
+            };
+            RunFile { product, target, due, seconds: 0. }
+        };
+        let files = files.into_iter().map(file).collect();
+        Self { files, every, known }
     }
 
-    /// Writes what is due when a pass has ended.
+    /// Writes the files that are due `now`, or all of them a last time.
     ///
     /// # Errors
-    /// A file cannot be written, which is worth a warning: it will be tried
-    /// again.
-    pub fn after(&mut self, snapshot: Snapshot) -> Result<(), String> {
-        let Snapshot { convergence, film, .. } = snapshot;
-        let now = Instant::now();
-        let mut written = Ok(());
-        // Write the reports if they are due
-        let last = convergence.steps.last();
-        let recorded =
-            last.is_some_and(|point| point.spp == convergence.spp);
-        let due = recorded || convergence.seconds > 1.1 * self.reported;
-        if due && now >= self.next_report {
-            written = self.write_reports(snapshot);
-            self.reported = convergence.seconds;
-            self.next_report = Instant::now() + 100 * now.elapsed();
+    /// Files cannot be written; the others are. Before the end it is worth a
+    /// warning: it will be tried again.
+    pub fn write(
+        &mut self,
+        convergence: &Convergence,
+        film: &Film,
+        now: Option<Instant>,
+    ) -> Result<(), String> {
+        let Self { files, every, known } = self;
+        known.report.convergence.clone_from(convergence);
+        let known = &*known;
+        let report = LazyCell::new(|| known.report.complete(film));
+        let is_due = |file: &&mut RunFile| {
+            now.is_none_or(|now| file.is_due(now, convergence))
+        };
+        let mut failures = vec![];
+        for file in files.iter_mut().filter(is_due) {
+            let began = Instant::now();
+            // Write or rewrite one file
+            let image = || picture(known, film);
+            let page =
+                |kind: Kind| kind.render(&report, &|| image().image());
+            let content = &mut |out: &mut dyn Write| match file.product {
+                Product::Image(format) => format.write(&image(), out),
+                Product::Report(kind) => {
+                    out.write_all(page(kind).as_bytes())
+                }
+                Product::State => save(known, film, out),
+            };
+            let written = match now {
+                Some(_) => file.target.rewrite(content),
+                None => file.target.write(content),
+            };
+            failures.extend(written.err());
+            // Say when a file is due again
+            let took = began.elapsed();
+            let pause = match file.product {
+                Product::Image(_) => SECOND.max(10 * took),
+                Product::Report(_) => 100 * took,
+                Product::State => *every,
+            };
+            file.due = file.due.and(Instant::now().checked_add(pause));
+            file.seconds = convergence.seconds;
         }
-        // Write the checkpoint if it is due
-        if self.next_checkpoint.is_some_and(|time| now >= time) {
-            let saved = self.write_checkpoint(snapshot);
-            written = written.and(saved);
-            self.next_checkpoint = Instant::now().checked_add(self.every);
-        }
-        // Show the image so far
-        let began = Instant::now();
-        if self.next_preview.is_some_and(|time| began >= time) {
-            let image = Picture::new(film, BTreeMap::new());
-            let images = self.targets.images.iter_mut();
-            for png in images.filter(|image| image.format == Format::Png) {
-                let content = &mut |out: &mut dyn Write| {
-                    Format::Png.write(&image, out)
-                };
-                written = written.and(png.target.rewrite(content));
-            }
-            let pause = (10 * began.elapsed()).max(SECOND);
-            self.next_preview = Some(Instant::now() + pause);
-        }
-        written
-    }
-
-    /// Writes all files when the run has stopped.
-    ///
-    /// # Errors
-    /// Files cannot be written; the others are.
-    pub fn close(&mut self, snapshot: Snapshot) -> Result<(), String> {
-        let Self { targets, known, report, .. } = &*self;
-        let image = picture(report, &known.run_key, snapshot);
-        let images = targets.images.iter().map(|to| to.write(&image));
-        let mut failures: Vec<_> = images.filter_map(Result::err).collect();
-        let state = self.write_checkpoint(snapshot);
-        let rest = [state, self.write_reports(snapshot)];
-        failures.extend(rest.into_iter().filter_map(Result::err));
         match failures.is_empty() {
             true => Ok(()),
             false => Err(failures.join("; ")),
         }
     }
 
-    /// A guess of the seconds that [`RunOutput::close`] takes for so many
-    /// pixels, if none of them has a sample and if all have.
+    /// A guess of the seconds that all files take for so many pixels, if none
+    /// of them has a sample and if all have.
     pub fn seconds(&self, pixels: u64) -> [f64; 2] {
-        let Targets { images, reports, checkpoint } = &self.targets;
         // Nanoseconds for a pixel, measured with a half more.
-        let images = images.iter().map(|image| match image.format {
-            Format::Pgm => 120.,
-            Format::Png => 200.,
-            Format::Pfm => 50.,
-            Format::Exr => 420.,
+        let [state, summary] = [70., 130.];
+        let each = self.files.iter().map(|file| match file.product {
+            Product::Image(Format::Pgm) => 120.,
+            Product::Image(Format::Png) => 200.,
+            Product::Image(Format::Pfm) => 50.,
+            Product::Image(Format::Exr) => 420.,
+            Product::Report(Kind::Html) => 350.,
+            Product::Report(_) => 0.,
+            Product::State => state,
         });
-        let pages = reports.iter().filter(|(kind, _)| *kind == Kind::Html);
-        let pages = pages.map(|_| 350.);
-        let saved = if checkpoint.is_some() { 70. } else { 0. };
-        let summary = 130.;
-        let all = saved + summary + images.chain(pages).sum::<f64>();
+        let all = summary + each.sum::<f64>();
+        let is_state = |file: &RunFile| file.product == Product::State;
+        let saved =
+            if self.files.iter().any(is_state) { state } else { 0. };
         [saved, all].map(|nanoseconds| 1e-9 * nanoseconds * pixels as f64)
-    }
-
-    fn write_reports(&mut self, snapshot: Snapshot) -> Result<(), String> {
-        let Self { targets, known, report, .. } = self;
-        if targets.reports.is_empty() {
-            return Ok(());
-        }
-        let now = report.complete(snapshot);
-        let image = || picture(report, &known.run_key, snapshot).image();
-        let mut written = Ok(());
-        for (kind, target) in &mut targets.reports {
-            let text = kind.render(&now, &image);
-            let content = &mut |out: &mut dyn Write| write!(out, "{text}");
-            written = written.and(put(target, snapshot.stop, content));
-        }
-        written
-    }
-
-    fn write_checkpoint(
-        &mut self,
-        snapshot: Snapshot,
-    ) -> Result<(), String> {
-        let Snapshot { convergence, film, stop } = snapshot;
-        let Self { targets, known, .. } = self;
-        let Some(target) = &mut targets.checkpoint else { return Ok(()) };
-        put(target, stop, &mut |out| save(known, convergence, film, out))
-    }
-}
-
-impl Report {
-    /// The report of the run so far, given that from before its first
-    /// sample.
-    pub fn complete(&self, snapshot: Snapshot) -> Self {
-        let Snapshot { convergence, film, stop } = snapshot;
-        let mut now = convergence.clone();
-        now.record(film, None);
-        let last = now.steps.last();
-        Self {
-            render_seconds: now.seconds,
-            rays: now.rays,
-            stopped: stop.map(|stop| stop.name().to_owned()),
-            spp: now.spp,
-            constant_pixels: now.constant,
-            unsampled_pixels: film.unsampled(),
-            mean: last.map_or(0., |last| last.mean),
-            mean_stderr: last.and_then(|last| last.mean_stderr),
-            rmse: last.and_then(|last| last.rmse),
-            ranks: now.ranks,
-            curve: now.steps,
-            ..self.clone()
-        }
     }
 }
 
 /// The image on the film, with all that is known about it.
-fn picture<'f>(
-    report: &Report,
-    run_key: &RunKey,
-    Snapshot { convergence, film, stop }: Snapshot<'f>,
-) -> Picture<'f> {
+fn picture<'f>(known: &Known, film: &'f Film) -> Picture<'f> {
+    let Known { run_key, report, .. } = known;
+    let Convergence { spp, rays, seconds, stopped, .. } =
+        report.convergence;
     let known = json!({
         "scene": report.scene.file,
-        "spp": convergence.spp,
-        "rays": convergence.rays,
+        "spp": spp,
+        "rays": rays,
         "load_seconds": report.load_seconds,
         "build_seconds": report.build_seconds,
-        "render_seconds": convergence.seconds,
-        "stopped": stop.map_or("not yet", Stop::name),
+        "render_seconds": seconds,
+        "stopped": stopped.map_or(json!("not yet"), |stop| json!(stop)),
     });
     let mut all = report.settings.clone();
     all.retain(|_, value| !value.is_null());
     all.extend(entries(run_key));
     all.extend(entries(&known));
     Picture::new(film, attributes(&all))
-}
-
-/// The image and the report of a merged run.
-pub fn conclude(merged: Merged) -> (Image, Report) {
-    let Merged { run_key, film, convergence, reports, missing, spp } =
-        merged;
-    let parts = reports.iter().map(Report::deserialize);
-    let mut parts = parts.map(Result::unwrap_or_default);
-    let Report { program, command, date, processor, .. } =
-        Report::begin("ptimg");
-    let first = parts.next().unwrap_or_default();
-    let mut whole = Report { program, command, date, processor, ..first };
-    for part in parts {
-        whole.load_seconds += part.load_seconds;
-        whole.build_seconds += part.build_seconds;
-        for (name, value) in &mut whole.settings {
-            if part.settings.get(name) != Some(value) {
-                *value = Value::Null;
-            }
-        }
-    }
-    // Describe the whole run
-    let settings = &mut whole.settings;
-    settings.remove("part");
-    settings.insert("spp".into(), spp.unwrap_or(convergence.spp).into());
-    settings.extend(missing.clone().map(|m| ("missing".into(), m.into())));
-    let stop = missing.is_none().then_some(Stop::Samples);
-    let (convergence, film) = (&convergence, &film);
-    let snapshot = Snapshot { convergence, film, stop };
-    let image = picture(&whole, &run_key, snapshot).image();
-    (image, whole.complete(snapshot))
 }

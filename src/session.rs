@@ -8,7 +8,7 @@ use std::fs::{self, File};
 use std::io::{self, IsTerminal, Read};
 use std::path::{Path, PathBuf};
 use std::process::{self, ExitCode};
-use std::sync::mpsc::{self, RecvTimeoutError, Sender};
+use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -29,7 +29,7 @@ use crate::film::Film;
 use crate::image::{Format, Image};
 use crate::memory::zeroed;
 use crate::options::{Error, Options};
-use crate::output::{ImageTarget, OutputTarget, tell_apart};
+use crate::output::{OutputTarget, format_of, tell_apart};
 use crate::progress::{
     self, ProgressBar, expect, metric, render_bar, step,
 };
@@ -39,10 +39,10 @@ use crate::render::choose::{
 };
 use crate::render_loop::{Convergence, Interrupt, Limits, Stop};
 use crate::report::{Kind, Report, SceneFile};
-use crate::run_output::{RunOutput, Snapshot, Targets, attributes};
+use crate::run_output::{Product, RunOutput, attributes};
 use crate::scene::{Scene, begins_obj, read_file};
 use crate::sky::Sky;
-use crate::state::checkpoint::Checkpoint;
+use crate::state::checkpoint::{Checkpoint, Known};
 use crate::state::key::{RunKey, Subject, entries};
 use crate::statistics::Accumulator;
 
@@ -150,25 +150,30 @@ fn run(
     let interrupt = Interrupt::listen()
         .map_err(|e| format!("cannot listen for signals: {e}"))?;
     let deadline = options.deadline(start);
-    let stage = watch(&interrupt, latest(options, deadline));
-    let enter = |doing, bar| _ = stage.send((doing, bar));
+    let stage = watch(interrupt.clone(), latest(options, deadline));
+    let enter = |doing, bar| {
+        *stage.lock().expect("no panic with the lock") = (doing, bar);
+    };
     // Check what needs no scene
     if options.has_camera() {
-        camera(options.resolution, &options.view())?;
+        Camera::new(&options.view(), aspect(options.resolution))?;
     }
     start_threads(options)?;
-    let (targets, reference) = open_files(options)?;
+    let files = open_files(options)?;
+    let reference = read_reference(options)?;
     let saved = options.save(&env::current_dir().unwrap_or_default());
     tell(ranks, &saved);
     // Load the scene and prepare it
+    let began = Instant::now();
+    let mut bytes = read(options)?;
+    ranks.tell(&mut bytes);
+    let is_named = files.iter().any(names_the_scene);
     let (scene, subject, mut report) =
-        load(options, &targets, reference.as_ref(), ranks)?;
-    let camera = camera(subject.resolution, &subject.view)?;
-    let kept = kept(options);
-    let inquiry = inquire(&subject, &camera, &scene, &kept);
+        load(options, bytes, is_named, reference.as_ref())?;
+    report.load_seconds = began.elapsed().as_secs_f64();
     enter("building the hierarchy", None);
-    let (analysis, bvh, quality) =
-        build(scene, &inquiry, options, ranks, &mut report)?;
+    let (inquiry, analysis, bvh) =
+        build(scene, &subject, options, ranks, &mut report)?;
     enter("choosing a method", None);
     // Choose how samples are made
     let begun = resumed.as_ref().map(|saved| saved.known.run_key.sampling);
@@ -187,16 +192,15 @@ fn run(
         sampling,
         part: options.part(sampling.replicate),
     };
-    report.settings = settings(options, &run_key, quality, choice);
+    report.settings.extend(settings(options, &run_key, choice));
     tell(ranks, &run_key);
-    let job = setup.renderer(&sampling);
-    let mut job = ranks.lead(job, &run_key);
+    let mut job = ranks.lead(setup.renderer(&sampling), &run_key);
     let goal = options.goal(sampling.replicate);
-    let mut run = film_so_far(options, &run_key, goal, resumed)?;
+    let run = film_so_far(options, &run_key, goal, resumed)?;
     // Prepare the files of the run
     let often = (options.every.unwrap_or(60.), options.preview);
-    let known = (run_key.clone(), saved);
-    let mut output = RunOutput::new(targets, often, known, report);
+    let known = Known { run_key: run_key.clone(), options: saved, report };
+    let output = RunOutput::new(files, often, known);
     // Collect the limits
     let most = deadline.map_or(0., |end| 0.5 * seconds_to(end));
     let seconds = output.seconds(run.0.area());
@@ -206,14 +210,13 @@ fn run(
         reserve: seconds.map(|seconds| seconds.min(most)),
         error: options.error,
         reference: reference.as_ref().map(|image| &image.means[..]),
-        ..Limits::none(&interrupt)
+        interrupt: Some(&interrupt),
+        clock: None,
     };
     // Render what was prepared
     let bar = render_bar(start, options.time);
     enter("rendering", Some(bar.clone()));
-    let stop = render(&mut *job, &mut run, &limits, &mut output, &bar);
-    end(&run, &mut output, stop, sampling.method, picture.as_deref())?;
-    Ok(stop)
+    Ok(render(&mut *job, run, &limits, output, &bar, picture.as_deref())?)
 }
 
 /// The options of a run, and where it has been saved if it goes on.
@@ -247,26 +250,22 @@ fn latest(options: &Options, deadline: Option<Instant>) -> Option<Instant> {
 }
 
 /// What the program does, and its bar when it renders.
-type Doing = (&'static str, Option<ProgressBar>);
+type Doing = Mutex<(&'static str, Option<ProgressBar>)>;
 
 /// Starts a thread that ends the program if a signal comes before the first
-/// pass, or the time `end`, and answers a signal that comes later; tells it
-/// what is done.
-fn watch(interrupt: &Interrupt, end: Option<Instant>) -> Sender<Doing> {
-    let (sender, told) = mpsc::channel();
-    let interrupt = interrupt.clone();
+/// pass, or the time `end`, and answers a signal that comes later; returns
+/// where it looks up what is done.
+fn watch(interrupt: Interrupt, end: Option<Instant>) -> Arc<Doing> {
+    let told = Arc::new(Mutex::new(("reading", None)));
+    let doing = told.clone();
     thread::spawn(move || {
-        let mut doing: Doing = ("reading", None);
         loop {
-            match told.recv_timeout(Duration::from_millis(50)) {
-                Ok(next) => doing = next,
-                Err(RecvTimeoutError::Disconnected) => return,
-                Err(RecvTimeoutError::Timeout) => (),
-            }
+            thread::sleep(Duration::from_millis(50));
+            let doing = doing.lock().expect("no panic with the lock");
             // Answer a signal, or the end of the time
             let signal = interrupt.signal().map(Stop::Signal);
             let over = end.is_some_and(|end| Instant::now() >= end);
-            match (&doing, signal.or(over.then_some(Stop::Time))) {
+            match (&*doing, signal.or(over.then_some(Stop::Time))) {
                 ((what, None), Some(stop)) => {
                     progress::error(&stop.without_image(what));
                     process::exit(status(stop, 1).into());
@@ -278,27 +277,27 @@ fn watch(interrupt: &Interrupt, end: Option<Instant>) -> Sender<Doing> {
             }
         }
     });
-    sender
+    told
 }
 
-fn camera(resolution: (u32, u32), view: &View) -> Result<Camera, String> {
-    let aspect = f64::from(resolution.0) / f64::from(resolution.1);
-    Camera::new(view, aspect)
+fn aspect((width, height): (u32, u32)) -> f64 {
+    f64::from(width) / f64::from(height)
 }
 
-/// The files that a run will write, none of them touched yet, and its
-/// reference.
+/// The files that a run will write, none of them touched yet.
 fn open_files(
     options: &Options,
-) -> Result<(Targets, Option<Image>), String> {
+) -> Result<Vec<(Product, OutputTarget)>, String> {
     // Refuse files that are named twice
     let reference = options.reference.as_deref();
     let (scene, dash) = (options.scene_file(), Path::new("-"));
     if scene.is_none() && reference == Some(dash) {
         return Err("standard input can be read once only".to_owned());
     }
-    let more = options.report.iter().chain(&options.checkpoint);
-    let written = options.images().chain(more.map(PathBuf::as_path));
+    let reports = options.report.iter().map(PathBuf::as_path);
+    let state = options.checkpoint.as_deref().into_iter();
+    let written =
+        options.images().chain(reports.clone()).chain(state.clone());
     tell_apart(scene.into_iter().chain(reference), written)?;
     // Decide which files may be replaced
     let force = |path: &Path| {
@@ -306,29 +305,20 @@ fn open_files(
         let is_own = |new| old.flatten().any(|old| old == new);
         options.force || path.canonicalize().is_ok_and(is_own)
     };
-    let format = options.format.unwrap_or(Format::Pgm);
-    let image = |path| ImageTarget::file(path, format, force(path));
-    let report = |path: &PathBuf| {
-        let target = OutputTarget::file(path, force(path))?;
-        Ok((Kind::of(path)?, target))
+    let usual = options.format.unwrap_or(Format::Pgm);
+    let open = |product: Result<_, String>, path: &Path| {
+        Ok((product?, OutputTarget::file(path, force(path))?))
     };
-    let checkpoint = |path: &PathBuf| {
-        let same = options.checkpoint == options.resume;
-        OutputTarget::file(path, same || force(path))
-    };
-    let images = options.images().map(image);
-    let reports = options.report.iter().map(report);
-    let checkpoint = options.checkpoint.as_ref().map(checkpoint);
-    let targets = Targets {
-        images: images.collect::<Result<_, String>>()?,
-        reports: reports.collect::<Result<_, String>>()?,
-        checkpoint: checkpoint.transpose()?,
-    };
-    let reference = reference.map(|path| read_reference(path, options));
-    Ok((targets, reference.transpose()?))
+    let image = |path| format_of(path, usual).map(Product::Image);
+    let images = options.images().map(|path| open(image(path), path));
+    let report = |path| Kind::of(path).map(Product::Report);
+    let reports = reports.map(|path| open(report(path), path));
+    let state = state.map(|path| open(Ok(Product::State), path));
+    images.chain(state).chain(reports).collect()
 }
 
-fn read_reference(path: &Path, options: &Options) -> Result<Image, String> {
+fn read_reference(options: &Options) -> Result<Option<Image>, String> {
+    let Some(path) = &options.reference else { return Ok(None) };
     // Read an image that needs no note
     let mut faults = Vec::new();
     let note = &mut |fault: &str| faults.push(fault.to_owned());
@@ -338,13 +328,11 @@ fn read_reference(path: &Path, options: &Options) -> Result<Image, String> {
             "{fault}; a reference needs the radiance of each pixel"
         ));
     }
-    let (width, height) = options.window().size;
-    if (image.width, image.height) != (width, height) {
+    let (name, (w, h)) = (path.display(), options.window().size);
+    let Image { width, height, .. } = image;
+    if (width, height) != (w, h) {
         return Err(format!(
-            "{}: is {}x{} pixels large, and the image {width}x{height}",
-            path.display(),
-            image.width,
-            image.height
+            "{name}: is {width}x{height} pixels large, and the image {w}x{h}"
         ));
     }
     // Warn of a reference with our seed
@@ -355,7 +343,7 @@ fn read_reference(path: &Path, options: &Options) -> Result<Image, String> {
              larger than they will seem (choose another seed with -s)",
         );
     }
-    Ok(image)
+    Ok(Some(image))
 }
 
 fn start_threads(options: &Options) -> Result<(), String> {
@@ -364,23 +352,16 @@ fn start_threads(options: &Options) -> Result<(), String> {
     pool.build_global().map_err(|e| format!("cannot start threads: {e}"))
 }
 
-/// The scene, what is shown of it, and a report that begins.
+/// The scene, what is shown of it, and a report that begins; with a hash of
+/// the bytes if a file will name them.
 fn load(
     options: &Options,
-    targets: &Targets,
+    bytes: Vec<u8>,
+    is_named: bool,
     reference: Option<&Image>,
-    ranks: &dyn Ranks,
 ) -> Result<(Scene, Subject, Report), String> {
-    let began = Instant::now();
     let file = options.input_name();
-    let step = step(format!("reading {file}"), None);
-    let mut bytes = read(options.scene_file())
-        .map_err(|e| format!("{file}: cannot read: {e}"))?;
-    ranks.tell(&mut bytes);
-    // Refuse what goes on without being an OBJ
-    if bytes.len() as u64 == START {
-        begins_obj(&bytes).map_err(|error| error.within(&file))?;
-    }
+    let step = step(format!("parsing {file}"), None);
     let read = read_file(&bytes).map_err(|error| error.within(&file));
     drop(step);
     let (mesh, warnings) = read?;
@@ -388,59 +369,62 @@ fn load(
     for warning in warnings {
         progress::warn(&warning.within(&file));
     }
-    let subject = subject(options, mesh.corners());
+    // Say what is shown
+    let &Options { resolution, crop, albedo, .. } = options;
+    let (typed_view, has_camera) = (options.view(), options.has_camera());
+    let outside = typed_view.outside(mesh.corners(), aspect(resolution));
+    let view = outside.filter(|_| !has_camera).unwrap_or(typed_view);
+    let subject = Subject { resolution, crop, view, albedo };
     // Say where the camera stands
-    if !options.has_camera() {
+    if !has_camera {
         let View { position, target, .. } = subject.view;
         let [p, t] = [position, target].map(typed);
         let options = format!("-p {p} -t {t}");
         progress::inform(&format!("the camera stands outside: {options}"));
     }
     // Hash the bytes if a file will name them
-    let exr = |image: &ImageTarget| image.format == Format::Exr;
-    let is_named = targets.images.iter().any(exr)
-        || !targets.reports.is_empty()
-        || targets.checkpoint.is_some()
-        || reference.is_some();
+    let is_named = is_named || reference.is_some();
     let hash = is_named.then(|| Sha256::digest(&bytes));
     let hex = |byte: u8| format!("{byte:02x}");
     let sha256: String = hash.into_iter().flatten().map(hex).collect();
     drop(bytes);
-    // Refuse a reference of something else
-    if let (Some(image), Some(path)) = (reference, &options.reference) {
-        let mut ours = attributes(&entries(&subject));
-        ours.insert("scene_sha256".into(), sha256.clone());
-        let differing = disagreements(&image.attributes, &ours).join(", ");
-        if !differing.is_empty() {
-            return Err(format!(
-                "{}: shows something else than this run: {differing}",
-                path.display()
-            ));
-        }
-    }
     // Begin a report of the scene
     let triangles = mesh.triangles.len() as u64;
-    let scene = Scene::of(mesh);
-    let report = Report {
-        scene: SceneFile { file, sha256, triangles },
-        load_seconds: began.elapsed().as_secs_f64(),
-        ..Report::begin("pt")
-    };
-    Ok((scene, subject, report))
+    let mut report = Report::default();
+    report.sign("pt");
+    report.scene = SceneFile { file, sha256, triangles };
+    report.settings = entries(&subject);
+    // Refuse a reference of something else
+    if let (Some(image), Some(path)) = (reference, &options.reference) {
+        let mut ours = attributes(&report.settings);
+        ours.insert("scene_sha256".into(), report.scene.sha256.clone());
+        let differing = disagreements(&image.attributes, &ours).join(", ");
+        if !differing.is_empty() {
+            let differing =
+                format!("something else than this run: {differing}");
+            return Err(format!("{}: shows {differing}", path.display()));
+        }
+    }
+    Ok((Scene::of(mesh), subject, report))
 }
 
-/// The bytes of a file or of standard input. Of a pipe, no more than `START`
-/// if they begin no OBJ.
-fn read(path: Option<&Path>) -> io::Result<Vec<u8>> {
-    let mut pipe: Box<dyn Read> = match path {
-        Some(path) if path.is_file() => return fs::read(path),
-        Some(path) => Box::new(File::open(path)?),
+/// The bytes of a file or of standard input.
+fn read(options: &Options) -> Result<Vec<u8>, String> {
+    let file = options.input_name();
+    let _step = step(format!("reading {file}"), None);
+    let fault = |e| format!("{file}: cannot read: {e}");
+    let mut pipe: Box<dyn Read> = match options.scene_file() {
+        Some(path) if path.is_file() => {
+            return fs::read(path).map_err(fault);
+        }
+        Some(path) => Box::new(File::open(path).map_err(fault)?),
         None => Box::new(io::stdin()),
     };
     let mut bytes = Vec::new();
-    pipe.by_ref().take(START).read_to_end(&mut bytes)?;
-    if bytes.len() as u64 == START && begins_obj(&bytes).is_ok() {
-        pipe.read_to_end(&mut bytes)?;
+    pipe.by_ref().take(START).read_to_end(&mut bytes).map_err(fault)?;
+    if bytes.len() as u64 == START {
+        begins_obj(&bytes).map_err(|error| error.within(&file))?;
+        pipe.read_to_end(&mut bytes).map_err(fault)?;
     }
     Ok(bytes)
 }
@@ -448,88 +432,55 @@ fn read(path: Option<&Path>) -> io::Result<Vec<u8>> {
 /// So many bytes of an OBJ have a vertex.
 const START: u64 = 1 << 26;
 
-/// What is shown of a scene between two corners.
-fn subject(options: &Options, corners: [glam::DVec3; 2]) -> Subject {
-    let &Options { resolution, crop, albedo, .. } = options;
-    let aspect = f64::from(resolution.0) / f64::from(resolution.1);
-    let typed = options.view();
-    let outside = match options.has_camera() {
-        true => None,
-        false => typed.outside(corners, aspect),
-    };
-    let view = outside.unwrap_or(typed);
-    Subject { resolution, crop, view, albedo }
+/// Whether a file names the scene by its hash.
+fn names_the_scene((product, _): &(Product, OutputTarget)) -> bool {
+    !matches!(product, Product::Image(format) if *format != Format::Exr)
 }
 
-fn inquire<'a>(
+/// What is asked about a scene, what is found, and its hierarchy.
+fn build(
+    scene: Scene,
     subject: &Subject,
-    camera: &'a Camera,
-    scene: &Scene,
-    kept: &'a [Shortcut],
-) -> Inquiry<'a> {
-    Inquiry {
+    options: &Options,
+    ranks: &dyn Ranks,
+    known: &mut Report,
+) -> Result<(Inquiry<'static>, SceneAnalysis, Bvh), String> {
+    let began = Instant::now();
+    let camera = Camera::new(&subject.view, aspect(subject.resolution))?;
+    let inquiry = Inquiry {
         camera,
         entrance: scene.frame.entrance(camera.position),
         sky: Sky::new(subject.view.up),
         albedo: subject.albedo,
         resolution: subject.resolution,
-        kept,
-    }
-}
-
-/// The shortcuts that are not looked for.
-fn kept(options: &Options) -> Vec<Shortcut> {
-    if options.keep_all {
-        return Shortcut::ALL.to_vec();
-    }
-    let (width, height) = options.resolution;
-    let tiles = f64::from(width) * f64::from(height) / 256.;
-    let seconds = tiles * TILE / rayon::current_num_threads() as f64;
-    let time = options.time.filter(|_| !options.explain);
-    let slow = time.is_some_and(|time| seconds > 0.05 * time);
-    slow.then_some(Shortcut::Background).into_iter().collect()
-}
-
-/// Seconds in which a thread looks for the background of a tile, about.
-const TILE: f64 = 3e-6;
-
-fn build(
-    scene: Scene,
-    inquiry: &Inquiry,
-    options: &Options,
-    ranks: &dyn Ranks,
-    known: &mut Report,
-) -> Result<(SceneAnalysis, Bvh, Quality), String> {
-    let began = Instant::now();
-    let is_inside = inquiry.entrance.is_inside;
+        kept: if options.keep_all { &Shortcut::ALL } else { &[] },
+    };
     let area = options.band().area() as f64;
     let paths = options.goal(1).map(|n| n as f64 * area);
-    let rays =
-        expected_rays(options.albedo, is_inside, paths, options.time);
+    let rays = expected_rays(&inquiry, paths, options.time);
     let rays = rays / f64::from(ranks.count());
     let Scene { triangles, left_out, .. } = scene;
     let quality = Quality::expecting(triangles.len(), rays);
     // Warn of triangles that are too small
-    let count = too_small(&triangles);
+    let (count, all) = (too_small(&triangles), triangles.len());
     if count > 0 {
         progress::warn(&format!(
-            "{count} of {} triangles are smaller than 2^-40 of the largest, \
-             or 2^-43 of the scene: close to larger ones the light may be wrong",
-            triangles.len()
+            "{count} of {all} triangles are smaller than 2^-40 of the largest, \
+             or 2^-43 of the scene: close to larger ones the light may be wrong"
         ));
     }
     // Build the hierarchy and show how far it is
-    let what = "building the hierarchy".to_owned();
-    let all = Some(triangles.len() as u64);
-    let step = step(what, all);
+    let step = step("building the hierarchy".into(), Some(all as u64));
     let placed = |count: usize| step.set_position(count as u64);
     let bvh = Bvh::of(triangles, quality, options.isa(), &placed);
     let bvh = bvh.map_err(|e| e.to_string())?;
     drop(step);
-    let analysis = SceneAnalysis::find(&left_out, &bvh, inquiry);
+    let analysis = SceneAnalysis::find(&left_out, &bvh, &inquiry);
     known.left_out = analysis.left_out().cloned().collect();
+    let quality = quality.to_string();
+    known.settings.insert("hierarchy".into(), quality.into());
     known.build_seconds = began.elapsed().as_secs_f64();
-    Ok((analysis, bvh, quality))
+    Ok((inquiry, analysis, bvh))
 }
 
 /// Tells what can be left out, and what the rest is made of.
@@ -596,13 +547,11 @@ fn seconds_to(end: Instant) -> f64 {
 fn settings(
     options: &Options,
     run_key: &RunKey,
-    quality: Quality,
     choice: Option<Choice>,
 ) -> Map<String, Value> {
     let reference = options.reference.as_ref();
-    let RunKey { subject, sampling, part, .. } = run_key;
-    let mut settings = entries(subject);
-    settings.extend(entries(&json!({
+    let RunKey { sampling, part, .. } = run_key;
+    let mut settings = entries(&json!({
         "seed": sampling.seed,
         "spp": part.map_or(options.samples(), |part| Some(part.count())),
         "time": options.time,
@@ -610,11 +559,10 @@ fn settings(
         "reference": reference.map(|path| path.display().to_string()),
         "isa": options.isa().to_string(),
         "threads": rayon::current_num_threads(),
-        "hierarchy": quality.to_string(),
         "integrator": sampling.method.to_string(),
-    })));
-    let choice = choice.map(|choice| choice.to_string().into());
-    settings.extend(choice.map(|choice| ("choice".into(), choice)));
+    }));
+    settings
+        .extend(choice.map(|c| ("choice".into(), json!(c.to_string()))));
     settings.extend(part.map(|part| ("part".into(), json!(part))));
     settings
 }
@@ -632,8 +580,8 @@ fn film_so_far(
         let bytes = metric(64. * pixels as f64);
         format!("too little memory: {bytes}B more are needed")
     })?;
-    let (mut film, mut convergence) =
-        (run_key.film(), Convergence::default());
+    let mut film = run_key.film();
+    let mut convergence = Convergence::default();
     // Warn of a part without a sample
     if run_key.part.is_some() && goal == Some(0) {
         let together = film.replicate;
@@ -657,40 +605,44 @@ fn film_so_far(
     Ok((film, convergence))
 }
 
-/// Renders until a limit is reached, and keeps files and bar up to date.
+/// Renders until a limit is reached, keeps files and bar up to date, and
+/// prints a summary at the end, which names the `picture`.
 fn render(
     job: &mut dyn Renderer,
-    (film, convergence): &mut (Film, Convergence),
+    (mut film, mut convergence): (Film, Convergence),
     limits: &Limits,
-    output: &mut RunOutput,
+    mut output: RunOutput,
     bar: &ProgressBar,
-) -> Stop {
+    picture: Option<&Path>,
+) -> Result<Stop, String> {
     let (began, area) = (Instant::now(), film.area());
     // Keep the bar up to date
     let show = |convergence: &Convergence| {
         let spp = convergence.expected(limits, area);
         let all = spp.map(|spp| spp.saturating_mul(area));
         let paths = convergence.spp.saturating_mul(area);
-        let rmse =
-            convergence.rmse().map(|rmse| format!("rmse {rmse:.2e}, "));
-        let rmse = rmse.unwrap_or_default();
-        let known = format!("{} spp, {rmse}", convergence.spp);
+        let mut known = format!("{} spp, ", convergence.spp);
+        if let Some(rmse) = convergence.last().rmse {
+            known += &format!("rmse {rmse:.2e}, ");
+        }
         expect(bar, (paths, all), "paths", known);
     };
-    match job.training_rays(area) {
-        0 => show(convergence),
+    let training = job.training_rays(area);
+    match training {
+        0 => show(&convergence),
         rays => expect(bar, (0, Some(rays)), "rays", "learning, ".into()),
     }
     // Write files between two passes
     let mut after = |convergence: &Convergence, film: &Film| {
         show(convergence);
-        let snapshot = Snapshot { convergence, film, stop: None };
-        if let Err(message) = output.after(snapshot) {
+        let written = output.write(convergence, film, Some(Instant::now()));
+        if let Err(message) = written {
             bar.suspend(|| progress::warn(&message));
         }
     };
     let advance = |n| bar.inc(n);
-    let stop = convergence.run(job, film, limits, &advance, &mut after);
+    let stop =
+        convergence.run(job, &mut film, limits, &advance, &mut after);
     bar.finish_and_clear();
     // Warn if there was no time
     let late = limits.deadline.is_some_and(|end| began > end);
@@ -700,43 +652,27 @@ fn render(
              longer than --time allows",
         );
     }
-    stop
-}
-
-/// Writes the files and the summary, if there is a sample.
-fn end(
-    (film, convergence): &(Film, Convergence),
-    output: &mut RunOutput,
-    stop: Stop,
-    method: Method,
-    picture: Option<&Path>,
-) -> Result<(), String> {
     // End without an image if there is no sample
     let is_over = matches!(stop, Stop::Time | Stop::Signal(_));
     if is_over && film.unsampled() == film.area() {
-        let message = stop.without_image(match method {
-            Method::Gather => "learning",
-            _ => "rendering",
-        });
+        let doing = if training > 0 { "learning" } else { "rendering" };
+        let message = stop.without_image(doing);
         if stop == Stop::Time {
             return Err(message);
         }
         progress::error(&message);
-        return Ok(());
+        return Ok(stop);
     }
-    let snapshot = Snapshot { convergence, film, stop: Some(stop) };
-    output.close(snapshot)?;
-    if progress::is_quiet() {
-        return Ok(());
-    }
+    output.write(&convergence, &film, None)?;
     // Print the summary
-    let report = output.report.complete(snapshot);
-    let file = picture.map(|path| ("file", path.display().to_string()));
-    let lines = report.summary(film.area()).into_iter().chain(file);
-    for (name, text) in lines {
-        progress::inform(&format!("{name:10}{text}"));
+    if !progress::is_quiet() {
+        let report = output.known.report.complete(&film);
+        let file = picture.map(|path| ("file", path.display().to_string()));
+        for (name, text) in report.summary(area).into_iter().chain(file) {
+            progress::inform(&format!("{name:10}{text}"));
+        }
     }
-    Ok(())
+    Ok(stop)
 }
 
 /// Tells other ranks a value.
@@ -763,25 +699,13 @@ pub fn follow(ranks: &dyn Ranks) -> Result<(), String> {
     let options = Options::restore(&options)?;
     progress::hush();
     start_threads(&options)?;
-    // Hear the scene
     let Some(bytes) = ranks.hear() else { return Ok(()) };
-    let file = options.input_name();
-    let read = read_file(&bytes).map_err(|error| error.within(&file));
-    let (mesh, _) = read?;
-    drop(bytes);
-    let subject = subject(&options, mesh.corners());
-    let scene = Scene::of(mesh);
-    // Prepare the scene as rank 0 does
-    let camera = camera(subject.resolution, &subject.view)?;
-    let kept = kept(&options);
-    let inquiry = inquire(&subject, &camera, &scene, &kept);
-    let report = &mut Report::default();
-    let (analysis, bvh, _) =
-        build(scene, &inquiry, &options, ranks, report)?;
+    let (scene, subject, mut report) = load(&options, bytes, false, None)?;
+    let (inquiry, analysis, bvh) =
+        build(scene, &subject, &options, ranks, &mut report)?;
     let Some(run_key) = hear::<RunKey>(ranks)? else { return Ok(()) };
     let setup =
         Setup { intersector: &bvh, inquiry: &inquiry, analysis: &analysis };
-    let job = setup.renderer(&run_key.sampling);
-    ranks.serve(job, &run_key);
+    ranks.serve(setup.renderer(&run_key.sampling), &run_key);
     Ok(())
 }

@@ -56,8 +56,8 @@ fn image(
 }
 
 /// A run that ends when its error is small enough.
-fn until(error: f64, interrupt: &Interrupt) -> Limits<'_> {
-    Limits { error: Some(error), ..Limits::none(interrupt) }
+fn until(error: f64) -> Limits<'static> {
+    Limits { error: Some(error), ..Limits::default() }
 }
 
 #[test]
@@ -303,13 +303,12 @@ fn a_triangle_in_four_parts_is_seen_by_one_tile_less() {
 
 #[test]
 fn the_end_of_a_run_is_foreseen_with_what_it_may_not_have_seen() {
-    let interrupt = Interrupt::default();
-    let limits = until(0.01, &interrupt);
+    let limits = until(0.01);
     let step = r#"{"spp": 16, "seconds": 1.0, "rays": 1, "rmse": 0.04,
         "mean": 0.5, "mean_stderr": 0.001}"#;
     let mut convergence = Convergence::default();
     convergence.spp = 16;
-    convergence.steps.push(serde_json::from_str(step).unwrap());
+    convergence.curve.push(serde_json::from_str(step).unwrap());
     assert_eq!(convergence.expected(&limits, 76_800), Some(257));
     let (v, unseen) = (0.0256f64, 12e-4f64);
     assert_eq!(((v + (v * v + unseen).sqrt()) / 2e-4).ceil(), 344.);
@@ -321,8 +320,7 @@ fn the_end_of_a_run_is_foreseen_with_what_it_may_not_have_seen() {
 fn a_plane_is_believed_to_have_no_noise_after_35_samples() {
     let above = look(DVec3::new(0.3, 0.1, 2.), DVec3::ZERO, 20.);
     let setting = Setting::new(&plane(), (0.5, DVec3::Z), &above, 1.);
-    let (interrupt, setting) = (Interrupt::default(), setting.unwrap());
-    let limits = until(0.001, &interrupt);
+    let (limits, setting) = (until(0.001), setting.unwrap());
     let (mut film, mut convergence) =
         (Film::new(50, 50), Convergence::default());
     let mut nothing = |_: &_, _: &_| ();

@@ -13,6 +13,7 @@ use common::{ROOM, Run, Scratch, finish, wait_until};
 use litpt::film::Film;
 use litpt::image::Image;
 use litpt::render_loop::Convergence;
+use litpt::report::Report;
 use litpt::state::checkpoint::{Checkpoint, Known, save};
 use litpt::state::key::RunKey;
 use serde_json::{Value, json};
@@ -46,8 +47,9 @@ fn state() -> (Convergence, Film) {
                 "rmse": rmse, "mean": 1. / 3., "mean_stderr": rmse })
     };
     let convergence = json!({
-        "spp": 9, "seconds": 1e-3 / 7., "rays": u64::MAX - 1, "constant": 4,
-        "steps": [step(1, Value::Null), step(2, json!(0.1 + 0.2))],
+        "spp": 9, "render_seconds": 1e-3 / 7., "rays": u64::MAX - 1,
+        "constant_pixels": 4, "stopped": "error",
+        "curve": [step(1, Value::Null), step(2, json!(0.1 + 0.2))],
     });
     let mut film = Film::new(5, 3);
     for (pixel, i) in film.pixels.iter_mut().zip(0..) {
@@ -57,14 +59,13 @@ fn state() -> (Convergence, Film) {
 }
 
 fn known() -> Known {
-    let (options, report) = (Value::Null, Value::Null);
-    Known { options, run_key: run_key(), report }
+    let report = Report { convergence: state().0, ..Report::default() };
+    Known { options: Value::Null, run_key: run_key(), report }
 }
 
 fn saved() -> Vec<u8> {
-    let (convergence, film) = state();
     let mut bytes = vec![];
-    save(&known(), &convergence, &film, &mut bytes).unwrap();
+    save(&known(), &state().1, &mut bytes).unwrap();
     bytes
 }
 
@@ -130,12 +131,11 @@ fn a_fact_that_differs_is_named_with_both_values() {
 
 #[test]
 fn a_disk_that_is_full_is_an_error_and_no_panic() {
-    let (convergence, film) = state();
+    let (_, film) = state();
     let size = saved().len();
     for room in [0, 10, 25, 500, size - 33, size - 32, size - 1, size] {
         let mut disk = vec![0; room];
-        let written =
-            save(&known(), &convergence, &film, &mut &mut disk[..]);
+        let written = save(&known(), &film, &mut &mut disk[..]);
         assert_eq!(written.is_ok(), room == size, "{room}");
     }
 }
@@ -159,7 +159,7 @@ fn header(path: &PathBuf) -> Option<Value> {
 
 /// The samples in a checkpoint; none if there is no such file.
 fn saved_spp(path: &PathBuf) -> Option<u64> {
-    header(path)?["convergence"]["spp"].as_u64()
+    header(path)?["report"]["spp"].as_u64()
 }
 
 /// Starts a run without an end, and kills it as soon as it has saved more

@@ -16,12 +16,11 @@ const KNOWN: [(&str, &str); 3] = [
         "78a4e05c50384933a5bbc42490aee90cac9f4f6bb7d6e992a221849f61801586",
     ),
     (
-        "samples 4, path tracer with roulette below 0.1 and from 1000 \
-         bounces, controlled nets of 2",
+        "samples 4, path tracer with roulette below 0.1 and from 1000 bounces",
         "caa054c3c6496ac6a92e826ef9a82c7387603e149a9f6309f4d385430da961ad",
     ),
     (
-        "gather 5, nets of 1, training with 65536 rays",
+        "gather 5",
         "c26fcca8e9d2492092870241191839a56d06361f27196612c5101954b5916c97",
     ),
 ];

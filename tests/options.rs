@@ -230,7 +230,7 @@ fn a_resumed_run_has_the_options_of_both_commands() {
     assert_eq!((alone.samples, alone.error), (Some(9), Some(1.)));
     assert_eq!(alone.checkpoint, Some("d".into()));
     assert_eq!(alone.scene_file(), Some("/there/b.obj".as_ref()));
-    let old = ["/there/a.pfm", "/there/a.png", "/there/r.csv"];
+    let old = ["/there/a.pfm", "/there/a.png", "/there/r.csv", "d"];
     assert_eq!(alone.replaced, old.map(AsRef::<Path>::as_ref));
     assert!(alone.quiet && !alone.force);
     let more = after(&["--time=2", "-of", "-ic.obj", "--checkpoint=e"]);

@@ -13,7 +13,7 @@ use common::{Run, Scratch, finish, pgm};
 use exr::math::Vec2;
 use exr::prelude::{AnyChannel, AnyChannels, FlatSamples, WritableImage};
 use litpt::image::{Format, Image};
-use litpt::output::ImageTarget;
+use litpt::output::{OutputTarget, format_of};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use serde_json::{Value, json};
@@ -61,8 +61,10 @@ fn put(place: &Scratch, name: &str, seed: u64, p: f64) -> Image {
 }
 
 fn write(place: &Scratch, name: &str, image: &Image) {
-    let file = ImageTarget::file(&place.path(name), Format::Exr, true);
-    file.unwrap().write(image).unwrap();
+    let path = place.path(name);
+    let file = OutputTarget::file(&path, true).unwrap();
+    let format = format_of(&path, Format::Exr).unwrap();
+    file.write(&mut |out| format.write(image, out)).unwrap();
 }
 
 #[test]
@@ -264,8 +266,8 @@ fn images_are_not_merged() {
     put(&place, "a.exr", 1, 0.5);
     put(&place, "b.exr", 2, 0.5);
     for (files, status, words) in [
-        (&["a.exr", "b.exr"][..], 1, "a.exr: merge adds the states"),
-        (&["-", "a.litpt"], 1, "-: merge adds the states of a run"),
+        (&["a.exr", "b.exr"][..], 1, "a.exr: is not a checkpoint"),
+        (&["-", "a.litpt"], 1, "-: cannot read"),
         (&["a.litpt", "none.exr"], 1, "a.litpt: cannot read"),
         (&["a.litpt"], 2, "only 1"),
     ] {

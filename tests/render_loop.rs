@@ -13,7 +13,7 @@ use litpt::bvh::{Hit, Intersector};
 use litpt::film::{Film, Summary, WORTH, Watch};
 use litpt::integrator::{Integrator, PathEvent};
 use litpt::render::{Job, Renderer};
-use litpt::render_loop::{Convergence, Interrupt, Limits, Stop};
+use litpt::render_loop::{Convergence, Limits, Stop};
 use litpt::sampler::Sampler;
 use litpt::scene::Ray;
 use litpt::statistics::Accumulator;
@@ -72,12 +72,9 @@ fn job<E>(integrator: E, seed: u64) -> Job<'static, Nothing, E> {
     Job { entrance, intersector, camera, integrator, known, sampler }
 }
 
-/// No signal comes.
-static SILENCE: LazyLock<Interrupt> = LazyLock::new(Interrupt::default);
-
 /// No limit but a number that no correct run of these tests reaches.
 fn limits() -> Limits<'static> {
-    Limits { samples: Some(50_000), ..Limits::none(&SILENCE) }
+    Limits { samples: Some(50_000), ..Limits::default() }
 }
 
 /// Goes on with a run until a limit is reached.
@@ -248,7 +245,7 @@ fn steps_are_spread_over_the_decades_and_the_last_is_the_end() {
         assert_eq!((stop, convergence.spp), (Stop::Samples, n));
         assert!(film.rows().all(|pixel| pixel.count() == n));
         assert_eq!(convergence.rays, 15 * 3 * n);
-        let steps = &convergence.steps;
+        let steps = &convergence.curve;
         let expected = STEPS.into_iter().filter(|&step| step < n);
         let found = steps.iter().map(|step| step.spp);
         assert!(found.eq(expected.chain([n])), "{n}: {steps:?}");
@@ -271,7 +268,7 @@ fn every_step_is_compared_with_the_reference() {
     let truth: Vec<f64> = (0..12).map(|i| f64::from(i) / 10.).collect();
     let limit =
         Limits { samples: Some(50), reference: Some(&truth), ..limits() };
-    for step in run(&mut job, (4, 3), &limit).0.steps {
+    for step in run(&mut job, (4, 3), &limit).0.curve {
         let mut film = Film::new(4, 3);
         job.pass(&mut film, step.spp, &|_| true);
         let pairs = film.means().zip(&truth);
@@ -302,14 +299,14 @@ fn a_run_stops_when_its_error_is_small_enough_and_soon_after() {
         let rmse = film.summary().rmse;
         assert_eq!(stop, Stop::Error);
         assert!(may_stop(rmse, convergence.spp, pixels, *error), "{error}");
-        let last = convergence.steps[convergence.steps.len() - 1];
+        let last = convergence.curve[convergence.curve.len() - 1];
         assert_eq!((last.spp, last.rmse), (convergence.spp, Some(rmse)));
         let (v, e) = (0.21, error * error);
         let root = f64::sqrt(v * v + 12. * e / pixels as f64);
         let needed = (v + root) / (2. * e);
         let ratio = convergence.spp as f64 / needed;
         assert!((0.85..1.15).contains(&ratio), "{error}: {ratio}");
-        for step in convergence.steps.iter().rev().skip(1) {
+        for step in convergence.curve.iter().rev().skip(1) {
             let rmse = step.rmse.unwrap_or(f64::INFINITY);
             let decisive = step.spp * pixels >= 1000;
             let early = may_stop(rmse, step.spp, pixels, *error);
@@ -391,7 +388,7 @@ fn a_course_that_is_resumed_ends_as_one_that_never_stopped() {
     let by_number = Limits { samples: Some(213), ..limits() };
     let by_error = Limits { error: Some(4e-3), ..limits() };
     let course = |run: &Convergence| {
-        let mut steps = run.steps.clone();
+        let mut steps = run.curve.clone();
         steps.iter_mut().for_each(|step| step.seconds = 0.);
         (run.spp, run.rays, steps)
     };
@@ -425,12 +422,12 @@ fn an_error_that_no_run_reaches_adds_no_steps() {
     };
     let mut even = job(Draw(|_| 0.5), 1);
     for error in [1e-200, f64::MIN_POSITIVE, 1e-9] {
-        let steps = run(&mut even, (4, 4), &limit(error)).0.steps;
+        let steps = run(&mut even, (4, 4), &limit(error)).0.curve;
         assert_eq!(steps.len(), STEPS.len() + 1, "{error:e}");
     }
     // A weight that is no number leaves the error unknown for ever.
     let mut job = job(Draw(|u| if u < 0.5 { f64::NAN } else { u }), 1);
-    let steps = run(&mut job, (4, 4), &limit(0.1)).0.steps;
+    let steps = run(&mut job, (4, 4), &limit(0.1)).0.curve;
     assert!(steps.len() <= STEPS.len() + 2, "{}", steps.len());
 }
 
@@ -454,11 +451,11 @@ fn a_run_that_is_cut_off_goes_on_from_the_count_of_each_tile() {
     (convergence.seconds, convergence.rays) = (1.5, rays);
     // Its error is unknown, and that is recorded.
     convergence.record(&film, None);
-    let point = convergence.steps[0];
+    let point = convergence.curve[0];
     assert_eq!((point.spp, point.rmse, point.mean_stderr), (0, None, None));
     assert!(point.mean > 0.);
     convergence.record(&film, None);
-    assert_eq!(convergence.steps.len(), 1);
+    assert_eq!(convergence.curve.len(), 1);
     let limit = Limits { samples: Some(5), ..limits() };
     let stop = go_on(&mut job, &mut convergence, &mut film, &limit);
     let (whole, plain, _) = run(&mut job, size, &limit);
@@ -487,8 +484,8 @@ fn the_pace_is_that_of_the_samples_that_were_made() {
     let clock = || start + Duration::from_millis(ticks.load(Relaxed));
     let limits = Limits {
         samples: Some(1000),
-        clock: &clock,
-        ..Limits::none(&SILENCE)
+        clock: Some(&clock),
+        ..Limits::default()
     };
     let mut renderer = Sixteen(&ticks, vec![]);
     let (mut film, mut run) = (Film::new(8, 8), Convergence::default());
@@ -511,8 +508,8 @@ fn time_for_writing_is_kept_in_reserve() {
         let limits = Limits {
             deadline: Some(start + Duration::from_secs(10)),
             reserve: [none, all],
-            clock: &clock,
-            ..Limits::none(&SILENCE)
+            clock: Some(&clock),
+            ..Limits::default()
         };
         // Each tile looks at the clock some times.
         let mut job = job(draw, 1);

@@ -10,7 +10,7 @@ use std::path::Path;
 
 use base64::prelude::{BASE64_STANDARD, Engine};
 use litpt::image::Image;
-use litpt::render_loop::CurvePoint;
+use litpt::render_loop::{Convergence, CurvePoint, Stop};
 use litpt::report::{Kind, Report, SceneFile, slope};
 use roxmltree::{Document, Node};
 use serde_json::{Value, json};
@@ -32,7 +32,11 @@ fn point(spp: u64) -> CurvePoint {
 }
 
 fn report(curve: Vec<CurvePoint>) -> Report {
-    let last = curve.last().copied();
+    let mut convergence = Convergence::default();
+    convergence.curve = curve;
+    let CurvePoint { spp, seconds, rays, .. } = convergence.last();
+    (convergence.spp, convergence.seconds) = (spp, seconds);
+    convergence.rays = rays;
     let settings = [("albedo", json!(0.8)), ("resolution", json!("12x8"))];
     let settings = settings.map(|(name, value)| (name.to_owned(), value));
     Report {
@@ -46,15 +50,9 @@ fn report(curve: Vec<CurvePoint>) -> Report {
             triangles: 6,
         },
         settings: settings.into_iter().collect(),
-        spp: last.map_or(0, |point| point.spp),
         load_seconds: 0.125,
         build_seconds: 0.25,
-        render_seconds: last.map_or(0., |point| point.seconds),
-        rays: last.map_or(0, |point| point.rays),
-        mean: last.map_or(f64::NAN, |point| point.mean),
-        mean_stderr: last.and_then(|point| point.mean_stderr),
-        rmse: last.and_then(|point| point.rmse),
-        curve,
+        convergence,
         ..Report::default()
     }
 }
@@ -151,10 +149,10 @@ fn json_holds_what_is_known() {
     assert!(json["curve"][3].get("rmse_reference").is_none());
     let column = "<th>rmse against reference</th>";
     assert!(!html_of(&report).contains(column));
-    report.curve[3].rmse_reference = Some(0.125);
+    report.convergence.curve[3].rmse_reference = Some(0.125);
     let curve = json_of(&report)["curve"].clone();
     let curve: Vec<CurvePoint> = serde_json::from_value(curve).unwrap();
-    assert_eq!(curve, report.curve);
+    assert_eq!(curve, report.convergence.curve);
     let page = html_of(&report);
     assert!(page.contains(column) && page.contains("<td>0.125000</td>"));
 }
@@ -162,9 +160,8 @@ fn json_holds_what_is_known() {
 #[test]
 fn what_is_not_finite_is_null_in_json_and_empty_in_csv() {
     let mut report = report(vec![point(2)]);
-    report.curve[0].rmse = Some(f64::INFINITY);
-    report.curve[0].mean_stderr = Some(f64::NAN);
-    report.rmse = Some(f64::INFINITY);
+    report.convergence.curve[0].rmse = Some(f64::INFINITY);
+    report.convergence.curve[0].mean_stderr = Some(f64::NAN);
     let json = json_of(&report);
     let point = &json["curve"][0];
     for value in [&json["rmse"], &point["rmse"], &point["mean_stderr"]] {
@@ -178,7 +175,7 @@ fn what_is_not_finite_is_null_in_json_and_empty_in_csv() {
 
 #[test]
 fn every_kind_is_valid_at_every_moment_of_a_run() {
-    let all = ordinary().curve;
+    let all = ordinary().convergence.curve;
     for n in 0..=all.len() {
         let report = report(all[..n].to_vec());
         let json = json_of(&report);
@@ -199,14 +196,14 @@ fn every_kind_is_valid_at_every_moment_of_a_run() {
 #[test]
 fn every_row_of_csv_has_all_columns_and_all_digits() {
     let mut report = ordinary();
-    report.curve[2].seconds = 1. / 3.;
-    report.curve[2].rmse = Some(1.25e-12);
-    report.curve[4].rmse_reference = Some(0.1 + 0.2);
+    report.convergence.curve[2].seconds = 1. / 3.;
+    report.convergence.curve[2].rmse = Some(1.25e-12);
+    report.convergence.curve[4].rmse_reference = Some(0.1 + 0.2);
     let csv = Kind::Csv.render(&report, &|| image(12, 8));
     let mut lines = csv.lines();
     let header = "spp,seconds,rays,rmse,mean,mean_stderr,rmse_reference";
     assert_eq!(lines.next(), Some(header));
-    for (line, point) in lines.zip(&report.curve) {
+    for (line, point) in lines.zip(&report.convergence.curve) {
         let CurvePoint { spp, seconds, rays, rmse, mean, .. } = *point;
         let cells = line.split(',').map(|cell| cell.parse().ok());
         let first = [spp as f64, seconds, rays as f64].map(Some);
@@ -233,7 +230,7 @@ fn the_slope_of_a_power_law_is_found_from_three_points_on() {
     assert_eq!(slope(&three[..2]), None);
     assert_eq!(slope(&[(0.1, 1.), (0.1, 0.7), (0.1, 0.5)]), None);
     let (json, mut few) = (json_of(&ordinary()), ordinary());
-    few.curve.truncate(5);
+    few.convergence.curve.truncate(5);
     for key in ["slope_seconds", "slope_spp"] {
         let slope = json[key].as_f64().unwrap();
         assert!((slope + 0.5).abs() < 1e-12, "{key}: {slope}");
@@ -244,15 +241,15 @@ fn the_slope_of_a_power_law_is_found_from_three_points_on() {
 #[test]
 fn points_that_cannot_be_trusted_are_left_out_of_the_fit() {
     let mut report = ordinary();
-    report.curve[1].rmse = Some(1e-6);
-    report.curve[2].rmse = Some(0.);
+    report.convergence.curve[1].rmse = Some(1e-6);
+    report.convergence.curve[2].rmse = Some(0.);
     let mut zero = point(20);
     zero.rmse = Some(0.);
     let mut early = point(22);
     early.seconds = 0.;
     let mut unknown = point(24);
     unknown.rmse = Some(f64::INFINITY);
-    report.curve.splice(5..5, [zero, early, unknown]);
+    report.convergence.curve.splice(5..5, [zero, early, unknown]);
     let slope = json_of(&report)["slope_seconds"].as_f64().unwrap();
     assert!((slope + 0.5).abs() < 1e-12, "{slope}");
 }
@@ -271,8 +268,8 @@ fn places(line: Node) -> Vec<(f64, f64)> {
 #[test]
 fn the_drawing_shows_each_point_within_its_frame() {
     let mut report = ordinary();
-    report.curve[5].rmse_reference = Some(0.3);
-    report.curve[6].rmse_reference = Some(0.2);
+    report.convergence.curve[5].rmse_reference = Some(0.3);
+    report.convergence.curve[6].rmse_reference = Some(0.2);
     // The guide, the truth, and what is estimated.
     let (lines, discs, frame) = with_page(&report, |page| {
         let lines = named(page, "polyline").map(places);
@@ -330,9 +327,13 @@ fn every_decade_of_either_axis_has_its_label() {
 #[test]
 fn an_exact_image_has_no_curve() {
     let mut report = ordinary();
-    report.curve.iter_mut().for_each(|point| point.rmse = Some(0.));
+    report
+        .convergence
+        .curve
+        .iter_mut()
+        .for_each(|point| point.rmse = Some(0.));
     assert!(!html_of(&report).contains("polyline"));
-    report.curve[4].rmse_reference = Some(0.1);
+    report.convergence.curve[4].rmse_reference = Some(0.1);
     assert!(html_of(&report).contains("polyline"));
 }
 
@@ -344,7 +345,6 @@ fn hostile_names_stay_names() {
     report.program = "<b>&".to_owned();
     report.command = "pt -i '<script>'".to_owned();
     report.processor = "</td><script>".to_owned();
-    report.stopped = Some("<i>".to_owned());
     report.scene.sha256 = "\"><script>".to_owned();
     report.settings.insert("<u>".to_owned(), json!("</td><script>"));
     let shown = name.replace('\u{1}', "\u{fffd}");
@@ -481,20 +481,19 @@ fn a_large_image_is_averaged_as_radiance() {
 #[test]
 fn the_page_says_in_words_how_the_run_went() {
     let mut report = ordinary();
-    report.mean = 0.43124;
-    report.mean_stderr = Some(0.0018);
-    report.rmse = Some(0.01234);
-    report.constant_pixels = 17;
-    report.stopped = Some("time".to_owned());
+    let last = report.convergence.curve.last_mut().unwrap();
+    (last.mean, last.mean_stderr) = (0.43124, Some(0.0018));
+    report.convergence.constant_pixels = 17;
+    report.convergence.stopped = Some(Stop::Time);
     report.settings.insert("spp".to_owned(), json!(200));
     report.settings.insert("error".to_owned(), json!(0.01));
     let text = with_page(&report, words);
     for phrase in [
         "6 triangles, load 0.125 s, build 0.250 s",
         "1.920 s, 64000 rays, 33.33 krays/s (reference)",
-        "64 spp, mean radiance 0.431240 \u{b1} 0.001800, rmse 0.012340",
+        "64 spp, mean radiance 0.431240 \u{b1} 0.001800, rmse 0.050000",
         "17 of 96 saw one value only",
-        "Run stopped by time; 64 of 200 spp; error 0.012340, target 0.01 \
+        "Run stopped by time; 64 of 200 spp; error 0.050000, target 0.01 \
          not reached.",
         "-0.500 against seconds",
     ] {
@@ -523,7 +522,9 @@ fn the_verdict_says_why_the_run_stopped_and_whether_it_met_its_targets() {
         let settings = [("spp", spp), ("error", error)];
         let settings = settings.map(|(k, v)| (k.to_owned(), v.clone()));
         report.settings = settings.into_iter().collect();
-        (report.stopped, report.rmse) = (Some(stopped.to_owned()), rmse);
+        report.convergence.curve.last_mut().unwrap().rmse = rmse;
+        let stop = serde_json::from_value(json!(stopped)).unwrap();
+        report.convergence.stopped = Some(stop);
         let small = rmse.is_some_and(|rmse| rmse < 0.001);
         let met = if small { reached } else { "target 0.001 not reached" };
         let stopped = stopped.replace("signal", "a signal");

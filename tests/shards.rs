@@ -165,8 +165,8 @@ fn states_that_are_not_parts_of_one_run_are_refused() {
         ("-iother.obj", "scene_sha256 is"),
         ("-d40x51", "resolution is [40,50] and [40,51]"),
         ("--crop=0,0,40x32", "crop is nothing and \"0,0,40x32\""),
-        ("--integrator=sobol", "integrator is"),
-        ("-n9", "spp is 8 and 9"),
+        ("--integrator=sobol", "method is"),
+        ("-n9", "part is"),
     ] {
         part(&place, "b.litpt", &format!("{run} --samples=4..8 {option}"));
         let words = ["a.litpt and b.litpt are not of one run", what];
@@ -300,7 +300,7 @@ fn states_and_images_are_not_mixed_and_not_overwritten() {
     fs::rename(place.path("b.ck.litpt"), place.path("b.ck")).unwrap();
     place.done(&format!("{VIEW} -oc.exr"));
     let mixed = merge(&place, "a.litpt c.exr -od.exr");
-    mixed.failed(1, &["c.exr: merge adds the states of a run"]);
+    mixed.failed(1, &["c.exr: is not a checkpoint"]);
     merge(&place, "a.litpt b.ck -od.exr").succeeded();
     let again = merge(&place, "a.litpt b.ck -od.exr");
     again.failed(1, &["d.exr: the file exists"]);

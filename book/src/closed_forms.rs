@@ -326,7 +326,7 @@ impl Setting {
 
     /// What is asked about it, for an image of this width and height.
     pub fn inquiry(&self, resolution: (u32, u32)) -> Inquiry<'_> {
-        let &Self { entrance, ref camera, integrator, .. } = self;
+        let &Self { entrance, camera, integrator, .. } = self;
         let PathTracer { albedo, sky, .. } = integrator;
         Inquiry { camera, entrance, sky, albedo, resolution, kept: &[] }
     }

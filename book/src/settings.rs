@@ -63,7 +63,7 @@ impl Setting {
         let scene = Scene::new(&self.mesh);
         let start = Instant::now();
         let inquiry = Inquiry {
-            camera: &camera,
+            camera,
             entrance: scene.frame.entrance(camera.position),
             sky: Sky::new(self.view.up),
             albedo: self.rho,

@@ -14,7 +14,6 @@ use std::time::{Duration, Instant};
 
 use common::{Run, Scratch, finish, wait_until};
 use litpt::image::Image;
-use litpt::run_output::conclude;
 use litpt::state::checkpoint::Checkpoint;
 use litpt::state::shards::merge;
 
@@ -98,9 +97,9 @@ fn ranks_render_a_part_of_a_run() {
         run(&place, 3, &part).succeeded();
     }
     let parts = ["a.litpt", "b.litpt", "c.litpt"].map(|n| place.path(n));
-    let (image, _) = conclude(merge(&parts).unwrap());
+    let film = merge(&parts).unwrap().film;
     let whole = Image::read(&place.path("a.pfm")).unwrap().means;
-    let means = image.means.iter().map(|&x| f64::from(x as f32));
+    let means = film.means().map(|x| f64::from(x as f32));
     assert!(means.eq(whole));
 }
 
@@ -165,7 +164,7 @@ fn goes_on(place: &Scratch) {
     fs::copy(place.path("c.ck"), place.path("d.ck")).unwrap();
     let saved = Checkpoint::of_file(&place.path("c.ck")).unwrap();
     // A pass takes no tile further than the next step.
-    let n = format!("-n{}", 2 * saved.convergence.spp + 10);
+    let n = format!("-n{}", 2 * saved.known.report.convergence.spp + 10);
     let method = "--integrator=reference";
     alone(place, &[&n, "-ob.pfm", method]);
     let more = [&n, "--resume=c.ck", "-oa.pfm", method];

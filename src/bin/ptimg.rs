@@ -6,6 +6,7 @@
 use std::env;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::slice::from_ref;
 use std::sync::Arc;
 
 use clap::{Args, Parser, Subcommand};
@@ -18,10 +19,10 @@ use litpt::compare::{
 use litpt::film::SIDE;
 use litpt::image::{Format, Image};
 use litpt::options::{LICENCE, is_dash, parse_real, parse_words};
-use litpt::output::{ImageTarget, OutputTarget, descriptor, tell_apart};
+use litpt::output::{OutputTarget, descriptor, format_of, tell_apart};
 use litpt::progress;
 use litpt::report::Kind;
-use litpt::run_output::conclude;
+use litpt::run_output::{Product, RunOutput};
 use litpt::session::fail;
 use litpt::state::shards;
 use signal_hook::consts::SIGXFSZ;
@@ -149,7 +150,7 @@ impl Output {
         &self,
         usual: Format,
         grey: bool,
-    ) -> Result<Vec<ImageTarget>, String> {
+    ) -> Result<Vec<Target>, String> {
         let target = |path: &PathBuf| {
             // Check one target
             let name = path.display();
@@ -159,8 +160,8 @@ impl Output {
                      tells its format"
                 ));
             }
-            let format = self.format.unwrap_or(usual);
-            let target = ImageTarget::file(path, format, self.force)?;
+            let format = format_of(path, self.format.unwrap_or(usual))?;
+            let target = (format, OutputTarget::file(path, self.force)?);
             match grey && !is_grey(&target) {
                 true => Err(format!(
                     "{name}: this image is written as .pgm or .png"
@@ -231,12 +232,17 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn is_grey(target: &ImageTarget) -> bool {
-    [Format::Pgm, Format::Png].contains(&target.format)
+/// Where an image goes, and in which format.
+type Target = (Format, OutputTarget);
+
+fn is_grey((format, _): &Target) -> bool {
+    [Format::Pgm, Format::Png].contains(format)
 }
 
-fn write(targets: &[ImageTarget], image: &Image) -> Result<(), String> {
-    targets.iter().try_for_each(|target| target.write(image))
+fn write(targets: &[Target], image: &Image) -> Result<(), String> {
+    targets.iter().try_for_each(|(format, target)| {
+        target.write(&mut |out| format.write(image, out))
+    })
 }
 
 impl Merge {
@@ -244,24 +250,16 @@ impl Merge {
         let files = self.files.iter().map(PathBuf::as_path);
         let written = self.to.output.iter().chain(&self.report);
         tell_apart(files, written.map(PathBuf::as_path))?;
-        // Refuse what is no state
-        let is_other = |file: &&PathBuf| {
-            (is_dash(file) || file.exists()) && !shards::is_state(file)
-        };
-        if let Some(file) = self.files.iter().find(is_other) {
-            return Err(format!(
-                "{}: merge adds the states of a run, files that `pt -o a.litpt` \
-                 or --checkpoint writes, not images",
-                file.display()
-            ));
-        }
         let images = self.to.targets(Format::Exr, false)?;
         // Find the targets of the reports
         let report = |path: &PathBuf| {
-            Ok((Kind::of(path)?, OutputTarget::file(path, self.to.force)?))
+            let target = OutputTarget::file(path, self.to.force)?;
+            Ok((Product::Report(Kind::of(path)?), target))
         };
-        let reports = self.report.iter().map(report);
-        let reports = reports.collect::<Result<Vec<_>, String>>()?;
+        let images =
+            images.into_iter().map(|(f, to)| Ok((Product::Image(f), to)));
+        let files = images.chain(self.report.iter().map(report));
+        let files = files.collect::<Result<_, String>>()?;
         let merged = shards::merge(&self.files)?;
         // Name the parts that are missing
         if let Some(missing) = &merged.missing {
@@ -272,13 +270,9 @@ impl Merge {
             }
         }
         // Write what was merged
-        let (image, report) = conclude(merged);
-        write(&images, &image)?;
-        for (kind, target) in reports {
-            let text = kind.render(&report, &|| image.clone());
-            target.write(&mut |out| out.write_all(text.as_bytes()))?;
-        }
-        Ok(())
+        let convergence = merged.known.report.convergence.clone();
+        let mut output = RunOutput::new(files, (60., false), merged.known);
+        output.write(&convergence, &merged.film, None)
     }
 }
 
@@ -387,7 +381,7 @@ fn range(values: &[f64]) -> Option<(f64, f64)> {
 
 fn diff(
     files: [&PathBuf; 2],
-    maps: &[ImageTarget],
+    maps: &[Target],
     quiet: bool,
 ) -> Result<ExitCode, String> {
     read_once(files.into_iter())?;
@@ -405,7 +399,8 @@ fn diff(
     })?;
     // Write the maps
     for map in maps {
-        map.write(&display::z_map(&first, &difference, is_grey(map)))?;
+        let image = display::z_map(&first, &difference, is_grey(map));
+        write(from_ref(map), &image)?;
     }
     if !quiet {
         // Say what the comparison takes for granted

@@ -205,7 +205,7 @@ impl<K: Intersector> Tracer<'_, K> {
     /// image, or the radiance of the sky behind it.
     #[inline]
     pub fn look(&mut self, x: f64, y: f64) -> End {
-        let Inquiry { camera, entrance, sky, .. } = self.gather.inquiry;
+        let Inquiry { camera, entrance, sky, .. } = &self.gather.inquiry;
         let direction = camera.direction(x, y);
         let ray = entrance.enter(direction);
         self.rays += u64::from(ray.is_some());

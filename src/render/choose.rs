@@ -44,11 +44,7 @@ impl Method {
 
 impl fmt::Display for Method {
     fn fmt(&self, out: &mut fmt::Formatter) -> fmt::Result {
-        out.write_str(match self {
-            Self::Reference => "reference",
-            Self::Sobol => "sobol",
-            Self::Gather => "gather",
-        })
+        out.write_str(&format!("{self:?}").to_lowercase())
     }
 }
 
@@ -60,11 +56,10 @@ pub type Wanted = Option<Method>;
 /// # Errors
 /// There is no method of this name.
 pub fn parse_method(name: &str) -> Result<Wanted, String> {
-    let [first, second, third] = Method::ALL;
     let mut all = Method::ALL.into_iter();
     match all.find(|method| method.to_string() == name) {
         None if name != "auto" => {
-            Err(format!("expected auto, {first}, {second} or {third}"))
+            Err("expected auto, reference, sobol or gather".to_owned())
         }
         method => Ok(method),
     }
@@ -98,15 +93,13 @@ impl Sampling {
             Some(n) => 1 << (n / replicates).clamp(1, most).ilog2(),
             None => 4,
         };
-        let rays = samples.map_or(u64::MAX, |n| {
-            n.saturating_mul(area).saturating_mul(GATHER_RAYS)
-        });
+        let rays =
+            samples.unwrap_or(u64::MAX).saturating_mul(area * GATHER_RAYS);
+        let trained = (rays / 2).clamp(1 << 16, 1 << 22);
         let (replicate, training) = match method {
             Method::Reference => (1, 0),
             Method::Sobol => (together(4, 1 << 8), 0),
-            Method::Gather => {
-                (together(16, 4), (rays / 2).clamp(1 << 16, 1 << 22))
-            }
+            Method::Gather => (together(16, 4), trained),
         };
         Self { method, seed, replicate, training, control: 0 }
     }
@@ -121,19 +114,12 @@ impl Sampling {
         }
     }
 
-    /// Names what decides the samples: those of different names are not to
-    /// be mixed.
+    /// Names the code that decides the samples: those of different names are
+    /// not to be mixed.
     pub fn identity(&self) -> String {
-        let Self { method, replicate, training, .. } = self;
-        match method {
-            Method::Reference => identity(),
-            Method::Sobol => {
-                format!("{}, controlled nets of {replicate}", identity())
-            }
-            Method::Gather => format!(
-                "gather {GATHER_VERSION}, nets of {replicate}, training with \
-                 {training} rays"
-            ),
+        match self.method {
+            Method::Gather => format!("gather {GATHER_VERSION}"),
+            _ => identity(),
         }
     }
 }
@@ -188,15 +174,12 @@ impl<'a> Setup<'a> {
         integrator: PathTracer,
         sampler: impl Sampler + 'a,
     ) -> Box<dyn Renderer + 'a> {
-        let &Self { intersector, inquiry, analysis } = self;
-        let (known, camera) = (&analysis.known, inquiry.camera);
-        let entrance = inquiry.entrance;
         Box::new(Job {
-            entrance,
-            intersector,
-            camera,
+            entrance: self.inquiry.entrance,
+            intersector: self.intersector,
+            camera: &self.inquiry.camera,
             integrator,
-            known,
+            known: &self.analysis.known,
             sampler,
         })
     }
@@ -218,6 +201,13 @@ impl<'a> Setup<'a> {
         let pilot = self.intersector.dispatch(trial);
         let pace = began.elapsed().as_secs_f64() / (4 * pixels) as f64;
         // Foresee the costs of all methods
+<<<<<<< HEAD
+=======
+        let variance = pilot.first + pilot.later;
+        let enough = |e: f64| (variance / (e * e)).ceil() as u64;
+        let bounds = samples.into_iter().chain(request.error.map(enough));
+        let samples = bounds.min().map(|n| n.max(1));
+>>>>>>> hA
         let albedo = self.inquiry.albedo;
         let methods = Method::ALL.map(|method| {
             let needed = |error| pilot.needed(albedo, method, area, error);
@@ -239,11 +229,10 @@ impl<'a> Setup<'a> {
             sampling.method == Method::Reference
                 || request.left.is_none_or(|left| 2. * paths * pace <= left)
         };
-        let best = |wanted: Option<Method>| {
-            let those = methods.iter().filter(|(sampling, _)| {
-                wanted.is_none_or(|m| m == sampling.method)
-                    && is_quick(sampling)
-            });
+        let quick = methods.iter().filter(|(s, _)| is_quick(s));
+        let best = |wanted: Wanted| {
+            let fits = |s: &Sampling| wanted.is_none_or(|m| m == s.method);
+            let those = quick.clone().filter(|(s, _)| fits(s));
             those.min_by(|s, t| s.1.total_cmp(&t.1))
         };
         let &(sampling, _) = best(request.method).or_else(|| best(None))?;
@@ -272,9 +261,13 @@ impl<'a> Setup<'a> {
         let asks = match wanted {
             None => true,
             Some(Method::Reference) => false,
-            Some(Method::Sobol) => saved.is_none(),
+            Some(Method::Sobol) => begun.is_none(),
             Some(Method::Gather) => {
+<<<<<<< HEAD
                 saved.is_none() && request.left.or(request.error).is_some()
+=======
+                begun.is_none() && request.left.is_some()
+>>>>>>> hA
             }
         };
         let request = Request { method: wanted, ..*request };
@@ -390,9 +383,9 @@ impl Trial<'_> {
         (x, y): (u32, u32),
         n: u64,
     ) -> [Path; 2] {
-        let &Inquiry { entrance, camera, sky, albedo, resolution, .. } =
+        let Inquiry { entrance, camera, sky, albedo, resolution, .. } =
             self.setup.inquiry;
-        let integrator = PathTracer::new(albedo, sky);
+        let integrator = PathTracer::new(*albedo, *sky);
         let number = |k| IndependentSampler::new(PILOT).start(n, k);
         let mut sampler = number(0);
         let [u, v] = sampler.get_pixel_2d();
@@ -597,20 +590,18 @@ const MANY: u64 = 1 << 20;
 /// A guess of how many rays are traced for so many paths, in so many
 /// seconds, from within the box around a scene or from outside.
 pub fn expected_rays(
-    albedo: f64,
-    is_within: bool,
+    inquiry: &Inquiry,
     paths: Option<f64>,
     time: Option<f64>,
 ) -> f64 {
-    let each = match is_within {
-        true => (1. / (1. - albedo)).min(10.),
-        false => 1. + albedo,
+    let each = match inquiry.entrance.is_inside {
+        true => (1. / (1. - inquiry.albedo)).min(10.),
+        false => 1. + inquiry.albedo,
     };
     let time = time.or(paths.is_none().then_some(60.));
     let rate = RATE * rayon::current_num_threads() as f64;
-    let rays = paths.map(|paths| paths * each);
-    let timed = time.map(|time| time * rate);
-    rays.into_iter().chain(timed).fold(f64::INFINITY, f64::min)
+    let timed = time.map_or(f64::INFINITY, |time| time * rate);
+    paths.map_or(timed, |paths| timed.min(paths * each))
 }
 
 /// Rays per second that a thread is guessed to trace.

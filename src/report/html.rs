@@ -18,8 +18,13 @@ pub fn page(report: &Report, image: &Image) -> String {
     let scene = printable(&report.scene.file);
     let pixels = u64::from(image.width) * u64::from(image.height);
     let mut summary = report.summary(pixels);
-    let [seconds, spp] = report.slopes();
-    summary.extend(seconds.zip(spp).map(tell_slopes));
+    if let [Some(seconds), Some(spp)] = report.slopes() {
+        let text = format!(
+            "{seconds:.3} against seconds, {spp:.3} against samples, on \
+             logarithmic axes; independent samples give -0.5"
+        );
+        summary.push(("slope", text));
+    }
     // List what was set
     let origin = [
         ("command", &report.command),
@@ -47,7 +52,7 @@ pub fn page(report: &Report, image: &Image) -> String {
                 div { (pictures(report, image)) }
                 (table(summary.into_iter().skip(1)))
                 (table(origin.into_iter().chain(settings)))
-                (points(&report.curve))
+                (points(&report.convergence.curve))
             }
         }
     };
@@ -92,14 +97,6 @@ th, td { padding: 0.15rem 1rem 0.15rem 0; text-align: left;
 th:first-child { min-width: 5.75rem }
 ";
 
-fn tell_slopes((seconds, spp): (f64, f64)) -> (&'static str, String) {
-    let text = format!(
-        "{seconds:.3} against seconds, {spp:.3} against samples, on \
-         logarithmic axes; independent samples give -0.5"
-    );
-    ("slope", text)
-}
-
 fn pictures(report: &Report, image: &Image) -> Markup {
     // Name the size and the range of the image
     let size = format!("{}x{} pixels", image.width, image.height);
@@ -111,7 +108,7 @@ fn pictures(report: &Report, image: &Image) -> Markup {
     let map = display::errors(&image, false).ok();
     let exact = image.errors.iter().flatten().all(|&error| error == 0.);
     html! {
-        @if let Some(plot) = plot(&report.curve) {
+        @if let Some(plot) = plot(&report.convergence.curve) {
             figure {
                 (plot)
                 figcaption { "The error against time: estimated (solid), \

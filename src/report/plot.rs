@@ -14,14 +14,11 @@ struct Axis(f64, f64, f64);
 
 impl Axis {
     /// The axis that covers positive values by whole decades.
-    fn over(
-        values: impl Iterator<Item = f64> + Clone,
-        length: f64,
-    ) -> Self {
+    fn over(values: impl Iterator<Item = f64> + Clone, size: f64) -> Self {
         let logs = values.map(libm::log10);
         let low = logs.clone().fold(f64::INFINITY, f64::min).floor();
         let high = logs.fold(f64::NEG_INFINITY, f64::max).ceil();
-        Self(low, high.max(low + 1.), length)
+        Self(low, high.max(low + 1.), size)
     }
 
     /// How far from the beginning of the axis a value lies.

@@ -9,12 +9,12 @@ use std::time::SystemTime;
 
 use humantime::format_rfc3339_seconds;
 use serde::{Deserialize, Serialize};
-use serde_json::{Map, Value};
+use serde_json::{Map, Value, json};
 
 use crate::analysis::Finding;
+use crate::film::Film;
 use crate::progress::metric;
-use crate::render::Share;
-use crate::render_loop::CurvePoint;
+use crate::render_loop::{Convergence, CurvePoint, Stop};
 
 /// The file of a scene.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -49,49 +49,47 @@ pub struct Report {
     /// Seconds to find what the scene does not need, and to build the
     /// hierarchy of the rest.
     pub build_seconds: f64,
-    /// Seconds of rendering.
-    pub render_seconds: f64,
-    /// Rays traced.
-    pub rays: u64,
-    /// What each rank has done, if there are several.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub ranks: Vec<Share>,
-    /// Samples that each pixel has at least.
-    pub spp: u64,
-    /// Mean radiance of the image.
-    pub mean: f64,
-    /// Its standard error, if known.
-    pub mean_stderr: Option<f64>,
-    /// Estimated root mean square error over the pixels, if known.
-    pub rmse: Option<f64>,
-    /// Pixels whose samples were all alike: their error is not seen.
-    pub constant_pixels: u64,
+    /// What has been rendered, and the curve of error against time.
+    #[serde(flatten)]
+    pub convergence: Convergence,
     /// Pixels without a sample, of which the means know nothing.
-    #[serde(default)]
     pub unsampled_pixels: u64,
-    /// Why the run ended: `samples`, `time`, `error` or `signal`;
-    /// none while it goes on.
-    pub stopped: Option<String>,
-    /// The curve of error against time.
-    pub curve: Vec<CurvePoint>,
 }
 
 impl Report {
-    /// The report of this process of a program, of which nothing else is
-    /// known yet.
-    pub fn begin(program: &str) -> Self {
+    /// The report of the run as it stands, with its film.
+    pub fn complete(&self, film: &Film) -> Self {
+        let mut now = self.clone();
+        now.convergence.record(film, None);
+        now.unsampled_pixels = film.unsampled();
+        now
+    }
+
+    /// Adds the times to load and to build of a part, and keeps the settings
+    /// that both have.
+    pub fn add(&mut self, part: &Self) {
+        self.load_seconds += part.load_seconds;
+        self.build_seconds += part.build_seconds;
+        for (name, value) in &mut self.settings {
+            if part.settings.get(name) != Some(value) {
+                *value = Value::Null;
+            }
+        }
+    }
+}
+
+impl Report {
+    /// Says which process of which program makes it.
+    pub fn sign(&mut self, program: &str) {
         let words = env::args_os();
         let words = words.map(|word| quoted(&word.to_string_lossy()));
         let file = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
         let name = file.lines().find(|line| line.starts_with("model name"));
         let name = name.and_then(|line| Some(line.split_once(": ")?.1));
-        Self {
-            program: format!("{program} {}", env!("CARGO_PKG_VERSION")),
-            command: words.collect::<Vec<_>>().join(" "),
-            date: format_rfc3339_seconds(SystemTime::now()).to_string(),
-            processor: name.unwrap_or(env::consts::ARCH).to_owned(),
-            ..Self::default()
-        }
+        self.program = format!("{program} {}", env!("CARGO_PKG_VERSION"));
+        self.command = words.collect::<Vec<_>>().join(" ");
+        self.date = format_rfc3339_seconds(SystemTime::now()).to_string();
+        self.processor = name.unwrap_or(env::consts::ARCH).to_owned();
     }
 }
 
@@ -112,7 +110,7 @@ impl Report {
         let said = |name| self.settings.get(name).and_then(Value::as_str);
         let integrator = said("integrator").unwrap_or("reference");
         // Say what the run has cost
-        let (seconds, rays) = (self.render_seconds, self.rays);
+        let &Convergence { seconds, rays, .. } = &self.convergence;
         let speed = metric(rays as f64 / seconds.max(1e-9));
         let render = format!(
             "{seconds:.3} s, {rays} rays, {speed}rays/s ({integrator})"
@@ -137,7 +135,7 @@ impl Report {
         for Finding { fact, why, .. } in &self.left_out {
             lines.push(("left out", format!("{fact}: {why}")));
         }
-        let constant = self.constant_pixels;
+        let constant = self.convergence.constant_pixels;
         if 0 < constant && constant < pixels {
             let pixels = format!(
                 "{constant} of {pixels} saw one value only; \
@@ -150,43 +148,48 @@ impl Report {
 
     /// How exact the image of so many pixels is.
     fn quality(&self, pixels: u64) -> String {
-        if self.spp == 0 {
+        let (spp, last) = (self.convergence.spp, self.convergence.last());
+        if spp == 0 {
             return format!(
                 "{} of {pixels} pixels have no sample: they are filled from \
                  those around them in .png and .pgm, and nan in .pfm and .exr",
                 self.unsampled_pixels
             );
         }
-        let mean = with_error(self.mean, self.mean_stderr);
-        let mut text = format!("{} spp, mean radiance {mean}", self.spp);
-        if self.rmse.is_some() {
-            text += &format!(", rmse {}", known(self.rmse, 6));
+        let mean = with_error(last.mean, last.mean_stderr);
+        let mut text = format!("{spp} spp, mean radiance {mean}");
+        if last.rmse.is_some() {
+            text += &format!(", rmse {}", known(last.rmse, 6));
         }
-        let last = self.curve.last().and_then(|last| last.rmse_reference);
-        if last.is_some() {
-            text += &format!(", {} from the reference", known(last, 6));
+        let truth = last.rmse_reference;
+        if truth.is_some() {
+            text += &format!(", {} from the reference", known(truth, 6));
         }
         text
     }
 
     /// Why the run stopped, and whether its targets were met.
     pub fn verdict(&self) -> String {
-        let mut text = match self.stopped.as_deref() {
+        let Convergence { spp: there, stopped, .. } = self.convergence;
+        let rmse = self.convergence.last().rmse;
+        let mut text = match stopped {
             None => return "goes on; this is what is known".to_owned(),
-            Some("signal") => "stopped by a signal".to_owned(),
-            Some(limit) => format!("stopped by {limit}"),
+            Some(Stop::Signal(_)) => "stopped by a signal".to_owned(),
+            Some(limit) => {
+                format!("stopped by {}", as_typed(&json!(limit)))
+            }
         };
         let asked = |name| self.settings.get(name)?.as_f64();
         if let Some(spp) = asked("spp") {
-            text += &format!("; {} of {spp} spp", self.spp);
+            text += &format!("; {there} of {spp} spp");
         }
         // Hold the error against its target
         if let Some(target) = asked("error") {
-            let small = self.rmse.is_some_and(|rmse| rmse <= target);
-            let met = small || self.stopped.as_deref() == Some("error");
+            let small = rmse.is_some_and(|rmse| rmse <= target);
+            let met = small || stopped == Some(Stop::Error);
             text += &format!(
                 "; error {}, target {target} {}",
-                known(self.rmse, 6),
+                known(rmse, 6),
                 if met { "reached" } else { "not reached" }
             );
         }
@@ -251,7 +254,8 @@ impl Report {
     /// samples, in logarithms.
     pub fn slopes(&self) -> [Option<f64>; 2] {
         let known = |p: &&CurvePoint| p.rmse.is_some_and(drawable);
-        let points = self.curve.iter().filter(|p| p.spp >= FEWEST);
+        let points = self.convergence.curve.iter();
+        let points = points.filter(|p| p.spp >= FEWEST);
         let points = points.filter(known).filter(|p| drawable(p.seconds));
         let slope_of = |spent: fn(&CurvePoint) -> f64| {
             let point = |p: &CurvePoint| Some((spent(p), p.rmse?));

@@ -14,40 +14,33 @@ use sha2::{Digest, Sha256};
 
 use crate::film::Film;
 use crate::render_loop::Convergence;
+use crate::report::Report;
 use crate::state::key::RunKey;
 use crate::statistics::Accumulator;
 
 /// The first line of a checkpoint; its number changes with the layout.
-const MAGIC: &[u8] = b"litpt checkpoint 5\n";
+const MAGIC: &[u8] = b"litpt checkpoint 6\n";
 
-/// The second line, as it is written or read.
-#[derive(Serialize, Deserialize)]
-struct Header<K, C> {
-    known: K,
-    convergence: C,
-}
-
-/// What is known of a run before its first sample.
+/// What is known of a run beside its sums, in the second line.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Known {
     /// What decides the samples.
     pub run_key: RunKey,
     /// The options of the program.
     pub options: Value,
-    /// What a report says that does not change while the run goes on.
-    pub report: Value,
+    /// What is reported of it, with its convergence so far.
+    pub report: Report,
 }
 
 /// Writes a checkpoint.
 pub fn save(
     known: &Known,
-    convergence: &Convergence,
     film: &Film,
     out: &mut dyn Write,
 ) -> io::Result<()> {
     let mut out = Checked { out, checksum: Sha256::new() };
     out.write_all(MAGIC)?;
-    serde_json::to_writer(&mut out, &Header { known, convergence })?;
+    serde_json::to_writer(&mut out, known)?;
     out.write_all(b"\n")?;
     for sums in film.pixels.iter().chain(&film.tile_means) {
         out.write_all(&sums.to_bytes())?;
@@ -84,7 +77,9 @@ fn recognise(file: &mut (impl BufRead + Seek)) -> Result<(), String> {
     let mut start = file.by_ref().take(MAGIC.len() as u64);
     start.read_to_end(&mut magic).map_err(unreadable)?;
     if magic != MAGIC {
-        return Err("is not a checkpoint of this version of pt".into());
+        return Err("is not a checkpoint of this version of pt, which \
+                    -o a.litpt or --checkpoint writes"
+            .into());
     }
     // Compare the checksum with the content
     let length = file.seek(SeekFrom::End(0)).map_err(unreadable)?;
@@ -110,8 +105,6 @@ fn unreadable(error: io::Error) -> String {
 pub struct Checkpoint<R = BufReader<File>> {
     /// What was known of its run.
     pub known: Known,
-    /// What has been done of it.
-    pub convergence: Convergence,
     /// The file from the first sum on.
     sums: R,
 }
@@ -125,10 +118,9 @@ impl<R: BufRead + Seek> Checkpoint<R> {
         recognise(&mut file)?;
         let mut line = vec![];
         file.read_until(b'\n', &mut line).map_err(unreadable)?;
-        let header = serde_json::from_slice(&line)
+        let known = serde_json::from_slice(&line)
             .map_err(|e| format!("is not a checkpoint of pt: {e}"))?;
-        let Header { known, convergence } = header;
-        Ok(Self { known, convergence, sums: file })
+        Ok(Self { known, sums: file })
     }
 
     /// Fills the `film`, and returns the convergence so far.
@@ -148,7 +140,7 @@ impl<R: BufRead + Seek> Checkpoint<R> {
             ));
         }
         self.fill(film)?;
-        Ok(self.convergence)
+        Ok(self.known.report.convergence)
     }
 
     /// Fills a film of the size that the run key tells.
@@ -156,16 +148,12 @@ impl<R: BufRead + Seek> Checkpoint<R> {
     /// # Errors
     /// The file cannot be read.
     pub fn fill(&mut self, film: &mut Film) -> Result<(), String> {
-        let mut fill = |all: &mut [Accumulator]| {
-            all.iter_mut().try_for_each(|sums| {
-                let mut bytes = [0; 64];
-                self.sums.read_exact(&mut bytes).map_err(unreadable)?;
-                *sums = Accumulator::from_bytes(&bytes);
-                Ok(())
-            })
-        };
-        fill(&mut film.pixels)?;
-        fill(&mut film.tile_means)
+        for sums in film.pixels.iter_mut().chain(&mut film.tile_means) {
+            let mut bytes = [0; 64];
+            self.sums.read_exact(&mut bytes).map_err(unreadable)?;
+            *sums = Accumulator::from_bytes(&bytes);
+        }
+        Ok(())
     }
 }
 

@@ -65,6 +65,11 @@ impl Part {
         Self { samples, of, ..self }
     }
 
+    /// The whole run, as a part of itself.
+    pub fn whole(self) -> Self {
+        Self { samples: (0, self.of), band: (1, 1), ..self }
+    }
+
     /// The number of its samples.
     pub fn count(&self) -> u64 {
         self.samples.1 - self.samples.0

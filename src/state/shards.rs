@@ -5,34 +5,19 @@
 //! Parts of one run, and how their states are merged.
 
 use std::fmt;
-use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
-
-use serde_json::Value;
 
 use crate::film::{Film, Window};
 use crate::image::extension;
-use crate::render_loop::Convergence;
+use crate::render_loop::{Convergence, Stop};
+use crate::report::Report;
 use crate::state::checkpoint::{Checkpoint, Known};
-use crate::state::key::RunKey;
+use crate::state::key::Part;
 
 /// Whether a file of this name is to hold the state of a run.
 pub fn is_state_name(path: &Path) -> bool {
     extension(path).as_deref() == Some("litpt")
 }
-
-/// Whether a file holds the state of a run, or should.
-pub fn is_state(path: &Path) -> bool {
-    let mut start = [0; START.len()];
-    let mut read = |mut file: File| file.read_exact(&mut start);
-    let is_read = path.is_file()
-        && File::open(path).is_ok_and(|file| read(file).is_ok());
-    is_state_name(path) || (is_read && start == *START)
-}
-
-/// The beginning of a state of any version.
-const START: &[u8; 16] = b"litpt checkpoint";
 
 /// Samples of rows of an image; each pair is a beginning and an end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,16 +48,10 @@ impl Held {
 
 /// What the states of parts add up to.
 pub struct Merged {
-    /// What decides the samples of the whole run.
-    pub run_key: RunKey,
-    /// The number of samples of the whole run, if a part tells it.
-    pub spp: Option<u64>,
+    /// What is known of the whole run; its curve has one point.
+    pub known: Known,
     /// The sums of the whole window.
     pub film: Film,
-    /// What the parts have cost; its curve has one point.
-    pub convergence: Convergence,
-    /// What the reports of the parts say.
-    pub reports: Vec<Value>,
     /// The samples that no state holds, in words.
     pub missing: Option<String>,
 }
@@ -85,35 +64,27 @@ pub struct Merged {
 pub fn merge(files: &[PathBuf]) -> Result<Merged, String> {
     let mut sum: Option<Merged> = None;
     let mut held: Vec<(&Path, [Held; 2])> = vec![];
+    let mut total = Convergence::default();
     for path in files {
         let mut state = Checkpoint::of_file(path)?;
-        let Known { mut run_key, report, .. } = state.known.clone();
-        let mut film = run_key.film();
-        let part = run_key.part.take();
-        let merged = sum.get_or_insert_with(|| Merged {
-            film: run_key.film(),
-            run_key: run_key.clone(),
-            spp: part.map(|part| part.of),
-            convergence: Convergence::default(),
-            reports: vec![],
-            missing: None,
+        let mut film = state.known.run_key.film();
+        let part = state.known.run_key.part;
+        state.known.run_key.part = part.map(Part::whole);
+        let Known { run_key, report, .. } = state.known.clone();
+        let merged = sum.get_or_insert_with(|| {
+            let (film, known) = (run_key.film(), state.known.clone());
+            Merged { film, known, missing: None }
         });
         // Refuse a state of another run
-        let key = merged.run_key.disagreement(&run_key);
-        let asked = [merged.spp, part.map(|part| part.of)];
-        let differs = (asked[0] != asked[1]).then(|| {
-            let words = asked
-                .map(|n| n.map_or("nothing".to_owned(), |n| n.to_string()));
-            ("spp".to_owned(), words)
-        });
-        if let Some((what, [a, b])) = key.or(differs) {
+        let differs = merged.known.run_key.disagreement(&run_key);
+        if let Some((what, [a, b])) = differs {
             let (first, name) = (files[0].display(), path.display());
             return Err(format!(
                 "{first} and {name} are not of one run: {what} is {a} and {b}"
             ));
         }
         // Refuse samples that another state holds
-        let spp = state.convergence.spp;
+        let spp = report.convergence.spp;
         let samples = part.map_or((0, spp), |part| part.samples);
         let rows = (film.window.corner.1, film.window.end().1);
         let whole = Held { rows, samples };
@@ -128,20 +99,32 @@ pub fn merge(files: &[PathBuf]) -> Result<Merged, String> {
             .fill(&mut film)
             .map_err(|fault| format!("{}: {fault}", path.display()))?;
         merged.film.merge(&film);
-        merged.convergence.rays += state.convergence.rays;
-        merged.convergence.seconds += state.convergence.seconds;
-        merged.reports.push(report);
+        total.rays += report.convergence.rays;
+        total.seconds += report.convergence.seconds;
+        if !held.is_empty() {
+            merged.known.report.add(&report);
+        }
         let (from, to) = samples;
         let samples = (from, to.min(from + film.samples()));
         held.push((path, [whole, Held { samples, ..whole }]));
     }
     // Say what the sum has and what it lacks
     let mut merged = sum.ok_or("there is nothing to merge")?;
-    merged.convergence.spp = merged.film.samples();
-    merged.convergence.record(&merged.film, None);
+    let Merged { known, film, .. } = &mut merged;
+    total.spp = film.samples();
+    total.record(film, None);
     let held: Vec<_> = held.iter().map(|(_, [_, there])| *there).collect();
-    let of = merged.spp.unwrap_or(merged.convergence.spp);
-    merged.missing = missing(merged.film.window, of, &held);
+    let of = known.run_key.part.take().map_or(total.spp, |part| part.of);
+    let missing = missing(film.window, of, &held);
+    // Describe the whole run
+    total.stopped = missing.is_none().then_some(Stop::Samples);
+    let Report { settings, .. } = &mut known.report;
+    settings.remove("part");
+    settings.insert("spp".into(), of.into());
+    settings.extend(missing.clone().map(|m| ("missing".into(), m.into())));
+    known.report.convergence = total;
+    known.report.sign("ptimg");
+    merged.missing = missing;
     Ok(merged)
 }
 

@@ -280,7 +280,7 @@ impl Case {
     ) -> Result<(), String> {
         let Scene { frame, triangles, left_out } = Scene::new(&self.mesh);
         let inquiry = Inquiry {
-            camera,
+            camera: *camera,
             entrance: frame.entrance(camera.position),
             sky: Sky::new(self.view.up),
             albedo: self.albedo,
