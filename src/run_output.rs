@@ -133,7 +133,7 @@ impl RunOutput {
         // Show the image so far
         let began = Instant::now();
         if self.next_preview.is_some_and(|time| began >= time) {
-            let image = Picture::new(film, BTreeMap::new());
+            let image = Picture { film, attributes: BTreeMap::new() };
             let images = self.targets.images.iter_mut();
             for png in images.filter(|image| image.format == Format::Png) {
                 let content = &mut |out: &mut dyn Write| {
@@ -255,7 +255,7 @@ fn picture<'f>(
     all.retain(|_, value| !value.is_null());
     all.extend(entries(run_key));
     all.extend(entries(&known));
-    Picture::new(film, attributes(&all))
+    Picture { film, attributes: attributes(&all) }
 }
 
 /// The image and the report of a merged run.

@@ -135,6 +135,7 @@ fn a_report_and_info_say_the_same_errors_of_gathers_too() {
         let info = json_of(&place, &["info", "--json", name]);
         let shared = info["channels"][3] == "tile_stderr.Y";
         assert_eq!(shared, method[1] == "gather");
+        assert!(info["attributes"]["replicate"].is_string());
         for key in ["mean_stderr", "rmse"] {
             let of = |v: &Value| v[key].as_f64().unwrap();
             let ratio = of(&info) / of(&report);

@@ -222,10 +222,12 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
         }
         Verb::Diff { a, b, to, quiet } => {
             // Answer with the status of a test
-            if to.is_standard() && !quiet {
+            if *quiet {
+                progress::hush();
+            } else if to.is_standard() {
                 return Err("a map on standard output needs -q".to_owned());
             }
-            return diff([a, b], &to.targets(Format::Pgm, false)?, *quiet);
+            return diff([a, b], &to.targets(Format::Pgm, false)?);
         }
     }
     Ok(ExitCode::SUCCESS)
@@ -330,21 +332,21 @@ fn inform(files: &[PathBuf], json: bool) -> Result<(), String> {
 /// What there is to know of an image, each by its name. The sums are those
 /// of pixels whose means are finite numbers.
 fn facts(path: &Path, image: &Image) -> [(&'static str, Value); 13] {
-    let all = image.means.iter().copied();
-    let means: Vec<f64> = all.filter(|mean| mean.is_finite()).collect();
-    let n = means.len() as f64;
     // Sum the squares of the errors
     let known = |list: &Vec<f64>| -> Vec<f64> {
         let pairs = list.iter().zip(&image.means);
         let known = pairs.filter(|(_, mean)| mean.is_finite());
-        known.map(|(&error, _)| error).collect()
+        known.map(|(&value, _)| value).collect()
     };
-    let squares =
-        |list: &Vec<f64>| known(list).iter().map(|e| e * e).sum::<f64>();
-    let of_pixels = image.errors.as_ref().map(squares);
-    let of_mean = image.tile_errors.as_ref().map(squares).or(of_pixels);
-    let errors = image.errors.as_ref().map(known).unwrap_or_default();
-    let unknown = errors.iter().filter(|e| e.is_infinite()).count();
+    let squares = |list: Vec<f64>| list.iter().map(|e| e * e).sum::<f64>();
+    let errors = image.errors.as_ref().map(known);
+    let unknown =
+        errors.iter().flatten().filter(|e| e.is_infinite()).count();
+    let of_pixels = errors.map(squares);
+    let of_tiles = image.tile_errors.as_ref().map(known).map(squares);
+    let of_mean = of_tiles.or(of_pixels);
+    let means = known(&image.means);
+    let n = means.len() as f64;
     let (least, greatest) = range(&means).unzip();
     let names = image.channels().map(|(name, ..)| name);
     let samples = image.samples.as_deref().and_then(range);
@@ -388,37 +390,31 @@ fn range(values: &[f64]) -> Option<(f64, f64)> {
 fn diff(
     files: [&PathBuf; 2],
     maps: &[ImageTarget],
-    quiet: bool,
 ) -> Result<ExitCode, String> {
     read_once(files.into_iter())?;
-    // Read both images
-    let note = &mut |line: &str| {
-        if !quiet {
-            progress::warn(line);
-        }
-    };
-    let [first, second] = files.map(|path| Image::read_noting(path, note));
-    let (first, second) = (first?, second?);
+    let (first, second) = (read(files[0])?, read(files[1])?);
     let difference = compare(&first, &second).map_err(|fault| {
         let [a, b] = files.map(|path| path.display());
         format!("{a} and {b}: {fault}")
     })?;
-    // Write the maps
     for map in maps {
         map.write(&display::z_map(&first, &difference, is_grey(map)))?;
     }
-    if !quiet {
+    if !progress::is_quiet() {
+        let mut lines = vec![];
         // Say what the comparison takes for granted
         let differing =
             disagreements(&first.attributes, &second.attributes);
         if !differing.is_empty() {
             let differing = differing.join(", ");
-            say(&format!("they show different things: {differing}"))?;
+            lines.push(format!("they show different things: {differing}"));
         }
         for (path, image) in files.iter().zip([&first, &second]) {
             if image.errors.is_none() {
                 let name = path.display();
-                say(&format!("{name}: no errors; it is taken as exact"))?;
+                lines.push(format!(
+                    "{name}: no errors; it is taken as exact"
+                ));
             }
         }
         let both = |name| {
@@ -433,7 +429,8 @@ fn diff(
                  numbers, and may agree better than independent ones would"
             ));
         }
-        say(&explain(&difference))?;
+        lines.push(explain(&difference));
+        say(&lines.join("\n"))?;
     }
     Ok(ExitCode::from(u8::from(!difference.consistent())))
 }
@@ -483,26 +480,22 @@ fn explain(difference: &Difference) -> String {
     failed.extend(beyond.then_some("errors"));
     // Name the pixels that were left out
     let &Difference { unknown, few, .. } = difference;
-    lines.extend(
-        (unknown > 0).then(|| {
-            format!("not tested: {unknown} pixels of unknown error")
-        }),
-    );
-    lines.extend((few > 0).then(|| {
-        format!(
+    if unknown > 0 {
+        lines
+            .push(format!("not tested: {unknown} pixels of unknown error"));
+    }
+    if few > 0 {
+        lines.push(format!(
             "not tested one by one: {few} pixels of fewer than {FEW} \
              independent samples"
-        )
-    }));
+        ));
+    }
     // Conclude with the verdict in words
-    lines.push(match failed.is_empty() {
-        true => {
-            "consistent: chance alone may explain the difference".into()
-        }
-        false => format!(
+    lines.push(match &failed.join(", ")[..] {
+        "" => "consistent: chance alone may explain the difference".into(),
+        failed => format!(
             "inconsistent: chance alone does not explain the difference \
-             (failed: {})",
-            failed.join(", ")
+             (failed: {failed})"
         ),
     });
     lines.join("\n")

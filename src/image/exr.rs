@@ -68,37 +68,34 @@ fn compress(
     image: &dyn Source,
     index: BlockIndex,
     headers: &[Header],
-    gap: &OnceLock<Chunk>,
+    gap: &OnceLock<Option<Chunk>>,
 ) -> Result<Chunk, Error> {
     let [(x, y), size] = [index.pixel_position, index.pixel_size]
         .map(|Vec2(x, y)| (x as u32, y as u32));
     let (left, top) = image.window().corner;
     let window = Window { corner: (left + x, top + y), size };
-    let is_gap = window.area() == TILE * TILE
-        && image.sampled(window) == Some(false);
-    // Take the first gap for another
-    if let (true, Some(chunk)) = (is_gap, gap.get()) {
-        // Copy a gap to its place
-        let mut chunk = chunk.clone();
-        if let CompressedBlock::Tile(tile) = &mut chunk.compressed_block {
-            let place = index.pixel_position / Vec2(TILE, TILE);
-            tile.coordinates.tile_index = place;
-        }
-        return Ok(chunk);
+    let new = || {
+        let data = cast_slice(&bits(&image.part(window, true))).to_vec();
+        UncompressedBlock { index, data }.compress_to_chunk(headers)
+    };
+    let is_whole = window.area() == TILE * TILE;
+    if !is_whole || image.sampled(window) != Some(false) {
+        return new();
     }
-    let data = cast_slice(&bits(&image.part(window))).to_vec();
-    let block = UncompressedBlock { index, data };
-    let new = block.compress_to_chunk(headers)?;
-    if is_gap {
-        let _ = gap.set(new.clone());
+    // Copy a gap to its place
+    let mut chunk = gap.get_or_init(|| new().ok()).clone();
+    let block = chunk.as_mut().map(|chunk| &mut chunk.compressed_block);
+    if let Some(CompressedBlock::Tile(tile)) = block {
+        let place = index.pixel_position / Vec2(TILE, TILE);
+        tile.coordinates.tile_index = place;
     }
-    Ok(new)
+    chunk.map_or_else(new, Ok)
 }
 
 /// What stands before the blocks.
 fn header(image: &dyn Source) -> Header {
     let (width, height) = image.window().size;
-    let pixel = image.part(Window { size: (1, 1), ..image.window() });
+    let pixel = image.part(Window { size: (1, 1), ..image.window() }, true);
     let channels = pixel
         .channels()
         .map(|(name, kind, _)| ChannelDescription::named(name, kind));
