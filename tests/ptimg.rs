@@ -265,8 +265,8 @@ fn images_are_not_merged() {
     put(&place, "a.exr", 1, 0.5);
     put(&place, "b.exr", 2, 0.5);
     for (files, status, words) in [
-        (&["a.exr", "b.exr"][..], 1, "a.exr: merge adds the states"),
-        (&["-", "a.litpt"], 1, "-: merge adds the states of a run"),
+        (&["a.exr", "b.exr"][..], 1, "a.exr: is not a checkpoint"),
+        (&["-", "a.litpt"], 1, "-: cannot read"),
         (&["a.litpt", "none.exr"], 1, "a.litpt: cannot read"),
         (&["a.litpt"], 2, "only 1"),
     ] {

@@ -300,7 +300,7 @@ fn states_and_images_are_not_mixed_and_not_overwritten() {
     fs::rename(place.path("b.ck.litpt"), place.path("b.ck")).unwrap();
     place.done(&format!("{VIEW} -oc.exr"));
     let mixed = merge(&place, "a.litpt c.exr -od.exr");
-    mixed.failed(1, &["c.exr: merge adds the states of a run"]);
+    mixed.failed(1, &["c.exr: is not a checkpoint"]);
     merge(&place, "a.litpt b.ck -od.exr").succeeded();
     let again = merge(&place, "a.litpt b.ck -od.exr");
     again.failed(1, &["d.exr: the file exists"]);

@@ -246,17 +246,6 @@ impl Merge {
         let files = self.files.iter().map(PathBuf::as_path);
         let written = self.to.output.iter().chain(&self.report);
         tell_apart(files, written.map(PathBuf::as_path))?;
-        // Refuse what is no state
-        let is_other = |file: &&PathBuf| {
-            (is_dash(file) || file.exists()) && !shards::is_state(file)
-        };
-        if let Some(file) = self.files.iter().find(is_other) {
-            return Err(format!(
-                "{}: merge adds the states of a run, files that `pt -o a.litpt` \
-                 or --checkpoint writes, not images",
-                file.display()
-            ));
-        }
         let images = self.to.targets(Format::Exr, false)?;
         // Find the targets of the reports
         let report = |path: &PathBuf| {

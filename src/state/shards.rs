@@ -5,8 +5,6 @@
 //! Parts of one run, and how their states are merged.
 
 use std::fmt;
-use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
@@ -21,18 +19,6 @@ use crate::state::key::RunKey;
 pub fn is_state_name(path: &Path) -> bool {
     extension(path).as_deref() == Some("litpt")
 }
-
-/// Whether a file holds the state of a run, or should.
-pub fn is_state(path: &Path) -> bool {
-    let mut start = [0; START.len()];
-    let mut read = |mut file: File| file.read_exact(&mut start);
-    let is_read = path.is_file()
-        && File::open(path).is_ok_and(|file| read(file).is_ok());
-    is_state_name(path) || (is_read && start == *START)
-}
-
-/// The beginning of a state of any version.
-const START: &[u8; 16] = b"litpt checkpoint";
 
 /// Samples of rows of an image; each pair is a beginning and an end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
