@@ -304,14 +304,6 @@ impl Film {
         self.pixels[self.tiles[place].start].count() > 0
     }
 
-    /// Whether all pixels of a window have a sample, or none has.
-    pub fn sampled(&self, window: Window) -> Option<bool> {
-        let tiles = self.strips(window).map(|(place, _)| place);
-        let mut sampled = tiles.map(|place| self.is_sampled(place));
-        let first = sampled.next()?;
-        sampled.all(|other| other == first).then_some(first)
-    }
-
     /// A value of each pixel of a window, row by row: `none` without a sample.
     fn values(
         &self,

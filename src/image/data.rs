@@ -74,10 +74,6 @@ pub trait Source: Sync {
     /// numbers where there is none, or all.
     fn part(&self, window: Window, all: bool) -> Image;
 
-    /// Whether all pixels of a window have a sample, or none has; none if
-    /// this is not known.
-    fn sampled(&self, window: Window) -> Option<bool>;
-
     /// What is known about the run.
     fn attributes(&self) -> &BTreeMap<String, String>;
 }
@@ -114,10 +110,6 @@ impl Source for Picture<'_> {
         }
     }
 
-    fn sampled(&self, window: Window) -> Option<bool> {
-        self.film.sampled(window)
-    }
-
     fn attributes(&self) -> &BTreeMap<String, String> {
         &self.attributes
     }
@@ -136,10 +128,6 @@ impl Source for Image {
             tile_errors: self.tile_errors.as_ref().map(part),
             ..Image::plain(window.size.0, window.size.1, part(&self.means))
         }
-    }
-
-    fn sampled(&self, _: Window) -> Option<bool> {
-        None
     }
 
     fn attributes(&self) -> &BTreeMap<String, String> {

@@ -7,10 +7,9 @@
 use std::collections::BTreeMap;
 use std::io::{self, Cursor, Write};
 use std::ops::Range;
-use std::sync::OnceLock;
 
 use bytemuck::cast_slice;
-use exr::block::chunk::{Chunk, CompressedBlock};
+use exr::block::chunk::Chunk;
 use exr::block::writer::ChunksWriter;
 use exr::block::{
     BlockIndex, UncompressedBlock, enumerate_ordered_header_block_indices,
@@ -38,13 +37,10 @@ pub fn write(image: &dyn Source, out: &mut dyn Write) -> io::Result<()> {
     let headers = [header(image)].into_iter().collect();
     exr::block::write(&mut file, headers, true, |meta, writer| {
         let blocks = enumerate_ordered_header_block_indices(&meta.headers);
-        let (blocks, gap) = (Vec::from_iter(blocks), OnceLock::new());
         // Compress some blocks and write them
-        blocks.chunks(BATCH).try_for_each(|blocks| {
-            let chunks: Vec<Result<Chunk, Error>> = blocks
-                .par_iter()
-                .map(|&(_, at)| compress(image, at, &meta.headers, &gap))
-                .collect();
+        Vec::from_iter(blocks).chunks(BATCH).try_for_each(|blocks| {
+            let compress = |&(_, at)| compress(image, at, &meta.headers);
+            let chunks: Vec<_> = blocks.par_iter().map(compress).collect();
             let mut chunks = blocks.iter().zip(chunks);
             chunks.try_for_each(|(&(number, _), chunk)| {
                 writer.write_chunk(number, chunk?)
@@ -63,33 +59,18 @@ const BATCH: usize = 256;
 /// Width and height of a block in pixels.
 const TILE: usize = 64;
 
-/// A block; all that are `gap` are copied from the first.
+/// The block of a part of the image.
 fn compress(
     image: &dyn Source,
     index: BlockIndex,
     headers: &[Header],
-    gap: &OnceLock<Option<Chunk>>,
 ) -> Result<Chunk, Error> {
     let [(x, y), size] = [index.pixel_position, index.pixel_size]
         .map(|Vec2(x, y)| (x as u32, y as u32));
     let (left, top) = image.window().corner;
     let window = Window { corner: (left + x, top + y), size };
-    let new = || {
-        let data = cast_slice(&bits(&image.part(window, true))).to_vec();
-        UncompressedBlock { index, data }.compress_to_chunk(headers)
-    };
-    let is_whole = window.area() == TILE * TILE;
-    if !is_whole || image.sampled(window) != Some(false) {
-        return new();
-    }
-    // Copy a gap to its place
-    let mut chunk = gap.get_or_init(|| new().ok()).clone();
-    let block = chunk.as_mut().map(|chunk| &mut chunk.compressed_block);
-    if let Some(CompressedBlock::Tile(tile)) = block {
-        let place = index.pixel_position / Vec2(TILE, TILE);
-        tile.coordinates.tile_index = place;
-    }
-    chunk.map_or_else(new, Ok)
+    let data = cast_slice(&bits(&image.part(window, true))).to_vec();
+    UncompressedBlock { index, data }.compress_to_chunk(headers)
 }
 
 /// What stands before the blocks.

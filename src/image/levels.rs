@@ -51,13 +51,9 @@ pub const COLOURS: &str = "it has colours, of which the luminance is \
 pub const LEVELS: &str = "it holds grey levels, or colours, of which the \
      luminance is taken; they are read by";
 
-/// The mean of each square, row by row, or of what is around it; empty if
-/// there are no gaps.
+/// The mean of each square, row by row, or of what is around it.
 fn fill(image: &dyn Source) -> Vec<f64> {
     let window = image.window();
-    if image.sampled(window) == Some(true) {
-        return vec![];
-    }
     let (width, height) = window.size;
     let columns = width.div_ceil(SIDE) as usize;
     let tops = (0..height).into_par_iter().step_by(SIDE as usize);
