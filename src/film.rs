@@ -8,7 +8,6 @@
 //! tile lie together in memory, so that threads write to separate pieces.
 //! The pixels of a tile hold the same samples, from the first on.
 
-use std::num::ParseIntError;
 use std::str::FromStr;
 
 use rayon::prelude::*;
@@ -65,8 +64,7 @@ impl TryFrom<String> for Window {
         let syntax = "expected a pixel and a size, as in 100,50,64x48";
         let parts: Vec<&str> = text.split(',').collect();
         let [x, y, size] = parts[..] else { return Err(syntax.to_owned()) };
-        let number = |text| digits(text).map_err(|_: ParseIntError| syntax);
-        let corner = (number(x)?, number(y)?);
+        let corner = digits(x).ok().zip(digits(y).ok()).ok_or(syntax)?;
         Ok(Self { corner, size: parse_size(size)? })
     }
 }
@@ -503,13 +501,11 @@ impl Film {
             }
             let n = self.pixel(x, y).count() as f64;
             // Combine its variance with that of its neighbours
-            let variance = match count > 0. {
-                true => {
-                    ((n - 1.) * own + worth * (sum / count))
-                        / (n - 1. + worth)
-                }
-                false => own,
-            };
+            if count == 0. {
+                return (own / n).sqrt();
+            }
+            let variance =
+                ((n - 1.) * own + worth * (sum / count)) / (n - 1. + worth);
             (variance / n).sqrt()
         };
         let rows = window.corner.1..window.end().1;

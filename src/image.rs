@@ -71,8 +71,6 @@ pub fn extension(path: &Path) -> Option<String> {
     Some(extension.to_ascii_lowercase())
 }
 
-const NEITHER: &str = "it is neither EXR, PFM, PNG nor PGM";
-
 impl Image {
     /// Reads a file of any of the formats; see [`Image::read_noting`].
     ///
@@ -112,10 +110,7 @@ impl Image {
             Some([0x76, 0x2f]) => exr::read(bytes, note),
             Some(b"Pf" | b"PF" | b"P2" | b"P5") => pnm::read(bytes, note),
             Some(b"\x89P") => png::read(bytes, note),
-            Some(b"P1" | b"P3" | b"P4" | b"P6" | b"P7") => {
-                Err(format!("{NEITHER}, but PBM, PPM or PAM"))
-            }
-            _ => Err(NEITHER.to_owned()),
+            _ => Err("it is neither EXR, PFM, PNG nor PGM".to_owned()),
         };
         image?.sifted(note)
     }

@@ -202,7 +202,7 @@ fn a_comparison_that_cannot_be_made_has_status_2() {
     for (files, words) in [
         (&["a.exr", "none.exr"][..], &["none.exr: cannot read"][..]),
         (&["a.exr", "room.obj"], &["room.obj: it is neither"]),
-        (&["-", "-"], &["standard input", "once"]),
+        (&["-", "-"], &["standard input: it is neither"]),
         (&["a.pfm", "b.pfm"], &["a.pfm", "errors"]),
         (&["a.exr", "b.exr"], &["40x30", "30x40"]),
         (&["a.exr"], &["<B>", "ptimg --help"]),

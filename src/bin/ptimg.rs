@@ -17,7 +17,7 @@ use litpt::compare::{
 };
 use litpt::film::SIDE;
 use litpt::image::{Format, Image};
-use litpt::options::{LICENCE, is_dash, parse_real, parse_words};
+use litpt::options::{LICENCE, parse_real, parse_words};
 use litpt::output::{ImageTarget, OutputTarget, descriptor, tell_apart};
 use litpt::progress;
 use litpt::report::Kind;
@@ -92,7 +92,23 @@ enum Verb {
         quiet: bool,
     },
     /// Merge states of parts of one run to the image of the whole
-    Merge(Merge),
+    Merge {
+        /// States of parts of a run, of pt -o a.litpt or --checkpoint
+        #[arg(value_name = "FILE", required = true, num_args = 2..)]
+        files: Vec<PathBuf>,
+
+        #[command(flatten)]
+        to: Output,
+
+        /// Report of the run whose parts are merged, .json, .csv or .html; may
+        /// be repeated
+        #[arg(long, value_name = "FILE")]
+        report: Vec<PathBuf>,
+
+        /// Merge what there is, even if parts of the run are missing
+        #[arg(long)]
+        partial: bool,
+    },
     /// Show the standard error of each pixel as grey, in .png or .pgm
     Stderr {
         /// Image to read
@@ -106,25 +122,6 @@ enum Verb {
         #[arg(short, long)]
         relative: bool,
     },
-}
-
-#[derive(Debug, Args)]
-struct Merge {
-    /// States of parts of a run, of pt -o a.litpt or --checkpoint
-    #[arg(value_name = "FILE", required = true, num_args = 2..)]
-    files: Vec<PathBuf>,
-
-    #[command(flatten)]
-    to: Output,
-
-    /// Report of the run whose parts are merged, .json, .csv or .html; may
-    /// be repeated
-    #[arg(long, value_name = "FILE")]
-    report: Vec<PathBuf>,
-
-    /// Merge what there is, even if parts of the run are missing
-    #[arg(long)]
-    partial: bool,
 }
 
 #[derive(Debug, Args)]
@@ -204,7 +201,37 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
             let grey = display::tonemap(&image, *exposure, *tonemap);
             write(&targets, &grey)?;
         }
-        Verb::Merge(merge) => merge.run()?,
+        Verb::Merge { files, to, report, partial } => {
+            // Merge the states of a run
+            let written =
+                to.output.iter().chain(report).map(PathBuf::as_path);
+            tell_apart(files.iter().map(PathBuf::as_path), written)?;
+            let images = to.targets(Format::Exr, false)?;
+            // Find the targets of the reports
+            let target = |path: &PathBuf| {
+                Ok((Kind::of(path)?, OutputTarget::file(path, to.force)?))
+            };
+            let reports = report.iter().map(target);
+            let reports = reports.collect::<Result<Vec<_>, String>>()?;
+            let merged = shards::merge(files)?;
+            // Name the parts that are missing
+            if let Some(missing) = &merged.missing {
+                let missing = format!("parts are missing: {missing}");
+                match partial {
+                    true => progress::warn(&missing),
+                    false => {
+                        return Err(format!("{missing} (see --partial)"));
+                    }
+                }
+            }
+            // Write what was merged
+            let (image, report) = conclude(merged);
+            write(&images, &image)?;
+            for (kind, target) in reports {
+                let text = kind.render(&report, &|| image.clone());
+                target.write(&mut |out| out.write_all(text.as_bytes()))?;
+            }
+        }
         Verb::Stderr { input, to, relative } => {
             // Show the standard errors
             let targets = to.targets(Format::Pgm, true)?;
@@ -241,52 +268,9 @@ fn write(targets: &[ImageTarget], image: &Image) -> Result<(), String> {
     targets.iter().try_for_each(|target| target.write(image))
 }
 
-impl Merge {
-    fn run(&self) -> Result<(), String> {
-        let files = self.files.iter().map(PathBuf::as_path);
-        let written = self.to.output.iter().chain(&self.report);
-        tell_apart(files, written.map(PathBuf::as_path))?;
-        let images = self.to.targets(Format::Exr, false)?;
-        // Find the targets of the reports
-        let report = |path: &PathBuf| {
-            Ok((Kind::of(path)?, OutputTarget::file(path, self.to.force)?))
-        };
-        let reports = self.report.iter().map(report);
-        let reports = reports.collect::<Result<Vec<_>, String>>()?;
-        let merged = shards::merge(&self.files)?;
-        // Name the parts that are missing
-        if let Some(missing) = &merged.missing {
-            let missing = format!("parts are missing: {missing}");
-            match self.partial {
-                true => progress::warn(&missing),
-                false => return Err(format!("{missing} (see --partial)")),
-            }
-        }
-        // Write what was merged
-        let (image, report) = conclude(merged);
-        write(&images, &image)?;
-        for (kind, target) in reports {
-            let text = kind.render(&report, &|| image.clone());
-            target.write(&mut |out| out.write_all(text.as_bytes()))?;
-        }
-        Ok(())
-    }
-}
-
 /// Reads an image and warns of what is not as it should be.
 fn read(path: &Path) -> Result<Image, String> {
     Image::read_noting(path, &mut progress::warn)
-}
-
-/// # Errors
-/// Standard input is named twice.
-fn read_once<'a>(
-    files: impl Iterator<Item = &'a PathBuf>,
-) -> Result<(), String> {
-    match files.filter(|path| is_dash(path)).count() {
-        0 | 1 => Ok(()),
-        _ => Err("standard input can be read once only".to_owned()),
-    }
 }
 
 /// Prints lines on standard output, unless the reader has closed the pipe.
@@ -296,7 +280,6 @@ fn say(lines: &str) -> Result<(), String> {
 }
 
 fn inform(files: &[PathBuf], json: bool) -> Result<(), String> {
-    read_once(files.iter())?;
     for path in files {
         let image = read(path)?;
         let facts = facts(path, &image);
@@ -380,7 +363,6 @@ fn diff(
     files: [&PathBuf; 2],
     maps: &[ImageTarget],
 ) -> Result<ExitCode, String> {
-    read_once(files.into_iter())?;
     let (first, second) = (read(files[0])?, read(files[1])?);
     let difference = compare(&first, &second).map_err(|fault| {
         let [a, b] = files.map(|path| path.display());
