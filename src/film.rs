@@ -334,9 +334,9 @@ impl Film {
 
     /// The samples that every pixel has at least.
     pub fn samples(&self) -> u64 {
-        let count = |tile: &Tile| self.pixels[tile.start].count();
-        let least = self.tiles.iter().map(count).min();
-        least.unwrap_or(0) * self.replicate
+        let tiles = self.tiles.iter();
+        let counts = tiles.map(|tile| self.pixels[tile.start].count());
+        counts.min().unwrap_or(0) * self.replicate
     }
 
     /// The number of pixels without a sample.
@@ -487,15 +487,13 @@ impl Film {
             let near =
                 Window { corner: (x, y), size: (1, 1) }.grown(REACH, all);
             for row in near.corner.1..near.end().1 {
-                let first = number(near.corner.0, row);
-                let variances =
-                    &variances[first..first + near.size.0 as usize];
-                for (column, variance) in (near.corner.0..).zip(variances) {
+                for column in near.corner.0..near.end().0 {
                     // Count the variance of one neighbour
+                    let variance = variances[number(column, row)];
                     let counts =
                         variance.is_finite() & ((column, row) != (x, y));
                     let (value, one) =
-                        if counts { (*variance, 1.) } else { (0., 0.) };
+                        if counts { (variance, 1.) } else { (0., 0.) };
                     (sum, count) = (sum + value, count + one);
                 }
             }
