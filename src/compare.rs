@@ -271,11 +271,10 @@ pub fn disagreements(
     a: &BTreeMap<String, String>,
     b: &BTreeMap<String, String>,
 ) -> Vec<String> {
-    let says = |of: &BTreeMap<String, String>| {
-        SUBJECT.iter().any(|name| of.contains_key(*name))
-    };
-    let both = says(a) && says(b);
-    let differ = |name: &&str| both && a.get(*name) != b.get(*name);
+    let say =
+        [a, b].map(|of| SUBJECT.iter().any(|name| of.contains_key(*name)));
+    let differ =
+        |name: &&str| say == [true; 2] && a.get(*name) != b.get(*name);
     // Tell how an attribute differs
     let tell = |name: &str| {
         let [a, b] = [a, b].map(|of| match of.get(name) {

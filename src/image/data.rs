@@ -54,15 +54,6 @@ impl Image {
         let window = crop.and_then(|c| Window::try_from(c.clone()).ok());
         window.map_or((0, 0), |window| window.corner)
     }
-
-    /// The numbers of a window in a list with one for each pixel.
-    fn cut(&self, list: &[f64], window: Window) -> Vec<f64> {
-        let Window { corner: (x, y), size: (width, height) } = window;
-        let rows = list.chunks(self.width as usize);
-        let rows = rows.skip(y as usize).take(height as usize);
-        let columns = x as usize..(x + width) as usize;
-        rows.flat_map(|row| &row[columns.clone()]).copied().collect()
-    }
 }
 
 /// Gives an image by parts: by windows that lie within its own.
@@ -121,12 +112,18 @@ impl Source for Image {
     }
 
     fn part(&self, window: Window, _: bool) -> Image {
-        let part = |list: &Vec<f64>| self.cut(list, window);
+        let Window { corner: (x, y), size: (width, height) } = window;
+        let columns = x as usize..(x + width) as usize;
+        let part = |list: &Vec<f64>| -> Vec<f64> {
+            let rows = list.chunks(self.width as usize);
+            let rows = rows.skip(y as usize).take(height as usize);
+            rows.flat_map(|row| &row[columns.clone()]).copied().collect()
+        };
         Image {
             errors: self.errors.as_ref().map(part),
             samples: self.samples.as_ref().map(part),
             tile_errors: self.tile_errors.as_ref().map(part),
-            ..Image::plain(window.size.0, window.size.1, part(&self.means))
+            ..Image::plain(width, height, part(&self.means))
         }
     }
 

@@ -53,13 +53,12 @@ pub fn read(mut bytes: &[u8], note: Note) -> Result<Image, String> {
     let (width, height) = size
         .ok_or(format!("its header has a size of {width} by {height}"))?;
     let has_levels = ["P2", "P5"].contains(&kind);
-    let number = unit.parse().ok().filter(|unit: &f32| match has_levels {
-        true => (1. ..=65535.).contains(unit),
-        false => unit.is_normal(),
+    let scale = unit.parse().ok().filter(|scale: &f32| match has_levels {
+        true => (1. ..=65535.).contains(scale),
+        false => scale.is_normal(),
     });
-    let number =
-        number.ok_or(format!("its header has a scale of {unit}"))?;
-    let unit = f64::from(number);
+    let unit = scale.ok_or(format!("its header has a scale of {unit}"))?;
+    let unit = f64::from(unit);
     // Take the words of a portable map
     let (channels, size) = match kind {
         "P2" | "P5" => (1, if unit > 255. { 2 } else { 1 }),
