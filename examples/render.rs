@@ -12,7 +12,7 @@ use litpt::analysis::background::KnownPixels;
 use litpt::bvh::Bvh;
 use litpt::camera::{Camera, View};
 use litpt::film::Film;
-use litpt::image::{Format, Image};
+use litpt::image::{Format, Picture};
 use litpt::integrator::PathTracer;
 use litpt::render::{Job, Renderer};
 use litpt::sampler::IndependentSampler;
@@ -36,6 +36,6 @@ fn main() -> Result<(), Box<dyn Error>> {
         Job { entrance, intersector, camera, integrator, known, sampler };
     let mut film = Film::new(320, 240);
     job.pass(&mut film, 64, &|_| true);
-    let image = Image::new(&film, BTreeMap::new());
-    Ok(Format::Pgm.write(&image, &mut std::io::stdout().lock())?)
+    let picture = Picture { film: &film, attributes: BTreeMap::new() };
+    Ok(Format::Pgm.write(&picture, &mut std::io::stdout().lock())?)
 }

@@ -271,11 +271,10 @@ pub fn disagreements(
     a: &BTreeMap<String, String>,
     b: &BTreeMap<String, String>,
 ) -> Vec<String> {
-    let says = |of: &BTreeMap<String, String>| {
-        SUBJECT.iter().any(|name| of.contains_key(*name))
-    };
-    let both = says(a) && says(b);
-    let differ = |name: &&str| both && a.get(*name) != b.get(*name);
+    let say =
+        [a, b].map(|of| SUBJECT.iter().any(|name| of.contains_key(*name)));
+    let differ =
+        |name: &&str| say == [true; 2] && a.get(*name) != b.get(*name);
     // Tell how an attribute differs
     let tell = |name: &str| {
         let [a, b] = [a, b].map(|of| match of.get(name) {
@@ -344,8 +343,7 @@ pub fn compare(a: &Image, b: &Image) -> Result<Difference, String> {
     let part = |i| gap([a, b], i, Some(area(i)));
     let parts: Vec<_> = pixels.clone().map(part).collect();
     let gaps: Vec<_> = pixels.map(|i| gap([a, b], i, None)).collect();
-    let mut sum = Gap::default();
-    parts.iter().flatten().for_each(|gap| sum.add(gap));
+    let sum = film.sums(&parts)[0];
     // Tell whether there is anything to test
     let silent = a.errors.is_none() && b.errors.is_none();
     let same = |(a, b): (&f64, &f64)| a == b || a.is_nan() && b.is_nan();

@@ -8,8 +8,6 @@
 //! tile lie together in memory, so that threads write to separate pieces.
 //! The pixels of a tile hold the same samples, from the first on.
 
-use std::fmt;
-use std::num::ParseIntError;
 use std::str::FromStr;
 
 use rayon::prelude::*;
@@ -52,10 +50,10 @@ pub struct Window {
 }
 
 /// A window as it is typed: `X,Y,WxH`.
-impl fmt::Display for Window {
-    fn fmt(&self, out: &mut fmt::Formatter) -> fmt::Result {
-        let Self { corner: (x, y), size: (width, height) } = self;
-        write!(out, "{x},{y},{width}x{height}")
+impl From<Window> for String {
+    fn from(window: Window) -> Self {
+        let Window { corner: (x, y), size: (width, height) } = window;
+        format!("{x},{y},{width}x{height}")
     }
 }
 
@@ -66,15 +64,8 @@ impl TryFrom<String> for Window {
         let syntax = "expected a pixel and a size, as in 100,50,64x48";
         let parts: Vec<&str> = text.split(',').collect();
         let [x, y, size] = parts[..] else { return Err(syntax.to_owned()) };
-        let number = |text| digits(text).map_err(|_: ParseIntError| syntax);
-        let corner = (number(x)?, number(y)?);
+        let corner = digits(x).ok().zip(digits(y).ok()).ok_or(syntax)?;
         Ok(Self { corner, size: parse_size(size)? })
-    }
-}
-
-impl From<Window> for String {
-    fn from(window: Window) -> Self {
-        window.to_string()
     }
 }
 
@@ -152,15 +143,15 @@ impl Window {
     /// This and the pixels that are at most so many columns and rows away,
     /// as far as they lie `within` another window.
     fn grown(&self, reach: u32, within: Self) -> Self {
-        let grow = |at: u32, end: u32, first: u32, last: u32| {
-            let start = at.saturating_sub(reach).max(first);
-            (start, (end + reach).min(last) - start)
-        };
         let ((x, y), (left, top)) = (self.corner, within.corner);
         let [ends, limits] = [self.end(), within.end()];
-        let (x, width) = grow(x, ends.0, left, limits.0);
-        let (y, height) = grow(y, ends.1, top, limits.1);
-        Self { corner: (x, y), size: (width, height) }
+        let start = |at: u32, first| at.saturating_sub(reach).max(first);
+        let (x, y) = (start(x, left), start(y, top));
+        let length =
+            |start, end: u32, last| (end + reach).min(last) - start;
+        let size =
+            (length(x, ends.0, limits.0), length(y, ends.1, limits.1));
+        Self { corner: (x, y), size }
     }
 
     /// The number of pixels.
@@ -277,20 +268,17 @@ impl Film {
 
     /// The pixels, row by row from the top left.
     pub fn rows(&self) -> impl Iterator<Item = &Accumulator> {
-        let rows = self.window.corner.1..self.window.end().1;
-        let strips = rows.flat_map(|y| self.strips(self.window, y));
-        strips.flat_map(|(_, strip)| strip)
+        self.strips(self.window).flat_map(|(_, strip)| strip)
     }
 
-    /// The pixels of row `y` of the image that lie in a window, those of each
-    /// tile together, with the place of the tile.
+    /// The pixels of a window, row by row, those of each tile together, with the
+    /// place of the tile.
     fn strips(
         &self,
         window: Window,
-        y: u32,
     ) -> impl Iterator<Item = (usize, &[Accumulator])> {
         let ((left, _), (columns, _)) = window.cells();
-        (left..left + columns).map(move |column| {
+        let strip = move |column, y| {
             let place = self.place(column * SIDE, y);
             let Tile { corner, size, start, .. } = self.tiles[place];
             let x = corner.0.max(window.corner.0);
@@ -298,7 +286,10 @@ impl Film {
             let at =
                 start + ((y - corner.1) * size.0 + x - corner.0) as usize;
             (place, &self.pixels[at..at + length as usize])
-        })
+        };
+        let columns =
+            move |y| (left..left + columns).map(move |x| strip(x, y));
+        (window.corner.1..window.end().1).flat_map(columns)
     }
 
     /// The means of the pixels, row by row from the top left.
@@ -311,16 +302,6 @@ impl Film {
         self.pixels[self.tiles[place].start].count() > 0
     }
 
-    /// Whether all pixels of a window have a sample, or none has.
-    pub fn sampled(&self, window: Window) -> Option<bool> {
-        let ((left, top), (columns, rows)) = window.cells();
-        let row = |y| (left..left + columns).map(move |x| (x, y));
-        let place = |(x, y)| self.place(x * SIDE, y * SIDE);
-        let mut places = (top..top + rows).flat_map(row).map(place);
-        let first = self.is_sampled(places.next()?);
-        places.all(|at| self.is_sampled(at) == first).then_some(first)
-    }
-
     /// A value of each pixel of a window, row by row: `none` without a sample.
     fn values(
         &self,
@@ -329,9 +310,8 @@ impl Film {
         of: impl Fn(usize, &Accumulator) -> f64,
     ) -> Vec<f64> {
         let mut values = Vec::with_capacity(window.area());
-        let rows = window.corner.1..window.end().1;
         // Append the values of a strip
-        for (place, strip) in rows.flat_map(|y| self.strips(window, y)) {
+        for (place, strip) in self.strips(window) {
             match self.is_sampled(place) {
                 true => values.extend(strip.iter().map(|p| of(place, p))),
                 false => values.resize(values.len() + strip.len(), none),
@@ -354,16 +334,16 @@ impl Film {
 
     /// The samples that every pixel has at least.
     pub fn samples(&self) -> u64 {
-        let count = |tile: &Tile| self.pixels[tile.start].count();
-        let least = self.tiles.iter().map(count).min();
-        least.unwrap_or(0) * self.replicate
+        let tiles = self.tiles.iter();
+        let counts = tiles.map(|tile| self.pixels[tile.start].count());
+        counts.min().unwrap_or(0) * self.replicate
     }
 
     /// The number of pixels without a sample.
     pub fn unsampled(&self) -> u64 {
-        let is_empty = |t: &&Tile| self.pixels[t.start].count() == 0;
-        let empty = self.tiles.iter().filter(is_empty);
-        empty.map(|tile| tile.area() as u64).sum()
+        let tiles = self.tiles.iter().enumerate();
+        let empty = tiles.filter(|(place, _)| !self.is_sampled(*place));
+        empty.map(|(_, tile)| tile.area() as u64).sum()
     }
 
     /// The same film, whose accumulators take one value for so many samples.
@@ -398,63 +378,40 @@ impl Film {
     /// for [`WORTH`].
     pub fn summary(&self) -> Summary {
         let few = self.samples() < 2 * self.replicate;
-        let tops = (0..self.window.size.1).into_par_iter();
-        let rows = tops.step_by(SIDE as usize).flat_map_iter(|top| {
-            let band = self.window.rows(top, SIDE);
-            // Sum over the pixels of each row
-            let errors = (!few).then(|| self.errors_of(WORTH, band));
-            let mut errors = errors.unwrap_or_default().into_iter();
-            let is_sampled =
-                |(place, _): &(usize, _)| self.is_sampled(*place);
-            let rows = band.corner.1..band.end().1;
-            let sums = rows.map(|y| {
-                let strips = self.strips(band, y).filter(is_sampled);
-                let pixels = strips.flat_map(|(_, strip)| strip);
-                // Add the pixels of a row
-                pixels.fold(
-                    [0.; 4],
-                    |[mean, count, squares, constant], pixel| {
-                        let square =
-                            errors.next().unwrap_or_default().powi(2);
-                        let alike = !few && pixel.variance() == 0.;
-                        let constant =
-                            constant + f64::from(u8::from(alike));
-                        [
-                            mean + pixel.mean(),
-                            count + 1.,
-                            squares + square,
-                            constant,
-                        ]
-                    },
-                )
+        // Sum numbers of all pixels over rows
+        let total = |of: &(dyn Fn(Window) -> Vec<f64> + Sync)| -> f64 {
+            let (width, height) = self.window.size;
+            let tops = (0..height).into_par_iter().step_by(SIDE as usize);
+            let rows = tops.flat_map_iter(|top| {
+                let values = of(self.window.rows(top, SIDE));
+                let rows = values.chunks(width as usize);
+                rows.map(|row| row.iter().sum()).collect::<Vec<f64>>()
             });
-            sums.collect::<Vec<_>>()
-        });
-        let rows: Vec<[f64; 4]> = rows.collect();
-        // Add the sums of all rows
-        let total = |i: usize| rows.iter().map(|row| row[i]).sum::<f64>();
-        let squares = if few { f64::INFINITY } else { total(2) };
-        let of_tile = |(tile, mean): (&Tile, &Accumulator)| {
+            rows.collect::<Vec<f64>>().iter().sum()
+        };
+        let radiance =
+            total(&|band| self.values(band, 0., |_, pixel| pixel.mean()));
+        let squares = |band| {
+            let errors = self.errors(WORTH, band).into_iter();
+            errors.map(|error| error * error).collect()
+        };
+        let squares = if few { f64::INFINITY } else { total(&squares) };
+        // Conclude from the sums
+        let Self { tiles, tile_means: means, .. } = self;
+        let tiles = tiles.iter().zip(means).map(|(tile, mean)| {
             (tile.area() as f64 * mean.standard_error()).powi(2)
-        };
-        let all_squares = match self.tile_means.is_empty() {
-            true => squares,
-            false => {
-                self.tiles.iter().zip(&self.tile_means).map(of_tile).sum()
-            }
-        };
+        });
+        let all = if means.is_empty() { squares } else { tiles.sum() };
         let n = self.area() as f64;
+        let sampled = self.area() - self.unsampled();
+        let is_constant = |p: &&Accumulator| !few && p.variance() == 0.;
+        let constant = self.pixels.par_iter().filter(is_constant).count();
         Summary {
-            mean: total(0) / total(1).max(1.),
-            mean_stderr: all_squares.sqrt() / n,
+            mean: radiance / sampled.max(1) as f64,
+            mean_stderr: f64::sqrt(all) / n,
             rmse: (squares / n).sqrt(),
-            constant: total(3) as u64,
+            constant: constant as u64,
         }
-    }
-
-    /// The errors of [`Film::errors_of`] for the whole film.
-    pub fn errors(&self, worth: f64) -> Vec<f64> {
-        self.errors_of(worth, self.window)
     }
 }
 
@@ -511,7 +468,7 @@ impl Film {
     /// where unknown. The variance that a pixel has seen is combined with that
     /// of its neighbours, which counts as `worth` values ([`WORTH`]; 0 leaves
     /// the neighbours out).
-    pub fn errors_of(&self, worth: f64, window: Window) -> Vec<f64> {
+    pub fn errors(&self, worth: f64, window: Window) -> Vec<f64> {
         let all = window.grown(REACH, self.window);
         let of = |_, pixel: &Accumulator| pixel.variance();
         let variances = self.values(all, f64::INFINITY, of);
@@ -530,27 +487,23 @@ impl Film {
             let near =
                 Window { corner: (x, y), size: (1, 1) }.grown(REACH, all);
             for row in near.corner.1..near.end().1 {
-                let first = number(near.corner.0, row);
-                let variances =
-                    &variances[first..first + near.size.0 as usize];
-                for (column, variance) in (near.corner.0..).zip(variances) {
+                for column in near.corner.0..near.end().0 {
                     // Count the variance of one neighbour
+                    let variance = variances[number(column, row)];
                     let counts =
                         variance.is_finite() & ((column, row) != (x, y));
                     let (value, one) =
-                        if counts { (*variance, 1.) } else { (0., 0.) };
+                        if counts { (variance, 1.) } else { (0., 0.) };
                     (sum, count) = (sum + value, count + one);
                 }
             }
             let n = self.pixel(x, y).count() as f64;
             // Combine its variance with that of its neighbours
-            let variance = match count > 0. {
-                true => {
-                    ((n - 1.) * own + worth * (sum / count))
-                        / (n - 1. + worth)
-                }
-                false => own,
-            };
+            if count == 0. {
+                return (own / n).sqrt();
+            }
+            let variance =
+                ((n - 1.) * own + worth * (sum / count)) / (n - 1. + worth);
             (variance / n).sqrt()
         };
         let rows = window.corner.1..window.end().1;

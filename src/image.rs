@@ -71,8 +71,6 @@ pub fn extension(path: &Path) -> Option<String> {
     Some(extension.to_ascii_lowercase())
 }
 
-const NEITHER: &str = "it is neither EXR, PFM, PNG nor PGM";
-
 impl Image {
     /// Reads a file of any of the formats; see [`Image::read_noting`].
     ///
@@ -110,55 +108,48 @@ impl Image {
     pub fn decode(bytes: &[u8], note: Note) -> Result<Self, String> {
         let image = match bytes.get(..2) {
             Some([0x76, 0x2f]) => exr::read(bytes, note),
-            Some(b"Pf" | b"PF") => pnm::read_numbers(bytes, note),
-            Some(b"P2" | b"P5") => pnm::read_levels(bytes, note),
+            Some(b"Pf" | b"PF" | b"P2" | b"P5") => pnm::read(bytes, note),
             Some(b"\x89P") => png::read(bytes, note),
-            Some(b"P1" | b"P3" | b"P4" | b"P6" | b"P7") => {
-                Err(format!("{NEITHER}, but PBM, PPM or PAM"))
-            }
-            _ => Err(NEITHER.to_owned()),
+            _ => Err("it is neither EXR, PFM, PNG nor PGM".to_owned()),
         };
         image?.sifted(note)
     }
 
     fn sifted(mut self, note: Note) -> Result<Self, String> {
-        let width = self.width as usize;
+        let (width, pixels) = (self.width as usize, self.means.len());
         let place = |i: usize| format!("{},{}", i % width, i / width);
-        // Find the pixels that are no numbers
-        let finite = self.means.iter().map(|mean| mean.is_finite());
-        let mut known: Vec<bool> = finite.collect();
-        let errors = [&self.errors, &self.tile_errors]
-            .map(|list| (list, f64::INFINITY));
-        for (list, most) in
-            errors.into_iter().chain([(&self.samples, f64::MAX)])
-        {
-            for (i, &value) in list.iter().flatten().enumerate() {
-                if value < 0. {
-                    return Err(format!(
-                        "the standard error or count of the pixel {} is {value}",
-                        place(i)
-                    ));
-                }
-                known[i] &= value <= most;
+        // List what is known, and what stands for the unknown
+        let mut lists = vec![(&mut self.means, f64::NAN)];
+        let errors = [&mut self.errors, &mut self.tile_errors];
+        let errors = errors.into_iter().flatten();
+        lists.extend(errors.map(|list| (list, f64::INFINITY)));
+        lists.extend(self.samples.iter_mut().map(|list| (list, 0.)));
+        let mut lost = vec![];
+        for i in 0..pixels {
+            // Sift a pixel
+            let mut others = lists[1..].iter().map(|(list, _)| list[i]);
+            if let Some(value) = others.find(|&value| value < 0.) {
+                let pixel = place(i);
+                return Err(format!(
+                    "the standard error or count of the pixel {pixel} is {value}"
+                ));
+            }
+            let is_known = |(list, unknown): &(&mut Vec<f64>, f64)| {
+                list[i].is_finite() || list[i] == *unknown
+            };
+            if !lists.iter().all(is_known) {
+                lost.push(i);
+                lists
+                    .iter_mut()
+                    .for_each(|(list, unknown)| list[i] = *unknown);
             }
         }
-        let lost = Vec::from_iter((0..known.len()).filter(|&i| !known[i]));
         if let Some(&first) = lost.first() {
             note(&format!(
                 "pixels that are not finite numbers: {}, the first at {}",
                 lost.len(),
                 place(first)
             ));
-        }
-        // Give the lost pixels no numbers
-        for i in lost {
-            self.means[i] = f64::NAN;
-            let errors = [&mut self.errors, &mut self.tile_errors];
-            errors
-                .into_iter()
-                .flatten()
-                .for_each(|list| list[i] = f64::INFINITY);
-            self.samples.iter_mut().for_each(|list| list[i] = 0.);
         }
         Ok(self)
     }

@@ -442,8 +442,9 @@ impl Options {
         let fits = |at, n, side| at < side && n <= side - at;
         let is_within = fits(x, w, width) && fits(y, h, height);
         let outside = format!(
-            "--crop {window}: does not lie within the image of \
-             {width}x{height} pixels"
+            "--crop {}: does not lie within the image of \
+             {width}x{height} pixels",
+            String::from(window)
         );
         let (k, n) = tiles.unwrap_or((1, 1));
         let rows = if is_within { window.tile_rows() } else { 0 };

@@ -158,11 +158,12 @@ impl RunOutput {
             Product::Report(_) => 0.,
             Product::State => state,
         });
-        let all = summary + each.sum::<f64>();
+        let files: f64 = each.sum();
         let is_state = |file: &RunFile| file.product == Product::State;
-        let saved =
-            if self.files.iter().any(is_state) { state } else { 0. };
-        [saved, all].map(|nanoseconds| 1e-9 * nanoseconds * pixels as f64)
+        let is_saved = self.files.iter().any(is_state);
+        let none = if is_saved { state } else { 0. } + 0.15 * files;
+        let all = summary + files;
+        [none, all].map(|nanoseconds| 1e-9 * nanoseconds * pixels as f64)
     }
 }
 
@@ -184,5 +185,5 @@ fn picture<'f>(known: &Known, film: &'f Film) -> Picture<'f> {
     all.retain(|_, value| !value.is_null());
     all.extend(entries(run_key));
     all.extend(entries(&known));
-    Picture::new(film, attributes(&all))
+    Picture { film, attributes: attributes(&all) }
 }

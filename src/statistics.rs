@@ -49,19 +49,15 @@ impl Accumulator {
     }
 
     /// Takes the same value into account `count` times.
-    pub fn add_times(&mut self, value: f64, mut count: u64) {
-        let mut power = Self::default();
-        power.add(value);
-        while count > 0 {
-            if count % 2 == 1 {
-                self.merge(&power);
-            }
-            count /= 2;
-            // Twice 2^63 values would be more than the count can hold.
-            if count > 0 {
-                power.merge(&{ power });
-            }
+    pub fn add_times(&mut self, value: f64, count: u64) {
+        let mut all = Self::default();
+        all.add(value);
+        all.count = count;
+        scale(&mut all.sum, count);
+        if scale(&mut all.squares, count) {
+            all.squares = [u64::MAX; 4];
         }
+        self.merge(&all);
     }
 
     /// Takes all the values of another accumulator into account.
@@ -156,34 +152,30 @@ fn accumulate<const N: usize>(sum: &mut [u64; N], more: &[u64; N]) -> bool {
     carry
 }
 
-/// Multiplies a number by a digit; what overflows is lost.
-fn scale<const N: usize>(number: &mut [u64; N], factor: u64) {
+/// Subtracts a number.
+#[inline]
+fn subtract<const N: usize>(number: &mut [u64; N], less: &[u64; N]) {
+    *number = number.map(|digit| !digit);
+    accumulate(number, less);
+    *number = number.map(|digit| !digit);
+}
+
+/// Multiplies a number by a digit; tells whether it overflows.
+fn scale<const N: usize>(number: &mut [u64; N], factor: u64) -> bool {
     let mut carry = 0;
     for digit in number {
         let product = u128::from(*digit) * u128::from(factor) + carry;
         *digit = product as u64;
         carry = product >> 64;
     }
-}
-
-/// Subtracts a number from one that is not smaller.
-fn subtract<const N: usize>(number: &mut [u64; N], less: &[u64; N]) {
-    let mut borrow = false;
-    for (digit, less) in number.iter_mut().zip(less) {
-        let (partial, first) = digit.overflowing_sub(*less);
-        let (total, second) = partial.overflowing_sub(u64::from(borrow));
-        (*digit, borrow) = (total, first | second);
-    }
+    carry > 0
 }
 
 /// The nearest double, or a neighbour of it.
 fn to_f64(number: &[u64]) -> f64 {
-    let top = number.iter().rposition(|&digit| digit > 0).unwrap_or(0);
-    let below = top.saturating_sub(1);
-    let high = u128::from(number[top]) << 64;
-    let pair = match top {
-        0 => u128::from(number[0]),
-        _ => high | u128::from(number[below]),
-    };
-    (0..below).fold(pair as f64, |x, _| x * (2. * (1u64 << 63) as f64))
+    let top = number.iter().rposition(|&digit| digit > 0);
+    let top = top.unwrap_or(0).max(1);
+    let [high, low] = [number[top], number[top - 1]].map(u128::from);
+    let pair = (high << 64 | low) as f64;
+    (1..top).fold(pair, |x, _| x * (2. * (1u64 << 63) as f64))
 }

@@ -235,7 +235,7 @@ fn a_pixel_that_has_seen_nothing_is_believed_with_time() {
             pixel.add_times(1., ones);
             pixel.add_times(0., n - ones);
         }
-        film.errors(WORTH)[12]
+        film.errors(WORTH, film.window)[12]
     };
     near(stated(16), 0.0363, 5e-5);
     near(stated(64), 0.0094, 5e-5);

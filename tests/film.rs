@@ -4,14 +4,13 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-use std::collections::{BTreeMap, HashSet};
+use std::collections::HashSet;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use glam::DVec3;
 use litpt::bvh::{Bvh, Hit, Intersector, Isa, Quality};
 use litpt::camera::View;
 use litpt::film::{Film, SIDE, Summary, Tile, Window};
-use litpt::image::Image;
 use litpt::integrator::{Integrator, PathEvent, PathTracer};
 use litpt::render::{Job, Renderer};
 use litpt::sampler::sobol::SobolSampler;
@@ -82,9 +81,7 @@ fn a_pixel_without_a_sample_has_no_mean() {
     pixels.iter_mut().for_each(|pixel| pixel.add(0.25));
     let (left, top) = tile.corner;
     let own = (left..left + tile.size.0, top..top + tile.size.1);
-    for (i, mean) in
-        Image::new(&film, BTreeMap::new()).means.into_iter().enumerate()
-    {
+    for (i, mean) in film.means_of(window).into_iter().enumerate() {
         let (x, y) = (17 + i as u32 % 40, 3 + i as u32 / 40);
         match own.0.contains(&x) && own.1.contains(&y) {
             true => assert_eq!(mean, 0.25),

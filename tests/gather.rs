@@ -766,7 +766,10 @@ fn room() -> &'static (Stage, Truth) {
 
 /// The mean square of the errors of pixels, over what it should be.
 fn honesty(film: &Film, truth: &Truth) -> f64 {
-    let all = film.means().zip(film.errors(WORTH)).zip(&truth.pixels);
+    let all = film
+        .means()
+        .zip(film.errors(WORTH, film.window))
+        .zip(&truth.pixels);
     let squares =
         all.map(|((mean, error), (truth, unsure)): (_, &(f64, f64))| {
             (mean - truth).powi(2) / (error * error + unsure * unsure)

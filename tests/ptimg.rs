@@ -137,6 +137,7 @@ fn a_report_and_info_say_the_same_errors_of_gathers_too() {
         let info = json_of(&place, &["info", "--json", name]);
         let shared = info["channels"][3] == "tile_stderr.Y";
         assert_eq!(shared, method[1] == "gather");
+        assert!(info["attributes"]["replicate"].is_string());
         for key in ["mean_stderr", "rmse"] {
             let of = |v: &Value| v[key].as_f64().unwrap();
             let ratio = of(&info) / of(&report);
@@ -203,7 +204,7 @@ fn a_comparison_that_cannot_be_made_has_status_2() {
     for (files, words) in [
         (&["a.exr", "none.exr"][..], &["none.exr: cannot read"][..]),
         (&["a.exr", "room.obj"], &["room.obj: it is neither"]),
-        (&["-", "-"], &["standard input", "once"]),
+        (&["-", "-"], &["standard input: it is neither"]),
         (&["a.pfm", "b.pfm"], &["a.pfm", "errors"]),
         (&["a.exr", "b.exr"], &["40x30", "30x40"]),
         (&["a.exr"], &["<B>", "ptimg --help"]),

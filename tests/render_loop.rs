@@ -140,7 +140,7 @@ fn a_pixel_borrows_from_the_variance_of_its_neighbours() {
             k => vec![0., f64::from(x + 20 * y), f64::from(k)],
         });
     let known = |&(x, y): &(u32, u32)| film.pixel(x, y).count() > 1;
-    for (i, error) in (0..).zip(film.errors(WORTH)) {
+    for (i, error) in (0..).zip(film.errors(WORTH, film.window)) {
         let (x, y) = (i % width, i / width);
         let columns = x.saturating_sub(2)..(x + 3).min(width);
         let rows = y.saturating_sub(2)..(y + 3).min(height);
@@ -158,7 +158,9 @@ fn a_pixel_borrows_from_the_variance_of_its_neighbours() {
         };
         assert!(close(error, expected), "{x},{y}: {error} {expected}");
     }
-    for (error, pixel) in film.errors(0.).iter().zip(film.rows()) {
+    for (error, pixel) in
+        film.errors(0., film.window).iter().zip(film.rows())
+    {
         assert!(close(*error, pixel.standard_error()));
     }
 }
@@ -167,7 +169,7 @@ fn a_pixel_borrows_from_the_variance_of_its_neighbours() {
 fn the_error_of_one_value_is_zero_and_that_of_one_realisation_unknown() {
     for (count, error, constant) in [(3, 0., 63), (1, f64::INFINITY, 0)] {
         let film = image_of((9, 7), |_, _| vec![0.25; count]);
-        assert_eq!(film.errors(WORTH), [error; 63]);
+        assert_eq!(film.errors(WORTH, film.window), [error; 63]);
         let (mean, mean_stderr, rmse) = (0.25, error, error);
         let summary = Summary { mean, mean_stderr, rmse, constant };
         assert_eq!(film.summary(), summary);
@@ -182,7 +184,7 @@ fn the_summary_averages_the_squares_of_the_errors_that_pixels_state() {
     };
     let film = image_of((50, 37), weights);
     let (mut squares, mut mean, mut constant) = (0., 0., 0);
-    for (pixel, error) in film.rows().zip(film.errors(WORTH)) {
+    for (pixel, error) in film.rows().zip(film.errors(WORTH, film.window)) {
         squares += error.powi(2);
         mean += pixel.mean();
         constant += u64::from(pixel.variance() == 0.);

@@ -29,7 +29,7 @@ fn deviation(setting: &Setting, n: u64, truth: &[(f64, f64)]) -> f64 {
     let mut z = vec![];
     for seed in 1..=4 {
         let film = render(setting, seed, n);
-        let errors = film.errors(WORTH);
+        let errors = film.errors(WORTH, film.window);
         for ((mean, error), (exact, unsure)) in
             film.means().zip(errors).zip(truth)
         {
@@ -70,6 +70,7 @@ fn errors_are_honest_in_the_courtyard() {
     let sky = (0.8, DVec3::Y);
     let setting = Setting::new(&mesh(), sky, &view(), 4. / 3.).unwrap();
     let best = render(&setting, 99, 2048);
-    let truth: Vec<_> = best.means().zip(best.errors(0.)).collect();
+    let truth: Vec<_> =
+        best.means().zip(best.errors(0., best.window)).collect();
     calibrated(deviation(&setting, 256, &truth));
 }

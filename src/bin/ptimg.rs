@@ -18,7 +18,7 @@ use litpt::compare::{
 };
 use litpt::film::SIDE;
 use litpt::image::{Format, Image};
-use litpt::options::{LICENCE, is_dash, parse_real, parse_words};
+use litpt::options::{LICENCE, parse_real, parse_words};
 use litpt::output::{OutputTarget, descriptor, format_of, tell_apart};
 use litpt::progress;
 use litpt::report::Kind;
@@ -93,7 +93,23 @@ enum Verb {
         quiet: bool,
     },
     /// Merge states of parts of one run to the image of the whole
-    Merge(Merge),
+    Merge {
+        /// States of parts of a run, of pt -o a.litpt or --checkpoint
+        #[arg(value_name = "FILE", required = true, num_args = 2..)]
+        files: Vec<PathBuf>,
+
+        #[command(flatten)]
+        to: Output,
+
+        /// Report of the run whose parts are merged, .json, .csv or .html; may
+        /// be repeated
+        #[arg(long, value_name = "FILE")]
+        report: Vec<PathBuf>,
+
+        /// Merge what there is, even if parts of the run are missing
+        #[arg(long)]
+        partial: bool,
+    },
     /// Show the standard error of each pixel as grey, in .png or .pgm
     Stderr {
         /// Image to read
@@ -107,25 +123,6 @@ enum Verb {
         #[arg(short, long)]
         relative: bool,
     },
-}
-
-#[derive(Debug, Args)]
-struct Merge {
-    /// States of parts of a run, of pt -o a.litpt or --checkpoint
-    #[arg(value_name = "FILE", required = true, num_args = 2..)]
-    files: Vec<PathBuf>,
-
-    #[command(flatten)]
-    to: Output,
-
-    /// Report of the run whose parts are merged, .json, .csv or .html; may
-    /// be repeated
-    #[arg(long, value_name = "FILE")]
-    report: Vec<PathBuf>,
-
-    /// Merge what there is, even if parts of the run are missing
-    #[arg(long)]
-    partial: bool,
 }
 
 #[derive(Debug, Args)]
@@ -205,7 +202,39 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
             let grey = display::tonemap(&image, *exposure, *tonemap);
             write(&targets, &grey)?;
         }
-        Verb::Merge(merge) => merge.run()?,
+        Verb::Merge { files, to, report, partial } => {
+            // Merge the states of a run
+            let written =
+                to.output.iter().chain(report).map(PathBuf::as_path);
+            tell_apart(files.iter().map(PathBuf::as_path), written)?;
+            let images = to.targets(Format::Exr, false)?;
+            // Find the targets of the reports
+            let of_report = |path: &PathBuf| {
+                let target = OutputTarget::file(path, to.force)?;
+                Ok((Product::Report(Kind::of(path)?), target))
+            };
+            let images = images
+                .into_iter()
+                .map(|(f, to)| Ok((Product::Image(f), to)));
+            let targets = images.chain(report.iter().map(of_report));
+            let targets = targets.collect::<Result<_, String>>()?;
+            let merged = shards::merge(files)?;
+            // Name the parts that are missing
+            if let Some(missing) = &merged.missing {
+                let missing = format!("parts are missing: {missing}");
+                match partial {
+                    true => progress::warn(&missing),
+                    false => {
+                        return Err(format!("{missing} (see --partial)"));
+                    }
+                }
+            }
+            // Write what was merged
+            let convergence = merged.known.report.convergence.clone();
+            let mut output =
+                RunOutput::new(targets, (60., false), merged.known);
+            output.write(&convergence, &merged.film, None)?;
+        }
         Verb::Stderr { input, to, relative } => {
             // Show the standard errors
             let targets = to.targets(Format::Pgm, true)?;
@@ -223,10 +252,12 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
         }
         Verb::Diff { a, b, to, quiet } => {
             // Answer with the status of a test
-            if to.is_standard() && !quiet {
+            if *quiet {
+                progress::hush();
+            } else if to.is_standard() {
                 return Err("a map on standard output needs -q".to_owned());
             }
-            return diff([a, b], &to.targets(Format::Pgm, false)?, *quiet);
+            return diff([a, b], &to.targets(Format::Pgm, false)?);
         }
     }
     Ok(ExitCode::SUCCESS)
@@ -245,51 +276,9 @@ fn write(targets: &[Target], image: &Image) -> Result<(), String> {
     })
 }
 
-impl Merge {
-    fn run(&self) -> Result<(), String> {
-        let files = self.files.iter().map(PathBuf::as_path);
-        let written = self.to.output.iter().chain(&self.report);
-        tell_apart(files, written.map(PathBuf::as_path))?;
-        let images = self.to.targets(Format::Exr, false)?;
-        // Find the targets of the reports
-        let report = |path: &PathBuf| {
-            let target = OutputTarget::file(path, self.to.force)?;
-            Ok((Product::Report(Kind::of(path)?), target))
-        };
-        let images =
-            images.into_iter().map(|(f, to)| Ok((Product::Image(f), to)));
-        let files = images.chain(self.report.iter().map(report));
-        let files = files.collect::<Result<_, String>>()?;
-        let merged = shards::merge(&self.files)?;
-        // Name the parts that are missing
-        if let Some(missing) = &merged.missing {
-            let missing = format!("parts are missing: {missing}");
-            match self.partial {
-                true => progress::warn(&missing),
-                false => return Err(format!("{missing} (see --partial)")),
-            }
-        }
-        // Write what was merged
-        let convergence = merged.known.report.convergence.clone();
-        let mut output = RunOutput::new(files, (60., false), merged.known);
-        output.write(&convergence, &merged.film, None)
-    }
-}
-
 /// Reads an image and warns of what is not as it should be.
 fn read(path: &Path) -> Result<Image, String> {
     Image::read_noting(path, &mut progress::warn)
-}
-
-/// # Errors
-/// Standard input is named twice.
-fn read_once<'a>(
-    files: impl Iterator<Item = &'a PathBuf>,
-) -> Result<(), String> {
-    match files.filter(|path| is_dash(path)).count() {
-        0 | 1 => Ok(()),
-        _ => Err("standard input can be read once only".to_owned()),
-    }
 }
 
 /// Prints lines on standard output, unless the reader has closed the pipe.
@@ -299,7 +288,6 @@ fn say(lines: &str) -> Result<(), String> {
 }
 
 fn inform(files: &[PathBuf], json: bool) -> Result<(), String> {
-    read_once(files.iter())?;
     for path in files {
         let image = read(path)?;
         let facts = facts(path, &image);
@@ -324,21 +312,21 @@ fn inform(files: &[PathBuf], json: bool) -> Result<(), String> {
 /// What there is to know of an image, each by its name. The sums are those
 /// of pixels whose means are finite numbers.
 fn facts(path: &Path, image: &Image) -> [(&'static str, Value); 13] {
-    let all = image.means.iter().copied();
-    let means: Vec<f64> = all.filter(|mean| mean.is_finite()).collect();
-    let n = means.len() as f64;
     // Sum the squares of the errors
     let known = |list: &Vec<f64>| -> Vec<f64> {
         let pairs = list.iter().zip(&image.means);
         let known = pairs.filter(|(_, mean)| mean.is_finite());
-        known.map(|(&error, _)| error).collect()
+        known.map(|(&value, _)| value).collect()
     };
-    let squares =
-        |list: &Vec<f64>| known(list).iter().map(|e| e * e).sum::<f64>();
-    let of_pixels = image.errors.as_ref().map(squares);
-    let of_mean = image.tile_errors.as_ref().map(squares).or(of_pixels);
-    let errors = image.errors.as_ref().map(known).unwrap_or_default();
-    let unknown = errors.iter().filter(|e| e.is_infinite()).count();
+    let squares = |list: Vec<f64>| list.iter().map(|e| e * e).sum::<f64>();
+    let errors = image.errors.as_ref().map(known);
+    let unknown =
+        errors.iter().flatten().filter(|e| e.is_infinite()).count();
+    let of_pixels = errors.map(squares);
+    let of_tiles = image.tile_errors.as_ref().map(known).map(squares);
+    let of_mean = of_tiles.or(of_pixels);
+    let means = known(&image.means);
+    let n = means.len() as f64;
     let (least, greatest) = range(&means).unzip();
     let names = image.channels().map(|(name, ..)| name);
     let samples = image.samples.as_deref().and_then(range);
@@ -379,41 +367,31 @@ fn range(values: &[f64]) -> Option<(f64, f64)> {
     Some((least, values.iter().copied().reduce(f64::max)?))
 }
 
-fn diff(
-    files: [&PathBuf; 2],
-    maps: &[Target],
-    quiet: bool,
-) -> Result<ExitCode, String> {
-    read_once(files.into_iter())?;
-    // Read both images
-    let note = &mut |line: &str| {
-        if !quiet {
-            progress::warn(line);
-        }
-    };
-    let [first, second] = files.map(|path| Image::read_noting(path, note));
-    let (first, second) = (first?, second?);
+fn diff(files: [&PathBuf; 2], maps: &[Target]) -> Result<ExitCode, String> {
+    let (first, second) = (read(files[0])?, read(files[1])?);
     let difference = compare(&first, &second).map_err(|fault| {
         let [a, b] = files.map(|path| path.display());
         format!("{a} and {b}: {fault}")
     })?;
-    // Write the maps
     for map in maps {
         let image = display::z_map(&first, &difference, is_grey(map));
         write(from_ref(map), &image)?;
     }
-    if !quiet {
+    if !progress::is_quiet() {
+        let mut lines = vec![];
         // Say what the comparison takes for granted
         let differing =
             disagreements(&first.attributes, &second.attributes);
         if !differing.is_empty() {
             let differing = differing.join(", ");
-            say(&format!("they show different things: {differing}"))?;
+            lines.push(format!("they show different things: {differing}"));
         }
         for (path, image) in files.iter().zip([&first, &second]) {
             if image.errors.is_none() {
                 let name = path.display();
-                say(&format!("{name}: no errors; it is taken as exact"))?;
+                lines.push(format!(
+                    "{name}: no errors; it is taken as exact"
+                ));
             }
         }
         let both = |name| {
@@ -428,7 +406,8 @@ fn diff(
                  numbers, and may agree better than independent ones would"
             ));
         }
-        say(&explain(&difference))?;
+        lines.push(explain(&difference));
+        say(&lines.join("\n"))?;
     }
     Ok(ExitCode::from(u8::from(!difference.consistent())))
 }
@@ -478,26 +457,22 @@ fn explain(difference: &Difference) -> String {
     failed.extend(beyond.then_some("errors"));
     // Name the pixels that were left out
     let &Difference { unknown, few, .. } = difference;
-    lines.extend(
-        (unknown > 0).then(|| {
-            format!("not tested: {unknown} pixels of unknown error")
-        }),
-    );
-    lines.extend((few > 0).then(|| {
-        format!(
+    if unknown > 0 {
+        lines
+            .push(format!("not tested: {unknown} pixels of unknown error"));
+    }
+    if few > 0 {
+        lines.push(format!(
             "not tested one by one: {few} pixels of fewer than {FEW} \
              independent samples"
-        )
-    }));
+        ));
+    }
     // Conclude with the verdict in words
-    lines.push(match failed.is_empty() {
-        true => {
-            "consistent: chance alone may explain the difference".into()
-        }
-        false => format!(
+    lines.push(match &failed.join(", ")[..] {
+        "" => "consistent: chance alone may explain the difference".into(),
+        failed => format!(
             "inconsistent: chance alone does not explain the difference \
-             (failed: {})",
-            failed.join(", ")
+             (failed: {failed})"
         ),
     });
     lines.join("\n")

@@ -4,6 +4,9 @@
 //! An image in memory.
 
 use std::collections::BTreeMap;
+use std::io::{self, Write};
+
+use rayon::prelude::*;
 
 use crate::film::{Film, WORTH, Window};
 
@@ -32,11 +35,6 @@ pub struct Image {
 }
 
 impl Image {
-    /// What a film has gathered, with what is known about its run.
-    pub fn new(film: &Film, attributes: BTreeMap<String, String>) -> Self {
-        Picture::new(film, attributes).image()
-    }
-
     /// An image of these means, of which nothing else is known.
     pub fn plain(width: u32, height: u32, means: Vec<f64>) -> Self {
         Self { width, height, means, ..Self::default() }
@@ -44,7 +42,7 @@ impl Image {
 
     /// The independent values of pixel `i`; none if the file does not say.
     pub fn values(&self, i: usize) -> Option<f64> {
-        let number = self.attributes.get(REPLICATE);
+        let number = self.attributes.get("replicate");
         let number = number.and_then(|text| text.parse::<u64>().ok());
         let each = number.map_or(1., |samples| samples.max(1) as f64);
         Some(self.samples.as_ref()?[i] / each)
@@ -56,15 +54,6 @@ impl Image {
         let window = crop.and_then(|c| Window::try_from(c.clone()).ok());
         window.map_or((0, 0), |window| window.corner)
     }
-
-    /// The numbers of a window in a list with one for each pixel.
-    fn cut(&self, list: &[f64], window: Window) -> Vec<f64> {
-        let Window { corner: (x, y), size: (width, height) } = window;
-        let rows = list.chunks(self.width as usize);
-        let rows = rows.skip(y as usize).take(height as usize);
-        let columns = x as usize..(x + width) as usize;
-        rows.flat_map(|row| &row[columns.clone()]).copied().collect()
-    }
 }
 
 /// Gives an image by parts: by windows that lie within its own.
@@ -72,17 +61,9 @@ pub trait Source: Sync {
     /// Its pixels.
     fn window(&self) -> Window;
 
-    /// The means of a window, row by row; not a number where there is none.
-    fn means(&self, window: Window) -> Vec<f64>;
-
-    /// What a window holds, without attributes.
-    fn part(&self, window: Window) -> Image;
-
-    /// Whether all pixels of a window have a sample, or none has; none if
-    /// this is not known.
-    fn sampled(&self, _: Window) -> Option<bool> {
-        None
-    }
+    /// What a window holds, without attributes: its means, which are not
+    /// numbers where there is none, or all.
+    fn part(&self, window: Window, all: bool) -> Image;
 
     /// What is known about the run.
     fn attributes(&self) -> &BTreeMap<String, String>;
@@ -90,55 +71,34 @@ pub trait Source: Sync {
 
 /// The image on a film, with what is known about its run.
 pub struct Picture<'a> {
-    film: &'a Film,
-    attributes: BTreeMap<String, String>,
+    /// The sums.
+    pub film: &'a Film,
+    /// What is known about the run; see [`Image::attributes`].
+    pub attributes: BTreeMap<String, String>,
 }
 
-impl<'a> Picture<'a> {
-    /// That of a film and these attributes.
-    pub fn new(
-        film: &'a Film,
-        mut attributes: BTreeMap<String, String>,
-    ) -> Self {
-        // Tell how many samples are one value
-        if film.replicate != 1 {
-            let value = film.replicate.to_string();
-            attributes.insert(REPLICATE.to_owned(), value);
-        }
-        Self { film, attributes }
-    }
-
+impl Picture<'_> {
     /// All of it, in memory.
     pub fn image(self) -> Image {
-        let image = self.part(self.window());
+        let image = self.part(self.window(), true);
         Image { attributes: self.attributes, ..image }
     }
 }
-
-/// The attribute that says how many samples are one value.
-const REPLICATE: &str = "replicate";
 
 impl Source for Picture<'_> {
     fn window(&self) -> Window {
         self.film.window
     }
 
-    fn means(&self, window: Window) -> Vec<f64> {
-        self.film.means_of(window)
-    }
-
-    fn part(&self, window: Window) -> Image {
-        let (width, height) = window.size;
+    fn part(&self, window: Window, all: bool) -> Image {
+        let (film, (width, height)) =
+            (all.then_some(self.film), window.size);
         Image {
-            errors: Some(self.film.errors_of(WORTH, window)),
-            samples: Some(self.film.counts_of(window)),
-            tile_errors: self.film.tile_errors(window),
-            ..Image::plain(width, height, self.means(window))
+            errors: film.map(|film| film.errors(WORTH, window)),
+            samples: film.map(|film| film.counts_of(window)),
+            tile_errors: film.and_then(|film| film.tile_errors(window)),
+            ..Image::plain(width, height, self.film.means_of(window))
         }
-    }
-
-    fn sampled(&self, window: Window) -> Option<bool> {
-        self.film.sampled(window)
     }
 
     fn attributes(&self) -> &BTreeMap<String, String> {
@@ -151,23 +111,40 @@ impl Source for Image {
         Window { corner: (0, 0), size: (self.width, self.height) }
     }
 
-    fn means(&self, window: Window) -> Vec<f64> {
-        self.cut(&self.means, window)
-    }
-
-    fn part(&self, window: Window) -> Image {
-        let part = |list: &Vec<f64>| self.cut(list, window);
+    fn part(&self, window: Window, _: bool) -> Image {
+        let Window { corner: (x, y), size: (width, height) } = window;
+        let columns = x as usize..(x + width) as usize;
+        let part = |list: &Vec<f64>| -> Vec<f64> {
+            let rows = list.chunks(self.width as usize);
+            let rows = rows.skip(y as usize).take(height as usize);
+            rows.flat_map(|row| &row[columns.clone()]).copied().collect()
+        };
         Image {
             errors: self.errors.as_ref().map(part),
             samples: self.samples.as_ref().map(part),
             tile_errors: self.tile_errors.as_ref().map(part),
-            ..Image::plain(window.size.0, window.size.1, part(&self.means))
+            ..Image::plain(width, height, part(&self.means))
         }
     }
 
     fn attributes(&self) -> &BTreeMap<String, String> {
         &self.attributes
     }
+}
+
+/// Writes rows of an image in this order, made from their means.
+pub fn write_rows<B: AsRef<[u8]> + Send>(
+    image: &dyn Source,
+    rows: &[u32],
+    encode: impl Fn(u32, Vec<f64>) -> B + Sync,
+    out: &mut dyn Write,
+) -> io::Result<()> {
+    rows.chunks(64).try_for_each(|rows| {
+        let means = |y| image.part(image.window().rows(y, 1), false).means;
+        let rows = rows.par_iter().map(|&y| encode(y, means(y)));
+        let rows: Vec<_> = rows.collect();
+        rows.iter().try_for_each(|row| out.write_all(row.as_ref()))
+    })
 }
 
 /// Whether a file of `bytes` bytes can hold `size` bytes of pixels,

@@ -7,10 +7,9 @@
 use std::collections::BTreeMap;
 use std::io::{self, Cursor, Write};
 use std::ops::Range;
-use std::sync::OnceLock;
 
 use bytemuck::cast_slice;
-use exr::block::chunk::{Chunk, CompressedBlock};
+use exr::block::chunk::Chunk;
 use exr::block::writer::ChunksWriter;
 use exr::block::{
     BlockIndex, UncompressedBlock, enumerate_ordered_header_block_indices,
@@ -38,13 +37,10 @@ pub fn write(image: &dyn Source, out: &mut dyn Write) -> io::Result<()> {
     let headers = [header(image)].into_iter().collect();
     exr::block::write(&mut file, headers, true, |meta, writer| {
         let blocks = enumerate_ordered_header_block_indices(&meta.headers);
-        let (blocks, gap) = (Vec::from_iter(blocks), OnceLock::new());
         // Compress some blocks and write them
-        blocks.chunks(BATCH).try_for_each(|blocks| {
-            let chunks: Vec<Result<Chunk, Error>> = blocks
-                .par_iter()
-                .map(|&(_, at)| compress(image, at, &meta.headers, &gap))
-                .collect();
+        Vec::from_iter(blocks).chunks(BATCH).try_for_each(|blocks| {
+            let compress = |&(_, at)| compress(image, at, &meta.headers);
+            let chunks: Vec<_> = blocks.par_iter().map(compress).collect();
             let mut chunks = blocks.iter().zip(chunks);
             chunks.try_for_each(|(&(number, _), chunk)| {
                 writer.write_chunk(number, chunk?)
@@ -63,42 +59,24 @@ const BATCH: usize = 256;
 /// Width and height of a block in pixels.
 const TILE: usize = 64;
 
-/// A block; all that are `gap` are copied from the first.
+/// The block of a part of the image.
 fn compress(
     image: &dyn Source,
     index: BlockIndex,
     headers: &[Header],
-    gap: &OnceLock<Chunk>,
 ) -> Result<Chunk, Error> {
     let [(x, y), size] = [index.pixel_position, index.pixel_size]
         .map(|Vec2(x, y)| (x as u32, y as u32));
     let (left, top) = image.window().corner;
     let window = Window { corner: (left + x, top + y), size };
-    let is_gap = window.area() == TILE * TILE
-        && image.sampled(window) == Some(false);
-    // Take the first gap for another
-    if let (true, Some(chunk)) = (is_gap, gap.get()) {
-        // Copy a gap to its place
-        let mut chunk = chunk.clone();
-        if let CompressedBlock::Tile(tile) = &mut chunk.compressed_block {
-            let place = index.pixel_position / Vec2(TILE, TILE);
-            tile.coordinates.tile_index = place;
-        }
-        return Ok(chunk);
-    }
-    let data = cast_slice(&bits(&image.part(window))).to_vec();
-    let block = UncompressedBlock { index, data };
-    let new = block.compress_to_chunk(headers)?;
-    if is_gap {
-        let _ = gap.set(new.clone());
-    }
-    Ok(new)
+    let data = cast_slice(&bits(&image.part(window, true))).to_vec();
+    UncompressedBlock { index, data }.compress_to_chunk(headers)
 }
 
 /// What stands before the blocks.
 fn header(image: &dyn Source) -> Header {
     let (width, height) = image.window().size;
-    let pixel = image.part(Window { size: (1, 1), ..image.window() });
+    let pixel = image.part(Window { size: (1, 1), ..image.window() }, true);
     let channels = pixel
         .channels()
         .map(|(name, kind, _)| ChannelDescription::named(name, kind));

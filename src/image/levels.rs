@@ -3,11 +3,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! From radiance to the grey levels of a screen, and back.
 
-use std::io;
+use std::io::{self, Write};
 
+use glam::DVec2;
 use rayon::prelude::*;
 
-use super::data::Source;
+use super::data::{Source, write_rows};
+use crate::film::SIDE;
 
 /// The level of a radiance when `white` is the highest level, by the
 /// curve of sRGB (IEC 61966-2-1).
@@ -49,97 +51,67 @@ pub const COLOURS: &str = "it has colours, of which the luminance is \
 pub const LEVELS: &str = "it holds grey levels, or colours, of which the \
      luminance is taken; they are read by";
 
-/// Width and height of a square in pixels.
-const SIDE: usize = 16;
-
-/// Hands the means of the rows of each row of squares to `work`, of which
-/// one in `step` is enough.
-fn by_squares(
-    image: &dyn Source,
-    step: usize,
-    mut work: impl FnMut(&[f64]) -> io::Result<()>,
-) -> io::Result<()> {
+/// The mean of each square, row by row, or of what is around it.
+fn fill(image: &dyn Source) -> Vec<f64> {
     let window = image.window();
-    let rows = Vec::from_iter(0..window.size.1);
-    rows.chunks(SIDE).try_for_each(|rows| {
-        let rows = rows.par_iter().step_by(step);
-        let means = rows.flat_map_iter(|&y| image.means(window.rows(y, 1)));
-        work(&means.collect::<Vec<_>>())
-    })
-}
-
-/// The mean of each square, row by row, or of what is around it; empty if
-/// there are no gaps.
-fn fill(image: &dyn Source) -> io::Result<Vec<f64>> {
-    if image.sampled(image.window()) == Some(true) {
-        return Ok(vec![]);
-    }
-    let width = image.window().size.0 as usize;
-    let columns = width.div_ceil(SIDE);
-    let mut squares = vec![];
-    by_squares(image, 4, |means| {
+    let (width, height) = window.size;
+    let columns = width.div_ceil(SIDE) as usize;
+    let tops = (0..height).into_par_iter().step_by(SIDE as usize);
+    let squares = tops.flat_map_iter(|top| {
+        let mut squares = vec![DVec2::ZERO; columns];
         // Sum the means of each square
-        let sums = (0..columns).into_par_iter().map(|k| {
-            let rows = means.chunks(width).map(|row| &row[k * SIDE..]);
-            let own = rows.flat_map(|row| row.iter().take(SIDE));
-            own.filter(|mean| !mean.is_nan())
-                .fold((0., 0.), |(sum, n), mean| (sum + mean, n + 1.))
+        let rows = (top..height.min(top + SIDE)).step_by(4);
+        let means = rows.flat_map(|y| {
+            let row = image.part(window.rows(y, 1), false);
+            row.means.into_iter().enumerate()
         });
-        squares.par_extend(sums);
-        Ok(())
-    })?;
+        for (x, mean) in means.filter(|(_, mean)| !mean.is_nan()) {
+            squares[x / SIDE as usize] += DVec2::new(mean, 1.);
+        }
+        squares
+    });
+    let mut squares: Vec<_> = squares.collect();
     fill_gaps(&mut squares, columns);
-    Ok(squares.iter().map(|(sum, count)| sum / count).collect())
+    squares.iter().map(|square| square.x / square.y).collect()
 }
 
 /// Gives each square without a mean the sums of the larger one around it.
-fn fill_gaps(squares: &mut [(f64, f64)], columns: usize) {
+fn fill_gaps(squares: &mut [DVec2], columns: usize) {
     let half = columns.div_ceil(2);
     let around = |i: usize| i / columns / 2 * half + i % columns / 2;
     if squares.len() == 1 {
         return;
     }
-    let mut larger = vec![(0., 0.); around(squares.len() - 1) + 1];
-    // Add the sums to those of larger squares
-    for (i, (sum, count)) in squares.iter().enumerate() {
-        let (all, number) = &mut larger[around(i)];
-        (*all, *number) = (*all + sum, *number + count);
+    let mut larger = vec![DVec2::ZERO; around(squares.len() - 1) + 1];
+    for (i, &square) in squares.iter().enumerate() {
+        larger[around(i)] += square;
     }
     fill_gaps(&mut larger, half);
     for (i, square) in squares.iter_mut().enumerate() {
-        if square.1 == 0. {
+        if square.y == 0. {
             *square = larger[around(i)];
         }
     }
 }
 
-/// Hands the levels of the pixels, encoded by the sRGB curve, to `write`,
-/// some rows at a time; `white` is the highest level.
-pub fn levels(
+/// Writes the levels of the pixels, encoded by the sRGB curve, as `encode`
+/// has them; `white` is the highest level.
+pub fn write_levels<B: IntoIterator<Item = u8>>(
     image: &dyn Source,
     white: u16,
-    mut write: impl FnMut(&[u16]) -> io::Result<()>,
+    encode: impl Fn(u16) -> B + Sync,
+    out: &mut dyn Write,
 ) -> io::Result<()> {
-    let width = image.window().size.0 as usize;
-    let (mut all, columns) = (vec![0; SIDE * width], width.div_ceil(SIDE));
-    let fill = fill(image)?;
-    let fill: Vec<_> = fill.iter().map(|&x| level(x, white)).collect();
-    let mut fill = fill.chunks(columns);
-    by_squares(image, 1, |means| {
-        let fill = fill.next().unwrap_or_default();
-        // Turn some rows into levels
-        let rows = all.par_chunks_mut(width).zip(means.par_chunks(width));
-        rows.for_each(|(levels, means)| {
-            let squares = levels.chunks_mut(SIDE).zip(means.chunks(SIDE));
-            for (k, (levels, means)) in squares.enumerate() {
-                for (own, &mean) in levels.iter_mut().zip(means) {
-                    *own = match mean.is_nan() {
-                        true => fill[k],
-                        false => level(mean, white),
-                    };
-                }
-            }
-        });
-        write(&all[..means.len()])
-    })
+    let (width, height) = image.window().size;
+    let fill = fill(image);
+    let row = |y, means: Vec<f64>| -> Vec<u8> {
+        let first = y / SIDE * width.div_ceil(SIDE);
+        let known = |(x, mean): (u32, f64)| match mean.is_nan() {
+            true => fill[(first + x / SIDE) as usize],
+            false => mean,
+        };
+        let means = (0..).zip(means).map(known);
+        means.flat_map(|mean| encode(level(mean, white))).collect()
+    };
+    write_rows(image, &Vec::from_iter(0..height), row, out)
 }

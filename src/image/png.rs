@@ -9,7 +9,7 @@ use png::{BitDepth, ColorType, Compression, Decoder, Encoder, Info};
 use png::{SrgbRenderingIntent, Transformations};
 
 use super::data::{Image, Note, Source, room};
-use super::levels::{LEVELS, levels, mean, radiance, whole};
+use super::levels::{LEVELS, mean, radiance, whole, write_levels};
 
 /// Writes the means as 65536 levels, encoded by the sRGB curve.
 pub fn write(image: &dyn Source, out: &mut dyn Write) -> io::Result<()> {
@@ -23,10 +23,7 @@ pub fn write(image: &dyn Source, out: &mut dyn Write) -> io::Result<()> {
     }
     let mut writer = encoder.write_header()?;
     let mut stream = writer.stream_writer_with_size(1 << 20)?;
-    levels(image, u16::MAX, |levels| {
-        let pairs = levels.iter().map(|level| level.to_be_bytes());
-        stream.write_all(pairs.collect::<Vec<_>>().as_flattened())
-    })?;
+    write_levels(image, u16::MAX, u16::to_be_bytes, &mut stream)?;
     stream.finish()?;
     writer.finish()?;
     Ok(())

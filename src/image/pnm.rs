@@ -5,11 +5,10 @@
 //! the bottom row first.
 
 use std::io::{self, Write};
+use std::iter;
 
-use rayon::prelude::*;
-
-use super::data::{Image, Note, Source};
-use super::levels::{COLOURS, LEVELS, levels, mean, radiance, whole};
+use super::data::{Image, Note, Source, write_rows};
+use super::levels::{self, COLOURS, LEVELS, mean, radiance, whole};
 
 /// Writes the means as 256 levels, encoded by the sRGB curve.
 pub fn write_levels(
@@ -19,51 +18,88 @@ pub fn write_levels(
     let (width, height) = image.window().size;
     writeln!(out, "P2 {width} {height}\n255")?;
     let words = Vec::from_iter((0..256).map(|level| format!("{level}\n")));
-    levels(image, 255, |levels| {
-        let rows = levels.par_chunks(width as usize).map(|row| {
-            let words = row.iter().map(|&level| &words[usize::from(level)]);
-            words.map(String::as_str).collect()
-        });
-        let rows: Vec<String> = rows.collect();
-        rows.iter().try_for_each(|text| out.write_all(text.as_bytes()))
-    })
+    let word = |level: u16| words[usize::from(level)].bytes();
+    levels::write_levels(image, 255, word, out)
 }
 
-/// Reads levels; `bytes` is the whole file. `note` is told of their curve,
-/// and of bytes after them.
+/// Writes the means, as numbers of least significant byte first.
+pub fn write_numbers(
+    image: &dyn Source,
+    out: &mut dyn Write,
+) -> io::Result<()> {
+    let (width, height) = image.window().size;
+    write!(out, "Pf\n{width} {height}\n-1.0\n")?;
+    let rows = Vec::from_iter((0..height).rev());
+    let row = |_, means: Vec<f64>| {
+        let bytes = means.iter().map(|&x| (x as f32).to_le_bytes());
+        bytes.flatten().collect::<Vec<_>>()
+    };
+    write_rows(image, &rows, row, out)
+}
+
+/// Reads a map of levels, or of one number per pixel, or of three or four,
+/// whose luminance is taken; `bytes` is the whole file. `note` is told of
+/// the curve of levels, of colours, and of bytes after the pixels.
 ///
 /// # Errors
-/// The header is damaged, or there are fewer levels than it says, or
+/// The header is damaged, or there are fewer pixels than it says, or
 /// more in the plain variant.
-pub fn read_levels(mut bytes: &[u8], note: Note) -> Result<Image, String> {
-    let plain = word(&mut bytes) == Some("P2");
-    let mut next = || word(&mut bytes)?.parse::<u32>().ok();
-    // Take the size and the white of a greymap
-    let [Some(width @ 1..), Some(height @ 1..), Some(white @ 1..=65535)] =
-        [next(), next(), next()]
-    else {
-        return Err("its header is damaged".to_owned());
+pub fn read(mut bytes: &[u8], note: Note) -> Result<Image, String> {
+    let mut next = || word(&mut bytes).ok_or("its header is damaged");
+    let (kind, width, height, unit) = (next()?, next()?, next()?, next()?);
+    // Take the size and the unit from the header
+    let side = |text: &str| text.parse().ok().filter(|&n: &u32| n > 0);
+    let size = side(width).zip(side(height));
+    let (width, height) = size
+        .ok_or(format!("its header has a size of {width} by {height}"))?;
+    let has_levels = ["P2", "P5"].contains(&kind);
+    let scale = unit.parse().ok().filter(|scale: &f32| match has_levels {
+        true => (1. ..=65535.).contains(scale),
+        false => scale.is_normal(),
+    });
+    let unit = scale.ok_or(format!("its header has a scale of {unit}"))?;
+    let unit = f64::from(unit);
+    // Take the words of a portable map
+    let (channels, size) = match kind {
+        "P2" | "P5" => (1, if unit > 255. { 2 } else { 1 }),
+        "Pf" => (1, 4),
+        "PF" => (3, 4),
+        "PF4" => (4, 4),
+        _ => return Err(format!("its kind is {kind}, not PF")),
     };
-    let promised = u128::from(width) * u128::from(height);
-    // Take the levels of a greymap
-    let levels: Vec<u32> = if plain {
-        let words = std::iter::from_fn(|| word(&mut bytes));
-        let levels: Result<Vec<_>, _> = words.map(str::parse).collect();
-        levels.map_err(|_| "one of its levels is no number")?
+    let promised =
+        channels as u128 * u128::from(width) * u128::from(height);
+    let words: Vec<u32> = if kind == "P2" {
+        let words = iter::from_fn(|| word(&mut bytes)).map(str::parse);
+        let words: Result<_, _> = words.collect();
+        words.map_err(|_| "one of its levels is no number")?
     } else {
-        let size = if white > 255 { 2 } else { 1 };
-        let levels = raster(bytes, size as u128 * promised, note)?;
-        levels.chunks(size).map(whole).collect()
+        let words = raster(bytes, size as u128 * promised, note)?;
+        words.chunks(size).map(whole).collect()
     };
-    let held = levels.len();
+    let held = words.len();
     if held as u128 != promised {
         return Err(format!("it has {held} levels, and says {promised}"));
     }
-    note(&format!("{LEVELS} the sRGB curve"));
-    let means = levels.into_iter().map(|level| {
-        radiance(f64::from(level.min(white)) / f64::from(white))
-    });
-    Ok(Image::plain(width, height, means.collect()))
+    // Turn the words into means
+    let real = |bits| f64::from(f32::from_bits(bits)) * unit.abs();
+    let number = |&word: &u32| match (has_levels, unit < 0.) {
+        (true, _) => radiance(f64::from(word).min(unit) / unit),
+        (_, true) => real(word.swap_bytes()),
+        (_, false) => real(word),
+    };
+    let numbers: Vec<f64> = words.iter().map(number).collect();
+    let mut means: Vec<f64> = numbers.chunks(channels).map(mean).collect();
+    if has_levels {
+        note(&format!("{LEVELS} the sRGB curve"));
+    } else {
+        let rows = means.rchunks(width as usize);
+        means = rows.flatten().copied().collect();
+    }
+    if channels > 1 {
+        note(COLOURS);
+    }
+    Ok(Image::plain(width, height, means))
 }
 
 /// Takes the next word, past white space and comments; U+FFFD if it is no
@@ -113,59 +149,4 @@ fn raster<'a>(
         note(&format!("its last {} bytes are ignored", others.len()));
     }
     Ok(data)
-}
-
-/// Writes the means, as numbers of least significant byte first.
-pub fn write_numbers(
-    image: &dyn Source,
-    out: &mut dyn Write,
-) -> io::Result<()> {
-    let window = image.window();
-    let (width, height) = window.size;
-    write!(out, "Pf\n{width} {height}\n-1.0\n")?;
-    Vec::from_iter((0..height).rev()).chunks(16).try_for_each(|rows| {
-        let means = rows
-            .par_iter()
-            .flat_map_iter(|&y| image.means(window.rows(y, 1)));
-        let bytes = means.map(|x| (x as f32).to_le_bytes());
-        out.write_all(bytes.collect::<Vec<_>>().as_flattened())
-    })
-}
-
-/// Reads a map of one number per pixel, or of three or four, whose
-/// luminance is taken; `bytes` is the whole file. `note` is told of
-/// colours, and of bytes after the numbers.
-///
-/// # Errors
-/// The header is not that of such a map, or there are fewer numbers than
-/// it says.
-pub fn read_numbers(mut bytes: &[u8], note: Note) -> Result<Image, String> {
-    let mut next = || word(&mut bytes).ok_or("its header is damaged");
-    let (kind, width, height, scale) = (next()?, next()?, next()?, next()?);
-    // Take the size and the unit from the header
-    let kinds = ["Pf", "", "PF", "PF4"];
-    let at = kinds.iter().position(|other| *other == kind);
-    let channels = 1 + at.ok_or(format!("its kind is {kind}, not PF"))?;
-    let side = |text: &str| text.parse().ok().filter(|&n: &u32| n > 0);
-    let size = side(width).zip(side(height));
-    let (width, height) =
-        size.ok_or(format!("its size is {width} by {height}"))?;
-    let unit = scale.parse().ok().filter(|s: &f32| s.is_normal());
-    let unit = unit.ok_or(format!("its scale is {scale}"))?;
-    // Turn the rows of the map upside down
-    let promised = u128::from(width) * u128::from(height);
-    let promised = 4 * channels as u128 * promised;
-    let words = raster(bytes, promised, note)?.as_chunks().0;
-    let number = |&word: &[u8; 4]| match unit < 0. {
-        true => f32::from_le_bytes(word),
-        false => f32::from_be_bytes(word),
-    };
-    let number = |word| f64::from(number(word)) * f64::from(unit.abs());
-    let numbers: Vec<f64> = words.iter().map(number).collect();
-    let means: Vec<f64> = numbers.chunks(channels).map(mean).collect();
-    let means = means.rchunks(width as usize).flatten().copied().collect();
-    if channels > 1 {
-        note(COLOURS);
-    }
-    Ok(Image::plain(width, height, means))
 }

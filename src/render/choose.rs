@@ -201,13 +201,6 @@ impl<'a> Setup<'a> {
         let pilot = self.intersector.dispatch(trial);
         let pace = began.elapsed().as_secs_f64() / (4 * pixels) as f64;
         // Foresee the costs of all methods
-<<<<<<< HEAD
-=======
-        let variance = pilot.first + pilot.later;
-        let enough = |e: f64| (variance / (e * e)).ceil() as u64;
-        let bounds = samples.into_iter().chain(request.error.map(enough));
-        let samples = bounds.min().map(|n| n.max(1));
->>>>>>> hA
         let albedo = self.inquiry.albedo;
         let methods = Method::ALL.map(|method| {
             let needed = |error| pilot.needed(albedo, method, area, error);
@@ -263,11 +256,7 @@ impl<'a> Setup<'a> {
             Some(Method::Reference) => false,
             Some(Method::Sobol) => begun.is_none(),
             Some(Method::Gather) => {
-<<<<<<< HEAD
-                saved.is_none() && request.left.or(request.error).is_some()
-=======
-                begun.is_none() && request.left.is_some()
->>>>>>> hA
+                begun.is_none() && request.left.or(request.error).is_some()
             }
         };
         let request = Request { method: wanted, ..*request };

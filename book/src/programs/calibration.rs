@@ -55,7 +55,8 @@ impl Case {
 
     /// An image stands for the truth.
     fn measured(name: &'static str, setting: Setting, film: &Film) -> Self {
-        let truth = film.means().zip(film.errors(WORTH)).collect();
+        let truth =
+            film.means().zip(film.errors(WORTH, film.window)).collect();
         let summary = film.summary();
         let mean = (summary.mean, summary.mean_stderr);
         Self { name, setting, truth, mean }
@@ -213,7 +214,7 @@ fn coverage<'a>(
 /// By how many standard errors the pixels miss the truth, of those that
 /// miss it at all.
 fn deviations(film: &Film, truth: &[(f64, f64)]) -> Vec<f64> {
-    let errors = film.errors(WORTH);
+    let errors = film.errors(WORTH, film.window);
     let pixels = film.means().zip(errors).zip(truth);
     let deviations = pixels.map(|((mean, error), (exact, unsure))| {
         (mean - exact) / (error * error + unsure * unsure).sqrt()
