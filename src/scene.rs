@@ -17,9 +17,7 @@ use glam::{BVec3, DVec3};
 use rayon::prelude::*;
 
 pub use self::mesh::Mesh;
-pub use self::obj::{
-    ObjError, begins_obj, read_file, read_obj, read_pieces,
-};
+pub use self::obj::{begins_obj, read_file, read_obj, read_pieces};
 pub use self::place::{EXTENT, Entrance, Frame, Ray};
 use crate::numerics::cross;
 

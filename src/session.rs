@@ -379,14 +379,14 @@ fn load(
     ranks.tell(&mut bytes);
     // Refuse what goes on without being an OBJ
     if bytes.len() as u64 == START {
-        begins_obj(&bytes).map_err(|error| error.within(&file))?;
+        begins_obj(&bytes).map_err(|error| format!("{file}{error}"))?;
     }
-    let read = read_file(&bytes).map_err(|error| error.within(&file));
+    let read = read_file(&bytes).map_err(|error| format!("{file}{error}"));
     drop(step);
     let (mesh, warnings) = read?;
     // Warn of what is odd
     for warning in warnings {
-        progress::warn(&warning.within(&file));
+        progress::warn(&format!("{file}{warning}"));
     }
     let subject = subject(options, mesh.corners());
     // Say where the camera stands
@@ -766,7 +766,7 @@ pub fn follow(ranks: &dyn Ranks) -> Result<(), String> {
     // Hear the scene
     let Some(bytes) = ranks.hear() else { return Ok(()) };
     let file = options.input_name();
-    let read = read_file(&bytes).map_err(|error| error.within(&file));
+    let read = read_file(&bytes).map_err(|error| format!("{file}{error}"));
     let (mesh, _) = read?;
     drop(bytes);
     let subject = subject(&options, mesh.corners());

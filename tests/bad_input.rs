@@ -14,7 +14,8 @@ const SMALL: &str = "-d8x6 -n3 -r0.5";
 /// The OBJ `bytes` is refused in one line with these words.
 #[track_caller]
 fn refused(bytes: impl AsRef<[u8]>, words: &[&str]) {
-    let error = read_file(bytes.as_ref()).unwrap_err().within("scene.obj");
+    let error = read_file(bytes.as_ref()).unwrap_err();
+    let error = format!("scene.obj{error}");
     assert!(error.starts_with("scene.obj:") && error.lines().count() == 1);
     for word in words {
         assert!(error.contains(word), "{error}: {word}");
@@ -26,7 +27,7 @@ fn refused(bytes: impl AsRef<[u8]>, words: &[&str]) {
 #[track_caller]
 fn read(bytes: &[u8]) -> (Vec<litpt::scene::Triangle>, usize, Vec<String>) {
     let (mesh, warnings) = read_file(bytes).unwrap();
-    let warnings = warnings.iter().map(|w| w.within("odd.obj")).collect();
+    let warnings = warnings.iter().map(|w| format!("odd.obj{w}")).collect();
     let count = mesh.triangles.len();
     (Scene::of(mesh).triangles.to_vec(), count, warnings)
 }
