@@ -57,13 +57,6 @@ impl Triangles {
         (0..self.len()).map(|i| self.get(i)).collect()
     }
 
-    /// Those that share no corner, each with its face.
-    pub fn apart(triangles: &[Triangle], faces: Vec<u32>) -> Self {
-        let corner = |i: u32| [3 * i, 3 * i + 1, 3 * i + 2];
-        let corners = (0..triangles.len() as u32).map(corner).collect();
-        Self { vertices: triangles.as_flattened().to_vec(), corners, faces }
-    }
-
     /// Takes triangles out; returns their faces.
     fn leave_out(&mut self, out: &[bool]) -> Vec<u32> {
         let (mut first, mut second) = (out.iter(), out.iter());
@@ -130,38 +123,27 @@ const TINY: f64 = f64::from_bits((1023 - 100) << 52);
 
 /// Which triangles have the same corners as an earlier one.
 fn copies(triangles: &Triangles) -> Vec<bool> {
-    let mut is_copy = vec![false; triangles.len()];
-    // Sort the keys of the triangles
-    let key = |i: usize| {
+    let key = |i| {
         let corners = triangles.get(i);
-        let sum = corners.iter().map(scattered).fold(0, u64::wrapping_add);
-        let mixed = sum.wrapping_mul(0x94d0_49bb_1331_11eb);
-        mixed & !(NUMBERS - 1) | i as u64
+        let numbers = corners.iter().map(scattered);
+        (numbers.fold(0, u64::wrapping_add), i)
     };
     let keys = (0..triangles.len()).into_par_iter().map(key);
-    let mut keys: Vec<u64> = keys.collect();
+    let mut keys: Vec<(u64, usize)> = keys.collect();
     keys.par_sort_unstable();
-    let groups = keys.chunk_by(|a, b| a / NUMBERS == b / NUMBERS);
-    for group in groups.filter(|group| group.len() > 1) {
-        let mut others = vec![];
-        for key in group {
-            // See whether a triangle is a copy
-            let i = (key % NUMBERS) as usize;
-            let corners = triangles.get(i);
-            let mut corners =
-                corners.map(|p| p.to_array().map(f64::to_bits));
+    let mut is_copy = vec![false; triangles.len()];
+    for pair in keys.windows(2).filter(|pair| pair[0].0 == pair[1].0) {
+        // See whether a triangle is a copy
+        let [one, other] = [pair[0].1, pair[1].1].map(|i| {
+            let corners = triangles.get(i).map(|p| p.to_array());
+            let mut corners = corners.map(|p| p.map(f64::to_bits));
             corners.sort_unstable();
-            is_copy[i] = others.contains(&corners);
-            if !is_copy[i] {
-                others.push(corners);
-            }
-        }
+            corners
+        });
+        is_copy[pair[1].1] = one == other;
     }
     is_copy
 }
-
-/// One more than the greatest number of a triangle in a key.
-const NUMBERS: u64 = 1 << 30;
 
 /// A number that depends on all bits of a corner.
 pub fn scattered(corner: &DVec3) -> u64 {

@@ -21,7 +21,7 @@ use serde::de::DeserializeOwned;
 use serde_json::{Map, Value, json};
 use sha2::{Digest, Sha256};
 
-use crate::analysis::{Finding, Inquiry, SceneAnalysis, Shortcut};
+use crate::analysis::{Finding, Inquiry, SHORTCUTS, SceneAnalysis};
 use crate::bvh::{Bvh, Quality, too_small};
 use crate::camera::{Camera, View, typed};
 use crate::compare::disagreements;
@@ -465,7 +465,7 @@ fn inquire<'a>(
     subject: &Subject,
     camera: &'a Camera,
     scene: &Scene,
-    kept: &'a [Shortcut],
+    kept: &'a [&'a str],
 ) -> Inquiry<'a> {
     Inquiry {
         camera,
@@ -478,16 +478,16 @@ fn inquire<'a>(
 }
 
 /// The shortcuts that are not looked for.
-fn kept(options: &Options) -> Vec<Shortcut> {
+fn kept(options: &Options) -> Vec<&'static str> {
     if options.keep_all {
-        return Shortcut::ALL.to_vec();
+        return SHORTCUTS.to_vec();
     }
     let (width, height) = options.resolution;
     let tiles = f64::from(width) * f64::from(height) / 256.;
     let seconds = tiles * TILE / rayon::current_num_threads() as f64;
     let time = options.time.filter(|_| !options.explain);
     let slow = time.is_some_and(|time| seconds > 0.05 * time);
-    slow.then_some(Shortcut::Background).into_iter().collect()
+    slow.then_some("background").into_iter().collect()
 }
 
 /// Seconds in which a thread looks for the background of a tile, about.
@@ -546,9 +546,7 @@ fn explain(
     }
     // Name the parts that do the rest
     let why = choice.map_or(method.to_string(), |why| why.to_string());
-    let one = analysis.is_black && method != Method::Gather;
-    let rays = if one { ", one ray a path, for any hit" } else { "" };
-    let parts = analysis.parts(options.isa(), format!("{method}{rays}"));
+    let parts = analysis.parts(options.isa(), method);
     for (name, text) in [("method", why), ("intersector", parts)] {
         lines += &format!("{name:13}{text}\n");
     }

@@ -12,9 +12,9 @@ use litpt::camera::{Camera, View};
 use litpt::numerics::{cross, power_of_two};
 use litpt::sampler::sobol::ScrambledNet;
 use litpt::sampler::{cosine_direction, generator};
-use litpt::scene::{Mesh, Ray, Scene, Triangle, Triangles, read_file};
+use litpt::scene::{Mesh, Ray, Scene, Triangle, read_file};
 use litpt::sky::Sky;
-use litpt_book::solids::cube;
+use litpt_book::solids::{self, cube};
 use rand::RngExt;
 
 /// Demands that a mean of `n` samples of this variance is near
@@ -114,7 +114,7 @@ fn the_longest_component_of_up_is_the_zenith() {
 /// An intersector for triangles in the coordinates of the scene.
 fn intersector(triangles: &[Triangle]) -> Bvh {
     let faces = (0..triangles.len() as u32).collect();
-    let triangles = Triangles::apart(triangles, faces);
+    let triangles = solids::apart(triangles, faces);
     Bvh::of(triangles, Quality::Fast, Isa::Portable, &|_| ()).unwrap()
 }
 
