@@ -8,12 +8,10 @@
 pub mod background;
 pub mod interior;
 
-use std::fmt;
-
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::bvh::{Bvh, Isa};
+use crate::bvh::Bvh;
 use crate::camera::Camera;
 use crate::scene::Entrance;
 use crate::sky::Sky;
@@ -92,19 +90,6 @@ impl SceneAnalysis {
     /// What was left out of the image or its work, in words.
     pub fn left_out(&self) -> impl Iterator<Item = &Finding> {
         self.findings.iter().filter(|finding| finding.holds)
-    }
-
-    /// The intersector and the integrator that are needed, in words.
-    pub fn parts(&self, isa: Isa, method: impl fmt::Display) -> String {
-        match self.known.is_all() {
-            true => "none: no ray".to_owned(),
-            false => format!("{isa}; {method}"),
-        }
-    }
-
-    /// The limit of samples, given the one that was asked for.
-    pub fn samples(&self, asked: Option<u64>) -> Option<u64> {
-        asked.or(self.known.is_all().then_some(2))
     }
 }
 

@@ -43,15 +43,14 @@ impl<K: Intersector, E: Integrator, S: Sampler> Renderer
     for Job<'_, K, E, S>
 {
     fn pass(&mut self, film: &mut Film, end: u64, watch: &Watch) -> u64 {
-        let (replicate, resolution) =
-            (self.sampler.replicate(), film.resolution);
+        let replicate = self.sampler.replicate();
         assert_eq!(film.replicate, replicate, "replicates");
         let first = film.first / replicate;
         let end = first + end.div_ceil(replicate);
+        let pass = Pass { job: self, resolution: film.resolution, watch };
         let tiles = film.tiles();
         let parts =
             PIECES_PER_THREAD * rayon::current_num_threads() / tiles.len();
-        let pass = Pass { job: self, resolution, watch };
         let render = |(tile, pixels, _): FilmTile| {
             let values = first + pixels[0].count()..end;
             pass.add(tile, pixels, values, parts as u64).unwrap_or(0)
@@ -167,33 +166,31 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
         let Job { entrance, camera, known, integrator, .. } = self.job;
         // Choose a point of the image for each path
         let (width, height) = self.resolution;
-        let (mut across, mut down) = ([0.; BEAM], [0.; BEAM]);
-        let mut started: [_; BEAM] = array::from_fn(|i| {
+        let started: [_; BEAM] = array::from_fn(|_| {
             let (pixel, n) = batch.next()?;
             let x = tile.corner.0 + pixel % tile.size.0;
             let y = tile.corner.1 + pixel / tile.size.0;
             let number = u64::from(y) * u64::from(width) + u64::from(x);
             let mut sampler = self.job.sampler.start(number, n);
             let [u, v] = sampler.get_pixel_2d();
-            across[i] = within(x, width, u);
-            down[i] = within(y, height, v);
-            Some((pixel, sampler))
+            let (across, down) =
+                (within(x, width, u), within(y, height, v));
+            Some((pixel, sampler, camera.direction(across, down)))
         });
         // Send the first rays of the batch
-        let directions = camera.directions(&across, &down);
         let sees_sky = known.content(tile.corner) == TileContent::Sky;
-        let rays = array::from_fn(|i| match started[i] {
-            Some(_) if !sees_sky => entrance.enter(directions[i]),
+        let rays = array::from_fn(|i| match &started[i] {
+            Some((.., direction)) if !sees_sky => {
+                entrance.enter(*direction)
+            }
             _ => None,
         });
         let hits = intersector.first_hits(&rays);
-        for i in 0..BEAM {
+        for (start, hit) in started.into_iter().flatten().zip(hits) {
             // Take a path on from the end of its first ray
-            let Some((pixel, mut sampler)) = started[i].take() else {
-                break;
-            };
-            let mut path = integrator.begin(directions[i]);
-            match integrator.advance(&mut path, hits[i], &mut sampler) {
+            let (pixel, mut sampler, direction) = start;
+            let mut path = integrator.begin(direction);
+            match integrator.advance(&mut path, hit, &mut sampler) {
                 PathEvent::Scatter(ray, from) => {
                     let flight =
                         PathInFlight { path, sampler, ray, from, pixel };

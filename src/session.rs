@@ -201,7 +201,7 @@ fn run(
     let most = deadline.map_or(0., |end| 0.5 * seconds_to(end));
     let seconds = output.seconds(run.0.area());
     let limits = Limits {
-        samples: analysis.samples(goal),
+        samples: goal.or(analysis.known.is_all().then_some(2)),
         deadline,
         reserve: seconds.map(|seconds| seconds.min(most)),
         error: options.error,
@@ -377,10 +377,6 @@ fn load(
     let mut bytes = read(options.scene_file())
         .map_err(|e| format!("{file}: cannot read: {e}"))?;
     ranks.tell(&mut bytes);
-    // Refuse what goes on without being an OBJ
-    if bytes.len() as u64 == START {
-        begins_obj(&bytes).map_err(|error| format!("{file}{error}"))?;
-    }
     let read = read_file(&bytes).map_err(|error| format!("{file}{error}"));
     drop(step);
     let (mesh, warnings) = read?;
@@ -429,8 +425,10 @@ fn load(
     Ok((scene, subject, report))
 }
 
-/// The bytes of a file or of standard input. Of a pipe, no more than `START`
-/// if they begin no OBJ.
+/// The bytes of a file or of standard input.
+///
+/// # Errors
+/// It cannot be read, or is a pipe whose first `START` begin no OBJ.
 fn read(path: Option<&Path>) -> io::Result<Vec<u8>> {
     let mut pipe: Box<dyn Read> = match path {
         Some(path) if path.is_file() => return fs::read(path),
@@ -439,9 +437,10 @@ fn read(path: Option<&Path>) -> io::Result<Vec<u8>> {
     };
     let mut bytes = Vec::new();
     pipe.by_ref().take(START).read_to_end(&mut bytes)?;
-    if bytes.len() as u64 == START && begins_obj(&bytes).is_ok() {
-        pipe.read_to_end(&mut bytes)?;
+    if bytes.len() as u64 == START && !begins_obj(&bytes) {
+        return Err(io::Error::other("no vertex in the first 64 MiB"));
     }
+    pipe.read_to_end(&mut bytes)?;
     Ok(bytes)
 }
 
@@ -546,7 +545,10 @@ fn explain(
     }
     // Name the parts that do the rest
     let why = choice.map_or(method.to_string(), |why| why.to_string());
-    let parts = analysis.parts(options.isa(), method);
+    let parts = match analysis.known.is_all() {
+        true => "none: no ray".to_owned(),
+        false => format!("{}; {method}", options.isa()),
+    };
     for (name, text) in [("method", why), ("intersector", parts)] {
         lines += &format!("{name:13}{text}\n");
     }

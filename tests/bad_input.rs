@@ -96,16 +96,13 @@ fn a_file_that_cannot_be_read_is_named() {
 fn what_has_no_end_and_is_no_obj_is_refused() {
     let place = Scratch::new();
     let zeros = place.line("-i/dev/zero");
-    zeros.failed(1, &["/dev/zero:1: a zero byte"]);
-    for (text, fault) in [
-        ("y", "standard input: no vertex in the first 64 MiB"),
-        ("v 1 2", "standard input:1: a vertex without z"),
-    ] {
-        let mut command = place.command("sh");
-        command.args(["-c", &format!("yes '{text}' | \"$0\"")]);
-        command.arg(env!("CARGO_BIN_EXE_pt"));
-        finish(command.spawn().unwrap()).failed(1, &[fault]);
-    }
+    let fault = "cannot read: no vertex in the first 64 MiB";
+    zeros.failed(1, &["/dev/zero: ", fault]);
+    let mut command = place.command("sh");
+    command.args(["-c", "yes | \"$0\""]);
+    command.arg(env!("CARGO_BIN_EXE_pt"));
+    let endless = finish(command.spawn().unwrap());
+    endless.failed(1, &["standard input: ", fault]);
 }
 
 #[test]

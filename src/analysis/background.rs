@@ -50,11 +50,20 @@ impl KnownPixels {
         !self.tiles.is_empty() && self.tiles.iter().all(is_constant)
     }
 
-    /// All of an image of this width and height is black.
-    pub fn dark((width, height): (u32, u32)) -> Self {
+    /// The tiles of an image of this width and height, by their corners.
+    fn new(
+        (width, height): (u32, u32),
+        content: impl Fn(u32, u32) -> TileContent + Sync,
+    ) -> Self {
         let (columns, rows) = (width.div_ceil(SIDE), height.div_ceil(SIDE));
-        let tile = TileContent::Constant(0.);
-        Self { columns, tiles: vec![tile; (columns * rows) as usize] }
+        let tiles = (0..columns * rows).into_par_iter();
+        let tile = |i| content(i % columns * SIDE, i / columns * SIDE);
+        Self { columns, tiles: tiles.map(tile).collect() }
+    }
+
+    /// All of an image of this width and height is black.
+    pub fn dark(resolution: (u32, u32)) -> Self {
+        Self::new(resolution, |_, _| TileContent::Constant(0.))
     }
 }
 
@@ -69,12 +78,10 @@ impl KnownPixels {
         tip: DVec3,
         intersector: &Bvh,
     ) -> Self {
-        let (columns, rows) = (width.div_ceil(SIDE), height.div_ceil(SIDE));
         let size = tip.abs().max_element() + 16384.;
         let margin = size / (1u64 << 46) as f64;
-        let content = |place: u32| {
+        Self::new((width, height), |x, y| {
             // Find what one tile can see
-            let (x, y) = (place % columns * SIDE, place / columns * SIDE);
             // Send rays through the corners of the tile
             let (right, bottom) =
                 ((x + SIDE).min(width), (y + SIDE).min(height));
@@ -91,10 +98,8 @@ impl KnownPixels {
             let side = |(a, b)| {
                 let normal = cross(a, b).normalize_or_zero();
                 let aside = normal.dot(inside);
-                match aside.abs() < FLAT {
-                    true => DVec3::ZERO,
-                    false => normal * aside.signum(),
-                }
+                let is_flat = aside.abs() < FLAT;
+                if is_flat { DVec3::ZERO } else { normal * aside.signum() }
             };
             let [p, q, r, s] = [(a, b), (b, c), (c, d), (d, a)].map(side);
             let inwards = [p, q, r, s, middle];
@@ -126,9 +131,7 @@ impl KnownPixels {
                 true => TileContent::Constant(light[0]),
                 false => TileContent::Sky,
             }
-        };
-        let places = (0..columns * rows).into_par_iter();
-        Self { columns, tiles: places.map(content).collect() }
+        })
     }
 
     /// How many tiles see no triangle, and how many there are.

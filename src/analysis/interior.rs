@@ -5,8 +5,6 @@
 //!
 //! That is decided by signs that rounding cannot change.
 
-use std::collections::HashSet;
-
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -75,9 +73,8 @@ const SLACK: f64 = 1. / (1 << 20) as f64;
 /// The triangle that stands for the part of `i`.
 fn find(part: &mut [u32], mut i: u32) -> u32 {
     while part[i as usize] != i {
-        let next = part[part[i as usize] as usize];
-        part[i as usize] = next;
-        i = next;
+        part[i as usize] = part[part[i as usize] as usize];
+        i = part[i as usize];
     }
     i
 }
@@ -121,10 +118,8 @@ pub fn is_inside(
             part[a.max(b) as usize] = a.min(b);
         }
     }
-    let open = open.into_iter().map(|i| find(part, i));
-    let open: HashSet<_> = open.collect();
-    let names = ahead.map(|(_, i)| find(part, i));
-    let mut names: Vec<_> = names.filter(|i| !open.contains(i)).collect();
-    names.sort_unstable();
-    Ok(names.chunk_by(|a, b| a == b).any(|same| same.len() % 2 == 1))
+    let mut is_odd = vec![false; part.len()];
+    ahead.for_each(|(_, i)| is_odd[find(part, i) as usize] ^= true);
+    open.iter().for_each(|&i| is_odd[find(part, i) as usize] = false);
+    Ok(is_odd.contains(&true))
 }

@@ -7,12 +7,12 @@ use std::borrow::Cow;
 use std::str::SplitWhitespace;
 
 use glam::DVec3;
-use memchr::{memchr, memchr2, memchr2_iter, memchr3_iter, memrchr2};
+use memchr::{memchr, memchr2, memchr2_iter, memchr3_iter};
 use rayon::prelude::*;
 
 use super::encoding;
 use super::mesh::Mesh;
-use super::polygons::{self, Oddity};
+use super::polygons;
 
 /// Reads the mesh that the bytes `source` of a Wavefront OBJ describe,
 /// which may be compressed.
@@ -41,21 +41,11 @@ pub fn read_file(source: &[u8]) -> Result<(Mesh, Vec<String>), String> {
 /// The size of a piece of the text.
 const PIECE: usize = 1 << 20;
 
-/// Looks at the beginning of an OBJ that may have no end.
-///
-/// # Errors
-/// A zero byte, a faulty line, or no vertex.
-pub fn begins_obj(start: &[u8]) -> Result<(), String> {
-    if encoding::format(start).is_some() {
-        return Ok(());
-    }
-    let text = &join(plain(start)?);
-    let end = memrchr2(b'\n', b'\r', text).unwrap_or(0);
-    let mesh = read_piece(&text[..end], [0, i64::MAX as usize]);
-    let mesh = mesh.map_err(|(line, what)| at(text, line, &what))?;
-    let size = start.len().div_ceil(1 << 20);
-    let none = || format!(": no vertex in the first {size} MiB");
-    mesh.vertices.first().map(drop).ok_or_else(none)
+/// Whether the beginning of a file may be that of an OBJ: it has a vertex,
+/// or is packed.
+pub fn begins_obj(start: &[u8]) -> bool {
+    let is_packed = encoding::format(start).is_some();
+    is_packed || lines(start).any(|line| name(line) == b"v")
 }
 
 /// The same as `read_file`, whatever the number of bytes `size` after which
@@ -80,7 +70,6 @@ pub fn read_pieces(
         total - n
     };
     let before: Vec<usize> = counts.into_iter().map(sum).collect();
-    countable(total, "vertices", u32::MAX)?;
     let unused = unused.concat();
     if let Some(&first) = unused.first() {
         let name = name(first);
@@ -104,7 +93,7 @@ pub fn read_pieces(
     let (vertices, triangles): (Vec<_>, Vec<_>) = parts.unzip();
     let (vertices, triangles) =
         rayon::join(|| append(vertices), || append(triangles));
-    countable(triangles.len(), "triangles", MOST)?;
+    countable(vertices.len().max(triangles.len()))?;
     if triangles.is_empty() {
         return Err(": no face, hence nothing to render".to_owned());
     }
@@ -113,15 +102,10 @@ pub fn read_pieces(
     // Fill the faces, and warn of odd ones
     let Mesh { vertices, triangles, joined } = &mut mesh;
     let odd = polygons::fill(vertices, triangles, joined);
-    countable(triangles.len(), "triangles", MOST)?;
-    if let Some(&(face, _)) = odd.first() {
-        let crossed = odd.iter().filter(|odd| odd.1 == Oddity::Crossed);
-        let (n, crossed) = (odd.len(), crossed.count());
-        let what = format!(
-            "the first of {n} odd faces ({} bent, {crossed} crossed); \
-             other programs may fill them differently",
-            n - crossed
-        );
+    if let Some(&face) = odd.first() {
+        let what =
+            "odd faces, bent or crossed; other programs may fill them";
+        let what = format!("the first of {} {what} differently", odd.len());
         warnings.push(at(text, find(text, b"f", face as usize), &what));
     }
     Ok((mesh, warnings))
@@ -182,14 +166,14 @@ fn append<T>(parts: Vec<Vec<T>>) -> Vec<T> {
 }
 
 /// Refuses more elements than can be named.
-fn countable(n: usize, what: &str, most: u32) -> Result<(), String> {
-    let what =
-        format!(": {n} {what}, of which only {most} can be numbered");
-    (n as u64 <= u64::from(most)).then_some(()).ok_or(what)
+fn countable(n: usize) -> Result<(), String> {
+    let what = "vertices or triangles, of which only";
+    let what = format!(": {n} {what} {MOST} can be numbered");
+    (n <= MOST).then_some(()).ok_or(what)
 }
 
-/// Triangles at most: a leaf has 30 bits for the number of a face.
-const MOST: u32 = 1 << 30;
+/// Of each at most: a leaf has 30 bits for the number of a face.
+const MOST: usize = 1 << 30;
 
 #[cfg(test)]
 #[path = "../../tests/units/obj.rs"]
