@@ -66,8 +66,10 @@ pub fn sincos_turns(u: f64) -> (f64, f64) {
     let cosine = polynomial(&COSINE, square);
     // Turn the point by whole quarters
     let (x, y) =
-        if quarters & 1 == 0 { (cosine, sine) } else { (-sine, cosine) };
-    if quarters & 2 == 0 { (x, y) } else { (-x, -y) }
+        if quarters & 1 == 0 { (cosine, sine) } else { (sine, cosine) };
+    let x = if (quarters + 1) & 2 == 0 { x } else { -x };
+    let y = if quarters & 2 == 0 { y } else { -y };
+    (x, y)
 }
 
 const SINE: [f64; 8] = reciprocal_factorials(1);

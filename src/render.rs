@@ -98,9 +98,8 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
             return None;
         }
         let (count, mut rays) = (values.end - values.start, 0);
-        if let TileContent::Constant(sample) =
-            self.job.known.content(tile.corner)
-        {
+        let known = self.job.known.content(tile.corner);
+        if let TileContent::Constant(sample) = known {
             pixels.iter_mut().for_each(|p| p.add_times(sample, count));
         } else {
             // Render the values in parts
@@ -166,31 +165,33 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
         let Job { entrance, camera, known, integrator, .. } = self.job;
         // Choose a point of the image for each path
         let (width, height) = self.resolution;
-        let started: [_; BEAM] = array::from_fn(|_| {
+        let (mut across, mut down) = ([0.; BEAM], [0.; BEAM]);
+        let mut started: [_; BEAM] = array::from_fn(|i| {
             let (pixel, n) = batch.next()?;
             let x = tile.corner.0 + pixel % tile.size.0;
             let y = tile.corner.1 + pixel / tile.size.0;
             let number = u64::from(y) * u64::from(width) + u64::from(x);
             let mut sampler = self.job.sampler.start(number, n);
             let [u, v] = sampler.get_pixel_2d();
-            let (across, down) =
-                (within(x, width, u), within(y, height, v));
-            Some((pixel, sampler, camera.direction(across, down)))
+            across[i] = within(x, width, u);
+            down[i] = within(y, height, v);
+            Some((pixel, sampler))
         });
         // Send the first rays of the batch
+        let directions = camera.directions(&across, &down);
         let sees_sky = known.content(tile.corner) == TileContent::Sky;
-        let rays = array::from_fn(|i| match &started[i] {
-            Some((.., direction)) if !sees_sky => {
-                entrance.enter(*direction)
-            }
+        let rays = array::from_fn(|i| match started[i] {
+            Some(_) if !sees_sky => entrance.enter(directions[i]),
             _ => None,
         });
         let hits = intersector.first_hits(&rays);
-        for (start, hit) in started.into_iter().flatten().zip(hits) {
+        for i in 0..BEAM {
             // Take a path on from the end of its first ray
-            let (pixel, mut sampler, direction) = start;
-            let mut path = integrator.begin(direction);
-            match integrator.advance(&mut path, hit, &mut sampler) {
+            let Some((pixel, mut sampler)) = started[i].take() else {
+                break;
+            };
+            let mut path = integrator.begin(directions[i]);
+            match integrator.advance(&mut path, hits[i], &mut sampler) {
                 PathEvent::Scatter(ray, from) => {
                     let flight =
                         PathInFlight { path, sampler, ray, from, pixel };

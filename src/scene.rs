@@ -66,7 +66,7 @@ impl Triangles {
     }
 }
 
-fn has_area(&[a, b, c]: &Triangle) -> bool {
+fn has_area([a, b, c]: Triangle) -> bool {
     let (u, v) = (b - a, c - a);
     u.cross(v) != DVec3::ZERO || cross(u, v) != DVec3::ZERO
 }
@@ -109,7 +109,7 @@ impl Scene {
         };
         triangles.vertices.par_iter_mut().for_each(place);
         let all = (0..triangles.len()).into_par_iter();
-        let flat = all.map(|i| !has_area(&triangles.get(i)));
+        let flat = all.map(|i| !has_area(triangles.get(i)));
         let flat: Vec<bool> = flat.collect();
         let flat = triangles.leave_out(&flat);
         let copies = copies(&triangles);

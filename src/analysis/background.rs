@@ -65,9 +65,7 @@ impl KnownPixels {
     pub fn dark(resolution: (u32, u32)) -> Self {
         Self::new(resolution, |_, _| TileContent::Constant(0.))
     }
-}
 
-impl KnownPixels {
     /// The tiles of an image of this width and height that see no triangle
     /// of an intersector from the point `tip`, where the camera is among
     /// them.
