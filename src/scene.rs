@@ -123,27 +123,38 @@ const TINY: f64 = f64::from_bits((1023 - 100) << 52);
 
 /// Which triangles have the same corners as an earlier one.
 fn copies(triangles: &Triangles) -> Vec<bool> {
-    let key = |i| {
+    let mut is_copy = vec![false; triangles.len()];
+    // Sort the keys of the triangles
+    let key = |i: usize| {
         let corners = triangles.get(i);
-        let numbers = corners.iter().map(scattered);
-        (numbers.fold(0, u64::wrapping_add), i)
+        let sum = corners.iter().map(scattered).fold(0, u64::wrapping_add);
+        let mixed = sum.wrapping_mul(0x94d0_49bb_1331_11eb);
+        mixed & !(NUMBERS - 1) | i as u64
     };
     let keys = (0..triangles.len()).into_par_iter().map(key);
-    let mut keys: Vec<(u64, usize)> = keys.collect();
+    let mut keys: Vec<u64> = keys.collect();
     keys.par_sort_unstable();
-    let mut is_copy = vec![false; triangles.len()];
-    for pair in keys.windows(2).filter(|pair| pair[0].0 == pair[1].0) {
-        // See whether a triangle is a copy
-        let [one, other] = [pair[0].1, pair[1].1].map(|i| {
-            let corners = triangles.get(i).map(|p| p.to_array());
-            let mut corners = corners.map(|p| p.map(f64::to_bits));
+    let groups = keys.chunk_by(|a, b| a / NUMBERS == b / NUMBERS);
+    for group in groups.filter(|group| group.len() > 1) {
+        let mut others = vec![];
+        for key in group {
+            // See whether a triangle is a copy
+            let i = (key % NUMBERS) as usize;
+            let corners = triangles.get(i);
+            let mut corners =
+                corners.map(|p| p.to_array().map(f64::to_bits));
             corners.sort_unstable();
-            corners
-        });
-        is_copy[pair[1].1] = one == other;
+            is_copy[i] = others.contains(&corners);
+            if !is_copy[i] {
+                others.push(corners);
+            }
+        }
     }
     is_copy
 }
+
+/// One more than the greatest number of a triangle in a key.
+const NUMBERS: u64 = 1 << 30;
 
 /// A number that depends on all bits of a corner.
 pub fn scattered(corner: &DVec3) -> u64 {
