@@ -8,42 +8,18 @@
 pub mod background;
 pub mod interior;
 
-use std::fmt;
-
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::bvh::{Bvh, Isa};
+use crate::bvh::Bvh;
 use crate::camera::Camera;
 use crate::scene::Entrance;
 use crate::sky::Sky;
 use background::KnownPixels;
 use interior::{is_inside, lets_out};
 
-/// What may make work superfluous.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Shortcut {
-    /// The camera is inside a closed surface: the image is black.
-    Dark,
-    /// Nothing is reflected: it only counts whether a ray is blocked.
-    Black,
-    /// Some tiles see no triangle: their rays need not be traced.
-    Background,
-}
-
-impl Shortcut {
-    /// All of them.
-    pub const ALL: [Self; 3] = [Self::Dark, Self::Black, Self::Background];
-
-    /// The name that reports have for it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Dark => "dark",
-            Self::Black => "black",
-            Self::Background => "background",
-        }
-    }
-}
+/// The names of the shortcuts, in the order in which they are looked for.
+pub const SHORTCUTS: [&str; 2] = ["dark", "background"];
 
 /// What has been found about one shortcut.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -65,8 +41,6 @@ pub struct SceneAnalysis {
     pub findings: Vec<Finding>,
     /// What is known of the image before it is rendered.
     pub known: KnownPixels,
-    /// Whether nothing is reflected.
-    pub is_black: bool,
 }
 
 /// What is asked about a scene.
@@ -83,7 +57,7 @@ pub struct Inquiry<'a> {
     /// Width and height of the image.
     pub resolution: (u32, u32),
     /// Shortcuts that are not to be looked for.
-    pub kept: &'a [Shortcut],
+    pub kept: &'a [&'a str],
 }
 
 impl SceneAnalysis {
@@ -94,118 +68,33 @@ impl SceneAnalysis {
         intersector: &Bvh,
         inquiry: &Inquiry,
     ) -> Self {
-        let findings = of_the_scene(left_out);
-        let known = KnownPixels::default();
-        let mut all = Self { findings, known, is_black: false };
-        for shortcut in Shortcut::ALL {
+        let mut findings = of_the_scene(left_out);
+        let mut known = KnownPixels::default();
+        for fact in SHORTCUTS {
             // Look for one shortcut if it is wanted
-            let found = match shortcut {
+            let (found, why) = match fact {
                 kept if inquiry.kept.contains(&kept) => {
-                    Some((false, "kept, and not looked for".to_owned()))
+                    (None, "kept, and not looked for".to_owned())
                 }
-                _ if all.known.is_all() => None,
-                Shortcut::Dark => {
-                    Some(all.look_for_dark(intersector, inquiry))
-                }
-                Shortcut::Black => {
-                    // See whether anything is reflected
-                    all.is_black = inquiry.albedo == 0.;
-                    let why = match all.is_black {
-                        true => {
-                            "nothing is reflected: a ray only asks whether it is blocked"
-                        }
-                        false => "surfaces reflect",
-                    };
-                    Some((all.is_black, why.to_owned()))
-                }
-                Shortcut::Background => {
-                    all.look_for_background(intersector, inquiry)
-                }
+                _ if known.is_all() => break,
+                "dark" => dark(intersector, inquiry),
+                _ => background(intersector, inquiry),
             };
-            let fact = shortcut.name().to_owned();
-            let finding = |(holds, why)| Finding { fact, holds, why };
-            all.findings.extend(found.map(finding));
+            let (holds, fact) = (found.is_some(), fact.to_owned());
+            findings.push(Finding { fact, holds, why });
+            known = found.unwrap_or(known);
         }
-        all
+        Self { findings, known }
     }
 
     /// What was left out of the image or its work, in words.
     pub fn left_out(&self) -> impl Iterator<Item = &Finding> {
         self.findings.iter().filter(|finding| finding.holds)
     }
-
-    fn look_for_dark(
-        &mut self,
-        intersector: &Bvh,
-        &Inquiry { ref entrance, resolution, .. }: &Inquiry,
-    ) -> (bool, String) {
-        let is_shut = |_: &_| !lets_out(entrance, intersector);
-        let place = entrance.place().filter(is_shut);
-        let dark = place.map_or(Ok(false), |place| {
-            let mut all: Vec<_> = intersector.triangles().collect();
-            all.par_sort_by_key(|&(face, _)| face);
-            let (faces, triangles): (Vec<_>, Vec<_>) =
-                all.into_iter().unzip();
-            is_inside(&triangles, place).map_err(|i| faces[i as usize])
-        });
-        let why = match dark {
-            Ok(true) => {
-                self.known = KnownPixels::dark(resolution);
-                "closed around the camera: no ray can reach the sky, and the \
-                 image is exactly 0"
-            }
-            Ok(false) => "no closed surface around the camera",
-            Err(face) => &format!("the camera is on face {}", face + 1),
-        };
-        (dark == Ok(true), why.to_owned())
-    }
-
-    fn look_for_background(
-        &mut self,
-        intersector: &Bvh,
-        inquiry: &Inquiry,
-    ) -> Option<(bool, String)> {
-        let &Inquiry { ref camera, sky, resolution, .. } = inquiry;
-        let tip = inquiry.entrance.place()?;
-        let tiles = KnownPixels::background(
-            camera,
-            sky,
-            resolution,
-            tip,
-            intersector,
-        );
-        let (count, empty, pixels) = tiles.count(resolution);
-        // Say how many tiles are empty
-        let why = match empty {
-            0 => "triangles may be seen in each tile of the image",
-            _ if empty == count => {
-                "no triangle can be seen: all of the image is the sky"
-            }
-            _ => &format!(
-                "{empty} of {count} tiles of the image see no triangle: no \
-                 ray is traced in {pixels} of {} pixels",
-                u64::from(resolution.0) * u64::from(resolution.1)
-            ),
-        };
-        if empty > 0 {
-            self.known = tiles;
-        }
-        Some((empty > 0, why.to_owned()))
-    }
-
-    /// The intersector and the integrator that are needed, in words.
-    pub fn parts(&self, isa: Isa, method: impl fmt::Display) -> String {
-        match self.known.is_all() {
-            true => "none: no ray".to_owned(),
-            false => format!("{isa}; {method}"),
-        }
-    }
-
-    /// The limit of samples, given the one that was asked for.
-    pub fn samples(&self, asked: Option<u64>) -> Option<u64> {
-        asked.or(self.known.is_all().then_some(2))
-    }
 }
+
+/// What a shortcut lets know of the pixels if it holds; and words for it.
+type Found = (Option<KnownPixels>, String);
 
 /// What is told of the faces that the scene has left out.
 fn of_the_scene([flat, copies]: &[Vec<u32>; 2]) -> Vec<Finding> {
@@ -221,4 +110,48 @@ fn of_the_scene([flat, copies]: &[Vec<u32>; 2]) -> Vec<Finding> {
         Finding { fact: fact.to_owned(), holds: !faces.is_empty(), why }
     };
     words.map(finding).into()
+}
+
+/// Whether there is a closed surface around the camera.
+fn dark(intersector: &Bvh, inquiry: &Inquiry) -> Found {
+    let is_shut = |_: &_| !lets_out(&inquiry.entrance, intersector);
+    let place = inquiry.entrance.place().filter(is_shut);
+    let dark = place.map_or(Ok(false), |place| {
+        let mut all: Vec<_> = intersector.triangles().collect();
+        all.par_sort_by_key(|&(face, _)| face);
+        let (faces, triangles): (Vec<_>, Vec<_>) = all.into_iter().unzip();
+        is_inside(&triangles, place).map_err(|i| faces[i as usize])
+    });
+    let why = match dark {
+        Ok(true) => {
+            "closed around the camera: no ray can reach the sky, and the \
+             image is exactly 0"
+        }
+        Ok(false) => "no closed surface around the camera",
+        Err(face) => &format!("too close to tell: face {}", face + 1),
+    };
+    let known = || KnownPixels::dark(inquiry.resolution);
+    ((dark == Ok(true)).then(known), why.to_owned())
+}
+
+/// Which tiles see no triangle.
+fn background(intersector: &Bvh, inquiry: &Inquiry) -> Found {
+    let &Inquiry { ref camera, sky, resolution, .. } = inquiry;
+    let Some(tip) = inquiry.entrance.place() else {
+        return (None, "the camera is too far away".to_owned());
+    };
+    let tiles =
+        KnownPixels::background(camera, sky, resolution, tip, intersector);
+    let (empty, count) = tiles.count();
+    let why = match empty {
+        0 => "triangles may be seen in each tile of the image",
+        _ if empty == count => {
+            "no triangle can be seen: all of the image is the sky"
+        }
+        _ => &format!(
+            "{empty} of {count} tiles of the image see no triangle: their \
+             rays are not traced"
+        ),
+    };
+    ((empty > 0).then_some(tiles), why.to_owned())
 }

@@ -38,11 +38,6 @@ pub trait Integrator: Sync {
         hit: Option<Hit>,
         sampler: &mut impl Sampler,
     ) -> PathEvent;
-
-    /// Whether each path ends at its first hit, whichever that is.
-    fn is_black(&self) -> bool {
-        false
-    }
 }
 
 /// Something that adds samples to a film.
@@ -105,8 +100,6 @@ pub struct PathTracer {
     /// How much of the sky above the first reflection is subtracted as a
     /// control variate (Owen 2013, section 8.9), in [0, 1].
     pub control: f64,
-    /// Whether a path ends at its first surface, which reflects nothing.
-    pub is_black: bool,
 }
 
 /// The throughput below which roulette decides: that of the path tracer on
@@ -117,9 +110,9 @@ const FAINT: f64 = 0.1;
 pub const MANY_BOUNCES: u64 = 1000;
 
 impl PathTracer {
-    /// Without a control variate; the scene may reflect.
+    /// Without a control variate.
     pub fn new(albedo: f64, sky: Sky) -> Self {
-        Self { albedo, sky, control: 0., is_black: false }
+        Self { albedo, sky, control: 0. }
     }
 
     /// What a surface reflects of the sky if nothing is in the way, less
@@ -173,7 +166,7 @@ impl Integrator for PathTracer {
             return PathEvent::Terminate(light + path.control);
         };
         // End a path where nothing is reflected
-        if self.is_black {
+        if self.albedo == 0. {
             return PathEvent::Terminate(0.);
         }
         // Weaken the path or play roulette
@@ -204,10 +197,6 @@ impl Integrator for PathTracer {
         path.count += 1;
         let ray = Ray { origin: hit.point, direction: path.direction };
         PathEvent::Scatter(ray, hit.primitive)
-    }
-
-    fn is_black(&self) -> bool {
-        self.is_black
     }
 }
 

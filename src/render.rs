@@ -11,7 +11,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use crate::analysis::background::{KnownPixels, TileContent};
-use crate::bvh::{BEAM, Dispatch, Hit, Intersector};
+use crate::bvh::{BEAM, Dispatch, Intersector};
 use crate::camera::Camera;
 use crate::film::{Film, FilmTile, Tile, Watch};
 use crate::integrator::{Integrator, PathEvent};
@@ -43,15 +43,14 @@ impl<K: Intersector, E: Integrator, S: Sampler> Renderer
     for Job<'_, K, E, S>
 {
     fn pass(&mut self, film: &mut Film, end: u64, watch: &Watch) -> u64 {
-        let (replicate, resolution) =
-            (self.sampler.replicate(), film.resolution);
+        let replicate = self.sampler.replicate();
         assert_eq!(film.replicate, replicate, "replicates");
         let first = film.first / replicate;
         let end = first + end.div_ceil(replicate);
+        let pass = Pass { job: self, resolution: film.resolution, watch };
         let tiles = film.tiles();
         let parts =
             PIECES_PER_THREAD * rayon::current_num_threads() / tiles.len();
-        let pass = Pass { job: self, resolution, watch };
         let render = |(tile, pixels, _): FilmTile| {
             let values = first + pixels[0].count()..end;
             pass.add(tile, pixels, values, parts as u64).unwrap_or(0)
@@ -84,13 +83,6 @@ struct PathInFlight<P, S> {
     pixel: u32,
 }
 
-/// Some hit of a ray that meets anything.
-fn blocked(intersector: &impl Intersector, ray: &Ray) -> Option<Hit> {
-    let &Ray { origin: point, direction: normal } = ray;
-    let hit = Hit { point, normal, primitive: 0 };
-    intersector.is_occluded(ray, None).then_some(hit)
-}
-
 impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
     /// Adds values to the pixels of a tile, given their numbers, and returns
     /// the number of rays; none, with the pixels as they were, if the pass is
@@ -106,25 +98,22 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
             return None;
         }
         let (count, mut rays) = (values.end - values.start, 0);
-        if let TileContent::Constant(sample) =
-            self.job.known.content(tile.corner)
-        {
+        let known = self.job.known.content(tile.corner);
+        if let TileContent::Constant(sample) = known {
             pixels.iter_mut().for_each(|p| p.add_times(sample, count));
         } else {
             // Render the values in parts
-            let parts = parts.clamp(1, count);
-            let cut = |k: u64| {
-                let whole = u128::from(count) * u128::from(k);
-                values.start + (whole / u128::from(parts)) as u64
+            let size = count.div_ceil(parts.clamp(1, count));
+            let render = |k: u64| {
+                let start = values.start + k * size;
+                self.fill(tile, start..values.end.min(start + size))
             };
-            let render = |k| self.fill(tile, cut(k)..cut(k + 1));
-            let done: Option<Vec<_>> =
-                (0..parts).into_par_iter().map(render).collect();
+            let parts = (0..count.div_ceil(size)).into_par_iter();
+            let done: Option<Vec<_>> = parts.map(render).collect();
             for (own, more) in done? {
-                pixels
-                    .iter_mut()
-                    .zip(&own)
-                    .for_each(|(p, own)| p.merge(own));
+                for (pixel, own) in pixels.iter_mut().zip(&own) {
+                    pixel.merge(own);
+                }
                 rays += more;
             }
         }
@@ -153,9 +142,9 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
         for value in values {
             let (own, more) =
                 trace(value * replicate..(value + 1) * replicate)?;
-            sums.iter_mut()
-                .zip(&own)
-                .for_each(|(s, own)| s.add(own.mean()));
+            for (sum, own) in sums.iter_mut().zip(&own) {
+                sum.add(own.mean());
+            }
             rays += more;
         }
         Some((sums, rays))
@@ -195,12 +184,7 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
             Some(_) if !sees_sky => entrance.enter(directions[i]),
             _ => None,
         });
-        let hits = match integrator.is_black() {
-            true => {
-                array::from_fn(|i| blocked(intersector, rays[i].as_ref()?))
-            }
-            false => intersector.first_hits(&rays),
-        };
+        let hits = intersector.first_hits(&rays);
         for i in 0..BEAM {
             // Take a path on from the end of its first ray
             let Some((pixel, mut sampler)) = started[i].take() else {

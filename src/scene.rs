@@ -17,9 +17,7 @@ use glam::{BVec3, DVec3};
 use rayon::prelude::*;
 
 pub use self::mesh::Mesh;
-pub use self::obj::{
-    ObjError, begins_obj, read_file, read_obj, read_pieces,
-};
+pub use self::obj::{begins_obj, read_file, read_obj, read_pieces};
 pub use self::place::{EXTENT, Entrance, Frame, Ray};
 use crate::numerics::cross;
 
@@ -59,13 +57,6 @@ impl Triangles {
         (0..self.len()).map(|i| self.get(i)).collect()
     }
 
-    /// Those that share no corner, each with its face.
-    pub fn apart(triangles: &[Triangle], faces: Vec<u32>) -> Self {
-        let corner = |i: u32| [3 * i, 3 * i + 1, 3 * i + 2];
-        let corners = (0..triangles.len() as u32).map(corner).collect();
-        Self { vertices: triangles.as_flattened().to_vec(), corners, faces }
-    }
-
     /// Takes triangles out; returns their faces.
     fn leave_out(&mut self, out: &[bool]) -> Vec<u32> {
         let (mut first, mut second) = (out.iter(), out.iter());
@@ -75,7 +66,7 @@ impl Triangles {
     }
 }
 
-fn has_area(&[a, b, c]: &Triangle) -> bool {
+fn has_area([a, b, c]: Triangle) -> bool {
     let (u, v) = (b - a, c - a);
     u.cross(v) != DVec3::ZERO || cross(u, v) != DVec3::ZERO
 }
@@ -118,7 +109,7 @@ impl Scene {
         };
         triangles.vertices.par_iter_mut().for_each(place);
         let all = (0..triangles.len()).into_par_iter();
-        let flat = all.map(|i| !has_area(&triangles.get(i)));
+        let flat = all.map(|i| !has_area(triangles.get(i)));
         let flat: Vec<bool> = flat.collect();
         let flat = triangles.leave_out(&flat);
         let copies = copies(&triangles);

@@ -21,7 +21,7 @@ use serde::de::DeserializeOwned;
 use serde_json::{Map, Value, json};
 use sha2::{Digest, Sha256};
 
-use crate::analysis::{Finding, Inquiry, SceneAnalysis, Shortcut};
+use crate::analysis::{Finding, Inquiry, SHORTCUTS, SceneAnalysis};
 use crate::bvh::{Bvh, Quality, too_small};
 use crate::camera::{Camera, View, typed};
 use crate::compare::disagreements;
@@ -205,7 +205,7 @@ fn run(
     let most = deadline.map_or(0., |end| 0.5 * seconds_to(end));
     let seconds = output.seconds(run.0.area());
     let limits = Limits {
-        samples: analysis.samples(goal),
+        samples: goal.or(analysis.known.is_all().then_some(2)),
         deadline,
         reserve: seconds.map(|seconds| seconds.min(most)),
         error: options.error,
@@ -362,12 +362,12 @@ fn load(
 ) -> Result<(Scene, Subject, Report), String> {
     let file = options.input_name();
     let step = step(format!("parsing {file}"), None);
-    let read = read_file(&bytes).map_err(|error| error.within(&file));
+    let read = read_file(&bytes).map_err(|error| format!("{file}{error}"));
     drop(step);
     let (mesh, warnings) = read?;
     // Warn of what is odd
     for warning in warnings {
-        progress::warn(&warning.within(&file));
+        progress::warn(&format!("{file}{warning}"));
     }
     // Say what is shown
     let &Options { resolution, crop, albedo, .. } = options;
@@ -422,10 +422,12 @@ fn read(options: &Options) -> Result<Vec<u8>, String> {
     };
     let mut bytes = Vec::new();
     pipe.by_ref().take(START).read_to_end(&mut bytes).map_err(fault)?;
-    if bytes.len() as u64 == START {
-        begins_obj(&bytes).map_err(|error| error.within(&file))?;
-        pipe.read_to_end(&mut bytes).map_err(fault)?;
+    if bytes.len() as u64 == START && !begins_obj(&bytes) {
+        return Err(fault(io::Error::other(
+            "no vertex in the first 64 MiB",
+        )));
     }
+    pipe.read_to_end(&mut bytes).map_err(fault)?;
     Ok(bytes)
 }
 
@@ -437,6 +439,8 @@ fn names_the_scene((product, _): &(Product, OutputTarget)) -> bool {
     !matches!(product, Product::Image(format) if *format != Format::Exr)
 }
 
+/// Seconds in which a thread looks for the background of a tile, about.
+const TILE: f64 = 3e-6;
 /// What is asked about a scene, what is found, and its hierarchy.
 fn build(
     scene: Scene,
@@ -447,13 +451,23 @@ fn build(
 ) -> Result<(Inquiry<'static>, SceneAnalysis, Bvh), String> {
     let began = Instant::now();
     let camera = Camera::new(&subject.view, aspect(subject.resolution))?;
+    // Leave out what would take too long to look for
+    let (width, height) = subject.resolution;
+    let tiles = f64::from(width) * f64::from(height) / 256.;
+    let seconds = tiles * TILE / rayon::current_num_threads() as f64;
+    let time = options.time.filter(|_| !options.explain);
+    let kept = match time.is_some_and(|time| seconds > 0.05 * time) {
+        _ if options.keep_all => &SHORTCUTS[..],
+        true => &["background"],
+        false => &[],
+    };
     let inquiry = Inquiry {
         camera,
         entrance: scene.frame.entrance(camera.position),
         sky: Sky::new(subject.view.up),
         albedo: subject.albedo,
         resolution: subject.resolution,
-        kept: if options.keep_all { &Shortcut::ALL } else { &[] },
+        kept,
     };
     let area = options.band().area() as f64;
     let paths = options.goal(1).map(|n| n as f64 * area);
@@ -497,9 +511,10 @@ fn explain(
     }
     // Name the parts that do the rest
     let why = choice.map_or(method.to_string(), |why| why.to_string());
-    let one = analysis.is_black && method != Method::Gather;
-    let rays = if one { ", one ray a path, for any hit" } else { "" };
-    let parts = analysis.parts(options.isa(), format!("{method}{rays}"));
+    let parts = match analysis.known.is_all() {
+        true => "none: no ray".to_owned(),
+        false => format!("{}; {method}", options.isa()),
+    };
     for (name, text) in [("method", why), ("intersector", parts)] {
         lines += &format!("{name:13}{text}\n");
     }

@@ -15,12 +15,10 @@ pub struct Sky {
 impl Sky {
     /// The sky whose zenith is the coordinate axis nearest to `up`.
     pub fn new(up: DVec3) -> Self {
-        let size = up.abs();
-        let axis = match size.max_element() {
-            most if size.z == most => DVec3::Z,
-            most if size.y == most => DVec3::Y,
-            _ => DVec3::X,
-        };
+        let size = |axis: &DVec3| axis.dot(up).abs();
+        let axes = DVec3::AXES.into_iter();
+        let last = axes.max_by(|a, b| size(a).total_cmp(&size(b)));
+        let axis = last.unwrap_or(DVec3::Z);
         Self { zenith: axis * axis.dot(up).signum() }
     }
 
@@ -33,10 +31,5 @@ impl Sky {
     /// weighted by the cosine: in [0, 1].
     pub fn share(&self, normal: DVec3) -> f64 {
         (0.5 + 0.5 * self.zenith.dot(normal)).clamp(0., 1.)
-    }
-
-    /// The unit vector that points to the zenith, a coordinate axis.
-    pub fn zenith(&self) -> DVec3 {
-        self.zenith
     }
 }

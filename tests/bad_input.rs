@@ -14,7 +14,8 @@ const SMALL: &str = "-d8x6 -n3 -r0.5";
 /// The OBJ `bytes` is refused in one line with these words.
 #[track_caller]
 fn refused(bytes: impl AsRef<[u8]>, words: &[&str]) {
-    let error = read_file(bytes.as_ref()).unwrap_err().within("scene.obj");
+    let error = read_file(bytes.as_ref()).unwrap_err();
+    let error = format!("scene.obj{error}");
     assert!(error.starts_with("scene.obj:") && error.lines().count() == 1);
     for word in words {
         assert!(error.contains(word), "{error}: {word}");
@@ -26,7 +27,7 @@ fn refused(bytes: impl AsRef<[u8]>, words: &[&str]) {
 #[track_caller]
 fn read(bytes: &[u8]) -> (Vec<litpt::scene::Triangle>, usize, Vec<String>) {
     let (mesh, warnings) = read_file(bytes).unwrap();
-    let warnings = warnings.iter().map(|w| w.within("odd.obj")).collect();
+    let warnings = warnings.iter().map(|w| format!("odd.obj{w}")).collect();
     let count = mesh.triangles.len();
     (Scene::of(mesh).triangles.to_vec(), count, warnings)
 }
@@ -95,16 +96,13 @@ fn a_file_that_cannot_be_read_is_named() {
 fn what_has_no_end_and_is_no_obj_is_refused() {
     let place = Scratch::new();
     let zeros = place.line("-i/dev/zero");
-    zeros.failed(1, &["/dev/zero:1: a zero byte"]);
-    for (text, fault) in [
-        ("y", "standard input: no vertex in the first 64 MiB"),
-        ("v 1 2", "standard input:1: a vertex without z"),
-    ] {
-        let mut command = place.command("sh");
-        command.args(["-c", &format!("yes '{text}' | \"$0\"")]);
-        command.arg(env!("CARGO_BIN_EXE_pt"));
-        finish(command.spawn().unwrap()).failed(1, &[fault]);
-    }
+    let fault = "cannot read: no vertex in the first 64 MiB";
+    zeros.failed(1, &["/dev/zero: ", fault]);
+    let mut command = place.command("sh");
+    command.args(["-c", "yes | \"$0\""]);
+    command.arg(env!("CARGO_BIN_EXE_pt"));
+    let endless = finish(command.spawn().unwrap());
+    endless.failed(1, &["standard input: ", fault]);
 }
 
 #[test]

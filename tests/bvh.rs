@@ -6,9 +6,10 @@
 use glam::DVec3;
 use litpt::bvh::{Bvh, Hit, Intersector, Isa, Quality, too_small};
 use litpt::sampler::cosine_direction;
-use litpt::scene::{Mesh, Ray, Scene, Triangle, Triangles};
+use litpt::scene::{Mesh, Ray, Scene, Triangle};
 use litpt_book::closed_forms::cavity;
 use litpt_book::escapes::uniform;
+use litpt_book::solids;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
@@ -273,7 +274,7 @@ fn triangles_are_too_small_below_the_limit_and_not_at_it() {
     let size = |x: f64| [DVec3::ZERO, DVec3::X * x, DVec3::Y * x];
     let of = |triangles: &[_]| {
         let faces = (0..triangles.len() as u32).collect();
-        too_small(&Triangles::apart(triangles, faces))
+        too_small(&solids::apart(triangles, faces))
     };
     // The largest is 16, and so is the largest coordinate.
     let limit = 2f64.powi(-40) * (1.125 * 16. + 0.125 * 16.);
@@ -284,7 +285,7 @@ fn triangles_are_too_small_below_the_limit_and_not_at_it() {
     assert_eq!(of(&[moved(2f64.powi(42))]), 0);
     assert_eq!(of(&[moved(2f64.powi(44))]), 1);
     // A vertex that no triangle uses is none of the scene.
-    let mut stray = Triangles::apart(&[size(1.)], vec![0]);
+    let mut stray = solids::apart(&[size(1.)], vec![0]);
     stray.vertices.push(DVec3::splat(2f64.powi(44)));
     assert_eq!(too_small(&stray), 0);
 }

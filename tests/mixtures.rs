@@ -16,7 +16,7 @@ use litpt::bvh::{Bvh, Intersector, Isa, Quality};
 use litpt::camera::View;
 use litpt::film::{Film, Summary};
 use litpt::render::Renderer;
-use litpt::scene::{Mesh, Ray, Triangle, Triangles};
+use litpt::scene::{Mesh, Ray, Triangle};
 use litpt_book::closed_forms::{Setting, look};
 use litpt_book::escapes::{Inside, Outside};
 use litpt_book::solids;
@@ -157,7 +157,7 @@ fn a_path_does_not_enter_a_small_object_that_leans_over_a_large_one() {
         for isa in Isa::ALL.into_iter().filter(|isa| isa.is_available()) {
             for quality in [Quality::Fast, Quality::Thorough] {
                 let faces = (0..all.len() as u32).collect();
-                let triangles = Triangles::apart(&all, faces);
+                let triangles = solids::apart(&all, faces);
                 let bvh =
                     Bvh::of(triangles, quality, isa, &|_| ()).unwrap();
                 for quarters in 1..32 {

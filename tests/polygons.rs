@@ -207,7 +207,7 @@ fn no_ray_passes_where_a_corner_lies_on_a_side() {
             text += &format!("f{}\n", back.collect::<String>());
         }
         let (mesh, warnings) = read_file(text.as_bytes()).unwrap();
-        assert_eq!(warnings, [], "{faces}");
+        assert_eq!(warnings, [""; 0], "{faces}");
         let scene = Scene::new(&mesh);
         let bvh = Bvh::new(&scene).unwrap();
         let [p, q] = [p, q].map(|[x, y]| {
@@ -251,7 +251,7 @@ fn faces_that_touch_themselves_are_filled() {
     ] {
         let text = face(&flat(&points(outline)));
         let (mesh, warnings) = read_file(text.as_bytes()).unwrap();
-        assert_eq!(warnings, [], "{outline}");
+        assert_eq!(warnings, [""; 0], "{outline}");
         assert_eq!(area(&mesh), expected, "{outline}");
     }
 }
@@ -282,7 +282,7 @@ fn faces_keep_their_numbers() {
 fn warning(text: &str) -> Option<String> {
     let (_, warnings) = read_file(text.as_bytes()).unwrap();
     assert!(warnings.len() < 2, "{warnings:?}");
-    warnings.first().map(|warning| warning.within("x"))
+    warnings.first().map(|warning| format!("x{warning}"))
 }
 
 #[test]
@@ -292,7 +292,7 @@ fn odd_faces_are_counted_with_the_line_of_the_first() {
     let plain = "f 1 2 3 4\nf 1 2 6 4\nf 1 1 2 2\nf 1 2 7 2\nf 1 2 8 4\n";
     assert_eq!(warning(&format!("{square}{plain}")), None);
     let odd = "f 1 3 2 4\n# f\nf 1 2 5 \\\n 4\nf 1 2 5 4\n";
-    let words = "x:14: the first of 3 odd faces (2 bent, 1 crossed); \
+    let words = "x:14: the first of 3 odd faces, bent or crossed; \
                  other programs may fill them differently";
     let found = warning(&format!("{square}{plain}{odd}{plain}"));
     assert_eq!(found.unwrap(), words);
@@ -301,7 +301,7 @@ fn odd_faces_are_counted_with_the_line_of_the_first() {
     let mesh = read_obj(pentagram.as_bytes()).unwrap();
     assert_eq!(mesh.triangles, fan(5));
     let found = warning(pentagram).unwrap();
-    assert!(found.starts_with("x:6: the first of 1 odd faces (0 bent, 1"));
+    assert!(found.starts_with("x:6: the first of 1 odd faces, "));
 }
 
 #[test]
@@ -332,7 +332,7 @@ fn a_face_of_a_hundred_thousand_corners_takes_no_time_in_its_square() {
         let start = Instant::now();
         let (mesh, warnings) = read_file(text.as_bytes()).unwrap();
         let seconds = start.elapsed().as_secs_f64();
-        assert_eq!(warnings, []);
+        assert_eq!(warnings, [""; 0]);
         assert_eq!(mesh.triangles.len(), corners.len() - 2);
         assert!(is_closed(&mesh));
         // Optimised and alone on the machine it takes a tenth of that; in

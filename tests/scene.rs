@@ -258,7 +258,7 @@ fn a_text_reads_the_same_on_any_number_of_threads() {
     let lines = text.lines().count();
     let (scene, error) = read(1);
     assert!(scene.is_ok());
-    assert_eq!(error.line, Some(lines + 1));
+    assert!(error.starts_with(&format!(":{}: ", lines + 1)));
     for threads in [2, 3, 8] {
         assert_eq!(read(threads), (scene.clone(), error.clone()));
     }

@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use crate::courtyard;
 use glam::DVec3;
-use litpt::analysis::{Inquiry, SceneAnalysis, Shortcut};
+use litpt::analysis::{Inquiry, SceneAnalysis};
 use litpt::bvh::{Bvh, Isa, Quality};
 use litpt::camera::{Camera, View};
 use litpt::film::{Film, Window};
@@ -39,7 +39,7 @@ impl Setting {
     /// `kept`.
     pub fn render(
         &self,
-        kept: &[Shortcut],
+        kept: &[&str],
         resolution: (u32, u32),
         n: u64,
         seed: u64,
@@ -51,7 +51,7 @@ impl Setting {
     /// The same by any method, with a chance to change what was found.
     pub fn render_with(
         &self,
-        kept: &[Shortcut],
+        kept: &[&str],
         resolution: (u32, u32),
         n: u64,
         sampling: &Sampling,
@@ -96,7 +96,6 @@ impl Setting {
 
 /// All of them.
 pub fn all() -> Vec<Setting> {
-    let yard = courtyard::mesh();
     let v = DVec3::new;
     let o = DVec3::ZERO;
     let set = |name, mesh, from, to| Setting {
@@ -105,7 +104,6 @@ pub fn all() -> Vec<Setting> {
         view: View { position: from, target: to, up: DVec3::Z, fov: 60. },
         rho: 0.8,
     };
-    let yard_view = View { fov: 70., ..courtyard::view() };
     let on_plane = || {
         let mut mesh = square(20.);
         add(&mut mesh, ball(24), v(0., 0., 1.2), 1.);
@@ -114,15 +112,9 @@ pub fn all() -> Vec<Setting> {
     vec![
         Setting {
             name: "courtyard",
-            mesh: yard.clone(),
-            view: yard_view,
+            mesh: courtyard::mesh(),
+            view: View { fov: 70., ..courtyard::view() },
             rho: 0.8,
-        },
-        Setting {
-            name: "black courtyard",
-            mesh: yard,
-            view: yard_view,
-            rho: 0.,
         },
         set("convex solid", ball(40), v(0., -1.8, 0.2), o),
         set("polytope", cut_cube(), v(2., -3., 1.), o),

@@ -8,7 +8,7 @@ use std::collections::HashMap;
 use crate::courtyard::solids;
 use glam::{DMat3, DVec3, EulerRot};
 use litpt::numerics::cross;
-use litpt::scene::{Mesh, Scene, Triangle};
+use litpt::scene::{Mesh, Scene, Triangle, Triangles};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -389,4 +389,12 @@ fn courtyard() -> Solid {
     let cameras = middles.into_iter().map(place).collect();
     let name = "solids of the courtyard".to_owned();
     Solid { name, scene, faces, cameras }
+}
+
+/// Triangles that share no corner, each with its face.
+pub fn apart(triangles: &[Triangle], faces: Vec<u32>) -> Triangles {
+    let corner = |i: u32| [3 * i, 3 * i + 1, 3 * i + 2];
+    let corners = (0..triangles.len() as u32).map(corner).collect();
+    let vertices = triangles.as_flattened().to_vec();
+    Triangles { vertices, corners, faces }
 }

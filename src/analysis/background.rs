@@ -10,6 +10,7 @@ use crate::bvh::Bvh;
 use crate::camera::Camera;
 use crate::film::SIDE;
 use crate::numerics::cross;
+use crate::scene::Triangle;
 use crate::sky::Sky;
 
 /// What is known of a tile before it is rendered.
@@ -49,51 +50,22 @@ impl KnownPixels {
         !self.tiles.is_empty() && self.tiles.iter().all(is_constant)
     }
 
-    /// All of an image of this width and height is black.
-    pub fn dark((width, height): (u32, u32)) -> Self {
+    /// The tiles of an image of this width and height, by their corners.
+    fn new(
+        (width, height): (u32, u32),
+        content: impl Fn(u32, u32) -> TileContent + Sync,
+    ) -> Self {
         let (columns, rows) = (width.div_ceil(SIDE), height.div_ceil(SIDE));
-        let tile = TileContent::Constant(0.);
-        Self { columns, tiles: vec![tile; (columns * rows) as usize] }
-    }
-}
-
-/// The rays of a tile.
-struct Pyramid {
-    tip: DVec3,
-    /// Unit vectors into the pyramid, of the planes around it; zero for a
-    /// plane that separates nothing.
-    inwards: [DVec3; 5],
-    /// How far outside counts as outside.
-    margin: f64,
-}
-
-impl Pyramid {
-    /// Whether a plane separates the pyramid from a convex body, given
-    /// how far that extends along a vector.
-    fn misses(&self, extent: impl Fn(DVec3) -> f64) -> bool {
-        let tip = self.tip;
-        let beyond = |&n: &DVec3| extent(n) - n.dot(tip) < -self.margin;
-        self.inwards.iter().any(beyond)
+        let tiles = (0..columns * rows).into_par_iter();
+        let tile = |i| content(i % columns * SIDE, i / columns * SIDE);
+        Self { columns, tiles: tiles.map(tile).collect() }
     }
 
-    /// Whether a triangle may be inside.
-    fn sees(&self, intersector: &Bvh) -> bool {
-        intersector.any_triangle(
-            |low, high| {
-                !self.misses(|n| (n * low).max(n * high).element_sum())
-            },
-            |corners| {
-                let most = |n: DVec3| {
-                    let along = corners.map(|corner| n.dot(corner));
-                    along.into_iter().fold(f64::NEG_INFINITY, f64::max)
-                };
-                !self.misses(most)
-            },
-        )
+    /// All of an image of this width and height is black.
+    pub fn dark(resolution: (u32, u32)) -> Self {
+        Self::new(resolution, |_, _| TileContent::Constant(0.))
     }
-}
 
-impl KnownPixels {
     /// The tiles of an image of this width and height that see no triangle
     /// of an intersector from the point `tip`, where the camera is among
     /// them.
@@ -104,12 +76,10 @@ impl KnownPixels {
         tip: DVec3,
         intersector: &Bvh,
     ) -> Self {
-        let (columns, rows) = (width.div_ceil(SIDE), height.div_ceil(SIDE));
         let size = tip.abs().max_element() + 16384.;
         let margin = size / (1u64 << 46) as f64;
-        let content = |place: u32| {
+        Self::new((width, height), |x, y| {
             // Find what one tile can see
-            let (x, y) = (place % columns * SIDE, place / columns * SIDE);
             // Send rays through the corners of the tile
             let (right, bottom) =
                 ((x + SIDE).min(width), (y + SIDE).min(height));
@@ -126,15 +96,31 @@ impl KnownPixels {
             let side = |(a, b)| {
                 let normal = cross(a, b).normalize_or_zero();
                 let aside = normal.dot(inside);
-                match aside.abs() < FLAT {
-                    true => DVec3::ZERO,
-                    false => normal * aside.signum(),
-                }
+                let is_flat = aside.abs() < FLAT;
+                if is_flat { DVec3::ZERO } else { normal * aside.signum() }
             };
             let [p, q, r, s] = [(a, b), (b, c), (c, d), (d, a)].map(side);
             let inwards = [p, q, r, s, middle];
-            let pyramid = Pyramid { tip, inwards, margin };
-            if pyramid.sees(intersector) {
+            // Ask the hierarchy for a triangle inside
+            let is_beside = |extent: [f64; 5]| {
+                let beyond =
+                    |k: usize| extent[k] - inwards[k].dot(tip) < -margin;
+                (0..5).any(beyond)
+            };
+            let box_extent = |low: DVec3, high: DVec3| {
+                inwards.map(|n| (n * low).max(n * high).element_sum())
+            };
+            let extent = |corners: &Triangle| {
+                let along = |n: DVec3| corners.map(|corner| n.dot(corner));
+                inwards.map(|n| {
+                    along(n).into_iter().fold(f64::NEG_INFINITY, f64::max)
+                })
+            };
+            let is_seen = intersector.any_triangle(
+                |low, high| !is_beside(box_extent(low, high)),
+                |corners| !is_beside(extent(corners)),
+            );
+            if is_seen {
                 return TileContent::Scene;
             }
             // See whether the sky is constant
@@ -143,26 +129,13 @@ impl KnownPixels {
                 true => TileContent::Constant(light[0]),
                 false => TileContent::Sky,
             }
-        };
-        let places = (0..columns * rows).into_par_iter();
-        Self { columns, tiles: places.map(content).collect() }
+        })
     }
 
-    /// How many tiles there are, how many of them see no triangle, and how
-    /// many pixels those have in an image of this width and height.
-    pub fn count(
-        &self,
-        (width, height): (u32, u32),
-    ) -> (usize, usize, u64) {
-        let tiles = self.tiles.iter().zip(0..);
-        let empty = tiles.filter(|(tile, _)| **tile != TileContent::Scene);
-        let pixels = |(_, i): (&TileContent, u32)| {
-            let corner = (i % self.columns * SIDE, i / self.columns * SIDE);
-            let width = (width - corner.0).min(SIDE);
-            u64::from(width) * u64::from((height - corner.1).min(SIDE))
-        };
-        let pixels = empty.clone().map(pixels).sum();
-        (self.tiles.len(), empty.count(), pixels)
+    /// How many tiles see no triangle, and how many there are.
+    pub fn count(&self) -> (usize, usize) {
+        let empty = self.tiles.iter().filter(|&t| *t != TileContent::Scene);
+        (empty.count(), self.tiles.len())
     }
 }
 

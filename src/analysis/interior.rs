@@ -3,15 +3,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Whether the camera is inside a closed surface.
 //!
-//! That is decided by exact predicates.
-
-use std::collections::HashSet;
+//! That is decided by signs that rounding cannot change.
 
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
-use robust::{Coord, Coord3D, orient2d, orient3d};
 
 use crate::bvh::Intersector;
 use crate::numerics::cross;
@@ -34,37 +31,30 @@ pub fn lets_out(
 /// Rays that are tried.
 const RAYS: usize = 4096;
 
-/// Whether a line from a point in the direction of the first axis crosses
-/// the edge from `a` to `b`, seen along the third.
-fn is_crossed(a: DVec3, b: DVec3, point: DVec3) -> bool {
-    if (a.y > point.y) == (b.y > point.y) {
-        return false;
-    }
-    let (low, high) = if a.y < b.y { (a, b) } else { (b, a) };
-    orient2d(flat(low), flat(high), flat(point)) >= 0.
-}
-
-/// A point as it is seen along the third axis.
-fn flat(DVec3 { x, y, .. }: DVec3) -> Coord<f64> {
-    Coord { x, y }
-}
-
-/// How a triangle lies to a point: positive above it, negative below, zero
-/// so close that it cannot be told; none if it is neither above nor below.
-fn height(&[a, b, c]: &Triangle, point: DVec3) -> Option<f64> {
+/// Whether a half line from a point crosses a triangle: positive if so,
+/// negative if its extension does, zero if it cannot be told.
+fn crossing(&[a, b, c]: &Triangle, point: DVec3) -> Option<f64> {
     if is_touched([a, b, c], point) {
         return Some(0.);
     }
-    let edges = [(a, b), (b, c), (c, a)];
-    let crossed = |&(a, b): &(DVec3, DVec3)| is_crossed(a, b, point);
-    let is_in = edges.into_iter().filter(crossed).count() % 2 == 1;
-    is_in.then(|| {
-        let turn = orient2d(flat(a), flat(b), flat(c));
-        let coord = |DVec3 { x, y, z }: DVec3| Coord3D { x, y, z };
-        let [a, b, c, p] = [a, b, c, point].map(coord);
-        orient3d(a, b, c, p) * turn.signum()
-    })
+    let [a, b, c] = [a, b, c].map(|corner| corner - point);
+    let volume = |p: DVec3, q: DVec3, r: DVec3| {
+        let volume = cross(p, q).dot(r);
+        let size = p.length() * q.length() * r.length();
+        if volume.abs() > CLEAR * size { volume.signum() } else { 0. }
+    };
+    let sides = [(a, b), (b, c), (c, a)];
+    let [x, y, z] = sides.map(|(p, q)| volume(p, q, AHEAD));
+    let passes = x.min(y).min(z) < 0. && x.max(y).max(z) > 0.;
+    (!passes).then(|| x * y * z * volume(a, b, c))
 }
+
+/// The direction of the half line.
+const AHEAD: DVec3 = DVec3::new(0.141_592_7, 0.653_589_8, 0.793_238_5);
+
+/// More than this part of the product of three lengths has a certain sign:
+/// 2^-40.
+const CLEAR: f64 = 1. / (1u64 << 40) as f64;
 
 /// Whether a point is hardly away from a triangle, or on it.
 fn is_touched([a, b, c]: [DVec3; 3], point: DVec3) -> bool {
@@ -80,45 +70,11 @@ fn is_touched([a, b, c]: [DVec3; 3], point: DVec3) -> bool {
 /// Closer than this counts as touching: 2^-20.
 const SLACK: f64 = 1. / (1 << 20) as f64;
 
-/// The numbers of the triangles above a point; or else that of one so
-/// close that it cannot be told on which side of it the point is.
-pub fn above(
-    triangles: &[Triangle],
-    point: DVec3,
-) -> Result<Vec<u32>, u32> {
-    let numbers = (0..triangles.len() as u32).into_par_iter();
-    let height = |i| Some((height(&triangles[i as usize], point)?, i));
-    let heights: Vec<_> = numbers.filter_map(height).collect();
-    if let Some(&(_, i)) = heights.iter().find(|height| height.0 == 0.) {
-        return Err(i);
-    }
-    let above = heights.into_iter().filter(|height| height.0 > 0.);
-    Ok(above.map(|(_, i)| i).collect())
-}
-
-/// The edges of all triangles: a number, the triangle, and which of its
-/// three edges.
-fn edges(triangles: &[Triangle]) -> Vec<(u64, u32)> {
-    let edge = |i: usize| {
-        let number = move |k: u32| 4 * i as u32 + k;
-        let [a, b, c] = triangles[i].each_ref().map(scattered);
-        [(a, b), (b, c), (c, a)]
-            .map(|(a, b)| a.wrapping_add(b))
-            .into_iter()
-            .zip((0..3).map(number))
-    };
-    let all = (0..triangles.len()).into_par_iter();
-    let mut edges: Vec<_> = all.flat_map_iter(edge).collect();
-    edges.par_sort_unstable();
-    edges
-}
-
 /// The triangle that stands for the part of `i`.
 fn find(part: &mut [u32], mut i: u32) -> u32 {
     while part[i as usize] != i {
-        let next = part[part[i as usize] as usize];
-        part[i as usize] = next;
-        i = next;
+        part[i as usize] = part[part[i as usize] as usize];
+        i = part[i as usize];
     }
     i
 }
@@ -131,35 +87,39 @@ pub fn is_inside(
     triangles: &[Triangle],
     point: DVec3,
 ) -> Result<bool, u32> {
-    let above = above(triangles, point)?;
-    if above.is_empty() {
-        return Ok(false);
+    let numbers = (0..triangles.len() as u32).into_par_iter();
+    let crossing = |i| Some((crossing(&triangles[i as usize], point)?, i));
+    let crossed: Vec<_> = numbers.filter_map(crossing).collect();
+    if let Some(&(_, i)) = crossed.iter().find(|(sign, _)| *sign == 0.) {
+        return Err(i);
     }
+    let ahead = crossed.into_iter().filter(|(sign, _)| *sign > 0.);
     let mut part: Vec<_> = (0..triangles.len() as u32).collect();
     let (part, mut open) = (&mut part[..], vec![]);
-    for equal in edges(triangles).chunk_by(|a, b| a.0 == b.0) {
+    // Sort the edges by their ends
+    let ends = |&edge: &u32| {
+        let corners = triangles[edge as usize / 3].map(|p| p.to_array());
+        let k = edge as usize % 3;
+        let (p, q) = (corners[k], corners[(k + 1) % 3]);
+        if p < q { [p, q] } else { [q, p] }
+    };
+    let key = |edge: &u32| {
+        let [p, q] = ends(edge).map(|end| scattered(&end.into()));
+        p.wrapping_add(q)
+    };
+    let mut edges: Vec<_> = (0..3 * triangles.len() as u32).collect();
+    edges.par_sort_by_cached_key(key);
+    for equal in edges.chunk_by(|a, b| ends(a) == ends(b)) {
         // Unite the triangles of equal edges
-        let first = equal[0].1 / 4;
-        // Find the ends of an edge
-        let ends = |edge: &(u64, u32)| {
-            let [a, b, c] = triangles[edge.1 as usize / 4];
-            let (p, q) = [(a, b), (b, c), (c, a)][edge.1 as usize % 4];
-            let (p, q) = (p.to_array(), q.to_array());
-            if p < q { (p, q) } else { (q, p) }
-        };
-        let alike = equal.iter().all(|edge| ends(edge) == ends(&equal[0]));
-        if !alike || equal.len() % 2 != 0 {
-            open.extend(equal.iter().map(|edge| edge.1 / 4));
-        }
-        for edge in equal.iter().filter(|_| alike) {
-            let (a, b) = (find(part, first), find(part, edge.1 / 4));
+        let first = equal[0] / 3;
+        open.extend((equal.len() % 2 == 1).then_some(first));
+        for edge in equal {
+            let (a, b) = (find(part, first), find(part, edge / 3));
             part[a.max(b) as usize] = a.min(b);
         }
     }
-    let open = open.into_iter().map(|i| find(part, i));
-    let open: HashSet<_> = open.collect();
-    let names = above.into_iter().map(|i| find(part, i));
-    let mut names: Vec<_> = names.filter(|i| !open.contains(i)).collect();
-    names.sort_unstable();
-    Ok(names.chunk_by(|a, b| a == b).any(|same| same.len() % 2 == 1))
+    let mut is_odd = vec![false; part.len()];
+    ahead.for_each(|(_, i)| is_odd[find(part, i) as usize] ^= true);
+    open.iter().for_each(|&i| is_odd[find(part, i) as usize] = false);
+    Ok(is_odd.contains(&true))
 }

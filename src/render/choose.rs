@@ -147,7 +147,6 @@ impl<'a> Setup<'a> {
         let &Self { intersector, inquiry, analysis } = self;
         let &Sampling { seed, replicate, training, .. } = sampling;
         let mut paths = PathTracer::new(inquiry.albedo, inquiry.sky);
-        paths.is_black = analysis.is_black;
         match sampling.method {
             Method::Reference => {
                 self.job(paths, IndependentSampler::new(seed))

@@ -52,13 +52,10 @@ const fn sums() -> [[[[u32; 2]; 2]; 1 << CHUNK]; CHUNKS] {
     while k < (4 * CHUNKS) << CHUNK {
         // Sum the columns of a dimension and a chunk
         let (d, i, chunk) = (k % 4, k / 4 % 64, k / 256);
-        let mut bit = 0;
-        while bit < CHUNK {
-            if i >> bit & 1 == 1 {
-                let column = column(d as u32, CHUNK * chunk as u32 + bit);
-                sums[chunk][i][d / 2][d % 2] ^= column;
-            }
-            bit += 1;
+        if i > 0 {
+            let bit = CHUNK * chunk as u32 + i.trailing_zeros();
+            let less = sums[chunk][i & (i - 1)][d / 2][d % 2];
+            sums[chunk][i][d / 2][d % 2] = less ^ column(d as u32, bit);
         }
         k += 1;
     }
@@ -67,20 +64,10 @@ const fn sums() -> [[[[u32; 2]; 2]; 1 << CHUNK]; CHUNKS] {
 
 /// Which of three digits to flip: by the seven bits that a tree of three
 /// levels has, and by the digits.
-static FLIPS: [[u8; 8]; 128] = flips();
-
-const fn flips() -> [[u8; 8]; 128] {
-    let mut flips = [[0; 8]; 128];
-    let mut k = 0;
-    while k < 8 * 128 {
-        let (tree, x) = (k / 8, k % 8);
-        let first = tree & 1;
-        let second = tree >> (1 + (x >> 2)) & 1;
-        let third = tree >> (3 + (x >> 1)) & 1;
-        flips[tree][x] = (first << 2 | second << 1 | third) as u8;
-        k += 1;
-    }
-    flips
+#[inline(always)]
+fn flip_three(tree: u64, digits: u32) -> u32 {
+    let bit = |node: u32| (tree >> node) as u32 & 1;
+    bit(0) << 2 | bit(1 + (digits >> 2)) << 1 | bit(3 + (digits >> 1))
 }
 
 /// Which of six digits to flip: by the 63 bits that a tree of six levels
@@ -88,10 +75,8 @@ const fn flips() -> [[u8; 8]; 128] {
 #[inline(always)]
 fn flip(tree: u64, digits: u32) -> u32 {
     let (high, low) = (digits >> 3, digits & 7);
-    let three = |tree: u64, digits: u32| {
-        u32::from(FLIPS[tree as usize & 127][digits as usize & 7])
-    };
-    three(tree, high) << 3 | three(tree >> (7 + 7 * high), low)
+    let lower = flip_three(tree >> (7 + 7 * high), low);
+    flip_three(tree, high) << 3 | lower
 }
 
 /// The key of a scramble, from its number and that of a pixel.

@@ -4,16 +4,15 @@
 //! From the text of a Wavefront OBJ to a mesh.
 
 use std::borrow::Cow;
-use std::iter::from_fn;
 use std::str::SplitWhitespace;
 
 use glam::DVec3;
-use memchr::{memchr, memchr2};
+use memchr::{memchr, memchr2, memchr2_iter, memchr3_iter};
 use rayon::prelude::*;
 
 use super::encoding;
 use super::mesh::Mesh;
-use super::polygons::{self, Oddity};
+use super::polygons;
 
 /// Reads the mesh that the bytes `source` of a Wavefront OBJ describe,
 /// which may be compressed.
@@ -26,34 +25,27 @@ use super::polygons::{self, Oddity};
 /// compressed files that are damaged.
 pub fn read_obj(source: &[u8]) -> Result<Mesh, String> {
     let read = read_file(source);
-    read.map(|(mesh, _)| mesh).map_err(|error| error.within("OBJ"))
+    read.map(|(mesh, _)| mesh).map_err(|error| format!("OBJ{error}"))
 }
 
 /// The same as `read_obj`, with warnings, made like errors: of faces that
 /// are no polygons, and of what is in the file but not in the mesh.
-pub fn read_file(source: &[u8]) -> Result<(Mesh, Vec<ObjError>), ObjError> {
+///
+/// # Errors
+/// Those of `read_obj`, to be put behind the name of the file: `:7: ` and
+/// what is wrong in line 7, or `: ` and what is wrong with all of it.
+pub fn read_file(source: &[u8]) -> Result<(Mesh, Vec<String>), String> {
     read_pieces(source, PIECE)
 }
 
 /// The size of a piece of the text.
 const PIECE: usize = 1 << 20;
 
-/// Looks at the beginning of an OBJ that may have no end.
-///
-/// # Errors
-/// A zero byte, a faulty line, or no vertex.
-pub fn begins_obj(start: &[u8]) -> Result<(), ObjError> {
-    if encoding::format(start).is_some() {
-        return Ok(());
-    }
-    let start = plain(start)?;
-    let last = cut(start, PIECE).pop().unwrap_or_default();
-    let piece = &start[..start.len() - last.len()];
-    let mesh = read_piece(piece, 0, [0, i64::MAX as usize])?;
-    let size = start.len().div_ceil(1 << 20);
-    let none = || format!("no vertex in the first {size} MiB");
-    let first = mesh.vertices.first().map(drop);
-    first.ok_or_else(|| ObjError::whole(none()))
+/// Whether the beginning of a file may be that of an OBJ: it has a vertex,
+/// or is packed.
+pub fn begins_obj(start: &[u8]) -> bool {
+    let is_packed = encoding::format(start).is_some();
+    is_packed || lines(start).any(|line| name(line) == b"v")
 }
 
 /// The same as `read_file`, whatever the number of bytes `size` after which
@@ -61,38 +53,36 @@ pub fn begins_obj(start: &[u8]) -> Result<(), ObjError> {
 pub fn read_pieces(
     source: &[u8],
     size: usize,
-) -> Result<(Mesh, Vec<ObjError>), ObjError> {
+) -> Result<(Mesh, Vec<String>), String> {
     let mut warnings = vec![];
-    let warn = &mut |what: &str| warnings.push(ObjError::whole(what));
-    let text = encoding::text(source, warn).map_err(ObjError::whole)?;
+    let text = encoding::text(source, &mut warnings)?;
     if text.is_empty() {
-        let what = "the file is empty; an OBJ was expected";
-        return Err(ObjError::whole(what));
+        return Err(": the file is empty; an OBJ was expected".to_owned());
     }
-    let source = plain(&text)?;
-    let pieces = cut(source, size);
+    let text = &join(plain(&text)?);
+    let pieces = cut(text, size);
     // Count what comes before each piece
-    let counts: Vec<_> = pieces.par_iter().map(|p| count(p)).collect();
-    let (mut vertices, mut lines, mut unused, mut first) = (0, 0, 0, None);
-    let mut before = Vec::with_capacity(counts.len());
-    for (more, part) in counts {
-        before.push((vertices, lines));
-        first = first.or(part.first.map(|(at, word)| (lines + at, word)));
-        unused += part.unused;
-        vertices += more;
-        lines += part.line;
-    }
-    countable(vertices, "vertices", u32::MAX)?;
-    warnings.extend(first.map(|(line, word)| {
-        let what = "statements that are not rendered";
-        ObjError::new(line, format!("{word}, the first of {unused} {what}"))
-    }));
-    // Read each piece into a mesh
-    let read = |(piece, &(first, line)): (&&[u8], &(usize, usize))| {
-        read_piece(piece, line, [first, vertices])
+    let counts = pieces.par_iter().map(|piece| count(piece));
+    let (counts, unused): (Vec<_>, Vec<_>) = counts.unzip();
+    let mut total = 0;
+    let sum = |n: usize| {
+        total += n;
+        total - n
     };
-    let parts: Vec<_> = pieces.par_iter().zip(&before).map(read).collect();
-    let parts = parts.into_iter().collect::<Result<Vec<_>, _>>()?;
+    let before: Vec<usize> = counts.into_iter().map(sum).collect();
+    let unused = unused.concat();
+    if let Some(&first) = unused.first() {
+        let name = name(first);
+        let name = String::from_utf8_lossy(&name[..name.len().min(40)]);
+        let what = "statements that are not rendered";
+        let what = format!("{name}, the first of {} {what}", unused.len());
+        warnings.push(at(text, first, &what));
+    }
+    // Read each piece into a mesh
+    let read = |(&piece, first)| read_piece(piece, [first, total]);
+    let parts: Vec<_> = pieces.par_iter().zip(before).map(read).collect();
+    let parts = parts.into_iter().collect::<Result<Vec<_>, _>>();
+    let parts = parts.map_err(|(line, what)| at(text, line, &what))?;
     // Put the meshes one behind the other
     let (mut joined, mut first) = (vec![], 0);
     for part in &parts {
@@ -103,39 +93,32 @@ pub fn read_pieces(
     let (vertices, triangles): (Vec<_>, Vec<_>) = parts.unzip();
     let (vertices, triangles) =
         rayon::join(|| append(vertices), || append(triangles));
-    countable(triangles.len(), "triangles", MOST)?;
+    countable(vertices.len().max(triangles.len()))?;
     if triangles.is_empty() {
-        return Err(ObjError::whole("no face, hence nothing to render"));
+        return Err(": no face, hence nothing to render".to_owned());
     }
     let mut mesh = Mesh { vertices, triangles, joined };
-    warnings.extend(set_aside(source, &mut mesh)?);
+    warnings.extend(set_aside(text, &mut mesh)?);
     // Fill the faces, and warn of odd ones
     let Mesh { vertices, triangles, joined } = &mut mesh;
     let odd = polygons::fill(vertices, triangles, joined);
-    countable(triangles.len(), "triangles", MOST)?;
-    if let Some(&(face, _)) = odd.first() {
-        let crossed = odd.iter().filter(|odd| odd.1 == Oddity::Crossed);
-        let (n, crossed) = (odd.len(), crossed.count());
-        let what = format!(
-            "the first of {n} odd faces ({} bent, {crossed} crossed); \
-             other programs may fill them differently",
-            n - crossed
-        );
-        let (line, _) = find(source, b"f", face as usize);
-        warnings.push(ObjError::new(line, what));
+    if let Some(&face) = odd.first() {
+        let what =
+            "odd faces, bent or crossed; other programs may fill them";
+        let what = format!("the first of {} {what} differently", odd.len());
+        warnings.push(at(text, find(text, b"f", face as usize), &what));
     }
     Ok((mesh, warnings))
 }
 
 /// The text without zeros, marks and blanks behind it, if there is text.
-fn plain(source: &[u8]) -> Result<&[u8], ObjError> {
+fn plain(source: &[u8]) -> Result<&[u8], String> {
     let pads = |c: &u8| matches!(*c, 0 | END) || c.is_ascii_whitespace();
     let end = source.iter().rposition(|c| !pads(c));
     let source = &source[..end.map_or(source.len(), |last| last + 1)];
-    let Some(at) = memchr(0, source) else { return Ok(source) };
-    let line = 1 + count(&source[..at]).1.line;
+    let Some(zero) = memchr(0, source) else { return Ok(source) };
     let what = "a zero byte: this is a binary file, not an OBJ";
-    Err(ObjError::new(line, what))
+    Err(at(source, &source[..zero], what))
 }
 
 /// Ctrl-Z, the end of a text under CP/M and DOS.
@@ -146,34 +129,33 @@ const END: u8 = 0x1a;
 /// # Errors
 /// One of them is a corner of a face.
 fn set_aside(
-    source: &[u8],
-    mesh: &mut Mesh,
-) -> Result<Option<ObjError>, ObjError> {
-    let Mesh { vertices, triangles, joined } = mesh;
+    text: &[u8],
+    Mesh { vertices, triangles, joined }: &mut Mesh,
+) -> Result<Option<String>, String> {
     let wrong = vertices.par_iter().positions(|p| !p.is_finite());
     let wrong: Vec<_> = wrong.collect();
     let Some(&first) = wrong.first() else { return Ok(None) };
-    let bad = |i: &u32| !vertices[*i as usize].is_finite();
-    if let Some(t) = triangles.iter().position(|t| t.iter().any(bad)) {
-        let face = t - joined.partition_point(|&i| i as usize <= t);
-        let corner = triangles[t].into_iter().find(bad).unwrap_or_default();
-        let (line, text) = find(source, b"v", corner as usize);
-        let what = format!("a corner is not finite: line {line} is {text}");
-        return Err(ObjError::new(find(source, b"f", face).0, what));
+    let corners = triangles.as_flattened();
+    let bad = |&i: &u32| !vertices[i as usize].is_finite();
+    if let Some(k) = corners.iter().position(bad) {
+        let face = k / 3 - joined.partition_point(|&i| i as usize <= k / 3);
+        let vertex = find(text, b"v", corners[k] as usize);
+        let what =
+            String::from_utf8_lossy(vertex).replace(BREAK as char, "");
+        let line = number(text, vertex);
+        let what = format!("a corner is not finite: line {line} is {what}");
+        return Err(at(text, find(text, b"f", face), &what));
     }
     wrong.iter().for_each(|&i| vertices[i] = DVec3::ZERO);
-    let (line, _) = find(source, b"v", first);
     let what = "vertices that are not finite, and in no face";
     let what = format!("the first of {} {what}", wrong.len());
-    Ok(Some(ObjError::new(line, what)))
+    Ok(Some(at(text, find(text, b"v", first), &what)))
 }
 
-/// The line and the text of the statement `name` with a number from 0.
-fn find(source: &[u8], name: &[u8], number: usize) -> (usize, String) {
-    let mut statements = Statements::of(source);
-    let mut all = statements.by_ref().filter(|s| s.starts_with(name));
-    let text = all.nth(number).unwrap_or_default();
-    (statements.line, String::from_utf8_lossy(&text).into_owned())
+/// The statement of this name with a number from 0.
+fn find<'a>(text: &'a [u8], named: &[u8], number: usize) -> &'a [u8] {
+    let mut all = lines(text).filter(|line| name(line) == named);
+    all.nth(number).unwrap_or(text)
 }
 
 /// The elements of all `parts`, in order, in just enough memory.
@@ -184,103 +166,82 @@ fn append<T>(parts: Vec<Vec<T>>) -> Vec<T> {
 }
 
 /// Refuses more elements than can be named.
-fn countable(n: usize, what: &str, most: u32) -> Result<(), ObjError> {
-    let what = format!("{n} {what}, of which only {most} can be numbered");
-    let is_few = n as u64 <= u64::from(most);
-    is_few.then_some(()).ok_or_else(|| ObjError::whole(what))
+fn countable(n: usize) -> Result<(), String> {
+    let what = "vertices or triangles, of which only";
+    let what = format!(": {n} {what} {MOST} can be numbered");
+    (n <= MOST).then_some(()).ok_or(what)
 }
 
-/// Triangles at most: a leaf has 30 bits for the number of a face.
-const MOST: u32 = 1 << 30;
+/// Of each at most: a leaf has 30 bits for the number of a face.
+const MOST: usize = 1 << 30;
 
 #[cfg(test)]
 #[path = "../../tests/units/obj.rs"]
 mod tests;
 
-/// The statements of a text that give vertices and faces, one by one.
-struct Statements<'a> {
-    /// What was not yet looked at.
-    rest: &'a [u8],
-    /// Number of lines looked at; that of the statement's last line.
-    line: usize,
-    /// Statements without use; the line and the name of the first.
-    unused: usize,
-    first: Option<(usize, String)>,
+/// The lines of a text, without the blanks and marks around them.
+fn lines(text: &[u8]) -> impl Iterator<Item = &[u8]> {
+    let mut start = 0;
+    let ends = memchr2_iter(b'\n', b'\r', text).chain([text.len()]);
+    ends.map(move |end| {
+        let mut line = &text[start..end];
+        start = end + 1;
+        while let [0xef, 0xbb, 0xbf, rest @ ..] | [END, rest @ ..] = line {
+            line = rest;
+        }
+        line.trim_ascii()
+    })
 }
 
-impl<'a> Statements<'a> {
-    fn of(rest: &'a [u8]) -> Self {
-        Self { rest, line: 0, unused: 0, first: None }
-    }
-
-    /// The next line, without its end and the blanks and marks around it.
-    fn line(&mut self) -> Option<&'a [u8]> {
-        if self.rest.is_empty() {
-            return None;
-        }
-        let end = memchr2(b'\n', b'\r', self.rest);
-        let end = end.unwrap_or(self.rest.len());
-        let (mut line, rest) = self.rest.split_at(end);
-        let ([b'\r', b'\n', rest @ ..] | [_, rest @ ..] | rest) = rest;
-        (self.rest, self.line) = (rest, self.line + 1);
-        while let [0xef, 0xbb, 0xbf, text @ ..] | [END, text @ ..] = line {
-            line = text;
-        }
-        Some(line.trim_ascii())
-    }
-
-    /// The line `first` and what continues it.
-    fn join(&mut self, first: &'a [u8]) -> Vec<u8> {
-        let (mut whole, mut line) = (first.to_vec(), first);
-        while line.ends_with(b"\\") && !line.contains(&b'#') {
-            while let Some(b'\\' | b' ' | b'\t') = whole.last() {
-                whole.pop();
-            }
-            if !goes_on(self.rest) {
-                break;
-            }
-            whole.push(b' ');
-            let mut lines = from_fn(|| self.line());
-            line = lines.find(|line| !line.is_empty()).unwrap_or_default();
-            whole.extend_from_slice(line);
-        }
-        whole
-    }
-}
-
-/// Whether a text begins as a line does that continues another.
-fn goes_on(text: &[u8]) -> bool {
-    let start = text.trim_ascii_start().first();
-    matches!(start, Some(b'0'..=b'9' | b'-' | b'+' | b'.' | b'\\'))
-}
-
-impl<'a> Iterator for Statements<'a> {
-    type Item = Cow<'a, [u8]>;
-
-    fn next(&mut self) -> Option<Cow<'a, [u8]>> {
-        loop {
-            let line = self.line()?;
-            let whole = match line {
-                [.., b'\\'] => Cow::Owned(self.join(line)),
-                _ => Cow::Borrowed(line),
-            };
-            let name = whole.split(u8::is_ascii_whitespace).next();
-            match name.unwrap_or_default() {
-                b"v" | b"f" => return Some(whole),
-                // Pass a statement by
-                b"" | b"vt" | b"vn" | [b'#', ..] => {}
-                other
-                    if SILENT.split(' ').any(|s| s.as_bytes() == other) => {
-                }
-                other => {
-                    let name = &other[..other.len().min(40)];
-                    let name = String::from_utf8_lossy(name).into_owned();
-                    self.first.get_or_insert((self.line, name));
-                    self.unused += 1;
-                }
+/// The text with each statement in a line of its own.
+fn join(source: &[u8]) -> Cow<'_, [u8]> {
+    let (mut text, mut end) = (Cow::Borrowed(source), 0);
+    while let Some(n) = memchr(b'\\', &source[end..]) {
+        let start = end + n;
+        let is_gap = |c: &&u8| **c == b'\\' || c.is_ascii_whitespace();
+        end = start + source[start..].iter().take_while(is_gap).count();
+        let is_end = |c: &u8| matches!(c, b'\n' | b'\r');
+        let mut before = source[..start].rsplit(is_end);
+        let ends =
+            end == source.len() || source[start..end].iter().any(is_end);
+        if ends && before.next().is_none_or(|line| !line.contains(&b'#')) {
+            // Fill the gap between the lines of a statement
+            let next = source.get(end);
+            let goes_on =
+                next.is_some_and(|c| b"0123456789-+.".contains(c));
+            for i in start..end {
+                text.to_mut()[i] = match source[i] {
+                    b'\\' => b' ',
+                    b'\r' if source[i..].starts_with(b"\r\n") => b' ',
+                    b'\r' | b'\n' if goes_on => BREAK,
+                    other => other,
+                };
             }
         }
     }
+    text
+}
+
+/// Stands for the end of a line within a statement.
+const BREAK: u8 = b'\x0b';
+
+/// The number of vertices, and the statements without use.
+fn count(piece: &[u8]) -> (usize, Vec<&[u8]>) {
+    let (mut vertices, mut unused) = (0, vec![]);
+    for line in lines(piece) {
+        match name(line) {
+            b"v" => vertices += 1,
+            b"f" | b"" | b"vt" | b"vn" | [b'#', ..] => {}
+            other if SILENT.split(' ').any(|s| s.as_bytes() == other) => {}
+            _ => unused.push(line),
+        }
+    }
+    (vertices, unused)
+}
+
+/// The first word of a statement.
+fn name(line: &[u8]) -> &[u8] {
+    line.split(u8::is_ascii_whitespace).next().unwrap_or_default()
 }
 
 /// Statements that say how faces look or are called, or belong to a shape
@@ -289,49 +250,33 @@ const SILENT: &str = "g o s usemtl mtllib vp mg lod shadow_obj trace_obj \
     bevel c_interp d_interp maplib usemap ctech stech deg bmat step parm \
     trim hole scrv sp end con";
 
-/// The text in pieces, each of whole statements and, but for the last,
-/// longer than `size` bytes.
-fn cut(mut source: &[u8], size: usize) -> Vec<&[u8]> {
-    let mut pieces = Vec::new();
-    while !source.is_empty() {
-        let mut rest = &source[size.min(source.len())..];
-        loop {
-            let end = memchr2(b'\n', b'\r', rest).unwrap_or(rest.len());
-            rest = rest[end..].trim_ascii_start();
-            if !goes_on(rest) {
-                break;
-            }
-        }
-        let (piece, after) = source.split_at(source.len() - rest.len());
-        pieces.push(piece);
-        source = after;
+/// The text in pieces, each of whole lines and, but for the last, longer
+/// than `size` bytes.
+fn cut(mut text: &[u8], size: usize) -> Vec<&[u8]> {
+    let mut pieces = vec![];
+    while !text.is_empty() {
+        let least = size.min(text.len());
+        let end = memchr2(b'\n', b'\r', &text[least..]);
+        let end = end.map_or(text.len(), |n| least + n + 1);
+        pieces.extend(text.split_off(..end));
     }
     pieces
 }
 
-/// The number of vertices in a piece, and its statements at their end.
-fn count(piece: &[u8]) -> (usize, Statements<'_>) {
-    let mut all = Statements::of(piece);
-    let vertices = all.by_ref().filter(|s| s.starts_with(b"v")).count();
-    // A line that the next piece has as well is counted there.
-    let is_within = |&last| !matches!(last, b'\n' | b'\r');
-    all.line -= usize::from(piece.last().is_some_and(is_within));
-    (vertices, all)
-}
-
-/// The mesh of a piece that follows so many `lines` and vertices, the first
-/// of two numbers; the second is that of all vertices.
+/// The mesh of a piece that follows so many vertices, the first of two
+/// numbers; the second is that of all vertices.
+///
+/// # Errors
+/// The line at fault, and what is wrong with it.
 fn read_piece(
     piece: &[u8],
-    lines: usize,
     [first, total]: [usize; 2],
-) -> Result<Mesh, ObjError> {
+) -> Result<Mesh, (&[u8], String)> {
     let mut mesh = Mesh::default();
-    let mut statements = Statements::of(piece);
-    while let Some(text) = statements.next() {
+    for line in lines(piece) {
         let vertices = [first + mesh.vertices.len(), total];
-        read_statement(&text, vertices, &mut mesh)
-            .map_err(|what| ObjError::new(lines + statements.line, what))?;
+        read_statement(line, vertices, &mut mesh)
+            .map_err(|what| (line, what))?;
     }
     Ok(mesh)
 }
@@ -341,6 +286,9 @@ fn read_statement(
     vertices: [usize; 2],
     mesh: &mut Mesh,
 ) -> Result<(), String> {
+    if !matches!(name(text), b"v" | b"f") {
+        return Ok(());
+    }
     let end = memchr(b'#', text).unwrap_or(text.len());
     let text =
         str::from_utf8(&text[..end]).map_err(|_| "not UTF-8 text")?;
@@ -414,34 +362,20 @@ fn read_corner(
     }
 }
 
-/// Why a text is not the OBJ of a mesh.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct ObjError {
-    /// The line at fault, from 1; none if the whole file is.
-    pub line: Option<usize>,
-    /// What is wrong with it.
-    pub what: String,
+/// The number, from 1, of the last line in which `line`, a part of `text`,
+/// stands.
+fn number(text: &[u8], line: &[u8]) -> usize {
+    let end = line.as_ptr_range().end.addr() - text.as_ptr().addr();
+    let ends = memchr3_iter(b'\n', b'\r', BREAK, &text[..end]);
+    1 + ends.filter(|&i| !text[i..].starts_with(b"\r\n")).count()
 }
 
-impl ObjError {
-    fn new(line: usize, what: impl AsRef<str>) -> Self {
-        let shown = |c: char| match c {
-            '"' | '\'' | '\\' => c.to_string(),
-            _ => c.escape_debug().to_string(),
-        };
-        let what = what.as_ref().chars().map(shown).collect();
-        Self { line: Some(line), what }
-    }
-
-    fn whole(what: impl Into<String>) -> Self {
-        Self { line: None, what: what.into() }
-    }
-
-    /// The error as one line, after the name of the file.
-    pub fn within(&self, name: &str) -> String {
-        match self.line {
-            Some(line) => format!("{name}:{line}: {}", self.what),
-            None => format!("{name}: {}", self.what),
-        }
-    }
+/// What is wrong with a line, as it follows the name of the file.
+fn at(text: &[u8], line: &[u8], what: &str) -> String {
+    let shown = |c: char| match c {
+        '"' | '\'' | '\\' => c.to_string(),
+        _ => c.escape_debug().to_string(),
+    };
+    let what: String = what.chars().map(shown).collect();
+    format!(":{}: {what}", number(text, line))
 }

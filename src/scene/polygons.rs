@@ -14,12 +14,13 @@ use spade::{
 use crate::numerics::{cross, exponent, shift};
 
 /// Replaces the fans that do not fill their faces; returns the numbers
-/// of the faces that are odd, from 0.
+/// of the faces that are odd, from 0: bent, their corners far from a common
+/// plane, or crossed, their outlines crossing themselves.
 pub fn fill(
     vertices: &[DVec3],
     triangles: &mut Vec<[u32; 3]>,
     joined: &mut Vec<u32>,
-) -> Vec<(u32, Oddity)> {
+) -> Vec<u32> {
     let look = |group: &[u32]| {
         let first = group[0] - 1;
         let fan = &triangles[first as usize..=first as usize + group.len()];
@@ -29,24 +30,15 @@ pub fn fill(
     let groups = joined.par_chunk_by(|a, b| a + 1 == *b);
     let judged: Vec<_> = groups.filter_map(look).collect();
     let (mut odd, mut new) = (vec![], vec![]);
-    for (first, count, (cut, oddity)) in judged {
-        let before = || joined.partition_point(|&i| i < first) as u32;
-        odd.extend(oddity.map(|oddity| (first - before(), oddity)));
+    for (first, count, (cut, is_odd)) in judged {
+        let face = || first - joined.partition_point(|&i| i < first) as u32;
+        odd.extend(is_odd.then(face));
         new.extend(cut.map(|cut| (first as usize, count, cut)));
     }
     if !new.is_empty() {
         (*triangles, *joined) = replace(triangles, joined, &new);
     }
     odd
-}
-
-/// What keeps a face from being a polygon.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Oddity {
-    /// Its corners lie far from a common plane.
-    Bent,
-    /// Its outline crosses itself.
-    Crossed,
 }
 
 /// The first triangle of a face, how many it has, and what replaces them.
@@ -83,23 +75,12 @@ fn is_plain(fan: &[[u32; 3]], vertices: &[DVec3]) -> bool {
     product > 0. && product * product > 0.99 * both
 }
 
-/// The coordinates of a face seen from the side to which `normal` points,
-/// along the axis nearest to it.
-fn outline(points: &[DVec3], normal: DVec3) -> Vec<DVec2> {
-    let axis = normal.abs().max_position();
-    let (mut x, mut y) = ((axis + 1) % 3, (axis + 2) % 3);
-    if normal[axis] < 0. {
-        (x, y) = (y, x);
-    }
-    points.iter().map(|p| DVec2::new(p[x], p[y])).collect()
-}
-
 /// Triangles that fill the face of this fan, unless it does so itself;
-/// and what is odd about the face.
+/// and whether the face is odd.
 fn judge(
     fan: &[[u32; 3]],
     vertices: &[DVec3],
-) -> (Option<Vec<[u32; 3]>>, Option<Oddity>) {
+) -> (Option<Vec<[u32; 3]>>, bool) {
     // Scale the corners of the face
     let corners = [fan[0][0], fan[0][1]].into_iter();
     let corners: Vec<_> = corners.chain(fan.iter().map(|t| t[2])).collect();
@@ -113,22 +94,25 @@ fn judge(
     let normal: DVec3 = areas.clone().sum();
     let all: f64 = areas.map(|area| area.length()).sum();
     if normal.length() <= 1e-12 * all {
-        let is_flat = all <= 1e-15 * sides.len() as f64;
-        return (None, (!is_flat).then_some(Oddity::Crossed));
+        return (None, all > 1e-15 * sides.len() as f64);
     }
-    let outline = outline(&points, normal);
-    let bent = is_bent(&sides, normal).then_some(Oddity::Bent);
-    let filled = fills(&outline);
-    if filled && !has_seam(&sides) {
-        return (None, bent);
+    // See the face along its normal
+    let axis = normal.abs().max_position();
+    let (x, y) = ((axis + 1) % 3, (axis + 2) % 3);
+    let (x, y) = if normal[axis] < 0. { (y, x) } else { (x, y) };
+    let outline = points.iter().map(|p| DVec2::new(p[x], p[y]));
+    let outline: Vec<_> = outline.collect();
+    let is_bent = is_bent(&sides, normal);
+    let is_filled = fills(&outline);
+    if is_filled && !has_seam(&sides) {
+        return (None, is_bent);
     }
-    match triangulate(&outline, &points) {
-        None => (None, if filled { bent } else { Some(Oddity::Crossed) }),
-        Some(cut) => (
-            Some(cut.iter().map(|t| t.map(|i| corners[i])).collect()),
-            bent,
-        ),
-    }
+    let cut = triangulate(&outline, &points);
+    let is_odd = is_bent || cut.is_none() && !is_filled;
+    let named = |cut: Vec<[usize; 3]>| {
+        cut.iter().map(|t| t.map(|i| corners[i])).collect()
+    };
+    (cut.map(named), is_odd)
 }
 
 /// Whether the corners, seen from the first, are far from a plane.
@@ -209,7 +193,9 @@ fn triangulate(
         let on = |side: &_| cdt.directed_edge(*side).to().index();
         let mut on = sides.iter().map(on).map(corner);
         let (a, b) = (corner(a.index()), corner(b.index()));
-        if sides.is_empty() || !on.all(|p| is_between(a, p, b)) {
+        let beside = |p: DVec3| (b - a).cross(p - a).length();
+        let slack = ROUNDED * (b - a).length();
+        if sides.is_empty() || !on.all(|p| beside(p) <= slack) {
             return None;
         }
         for side in sides {
@@ -237,12 +223,6 @@ fn triangulate(
         waiting.extend(sides.map(|side| (side.fix().rev(), winding)));
     }
     (!triangles.is_empty()).then_some(triangles)
-}
-
-/// Whether a point is on the side from `a` to `b`, or as good as.
-fn is_between(a: DVec3, p: DVec3, b: DVec3) -> bool {
-    let (u, v) = (b - a, p - a);
-    u.cross(v).length() <= ROUNDED * u.length()
 }
 
 /// How far beside a side rounding puts a corner: less than 2^-47.

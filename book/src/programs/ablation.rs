@@ -6,7 +6,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 
 use super::Done;
-use litpt::analysis::Shortcut;
+use litpt::analysis::SHORTCUTS;
 use litpt_book::settings::{Setting, all};
 
 const DEFINITION: (u32, u32) = (160, 120);
@@ -21,15 +21,15 @@ pub fn run(arguments: &[String]) -> Done {
         eprintln!("ablation: {}", setting.name);
         let work = work(&setting);
         let found = setting.render(&[], DEFINITION, work, 0).left_out;
-        let shortcuts: Vec<_> = Shortcut::ALL
+        let shortcuts: Vec<_> = SHORTCUTS
             .into_iter()
-            .filter(|shortcut| found.iter().any(|f| f == shortcut.name()))
+            .filter(|shortcut| found.iter().any(|f| f == shortcut))
             .collect();
         for shortcut in &shortcuts {
-            row(&setting, shortcut.name(), &[*shortcut], work, rounds);
+            row(&setting, shortcut, &[*shortcut], work, rounds);
         }
         if shortcuts.len() != 1 {
-            row(&setting, "all", &Shortcut::ALL, work, rounds);
+            row(&setting, "all", &SHORTCUTS, work, rounds);
         }
     }
     Ok(())
@@ -37,7 +37,7 @@ pub fn run(arguments: &[String]) -> Done {
 
 /// Samples of each pixel that take three seconds with nothing left out.
 fn work(setting: &Setting) -> u64 {
-    let trial = setting.render(&Shortcut::ALL, DEFINITION, 4, 0);
+    let trial = setting.render(&SHORTCUTS, DEFINITION, 4, 0);
     4 * (3. / trial.seconds[1].max(1e-3)).ceil() as u64
 }
 
@@ -45,7 +45,7 @@ fn work(setting: &Setting) -> u64 {
 fn row(
     setting: &Setting,
     name: &str,
-    shortcuts: &[Shortcut],
+    shortcuts: &[&str],
     n: u64,
     rounds: usize,
 ) {

@@ -125,8 +125,7 @@ fn image(setting: &Setting, method: Method, seed: u64, n: u64) -> Film {
     let Job { intersector, .. } = setting.job(seed);
     let inquiry = setting.inquiry(resolution);
     let known = KnownPixels::default();
-    let analysis =
-        SceneAnalysis { findings: vec![], known, is_black: false };
+    let analysis = SceneAnalysis { findings: vec![], known };
     let window = Window { corner: (0, 0), size: resolution };
     // Sample as a run of this method does
     let (inquiry, analysis) = (&inquiry, &analysis);

@@ -34,7 +34,7 @@ pub fn draw(out: &mut Out) -> Done {
         let (camera, size) = (&stage.camera, stage.size);
         let known =
             KnownPixels::background(camera, sky, size, tip, &stage.bvh);
-        let (all, empty, _) = known.count(size);
+        let (empty, all) = known.count();
         out.number(&format!("tiles {name}"), "all", all as f64)?;
         out.number(&format!("tiles {name}"), "empty", empty as f64)?;
         let lit = stage.pixels(|_, hit| {
