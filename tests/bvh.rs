@@ -64,7 +64,7 @@ fn the_hierarchy_finds_what_a_loop_over_all_triangles_finds() {
         (soup(3, 5.), &BOTH, 1e-8, 0),
         (soup(500, 2.), &BOTH, 1e-8, 0),
         (cavity(0.2, 12), &BOTH, 1e-8, 0),
-        (nested(2000), &[Quality::Fast], 1e-10, 300),
+        (nested(2000), &BOTH, 1e-10, 300),
     ] {
         let scene = Scene::new(&mesh);
         let forms = forms(&scene, qualities);

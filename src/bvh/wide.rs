@@ -579,7 +579,8 @@ impl<const N: usize> Wide<N> {
         let (mut wide, mut levels) = Self::fill(group, &tree)?;
         // Balance the tree if it does not fit the stack
         let fits = |levels| N * (above + levels) + N <= STACK;
-        if !fits(levels) {
+        let share = if beyond.is_empty() { 1 } else { 2 };
+        if !fits(share * levels) {
             (wide, levels) = Self::fill(group, &balance(&tree))?;
         }
         if !fits(levels) {
