@@ -179,8 +179,8 @@ impl Bvh {
         let asked = |_: &Leaf, _, corners: &_| asked(corners);
         with_traverser!(self, traverser => {
             let wide = &traverser.wide;
-        let (all, whole) = ((0, wide.region), [DVec3::MIN, DVec3::MAX]);
-        wide.any(all, whole, &enters, &asked)
+            let all = (0, wide.region);
+            wide.any(all, [DVec3::MIN, DVec3::MAX], &enters, &asked)
         })
     }
 

@@ -18,7 +18,7 @@ use common::{BOX, Run, Scratch};
 use glam::DVec3;
 use litpt::analysis::Inquiry;
 use litpt::analysis::background::{KnownPixels, TileContent};
-use litpt::bvh::{Bvh, Isa};
+use litpt::bvh::Isa;
 use litpt::camera::{Camera, View};
 use litpt::film::{Film, Tile, WORTH};
 use litpt::image::Image;
@@ -29,7 +29,7 @@ use litpt::integrator::gather::cache::{
 use litpt::integrator::gather::guide::{
     BINS, Guide, SIDE, bin, direction, main_axis,
 };
-use litpt::integrator::gather::{Allocation, Correction, End, Tracer};
+use litpt::integrator::gather::{Allocation, Correction, End};
 use litpt::render::Renderer;
 use litpt::render_loop::{Convergence, Interrupt, Limits, Stop};
 use litpt::sampler::generator;
@@ -37,7 +37,9 @@ use litpt::sampler::sobol::{ScrambledNet, scramble_key};
 use litpt::scene::Mesh;
 use litpt::sky::Sky;
 use litpt::statistics::Accumulator;
-use litpt_book::closed_forms::{Setting, cavity, cavity_radiance, look};
+use litpt_book::closed_forms::{
+    Setting, cavity, cavity_radiance, look, tracer,
+};
 use litpt_book::settings;
 use rand::{Rng, RngExt};
 use rand_pcg::Pcg64;
@@ -460,15 +462,6 @@ impl Stage {
         }
         points
     }
-}
-
-fn tracer<'a>(
-    gather: &'a Gather<'a>,
-    cache: &'a RadianceCache,
-    allocation: &'a Allocation,
-) -> Tracer<'a, Bvh> {
-    let intersector = gather.intersector;
-    Tracer { gather, intersector, cache, allocation, rays: 0 }
 }
 
 fn even(film: &Film) -> Allocation {

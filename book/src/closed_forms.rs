@@ -19,8 +19,8 @@ use litpt::bvh::Bvh;
 use litpt::camera::{Camera, View};
 use litpt::film::Film;
 use litpt::integrator::PathTracer;
-use litpt::integrator::gather::Correction;
-use litpt::integrator::gather::Gather;
+use litpt::integrator::gather::cache::RadianceCache;
+use litpt::integrator::gather::{Allocation, Correction, Gather, Tracer};
 use litpt::numerics::{power_of_two, sincos_turns};
 use litpt::render::{Job, Renderer};
 use litpt::sampler::IndependentSampler;
@@ -391,4 +391,14 @@ impl ClosedForm {
         };
         Ok((seed..).zip(self.rhos).map(outcome).collect())
     }
+}
+
+/// A tracer in the middle of a gather, on any processor.
+pub fn tracer<'a>(
+    gather: &'a Gather<'a>,
+    cache: &'a RadianceCache,
+    allocation: &'a Allocation,
+) -> Tracer<'a, Bvh> {
+    let intersector = gather.intersector;
+    Tracer { gather, intersector, cache, allocation, rays: 0 }
 }

@@ -7,12 +7,11 @@
 
 use std::fs;
 
-use litpt::bvh::Bvh;
 use litpt::film::{Film, FilmTile, Window};
 use litpt::integrator::gather::Gather;
 use litpt::integrator::gather::cache::{Grid, RadianceCache, Record};
 use litpt::integrator::gather::training::{allocate, train};
-use litpt::integrator::gather::{Allocation, Correction, Sample, Tracer};
+use litpt::integrator::gather::{Allocation, Correction, Sample};
 use litpt::options::Options;
 use litpt::render::choose::{Method, Sampling};
 use litpt::render::{Job, Renderer};
@@ -20,7 +19,7 @@ use litpt::sampler::sobol::{ScrambledNet, SobolSampler};
 use litpt::sampler::split_mix;
 use litpt::scene::read_obj;
 use litpt::statistics::Accumulator;
-use litpt_book::closed_forms::Setting;
+use litpt_book::closed_forms::{Setting, tracer};
 use rayon::prelude::*;
 
 use super::Done;
@@ -210,15 +209,6 @@ impl Stage {
             pilot,
         }
     }
-}
-
-fn tracer<'a>(
-    gather: &'a Gather<'a>,
-    cache: &'a RadianceCache,
-    allocation: &'a Allocation,
-) -> Tracer<'a, Bvh> {
-    let intersector = gather.intersector;
-    Tracer { gather, intersector, cache, allocation, rays: 0 }
 }
 
 /// A run: its image and its rays per sample, with what it had to learn.
