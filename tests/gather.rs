@@ -869,7 +869,7 @@ fn a_checkpoint_decides_how_many_samples_are_placed_together() {
         assert!(image(&place, method, "-n160") != at_once);
         // Another method or seed is another run.
         for (option, fact) in
-            [("--integrator=reference", "integrator"), ("-s1", "seed")]
+            [("--integrator=reference", "method"), ("-s1", "seed")]
         {
             let other = place.run(&["--resume=c", option]);
             other.failed(1, &["another run", fact]);
