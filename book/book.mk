@@ -355,7 +355,7 @@ $(PICTURED:%=$(BUILD_DIR)/figures/scene-%.png): $(BUILD_DIR)/figures/scene-%.png
 
 # Edges, vertices, tiles and closed forms.
 GEOMETRY := $(addprefix $(BUILD_DIR)/figures/geometry-,$(addsuffix .png, \
-  edge-single edge-double edge-exact vertex-single vertex-ours \
+  vertex-single vertex-ours \
   tiles-statue tiles-field))
 GEOMETRY_TABLES := $(BUILT)/geometry.tex
 FIGURES += $(GEOMETRY)

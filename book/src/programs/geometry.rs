@@ -1,5 +1,5 @@
-// Figures for the chapters on geometry and tests: triangles at one edge, and
-// at one vertex, as single precision sees them; and tiles that see nothing.
+// Figures for the chapters on geometry and tests: triangles at one vertex, as
+// single precision sees them; and tiles that see nothing.
 // "geometry.tex" has the numbers of the text.
 //
 // usage: geometry FIGURES TABLES
