@@ -353,10 +353,9 @@ $(PICTURED:%=$(BUILD_DIR)/figures/scene-%.png): $(BUILD_DIR)/figures/scene-%.png
 
 # ---- geometry: figures
 
-# Edges, vertices, tiles and closed forms.
+# Vertices, tiles and closed forms.
 GEOMETRY := $(addprefix $(BUILD_DIR)/figures/geometry-,$(addsuffix .png, \
-  vertex-single vertex-ours \
-  tiles-statue tiles-field))
+  vertex-single vertex-ours tiles-statue tiles-field))
 GEOMETRY_TABLES := $(BUILT)/geometry.tex
 FIGURES += $(GEOMETRY)
 TABLES += $(GEOMETRY_TABLES)

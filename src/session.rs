@@ -441,6 +441,7 @@ fn names_the_scene((product, _): &(Product, OutputTarget)) -> bool {
 
 /// Seconds in which a thread looks for the background of a tile, about.
 const TILE: f64 = 3e-6;
+
 /// What is asked about a scene, what is found, and its hierarchy.
 fn build(
     scene: Scene,

@@ -34,7 +34,7 @@ impl<K: Intersector> Tracer<'_, K> {
             |g| order.iter().skip(g).step_by(count).copied().collect();
         let groups: Vec<Vec<usize>> = (0..count).map(every).collect();
         for group in &groups {
-            let step = correction.step / DIVISION;
+            let step = correction.step / CANDIDATES;
             let mut next = random.random::<f64>() * step;
             let mut reached = 0.;
             for &k in group {
@@ -70,7 +70,7 @@ impl<K: Intersector> Tracer<'_, K> {
         random: &mut Pcg64,
     ) -> f64 {
         let mut seen = 0.5;
-        for _ in 0..WITNESSES {
+        for _ in 0..VISIBILITY_TESTS {
             let i = group[random.random_range(0..group.len())];
             let x = &samples[i].hit;
             let (factor, direction) = form_factor(x, y);
@@ -78,9 +78,9 @@ impl<K: Intersector> Tracer<'_, K> {
                 seen += 1.;
             }
         }
-        let part = seen / (f64::from(WITNESSES) + 0.5);
+        let part = seen / (f64::from(VISIBILITY_TESTS) + 0.5);
         let all = group.len() as f64 / correction.group as f64;
-        (1. / (DIVISION * f64::sqrt(part * all))).min(1.)
+        (1. / (CANDIDATES * f64::sqrt(part * all))).min(1.)
     }
 
     /// Shares the error of what sample `k` has met among all samples of
@@ -231,11 +231,12 @@ fn draws(next: &mut f64, reached: f64, step: f64) -> f64 {
     draws
 }
 
-/// Draws for each that is worth it where all of a group see the place.
-const DIVISION: f64 = 4.;
+/// Places that are drawn for one that is corrected, where a whole group
+/// sees them.
+const CANDIDATES: f64 = 4.;
 
-/// Samples that are asked whether they see a place.
-const WITNESSES: u32 = 8;
+/// Samples of a group that are tested whether they see a place.
+const VISIBILITY_TESTS: u32 = 8;
 
 /// The density with which cosine sampling at `x` finds `y`, per unit of
 /// area around `y`; zero if one faces away. And the direction.
