@@ -2,6 +2,10 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The only light: a half space of directions with radiance 1.
+//!
+//! That each half is uniform is relied on by the control variate of
+//! `integrator`, by tiles of one constant in `analysis::background`, and by
+//! the records of `integrator::gather::cache`.
 
 use glam::DVec3;
 

@@ -2,6 +2,15 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Final gather into a cache of radiance, and its unbiased correction.
+//!
+//! [`training`] learns, once, a [`cache`] of the radiance that leaves the
+//! surfaces, with a [`guide`] of directions for each place, and then how many
+//! samples each pixel deserves. [`render`] has [`Tracer::tile`] render each
+//! tile once for each replicate, here a scramble: a sample sends one ray from
+//! its first hit, and takes what the cache says of its end. Of some of these
+//! ends [`correction`] estimates how wrong the cache is, and shares that among
+//! the samples of a group that see them. So a pixel errs by chance alone:
+//! by where its samples and their rays go, and by its corrections.
 
 pub mod cache;
 pub mod correction;
@@ -37,7 +46,8 @@ pub struct Gather<'a> {
     pub training: u64,
     /// How much is corrected; none leaves the error of the cache.
     pub correction: Option<Correction>,
-    /// What has been learnt, once there was a pass.
+    /// What [`Renderer::learn`](crate::integrator::Renderer::learn) has
+    /// learnt.
     pub learnt: Option<Learnt>,
 }
 
@@ -49,7 +59,7 @@ pub struct Learnt {
     pub allocation: Allocation,
 }
 
-/// Traces rays, and knows what decides the samples of an image.
+/// Gathers on one thread: a tile, or a piece of the training.
 pub struct Tracer<'a, K> {
     /// The scene and its view, and how much is corrected.
     pub gather: &'a Gather<'a>,
@@ -63,12 +73,12 @@ pub struct Tracer<'a, K> {
     pub rays: u64,
 }
 
-/// What a ray from a surface has met.
+/// What a ray has met.
 #[derive(Clone, Copy, Debug)]
 pub enum End {
     /// The sky, of this radiance, or what is below the horizon.
     Sky(f64),
-    /// Another surface.
+    /// A surface.
     Hit(Hit),
 }
 
@@ -88,7 +98,8 @@ pub struct Shot {
 pub struct Allocation {
     /// The part of the image that is rendered.
     pub window: Window,
-    /// The samples of each pixel in a scramble; at least one.
+    /// The samples of each pixel in a scramble: at least one, and a
+    /// replicate on average.
     pub counts: Vec<u32>,
     /// About the radiance of each pixel; positive.
     pub scale: Vec<f64>,
@@ -125,15 +136,16 @@ impl Allocation {
 /// How much is corrected, and with how many rays.
 #[derive(Clone, Copy, Debug)]
 pub struct Correction {
-    /// Samples that share corrections.
+    /// Samples of a tile that share corrections, at most.
     pub group: usize,
-    /// The importance for which one correction is drawn.
+    /// The importance for which one correction is drawn: the error that its
+    /// cell expects, as a part of the radiance of the pixel.
     pub step: f64,
     /// Rays of the gather at a point whose error is estimated.
     pub gathers: u32,
-    /// Paths that go on from them.
+    /// Paths that go on from their ends, to estimate the errors there.
     pub paths: u32,
-    /// Rays of each gather along such a path.
+    /// Rays of the gather at each point of such a path.
     pub branches: u32,
 }
 

@@ -25,10 +25,11 @@ const BITS: u32 = 19;
 pub struct Grid {
     /// The least corner of all cubes.
     low: DVec3,
-    /// The side of the smallest cubes, in units of the scene, and one over
-    /// it: powers of two.
+    /// The side of the smallest cubes, in units of the scene: a power of
+    /// two.
     side: f64,
-    cubes: f64,
+    /// How many of them there are in a unit of the scene.
+    per_unit: f64,
 }
 
 impl Grid {
@@ -37,7 +38,7 @@ impl Grid {
     pub fn name(&self, p: DVec3, normal: DVec3) -> u64 {
         let axis = main_axis(normal);
         let class = 2 * axis + usize::from(normal[axis] > 0.);
-        let cube = ((p - self.low) * self.cubes).to_array();
+        let cube = ((p - self.low) * self.per_unit).to_array();
         let most = (1u64 << BITS) - 1;
         let [x, y, z] = cube.map(|c| spread((c as u64).min(most)));
         (class as u64) << (3 * BITS) | x | y << 1 | z << 2
@@ -58,10 +59,10 @@ impl Grid {
     /// Orders hits by the class of their normals and by their place, in
     /// cubes of a quarter of the finest cells' sides.
     pub fn order(&self, hit: &Hit) -> u64 {
-        let (side, cubes) = (0.25 * self.side, 4. * self.cubes);
+        let (side, per_unit) = (0.25 * self.side, 4. * self.per_unit);
         let reach = side * (1u64 << (BITS - 1)) as f64;
         let low = self.low + 3. * reach;
-        Self { low, side, cubes }.name(hit.point, hit.normal)
+        Self { low, side, per_unit }.name(hit.point, hit.normal)
     }
 
     /// The grid for points like these.
@@ -82,7 +83,7 @@ impl Grid {
         };
         let reach = side * (1u64 << (BITS - 1)) as f64;
         let low = 0.5 * (low + high) - reach;
-        Self { low, side, cubes: 1. / side }
+        Self { low, side, per_unit: 1. / side }
     }
 }
 
@@ -104,7 +105,7 @@ fn coarser(name: u64, levels: usize) -> u64 {
     (name - cube + ((levels as u64) << 60)) | (cube >> (3 * levels))
 }
 
-/// A reflected ray arrived in the sky.
+/// A reflected ray arrived in the sky, whose radiance is 1.
 pub const SKY: u64 = u64::MAX;
 /// A reflected ray arrived below the horizon.
 pub const DARKNESS: u64 = u64::MAX - 1;
@@ -237,7 +238,7 @@ impl RadianceCache {
         cache
     }
 
-    /// A table of these cells, which finds their numbers.
+    /// A table of these cells that has their numbers in the place of guides.
     fn numbering(grid: Grid, cells: &Cells) -> Self {
         let mut table = Self::empty(grid);
         let size = (2 * cells.names.len() + 1).next_power_of_two();
@@ -249,7 +250,8 @@ impl RadianceCache {
         table
     }
 
-    /// Where a record arrives: the number of a cell, or no cell.
+    /// Where a record arrives: the number of a cell, or no cell. This is a
+    /// table that has them.
     fn end(&self, record: &Record) -> u32 {
         match record.to {
             SKY => END_IN_SKY,

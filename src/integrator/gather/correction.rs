@@ -1,7 +1,10 @@
 // Tangled from chapters/correction.nw; edit there.
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The correction of a cache's error, shared among neighbouring samples.
+//! The correction of a cache's error, shared among the samples of a group.
+//!
+//! Of a tile's samples, sorted by place, each group takes one in so many:
+//! all groups are spread over the tile alike.
 
 use std::f64::consts::PI;
 
@@ -53,7 +56,7 @@ impl<K: Intersector> Tracer<'_, K> {
                     let found = self.radiance(correction, y, cell, random);
                     let error = found - f64::from(cell.value);
                     let share = draws / kept * step * error / expected;
-                    self.share(samples, group, k, share, sums);
+                    self.share_error(samples, group, k, share, sums);
                 }
             }
         }
@@ -84,8 +87,9 @@ impl<K: Intersector> Tracer<'_, K> {
     }
 
     /// Shares the error of what sample `k` has met among all samples of
-    /// its group that see the place.
-    fn share(
+    /// its group that see the place: what they get, each over the radiance of
+    /// its pixel, adds up to `share`.
+    fn share_error(
         &mut self,
         samples: &[Sample],
         group: &[usize],
@@ -134,10 +138,10 @@ impl<K: Intersector> Tracer<'_, K> {
         let (mut ends, mut others) = (vec![], vec![]);
         let &Correction { gathers, paths, branches, .. } = correction;
         let mut sum =
-            self.gather(x, cell, gathers, paths, random, &mut ends);
+            self.gather_at(x, cell, gathers, paths, random, &mut ends);
         for Candidate { hit, cell, weight, .. } in ends {
             sum += weight
-                * self.error(branches, hit, cell, random, &mut others);
+                * self.error_at(branches, hit, cell, random, &mut others);
         }
         self.gather.inquiry.albedo * sum
     }
@@ -145,7 +149,7 @@ impl<K: Intersector> Tracer<'_, K> {
     /// The mean of what comes from rays that leave `x`, as far as the cache
     /// knows it. Fills in which of their ends to correct: `paths` of them,
     /// each with the weight of its correction.
-    fn gather(
+    fn gather_at(
         &mut self,
         x: &Hit,
         cell: &Cell,
@@ -194,7 +198,7 @@ impl<K: Intersector> Tracer<'_, K> {
     }
 
     /// An unbiased estimate of the error of a cell's value at `y`.
-    fn error(
+    fn error_at(
         &mut self,
         branches: u32,
         mut y: Hit,
@@ -205,7 +209,7 @@ impl<K: Intersector> Tracer<'_, K> {
         let (mut throughput, mut error) = (1., 0.);
         for bounce in 0.. {
             error -= throughput * f64::from(cell.value);
-            let sum = self.gather(&y, &cell, branches, 1, random, ends);
+            let sum = self.gather_at(&y, &cell, branches, 1, random, ends);
             error += throughput * self.gather.inquiry.albedo * sum;
             let Some(end) = ends.pop() else { break };
             throughput *= self.gather.inquiry.albedo * end.weight;
@@ -254,8 +258,11 @@ fn form_factor(x: &Hit, y: &Hit) -> (f64, DVec3) {
 struct Candidate {
     hit: Hit,
     cell: Cell,
-    /// With which its radiance counts in the gather.
+    /// With which its radiance counts in the gather; if it is chosen, that
+    /// of its correction.
     weight: f64,
+    /// What its choice is in proportion to: the weight times what the cell
+    /// says of value and error.
     importance: f64,
 }
 

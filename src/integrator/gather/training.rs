@@ -131,7 +131,8 @@ pub fn train<K: Intersector>(
     (cache, traced)
 }
 
-/// Samples of each pixel in the pilot.
+/// Samples of each pixel in the pilot of an allocation; the pilot that
+/// chooses a method is another.
 pub const PILOT_SAMPLES: u64 = 8;
 
 /// Samples for each pixel of the window of a film's run, one replicate on
