@@ -1,7 +1,8 @@
 // Tangled from chapters/integrator.nw; edit there.
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Random variables whose mean is the radiance along a ray.
+//! Random variables whose mean is the radiance along a ray; and what a
+//! renderer is, which adds their values to a film.
 
 pub mod gather;
 
@@ -40,7 +41,8 @@ pub trait Integrator: Sync {
     ) -> PathEvent;
 }
 
-/// Something that adds samples to a film.
+/// Something that adds samples to a film: by paths
+/// ([`Job`](crate::render::Job)), or by gathering ([`gather::Gather`]).
 pub trait Renderer {
     /// Takes each tile of `film` on from its own samples to `end` samples
     /// of each pixel, or to the next whole number of replicates, unless
@@ -89,8 +91,9 @@ pub struct Share {
     pub collect_seconds: f64,
 }
 
-/// The integrator of the chapter's algorithm: a path meets roulette below
-/// the throughput `FAINT`, and from `MANY_BOUNCES` bounces on.
+/// Follows one path, weakened by the albedo at each bounce until its
+/// throughput is below `FAINT`; then the albedo is the probability that it
+/// goes on. From `MANY_BOUNCES` bounces on it may end as well.
 #[derive(Clone, Copy, Debug)]
 pub struct PathTracer {
     /// Albedo of every surface, in [0, 1].
@@ -103,7 +106,7 @@ pub struct PathTracer {
 }
 
 /// The throughput below which roulette decides: that of the path tracer on
-/// Embree, for the same lengths of paths.
+/// Embree with which ours is compared, for the same lengths of paths.
 const FAINT: f64 = 0.1;
 
 /// Bounces from which on a path ends by chance, rare in ordinary scenes.
@@ -133,7 +136,7 @@ pub struct PathState {
     /// Where its ray goes.
     direction: DVec3,
     /// What the control variate adds to its contribution.
-    control: f64,
+    variate: f64,
 }
 
 /// The probability that a path of `n` bounces makes another one,
@@ -151,7 +154,7 @@ impl Integrator for PathTracer {
 
     #[inline(always)]
     fn begin(&self, direction: DVec3) -> PathState {
-        PathState { throughput: 1., count: 0, direction, control: 0. }
+        PathState { throughput: 1., count: 0, direction, variate: 0. }
     }
 
     #[inline(always)]
@@ -163,7 +166,7 @@ impl Integrator for PathTracer {
     ) -> PathEvent {
         let Some(hit) = hit else {
             let light = path.throughput * self.sky.radiance(path.direction);
-            return PathEvent::Terminate(light + path.control);
+            return PathEvent::Terminate(light + path.variate);
         };
         // End a path where nothing is reflected
         if self.albedo == 0. {
@@ -173,7 +176,7 @@ impl Integrator for PathTracer {
         if path.throughput < FAINT {
             let u = sampler.get_1d(dimension::roulette(path.count));
             if u >= self.albedo {
-                return PathEvent::Terminate(path.control);
+                return PathEvent::Terminate(path.variate);
             }
         } else {
             path.throughput *= self.albedo;
@@ -182,7 +185,7 @@ impl Integrator for PathTracer {
                 let probability = survival(path.count);
                 let u = sampler.get_1d(dimension::roulette(path.count));
                 if u >= probability {
-                    return PathEvent::Terminate(path.control);
+                    return PathEvent::Terminate(path.variate);
                 }
                 path.throughput /= probability;
             }
@@ -192,7 +195,7 @@ impl Integrator for PathTracer {
         path.direction = cosine_direction(hit.normal, r, turn);
         if path.count == 0 && self.control > 0. {
             let variate = self.control_variate(hit.normal, path.direction);
-            path.control = self.control * variate;
+            path.variate = self.control * variate;
         }
         path.count += 1;
         let ray = Ray { origin: hit.point, direction: path.direction };

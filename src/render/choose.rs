@@ -1,7 +1,8 @@
 // Tangled from chapters/choice.nw; edit there.
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Decides how many samples are made by which method.
+//! Chooses how samples are made: the method, and how many are placed
+//! together. How many are made in all, limits decide in `render_loop`.
 
 use std::array;
 use std::fmt;
@@ -76,13 +77,14 @@ pub struct Sampling {
     pub replicate: u64,
     /// At most about as many rays train the cache of a gather.
     pub training: u64,
-    /// How much of the sky paths in nets subtract, in per cent.
+    /// Of paths in nets, [`PathTracer::control`] in per cent.
     #[serde(rename = "sky_control")]
     pub control: u64,
 }
 
 impl Sampling {
-    /// For `samples` of each of `area` pixels, if that is known.
+    /// For `samples` of each of `area` pixels, if that is known, in at least 4
+    /// replicates of a net or 16 of a gather.
     pub fn new(
         method: Method,
         seed: u64,
@@ -283,7 +285,7 @@ pub struct Pilot {
     /// The variance that comes from all later decisions.
     pub later: f64,
     /// The variance of the control variate of a path.
-    pub spread: f64,
+    pub sky_variance: f64,
     /// The covariance of the control variate with the contribution.
     pub covariance: f64,
     /// The rays of a path; none if it meets no surface.
@@ -350,13 +352,13 @@ impl Trial<'_> {
             |part: fn(&Path) -> f64| all.iter().map(part).sum::<f64>() / 4.;
         let later = (apart(&[a], &[b]) + apart(&[c], &[d])) / 2.;
         let (one, other) = (a.value + b.value, c.value + d.value);
-        let control = a.control - c.control;
+        let variate = a.variate - c.variate;
         Pilot {
             square: one * other / 4.,
             first: apart(&[a, b], &[c, d]) - later,
             later,
-            spread: 0.5 * control * control,
-            covariance: 0.25 * (one - c.value - d.value) * control,
+            sky_variance: 0.5 * variate * variate,
+            covariance: 0.25 * (one - c.value - d.value) * variate,
             rays: mean(|path| path.rays as f64),
             first_rays: mean(|path| path.rays.min(2) as f64),
             indirect: mean(|path| f64::from(path.rays > 2)),
@@ -384,7 +386,7 @@ impl Trial<'_> {
         let ray = entrance.enter(direction);
         let hit = ray.and_then(|ray| intersector.first_hit(&ray, None));
         let event = integrator.advance(&mut path, hit, &mut sampler);
-        let control = match (hit, event) {
+        let variate = match (hit, event) {
             (Some(hit), PathEvent::Scatter(ray, _)) => {
                 integrator.control_variate(hit.normal, ray.direction)
             }
@@ -398,7 +400,7 @@ impl Trial<'_> {
             loop {
                 let (ray, from) = match event {
                     PathEvent::Terminate(value) => {
-                        return Path { value, rays, control };
+                        return Path { value, rays, variate };
                     }
                     PathEvent::Scatter(ray, from) => (ray, from),
                 };
@@ -416,14 +418,14 @@ struct Path {
     value: f64,
     rays: u64,
     /// The control variate of its first reflection.
-    control: f64,
+    variate: f64,
 }
 
 impl Pilot {
     /// How much of the sky a control variate best subtracts, in [0, 1].
     pub fn control(&self) -> f64 {
-        match self.spread > 0. {
-            true => (-self.covariance / self.spread).clamp(0., 1.),
+        match self.sky_variance > 0. {
+            true => (-self.covariance / self.sky_variance).clamp(0., 1.),
             false => 0.,
         }
     }
@@ -432,12 +434,13 @@ impl Pilot {
     fn controlled(&self) -> f64 {
         let control = self.control();
         let change = 2. * control * self.covariance
-            + control * control * self.spread;
+            + control * control * self.sky_variance;
         (self.first + change).max(0.)
     }
 
     /// The variance of a sample and its rays, these in units of the rays of
-    /// paths, for `samples` of each pixel.
+    /// paths, for `samples` of each pixel. The constants are fits to measured
+    /// images.
     fn foresee(
         &self,
         albedo: f64,
@@ -561,8 +564,8 @@ impl Request {
         self.window.area() as u64
     }
 
-    /// Samples of each pixel at most, as many as a thread of a quarter of the
-    /// rate gathers in the time; the same on each machine.
+    /// Samples of each pixel at most. A limit of time counts as those that one
+    /// thread with a quarter of `RATE` gathers: the same on each machine.
     fn bound(&self) -> Option<u64> {
         let rate = 0.25 * RATE / GATHER_RAYS as f64;
         let timed =
