@@ -52,6 +52,7 @@ pub struct Options {
     #[arg(short = 'n', long = "spp", visible_alias = "realisations",
           value_name = "N",
           value_parser = only(parse_whole, |&n| n > 0, SAMPLES))]
+    // A checkpoint knows options by their fields: that of --samples is `range`.
     pub samples: Option<u64>,
 
     /// Render only the samples A to B - 1 of the N of --spp: a part of a run
@@ -307,13 +308,13 @@ pub fn parse_words<P: Parser>(
     let given = command.try_get_matches_from(words);
     let parse = |given| Ok((P::from_arg_matches(&given)?, given));
     given.and_then(parse).map_err(|error| match error.use_stderr() {
-        true => usage(explain(&error), &name),
+        true => usage(one_line(&error), &name),
         false => Error::Help(error.render()),
     })
 }
 
 /// The one line that says what is wrong with the command line.
-fn explain(error: &clap::Error) -> String {
+fn one_line(error: &clap::Error) -> String {
     let text = error.to_string();
     let mut parts = text.split("\n\n");
     let fault = parts.next().unwrap_or_default();

@@ -146,7 +146,7 @@ impl RunOutput {
 
     /// A guess of the seconds that all files take for so many pixels, if none
     /// of them has a sample and if all have.
-    pub fn seconds(&self, pixels: u64) -> [f64; 2] {
+    pub fn seconds_to_write(&self, pixels: u64) -> [f64; 2] {
         // Nanoseconds for a pixel, measured with a half more.
         let [state, summary] = [70., 130.];
         let each = self.files.iter().map(|file| match file.product {

@@ -144,7 +144,7 @@ fn run(
     if options.quiet {
         progress::hush();
     }
-    let picture = picture(&mut options);
+    let image = default_image(&mut options);
     let options = &options;
     // Watch for signals from the start
     let interrupt = Interrupt::listen()
@@ -176,10 +176,10 @@ fn run(
         build(scene, &subject, options, ranks, &mut report)?;
     enter("choosing a method", None);
     // Choose how samples are made
-    let begun = resumed.as_ref().map(|saved| saved.known.run_key.sampling);
+    let before = resumed.as_ref().map(|saved| saved.known.run_key.sampling);
     let setup =
         Setup { intersector: &bvh, inquiry: &inquiry, analysis: &analysis };
-    let (sampling, choice) = sampling(options, &setup, deadline, begun);
+    let (sampling, choice) = sampling(options, &setup, deadline, before);
     if options.explain {
         return explain(&analysis, options, sampling.method, choice);
     }
@@ -194,7 +194,7 @@ fn run(
     };
     report.settings.extend(settings(options, &run_key, choice));
     tell(ranks, &run_key);
-    let mut job = ranks.lead(setup.renderer(&sampling), &run_key);
+    let renderer = &mut *ranks.lead(setup.renderer(&sampling), &run_key);
     let goal = options.goal(sampling.replicate);
     let run = film_so_far(options, &run_key, goal, resumed)?;
     // Prepare the files of the run
@@ -203,7 +203,7 @@ fn run(
     let output = RunOutput::new(files, often, known);
     // Collect the limits
     let most = deadline.map_or(0., |end| 0.5 * seconds_to(end));
-    let seconds = output.seconds(run.0.area());
+    let seconds = output.seconds_to_write(run.0.area());
     let limits = Limits {
         samples: goal.or(analysis.known.is_all().then_some(2)),
         deadline,
@@ -216,7 +216,7 @@ fn run(
     // Render what was prepared
     let bar = render_bar(start, options.time);
     enter("rendering", Some(bar.clone()));
-    Ok(render(&mut *job, run, &limits, output, &bar, picture.as_deref())?)
+    Ok(render(renderer, run, &limits, output, &bar, image.as_deref())?)
 }
 
 /// The options of a run, and where it has been saved if it goes on.
@@ -228,7 +228,7 @@ fn take_up(typed: Options) -> Result<(Options, Option<Checkpoint>), Error> {
 
 /// The PNG beside the scene, which is the image if none is named and
 /// standard output is a terminal.
-fn picture(options: &mut Options) -> Option<PathBuf> {
+fn default_image(options: &mut Options) -> Option<PathBuf> {
     let is_named = !options.output.is_empty() || options.format.is_some();
     if is_named || options.explain || !io::stdout().is_terminal() {
         return None;
@@ -440,22 +440,23 @@ fn names_the_scene((product, _): &(Product, OutputTarget)) -> bool {
 }
 
 /// Seconds in which a thread looks for the background of a tile, about.
-const TILE: f64 = 3e-6;
+const TILE_SEARCH: f64 = 3e-6;
 
-/// What is asked about a scene, what is found, and its hierarchy.
+/// What is shown of a scene, what is found about it, and its hierarchy; the
+/// `report` is told.
 fn build(
     scene: Scene,
     subject: &Subject,
     options: &Options,
     ranks: &dyn Ranks,
-    known: &mut Report,
+    report: &mut Report,
 ) -> Result<(Inquiry<'static>, SceneAnalysis, Bvh), String> {
     let began = Instant::now();
     let camera = Camera::new(&subject.view, aspect(subject.resolution))?;
     // Leave out what would take too long to look for
     let (width, height) = subject.resolution;
     let tiles = f64::from(width) * f64::from(height) / 256.;
-    let seconds = tiles * TILE / rayon::current_num_threads() as f64;
+    let seconds = tiles * TILE_SEARCH / rayon::current_num_threads() as f64;
     let time = options.time.filter(|_| !options.explain);
     let kept = match time.is_some_and(|time| seconds > 0.05 * time) {
         _ if options.keep_all => &SHORTCUTS[..],
@@ -491,10 +492,10 @@ fn build(
     let bvh = bvh.map_err(|e| e.to_string())?;
     drop(step);
     let analysis = SceneAnalysis::find(&left_out, &bvh, &inquiry);
-    known.left_out = analysis.left_out().cloned().collect();
+    report.left_out = analysis.left_out().cloned().collect();
     let quality = quality.to_string();
-    known.settings.insert("hierarchy".into(), quality.into());
-    known.build_seconds = began.elapsed().as_secs_f64();
+    report.settings.insert("hierarchy".into(), quality.into());
+    report.build_seconds = began.elapsed().as_secs_f64();
     Ok((inquiry, analysis, bvh))
 }
 
@@ -622,14 +623,14 @@ fn film_so_far(
 }
 
 /// Renders until a limit is reached, keeps files and bar up to date, and
-/// prints a summary at the end, which names the `picture`.
+/// prints a summary at the end, which names the `image`.
 fn render(
-    job: &mut dyn Renderer,
+    renderer: &mut dyn Renderer,
     (mut film, mut convergence): (Film, Convergence),
     limits: &Limits,
     mut output: RunOutput,
     bar: &ProgressBar,
-    picture: Option<&Path>,
+    image: Option<&Path>,
 ) -> Result<Stop, String> {
     let (began, area) = (Instant::now(), film.area());
     // Keep the bar up to date
@@ -643,7 +644,7 @@ fn render(
         }
         expect(bar, (paths, all), "paths", known);
     };
-    let training = job.training_rays(area);
+    let training = renderer.training_rays(area);
     match training {
         0 => show(&convergence),
         rays => expect(bar, (0, Some(rays)), "rays", "learning, ".into()),
@@ -658,7 +659,7 @@ fn render(
     };
     let advance = |n| bar.inc(n);
     let stop =
-        convergence.run(job, &mut film, limits, &advance, &mut after);
+        convergence.run(renderer, &mut film, limits, &advance, &mut after);
     bar.finish_and_clear();
     // Warn if there was no time
     let late = limits.deadline.is_some_and(|end| began > end);
@@ -683,7 +684,7 @@ fn render(
     // Print the summary
     if !progress::is_quiet() {
         let report = output.known.report.complete(&film);
-        let file = picture.map(|path| ("file", path.display().to_string()));
+        let file = image.map(|path| ("file", path.display().to_string()));
         for (name, text) in report.summary(area).into_iter().chain(file) {
             progress::inform(&format!("{name:10}{text}"));
         }
