@@ -28,8 +28,8 @@ pub struct Tile {
     pub size: (u32, u32),
     /// Number of pixels in the tiles before it.
     start: usize,
-    /// Its number along the curve.
-    rank: u32,
+    /// Its number along Hilbert's curve.
+    number: u32,
 }
 
 impl Tile {
@@ -108,7 +108,8 @@ pub struct Film {
     pub whole: Window,
     /// The samples of each pixel that come before its own.
     pub first: u64,
-    /// The number of samples whose mean is one value of an accumulator.
+    /// The samples of a replicate, which were placed together and whose mean is
+    /// one value of an accumulator; on average over the pixels.
     pub replicate: u64,
     tiles: Vec<Tile>,
     /// The place of each tile in `tiles`, by row and column.
@@ -201,14 +202,14 @@ impl Film {
         let mut places = vec![0; cells.len()];
         let mut tiles = Vec::with_capacity(cells.len());
         let mut start = 0;
-        for (place, rank) in scattered(cells.len()).enumerate() {
-            let (x, y) = cells[rank];
+        for (place, number) in van_der_corput(cells.len()).enumerate() {
+            let (x, y) = cells[number];
             // Append the tile of one cell
             places[(y * columns + x) as usize] = place as u32;
             let corner = ((left + x) * SIDE, (top + y) * SIDE);
             let cell = Window { corner, size: (SIDE, SIDE) };
             let Window { corner, size } = cell.grown(0, window);
-            tiles.push(Tile { corner, size, start, rank: rank as u32 });
+            tiles.push(Tile { corner, size, start, number: number as u32 });
             start += (size.0 * size.1) as usize;
         }
         // Make a film of these tiles
@@ -237,7 +238,7 @@ impl Film {
         };
         let mut parts: Vec<_> = self.tiles.iter().map(part).collect();
         if begun {
-            parts.sort_unstable_by_key(|(tile, ..)| tile.rank);
+            parts.sort_unstable_by_key(|(tile, ..)| tile.number);
         }
         parts
     }
@@ -436,7 +437,7 @@ fn along_curve(side: u32, mut x: u32, mut y: u32) -> u64 {
 
 /// The numbers below `n`, such that those before any place are spread
 /// evenly (van der Corput 1935).
-fn scattered(n: usize) -> impl Iterator<Item = usize> {
+fn van_der_corput(n: usize) -> impl Iterator<Item = usize> {
     let all = 0..n.next_power_of_two();
     let bits = all.end.trailing_zeros();
     let reversed = move |i: usize| i.reverse_bits().rotate_left(bits);

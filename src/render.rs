@@ -1,7 +1,10 @@
 // Tangled from chapters/render.nw; edit there.
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Filling an image with samples, on all threads.
+//! Filling an image with the samples of paths, on all threads.
+//!
+//! Neither their number nor their order changes a bit: a sample depends on
+//! its pixel and its number alone, and the sums of a film are exact.
 
 pub mod choose;
 
@@ -20,7 +23,7 @@ use crate::sampler::{IndependentSampler, Sampler, within};
 use crate::scene::{Entrance, Ray};
 use crate::statistics::Accumulator;
 
-/// What to render, and how.
+/// Renders by paths: what, and how.
 pub struct Job<'a, K, E, S = IndependentSampler> {
     /// Where rays of the camera enter the scene.
     pub entrance: Entrance,
@@ -84,9 +87,9 @@ struct PathInFlight<P, S> {
 }
 
 impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
-    /// Adds values to the pixels of a tile, given their numbers, and returns
-    /// the number of rays; none, with the pixels as they were, if the pass is
-    /// stopped or there is nothing to do.
+    /// Adds values, the means of replicates, to the pixels of a tile, given
+    /// their numbers, and returns the number of rays; none, with the pixels as
+    /// they were, if the pass is stopped or there is nothing to do.
     fn add(
         &self,
         tile: Tile,

@@ -22,10 +22,10 @@ use crate::render::{Renderer, Share};
 pub struct Limits<'a> {
     /// At most so many samples of each pixel.
     pub samples: Option<u64>,
-    /// The time at which the program should end,
+    /// The time at which the program should end.
     pub deadline: Option<Instant>,
-    /// and the seconds that it needs for that after the last sample, if no
-    /// pixel has one and if all have.
+    /// The seconds that it needs after the last sample to write its files:
+    /// if no pixel has a sample, and if all have.
     pub reserve: [f64; 2],
     /// Tells the time; that of the system, if none.
     pub clock: Option<&'a (dyn Fn() -> Instant + Sync)>,
@@ -81,7 +81,7 @@ impl Stop {
     }
 }
 
-/// One point of the curve of error against time.
+/// A step of a run: one point of the curve of error against time.
 #[derive(
     Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize,
 )]
@@ -106,7 +106,8 @@ pub struct CurvePoint {
     pub processor_seconds: Option<f64>,
 }
 
-/// What a run has done so far.
+/// What a run has done so far; by this its loop decides how many samples
+/// there will be.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Convergence {
     /// Samples that each pixel has at least.
@@ -292,7 +293,8 @@ impl Convergence {
         limits.end(1.).is_some_and(is_over).then_some(Stop::Time)
     }
 
-    /// Whether the error is known to be small enough.
+    /// Whether the error is known to be small enough, even if there is light
+    /// that no path has met yet (the rule of three).
     fn reaches(&self, error: f64, area: u64) -> bool {
         let paths = self.spp as f64 * area as f64;
         let unseen = 3. / (paths * self.spp as f64);
