@@ -43,7 +43,8 @@ pub struct SceneAnalysis {
     pub known: KnownPixels,
 }
 
-/// What is asked about a scene.
+/// What is shown of a scene: the camera, the light and the surfaces, about
+/// which the shortcuts ask, and from which the renderers are made.
 #[derive(Clone, Copy)]
 pub struct Inquiry<'a> {
     /// The camera of the image.

@@ -252,7 +252,8 @@ fn dispersion(
     Dispersion { ratio, z, pixels, failed }
 }
 
-/// Attributes that decide which radiances an image estimates.
+/// Attributes that decide which radiances an image estimates: the hash of
+/// the scene, and the entries of a `Subject`.
 const SUBJECT: [&str; 8] = [
     "scene_sha256",
     "resolution",

@@ -50,7 +50,7 @@ impl Format {
         }
     }
 
-    /// The format of a file of this name.
+    /// The format of a file of this name; PGM if it has no extension.
     ///
     /// # Errors
     /// The extension belongs to no format.

@@ -10,7 +10,9 @@ use crate::camera::View;
 use crate::film::{Film, Window};
 use crate::render::choose::Sampling;
 
-/// All that decides the samples of a run.
+/// All that decides the samples of a run. A run goes on from a checkpoint
+/// of the same key; states are merged if their keys differ in the part
+/// alone.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RunKey {
     /// The version of the program.
@@ -45,7 +47,8 @@ pub struct Subject {
     pub albedo: f64,
 }
 
-/// A part of a run: some of its samples, in one band of its window.
+/// A part of a run, or shard: some of its samples, in one band of its
+/// window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Part {
     /// Its first sample, and the one after its last.

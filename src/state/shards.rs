@@ -2,7 +2,7 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
-//! Parts of one run, and how their states are merged.
+//! Shards, that is parts of one run, and how their states are merged.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
