@@ -43,10 +43,10 @@ pub struct SceneAnalysis {
     pub known: KnownPixels,
 }
 
-/// What is shown of a scene: the camera, the light and the surfaces, about
-/// which the shortcuts ask, and from which the renderers are made.
+/// What is shown of a scene: the view, the light and the surfaces. The
+/// shortcuts ask about them, and the renderers are made from them.
 #[derive(Clone, Copy)]
-pub struct Inquiry<'a> {
+pub struct LitView {
     /// The camera of the image.
     pub camera: Camera,
     /// Where its rays enter the scene.
@@ -57,29 +57,29 @@ pub struct Inquiry<'a> {
     pub albedo: f64,
     /// Width and height of the image.
     pub resolution: (u32, u32),
-    /// Shortcuts that are not to be looked for.
-    pub kept: &'a [&'a str],
 }
 
 impl SceneAnalysis {
-    /// Looks for all shortcuts but those that are kept. The intersector
-    /// is that of the scene, which has left out the faces `left_out`.
+    /// Looks for all shortcuts but those by which nothing shall be left out,
+    /// `kept`. The intersector is that of the scene, which has left out the
+    /// faces `left_out`.
     pub fn find(
         left_out: &[Vec<u32>; 2],
         intersector: &Bvh,
-        inquiry: &Inquiry,
+        view: &LitView,
+        kept: &[&str],
     ) -> Self {
         let mut findings = of_the_scene(left_out);
         let mut known = KnownPixels::default();
         for fact in SHORTCUTS {
             // Look for one shortcut if it is wanted
             let (found, why) = match fact {
-                kept if inquiry.kept.contains(&kept) => {
+                _ if kept.contains(&fact) => {
                     (None, "kept, and not looked for".to_owned())
                 }
                 _ if known.is_all() => break,
-                "dark" => dark(intersector, inquiry),
-                _ => background(intersector, inquiry),
+                "dark" => dark(intersector, view),
+                _ => background(intersector, view),
             };
             let (holds, fact) = (found.is_some(), fact.to_owned());
             findings.push(Finding { fact, holds, why });
@@ -114,9 +114,9 @@ fn of_the_scene([flat, copies]: &[Vec<u32>; 2]) -> Vec<Finding> {
 }
 
 /// Whether there is a closed surface around the camera.
-fn dark(intersector: &Bvh, inquiry: &Inquiry) -> Found {
-    let is_shut = |_: &_| !lets_out(&inquiry.entrance, intersector);
-    let place = inquiry.entrance.place().filter(is_shut);
+fn dark(intersector: &Bvh, view: &LitView) -> Found {
+    let is_shut = |_: &_| !lets_out(&view.entrance, intersector);
+    let place = view.entrance.place().filter(is_shut);
     let dark = place.map_or(Ok(false), |place| {
         let mut all: Vec<_> = intersector.triangles().collect();
         all.par_sort_by_key(|&(face, _)| face);
@@ -131,14 +131,14 @@ fn dark(intersector: &Bvh, inquiry: &Inquiry) -> Found {
         Ok(false) => "no closed surface around the camera",
         Err(face) => &format!("too close to tell: face {}", face + 1),
     };
-    let known = || KnownPixels::dark(inquiry.resolution);
+    let known = || KnownPixels::dark(view.resolution);
     ((dark == Ok(true)).then(known), why.to_owned())
 }
 
 /// Which tiles see no triangle.
-fn background(intersector: &Bvh, inquiry: &Inquiry) -> Found {
-    let &Inquiry { ref camera, sky, resolution, .. } = inquiry;
-    let Some(tip) = inquiry.entrance.place() else {
+fn background(intersector: &Bvh, view: &LitView) -> Found {
+    let &LitView { ref camera, sky, resolution, .. } = view;
+    let Some(tip) = view.entrance.place() else {
         return (None, "the camera is too far away".to_owned());
     };
     let tiles =

@@ -21,7 +21,7 @@ use serde::de::DeserializeOwned;
 use serde_json::{Map, Value, json};
 use sha2::{Digest, Sha256};
 
-use crate::analysis::{Finding, Inquiry, SHORTCUTS, SceneAnalysis};
+use crate::analysis::{Finding, LitView, SHORTCUTS, SceneAnalysis};
 use crate::bvh::{Bvh, Quality, too_small};
 use crate::camera::{Camera, View, typed};
 use crate::compare::disagreements;
@@ -172,13 +172,13 @@ fn run(
         load(options, bytes, is_named, reference.as_ref())?;
     report.load_seconds = began.elapsed().as_secs_f64();
     enter("building the hierarchy", None);
-    let (inquiry, analysis, bvh) =
+    let (view, analysis, bvh) =
         build(scene, &subject, options, ranks, &mut report)?;
     enter("choosing a method", None);
     // Choose how samples are made
     let before = resumed.as_ref().map(|saved| saved.known.run_key.sampling);
     let setup =
-        Setup { intersector: &bvh, inquiry: &inquiry, analysis: &analysis };
+        Setup { intersector: &bvh, view: &view, analysis: &analysis };
     let (sampling, choice) = sampling(options, &setup, deadline, before);
     if options.explain {
         return explain(&analysis, options, sampling.method, choice);
@@ -450,7 +450,7 @@ fn build(
     options: &Options,
     ranks: &dyn Ranks,
     report: &mut Report,
-) -> Result<(Inquiry<'static>, SceneAnalysis, Bvh), String> {
+) -> Result<(LitView, SceneAnalysis, Bvh), String> {
     let began = Instant::now();
     let camera = Camera::new(&subject.view, aspect(subject.resolution))?;
     // Leave out what would take too long to look for
@@ -463,17 +463,16 @@ fn build(
         true => &["background"],
         false => &[],
     };
-    let inquiry = Inquiry {
+    let view = LitView {
         camera,
         entrance: scene.frame.entrance(camera.position),
         sky: Sky::new(subject.view.up),
         albedo: subject.albedo,
         resolution: subject.resolution,
-        kept,
     };
     let area = options.band().area() as f64;
     let paths = options.goal(1).map(|n| n as f64 * area);
-    let rays = expected_rays(&inquiry, paths, options.time);
+    let rays = expected_rays(&view, paths, options.time);
     let rays = rays / f64::from(ranks.count());
     let Scene { triangles, left_out, .. } = scene;
     let quality = Quality::expecting(triangles.len(), rays);
@@ -491,12 +490,12 @@ fn build(
     let bvh = Bvh::of(triangles, quality, options.isa(), &placed);
     let bvh = bvh.map_err(|e| e.to_string())?;
     drop(step);
-    let analysis = SceneAnalysis::find(&left_out, &bvh, &inquiry);
+    let analysis = SceneAnalysis::find(&left_out, &bvh, &view, kept);
     report.left_out = analysis.left_out().cloned().collect();
     let quality = quality.to_string();
     report.settings.insert("hierarchy".into(), quality.into());
     report.build_seconds = began.elapsed().as_secs_f64();
-    Ok((inquiry, analysis, bvh))
+    Ok((view, analysis, bvh))
 }
 
 /// Tells what can be left out, and what the rest is made of.
@@ -718,11 +717,11 @@ pub fn follow(ranks: &dyn Ranks) -> Result<(), String> {
     start_threads(&options)?;
     let Some(bytes) = ranks.hear() else { return Ok(()) };
     let (scene, subject, mut report) = load(&options, bytes, false, None)?;
-    let (inquiry, analysis, bvh) =
+    let (view, analysis, bvh) =
         build(scene, &subject, &options, ranks, &mut report)?;
     let Some(run_key) = hear::<RunKey>(ranks)? else { return Ok(()) };
     let setup =
-        Setup { intersector: &bvh, inquiry: &inquiry, analysis: &analysis };
+        Setup { intersector: &bvh, view: &view, analysis: &analysis };
     ranks.serve(setup.renderer(&run_key.sampling), &run_key);
     Ok(())
 }

@@ -48,11 +48,11 @@ fn chosen(
     request: Request,
 ) -> Option<Choice> {
     let setting = seen(mesh, albedo, view);
-    let (intersector, inquiry) =
-        (setting.job(0).intersector, &setting.inquiry(SIZE));
+    let (intersector, view) =
+        (setting.job(0).intersector, &setting.view(SIZE));
     let none = &Default::default();
-    let analysis = &SceneAnalysis::find(none, intersector, inquiry);
-    Setup { intersector, inquiry, analysis }.choose(&request)
+    let analysis = &SceneAnalysis::find(none, intersector, view, &[]);
+    Setup { intersector, view, analysis }.choose(&request)
 }
 
 fn seen(mesh: &Mesh, albedo: f64, view: (DVec3, DVec3)) -> Setting {

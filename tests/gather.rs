@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 
 use common::{BOX, Run, Scratch};
 use glam::DVec3;
-use litpt::analysis::Inquiry;
+use litpt::analysis::LitView;
 use litpt::analysis::background::{KnownPixels, TileContent};
 use litpt::bvh::Isa;
 use litpt::camera::{Camera, View};
@@ -712,8 +712,8 @@ fn a_gather_traces_no_ray_in_a_tile_of_the_sky() {
     let camera = &Camera::new(&view, 1.).unwrap();
     let gathered = |known: &KnownPixels| {
         let gather = stage.gather(5);
-        let inquiry = Inquiry { camera: *camera, ..gather.inquiry };
-        let gather = Gather { known, inquiry, ..gather };
+        let view = LitView { camera: *camera, ..gather.view };
+        let gather = Gather { known, view, ..gather };
         let mut tracer = tracer(&gather, &cache, &allocation);
         (tracer.tile(tile, 0), tracer.rays)
     };

@@ -13,7 +13,7 @@ use std::iter;
 
 use glam::DVec3;
 
-use litpt::analysis::Inquiry;
+use litpt::analysis::LitView;
 use litpt::analysis::background::KnownPixels;
 use litpt::bvh::Bvh;
 use litpt::camera::{Camera, View};
@@ -324,17 +324,17 @@ impl Setting {
         Ok(Self { entrance, intersector, camera, integrator })
     }
 
-    /// What is asked about it, for an image of this width and height.
-    pub fn inquiry(&self, resolution: (u32, u32)) -> Inquiry<'_> {
+    /// What is shown of it in an image of this width and height.
+    pub fn view(&self, resolution: (u32, u32)) -> LitView {
         let &Self { entrance, camera, integrator, .. } = self;
         let PathTracer { albedo, sky, .. } = integrator;
-        Inquiry { camera, entrance, sky, albedo, resolution, kept: &[] }
+        LitView { camera, entrance, sky, albedo, resolution }
     }
 
     /// A gather that renders it, of the seed 0.
     pub fn gather(&self, resolution: (u32, u32)) -> Gather<'_> {
         Gather {
-            inquiry: self.inquiry(resolution),
+            view: self.view(resolution),
             intersector: &self.intersector,
             known: KnownPixels::NOTHING,
             seed: 0,

@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use crate::courtyard;
 use glam::DVec3;
-use litpt::analysis::{Inquiry, SceneAnalysis};
+use litpt::analysis::{LitView, SceneAnalysis};
 use litpt::bvh::{Bvh, Isa, Quality};
 use litpt::camera::{Camera, View};
 use litpt::film::{Film, Window};
@@ -62,18 +62,17 @@ impl Setting {
         let camera = Camera::new(&self.view, aspect).expect("a view");
         let scene = Scene::new(&self.mesh);
         let start = Instant::now();
-        let inquiry = Inquiry {
+        let view = LitView {
             camera,
             entrance: scene.frame.entrance(camera.position),
             sky: Sky::new(self.view.up),
             albedo: self.rho,
             resolution,
-            kept,
         };
         let intersector = Bvh::with(&scene, Quality::Thorough, Isa::best());
         let intersector = intersector.expect("a hierarchy");
         let mut analysis =
-            SceneAnalysis::find(&scene.left_out, &intersector, &inquiry);
+            SceneAnalysis::find(&scene.left_out, &intersector, &view, kept);
         lie(&mut analysis);
         let found = start.elapsed().as_secs_f64();
         let window = Window { corner: (0, 0), size: resolution };
@@ -81,7 +80,7 @@ impl Setting {
         let start = Instant::now();
         let setup = Setup {
             intersector: &intersector,
-            inquiry: &inquiry,
+            view: &view,
             analysis: &analysis,
         };
         let mut renderer = setup.renderer(sampling);

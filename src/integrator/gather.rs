@@ -22,7 +22,7 @@ use std::array;
 
 use rand::RngExt;
 
-use crate::analysis::Inquiry;
+use crate::analysis::LitView;
 use crate::analysis::background::{KnownPixels, TileContent};
 use crate::bvh::{BEAM, Bvh, Hit, Intersector};
 use crate::film::{Tile, Window};
@@ -35,7 +35,7 @@ use guide::{Guide, bin, direction};
 /// Renders by gathering, with what a training has learnt.
 pub struct Gather<'a> {
     /// The view of the scene, and its light.
-    pub inquiry: Inquiry<'a>,
+    pub view: LitView,
     /// Finds hits in the scene.
     pub intersector: &'a Bvh,
     /// What is known of the image beforehand.
@@ -201,7 +201,7 @@ impl<K: Intersector> Tracer<'_, K> {
         let ray = Ray { origin: x.point, direction };
         self.rays += 1;
         let hit = self.intersector.first_hit(&ray, Some(x.primitive));
-        let sky = || End::Sky(self.gather.inquiry.sky.radiance(direction));
+        let sky = || End::Sky(self.gather.view.sky.radiance(direction));
         Shot { weight, bin, end: hit.map_or_else(sky, End::Hit) }
     }
 
@@ -217,7 +217,7 @@ impl<K: Intersector> Tracer<'_, K> {
     /// image, or the radiance of the sky behind it.
     #[inline]
     pub fn look(&mut self, x: f64, y: f64) -> End {
-        let Inquiry { camera, entrance, sky, .. } = &self.gather.inquiry;
+        let LitView { camera, entrance, sky, .. } = &self.gather.view;
         let direction = camera.direction(x, y);
         let ray = entrance.enter(direction);
         self.rays += u64::from(ray.is_some());
@@ -234,19 +234,19 @@ impl<K: Intersector> Tracer<'_, K> {
         scramble: u64,
         sums: &mut [f64],
     ) -> Vec<Sample> {
-        let &Gather { inquiry, known, seed, .. } = self.gather;
+        let &Gather { view, known, seed, .. } = self.gather;
         let mut looks = vec![];
         // Draw all samples of a tile
         for pixel in 0..tile.size.0 * tile.size.1 {
             let Allocation { counts, scale, net, .. } = self.allocation;
             let (x, y, number) = self.allocation.place(tile, pixel);
-            let (width, height) = inquiry.resolution;
+            let (width, height) = view.resolution;
             let i = u64::from(y) * u64::from(width) + u64::from(x);
             let key = scramble_key(seed, i, scramble);
             for n in 0..counts[number] {
                 let [u, v] = net.pair(key, n, 0);
                 let (u, v) = (within(x, width, u), within(y, height, v));
-                let direction = inquiry.camera.direction(u, v);
+                let direction = view.camera.direction(u, v);
                 looks.push((
                     direction,
                     pixel,
@@ -260,7 +260,7 @@ impl<K: Intersector> Tracer<'_, K> {
         // Send the first rays in beams
         for batch in looks.chunks(BEAM) {
             let rays = array::from_fn(|i| match batch.get(i) {
-                Some(look) if !is_sky => inquiry.entrance.enter(look.0),
+                Some(look) if !is_sky => view.entrance.enter(look.0),
                 _ => None,
             });
             self.rays += rays.iter().flatten().count() as u64;
@@ -269,7 +269,7 @@ impl<K: Intersector> Tracer<'_, K> {
                 // Begin a sample or show the sky
                 let (direction, pixel, scale, u) = look;
                 let Some(hit) = hit else {
-                    sums[pixel as usize] += inquiry.sky.radiance(direction);
+                    sums[pixel as usize] += view.sky.radiance(direction);
                     continue;
                 };
                 let (weight, end) = (1., None);
@@ -291,7 +291,7 @@ impl<K: Intersector> Tracer<'_, K> {
         let mut sums = vec![0.; area as usize];
         let mut samples = self.begin(tile, scramble, &mut sums);
         // Gather at all samples
-        let (cache, albedo) = (self.cache, self.gather.inquiry.albedo);
+        let (cache, albedo) = (self.cache, self.gather.view.albedo);
         let cell = |Sample { hit, .. }: &Sample| {
             *cache.at(cache.grid.name(hit.point, hit.normal))
         };

@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Job, Renderer};
 use crate::analysis::background::TileContent;
-use crate::analysis::{Inquiry, SceneAnalysis};
+use crate::analysis::{LitView, SceneAnalysis};
 use crate::bvh::{Bvh, Dispatch, Intersector};
 use crate::film::{Film, Window};
 use crate::integrator::gather::Correction;
@@ -137,8 +137,8 @@ const GATHER_VERSION: u32 = 5;
 pub struct Setup<'a> {
     /// Finds hits in the scene.
     pub intersector: &'a Bvh,
-    /// The view, and what is asked about it.
-    pub inquiry: &'a Inquiry<'a>,
+    /// The view of the scene, and its light.
+    pub view: &'a LitView,
     /// What was found.
     pub analysis: &'a SceneAnalysis,
 }
@@ -146,9 +146,9 @@ pub struct Setup<'a> {
 impl<'a> Setup<'a> {
     /// The renderer of a method.
     pub fn renderer(&self, sampling: &Sampling) -> Box<dyn Renderer + 'a> {
-        let &Self { intersector, inquiry, analysis } = self;
+        let &Self { intersector, view, analysis } = self;
         let &Sampling { seed, replicate, training, .. } = sampling;
-        let mut paths = PathTracer::new(inquiry.albedo, inquiry.sky);
+        let mut paths = PathTracer::new(view.albedo, view.sky);
         match sampling.method {
             Method::Reference => {
                 self.job(paths, IndependentSampler::new(seed))
@@ -158,7 +158,7 @@ impl<'a> Setup<'a> {
                 self.job(paths, SobolSampler::new(seed, replicate))
             }
             Method::Gather => Box::new(Gather {
-                inquiry: *inquiry,
+                view: *view,
                 intersector,
                 known: &analysis.known,
                 seed,
@@ -176,9 +176,9 @@ impl<'a> Setup<'a> {
         sampler: impl Sampler + 'a,
     ) -> Box<dyn Renderer + 'a> {
         Box::new(Job {
-            entrance: self.inquiry.entrance,
+            entrance: self.view.entrance,
             intersector: self.intersector,
-            camera: &self.inquiry.camera,
+            camera: &self.view.camera,
             integrator,
             known: &self.analysis.known,
             sampler,
@@ -202,7 +202,7 @@ impl<'a> Setup<'a> {
         let pilot = self.intersector.dispatch(trial);
         let pace = began.elapsed().as_secs_f64() / (4 * pixels) as f64;
         // Foresee the costs of all methods
-        let albedo = self.inquiry.albedo;
+        let albedo = self.view.albedo;
         let methods = Method::ALL.map(|method| {
             let needed = |error| pilot.needed(albedo, method, area, error);
             let enough = request.error.map(needed);
@@ -373,8 +373,8 @@ impl Trial<'_> {
         (x, y): (u32, u32),
         n: u64,
     ) -> [Path; 2] {
-        let Inquiry { entrance, camera, sky, albedo, resolution, .. } =
-            self.setup.inquiry;
+        let LitView { entrance, camera, sky, albedo, resolution, .. } =
+            self.setup.view;
         let integrator = PathTracer::new(*albedo, *sky);
         let number = |k| IndependentSampler::new(PILOT).start(n, k);
         let mut sampler = number(0);
@@ -581,13 +581,13 @@ const MANY: u64 = 1 << 20;
 /// A guess of how many rays are traced for so many paths, in so many
 /// seconds, from within the box around a scene or from outside.
 pub fn expected_rays(
-    inquiry: &Inquiry,
+    view: &LitView,
     paths: Option<f64>,
     time: Option<f64>,
 ) -> f64 {
-    let each = match inquiry.entrance.is_inside {
-        true => (1. / (1. - inquiry.albedo)).min(10.),
-        false => 1. + inquiry.albedo,
+    let each = match view.entrance.is_inside {
+        true => (1. / (1. - view.albedo)).min(10.),
+        false => 1. + view.albedo,
     };
     let time = time.or(paths.is_none().then_some(60.));
     let rate = RATE * rayon::current_num_threads() as f64;

@@ -123,13 +123,13 @@ fn image(setting: &Setting, method: Method, seed: u64, n: u64) -> Film {
     let area = u64::from(WIDTH * HEIGHT);
     // Know nothing of the image beforehand
     let Job { intersector, .. } = setting.job(seed);
-    let inquiry = setting.inquiry(resolution);
+    let view = setting.view(resolution);
     let known = KnownPixels::default();
     let analysis = SceneAnalysis { findings: vec![], known };
     let window = Window { corner: (0, 0), size: resolution };
     // Sample as a run of this method does
-    let (inquiry, analysis) = (&inquiry, &analysis);
-    let setup = Setup { intersector, inquiry, analysis };
+    let (view, analysis) = (&view, &analysis);
+    let setup = Setup { intersector, view, analysis };
     let request = Request {
         method: Some(method),
         seed,

@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 
 use glam::DVec3;
 use litpt::analysis::background::KnownPixels;
-use litpt::analysis::{Inquiry, SceneAnalysis};
+use litpt::analysis::{LitView, SceneAnalysis};
 use litpt::bvh::{Bvh, Isa, Quality};
 use litpt::camera::{Camera, View};
 use litpt::film::Film;
@@ -279,22 +279,21 @@ impl Case {
         film: &Film,
     ) -> Result<(), String> {
         let Scene { frame, triangles, left_out } = Scene::new(&self.mesh);
-        let inquiry = Inquiry {
+        let view = LitView {
             camera: *camera,
             entrance: frame.entrance(camera.position),
             sky: Sky::new(self.view.up),
             albedo: self.albedo,
             resolution: self.resolution,
-            kept: &[],
         };
         let intersector =
             Bvh::of(triangles, self.quality, Isa::best(), &|_| ())
                 .map_err(|error| error.to_string())?;
         let analysis =
-            SceneAnalysis::find(&left_out, &intersector, &inquiry);
+            SceneAnalysis::find(&left_out, &intersector, &view, &[]);
         let setup = Setup {
             intersector: &intersector,
-            inquiry: &inquiry,
+            view: &view,
             analysis: &analysis,
         };
         let mut renderer =

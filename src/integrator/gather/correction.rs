@@ -45,7 +45,7 @@ impl<K: Intersector> Tracer<'_, K> {
                 let Some((y, cell)) = end else { continue };
                 let expected = f64::from(cell.error);
                 reached +=
-                    self.gather.inquiry.albedo * weight * expected / scale;
+                    self.gather.view.albedo * weight * expected / scale;
                 let drawn = draws(&mut next, reached, step);
                 if drawn == 0. {
                     continue;
@@ -143,7 +143,7 @@ impl<K: Intersector> Tracer<'_, K> {
             sum += weight
                 * self.error_at(branches, hit, cell, random, &mut others);
         }
-        self.gather.inquiry.albedo * sum
+        self.gather.view.albedo * sum
     }
 
     /// The mean of what comes from rays that leave `x`, as far as the cache
@@ -210,9 +210,9 @@ impl<K: Intersector> Tracer<'_, K> {
         for bounce in 0.. {
             error -= throughput * f64::from(cell.value);
             let sum = self.gather_at(&y, &cell, branches, 1, random, ends);
-            error += throughput * self.gather.inquiry.albedo * sum;
+            error += throughput * self.gather.view.albedo * sum;
             let Some(end) = ends.pop() else { break };
-            throughput *= self.gather.inquiry.albedo * end.weight;
+            throughput *= self.gather.view.albedo * end.weight;
             // Let a weak path survive by chance
             let long =
                 if bounce < MANY_BOUNCES { 1. } else { survival(bounce) };

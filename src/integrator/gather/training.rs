@@ -99,7 +99,7 @@ pub fn train<K: Intersector>(
     like: &Tracer<K>,
     watch: &Watch,
 ) -> (RadianceCache, u64) {
-    let &Gather { inquiry, seed, training: rays, .. } = like.gather;
+    let &Gather { view, seed, training: rays, .. } = like.gather;
     // Choose the grid after a first look
     let mut scout = Tracer { rays: 0, ..*like };
     let mut points = vec![];
@@ -122,7 +122,7 @@ pub fn train<K: Intersector>(
             traced += rays;
         }
         let before = cache.relative_error;
-        cache = cache.learn(&mut records, inquiry.albedo as f32, watch);
+        cache = cache.learn(&mut records, view.albedo as f32, watch);
         let now = cache.relative_error;
         if round == 1 && now * (1. - now / before) < LEAST_FALL {
             break;
