@@ -36,6 +36,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         Job { entrance, intersector, camera, integrator, known, sampler };
     let mut film = Film::new(320, 240);
     job.pass(&mut film, 64, &|_| true);
-    let picture = Picture { film: &film, attributes: BTreeMap::new() };
+    let attributes = BTreeMap::new();
+    let picture = Picture { film: &film, filtered: None, attributes };
     Ok(Format::Pgm.write(&picture, &mut std::io::stdout().lock())?)
 }

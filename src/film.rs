@@ -8,12 +8,16 @@
 //! tile lie together in memory, so that threads write to separate pieces.
 //! The pixels of a tile hold the same samples, from the first on.
 
+use std::io::{self, Read, Write};
 use std::str::FromStr;
 
+use bytemuck::{Pod, Zeroable, cast};
+use glam::Vec2;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::memory::zeroed;
+use crate::numerics::power_of_two;
 use crate::statistics::Accumulator;
 
 /// Width and height of a tile in pixels.
@@ -93,9 +97,17 @@ pub fn digits<N: FromStr>(text: &str) -> Result<N, N::Err> {
     text.replace('+', "x").parse()
 }
 
-/// A tile with its pixels, row by row, and its mean, if the film has one.
-pub type FilmTile<'a> =
-    (Tile, &'a mut [Accumulator], Option<&'a mut Accumulator>);
+/// A tile of a film, to be filled.
+pub struct FilmTile<'a> {
+    /// Where it lies.
+    pub tile: Tile,
+    /// Its pixels, row by row.
+    pub pixels: &'a mut [Accumulator],
+    /// Its mean, if the film has one.
+    pub mean: Option<&'a mut Accumulator>,
+    /// The halves of its pixels, or nothing if the film has none.
+    pub halves: &'a mut [Halves],
+}
 
 /// An image in the making, or a part of it: one accumulator per pixel.
 #[derive(Clone, Debug)]
@@ -119,12 +131,59 @@ pub struct Film {
     pub pixels: Vec<Accumulator>,
     /// The means of each tile, if its pixels share random numbers; else none.
     pub tile_means: Vec<Accumulator>,
+    /// The halves of the pixels, in the same order; none unless a picture is
+    /// to be filtered.
+    pub halves: Vec<Halves>,
 }
 
 /// Watches the work on a film: called, from any thread, with what is done,
 /// as the paths that a finished tile has taken, and with 0 in between.
 /// Answers whether to go on.
 pub type Watch<'a> = dyn Fn(u64) -> bool + Sync + 'a;
+
+/// The values of a pixel in two halves, those of even and of odd numbers: of
+/// each the sums of what was gathered and of its corrections, in units of
+/// 2^-32, and the number of values.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Halves([[i64; 3]; 2]);
+
+impl Halves {
+    /// Takes the value of this number into account: what was gathered, and
+    /// its correction.
+    pub fn add(&mut self, number: u64, parts: [f64; 2]) {
+        let [gathered, corrected] = parts.map(|part| (part * UNIT) as i64);
+        let mut more = Self::default();
+        more.0[(number % 2) as usize] = [gathered, corrected, 1];
+        self.merge(&more);
+    }
+
+    /// Takes all values of others into account.
+    pub fn merge(&mut self, other: &Self) {
+        let sums = self.0.as_flattened_mut().iter_mut();
+        for (sum, more) in sums.zip(other.0.as_flattened()) {
+            *sum = sum.wrapping_add(*more);
+        }
+    }
+
+    /// The numbers of values in both halves.
+    pub fn counts(&self) -> Vec2 {
+        Vec2::from(self.0.map(|[.., count]| count as f32))
+    }
+
+    /// The means of both halves, of what was gathered and of the corrections;
+    /// not numbers without a value.
+    pub fn means(&self) -> [Vec2; 2] {
+        let mean = |k: usize| {
+            self.0
+                .map(|half| (half[k] as f64 / UNIT / half[2] as f64) as f32)
+        };
+        [mean(0), mean(1)].map(Vec2::from)
+    }
+}
+
+/// Units of the sums of halves in 1.
+const UNIT: f64 = power_of_two(32);
 
 impl Window {
     /// The column and row after its last ones.
@@ -224,6 +283,7 @@ impl Film {
             places,
             pixels,
             tile_means: vec![],
+            halves: vec![],
         }
     }
 
@@ -231,23 +291,31 @@ impl Film {
     pub fn tiles(&mut self) -> Vec<FilmTile<'_>> {
         let begun = self.pixels[0].count() > 0;
         let mut rest = &mut self.pixels[..];
+        let mut halves = &mut self.halves[..];
         let mut means = self.tile_means.iter_mut();
-        let part = |&tile: &Tile| {
-            let own = rest.split_off_mut(..tile.area());
-            (tile, own.unwrap_or_default(), means.next())
+        let part = |&tile: &Tile| FilmTile {
+            tile,
+            pixels: rest.split_off_mut(..tile.area()).unwrap_or_default(),
+            mean: means.next(),
+            halves: halves.split_off_mut(..tile.area()).unwrap_or_default(),
         };
         let mut parts: Vec<_> = self.tiles.iter().map(part).collect();
         if begun {
-            parts.sort_unstable_by_key(|(tile, ..)| tile.number);
+            parts.sort_unstable_by_key(|part| part.tile.number);
         }
         parts
     }
 
     /// The pixel of column `x` and row `y` of the image, in the window.
     pub fn pixel(&self, x: u32, y: u32) -> &Accumulator {
+        &self.pixels[self.index(x, y)]
+    }
+
+    /// The place of a pixel in the order in which pixels are stored.
+    pub fn index(&self, x: u32, y: u32) -> usize {
         let tile = &self.tiles[self.place(x, y)];
         let (column, row) = (x - tile.corner.0, y - tile.corner.1);
-        &self.pixels[tile.start + (row * tile.size.0 + column) as usize]
+        tile.start + (row * tile.size.0 + column) as usize
     }
 
     /// The place in memory of the tile that holds a pixel.
@@ -360,8 +428,17 @@ impl Film {
         self
     }
 
+    /// The same film, which keeps halves. It must be empty.
+    pub fn with_halves(mut self) -> Self {
+        self.halves = vec![Halves::default(); self.pixels.len()];
+        self
+    }
+
     /// Takes the samples of a film of some of its tiles into account.
     pub fn merge(&mut self, part: &Self) {
+        if part.halves.is_empty() {
+            self.halves.clear();
+        }
         for (number, tile) in part.tiles.iter().enumerate() {
             let place = self.place(tile.corner.0, tile.corner.1);
             let Tile { start, size, .. } = self.tiles[place];
@@ -372,7 +449,40 @@ impl Film {
             if let Some(mean) = part.tile_means.get(number) {
                 self.tile_means[place].merge(mean);
             }
+            if !self.halves.is_empty() {
+                let own = &mut self.halves[start..];
+                let more = &part.halves[tile.start..][..tile.area()];
+                own.iter_mut().zip(more).for_each(|(p, q)| p.merge(q));
+            }
         }
+    }
+
+    /// Writes the sums.
+    pub fn write(&self, out: &mut dyn Write) -> io::Result<()> {
+        for sums in self.pixels.iter().chain(&self.tile_means) {
+            out.write_all(&sums.to_bytes())?;
+        }
+        for Halves(sums) in &self.halves {
+            let bytes: [u8; 48] =
+                cast(cast::<_, [i64; 6]>(*sums).map(i64::to_le));
+            out.write_all(&bytes)?;
+        }
+        Ok(())
+    }
+
+    /// Fills an empty film with sums that one of the same run has written.
+    pub fn read(&mut self, from: &mut dyn Read) -> io::Result<()> {
+        let mut bytes = [0; 64];
+        for sums in self.pixels.iter_mut().chain(&mut self.tile_means) {
+            from.read_exact(&mut bytes)?;
+            *sums = Accumulator::from_bytes(&bytes);
+        }
+        let mut bytes = [0; 48];
+        for Halves(sums) in &mut self.halves {
+            from.read_exact(&mut bytes)?;
+            *sums = cast(cast::<_, [i64; 6]>(bytes).map(i64::from_le));
+        }
+        Ok(())
     }
 
     /// Summarises the image, with the errors that [`Film::errors`] gives

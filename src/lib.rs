@@ -45,6 +45,7 @@ pub mod bvh;
 pub mod camera;
 pub mod compare;
 pub mod film;
+pub mod filter;
 pub mod image;
 pub mod integrator;
 pub mod memory;

@@ -124,6 +124,11 @@ pub struct Options {
     #[arg(long)]
     pub preview: bool,
 
+    /// Show the noise of a gather in .png and .html, and write no filtered
+    /// channels in .exr
+    #[arg(long)]
+    pub no_filter: bool,
+
     /// Overwrite files that exist
     #[arg(short, long)]
     pub force: bool,

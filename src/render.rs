@@ -54,7 +54,7 @@ impl<K: Intersector, E: Integrator, S: Sampler> Renderer
         let tiles = film.tiles();
         let parts =
             PIECES_PER_THREAD * rayon::current_num_threads() / tiles.len();
-        let render = |(tile, pixels, _): FilmTile| {
+        let render = |FilmTile { tile, pixels, .. }: FilmTile| {
             let values = first + pixels[0].count()..end;
             pass.add(tile, pixels, values, parts as u64).unwrap_or(0)
         };

@@ -4,7 +4,7 @@
 
 //! The files of a run, kept up to date while it goes on.
 
-use std::cell::LazyCell;
+use std::cell::{LazyCell, OnceCell};
 use std::collections::BTreeMap;
 use std::io::Write;
 use std::time::{Duration, Instant};
@@ -12,7 +12,8 @@ use std::time::{Duration, Instant};
 use serde_json::{Map, Value, json};
 
 use crate::film::Film;
-use crate::image::{Format, Picture};
+use crate::filter::{Filtered, FirstHits};
+use crate::image::{Format, Image, Picture};
 use crate::output::OutputTarget;
 use crate::render_loop::Convergence;
 use crate::report::{Kind, as_typed};
@@ -30,6 +31,14 @@ pub enum Product {
     State,
 }
 
+impl Product {
+    /// Whether it shows what a filter has made.
+    pub fn is_picture(self) -> bool {
+        use Format::{Exr, Png};
+        matches!(self, Self::Image(Png | Exr) | Self::Report(Kind::Html))
+    }
+}
+
 /// A file of a run.
 struct RunFile {
     product: Product,
@@ -41,12 +50,15 @@ struct RunFile {
 }
 
 /// The files of a run, and what is known of it so far.
-pub struct RunOutput {
+pub struct RunOutput<'a> {
     files: Vec<RunFile>,
     /// Time between two checkpoints.
     every: Duration,
     /// What is known of the run, which goes into the files.
     pub known: Known,
+    /// Finds what guides the filter of a picture, if there is to be one.
+    trace: Option<&'a dyn Fn() -> FirstHits>,
+    hits: OnceCell<FirstHits>,
 }
 
 impl RunFile {
@@ -67,13 +79,14 @@ pub fn attributes(known: &Map<String, Value>) -> BTreeMap<String, String> {
     known.iter().map(text).collect()
 }
 
-impl RunOutput {
+impl<'a> RunOutput<'a> {
     /// The files of a run that is about to begin, with a checkpoint each so
     /// many seconds, and previews if they are wanted.
     pub fn new(
         files: Vec<(Product, OutputTarget)>,
         (every, preview): (f64, bool),
         known: Known,
+        trace: Option<&'a dyn Fn() -> FirstHits>,
     ) -> Self {
         let now = Instant::now();
         let every =
@@ -88,7 +101,7 @@ impl RunOutput {
             RunFile { product, target, due, seconds: 0. }
         };
         let files = files.into_iter().map(file).collect();
-        Self { files, every, known }
+        Self { files, every, known, trace, hits: OnceCell::new() }
     }
 
     /// Writes the files that are due `now`, or all of them a last time.
@@ -102,21 +115,39 @@ impl RunOutput {
         film: &Film,
         now: Option<Instant>,
     ) -> Result<(), String> {
-        let Self { files, every, known } = self;
+        let Self { files, every, known, trace, hits } = self;
         known.report.convergence.clone_from(convergence);
-        let known = &*known;
-        let report = LazyCell::new(|| known.report.complete(film));
-        let is_due = |file: &&mut RunFile| {
+        let is_due = |file: &RunFile| {
             now.is_none_or(|now| file.is_due(now, convergence))
         };
+        // Filter the image if a file shows it
+        let mut shown =
+            files.iter().filter(|file| file.product.is_picture());
+        let filtered = match trace {
+            Some(trace) if shown.any(is_due) => {
+                Filtered::of(film, hits.get_or_init(trace))
+            }
+            _ => None,
+        };
+        if let Some(filtered) = &filtered {
+            known.report.picture = Some(filtered.error);
+        }
+        let filtered = filtered.as_ref().map(|filtered| &filtered.image);
+        let known = &*known;
+        let report = LazyCell::new(|| known.report.complete(film));
         let mut failures = vec![];
-        for file in files.iter_mut().filter(is_due) {
+        for file in files.iter_mut().filter(|file| is_due(file)) {
             let began = Instant::now();
             // Write or rewrite one file
-            let image = || picture(known, film);
+            let image = || picture(known, film, filtered);
             let page =
-                |kind: Kind| kind.render(&report, &|| image().image());
+                |kind: Kind| kind.render(&report, &|| image().shown());
             let content = &mut |out: &mut dyn Write| match file.product {
+                Product::Image(Format::Png)
+                    if let Some(shown) = filtered =>
+                {
+                    Format::Png.write(shown, out)
+                }
                 Product::Image(format) => format.write(&image(), out),
                 Product::Report(kind) => {
                     out.write_all(page(kind).as_bytes())
@@ -168,7 +199,11 @@ impl RunOutput {
 }
 
 /// The image on the film, with all that is known about it.
-fn picture<'f>(known: &Known, film: &'f Film) -> Picture<'f> {
+fn picture<'f>(
+    known: &Known,
+    film: &'f Film,
+    filtered: Option<&'f Image>,
+) -> Picture<'f> {
     let Known { run_key, report, .. } = known;
     let Convergence { spp, rays, seconds, stopped, .. } =
         report.convergence;
@@ -185,5 +220,5 @@ fn picture<'f>(known: &Known, film: &'f Film) -> Picture<'f> {
     all.retain(|_, value| !value.is_null());
     all.extend(entries(run_key));
     all.extend(entries(&known));
-    Picture { film, attributes: attributes(&all) }
+    Picture { film, filtered, attributes: attributes(&all) }
 }

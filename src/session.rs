@@ -26,6 +26,7 @@ use crate::bvh::{Bvh, Quality, too_small};
 use crate::camera::{Camera, View, typed};
 use crate::compare::disagreements;
 use crate::film::Film;
+use crate::filter::FirstHits;
 use crate::image::{Format, Image};
 use crate::memory::zeroed;
 use crate::options::{Error, Options};
@@ -191,6 +192,7 @@ fn run(
         subject,
         sampling,
         part: options.part(sampling.replicate),
+        filtered: keeps_halves(options, &files, sampling, resumed.as_ref()),
     };
     report.settings.extend(settings(options, &run_key, choice));
     tell(ranks, &run_key);
@@ -200,7 +202,10 @@ fn run(
     // Prepare the files of the run
     let often = (options.every.unwrap_or(60.), options.preview);
     let known = Known { run_key: run_key.clone(), options: saved, report };
-    let output = RunOutput::new(files, often, known);
+    let trace = || FirstHits::trace(&bvh, &view, run_key.windows()[1]);
+    let trace =
+        run_key.filtered.then_some(&trace as &dyn Fn() -> FirstHits);
+    let output = RunOutput::new(files, often, known, trace);
     // Collect the limits
     let most = deadline.map_or(0., |end| 0.5 * seconds_to(end));
     let seconds = output.seconds_to_write(run.0.area());
@@ -217,6 +222,27 @@ fn run(
     let bar = render_bar(start, options.time);
     enter("rendering", Some(bar.clone()));
     Ok(render(renderer, run, &limits, output, &bar, image.as_deref())?)
+}
+
+/// Whether a film is to keep halves, so that a picture can be filtered.
+fn keeps_halves(
+    options: &Options,
+    files: &[(Product, OutputTarget)],
+    sampling: Sampling,
+    resumed: Option<&Checkpoint>,
+) -> bool {
+    let mut products = files.iter().map(|(product, _)| product);
+    let shows = products.any(|product| product.is_picture())
+        || options.part(1).is_some();
+    let is_wanted =
+        sampling.method == Method::Gather && shows && !options.no_filter;
+    let has = resumed.is_none_or(|saved| saved.known.run_key.filtered);
+    if is_wanted && !has {
+        progress::warn(
+            "the run was begun without a picture: none can be filtered",
+        );
+    }
+    is_wanted && has
 }
 
 /// The options of a run, and where it has been saved if it goes on.

@@ -119,11 +119,11 @@ fn scrambles(
     count: u64,
 ) -> (Vec<Accumulator>, Accumulator, f64) {
     let (mut tracer, window) = (Tracer { ..*like }, like.allocation.window);
-    let tile = Film::new(window.size.0, window.size.1).tiles()[0].0;
+    let tile = Film::new(window.size.0, window.size.1).tiles()[0].tile;
     let mut pixels = vec![Accumulator::default(); window.area()];
     let mut mean = Accumulator::default();
     for scramble in 0..count {
-        let values = tracer.tile(tile, scramble);
+        let [values, _] = tracer.tile(tile, scramble);
         mean.add(values.iter().sum::<f64>() / values.len() as f64);
         pixels.iter_mut().zip(values).for_each(|(p, v)| p.add(v));
     }

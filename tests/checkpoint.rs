@@ -26,7 +26,7 @@ fn run_key_with(changes: Value) -> RunKey {
         "resolution": [5, 3], "position": [0.5, -1e9, 3.],
         "target": [0., 0., 0.], "up": [0., 0., 1.], "fov": 0.1,
         "albedo": 0.5, "method": "sobol", "seed": 7, "replicate": 4,
-        "training": 0, "sky_control": 90,
+        "training": 0, "sky_control": 90, "filtered": false,
     });
     for (name, value) in changes.as_object().unwrap() {
         key[name] = value.clone();

@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use glam::DVec3;
 use litpt::bvh::{Bvh, Hit, Intersector, Isa, Quality};
 use litpt::camera::View;
-use litpt::film::{Film, SIDE, Summary, Tile, Window};
+use litpt::film::{Film, FilmTile, SIDE, Summary, Tile, Window};
 use litpt::integrator::{Integrator, PathEvent, PathTracer};
 use litpt::render::{Job, Renderer};
 use litpt::sampler::sobol::SobolSampler;
@@ -26,7 +26,7 @@ fn each_pixel_belongs_to_one_tile_and_is_found_there() {
     {
         let mut film = Film::new(width, height);
         let mut seen = HashSet::new();
-        for (tile, pixels, _) in film.tiles() {
+        for FilmTile { tile, pixels, .. } in film.tiles() {
             assert!(tile.size.0 <= SIDE && tile.size.1 <= SIDE);
             for (i, pixel) in (0..).zip(pixels) {
                 let x = tile.corner.0 + i % tile.size.0;
@@ -49,7 +49,7 @@ fn the_curve_steps_to_adjacent_tiles() {
         let mut film = Film::new(tiles * SIDE, tiles * SIDE);
         film.pixels[0].add(1.);
         let corners: Vec<(u32, u32)> =
-            film.tiles().iter().map(|(tile, ..)| tile.corner).collect();
+            film.tiles().iter().map(|part| part.tile.corner).collect();
         assert_eq!(corners[0], (0, 0));
         let last = corners[corners.len() - 1];
         assert_eq!(last, ((tiles - 1) * SIDE, 0));
@@ -69,7 +69,7 @@ fn the_first_pass_is_scattered_over_the_image() {
     let block = |tile: &Tile| {
         (tile.corner.0 / (8 * SIDE), tile.corner.1 / (8 * SIDE))
     };
-    let blocks = tiles[..64].iter().map(|(tile, ..)| block(tile));
+    let blocks = tiles[..64].iter().map(|part| block(&part.tile));
     assert_eq!(blocks.collect::<HashSet<_>>().len(), 64);
 }
 
@@ -77,7 +77,7 @@ fn the_first_pass_is_scattered_over_the_image() {
 fn a_pixel_without_a_sample_has_no_mean() {
     let window = Window { corner: (17, 3), size: (40, 30) };
     let mut film = Film::cropped((60, 40), window);
-    let (tile, pixels, _) = film.tiles().swap_remove(2);
+    let FilmTile { tile, pixels, .. } = film.tiles().swap_remove(2);
     pixels.iter_mut().for_each(|pixel| pixel.add(0.25));
     let (left, top) = tile.corner;
     let own = (left..left + tile.size.0, top..top + tile.size.1);
@@ -195,9 +195,9 @@ fn a_window_has_the_samples_of_the_whole_image() {
         }
         // Tiles lie in the cells of the whole image.
         let tiles = part.tiles();
-        let area: usize = tiles.iter().map(|(t, ..)| t.area()).sum();
+        let area: usize = tiles.iter().map(|part| part.tile.area()).sum();
         assert_eq!(area, window.area());
-        for (tile, ..) in tiles {
+        for FilmTile { tile, .. } in tiles {
             let cell = |(x, y): (u32, u32)| (x / SIDE, y / SIDE);
             assert_eq!(cell(tile.corner), cell(last(tile)));
         }
@@ -217,7 +217,9 @@ fn the_errors_of_tiles_are_those_of_the_mean_of_the_image() {
         for pixel in &mut film.pixels {
             (0..2).for_each(|_| pixel.add(1.));
         }
-        for (k, (_, _, mean)) in film.tiles().into_iter().enumerate() {
+        for (k, FilmTile { mean, .. }) in
+            film.tiles().into_iter().enumerate()
+        {
             // The standard error is k + 1.
             let mean = mean.unwrap();
             mean.add(0.);
@@ -227,7 +229,8 @@ fn the_errors_of_tiles_are_those_of_the_mean_of_the_image() {
         let squares: f64 = errors.iter().map(|e| e * e).sum();
         let sum = film.summary().mean_stderr * film.area() as f64;
         assert!((squares / (sum * sum) - 1.).abs() < 1e-12);
-        let tiles: Vec<Tile> = film.tiles().iter().map(|t| t.0).collect();
+        let tiles: Vec<Tile> =
+            film.tiles().iter().map(|t| t.tile).collect();
         for (k, tile) in tiles.into_iter().enumerate() {
             for (x, y) in [tile.corner, last(tile)] {
                 let (x, y) = (x - corner.0, y - corner.1);
@@ -274,7 +277,7 @@ fn a_stopped_pass_leaves_tiles_with_their_first_samples() {
                     let mut pairs = film.rows().zip(plain.rows());
                     assert!(pairs.all(|(p, q)| p.count() != n || p == q));
                 }
-                for (_, pixels, _) in film.tiles() {
+                for FilmTile { pixels, .. } in film.tiles() {
                     let n = pixels[0].count();
                     assert!(pixels.iter().all(|p| p.count() == n));
                 }

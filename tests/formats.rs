@@ -17,7 +17,7 @@ use exr::prelude::{
     AnyChannel, AnyChannels, Encoding, FlatSamples, Image as ExrImage,
     Layer, SmallVec, WritableImage, f16,
 };
-use litpt::film::{self, Film, WORTH};
+use litpt::film::{self, Film, FilmTile, WORTH};
 use litpt::image::{Format, Image, Picture};
 use litpt::output::{OutputTarget, format_of};
 use png::BitDepth::{self, Eight, One, Sixteen};
@@ -119,7 +119,8 @@ fn an_exr_file_of_a_film_is_that_of_its_image() {
         let film = Film::cropped((400, 400), window);
         let mut film = film.with_replicates(4).with_shared_tiles();
         let tiles = film.tiles().into_iter().enumerate();
-        for (i, (_, pixels, mut mean)) in tiles.filter(|t| !gaps || t.0 < 9)
+        for (i, FilmTile { pixels, mut mean, .. }) in
+            tiles.filter(|t| !gaps || t.0 < 9)
         {
             for k in 0..2 + i % 3 {
                 let values = (0..).map(|n| f64::from(n * n % 7 + k as u32));
@@ -129,7 +130,11 @@ fn an_exr_file_of_a_film_is_that_of_its_image() {
             }
         }
         let mut written = vec![];
-        let picture = Picture { film: &film, attributes: BTreeMap::new() };
+        let picture = Picture {
+            film: &film,
+            filtered: None,
+            attributes: BTreeMap::new(),
+        };
         Format::Exr.write(&picture, &mut written).unwrap();
         let image = picture.image();
         assert!(written == bytes(Format::Exr, &image));
@@ -618,7 +623,7 @@ fn a_device_receives_the_last_state_alone() {
 #[test]
 fn pixels_without_a_sample_are_filled_in_levels_and_no_numbers_elsewhere() {
     let mut film = Film::new(70, 50);
-    for (tile, pixels, _) in film.tiles() {
+    for FilmTile { tile, pixels, .. } in film.tiles() {
         let value = match tile.corner {
             (0, 0) => 0.25,
             (48, 32) => 1.,
@@ -631,8 +636,12 @@ fn pixels_without_a_sample_are_filled_in_levels_and_no_numbers_elsewhere() {
         (1, 1) => (1., 255),
         _ => (0.625, 207),
     };
-    let image =
-        Picture { film: &film, attributes: BTreeMap::new() }.image();
+    let image = Picture {
+        film: &film,
+        filtered: None,
+        attributes: BTreeMap::new(),
+    }
+    .image();
     let (.., levels) = pgm(&bytes(Format::Pgm, &image));
     let fine = decode(&bytes(Format::Png, &image)).unwrap().means;
     let pfm = decode(&bytes(Format::Pfm, &image)).unwrap();

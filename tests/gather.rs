@@ -533,7 +533,8 @@ fn gathered(
 ) -> (Vec<Accumulator>, Accumulator) {
     let (width, height) = stage.resolution;
     let mut film = Film::new(width, height);
-    let tiles: Vec<Tile> = film.tiles().iter().map(|t| t.0).collect();
+    let tiles: Vec<Tile> =
+        film.tiles().iter().map(|part| part.tile).collect();
     let area = (width * height) as usize;
     // Pixels have 1, 2, 3, 5 samples.
     let counts = (0..area).map(|i| [1, 2, 3, 5][i % 4]).collect();
@@ -543,7 +544,11 @@ fn gathered(
     assert_eq!(tiles.len(), 1, "one tile");
     let images: Vec<Vec<f64>> = (0..scrambles)
         .into_par_iter()
-        .map(|n| tracer(&gather, cache, &allocation).tile(tiles[0], n))
+        .map(|n| {
+            let [values, _] =
+                tracer(&gather, cache, &allocation).tile(tiles[0], n);
+            values
+        })
         .collect();
     let mut pixels = vec![Accumulator::default(); area];
     let mut whole = Accumulator::default();
@@ -701,7 +706,7 @@ fn a_gather_traces_no_ray_in_a_tile_of_the_sky() {
     let stage = Stage::furrows((16, 16));
     let cache = RadianceCache::empty(Grid::around(&[]));
     let mut film = Film::new(16, 16);
-    let (allocation, tile) = (even(&film), film.tiles()[0].0);
+    let (allocation, tile) = (even(&film), film.tiles()[0].tile);
     // A camera that looks along the horizon, away from all triangles.
     let view = View {
         position: DVec3::new(0., 0., 1e4),
@@ -715,7 +720,7 @@ fn a_gather_traces_no_ray_in_a_tile_of_the_sky() {
         let view = LitView { camera: *camera, ..gather.view };
         let gather = Gather { known, view, ..gather };
         let mut tracer = tracer(&gather, &cache, &allocation);
-        (tracer.tile(tile, 0), tracer.rays)
+        (tracer.tile(tile, 0)[0].clone(), tracer.rays)
     };
     let sky = Sky::new(DVec3::Z);
     let known = KnownPixels::background(

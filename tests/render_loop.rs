@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use glam::DVec3;
 use litpt::bvh::{Hit, Intersector};
-use litpt::film::{Film, Summary, WORTH, Watch};
+use litpt::film::{Film, FilmTile, Summary, WORTH, Watch};
 use litpt::integrator::{Integrator, PathEvent};
 use litpt::render::{Job, Renderer};
 use litpt::render_loop::{Convergence, Limits, Stop};
@@ -110,7 +110,7 @@ fn image_of(
     weights: impl Fn(u32, u32) -> Vec<f64>,
 ) -> Film {
     let mut film = Film::new(width, height);
-    for (tile, pixels, _) in film.tiles() {
+    for FilmTile { tile, pixels, .. } in film.tiles() {
         for (i, pixel) in (0..).zip(pixels) {
             let x = tile.corner.0 + i % tile.size.0;
             let y = tile.corner.1 + i / tile.size.0;

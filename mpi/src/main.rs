@@ -306,8 +306,7 @@ impl Part {
         let head = (film.window, film.first, rays, share);
         let mut bytes = serde_json::to_vec(&head).unwrap_or_default();
         bytes.push(b'\n');
-        let sums = film.pixels.iter().chain(&film.tile_means);
-        bytes.extend(sums.flat_map(Accumulator::to_bytes));
+        film.write(&mut bytes).expect("a vector takes all bytes");
         bytes
     }
 
@@ -316,13 +315,7 @@ impl Part {
         let head = serde_json::from_slice(&bytes[..end]).ok()?;
         let (window, first, rays, share) = head;
         let mut film = run_key.film_of(window, first);
-        let (sums, _) = bytes[end + 1..].as_chunks();
-        let mut sums = sums.iter().map(Accumulator::from_bytes);
-        let mut fill = |all: &mut [Accumulator]| {
-            all.iter_mut().zip(&mut sums).for_each(|(own, sum)| *own = sum);
-        };
-        fill(&mut film.pixels);
-        fill(&mut film.tile_means);
+        film.read(&mut &bytes[end + 1..]).ok()?;
         Some(Self { film, rays, share })
     }
 }

@@ -232,7 +232,7 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
             // Write what was merged
             let convergence = merged.known.report.convergence.clone();
             let mut output =
-                RunOutput::new(targets, (60., false), merged.known);
+                RunOutput::new(targets, (60., false), merged.known, None);
             output.write(&convergence, &merged.film, None)?;
         }
         Verb::Stderr { input, to, relative } => {

@@ -29,6 +29,9 @@ pub struct Image {
     /// ([`Film::tile_errors`]), infinite where unknown; none if the pixels
     /// are independent.
     pub tile_errors: Option<Vec<f64>>,
+    /// Means and root mean square errors of the filtered picture, if there
+    /// is one; not read from files.
+    pub filtered: Option<[Vec<f64>; 2]>,
     /// What is known about the run: names and values, such as `seed`
     /// and `7`.
     pub attributes: BTreeMap<String, String>,
@@ -73,6 +76,8 @@ pub trait Source: Sync {
 pub struct Picture<'a> {
     /// The sums.
     pub film: &'a Film,
+    /// The filtered picture, if there is one.
+    pub filtered: Option<&'a Image>,
     /// What is known about the run; see [`Image::attributes`].
     pub attributes: BTreeMap<String, String>,
 }
@@ -82,6 +87,13 @@ impl Picture<'_> {
     pub fn image(self) -> Image {
         let image = self.part(self.window(), true);
         Image { attributes: self.attributes, ..image }
+    }
+
+    /// What is shown of it: the filtered picture, if there is one.
+    pub fn shown(self) -> Image {
+        let filtered = self.filtered.map(|image| image.means.clone());
+        let image = self.image();
+        Image { means: filtered.unwrap_or(image.means.clone()), ..image }
     }
 }
 
@@ -97,6 +109,13 @@ impl Source for Picture<'_> {
             errors: film.map(|film| film.errors(WORTH, window)),
             samples: film.map(|film| film.counts_of(window)),
             tile_errors: film.and_then(|film| film.tile_errors(window)),
+            filtered: film.and(self.filtered).map(|filtered| {
+                let ((x, y), first) =
+                    (window.corner, self.film.window.corner);
+                let corner = (x - first.0, y - first.1);
+                let part = filtered.part(Window { corner, ..window }, true);
+                [part.means, part.errors.unwrap_or_default()]
+            }),
             ..Image::plain(width, height, self.film.means_of(window))
         }
     }

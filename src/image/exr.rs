@@ -100,6 +100,7 @@ const MEAN: &str = "Y";
 const ERROR: &str = "stderr.Y";
 const SAMPLES: &str = "samples.Y";
 const SHARED: &str = "tile_stderr.Y";
+const FILTERED: [&str; 2] = ["filtered.Y", "filtered_stderr.Y"];
 
 impl Image {
     /// The channels that it fills: name, type in the file, and numbers.
@@ -107,8 +108,11 @@ impl Image {
         &self,
     ) -> impl Iterator<Item = (&'static str, SampleType, &[f64])> {
         let Self { means, errors, samples, tile_errors, .. } = self;
+        let filtered = |k: usize| Some(&self.filtered.as_ref()?[k]);
         let all = [
             (MEAN, SampleType::F32, Some(means)),
+            (FILTERED[0], SampleType::F32, filtered(0)),
+            (FILTERED[1], SampleType::F32, filtered(1)),
             (SAMPLES, SampleType::U32, samples.as_ref()),
             (ERROR, SampleType::F32, errors.as_ref()),
             (SHARED, SampleType::F32, tile_errors.as_ref()),
@@ -249,6 +253,7 @@ pub fn read(bytes: &[u8], note: Note) -> Result<Image, String> {
         errors: values(ERROR),
         samples: values(SAMPLES),
         tile_errors: values(SHARED),
+        filtered: None,
         attributes: attributes(&layer.attributes, bytes, note),
     })
 }

@@ -279,12 +279,13 @@ impl<K: Intersector> Tracer<'_, K> {
         samples
     }
 
-    /// The means of the pixels of a tile in a scramble.
-    pub fn tile(&mut self, tile: Tile, scramble: u64) -> Vec<f64> {
+    /// The means of the pixels of a tile in a scramble, and what corrections
+    /// have added to them.
+    pub fn tile(&mut self, tile: Tile, scramble: u64) -> [Vec<f64>; 2] {
         let area = tile.size.0 * tile.size.1;
         let &Gather { known, seed, .. } = self.gather;
         if let TileContent::Constant(value) = known.content(tile.corner) {
-            return vec![value; area as usize];
+            return [value, 0.].map(|value| vec![value; area as usize]);
         }
         let stream = tile_number(tile.corner);
         let mut random = generator(seed, stream, scramble);
@@ -316,11 +317,15 @@ impl<K: Intersector> Tracer<'_, K> {
                 sums[*pixel as usize] += radiance;
             }
         }
+        let mut corrections = sums.clone();
         self.correct(&samples, &mut random, &mut sums);
-        for (pixel, sum) in (0..area).zip(&mut sums) {
+        for (pixel, sum) in (0..).zip(&mut sums) {
             let (_, _, number) = self.allocation.place(tile, pixel);
-            *sum /= f64::from(self.allocation.counts[number]);
+            let count = f64::from(self.allocation.counts[number]);
+            let correction = &mut corrections[pixel as usize];
+            *correction = (*sum - *correction) / count;
+            *sum /= count;
         }
-        sums
+        [sums, corrections]
     }
 }

@@ -13,6 +13,7 @@ use serde_json::{Map, Value, json};
 
 use crate::analysis::Finding;
 use crate::film::Film;
+use crate::filter::PictureError;
 use crate::progress::metric;
 use crate::render_loop::{Convergence, CurvePoint, Stop};
 
@@ -54,6 +55,9 @@ pub struct Report {
     pub convergence: Convergence,
     /// Pixels without a sample, of which the means know nothing.
     pub unsampled_pixels: u64,
+    /// How wrong the filtered picture is, if there is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub picture: Option<PictureError>,
 }
 
 impl Report {
@@ -129,6 +133,11 @@ impl Report {
             ("render", render),
             ("scene", scene),
         ];
+        if let Some(PictureError { rmse, bias }) = self.picture {
+            let text =
+                format!("rmse {rmse:.6}, of which {bias:.6} by filtering");
+            lines.insert(2, ("picture", text));
+        }
         // Say what was chosen and left out
         let why = said("choice").filter(|_| integrator != "reference");
         lines.extend(why.map(|why| ("method", why.to_owned())));

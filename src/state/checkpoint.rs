@@ -16,7 +16,6 @@ use crate::film::Film;
 use crate::render_loop::Convergence;
 use crate::report::Report;
 use crate::state::key::RunKey;
-use crate::statistics::Accumulator;
 
 /// The first line of a checkpoint; its number changes with the layout.
 const MAGIC: &[u8] = b"litpt checkpoint 6\n";
@@ -42,9 +41,7 @@ pub fn save(
     out.write_all(MAGIC)?;
     serde_json::to_writer(&mut out, known)?;
     out.write_all(b"\n")?;
-    for sums in film.pixels.iter().chain(&film.tile_means) {
-        out.write_all(&sums.to_bytes())?;
-    }
+    film.write(&mut out)?;
     let Checked { out, checksum } = out;
     out.write_all(&checksum.finalize())
 }
@@ -148,12 +145,7 @@ impl<R: BufRead + Seek> Checkpoint<R> {
     /// # Errors
     /// The file cannot be read.
     pub fn fill(&mut self, film: &mut Film) -> Result<(), String> {
-        for sums in film.pixels.iter_mut().chain(&mut film.tile_means) {
-            let mut bytes = [0; 64];
-            self.sums.read_exact(&mut bytes).map_err(unreadable)?;
-            *sums = Accumulator::from_bytes(&bytes);
-        }
-        Ok(())
+        film.read(&mut self.sums).map_err(unreadable)
     }
 }
 

@@ -30,6 +30,10 @@ pub struct RunKey {
     /// The part of the run that is rendered, unless it is all of it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub part: Option<Part>,
+    /// Whether halves are kept so that the picture can be filtered; decides
+    /// no sample.
+    #[serde(default)]
+    pub filtered: bool,
 }
 
 /// What an image shows of a scene.
@@ -85,7 +89,8 @@ impl RunKey {
         &self,
         other: &Self,
     ) -> Option<(String, [String; 2])> {
-        let (a, b) = (entries(self), entries(other));
+        let other = Self { filtered: self.filtered, ..other.clone() };
+        let (a, b) = (entries(self), entries(&other));
         let mut names = a.keys().chain(b.keys());
         let name = names.find(|&name| a.get(name) != b.get(name))?;
         let show = |key: &Map<String, Value>| {
@@ -113,7 +118,7 @@ impl RunKey {
     pub fn film_of(&self, window: Window, first: u64) -> Film {
         let mut film = self.sampling.film(self.subject.resolution, window);
         (film.whole, film.first) = (self.windows()[0], first);
-        film
+        if self.filtered { film.with_halves() } else { film }
     }
 }
 

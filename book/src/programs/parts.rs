@@ -228,10 +228,11 @@ impl Stage {
         let mut film = self.film(&self.sampling(Method::Gather, seed));
         let &Estimator { cache, ref allocation, correction, .. } = without;
         let gather = &Gather { correction, ..self.renderer(seed) };
-        let render = |(tile, pixels, mut mean): FilmTile| {
+        let render = |part: FilmTile| {
+            let FilmTile { tile, pixels, mut mean, .. } = part;
             let mut tracer = tracer(gather, cache, allocation);
             for scramble in 0..scrambles {
-                let values = tracer.tile(tile, scramble);
+                let [values, _] = tracer.tile(tile, scramble);
                 if let Some(mean) = &mut mean {
                     let sum: f64 = values.iter().sum();
                     mean.add(sum / values.len() as f64);

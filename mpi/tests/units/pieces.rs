@@ -8,6 +8,7 @@ use std::iter;
 use super::*;
 use glam::DVec3;
 use litpt::camera::View;
+use litpt::film::FilmTile;
 use litpt::render::choose::{Method, Sampling};
 use litpt::state::key::Subject;
 
@@ -35,6 +36,7 @@ fn run_key(case: usize) -> RunKey {
         },
         sampling: Sampling::new(methods[case % 3], 0, None, 0),
         part: None,
+        filtered: case % 3 == 2,
     }
 }
 
@@ -42,13 +44,18 @@ fn run_key(case: usize) -> RunKey {
 /// same wherever they are rendered.
 fn fill(film: &mut Film, end: u64, tiles: usize) {
     let (first, replicate) = (film.first, film.replicate);
-    for (tile, pixels, _) in film.tiles().into_iter().take(tiles) {
+    for part in film.tiles().into_iter().take(tiles) {
+        let FilmTile { tile, pixels, halves, .. } = part;
         for k in pixels[0].count()..end.div_ceil(replicate) {
             let k = (first / replicate + k) as f64;
             for (i, pixel) in (0..).zip(&mut *pixels) {
                 let x = tile.corner.0 + i % tile.size.0;
                 let y = tile.corner.1 + i / tile.size.0;
-                pixel.add(f64::from(x) / 7. + f64::from(y) / 11. + k / 3.);
+                let value = f64::from(x) / 7. + f64::from(y) / 11. + k / 3.;
+                pixel.add(value);
+                if let Some(halves) = halves.get_mut(i as usize) {
+                    halves.add(k as u64, [value, 1.]);
+                }
             }
         }
     }
@@ -90,5 +97,6 @@ fn pieces_in_any_order_make_the_film_of_one_pass() {
             pass.add(0, part.unwrap());
         }
         assert!(film.pixels == expected.pixels, "case {case}");
+        assert!(film.halves == expected.halves, "case {case}");
     }
 }

@@ -87,13 +87,21 @@ impl Dispatch for Pass<'_> {
         let first = film.first / replicate;
         let end = end.div_ceil(replicate);
         // Render a tile and count its rays
-        let render = |(tile, pixels, mut mean): FilmTile| {
+        let render = |part: FilmTile| {
+            let FilmTile { tile, pixels, mut mean, halves } = part;
             let mut tracer = Tracer { ..like };
             for scramble in pixels[0].count()..end {
                 if !watch(0) {
                     break;
                 }
-                let values = tracer.tile(tile, first + scramble);
+                let number = first + scramble;
+                let [values, corrections] = tracer.tile(tile, number);
+                let parts = values.iter().zip(&corrections);
+                for (halves, (value, correction)) in
+                    halves.iter_mut().zip(parts)
+                {
+                    halves.add(number, [value - correction, *correction]);
+                }
                 if let Some(mean) = &mut mean {
                     mean.add(
                         values.iter().sum::<f64>() / values.len() as f64,

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use super::cache::{DARKNESS, Grid, RadianceCache, Record, SKY};
 use super::{Allocation, End, Gather, Shot, Tracer};
 use crate::bvh::{Hit, Intersector};
-use crate::film::{Film, Watch};
+use crate::film::{Film, FilmTile, Watch};
 use crate::sampler::generator;
 use crate::statistics::Accumulator;
 
@@ -146,18 +146,20 @@ pub fn allocate<K: Intersector>(
 ) -> (Allocation, u64) {
     let (mean, mut film) = (film.replicate, film.blank());
     // Render the scrambles of the pilot
-    let rays = film.tiles().into_par_iter().map(|(tile, pixels, _)| {
-        let mut tracer = Tracer { rays: 0, ..*like };
-        let (mut scrambles, mut told) = (0..PILOT_SAMPLES, 0);
-        while let Some(scramble) = scrambles.next()
-            && watch(tracer.rays - told)
-        {
-            told = tracer.rays;
-            let values = tracer.tile(tile, scramble);
-            pixels.iter_mut().zip(values).for_each(|(p, v)| p.add(v));
-        }
-        tracer.rays
-    });
+    let rays = film.tiles().into_par_iter().map(
+        |FilmTile { tile, pixels, .. }| {
+            let mut tracer = Tracer { rays: 0, ..*like };
+            let (mut scrambles, mut told) = (0..PILOT_SAMPLES, 0);
+            while let Some(scramble) = scrambles.next()
+                && watch(tracer.rays - told)
+            {
+                told = tracer.rays;
+                let [values, _] = tracer.tile(tile, scramble);
+                pixels.iter_mut().zip(values).for_each(|(p, v)| p.add(v));
+            }
+            tracer.rays
+        },
+    );
     let rays = rays.sum();
     let means = film.means().collect::<Vec<_>>();
     let middle = average(&means);
