@@ -9,9 +9,9 @@
 //! The pixels of a tile hold the same samples, from the first on.
 
 use std::io::{self, Read, Write};
+use std::ops::Range;
 use std::str::FromStr;
 
-use bytemuck::{Pod, Zeroable, cast};
 use glam::Vec2;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -144,41 +144,14 @@ pub type Watch<'a> = dyn Fn(u64) -> bool + Sync + 'a;
 /// The values of a pixel in two halves, those of even and of odd numbers: of
 /// each the sums of what was gathered and of its corrections, in units of
 /// 2^-32, and the number of values.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
-#[repr(C)]
-pub struct Halves([[i64; 3]; 2]);
+pub type Halves = [[i64; 3]; 2];
 
-impl Halves {
-    /// Takes the value of this number into account: what was gathered, and
-    /// its correction.
-    pub fn add(&mut self, number: u64, parts: [f64; 2]) {
-        let [gathered, corrected] = parts.map(|part| (part * UNIT) as i64);
-        let mut more = Self::default();
-        more.0[(number % 2) as usize] = [gathered, corrected, 1];
-        self.merge(&more);
-    }
-
-    /// Takes all values of others into account.
-    pub fn merge(&mut self, other: &Self) {
-        let sums = self.0.as_flattened_mut().iter_mut();
-        for (sum, more) in sums.zip(other.0.as_flattened()) {
-            *sum = sum.wrapping_add(*more);
-        }
-    }
-
-    /// The numbers of values in both halves.
-    pub fn counts(&self) -> Vec2 {
-        Vec2::from(self.0.map(|[.., count]| count as f32))
-    }
-
-    /// The means of both halves, of what was gathered and of the corrections;
-    /// not numbers without a value.
-    pub fn means(&self) -> [Vec2; 2] {
-        let mean = |k: usize| {
-            self.0
-                .map(|half| (half[k] as f64 / UNIT / half[2] as f64) as f32)
-        };
-        [mean(0), mean(1)].map(Vec2::from)
+/// Adds the value of this number: what was gathered, and its correction.
+pub fn add_value(halves: &mut Halves, number: u64, parts: [f64; 2]) {
+    let [gathered, corrected] = parts.map(|part| (part * UNIT) as i64);
+    let half = &mut halves[(number % 2) as usize];
+    for (sum, more) in half.iter_mut().zip([gathered, corrected, 1]) {
+        *sum = sum.wrapping_add(more);
     }
 }
 
@@ -308,14 +281,9 @@ impl Film {
 
     /// The pixel of column `x` and row `y` of the image, in the window.
     pub fn pixel(&self, x: u32, y: u32) -> &Accumulator {
-        &self.pixels[self.index(x, y)]
-    }
-
-    /// The place of a pixel in the order in which pixels are stored.
-    pub fn index(&self, x: u32, y: u32) -> usize {
         let tile = &self.tiles[self.place(x, y)];
         let (column, row) = (x - tile.corner.0, y - tile.corner.1);
-        tile.start + (row * tile.size.0 + column) as usize
+        &self.pixels[tile.start + (row * tile.size.0 + column) as usize]
     }
 
     /// The place in memory of the tile that holds a pixel.
@@ -337,15 +305,27 @@ impl Film {
 
     /// The pixels, row by row from the top left.
     pub fn rows(&self) -> impl Iterator<Item = &Accumulator> {
-        self.strips(self.window).flat_map(|(_, strip)| strip)
+        let strips = self.strips(self.window);
+        strips.flat_map(|(_, strip)| &self.pixels[strip])
     }
 
-    /// The pixels of a window, row by row, those of each tile together, with the
-    /// place of the tile.
+    /// A term of the halves of each pixel, row by row: sums of what was gathered
+    /// (0) or of corrections (1), or numbers of values (2).
+    pub fn halves_of(&self, term: usize) -> impl Iterator<Item = Vec2> {
+        let unit = if term < 2 { UNIT } else { 1. };
+        let strips = self.strips(self.window);
+        let halves = strips.flat_map(|(_, strip)| self.halves.get(strip));
+        halves.flatten().map(move |halves| {
+            Vec2::from(halves.map(|half| (half[term] as f64 / unit) as f32))
+        })
+    }
+
+    /// Where the pixels of a window are stored, row by row, those of each tile
+    /// together, with the place of the tile.
     fn strips(
         &self,
         window: Window,
-    ) -> impl Iterator<Item = (usize, &[Accumulator])> {
+    ) -> impl Iterator<Item = (usize, Range<usize>)> {
         let ((left, _), (columns, _)) = window.cells();
         let strip = move |column, y| {
             let place = self.place(column * SIDE, y);
@@ -354,7 +334,7 @@ impl Film {
             let length = (corner.0 + size.0).min(window.end().0) - x;
             let at =
                 start + ((y - corner.1) * size.0 + x - corner.0) as usize;
-            (place, &self.pixels[at..at + length as usize])
+            (place, at..at + length as usize)
         };
         let columns =
             move |y| (left..left + columns).map(move |x| strip(x, y));
@@ -381,6 +361,7 @@ impl Film {
         let mut values = Vec::with_capacity(window.area());
         // Append the values of a strip
         for (place, strip) in self.strips(window) {
+            let strip = &self.pixels[strip];
             match self.is_sampled(place) {
                 true => values.extend(strip.iter().map(|p| of(place, p))),
                 false => values.resize(values.len() + strip.len(), none),
@@ -452,7 +433,11 @@ impl Film {
             if !self.halves.is_empty() {
                 let own = &mut self.halves[start..];
                 let more = &part.halves[tile.start..][..tile.area()];
-                own.iter_mut().zip(more).for_each(|(p, q)| p.merge(q));
+                let more = more.as_flattened().as_flattened();
+                let own = own.as_flattened_mut().as_flattened_mut();
+                for (sum, more) in own.iter_mut().zip(more) {
+                    *sum = sum.wrapping_add(*more);
+                }
             }
         }
     }
@@ -462,12 +447,8 @@ impl Film {
         for sums in self.pixels.iter().chain(&self.tile_means) {
             out.write_all(&sums.to_bytes())?;
         }
-        for Halves(sums) in &self.halves {
-            let bytes: [u8; 48] =
-                cast(cast::<_, [i64; 6]>(*sums).map(i64::to_le));
-            out.write_all(&bytes)?;
-        }
-        Ok(())
+        let mut halves = self.halves.as_flattened().as_flattened().iter();
+        halves.try_for_each(|sum| out.write_all(&sum.to_le_bytes()))
     }
 
     /// Fills an empty film with sums that one of the same run has written.
@@ -477,10 +458,10 @@ impl Film {
             from.read_exact(&mut bytes)?;
             *sums = Accumulator::from_bytes(&bytes);
         }
-        let mut bytes = [0; 48];
-        for Halves(sums) in &mut self.halves {
+        let mut bytes = [0; 8];
+        for sum in self.halves.as_flattened_mut().as_flattened_mut() {
             from.read_exact(&mut bytes)?;
-            *sums = cast(cast::<_, [i64; 6]>(bytes).map(i64::from_le));
+            *sum = i64::from_le_bytes(bytes);
         }
         Ok(())
     }

@@ -140,8 +140,9 @@ impl<'a> RunOutput<'a> {
             let began = Instant::now();
             // Write or rewrite one file
             let image = || picture(known, film, filtered);
-            let page =
-                |kind: Kind| kind.render(&report, &|| image().shown());
+            let shown =
+                || filtered.map_or_else(|| image().image(), Image::clone);
+            let page = |kind: Kind| kind.render(&report, &shown);
             let content = &mut |out: &mut dyn Write| match file.product {
                 Product::Image(Format::Png)
                     if let Some(shown) = filtered =>

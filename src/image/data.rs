@@ -88,13 +88,6 @@ impl Picture<'_> {
         let image = self.part(self.window(), true);
         Image { attributes: self.attributes, ..image }
     }
-
-    /// What is shown of it: the filtered picture, if there is one.
-    pub fn shown(self) -> Image {
-        let filtered = self.filtered.map(|image| image.means.clone());
-        let image = self.image();
-        Image { means: filtered.unwrap_or(image.means.clone()), ..image }
-    }
 }
 
 impl Source for Picture<'_> {

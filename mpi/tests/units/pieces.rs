@@ -8,7 +8,7 @@ use std::iter;
 use super::*;
 use glam::DVec3;
 use litpt::camera::View;
-use litpt::film::FilmTile;
+use litpt::film::{FilmTile, add_value};
 use litpt::render::choose::{Method, Sampling};
 use litpt::state::key::Subject;
 
@@ -54,7 +54,7 @@ fn fill(film: &mut Film, end: u64, tiles: usize) {
                 let value = f64::from(x) / 7. + f64::from(y) / 11. + k / 3.;
                 pixel.add(value);
                 if let Some(halves) = halves.get_mut(i as usize) {
-                    halves.add(k as u64, [value, 1.]);
+                    add_value(halves, k as u64, [value, 1.]);
                 }
             }
         }

@@ -9,7 +9,7 @@ use super::cache::{Grid, RadianceCache};
 use super::training::{PILOT_SAMPLES, allocate, train};
 use super::{Allocation, Gather, Learnt, Tracer};
 use crate::bvh::{Dispatch, Intersector};
-use crate::film::{Film, FilmTile, Watch};
+use crate::film::{Film, FilmTile, Watch, add_value};
 use crate::integrator::Renderer;
 use crate::sampler::split_mix;
 
@@ -100,7 +100,11 @@ impl Dispatch for Pass<'_> {
                 for (halves, (value, correction)) in
                     halves.iter_mut().zip(parts)
                 {
-                    halves.add(number, [value - correction, *correction]);
+                    add_value(
+                        halves,
+                        number,
+                        [value - correction, *correction],
+                    );
                 }
                 if let Some(mean) = &mut mean {
                     mean.add(
