@@ -28,6 +28,7 @@ mod mixtures;
 mod numerics;
 mod options;
 mod outputs;
+mod picture;
 mod polygons;
 mod ptimg;
 mod render_loop;

@@ -46,7 +46,9 @@ fn same(place: &Scratch, what: &str) {
 }
 
 const A: &str = "-oa.pgm -oa.png -oa.pfm -oa.exr";
-const B: &str = "-ob.pgm -ob.png -ob.pfm -ob.exr";
+/// Of a merge, the picture is made from the state, with the scene.
+const B: &str = "-ob.pgm -ob.litpt -ob.pfm";
+const PICTURE: &str = "-qf --resume=b.litpt -ob.png -ob.exr";
 
 /// Parts of odd sizes and of both kinds, with other threads and instructions,
 /// in another order.
@@ -71,6 +73,7 @@ fn parts_add_up_to_the_bytes_of_one_run() {
             }
             let names = "2.litpt 3.litpt 4.litpt 0.litpt 1.litpt";
             merge(&place, &format!("{names} {B}")).succeeded();
+            place.done(PICTURE);
             same(&place, &format!("{method} {crop}"));
         }
     }
@@ -151,6 +154,7 @@ fn a_part_may_be_empty() {
     part(&place, "d.litpt", &format!("{run} --samples=0..1"));
     part(&place, "e.litpt", &format!("{run} --samples=2..64"));
     merge(&place, &format!("d.litpt c.litpt e.litpt {B}")).succeeded();
+    place.done(PICTURE);
     same(&place, "with an empty part");
 }
 
@@ -264,6 +268,7 @@ fn a_part_that_is_stopped_is_missing_its_rest_and_can_be_resumed() {
         merge(&place, &all).failed(1, &missing);
         place.done("-q --resume=2.litpt -j1");
         merge(&place, &all).succeeded();
+        place.done(PICTURE);
         same(&place, method);
         let range = "-q --resume=2.litpt -n1024 --samples=0..512";
         place.line(range).failed(1, &["another run: its part is"]);

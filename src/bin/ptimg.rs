@@ -24,7 +24,7 @@ use litpt::progress;
 use litpt::report::Kind;
 use litpt::run_output::{Product, RunOutput};
 use litpt::session::fail;
-use litpt::state::shards;
+use litpt::state::shards::{self, is_state_name};
 use signal_hook::consts::SIGXFSZ;
 use signal_hook::flag;
 
@@ -125,7 +125,7 @@ enum Verb {
     },
 }
 
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 struct Output {
     /// Image to write; may be repeated; - is standard output
     #[arg(short, long, value_name = "OUT", required = true)]
@@ -207,6 +207,10 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
             let written =
                 to.output.iter().chain(report).map(PathBuf::as_path);
             tell_apart(files.iter().map(PathBuf::as_path), written)?;
+            let outputs = to.output.iter().cloned();
+            let (states, output): (Vec<_>, _) =
+                outputs.partition(|path| is_state_name(path));
+            let to = &Output { output, ..to.clone() };
             let images = to.targets(Format::Exr, false)?;
             // Find the targets of the reports
             let of_report = |path: &PathBuf| {
@@ -216,14 +220,23 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
             let images = images
                 .into_iter()
                 .map(|(f, to)| Ok((Product::Image(f), to)));
+            let of_state = |path: &PathBuf| {
+                Ok((Product::State, OutputTarget::file(path, to.force)?))
+            };
             let targets = images.chain(report.iter().map(of_report));
+            let targets = targets.chain(states.iter().map(of_state));
             let targets = targets.collect::<Result<_, String>>()?;
             let merged = shards::merge(files)?;
             // Name the parts that are missing
             if let Some(missing) = &merged.missing {
                 let missing = format!("parts are missing: {missing}");
                 match partial {
-                    true => progress::warn(&missing),
+                    true if states.is_empty() => progress::warn(&missing),
+                    true => {
+                        return Err(format!(
+                            "{missing}: no state can be written"
+                        ));
+                    }
                     false => {
                         return Err(format!("{missing} (see --partial)"));
                     }

@@ -7,6 +7,8 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+use serde_json::Value;
+
 use crate::film::{Film, Window};
 use crate::image::extension;
 use crate::render_loop::{Convergence, Stop};
@@ -124,6 +126,13 @@ pub fn merge(files: &[PathBuf]) -> Result<Merged, String> {
     settings.extend(missing.clone().map(|m| ("missing".into(), m.into())));
     known.report.convergence = total;
     known.report.sign("ptimg");
+    known.run_key.filtered = !film.halves.is_empty();
+    for name in ["range", "tiles", "checkpoint"] {
+        known.options[name] = Value::Null;
+    }
+    for name in ["output", "report"] {
+        known.options[name] = Value::Array(vec![]);
+    }
     merged.missing = missing;
     Ok(merged)
 }

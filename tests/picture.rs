@@ -1,0 +1,185 @@
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+//! A filtered picture is as wrong as it says, and is the same however it was
+//! made (chapter "A picture for looking").
+
+use crate::common;
+
+use common::Scratch;
+use glam::DVec3;
+use litpt::film::{Film, FilmTile, Window, add_value};
+use litpt::filter::{Filtered, FirstHits};
+use litpt::image::Image;
+use litpt::scene::Mesh;
+use litpt_book::closed_forms::{Setting, look};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+
+const SIDE: u32 = 48;
+
+/// The radiance of a pixel: stripes, of what is gathered and of corrections.
+fn truth(x: u32) -> [f64; 2] {
+    [0.05, 0.04].map(|height| height * f64::from(x / 4 % 2))
+}
+
+/// A film of stripes on a wall, with noise that is uniform; and what the
+/// middles of its pixels show.
+fn striped(seed: u64, odd: bool) -> Film {
+    let mut random = Pcg64::seed_from_u64(seed);
+    let mut film = Film::new(SIDE, SIDE).with_halves();
+    let values = if odd { 7 } else { 8 };
+    for FilmTile { tile, pixels, halves, .. } in film.tiles() {
+        for (i, (pixel, halves)) in (0..).zip(pixels.iter_mut().zip(halves))
+        {
+            let [gathered, correction] = truth(tile.corner.0 + i % 16);
+            for number in 0..values {
+                let mut noise = || random.random::<f64>() - 0.5;
+                let (a, b) = (0.2 * noise(), 0.5 * noise());
+                let parts = [gathered + a, correction + b];
+                add_value(halves, number, parts);
+                pixel.add(parts[0] + parts[1]);
+            }
+        }
+    }
+    film
+}
+
+fn wall() -> FirstHits {
+    let far = 1e3;
+    let corners = [[-1., -1.], [1., -1.], [1., 1.], [-1., 1.]];
+    let corner = |[x, y]: [f64; 2]| DVec3::new(far * x, far * y, 0.);
+    let mesh = Mesh {
+        vertices: corners.map(corner).to_vec(),
+        triangles: vec![[0, 1, 2], [0, 2, 3]],
+        ..Mesh::default()
+    };
+    let view = look(DVec3::Z, DVec3::new(0.1, 0., 0.), 40.);
+    let setting = Setting::new(&mesh, (0.8, DVec3::Z), &view, 1.).unwrap();
+    let size = (SIDE, SIDE);
+    let gather = setting.gather(size);
+    let window = Window { corner: (0, 0), size };
+    FirstHits::trace(gather.intersector, &gather.view, window)
+}
+
+fn mean_square(image: &[f64]) -> f64 {
+    let exact = |i: usize| truth(i as u32 % SIDE).iter().sum::<f64>();
+    let errors = image.iter().enumerate().map(|(i, x)| x - exact(i));
+    errors.map(|error| error * error).sum::<f64>() / image.len() as f64
+}
+
+/// Of 64 images the stated mean squares are on average those of the true
+/// errors, as far as their own scatter tells (4.5 standard errors, one false
+/// alarm in 10^5), and the filter pays; with odd numbers too.
+#[test]
+fn a_picture_is_as_wrong_as_it_says() {
+    let hits = wall();
+    for odd in [false, true] {
+        let (mut plain, mut filtered, mut stated) =
+            (vec![], vec![], vec![]);
+        let mut bias = 0.;
+        for seed in 0..64 {
+            let film = striped(seed, odd);
+            let picture = Filtered::of(&film, &hits).unwrap();
+            let means: Vec<f64> = film.means().collect();
+            plain.push(mean_square(&means));
+            filtered.push(mean_square(&picture.image.means));
+            stated.push(picture.error.rmse * picture.error.rmse);
+            // The errors of pixels add up to that of the image.
+            let errors = picture.image.errors.unwrap();
+            let squares = errors.iter().map(|error| error * error);
+            let mean = squares.sum::<f64>() / errors.len() as f64;
+            assert!((mean / stated[stated.len() - 1] - 1.).abs() < 0.05);
+            bias += picture.error.bias * picture.error.bias / 64.;
+        }
+        let mean = |x: &[f64]| x.iter().sum::<f64>() / x.len() as f64;
+        let gaps: Vec<f64> =
+            stated.iter().zip(&filtered).map(|(s, f)| s - f).collect();
+        let gap = mean(&gaps);
+        let squares: Vec<f64> =
+            gaps.iter().map(|g| (g - gap) * (g - gap)).collect();
+        let error = (mean(&squares) / 63.).sqrt();
+        assert!(gap.abs() < 4.5 * error, "{gap} {error}");
+        let (filtered, plain) = (mean(&filtered), mean(&plain));
+        assert!(3. * filtered < plain, "{filtered} {plain}");
+        assert!((0.2..0.8).contains(&(bias / filtered)), "{bias}");
+    }
+}
+
+/// There is nothing to filter without two values, and an image without noise
+/// stays as it is.
+#[test]
+fn what_needs_no_filter_is_not_changed() {
+    let hits = wall();
+    assert!(Filtered::of(&Film::new(SIDE, SIDE), &hits).is_none());
+    let film = |values| {
+        let mut film = Film::new(SIDE, SIDE).with_halves();
+        for part in film.tiles() {
+            let corner = part.tile.corner.0;
+            for (i, halves) in (0..).zip(part.halves) {
+                let parts = truth(corner + i % 16);
+                (0..values).for_each(|n| add_value(halves, n, parts));
+            }
+        }
+        Filtered::of(&film, &hits)
+    };
+    assert!(film(1).is_none());
+    let exact = film(2).unwrap();
+    assert!(mean_square(&exact.image.means) < 1e-15);
+    assert!(exact.error.rmse < 1e-7, "{:?}", exact.error);
+}
+
+const VIEW: &str = "-qf -iroom.obj -d40x50 -r0.7 --integrator=gather -n12";
+
+/// The picture does not depend on threads, instructions or on where a run was
+/// interrupted; only files that show it have it.
+#[test]
+fn a_picture_is_the_same_however_it_is_made() {
+    let place = Scratch::new();
+    place.done(&format!(
+        "{VIEW} -j1 -oa.png -oa.pfm -oa.exr --report=a.json"
+    ));
+    place.done(&format!("{VIEW} -j3 --isa=portable -ob.png -ob.litpt"));
+    assert!(place.get("a.png") == place.get("b.png"));
+    place.done(&format!("{VIEW} -n5 -oc.png -oc.litpt"));
+    place.done("-qf --resume=c.litpt -n12");
+    assert!(place.get("a.png") == place.get("c.png"));
+    // Numbers stay as they are, and the picture may be left out.
+    place.done(&format!("{VIEW} --no-filter -od.png -od.pfm -od.litpt"));
+    assert!(place.get("a.png") != place.get("d.png"));
+    assert!(place.get("a.pfm") == place.get("d.pfm"));
+    let [read, shown] = ["d.pfm", "d.png"]
+        .map(|name| Image::read(&place.path(name)).unwrap().means);
+    let close = |(a, b): (&f64, &f64)| (a.clamp(0., 1.) - b).abs() < 1e-4;
+    assert!(read.iter().zip(&shown).all(close));
+    let report = place.json("a.json");
+    let [rmse, bias] = ["rmse", "bias"]
+        .map(|name| report["picture"][name].as_f64().unwrap());
+    assert!(
+        0. < bias && bias < rmse && rmse < report["rmse"].as_f64().unwrap()
+    );
+    // Its channels stand beside the others.
+    let names = |bytes: &[u8], name: &[u8]| {
+        bytes.windows(name.len()).any(|window| window == name)
+    };
+    let bytes = place.get("a.exr");
+    assert!(names(&bytes, b"\0filtered.Y\0"));
+    assert!(names(&bytes, b"\0filtered_stderr.Y\0"));
+    place.done(&format!("{VIEW} --no-filter -oe.exr"));
+    assert!(!names(&place.get("e.exr"), b"\0filtered.Y\0"));
+}
+
+/// A state without what a picture needs gives the image as it is, and a
+/// warning.
+#[test]
+fn a_run_that_began_without_a_picture_says_so() {
+    let place = Scratch::new();
+    let loud = VIEW.replace("-qf", "-f");
+    place.done(&format!("{loud} -oa.pfm -oa.litpt"));
+    place.put("c.litpt", place.get("a.litpt"));
+    let run = place.done("-f --resume=a.litpt -n24 -ob.png");
+    assert!(run.stderr.contains("none can be filtered"), "{}", run.stderr);
+    assert!(!run.stderr.contains("picture   rmse"));
+    place.done("-qf --resume=c.litpt -n24 -oc.png --no-filter");
+    assert!(place.get("b.png") == place.get("c.png"));
+}
