@@ -49,26 +49,15 @@ macro_rules! traverse {
             }
 
             $(#[target_feature(enable = $features)])*
-            #[inline]
-            unsafe fn search<const ANY: bool>(
-                &self,
-                ray: &Ray,
-                slots: (Option<u32>, u32),
-            ) -> Search<'_> {
-                // SAFETY: the caller says that the instructions are there.
-                unsafe {
-                    let wide = &self.wide;
-                    walk::<$kernel, $n, ANY, true, false>(wide, ray, slots)
-                        .unwrap_or_else(|| self.again::<ANY>(ray, slots))
-                }
-            }
-
-            $(#[target_feature(enable = $features)])*
             #[inline(never)]
             unsafe fn nearest(&self, ray: &Ray, from: Option<u32>) -> Option<Hit> {
-                // SAFETY: as above.
-                let search = unsafe { self.search::<false>(ray, (from, NONE)) };
-                hit(&self.wide, ray, from, &search)
+                let (wide, slots) = (&self.wide, (from, NONE));
+                // SAFETY: the caller says that the instructions are there.
+                let search = unsafe {
+                    walk::<$kernel, $n, false, true, false>(wide, ray, slots)
+                        .unwrap_or_else(|| self.again::<false>(ray, slots))
+                };
+                hit(wide, ray, from, &search)
             }
 
             $(#[target_feature(enable = $features)])*
@@ -95,7 +84,11 @@ macro_rules! traverse {
             #[inline(never)]
             unsafe fn in_the_way(&self, ray: &Ray, slots: (Option<u32>, u32)) -> u32 {
                 // SAFETY: as above.
-                unsafe { self.search::<true>(ray, slots).slot }
+                unsafe {
+                    walk::<$kernel, $n, true, true, false>(&self.wide, ray, slots)
+                        .map(|search| search.slot)
+                        .unwrap_or_else(|| self.again::<true>(ray, slots).slot)
+                }
             }
 
             $(#[target_feature(enable = $features)])*
