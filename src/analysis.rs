@@ -118,7 +118,7 @@ fn dark(intersector: &Bvh, view: &LitView) -> Found {
     let is_shut = |_: &_| !lets_out(&view.entrance, intersector);
     let place = view.entrance.place().filter(is_shut);
     let dark = place.map_or(Ok(false), |place| {
-        let mut all: Vec<_> = intersector.triangles().collect();
+        let mut all = intersector.triangles();
         all.par_sort_by_key(|&(face, _)| face);
         let (faces, triangles): (Vec<_>, Vec<_>) = all.into_iter().unzip();
         is_inside(&triangles, place).map_err(|i| faces[i as usize])

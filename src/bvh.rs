@@ -21,6 +21,7 @@ pub use intersector::{BEAM, Dispatch, Hit, Intersector};
 pub use spawn::too_small;
 pub use wide::Quality;
 
+use std::cell::RefCell;
 use std::{fmt, io};
 
 use clap::ValueEnum;
@@ -29,8 +30,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::scene::{Ray, Scene, Triangle, Triangles};
 #[cfg(target_arch = "x86_64")]
-use kernels::{Avx2, Avx512};
-use traversal::{Kernel, Portable};
+use kernels::Vectors;
+use traversal::Portable;
 use traverser::Traverser;
 use triangle::Leaf;
 
@@ -55,12 +56,12 @@ impl Isa {
     pub fn is_available(self) -> bool {
         match self {
             #[cfg(target_arch = "x86_64")]
-            Self::Avx512 => Avx512::is_available(),
+            Self::Avx512 => Traverser::<Vectors, 16>::is_available(),
             #[cfg(target_arch = "x86_64")]
-            Self::Avx2 => Avx2::is_available(),
+            Self::Avx2 => Traverser::<Vectors, 8>::is_available(),
             #[cfg(not(target_arch = "x86_64"))]
             Self::Avx512 | Self::Avx2 => false,
-            Self::Portable => true,
+            Self::Portable => Traverser::<Portable, 8>::is_available(),
         }
     }
 
@@ -84,9 +85,9 @@ pub struct Bvh(Form);
 
 enum Form {
     #[cfg(target_arch = "x86_64")]
-    Avx512(Traverser<Avx512, 16>),
+    Avx512(Traverser<Vectors, 16>),
     #[cfg(target_arch = "x86_64")]
-    Avx2(Traverser<Avx2, 8>),
+    Avx2(Traverser<Vectors, 8>),
     Portable(Traverser<Portable, 8>),
 }
 
@@ -142,18 +143,15 @@ impl Bvh {
             let lacks = "this processor lacks the instructions";
             return Err(io::Error::other(format!("{lacks} {isa}")));
         }
-        let form = match isa {
-            // Build for vectors of sixteen and eight
-            #[cfg(target_arch = "x86_64")]
-            Isa::Avx512 => {
-                Form::Avx512(Traverser::new(triangles, quality, placed)?)
-            }
-            #[cfg(target_arch = "x86_64")]
-            Isa::Avx2 => {
-                Form::Avx2(Traverser::new(triangles, quality, placed)?)
-            }
-            _ => {
-                Form::Portable(Traverser::new(triangles, quality, placed)?)
+        let all = (triangles, quality, placed);
+        // SAFETY: the processor has the instructions.
+        let form = unsafe {
+            match isa {
+                #[cfg(target_arch = "x86_64")]
+                Isa::Avx512 => Form::Avx512(Traverser::new(all)?),
+                #[cfg(target_arch = "x86_64")]
+                Isa::Avx2 => Form::Avx2(Traverser::new(all)?),
+                _ => Form::Portable(Traverser::new(all)?),
             }
         };
         Ok(Self(form))
@@ -168,15 +166,15 @@ impl Bvh {
         })
     }
 
-    /// Whether `asked` is true of the corners of a triangle. Only boxes
+    /// Whether `asked` is true of a triangle and its corners. Only boxes
     /// of which `enters` is true, given their two extreme corners, are
     /// looked into; they are slightly larger than what they hold.
     pub fn any_triangle(
         &self,
         enters: impl Fn(DVec3, DVec3) -> bool,
-        asked: impl Fn(&[DVec3; 3]) -> bool,
+        asked: impl Fn(u32, &Triangle) -> bool,
     ) -> bool {
-        let asked = |_: &Leaf, _, corners: &_| asked(corners);
+        let asked = |_: &Leaf, (_, slot), corners: &_| asked(slot, corners);
         with_traverser!(self, traverser => {
             let wide = &traverser.wide;
             let all = (0, wide.region);
@@ -185,23 +183,20 @@ impl Bvh {
     }
 
     /// All triangles, each with its face, in the order of the hierarchy.
-    pub fn triangles(
-        &self,
-    ) -> Box<dyn Iterator<Item = (u32, Triangle)> + '_> {
-        with_traverser!(self, traverser => {
-            let all = traverser.wide.triangles();
-            Box::new(all.map(|(slot, corners)| (self.face(slot), corners)))
-        })
+    pub fn triangles(&self) -> Vec<(u32, Triangle)> {
+        let all = RefCell::new(vec![]);
+        let note = |slot, corners: &Triangle| {
+            all.borrow_mut().push((self.face(slot), *corners));
+            false
+        };
+        self.any_triangle(|_, _| true, note);
+        all.into_inner()
     }
 }
 
 impl Intersector for Bvh {
     fn first_hit(&self, ray: &Ray, from: Option<u32>) -> Option<Hit> {
         with_traverser!(self, traverser => traverser.first_hit(ray, from))
-    }
-
-    fn is_occluded(&self, ray: &Ray, from: Option<u32>) -> bool {
-        with_traverser!(self, traverser => traverser.is_occluded(ray, from))
     }
 
     fn is_visible(

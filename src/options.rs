@@ -298,7 +298,7 @@ fn usage(fault: impl Display, program: &str) -> Error {
 /// # Errors
 /// A word is wrong, or asks for help.
 pub fn parse_words<P: Parser>(
-    words: impl IntoIterator<Item = impl Into<OsString>>,
+    words: impl IntoIterator<Item = impl Into<OsString> + Clone>,
 ) -> Result<(P, ArgMatches), Error> {
     // Allow for numbers below zero
     let command = P::command().mut_args(|arg| {
@@ -308,9 +308,8 @@ pub fn parse_words<P: Parser>(
         arg.allow_hyphen_values(has_value && !is_file)
     });
     let name = command.get_name().to_owned();
-    let words = words.into_iter().skip(1).map(Into::into);
-    let words = [name.clone().into()].into_iter().chain(words);
-    let given = command.try_get_matches_from(words);
+    let words = words.into_iter().skip(1);
+    let given = command.no_binary_name(true).try_get_matches_from(words);
     let parse = |given| Ok((P::from_arg_matches(&given)?, given));
     given.and_then(parse).map_err(|error| match error.use_stderr() {
         true => usage(one_line(&error), &name),
@@ -350,7 +349,7 @@ impl Options {
     /// # Errors
     /// A word is wrong, or asks for help; or options do not fit together.
     pub fn parse(
-        words: impl IntoIterator<Item = impl Into<OsString>>,
+        words: impl IntoIterator<Item = impl Into<OsString> + Clone>,
     ) -> Result<Self, Error> {
         let (mut typed, given) = parse_words::<Self>(words)?;
         // Note which options are given

@@ -125,19 +125,7 @@ pub fn within(i: u32, n: u32, random: u32) -> f64 {
 #[inline(always)]
 pub fn cosine_direction(normal: DVec3, r: f64, turn: f64) -> DVec3 {
     let (cosine, sine) = sincos_turns(turn);
-    let (tangent, bitangent) = frame(normal);
+    let (tangent, bitangent) = normal.any_orthonormal_pair();
     let across = tangent * cosine + bitangent * sine;
     across * r.sqrt() + normal * (1. - r).sqrt()
-}
-
-/// Two unit vectors that form an orthonormal frame with the unit
-/// vector `n` (Duff et al. 2017, listing 3).
-#[inline(always)]
-pub fn frame(n: DVec3) -> (DVec3, DVec3) {
-    let s = 1f64.copysign(n.z);
-    let a = -1. / (s + n.z);
-    let b = n.x * n.y * a;
-    let tangent = DVec3::new(1. + s * n.x * n.x * a, s * b, -s * n.x);
-    let bitangent = DVec3::new(b, s + n.y * n.y * a, -n.y);
-    (tangent, bitangent)
 }

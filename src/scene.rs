@@ -13,6 +13,8 @@ pub mod obj;
 pub mod place;
 pub mod polygons;
 
+use std::hash::{DefaultHasher, Hash, Hasher};
+
 use glam::{BVec3, DVec3};
 use rayon::prelude::*;
 
@@ -123,46 +125,29 @@ const TINY: f64 = f64::from_bits((1023 - 100) << 52);
 
 /// Which triangles have the same corners as an earlier one.
 fn copies(triangles: &Triangles) -> Vec<bool> {
-    let mut is_copy = vec![false; triangles.len()];
-    // Sort the keys of the triangles
-    let key = |i: usize| {
-        let corners = triangles.get(i);
-        let sum = corners.iter().map(scattered).fold(0, u64::wrapping_add);
-        let mixed = sum.wrapping_mul(0x94d0_49bb_1331_11eb);
-        mixed & !(NUMBERS - 1) | i as u64
+    let corners = |i: u32| {
+        let corners = triangles.get(i as usize);
+        let mut corners = corners.map(|p| p.to_array().map(f64::to_bits));
+        corners.sort_unstable();
+        corners
     };
-    let keys = (0..triangles.len()).into_par_iter().map(key);
-    let mut keys: Vec<u64> = keys.collect();
+    let keys = (0..triangles.len() as u32).into_par_iter();
+    let keys = keys.map(|i| (scattered(corners(i)), i));
+    let mut keys: Vec<(u64, u32)> = keys.collect();
     keys.par_sort_unstable();
-    let groups = keys.chunk_by(|a, b| a / NUMBERS == b / NUMBERS);
-    for group in groups.filter(|group| group.len() > 1) {
-        let mut others = vec![];
-        for key in group {
-            // See whether a triangle is a copy
-            let i = (key % NUMBERS) as usize;
-            let corners = triangles.get(i);
-            let mut corners =
-                corners.map(|p| p.to_array().map(f64::to_bits));
-            corners.sort_unstable();
-            is_copy[i] = others.contains(&corners);
-            if !is_copy[i] {
-                others.push(corners);
-            }
-        }
+    let is_equal = |a: &(u64, u32), b: &(u64, u32)| {
+        a.0 == b.0 && corners(a.1) == corners(b.1)
+    };
+    let mut is_copy = vec![false; triangles.len()];
+    for equal in keys.chunk_by(is_equal) {
+        equal[1..].iter().for_each(|&(_, i)| is_copy[i as usize] = true);
     }
     is_copy
 }
 
-/// One more than the greatest number of a triangle in a key.
-const NUMBERS: u64 = 1 << 30;
-
-/// A number that depends on all bits of a corner.
-pub fn scattered(corner: &DVec3) -> u64 {
-    let [x, y, z] = corner.to_array().map(f64::to_bits);
-    let first = (x ^ y.rotate_left(32)).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    let second =
-        (y ^ z.rotate_left(32)).wrapping_mul(0xd1b5_4a32_d192_ed03);
-    let both = first ^ first >> 32 ^ second;
-    let mixed = both.wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    mixed ^ mixed >> 31
+/// A number that depends on all bits of a value, and on nothing else.
+pub fn scattered(value: impl Hash) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    value.hash(&mut hasher);
+    hasher.finish()
 }

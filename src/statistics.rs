@@ -30,41 +30,35 @@ impl Accumulator {
             self.squares = [u64::MAX; 4];
             return;
         }
-        let units = (value.abs() * UNITS) as u128;
-        let (low, high) = (units as u64, (units >> 64) as u64);
-        match value < 0. {
-            false => _ = accumulate(&mut self.sum, &[low, high, 0]),
-            true => subtract(&mut self.sum, &[low, high, 0]),
-        }
-        // Square the number of two digits
-        let (h, l) = (u128::from(high), u128::from(low));
-        let middle = 2 * h * l + ((l * l) >> 64);
-        let upper = h * h + (middle >> 64);
-        let [low, middle, upper, top] =
-            [l * l, middle, upper, upper >> 64].map(|digit| digit as u64);
-        let square = [low, middle, upper, top];
-        if accumulate(&mut self.squares, &square) {
+        let units = (value * UNITS) as i128;
+        let digits = [units, units >> 64, units >> 127].map(|n| n as u64);
+        accumulate(&mut self.sum, 1, &digits);
+        // Add the square of a number of two digits
+        let n = units.unsigned_abs();
+        let [low, high] = [n, n >> 64].map(|n| n as u64);
+        if accumulate(&mut self.squares, low, &[low, high, 0, 0])
+            | accumulate(&mut self.squares, high, &[0, low, high, 0])
+        {
             self.squares = [u64::MAX; 4];
         }
     }
 
     /// Takes the same value into account `count` times.
     pub fn add_times(&mut self, value: f64, count: u64) {
-        let mut all = Self::default();
-        all.add(value);
-        all.count = count;
-        scale(&mut all.sum, count);
-        if scale(&mut all.squares, count) {
-            all.squares = [u64::MAX; 4];
-        }
-        self.merge(&all);
+        let mut one = Self::default();
+        one.add(value);
+        self.merge_times(&one, count);
     }
 
     /// Takes all the values of another accumulator into account.
     pub fn merge(&mut self, other: &Self) {
-        self.count += other.count;
-        accumulate(&mut self.sum, &other.sum);
-        if accumulate(&mut self.squares, &other.squares) {
+        self.merge_times(other, 1);
+    }
+
+    fn merge_times(&mut self, other: &Self, times: u64) {
+        self.count += times * other.count;
+        accumulate(&mut self.sum, times, &other.sum);
+        if accumulate(&mut self.squares, times, &other.squares) {
             self.squares = [u64::MAX; 4];
         }
     }
@@ -80,7 +74,7 @@ impl Accumulator {
         let mut magnitude = [0; 3];
         match is_negative {
             false => magnitude = self.sum,
-            true => subtract(&mut magnitude, &self.sum),
+            true => subtract(&mut magnitude, 1, &self.sum),
         }
         (magnitude, is_negative)
     }
@@ -106,15 +100,14 @@ impl Accumulator {
             return f64::INFINITY;
         }
         // The square of the sum is subtracted digit by digit.
-        let mut difference = [0u64; 5];
-        difference[..4].copy_from_slice(&self.squares);
-        scale(&mut difference, self.count);
+        let mut difference = [0; 5];
+        let [a, b, c, d] = self.squares;
+        accumulate(&mut difference, self.count, &[a, b, c, d, 0]);
         let (sum, _) = self.magnitude();
         for (i, digit) in sum.into_iter().enumerate() {
-            let mut share = [0; 5];
-            share[i..i + 3].copy_from_slice(&sum);
-            scale(&mut share, digit);
-            subtract(&mut difference, &share);
+            let mut shifted = [0; 5];
+            shifted[i..i + 3].copy_from_slice(&sum);
+            subtract(&mut difference, digit, &shifted);
         }
         let n = self.count as f64;
         to_f64(&difference) / UNITS / UNITS / (n * (n - 1.))
@@ -140,35 +133,31 @@ impl Accumulator {
 const UNITS: f64 = (1u128 << 88) as f64;
 const LARGE: f64 = (1u64 << 39) as f64;
 
-/// Adds a number to a sum; tells whether the sum overflows.
+/// Adds a number to a sum, times a factor; tells whether the sum overflows.
 #[inline]
-fn accumulate<const N: usize>(sum: &mut [u64; N], more: &[u64; N]) -> bool {
-    let mut carry = false;
-    for (digit, more) in sum.iter_mut().zip(more) {
-        let (partial, first) = digit.overflowing_add(*more);
-        let (total, second) = partial.overflowing_add(u64::from(carry));
-        (*digit, carry) = (total, first | second);
-    }
-    carry
-}
-
-/// Subtracts a number.
-#[inline]
-fn subtract<const N: usize>(number: &mut [u64; N], less: &[u64; N]) {
-    *number = number.map(|digit| !digit);
-    accumulate(number, less);
-    *number = number.map(|digit| !digit);
-}
-
-/// Multiplies a number by a digit; tells whether it overflows.
-fn scale<const N: usize>(number: &mut [u64; N], factor: u64) -> bool {
+fn accumulate<const N: usize>(
+    sum: &mut [u64; N],
+    factor: u64,
+    number: &[u64; N],
+) -> bool {
     let mut carry = 0;
-    for digit in number {
-        let product = u128::from(*digit) * u128::from(factor) + carry;
-        *digit = product as u64;
-        carry = product >> 64;
+    for (digit, number) in sum.iter_mut().zip(number) {
+        let product = u128::from(factor) * u128::from(*number);
+        let total = product + u128::from(*digit) + carry;
+        (*digit, carry) = (total as u64, total >> 64);
     }
     carry > 0
+}
+
+/// Subtracts it.
+fn subtract<const N: usize>(
+    sum: &mut [u64; N],
+    factor: u64,
+    number: &[u64; N],
+) {
+    *sum = sum.map(|digit| !digit);
+    accumulate(sum, factor, number);
+    *sum = sum.map(|digit| !digit);
 }
 
 /// The nearest double, or a neighbour of it.

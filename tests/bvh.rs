@@ -245,7 +245,8 @@ fn a_hit_knows_its_face_in_the_file() {
             assert_eq!(ask(0.3, 0.7), face);
             face += 1;
         }
-        let mut all: Vec<_> = bvh.triangles().map(|one| one.0).collect();
+        let all = bvh.triangles();
+        let mut all: Vec<_> = all.iter().map(|one| one.0).collect();
         all.sort_unstable();
         assert_eq!(all, scene.triangles.faces);
     }

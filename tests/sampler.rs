@@ -10,8 +10,8 @@ use std::f64::consts::TAU;
 
 use glam::{DVec3, Vec3Swizzles};
 use litpt::sampler::{
-    IndependentSampler, Sampler, cosine_direction, dimension, frame,
-    generator, within,
+    IndependentSampler, Sampler, cosine_direction, dimension, generator,
+    within,
 };
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -61,7 +61,7 @@ pub fn normals() -> Vec<DVec3> {
 #[test]
 fn frames_are_orthonormal_near_the_poles_as_well() {
     for n in normals() {
-        let (t, b) = frame(n);
+        let (t, b) = n.any_orthonormal_pair();
         for (product, expected) in [
             (t.dot(t), 1.),
             (b.dot(b), 1.),
@@ -117,7 +117,7 @@ pub fn assert_cosine(
     mut draw: impl FnMut() -> DVec3,
 ) {
     let (columns, rows) = (20, 10);
-    let (t, b) = frame(normal);
+    let (t, b) = normal.any_orthonormal_pair();
     let mut cells = vec![0u32; columns * rows];
     for d in (0..count).map(|_| draw()) {
         assert!((d.length() - 1.).abs() < 1e-14 && d.dot(normal) > -1e-15);

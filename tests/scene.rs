@@ -379,7 +379,8 @@ fn impossible_views_are_refused_without_a_tolerance() {
 fn keys_of_a_grid_are_equal_by_chance_only() {
     let digit = |i: u32, k: u32| f64::from(i >> (7 * k) & 127);
     let corner = |i| DVec3::new(digit(i, 0), digit(i, 1), digit(i, 2));
-    let key = |i| scattered(&corner(i)) >> 29;
+    let bits = |i| corner(i).to_array().map(f64::to_bits);
+    let key = |i| scattered(bits(i)) >> 29;
     let mut keys: Vec<u64> = (0..1 << 20).map(key).collect();
     keys.sort_unstable();
     let equal = keys.windows(2).filter(|pair| pair[0] == pair[1]);

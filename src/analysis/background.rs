@@ -118,7 +118,7 @@ impl KnownPixels {
             };
             let is_seen = intersector.any_triangle(
                 |low, high| !is_beside(box_extent(low, high)),
-                |corners| !is_beside(extent(corners)),
+                |_, corners| !is_beside(extent(corners)),
             );
             if is_seen {
                 return TileContent::Scene;

@@ -98,17 +98,14 @@ pub fn is_inside(
     let (part, mut open) = (&mut part[..], vec![]);
     // Sort the edges by their ends
     let ends = |&edge: &u32| {
-        let corners = triangles[edge as usize / 3].map(|p| p.to_array());
+        let corners = triangles[edge as usize / 3];
+        let corners = corners.map(|p| p.to_array().map(f64::to_bits));
         let k = edge as usize % 3;
         let (p, q) = (corners[k], corners[(k + 1) % 3]);
         if p < q { [p, q] } else { [q, p] }
     };
-    let key = |edge: &u32| {
-        let [p, q] = ends(edge).map(|end| scattered(&end.into()));
-        p.wrapping_add(q)
-    };
     let mut edges: Vec<_> = (0..3 * triangles.len() as u32).collect();
-    edges.par_sort_by_cached_key(key);
+    edges.par_sort_by_cached_key(|edge| scattered(ends(edge)));
     for equal in edges.chunk_by(|a, b| ends(a) == ends(b)) {
         // Unite the triangles of equal edges
         let first = equal[0] / 3;

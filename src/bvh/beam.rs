@@ -5,6 +5,8 @@
 
 use std::array;
 
+use glam::DVec3;
+
 use super::intersector::{BEAM, Hit};
 use super::spawn::hit;
 use super::traversal::{
@@ -43,17 +45,7 @@ struct Side {
 }
 
 impl Beam {
-    /// That of no rays, with room for those like `first`.
-    #[inline(always)]
-    fn new(first: &Ray, region: &Region) -> Self {
-        Self {
-            t_max: [-1.; BEAM],
-            slabs: Slabs::new(first, region),
-            ..Self::default()
-        }
-    }
-
-    /// Encloses the rays; none if they are too different.
+    /// Encloses the rays; none if they are too different, or there is none.
     #[inline(always)]
     fn enclose(
         &mut self,
@@ -66,6 +58,7 @@ impl Beam {
         let sign = first.direction[w].signum();
         let others = [(w + 1) % 3, (w + 2) % 3];
         // Put the rays into lanes
+        (self.t_max, self.slabs) = ([-1.; BEAM], Slabs::new(first, region));
         let mut start = f64::INFINITY;
         for (i, ray) in rays.iter().enumerate() {
             let Some(ray) = ray else { continue };
@@ -86,24 +79,19 @@ impl Beam {
             start = start.min(sign * (ray.origin - region.zero)[w]);
         }
         // Bound the starts and the slopes
-        let mut places = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
+        let mut places = [DVec3::INFINITY, DVec3::NEG_INFINITY];
         let mut slopes = places;
         for ray in rays.iter().flatten() {
             let origin = ray.origin - region.zero;
-            let per_depth = 1. / ray.direction[w].abs();
-            for (k, u) in others.into_iter().enumerate() {
-                let slope = ray.direction[u] * per_depth;
-                let place = origin[u] + slope * (start - sign * origin[w]);
-                places[k] =
-                    [places[k][0].min(place), places[k][1].max(place)];
-                slopes[k] =
-                    [slopes[k][0].min(slope), slopes[k][1].max(slope)];
-            }
+            let slope = ray.direction * (1. / ray.direction[w].abs());
+            let place = origin + slope * (start - sign * origin[w]);
+            places = [places[0].min(place), places[1].max(place)];
+            slopes = [slopes[0].min(slope), slopes[1].max(slope)];
         }
         // Make planes of the bounds
         for (k, u) in others.into_iter().enumerate() {
             for end in [0, 1] {
-                let slope = slopes[k][end];
+                let slope = slopes[end][u];
                 if slope.abs() > MOST_SLOPE {
                     return None;
                 }
@@ -115,7 +103,7 @@ impl Beam {
                         if begins { enter } else { leave }[w],
                     ],
                     slope: (-slope * sign) as f32,
-                    bound: (places[k][end] - slope * start) as f32,
+                    bound: (places[end][u] - slope * start) as f32,
                 };
             }
         }
@@ -178,10 +166,7 @@ pub unsafe fn first_hits<K: Kernel<N>, const N: usize>(
 ) -> [Option<Hit>; BEAM] {
     // Leave rays that are no beam alone
     let alone = |ray: &Option<Ray>| ray.as_ref().and_then(&first_hit);
-    let Some(first) = rays.iter().flatten().next() else {
-        return [None; BEAM];
-    };
-    let mut beam = Beam::new(first, &wide.region);
+    let mut beam = Beam::default();
     let has_places = wide.nodes.len() <= u32::MAX as usize / N;
     if !wide.gates.is_empty()
         || !has_places

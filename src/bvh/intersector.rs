@@ -5,6 +5,7 @@
 
 use glam::DVec3;
 
+use super::triangle::NONE;
 use crate::scene::Ray;
 
 /// Where a ray meets the scene first.
@@ -38,11 +39,11 @@ pub trait Intersector: Sync + Sized {
     /// Whether `ray` meets any triangle other than `from`: the same as
     /// `first_hit(ray, from).is_some()`, and perhaps faster.
     fn is_occluded(&self, ray: &Ray, from: Option<u32>) -> bool {
-        self.first_hit(ray, from).is_some()
+        !self.is_visible(ray, from, NONE)
     }
 
-    /// Whether `ray` meets the triangle `target` first: the same as if
-    /// `first_hit(ray, from)` were on it, and perhaps faster.
+    /// Whether `ray` meets the triangle `target` first, or nothing if that is
+    /// `NONE`: as `first_hit(ray, from)` would tell, and perhaps faster.
     fn is_visible(
         &self,
         ray: &Ray,
@@ -50,7 +51,7 @@ pub trait Intersector: Sync + Sized {
         target: u32,
     ) -> bool {
         let hit = self.first_hit(ray, from);
-        hit.is_some_and(|hit| hit.primitive == target)
+        hit.map_or(NONE, |hit| hit.primitive) == target
     }
 
     /// Does `work` with the intersector that answers fastest for this one.

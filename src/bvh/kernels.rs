@@ -7,85 +7,59 @@
 //! Each function does what its portable namesake does.
 
 use std::arch::x86_64::*;
+use std::mem::transmute;
 
-use super::traversal::{Kernel, Met, Slabs, Stack};
+use super::traversal::{Kernel, Meet, Met, Slabs, Stack, interval};
 use super::triangle::{LANES, Leaf, Margins, Shear};
 use super::wide::Node;
 
-/// Where a ray enters and leaves the boxes of a node, in these instructions.
-macro_rules! interval {
-    ($node:ident $slabs:ident $t_max:ident,
-     $load:ident $set:ident $fmsub:ident $max:ident $min:ident) => {{
-        let plane = |start: &[f32; 3], axis: usize, row: usize| {
-            // SAFETY: the rows of slabs are below 6; each is `N` numbers.
-            let row = unsafe { $node.planes.get_unchecked(row) };
-            let planes = unsafe { $load(row.as_ptr()) };
-            $fmsub(planes, $set($slabs.inverse[axis]), $set(start[axis]))
-        };
-        let enter = |axis| plane(&$slabs.entry, axis, $slabs.enter[axis]);
-        let leave = |axis| plane(&$slabs.exit, axis, $slabs.leave[axis]);
-        let t_near = $max(enter(0), enter(1));
-        let t_far = $min(leave(0), leave(1));
-        (
-            $max(t_near, $max(enter(2), $set(0.))),
-            $min(t_far, $min(leave(2), $set($t_max))),
-        )
-    }};
-}
+/// What AVX2 has, and AVX-512.
+pub struct Vectors;
 
-/// Eight lanes.
-pub struct Avx2;
-
-impl Kernel<8> for Avx2 {
-    fn is_available() -> bool {
-        is_x86_feature_detected!("avx2")
-            && is_x86_feature_detected!("fma")
-            && is_x86_feature_detected!("bmi1")
-            && is_x86_feature_detected!("bmi2")
-            && is_x86_feature_detected!("lzcnt")
-            && is_x86_feature_detected!("popcnt")
-    }
-
-    #[target_feature(enable = "avx2,fma,bmi1,lzcnt,popcnt")]
-    #[inline]
+impl Kernel<8> for Vectors {
+    #[inline(always)]
     unsafe fn enter(
         node: &Node<8>,
         slabs: &Slabs,
         t_max: f32,
         stack: &mut Stack,
     ) -> Option<u32> {
-        let (t_near, t_far) = interval!(node slabs t_max, _mm256_loadu_ps
-            _mm256_set1_ps _mm256_fmsub_ps _mm256_max_ps _mm256_min_ps);
-        let met = _mm256_cmp_ps::<_CMP_LE_OQ>(t_near, t_far);
-        if _mm256_movemask_ps(met) == 0 {
-            return None;
-        }
-        // Compare eight boxes in the octant's order
-        let shift = _mm_cvtsi32_si128(slabs.shift as i32);
-        let order = _mm256_srl_epi32(load8(&node.order), shift);
-        let t_near = _mm256_permutevar8x32_ps(t_near, order);
-        let t_far = _mm256_permutevar8x32_ps(t_far, order);
-        let met = _mm256_cmp_ps::<_CMP_LE_OQ>(t_near, t_far);
-        let mask = _mm256_movemask_ps(met) as u32;
-        // Store all but the nearest child
-        let children = load8(&node.children);
-        let children = _mm256_permutevar8x32_epi32(children, order);
-        let pack = load8(&PACK[mask as usize & 255]);
-        let packed = _mm256_permutevar8x32_epi32(children, pack);
-        // SAFETY: there is room for eight, says the caller, and all but one of
-        // those in the mask are left there.
+        let interval = interval(node, slabs, t_max, fused);
+        // SAFETY: the processor has the instructions, and there is room for
+        // eight, says the caller; all but one of those in the mask are left
+        // there. What is transmuted are eight numbers.
         unsafe {
+            let [t_near, t_far]: [__m256; 2] = transmute(interval);
+            let met = _mm256_cmp_ps::<_CMP_LE_OQ>(t_near, t_far);
+            if _mm256_movemask_ps(met) == 0 {
+                return None;
+            }
+            // Compare eight boxes in the octant's order
+            let shift = _mm_cvtsi32_si128(slabs.shift as i32);
+            let order: __m256i = transmute(node.order);
+            let order = _mm256_srl_epi32(order, shift);
+            let t_near = _mm256_permutevar8x32_ps(t_near, order);
+            let t_far = _mm256_permutevar8x32_ps(t_far, order);
+            let met = _mm256_cmp_ps::<_CMP_LE_OQ>(t_near, t_far);
+            let mask = _mm256_movemask_ps(met) as u32;
+            // Store all but the nearest child
+            let children: __m256i = transmute(node.children);
+            let children = _mm256_permutevar8x32_epi32(children, order);
+            let pack: __m256i = transmute(PACK[mask as usize & 255]);
+            let packed = _mm256_permutevar8x32_epi32(children, pack);
             let (top, distances) = stack.top::<8>();
             _mm256_storeu_si256(top.cast(), packed);
             let packed = _mm256_permutevar8x32_ps(t_near, pack);
             _mm256_storeu_ps(distances, packed);
             stack.grow(mask.count_ones() as usize - 1);
+            let last = _mm256_set1_epi32(31 - mask.leading_zeros() as i32);
+            let child = _mm256_permutevar8x32_epi32(children, last);
+            Some(_mm256_cvtsi256_si32(child) as u32)
         }
-        let last = _mm256_set1_epi32(31 - mask.leading_zeros() as i32);
-        let child = _mm256_permutevar8x32_epi32(children, last);
-        Some(_mm256_cvtsi256_si32(child) as u32)
     }
+}
 
+impl Meet for Vectors {
     #[target_feature(enable = "avx2,fma")]
     #[inline]
     unsafe fn meet(
@@ -164,72 +138,49 @@ impl Kernel<8> for Avx2 {
     }
 }
 
-/// Sixteen lanes.
-pub struct Avx512;
-
-impl Kernel<16> for Avx512 {
-    fn is_available() -> bool {
-        Avx2::is_available()
-            && is_x86_feature_detected!("avx512f")
-            && is_x86_feature_detected!("avx512vl")
-            && is_x86_feature_detected!("avx512dq")
-    }
-
-    #[target_feature(enable = "avx512f,lzcnt,popcnt")]
-    #[inline]
+impl Kernel<16> for Vectors {
+    #[inline(always)]
     unsafe fn enter(
         node: &Node<16>,
         slabs: &Slabs,
         t_max: f32,
         stack: &mut Stack,
     ) -> Option<u32> {
-        let (t_near, t_far) = interval!(node slabs t_max, _mm512_loadu_ps
-            _mm512_set1_ps _mm512_fmsub_ps _mm512_max_ps _mm512_min_ps);
-        if _mm512_cmp_ps_mask::<_CMP_LE_OQ>(t_near, t_far) == 0 {
-            return None;
-        }
-        // Compare sixteen boxes in the octant's order
-        let shift = _mm_cvtsi32_si128(slabs.shift as i32);
-        let order = _mm512_srl_epi32(load16(&node.order), shift);
-        let t_near = _mm512_permutexvar_ps(order, t_near);
-        let t_far = _mm512_permutexvar_ps(order, t_far);
-        let met = _mm512_cmp_ps_mask::<_CMP_LE_OQ>(t_near, t_far);
-        // Store all but the nearest of sixteen
-        let children = load16(&node.children);
-        let children = _mm512_permutexvar_epi32(order, children);
-        let mask = u32::from(met);
-        // SAFETY: there is room for sixteen, says the caller, and all but one
-        // of those in the mask are left there.
+        let interval = interval(node, slabs, t_max, fused);
+        // SAFETY: as for eight lanes.
         unsafe {
+            let [t_near, t_far]: [__m512; 2] = transmute(interval);
+            if _mm512_cmp_ps_mask::<_CMP_LE_OQ>(t_near, t_far) == 0 {
+                return None;
+            }
+            // Compare sixteen boxes in the octant's order
+            let shift = _mm_cvtsi32_si128(slabs.shift as i32);
+            let order: __m512i = transmute(node.order);
+            let order = _mm512_srl_epi32(order, shift);
+            let t_near = _mm512_permutexvar_ps(order, t_near);
+            let t_far = _mm512_permutexvar_ps(order, t_far);
+            let met = _mm512_cmp_ps_mask::<_CMP_LE_OQ>(t_near, t_far);
+            // Store all but the nearest of sixteen
+            let children: __m512i = transmute(node.children);
+            let children = _mm512_permutexvar_epi32(order, children);
+            let mask = u32::from(met);
             let (top, distances) = stack.top::<16>();
             let packed = _mm512_maskz_compress_epi32(met, children);
             _mm512_storeu_si512(top.cast(), packed);
             let packed = _mm512_maskz_compress_ps(met, t_near);
             _mm512_storeu_ps(distances, packed);
             stack.grow(mask.count_ones() as usize - 1);
+            let last = _mm512_set1_epi32(31 - mask.leading_zeros() as i32);
+            let child = _mm512_permutexvar_epi32(last, children);
+            Some(_mm512_cvtsi512_si32(child) as u32)
         }
-        let last = _mm512_set1_epi32(31 - mask.leading_zeros() as i32);
-        let child = _mm512_permutexvar_epi32(last, children);
-        Some(_mm512_cvtsi512_si32(child) as u32)
-    }
-
-    #[target_feature(enable = "avx2,fma")]
-    #[inline]
-    unsafe fn meet(
-        leaf: Leaf,
-        shear: &Shear,
-        limit: (f64, &Margins),
-    ) -> Met {
-        // SAFETY: it is one of `Leaves`, says the caller.
-        unsafe { Avx2::meet(leaf, shear, limit) }
     }
 }
 
-#[target_feature(enable = "avx512f")]
-#[inline]
-fn load16(numbers: &[u32; 16]) -> __m512i {
-    // SAFETY: sixteen numbers are read, from any address.
-    unsafe { _mm512_loadu_si512(numbers.as_ptr().cast()) }
+/// The distance of the plane `b`, with one rounding.
+#[inline(always)]
+pub fn fused(b: f32, inverse: f32, start: f32) -> f32 {
+    b.mul_add(inverse, -start)
 }
 
 /// For each mask, the permutation that moves its lanes to the front.
@@ -249,10 +200,3 @@ const PACK: [[u32; 8]; 256] = {
     }
     table
 };
-
-#[target_feature(enable = "avx2")]
-#[inline]
-fn load8(numbers: &[u32; 8]) -> __m256i {
-    // SAFETY: eight numbers are read, from any address.
-    unsafe { _mm256_loadu_si256(numbers.as_ptr().cast()) }
-}

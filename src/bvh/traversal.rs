@@ -68,14 +68,11 @@ pub const ROUGH: f64 = 1. / (1 << 20) as f64;
 
 const LEAST: f32 = f32::from_bits((127 - 60) << 23);
 
-/// The component `d` of a direction, of size `LEAST` at least.
+/// The component `d` of a direction, of size `LEAST` at least; a zero of
+/// either sign counts as positive.
 #[inline(always)]
 fn steep(d: f32) -> f32 {
-    match d {
-        _ if d.abs() >= LEAST => d,
-        _ if d < 0. => -LEAST,
-        _ => LEAST,
-    }
+    d.abs().max(LEAST).copysign(d + 0.)
 }
 
 /// Rays with an origin or a direction that has a component of 2^64 or more
@@ -204,11 +201,8 @@ impl<'a> Stack<'a> {
     }
 }
 
-/// The instructions for nodes of `N` children.
-pub trait Kernel<const N: usize>: Sync + Sized {
-    /// Whether this processor has the instructions.
-    fn is_available() -> bool;
-
+/// The instructions for nodes of `N` children, and for leaves.
+pub trait Kernel<const N: usize>: Meet {
     /// Pushes the children of a node whose boxes the ray of `slabs` enters
     /// before `t_max`, from far to near, but returns the nearest; none if
     /// there are none.
@@ -222,9 +216,12 @@ pub trait Kernel<const N: usize>: Sync + Sized {
         t_max: f32,
         stack: &mut Stack,
     ) -> Option<u32>;
+}
 
-    /// The triangles of a leaf that a ray meets up to the distance `limit`.
-    /// Lanes that meet the ray beyond may or may not be in the mask.
+/// The instructions for the triangles of a leaf.
+pub trait Meet: Sync {
+    /// Those that a ray meets up to the distance `limit`. Lanes that meet
+    /// the ray beyond may or may not be in the mask.
     ///
     /// # Safety
     /// The processor has the instructions, and the leaf is one of `Leaves`.
@@ -301,9 +298,13 @@ pub unsafe fn walk<
                 // Choose among the children entered
                 // SAFETY: children without the bit LEAF are numbers of nodes, and no
                 // hierarchy is so deep that less than `N` are left on the stack.
-                let next = unsafe {
-                    step::<K, N>(wide, child, &slabs, t_max, &mut stack)
+                let nearest = unsafe {
+                    let node = wide.nodes.get_unchecked(child as usize);
+                    K::enter(node, &slabs, t_max, &mut stack)
                 };
+                let next = nearest
+                    .inspect(|_| stack.fetch(wide))
+                    .or_else(|| stack.pop(t_max));
                 let Some(next) = next else { break 'walk };
                 child = next;
             }
@@ -336,45 +337,16 @@ pub unsafe fn walk<
         region = gate.region;
         margins = region.beyond_gate(ray.origin, search.root);
         margins.near = margins.near.max(near(search.size));
-        child = match gate.node {
-            Some(inner) => {
-                search.pass(&region, &margins);
-                // SAFETY: no hierarchy is so deep that one is not left.
-                unsafe { stack.push(child + 1, 0.) };
-                inner
-            }
-            None => match stack.pop(search.limit(&margins) as f32) {
-                Some(waiting) => waiting,
-                None => break 'walk,
-            },
-        };
+        if gate.node.is_some() {
+            search.pass(&region, &margins);
+            // SAFETY: no hierarchy is so deep that one is not left.
+            unsafe { stack.push(child + 1, 0.) };
+        }
+        let waits = || stack.pop(search.limit(&margins) as f32);
+        let Some(next) = gate.node.or_else(waits) else { break };
+        child = next;
     }
     Some(search)
-}
-
-/// The child to go on with from a node, if any; others wait on the stack.
-///
-/// # Safety
-/// The processor has the instructions of `K`, `number` is that of a node,
-/// and no more than `STACK - N` children wait.
-#[inline(always)]
-unsafe fn step<K: Kernel<N>, const N: usize>(
-    wide: &Wide<N>,
-    number: u32,
-    slabs: &Slabs,
-    t_max: f32,
-    stack: &mut Stack,
-) -> Option<u32> {
-    // SAFETY: the caller says so.
-    let nearest = unsafe {
-        let node = wide.nodes.get_unchecked(number as usize);
-        K::enter(node, slabs, t_max, stack)
-    };
-    if nearest.is_none() {
-        return stack.pop(t_max);
-    }
-    stack.fetch(wide);
-    nearest
 }
 
 /// Takes the triangles of a leaf that the ray meets, of `count` at unit
@@ -441,7 +413,7 @@ pub fn interval<const N: usize>(
     slabs: &Slabs,
     t_max: f32,
     distance: impl Fn(f32, f32, f32) -> f32,
-) -> ([f32; N], [f32; N]) {
+) -> [[f32; N]; 2] {
     let (mut t_near, mut t_far) = ([0f32; N], [t_max; N]);
     for axis in 0..3 {
         let inverse = slabs.inverse[axis];
@@ -456,7 +428,7 @@ pub fn interval<const N: usize>(
             t_far[i] = if b < t_far[i] { b } else { t_far[i] };
         }
     }
-    (t_near, t_far)
+    [t_near, t_far]
 }
 
 /// Pushes the children that are entered from far to near, but returns
@@ -468,7 +440,7 @@ pub fn interval<const N: usize>(
 pub unsafe fn push<const N: usize>(
     node: &Node<N>,
     shift: u32,
-    (t_near, t_far): ([f32; N], [f32; N]),
+    [t_near, t_far]: [[f32; N]; 2],
     stack: &mut Stack,
 ) -> Option<u32> {
     let bit = |i: usize| u32::from(t_near[i] <= t_far[i]) << i;
@@ -499,10 +471,6 @@ pub fn distance(b: f32, inverse: f32, start: f32) -> f32 {
 pub struct Portable;
 
 impl<const N: usize> Kernel<N> for Portable {
-    fn is_available() -> bool {
-        true
-    }
-
     #[inline(always)]
     unsafe fn enter(
         node: &Node<N>,
@@ -514,7 +482,9 @@ impl<const N: usize> Kernel<N> for Portable {
         // SAFETY: there is room for `N`, says the caller.
         unsafe { push(node, slabs.shift, interval, stack) }
     }
+}
 
+impl Meet for Portable {
     #[inline(never)]
     unsafe fn meet(
         leaf: Leaf,

@@ -9,9 +9,9 @@ use std::marker::PhantomData;
 use super::beam;
 use super::intersector::{BEAM, Hit, Intersector};
 #[cfg(target_arch = "x86_64")]
-use super::kernels::{Avx2, Avx512};
+use super::kernels::Vectors;
 use super::spawn::hit;
-use super::traversal::{Kernel, Portable, walk};
+use super::traversal::{Portable, walk};
 use super::triangle::{NONE, Search};
 use super::wide::{Quality, Wide};
 use crate::scene::{Ray, Triangles};
@@ -23,15 +23,14 @@ pub struct Traverser<K, const N: usize> {
     kernel: PhantomData<K>,
 }
 
-impl<K: Kernel<N>, const N: usize> Traverser<K, N> {
-    /// Builds the hierarchy of triangles, see [`Wide::new`]. The processor
-    /// must have the instructions.
-    pub fn new(
-        triangles: Triangles,
-        quality: Quality,
-        placed: &dyn Fn(usize),
+impl<K, const N: usize> Traverser<K, N> {
+    /// Builds the hierarchy of triangles, see [`Wide::new`].
+    ///
+    /// # Safety
+    /// The processor has the instructions.
+    pub unsafe fn new(
+        (triangles, quality, placed): (Triangles, Quality, &dyn Fn(usize)),
     ) -> io::Result<Self> {
-        assert!(K::is_available());
         let wide = Wide::new(triangles, quality, placed);
         let wide = wide.map_err(|error| {
             let text = format!("no room for the hierarchy: {error}");
@@ -42,60 +41,57 @@ impl<K: Kernel<N>, const N: usize> Traverser<K, N> {
 }
 
 macro_rules! traverse {
-    ($kernel:ident, $n:literal $($features:literal)?) => {
+    ($kernel:ident, $n:literal $($features:tt)*) => {
         impl Traverser<$kernel, $n> {
-            $(#[target_feature(enable = $features)])?
+            /// Whether this processor has the instructions.
+            pub fn is_available() -> bool {
+                true $(&& is_x86_feature_detected!($features))*
+            }
+
+            $(#[target_feature(enable = $features)])*
             #[inline(never)]
             unsafe fn nearest(&self, ray: &Ray, from: Option<u32>) -> Option<Hit> {
                 let (wide, slots) = (&self.wide, (from, NONE));
                 // SAFETY: the caller says that the instructions are there.
-                unsafe {
-                    match walk::<$kernel, $n, false, true, false>(wide, ray, slots) {
-                        Some(search) => hit(wide, ray, from, &search),
-                        None => {
-                            let search = self.again::<false>(ray, slots);
-                            hit(wide, ray, from, &search)
-                        }
-                    }
-                }
+                let search = unsafe {
+                    walk::<$kernel, $n, false, true, false>(wide, ray, slots)
+                        .unwrap_or_else(|| self.again::<false>(ray, slots))
+                };
+                hit(wide, ray, from, &search)
             }
 
-            $(#[target_feature(enable = $features)])?
+            $(#[target_feature(enable = $features)])*
             #[inline(never)]
             unsafe fn again<const ANY: bool>(
                 &self,
                 ray: &Ray,
-                (from, target): (Option<u32>, u32),
+                slots: (Option<u32>, u32),
             ) -> Search<'_> {
                 let wide = &self.wide;
                 // SAFETY: as above.
                 unsafe {
-                    let slots = (from, target);
-                    match walk::<$kernel, $n, ANY, true, true>(wide, ray, slots) {
-                        Some(search) => search,
-                        None => {
-                            let slots = (from, NONE);
-                            walk::<$kernel, $n, false, false, true>(wide, ray, slots)
-                                .expect("only the fast path gives up")
-                        }
-                    }
+                    let slow = || {
+                        let slots = (slots.0, NONE);
+                        walk::<$kernel, $n, false, false, true>(wide, ray, slots)
+                    };
+                    walk::<$kernel, $n, ANY, true, true>(wide, ray, slots)
+                        .or_else(slow)
+                        .expect("only the fast path gives up")
                 }
             }
 
-            $(#[target_feature(enable = $features)])?
+            $(#[target_feature(enable = $features)])*
             #[inline(never)]
             unsafe fn in_the_way(&self, ray: &Ray, slots: (Option<u32>, u32)) -> u32 {
                 // SAFETY: as above.
                 unsafe {
-                    match walk::<$kernel, $n, true, true, false>(&self.wide, ray, slots)
-                    {
-                        Some(search) => search.slot,
-                        None => self.again::<true>(ray, slots).slot,
-                    }
+                    walk::<$kernel, $n, true, true, false>(&self.wide, ray, slots)
+                        .map(|search| search.slot)
+                        .unwrap_or_else(|| self.again::<true>(ray, slots).slot)
                 }
             }
 
-            $(#[target_feature(enable = $features)])?
+            $(#[target_feature(enable = $features)])*
             #[inline(never)]
             unsafe fn beam(
                 &self,
@@ -116,11 +112,6 @@ macro_rules! traverse {
             }
 
             #[inline]
-            fn is_occluded(&self, ray: &Ray, from: Option<u32>) -> bool {
-                !self.is_visible(ray, from, NONE)
-            }
-
-            #[inline]
             fn is_visible(&self, ray: &Ray, from: Option<u32>, target: u32) -> bool {
                 // SAFETY: as above.
                 unsafe { self.in_the_way(ray, (from, target)) == target }
@@ -136,7 +127,7 @@ macro_rules! traverse {
 
 traverse!(Portable, 8);
 #[cfg(target_arch = "x86_64")]
-traverse!(Avx2, 8 "avx2,fma,bmi1,bmi2,lzcnt,popcnt");
+traverse!(Vectors, 8 "avx2" "fma" "bmi1" "bmi2" "lzcnt" "popcnt");
 #[cfg(target_arch = "x86_64")]
-traverse!(Avx512, 16
-    "avx512f,avx512vl,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt");
+traverse!(Vectors, 16 "avx512f" "avx512vl" "avx512dq"
+    "avx2" "fma" "bmi1" "bmi2" "lzcnt" "popcnt");

@@ -146,13 +146,11 @@ impl Region {
     /// What is small for rays from a point to triangles of the region.
     #[inline(always)]
     pub fn margins(&self, point: DVec3) -> Margins {
-        match self.beyond(point) {
-            beyond if beyond > 0. => {
-                let side = 2. * self.reach;
-                Margins::new(size(beyond + side, point), side)
-            }
-            _ => self.within,
+        let (beyond, side) = (self.beyond(point), 2. * self.reach);
+        if beyond <= 0. {
+            return self.within;
         }
+        Margins::new(size(beyond + side, point), side)
     }
 
     /// The same beyond a gate, given the size of the outermost margins.

@@ -7,7 +7,7 @@
 //! and padded. Node 0 is the root. Every other node and every leaf is
 //! the child of exactly one node, or what one gate leads to.
 
-use std::{fmt, io, iter, mem};
+use std::{array, fmt, io, iter, mem};
 
 use glam::{DVec3, Vec3, Vec3A};
 use obvhs::aabb::Aabb;
@@ -38,10 +38,7 @@ const REPAID: f64 = 500.;
 
 impl fmt::Display for Quality {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.write_str(match self {
-            Self::Fast => "fast",
-            Self::Thorough => "thorough",
-        })
+        f.write_str(&format!("{self:?}").to_lowercase())
     }
 }
 
@@ -50,10 +47,8 @@ impl Quality {
     /// triangles and following `rays` rays through it takes the
     /// shortest time together.
     pub fn expecting(triangles: usize, rays: f64) -> Self {
-        match rays > REPAID * triangles as f64 {
-            true => Self::Thorough,
-            false => Self::Fast,
-        }
+        let repaid = rays > REPAID * triangles as f64;
+        if repaid { Self::Thorough } else { Self::Fast }
     }
 }
 
@@ -101,14 +96,11 @@ impl<const N: usize> Node<N> {
         for octant in 0..8 {
             // Sort the lanes from far to near
             let far: [f32; N] =
-                std::array::from_fn(|lane| self.entry(octant, lane));
-            let mut lanes: [u32; N] =
-                std::array::from_fn(|lane| lane as u32);
-            lanes.sort_by(|&a, &b| {
-                far[b as usize].total_cmp(&far[a as usize])
-            });
+                array::from_fn(|lane| self.entry(octant, lane));
+            let mut lanes: [usize; N] = array::from_fn(|lane| lane);
+            lanes.sort_by(|&a, &b| far[b].total_cmp(&far[a]));
             for (order, lane) in self.order.iter_mut().zip(lanes) {
-                *order |= lane << (4 * octant);
+                *order |= (lane as u32) << (4 * octant);
             }
         }
     }
@@ -323,6 +315,7 @@ fn choose(clusters: &[Bvh2Node], reach: usize, partners: &mut [u32]) {
 /// How many boxes of a tree a ray that meets the root is expected to
 /// meet: the sum of the surface area heuristic.
 fn expected_boxes(nodes: &[Bvh2Node]) -> f32 {
+    let area = |node: &Bvh2Node| node.aabb().half_area();
     let sum: f32 = nodes.iter().map(area).sum();
     sum / nodes.first().map_or(1., area)
 }
@@ -387,7 +380,7 @@ type Choices<const N: usize> = [u8; N];
 /// How each node of a binary tree is best cut, for wide nodes of up to
 /// `N` children.
 fn cut<const N: usize>(tree: &[Bvh2Node]) -> Vec<Choices<N>> {
-    let leaf = std::array::from_fn(|k| u8::from(k == 0));
+    let leaf = array::from_fn(|k| u8::from(k == 0));
     let mut choices = vec![leaf; tree.len()];
     let mut forests: Vec<Forest<N>> = vec![];
     let root = (!tree.is_empty()).then_some((0, false));
@@ -395,16 +388,17 @@ fn cut<const N: usize>(tree: &[Bvh2Node]) -> Vec<Choices<N>> {
     while let Some((i, is_second_visit)) = todo.pop() {
         // Cut one node after its children
         let node = &tree[i];
-        let first = node.first_index as usize;
+        let (first, area) =
+            (node.first_index as usize, node.aabb().half_area());
         if node.is_leaf() {
             let count = if gate(node).is_some() { LANES } else { 1 };
-            forests.push(Forest { costs: [area(node); N], most: 1, count });
+            forests.push(Forest { costs: [area; N], most: 1, count });
         } else if !is_second_visit {
             todo.extend([(i, true), (first + 1, false), (first, false)]);
         } else if let (Some(right), Some(left)) =
             (forests.pop(), forests.pop())
         {
-            let (forest, choice) = Forest::join(&left, &right, area(node));
+            let (forest, choice) = Forest::join(&left, &right, area);
             forests.push(forest);
             choices[i] = choice;
         }
@@ -428,12 +422,6 @@ fn add_forest<const N: usize>(
     let trees = usize::from(trees);
     add_forest(tree, choices, (left, trees), roots);
     add_forest(tree, choices, (left + 1, k - trees), roots);
-}
-
-/// Half the surface area of a node's box.
-fn area(node: &Bvh2Node) -> f32 {
-    let e = node.max - node.min;
-    e.x * e.y + e.y * e.z + e.z * e.x
 }
 
 /// Subtrees of triangles that are smaller than this part of a region are
@@ -778,8 +766,7 @@ impl<const N: usize> Wide<N> {
                 asked(&leaf, place, &leaf.triangle(lane))
             });
         }
-        let nodes: &[Node<N>] = &self.nodes;
-        let node = &nodes[child as usize];
+        let node = &self.nodes[child as usize];
         let finite = |v: Vec3| v.clamp(Vec3::MIN, Vec3::MAX);
         let [low, high] =
             within.map(|corner| finite((corner - region.zero).as_vec3()));
@@ -793,19 +780,6 @@ impl<const N: usize> Wide<N> {
             own.intersect_aabb(&within_box)
                 && enters(low, high)
                 && self.any(below, within, enters, asked)
-        })
-    }
-
-    /// All triangles, each with its slot.
-    pub fn triangles(&self) -> impl Iterator<Item = (u32, Triangle)> {
-        let children = self.nodes.iter().flat_map(|node| node.children);
-        let leaves = children.filter(|child| child & LEAF != 0).map(slots);
-        let leaves = leaves.filter(|leaf| leaf.0 < GATES);
-        leaves.flat_map(|(first, count)| {
-            // SAFETY: leaves that are no gates are leaves that are there.
-            let leaf = unsafe { self.leaves.leaf(first, count) };
-            (0..count as u32)
-                .map(move |lane| (slot(first, lane), leaf.triangle(lane)))
         })
     }
 }

@@ -84,24 +84,25 @@ pub fn read_pieces(
     let parts = parts.into_iter().collect::<Result<Vec<_>, _>>();
     let parts = parts.map_err(|(line, what)| at(text, line, &what))?;
     // Put the meshes one behind the other
-    let (mut joined, mut first) = (vec![], 0);
-    for part in &parts {
-        joined.extend(part.joined.iter().map(|&i| first + i));
-        first = first.wrapping_add(part.triangles.len() as u32);
+    let count = parts.iter().map(|part| part.triangles.len()).sum();
+    countable(total.max(count))?;
+    let mut mesh = Mesh {
+        vertices: Vec::with_capacity(total),
+        triangles: Vec::with_capacity(count),
+        joined: vec![],
+    };
+    for mut part in parts {
+        let first = mesh.triangles.len() as u32;
+        mesh.joined.extend(part.joined.iter().map(|&i| first + i));
+        mesh.vertices.append(&mut part.vertices);
+        mesh.triangles.append(&mut part.triangles);
     }
-    let parts = parts.into_iter().map(|m| (m.vertices, m.triangles));
-    let (vertices, triangles): (Vec<_>, Vec<_>) = parts.unzip();
-    let (vertices, triangles) =
-        rayon::join(|| append(vertices), || append(triangles));
-    countable(vertices.len().max(triangles.len()))?;
-    if triangles.is_empty() {
+    if mesh.triangles.is_empty() {
         return Err(": no face, hence nothing to render".to_owned());
     }
-    let mut mesh = Mesh { vertices, triangles, joined };
     warnings.extend(set_aside(text, &mut mesh)?);
     // Fill the faces, and warn of odd ones
-    let Mesh { vertices, triangles, joined } = &mut mesh;
-    let odd = polygons::fill(vertices, triangles, joined);
+    let odd = polygons::fill(&mut mesh);
     if let Some(&face) = odd.first() {
         let what =
             "odd faces, bent or crossed; other programs may fill them";
@@ -156,13 +157,6 @@ fn set_aside(
 fn find<'a>(text: &'a [u8], named: &[u8], number: usize) -> &'a [u8] {
     let mut all = lines(text).filter(|line| name(line) == named);
     all.nth(number).unwrap_or(text)
-}
-
-/// The elements of all `parts`, in order, in just enough memory.
-fn append<T>(parts: Vec<Vec<T>>) -> Vec<T> {
-    let mut whole = Vec::with_capacity(parts.iter().map(Vec::len).sum());
-    parts.into_iter().for_each(|mut part| whole.append(&mut part));
-    whole
 }
 
 /// Refuses more elements than can be named.

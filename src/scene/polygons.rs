@@ -11,16 +11,14 @@ use spade::{
     Triangulation,
 };
 
+use super::mesh::Mesh;
 use crate::numerics::{cross, exponent, shift};
 
 /// Replaces the fans that do not fill their faces; returns the numbers
 /// of the faces that are odd, from 0: bent, their corners far from a common
 /// plane, or crossed, their outlines crossing themselves.
-pub fn fill(
-    vertices: &[DVec3],
-    triangles: &mut Vec<[u32; 3]>,
-    joined: &mut Vec<u32>,
-) -> Vec<u32> {
+pub fn fill(mesh: &mut Mesh) -> Vec<u32> {
+    let Mesh { vertices, triangles, joined } = mesh;
     let look = |group: &[u32]| {
         let first = group[0] - 1;
         let fan = &triangles[first as usize..=first as usize + group.len()];

@@ -44,8 +44,7 @@ fn a_padded_box_around_a_point_of_a_ray_is_entered_by_its_beam() {
     let (mut beams, mut points, mut missed) = (0, 0, 0);
     while beams < BEAMS {
         let rays = rays(&mut random);
-        let Some(first) = rays.iter().flatten().next() else { continue };
-        let mut beam = Beam::new(first, &region);
+        let mut beam = Beam::default();
         if beam.enclose(&rays, &region).is_none() {
             continue;
         }

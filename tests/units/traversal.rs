@@ -8,7 +8,8 @@ use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-use super::super::kernels::{Avx2, Avx512};
+use super::super::Isa;
+use super::super::kernels::{Vectors, fused};
 use super::super::triangle::{Leaves, units, write};
 use super::*;
 
@@ -157,15 +158,11 @@ fn a_padded_box_around_a_point_of_the_ray_is_entered() {
         let reach = distance as f32;
         let slabs = Slabs::new(&ray, &region);
         for plane in [super::distance, fused] {
-            let (t_near, t_far) = interval(&node, &slabs, reach, plane);
+            let [t_near, t_far] = interval(&node, &slabs, reach, plane);
             assert!(t_near[0] <= t_far[0], "{ray:?} {distance}");
         }
         entered += 1;
     }
-}
-
-fn fused(b: f32, inverse: f32, start: f32) -> f32 {
-    b.mul_add(inverse, -start)
 }
 
 // Test a look at one node
@@ -244,11 +241,11 @@ fn compare_nodes<K: Kernel<N>, const N: usize>() {
 
 #[test]
 fn boxes_are_entered_and_children_pushed_as_one_by_one() {
-    if Avx2::is_available() {
-        compare_nodes::<Avx2, 8>();
+    if Isa::Avx2.is_available() {
+        compare_nodes::<Vectors, 8>();
     }
-    if Avx512::is_available() {
-        compare_nodes::<Avx512, 16>();
+    if Isa::Avx512.is_available() {
+        compare_nodes::<Vectors, 16>();
     }
 }
 
@@ -284,7 +281,7 @@ fn ray_at(leaf: Leaf, random: &mut Random) -> Ray {
 
 #[test]
 fn four_triangles_are_met_as_one_by_one() {
-    if !Avx2::is_available() {
+    if !Isa::Avx2.is_available() {
         return eprintln!("note: skipped, no AVX2");
     }
     let mut random = Random::seed_from_u64(6);
@@ -306,7 +303,8 @@ fn four_triangles_are_met_as_one_by_one() {
         };
         let expected = within(leaf.meet(&shear, &margins));
         // SAFETY: the processor has been asked.
-        let found = unsafe { Avx2::meet(leaf, &shear, (limit, &margins)) };
+        let found =
+            unsafe { Vectors::meet(leaf, &shear, (limit, &margins)) };
         let Some(found) = found.map(within) else { continue };
         assert_eq!(found, expected, "{:?} {ray:?}", leaf.words);
         met += found.len();

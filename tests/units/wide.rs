@@ -4,6 +4,8 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
+use std::cell::RefCell;
+
 use super::*;
 use crate::scene::{Mesh, Scene};
 use glam::DVec3;
@@ -67,7 +69,14 @@ fn wide<const N: usize>(scene: &Scene) -> Wide<N> {
 fn check_lanes<const N: usize>(scene: &Scene, wide: &Wide<N>) {
     let triangles = scene.triangles.to_vec();
     let mut seen = vec![0; triangles.len()];
-    for (slot, corners) in wide.triangles() {
+    let all = RefCell::new(vec![]);
+    let note = |_: &Leaf, (_, slot), corners: &Triangle| {
+        all.borrow_mut().push((slot, *corners));
+        false
+    };
+    let everywhere = [DVec3::MIN, DVec3::MAX];
+    wide.any((0, wide.region), everywhere, &|_, _| true, &note);
+    for (slot, corners) in all.into_inner() {
         let face = wide.leaves.face(slot);
         let number = scene.triangles.faces.binary_search(&face);
         let number = number.expect("a face of the scene");
@@ -310,7 +319,7 @@ fn least<const N: usize>(tree: &[Bvh2Node]) -> f32 {
             .filter(|roots| (2..=N).contains(&roots.len()))
             .map(|roots| roots.iter().map(|&root| costs[root]).sum())
             .fold(f32::INFINITY, f32::min);
-        let own = area(&tree[i]);
+        let own = tree[i].aabb().half_area();
         (costs[i], least) = match triangles <= LANES {
             true => (own, below.min(own)),
             false => (own + below, below),

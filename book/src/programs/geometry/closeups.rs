@@ -49,7 +49,7 @@ pub fn draw(out: &mut Out) -> Done {
     });
     let singles = singles.collect();
     out.picture("vertex-single", SIDE, singles)?;
-    let faces: Vec<_> = bvh.triangles().collect();
+    let faces = bvh.triangles();
     let face = |k: &u32| {
         let corners = &triangles[*k as usize];
         faces.iter().find(|(_, t)| t == corners).map(|f| f.0)
