@@ -244,6 +244,13 @@ efficiency: bench-tools $(call AND_VIEWS,$(addprefix $(BENCH)/,$(sort $(CHALLENG
 	  $(if $(INTEGRATOR),--integrator $(INTEGRATOR)) \
 	  $(BUILD_DIR)/pt $(BENCH)/embree_pt $(EFFICIENCY:%=$(BENCH)/%)
 
+# How wrong filtered pictures are, and say they are: five minutes.
+FILTERED = $(if $(KITCHEN),kitchen) courtyard backroom corridor statue
+.PHONY: picture
+picture: bench-tools $(call AND_VIEWS,$(FILTERED:%=$(BENCH)/%))
+	$(RECORD) picture sh $(SCRIPTS)/picture.sh $(BUILD_DIR) \
+	  $(FILTERED:%=$(BENCH)/%)
+
 # What each method gains, beside what a pilot foresees: ten minutes on an idle
 # machine.
 CHOSEN = $(if $(KITCHEN),kitchen kitchen@0.5) courtyard courtyard@0.2 \
@@ -304,6 +311,23 @@ $(BUILT)/mixtures-ball.csv: $(MEASURED)/mixtures.csv | $(BUILT)
 	  $$1 == "mixture" { print "number,ours_mrays,peer_mrays,ours_off,peer_off" } \
 	  $$1 == "ball" { print $$2, $$3 + 0 ? $$3 : "nan", $$5 + 0 ? $$5 : "nan", \
 	    off($$6), off($$8) }' $< $< > $@
+
+# ---- a filtered picture
+
+FIGURES += $(BUILD_DIR)/figures/picture-plain.png \
+  $(BUILD_DIR)/figures/picture-filtered.png
+TABLES += $(BUILT)/picture.tex
+
+$(BUILD_DIR)/figures/picture-plain.png: NO_FILTER = --no-filter
+$(BUILD_DIR)/figures/picture-%.png: $(BUILD_DIR)/pt \
+  $(BUILD_DIR)/courtyard.obj | $(BUILD_DIR)/figures
+	$(BUILD_DIR)/pt $(CAMERA) -d 360x270 -n 4 -r 0.8 -q -f $(NO_FILTER) \
+	  --integrator gather -i $(BUILD_DIR)/courtyard.obj -o $@
+
+$(BUILT)/picture.tex: $(MEASURED)/picture.csv | $(BUILT)
+	awk -F , '!/^#/ && $$1 != "scene" { \
+	  printf "%s & %s & %s & %s & %s \\\\\n", \
+	    $$1 == last ? "" : $$1, $$2, $$3, $$4, $$5; last = $$1 }' $< > $@
 
 # ---- samples and errors
 

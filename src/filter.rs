@@ -26,7 +26,7 @@ pub struct FirstHits {
 fn is_like(one: &Hit, other: &Hit) -> bool {
     let to = other.point - one.point;
     one.normal.dot(other.normal) > 0.95
-        && one.normal.dot(to).abs() <= 0.3 * to.length()
+        && one.normal.dot(to).powi(2) <= 0.09 * to.length_squared()
 }
 
 impl FirstHits {
@@ -76,7 +76,8 @@ fn around(
     })
 }
 
-/// The mean around each pixel, over those that belong to it.
+/// The mean around each pixel, over those that belong to it; a pixel that does
+/// not belong to itself stays as it is.
 fn smooth(
     values: &[Vec2],
     width: usize,
@@ -84,8 +85,11 @@ fn smooth(
     belongs: &(impl Fn(usize, usize) -> bool + Sync),
 ) -> Vec<Vec2> {
     let mean = |p| {
+        if !belongs(p, p) {
+            return values[p];
+        }
         let all = around(p, (2, step), width, values.len());
-        let own = all.filter(|&(q, _)| q == p || belongs(p, q));
+        let own = all.filter(|&(q, _)| belongs(p, q));
         let (mut sum, mut total) = (Vec2::ZERO, 0.);
         for (q, weight) in own {
             sum += weight * values[q];
@@ -140,22 +144,28 @@ impl Filter {
         rest: &[Vec2],
         belongs: impl Fn(usize, usize) -> bool + Sync,
     ) -> (Vec<Vec2>, DVec2) {
-        let mean = |part: &[Vec2]| {
-            let pixels = part.iter().zip(rest).enumerate();
-            let errors = pixels.map(|(p, (a, b))| self.error(p, a + b));
-            errors.sum::<DVec2>() / part.len() as f64
+        // Judge a mixture of two rounds
+        let judge = |now: &[Vec2], next: &[Vec2], share| -> DVec2 {
+            let row = |first: usize| -> DVec2 {
+                let pixels = first..first + self.width;
+                let shown =
+                    |p| rest[p] + Vec2::lerp(now[p], next[p], share);
+                pixels.map(|p| self.error(p, shown(p))).sum()
+            };
+            let rows = (0..rest.len()).into_par_iter().step_by(self.width);
+            let rows: Vec<DVec2> = rows.map(row).collect();
+            rows.iter().sum::<DVec2>() / rest.len() as f64
         };
-        let mut best = (part.clone(), mean(&part));
+        let mut best = (part.clone(), judge(&part, &part, 1.));
         let mut now = part;
         for level in 0..5 {
             let next = smooth(&now, self.width, 1 << level, &belongs);
             for share in [0.25, 0.5, 0.75, 1.] {
-                let pairs = now.iter().zip(&next);
-                let mixed = pairs.map(|(a, b)| a.lerp(*b, share));
-                let mixed: Vec<Vec2> = mixed.collect();
-                let error = mean(&mixed);
+                let error = judge(&now, &next, share);
                 if error.element_sum() < best.1.element_sum() {
-                    best = (mixed, error);
+                    let pairs = now.iter().zip(&next);
+                    let mixed = pairs.map(|(a, b)| a.lerp(*b, share));
+                    best = (mixed.collect(), error);
                 }
             }
             now = next;

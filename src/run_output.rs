@@ -190,7 +190,8 @@ impl<'a> RunOutput<'a> {
             Product::Report(_) => 0.,
             Product::State => state,
         });
-        let files: f64 = each.sum();
+        let filter = self.trace.map_or(0., |_| 5000.);
+        let files = filter + each.sum::<f64>();
         let is_state = |file: &RunFile| file.product == Product::State;
         let is_saved = self.files.iter().any(is_state);
         let none = if is_saved { state } else { 0. } + 0.15 * files;
