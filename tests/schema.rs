@@ -110,6 +110,7 @@ fn reports() -> Vec<Value> {
         run(&format!("-n20 -s1 {crop} --reference=truth.exr")),
         run("--error=0.2 -p0,0,90 -t0,0,0 -u0,1,0"),
         run("--time=0.2 -p0,0,90 -t0,0,99 -u0,1,0"),
+        run("-n4 --integrator=gather"),
     ];
     let parts =
         ["--samples=0..4 -j1 -oa.litpt", "--samples=4..8 -j2 -ob.litpt"];
