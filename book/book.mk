@@ -316,7 +316,7 @@ $(BUILT)/mixtures-ball.csv: $(MEASURED)/mixtures.csv | $(BUILT)
 
 FIGURES += $(BUILD_DIR)/figures/picture-plain.png \
   $(BUILD_DIR)/figures/picture-filtered.png
-TABLES += $(BUILT)/picture.tex
+TABLES += $(BUILT)/filtered.tex
 
 $(BUILD_DIR)/figures/picture-plain.png: NO_FILTER = --no-filter
 $(BUILD_DIR)/figures/picture-%.png: $(BUILD_DIR)/pt \
@@ -324,8 +324,8 @@ $(BUILD_DIR)/figures/picture-%.png: $(BUILD_DIR)/pt \
 	$(BUILD_DIR)/pt $(CAMERA) -d 360x270 -n 4 -r 0.8 -q -f $(NO_FILTER) \
 	  --integrator gather -i $(BUILD_DIR)/courtyard.obj -o $@
 
-$(BUILT)/picture.tex: $(MEASURED)/picture.csv | $(BUILT)
-	awk -F , '!/^#/ && $$1 != "scene" { \
+$(BUILT)/filtered.tex: $(MEASURED)/picture.csv | $(BUILT)
+	awk -F '[,/]' '/^[^#].*\// { \
 	  printf "%s & %s & %s & %s & %s \\\\\n", \
 	    $$1 == last ? "" : $$1, $$2, $$3, $$4, $$5; last = $$1 }' $< > $@
 

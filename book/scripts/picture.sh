@@ -22,7 +22,7 @@ value = json.load(open(sys.argv[1]))
 for name in sys.argv[2:]:
     value = value[name]
 print(value)' "$@"; }
-echo scene,samples,gain,stated,bias
+echo case,gain,stated,bias
 for scene; do
   render() { # shellcheck disable=SC2046
     "$programs/pt" "$scene.obj" -r 0.8 $(cat "$scene.view") -d 120x90 \
@@ -39,7 +39,7 @@ for scene; do
     done | awk -v scene="$(basename "$scene")" -v n=$n -v truth="$truth" '
       { plain += $1 ^ 2 - truth ^ 2; shown += $2 ^ 2 - truth ^ 2
         stated += $3 ^ 2; bias += $4 ^ 2 }
-      END { printf "%s,%d,%.2f,%.3f,%.2f\n", scene, n, plain / shown,
+      END { printf "%s/%d,%.2f,%.3f,%.2f\n", scene, n, plain / shown,
         sqrt(stated / shown), bias / stated }'
   done
 done
