@@ -588,12 +588,21 @@ fn a_report_between_two_points_says_where_the_run_stands() {
     (convergence.spp, convergence.rays) = (3, 17);
     convergence.seconds = 0.5;
     let before = Report { convergence, ..Report::default() };
-    let Report { convergence, .. } = before.complete(&film);
+    let report = before.complete(&film);
+    let lines = report.summary(2);
+    assert!(lines.iter().all(|(name, _)| *name != "pixels"));
+    let Report { convergence, .. } = report;
     assert!(before.convergence.curve.is_empty());
     let last = convergence.last();
     assert_eq!((convergence.curve.len(), last.spp), (1, 3));
     assert_eq!((last.mean, convergence.rays), (0.5, 17));
     assert_eq!(last.rmse, Some(f64::sqrt(0.25 / 3.)));
+    // A pixel below zero is told.
+    film.pixels[0].add(-9.);
+    film.pixels[1].add(0.);
+    let (name, line) = before.complete(&film).summary(2).pop().unwrap();
+    assert_eq!(name, "pixels");
+    assert!(line.starts_with("1 of 2 are below zero"), "{line}");
 }
 
 #[test]

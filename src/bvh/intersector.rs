@@ -16,7 +16,8 @@ pub struct Hit {
     pub point: DVec3,
     /// The unit normal on the side from which the ray came.
     pub normal: DVec3,
-    /// The triangle, by the intersector's own number.
+    /// The triangle, by the intersector's own number, its slot in the leaves;
+    /// [`Bvh::face`](crate::bvh::Bvh::face) gives its face.
     pub primitive: u32,
 }
 

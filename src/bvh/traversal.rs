@@ -252,8 +252,9 @@ pub fn prepare<'a, const N: usize>(
 
 /// The nearest of the triangles that a ray meets, other than the first of
 /// the slots. With `ANY`, the search ends as soon as another triangle than
-/// the second is the nearest. With `FAST`, none if anything is doubtful, or
-/// unless there are gates if `GATED` and none if not.
+/// the second is the nearest. A `FAST` search gives none if it meets a doubt,
+/// or if `GATED` does not tell whether the hierarchy has gates: the caller then
+/// takes the next slower one.
 ///
 /// # Safety
 /// The processor has the instructions of `K`.
@@ -297,7 +298,7 @@ pub unsafe fn walk<
             while child & LEAF == 0 {
                 // Choose among the children entered
                 // SAFETY: children without the bit LEAF are numbers of nodes, and no
-                // hierarchy is so deep that less than `N` are left on the stack.
+                // hierarchy is so deep that less than `N` are left on the stack (`fits`).
                 let nearest = unsafe {
                     let node = wide.nodes.get_unchecked(child as usize);
                     K::enter(node, &slabs, t_max, &mut stack)

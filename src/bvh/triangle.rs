@@ -260,7 +260,8 @@ pub fn write(words: &mut [u32], triangles: &[(u32, Triangle)]) {
     words[0] |= (count as u32 - 1) << 30;
 }
 
-/// A way from one region to another.
+/// A way into or out of a cluster that is so small beside its region that
+/// padding would swallow it: beyond, boxes count from the cluster's middle.
 #[derive(Clone, Copy, Debug)]
 pub struct Gate {
     /// The one to which it leads.

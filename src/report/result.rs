@@ -55,6 +55,8 @@ pub struct Report {
     pub convergence: Convergence,
     /// Pixels without a sample, of which the means know nothing.
     pub unsampled_pixels: u64,
+    /// Pixels whose mean is below zero, as that of a few corrections may be.
+    pub negative_pixels: u64,
     /// How wrong the filtered picture is, if there is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub picture: Option<PictureError>,
@@ -66,6 +68,8 @@ impl Report {
         let mut now = self.clone();
         now.convergence.record(film, None);
         now.unsampled_pixels = film.unsampled();
+        let negative = film.means().filter(|&mean| mean < 0.);
+        now.negative_pixels = negative.count() as u64;
         now
     }
 
@@ -149,6 +153,14 @@ impl Report {
             let pixels = format!(
                 "{constant} of {pixels} saw one value only; \
                  their errors come from their neighbours"
+            );
+            lines.push(("pixels", pixels));
+        }
+        if self.negative_pixels > 0 {
+            let pixels = format!(
+                "{} of {pixels} are below zero, as corrections of few \
+                 samples may be",
+                self.negative_pixels
             );
             lines.push(("pixels", pixels));
         }
