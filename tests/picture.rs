@@ -11,8 +11,8 @@ use glam::DVec3;
 use litpt::film::{Film, FilmTile, Window, add_value};
 use litpt::filter::{Filtered, FirstHits};
 use litpt::image::Image;
-use litpt::scene::Mesh;
-use litpt_book::closed_forms::{Setting, look};
+use litpt::statistics::Accumulator;
+use litpt_book::closed_forms::{Setting, cavity, look};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -46,15 +46,8 @@ fn striped(seed: u64, odd: bool) -> Film {
 }
 
 fn wall() -> FirstHits {
-    let far = 1e3;
-    let corners = [[-1., -1.], [1., -1.], [1., 1.], [-1., 1.]];
-    let corner = |[x, y]: [f64; 2]| DVec3::new(far * x, far * y, 0.);
-    let mesh = Mesh {
-        vertices: corners.map(corner).to_vec(),
-        triangles: vec![[0, 1, 2], [0, 2, 3]],
-        ..Mesh::default()
-    };
-    let view = look(DVec3::Z, DVec3::new(0.1, 0., 0.), 40.);
+    let view = look(DVec3::ZERO, DVec3::new(0.3, 0.2, -1.), 20.);
+    let mesh = cavity(0.1, 64);
     let setting = Setting::new(&mesh, (0.8, DVec3::Z), &view, 1.).unwrap();
     let size = (SIDE, SIDE);
     let gather = setting.gather(size);
@@ -75,34 +68,28 @@ fn mean_square(image: &[f64]) -> f64 {
 fn a_picture_is_as_wrong_as_it_says() {
     let hits = wall();
     for odd in [false, true] {
-        let (mut plain, mut filtered, mut stated) =
-            (vec![], vec![], vec![]);
-        let mut bias = 0.;
+        let [mut gap, mut plain, mut filtered, mut bias] =
+            [Accumulator::default(); 4];
         for seed in 0..64 {
             let film = striped(seed, odd);
             let picture = Filtered::of(&film, &hits).unwrap();
             let means: Vec<f64> = film.means().collect();
-            plain.push(mean_square(&means));
-            filtered.push(mean_square(&picture.image.means));
-            stated.push(picture.error.rmse * picture.error.rmse);
+            let [rmse, wrong] = [picture.error.rmse, picture.error.bias];
+            let square = mean_square(&picture.image.means);
+            gap.add(rmse * rmse - square);
+            plain.add(mean_square(&means));
+            filtered.add(square);
+            bias.add(wrong * wrong);
             // The errors of pixels add up to that of the image.
             let errors = picture.image.errors.unwrap();
             let squares = errors.iter().map(|error| error * error);
             let mean = squares.sum::<f64>() / errors.len() as f64;
-            assert!((mean / stated[stated.len() - 1] - 1.).abs() < 0.05);
-            bias += picture.error.bias * picture.error.bias / 64.;
+            assert!((mean / (rmse * rmse) - 1.).abs() < 0.05);
         }
-        let mean = |x: &[f64]| x.iter().sum::<f64>() / x.len() as f64;
-        let gaps: Vec<f64> =
-            stated.iter().zip(&filtered).map(|(s, f)| s - f).collect();
-        let gap = mean(&gaps);
-        let squares: Vec<f64> =
-            gaps.iter().map(|g| (g - gap) * (g - gap)).collect();
-        let error = (mean(&squares) / 63.).sqrt();
-        assert!(gap.abs() < 4.5 * error, "{gap} {error}");
-        let (filtered, plain) = (mean(&filtered), mean(&plain));
-        assert!(3. * filtered < plain, "{filtered} {plain}");
-        assert!((0.2..0.8).contains(&(bias / filtered)), "{bias}");
+        assert!(gap.mean().abs() < 4.5 * gap.standard_error(), "{gap:?}");
+        assert!(3. * filtered.mean() < plain.mean());
+        let share = bias.mean() / filtered.mean();
+        assert!((0.2..0.8).contains(&share), "{share}");
     }
 }
 
