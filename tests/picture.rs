@@ -16,7 +16,7 @@ use litpt_book::closed_forms::{Setting, cavity, look};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-const SIDE: u32 = 48;
+const SIDE: u32 = 96;
 
 /// The radiance of a pixel: stripes, of what is gathered and of corrections.
 fn truth(x: u32) -> [f64; 2] {
