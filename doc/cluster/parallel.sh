@@ -25,4 +25,5 @@ done |
         --cleanup --halt soon,fail=1 \
         pt "$scene" "$@" -n "$n" --samples '{2}..{3}' \
         -o 'part-{1}.litpt' -f -q
-seq "$parts" | sed 's/.*/part-&.litpt/' | xargs ptimg merge -o "$image"
+seq "$parts" | sed 's/.*/part-&.litpt/' | xargs ptimg merge -f -o whole.litpt
+pt --resume whole.litpt "$scene" -o "$image" -q

@@ -2,7 +2,8 @@
 # Renders one run as the tasks of a Slurm array job, each a range of samples:
 #
 #     sbatch --array=0-63 doc/cluster/slurm.sh 65536 scene.obj -d 3840x2160
-#     ptimg merge part-*.litpt -o image.exr -o image.png --report image.html
+#     ptimg merge part-*.litpt -o whole.litpt
+#     pt --resume whole.litpt -o image.exr -o image.png --report image.html
 #
 # The first argument is the number of samples of each pixel, the others are
 # those of pt. A task that is ended, by its limit of time or for another job,
