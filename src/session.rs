@@ -617,9 +617,10 @@ fn film_so_far(
     resumed: Option<Checkpoint>,
 ) -> Result<(Film, Convergence), String> {
     // Ask for the memory of the film
-    let pixels = run_key.windows()[1].area();
-    zeroed::<Accumulator>(pixels).map_err(|_| {
-        let bytes = metric(64. * pixels as f64);
+    let area = run_key.windows()[1].area();
+    let sums = if run_key.filtered { 2 * area } else { area };
+    zeroed::<Accumulator>(sums).map_err(|_| {
+        let bytes = metric(64. * sums as f64);
         format!("too little memory: {bytes}B more are needed")
     })?;
     let mut film = run_key.film();

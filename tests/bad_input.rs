@@ -107,9 +107,14 @@ fn what_has_no_end_and_is_no_obj_is_refused() {
 
 #[test]
 fn too_little_memory_is_told_in_one_line() {
-    let run = "room.obj -j1 -q -d16384x16384";
-    let run = Scratch::new().within("-v 4000000", run);
-    run.failed(1, &["too little memory: 17.18 GB more are needed"]);
+    let picture = "-n1 --integrator=gather -oa.png";
+    for (options, needed) in [("", "17.18"), (picture, "34.36")] {
+        let run = format!("room.obj -j1 -q -d16384x16384 {options}");
+        let run = Scratch::new().within("-v 4000000", &run);
+        let fault =
+            format!("too little memory: {needed} GB more are needed");
+        run.failed(1, &[&fault]);
+    }
 }
 
 #[test]
