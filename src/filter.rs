@@ -1,4 +1,4 @@
-// Tangled from chapters/picture.nw; edit there.
+// Tangled from chapters/filter.nw; edit there.
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Pictures for looking: images that are filtered, with their own error.
