@@ -13,7 +13,7 @@ use crate::film::{Film, Window};
 use crate::image::Image;
 use crate::sampler::within;
 
-/// What the rays through the middles of the pixels of a window meet, row by
+/// What the rays through the centres of the pixels of a window meet, row by
 /// row.
 pub struct FirstHits {
     width: usize,
@@ -34,8 +34,8 @@ impl FirstHits {
     pub fn trace(bvh: &Bvh, view: &LitView, window: Window) -> Self {
         let look = |x, y| {
             let (columns, rows) = view.resolution;
-            let middle = |i, n| within(i, n, 1 << 31);
-            let (x, y) = (middle(x, columns), middle(y, rows));
+            let centre = |i, n| within(i, n, 1 << 31);
+            let (x, y) = (centre(x, columns), centre(y, rows));
             let ray = view.entrance.enter(view.camera.direction(x, y));
             bvh.first_hit(&ray?, None)
         };

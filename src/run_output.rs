@@ -121,6 +121,7 @@ impl<'a> RunOutput<'a> {
             now.is_none_or(|now| file.is_due(now, convergence))
         };
         // Filter the image if a file shows it
+        let began = Instant::now();
         let mut shown =
             files.iter().filter(|file| file.product.is_picture());
         let filtered = match trace {
@@ -129,9 +130,8 @@ impl<'a> RunOutput<'a> {
             }
             _ => None,
         };
-        if let Some(filtered) = &filtered {
-            known.report.picture = Some(filtered.error);
-        }
+        known.report.picture = filtered.as_ref().map(|f| f.error);
+        let filtering = began.elapsed();
         let filtered = filtered.as_ref().map(|filtered| &filtered.image);
         let known = &*known;
         let report = LazyCell::new(|| known.report.complete(film));
@@ -161,7 +161,10 @@ impl<'a> RunOutput<'a> {
             };
             failures.extend(written.err());
             // Say when a file is due again
-            let took = began.elapsed();
+            let mut took = began.elapsed();
+            if file.product.is_picture() {
+                took += filtering;
+            }
             let pause = match file.product {
                 Product::Image(_) => SECOND.max(10 * took),
                 Product::Report(_) => 100 * took,
@@ -190,12 +193,13 @@ impl<'a> RunOutput<'a> {
             Product::Report(_) => 0.,
             Product::State => state,
         });
-        let filter = self.trace.map_or(0., |_| 5000.);
-        let files = filter + each.sum::<f64>();
+        let files: f64 = each.sum();
         let is_state = |file: &RunFile| file.product == Product::State;
         let is_saved = self.files.iter().any(is_state);
         let none = if is_saved { state } else { 0. } + 0.15 * files;
-        let all = summary + files;
+        let threads = rayon::current_num_threads() as f64;
+        let filter = self.trace.map_or(0., |_| 5000. / threads);
+        let all = summary + files + filter;
         [none, all].map(|nanoseconds| 1e-9 * nanoseconds * pixels as f64)
     }
 }

@@ -170,3 +170,20 @@ fn a_run_that_began_without_a_picture_says_so() {
     place.done("-qf --resume=c.litpt -n24 -oc.png --no-filter");
     assert!(place.get("b.png") == place.get("c.png"));
 }
+
+/// What a part has said of its own picture is not said of the whole.
+#[test]
+fn a_merge_says_that_its_picture_is_not_filtered() {
+    let place = Scratch::new();
+    for (part, range) in [("a", "0..6"), ("b", "6..12")] {
+        let files = format!("-o{part}.litpt -o{part}.png");
+        place.done(&format!("{VIEW} --samples={range} {files}"));
+    }
+    let merge = |to: &str| {
+        let files = "merge a.litpt b.litpt --report r.json -f";
+        place.ptimg(&format!("{files} {to}")).stderr
+    };
+    assert!(merge("-oc.png").contains("the picture is not filtered"));
+    assert!(place.json("r.json").get("picture").is_none());
+    assert_eq!(merge("-oc.pfm -oc.litpt"), "");
+}

@@ -92,7 +92,8 @@ enum Verb {
         #[arg(short, long)]
         quiet: bool,
     },
-    /// Merge states of parts of one run to the image of the whole
+    /// Merge states of parts of one run to the image of the whole, or to its
+    /// state, .litpt, of which pt --resume makes the filtered picture
     Merge {
         /// States of parts of a run, of pt -o a.litpt or --checkpoint
         #[arg(value_name = "FILE", required = true, num_args = 2..)]
@@ -225,7 +226,7 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
             };
             let targets = images.chain(report.iter().map(of_report));
             let targets = targets.chain(states.iter().map(of_state));
-            let targets = targets.collect::<Result<_, String>>()?;
+            let targets = targets.collect::<Result<Vec<_>, String>>()?;
             let merged = shards::merge(files)?;
             // Name the parts that are missing
             if let Some(missing) = &merged.missing {
@@ -243,6 +244,15 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
                 }
             }
             // Write what was merged
+            let mut products = targets.iter().map(|(product, _)| product);
+            if merged.known.run_key.filtered
+                && products.any(|p| p.is_picture())
+            {
+                progress::warn(
+                    "the picture is not filtered, for lack of the scene: merge to a \
+                     state, -o a.litpt, and use pt --resume a.litpt",
+                );
+            }
             let convergence = merged.known.report.convergence.clone();
             let mut output =
                 RunOutput::new(targets, (60., false), merged.known, None);
