@@ -16,6 +16,11 @@ TOOL_CHAPTERS := $(call INCLUDED,noweb/noweb.nw)
 TOOL_WEB := noweb/noweb.nw $(TOOL_CHAPTERS)
 LOST := $(filter-out $(WEB) $(TOOL_WEB),$(wildcard chapters/*.nw noweb/chapters/*.nw))
 
+# Every build and test selects the same packages: so cargo unites the features
+# of what they depend on in one way, and compiles nothing twice. The program on
+# many processes needs an MPI library, which WITH_MPI=1 says is there.
+PACKAGES := --workspace $(if $(WITH_MPI),,--exclude litpt-mpi)
+
 # What is measured or installed is a Release, unless the command line says
 # otherwise.
 ifneq ($(filter measure stability% ablation bench% mixtures install \
@@ -94,25 +99,26 @@ $(BUILD_DIR)/tangled.stamp: $(WEB) $(NOWEB) $(LOST)
 src/.tangled: $(BUILD_DIR)/tangled.stamp
 	@true
 
-# $(call BUILD,OPTIONS,PROGRAMS,STAMP): compiles programs and copies those that
+# $(call BUILD,PROGRAMS,STAMP): compiles programs and copies those that
 # differ. The stamp STAMP.BUILD_TYPE has a checksum of the sources. A program
 # that differs from the one before in its BUILD_TYPE alone gets its time as
 # well: figures are the same whichever makes them.
 define BUILD
-$(MAP) $(CARGO) build --profile $(PROFILE_$(BUILD_TYPE)) $(1)
+$(MAP) $(CARGO) build --profile $(PROFILE_$(BUILD_TYPE)) $(PACKAGES) \
+  $(1:%=--bin %)
 @sources=$$(cat $(filter-out config.mk,$^) | cksum); \
-before=$$(cat $(filter-out $@,$(wildcard $(3).*)) /dev/null); \
-for program in $(2); do \
+before=$$(cat $(filter-out $@,$(wildcard $(2).*)) /dev/null); \
+for program in $(1); do \
   from=$(COMPILED)/$$program to=$(BUILD_DIR)/$$program; \
   cmp -s $$from $$to || { cp $$from $$to.new && \
     { test ! -e $$to || test "$$sources" != "$$before" || touch -r $$to $$to.new; } && \
     mv $$to.new $$to; } || exit 1; \
-done; rm -f $(3).*; echo "$$sources" > $@
+done; rm -f $(2).*; echo "$$sources" > $@
 endef
 
 PROGRAMS := $(BUILD_DIR)/programs.$(BUILD_TYPE)
 $(PROGRAMS): $(SOURCES)
-	$(call BUILD,--bins,pt ptimg,$(basename $@))
+	$(call BUILD,pt ptimg,$(basename $@))
 
 $(BUILD_DIR)/pt $(BUILD_DIR)/ptimg: $(PROGRAMS)
 	@test -x $@ || { rm -f $<; \
@@ -123,20 +129,20 @@ bin: $(BUILD_DIR)/pt $(BUILD_DIR)/ptimg
 # The program on many processes. It needs an MPI library, and libclang to read
 # its headers: apt-get install libopenmpi-dev openmpi-bin libclang-dev.
 $(BUILD_DIR)/pt-mpi: $(SOURCES)
-	$(MAP) $(CARGO) build --profile $(PROFILE_$(BUILD_TYPE)) -p litpt-mpi
+	$(MAP) $(CARGO) build --profile $(PROFILE_$(BUILD_TYPE)) --workspace \
+	  --bin pt-mpi
 	@cp $(COMPILED)/pt-mpi $@.new && mv $@.new $@
 
 mpi: $(BUILD_DIR)/pt-mpi
 
-test-mpi: $(NOWEB)
-	$(MAP) $(CARGO) clippy -p litpt-mpi --all-targets -- -D warnings
-	$(MAP) $(CARGO) test -p litpt-mpi
+test-mpi:
+	$(MAKE) clippy test WITH_MPI=1
 
 # The program of the book's own crate, which is not installed.
 BOOK := $(BUILD_DIR)/litpt-book
 $(BOOK).$(BUILD_TYPE): $(SOURCES) book/Cargo.toml \
   $(wildcard book/src/*.rs book/src/programs/*.rs book/src/programs/*/*.rs)
-	$(call BUILD,-p litpt-book,litpt-book,$(BOOK))
+	$(call BUILD,litpt-book,$(BOOK))
 
 $(BOOK): $(BOOK).$(BUILD_TYPE)
 	@test -x $@ || { rm -f $<; \
@@ -257,10 +263,9 @@ html: pdf $(WEB_SCRIPTS) doc/web.css doc/web.js
 # ---- is everything as it should be?
 
 test: $(NOWEB)
-	$(MAP) $(CARGO) test --workspace --exclude litpt-mpi
+	$(MAP) $(CARGO) test $(PACKAGES)
 
-CLIPPY = $(CARGO) clippy --workspace --exclude litpt-mpi \
-  --all-targets -- -D warnings
+CLIPPY = $(CARGO) clippy $(PACKAGES) --all-targets -- -D warnings
 clippy: $(NOWEB)
 	$(MAP) $(CLIPPY)
 

@@ -144,7 +144,7 @@ ablation: $(BOOK)
 # case that was tried last, which is to blame if the process dies.
 FUZZ_SECONDS = 60
 fuzz:
-	$(CARGO) build -p litpt-book
+	$(CARGO) build $(PACKAGES) --bin litpt-book
 	@mkdir -p $(BUILD_DIR)
 	$(CARGO_TARGET_DIR)/debug/litpt-book fuzz $(FUZZ_SECONDS) \
 	  > $(BUILD_DIR)/fuzz.log || { tail -n 1 $(BUILD_DIR)/fuzz.log; exit 1; }
