@@ -6,12 +6,11 @@
 
 use crate::common;
 
-use common::{BOX, Scratch};
+use common::{BOX, Scratch, obj};
 use glam::DVec3;
 use litpt::analysis::background::{KnownPixels, TileContent};
 use litpt::analysis::{SHORTCUTS, SceneAnalysis};
 use litpt::camera::View;
-use litpt::image::Image;
 use litpt::render::choose::{Method, Sampling};
 use litpt_book::closed_forms::cavity;
 use litpt_book::settings::{Setting, all, named};
@@ -249,17 +248,13 @@ fn an_explanation_counts_what_is_saved_as_a_render_does() {
 fn an_explanation_says_what_is_left_out_and_why() {
     let place = Scratch::new();
     place.put("box.obj", format!("{BOX}f 1 2 3\nf 1 1 2\n"));
+    let unseen = "no triangle can be seen";
     for (name, more, sign, why) in [
         ("flat", "", "left out", "1 triangles without area"),
         ("copies", "", "left out", "1 triangles that have the corners"),
         ("dark", "", "left out", "closed around the camera"),
         ("dark", "-p0,-6,1", "-", "no closed surface"),
-        (
-            "background",
-            "-p0,-6,1 -t0,-9,9",
-            "left out",
-            "no triangle can be seen",
-        ),
+        ("background", "-p0,-6,1 -t0,-9,9", "left out", unseen),
         ("background", "-p0,-1.5,0", "-", "triangles may be seen"),
         ("dark", "--keep-all", "-", "kept, and not looked for"),
     ] {
@@ -326,8 +321,8 @@ fn black_surfaces_take_one_ray_for_each_path() {
     let place = Scratch::new();
     let run = |method: &str| {
         place.done(&format!("{scene} -f -oa.exr --integrator={method}"));
-        let image = Image::read(&place.path("a.exr")).unwrap();
-        image.attributes["rays"].parse::<u64>().unwrap()
+        let rays = &place.image("a.exr").attributes["rays"];
+        rays.parse::<u64>().unwrap()
     };
     for method in ["reference", "sobol"] {
         assert!(run(method) <= 64 * 48 * 36, "{method}");
@@ -338,19 +333,11 @@ fn black_surfaces_take_one_ray_for_each_path() {
 #[test]
 fn a_part_of_an_image_expects_the_rays_of_that_part() {
     let place = Scratch::new();
-    let mesh = cavity(0.1, 32);
-    let vertices = mesh.vertices.iter();
-    let vertices = vertices.map(|p| format!("v {} {} {}\n", p.x, p.y, p.z));
-    let faces = mesh.triangles.iter().map(|face| {
-        let [a, b, c] = face.map(|i| i + 1);
-        format!("f {a} {b} {c}\n")
-    });
-    place.put("room.obj", vertices.chain(faces).collect::<String>());
+    place.put("room.obj", obj(&cavity(0.1, 32)));
     let quality = |options: &str| {
         let scene = "-iroom.obj -r.1 --integrator=reference";
         place.done(&format!("{scene} -f -oa.exr {options}"));
-        let image = Image::read(&place.path("a.exr")).unwrap();
-        image.attributes["hierarchy"].clone()
+        place.image("a.exr").attributes["hierarchy"].clone()
     };
     let few = quality("-d16x16 -n1");
     assert_ne!(few, quality("-d512x512 -n16"));

@@ -5,6 +5,7 @@
 //! each number that their text states.
 
 use crate::common;
+use crate::render_loop::go_on;
 
 use glam::DVec3;
 use litpt::analysis::background::{KnownPixels, TileContent};
@@ -312,14 +313,8 @@ fn a_plane_is_believed_to_have_no_noise_after_35_samples() {
     let (limits, setting) = (until(0.001), setting.unwrap());
     let (mut film, mut convergence) =
         (Film::new(50, 50), Convergence::default());
-    let mut nothing = |_: &_, _: &_| ();
-    let stop = convergence.run(
-        &mut setting.job(1),
-        &mut film,
-        &limits,
-        &|_| (),
-        &mut nothing,
-    );
+    let job = &mut setting.job(1);
+    let stop = go_on(job, &mut convergence, &mut film, &limits);
     assert_eq!((stop, convergence.spp), (Stop::Error, 35));
     assert_eq!(film.summary().rmse, 0.);
 }

@@ -25,14 +25,6 @@ fn near(mean: f64, expected: f64, variance: f64, n: u32) {
     assert!(z.abs() < 5., "{mean}, not {expected}: z = {z}");
 }
 
-/// The default view of the program.
-const AHEAD: View = View {
-    position: DVec3::ZERO,
-    target: DVec3::Y,
-    up: DVec3::Z,
-    fov: 70.,
-};
-
 #[test]
 fn nearly_parallel_vectors_have_a_cross_product() {
     let epsilon = power_of_two(-30);
@@ -89,7 +81,8 @@ fn eighty_three_of_216_random_fans_are_right() {
 
 /// A camera at the origin that looks along y.
 fn camera(fov: f64, aspect: f64) -> Camera {
-    Camera::new(&View { fov, ..AHEAD }, aspect).unwrap()
+    let (position, target, up) = (DVec3::ZERO, DVec3::Y, DVec3::Z);
+    Camera::new(&View { position, target, up, fov }, aspect).unwrap()
 }
 
 #[test]
@@ -177,11 +170,7 @@ fn a_poster_on_a_wall_is_not_met_from_the_wall() {
         let mut random = generator(7, 0, 0);
         for i in 0..10_000 {
             let turn = random.random();
-            let r = if i % 2 == 0 {
-                random.random()
-            } else {
-                1. - 2f64.powi(-53)
-            };
+            let r = [random.random(), 1. - 2f64.powi(-53)][i % 2];
             let direction = cosine_direction(hit.normal, r, turn);
             let ray = Ray { origin: hit.point, direction };
             assert!(!intersector.is_occluded(&ray, Some(hit.primitive)));

@@ -207,10 +207,8 @@ fn an_explanation_says_which_method_and_why() {
     let named = explained("--integrator=gather -n64");
     assert_eq!(named, "method       gather");
     let planned = explained("--integrator=gather --error=0.01");
-    assert!(
-        planned.starts_with("method       gather: a path"),
-        "{planned}"
-    );
+    let method = "method       gather: a path";
+    assert!(planned.starts_with(method), "{planned}");
     let summary = place.line(&format!("{VIEW} -n64")).stderr;
     assert!(summary.contains("method    gather: a path has"));
 }

@@ -285,10 +285,9 @@ fn each_reflectivity_is_the_radiance_of_a_lone_square() {
 #[test]
 fn one_realisation_and_a_trillion_within_a_time_give_the_image() {
     let place = Scratch::new();
-    let arguments = ["-isquare.obj", "-d4x3", "-r0.5"];
-    for more in [&["-n1"][..], &["-n1099511627776", "--time=1"]] {
-        let run = place.run(&[&arguments[..], &ABOVE, more].concat());
-        run.succeeded();
+    let scene = format!("-isquare.obj -d4x3 -r0.5 {}", ABOVE.join(" "));
+    for more in ["-n1", "-n1099511627776 --time=1"] {
+        let run = place.done(&format!("{scene} {more}"));
         let (_, _, levels) = pgm(&run.stdout);
         // The encoding of one half.
         assert_eq!(levels, [187; 12], "{more:?}");

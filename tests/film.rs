@@ -4,6 +4,8 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
+use crate::render_loop::with_threads;
+
 use std::collections::HashSet;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
@@ -110,8 +112,7 @@ fn render(
     let intersector = &Bvh::with(&scene, quality, isa).unwrap();
     let mut job = Job { intersector, ..setting.job(9) };
     let mut film = Film::new(60, 40);
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
-    pool.build().unwrap().install(|| {
+    with_threads(threads, || {
         let mut done = 0;
         for n in passes {
             done += n;
@@ -260,8 +261,7 @@ fn a_stopped_pass_leaves_tiles_with_their_first_samples() {
     let mut whole = Film::new(size.0, size.1);
     let all_rays = setting.job(4).pass(&mut whole, 7, &|_| true);
     for threads in [1, 2, 7] {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
-        pool.build().unwrap().install(|| {
+        with_threads(threads, || {
             let (mut film, mut rays) = (Film::new(size.0, size.1), 0);
             for (end, calls) in [(4, 21), (7, 30), (7, 17), (7, 0)] {
                 let left = AtomicU64::new(calls);
@@ -332,10 +332,8 @@ fn few_rays_are_traced_after_a_pass_is_told_to_stop() {
                 known,
                 sampler,
             };
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
-            let pool = pool.build().unwrap();
             let mut film = Film::new(size.0, size.1);
-            pool.install(|| job.pass(&mut film, end, &watch));
+            with_threads(threads, || job.pass(&mut film, end, &watch));
             let [all, then] =
                 [&closed.0, &closed.1].map(|count| count.load(Relaxed));
             assert!(then <= all && film.samples() < end);

@@ -110,6 +110,11 @@ fn an_exr_file_brings_back_all_that_was_written_and_no_more() {
     assert_eq!(read.samples, Some(vec![4_294_967_295.; 6]));
 }
 
+/// A film without attributes.
+fn unnamed(film: &Film) -> Picture<'_> {
+    Picture { film, filtered: None, attributes: BTreeMap::new() }
+}
+
 /// A film is written block by block, most of which may be gaps.
 #[test]
 fn an_exr_file_of_a_film_is_that_of_its_image() {
@@ -130,11 +135,7 @@ fn an_exr_file_of_a_film_is_that_of_its_image() {
             }
         }
         let mut written = vec![];
-        let picture = Picture {
-            film: &film,
-            filtered: None,
-            attributes: BTreeMap::new(),
-        };
+        let picture = unnamed(&film);
         Format::Exr.write(&picture, &mut written).unwrap();
         let image = picture.image();
         assert!(written == bytes(Format::Exr, &image));
@@ -636,12 +637,7 @@ fn pixels_without_a_sample_are_filled_in_levels_and_no_numbers_elsewhere() {
         (1, 1) => (1., 255),
         _ => (0.625, 207),
     };
-    let image = Picture {
-        film: &film,
-        filtered: None,
-        attributes: BTreeMap::new(),
-    }
-    .image();
+    let image = unnamed(&film).image();
     let (.., levels) = pgm(&bytes(Format::Pgm, &image));
     let fine = decode(&bytes(Format::Png, &image)).unwrap().means;
     let pfm = decode(&bytes(Format::Pfm, &image)).unwrap();

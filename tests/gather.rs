@@ -21,7 +21,6 @@ use litpt::analysis::background::{KnownPixels, TileContent};
 use litpt::bvh::Isa;
 use litpt::camera::{Camera, View};
 use litpt::film::{Film, Tile, WORTH};
-use litpt::image::Image;
 use litpt::integrator::gather::Gather;
 use litpt::integrator::gather::cache::{
     Cell, DARKNESS, Grid, LEVELS, RadianceCache, Record, SKY,
@@ -492,12 +491,8 @@ fn lie(
         let weight = 10. * tell(&mut random);
         for i in 0..RECORDS {
             let [row, column] = [0; 2].map(|_| random.random_range(0..4));
-            let sky = Record {
-                from,
-                to: SKY,
-                weight,
-                bin: 66 + 16 * row + column,
-            };
+            let bin = 66 + 16 * row + column;
+            let sky = Record { from, to: SKY, weight, bin };
             let bin = random.random_range(0..BINS as u16);
             let dark = Record { to: DARKNESS, weight: 1., bin, ..sky };
             records.push(if i % 10 == 0 { sky } else { dark });
@@ -542,14 +537,12 @@ fn gathered(
     let allocation = Allocation::new(film.window, counts, scale);
     let gather = Gather { correction, ..stage.gather(23) };
     assert_eq!(tiles.len(), 1, "one tile");
-    let images: Vec<Vec<f64>> = (0..scrambles)
-        .into_par_iter()
-        .map(|n| {
-            let [values, _] =
-                tracer(&gather, cache, &allocation).tile(tiles[0], n);
-            values
-        })
-        .collect();
+    let image = |n| {
+        let mut tracer = tracer(&gather, cache, &allocation);
+        tracer.tile(tiles[0], n)[0].clone()
+    };
+    let images = (0..scrambles).into_par_iter().map(image);
+    let images: Vec<Vec<f64>> = images.collect();
     let mut pixels = vec![Accumulator::default(); area];
     let mut whole = Accumulator::default();
     for image in images {
@@ -645,10 +638,8 @@ fn few_rays_are_traced_after_learning_is_told_to_stop() {
         let rays = gather.learn(&film, &watch);
         let late = late.load(Relaxed);
         let threads = rayon::current_num_threads() as u64;
-        assert!(
-            late <= threads * (64 * 8 + 256 * 2),
-            "{late} after {calls}"
-        );
+        let most = threads * (64 * 8 + 256 * 2);
+        assert!(late <= most, "{late} after {calls}");
         let stopped = left.load(Relaxed) == 0;
         assert_eq!(gather.learnt.is_none(), stopped, "{calls}");
         assert_eq!(rays == 0, stopped);
@@ -708,12 +699,8 @@ fn a_gather_traces_no_ray_in_a_tile_of_the_sky() {
     let mut film = Film::new(16, 16);
     let (allocation, tile) = (even(&film), film.tiles()[0].tile);
     // A camera that looks along the horizon, away from all triangles.
-    let view = View {
-        position: DVec3::new(0., 0., 1e4),
-        target: DVec3::new(1., 0., 1e4),
-        up: DVec3::Z,
-        fov: 30.,
-    };
+    let from = 1e4 * DVec3::Z;
+    let view = View { up: DVec3::Z, ..look(from, from + DVec3::X, 30.) };
     let camera = &Camera::new(&view, 1.).unwrap();
     let gathered = |known: &KnownPixels| {
         let gather = stage.gather(5);
@@ -722,14 +709,9 @@ fn a_gather_traces_no_ray_in_a_tile_of_the_sky() {
         let mut tracer = tracer(&gather, &cache, &allocation);
         (tracer.tile(tile, 0)[0].clone(), tracer.rays)
     };
-    let sky = Sky::new(DVec3::Z);
-    let known = KnownPixels::background(
-        camera,
-        sky,
-        (16, 16),
-        stage.setting.job(0).entrance.place().unwrap(),
-        stage.setting.job(0).intersector,
-    );
+    let (sky, job) = (Sky::new(DVec3::Z), stage.setting.job(0));
+    let (place, bvh) = (job.entrance.place().unwrap(), job.intersector);
+    let known = KnownPixels::background(camera, sky, (16, 16), place, bvh);
     assert_eq!(known.content((0, 0)), TileContent::Sky);
     let (values, rays) = gathered(&known);
     assert_eq!((values, rays), (gathered(KnownPixels::NOTHING).0, 0));
@@ -809,11 +791,9 @@ fn the_error_of_the_mean_of_an_image_is_as_large_as_stated() {
         independent += square / (pixels + unsure);
     }
     let chi2 = ChiSquared::new(SEEDS.into()).unwrap();
-    assert!(
-        chi2.sf(shared * 13. / 15.) > CHANCE.significance(),
-        "{shared}"
-    );
-    assert!(chi2.cdf(shared) > CHANCE.significance(), "{shared}");
+    for p in [chi2.sf(shared * 13. / 15.), chi2.cdf(shared)] {
+        assert!(p > CHANCE.significance(), "{shared}");
+    }
     assert!(chi2.sf(independent * 13. / 15.) < 1e-9, "{independent}");
 }
 
@@ -823,12 +803,8 @@ const METHODS: [&str; 2] = ["sobol", "gather"];
 
 /// Runs `pt` on the room, with options between blanks.
 fn pt(place: &Scratch, method: &str, options: &str) -> Run {
-    let room = ["-qf", "-iroom.obj", "-d23x17", "-r0.7"];
-    let method = ["--integrator", method];
-    let options: Vec<_> = options.split(' ').collect();
-    let run = place.run(&[&room[..], &method, &options].concat());
-    run.succeeded();
-    run
+    let room = "-qf -iroom.obj -d23x17 -r0.7";
+    place.done(&format!("{room} --integrator {method} {options}"))
 }
 
 /// The numbers of a PFM, which has no attributes.
@@ -845,7 +821,7 @@ fn threads_and_instructions_do_not_change_a_bit_of_any_method() {
     let isas = available.map(|isa| format!("-n64 --isa={isa}"));
     let others: Vec<_> =
         isas.chain(["-n64 -j2".into(), "-n64 -j7".into()]).collect();
-    let [a, b] = METHODS.map(|method| {
+    let images = ["sobol", "gather", "reference"].map(|method| {
         let one = image(&place, method, "-n64 -j1");
         for other in &others {
             let same = image(&place, method, other) == one;
@@ -854,7 +830,8 @@ fn threads_and_instructions_do_not_change_a_bit_of_any_method() {
         assert!(image(&place, method, "-n64 -s1") != one);
         one
     });
-    assert!(a != b && a != image(&place, "reference", "-n64"));
+    let [a, b, c] = images;
+    assert!(a != b && a != c);
 }
 
 #[test]
@@ -865,7 +842,7 @@ fn a_checkpoint_decides_how_many_samples_are_placed_together() {
         pt(&place, method, "-n64 -oa.pfm --checkpoint=c");
         place.put("d", place.get("c"));
         let on = |name: &str, n: &str| {
-            place.run(&["-q", "--resume", name, n]).succeeded();
+            place.done(&format!("-q --resume {name} {n}"));
             place.get("a.pfm")
         };
         let at_once = on("c", "-n160");
@@ -896,15 +873,13 @@ fn samples_are_rounded_up_to_whole_scrambles() {
             let report = place.json("r.json");
             assert_eq!(report["spp"], there, "{method} {n}");
             assert_eq!(report["mean_stderr"].is_null(), n == "-n1");
-            let image = Image::read(&place.path("a.exr")).unwrap();
-            assert!(
-                image.samples.unwrap().iter().all(|&s| s == there as f64)
-            );
+            let image = place.image("a.exr");
+            let samples = vec![there as f64; 23 * 17];
+            assert_eq!(image.samples.unwrap(), samples);
             assert_eq!(image.attributes["spp"], there.to_string());
             let named = image.attributes.contains_key("replicate");
             assert!(named, "{:?}", image.attributes);
-            let plain = Image::read(&place.path("a.pfm")).unwrap();
-            assert_eq!(plain.means, image.means);
+            assert_eq!(place.image("a.pfm").means, image.means);
         }
     }
 }
@@ -920,12 +895,10 @@ fn scenes_without_light_or_surface_and_single_pixels_are_gathered() {
     place.put("ahead.obj", AHEAD);
     place.put("behind.obj", BEHIND);
     let means = |options: &str| {
-        let gather = ["-q", "-f", "-o", "a.pfm", "--integrator=gather"];
-        let options: Vec<_> = options.split(' ').collect();
-        place.run(&[&gather[..], &options].concat()).succeeded();
-        let image = Image::read(&place.path("a.pfm")).unwrap();
-        assert!(image.means.iter().all(|mean| mean.is_finite()));
-        image.means
+        place.done(&format!("-qf -oa.pfm --integrator=gather {options}"));
+        let means = place.image("a.pfm").means;
+        assert!(means.iter().all(|mean| mean.is_finite()));
+        means
     };
     // Closed and dark, whether that is known or not.
     for options in ["-r1", "-r0.5 --keep-all", "-r1 --keep-all"] {

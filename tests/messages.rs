@@ -103,15 +103,11 @@ fn a_missed_target_is_said_and_ends_with_status_0() {
 }
 
 #[test]
-fn a_pipe_gets_neither_colours_nor_a_bar() {
+fn a_pipe_gets_neither_colours_nor_a_bar_and_nothing_if_quiet() {
     let run = summary("-n2000");
     assert!(!run.stderr.contains(['\x1b', '\r', '%']), "{}", run.stderr);
     let wrong = Scratch::new().line("-n0");
     assert!(!wrong.stderr.contains('\x1b'));
-}
-
-#[test]
-fn a_quiet_run_says_nothing() {
     assert_eq!(summary("-q").stderr, "");
     assert_eq!(summary("--quiet -o image.png").stderr, "");
 }
@@ -237,12 +233,7 @@ fn on_a_terminal_the_image_goes_to_a_file_beside_the_scene() {
     // Who asks for a format wants it on the terminal.
     let pgm = run("-p0,0,0 -d9x7 room.obj -q --format=pgm").unwrap();
     assert!(pgm.starts_with("P2"), "{pgm}");
-}
-
-#[test]
-fn alone_on_a_terminal_it_prints_the_help() {
-    let run = on_a_terminal(&Scratch::new(), "$PT; echo status $?");
-    let Some(text) = run else { return };
-    assert!(text.contains("Usage:"), "{text}");
-    assert!(text.contains("status 2"), "{text}");
+    // Alone there it prints the help.
+    let help = run("; echo status $?").unwrap();
+    assert!(help.contains("Usage:") && help.contains("status 2"), "{help}");
 }

@@ -8,9 +8,7 @@ use crate::common;
 #[path = "../book/src/programs/fuzz/mixtures.rs"]
 mod scales;
 
-use std::fmt::Write;
-
-use common::Scratch;
+use common::{Scratch, obj};
 use glam::DVec3;
 use litpt::bvh::{Bvh, Intersector, Isa, Quality};
 use litpt::camera::View;
@@ -101,18 +99,8 @@ fn the_user_is_warned_where_a_double_is_not_precise_enough() {
     let most = sides.fold(0., f64::max);
     let warning = |side: f64| {
         let reach = side * 2f64.powi(40) * 8. / 19.;
-        let Mesh { vertices, triangles, .. } = ball(reach, 0.);
-        let mut text = String::new();
-        for DVec3 { x, y, z } in vertices {
-            writeln!(text, "v {x} {y} {z}").unwrap();
-        }
-        for [a, b, c] in triangles.iter().map(|t| t.map(|i| i + 1)) {
-            writeln!(text, "f {a} {b} {c}").unwrap();
-        }
-        place.put("ball.obj", text);
-        let camera = ["-iball.obj", "-p0,-5,2", "-d4x3", "-n1"];
-        let output = place.run(&[&camera[..], &["-f", "-ox.pfm"]].concat());
-        output.succeeded();
+        place.put("ball.obj", obj(&ball(reach, 0.)));
+        let output = place.done("-iball.obj -p0,-5,2 -d4x3 -n1 -f -ox.pfm");
         let words: Vec<_> = output.stderr.split_whitespace().collect();
         let is_there = words[0] == "warning:";
         is_there.then(|| [1, 3].map(|i| words[i].parse::<u32>().unwrap()))

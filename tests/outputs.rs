@@ -261,12 +261,10 @@ fn what_the_shell_has_opened_is_written_and_not_replaced() {
             let command = format!("{command} {name}");
             let group = format!("{{ echo 1; {command}; echo 2; }} > log");
             shell(&place, &group).succeeded();
-            assert!(
-                place.text("log") == format!("1\n{image}2\n"),
-                "{command}"
-            );
+            let once = format!("1\n{image}2\n");
+            assert!(place.text("log") == once, "{command}");
             shell(&place, &format!("{command} >> log")).succeeded();
-            let both = format!("1\n{image}2\n{image}");
+            let both = once + &image;
             assert!(place.text("log") == both, "{command}");
         }
     }
@@ -359,6 +357,10 @@ fn a_write_that_stops_half_way_leaves_the_old_file_whole() {
         assert_eq!(modified(&place, "old.pgm"), date);
         place.holds_only(&["old.pgm"]);
     }
+    shell(&place, "noisy -o a.exr").succeeded();
+    let run = shell(&place, "ulimit -f 1; ptimg tonemap a.exr -o a.png");
+    run.failed(1, &["a.png: cannot write: File too large"]);
+    place.holds_only(&["a.exr", "old.pgm"]);
 }
 
 #[test]
@@ -372,6 +374,14 @@ fn a_reader_who_has_seen_enough_is_no_error() {
     let run = finish(child);
     assert_eq!(line, "P2 320 240\n");
     assert_eq!((run.status, run.stderr.as_str()), (Some(0), ""));
+    // Or has seen nothing, of either program.
+    place.done("-iroom.obj -d9x7 -oa.exr");
+    for mut command in [place.pt("-h"), place.companion("info a.exr")] {
+        let (reader, writer) = io::pipe().unwrap();
+        drop(reader);
+        let run = finish(command.stdout(writer).spawn().unwrap());
+        assert_eq!((run.status, run.stderr.as_str()), (Some(0), ""));
+    }
 }
 
 #[test]

@@ -78,7 +78,7 @@ fn limits() -> Limits<'static> {
 }
 
 /// Goes on with a run until a limit is reached.
-fn go_on(
+pub fn go_on(
     renderer: &mut dyn Renderer,
     convergence: &mut Convergence,
     film: &mut Film,
@@ -99,7 +99,11 @@ fn run<K: Intersector, E: Integrator>(
     (convergence, film, stop)
 }
 
-fn with_threads<T: Send>(n: usize, work: impl FnOnce() -> T + Send) -> T {
+/// Does some work on so many threads.
+pub fn with_threads<T: Send>(
+    n: usize,
+    work: impl FnOnce() -> T + Send,
+) -> T {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(n);
     pool.build().unwrap().install(work)
 }

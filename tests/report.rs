@@ -327,11 +327,9 @@ fn every_decade_of_either_axis_has_its_label() {
 #[test]
 fn an_exact_image_has_no_curve() {
     let mut report = ordinary();
-    report
-        .convergence
-        .curve
-        .iter_mut()
-        .for_each(|point| point.rmse = Some(0.));
+    for point in &mut report.convergence.curve {
+        point.rmse = Some(0.);
+    }
     assert!(!html_of(&report).contains("polyline"));
     report.convergence.curve[4].rmse_reference = Some(0.1);
     assert!(html_of(&report).contains("polyline"));

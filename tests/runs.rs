@@ -54,8 +54,8 @@ fn complete(place: &Scratch, stop: &str) -> Value {
     for key in ["rays", "mean", "mean_stderr", "rmse"] {
         assert_eq!(report[key], last[key], "{key}");
     }
-    let image = Image::read(&place.path("a.pfm")).unwrap();
-    let counts = Image::read(&place.path("a.exr")).unwrap().samples;
+    let image = place.image("a.pfm");
+    let counts = place.image("a.exr").samples;
     assert_first_samples(place, &image.means, &counts.unwrap());
     let mean = report["mean"].as_f64().unwrap();
     let sum: f64 = image.means.iter().sum();
@@ -170,7 +170,7 @@ fn a_signal_ends_the_run_with_its_image_and_report() {
         assert_eq!((run.stdout.len(), run.stderr.as_str()), (0, ""));
         let report = complete(&place, "signal");
         place.holds_only(&["a.exr", "a.pfm", "c", "r.json"]);
-        let counts = Image::read(&place.path("a.exr")).unwrap().samples;
+        let counts = place.image("a.exr").samples;
         let most = counts.unwrap().into_iter().fold(0., f64::max) as u64;
         assert!((spp(&report)..1_000_000_000).contains(&most));
         let n = format!("-n{} --format=pfm", most + 3);
@@ -226,7 +226,7 @@ fn a_warning_may_come_again_and_is_not_the_first_of_two_signals() {
     }
     let status = finish(child).status.unwrap();
     assert!([138, 143, 152].contains(&status), "{status}");
-    Image::read(&place.path("a.exr")).unwrap();
+    place.image("a.exr");
     assert_eq!(place.json("r.json")["stopped"], "signal");
     place.holds_only(&["a.exr", "a.pfm", "box.obj", "c", "r.json"]);
 }
@@ -253,9 +253,7 @@ fn a_second_signal_ends_the_program_at_once() {
         // them is whole, or has a name that only we use.
         for name in place.names() {
             match name.as_str() {
-                "a.exr" | "a.pfm" => {
-                    drop(Image::read(&place.path(&name)).unwrap())
-                }
+                "a.exr" | "a.pfm" => drop(place.image(&name)),
                 "r.json" => drop(place.json(&name)),
                 "c" => assert!(place.get(&name).starts_with(b"litpt")),
                 "box.obj" | "room.obj" | "square.obj" => continue,
@@ -309,7 +307,7 @@ fn a_signal_and_the_time_stop_within_the_first_sample() {
         assert_eq!(report["stopped"], why);
         assert!(report["rays"].as_u64() > Some(0));
         assert_eq!((spp(&report), &report["rmse"]), (0, &Value::Null));
-        let image = Image::read(&place.path("a.exr")).unwrap();
+        let image = place.image("a.exr");
         let pixels = image.samples.unwrap().into_iter();
         let pixels = pixels.zip(image.errors.unwrap());
         let (some, none): (Vec<_>, Vec<_>) = pixels.partition(|p| p.0 > 0.);
@@ -465,8 +463,8 @@ fn every_point_says_its_true_error_against_the_reference() {
         assert_eq!(report["settings"]["reference"], name);
         let error = |step: &Value| step["rmse_reference"].as_f64().unwrap();
         assert!(steps(&report).iter().all(|step| error(step) > 0.));
-        let [one, other] = ["a.exr", "truth.pfm"]
-            .map(|name| Image::read(&place.path(name)).unwrap().means);
+        let [one, other] =
+            ["a.exr", "truth.pfm"].map(|name| place.image(name).means);
         let squares = one.iter().zip(&other).map(|(a, b)| (a - b).powi(2));
         let expected = (squares.sum::<f64>() / (23. * 17.)).sqrt();
         let last = steps(&report).last().unwrap();
@@ -530,7 +528,7 @@ fn standard_output_has_the_bytes_of_the_file_in_each_format() {
         let file = place.get(&format!("a.{format}"));
         assert!(shown(format) == file, "{format}");
     }
-    let pfm = Image::read(&place.path("a.pfm")).unwrap();
+    let pfm = place.image("a.pfm");
     // An EXR has the times of its run.
     let [one, other] = [place.get("a.exr"), shown("exr")].map(|bytes| {
         let mut image = Image::decode(&bytes, &mut |_| ()).unwrap();

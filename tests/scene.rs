@@ -3,6 +3,8 @@
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
 
+use crate::render_loop::with_threads;
+
 use std::collections::BTreeSet;
 
 use glam::DVec3;
@@ -247,13 +249,11 @@ fn a_text_reads_the_same_on_any_number_of_threads() {
     let text: String = (0..50).map(|_| random_text(&mut random)).collect();
     let wrong = text.clone() + "f 1 2\nf 1\n";
     let read = |threads| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
-        let both = || {
+        with_threads(threads, || {
             let scene = |(mesh, _)| Scene::new(&mesh).triangles.to_vec();
             let right = read_pieces(text.as_bytes(), 40).map(scene);
             (right, read_pieces(wrong.as_bytes(), 40).unwrap_err())
-        };
-        pool.build().unwrap().install(both)
+        })
     };
     let lines = text.lines().count();
     let (scene, error) = read(1);
@@ -343,12 +343,9 @@ fn a_distant_ray_enters_the_scene_or_passes_it_by() {
 }
 
 fn view() -> View {
-    View {
-        position: DVec3::new(1., 2., 3.),
-        target: DVec3::new(1., 12., 3.),
-        up: DVec3::Z,
-        fov: 90.,
-    }
+    let position = DVec3::new(1., 2., 3.);
+    let (target, up) = (position + 10. * DVec3::Y, DVec3::Z);
+    View { position, target, up, fov: 90. }
 }
 
 #[test]

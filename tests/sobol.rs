@@ -116,21 +116,17 @@ fn each_point_is_uniform_over_its_first_and_last_digits() {
     // Points of no, one, and two trees of digits.
     for (points, i) in [(1, 0), (64, 0), (64, 37), (4096, 2901)] {
         let net = ScrambledNet::new(points);
-        let mut first = vec![0; 4 << 10];
-        let mut last = vec![0; 4 << 10];
-        let mut middle = vec![0; 4 << 10];
+        let mut cells = [0; 3].map(|_| vec![0; 4 << 10]);
         for n in 0..SCRAMBLES {
             let point = point(&net, scramble_key(2, 9, n), i);
             for (d, x) in point.into_iter().enumerate() {
-                first[d << 10 | (x >> 22) as usize] += 1;
-                middle[d << 10 | (x >> 14 & 1023) as usize] += 1;
-                last[d << 10 | (x & 1023) as usize] += 1;
+                for (cells, shift) in cells.iter_mut().zip([22, 14, 0]) {
+                    cells[d << 10 | (x >> shift & 1023) as usize] += 1;
+                }
             }
         }
-        for (what, cells) in
-            [("first", first), ("middle", middle), ("last", last)]
-        {
-            CHANCE.uniform(&cells, &format!("{what} of {i} of {points}"));
+        for (cells, what) in cells.iter().zip(["first", "middle", "last"]) {
+            CHANCE.uniform(cells, &format!("{what} of {i} of {points}"));
         }
     }
 }

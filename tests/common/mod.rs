@@ -14,6 +14,8 @@ use std::process::{Child, Command, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use litpt::image::Image;
+use litpt::scene::Mesh;
 use tempfile::TempDir;
 
 /// A floor, a wall and half a roof around the default camera, so that each
@@ -148,18 +150,26 @@ impl Scratch {
         finish(command.args(["-c", &script, PT]).spawn().unwrap())
     }
 
+    /// The command `ptimg` with the words of a line.
+    pub fn companion(&self, line: &str) -> Command {
+        let mut command = self.command(PTIMG);
+        command.args(line.split_whitespace());
+        command
+    }
+
     /// Runs `ptimg` to its end.
     pub fn ptimg(&self, line: &str) -> Run {
-        let mut command = self.command(PTIMG);
-        finish(command.args(line.split_whitespace()).spawn().unwrap())
+        finish(self.companion(line).spawn().unwrap())
     }
 
     /// Runs `pt` with `input` on its standard input.
     pub fn feed(&self, input: &[u8], line: &str) -> Run {
-        let mut child =
-            self.pt(line).stdin(Stdio::piped()).spawn().unwrap();
-        child.stdin.take().unwrap().write_all(input).unwrap();
-        finish(child)
+        feed(self.pt(line), input)
+    }
+
+    /// The image of a file.
+    pub fn image(&self, name: &str) -> Image {
+        Image::read(&self.path(name)).unwrap()
     }
 
     /// The image of the scene `room.obj` on standard output.
@@ -176,6 +186,13 @@ pub struct Run {
     pub status: Option<i32>,
     pub stdout: Vec<u8>,
     pub stderr: String,
+}
+
+/// Runs a command with `input` on its standard input.
+pub fn feed(mut command: Command, input: &[u8]) -> Run {
+    let mut child = command.stdin(Stdio::piped()).spawn().unwrap();
+    child.stdin.take().unwrap().write_all(input).unwrap();
+    finish(child)
 }
 
 /// Waits for a child and collects what it wrote.
@@ -264,6 +281,17 @@ impl Run {
             assert!(stderr.contains(word), "no {word} in: {stderr}");
         }
     }
+}
+
+/// A mesh as OBJ.
+pub fn obj(mesh: &Mesh) -> String {
+    let vertices = mesh.vertices.iter();
+    let vertices = vertices.map(|p| format!("v {} {} {}\n", p.x, p.y, p.z));
+    let faces = mesh.triangles.iter().map(|face| {
+        let [a, b, c] = face.map(|i| i + 1);
+        format!("f {a} {b} {c}\n")
+    });
+    vertices.chain(faces).collect()
 }
 
 /// The width, the height and the levels of a plain PGM; the form is exact.
