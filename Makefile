@@ -59,7 +59,7 @@ TEX_INSTALL = apt-get install --no-install-recommends texlive-latex-base \
 
 help:
 	@echo 'make demo    build the program, render the courtyard, say where it is'
-	@echo 'make test    run all tests (needs Rust and make only)'
+	@echo 'make test    run all tests (needs Rust and make only; WITH_MPI=1: of pt-mpi too)'
 	@echo 'make pdf     make the books, $(BUILD_DIR)/*.pdf (needs LaTeX)'
 	@echo 'make html    make the books for browsers, $(BUILD_DIR)/html (needs pandoc and lunr)'
 	@echo 'make bin     build the programs, $(BUILD_DIR)/pt and $(BUILD_DIR)/ptimg'
