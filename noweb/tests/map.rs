@@ -83,7 +83,9 @@ fn project() -> Scratch {
 fn command(scratch: &Scratch, args: &[&str]) -> Command {
     let mut command = Command::new(noweb());
     command.args(args).current_dir(scratch.path());
-    for name in ["CARGO_TERM_COLOR", "NO_COLOR", "RUST_BACKTRACE"] {
+    let colours = ["CARGO_TERM_COLOR", "NO_COLOR"];
+    let places = ["RUST_BACKTRACE", "CARGO_PROFILE_DEV_DEBUG"];
+    for name in colours.into_iter().chain(places) {
         command.env_remove(name);
     }
     command
