@@ -8,6 +8,7 @@ use crate::common;
 
 use std::io::Cursor;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use common::{ROOM, Run, Scratch, finish, wait_until};
 use litpt::film::Film;
@@ -60,7 +61,8 @@ fn state() -> (Convergence, Film) {
 
 fn known() -> Known {
     let report = Report { convergence: state().0, ..Report::default() };
-    Known { options: Value::Null, run_key: run_key(), report }
+    let (options, learnt) = (Value::Null, Arc::default());
+    Known { options, run_key: run_key(), report, learnt }
 }
 
 fn saved() -> Vec<u8> {
