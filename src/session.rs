@@ -165,7 +165,7 @@ fn run(
     let began = Instant::now();
     let mut bytes = read(options)?;
     ranks.tell(&mut bytes);
-    let is_named = files.iter().any(names_the_scene);
+    let is_named = taught.is_some() || files.iter().any(names_the_scene);
     let (scene, subject, mut report) =
         load(options, bytes, is_named, reference.as_ref())?;
     report.load_seconds = began.elapsed().as_secs_f64();

@@ -29,7 +29,10 @@ impl Renderer for Gather<'_> {
     }
 
     fn training_rays(&self, area: u64) -> u64 {
-        self.training + area.saturating_mul(2 * PILOT_SAMPLES)
+        match self.learnt.get() {
+            Some(_) => 0,
+            None => self.training + area.saturating_mul(2 * PILOT_SAMPLES),
+        }
     }
 
     fn pass(&mut self, film: &mut Film, end: u64, watch: &Watch) -> u64 {
