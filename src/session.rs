@@ -8,7 +8,7 @@ use std::fs::{self, File};
 use std::io::{self, IsTerminal, Read};
 use std::path::{Path, PathBuf};
 use std::process::{self, ExitCode};
-use std::sync::{Arc, Mutex, OnceLock};
+use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -28,7 +28,6 @@ use crate::compare::disagreements;
 use crate::film::Film;
 use crate::filter::FirstHits;
 use crate::image::{Format, Image};
-use crate::integrator::gather::Learnt;
 use crate::integrator::{Alone, Together};
 use crate::memory::zeroed;
 use crate::options::{Error, Options};
@@ -197,15 +196,21 @@ fn run(
     let of_run = resumed.as_ref().map(|saved| saved.known.learnt.clone());
     let mut learnt = of_run.unwrap_or_default();
     if let (Some(path), Some(taught)) = (&options.learnt, taught) {
-        let name = path.display();
-        learnt = taught
-            .learnt(&run_key)
+        let (name, Checkpoint { mut known, .. }) = (path.display(), taught);
+        known.run_key.part = run_key.part;
+        known
+            .belongs_to(&run_key)
             .map_err(|fault| format!("{name}: {fault}"))?;
-        if learnt.get().is_none() {
+        if known.learnt.get().is_none() {
             progress::warn(&format!("{name}: holds nothing learnt"));
         }
+        learnt = known.learnt;
     }
-    tell_learnt(ranks, &learnt)?;
+    if ranks.place().1 > 1 {
+        let mut bytes = vec![];
+        learnt::write(&learnt, &mut bytes).map_err(|e| e.to_string())?;
+        ranks.tell(&mut bytes);
+    }
     let renderer = setup.renderer(&sampling, learnt.clone(), ranks);
     let renderer = &mut *ranks.lead(renderer, &run_key);
     let goal = options.goal(sampling.replicate);
@@ -743,20 +748,6 @@ fn hear<T: DeserializeOwned>(
 ) -> Result<Option<T>, String> {
     let value = ranks.hear().map(|text| serde_json::from_slice(&text));
     value.transpose().map_err(|_| "another version of pt leads".into())
-}
-
-/// Tells other ranks what was learnt.
-fn tell_learnt(
-    ranks: &dyn Ranks,
-    learnt: &OnceLock<Learnt>,
-) -> Result<(), String> {
-    let mut bytes = vec![];
-    if ranks.place().1 > 1 {
-        learnt::write(learnt.get(), &mut bytes)
-            .map_err(|e| e.to_string())?;
-        ranks.tell(&mut bytes);
-    }
-    Ok(())
 }
 
 /// Renders for the process that leads, until it has nothing more to do.

@@ -143,7 +143,7 @@ fn what_cannot_be_learnt_is_refused() {
     let cache = &learnt.get().unwrap().cache;
     let (cells, guides) = (cache.cells.len(), cache.guides.len());
     let mut whole = vec![];
-    write(learnt.get(), &mut whole).unwrap();
+    write(&learnt, &mut whole).unwrap();
     let read = |bytes: &[u8]| read(&mut &*bytes, &run_key);
     assert!(read(&whole).unwrap() == learnt && guides > 0);
     let first = whole.iter().position(|&b| b == b'\n').unwrap() + 1;
@@ -179,22 +179,21 @@ fn what_cannot_be_learnt_is_refused() {
     for scale in [0., -1., f64::NAN, f64::INFINITY].map(f64::to_bits) {
         refuse(of_scale + 8 * 62, &[scale as u32, (scale >> 32) as u32]);
     }
-    // Other numbers of cells and guides than there are.
-    let ends =
-        [0, 9, first - 1, first, of_guides, of_scale, whole.len() - 1];
+    // Other numbers of cells and guides than there are, and another machine.
+    let ends = [0, 9, first - 1, first, of_guides, whole.len() - 1];
     assert!(ends.iter().all(|&end| read(&whole[..end]).is_err()));
     let head = String::from_utf8(whole[..first].to_vec()).unwrap();
-    let ours = format!(",{cells},{guides}]");
+    let ours = format!("{cells},{guides},false]");
     assert!(head.contains(&ours));
-    for other in [0, 1, 3, cells - 1, 2 * cells, usize::MAX / 4, usize::MAX]
-    {
-        for other in
-            [format!(",{other},{guides}]"), format!(",{cells},{other}]")]
-        {
-            let head = head.replace(&ours, &other);
-            let bytes = [head.as_bytes(), &whole[first..]].concat();
-            assert!(read(&bytes).is_err(), "{other}");
-        }
+    let others =
+        [0, 1, 3, cells - 1, 2 * cells, usize::MAX / 16, usize::MAX];
+    let of_cells = others.map(|n| format!("{n},{guides},false]"));
+    let of_guides = others.map(|n| format!("{cells},{n},false]"));
+    let other = [format!("{cells},{guides},true]")];
+    for theirs in of_cells.into_iter().chain(of_guides).chain(other) {
+        let head = head.replace(&ours, &theirs);
+        let bytes = [head.as_bytes(), &whole[first..]].concat();
+        assert!(read(&bytes).is_err(), "{theirs}");
     }
 }
 

@@ -62,7 +62,7 @@ pub fn save(
     out.write_all(MAGIC)?;
     serde_json::to_writer(&mut out, known)?;
     out.write_all(b"\n")?;
-    learnt::write(known.learnt.get(), &mut out)?;
+    learnt::write(&known.learnt, &mut out)?;
     film.write(&mut out)?;
     let Checked { out, checksum } = out;
     out.write_all(&checksum.finalize())
@@ -157,19 +157,6 @@ impl<R: BufRead + Seek> Checkpoint<R> {
         self.known.belongs_to(run_key)?;
         self.fill(film)?;
         Ok(self.known.report.convergence)
-    }
-
-    /// What was learnt, for any part of the same run.
-    ///
-    /// # Errors
-    /// The checkpoint belongs to another run.
-    pub fn learnt(
-        mut self,
-        run_key: &RunKey,
-    ) -> Result<Arc<OnceLock<Learnt>>, String> {
-        self.known.run_key.part = run_key.part;
-        self.known.belongs_to(run_key)?;
-        Ok(self.known.learnt)
     }
 
     /// Fills a film of the size that the run key tells.

@@ -4,47 +4,37 @@
 
 //! What a gather has learnt, as bytes.
 
-use std::io::{self, BufRead, BufWriter, Read, Write};
+use std::io::{self, BufRead, Read, Write};
 use std::sync::{Arc, OnceLock};
 
-use bytemuck::cast_slice;
+use bytemuck::{Pod, cast_slice, cast_slice_mut};
 
-use crate::integrator::gather::cache::{Cell, Grid, RadianceCache};
-use crate::integrator::gather::guide::Guide;
+use crate::integrator::gather::cache::{Grid, RadianceCache};
 use crate::integrator::gather::{Allocation, Learnt};
-use crate::memory::reserved;
+use crate::memory::zeroed;
 use crate::state::key::{RunKey, whole_window};
 
 /// Writes what was learnt, if anything was.
 pub fn write(
-    learnt: Option<&Learnt>,
+    learnt: &OnceLock<Learnt>,
     out: &mut dyn Write,
 ) -> io::Result<()> {
-    let head = learnt.map(|Learnt { cache, .. }| {
-        (cache.grid, cache.cells.len(), cache.guides.len())
+    let head = learnt.get().map(|Learnt { cache, .. }| {
+        (cache.grid, cache.cells.len(), cache.guides.len(), IS_BIG)
     });
-    let out = &mut BufWriter::new(out);
     serde_json::to_writer(&mut *out, &head)?;
     out.write_all(b"\n")?;
-    if let Some(Learnt { cache, allocation }) = learnt {
-        let cells = cast_slice::<Cell, u32>(&cache.cells);
-        let guides = cast_slice::<Guide, u16>(&cache.guides);
-        put(out, cells, u32::to_le_bytes)?;
-        put(out, guides, u16::to_le_bytes)?;
-        put(out, &allocation.counts, u32::to_le_bytes)?;
-        put(out, &allocation.scale, f64::to_le_bytes)?;
-    }
-    out.flush()
+    let Some(Learnt { cache, allocation }) = learnt.get() else {
+        return Ok(());
+    };
+    out.write_all(cast_slice(&cache.cells))?;
+    out.write_all(cast_slice(&cache.guides))?;
+    out.write_all(cast_slice(&allocation.counts))?;
+    out.write_all(cast_slice(&allocation.scale))
 }
 
-/// Writes the bytes of numbers.
-fn put<T: Copy, const N: usize>(
-    out: &mut impl Write,
-    numbers: &[T],
-    bytes: fn(T) -> [u8; N],
-) -> io::Result<()> {
-    numbers.iter().try_for_each(|&n| out.write_all(&bytes(n)))
-}
+/// Whether the most significant byte of a number comes first.
+const IS_BIG: bool = cfg!(target_endian = "big");
 
 /// Reads what a run of this key has learnt, if anything.
 ///
@@ -59,25 +49,20 @@ pub fn read(
     let Some(head) = serde_json::from_slice(&line)? else {
         return Ok(Arc::default());
     };
-    let (grid, cells, guides): (Grid, usize, usize) = head;
+    let (grid, cells, guides, is_big): (Grid, usize, usize, bool) = head;
     let subject = &run_key.subject;
     let window = whole_window(subject.resolution, subject.crop);
     // Read the arrays
-    let words = size_of::<Cell>() / 4;
-    let cells = get(from, cells.saturating_mul(words), u32::from_le_bytes)?;
-    let cells = cast_slice::<u32, Cell>(&cells).to_vec();
-    let words = size_of::<Guide>() / 2;
-    let guides =
-        get(from, guides.saturating_mul(words), u16::from_le_bytes)?;
-    let guides = cast_slice::<u16, Guide>(&guides).to_vec();
-    let counts = get(from, window.area(), u32::from_le_bytes)?;
-    let scale = get(from, window.area(), f64::from_le_bytes)?;
+    let (cells, guides) = (get(from, cells)?, get(from, guides)?);
+    let counts = get::<u32>(from, window.area())?;
+    let scale = get::<f64>(from, window.area())?;
     let cache =
         RadianceCache { cells, guides, ..RadianceCache::empty(grid) };
     let most = run_key.sampling.replicate.saturating_mul(8).min(1 << 20);
-    let is_sound = cache.is_sound()
+    let is_sound = is_big == IS_BIG
+        && cache.is_sound()
         && counts.iter().all(|&n| (1..=most).contains(&n.into()))
-        && scale.iter().all(|s: &f64| s.is_finite() && *s > 0.);
+        && scale.iter().all(|s| s.is_finite() && *s > 0.);
     if !is_sound {
         return Err(io::Error::other("it has what cannot be learnt"));
     }
@@ -85,17 +70,9 @@ pub fn read(
     Ok(Arc::new(Learnt { cache, allocation }.into()))
 }
 
-/// Reads so many numbers.
-fn get<T, const N: usize>(
-    from: &mut dyn Read,
-    count: usize,
-    number: fn([u8; N]) -> T,
-) -> io::Result<Vec<T>> {
-    let mut numbers = reserved(count)?;
-    for _ in 0..count {
-        let mut bytes = [0; N];
-        from.read_exact(&mut bytes)?;
-        numbers.push(number(bytes));
-    }
-    Ok(numbers)
+/// Reads an array.
+fn get<T: Pod>(from: &mut dyn Read, length: usize) -> io::Result<Vec<T>> {
+    let mut array = zeroed(length)?;
+    from.read_exact(cast_slice_mut(&mut array))?;
+    Ok(array)
 }

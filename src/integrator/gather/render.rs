@@ -57,12 +57,8 @@ impl Dispatch for Learn<'_> {
         let Self { gather, film, watch } = self;
         let seed = split_mix(gather.seed);
         let cache = &RadianceCache::empty(Grid::around(&[]));
-        let gather = &Gather {
-            seed,
-            correction: None,
-            learnt: Arc::default(),
-            ..*gather
-        };
+        let (correction, learnt) = (None, Arc::default());
+        let gather = &Gather { seed, correction, learnt, ..*gather };
         let allocation = &Allocation::even(film.whole);
         let like =
             Tracer { gather, intersector, cache, allocation, rays: 0 };

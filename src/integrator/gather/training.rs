@@ -3,7 +3,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Learns a cache from paths, and the samples of pixels from a pilot.
 
-use std::mem::{size_of, take};
+use std::mem::take;
 use std::ops::Range;
 
 use bytemuck::{Pod, bytes_of, cast_slice, pod_read_unaligned};
@@ -85,31 +85,33 @@ impl<K: Intersector> Tracer<'_, K> {
     }
 }
 
-/// The share of so many pieces that the process of this place has.
-fn share(all: usize, (place, of): (usize, usize)) -> Range<usize> {
-    all * place / of..all * (place + 1) / of
-}
-
-/// Appends what all processes have found to `found`, and returns their
-/// rays; none if `watch`, which is told those of the others, stops one.
-fn put_together<T: Pod>(
+/// Appends what all processes find in so many pieces to `found`, and
+/// returns their rays; none if `watch`, which is told those of the others,
+/// stops one.
+fn find_together<T: Pod + Send>(
     like: &Gather,
-    (own, rays): (&[T], u64),
+    pieces: usize,
+    find: impl Fn(usize) -> (Vec<T>, u64) + Sync,
     found: &mut Vec<T>,
     watch: &Watch,
 ) -> Option<u64> {
+    let (place, of) = like.together.place();
+    let share = pieces * place / of..pieces * (place + 1) / of;
+    let (own, rays): (Vec<_>, Vec<_>) =
+        share.into_par_iter().map(&find).unzip();
+    let (own, rays) = (own.concat(), rays.iter().sum::<u64>());
+    // Tell the others the rays and what was found
     let told = if watch(0) { bytes_of(&rays) } else { &[] };
     let told = like.together.put(told);
     let told = told.chunks_exact(size_of::<u64>());
-    if told.len() < like.together.place().1 {
+    if told.len() < of {
         return None;
     }
     let all = told.map(pod_read_unaligned::<u64>).sum::<u64>();
     watch(all - rays);
-    let bytes = like.together.put(cast_slice(own));
-    found.extend(
-        bytes.chunks_exact(size_of::<T>()).map(pod_read_unaligned::<T>),
-    );
+    let bytes = like.together.put(cast_slice(&own));
+    let each = bytes.chunks_exact(size_of::<T>());
+    found.extend(each.map(pod_read_unaligned::<T>));
     Some(all)
 }
 
@@ -138,19 +140,15 @@ pub fn train<K: Intersector>(
     let (mut records, mut traced) = (vec![], scout.rays);
     for (round, percent) in (0..).zip(ROUNDS) {
         // Trace the pieces of a round
-        let each = rays * percent / 100 / PIECES;
-        let pieces = share(PIECES as usize, like.gather.together.place());
+        let share = rays * percent / 100 / PIECES;
         let explore = |piece| {
             let piece = round * PIECES + piece as u64;
             let mut tracer = Tracer { cache: &cache, rays: 0, ..*like };
-            let records = tracer.explore(each, seed, piece, |_| (), watch);
+            let records = tracer.explore(share, seed, piece, |_| (), watch);
             (records, tracer.rays)
         };
-        let done: (Vec<_>, Vec<u64>) =
-            pieces.into_par_iter().map(explore).unzip();
-        let own = (&done.0.concat()[..], done.1.iter().sum());
-        drop(done);
-        traced += put_together(like.gather, own, &mut records, watch)?;
+        let (all, pieces) = (&mut records, PIECES as usize);
+        traced += find_together(like.gather, pieces, explore, all, watch)?;
         let before = cache.relative_error;
         cache = cache.learn(&mut records, view.albedo as f32, watch);
         let now = cache.relative_error;
@@ -175,7 +173,10 @@ pub fn allocate<K: Intersector>(
 ) -> Option<(Allocation, u64)> {
     let (window, mean) = (film.whole, film.replicate);
     // Render the scrambles of the pilot
-    let render = |&tile: &Tile| {
+    let mut blank = film.blank();
+    let tiles: Vec<Tile> = blank.tiles().iter().map(|t| t.tile).collect();
+    let render = |k: usize| {
+        let tile = tiles[k];
         let mut tracer = Tracer { rays: 0, ..*like };
         let mut pixels = vec![Accumulator::default(); tile.area()];
         let (mut scrambles, mut told) = (0..PILOT_SAMPLES, 0);
@@ -189,17 +190,9 @@ pub fn allocate<K: Intersector>(
         let found = pixels.iter().map(|p| [p.mean(), p.variance()]);
         (found.collect::<Vec<_>>(), tracer.rays)
     };
-    let tiles = film
-        .blank()
-        .tiles()
-        .iter()
-        .map(|part| part.tile)
-        .collect::<Vec<_>>();
-    let own = &tiles[share(tiles.len(), like.gather.together.place())];
-    let done: (Vec<_>, Vec<u64>) = own.par_iter().map(render).unzip();
-    let own = (&done.0.concat()[..], done.1.iter().sum());
-    let mut found = vec![];
-    let rays = put_together(like.gather, own, &mut found, watch)?;
+    let (count, mut found) = (tiles.len(), vec![]);
+    let rays =
+        find_together(like.gather, count, render, &mut found, watch)?;
     // Sort what the pilot has found by rows
     let mut found = found.into_iter();
     let mut means = vec![0.; window.area()];
