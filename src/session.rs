@@ -635,8 +635,13 @@ fn film_so_far(
     resumed: Option<Checkpoint>,
 ) -> Result<(Film, Convergence), String> {
     // Ask for the memory of the film
-    let area = run_key.windows()[1].area();
-    let sums = if run_key.filtered { 2 * area } else { area };
+    let [whole, area] = run_key.windows().map(|window| window.area());
+    let learns = run_key.sampling.method == Method::Gather
+        && resumed.is_none()
+        && options.learnt.is_none();
+    let parts = [(true, area), (run_key.filtered, area), (learns, whole)];
+    let parts = parts.into_iter().filter(|&(is_needed, _)| is_needed);
+    let sums: usize = parts.map(|(_, area)| area).sum();
     zeroed::<Accumulator>(sums).map_err(|_| {
         let bytes = metric(64. * sums as f64);
         format!("too little memory: {bytes}B more are needed")
