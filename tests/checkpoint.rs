@@ -169,8 +169,9 @@ fn what_cannot_be_learnt_is_refused() {
     // No free entry, and intervals of guides that do not begin at zero, or
     // are empty.
     refuse(first, &[1, 0, 1f32.to_bits(), u32::MAX].repeat(cells));
-    for interval in [0, 2, 28, 32, 34, 542] {
-        refuse(of_guides + interval, &[1 | 1 << 16]);
+    for (begin, empty) in [(0, 2), (0, 28), (32, 34), (512, 540)] {
+        refuse(of_guides + begin, &[1 | 2 << 16]);
+        refuse(of_guides + empty, &[1 | 1 << 16]);
     }
     for count in [0, 33, u32::MAX] {
         refuse(of_counts, &[count]);
