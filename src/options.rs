@@ -129,8 +129,8 @@ pub struct Options {
     #[arg(long)]
     pub preview: bool,
 
-    /// Show the noise of a gather in .png and .html, and write no filtered
-    /// channels in .exr
+    /// Show the noise of gathers and nets in .png and .html, and write no
+    /// filtered channels in .exr
     #[arg(long)]
     pub no_filter: bool,
 

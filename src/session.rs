@@ -252,7 +252,7 @@ fn keeps_halves(
     let shows = products.any(|product| product.is_picture())
         || options.part(1).is_some();
     let is_wanted =
-        sampling.method == Method::Gather && shows && !options.no_filter;
+        sampling.method != Method::Reference && shows && !options.no_filter;
     let has = resumed.is_none_or(|saved| saved.known.run_key.filtered);
     if is_wanted && !has {
         progress::warn(
