@@ -6,6 +6,7 @@
 
 use std::array;
 use std::fmt;
+use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
 use bytemuck::{Pod, Zeroable, cast};
@@ -18,10 +19,10 @@ use crate::analysis::background::TileContent;
 use crate::analysis::{LitView, SceneAnalysis};
 use crate::bvh::{Bvh, Dispatch, Intersector};
 use crate::film::{Film, Window};
-use crate::integrator::gather::Correction;
-use crate::integrator::gather::Gather;
 use crate::integrator::gather::training::PILOT_SAMPLES;
-use crate::integrator::{Integrator, PathEvent, PathTracer, identity};
+use crate::integrator::gather::{Correction, Gather, Learnt};
+use crate::integrator::{Integrator, PathEvent, PathTracer};
+use crate::integrator::{Together, identity};
 use crate::sampler::sobol::SobolSampler;
 use crate::sampler::{IndependentSampler, Sampler, generator, within};
 
@@ -144,8 +145,14 @@ pub struct Setup<'a> {
 }
 
 impl<'a> Setup<'a> {
-    /// The renderer of a method.
-    pub fn renderer(&self, sampling: &Sampling) -> Box<dyn Renderer + 'a> {
+    /// The renderer of a method, which knows what was learnt, or learns it
+    /// together with other processes.
+    pub fn renderer(
+        &self,
+        sampling: &Sampling,
+        learnt: Arc<OnceLock<Learnt>>,
+        together: &'a dyn Together,
+    ) -> Box<dyn Renderer + 'a> {
         let &Self { intersector, view, analysis } = self;
         let &Sampling { seed, replicate, training, .. } = sampling;
         let mut paths = PathTracer::new(view.albedo, view.sky);
@@ -164,7 +171,8 @@ impl<'a> Setup<'a> {
                 seed,
                 training,
                 correction: Some(Correction::default()),
-                learnt: None,
+                learnt,
+                together,
             }),
         }
     }
