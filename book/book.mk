@@ -244,10 +244,13 @@ efficiency: bench-tools $(call AND_VIEWS,$(addprefix $(BENCH)/,$(sort $(CHALLENG
 	  $(if $(INTEGRATOR),--integrator $(INTEGRATOR)) \
 	  $(BUILD_DIR)/pt $(BENCH)/embree_pt $(EFFICIENCY:%=$(BENCH)/%)
 
-# How wrong filtered pictures are, and say they are: five minutes.
-FILTERED = $(if $(KITCHEN),kitchen) courtyard backroom corridor statue
+# How wrong filtered pictures are, and say they are: five minutes. After the @
+# stands the method if it is not a gather.
+FILTERED = $(if $(KITCHEN),kitchen) courtyard backroom corridor statue \
+  statue@sobol
+SHOWN = $(foreach scene,$(FILTERED),$(firstword $(subst @, ,$(scene))))
 .PHONY: picture
-picture: bench-tools $(call AND_VIEWS,$(FILTERED:%=$(BENCH)/%))
+picture: bench-tools $(call AND_VIEWS,$(addprefix $(BENCH)/,$(sort $(SHOWN))))
 	$(RECORD) picture sh $(SCRIPTS)/picture.sh $(BUILD_DIR) \
 	  $(FILTERED:%=$(BENCH)/%)
 
@@ -325,7 +328,7 @@ $(BUILD_DIR)/figures/picture-%.png: $(BUILD_DIR)/pt \
 	  --integrator gather -i $(BUILD_DIR)/courtyard.obj -o $@
 
 $(BUILT)/filtered.tex: $(MEASURED)/picture.csv | $(BUILT)
-	awk -F '[,/]' '/^[^#].*\// { \
+	awk -F '[,/]' '/^[^#].*\// { sub("@sobol", " by nets"); \
 	  printf "%s & %s & %s & %s & %s \\\\\n", \
 	    $$1 == last ? "" : $$1, $$2, $$3, $$4, $$5; last = $$1 }' $< > $@
 

@@ -155,6 +155,15 @@ pub fn add_value(halves: &mut Halves, number: u64, parts: [f64; 2]) {
     }
 }
 
+/// Takes all values of other halves into account.
+pub fn add_halves(halves: &mut [Halves], others: &[Halves]) {
+    let others = others.as_flattened().as_flattened();
+    let halves = halves.as_flattened_mut().as_flattened_mut();
+    for (sum, more) in halves.iter_mut().zip(others) {
+        *sum = sum.wrapping_add(*more);
+    }
+}
+
 /// Units of the sums of halves in 1.
 const UNIT: f64 = power_of_two(32);
 
@@ -433,11 +442,7 @@ impl Film {
             if !self.halves.is_empty() {
                 let own = &mut self.halves[start..];
                 let more = &part.halves[tile.start..][..tile.area()];
-                let more = more.as_flattened().as_flattened();
-                let own = own.as_flattened_mut().as_flattened_mut();
-                for (sum, more) in own.iter_mut().zip(more) {
-                    *sum = sum.wrapping_add(*more);
-                }
+                add_halves(own, more);
             }
         }
     }

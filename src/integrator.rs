@@ -6,6 +6,8 @@
 
 pub mod gather;
 
+use std::borrow::Cow;
+
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -90,6 +92,25 @@ pub struct Share {
     /// Seconds in which rank 0 has received such sums and added them.
     pub collect_seconds: f64,
 }
+
+/// The processes that learn the same, each a part of it.
+pub trait Together: Sync {
+    /// The place of this process among all, and their number.
+    fn place(&self) -> (usize, usize) {
+        (0, 1)
+    }
+
+    /// Tells the others some bytes; returns those of all processes, in the
+    /// order of their places. All call it alike.
+    fn put<'a>(&self, own: &'a [u8]) -> Cow<'a, [u8]> {
+        own.into()
+    }
+}
+
+/// One process.
+pub struct Alone;
+
+impl Together for Alone {}
 
 /// Follows one path, weakened by the albedo at each bounce until its
 /// throughput is below `FAINT`; then the albedo is the probability that it

@@ -6,7 +6,8 @@
 
 use std::process::ExitCode;
 
-use litpt::session::{Alone, lead};
+use litpt::integrator::Alone;
+use litpt::session::lead;
 
 fn main() -> ExitCode {
     lead(&Alone)

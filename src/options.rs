@@ -56,7 +56,7 @@ pub struct Options {
     pub samples: Option<u64>,
 
     /// Render only the samples A to B - 1 of the N of --spp: a part of a run
-    /// for ptimg merge
+    /// for ptimg merge; 0..0 has no sample, and only learns
     #[arg(long = "samples", value_name = "A..B", value_parser = parse_range)]
     pub range: Option<(u64, u64)>,
 
@@ -64,6 +64,11 @@ pub struct Options {
     /// ptimg merge
     #[arg(long, value_name = "K/N", value_parser = parse_band)]
     pub tiles: Option<(u32, u32)>,
+
+    /// Take what another part of this run has learnt from its state, instead of
+    /// learning it again; the image does not depend on it
+    #[arg(long, value_name = "FILE", conflicts_with = "resume")]
+    pub learnt: Option<PathBuf>,
 
     /// Stop within so many seconds from the start of the program; pixels
     /// without a sample are then filled from around them in .pgm and .png, and
@@ -124,8 +129,8 @@ pub struct Options {
     #[arg(long)]
     pub preview: bool,
 
-    /// Show the noise of a gather in .png and .html, and write no filtered
-    /// channels in .exr
+    /// Show the noise of gathers and nets in .png and .html, and write no
+    /// filtered channels in .exr
     #[arg(long)]
     pub no_filter: bool,
 
@@ -261,8 +266,9 @@ fn pair<N: FromStr>(text: &str, sign: &str) -> Option<(N, N)> {
 }
 
 fn parse_range(text: &str) -> Result<(u64, u64), &'static str> {
-    pair(text, "..").filter(|(from, to)| from < to).ok_or(
-        "expected a number, two dots and a larger number, as in 16..32",
+    pair(text, "..").filter(|(from, to)| from <= to).ok_or(
+        "expected two numbers with two dots between, the smaller first, \
+         as in 16..32",
     )
 }
 
@@ -335,7 +341,7 @@ const TOGETHER: [&[&str]; 4] = [
     &["scene", "input"],
     &["samples", "time", "error"],
     &["output", "format"],
-    &["resume", "checkpoint", "force"],
+    &["resume", "checkpoint", "force", "learnt"],
 ];
 
 /// Whether a file is standard input or output.
@@ -426,8 +432,8 @@ impl Options {
     /// The names of all files of a run.
     fn names(&mut self) -> impl Iterator<Item = &mut PathBuf> {
         let Self { scene, input, reference, checkpoint, resume, .. } = self;
-        let Self { output, report, replaced, .. } = self;
-        let one = [scene, input, reference, checkpoint, resume];
+        let Self { learnt, output, report, replaced, .. } = self;
+        let one = [scene, input, reference, checkpoint, resume, learnt];
         let many = [output, report, replaced].into_iter().flatten();
         let all = one.into_iter().flatten().chain(many);
         all.filter(|name| !is_dash(name))

@@ -16,7 +16,9 @@ use rayon::prelude::*;
 use crate::analysis::background::{KnownPixels, TileContent};
 use crate::bvh::{BEAM, Dispatch, Intersector};
 use crate::camera::Camera;
-use crate::film::{Film, FilmTile, Tile, Watch};
+use crate::film::{
+    Film, FilmTile, Halves, Tile, Watch, add_halves, add_value,
+};
 use crate::integrator::{Integrator, PathEvent};
 pub use crate::integrator::{Renderer, Share};
 use crate::sampler::{IndependentSampler, Sampler, within};
@@ -54,9 +56,9 @@ impl<K: Intersector, E: Integrator, S: Sampler> Renderer
         let tiles = film.tiles();
         let parts =
             PIECES_PER_THREAD * rayon::current_num_threads() / tiles.len();
-        let render = |FilmTile { tile, pixels, .. }: FilmTile| {
-            let values = first + pixels[0].count()..end;
-            pass.add(tile, pixels, values, parts as u64).unwrap_or(0)
+        let render = |part: FilmTile| {
+            let values = first + part.pixels[0].count()..end;
+            pass.add(part, values, parts as u64).unwrap_or(0)
         };
         tiles.into_par_iter().with_max_len(1).map(render).sum()
     }
@@ -92,8 +94,7 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
     /// they were, if the pass is stopped or there is nothing to do.
     fn add(
         &self,
-        tile: Tile,
-        pixels: &mut [Accumulator],
+        FilmTile { tile, pixels, halves, .. }: FilmTile,
         values: Range<u64>,
         parts: u64,
     ) -> Option<u64> {
@@ -104,19 +105,27 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
         let known = self.job.known.content(tile.corner);
         if let TileContent::Constant(sample) = known {
             pixels.iter_mut().for_each(|p| p.add_times(sample, count));
+            // Add a known value to both halves
+            for number in values.start..values.end.min(values.start + 2) {
+                for halves in &mut *halves {
+                    add_value(halves, number, [sample, 0.]);
+                }
+            }
         } else {
             // Render the values in parts
             let size = count.div_ceil(parts.clamp(1, count));
             let render = |k: u64| {
                 let start = values.start + k * size;
-                self.fill(tile, start..values.end.min(start + size))
+                let end = values.end.min(start + size);
+                self.fill(tile, start..end, !halves.is_empty())
             };
             let parts = (0..count.div_ceil(size)).into_par_iter();
             let done: Option<Vec<_>> = parts.map(render).collect();
-            for (own, more) in done? {
+            for (own, own_halves, more) in done? {
                 for (pixel, own) in pixels.iter_mut().zip(&own) {
                     pixel.merge(own);
                 }
+                add_halves(halves, &own_halves);
                 rays += more;
             }
         }
@@ -126,21 +135,25 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
     }
 
     /// The sums of some values of the pixels of a tile, given their numbers,
-    /// and the number of rays; none if it was stopped.
+    /// their halves if these are kept, and the number of rays; none if it was
+    /// stopped.
     fn fill(
         &self,
         tile: Tile,
         values: Range<u64>,
-    ) -> Option<(Vec<Accumulator>, u64)> {
+        keeps_halves: bool,
+    ) -> Option<(Vec<Accumulator>, Vec<Halves>, u64)> {
         let trace = |samples| {
             let intersector = self.job.intersector;
             intersector.dispatch(Trace { pass: self, tile, samples })
         };
         let replicate = self.job.sampler.replicate();
-        if replicate == 1 {
-            return trace(values);
+        if replicate == 1 && !keeps_halves {
+            return trace(values).map(|(sums, rays)| (sums, vec![], rays));
         }
         let mut sums = vec![Accumulator::default(); tile.area()];
+        let kept = if keeps_halves { tile.area() } else { 0 };
+        let mut halves = vec![Halves::default(); kept];
         let mut rays = 0;
         for value in values {
             let (own, more) =
@@ -148,9 +161,12 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
             for (sum, own) in sums.iter_mut().zip(&own) {
                 sum.add(own.mean());
             }
+            for (halves, own) in halves.iter_mut().zip(&own) {
+                add_value(halves, value, [own.mean(), 0.]);
+            }
             rays += more;
         }
-        Some((sums, rays))
+        Some((sums, halves, rays))
     }
 
     /// Begins the paths of a batch, each the number of a pixel in its tile and

@@ -186,6 +186,7 @@ impl Convergence {
         });
         self.rays += rays;
         if rays > 0 {
+            self.seconds = before + (limits.now() - start).as_secs_f64();
             after(self, film);
         }
         loop {

@@ -28,6 +28,7 @@ use crate::compare::disagreements;
 use crate::film::Film;
 use crate::filter::FirstHits;
 use crate::image::{Format, Image};
+use crate::integrator::{Alone, Together};
 use crate::memory::zeroed;
 use crate::options::{Error, Options};
 use crate::output::{OutputTarget, format_of, tell_apart};
@@ -45,15 +46,11 @@ use crate::scene::{Scene, begins_obj, read_file};
 use crate::sky::Sky;
 use crate::state::checkpoint::{Checkpoint, Known};
 use crate::state::key::{RunKey, Subject, entries};
+use crate::state::learnt;
 use crate::statistics::Accumulator;
 
 /// The processes that render one image, as each of them sees them.
-pub trait Ranks {
-    /// How many there are.
-    fn count(&self) -> u32 {
-        1
-    }
-
+pub trait Ranks: Together {
     /// Tells the others something, which they [`hear`](Self::hear).
     fn tell(&self, _: &mut [u8]) {}
 
@@ -74,9 +71,6 @@ pub trait Ranks {
     /// Renders for the leader until there is nothing more to do.
     fn serve(&self, _: Box<dyn Renderer + '_>, _: &RunKey) {}
 }
-
-/// One process.
-pub struct Alone;
 
 impl Ranks for Alone {}
 
@@ -162,13 +156,15 @@ fn run(
     start_threads(options)?;
     let files = open_files(options)?;
     let reference = read_reference(options)?;
+    let learnt = options.learnt.as_deref();
+    let taught = learnt.map(Checkpoint::of_file).transpose()?;
     let saved = options.save(&env::current_dir().unwrap_or_default());
     tell(ranks, &saved);
     // Load the scene and prepare it
     let began = Instant::now();
     let mut bytes = read(options)?;
     ranks.tell(&mut bytes);
-    let is_named = files.iter().any(names_the_scene);
+    let is_named = taught.is_some() || files.iter().any(names_the_scene);
     let (scene, subject, mut report) =
         load(options, bytes, is_named, reference.as_ref())?;
     report.load_seconds = began.elapsed().as_secs_f64();
@@ -196,12 +192,33 @@ fn run(
     };
     report.settings.extend(settings(options, &run_key, choice));
     tell(ranks, &run_key);
-    let renderer = &mut *ranks.lead(setup.renderer(&sampling), &run_key);
+    // Take what was learnt before
+    let of_run = resumed.as_ref().map(|saved| saved.known.learnt.clone());
+    let mut learnt = of_run.unwrap_or_default();
+    if let (Some(path), Some(taught)) = (&options.learnt, taught) {
+        let (name, Checkpoint { mut known, .. }) = (path.display(), taught);
+        known.run_key.part = run_key.part;
+        known
+            .belongs_to(&run_key)
+            .map_err(|fault| format!("{name}: {fault}"))?;
+        if known.learnt.get().is_none() {
+            progress::warn(&format!("{name}: holds nothing learnt"));
+        }
+        learnt = known.learnt;
+    }
+    if ranks.place().1 > 1 {
+        let mut bytes = vec![];
+        learnt::write(&learnt, &mut bytes).map_err(|e| e.to_string())?;
+        ranks.tell(&mut bytes);
+    }
+    let renderer = setup.renderer(&sampling, learnt.clone(), ranks);
+    let renderer = &mut *ranks.lead(renderer, &run_key);
     let goal = options.goal(sampling.replicate);
     let run = film_so_far(options, &run_key, goal, resumed)?;
     // Prepare the files of the run
     let often = (options.every.unwrap_or(60.), options.preview);
-    let known = Known { run_key: run_key.clone(), options: saved, report };
+    let known =
+        Known { run_key: run_key.clone(), options: saved, report, learnt };
     let trace = || FirstHits::trace(&bvh, &view, run_key.windows()[1]);
     let trace =
         run_key.filtered.then_some(&trace as &dyn Fn() -> FirstHits);
@@ -235,7 +252,7 @@ fn keeps_halves(
     let shows = products.any(|product| product.is_picture())
         || options.part(1).is_some();
     let is_wanted =
-        sampling.method == Method::Gather && shows && !options.no_filter;
+        sampling.method != Method::Reference && shows && !options.no_filter;
     let has = resumed.is_none_or(|saved| saved.known.run_key.filtered);
     if is_wanted && !has {
         progress::warn(
@@ -324,7 +341,8 @@ fn open_files(
     let state = options.checkpoint.as_deref().into_iter();
     let written =
         options.images().chain(reports.clone()).chain(state.clone());
-    tell_apart(scene.into_iter().chain(reference), written)?;
+    let read = [scene, reference, options.learnt.as_deref()];
+    tell_apart(read.into_iter().flatten(), written)?;
     // Decide which files may be replaced
     let force = |path: &Path| {
         let old = options.replaced.iter().map(|old| old.canonicalize());
@@ -499,7 +517,7 @@ fn build(
     let area = options.band().area() as f64;
     let paths = options.goal(1).map(|n| n as f64 * area);
     let rays = expected_rays(&view, paths, options.time);
-    let rays = rays / f64::from(ranks.count());
+    let rays = rays / ranks.place().1 as f64;
     let Scene { triangles, left_out, .. } = scene;
     let quality = Quality::expecting(triangles.len(), rays);
     // Warn of triangles that are too small
@@ -617,8 +635,13 @@ fn film_so_far(
     resumed: Option<Checkpoint>,
 ) -> Result<(Film, Convergence), String> {
     // Ask for the memory of the film
-    let area = run_key.windows()[1].area();
-    let sums = if run_key.filtered { 2 * area } else { area };
+    let [whole, area] = run_key.windows().map(|window| window.area());
+    let learns = run_key.sampling.method == Method::Gather
+        && resumed.is_none()
+        && options.learnt.is_none();
+    let parts = [(true, area), (run_key.filtered, area), (learns, whole)];
+    let parts = parts.into_iter().filter(|&(is_needed, _)| is_needed);
+    let sums: usize = parts.map(|(_, area)| area).sum();
     zeroed::<Accumulator>(sums).map_err(|_| {
         let bytes = metric(64. * sums as f64);
         format!("too little memory: {bytes}B more are needed")
@@ -626,7 +649,7 @@ fn film_so_far(
     let mut film = run_key.film();
     let mut convergence = Convergence::default();
     // Warn of a part without a sample
-    if run_key.part.is_some() && goal == Some(0) {
+    if options.range.is_some_and(|(a, b)| a < b) && goal == Some(0) {
         let together = film.replicate;
         progress::warn(&format!(
             "the part has no sample: {together} are placed together"
@@ -747,8 +770,12 @@ pub fn follow(ranks: &dyn Ranks) -> Result<(), String> {
     let (view, analysis, bvh) =
         build(scene, &subject, &options, ranks, &mut report)?;
     let Some(run_key) = hear::<RunKey>(ranks)? else { return Ok(()) };
+    let Some(bytes) = ranks.hear() else { return Ok(()) };
+    let learnt = learnt::read(&mut &bytes[..], &run_key)
+        .map_err(|e| e.to_string())?;
     let setup =
         Setup { intersector: &bvh, view: &view, analysis: &analysis };
-    ranks.serve(setup.renderer(&run_key.sampling), &run_key);
+    let renderer = setup.renderer(&run_key.sampling, learnt, ranks);
+    ranks.serve(renderer, &run_key);
     Ok(())
 }

@@ -6,4 +6,5 @@
 
 pub mod checkpoint;
 pub mod key;
+pub mod learnt;
 pub mod shards;

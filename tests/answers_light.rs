@@ -193,7 +193,7 @@ fn room_of_step(step: Option<f64>) -> (f64, f64) {
     let cache = &RadianceCache::empty(Grid::around(&[]));
     let gather = &Gather { seed: 9, training: 1 << 17, ..default };
     let like = Tracer { gather, intersector, cache, allocation, rays: 0 };
-    let (cache, _) = train(&like, &|_| true);
+    let (cache, _) = train(&like, &|_| true).unwrap();
     let correction =
         step.map(|step| Correction { step, ..Correction::default() });
     let gather =

@@ -108,7 +108,7 @@ fn what_has_no_end_and_is_no_obj_is_refused() {
 #[test]
 fn too_little_memory_is_told_in_one_line() {
     let picture = "-n1 --integrator=gather -oa.png";
-    for (options, needed) in [("", "17.18"), (picture, "34.36")] {
+    for (options, needed) in [("", "17.18"), (picture, "51.54")] {
         let run = format!("room.obj -j1 -q -d16384x16384 {options}");
         let run = Scratch::new().within("-v 4000000", &run);
         let fault =

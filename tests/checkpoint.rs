@@ -8,6 +8,7 @@ use crate::common;
 
 use std::io::Cursor;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use common::{ROOM, Run, Scratch, finish, wait_until};
 use litpt::film::Film;
@@ -16,6 +17,7 @@ use litpt::render_loop::Convergence;
 use litpt::report::Report;
 use litpt::state::checkpoint::{Checkpoint, Known, save};
 use litpt::state::key::RunKey;
+use litpt::state::learnt::{read, write};
 use serde_json::{Value, json};
 
 // --------------------------------------------------------------- The library
@@ -60,7 +62,8 @@ fn state() -> (Convergence, Film) {
 
 fn known() -> Known {
     let report = Report { convergence: state().0, ..Report::default() };
-    Known { options: Value::Null, run_key: run_key(), report }
+    let (options, learnt) = (Value::Null, Arc::default());
+    Known { options, run_key: run_key(), report, learnt }
 }
 
 fn saved() -> Vec<u8> {
@@ -126,6 +129,72 @@ fn a_fact_that_differs_is_named_with_both_values() {
         let fault = resume(&other, &mut film, file).unwrap_err();
         assert!(fault.contains(&format!("its {name} is")), "{fault}");
         assert!(words.iter().all(|w| fault.contains(w)), "{fault}");
+    }
+}
+
+/// What a gather has learnt comes back, and what none can learn is refused.
+#[test]
+fn what_cannot_be_learnt_is_refused() {
+    let place = Scratch::new();
+    let gather = "--integrator=gather -n64 --samples=0..0 -oa.litpt";
+    place.done(&format!("-q -iroom.obj -d9x7 {gather}"));
+    let saved = Checkpoint::of_file(&place.path("a.litpt")).unwrap();
+    let Known { run_key, learnt, .. } = saved.known;
+    let cache = &learnt.get().unwrap().cache;
+    let (cells, guides) = (cache.cells.len(), cache.guides.len());
+    let mut whole = vec![];
+    write(&learnt, &mut whole).unwrap();
+    let read = |bytes: &[u8]| read(&mut &*bytes, &run_key);
+    assert!(read(&whole).unwrap() == learnt && guides > 0);
+    let first = whole.iter().position(|&b| b == b'\n').unwrap() + 1;
+    let of_guides = first + 16 * cells;
+    let of_counts = of_guides + 544 * guides;
+    let of_scale = of_counts + 4 * 63;
+    let refuse = |at: usize, words: &[u32]| {
+        let mut bytes = whole.clone();
+        let words: Vec<u8> =
+            words.iter().flat_map(|w| w.to_le_bytes()).collect();
+        bytes[at..at + words.len()].copy_from_slice(&words);
+        let fault = read(&bytes).unwrap_err().to_string();
+        assert!(fault.contains("cannot be learnt"), "{at}: {fault}");
+    };
+    for bits in [f32::NAN, f32::INFINITY].map(f32::to_bits) {
+        refuse(first + 4, &[bits]);
+        refuse(first + 8, &[bits]);
+    }
+    for error in [0f32, -1.] {
+        refuse(first + 8, &[error.to_bits()]);
+    }
+    refuse(first + 12, &[guides as u32]);
+    // No free entry, and intervals of guides that do not begin at zero, or
+    // are empty.
+    refuse(first, &[1, 0, 1f32.to_bits(), u32::MAX].repeat(cells));
+    for (begin, empty) in [(0, 2), (0, 28), (32, 34), (512, 540)] {
+        refuse(of_guides + begin, &[1 | 2 << 16]);
+        refuse(of_guides + empty, &[1 | 1 << 16]);
+    }
+    for count in [0, 33, u32::MAX] {
+        refuse(of_counts, &[count]);
+        refuse(of_scale - 4, &[count]);
+    }
+    for scale in [0., -1., f64::NAN, f64::INFINITY].map(f64::to_bits) {
+        refuse(of_scale + 8 * 62, &[scale as u32, (scale >> 32) as u32]);
+    }
+    // Other numbers of cells and guides than there are, and another machine.
+    let ends = [0, 9, first - 1, first, of_guides, whole.len() - 1];
+    assert!(ends.iter().all(|&end| read(&whole[..end]).is_err()));
+    let head = String::from_utf8(whole[..first].to_vec()).unwrap();
+    let ours = format!("{cells},{guides},false]");
+    assert!(head.contains(&ours));
+    let others =
+        [0, 1, 3, cells - 1, 2 * cells, usize::MAX / 16, usize::MAX];
+    let of_cells = others.map(|n| format!("{n},{guides},false]"));
+    let of_guides = others.map(|n| format!("{cells},{n},false]"));
+    let other = [format!("{cells},{guides},true]")];
+    for theirs in of_cells.into_iter().chain(of_guides).chain(other) {
+        let head = head.replace(&ours, &theirs);
+        let bytes = [head.as_bytes(), &whole[first..]].concat();
+        assert!(read(&bytes).is_err(), "{theirs}");
     }
 }
 

@@ -193,16 +193,20 @@ fn a_choice_depends_on_the_scene_and_the_samples_alone() {
 fn an_explanation_says_which_method_and_why() {
     let place = Scratch::new();
     place.put("box.obj", BOX);
-    let explained = |n: &str| {
-        let text = place.done(&format!("{VIEW} --explain {n}")).text();
+    let seen = |view: &str, n: &str| {
+        let text = place.done(&format!("{view} --explain {n}")).text();
         let line = text.lines().find(|line| line.starts_with("method"));
         line.unwrap().to_owned()
     };
+    let explained = |n: &str| seen(VIEW, n);
     let many = explained("-n64");
     assert!(many.starts_with("method       gather: a path has"), "{many}");
     assert!(many.contains("% of its variance comes after"), "{many}");
     assert!(many.contains("reference 1.0, sobol"), "{many}");
     assert_eq!(explained("-n1"), "method       reference");
+    // A single pixel shares its corrections with none.
+    let one = seen(&VIEW.replace("64x48", "1x1"), "-n65536");
+    assert!(one.starts_with("method       sobol: a path has"), "{one}");
     // A gather by name has a pilot only if an error is to be planned for.
     let named = explained("--integrator=gather -n64");
     assert_eq!(named, "method       gather");

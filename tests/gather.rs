@@ -493,7 +493,7 @@ fn lie(
             let [row, column] = [0; 2].map(|_| random.random_range(0..4));
             let bin = 66 + 16 * row + column;
             let sky = Record { from, to: SKY, weight, bin };
-            let bin = random.random_range(0..BINS as u16);
+            let bin = random.random_range(0..BINS as u32);
             let dark = Record { to: DARKNESS, weight: 1., bin, ..sky };
             records.push(if i % 10 == 0 { sky } else { dark });
         }
@@ -641,7 +641,7 @@ fn few_rays_are_traced_after_learning_is_told_to_stop() {
         let most = threads * (64 * 8 + 256 * 2);
         assert!(late <= most, "{late} after {calls}");
         let stopped = left.load(Relaxed) == 0;
-        assert_eq!(gather.learnt.is_none(), stopped, "{calls}");
+        assert_eq!(gather.learnt.get().is_none(), stopped, "{calls}");
         assert_eq!(rays == 0, stopped);
         stops += u64::from(stopped);
     }
@@ -681,7 +681,7 @@ fn a_gather_ends_in_each_stage_by_the_clock_and_by_a_signal() {
         let more = ticks.load(Relaxed) - looks;
         assert!(more < FIRST + 200, "{more} looks after {looks}");
         let none = film.unsampled() == film.area();
-        assert!(gather.learnt.is_some() || none);
+        assert!(gather.learnt.get().is_some() || none);
         reached[usize::from(none)] += 1;
     }
     assert!(reached[0] >= 2 && reached[1] >= 4, "{reached:?}");

@@ -7,10 +7,12 @@
 use crate::common;
 
 use std::fs;
+use std::sync::Arc;
 
 use common::{Run, Scratch, finish, signal, wait_until};
 use litpt::film::Window;
 use litpt::image::Image;
+use litpt::state::checkpoint::{Checkpoint, save};
 use litpt::state::key::Part;
 use litpt::state::shards;
 use serde_json::Value;
@@ -77,6 +79,74 @@ fn parts_add_up_to_the_bytes_of_one_run() {
             same(&place, &format!("{method} {crop}"));
         }
     }
+}
+
+/// What one part has learnt, or a run that does nothing else, all others
+/// take: together they trace the rays of one run, and its image.
+#[test]
+fn what_was_learnt_once_is_not_learnt_again() {
+    let place = Scratch::new();
+    let run = "--integrator=gather -n64";
+    place.done(&format!("{VIEW} {run} {A} --report=a.json"));
+    part(&place, "0.litpt", &format!("{run} --samples=0..0"));
+    let rays = |name: &str| place.json(name)["rays"].as_u64().unwrap();
+    for (i, options) in [
+        "--samples=0..9 --learnt=0.litpt",
+        "--samples=9..64 --tiles=1/2 --learnt=1.litpt",
+        "--samples=9..64 --tiles=2/2 --learnt=2.litpt",
+    ]
+    .iter()
+    .enumerate()
+    {
+        part(
+            &place,
+            &format!("{}.litpt", i + 1),
+            &format!("{run} {options}"),
+        );
+    }
+    let all = "1.litpt 2.litpt 0.litpt 3.litpt";
+    merge(&place, &format!("{all} {B} --report=b.json")).succeeded();
+    assert_eq!(rays("b.json"), rays("a.json"));
+    place.done(&format!("{PICTURE} --report=c.json"));
+    assert_eq!(rays("c.json"), rays("a.json"));
+    same(&place, "learnt once");
+    // What is not of this run is refused, and nothing is overwritten.
+    for (option, words) in [
+        ("-s1", "0.litpt: belongs to another run: its seed is 0, not 1"),
+        ("-d40x51", "its resolution is"),
+        ("-n2000", "its training is"),
+        ("--integrator=sobol", "its integrator is"),
+        ("--learnt=b.pfm", "is not a checkpoint"),
+        ("-o0.litpt", "is named twice"),
+    ] {
+        let run = format!("{VIEW} {run} -od.pfm --learnt=0.litpt {option}");
+        place.line(&run).failed(1, &[words]);
+        assert!(!place.path("d.pfm").exists());
+    }
+    place
+        .line("--resume=1.litpt --learnt=0.litpt")
+        .failed(2, &["cannot be used with"]);
+    // A lie may be whole.
+    let mut lie = Checkpoint::of_file(&place.path("3.litpt")).unwrap();
+    let mut film = lie.known.run_key.film();
+    lie.fill(&mut film).unwrap();
+    let learnt = Arc::get_mut(&mut lie.known.learnt).unwrap();
+    learnt.get_mut().unwrap().allocation.scale[7] *= 2.;
+    let file = fs::File::create(place.path("3.litpt")).unwrap();
+    save(&lie.known, &film, &mut &file).unwrap();
+    let fault = "1.litpt and 3.litpt have not learnt the same";
+    merge(&place, &format!("{all} -oe.pfm")).failed(1, &[fault]);
+}
+
+/// Paths learn nothing.
+#[test]
+fn there_is_nothing_to_take_from_paths() {
+    let place = Scratch::new();
+    let run = "-iroom.obj -d9x7 -n16 --integrator=sobol --samples";
+    place.done(&format!("-q {run}=0..0 -oa.litpt"));
+    let took =
+        place.done(&format!("{run}=0..16 -ob.litpt --learnt=a.litpt"));
+    assert!(took.stderr.contains("a.litpt: holds nothing learnt"));
 }
 
 /// What a pilot chooses, and what a gather learns, are those of the whole
@@ -216,7 +286,7 @@ fn missing_parts_are_listed_and_need_a_permission() {
         ("c.litpt", "--samples=0..8 --tiles=4/4"),
         ("d.litpt", "--samples=0..4 --tiles=2/4"),
     ] {
-        part(&place, name, &format!("-n8 {options}"));
+        part(&place, name, &format!("-n8 --no-filter {options}"));
     }
     let files = "a.litpt b.litpt c.litpt -oc.exr";
     let missing = "samples 4..8 of rows 0..16; samples 0..2 of rows 16..32; \

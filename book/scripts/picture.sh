@@ -6,7 +6,8 @@
 # permitted in any medium without royalty provided the copyright notice and
 # this notice are preserved. This file is offered as-is, without any warranty.
 #
-# usage: picture.sh PROGRAMS SCENE...  (SCENE.obj and SCENE.view)
+# usage: picture.sh PROGRAMS SCENE[@METHOD]...  (SCENE.obj and SCENE.view; the
+# method is a gather if it is not named)
 #
 # Prints CSV. The errors are against 1024 samples, whose own error is taken
 # off, and are means of squares over six seeds.
@@ -23,10 +24,13 @@ for name in sys.argv[2:]:
     value = value[name]
 print(value)' "$@"; }
 echo case,gain,stated,bias
-for scene; do
+for name; do
+  scene=${name%@*}
+  method=gather
+  if [ "$scene" != "$name" ]; then method=${name#*@}; fi
   render() { # shellcheck disable=SC2046
     "$programs/pt" "$scene.obj" -r 0.8 $(cat "$scene.view") -d 120x90 \
-      --integrator gather -qf "$@"; }
+      --integrator $method -qf "$@"; }
   render -n 1024 -s 99 -o "$place/truth.exr" --report "$place/truth.json"
   truth=$(number "$place/truth.json" rmse)
   for n in 4 16 64; do
@@ -36,7 +40,7 @@ for scene; do
       echo "$(rms "$place/a.pfm")" "$(rms "$place/a.png")" \
         "$(number "$place/a.json" picture rmse)" \
         "$(number "$place/a.json" picture bias)"
-    done | awk -v scene="$(basename "$scene")" -v n=$n -v truth="$truth" '
+    done | awk -v scene="$(basename "$name")" -v n=$n -v truth="$truth" '
       { plain += $1 ^ 2 - truth ^ 2; shown += $2 ^ 2 - truth ^ 2
         stated += $3 ^ 2; bias += $4 ^ 2 }
       END { printf "%s/%d,%.2f,%.3f,%.2f\n", scene, n, plain / shown,

@@ -10,6 +10,7 @@
 use std::error::Error;
 use std::f64::consts::PI;
 use std::iter;
+use std::sync::Arc;
 
 use glam::DVec3;
 
@@ -18,9 +19,9 @@ use litpt::analysis::background::KnownPixels;
 use litpt::bvh::Bvh;
 use litpt::camera::{Camera, View};
 use litpt::film::Film;
-use litpt::integrator::PathTracer;
 use litpt::integrator::gather::cache::RadianceCache;
 use litpt::integrator::gather::{Allocation, Correction, Gather, Tracer};
+use litpt::integrator::{Alone, PathTracer};
 use litpt::numerics::{power_of_two, sincos_turns};
 use litpt::render::{Job, Renderer};
 use litpt::sampler::IndependentSampler;
@@ -340,7 +341,8 @@ impl Setting {
             seed: 0,
             training: 1 << 16,
             correction: Some(Correction::default()),
-            learnt: None,
+            learnt: Arc::default(),
+            together: &Alone,
         }
     }
 

@@ -4,6 +4,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 
 use std::f64::consts::PI;
+use std::sync::Arc;
 use std::time::Instant;
 
 use crate::courtyard;
@@ -12,6 +13,7 @@ use litpt::analysis::{LitView, SceneAnalysis};
 use litpt::bvh::{Bvh, Isa, Quality};
 use litpt::camera::{Camera, View};
 use litpt::film::{Film, Window};
+use litpt::integrator::Alone;
 use litpt::render::choose::{Method, Sampling, Setup};
 use litpt::scene::{Mesh, Scene};
 use litpt::sky::Sky;
@@ -83,7 +85,7 @@ impl Setting {
             view: &view,
             analysis: &analysis,
         };
-        let mut renderer = setup.renderer(sampling);
+        let mut renderer = setup.renderer(sampling, Arc::default(), &Alone);
         let rays = renderer.pass(&mut film, n, &|_| true);
         let seconds = [found, start.elapsed().as_secs_f64()];
         drop(renderer);

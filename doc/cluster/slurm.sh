@@ -1,12 +1,15 @@
 #!/bin/sh
 # Renders one run as the tasks of a Slurm array job, each a range of samples:
 #
-#     sbatch --array=0-63 doc/cluster/slurm.sh 65536 scene.obj -d 3840x2160
+#     run="doc/cluster/slurm.sh 65536 scene.obj -d 3840x2160"
+#     first=$(sbatch --parsable $run)
+#     sbatch --dependency=afterok:$first --array=0-63 $run
 #     ptimg merge part-*.litpt -o whole.litpt
 #     pt --resume whole.litpt -o image.exr -o image.png --report image.html
 #
-# The first argument is the number of samples of each pixel, the others are
-# those of pt. A task that is ended, by its limit of time or for another job,
+# The first job, which is no array, learns what all tasks take; without it each
+# learns by itself. The first argument is the number of samples of each pixel,
+# the others are those of pt. A task that is ended, by its limit of time or for another job,
 # has saved its state, and goes on from there when it is queued again: by
 # "scontrol requeue JOB_TASK", or by the same sbatch, which ends at once where
 # nothing is left to do.
@@ -24,11 +27,17 @@
 set -eu
 n=$1
 shift
-parts=$SLURM_ARRAY_TASK_COUNT
-k=$((SLURM_ARRAY_TASK_ID - SLURM_ARRAY_TASK_MIN))
-state=part-$SLURM_ARRAY_TASK_ID.litpt
+state=part-${SLURM_ARRAY_TASK_ID-learnt}.litpt
 if test -e "$state"; then
     exec pt --resume "$state" -q
 fi
-exec pt "$@" -n "$n" --samples $((n * k / parts))..$((n * (k + 1) / parts)) \
-    -j "$SLURM_CPUS_PER_TASK" -o "$state" -q
+set -- "$@" -n "$n" -j "$SLURM_CPUS_PER_TASK" -o "$state" -q
+if test -z "${SLURM_ARRAY_TASK_ID-}"; then
+    exec pt "$@" --samples 0..0
+fi
+if test -e part-learnt.litpt; then
+    set -- "$@" --learnt part-learnt.litpt
+fi
+parts=$SLURM_ARRAY_TASK_COUNT
+k=$((SLURM_ARRAY_TASK_ID - SLURM_ARRAY_TASK_MIN))
+exec pt "$@" --samples $((n * k / parts))..$((n * (k + 1) / parts))

@@ -7,19 +7,20 @@
 //! Rank 0 leads: it has the film and hands out pieces of each pass. The
 //! others follow: they render pieces and send the sums back.
 
+use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::process::{self, ExitCode};
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::mpsc::{self, Receiver, Sender};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering::Relaxed};
+use std::sync::{Mutex, MutexGuard, Once, PoisonError, mpsc};
 use std::time::{Duration, Instant};
 use std::{panic, thread};
 
 use litpt::film::{Film, SIDE, Watch, Window};
+use litpt::integrator::Together;
 use litpt::progress;
 use litpt::render::{Renderer, Share};
 use litpt::session::{self, Ranks};
 use litpt::state::key::RunKey;
-use litpt::statistics::Accumulator;
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::*;
 use mpi::{Rank, Threading};
@@ -28,18 +29,36 @@ use serde::{Deserialize, Serialize};
 /// The processes that MPI has started.
 struct World;
 
-impl Ranks for World {
-    fn count(&self) -> u32 {
-        world().size() as u32
+impl Together for World {
+    fn place(&self) -> (usize, usize) {
+        (world().rank() as usize, world().size() as usize)
     }
 
+    fn put<'a>(&self, own: &'a [u8]) -> Cow<'a, [u8]> {
+        if world().rank() > 0 {
+            report(own);
+            return self.hear().unwrap_or_default().into();
+        }
+        let others = (1..self.place().1).map(|_| wait_for(answer));
+        let parts = others.chain([(0, own.to_vec())]);
+        let parts: Vec<_> =
+            BTreeMap::from_iter(parts).into_values().collect();
+        let mut all = parts.concat();
+        self.tell(&mut all);
+        all.into()
+    }
+}
+
+impl Ranks for World {
     fn tell(&self, bytes: &mut [u8]) {
         send_all(Order::Listen(bytes.len() as u64));
         broadcast(bytes);
     }
 
     fn hear(&self) -> Option<Vec<u8>> {
-        let Order::Listen(length) = next_order() else { return None };
+        let is_new = |order: &Order| *order != Order::Stop;
+        let order = wait_for(|| pending_order().filter(is_new));
+        let Order::Listen(length) = order else { return None };
         let mut bytes = vec![0; length as usize];
         broadcast(&mut bytes);
         Some(bytes)
@@ -50,22 +69,44 @@ impl Ranks for World {
         own: Box<dyn Renderer + 'a>,
         run_key: &'a RunKey,
     ) -> Box<dyn Renderer + 'a> {
-        if self.count() == 1 {
+        if self.place().1 == 1 {
             return own;
         }
         let own = Worker::new(own, run_key);
-        let shares = vec![Share::default(); self.count() as usize];
+        let shares = vec![Share::default(); self.place().1];
         Box::new(Leader { own, shares, passes: 0., least: 0. })
     }
 
     fn serve(&self, renderer: Box<dyn Renderer + '_>, run_key: &RunKey) {
-        let stop = AtomicBool::new(false);
-        let (pieces, todo) = mpsc::channel();
-        let (done, parts) = mpsc::channel();
+        let stop = &AtomicBool::new(false);
         let mut own = Worker::new(renderer, run_key);
+        // Learn with the leader
+        if wait_for(pending_order) != Order::Learn {
+            return;
+        }
+        let look = Mutex::new(());
+        own.renderer.learn(&run_key.film(), &|_| {
+            look.try_lock().is_err()
+                || world().process_at_rank(0).immediate_probe().is_none()
+        });
+        let (pieces, todo) = mpsc::channel();
+        let (done, parts) = mpsc::channel::<Vec<u8>>();
         thread::scope(|scope| {
-            scope.spawn(|| exchange(pieces, parts, &stop));
-            let watch = |_| !stop.load(Ordering::Relaxed);
+            scope.spawn(move || {
+                // Pass orders on and send sums until the end
+                loop {
+                    match pending_order() {
+                        Some(Order::Render(it)) => _ = pieces.send(it),
+                        Some(Order::Stop) => stop.store(true, Relaxed),
+                        Some(_) => return,
+                        None => match parts.try_recv() {
+                            Ok(part) => report(&part),
+                            Err(_) => thread::sleep(POLL),
+                        },
+                    }
+                }
+            });
+            let watch = |_| !stop.load(Relaxed);
             for piece in todo {
                 let part = own.render(piece, &watch);
                 let _ = done.send(part.to_bytes());
@@ -76,9 +117,8 @@ impl Ranks for World {
 
 fn main() -> ExitCode {
     let begun = mpi::initialize_with_threading(Threading::Serialized);
-    let Some((_universe, Threading::Serialized | Threading::Multiple)) =
-        begun
-    else {
+    let begun = begun.filter(|(_, given)| *given >= Threading::Serialized);
+    let Some(_universe) = begun else {
         progress::error("MPI does not allow for threads");
         return ExitCode::FAILURE;
     };
@@ -91,7 +131,7 @@ fn main() -> ExitCode {
 
 fn follow(rank: Rank) -> ExitCode {
     if let Err(message) = session::follow(&World)
-        && next_order() != Order::End
+        && wait_for(pending_order) != Order::End
     {
         progress::error(&format!("rank {rank}: {message}"));
         world().abort(1);
@@ -112,12 +152,8 @@ const GRACE: Duration = Duration::from_millis(250);
 
 /// Ends the run of the other ranks.
 fn shutdown(status: ExitCode) -> ExitCode {
-    let mut late = OUTSTANDING.load(Ordering::Relaxed);
-    while late > 0 {
-        match answer() {
-            Some(_) => late -= 1,
-            None => thread::sleep(POLL),
-        }
+    for _ in 0..OUTSTANDING.load(Relaxed) {
+        wait_for(answer);
     }
     send_all(Order::End);
     status
@@ -128,6 +164,8 @@ fn shutdown(status: ExitCode) -> ExitCode {
 enum Order {
     /// Listen to so many bytes that are told to all.
     Listen(u64),
+    /// Learn, with all others.
+    Learn,
     /// Render a piece.
     Render(Piece),
     /// Leave what is not yet rendered.
@@ -144,11 +182,11 @@ fn world() -> SimpleCommunicator {
     SimpleCommunicator::world()
 }
 
-/// The next order of rank 0.
-fn next_order() -> Order {
+/// What will be there after some looks.
+fn wait_for<T>(look: impl Fn() -> Option<T>) -> T {
     loop {
-        match pending_order() {
-            Some(order) => return order,
+        match look() {
+            Some(found) => return found,
             None => thread::sleep(POLL),
         }
     }
@@ -341,7 +379,7 @@ impl<'a> Worker<'a> {
         let began = Instant::now();
         let mut film = self.run_key.film_of(piece.window, piece.first);
         let rays = self.renderer.pass(&mut film, piece.samples, watch);
-        let values: u64 = film.pixels.iter().map(Accumulator::count).sum();
+        let values: u64 = film.pixels.iter().map(|p| p.count()).sum();
         self.share.paths += values * film.replicate;
         self.share.render_seconds += began.elapsed().as_secs_f64();
         self.share.processor_seconds = processor_seconds() - self.before;
@@ -387,6 +425,21 @@ impl Renderer for Leader<'_> {
         rays
     }
 
+    fn learn(&mut self, film: &Film, watch: &Watch) -> u64 {
+        send_all(Order::Learn);
+        let stop = Once::new();
+        self.own.renderer.learn(film, &|rays| {
+            watch(rays) || {
+                stop.call_once(|| send_all(Order::Stop));
+                false
+            }
+        })
+    }
+
+    fn training_rays(&self, area: u64) -> u64 {
+        self.own.renderer.training_rays(area)
+    }
+
     fn shares(&self) -> &[Share] {
         &self.shares
     }
@@ -406,11 +459,7 @@ static OUTSTANDING: AtomicUsize = AtomicUsize::new(0);
 
 /// Gives pieces to the other ranks and takes their sums, until all is
 /// done or `watch` stops it; returns the time that the sums have taken.
-fn hand_out(
-    pass: &Mutex<Pass>,
-    run_key: &RunKey,
-    watch: &Watch,
-) -> Duration {
+fn hand_out(pass: &Mutex<Pass>, key: &RunKey, watch: &Watch) -> Duration {
     let mut asked = vec![0; world().size() as usize];
     let (mut stopped, mut busy) = (None, Duration::ZERO);
     loop {
@@ -432,7 +481,7 @@ fn hand_out(
         let late = asked.iter().sum();
         let is_over = |since: Instant| since.elapsed() > GRACE;
         if late == 0 || stopped.is_some_and(is_over) {
-            OUTSTANDING.store(late, Ordering::Relaxed);
+            OUTSTANDING.store(late, Relaxed);
             return busy;
         }
         // Take the sums of a piece
@@ -442,7 +491,7 @@ fn hand_out(
             continue;
         };
         asked[rank] -= 1;
-        if let Some(mut part) = Part::from_bytes(&bytes, run_key) {
+        if let Some(mut part) = Part::from_bytes(&bytes, key) {
             let mut pass = locked(pass);
             let before = &pass.shares[rank];
             part.share.sent_bytes = before.sent_bytes + bytes.len() as u64;
@@ -450,25 +499,6 @@ fn hand_out(
             pass.add(rank, part);
         }
         busy += began.elapsed();
-    }
-}
-
-/// Passes orders on, and sends the sums of pieces, until the end.
-fn exchange(
-    pieces: Sender<Piece>,
-    parts: Receiver<Vec<u8>>,
-    stop: &AtomicBool,
-) {
-    loop {
-        match pending_order() {
-            Some(Order::Render(piece)) => _ = pieces.send(piece),
-            Some(Order::Stop) => stop.store(true, Ordering::Relaxed),
-            Some(_) => return,
-            None => match parts.try_recv() {
-                Ok(part) => report(&part),
-                Err(_) => thread::sleep(POLL),
-            },
-        }
     }
 }
 

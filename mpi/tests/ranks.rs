@@ -17,61 +17,53 @@ use litpt::image::Image;
 use litpt::state::checkpoint::Checkpoint;
 use litpt::state::shards::merge;
 
-const SCENE: [&str; 6] =
-    ["-q", "-f", "-iroom.obj", "-d70x50", "-r0.7", "-j1"];
+const SCENE: &str = "-p0,0,0 -q -f -iroom.obj -d70x50 -r0.7 -j1";
 
 /// The command `pt` on so many ranks.
-fn ranks(place: &Scratch, n: usize, arguments: &[&str]) -> Command {
+fn ranks(place: &Scratch, n: usize, arguments: &str) -> Command {
     let mut command = place.command("mpirun");
-    // What is named in the environment is left to the tests.
-    command.env("OMPI_ALLOW_RUN_AS_ROOT", "1");
-    command.env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1");
-    command.args(["--oversubscribe", "--bind-to", "none", "-n"]);
-    command.arg(n.to_string()).arg(env!("CARGO_BIN_EXE_pt-mpi"));
-    command.arg("-p0,0,0").args(SCENE).args(arguments);
+    let root = "--allow-run-as-root --oversubscribe --bind-to none";
+    let program = env!("CARGO_BIN_EXE_pt-mpi");
+    let line = format!("{root} -n {n} {program} {SCENE} {arguments}");
+    command.args(line.split_whitespace());
     command
 }
 
 /// Its run to the end, with the scene on standard input.
-fn run(place: &Scratch, n: usize, arguments: &[&str]) -> Run {
+fn run(place: &Scratch, n: usize, arguments: &str) -> Run {
     let mut command = ranks(place, n, arguments);
     let input = fs::File::open(place.path("room.obj")).unwrap();
     finish(command.stdin(input).spawn().unwrap())
-}
-
-fn alone(place: &Scratch, arguments: &[&str]) {
-    place.run(&[&SCENE[..], arguments].concat()).succeeded();
 }
 
 fn same(place: &Scratch, what: &str) {
     assert!(place.get("a.pfm") == place.get("b.pfm"), "{what}");
 }
 
-/// The image of one process is that of several ranks, whose numbers of
-/// paths the report has.
+/// The image of one process is that of several ranks, which trace as many
+/// rays; the report has the numbers of their paths.
 #[test]
 fn ranks_render_the_image_of_one_process() {
-    let (n, e) = ("-n64", "--error=0.02");
     for (arguments, numbers) in [
-        (&["-n23", "--integrator=reference"][..], &[1, 2, 5][..]),
-        (&[n, "--integrator=sobol"], &[3]),
-        (&[n, "--integrator=gather"], &[2, 5]),
-        (&["-n400"], &[2]),
-        (&[e, "--integrator=reference"], &[5]),
-        (&["--error=0.01"], &[3]),
-        (&["-n40", "--crop=3,5,33x40"], &[3]),
-        (&["-n1", "-d9x7"], &[5]),
+        ("-n23 --integrator=reference", &[1, 2, 5][..]),
+        ("-n64 --integrator=sobol", &[3]),
+        ("-n64 --integrator=gather", &[2, 5]),
+        ("-n400", &[2]),
+        ("--error=0.02 --integrator=reference", &[5]),
+        ("--error=0.01", &[3]),
+        ("-n40 --crop=3,5,33x40", &[3]),
+        ("-n1 -d9x7", &[5]),
     ] {
         let place = Scratch::new();
-        alone(&place, &[arguments, &["-oa.pfm"]].concat());
+        place.done(&format!("{SCENE} {arguments} -oa.pfm --report=s.json"));
         for &n in numbers {
-            let out = ["-i-", "-ob.pfm", "--report=r.json"];
-            let all = [arguments, &out].concat();
-            let run = run(&place, n, &all);
+            let out = "-i- -ob.pfm --report=r.json";
+            let run = run(&place, n, &format!("{arguments} {out}"));
             run.succeeded();
             assert_eq!(run.stderr, "");
-            same(&place, &format!("{arguments:?}: {n} ranks"));
+            same(&place, &format!("{arguments}: {n} ranks"));
             let report = place.json("r.json");
+            assert_eq!(report["rays"], place.json("s.json")["rays"]);
             let Some(shares) = report["ranks"].as_array() else {
                 assert_eq!(n, 1, "no shares of ranks");
                 continue;
@@ -86,14 +78,15 @@ fn ranks_render_the_image_of_one_process() {
     }
 }
 
+/// Some learn, others take what one process has learnt.
 #[test]
 fn ranks_render_a_part_of_a_run() {
     let place = Scratch::new();
-    alone(&place, &["-n64", "-oa.pfm"]);
-    alone(&place, &["-n64", "--samples=0..32", "-oa.litpt"]);
-    for (band, name) in [("1/2", "b.litpt"), ("2/2", "c.litpt")] {
-        let tiles = format!("--tiles={band}");
-        let part = ["-n64", "--samples=32..64", &tiles, "-o", name];
+    let whole = "-n64 --integrator=gather";
+    place.done(&format!("{SCENE} {whole} -oa.pfm"));
+    place.done(&format!("{SCENE} {whole} --samples=0..32 -oa.litpt"));
+    for part in ["1/2 -ob.litpt", "2/2 -oc.litpt --learnt=a.litpt"] {
+        let part = format!("{whole} --samples=32..64 --tiles={part}");
         run(&place, 3, &part).succeeded();
     }
     let parts = ["a.litpt", "b.litpt", "c.litpt"].map(|n| place.path(n));
@@ -106,16 +99,28 @@ fn ranks_render_a_part_of_a_run() {
 #[test]
 fn a_time_limit_ends_all_ranks() {
     let place = Scratch::new();
-    let limit = ["--time=2", "-oa.pfm", "--report=r.json"];
+    let limit = "--time=2 -oa.pfm --report=r.json";
     let start = Instant::now();
-    run(&place, 3, &limit).succeeded();
+    run(&place, 3, limit).succeeded();
     assert!(start.elapsed() < Duration::from_secs(30));
     let report = place.json("r.json");
     assert_eq!(report["stopped"], "time");
     assert!(report["spp"].as_u64() > Some(1));
-    let curve = report["curve"].as_array().unwrap();
-    let spent = &curve[curve.len() - 1]["processor_seconds"];
-    assert!(spent.as_f64() > Some(0.));
+    let last = report["curve"].as_array().unwrap().last().unwrap();
+    assert!(last["processor_seconds"].as_f64() > Some(0.));
+}
+
+#[test]
+fn ranks_stop_while_they_learn() {
+    let place = Scratch::new();
+    let long = "-d2000x2000 -n64 --integrator=gather -oa.pfm";
+    let child = ranks(&place, 3, long).spawn().unwrap();
+    thread::sleep(Duration::from_secs(3));
+    kill("-INT", processes(&child)[0]);
+    let run = finish(child);
+    assert_eq!(run.status, Some(130));
+    let fault = "error: no image: signal 2 came while learning";
+    assert!(run.stderr.starts_with(fault), "{}", run.stderr);
 }
 
 #[test]
@@ -123,11 +128,11 @@ fn what_is_wrong_is_said_once() {
     let place = Scratch::new();
     place.put("bad.obj", "v 1 2\n");
     for (arguments, message) in [
-        (["-ibad.obj", "-oa.pfm"], "bad.obj:1:"),
-        (["-inone.obj", "-oa.pfm"], "No such file"),
-        (["-n4", "-o/dev/full"], "No space left"),
+        ("-ibad.obj -oa.pfm", "bad.obj:1:"),
+        ("-inone.obj -oa.pfm", "No such file"),
+        ("-n4 -o/dev/full", "No space left"),
     ] {
-        let run = run(&place, 3, &arguments);
+        let run = run(&place, 3, arguments);
         assert_eq!(run.status, Some(1), "{}", run.stderr);
         assert_eq!(run.stderr.matches("error:").count(), 1);
         assert!(run.stderr.contains(message), "{}", run.stderr);
@@ -142,16 +147,21 @@ fn processes(run: &Child) -> Vec<u32> {
     children.split_whitespace().map(|id| id.parse().unwrap()).collect()
 }
 
+fn kill(name: &str, process: u32) {
+    let process = process.to_string();
+    let status = Command::new("kill").args([name, &process]).status();
+    assert!(status.unwrap().success());
+}
+
 fn is_running(process: &u32) -> bool {
     fs::read_link(format!("/proc/{process}/exe")).is_ok()
 }
 
 /// A run of three ranks that has saved its state at least once.
 fn under_way(place: &Scratch) -> Child {
-    let saved = ["--checkpoint=c.ck", "--every=0.2", "-n1000000000"];
-    let arguments = [&saved[..], &["-oa.pfm", "--integrator=reference"]];
-    let mut command = ranks(place, 3, &arguments.concat());
-    let mut child = command.spawn().unwrap();
+    let saved = "--checkpoint=c.ck --every=0.2 -n1000000000 -oa.pfm";
+    let saved = format!("{saved} --integrator=reference");
+    let mut child = ranks(place, 3, &saved).spawn().unwrap();
     let state = place.path("c.ck");
     wait_until(&mut child, "checkpoint", || state.exists());
     thread::sleep(Duration::from_millis(300));
@@ -164,34 +174,27 @@ fn goes_on(place: &Scratch) {
     fs::copy(place.path("c.ck"), place.path("d.ck")).unwrap();
     let saved = Checkpoint::of_file(&place.path("c.ck")).unwrap();
     // A pass takes no tile further than the next step.
-    let n = format!("-n{}", 2 * saved.known.report.convergence.spp + 10);
-    let method = "--integrator=reference";
-    alone(place, &[&n, "-ob.pfm", method]);
-    let more = [&n, "--resume=c.ck", "-oa.pfm", method];
-    run(place, 2, &more).succeeded();
+    let n = 2 * saved.known.report.convergence.spp + 10;
+    let n = format!("-n{n} --integrator=reference");
+    place.done(&format!("{SCENE} {n} -ob.pfm"));
+    run(place, 2, &format!("{n} --resume=c.ck -oa.pfm")).succeeded();
     same(place, "resumed");
-    alone(place, &[&n, "--resume=d.ck", "-oa.pfm", method]);
+    place.done(&format!("{SCENE} {n} --resume=d.ck -oa.pfm"));
     same(place, "resumed");
 }
 
 /// A rank that is killed, and an interrupt, of rank 0 or of all.
 #[test]
 fn a_run_that_is_ended_by_force_goes_on() {
-    for (name, rank) in [
-        ("-KILL", Some(1)),
-        ("-KILL", Some(0)),
-        ("-KILL", None),
-        ("-INT", Some(0)),
-        ("-INT", None),
-    ] {
+    let killed = [Some(1), Some(0), None].map(|rank| ("-KILL", rank));
+    let asked = [Some(0), None].map(|rank| ("-INT", rank));
+    for (name, rank) in killed.into_iter().chain(asked) {
         let place = Scratch::new();
         let child = under_way(&place);
         let ranks = processes(&child);
         assert_eq!(ranks.len(), 3);
         let id = rank.map_or(child.id(), |rank: usize| ranks[rank]);
-        let mut kill = Command::new("kill");
-        let kill = kill.arg(name).arg(id.to_string()).status();
-        assert!(kill.unwrap().success());
+        kill(name, id);
         let run = finish(child);
         match (name, rank) {
             ("-KILL", Some(rank)) => {

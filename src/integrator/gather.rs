@@ -19,6 +19,7 @@ pub mod render;
 pub mod training;
 
 use std::array;
+use std::sync::{Arc, OnceLock};
 
 use rand::RngExt;
 
@@ -26,6 +27,7 @@ use crate::analysis::LitView;
 use crate::analysis::background::{KnownPixels, TileContent};
 use crate::bvh::{BEAM, Bvh, Hit, Intersector};
 use crate::film::{Tile, Window};
+use crate::integrator::Together;
 use crate::sampler::sobol::{ScrambledNet, scramble_key};
 use crate::sampler::{generator, to_unit, within};
 use crate::scene::Ray;
@@ -47,11 +49,14 @@ pub struct Gather<'a> {
     /// How much is corrected; none leaves the error of the cache.
     pub correction: Option<Correction>,
     /// What [`Renderer::learn`](crate::integrator::Renderer::learn) has
-    /// learnt.
-    pub learnt: Option<Learnt>,
+    /// learnt, or another run like this one.
+    pub learnt: Arc<OnceLock<Learnt>>,
+    /// The processes that learn the same.
+    pub together: &'a dyn Together,
 }
 
 /// A cache, and how the samples are distributed.
+#[derive(Debug, PartialEq)]
 pub struct Learnt {
     /// The radiance and the guides of the scene.
     pub cache: RadianceCache,
@@ -94,7 +99,7 @@ pub struct Shot {
 }
 
 /// How the samples are distributed over a window, row by row.
-#[derive(Clone)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Allocation {
     /// The part of the image that is rendered.
     pub window: Window,

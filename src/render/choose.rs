@@ -6,6 +6,7 @@
 
 use std::array;
 use std::fmt;
+use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
 use bytemuck::{Pod, Zeroable, cast};
@@ -18,10 +19,10 @@ use crate::analysis::background::TileContent;
 use crate::analysis::{LitView, SceneAnalysis};
 use crate::bvh::{Bvh, Dispatch, Intersector};
 use crate::film::{Film, Window};
-use crate::integrator::gather::Correction;
-use crate::integrator::gather::Gather;
 use crate::integrator::gather::training::PILOT_SAMPLES;
-use crate::integrator::{Integrator, PathEvent, PathTracer, identity};
+use crate::integrator::gather::{Correction, Gather, Learnt};
+use crate::integrator::{Integrator, PathEvent, PathTracer};
+use crate::integrator::{Together, identity};
 use crate::sampler::sobol::SobolSampler;
 use crate::sampler::{IndependentSampler, Sampler, generator, within};
 
@@ -144,8 +145,14 @@ pub struct Setup<'a> {
 }
 
 impl<'a> Setup<'a> {
-    /// The renderer of a method.
-    pub fn renderer(&self, sampling: &Sampling) -> Box<dyn Renderer + 'a> {
+    /// The renderer of a method, which knows what was learnt, or learns it
+    /// together with other processes.
+    pub fn renderer(
+        &self,
+        sampling: &Sampling,
+        learnt: Arc<OnceLock<Learnt>>,
+        together: &'a dyn Together,
+    ) -> Box<dyn Renderer + 'a> {
         let &Self { intersector, view, analysis } = self;
         let &Sampling { seed, replicate, training, .. } = sampling;
         let mut paths = PathTracer::new(view.albedo, view.sky);
@@ -164,7 +171,8 @@ impl<'a> Setup<'a> {
                 seed,
                 training,
                 correction: Some(Correction::default()),
-                learnt: None,
+                learnt,
+                together,
             }),
         }
     }
@@ -214,7 +222,7 @@ impl<'a> Setup<'a> {
             }
             let expected = samples.unwrap_or(MANY) as f64;
             let [variance, rays] =
-                pilot.foresee(albedo, &sampling, expected);
+                pilot.foresee(albedo, &sampling, expected, area);
             (sampling, variance * rays)
         });
         // Choose among the methods that there is time for
@@ -439,13 +447,14 @@ impl Pilot {
     }
 
     /// The variance of a sample and its rays, these in units of the rays of
-    /// paths, for `samples` of each pixel. The constants are fits to measured
-    /// images.
+    /// paths, for `samples` of each of `area` pixels. The constants are fits
+    /// to measured images.
     fn foresee(
         &self,
         albedo: f64,
         sampling: &Sampling,
         samples: f64,
+        area: u64,
     ) -> [f64; 2] {
         let &Self { square, first, later, rays, .. } = self;
         match sampling.method {
@@ -464,7 +473,8 @@ impl Pilot {
                 let short = self.first_rays / rays.max(1e-9);
                 let left = 16. * bright * short * short * later;
                 let learnt = libm::pow(samples.min(4096.), -0.28);
-                [(guided + left) * learnt, 1.7 * (each + once)]
+                let few = (FITTED_AREA / area as f64).sqrt().max(1.);
+                [(guided + left) * learnt * few, 1.7 * (each + once)]
             }
         }
     }
@@ -480,7 +490,8 @@ impl Pilot {
     ) -> u64 {
         let is_enough = |&n: &u64| {
             let sampling = Sampling::new(method, 0, Some(n), area);
-            let [variance, _] = self.foresee(albedo, &sampling, n as f64);
+            let [variance, _] =
+                self.foresee(albedo, &sampling, n as f64, area);
             variance <= n as f64 * error * error
         };
         let quarters = (0..80).map(|k| 0.25 * f64::from(k));
@@ -508,6 +519,9 @@ impl Pilot {
         }
     }
 }
+
+/// The pixels of the images to which the constants of a gather are fitted.
+const FITTED_AREA: f64 = 320. * 240.;
 
 /// What a pilot has found, and what follows.
 #[derive(Clone, Debug)]

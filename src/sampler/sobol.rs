@@ -97,7 +97,7 @@ const LAST_DIGITS: u32 = TREES + 4 * CHUNKS as u32;
 const PATH: u32 = LAST_DIGITS + 2;
 
 /// A set of points in four dimensions, two pairs, that can be scrambled.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ScrambledNet {
     /// Chunks of the index of a point.
     chunks: u32,

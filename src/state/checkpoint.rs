@@ -7,18 +7,21 @@
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::path::Path;
+use std::sync::{Arc, OnceLock};
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 
 use crate::film::Film;
+use crate::integrator::gather::Learnt;
 use crate::render_loop::Convergence;
 use crate::report::Report;
 use crate::state::key::RunKey;
+use crate::state::learnt;
 
 /// The first line of a checkpoint; its number changes with the layout.
-const MAGIC: &[u8] = b"litpt checkpoint 6\n";
+const MAGIC: &[u8] = b"litpt checkpoint 7\n";
 
 /// What is known of a run beside its sums, in the second line.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -29,6 +32,24 @@ pub struct Known {
     pub options: Value,
     /// What is reported of it, with its convergence so far.
     pub report: Report,
+    /// What was learnt, which is not in that line.
+    #[serde(skip)]
+    pub learnt: Arc<OnceLock<Learnt>>,
+}
+
+impl Known {
+    /// Whether this is known of a run of another key.
+    ///
+    /// # Errors
+    /// It is; the first entry that differs is named.
+    pub fn belongs_to(&self, run_key: &RunKey) -> Result<(), String> {
+        let differs = self.run_key.disagreement(run_key);
+        differs.map_or(Ok(()), |(name, [theirs, ours])| {
+            Err(format!(
+                "belongs to another run: its {name} is {theirs}, not {ours}"
+            ))
+        })
+    }
 }
 
 /// Writes a checkpoint.
@@ -41,6 +62,7 @@ pub fn save(
     out.write_all(MAGIC)?;
     serde_json::to_writer(&mut out, known)?;
     out.write_all(b"\n")?;
+    learnt::write(&known.learnt, &mut out)?;
     film.write(&mut out)?;
     let Checked { out, checksum } = out;
     out.write_all(&checksum.finalize())
@@ -115,8 +137,10 @@ impl<R: BufRead + Seek> Checkpoint<R> {
         recognise(&mut file)?;
         let mut line = vec![];
         file.read_until(b'\n', &mut line).map_err(unreadable)?;
-        let known = serde_json::from_slice(&line)
+        let mut known: Known = serde_json::from_slice(&line)
             .map_err(|e| format!("is not a checkpoint of pt: {e}"))?;
+        known.learnt = learnt::read(&mut file, &known.run_key)
+            .map_err(|e| format!("what was learnt is damaged: {e}"))?;
         Ok(Self { known, sums: file })
     }
 
@@ -130,12 +154,7 @@ impl<R: BufRead + Seek> Checkpoint<R> {
         run_key: &RunKey,
         film: &mut Film,
     ) -> Result<Convergence, String> {
-        let differs = self.known.run_key.disagreement(run_key);
-        if let Some((name, [theirs, ours])) = differs {
-            return Err(format!(
-                "belongs to another run: its {name} is {theirs}, not {ours}"
-            ));
-        }
+        self.known.belongs_to(run_key)?;
         self.fill(film)?;
         Ok(self.known.report.convergence)
     }

@@ -72,7 +72,7 @@ pub fn merge(files: &[PathBuf]) -> Result<Merged, String> {
         let mut film = state.known.run_key.film();
         let part = state.known.run_key.part;
         state.known.run_key.part = part.map(Part::whole);
-        let Known { run_key, report, .. } = state.known.clone();
+        let Known { run_key, report, learnt, .. } = state.known.clone();
         let merged = sum.get_or_insert_with(|| {
             let (film, known) = (run_key.film(), state.known.clone());
             Merged { film, known, missing: None }
@@ -83,6 +83,12 @@ pub fn merge(files: &[PathBuf]) -> Result<Merged, String> {
             let (first, name) = (files[0].display(), path.display());
             return Err(format!(
                 "{first} and {name} are not of one run: {what} is {a} and {b}"
+            ));
+        }
+        if merged.known.learnt != learnt {
+            let (first, name) = (files[0].display(), path.display());
+            return Err(format!(
+                "{first} and {name} have not learnt the same"
             ));
         }
         // Refuse samples that another state holds

@@ -6,12 +6,14 @@
 use std::error::Error;
 use std::fmt::{self, Write};
 use std::path::Path;
+use std::sync::Arc;
 
 use glam::DVec3;
 use litpt::analysis::SceneAnalysis;
 use litpt::analysis::background::KnownPixels;
 use litpt::camera::View;
 use litpt::film::{Film, Summary, WORTH, Window};
+use litpt::integrator::Alone;
 use litpt::render::Job;
 use litpt::render::choose::{Method, Request, Sampling, Setup};
 use litpt::scene::Mesh;
@@ -142,7 +144,7 @@ fn image(setting: &Setting, method: Method, seed: u64, n: u64) -> Film {
     let choice = setup.choose(&request);
     let sampling = Sampling::new(method, seed, Some(n), area);
     let sampling = choice.map_or(sampling, |choice| choice.sampling);
-    let mut renderer = setup.renderer(&sampling);
+    let mut renderer = setup.renderer(&sampling, Arc::default(), &Alone);
     let mut film = sampling.film(resolution, window);
     renderer.pass(&mut film, n, &|_| true);
     film

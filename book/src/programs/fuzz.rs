@@ -13,6 +13,7 @@ mod mixtures;
 
 use std::panic::{AssertUnwindSafe, UnwindSafe, catch_unwind};
 use std::process::exit;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
@@ -22,7 +23,7 @@ use litpt::analysis::{LitView, SceneAnalysis};
 use litpt::bvh::{Bvh, Isa, Quality};
 use litpt::camera::{Camera, View};
 use litpt::film::Film;
-use litpt::integrator::PathTracer;
+use litpt::integrator::{Alone, PathTracer};
 use litpt::render::choose::{Method, Sampling, Setup};
 use litpt::render::{Job, Renderer};
 use litpt::sampler::IndependentSampler;
@@ -296,8 +297,9 @@ impl Case {
             view: &view,
             analysis: &analysis,
         };
+        let sampling = Sampling::new(Method::Reference, 0, None, 1);
         let mut renderer =
-            setup.renderer(&Sampling::new(Method::Reference, 0, None, 1));
+            setup.renderer(&sampling, Arc::default(), &Alone);
         let mut simple = Film::new(self.resolution.0, self.resolution.1);
         let rays = renderer.pass(&mut simple, self.samples, &|_| true);
         self.judge(&simple, rays.max(1001))?;

@@ -91,7 +91,7 @@ fn learn(figures: &Path) -> Result<String, Box<dyn Error>> {
     let allocation = &Allocation::even(window);
     let cache = &RadianceCache::empty(Grid::around(&[]));
     let like = Tracer { gather, intersector, cache, allocation, rays: 0 };
-    let cache = &train(&like, &|_| true).0;
+    let (cache, _) = &train(&like, &|_| true).ok_or("stopped")?;
     let like = &Tracer { cache, ..like };
     // Draw what is learnt
     let mut out = String::new();

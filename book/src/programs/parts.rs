@@ -185,14 +185,15 @@ impl Stage {
         let one = &Allocation::even(film.window);
         let trained = |training| {
             let gather = &Gather { training, ..self.renderer(seed) };
-            train(&tracer(gather, nothing, one), &|_| true)
+            train(&tracer(gather, nothing, one), &|_| true).unwrap()
         };
         let rays = sampling.training;
         let (cache, training) = trained(rays);
         let (hasty, haste) = trained(rays / 10);
         let gather = &Gather { correction: None, ..self.renderer(seed) };
         let like = tracer(gather, &cache, one);
-        let (allocation, pilot) = allocate(&like, &film, &|_| true);
+        let (allocation, pilot) =
+            allocate(&like, &film, &|_| true).unwrap();
         let counts = vec![film.replicate as u32; film.area() as usize];
         let even = Allocation { counts, ..allocation.clone() };
         let unguided = RadianceCache { guides: vec![], ..cache.clone() };

@@ -6,38 +6,24 @@
 use std::iter;
 
 use super::*;
-use glam::DVec3;
-use litpt::camera::View;
 use litpt::film::{FilmTile, add_value};
-use litpt::render::choose::{Method, Sampling};
-use litpt::state::key::Subject;
+use serde_json::{from_value, json};
 
-const RESOLUTION: (u32, u32) = (150, 70);
-
-const WINDOWS: [Window; 4] = [
-    Window { corner: (0, 0), size: RESOLUTION },
-    Window { corner: (5, 9), size: (100, 33) },
-    Window { corner: (15, 15), size: (2, 2) },
-    Window { corner: (3, 64), size: (1, 1) },
-];
+const WINDOWS: [&str; 4] =
+    ["0,0,150x70", "5,9,100x33", "15,15,2x2", "3,64,1x1"];
 
 fn run_key(case: usize) -> RunKey {
-    let methods = [Method::Reference, Method::Sobol, Method::Gather];
-    let (position, target, up) = (DVec3::ZERO, DVec3::Y, DVec3::Z);
-    RunKey {
-        version: String::new(),
-        integrator: String::new(),
-        scene_sha256: String::new(),
-        subject: Subject {
-            resolution: RESOLUTION,
-            crop: Some(WINDOWS[case % 4]),
-            view: View { position, target, up, fov: 70. },
-            albedo: 1.,
-        },
-        sampling: Sampling::new(methods[case % 3], 0, None, 0),
-        part: None,
-        filtered: case % 3 == 2,
-    }
+    let (method, replicate) =
+        [("reference", 1), ("sobol", 4), ("gather", 4)][case % 3];
+    let key = json!({
+        "version": "", "integrator": "", "scene_sha256": "",
+        "resolution": [150, 70], "crop": WINDOWS[case % 4],
+        "position": [0., 0., 0.], "target": [0., 1., 0.],
+        "up": [0., 0., 1.], "fov": 70., "albedo": 1., "seed": 0,
+        "method": method, "replicate": replicate, "training": 0,
+        "sky_control": 0, "filtered": case % 3 == 2,
+    });
+    from_value(key).unwrap()
 }
 
 /// Takes some tiles of a film to so many samples: replicates that are the

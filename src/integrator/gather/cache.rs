@@ -6,8 +6,10 @@
 
 use std::ops::Range;
 
+use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::guide::{BINS, Guide, SIDE, main_axis};
 use crate::bvh::Hit;
@@ -21,7 +23,7 @@ pub const LEVELS: usize = 5;
 const BITS: u32 = 19;
 
 /// The cubes that cells are made of.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Grid {
     /// The least corner of all cubes.
     low: DVec3,
@@ -112,7 +114,8 @@ pub const DARKNESS: u64 = u64::MAX - 1;
 
 /// A reflection: from one cell to another, to the sky, or to what is below
 /// the horizon.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
 pub struct Record {
     /// The cell of the surface that reflects.
     pub from: u64,
@@ -121,11 +124,12 @@ pub struct Record {
     /// The weight of the direction: one over its density on the square.
     pub weight: f32,
     /// The bin of the direction.
-    pub bin: u16,
+    pub bin: u32,
 }
 
 /// What is known of the surfaces in a cell.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
 pub struct Cell {
     /// Bits of the hash of its name; 0 in a free entry.
     mark: u32,
@@ -145,7 +149,7 @@ pub const UNSEEN: Cell =
     Cell { mark: 0, value: 0., error: 1., guide: NO_GUIDE };
 
 /// The cells and guides of a scene.
-#[derive(Clone)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct RadianceCache {
     /// Names the cells.
     pub grid: Grid,
@@ -194,6 +198,21 @@ impl RadianceCache {
     #[inline]
     pub fn guide(&self, cell: &Cell) -> Option<&Guide> {
         self.guides.get(cell.guide as usize)
+    }
+
+    /// Whether the table and all that it says can be used.
+    pub fn is_sound(&self) -> bool {
+        let Self { cells, guides, .. } = self;
+        let is_known =
+            |guide| guide == NO_GUIDE || guide < guides.len() as u32;
+        let is_fit = |cell: &Cell| {
+            let size = cell.value.abs() + cell.error;
+            size.is_finite() && cell.error > 0. && is_known(cell.guide)
+        };
+        cells.len().is_power_of_two()
+            && cells.iter().any(|cell| cell.mark == 0)
+            && cells.iter().all(is_fit)
+            && guides.iter().all(Guide::is_sound)
     }
 
     /// A cache that learns from records, which it sorts, and begins with
@@ -474,13 +493,13 @@ const ENOUGH: f32 = 1000.;
 /// The mean of the squares that fall into each bin; that of the prior, or
 /// of all, counts as one more.
 fn mean_squares(
-    squares: impl Iterator<Item = (u16, f32)>,
+    squares: impl Iterator<Item = (u32, f32)>,
     prior: Option<&[f32; BINS]>,
 ) -> [f32; BINS] {
     let (mut sums, mut counts) = ([0f32; BINS], [0f32; BINS]);
     for (bin, square) in squares {
-        sums[usize::from(bin)] += square;
-        counts[usize::from(bin)] += 1.;
+        sums[bin as usize] += square;
+        counts[bin as usize] += 1.;
     }
     let all: f32 = sums.iter().sum::<f32>() / counts.iter().sum::<f32>();
     let prior = |b: usize| prior.map_or(all, |p| p[b]);

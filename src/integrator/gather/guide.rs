@@ -6,6 +6,7 @@
 
 use std::array;
 
+use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
 use crate::numerics::sincos_turns;
@@ -64,7 +65,8 @@ pub const BINS: usize = SIDE * SIDE;
 
 /// A density over the square, constant in each bin: where the rows begin,
 /// and the columns of each row, in units of 2^-16.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
 pub struct Guide {
     rows: [u16; SIDE],
     columns: [[u16; SIDE]; SIDE],
@@ -126,6 +128,14 @@ impl Guide {
         let row = f64::from(length(&self.rows, i));
         let column = f64::from(length(&self.columns[i], j));
         row * column * (BINS as f64 / 65536. / 65536.)
+    }
+
+    /// Whether all bins have a density, as those of [`Guide::new`] have.
+    pub fn is_sound(&self) -> bool {
+        let all = self.columns.iter().chain([&self.rows]);
+        let rises =
+            |starts: &[u16; SIDE]| starts.is_sorted_by(|a, b| a < b);
+        all.into_iter().all(|starts| starts[0] == 0 && rises(starts))
     }
 
     /// The point of the square that belongs to a uniform one, whose

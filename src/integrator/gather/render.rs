@@ -3,6 +3,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Renders a film by gathering.
 
+use std::sync::Arc;
+
 use rayon::prelude::*;
 
 use super::cache::{Grid, RadianceCache};
@@ -15,22 +17,27 @@ use crate::sampler::split_mix;
 
 impl Renderer for Gather<'_> {
     fn learn(&mut self, film: &Film, watch: &Watch) -> u64 {
-        if self.learnt.is_some() {
+        if self.learnt.get().is_some() {
             return 0;
         }
         let learn = Learn { gather: self, film, watch };
-        let (learnt, rays) = self.intersector.dispatch(learn).unzip();
-        self.learnt = learnt;
-        rays.unwrap_or(0)
+        let found = self.intersector.dispatch(learn);
+        self.together.put(&[]);
+        let Some((learnt, rays)) = found else { return 0 };
+        let _ = self.learnt.set(learnt);
+        rays
     }
 
     fn training_rays(&self, area: u64) -> u64 {
-        self.training + area.saturating_mul(2 * PILOT_SAMPLES)
+        match self.learnt.get() {
+            Some(_) => 0,
+            None => self.training + area.saturating_mul(2 * PILOT_SAMPLES),
+        }
     }
 
     fn pass(&mut self, film: &mut Film, end: u64, watch: &Watch) -> u64 {
         let rays = self.learn(film, &|_| watch(0));
-        let Some(learnt) = &self.learnt else { return rays };
+        let Some(learnt) = self.learnt.get() else { return rays };
         let pass = Pass { gather: self, learnt, film, end, watch };
         rays + self.intersector.dispatch(pass)
     }
@@ -50,17 +57,14 @@ impl Dispatch for Learn<'_> {
         let Self { gather, film, watch } = self;
         let seed = split_mix(gather.seed);
         let cache = &RadianceCache::empty(Grid::around(&[]));
-        let gather =
-            &Gather { seed, correction: None, learnt: None, ..*gather };
+        let (correction, learnt) = (None, Arc::default());
+        let gather = &Gather { seed, correction, learnt, ..*gather };
         let allocation = &Allocation::even(film.whole);
         let like =
             Tracer { gather, intersector, cache, allocation, rays: 0 };
-        let (cache, rays) = train(&like, watch);
-        if !watch(0) {
-            return None;
-        }
+        let (cache, rays) = train(&like, watch)?;
         let like = Tracer { cache: &cache, ..like };
-        let (allocation, traced) = allocate(&like, film, watch);
+        let (allocation, traced) = allocate(&like, film, watch)?;
         let learnt = Learnt { cache, allocation };
         watch(0).then_some((learnt, rays + traced))
     }

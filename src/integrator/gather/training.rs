@@ -6,6 +6,7 @@
 use std::mem::take;
 use std::ops::Range;
 
+use bytemuck::{Pod, bytes_of, cast_slice, pod_read_unaligned};
 use glam::DVec3;
 use rand::RngExt;
 use rayon::prelude::*;
@@ -13,7 +14,7 @@ use rayon::prelude::*;
 use super::cache::{DARKNESS, Grid, RadianceCache, Record, SKY};
 use super::{Allocation, End, Gather, Shot, Tracer};
 use crate::bvh::{Hit, Intersector};
-use crate::film::{Film, FilmTile, Watch};
+use crate::film::{Film, Tile, Watch};
 use crate::sampler::generator;
 use crate::statistics::Accumulator;
 
@@ -75,13 +76,43 @@ impl<K: Intersector> Tracer<'_, K> {
                             grid.name_around(hit.point, hit.normal, u)
                         }
                     };
-                    let (weight, bin) = (weight as f32, bin as u16);
+                    let (weight, bin) = (weight as f32, bin as u32);
                     records.push(Record { from, to, weight, bin });
                 }
             }
         }
         records
     }
+}
+
+/// Appends what all processes find in so many pieces to `found`, and
+/// returns their rays; none if `watch`, which is told those of the others,
+/// stops one.
+fn find_together<T: Pod + Send>(
+    like: &Gather,
+    pieces: usize,
+    find: impl Fn(usize) -> (Vec<T>, u64) + Sync,
+    found: &mut Vec<T>,
+    watch: &Watch,
+) -> Option<u64> {
+    let (place, of) = like.together.place();
+    let share = pieces * place / of..pieces * (place + 1) / of;
+    let (own, rays): (Vec<_>, Vec<_>) =
+        share.into_par_iter().map(&find).unzip();
+    let (own, rays) = (own.concat(), rays.iter().sum::<u64>());
+    // Tell the others the rays and what was found
+    let told = if watch(0) { bytes_of(&rays) } else { &[] };
+    let told = like.together.put(told);
+    let told = told.chunks_exact(size_of::<u64>());
+    if told.len() < of {
+        return None;
+    }
+    let all = told.map(pod_read_unaligned::<u64>).sum::<u64>();
+    watch(all - rays);
+    let bytes = like.together.put(cast_slice(&own));
+    let each = bytes.chunks_exact(size_of::<T>());
+    found.extend(each.map(pod_read_unaligned::<T>));
+    Some(all)
 }
 
 /// Pieces of a round, each of which a thread traces by itself.
@@ -93,12 +124,12 @@ const ROUNDS: [u64; 3] = [15, 25, 60];
 /// By how much the last round must be expected to reduce the error.
 const LEAST_FALL: f32 = 0.028;
 
-/// Learns a cache with tracers like this one; returns it and the rays. If
-/// `watch`, which is told the rays, stops it, the cache is of no use.
+/// Learns a cache with tracers like this one; returns it and the rays, or
+/// none if `watch`, which is told the rays, stops it.
 pub fn train<K: Intersector>(
     like: &Tracer<K>,
     watch: &Watch,
-) -> (RadianceCache, u64) {
+) -> Option<(RadianceCache, u64)> {
     let &Gather { view, seed, training: rays, .. } = like.gather;
     // Choose the grid after a first look
     let mut scout = Tracer { rays: 0, ..*like };
@@ -110,17 +141,14 @@ pub fn train<K: Intersector>(
     for (round, percent) in (0..).zip(ROUNDS) {
         // Trace the pieces of a round
         let share = rays * percent / 100 / PIECES;
-        let pieces = round * PIECES..(round + 1) * PIECES;
         let explore = |piece| {
+            let piece = round * PIECES + piece as u64;
             let mut tracer = Tracer { cache: &cache, rays: 0, ..*like };
             let records = tracer.explore(share, seed, piece, |_| (), watch);
             (records, tracer.rays)
         };
-        let done: Vec<_> = pieces.into_par_iter().map(explore).collect();
-        for (more, rays) in done {
-            records.extend(more);
-            traced += rays;
-        }
+        let (all, pieces) = (&mut records, PIECES as usize);
+        traced += find_together(like.gather, pieces, explore, all, watch)?;
         let before = cache.relative_error;
         cache = cache.learn(&mut records, view.albedo as f32, watch);
         let now = cache.relative_error;
@@ -128,7 +156,7 @@ pub fn train<K: Intersector>(
             break;
         }
     }
-    (cache, traced)
+    Some((cache, traced))
 }
 
 /// Samples of each pixel in the pilot of an allocation; the pilot that
@@ -137,42 +165,57 @@ pub const PILOT_SAMPLES: u64 = 8;
 
 /// Samples for each pixel of the window of a film's run, one replicate on
 /// average, in proportion to the standard deviation that a pilot finds; and
-/// its rays. If `watch`, which is told the rays, stops it, they are of no
-/// use.
+/// its rays. None if `watch`, which is told the rays, stops it.
 pub fn allocate<K: Intersector>(
     like: &Tracer<K>,
     film: &Film,
     watch: &Watch,
-) -> (Allocation, u64) {
-    let (mean, mut film) = (film.replicate, film.blank());
+) -> Option<(Allocation, u64)> {
+    let (window, mean) = (film.whole, film.replicate);
     // Render the scrambles of the pilot
-    let rays = film.tiles().into_par_iter().map(
-        |FilmTile { tile, pixels, .. }| {
-            let mut tracer = Tracer { rays: 0, ..*like };
-            let (mut scrambles, mut told) = (0..PILOT_SAMPLES, 0);
-            while let Some(scramble) = scrambles.next()
-                && watch(tracer.rays - told)
-            {
-                told = tracer.rays;
-                let [values, _] = tracer.tile(tile, scramble);
-                pixels.iter_mut().zip(values).for_each(|(p, v)| p.add(v));
-            }
-            tracer.rays
-        },
-    );
-    let rays = rays.sum();
-    let means = film.means().collect::<Vec<_>>();
+    let mut blank = film.blank();
+    let tiles: Vec<Tile> = blank.tiles().iter().map(|t| t.tile).collect();
+    let render = |k: usize| {
+        let tile = tiles[k];
+        let mut tracer = Tracer { rays: 0, ..*like };
+        let mut pixels = vec![Accumulator::default(); tile.area()];
+        let (mut scrambles, mut told) = (0..PILOT_SAMPLES, 0);
+        while let Some(scramble) = scrambles.next()
+            && watch(tracer.rays - told)
+        {
+            told = tracer.rays;
+            let [values, _] = tracer.tile(tile, scramble);
+            pixels.iter_mut().zip(values).for_each(|(p, v)| p.add(v));
+        }
+        let found = pixels.iter().map(|p| [p.mean(), p.variance()]);
+        (found.collect::<Vec<_>>(), tracer.rays)
+    };
+    let (count, mut found) = (tiles.len(), vec![]);
+    let rays =
+        find_together(like.gather, count, render, &mut found, watch)?;
+    // Sort what the pilot has found by rows
+    let mut found = found.into_iter();
+    let mut means = vec![0.; window.area()];
+    let mut variances = means.clone();
+    for &tile in &tiles {
+        for (pixel, [mean, variance]) in
+            (0..tile.area() as u32).zip(&mut found)
+        {
+            let (_, _, number) = like.allocation.place(tile, pixel);
+            (means[number], variances[number]) = (mean, variance);
+        }
+    }
     let middle = average(&means);
     let least = if middle > 0. { 0.1 * middle } else { 1. };
     let scale: Vec<f64> = means.iter().map(|m| m.max(least)).collect();
-    let deviations = deviations(&film, &scale, watch);
+    let deviations = deviations(window.size, &variances, &scale, watch);
     let middle = average(&deviations).max(f64::MIN_POSITIVE);
     let count = |d: &f64| {
         let share = (d / middle).clamp(0.1, 8.);
         (share * mean as f64).round().max(1.) as u32
     };
     let counts = deviations.iter().map(count).collect();
-    (Allocation::new(film.window, counts, scale), rays)
+    Some((Allocation::new(window, counts, scale), rays))
 }
 
 fn average(numbers: &[f64]) -> f64 {
@@ -181,12 +224,14 @@ fn average(numbers: &[f64]) -> f64 {
 
 /// About the standard deviations of the pixels, row by row; not all of them
 /// if `watch` stops it.
-fn deviations(film: &Film, scale: &[f64], watch: &Watch) -> Vec<f64> {
-    let variances =
-        &film.rows().map(Accumulator::variance).collect::<Vec<_>>();
+fn deviations(
+    (width, height): (u32, u32),
+    variances: &[f64],
+    scale: &[f64],
+    watch: &Watch,
+) -> Vec<f64> {
     let squares: Vec<f64> = scale.iter().map(|s| s * s).collect();
     let common = 0.5 * average(variances) / average(&squares);
-    let (width, height) = film.window.size;
     let (width, height) = (width as usize, height as usize);
     let neighbours = |at: usize, end: usize| -> Range<usize> {
         at.saturating_sub(1)..(at + 2).min(end)

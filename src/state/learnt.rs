@@ -1,0 +1,78 @@
+// Tangled from chapters/state.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+//! What a gather has learnt, as bytes.
+
+use std::io::{self, BufRead, Read, Write};
+use std::sync::{Arc, OnceLock};
+
+use bytemuck::{Pod, cast_slice, cast_slice_mut};
+
+use crate::integrator::gather::cache::{Grid, RadianceCache};
+use crate::integrator::gather::{Allocation, Learnt};
+use crate::memory::zeroed;
+use crate::state::key::{RunKey, whole_window};
+
+/// Writes what was learnt, if anything was.
+pub fn write(
+    learnt: &OnceLock<Learnt>,
+    out: &mut dyn Write,
+) -> io::Result<()> {
+    let head = learnt.get().map(|Learnt { cache, .. }| {
+        (cache.grid, cache.cells.len(), cache.guides.len(), IS_BIG)
+    });
+    serde_json::to_writer(&mut *out, &head)?;
+    out.write_all(b"\n")?;
+    let Some(Learnt { cache, allocation }) = learnt.get() else {
+        return Ok(());
+    };
+    out.write_all(cast_slice(&cache.cells))?;
+    out.write_all(cast_slice(&cache.guides))?;
+    out.write_all(cast_slice(&allocation.counts))?;
+    out.write_all(cast_slice(&allocation.scale))
+}
+
+/// Whether the most significant byte of a number comes first.
+const IS_BIG: bool = cfg!(target_endian = "big");
+
+/// Reads what a run of this key has learnt, if anything.
+///
+/// # Errors
+/// The file ends, or has what cannot be learnt.
+pub fn read(
+    from: &mut dyn BufRead,
+    run_key: &RunKey,
+) -> io::Result<Arc<OnceLock<Learnt>>> {
+    let mut line = vec![];
+    from.read_until(b'\n', &mut line)?;
+    let Some(head) = serde_json::from_slice(&line)? else {
+        return Ok(Arc::default());
+    };
+    let (grid, cells, guides, is_big): (Grid, usize, usize, bool) = head;
+    let subject = &run_key.subject;
+    let window = whole_window(subject.resolution, subject.crop);
+    // Read the arrays
+    let (cells, guides) = (get(from, cells)?, get(from, guides)?);
+    let counts = get::<u32>(from, window.area())?;
+    let scale = get::<f64>(from, window.area())?;
+    let cache =
+        RadianceCache { cells, guides, ..RadianceCache::empty(grid) };
+    let most = run_key.sampling.replicate.saturating_mul(8).min(1 << 20);
+    let is_sound = is_big == IS_BIG
+        && cache.is_sound()
+        && counts.iter().all(|&n| (1..=most).contains(&n.into()))
+        && scale.iter().all(|s| s.is_finite() && *s > 0.);
+    if !is_sound {
+        return Err(io::Error::other("it has what cannot be learnt"));
+    }
+    let allocation = Allocation::new(window, counts, scale);
+    Ok(Arc::new(Learnt { cache, allocation }.into()))
+}
+
+/// Reads an array.
+fn get<T: Pod>(from: &mut dyn Read, length: usize) -> io::Result<Vec<T>> {
+    let mut array = zeroed(length)?;
+    from.read_exact(cast_slice_mut(&mut array))?;
+    Ok(array)
+}
