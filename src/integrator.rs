@@ -101,8 +101,9 @@ pub trait Together: Sync {
     }
 
     /// Tells the others some bytes; returns those of all processes, in the
-    /// order of their places. All call it alike.
-    fn put<'a>(&self, own: &'a [u8]) -> Cow<'a, [u8]> {
+    /// order of their places. All call it alike. Asks `watch` while it
+    /// waits, and waits on whatever that says.
+    fn put<'a>(&self, own: &'a [u8], _watch: &Watch) -> Cow<'a, [u8]> {
         own.into()
     }
 }

@@ -34,16 +34,18 @@ impl Together for World {
         (world().rank() as usize, world().size() as usize)
     }
 
-    fn put<'a>(&self, own: &'a [u8]) -> Cow<'a, [u8]> {
+    fn put<'a>(&self, own: &'a [u8], watch: &Watch) -> Cow<'a, [u8]> {
         if world().rank() > 0 {
             report(own);
             return self.hear().unwrap_or_default().into();
         }
-        let others = (1..self.place().1).map(|_| wait_for(answer));
-        let parts = others.chain([(0, own.to_vec())]);
-        let parts: Vec<_> =
-            BTreeMap::from_iter(parts).into_values().collect();
-        let mut all = parts.concat();
+        let look = || {
+            watch(0);
+            answer()
+        };
+        let others = (1..self.place().1).map(|_| wait_for(look));
+        let parts = BTreeMap::from_iter(others.chain([(0, own.to_vec())]));
+        let mut all = Vec::from_iter(parts.into_values()).concat();
         self.tell(&mut all);
         all.into()
     }
@@ -56,10 +58,8 @@ impl Ranks for World {
     }
 
     fn hear(&self) -> Option<Vec<u8>> {
-        let is_new = |order: &Order| *order != Order::Stop;
-        let order = wait_for(|| pending_order().filter(is_new));
-        let Order::Listen(length) = order else { return None };
-        let mut bytes = vec![0; length as usize];
+        let Order::Listen(n) = wait_for(pending_order) else { return None };
+        let mut bytes = vec![0; n as usize];
         broadcast(&mut bytes);
         Some(bytes)
     }
@@ -78,16 +78,18 @@ impl Ranks for World {
     }
 
     fn serve(&self, renderer: Box<dyn Renderer + '_>, run_key: &RunKey) {
-        let stop = &AtomicBool::new(false);
+        let goes_on = |_| !STOPPED.load(Relaxed);
         let mut own = Worker::new(renderer, run_key);
         // Learn with the leader
         if wait_for(pending_order) != Order::Learn {
             return;
         }
         let look = Mutex::new(());
-        own.renderer.learn(&run_key.film(), &|_| {
-            look.try_lock().is_err()
-                || world().process_at_rank(0).immediate_probe().is_none()
+        own.renderer.learn(&run_key.film(), &|rays| {
+            if let Ok(_guard) = look.try_lock() {
+                pending_order();
+            }
+            goes_on(rays)
         });
         let (pieces, todo) = mpsc::channel();
         let (done, parts) = mpsc::channel::<Vec<u8>>();
@@ -97,7 +99,6 @@ impl Ranks for World {
                 loop {
                     match pending_order() {
                         Some(Order::Render(it)) => _ = pieces.send(it),
-                        Some(Order::Stop) => stop.store(true, Relaxed),
                         Some(_) => return,
                         None => match parts.try_recv() {
                             Ok(part) => report(&part),
@@ -106,9 +107,8 @@ impl Ranks for World {
                     }
                 }
             });
-            let watch = |_| !stop.load(Relaxed);
             for piece in todo {
-                let part = own.render(piece, &watch);
+                let part = own.render(piece, &goes_on);
                 let _ = done.send(part.to_bytes());
             }
         });
@@ -192,11 +192,16 @@ fn wait_for<T>(look: impl Fn() -> Option<T>) -> T {
     }
 }
 
-/// The next order, if it is there.
+/// Whether rank 0 has given the order to stop.
+static STOPPED: AtomicBool = AtomicBool::new(false);
+
+/// The next order, if it is there; that to stop is noted and not returned.
 fn pending_order() -> Option<Order> {
     let found = world().process_at_rank(0).immediate_matched_probe();
     let (text, _) = found?.matched_receive_vec::<u8>();
-    Some(serde_json::from_slice(&text).unwrap_or(Order::End))
+    let order = serde_json::from_slice(&text).unwrap_or(Order::End);
+    STOPPED.fetch_or(order == Order::Stop, Relaxed);
+    (order != Order::Stop).then_some(order)
 }
 
 /// Sends a message to rank 0, and does not keep a core busy meanwhile.
@@ -479,8 +484,7 @@ fn hand_out(pass: &Mutex<Pass>, key: &RunKey, watch: &Watch) -> Duration {
         }
         // Return if no answer is to come
         let late = asked.iter().sum();
-        let is_over = |since: Instant| since.elapsed() > GRACE;
-        if late == 0 || stopped.is_some_and(is_over) {
+        if late == 0 || stopped.is_some_and(|at| at.elapsed() > GRACE) {
             OUTSTANDING.store(late, Relaxed);
             return busy;
         }

@@ -7,10 +7,9 @@
 #[path = "../../tests/common/mod.rs"]
 mod common;
 
-use std::fs;
 use std::process::{Child, Command};
-use std::thread;
 use std::time::{Duration, Instant};
+use std::{fs, thread};
 
 use common::{Run, Scratch, finish, wait_until};
 use litpt::image::Image;
@@ -47,7 +46,7 @@ fn ranks_render_the_image_of_one_process() {
     for (arguments, numbers) in [
         ("-n23 --integrator=reference", &[1, 2, 5][..]),
         ("-n64 --integrator=sobol", &[3]),
-        ("-n64 --integrator=gather", &[2, 5]),
+        ("-n64 --integrator=gather -j4", &[2, 5]),
         ("-n400", &[2]),
         ("--error=0.02 --integrator=reference", &[5]),
         ("--error=0.01", &[3]),
@@ -99,9 +98,8 @@ fn ranks_render_a_part_of_a_run() {
 #[test]
 fn a_time_limit_ends_all_ranks() {
     let place = Scratch::new();
-    let limit = "--time=2 -oa.pfm --report=r.json";
     let start = Instant::now();
-    run(&place, 3, limit).succeeded();
+    run(&place, 3, "--time=2 -oa.pfm --report=r.json").succeeded();
     assert!(start.elapsed() < Duration::from_secs(30));
     let report = place.json("r.json");
     assert_eq!(report["stopped"], "time");
@@ -110,14 +108,22 @@ fn a_time_limit_ends_all_ranks() {
     assert!(last["processor_seconds"].as_f64() > Some(0.));
 }
 
+/// The signal reaches the slower rank while the other waits for it.
 #[test]
 fn ranks_stop_while_they_learn() {
     let place = Scratch::new();
     let long = "-d2000x2000 -n64 --integrator=gather -oa.pfm";
-    let child = ranks(&place, 3, long).spawn().unwrap();
-    thread::sleep(Duration::from_secs(3));
-    kill("-INT", processes(&child)[0]);
+    let child = ranks(&place, 2, long).spawn().unwrap();
+    thread::sleep(Duration::from_secs(1));
+    let ranks = processes(&child);
+    kill("-STOP", ranks[1]);
+    // Rank 0 does its part meanwhile, which takes seven seconds.
+    thread::sleep(Duration::from_secs(12));
+    kill("-CONT", ranks[1]);
+    kill("-INT", ranks[0]);
+    let start = Instant::now();
     let run = finish(child);
+    assert!(start.elapsed() < Duration::from_secs(4), "too slow");
     assert_eq!(run.status, Some(130));
     let fault = "error: no image: signal 2 came while learning";
     assert!(run.stderr.starts_with(fault), "{}", run.stderr);
@@ -162,8 +168,7 @@ fn under_way(place: &Scratch) -> Child {
     let saved = "--checkpoint=c.ck --every=0.2 -n1000000000 -oa.pfm";
     let saved = format!("{saved} --integrator=reference");
     let mut child = ranks(place, 3, &saved).spawn().unwrap();
-    let state = place.path("c.ck");
-    wait_until(&mut child, "checkpoint", || state.exists());
+    wait_until(&mut child, "checkpoint", || place.path("c.ck").exists());
     thread::sleep(Duration::from_millis(300));
     child
 }

@@ -22,7 +22,7 @@ impl Renderer for Gather<'_> {
         }
         let learn = Learn { gather: self, film, watch };
         let found = self.intersector.dispatch(learn);
-        self.together.put(&[]);
+        self.together.put(&[], watch);
         let Some((learnt, rays)) = found else { return 0 };
         let _ = self.learnt.set(learnt);
         rays
@@ -36,6 +36,8 @@ impl Renderer for Gather<'_> {
     }
 
     fn pass(&mut self, film: &mut Film, end: u64, watch: &Watch) -> u64 {
+        let is_alone = || self.together.place().1 == 1;
+        assert!(self.learnt.get().is_some() || is_alone(), "unlearnt");
         let rays = self.learn(film, &|_| watch(0));
         let Some(learnt) = self.learnt.get() else { return rays };
         let pass = Pass { gather: self, learnt, film, end, watch };

@@ -102,14 +102,14 @@ fn find_together<T: Pod + Send>(
     let (own, rays) = (own.concat(), rays.iter().sum::<u64>());
     // Tell the others the rays and what was found
     let told = if watch(0) { bytes_of(&rays) } else { &[] };
-    let told = like.together.put(told);
+    let told = like.together.put(told, watch);
     let told = told.chunks_exact(size_of::<u64>());
     if told.len() < of {
         return None;
     }
     let all = told.map(pod_read_unaligned::<u64>).sum::<u64>();
     watch(all - rays);
-    let bytes = like.together.put(cast_slice(&own));
+    let bytes = like.together.put(cast_slice(&own), watch);
     let each = bytes.chunks_exact(size_of::<T>());
     found.extend(each.map(pod_read_unaligned::<T>));
     Some(all)
