@@ -233,8 +233,8 @@ impl Film {
         Self::cropped((width, height), window)
     }
 
-    /// The film of a window that lies within an image of this `resolution`.
-    pub fn cropped(resolution: (u32, u32), window: Window) -> Self {
+    /// The tiles of a window, and the place of each by row and column.
+    fn layout(window: Window) -> (Vec<Tile>, Vec<u32>) {
         let ((left, top), (columns, rows)) = window.cells();
         let side = columns.max(rows).next_power_of_two();
         let row = |y| (0..columns).map(move |x| (x, y));
@@ -253,8 +253,14 @@ impl Film {
             tiles.push(Tile { corner, size, start, number: number as u32 });
             start += (size.0 * size.1) as usize;
         }
+        (tiles, places)
+    }
+
+    /// The film of a window that lies within an image of this `resolution`.
+    pub fn cropped(resolution: (u32, u32), window: Window) -> Self {
+        let (tiles, places) = Self::layout(window);
+        let pixels = zeroed(window.area()).expect("memory for a film");
         // Make a film of these tiles
-        let pixels = zeroed(start).expect("memory for a film");
         Self {
             resolution,
             window,
@@ -307,9 +313,9 @@ impl Film {
         self.pixels.len() as u64
     }
 
-    /// A film of the whole window of its run without a sample.
-    pub fn blank(&self) -> Self {
-        Self::cropped(self.resolution, self.whole)
+    /// The tiles of the whole window of its run.
+    pub fn all_tiles(&self) -> Vec<Tile> {
+        Self::layout(self.whole).0
     }
 
     /// The pixels, row by row from the top left.

@@ -445,6 +445,8 @@ impl Options {
         let checkpoint = self.checkpoint.as_deref();
         let part = range.is_some() || tiles.is_some();
         let limited = self.time.is_some() || self.error.is_some();
+        let shows =
+            self.images().next().is_some() || !self.report.is_empty();
         let is_png = |path: &PathBuf| Format::of(path) == Ok(Format::Png);
         let is_open = |path| descriptor(path).is_some();
         // Describe a part that is not within the image
@@ -476,6 +478,8 @@ impl Options {
              neither --time nor --error"
         } else if range.is_some_and(|(_, end)| Some(end) > samples) {
             "--samples ends after the samples of the whole run, which are -n"
+        } else if range.is_some_and(|(a, b)| a == b) && shows {
+            "--samples A..A only learns, and writes a state: -o a.litpt"
         } else if tiles.is_some() && self.reference.is_some() {
             "--tiles renders a part of the image, and --reference needs all of it"
         } else if !is_within {

@@ -275,11 +275,15 @@ impl Convergence {
         first: Instant,
         area: u64,
     ) -> Option<Stop> {
-        if limits.samples.is_some_and(|n| self.spp >= n) {
+        let has_all = limits.samples.is_some_and(|n| self.spp >= n);
+        if has_all && self.spp > 0 {
             return Some(Stop::Samples);
         }
         if let Some(signal) = limits.signal() {
             return Some(Stop::Signal(signal));
+        }
+        if has_all {
+            return Some(Stop::Samples);
         }
         if limits.error.is_some_and(|error| self.reaches(error, area)) {
             return Some(Stop::Error);

@@ -200,11 +200,11 @@ fn run(
         known.run_key.part = run_key.part;
         known
             .belongs_to(&run_key)
-            .map_err(|fault| format!("{name}: {fault}"))?;
-        if known.learnt.get().is_none() {
-            progress::warn(&format!("{name}: holds nothing learnt"));
-        }
+            .map_err(|fault| format!("{name}: {fault} (see -n, too)"))?;
         learnt = known.learnt;
+        if learnt.get().is_none() && sampling.method == Method::Gather {
+            return Err(format!("{name}: holds nothing learnt").into());
+        }
     }
     if ranks.place().1 > 1 {
         let mut bytes = vec![];
@@ -214,7 +214,9 @@ fn run(
     let renderer = setup.renderer(&sampling, learnt.clone(), ranks);
     let renderer = &mut *ranks.lead(renderer, &run_key);
     let goal = options.goal(sampling.replicate);
-    let run = film_so_far(options, &run_key, goal, resumed)?;
+    let learns =
+        sampling.method == Method::Gather && learnt.get().is_none();
+    let run = film_so_far(options, &run_key, goal, learns, resumed)?;
     // Prepare the files of the run
     let often = (options.every.unwrap_or(60.), options.preview);
     let known =
@@ -632,13 +634,11 @@ fn film_so_far(
     options: &Options,
     run_key: &RunKey,
     goal: Option<u64>,
+    learns: bool,
     resumed: Option<Checkpoint>,
 ) -> Result<(Film, Convergence), String> {
     // Ask for the memory of the film
     let [whole, area] = run_key.windows().map(|window| window.area());
-    let learns = run_key.sampling.method == Method::Gather
-        && resumed.is_none()
-        && options.learnt.is_none();
     let parts = [(true, area), (run_key.filtered, area), (learns, whole)];
     let parts = parts.into_iter().filter(|&(is_needed, _)| is_needed);
     let sums: usize = parts.map(|(_, area)| area).sum();
@@ -662,7 +662,7 @@ fn film_so_far(
             .resume(run_key, &mut film)
             .map_err(|fault| format!("{name}: {fault}"))?;
         let spp = convergence.spp;
-        if goal.is_some_and(|n| spp >= n) {
+        if goal.is_some_and(|n| 0 < n && n <= spp) {
             progress::warn(&format!(
                 "{name}: holds {spp} samples already (ask for more with -n)"
             ));
@@ -721,7 +721,8 @@ fn render(
     // End without an image if there is no sample
     let is_over = matches!(stop, Stop::Time | Stop::Signal(_));
     if is_over && film.unsampled() == film.area() {
-        let doing = if training > 0 { "learning" } else { "rendering" };
+        let learns = renderer.training_rays(area) > 0;
+        let doing = if learns { "learning" } else { "rendering" };
         let message = stop.without_image(doing);
         if stop == Stop::Time {
             return Err(message);
@@ -730,6 +731,11 @@ fn render(
         return Ok(stop);
     }
     output.write(&convergence, &film, None)?;
+    if output.known.run_key.only_learns() {
+        let Convergence { rays, seconds, .. } = convergence;
+        progress::inform(&format!("learnt    {rays} rays, {seconds:.3} s"));
+        return Ok(stop);
+    }
     // Print the summary
     if !progress::is_quiet() {
         let report = output.known.report.complete(&film);

@@ -670,6 +670,8 @@ fn a_gather_ends_in_each_stage_by_the_clock_and_by_a_signal() {
             deadline: Some(signal.map_or(end, |_| end + HOUR)),
             clock: Some(&clock),
             interrupt: Some(&interrupt),
+            // One that only learns has not learnt either.
+            samples: signal.filter(|_| looks < 200).map(|_| 0),
             ..Limits::default()
         };
         let (mut film, mut run) = (stage.film(4), Convergence::default());

@@ -165,6 +165,7 @@ fn options_that_do_not_fit_together_are_refused() {
         (&["--samples=0..9", "-n8"], "--samples ends after"),
         (&["--tiles=1/2", "-n8", "--reference=a.exr"], "--reference"),
         (&["-d40x50", "-n8", "--tiles=5/5"], "4 rows of tiles"),
+        (&["-n8", "--samples=0..0", "-oa.png"], "only learns"),
         (&["-oa.litpt", "-ob.litpt"], "a run has one state"),
         (&["-oa.litpt", "--checkpoint=b"], "a run has one state"),
         (&["--every", "5"], "--every needs --checkpoint"),

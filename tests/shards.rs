@@ -138,15 +138,35 @@ fn what_was_learnt_once_is_not_learnt_again() {
     merge(&place, &format!("{all} -oe.pfm")).failed(1, &[fault]);
 }
 
-/// Paths learn nothing.
+/// Paths learn nothing, and need nothing; a gather does.
 #[test]
 fn there_is_nothing_to_take_from_paths() {
     let place = Scratch::new();
-    let run = "-iroom.obj -d9x7 -n16 --integrator=sobol --samples";
-    place.done(&format!("-q {run}=0..0 -oa.litpt"));
-    let took =
-        place.done(&format!("{run}=0..16 -ob.litpt --learnt=a.litpt"));
-    assert!(took.stderr.contains("a.litpt: holds nothing learnt"));
+    let run = "-iroom.obj -d9x7 -n16 --integrator";
+    place.done(&format!("{run}=sobol --samples=0..0 -oa.litpt"));
+    let taken = "=sobol --samples=0..16 -ob.litpt --learnt=a.litpt";
+    let took = place.done(&format!("{run}{taken}"));
+    assert!(!took.stderr.contains("learnt"), "{}", took.stderr);
+    let told = place
+        .done(&format!("{run}=gather --samples=0..0 -oc.litpt"))
+        .stderr;
+    assert!(told.contains("learnt    "), "{told}");
+    let size = place.get("c.litpt").len();
+    let sums = 9 * 7 * 64;
+    let whole = format!("{run}=gather --samples=0..16 -od.litpt");
+    place.done(&format!("{whole} --learnt=c.litpt"));
+    assert!(place.get("d.litpt").len() > size + sums);
+    // It was interrupted before it had learnt.
+    let mut state = Checkpoint::of_file(&place.path("c.litpt")).unwrap();
+    state.known.learnt = Arc::default();
+    let file = fs::File::create(place.path("c.litpt")).unwrap();
+    save(&state.known, &state.known.run_key.film(), &mut &file).unwrap();
+    let nothing = "c.litpt: holds nothing learnt";
+    place
+        .line(&format!("{whole} -f --learnt=c.litpt"))
+        .failed(1, &[nothing]);
+    merge(&place, "c.litpt d.litpt -oe.litpt").succeeded();
+    place.done("--resume=e.litpt -oe.pfm -q");
 }
 
 /// What a pilot chooses, and what a gather learns, are those of the whole

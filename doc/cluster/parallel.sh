@@ -7,9 +7,9 @@
 # The file "hosts" has a machine on each line, as parallel's --sshloginfile
 # has it; a line ":" is this machine. The run has 4096 samples of each pixel
 # in 32 parts; several parts for each machine let the quick ones do more. The
-# scene is copied to each machine, and needs a name without a directory; so is
-# what a gather learns, here, before all parts. pt has to be installed there.
-# What follows the image are options of pt.
+# scene is copied to each machine, and needs a name without a directory. What a
+# gather learns is learnt here, before all parts, and copied, too. pt has to be
+# installed there. What follows the image are options of pt.
 #
 # Copyright (C) 2026 litpt contributors
 # Copying and distribution of this file, with or without modification, are

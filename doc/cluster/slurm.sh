@@ -9,10 +9,10 @@
 #
 # The first job, which is no array, learns what all tasks take; without it each
 # learns by itself. The first argument is the number of samples of each pixel,
-# the others are those of pt. A task that is ended, by its limit of time or for another job,
-# has saved its state, and goes on from there when it is queued again: by
-# "scontrol requeue JOB_TASK", or by the same sbatch, which ends at once where
-# nothing is left to do.
+# the others are those of pt. A task that is ended, by its limit of time or for
+# another job, has saved its state, and goes on from there when it is queued
+# again: by "scontrol requeue JOB_TASK", or by the same sbatch, which ends at
+# once where nothing is left to do.
 #
 # Copyright (C) 2026 litpt contributors
 # Copying and distribution of this file, with or without modification, are

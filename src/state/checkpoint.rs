@@ -63,7 +63,9 @@ pub fn save(
     serde_json::to_writer(&mut out, known)?;
     out.write_all(b"\n")?;
     learnt::write(&known.learnt, &mut out)?;
-    film.write(&mut out)?;
+    if !known.run_key.only_learns() {
+        film.write(&mut out)?;
+    }
     let Checked { out, checksum } = out;
     out.write_all(&checksum.finalize())
 }
@@ -124,8 +126,8 @@ fn unreadable(error: io::Error) -> String {
 pub struct Checkpoint<R = BufReader<File>> {
     /// What was known of its run.
     pub known: Known,
-    /// The file from the first sum on.
-    sums: R,
+    /// The file from the first sum on, if it has any.
+    sums: Option<R>,
 }
 
 impl<R: BufRead + Seek> Checkpoint<R> {
@@ -141,7 +143,8 @@ impl<R: BufRead + Seek> Checkpoint<R> {
             .map_err(|e| format!("is not a checkpoint of pt: {e}"))?;
         known.learnt = learnt::read(&mut file, &known.run_key)
             .map_err(|e| format!("what was learnt is damaged: {e}"))?;
-        Ok(Self { known, sums: file })
+        let sums = (!known.run_key.only_learns()).then_some(file);
+        Ok(Self { known, sums })
     }
 
     /// Fills the `film`, and returns the convergence so far.
@@ -164,7 +167,8 @@ impl<R: BufRead + Seek> Checkpoint<R> {
     /// # Errors
     /// The file cannot be read.
     pub fn fill(&mut self, film: &mut Film) -> Result<(), String> {
-        film.read(&mut self.sums).map_err(unreadable)
+        let sums = self.sums.as_mut();
+        sums.map_or(Ok(()), |sums| film.read(sums)).map_err(unreadable)
     }
 }
 

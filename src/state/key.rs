@@ -107,6 +107,11 @@ impl RunKey {
         [window, window.band(band)]
     }
 
+    /// Whether the run has no sample, and only learns; its state has no sums.
+    pub fn only_learns(&self) -> bool {
+        self.part.is_some_and(|part| part.count() == 0)
+    }
+
     /// An empty film for what is rendered.
     pub fn film(&self) -> Film {
         let first = self.part.map_or(0, |part| part.samples.0);

@@ -61,8 +61,8 @@ pub struct Merged {
 /// Adds the states of parts of one run.
 ///
 /// # Errors
-/// A file is no state, or is damaged; two of them are not of one run, or
-/// hold the same samples.
+/// A file is no state, or is damaged; two of them are not of one run, have
+/// not learnt the same, or hold the same samples.
 pub fn merge(files: &[PathBuf]) -> Result<Merged, String> {
     let mut sum: Option<Merged> = None;
     let mut held: Vec<(&Path, [Held; 2])> = vec![];
@@ -85,11 +85,15 @@ pub fn merge(files: &[PathBuf]) -> Result<Merged, String> {
                 "{first} and {name} are not of one run: {what} is {a} and {b}"
             ));
         }
-        if merged.known.learnt != learnt {
+        let both = (merged.known.learnt.get(), learnt.get());
+        if matches!(both, (Some(ours), Some(own)) if ours != own) {
             let (first, name) = (files[0].display(), path.display());
             return Err(format!(
                 "{first} and {name} have not learnt the same"
             ));
+        }
+        if both.0.is_none() {
+            merged.known.learnt = learnt;
         }
         // Refuse samples that another state holds
         let spp = report.convergence.spp;

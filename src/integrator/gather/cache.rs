@@ -414,6 +414,7 @@ impl Equations<'_> {
         let all = first[cells.level(LEVELS - 1)].iter().sum::<f32>();
         let mean = all / self.records.len() as f32;
         let least = if mean == 0. { 1. } else { 0.01 * mean.abs() };
+        let least = least.max(f32::MIN_POSITIVE);
         let parent = |c: usize| cells.parents.get(c).map(|&p| p as usize);
         let error = |c: usize| {
             // Find the variance of the records around a cell

@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use super::cache::{DARKNESS, Grid, RadianceCache, Record, SKY};
 use super::{Allocation, End, Gather, Shot, Tracer};
 use crate::bvh::{Hit, Intersector};
-use crate::film::{Film, Tile, Watch};
+use crate::film::{Film, Watch};
 use crate::sampler::generator;
 use crate::statistics::Accumulator;
 
@@ -173,8 +173,7 @@ pub fn allocate<K: Intersector>(
 ) -> Option<(Allocation, u64)> {
     let (window, mean) = (film.whole, film.replicate);
     // Render the scrambles of the pilot
-    let mut blank = film.blank();
-    let tiles: Vec<Tile> = blank.tiles().iter().map(|t| t.tile).collect();
+    let tiles = film.all_tiles();
     let render = |k: usize| {
         let tile = tiles[k];
         let mut tracer = Tracer { rays: 0, ..*like };
