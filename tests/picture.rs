@@ -115,7 +115,7 @@ fn what_needs_no_filter_is_not_changed() {
     assert!(exact.error.rmse < 1e-7, "{:?}", exact.error);
 }
 
-const VIEW: &str = "-qf -iroom.obj -d40x50 -r0.7 --integrator=gather -n12";
+const VIEW: &str = "-qf -iroom.obj -d20x25 -r0.7 --integrator=gather -n12";
 
 /// The picture does not depend on threads, instructions or on where a run was
 /// interrupted; only files that show it have it.

@@ -23,6 +23,7 @@ use crate::integrator::gather::training::PILOT_SAMPLES;
 use crate::integrator::gather::{Correction, Gather, Learnt};
 use crate::integrator::{Integrator, PathEvent, PathTracer};
 use crate::integrator::{Together, identity};
+use crate::numerics::power_of_two;
 use crate::sampler::sobol::SobolSampler;
 use crate::sampler::{IndependentSampler, Sampler, generator, within};
 
@@ -98,7 +99,9 @@ impl Sampling {
         };
         let rays =
             samples.unwrap_or(u64::MAX).saturating_mul(area * GATHER_RAYS);
-        let trained = (rays / 2).clamp(1 << 16, 1 << 22);
+        let root = (rays as f64 * BEST_TRAINING).sqrt() as u64;
+        let most = root.min(rays.saturating_mul(2));
+        let trained = most.clamp(1 << 16, 1 << 22);
         let (replicate, training) = match method {
             Method::Reference => (1, 0),
             Method::Sobol => (together(4, 1 << 8), 0),
@@ -129,6 +132,9 @@ impl Sampling {
 
 /// Rays of a gather with its part of the correction, about.
 const GATHER_RAYS: u64 = 5;
+
+/// Rays of a training that are best for as many rays of samples, about.
+const BEST_TRAINING: f64 = power_of_two(21);
 
 /// Changes whenever the code that decides what a gather is does.
 const GATHER_VERSION: u32 = 5;
