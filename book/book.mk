@@ -329,6 +329,7 @@ $(BUILD_DIR)/figures/picture-%.png: $(BUILD_DIR)/pt \
 
 $(BUILT)/filtered.tex: $(MEASURED)/picture.csv | $(BUILT)
 	awk -F '[,/]' '/^[^#].*\// { sub("@sobol", " by nets"); \
+	  sub("backroom", "back room"); \
 	  printf "%s & %s & %s & %s & %s \\\\\n", \
 	    $$1 == last ? "" : $$1, $$2, $$3, $$4, $$5; last = $$1 }' $< > $@
 

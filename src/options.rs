@@ -65,8 +65,8 @@ pub struct Options {
     #[arg(long, value_name = "K/N", value_parser = parse_band)]
     pub tiles: Option<(u32, u32)>,
 
-    /// Take what another part of this run has learnt from its state, instead of
-    /// learning it again; the image does not depend on it
+    /// Take what another part of this run, of the same -n, has learnt from its
+    /// state, instead of learning it again; the image does not depend on it
     #[arg(long, value_name = "FILE", conflicts_with = "resume")]
     pub learnt: Option<PathBuf>,
 

@@ -200,7 +200,7 @@ fn run(
         known.run_key.part = run_key.part;
         known
             .belongs_to(&run_key)
-            .map_err(|fault| format!("{name}: {fault} (see -n, too)"))?;
+            .map_err(|fault| format!("{name}: {fault}"))?;
         learnt = known.learnt;
         if learnt.get().is_none() && sampling.method == Method::Gather {
             return Err(format!("{name}: holds nothing learnt").into());

@@ -167,6 +167,10 @@ fn there_is_nothing_to_take_from_paths() {
         .failed(1, &[nothing]);
     merge(&place, "c.litpt d.litpt -oe.litpt").succeeded();
     place.done("--resume=e.litpt -oe.pfm -q");
+    // Errors may be smaller than a number in single precision.
+    let dim = format!("-q {run}=gather -r1e-44 --samples");
+    place.done(&format!("{dim}=0..0 -of.litpt"));
+    place.done(&format!("{dim}=0..16 -og.litpt --learnt=f.litpt"));
 }
 
 /// What a pilot chooses, and what a gather learns, are those of the whole

@@ -99,7 +99,8 @@ fn find_together<T: Pod + Send>(
     let share = pieces * place / of..pieces * (place + 1) / of;
     let (own, rays): (Vec<_>, Vec<_>) =
         share.into_par_iter().map(&find).unzip();
-    let (own, rays) = (own.concat(), rays.iter().sum::<u64>());
+    let own: Vec<T> = own.into_iter().flatten().collect();
+    let rays = rays.iter().sum::<u64>();
     // Tell the others the rays and what was found
     let told = if watch(0) { bytes_of(&rays) } else { &[] };
     let told = like.together.put(told, watch);
