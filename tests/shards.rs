@@ -166,7 +166,8 @@ fn there_is_nothing_to_take_from_paths() {
         .line(&format!("{whole} -f --learnt=c.litpt"))
         .failed(1, &[nothing]);
     merge(&place, "c.litpt d.litpt -oe.litpt").succeeded();
-    place.done("--resume=e.litpt -oe.pfm -q");
+    let merged = Checkpoint::of_file(&place.path("e.litpt")).unwrap();
+    assert!(merged.known.learnt.get().is_some());
     // Errors may be smaller than a number in single precision.
     let dim = format!("-q {run}=gather -r1e-44 --samples");
     place.done(&format!("{dim}=0..0 -of.litpt"));
