@@ -14,9 +14,11 @@ use litpt::camera::{Camera, View};
 use litpt::film::Film;
 use litpt::image::{Format, Picture};
 use litpt::integrator::PathTracer;
+use litpt::materials::Surfaces;
 use litpt::render::{Job, Renderer};
 use litpt::sampler::IndependentSampler;
 use litpt::scene::{Scene, read_obj};
+use litpt::sensor::Sensor;
 use litpt::sky::Sky;
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -26,14 +28,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     let position = DVec3::new(6., 4., 3.);
     let view =
         View { position, target: DVec3::ZERO, up: DVec3::Z, fov: 60. };
-    let camera = &Camera::new(&view, 4. / 3.)?;
-    let entrance = scene.frame.entrance(position);
+    let camera = Camera::new(&view, 4. / 3.)?;
+    let sensor = &Sensor::Camera(camera, scene.frame.entrance(position));
     let sky = Sky::new(view.up);
-    let integrator = PathTracer::new(0.8, sky);
+    let integrator = PathTracer::new(Surfaces::of(0.8), sky);
     let known = KnownPixels::NOTHING;
     let sampler = IndependentSampler::new(0);
-    let mut job =
-        Job { entrance, intersector, camera, integrator, known, sampler };
+    let mut job = Job { sensor, intersector, integrator, known, sampler };
     let mut film = Film::new(320, 240);
     job.pass(&mut film, 64, &|_| true);
     let attributes = BTreeMap::new();

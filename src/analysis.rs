@@ -12,8 +12,8 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::bvh::Bvh;
-use crate::camera::Camera;
-use crate::scene::Entrance;
+use crate::materials::Surfaces;
+use crate::sensor::Sensor;
 use crate::sky::Sky;
 use background::KnownPixels;
 use interior::{is_inside, lets_out};
@@ -35,6 +35,7 @@ pub struct Finding {
 
 /// All that has been found about a scene, and what the renderer takes
 /// from it.
+#[derive(Default)]
 pub struct SceneAnalysis {
     /// One for each shortcut that was looked for, and for what the scene
     /// has left out already.
@@ -46,15 +47,13 @@ pub struct SceneAnalysis {
 /// What is shown of a scene: the view, the light and the surfaces. The
 /// shortcuts ask about them, and the renderers are made from them.
 #[derive(Clone, Copy)]
-pub struct LitView {
-    /// The camera of the image.
-    pub camera: Camera,
-    /// Where its rays enter the scene.
-    pub entrance: Entrance,
+pub struct LitView<'a> {
+    /// What starts the samples.
+    pub sensor: &'a Sensor,
     /// The only light.
     pub sky: Sky,
-    /// Albedo of every surface.
-    pub albedo: f64,
+    /// What the surfaces reflect.
+    pub surfaces: Surfaces<'a>,
     /// Width and height of the image.
     pub resolution: (u32, u32),
 }
@@ -97,6 +96,8 @@ impl SceneAnalysis {
 /// What a shortcut lets know of the pixels if it holds; and words for it.
 type Found = (Option<KnownPixels>, String);
 
+const NO_CAMERA: &str = "there is no camera";
+
 /// What is told of the faces that the scene has left out.
 fn of_the_scene([flat, copies]: &[Vec<u32>; 2]) -> Vec<Finding> {
     let words = [
@@ -115,8 +116,11 @@ fn of_the_scene([flat, copies]: &[Vec<u32>; 2]) -> Vec<Finding> {
 
 /// Whether there is a closed surface around the camera.
 fn dark(intersector: &Bvh, view: &LitView) -> Found {
-    let is_shut = |_: &_| !lets_out(&view.entrance, intersector);
-    let place = view.entrance.place().filter(is_shut);
+    let Sensor::Camera(_, entrance) = view.sensor else {
+        return (None, NO_CAMERA.to_owned());
+    };
+    let is_shut = |_: &_| !lets_out(entrance, intersector);
+    let place = entrance.place().filter(is_shut);
     let dark = place.map_or(Ok(false), |place| {
         let mut all = intersector.triangles();
         all.par_sort_by_key(|&(face, _)| face);
@@ -137,8 +141,11 @@ fn dark(intersector: &Bvh, view: &LitView) -> Found {
 
 /// Which tiles see no triangle.
 fn background(intersector: &Bvh, view: &LitView) -> Found {
-    let &LitView { ref camera, sky, resolution, .. } = view;
-    let Some(tip) = view.entrance.place() else {
+    let &LitView { sensor, sky, resolution, .. } = view;
+    let Sensor::Camera(camera, entrance) = sensor else {
+        return (None, NO_CAMERA.to_owned());
+    };
+    let Some(tip) = entrance.place() else {
         return (None, "the camera is too far away".to_owned());
     };
     let tiles =

@@ -8,6 +8,7 @@
 //! and the test of a triangle are double precision.
 
 mod beam;
+mod ground;
 mod intersector;
 #[cfg(target_arch = "x86_64")]
 mod kernels;
@@ -17,8 +18,10 @@ mod traverser;
 mod triangle;
 mod wide;
 
+pub use ground::{GROUND, Ground};
 pub use intersector::{BEAM, Dispatch, Hit, Intersector};
-pub use spawn::too_small;
+pub use spawn::{is_within, lifted, too_small};
+pub use triangle::NONE;
 pub use wide::Quality;
 
 use std::cell::RefCell;
@@ -159,6 +162,23 @@ impl Bvh {
 }
 
 impl Bvh {
+    /// The same scene above a ground.
+    pub fn above(mut self, ground: Option<Ground>) -> Self {
+        match &mut self.0 {
+            #[cfg(target_arch = "x86_64")]
+            Form::Avx512(traverser) => traverser.ground = ground,
+            #[cfg(target_arch = "x86_64")]
+            Form::Avx2(traverser) => traverser.ground = ground,
+            Form::Portable(traverser) => traverser.ground = ground,
+        }
+        self
+    }
+
+    /// Whether there is a ground.
+    pub fn has_ground(&self) -> bool {
+        with_traverser!(self, traverser => traverser.ground.is_some())
+    }
+
     /// The face of the file, from 0, that a `Hit::primitive` is part of.
     pub fn face(&self, primitive: u32) -> u32 {
         with_traverser!(self, traverser => {
@@ -182,19 +202,31 @@ impl Bvh {
         })
     }
 
-    /// All triangles, each with its face, in the order of the hierarchy.
-    pub fn triangles(&self) -> Vec<(u32, Triangle)> {
-        let all = RefCell::new(vec![]);
-        let note = |slot, corners: &Triangle| {
-            all.borrow_mut().push((self.face(slot), *corners));
+    /// Tells all triangles, each with its slot, in the order of the hierarchy.
+    pub fn for_each(&self, tell: impl FnMut(u32, &Triangle)) {
+        let tell = RefCell::new(tell);
+        let asked = |slot, corners: &Triangle| {
+            (tell.borrow_mut())(slot, corners);
             false
         };
-        self.any_triangle(|_, _| true, note);
-        all.into_inner()
+        self.any_triangle(|_, _| true, asked);
+    }
+
+    /// All triangles, each with its face, in the order of the hierarchy.
+    pub fn triangles(&self) -> Vec<(u32, Triangle)> {
+        let mut all = vec![];
+        self.for_each(|slot, corners| {
+            all.push((self.face(slot), *corners))
+        });
+        all
     }
 }
 
 impl Intersector for Bvh {
+    fn below(&self, ray: &Ray) -> Option<Hit> {
+        with_traverser!(self, traverser => traverser.below(ray))
+    }
+
     fn first_hit(&self, ray: &Ray, from: Option<u32>) -> Option<Hit> {
         with_traverser!(self, traverser => traverser.first_hit(ray, from))
     }

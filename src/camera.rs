@@ -11,6 +11,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use crate::numerics::{cross, normalise, power_of_two};
+use crate::sky::Sky;
 
 /// Where a camera stands and where it looks, in the file's coordinates.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -72,11 +73,17 @@ impl Camera {
         let ahead = normalise(view);
         let right = normalise(cross(ahead, normalise(up)));
         if right == DVec3::ZERO {
+            let across = |axis: &DVec3| axis.dot(ahead).abs();
+            let mut axes = [DVec3::Y, DVec3::Z, DVec3::X];
+            axes.sort_by(|a, b| across(a).total_cmp(&across(b)));
             return Err(format!(
                 "the camera's up axis {} is zero or parallel to the \
-                 view {}; choose another one (-u)",
+                 view {}; choose another one, and say where the sky is: \
+                 --zenith {} -u {}",
                 typed(up),
-                typed(view)
+                typed(view),
+                direction(Sky::new(up).zenith),
+                typed(axes[0])
             ));
         }
         // Scale the axes to the image
@@ -119,6 +126,13 @@ impl Camera {
 /// A vector as it is typed.
 pub fn typed(v: DVec3) -> String {
     format!("{},{},{}", v.x, v.y, v.z)
+}
+
+/// A direction as it is typed: an axis has a name.
+pub fn direction(v: DVec3) -> String {
+    let axes = DVec3::AXES.into_iter().zip(["x", "y", "z"]);
+    let named = axes.into_iter().find(|&(axis, _)| axis == v);
+    named.map_or_else(|| typed(v), |(_, name)| name.to_owned())
 }
 
 /// The image plane is no farther than 2^200.

@@ -254,7 +254,7 @@ fn dispersion(
 
 /// Attributes that decide which radiances an image estimates: the hash of
 /// the scene, and the entries of a `Subject`.
-const SUBJECT: [&str; 8] = [
+const SUBJECT: [&str; 12] = [
     "scene_sha256",
     "resolution",
     "crop",
@@ -263,6 +263,10 @@ const SUBJECT: [&str; 8] = [
     "up",
     "fov",
     "albedo",
+    "materials",
+    "named_albedos",
+    "sky",
+    "ground",
 ];
 
 /// What differs of the scenes and views of two images, as in `fov 70.0

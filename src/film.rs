@@ -20,15 +20,20 @@ use crate::memory::zeroed;
 use crate::numerics::power_of_two;
 use crate::statistics::Accumulator;
 
-/// Width and height of a tile in pixels.
+/// Width and height of a tile of an image in pixels.
 pub const SIDE: u32 = 16;
+
+/// The height of a tile: one of a single column has as many pixels.
+pub fn tile_height((width, _): (u32, u32)) -> u32 {
+    if width == 1 { SIDE * SIDE } else { SIDE }
+}
 
 /// A rectangle of pixels that one thread renders at a time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Tile {
     /// Column and row of its first pixel in the image.
     pub corner: (u32, u32),
-    /// Its width and height, at most `SIDE` each.
+    /// Its width, at most `SIDE`, and height, at most `tile_height`.
     pub size: (u32, u32),
     /// Number of pixels in the tiles before it.
     start: usize,
@@ -175,11 +180,11 @@ impl Window {
 
     /// The first cell of the grid that it touches, and how many columns
     /// and rows of cells.
-    fn cells(&self) -> ((u32, u32), (u32, u32)) {
-        let (left, top) = (self.corner.0 / SIDE, self.corner.1 / SIDE);
+    fn cells(&self, side: u32) -> ((u32, u32), (u32, u32)) {
+        let (left, top) = (self.corner.0 / SIDE, self.corner.1 / side);
         let (right, bottom) = self.end();
         let columns = right.div_ceil(SIDE) - left;
-        ((left, top), (columns, bottom.div_ceil(SIDE) - top))
+        ((left, top), (columns, bottom.div_ceil(side) - top))
     }
 
     /// This and the pixels that are at most so many columns and rows away,
@@ -208,18 +213,18 @@ impl Window {
         Self { corner: (left, top + first), size }
     }
 
-    /// The number of rows of tiles that it touches.
-    pub fn tile_rows(&self) -> u32 {
-        self.cells().1.1
+    /// The number of rows of tiles of this height that it touches.
+    pub fn tile_rows(&self, height: u32) -> u32 {
+        self.cells(height).1.1
     }
 
-    /// The `k`-th of `n` bands; `k` is from 1 to `n`, which is at most
-    /// `tile_rows`.
-    pub fn band(&self, (k, n): (u32, u32)) -> Self {
-        let ((_, top), (_, rows)) = self.cells();
+    /// The `k`-th of `n` bands, where tiles have this height; `k` is from 1 to
+    /// `n`, which is at most `tile_rows`.
+    pub fn band(&self, (k, n): (u32, u32), height: u32) -> Self {
+        let ((_, top), (_, rows)) = self.cells(height);
         let edge = |k| {
             let row = top + (u64::from(rows) * k / u64::from(n)) as u32;
-            (row * SIDE).clamp(self.corner.1, self.end().1)
+            (row * height).clamp(self.corner.1, self.end().1)
         };
         let (from, to) = (edge(u64::from(k) - 1), edge(u64::from(k)));
         self.rows(from - self.corner.1, to - from)
@@ -234,8 +239,8 @@ impl Film {
     }
 
     /// The tiles of a window, and the place of each by row and column.
-    fn layout(window: Window) -> (Vec<Tile>, Vec<u32>) {
-        let ((left, top), (columns, rows)) = window.cells();
+    fn layout(window: Window, height: u32) -> (Vec<Tile>, Vec<u32>) {
+        let ((left, top), (columns, rows)) = window.cells(height);
         let side = columns.max(rows).next_power_of_two();
         let row = |y| (0..columns).map(move |x| (x, y));
         let mut cells = Vec::from_iter((0..rows).flat_map(row));
@@ -247,8 +252,8 @@ impl Film {
             let (x, y) = cells[number];
             // Append the tile of one cell
             places[(y * columns + x) as usize] = place as u32;
-            let corner = ((left + x) * SIDE, (top + y) * SIDE);
-            let cell = Window { corner, size: (SIDE, SIDE) };
+            let corner = ((left + x) * SIDE, (top + y) * height);
+            let cell = Window { corner, size: (SIDE, height) };
             let Window { corner, size } = cell.grown(0, window);
             tiles.push(Tile { corner, size, start, number: number as u32 });
             start += (size.0 * size.1) as usize;
@@ -258,7 +263,7 @@ impl Film {
 
     /// The film of a window that lies within an image of this `resolution`.
     pub fn cropped(resolution: (u32, u32), window: Window) -> Self {
-        let (tiles, places) = Self::layout(window);
+        let (tiles, places) = Self::layout(window, tile_height(resolution));
         let pixels = zeroed(window.area()).expect("memory for a film");
         // Make a film of these tiles
         Self {
@@ -303,8 +308,9 @@ impl Film {
 
     /// The place in memory of the tile that holds a pixel.
     fn place(&self, x: u32, y: u32) -> usize {
-        let ((left, top), (columns, _)) = self.window.cells();
-        let cell = (y / SIDE - top) * columns + x / SIDE - left;
+        let side = tile_height(self.resolution);
+        let ((left, top), (columns, _)) = self.window.cells(side);
+        let cell = (y / side - top) * columns + x / SIDE - left;
         self.places[cell as usize] as usize
     }
 
@@ -315,7 +321,7 @@ impl Film {
 
     /// The tiles of the whole window of its run.
     pub fn all_tiles(&self) -> Vec<Tile> {
-        Self::layout(self.whole).0
+        Self::layout(self.whole, tile_height(self.resolution)).0
     }
 
     /// The pixels, row by row from the top left.
@@ -341,7 +347,7 @@ impl Film {
         &self,
         window: Window,
     ) -> impl Iterator<Item = (usize, Range<usize>)> {
-        let ((left, _), (columns, _)) = window.cells();
+        let ((left, _), (columns, _)) = window.cells(SIDE);
         let strip = move |column, y| {
             let place = self.place(column * SIDE, y);
             let Tile { corner, size, start, .. } = self.tiles[place];
@@ -602,7 +608,7 @@ impl Film {
             }
             let n = self.pixel(x, y).count() as f64;
             // Combine its variance with that of its neighbours
-            if count == 0. {
+            if count == 0. || self.resolution.0 == 1 {
                 return (own / n).sqrt();
             }
             let variance =

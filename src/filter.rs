@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::analysis::LitView;
-use crate::bvh::{Bvh, Hit, Intersector};
+use crate::bvh::{Bvh, Hit};
 use crate::film::{Film, Window};
 use crate::image::Image;
 use crate::sampler::within;
@@ -36,8 +36,7 @@ impl FirstHits {
             let (columns, rows) = view.resolution;
             let centre = |i, n| within(i, n, 1 << 31);
             let (x, y) = (centre(x, columns), centre(y, rows));
-            let ray = view.entrance.enter(view.camera.direction(x, y));
-            bvh.first_hit(&ray?, None)
+            view.sensor.start(bvh, x, y).2
         };
         let (right, bottom) = window.end();
         let rows = (window.corner.1..bottom).into_par_iter();

@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::bvh::Hit;
 use crate::film::{Film, Watch};
+use crate::materials::Surfaces;
 use crate::sampler::{Sampler, cosine_direction, dimension};
 use crate::scene::Ray;
 use crate::sky::Sky;
@@ -117,9 +118,9 @@ impl Together for Alone {}
 /// throughput is below `FAINT`; then the albedo is the probability that it
 /// goes on. From `MANY_BOUNCES` bounces on it may end as well.
 #[derive(Clone, Copy, Debug)]
-pub struct PathTracer {
-    /// Albedo of every surface, in [0, 1].
-    pub albedo: f64,
+pub struct PathTracer<'a> {
+    /// What the surfaces reflect.
+    pub surfaces: Surfaces<'a>,
     /// The only light.
     pub sky: Sky,
     /// How much of the sky above the first reflection is subtracted as a
@@ -134,18 +135,19 @@ const FAINT: f64 = 0.1;
 /// Bounces from which on a path ends by chance, rare in ordinary scenes.
 pub const MANY_BOUNCES: u64 = 1000;
 
-impl PathTracer {
+impl<'a> PathTracer<'a> {
     /// Without a control variate.
-    pub fn new(albedo: f64, sky: Sky) -> Self {
-        Self { albedo, sky, control: 0. }
+    pub fn new(surfaces: Surfaces<'a>, sky: Sky) -> Self {
+        Self { surfaces, sky, control: 0. }
     }
 
     /// What a surface reflects of the sky if nothing is in the way, less
     /// what it reflects from this direction: the mean is zero.
     #[inline(always)]
-    pub fn control_variate(&self, normal: DVec3, direction: DVec3) -> f64 {
-        let Self { albedo, sky, .. } = self;
-        albedo * (sky.share(normal) - sky.radiance(direction))
+    pub fn control_variate(&self, hit: &Hit, direction: DVec3) -> f64 {
+        let Self { surfaces, sky, .. } = self;
+        let albedo = surfaces.albedo(hit.primitive);
+        albedo * (sky.share(hit.normal) - sky.radiance(direction))
     }
 }
 
@@ -171,7 +173,7 @@ pub fn survival(n: u64) -> f64 {
     ratio * ratio.sqrt()
 }
 
-impl Integrator for PathTracer {
+impl Integrator for PathTracer<'_> {
     type Path = PathState;
 
     #[inline(always)]
@@ -190,18 +192,19 @@ impl Integrator for PathTracer {
             let light = path.throughput * self.sky.radiance(path.direction);
             return PathEvent::Terminate(light + path.variate);
         };
+        let albedo = self.surfaces.albedo(hit.primitive);
         // End a path where nothing is reflected
-        if self.albedo == 0. {
-            return PathEvent::Terminate(0.);
+        if albedo == 0. {
+            return PathEvent::Terminate(path.variate);
         }
         // Weaken the path or play roulette
         if path.throughput < FAINT {
             let u = sampler.get_1d(dimension::roulette(path.count));
-            if u >= self.albedo {
+            if u >= albedo {
                 return PathEvent::Terminate(path.variate);
             }
         } else {
-            path.throughput *= self.albedo;
+            path.throughput *= albedo;
             if path.count >= MANY_BOUNCES {
                 // End a long path or strengthen it
                 let probability = survival(path.count);
@@ -216,7 +219,7 @@ impl Integrator for PathTracer {
         let [r, turn] = sampler.get_2d(dimension::direction(path.count));
         path.direction = cosine_direction(hit.normal, r, turn);
         if path.count == 0 && self.control > 0. {
-            let variate = self.control_variate(hit.normal, path.direction);
+            let variate = self.control_variate(&hit, path.direction);
             path.variate = self.control * variate;
         }
         path.count += 1;

@@ -1,8 +1,7 @@
 // Tangled from chapters/program.nw; edit there.
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! A Monte-Carlo path tracer for one diffuse material under a
-//! uniform sky.
+//! A Monte-Carlo path tracer for diffuse surfaces under a sky.
 //!
 //! Each module has a chapter of the book.
 //! Lengths are in the scene's own unit; radiance is relative to the
@@ -11,8 +10,8 @@
 //! ```
 //! use glam::DVec3;
 //! use litpt::analysis::background::KnownPixels;
-//! use litpt::{bvh::*, camera::*, film::*, integrator::*};
-//! use litpt::{render::*, sampler::*, scene::*, sky::*};
+//! use litpt::{bvh::*, camera::*, film::*, integrator::*, materials::*};
+//! use litpt::{render::*, sampler::*, scene::*, sensor::*, sky::*};
 //!
 //! let obj = "v -1e6 -1e6 0\nv 1e6 -1e6 0\nv 1e6 1e6 0\nv -1e6 1e6 0\n\
 //!            f 1 2 3 4\n";
@@ -21,12 +20,13 @@
 //!                   up: DVec3::Y, fov: 70. };
 //! let camera = Camera::new(&view, 4. / 3.)?;
 //! let sky = Sky::new(DVec3::Z);
-//! let integrator = PathTracer::new(0.5, sky);
+//! let integrator = PathTracer::new(Surfaces::of(0.5), sky);
+//! let entrance = scene.frame.entrance(view.position);
+//! let sensor = Sensor::Camera(camera, entrance);
 //! let intersector = Bvh::new(&scene)?;
 //!
 //! let mut job = Job {
-//!     entrance: scene.frame.entrance(view.position),
-//!     intersector: &intersector, camera: &camera,
+//!     sensor: &sensor, intersector: &intersector,
 //!     integrator, known: KnownPixels::NOTHING,
 //!     sampler: IndependentSampler::new(0),
 //! };
@@ -48,6 +48,7 @@ pub mod film;
 pub mod filter;
 pub mod image;
 pub mod integrator;
+pub mod materials;
 pub mod memory;
 pub mod numerics;
 pub mod options;
@@ -59,7 +60,9 @@ pub mod report;
 pub mod run_output;
 pub mod sampler;
 pub mod scene;
+pub mod sensor;
 pub mod session;
 pub mod sky;
 pub mod state;
 pub mod statistics;
+pub mod table;

@@ -23,14 +23,18 @@ use serde_json::Value;
 
 use crate::bvh::Isa;
 use crate::camera::View;
-use crate::film::{Window, digits, parse_size};
+use crate::film::{Window, digits, parse_size, tile_height};
 use crate::image::Format;
+use crate::materials::Band;
 use crate::output::descriptor;
 use crate::render::choose::{Wanted, parse_method};
+use crate::sensor::Side;
+use crate::sky::Cover;
 use crate::state::key::{Part, whole_window};
 use crate::state::shards::is_state_name;
 
-/// Renders a Wavefront OBJ of one diffuse material under a uniform sky.
+/// Renders a Wavefront OBJ of diffuse surfaces under a sky, or tells how much
+/// light arrives at points and on faces.
 #[derive(Clone, Debug, Parser, Serialize, Deserialize)]
 #[command(name = "pt", version, args_override_self = true,
           after_help = format!("{STATUS}\n\n{LICENCE}"))]
@@ -44,6 +48,7 @@ pub struct Options {
     /// Render only this part: the column and row of its first pixel, and its
     /// size, as in 100,50,64x48
     #[arg(long, value_name = "X,Y,WIDTHxHEIGHT",
+          conflicts_with = "receivers",
           value_parser = |text: &str| Window::try_from(text.to_owned()))]
     pub crop: Option<Window>,
 
@@ -84,28 +89,84 @@ pub struct Options {
     pub error: Option<f64>,
     /// Position of the camera [default: outside of the scene, or
     /// 0,0,0 with -t]
-    #[arg(short, long, value_name = "X,Y,Z", value_parser = parse_vector)]
+    #[arg(short, long, value_name = "X,Y,Z", value_parser = parse_vector,
+          conflicts_with = "receivers")]
     pub position: Option<DVec3>,
 
     /// Point that the camera looks at [default: the scene, or
     /// 0,1,0 with -p]
-    #[arg(short, long, value_name = "X,Y,Z", value_parser = parse_vector)]
+    #[arg(short, long, value_name = "X,Y,Z", value_parser = parse_vector,
+          conflicts_with = "receivers")]
     pub target: Option<DVec3>,
 
-    /// Up axis of the camera; its largest component tells where the sky is
+    /// Up axis of the camera; its largest component tells where the sky is,
+    /// unless --zenith does
     #[arg(short, long, value_name = "X,Y,Z", default_value = "0,0,1",
-          value_parser = parse_vector)]
+          value_parser = parse_vector, conflicts_with = "receivers")]
     pub up: DVec3,
 
     /// Vertical field of view in degrees, strictly between 0 and 180
     #[arg(short = 'F', long, value_name = "DEGREES", default_value = "70",
           value_parser = only(parse_real, |&x| x > 0. && x < 180., ANGLE))]
     pub fov: f64,
-    /// Albedo of every surface, between 0 and 1
-    #[arg(short = 'r', long, visible_alias = "reflectivity",
-          value_name = "ALBEDO", default_value = "1",
-          value_parser = only(parse_real, |x| (0. ..=1.).contains(x), ALBEDO))]
-    pub albedo: f64,
+
+    /// Instead of an image, the irradiance at the points of a file, relative to
+    /// that of a horizontal surface in the open: lines x y z nx ny nz
+    #[arg(long, value_name = "FILE", group = "receivers")]
+    pub points: Option<PathBuf>,
+
+    /// The same of each face: its front, its back, or both
+    #[arg(long, value_name = "SIDE", group = "receivers", num_args = 0..=1,
+          default_missing_value = "front", require_equals = true,
+          hide_possible_values = true)]
+    pub faces: Option<Side>,
+
+    /// The same at each vertex, with the normal of the faces around it
+    #[arg(long, group = "receivers")]
+    pub vertices: bool,
+
+    /// What leaves a face instead of what arrives there
+    #[arg(long, requires = "faces")]
+    pub radiosity: bool,
+    /// Albedo of all surfaces, between 0 and 1, or of a material, group or
+    /// object of the file, as in floor=0.2; may be repeated
+    #[arg(short = 'r', long = "albedo", visible_alias = "reflectivity",
+          value_name = "[NAME=]ALBEDO", default_value = "1",
+          value_parser = parse_named_albedo)]
+    pub albedos: Vec<(String, f64)>,
+
+    /// Give each face the luminance of the diffuse reflectivity (Kd, linear) of
+    /// its material
+    #[arg(long)]
+    pub materials: bool,
+
+    /// Take one of the three numbers of a material instead, r, g or b
+    #[arg(
+        long,
+        value_name = "BAND",
+        requires = "materials",
+        hide_possible_values = true
+    )]
+    pub band: Option<Band>,
+
+    /// Sky: uniform, or overcast, three times as bright at the zenith as at the
+    /// horizon; both give 1 to a horizontal surface in the open
+    #[arg(
+        long,
+        value_name = "SKY",
+        default_value = "uniform",
+        hide_possible_values = true
+    )]
+    pub sky: Cover,
+
+    /// Direction to the middle of the sky [default: the axis nearest to -u, or
+    /// z for receivers]
+    #[arg(long, value_name = "X,Y,Z|x|y|z", value_parser = parse_direction)]
+    pub zenith: Option<DVec3>,
+
+    /// Albedo of an endless ground below the scene
+    #[arg(long, value_name = "ALBEDO", value_parser = parse_albedo)]
+    pub ground: Option<f64>,
 
     /// Wavefront OBJ, also .gz or .zst [default: standard input, as is -]
     #[arg(value_name = "FILE", overrides_with = "input")]
@@ -126,7 +187,7 @@ pub struct Options {
     pub format: Option<Format>,
 
     /// Write PNG files every second while the image is rendered
-    #[arg(long)]
+    #[arg(long, conflicts_with = "receivers")]
     pub preview: bool,
 
     /// Show the noise of gathers and nets in .png and .html, and write no
@@ -175,7 +236,7 @@ pub struct Options {
     pub report: Vec<PathBuf>,
 
     /// Image of the same view, .exr or .pfm, to compute true errors from
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", conflicts_with = "receivers")]
     pub reference: Option<PathBuf>,
 
     /// File to save the run to, from which it can be resumed
@@ -221,6 +282,30 @@ pub fn parse_real(text: &str) -> Result<f64, String> {
         Ok(real) if real.is_finite() => Ok(real),
         Ok(_) => Err(format!("{text} is not a finite number")),
         Err(_) => Err(format!("'{text}' is not a real number")),
+    }
+}
+
+/// Parses an albedo.
+fn parse_albedo(text: &str) -> Result<f64, String> {
+    only(parse_real, |x| (0. ..=1.).contains(x), ALBEDO)(text)
+}
+
+/// Parses an albedo behind the name that has it, which may be empty.
+fn parse_named_albedo(text: &str) -> Result<(String, f64), String> {
+    let (name, albedo) = text.rsplit_once('=').unwrap_or(("", text));
+    Ok((name.to_owned(), parse_albedo(albedo)?))
+}
+
+/// Parses a vector or the name of an axis.
+fn parse_direction(text: &str) -> Result<DVec3, String> {
+    match text {
+        "x" => Ok(DVec3::X),
+        "y" => Ok(DVec3::Y),
+        "z" => Ok(DVec3::Z),
+        _ => match parse_vector(text)? {
+            DVec3::ZERO => Err("a direction is not zero".to_owned()),
+            vector => Ok(vector),
+        },
     }
 }
 
@@ -344,6 +429,14 @@ const TOGETHER: [&[&str]; 4] = [
     &["resume", "checkpoint", "force", "learnt"],
 ];
 
+/// The name of a file that is read, for people.
+pub fn input_name(path: &Path) -> String {
+    match is_dash(path) {
+        true => "standard input".to_owned(),
+        false => path.display().to_string(),
+    }
+}
+
 /// Whether a file is standard input or output.
 pub fn is_dash(path: &Path) -> bool {
     path.as_os_str() == "-"
@@ -432,8 +525,9 @@ impl Options {
     /// The names of all files of a run.
     fn names(&mut self) -> impl Iterator<Item = &mut PathBuf> {
         let Self { scene, input, reference, checkpoint, resume, .. } = self;
-        let Self { learnt, output, report, replaced, .. } = self;
-        let one = [scene, input, reference, checkpoint, resume, learnt];
+        let Self { points, learnt, output, report, replaced, .. } = self;
+        let one =
+            [scene, input, points, reference, checkpoint, resume, learnt];
         let many = [output, report, replaced].into_iter().flatten();
         let all = one.into_iter().flatten().chain(many);
         all.filter(|name| !is_dash(name))
@@ -460,7 +554,8 @@ impl Options {
             String::from(window)
         );
         let (k, n) = tiles.unwrap_or((1, 1));
-        let rows = if is_within { window.tile_rows() } else { 0 };
+        let side = tile_height(resolution);
+        let rows = if is_within { window.tile_rows(side) } else { 0 };
         let bands = format!(
             "--tiles {k}/{n}: the image has {rows} rows of tiles, and not \
              more bands"
@@ -482,6 +577,8 @@ impl Options {
             "--samples A..A only learns, and writes a state: -o a.litpt"
         } else if tiles.is_some() && self.reference.is_some() {
             "--tiles renders a part of the image, and --reference needs all of it"
+        } else if self.has_receivers() {
+            return Ok(self);
         } else if !is_within {
             &outside
         } else if n > rows {
@@ -492,6 +589,22 @@ impl Options {
         Err(usage(fault, "pt"))
     }
 
+    /// The albedo of surfaces without a name that has one.
+    pub fn albedo(&self) -> f64 {
+        let unnamed = |(name, _): &&(String, f64)| name.is_empty();
+        self.albedos.iter().rev().find(unnamed).map_or(1., |&(_, a)| a)
+    }
+
+    /// The albedos that have names.
+    pub fn named_albedos(&self) -> Vec<(String, f64)> {
+        let named = |(name, _): &&(String, f64)| !name.is_empty();
+        self.albedos.iter().filter(named).cloned().collect()
+    }
+
+    /// Whether there are receivers instead of a camera.
+    pub fn has_receivers(&self) -> bool {
+        self.points.is_some() || self.faces.is_some() || self.vertices
+    }
     /// The images to write, standard output if nothing is named.
     pub fn images(&self) -> impl Iterator<Item = &Path> {
         let named = self.output.iter().map(PathBuf::as_path);
@@ -507,8 +620,7 @@ impl Options {
 
     /// The name of the input, for people.
     pub fn input_name(&self) -> String {
-        let name = self.scene_file().map(|path| path.display().to_string());
-        name.unwrap_or("standard input".to_owned())
+        input_name(self.scene_file().unwrap_or(Path::new("-")))
     }
 
     /// Whether the position of the camera or its target is known.
@@ -527,11 +639,6 @@ impl Options {
     /// The part of the image to render.
     pub fn window(&self) -> Window {
         whole_window(self.resolution, self.crop)
-    }
-
-    /// The part of the window to render.
-    pub fn band(&self) -> Window {
-        self.window().band(self.tiles.unwrap_or((1, 1)))
     }
 
     /// The number of samples, if it is limited.

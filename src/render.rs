@@ -15,24 +15,22 @@ use rayon::prelude::*;
 
 use crate::analysis::background::{KnownPixels, TileContent};
 use crate::bvh::{BEAM, Dispatch, Intersector};
-use crate::camera::Camera;
 use crate::film::{
     Film, FilmTile, Halves, Tile, Watch, add_halves, add_value,
 };
 use crate::integrator::{Integrator, PathEvent};
 pub use crate::integrator::{Renderer, Share};
-use crate::sampler::{IndependentSampler, Sampler, within};
-use crate::scene::{Entrance, Ray};
+use crate::sampler::{IndependentSampler, Sampler};
+use crate::scene::Ray;
+use crate::sensor::{Sensor, Starts};
 use crate::statistics::Accumulator;
 
 /// Renders by paths: what, and how.
 pub struct Job<'a, K, E, S = IndependentSampler> {
-    /// Where rays of the camera enter the scene.
-    pub entrance: Entrance,
+    /// What starts the samples.
+    pub sensor: &'a Sensor,
     /// Finds hits in the scene.
     pub intersector: &'a K,
-    /// Where the rays start.
-    pub camera: &'a Camera,
     /// What is averaged.
     pub integrator: E,
     /// What is known of the image beforehand.
@@ -181,29 +179,22 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
         tile: Tile,
         pixels: &mut [Accumulator],
     ) -> u64 {
-        let Job { entrance, camera, known, integrator, .. } = self.job;
+        let Job { sensor, known, integrator, .. } = self.job;
         // Choose a point of the image for each path
-        let (width, height) = self.resolution;
-        let (mut across, mut down) = ([0.; BEAM], [0.; BEAM]);
+        let (width, _) = self.resolution;
+        let mut places = [None; BEAM];
         let mut started: [_; BEAM] = array::from_fn(|i| {
             let (pixel, n) = batch.next()?;
             let x = tile.corner.0 + pixel % tile.size.0;
             let y = tile.corner.1 + pixel / tile.size.0;
             let number = u64::from(y) * u64::from(width) + u64::from(x);
             let mut sampler = self.job.sampler.start(number, n);
-            let [u, v] = sampler.get_pixel_2d();
-            across[i] = within(x, width, u);
-            down[i] = within(y, height, v);
+            places[i] = Some(((x, y), sampler.get_pixel_2d()));
             Some((pixel, sampler))
         });
-        // Send the first rays of the batch
-        let directions = camera.directions(&across, &down);
         let sees_sky = known.content(tile.corner) == TileContent::Sky;
-        let rays = array::from_fn(|i| match started[i] {
-            Some(_) if !sees_sky => entrance.enter(directions[i]),
-            _ => None,
-        });
-        let hits = intersector.first_hits(&rays);
+        let Starts { directions, hits, rays } =
+            sensor.starts(intersector, &places, self.resolution, sees_sky);
         for i in 0..BEAM {
             // Take a path on from the end of its first ray
             let Some((pixel, mut sampler)) = started[i].take() else {
@@ -221,7 +212,7 @@ impl<K: Intersector, E: Integrator, S: Sampler> Pass<'_, K, E, S> {
                 }
             }
         }
-        rays.iter().flatten().count() as u64
+        rays
     }
 }
 

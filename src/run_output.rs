@@ -6,7 +6,7 @@
 
 use std::cell::{LazyCell, OnceCell};
 use std::collections::BTreeMap;
-use std::io::Write;
+use std::io::{self, Write};
 use std::time::{Duration, Instant};
 
 use serde_json::{Map, Value, json};
@@ -19,6 +19,7 @@ use crate::render_loop::Convergence;
 use crate::report::{Kind, as_typed};
 use crate::state::checkpoint::{Known, save};
 use crate::state::key::entries;
+use crate::table::TableFormat;
 
 /// What a file of a run holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,6 +28,8 @@ pub enum Product {
     Image(Format),
     /// A report of this kind.
     Report(Kind),
+    /// The values of receivers, in this format.
+    Table(TableFormat),
     /// The state of the run.
     State,
 }
@@ -59,7 +62,13 @@ pub struct RunOutput<'a> {
     /// Finds what guides the filter of a picture, if there is to be one.
     trace: Option<&'a dyn Fn() -> FirstHits>,
     hits: OnceCell<FirstHits>,
+    /// Writes the values of receivers, if there are any.
+    pub table: Option<&'a WriteTable<'a>>,
 }
+
+/// Writes the values on a film of receivers.
+pub type WriteTable<'a> =
+    dyn Fn(TableFormat, &Film, &mut dyn Write) -> io::Result<()> + 'a;
 
 impl RunFile {
     fn is_due(&self, now: Instant, convergence: &Convergence) -> bool {
@@ -96,12 +105,13 @@ impl<'a> RunOutput<'a> {
                 Product::State => now.checked_add(every),
                 Product::Report(_) => Some(now),
                 Product::Image(Format::Png) => preview.then_some(now),
-                Product::Image(_) => None,
+                Product::Image(_) | Product::Table(_) => None,
             };
             RunFile { product, target, due, seconds: 0. }
         };
         let files = files.into_iter().map(file).collect();
-        Self { files, every, known, trace, hits: OnceCell::new() }
+        let hits = OnceCell::new();
+        Self { files, every, known, trace, hits, table: None }
     }
 
     /// Writes the files that are due `now`, or all of them a last time.
@@ -115,7 +125,7 @@ impl<'a> RunOutput<'a> {
         film: &Film,
         now: Option<Instant>,
     ) -> Result<(), String> {
-        let Self { files, every, known, trace, hits } = self;
+        let Self { files, every, known, trace, hits, table } = self;
         known.report.convergence.clone_from(convergence);
         let is_due = |file: &RunFile| {
             now.is_none_or(|now| file.is_due(now, convergence))
@@ -153,6 +163,9 @@ impl<'a> RunOutput<'a> {
                 Product::Report(kind) => {
                     out.write_all(page(kind).as_bytes())
                 }
+                Product::Table(format) => {
+                    table.map_or(Ok(()), |table| table(format, film, out))
+                }
                 Product::State => save(known, film, out),
             };
             let written = match now {
@@ -166,7 +179,9 @@ impl<'a> RunOutput<'a> {
                 took += filtering;
             }
             let pause = match file.product {
-                Product::Image(_) => SECOND.max(10 * took),
+                Product::Image(_) | Product::Table(_) => {
+                    SECOND.max(10 * took)
+                }
                 Product::Report(_) => 100 * took,
                 Product::State => *every,
             };
@@ -191,6 +206,7 @@ impl<'a> RunOutput<'a> {
             Product::Image(Format::Exr) => 420.,
             Product::Report(Kind::Html) => 350.,
             Product::Report(_) => 0.,
+            Product::Table(_) => 1000.,
             Product::State => state,
         });
         let files: f64 = each.sum();

@@ -18,7 +18,7 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use glam::{BVec3, DVec3};
 use rayon::prelude::*;
 
-pub use self::mesh::Mesh;
+pub use self::mesh::{Mark, MarkKind, Mesh};
 pub use self::obj::{begins_obj, read_file, read_obj, read_pieces};
 pub use self::place::{EXTENT, Entrance, Frame, Ray};
 use crate::numerics::cross;

@@ -5,7 +5,7 @@
 
 use std::env;
 use std::fs::{self, File};
-use std::io::{self, IsTerminal, Read};
+use std::io::{self, IsTerminal, Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::{self, ExitCode};
 use std::sync::{Arc, Mutex};
@@ -22,15 +22,19 @@ use serde_json::{Map, Value, json};
 use sha2::{Digest, Sha256};
 
 use crate::analysis::{Finding, LitView, SHORTCUTS, SceneAnalysis};
-use crate::bvh::{Bvh, Quality, too_small};
+use crate::bvh::{Bvh, Ground, Quality, too_small};
 use crate::camera::{Camera, View, typed};
 use crate::compare::disagreements;
-use crate::film::Film;
+use crate::film::{Film, tile_height};
 use crate::filter::FirstHits;
 use crate::image::{Format, Image};
+use crate::integrator::gather::cache::Grid;
 use crate::integrator::{Alone, Together};
+use crate::materials::{
+    AlbedoTable, FaceAlbedos, Named, Surfaces, libraries, names,
+};
 use crate::memory::zeroed;
-use crate::options::{Error, Options};
+use crate::options::{Error, Options, input_name, is_dash};
 use crate::output::{OutputTarget, format_of, tell_apart};
 use crate::progress::{
     self, ProgressBar, expect, metric, render_bar, step,
@@ -42,12 +46,14 @@ use crate::render::choose::{
 use crate::render_loop::{Convergence, Interrupt, Limits, Stop};
 use crate::report::{Kind, Report, SceneFile};
 use crate::run_output::{Product, RunOutput, attributes};
-use crate::scene::{Scene, begins_obj, read_file};
-use crate::sky::Sky;
+use crate::scene::{Frame, MarkKind, Mesh, Scene, begins_obj, read_file};
+use crate::sensor::{Candidates, Sensor, read_points, refusals};
+use crate::sky::{Cover, Sky};
 use crate::state::checkpoint::{Checkpoint, Known};
-use crate::state::key::{RunKey, Subject, entries};
+use crate::state::key::{Asked, RunKey, Subject, entries};
 use crate::state::learnt;
 use crate::statistics::Accumulator;
+use crate::table::{Shape, Table, TableFormat};
 
 /// The processes that render one image, as each of them sees them.
 pub trait Ranks: Together {
@@ -162,30 +168,40 @@ fn run(
     tell(ranks, &saved);
     // Load the scene and prepare it
     let began = Instant::now();
-    let mut bytes = read(options)?;
+    let scene = options.scene_file().unwrap_or(Path::new("-"));
+    let mut bytes = read(scene, true)?;
     ranks.tell(&mut bytes);
+    let points = options.points.as_deref();
+    let mut points = points.map_or(Ok(vec![]), |path| read(path, false))?;
+    ranks.tell(&mut points);
     let is_named = taught.is_some() || files.iter().any(names_the_scene);
-    let (scene, subject, mut report) =
-        load(options, bytes, is_named, reference.as_ref())?;
-    report.load_seconds = began.elapsed().as_secs_f64();
+    let mut loaded = load(
+        options,
+        [bytes, points],
+        is_named,
+        reference.as_ref(),
+        ranks,
+    )?;
+    loaded.report.load_seconds = began.elapsed().as_secs_f64();
     enter("building the hierarchy", None);
-    let (view, analysis, bvh) =
-        build(scene, &subject, options, ranks, &mut report)?;
+    let world = build(loaded, options, ranks)?;
+    let World { subject, analysis, bvh, .. } = &world;
+    let (view, mut report) = (world.view(), world.report.clone());
     enter("choosing a method", None);
     // Choose how samples are made
     let before = resumed.as_ref().map(|saved| saved.known.run_key.sampling);
-    let setup =
-        Setup { intersector: &bvh, view: &view, analysis: &analysis };
-    let (sampling, choice) = sampling(options, &setup, deadline, before);
+    let setup = Setup { intersector: bvh, view: &view, analysis };
+    let (sampling, choice) =
+        sampling(options, subject, &setup, deadline, before);
     if options.explain {
-        return explain(&analysis, options, sampling.method, choice);
+        return explain(analysis, options, sampling.method, choice);
     }
     // Collect all that decides the samples
     let run_key = RunKey {
         version: env!("CARGO_PKG_VERSION").to_owned(),
         integrator: sampling.identity(),
         scene_sha256: report.scene.sha256.clone(),
-        subject,
+        subject: subject.clone(),
         sampling,
         part: options.part(sampling.replicate),
         filtered: keeps_halves(options, &files, sampling, resumed.as_ref()),
@@ -221,10 +237,20 @@ fn run(
     let often = (options.every.unwrap_or(60.), options.preview);
     let known =
         Known { run_key: run_key.clone(), options: saved, report, learnt };
-    let trace = || FirstHits::trace(&bvh, &view, run_key.windows()[1]);
+    let trace = || FirstHits::trace(bvh, &view, run_key.windows()[1]);
     let trace =
         run_key.filtered.then_some(&trace as &dyn Fn() -> FirstHits);
-    let output = RunOutput::new(files, often, known, trace);
+    let mut output = RunOutput::new(files, often, known, trace);
+    let write = |format, film: &Film, out: &mut dyn Write| match (
+        &world.table,
+        &world.sensor,
+    ) {
+        (Some(table), Sensor::Receivers(receivers)) => {
+            table.write(format, receivers, film, out)
+        }
+        _ => Ok(()),
+    };
+    output.table = Some(&write);
     // Collect the limits
     let most = deadline.map_or(0., |end| 0.5 * seconds_to(end));
     let seconds = output.seconds_to_write(run.0.area());
@@ -275,7 +301,11 @@ fn take_up(typed: Options) -> Result<(Options, Option<Checkpoint>), Error> {
 /// standard output is a terminal.
 fn default_image(options: &mut Options) -> Option<PathBuf> {
     let is_named = !options.output.is_empty() || options.format.is_some();
-    if is_named || options.explain || !io::stdout().is_terminal() {
+    if is_named
+        || options.has_receivers()
+        || options.explain
+        || !io::stdout().is_terminal()
+    {
         return None;
     }
     let mut path = options.scene_file()?.to_owned();
@@ -336,14 +366,15 @@ fn open_files(
     // Refuse files that are named twice
     let reference = options.reference.as_deref();
     let (scene, dash) = (options.scene_file(), Path::new("-"));
-    if scene.is_none() && reference == Some(dash) {
+    let others = [reference, options.points.as_deref()];
+    if scene.is_none() && others.contains(&Some(dash)) {
         return Err("standard input can be read once only".to_owned());
     }
     let reports = options.report.iter().map(PathBuf::as_path);
     let state = options.checkpoint.as_deref().into_iter();
     let written =
         options.images().chain(reports.clone()).chain(state.clone());
-    let read = [scene, reference, options.learnt.as_deref()];
+    let read = [scene, reference, options.learnt.as_deref(), others[1]];
     tell_apart(read.into_iter().flatten(), written)?;
     // Decide which files may be replaced
     let force = |path: &Path| {
@@ -355,9 +386,18 @@ fn open_files(
     let open = |product: Result<_, String>, path: &Path| {
         Ok((product?, OutputTarget::file(path, force(path))?))
     };
-    let image = |path| format_of(path, usual).map(Product::Image);
+    let image = |path| match options.has_receivers() {
+        true => TableFormat::of(path).map(Product::Table),
+        false => format_of(path, usual).map(Product::Image),
+    };
     let images = options.images().map(|path| open(image(path), path));
-    let report = |path| Kind::of(path).map(Product::Report);
+    let report = |path: &Path| match Kind::of(path)? {
+        Kind::Html if options.has_receivers() => Err(format!(
+            "{}: a page shows an image, and receivers have none",
+            path.display()
+        )),
+        kind => Ok(Product::Report(kind)),
+    };
     let reports = reports.map(|path| open(report(path), path));
     let state = state.map(|path| open(Ok(Product::State), path));
     images.chain(state).chain(reports).collect()
@@ -398,14 +438,26 @@ fn start_threads(options: &Options) -> Result<(), String> {
     pool.build_global().map_err(|e| format!("cannot start threads: {e}"))
 }
 
-/// The scene, what is shown of it, and a report that begins; with a hash of
+/// A scene as it was read.
+struct Loaded {
+    scene: Scene,
+    subject: Subject,
+    /// The report, which begins.
+    report: Report,
+    albedos: FaceAlbedos,
+    /// The receivers that are asked for, and what their table shows.
+    asked: Option<(Candidates, Table)>,
+}
+
+/// Reads a scene, and points if receivers are asked for there; with a hash of
 /// the bytes if a file will name them.
 fn load(
     options: &Options,
-    bytes: Vec<u8>,
+    [bytes, points]: [Vec<u8>; 2],
     is_named: bool,
     reference: Option<&Image>,
-) -> Result<(Scene, Subject, Report), String> {
+    ranks: &dyn Ranks,
+) -> Result<Loaded, String> {
     let file = options.input_name();
     let step = step(format!("parsing {file}"), None);
     let read = read_file(&bytes).map_err(|error| format!("{file}{error}"));
@@ -415,14 +467,62 @@ fn load(
     for warning in warnings {
         progress::warn(&format!("{file}{warning}"));
     }
+    // Find the albedos of the faces
+    let named_albedos = options.named_albedos();
+    let mut named = Named { named_albedos, ..Named::default() };
+    let ignored = names(&mesh.marks, MarkKind::Material).count();
+    if options.materials && ranks.place().0 > 0 {
+        named.materials = hear(ranks)?.unwrap_or_default();
+    } else if options.materials {
+        let folder = options.scene_file().and_then(Path::parent);
+        let folder = folder.unwrap_or(Path::new(""));
+        let (materials, odd) =
+            libraries(&mesh.marks, folder, options.band)?;
+        tell(ranks, &materials);
+        odd.iter()
+            .for_each(|odd| progress::warn(&format!("{file}: {odd}")));
+        named.materials = materials;
+    } else if ignored > 0 && named.named_albedos.is_empty() {
+        let albedo = options.albedo();
+        progress::warn(&format!(
+            "{file}: {ignored} materials are ignored: every surface has the \
+             albedo {albedo} (--materials)"
+        ));
+    }
+    let albedos = FaceAlbedos::new(&mesh.marks, &named, options.albedo())
+        .map_err(|error| format!("{file}{error}"))?;
     // Say what is shown
-    let &Options { resolution, crop, albedo, .. } = options;
+    let &Options { resolution, crop, ground, .. } = options;
+    let albedo = options.albedo();
     let (typed_view, has_camera) = (options.view(), options.has_camera());
     let outside = typed_view.outside(mesh.corners(), aspect(resolution));
     let view = outside.filter(|_| !has_camera).unwrap_or(typed_view);
-    let subject = Subject { resolution, crop, view, albedo };
+    let zenith = options.zenith.map_or_else(
+        || Sky::new(view.up).zenith,
+        |zenith| Sky::with(zenith, Cover::Uniform).zenith,
+    );
+    let usual = options.sky == Cover::Uniform && options.zenith.is_none();
+    let sky = (!usual).then_some(Sky::with(zenith, options.sky));
+    let receivers = match options {
+        Options { points: Some(_), .. } => {
+            Some(Asked::Points(sha256(&points)))
+        }
+        Options { faces: Some(side), .. } => Some(Asked::Faces(*side)),
+        Options { vertices: true, .. } => Some(Asked::Vertices),
+        _ => None,
+    };
+    let subject = Subject {
+        resolution,
+        crop,
+        view,
+        albedo,
+        named,
+        sky,
+        ground,
+        receivers,
+    };
     // Say where the camera stands
-    if !has_camera {
+    if !has_camera && !options.has_receivers() {
         let View { position, target, .. } = subject.view;
         let [p, t] = [position, target].map(typed);
         let options = format!("-p {p} -t {t}");
@@ -430,9 +530,8 @@ fn load(
     }
     // Hash the bytes if a file will name them
     let is_named = is_named || reference.is_some();
-    let hash = is_named.then(|| Sha256::digest(&bytes));
-    let hex = |byte: u8| format!("{byte:02x}");
-    let sha256: String = hash.into_iter().flatten().map(hex).collect();
+    let hash = is_named.then(|| sha256(&bytes));
+    let sha256 = hash.unwrap_or_default();
     drop(bytes);
     // Begin a report of the scene
     let triangles = mesh.triangles.len() as u64;
@@ -451,24 +550,64 @@ fn load(
             return Err(format!("{}: shows {differing}", path.display()));
         }
     }
-    Ok((Scene::of(mesh), subject, report))
+    let shape = shape(options, &points, &mesh)?;
+    let scene = Scene::of(mesh);
+    let asked = shape.map(|shape| {
+        let candidates = candidates(&shape, &scene);
+        let count = candidates.count;
+        let albedos = options.radiosity.then(|| albedos.clone());
+        (candidates, Table { shape, count, albedos })
+    });
+    Ok(Loaded { scene, subject, report, albedos, asked })
+}
+
+/// What bears the values of receivers, if they are asked for.
+fn shape(
+    options: &Options,
+    points: &[u8],
+    mesh: &Mesh,
+) -> Result<Option<Shape>, String> {
+    let (vertices, triangles) = (&mesh.vertices, &mesh.triangles);
+    Ok(if let Some(path) = &options.points {
+        let read = read_points(points);
+        let file = input_name(path);
+        Some(Shape::Points(read.map_err(|e| format!("{file}{e}"))?))
+    } else if let Some(side) = options.faces {
+        let (vertices, triangles) = (vertices.clone(), triangles.clone());
+        Some(Shape::Faces(vertices, triangles, mesh.faces(), side))
+    } else if options.vertices {
+        Some(Shape::Vertices(vertices.clone(), triangles.clone()))
+    } else {
+        None
+    })
+}
+
+/// The receivers of a shape in a scene.
+fn candidates(shape: &Shape, scene: &Scene) -> Candidates {
+    match shape {
+        Shape::Points(points) => Candidates::points(points, &scene.frame),
+        Shape::Vertices(..) => Candidates::vertices(&scene.triangles),
+        Shape::Faces(_, triangles, faces, side) => {
+            let vertices = &scene.triangles.vertices;
+            Candidates::faces(vertices, triangles, faces, *side)
+        }
+    }
 }
 
 /// The bytes of a file or of standard input.
-fn read(options: &Options) -> Result<Vec<u8>, String> {
-    let file = options.input_name();
+fn read(path: &Path, is_scene: bool) -> Result<Vec<u8>, String> {
+    let file = input_name(path);
     let _step = step(format!("reading {file}"), None);
     let fault = |e| format!("{file}: cannot read: {e}");
-    let mut pipe: Box<dyn Read> = match options.scene_file() {
-        Some(path) if path.is_file() => {
-            return fs::read(path).map_err(fault);
-        }
-        Some(path) => Box::new(File::open(path).map_err(fault)?),
-        None => Box::new(io::stdin()),
+    let mut pipe: Box<dyn Read> = match path {
+        path if is_dash(path) => Box::new(io::stdin()),
+        path if path.is_file() => return fs::read(path).map_err(fault),
+        path => Box::new(File::open(path).map_err(fault)?),
     };
     let mut bytes = Vec::new();
     pipe.by_ref().take(START).read_to_end(&mut bytes).map_err(fault)?;
-    if bytes.len() as u64 == START && !begins_obj(&bytes) {
+    let is_long = is_scene && bytes.len() as u64 == START;
+    if is_long && !begins_obj(&bytes) {
         return Err(fault(io::Error::other(
             "no vertex in the first 64 MiB",
         )));
@@ -480,6 +619,12 @@ fn read(options: &Options) -> Result<Vec<u8>, String> {
 /// So many bytes of an OBJ have a vertex.
 const START: u64 = 1 << 26;
 
+/// A hash of some bytes, in hexadecimal digits.
+fn sha256(bytes: &[u8]) -> String {
+    let hash = Sha256::digest(bytes);
+    hash.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
 /// Whether a file names the scene by its hash.
 fn names_the_scene((product, _): &(Product, OutputTarget)) -> bool {
     !matches!(product, Product::Image(format) if *format != Format::Exr)
@@ -488,17 +633,37 @@ fn names_the_scene((product, _): &(Product, OutputTarget)) -> bool {
 /// Seconds in which a thread looks for the background of a tile, about.
 const TILE_SEARCH: f64 = 3e-6;
 
-/// What is shown of a scene, what is found about it, and its hierarchy; the
-/// `report` is told.
+/// What is shown of a scene, what is found about it, and its hierarchy.
+struct World {
+    subject: Subject,
+    report: Report,
+    sensor: Sensor,
+    albedos: AlbedoTable,
+    bvh: Bvh,
+    analysis: SceneAnalysis,
+    /// What the values of receivers are written with.
+    table: Option<Table>,
+}
+
+impl World {
+    /// What the renderers see.
+    fn view(&self) -> LitView<'_> {
+        let Self { subject, sensor, albedos, .. } = self;
+        let surfaces = Surfaces::new(albedos, subject.ground);
+        let (sky, resolution) = (subject.light(), subject.resolution);
+        LitView { sensor, sky, surfaces, resolution }
+    }
+}
+
+/// Prepares a scene that was read.
 fn build(
-    scene: Scene,
-    subject: &Subject,
+    loaded: Loaded,
     options: &Options,
     ranks: &dyn Ranks,
-    report: &mut Report,
-) -> Result<(LitView, SceneAnalysis, Bvh), String> {
+) -> Result<World, String> {
     let began = Instant::now();
-    let camera = Camera::new(&subject.view, aspect(subject.resolution))?;
+    let Loaded { scene, subject, report, albedos, asked } = loaded;
+    let sensor = camera(&subject, &scene.frame)?;
     // Leave out what would take too long to look for
     let (width, height) = subject.resolution;
     let tiles = f64::from(width) * f64::from(height) / 256.;
@@ -509,18 +674,25 @@ fn build(
         true => &["background"],
         false => &[],
     };
-    let view = LitView {
-        camera,
-        entrance: scene.frame.entrance(camera.position),
-        sky: Sky::new(subject.view.up),
-        albedo: subject.albedo,
-        resolution: subject.resolution,
-    };
-    let area = options.band().area() as f64;
-    let paths = options.goal(1).map(|n| n as f64 * area);
-    let rays = expected_rays(&view, paths, options.time);
-    let rays = rays / ranks.place().1 as f64;
     let Scene { triangles, left_out, .. } = scene;
+    // Guess the rays of this process
+    let tiles = subject.window();
+    let tiles = tiles.band(
+        options.tiles.unwrap_or((1, 1)),
+        tile_height(subject.resolution),
+    );
+    let area = match &asked {
+        Some((candidates, _)) => candidates.receivers.len(),
+        None => tiles.area(),
+    } as f64;
+    let paths = options.goal(1).map(|n| n as f64 * area);
+    let is_outside = matches!(
+        &sensor,
+        Sensor::Camera(_, entrance) if !entrance.is_inside && asked.is_none()
+    );
+    let rays =
+        expected_rays((is_outside, subject.albedo), paths, options.time);
+    let rays = rays / ranks.place().1 as f64;
     let quality = Quality::expecting(triangles.len(), rays);
     // Warn of triangles that are too small
     let (count, all) = (too_small(&triangles), triangles.len());
@@ -530,18 +702,66 @@ fn build(
              or 2^-43 of the scene: close to larger ones the light may be wrong"
         ));
     }
+    let zenith = subject.light().zenith;
+    let ground = subject.ground.map(|_| Ground::under(&triangles, zenith));
     // Build the hierarchy and show how far it is
     let step = step("building the hierarchy".into(), Some(all as u64));
     let placed = |count: usize| step.set_position(count as u64);
     let bvh = Bvh::of(triangles, quality, options.isa(), &placed);
-    let bvh = bvh.map_err(|e| e.to_string())?;
+    let bvh = bvh.map_err(|e| e.to_string())?.above(ground);
     drop(step);
-    let analysis = SceneAnalysis::find(&left_out, &bvh, &view, kept);
+    let albedos = AlbedoTable::new(&albedos, &bvh)?;
+    let (analysis, table) = (SceneAnalysis::default(), None);
+    let mut world =
+        World { subject, report, sensor, albedos, bvh, analysis, table };
+    // Settle the receivers
+    if let Some((candidates, table)) = asked {
+        let middles = candidates.middles();
+        let grid = Grid::around(&middles);
+        let (receivers, refused) =
+            candidates.settle(&world.bvh, |hit| grid.order(hit));
+        let names = match &table.shape {
+            Shape::Points(_) => "points",
+            Shape::Vertices(..) => "vertices",
+            Shape::Faces(..) => "faces",
+        };
+        let number = |number| match table.face(number) {
+            (face, true) => format!("the back of {}", face + 1),
+            (face, false) => (face + 1).to_string(),
+        };
+        let told = refusals(&refused, table.count, names, number);
+        told.iter().for_each(|told| progress::warn(told));
+        let count = receivers.len();
+        if count == 0 {
+            return Err(format!("none of the {names} has a value"));
+        }
+        world.subject.resolution = (1, count as u32);
+        let rows = count.div_ceil(256) as u32;
+        if options.tiles.is_some_and(|(_, n)| n > rows) {
+            return Err(format!(
+                "--tiles: the {count} {names} have {rows} tiles, and not more bands"
+            ));
+        }
+        world.sensor = Sensor::Receivers(receivers);
+        world.table = Some(table);
+    }
+    let World { bvh, .. } = &world;
+    let analysis = SceneAnalysis::find(&left_out, bvh, &world.view(), kept);
+    let report = &mut world.report;
     report.left_out = analysis.left_out().cloned().collect();
     let quality = quality.to_string();
     report.settings.insert("hierarchy".into(), quality.into());
     report.build_seconds = began.elapsed().as_secs_f64();
-    Ok((view, analysis, bvh))
+    world.analysis = analysis;
+    Ok(world)
+}
+
+/// The camera that is asked for; any, if there are receivers.
+fn camera(subject: &Subject, frame: &Frame) -> Result<Sensor, String> {
+    let &Subject { ref view, resolution, .. } = subject;
+    let camera = Camera::new(view, aspect(resolution))?;
+    let entrance = frame.entrance(camera.position);
+    Ok(Sensor::Camera(camera, entrance))
 }
 
 /// Tells what can be left out, and what the rest is made of.
@@ -574,6 +794,7 @@ fn explain(
 /// a pilot has found, if it has chosen.
 fn sampling(
     options: &Options,
+    subject: &Subject,
     setup: &Setup,
     deadline: Option<Instant>,
     saved: Option<Sampling>,
@@ -581,7 +802,7 @@ fn sampling(
     let request = Request {
         method: options.integrator,
         seed: options.seed,
-        window: options.window(),
+        window: subject.window(),
         samples: options.samples(),
         error: options.error,
         time: options.time,
@@ -772,15 +993,16 @@ pub fn follow(ranks: &dyn Ranks) -> Result<(), String> {
     progress::hush();
     start_threads(&options)?;
     let Some(bytes) = ranks.hear() else { return Ok(()) };
-    let (scene, subject, mut report) = load(&options, bytes, false, None)?;
-    let (view, analysis, bvh) =
-        build(scene, &subject, &options, ranks, &mut report)?;
+    let Some(points) = ranks.hear() else { return Ok(()) };
+    let loaded = load(&options, [bytes, points], false, None, ranks)?;
+    let world = build(loaded, &options, ranks)?;
+    let World { bvh, analysis, .. } = &world;
+    let view = world.view();
     let Some(run_key) = hear::<RunKey>(ranks)? else { return Ok(()) };
     let Some(bytes) = ranks.hear() else { return Ok(()) };
     let learnt = learnt::read(&mut &bytes[..], &run_key)
         .map_err(|e| e.to_string())?;
-    let setup =
-        Setup { intersector: &bvh, view: &view, analysis: &analysis };
+    let setup = Setup { intersector: bvh, view: &view, analysis };
     let renderer = setup.renderer(&run_key.sampling, learnt, ranks);
     ranks.serve(renderer, &run_key);
     Ok(())

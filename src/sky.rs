@@ -1,39 +1,93 @@
 // Tangled from chapters/sky.nw; edit there.
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The only light: a half space of directions with radiance 1.
-//!
-//! That each half is uniform is relied on by the control variate of
-//! `integrator`, by tiles of one constant in `analysis::background`, and by
-//! the records of `integrator::gather::cache`.
+//! The only light: a half space of directions, uniform or overcast.
 
+use std::f64::consts::PI;
+
+use clap::ValueEnum;
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
-/// The sky: radiance 1 from all directions above the horizon.
-#[derive(Clone, Copy, Debug)]
+use crate::numerics::normalise;
+
+/// How the radiance of the sky is distributed; a horizontal surface in the
+/// open gets the same from each.
+#[derive(
+    ValueEnum,
+    Clone,
+    Copy,
+    Debug,
+    Default,
+    PartialEq,
+    Eq,
+    Serialize,
+    Deserialize,
+)]
+#[serde(rename_all = "lowercase")]
+pub enum Cover {
+    /// The same in all directions.
+    #[default]
+    Uniform,
+    /// In proportion to 1 + 2 sin γ at the altitude γ (Moon and Spencer
+    /// 1942; ISO 15469, type 16).
+    Overcast,
+}
+
+/// The sky: light from all directions above the horizon.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Sky {
-    /// Unit vector of the coordinate axis that points to the zenith.
-    zenith: DVec3,
+    /// Unit vector that points to the zenith.
+    pub zenith: DVec3,
+    /// How its radiance is distributed.
+    pub cover: Cover,
 }
 
 impl Sky {
-    /// The sky whose zenith is the coordinate axis nearest to `up`.
+    /// The uniform sky whose zenith is the coordinate axis nearest to `up`.
     pub fn new(up: DVec3) -> Self {
         let size = |axis: &DVec3| axis.dot(up).abs();
         let axes = DVec3::AXES.into_iter();
         let last = axes.max_by(|a, b| size(a).total_cmp(&size(b)));
         let axis = last.unwrap_or(DVec3::Z);
-        Self { zenith: axis * axis.dot(up).signum() }
+        Self::with(axis * axis.dot(up).signum(), Cover::Uniform)
+    }
+
+    /// The sky around a zenith, whose vector is not zero.
+    pub fn with(zenith: DVec3, cover: Cover) -> Self {
+        Self { zenith: normalise(zenith).normalize(), cover }
     }
 
     /// The radiance that arrives from `direction`, if nothing is in the way.
+    #[inline(always)]
     pub fn radiance(&self, direction: DVec3) -> f64 {
-        if self.zenith.dot(direction) > 0. { 1. } else { 0. }
+        let height = self.zenith.dot(direction);
+        match self.cover {
+            _ if height <= 0. => 0.,
+            Cover::Uniform => 1.,
+            Cover::Overcast => 3. / 7. * (1. + 2. * height),
+        }
     }
 
-    /// The share of sky in the hemisphere around the unit vector `normal`,
-    /// weighted by the cosine: in [0, 1].
+    /// Whether all directions above the horizon have the radiance 1.
+    pub fn is_uniform(&self) -> bool {
+        self.cover == Cover::Uniform
+    }
+
+    /// What a surface with this unit normal gets if nothing is in the way,
+    /// in units of what a horizontal one gets: in [0, 1].
     pub fn share(&self, normal: DVec3) -> f64 {
-        (0.5 + 0.5 * self.zenith.dot(normal)).clamp(0., 1.)
+        let cosine = self.zenith.dot(normal).clamp(-1., 1.);
+        let uniform = 0.5 + 0.5 * cosine;
+        match self.cover {
+            Cover::Uniform => uniform,
+            Cover::Overcast => {
+                let (sine, angle) =
+                    ((1. - cosine * cosine).sqrt(), libm::acos(cosine));
+                let bright = sine + (PI - angle) * cosine;
+                (3. / 7. * (uniform + 4. / (3. * PI) * bright))
+                    .clamp(0., 1.)
+            }
+        }
     }
 }

@@ -37,6 +37,7 @@ mod runs;
 mod sampler;
 mod scene;
 mod schema;
+mod sensor;
 mod shards;
 mod sobol;
 mod statistics;

@@ -46,7 +46,7 @@ fn work_is_left_out_without_a_trace_by_each_shortcut() {
 
 /// The samples of the reference.
 fn plain() -> Sampling {
-    Sampling::new(Method::Reference, 1, None, 1)
+    Sampling::new(Method::Reference, 1, None, (1, 1))
 }
 
 /// A lie about what is known changes the image.

@@ -10,7 +10,9 @@ use crate::render_loop::go_on;
 use glam::DVec3;
 use litpt::analysis::background::{KnownPixels, TileContent};
 use litpt::integrator::gather::Gather;
-use litpt::integrator::gather::cache::{Grid, RadianceCache, Record, SKY};
+use litpt::integrator::gather::cache::{
+    Grid, RadianceCache, Record, SKY, WHOLE,
+};
 use litpt::integrator::gather::training::train;
 use litpt::integrator::gather::{Allocation, Correction, Tracer};
 use litpt::{bvh::*, film::*, image::*, render::*};
@@ -81,7 +83,7 @@ fn settled(to_itself: usize) -> f64 {
     let grid = Grid::around(&[]);
     let (p, normal) = (DVec3::splat(0.5), DVec3::Z);
     let from = grid.name(p, normal);
-    let sky = Record { from, to: SKY, weight: 1., bin: 0 };
+    let sky = Record { from, to: SKY, weight: 1., bin: 0, share: WHOLE };
     let mut records = vec![sky];
     records.resize(1 + to_itself, Record { to: from, ..sky });
     let cache =
@@ -107,7 +109,8 @@ fn believer(value: f32) -> RadianceCache {
         let [x, y, z] = [x, y, z].map(|i| f64::from(2 * i - 1));
         for normal in DVec3::AXES.into_iter().flat_map(|a| [a, -a]) {
             let from = grid.name(DVec3::new(x, y, z), normal);
-            records.push(Record { from, to: SKY, weight: value, bin: 0 });
+            let (to, bin, share) = (SKY, 0, WHOLE);
+            records.push(Record { from, to, weight: value, bin, share });
         }
     }
     RadianceCache::empty(grid).learn(&mut records, 1., &|_| true)

@@ -42,8 +42,12 @@ fn nearly_parallel_vectors_have_a_cross_product() {
 fn a_hall_of_300_metres_is_scaled_by_32() {
     let far = DVec3::new(300., 40., 12.);
     let vertices = vec![DVec3::ZERO, far, far * DVec3::X];
-    let hall =
-        Mesh { vertices, triangles: vec![[0, 1, 2]], joined: vec![] };
+    let hall = Mesh {
+        vertices,
+        triangles: vec![[0, 1, 2]],
+        joined: vec![],
+        marks: vec![],
+    };
     let scene = Scene::new(&hall);
     let corner = scene.triangles.get(0)[1];
     assert_eq!(corner, DVec3::new(4800., 640., 192.));

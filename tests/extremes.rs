@@ -23,7 +23,12 @@ fn square(half: f64) -> Mesh {
     let corners = [(-1., -1.), (1., -1.), (1., 1.), (-1., 1.)];
     let vertices = corners.map(|(x, y)| DVec3::new(x, y, 0.) * half);
     let triangles = vec![[0, 1, 2], [0, 2, 3]];
-    Mesh { vertices: vertices.to_vec(), triangles, joined: vec![] }
+    Mesh {
+        vertices: vertices.to_vec(),
+        triangles,
+        joined: vec![],
+        marks: vec![],
+    }
 }
 
 /// From above, so far away, and down to the origin.

@@ -14,6 +14,7 @@ use litpt::bvh::{Bvh, Hit, Intersector, Isa, Quality};
 use litpt::camera::View;
 use litpt::film::{Film, FilmTile, SIDE, Summary, Tile, Window};
 use litpt::integrator::{Integrator, PathEvent, PathTracer};
+use litpt::materials::Surfaces;
 use litpt::render::{Job, Renderer};
 use litpt::sampler::sobol::SobolSampler;
 use litpt::sampler::{Sampler, dimension};
@@ -307,9 +308,9 @@ fn few_rays_are_traced_after_a_pass_is_told_to_stop() {
         }
     }
     let setting = sphere();
-    let Job { entrance, camera, known, sampler, .. } = setting.job(1);
+    let Job { sensor, known, sampler, .. } = setting.job(1);
     let sky = Sky::new(DVec3::Z);
-    let integrator = PathTracer::new(1., sky);
+    let integrator = PathTracer::new(Surfaces::of(1.), sky);
     for (size, end) in [((16, 16), 1000), ((300, 200), 5), ((1, 1), 90_000)]
     {
         for threads in [1, 4] {
@@ -324,14 +325,8 @@ fn few_rays_are_traced_after_a_pass_is_told_to_stop() {
                 goes_on
             };
             let sampler = sampler.clone();
-            let mut job = Job {
-                entrance,
-                intersector,
-                camera,
-                integrator,
-                known,
-                sampler,
-            };
+            let mut job =
+                Job { sensor, intersector, integrator, known, sampler };
             let mut film = Film::new(size.0, size.1);
             with_threads(threads, || job.pass(&mut film, end, &watch));
             let [all, then] =
@@ -367,10 +362,9 @@ impl Integrator for Distance {
 /// A film of 64 by 64 pixels after so many samples in nets of 16 points.
 fn nets(samples: u64) -> Film {
     let setting = sphere();
-    let Job { entrance, intersector, camera, known, .. } = setting.job(0);
+    let Job { sensor, intersector, known, .. } = setting.job(0);
     let (sampler, integrator) = (SobolSampler::new(11, 16), Distance);
-    let mut job =
-        Job { entrance, intersector, camera, integrator, known, sampler };
+    let mut job = Job { sensor, intersector, integrator, known, sampler };
     let mut film = Film::new(64, 64).with_replicates(16);
     job.pass(&mut film, samples / 3, &|_| true);
     job.pass(&mut film, samples, &|_| true);

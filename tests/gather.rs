@@ -23,7 +23,7 @@ use litpt::camera::{Camera, View};
 use litpt::film::{Film, Tile, WORTH};
 use litpt::integrator::gather::Gather;
 use litpt::integrator::gather::cache::{
-    Cell, DARKNESS, Grid, LEVELS, RadianceCache, Record, SKY,
+    Cell, DARKNESS, Grid, LEVELS, RadianceCache, Record, SKY, WHOLE,
 };
 use litpt::integrator::gather::guide::{
     BINS, Guide, SIDE, bin, direction, main_axis,
@@ -34,6 +34,7 @@ use litpt::render_loop::{Convergence, Interrupt, Limits, Stop};
 use litpt::sampler::generator;
 use litpt::sampler::sobol::{ScrambledNet, scramble_key};
 use litpt::scene::Mesh;
+use litpt::sensor::Sensor;
 use litpt::sky::Sky;
 use litpt::statistics::Accumulator;
 use litpt_book::closed_forms::{
@@ -315,7 +316,8 @@ fn at(cache: &RadianceCache, p: DVec3, normal: DVec3) -> Cell {
 
 /// So many records of one value, from a cell.
 fn told(from: u64, value: f32, count: usize) -> Vec<Record> {
-    vec![Record { from, to: SKY, weight: value, bin: 0 }; count]
+    let (to, bin, share) = (SKY, 0, WHOLE);
+    vec![Record { from, to, weight: value, bin, share }; count]
 }
 
 #[test]
@@ -492,8 +494,9 @@ fn lie(
         for i in 0..RECORDS {
             let [row, column] = [0; 2].map(|_| random.random_range(0..4));
             let bin = 66 + 16 * row + column;
-            let sky = Record { from, to: SKY, weight, bin };
-            let bin = random.random_range(0..BINS as u32);
+            let (to, share) = (SKY, WHOLE);
+            let sky = Record { from, to, weight, bin, share };
+            let bin = random.random_range(0..BINS as u16);
             let dark = Record { to: DARKNESS, weight: 1., bin, ..sky };
             records.push(if i % 10 == 0 { sky } else { dark });
         }
@@ -703,17 +706,21 @@ fn a_gather_traces_no_ray_in_a_tile_of_the_sky() {
     // A camera that looks along the horizon, away from all triangles.
     let from = 1e4 * DVec3::Z;
     let view = View { up: DVec3::Z, ..look(from, from + DVec3::X, 30.) };
-    let camera = &Camera::new(&view, 1.).unwrap();
+    let camera = Camera::new(&view, 1.).unwrap();
+    let Sensor::Camera(_, entrance) = stage.setting.job(0).sensor else {
+        panic!("no camera")
+    };
+    let sensor = &Sensor::Camera(camera, *entrance);
     let gathered = |known: &KnownPixels| {
         let gather = stage.gather(5);
-        let view = LitView { camera: *camera, ..gather.view };
+        let view = LitView { sensor, ..gather.view };
         let gather = Gather { known, view, ..gather };
         let mut tracer = tracer(&gather, &cache, &allocation);
         (tracer.tile(tile, 0)[0].clone(), tracer.rays)
     };
     let (sky, job) = (Sky::new(DVec3::Z), stage.setting.job(0));
-    let (place, bvh) = (job.entrance.place().unwrap(), job.intersector);
-    let known = KnownPixels::background(camera, sky, (16, 16), place, bvh);
+    let (place, bvh) = (entrance.place().unwrap(), job.intersector);
+    let known = KnownPixels::background(&camera, sky, (16, 16), place, bvh);
     assert_eq!(known.content((0, 0)), TileContent::Sky);
     let (values, rays) = gathered(&known);
     assert_eq!((values, rays), (gathered(KnownPixels::NOTHING).0, 0));

@@ -50,7 +50,7 @@ fn the_bits_of_samples_change_with_their_version_only() {
         let hash = hash.finalize();
         let hash: String =
             hash.iter().map(|byte| format!("{byte:02x}")).collect();
-        let identity = Sampling::new(method, 0, Some(9), 35).identity();
+        let identity = Sampling::new(method, 0, Some(9), (7, 5)).identity();
         assert_eq!(
             (&*identity, &*hash),
             known,

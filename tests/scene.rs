@@ -301,7 +301,9 @@ fn the_triangles_with_area_keep_their_order() {
     all.insert(5, [3, 0, 3]);
     let [some, all] = [good, all].map(|triangles| {
         let (vertices, joined) = (vertices.clone(), joined.clone());
-        Scene::new(&Mesh { vertices, triangles, joined }).triangles.to_vec()
+        Scene::new(&Mesh { vertices, triangles, joined, marks: vec![] })
+            .triangles
+            .to_vec()
     });
     assert_eq!((all.len(), all), (3, some));
 }

@@ -10,7 +10,7 @@ use std::fs;
 use std::sync::Arc;
 
 use common::{Run, Scratch, finish, signal, wait_until};
-use litpt::film::Window;
+use litpt::film::{SIDE, Window};
 use litpt::image::Image;
 use litpt::state::checkpoint::{Checkpoint, save};
 use litpt::state::key::Part;
@@ -221,10 +221,10 @@ fn bands_divide_any_window_at_rows_of_tiles() {
         [((0, 0), (5, 1)), ((3, 5), (9, 70)), ((0, 16), (8, 500))];
     for (corner, size) in windows {
         let window = Window { corner, size };
-        for n in 1..=window.tile_rows() {
+        for n in 1..=window.tile_rows(SIDE) {
             let mut row = corner.1;
             for k in 1..=n {
-                let band = window.band((k, n));
+                let band = window.band((k, n), SIDE);
                 assert_eq!(band.corner, (corner.0, row));
                 assert_eq!(band.size.0, size.0);
                 row = band.end().1;

@@ -7,6 +7,7 @@
 use glam::DVec3;
 use litpt::bvh::Hit;
 use litpt::integrator::{Integrator, PathEvent, PathTracer};
+use litpt::materials::Surfaces;
 use litpt::sampler::{IndependentSampler, Sampler, generator};
 use litpt::sky::Sky;
 use litpt::statistics::Accumulator;
@@ -21,7 +22,7 @@ fn path(
     n: u64,
     mut leaves: impl FnMut(u64) -> bool,
 ) -> (f64, u64) {
-    let integrator = PathTracer::new(rho, Sky::new(DVec3::Z));
+    let integrator = PathTracer::new(Surfaces::of(rho), Sky::new(DVec3::Z));
     let wall = Hit { point: DVec3::ZERO, normal: DVec3::Z, primitive: 0 };
     let mut sampler = IndependentSampler::new(1).start(0, n);
     let mut path = integrator.begin(DVec3::Z);

@@ -22,10 +22,12 @@ use litpt::film::Film;
 use litpt::integrator::gather::cache::RadianceCache;
 use litpt::integrator::gather::{Allocation, Correction, Gather, Tracer};
 use litpt::integrator::{Alone, PathTracer};
+use litpt::materials::Surfaces;
 use litpt::numerics::{power_of_two, sincos_turns};
 use litpt::render::{Job, Renderer};
 use litpt::sampler::IndependentSampler;
-use litpt::scene::{Entrance, Mesh, Scene};
+use litpt::scene::{Mesh, Scene};
+use litpt::sensor::Sensor;
 use litpt::sky::Sky;
 use litpt::statistics::Accumulator;
 
@@ -175,7 +177,12 @@ fn sheet(rows: &[Vec<DVec3>]) -> Mesh {
     let triangles = (1..rows.len() as u32)
         .flat_map(|i| (1..columns).flat_map(move |j| square(i, j)));
     let triangles = triangles.collect();
-    Mesh { vertices: rows.concat(), triangles, joined: vec![] }
+    Mesh {
+        vertices: rows.concat(),
+        triangles,
+        joined: vec![],
+        marks: vec![],
+    }
 }
 
 /// A horizontal square of two triangles, at height 0.
@@ -301,10 +308,9 @@ fn room() -> Mesh {
 
 /// A scene with a camera in it, ready to be rendered.
 pub struct Setting {
-    entrance: Entrance,
+    sensor: Sensor,
     intersector: Bvh,
-    camera: Camera,
-    integrator: PathTracer,
+    integrator: PathTracer<'static>,
 }
 
 impl Setting {
@@ -320,16 +326,17 @@ impl Setting {
         let scene = Scene::new(mesh);
         let intersector = Bvh::new(&scene)?;
         let sky = Sky::new(up);
-        let integrator = PathTracer::new(rho, sky);
+        let integrator = PathTracer::new(Surfaces::of(rho), sky);
         let entrance = scene.frame.entrance(view.position);
-        Ok(Self { entrance, intersector, camera, integrator })
+        let sensor = Sensor::Camera(camera, entrance);
+        Ok(Self { sensor, intersector, integrator })
     }
 
     /// What is shown of it in an image of this width and height.
-    pub fn view(&self, resolution: (u32, u32)) -> LitView {
-        let &Self { entrance, camera, integrator, .. } = self;
-        let PathTracer { albedo, sky, .. } = integrator;
-        LitView { camera, entrance, sky, albedo, resolution }
+    pub fn view(&self, resolution: (u32, u32)) -> LitView<'_> {
+        let &Self { ref sensor, integrator, .. } = self;
+        let PathTracer { surfaces, sky, .. } = integrator;
+        LitView { sensor, sky, surfaces, resolution }
     }
 
     /// A gather that renders it, of the seed 0.
@@ -347,12 +354,11 @@ impl Setting {
     }
 
     /// The job that renders it.
-    pub fn job(&self, seed: u64) -> Job<'_, Bvh, PathTracer> {
-        let &Self { entrance, ref intersector, ref camera, integrator } =
-            self;
+    pub fn job(&self, seed: u64) -> Job<'_, Bvh, PathTracer<'_>> {
+        let &Self { ref sensor, ref intersector, integrator } = self;
         let known = KnownPixels::NOTHING;
         let sampler = IndependentSampler::new(seed);
-        Job { entrance, intersector, camera, integrator, known, sampler }
+        Job { sensor, intersector, integrator, known, sampler }
     }
 }
 
@@ -387,7 +393,7 @@ impl ClosedForm {
         let sky = (0., DVec3::Z);
         let mut setting = Setting::new(&self.mesh, sky, &self.view, 1.)?;
         let outcome = |(seed, &rho): (u64, &f64)| {
-            setting.integrator.albedo = rho;
+            setting.integrator.surfaces = Surfaces::of(rho);
             let pixel = setting.pixel(n, seed);
             Outcome { rho, exact: (self.radiance)(rho), pixel }
         };

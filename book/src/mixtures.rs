@@ -102,7 +102,7 @@ fn square(reach: f64, n: u32) -> Mesh {
     };
     let vertices = (0..=n).flat_map(row).collect();
     let triangles = (0..n * n).flat_map(cell).collect();
-    Mesh { vertices, triangles, joined: vec![] }
+    Mesh { vertices, triangles, joined: vec![], marks: vec![] }
 }
 
 /// A ball of radius 1 and 20480 triangles that touches height 0.

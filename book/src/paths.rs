@@ -15,7 +15,7 @@ pub fn record<K: Intersector>(
     entrance: &Entrance,
     intersector: &K,
     camera: &Camera,
-    integrator: &PathTracer,
+    integrator: &PathTracer<'_>,
     seed: u64,
     count: usize,
 ) -> Result<Vec<(Ray, Option<u32>)>, &'static str> {

@@ -14,8 +14,10 @@ use litpt::bvh::{Bvh, Isa, Quality};
 use litpt::camera::{Camera, View};
 use litpt::film::{Film, Window};
 use litpt::integrator::Alone;
+use litpt::materials::Surfaces;
 use litpt::render::choose::{Method, Sampling, Setup};
 use litpt::scene::{Mesh, Scene};
+use litpt::sensor::Sensor;
 use litpt::sky::Sky;
 
 /// A scene, a view of it, and the albedo of its surfaces.
@@ -46,7 +48,7 @@ impl Setting {
         n: u64,
         seed: u64,
     ) -> Outcome {
-        let sampling = Sampling::new(Method::Reference, seed, None, 1);
+        let sampling = Sampling::new(Method::Reference, seed, None, (1, 1));
         self.render_with(kept, resolution, n, &sampling, |_| ())
     }
 
@@ -64,11 +66,12 @@ impl Setting {
         let camera = Camera::new(&self.view, aspect).expect("a view");
         let scene = Scene::new(&self.mesh);
         let start = Instant::now();
+        let entrance = scene.frame.entrance(camera.position);
+        let sensor = &Sensor::Camera(camera, entrance);
         let view = LitView {
-            camera,
-            entrance: scene.frame.entrance(camera.position),
+            sensor,
             sky: Sky::new(self.view.up),
-            albedo: self.rho,
+            surfaces: Surfaces::of(self.rho),
             resolution,
         };
         let intersector = Bvh::with(&scene, Quality::Thorough, Isa::best());
@@ -229,6 +232,7 @@ fn cube() -> Mesh {
         vertices: (0..8).map(corner).collect(),
         triangles,
         joined: vec![],
+        marks: vec![],
     }
 }
 
@@ -245,6 +249,7 @@ fn cut_cube() -> Mesh {
         vertices: vertices.collect(),
         triangles: faces.collect(),
         joined: vec![],
+        marks: vec![],
     }
 }
 
@@ -265,7 +270,12 @@ fn one() -> Mesh {
         DVec3::new(1., 0., -1.),
         DVec3::new(0., 0.3, 1.),
     ];
-    Mesh { vertices, triangles: vec![[0, 1, 2]], joined: vec![] }
+    Mesh {
+        vertices,
+        triangles: vec![[0, 1, 2]],
+        joined: vec![],
+        marks: vec![],
+    }
 }
 
 /// A closed chest on a plane, with 100 000 triangles in it.

@@ -57,8 +57,12 @@ impl Solid {
         let plane = [[0, 1, 2], [0, 2, 3]];
         triangles.extend(plane.map(|t| t.map(|i| first + i)));
         let faces = own.corners.len() as u32;
-        let scene =
-            Scene::new(&Mesh { vertices, triangles, joined: vec![] });
+        let scene = Scene::new(&Mesh {
+            vertices,
+            triangles,
+            joined: vec![],
+            marks: vec![],
+        });
         let place = |&p: &DVec3| {
             scene.frame.entrance(p).place().expect("a point inside")
         };
@@ -241,7 +245,7 @@ pub fn icosphere(level: u32) -> Mesh {
         };
         triangles = triangles.iter().flat_map(cut).collect();
     }
-    Mesh { vertices, triangles, joined: vec![] }
+    Mesh { vertices, triangles, joined: vec![], marks: vec![] }
 }
 
 /// A torus around the z axis, with radii 1 and 0.3.
@@ -266,6 +270,7 @@ fn torus(around: u32, across: u32) -> Mesh {
         vertices: vertices.collect(),
         triangles: triangles.collect(),
         joined: vec![],
+        marks: vec![],
     }
 }
 

@@ -12,9 +12,11 @@ use litpt::bvh::{Bvh, Hit};
 use litpt::camera::{Camera, View};
 use litpt::film::Film;
 use litpt::integrator::{Integrator, PathEvent, PathState, PathTracer};
+use litpt::materials::Surfaces;
 use litpt::render::{Job, Renderer};
 use litpt::sampler::{IndependentSampler, Sampler};
 use litpt::scene::{Mesh, Scene};
+use litpt::sensor::Sensor;
 use litpt::sky::Sky;
 use litpt_book::interiors::Interior;
 use litpt_book::sweep::Solid;
@@ -27,7 +29,7 @@ fn named(name: &str) -> Interior {
 
 /// Albedo 1 for so many reflections, then 0.
 struct Limited {
-    tracer: PathTracer,
+    tracer: PathTracer<'static>,
     most: u64,
 }
 
@@ -57,14 +59,15 @@ impl Integrator for Limited {
 fn mean(mesh: &Mesh, view: &View, most: u64, n: u64) -> f64 {
     let scene = &Scene::new(mesh);
     let intersector = &Bvh::new(scene).unwrap();
-    let camera = &Camera::new(view, 4. / 3.).unwrap();
-    let tracer = PathTracer::new(1., Sky::new(view.up));
+    let camera = Camera::new(view, 4. / 3.).unwrap();
+    let tracer = PathTracer::new(Surfaces::of(1.), Sky::new(view.up));
     let integrator = Limited { tracer, most };
     let known = KnownPixels::NOTHING;
     let entrance = scene.frame.entrance(view.position);
+    let sensor = &Sensor::Camera(camera, entrance);
     let sampler = IndependentSampler::new(0);
     let mut film = Film::new(16, 12);
-    Job { entrance, intersector, camera, integrator, known, sampler }.pass(
+    Job { sensor, intersector, integrator, known, sampler }.pass(
         &mut film,
         n,
         &|_| true,

@@ -15,7 +15,7 @@ use std::sync::{Mutex, MutexGuard, Once, PoisonError, mpsc};
 use std::time::{Duration, Instant};
 use std::{panic, thread};
 
-use litpt::film::{Film, SIDE, Watch, Window};
+use litpt::film::{Film, SIDE, Watch, Window, tile_height};
 use litpt::integrator::Together;
 use litpt::progress;
 use litpt::render::{Renderer, Share};
@@ -250,29 +250,35 @@ struct Piece {
     samples: u64,
 }
 
-/// Two windows of whole tiles that make up this one, if there are.
-fn halves(window: Window) -> Option<[Window; 2]> {
+/// Two windows of whole tiles of this height that make up this one, if there
+/// are.
+fn halves(window: Window, height: u32) -> Option<[Window; 2]> {
     let turn = |Window { corner: (x, y), size: (width, height) }| Window {
         corner: (y, x),
         size: (height, width),
     };
-    let bands = |w: Window| [(1, 2), (2, 2)].map(|band| w.band(band));
+    let bands =
+        |w: Window, side| [(1, 2), (2, 2)].map(|band| w.band(band, side));
     let turned = turn(window);
-    match (turned.tile_rows(), window.tile_rows()) {
+    match (turned.tile_rows(SIDE), window.tile_rows(height)) {
         (1, 1) => None,
-        (columns, rows) if columns < rows => Some(bands(window)),
-        _ => Some(bands(turned).map(turn)),
+        (columns, rows) if columns < rows => Some(bands(window, height)),
+        _ => Some(bands(turned, SIDE).map(turn)),
     }
 }
 
-/// The first pixel of each tile of a window.
-fn corners(window: Window) -> impl Iterator<Item = (u32, u32)> + Clone {
+/// The first pixel of each tile, of this height, of a window.
+fn corners(
+    window: Window,
+    height: u32,
+) -> impl Iterator<Item = (u32, u32)> + Clone {
     let ((left, top), (right, bottom)) = (window.corner, window.end());
-    let edges = |from: u32, end: u32| {
-        let cells = from / SIDE..end.div_ceil(SIDE);
-        cells.map(move |k| from.max(k * SIDE))
+    let edges = |from: u32, end: u32, side| {
+        let cells = from / side..end.div_ceil(side);
+        cells.map(move |k| from.max(k * side))
     };
-    let (columns, rows) = (edges(left, right), edges(top, bottom));
+    let columns = edges(left, right, SIDE);
+    let rows = edges(top, bottom, height);
     rows.flat_map(move |y| columns.clone().map(move |x| (x, y)))
 }
 
@@ -308,11 +314,12 @@ impl<'a> Pass<'a> {
         let most = self.most();
         while let Some(window) = self.windows.pop() {
             // Halve the window if it is too large or its tiles differ
-            let counts =
-                corners(window).map(|(x, y)| self.film.pixel(x, y).count());
+            let height = tile_height(self.film.resolution);
+            let counts = corners(window, height)
+                .map(|(x, y)| self.film.pixel(x, y).count());
             let least = counts.clone().min().unwrap_or_default();
             if (window.area() > most || counts.max() > Some(least))
-                && let Some([half, rest]) = halves(window)
+                && let Some([half, rest]) = halves(window, height)
             {
                 self.windows.extend([rest, half]);
                 continue;

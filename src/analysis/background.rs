@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use crate::bvh::Bvh;
 use crate::camera::Camera;
-use crate::film::SIDE;
+use crate::film::{SIDE, tile_height};
 use crate::numerics::cross;
 use crate::scene::Triangle;
 use crate::sky::Sky;
@@ -29,17 +29,21 @@ pub enum TileContent {
 #[derive(Default)]
 pub struct KnownPixels {
     columns: u32,
+    /// The height of a tile.
+    side: u32,
     /// By row and column; none if nothing is known.
     tiles: Vec<TileContent>,
 }
 
 impl KnownPixels {
     /// For a render of which nothing is known.
-    pub const NOTHING: &Self = &Self { columns: 0, tiles: vec![] };
+    pub const NOTHING: &Self =
+        &Self { columns: 0, side: SIDE, tiles: vec![] };
 
     /// What is known of the tile of a pixel.
     pub fn content(&self, (x, y): (u32, u32)) -> TileContent {
-        let tile = (y / SIDE * self.columns + x / SIDE) as usize;
+        let row = y / self.side.max(1);
+        let tile = (row * self.columns + x / SIDE) as usize;
         self.tiles.get(tile).copied().unwrap_or(TileContent::Scene)
     }
 
@@ -55,10 +59,11 @@ impl KnownPixels {
         (width, height): (u32, u32),
         content: impl Fn(u32, u32) -> TileContent + Sync,
     ) -> Self {
-        let (columns, rows) = (width.div_ceil(SIDE), height.div_ceil(SIDE));
+        let side = tile_height((width, height));
+        let (columns, rows) = (width.div_ceil(SIDE), height.div_ceil(side));
         let tiles = (0..columns * rows).into_par_iter();
-        let tile = |i| content(i % columns * SIDE, i / columns * SIDE);
-        Self { columns, tiles: tiles.map(tile).collect() }
+        let tile = |i| content(i % columns * SIDE, i / columns * side);
+        Self { columns, side, tiles: tiles.map(tile).collect() }
     }
 
     /// All of an image of this width and height is black.
@@ -76,13 +81,14 @@ impl KnownPixels {
         tip: DVec3,
         intersector: &Bvh,
     ) -> Self {
+        let side = tile_height((width, height));
         let size = tip.abs().max_element() + 16384.;
         let margin = size / (1u64 << 46) as f64;
         Self::new((width, height), |x, y| {
             // Find what one tile can see
             // Send rays through the corners of the tile
             let (right, bottom) =
-                ((x + SIDE).min(width), (y + SIDE).min(height));
+                ((x + SIDE).min(width), (y + side).min(height));
             let corners =
                 [(x, y), (right, y), (right, bottom), (x, bottom)];
             let corners = corners.map(|(x, y)| {
@@ -125,9 +131,17 @@ impl KnownPixels {
             }
             // See whether the sky is constant
             let light = corners.map(|corner| sky.radiance(corner));
-            match light.iter().all(|&other| other == light[0]) {
-                true => TileContent::Constant(light[0]),
-                false => TileContent::Sky,
+            let is_dark = light.iter().all(|&radiance| radiance == 0.);
+            let is_bright = light.iter().all(|&radiance| radiance > 0.);
+            if intersector.has_ground() && !is_bright {
+                return TileContent::Scene;
+            }
+            match sky.zenith.abs().max_element() == 1. {
+                true if is_dark => TileContent::Constant(0.),
+                true if is_bright && sky.is_uniform() => {
+                    TileContent::Constant(1.)
+                }
+                _ => TileContent::Sky,
             }
         })
     }

@@ -228,6 +228,15 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
             let targets = targets.chain(states.iter().map(of_state));
             let targets = targets.collect::<Result<Vec<_>, String>>()?;
             let merged = shards::merge(files)?;
+            if merged.known.run_key.subject.receivers.is_some()
+                && targets
+                    .iter()
+                    .any(|(product, _)| *product != Product::State)
+            {
+                return Err("receivers have no image: merge to a state, -o a.litpt, \
+                            and use pt --resume a.litpt -o a.csv"
+                    .to_owned());
+            }
             // Name the parts that are missing
             if let Some(missing) = &merged.missing {
                 let missing = format!("parts are missing: {missing}");

@@ -37,6 +37,11 @@ pub trait Intersector: Sync + Sized {
         rays.each_ref().map(|ray| ray.as_ref().and_then(hit))
     }
 
+    /// Where a ray that meets no triangle meets the ground, if there is one.
+    fn below(&self, _: &Ray) -> Option<Hit> {
+        None
+    }
+
     /// Whether `ray` meets any triangle other than `from`: the same as
     /// `first_hit(ray, from).is_some()`, and perhaps faster.
     fn is_occluded(&self, ray: &Ray, from: Option<u32>) -> bool {

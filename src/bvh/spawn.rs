@@ -331,6 +331,22 @@ pub fn too_small(triangles: &Triangles) -> usize {
 /// the largest: 2^7.
 const FINEST: f64 = 128.;
 
+/// A point on a triangle, lifted on the side of this normal as that of a hit
+/// is.
+pub fn lifted(corners: &Triangle, point: DVec3, normal: DVec3) -> DVec3 {
+    let height = normal.dot(point - corners[0]);
+    point + normal * (clear(seen(corners, point)) - height)
+}
+
+/// Whether a triangle may be this close to a point.
+pub fn is_within(corners: &Triangle, point: DVec3, reach: f64) -> bool {
+    let &[a, b, c] = corners;
+    let normal = cross(b - a, c - a);
+    let height = normal.dot(point - a).abs();
+    height < reach * normal.length()
+        && !is_beside(*corners, normal, point, reach)
+}
+
 #[cfg(test)]
 #[path = "../../tests/units/spawn.rs"]
 mod tests;

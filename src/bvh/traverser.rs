@@ -7,6 +7,7 @@ use std::io;
 use std::marker::PhantomData;
 
 use super::beam;
+use super::ground::{GROUND, Ground};
 use super::intersector::{BEAM, Hit, Intersector};
 #[cfg(target_arch = "x86_64")]
 use super::kernels::Vectors;
@@ -20,6 +21,8 @@ use crate::scene::{Ray, Triangles};
 pub struct Traverser<K, const N: usize> {
     /// The hierarchy.
     pub wide: Wide<N>,
+    /// The ground below, if there is one.
+    pub ground: Option<Ground>,
     kernel: PhantomData<K>,
 }
 
@@ -36,7 +39,7 @@ impl<K, const N: usize> Traverser<K, N> {
             let text = format!("no room for the hierarchy: {error}");
             io::Error::new(error.kind(), text)
         })?;
-        Ok(Self { wide, kernel: PhantomData })
+        Ok(Self { wide, ground: None, kernel: PhantomData })
     }
 }
 
@@ -46,6 +49,24 @@ macro_rules! traverse {
             /// Whether this processor has the instructions.
             pub fn is_available() -> bool {
                 true $(&& is_x86_feature_detected!($features))*
+            }
+
+            /// The hit on the nearest triangle of a ray that may start far outside.
+            #[cold]
+            #[inline(never)]
+            fn nearest_from_afar(&self, ray: &Ray) -> Option<Hit> {
+                let ray = self.wide.region.enter(ray)?;
+                // SAFETY: a traverser exists only where its instructions do.
+                unsafe { self.nearest(&ray, None) }
+            }
+
+            /// What a ray has hit: a triangle, else the ground, if it goes there.
+            #[inline(always)]
+            fn or_ground(&self, hit: Option<Hit>, ray: &Ray) -> Option<Hit> {
+                match (&self.ground, hit) {
+                    (Some(ground), None) => ground.hit(ray),
+                    _ => hit,
+                }
             }
 
             $(#[target_feature(enable = $features)])*
@@ -107,19 +128,38 @@ macro_rules! traverse {
         impl Intersector for Traverser<$kernel, $n> {
             #[inline]
             fn first_hit(&self, ray: &Ray, from: Option<u32>) -> Option<Hit> {
-                // SAFETY: a traverser exists only where its instructions do.
-                unsafe { self.nearest(ray, from) }
+                let hit = match from {
+                    Some(GROUND..) => self.nearest_from_afar(ray),
+                    // SAFETY: a traverser exists only where its instructions do.
+                    _ => unsafe { self.nearest(ray, from) },
+                };
+                self.or_ground(hit, ray)
             }
 
             #[inline]
             fn is_visible(&self, ray: &Ray, from: Option<u32>, target: u32) -> bool {
+                if self.ground.is_some() || matches!(from, Some(GROUND..)) {
+                    let hit = self.first_hit(ray, from);
+                    return hit.map_or(NONE, |hit| hit.primitive) == target;
+                }
                 // SAFETY: as above.
                 unsafe { self.in_the_way(ray, (from, target)) == target }
             }
 
+            fn below(&self, ray: &Ray) -> Option<Hit> {
+                self.ground.as_ref()?.hit(ray)
+            }
+
             fn first_hits(&self, rays: &[Option<Ray>; BEAM]) -> [Option<Hit>; BEAM] {
                 // SAFETY: as above.
-                unsafe { self.beam(rays) }
+                let mut hits = unsafe { self.beam(rays) };
+                if self.ground.is_some() {
+                    for (hit, ray) in hits.iter_mut().zip(rays) {
+                        let ray = ray.as_ref();
+                        *hit = ray.and_then(|ray| self.or_ground(*hit, ray));
+                    }
+                }
+                hits
             }
         }
     };

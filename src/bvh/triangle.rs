@@ -137,6 +137,29 @@ impl Region {
         Self { zero, reach, within }
     }
 
+    /// The ray from where it enters a cube slightly larger than the region;
+    /// none if it passes that by.
+    pub fn enter(&self, ray: &Ray) -> Option<Ray> {
+        let reach = self.reach + 1.;
+        if self.beyond(ray.origin) <= 1. {
+            return Some(*ray);
+        }
+        let (mut start, mut end) = (0f64, f64::INFINITY);
+        for axis in 0..3 {
+            let slope = ray.direction[axis];
+            let place = self.zero[axis] - ray.origin[axis];
+            let sides = [-reach, reach].map(|r| (place + r) / slope);
+            if slope != 0. {
+                start = start.max(sides[0].min(sides[1]));
+                end = end.min(sides[0].max(sides[1]));
+            } else if place.abs() > reach {
+                return None;
+            }
+        }
+        let origin = ray.origin + ray.direction * start;
+        (start <= end).then_some(Ray { origin, ..*ray })
+    }
+
     /// How far a point is outside, at most, or less than zero.
     #[inline(always)]
     pub fn beyond(&self, point: DVec3) -> f64 {

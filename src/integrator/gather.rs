@@ -29,15 +29,16 @@ use crate::bvh::{BEAM, Bvh, Hit, Intersector};
 use crate::film::{Tile, Window};
 use crate::integrator::Together;
 use crate::sampler::sobol::{ScrambledNet, scramble_key};
-use crate::sampler::{generator, to_unit, within};
+use crate::sampler::{generator, to_unit};
 use crate::scene::Ray;
+use crate::sensor::Starts;
 use cache::{Cell, RadianceCache, UNSEEN};
 use guide::{Guide, bin, direction};
 
 /// Renders by gathering, with what a training has learnt.
 pub struct Gather<'a> {
     /// The view of the scene, and its light.
-    pub view: LitView,
+    pub view: LitView<'a>,
     /// Finds hits in the scene.
     pub intersector: &'a Bvh,
     /// What is known of the image beforehand.
@@ -164,6 +165,8 @@ impl Default for Correction {
 pub struct Sample {
     /// The first hit of the path.
     pub hit: Hit,
+    /// The albedo there.
+    pub albedo: f64,
     /// The pixel in its tile.
     pub pixel: u32,
     /// About the radiance of the pixel; positive.
@@ -178,7 +181,7 @@ pub struct Sample {
 
 /// Numbers the generators of tiles; those of pixels are below 2^28.
 fn tile_number((x, y): (u32, u32)) -> u64 {
-    1 << 32 | u64::from(y) << 16 | u64::from(x)
+    (1 << 32) + (u64::from(y) << 16) + u64::from(x)
 }
 
 impl<K: Intersector> Tracer<'_, K> {
@@ -210,24 +213,23 @@ impl<K: Intersector> Tracer<'_, K> {
         Shot { weight, bin, end: hit.map_or_else(sky, End::Hit) }
     }
 
-    /// One of the four cells around a hit, at random: `u` is uniform over
-    /// the square.
+    /// One of the four cells around a hit, at random, with the share that the
+    /// hit has of its value and error: `u` is uniform over the square.
     #[inline]
     pub fn cell_around(&self, hit: &Hit, u: [f64; 2]) -> Cell {
         let grid = &self.cache.grid;
-        *self.cache.at(grid.name_around(hit.point, hit.normal, u))
+        let cell =
+            *self.cache.at(grid.name_around(hit.point, hit.normal, u));
+        cell.of_share(self.gather.view.surfaces.share(hit.primitive) as f32)
     }
 
-    /// The first hit of the ray of the camera through (`x`, `y`) of the
-    /// image, or the radiance of the sky behind it.
+    /// What a sample at (`x`, `y`) of the image begins with: a first hit, or
+    /// the radiance of the sky behind it.
     #[inline]
     pub fn look(&mut self, x: f64, y: f64) -> End {
-        let LitView { camera, entrance, sky, .. } = &self.gather.view;
-        let direction = camera.direction(x, y);
-        let ray = entrance.enter(direction);
+        let LitView { sensor, sky, .. } = &self.gather.view;
+        let (direction, ray, hit) = sensor.start(self.intersector, x, y);
         self.rays += u64::from(ray.is_some());
-        let hit =
-            ray.and_then(|ray| self.intersector.first_hit(&ray, None));
         let sky = || End::Sky(sky.radiance(direction));
         hit.map_or_else(sky, End::Hit)
     }
@@ -245,15 +247,13 @@ impl<K: Intersector> Tracer<'_, K> {
         for pixel in 0..tile.size.0 * tile.size.1 {
             let Allocation { counts, scale, net, .. } = self.allocation;
             let (x, y, number) = self.allocation.place(tile, pixel);
-            let (width, height) = view.resolution;
-            let i = u64::from(y) * u64::from(width) + u64::from(x);
+            let i =
+                u64::from(y) * u64::from(view.resolution.0) + u64::from(x);
             let key = scramble_key(seed, i, scramble);
             for n in 0..counts[number] {
-                let [u, v] = net.pair(key, n, 0);
-                let (u, v) = (within(x, width, u), within(y, height, v));
-                let direction = view.camera.direction(u, v);
+                let place = ((x, y), net.pair(key, n, 0));
                 looks.push((
-                    direction,
+                    place,
                     pixel,
                     scale[number],
                     net.pair(key, n, 1),
@@ -264,21 +264,33 @@ impl<K: Intersector> Tracer<'_, K> {
         let mut samples = vec![];
         // Send the first rays in beams
         for batch in looks.chunks(BEAM) {
-            let rays = array::from_fn(|i| match batch.get(i) {
-                Some(look) if !is_sky => view.entrance.enter(look.0),
-                _ => None,
-            });
-            self.rays += rays.iter().flatten().count() as u64;
-            let hits = self.intersector.first_hits(&rays);
-            for (&look, hit) in batch.iter().zip(hits) {
+            let places = array::from_fn(|i| Some(batch.get(i)?.0));
+            let Starts { directions, hits, rays } = view.sensor.starts(
+                self.intersector,
+                &places,
+                view.resolution,
+                is_sky,
+            );
+            self.rays += rays;
+            let ends = directions.into_iter().zip(hits);
+            for (&look, (direction, hit)) in batch.iter().zip(ends) {
                 // Begin a sample or show the sky
-                let (direction, pixel, scale, u) = look;
+                let (_, pixel, scale, u) = look;
                 let Some(hit) = hit else {
                     sums[pixel as usize] += view.sky.radiance(direction);
                     continue;
                 };
+                let albedo = view.surfaces.albedo(hit.primitive);
                 let (weight, end) = (1., None);
-                samples.push(Sample { hit, pixel, scale, weight, end, u });
+                samples.push(Sample {
+                    hit,
+                    albedo,
+                    pixel,
+                    scale,
+                    weight,
+                    end,
+                    u,
+                });
             }
         }
         samples
@@ -297,7 +309,7 @@ impl<K: Intersector> Tracer<'_, K> {
         let mut sums = vec![0.; area as usize];
         let mut samples = self.begin(tile, scramble, &mut sums);
         // Gather at all samples
-        let (cache, albedo) = (self.cache, self.gather.view.albedo);
+        let cache = self.cache;
         let cell = |Sample { hit, .. }: &Sample| {
             *cache.at(cache.grid.name(hit.point, hit.normal))
         };
@@ -307,18 +319,18 @@ impl<K: Intersector> Tracer<'_, K> {
             sample.weight = shot.weight;
             match shot.end {
                 End::Sky(radiance) => {
-                    let radiance = albedo * shot.weight * radiance;
+                    let radiance = sample.albedo * shot.weight * radiance;
                     sums[sample.pixel as usize] += radiance;
                 }
                 End::Hit(hit) => sample.end = Some((hit, UNSEEN)),
             }
         }
         // Look up what the gathers have met
-        for Sample { pixel, weight, end, .. } in &mut samples {
+        for Sample { albedo, pixel, weight, end, .. } in &mut samples {
             if let Some((hit, cell)) = end {
                 let u = [random.random(), random.random()];
                 *cell = self.cell_around(hit, u);
-                let radiance = albedo * *weight * f64::from(cell.value);
+                let radiance = *albedo * *weight * f64::from(cell.value);
                 sums[*pixel as usize] += radiance;
             }
         }

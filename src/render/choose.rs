@@ -85,14 +85,17 @@ pub struct Sampling {
 }
 
 impl Sampling {
-    /// For `samples` of each of `area` pixels, if that is known, in at least 4
-    /// replicates of a net or 16 of a gather.
+    /// For `samples` of each pixel of a window of this width and height, if that
+    /// is known, in at least 16 replicates; of a net 4, if the window has several
+    /// columns, since pixels then borrow from their neighbours.
     pub fn new(
         method: Method,
         seed: u64,
         samples: Option<u64>,
-        area: u64,
+        (width, height): (u32, u32),
     ) -> Self {
+        let area = u64::from(width) * u64::from(height);
+        let least = if width == 1 { 16 } else { 4 };
         let together = |replicates: u64, most: u64| match samples {
             Some(n) => 1 << (n / replicates).clamp(1, most).ilog2(),
             None => 4,
@@ -104,7 +107,7 @@ impl Sampling {
         let trained = most.clamp(1 << 16, 1 << 22);
         let (replicate, training) = match method {
             Method::Reference => (1, 0),
-            Method::Sobol => (together(4, 1 << 8), 0),
+            Method::Sobol => (together(least, 1 << 8), 0),
             Method::Gather => (together(16, 4), trained),
         };
         Self { method, seed, replicate, training, control: 0 }
@@ -145,7 +148,7 @@ pub struct Setup<'a> {
     /// Finds hits in the scene.
     pub intersector: &'a Bvh,
     /// The view of the scene, and its light.
-    pub view: &'a LitView,
+    pub view: &'a LitView<'a>,
     /// What was found.
     pub analysis: &'a SceneAnalysis,
 }
@@ -161,7 +164,7 @@ impl<'a> Setup<'a> {
     ) -> Box<dyn Renderer + 'a> {
         let &Self { intersector, view, analysis } = self;
         let &Sampling { seed, replicate, training, .. } = sampling;
-        let mut paths = PathTracer::new(view.albedo, view.sky);
+        let mut paths = PathTracer::new(view.surfaces, view.sky);
         match sampling.method {
             Method::Reference => {
                 self.job(paths, IndependentSampler::new(seed))
@@ -186,13 +189,12 @@ impl<'a> Setup<'a> {
     /// The renderer of paths.
     fn job(
         &self,
-        integrator: PathTracer,
+        integrator: PathTracer<'a>,
         sampler: impl Sampler + 'a,
     ) -> Box<dyn Renderer + 'a> {
         Box::new(Job {
-            entrance: self.view.entrance,
+            sensor: self.view.sensor,
             intersector: self.intersector,
-            camera: &self.view.camera,
             integrator,
             known: &self.analysis.known,
             sampler,
@@ -216,13 +218,14 @@ impl<'a> Setup<'a> {
         let pilot = self.intersector.dispatch(trial);
         let pace = began.elapsed().as_secs_f64() / (4 * pixels) as f64;
         // Foresee the costs of all methods
-        let albedo = self.view.albedo;
+        let albedo = self.view.surfaces.typical();
+        let size = request.window.size;
         let methods = Method::ALL.map(|method| {
-            let needed = |error| pilot.needed(albedo, method, area, error);
+            let needed = |error| pilot.needed(albedo, method, size, error);
             let enough = request.error.map(needed);
             let samples = samples.into_iter().chain(enough).min();
             let mut sampling =
-                Sampling::new(method, request.seed, samples, area);
+                Sampling::new(method, request.seed, samples, size);
             if method == Method::Sobol {
                 sampling.control = (100. * pilot.control()).round() as u64;
             }
@@ -281,7 +284,7 @@ impl<'a> Setup<'a> {
         }
         let method = wanted.unwrap_or(Method::Reference);
         let (seed, samples) = (request.seed, request.bound());
-        let new = Sampling::new(method, seed, samples, request.area());
+        let new = Sampling::new(method, seed, samples, request.window.size);
         let kept = |saved| Sampling { method, seed, ..saved };
         (saved.map_or(new, kept), None)
     }
@@ -387,22 +390,20 @@ impl Trial<'_> {
         (x, y): (u32, u32),
         n: u64,
     ) -> [Path; 2] {
-        let LitView { entrance, camera, sky, albedo, resolution, .. } =
+        let &LitView { sensor, sky, surfaces, resolution } =
             self.setup.view;
-        let integrator = PathTracer::new(*albedo, *sky);
+        let integrator = PathTracer::new(surfaces, sky);
         let number = |k| IndependentSampler::new(PILOT).start(n, k);
         let mut sampler = number(0);
         let [u, v] = sampler.get_pixel_2d();
-        let u = within(x, resolution.0, u);
-        let direction = camera.direction(u, within(y, resolution.1, v));
-        // Trace the ray of the camera
+        let at = (within(x, resolution.0, u), within(y, resolution.1, v));
+        let (direction, _, hit) = sensor.start(intersector, at.0, at.1);
+        // Reflect at the first surface
         let mut path = integrator.begin(direction);
-        let ray = entrance.enter(direction);
-        let hit = ray.and_then(|ray| intersector.first_hit(&ray, None));
         let event = integrator.advance(&mut path, hit, &mut sampler);
         let variate = match (hit, event) {
             (Some(hit), PathEvent::Scatter(ray, _)) => {
-                integrator.control_variate(hit.normal, ray.direction)
+                integrator.control_variate(&hit, ray.direction)
             }
             _ => 0.,
         };
@@ -485,17 +486,18 @@ impl Pilot {
         }
     }
 
-    /// The samples of each of `area` pixels after which the image has an error,
+    /// The samples of each pixel of a window after which the image has an error,
     /// up to a fifth too many.
     fn needed(
         &self,
         albedo: f64,
         method: Method,
-        area: u64,
+        size: (u32, u32),
         error: f64,
     ) -> u64 {
+        let area = u64::from(size.0) * u64::from(size.1);
         let is_enough = |&n: &u64| {
-            let sampling = Sampling::new(method, 0, Some(n), area);
+            let sampling = Sampling::new(method, 0, Some(n), size);
             let [variance, _] =
                 self.foresee(albedo, &sampling, n as f64, area);
             variance <= n as f64 * error * error
@@ -601,13 +603,13 @@ const MANY: u64 = 1 << 20;
 /// A guess of how many rays are traced for so many paths, in so many
 /// seconds, from within the box around a scene or from outside.
 pub fn expected_rays(
-    view: &LitView,
+    (is_outside, albedo): (bool, f64),
     paths: Option<f64>,
     time: Option<f64>,
 ) -> f64 {
-    let each = match view.entrance.is_inside {
-        true => (1. / (1. - view.albedo)).min(10.),
-        false => 1. + view.albedo,
+    let each = match is_outside {
+        true => 1. + albedo,
+        false => (1. / (1. - albedo)).min(10.),
     };
     let time = time.or(paths.is_none().then_some(60.));
     let rate = RATE * rayon::current_num_threads() as f64;

@@ -218,19 +218,29 @@ impl Report {
     }
 }
 
-/// A number to so many decimals, or that it is unknown.
+/// A number to so many decimals, or more if that shows less than two digits
+/// of it; or that it is unknown.
 pub fn known(x: Option<f64>, decimals: usize) -> String {
     match x.filter(|x| x.is_finite()) {
-        Some(x) => format!("{x:.decimals$}"),
+        Some(x) => format!("{x:.*}", places(x, decimals)),
         None => "unknown".to_owned(),
     }
 }
 
+/// The decimals that show two digits of a number, at least so many.
+fn places(x: f64, least: usize) -> usize {
+    let first = libm::log10(x.abs()).floor();
+    if x == 0. { least } else { least.max((1. - first).max(0.) as usize) }
+}
+
 /// A mean with its standard error.
 pub fn with_error(mean: f64, error: Option<f64>) -> String {
-    let mean = known(Some(mean), 6);
+    let places = places(error.unwrap_or(mean), 6);
+    let mean = known(Some(mean), places);
     match error {
-        Some(error) => format!("{mean} \u{b1} {}", known(Some(error), 6)),
+        Some(error) => {
+            format!("{mean} \u{b1} {}", known(Some(error), places))
+        }
         None => format!("{mean}, error unknown"),
     }
 }

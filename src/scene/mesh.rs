@@ -17,6 +17,32 @@ pub struct Mesh {
     /// The triangles, in ascending order, that belong to the same face as
     /// the one before.
     pub joined: Vec<u32>,
+    /// What the file calls its faces, in the order of the file.
+    pub marks: Vec<Mark>,
+}
+
+/// A name that belongs to the faces from one on, until another of its kind.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Mark {
+    /// The first of these faces, from 0.
+    pub face: u32,
+    /// What bears the name.
+    pub kind: MarkKind,
+    /// The name.
+    pub name: String,
+}
+
+/// What a name in a file is given to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MarkKind {
+    /// An object.
+    Object,
+    /// A group, or several around blanks.
+    Group,
+    /// A material.
+    Material,
+    /// A file of materials.
+    Library,
 }
 
 impl Mesh {

@@ -11,7 +11,7 @@ use memchr::{memchr, memchr2, memchr2_iter, memchr3_iter};
 use rayon::prelude::*;
 
 use super::encoding;
-use super::mesh::Mesh;
+use super::mesh::{Mark, MarkKind, Mesh};
 use super::polygons;
 
 /// Reads the mesh that the bytes `source` of a Wavefront OBJ describe,
@@ -90,9 +90,13 @@ pub fn read_pieces(
         vertices: Vec::with_capacity(total),
         triangles: Vec::with_capacity(count),
         joined: vec![],
+        marks: vec![],
     };
     for mut part in parts {
         let first = mesh.triangles.len() as u32;
+        let faces = first - mesh.joined.len() as u32;
+        let later = |mark: Mark| Mark { face: faces + mark.face, ..mark };
+        mesh.marks.extend(part.marks.drain(..).map(later));
         mesh.joined.extend(part.joined.iter().map(|&i| first + i));
         mesh.vertices.append(&mut part.vertices);
         mesh.triangles.append(&mut part.triangles);
@@ -131,7 +135,7 @@ const END: u8 = 0x1a;
 /// One of them is a corner of a face.
 fn set_aside(
     text: &[u8],
-    Mesh { vertices, triangles, joined }: &mut Mesh,
+    Mesh { vertices, triangles, joined, .. }: &mut Mesh,
 ) -> Result<Option<String>, String> {
     let wrong = vertices.par_iter().positions(|p| !p.is_finite());
     let wrong: Vec<_> = wrong.collect();
@@ -280,7 +284,20 @@ fn read_statement(
     vertices: [usize; 2],
     mesh: &mut Mesh,
 ) -> Result<(), String> {
-    if !matches!(name(text), b"v" | b"f") {
+    let kind = match name(text) {
+        b"v" | b"f" => None,
+        b"o" => Some(MarkKind::Object),
+        b"g" => Some(MarkKind::Group),
+        b"usemtl" => Some(MarkKind::Material),
+        b"mtllib" => Some(MarkKind::Library),
+        _ => return Ok(()),
+    };
+    if let Some(kind) = kind {
+        // Note what the faces are called
+        let rest = text[name(text).len()..].trim_ascii();
+        let name = String::from_utf8_lossy(rest).into_owned();
+        let face = (mesh.triangles.len() - mesh.joined.len()) as u32;
+        mesh.marks.push(Mark { face, kind, name });
         return Ok(());
     }
     let end = memchr(b'#', text).unwrap_or(text.len());

@@ -18,7 +18,7 @@ use crate::numerics::{cross, exponent, shift};
 /// of the faces that are odd, from 0: bent, their corners far from a common
 /// plane, or crossed, their outlines crossing themselves.
 pub fn fill(mesh: &mut Mesh) -> Vec<u32> {
-    let Mesh { vertices, triangles, joined } = mesh;
+    let Mesh { vertices, triangles, joined, .. } = mesh;
     let look = |group: &[u32]| {
         let first = group[0] - 1;
         let fan = &triangles[first as usize..=first as usize + group.len()];

@@ -7,8 +7,11 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use crate::camera::View;
-use crate::film::{Film, Window};
+use crate::film::{Film, Window, tile_height};
+use crate::materials::Named;
 use crate::render::choose::Sampling;
+use crate::sensor::Side;
+use crate::sky::Sky;
 
 /// All that decides the samples of a run. A run goes on from a checkpoint
 /// of the same key; states are merged if their keys differ in the part
@@ -47,8 +50,44 @@ pub struct Subject {
     /// Where the camera stands and looks.
     #[serde(flatten)]
     pub view: View,
-    /// Albedo of every surface.
+    /// Albedo of every surface without one of its own.
     pub albedo: f64,
+    /// Albedos by name.
+    #[serde(flatten)]
+    pub named: Named,
+    /// The sky, unless it is uniform around the camera's up axis.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sky: Option<Sky>,
+    /// Albedo of the ground, if there is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ground: Option<f64>,
+    /// The receivers, if there is no camera.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub receivers: Option<Asked>,
+}
+
+/// Which receivers are asked for.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Asked {
+    /// The points of a file with this SHA-256.
+    Points(String),
+    /// The faces of the scene, on these sides.
+    Faces(Side),
+    /// The vertices of the scene.
+    Vertices,
+}
+
+impl Subject {
+    /// The window of the run.
+    pub fn window(&self) -> Window {
+        whole_window(self.resolution, self.crop)
+    }
+
+    /// The light.
+    pub fn light(&self) -> Sky {
+        self.sky.unwrap_or_else(|| Sky::new(self.view.up))
+    }
 }
 
 /// A part of a run, or shard: some of its samples, in one band of its
@@ -101,10 +140,9 @@ impl RunKey {
 
     /// The window of the run, and the band of it that is rendered.
     pub fn windows(&self) -> [Window; 2] {
-        let Subject { resolution, crop, .. } = self.subject;
-        let window = whole_window(resolution, crop);
+        let window = self.subject.window();
         let band = self.part.map_or((1, 1), |part| part.band);
-        [window, window.band(band)]
+        [window, window.band(band, tile_height(self.subject.resolution))]
     }
 
     /// Whether the run has no sample, and only learns; its state has no sums.

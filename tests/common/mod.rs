@@ -135,6 +135,12 @@ impl Scratch {
         finish(self.pt(line).spawn().unwrap())
     }
 
+    /// Runs `pt` with the words of a line, and no camera.
+    pub fn free(&self, line: &str) -> Run {
+        let mut command = self.command(PT);
+        finish(command.args(line.split_whitespace()).spawn().unwrap())
+    }
+
     /// Runs `pt` with the words of a line, which is a success.
     pub fn done(&self, line: &str) -> Run {
         let run = self.line(line);

@@ -40,6 +40,7 @@ fn scene(triangles: Vec<[DVec3; 3]>) -> Scene {
         triangles: numbers.map(|i| [i, i + 1, i + 2]).collect(),
         vertices: triangles.into_iter().flatten().collect(),
         joined: vec![],
+        marks: vec![],
     })
 }
 

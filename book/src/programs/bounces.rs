@@ -85,22 +85,21 @@ fn terms_of(setting: &Setting, pixel: u32) -> Vec<f64> {
 
 /// The bounces of sample `n` of a pixel, and its contribution.
 pub fn follow(setting: &Setting, pixel: u32, n: u64) -> (usize, f64) {
-    let Job { entrance, intersector, camera, integrator, sampler, .. } =
+    let Job { sensor, intersector, integrator, sampler, .. } =
         setting.job(1);
     let (width, height) = RESOLUTION;
     let mut sampler = sampler.start(u64::from(pixel), n);
     let [x, y] = sampler.get_pixel_2d();
     let x = within(pixel % width, width, x);
     let y = within(pixel / width, height, y);
-    let direction = camera.direction(x, y);
+    let (direction, _, mut hit) = sensor.start(intersector, x, y);
     let mut path = integrator.begin(direction);
-    let mut next = entrance.enter(direction);
-    let (mut from, mut bounces) = (None, 0);
+    let mut bounces = 0;
     loop {
-        let hit = next.and_then(|ray| intersector.first_hit(&ray, from));
-        from = hit.map(|hit| hit.primitive);
         match integrator.advance(&mut path, hit, &mut sampler) {
-            PathEvent::Scatter(ray, _) => next = Some(ray),
+            PathEvent::Scatter(ray, from) => {
+                hit = intersector.first_hit(&ray, Some(from));
+            }
             PathEvent::Terminate(light) => return (bounces, light),
         }
         bounces += 1;

@@ -116,13 +116,13 @@ fn corner() -> Mesh {
         ],
         triangles: vec![[0, 1, 2], [0, 2, 3], [0, 1, 4], [0, 4, 5]],
         joined: vec![],
+        marks: vec![],
     }
 }
 
 /// An image of `n` samples.
 fn image(setting: &Setting, method: Method, seed: u64, n: u64) -> Film {
     let resolution = (WIDTH, HEIGHT);
-    let area = u64::from(WIDTH * HEIGHT);
     // Know nothing of the image beforehand
     let Job { intersector, .. } = setting.job(seed);
     let view = setting.view(resolution);
@@ -142,7 +142,7 @@ fn image(setting: &Setting, method: Method, seed: u64, n: u64) -> Film {
         left: None,
     };
     let choice = setup.choose(&request);
-    let sampling = Sampling::new(method, seed, Some(n), area);
+    let sampling = Sampling::new(method, seed, Some(n), window.size);
     let sampling = choice.map_or(sampling, |choice| choice.sampling);
     let mut renderer = setup.renderer(&sampling, Arc::default(), &Alone);
     let mut film = sampling.film(resolution, window);

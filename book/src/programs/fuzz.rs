@@ -24,10 +24,12 @@ use litpt::bvh::{Bvh, Isa, Quality};
 use litpt::camera::{Camera, View};
 use litpt::film::Film;
 use litpt::integrator::{Alone, PathTracer};
+use litpt::materials::Surfaces;
 use litpt::render::choose::{Method, Sampling, Setup};
 use litpt::render::{Job, Renderer};
 use litpt::sampler::IndependentSampler;
 use litpt::scene::{Mesh, Scene};
+use litpt::sensor::Sensor;
 use litpt::sky::Sky;
 use litpt_book::solids;
 use rand::{RngExt, SeedableRng};
@@ -228,12 +230,12 @@ impl Case {
     ) -> Result<(Film, u64), String> {
         let intersector = Bvh::with(scene, quality, isa)
             .map_err(|error| error.to_string())?;
-        let integrator =
-            PathTracer::new(self.albedo, Sky::new(self.view.up));
+        let surfaces = Surfaces::of(self.albedo);
+        let integrator = PathTracer::new(surfaces, Sky::new(self.view.up));
+        let entrance = scene.frame.entrance(camera.position);
         let mut job = Job {
-            entrance: scene.frame.entrance(camera.position),
+            sensor: &Sensor::Camera(*camera, entrance),
             intersector: &intersector,
-            camera,
             integrator,
             known: KnownPixels::NOTHING,
             sampler: IndependentSampler::new(0),
@@ -280,11 +282,11 @@ impl Case {
         film: &Film,
     ) -> Result<(), String> {
         let Scene { frame, triangles, left_out } = Scene::new(&self.mesh);
+        let entrance = frame.entrance(camera.position);
         let view = LitView {
-            camera: *camera,
-            entrance: frame.entrance(camera.position),
+            sensor: &Sensor::Camera(*camera, entrance),
             sky: Sky::new(self.view.up),
-            albedo: self.albedo,
+            surfaces: Surfaces::of(self.albedo),
             resolution: self.resolution,
         };
         let intersector =
@@ -297,7 +299,7 @@ impl Case {
             view: &view,
             analysis: &analysis,
         };
-        let sampling = Sampling::new(Method::Reference, 0, None, 1);
+        let sampling = Sampling::new(Method::Reference, 0, None, (1, 1));
         let mut renderer =
             setup.renderer(&sampling, Arc::default(), &Alone);
         let mut simple = Film::new(self.resolution.0, self.resolution.1);

@@ -159,8 +159,7 @@ struct Learnt {
 impl Stage {
     /// How a method samples, with a seed.
     fn sampling(&self, method: Method, seed: u64) -> Sampling {
-        let area = u64::from(self.resolution.0 * self.resolution.1);
-        Sampling::new(method, seed, Some(self.samples), area)
+        Sampling::new(method, seed, Some(self.samples), self.resolution)
     }
 
     /// An empty film for that.
@@ -256,18 +255,11 @@ impl Stage {
     fn trace(&self, seed: u64) -> Run {
         let sampling = self.sampling(Method::Sobol, seed);
         let mut film = self.film(&sampling);
-        let Job {
-            entrance, intersector, camera, integrator, known, ..
-        } = self.setting.job(0);
+        let Job { sensor, intersector, integrator, known, .. } =
+            self.setting.job(0);
         let sampler = SobolSampler::new(seed, sampling.replicate);
-        let mut job = Job {
-            entrance,
-            intersector,
-            camera,
-            integrator,
-            known,
-            sampler,
-        };
+        let mut job =
+            Job { sensor, intersector, integrator, known, sampler };
         let traced = job.pass(&mut film, self.samples, &|_| true);
         let samples = self.samples * film.area();
         Run { film, rays: traced as f64 / samples as f64 }
@@ -359,7 +351,7 @@ pub fn run(arguments: &[String]) -> Done {
     let stage = Stage {
         setting: Setting::new(
             &mesh,
-            (arguments.albedo, view.up),
+            (arguments.albedo(), view.up),
             &view,
             aspect,
         )?,

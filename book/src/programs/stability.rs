@@ -14,9 +14,11 @@ use litpt::bvh::{Bvh, Intersector, Isa, Quality};
 use litpt::camera::Camera;
 use litpt::film::Film;
 use litpt::integrator::PathTracer;
+use litpt::materials::Surfaces;
 use litpt::render::{Job, Renderer};
 use litpt::sampler::IndependentSampler;
 use litpt::scene::{Mesh, Scene};
+use litpt::sensor::Sensor;
 use litpt::sky::Sky;
 use litpt::statistics::Accumulator;
 use litpt_book::closed_forms::{
@@ -205,14 +207,15 @@ fn alike() -> Result<u32, Box<dyn Error>> {
     let scene = Scene::new(&cavity(0.1, 16));
     let view = look(DVec3::ZERO, DVec3::new(0.3, 0.2, -1.), 70.);
     let camera = Camera::new(&view, 1.)?;
-    let integrator = PathTracer::new(0.9, Sky::new(DVec3::Z));
+    let integrator = PathTracer::new(Surfaces::of(0.9), Sky::new(DVec3::Z));
+    let entrance = scene.frame.entrance(camera.position);
+    let sensor = &Sensor::Camera(camera, entrance);
     let render = |isa, threads| -> Result<Film, Box<dyn Error>> {
         let intersector = Bvh::with(&scene, Quality::Fast, isa)?;
         let pool = ThreadPoolBuilder::new().num_threads(threads).build()?;
         let mut job = Job {
-            entrance: scene.frame.entrance(camera.position),
+            sensor,
             intersector: &intersector,
-            camera: &camera,
             integrator,
             known: KnownPixels::NOTHING,
             sampler: IndependentSampler::new(1),

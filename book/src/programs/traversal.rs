@@ -24,6 +24,7 @@ use libloading::Library;
 use litpt::bvh::{Bvh, Dispatch, Intersector, Isa, Quality};
 use litpt::camera::Camera;
 use litpt::integrator::PathTracer;
+use litpt::materials::Surfaces;
 use litpt::options::Options;
 use litpt::scene::{Ray, Scene, read_obj};
 use litpt::sky::Sky;
@@ -111,7 +112,8 @@ fn record<K: Intersector>(
     let (width, height) = arguments.resolution;
     let aspect = f64::from(width) / f64::from(height);
     let camera = Camera::new(&view, aspect)?;
-    let integrator = PathTracer::new(arguments.albedo, Sky::new(view.up));
+    let integrator =
+        PathTracer::new(Surfaces::of(arguments.albedo()), Sky::new(view.up));
     let seed = arguments.seed;
     let rays = paths::record(
         &scene.frame.entrance(view.position),

@@ -70,7 +70,9 @@ fn pieces_in_any_order_make_the_film_of_one_pass() {
         let most = pass.most();
         let mut pieces: Vec<_> = iter::from_fn(|| pass.take()).collect();
         for Piece { window, .. } in &pieces {
-            assert!(window.area() <= most || halves(*window).is_none());
+            assert!(
+                window.area() <= most || halves(*window, SIDE).is_none()
+            );
         }
         assert_eq!(pass.left, 0);
         while !pieces.is_empty() {

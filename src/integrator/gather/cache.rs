@@ -107,10 +107,16 @@ fn coarser(name: u64, levels: usize) -> u64 {
     (name - cube + ((levels as u64) << 60)) | (cube >> (3 * levels))
 }
 
-/// A reflected ray arrived in the sky, whose radiance is 1.
-pub const SKY: u64 = u64::MAX;
 /// A reflected ray arrived below the horizon.
-pub const DARKNESS: u64 = u64::MAX - 1;
+pub const DARKNESS: u64 = 1 << 63;
+/// A reflected ray arrived in the sky, where its radiance is 1.
+pub const SKY: u64 = DARKNESS | 0x3f80_0000;
+
+/// A reflected ray arrived in the sky, or below it, where this is the
+/// radiance.
+pub fn in_sky(radiance: f64) -> u64 {
+    DARKNESS | u64::from((radiance as f32).to_bits())
+}
 
 /// A reflection: from one cell to another, to the sky, or to what is below
 /// the horizon.
@@ -119,12 +125,25 @@ pub const DARKNESS: u64 = u64::MAX - 1;
 pub struct Record {
     /// The cell of the surface that reflects.
     pub from: u64,
-    /// The cell that the ray reached, [`SKY`] or [`DARKNESS`].
+    /// The cell that the ray reached, or what [`in_sky`] gives.
     pub to: u64,
     /// The weight of the direction: one over its density on the square.
     pub weight: f32,
     /// The bin of the direction.
-    pub bin: u32,
+    pub bin: u16,
+    /// The albedo where the ray arrived, as a part of the largest, in units
+    /// of 1 / [`WHOLE`].
+    pub share: u16,
+}
+
+/// Units of a share that is all.
+pub const WHOLE: u16 = 1 << 15;
+
+impl Record {
+    /// The share as a number.
+    fn part(&self) -> f32 {
+        f32::from(self.share) / f32::from(WHOLE)
+    }
 }
 
 /// What is known of the surfaces in a cell.
@@ -139,6 +158,14 @@ pub struct Cell {
     pub error: f32,
     /// The number of the guide, or [`NO_GUIDE`].
     guide: u32,
+}
+
+impl Cell {
+    /// The same of a surface whose albedo is a part of the largest.
+    pub fn of_share(self, share: f32) -> Self {
+        let (value, error) = (share * self.value, share * self.error);
+        Self { value, error, ..self }
+    }
 }
 
 /// Stands for cosine sampling.
@@ -225,8 +252,8 @@ impl RadianceCache {
         watch: &Watch,
     ) -> Self {
         records.par_sort_unstable_by_key(|record| {
-            let &Record { from, to, weight, bin } = record;
-            (from, to, bin, weight.to_bits())
+            let &Record { from, to, weight, bin, share } = record;
+            (from, to, bin, share, weight.to_bits())
         });
         let cells = Cells::of(records);
         let mut cache = Self::numbering(self.grid, &cells);
@@ -249,9 +276,10 @@ impl RadianceCache {
         let (mut wrong, mut all) = (0f32, 0f32);
         for (record, &end) in equations.records.iter().zip(&equations.ends)
         {
-            all += record.weight * arriving(&values, end);
+            let weight = record.weight * record.part();
+            all += weight * arriving(&values, end);
             let error = errors.get(end as usize);
-            wrong += record.weight * error.copied().unwrap_or(0.);
+            wrong += weight * error.copied().unwrap_or(0.);
         }
         cache.relative_error = if all > 0. { wrong / all } else { 1. };
         cache
@@ -273,10 +301,9 @@ impl RadianceCache {
     /// table that has them.
     fn end(&self, record: &Record) -> u32 {
         match record.to {
-            SKY => END_IN_SKY,
-            DARKNESS => END_IN_DARKNESS,
+            DARKNESS.. => END_IN_SKY | record.to as u32,
             name => match self.at(name).guide {
-                NO_GUIDE => END_IN_DARKNESS,
+                NO_GUIDE => END_IN_SKY,
                 number => number,
             },
         }
@@ -337,16 +364,16 @@ impl Cells {
     }
 }
 
-/// The ends of records that are no cells.
-const END_IN_SKY: u32 = u32::MAX;
-const END_IN_DARKNESS: u32 = u32::MAX - 1;
+/// Marks the ends of records that are no cells; the other bits are those of
+/// the radiance there.
+const END_IN_SKY: u32 = 1 << 31;
 
-/// The radiance that arrives from the end of a record.
+/// The radiance that arrives from the end of a record, if the albedo there is
+/// the largest.
 #[inline]
 fn arriving(values: &[f32], end: u32) -> f32 {
     match end {
-        END_IN_SKY => 1.,
-        END_IN_DARKNESS => 0.,
+        END_IN_SKY.. => f32::from_bits(end ^ END_IN_SKY),
         cell => values[cell as usize],
     }
 }
@@ -363,9 +390,12 @@ struct Equations<'a> {
 impl Equations<'_> {
     /// What record `i` reflects.
     fn term(&self, values: &[f32], i: usize) -> f32 {
-        self.albedo
-            * self.records[i].weight
-            * arriving(values, self.ends[i])
+        self.albedo * self.records[i].weight * self.arriving(values, i)
+    }
+
+    /// The radiance that arrives from the end of record `i`.
+    fn arriving(&self, values: &[f32], i: usize) -> f32 {
+        self.records[i].part() * arriving(values, self.ends[i])
     }
 
     /// The sum of a function of the records over each cell, of all levels.
@@ -458,7 +488,7 @@ impl Equations<'_> {
                 continue;
             }
             let squares = cells.records[c].clone().map(|i| {
-                let square = arriving(values, self.ends[i]).powi(2);
+                let square = self.arriving(values, i).powi(2);
                 (self.records[i].bin, square)
             });
             let prior = histograms.get(numbers[c] as usize);
@@ -494,7 +524,7 @@ const ENOUGH: f32 = 1000.;
 /// The mean of the squares that fall into each bin; that of the prior, or
 /// of all, counts as one more.
 fn mean_squares(
-    squares: impl Iterator<Item = (u32, f32)>,
+    squares: impl Iterator<Item = (u16, f32)>,
     prior: Option<&[f32; BINS]>,
 ) -> [f32; BINS] {
     let (mut sums, mut counts) = ([0f32; BINS], [0f32; BINS]);

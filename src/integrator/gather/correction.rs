@@ -41,11 +41,11 @@ impl<K: Intersector> Tracer<'_, K> {
             let mut next = random.random::<f64>() * step;
             let mut reached = 0.;
             for &k in group {
-                let Sample { weight, scale, ref end, .. } = samples[k];
+                let Sample { albedo, weight, scale, ref end, .. } =
+                    samples[k];
                 let Some((y, cell)) = end else { continue };
                 let expected = f64::from(cell.error);
-                reached +=
-                    self.gather.view.albedo * weight * expected / scale;
+                reached += albedo * weight * expected / scale;
                 let drawn = draws(&mut next, reached, step);
                 if drawn == 0. {
                     continue;
@@ -99,12 +99,14 @@ impl<K: Intersector> Tracer<'_, K> {
     ) {
         let Some((y, _)) = &samples[k].end else { return };
         // Find the form factors of those that see the place
+        let albedos = group.iter().map(|&i| samples[i].albedo);
+        let most = albedos.fold(0., f64::max);
         let factor = |&i: &usize| {
             let x = &samples[i].hit;
             let (factor, direction) = form_factor(x, y);
             let seen =
                 factor > 0. && (i == k || self.sees(x, y, direction));
-            if seen { factor } else { 0. }
+            if seen { factor * (samples[i].albedo / most) } else { 0. }
         };
         let factors: Vec<f64> = group.iter().map(factor).collect();
         let seen = || group.iter().map(|&i| &samples[i]).zip(&factors);
@@ -143,7 +145,7 @@ impl<K: Intersector> Tracer<'_, K> {
             sum += weight
                 * self.error_at(branches, hit, cell, random, &mut others);
         }
-        self.gather.view.albedo * sum
+        self.gather.view.surfaces.albedo(x.primitive) * sum
     }
 
     /// The mean of what comes from rays that leave `x`, as far as the cache
@@ -210,9 +212,10 @@ impl<K: Intersector> Tracer<'_, K> {
         for bounce in 0.. {
             error -= throughput * f64::from(cell.value);
             let sum = self.gather_at(&y, &cell, branches, 1, random, ends);
-            error += throughput * self.gather.view.albedo * sum;
+            let albedo = self.gather.view.surfaces.albedo(y.primitive);
+            error += throughput * albedo * sum;
             let Some(end) = ends.pop() else { break };
-            throughput *= self.gather.view.albedo * end.weight;
+            throughput *= albedo * end.weight;
             // Let a weak path survive by chance
             let long =
                 if bounce < MANY_BOUNCES { 1. } else { survival(bounce) };

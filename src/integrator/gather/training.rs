@@ -11,7 +11,7 @@ use glam::DVec3;
 use rand::RngExt;
 use rayon::prelude::*;
 
-use super::cache::{DARKNESS, Grid, RadianceCache, Record, SKY};
+use super::cache::{Grid, RadianceCache, Record, WHOLE, in_sky};
 use super::{Allocation, End, Gather, Shot, Tracer};
 use crate::bvh::{Hit, Intersector};
 use crate::film::{Film, Watch};
@@ -41,7 +41,7 @@ impl<K: Intersector> Tracer<'_, K> {
     ) -> Vec<Record> {
         let mut random = generator(seed, TRAINING, piece);
         let mut records = Vec::with_capacity(rays as usize);
-        let grid = self.cache.grid;
+        let (grid, surfaces) = (self.cache.grid, self.gather.view.surfaces);
         let (mut paths, mut told) = (0, 0);
         while paths + self.rays < rays && watch(self.rays - told) {
             told = self.rays;
@@ -67,17 +67,19 @@ impl<K: Intersector> Tracer<'_, K> {
                     let u = [random.random(), random.random()];
                     let Shot { weight, bin, end } =
                         self.shoot(y, self.cache.guide(&cell), u);
-                    let to = match end {
-                        End::Sky(radiance) if radiance > 0. => SKY,
-                        End::Sky(_) => DARKNESS,
+                    let (to, share) = match end {
+                        End::Sky(radiance) => (in_sky(radiance), 1.),
                         End::Hit(hit) => {
                             hits.push(hit);
                             let u = [random.random(), random.random()];
-                            grid.name_around(hit.point, hit.normal, u)
+                            let to =
+                                grid.name_around(hit.point, hit.normal, u);
+                            (to, surfaces.share(hit.primitive))
                         }
                     };
-                    let (weight, bin) = (weight as f32, bin as u32);
-                    records.push(Record { from, to, weight, bin });
+                    let (weight, bin) = (weight as f32, bin as u16);
+                    let share = (share * f64::from(WHOLE)).round() as u16;
+                    records.push(Record { from, to, weight, bin, share });
                 }
             }
         }
@@ -151,7 +153,7 @@ pub fn train<K: Intersector>(
         let (all, pieces) = (&mut records, PIECES as usize);
         traced += find_together(like.gather, pieces, explore, all, watch)?;
         let before = cache.relative_error;
-        cache = cache.learn(&mut records, view.albedo as f32, watch);
+        cache = cache.learn(&mut records, view.surfaces.most as f32, watch);
         let now = cache.relative_error;
         if round == 1 && now * (1. - now / before) < LEAST_FALL {
             break;

@@ -674,7 +674,12 @@ impl Random {
         let numbers = (0..corners.len() as u32 / 3).map(|i| 3 * i);
         let triangles = numbers.map(|i| [i, i + 1, i + 2]).collect();
         (
-            Mesh { vertices: corners, triangles, joined: vec![] },
+            Mesh {
+                vertices: corners,
+                triangles,
+                joined: vec![],
+                marks: vec![],
+            },
             vec![],
             false,
         )
@@ -699,6 +704,7 @@ fn closed() -> &'static [Closed] {
                 vertices: all.vertices.iter().map(shrink).collect(),
                 triangles: all.corners.clone(),
                 joined: vec![],
+                marks: vec![],
             };
             (mesh, solid.cameras.iter().map(shrink).collect())
         })

@@ -1,0 +1,50 @@
+// Tangled from chapters/materials.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! An endless plane below the scene.
+
+use glam::DVec3;
+
+use super::intersector::Hit;
+use crate::scene::{Ray, Triangles};
+
+/// Stands for the ground in the place of a triangle; what is larger stands
+/// for no surface.
+pub const GROUND: u32 = u32::MAX - 1;
+
+/// A plane that is perpendicular to the zenith, below all triangles.
+#[derive(Clone, Copy, Debug)]
+pub struct Ground {
+    zenith: DVec3,
+    /// Its height over the origin of the scene.
+    height: f64,
+}
+
+/// A hit on the ground is no farther away: 2^32.
+const FARTHEST: f64 = (1u64 << 32) as f64;
+
+/// How far the ground is below the lowest corner: 2^-16.
+const BELOW: f64 = 1. / (1u64 << 16) as f64;
+
+impl Ground {
+    /// The ground under triangles in the coordinates of a scene, given the
+    /// unit vector to the zenith.
+    pub fn under(triangles: &Triangles, zenith: DVec3) -> Self {
+        let corners = triangles.corners.iter().flatten();
+        let heights =
+            corners.map(|&i| zenith.dot(triangles.vertices[i as usize]));
+        let lowest = heights.fold(f64::INFINITY, f64::min);
+        Self { zenith, height: lowest - BELOW }
+    }
+
+    /// Where a ray that meets no triangle meets the ground.
+    pub fn hit(&self, ray: &Ray) -> Option<Hit> {
+        let &Self { zenith, height } = self;
+        let fall = -zenith.dot(ray.direction);
+        let above = (zenith.dot(ray.origin) - height).max(0.);
+        let distance = (above / fall).min(FARTHEST);
+        let point = ray.origin + ray.direction * distance;
+        let hit = Hit { point, normal: zenith, primitive: GROUND };
+        (fall > 0.).then_some(hit)
+    }
+}

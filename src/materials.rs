@@ -1,0 +1,276 @@
+// Tangled from chapters/materials.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! What surfaces reflect: one albedo, or one for each face.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use clap::ValueEnum;
+use serde::{Deserialize, Serialize};
+
+use crate::bvh::{Bvh, GROUND};
+use crate::scene::{Mark, MarkKind};
+
+/// What is taken of the three numbers of a material.
+#[derive(
+    ValueEnum, Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize,
+)]
+#[serde(rename_all = "lowercase")]
+pub enum Band {
+    /// The first.
+    R,
+    /// The second.
+    G,
+    /// The third.
+    B,
+}
+
+/// The albedo of each material of the libraries that a file names, which are
+/// in `folder`: its luminance, or one band; and what is odd about them.
+///
+/// # Errors
+/// A library cannot be read, or a material reflects less than nothing or more
+/// than all.
+pub fn libraries(
+    marks: &[Mark],
+    folder: &Path,
+    band: Option<Band>,
+) -> Result<(BTreeMap<String, f64>, Vec<String>), String> {
+    let mut albedos = BTreeMap::new();
+    let named = marks.iter().filter(|mark| mark.kind == MarkKind::Library);
+    for Mark { name, .. } in named {
+        let whole = [name.as_str()].into_iter();
+        let files: Vec<&str> = match folder.join(name).exists() {
+            true => whole.collect(),
+            false => name.split_whitespace().collect(),
+        };
+        for file in files {
+            // Read one library
+            let path = folder.join(file);
+            let shown = path.display();
+            let (materials, _) = tobj::load_mtl(&path).map_err(|e| {
+                format!("{shown}: cannot read the materials: {e}")
+            })?;
+            for tobj::Material { name, diffuse, .. } in materials {
+                let Some([r, g, b]) = diffuse else { continue };
+                let albedo = match band {
+                    Some(Band::R) => r,
+                    Some(Band::G) => g,
+                    Some(Band::B) => b,
+                    None => 0.2126 * r + 0.7152 * g + 0.0722 * b,
+                };
+                if !(0. ..=1.).contains(&albedo) {
+                    return Err(format!(
+                        "{shown}: material {name} has Kd {r} {g} {b}, which is not \
+                         between 0 and 1"
+                    ));
+                }
+                albedos.insert(name, albedo);
+            }
+        }
+    }
+    // Count materials that are in no library
+    let mut used: Vec<&str> = names(marks, MarkKind::Material).collect();
+    used.retain(|name| !albedos.contains_key(*name));
+    let odd = used.first().map(|first| {
+        let count = used.len();
+        format!("{count} materials have no Kd, the first {first}: their albedo is that of -r")
+    });
+    let odd = odd.into_iter().collect();
+    Ok((albedos, odd))
+}
+
+/// The names of a kind, each once, in order.
+pub fn names(marks: &[Mark], kind: MarkKind) -> impl Iterator<Item = &str> {
+    let of_kind = marks.iter().filter(move |mark| mark.kind == kind);
+    let mut all: Vec<&str> =
+        of_kind.map(|mark| mark.name.as_str()).collect();
+    all.sort_unstable();
+    all.dedup();
+    all.into_iter()
+}
+
+/// Which albedos a scene has, by name; what decides them beside its file.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Named {
+    /// Those of the materials of its libraries.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub materials: BTreeMap<String, f64>,
+    /// Those that were given to materials, groups or objects; of several
+    /// that fit, the last one counts.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub named_albedos: Vec<(String, f64)>,
+}
+
+/// The albedos of the faces of a file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FaceAlbedos {
+    /// The first face of each stretch of faces, and their albedo.
+    stretches: Vec<(u32, f64)>,
+}
+
+impl FaceAlbedos {
+    /// Those of a file with these marks; `others` is that of faces without
+    /// a name that is known.
+    ///
+    /// # Errors
+    /// A name that was given an albedo is not in the file.
+    pub fn new(
+        marks: &[Mark],
+        named: &Named,
+        others: f64,
+    ) -> Result<Self, String> {
+        let mut is_used = vec![false; named.named_albedos.len()];
+        let mut current: [&str; 3] = [""; 3];
+        let mut stretches = vec![(0, others)];
+        for Mark { face, kind, name } in marks {
+            let Some(of_kind) = current.get_mut(*kind as usize) else {
+                continue;
+            };
+            *of_kind = name;
+            // Find the albedo under the current names
+            let [object, groups, material] = current;
+            let mut albedo =
+                named.materials.get(material).copied().unwrap_or(others);
+            for ((name, given), used) in
+                named.named_albedos.iter().zip(&mut is_used)
+            {
+                let mut all = [object, groups, material].into_iter();
+                let is_group =
+                    || groups.split_whitespace().any(|group| group == name);
+                if all.any(|other| other == name) || is_group() {
+                    (albedo, *used) = (*given, true);
+                }
+            }
+            stretches.pop_if(|(first, _)| first == face);
+            stretches.push((*face, albedo));
+        }
+        // Refuse a name that is not in the file
+        if let Some(unknown) = is_used.iter().position(|used| !used) {
+            let (name, albedo) = &named.named_albedos[unknown];
+            let kinds =
+                [MarkKind::Material, MarkKind::Group, MarkKind::Object];
+            let known =
+                kinds.into_iter().flat_map(|kind| names(marks, kind));
+            let known: Vec<&str> = known.take(8).collect();
+            return Err(format!(
+                ": no material, group or object is called {name} (--albedo \
+                 {name}={albedo}); there are: {}",
+                known.join(", ")
+            ));
+        }
+        Ok(Self { stretches })
+    }
+
+    /// That of a face.
+    pub fn of(&self, face: u32) -> f64 {
+        let after =
+            self.stretches.partition_point(|&(first, _)| first <= face);
+        self.stretches[after - 1].1
+    }
+}
+
+/// The albedos of the triangles of a hierarchy, of which there are several.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct AlbedoTable {
+    /// The number of its albedo, for the slot of each triangle.
+    numbers: Vec<u16>,
+    /// The albedos.
+    albedos: Vec<f64>,
+    /// Their mean, weighted by the area of their triangles.
+    mean: f64,
+}
+
+impl AlbedoTable {
+    /// The albedos of the triangles of a hierarchy, by their faces.
+    ///
+    /// # Errors
+    /// There are more than 65 536 albedos.
+    pub fn new(faces: &FaceAlbedos, bvh: &Bvh) -> Result<Self, String> {
+        let (_, first) = faces.stretches[0];
+        let is_first = |&(_, albedo): &(u32, f64)| albedo == first;
+        if faces.stretches.iter().all(is_first) {
+            let (numbers, albedos) = (vec![], vec![first]);
+            return Ok(Self { numbers, albedos, mean: first });
+        }
+        let mut table = Self::default();
+        let (mut sum, mut all) = (0., 0.);
+        bvh.for_each(|slot, &[a, b, c]| {
+            let albedo = faces.of(bvh.face(slot));
+            // Number an albedo
+            let known =
+                table.albedos.iter().rposition(|&known| known == albedo);
+            let number = known.unwrap_or_else(|| {
+                table.albedos.push(albedo);
+                table.albedos.len() - 1
+            });
+            let slot = slot as usize;
+            table.numbers.resize(table.numbers.len().max(slot + 1), 0);
+            table.numbers[slot] = number as u16;
+            let area = (b - a).cross(c - a).length();
+            (sum, all) = (sum + albedo * area, all + area);
+        });
+        if table.albedos.len() > 1 + usize::from(u16::MAX) {
+            return Err("more than 65536 different albedos".to_owned());
+        }
+        table.mean = sum / all;
+        Ok(table)
+    }
+}
+
+/// What all surfaces reflect.
+#[derive(Clone, Copy, Debug)]
+pub struct Surfaces<'a> {
+    /// Of all triangles, if there is no table.
+    albedo: f64,
+    table: Option<&'a AlbedoTable>,
+    /// Of the ground.
+    ground: f64,
+    /// The largest of all albedos.
+    pub most: f64,
+}
+
+impl<'a> Surfaces<'a> {
+    /// One albedo for all surfaces.
+    pub fn of(albedo: f64) -> Self {
+        Self { albedo, table: None, ground: 0., most: albedo }
+    }
+
+    /// An albedo for each triangle, from a table if there are several, and
+    /// one for the ground, if there is one.
+    pub fn new(table: &'a AlbedoTable, ground: Option<f64>) -> Self {
+        let (albedo, ground) = (table.mean, ground.unwrap_or(0.));
+        let most = table.albedos.iter().copied().fold(ground, f64::max);
+        let many = table.albedos.len() > 1;
+        let albedo = if many { albedo } else { table.albedos[0] };
+        Self { albedo, table: many.then_some(table), ground, most }
+    }
+
+    /// The albedo at a hit on this triangle, on the ground, or at a receiver,
+    /// which is 1.
+    #[inline(always)]
+    pub fn albedo(&self, primitive: u32) -> f64 {
+        match self.table {
+            _ if primitive > GROUND => 1.,
+            _ if primitive == GROUND => self.ground,
+            Some(table) => {
+                table.albedos
+                    [usize::from(table.numbers[primitive as usize])]
+            }
+            None => self.albedo,
+        }
+    }
+
+    /// The albedo there, as a part of the largest.
+    #[inline(always)]
+    pub fn share(&self, primitive: u32) -> f64 {
+        let albedo = self.albedo(primitive);
+        if albedo == self.most { 1. } else { albedo / self.most }
+    }
+
+    /// A typical albedo: the mean over the area of all triangles.
+    pub fn typical(&self) -> f64 {
+        self.albedo
+    }
+}

@@ -1,0 +1,437 @@
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+//! Values at points, vertices and on faces, under both skies and above a
+//! ground, with materials; and their tables.
+
+use crate::common::{BOX, Scratch};
+
+use std::f64::consts::PI;
+use std::fmt::Write;
+
+use glam::DVec3;
+use litpt::materials::{FaceAlbedos, Named};
+use litpt::scene::{MarkKind, Mesh, read_obj};
+use litpt::sensor::read_points;
+use litpt::sky::{Cover, Sky};
+use litpt_book::closed_forms::{cavity, polygon_share};
+use statrs::distribution::{ContinuousCDF, StudentsT};
+
+/// Values of this file that are compared with what is known.
+const JUDGED: i32 = 400;
+
+/// Demands that a value, the mean of so many replicates, could be the right
+/// one: of all in this file, one percent of seeds would fail (Šidák).
+#[track_caller]
+fn judge([value, error]: [f64; 2], exact: f64, replicates: f64) {
+    let law = StudentsT::new(0., 1., replicates - 1.).unwrap();
+    let least = 1. - 0.99f64.powf(1. / f64::from(JUDGED));
+    let z = (value - exact).abs() / error.max(1e-9);
+    let p = 2. * law.sf(z);
+    assert!(p > least, "{value} ± {error}, not {exact} (p = {p:e})");
+}
+
+/// The text of a mesh.
+fn obj(mesh: &Mesh) -> String {
+    let mut text = String::new();
+    for p in &mesh.vertices {
+        writeln!(text, "v {} {} {}", p.x, p.y, p.z).unwrap();
+    }
+    for corners in &mesh.triangles {
+        let [a, b, c] = corners.map(|i| i + 1);
+        writeln!(text, "f {a} {b} {c}").unwrap();
+    }
+    text
+}
+
+/// The last columns of a CSV, value and error, and its head.
+fn values(csv: &[u8]) -> (String, Vec<[f64; 2]>) {
+    let text = str::from_utf8(csv).unwrap();
+    let mut lines = text.lines();
+    let head = lines.next().unwrap().to_owned();
+    let value = |line: &str| {
+        let words: Vec<&str> = line.split(',').collect();
+        let [.., value, error, _] = words[..] else { panic!("{line}") };
+        [value, error].map(|word| word.parse().unwrap())
+    };
+    (head, lines.map(value).collect())
+}
+
+/// A triangle that hardly anything sees.
+const SPECK: &str = "v 0 0 0\nv 1e-3 0 0\nv 0 1e-3 0\nf 1 2 3\n";
+
+/// Normals around all directions.
+fn normals() -> Vec<DVec3> {
+    let turn = |k: i32| f64::from(k) * PI / 6.;
+    let tilted = |k| DVec3::new(turn(k).sin(), 0.3, turn(k).cos());
+    (0..12).map(|k| tilted(k).normalize()).collect()
+}
+
+/// A list of points with these normals at (`x`, 3, 5).
+fn list(normals: &[DVec3]) -> String {
+    let line = |n: &DVec3| format!("2 3 5 {} {} {}\n", n.x, n.y, n.z);
+    normals.iter().map(line).collect()
+}
+
+// The mean of a product of cosines over a lune, by sums over a sphere.
+#[test]
+fn a_surface_gets_the_integral_of_the_sky() {
+    for cover in [Cover::Uniform, Cover::Overcast] {
+        let sky = Sky::with(DVec3::new(1., 2., 2.), cover);
+        assert!((sky.share(sky.zenith) - 1.).abs() < 1e-12);
+        for normal in normals() {
+            let (n, mut sum) = (400, 0.);
+            for i in 0..n * n {
+                let z = 2. * (f64::from(i / n) + 0.5) / f64::from(n) - 1.;
+                let turn =
+                    2. * PI * (f64::from(i % n) + 0.5) / f64::from(n);
+                let radius = (1. - z * z).sqrt();
+                let w =
+                    DVec3::new(radius * turn.cos(), radius * turn.sin(), z);
+                sum += sky.radiance(w) * w.dot(normal).max(0.);
+            }
+            let mean = 4. * sum / f64::from(n * n);
+            assert!((mean - sky.share(normal)).abs() < 3e-3, "{normal}");
+        }
+    }
+}
+
+#[test]
+fn points_in_the_open_get_what_sky_and_ground_give() {
+    let place = Scratch::new();
+    place.put("speck.obj", SPECK);
+    place.put("points.txt", list(&normals()));
+    for (options, cover, ground) in [
+        ("", Cover::Uniform, 0.),
+        ("--sky=overcast", Cover::Overcast, 0.),
+        ("--ground=0.6", Cover::Uniform, 0.6),
+        ("--ground=1 --sky=overcast", Cover::Overcast, 1.),
+    ] {
+        for method in ["reference", "sobol", "gather"] {
+            let run = place.free(&format!(
+                "speck.obj --points=points.txt -n1024 -r0.5 \
+                 --integrator={method} {options}"
+            ));
+            run.succeeded();
+            let (head, found) = values(&run.stdout);
+            assert!(head.starts_with("x,y,z,nx,ny,nz,irradiance ["));
+            assert_eq!(found.len(), 12);
+            let sky = Sky::with(DVec3::Z, cover);
+            for (value, normal) in found.into_iter().zip(normals()) {
+                let from_below = ground * (0.5 - 0.5 * normal.z);
+                let exact = sky.share(normal) + from_below;
+                judge(value, exact, 16.);
+            }
+        }
+    }
+}
+
+// In a sphere each patch gives the same to all others: it gets H = f / (1 -
+// sum of albedo times share of area).
+#[test]
+fn a_sphere_of_two_albedos_is_lit_as_its_equation_says() {
+    let place = Scratch::new();
+    let mesh = cavity(0.2, 128);
+    let side = |c: &[u32; 3]| mesh.vertices[c[0] as usize].x > 0.;
+    let mut text = String::from("mtllib paint.mtl\n");
+    let mut area = [0., 0.];
+    let whole = obj(&Mesh { triangles: vec![], ..mesh.clone() });
+    text += &whole;
+    for is_right in [false, true] {
+        text += if is_right { "usemtl dark\n" } else { "usemtl light\n" };
+        for c in mesh.triangles.iter().filter(|c| side(c) == is_right) {
+            let [p, q, r] = c.map(|i| mesh.vertices[i as usize]);
+            area[usize::from(is_right)] +=
+                (q - p).cross(r - p).length() / 2.;
+            let [a, b, c] = c.map(|i| i + 1);
+            writeln!(text, "f {a} {b} {c}").unwrap();
+        }
+    }
+    place.put("sphere.obj", text);
+    place.put(
+        "paint.mtl",
+        "newmtl light\nKd 0.9 0.9 0.9\nnewmtl dark\nKd 0.2 0.3 0.4\n",
+    );
+    place.put("point.csv", "x,y,z,nx,ny,nz\n0,0,-0.9,0,0,1\n");
+    for (options, dark) in [
+        ("--materials", 0.2126 * 0.2 + 0.7152 * 0.3 + 0.0722 * 0.4),
+        ("--materials --band=r", 0.2),
+        ("--albedo light=0.9 -r0.5", 0.5),
+        ("--materials --albedo=dark=0", 0.),
+    ] {
+        let parts = area.map(|area| area / (4. * PI));
+        let reflected = 0.9 * parts[0] + dark * parts[1];
+        let exact = 0.2 / (1. - reflected);
+        for method in ["reference", "sobol", "gather"] {
+            let run = place.free(&format!(
+                "sphere.obj --points=point.csv -n4096 {options} \
+                 --integrator={method} --sky=uniform"
+            ));
+            run.succeeded();
+            assert_eq!(run.stderr.matches("warning").count(), 0);
+            let (_, found) = values(&run.stdout);
+            // Half of the walls that the point sees are dark.
+            let up = polygon_share(POINT, DVec3::Z, &rim(0.2));
+            let seen = (1. - up) * exact * (0.9 + dark) / 2. + up;
+            judge(found[0], seen, 16.);
+        }
+    }
+}
+
+/// A point that looks up in a sphere.
+const POINT: DVec3 = DVec3::new(0., 0., -0.9);
+
+/// The rim of a cavity that is open over a fraction of its area.
+fn rim(f: f64) -> Vec<DVec3> {
+    let polar = (1. - 2. * f).acos();
+    let turn = |k: i32| f64::from(k) * PI / 64.;
+    let point = |k| {
+        let (sine, cosine) = turn(k).sin_cos();
+        DVec3::new(polar.sin() * cosine, polar.sin() * sine, polar.cos())
+    };
+    (0..128).map(point).collect()
+}
+
+/// Two walls at the sides of a street, and boxes' faces.
+#[test]
+fn a_face_sees_the_sky_beside_an_opposite_wall() {
+    let place = Scratch::new();
+    place.put(
+        "street.obj",
+        "v 0 0 0\nv 0 1 0\nv 0 1 1\nv 0 0 1\nf 1 2 3 4\n\
+         v 2 -40 0\nv 2 40 0\nv 2 40 3\nv 2 -40 3\nf 5 6 7 8\nf 1 1 2\n",
+    );
+    let run = place.free("street.obj --faces=both -r0 -n4096");
+    run.succeeded();
+    assert!(run.stderr.contains(
+        "2 of 6 faces have no value: 2 have no area, the first 3"
+    ));
+    let (head, found) = values(&run.stdout);
+    assert!(head.starts_with("face,side,irradiance"));
+    // The mean over the face of the sky that the wall hides, by a midpoint
+    // rule: that part of it which is higher than the point.
+    let mut hidden = 0.;
+    for i in 0..400 {
+        let at = |k| (f64::from(k) + 0.5) / 20.;
+        let p = DVec3::new(0., at(i % 20), at(i / 20));
+        let wall = [(-40., p.z), (40., p.z), (40., 3.), (-40., 3.)];
+        let wall = wall.map(|(y, z)| DVec3::new(2., y, z));
+        hidden += polygon_share(p, DVec3::X, &wall) / 400.;
+    }
+    judge(found[0], 0.5 - hidden, 16.);
+    judge(found[1], 0.5, 16.);
+    assert!(found[4..].iter().flatten().all(|x| x.is_nan()));
+}
+
+#[test]
+fn a_vertex_has_the_normal_between_its_faces() {
+    let place = Scratch::new();
+    // A box from outside, whose corners see an eighth less.
+    place.put("box.obj", BOX);
+    let run = place.free("box.obj --vertices -r0 -n4096 -oa.csv -ob.obj");
+    run.succeeded();
+    let (head, found) = values(&place.get("a.csv"));
+    assert!(head.starts_with("vertex,x,y,z,irradiance"));
+    assert_eq!(found.len(), 8);
+    let mesh = read_obj(&place.get("b.obj")).unwrap();
+    assert_eq!((mesh.vertices.len(), mesh.triangles.len()), (8, 12));
+}
+
+#[test]
+fn what_has_no_value_is_counted_and_named() {
+    let place = Scratch::new();
+    place.put(
+        "points.txt",
+        "# a grid\n0 0 -1 0 0 1\n0 0 0 0 0 0\n1 4 0 0 0 1\n1e300 0 0 0 0 1\n\
+         1,1;-1\t0 0 1\n",
+    );
+    let run = place.free("room.obj --points points.txt -n64 -r0.5");
+    run.succeeded();
+    let (_, found) = values(&run.stdout);
+    let is_known: Vec<bool> =
+        found.iter().map(|[value, _]| value.is_finite()).collect();
+    assert_eq!(is_known, [true, false, false, false, true]);
+    assert!(run.stderr.contains(
+        "3 of 5 points have no value: 1 have no normal, the first 2; 1 are \
+         in an edge, or too close to a surface, the first 3; 1 are too far \
+         away, the first 4"
+    ));
+    for (text, fault) in [
+        ("0 0 0 0 1\n", ":1: expected x y z nx ny nz, six numbers"),
+        ("a b c d e f\n0 0 0 0 0 1\nx y\n", ":3: expected"),
+        ("0 0 0 0 0 inf\n", ":1: expected"),
+        ("# nothing\n", ": no point"),
+        ("0 0 0 0 0 0\n", "none of the points has a value"),
+    ] {
+        place.put("wrong.txt", text);
+        let run = place.free("room.obj --points wrong.txt");
+        assert_eq!(run.status, Some(1), "{text}");
+        assert!(run.stderr.contains(fault), "{}", run.stderr);
+    }
+    assert_eq!(read_points(b"\xff").unwrap_err(), ": not UTF-8 text");
+}
+
+#[test]
+fn receivers_have_tables_and_no_images() {
+    let place = Scratch::new();
+    place.put("p.txt", "0 0 0 0 0 1\n0 0 0.5 0 1 0\n");
+    for (line, fault) in [
+        ("--points p.txt -o a.png", "receivers have no image"),
+        ("--points p.txt --report a.html -o a.csv", "receivers have none"),
+        ("--points p.txt -o a.obj", "shows values of --vertices"),
+        ("--points p.txt --crop 0,0,1x1", "cannot be used with"),
+        ("--points p.txt --faces", "cannot be used with"),
+        ("--points p.txt -p 1,2,3", "cannot be used with"),
+        ("--radiosity", "required"),
+        ("--band r", "required"),
+        ("--points p.txt --tiles 1/2 -n 4", "not more bands"),
+    ] {
+        let run = place.free(&format!("room.obj -n16 {line}"));
+        assert!(run.status.is_some_and(|status| status > 0), "{line}");
+        assert!(run.stderr.contains(fault), "{line}: {}", run.stderr);
+    }
+    let run = place.free("room.obj --points p.txt -n64 -o a.ply -o a.csv");
+    run.succeeded();
+    let ply = place.get("a.ply");
+    let end = b"end_header\n";
+    let body = ply.windows(end.len()).position(|w| w == end).unwrap();
+    let body = &ply[body + end.len()..];
+    // Two points of three doubles, three floats, and two numbers.
+    assert_eq!(body.len(), 2 * (24 + 12 + 8));
+    let (_, found) = values(&place.get("a.csv"));
+    let value = f32::from_le_bytes(body[36..40].try_into().unwrap());
+    assert_eq!(f64::from(value) as f32, found[0][0] as f32);
+    let run = place.free("room.obj --faces=both -n64 -o b.ply");
+    run.succeeded();
+    let text = place.get("b.ply");
+    let text = String::from_utf8_lossy(&text);
+    assert!(text.contains("element face 12\n"));
+}
+
+// Threads, shards, a resumed run and sets of instructions.
+#[test]
+fn receivers_are_rendered_like_pixels() {
+    let place = Scratch::new();
+    let mut points = String::new();
+    for i in 0..700 {
+        let (x, y) = (i % 35, i / 35);
+        let at = |k: i32, n: f64| 4. * f64::from(k) / n - 2.;
+        writeln!(points, "{} {} 0 0 0 1", at(x, 35.), at(y, 20.)).unwrap();
+    }
+    place.put("p.txt", points);
+    for method in ["reference", "sobol", "gather"] {
+        let common = format!(
+            "room.obj --points p.txt -r0.7 -n64 --integrator={method}"
+        );
+        let whole = place.free(&format!("{common} -j1 -oa.csv -f"));
+        whole.succeeded();
+        for options in ["-j4", "-j2 --isa=portable"] {
+            let run = place.free(&format!("{common} {options} -ob.csv -f"));
+            run.succeeded();
+            assert_eq!(place.get("a.csv"), place.get("b.csv"), "{method}");
+        }
+        for (k, part) in [
+            "--samples 0..32",
+            "--samples 32..64 --tiles 1/2",
+            "--samples 32..64 --tiles 2/2",
+        ]
+        .iter()
+        .enumerate()
+        {
+            let run =
+                place.free(&format!("{common} {part} -o {k}.litpt -f"));
+            run.succeeded();
+        }
+        let merged =
+            place.ptimg("merge 0.litpt 1.litpt 2.litpt -o all.litpt -f");
+        merged.succeeded();
+        let run = place.free("--resume all.litpt -oc.csv -f");
+        run.succeeded();
+        assert_eq!(place.get("a.csv"), place.get("c.csv"), "{method}");
+        let run =
+            place.ptimg("merge 0.litpt 1.litpt 2.litpt -o all.exr -f");
+        assert!(run.stderr.contains("receivers"), "{}", run.stderr);
+    }
+}
+
+#[test]
+fn names_give_albedos_to_faces() {
+    let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\no table\n\
+                g legs wood\nusemtl oak\nf 1 2 3\nf 1 2 3\nusemtl steel\n\
+                f 1 2 3\ng top\nf 1 2 3\n";
+    let mesh = read_obj(text.as_bytes()).unwrap();
+    let kinds: Vec<_> = mesh.marks.iter().map(|mark| mark.kind).collect();
+    use MarkKind::{Group, Material, Object};
+    assert_eq!(kinds, [Object, Group, Material, Material, Group]);
+    let albedos = |named: &[(&str, f64)]| {
+        let all = named.iter().map(|(name, a)| (name.to_string(), *a));
+        let named_albedos = all.collect();
+        let named = Named { named_albedos, ..Named::default() };
+        let faces = FaceAlbedos::new(&mesh.marks, &named, 0.5)?;
+        Ok::<_, String>([0, 1, 2, 3, 4].map(|face| faces.of(face)))
+    };
+    let found = albedos(&[("table", 0.3), ("steel", 0.6)]).unwrap();
+    assert_eq!(found, [0.5, 0.3, 0.3, 0.6, 0.6]);
+    let found = albedos(&[("steel", 0.6), ("table", 0.3)]).unwrap();
+    assert_eq!(found, [0.5, 0.3, 0.3, 0.3, 0.3]);
+    let found = albedos(&[("wood", 0.1), ("top", 0.2)]).unwrap();
+    assert_eq!(found, [0.5, 0.1, 0.1, 0.1, 0.2]);
+    let fault = albedos(&[("chair", 0.1)]).unwrap_err();
+    assert!(fault.contains("called chair"), "{fault}");
+    assert!(
+        fault.ends_with("oak, steel, legs wood, top, table"),
+        "{fault}"
+    );
+}
+
+#[test]
+fn materials_are_not_ignored_without_a_word() {
+    let place = Scratch::new();
+    place.put("two.obj", format!("usemtl a\n{SPECK}usemtl b\nf 1 2 3\n"));
+    let run = place.done("two.obj -r0.5 -n1 -oa.pfm");
+    assert!(run.stderr.contains(
+        "two.obj: 2 materials are ignored: every surface has the albedo 0.5 \
+         (--materials)"
+    ));
+    for (mtl, line, fault) in [
+        ("", "", "1 materials have no Kd"),
+        ("newmtl a\nKd 1.5 1 1\n", "", "which is not between 0 and 1"),
+        ("newmtl a\nKd x\n", "", "cannot read the materials"),
+        ("", "--albedo c=0.1", "no material, group or object is called c"),
+    ] {
+        place.put("m.mtl", mtl);
+        place.put("one.obj", format!("mtllib m.mtl\nusemtl a\n{SPECK}"));
+        let run =
+            place.line(&format!("one.obj --materials {line} -ob.pfm -f"));
+        assert!(run.stderr.contains(fault), "{mtl}: {}", run.stderr);
+    }
+    place.put("one.obj", format!("mtllib none.mtl\nusemtl a\n{SPECK}"));
+    let run = place.line("one.obj --materials -oc.pfm");
+    assert_eq!(run.status, Some(1));
+    assert!(run.stderr.contains("none.mtl: cannot read"), "{}", run.stderr);
+}
+
+// One albedo for all, whatever it is called, is the same bits.
+#[test]
+fn one_albedo_by_name_is_the_same_image() {
+    let place = Scratch::new();
+    let text = place.text("room.obj");
+    place.put("named.obj", format!("o all\n{text}"));
+    for method in ["reference", "sobol", "gather"] {
+        let common = format!("-n16 -d32x24 --integrator={method} -f");
+        place.done(&format!("room.obj -r0.5 {common} -oa.pfm"));
+        place.done(&format!("named.obj --albedo all=0.5 {common} -ob.pfm"));
+        assert_eq!(place.get("a.pfm"), place.get("b.pfm"), "{method}");
+    }
+}
+
+#[test]
+fn a_zenith_turns_the_sky_and_not_the_image() {
+    let place = Scratch::new();
+    let common = "room.obj -r0.5 -n4 -d32x24 -p0,-4,4 -t0,0,-1 -f";
+    place.done(&format!("{common} -u0,0,1 -oa.pfm"));
+    place.done(&format!("{common} -u0,1,0 --zenith z -ob.pfm"));
+    assert_eq!(place.get("a.pfm"), place.get("b.pfm"));
+    let run = place.line("room.obj -p0,0,9 -t0,0,0 -u0,0,1 -oc.pfm");
+    assert!(run.stderr.contains("--zenith z -u 0,1,0"), "{}", run.stderr);
+}
