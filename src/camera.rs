@@ -7,6 +7,7 @@
 
 use std::array;
 
+use clap::ValueEnum;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -138,42 +139,95 @@ pub fn direction(v: DVec3) -> String {
 /// The image plane is no farther than 2^200.
 const FARTHEST: f64 = power_of_two(200);
 
+/// A side from which a scene can be seen.
+#[derive(
+    ValueEnum, Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize,
+)]
+#[serde(rename_all = "lowercase")]
+pub enum Viewpoint {
+    /// Where y is negative, if z points up; where z is positive, if y does.
+    Front,
+    /// Opposite to the front.
+    Back,
+    /// To the left of one who looks from the front.
+    Left,
+    /// To the right.
+    Right,
+    /// The zenith, with the front at the bottom of the image.
+    Top,
+    /// From the front and right, and above.
+    Iso,
+}
+
+impl Viewpoint {
+    /// Where it is, seen from the scene, and the up axis of its camera, which
+    /// is `up` if that is of use.
+    fn axes(self, zenith: DVec3, up: DVec3) -> [DVec3; 2] {
+        let is_y_up = zenith.y.abs() > zenith.z.abs().max(zenith.x.abs());
+        let front = if is_y_up { DVec3::Z } else { -DVec3::Y };
+        let front = front.reject_from(zenith).normalize();
+        let right = zenith.cross(front);
+        match self {
+            Self::Front => [front, up],
+            Self::Back => [-front, up],
+            Self::Left => [-right, up],
+            Self::Right => [right, up],
+            Self::Top => [zenith, -front],
+            Self::Iso => [1.5 * front + right + zenith, up],
+        }
+    }
+}
+
 impl View {
-    /// The view with the same up axis and field of view that shows the box
-    /// between two corners, if there is one.
-    pub fn outside(
+    /// The view with this field of view that shows all of some points from
+    /// a side, in images of the ratio width/height, if there is one.
+    pub fn outside<'a>(
         &self,
-        [low, high]: [DVec3; 2],
+        from: Viewpoint,
+        zenith: DVec3,
+        points: impl Iterator<Item = &'a DVec3> + Clone,
         aspect: f64,
     ) -> Option<Self> {
-        // Look at the middle of the box
+        let [low, high] = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+        let corners = points
+            .clone()
+            .fold([low, high], |[a, b], p| [a.min(*p), b.max(*p)]);
+        let [low, high] = corners;
         let target = 0.5 * low + 0.5 * high;
-        let up = self.up.abs().max_position();
-        let mut away = DVec3::splat(1.);
-        away[(up + 1) % 3] = 1.5;
-        away[up] = self.up[up].signum();
-        let position = target + (high - low).max_element() * away;
-        let view = Self { position, target, ..*self };
+        let [away, up] = from.axes(zenith, self.up);
+        let size = (high - low).max_element();
+        let position = target + size * away;
+        let view = Self { position, target, up, ..*self };
         let Camera { right, down, ahead, .. } =
             Camera::new(&view, aspect).ok()?;
-        let distances = (0..8).map(|k| {
-            let is_high = [1, 2, 4].map(|bit| k & bit != 0);
-            let corner = DVec3::select(is_high.into(), high, low) - target;
-            let x = right.dot(corner) / (aspect * aspect);
-            let side = x.abs().max(down.dot(corner).abs());
-            side * ahead.length() - ahead.normalize().dot(corner)
-        });
-        let distance = 1.05 * distances.fold(0., f64::max);
+        // Step back until all is in the image
+        let (right, ahead) = (right / aspect, ahead.normalize());
+        let slope = 0.9 * libm::tan(0.5 * self.fov.to_radians());
+        let reach = |axis: DVec3, slope: f64| {
+            let place = |p: &DVec3, sign: f64| {
+                let p = *p - target;
+                sign * axis.dot(p) - slope * ahead.dot(p)
+            };
+            let most = |sign| {
+                let all = points.clone().map(|p| place(p, sign));
+                all.fold(f64::NEG_INFINITY, f64::max)
+            };
+            let [more, less] = [most(1.), most(-1.)];
+            (0.5 * (more - less) * axis, 0.5 * (more + less) / slope)
+        };
+        let (across, wide) = reach(right, slope * aspect);
+        let (along, high) = reach(down, slope);
+        let target = target + across + along;
+        let distance = wide.max(high) + 2e-3 * size;
         // Round the view to be typed
-        let size = (high - low).max_element();
-        let digits = (3. - libm::log10(size).floor()).clamp(0., 300.);
+        let digits = (4. - libm::log10(size).floor()).clamp(0., 300.);
         let round = |x: f64| {
             let text = format!("{x:.*}", digits as usize);
             text.parse().unwrap_or(x)
         };
-        let position = (target - distance * ahead.normalize()).map(round);
+        let position = (target - distance * ahead).map(round);
         let target = target.map(round);
-        let view = Self { position, target, ..*self };
+        let view = Self { position, target, ..view };
         Camera::new(&view, aspect).is_ok().then_some(view)
     }
 }

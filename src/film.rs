@@ -621,6 +621,30 @@ impl Film {
         rows.flat_map(row).map(error).collect()
     }
 
+    /// An error of the image; infinite if it is unknown.
+    pub fn error(&self, measure: Measure) -> f64 {
+        let height = self.window.size.1;
+        let tops = (0..height).into_par_iter().step_by(SIDE as usize);
+        let sums = tops.map(|top| {
+            let band = self.window.rows(top, SIDE);
+            let errors = self.errors(WORTH, band).into_iter();
+            let squares =
+                errors.zip(self.means_of(band)).map(|(error, mean)| {
+                    let whole = if measure.relative { mean } else { 1. };
+                    let part = if error == 0. { 0. } else { error / whole };
+                    if part.is_nan() { f64::INFINITY } else { part * part }
+                });
+            squares.fold([0., 0.], |[sum, most]: [f64; 2], square| {
+                [sum + square, most.max(square)]
+            })
+        });
+        let sums: Vec<[f64; 2]> = sums.collect();
+        let most = sums.iter().map(|sums| sums[1]).fold(0., f64::max);
+        let mean = sums.iter().map(|sums| sums[0]).sum::<f64>();
+        let mean = mean / self.area() as f64;
+        if measure.largest { most.sqrt() } else { mean.sqrt() }
+    }
+
     /// The standard error with which each pixel of a window counts in a sum
     /// over whole tiles, row by row: that of the mean of its tile
     /// times the root of the number of its pixels; infinite where unknown.
@@ -633,5 +657,23 @@ impl Film {
         };
         let shared = !tile_means.is_empty();
         shared.then(|| self.values(window, f64::INFINITY, error))
+    }
+}
+
+/// Which error is held against a target.
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize,
+)]
+pub struct Measure {
+    /// As a part of the mean of each pixel.
+    pub relative: bool,
+    /// That of the worst pixel, not the root mean square of all.
+    pub largest: bool,
+}
+
+impl Measure {
+    /// Whether it is the root mean square of all.
+    pub fn is_usual(&self) -> bool {
+        *self == Self::default()
     }
 }

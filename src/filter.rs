@@ -54,6 +54,15 @@ impl FirstHits {
         let edges = (0..hits.len()).into_par_iter().map(edge).collect();
         Self { width, edges, hits }
     }
+
+    /// Those of some values of the pixels where a surface is seen.
+    pub fn of_surfaces<'a>(
+        &'a self,
+        values: impl Iterator<Item = f64> + 'a,
+    ) -> impl Iterator<Item = f64> + 'a {
+        let pairs = values.zip(&self.hits);
+        pairs.filter_map(|(value, hit)| hit.as_ref().map(|_| value))
+    }
 }
 
 /// The pixels around one that lie `step` apart, up to `reach` steps away, in

@@ -35,6 +35,12 @@ pub trait Integrator: Sync {
     /// A path whose first ray has this direction.
     fn begin(&self, direction: DVec3) -> Self::Path;
 
+    /// Whether nothing reflects, so that it does not matter where a path
+    /// that has left a first surface meets another.
+    fn is_black(&self) -> bool {
+        false
+    }
+
     /// Takes a path on from the end of its ray: a hit, or the sky.
     fn advance(
         &self,
@@ -175,6 +181,10 @@ pub fn survival(n: u64) -> f64 {
 
 impl Integrator for PathTracer<'_> {
     type Path = PathState;
+
+    fn is_black(&self) -> bool {
+        self.surfaces.most == 0.
+    }
 
     #[inline(always)]
     fn begin(&self, direction: DVec3) -> PathState {

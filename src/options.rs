@@ -16,14 +16,15 @@ use std::time::{Duration, Instant};
 
 use clap::builder::StyledStr;
 use clap::parser::ValueSource;
-use clap::{ArgMatches, Id, Parser};
+use clap::{ArgMatches, Id, Parser, ValueEnum};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::bvh::Isa;
-use crate::camera::View;
-use crate::film::{Window, digits, parse_size, tile_height};
+use crate::camera::{View, Viewpoint};
+use crate::compare::display::Exposure;
+use crate::film::{Measure, Window, digits, parse_size, tile_height};
 use crate::image::Format;
 use crate::materials::Band;
 use crate::output::descriptor;
@@ -83,10 +84,21 @@ pub struct Options {
     pub time: Option<f64>,
 
     /// Stop when the root mean square error of the pixels, whose unit is the
-    /// radiance of the sky, is at most this
-    #[arg(long, value_name = "RMSE",
-          value_parser = only(parse_real, |&x| x > 0., POSITIVE))]
-    pub error: Option<f64>,
+    /// radiance of the sky, is at most this; with a per cent sign, relative to
+    /// the mean of each
+    #[arg(long, value_name = "RMSE[%]", value_parser = parse_target)]
+    pub error: Option<Target>,
+
+    /// Hold the error of the worst pixel against --error, max, and not the root
+    /// mean square of all, rms
+    #[arg(
+        long,
+        value_name = "rms|max",
+        default_value = "rms",
+        hide_possible_values = true,
+        requires = "error"
+    )]
+    pub error_of: ErrorOf,
     /// Position of the camera [default: outside of the scene, or
     /// 0,0,0 with -t]
     #[arg(short, long, value_name = "X,Y,Z", value_parser = parse_vector,
@@ -109,6 +121,12 @@ pub struct Options {
     #[arg(short = 'F', long, value_name = "DEGREES", default_value = "70",
           value_parser = only(parse_real, |&x| x > 0. && x < 180., ANGLE))]
     pub fov: f64,
+
+    /// Show all of the scene from a side: front (-y, or z if y is up), back,
+    /// left, right, top or iso [default: iso, without -p and -t]
+    #[arg(long = "view", value_name = "SIDE", hide_possible_values = true,
+          conflicts_with_all = ["position", "target", "receivers"])]
+    pub viewpoint: Option<Viewpoint>,
 
     /// Instead of an image, the irradiance at the points of a file, relative to
     /// that of a horizontal surface in the open: lines x y z nx ny nz
@@ -189,6 +207,13 @@ pub struct Options {
     /// Write PNG files every second while the image is rendered
     #[arg(long, conflicts_with = "receivers")]
     pub preview: bool,
+
+    /// Stops by which .png and pages are brighter, or auto: what is not sky fills
+    /// the scale [default: 0; auto for pages and for a picture that is not
+    /// named]
+    #[arg(long, value_name = "STOPS|auto", value_parser = Exposure::parse,
+          conflicts_with = "receivers")]
+    pub exposure: Option<Exposure>,
 
     /// Show the noise of gathers and nets in .png and .html, and write no
     /// filtered channels in .exr
@@ -283,6 +308,38 @@ pub fn parse_real(text: &str) -> Result<f64, String> {
         Ok(_) => Err(format!("{text} is not a finite number")),
         Err(_) => Err(format!("'{text}' is not a real number")),
     }
+}
+
+/// An error to reach.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Target {
+    /// How large it may be.
+    pub error: f64,
+    /// Whether it is a part of the mean of each pixel.
+    pub is_relative: bool,
+}
+
+/// Whose error is to be reached.
+#[derive(
+    ValueEnum, Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize,
+)]
+#[serde(rename_all = "lowercase")]
+pub enum ErrorOf {
+    /// The root mean square of all pixels.
+    Rms,
+    /// That of the worst pixel.
+    Max,
+}
+
+/// Parses an error to reach.
+fn parse_target(text: &str) -> Result<Target, String> {
+    let positive = only(parse_real, |&x| x > 0., POSITIVE);
+    Ok(match text.strip_suffix('%') {
+        Some(number) => {
+            Target { error: 0.01 * positive(number)?, is_relative: true }
+        }
+        None => Target { error: positive(text)?, is_relative: false },
+    })
 }
 
 /// Parses an albedo.
@@ -424,7 +481,7 @@ fn one_line(error: &clap::Error) -> String {
 /// Options all of which are replaced if one of them is given.
 const TOGETHER: [&[&str]; 4] = [
     &["scene", "input"],
-    &["samples", "time", "error"],
+    &["samples", "time", "error", "error_of"],
     &["output", "format"],
     &["resume", "checkpoint", "force", "learnt"],
 ];
@@ -587,6 +644,13 @@ impl Options {
             return Ok(self);
         };
         Err(usage(fault, "pt"))
+    }
+
+    /// The error to reach, and which error it is.
+    pub fn target(&self) -> Option<(f64, Measure)> {
+        let Target { error, is_relative } = self.error?;
+        let largest = self.error_of == ErrorOf::Max;
+        Some((error, Measure { relative: is_relative, largest }))
     }
 
     /// The albedo of surfaces without a name that has one.

@@ -14,7 +14,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use crate::analysis::background::{KnownPixels, TileContent};
-use crate::bvh::{BEAM, Dispatch, Intersector};
+use crate::bvh::{BEAM, Dispatch, Hit, Intersector};
 use crate::film::{
     Film, FilmTile, Halves, Tile, Watch, add_halves, add_value,
 };
@@ -240,6 +240,7 @@ impl<K: Intersector, E: Integrator, S: Sampler> Dispatch
         let mut begun = Vec::with_capacity(BEAM);
         let mut under_way = Vec::with_capacity(IN_FLIGHT);
         let (mut rays, mut turns) = (0, 0u64);
+        let is_black = pass.job.integrator.is_black();
         loop {
             // Put begun paths under way
             if begun.is_empty() && to_begin.peek().is_some() {
@@ -268,7 +269,13 @@ impl<K: Intersector, E: Integrator, S: Sampler> Dispatch
             under_way.retain_mut(|flight| {
                 rays += 1;
                 let PathInFlight { path, sampler, ray, from, .. } = flight;
-                let hit = intersector.first_hit(ray, Some(*from));
+                let hit = if is_black {
+                    let (point, normal) = (ray.origin, ray.direction);
+                    let hit = Hit { point, normal, primitive: 0 };
+                    intersector.is_occluded(ray, Some(*from)).then_some(hit)
+                } else {
+                    intersector.first_hit(ray, Some(*from))
+                };
                 match pass.job.integrator.advance(path, hit, sampler) {
                     PathEvent::Scatter(next, left) => {
                         (*ray, *from) = (next, left);

@@ -14,7 +14,7 @@ use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1, SIGUSR2};
 use signal_hook::consts::{SIGXCPU, SIGXFSZ};
 use signal_hook::flag;
 
-use crate::film::{Film, Summary};
+use crate::film::{Film, Measure, Summary};
 use crate::render::{Renderer, Share};
 
 /// When a run stops, and what it is compared with.
@@ -29,8 +29,10 @@ pub struct Limits<'a> {
     pub reserve: [f64; 2],
     /// Tells the time; that of the system, if none.
     pub clock: Option<&'a (dyn Fn() -> Instant + Sync)>,
-    /// The root mean square error to reach.
+    /// The error to reach.
     pub error: Option<f64>,
+    /// Which error that is.
+    pub measure: Measure,
     /// Stops the run when a signal arrives.
     pub interrupt: Option<&'a Interrupt>,
     /// The radiance of each pixel, row by row from the top left.
@@ -94,6 +96,9 @@ pub struct CurvePoint {
     pub rays: u64,
     /// Estimated root mean square error over the pixels, if known.
     pub rmse: Option<f64>,
+    /// The error that is held against a target, if it is another and known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub target_error: Option<f64>,
     /// Mean radiance of the image.
     pub mean: f64,
     /// Its standard error, if known.
@@ -104,6 +109,13 @@ pub struct CurvePoint {
     /// Seconds of all processors so far, if there are several ranks.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub processor_seconds: Option<f64>,
+}
+
+impl CurvePoint {
+    /// The error of a measure that is held against a target, if it is known.
+    pub fn judged(&self, measure: Measure) -> Option<f64> {
+        if measure.is_usual() { self.rmse } else { self.target_error }
+    }
 }
 
 /// What a run has done so far; by this its loop decides how many samples
@@ -130,6 +142,9 @@ pub struct Convergence {
     /// What each rank has done since the run was begun or resumed.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub ranks: Vec<Share>,
+    /// Which error is held against a target.
+    #[serde(skip)]
+    measure: Measure,
     /// Seconds for one sample of each pixel, at the last pass.
     #[serde(skip)]
     pace: Option<f64>,
@@ -165,6 +180,7 @@ impl Convergence {
         after: &mut impl FnMut(&Self, &Film),
     ) -> Stop {
         (self.stopped, self.ranks) = (None, vec![]);
+        self.measure = limits.measure;
         let (start, before) = (limits.now(), self.seconds);
         let spent = self.processor_seconds.unwrap_or(0.);
         // Watch for signals and for the end of the time
@@ -192,7 +208,7 @@ impl Convergence {
         loop {
             // Return when a limit is reached
             if let Some(stop) = self.stop(limits, first, area) {
-                self.record(film, limits.reference);
+                self.record(film, limits.reference, limits.measure);
                 self.stopped = Some(stop);
                 return stop;
             }
@@ -214,7 +230,7 @@ impl Convergence {
                 self.processor_seconds = Some(spent + all.sum::<f64>());
             }
             if self.spp >= due {
-                self.record(film, limits.reference);
+                self.record(film, limits.reference, limits.measure);
             }
             after(self, film);
         }
@@ -246,7 +262,7 @@ impl Convergence {
     /// The samples after which the run is expected to stop, if its time
     /// is not over before; none if that cannot be foreseen.
     pub fn expected(&self, limits: &Limits, area: u64) -> Option<u64> {
-        let error = self.last().rmse.and(limits.error);
+        let error = self.last().judged(limits.measure).and(limits.error);
         let error = error.map(|error| self.needed(error, area));
         let all = [limits.samples, error].into_iter().flatten();
         all.min().map(|spp| spp.max(self.spp))
@@ -255,14 +271,14 @@ impl Convergence {
     /// The samples after which the error is expected to be reached.
     fn needed(&self, error: f64, area: u64) -> u64 {
         let least = (DECISIVE / area as f64).ceil().max(2.);
-        let CurvePoint { spp, rmse, .. } = self.last();
-        let Some(rmse) = rmse else {
+        let last = self.last();
+        let Some(rmse) = last.judged(self.measure) else {
             let open = self.spp < least as u64;
             return if open { least as u64 } else { u64::MAX };
         };
         // A square that vanishes would make the quotient 0 / 0.
         let e = (error * error).max(f64::MIN_POSITIVE);
-        let v = spp as f64 * rmse * rmse;
+        let v = last.spp as f64 * rmse * rmse;
         let root = (v * v + 12. * e / area as f64).sqrt();
         ((v + root) / (2. * e)).ceil().max(least) as u64
     }
@@ -306,11 +322,16 @@ impl Convergence {
         let enough = |rmse| rmse * rmse + unseen <= error * error;
         let step = self.last();
         let is_recent = step.spp == self.spp && paths >= DECISIVE;
-        is_recent && step.rmse.is_some_and(enough)
+        is_recent && step.judged(self.measure).is_some_and(enough)
     }
 
     /// Records a point, if there has been a pass since the last one.
-    pub fn record(&mut self, film: &Film, reference: Option<&[f64]>) {
+    pub fn record(
+        &mut self,
+        film: &Film,
+        reference: Option<&[f64]>,
+        measure: Measure,
+    ) {
         let &mut Self { spp, seconds, rays, processor_seconds, .. } = self;
         let last = self.last();
         if (spp, seconds) == (last.spp, last.seconds) {
@@ -324,6 +345,9 @@ impl Convergence {
             seconds,
             rays,
             rmse: finite(rmse),
+            target_error: (!measure.is_usual())
+                .then(|| film.error(measure))
+                .and_then(finite),
             mean,
             mean_stderr: finite(mean_stderr),
             rmse_reference: reference

@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::{Map, Value, json};
 
+use crate::compare::display::{self, Curve, Exposure};
 use crate::film::Film;
 use crate::filter::{Filtered, FirstHits};
 use crate::image::{Format, Image, Picture};
@@ -59,9 +60,11 @@ pub struct RunOutput<'a> {
     every: Duration,
     /// What is known of the run, which goes into the files.
     pub known: Known,
-    /// Finds what guides the filter of a picture, if there is to be one.
+    /// Finds what the pixels show, if there is a camera.
     trace: Option<&'a dyn Fn() -> FirstHits>,
     hits: OnceCell<FirstHits>,
+    /// By how much PNG files are brighter, if that is said.
+    pub exposure: Option<Exposure>,
     /// Writes the values of receivers, if there are any.
     pub table: Option<&'a WriteTable<'a>>,
 }
@@ -111,7 +114,15 @@ impl<'a> RunOutput<'a> {
         };
         let files = files.into_iter().map(file).collect();
         let hits = OnceCell::new();
-        Self { files, every, known, trace, hits, table: None }
+        Self {
+            files,
+            every,
+            known,
+            trace,
+            hits,
+            exposure: None,
+            table: None,
+        }
     }
 
     /// Writes the files that are due `now`, or all of them a last time.
@@ -125,7 +136,8 @@ impl<'a> RunOutput<'a> {
         film: &Film,
         now: Option<Instant>,
     ) -> Result<(), String> {
-        let Self { files, every, known, trace, hits, table } = self;
+        let Self { files, every, known, trace, hits, .. } = self;
+        let (exposure, table) = (self.exposure, self.table);
         known.report.convergence.clone_from(convergence);
         let is_due = |file: &RunFile| {
             now.is_none_or(|now| file.is_due(now, convergence))
@@ -135,7 +147,7 @@ impl<'a> RunOutput<'a> {
         let mut shown =
             files.iter().filter(|file| file.product.is_picture());
         let filtered = match trace {
-            Some(trace) if shown.any(is_due) => {
+            Some(trace) if known.run_key.filtered && shown.any(is_due) => {
                 Filtered::of(film, hits.get_or_init(trace))
             }
             _ => None,
@@ -143,6 +155,30 @@ impl<'a> RunOutput<'a> {
         known.report.picture = filtered.as_ref().map(|f| f.error);
         let filtering = began.elapsed();
         let filtered = filtered.as_ref().map(|filtered| &filtered.image);
+        // Choose the exposure of pictures
+        let has = |wanted| files.iter().any(|file| file.product == wanted);
+        let (png, page) =
+            (Product::Image(Format::Png), Product::Report(Kind::Html));
+        let hits = &*hits;
+        let stops_of = |exposure: Exposure| match *trace {
+            Some(trace) if exposure == Exposure::Auto => {
+                let hits = hits.get_or_init(trace);
+                exposure.stops(hits.of_surfaces(film.means()))
+            }
+            _ => exposure.stops(film.means().filter(|mean| *mean < 1.)),
+        };
+        if has(png) && film.unsampled() < film.area() {
+            known.report.exposure = exposure.map(&stops_of);
+            let dark =
+                film.means().filter(|mean| *mean < 0.1).count() as u64;
+            let is_dark = dark >= film.area() - film.area() / 10;
+            known.report.is_dark = is_dark && exposure.is_none();
+        }
+        if has(page) {
+            known.report.page_exposure =
+                stops_of(exposure.unwrap_or(Exposure::Auto));
+        }
+        let stops = known.report.exposure.filter(|&stops| stops != 0.);
         let known = &*known;
         let report = LazyCell::new(|| known.report.complete(film));
         let mut failures = vec![];
@@ -154,6 +190,11 @@ impl<'a> RunOutput<'a> {
                 || filtered.map_or_else(|| image().image(), Image::clone);
             let page = |kind: Kind| kind.render(&report, &shown);
             let content = &mut |out: &mut dyn Write| match file.product {
+                Product::Image(Format::Png) if let Some(stops) = stops => {
+                    let grey =
+                        display::tonemap(&shown(), stops, Curve::Clamp);
+                    Format::Png.write(&grey, out)
+                }
                 Product::Image(Format::Png)
                     if let Some(shown) = filtered =>
                 {
@@ -214,7 +255,8 @@ impl<'a> RunOutput<'a> {
         let is_saved = self.files.iter().any(is_state);
         let none = if is_saved { state } else { 0. } + 0.15 * files;
         let threads = rayon::current_num_threads() as f64;
-        let filter = self.trace.map_or(0., |_| 5000. / threads);
+        let is_filtered = self.known.run_key.filtered;
+        let filter = if is_filtered { 5000. / threads } else { 0. };
         let all = summary + files + filter;
         [none, all].map(|nanoseconds| 1e-9 * nanoseconds * pixels as f64)
     }

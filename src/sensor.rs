@@ -144,8 +144,18 @@ enum Surface {
     /// A point, and the normal there.
     Points(Vec<Hit>),
     /// Faces: the triangles of each, and whether it is the back that
-    /// receives; and of each triangle the area with those before it.
-    Faces(Vec<(Range<u32>, bool)>, Vec<(Triangle, f64)>),
+    /// receives; and all triangles.
+    Faces(Vec<(Range<u32>, bool)>, Vec<Part>),
+}
+
+/// A triangle of a face.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Part {
+    corners: Triangle,
+    /// Twice its area, with the triangles of the face before it.
+    until: f64,
+    /// Its unit normal, at the front.
+    normal: DVec3,
 }
 
 impl Receivers {
@@ -167,14 +177,13 @@ impl Receivers {
         let parts = &triangles[*start as usize..*end as usize];
         let [u, v] = u.map(to_unit);
         // Choose a point of a face
-        let at = u * parts[parts.len() - 1].1;
-        let part = parts.partition_point(|&(_, until)| until <= at);
-        let before = if part == 0 { 0. } else { parts[part - 1].1 };
-        let (corners, until) = parts[part];
+        let at = u * parts[parts.len() - 1].until;
+        let part = parts.partition_point(|part| part.until <= at);
+        let before = if part == 0 { 0. } else { parts[part - 1].until };
+        let Part { corners, until, normal } = parts[part];
         let [a, b, c] = corners;
         let root = ((at - before) / (until - before)).sqrt();
         let point = a + ((b - a) * (1. - v) + (c - a) * v) * root;
-        let normal = cross(b - a, c - a).normalize();
         let normal = if *is_back { -normal } else { normal };
         let point = lifted(&corners, point, normal);
         Hit { point, normal, primitive: NONE }
@@ -365,7 +374,7 @@ impl Candidates {
         side: Side,
     ) -> Self {
         let (mut numbers, mut all, mut refused) = (vec![], vec![], vec![]);
-        let mut parts: Vec<(Triangle, f64)> = vec![];
+        let mut parts: Vec<Part> = vec![];
         let backs: &[bool] = match side {
             Side::Front => &[false],
             Side::Back => &[true],
@@ -380,10 +389,12 @@ impl Candidates {
                 let corners =
                     corners.map(|corner| vertices[corner as usize]);
                 let [a, b, c] = corners;
-                let area = cross(b - a, c - a).length();
+                let normal = cross(b - a, c - a);
+                let area = normal.length();
                 until += area;
                 if area > 0. {
-                    parts.push((corners, until));
+                    let normal = normal / area;
+                    parts.push(Part { corners, until, normal });
                 }
             }
             first += face.len();

@@ -15,6 +15,7 @@ use std::time::{Duration, Instant};
 use anstream::{AutoStream, ColorChoice};
 use clap::CommandFactory;
 use clap::builder::StyledStr;
+use glam::DVec3;
 use rayon::ThreadPoolBuilder;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -23,8 +24,9 @@ use sha2::{Digest, Sha256};
 
 use crate::analysis::{Finding, LitView, SHORTCUTS, SceneAnalysis};
 use crate::bvh::{Bvh, Ground, Quality, too_small};
-use crate::camera::{Camera, View, typed};
+use crate::camera::{Camera, View, Viewpoint, direction, typed};
 use crate::compare::disagreements;
+use crate::compare::display::Exposure;
 use crate::film::{Film, tile_height};
 use crate::filter::FirstHits;
 use crate::image::{Format, Image};
@@ -207,6 +209,7 @@ fn run(
         filtered: keeps_halves(options, &files, sampling, resumed.as_ref()),
     };
     report.settings.extend(settings(options, &run_key, choice));
+    report.measure = options.target().unwrap_or_default().1;
     tell(ranks, &run_key);
     // Take what was learnt before
     let of_run = resumed.as_ref().map(|saved| saved.known.learnt.clone());
@@ -238,8 +241,8 @@ fn run(
     let known =
         Known { run_key: run_key.clone(), options: saved, report, learnt };
     let trace = || FirstHits::trace(bvh, &view, run_key.windows()[1]);
-    let trace =
-        run_key.filtered.then_some(&trace as &dyn Fn() -> FirstHits);
+    let has_camera = matches!(&world.sensor, Sensor::Camera(..));
+    let trace = has_camera.then_some(&trace as &dyn Fn() -> FirstHits);
     let mut output = RunOutput::new(files, often, known, trace);
     let write = |format, film: &Film, out: &mut dyn Write| match (
         &world.table,
@@ -251,14 +254,18 @@ fn run(
         _ => Ok(()),
     };
     output.table = Some(&write);
+    let auto = image.is_some().then_some(Exposure::Auto);
+    output.exposure = options.exposure.or(auto);
     // Collect the limits
     let most = deadline.map_or(0., |end| 0.5 * seconds_to(end));
     let seconds = output.seconds_to_write(run.0.area());
+    let measure = options.target().unwrap_or_default().1;
     let limits = Limits {
         samples: goal.or(analysis.known.is_all().then_some(2)),
         deadline,
         reserve: seconds.map(|seconds| seconds.min(most)),
-        error: options.error,
+        error: options.target().map(|(error, _)| error),
+        measure,
         reference: reference.as_ref().map(|image| &image.means[..]),
         interrupt: Some(&interrupt),
         clock: None,
@@ -494,15 +501,25 @@ fn load(
     // Say what is shown
     let &Options { resolution, crop, ground, .. } = options;
     let albedo = options.albedo();
-    let (typed_view, has_camera) = (options.view(), options.has_camera());
-    let outside = typed_view.outside(mesh.corners(), aspect(resolution));
-    let view = outside.filter(|_| !has_camera).unwrap_or(typed_view);
-    let zenith = options.zenith.map_or_else(
-        || Sky::new(view.up).zenith,
-        |zenith| Sky::with(zenith, Cover::Uniform).zenith,
-    );
-    let usual = options.sky == Cover::Uniform && options.zenith.is_none();
-    let sky = (!usual).then_some(Sky::with(zenith, options.sky));
+    let (mut typed_view, has_camera) =
+        (options.view(), options.has_camera());
+    let zenith = match options.zenith {
+        None => Sky::new(typed_view.up).zenith,
+        Some(zenith) => Sky::with(zenith, Cover::Uniform).zenith,
+    };
+    if options.zenith.is_some() && typed_view.up == DVec3::Z {
+        typed_view.up = zenith;
+    }
+    let outside = || {
+        let from = options.viewpoint.unwrap_or(Viewpoint::Iso);
+        let corners = mesh.triangles.iter().flatten();
+        let points = corners.map(|&i| &mesh.vertices[i as usize]);
+        typed_view.outside(from, zenith, points, aspect(resolution))
+    };
+    let outside = if has_camera { None } else { outside() };
+    let view = outside.unwrap_or(typed_view);
+    let light = Sky::with(zenith, options.sky);
+    let sky = (light != Sky::new(view.up)).then_some(light);
     let receivers = match options {
         Options { points: Some(_), .. } => {
             Some(Asked::Points(sha256(&points)))
@@ -523,9 +540,12 @@ fn load(
     };
     // Say where the camera stands
     if !has_camera && !options.has_receivers() {
-        let View { position, target, .. } = subject.view;
-        let [p, t] = [position, target].map(typed);
-        let options = format!("-p {p} -t {t}");
+        let View { position, target, up, .. } = subject.view;
+        let [p, t, u] = [position, target, up].map(typed);
+        let mut options = format!("-p {p} -t {t}");
+        if up != DVec3::Z {
+            options += &format!(" -u {u}");
+        }
         progress::inform(&format!("the camera stands outside: {options}"));
     }
     // Hash the bytes if a file will name them
@@ -539,6 +559,12 @@ fn load(
     report.sign("pt");
     report.scene = SceneFile { file, sha256, triangles };
     report.settings = entries(&subject);
+    let Sky { zenith, cover } = subject.light();
+    report.light =
+        format!("{cover:?}, zenith {}", direction(zenith)).to_lowercase();
+    report.light += &subject.ground.map_or(String::new(), |albedo| {
+        format!(", above a ground of albedo {albedo}")
+    });
     // Refuse a reference of something else
     if let (Some(image), Some(path)) = (reference, &options.reference) {
         let mut ours = attributes(&report.settings);
@@ -804,7 +830,7 @@ fn sampling(
         seed: options.seed,
         window: subject.window(),
         samples: options.samples(),
-        error: options.error,
+        error: options.target(),
         time: options.time,
         left: deadline.map(seconds_to),
     };
@@ -838,7 +864,7 @@ fn settings(
         "seed": sampling.seed,
         "spp": part.map_or(options.samples(), |part| Some(part.count())),
         "time": options.time,
-        "error": options.error,
+        "error": options.target().map(|(error, _)| error),
         "reference": reference.map(|path| path.display().to_string()),
         "isa": options.isa().to_string(),
         "threads": rayon::current_num_threads(),

@@ -8,7 +8,7 @@ use crate::common;
 use common::Scratch;
 use glam::DVec3;
 use litpt::analysis::SceneAnalysis;
-use litpt::film::{Film, Window};
+use litpt::film::{Film, Measure, Window};
 use litpt::render::Renderer;
 use litpt::render::choose::{Choice, Method, Request, Setup};
 use litpt::scene::Mesh;
@@ -136,7 +136,8 @@ fn the_parts_of_the_variance_are_told_apart() {
     assert_eq!(of(9).sampling.replicate, 2);
     // An error that 256 samples of the reference have takes fewer by nets;
     // those of 256 would have scrambles of 64.
-    let error = Some((pilot.first / 256.).sqrt());
+    let error = (pilot.first / 256.).sqrt();
+    let error = Some((error, Measure::default()));
     let bounded = asked(Request { error, ..ANY }).sampling;
     assert_eq!(bounded.method, Method::Sobol);
     assert!(bounded.replicate < 32, "{}", bounded.replicate);
@@ -153,7 +154,9 @@ fn few_paths_have_no_pilot_and_a_bound_of_the_error_is_a_number() {
     let many = choice(Some(256), None).unwrap();
     assert_eq!(many.sampling.method, Method::Gather);
     assert_eq!(many.sampling.replicate, 4);
-    let bounded = |samples, error| choice(samples, Some(error)).unwrap();
+    let bounded = |samples, error| {
+        choice(samples, Some((error, Measure::default()))).unwrap()
+    };
     assert_eq!(bounded(None, 1e-4).sampling.replicate, 4);
     assert_eq!(bounded(None, 0.2).sampling.replicate, 1);
     assert_eq!(bounded(Some(16), 1e-4).sampling.replicate, 1);

@@ -49,7 +49,7 @@ fn number_before(text: &str, unit: &str) -> f64 {
 fn a_summary_is_a_table_of_the_end_the_image_and_the_cost() {
     let run = summary("-n5 -r0.5");
     let lines: Vec<&str> = run.stderr.lines().collect();
-    let names = ["run", "image", "render", "scene"];
+    let names = ["run", "image", "render", "scene", "sky"];
     assert_eq!(lines.len(), names.len(), "{}", run.stderr);
     let texts = lines.iter().zip(names).map(|(line, name)| {
         let start = format!("> {name:10}");
@@ -71,6 +71,7 @@ fn a_summary_is_a_table_of_the_end_the_image_and_the_cost() {
     }
     let built = format!(" s (fast, {})", Isa::best());
     assert!(texts[3].ends_with(&built), "{}", texts[3]);
+    assert_eq!(texts[4], "uniform, zenith z");
 }
 
 /// A thousand paths from within six triangles may have 5000 rays, which repay
@@ -218,7 +219,8 @@ fn on_a_terminal_the_image_goes_to_a_file_beside_the_scene() {
     assert!(text.contains("file      room.png"), "{text}");
     place.holds_only(&["room.png"]);
     let image = place.get("room.png");
-    assert!(image == place.render("-d9x7 --format=png"));
+    let bright = "-d9x7 --format=png --exposure=auto";
+    assert!(image == place.render(bright));
     let again = run("-p0,0,0 -d9x7 room.obj").unwrap();
     assert!(again.contains("room.png: the file exists"), "{again}");
     // Nothing is written where nothing is rendered.

@@ -24,6 +24,7 @@ fn point(spp: u64) -> CurvePoint {
         seconds: 0.03 * n,
         rays: 1000 * spp,
         rmse: error,
+        target_error: None,
         mean: 0.25,
         mean_stderr: error.map(|e| e / 10.),
         rmse_reference: None,

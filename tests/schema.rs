@@ -81,6 +81,7 @@ fn of_ranks() -> Report {
         seconds,
         rays: 0,
         rmse: None,
+        target_error: None,
         mean: 0.,
         mean_stderr: None,
         rmse_reference: None,
@@ -111,7 +112,19 @@ fn reports() -> Vec<Value> {
         run("--error=0.2 -p0,0,90 -t0,0,0 -u0,1,0"),
         run("--time=0.2 -p0,0,90 -t0,0,99 -u0,1,0"),
         run("-n4 --integrator=gather"),
+        run("--error=50% --error-of=max -u1,0,0 --zenith=z --exposure=1 \
+             -ob.png"),
     ];
+    place.put("m.mtl", "newmtl a\nKd 0.5 0.5 0.5\n");
+    place.put("p.txt", "0 0 0 0 0 1\n");
+    let named = format!("mtllib m.mtl\nusemtl a\n{}", common::ROOM);
+    place.put("named.obj", named);
+    let run = place.free(
+        "named.obj --points p.txt --materials --albedo a=0.4 --ground 0.2 \
+         --sky overcast -n64 -q -f -o p.csv --report=r.json",
+    );
+    run.succeeded();
+    let of_points = place.json("r.json");
     let parts =
         ["--samples=0..4 -j1 -oa.litpt", "--samples=4..8 -j2 -ob.litpt"];
     let parts = parts.map(|part| {
@@ -127,7 +140,8 @@ fn reports() -> Vec<Value> {
     let mut begun: Value = serde_json::from_str(&begun).unwrap();
     begun["settings"] = first["settings"].clone();
     let parts = parts.into_iter().chain([merged]);
-    [first, begun].into_iter().chain(rest).chain(parts).collect()
+    let all = [first, begun, of_points].into_iter();
+    all.chain(rest).chain(parts).collect()
 }
 
 #[test]

@@ -18,7 +18,7 @@ use litpt::analysis::LitView;
 use litpt::analysis::background::KnownPixels;
 use litpt::bvh::Bvh;
 use litpt::camera::{Camera, View};
-use litpt::film::Film;
+use litpt::film::{Film, Measure};
 use litpt::integrator::gather::cache::RadianceCache;
 use litpt::integrator::gather::{Allocation, Correction, Gather, Tracer};
 use litpt::integrator::{Alone, PathTracer};
@@ -346,6 +346,7 @@ impl Setting {
             intersector: &self.intersector,
             known: KnownPixels::NOTHING,
             seed: 0,
+            measure: Measure::default(),
             training: 1 << 16,
             correction: Some(Correction::default()),
             learnt: Arc::default(),

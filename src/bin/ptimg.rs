@@ -12,13 +12,13 @@ use std::sync::Arc;
 use clap::{Args, Parser, Subcommand};
 use serde_json::{Value, json};
 
-use litpt::compare::display::{self, Curve};
+use litpt::compare::display::{self, Curve, Exposure};
 use litpt::compare::{
     Difference, Dispersion, FEW, Scale, compare, disagreements,
 };
 use litpt::film::SIDE;
 use litpt::image::{Format, Image};
-use litpt::options::{LICENCE, parse_real, parse_words};
+use litpt::options::{LICENCE, parse_words};
 use litpt::output::{OutputTarget, descriptor, format_of, tell_apart};
 use litpt::progress;
 use litpt::report::Kind;
@@ -60,10 +60,11 @@ enum Verb {
         #[command(flatten)]
         to: Output,
 
-        /// Stops by which the image is made brighter
-        #[arg(short, long, value_name = "STOPS", default_value = "0",
-              allow_hyphen_values = true, value_parser = parse_real)]
-        exposure: f64,
+        /// Stops by which the image is made brighter, or auto: what is not sky
+        /// fills the scale
+        #[arg(short, long, value_name = "STOPS|auto", default_value = "0",
+              allow_hyphen_values = true, value_parser = Exposure::parse)]
+        exposure: Exposure,
 
         /// What becomes of radiances brighter than white
         #[arg(short, long, value_name = "CURVE", default_value = "clamp")]
@@ -200,8 +201,18 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
         Verb::Tonemap { input, to, exposure, tonemap } => {
             let targets = to.targets(Format::Pgm, true)?;
             let image = read(input)?;
-            let grey = display::tonemap(&image, *exposure, *tonemap);
+            let is_surface = |(i, &mean): (usize, &f64)| {
+                let error =
+                    image.errors.as_ref().map_or(1., |errors| errors[i]);
+                (error > 0. && mean < 1.).then_some(mean)
+            };
+            let all = image.means.iter().enumerate();
+            let stops = exposure.stops(all.filter_map(is_surface));
+            let grey = display::tonemap(&image, stops, *tonemap);
             write(&targets, &grey)?;
+            if *exposure == Exposure::Auto {
+                progress::inform(&format!("exposure {stops:+} stops"));
+            }
         }
         Verb::Merge { files, to, report, partial } => {
             // Merge the states of a run

@@ -331,11 +331,11 @@ pub fn too_small(triangles: &Triangles) -> usize {
 /// the largest: 2^7.
 const FINEST: f64 = 128.;
 
-/// A point on a triangle, lifted on the side of this normal as that of a hit
-/// is.
+/// A point on a triangle, lifted on the side of this normal by 2^-32 of the
+/// size of the triangle, where no ray is in doubt about it.
 pub fn lifted(corners: &Triangle, point: DVec3, normal: DVec3) -> DVec3 {
     let height = normal.dot(point - corners[0]);
-    point + normal * (clear(seen(corners, point)) - height)
+    point + normal * (8. * near(seen(corners, point)) - height)
 }
 
 /// Whether a triangle may be this close to a point.

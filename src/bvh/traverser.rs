@@ -138,12 +138,23 @@ macro_rules! traverse {
 
             #[inline]
             fn is_visible(&self, ray: &Ray, from: Option<u32>, target: u32) -> bool {
-                if self.ground.is_some() || matches!(from, Some(GROUND..)) {
-                    let hit = self.first_hit(ray, from);
-                    return hit.map_or(NONE, |hit| hit.primitive) == target;
+                let (ray, from) = match from {
+                    Some(GROUND..) => (self.wide.region.enter(ray), None),
+                    _ => (Some(*ray), from),
+                };
+                let wanted = if target == GROUND { NONE } else { target };
+                let is_first = ray.is_none_or(|ray| {
+                    // SAFETY: as above.
+                    unsafe { self.in_the_way(&ray, (from, wanted)) == wanted }
+                });
+                // Whatever meets no triangle may meet the ground.
+                let falls = || ray.is_some_and(|ray| self.below(&ray).is_some());
+                match target {
+                    GROUND.. if self.ground.is_some() => {
+                        is_first && falls() == (target == GROUND)
+                    }
+                    _ => is_first,
                 }
-                // SAFETY: as above.
-                unsafe { self.in_the_way(ray, (from, target)) == target }
             }
 
             fn below(&self, ray: &Ray) -> Option<Hit> {

@@ -3,6 +3,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Images that are made for looking.
 
+use serde::{Deserialize, Serialize};
+
 use super::{Blocks, Difference};
 use crate::image::Image;
 use crate::image::levels::radiance;
@@ -34,6 +36,47 @@ pub fn tonemap(image: &Image, exposure: f64, curve: Curve) -> Image {
         }
     }
     Image::plain(image.width, image.height, means)
+}
+
+/// By how much a picture is brighter.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Exposure {
+    /// By so many stops.
+    Stops(f64),
+    /// By as many as suit its pixels.
+    Auto,
+}
+
+impl Exposure {
+    /// Reads a number of stops, or `auto`.
+    ///
+    /// # Errors
+    /// It is neither.
+    pub fn parse(text: &str) -> Result<Self, String> {
+        let stops =
+            text.parse().ok().filter(|stops: &f64| stops.is_finite());
+        match (text, stops) {
+            ("auto", _) => Ok(Self::Auto),
+            (_, Some(stops)) => Ok(Self::Stops(stops)),
+            _ => Err("expected a number of stops, or auto".to_owned()),
+        }
+    }
+
+    /// The stops for an image, given the radiances of its surfaces.
+    pub fn stops(self, surfaces: impl Iterator<Item = f64>) -> f64 {
+        if let Self::Stops(stops) = self {
+            return stops;
+        }
+        let known = surfaces.filter(|radiance| radiance.is_finite());
+        let mut all: Vec<f64> = known.collect();
+        all.sort_unstable_by(f64::total_cmp);
+        let high = all.get(99 * all.len() / 100).copied().unwrap_or(0.);
+        match high > 0. {
+            true => (10. * libm::log2(0.8 / high)).round() / 10.,
+            false => 0.,
+        }
+    }
 }
 
 /// The standard errors, or their ratio to the means, as grey levels,

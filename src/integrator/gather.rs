@@ -26,7 +26,7 @@ use rand::RngExt;
 use crate::analysis::LitView;
 use crate::analysis::background::{KnownPixels, TileContent};
 use crate::bvh::{BEAM, Bvh, Hit, Intersector};
-use crate::film::{Tile, Window};
+use crate::film::{Measure, Tile, Window};
 use crate::integrator::Together;
 use crate::sampler::sobol::{ScrambledNet, scramble_key};
 use crate::sampler::{generator, to_unit};
@@ -45,6 +45,8 @@ pub struct Gather<'a> {
     pub known: &'a KnownPixels,
     /// Chooses all random numbers.
     pub seed: u64,
+    /// The error for which the samples are distributed.
+    pub measure: Measure,
     /// At most about as many rays train the cache.
     pub training: u64,
     /// How much is corrected; none leaves the error of the cache.

@@ -18,7 +18,7 @@ use super::{Job, Renderer};
 use crate::analysis::background::TileContent;
 use crate::analysis::{LitView, SceneAnalysis};
 use crate::bvh::{Bvh, Dispatch, Intersector};
-use crate::film::{Film, Window};
+use crate::film::{Film, Measure, Window};
 use crate::integrator::gather::training::PILOT_SAMPLES;
 use crate::integrator::gather::{Correction, Gather, Learnt};
 use crate::integrator::{Integrator, PathEvent, PathTracer};
@@ -82,6 +82,9 @@ pub struct Sampling {
     /// Of paths in nets, [`PathTracer::control`] in per cent.
     #[serde(rename = "sky_control")]
     pub control: u64,
+    /// Of a gather, the error for which its samples are distributed.
+    #[serde(default, skip_serializing_if = "Measure::is_usual")]
+    pub measure: Measure,
 }
 
 impl Sampling {
@@ -95,7 +98,9 @@ impl Sampling {
         (width, height): (u32, u32),
     ) -> Self {
         let area = u64::from(width) * u64::from(height);
-        let least = if width == 1 { 16 } else { 4 };
+        let is_list = width == 1;
+        let (least, most) =
+            if is_list { (16, 1 << 12) } else { (4, 1 << 8) };
         let together = |replicates: u64, most: u64| match samples {
             Some(n) => 1 << (n / replicates).clamp(1, most).ilog2(),
             None => 4,
@@ -103,14 +108,17 @@ impl Sampling {
         let rays =
             samples.unwrap_or(u64::MAX).saturating_mul(area * GATHER_RAYS);
         let root = (rays as f64 * BEST_TRAINING).sqrt() as u64;
-        let most = root.min(rays.saturating_mul(2));
-        let trained = most.clamp(1 << 16, 1 << 22);
+        let trained = root.min(rays.saturating_mul(2));
+        let trained = trained.clamp(1 << 16, 1 << 22);
         let (replicate, training) = match method {
             Method::Reference => (1, 0),
-            Method::Sobol => (together(least, 1 << 8), 0),
-            Method::Gather => (together(16, 4), trained),
+            Method::Sobol => (together(least, most), 0),
+            Method::Gather => {
+                (together(16, if is_list { 16 } else { 4 }), trained)
+            }
         };
-        Self { method, seed, replicate, training, control: 0 }
+        let (control, measure) = (0, Measure::default());
+        Self { method, seed, replicate, training, control, measure }
     }
 
     /// A film for these samples, without one.
@@ -174,6 +182,7 @@ impl<'a> Setup<'a> {
                 self.job(paths, SobolSampler::new(seed, replicate))
             }
             Method::Gather => Box::new(Gather {
+                measure: sampling.measure,
                 view: *view,
                 intersector,
                 known: &analysis.known,
@@ -221,17 +230,24 @@ impl<'a> Setup<'a> {
         let albedo = self.view.surfaces.typical();
         let size = request.window.size;
         let methods = Method::ALL.map(|method| {
-            let needed = |error| pilot.needed(albedo, method, size, error);
-            let enough = request.error.map(needed);
+            let enough = request.error.map(|(error, measure)| {
+                let error = pilot.rmse_of(error, measure);
+                pilot.needed(albedo, method, size, error)
+            });
             let samples = samples.into_iter().chain(enough).min();
             let mut sampling =
                 Sampling::new(method, request.seed, samples, size);
+            if let (Method::Gather, Some((_, measure))) =
+                (method, request.error)
+            {
+                sampling.measure = measure;
+            }
             if method == Method::Sobol {
                 sampling.control = (100. * pilot.control()).round() as u64;
             }
             let expected = samples.unwrap_or(MANY) as f64;
             let [variance, rays] =
-                pilot.foresee(albedo, &sampling, expected, area);
+                pilot.foresee(albedo, &sampling, expected, size);
             (sampling, variance * rays)
         });
         // Choose among the methods that there is time for
@@ -274,7 +290,8 @@ impl<'a> Setup<'a> {
             Some(Method::Reference) => false,
             Some(Method::Sobol) => begun.is_none(),
             Some(Method::Gather) => {
-                begun.is_none() && request.left.or(request.error).is_some()
+                begun.is_none() && request.left.is_some()
+                    || request.error.is_some()
             }
         };
         let request = Request { method: wanted, ..*request };
@@ -282,7 +299,9 @@ impl<'a> Setup<'a> {
         {
             return (choice.sampling, Some(choice));
         }
-        let method = wanted.unwrap_or(Method::Reference);
+        let is_list = request.window.size.0 == 1;
+        let usual = if is_list { Method::Sobol } else { Method::Reference };
+        let method = wanted.unwrap_or(usual);
         let (seed, samples) = (request.seed, request.bound());
         let new = Sampling::new(method, seed, samples, request.window.size);
         let kept = |saved| Sampling { method, seed, ..saved };
@@ -461,7 +480,7 @@ impl Pilot {
         albedo: f64,
         sampling: &Sampling,
         samples: f64,
-        area: u64,
+        (width, height): (u32, u32),
     ) -> [f64; 2] {
         let &Self { square, first, later, rays, .. } = self;
         match sampling.method {
@@ -473,17 +492,34 @@ impl Pilot {
             Method::Gather => {
                 // Foresee the variance and the rays of a gather
                 let bright = albedo * albedo;
-                let each = self.first_rays + 3. * bright * self.indirect;
-                let once = 8. * self.first_rays / samples;
+                let (first_rays, sharp) = match width {
+                    1 => (1., RECEIVED),
+                    _ => (self.first_rays, 1.),
+                };
+                let each = first_rays + 3. * bright * self.indirect;
+                let once = 8. * first_rays / samples;
                 let guided = 1.6 * first * square
                     / (square + 0.7 * first).max(f64::MIN_POSITIVE);
                 let short = self.first_rays / rays.max(1e-9);
                 let left = 16. * bright * short * short * later;
                 let learnt = libm::pow(samples.min(4096.), -0.28);
-                let few = (FITTED_AREA / area as f64).sqrt().max(1.);
-                [(guided + left) * learnt * few, 1.7 * (each + once)]
+                let area = f64::from(width) * f64::from(height);
+                let few = (FITTED_AREA / area).sqrt().max(1.);
+                [
+                    (guided + left) * learnt * few * sharp,
+                    1.7 * (each + once),
+                ]
             }
         }
+    }
+
+    /// About the root mean square error of an image in which another error is
+    /// so large. The error of the worst pixel is taken for three times that of
+    /// all.
+    fn rmse_of(&self, error: f64, measure: Measure) -> f64 {
+        let whole = if measure.relative { self.square.sqrt() } else { 1. };
+        let part = if measure.largest { 1. / 3. } else { 1. };
+        error * whole * part
     }
 
     /// The samples of each pixel of a window after which the image has an error,
@@ -495,11 +531,10 @@ impl Pilot {
         size: (u32, u32),
         error: f64,
     ) -> u64 {
-        let area = u64::from(size.0) * u64::from(size.1);
         let is_enough = |&n: &u64| {
             let sampling = Sampling::new(method, 0, Some(n), size);
             let [variance, _] =
-                self.foresee(albedo, &sampling, n as f64, area);
+                self.foresee(albedo, &sampling, n as f64, size);
             variance <= n as f64 * error * error
         };
         let quarters = (0..80).map(|k| 0.25 * f64::from(k));
@@ -527,6 +562,10 @@ impl Pilot {
         }
     }
 }
+
+/// What a gather leaves of the variance of receivers, which have no pixel
+/// that only chance samples, beside that of pixels.
+const RECEIVED: f64 = 1. / 6.;
 
 /// The pixels of the images to which the constants of a gather are fitted.
 const FITTED_AREA: f64 = 320. * 240.;
@@ -572,8 +611,8 @@ pub struct Request {
     pub window: Window,
     /// Samples of each pixel.
     pub samples: Option<u64>,
-    /// The error of the image.
-    pub error: Option<f64>,
+    /// The error of the image, and which one.
+    pub error: Option<(f64, Measure)>,
     /// Seconds of the run.
     pub time: Option<f64>,
     /// Seconds that are left of them.

@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use super::plot::plot;
 use super::result::{Report, as_typed, known, with_error};
-use crate::compare::display::{self, shrink};
+use crate::compare::display::{self, Curve, shrink};
 use crate::image::{Format, Image};
 use crate::render_loop::CurvePoint;
 
@@ -105,6 +105,9 @@ fn pictures(report: &Report, image: &Image) -> Markup {
     let range = [least, most].map(|radiance| known(Some(radiance), 4));
     let range = range.join(" to ");
     let image = shrink(image, LARGEST);
+    let white = libm::exp2(-report.page_exposure);
+    let shown =
+        display::tonemap(&image, report.page_exposure, Curve::Clamp);
     let map = display::errors(&image, false).ok();
     let exact = image.errors.iter().flatten().all(|&error| error == 0.);
     html! {
@@ -117,9 +120,9 @@ fn pictures(report: &Report, image: &Image) -> Markup {
             }
         }
         figure {
-            (picture(&image, "The rendered image"))
+            (picture(&shown, "The rendered image"))
             figcaption { "The image, " (size) ", radiance from " (range)
-                ". White is the radiance of the sky, 1." }
+                ". White is " (known(Some(white), 3)) "; the sky has 1." }
         }
         @if let Some((map, white)) = map {
             figure {

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
 use crate::analysis::Finding;
-use crate::film::Film;
+use crate::film::{Film, Measure};
 use crate::filter::PictureError;
 use crate::progress::metric;
 use crate::render_loop::{Convergence, CurvePoint, Stop};
@@ -57,6 +57,21 @@ pub struct Report {
     pub unsampled_pixels: u64,
     /// Pixels whose mean is below zero, as that of a few corrections may be.
     pub negative_pixels: u64,
+    /// The stops by which PNG files are brighter, if that was said.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub exposure: Option<f64>,
+    /// Those of the picture on a page.
+    #[serde(skip)]
+    pub page_exposure: f64,
+    /// The sky and the ground, in words.
+    #[serde(skip)]
+    pub light: String,
+    /// Whether a PNG is nearly black.
+    #[serde(skip)]
+    pub is_dark: bool,
+    /// Which error is held against the target.
+    #[serde(default, skip_serializing_if = "Measure::is_usual")]
+    pub measure: Measure,
     /// How wrong the filtered picture is, if there is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub picture: Option<PictureError>,
@@ -66,7 +81,7 @@ impl Report {
     /// The report of the run as it stands, with its film.
     pub fn complete(&self, film: &Film) -> Self {
         let mut now = self.clone();
-        now.convergence.record(film, None);
+        now.convergence.record(film, None, self.measure);
         now.unsampled_pixels = film.unsampled();
         let negative = film.means().filter(|&mean| mean < 0.);
         now.negative_pixels = negative.count() as u64;
@@ -143,6 +158,15 @@ impl Report {
             lines.insert(2, ("picture", text));
         }
         // Say what was chosen and left out
+        if !self.light.is_empty() {
+            lines.push(("sky", self.light.clone()));
+        }
+        if let Some(stops) = self.exposure {
+            lines.push(("exposure", format!("{stops:+} stops in .png")));
+        } else if self.is_dark {
+            let hint = "nine tenths of the picture are below 0.1 (--exposure auto)";
+            lines.push(("exposure", hint.to_owned()));
+        }
         let why = said("choice").filter(|_| integrator != "reference");
         lines.extend(why.map(|why| ("method", why.to_owned())));
         for Finding { fact, why, .. } in &self.left_out {
@@ -150,9 +174,12 @@ impl Report {
         }
         let constant = self.convergence.constant_pixels;
         if 0 < constant && constant < pixels {
+            let errors = match self.settings.contains_key("receivers") {
+                true => "they may not be exact",
+                false => "their errors come from their neighbours",
+            };
             let pixels = format!(
-                "{constant} of {pixels} saw one value only; \
-                 their errors come from their neighbours"
+                "{constant} of {pixels} saw one value only; {errors}"
             );
             lines.push(("pixels", pixels));
         }
@@ -178,7 +205,11 @@ impl Report {
             );
         }
         let mean = with_error(last.mean, last.mean_stderr);
-        let mut text = format!("{spp} spp, mean radiance {mean}");
+        let value = match self.settings.contains_key("receivers") {
+            true => "irradiance",
+            false => "radiance",
+        };
+        let mut text = format!("{spp} spp, mean {value} {mean}");
         if last.rmse.is_some() {
             text += &format!(", rmse {}", known(last.rmse, 6));
         }
@@ -192,7 +223,7 @@ impl Report {
     /// Why the run stopped, and whether its targets were met.
     pub fn verdict(&self) -> String {
         let Convergence { spp: there, stopped, .. } = self.convergence;
-        let rmse = self.convergence.last().rmse;
+        let rmse = self.convergence.last().judged(self.measure);
         let mut text = match stopped {
             None => return "goes on; this is what is known".to_owned(),
             Some(Stop::Signal(_)) => "stopped by a signal".to_owned(),
@@ -208,8 +239,15 @@ impl Report {
         if let Some(target) = asked("error") {
             let small = rmse.is_some_and(|rmse| rmse <= target);
             let met = small || stopped == Some(Stop::Error);
+            let Measure { relative, largest } = self.measure;
+            let which = match (relative, largest) {
+                (false, false) => "",
+                (true, false) => "relative ",
+                (false, true) => "largest ",
+                (true, true) => "largest relative ",
+            };
             text += &format!(
-                "; error {}, target {target} {}",
+                "; {which}error {}, target {target} {}",
                 known(rmse, 6),
                 if met { "reached" } else { "not reached" }
             );

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use crate::film::{Film, Window};
+use crate::film::{Film, Measure, Window};
 use crate::image::extension;
 use crate::render_loop::{Convergence, Stop};
 use crate::report::Report;
@@ -124,7 +124,7 @@ pub fn merge(files: &[PathBuf]) -> Result<Merged, String> {
     let mut merged = sum.ok_or("there is nothing to merge")?;
     let Merged { known, film, .. } = &mut merged;
     total.spp = film.samples();
-    total.record(film, None);
+    total.record(film, None, Measure::default());
     let held: Vec<_> = held.iter().map(|(_, [_, there])| *there).collect();
     let of = known.run_key.part.take().map_or(total.spp, |part| part.of);
     let missing = missing(film.window, of, &held);

@@ -112,8 +112,10 @@ fn record<K: Intersector>(
     let (width, height) = arguments.resolution;
     let aspect = f64::from(width) / f64::from(height);
     let camera = Camera::new(&view, aspect)?;
-    let integrator =
-        PathTracer::new(Surfaces::of(arguments.albedo()), Sky::new(view.up));
+    let integrator = PathTracer::new(
+        Surfaces::of(arguments.albedo()),
+        Sky::new(view.up),
+    );
     let seed = arguments.seed;
     let rays = paths::record(
         &scene.frame.entrance(view.position),

@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use super::cache::{Grid, RadianceCache, Record, WHOLE, in_sky};
 use super::{Allocation, End, Gather, Shot, Tracer};
 use crate::bvh::{Hit, Intersector};
-use crate::film::{Film, Watch};
+use crate::film::{Film, Measure, Watch};
 use crate::sampler::generator;
 use crate::statistics::Accumulator;
 
@@ -211,6 +211,7 @@ pub fn allocate<K: Intersector>(
     let least = if middle > 0. { 0.1 * middle } else { 1. };
     let scale: Vec<f64> = means.iter().map(|m| m.max(least)).collect();
     let deviations = deviations(window.size, &variances, &scale, watch);
+    let deviations = needs(deviations, &scale, like.gather.measure);
     let middle = average(&deviations).max(f64::MIN_POSITIVE);
     let count = |d: &f64| {
         let share = (d / middle).clamp(0.1, 8.);
@@ -218,6 +219,20 @@ pub fn allocate<K: Intersector>(
     };
     let counts = deviations.iter().map(count).collect();
     Some((Allocation::new(window, counts, scale), rays))
+}
+
+/// What the samples of pixels should be in proportion to, given their
+/// standard deviations and about their radiances.
+fn needs(
+    deviations: Vec<f64>,
+    scale: &[f64],
+    Measure { relative, largest }: Measure,
+) -> Vec<f64> {
+    let need = |(d, scale): (f64, &f64)| {
+        let part = if relative { d / scale } else { d };
+        if largest { part * part } else { part }
+    };
+    deviations.into_iter().zip(scale).map(need).collect()
 }
 
 fn average(numbers: &[f64]) -> f64 {
