@@ -24,7 +24,7 @@ PACKAGES := --workspace $(if $(WITH_MPI),,--exclude litpt-mpi)
 # What is measured or installed is a Release, unless the command line says
 # otherwise.
 ifneq ($(filter measure stability% ablation bench% mixtures install \
-  efficiency choice parts mpi, \
+  efficiency choice parts places mpi, \
   $(MAKECMDGOALS)),)
 BUILD_TYPE = Release
 endif
@@ -81,6 +81,7 @@ help:
 	@echo 'make efficiency  in which time pt reaches the error of Embree, some hours'
 	@echo 'make choice  what each method gains, and what a pilot foresees'
 	@echo 'make parts   what each part of a gather is worth, half an hour'
+	@echo 'make places  values of places, three minutes'
 	@echo 'make fuzz    random scenes, cameras, options and mixtures of scales, a minute'
 	@echo 'make clean   remove what was built'
 

@@ -24,7 +24,7 @@ TABLES := $(BUILD_DIR)/examples.stamp \
   nets.stamp stability.tex \
   ablation.tex traversal.tex bench.tex efficiency.tex worth.tex gains.tex sizes.csv \
   mixtures.tex \
-  mixtures-ball.csv)
+  mixtures-ball.csv room.csv street.csv)
 
 # ---- made with the book
 
@@ -36,6 +36,19 @@ $(BUILD_DIR)/figures/courtyard.png $(BUILD_DIR)/figures/courtyard.json &: \
 	$(BUILD_DIR)/pt $(CAMERA) -d 480x360 -n 64 -r 0.8 -f \
 	  -i $(BUILD_DIR)/courtyard.obj -o $(BUILD_DIR)/figures/courtyard.png \
 	  --report $(BUILD_DIR)/figures/courtyard.json
+
+# The daylight of a room, and the sky above a street.
+$(BUILT)/room.csv: $(BUILD_DIR)/pt doc/examples/grid.sh doc/examples/room.obj \
+  doc/examples/room.mtl | $(BUILT)
+	sh doc/examples/grid.sh 0 0 6 4 40 25 0.85 | $(BUILD_DIR)/pt \
+	  doc/examples/room.obj --points - --materials --sky overcast \
+	  --ground 0.2 -n 4096 -qf -o $@
+
+$(BUILT)/street.csv: $(BUILD_DIR)/pt doc/examples/grid.sh \
+  doc/examples/street.sh | $(BUILT)
+	sh doc/examples/street.sh > $(BUILT)/street.obj
+	sh doc/examples/grid.sh -6 -10 200 134 103 72 0.01 | $(BUILD_DIR)/pt \
+	  $(BUILT)/street.obj --points - -r 0 -n 256 -qf -o $@
 
 $(BUILT)/closed-forms.tex: $(BOOK) | $(BUILT)
 	$(BOOK) closed_forms > $@
@@ -274,6 +287,13 @@ parts: $(BOOK) $(call AND_VIEWS,$(WEIGHED:%=$(BENCH)/%))
 	$(RECORD) parts sh -c 'for scene in $(WEIGHED:%=$(BENCH)/%); do \
 	  $(BOOK) parts -i $$scene.obj $$(cat $$scene.view) -r 0.8 -n 64 \
 	    -d 200x150 || exit 1; done | awk "!/^scene,/ || !head++"'
+
+# Values of places, and how long they take: three minutes on an idle machine.
+.PHONY: places
+places: $(BUILD_DIR)/pt $(call AND_VIEWS,$(BENCH)/statue-100000)
+	$(CARGO) build --profile $(PROFILE_$(BUILD_TYPE)) --example occlusion
+	$(RECORD) places sh $(SCRIPTS)/places.sh $(BUILD_DIR)/pt \
+	  $(COMPILED)/examples/occlusion $(BENCH)/statue-100000.obj
 
 # ---- the pictures of the README
 

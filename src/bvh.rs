@@ -221,7 +221,6 @@ impl Bvh {
         all
     }
 }
-
 impl Intersector for Bvh {
     fn below(&self, ray: &Ray) -> Option<Hit> {
         with_traverser!(self, traverser => traverser.below(ray))

@@ -631,7 +631,8 @@ impl Film {
             let squares =
                 errors.zip(self.means_of(band)).map(|(error, mean)| {
                     let whole = if measure.relative { mean } else { 1. };
-                    let part = if error == 0. { 0. } else { error / whole };
+                    let is_exact = error == 0. || whole == 0.;
+                    let part = if is_exact { 0. } else { error / whole };
                     if part.is_nan() { f64::INFINITY } else { part * part }
                 });
             squares.fold([0., 0.], |[sum, most]: [f64; 2], square| {

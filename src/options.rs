@@ -38,7 +38,7 @@ use crate::state::shards::is_state_name;
 /// light arrives at points and on faces.
 #[derive(Clone, Debug, Parser, Serialize, Deserialize)]
 #[command(name = "pt", version, args_override_self = true,
-          after_help = format!("{STATUS}\n\n{LICENCE}"))]
+          after_help = format!("{EXAMPLES}\n\n{STATUS}\n\n{LICENCE}"))]
 pub struct Options {
     /// Resolution of the image in pixels, each at most 16384
     #[arg(short = 'd', long, visible_alias = "definition",
@@ -286,6 +286,18 @@ pub struct Options {
     #[serde(skip)]
     given: Vec<String>,
 }
+
+/// What the numbers mean, and how they are asked for.
+const EXAMPLES: &str = "\
+A pixel is the mean radiance that arrives through it, in units of that of the
+uniform sky; the value of a receiver is the irradiance, in units of that of a
+horizontal surface in the open. Examples:
+
+  pt scene.obj -r 0.7 -n 64 -o a.png
+  pt room.obj --points grid.txt --materials --sky overcast --error 1%
+  pt town.obj --faces -r 0 --error 0.002 -o a.csv -o a.ply
+  pt scene.obj -r 0.7 --time 60 -o a.exr
+  pt scene.obj -r 0.7 -n 256 --samples 0..64 -o 1.litpt";
 
 /// What the exit status of `pt` means.
 const STATUS: &str = "\

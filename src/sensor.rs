@@ -285,9 +285,9 @@ fn point(place: DVec3, normal: DVec3) -> Result<Hit, Refusal> {
     has_normal.then_some(hit).ok_or(Refusal::Normal)
 }
 
-/// Whether a surface is closer to a point than half of the lift.
+/// Whether a surface is closer to a point than an eighth of the lift.
 fn is_close(bvh: &Bvh, point: DVec3) -> bool {
-    let reach = 0.5 * LIFT;
+    let reach = 0.125 * LIFT;
     let (low, high) = (point - reach, point + reach);
     bvh.any_triangle(
         |a, b| a.cmple(high).all() && low.cmple(b).all(),
@@ -383,6 +383,7 @@ impl Candidates {
         let mut first = 0;
         let mut number = 0;
         for face in faces.chunk_by(|a, b| a == b) {
+            // Take the triangles of a face
             let start = parts.len() as u32;
             let mut until = 0.;
             for corners in &triangles[first..first + face.len()] {

@@ -127,6 +127,7 @@ impl Table {
         };
         let unit = "[horizontal irradiance in the open = 1]";
         writeln!(out, "{place},{quantity} {unit},stderr,samples")?;
+        // Write a line of CSV for each receiver
         for (number, &[value, error, samples]) in (0..).zip(values) {
             match &self.shape {
                 Shape::Points(points) => {
@@ -173,6 +174,7 @@ impl Table {
                 (all.len(), count(triangles, sides))
             }
         };
+        // Write the head of a PLY
         let numbers = "property float value\nproperty float stderr\n";
         let place =
             "property double x\nproperty double y\nproperty double z\n";
@@ -229,6 +231,7 @@ impl Table {
                 for &p in vertices {
                     out.write_all(&place(p))?;
                 }
+                // Write the triangles of a side
                 for number in 0..sides {
                     let is_back = *side == Side::Back || number == 1;
                     for (&[a, b, c], &face) in triangles.iter().zip(faces) {

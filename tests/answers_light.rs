@@ -349,3 +349,10 @@ fn a_ninth_of_a_sphere_lets_out_half_of_the_light() {
     let pixel = weigh(&mut sphere(1. / 9., 0.9, 128).job(1), 20_000);
     near(pixel.mean(), 0.5, 4.5 * pixel.standard_error());
 }
+
+#[test]
+fn a_wall_above_a_plain_gets_half_of_its_light_from_there() {
+    let wall = |cover| Sky::with(DVec3::Z, cover).share(DVec3::X) + 0.1;
+    near(wall(Cover::Uniform), 0.6, 1e-12);
+    near(wall(Cover::Overcast), 0.496, 5e-4);
+}

@@ -256,7 +256,14 @@ impl<'a> Setup<'a> {
             sampling.method == Method::Reference
                 || request.left.is_none_or(|left| 2. * paths * pace <= left)
         };
-        let quick = methods.iter().filter(|(s, _)| is_quick(s));
+        let is_black = self.view.surfaces.most == 0.;
+
+        let is_fit = |s: &Sampling| {
+            let named = request.method == Some(s.method);
+            is_quick(s)
+                && (s.method != Method::Gather || !is_black || named)
+        };
+        let quick = methods.iter().filter(|(s, _)| is_fit(s));
         let best = |wanted: Wanted| {
             let fits = |s: &Sampling| wanted.is_none_or(|m| m == s.method);
             let those = quick.clone().filter(|(s, _)| fits(s));
