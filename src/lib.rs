@@ -65,4 +65,3 @@ pub mod session;
 pub mod sky;
 pub mod state;
 pub mod statistics;
-pub mod table;

@@ -18,9 +18,9 @@ use crate::image::{Format, Image, Picture};
 use crate::output::OutputTarget;
 use crate::render_loop::Convergence;
 use crate::report::{Kind, as_typed};
+use crate::sensor::table::TableFormat;
 use crate::state::checkpoint::{Known, save};
 use crate::state::key::entries;
-use crate::table::TableFormat;
 
 /// What a file of a run holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

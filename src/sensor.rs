@@ -4,6 +4,8 @@
 //! What starts a sample: the ray of a camera, or a receiver, which is a point
 //! with a normal or a face.
 
+pub mod table;
+
 use std::array;
 use std::ops::Range;
 

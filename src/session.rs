@@ -49,13 +49,13 @@ use crate::render_loop::{Convergence, Interrupt, Limits, Stop};
 use crate::report::{Kind, Report, SceneFile};
 use crate::run_output::{Product, RunOutput, attributes};
 use crate::scene::{Frame, MarkKind, Mesh, Scene, begins_obj, read_file};
+use crate::sensor::table::{Shape, Table, TableFormat};
 use crate::sensor::{Candidates, Sensor, read_points, refusals};
 use crate::sky::{Cover, Sky};
 use crate::state::checkpoint::{Checkpoint, Known};
 use crate::state::key::{Asked, RunKey, Subject, entries};
 use crate::state::learnt;
 use crate::statistics::Accumulator;
-use crate::table::{Shape, Table, TableFormat};
 
 /// The processes that render one image, as each of them sees them.
 pub trait Ranks: Together {
