@@ -192,7 +192,7 @@ impl Table {
         }
         out.write_all(if of_faces { b"" } else { numbers.as_bytes() })?;
         if triangles > 0 {
-            write!(out, "element face {triangles}\n")?;
+            writeln!(out, "element face {triangles}")?;
             writeln!(out, "property list uchar int vertex_indices")?;
             out.write_all(if of_faces { numbers.as_bytes() } else { b"" })?;
         }
