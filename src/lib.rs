@@ -4,8 +4,8 @@
 //! A Monte-Carlo path tracer for diffuse surfaces under a sky.
 //!
 //! Each module has a chapter of the book.
-//! Lengths are in the scene's own unit; radiance is relative to the
-//! radiance of the sky, and therefore lies between 0 and 1.
+//! Lengths are in the scene's own unit; radiance is relative to that of the
+//! uniform sky.
 //!
 //! ```
 //! use glam::DVec3;

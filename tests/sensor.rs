@@ -10,11 +10,14 @@ use std::f64::consts::PI;
 use std::fmt::Write;
 
 use glam::DVec3;
+use litpt::bvh::{Bvh, GROUND, Ground, Intersector, NONE};
 use litpt::materials::{FaceAlbedos, Named};
-use litpt::scene::{MarkKind, Mesh, read_obj};
+use litpt::sampler::generator;
+use litpt::scene::{MarkKind, Mesh, Ray, Scene, read_obj};
 use litpt::sensor::read_points;
 use litpt::sky::{Cover, Sky};
 use litpt_book::closed_forms::{cavity, polygon_share};
+use rand::RngExt;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
 /// Values of this file that are compared with what is known.
@@ -504,4 +507,30 @@ fn the_faces_of_a_street_see_what_rays_among_boxes_see() {
         let error = (error * error + spread * spread).sqrt();
         judge([value, error], exact, 16.);
     }
+}
+
+// Rays from within a scene, from far outside and from the ground below it.
+#[test]
+fn what_is_visible_above_a_ground_is_what_is_hit_first() {
+    let scene = Scene::new(&cavity(0.5, 16));
+    let ground = Ground::under(&scene.triangles, DVec3::Z);
+    let bvh = Bvh::new(&scene).unwrap().above(Some(ground));
+    let (mut random, mut met) = (generator(3, 0, 0), [0; 3]);
+    for i in 0..3000 {
+        let mut point =
+            || DVec3::from([0; 3].map(|_| random.random::<f64>() - 0.5));
+        let origin = point() * [4e3, 4e4, 1e6][i % 3];
+        let direction = (point() + point()).normalize();
+        let ray = Ray { origin, direction };
+        for from in [NONE, GROUND] {
+            let hit = bvh.first_hit(&ray, Some(from));
+            let first = hit.map_or(NONE, |hit| hit.primitive);
+            for target in [first, NONE, GROUND, 0] {
+                let is_first = bvh.is_visible(&ray, Some(from), target);
+                assert_eq!(is_first, first == target, "{i} {target}");
+            }
+            met[first.saturating_sub(GROUND - 1).min(2) as usize] += 1;
+        }
+    }
+    assert!(met.iter().all(|&count| count > 100), "{met:?}");
 }

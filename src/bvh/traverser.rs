@@ -138,23 +138,18 @@ macro_rules! traverse {
 
             #[inline]
             fn is_visible(&self, ray: &Ray, from: Option<u32>, target: u32) -> bool {
-                let (ray, from) = match from {
+                let (entered, from) = match from {
                     Some(GROUND..) => (self.wide.region.enter(ray), None),
                     _ => (Some(*ray), from),
                 };
                 let wanted = if target == GROUND { NONE } else { target };
-                let is_first = ray.is_none_or(|ray| {
+                let met = entered.map_or(NONE, |ray| {
                     // SAFETY: as above.
-                    unsafe { self.in_the_way(&ray, (from, wanted)) == wanted }
+                    unsafe { self.in_the_way(&ray, (from, wanted)) }
                 });
                 // Whatever meets no triangle may meet the ground.
-                let falls = || ray.is_some_and(|ray| self.below(&ray).is_some());
-                match target {
-                    GROUND.. if self.ground.is_some() => {
-                        is_first && falls() == (target == GROUND)
-                    }
-                    _ => is_first,
-                }
+                let falls = || self.below(ray).is_some();
+                met == wanted && (target < GROUND || falls() == (target == GROUND))
             }
 
             fn below(&self, ray: &Ray) -> Option<Hit> {

@@ -171,7 +171,7 @@ impl Cell {
 /// Stands for cosine sampling.
 const NO_GUIDE: u32 = u32::MAX;
 
-/// Of a place that training has not seen: no radiance exceeds the sky's.
+/// Of a place that training has not seen: about the sky's radiance at most.
 pub const UNSEEN: Cell =
     Cell { mark: 0, value: 0., error: 1., guide: NO_GUIDE };
 
