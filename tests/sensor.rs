@@ -131,11 +131,13 @@ fn points_in_the_open_get_what_sky_and_ground_give() {
 
 // In a sphere each patch gives the same to all others: it gets H = f / (1 -
 // sum of albedo times share of area).
-#[test]
-fn a_sphere_of_two_albedos_is_lit_as_its_equation_says() {
-    let place = Scratch::new();
+/// A sphere in `sphere.obj`, open over a fifth, of two paints, of which one is
+/// where x is positive; and the shares of the sphere that they cover.
+fn painted_sphere(place: &Scratch) -> [f64; 2] {
     let mesh = cavity(0.2, 128);
-    let side = |c: &[u32; 3]| mesh.vertices[c[0] as usize].x > 0.;
+    let side = |c: &[u32; 3]| {
+        c.map(|i| mesh.vertices[i as usize].x).iter().sum::<f64>() > 0.
+    };
     let mut text = String::from("mtllib paint.mtl\n");
     let mut area = [0., 0.];
     let whole = obj(&Mesh { triangles: vec![], ..mesh.clone() });
@@ -155,6 +157,13 @@ fn a_sphere_of_two_albedos_is_lit_as_its_equation_says() {
         "paint.mtl",
         "newmtl light\nKd 0.9 0.9 0.9\nnewmtl dark\nKd 0.2 0.3 0.4\n",
     );
+    area.map(|area| area / (4. * PI))
+}
+
+#[test]
+fn a_sphere_of_two_albedos_is_lit_as_its_equation_says() {
+    let place = Scratch::new();
+    let parts = painted_sphere(&place);
     place.put("point.csv", "x,y,z,nx,ny,nz\n0,0,-0.9,0,0,1\n");
     for (options, dark) in [
         ("--materials", 0.2126 * 0.2 + 0.7152 * 0.3 + 0.0722 * 0.4),
@@ -162,7 +171,6 @@ fn a_sphere_of_two_albedos_is_lit_as_its_equation_says() {
         ("--albedo light=0.9 -r0.5", 0.5),
         ("--materials --albedo=dark=0", 0.),
     ] {
-        let parts = area.map(|area| area / (4. * PI));
         let reflected = 0.9 * parts[0] + dark * parts[1];
         let exact = 0.2 / (1. - reflected);
         for method in ["reference", "sobol", "gather"] {
@@ -178,6 +186,41 @@ fn a_sphere_of_two_albedos_is_lit_as_its_equation_says() {
             let seen = (1. - up) * exact * (0.9 + dark) / 2. + up;
             judge(found[0], seen, 16.);
         }
+    }
+}
+
+// Where one tile shows two albedos, a correction is shared by them.
+#[test]
+fn a_gather_shares_corrections_by_the_albedos_of_its_samples() {
+    let place = Scratch::new();
+    let parts = painted_sphere(&place);
+    let arrives = 0.2 / (1. - 0.9 * parts[0] - 0.1 * parts[1]);
+    let (seeds, mut sums) = (24, [[0.; 2]; 2]);
+    for seed in 0..seeds {
+        place.done(&format!(
+            "sphere.obj --albedo light=0.9 --albedo dark=0.1 -t0,0,-1 \
+             -u0,1,0 --zenith=z -F40 -d16x16 -n64 -s{seed} \
+             --integrator=gather -f -q -oa.pfm"
+        ));
+        let means = place.image("a.pfm").means;
+        let half = |left: bool| {
+            let is_there = |i: &usize| (i % 16 < 8) == left;
+            let all = (0..256).filter(is_there).map(|i| means[i]);
+            all.sum::<f64>() / 128.
+        };
+        for (sums, mean) in sums.iter_mut().zip([half(true), half(false)]) {
+            sums[0] += mean / f64::from(seeds);
+            sums[1] += mean * mean / f64::from(seeds);
+        }
+    }
+    sums.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    for ([mean, square], albedo) in sums.into_iter().zip([0.1, 0.9]) {
+        let variance = (square - mean * mean) / f64::from(seeds - 1);
+        judge(
+            [mean, variance.max(0.).sqrt()],
+            albedo * arrives,
+            f64::from(seeds),
+        );
     }
 }
 
