@@ -189,9 +189,8 @@ fn a_sphere_of_two_albedos_is_lit_as_its_equation_says() {
     }
 }
 
-// Where one tile shows two albedos, a correction is shared by them.
 #[test]
-fn a_gather_shares_corrections_by_the_albedos_of_its_samples() {
+fn a_gather_of_a_tile_with_two_albedos_has_both_radiances() {
     let place = Scratch::new();
     let parts = painted_sphere(&place);
     let arrives = 0.2 / (1. - 0.9 * parts[0] - 0.1 * parts[1]);
