@@ -131,6 +131,17 @@ function! Test_an_identifier_leads_to_its_chunk() abort
   call assert_fails("normal! \<C-]>", 'E433:')
 endfunction
 
+function! Test_an_item_that_is_not_listed_leads_to_its_line() abort
+  edit chapters/one.nw
+  call append(7, ['    pub(crate) const fn hidden() {}', 'hidden();',
+        \ 'fn hidden in prose'])
+  call On(9, 'hidden')
+  execute "normal! \<C-]>"
+  call assert_equal('one.nw:8:5', Here())
+  call assert_fails('tag hid', 'E433:')
+  edit!
+endfunction
+
 function! Test_a_tag_can_be_a_pattern() abort
   edit chapters/one.nw
   tag /^Compute

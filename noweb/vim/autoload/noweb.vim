@@ -178,6 +178,27 @@ function! s:NameUnderCursor() abort
   endwhile
 endfunction
 
+" Find items of Rust that are declared in code
+let s:item = '^\s*\%(pub\%((\w\+)\)\? \|const \|unsafe \|async \|'
+      \ . 'extern "C" \)*\%(fn\|struct\|enum\|union\|trait\|type\|mod\|const\|'
+      \ . 'static\|macro_rules!\) \%(mut \)\?'
+
+function! s:Items(name) abort
+  let found = []
+  let item = a:name =~# '^\h\w*$' ? s:item . a:name . '\s*[(<:={;]'
+        \ : '$^x'
+  for path in noweb#Files()
+    let lines = s:Lines(path)
+    let index = match(lines, item)
+    while index >= 0
+      call add(found, {'filename': path, 'lnum': index + 1, 'name': a:name,
+            \ 'role': 'item'})
+      let index = match(lines, item, index + 1)
+    endwhile
+  endfor
+  return found
+endfunction
+
 " Answer questions for tags
 function! noweb#Tags(pattern, flags, info) abort
   let name = a:flags =~# 'c' ? s:NameUnderCursor()
@@ -187,6 +208,9 @@ function! noweb#Tags(pattern, flags, info) abort
   let found = filter(copy(noweb#Places()), a:flags =~# 'r'
         \ ? {_, place -> place.role =~# roles && place.name =~ name}
         \ : {_, place -> place.role =~# roles && place.name ==# name})
+  if empty(found) && a:flags !~# 'r'
+    let found = s:Items(name)
+  endif
   return empty(found) ? v:null : map(found, {_, place -> {
         \ 'name': place.name, 'user_data': place.name,
         \ 'filename': place.filename, 'cmd': string(place.lnum),
