@@ -285,12 +285,25 @@ else \
     python3 book/scripts/check-pdf.py $(1:%=$(BUILD_DIR)/%.pdf) $(3); }; fi
 endef
 
+# Compiling has tangled. If a tangled file differs from the index now, and no
+# chapter does, the one in the index is not what the chapters there say.
+# $(call CHECK_INDEX,TANGLED,CHAPTERS)
+CHANGED = git diff --name-only 2> /dev/null --
+define CHECK_INDEX
+@stale=$$($(CHANGED) $(1)); \
+if test "$$stale" && test -z "$$($(CHANGED) $(2))"; then \
+  echo 'error: the index has these files otherwise than its chapters say:' >&2; \
+  echo "$$stale" >&2; \
+  echo 'Here they are tangled: git add $(1)' >&2; exit 1; fi
+endef
+
 check: $(NOWEB)
 	$(MAP) $(CARGO) fmt --all --check
 	$(MAP) $(CLIPPY)
 	$(NOWEB) tangle --check --record src/.tangled $(WEB)
 	$(NOWEB) tangle --check --record noweb/.tangled $(TOOL_WEB)
-	git diff --exit-code -- src book noweb
+	$(call CHECK_INDEX,src,litpt.nw chapters)
+	$(call CHECK_INDEX,noweb/src,noweb/noweb.nw noweb/chapters)
 	@if command -v python3 > /dev/null; then \
 	  python3 book/scripts/prose --sizes $(CHAPTERS) $(TOOL_CHAPTERS); fi
 	@if command -v python3 > /dev/null && command -v hunspell > /dev/null; \
@@ -300,6 +313,8 @@ check: $(NOWEB)
 	else echo 'vim is not tested, for lack of it'; fi
 	$(call CHECK_BOOK,$(VOLUMES),$(WEB),$(CHAPTERS))
 	$(call CHECK_BOOK,noweb,$(TOOL_WEB),$(TOOL_CHAPTERS))
+	@changed=$$($(CHANGED) . | tr '\n' ' '); \
+	echo "All is well$${changed:+; not in the index yet: $$changed}"
 
 # Spelling, slips and sizes of chunks, over all chapters.
 prose:
