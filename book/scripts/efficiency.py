@@ -235,7 +235,8 @@ def main():
     options = settings()
     rounds = options.rounds
     print(f'#, {len(os.sched_getaffinity(0))} threads, '
-          f'medians of {rounds} rounds, references of {options.reference} '
+          f'{"medians" if rounds > 2 else "means"} of {rounds} rounds, '
+          f'references of {options.reference} '
           f'samples')
     print('scene,albedo,peer_samples,peer_seconds,peer_error,'
           'equal_samples,equal_seconds,equal_claimed,equal_error,'

@@ -43,6 +43,9 @@ fn entry(outcome: &Outcome) -> String {
     match (outcome.is_certain(), equal) {
         (true, true) => "$=$".to_owned(),
         (true, false) => r"$\neq$".to_owned(),
-        (false, _) => format!("${:+.1}$", outcome.z()),
+        (false, _) => match (10. * outcome.z()).round() / 10. {
+            0. => "$0.0$".to_owned(),
+            z => format!("${z:+.1}$"),
+        },
     }
 }
