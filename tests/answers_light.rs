@@ -22,6 +22,8 @@ use litpt::{sampler::*, scene::*, sky::*, statistics::*};
 use litpt_book::closed_forms::*;
 use litpt_book::settings;
 use litpt_book::solids;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
 
 /// A number is within some distance of what is printed.
 #[track_caller]
@@ -61,6 +63,55 @@ fn image(
 /// A run that ends when its error is small enough.
 fn until(error: f64) -> Limits<'static> {
     Limits { error: Some(error), ..Limits::default() }
+}
+
+#[test]
+fn a_density_that_is_too_steep_hides_its_error() {
+    let mut rng = Pcg64::seed_from_u64(1);
+    let mut counts = [0, 0];
+    for _ in 0..1000 {
+        let mut sum = Accumulator::default();
+        for _ in 0..1000 {
+            let c = (1. - rng.random::<f64>()).powf(1. / 7.);
+            sum.add(2. / 7. * c.powi(-4));
+        }
+        let off = sum.mean() - 2. / 3.;
+        counts[0] += u32::from(off < 0.);
+        counts[1] += u32::from(off.abs() <= 2. * sum.standard_error());
+    }
+    let [low, covered] = counts.map(f64::from);
+    near(low, 610., 50.);
+    near(covered, 870., 35.);
+}
+
+/// The expectation of the mean of two runs of `n` samples that are 1 with
+/// the probability `q`, weighted by the errors that they state.
+fn weighted(n: u32, q: f64) -> f64 {
+    let counts = (0..=n).map(f64::from);
+    let (n, mut odds) = (f64::from(n), (1. - q).powf(f64::from(n)));
+    let outcomes: Vec<_> = counts
+        .map(|a| {
+            let now = odds;
+            odds *= (n - a) / (a + 1.) * q / (1. - q);
+            (a, now)
+        })
+        .collect();
+    let pairs =
+        outcomes.iter().flat_map(|x| outcomes.iter().map(move |y| (x, y)));
+    let means = pairs.map(|((a, odds), (b, others))| {
+        let [v, w] = match [a, b].map(|k| k * (n - k)) {
+            [0., 0.] => [1., 1.],
+            variances => variances,
+        };
+        odds * others * (a * w + b * v) / (v + w) / n
+    });
+    means.sum()
+}
+
+#[test]
+fn runs_that_are_weighted_by_their_errors_are_too_dark() {
+    near(weighted(16, 0.1), 0.0733, 5e-5);
+    near(weighted(256, 0.1), 0.1 - 0.8 / 512., 5e-5);
 }
 
 #[test]
