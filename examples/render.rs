@@ -38,6 +38,6 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut film = Film::new(320, 240);
     job.pass(&mut film, 64, &|_| true);
     let attributes = BTreeMap::new();
-    let picture = Picture { film: &film, filtered: None, attributes };
+    let picture = Picture { film: &film, more: vec![], attributes };
     Ok(Format::Pgm.write(&picture, &mut std::io::stdout().lock())?)
 }

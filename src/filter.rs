@@ -3,12 +3,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Pictures for looking: images that are filtered, with their own error.
 
+use std::array;
+
 use glam::{DVec2, Vec2};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::analysis::LitView;
-use crate::bvh::{Bvh, Hit};
+use crate::bvh::{BEAM, Bvh, Hit};
 use crate::film::{Film, Window};
 use crate::image::Image;
 use crate::sampler::within;
@@ -20,6 +22,8 @@ pub struct FirstHits {
     hits: Vec<Option<Hit>>,
     /// Whether a neighbour shows another surface; none if one shows the sky.
     edges: Vec<Option<bool>>,
+    /// Which part of each pixel surfaces cover, if no sky is seen behind.
+    pub opacity: Option<Vec<f64>>,
 }
 
 /// Whether a second hit seems to continue the surface of the first.
@@ -52,7 +56,23 @@ impl FirstHits {
             })
         };
         let edges = (0..hits.len()).into_par_iter().map(edge).collect();
-        Self { width, edges, hits }
+        // Find how much of each pixel is covered
+        let places = |p: usize| -> [_; BEAM] {
+            let x = window.corner.0 + (p % width) as u32;
+            let y = window.corner.1 + (p / width) as u32;
+            let point =
+                |i: u32| [i << 28, i.reverse_bits()].map(|u| u + (1 << 27));
+            array::from_fn(|i| Some(((x, y), point(i as u32))))
+        };
+        let cover = |p| {
+            let starts =
+                view.sensor.starts(bvh, &places(p), view.resolution, false);
+            starts.hits.iter().flatten().count() as f64 / BEAM as f64
+        };
+        let cover_all =
+            |_| (0..hits.len()).into_par_iter().map(cover).collect();
+        let opacity = view.sky.behind.map(cover_all);
+        Self { width, edges, hits, opacity }
     }
 
     /// Those of some values of the pixels where a surface is seen.
@@ -186,7 +206,7 @@ impl Filtered {
     /// Filters the image on a film; none if it has no halves, or a half of a
     /// pixel has no value.
     pub fn of(film: &Film, guide: &FirstHits) -> Option<Self> {
-        let FirstHits { width, hits, edges } = guide;
+        let FirstHits { width, hits, edges, .. } = guide;
         // Collect the halves row by row
         let counts: Vec<Vec2> = film.halves_of(2).collect();
         if counts.is_empty() || counts.iter().any(|n| n.min_element() < 1.)

@@ -199,7 +199,11 @@ impl Integrator for PathTracer<'_> {
         sampler: &mut impl Sampler,
     ) -> PathEvent {
         let Some(hit) = hit else {
-            let light = path.throughput * self.sky.radiance(path.direction);
+            let radiance = match path.count {
+                0 => self.sky.seen(path.direction),
+                _ => self.sky.radiance(path.direction),
+            };
+            let light = path.throughput * radiance;
             return PathEvent::Terminate(light + path.variate);
         };
         let albedo = self.surfaces.albedo(hit.primitive);

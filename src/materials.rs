@@ -3,7 +3,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! What surfaces reflect: one albedo, or one for each face.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use clap::ValueEnum;
@@ -37,7 +37,7 @@ pub fn libraries(
     folder: &Path,
     band: Option<Band>,
 ) -> Result<(BTreeMap<String, f64>, Vec<String>), String> {
-    let mut albedos = BTreeMap::new();
+    let (mut albedos, mut odd) = (BTreeMap::new(), BTreeSet::new());
     let named = marks.iter().filter(|mark| mark.kind == MarkKind::Library);
     for Mark { name, .. } in named {
         let whole = [name.as_str()].into_iter();
@@ -52,7 +52,23 @@ pub fn libraries(
             let (materials, _) = tobj::load_mtl(&path).map_err(|e| {
                 format!("{shown}: cannot read the materials: {e}")
             })?;
-            for tobj::Material { name, diffuse, .. } in materials {
+            for material in materials {
+                // See what else a material is
+                let is_clear = |opacity| opacity < 1.;
+                let shines = |text: &String| {
+                    text.split(' ')
+                        .any(|word| word.parse().is_ok_and(|x: f64| x > 0.))
+                };
+                let is_odd = [
+                    material.dissolve.is_some_and(is_clear),
+                    material.diffuse_texture.is_some(),
+                    material.unknown_param.get("Ke").is_some_and(shines),
+                ];
+                let kinds = (0..).zip(is_odd).filter(|(_, is_odd)| *is_odd);
+                odd.extend(
+                    kinds.map(|(kind, _)| (kind, material.name.clone())),
+                );
+                let tobj::Material { name, diffuse, .. } = material;
                 let Some([r, g, b]) = diffuse else { continue };
                 let albedo = match band {
                     Some(Band::R) => r,
@@ -70,16 +86,28 @@ pub fn libraries(
             }
         }
     }
-    // Count materials that are in no library
-    let mut used: Vec<&str> = names(marks, MarkKind::Material).collect();
-    used.retain(|name| !albedos.contains_key(*name));
-    let odd = used.first().map(|first| {
-        let count = used.len();
-        format!("{count} materials have no Kd, the first {first}: their albedo is that of -r")
-    });
-    let odd = odd.into_iter().collect();
-    Ok((albedos, odd))
+    // Count the materials that are not what their library says
+    let used: Vec<&str> = names(marks, MarkKind::Material).collect();
+    let unknown = used.iter().filter(|name| !albedos.contains_key(**name));
+    odd.extend(unknown.map(|name| (3, (*name).to_owned())));
+    odd.retain(|(_, name)| used.contains(&&name[..]));
+    let tell = |(kind, what): (usize, &str)| {
+        let mut all =
+            odd.iter().filter(|odd| odd.0 == kind).map(|odd| &odd.1);
+        let (count, first) = (all.clone().count(), all.next()?);
+        Some(format!("{count} materials {what} (the first: {first})"))
+    };
+    let told = (0..).zip(ODD_MATERIALS).filter_map(tell);
+    Ok((albedos, told.collect()))
 }
+
+/// What is told of materials that are more, or less, than an albedo.
+const ODD_MATERIALS: [&str; 4] = [
+    "are transparent (d), and are taken as opaque",
+    "have a texture (map_Kd), and are given their Kd",
+    "are luminous (Ke), and give no light",
+    "have no Kd, and are given the albedo of -r",
+];
 
 /// The names of a kind, each once, in order.
 pub fn names(marks: &[Mark], kind: MarkKind) -> impl Iterator<Item = &str> {

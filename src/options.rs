@@ -215,6 +215,12 @@ pub struct Options {
           conflicts_with = "receivers")]
     pub exposure: Option<Exposure>,
 
+    /// Show a grey of this radiance behind the scene instead of the sky, and give
+    /// .png and .exr an opacity
+    #[arg(long, value_name = "RADIANCE", conflicts_with = "receivers",
+          value_parser = only(parse_real, |&x| x >= 0., NOT_NEGATIVE))]
+    pub background: Option<f64>,
+
     /// Show the noise of gathers and nets in .png and .html, and write no
     /// filtered channels in .exr
     #[arg(long)]
@@ -400,6 +406,7 @@ fn only<T>(
 
 const ANGLE: &str = "expected an angle strictly between 0 and 180";
 const ALBEDO: &str = "expected an albedo between 0 and 1";
+const NOT_NEGATIVE: &str = "expected a number that is not negative";
 const POSITIVE: &str = "expected a number greater than zero";
 const SAMPLES: &str = "a pixel needs at least one sample";
 const THREADS: &str = "expected an integer between 1 and 4096";

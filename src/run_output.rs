@@ -14,7 +14,7 @@ use serde_json::{Map, Value, json};
 use crate::compare::display::{self, Curve, Exposure};
 use crate::film::Film;
 use crate::filter::{Filtered, FirstHits};
-use crate::image::{Format, Image, Picture};
+use crate::image::{Format, Image, OPACITY, Picture};
 use crate::output::OutputTarget;
 use crate::render_loop::Convergence;
 use crate::report::{Kind, as_typed};
@@ -179,21 +179,39 @@ impl<'a> RunOutput<'a> {
                 stops_of(exposure.unwrap_or(Exposure::Auto));
         }
         let stops = known.report.exposure.filter(|&stops| stops != 0.);
+        let behind = known.run_key.subject.light().behind;
+        let cover = |trace: &dyn Fn() -> FirstHits| {
+            hits.get_or_init(trace).opacity.as_deref()
+        };
+        let opacity = match behind {
+            Some(_) if has(png) || has(Product::Image(Format::Exr)) => {
+                trace.and_then(cover)
+            }
+            _ => None,
+        };
         let known = &*known;
         let report = LazyCell::new(|| known.report.complete(film));
         let mut failures = vec![];
         for file in files.iter_mut().filter(|file| is_due(file)) {
             let began = Instant::now();
             // Write or rewrite one file
-            let image = || picture(known, film, filtered);
+            let image = || picture(known, film, (filtered, opacity));
             let shown =
                 || filtered.map_or_else(|| image().image(), Image::clone);
             let page = |kind: Kind| kind.render(&report, &shown);
             let content = &mut |out: &mut dyn Write| match file.product {
-                Product::Image(Format::Png) if let Some(stops) = stops => {
-                    let grey =
-                        display::tonemap(&shown(), stops, Curve::Clamp);
-                    Format::Png.write(&grey, out)
+                Product::Image(Format::Png)
+                    if opacity.is_some() || stops.is_some() =>
+                {
+                    let more = Vec::from_iter(
+                        opacity.map(|a| (OPACITY, a.to_vec())),
+                    );
+                    let shown = Image { more, ..shown() };
+                    let cut = display::cut_out(shown, behind.unwrap_or(0.));
+                    let stops = stops.unwrap_or(0.);
+                    let grey = display::tonemap(&cut, stops, Curve::Clamp);
+                    Format::Png
+                        .write(&Image { more: cut.more, ..grey }, out)
                 }
                 Product::Image(Format::Png)
                     if let Some(shown) = filtered =>
@@ -266,7 +284,7 @@ impl<'a> RunOutput<'a> {
 fn picture<'f>(
     known: &Known,
     film: &'f Film,
-    filtered: Option<&'f Image>,
+    (filtered, opacity): (Option<&'f Image>, Option<&'f [f64]>),
 ) -> Picture<'f> {
     let Known { run_key, report, .. } = known;
     let Convergence { spp, rays, seconds, stopped, .. } =
@@ -284,5 +302,12 @@ fn picture<'f>(
     all.retain(|_, value| !value.is_null());
     all.extend(entries(run_key));
     all.extend(entries(&known));
-    Picture { film, filtered, attributes: attributes(&all) }
+    let errors = filtered.and_then(|image| image.errors.as_deref());
+    let more = [
+        (OPACITY, opacity),
+        ("filtered.Y", filtered.map(|image| &image.means[..])),
+        ("filtered_stderr.Y", errors),
+    ];
+    let more = more.into_iter().filter_map(|(n, all)| Some((n, all?)));
+    Picture { film, more: more.collect(), attributes: attributes(&all) }
 }

@@ -518,7 +518,8 @@ fn load(
     };
     let outside = if has_camera { None } else { outside() };
     let view = outside.unwrap_or(typed_view);
-    let light = Sky::with(zenith, options.sky);
+    let behind = options.background;
+    let light = Sky { behind, ..Sky::with(zenith, options.sky) };
     let sky = (light != Sky::new(view.up)).then_some(light);
     let receivers = match options {
         Options { points: Some(_), .. } => {
@@ -559,7 +560,7 @@ fn load(
     report.sign("pt");
     report.scene = SceneFile { file, sha256, triangles };
     report.settings = entries(&subject);
-    let Sky { zenith, cover } = subject.light();
+    let Sky { zenith, cover, .. } = subject.light();
     report.light =
         format!("{cover:?}, zenith {}", direction(zenith)).to_lowercase();
     report.light += &subject.ground.map_or(String::new(), |albedo| {

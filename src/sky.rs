@@ -41,6 +41,10 @@ pub struct Sky {
     pub zenith: DVec3,
     /// How its radiance is distributed.
     pub cover: Cover,
+    /// The radiance that a camera sees where it looks past all surfaces,
+    /// in all directions, unless it sees the sky.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub behind: Option<f64>,
 }
 
 impl Sky {
@@ -55,7 +59,8 @@ impl Sky {
 
     /// The sky around a zenith, whose vector is not zero.
     pub fn with(zenith: DVec3, cover: Cover) -> Self {
-        Self { zenith: normalise(zenith).normalize(), cover }
+        let zenith = normalise(zenith).normalize();
+        Self { zenith, cover, behind: None }
     }
 
     /// The radiance that arrives from `direction`, if nothing is in the way.
@@ -67,6 +72,12 @@ impl Sky {
             Cover::Uniform => 1.,
             Cover::Overcast => 3. / 7. * (1. + 2. * height),
         }
+    }
+
+    /// The radiance that a camera sees in `direction` if no surface is there.
+    #[inline(always)]
+    pub fn seen(&self, direction: DVec3) -> f64 {
+        self.behind.unwrap_or_else(|| self.radiance(direction))
     }
 
     /// Whether all directions above the horizon have the radiance 1.

@@ -112,7 +112,7 @@ fn an_exr_file_brings_back_all_that_was_written_and_no_more() {
 
 /// A film without attributes.
 fn unnamed(film: &Film) -> Picture<'_> {
-    Picture { film, filtered: None, attributes: BTreeMap::new() }
+    Picture { film, more: vec![], attributes: BTreeMap::new() }
 }
 
 /// A film is written block by block, most of which may be gaps.

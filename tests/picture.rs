@@ -176,6 +176,47 @@ fn a_run_that_began_without_a_picture_says_so() {
     assert!(place.get("b.png") == place.get("c.png"));
 }
 
+/// A triangle before a grey, whose edges are lines.
+#[test]
+fn a_background_is_seen_behind_what_the_opacity_tells() {
+    let place = Scratch::new();
+    place.put("a.obj", "v -2 9 -2\nv 3 9 -1\nv 0 9 3\nf 1 2 3\n");
+    for method in ["reference", "sobol", "gather"] {
+        let view = format!(
+            "a.obj -r0.5 -d32x24 -n256 -f --integrator={method} --no-filter"
+        );
+        place.done(&format!("{view} -oa.pfm"));
+        place.done(&format!("{view} --background=0.25 -ob.pfm -ob.png"));
+        let [sky, grey] = ["a.pfm", "b.pfm"].map(|n| place.image(n).means);
+        let (kind, bytes) = place.png("b.png");
+        assert_eq!(kind, png::ColorType::GrayscaleAlpha);
+        let mut parts = [0; 3];
+        for (i, pixel) in bytes.chunks(4).enumerate() {
+            let number = |k| u16::from_be_bytes([pixel[k], pixel[k + 1]]);
+            let (level, opacity) = (number(0), number(2));
+            // A line crosses at most 7 of 16 squares with a point each, and
+            // 31 of 256.
+            let around = if i / 32 < 12 { 1. } else { 0. };
+            let seen = 1. - (sky[i] - grey[i]) / (around - 0.25);
+            let opacity = f64::from(opacity) / 65535.;
+            assert!((opacity - seen).abs() < 7. / 16. + 31. / 256., "{i}");
+            let kind = match opacity {
+                0. => {
+                    // The grey 0.25 by the curve of sRGB.
+                    assert_eq!(level, 35198);
+                    0
+                }
+                1. => 1,
+                _ => 2,
+            };
+            parts[kind] += 1;
+        }
+        assert!(parts.iter().all(|&count| count > 9), "{parts:?}");
+    }
+    let run = place.free("a.obj --vertices --background=1");
+    run.failed(2, &["cannot be used"]);
+}
+
 /// What a part has said of its own picture is not said of the whole.
 #[test]
 fn a_merge_says_that_its_picture_is_not_filtered() {

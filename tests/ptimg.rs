@@ -9,7 +9,7 @@ use crate::common;
 use common::{Scratch, feed, pgm};
 use exr::math::Vec2;
 use exr::prelude::{AnyChannel, AnyChannels, FlatSamples, WritableImage};
-use litpt::image::{Format, Image};
+use litpt::image::{Format, Image, luminance};
 use litpt::output::{OutputTarget, format_of};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -386,6 +386,42 @@ fn an_image_for_the_screen_has_the_levels_of_pt() {
 }
 
 #[test]
+fn three_bands_make_a_colour_image() {
+    let place = Scratch::new();
+    let bands = [1, 2, 3].map(|k| put(&place, &format!("{k}.exr"), k, 0.5));
+    let rgb =
+        |to: &str| place.ptimg(&format!("rgb 1.exr 2.exr 3.exr {to}"));
+    rgb("-oc.png -oc.exr").succeeded();
+    let (kind, levels) = place.png("c.png");
+    assert_eq!(kind, png::ColorType::Rgb);
+    for (k, image) in bands.iter().enumerate() {
+        write(&place, "grey.png", image);
+        let band = levels.chunks(6).flat_map(|p| &p[2 * k..2 * k + 2]);
+        assert!(band.eq(&place.png("grey.png").1), "{k}");
+    }
+    let read = place.image("c.exr").means;
+    for (i, found) in read.into_iter().enumerate() {
+        let pixel = bands.each_ref().map(|b| f64::from(b.means[i] as f32));
+        assert_eq!(found, luminance(&pixel));
+    }
+    let bytes = place.get("c.exr");
+    for name in ["stderr.R", "stderr.G", "stderr.B"] {
+        assert!(bytes.windows(8).any(|window| window == name.as_bytes()));
+    }
+    // A brighter picture, and what is refused.
+    assert!(rgb("-e auto -od.png").stderr.contains("stops"));
+    rgb("-oc.pgm").failed(1, &[".png or .exr"]);
+    put_crop(&place, "other.pfm");
+    place.ptimg("rgb 1.exr 2.exr -oe.png").failed(2, &["3 values"]);
+    write(&place, "2.exr", &Image::plain(1, 1, vec![0.]));
+    rgb("-oe.png").failed(1, &["2.exr", "another size"]);
+    let mut other = bands[1].clone();
+    other.attributes.insert("fov".into(), "40".into());
+    write(&place, "2.exr", &other);
+    assert!(rgb("-oe.png").stderr.contains("2.exr: fov 70 against 40"));
+}
+
+#[test]
 fn the_image_of_the_errors_says_what_white_is() {
     let place = Scratch::new();
     let image = put(&place, "a.exr", 1, 0.5);
@@ -418,7 +454,7 @@ fn put_crop(place: &Scratch, name: &str) {
 fn help_lists_every_verb_and_its_options() {
     let place = Scratch::new();
     for (arguments, words) in [
-        ("--help", "info tonemap diff merge stderr GPL"),
+        ("--help", "info tonemap rgb diff merge stderr GPL"),
         ("help tonemap", "--exposure [default: reinhard --force"),
         ("help diff", "-5 standard --quiet"),
     ] {
@@ -428,7 +464,7 @@ fn help_lists_every_verb_and_its_options() {
         }
     }
     place.ptimg("paint").failed(2, &["paint", "ptimg --help"]);
-    for verb in ["tonemap a", "stderr a", "merge a b"] {
+    for verb in ["tonemap a", "rgb a b c", "stderr a", "merge a b"] {
         place.ptimg(verb).failed(2, &["--output"]);
     }
     assert_eq!(place.ptimg("").status, Some(2));

@@ -439,7 +439,7 @@ fn materials_are_not_ignored_without_a_word() {
          (--materials)"
     ));
     for (mtl, line, fault) in [
-        ("", "", "1 materials have no Kd"),
+        ("", "", "1 materials have no Kd, and are given the albedo of -r"),
         ("newmtl a\nKd 1.5 1 1\n", "", "which is not between 0 and 1"),
         ("newmtl a\nKd x\n", "", "cannot read the materials"),
         ("", "--albedo c=0.1", "no material, group or object is called c"),
@@ -454,6 +454,184 @@ fn materials_are_not_ignored_without_a_word() {
     let run = place.line("one.obj --materials -oc.pfm");
     assert_eq!(run.status, Some(1));
     assert!(run.stderr.contains("none.mtl: cannot read"), "{}", run.stderr);
+}
+
+// A grid of Honeybee's over tiles as a converter of IFC writes them: each with
+// a name of blanks and brackets, and with normals, textures and panes.
+#[test]
+fn a_model_of_four_hundred_materials_is_read_as_it_is() {
+    let place = Scratch::new();
+    let (mut text, mut library) =
+        (String::from("mtllib an ifc.mtl\r\n"), String::new());
+    for k in 0..400 {
+        let (x, y) = (2 * (k % 20), 2 * (k / 20));
+        let name = format!("Beton {k} (C25/30) \u{fc}$");
+        let clear = if k == 7 { "d 0.3\r\n" } else { "d 1\r\n" };
+        write!(
+            library,
+            "newmtl {name}\r\nKa 0 0 0\r\nKd {0} {0} {0}\r\nKs 1 1 1\r\n\
+             Ns 64\r\nillum 2\r\n{clear}\r\n",
+            f64::from(k) / 400.
+        )
+        .unwrap();
+        write!(
+            text,
+            "g 2O2Fr$t4X7Zf8NOew{k}\r\ns 1\r\nusemtl {name}\r\nv {x} {y} 0\r\n\
+             v {0} {y} 0\r\nv {0} {1} 0\r\nv {x} {1} 0\r\nvn 0 0 1\r\n\
+             f -4//-1 -3//-1 -2//-1 -1//-1\r\n",
+            x + 1,
+            y + 1
+        )
+        .unwrap();
+    }
+    place.put("ifc.obj", text);
+    place.put("an ifc.mtl", library);
+    let named = "--albedo=2O2Fr$t4X7Zf8NOew12=0.9";
+    let run = place.free(&format!(
+        "ifc.obj --faces --radiosity --materials -n16 {named}"
+    ));
+    run.succeeded();
+    let (_, found) = values(&run.stdout);
+    assert_eq!(found.len(), 400);
+    for (k, [value, error]) in (0..).zip(found) {
+        let albedo = if k == 12 { 0.9 } else { f64::from(k) / 400. };
+        assert!((value - albedo).abs() < 1e-6, "{k}: {value}");
+        assert!(error < 1e-6);
+    }
+    assert!(run.stderr.contains(
+        "1 materials are transparent (d), and are taken as opaque (the \
+         first: Beton 7 (C25/30) \u{fc}$)"
+    ));
+    place.put(
+        "grid.pts",
+        " 0.5\t0.5  1E-1 0 0 1\r\n\r\n4.5 4.5 .1 0 0 -1\r\n",
+    );
+    let run = place.free("ifc.obj --points grid.pts --materials -n4096");
+    let (_, found) = values(&run.stdout);
+    judge(found[0], 1., 16.);
+    // Below is the tile 42, whose part of the directions is a closed form.
+    let tile = [(4., 4.), (4., 5.), (5., 5.), (5., 4.)];
+    let tile = tile.map(|(x, y)| DVec3::new(x, y, 0.));
+    let point = DVec3::new(4.5, 4.5, 0.1);
+    let below = polygon_share(point, -DVec3::Z, &tile) * 42. / 400.;
+    let [value, error] = found[1];
+    assert!(below < value && value < below + 0.06 + 4. * error, "{value}");
+}
+
+// Blocks of a model of a city: in metres of a zone of a grid of a country,
+// and inside out.
+#[test]
+fn blocks_that_are_inside_out_have_values_on_their_backs() {
+    let place = Scratch::new();
+    let corner = DVec3::new(690_000.25, 5_336_000.5, 512.);
+    for (name, shift) in [("near.obj", DVec3::ZERO), ("far.obj", corner)] {
+        let mut text = String::new();
+        for x in [0., 9.] {
+            for i in 0..8 {
+                let at = |bit, size| if i & bit == 0 { 0. } else { size };
+                let p = DVec3::new(x + at(1, 4.), at(2, 6.), at(4, 10.));
+                let p = p + shift;
+                writeln!(text, "v {} {} {}", p.x, p.y, p.z).unwrap();
+            }
+            text += "f -8 -6 -2 -4\nf -7 -3 -1 -5\nf -8 -4 -3 -7\n";
+            text += "f -6 -5 -1 -2\nf -4 -2 -1 -3\n";
+        }
+        place.put(name, text);
+    }
+    let run = |options: &str| {
+        let run =
+            place.free(&format!("{options} -r0.4 -n4096 --ground=0.2"));
+        run.succeeded();
+        values(&run.stdout).1
+    };
+    let [near, far] =
+        ["near.obj --faces=back", "far.obj --faces=back"].map(run);
+    for (near, far) in near.iter().zip(&far) {
+        // Their rays are the same to the last bits of the coordinates.
+        let error = near[1].hypot(far[1]);
+        judge([near[0] - far[0], error], 0., 16.);
+        assert!(near[0] > 0.3 && far[0] > 0.3);
+    }
+    // Roofs see the sky alone, and the inside of a block sees none.
+    judge(near[4], 1., 16.);
+    let inside = run("near.obj --faces=front");
+    assert!(inside.iter().all(|[value, _]| *value < 0.3), "{inside:?}");
+}
+
+// The floor is darker than the walls.
+#[test]
+fn a_room_without_a_ceiling_is_lit_as_radiosity_says() {
+    let place = Scratch::new();
+    let text = BOX.replace("f 5 6 7 8\n", "");
+    let text = text.replace("f 1 2 3 4\n", "g floor\nf 1 2 3 4\ng wall\n");
+    place.put("box.obj", text);
+    let [coarse, fine] = [8, 16].map(radiosity);
+    for method in ["reference", "sobol", "gather"] {
+        let run = place.free(&format!(
+            "box.obj --faces=both -n65536 --albedo=floor=0.2 -r0.5 \
+             --integrator={method}"
+        ));
+        run.succeeded();
+        let (_, found) = values(&run.stdout);
+        for (face, both) in found.chunks(2).enumerate() {
+            let (kind, inside) = (face.min(1), both[face.min(1)]);
+            // Of 24 and 32 patches a side, 0.29676 and 0.30081 are left.
+            let exact = fine[kind] + (fine[kind] - coarse[kind]) / 3.;
+            assert!((exact - [0.29676, 0.30081][kind]).abs() < 5e-5);
+            judge(inside, exact, 16.);
+        }
+    }
+}
+
+/// What the floor and the walls of a cube without a lid get: the equations of
+/// `n` by `n` patches a face, narrow at its edges, with the form factors of
+/// their centres.
+fn radiosity(n: usize) -> [f64; 2] {
+    let normals = [DVec3::Z, DVec3::X, -DVec3::X, DVec3::Y, -DVec3::Y];
+    let mut patches = vec![];
+    for (normal, albedo) in
+        normals.into_iter().zip([0.2, 0.5, 0.5, 0.5, 0.5])
+    {
+        let (s, t) = normal.any_orthonormal_pair();
+        let at = |k: usize| -(PI * k as f64 / n as f64).cos();
+        for i in 0..n * n {
+            let [a, c] = [at(i % n), at(i % n + 1)];
+            let [b, d] = [at(i / n), at(i / n + 1)];
+            let point = |(a, b)| s * a + t * b - normal;
+            let corners = [(a, b), (c, b), (c, d), (a, d)].map(point);
+            let centre = corners.into_iter().sum::<DVec3>() / 4.;
+            let part = (c - a) * (d - b) / 4.;
+            patches.push((centre, normal, albedo, corners, part));
+        }
+    }
+    let lid = [(-1., -1.), (1., -1.), (1., 1.), (-1., 1.)];
+    let lid = lid.map(|(x, y)| DVec3::new(x, y, 1.));
+    let sky = patches.iter().map(|&(p, n, ..)| polygon_share(p, n, &lid));
+    let sky: Vec<f64> = sky.collect();
+    let form = |p: DVec3, own: DVec3| {
+        patches.iter().map(move |&(_, normal, albedo, corners, _)| {
+            let is_seen = normal != own;
+            if is_seen {
+                albedo * polygon_share(p, own, &corners)
+            } else {
+                0.
+            }
+        })
+    };
+    let forms =
+        patches.iter().map(|&(p, normal, ..)| form(p, normal).collect());
+    let forms: Vec<Vec<f64>> = forms.collect();
+    let mut gets = sky.clone();
+    for _ in 0..30 {
+        let all = forms.iter().zip(&sky).map(|(forms, sky)| {
+            sky + forms.iter().zip(&gets).map(|(f, h)| f * h).sum::<f64>()
+        });
+        gets = all.collect();
+    }
+    let parts = gets.iter().zip(&patches).map(|(h, patch)| h * patch.4);
+    let parts: Vec<f64> = parts.collect();
+    let (floor, walls) = parts.split_at(n * n);
+    [floor.iter().sum(), walls.iter().sum::<f64>() / 4.]
 }
 
 // One albedo for all, whatever it is called, is the same bits.

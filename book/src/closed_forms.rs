@@ -22,7 +22,7 @@ use litpt::film::{Film, Measure};
 use litpt::integrator::gather::cache::RadianceCache;
 use litpt::integrator::gather::{Allocation, Correction, Gather, Tracer};
 use litpt::integrator::{Alone, PathTracer};
-use litpt::materials::Surfaces;
+use litpt::materials::{AlbedoTable, FaceAlbedos, Surfaces};
 use litpt::numerics::{power_of_two, sincos_turns};
 use litpt::render::{Job, Renderer};
 use litpt::sampler::IndependentSampler;
@@ -330,6 +330,14 @@ impl Setting {
         let entrance = scene.frame.entrance(view.position);
         let sensor = Sensor::Camera(camera, entrance);
         Ok(Self { sensor, intersector, integrator })
+    }
+
+    /// The same with these albedos, for the rest of the program.
+    pub fn painted(self, faces: &FaceAlbedos) -> Result<Self, String> {
+        let table = AlbedoTable::new(faces, &self.intersector)?;
+        let surfaces = Surfaces::new(Box::leak(table.into()), None);
+        let integrator = PathTracer::new(surfaces, self.integrator.sky);
+        Ok(Self { integrator, ..self })
     }
 
     /// What is shown of it in an image of this width and height.

@@ -136,6 +136,9 @@ impl KnownPixels {
             if intersector.has_ground() && !is_bright {
                 return TileContent::Scene;
             }
+            if let Some(grey) = sky.behind {
+                return TileContent::Constant(grey);
+            }
             match sky.zenith.abs().max_element() == 1. {
                 true if is_dark => TileContent::Constant(0.),
                 true if is_bright && sky.is_uniform() => {

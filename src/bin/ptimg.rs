@@ -17,7 +17,7 @@ use litpt::compare::{
     Difference, Dispersion, FEW, Scale, compare, disagreements,
 };
 use litpt::film::SIDE;
-use litpt::image::{Format, Image};
+use litpt::image::{BANDS, Format, Image, luminance};
 use litpt::options::{LICENCE, parse_words};
 use litpt::output::{OutputTarget, descriptor, format_of, tell_apart};
 use litpt::progress;
@@ -69,6 +69,21 @@ enum Verb {
         /// What becomes of radiances brighter than white
         #[arg(short, long, value_name = "CURVE", default_value = "clamp")]
         tonemap: Curve,
+    },
+    /// Make a colour image, .png or .exr, of three of one seed, of --band r, g
+    /// and b
+    Rgb {
+        /// Red, green and blue
+        #[arg(value_name = "IN", num_args = 3, required = true)]
+        bands: Vec<PathBuf>,
+
+        #[command(flatten)]
+        to: Output,
+
+        /// Stops by which a .png is made brighter, or auto
+        #[arg(short, long, value_name = "STOPS|auto", default_value = "0",
+              allow_hyphen_values = true, value_parser = Exposure::parse)]
+        exposure: Exposure,
     },
     /// Test whether chance alone explains the difference of two images:
     /// the status is 0 if so, 1 if not (wrong once in 100 pairs), and 2 if
@@ -201,17 +216,51 @@ fn run(verb: &Verb) -> Result<ExitCode, String> {
         Verb::Tonemap { input, to, exposure, tonemap } => {
             let targets = to.targets(Format::Pgm, true)?;
             let image = read(input)?;
-            let is_surface = |(i, &mean): (usize, &f64)| {
-                let error =
-                    image.errors.as_ref().map_or(1., |errors| errors[i]);
-                (error > 0. && mean < 1.).then_some(mean)
-            };
-            let all = image.means.iter().enumerate();
-            let stops = exposure.stops(all.filter_map(is_surface));
+            let stops = stops(*exposure, &image);
             let grey = display::tonemap(&image, stops, *tonemap);
             write(&targets, &grey)?;
-            if *exposure == Exposure::Auto {
-                progress::inform(&format!("exposure {stops:+} stops"));
+        }
+        // Make a colour image of three
+        Verb::Rgb { bands, to, exposure } => {
+            let targets = to.targets(Format::Png, false)?;
+            let has_colours =
+                |t: &Target| [Format::Png, Format::Exr].contains(&t.0);
+            if !targets.iter().all(has_colours) {
+                return Err(
+                    "colours are written as .png or .exr".to_owned()
+                );
+            }
+            let images = bands.iter().map(|path| read(path));
+            let images: Vec<_> = images.collect::<Result<_, _>>()?;
+            for (path, image) in bands.iter().zip(&images).skip(1) {
+                // Compare a band with the first
+                let size = |image: &Image| (image.width, image.height);
+                if size(image) != size(&images[0]) {
+                    return Err(format!(
+                        "{}: it has another size",
+                        path.display()
+                    ));
+                }
+                let others =
+                    disagreements(&images[0].attributes, &image.attributes);
+                for what in others
+                    .iter()
+                    .filter(|what| !what.starts_with("materials "))
+                {
+                    progress::warn(&format!("{}: {what}", path.display()));
+                }
+            }
+            let colours = colours(&images);
+            let stops = stops(*exposure, &colours);
+            let expose = |band| display::tonemap(band, stops, Curve::Clamp);
+            let shown =
+                self::colours(&Vec::from_iter(images.iter().map(expose)));
+            for target in &targets {
+                let is_shown = target.0 == Format::Png;
+                write(
+                    from_ref(target),
+                    if is_shown { &shown } else { &colours },
+                )?;
             }
         }
         Verb::Merge { files, to, report, partial } => {
@@ -318,6 +367,41 @@ fn write(targets: &[Target], image: &Image) -> Result<(), String> {
         target.write(&mut |out| format.write(image, out))
     })
 }
+
+/// The stops for an image of pt, of which what has no error is sky.
+fn stops(exposure: Exposure, image: &Image) -> f64 {
+    let error = |i: usize| image.errors.as_ref().map_or(1., |all| all[i]);
+    let is_surface = |&(i, mean): &(usize, f64)| error(i) > 0. && mean < 1.;
+    let all = image.means.iter().copied().enumerate();
+    let surfaces = all.filter(is_surface).map(|(_, mean)| mean);
+    let stops = exposure.stops(surfaces);
+    if exposure == Exposure::Auto {
+        progress::inform(&format!("exposure {stops:+} stops"));
+    }
+    stops
+}
+
+/// One image of three bands, whose means are the luminance.
+fn colours(bands: &[Image]) -> Image {
+    let mut more = vec![];
+    for (i, image) in bands.iter().enumerate() {
+        more.push((BANDS[i], image.means.clone()));
+        let errors = image.errors.iter().cloned();
+        more.extend(errors.map(|all| (BAND_ERRORS[i], all)));
+    }
+    let Image { width, height, means, .. } = &bands[0];
+    let pixel =
+        |i: usize| luminance(&[0, 1, 2].map(|k: usize| bands[k].means[i]));
+    let means = (0..means.len()).map(pixel).collect();
+    let mut attributes = bands[0].attributes.clone();
+    attributes.retain(|name, value| {
+        let has = |image: &Image| image.attributes.get(name) == Some(value);
+        bands.iter().all(has)
+    });
+    Image { more, attributes, ..Image::plain(*width, *height, means) }
+}
+
+const BAND_ERRORS: [&str; 3] = ["stderr.R", "stderr.G", "stderr.B"];
 
 /// Reads an image and warns of what is not as it should be.
 fn read(path: &Path) -> Result<Image, String> {

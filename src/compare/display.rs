@@ -6,8 +6,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::{Blocks, Difference};
-use crate::image::Image;
 use crate::image::levels::radiance;
+use crate::image::{Image, OPACITY};
 
 /// How radiances brighter than white are treated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -36,6 +36,18 @@ pub fn tonemap(image: &Image, exposure: f64, curve: Curve) -> Image {
         }
     }
     Image::plain(image.width, image.height, means)
+}
+
+/// The image as it is before whatever it is laid over, by its opacity,
+/// instead of a background of this radiance.
+pub fn cut_out(image: Image, background: f64) -> Image {
+    let Some(opacity) = image.channel(OPACITY) else { return image };
+    let surface = |(&mean, &a): (&f64, &f64)| match a > 0. {
+        true => ((mean - (1. - a) * background) / a).max(0.),
+        false => background,
+    };
+    let means = image.means.iter().zip(opacity).map(surface).collect();
+    Image { means, ..image }
 }
 
 /// By how much a picture is brighter.

@@ -29,9 +29,8 @@ pub struct Image {
     /// ([`Film::tile_errors`]), infinite where unknown; none if the pixels
     /// are independent.
     pub tile_errors: Option<Vec<f64>>,
-    /// Means and root mean square errors of the filtered picture, if there
-    /// is one; not read from files.
-    pub filtered: Option<[Vec<f64>; 2]>,
+    /// Other channels, by name; not read from files.
+    pub more: Vec<(&'static str, Vec<f64>)>,
     /// What is known about the run: names and values, such as `seed`
     /// and `7`.
     pub attributes: BTreeMap<String, String>,
@@ -41,6 +40,12 @@ impl Image {
     /// An image of these means, of which nothing else is known.
     pub fn plain(width: u32, height: u32, means: Vec<f64>) -> Self {
         Self { width, height, means, ..Self::default() }
+    }
+
+    /// One of its other channels, if it has it.
+    pub fn channel(&self, name: &str) -> Option<&Vec<f64>> {
+        let mut all = self.more.iter();
+        all.find(|(own, _)| *own == name).map(|(_, values)| values)
     }
 
     /// The independent values of pixel `i`; none if the file does not say.
@@ -59,6 +64,12 @@ impl Image {
     }
 }
 
+/// The channels of an image of three bands, which has no means.
+pub const BANDS: [&str; 3] = ["R", "G", "B"];
+
+/// The channel of the part of each pixel that is covered by surfaces.
+pub const OPACITY: &str = "A";
+
 /// Gives an image by parts: by windows that lie within its own.
 pub trait Source: Sync {
     /// Its pixels.
@@ -76,8 +87,8 @@ pub trait Source: Sync {
 pub struct Picture<'a> {
     /// The sums.
     pub film: &'a Film,
-    /// The filtered picture, if there is one.
-    pub filtered: Option<&'a Image>,
+    /// Other channels, by name.
+    pub more: Vec<(&'static str, &'a [f64])>,
     /// What is known about the run; see [`Image::attributes`].
     pub attributes: BTreeMap<String, String>,
 }
@@ -98,17 +109,17 @@ impl Source for Picture<'_> {
     fn part(&self, window: Window, all: bool) -> Image {
         let (film, (width, height)) =
             (all.then_some(self.film), window.size);
+        let ((x, y), first) = (window.corner, self.film.window.corner);
+        let place = Window { corner: (x - first.0, y - first.1), ..window };
+        let columns = self.film.window.size.0;
+        let more = self.more.iter().filter(|_| all);
         Image {
             errors: film.map(|film| film.errors(WORTH, window)),
             samples: film.map(|film| film.counts_of(window)),
             tile_errors: film.and_then(|film| film.tile_errors(window)),
-            filtered: film.and(self.filtered).map(|filtered| {
-                let ((x, y), first) =
-                    (window.corner, self.film.window.corner);
-                let corner = (x - first.0, y - first.1);
-                let part = filtered.part(Window { corner, ..window }, true);
-                [part.means, part.errors.unwrap_or_default()]
-            }),
+            more: more
+                .map(|(n, list)| (*n, crop(list, columns, place)))
+                .collect(),
             ..Image::plain(width, height, self.film.means_of(window))
         }
     }
@@ -123,18 +134,15 @@ impl Source for Image {
         Window { corner: (0, 0), size: (self.width, self.height) }
     }
 
-    fn part(&self, window: Window, _: bool) -> Image {
-        let Window { corner: (x, y), size: (width, height) } = window;
-        let columns = x as usize..(x + width) as usize;
-        let part = |list: &Vec<f64>| -> Vec<f64> {
-            let rows = list.chunks(self.width as usize);
-            let rows = rows.skip(y as usize).take(height as usize);
-            rows.flat_map(|row| &row[columns.clone()]).copied().collect()
-        };
+    fn part(&self, window: Window, all: bool) -> Image {
+        let (width, height) = window.size;
+        let part = |list: &Vec<f64>| crop(list, self.width, window);
+        let more = self.more.iter().filter(|_| all);
         Image {
             errors: self.errors.as_ref().map(part),
             samples: self.samples.as_ref().map(part),
             tile_errors: self.tile_errors.as_ref().map(part),
+            more: more.map(|(name, list)| (*name, part(list))).collect(),
             ..Image::plain(width, height, part(&self.means))
         }
     }
@@ -144,16 +152,27 @@ impl Source for Image {
     }
 }
 
-/// Writes rows of an image in this order, made from their means.
+/// The values in a window of a list of rows of so many columns.
+fn crop(list: &[f64], columns: u32, window: Window) -> Vec<f64> {
+    let Window { corner: (x, y), size: (width, height) } = window;
+    let across = x as usize..(x + width) as usize;
+    let rows = list.chunks(columns as usize);
+    let rows = rows.skip(y as usize).take(height as usize);
+    rows.flat_map(|row| &row[across.clone()]).copied().collect()
+}
+
+/// Writes rows of an image in this order, made from their means, or from
+/// `all` their channels.
 pub fn write_rows<B: AsRef<[u8]> + Send>(
     image: &dyn Source,
     rows: &[u32],
-    encode: impl Fn(u32, Vec<f64>) -> B + Sync,
+    all: bool,
+    encode: impl Fn(u32, Image) -> B + Sync,
     out: &mut dyn Write,
 ) -> io::Result<()> {
     rows.chunks(64).try_for_each(|rows| {
-        let means = |y| image.part(image.window().rows(y, 1), false).means;
-        let rows = rows.par_iter().map(|&y| encode(y, means(y)));
+        let part = |y| image.part(image.window().rows(y, 1), all);
+        let rows = rows.par_iter().map(|&y| encode(y, part(y)));
         let rows: Vec<_> = rows.collect();
         rows.iter().try_for_each(|row| out.write_all(row.as_ref()))
     })

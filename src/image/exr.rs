@@ -27,8 +27,8 @@ use flate2::Crc;
 use memchr::memmem;
 use rayon::prelude::*;
 
-use super::data::{Image, Note, Source, room};
-use super::levels::{COLOURS, mean};
+use super::data::{BANDS, Image, Note, Source, room};
+use super::levels::{COLOURS, luminance};
 use crate::film::Window;
 
 /// Writes all that the image holds.
@@ -100,7 +100,6 @@ const MEAN: &str = "Y";
 const ERROR: &str = "stderr.Y";
 const SAMPLES: &str = "samples.Y";
 const SHARED: &str = "tile_stderr.Y";
-const FILTERED: [&str; 2] = ["filtered.Y", "filtered_stderr.Y"];
 
 impl Image {
     /// The channels that it fills: name, type in the file, and numbers.
@@ -108,17 +107,20 @@ impl Image {
         &self,
     ) -> impl Iterator<Item = (&'static str, SampleType, &[f64])> {
         let Self { means, errors, samples, tile_errors, .. } = self;
-        let filtered = |k: usize| Some(&self.filtered.as_ref()?[k]);
-        let all = [
-            (MEAN, SampleType::F32, Some(means)),
-            (FILTERED[0], SampleType::F32, filtered(0)),
-            (FILTERED[1], SampleType::F32, filtered(1)),
+        let means = self.channel(BANDS[0]).is_none().then_some(means);
+        let own = [
+            (MEAN, SampleType::F32, means),
             (SAMPLES, SampleType::U32, samples.as_ref()),
             (ERROR, SampleType::F32, errors.as_ref()),
             (SHARED, SampleType::F32, tile_errors.as_ref()),
         ];
-        let all = all.into_iter();
-        all.filter_map(|(name, kind, v)| Some((name, kind, &v?[..])))
+        let own = own.into_iter();
+        let own = own.filter_map(|(name, kind, v)| Some((name, kind, v?)));
+        let more = self.more.iter();
+        let more = more.map(|(name, v)| (*name, SampleType::F32, v));
+        let mut all: Vec<_> = own.chain(more).collect();
+        all.sort_unstable_by_key(|channel| channel.0);
+        all.into_iter().map(|(name, kind, v)| (name, kind, &v[..]))
     }
 }
 
@@ -236,8 +238,9 @@ pub fn read(bytes: &[u8], note: Note) -> Result<Image, String> {
     };
     // Take colours where there is no luminance
     let coloured = || {
-        let colours = [values("R")?, values("G")?, values("B")?];
-        let pixel = |i| mean(&[0, 1, 2].map(|k: usize| colours[k][i]));
+        let [r, g, b] = BANDS.map(values);
+        let colours = [r?, g?, b?];
+        let pixel = |i| luminance(&[0, 1, 2].map(|k: usize| colours[k][i]));
         note(COLOURS);
         Some(pixels.clone().map(pixel).collect())
     };
@@ -253,7 +256,7 @@ pub fn read(bytes: &[u8], note: Note) -> Result<Image, String> {
         errors: values(ERROR),
         samples: values(SAMPLES),
         tile_errors: values(SHARED),
-        filtered: None,
+        more: vec![],
         attributes: attributes(&layer.attributes, bytes, note),
     })
 }

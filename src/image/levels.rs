@@ -3,12 +3,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! From radiance to the grey levels of a screen, and back.
 
+use std::borrow::Cow;
 use std::io::{self, Write};
+use std::iter;
 
 use glam::DVec2;
 use rayon::prelude::*;
 
-use super::data::{Source, write_rows};
+use super::data::{BANDS, Image, OPACITY, Source, write_rows};
 use crate::film::SIDE;
 
 /// The level of a radiance when `white` is the highest level, by the
@@ -31,7 +33,7 @@ pub fn radiance(encoded: f64) -> f64 {
 
 /// The mean of a pixel: of red, green and blue the luminance (Rec. ITU-R
 /// BT.709). Its last number may be its opacity.
-pub fn mean(pixel: &[f64]) -> f64 {
+pub fn luminance(pixel: &[f64]) -> f64 {
     match *pixel {
         [r, g, b, ..] => 0.2126 * r + 0.7152 * g + 0.0722 * b,
         _ => pixel[0],
@@ -50,6 +52,22 @@ pub const COLOURS: &str = "it has colours, of which the luminance is \
 /// What a reader is told of levels, before their curve.
 pub const LEVELS: &str = "it holds grey levels, or colours, of which the \
      luminance is taken; they are read by";
+
+impl Image {
+    /// The numbers that are shown of each pixel, as radiances: one; two
+    /// with an opacity; or those of three bands.
+    pub fn shown(&self) -> Vec<Cow<'_, [f64]>> {
+        let bands: Vec<_> =
+            BANDS.iter().filter_map(|name| self.channel(name)).collect();
+        if !bands.is_empty() {
+            return bands.into_iter().map(Cow::from).collect();
+        }
+        let opacity = self.channel(OPACITY);
+        let opacity = opacity.map(|all| all.iter().map(|&a| radiance(a)));
+        let opacity = opacity.map(|all| Cow::Owned(all.collect()));
+        iter::once((&self.means).into()).chain(opacity).collect()
+    }
+}
 
 /// The mean of each square, row by row, or of what is around it.
 fn fill(image: &dyn Source) -> Vec<f64> {
@@ -95,23 +113,28 @@ fn fill_gaps(squares: &mut [DVec2], columns: usize) {
 }
 
 /// Writes the levels of the pixels, encoded by the sRGB curve, as `encode`
-/// has them; `white` is the highest level.
+/// has them, of the means or of `all` that a screen shows; `white` is the
+/// highest level.
 pub fn write_levels<B: IntoIterator<Item = u8>>(
     image: &dyn Source,
+    all: bool,
     white: u16,
     encode: impl Fn(u16) -> B + Sync,
     out: &mut dyn Write,
 ) -> io::Result<()> {
     let (width, height) = image.window().size;
     let fill = fill(image);
-    let row = |y, means: Vec<f64>| -> Vec<u8> {
+    let row = |y, part: Image| -> Vec<u8> {
         let first = y / SIDE * width.div_ceil(SIDE);
-        let known = |(x, mean): (u32, f64)| match mean.is_nan() {
+        let known = |x: u32, value: f64| match value.is_nan() {
             true => fill[(first + x / SIDE) as usize],
-            false => mean,
+            false => value,
         };
-        let means = (0..).zip(means).map(known);
-        means.flat_map(|mean| encode(level(mean, white))).collect()
+        let shown = part.shown();
+        let pixels = (0..width).flat_map(|x| {
+            shown.iter().map(move |list| known(x, list[x as usize]))
+        });
+        pixels.flat_map(|value| encode(level(value, white))).collect()
     };
-    write_rows(image, &Vec::from_iter(0..height), row, out)
+    write_rows(image, &Vec::from_iter(0..height), all, row, out)
 }

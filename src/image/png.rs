@@ -1,7 +1,7 @@
 // Tangled from chapters/image.nw; edit there.
 // Copyright (C) 2026 litpt contributors
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The portable network graphic, grey and of 16 bits.
+//! The portable network graphic of 16 bits, grey or of three bands.
 
 use std::io::{self, Cursor, Write};
 
@@ -9,13 +9,20 @@ use png::{BitDepth, ColorType, Compression, Decoder, Encoder, Info};
 use png::{SrgbRenderingIntent, Transformations};
 
 use super::data::{Image, Note, Source, room};
-use super::levels::{LEVELS, mean, radiance, whole, write_levels};
+use super::levels::{LEVELS, luminance, radiance, whole, write_levels};
+use crate::film::Window;
 
-/// Writes the means as 65536 levels, encoded by the sRGB curve.
+/// Writes what a screen shows as 65536 levels, encoded by the sRGB curve.
 pub fn write(image: &dyn Source, out: &mut dyn Write) -> io::Result<()> {
     let (width, height) = image.window().size;
     let mut encoder = Encoder::new(out, width, height);
-    encoder.set_color(ColorType::Grayscale);
+    let pixel = image.part(Window { size: (1, 1), ..image.window() }, true);
+    let numbers = pixel.shown().len();
+    encoder.set_color(match numbers {
+        1 => ColorType::Grayscale,
+        2 => ColorType::GrayscaleAlpha,
+        _ => ColorType::Rgb,
+    });
     encoder.set_depth(BitDepth::Sixteen);
     encoder.set_source_srgb(SrgbRenderingIntent::RelativeColorimetric);
     if width * height > 1 << 22 {
@@ -23,7 +30,8 @@ pub fn write(image: &dyn Source, out: &mut dyn Write) -> io::Result<()> {
     }
     let mut writer = encoder.write_header()?;
     let mut stream = writer.stream_writer_with_size(1 << 20)?;
-    write_levels(image, u16::MAX, u16::to_be_bytes, &mut stream)?;
+    let levels = u16::to_be_bytes;
+    write_levels(image, numbers > 1, u16::MAX, levels, &mut stream)?;
     stream.finish()?;
     writer.finish()?;
     Ok(())
@@ -53,7 +61,7 @@ pub fn read(bytes: &[u8], note: Note) -> Result<Image, String> {
         None => levels.map(radiance).collect(),
     };
     let means = levels.chunks(frame.color_type.samples());
-    let means = means.map(mean).collect();
+    let means = means.map(luminance).collect();
     Ok(Image::plain(frame.width, frame.height, means))
 }
 

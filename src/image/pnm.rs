@@ -8,7 +8,7 @@ use std::io::{self, Write};
 use std::iter;
 
 use super::data::{Image, Note, Source, write_rows};
-use super::levels::{self, COLOURS, LEVELS, mean, radiance, whole};
+use super::levels::{self, COLOURS, LEVELS, luminance, radiance, whole};
 
 /// Writes the means as 256 levels, encoded by the sRGB curve.
 pub fn write_levels(
@@ -19,7 +19,7 @@ pub fn write_levels(
     writeln!(out, "P2 {width} {height}\n255")?;
     let words = Vec::from_iter((0..256).map(|level| format!("{level}\n")));
     let word = |level: u16| words[usize::from(level)].bytes();
-    levels::write_levels(image, 255, word, out)
+    levels::write_levels(image, false, 255, word, out)
 }
 
 /// Writes the means, as numbers of least significant byte first.
@@ -30,11 +30,11 @@ pub fn write_numbers(
     let (width, height) = image.window().size;
     write!(out, "Pf\n{width} {height}\n-1.0\n")?;
     let rows = Vec::from_iter((0..height).rev());
-    let row = |_, means: Vec<f64>| {
-        let bytes = means.iter().map(|&x| (x as f32).to_le_bytes());
+    let row = |_, part: Image| {
+        let bytes = part.means.iter().map(|&x| (x as f32).to_le_bytes());
         bytes.flatten().collect::<Vec<_>>()
     };
-    write_rows(image, &rows, row, out)
+    write_rows(image, &rows, false, row, out)
 }
 
 /// Reads a map of levels, or of one number per pixel, or of three or four,
@@ -89,7 +89,8 @@ pub fn read(mut bytes: &[u8], note: Note) -> Result<Image, String> {
         (_, false) => real(word),
     };
     let numbers: Vec<f64> = words.iter().map(number).collect();
-    let mut means: Vec<f64> = numbers.chunks(channels).map(mean).collect();
+    let mut means: Vec<f64> =
+        numbers.chunks(channels).map(luminance).collect();
     if has_levels {
         note(&format!("{LEVELS} the sRGB curve"));
     } else {

@@ -279,7 +279,7 @@ impl<K: Intersector> Tracer<'_, K> {
                 // Begin a sample or show the sky
                 let (_, pixel, scale, u) = look;
                 let Some(hit) = hit else {
-                    sums[pixel as usize] += view.sky.radiance(direction);
+                    sums[pixel as usize] += view.sky.seen(direction);
                     continue;
                 };
                 let albedo = view.surfaces.albedo(hit.primitive);
