@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::analysis::LitView;
-use crate::bvh::{BEAM, Bvh, Hit};
+use crate::bvh::{BEAM, Bvh, GROUND, Hit};
 use crate::film::{Film, Window};
 use crate::image::Image;
 use crate::sampler::within;
@@ -75,13 +75,18 @@ impl FirstHits {
         Self { width, edges, hits, opacity }
     }
 
-    /// Those of some values of the pixels where a surface is seen.
+    /// Those of some values of the pixels where a surface of the scene is
+    /// seen, and not the ground below it.
     pub fn of_surfaces<'a>(
         &'a self,
         values: impl Iterator<Item = f64> + 'a,
     ) -> impl Iterator<Item = f64> + 'a {
         let pairs = values.zip(&self.hits);
-        pairs.filter_map(|(value, hit)| hit.as_ref().map(|_| value))
+        let is_shown = |hit: &Option<Hit>| {
+            hit.is_some_and(|hit| hit.primitive < GROUND)
+        };
+        let shown = pairs.filter(move |(_, hit)| is_shown(hit));
+        shown.map(|(value, _)| value)
     }
 }
 
