@@ -18,7 +18,8 @@ use crate::diagnostic::shown;
 use crate::filter::read_web;
 use crate::web::Chunk;
 use crate::{Streams, map, markup, project, tangle, untangle};
-use crate::{finduses, noidx, noweave, rust_index, split_scope, totex};
+use crate::{finduses, markdown, new, noidx, noweave, rust_index};
+use crate::{split_scope, totex};
 
 /// A command: its name, what runs it, what it does, and its arguments.
 type Command = (&'static str, Runner, &'static str, &'static str);
@@ -26,6 +27,7 @@ type Command = (&'static str, Runner, &'static str, &'static str);
 type Runner = fn(&[OsString], &mut Streams) -> u8;
 
 const COMMANDS: &[Command] = &[
+    ("new", new::run, "begin a literate program", NEW),
     ("tangle", project::run, "write all files of a program", PROJECT),
     ("untangle", untangle::run, "carry edits back to chapters", PROJECT),
     ("map", map::run, "run a command, its positions translated", MAP),
@@ -39,6 +41,7 @@ const COMMANDS: &[Command] = &[
     ("noidx", noidx::run, "resolve cross-references", "[-delay]"),
     ("totex", totex::run, "turn a stream into LaTeX", TOTEX),
     ("split_scope", split_scope::run, "write LaTeX, file by file", SPLIT),
+    ("mdbook", markdown::run, "weave as a preprocessor of mdBook", ""),
 ];
 
 /// An output that waits until there is room.
@@ -116,6 +119,7 @@ fn find(name: &OsStr) -> Option<&'static Command> {
 
 const NOWEAVE: &str = "[OPTION...] [FILE...]
 
+  -md             write Markdown of chapters in Markdown
   -n, -delay      write no preamble, or the author's own first line
   -x, -index      cross-reference chunks, or identifiers as well
   -autodefs rust  find what a Rust program defines
@@ -150,7 +154,11 @@ fn version() -> String {
     format!("noweb {} (litpt)\n", env!("CARGO_PKG_VERSION"))
 }
 
+const NEW: &str = "NAME [--markdown | --latex]";
+
 const PROJECT: &str = "[-C DIR] [--record FILE] [--check] CHAPTER...
+
+  CHAPTER         the chapters, or one that includes them: a master
 
   -C DIR          the directory that paths are relative to
   --record FILE   the checksums of what was tangled [.tangled]

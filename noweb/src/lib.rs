@@ -24,6 +24,8 @@ pub mod untangle;
 pub mod web;
 
 pub mod finduses;
+pub mod markdown;
+pub mod new;
 pub mod noidx;
 pub mod noweave;
 pub mod rust_index;

@@ -114,6 +114,28 @@ fn listed_identifiers(line: &[u8]) -> Option<Vec<&[u8]>> {
     Some(list.split(is_space).filter(|i| !i.is_empty()).collect())
 }
 
+/// Whether a file of this name has prose in Markdown.
+pub fn is_markdown(name: &[u8]) -> bool {
+    name.ends_with(b".md")
+}
+
+/// What began a block of Markdown that is shown as it is.
+struct Fence {
+    sign: u8,
+    length: usize,
+    place: Place,
+}
+
+/// The sign of a line that may be a fence, how often it stands there, and
+/// what follows.
+fn fence_of(line: &[u8]) -> Option<(u8, usize, &[u8])> {
+    let indent = count(line, b' ');
+    let line = &line[indent..];
+    let sign = *line.first().filter(|sign| b"`~".contains(sign))?;
+    let length = count(line, sign);
+    (indent < 4 && length > 2).then_some((sign, length, &line[length..]))
+}
+
 /// The length of the name that a use has, judged from the text after
 /// its opening; or else the length of what is only text.
 fn use_end(text: &[u8], quoting: bool) -> Result<usize, usize> {
@@ -148,7 +170,9 @@ pub fn mark_up(
     tab: usize,
 ) -> (Vec<Lexeme>, Faults) {
     let place = Place { file, line: 0, column: 1 };
-    let mut lexer = Lexer { place, tab, ..Lexer::default() };
+    let markdown = is_markdown(&source.name);
+    let tab = if markdown { 0 } else { tab };
+    let mut lexer = Lexer { place, tab, markdown, ..Lexer::default() };
     lexer.emit(Token::File(source.name.clone()), 0);
     lexer.emit(Token::Begin(Kind::Docs, 0), 0);
     let mut ended = true;
@@ -175,6 +199,10 @@ struct Lexer {
     kind: Kind,
     count: usize,
     listed: bool,
+    /// Whether the prose is Markdown, and what fenced a block of it.
+    markdown: bool,
+    fence: Option<Fence>,
+    fenced: bool,
     /// Where the quoted code began, if we are inside it.
     quote: Option<Place>,
     /// The line that is scanned, and how far.
@@ -201,11 +229,16 @@ impl Lexer {
         self.line = expand_tabs(body, self.tab);
         self.at = 0;
         let line = std::mem::take(&mut self.line.bytes);
-        if let Some(name) = defined_name(&line) {
+        let plain = self.markdown && self.kind == Kind::Docs;
+        let prose = plain || self.markdown && self.listed;
+        self.fenced = prose && self.is_fenced(&line);
+        let name = defined_name(&line).filter(|_| !self.fenced);
+        let names = listed_identifiers(&line).filter(|_| !plain);
+        if let Some(name) = name {
             self.begin(Kind::Code);
             self.emit(Token::Defn(name.to_vec()), 2);
             self.emit(Token::Newline, line.len());
-        } else if let Some(names) = listed_identifiers(&line) {
+        } else if let Some(names) = names {
             // Emit the identifiers and end the code
             for name in names {
                 self.emit(Token::Ident(name.to_vec()), 0);
@@ -214,7 +247,7 @@ impl Lexer {
             self.listed = self.kind == Kind::Code;
         } else {
             // Begin prose if the line says so
-            let marked = begins_docs(&line);
+            let marked = !plain && begins_docs(&line);
             if marked || self.listed {
                 self.begin(Kind::Docs);
             }
@@ -244,20 +277,47 @@ impl Lexer {
     }
 
     fn close_quote(&mut self) {
-        if let Some(place) = self.quote.take() {
-            let text = "open quote `[[' never closed";
+        let quote = self.quote.take().map(|place| (place, "quote `[['"));
+        let fence = self.fence.take().map(|fence| (fence.place, "fence"));
+        for (place, what) in quote.into_iter().chain(fence) {
+            let text = format!("open {what} never closed");
             let fault = Diagnostic::new(Level::Warning, None, text);
             self.faults.push((place, fault));
         }
     }
 
+    /// Whether a line of Markdown is, or belongs to, a fenced block.
+    fn is_fenced(&mut self, line: &[u8]) -> bool {
+        let found = fence_of(line);
+        match (&self.fence, found) {
+            (Some(open), Some((sign, length, rest))) => {
+                let same = sign == open.sign && length >= open.length;
+                if same && rest.iter().all(is_space) {
+                    self.fence = None;
+                }
+                true
+            }
+            (Some(_), None) => true,
+            (None, Some((sign, length, rest))) => {
+                let opens = sign == b'~' || !rest.contains(&b'`');
+                let place = self.place_at(0);
+                self.fence = opens.then_some(Fence { sign, length, place });
+                opens
+            }
+            (None, None) => false,
+        }
+    }
+
     fn scan(&mut self, ended: bool) {
         self.text_at = self.at;
-        if self.line.bytes[self.at..].starts_with(b"@@") {
+        let plain = self.markdown && self.kind == Kind::Docs;
+        if !plain && self.line.bytes[self.at..].starts_with(b"@@") {
             self.escape(2);
         }
         while self.at < self.line.bytes.len() {
-            if self.kind == Kind::Code || self.quote.is_some() {
+            if plain {
+                self.scan_markdown();
+            } else if self.kind == Kind::Code || self.quote.is_some() {
                 self.scan_code();
             } else {
                 self.scan_docs();
@@ -362,6 +422,28 @@ impl Lexer {
                 self.pass(Token::Use(name.to_vec()), length + 4);
             }
             Err(length) => self.at += length + 2,
+        }
+    }
+
+    fn scan_markdown(&mut self) {
+        let rest = &self.line.bytes[self.at..];
+        let ticks = count(rest, b'`');
+        let end = (1..rest.len()).find(|&i| {
+            i >= ticks
+                && rest[i] == b'`'
+                && rest[i - 1] != b'`'
+                && count(&rest[i..], b'`') == ticks
+        });
+        match (rest[0], end) {
+            _ if self.fenced => self.at += rest.len(),
+            (b'\\', _) => self.at += rest.len().min(2),
+            (b'`', Some(end)) if ticks == 1 => {
+                self.pass(Token::Quote, 1);
+                self.at += end - 1;
+                self.pass(Token::EndQuote, 1);
+            }
+            (b'`', Some(end)) => self.at += end + ticks,
+            _ => self.at += ticks.max(1),
         }
     }
 }

@@ -10,11 +10,14 @@
 
 use std::ffi::{OsStr, OsString};
 
-use crate::diagnostic::{bytes_of, shown};
+use crate::diagnostic::{
+    Diagnostic, Faults, Level, bytes_of, checked, shown,
+};
 use crate::filter::{quoted, run_shell};
 use crate::stream::Outcome;
 use crate::{
-    Streams, finduses, markup, noidx, rust_index, split_scope, totex,
+    Streams, finduses, markdown, markup, noidx, rust_index, split_scope,
+    totex,
 };
 
 /// A shell command, and arguments that the shell shall not look into.
@@ -44,6 +47,7 @@ struct Request {
     index: bool,
     /// The index finds the items of a Rust program by itself.
     autodefs: bool,
+    markdown: bool,
     tex_names: bool,
     verbose: bool,
 }
@@ -102,6 +106,7 @@ impl Request {
             // Take an option about the document
             "-n" => self.bare = true,
             "-latex" => {}
+            "-md" => self.markdown = true,
             "-delay" => (self.delay, self.bare) = (true, true),
             "-option" => self.options.push(next()?),
             "-texnames" => self.tex_names = true,
@@ -146,6 +151,12 @@ impl Request {
 impl Request {
     /// The document, or the status if a stage fails.
     fn document(&self, streams: &mut Streams) -> Result<Vec<u8>, u8> {
+        if self.markdown {
+            return self.pages(streams).map_err(|faults| {
+                streams.conclude(Ok(()), &faults);
+                1
+            });
+        }
         let mut stream = Vec::new();
         if self.files.is_empty() || self.files.iter().any(|f| f == "-") {
             let read = streams.input.read_to_end(&mut stream);
@@ -220,6 +231,40 @@ impl Stage {
         let (_, run) = OWN_STAGES.iter().find(|(own, _)| *own == name)?;
         let words = words.map(OsString::from);
         Some((*run, words.chain(self.args.iter().cloned()).collect()))
+    }
+}
+
+impl Request {
+    /// The pages of chapters in Markdown, unless they go to files.
+    fn pages(&self, streams: &mut Streams) -> Result<Vec<u8>, Faults> {
+        let (mut sources, faults) = streams.sources(&self.files);
+        for source in &mut sources {
+            let name = source.name.rsplit(|byte| *byte == b'/').next();
+            source.name = name.unwrap_or_default().to_vec();
+        }
+        let sources = checked(sources, faults)?;
+        let is_one = self.backend.is_none();
+        let pages = markdown::weave(&sources, is_one, self.autodefs)?;
+        let Some(backend) = self.backend.clone() else {
+            return Ok(pages.concat());
+        };
+        // Write the pages to the directory of split_scope
+        let fault =
+            |text: String| vec![Diagnostic::new(Level::Error, None, text)];
+        let stage = Stage { command: backend, args: Vec::new() };
+        let words = stage.own().map_or(Vec::new(), |(_, words)| words);
+        let [option, dir] = &words[..] else {
+            return Err(fault(
+                "-md has the backend 'split_scope -o DIR'".into(),
+            ));
+        };
+        if option != "-o" {
+            return Err(fault(format!("unknown option {}", shown(option))));
+        }
+        let names = sources.into_iter().map(|source| source.name);
+        let pages: Vec<_> = names.zip(pages).collect();
+        split_scope::write_pages(&pages, dir.as_ref()).map_err(fault)?;
+        Ok(Vec::new())
     }
 }
 /// `noweave [OPTION]... [FILE]...`: weaves a document.

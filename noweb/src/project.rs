@@ -39,12 +39,22 @@ pub struct Project {
 /// A master and, in their order, the chapters that it includes.
 pub fn included(dir: &Path, master: &Path) -> io::Result<Vec<PathBuf>> {
     let text = fs::read(dir.join(master))?;
-    let beside = master.with_file_name("chapters");
+    let kind = master.extension().unwrap_or_default();
+    let is_summary = master.ends_with("SUMMARY.md");
+    let beside = if is_summary { "" } else { "chapters" };
+    let beside = master.parent().unwrap_or(Path::new("")).join(beside);
     let chapter = |line: &[u8]| {
-        let name = line.strip_prefix(br"\include{")?;
-        let end = name.iter().position(|b| *b == b'}')?;
-        let name = [&name[..end], b".nw"].concat();
-        Some(beside.join(OsStr::from_bytes(&name)))
+        let (from, to, ending) = match is_summary {
+            true => (&b"]("[..], b')', &b""[..]),
+            false => (&br"\include{"[..], b'}', &b".nw"[..]),
+        };
+        let mut windows = line.windows(from.len());
+        let start = windows.position(|window| window == from)?;
+        let name = &line[start + from.len()..];
+        let end = name.iter().position(|b| *b == to)?;
+        let name = [&name[..end], ending].concat();
+        let is_there = is_summary || start == 0;
+        is_there.then(|| beside.join(OsStr::from_bytes(&name)))
     };
     let chapters = lines(&text).filter_map(chapter);
     let chapters: Vec<PathBuf> =
@@ -54,7 +64,7 @@ pub fn included(dir: &Path, master: &Path) -> io::Result<Vec<PathBuf>> {
         let name = entry?.file_name();
         let path = beside.join(&name);
         let hidden = name.as_bytes().starts_with(b".");
-        let is_chapter = path.extension().is_some_and(|e| e == "nw");
+        let is_chapter = path.extension() == Some(kind);
         if is_chapter && !hidden && !chapters.contains(&path) {
             let (path, master) = (shown(path), shown(master));
             let text = format!("{master} does not include {path}");
@@ -390,6 +400,12 @@ pub fn parse(args: &[OsString]) -> Result<(Project, bool), String> {
             }
             _ => project.chapters.push(arg.into()),
         }
+    }
+    if let [master] = &project.chapters[..] {
+        let chapters = included(&project.dir, master);
+        project.chapters = chapters.map_err(|e| {
+            format!("cannot read {} and its chapters: {e}", shown(master))
+        })?;
     }
     match project.chapters.is_empty() {
         true => Err("no chapters to tangle".into()),

@@ -145,7 +145,7 @@ fn with_source(options: &Options, source: &[u8]) -> Options {
     options
 }
 
-fn write_pages(pages: &[Page], dir: &Path) -> Result<(), String> {
+pub fn write_pages(pages: &[Page], dir: &Path) -> Result<(), String> {
     let cannot = |path: &Path, error: std::io::Error| {
         format!("cannot write {}: {error}", shown(path))
     };

@@ -9,6 +9,7 @@ mod differential;
 mod exercise;
 mod golden;
 mod map;
+mod markdown;
 mod project;
 mod properties;
 mod rust_index;

@@ -1,0 +1,474 @@
+// Tangled from noweb/chapters/markdown.nw; edit there.
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+//! The back end for Markdown, and a preprocessor of mdBook.
+//!
+//! Chapters in Markdown become chapters in Markdown whose chunks are
+//! fenced code, with references as links.
+
+use std::collections::HashMap;
+use std::ffi::OsString;
+use std::mem::take;
+
+use serde_json::Value;
+
+use crate::Streams;
+use crate::diagnostic::{
+    Diagnostic, Faults, Level, Source, bytes_of, checked, text_of,
+};
+use crate::finduses::{Recogniser, declared, mark_uses};
+use crate::markup::{Token, is_markdown, mark_up, write_stream};
+use crate::noidx::cross_reference;
+use crate::rust_index::index;
+use crate::stream::{Mark, lines};
+
+/// The pages of some chapters, in one document or each in a file of its
+/// own; `rust` indexes the items of a Rust program.
+///
+/// # Errors
+/// A chapter is not a web, or its prose is not in Markdown.
+pub fn weave(
+    chapters: &[Source],
+    is_one: bool,
+    rust: bool,
+) -> Result<Vec<Vec<u8>>, Faults> {
+    let (mut stream, mut faults) = (Vec::new(), Vec::new());
+    let mut is_plain = Vec::new();
+    for (chapter, file) in chapters.iter().zip(0..) {
+        // Mark up one chapter
+        if !is_markdown(&chapter.name) {
+            let name = text_of(&chapter.name);
+            let text = format!("{name}: no Markdown, by its name (.md)");
+            faults.push(Diagnostic::new(Level::Error, None, text));
+        }
+        let (lexemes, more) = mark_up(chapter, file, 0);
+        let is_woven = |(token, _): &_| match token {
+            Token::Text(text) => LISTS.contains(&&text[..]),
+            token => matches!(token, Token::Defn(_)),
+        };
+        is_plain.push(!lexemes.iter().any(is_woven));
+        stream.extend(write_stream(&lexemes));
+        faults.extend(more.into_iter().filter(|f| f.level == Level::Error));
+    }
+    checked((), faults)?;
+    let stream = match rust {
+        true => index(&stream).0,
+        false => {
+            let words = Recogniser::new(declared(&stream));
+            mark_uses(&stream, &words, true)
+        }
+    };
+    let stream = cross_reference(&stream, false).text;
+    let plan = Plan::of(&stream, is_one);
+    let mut converter = Converter::default();
+    let marks = lines(&stream).filter_map(Mark::read);
+    marks.for_each(|mark| converter.convert(mark, &plan));
+    // Put the lists in their places
+    for page in &mut converter.pages {
+        let end = page.iter().rposition(|byte| *byte != b'\n');
+        page.truncate(end.map_or(0, |end| end + 2));
+    }
+    for (list, asks) in converter.lists.iter().zip(LISTS) {
+        for page in &mut converter.pages {
+            let mut windows = page.windows(asks.len());
+            if let Some(at) = windows.position(|window| window == asks) {
+                page.splice(at..at + asks.len(), list.iter().copied());
+            }
+        }
+    }
+    let woven = converter.pages.into_iter().zip(chapters);
+    let woven = woven.zip(is_plain).map(|((page, chapter), is_plain)| {
+        if is_plain { chapter.text.clone() } else { page }
+    });
+    Ok(woven.collect())
+}
+
+/// The lines that ask for the list of the chunks, and of identifiers.
+const LISTS: [&[u8]; 2] =
+    [b"<!-- noweb chunks -->", b"<!-- noweb index -->"];
+
+/// What is known of the chunks of a stream beforehand.
+#[derive(Default)]
+struct Plan<'a> {
+    is_one: bool,
+    /// The names of the pages.
+    pages: Vec<&'a [u8]>,
+    /// For each label the page of its chunk, and the place of it there.
+    places: HashMap<&'a [u8], (usize, usize)>,
+    /// For each chunk the first that uses it.
+    users: HashMap<&'a [u8], &'a [u8]>,
+    /// The pages of the lists.
+    lists: [usize; 2],
+}
+
+impl<'a> Plan<'a> {
+    fn of(stream: &'a [u8], is_one: bool) -> Self {
+        let mut plan = Self { is_one, ..Self::default() };
+        let (mut count, mut label, mut chunk) = (0, &b""[..], &b""[..]);
+        for mark in lines(stream).filter_map(Mark::read) {
+            let inner = mark.inner();
+            match (mark.keyword, inner.keyword) {
+                (b"file", _) => {
+                    plan.pages.push(mark.text());
+                    count = 0;
+                }
+                (b"text", _) => {
+                    let list = LISTS.iter().position(|l| *l == mark.text());
+                    let page = plan.pages.len() - 1;
+                    list.iter().for_each(|list| plan.lists[*list] = page);
+                }
+                (b"xref", b"label") => label = inner.text(),
+                (b"defn", _) => {
+                    count += 1;
+                    chunk = mark.text();
+                    plan.places
+                        .insert(label, (plan.pages.len() - 1, count));
+                }
+                (b"use", _) => {
+                    plan.users.entry(mark.text()).or_insert(chunk);
+                }
+                _ => {}
+            }
+        }
+        plan
+    }
+
+    /// The extension of the root that a chunk belongs to, as most programs
+    /// that colour code know it.
+    fn language(&self, mut chunk: &'a [u8]) -> &'a [u8] {
+        for _ in 0..self.users.len() {
+            chunk = self.users.get(chunk).unwrap_or(&chunk);
+        }
+        let mut parts = chunk.rsplitn(2, |byte| *byte == b'.');
+        match (parts.next(), parts.next()) {
+            (Some(b"rs"), Some(_)) => b"rust",
+            (Some(b"py"), Some(_)) => b"python",
+            (Some(b"h"), Some(_)) => b"c",
+            (Some(name), Some(_)) => name,
+            _ => b"",
+        }
+    }
+
+    /// The number of the chunk of a label, as words that follow others.
+    fn number(&self, label: &[u8]) -> String {
+        let place = self.places.get(label);
+        let number = |(page, count)| format!(" {}.{count}", page + 1);
+        place.copied().map(number).unwrap_or_default()
+    }
+
+    /// Some words and the number of a chunk, as a link from a page.
+    fn link(&self, page: usize, label: &[u8], words: &str) -> String {
+        let text = words.to_owned() + &self.number(label);
+        self.link_to(page, label, text.trim_ascii_start())
+    }
+
+    /// Some words as a link from a page to a chunk.
+    fn link_to(&self, page: usize, label: &[u8], text: &str) -> String {
+        let Some(&(other, count)) = self.places.get(label) else {
+            return text.to_owned();
+        };
+        let path = match self.is_one || other == page {
+            true => String::new(),
+            false => relative(self.pages[page], self.pages[other]),
+        };
+        format!("[{text}]({path}#chunk-{}-{count})", other + 1)
+    }
+
+    /// Links to some chunks.
+    fn links(&self, page: usize, labels: &[&[u8]]) -> String {
+        let links = labels.iter().map(|label| self.link(page, label, ""));
+        links.collect::<Vec<_>>().join(", ")
+    }
+}
+
+/// The path of one file as seen from another.
+fn relative(from: &[u8], to: &[u8]) -> String {
+    let [from, to] = [from, to].map(text_of);
+    let (from, to): (Vec<_>, Vec<_>) =
+        (from.split('/').collect(), to.split('/').collect());
+    let pairs = from.iter().zip(&to);
+    let same = pairs.take_while(|(a, b)| a == b).count();
+    let same = same.min(from.len() - 1).min(to.len() - 1);
+    "../".repeat(from.len() - 1 - same) + &to[same..].join("/")
+}
+
+#[derive(Default)]
+struct Converter<'a> {
+    pages: Vec<Vec<u8>>,
+    /// The code of a chunk, if we are in one, and its name and label.
+    code: Option<Vec<u8>>,
+    chunk: &'a [u8],
+    place: &'a [u8],
+    is_after_code: bool,
+    /// The label of what comes next.
+    label: &'a [u8],
+    /// Whether the line of the name has not ended yet.
+    naming: bool,
+    /// Code that is quoted in prose, and where it is defined.
+    quote: Option<(Vec<u8>, &'a [u8])>,
+    /// Where the name or the identifier that comes next is defined.
+    reference: &'a [u8],
+    /// For each chunk that was defined the labels of its uses.
+    users: HashMap<&'a [u8], Vec<&'a [u8]>>,
+    continued: Vec<&'a [u8]>,
+    /// What a chunk includes, defines and uses, as links.
+    links: [Vec<String>; 3],
+    /// An entry of a list: its name, where it is defined, and used.
+    entry: (&'a [u8], [Vec<&'a [u8]>; 2]),
+    /// What is shown of identifiers whose keys are longer.
+    shown: HashMap<&'a [u8], &'a [u8]>,
+    lists: [Vec<u8>; 2],
+}
+
+impl<'a> Converter<'a> {
+    fn convert(&mut self, mark: Mark<'a>, plan: &Plan<'a>) {
+        let inner = mark.inner();
+        match (mark.keyword, inner.keyword) {
+            (b"file", _) => self.pages.push(Vec::new()),
+            (b"text", _) => self.text(mark.text()),
+            (b"nl", _) if take(&mut self.naming) => {}
+            (b"nl", _) => self.put(b"\n"),
+            (b"begin", b"code") => self.code = Some(Vec::new()),
+            (b"defn", _) => {
+                (self.chunk, self.place) = (mark.text(), self.label);
+                self.naming = true;
+            }
+            (b"use", _) => self.include(mark.text(), plan),
+            (b"end", b"code") => self.end_code(plan),
+            (b"quote", _) => self.quote = Some((Vec::new(), b"")),
+            (b"endquote", _) => self.end_quote(plan),
+            (b"xref", _) => self.refer(inner, plan),
+            (b"index", _) => self.index(inner, plan),
+            _ => {}
+        }
+    }
+
+    /// Puts a text, after an empty line if it follows a chunk.
+    fn text(&mut self, text: &[u8]) {
+        if take(&mut self.is_after_code) && !text.is_empty() {
+            self.put(b"\n");
+        }
+        self.put(text);
+    }
+
+    fn put(&mut self, text: &[u8]) {
+        let quote = self.quote.as_mut().map(|(text, _)| text);
+        let inside = quote.or(self.code.as_mut());
+        if let Some(out) = inside.or(self.pages.last_mut()) {
+            out.extend(text);
+        }
+    }
+
+    fn refer(&mut self, mark: Mark<'a>, plan: &Plan<'a>) {
+        let (label, chunk) = (mark.text(), self.chunk);
+        match mark.keyword {
+            b"label" => self.label = label,
+            b"ref" => self.reference = label,
+            b"defitem" => self.continued.push(label),
+            b"useitem" => self.users.entry(chunk).or_default().push(label),
+            b"chunkbegin" => self.entry.0 = mark.inner().text(),
+            b"chunkdefn" => self.entry.1[0].push(label),
+            b"chunkuse" => self.entry.1[1].push(label),
+            b"chunkend" => self.end_entry(0, plan),
+            _ => {}
+        }
+    }
+
+    fn index(&mut self, mark: Mark<'a>, plan: &Plan<'a>) {
+        let (text, inner) = (mark.text(), mark.inner());
+        match mark.keyword {
+            b"name" => {
+                self.shown.insert(inner.keyword, inner.text());
+            }
+            b"use" | b"link" => {
+                let label = self.reference;
+                self.quote.iter_mut().for_each(|quote| quote.1 = label);
+            }
+            b"isused" | b"isdefined" | b"entryuse" => {
+                self.entry.1[1].push(text)
+            }
+            b"defitem" => {
+                let mut users = take(&mut self.entry.1[1]);
+                users.retain(|label| *label != self.place);
+                let mut words = self.identifier(text);
+                if !users.is_empty() {
+                    let users = plan.links(self.page(), &users);
+                    words += &format!(" (used in {users})");
+                }
+                self.links[1].push(words);
+            }
+            b"useitem" => {
+                let labels = take(&mut self.entry.1[1]);
+                let label = labels.first().copied().unwrap_or_default();
+                let words = self.identifier(text);
+                self.links[2].push(plan.link(self.page(), label, &words));
+            }
+            b"entrybegin" => self.entry.0 = inner.text(),
+            b"entrydefn" => self.entry.1[0].push(text),
+            b"entryend" => self.end_entry(1, plan),
+            _ => {}
+        }
+    }
+
+    fn identifier(&self, key: &[u8]) -> String {
+        let shown = self.shown.get(key).copied().unwrap_or(key);
+        format!("`{}`", text_of(shown))
+    }
+
+    fn page(&self) -> usize {
+        self.pages.len() - 1
+    }
+
+    fn include(&mut self, name: &[u8], plan: &Plan<'a>) {
+        let number = plan.number(self.reference);
+        self.put(&bytes_of(&format!("⟨{}{number}⟩", text_of(name))));
+        let words = format!("⟨{}⟩", escaped(name));
+        let link = plan.link(self.page(), self.reference, &words);
+        if !self.links[0].contains(&link) {
+            self.links[0].push(link);
+        }
+    }
+
+    fn end_code(&mut self, plan: &Plan<'a>) {
+        let code = self.code.take().unwrap_or_default();
+        let page = self.page();
+        let users = self.users.get(self.chunk).cloned().unwrap_or_default();
+        let [includes, defines, uses] = take(&mut self.links);
+        // Find a fence that is long enough
+        let runs = code.split(|byte| *byte != b'`').map(<[u8]>::len);
+        let fence = "`".repeat(runs.max().unwrap_or(0).max(2) + 1);
+        let number = plan.number(self.place);
+        let anchor = number.trim_ascii_start().replace('.', "-");
+        let name = escaped(self.chunk);
+        let language = text_of(plan.language(self.chunk));
+        let gap =
+            if self.pages[page].ends_with(b"\n\n") { "" } else { "\n" };
+        self.put(&bytes_of(&format!(
+            "{gap}<a id=\"chunk-{anchor}\"></a>\n**⟨{name}⟩** ≡{number}\n\n\
+             {fence}{language}\n"
+        )));
+        self.put(&code);
+        let parts = [
+            ("used in ", plan.links(page, &users)),
+            ("continued in ", plan.links(page, &take(&mut self.continued))),
+            ("includes ", includes.join(", ")),
+            ("defines ", defines.join(", ")),
+            ("uses ", uses.join(", ")),
+        ];
+        let parts = parts.into_iter().filter(|(_, what)| !what.is_empty());
+        let parts = parts.map(|(how, what)| how.to_owned() + &what);
+        let parts = parts.collect::<Vec<_>>().join(" · ");
+        let end = if parts.is_empty() { "" } else { "\n" };
+        self.put(&bytes_of(&format!("{fence}\n{end}{parts}{end}")));
+        self.is_after_code = true;
+    }
+
+    fn end_quote(&mut self, plan: &Plan<'a>) {
+        let Some((code, label)) = self.quote.take() else { return };
+        let out = &self.pages[self.page()];
+        let line = out
+            .iter()
+            .rposition(|byte| *byte == b'\n')
+            .map_or(0, |at| at + 1);
+        let is_free =
+            !out.ends_with(b"[") && !out[line..].starts_with(b"#");
+        let code = format!("`{}`", text_of(&code));
+        let label = if is_free { label } else { b"" };
+        let shown = plan.link_to(self.page(), label, &code);
+        self.put(&bytes_of(&shown));
+    }
+
+    /// Ends an entry of the list of chunks, or of that of identifiers.
+    fn end_entry(&mut self, list: usize, plan: &Plan<'a>) {
+        let (name, [defined, used]) = take(&mut self.entry);
+        let name = match list {
+            0 => format!("⟨{}⟩", escaped(name)),
+            _ => self.identifier(name),
+        };
+        let page = plan.lists[list];
+        let mut line = format!("- {name} {}", plan.links(page, &defined));
+        if !used.is_empty() {
+            line += &format!("; used in {}", plan.links(page, &used));
+        }
+        self.lists[list].extend(bytes_of(&(line + "\n")));
+    }
+}
+
+/// The name of a chunk, in which Markdown sees code alone.
+fn escaped(name: &[u8]) -> String {
+    let name = text_of(name).replace("[[", "`").replace("]]", "`");
+    let parts = name.split('`').enumerate().map(|(i, part)| {
+        let mut text = String::new();
+        for sign in part.chars() {
+            if i % 2 == 0 && r"\*_{}[]<>#|~$&".contains(sign) {
+                text.push('\\');
+            }
+            text.push(sign);
+        }
+        text
+    });
+    parts.collect::<Vec<_>>().join("`")
+}
+
+/// `noweb mdbook`, a preprocessor of mdBook; it supports all that shows
+/// Markdown.
+pub fn run(args: &[OsString], streams: &mut Streams) -> u8 {
+    if args.first().is_some_and(|arg| arg == "supports") {
+        return 0;
+    }
+    match preprocess(streams) {
+        Ok(book) => streams.say(&book.to_string()),
+        Err(faults) => {
+            streams.conclude(Ok(()), &faults);
+            1
+        }
+    }
+}
+
+fn preprocess(streams: &mut Streams) -> Result<Value, Faults> {
+    let given: Result<[Value; 2], _> =
+        serde_json::from_reader(&mut *streams.input);
+    let [context, mut book] = given.map_err(|e| {
+        let text = format!("expected the JSON of mdBook: {e}");
+        vec![Diagnostic::new(Level::Error, None, text)]
+    })?;
+    let rust = context["config"]["preprocessor"]["noweb"]["rust"] == true;
+    let mut contents = Vec::new();
+    collect(&mut book, &mut contents);
+    let source = |(path, content): &(String, &mut Value)| {
+        let text = content.as_str().unwrap_or_default();
+        Source::new(path.clone().into_bytes(), text.as_bytes().to_vec())
+    };
+    let chapters: Vec<_> = contents.iter().map(source).collect();
+    let woven = weave(&chapters, false, rust)?;
+    for ((_, content), page) in contents.into_iter().zip(woven) {
+        *content = text_of(&page).into();
+    }
+    Ok(book)
+}
+
+/// The texts of all chapters, with the paths of their files, in order.
+fn collect<'v>(
+    value: &'v mut Value,
+    found: &mut Vec<(String, &'v mut Value)>,
+) {
+    match value {
+        Value::Array(all) => {
+            all.iter_mut().for_each(|value| collect(value, found))
+        }
+        Value::Object(all) => {
+            let path =
+                all.get("path").and_then(Value::as_str).map(str::to_owned);
+            for (key, value) in all {
+                match (&key[..], &path) {
+                    ("content", Some(path)) => {
+                        found.push((path.clone(), value))
+                    }
+                    _ => collect(value, found),
+                }
+            }
+        }
+        _ => {}
+    }
+}

@@ -1,0 +1,199 @@
+// Copyright (C) 2026 litpt contributors
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+//! Chapters in Markdown: read, tangled and woven; and programs that begin with
+//! the command `new`.
+
+use std::env;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use noweb::diagnostic::Source;
+use noweb::markdown::weave;
+use noweb::project::expand_sources;
+
+const NOWEB: &str = env!("CARGO_BIN_EXE_noweb");
+
+fn chapter(name: &str, text: &str) -> Source {
+    Source::new(name.into(), text.into())
+}
+
+/// The pages of some chapters, each in a file of its own.
+fn woven(chapters: &[Source]) -> Vec<String> {
+    let pages = weave(chapters, false, false).unwrap();
+    let text = |page| String::from_utf8(page).unwrap();
+    pages.into_iter().map(text).collect()
+}
+
+/// The files that a chapter in Markdown defines.
+fn tangled(text: &str) -> Vec<(PathBuf, String)> {
+    let chapters = vec![chapter("a.md", text)];
+    let files = expand_sources(chapters).unwrap().files.into_iter();
+    let text = |text| String::from_utf8(text).unwrap();
+    files.map(|(path, file)| (path, text(file.text))).collect()
+}
+
+#[test]
+fn a_definition_in_a_fence_or_indented_is_prose() {
+    let text = "````\n<<no.rs>>=\n```\n<<no.rs>>=\n````\n  <<no.rs>>=\n\
+                ~~~ rust\n<<no.rs>>=\n```\n~~~~\n`<<no.rs>>=`\n<<a.rs>>=\n\
+                ```\nx @<< 1;\n@@rest\n@\n```\n<<no.rs>>=\n```\n<<b.rs>>=\ny\n";
+    let files = tangled(text);
+    let names: Vec<_> =
+        files.iter().map(|(path, _)| path.to_str()).collect();
+    assert_eq!(names, [Some("a.rs"), Some("b.rs")]);
+    assert_eq!(files[0].1, "```\nx << 1;\n@rest\n");
+}
+
+#[test]
+fn signs_of_noweb_mean_nothing_in_prose() {
+    let prose = "1 << 2, [[a]](b), @ c\n@ %def d\n@@ -1 +1 @@\n@<<e>>\n\t\\`f`\n\
+                 ``g ` h`` `i\n";
+    let page =
+        &woven(&[chapter("a.md", &format!("{prose}<<j.c>>=\nk\n@\n"))])[0];
+    assert!(page.starts_with(prose), "{page}");
+    assert!(page.contains("\n```c\nk\n```\n"));
+}
+
+#[test]
+fn what_is_defined_and_used_is_linked_both_ways() {
+    let pages = woven(&[
+        chapter(
+            "a.md",
+            "# `f`\n`f` [`f`](x) `f()`\n<<src/a.py>>=\nf\n<<b c>>\n@ %def f\nz\n",
+        ),
+        chapter(
+            "sub/b.md",
+            "<<b c>>=\nf ````\n@\n<!-- noweb chunks -->\n<!-- noweb index -->\n",
+        ),
+    ]);
+    assert_eq!(
+        pages[0],
+        "# `f`\n[`f`](#chunk-1-1) [`f`](x) [`f()`](#chunk-1-1)\n\n\
+         <a id=\"chunk-1-1\"></a>\n**⟨src/a.py⟩** ≡ 1.1\n\n```python\nf\n\
+         ⟨b c 2.1⟩\n```\n\nincludes [⟨b c⟩ 2.1](sub/b.md#chunk-2-1) · defines \
+         `f` (used in [2.1](sub/b.md#chunk-2-1))\n\nz\n"
+    );
+    assert_eq!(
+        pages[1],
+        "\n<a id=\"chunk-2-1\"></a>\n**⟨b c⟩** ≡ 2.1\n\n`````python\nf ````\n\
+         `````\n\nused in [1.1](../a.md#chunk-1-1) · uses [`f` 1.1]\
+         (../a.md#chunk-1-1)\n\n\
+         - ⟨b c⟩ [2.1](#chunk-2-1); used in [1.1](../a.md#chunk-1-1)\n\
+         - ⟨src/a.py⟩ [1.1](../a.md#chunk-1-1)\n\n\
+         - `f` [1.1](../a.md#chunk-1-1); used in [2.1](#chunk-2-1)\n\n"
+    );
+    let faults = weave(&[chapter("a.nw", "")], true, false).unwrap_err();
+    assert!(faults[0].to_string().contains("no Markdown"));
+}
+
+/// Files in Markdown of the packages that cargo has fetched for this one.
+fn public_files() -> Vec<PathBuf> {
+    let home = env::var_os("CARGO_HOME").map(PathBuf::from);
+    let home = home.or_else(|| Some(env::home_dir()?.join(".cargo")));
+    let mut dirs = vec![home.unwrap_or_default().join("registry/src")];
+    let mut files = vec![];
+    while let Some(dir) = dirs.pop() {
+        for entry in fs::read_dir(dir).into_iter().flatten().flatten() {
+            let path = entry.path();
+            match path.extension() {
+                _ if path.is_dir() => dirs.push(path),
+                Some(extension) if extension == "md" => files.push(path),
+                _ => {}
+            }
+        }
+    }
+    files.sort();
+    files
+}
+
+#[test]
+fn public_files_are_woven_unchanged() {
+    let files = public_files();
+    if files.len() < 20 {
+        return eprintln!("note: skipped, cargo's registry is elsewhere");
+    }
+    for path in files {
+        let text = fs::read(&path).unwrap();
+        let plain = Source::new(b"a.md".into(), text.clone());
+        let page = weave(&[plain], true, false);
+        assert!(page.unwrap()[0] == text, "{}", path.display());
+        // Before a chunk the same prose goes through all stages.
+        let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&text);
+        let mut text = text.to_vec();
+        text.retain(|byte| *byte != b'\r');
+        let chunk = b"\n```\n~~~\n```\n~~~\n<<zzqq>>=\n1\n@\n";
+        let whole = [&text[..], chunk].concat();
+        let whole = Source::new(b"a.md".into(), whole);
+        let page = weave(&[whole], true, false).unwrap();
+        assert!(page[0].starts_with(&text), "{}", path.display());
+    }
+}
+
+fn run(command: &mut Command) -> String {
+    let output = command.stderr(Stdio::inherit()).output().unwrap();
+    assert!(output.status.success(), "{command:?}");
+    String::from_utf8(output.stdout).unwrap()
+}
+
+#[test]
+fn the_common_words_are_those_of_six_commands() {
+    let place = tempfile::tempdir().unwrap();
+    let web = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/wc.md");
+    let source =
+        run(Command::new(NOWEB).args(["notangle", "-Rwc.rs", web]));
+    fs::write(place.path().join("wc.rs"), source).unwrap();
+    run(Command::new("rustc").arg("wc.rs").current_dir(&place));
+    let pipe = "tr -cs A-Za-z '\\n' | tr A-Z a-z | sort | uniq -c | \
+                LC_ALL=C sort -k1,1nr -k2 | sed 20q";
+    let input = || fs::File::open(web).unwrap();
+    let words = run(Command::new("sh").args(["-c", pipe]).stdin(input()));
+    let program = place.path().join("wc");
+    let ours = run(Command::new(program).arg("20").stdin(input()));
+    assert_eq!(ours, words);
+}
+
+/// A place with a new program, whose build finds our tool.
+fn new_program(form: &str) -> (tempfile::TempDir, PathBuf) {
+    let place = tempfile::tempdir().unwrap();
+    let mut new = Command::new(NOWEB);
+    run(new.args(["new", "greet", form]).current_dir(&place));
+    let again = new.output().unwrap();
+    assert_eq!(again.status.code(), Some(1), "nothing is overwritten");
+    let dir = place.path().join("greet");
+    (place, dir)
+}
+
+fn cargo(dir: &Path, verb: &str) -> std::process::Output {
+    let path = Path::new(NOWEB).parent().unwrap().as_os_str().to_owned();
+    let rest = env::var_os("PATH").unwrap_or_default();
+    let path = [path, rest].join(":".as_ref());
+    let mut cargo = Command::new("cargo");
+    cargo.args([verb, "-q", "--offline"]).current_dir(dir);
+    cargo.env("PATH", path).env("CARGO_TARGET_DIR", dir.join("target"));
+    cargo.output().unwrap()
+}
+
+#[test]
+fn a_new_program_runs_at_once_and_errors_lie_in_its_chapters() {
+    let (_place, dir) = new_program("--markdown");
+    let said = cargo(&dir, "run");
+    assert!(said.stdout.ends_with(b", world!\n"), "{said:?}");
+    let (_other, latex) = new_program("--latex");
+    for file in ["src/main.rs", "src/greeting.rs"] {
+        let [a, b] = [&dir, &latex].map(|dir| fs::read(dir.join(file)));
+        assert_eq!(a.unwrap(), b.unwrap(), "{file}");
+    }
+    assert!(cargo(&latex, "test").status.success());
+    // What is wrong in a chunk is shown in the chapter.
+    let chapter = dir.join("chapters/command.md");
+    let text = fs::read_to_string(&chapter).unwrap();
+    fs::write(&chapter, text.replace("3600", "\"an hour\"")).unwrap();
+    assert!(!cargo(&dir, "run").status.success());
+    let mut map = Command::new(NOWEB);
+    map.args(["map", "chapters/SUMMARY.md", "--", "cargo", "build", "-q"]);
+    let told = map.current_dir(&dir).output().unwrap();
+    let told = String::from_utf8_lossy(&told.stderr).into_owned();
+    assert!(told.contains("chapters/command.md:22:"), "{told}");
+}
