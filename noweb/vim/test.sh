@@ -145,6 +145,11 @@ echo "yes" | sed 's/y/n/'
 y += 2;
 @
 WEB
+mkdir book
+printf '%s\n' '- [One](one.md)' '- [Two](two.md)' > book/SUMMARY.md
+printf '%s\n' '# One' '<<Say it>>=' 'x;' '@' > book/one.md
+printf '%s\n' '# Two' 'See [[a]](b).' '<<two.rs>>=' 'let x = 1;' \
+  '<<Say it>>' '@' > book/two.md
 echo '// tangled' > src/one.rs
 mkdir -p noweb/chapters
 echo '\include{tool}' > noweb/noweb.nw

@@ -142,6 +142,18 @@ function! Test_an_item_that_is_not_listed_leads_to_its_line() abort
   edit!
 endfunction
 
+function! Test_a_web_in_markdown_is_painted_and_searched() abort
+  edit book/two.md
+  call assert_equal('noweb', &filetype)
+  call assert_equal('markdownH1', Group(1, 'Two'))
+  call assert_equal('rustKeyword', Group(4, 'let'))
+  call On(5, 'Say')
+  execute "normal! \<C-]>"
+  call assert_equal('one.md:2:1', Here())
+  edit book/SUMMARY.md
+  call assert_equal('markdown', &filetype)
+endfunction
+
 function! Test_a_tag_can_be_a_pattern() abort
   edit chapters/one.nw
   tag /^Compute

@@ -14,24 +14,46 @@ let s:prose = '^@\%(\s\|$\)'
 let s:use = '@\@1<!<<\zs\%(\[\[.\{-}\]\]\|.\)\{-}\ze>>'
 
 " Find the files of the web
+function! noweb#Master() abort
+  let above = escape(expand('%:p:h'), ' ,') . ';'
+  let masters = map(['litpt.nw', 'book.nw', 'SUMMARY.md'],
+        \ {_, name -> findfile(name, above)})
+  let masters = map(filter(masters, '!empty(v:val)'),
+        \ {_, path -> fnamemodify(path, ':p')})
+  return get(sort(masters, {a, b -> count(b, '/') - count(a, '/')}), 0, '')
+endfunction
+
 function! noweb#Root() abort
-  let master = findfile('litpt.nw', escape(expand('%:p:h'), ' ,') . ';')
-  return empty(master) ? '' : fnamemodify(master, ':p:h')
+  let up = noweb#IsSummary() ? ':h:h' : ':h'
+  return empty(noweb#Master()) ? '' : fnamemodify(noweb#Master(), up)
+endfunction
+
+function! noweb#IsSummary() abort
+  return noweb#Master() =~# 'SUMMARY\.md$'
+endfunction
+
+" Tell the language of the prose
+function! noweb#Prose() abort
+  return expand('%:e') ==# 'md' ? 'markdown' : get(g:, 'noweb_backend', 'tex')
 endfunction
 
 function! noweb#Files() abort
   let here = expand('%:p')
-  let root = noweb#Root()
-  if empty(root)
+  let master = noweb#Master()
+  if empty(master)
     return [here]
   endif
-  let tool = stridx(here, root . '/noweb/') == 0
-  let master = root . (tool ? '/noweb/noweb.nw' : '/litpt.nw')
-  let names = map(s:Lines(master),
-        \ {_, line -> matchstr(line, '^\\include{\zs[^}]*')})
-  let beside = fnamemodify(master, ':h') . '/chapters/'
+  let tool = noweb#Root() . '/noweb/'
+  if stridx(here, tool) == 0
+    let master = tool . 'noweb.nw'
+  endif
+  let [include, folder, ending] = noweb#IsSummary()
+        \ ? ['](\zs[^)]*', '/', ''] : ['^\\include{\zs[^}]*', '/chapters/', '.nw']
+  let names = map(copy(s:Lines(master)),
+        \ {_, line -> matchstr(line, include)})
+  let beside = fnamemodify(master, ':h') . folder
   let files = [master] + map(filter(names, '!empty(v:val)'),
-        \ {_, name -> beside . name . '.nw'})
+        \ {_, name -> beside . name . ending})
   return index(files, here) < 0 ? files + [here] : files
 endfunction
 

@@ -6,3 +6,4 @@
 " warranty.
 " SPDX-License-Identifier: FSFAP
 autocmd BufRead,BufNewFile *.nw set filetype=noweb
+autocmd BufRead *.md if search('^<<.*>>=\s*$', 'nw') | set filetype=noweb | endif

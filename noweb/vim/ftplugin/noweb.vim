@@ -11,7 +11,7 @@
 if exists('b:did_ftplugin')
   finish
 endif
-execute 'runtime! ftplugin/' . get(g:, 'noweb_backend', 'tex') . '.vim'
+execute 'runtime! ftplugin/' . noweb#Prose() . '.vim'
 let b:did_ftplugin = 1
 let b:undo_ftplugin = get(b:, 'undo_ftplugin', 'execute')
 

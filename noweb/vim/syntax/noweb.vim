@@ -13,7 +13,7 @@ if exists('b:current_syntax')
 endif
 
 " Load the syntax of the prose
-execute 'runtime! syntax/' . get(g:, 'noweb_backend', 'tex') . '.vim'
+execute 'runtime! syntax/' . noweb#Prose() . '.vim'
 unlet! b:current_syntax
 syntax cluster nowebInProse contains=nowebQuote,nowebEscape
 for s:group in ['Fold', 'Match', 'Style', 'Bold', 'Ital', 'Cmd', 'MathZone']
@@ -56,9 +56,11 @@ endfor
 syntax sync maxlines=1000
 
 " Paint quoted code and uses
-execute 'syntax region nowebQuote matchgroup=nowebBracket'
-      \ 'start=/@\@1<!\[\[/ end=/\]\]\]\@!/ keepend'
-      \ 'contains=nowebUse,@nowebCode_' . s:language
+if noweb#Prose() !=# 'markdown'
+  execute 'syntax region nowebQuote matchgroup=nowebBracket'
+        \ 'start=/@\@1<!\[\[/ end=/\]\]\]\@!/ keepend'
+        \ 'contains=nowebUse,@nowebCode_' . s:language
+endif
 syntax match nowebUse /@\@1<!<<.\{-}>>/
       \ contained containedin=@nowebAnyCode
 syntax match nowebEscape /@<<\|@>>\|@\[\[\|@\]\]\|^@@/
