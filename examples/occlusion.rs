@@ -13,7 +13,7 @@ use litpt::bvh::{Bvh, Intersector};
 use litpt::sampler::sobol::SobolSampler;
 use litpt::sampler::{Sampler, cosine_direction};
 use litpt::scene::{Ray, Scene, read_obj};
-use litpt::sensor::Candidates;
+use litpt::sensor::Receivers;
 use rayon::prelude::*;
 
 const RAYS: u64 = 256;
@@ -24,7 +24,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mesh = read_obj(&std::fs::read(path)?)?;
     let scene = Scene::new(&mesh);
     let bvh = Bvh::new(&scene)?;
-    let vertices = Candidates::vertices(&scene.triangles).receivers;
+    let vertices = Receivers::vertices(&scene.triangles);
     let began = Instant::now();
     let open = |i: usize| {
         let from = vertices.hit(i, [0, 0]);

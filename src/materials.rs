@@ -13,9 +13,7 @@ use crate::bvh::{Bvh, GROUND};
 use crate::scene::{Mark, MarkKind};
 
 /// What is taken of the three numbers of a material.
-#[derive(
-    ValueEnum, Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize,
-)]
+#[derive(ValueEnum, Clone, Copy, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Band {
     /// The first.

@@ -332,9 +332,7 @@ pub struct Target {
 }
 
 /// Whose error is to be reached.
-#[derive(
-    ValueEnum, Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize,
-)]
+#[derive(ValueEnum, Clone, Copy, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ErrorOf {
     /// The root mean square of all pixels.
@@ -661,7 +659,7 @@ impl Options {
     /// The error to reach, and which error it is.
     pub fn target(&self) -> Option<(f64, Measure)> {
         let Target { error, is_relative } = self.error?;
-        let largest = self.error_of == ErrorOf::Max;
+        let largest = matches!(self.error_of, ErrorOf::Max);
         Some((error, Measure { relative: is_relative, largest }))
     }
 

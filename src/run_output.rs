@@ -4,9 +4,9 @@
 
 //! The files of a run, kept up to date while it goes on.
 
-use std::cell::{LazyCell, OnceCell};
+use std::cell::LazyCell;
 use std::collections::BTreeMap;
-use std::io::{self, Write};
+use std::io::Write;
 use std::time::{Duration, Instant};
 
 use serde_json::{Map, Value, json};
@@ -18,7 +18,8 @@ use crate::image::{Format, Image, Picture};
 use crate::output::OutputTarget;
 use crate::render_loop::Convergence;
 use crate::report::{Kind, as_typed};
-use crate::sensor::table::TableFormat;
+use crate::sensor::Receivers;
+use crate::sensor::table::{Table, TableFormat};
 use crate::state::checkpoint::{Known, save};
 use crate::state::key::entries;
 
@@ -60,18 +61,13 @@ pub struct RunOutput<'a> {
     every: Duration,
     /// What is known of the run, which goes into the files.
     pub known: Known,
-    /// Finds what the pixels show, if there is a camera.
-    trace: Option<&'a dyn Fn() -> FirstHits>,
-    hits: OnceCell<FirstHits>,
+    /// What the pixels show, if there is a camera.
+    hits: Option<LazyCell<FirstHits, &'a dyn Fn() -> FirstHits>>,
     /// By how much PNG files are brighter, if that is said.
     pub exposure: Option<Exposure>,
-    /// Writes the values of receivers, if there are any.
-    pub table: Option<&'a WriteTable<'a>>,
+    /// The receivers, if there are any, and their table.
+    pub table: Option<(&'a Table, &'a Receivers)>,
 }
-
-/// Writes the values on a film of receivers.
-pub type WriteTable<'a> =
-    dyn Fn(TableFormat, &Film, &mut dyn Write) -> io::Result<()> + 'a;
 
 impl RunFile {
     fn is_due(&self, now: Instant, convergence: &Convergence) -> bool {
@@ -113,16 +109,8 @@ impl<'a> RunOutput<'a> {
             RunFile { product, target, due, seconds: 0. }
         };
         let files = files.into_iter().map(file).collect();
-        let hits = OnceCell::new();
-        Self {
-            files,
-            every,
-            known,
-            trace,
-            hits,
-            exposure: None,
-            table: None,
-        }
+        let hits = trace.map(LazyCell::new);
+        Self { files, every, known, hits, exposure: None, table: None }
     }
 
     /// Writes the files that are due `now`, or all of them a last time.
@@ -136,7 +124,7 @@ impl<'a> RunOutput<'a> {
         film: &Film,
         now: Option<Instant>,
     ) -> Result<(), String> {
-        let Self { files, every, known, trace, hits, .. } = self;
+        let Self { files, every, known, hits, .. } = self;
         let (exposure, table) = (self.exposure, self.table);
         known.report.convergence.clone_from(convergence);
         let is_due = |file: &RunFile| {
@@ -146,9 +134,9 @@ impl<'a> RunOutput<'a> {
         let began = Instant::now();
         let mut shown =
             files.iter().filter(|file| file.product.is_picture());
-        let filtered = match trace {
-            Some(trace) if known.run_key.filtered && shown.any(is_due) => {
-                Filtered::of(film, hits.get_or_init(trace))
+        let filtered = match hits {
+            Some(hits) if known.run_key.filtered && shown.any(is_due) => {
+                Filtered::of(film, hits)
             }
             _ => None,
         };
@@ -159,10 +147,8 @@ impl<'a> RunOutput<'a> {
         let has = |wanted| files.iter().any(|file| file.product == wanted);
         let (png, page) =
             (Product::Image(Format::Png), Product::Report(Kind::Html));
-        let hits = &*hits;
-        let stops_of = |exposure: Exposure| match *trace {
-            Some(trace) if exposure == Exposure::Auto => {
-                let hits = hits.get_or_init(trace);
+        let stops_of = |exposure: Exposure| match &*hits {
+            Some(hits) if exposure == Exposure::Auto => {
                 exposure.stops(hits.of_surfaces(film.means()))
             }
             _ => exposure.stops(film.means().filter(|mean| *mean < 1.)),
@@ -205,7 +191,10 @@ impl<'a> RunOutput<'a> {
                     out.write_all(page(kind).as_bytes())
                 }
                 Product::Table(format) => {
-                    table.map_or(Ok(()), |table| table(format, film, out))
+                    let write = |(table, all): (&Table, _)| {
+                        table.write(format, all, film, out)
+                    };
+                    table.map_or(Ok(()), write)
                 }
                 Product::State => save(known, film, out),
             };
@@ -229,10 +218,7 @@ impl<'a> RunOutput<'a> {
             file.due = file.due.and(Instant::now().checked_add(pause));
             file.seconds = convergence.seconds;
         }
-        match failures.is_empty() {
-            true => Ok(()),
-            false => Err(failures.join("; ")),
-        }
+        if failures.is_empty() { Ok(()) } else { Err(failures.join("; ")) }
     }
 
     /// A guess of the seconds that all files take for so many pixels, if none

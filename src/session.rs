@@ -5,7 +5,7 @@
 
 use std::env;
 use std::fs::{self, File};
-use std::io::{self, IsTerminal, Read, Write};
+use std::io::{self, IsTerminal, Read};
 use std::path::{Path, PathBuf};
 use std::process::{self, ExitCode};
 use std::sync::{Arc, Mutex};
@@ -48,9 +48,9 @@ use crate::render::choose::{
 use crate::render_loop::{Convergence, Interrupt, Limits, Stop};
 use crate::report::{Kind, Report, SceneFile};
 use crate::run_output::{Product, RunOutput, attributes};
-use crate::scene::{Frame, MarkKind, Mesh, Scene, begins_obj, read_file};
+use crate::scene::{MarkKind, Mesh, Scene, begins_obj, read_file};
 use crate::sensor::table::{Shape, Table, TableFormat};
-use crate::sensor::{Candidates, Sensor, read_points, refusals};
+use crate::sensor::{Sensor, read_points};
 use crate::sky::{Cover, Sky};
 use crate::state::checkpoint::{Checkpoint, Known};
 use crate::state::key::{Asked, RunKey, Subject, entries};
@@ -244,16 +244,10 @@ fn run(
     let has_camera = matches!(&world.sensor, Sensor::Camera(..));
     let trace = has_camera.then_some(&trace as &dyn Fn() -> FirstHits);
     let mut output = RunOutput::new(files, often, known, trace);
-    let write = |format, film: &Film, out: &mut dyn Write| match (
-        &world.table,
-        &world.sensor,
-    ) {
-        (Some(table), Sensor::Receivers(receivers)) => {
-            table.write(format, receivers, film, out)
-        }
-        _ => Ok(()),
+    output.table = match (&world.table, &world.sensor) {
+        (Some(table), Sensor::Receivers(all)) => Some((table, all)),
+        _ => None,
     };
-    output.table = Some(&write);
     let auto = image.is_some().then_some(Exposure::Auto);
     output.exposure = options.exposure.or(auto);
     // Collect the limits
@@ -452,8 +446,9 @@ struct Loaded {
     /// The report, which begins.
     report: Report,
     albedos: FaceAlbedos,
-    /// The receivers that are asked for, and what their table shows.
-    asked: Option<(Candidates, Table)>,
+    sensor: Sensor,
+    /// What is shown beside the values of receivers.
+    table: Option<Table>,
 }
 
 /// Reads a scene, and points if receivers are asked for there; with a hash of
@@ -520,14 +515,8 @@ fn load(
     let view = outside.unwrap_or(typed_view);
     let light = Sky::with(zenith, options.sky);
     let sky = (light != Sky::new(view.up)).then_some(light);
-    let receivers = match options {
-        Options { points: Some(_), .. } => {
-            Some(Asked::Points(sha256(&points)))
-        }
-        Options { faces: Some(side), .. } => Some(Asked::Faces(*side)),
-        Options { vertices: true, .. } => Some(Asked::Vertices),
-        _ => None,
-    };
+    let (receivers, table) =
+        asked(options, &points, &mesh, &albedos)?.unzip();
     let subject = Subject {
         resolution,
         crop,
@@ -576,48 +565,47 @@ fn load(
             return Err(format!("{}: shows {differing}", path.display()));
         }
     }
-    let shape = shape(options, &points, &mesh)?;
     let scene = Scene::of(mesh);
-    let asked = shape.map(|shape| {
-        let candidates = candidates(&shape, &scene);
-        let count = candidates.count;
-        let albedos = options.radiosity.then(|| albedos.clone());
-        (candidates, Table { shape, count, albedos })
-    });
-    Ok(Loaded { scene, subject, report, albedos, asked })
+    // Say what starts the samples
+    let sensor = match &table {
+        Some(table) => Sensor::Receivers(table.receivers(&scene)),
+        None => {
+            let camera = Camera::new(&subject.view, aspect(resolution))?;
+            let entrance = scene.frame.entrance(camera.position);
+            Sensor::Camera(camera, entrance)
+        }
+    };
+    Ok(Loaded { scene, subject, report, albedos, sensor, table })
 }
 
-/// What bears the values of receivers, if they are asked for.
-fn shape(
+/// The receivers that are asked for, if any, and their table.
+fn asked(
     options: &Options,
     points: &[u8],
     mesh: &Mesh,
-) -> Result<Option<Shape>, String> {
-    let (vertices, triangles) = (&mesh.vertices, &mesh.triangles);
-    Ok(if let Some(path) = &options.points {
-        let read = read_points(points);
-        let file = input_name(path);
-        Some(Shape::Points(read.map_err(|e| format!("{file}{e}"))?))
-    } else if let Some(side) = options.faces {
-        let (vertices, triangles) = (vertices.clone(), triangles.clone());
-        Some(Shape::Faces(vertices, triangles, mesh.faces(), side))
-    } else if options.vertices {
-        Some(Shape::Vertices(vertices.clone(), triangles.clone()))
-    } else {
-        None
-    })
-}
-
-/// The receivers of a shape in a scene.
-fn candidates(shape: &Shape, scene: &Scene) -> Candidates {
-    match shape {
-        Shape::Points(points) => Candidates::points(points, &scene.frame),
-        Shape::Vertices(..) => Candidates::vertices(&scene.triangles),
-        Shape::Faces(_, triangles, faces, side) => {
-            let vertices = &scene.triangles.vertices;
-            Candidates::faces(vertices, triangles, faces, *side)
+    albedos: &FaceAlbedos,
+) -> Result<Option<(Asked, Table)>, String> {
+    let of_mesh = |asked, shape| {
+        (asked, shape, mesh.vertices.clone(), mesh.triangles.clone())
+    };
+    let (asked, shape, vertices, triangles) = match options {
+        Options { points: Some(path), .. } => {
+            let read = read_points(points);
+            let read = read.map_err(|e| format!("{}{e}", input_name(path)));
+            let (places, normals) = read?.into_iter().unzip();
+            let asked = Asked::Points(sha256(points));
+            (asked, Shape::Points(normals), places, vec![])
         }
-    }
+        &Options { faces: Some(side), .. } => {
+            of_mesh(Asked::Faces(side), Shape::Faces(mesh.faces(), side))
+        }
+        Options { vertices: true, .. } => {
+            of_mesh(Asked::Vertices, Shape::Vertices)
+        }
+        _ => return Ok(None),
+    };
+    let albedos = options.radiosity.then(|| albedos.clone());
+    Ok(Some((asked, Table { shape, vertices, triangles, albedos })))
 }
 
 /// The bytes of a file or of standard input.
@@ -688,8 +676,8 @@ fn build(
     ranks: &dyn Ranks,
 ) -> Result<World, String> {
     let began = Instant::now();
-    let Loaded { scene, subject, report, albedos, asked } = loaded;
-    let sensor = camera(&subject, &scene.frame)?;
+    let Loaded { scene, mut subject, report, albedos, mut sensor, table } =
+        loaded;
     // Leave out what would take too long to look for
     let (width, height) = subject.resolution;
     let tiles = f64::from(width) * f64::from(height) / 256.;
@@ -707,15 +695,11 @@ fn build(
         options.tiles.unwrap_or((1, 1)),
         tile_height(subject.resolution),
     );
-    let area = match &asked {
-        Some((candidates, _)) => candidates.receivers.len(),
-        None => tiles.area(),
-    } as f64;
-    let paths = options.goal(1).map(|n| n as f64 * area);
-    let is_outside = matches!(
-        &sensor,
-        Sensor::Camera(_, entrance) if !entrance.is_inside && asked.is_none()
-    );
+    let (area, is_outside) = match &sensor {
+        Sensor::Camera(_, entrance) => (tiles.area(), !entrance.is_inside),
+        Sensor::Receivers(receivers) => (receivers.len(), false),
+    };
+    let paths = options.goal(1).map(|n| n as f64 * area as f64);
     let rays =
         expected_rays((is_outside, subject.albedo), paths, options.time);
     let rays = rays / ranks.place().1 as f64;
@@ -737,40 +721,29 @@ fn build(
     let bvh = bvh.map_err(|e| e.to_string())?.above(ground);
     drop(step);
     let albedos = AlbedoTable::new(&albedos, &bvh)?;
-    let (analysis, table) = (SceneAnalysis::default(), None);
-    let mut world =
-        World { subject, report, sensor, albedos, bvh, analysis, table };
     // Settle the receivers
-    if let Some((candidates, table)) = asked {
-        let middles = candidates.middles();
-        let grid = Grid::around(&middles);
-        let (receivers, refused) =
-            candidates.settle(&world.bvh, |hit| grid.order(hit));
-        let names = match &table.shape {
-            Shape::Points(_) => "points",
-            Shape::Vertices(..) => "vertices",
-            Shape::Faces(..) => "faces",
-        };
-        let number = |number| match table.face(number) {
-            (face, true) => format!("the back of {}", face + 1),
-            (face, false) => (face + 1).to_string(),
-        };
-        let told = refusals(&refused, table.count, names, number);
+    if let (Some(table), Sensor::Receivers(receivers)) =
+        (&table, &mut sensor)
+    {
+        let grid = Grid::around(&receivers.middles());
+        receivers.settle(&bvh, |hit| grid.order(hit));
+        let told = table.refusals(receivers);
         told.iter().for_each(|told| progress::warn(told));
-        let count = receivers.len();
+        let (count, name) = (receivers.len(), table.shape.name());
         if count == 0 {
-            return Err(format!("none of the {names} has a value"));
+            return Err(format!("none of the {name} has a value"));
         }
-        world.subject.resolution = (1, count as u32);
+        subject.resolution = (1, count as u32);
         let rows = count.div_ceil(256) as u32;
         if options.tiles.is_some_and(|(_, n)| n > rows) {
             return Err(format!(
-                "--tiles: the {count} {names} have {rows} tiles, and not more bands"
+                "--tiles: the {count} {name} have {rows} tiles, and not more bands"
             ));
         }
-        world.sensor = Sensor::Receivers(receivers);
-        world.table = Some(table);
     }
+    let analysis = SceneAnalysis::default();
+    let mut world =
+        World { subject, report, sensor, albedos, bvh, analysis, table };
     let World { bvh, .. } = &world;
     let analysis = SceneAnalysis::find(&left_out, bvh, &world.view(), kept);
     let report = &mut world.report;
@@ -780,14 +753,6 @@ fn build(
     report.build_seconds = began.elapsed().as_secs_f64();
     world.analysis = analysis;
     Ok(world)
-}
-
-/// The camera that is asked for; any, if there are receivers.
-fn camera(subject: &Subject, frame: &Frame) -> Result<Sensor, String> {
-    let &Subject { ref view, resolution, .. } = subject;
-    let camera = Camera::new(view, aspect(resolution))?;
-    let entrance = frame.entrance(camera.position);
-    Ok(Sensor::Camera(camera, entrance))
 }
 
 /// Tells what can be left out, and what the rest is made of.
