@@ -19,7 +19,7 @@ mod triangle;
 mod wide;
 
 pub use ground::{GROUND, Ground};
-pub use intersector::{BEAM, Dispatch, Hit, Intersector};
+pub use intersector::{BEAM, Batch, Dispatch, Hit, Intersector};
 pub use spawn::{is_within, lifted, too_small};
 pub use triangle::NONE;
 pub use wide::Quality;
@@ -239,10 +239,7 @@ impl Intersector for Bvh {
         })
     }
 
-    fn first_hits(
-        &self,
-        rays: &[Option<Ray>; BEAM],
-    ) -> [Option<Hit>; BEAM] {
+    fn first_hits(&self, rays: &Batch<Ray>) -> Batch<Hit> {
         with_traverser!(self, traverser => traverser.first_hits(rays))
     }
 

@@ -14,7 +14,8 @@ use glam::DVec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::bvh::{BEAM, Bvh, Hit, Intersector, NONE, is_within, lifted};
+use crate::bvh::{BEAM, Batch, Bvh, Hit, Intersector, NONE};
+use crate::bvh::{is_within, lifted};
 use crate::camera::Camera;
 use crate::numerics::{cross, normalise, power_of_two};
 use crate::sampler::{to_unit, within};
@@ -33,7 +34,7 @@ pub struct Starts {
     /// Where their rays went; those of receivers have none.
     pub directions: [DVec3; BEAM],
     /// The surfaces that they have met, or receivers.
-    pub hits: [Option<Hit>; BEAM],
+    pub hits: Batch<Hit>,
     /// The number of rays traced.
     pub rays: u64,
 }
@@ -48,7 +49,7 @@ impl Sensor {
     pub fn starts(
         &self,
         intersector: &impl Intersector,
-        places: &[Option<Place>; BEAM],
+        places: &Batch<Place>,
         (width, height): (u32, u32),
         sees_sky: bool,
     ) -> Starts {
@@ -57,11 +58,8 @@ impl Sensor {
             Self::Receivers(receivers) => {
                 let hit = |((_, y), u): Place| receivers.hit(y as usize, u);
                 let hits = array::from_fn(|i| places[i].map(hit));
-                return Starts {
-                    directions: [DVec3::ZERO; BEAM],
-                    hits,
-                    rays: 0,
-                };
+                let directions = [DVec3::ZERO; BEAM];
+                return Starts { directions, hits, rays: 0 };
             }
         };
         let (mut across, mut down) = ([0.; BEAM], [0.; BEAM]);
