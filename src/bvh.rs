@@ -76,8 +76,7 @@ impl Isa {
 
 impl fmt::Display for Isa {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        let value = self.to_possible_value();
-        f.write_str(value.expect("a name for each").get_name())
+        f.write_str(&format!("{self:?}").to_lowercase())
     }
 }
 
@@ -179,9 +178,7 @@ impl Bvh {
 
     /// The face of the file, from 0, that a `Hit::primitive` is part of.
     pub fn face(&self, primitive: u32) -> u32 {
-        with_traverser!(self, traverser => {
-            traverser.wide.leaves.face(primitive)
-        })
+        with_traverser!(self, own => own.wide.leaves.face(primitive))
     }
 
     /// Whether `asked` is true of a triangle and its corners. Only boxes
@@ -234,9 +231,7 @@ impl Intersector for Bvh {
         from: Option<u32>,
         target: u32,
     ) -> bool {
-        with_traverser!(self, traverser => {
-            traverser.is_visible(ray, from, target)
-        })
+        with_traverser!(self, own => own.is_visible(ray, from, target))
     }
 
     fn first_hits(&self, rays: &Batch<Ray>) -> Batch<Hit> {

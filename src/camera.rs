@@ -11,7 +11,7 @@ use clap::ValueEnum;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use crate::numerics::{cross, normalise, power_of_two};
+use crate::numerics::{bounds, cross, normalise, power_of_two};
 use crate::sky::Sky;
 
 /// Where a camera stands and where it looks, in the file's coordinates.
@@ -186,11 +186,7 @@ impl View {
         points: impl Iterator<Item = &'a DVec3> + Clone,
         aspect: f64,
     ) -> Option<Self> {
-        let [low, high] = [DVec3::INFINITY, DVec3::NEG_INFINITY];
-        let corners = points
-            .clone()
-            .fold([low, high], |[a, b], p| [a.min(*p), b.max(*p)]);
-        let [low, high] = corners;
+        let (low, high) = bounds(points.clone().copied());
         let target = 0.5 * low + 0.5 * high;
         let [away, up] = from.axes(zenith, self.up);
         let size = (high - low).max_element();

@@ -319,6 +319,12 @@ impl Film {
         self.pixels.len() as u64
     }
 
+    /// Bands of at most `SIDE` rows of its window.
+    fn bands(&self) -> impl IndexedParallelIterator<Item = Window> {
+        let tops = (0..self.window.size.1).into_par_iter();
+        tops.step_by(SIDE as usize).map(|top| self.window.rows(top, SIDE))
+    }
+
     /// The tiles of the whole window of its run.
     pub fn all_tiles(&self) -> Vec<Tile> {
         Self::layout(self.whole, tile_height(self.resolution)).0
@@ -489,11 +495,9 @@ impl Film {
         let few = self.samples() < 2 * self.replicate;
         // Sum numbers of all pixels over rows
         let total = |of: &(dyn Fn(Window) -> Vec<f64> + Sync)| -> f64 {
-            let (width, height) = self.window.size;
-            let tops = (0..height).into_par_iter().step_by(SIDE as usize);
-            let rows = tops.flat_map_iter(|top| {
-                let values = of(self.window.rows(top, SIDE));
-                let rows = values.chunks(width as usize);
+            let rows = self.bands().flat_map_iter(|band| {
+                let values = of(band);
+                let rows = values.chunks(self.window.size.0 as usize);
                 rows.map(|row| row.iter().sum()).collect::<Vec<f64>>()
             });
             rows.collect::<Vec<f64>>().iter().sum()
@@ -623,10 +627,7 @@ impl Film {
 
     /// An error of the image; infinite if it is unknown.
     pub fn error(&self, measure: Measure) -> f64 {
-        let height = self.window.size.1;
-        let tops = (0..height).into_par_iter().step_by(SIDE as usize);
-        let sums = tops.map(|top| {
-            let band = self.window.rows(top, SIDE);
+        let sums = self.bands().map(|band| {
             let errors = self.errors(WORTH, band).into_iter();
             let squares =
                 errors.zip(self.means_of(band)).map(|(error, mean)| {

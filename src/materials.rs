@@ -34,13 +34,12 @@ pub fn libraries(
     marks: &[Mark],
     folder: &Path,
     band: Option<Band>,
-) -> Result<(BTreeMap<String, f64>, Vec<String>), String> {
+) -> Result<(BTreeMap<String, f64>, Option<String>), String> {
     let mut albedos = BTreeMap::new();
     let named = marks.iter().filter(|mark| mark.kind == MarkKind::Library);
     for Mark { name, .. } in named {
-        let whole = [name.as_str()].into_iter();
-        let files: Vec<&str> = match folder.join(name).exists() {
-            true => whole.collect(),
+        let files = match folder.join(name).exists() {
+            true => vec![name.as_str()],
             false => name.split_whitespace().collect(),
         };
         for file in files {
@@ -75,7 +74,6 @@ pub fn libraries(
         let count = used.len();
         format!("{count} materials have no Kd, the first {first}: their albedo is that of -r")
     });
-    let odd = odd.into_iter().collect();
     Ok((albedos, odd))
 }
 
@@ -220,8 +218,9 @@ impl AlbedoTable {
 /// What all surfaces reflect.
 #[derive(Clone, Copy, Debug)]
 pub struct Surfaces<'a> {
-    /// Of all triangles, if there is no table.
-    albedo: f64,
+    /// A typical albedo: the mean over the area of all triangles; that of
+    /// each, if there is no table.
+    pub typical: f64,
     table: Option<&'a AlbedoTable>,
     /// Of the ground.
     ground: f64,
@@ -232,17 +231,17 @@ pub struct Surfaces<'a> {
 impl<'a> Surfaces<'a> {
     /// One albedo for all surfaces.
     pub fn of(albedo: f64) -> Self {
-        Self { albedo, table: None, ground: 0., most: albedo }
+        Self { typical: albedo, table: None, ground: 0., most: albedo }
     }
 
     /// An albedo for each triangle, from a table if there are several, and
     /// one for the ground, if there is one.
     pub fn new(table: &'a AlbedoTable, ground: Option<f64>) -> Self {
-        let (albedo, ground) = (table.mean, ground.unwrap_or(0.));
+        let ground = ground.unwrap_or(0.);
         let most = table.albedos.iter().copied().fold(ground, f64::max);
         let many = table.albedos.len() > 1;
-        let albedo = if many { albedo } else { table.albedos[0] };
-        Self { albedo, table: many.then_some(table), ground, most }
+        let typical = if many { table.mean } else { table.albedos[0] };
+        Self { typical, table: many.then_some(table), ground, most }
     }
 
     /// The albedo at a hit on this triangle, on the ground, or at a receiver,
@@ -256,7 +255,7 @@ impl<'a> Surfaces<'a> {
                 table.albedos
                     [usize::from(table.numbers[primitive as usize])]
             }
-            None => self.albedo,
+            None => self.typical,
         }
     }
 
@@ -265,10 +264,5 @@ impl<'a> Surfaces<'a> {
     pub fn share(&self, primitive: u32) -> f64 {
         let albedo = self.albedo(primitive);
         if albedo == self.most { 1. } else { albedo / self.most }
-    }
-
-    /// A typical albedo: the mean over the area of all triangles.
-    pub fn typical(&self) -> f64 {
-        self.albedo
     }
 }

@@ -344,12 +344,10 @@ pub enum ErrorOf {
 /// Parses an error to reach.
 fn parse_target(text: &str) -> Result<Target, String> {
     let positive = only(parse_real, |&x| x > 0., POSITIVE);
-    Ok(match text.strip_suffix('%') {
-        Some(number) => {
-            Target { error: 0.01 * positive(number)?, is_relative: true }
-        }
-        None => Target { error: positive(text)?, is_relative: false },
-    })
+    let part = text.strip_suffix('%');
+    let unit = if part.is_some() { 0.01 } else { 1. };
+    let error = unit * positive(part.unwrap_or(text))?;
+    Ok(Target { error, is_relative: part.is_some() })
 }
 
 /// Parses an albedo.
@@ -533,10 +531,7 @@ impl Options {
             return Err(usage(fault, "pt"));
         }
         typed.checkpoint = state;
-        match typed.resume {
-            None => typed.checked(),
-            Some(_) => Ok(typed),
-        }
+        if typed.resume.is_some() { Ok(typed) } else { typed.checked() }
     }
 
     /// These options after those of a run that was saved.

@@ -145,22 +145,22 @@ impl<'a> RunOutput<'a> {
         let filtered = filtered.as_ref().map(|filtered| &filtered.image);
         // Choose the exposure of pictures
         let has = |wanted| files.iter().any(|file| file.product == wanted);
-        let (png, page) =
-            (Product::Image(Format::Png), Product::Report(Kind::Html));
         let stops_of = |exposure: Exposure| match &*hits {
             Some(hits) if exposure == Exposure::Auto => {
                 exposure.stops(hits.of_surfaces(film.means()))
             }
             _ => exposure.stops(film.means().filter(|mean| *mean < 1.)),
         };
-        if has(png) && film.unsampled() < film.area() {
+        if has(Product::Image(Format::Png))
+            && film.unsampled() < film.area()
+        {
             known.report.exposure = exposure.map(&stops_of);
             let dark =
                 film.means().filter(|mean| *mean < 0.1).count() as u64;
             let is_dark = dark >= film.area() - film.area() / 10;
             known.report.is_dark = is_dark && exposure.is_none();
         }
-        if has(page) {
+        if has(Product::Report(Kind::Html)) {
             known.report.page_exposure =
                 stops_of(exposure.unwrap_or(Exposure::Auto));
         }

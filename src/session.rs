@@ -32,19 +32,15 @@ use crate::filter::FirstHits;
 use crate::image::{Format, Image};
 use crate::integrator::gather::cache::Grid;
 use crate::integrator::{Alone, Together};
-use crate::materials::{
-    AlbedoTable, FaceAlbedos, Named, Surfaces, libraries, names,
-};
+use crate::materials::{AlbedoTable, FaceAlbedos, Named, Surfaces};
+use crate::materials::{libraries, names};
 use crate::memory::zeroed;
 use crate::options::{Error, Options, input_name, is_dash};
 use crate::output::{OutputTarget, format_of, tell_apart};
-use crate::progress::{
-    self, ProgressBar, expect, metric, render_bar, step,
-};
+use crate::progress::{self, ProgressBar, expect, render_bar, step};
 use crate::render::Renderer;
-use crate::render::choose::{
-    Choice, Method, Request, Sampling, Setup, expected_rays,
-};
+use crate::render::choose::{Choice, Method, Request, Sampling};
+use crate::render::choose::{Setup, expected_rays};
 use crate::render_loop::{Convergence, Interrupt, Limits, Stop};
 use crate::report::{Kind, Report, SceneFile};
 use crate::run_output::{Product, RunOutput, attributes};
@@ -93,10 +89,8 @@ pub fn lead(ranks: &dyn Ranks) -> ExitCode {
         return ExitCode::from(2);
     }
     let typed = Options::parse(env::args_os());
-    match typed.and_then(|typed| run(typed, start, ranks)) {
-        Ok(stop) => ExitCode::from(status(stop, 0)),
-        Err(error) => fail(error),
-    }
+    let done = typed.and_then(|typed| run(typed, start, ranks));
+    done.map_or_else(fail, |stop| status(stop, 0).into())
 }
 
 /// Says why a program ends, and with which status.
@@ -124,10 +118,7 @@ fn print(text: &StyledStr) -> Result<(), String> {
 
 /// The exit status of a stop, which is `other` if it is no signal.
 fn status(stop: Stop, other: u8) -> u8 {
-    match stop {
-        Stop::Signal(signal) => 128 + signal as u8,
-        _ => other,
-    }
+    if let Stop::Signal(signal) = stop { 128 + signal as u8 } else { other }
 }
 
 /// Has the allocator give each dropped array back to the system if it is
@@ -177,13 +168,8 @@ fn run(
     let mut points = points.map_or(Ok(vec![]), |path| read(path, false))?;
     ranks.tell(&mut points);
     let is_named = taught.is_some() || files.iter().any(names_the_scene);
-    let mut loaded = load(
-        options,
-        [bytes, points],
-        is_named,
-        reference.as_ref(),
-        ranks,
-    )?;
+    let (read, like) = ([bytes, points], reference.as_ref());
+    let mut loaded = load(options, read, is_named, like, ranks)?;
     loaded.report.load_seconds = began.elapsed().as_secs_f64();
     enter("building the hierarchy", None);
     let world = build(loaded, options, ranks)?;
@@ -217,9 +203,8 @@ fn run(
     if let (Some(path), Some(taught)) = (&options.learnt, taught) {
         let (name, Checkpoint { mut known, .. }) = (path.display(), taught);
         known.run_key.part = run_key.part;
-        known
-            .belongs_to(&run_key)
-            .map_err(|fault| format!("{name}: {fault}"))?;
+        let belongs = known.belongs_to(&run_key);
+        belongs.map_err(|fault| format!("{name}: {fault}"))?;
         learnt = known.learnt;
         if learnt.get().is_none() && sampling.method == Method::Gather {
             return Err(format!("{name}: holds nothing learnt").into());
@@ -277,8 +262,7 @@ fn keeps_halves(
     sampling: Sampling,
     resumed: Option<&Checkpoint>,
 ) -> bool {
-    let mut products = files.iter().map(|(product, _)| product);
-    let shows = products.any(|product| product.is_picture())
+    let shows = files.iter().any(|(product, _)| product.is_picture())
         || options.part(1).is_some();
     let is_wanted =
         sampling.method != Method::Reference && shows && !options.no_filter;
@@ -478,12 +462,12 @@ fn load(
     } else if options.materials {
         let folder = options.scene_file().and_then(Path::parent);
         let folder = folder.unwrap_or(Path::new(""));
-        let (materials, odd) =
+        let odd;
+        (named.materials, odd) =
             libraries(&mesh.marks, folder, options.band)?;
-        tell(ranks, &materials);
+        tell(ranks, &named.materials);
         odd.iter()
             .for_each(|odd| progress::warn(&format!("{file}: {odd}")));
-        named.materials = materials;
     } else if ignored > 0 && named.named_albedos.is_empty() {
         let albedo = options.albedo();
         progress::warn(&format!(
@@ -496,23 +480,22 @@ fn load(
     // Say what is shown
     let &Options { resolution, crop, ground, .. } = options;
     let albedo = options.albedo();
-    let (mut typed_view, has_camera) =
-        (options.view(), options.has_camera());
+    let mut view = options.view();
     let zenith = match options.zenith {
-        None => Sky::new(typed_view.up).zenith,
+        None => Sky::new(view.up).zenith,
         Some(zenith) => Sky::with(zenith, Cover::Uniform).zenith,
     };
-    if options.zenith.is_some() && typed_view.up == DVec3::Z {
-        typed_view.up = zenith;
+    if options.zenith.is_some() && view.up == DVec3::Z {
+        view.up = zenith;
     }
-    let outside = || {
+    if !options.has_camera() {
         let from = options.viewpoint.unwrap_or(Viewpoint::Iso);
         let corners = mesh.triangles.iter().flatten();
         let points = corners.map(|&i| &mesh.vertices[i as usize]);
-        typed_view.outside(from, zenith, points, aspect(resolution))
-    };
-    let outside = if has_camera { None } else { outside() };
-    let view = outside.unwrap_or(typed_view);
+        let outside =
+            view.outside(from, zenith, points, aspect(resolution));
+        view = outside.unwrap_or(view);
+    }
     let light = Sky::with(zenith, options.sky);
     let sky = (light != Sky::new(view.up)).then_some(light);
     let (receivers, table) =
@@ -528,7 +511,7 @@ fn load(
         receivers,
     };
     // Say where the camera stands
-    if !has_camera && !options.has_receivers() {
+    if !options.has_camera() && !options.has_receivers() {
         let View { position, target, up, .. } = subject.view;
         let [p, t, u] = [position, target, up].map(typed);
         let mut options = format!("-p {p} -t {t}");
@@ -855,7 +838,7 @@ fn film_so_far(
     let parts = parts.into_iter().filter(|&(is_needed, _)| is_needed);
     let sums: usize = parts.map(|(_, area)| area).sum();
     zeroed::<Accumulator>(sums).map_err(|_| {
-        let bytes = metric(64. * sums as f64);
+        let bytes = progress::metric(64. * sums as f64);
         format!("too little memory: {bytes}B more are needed")
     })?;
     let mut film = run_key.film();
@@ -870,9 +853,9 @@ fn film_so_far(
     // Go on from a checkpoint
     if let (Some(saved), Some(path)) = (resumed, &options.resume) {
         let name = path.display();
-        convergence = saved
-            .resume(run_key, &mut film)
-            .map_err(|fault| format!("{name}: {fault}"))?;
+        let resumed = saved.resume(run_key, &mut film);
+        convergence =
+            resumed.map_err(|fault| format!("{name}: {fault}"))?;
         let spp = convergence.spp;
         if goal.is_some_and(|n| 0 < n && n <= spp) {
             progress::warn(&format!(

@@ -9,10 +9,8 @@ use glam::DVec3;
 
 use super::intersector::{BEAM, Batch, Hit};
 use super::spawn::hit;
-use super::traversal::{
-    Kernel, ROUGH, Slabs, Stack, Waiting, distance, is_within_bounds, look,
-    prepare,
-};
+use super::traversal::{Kernel, ROUGH, Slabs, Stack, Waiting};
+use super::traversal::{distance, is_within_bounds, look, prepare};
 use super::triangle::{LEAF, NONE, Region, slots};
 use super::wide::{Node, Wide};
 use crate::scene::Ray;

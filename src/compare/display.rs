@@ -72,10 +72,8 @@ impl Exposure {
         let mut all: Vec<f64> = known.collect();
         all.sort_unstable_by(f64::total_cmp);
         let high = all.get(99 * all.len() / 100).copied().unwrap_or(0.);
-        match high > 0. {
-            true => (10. * libm::log2(0.8 / high)).round() / 10.,
-            false => 0.,
-        }
+        let stops = (10. * libm::log2(0.8 / high)).round() / 10.;
+        if high > 0. { stops } else { 0. }
     }
 }
 

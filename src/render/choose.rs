@@ -4,10 +4,9 @@
 //! Chooses how samples are made: the method, and how many are placed
 //! together. How many are made in all, limits decide in `render_loop`.
 
-use std::array;
-use std::fmt;
 use std::sync::{Arc, OnceLock};
 use std::time::Instant;
+use std::{array, fmt};
 
 use bytemuck::{Pod, Zeroable, cast};
 use rand::RngExt;
@@ -229,7 +228,7 @@ impl<'a> Setup<'a> {
         // Foresee the costs of all methods
         let &Request { window: Window { size, .. }, seed, error, .. } =
             request;
-        let albedo = self.view.surfaces.typical();
+        let albedo = self.view.surfaces.typical;
         let forecast = Forecast { pilot, albedo, size };
         let percent = (100. * pilot.control()).round() as u64;
         let methods = Method::ALL.map(|method| {
@@ -639,10 +638,8 @@ pub fn expected_rays(
     paths: Option<f64>,
     time: Option<f64>,
 ) -> f64 {
-    let each = match is_outside {
-        true => 1. + albedo,
-        false => (1. / (1. - albedo)).min(10.),
-    };
+    let inside = (1. / (1. - albedo)).min(10.);
+    let each = if is_outside { 1. + albedo } else { inside };
     let time = time.or(paths.is_none().then_some(60.));
     let rate = RATE * rayon::current_num_threads() as f64;
     let timed = time.map_or(f64::INFINITY, |time| time * rate);
