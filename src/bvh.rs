@@ -68,9 +68,8 @@ impl Isa {
 
     /// The fastest set that this processor has.
     pub fn best() -> Self {
-        let available =
-            Self::ALL.into_iter().find(|isa| isa.is_available());
-        available.unwrap_or(Self::Portable)
+        let mut all = Self::ALL.into_iter();
+        all.find(|isa| isa.is_available()).unwrap_or(Self::Portable)
     }
 }
 

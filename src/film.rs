@@ -404,9 +404,7 @@ impl Film {
 
     /// The samples of the pixels of a window, row by row.
     pub fn counts_of(&self, window: Window) -> Vec<f64> {
-        let count =
-            |_, p: &Accumulator| (p.count() * self.replicate) as f64;
-        self.values(window, 0., count)
+        self.values(window, 0., |_, p| (p.count() * self.replicate) as f64)
     }
 
     /// The samples that every pixel has at least.
@@ -503,7 +501,7 @@ impl Film {
             rows.collect::<Vec<f64>>().iter().sum()
         };
         let radiance =
-            total(&|band| self.values(band, 0., |_, pixel| pixel.mean()));
+            total(&|band| self.values(band, 0., |_, p| p.mean()));
         let squares = |band| {
             let errors = self.errors(WORTH, band).into_iter();
             errors.map(|error| error * error).collect()
@@ -583,8 +581,8 @@ impl Film {
     /// the neighbours out).
     pub fn errors(&self, worth: f64, window: Window) -> Vec<f64> {
         let all = window.grown(REACH, self.window);
-        let of = |_, pixel: &Accumulator| pixel.variance();
-        let variances = self.values(all, f64::INFINITY, of);
+        let variances =
+            self.values(all, f64::INFINITY, |_, p| p.variance());
         // Number the pixels of the frame
         let number = |x: u32, y: u32| {
             let row = (y - all.corner.1) as usize * all.size.0 as usize;

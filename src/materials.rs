@@ -51,12 +51,9 @@ pub fn libraries(
             })?;
             for tobj::Material { name, diffuse, .. } in materials {
                 let Some([r, g, b]) = diffuse else { continue };
-                let albedo = match band {
-                    Some(Band::R) => r,
-                    Some(Band::G) => g,
-                    Some(Band::B) => b,
-                    None => 0.2126 * r + 0.7152 * g + 0.0722 * b,
-                };
+                let luminance = 0.2126 * r + 0.7152 * g + 0.0722 * b;
+                let one = |band| [r, g, b][band as usize];
+                let albedo = band.map_or(luminance, one);
                 if !(0. ..=1.).contains(&albedo) {
                     return Err(format!(
                         "{shown}: material {name} has Kd {r} {g} {b}, which is not \
@@ -80,8 +77,7 @@ pub fn libraries(
 /// The names of a kind, each once, in order.
 pub fn names(marks: &[Mark], kind: MarkKind) -> impl Iterator<Item = &str> {
     let of_kind = marks.iter().filter(move |mark| mark.kind == kind);
-    let mut all: Vec<&str> =
-        of_kind.map(|mark| mark.name.as_str()).collect();
+    let mut all: Vec<&str> = of_kind.map(|mark| &mark.name[..]).collect();
     all.sort_unstable();
     all.dedup();
     all.into_iter()
@@ -195,8 +191,7 @@ impl AlbedoTable {
         bvh.for_each(|slot, &[a, b, c]| {
             let albedo = faces.of(bvh.face(slot));
             // Number an albedo
-            let known =
-                table.albedos.iter().rposition(|&known| known == albedo);
+            let known = table.albedos.iter().rposition(|&a| a == albedo);
             let number = known.unwrap_or_else(|| {
                 table.albedos.push(albedo);
                 table.albedos.len() - 1
@@ -251,9 +246,8 @@ impl<'a> Surfaces<'a> {
         match self.table {
             _ if primitive > GROUND => 1.,
             _ if primitive == GROUND => self.ground,
-            Some(table) => {
-                table.albedos
-                    [usize::from(table.numbers[primitive as usize])]
+            Some(AlbedoTable { numbers, albedos, .. }) => {
+                albedos[usize::from(numbers[primitive as usize])]
             }
             None => self.typical,
         }

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::{Map, Value, json};
 
-use crate::compare::display::{self, Curve, Exposure};
+use crate::compare::display::{Curve, Exposure, tonemap};
 use crate::film::Film;
 use crate::filter::{Filtered, FirstHits};
 use crate::image::{Format, Image, Picture};
@@ -78,8 +78,6 @@ impl RunFile {
     }
 }
 
-const SECOND: Duration = Duration::from_secs(1);
-
 /// The names and values of a run as the attributes of its image.
 pub fn attributes(known: &Map<String, Value>) -> BTreeMap<String, String> {
     let text =
@@ -132,14 +130,11 @@ impl<'a> RunOutput<'a> {
         };
         // Filter the image if a file shows it
         let began = Instant::now();
-        let mut shown =
-            files.iter().filter(|file| file.product.is_picture());
-        let filtered = match hits {
-            Some(hits) if known.run_key.filtered && shown.any(is_due) => {
-                Filtered::of(film, hits)
-            }
-            _ => None,
-        };
+        let shows =
+            |file: &RunFile| file.product.is_picture() && is_due(file);
+        let is_shown = known.run_key.filtered && files.iter().any(shows);
+        let guide = hits.as_ref().filter(|_| is_shown);
+        let filtered = guide.and_then(|hits| Filtered::of(film, hits));
         known.report.picture = filtered.as_ref().map(|f| f.error);
         let filtering = began.elapsed();
         let filtered = filtered.as_ref().map(|filtered| &filtered.image);
@@ -151,12 +146,10 @@ impl<'a> RunOutput<'a> {
             }
             _ => exposure.stops(film.means().filter(|mean| *mean < 1.)),
         };
-        if has(Product::Image(Format::Png))
-            && film.unsampled() < film.area()
-        {
+        let is_png = has(Product::Image(Format::Png));
+        if is_png && film.unsampled() < film.area() {
             known.report.exposure = exposure.map(&stops_of);
-            let dark =
-                film.means().filter(|mean| *mean < 0.1).count() as u64;
+            let dark = film.means().filter(|m| *m < 0.1).count() as u64;
             let is_dark = dark >= film.area() - film.area() / 10;
             known.report.is_dark = is_dark && exposure.is_none();
         }
@@ -177,8 +170,7 @@ impl<'a> RunOutput<'a> {
             let page = |kind: Kind| kind.render(&report, &shown);
             let content = &mut |out: &mut dyn Write| match file.product {
                 Product::Image(Format::Png) if let Some(stops) = stops => {
-                    let grey =
-                        display::tonemap(&shown(), stops, Curve::Clamp);
+                    let grey = tonemap(&shown(), stops, Curve::Clamp);
                     Format::Png.write(&grey, out)
                 }
                 Product::Image(Format::Png)
@@ -187,9 +179,7 @@ impl<'a> RunOutput<'a> {
                     Format::Png.write(shown, out)
                 }
                 Product::Image(format) => format.write(&image(), out),
-                Product::Report(kind) => {
-                    out.write_all(page(kind).as_bytes())
-                }
+                Product::Report(kind) => write!(out, "{}", page(kind)),
                 Product::Table(format) => {
                     let write = |(table, all): (&Table, _)| {
                         table.write(format, all, film, out)
@@ -209,11 +199,9 @@ impl<'a> RunOutput<'a> {
                 took += filtering;
             }
             let pause = match file.product {
-                Product::Image(_) | Product::Table(_) => {
-                    SECOND.max(10 * took)
-                }
                 Product::Report(_) => 100 * took,
                 Product::State => *every,
+                _ => Duration::from_secs(1).max(10 * took),
             };
             file.due = file.due.and(Instant::now().checked_add(pause));
             file.seconds = convergence.seconds;

@@ -107,8 +107,8 @@ impl Sensor {
                 (direction, ray, hit)
             }
             Self::Receivers(receivers) => {
-                let row = y * receivers.len() as f64;
-                let last = receivers.len() - 1;
+                let row = y * receivers.count() as f64;
+                let last = receivers.count() - 1;
                 let u = [x, row.fract()].map(|u| (u * UNITS) as u32);
                 let hit = receivers.hit((row as usize).min(last), u);
                 (DVec3::ZERO, None, Some(hit))
@@ -149,7 +149,6 @@ enum Surface {
 }
 
 /// A triangle of a face.
-#[derive(Clone, Copy)]
 struct Part {
     corners: Triangle,
     /// Twice its area, with the triangles of the face before it.
@@ -160,8 +159,7 @@ struct Part {
 
 impl Receivers {
     /// How many.
-    #[allow(clippy::len_without_is_empty)]
-    pub fn len(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.numbers.len()
     }
 
@@ -189,13 +187,9 @@ impl Receivers {
         Hit { point, normal, primitive: NONE }
     }
 
-    /// Points in the coordinates of the file, and their normals.
-    pub fn points(
-        points: &[DVec3],
-        normals: &[DVec3],
-        frame: &Frame,
-    ) -> Self {
-        let all = points.par_iter().zip(normals).map(|(&p, &normal)| {
+    /// All points, in the coordinates of the file, and their normals.
+    pub fn points(all: &[DVec3], normals: &[DVec3], frame: &Frame) -> Self {
+        let all = all.par_iter().zip(normals).map(|(&p, &normal)| {
             let normal = normalise(normal).normalize_or_zero();
             let place = frame.entrance(p).place();
             point(place.ok_or(Refusal::Far)?, normal)
@@ -225,14 +219,14 @@ impl Receivers {
     /// A point of each.
     pub fn middles(&self) -> Vec<DVec3> {
         let middle = |i| self.hit(i, [1 << 31; 2]).point;
-        (0..self.len()).map(middle).collect()
+        (0..self.count()).map(middle).collect()
     }
 
     /// Puts them in the order of their keys; points that are too close to a
     /// surface of the hierarchy are refused.
     pub fn settle(&mut self, bvh: &Bvh, key: impl Fn(&Hit) -> u64 + Sync) {
         let is_point = matches!(self.surfaces, Surface::Points(_));
-        let all = (0..self.len()).into_par_iter().map(|i| {
+        let all = (0..self.count()).into_par_iter().map(|i| {
             let hit = self.hit(i, [1 << 31; 2]);
             (is_point && is_close(bvh, hit.point), key(&hit), i)
         });

@@ -3,14 +3,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! A run of the program, from its words to its files.
 
-use std::env;
 use std::fs::{self, File};
 use std::io::{self, IsTerminal, Read};
 use std::path::{Path, PathBuf};
 use std::process::{self, ExitCode};
 use std::sync::{Arc, Mutex};
-use std::thread;
 use std::time::{Duration, Instant};
+use std::{env, thread};
 
 use anstream::{AutoStream, ColorChoice};
 use clap::CommandFactory;
@@ -168,8 +167,8 @@ fn run(
     let mut points = points.map_or(Ok(vec![]), |path| read(path, false))?;
     ranks.tell(&mut points);
     let is_named = taught.is_some() || files.iter().any(names_the_scene);
-    let (read, like) = ([bytes, points], reference.as_ref());
-    let mut loaded = load(options, read, is_named, like, ranks)?;
+    let (sources, like) = ([bytes, points], reference.as_ref());
+    let mut loaded = load(options, sources, is_named, like, ranks)?;
     loaded.report.load_seconds = began.elapsed().as_secs_f64();
     enter("building the hierarchy", None);
     let world = build(loaded, options, ranks)?;
@@ -238,7 +237,7 @@ fn run(
     // Collect the limits
     let most = deadline.map_or(0., |end| 0.5 * seconds_to(end));
     let seconds = output.seconds_to_write(run.0.area());
-    let measure = options.target().unwrap_or_default().1;
+    let measure = output.known.report.measure;
     let limits = Limits {
         samples: goal.or(analysis.known.is_all().then_some(2)),
         deadline,
@@ -680,7 +679,7 @@ fn build(
     );
     let (area, is_outside) = match &sensor {
         Sensor::Camera(_, entrance) => (tiles.area(), !entrance.is_inside),
-        Sensor::Receivers(receivers) => (receivers.len(), false),
+        Sensor::Receivers(receivers) => (receivers.count(), false),
     };
     let paths = options.goal(1).map(|n| n as f64 * area as f64);
     let rays =
@@ -705,14 +704,12 @@ fn build(
     drop(step);
     let albedos = AlbedoTable::new(&albedos, &bvh)?;
     // Settle the receivers
-    if let (Some(table), Sensor::Receivers(receivers)) =
-        (&table, &mut sensor)
-    {
-        let grid = Grid::around(&receivers.middles());
-        receivers.settle(&bvh, |hit| grid.order(hit));
-        let told = table.refusals(receivers);
+    if let (Some(table), Sensor::Receivers(all)) = (&table, &mut sensor) {
+        let grid = Grid::around(&all.middles());
+        all.settle(&bvh, |hit| grid.order(hit));
+        let told = table.refusals(all);
         told.iter().for_each(|told| progress::warn(told));
-        let (count, name) = (receivers.len(), table.shape.name());
+        let (count, name) = (all.count(), table.shape.name());
         if count == 0 {
             return Err(format!("none of the {name} has a value"));
         }
@@ -854,8 +851,7 @@ fn film_so_far(
     if let (Some(saved), Some(path)) = (resumed, &options.resume) {
         let name = path.display();
         let resumed = saved.resume(run_key, &mut film);
-        convergence =
-            resumed.map_err(|fault| format!("{name}: {fault}"))?;
+        convergence = resumed.map_err(|e| format!("{name}: {e}"))?;
         let spp = convergence.spp;
         if goal.is_some_and(|n| 0 < n && n <= spp) {
             progress::warn(&format!(

@@ -121,7 +121,6 @@ const _: () = assert!(size_of::<Node<16>>() == 512);
 type Corners = ([u32; 3], u32);
 
 /// Some triangles of a scene, and the region around them.
-#[derive(Clone, Copy)]
 struct Group<'a> {
     vertices: &'a [DVec3],
     corners: &'a [Corners],
@@ -645,8 +644,7 @@ impl<const N: usize> Wide<N> {
         let mut roots: Vec<_> = (1..tops as u32).collect();
         // Build as many parts at a time as there are threads
         let groups = halve(&vertices, &mut corners, parts).into_par_iter();
-        let mut groups: Vec<_> =
-            groups.map(|group| group.to_vec()).collect();
+        let mut groups: Vec<_> = groups.map(|own| own.to_vec()).collect();
         drop(corners);
         let mut count = 0;
         for some in groups.chunks_mut(rayon::current_num_threads()) {

@@ -91,7 +91,6 @@ pub enum End {
 }
 
 /// A ray from a surface.
-#[derive(Clone, Copy, Debug)]
 pub struct Shot {
     /// One over the density of its direction on the square.
     pub weight: f64,

@@ -98,8 +98,8 @@ impl Sampling {
     ) -> Self {
         let area = u64::from(width) * u64::from(height);
         let is_list = width == 1;
-        let (least, most) =
-            if is_list { (16, 1 << 12) } else { (4, 1 << 8) };
+        let (least, most, gathered) =
+            if is_list { (16, 1 << 12, 16) } else { (4, 1 << 8, 4) };
         let together = |replicates: u64, most: u64| match samples {
             Some(n) => 1 << (n / replicates).clamp(1, most).ilog2(),
             None => 4,
@@ -112,9 +112,7 @@ impl Sampling {
         let (replicate, training) = match method {
             Method::Reference => (1, 0),
             Method::Sobol => (together(least, most), 0),
-            Method::Gather => {
-                (together(16, if is_list { 16 } else { 4 }), trained)
-            }
+            Method::Gather => (together(16, gathered), trained),
         };
         let (control, measure) = (0, Measure::default());
         Self { method, seed, replicate, training, control, measure }
@@ -150,7 +148,6 @@ const BEST_TRAINING: f64 = power_of_two(21);
 const GATHER_VERSION: u32 = 5;
 
 /// A scene that is ready to be rendered.
-#[derive(Clone, Copy)]
 pub struct Setup<'a> {
     /// Finds hits in the scene.
     pub intersector: &'a Bvh,
@@ -253,10 +250,9 @@ impl<'a> Setup<'a> {
                 || request.left.is_none_or(|left| 2. * paths * pace <= left)
         };
         let is_black = self.view.surfaces.most == 0.;
+        let learns = !is_black || request.method == Some(Method::Gather);
         let is_fit = |s: &Sampling| {
-            let named = request.method == Some(s.method);
-            is_quick(s)
-                && (s.method != Method::Gather || !is_black || named)
+            is_quick(s) && (learns || s.method != Method::Gather)
         };
         let quick = methods.iter().filter(|(s, _)| is_fit(s));
         let best = |wanted: Wanted| {
@@ -563,7 +559,6 @@ const RECEIVED: f64 = 1. / 6.;
 const FITTED_AREA: f64 = 320. * 240.;
 
 /// What a pilot has found, and what follows.
-#[derive(Clone, Debug)]
 pub struct Choice {
     /// What a few paths tell.
     pub pilot: Pilot,
@@ -593,7 +588,6 @@ impl fmt::Display for Choice {
 }
 
 /// What is asked of a run.
-#[derive(Clone, Copy, Debug)]
 pub struct Request {
     /// The method that is wanted; none if a pilot is to choose.
     pub method: Option<Method>,
